@@ -1,0 +1,108 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace abbe::errors {
+
+/// What a curve may depend on, for one axis.
+struct CurveState {
+  double command = 0.0;  ///< mm or rad, commanded position of the axis
+  double carriage = 0.0; ///< mm or rad, travel of the carriage itself: -command on a primed axis
+  int direction = 0;     ///< +1 up, -1 down, of the command; 0 not moved yet
+  int stroke = 0;        ///< reversals so far
+};
+
+// Every shape holds plain numbers, mm or rad. The argument is q.
+
+struct Constant {
+  double value = 0.0;
+};
+/// sum_k c[k] t^k, t = (q - centre) / half_range
+struct Polynomial {
+  Eigen::VectorXd c;  ///< (n + 1), unit of the value, so coefficients compare
+  double centre = 0.0;
+  double half_range = 1.0;  ///< > 0
+};
+/// sum_k c[k] P_k(t), t = (q - centre) / half_range; P_k the Legendre polynomials
+struct Legendre {
+  Eigen::VectorXd c;  ///< (n + 1)
+  double centre = 0.0;
+  double half_range = 1.0;  ///< > 0
+};
+/// sum_k a[k] cos(2 pi (k+1) q / period) + b[k] sin(2 pi (k+1) q / period)
+struct Fourier {
+  Eigen::VectorXd a;    ///< (n)
+  Eigen::VectorXd b;    ///< (n)
+  double period = 1.0;  ///< mm or rad, > 0: a screw pitch, or 2 pi
+};
+enum class Between { Linear, Spline };    ///< how a table is read between its rows (natural cubic)
+enum class Outside { Refuse, Hold };      ///< what a table says beyond its range
+struct Table {
+  Eigen::VectorXd q;        ///< (n) strictly increasing, n >= 2
+  Eigen::VectorXd value;    ///< (n)
+  Between between = Between::Linear;
+  Outside outside = Outside::Refuse;
+  Eigen::VectorXd second;   ///< (n) second derivatives of the spline, made by `make_table`
+};
+/// Lost motion: +half while moving up, -half while moving down, 0 before the first motion.
+struct Backlash {
+  double half = 0.0;
+};
+/// One table for each way of approach; before the first motion their mean.
+struct UpDown {
+  Table up;
+  Table down;
+};
+/// Normal deviate, one for every stroke (between two reversals), from a seed: not known to anyone.
+struct Repeatability {
+  double sigma = 0.0;      ///< >= 0
+  std::uint64_t seed = 0;
+};
+using Shape = std::variant<Constant, Polynomial, Legendre, Fourier, Table, Backlash, UpDown, Repeatability>;
+
+enum class Argument { Command, Carriage };
+
+/// One named part of an element.
+struct Curve {
+  Shape shape;
+  std::string name;                        ///< for reports: "screw pitch", "laser run 3"; may be empty
+  Argument argument = Argument::Command;
+  bool negate = false;                     ///< the source counted the other way
+  double scale = 1.0;                      ///< for what-if studies
+};
+
+/// Value at the state; mm or rad.
+/// @throws std::out_of_range, naming the position and the range, if a table that refuses is left
+double value(const Curve& curve, const CurveState& state);
+
+/// Derivative with respect to the commanded position, per mm or rad (of a table: of the piece to the
+/// right of a knot; of backlash and repeatability: 0).
+double slope(const Curve& curve, const CurveState& state);
+
+/// @throws std::invalid_argument unless q is strictly increasing and finite with at least 2 rows of
+///         finite values
+Table make_table(Eigen::VectorXd q, Eigen::VectorXd value, Between between = Between::Linear,
+                 Outside outside = Outside::Refuse);
+
+/// Straight line taken out of a table.
+enum class Detrend {
+  Ends,          ///< the line through its first and last row
+  LeastSquares,  ///< the fitted line
+};
+/// The table without its line, and that line's slope, which belongs to the squareness.
+struct Detrended {
+  Table table;
+  double slope = 0.0;  ///< per mm or rad
+};
+Detrended detrend(const Table& table, Detrend how);
+
+/// True if any shape depends on the way of approach or on chance.
+bool is_random(const Curve& curve);
+
+}  // namespace abbe::errors

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "errors/element.h"
+#include "kinematics/chain.h"
+
+namespace abbe::errors {
+
+/// Who carried the point at which translations were measured.
+enum class MeasuredBy {
+  Tool,      ///< the point is where the tool was: on a tool-side slide it travels with the carriage,
+             ///< on a primed slide it stands still in the bed
+  Carriage,  ///< the point travels with the carriage
+};
+
+/// The translations of a slide were measured on this line, not at its joint's point.
+struct MeasuringLine {
+  char axis = 'X';
+  Eigen::Vector3d at_b = Eigen::Vector3d::Zero();  ///< mm, bed frame, all axes at zero
+  MeasuredBy by = MeasuredBy::Carriage;
+};
+
+/// A description of geometric errors: what an errors file says.
+struct GeometricErrors {
+  std::vector<Element> elements;
+  std::vector<MeasuringLine> measuring_lines;
+};
+
+/// The same bound to a chain: per joint, which elements move it. Immutable.
+struct GeometricModel {
+  struct Bound {
+    int joint = 0;      ///< index in the chain
+    int component = 0;  ///< 0..5
+    bool location = false;
+    Element element;
+  };
+  std::vector<Bound> elements;
+  struct Line {
+    int joint = 0;
+    Eigen::Vector3d arm_b;  ///< measured point minus joint point at zero
+    bool fixed_in_bed = false;
+  };
+  std::vector<Line> lines;
+  std::vector<char> joint_is_primed;  ///< (chain size) 1 where the argument of the carriage is -command
+};
+
+/// @throws std::invalid_argument naming the element: an axis that the chain lacks, a location element
+///         that is not constant, a location direction that means nothing for that axis (a squareness
+///         of an axis about itself), a measuring line on an axis that is not a slide, an element twice
+GeometricModel bind(const GeometricErrors& errors, const kinematics::Chain& chain);
+
+/// Deviation of every joint at a state, in the order of the chain. Translations measured on a line
+/// are carried to the joint's point with that joint's own angles: d(P) = d(M) - theta x (M - P).
+/// @throws std::out_of_range where a table is left, naming the element
+std::vector<kinematics::JointDeviation> deviations(const GeometricModel& model,
+                                                   const kinematics::AxisState& state);
+
+/// The model without its random parts: what the best possible identification could know.
+GeometricModel without_random(const GeometricModel& model);
+
+/// Every value of the model times `factor`.
+GeometricModel scaled(const GeometricModel& model, double factor);
+
+}  // namespace abbe::errors

@@ -1,0 +1,95 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "kinematics/axis.h"
+#include "kinematics/pose.h"
+#include "kinematics/topology.h"
+
+namespace abbe::kinematics {
+
+/// Axes along which the error motion of a joint is stated.
+enum class DeviationAxes {
+  Fixed,    ///< do not turn with the joint (ISO 230-7): after a slide, before a rotation
+  Turning,  ///< turn with the joint: after the rotation, the order of the papers
+};
+
+/// What the angles of a location error turn.
+enum class Squareness {
+  Frame,   ///< the joint's frame about its point and everything downstream (Peng, Guo)
+  Travel,  ///< the direction of travel only
+};
+
+/// One moving part, described in the bed frame with all axes at zero.
+struct Joint {
+  char name = 'X';
+  Side side = Side::Tool;
+  Motion motion = Motion::Linear;
+  Eigen::Vector3d direction_b = Eigen::Vector3d::UnitX();  ///< unit; positive command moves the tool
+                                                           ///< this way relative to the workpiece
+  Eigen::Vector3d point_b = Eigen::Vector3d::Zero();       ///< mm; on the rotation line, or where the
+                                                           ///< deviations of a slide are stated
+  double min = -1e9;  ///< mm or rad, limits of travel as commanded
+  double max = 1e9;
+  DeviationAxes deviation_axes = DeviationAxes::Fixed;
+  Squareness squareness = Squareness::Frame;
+};
+
+/// What is wrong with one joint: actual minus nominal of the carriage itself, on either side.
+struct JointDeviation {
+  Deviation motion = Deviation::Zero();    ///< error motion, at the joint's point as carried
+  Deviation location = Deviation::Zero();  ///< turn and offset of its frame, before its motion
+};
+
+/// Serial machine. Immutable once made. The nominal and the actual machine are this one function;
+/// zero deviations give the nominal bit for bit.
+class Chain {
+ public:
+  /// @param joints     in the order of the structural code, workpiece to tool
+  /// @param T_bw_home  workpiece in the bed with all axes at zero
+  /// @param T_bt_home  tool tip in the bed with all axes at zero; its z axis is the tool axis, from
+  ///                   the tip to the spindle
+  /// @throws std::invalid_argument if a name comes twice, a direction is not unit to 1e-12, a
+  ///         limit is NaN or reversed, a workpiece-side joint follows a tool-side one, or there are
+  ///         more than max_joints
+  Chain(std::vector<Joint> joints, const Pose& T_bw_home, const Pose& T_bt_home);
+
+  const std::vector<Joint>& joints() const { return joints_; }
+  const Pose& T_bw_home() const { return T_bw_home_; }
+  const Pose& T_bt_home() const { return T_bt_home_; }
+  int size() const { return int(joints_.size()); }
+
+  /// Index of the joint of that letter in the structural code, if it has one.
+  std::optional<int> find(char name) const;
+
+  /// Pose T_wt of the tool in the workpiece.
+  /// @param q           (size) commanded positions, mm and rad
+  /// @param deviations  one per joint in the order of the code, or empty for none
+  Pose tool_in_workpiece(const AxisVector& q, std::span<const JointDeviation> deviations = {}) const;
+
+  /// Pose of the tool in the bed, T_bt, and of the workpiece in the bed, T_bw.
+  Pose tool_in_bed(const AxisVector& q, std::span<const JointDeviation> deviations = {}) const;
+  Pose workpiece_in_bed(const AxisVector& q, std::span<const JointDeviation> deviations = {}) const;
+
+ private:
+  std::vector<Joint> joints_;
+  Pose T_bw_home_;
+  Pose T_bt_home_;
+};
+
+/// Displacement of the joint's own carriage frame, in its parent's frame at zero: location, then
+/// motion by `travel` (mm or rad of the carriage itself) with its error motion in the order that the
+/// joint asks for. Identity for a spindle nose without deviations.
+Pose carriage_displacement(const Joint& joint, double travel, const JointDeviation& deviation);
+
+/// Travel of the carriage itself for a commanded position: the one minus sign of the primed side.
+constexpr double carriage_travel(Side side, double command) {
+  return side == Side::Workpiece ? -command : command;
+}
+
+/// E = T_nominal^-1 T_actual, expressed in the nominal tool frame (Guo et al. 2016, equation 4).
+Pose error_transform(const Pose& T_wt_nominal, const Pose& T_wt_actual);
+
+}  // namespace abbe::kinematics

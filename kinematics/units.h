@@ -1,0 +1,26 @@
+#pragma once
+
+#include <numbers>
+
+/// Units inside are mm, rad, s, N, K. These literals are for the borders: `4.0_um`, `90.0_deg`.
+namespace abbe {
+
+inline constexpr double pi = std::numbers::pi;
+
+namespace units {
+inline constexpr double um = 1e-3;          ///< mm
+inline constexpr double nm = 1e-6;          ///< mm
+inline constexpr double urad = 1e-6;        ///< rad
+inline constexpr double deg = pi / 180.0;   ///< rad
+inline constexpr double rpm = pi / 30.0;    ///< rad/s
+inline constexpr double mm_per_min = 1.0 / 60.0;  ///< mm/s
+}  // namespace units
+
+namespace literals {
+constexpr double operator""_um(long double value) { return double(value) * units::um; }
+constexpr double operator""_nm(long double value) { return double(value) * units::nm; }
+constexpr double operator""_urad(long double value) { return double(value) * units::urad; }
+constexpr double operator""_deg(long double value) { return double(value) * units::deg; }
+}  // namespace literals
+
+}  // namespace abbe

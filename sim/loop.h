@@ -1,0 +1,87 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cutting/surface.h"
+#include "sim/program/sample.h"
+#include "sim/scene.h"
+#include "sim/truth.h"
+
+namespace abbe::sim {
+
+/// Told now and then how far the named stage has come, fraction in [0, 1].
+using Progress = std::function<void(const std::string& stage, double fraction)>;
+
+/// A scene compiled: all that its cases share. Immutable once made.
+struct Job {
+  Scene scene;
+  Machine machine;
+  Truth truth;
+  cutting::Design design_w;        ///< the design in the workpiece frame
+  program::Path path;              ///< as read back from its file
+  program::Samples samples;        ///< of the error-free machine; every case shares their times
+  std::vector<kinematics::Pose> T_wt_nominal;  ///< (samples) where the tool should be
+  std::string program_text;        ///< of a generated program, else empty
+  std::map<std::string, double> timing_s;
+};
+
+struct PrepareOptions {
+  std::optional<std::filesystem::path> program_folder;  ///< where a generated program is written before
+                                                        ///< it is read back; else it stays in memory
+  Progress progress;
+};
+
+/// Compiles a scene: machine, truth, design, program (generated ones are written and read back),
+/// samples.
+/// @throws BadInput, BadScene, OutputFailure
+Job prepare(const Scene& scene, const PrepareOptions& options = {});
+
+/// Largest and root mean square over the samples of a program.
+struct Spread {
+  double rms = 0.0;
+  double max = 0.0;
+};
+
+/// One case cut.
+struct Cut {
+  std::string name;
+  cutting::Surface surface;
+  Spread tip_error;        ///< mm, tip where it is against where it should be
+  Spread direction_error;  ///< rad
+  double direction_left = 0.0;      ///< rad, most that the compensator knew it could not restore
+  std::string rewritten_program;    ///< text of the program channel, else empty
+  std::vector<std::string> warnings;
+  std::map<std::string, double> timing_s;
+};
+
+/// The same program on the machine without any error, and with a perfect tool, setup and control.
+Cut cut_error_free(const Job& job, const Progress& progress = {});
+
+/// The program on the wrong machine, by default without a compensator.
+/// @throws BadInput if a commanded axis leaves its travel (program line, axis, value) or a table of the
+///         errors
+Cut cut(const Job& job, const std::optional<CaseDescription>& compensator = std::nullopt,
+        const Progress& progress = {});
+
+/// Commanded states of the real control: its own kinematics and the datum it found, no compensator.
+std::vector<kinematics::AxisState> commands(const Job& job);
+
+/// A compensator of the scene acting on the commands: what the axes are really told.
+struct Compensated {
+  program::Samples samples;
+  std::vector<kinematics::Pose> T_wt_nominal;  ///< (samples) empty where the times are the job's own
+  double direction_left = 0.0;
+  std::size_t not_converged = 0;
+  std::string rewritten_program;
+};
+Compensated compensate(const Job& job, const CaseDescription& compensator);
+
+/// Height above the tip of the point that a compensator restores: a ball's centre, a corner's centre.
+double functional_height(const ToolDescription& tool);
+
+}  // namespace abbe::sim

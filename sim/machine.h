@@ -1,0 +1,21 @@
+#pragma once
+
+#include <optional>
+
+#include "kinematics/chain.h"
+#include "sim/scene.h"
+
+namespace abbe::sim {
+
+/// A machine compiled from its description, with its tool mounted and its part clamped. Immutable.
+struct Machine {
+  kinematics::Chain nominal;  ///< as designed, the tool as ordered
+  kinematics::Chain control;  ///< as the control believes it to be
+  kinematics::Chain actual;   ///< as built: tool and clamping as they really are, before any error
+  std::optional<int> workpiece_spindle;  ///< joint that turns the workpiece under a turning tool
+};
+
+/// @throws BadInput naming the scene if the description makes no chain
+Machine compile(const Scene& scene);
+
+}  // namespace abbe::sim

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "kinematics/axis.h"
+#include "sim/program/path.h"
+
+namespace abbe::sim::program {
+
+/// One controlled axis, in the order of the structural code.
+struct ControlledAxis {
+  char name = 'X';
+  kinematics::Motion motion = kinematics::Motion::Linear;
+};
+
+/// What a control knows before it reads a program. Lengths mm, angles rad, speeds mm/s.
+struct NcOptions {
+  std::vector<ControlledAxis> axes;                     ///< every joint of the machine
+  kinematics::AxisVector start;                         ///< (axes) where the axes stand at first
+  std::map<int, double> tool_length;                    ///< mm by H number; an unknown H is refused
+  std::array<kinematics::AxisVector, 6> work_offset{};  ///< G54 .. G59, (axes) each; empty means zero
+  double rapid_speed = 10000.0 / 60.0;                  ///< mm/s along the way
+  double rapid_turn = 3600.0 / 60.0 * 0.017453292519943295;  ///< rad/s for a block of turns only
+  std::size_t max_bytes = std::size_t(1) << 31;         ///< larger programs are refused
+};
+
+/// Reads an RS274/NGC program strictly. README of this folder lists the words taken.
+/// @throws BadInput (file:line:column, the word, what was expected) on anything else
+Path read_nc(std::string_view text, const std::string& file, const NcOptions& options);
+Path read_nc_file(const std::filesystem::path& file, const NcOptions& options);
+
+}  // namespace abbe::sim::program

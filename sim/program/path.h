@@ -1,0 +1,66 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "kinematics/axis.h"
+
+namespace abbe::sim::program {
+
+/// What the numbers of a block mean.
+enum class Coordinates {
+  Axis,  ///< positions of the axes
+  Tip,   ///< X Y Z are the tip in the workpiece frame (G43.4), the others positions of axes
+};
+
+enum class Interpolation {
+  Rapid,  ///< G0, straight in the programmed coordinates
+  Line,   ///< G1
+  Arc,    ///< G2 G3: circle in one plane, all other coordinates in proportion (helix)
+  Cubic,  ///< PVT: Hermite cubic of every coordinate
+  Dwell,  ///< G4, or a change of offset without motion
+};
+
+struct Arc {
+  int first = 0;               ///< joint indices of the plane, right-handed: G17 X Y, G18 Z X, G19 Y Z
+  int second = 1;
+  Eigen::Vector2d centre;      ///< mm
+  double radius = 0.0;         ///< mm
+  double start_angle = 0.0;    ///< rad
+  double sweep = 0.0;          ///< rad, signed: + from first to second axis (G3)
+};
+
+struct Cubic {
+  kinematics::AxisVector start_velocity;  ///< (joints) mm/s, rad/s
+  kinematics::AxisVector end_velocity;    ///< (joints)
+};
+
+/// One block with its time. Programmed coordinates are per joint in the order of the structural code,
+/// mm and rad, work offsets and tool length already in.
+struct Block {
+  int line = 0;
+  Interpolation interpolation = Interpolation::Line;
+  Coordinates coordinates = Coordinates::Axis;
+  double start_s = 0.0;
+  double end_s = 0.0;
+  kinematics::AxisVector start;
+  kinematics::AxisVector end;
+  std::uint32_t shape = 0;  ///< index into Path::arcs or Path::cubics
+};
+
+/// A program read: what the axes are told, block by block, in time. Memory is linear in the blocks.
+struct Path {
+  std::string file;
+  std::vector<Block> blocks;
+  std::vector<Arc> arcs;
+  std::vector<Cubic> cubics;
+  int motion_blocks = 0;  ///< blocks with motion, as `moves` in the summary
+};
+
+/// Programmed coordinates at fraction u in [0, 1] of the block's time.
+kinematics::AxisVector position(const Path& path, const Block& block, double u);
+
+}  // namespace abbe::sim::program

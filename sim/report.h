@@ -1,0 +1,46 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "cutting/residual.h"
+#include "sim/loop.h"
+
+namespace abbe::sim {
+
+/// One case judged: its map aligned as the scene asks, and the figures of it.
+struct Verdict {
+  Cut cut;
+  Eigen::VectorXd deviation;              ///< (n) mm, aligned residual, NaN where not cut
+  cutting::Statistics residual;           ///< of it
+  std::optional<cutting::Statistics> machine;  ///< of it minus the error-free map
+};
+
+/// @param error_free  the map that is taken away for the machine's own part; null for that case itself
+Verdict judge(const Job& job, Cut cut, const Verdict* error_free);
+
+/// `summary.json` of a case; the keys are a promise to scripts.
+nlohmann::ordered_json summary(const Job& job, const Verdict& verdict);
+
+/// Writes every file of one case into its folder.
+/// @throws OutputFailure
+void write_case(const std::filesystem::path& folder, const Job& job, const Verdict& verdict);
+
+/// `comparison.json`: every case against the uncompensated one of its variant.
+struct Compared {
+  Verdict verdict;
+  std::optional<std::size_t> uncompensated;  ///< index of the case that it is measured against
+};
+nlohmann::ordered_json comparison(const Job& job, const std::vector<Compared>& cases);
+
+/// Names the acceptance limits of the scene that a case exceeds; empty if none.
+std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict);
+
+/// Versions of everything that shapes the bits of a result.
+nlohmann::ordered_json versions();
+
+}  // namespace abbe::sim

@@ -1,0 +1,91 @@
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <set>
+#include <string>
+
+#include <gtest/gtest.h>
+
+namespace fs = std::filesystem;
+
+namespace {
+
+/// Who may include whom. A folder may always include itself.
+const std::map<std::string, std::set<std::string>> may_know = {
+    {"kinematics", {}},
+    {"errors", {"kinematics"}},
+    {"cutting", {"kinematics"}},
+    {"render", {"kinematics", "cutting"}},
+    {"sim/program", {"kinematics", "cutting"}},
+    {"sim/compensation", {"kinematics", "sim/program"}},
+    {"sim", {"kinematics", "errors", "cutting", "render", "sim/program", "sim/compensation"}},
+};
+
+std::string module_of(const std::string& path) {
+  for (const char* inner : {"sim/program", "sim/compensation"})
+    if (path.rfind(std::string(inner) + "/", 0) == 0) return inner;
+  return path.substr(0, path.find('/'));
+}
+
+/// Calls `visit(file, line number, text between the quotes)` for every quoted include of the program.
+template <typename Visit>
+int for_every_include(const Visit& visit) {
+  int files = 0;
+  for (const char* folder : {"kinematics", "errors", "cutting", "render", "sim"}) {
+    for (const auto& entry : fs::recursive_directory_iterator(fs::path(ABBE_SOURCE_DIR) / folder)) {
+      const std::string ending = entry.path().extension().string();
+      if (ending != ".h" && ending != ".cpp") continue;
+      ++files;
+      std::ifstream in(entry.path());
+      std::string line;
+      for (int number = 1; std::getline(in, line); ++number) {
+        const std::string mark = "#include ";
+        if (line.rfind(mark, 0) == 0)
+          visit(fs::relative(entry.path(), ABBE_SOURCE_DIR).string(), number, line.substr(mark.size()));
+      }
+    }
+  }
+  return files;
+}
+
+}  // namespace
+
+TEST(Architecture, EveryIncludeFollowsTheArrowsOfTheHouse) {
+  const int files = for_every_include([](const std::string& file, int line, const std::string& target) {
+    if (target.front() != '"') return;
+    const std::string mine = module_of(file), theirs = module_of(target.substr(1));
+    ASSERT_TRUE(may_know.count(mine)) << file;
+    EXPECT_TRUE(mine == theirs || may_know.at(mine).count(theirs))
+        << file << ":" << line << ": " << mine << " must not know " << theirs;
+  });
+  EXPECT_GT(files, 40) << "the test looked at too few files to mean anything";
+}
+
+TEST(Architecture, CompensationNeverSeesTheTruth) {
+  for_every_include([](const std::string& file, int line, const std::string& target) {
+    if (file.rfind("sim/compensation/", 0) != 0) return;
+    EXPECT_EQ(target.find("truth"), std::string::npos) << file << ":" << line;
+    EXPECT_EQ(target.find("errors/"), std::string::npos) << file << ":" << line;
+  });
+}
+
+TEST(Architecture, HeavyLibrariesStayOutOfHeaders) {
+  for_every_include([](const std::string& file, int line, const std::string& target) {
+    if (file.substr(file.size() - 2) != ".h") return;
+    for (const char* library : {"<vtk", "<fcl", "<OpenMesh", "<toml++"})
+      EXPECT_EQ(target.find(library), std::string::npos)
+          << file << ":" << line << ": " << library << " belongs in a .cpp";
+  });
+}
+
+TEST(Architecture, FclStaysInOneSourceOfCuttingAndVtkInRender) {
+  std::set<std::string> fcl;
+  for_every_include([&](const std::string& file, int line, const std::string& target) {
+    if (target.find("<fcl") == 0) fcl.insert(file);
+    if (target.find("<vtk") == 0)
+      EXPECT_EQ(module_of(file), "render") << file << ":" << line;
+    if (target.find("<OpenMesh") == 0)
+      EXPECT_EQ(module_of(file), "cutting") << file << ":" << line;
+  });
+  EXPECT_LE(fcl.size(), 1u);
+}
