@@ -106,7 +106,7 @@ class Converter {
   std::shared_ptr<const std::string> file_;
 };
 
-std::string quoted(std::string_view text) {
+std::string quoted_text(std::string_view text) {
   std::string out = "\"";
   for (const char c : text) {
     if (c == '"' || c == '\\') {
@@ -125,7 +125,7 @@ std::string key_text(const std::string& key) {
   const bool bare = !key.empty() && std::all_of(key.begin(), key.end(), [](unsigned char c) {
     return (c < 0x80 && std::isalnum(c)) || c == '_' || c == '-';
   });
-  return bare ? key : quoted(key);
+  return bare ? key : quoted_text(key);
 }
 
 std::string float_text(double value) {
@@ -282,7 +282,7 @@ std::string to_toml_value(const Node& node) {
     std::string operator()(bool v) const { return v ? "true" : "false"; }
     std::string operator()(std::int64_t v) const { return std::to_string(v); }
     std::string operator()(double v) const { return float_text(v); }
-    std::string operator()(const std::string& v) const { return quoted(v); }
+    std::string operator()(const std::string& v) const { return quoted_text(v); }
     std::string operator()(const TomlDate& v) const { return v.text; }
     std::string operator()(const Node::Array& v) const {
       std::string out = "[";
@@ -401,7 +401,7 @@ std::optional<double> TableReader::finite(const Node& node, const std::string& k
   return value;
 }
 
-std::optional<double> TableReader::maybe_number(const std::string& key, const Range& range) {
+std::optional<double> TableReader::number_as_written(const std::string& key, const Range& range) {
   const Node* node = know(key);
   if (!node) return std::nullopt;
   const std::optional<double> value = finite(*node, key);
@@ -410,6 +410,12 @@ std::optional<double> TableReader::maybe_number(const std::string& key, const Ra
     faults_.add(node->place, fmt::format("{}{}", name_of(key), range_text(range)), shown(*node));
     return std::nullopt;
   }
+  return value;
+}
+
+std::optional<double> TableReader::maybe_number(const std::string& key, const Range& range) {
+  const std::optional<double> value = number_as_written(key, range);
+  if (!value) return std::nullopt;
   return *value * unit_of(key);
 }
 
@@ -463,7 +469,7 @@ std::string TableReader::text(const std::string& key) {
   return text(key, "");
 }
 
-std::optional<Eigen::VectorXd> TableReader::maybe_numbers(const std::string& key, int size) {
+std::optional<Eigen::VectorXd> TableReader::numbers_as_written(const std::string& key, int size) {
   const Node* node = know(key);
   if (!node) return std::nullopt;
   const Node::Array* array = node->array();
@@ -478,9 +484,15 @@ std::optional<Eigen::VectorXd> TableReader::maybe_numbers(const std::string& key
   for (Eigen::Index i = 0; i < values.size(); ++i) {
     const std::optional<double> value = finite((*array)[std::size_t(i)], key);
     good = good && value;
-    values[i] = value.value_or(0.0) * unit_of(key);
+    values[i] = value.value_or(0.0);
   }
   if (!good) return std::nullopt;
+  return values;
+}
+
+std::optional<Eigen::VectorXd> TableReader::maybe_numbers(const std::string& key, int size) {
+  std::optional<Eigen::VectorXd> values = numbers_as_written(key, size);
+  if (values) *values *= unit_of(key);
   return values;
 }
 

@@ -142,7 +142,8 @@ Correction correct(const Chain& control, const Belief& belief, const Pose& T_wt,
 
     const Eigen::VectorXd next = turns_step(reach, reach.across * direction_error, turns, options);
     const Eigen::VectorXd turned = next - turns;
-    const Eigen::VectorXd moved = slides.solve(-(point_error + reach.point_by_turn * turned));
+    const Eigen::VectorXd wanted = -(point_error + reach.point_by_turn * turned);
+    const Eigen::VectorXd moved = slides.solve(wanted);
     turns = next;
     for (std::size_t k = 0; k < reach.turns.size(); ++k)
       state.q[reach.turns[k]] = command.q[reach.turns[k]] + turns[Eigen::Index(k)];

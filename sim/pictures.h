@@ -1,0 +1,33 @@
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "sim/report.h"
+
+/// Pictures and VTK files of results; nothing is written where the program was built without VTK.
+namespace abbe::sim {
+
+/// `residual.vtp`, `residual.png` and `histogram.png` of a case.
+/// @throws OutputFailure
+void write_case_pictures(const std::filesystem::path& folder, const Job& job, const Verdict& verdict);
+
+/// All cases on one symmetric colour scale with their figures.
+void write_comparison_picture(const std::filesystem::path& file, const Job& job,
+                              const std::vector<Compared>& cases);
+
+/// Machine, part and path, the errors of the path magnified; what `abbe check --picture` draws.
+void write_check_picture(const std::filesystem::path& file, const Job& job);
+
+struct RenderOptions {
+  std::filesystem::path result;                ///< a residual.vtp, or the folder that has one
+  std::optional<std::filesystem::path> minus;  ///< another, taken away vertex by vertex
+  std::optional<std::string> line;             ///< profile along "x", "y" or "radius" instead of a map
+  std::filesystem::path out;                   ///< folder
+};
+
+/// Pictures of a finished result, or of a difference of two.
+/// @throws BadInput, OutputFailure
+void render_result(const RenderOptions& options);
+
+}  // namespace abbe::sim
