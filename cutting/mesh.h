@@ -10,15 +10,15 @@
 
 namespace abbe::cutting {
 
-using Points = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;   ///< (n x 3)
-using Triangles = Eigen::Matrix<int, Eigen::Dynamic, 3, Eigen::RowMajor>;   ///< (m x 3)
+using Points = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;  ///< (n x 3)
+using Triangles = Eigen::Matrix<int, Eigen::Dynamic, 3, Eigen::RowMajor>;  ///< (m x 3)
 
 /// The design surface on which the residual is told: where, along which normal, for how much area.
 struct Design {
-  Points vertices;              ///< (n x 3) mm
-  Points normals;               ///< (n x 3) unit, outward
-  Triangles triangles;          ///< (m x 3) counter-clockwise seen from outside
-  Eigen::VectorXd area;         ///< (n) mm^2, a third of the triangles around (the weight of a vertex)
+  Points vertices;       ///< (n x 3) mm
+  Points normals;        ///< (n x 3) unit, outward
+  Triangles triangles;   ///< (m x 3) counter-clockwise seen from outside
+  Eigen::VectorXd area;  ///< (n) mm^2, a third of the triangles around (the weight of a vertex)
   Eigen::VectorXd facet_error;  ///< (n) mm, estimated sag between mesh and smooth surface; 0 for
                                 ///< declared analytic surfaces, whose vertices are exact
   std::vector<std::uint8_t> judged;  ///< (n) 0 where the scene leaves the vertex out (status 2)
@@ -26,5 +26,32 @@ struct Design {
 
 /// The design moved: vertices and normals by T.
 Design transformed(const Design& design, const Eigen::Isometry3d& T);
+
+/// (n) mm^2, a third of the triangles around each vertex.
+Eigen::VectorXd vertex_area(const Points& vertices, const Triangles& triangles);
+
+/// (n x 3) unit: the normals of the triangles around each vertex, weighted by the angle at it. Zero
+/// where no triangle with an area touches the vertex.
+Points vertex_normals(const Points& vertices, const Triangles& triangles);
+
+/// (n) mm, estimated sag of the edges at each vertex below the smooth surface through the vertices:
+/// the largest L theta / 8 over its edges, L the length, theta the angle between the normals at the
+/// two ends (an arc of radius L / theta). On a sphere meshed by equal triangles the middle of a
+/// triangle sags 4/3 of that. At a sharp edge of the part it says how much a rounding would take
+/// away.
+Eigen::VectorXd facet_error(const Points& vertices, const Points& normals,
+                            const Triangles& triangles);
+
+/// What of a closed body is judged: the region that looks up.
+struct JudgeTopOptions {
+  double min_normal_z = 0.5;  ///< a triangle is of the top if its normal's z is at least this
+  double margin = 0.0;        ///< mm, vertices nearer than this to the edge of the top are left out
+};
+
+/// The same design with `judged` = 0 at every vertex that is not inside the top: one that touches a
+/// triangle which is not of the top (so the rim itself is out) or lies within the margin of the
+/// rim. Vertices that were not judged before stay so.
+/// @throws std::invalid_argument if an option is not finite or the margin is negative
+Design judge_top(const Design& design, const JudgeTopOptions& options = {});
 
 }  // namespace abbe::cutting

@@ -18,7 +18,8 @@ enum class VertexStatus : std::uint8_t {
 
 struct SurfaceOptions {
   double band = 2.0;  ///< mm, the ray is searched from -band (inside) to +band
-  std::function<void(double)> progress;  ///< called now and then with the finished fraction, any thread
+  std::function<void(double)> progress;  ///< called now and then with the finished fraction, from
+                                         ///< any thread
 };
 
 /// The machined surface told on the design: where the part ends along every outward normal.
@@ -29,16 +30,26 @@ struct Surface {
   std::vector<VertexStatus> status;  ///< (n)
 };
 
-/// Surface left by a milling cutter: along each normal the first point, coming from inside the part,
-/// that any move removes.
-/// The result is the minimum over all moves, so it does not depend on the number of threads. A ray
-/// whose start at -band is already removed has its surface beyond the band: Uncut.
-/// @throws std::invalid_argument if an array has the wrong size or a number is not finite
+/// Surface left by a milling cutter: along each normal the first point, coming from inside the
+/// part, that any move removes.
+/// The result is the minimum over all moves, of equal ones the earliest, so it does not depend on
+/// the number of threads or the order of the vertices. A ray whose start at -band is already
+/// removed has its surface beyond the band: Uncut.
+/// Bound: residual within 1e-7 mm (0.1 nm) of the sweep of the motion as given, parts of 1 m
+/// included.
+/// A move whose axis turns is searched in parts of at most 0.05 rad; only a touch that begins and
+/// ends within a part, apart from another by the same part, and no deeper than (R + flank length)
+/// 0.05^2 / 8, can be missed.
+/// Memory is linear: about 75 bytes a move and 40 a vertex besides the arrays given and returned.
+/// A single sample is a pose that cuts. An empty `judged` judges all vertices.
+/// @throws std::invalid_argument if an array has the wrong size, a number is not finite, a
+///         direction is not unit to 1e-9, time goes back, or the axis turns by half a turn between
+///         two samples
 Surface milled_surface(const Design& design_w, const Cutter& cutter, const CutterMotion& motion,
                        const SurfaceOptions& options = {});
 
-/// Surface left by a turning tool, the helix of the cut resolved: for every revolution the instant at
-/// which the rake plane passes the ray is solved exactly.
+/// Surface left by a turning tool, the helix of the cut resolved: for every revolution the instant
+/// at which the rake plane passes the ray is solved exactly.
 Surface turned_surface(const Design& design_w, const Nose& nose, const NoseMotion& motion,
                        const SurfaceOptions& options = {});
 

@@ -12,13 +12,15 @@ namespace abbe::errors {
 
 /// What a curve may depend on, for one axis.
 struct CurveState {
-  double command = 0.0;  ///< mm or rad, commanded position of the axis
-  double carriage = 0.0; ///< mm or rad, travel of the carriage itself: -command on a primed axis
-  int direction = 0;     ///< +1 up, -1 down, of the command; 0 not moved yet
-  int stroke = 0;        ///< reversals so far
+  double command = 0.0;   ///< mm or rad, commanded position of the axis
+  double carriage = 0.0;  ///< mm or rad, travel of the carriage itself: -command on a primed axis
+  int direction = 0;      ///< +1 up, -1 down, of the command; 0 not moved yet
+  int stroke = 0;         ///< reversals so far
+  bool primed = false;    ///< the carriage moves against the command
 };
 
-// Every shape holds plain numbers, mm or rad. The argument is q.
+// Every shape holds plain numbers, mm or rad. The argument is q. "Up" is the way in which q grows.
+// Polynomial, Legendre and Fourier hold beyond their range too; only a table knows where it ends.
 
 struct Constant {
   double value = 0.0;
@@ -41,16 +43,17 @@ struct Fourier {
   Eigen::VectorXd b;    ///< (n)
   double period = 1.0;  ///< mm or rad, > 0: a screw pitch, or 2 pi
 };
-enum class Between { Linear, Spline };    ///< how a table is read between its rows (natural cubic)
-enum class Outside { Refuse, Hold };      ///< what a table says beyond its range
+enum class Between { Linear, Spline };  ///< how a table is read between its rows (natural cubic)
+enum class Outside { Refuse, Hold };    ///< what a table says beyond its range
 struct Table {
-  Eigen::VectorXd q;        ///< (n) strictly increasing, n >= 2
-  Eigen::VectorXd value;    ///< (n)
+  Eigen::VectorXd q;      ///< (n) strictly increasing, n >= 2
+  Eigen::VectorXd value;  ///< (n)
   Between between = Between::Linear;
   Outside outside = Outside::Refuse;
-  Eigen::VectorXd second;   ///< (n) second derivatives of the spline, made by `make_table`
+  Eigen::VectorXd second;  ///< (n) second derivatives of the spline, made by `make_table`
 };
-/// Lost motion: +half while moving up, -half while moving down, 0 before the first motion.
+/// Reversal: +half while moving up, -half while moving down, 0 before the first motion. A carriage
+/// that lags has half < 0 on the tool side and, as "up" is the command's, half > 0 if primed.
 struct Backlash {
   double half = 0.0;
 };
@@ -60,30 +63,36 @@ struct UpDown {
   Table down;
 };
 /// Normal deviate, one for every stroke (between two reversals), from a seed: not known to anyone.
+/// Curves of equal seed move together.
 struct Repeatability {
-  double sigma = 0.0;      ///< >= 0
+  double sigma = 0.0;  ///< >= 0
   std::uint64_t seed = 0;
 };
-using Shape = std::variant<Constant, Polynomial, Legendre, Fourier, Table, Backlash, UpDown, Repeatability>;
+using Shape =
+    std::variant<Constant, Polynomial, Legendre, Fourier, Table, Backlash, UpDown, Repeatability>;
 
 enum class Argument { Command, Carriage };
 
 /// One named part of an element.
 struct Curve {
   Shape shape;
-  std::string name;                        ///< for reports: "screw pitch", "laser run 3"; may be empty
+  std::string name = {};  ///< for reports: "screw pitch", "laser run 3"; may be empty
   Argument argument = Argument::Command;
-  bool negate = false;                     ///< the source counted the other way
-  double scale = 1.0;                      ///< for what-if studies
+  bool negate = false;  ///< the source counted the other way
+  double scale = 1.0;   ///< for what-if studies
 };
 
 /// Value at the state; mm or rad.
 /// @throws std::out_of_range, naming the position and the range, if a table that refuses is left
 double value(const Curve& curve, const CurveState& state);
 
-/// Derivative with respect to the commanded position, per mm or rad (of a table: of the piece to the
-/// right of a knot; of backlash and repeatability: 0).
+/// Derivative with respect to the commanded position, per mm or rad (of a table: of the piece to
+/// the right of a knot; of backlash and repeatability: 0).
 double slope(const Curve& curve, const CurveState& state);
+
+/// @throws std::invalid_argument if a shape breaks what is said beside its fields or holds a number
+///         that is not finite
+void validate(const Curve& curve);
 
 /// @throws std::invalid_argument unless q is strictly increasing and finite with at least 2 rows of
 ///         finite values
@@ -98,11 +107,17 @@ enum class Detrend {
 /// The table without its line, and that line's slope, which belongs to the squareness.
 struct Detrended {
   Table table;
-  double slope = 0.0;  ///< per mm or rad
+  double slope = 0.0;   ///< per mm or rad of q
+  double offset = 0.0;  ///< of the line at q = 0: a shift of the whole, which means nothing
 };
 Detrended detrend(const Table& table, Detrend how);
 
-/// True if any shape depends on the way of approach or on chance.
+/// True if the curve depends on chance. One that depends only on the way of approach does not: a
+/// backlash can be known.
 bool is_random(const Curve& curve);
+
+/// Standard normal deviate number `counter` of the stream `seed`: a hash of both, the same bits on
+/// every machine of IEEE arithmetic (only + - * / and square root are used).
+double normal_deviate(std::uint64_t seed, std::uint64_t counter);
 
 }  // namespace abbe::errors

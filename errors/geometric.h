@@ -12,8 +12,8 @@ namespace abbe::errors {
 
 /// Who carried the point at which translations were measured.
 enum class MeasuredBy {
-  Tool,      ///< the point is where the tool was: on a tool-side slide it travels with the carriage,
-             ///< on a primed slide it stands still in the bed
+  Tool,  ///< the point is where the tool was: on a tool-side slide it travels with the carriage,
+         ///< on a primed slide it stands still in the bed
   Carriage,  ///< the point travels with the carriage
 };
 
@@ -30,7 +30,8 @@ struct GeometricErrors {
   std::vector<MeasuringLine> measuring_lines;
 };
 
-/// The same bound to a chain: per joint, which elements move it. Immutable.
+/// The same bound to a chain: per joint, which elements move it. Immutable: made by `bind`, changed
+/// only by making another.
 struct GeometricModel {
   struct Bound {
     int joint = 0;      ///< index in the chain
@@ -42,15 +43,28 @@ struct GeometricModel {
   struct Line {
     int joint = 0;
     Eigen::Vector3d arm_b;  ///< measured point minus joint point at zero
-    bool fixed_in_bed = false;
+    Eigen::Vector3d direction_b = Eigen::Vector3d::Zero();  ///< of the joint, unit
+    bool fixed_in_bed = false;  ///< the joint's point leaves the measured point as it travels
   };
   std::vector<Line> lines;
-  std::vector<char> joint_is_primed;  ///< (chain size) 1 where the argument of the carriage is -command
+  std::vector<char> joint_is_primed;  ///< (chain size) 1 where the carriage travels by -command
+
+  // Prepared from the above, so that `deviations` adds up only what changes.
+  struct Term {
+    int element = 0;  ///< index in elements
+    int curve = 0;    ///< index in its curves
+  };
+  std::vector<kinematics::JointDeviation> constant;  ///< (chain size) sum of all constant curves
+  std::vector<Term> terms;                           ///< every other curve
 };
 
-/// @throws std::invalid_argument naming the element: an axis that the chain lacks, a location element
-///         that is not constant, a location direction that means nothing for that axis (a squareness
-///         of an axis about itself), a measuring line on an axis that is not a slide, an element twice
+/// Axis 'S' is the joint S (a spindle that carries the workpiece) if the chain has one, else the
+/// nose s.
+/// @throws std::invalid_argument naming the element: an axis that the chain lacks, a location
+///         element that is not constant, a location direction that means nothing for that axis (a
+///         squareness of an axis about itself, an offset of a slide or along a rotary axis; a
+///         constant error motion says that), a spindle's turn about itself, a curve that `validate`
+///         refuses, a measuring line on an axis that is not a slide, an element or a line twice
 GeometricModel bind(const GeometricErrors& errors, const kinematics::Chain& chain);
 
 /// Deviation of every joint at a state, in the order of the chain. Translations measured on a line
@@ -64,5 +78,19 @@ GeometricModel without_random(const GeometricModel& model);
 
 /// Every value of the model times `factor`.
 GeometricModel scaled(const GeometricModel& model, double factor);
+
+/// What the curves of a joint see at a state.
+CurveState curve_state(const GeometricModel& model, const kinematics::AxisState& state, int joint);
+
+/// Location error that a straight slope of a straightness amounts to.
+struct SquarenessShare {
+  ElementName name;    ///< EC0Y, EB0Z or EA0Z
+  double value = 0.0;  ///< rad, to be added to it
+};
+/// Where a slope taken out by `detrend` belongs, X primary, Y secondary, Z referring to both: the
+/// slope of EXY turns Y, that of EYX turns X, which is Y turned the other way.
+/// @param slope  per mm of the carriage's own travel (of a primed axis: minus that per command)
+/// @throws std::invalid_argument unless the element is one of EYX EZX EXY EZY EXZ EYZ
+SquarenessShare squareness_share(const ElementName& straightness, double slope);
 
 }  // namespace abbe::errors

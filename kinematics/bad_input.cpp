@@ -8,8 +8,8 @@ namespace {
 std::string text(const std::string& file, int line, int column, const std::string& expected,
                  const std::string& seen) {
   std::string place = file;
-  if (line > 0) place += ":" + std::to_string(line);
-  if (line > 0 && column > 0) place += ":" + std::to_string(column);
+  if (line > 0) place.append(":").append(std::to_string(line));
+  if (line > 0 && column > 0) place.append(":").append(std::to_string(column));
   return place + ": expected " + expected + ", seen " + seen;
 }
 

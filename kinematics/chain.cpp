@@ -1,8 +1,10 @@
 #include "kinematics/chain.h"
 
+#include <cassert>
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace abbe::kinematics {
 namespace {
@@ -19,13 +21,22 @@ const JointDeviation& at(std::span<const JointDeviation> deviations, int joint) 
   return deviations.empty() ? none : deviations[std::size_t(joint)];
 }
 
+[[noreturn]] void refuse(const Joint& joint, const std::string& expected) {
+  throw std::invalid_argument(std::string("axis ") + joint.name + ": expected " + expected);
+}
+
+// Conditions are written so that NaN fails them.
 void check(const Joint& joint) {
-  const std::string name(1, joint.name);
-  if (std::abs(joint.direction_b.norm() - 1.0) > 1e-12)
-    throw std::invalid_argument("axis " + name + ": expected a unit direction");
-  if (!joint.point_b.allFinite()) throw std::invalid_argument("axis " + name + ": expected a finite point");
-  if (!(joint.min <= joint.max))
-    throw std::invalid_argument("axis " + name + ": expected the lower limit of travel below the upper");
+  if (!(std::abs(joint.direction_b.norm() - 1.0) <= 1e-12)) refuse(joint, "a unit direction");
+  if (!joint.point_b.allFinite()) refuse(joint, "a finite point");
+  if (!(joint.min <= joint.max)) refuse(joint, "the lower limit of travel below the upper");
+}
+
+void check(const Pose& T, const std::string& what) {
+  const Eigen::Matrix3d R = T.linear();
+  const double skew = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (!T.matrix().allFinite() || !(skew <= 1e-12) || !(R.determinant() > 0.0))
+    throw std::invalid_argument(what + ": expected a rigid transform");
 }
 
 }  // namespace
@@ -33,10 +44,13 @@ void check(const Joint& joint) {
 Chain::Chain(std::vector<Joint> joints, const Pose& T_bw_home, const Pose& T_bt_home)
     : joints_(std::move(joints)), T_bw_home_(T_bw_home), T_bt_home_(T_bt_home) {
   if (joints_.size() > std::size_t(max_joints))
-    throw std::invalid_argument("expected at most " + std::to_string(max_joints) + " joints, seen " +
-                                std::to_string(joints_.size()));
+    throw std::invalid_argument("expected at most " + std::to_string(max_joints) +
+                                " joints, seen " + std::to_string(joints_.size()));
+  check(T_bw_home_, "workpiece at zero");
+  check(T_bt_home_, "tool at zero");
   for (std::size_t i = 0; i < joints_.size(); ++i) {
     check(joints_[i]);
+    joints_[i].direction_b.normalize();
     for (std::size_t k = 0; k < i; ++k)
       if (joints_[k].name == joints_[i].name)
         throw std::invalid_argument(std::string("axis ") + joints_[i].name + " comes twice");
@@ -84,27 +98,33 @@ Pose carriage_displacement(const Joint& joint, double travel, const JointDeviati
   return T;
 }
 
-Pose Chain::workpiece_in_bed(const AxisVector& q, std::span<const JointDeviation> deviations) const {
+Pose Chain::workpiece_in_bed(const AxisVector& q,
+                             std::span<const JointDeviation> deviations) const {
+  assert(q.size() == size() && (deviations.empty() || int(deviations.size()) == size()));
   Pose T_bw = Pose::Identity();
   for (int i = size() - 1; i >= 0; --i) {
     const Joint& joint = joints_[std::size_t(i)];
-    if (joint.side == Side::Workpiece)
-      T_bw = T_bw * carriage_displacement(joint, carriage_travel(joint.side, q[i]), at(deviations, i));
+    if (joint.side != Side::Workpiece) continue;
+    const double travel = carriage_travel(joint.side, q[i]);
+    T_bw = T_bw * carriage_displacement(joint, travel, at(deviations, i));
   }
   return T_bw * T_bw_home_;
 }
 
 Pose Chain::tool_in_bed(const AxisVector& q, std::span<const JointDeviation> deviations) const {
+  assert(q.size() == size() && (deviations.empty() || int(deviations.size()) == size()));
   Pose T_bt = Pose::Identity();
   for (int i = 0; i < size(); ++i) {
     const Joint& joint = joints_[std::size_t(i)];
-    if (joint.side == Side::Tool)
-      T_bt = T_bt * carriage_displacement(joint, carriage_travel(joint.side, q[i]), at(deviations, i));
+    if (joint.side != Side::Tool) continue;
+    const double travel = carriage_travel(joint.side, q[i]);
+    T_bt = T_bt * carriage_displacement(joint, travel, at(deviations, i));
   }
   return T_bt * T_bt_home_;
 }
 
-Pose Chain::tool_in_workpiece(const AxisVector& q, std::span<const JointDeviation> deviations) const {
+Pose Chain::tool_in_workpiece(const AxisVector& q,
+                              std::span<const JointDeviation> deviations) const {
   return workpiece_in_bed(q, deviations).inverse() * tool_in_bed(q, deviations);
 }
 

@@ -27,9 +27,9 @@ struct Joint {
   char name = 'X';
   Side side = Side::Tool;
   Motion motion = Motion::Linear;
-  Eigen::Vector3d direction_b = Eigen::Vector3d::UnitX();  ///< unit; positive command moves the tool
-                                                           ///< this way relative to the workpiece
-  Eigen::Vector3d point_b = Eigen::Vector3d::Zero();       ///< mm; on the rotation line, or where the
+  Eigen::Vector3d direction_b = Eigen::Vector3d::UnitX();  ///< unit; positive command moves the
+                                                           ///< tool this way in the workpiece
+  Eigen::Vector3d point_b = Eigen::Vector3d::Zero();       ///< mm; on the rotation line, or where
                                                            ///< deviations of a slide are stated
   double min = -1e9;  ///< mm or rad, limits of travel as commanded
   double max = 1e9;
@@ -52,8 +52,9 @@ class Chain {
   /// @param T_bt_home  tool tip in the bed with all axes at zero; its z axis is the tool axis, from
   ///                   the tip to the spindle
   /// @throws std::invalid_argument if a name comes twice, a direction is not unit to 1e-12, a
-  ///         limit is NaN or reversed, a workpiece-side joint follows a tool-side one, or there are
-  ///         more than max_joints
+  ///         limit is NaN or reversed, a point or pose is not finite, a home pose is not rigid to
+  ///         1e-12, a workpiece-side joint follows a tool-side one, or there are more than
+  ///         max_joints
   Chain(std::vector<Joint> joints, const Pose& T_bw_home, const Pose& T_bt_home);
 
   const std::vector<Joint>& joints() const { return joints_; }
@@ -67,7 +68,8 @@ class Chain {
   /// Pose T_wt of the tool in the workpiece.
   /// @param q           (size) commanded positions, mm and rad
   /// @param deviations  one per joint in the order of the code, or empty for none
-  Pose tool_in_workpiece(const AxisVector& q, std::span<const JointDeviation> deviations = {}) const;
+  Pose tool_in_workpiece(const AxisVector& q,
+                         std::span<const JointDeviation> deviations = {}) const;
 
   /// Pose of the tool in the bed, T_bt, and of the workpiece in the bed, T_bw.
   Pose tool_in_bed(const AxisVector& q, std::span<const JointDeviation> deviations = {}) const;
@@ -80,8 +82,8 @@ class Chain {
 };
 
 /// Displacement of the joint's own carriage frame, in its parent's frame at zero: location, then
-/// motion by `travel` (mm or rad of the carriage itself) with its error motion in the order that the
-/// joint asks for. Identity for a spindle nose without deviations.
+/// motion by `travel` (mm or rad of the carriage itself) with its error motion in the order that
+/// the joint asks for. Identity for a spindle nose without deviations.
 Pose carriage_displacement(const Joint& joint, double travel, const JointDeviation& deviation);
 
 /// Travel of the carriage itself for a commanded position: the one minus sign of the primed side.

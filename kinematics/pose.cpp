@@ -4,6 +4,12 @@
 
 namespace abbe::kinematics {
 
+Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d K;
+  K << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return K;
+}
+
 Eigen::Matrix3d rotation(const Eigen::Vector3d& v) {
   const double angle2 = v.squaredNorm();
   if (angle2 == 0.0) return Eigen::Matrix3d::Identity();
@@ -12,25 +18,19 @@ Eigen::Matrix3d rotation(const Eigen::Vector3d& v) {
   const double half = std::sin(0.5 * angle) / (0.5 * angle);
   const double s = std::sin(angle) / angle;
   const double c = 0.5 * half * half;
-  Eigen::Matrix3d K;
-  K << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  const Eigen::Matrix3d K = cross_matrix(v);
   return Eigen::Matrix3d::Identity() + s * K + c * (K * K);
 }
 
 Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& R) {
-  const Eigen::Vector3d w(R(2, 1) - R(1, 2), R(0, 2) - R(2, 0), R(1, 0) - R(0, 1));
-  const double sine = 0.5 * w.norm();
-  const double cosine = 0.5 * (R.trace() - 1.0);
-  const double angle = std::atan2(sine, cosine);
-  if (sine > 1e-6 || cosine > 0.0)
-    return sine == 0.0 ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : Eigen::Vector3d(w * (angle / (2.0 * sine)));
-  // near a half turn the antisymmetric part vanishes: the axis is the column of R + 1
-  const Eigen::Matrix3d S = 0.5 * (R + R.transpose()) + Eigen::Matrix3d::Identity();
-  int column = 0;
-  S.colwise().norm().maxCoeff(&column);
-  Eigen::Vector3d axis = S.col(column).normalized();
-  if (axis.dot(w) < 0.0) axis = -axis;
-  return axis * angle;
+  // The quaternion is taken from the largest of its components, so nothing is lost near a half
+  // turn, where the antisymmetric part of R vanishes.
+  const Eigen::Quaterniond quaternion(R);
+  const Eigen::Vector3d axis = quaternion.vec();
+  const double sine = axis.norm();
+  if (sine == 0.0) return Eigen::Vector3d::Zero();
+  const double sign = quaternion.w() < 0.0 ? -1.0 : 1.0;
+  return axis * (sign * 2.0 * std::atan2(sine, std::abs(quaternion.w())) / sine);
 }
 
 Pose motion(const Deviation& deviation, const Eigen::Vector3d& point) {

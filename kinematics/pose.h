@@ -15,11 +15,15 @@ using Deviation = Eigen::Matrix<double, 6, 1>;
 /// Force and moment [FX FY FZ | MX MY MZ], N and N mm, in the order of a Deviation.
 using Wrench = Eigen::Matrix<double, 6, 1>;
 
-/// Exact rotation matrix of a rotation vector (rad), to 4e-16 per element at any size.
+/// Matrix K of a vector with K u = v x u.
+Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v);
+
+/// Exact rotation matrix of a rotation vector (rad), to 5e-16 per element up to half a turn and to
+/// 2e-16 times the angle beyond.
 Eigen::Matrix3d rotation(const Eigen::Vector3d& rotation_vector);
 
-/// Rotation vector of a rotation matrix, length in [0, pi]. Error below 1e-15 rad up to 1 rad,
-/// 1e-8 rad at pi, where the axis itself is ambiguous.
+/// Rotation vector of a rotation matrix, length in [0, pi], to 2e-15 rad everywhere; of a half turn
+/// the sign of the axis is arbitrary.
 Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& rotation);
 
 /// Exact rigid motion of a deviation stated at `point`: x -> point + R (x - point) + d.

@@ -5,7 +5,10 @@
 namespace abbe::kinematics {
 namespace {
 
-std::string quoted(char c) { return std::string("'") + c + "'"; }
+std::string quoted(char c) {
+  if (c >= ' ' && c <= '~') return {'\'', c, '\''};
+  return "a character of code " + std::to_string(int(static_cast<unsigned char>(c)));
+}
 
 [[noreturn]] void refuse(const std::string& expected, const std::string& seen) {
   throw std::invalid_argument("structural code: expected " + expected + ", seen " + seen);
@@ -19,7 +22,8 @@ Topology parse_structural_code(std::string_view code) {
   std::string marks;
   for (const char c : code)
     if (c != ' ' && c != '\t') marks += c;
-  if (marks.empty() || marks.front() != 'w') refuse("w first", marks.empty() ? "nothing" : quoted(marks.front()));
+  if (marks.empty()) refuse("w first", "nothing");
+  if (marks.front() != 'w') refuse("w first", quoted(marks.front()));
   if (marks.size() < 2 || marks.back() != 't') refuse("t last", quoted(marks.back()));
 
   Topology topology;
@@ -36,8 +40,10 @@ Topology parse_structural_code(std::string_view code) {
       refuse("an axis letter of " + std::string(axis_letters) + ", b or s", quoted(c));
     const bool primed = marks[i + 1] == '\'';
     if (nose && (!past_bed || i + 2 != marks.size())) refuse("s right before t", "it elsewhere");
-    if (!past_bed && !primed) refuse("a prime after " + quoted(c) + ", which carries the workpiece", "none");
-    if (past_bed && primed) refuse("no prime after " + quoted(c) + ", which carries the tool", "one");
+    if (!past_bed && !primed)
+      refuse("a prime after " + quoted(c) + ", which carries the workpiece", "none");
+    if (past_bed && primed)
+      refuse("no prime after " + quoted(c) + ", which carries the tool", "one");
     for (const CodeAxis& axis : topology)
       if (axis.name == c) refuse("every letter once", quoted(c) + " twice");
     topology.push_back({c, past_bed ? Side::Tool : Side::Workpiece});

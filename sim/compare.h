@@ -3,6 +3,8 @@
 #include <filesystem>
 #include <vector>
 
+#include <nlohmann/json.hpp>
+
 #include "sim/progress.h"
 #include "sim/report.h"
 

@@ -55,12 +55,12 @@ Part load_mesh(const Scene& scene, const MeshFile& mesh) {
   cutting::ReadMeshOptions options;
   options.unit_mm = mesh.unit;
   options.open = mesh.open;
-  options.travel_box = travel_box(scene.machine);
+  options.travel = travel_box(scene.machine);
   Part part;
   part.design_m = cutting::read_mesh(mesh.file, options);
   if (scene.part.judged_normal_z || scene.part.judged_margin)
-    part.design_m = cutting::judge_top(part.design_m, scene.part.judged_normal_z.value_or(-1.0),
-                                       scene.part.judged_margin.value_or(0.0));
+    part.design_m = cutting::judge_top(
+        part.design_m, {scene.part.judged_normal_z.value_or(-1.0), scene.part.judged_margin.value_or(0.0)});
   const auto surface = std::make_shared<const cutting::MeshContact>(part.design_m);
   part.contact = [surface](double x, double y) { return cutting::contact_above(*surface, x, y); };
   return part;
@@ -133,9 +133,10 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
   program::NcOptions options;
   for (const kinematics::Joint& joint : machine.nominal.joints())
     options.axes.push_back({joint.name, joint.motion});
-  options.start = kinematics::AxisVector::Zero(machine.nominal.size());
+  options.start = scene.machine.home;
   options.tool_length = scene.program.tool_length;
   options.tool_length.emplace(1, scene.control.tool_length.value_or(scene.tool.length));
+  options.control = machine.control;
   options.work_offset = scene.program.work_offset;
   options.rapid_speed = scene.machine.rapid_speed;
   options.rapid_turn = scene.machine.rapid_turn;

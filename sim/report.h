@@ -7,6 +7,8 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "cutting/alignment.h"
+#include "cutting/form.h"
 #include "cutting/residual.h"
 #include "sim/loop.h"
 
@@ -15,8 +17,9 @@ namespace abbe::sim {
 /// One case judged: its map aligned as the scene asks, and the figures of it.
 struct Verdict {
   Cut cut;
-  Eigen::VectorXd deviation;              ///< (n) mm, aligned residual, NaN where not cut
-  cutting::Statistics residual;           ///< of it
+  cutting::Aligned aligned;      ///< the map without what the alignment of the scene takes out
+  cutting::Statistics residual;  ///< of the aligned map
+  std::vector<cutting::FormNumber> form;  ///< where the design is a known surface
   std::optional<cutting::Statistics> machine;  ///< of it minus the error-free map
 };
 

@@ -25,6 +25,7 @@ struct MachineDescription {
   std::vector<kinematics::Joint> joints;  ///< in the order of the structural code
   kinematics::Pose T_bw = kinematics::Pose::Identity();  ///< workpiece, axes at zero
   kinematics::Pose T_bs = kinematics::Pose::Identity();  ///< spindle nose or tool post; z = tool axis
+  kinematics::AxisVector home;            ///< (joints) where the axes stand when a program begins
   double rapid_speed = 10000.0 / 60.0;    ///< mm/s
   double rapid_turn = 1.0;                ///< rad/s
 };
@@ -54,6 +55,8 @@ struct PartDescription {
   int vertices = 20000;                ///< wanted; not for mesh files
   std::optional<double> judged_radius_max;  ///< mm from the part's z axis; vertices beyond are left out
   std::optional<double> judged_radius_min;
+  std::optional<double> judged_normal_z;  ///< mesh files: vertices whose normal's z is less are left out
+  std::optional<double> judged_margin;    ///< mesh files: mm from the rim that are left out
   double tolerance = 0.0;              ///< mm, +- ; 0: none given
 };
 

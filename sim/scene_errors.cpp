@@ -23,7 +23,8 @@ using errors::ElementName;
 using kinematics::Joint;
 using kinematics::Motion;
 
-/// Units in which an element is written: "_um" or "_urad" of its value, "_mm" or "_deg" of its axis.
+/// Units in which an element is written: "_um" or "_urad" of its value, "_mm" or "_deg" of its
+/// axis.
 struct Units {
   std::string value;
   std::string position;
@@ -92,7 +93,8 @@ class ErrorsReader {
   void read_measuring_lines();
   Detrending read_detrend(TableReader& curve);
   void move_slope(Curve& curve, const ElementName& name, const Detrending& detrending);
-  void add_location(const ElementName& name, double value, const std::string& from, const Place& place);
+  void add_location(const ElementName& name, double value, const std::string& from,
+                    const Place& place);
   void check_against_machine();
   void refuse_twice();
 
@@ -184,7 +186,16 @@ std::optional<Curve> ErrorsReader::read_curve(const Node& table, const ElementNa
 }
 
 errors::Shape ErrorsReader::read_shape(TableReader& curve, const ElementName& name, int index) {
-  enum class Kind { Constant, Polynomial, Legendre, Fourier, Table, Backlash, UpDown, Repeatability };
+  enum class Kind {
+    Constant,
+    Polynomial,
+    Legendre,
+    Fourier,
+    Table,
+    Backlash,
+    UpDown,
+    Repeatability
+  };
   const Units unit = units(name);
   const Kind kind = curve.choice<Kind>("kind", {{"constant", Kind::Constant},
                                                 {"polynomial", Kind::Polynomial},
@@ -195,15 +206,22 @@ errors::Shape ErrorsReader::read_shape(TableReader& curve, const ElementName& na
                                                 {"up_down", Kind::UpDown},
                                                 {"repeatability", Kind::Repeatability}});
   switch (kind) {
-    case Kind::Constant: return errors::Constant{curve.number("value" + unit.value, any_number)};
-    case Kind::Polynomial: return read_series(curve, unit, false);
-    case Kind::Legendre: return read_series(curve, unit, true);
-    case Kind::Fourier: return read_fourier(curve, unit);
-    case Kind::Table: return read_table(curve, name);
-    case Kind::Backlash: return errors::Backlash{curve.number("half" + unit.value, any_number)};
+    case Kind::Constant:
+      return errors::Constant{curve.number("value" + unit.value, any_number)};
+    case Kind::Polynomial:
+      return read_series(curve, unit, false);
+    case Kind::Legendre:
+      return read_series(curve, unit, true);
+    case Kind::Fourier:
+      return read_fourier(curve, unit);
+    case Kind::Table:
+      return read_table(curve, name);
+    case Kind::Backlash:
+      return errors::Backlash{curve.number("half" + unit.value, any_number)};
     case Kind::UpDown:
       return errors::UpDown{read_side(curve, "up", name), read_side(curve, "down", name)};
-    case Kind::Repeatability: break;
+    case Kind::Repeatability:
+      break;
   }
   std::uint64_t seed = mixed(seed_);
   for (const char c : to_string(name)) seed = mixed(seed ^ static_cast<unsigned char>(c));
@@ -269,7 +287,8 @@ errors::Table ErrorsReader::read_table(TableReader& curve, const ElementName& na
     if (!table) return {};
     const auto found = std::find(table->elements.begin(), table->elements.end(), column);
     if (found == table->elements.end()) {
-      curve.refuse(curve.has("column") ? "column" : "file", "a table with the column " + wanted, "none");
+      curve.refuse(curve.has("column") ? "column" : "file", "a table with the column " + wanted,
+                   "none");
       return {};
     }
     q = table->q;
@@ -316,7 +335,8 @@ ErrorsReader::Detrending ErrorsReader::read_detrend(TableReader& curve) {
 void ErrorsReader::move_slope(Curve& curve, const ElementName& name, const Detrending& detrending) {
   const Joint* slide = joint(name.axis);
   if (!slide) return;  // refused when bound
-  const Vector3d e = name.is_angle() ? Vector3d::Zero() : Vector3d(Vector3d::Unit(name.component()));
+  const Vector3d e =
+      name.is_angle() ? Vector3d::Zero() : Vector3d(Vector3d::Unit(name.component()));
   const Vector3d turn = slide->direction_b.cross(e);
   if (slide->motion != Motion::Linear || name.location || turn.norm() < 1e-9) {
     faults_.add(detrending.place, "detrend on a straightness of a slide only", to_string(name));
@@ -325,8 +345,8 @@ void ErrorsReader::move_slope(Curve& curve, const ElementName& name, const Detre
   const errors::Detrended detrended =
       errors::detrend(std::get<errors::Table>(curve.shape), *detrending.how);
   curve.shape = detrended.table;
-  const bool against = slide->side == kinematics::Side::Workpiece &&
-                       curve.argument == errors::Argument::Command;
+  const bool against =
+      slide->side == kinematics::Side::Workpiece && curve.argument == errors::Argument::Command;
   const double factor = curve.scale * (curve.negate ? -1.0 : 1.0) * (against ? -1.0 : 1.0);
   for (int i = 0; i < 3; ++i) {
     if (std::abs(turn[i]) < 1e-12) continue;
@@ -337,7 +357,8 @@ void ErrorsReader::move_slope(Curve& curve, const ElementName& name, const Detre
 
 void ErrorsReader::add_location(const ElementName& name, double value, const std::string& from,
                                 const Place& place) {
-  elements_.push_back({{name, {Curve{errors::Constant{value}, from, {}, false, 1.0}}}, place, true});
+  elements_.push_back(
+      {{name, {Curve{errors::Constant{value}, from, {}, false, 1.0}}}, place, true});
 }
 
 void ErrorsReader::read_whole_table(const Node& node) {
@@ -377,9 +398,10 @@ void ErrorsReader::read_measuring_lines() {
     const Node* node = lines.section(axis);
     if (!node) continue;
     TableReader line(*node, "errors.measured." + axis, faults_);
-    lines_.push_back({one.name, line.vector("at_mm"),
-                      line.choice<errors::MeasuredBy>("by", {{"tool", errors::MeasuredBy::Tool},
-                                                             {"carriage", errors::MeasuredBy::Carriage}})});
+    lines_.push_back(
+        {one.name, line.vector("at_mm"),
+         line.choice<errors::MeasuredBy>("by", {{"tool", errors::MeasuredBy::Tool},
+                                                {"carriage", errors::MeasuredBy::Carriage}})});
     line.close();
   }
   if (!machine_.joints.empty()) lines.close();
@@ -406,7 +428,8 @@ void ErrorsReader::check_against_machine() {
 void ErrorsReader::refuse_twice() {
   for (std::size_t i = 0; i < elements_.size(); ++i) {
     for (std::size_t j = 0; j < i && !elements_[i].derived; ++j) {
-      if (elements_[j].derived || !(elements_[i].element.name == elements_[j].element.name)) continue;
+      if (elements_[j].derived || !(elements_[i].element.name == elements_[j].element.name))
+        continue;
       faults_.add(elements_[i].place, "each element once (its curves are one list)",
                   to_string(elements_[i].element.name) + " again");
       break;
@@ -425,13 +448,16 @@ ErrorsSection ErrorsReader::read() {
   reader_.close();
   refuse_twice();
   check_against_machine();
-  for (Written& written : elements_) section.geometric.elements.push_back(std::move(written.element));
+  for (Written& written : elements_)
+    section.geometric.elements.push_back(std::move(written.element));
   section.geometric.measuring_lines = lines_;
   return section;
 }
 
-// Elements of one name become one; their order is that of the machine, whatever the files' order was.
-std::vector<Element> joined(const std::vector<Element>& elements, const MachineDescription& machine) {
+// Elements of one name become one; their order is that of the machine, whatever the files' order
+// was.
+std::vector<Element> joined(const std::vector<Element>& elements,
+                            const MachineDescription& machine) {
   const auto rank = [&](const ElementName& name) {
     std::size_t joint = 0;
     while (joint < machine.joints.size() && machine.joints[joint].name != name.axis &&
@@ -451,9 +477,8 @@ std::vector<Element> joined(const std::vector<Element>& elements, const MachineD
       same->curves.insert(same->curves.end(), element.curves.begin(), element.curves.end());
     }
   }
-  std::stable_sort(result.begin(), result.end(), [&](const Element& a, const Element& b) {
-    return rank(a.name) < rank(b.name);
-  });
+  std::stable_sort(result.begin(), result.end(),
+                   [&](const Element& a, const Element& b) { return rank(a.name) < rank(b.name); });
   return result;
 }
 

@@ -18,7 +18,7 @@ using kinematics::Motion;
 Motion motion_of(char name) {
   if (name == 's') return Motion::Spindle;
   return std::string_view("XYZUVWPQR").find(name) != std::string_view::npos ? Motion::Linear
-                                                                             : Motion::Rotary;
+                                                                            : Motion::Rotary;
 }
 
 // ISO 841: a rotary axis of this letter turns about the slide of that one.
@@ -48,16 +48,15 @@ Joint read_axis(const Node& table, const kinematics::CodeAxis& code, Faults& fau
   joint.motion = reader.choice<Motion>(
       "motion", {{"linear", Motion::Linear}, {"rotary", Motion::Rotary}}, motion_of(code.name));
   const auto usual = usual_direction(code.name);
-  joint.direction_b =
-      usual ? reader.direction("direction", *usual) : reader.direction("direction");
+  joint.direction_b = usual ? reader.direction("direction", *usual) : reader.direction("direction");
   joint.point_b = joint.motion == Motion::Linear ? reader.vector("point_mm", Vector3d::Zero())
                                                  : reader.vector("point_mm");
   read_travel(reader, joint);
-  joint.deviation_axes = reader.choice<kinematics::DeviationAxes>(
-      "deviation_axes",
-      {{"fixed", kinematics::DeviationAxes::Fixed},
-       {"turning", kinematics::DeviationAxes::Turning}},
-      kinematics::DeviationAxes::Fixed);
+  joint.deviation_axes =
+      reader.choice<kinematics::DeviationAxes>("deviation_axes",
+                                               {{"fixed", kinematics::DeviationAxes::Fixed},
+                                                {"turning", kinematics::DeviationAxes::Turning}},
+                                               kinematics::DeviationAxes::Fixed);
   joint.squareness = reader.choice<kinematics::Squareness>(
       "squareness",
       {{"frame", kinematics::Squareness::Frame}, {"travel", kinematics::Squareness::Travel}},
@@ -163,6 +162,16 @@ kinematics::Pose read_placement(TableReader& reader) {
   return pose;
 }
 
+kinematics::AxisVector read_axis_words(TableReader& reader, const std::vector<Joint>& joints) {
+  kinematics::AxisVector words = kinematics::AxisVector::Zero(Eigen::Index(joints.size()));
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    if (joints[j].motion == Motion::Spindle) continue;
+    const char* unit = joints[j].motion == Motion::Linear ? "_mm" : "_deg";
+    words[Eigen::Index(j)] = reader.number(joints[j].name + std::string(unit), any_number, 0.0);
+  }
+  return words;
+}
+
 MachineDescription read_machine(const Node& table, Faults& faults) {
   TableReader reader(table, "machine", faults);
   MachineDescription machine;
@@ -182,6 +191,7 @@ MachineDescription read_machine(const Node& table, Faults& faults) {
   machine.rapid_speed = reader.number("rapid_mm_per_min", positive, machine.rapid_speed);
   machine.rapid_turn = reader.number("rapid_deg_per_min", positive, machine.rapid_turn);
   reader.know("axis");
+  reader.know("home");
   if (const auto topology = read_code(reader)) {
     const std::size_t before = faults.list().size();
     machine.joints = read_axes(reader, *topology, machine.T_bs);
@@ -192,6 +202,12 @@ MachineDescription read_machine(const Node& table, Faults& faults) {
         reader.refuse("code", "a machine that makes a chain", fault.what());
       }
     }
+  }
+  machine.home = kinematics::AxisVector::Zero(Eigen::Index(machine.joints.size()));
+  if (const Node* home = reader.section("home")) {
+    TableReader words(*home, "machine.home", faults);
+    machine.home = read_axis_words(words, machine.joints);
+    words.close();
   }
   reader.close();
   return machine;

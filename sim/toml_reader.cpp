@@ -181,12 +181,27 @@ struct Unit {
 };
 // Longer suffixes first: "_mm_per_min" also ends in a unit of its own.
 constexpr std::array known_units{
-    Unit{"_deg_per_min", units::deg / 60.0}, Unit{"_mm_per_min", units::mm_per_min},
-    Unit{"_mm_per_rev", 1.0}, Unit{"_um_per_rev", units::um}, Unit{"_deg_per_s", units::deg},
-    Unit{"_mm_per_s", 1.0}, Unit{"_arcsec", units::deg / 3600.0}, Unit{"_urad", units::urad},
-    Unit{"_mrad", 1e-3}, Unit{"_rad", 1.0}, Unit{"_deg", units::deg}, Unit{"_rpm", units::rpm},
-    Unit{"_inch", 25.4}, Unit{"_min", 60.0}, Unit{"_um", units::um}, Unit{"_nm", units::nm},
-    Unit{"_mm", 1.0}, Unit{"_ms", 1e-3}, Unit{"_cm", 10.0}, Unit{"_m", 1000.0}, Unit{"_s", 1.0},
+    Unit{"_deg_per_min", units::deg / 60.0},
+    Unit{"_mm_per_min", units::mm_per_min},
+    Unit{"_mm_per_rev", 1.0},
+    Unit{"_um_per_rev", units::um},
+    Unit{"_deg_per_s", units::deg},
+    Unit{"_mm_per_s", 1.0},
+    Unit{"_arcsec", units::deg / 3600.0},
+    Unit{"_urad", units::urad},
+    Unit{"_mrad", 1e-3},
+    Unit{"_rad", 1.0},
+    Unit{"_deg", units::deg},
+    Unit{"_rpm", units::rpm},
+    Unit{"_inch", 25.4},
+    Unit{"_min", 60.0},
+    Unit{"_um", units::um},
+    Unit{"_nm", units::nm},
+    Unit{"_mm", 1.0},
+    Unit{"_ms", 1e-3},
+    Unit{"_cm", 10.0},
+    Unit{"_m", 1000.0},
+    Unit{"_s", 1.0},
     Unit{"_h", 3600.0},
 };
 
@@ -207,8 +222,8 @@ std::string range_text(const Range& range) {
   std::string text;
   if (range.min > -huge) text += fmt::format(" {} {}", range.open_min ? ">" : ">=", range.min);
   if (range.max < huge) {
-    text += fmt::format("{} {} {}", text.empty() ? "" : " and", range.open_max ? "<" : "<=",
-                        range.max);
+    text +=
+        fmt::format("{} {} {}", text.empty() ? "" : " and", range.open_max ? "<" : "<=", range.max);
   }
   return text;
 }
@@ -235,9 +250,7 @@ const Node* Node::find(std::string_view key) const {
   return nullptr;
 }
 
-Node* Node::find(std::string_view key) {
-  return const_cast<Node*>(std::as_const(*this).find(key));
-}
+Node* Node::find(std::string_view key) { return const_cast<Node*>(std::as_const(*this).find(key)); }
 
 Node parse_toml(std::string_view text, const std::string& file) {
   if (text.size() > max_toml_bytes) {
@@ -254,8 +267,12 @@ Node parse_toml(std::string_view text, const std::string& file) {
     return node;
   } catch (const ::toml::parse_error& e) {
     const auto where = e.source().begin;
-    throw BadInput(file, int(where.line), int(where.column), "valid TOML",
-                   std::string(e.description()));
+    std::string seen(e.description());  // "Error while parsing value: what it is about"
+    if (const std::size_t colon = seen.find(": ");
+        seen.starts_with("Error while") && colon != std::string::npos) {
+      seen.erase(0, colon + 2);
+    }
+    throw BadInput(file, int(where.line), int(where.column), "valid TOML", seen);
   }
 }
 
@@ -292,8 +309,8 @@ std::string to_toml_value(const Node& node) {
     std::string operator()(const Node::Table& v) const {
       std::string out = "{";
       for (const Node::Entry& entry : v) {
-        out += (out.size() > 1 ? ", " : " ") + key_text(entry.key) + " = " +
-               to_toml_value(entry.node);
+        out +=
+            (out.size() > 1 ? ", " : " ") + key_text(entry.key) + " = " + to_toml_value(entry.node);
       }
       return out + " }";
     }
@@ -474,8 +491,8 @@ std::optional<Eigen::VectorXd> TableReader::numbers_as_written(const std::string
   if (!node) return std::nullopt;
   const Node::Array* array = node->array();
   if (!array || array->empty() || (size > 0 && array->size() != std::size_t(size))) {
-    const std::string wanted = size > 0 ? fmt::format("an array of {} numbers", size)
-                                        : std::string("an array of numbers");
+    const std::string wanted =
+        size > 0 ? fmt::format("an array of {} numbers", size) : std::string("an array of numbers");
     faults_.add(node->place, wanted + " for " + name_of(key), shown(*node));
     return std::nullopt;
   }
@@ -586,12 +603,13 @@ void TableReader::close() {
       faults_.add(entry.place, "a known key (nearest: " + name_of(*meant) + ")", entry.key);
       if (edit_distance(entry.key, *meant) <= 2) explained.insert(*meant);
     } else {
-      faults_.add(entry.place,
-                  where_.empty() ? "a known key" : "a known key of " + where_, entry.key);
+      faults_.add(entry.place, where_.empty() ? "a known key" : "a known key of " + where_,
+                  entry.key);
     }
   }
   for (const auto& [key, kind] : missing_) {
-    if (!explained.contains(key)) faults_.add(table_.place, kind + " for " + name_of(key), "nothing");
+    if (!explained.contains(key))
+      faults_.add(table_.place, kind + " for " + name_of(key), "nothing");
   }
   missing_.clear();
 }

@@ -59,7 +59,8 @@ struct Node::Entry {
 inline constexpr std::uintmax_t max_toml_bytes = std::uintmax_t(16) << 20;
 
 /// Reads a text; a byte order mark and CRLF are taken.
-/// @throws BadInput with the place: syntax, a key twice, a NUL, not UTF-8, more than 16 MiB, nesting
+/// @throws BadInput with the place: syntax, a key twice, a NUL, not UTF-8, more than 16 MiB,
+/// nesting
 ///         beyond 100 levels
 Node parse_toml(std::string_view text, const std::string& file);
 
@@ -85,7 +86,8 @@ class Faults {
   std::vector<BadInput> list_;
 };
 
-/// Factor from the unit that ends a key to mm, rad and s: "_um" gives 1e-3, "_rpm" pi/30; 1 without.
+/// Factor from the unit that ends a key to mm, rad and s: "_um" gives 1e-3, "_rpm" pi/30; 1
+/// without.
 double unit_of(std::string_view key);
 
 /// Key without its unit: "radius_mm" gives "radius".
@@ -119,9 +121,12 @@ class TableReader {
   const Place& place() const { return table_.place; }
   Faults& faults() const { return faults_; }
 
-  double number(const std::string& key, const Range& range);                   ///< required
-  double number(const std::string& key, const Range& range, double fallback);  ///< fallback: mm, rad, s
+  double number(const std::string& key, const Range& range);  ///< required
+  double number(const std::string& key, const Range& range,
+                double fallback);  ///< fallback: mm, rad, s
   std::optional<double> maybe_number(const std::string& key, const Range& range);
+  std::optional<double> number_as_written(const std::string& key,
+                                          const Range& range);  ///< unit of the key
   std::int64_t integer(const std::string& key, std::int64_t min, std::int64_t max,
                        std::int64_t fallback);
   std::optional<std::int64_t> maybe_integer(const std::string& key, std::int64_t min,
@@ -133,7 +138,9 @@ class TableReader {
   /// Array of numbers, `size` of them (0: at least one).
   Eigen::VectorXd numbers(const std::string& key, int size = 0);  ///< required
   std::optional<Eigen::VectorXd> maybe_numbers(const std::string& key, int size = 0);
-  Eigen::Vector3d vector(const std::string& key);  ///< required
+  std::optional<Eigen::VectorXd> numbers_as_written(const std::string& key,
+                                                    int size = 0);  ///< unit of the key
+  Eigen::Vector3d vector(const std::string& key);                   ///< required
   Eigen::Vector3d vector(const std::string& key, const Eigen::Vector3d& fallback);
   /// Direction of any length but zero, made unit.
   Eigen::Vector3d direction(const std::string& key);  ///< required

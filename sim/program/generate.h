@@ -7,30 +7,25 @@
 #include "cutting/primitive.h"
 #include "cutting/tool.h"
 #include "kinematics/chain.h"
+#include "sim/program/nc_write.h"
 
 namespace abbe::sim::program {
 
 /// The design as a generator sees it: the surface point above (x, y) of the part frame, if any.
 using ContactField = std::function<std::optional<cutting::Contact>(double x, double y)>;
 
-/// How many digits a generated NC file carries.
-struct NcFormat {
-  int decimals_mm = 7;
-  int decimals_deg = 9;
-};
-
 /// Finishing in parallel passes. A pass lies in a plane y = const of the part frame; the passes are
-/// spaced by `step_over` of arc length on the design along its section x = 0 (so on a dome they lie at
-/// equal steps of latitude), the points of a pass by `step` of arc length along it.
+/// spaced by `step_over` of arc length on the design along its section x = 0 (so on a dome they lie
+/// at equal steps of latitude), the points of a pass by `step` of arc length along it.
 struct Raster {
-  double step_over = 0.3;   ///< mm
-  double step = 0.3;        ///< mm
-  double lead = 0.0;        ///< rad, tool axis leans forward in the feed plane
-  double tilt = 0.0;        ///< rad, tool axis leans across, about the feed direction
+  double step_over = 0.3;       ///< mm
+  double step = 0.3;            ///< mm
+  double lead = 0.0;            ///< rad, tool axis leans forward in the feed plane
+  double tilt = 0.0;            ///< rad, tool axis leans across, about the feed direction
   double feed = 1000.0 / 60.0;  ///< mm/s of the tip
-  double clearance = 5.0;   ///< mm, retract along the tool axis between passes
-  bool zigzag = true;       ///< false: all passes in one direction
-  double overrun = 0.0;     ///< mm the passes run beyond a declared analytic surface
+  double clearance = 5.0;       ///< mm, retract along the tool axis between passes
+  bool zigzag = true;           ///< false: all passes in one direction
+  double overrun = 0.0;         ///< mm the passes run beyond a declared analytic surface
   NcFormat format;
 };
 
@@ -43,28 +38,28 @@ struct Flank {
   NcFormat format;
 };
 
-/// Facing by a spiral: the spindle turns at constant speed, the nose follows the design from outside
-/// the rim to the axis with a constant feed per revolution, the nose radius compensated.
+/// Facing by a spiral: the spindle turns at constant speed, the nose follows the design from
+/// outside the rim to the axis with a constant feed per revolution, the nose radius compensated.
 struct Spiral {
   double spindle_speed = 150.0 / 60.0 * 6.283185307179586;  ///< rad/s
   double feed_per_revolution = 0.02;                        ///< mm
-  double start_beyond_rim = 0.02;   ///< mm of radius outside the rim where the cut begins
-  double end_radius = 0.0;          ///< mm; 0 ends with one revolution at r = 0
-  double interval = 0.1;            ///< s between rows of a PVT file
-  bool write_nc = false;            ///< false: PVT
+  double start_beyond_rim = 0.02;  ///< mm of radius outside the rim where the cut begins
+  double end_radius = 0.0;         ///< mm; 0 ends with one revolution at r = 0
+  double interval = 0.1;           ///< s between rows of a PVT file
+  bool write_nc = false;           ///< false: PVT
   NcFormat format;
 };
 
 /// What a generator needs to know besides its own options.
 struct GenerateContext {
-  kinematics::Chain control;                              ///< as the control believes it
-  kinematics::Pose T_wm = kinematics::Pose::Identity();   ///< part frame in the workpiece
-  Eigen::Vector2d lower, upper;                           ///< mm, x y of the part frame to cover
-  int h_number = 1;                                       ///< tool length word
+  kinematics::Chain control;                             ///< as the control believes it
+  kinematics::Pose T_wm = kinematics::Pose::Identity();  ///< part frame in the workpiece
+  Eigen::Vector2d lower, upper;                          ///< mm, x y of the part frame to cover
+  int h_number = 1;                                      ///< tool length word
 };
 
-/// Five-axis NC text (G43.4, tip coordinates) for any cutter; three-axis G1 where the machine has no
-/// rotary axes. Points where the machine cannot give the direction end the pass.
+/// Five-axis NC text (G43.4, tip coordinates) for any cutter; three-axis G1 where the machine has
+/// no rotary axes. Points where the machine cannot give the direction end the pass.
 /// @throws std::invalid_argument if nothing of the design lies in the range or no pose is reachable
 std::string generate_raster(const Raster& raster, const ContactField& design,
                             const cutting::Cutter& cutter, const GenerateContext& context);
@@ -72,8 +67,8 @@ std::string generate_raster(const Raster& raster, const ContactField& design,
 std::string generate_flank(const Flank& flank, const cutting::Cone& cone,
                            const cutting::Cutter& cutter, const GenerateContext& context);
 
-/// PVT or NC text for a turning machine: the part's z axis lies along the spindle, the design is seen
-/// in its half plane r >= 0.
+/// PVT or NC text for a turning machine: the part's z axis lies along the spindle, the design is
+/// seen in its half plane r >= 0.
 std::string generate_spiral(const Spiral& spiral, const cutting::Primitive& design,
                             const cutting::Nose& nose, const GenerateContext& context);
 

@@ -3,11 +3,13 @@
 #include <array>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "kinematics/axis.h"
+#include "kinematics/chain.h"
 #include "sim/program/path.h"
 
 namespace abbe::sim::program {
@@ -20,14 +22,27 @@ struct ControlledAxis {
 
 /// What a control knows before it reads a program. Lengths mm, angles rad, speeds mm/s.
 struct NcOptions {
-  std::vector<ControlledAxis> axes;                     ///< every joint of the machine
-  kinematics::AxisVector start;                         ///< (axes) where the axes stand at first
-  std::map<int, double> tool_length;                    ///< mm by H number; an unknown H is refused
-  std::array<kinematics::AxisVector, 6> work_offset{};  ///< G54 .. G59, (axes) each; empty means zero
-  double rapid_speed = 10000.0 / 60.0;                  ///< mm/s along the way
+  std::vector<ControlledAxis> axes;   ///< every joint of the machine
+  kinematics::AxisVector start;       ///< (axes) where the axes stand at first
+  std::map<int, double> tool_length;  ///< mm by H number; an unknown H is refused
+  std::array<kinematics::AxisVector, 6>
+      work_offset{};                    ///< G54 .. G59, (axes) each; empty means zero
+  double rapid_speed = 10000.0 / 60.0;  ///< mm/s along the way
   double rapid_turn = 3600.0 / 60.0 * 0.017453292519943295;  ///< rad/s for a block of turns only
-  std::size_t max_bytes = std::size_t(1) << 31;         ///< larger programs are refused
+  std::optional<kinematics::Chain> control;      ///< the control's own chain: G43.4 needs it to
+                                                 ///< know where the tip stands when it is
+                                                 ///< switched on; without it G43.4 is refused
+  bool block_delete = true;                      ///< blocks that start with / are left out
+  std::size_t max_bytes = std::size_t(1) << 31;  ///< larger programs are refused
 };
+
+/// Where the axes stand at first: zero unless told.
+/// @throws std::invalid_argument if `start` has not one number for every axis
+kinematics::AxisVector start_of(const NcOptions& options);
+
+/// The joint that S and M3 turn: the rotary S that carries the workpiece, else the nose s; -1 for
+/// none.
+int spindle_of(const std::vector<ControlledAxis>& axes);
 
 /// Reads an RS274/NGC program strictly. README of this folder lists the words taken.
 /// @throws BadInput (file:line:column, the word, what was expected) on anything else

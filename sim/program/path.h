@@ -25,12 +25,14 @@ enum class Interpolation {
 };
 
 struct Arc {
-  int first = 0;               ///< joint indices of the plane, right-handed: G17 X Y, G18 Z X, G19 Y Z
+  int first = 0;  ///< joint indices of the plane, right-handed: G17 X Y, G18 Z X, G19 Y Z
   int second = 1;
-  Eigen::Vector2d centre;      ///< mm
-  double radius = 0.0;         ///< mm
-  double start_angle = 0.0;    ///< rad
-  double sweep = 0.0;          ///< rad, signed: + from first to second axis (G3)
+  Eigen::Vector2d centre;    ///< mm
+  double radius = 0.0;       ///< mm, at the start
+  double growth = 0.0;       ///< mm, radius at the end minus that at the start: what the reader
+                             ///< tolerates, spread evenly over the arc
+  double start_angle = 0.0;  ///< rad
+  double sweep = 0.0;        ///< rad, signed: + from first to second axis (G3)
 };
 
 struct Cubic {
@@ -38,8 +40,8 @@ struct Cubic {
   kinematics::AxisVector end_velocity;    ///< (joints)
 };
 
-/// One block with its time. Programmed coordinates are per joint in the order of the structural code,
-/// mm and rad, work offsets and tool length already in.
+/// One block with its time. Programmed coordinates are per joint in the order of the structural
+/// code, mm and rad, work offsets and tool length already in.
 struct Block {
   int line = 0;
   Interpolation interpolation = Interpolation::Line;
@@ -60,7 +62,11 @@ struct Path {
   int motion_blocks = 0;  ///< blocks with motion, as `moves` in the summary
 };
 
-/// Programmed coordinates at fraction u in [0, 1] of the block's time.
+/// Programmed coordinates at fraction u in [0, 1] of the block's time; the ends are the block's bit
+/// for bit.
 kinematics::AxisVector position(const Path& path, const Block& block, double u);
+
+/// Their rate there, mm/s and rad/s; zero for a dwell but for a turning spindle.
+kinematics::AxisVector velocity(const Path& path, const Block& block, double u);
 
 }  // namespace abbe::sim::program

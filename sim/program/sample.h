@@ -9,13 +9,13 @@
 namespace abbe::sim::program {
 
 struct SampleOptions {
-  double chord_tolerance = 5e-7;  ///< mm: any point of the tool up to `reach` above the tip lies this
-                                  ///< near to the line and great circle between samples
-  double reach = 20.0;            ///< mm, how far above the tip the tool cuts
-  double max_step = 1.0;          ///< mm of tip travel in the workpiece between samples
-  double max_turn = 0.02;         ///< rad of tool axis between samples
-  double max_axis_step = 1.0;     ///< mm or rad of any axis but the workpiece spindle, so that curves
-                                  ///< of errors are seen
+  double chord_tolerance = 5e-7;  ///< mm: any point of the tool axis up to `reach` above the tip
+                                  ///< lies this near to the line and great circle between samples
+  double reach = 20.0;         ///< mm, how far above the tip the tool cuts
+  double max_step = 1.0;       ///< mm of tip travel in the workpiece between samples
+  double max_turn = 0.02;      ///< rad of tool axis between samples
+  double max_axis_step = 1.0;  ///< mm or rad of any axis but the workpiece spindle, so that curves
+                               ///< of errors are seen
   double max_spindle_turn = 6.283185307179586;  ///< rad of the workpiece spindle between samples
   std::optional<int> workpiece_spindle;  ///< joint whose turning is left out of the chord (turning)
   std::size_t max_samples = 50'000'000;  ///< more is refused before memory is taken
@@ -25,13 +25,14 @@ struct SampleOptions {
 struct Samples {
   std::vector<kinematics::AxisState> states;  ///< (n) commanded positions of the axes, with time,
                                               ///< direction and stroke of every axis
-  std::vector<int> line;                      ///< (n) program line of the block that ends or runs here
-  std::vector<int> block;                     ///< (n) its index in the path
+  std::vector<int> line;   ///< (n) program line of the block that ends or runs here
+  std::vector<int> block;  ///< (n) its index in the path
 };
 
-/// What the control tells the axes: programmed coordinates, under G43.4 turned into slide positions by
-/// the control's own chain.
+/// What the control tells the axes: programmed coordinates, under G43.4 turned into slide positions
+/// by the control's own chain.
 /// @throws BadInput naming the line if the slides cannot reach a tip or the samples are too many
-Samples sample(const Path& path, const kinematics::Chain& control, const SampleOptions& options = {});
+Samples sample(const Path& path, const kinematics::Chain& control,
+               const SampleOptions& options = {});
 
 }  // namespace abbe::sim::program

@@ -1,0 +1,159 @@
+#include "cutting/alignment.h"
+
+#include <array>
+#include <cmath>
+#include <stdexcept>
+
+#include <Eigen/Eigenvalues>
+
+#include "cutting/sum.h"
+
+namespace abbe::cutting {
+namespace {
+
+using Eigen::Vector3d;
+using Row = kinematics::Deviation;
+
+struct CutPoint {
+  Eigen::Index vertex;
+  double weight;  ///< mm^2
+};
+
+std::vector<CutPoint> cut_points(const Surface& surface, const Design& design) {
+  const auto n = static_cast<std::size_t>(design.vertices.rows());
+  if (surface.status.size() != n || static_cast<std::size_t>(surface.residual.size()) != n ||
+      static_cast<std::size_t>(design.area.size()) != n ||
+      static_cast<std::size_t>(design.normals.rows()) != n)
+    throw std::invalid_argument("aligned: the map and the design have different sizes");
+  std::vector<CutPoint> points;
+  for (std::size_t i = 0; i < n; ++i) {
+    if (surface.status[i] != VertexStatus::Cut) continue;
+    const auto v = static_cast<Eigen::Index>(i);
+    if (!std::isfinite(surface.residual[v]))
+      throw std::invalid_argument("aligned: a cut vertex without a residual");
+    points.push_back({v, design.area[v]});
+  }
+  return points;
+}
+
+/// Where the displacement is stated and the length at which angles weigh as much as shifts.
+struct Gauge {
+  Vector3d point = Vector3d::Zero();
+  double length = 1.0;
+};
+
+Gauge gauge(const Design& design, const std::vector<CutPoint>& points) {
+  Sum area;
+  std::array<Sum, 3> moment;
+  for (const CutPoint& p : points) {
+    area.add(p.weight);
+    for (int k = 0; k < 3; ++k)
+      moment[static_cast<std::size_t>(k)].add(p.weight * design.vertices(p.vertex, k));
+  }
+  if (!(area.value() > 0.0)) return {};
+  Gauge g;
+  for (int k = 0; k < 3; ++k)
+    g.point[k] = moment[static_cast<std::size_t>(k)].value() / area.value();
+  Sum square;
+  for (const CutPoint& p : points)
+    square.add(p.weight * (design.vertices.row(p.vertex).transpose() - g.point).squaredNorm());
+  const double length = std::sqrt(square.value() / area.value());
+  if (length > 0.0) g.length = length;
+  return g;
+}
+
+/// What each component of a displacement does along the normal of a vertex, angles at g.length.
+Row row_of(const Design& design, Eigen::Index v, const Gauge& g) {
+  const Vector3d n = design.normals.row(v);
+  const Vector3d arm = design.vertices.row(v).transpose() - g.point;
+  Row row;
+  row << n, arm.cross(n) / g.length;
+  return row;
+}
+
+struct NormalEquations {
+  Eigen::MatrixXd A;
+  Eigen::VectorXd b;
+};
+
+NormalEquations normal_equations(const Surface& surface, const Design& design,
+                                 const std::vector<CutPoint>& points, const Gauge& g, int size) {
+  std::array<Sum, 6> rhs;
+  std::array<std::array<Sum, 6>, 6> lhs;
+  for (const CutPoint& p : points) {
+    const Row row = row_of(design, p.vertex, g);
+    for (int i = 0; i < size; ++i) {
+      const auto a = static_cast<std::size_t>(i);
+      rhs[a].add(p.weight * row[i] * surface.residual[p.vertex]);
+      for (int j = 0; j <= i; ++j)
+        lhs[a][static_cast<std::size_t>(j)].add(p.weight * row[i] * row[j]);
+    }
+  }
+  NormalEquations e{Eigen::MatrixXd(size, size), Eigen::VectorXd(size)};
+  for (int i = 0; i < size; ++i) {
+    e.b[i] = rhs[static_cast<std::size_t>(i)].value();
+    for (int j = 0; j <= i; ++j)
+      e.A(i, j) = e.A(j, i) = lhs[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)].value();
+  }
+  return e;
+}
+
+/// Names the null space: its basis is brought to echelon form, so that each vector has as few
+/// components as it can, and told by those that take part.
+std::vector<std::string> names(Eigen::MatrixXd basis) {
+  static constexpr std::array component = {"EX", "EY", "EZ", "EA", "EB", "EC"};
+  std::vector<std::string> result;
+  for (Eigen::Index column = 0; column < basis.cols(); ++column) {
+    Eigen::Index pivot_row = 0, pivot_column = 0;
+    basis.rightCols(basis.cols() - column).cwiseAbs().maxCoeff(&pivot_row, &pivot_column);
+    basis.col(column).swap(basis.col(column + pivot_column));
+    basis.col(column) /= basis(pivot_row, column);
+    for (Eigen::Index other = 0; other < basis.cols(); ++other)
+      if (other != column) basis.col(other) -= basis(pivot_row, other) * basis.col(column);
+  }
+  for (Eigen::Index column = 0; column < basis.cols(); ++column) {
+    std::string name;
+    for (Eigen::Index i = 0; i < basis.rows(); ++i)
+      if (std::abs(basis(i, column)) > 1e-2)
+        name += (name.empty() ? "" : "+") + std::string(component[static_cast<std::size_t>(i)]);
+    result.push_back(name);
+  }
+  return result;
+}
+
+}  // namespace
+
+Aligned aligned(const Surface& surface, const Design& design, const AlignmentOptions& options) {
+  Aligned result;
+  result.surface = surface;
+  const std::vector<CutPoint> points = cut_points(surface, design);
+  if (options.alignment == Alignment::None || points.empty()) return result;
+
+  const int size = options.alignment == Alignment::Offset ? 3 : 6;
+  const Gauge g = gauge(design, points);
+  result.point = g.point;
+  const NormalEquations equations = normal_equations(surface, design, points, g, size);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(equations.A);
+  const double largest = eigen.eigenvalues()[size - 1];
+  Eigen::VectorXd solution = Eigen::VectorXd::Zero(size);
+  int dropped = 0;
+  for (int k = 0; k < size; ++k) {
+    const double value = eigen.eigenvalues()[k];
+    const auto direction = eigen.eigenvectors().col(k);
+    if (!(value > options.truncation * largest))
+      ++dropped;  // eigenvalues come in growing order
+    else
+      solution += direction * (direction.dot(equations.b) / value);
+  }
+  result.rank = size - dropped;
+  result.undetermined = names(eigen.eigenvectors().leftCols(dropped));
+  Row scaled = Row::Zero();
+  scaled.head(size) = solution;
+  for (const CutPoint& p : points)
+    result.surface.residual[p.vertex] -= row_of(design, p.vertex, g).dot(scaled);
+  result.displacement = scaled;
+  result.displacement.tail<3>() /= g.length;
+  return result;
+}
+
+}  // namespace abbe::cutting

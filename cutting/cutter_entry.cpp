@@ -1,0 +1,560 @@
+#include "cutting/cutter_entry.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include <Eigen/Geometry>
+
+namespace abbe::cutting {
+
+using Eigen::Vector3d;
+
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double straight_tolerance = 1e-9;  // mm, where the search is convex
+constexpr double turning_tolerance = 2e-8;   // mm, where the axis turns
+
+// ---- the cutter at one instant ------------------------------------------------------------------
+
+struct Position {
+  Vector3d tip;
+  Vector3d axis;
+};
+
+Position position(const Move& move, double t) {
+  const double x = move.angle * t;
+  double sine = 0.0;
+  double cosine = 1.0;
+  if (std::abs(x) < 0.06) {  // the series is exact to rounding here
+    const double y = x * x;
+    sine = x * (1 - y / 6 * (1 - y / 20 * (1 - y / 42 * (1 - y / 72))));
+    cosine = 1 - y / 2 * (1 - y / 12 * (1 - y / 30 * (1 - y / 56 * (1 - y / 90))));
+  } else {
+    sine = std::sin(x);
+    cosine = std::cos(x);
+  }
+  return {move.tip + t * move.step, cosine * move.axis + sine * move.side};
+}
+
+/// A ray that meets the cutter: where it enters, and the outward normal of the cutter there.
+struct Hit {
+  double s;
+  Vector3d outward;
+};
+
+/// The ray in the frame of the cutter, split along and across its axis.
+struct LocalRay {
+  Vector3d axis;
+  double h, dh;               // height above the tip and its change with s
+  Vector3d lateral, dlateral;
+
+  LocalRay(const Position& at, const Vector3d& point, const Vector3d& normal) : axis(at.axis) {
+    const Vector3d p = point - at.tip;
+    h = p.dot(axis);
+    dh = normal.dot(axis);
+    lateral = p - h * axis;
+    dlateral = normal - dh * axis;
+  }
+  double height(double s) const { return h + s * dh; }
+  Vector3d across(double s) const { return lateral + s * dlateral; }
+};
+
+struct Interval {
+  double in = -infinity;
+  double out = infinity;
+};
+
+Interval within_cylinder(const LocalRay& ray, double radius) {
+  const double a = ray.dlateral.squaredNorm();
+  const double b = ray.lateral.dot(ray.dlateral);
+  const double c = ray.lateral.squaredNorm() - radius * radius;
+  if (a < 1e-30) return c <= 0 ? Interval{} : Interval{infinity, -infinity};
+  const double nearest = -b / a;
+  const double half2 = (radius * radius - ray.across(nearest).squaredNorm()) / a;
+  if (half2 < 0) return {infinity, -infinity};
+  const double half = std::sqrt(half2);
+  return {nearest - half, nearest + half};
+}
+
+Interval within_slab(const LocalRay& ray, double top) {
+  if (ray.dh == 0)
+    return ray.h >= 0 && ray.h <= top ? Interval{} : Interval{infinity, -infinity};
+  const double at_bottom = -ray.h / ray.dh;
+  const double at_top = (top - ray.h) / ray.dh;
+  return {std::min(at_bottom, at_top), std::max(at_bottom, at_top)};
+}
+
+/// Entry through the torus corner from a point s outside it, below the flank and within the outer
+/// cylinder. Each step replaces the ring by its tangent, whose tube holds the torus: the steps come
+/// from outside and never pass the root.
+std::optional<Hit> corner_entry(const Cutter& cutter, const LocalRay& ray, double s, double out) {
+  const double r = cutter.corner_radius;
+  const double ring = cutter.radius - r;
+  constexpr int last = 39;
+  for (int i = 0; i <= last; ++i) {
+    const Vector3d across = ray.across(s);
+    const double rho = across.norm();
+    const double drho = rho > 0 ? across.dot(ray.dlateral) / rho : ray.dlateral.norm();
+    const double a = rho - ring;
+    const double b = r - ray.height(s);
+    const double A = drho * drho + ray.dh * ray.dh;
+    const double B = a * drho - b * ray.dh;
+    const double C = a * a + b * b - r * r;
+    const double D = B * B - A * C;
+    if (D < 0 || (B >= 0 && C > 0)) return std::nullopt;
+    const double advance = C <= 0 ? 0.0 : C / (std::sqrt(D) - B);
+    s += advance;
+    if (s > out) return std::nullopt;
+    // The next step would be of the order of the square of this one, unless the ray grazes.
+    const bool grazes = D < 1e-4 * B * B;
+    if (advance < (grazes ? 1e-14 * (1 + std::abs(s)) : 1e-9) || i == last) {
+      const double sideways = rho > 0 ? std::max(a, 0.0) / rho : 0.0;
+      return Hit{s, (sideways * across - b * ray.axis).normalized()};
+    }
+  }
+  return std::nullopt;
+}
+
+/// Where the whole line of the ray enters the cutter.
+std::optional<Hit> entry_at(const Cutter& cutter, const Position& at, const Vector3d& point,
+                            const Vector3d& normal) {
+  const LocalRay ray(at, point, normal);
+  const Interval cylinder = within_cylinder(ray, cutter.radius);
+  const Interval slab = within_slab(ray, cutter.flank_length);
+  const double s = std::max(cylinder.in, slab.in);
+  const double out = std::min(cylinder.out, slab.out);
+  if (!(s <= out)) return std::nullopt;
+  const bool through_end = slab.in >= cylinder.in;
+  if (through_end && ray.dh < 0) return Hit{s, at.axis};
+  const double ring = cutter.radius - cutter.corner_radius;
+  if (through_end && std::isfinite(s) && ray.across(s).squaredNorm() <= ring * ring)
+    return Hit{s, -at.axis};
+  if (cutter.corner_radius == 0 || ray.height(s) >= cutter.corner_radius) {
+    if (through_end) return Hit{s, -at.axis};
+    return Hit{s, ray.across(s).normalized()};
+  }
+  if (ring == 0) {  // a ball: the torus is a sphere
+    const Vector3d w = point - at.tip - cutter.radius * at.axis;
+    const double wn = w.dot(normal);
+    const double D = cutter.radius * cutter.radius - (w - wn * normal).squaredNorm();
+    if (D < 0) return std::nullopt;
+    const double in = -wn - std::sqrt(D);
+    if (in > out) return std::nullopt;
+    return Hit{in, (w + in * normal) / cutter.radius};
+  }
+  return corner_entry(cutter, ray, s, out);
+}
+
+/// Convex function of the place: distance from the cutter, negative inside.
+struct Depth {
+  double value;
+  Vector3d gradient;
+};
+
+Depth depth(const Cutter& cutter, const Position& at, const Vector3d& point) {
+  const Vector3d p = point - at.tip;
+  const double h = p.dot(at.axis);
+  const Vector3d lateral = p - h * at.axis;
+  const double rho = lateral.norm();
+  const Vector3d radial = rho > 0 ? Vector3d(lateral / rho) : Vector3d::Zero();
+  const double a = rho - (cutter.radius - cutter.corner_radius);
+  const double b = cutter.corner_radius - h;
+  Depth body;
+  if (a > 0 && b > 0) {
+    const double length = std::hypot(a, b);
+    body = {length - cutter.corner_radius, (a * radial - b * at.axis) / length};
+  } else if (a > b) {
+    body = {a - cutter.corner_radius, radial};
+  } else {
+    body = {b - cutter.corner_radius, -at.axis};
+  }
+  const double above = h - cutter.flank_length;
+  const double beside = rho - cutter.radius;
+  if (above > 0 && beside > 0) {
+    const double length = std::hypot(beside, above);
+    return {length, (beside * radial + above * at.axis) / length};
+  }
+  return above > body.value ? Depth{above, at.axis} : body;
+}
+
+// ---- minimum of a nearly convex function --------------------------------------------------------
+
+/// A value with its slope, and how far below zero its curvature may fall nearby.
+struct Sample {
+  double t;
+  bool defined;  ///< the function is +infinity elsewhere
+  double value;
+  double slope;
+  double dip;    ///< curvature >= -dip; 0 where the function is convex
+  double fade;   ///< dip holds for times well below 1 / fade
+  Vector3d outward;  ///< normal of the cutter, for a `floor`
+  double facing;     ///< -outward * normal of the ray
+
+  double dip_over(double w) const { return dip / ((1 - fade * w) * (1 - fade * w)); }
+};
+
+Sample undefined_at(double t) { return {t, false, infinity, 0, 0, 0, Vector3d::Zero(), 1}; }
+
+struct Goal {
+  double tolerance;
+  double limit = infinity;    ///< larger values are of no interest
+  double enough = -infinity;  ///< a value as small as this ends the search
+  int max_samples = 200;      ///< it needs 3 to 12
+};
+
+struct Piece {
+  Sample a, b;
+  int depth;
+};
+
+/// What a piece may still hide: a lower bound, and where it is reached.
+struct Promise {
+  double value;
+  double t;
+};
+
+/// f + dip (t - a)^2 / 2 is convex, so it lies above its tangents at both ends. Where the dip
+/// cannot be trusted over the piece, `floor(piece)` is the bound.
+template <class Floor>
+Promise promise(const Piece& piece, double tolerance, const Floor& floor) {
+  const auto& [a, b, depth] = piece;
+  const double w = b.t - a.t;
+  const double middle = a.t + 0.5 * w;
+  const bool trusted = std::max(a.fade, b.fade) * w < 0.5;
+  if (!a.defined || !b.defined) {
+    if (!trusted) return {floor(piece), middle};
+    const Sample& end = a.defined ? a : b;
+    const double far =
+        end.value + (a.defined ? 1 : -1) * end.slope * w - 0.5 * end.dip_over(w) * w * w;
+    return {std::min(end.value, far), middle};
+  }
+  const double dip = trusted ? std::max(a.dip_over(w), b.dip_over(w)) : 0.0;
+  const double value_b = b.value + 0.5 * dip * w * w;
+  const double slope_b = b.slope + dip * w;
+  const double below_a = value_b - a.value - a.slope * w;
+  const double below_b = a.value - value_b + slope_b * w;
+  const double turn = slope_b - a.slope;
+  const double x = turn > 0 ? std::clamp(below_b / turn, 0.0, w) : 0.5 * w;
+  if (!trusted) return {floor(piece), a.t + x};
+  if (below_a < -tolerance || below_b < -tolerance) return {-infinity, middle};
+  return {std::min({a.value, b.value, a.value + a.slope * x - 0.5 * dip * x * x}), a.t + x};
+}
+
+double next_sample(const Piece& piece, const Promise& low) {
+  const auto& [a, b, depth] = piece;
+  const double w = b.t - a.t;
+  if (!a.defined || !b.defined || low.value == -infinity) return low.t;
+  if (a.slope < 0 && b.slope > 0) {
+    const double secant = a.t + w * a.slope / (a.slope - b.slope);
+    // The tangents of a parabola meet in the middle, and the secant finds its lowest point; the
+    // tangents of a kink meet at it. Halving now and then serves what is neither.
+    if (depth % 4 == 3) return a.t + 0.5 * w;
+    const bool smooth = std::abs(low.t - a.t - 0.5 * w) < 0.1 * w;
+    return std::clamp(smooth ? secant : low.t, a.t + 1e-4 * w, b.t - 1e-4 * w);
+  }
+  // Next to a minimum: what must be looked at grows with the distance from it.
+  return a.value <= b.value ? a.t + w / 16 : b.t - w / 16;
+}
+
+/// Smallest value of f between two samples, by branch and bound.
+template <class Function, class Floor>
+Sample minimum(const Function& f, const Floor& floor, const Sample& first, const Sample& last,
+               const Goal& goal) {
+  Sample best = last.defined && (!first.defined || last.value < first.value) ? last : first;
+  const auto settled = [&](const Promise& low) {
+    return low.value >= std::min(best.value - goal.tolerance, goal.limit);
+  };
+  const Piece whole{first, last, 0};
+  if (best.value <= goal.enough || settled(promise(whole, goal.tolerance, floor))) return best;
+  std::array<Piece, 64> open;
+  std::size_t count = 0;
+  open[count++] = whole;
+  for (int samples = 0; count > 0 && samples < goal.max_samples && best.value > goal.enough;) {
+    const Piece piece = open[--count];
+    const Promise low = promise(piece, goal.tolerance, floor);
+    if (settled(low)) continue;
+    if (piece.b.t - piece.a.t < 1e-13 || count + 2 > open.size()) continue;
+    const Sample c = f(next_sample(piece, low));
+    ++samples;
+    if (c.defined && c.value < best.value) best = c;
+    if (c.defined || piece.a.defined) open[count++] = {piece.a, c, piece.depth + 1};
+    if (c.defined || piece.b.defined) open[count++] = {c, piece.b, piece.depth + 1};
+  }
+  return best;
+}
+
+double no_floor(const Piece&) { return -infinity; }
+
+// ---- the cutter over a move ---------------------------------------------------------------------
+
+class Sweep {
+ public:
+  Sweep(const Cutter& cutter, const Move& move, const Ray& ray)
+      : cutter_(cutter), move_(move), ray_(ray), omega_(move.angle * move.axis.cross(move.side)) {}
+
+  /// Entry at instant t. A ray that starts inside the cutter enters at -band; one that leaves the
+  /// cutter before it starts does not meet it.
+  Sample entry(double t) const {
+    Sample sample = undefined_at(t);
+    const Position at = position(move_, t);
+    const std::optional<Hit> hit = entry_at(cutter_, at, ray_.point, ray_.normal);
+    if (!hit) return sample;
+    if (hit->s <= -ray_.band) {
+      sample.defined = depth(cutter_, at, ray_.point - ray_.band * ray_.normal).value <= 0;
+      sample.value = sample.defined ? -ray_.band : infinity;
+      return sample;
+    }
+    sample.defined = true;
+    sample.value = hit->s;
+    const double facing = std::max(-hit->outward.dot(ray_.normal), 1e-9);
+    const Vector3d arm = ray_.point + hit->s * ray_.normal - at.tip;
+    sample.slope = -hit->outward.dot(velocity(arm)) / facing;
+    sample.dip = dip(hit->outward, arm, sample.slope * ray_.normal) / facing;
+    sample.fade = move_.angle / facing;
+    sample.outward = hit->outward;
+    sample.facing = facing;
+    return sample;
+  }
+
+  /// Smallest depth that the ray reaches at instant t within its band: <= 0 if it meets the cutter.
+  Sample depth_reached(double t) const {
+    const Position at = position(move_, t);
+    const auto along = [&](double s) {
+      const Depth d = depth(cutter_, at, ray_.point + s * ray_.normal);
+      return Sample{s, true, d.value, d.gradient.dot(ray_.normal), 0, 0, d.gradient, 1};
+    };
+    const Sample least = minimum(along, no_floor, along(-ray_.band), along(ray_.band),
+                                 {.tolerance = 1e-11, .enough = -1e-10});
+    const Vector3d arm = ray_.point + least.t * ray_.normal - at.tip;
+    return {t, true, least.value, -least.outward.dot(velocity(arm)), 0, infinity, least.outward, 1};
+  }
+
+  /// Smallest entry over the move.
+  Sample first(double limit) const {
+    const double tolerance = move_.angle > 0 ? turning_tolerance : straight_tolerance;
+    const Goal goal{tolerance, limit, -ray_.band};
+    const auto f = [this](double t) { return entry(t); };
+    const auto floor = [this](const Piece& piece) { return entry_floor(piece); };
+    const Sample a = entry(move_.from);
+    const Sample b = entry(move_.to);
+    if (a.defined || b.defined) return minimum(f, floor, a, b, goal);
+    const auto g = [this](double t) { return depth_reached(t); };
+    const auto g_floor = [this](const Piece& piece) { return depth_floor(piece); };
+    const Sample inside =
+        minimum(g, g_floor, g(move_.from), g(move_.to),
+                {.tolerance = 1e-10, .limit = 0.0, .enough = 0.0, .max_samples = 60});
+    if (inside.value > 0) return a;
+    const Sample c = entry(inside.t);
+    if (!c.defined) return c;
+    const Sample left = minimum(f, floor, a, c, goal);
+    const Sample right = minimum(f, floor, c, b, goal);
+    return right.value < left.value ? right : left;
+  }
+
+ private:
+  /// Over a piece, the distance of the ray's point from the cutter along m is at least this.
+  double clearance(const Vector3d& m, const Piece& piece) const {
+    const double turn = move_.angle * (piece.b.t - piece.a.t);
+    double least = infinity;
+    double arm = cutter_.radius;
+    for (const double t : {piece.a.t, piece.b.t}) {
+      const Position at = position(move_, t);
+      const double rise = m.dot(at.axis);
+      least = std::min(least, m.dot(ray_.point - at.tip) - support(rise));
+      if (rise > -turn) arm = cutter_.radius + cutter_.flank_length;
+    }
+    return least - 0.13 * arm * turn * turn;  // between the ends the cutter bulges that much
+  }
+
+  /// Bounds from the planes that touch the cutter at the ends of a piece.
+  double entry_floor(const Piece& piece) const {
+    double best = -infinity;
+    for (const Sample* end : {&piece.a, &piece.b})
+      if (end->defined) best = std::max(best, clearance(end->outward, piece) / end->facing);
+    return best;
+  }
+  double depth_floor(const Piece& piece) const {
+    double best = -infinity;
+    for (const Sample* end : {&piece.a, &piece.b})
+      best = std::max(best, clearance(end->outward, piece) -
+                                ray_.band * std::abs(end->outward.dot(ray_.normal)));
+    return best;
+  }
+
+  /// How far the cutter reaches from its tip along a direction that rises by `rise`.
+  double support(double rise) const {
+    const double across = std::sqrt(std::max(0.0, 1 - rise * rise));
+    if (rise > 0) return cutter_.flank_length * rise + cutter_.radius * across;
+    return cutter_.corner_radius * (1 + rise) + (cutter_.radius - cutter_.corner_radius) * across;
+  }
+
+  /// Velocity per unit t of the cutter's material at `arm` from the tip.
+  Vector3d velocity(const Vector3d& arm) const { return move_.step + omega_.cross(arm); }
+
+  /// How strongly the turning of the frame can bend the entry downwards: the acceleration, seen
+  /// from the cutter, of a point that moves at `v`, against the normal; a quarter of its size is
+  /// added because the normal wanders within the move.
+  double dip(const Vector3d& outward, const Vector3d& arm, const Vector3d& v) const {
+    if (move_.angle == 0) return 0.0;
+    const Vector3d acceleration =
+        omega_.cross(omega_.cross(arm)) - 2.0 * omega_.cross(v - move_.step);
+    return std::max(0.0, -outward.dot(acceleration)) + 0.25 * acceleration.norm();
+  }
+
+  const Cutter& cutter_;
+  const Move& move_;
+  const Ray& ray_;
+  Vector3d omega_;  // rad per unit t
+};
+
+// ---- ball ends, the common case -----------------------------------------------------------------
+
+/// The centre of a ball end over a move; `x` is 0 .. 1 from `from` to `to`.
+struct BallPath {
+  const Cutter& cutter;
+  const Move& move;
+  Position start, end;
+  Vector3d first, last;  // centres
+  double angle;          // turned between them
+
+  BallPath(const Cutter& c, const Move& m)
+      : cutter(c), move(m), start(position(m, m.from)), end(position(m, m.to)),
+        first(centre(start)), last(centre(end)), angle(m.angle * (m.to - m.from)) {}
+
+  Vector3d centre(const Position& at) const { return at.tip + cutter.radius * at.axis; }
+  double sag() const { return 0.125 * cutter.radius * angle * angle; }
+  double instant(double x) const { return move.from + x * (move.to - move.from); }
+};
+
+/// Whether no point of the ray up to s can be higher than the centre of the ball during the move,
+/// so that only the lower half of the ball can have met it.
+bool stays_below_flank(const BallPath& path, const Ray& ray, double s) {
+  const Vector3d place = ray.point + s * ray.normal;
+  const double turned = path.angle * path.angle;
+  const Vector3d w0 = place - path.first;
+  const Vector3d w1 = place - path.last;
+  double bend = 0.0;
+  if (path.angle != 0) {
+    const double arms = path.cutter.radius + w0.norm() + w1.norm();
+    bend = 0.25 * (arms * turned + 2 * (path.last - path.first).norm() * path.angle);
+  }
+  return ray.normal.dot(path.start.axis) >= turned && ray.normal.dot(path.end.axis) >= turned &&
+         w0.dot(path.start.axis) <= -bend && w1.dot(path.end.axis) <= -bend;
+}
+
+/// First entry of the ray's line into a ball of `radius` whose centre runs along the chord.
+std::optional<Entry> capsule_entry(const BallPath& path, const Ray& ray, double radius) {
+  const Vector3d w = ray.point - path.first;
+  const Vector3d chord = path.last - path.first;
+  const double wn = w.dot(ray.normal);
+  const double rise = chord.dot(ray.normal);
+  const Vector3d w_across = w - wn * ray.normal;
+  const Vector3d chord_across = chord - rise * ray.normal;
+  const double a = chord_across.squaredNorm();
+  double x = rise < 0 ? 1.0 : 0.0;
+  if (a > 0) {
+    const double nearest = w_across.dot(chord_across) / a;
+    const double reach = radius * radius - (w_across - nearest * chord_across).squaredNorm();
+    if (reach < 0) return std::nullopt;
+    x = std::clamp(nearest - rise * std::sqrt(reach / (a * (a + rise * rise))), 0.0, 1.0);
+  }
+  const double D = radius * radius - (w_across - x * chord_across).squaredNorm();
+  if (D < 0) return std::nullopt;
+  return Entry{x * rise - wn - std::sqrt(D), x};
+}
+
+/// Entry into the ball on its true path, by Newton from `x`; only where the entry is strictly
+/// convex in time. Nothing if it does not settle.
+std::optional<Entry> curved_entry(const BallPath& path, const Ray& ray, double x) {
+  const double R = path.cutter.radius;
+  const Vector3d chord = path.last - path.first;
+  const double across = (chord - chord.dot(ray.normal) * ray.normal).norm();
+  if (across < R * path.angle * (1.1 + path.angle)) return std::nullopt;
+  const double span = path.move.to - path.move.from;
+  const Vector3d step = span * path.move.step;
+  for (int i = 0; i < 8; ++i) {
+    const double t = path.instant(x);
+    const Position at = position(path.move, t);
+    const Vector3d w = ray.point - path.centre(at);
+    const double wn = w.dot(ray.normal);
+    const double D = R * R - (w - wn * ray.normal).squaredNorm();
+    if (D <= 0) return std::nullopt;
+    const double facing = std::sqrt(D) / R;
+    const double s = -wn - R * facing;
+    const Vector3d outward = (w + s * ray.normal) / R;
+    const double phase = path.move.angle * t;
+    const Vector3d speed = step + R * path.angle * (std::cos(phase) * path.move.side -
+                                                    std::sin(phase) * path.move.axis);
+    const double slope = -outward.dot(speed) / facing;
+    const Vector3d bend = -R * path.angle * path.angle * at.axis;
+    const double curvature =
+        ((slope * ray.normal - speed).squaredNorm() / R - outward.dot(bend)) / facing;
+    if (!(curvature > 0)) return std::nullopt;
+    const double next = std::clamp(x - slope / curvature, 0.0, 1.0);
+    if (curvature * (next - x) * (next - x) < 1e-12) return Entry{s, x};
+    x = next;
+  }
+  return std::nullopt;
+}
+
+struct Answer {
+  bool decided = false;
+  std::optional<Entry> entry;
+};
+
+/// Answer for a ball end where its flank and top cannot matter. Which way a value is found must not
+/// depend on `limit`.
+Answer ball_entry(const Cutter& cutter, const Move& move, const Ray& ray, double limit) {
+  const BallPath path(cutter, move);
+  const std::optional<Entry> bound = capsule_entry(path, ray, cutter.radius + path.sag());
+  if (!bound || bound->s > limit)
+    return {stays_below_flank(path, ray, std::min(limit, ray.band)), std::nullopt};
+  std::optional<Entry> entry = path.angle == 0 ? bound : curved_entry(path, ray, bound->t);
+  if (!entry || entry->s <= -ray.band || !stays_below_flank(path, ray, entry->s)) return {};
+  entry->t = path.instant(entry->t);
+  return {true, entry};
+}
+
+}  // namespace
+
+Move move_after(const CutterMotion& motion, int index) {
+  const int next = std::min<int>(index + 1, int(motion.tip.rows()) - 1);
+  Move move;
+  move.tip = motion.tip.row(index);
+  move.step = motion.tip.row(next).transpose() - move.tip;
+  move.axis = motion.axis.row(index);
+  const Vector3d target = motion.axis.row(next);
+  const Vector3d across = target - target.dot(move.axis) * move.axis;
+  const double sine = across.norm();
+  if (sine < 1e-15) {  // rounding of a direction that stands still
+    move.side = move.axis.unitOrthogonal();
+    return move;
+  }
+  move.side = across / sine;
+  const double cosine = target.dot(move.axis);
+  if (sine < 0.05 && cosine > 0) {  // the series of the arc sine is exact to rounding here
+    const double y = sine * sine;
+    const double more = 3.0 / 40 + y * (15.0 / 336 + y * 105.0 / 3456);
+    move.angle = sine * (1 + y * (1.0 / 6 + y * more));
+  } else {
+    move.angle = std::atan2(sine, cosine);
+  }
+  return move;
+}
+
+std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
+                                 double limit) {
+  if (cutter.corner_radius == cutter.radius) {
+    const Answer answer = ball_entry(cutter, move, ray, limit);
+    if (answer.decided)
+      return answer.entry && answer.entry->s <= limit ? answer.entry : std::nullopt;
+  }
+  const Sample sample = Sweep(cutter, move, ray).first(limit);
+  if (!sample.defined || sample.value > limit) return std::nullopt;
+  return Entry{sample.value, sample.t};
+}
+
+}  // namespace abbe::cutting

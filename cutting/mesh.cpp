@@ -1,0 +1,193 @@
+#include "cutting/mesh.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <map>
+#include <stdexcept>
+#include <unordered_map>
+#include <utility>
+
+namespace abbe::cutting {
+namespace {
+
+using Eigen::Vector3d;
+
+Vector3d cross_of(const Points& vertices, const Triangles& triangles, Eigen::Index t) {
+  const Vector3d a = vertices.row(triangles(t, 0));
+  const Vector3d b = vertices.row(triangles(t, 1));
+  const Vector3d c = vertices.row(triangles(t, 2));
+  return (b - a).cross(c - a);
+}
+
+struct Segment {
+  Vector3d a, b;
+};
+
+double distance(const Vector3d& p, const Segment& s) {
+  const Vector3d d = s.b - s.a;
+  const double length2 = d.squaredNorm();
+  const double u = length2 > 0.0 ? std::clamp((p - s.a).dot(d) / length2, 0.0, 1.0) : 0.0;
+  return (p - s.a - u * d).norm();
+}
+
+/// Edges that have a triangle of the top on one side only.
+std::vector<Segment> rim(const Design& design, const std::vector<char>& is_top) {
+  std::map<std::pair<int, int>, int> sides;
+  for (Eigen::Index t = 0; t < design.triangles.rows(); ++t) {
+    if (!is_top[static_cast<std::size_t>(t)]) continue;
+    for (int k = 0; k < 3; ++k) {
+      const int a = design.triangles(t, k);
+      const int b = design.triangles(t, (k + 1) % 3);
+      ++sides[{std::min(a, b), std::max(a, b)}];
+    }
+  }
+  std::vector<Segment> segments;
+  for (const auto& [edge, count] : sides)
+    if (count == 1)
+      segments.push_back({design.vertices.row(edge.first), design.vertices.row(edge.second)});
+  return segments;
+}
+
+/// Segments by the cells of a cubic grid that they pass, so that only near ones are tried.
+class SegmentGrid {
+ public:
+  SegmentGrid(const std::vector<Segment>& segments, double cell)
+      : segments_(segments), cell_(cell) {
+    for (std::size_t i = 0; i < segments.size(); ++i) {
+      const Segment& s = segments[i];
+      const int steps = static_cast<int>(std::ceil((s.b - s.a).norm() / (0.5 * cell_))) + 1;
+      for (int k = 0; k <= steps; ++k) {
+        auto& list = cells_[cell_of(s.a + (s.b - s.a) * (double(k) / steps))];
+        if (list.empty() || list.back() != i) list.push_back(i);
+      }
+    }
+  }
+
+  // sample points stand at most a quarter cell from any point of a segment, so a segment within one
+  // cell size of p has a sample within 1.25: two cells away at most
+  bool is_within(const Vector3d& p, double radius) const {
+    const Cell c = cell_of(p);
+    for (std::int64_t i = -2; i <= 2; ++i)
+      for (std::int64_t j = -2; j <= 2; ++j)
+        for (std::int64_t k = -2; k <= 2; ++k) {
+          const auto found = cells_.find({c[0] + i, c[1] + j, c[2] + k});
+          if (found == cells_.end()) continue;
+          for (const std::size_t s : found->second)
+            if (distance(p, segments_[s]) < radius) return true;
+        }
+    return false;
+  }
+
+ private:
+  using Cell = std::array<std::int64_t, 3>;
+  struct Hash {
+    std::size_t operator()(const Cell& c) const {
+      std::uint64_t h = 0x9e3779b97f4a7c15ull;
+      for (const std::int64_t v : c)
+        h = (h ^ static_cast<std::uint64_t>(v)) * 0xff51afd7ed558ccdull;
+      return static_cast<std::size_t>(h ^ (h >> 32));
+    }
+  };
+
+  Cell cell_of(const Vector3d& p) const {
+    Cell cell;
+    for (int k = 0; k < 3; ++k)
+      cell[static_cast<std::size_t>(k)] = static_cast<std::int64_t>(std::floor(p[k] / cell_));
+    return cell;
+  }
+
+  const std::vector<Segment>& segments_;
+  double cell_;
+  std::unordered_map<Cell, std::vector<std::size_t>, Hash> cells_;
+};
+
+}  // namespace
+
+Design transformed(const Design& design, const Eigen::Isometry3d& T) {
+  Design moved = design;
+  moved.vertices =
+      (design.vertices * T.linear().transpose()).rowwise() + T.translation().transpose();
+  moved.normals = design.normals * T.linear().transpose();
+  return moved;
+}
+
+Eigen::VectorXd vertex_area(const Points& vertices, const Triangles& triangles) {
+  Eigen::VectorXd area = Eigen::VectorXd::Zero(vertices.rows());
+  for (Eigen::Index t = 0; t < triangles.rows(); ++t) {
+    const double third = cross_of(vertices, triangles, t).norm() / 6.0;
+    for (int k = 0; k < 3; ++k) area[triangles(t, k)] += third;
+  }
+  return area;
+}
+
+Points vertex_normals(const Points& vertices, const Triangles& triangles) {
+  Points normals = Points::Zero(vertices.rows(), 3);
+  for (Eigen::Index t = 0; t < triangles.rows(); ++t) {
+    const Vector3d cross = cross_of(vertices, triangles, t);
+    const double twice_area = cross.norm();
+    if (twice_area == 0.0) continue;
+    for (int k = 0; k < 3; ++k) {
+      const Vector3d p = vertices.row(triangles(t, k));
+      const Vector3d u = vertices.row(triangles(t, (k + 1) % 3)).transpose() - p;
+      const Vector3d v = vertices.row(triangles(t, (k + 2) % 3)).transpose() - p;
+      const double angle = std::atan2(u.cross(v).norm(), u.dot(v));
+      normals.row(triangles(t, k)) += (angle / twice_area) * cross.transpose();
+    }
+  }
+  for (Eigen::Index i = 0; i < normals.rows(); ++i) {
+    const double length = normals.row(i).norm();
+    if (length > 0.0) normals.row(i) /= length;
+  }
+  return normals;
+}
+
+Eigen::VectorXd facet_error(const Points& vertices, const Points& normals,
+                            const Triangles& triangles) {
+  Eigen::VectorXd sag = Eigen::VectorXd::Zero(vertices.rows());
+  for (Eigen::Index t = 0; t < triangles.rows(); ++t)
+    for (int k = 0; k < 3; ++k) {
+      const int a = triangles(t, k);
+      const int b = triangles(t, (k + 1) % 3);
+      const Vector3d na = normals.row(a);
+      const Vector3d nb = normals.row(b);
+      const double angle = std::atan2(na.cross(nb).norm(), na.dot(nb));
+      const double here = (vertices.row(b) - vertices.row(a)).norm() * angle / 8.0;
+      sag[a] = std::max(sag[a], here);
+      sag[b] = std::max(sag[b], here);
+    }
+  return sag;
+}
+
+Design judge_top(const Design& design, const JudgeTopOptions& options) {
+  if (!std::isfinite(options.min_normal_z))
+    throw std::invalid_argument("judge_top: min_normal_z is not finite");
+  if (!std::isfinite(options.margin) || options.margin < 0.0)
+    throw std::invalid_argument("judge_top: the margin must be finite and not negative");
+
+  Design judged = design;
+  judged.judged.resize(static_cast<std::size_t>(design.vertices.rows()), 1);
+  std::vector<char> is_top(static_cast<std::size_t>(design.triangles.rows()), 0);
+  for (Eigen::Index t = 0; t < design.triangles.rows(); ++t) {
+    const Vector3d cross = cross_of(design.vertices, design.triangles, t);
+    const bool top = cross.z() >= options.min_normal_z * cross.norm();
+    is_top[static_cast<std::size_t>(t)] = top;
+    if (!top)
+      for (int k = 0; k < 3; ++k)
+        judged.judged[static_cast<std::size_t>(design.triangles(t, k))] = 0;
+  }
+  const std::vector<Segment> edge = rim(design, is_top);
+  for (const Segment& s : edge)
+    if (!s.a.allFinite() || !s.b.allFinite())
+      throw std::invalid_argument("judge_top: a vertex is not finite");
+  if (options.margin == 0.0 || edge.empty()) return judged;
+  const SegmentGrid near_rim(edge, options.margin);
+  for (Eigen::Index i = 0; i < design.vertices.rows(); ++i) {
+    auto& flag = judged.judged[static_cast<std::size_t>(i)];
+    if (flag && near_rim.is_within(design.vertices.row(i), options.margin)) flag = 0;
+  }
+  return judged;
+}
+
+}  // namespace abbe::cutting

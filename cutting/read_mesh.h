@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+
+#include "cutting/mesh.h"
+#include "kinematics/bad_input.h"
+
+namespace abbe::cutting {
+
+struct ReadMeshOptions {
+  double unit_mm = 1.0;  ///< mm per unit of the file, > 0: 25.4 inch, 1000 metre
+  bool open = false;     ///< a surface with a rim is meant; closed ones pass as well
+  std::int64_t max_triangles = 10'000'000;
+  std::uintmax_t max_bytes = std::uintmax_t{1} << 30;
+  std::optional<Eigen::Vector3d> travel;  ///< mm, extents of the machine's travel: a part more than
+                                          ///< `travel_ratio` times smaller or larger is refused as
+                                          ///< one in another unit. Leave it out where the unit is
+                                          ///< beyond doubt
+  double travel_ratio = 20.0;
+};
+
+/// Design surface from an STL (ascii, binary), PLY (ascii, binary), OBJ or OFF file of triangles,
+/// its kind told by the ending. Coordinates are taken as written (double where the file has the
+/// digits); equal points of an STL are one vertex, unused vertices are dropped, normals in the file
+/// are not believed. The file is checked against its own header and size before anything is stored,
+/// and the mesh is audited: finite, no degenerate triangle (height under 1e-7 of the longest edge),
+/// at most two triangles at an edge and one fan at a vertex, one orientation (found here, and
+/// OpenMesh's half-edges must agree), closed unless `open`, outward (positive volume; a negative
+/// shell only inside a positive one), size against travel. Self-intersection is not looked for.
+/// @throws BadInput with file, line and column where it is text; expected and seen
+/// @throws std::invalid_argument if an option is not positive and finite
+Design read_mesh(const std::filesystem::path& file, const ReadMeshOptions& options = {});
+
+}  // namespace abbe::cutting

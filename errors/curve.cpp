@@ -1,0 +1,346 @@
+#include "errors/curve.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+namespace abbe::errors {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+/// What one curve sees of the state: its own argument and which way that goes.
+struct Seen {
+  double q = 0.0;
+  int direction = 0;
+  int stroke = 0;
+  double per_command = 1.0;  ///< dq / dcommand
+};
+
+Seen seen_by(const Curve& curve, const CurveState& state) {
+  if (curve.argument == Argument::Command)
+    return {state.command, state.direction, state.stroke, 1.0};
+  const int sign = state.primed ? -1 : 1;
+  return {state.carriage, sign * state.direction, state.stroke, double(sign)};
+}
+
+double factor(const Curve& curve) { return curve.negate ? -curve.scale : curve.scale; }
+
+// ---- tables
+
+struct Piece {
+  Index i = 0;     ///< between rows i and i + 1
+  double h = 1.0;  ///< distance of the rows
+  double t = 0.0;  ///< 0 at row i, 1 at row i + 1
+  bool held = false;
+};
+
+[[noreturn]] void refuse_position(const Table& table, double q) {
+  throw std::out_of_range(fmt::format("position {} is outside the table, {} .. {}", q, table.q[0],
+                                      table.q[table.q.size() - 1]));
+}
+
+Index row_before(const VectorXd& q, double x) {
+  const Index last = q.size() - 2;
+  // most tables are evenly spaced: guess, look, and search only where the guess is wrong
+  const double guess = (x - q[0]) / (q[last + 1] - q[0]) * double(last + 1);
+  const Index i = std::clamp<Index>(Index(guess), 0, last);
+  if (q[i] <= x && (i == last || x < q[i + 1])) return i;
+  const Index above = std::upper_bound(q.begin(), q.end(), x) - q.begin();
+  return std::clamp<Index>(above - 1, 0, last);
+}
+
+Piece piece(const Table& table, double q) {
+  const double low = table.q[0];
+  const double high = table.q[table.q.size() - 1];
+  Piece p;
+  if (!(q >= low && q <= high)) {
+    if (table.outside == Outside::Refuse || std::isnan(q)) refuse_position(table, q);
+    p.held = true;
+    q = std::clamp(q, low, high);
+  }
+  p.i = row_before(table.q, q);
+  p.h = table.q[p.i + 1] - table.q[p.i];
+  p.t = (q - table.q[p.i]) / p.h;
+  return p;
+}
+
+double height(const Table& table, double q) {
+  const Piece p = piece(table, q);
+  const double b = p.t;
+  const double a = 1.0 - b;  // a y0 + b y1 is exact at both rows
+  const double line = a * table.value[p.i] + b * table.value[p.i + 1];
+  if (table.between == Between::Linear) return line;
+  return line + ((a * a * a - a) * table.second[p.i] + (b * b * b - b) * table.second[p.i + 1]) *
+                    (p.h * p.h / 6.0);
+}
+
+double rise(const Table& table, double q) {
+  const Piece p = piece(table, q);
+  if (p.held) return 0.0;
+  const double chord = (table.value[p.i + 1] - table.value[p.i]) / p.h;
+  if (table.between == Between::Linear) return chord;
+  const double b = p.t;
+  const double a = 1.0 - b;
+  return chord +
+         ((1.0 - 3.0 * a * a) * table.second[p.i] + (3.0 * b * b - 1.0) * table.second[p.i + 1]) *
+             (p.h / 6.0);
+}
+
+/// Second derivatives of the natural cubic spline: a tridiagonal system, solved row by row.
+VectorXd natural_spline(const VectorXd& q, const VectorXd& y) {
+  const Index n = q.size();
+  VectorXd second = VectorXd::Zero(n);
+  VectorXd upper = VectorXd::Zero(n);
+  for (Index i = 1; i + 1 < n; ++i) {
+    const double before = q[i] - q[i - 1];
+    const double after = q[i + 1] - q[i];
+    const double bend = (y[i + 1] - y[i]) / after - (y[i] - y[i - 1]) / before;
+    const double pivot = 2.0 * (before + after) - before * upper[i - 1];
+    upper[i] = after / pivot;
+    second[i] = (6.0 * bend - before * second[i - 1]) / pivot;
+  }
+  for (Index i = n - 2; i >= 1; --i) second[i] -= upper[i] * second[i + 1];
+  return second;
+}
+
+// ---- shapes
+
+double height(const Constant& shape, const Seen&) { return shape.value; }
+double rise(const Constant&, const Seen&) { return 0.0; }
+
+double height(const Polynomial& shape, const Seen& seen) {
+  const double t = (seen.q - shape.centre) / shape.half_range;
+  double sum = 0.0;
+  for (Index k = shape.c.size() - 1; k >= 0; --k) sum = sum * t + shape.c[k];
+  return sum;
+}
+
+double rise(const Polynomial& shape, const Seen& seen) {
+  const double t = (seen.q - shape.centre) / shape.half_range;
+  double sum = 0.0;
+  for (Index k = shape.c.size() - 1; k >= 1; --k) sum = sum * t + double(k) * shape.c[k];
+  return sum / shape.half_range;
+}
+
+double height(const Legendre& shape, const Seen& seen) {
+  const double t = (seen.q - shape.centre) / shape.half_range;
+  double sum = 0.0;
+  double before = 0.0;  // P_{k-1}
+  double P = 1.0;
+  for (Index k = 0; k < shape.c.size(); ++k) {
+    sum += shape.c[k] * P;
+    const double next = (double(2 * k + 1) * t * P - double(k) * before) / double(k + 1);
+    before = P;
+    P = next;
+  }
+  return sum;
+}
+
+double rise(const Legendre& shape, const Seen& seen) {
+  const double t = (seen.q - shape.centre) / shape.half_range;
+  double sum = 0.0;
+  double before = 0.0;
+  double P = 1.0;
+  double slope_before = 0.0;
+  double slope_P = 0.0;
+  for (Index k = 0; k < shape.c.size(); ++k) {
+    sum += shape.c[k] * slope_P;
+    const double next = (double(2 * k + 1) * t * P - double(k) * before) / double(k + 1);
+    const double slope_next = slope_before + double(2 * k + 1) * P;
+    before = P;
+    P = next;
+    slope_before = slope_P;
+    slope_P = slope_next;
+  }
+  return sum / shape.half_range;
+}
+
+struct Harmonic {
+  double c, s;
+};
+/// Cosine and sine of the next harmonic, without a call for each.
+Harmonic next(const Harmonic& h, const Harmonic& first) {
+  return {h.c * first.c - h.s * first.s, h.s * first.c + h.c * first.s};
+}
+
+double height(const Fourier& shape, const Seen& seen) {
+  const double angle = 2.0 * std::numbers::pi * (seen.q / shape.period);
+  const Harmonic first{std::cos(angle), std::sin(angle)};
+  Harmonic h = first;
+  double sum = 0.0;
+  for (Index k = 0; k < shape.a.size(); ++k, h = next(h, first))
+    sum += shape.a[k] * h.c + shape.b[k] * h.s;
+  return sum;
+}
+
+double rise(const Fourier& shape, const Seen& seen) {
+  const double rate = 2.0 * std::numbers::pi / shape.period;
+  const double angle = 2.0 * std::numbers::pi * (seen.q / shape.period);
+  const Harmonic first{std::cos(angle), std::sin(angle)};
+  Harmonic h = first;
+  double sum = 0.0;
+  for (Index k = 0; k < shape.a.size(); ++k, h = next(h, first))
+    sum += double(k + 1) * rate * (shape.b[k] * h.c - shape.a[k] * h.s);
+  return sum;
+}
+
+double height(const Table& shape, const Seen& seen) { return height(shape, seen.q); }
+double rise(const Table& shape, const Seen& seen) { return rise(shape, seen.q); }
+
+double height(const Backlash& shape, const Seen& seen) { return shape.half * seen.direction; }
+double rise(const Backlash&, const Seen&) { return 0.0; }
+
+double height(const UpDown& shape, const Seen& seen) {
+  if (seen.direction > 0) return height(shape.up, seen.q);
+  if (seen.direction < 0) return height(shape.down, seen.q);
+  return 0.5 * (height(shape.up, seen.q) + height(shape.down, seen.q));
+}
+
+double rise(const UpDown& shape, const Seen& seen) {
+  if (seen.direction > 0) return rise(shape.up, seen.q);
+  if (seen.direction < 0) return rise(shape.down, seen.q);
+  return 0.5 * (rise(shape.up, seen.q) + rise(shape.down, seen.q));
+}
+
+double height(const Repeatability& shape, const Seen& seen) {
+  return shape.sigma * normal_deviate(shape.seed, std::uint32_t(seen.stroke));
+}
+double rise(const Repeatability&, const Seen&) { return 0.0; }
+
+// ---- what a shape must hold
+
+void expect(bool holds, const char* what) {
+  if (!holds) throw std::invalid_argument(fmt::format("expected {}", what));
+}
+
+void check(const Table& table) {
+  expect(table.q.size() >= 2, "a table of at least 2 rows");
+  expect(table.value.size() == table.q.size(), "as many values as positions in a table");
+  for (Index i = 0; i < table.q.size(); ++i) {
+    if (!std::isfinite(table.q[i]) || !std::isfinite(table.value[i]))
+      throw std::invalid_argument(fmt::format("row {}: expected finite numbers, seen {} {}", i + 1,
+                                              table.q[i], table.value[i]));
+    if (i > 0 && !(table.q[i] > table.q[i - 1]))
+      throw std::invalid_argument(fmt::format("row {}: expected a position above {}, seen {}",
+                                              i + 1, table.q[i - 1], table.q[i]));
+  }
+  expect(std::isfinite(table.q[table.q.size() - 1] - table.q[0]), "a table of finite length");
+  if (table.between == Between::Spline) {
+    expect(table.second.size() == table.q.size() && table.second.allFinite(),
+           "the second derivatives of a spline, as make_table leaves them");
+  }
+}
+
+void check_series(const VectorXd& c, double centre, double half_range) {
+  expect(c.allFinite(), "finite coefficients");
+  expect(std::isfinite(centre), "a finite centre");
+  expect(half_range > 0.0 && std::isfinite(half_range), "a half range above 0");
+}
+
+void check(const Constant& shape) { expect(std::isfinite(shape.value), "a finite value"); }
+void check(const Polynomial& shape) { check_series(shape.c, shape.centre, shape.half_range); }
+void check(const Legendre& shape) { check_series(shape.c, shape.centre, shape.half_range); }
+void check(const Fourier& shape) {
+  expect(shape.a.size() == shape.b.size(), "as many sine as cosine coefficients");
+  expect(shape.a.allFinite() && shape.b.allFinite(), "finite coefficients");
+  expect(shape.period > 0.0 && std::isfinite(shape.period), "a period above 0");
+}
+void check(const Backlash& shape) { expect(std::isfinite(shape.half), "a finite half reversal"); }
+void check(const UpDown& shape) {
+  check(shape.up);
+  check(shape.down);
+}
+void check(const Repeatability& shape) {
+  expect(shape.sigma >= 0.0 && std::isfinite(shape.sigma), "a sigma of 0 or more");
+}
+
+// ---- chance
+
+constexpr std::uint64_t golden = 0x9e3779b97f4a7c15u;  // 2^64 / golden ratio, odd
+
+/// Finaliser of SplitMix64 (Steele, Lea, Flood 2014): every bit of x stirs every bit of the result.
+std::uint64_t stirred(std::uint64_t x) {
+  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
+  x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+  return x ^ (x >> 31);
+}
+
+/// Even in [-1, 1), 53 bits.
+double centred_uniform(std::uint64_t bits) { return double(bits >> 11) * 0x1p-52 - 1.0; }
+
+/// log by arithmetic alone, as libraries differ in their last bit. 0 < x; error below 1e-15.
+double plain_log(double x) {
+  int exponent = 0;
+  double m = std::frexp(x, &exponent);
+  if (m < std::numbers::sqrt2 / 2.0) {
+    m *= 2.0;
+    --exponent;
+  }
+  const double s = (m - 1.0) / (m + 1.0);
+  double sum = 0.0;
+  for (int k = 23; k >= 1; k -= 2) sum = sum * (s * s) + 1.0 / k;
+  return 2.0 * s * sum + exponent * std::numbers::ln2;
+}
+
+}  // namespace
+
+double normal_deviate(std::uint64_t seed, std::uint64_t counter) {
+  std::uint64_t bits = stirred(stirred(seed + golden) + golden * counter);
+  for (;;) {  // polar method: a point of the unit disc; 1.27 tries on average
+    const double u = centred_uniform(stirred(bits += golden));
+    const double v = centred_uniform(stirred(bits += golden));
+    const double s = u * u + v * v;
+    if (s > 0.0 && s < 1.0) return u * std::sqrt(-2.0 * plain_log(s) / s);
+  }
+}
+
+double value(const Curve& curve, const CurveState& state) {
+  const Seen seen = seen_by(curve, state);
+  return factor(curve) * std::visit([&](const auto& s) { return height(s, seen); }, curve.shape);
+}
+
+double slope(const Curve& curve, const CurveState& state) {
+  const Seen seen = seen_by(curve, state);
+  return factor(curve) * seen.per_command *
+         std::visit([&](const auto& s) { return rise(s, seen); }, curve.shape);
+}
+
+void validate(const Curve& curve) {
+  expect(std::isfinite(curve.scale), "a finite scale");
+  std::visit([](const auto& s) { check(s); }, curve.shape);
+}
+
+Table make_table(VectorXd q, VectorXd value, Between between, Outside outside) {
+  Table table{std::move(q), std::move(value), Between::Linear, outside, {}};
+  check(table);
+  table.between = between;
+  if (between == Between::Spline) table.second = natural_spline(table.q, table.value);
+  check(table);
+  return table;
+}
+
+Detrended detrend(const Table& table, Detrend how) {
+  const Index last = table.q.size() - 1;
+  Detrended result{table, 0.0, 0.0};
+  if (how == Detrend::Ends) {
+    result.slope = (table.value[last] - table.value[0]) / (table.q[last] - table.q[0]);
+    result.offset = table.value[0] - result.slope * table.q[0];
+  } else {
+    const double q_mean = table.q.mean();
+    const VectorXd dq = table.q.array() - q_mean;
+    result.slope = dq.dot(table.value) / dq.squaredNorm();
+    result.offset = table.value.mean() - result.slope * q_mean;
+  }
+  // a line has no second derivative, so those of a spline stay
+  result.table.value = table.value.array() - (result.offset + result.slope * table.q.array());
+  return result;
+}
+
+bool is_random(const Curve& curve) { return std::holds_alternative<Repeatability>(curve.shape); }
+
+}  // namespace abbe::errors

@@ -1,0 +1,190 @@
+#include "errors/geometric.h"
+
+#include <cassert>
+#include <cmath>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+namespace abbe::errors {
+namespace {
+
+using Eigen::Vector3d;
+using kinematics::AxisState;
+using kinematics::Chain;
+using kinematics::Joint;
+using kinematics::JointDeviation;
+
+[[noreturn]] void refuse(const std::string& who, const std::string& why) {
+  throw std::invalid_argument(who + ": " + why);
+}
+
+int joint_of(char axis, const Chain& chain, const std::string& who) {
+  if (const auto joint = chain.find(axis)) return *joint;
+  if (const auto nose = chain.find('s'); nose && axis == 'S') return *nose;
+  std::string known;
+  for (const Joint& joint : chain.joints())
+    known += std::string(known.empty() ? "" : " ") + joint.name;
+  refuse(who, fmt::format("expected an axis of the machine ({}), seen {}", known, axis));
+}
+
+bool is_along(const ElementName& name, const Joint& joint) {
+  const Vector3d unit = Vector3d::Unit(name.component() % 3);
+  return unit.cross(joint.direction_b).norm() < 1e-9;
+}
+
+void check_location(const ElementName& name, const Joint& joint) {
+  const std::string who = to_string(name);
+  const std::string motion = std::string("E") + name.direction + name.axis;
+  if (name.is_angle() && is_along(name, joint))
+    refuse(who, "an axis has no squareness about itself; a constant " + motion + " moves its zero");
+  if (!name.is_angle() && joint.motion == kinematics::Motion::Linear)
+    refuse(who, "a slide has a direction but no place; write a constant " + motion);
+  if (!name.is_angle() && is_along(name, joint))
+    refuse(who, "a rotation axis has no place along itself; write a constant " + motion);
+}
+
+void check(const Element& element, const Joint& joint) {
+  const std::string who = to_string(element.name);
+  if (element.name.location) {
+    check_location(element.name, joint);
+    for (const Curve& curve : element.curves)
+      if (!std::holds_alternative<Constant>(curve.shape))
+        refuse(who, "a location error is one constant");
+  } else if (element.name.axis == 'S' && element.name.is_angle() && is_along(element.name, joint)) {
+    refuse(who, "a spindle has no element about its own axis");
+  }
+  try {
+    for (const Curve& curve : element.curves) validate(curve);
+  } catch (const std::invalid_argument& fault) {
+    refuse(who, fault.what());
+  }
+}
+
+GeometricModel::Line bound_line(const MeasuringLine& line, const Chain& chain) {
+  const std::string who = std::string("measuring line of ") + line.axis;
+  const int j = joint_of(line.axis, chain, who);
+  const Joint& joint = chain.joints()[std::size_t(j)];
+  if (joint.motion != kinematics::Motion::Linear) refuse(who, "expected a slide");
+  if (!line.at_b.allFinite()) refuse(who, "expected a finite point");
+  const bool primed = joint.side == kinematics::Side::Workpiece;
+  return {j, line.at_b - joint.point_b, joint.direction_b, primed && line.by == MeasuredBy::Tool};
+}
+
+double& slot(std::vector<JointDeviation>& deviations, const GeometricModel::Bound& bound) {
+  JointDeviation& deviation = deviations[std::size_t(bound.joint)];
+  return (bound.location ? deviation.location : deviation.motion)[bound.component];
+}
+
+/// The model with its constant part and its terms made from its elements.
+GeometricModel prepared(GeometricModel model) {
+  model.constant.assign(model.joint_is_primed.size(), JointDeviation{});
+  model.terms.clear();
+  for (std::size_t e = 0; e < model.elements.size(); ++e) {
+    const GeometricModel::Bound& bound = model.elements[e];
+    for (std::size_t c = 0; c < bound.element.curves.size(); ++c) {
+      const Curve& curve = bound.element.curves[c];
+      if (std::holds_alternative<Constant>(curve.shape)) {
+        slot(model.constant, bound) += value(curve, CurveState{});
+      } else {
+        model.terms.push_back({int(e), int(c)});
+      }
+    }
+  }
+  return model;
+}
+
+[[noreturn]] void tell_where(const GeometricModel::Bound& bound, const Curve& curve,
+                             const std::out_of_range& fault) {
+  const std::string part = curve.name.empty() ? "" : " (" + curve.name + ")";
+  throw std::out_of_range(to_string(bound.element.name) + part + ": " + fault.what());
+}
+
+/// d(P) = d(M) - theta x (M - P): the translations as they are at the joint's point P.
+void carry_to_joint(const GeometricModel::Line& line, double travel, JointDeviation& deviation) {
+  Vector3d arm = line.arm_b;
+  if (line.fixed_in_bed) arm -= travel * line.direction_b;  // P travels away from M
+  const Vector3d theta = deviation.motion.tail<3>();
+  deviation.motion.head<3>() -= theta.cross(arm);
+}
+
+}  // namespace
+
+GeometricModel bind(const GeometricErrors& errors, const Chain& chain) {
+  GeometricModel model;
+  for (const Joint& joint : chain.joints())
+    model.joint_is_primed.push_back(joint.side == kinematics::Side::Workpiece);
+  for (const Element& element : errors.elements) {
+    const std::string who = to_string(element.name);
+    const int joint = joint_of(element.name.axis, chain, who);
+    for (const GeometricModel::Bound& other : model.elements)
+      if (other.element.name == element.name) refuse(who, "comes twice");
+    check(element, chain.joints()[std::size_t(joint)]);
+    model.elements.push_back({joint, element.name.component(), element.name.location, element});
+  }
+  for (const MeasuringLine& line : errors.measuring_lines) {
+    model.lines.push_back(bound_line(line, chain));
+    for (std::size_t i = 0; i + 1 < model.lines.size(); ++i)
+      if (model.lines[i].joint == model.lines.back().joint)
+        refuse(std::string("measuring line of ") + line.axis, "comes twice");
+  }
+  return prepared(std::move(model));
+}
+
+CurveState curve_state(const GeometricModel& model, const AxisState& state, int joint) {
+  const bool primed = model.joint_is_primed[std::size_t(joint)] != 0;
+  const auto side = primed ? kinematics::Side::Workpiece : kinematics::Side::Tool;
+  const double command = state.q[joint];
+  return {command, kinematics::carriage_travel(side, command), state.direction[std::size_t(joint)],
+          state.stroke[std::size_t(joint)], primed};
+}
+
+std::vector<JointDeviation> deviations(const GeometricModel& model, const AxisState& state) {
+  assert(std::size_t(state.q.size()) == model.joint_is_primed.size());
+  std::vector<JointDeviation> result = model.constant;
+  int joint = -1;
+  CurveState seen;
+  for (const GeometricModel::Term& term : model.terms) {
+    const GeometricModel::Bound& bound = model.elements[std::size_t(term.element)];
+    const Curve& curve = bound.element.curves[std::size_t(term.curve)];
+    if (bound.joint != joint) {
+      joint = bound.joint;
+      seen = curve_state(model, state, joint);
+    }
+    try {
+      slot(result, bound) += value(curve, seen);
+    } catch (const std::out_of_range& fault) {
+      tell_where(bound, curve, fault);
+    }
+  }
+  for (const GeometricModel::Line& line : model.lines)
+    carry_to_joint(line, curve_state(model, state, line.joint).carriage,
+                   result[std::size_t(line.joint)]);
+  return result;
+}
+
+GeometricModel without_random(const GeometricModel& model) {
+  GeometricModel known = model;
+  for (GeometricModel::Bound& bound : known.elements)
+    std::erase_if(bound.element.curves, is_random);
+  return prepared(std::move(known));
+}
+
+GeometricModel scaled(const GeometricModel& model, double factor) {
+  GeometricModel result = model;
+  for (GeometricModel::Bound& bound : result.elements)
+    for (Curve& curve : bound.element.curves) curve.scale *= factor;
+  return prepared(std::move(result));
+}
+
+SquarenessShare squareness_share(const ElementName& straightness, double slope) {
+  const std::string pair = {straightness.direction, straightness.axis};
+  if (!straightness.location) {
+    if (pair == "XY" || pair == "YX") return {{'C', 'Y', true}, -slope};
+    if (pair == "XZ" || pair == "ZX") return {{'B', 'Z', true}, slope};
+    if (pair == "YZ" || pair == "ZY") return {{'A', 'Z', true}, -slope};
+  }
+  refuse(to_string(straightness), "expected a straightness of X, Y or Z");
+}
+
+}  // namespace abbe::errors

@@ -1,0 +1,282 @@
+#include "kinematics/inverse.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include <Eigen/LU>
+
+#include "kinematics/units.h"
+
+namespace abbe::kinematics {
+namespace {
+
+using Eigen::Vector3d;
+
+// A direction this close to an axis counts as lying on it, one this far outside the reachable ones
+// as reachable. Well above rounding, and two of them stay below the promised 1e-12 rad.
+constexpr double angle_tolerance = 2e-13;  // rad
+// A slide this far beyond its limit is set on the limit; a fifth of the promise.
+constexpr double slide_tolerance = 2e-10;  // mm
+// Near a singular pose, and where two branches meet, rounding moves an axis far more than it moves
+// the direction. A rotary axis this far beyond a limit is set on the limit if the direction allows.
+constexpr double limit_slack = 1e-6;         // rad
+constexpr double direction_allowed = 8e-13;  // rad
+// Sides of the spherical triangle are known to a few ulp of pi.
+constexpr double rounding = 1e-15;  // rad
+// Slides whose directions span less than this volume cannot reach a point in a promised way.
+constexpr double smallest_volume = 1e-9;
+
+// One rotary axis of the nominal chain.
+struct Rotary {
+  int joint;
+  Vector3d direction_b;
+  double kept;  // where it stays while it is free
+};
+
+// One way to give the direction: a position for each rotary axis, empty where the axis is free.
+using Turns = std::array<std::optional<double>, 2>;
+
+double angle_between(const Vector3d& a, const Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
+
+bool parallel(double angle) { return std::min(angle, pi - angle) <= angle_tolerance; }
+
+// Turn about `axis` from one direction to another. Both are projected first: near the axis the
+// cross product of the full vectors would keep nothing but rounding.
+double turn_between(const Vector3d& axis, const Vector3d& from, const Vector3d& to) {
+  const Vector3d f = axis.cross(from);
+  const Vector3d t = axis.cross(to);
+  return std::atan2(axis.dot(f.cross(t)), f.dot(t));
+}
+
+// Corner of a spherical triangle between the sides a and b, opposite to c; empty where the sides
+// make no triangle. By tan^2(corner/2) = sin(s-a) sin(s-b) / (sin s sin(s-c)), s half the sum: the
+// cosine rule loses half of the digits where the triangle collapses, as it does at singular poses.
+std::optional<double> corner(double a, double b, double c) {
+  const double s_a = 0.5 * ((b - a) + c);
+  const double s_b = 0.5 * ((a - b) + c);
+  const double s_c = 0.5 * ((a - c) + b);
+  const double rest = 0.5 * (((pi - a) - b) + (pi - c));  // pi - s
+  if (std::min({s_a, s_b, s_c, rest}) < -0.5 * angle_tolerance) return std::nullopt;
+  const auto sine = [](double x) { return x < rounding ? 0.0 : std::sin(x); };
+  return 2.0 * std::atan2(std::sqrt(sine(s_a) * sine(s_b)), std::sqrt(sine(rest) * sine(s_c)));
+}
+
+// Turn of one axis that brings `tool` to `wanted`: nothing if it cannot, an empty turn if it need
+// not.
+std::optional<std::optional<double>> single_turn(const Vector3d& axis, const Vector3d& tool,
+                                                 const Vector3d& wanted) {
+  const double cone = angle_between(axis, tool);
+  if (std::abs(cone - angle_between(axis, wanted)) > angle_tolerance) return std::nullopt;
+  if (parallel(cone)) return std::optional<double>();
+  return turn_between(axis, tool, wanted);
+}
+
+// R_0 R_1 tool = wanted (Paden and Kahan's second subproblem): R_1 brings the tool to the height of
+// `wanted` above axis 0, R_0 turns it there.
+std::vector<Turns> double_turns(const std::array<Rotary, 2>& axes, const Vector3d& tool,
+                                const Vector3d& wanted) {
+  const Vector3d& outer = axes[0].direction_b;
+  const Vector3d& inner = axes[1].direction_b;
+  const double between = angle_between(outer, inner);
+  const double cone = angle_between(inner, tool);
+  double height = angle_between(outer, wanted);
+
+  if (parallel(cone)) {
+    const auto turn = single_turn(outer, tool, wanted);
+    if (!turn) return {};
+    return {Turns{*turn, std::nullopt}};
+  }
+  if (parallel(between)) {
+    const Vector3d left = Eigen::AngleAxisd(-axes[0].kept, outer) * wanted;
+    const auto turn = single_turn(inner, tool, left);
+    if (!turn) return {};
+    return {Turns{std::nullopt, *turn}};
+  }
+  const bool free = parallel(height);
+  if (free) height = height < 0.5 * pi ? 0.0 : pi;
+  const std::optional<double> opening = corner(between, cone, height);
+  if (!opening) return {};
+
+  const double middle = turn_between(inner, tool, outer);
+  const auto with_inner = [&](double turn) -> Turns {
+    const Vector3d raised = Eigen::AngleAxisd(turn, inner) * tool;
+    if (free) return {std::nullopt, turn};
+    return {turn_between(outer, raised, wanted), turn};
+  };
+  if (*opening == 0.0 || *opening == pi) return {with_inner(middle + *opening)};
+  return {with_inner(middle + *opening), with_inner(middle - *opening)};
+}
+
+std::vector<Turns> turns_to(const std::vector<Rotary>& axes, const Vector3d& tool,
+                            const Vector3d& wanted) {
+  if (axes.size() == 2) return double_turns({axes[0], axes[1]}, tool, wanted);
+  if (axes.size() == 1) {
+    const auto turn = single_turn(axes[0].direction_b, tool, wanted);
+    if (!turn) return {};
+    return {Turns{*turn, std::nullopt}};
+  }
+  if (angle_between(tool, wanted) <= angle_tolerance) return {Turns{}};
+  return {};
+}
+
+// The position whole turns away from `angle` that is nearest to `previous` within limits, if any.
+std::optional<double> unwound(double angle, double previous, const Joint& joint) {
+  constexpr double turn = 2.0 * pi;
+  for (const double slack : {angle_tolerance, limit_slack}) {
+    const double lowest = std::ceil((joint.min - slack - angle) / turn);
+    const double highest = std::floor((joint.max + slack - angle) / turn);
+    if (!(lowest <= highest)) continue;
+    const double turns = std::clamp(std::round((previous - angle) / turn), lowest, highest);
+    return std::clamp(angle + turns * turn, joint.min, joint.max);
+  }
+  return std::nullopt;
+}
+
+// Puts slides that rounding has left just outside on their limits; false if one is really outside.
+bool slides_within_limits(const Chain& chain, AxisVector& q) {
+  for (int i = 0; i < chain.size(); ++i) {
+    const Joint& joint = chain.joints()[std::size_t(i)];
+    if (joint.motion != Motion::Linear) continue;
+    if (!(q[i] >= joint.min - slide_tolerance && q[i] <= joint.max + slide_tolerance)) return false;
+    q[i] = std::clamp(q[i], joint.min, joint.max);
+  }
+  return true;
+}
+
+// Directions of the slides in the workpiece frame, columns in the order of the code; empty if there
+// are not three.
+std::optional<Eigen::Matrix3d> slide_directions(const Chain& chain, const AxisVector& q) {
+  Eigen::Matrix3d directions;
+  int slides = 0;
+  Eigen::Matrix3d R = chain.T_bw_home().linear().transpose();  // of what stands so far, to w
+  for (int i = 0; i < chain.size(); ++i) {
+    const Joint& joint = chain.joints()[std::size_t(i)];
+    if (joint.motion == Motion::Rotary) R = R * Eigen::AngleAxisd(q[i], joint.direction_b);
+    if (joint.motion != Motion::Linear) continue;
+    if (slides == 3) return std::nullopt;
+    directions.col(slides++) = R * joint.direction_b;
+  }
+  if (slides != 3) return std::nullopt;
+  return directions;
+}
+
+std::vector<Rotary> rotary_axes(const Chain& chain, const AxisVector& previous) {
+  std::vector<Rotary> axes;
+  for (int i = 0; i < chain.size(); ++i) {
+    const Joint& joint = chain.joints()[std::size_t(i)];
+    if (joint.motion == Motion::Rotary)
+      axes.push_back({i, joint.direction_b, std::clamp(previous[i], joint.min, joint.max)});
+  }
+  return axes;
+}
+
+void check(const Chain& chain, const TipTarget& target, const AxisVector& previous) {
+  if (previous.size() != chain.size() || !previous.allFinite())
+    throw std::invalid_argument("expected " + std::to_string(chain.size()) +
+                                " finite previous axis positions");
+  if (!target.tip_w.allFinite()) throw std::invalid_argument("expected a finite tip");
+  if (!target.direction_w.allFinite() || target.direction_w.isZero(0.0))
+    throw std::invalid_argument("expected a finite tool direction that is not zero");
+  const auto slides = slide_directions(chain, AxisVector::Zero(chain.size()));
+  if (!slides || std::abs(slides->determinant()) < smallest_volume)
+    throw std::invalid_argument("expected three independent slides");
+}
+
+double rotary_travel(const std::vector<Rotary>& axes, const AxisVector& from,
+                     const AxisVector& to) {
+  double travel = 0.0;
+  for (const Rotary& axis : axes) travel += std::abs(to[axis.joint] - from[axis.joint]);
+  return travel;
+}
+
+// Where the tool points and where it should, bed frame at zero.
+struct Directions {
+  Vector3d tool_b;
+  Vector3d wanted_b;
+};
+
+bool gives_direction(const std::vector<Rotary>& axes, const AxisVector& q, const Directions& d) {
+  Vector3d turned = d.tool_b;
+  for (auto axis = axes.rbegin(); axis != axes.rend(); ++axis)
+    turned = Eigen::AngleAxisd(q[axis->joint], axis->direction_b) * turned;
+  return angle_between(turned, d.wanted_b) <= direction_allowed;
+}
+
+// The rotary positions of one branch, unwound; empty beyond the limits.
+std::optional<AxisVector> with_turns(const Chain& chain, const std::vector<Rotary>& axes,
+                                     const Turns& turns, const AxisVector& previous) {
+  AxisVector q = previous;
+  for (std::size_t k = 0; k < axes.size(); ++k) {
+    const int i = axes[k].joint;
+    const auto position = turns[k] ? unwound(*turns[k], previous[i], chain.joints()[std::size_t(i)])
+                                   : std::optional<double>(axes[k].kept);
+    if (!position) return std::nullopt;
+    q[i] = *position;
+  }
+  return q;
+}
+
+}  // namespace
+
+std::optional<AxisVector> slides_for_tip(const Chain& chain, const AxisVector& q,
+                                         const Eigen::Vector3d& tip_w) {
+  const auto directions = slide_directions(chain, q);
+  if (!directions || !(std::abs(directions->determinant()) >= smallest_volume)) return std::nullopt;
+  const Eigen::Matrix3d solve = directions->inverse();
+  AxisVector result = q;
+  for (int i = 0; i < chain.size(); ++i)
+    if (chain.joints()[std::size_t(i)].motion == Motion::Linear) result[i] = 0.0;
+  for (int pass = 0; pass < 2; ++pass) {  // the second takes out the rounding of the first
+    const Vector3d step = solve * (tip_w - chain.tool_in_workpiece(result).translation());
+    int slide = 0;
+    for (int i = 0; i < chain.size(); ++i)
+      if (chain.joints()[std::size_t(i)].motion == Motion::Linear) result[i] += step[slide++];
+  }
+  if (!result.allFinite()) return std::nullopt;
+  return result;
+}
+
+InverseResult inverse(const Chain& chain, const TipTarget& target, const AxisVector& previous) {
+  check(chain, target, previous);
+  const std::vector<Rotary> axes = rotary_axes(chain, previous);
+  if (axes.size() > 2) throw std::invalid_argument("expected at most two rotary axes");
+
+  const Directions directions{
+      chain.T_bt_home().linear().col(2).normalized(),
+      (chain.T_bw_home().linear() * target.direction_w.stableNormalized()).normalized()};
+  InverseResult result;
+  std::vector<bool> free;
+  for (const Turns& turns : turns_to(axes, directions.tool_b, directions.wanted_b)) {
+    const auto turned = with_turns(chain, axes, turns, previous);
+    if (!turned || !gives_direction(axes, *turned, directions)) {
+      result.reach = Reach::OutOfLimits;
+      continue;
+    }
+    auto q = slides_for_tip(chain, *turned, target.tip_w);
+    if (!q) continue;
+    if (!slides_within_limits(chain, *q)) {
+      result.reach = Reach::OutOfLimits;
+      continue;
+    }
+    result.branches.push_back(*q);
+    free.push_back(std::any_of(turns.begin(), turns.begin() + std::ptrdiff_t(axes.size()),
+                               [](const auto& turn) { return !turn; }));
+  }
+  if (result.branches.empty()) return result;
+  // A tie goes to the first, whatever rounding says.
+  if (result.branches.size() == 2 && rotary_travel(axes, previous, result.branches[1]) <
+                                         rotary_travel(axes, previous, result.branches[0]) - 1e-9) {
+    std::swap(result.branches[0], result.branches[1]);
+    free = {free[1], free[0]};
+  }
+  result.reach = free[0] ? Reach::Singular : Reach::Reached;
+  return result;
+}
+
+}  // namespace abbe::kinematics

@@ -1,0 +1,96 @@
+#include "kinematics/jacobian.h"
+
+#include <vector>
+
+namespace abbe::kinematics {
+namespace {
+
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+
+// The chain from workpiece to tool, cut before and after every joint: T[i] takes the bed frame at
+// zero to the workpiece frame as the joints before i, in the order of the code, have moved it. In
+// that order both sides turn by the command itself, since the workpiece side comes inverted.
+struct Cuts {
+  std::vector<Pose> T;     // (size + 1)
+  Eigen::Vector3d tip_w;
+};
+
+Cuts cuts(const Chain& chain, const AxisVector& q) {
+  Cuts result;
+  result.T.push_back(chain.T_bw_home().inverse());
+  for (int i = 0; i < chain.size(); ++i)
+    result.T.push_back(result.T.back() *
+                       carriage_displacement(chain.joints()[std::size_t(i)], q[i], {}));
+  result.tip_w = result.T.back() * chain.T_bt_home().translation();
+  return result;
+}
+
+// What a small [translation | rotation] at `point_b`, put into the chain at T, does to the tool.
+Matrix6 transport(const Pose& T, const Eigen::Vector3d& point_b, const Eigen::Vector3d& tip_w) {
+  Matrix6 M = Matrix6::Zero();
+  M.topLeftCorner<3, 3>() = T.linear();
+  M.topRightCorner<3, 3>() = -cross_matrix(tip_w - T * point_b) * T.linear();
+  M.bottomRightCorner<3, 3>() = T.linear();
+  return M;
+}
+
+// A displacement stands before the motion of the carriage in its own order, bed outwards, which a
+// chain from workpiece to tool meets reversed and inverted on the workpiece side.
+Matrix6 displaced(const Cuts& cut, const Joint& joint, int i, bool before_motion) {
+  const bool primed = joint.side == Side::Workpiece;
+  const Pose& T = cut.T[std::size_t(before_motion == primed ? i + 1 : i)];
+  return (primed ? -1.0 : 1.0) * transport(T, joint.point_b, cut.tip_w);
+}
+
+// Turns of the direction of travel alone.
+Eigen::Matrix<double, 6, 3> travel_turned(const Cuts& cut, const Joint& joint, int i, double q) {
+  Eigen::Matrix<double, 6, 3> M = Eigen::Matrix<double, 6, 3>::Zero();
+  const Pose& T = cut.T[std::size_t(i)];
+  if (joint.motion == Motion::Linear)
+    M.topRows<3>() = -q * T.linear() * cross_matrix(joint.direction_b);
+  if (joint.motion == Motion::Rotary)  // turn, go round, turn back
+    M = (transport(T, joint.point_b, cut.tip_w) -
+         transport(cut.T[std::size_t(i) + 1], joint.point_b, cut.tip_w))
+            .rightCols<3>();
+  return M;
+}
+
+}  // namespace
+
+Eigen::MatrixXd axis_jacobian(const Chain& chain, const AxisVector& q) {
+  const Cuts cut = cuts(chain, q);
+  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(6, chain.size());
+  for (int i = 0; i < chain.size(); ++i) {
+    const Joint& joint = chain.joints()[std::size_t(i)];
+    const Matrix6 M = transport(cut.T[std::size_t(i)], joint.point_b, cut.tip_w);
+    if (joint.motion == Motion::Linear) J.col(i) = M.leftCols<3>() * joint.direction_b;
+    if (joint.motion == Motion::Rotary) J.col(i) = M.rightCols<3>() * joint.direction_b;
+  }
+  return J;
+}
+
+Eigen::MatrixXd motion_jacobian(const Chain& chain, const AxisVector& q) {
+  const Cuts cut = cuts(chain, q);
+  Eigen::MatrixXd J(6, 6 * chain.size());
+  for (int i = 0; i < chain.size(); ++i) {
+    const Joint& joint = chain.joints()[std::size_t(i)];
+    const bool before =
+        joint.motion == Motion::Rotary && joint.deviation_axes == DeviationAxes::Fixed;
+    J.middleCols<6>(6 * i) = displaced(cut, joint, i, before);
+  }
+  return J;
+}
+
+Eigen::MatrixXd location_jacobian(const Chain& chain, const AxisVector& q) {
+  const Cuts cut = cuts(chain, q);
+  Eigen::MatrixXd J(6, 6 * chain.size());
+  for (int i = 0; i < chain.size(); ++i) {
+    const Joint& joint = chain.joints()[std::size_t(i)];
+    J.middleCols<6>(6 * i) = displaced(cut, joint, i, true);
+    if (joint.squareness == Squareness::Travel)
+      J.middleCols<3>(6 * i + 3) = travel_turned(cut, joint, i, q[i]);
+  }
+  return J;
+}
+
+}  // namespace abbe::kinematics

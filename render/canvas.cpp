@@ -1,0 +1,349 @@
+#include "render/canvas.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <mutex>
+#include <stdexcept>
+#include <utility>
+
+#include <vtkActor.h>
+#include <vtkBrush.h>
+#include <vtkCamera.h>
+#include <vtkCellArray.h>
+#include <vtkContext2D.h>
+#include <vtkContextActor.h>
+#include <vtkContextItem.h>
+#include <vtkContextScene.h>
+#include <vtkDoubleArray.h>
+#include <vtkFloatArray.h>
+#include <vtkGenericOpenGLRenderWindow.h>
+#include <vtkIdTypeArray.h>
+#include <vtkLookupTable.h>
+#include <vtkNew.h>
+#include <vtkObjectFactory.h>
+#include <vtkPNGWriter.h>
+#include <vtkPen.h>
+#include <vtkPointData.h>
+#include <vtkPoints.h>
+#include <vtkPolyData.h>
+#include <vtkPolyDataMapper.h>
+#include <vtkProperty.h>
+#include <vtkRenderer.h>
+#include <vtkSmartPointer.h>
+#include <vtkTextProperty.h>
+#include <vtkTextRenderer.h>
+#include <vtkUnsignedCharArray.h>
+#include <vtkWindowToImageFilter.h>
+
+#include "render/bytes.h"
+#include "render/window.h"
+
+namespace abbe::render {
+namespace {
+
+using Eigen::Vector2d;
+
+constexpr int dots_per_inch = 72;  // a point of the font is then a pixel
+constexpr int samples = 8;         // a pixel
+
+std::recursive_mutex
+    one_canvas_at_a_time;  // VTK's font cache and OpenGL state belong to the whole process
+
+/// Everything flat, painted in the order it was drawn.
+class FlatItem : public vtkContextItem {
+ public:
+  static FlatItem* New();
+  vtkTypeMacro(FlatItem, vtkContextItem)
+
+      bool Paint(vtkContext2D* painter) override {
+    for (const auto& stroke : strokes) stroke(*painter);
+    return true;
+  }
+
+  std::vector<std::function<void(vtkContext2D&)>> strokes;
+};
+vtkStandardNewMacro(FlatItem);
+
+unsigned char byte(double part) {
+  return static_cast<unsigned char>(std::lround(255.0 * std::clamp(part, 0.0, 1.0)));
+}
+
+void apply(const TextStyle& style, vtkTextProperty& property) {
+  property.SetFontFamilyToArial();
+  property.SetFontSize(static_cast<int>(std::lround(style.size_px)));
+  property.SetBold(style.bold);
+  property.SetColor(style.colour.r, style.colour.g, style.colour.b);
+  property.SetOrientation(0.0);
+}
+
+/// Lower left corner of a text of `size` so that the wanted part of it stands at `at`; whole
+/// pixels, lest the letters blur.
+Vector2d corner(const Vector2d& at, const Vector2d& size, const TextStyle& style) {
+  Vector2d shift(style.across * size.x(), style.upward * size.y());
+  if (style.turned_left) shift = {-(style.upward * size.y()), style.across * size.x()};
+  return (at - shift).array().round();
+}
+
+vtkSmartPointer<vtkPolyData> poly_data(const cutting::Points& points) {
+  vtkNew<vtkDoubleArray> coordinates;
+  coordinates->SetNumberOfComponents(3);
+  coordinates->SetNumberOfTuples(points.rows());
+  std::copy(points.data(), points.data() + points.size(), coordinates->GetPointer(0));
+  vtkNew<vtkPoints> vertices;
+  vertices->SetData(coordinates);
+  auto data = vtkSmartPointer<vtkPolyData>::New();
+  data->SetPoints(vertices);
+  return data;
+}
+
+/// Cells of equal size from row-major indices.
+vtkSmartPointer<vtkCellArray> cells(const int* indices, Eigen::Index count, int corners) {
+  vtkNew<vtkIdTypeArray> offsets;
+  vtkNew<vtkIdTypeArray> connectivity;
+  offsets->SetNumberOfValues(count + 1);
+  connectivity->SetNumberOfValues(count * corners);
+  for (Eigen::Index i = 0; i <= count; ++i) offsets->SetValue(i, i * corners);
+  for (Eigen::Index i = 0; i < count * corners; ++i) connectivity->SetValue(i, indices[i]);
+  auto array = vtkSmartPointer<vtkCellArray>::New();
+  array->SetData(offsets, connectivity);
+  return array;
+}
+
+vtkSmartPointer<vtkLookupTable> lookup_table(double range) {
+  constexpr int entries = 1024;
+  auto table = vtkSmartPointer<vtkLookupTable>::New();
+  table->SetNumberOfTableValues(entries);
+  table->SetTableRange(-range, range);
+  const std::vector<Colour> scale = diverging(entries);
+  for (int i = 0; i < entries; ++i) table->SetTableValue(i, scale[i].r, scale[i].g, scale[i].b);
+  const Colour low = colours::beyond_low;
+  const Colour high = colours::beyond_high;
+  table->SetBelowRangeColor(low.r, low.g, low.b, 1.0);
+  table->SetAboveRangeColor(high.r, high.g, high.b, 1.0);
+  table->UseBelowRangeColorOn();
+  table->UseAboveRangeColorOn();
+  return table;
+}
+
+vtkSmartPointer<vtkActor> actor(const Solid& solid) {
+  const auto data = poly_data(solid.points);
+  data->SetPolys(cells(solid.triangles.data(), solid.triangles.rows(), 3));
+  if (solid.normals.rows() > 0) {
+    vtkNew<vtkFloatArray> normals;
+    normals->SetNumberOfComponents(3);
+    normals->SetNumberOfTuples(solid.normals.rows());
+    std::copy(solid.normals.data(), solid.normals.data() + solid.normals.size(),
+              normals->GetPointer(0));
+    data->GetPointData()->SetNormals(normals);
+  }
+  vtkNew<vtkPolyDataMapper> mapper;
+  mapper->SetResolveCoincidentTopologyToPolygonOffset();
+  mapper->SetRelativeCoincidentTopologyPolygonOffsetParameters(1.0, 1.0);
+  mapper->ScalarVisibilityOff();
+  if (solid.values.size() > 0) {
+    vtkNew<vtkDoubleArray> values;
+    values->SetNumberOfValues(solid.values.size());
+    std::copy(solid.values.data(), solid.values.data() + solid.values.size(),
+              values->GetPointer(0));
+    data->GetPointData()->SetScalars(values);
+    mapper->SetLookupTable(lookup_table(solid.range));
+    mapper->UseLookupTableScalarRangeOn();
+    // values are interpolated, not colours: between blue and red lies grey, never purple
+    mapper->InterpolateScalarsBeforeMappingOn();
+    mapper->ScalarVisibilityOn();
+  }
+  mapper->SetInputData(data);
+  auto result = vtkSmartPointer<vtkActor>::New();
+  result->SetMapper(mapper);
+  vtkProperty& look = *result->GetProperty();
+  look.SetColor(solid.colour.r, solid.colour.g, solid.colour.b);
+  look.SetOpacity(solid.opacity);
+  // mostly ambient: shape shows, and colours stay those of the colour bar
+  look.SetAmbient(1.0 - solid.shade);
+  look.SetDiffuse(solid.shade);
+  look.SetSpecular(0.0);
+  if (solid.normals.rows() == 0) look.SetInterpolationToFlat();
+  return result;
+}
+
+vtkSmartPointer<vtkActor> actor(const Wire& wire) {
+  const auto data = poly_data(wire.points);
+  static_assert(sizeof(std::array<int, 2>) == 2 * sizeof(int));
+  const int* indices = wire.segments.empty() ? nullptr : wire.segments.front().data();
+  data->SetLines(cells(indices, static_cast<Eigen::Index>(wire.segments.size()), 2));
+  vtkNew<vtkPolyDataMapper> mapper;
+  mapper->SetInputData(data);
+  mapper->ScalarVisibilityOff();
+  auto result = vtkSmartPointer<vtkActor>::New();
+  result->SetMapper(mapper);
+  result->GetProperty()->SetColor(wire.colour.r, wire.colour.g, wire.colour.b);
+  result->GetProperty()->SetLineWidth(static_cast<float>(wire.width_px));
+  result->GetProperty()->LightingOff();
+  return result;
+}
+
+}  // namespace
+
+struct Canvas::Sheet {
+  std::unique_lock<std::recursive_mutex> alone{one_canvas_at_a_time};
+  HeadlessContext context;
+  int width;
+  int height;
+  vtkNew<vtkGenericOpenGLRenderWindow> window;
+  vtkNew<FlatItem> flat;
+
+  Sheet(int width_px, int height_px);
+  ~Sheet() { window->Finalize(); }
+};
+
+Canvas::Sheet::Sheet(int width_px, int height_px) : width(width_px), height(height_px) {
+  window->SetOwnContext(0);
+  window->SetSize(width, height);
+  window->SetDPI(dots_per_inch);
+  window->SetMultiSamples(samples);
+  window->SetUseOffScreenBuffers(true);
+  window->SetShowWindow(false);
+  window->SetReadyForRendering(true);
+  window->SetSupportsOpenGL(1);
+  window->SetIsDirect(1);
+  window->SetIsCurrent(true);
+  if (!window->InitializeFromCurrentContext()) {
+    throw std::runtime_error("no picture can be drawn: VTK refused the OpenGL context");
+  }
+  window->SetNumberOfLayers(3);
+  vtkNew<vtkRenderer> paper;
+  paper->SetBackground(1.0, 1.0, 1.0);
+  window->AddRenderer(paper);
+
+  vtkNew<vtkRenderer> front;
+  front->SetLayer(2);
+  vtkNew<vtkContextActor> actor;
+  actor->GetScene()->AddItem(flat);
+  actor->GetScene()->SetRenderer(front);
+  front->AddActor(actor);
+  window->AddRenderer(front);
+}
+
+Canvas::Canvas(int width, int height) {
+  const auto possible = [](int size) { return size >= 64 && size <= 16384; };
+  if (!possible(width) || !possible(height)) {
+    throw std::invalid_argument("a picture is 64 to 16384 pixels wide and high");
+  }
+  sheet_ = std::make_unique<Sheet>(width, height);
+}
+
+Canvas::~Canvas() = default;
+
+Vector2d text_size(const std::string& text, const TextStyle& style) {
+  const std::lock_guard<std::recursive_mutex> alone(one_canvas_at_a_time);
+  vtkNew<vtkTextProperty> property;
+  apply(style, *property);
+  int box[4] = {0, -1, 0, -1};
+  vtkTextRenderer::GetInstance()->GetBoundingBox(property, text, box, dots_per_inch);
+  return {box[1] - box[0] + 1.0, box[3] - box[2] + 1.0};
+}
+
+void Canvas::text(const Vector2d& at, const std::string& text, const TextStyle& style) {
+  if (text.empty()) return;
+  const Vector2d position = corner(at, text_size(text, style), style);
+  sheet_->flat->strokes.emplace_back([=](vtkContext2D& painter) {
+    apply(style, *painter.GetTextProp());
+    painter.GetTextProp()->SetOrientation(style.turned_left ? 90.0 : 0.0);
+    painter.GetTextProp()->SetJustificationToLeft();
+    painter.GetTextProp()->SetVerticalJustificationToBottom();
+    painter.DrawString(static_cast<float>(position.x()), static_cast<float>(position.y()), text);
+  });
+}
+
+void Canvas::line(const std::vector<Vector2d>& points, const Colour& colour, double width_px) {
+  // each piece a rectangle of its own, lengthened to close the joints: wide lines of OpenGL differ
+  // between drivers
+  for (std::size_t i = 1; i < points.size(); ++i) {
+    const Vector2d d = points[i] - points[i - 1];
+    if (!(d.norm() > 0.0)) continue;
+    const Vector2d along = d.normalized() * (points.size() > 2 ? 0.3 * width_px : 0.0);
+    const Vector2d across = Vector2d(-d.y(), d.x()).normalized() * (0.5 * width_px);
+    fill({points[i - 1] - along - across, points[i] + along - across, points[i] + along + across,
+          points[i - 1] - along + across},
+         colour);
+  }
+}
+
+void Canvas::fill(const std::vector<Vector2d>& corners, const Colour& colour, double opacity) {
+  std::vector<float> xy;
+  for (const Vector2d& c : corners) {
+    xy.push_back(static_cast<float>(c.x()));
+    xy.push_back(static_cast<float>(c.y()));
+  }
+  sheet_->flat->strokes.emplace_back([=](vtkContext2D& painter) mutable {
+    painter.GetPen()->SetLineType(vtkPen::NO_PEN);
+    painter.GetBrush()->SetColor(byte(colour.r), byte(colour.g), byte(colour.b), byte(opacity));
+    painter.DrawPolygon(xy.data(), static_cast<int>(xy.size() / 2));
+  });
+}
+
+void Canvas::fill(const Rectangle& box, const Colour& colour, double opacity) {
+  fill({{box.x, box.y},
+        {box.x + box.width, box.y},
+        {box.x + box.width, box.y + box.height},
+        {box.x, box.y + box.height}},
+       colour, opacity);
+}
+
+void Canvas::frame(const Rectangle& box, const Colour& colour, double width_px) {
+  const double left = box.x;
+  const double right = box.x + box.width;
+  const double low = box.y;
+  const double high = box.y + box.height;
+  line({{left, low}, {right, low}, {right, high}, {left, high}, {left, low}}, colour, width_px);
+}
+
+void Canvas::scene(const View& view, const std::vector<Solid>& solids,
+                   const std::vector<Wire>& wires) {
+  vtkNew<vtkRenderer> renderer;
+  const Rectangle& area = view.area;
+  renderer->SetViewport(area.x / sheet_->width, area.y / sheet_->height,
+                        (area.x + area.width) / sheet_->width,
+                        (area.y + area.height) / sheet_->height);
+  renderer->SetLayer(1);
+  for (const Solid& solid : solids) renderer->AddActor(actor(solid));
+  // towards the eye, which moves nothing in the picture, so that no surface hides half of a line on
+  // it
+  const Eigen::Vector3d nearer = 2.0 * view.mm_per_px * view.toward;
+  for (const Wire& wire : wires) {
+    const auto lines = actor(wire);
+    lines->SetPosition(nearer.x(), nearer.y(), nearer.z());
+    renderer->AddActor(lines);
+  }
+  vtkCamera& camera = *renderer->GetActiveCamera();
+  const Eigen::Vector3d eye = view.centre + 2.0 * view.depth * view.toward;
+  camera.ParallelProjectionOn();
+  camera.SetFocalPoint(view.centre.data());
+  camera.SetPosition(eye.data());
+  camera.SetViewUp(view.up.data());
+  camera.SetParallelScale(0.5 * view.area.height * view.mm_per_px);
+  camera.SetClippingRange(view.depth, 3.0 * view.depth);
+  sheet_->window->AddRenderer(renderer);
+}
+
+void Canvas::write_png(const std::filesystem::path& path) {
+  sheet_->window->Render();
+  vtkNew<vtkWindowToImageFilter> grab;
+  grab->SetInput(sheet_->window);
+  grab->SetInputBufferTypeToRGB();
+  grab->ReadFrontBufferOff();
+  grab->ShouldRerenderOff();
+  vtkNew<vtkPNGWriter> writer;
+  writer->SetInputConnection(grab->GetOutputPort());
+  writer->WriteToMemoryOn();
+  writer->Write();
+  vtkUnsignedCharArray* png = writer->GetResult();
+  if (png == nullptr || png->GetNumberOfValues() == 0) {
+    throw std::runtime_error(path.string() + ": the picture could not be encoded");
+  }
+  write_bytes(path, {reinterpret_cast<const char*>(png->GetPointer(0)),
+                     static_cast<std::size_t>(png->GetNumberOfValues())});
+}
+
+}  // namespace abbe::render

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "cutting/mesh.h"
+#include "render/colour.h"
+#include "render/view.h"
+
+namespace abbe::render {
+
+struct TextStyle {
+  double size_px = 24.0;  ///< height of the font's em
+  bool bold = false;
+  Colour colour = colours::ink;
+  double across = 0.0;       ///< which part of the text stands at the point: 0 left, 0.5, 1 right
+  double upward = 0.0;       ///< 0 its lower edge, 0.5, 1 its upper edge
+  bool turned_left = false;  ///< reads upwards; across and upward turn with it
+};
+
+/// Width and height in pixels that a text takes, before it is turned.
+Eigen::Vector2d text_size(const std::string& text, const TextStyle& style);
+
+/// Triangles in space, coloured by one value a vertex, or all alike where there are no values.
+struct Solid {
+  cutting::Points points;
+  cutting::Points normals;  ///< (n x 3) unit; empty: the triangles look flat
+  cutting::Triangles triangles;
+  Eigen::VectorXd values;  ///< (n) or empty
+  double range = 1.0;  ///< values -range .. +range span the diverging scale; beyond is told apart
+  Colour colour = colours::uncut;
+  double opacity = 1.0;
+  double shade = 0.18;  ///< how much darker a face is that looks aside, 0 .. 1
+};
+
+/// Lines in space.
+struct Wire {
+  cutting::Points points;
+  std::vector<std::array<int, 2>> segments;  ///< rows of `points`
+  Colour colour = colours::ink;
+  double width_px = 1.5;
+};
+
+/// One picture in the making, white, pixels counted from the lower left corner; what is drawn later
+/// stands in front, solids and wires behind everything flat. The same calls give the same bytes.
+/// Only one canvas lives at a time: a second one waits for the first, so do not nest them.
+class Canvas {
+ public:
+  /// @throws std::invalid_argument unless both sizes are in 64 .. 16384
+  /// @throws std::runtime_error if there is no software or hardware OpenGL to draw with
+  Canvas(int width, int height);
+  ~Canvas();
+  Canvas(const Canvas&) = delete;
+  Canvas& operator=(const Canvas&) = delete;
+
+  void text(const Eigen::Vector2d& at, const std::string& text, const TextStyle& style);
+  void line(const std::vector<Eigen::Vector2d>& points, const Colour& colour, double width_px);
+  /// A convex polygon.
+  void fill(const std::vector<Eigen::Vector2d>& corners, const Colour& colour,
+            double opacity = 1.0);
+  void fill(const Rectangle& box, const Colour& colour, double opacity = 1.0);
+  void frame(const Rectangle& box, const Colour& colour, double width_px);
+  /// Solids and wires seen in `view`, within its rectangle.
+  void scene(const View& view, const std::vector<Solid>& solids, const std::vector<Wire>& wires);
+
+  /// @throws std::system_error with the path if the file cannot be written
+  void write_png(const std::filesystem::path& path);
+
+ private:
+  struct Sheet;
+  std::unique_ptr<Sheet> sheet_;
+};
+
+}  // namespace abbe::render

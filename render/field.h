@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "cutting/mesh.h"
+#include "cutting/surface.h"
+
+/// Pictures of results and the files that ParaView opens, made without a display. VTK stays in the
+/// .cpp files.
+namespace abbe::render {
+
+/// A residual told in micrometres on the vertices of its design.
+struct Field {
+  cutting::Design design;        ///< mm; a field that was read has no normals and no facet error
+  Eigen::VectorXd deviation_um;  ///< (n) + material left, - gouged; NaN where not cut
+  std::vector<std::uint8_t> status;  ///< (n) 0 cut, 1 uncut, 2 outside the judged region
+  Eigen::VectorXd cut_time_s;        ///< (n) NaN where not cut
+  std::vector<int> cut_line;         ///< (n) program line; 0 where not cut
+};
+
+/// @throws std::invalid_argument if the sizes do not fit
+Field field(const cutting::Design& design, const cutting::Surface& surface);
+
+/// Writes `residual.vtp`: VTK XML PolyData, little endian, appended base64 without compression; the
+/// design mesh in mm (float64) with point data `deviation_um` (float64, NaN where uncut), `status`
+/// (uint8), `cut_time_s` (float64), `cut_line` (int32). The same field gives the same bytes.
+/// @throws std::invalid_argument if the sizes do not fit
+/// @throws std::system_error with the path if the file cannot be written
+void write_residual(const std::filesystem::path& path, const Field& field);
+void write_residual(const std::filesystem::path& path, const cutting::Design& design,
+                    const cutting::Surface& surface);
+
+/// Reads what `write_residual` wrote, bit for bit; vertex areas are made anew from the triangles.
+/// Memory stays within a few times the file's size whatever the file claims.
+/// @throws BadInput for anything else: not there, truncated, another layout, arrays missing or of
+///         another type or length, vertices not finite, indices out of range, a status beyond 2, a
+///         deviation that is not finite where the status is 0 or a number where it is 1
+Field read_residual(const std::filesystem::path& path);
+
+}  // namespace abbe::render

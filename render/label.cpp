@@ -1,0 +1,60 @@
+#include "render/label.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+namespace abbe::render {
+
+std::string fixed(double value, int decimals) {
+  std::string text = fmt::format("{:.{}f}", std::abs(value), decimals);
+  const bool zero = text.find_first_not_of("0.") == std::string::npos;
+  return value < 0.0 && !zero ? "−" + text : text;
+}
+
+std::string signed_fixed(double value, int decimals) {
+  std::string text = fixed(value, decimals);
+  const bool zero = text.find_first_not_of("0.") == std::string::npos;
+  return value > 0.0 && !zero ? "+" + text : text;
+}
+
+int figure_decimals(double value) {
+  if (value == 0.0 || !std::isfinite(value)) return 0;
+  return std::clamp(2 - static_cast<int>(std::floor(std::log10(std::abs(value)))), 0, 6);
+}
+
+std::string figure(double value) {
+  return std::isfinite(value) ? fixed(value, figure_decimals(value)) : "–";
+}
+
+int round_decimals(double value) {
+  return std::max(0, -static_cast<int>(std::floor(std::log10(value) + 1e-9)));
+}
+
+double round_up_125(double value) {
+  if (!(value > 0.0)) return 0.0;
+  const double decade = std::pow(10.0, std::floor(std::log10(value)));
+  for (const double step : {1.0, 2.0, 5.0}) {
+    if (step * decade >= value * (1.0 - 1e-12)) return step * decade;
+  }
+  return 10.0 * decade;
+}
+
+Ticks round_ticks(double lower, double upper, int wanted) {
+  Ticks ticks;
+  const double span = upper - lower;
+  if (!(span > 0.0) || !std::isfinite(span) || wanted < 1) return ticks;
+  const double step = round_up_125(span / wanted * 0.999);
+  ticks.decimals = round_decimals(step);
+  const auto first = static_cast<long long>(std::ceil(lower / step - 1e-9));
+  const auto last = static_cast<long long>(std::floor(upper / step + 1e-9));
+  for (long long i = first; i <= last; ++i) ticks.values.push_back(static_cast<double>(i) * step);
+  return ticks;
+}
+
+LengthUnit unit_for(double largest_um) {
+  return largest_um < 0.1 ? LengthUnit{"nm", 1000.0} : LengthUnit{};
+}
+
+}  // namespace abbe::render

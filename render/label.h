@@ -1,0 +1,41 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+/// Numbers as a reader wants them: a true minus sign, round ticks, a unit that fits.
+namespace abbe::render {
+
+/// "−1.50"; a value that rounds to zero has no sign.
+std::string fixed(double value, int decimals);
+
+/// "+1.5", "−1.5", "0.0"
+std::string signed_fixed(double value, int decimals);
+
+/// Three significant digits without exponent as far as a picture needs them: "0.0123", "12.3",
+/// "1230"; an en dash where the value is not finite.
+std::string figure(double value);
+int figure_decimals(double value);
+
+/// Decimals that a round number 1, 2 or 5 x 10^k needs.
+int round_decimals(double value);
+
+/// Smallest of 1, 2, 5 x 10^k that is at least `value`; 0 for 0.
+double round_up_125(double value);
+
+/// Multiples of a 1-2-5 step within [lower, upper], about `wanted` of them.
+struct Ticks {
+  std::vector<double> values;
+  int decimals = 0;
+};
+Ticks round_ticks(double lower, double upper, int wanted);
+
+/// The unit in which lengths of a picture are told.
+struct LengthUnit {
+  const char* name = "µm";
+  double per_um = 1.0;
+};
+/// Nanometres where everything shown is below 0.1 µm.
+LengthUnit unit_for(double largest_um);
+
+}  // namespace abbe::render

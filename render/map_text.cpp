@@ -1,0 +1,58 @@
+#include "render/map_text.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "render/label.h"
+#include "render/layout.h"
+
+namespace abbe::render {
+
+std::string figures_text(const Figures& figures, Mean mean) {
+  const LengthUnit unit = unit_for(std::isfinite(figures.pv_um) ? figures.pv_um : 0.0);
+  std::vector<std::string> parts;
+  const auto add = [&](const char* name, double um, int decimals) {
+    parts.push_back(fmt::format("{} {} {}", name, fixed(um * unit.per_um, decimals), unit.name));
+  };
+  const int rms_decimals = figure_decimals(figures.rms_um * unit.per_um);
+  if (std::isfinite(figures.pv_um)) {
+    add("PV", figures.pv_um, figure_decimals(figures.pv_um * unit.per_um));
+  }
+  if (std::isfinite(figures.rms_um)) add("RMS", figures.rms_um, rms_decimals);
+  if (std::isfinite(figures.mean_um) && mean == Mean::Told) {
+    // no more digits than the RMS has: a mean near zero is rounding
+    parts.push_back(fmt::format(
+        "mean {} {}", signed_fixed(figures.mean_um * unit.per_um, rms_decimals), unit.name));
+  }
+  return parts.empty() ? "nothing was cut" : fmt::format("{}", fmt::join(parts, "    "));
+}
+
+std::string beyond_text(const Tally& counts, double range_um) {
+  if (counts.beyond == 0) return {};
+  const LengthUnit unit = unit_for(range_um);
+  const double percent =
+      100.0 * static_cast<double>(counts.beyond) / static_cast<double>(counts.cut);
+  return fmt::format("{} % of the cut vertices lie beyond the scale; values from {} to {} {}",
+                     percent < 0.01 ? "less than 0.01" : figure(percent),
+                     figure(counts.lowest_um * unit.per_um),
+                     figure(counts.highest_um * unit.per_um), unit.name);
+}
+
+std::vector<std::string> map_text(const MapPicture& picture, const Tally& counts, double range_um,
+                                  const std::string& view) {
+  std::vector<std::string> lines{sign_convention};
+  std::string numbers =
+      fmt::format("{} vertices, {} uncut", grouped(counts.cut + counts.uncut + counts.outside),
+                  grouped(counts.uncut));
+  if (counts.outside > 0) numbers += fmt::format(", {} outside", grouped(counts.outside));
+  lines.push_back(fmt::format("datum {}  ·  alignment {}  ·  view {}  ·  {}", picture.datum,
+                              picture.alignment, view, numbers));
+  if (const std::string beyond = beyond_text(counts, range_um); !beyond.empty()) {
+    lines.push_back(beyond);
+  }
+  lines.insert(lines.end(), picture.caption.begin(), picture.caption.end());
+  return lines;
+}
+
+}  // namespace abbe::render

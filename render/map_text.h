@@ -1,0 +1,27 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "render/map.h"
+#include "render/surface_scene.h"
+
+/// What is said in words with a map.
+namespace abbe::render {
+
+inline constexpr const char* sign_convention =
+    "+ material left, − gouged; along the outward design normal";
+
+/// "PV 12.3 µm   RMS 2.34 µm   mean +0.12 µm", in nm where all of it is below 0.1 µm; what is NaN
+/// is left out.
+enum class Mean { Told, LeftOut };
+std::string figures_text(const Figures& figures, Mean mean = Mean::Told);
+
+/// "0.31 % of the cut vertices lie beyond the scale, from −31.2 to +40.0 µm"; empty if none does.
+std::string beyond_text(const Tally& counts, double range_um);
+
+/// The lines below a map.
+std::vector<std::string> map_text(const MapPicture& picture, const Tally& counts, double range_um,
+                                  const std::string& view);
+
+}  // namespace abbe::render

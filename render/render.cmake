@@ -1,0 +1,19 @@
+# Pictures through VTK, without a display. Included by the top file where ABBE_RENDER is ON; the
+# definition ABBE_RENDER=1 reaches whoever links abbe::render, so `#if ABBE_RENDER` guards its use.
+find_package(VTK 9 REQUIRED COMPONENTS CommonCore CommonDataModel IOImage IOXML RenderingContext2D
+             RenderingContextOpenGL2 RenderingCore RenderingFreeType RenderingOpenGL2)
+find_package(OpenGL REQUIRED COMPONENTS EGL)
+
+abbe_module(render DEPENDS abbe::cutting PRIVATE ${VTK_LIBRARIES} OpenGL::EGL fmt::fmt)
+get_target_property(abbe_render_sources abbe_render SOURCES)
+list(FILTER abbe_render_sources EXCLUDE REGEX "/glew_init\\.cpp$")
+set_property(TARGET abbe_render PROPERTY SOURCES ${abbe_render_sources})
+target_compile_definitions(abbe_render PUBLIC ABBE_RENDER=1)
+vtk_module_autoinit(TARGETS abbe_render MODULES ${VTK_LIBRARIES})
+
+# An object, not a member of the archive: it must be in the executable itself to stand before the
+# library's own glewInit.
+add_library(abbe_glew_init OBJECT ${CMAKE_CURRENT_LIST_DIR}/glew_init.cpp)
+target_link_libraries(abbe_glew_init PRIVATE abbe_flags)
+target_sources(abbe_render INTERFACE $<TARGET_OBJECTS:abbe_glew_init>)
+target_link_libraries(abbe_render INTERFACE ${CMAKE_DL_LIBS})

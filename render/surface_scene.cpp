@@ -1,0 +1,170 @@
+#include "render/surface_scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include <Eigen/Geometry>
+
+#include "render/label.h"
+
+namespace abbe::render {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr std::uint8_t status_cut = static_cast<std::uint8_t>(cutting::VertexStatus::Cut);
+constexpr std::uint8_t status_uncut = static_cast<std::uint8_t>(cutting::VertexStatus::Uncut);
+
+/// Unit normals of the vertices, those of the design or the mean of the triangles around.
+cutting::Points normals(const cutting::Design& design) {
+  if (design.normals.rows() == design.vertices.rows()) return design.normals;
+  cutting::Points sum = cutting::Points::Zero(design.vertices.rows(), 3);
+  for (const auto& t : design.triangles.rowwise()) {
+    const Vector3d a = design.vertices.row(t[0]);
+    const Vector3d b = design.vertices.row(t[1]);
+    const Vector3d c = design.vertices.row(t[2]);
+    const Vector3d twice_area = (b - a).cross(c - a);
+    for (const int corner : t) sum.row(corner) += twice_area.transpose();
+  }
+  for (auto row : sum.rowwise()) {
+    const double length = row.norm();
+    row = length > 0.0 ? Eigen::RowVector3d(row / length) : Eigen::RowVector3d(0.0, 0.0, 1.0);
+  }
+  return sum;
+}
+
+/// Edges that belong to one triangle only.
+Wire rims(const cutting::Points& points, const cutting::Triangles& triangles) {
+  std::vector<std::array<int, 2>> edges;
+  edges.reserve(3 * triangles.rows());
+  for (const auto& t : triangles.rowwise()) {
+    for (int i = 0; i < 3; ++i) {
+      const int a = t[i];
+      const int b = t[(i + 1) % 3];
+      edges.push_back({std::min(a, b), std::max(a, b)});
+    }
+  }
+  std::sort(edges.begin(), edges.end());
+  std::vector<int> ends;
+  for (std::size_t i = 0; i < edges.size();) {
+    std::size_t next = i + 1;
+    while (next < edges.size() && edges[next] == edges[i]) ++next;
+    if (next == i + 1) ends.insert(ends.end(), edges[i].begin(), edges[i].end());
+    i = next;
+  }
+  Wire wire{points(ends, Eigen::all), {}, {0.3, 0.31, 0.33}, 2.0};
+  for (int i = 0; i < static_cast<int>(ends.size()); i += 2) wire.segments.push_back({i, i + 1});
+  return wire;
+}
+
+/// Which look a triangle has: 0 by deviation, 1 uncut, 2 outside.
+std::size_t look(const Field& field, const Eigen::RowVector3i& t) {
+  std::size_t worst = 0;
+  for (const int corner : t) {
+    if (field.status[corner] == status_uncut) return 1;
+    if (field.status[corner] != status_cut) worst = 2;
+  }
+  return worst;
+}
+
+void require(bool good, const char* what) {
+  if (!good) throw std::invalid_argument(std::string("map: ") + what);
+}
+
+}  // namespace
+
+void check(const Field& field) {
+  const Eigen::Index n = field.design.vertices.rows();
+  require(field.deviation_um.size() == n, "one deviation a vertex is needed");
+  require(field.status.size() == static_cast<std::size_t>(n), "one status a vertex is needed");
+  require(field.design.vertices.allFinite(), "vertices must be finite");
+  require(field.design.triangles.size() == 0 ||
+              (field.design.triangles.minCoeff() >= 0 && field.design.triangles.maxCoeff() < n),
+          "a triangle names a vertex that is not there");
+  for (Eigen::Index i = 0; i < n; ++i) {
+    require(field.status[i] != status_cut || std::isfinite(field.deviation_um[i]),
+            "a cut vertex has a finite deviation");
+  }
+}
+
+SurfaceScene surface_scene(const Field& field, double range_um) {
+  std::array<std::vector<int>, 3> corners;
+  for (const auto& t : field.design.triangles.rowwise()) {
+    auto& list = corners[look(field, t)];
+    list.insert(list.end(), t.begin(), t.end());
+  }
+  SurfaceScene scene;
+  constexpr std::array<Colour, 3> colour{colours::white, colours::uncut, colours::outside};
+  const cutting::Points unit_normals = normals(field.design);
+  for (std::size_t kind = 0; kind < corners.size(); ++kind) {
+    if (corners[kind].empty()) continue;
+    Solid solid;
+    solid.points = field.design.vertices;
+    solid.normals = unit_normals;
+    solid.triangles = Eigen::Map<const cutting::Triangles>(
+        corners[kind].data(), static_cast<Eigen::Index>(corners[kind].size() / 3), 3);
+    solid.colour = colour[kind];
+    if (kind == 0) {
+      solid.range = range_um;
+      solid.values = field.deviation_um.array().isFinite().select(field.deviation_um, 0.0);
+    }
+    scene.solids.push_back(std::move(solid));
+  }
+  scene.wires.push_back(rims(field.design.vertices, field.design.triangles));
+  return scene;
+}
+
+Tally tally(const Field& field, double range_um) {
+  Tally result;
+  for (Eigen::Index i = 0; i < field.deviation_um.size(); ++i) {
+    if (field.status[i] == status_uncut) ++result.uncut;
+    if (field.status[i] > status_uncut) ++result.outside;
+    if (field.status[i] != status_cut) continue;
+    const double d = field.deviation_um[i];
+    result.lowest_um = result.cut == 0 ? d : std::min(result.lowest_um, d);
+    result.highest_um = result.cut == 0 ? d : std::max(result.highest_um, d);
+    ++result.cut;
+    if (std::abs(d) > range_um) ++result.beyond;
+  }
+  return result;
+}
+
+void colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar,
+                const TextStyle& style) {
+  const double bottom = std::round(box.y);
+  const double rows = std::round(box.height);
+  const std::vector<Colour> scale = diverging(static_cast<int>(rows));
+  for (std::size_t i = 0; i < scale.size(); ++i) {
+    canvas.fill({box.x, bottom + static_cast<double>(i), box.width, 1.0}, scale[i]);
+  }
+  const double top = bottom + rows;
+  const double middle = box.x + 0.5 * box.width;
+  const double arrow = 0.8 * box.width;
+  if (bar.high_end) {
+    canvas.fill({{box.x, top}, {box.x + box.width, top}, {middle, top + arrow}},
+                colours::beyond_high);
+  }
+  if (bar.low_end) {
+    canvas.fill({{box.x, bottom}, {middle, bottom - arrow}, {box.x + box.width, bottom}},
+                colours::beyond_low);
+  }
+  const LengthUnit unit = unit_for(bar.range_um);
+  const double range = bar.range_um * unit.per_um;
+  TextStyle label = style;
+  label.across = 0.0;
+  label.upward = 0.5;
+  const Ticks ticks = round_ticks(-range, range, 11);
+  const double right = box.x + box.width;
+  for (const double value : ticks.values) {
+    const double y = bottom + 0.5 * rows * (1.0 + value / range);
+    canvas.line({{right, y}, {right + 0.35 * style.size_px, y}}, style.colour, 2.0);
+    canvas.text({right + 0.65 * style.size_px, y}, signed_fixed(value, ticks.decimals), label);
+  }
+  TextStyle head = style;
+  head.bold = true;
+  canvas.text({box.x, top + arrow + 0.5 * style.size_px}, unit.name, head);
+}
+
+}  // namespace abbe::render

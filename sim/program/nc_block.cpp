@@ -1,0 +1,199 @@
+#include "sim/program/nc_block.h"
+
+#include <charconv>
+#include <cmath>
+#include <utility>
+
+#include "kinematics/bad_input.h"
+#include "sim/program/text.h"
+
+namespace abbe::sim::program {
+namespace {
+
+constexpr double largest_number = 1e9;
+constexpr std::size_t most_codes = 16;
+
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+bool is_blank(char c) { return c == ' ' || c == '\t'; }
+char upper(char c) { return c >= 'a' && c <= 'z' ? char(c - 'a' + 'A') : c; }
+
+class Scanner {
+ public:
+  Scanner(std::string_view text, const NcPlace& place) : text_(text), place_(place) {}
+
+  void fill(NcBlock& block);
+
+ private:
+  bool at_end() const { return i_ >= text_.size(); }
+  char here() const { return text_[i_]; }
+  void skip_blanks();
+  void skip_blanks_and_comments();
+  void skip_comment();
+  NcWord word();
+  double number(std::size_t letter_at);
+  void put(NcBlock& block, const NcWord& word);
+  void refuse_no_word() const;
+  std::string_view cell(std::size_t from) const;
+
+  [[noreturn]] void refuse(std::size_t at, std::string expected, std::string seen) const {
+    throw BadInput(place_.file, place_.line, int(at) + 1, std::move(expected), std::move(seen));
+  }
+
+  std::string_view text_;
+  const NcPlace& place_;
+  std::size_t i_ = 0;
+};
+
+/// The text from there to the next blank, for messages.
+std::string_view Scanner::cell(std::size_t from) const {
+  std::size_t end = from;
+  while (end < text_.size() && !is_blank(text_[end]) && text_[end] != '(' && text_[end] != ';')
+    ++end;
+  return text_.substr(from, end - from);
+}
+
+void Scanner::skip_blanks() {
+  while (!at_end() && is_blank(here())) ++i_;
+}
+
+void Scanner::skip_comment() {
+  const std::size_t open = i_;
+  for (++i_; !at_end(); ++i_) {
+    if (here() == ')') {
+      ++i_;
+      return;
+    }
+    if (here() == '(') refuse(i_, ") before another ( in a comment", "(");
+  }
+  refuse(open, ") that ends the comment on its line", "none");
+}
+
+void Scanner::skip_blanks_and_comments() {
+  for (skip_blanks(); !at_end(); skip_blanks()) {
+    if (here() == '(')
+      skip_comment();
+    else if (here() == ';')
+      i_ = text_.size();
+    else
+      return;
+  }
+}
+
+double Scanner::number(std::size_t letter_at) {
+  const std::size_t from = i_;
+  bool negative = false;
+  if (!at_end() && (here() == '+' || here() == '-')) negative = text_[i_++] == '-';
+  const std::size_t digits = i_;
+  int n_digits = 0, n_points = 0;
+  for (; !at_end() && (is_digit(here()) || here() == '.'); ++i_)
+    ++(here() == '.' ? n_points : n_digits);
+  const std::string letter(1, upper(text_[letter_at]));
+  if (!at_end() && (here() == '#' || here() == '['))
+    refuse(i_, "a plain number after " + letter,
+           here() == '#' ? "a parameter (#)" : "an expression ([)");
+  if (n_digits == 0 || n_points > 1)
+    refuse(letter_at, "a number after " + letter,
+           from == text_.size() ? "the end of the line" : shown(cell(letter_at)));
+  if (!at_end() && upper(here()) == 'E' && i_ + 1 < text_.size() &&
+      (is_digit(text_[i_ + 1]) || text_[i_ + 1] == '+' || text_[i_ + 1] == '-'))
+    refuse(letter_at, "a number without exponent", shown(cell(letter_at)));
+  double value = 0.0;
+  const auto read =
+      std::from_chars(text_.data() + digits, text_.data() + i_, value, std::chars_format::fixed);
+  if (read.ec != std::errc() || read.ptr != text_.data() + i_ || !(value <= largest_number))
+    refuse(letter_at, "a number of at most 1e9", shown(cell(letter_at)));
+  return negative ? -value : value;
+}
+
+void Scanner::refuse_no_word() const {
+  const char c = here();
+  const std::string expected = "a word (letter and number)";
+  if (c == '#') refuse(i_, expected, "a parameter (#)");
+  if (c == '[' || c == ']') refuse(i_, expected, "an expression ([)");
+  if (c == '\0') refuse(i_, "text", "a NUL byte");
+  if (c == ')') refuse(i_, expected, ") without (");
+  refuse(i_, expected, shown(cell(i_)));
+}
+
+NcWord Scanner::word() {
+  const std::size_t at = i_;
+  const char letter = upper(here());
+  if (letter < 'A' || letter > 'Z') refuse_no_word();
+  if (letter == 'O') refuse(at, "a word of this control", "O word " + shown(cell(at)));
+  ++i_;
+  skip_blanks();
+  NcWord word;
+  word.value = number(at);
+  word.column = int(at) + 1;
+  word.text = text_.substr(at, i_ - at);
+  return word;
+}
+
+void Scanner::put(NcBlock& block, const NcWord& word) {
+  const char letter = upper(word.text.front());
+  if (letter == 'G' || letter == 'M') {
+    std::vector<NcWord>& codes = letter == 'G' ? block.g : block.m;
+    if (codes.size() == most_codes)
+      refuse(std::size_t(word.column - 1),
+             std::string("at most 16 words ") + letter + " in a block", shown(word.text));
+    codes.push_back(word);
+  } else {
+    NcWord& place = block.words[std::size_t(letter - 'A')];
+    if (place)
+      refuse(std::size_t(word.column - 1), std::string("one ") + letter + " in a block",
+             shown(word.text) + " after " + shown(place.text));
+    place = word;
+  }
+}
+
+void Scanner::fill(NcBlock& block) {
+  skip_blanks();
+  if (!at_end() && here() == '%') {
+    ++i_;
+    skip_blanks_and_comments();
+    if (!at_end()) refuse(i_, "nothing after %", shown(cell(i_)));
+    block.percent = true;
+    return;
+  }
+  if (!at_end() && here() == '/') {
+    ++i_;
+    block.deleted = true;
+  }
+  skip_blanks_and_comments();
+  bool first = true;
+  for (; !at_end(); skip_blanks_and_comments()) {
+    const NcWord word = this->word();
+    if (upper(word.text.front()) == 'N') {
+      if (!first)
+        refuse(std::size_t(word.column - 1), "a line number first in its block", shown(word.text));
+      if (word.value < 0 || word.value != std::floor(word.value))
+        refuse(std::size_t(word.column - 1), "a whole line number", shown(word.text));
+    }
+    put(block, word);
+    first = false;
+  }
+}
+
+}  // namespace
+
+bool NcBlock::empty() const {
+  if (!g.empty() || !m.empty()) return false;
+  for (const NcWord& word : words)
+    if (word) return false;
+  return true;
+}
+
+NcBlock parse_block(std::string_view text, const NcPlace& place, NcBlock reused) {
+  NcBlock block = std::move(reused);
+  block.line = place.line;
+  block.percent = block.deleted = false;
+  block.words.fill({});
+  block.g.clear();
+  block.m.clear();
+  if (const std::size_t nul = text.find('\0'); nul != std::string_view::npos)
+    throw BadInput(place.file, place.line, int(nul) + 1, "text", "a NUL byte");
+  Scanner(text, place).fill(block);
+  return block;
+}
+
+}  // namespace abbe::sim::program

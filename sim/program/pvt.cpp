@@ -1,0 +1,247 @@
+#include "sim/program/pvt.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/units.h"
+#include "sim/program/text.h"
+
+namespace abbe::sim::program {
+namespace {
+
+using kinematics::AxisVector;
+using kinematics::Motion;
+
+constexpr double largest_number = 1e12;  // mm, rad, s and their rates
+
+struct Cell {
+  std::string_view text;  ///< without the blanks around it
+  int column = 0;
+};
+
+/// At most one more than `wanted`, so that a line of commas takes no memory.
+std::vector<Cell> cells(std::string_view line, std::size_t wanted) {
+  std::vector<Cell> cells;
+  for (std::size_t from = 0;;) {
+    const std::size_t comma = std::min(line.find(',', from), line.size());
+    std::size_t begin = from, end = comma;
+    while (begin < end && (line[begin] == ' ' || line[begin] == '\t')) ++begin;
+    while (end > begin && (line[end - 1] == ' ' || line[end - 1] == '\t')) --end;
+    cells.push_back({line.substr(begin, end - begin), int(begin) + 1});
+    if (comma == line.size() || cells.size() > wanted) return cells;
+    from = comma + 1;
+  }
+}
+
+/// What a column holds: one number of one axis, in some unit.
+struct Column {
+  enum class Kind { Time, Position, Velocity } kind = Kind::Time;
+  int joint = 0;
+  double unit = 1.0;
+};
+
+class Reader {
+ public:
+  Reader(const std::string& file, const NcOptions& options)
+      : options_(options), start_(start_of(options)) {
+    path_.file = file;
+  }
+
+  void read_line(std::string_view text, int line);
+  Path finish(int last_line);
+
+ private:
+  [[noreturn]] void refuse(const Cell& cell, std::string expected) const {
+    throw BadInput(path_.file, line_, cell.column, std::move(expected),
+                   cell.text.empty() ? "nothing" : shown(cell.text));
+  }
+  void read_head(const std::vector<Cell>& head);
+  Column column(const Cell& cell) const;
+  void check_head(const std::vector<Cell>& head) const;
+  void read_row(std::string_view text);
+  double number(const Cell& cell) const;
+  void append(PvtRow row);
+  std::string known_columns() const;
+
+  const NcOptions& options_;
+  Path path_;
+  int line_ = 0;
+  AxisVector start_;
+  std::vector<Column> columns_;
+  std::optional<PvtRow> last_;
+};
+
+std::string Reader::known_columns() const {
+  std::string names = "time_s";
+  for (const ControlledAxis& axis : options_.axes)
+    names += fmt::format(" {0}_{1} {0}_{1}_per_s", axis.name,
+                         axis.motion == Motion::Linear ? "mm" : "deg");
+  return names;
+}
+
+Column Reader::column(const Cell& cell) const {
+  if (cell.text == "time_s") return {Column::Kind::Time, -1, 1.0};
+  for (std::size_t j = 0; j < options_.axes.size(); ++j) {
+    const ControlledAxis& axis = options_.axes[j];
+    if (cell.text.size() < 4 || cell.text[0] != axis.name || cell.text[1] != '_') continue;
+    std::string_view unit = cell.text.substr(2);
+    const bool rate = unit.ends_with("_per_s");
+    if (rate) unit.remove_suffix(6);
+    const auto kind = rate ? Column::Kind::Velocity : Column::Kind::Position;
+    if (axis.motion == Motion::Linear && unit == "mm") return {kind, int(j), 1.0};
+    if (axis.motion != Motion::Linear && unit == "deg") return {kind, int(j), units::deg};
+    if (axis.motion != Motion::Linear && unit == "rad") return {kind, int(j), 1.0};
+  }
+  refuse(cell, "a column of " + known_columns());
+}
+
+void Reader::check_head(const std::vector<Cell>& head) const {
+  bool time = false;
+  for (std::size_t i = 0; i < columns_.size(); ++i) {
+    time = time || columns_[i].kind == Column::Kind::Time;
+    bool partner = columns_[i].kind == Column::Kind::Time;
+    for (std::size_t k = 0; k < columns_.size(); ++k) {
+      if (columns_[k].joint != columns_[i].joint) continue;
+      if (k < i && columns_[k].kind == columns_[i].kind) refuse(head[i], "every column once");
+      partner = partner || columns_[k].kind != columns_[i].kind;
+    }
+    if (!partner) refuse(head[i], "a position and a velocity column for each axis");
+  }
+  if (!time) refuse(head.front(), "a column time_s");
+  if (columns_.size() < 3) refuse(head.front(), "columns for at least one axis");
+}
+
+void Reader::read_head(const std::vector<Cell>& head) {
+  if (head.size() > 1 + 2 * options_.axes.size())
+    refuse(head[1 + 2 * options_.axes.size()], "the end of the line");
+  for (const Cell& cell : head) columns_.push_back(column(cell));
+  check_head(head);
+}
+
+double Reader::number(const Cell& cell) const {
+  double value = 0.0;
+  const char* end = cell.text.data() + cell.text.size();
+  const auto read = std::from_chars(cell.text.data(), end, value);
+  if (cell.text.empty() || read.ec != std::errc() || read.ptr != end) refuse(cell, "a number");
+  if (!(std::abs(value) <= largest_number)) refuse(cell, "a number of at most 1e12");
+  return value;
+}
+
+void Reader::read_row(std::string_view text) {
+  PvtRow row{0.0, start_, AxisVector::Zero(start_.size())};
+  const std::vector<Cell> row_cells = cells(text, columns_.size());
+  if (row_cells.size() != columns_.size())
+    throw BadInput(
+        path_.file, line_, row_cells.back().column, fmt::format("{} numbers", columns_.size()),
+        row_cells.size() < columns_.size() ? fmt::format("{}", row_cells.size()) : "more");
+  for (std::size_t i = 0; i < columns_.size(); ++i) {
+    const double value = number(row_cells[i]) * columns_[i].unit;
+    switch (columns_[i].kind) {
+      case Column::Kind::Time:
+        row.time_s = value;
+        if (last_ && !(value > last_->time_s))
+          refuse(row_cells[i], fmt::format("a time after {} s", last_->time_s));
+        break;
+      case Column::Kind::Position:
+        row.position[columns_[i].joint] = value;
+        break;
+      case Column::Kind::Velocity:
+        row.velocity[columns_[i].joint] = value;
+        break;
+    }
+  }
+  append(std::move(row));
+}
+
+void Reader::append(PvtRow row) {
+  if (last_) {
+    Block block;
+    block.line = line_;
+    block.interpolation = Interpolation::Cubic;
+    block.start_s = last_->time_s;
+    block.end_s = row.time_s;
+    block.start = last_->position;
+    block.end = row.position;
+    block.shape = std::uint32_t(path_.cubics.size());
+    path_.blocks.push_back(std::move(block));
+    path_.cubics.push_back({last_->velocity, row.velocity});
+    ++path_.motion_blocks;
+  }
+  last_ = std::move(row);
+}
+
+void Reader::read_line(std::string_view text, int line) {
+  line_ = line;
+  if (const std::size_t nul = text.find('\0'); nul != std::string_view::npos)
+    throw BadInput(path_.file, line, int(nul) + 1, "text", "a NUL byte");
+  const std::size_t first = text.find_first_not_of(" \t");
+  if (first == std::string_view::npos || text[first] == '#') return;
+  if (columns_.empty())
+    read_head(cells(text, 1 + 2 * options_.axes.size()));
+  else
+    read_row(text);
+}
+
+Path Reader::finish(int last_line) {
+  if (columns_.empty())
+    throw BadInput(path_.file, std::max(last_line, 1), 1, "a head time_s,...",
+                   "the end of the file");
+  if (path_.blocks.empty())
+    throw BadInput(path_.file, last_line, 1, "at least two rows", "the end of the file");
+  return std::move(path_);
+}
+
+}  // namespace
+
+Path read_pvt(std::string_view text, const std::string& file, const NcOptions& options) {
+  if (text.size() > options.max_bytes)
+    throw BadInput(file, 0, 0, fmt::format("at most {} bytes", options.max_bytes),
+                   fmt::format("{}", text.size()));
+  Reader reader(file, options);
+  Lines lines(text);
+  while (const auto line = lines.next()) reader.read_line(*line, lines.number());
+  return reader.finish(lines.number());
+}
+
+Path read_pvt_file(const std::filesystem::path& file, const NcOptions& options) {
+  return read_pvt(read_text(file, options.max_bytes), file.string(), options);
+}
+
+std::string write_pvt(std::span<const PvtRow> rows, std::span<const ControlledAxis> axes,
+                      std::span<const int> columns) {
+  const auto unit = [&](int j) {
+    return axes[std::size_t(j)].motion == Motion::Linear ? "mm" : "rad";
+  };
+  std::string text = "time_s";
+  for (const int j : columns) text += fmt::format(",{}_{}", axes[std::size_t(j)].name, unit(j));
+  for (const int j : columns)
+    text += fmt::format(",{}_{}_per_s", axes[std::size_t(j)].name, unit(j));
+  text += '\n';
+  for (const PvtRow& row : rows) {
+    text += fmt::format("{}", row.time_s);
+    for (const int j : columns) text += fmt::format(",{}", row.position[j]);
+    for (const int j : columns) text += fmt::format(",{}", row.velocity[j]);
+    text += '\n';
+  }
+  return text;
+}
+
+std::vector<PvtRow> pvt_rows(const Path& path) {
+  std::vector<PvtRow> rows;
+  for (const Block& block : path.blocks) {
+    if (block.interpolation != Interpolation::Cubic)
+      throw std::invalid_argument("expected a path of cubics only");
+    const Cubic& cubic = path.cubics[block.shape];
+    if (rows.empty()) rows.push_back({block.start_s, block.start, cubic.start_velocity});
+    rows.push_back({block.end_s, block.end, cubic.end_velocity});
+  }
+  return rows;
+}
+
+}  // namespace abbe::sim::program

@@ -1,0 +1,437 @@
+#include "sim/program/sample.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/inverse.h"
+#include "kinematics/units.h"
+
+namespace abbe::sim::program {
+namespace {
+
+using kinematics::AxisVector;
+using kinematics::Motion;
+
+// An axis has moved once it is this far from where it last was seen to move: the rounding of a
+// control's arithmetic is no reversal.
+constexpr double still_mm = 1e-9;
+constexpr double still_rad = 1e-11;
+constexpr double same_place = 1e-9;  // mm or rad, rounding of a change between axes and tip
+
+/// Tool in the workpiece.
+struct Place {
+  Eigen::Vector3d tip;
+  Eigen::Vector3d direction;
+};
+
+/// At five equal steps of a stretch.
+using Places = std::array<Place, 5>;
+
+/// Bounds over a whole block of what moves, per unit of u and its powers.
+struct Rates {
+  double turn = 0.0;    ///< rad, sum over the rotary axes
+  double travel = 0.0;  ///< mm, speed of the slides or of the tip as programmed
+  double fifth = 0.0;   ///< mm, fifth derivative of any point of the tool axis up to `reach`
+  double lever = 0.0;   ///< mm, sum of the distances of the tip from the rotary axes
+};
+
+/// Largest first, second and third derivative of one coordinate over u in [0, 1].
+struct Bends {
+  double first = 0.0, second = 0.0, third = 0.0;
+};
+
+Bends bends(const Path& path, const Block& block, int j) {
+  const double way = block.end[j] - block.start[j];
+  if (block.interpolation != Interpolation::Cubic) return {std::abs(way), 0.0, 0.0};
+  const double duration = block.end_s - block.start_s;
+  const Cubic& cubic = path.cubics[block.shape];
+  const double v0 = cubic.start_velocity[j] * duration, v1 = cubic.end_velocity[j] * duration;
+  const double middle = 3 * way - v0 - v1;  // Bezier coefficients of the first derivative
+  return {std::max({std::abs(v0), std::abs(middle), std::abs(v1)}),
+          2 * std::max(std::abs(middle - v0), std::abs(v1 - middle)),
+          2 * std::abs(v0 - 2 * middle + v1)};
+}
+
+Eigen::Vector3d on_great_circle(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
+                                double part) {
+  const Eigen::Vector3d across = to - from.dot(to) * from;
+  const double sine = across.norm();
+  if (sine < 1e-14) return from;
+  const double angle = part * std::atan2(sine, from.dot(to));
+  return std::cos(angle) * from + std::sin(angle) * (across / sine);
+}
+
+double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
+
+/// Real roots of a u^2 + 2 b u + c.
+std::vector<double> roots(double a, double b, double c) {
+  const double discriminant = b * b - a * c;
+  if (!(discriminant > 0.0)) return {};
+  const double t = -(b + std::copysign(std::sqrt(discriminant), b));
+  std::vector<double> found;
+  if (t != 0.0) found.push_back(c / t);
+  if (a != 0.0) found.push_back(t / a);
+  return found;
+}
+
+int whole_parts(double parts) { return int(std::ceil(std::clamp(parts - 1e-9, 1.0, 1e9))); }
+
+/// One block as the control runs it.
+class Walk {
+ public:
+  Walk(const Path& path, const Block& block, const kinematics::Chain& control,
+       const SampleOptions& options);
+
+  AxisVector axes(double u) const;
+  std::vector<double> breakpoints() const;
+  int coarse_pieces(double part) const;
+  /// Steps that the stretch from ua to ub needs.
+  int steps(double ua, double ub, const AxisVector& qa, const AxisVector& qb) const;
+
+ private:
+  bool is_spindle(int j) const {
+    return control_.joints()[std::size_t(j)].motion == Motion::Spindle ||
+           options_.workpiece_spindle == j;
+  }
+  bool is_rotary(int j) const {
+    return control_.joints()[std::size_t(j)].motion == Motion::Rotary && !is_spindle(j);
+  }
+  bool is_slide(int j) const { return control_.joints()[std::size_t(j)].motion == Motion::Linear; }
+  Eigen::Vector3d programmed_tip(const AxisVector& q) const { return {q[x_], q[y_], q[z_]}; }
+  AxisVector slides(const AxisVector& programmed) const;
+  Place place(double u) const;
+  double bend(const Places& places, double part) const;
+  double turning(const Places& places, double part) const;
+  double sum_of_levers() const;
+  void set_rates();
+
+  const Path& path_;
+  const Block& block_;
+  const kinematics::Chain& control_;
+  const SampleOptions& options_;
+  bool tip_ = false;
+  int x_ = -1, y_ = -1, z_ = -1;
+  Rates rates_;
+  AxisVector qa_, qb_;  ///< ends, where the slides go straight between them
+  bool straight_ = false;
+};
+
+Walk::Walk(const Path& path, const Block& block, const kinematics::Chain& control,
+           const SampleOptions& options)
+    : path_(path), block_(block), control_(control), options_(options) {
+  tip_ = block.coordinates == Coordinates::Tip;
+  if (tip_) {
+    const auto x = control.find('X'), y = control.find('Y'), z = control.find('Z');
+    if (!x || !y || !z)
+      throw BadInput(path.file, block.line, 0, "a machine with X Y Z for G43.4", "another");
+    x_ = *x, y_ = *y, z_ = *z;
+  }
+  set_rates();
+  straight_ = tip_ && rates_.turn == 0.0 && block.interpolation != Interpolation::Arc &&
+              block.interpolation != Interpolation::Cubic;
+  if (straight_) {
+    qa_ = slides(block.start);
+    qb_ = slides(block.end);
+  }
+}
+
+/// Distance of the tip from the line of every rotary axis: a turn by 1 rad moves it 2 L sin(1/2).
+double Walk::sum_of_levers() const {
+  const AxisVector q = axes(0.0);
+  const Eigen::Vector3d tip = control_.tool_in_workpiece(q).translation();
+  double levers = 0.0;
+  for (int j = 0; j < control_.size(); ++j) {
+    if (!is_rotary(j)) continue;
+    AxisVector turned = q;
+    turned[j] += 1.0;
+    levers += (control_.tool_in_workpiece(turned).translation() - tip).norm() / (2 * std::sin(0.5));
+  }
+  return levers;
+}
+
+void Walk::set_rates() {
+  double second = 0.0, third = 0.0;  // of the slides
+  double turn_second = 0.0, turn_third = 0.0;
+  double travel_squared = 0.0;
+  for (int j = 0; j < control_.size(); ++j) {
+    const Bends b = bends(path_, block_, j);
+    if (is_rotary(j)) {
+      rates_.turn += b.first;
+      turn_second += b.second;
+      turn_third += b.third;
+    } else if (is_slide(j)) {
+      travel_squared += b.first * b.first;
+      second += b.second;
+      third += b.third;
+    }
+  }
+  rates_.travel = std::sqrt(travel_squared);
+  double sweep = 0.0, radius = 0.0;
+  if (block_.interpolation == Interpolation::Arc) {
+    const Arc& arc = path_.arcs[block_.shape];
+    sweep = std::abs(arc.sweep);
+    radius = std::max(arc.radius, arc.radius + arc.growth) + std::abs(arc.growth);
+    rates_.travel += radius * sweep;
+  }
+  if (rates_.turn > 0.0) rates_.lever = sum_of_levers() + 2 * rates_.travel;
+  // (w + sqrt(w2) + cbrt(w3))^5 times 3 bounds the fifth Bell polynomial of a turn at rates w w2
+  // w3.
+  const double w = rates_.turn + std::sqrt(turn_second) + std::cbrt(turn_third);
+  const double turned = 2 * (turn_second > 0.0 ? 3 : 1) * std::pow(w, 5);
+  if (tip_) {
+    rates_.fifth = options_.reach * turned + radius * std::pow(sweep, 5);
+  } else {
+    rates_.fifth = (options_.reach + rates_.lever) * turned + radius * std::pow(sweep + w, 5) +
+                   5 * rates_.travel * std::pow(w, 4) + 10 * second * std::pow(w, 3) +
+                   10 * third * w * w;
+  }
+}
+
+AxisVector Walk::slides(const AxisVector& programmed) const {
+  const auto q = slides_for_tip(control_, programmed, programmed_tip(programmed));
+  if (!q)
+    throw BadInput(path_.file, block_.line, 0, "slides that reach the tip",
+                   "a tip out of their reach");
+  return *q;
+}
+
+AxisVector Walk::axes(double u) const {
+  const AxisVector programmed = position(path_, block_, u);
+  if (!tip_) return programmed;
+  if (!straight_ || qa_.size() == 0 || qb_.size() == 0) return slides(programmed);
+  if (u >= 1.0) return qb_;
+  return qa_ + u * (qb_ - qa_);
+}
+
+Place Walk::place(double u) const {
+  AxisVector q = position(path_, block_, u);
+  if (options_.workpiece_spindle) q[*options_.workpiece_spindle] = 0.0;
+  // Under G43.4 the slides do not matter: they turn nothing, and the tip is as programmed.
+  const kinematics::Pose T_wt = control_.tool_in_workpiece(q);
+  return {tip_ ? programmed_tip(q) : Eigen::Vector3d(T_wt.translation()), T_wt.linear().col(2)};
+}
+
+/// Where an axis turns back in the middle of a block, so that the reversal is met.
+std::vector<double> Walk::breakpoints() const {
+  std::vector<double> u{0.0, 1.0};
+  const auto add = [&](double at) {
+    if (at > 1e-9 && at < 1 - 1e-9) u.push_back(at);
+  };
+  if (block_.interpolation == Interpolation::Arc) {
+    const Arc& arc = path_.arcs[block_.shape];
+    const double quarter = 0.5 * pi;
+    const double low = std::min(arc.start_angle, arc.start_angle + arc.sweep);
+    const double high = std::max(arc.start_angle, arc.start_angle + arc.sweep);
+    for (double k = std::ceil(low / quarter); k * quarter < high; ++k)
+      add((k * quarter - arc.start_angle) / arc.sweep);
+  }
+  if (block_.interpolation == Interpolation::Cubic) {
+    const double duration = block_.end_s - block_.start_s;
+    const Cubic& cubic = path_.cubics[block_.shape];
+    for (int j = 0; j < control_.size(); ++j) {
+      if (is_spindle(j)) continue;
+      const double c0 = cubic.start_velocity[j] * duration, c2 = cubic.end_velocity[j] * duration;
+      const double c1 = 3 * (block_.end[j] - block_.start[j]) - c0 - c2;  // Bezier, of the rate
+      for (const double root : roots(c0 - 2 * c1 + c2, c1 - c0, c0)) add(root);
+    }
+  }
+  std::sort(u.begin(), u.end());
+  return u;
+}
+
+double Walk::turning(const Places& places, double part) const {
+  double quickest = 0.0;
+  for (std::size_t k = 1; k < places.size(); ++k)
+    quickest = std::max(quickest, angle_between(places[k - 1].direction, places[k].direction));
+  const double turn = rates_.turn * part;
+  return 4 * quickest + 0.25 * turn * turn;
+}
+
+/// Bound of 8 n^2 times the distance between the true motion and n lines and great circles: second
+/// derivative of their difference, from its quartic through five instants and a bound of the rest.
+double Walk::bend(const Places& places, double part) const {
+  static constexpr double second[5][3] = {// by finite differences, ends zero, step 1/4
+                                          {-104, 114, -56},
+                                          {-20, 6, 4},
+                                          {16, -30, 16},
+                                          {4, 6, -20},
+                                          {-56, 114, -104}};
+  const Place &a = places.front(), &b = places.back();
+  std::array<std::array<Eigen::Vector3d, 3>, 2> off;  // at the tip and at `reach`
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double at = 0.25 * double(k + 1);
+    const Place& p = places[k + 1];
+    off[0][k] = p.tip - ((1 - at) * a.tip + at * b.tip);
+    off[1][k] =
+        off[0][k] + options_.reach * (p.direction - on_great_circle(a.direction, b.direction, at));
+  }
+  double largest = 0.0;
+  for (const auto& e : off)
+    for (const auto& row : second)
+      largest =
+          std::max(largest, (row[0] * e[0] + row[1] * e[1] + row[2] * e[2]).norm() * 16.0 / 12.0);
+  return 1.13 * (1 + 3 * rates_.turn * part) * largest + 0.03 * rates_.fifth * std::pow(part, 5);
+}
+
+/// So many that what five instants do not show is below a tenth of the tolerance.
+int Walk::coarse_pieces(double part) const {
+  const double unseen = std::pow(0.03 * rates_.fifth / (0.8 * options_.chord_tolerance), 0.2);
+  return whole_parts(part * std::max(unseen, rates_.turn / 0.1));
+}
+
+int Walk::steps(double ua, double ub, const AxisVector& qa, const AxisVector& qb) const {
+  const double part = ub - ua;
+  const double turn = rates_.turn * part, travel = rates_.travel * part;
+  double n = (tip_ ? travel : travel + rates_.lever * turn) / options_.max_step;
+  double slide_bend = 0.5 * (rates_.lever * turn * turn + 2 * travel * turn);
+  if (block_.interpolation == Interpolation::Arc) {
+    const Arc& arc = path_.arcs[block_.shape];
+    slide_bend += 0.5 * arc.radius * arc.sweep * arc.sweep * part * part;
+  }
+  for (int j = 0; j < control_.size(); ++j) {
+    const double programmed = bends(path_, block_, j).first * part;
+    if (options_.workpiece_spindle == j) {
+      n = std::max(n, programmed / options_.max_spindle_turn);
+    } else if (is_slide(j) && tip_) {
+      n = std::max(
+          n, (std::abs(qb[j] - qa[j]) + (straight_ ? 0.0 : slide_bend)) / options_.max_axis_step);
+    } else if (!is_spindle(j)) {
+      n = std::max(n, programmed / options_.max_axis_step);
+    }
+  }
+  const bool line =
+      block_.interpolation != Interpolation::Arc && block_.interpolation != Interpolation::Cubic;
+  if (turn > 0.0 || !line) {
+    Places places;
+    for (std::size_t k = 0; k < places.size(); ++k) places[k] = place(ua + 0.25 * double(k) * part);
+    n = std::max({n, turning(places, part) / options_.max_turn,
+                  std::sqrt(bend(places, part) / (8 * options_.chord_tolerance))});
+  }
+  return whole_parts(n);
+}
+
+/// Collects samples and counts which way the axes go.
+class Recorder {
+ public:
+  Recorder(const Path& path, const kinematics::Chain& control, const SampleOptions& options)
+      : path_(path), control_(control), options_(options) {}
+
+  void start(const AxisVector& q, double time_s, int block);
+  void go(const AxisVector& q, double time_s, int block);
+  void expect(double more, int block) const;
+  Samples take() { return std::move(samples_); }
+
+ private:
+  void push(kinematics::AxisState state, int block);
+  bool turn_back(const AxisVector& q, kinematics::AxisState& state);
+
+  const Path& path_;
+  const kinematics::Chain& control_;
+  const SampleOptions& options_;
+  Samples samples_;
+  AxisVector moved_;  ///< where each axis last was seen to move
+};
+
+void Recorder::expect(double more, int block) const {
+  if (double(samples_.states.size()) + more > double(options_.max_samples))
+    throw BadInput(path_.file, path_.blocks[std::size_t(block)].line, 0,
+                   fmt::format("a program of at most {} samples", options_.max_samples), "more");
+}
+
+void Recorder::push(kinematics::AxisState state, int block) {
+  samples_.states.push_back(std::move(state));
+  samples_.line.push_back(path_.blocks[std::size_t(block)].line);
+  samples_.block.push_back(block);
+}
+
+/// Notes the ways to q in `state`. @return true where a counted axis changes its way
+bool Recorder::turn_back(const AxisVector& q, kinematics::AxisState& state) {
+  bool turned = false;
+  for (int j = 0; j < control_.size(); ++j) {
+    const Motion motion = control_.joints()[std::size_t(j)].motion;
+    const double way = q[j] - moved_[j];
+    if (std::abs(way) <= (motion == Motion::Linear ? still_mm : still_rad)) continue;
+    moved_[j] = q[j];
+    const std::int8_t direction = way > 0 ? 1 : -1;
+    std::int8_t& last = state.direction[std::size_t(j)];
+    if (direction == last) continue;
+    const bool counted = motion != Motion::Spindle && options_.workpiece_spindle != j;
+    if (last != 0) ++state.stroke[std::size_t(j)];
+    last = direction;
+    turned = turned || counted;
+  }
+  return turned;
+}
+
+/// The start of a block is the end of the one before, unless the program leaves a gap.
+void Recorder::start(const AxisVector& q, double time_s, int block) {
+  if (!samples_.states.empty()) {
+    const kinematics::AxisState& last = samples_.states.back();
+    if (last.time_s == time_s && (last.q - q).cwiseAbs().maxCoeff() < same_place) return;
+  }
+  go(q, time_s, block);
+}
+
+void Recorder::go(const AxisVector& q, double time_s, int block) {
+  if (samples_.states.empty()) {
+    moved_ = q;
+    push({q, time_s, {}, {}}, block);
+    return;
+  }
+  kinematics::AxisState state = samples_.states.back();
+  if (turn_back(q, state)) push(state, block);
+  state.q = q;
+  state.time_s = time_s;
+  push(std::move(state), block);
+}
+
+void sample_block(const Path& path, int index, const kinematics::Chain& control,
+                  const SampleOptions& options, Recorder& recorder) {
+  const Block& block = path.blocks[std::size_t(index)];
+  const Walk walk(path, block, control, options);
+  AxisVector qa = walk.axes(0.0);
+  recorder.start(qa, block.start_s, index);
+  const std::vector<double> breaks = walk.breakpoints();
+  const double duration = block.end_s - block.start_s;
+  for (std::size_t i = 0; i + 1 < breaks.size(); ++i) {
+    const double length = breaks[i + 1] - breaks[i];
+    const int pieces = walk.coarse_pieces(length);
+    recorder.expect(pieces, index);
+    for (int k = 0; k < pieces; ++k) {
+      const double ua = breaks[i] + length * k / pieces;
+      const double ub = k + 1 == pieces ? breaks[i + 1] : breaks[i] + length * (k + 1) / pieces;
+      const AxisVector qb = walk.axes(ub);
+      const int steps = walk.steps(ua, ub, qa, qb);
+      recorder.expect(steps, index);
+      for (int step = 1; step < steps; ++step) {
+        const double u = ua + (ub - ua) * step / steps;
+        recorder.go(walk.axes(u), block.start_s + u * duration, index);
+      }
+      recorder.go(qb, ub == 1.0 ? block.end_s : block.start_s + ub * duration, index);
+      qa = qb;
+    }
+  }
+}
+
+}  // namespace
+
+Samples sample(const Path& path, const kinematics::Chain& control, const SampleOptions& options) {
+  Recorder recorder(path, control, options);
+  for (int i = 0; i < int(path.blocks.size()); ++i) {
+    const Block& block = path.blocks[std::size_t(i)];
+    if (block.start.size() != control.size())
+      throw std::invalid_argument("expected a path with as many axes as the chain");
+    sample_block(path, i, control, options, recorder);
+  }
+  return recorder.take();
+}
+
+}  // namespace abbe::sim::program

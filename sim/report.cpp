@@ -1,0 +1,201 @@
+#include "sim/report.h"
+
+#include <Eigen/Core>
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "kinematics/units.h"
+#include "sim/output.h"
+#include "sim/pictures.h"
+
+namespace abbe::sim {
+namespace {
+
+using nlohmann::ordered_json;
+
+ordered_json in(double unit, const std::optional<double>& value) {
+  return value ? ordered_json(*value / unit) : ordered_json();
+}
+
+ordered_json statistics_um(const cutting::Statistics& s) {
+  return {{"pv", in(units::um, s.pv)},
+          {"rms", in(units::um, s.rms)},
+          {"mean", in(units::um, s.mean)},
+          {"std", in(units::um, s.std_dev)},
+          {"min", in(units::um, s.min)},
+          {"max", in(units::um, s.max)},
+          {"p95_abs", in(units::um, s.p95_abs)},
+          {"in_tolerance_percent", in(1.0, s.in_tolerance_percent)}};
+}
+
+ordered_json spread(const Spread& s, double unit) {
+  return {{"rms", s.rms / unit}, {"max", s.max / unit}};
+}
+
+const char* name_of(DatumDescription::Kind kind) {
+  switch (kind) {
+    case DatumDescription::Kind::None: return "none";
+    case DatumDescription::Kind::Ideal: return "ideal";
+    case DatumDescription::Kind::TouchOff: return "touch_off";
+  }
+  return "";
+}
+
+const char* name_of(Alignment alignment) {
+  switch (alignment) {
+    case Alignment::None: return "none";
+    case Alignment::Offset: return "offset";
+    case Alignment::Rigid: return "rigid";
+  }
+  return "";
+}
+
+std::optional<double> tolerance(const Job& job) {
+  return job.scene.part.tolerance > 0.0 ? std::optional(job.scene.part.tolerance) : std::nullopt;
+}
+
+/// Percentage by which a number fell; nothing where there is nothing to fall from.
+ordered_json reduction(const std::optional<double>& before, const std::optional<double>& after) {
+  if (!before || !after || *before == 0.0) return {};
+  return 100.0 * (1.0 - *after / *before);
+}
+
+ordered_json facet_error(const cutting::Design& design) {
+  if (design.facet_error.size() == 0 || design.facet_error.maxCoeff() <= 0.0) return {};
+  return {{"rms", std::sqrt(design.facet_error.squaredNorm() / double(design.facet_error.size())) / units::um},
+          {"max", design.facet_error.maxCoeff() / units::um}};
+}
+
+}  // namespace
+
+Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
+  Verdict verdict;
+  verdict.aligned = cutting::aligned(cut.surface, job.design_w,
+                                     {static_cast<cutting::Alignment>(job.scene.alignment)});
+  verdict.residual = cutting::statistics(verdict.aligned.surface, job.design_w, tolerance(job));
+  if (error_free != nullptr) {
+    if (error_free->cut.surface.residual.size() == cut.surface.residual.size())
+      verdict.machine =
+          cutting::statistics(cutting::minus(verdict.aligned.surface, error_free->aligned.surface),
+                              job.design_w, tolerance(job));
+    else
+      cut.warnings.push_back("the design has other vertices than the error-free one; no machine_um");
+  }
+  if (const auto* primitive = std::get_if<cutting::Primitive>(&job.scene.part.shape))
+    verdict.form = cutting::form(
+        *primitive, cutting::transformed(job.design_w, job.scene.part.T_wm.inverse()), cut.surface);
+  verdict.cut = std::move(cut);
+  return verdict;
+}
+
+ordered_json summary(const Job& job, const Verdict& verdict) {
+  const cutting::Statistics& s = verdict.residual;
+  ordered_json form = ordered_json::object();
+  for (const cutting::FormNumber& number : verdict.form) form[number.name + "_um"] = number.value_mm / units::um;
+  ordered_json timing = job.timing_s;
+  for (const auto& [stage, seconds] : verdict.cut.timing_s) timing[stage] = seconds;
+  ordered_json json = {
+      {"scene", job.scene.title},
+      {"case", verdict.cut.name},
+      {"seed", job.scene.seed},
+      {"vertices", s.vertices},
+      {"cut_vertices", s.cut_vertices},
+      {"uncut_vertices", s.uncut_vertices},
+      {"outside_vertices", s.outside_vertices},
+      {"moves", job.path.motion_blocks},
+      {"samples", job.samples.states.size()},
+      {"residual_um", statistics_um(s)},
+      {"machine_um", verdict.machine ? statistics_um(*verdict.machine) : ordered_json()},
+      {"tip_error_um", spread(verdict.cut.tip_error, units::um)},
+      {"direction_error_urad", spread(verdict.cut.direction_error, units::urad)},
+      {"direction_left_urad", verdict.cut.direction_left / units::urad},
+      {"facet_error_um", facet_error(job.design_w)},
+      {"datum", name_of(job.scene.datum.kind)},
+      {"alignment", name_of(job.scene.alignment)},
+      {"form", form},
+      {"timing_s", timing},
+      {"warnings", verdict.cut.warnings},
+      {"versions", versions()},
+  };
+  if (job.scene.alignment != Alignment::None) {
+    const auto& D = verdict.aligned.displacement;
+    json["aligned_by"] = {{"translation_um", {D[0] / units::um, D[1] / units::um, D[2] / units::um}},
+                          {"rotation_urad", {D[3] / units::urad, D[4] / units::urad, D[5] / units::urad}},
+                          {"undetermined", verdict.aligned.undetermined}};
+  }
+  return json;
+}
+
+void write_case(const std::filesystem::path& folder, const Job& job, const Verdict& verdict) {
+  prepare_folder(folder);
+  write_case_pictures(folder, job, verdict);
+  write_file(folder / "scene.toml", job.scene.resolved);
+  if (!verdict.cut.rewritten_program.empty())
+    write_file(folder / ("rewritten" + std::filesystem::path(job.path.file).extension().string()),
+               verdict.cut.rewritten_program);
+  // last, so that a summary stands for a finished case
+  write_file(folder / "summary.json", summary(job, verdict).dump(2) + "\n");
+}
+
+ordered_json comparison(const Job& job, const std::vector<Compared>& cases) {
+  ordered_json all = ordered_json::array();
+  for (const Compared& one : cases) {
+    const Verdict& verdict = one.verdict;
+    ordered_json entry = {
+        {"name", verdict.cut.name},
+        {"residual_um", statistics_um(verdict.residual)},
+        {"machine_um", verdict.machine ? statistics_um(*verdict.machine) : ordered_json()},
+        {"reduction_percent", nullptr},
+        {"tip_error_um", spread(verdict.cut.tip_error, units::um)},
+        {"direction_error_urad", spread(verdict.cut.direction_error, units::urad)}};
+    if (one.uncompensated) {
+      const Verdict& before = cases[*one.uncompensated].verdict;
+      entry["reduction_percent"] = {{"pv", reduction(before.residual.pv, verdict.residual.pv)},
+                                    {"rms", reduction(before.residual.rms, verdict.residual.rms)}};
+      if (before.machine && verdict.machine) {
+        entry["reduction_percent"]["machine_pv"] = reduction(before.machine->pv, verdict.machine->pv);
+        entry["reduction_percent"]["machine_rms"] = reduction(before.machine->rms, verdict.machine->rms);
+      }
+    }
+    all.push_back(entry);
+  }
+  return {{"scene", job.scene.title},
+          {"seed", job.scene.seed},
+          {"vertices", job.design_w.vertices.rows()},
+          {"moves", job.path.motion_blocks},
+          {"datum", name_of(job.scene.datum.kind)},
+          {"alignment", name_of(job.scene.alignment)},
+          {"cases", all},
+          {"versions", versions()}};
+}
+
+std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict) {
+  std::vector<std::string> all;
+  const auto look = [&](const char* what, const std::optional<double>& limit_um, std::optional<double> value) {
+    if (limit_um && value && *value / units::um > *limit_um)
+      all.push_back(fmt::format("{}: {} is {:.4f} um, the scene allows {:.4f} um", verdict.cut.name, what,
+                                *value / units::um, *limit_um));
+  };
+  const cutting::Statistics& s = verdict.residual;
+  look("PV", limits.pv_um, s.pv);
+  look("RMS", limits.rms_um, s.rms);
+  if (s.min && s.max) look("largest deviation", limits.max_abs_um, std::max(-*s.min, *s.max));
+  return all;
+}
+
+ordered_json versions() {
+  return {{"abbe", ABBE_VERSION},
+          {"eigen", fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
+          {"compiler", __VERSION__},
+          {"instructions",
+#if defined(__AVX512F__)
+           "avx512"
+#elif defined(__AVX2__)
+           "x86-64-v3"
+#else
+           "x86-64"
+#endif
+          }};
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,342 @@
+#include "sim/scene.h"
+
+#include <algorithm>
+#include <array>
+#include <sstream>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "kinematics/units.h"
+#include "sim/scene_sections.h"
+#include "sim/scene_tree.h"
+
+namespace abbe::sim {
+
+namespace {
+
+constexpr std::size_t max_variants = 1000;
+
+std::string text_of(const std::vector<BadInput>& faults) {
+  std::string text;
+  for (const BadInput& fault : faults)
+    text += (text.empty() ? "" : "\n") + std::string(fault.what());
+  return text;
+}
+
+// A section whose file was refused is still the name of that file; it is told already.
+const Node* section(TableReader& scene, const std::string& key, bool required) {
+  const Node* node = scene.know(key);
+  if (!node && required) scene.missing(key, "a table or a file");
+  if (node && node->text()) return nullptr;
+  return node ? scene.section(key) : nullptr;
+}
+
+kinematics::Deviation read_setup(TableReader& scene) {
+  kinematics::Deviation setup = kinematics::Deviation::Zero();
+  const Node* node = scene.section("setup");
+  if (!node) return setup;
+  TableReader reader(*node, "setup", scene.faults());
+  const std::array keys{"EX_um", "EY_um", "EZ_um", "EA_urad", "EB_urad", "EC_urad"};
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    setup[Eigen::Index(i)] = reader.number(keys[i], any_number, 0.0);
+  }
+  reader.close();
+  return setup;
+}
+
+DatumDescription read_datum(TableReader& scene) {
+  using Kind = DatumDescription::Kind;
+  DatumDescription datum;
+  const Node* node = scene.section("datum");
+  if (!node) return datum;
+  TableReader reader(*node, "datum", scene.faults());
+  datum.kind = reader.choice<Kind>(
+      "kind", {{"none", Kind::None}, {"ideal", Kind::Ideal}, {"touch_off", Kind::TouchOff}});
+  if (datum.kind == Kind::Ideal) datum.point_w = reader.vector("point_mm", datum.point_w);
+  if (datum.kind != Kind::None) datum.time_s = reader.number("time_s", non_negative, 0.0);
+  if (datum.kind == Kind::TouchOff) {
+    if (!reader.has("touch")) reader.missing("touch", "a list of tables");
+    for (const Node* touch : reader.tables("touch")) {
+      TableReader one(*touch, "datum.touch", scene.faults());
+      datum.touches.push_back({one.vector("point_mm"), one.direction("direction")});
+      one.close();
+    }
+  }
+  reader.close();
+  return datum;
+}
+
+void read_numerics(TableReader& scene, Scene& result) {
+  if (const Node* node = scene.section("sampling")) {
+    TableReader reader(*node, "sampling", scene.faults());
+    result.chord_tolerance = reader.number("chord_tolerance_nm", positive, result.chord_tolerance);
+    result.max_step = reader.number("max_step_mm", positive, result.max_step);
+    reader.close();
+  }
+  if (const Node* node = scene.section("search")) {
+    TableReader reader(*node, "search", scene.faults());
+    result.band = reader.number("band_mm", positive, result.band);
+    reader.close();
+  }
+}
+
+ViewDescription read_view(TableReader& scene) {
+  ViewDescription view;
+  const Node* node = scene.section("view");
+  if (!node) return view;
+  TableReader reader(*node, "view", scene.faults());
+  view.from = reader.direction("from", view.from);
+  view.up = reader.direction("up", view.up);
+  view.range_um = reader.number_as_written("range_um", positive);
+  if (view.from.cross(view.up).norm() < 1e-6 * view.from.norm()) {
+    reader.refuse("up", "a direction across view.from for view.up", "one along it");
+  }
+  reader.close();
+  return view;
+}
+
+Limits read_limits(TableReader& scene) {
+  Limits limits;
+  const Node* node = scene.section("limits");
+  if (!node) return limits;
+  TableReader reader(*node, "limits", scene.faults());
+  limits.pv_um = reader.number_as_written("pv_um", non_negative);
+  limits.rms_um = reader.number_as_written("rms_um", non_negative);
+  limits.max_abs_um = reader.number_as_written("max_abs_um", non_negative);
+  reader.close();
+  return limits;
+}
+
+CompensationDescription read_compensation(TableReader& scene) {
+  CompensationDescription compensation;
+  const Node* node = scene.section("compensation");
+  if (!node) return compensation;
+  TableReader reader(*node, "compensation", scene.faults());
+  compensation.rotary_bound =
+      reader.number("rotary_bound_deg", {0.0, 180.0, false, false}, compensation.rotary_bound);
+  compensation.word_resolution =
+      reader.number("word_resolution_mm", positive, compensation.word_resolution);
+  compensation.angle_resolution =
+      reader.number("angle_resolution_deg", positive, compensation.angle_resolution);
+  reader.close();
+  return compensation;
+}
+
+std::vector<CaseDescription> read_cases(TableReader& scene) {
+  std::vector<CaseDescription> cases;
+  const Node* node = scene.section("compare");
+  if (!node) return cases;
+  TableReader reader(*node, "compare", scene.faults());
+  const Node* list = reader.know("cases");
+  if (list && !list->array()) reader.refuse("cases", "a list of case names", shown(*list));
+  for (const Node& name : list && list->array() ? *list->array() : Node::Array{}) {
+    if (!name.text()) {
+      scene.faults().add(name.place, "a case name such as \"perfect-iterated-ideal\"", shown(name));
+      continue;
+    }
+    try {
+      const CaseDescription one = parse_case(*name.text());
+      const bool twice = std::any_of(cases.begin(), cases.end(),
+                                     [&](const auto& other) { return other.name == one.name; });
+      if (twice) scene.faults().add(name.place, "each case once", shown(name) + " again");
+      cases.push_back(one);
+    } catch (const std::invalid_argument& fault) {
+      scene.faults().add(name.place, "a case that this version has", fault.what());
+    }
+  }
+  reader.close();
+  return cases;
+}
+
+bool names_a_folder(const std::string& name) {
+  return !name.empty() && name.size() <= 80 && name.front() != '.' &&
+         std::all_of(name.begin(), name.end(), [](unsigned char c) {
+           return c >= 0x80 || std::isalnum(c) || c == '_' || c == '-' || c == '.' || c == ' ';
+         });
+}
+
+std::vector<Variant> read_variants(TableReader& scene) {
+  std::vector<Variant> variants;
+  const std::vector<const Node*> list = scene.tables("variant");
+  if (list.size() > max_variants) {
+    scene.refuse("variant", fmt::format("at most {} variants", max_variants),
+                 std::to_string(list.size()));
+    return variants;
+  }
+  for (const Node* node : list) {
+    TableReader reader(*node, "variant", scene.faults());
+    Variant variant;
+    variant.name = reader.text("name");
+    const bool taken = variant.name == "error_free" || variant.name == "uncompensated" ||
+                       std::any_of(variants.begin(), variants.end(), [&](const Variant& other) {
+                         return other.name == variant.name;
+                       });
+    if (reader.has("name") && !names_a_folder(variant.name)) {
+      reader.refuse("name", "a name of letters, digits, blanks, _ - . for a variant's folder",
+                    "\"" + variant.name + "\"");
+    } else if (taken) {
+      reader.refuse("name", "a name that no other case has", "\"" + variant.name + "\" again");
+    }
+    if (const Node* set = reader.section("set")) {
+      for (const Change& change : changes_of_set(*set)) {
+        variant.set.emplace_back(change.path, to_toml_value(change.value));
+        if (change.path.starts_with("variant")) {
+          scene.faults().add(change.value.place, "a path outside of variants", change.path);
+        }
+      }
+    } else if (!reader.has("set")) {
+      reader.missing("set", "a table of changes");
+    }
+    reader.close();
+    variants.push_back(std::move(variant));
+  }
+  return variants;
+}
+
+// What tool, part and program ask of each other; the loop could tell it too, but not where.
+void check_together(TableReader& scene, const Scene& result) {
+  const Node* program = scene.know("program");
+  const Node* generator = program ? program->find("generator") : nullptr;
+  const Node* tool = scene.know("tool");
+  const bool turning = std::holds_alternative<cutting::Nose>(result.tool.nominal);
+  const auto& joints = result.machine.joints;
+  if (turning && tool && !joints.empty() &&
+      (joints.front().name != 'S' || joints.front().motion != kinematics::Motion::Rotary)) {
+    scene.faults().add(tool->place, "a milling cutter, or a machine with the spindle S' next to w",
+                       "a turning tool");
+  }
+  if (!generator) return;
+  const auto* primitive = std::get_if<cutting::Primitive>(&result.part.shape);
+  const auto wants = [&](bool fits, const char* expected) {
+    if (!fits) scene.faults().add(generator->place, expected, shown(*generator));
+  };
+  if (std::holds_alternative<program::Spiral>(result.program.source)) {
+    wants(turning, "a turning tool for this generator");
+    wants(primitive && !std::holds_alternative<cutting::RectanglePlane>(*primitive),
+          "a declared surface of revolution for this generator");
+  } else {
+    wants(!turning, "a milling cutter for this generator");
+  }
+  if (std::holds_alternative<program::Flank>(result.program.source)) {
+    wants(primitive && std::holds_alternative<cutting::Cone>(*primitive),
+          "a cone as the part of this generator");
+  }
+}
+
+Scene interpreted(const Node& tree, const std::filesystem::path& file, Faults& faults) {
+  TableReader reader(tree, "", faults);
+  Scene scene;
+  scene.file = file;
+  scene.title = reader.text("title", file.stem().string());
+  scene.seed =
+      std::uint64_t(reader.integer("seed", 0, std::numeric_limits<std::int64_t>::max(), 1));
+  const std::size_t before = faults.list().size();
+  if (const Node* node = section(reader, "machine", true))
+    scene.machine = read_machine(*node, faults);
+  if (const Node* node = reader.know("errors")) {
+    ErrorsSection read = read_errors(*node, scene.machine, scene.seed, faults);
+    scene.geometric = std::move(read.geometric);
+    scene.error_scale = read.scale;
+  }
+  if (const Node* node = section(reader, "tool", true)) scene.tool = read_tool(*node, faults);
+  if (const Node* node = section(reader, "part", true)) scene.part = read_part(*node, faults);
+  if (const Node* node = section(reader, "program", true)) {
+    scene.program = read_program(*node, scene.machine.joints, faults);
+  }
+  if (const Node* node = reader.section("control")) {
+    scene.control = read_control(*node, scene.machine.joints, faults);
+  }
+  if (faults.list().size() == before) check_together(reader, scene);
+  scene.setup = read_setup(reader);
+  scene.datum = read_datum(reader);
+  scene.alignment = reader.choice<Alignment>(
+      "alignment",
+      {{"none", Alignment::None}, {"offset", Alignment::Offset}, {"rigid", Alignment::Rigid}},
+      Alignment::None);
+  read_numerics(reader, scene);
+  scene.view = read_view(reader);
+  scene.limits = read_limits(reader);
+  scene.compensation = read_compensation(reader);
+  scene.cases = read_cases(reader);
+  scene.variants = read_variants(reader);
+  reader.close();
+  return scene;
+}
+
+// A variant that cannot be read is refused with the scene, not an hour later when its turn comes.
+void check_variants(const Node& tree, const std::filesystem::path& file, Faults& faults) {
+  const Node* list = tree.find("variant");
+  if (!list || !list->array()) return;
+  for (const Node& variant : *list->array()) {
+    const Node* set = variant.find("set");
+    if (!set || !set->table()) continue;
+    interpreted(changed(tree, changes_of_set(*set), file.parent_path(), faults), file, faults);
+  }
+}
+
+}  // namespace
+
+BadScene::BadScene(std::vector<BadInput> list)
+    : std::runtime_error(text_of(list)), faults(std::move(list)) {}
+
+Scene read_scene(const std::filesystem::path& file, const std::vector<Override>& overrides) {
+  Faults faults;
+  const std::optional<Node> as_written = read_tree(file, faults);
+  if (!as_written) throw BadScene(faults.list());
+  std::vector<Change> changes;
+  for (const Override& override : overrides) {
+    try {
+      changes.push_back(parse_override(override));
+    } catch (const BadInput& fault) {
+      faults.add(fault);
+    }
+  }
+  const Node tree = changed(*as_written, changes, file.parent_path(), faults);
+  Scene scene = interpreted(tree, file, faults);
+  if (faults.empty()) check_variants(tree, file, faults);
+  if (!faults.empty()) throw BadScene(faults.list());
+  scene.resolved = to_toml(tree);
+  return scene;
+}
+
+CaseDescription parse_case(const std::string& name) {
+  std::vector<std::string> tokens(1);
+  for (const char c : name) {
+    if (c == '-') {
+      tokens.emplace_back();
+    } else {
+      tokens.back() += c;
+    }
+  }
+  if (tokens.size() != 3) {
+    throw std::invalid_argument(
+        "expected belief-strategy-channel such as perfect-iterated-ideal, seen \"" + name + "\"");
+  }
+  const auto refuse = [&](const char* what, const std::string& token, const char* had) {
+    throw std::invalid_argument(fmt::format("expected the {} {}, seen \"{}\"", what, had, token));
+  };
+  CaseDescription description;
+  description.name = name;
+  using Strategy = CaseDescription::Strategy;
+  using Channel = CaseDescription::Channel;
+  if (tokens[0] != "perfect")
+    refuse("belief", tokens[0], "perfect (others are not in this version)");
+  if (tokens[1] == "position")
+    description.strategy = Strategy::Position;
+  else if (tokens[1] == "decoupled")
+    description.strategy = Strategy::Decoupled;
+  else if (tokens[1] == "iterated")
+    description.strategy = Strategy::Iterated;
+  else
+    refuse("strategy", tokens[1], "position, decoupled or iterated");
+  if (tokens[2] == "ideal")
+    description.channel = Channel::Ideal;
+  else if (tokens[2] == "program")
+    description.channel = Channel::Program;
+  else
+    refuse("channel", tokens[2], "ideal or program (others are not in this version)");
+  return description;
+}
+
+}  // namespace abbe::sim

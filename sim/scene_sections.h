@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstdint>
+
+#include "sim/scene.h"
+#include "sim/toml_reader.h"
+
+/// The sections of a scene, each from its table. Faults are collected; what is returned is whole
+/// only if there were none.
+namespace abbe::sim {
+
+MachineDescription read_machine(const Node& table, Faults& faults);
+
+/// Positions of the axes from words such as Z_mm and A_deg; those left out stand at zero. @return (joints)
+kinematics::AxisVector read_axis_words(TableReader& reader,
+                                       const std::vector<kinematics::Joint>& joints);
+
+/// Place of a thing in its parent from `at_mm` and `turn_deg`, a rotation vector in degrees. Turns
+/// by multiples of 90 degrees about one axis are exact.
+kinematics::Pose read_placement(TableReader& reader);
+
+struct ErrorsSection {
+  errors::GeometricErrors geometric;
+  double scale = 1.0;
+};
+/// @param section  one table or a list of them; several add up
+/// @param machine  for the units of its axes and to bind each element to it, so that an element
+/// that
+///                 means nothing is refused where it stands
+/// @param seed     of the scene, from which repeatability without a seed of its own takes one
+ErrorsSection read_errors(const Node& section, const MachineDescription& machine,
+                          std::uint64_t seed, Faults& faults);
+
+ToolDescription read_tool(const Node& table, Faults& faults);
+
+PartDescription read_part(const Node& table, Faults& faults);
+
+/// @param joints  of the machine, for the words of work offsets
+ProgramDescription read_program(const Node& table, const std::vector<kinematics::Joint>& joints,
+                                Faults& faults);
+
+ControlDescription read_control(const Node& table, const std::vector<kinematics::Joint>& joints,
+                                Faults& faults);
+
+}  // namespace abbe::sim

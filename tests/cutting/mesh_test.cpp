@@ -1,0 +1,366 @@
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <iostream>
+#include <map>
+#include <numeric>
+#include <random>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "cutting/mesh.h"
+#include "cutting/primitive.h"
+#include "cutting/read_mesh.h"
+
+namespace abbe::cutting {
+namespace {
+
+using Eigen::Vector3d;
+namespace fs = std::filesystem;
+
+const fs::path corpus = fs::path(ABBE_SOURCE_DIR) / "tests/corpus/mesh";
+const fs::path parts = fs::path(ABBE_SOURCE_DIR) / "scenes/parts";
+
+std::string refusal(const fs::path& file, const ReadMeshOptions& options = {}) {
+  try {
+    read_mesh(file, options);
+  } catch (const BadInput& bad) {
+    return bad.what();
+  }
+  return "accepted";
+}
+
+fs::path written(const std::string& name, const std::string& bytes) {
+  const fs::path file = fs::path(testing::TempDir()) / ("abbe_mesh_test_" + name);
+  std::ofstream(file, std::ios::binary) << bytes;
+  return file;
+}
+
+std::string bytes_of(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+TEST(ReadMesh, EveryGoodFileGivesTheSameTetrahedron) {
+  int files = 0;
+  for (const auto& entry : fs::directory_iterator(corpus)) {
+    const std::string name = entry.path().filename().string();
+    if (name.rfind("good", 0) != 0) continue;
+    SCOPED_TRACE(name);
+    ++files;
+    const Design design = read_mesh(entry.path());
+    ASSERT_EQ(design.vertices.rows(), 4);
+    ASSERT_EQ(design.triangles.rows(), 4);
+    // three right triangles of 50 mm^2 and one equilateral of side 10 sqrt 2
+    EXPECT_NEAR(design.area.sum(), 150.0 + 50.0 * std::sqrt(3.0), 1e-12);
+    for (int i = 0; i < 4; ++i) {
+      EXPECT_NEAR(design.normals.row(i).norm(), 1.0, 1e-15);
+      EXPECT_GT((design.vertices.row(i) - Eigen::RowVector3d(2, 2, 2)).dot(design.normals.row(i)),
+                0);
+      EXPECT_EQ(design.judged[static_cast<std::size_t>(i)], 1);
+    }
+  }
+  EXPECT_EQ(files, 10);
+}
+
+TEST(ReadMesh, EveryBadFileOfTheCorpusIsRefusedForItsReason) {
+  const std::map<std::string, std::string> reasons = {
+      {"truncated_ascii.stl", ":15:1: expected 'endfacet', seen 'endfa'"},
+      {"truncated_binary.stl", "284 by its header of n = 4, seen 150 bytes"},
+      {"truncated.off", ":9:8: expected triangles only: number of corners 3, seen the end"},
+      {"truncated_little.ply",
+       "data for all elements of the header, seen the end of the file at byte"},
+      {"truncated_ascii.ply", "expected a finite number, seen the end"},
+      {"truncated.obj", "the number of a vertex"},
+      {"empty.stl", "expected a mesh, seen an empty file"},
+      {"empty.obj", "expected a mesh, seen an empty file"},
+      {"empty.ply", "expected a mesh, seen an empty file"},
+      {"empty.off", "expected a mesh, seen an empty file"},
+      {"random.stl", "84 + 50 n bytes"},
+      {"random.obj", "expected an OBJ keyword"},
+      {"random.ply", ":1:1: expected 'ply'"},
+      {"random.off", ":1:2: expected 'OFF'"},
+      {"nan_ascii.stl", ":5:12: expected a finite number, seen 'nan'"},
+      {"nan_binary.stl", "finite numbers, seen nan in facet 1"},
+      {"nan.off", ":6:3: expected a finite number, seen 'nan'"},
+      {"nan.obj", ":3:5: expected a finite number, seen 'nan'"},
+      {"nan_ascii.ply", ":13:3: expected a finite number, seen 'nan'"},
+      {"nan_little.ply", "finite numbers, seen nan"},
+      {"open.stl", "3 open edges"},
+      {"open.obj", "3 open edges"},
+      {"open.ply", "3 open edges"},
+      {"open.off", "3 open edges"},
+      {"flipped.stl", "a flipped mesh, volume -166.667"},
+      {"flipped.obj", "a flipped mesh, volume -166.667"},
+      {"flipped.ply", "a flipped mesh, volume -166.667"},
+      {"flipped.off", "a flipped mesh, volume -166.667"},
+      {"flipped_shell.off", "a flipped shell between (30, 0, 0) and (40, 10, 10)"},
+      {"disagree.off", "two that disagree at the edge"},
+      {"nonmanifold_edge.stl", "4 at the edge (0, 0, 0) - (0, 0, 10): not manifold"},
+      {"nonmanifold_edge.obj", "4 at the edge (0, 0, 0) - (0, 0, 10): not manifold"},
+      {"nonmanifold_edge.ply", "4 at the edge (0, 0, 0) - (0, 0, 10): not manifold"},
+      {"nonmanifold_edge.off", "4 at the edge (0, 0, 0) - (0, 0, 10): not manifold"},
+      {"nonmanifold_vertex.stl", "two that touch at (0, 0, 0): not manifold"},
+      {"nonmanifold_vertex.obj", "two that touch at (0, 0, 0): not manifold"},
+      {"nonmanifold_vertex.ply", "two that touch at (0, 0, 0): not manifold"},
+      {"nonmanifold_vertex.off", "two that touch at (0, 0, 0): not manifold"},
+      {"degenerate.stl", "a degenerate one, number 5"},
+      {"degenerate.obj", ":9:1: expected triangles with an area"},
+      {"lying.ply", ":4:16: expected a count that fits the size of the file"},
+      {"lying.off", ":3:3: expected number of faces that fit the file"},
+      {"lying.stl", "200000000084 by its header of n = 4000000000, seen 284 bytes"},
+      {"index.obj", ":9:7: expected the number of a vertex"},
+      {"index.off", ":8:7: expected number of a vertex (0 .. 3)"},
+      {"index.ply", "number of a vertex (0 .. 3), seen -1"},
+      {"quad.obj", ":5:9: expected triangles only"},
+      {"nul.obj", ":2:3: expected a finite number, seen '10\\x00'"},
+      {"huge.obj", ":2:3: expected a finite number, seen '1e400'"},
+  };
+  std::set<std::string> files;
+  for (const auto& entry : fs::directory_iterator(corpus)) {
+    const std::string name = entry.path().filename().string();
+    if (name.rfind("good", 0) == 0) continue;
+    files.insert(name);
+    const auto reason = reasons.find(name);
+    ASSERT_NE(reason, reasons.end()) << name << " has no reason in this test";
+    const std::string seen = refusal(entry.path());
+    EXPECT_NE(seen.find(reason->second), std::string::npos) << name << ": " << seen;
+    std::cout << name << ": " << seen.substr(seen.find(name) + name.size()) << "\n";
+  }
+  EXPECT_EQ(files.size(), reasons.size());
+}
+
+TEST(ReadMesh, AnyCutOfAGoodFileIsRefusedOrIsTheWholeMesh) {
+  // a cut through trailing blanks or the name of an STL loses nothing; every other must be seen
+  for (const char* name : {"good_ascii.stl", "good_binary.stl", "good.off", "good.obj",
+                           "good_ascii.ply", "good_little.ply", "good_big.ply"}) {
+    const std::string whole = bytes_of(corpus / name);
+    int accepted = 0;
+    for (std::size_t size = 0; size < whole.size(); ++size) {
+      const std::string seen = refusal(written(name, whole.substr(0, size)));
+      if (seen != "accepted") continue;
+      ++accepted;
+      EXPECT_EQ(read_mesh(written(name, whole.substr(0, size))).triangles.rows(), 4);
+      EXPECT_GE(size + 8, whole.size()) << name << " cut to " << size;
+    }
+    std::cout << name << ": " << whole.size() << " cuts, " << accepted << " lose nothing\n";
+  }
+}
+
+TEST(ReadMesh, AnySpoiltByteIsRefusedOrGivesASoundMesh) {
+  for (const char* name : {"good_ascii.stl", "good_binary.stl", "good.off", "good.obj",
+                           "good_ascii.ply", "good_little.ply", "good_big.ply"}) {
+    const std::string whole = bytes_of(corpus / name);
+    int refused = 0, accepted = 0;
+    const std::string spoils{'\0', '\xff', '9', '-', ' '};
+    for (std::size_t at = 0; at < whole.size(); ++at) {
+      std::string bytes = whole;
+      bytes[at] = spoils[at % spoils.size()];
+      const fs::path file = written(name, bytes);
+      if (refusal(file) != "accepted") {
+        ++refused;
+        continue;
+      }
+      ++accepted;
+      const Design design = read_mesh(file);
+      EXPECT_TRUE(design.vertices.allFinite() && design.normals.allFinite());
+      EXPECT_EQ(design.triangles.rows(), 4);
+    }
+    std::cout << name << ": " << refused << " refused, " << accepted << " sound\n";
+    EXPECT_GT(refused, 0);
+  }
+}
+
+TEST(ReadMesh, TheOrderOfTrianglesDoesNotMatter) {
+  const unsigned seed = 3;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  const Design cap = tessellate(SphereCap{50.0, 30.0}, {5000});
+  std::vector<int> order(static_cast<std::size_t>(cap.triangles.rows()));
+  std::iota(order.begin(), order.end(), 0);
+  for (int round = 0; round < 3; ++round) {
+    std::shuffle(order.begin(), order.end(), random);
+    std::string text;
+    for (Eigen::Index i = 0; i < cap.vertices.rows(); ++i)
+      text += "v " + std::to_string(cap.vertices(i, 0)) + " " + std::to_string(cap.vertices(i, 1)) +
+              " " + std::to_string(cap.vertices(i, 2)) + "\n";
+    for (const int t : order)
+      text += "f " + std::to_string(cap.triangles(t, 0) + 1) + " " +
+              std::to_string(cap.triangles(t, 1) + 1) + " " +
+              std::to_string(cap.triangles(t, 2) + 1) + "\n";
+    ReadMeshOptions options;
+    options.open = true;
+    EXPECT_EQ(refusal(written("shuffled.obj", text), options), "accepted") << round;
+  }
+}
+
+TEST(ReadMesh, OpenSurfacesPassIfTheySayThatTheyAre) {
+  ReadMeshOptions options;
+  options.open = true;
+  for (const char* name : {"open.stl", "open.obj", "open.ply", "open.off"})
+    EXPECT_EQ(read_mesh(corpus / name, options).triangles.rows(), 3) << name;
+}
+
+TEST(ReadMesh, LimitsOfSizeAreHeldBeforeReading) {
+  ReadMeshOptions options;
+  options.max_triangles = 3;
+  for (const char* name :
+       {"good_ascii.stl", "good_binary.stl", "good.off", "good.obj", "good_little.ply"})
+    EXPECT_NE(refusal(corpus / name, options).find("at most 3 triangles, seen 4"),
+              std::string::npos)
+        << name;
+  options = {};
+  options.max_bytes = 10;
+  EXPECT_NE(refusal(corpus / "good.off", options).find("at most 10 bytes"), std::string::npos);
+}
+
+TEST(ReadMesh, WhatIsNoMeshFileIsRefused) {
+  EXPECT_NE(refusal(corpus / "nowhere.stl").find("no such file"), std::string::npos);
+  EXPECT_NE(refusal(corpus).find("something that is no file"), std::string::npos);
+  EXPECT_NE(refusal("/dev/zero").find("something that is no file"), std::string::npos);
+  EXPECT_NE(refusal(written("part.step", "ISO-10303-21;")).find(".stl, .obj, .ply or .off"),
+            std::string::npos);
+  ReadMeshOptions options;
+  options.unit_mm = 0.0;
+  EXPECT_THROW(read_mesh(corpus / "good.off", options), std::invalid_argument);
+}
+
+TEST(ReadMesh, DigitsBeyondFloatAreKept) {
+  const fs::path file = written("digits.obj",
+                                "v 0.1234567890123456 0 0\nv 10 0 0\nv 0 10 0\nv 0 0 10\nf 1 3 "
+                                "2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n");
+  EXPECT_EQ(read_mesh(file).vertices(0, 0), 0.1234567890123456);
+}
+
+TEST(ReadMesh, APartInInchesOrMetresIsToldByItsFactor) {
+  // the free-form block of 60 mm, written in inches and in metres, on a machine of 600 mm travel
+  const Design part = read_mesh(parts / "freeform.stl");
+  const auto obj = [&](double unit) {
+    std::string text;
+    for (Eigen::Index i = 0; i < part.vertices.rows(); ++i)
+      text += "v " + std::to_string(part.vertices(i, 0) / unit) + " " +
+              std::to_string(part.vertices(i, 1) / unit) + " " +
+              std::to_string(part.vertices(i, 2) / unit) + "\n";
+    for (Eigen::Index t = 0; t < part.triangles.rows(); ++t)
+      text += "f " + std::to_string(part.triangles(t, 0) + 1) + " " +
+              std::to_string(part.triangles(t, 1) + 1) + " " +
+              std::to_string(part.triangles(t, 2) + 1) + "\n";
+    return text;
+  };
+  ReadMeshOptions options;
+  options.travel = Vector3d(600, 500, 400);
+  const std::string inch = refusal(written("inch.obj", obj(25.4)), options);
+  const std::string metre = refusal(written("metre.obj", obj(1000.0)), options);
+  const std::string micrometre = refusal(written("um.obj", obj(1e-3)), options);
+  std::cout << inch << "\n" << metre << "\n" << micrometre << "\n";
+  EXPECT_NE(inch.find("254 times too small: x 25.4 (inch) would make it 60 mm"), std::string::npos);
+  EXPECT_NE(metre.find("1e+04 times too small: x 1000 (metre) would make it 60 mm"),
+            std::string::npos);
+  EXPECT_NE(micrometre.find("100 times too large: x 0.001 (micrometre)"), std::string::npos);
+  EXPECT_EQ(refusal(parts / "freeform.stl", options), "accepted");
+
+  options.unit_mm = 25.4;
+  const Design read = read_mesh(written("inch.obj", obj(25.4)), options);
+  EXPECT_LT((read.vertices - part.vertices).cwiseAbs().maxCoeff(), 25.4 * 0.5e-6 + 1e-12);
+}
+
+// --- the audited mesh ---------------------------------------------------------------------------
+
+double top(double x, double y) {
+  return 10 + 2.4 * std::sin(x / 9 + 0.3) * std::cos(y / 11) + 0.8 * std::cos(x / 17 - y / 8);
+}
+
+Vector3d top_normal(double x, double y) {
+  const double dx =
+      2.4 / 9 * std::cos(x / 9 + 0.3) * std::cos(y / 11) - 0.8 / 17 * std::sin(x / 17 - y / 8);
+  const double dy =
+      -2.4 / 11 * std::sin(x / 9 + 0.3) * std::sin(y / 11) + 0.8 / 8 * std::sin(x / 17 - y / 8);
+  return Vector3d(-dx, -dy, 1.0).normalized();
+}
+
+TEST(ReadMesh, TheFreeFormBlockIsTheSurfaceOfItsSource) {
+  const Design part = read_mesh(parts / "freeform.stl");
+  EXPECT_EQ(part.triangles.rows(), 30240);
+  const Design judged = judge_top(part, {0.5, 1.0});
+  double height = 0.0, tilt = 0.0, sag = 0.0;
+  int count = 0;
+  for (Eigen::Index i = 0; i < part.vertices.rows(); ++i) {
+    if (!judged.judged[static_cast<std::size_t>(i)]) continue;
+    ++count;
+    const double x = part.vertices(i, 0), y = part.vertices(i, 1);
+    height = std::max(height, std::abs(part.vertices(i, 2) - top(x, y)));
+    const Vector3d n = part.normals.row(i);
+    tilt = std::max(tilt, n.cross(top_normal(x, y)).norm());
+    sag = std::max(sag, part.facet_error[i]);
+    EXPECT_LT(std::max(std::abs(x), std::abs(y)), 29.0);
+  }
+  std::cout << count << " judged vertices, height within " << height * 1e6 << " nm, normals within "
+            << tilt * 1e6 << " urad, facet error to " << sag * 1e3 << " um\n";
+  EXPECT_GT(count, 12000);
+  EXPECT_LT(height, 1e-6);  // mm: the rounding of a binary STL at 13 mm
+  EXPECT_LT(tilt, 1.2e-3);
+  EXPECT_LT(sag, 5e-3);
+}
+
+TEST(JudgeTop, LeavesOutWallsRimAndMargin) {
+  const Design part = read_mesh(parts / "freeform.stl");
+  for (const double margin : {0.0, 0.1, 0.7, 5.0, 29.0}) {
+    const Design judged = judge_top(part, {0.5, margin});
+    int wrong = 0, count = 0;
+    for (Eigen::Index i = 0; i < part.vertices.rows(); ++i) {
+      const Vector3d p = part.vertices.row(i);
+      const double plan = 30.0 - std::max(std::abs(p.x()), std::abs(p.y()));
+      const bool is = judged.judged[static_cast<std::size_t>(i)] != 0;
+      count += is;
+      // the rim is a curve in space, so the distance to it is at least the one in plan
+      if (plan < 1e-5 || p.z() < 1.0) wrong += is;
+      if (plan > margin + 1e-5 && p.z() > 1.0) wrong += !is;
+      if (plan < 0.9 * margin && std::abs(p.x()) < 20 && p.z() > 1.0) wrong += is;
+    }
+    EXPECT_EQ(wrong, 0) << "margin " << margin;
+    EXPECT_GT(count, 0);
+  }
+  EXPECT_THROW(judge_top(part, {0.5, -1.0}), std::invalid_argument);
+}
+
+TEST(FacetError, IsTheSagOfTheEdgesOfASphere) {
+  const double R = 50.0;
+  const Design cap = tessellate(SphereCap{R, 30.0}, {5000});
+  const Eigen::VectorXd estimated = facet_error(cap.vertices, cap.normals, cap.triangles);
+  Eigen::VectorXd sag = Eigen::VectorXd::Zero(cap.vertices.rows());
+  for (Eigen::Index t = 0; t < cap.triangles.rows(); ++t)
+    for (int k = 0; k < 3; ++k) {
+      const int a = cap.triangles(t, k), b = cap.triangles(t, (k + 1) % 3);
+      const Vector3d middle = 0.5 * (cap.vertices.row(a) + cap.vertices.row(b)).transpose();
+      const double here = R - (middle - Vector3d(0, 0, -R)).norm();
+      sag[a] = std::max(sag[a], here);
+      sag[b] = std::max(sag[b], here);
+    }
+  const double worst = ((estimated - sag).cwiseQuotient(sag)).cwiseAbs().maxCoeff();
+  std::cout << "facet error against true sag: " << worst * 100 << " %\n";
+  EXPECT_LT(worst, 1e-3);
+}
+
+TEST(Transformed, TurnsNormalsAndMovesPoints) {
+  const Design disc = tessellate(Disc{10.0, 0.0}, {200});
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = Eigen::AngleAxisd(0.3, Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+  T.translation() = Vector3d(4, 5, 6);
+  const Design moved = transformed(disc, T);
+  for (Eigen::Index i = 0; i < disc.vertices.rows(); ++i) {
+    EXPECT_LT((moved.vertices.row(i).transpose() - T * disc.vertices.row(i).transpose()).norm(),
+              1e-14);
+    EXPECT_LT(
+        (moved.normals.row(i).transpose() - T.linear() * disc.normals.row(i).transpose()).norm(),
+        1e-15);
+  }
+  EXPECT_EQ(moved.area, disc.area);
+}
+
+}  // namespace
+}  // namespace abbe::cutting

@@ -1,0 +1,386 @@
+#include "kinematics/chain.h"
+
+#include <cmath>
+#include <iostream>
+#include <limits>
+#include <random>
+#include <stdexcept>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "tests/kinematics/machines.h"
+
+namespace abbe::kinematics {
+namespace {
+
+using namespace abbe::literals;
+using Eigen::Vector3d;
+using machines::slide;
+using machines::turn;
+using machines::x;
+using machines::y;
+using machines::z;
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+AxisVector axes(std::initializer_list<double> values) {
+  AxisVector q(Eigen::Index(values.size()));
+  std::copy(values.begin(), values.end(), q.data());
+  return q;
+}
+
+// One component of one joint's deviation, everything else zero.
+std::vector<JointDeviation> only(const Chain& chain, char name, int component, double value,
+                                 bool location) {
+  std::vector<JointDeviation> deviations(std::size_t(chain.size()));
+  JointDeviation& joint = deviations[std::size_t(*chain.find(name))];
+  (location ? joint.location : joint.motion)[component] = value;
+  return deviations;
+}
+
+std::vector<JointDeviation> motion_of(const Chain& chain, char name, int component, double value) {
+  return only(chain, name, component, value, false);
+}
+
+std::vector<JointDeviation> location_of(const Chain& chain, char name, int component,
+                                        double value) {
+  return only(chain, name, component, value, true);
+}
+
+// What deviations do to the tip, workpiece frame.
+Vector3d tip_shift(const Chain& chain, const AxisVector& q,
+                   const std::vector<JointDeviation>& deviations) {
+  return chain.tool_in_workpiece(q, deviations).translation() -
+         chain.tool_in_workpiece(q).translation();
+}
+
+// Numbers of a component in a Deviation.
+enum : int { EX, EY, EZ, EA, EB, EC };
+
+// w C' b X Y Z t with the table centre, the workpiece and the tip at zero all in the origin.
+Chain table_C(DeviationAxes deviation_axes = DeviationAxes::Fixed) {
+  Joint C = turn('C', Side::Workpiece, z);
+  C.deviation_axes = deviation_axes;
+  return Chain({C, slide('X', Side::Tool, x), slide('Y', Side::Tool, y), slide('Z', Side::Tool, z)},
+               Pose::Identity(), Pose::Identity());
+}
+
+// w b A t: a head that swivels about x through the origin, its tip 100 mm below.
+Chain head_A(DeviationAxes deviation_axes = DeviationAxes::Fixed) {
+  Joint A = turn('A', Side::Tool, x);
+  A.deviation_axes = deviation_axes;
+  return Chain({A}, Pose::Identity(), machines::placed({0, 0, -100}));
+}
+
+// w b X Y t, or w X' Y' b t with the same commands; Y stands on X on either side.
+Chain cross_slides(Side side, Squareness squareness = Squareness::Frame) {
+  Joint X = slide('X', side, x);
+  Joint Y = slide('Y', side, y);
+  Y.squareness = squareness;
+  const auto joints = side == Side::Tool ? std::vector<Joint>{X, Y} : std::vector<Joint>{Y, X};
+  return Chain(joints, Pose::Identity(), machines::placed({0, 0, 30}));
+}
+
+TEST(Chain, AtZeroIsTheHomePoses) {
+  for (const auto& [name, chain] : machines::all()) {
+    const Pose expected = chain.T_bw_home().inverse() * chain.T_bt_home();
+    const Pose T_wt = chain.tool_in_workpiece(AxisVector::Zero(chain.size()));
+    EXPECT_LT((T_wt.matrix() - expected.matrix()).cwiseAbs().maxCoeff(), 1e-12) << name;
+  }
+}
+
+TEST(Chain, PositiveCTurnsTheToolCounterClockwiseInTheWorkpieceOnEitherSide) {
+  const double quarter = 90.0_deg;
+  const Chain table = table_C();
+  EXPECT_LT((table.tool_in_workpiece(axes({quarter, 100, 0, 0})).translation() -
+             Vector3d(0, 100, 0)).norm(), 1e-13);
+  const Chain head({turn('C', Side::Tool, z)}, Pose::Identity(), machines::placed({100, 0, 0}));
+  EXPECT_LT((head.tool_in_workpiece(axes({quarter})).translation() - Vector3d(0, 100, 0)).norm(),
+            1e-13);
+}
+
+TEST(Chain, PositiveXMovesTheToolToPositiveXInTheWorkpieceOnEitherSide) {
+  for (const Side side : {Side::Tool, Side::Workpiece}) {
+    const Chain machine = cross_slides(side);
+    const AxisVector q = side == Side::Tool ? axes({7, 3}) : axes({3, 7});
+    EXPECT_EQ(Vector3d(machine.tool_in_workpiece(q).translation()), Vector3d(7, 3, 30));
+  }
+}
+
+TEST(Chain, APrimedCarriageItselfMovesAgainstItsCommand) {
+  const Chain machine = cross_slides(Side::Workpiece);
+  EXPECT_EQ(Vector3d(machine.workpiece_in_bed(axes({3, 7})).translation()), Vector3d(-7, -3, 0));
+  EXPECT_EQ(Vector3d(machine.tool_in_bed(axes({3, 7})).translation()), Vector3d(0, 0, 30));
+  EXPECT_EQ(carriage_travel(Side::Workpiece, 7.0), -7.0);
+  EXPECT_EQ(carriage_travel(Side::Tool, 7.0), 7.0);
+}
+
+TEST(Chain, OfTheGantryFollowsAHandComputedPose) {
+  // C = 90, A = -90 deg, table centre and pivot known: the tool axis z turns to +y by A, then to -x
+  // by C; the tip hangs 200 mm below the pivot.
+  const Chain machine({turn('C', Side::Workpiece, z, {10, 0, 0}), slide('X', Side::Tool, x),
+                       slide('Y', Side::Tool, y), slide('Z', Side::Tool, z),
+                       turn('A', Side::Tool, x, {0, 0, 200})},
+                      Pose::Identity(), Pose::Identity());
+  const Pose T_wt = machine.tool_in_workpiece(axes({90.0_deg, 15, 20, 30, -90.0_deg}));
+  // In the bed the tip stands at (15, 20 - 200, 30 + 200); about (10, 0) by 90 deg: (10 + 180, 5).
+  EXPECT_LT((T_wt.translation() - Vector3d(190, 5, 230)).norm(), 1e-12);
+  EXPECT_LT((T_wt.linear() * z - Vector3d(-1, 0, 0)).norm(), 1e-15);
+}
+
+TEST(Chain, TableOffsetEX0CMovesTheToolOnACircleInTheWorkpiece) {
+  const double ex = 10.0_um;
+  const Chain machine = table_C();
+  for (const double c : {0.0, 0.3, 1.7, 3.1, -2.2}) {
+    const Vector3d d = tip_shift(machine, axes({c, 80, -40, 15}),
+                                 location_of(machine, 'C', EX, ex));
+    // by hand: the table has moved by +ex in the bed, the tool by -ex; the workpiece sees it turned
+    const Vector3d expected(-ex * std::cos(c), -ex * std::sin(c), 0);
+    EXPECT_LT((d - expected).norm(), 1e-13) << "C = " << c;
+  }
+}
+
+TEST(Chain, PositiveEC0YOpensTheAngleFromXToYOnEitherSide) {
+  const double square = 40.0_urad;
+  for (const Side side : {Side::Tool, Side::Workpiece})
+    for (const Squareness how : {Squareness::Frame, Squareness::Travel}) {
+      const Chain machine = cross_slides(side, how);
+      const auto wrong = location_of(machine, 'Y', EC, square);
+      const auto tip = [&](double qx, double qy) -> Vector3d {
+        const AxisVector q = side == Side::Tool ? axes({qx, qy}) : axes({qy, qx});
+        return machine.tool_in_workpiece(q, wrong).translation();
+      };
+      const Vector3d along_x = tip(100, 0) - tip(0, 0);
+      const Vector3d along_y = tip(0, 100) - tip(0, 0);
+      const double angle = std::atan2(along_x.cross(along_y).z(), along_x.dot(along_y));
+      EXPECT_NEAR(angle, 0.5 * pi + square, 1e-14) << int(side) << " " << int(how);
+    }
+}
+
+TEST(Chain, FrameSquarenessTurnsEverythingDownstreamAndTravelSquarenessTheDirectionOnly) {
+  const double square = 40.0_urad;
+  Joint Z = slide('Z', Side::Tool, z, {0, 0, 500});
+  const AxisVector q = axes({100});
+  for (const Squareness how : {Squareness::Frame, Squareness::Travel}) {
+    Z.squareness = how;
+    const Chain machine({Z}, Pose::Identity(), machines::placed({0, 0, 200}));
+    const Pose T_wt = machine.tool_in_workpiece(q, location_of(machine, 'Z', EB, square));
+    const Vector3d axis = T_wt.linear() * z;
+    // EB > 0 turns z towards x. About the point at 500 the tip 300 below leans to -x; travel adds.
+    const double turned = how == Squareness::Frame ? std::sin(square) : 0.0;
+    EXPECT_NEAR(T_wt.translation().x(), 100 * std::sin(square) - 300 * turned, 1e-15);
+    EXPECT_NEAR(axis.x(), turned, 1e-18);
+  }
+}
+
+TEST(Chain, TravelSquarenessOfARotaryAxisTiltsItsLineOnly) {
+  const double tilt = 1e-3;
+  Joint C = turn('C', Side::Tool, z, {0, 0, 0});
+  C.squareness = Squareness::Travel;
+  const Chain machine({C}, Pose::Identity(), machines::placed({100, 0, 0}));
+  const auto wrong = location_of(machine, 'C', EB, tilt);
+  // nothing has turned yet, so nothing shows
+  EXPECT_LT(tip_shift(machine, axes({0}), wrong).norm(), 1e-13);
+  // half a turn about the line u = (sin t, 0, cos t): p -> 2 u (u.p) - p
+  const Vector3d expected =
+      200 * std::sin(tilt) * Vector3d(std::sin(tilt), 0, std::cos(tilt)) - Vector3d(100, 0, 0);
+  EXPECT_LT((machine.tool_in_workpiece(axes({pi}), wrong).translation() - expected).norm(), 1e-13);
+}
+
+TEST(Chain, OffsetsActAlikeInBothKindsOfSquareness) {
+  for (const auto& [name, chain] : machines::all()) {
+    const Chain frame = machines::with_options(chain, DeviationAxes::Fixed, Squareness::Frame);
+    const Chain travel = machines::with_options(chain, DeviationAxes::Fixed, Squareness::Travel);
+    const AxisVector q = AxisVector::Constant(chain.size(), 0.7);
+    for (const Joint& joint : chain.joints())
+      for (const int component : {EX, EY, EZ}) {
+        const Vector3d a = tip_shift(frame, q, location_of(chain, joint.name, component, 0.01));
+        const Vector3d b = tip_shift(travel, q, location_of(chain, joint.name, component, 0.01));
+        EXPECT_LT((a - b).norm(), 1e-12) << name << " " << joint.name << " " << component;
+        EXPECT_NEAR(a.norm(), 0.01, 1e-12);
+      }
+  }
+}
+
+TEST(Chain, ErrorMotionOfAToolSlideActsAfterItsTravelAtThePointThatItCarries) {
+  const double pitch = 20.0_urad;
+  const Chain machine({slide('X', Side::Tool, x, {50, 0, 400})}, Pose::Identity(),
+                      machines::placed({0, 0, 100}));
+  for (const double q : {-300.0, 0.0, 300.0}) {
+    // by hand: the tip stays 50 before and 300 below the carried point: EB x (-50, 0, -300)
+    const Vector3d d = tip_shift(machine, axes({q}), motion_of(machine, 'X', EB, pitch));
+    const Vector3d expected(-300 * std::sin(pitch) + 50 * (1 - std::cos(pitch)), 0,
+                            50 * std::sin(pitch) + 300 * (1 - std::cos(pitch)));
+    EXPECT_LT((d - expected).norm(), 1e-13);
+  }
+}
+
+TEST(Chain, ErrorMotionOfAPrimedSlideHasALeverThatGrowsWithTravel) {
+  const double yaw = 20.0_urad;
+  const Chain machine({slide('X', Side::Workpiece, x, {50, 0, 0})}, Pose::Identity(),
+                      machines::placed({0, 0, 100}));
+  for (const double q : {-300.0, 0.0, 300.0}) {
+    // by hand: the carriage turns by +yaw about its point, which it has carried to 50 - q, so the
+    // workpiece sees the tip, q - 50 beyond that point, turn by -yaw
+    const Vector3d d = tip_shift(machine, axes({q}), motion_of(machine, 'X', EC, yaw));
+    const double lever = q - 50;
+    const Vector3d expected(lever * (std::cos(yaw) - 1), -lever * std::sin(yaw), 0);
+    EXPECT_LT((d - expected).norm(), 1e-13) << q;
+  }
+}
+
+TEST(Chain, TranslationsOfACarriageMoveTheToolAlongOnItsOwnSideAndAgainstOnTheOther) {
+  for (const int component : {EX, EY, EZ})
+    for (const Side side : {Side::Tool, Side::Workpiece}) {
+      const Chain machine = cross_slides(side);
+      for (const char name : {'X', 'Y'}) {
+        const Vector3d d = tip_shift(machine, axes({12, -9}),
+                                     motion_of(machine, name, component, 5.0_um));
+        Vector3d expected = Vector3d::Zero();
+        expected[component] = side == Side::Tool ? 5.0_um : -5.0_um;
+        EXPECT_LT((d - expected).norm(), 1e-14);
+      }
+    }
+}
+
+TEST(Chain, ErrorMotionOfARotaryAxisIsAlongAxesThatDoNotTurn) {
+  const double e = 5.0_um;
+  for (const double q : {0.0, 0.4, 90.0_deg, 180.0_deg, -2.0}) {
+    const Vector3d head = tip_shift(head_A(), axes({q}), motion_of(head_A(), 'A', EZ, e));
+    EXPECT_LT((head - Vector3d(0, 0, e)).norm(), 1e-13) << q;
+    const Vector3d table = tip_shift(table_C(), axes({q, 80, 0, 0}),
+                                     motion_of(table_C(), 'C', EX, e));
+    EXPECT_LT((table - Vector3d(-e * std::cos(q), -e * std::sin(q), 0)).norm(), 1e-13) << q;
+  }
+}
+
+TEST(Chain, TurningErrorMotionOfARotaryAxisTurnsWithIt) {
+  const double e = 5.0_um;
+  const Chain head = head_A(DeviationAxes::Turning);
+  const Chain table = table_C(DeviationAxes::Turning);
+  for (const double q : {0.0, 0.4, 90.0_deg, 180.0_deg, -2.0}) {
+    // positive A turns z to -y
+    const Vector3d d = tip_shift(head, axes({q}), motion_of(head, 'A', EZ, e));
+    EXPECT_LT((d - Vector3d(0, -e * std::sin(q), e * std::cos(q))).norm(), 1e-13) << q;
+    // on the table it is a shift of the workpiece and nothing else
+    const Vector3d shift = tip_shift(table, axes({q, 80, 0, 0}), motion_of(table, 'C', EX, e));
+    EXPECT_LT((shift - Vector3d(-e, 0, 0)).norm(), 1e-13) << q;
+  }
+}
+
+TEST(Chain, TurningMeansNothingToASlide) {
+  const std::vector<Joint> joints = cross_slides(Side::Tool).joints();
+  std::vector<Joint> turning = joints;
+  for (Joint& joint : turning) joint.deviation_axes = DeviationAxes::Turning;
+  const Chain a(joints, Pose::Identity(), machines::placed({0, 0, 30}));
+  const Chain b(turning, Pose::Identity(), machines::placed({0, 0, 30}));
+  const auto wrong = motion_of(a, 'X', EB, 1e-3);
+  EXPECT_EQ(a.tool_in_workpiece(axes({20, 30}), wrong).matrix(),
+            b.tool_in_workpiece(axes({20, 30}), wrong).matrix());
+}
+
+TEST(Chain, SpindleNoseMovesNothingButItsDeviations) {
+  const Chain machine({machines::nose({0, 0, 200})}, Pose::Identity(), Pose::Identity());
+  EXPECT_EQ(machine.tool_in_workpiece(axes({1.3})).matrix(), Pose::Identity().matrix());
+  // a tilt EB at the nose swings a tip 200 mm below it to -x
+  const Vector3d d = tip_shift(machine, axes({1.3}), motion_of(machine, 's', EB, 10.0_urad));
+  EXPECT_NEAR(d.x(), -200 * std::sin(10e-6), 1e-13);
+}
+
+TEST(Chain, WithZeroDeviationsIsTheNominalMachineBitForBit) {
+  const unsigned seed = 20250302;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  for (const auto& [name, chain] : machines::all())
+    for (const DeviationAxes deviation_axes : {DeviationAxes::Fixed, DeviationAxes::Turning})
+      for (const Squareness squareness : {Squareness::Frame, Squareness::Travel}) {
+        const Chain machine = machines::with_options(chain, deviation_axes, squareness);
+        std::vector<JointDeviation> zero(std::size_t(chain.size()));
+        std::vector<JointDeviation> negative_zero = zero;
+        for (JointDeviation& d : negative_zero) d.motion = d.location = -Deviation::Zero();
+        for (int i = 0; i < 200; ++i) {
+          const AxisVector q = machines::anywhere(machine, random);
+          const Pose nominal = machine.tool_in_workpiece(q);
+          ASSERT_EQ(machine.tool_in_workpiece(q, zero).matrix(), nominal.matrix()) << name;
+          ASSERT_EQ(machine.tool_in_workpiece(q, negative_zero).matrix(), nominal.matrix()) << name;
+        }
+      }
+}
+
+TEST(Chain, PosesAreWorkpieceInvertedTimesTool) {
+  std::mt19937 random(7);
+  for (const auto& [name, chain] : machines::all()) {
+    const AxisVector q = machines::anywhere(chain, random);
+    const Pose T_wt = chain.workpiece_in_bed(q).inverse() * chain.tool_in_bed(q);
+    EXPECT_EQ(T_wt.matrix(), chain.tool_in_workpiece(q).matrix()) << name;
+  }
+}
+
+TEST(Chain, FindsItsJointsByLetter) {
+  const Chain machine = machines::gantry();
+  EXPECT_EQ(machine.find('C'), 0);
+  EXPECT_EQ(machine.find('s'), 5);
+  EXPECT_EQ(machine.find('B'), std::nullopt);
+}
+
+TEST(ErrorTransform, IsExpressedInTheNominalToolFrame) {
+  // the tool points along +x of the workpiece: a shift along x is a shift along its own z
+  const Pose nominal = machines::placed({5, 6, 7}, 90.0_deg, y);
+  Pose actual = nominal;
+  actual.translation() += Vector3d(0.01, 0, 0);
+  const Pose E = error_transform(nominal, actual);
+  EXPECT_LT((E.translation() - Vector3d(0, 0, 0.01)).norm(), 1e-15);
+  EXPECT_LT((E.linear() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-15);
+}
+
+TEST(Chain, RefusesWhatIsNoMachine) {
+  const Pose I = Pose::Identity();
+  const Joint X = slide('X', Side::Tool, x);
+  const auto refused = [&](const Joint& joint) {
+    EXPECT_THROW(Chain({joint}, I, I), std::invalid_argument);
+  };
+  const auto changed = [&](auto change) {
+    Joint joint = X;
+    change(joint);
+    return joint;
+  };
+  EXPECT_NO_THROW(Chain({X}, I, I));
+  refused(changed([](Joint& j) { j.direction_b = Vector3d(1, 1e-5, 0); }));
+  refused(changed([](Joint& j) { j.direction_b = Vector3d::Zero(); }));
+  refused(changed([](Joint& j) { j.direction_b = Vector3d(nan, 0, 0); }));
+  refused(changed([](Joint& j) { j.point_b.y() = nan; }));
+  refused(changed([](Joint& j) { j.min = nan; }));
+  refused(changed([](Joint& j) { j.max = nan; }));
+  refused(changed([](Joint& j) { j.max = j.min - 1; }));
+  EXPECT_THROW(Chain({X, X}, I, I), std::invalid_argument);
+  EXPECT_THROW(Chain({X, turn('C', Side::Workpiece, z)}, I, I), std::invalid_argument);
+  std::vector<Joint> nine;
+  for (const char name : {'X', 'Y', 'Z', 'U', 'V', 'W', 'A', 'B', 'C'})
+    nine.push_back(changed([&](Joint& j) { j.name = name; }));
+  EXPECT_THROW(Chain(nine, I, I), std::invalid_argument);
+}
+
+TEST(Chain, RefusesHomePosesThatAreNotRigid) {
+  const Pose I = Pose::Identity();
+  Pose scaled = I;
+  scaled.linear() *= 1.001;
+  Pose mirrored = I;
+  mirrored.linear()(0, 0) = -1;
+  Pose lost = I;
+  lost.translation().x() = nan;
+  for (const Pose& T : {scaled, mirrored, lost}) {
+    EXPECT_THROW(Chain({}, T, I), std::invalid_argument);
+    EXPECT_THROW(Chain({}, I, T), std::invalid_argument);
+  }
+}
+
+TEST(Chain, StaysRigidWhereDirectionsAreUnitOnlyToTheirTolerance) {
+  Joint C = turn('C', Side::Tool, Vector3d(0, 0, 1 + 9e-13));
+  const Chain machine({C}, Pose::Identity(), Pose::Identity());
+  const Eigen::Matrix3d R = machine.tool_in_workpiece(axes({2.0})).linear();
+  EXPECT_LT((R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-15);
+}
+
+}  // namespace
+}  // namespace abbe::kinematics

@@ -1,0 +1,76 @@
+#include "render/label.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "render/layout.h"
+
+namespace abbe::render {
+namespace {
+
+TEST(Label, HasATrueMinusAndNoSignOnZero) {
+  EXPECT_EQ(fixed(-1.26, 1), "−1.3");
+  EXPECT_EQ(fixed(-0.001, 2), "0.00");
+  EXPECT_EQ(signed_fixed(0.5, 1), "+0.5");
+  EXPECT_EQ(signed_fixed(-0.5, 1), "−0.5");
+  EXPECT_EQ(signed_fixed(0.0, 0), "0");
+}
+
+TEST(Label, FigureShowsThreeDigits) {
+  EXPECT_EQ(figure(12.345), "12.3");
+  EXPECT_EQ(figure(0.012345), "0.0123");
+  EXPECT_EQ(figure(1234.5), "1234");
+  EXPECT_EQ(figure(0.0), "0");
+  EXPECT_EQ(figure(std::nan("")), "–");
+}
+
+TEST(Label, RoundUpGoesToTheNextOfOneTwoFive) {
+  const double pairs[][2] = {{1, 1},    {1.01, 2},      {2, 2},      {2.2, 5},
+                             {5.5, 10}, {0.003, 0.005}, {730, 1000}, {1e-9, 1e-9}};
+  for (const auto& [value, up] : pairs) EXPECT_DOUBLE_EQ(round_up_125(value), up) << value;
+  EXPECT_EQ(round_up_125(0.0), 0.0);
+}
+
+TEST(Label, TicksAreRoundAndWithinTheSpan) {
+  const Ticks ticks = round_ticks(-5.0, 5.0, 11);
+  ASSERT_EQ(ticks.values.size(), 11u);
+  EXPECT_EQ(ticks.values.front(), -5.0);
+  EXPECT_EQ(ticks.values.back(), 5.0);
+  EXPECT_EQ(ticks.values[5], 0.0);
+  EXPECT_EQ(ticks.decimals, 0);
+  EXPECT_EQ(round_ticks(-0.2, 0.2, 11).decimals, 2);
+  EXPECT_TRUE(round_ticks(1.0, 1.0, 5).values.empty());
+  EXPECT_TRUE(round_ticks(0.0, std::nan(""), 5).values.empty());
+}
+
+TEST(Label, UnitIsNanometresBelowATenthOfAMicrometre) {
+  EXPECT_STREQ(unit_for(0.05).name, "nm");
+  EXPECT_STREQ(unit_for(0.1).name, "µm");
+  EXPECT_EQ(unit_for(0.05).per_um, 1000.0);
+}
+
+TEST(Label, CountsAreGroupedByThousands) {
+  EXPECT_EQ(grouped(7), "7");
+  EXPECT_EQ(grouped(999), "999");
+  EXPECT_EQ(grouped(1000), "1 000");
+  EXPECT_EQ(grouped(12345678), "12 345 678");
+}
+
+TEST(Layout, WrappedTextStaysWithinItsWidth) {
+  const TextStyle style{.size_px = 23.0};
+  for (const std::string text :
+       {"perfect-iterated-program", "warm_3_h-identified-decoupled-program",
+        "a plain sentence that is long enough to need several lines of this width",
+        "onewordthatisfartoolongforthecellandcannotbebrokenanywhere",
+        "µµµµµµµµµµµµµµµµµµµµµµµµµµµµµµµµµ"}) {
+    for (const double width : {90.0, 180.0, 333.0}) {
+      const auto lines = wrapped(text, style, width, 2);
+      EXPECT_LE(lines.size(), 2u) << text;
+      for (const std::string& line : lines) EXPECT_LE(text_size(line, style).x(), width) << line;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace abbe::render

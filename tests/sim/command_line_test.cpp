@@ -1,0 +1,286 @@
+#include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <iostream>
+#include <random>
+#include <sstream>
+#include <string>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+#include <sys/wait.h>
+#include <unistd.h>
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr const char* program = ABBE_PROGRAM;
+const fs::path source = ABBE_SOURCE_DIR;
+
+struct Ran {
+  int code = 0;
+  std::string text;  // both streams
+};
+
+Ran run(const std::string& arguments, const std::string& before = "") {
+  const std::string command = before + " " + std::string(program) + " " + arguments + " 2>&1";
+  std::FILE* pipe = ::popen(command.c_str(), "r");
+  Ran ran;
+  std::array<char, 4096> buffer;
+  while (const std::size_t n = std::fread(buffer.data(), 1, buffer.size(), pipe)) ran.text.append(buffer.data(), n);
+  const int status = ::pclose(pipe);
+  ran.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  return ran;
+}
+
+std::string bytes(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+int files_in(const fs::path& folder) {
+  int count = 0;
+  if (!fs::exists(folder)) return 0;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) count += entry.is_regular_file();
+  return count;
+}
+
+/// A folder of its own for every test, gone afterwards.
+class CommandLine : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("abbe-test-" + std::to_string(::getpid()) + "-" +
+                                           testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::create_directories(folder_);
+  }
+  void TearDown() override {
+    std::error_code ignored;
+    fs::remove_all(folder_, ignored);
+  }
+
+  fs::path write(const std::string& name, const std::string& text) const {
+    std::ofstream(folder_ / name, std::ios::binary) << text;
+    return folder_ / name;
+  }
+
+  /// Scene that mills a small plane on the perfect gantry with the program text given.
+  fs::path plane_scene(const std::string& program_file, const std::string& more = "") const {
+    return write("scene.toml",
+                 "title = \"small plane\"\n"
+                 "machine = \"" + (source / "scenes/machines/gantry_cxyza.toml").string() + "\"\n"
+                 "tool = \"" + (source / "scenes/tools/ball_r5.toml").string() + "\"\n"
+                 "[part]\nsurface = \"rectangle\"\nlength_x_mm = 4\nlength_y_mm = 4\nat_mm = [0, 0, 80]\nvertices = 200\n"
+                 "[program]\nfile = \"" + program_file + "\"\n" + more);
+  }
+
+  void expect_refused(const fs::path& scene, const std::string& place, const std::string& expected) const {
+    const fs::path out = folder_ / "out";
+    const Ran ran = run("run " + scene.string() + " --out " + out.string());
+    EXPECT_EQ(ran.code, 3) << ran.text;
+    EXPECT_NE(ran.text.find(place), std::string::npos) << "wanted " << place << " in: " << ran.text;
+    EXPECT_NE(ran.text.find(expected), std::string::npos) << "wanted " << expected << " in: " << ran.text;
+    EXPECT_EQ(files_in(out), 0) << "a refusal leaves no files";
+  }
+
+  fs::path folder_;
+};
+
+const std::string good_program =
+    "%\nG21 G90 G94 G17\nG54\nG43.4 H1\nG0 X-10 Y0 Z95 A0 C0\nG1 Z80 F1000\nG1 X10\nG0 Z95\nM2\n%\n";
+
+}  // namespace
+
+TEST_F(CommandLine, HelpAndVersionSucceedAndNoCommandIsAUsageFault) {
+  EXPECT_EQ(run("--help").code, 0);
+  EXPECT_EQ(run("--version").code, 0);
+  EXPECT_EQ(run("compare --help").code, 0);
+  EXPECT_EQ(run("").code, 2);
+  EXPECT_EQ(run("carve scene.toml").code, 2);
+  EXPECT_EQ(run("run --nonsense").code, 2);
+  EXPECT_EQ(run("run x.toml --set nonsense").code, 2);
+  const fs::path scene = plane_scene(write("p.ngc", good_program).string());
+  EXPECT_EQ(run("run " + scene.string() + " --case nobody-iterated-ideal").code, 2);
+}
+
+TEST_F(CommandLine, AMissingSceneIsAnInputFault) {
+  const Ran ran = run("run " + (folder_ / "none.toml").string());
+  EXPECT_EQ(ran.code, 3);
+  EXPECT_NE(ran.text.find("none.toml"), std::string::npos) << ran.text;
+}
+
+TEST_F(CommandLine, AGoodSceneLeavesEveryPromisedFileAndKey) {
+  const fs::path scene = plane_scene(write("p.ngc", good_program).string());
+  const fs::path out = folder_ / "out";
+  const Ran ran = run("run " + scene.string() + " --out " + out.string());
+  ASSERT_EQ(ran.code, 0) << ran.text;
+  for (const char* name : {"summary.json", "residual.vtp", "residual.png", "histogram.png", "scene.toml"})
+    EXPECT_TRUE(fs::exists(out / name)) << name;
+  const auto summary = nlohmann::json::parse(bytes(out / "summary.json"));
+  for (const char* key : {"scene", "seed", "vertices", "cut_vertices", "uncut_vertices", "moves", "residual_um",
+                          "tip_error_um", "direction_error_urad", "datum", "alignment", "form", "timing_s",
+                          "warnings", "versions"})
+    EXPECT_TRUE(summary.contains(key)) << key;
+  for (const char* key : {"pv", "rms", "mean", "std", "min", "max", "p95_abs", "in_tolerance_percent"})
+    EXPECT_TRUE(summary["residual_um"].contains(key)) << key;
+  EXPECT_EQ(summary["moves"], 4);
+  EXPECT_EQ(files_in(out), 5) << "and nothing unfinished";
+}
+
+TEST_F(CommandLine, TheResolvedSceneRunsAgainToTheSameBytes) {
+  const fs::path scene = plane_scene(write("p.ngc", good_program).string());
+  const fs::path first = folder_ / "first", second = folder_ / "second";
+  ASSERT_EQ(run("run " + scene.string() + " --set errors.EXX_um=7 --out " + first.string()).code, 0);
+  const Ran again = run("run " + (first / "scene.toml").string() + " --out " + second.string());
+  ASSERT_EQ(again.code, 0) << again.text;
+  EXPECT_EQ(bytes(first / "residual.vtp"), bytes(second / "residual.vtp"));
+  EXPECT_EQ(bytes(first / "scene.toml"), bytes(second / "scene.toml"));
+}
+
+TEST_F(CommandLine, BadProgramsAreRefusedAtTheirPlace) {
+  const struct {
+    std::string line, column, expected;
+  } cases[] = {
+      {"G5 X1", "5:1", "G5"},            {"G1 X1e20 F100", "5:", "X"},
+      {"G1 X1 Q5 F100", "5:7", "Q"},     {"G1 X1 F0", "5:", "F"},
+      {"G2 X1 Y0 I0 J0 F100", "5:", ""}, {"G2 X5 Y0 R1 F100", "5:", "R"},
+      {"G1 X1 X2 F100", "5:7", "X"},     {"G1 X1 B5 F100", "5:7", "B"},
+      {"M99", "5:1", "M99"},             {"G1 X- F100", "5:", ""},
+  };
+  for (const auto& one : cases) {
+    const fs::path file = write("bad.ngc", "%\nG21 G90 G94 G17\nG54\nG43.4 H1\n" + one.line + "\nM2\n%\n");
+    SCOPED_TRACE(one.line);
+    expect_refused(plane_scene(file.string()), "bad.ngc:" + one.column, one.expected);
+  }
+}
+
+TEST_F(CommandLine, AnAxisBeyondItsTravelIsNamedWithBlockAndValue) {
+  const fs::path file = write("far.ngc", "G21 G90 G94\nG43.4 H1\nG1 X0 Y0 Z95 F1000\nG1 X900\nM2\n");
+  expect_refused(plane_scene(file.string()), "far.ngc:4", "X between -300 and 300 mm");
+}
+
+TEST_F(CommandLine, NulAndRandomBytesAndMissingFilesAreRefused) {
+  expect_refused(plane_scene(write("nul.ngc", std::string("G1 X1\0Y2\n", 9)).string()), "nul.ngc:1", "");
+  std::mt19937 random(7);
+  std::string noise(5000, ' ');
+  for (char& c : noise) c = char(random());
+  expect_refused(plane_scene(write("noise.ngc", noise).string()), "noise.ngc:1", "");
+  expect_refused(plane_scene((folder_ / "absent.ngc").string()), "absent.ngc", "");
+}
+
+TEST_F(CommandLine, CarriageReturnsAndAByteOrderMarkAreAccepted) {
+  std::string crlf = "\xEF\xBB\xBF";
+  for (const char c : good_program) crlf += c == '\n' ? std::string("\r\n") : std::string(1, c);
+  const fs::path scene = plane_scene(write("crlf.ngc", crlf).string());
+  const Ran ran = run("run " + scene.string() + " --out " + (folder_ / "out").string());
+  EXPECT_EQ(ran.code, 0) << ran.text;
+}
+
+TEST_F(CommandLine, EveryFaultOfASceneIsToldAtOnce) {
+  const fs::path scene = plane_scene(write("p.ngc", good_program).string(),
+                                     "[serch]\nband_mm = 2\n[view]\nrange_um = \"wide\"\n");
+  const Ran ran = run("run " + scene.string() + " --out " + (folder_ / "out").string());
+  EXPECT_EQ(ran.code, 3);
+  EXPECT_NE(ran.text.find("serch"), std::string::npos) << ran.text;
+  EXPECT_NE(ran.text.find("range_um"), std::string::npos) << ran.text;
+  EXPECT_EQ(files_in(folder_ / "out"), 0);
+}
+
+TEST_F(CommandLine, AcceptanceLimitsDecideTheExitCode) {
+  const fs::path scene = plane_scene(write("p.ngc", good_program).string(), "[limits]\npv_um = 0.001\n");
+  const Ran ran = run("run " + scene.string() + " --out " + (folder_ / "out").string());
+  EXPECT_EQ(ran.code, 1) << ran.text;
+  EXPECT_NE(ran.text.find("PV"), std::string::npos) << ran.text;
+}
+
+TEST_F(CommandLine, AFolderThatCannotBeWrittenIsAnOutputFault) {
+  const fs::path scene = plane_scene(write("p.ngc", good_program).string());
+  const fs::path file = write("occupied", "a file where a folder should be");
+  const Ran ran = run("run " + scene.string() + " --out " + (file / "deeper").string());
+  EXPECT_EQ(ran.code, 5) << ran.text;
+  EXPECT_NE(ran.text.find("occupied"), std::string::npos) << ran.text;
+}
+
+TEST_F(CommandLine, AFileThatGrowsBeyondTheLimitIsAnOutputFaultAndLeavesNothingUnfinished) {
+  const fs::path scene = plane_scene(write("p.ngc", good_program).string());
+  const fs::path out = folder_ / "out";
+  // 4 blocks of 512 or 1024 bytes: the first larger file fails half way, as on a full disk
+  const Ran ran = run("run " + scene.string() + " --out " + out.string(), "ulimit -f 4; trap '' XFSZ;");
+  EXPECT_EQ(ran.code, 5) << ran.text;
+  for (const auto& entry : fs::recursive_directory_iterator(out))
+    EXPECT_EQ(entry.path().filename().string().find(".unfinished"), std::string::npos) << entry.path();
+}
+
+TEST_F(CommandLine, AFullDiskIsAnOutputFault) {
+  const fs::path disk = folder_ / "disk";
+  fs::create_directories(disk);
+  if (std::system(("mount -t tmpfs -o size=24k tmpfs " + disk.string() + " 2>/dev/null").c_str()) != 0)
+    GTEST_SKIP() << "a small disk can be mounted only by root";
+  const fs::path scene = plane_scene(write("p.ngc", good_program).string());
+  const Ran ran = run("run " + scene.string() + " --out " + (disk / "out").string());
+  int unfinished = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(disk))
+    unfinished += entry.path().filename().string().find(".unfinished") != std::string::npos;
+  std::system(("umount " + disk.string()).c_str());
+  EXPECT_EQ(ran.code, 5) << ran.text;
+  EXPECT_EQ(unfinished, 0);
+}
+
+TEST_F(CommandLine, ResultsAreTheSameBytesForOneAndTwoThreadsAndASecondTime) {
+  const std::string scene = (source / "scenes/gantry_tilted_flat.toml").string();
+  const std::string small = " --set part.vertices=3000 --set program.step_over_mm=4 --set program.step_mm=4 ";
+  const auto compare = [&](const std::string& name, int threads) {
+    const fs::path out = folder_ / name;
+    const Ran ran = run("compare " + scene + small + "--threads " + std::to_string(threads) + " --out " + out.string());
+    EXPECT_EQ(ran.code, 0) << ran.text;
+    return out;
+  };
+  const fs::path one = compare("one", 1), two = compare("two", 2), again = compare("again", 2);
+  int compared = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(one)) {
+    if (!entry.is_regular_file()) continue;
+    const fs::path name = fs::relative(entry.path(), one);
+    for (const fs::path& other : {two, again}) {
+      if (name.filename() == "summary.json") {
+        auto a = nlohmann::json::parse(bytes(entry.path())), b = nlohmann::json::parse(bytes(other / name));
+        a.erase("timing_s");
+        b.erase("timing_s");
+        EXPECT_EQ(a.dump(), b.dump()) << name;
+      } else {
+        EXPECT_EQ(bytes(entry.path()), bytes(other / name)) << name;
+      }
+      ++compared;
+    }
+  }
+  std::cout << compared << " files compared byte by byte\n";
+  EXPECT_GE(compared, 2 * 30);
+}
+
+TEST_F(CommandLine, PoseGivesTheDeviationInTheWorkpiece) {
+  const std::string scene = (source / "scenes/gantry_perfect.toml").string();
+  const Ran ran = run("pose " + scene + " --set errors.EX0C_um=16 --at \"X=10 Y=20 Z=100 A=0 C=90\" --json");
+  ASSERT_EQ(ran.code, 0) << ran.text;
+  const auto pose = nlohmann::json::parse(ran.text);
+  // the table stands 16 um towards +x of the bed; turned by C = 90 degrees that is -y of the workpiece
+  EXPECT_NEAR(pose["deviation_mm"][0].get<double>(), 0.0, 1e-12);
+  EXPECT_NEAR(pose["deviation_mm"][1].get<double>(), -0.016, 1e-12);
+  EXPECT_EQ(run("pose " + scene + " --at \"Q=1\"").code, 3);
+  EXPECT_EQ(run("pose " + scene + " --at \"X=1 X=2\"").code, 3);
+  EXPECT_EQ(run("pose " + scene + " --at \"X=abc\"").code, 3);
+}
+
+TEST_F(CommandLine, CheckPrintsTheLowOrderBodyArrayAndWritesNothing) {
+  const fs::path here = fs::current_path();
+  fs::current_path(folder_);
+  const Ran ran = run("check " + (source / "scenes/gantry_tilted_flat.toml").string() + " --json");
+  const int left = files_in(folder_);
+  fs::current_path(here);
+  ASSERT_EQ(ran.code, 0) << ran.text;
+  const auto check = nlohmann::json::parse(ran.text);
+  EXPECT_EQ(check["structural_code"], "w C' b X Y Z A s t");
+  EXPECT_EQ(check["low_order_body_array"].dump(), "[0,1,0,3,4,5,6,7]");
+  EXPECT_EQ(left, 0);
+}
