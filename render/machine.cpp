@@ -241,7 +241,7 @@ void write_machine(const std::filesystem::path& path, const MachinePicture& pict
     for (const std::string& line : wrapped(text, body, text_width)) lines.push_back(line);
   }
   const double foot = 0.7 * margin + static_cast<double>(lines.size()) * line_height(body);
-  const double strip = 84.0 * u;
+  const double strip = picture.bodies.empty() ? 84.0 * u : 140.0 * u;
   const double head = 30.0 * u + 1.38 * (type.title + type.figures) + 16.0 * u;
 
   Stage detail;
@@ -274,7 +274,7 @@ void write_machine(const std::filesystem::path& path, const MachinePicture& pict
   draw_callouts(canvas, callouts(picture, view),
                 {stage.x + stage.width + 36.0 * u, left.y, names - 36.0 * u, left.height}, body);
   if (!picture.bodies.empty()) {
-    triad(canvas, view, {left.x + left.width - 90.0 * u, foot + 0.8 * strip}, 40.0 * u, body);
+    triad(canvas, view, {left.x + left.width - 90.0 * u, foot + 0.4 * strip}, 40.0 * u, body);
   }
   scale_bar(canvas, view, {left.x, foot + 0.5 * strip}, 0.3 * left.width, body);
 

@@ -30,8 +30,8 @@ struct MapOptions {
   Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
 };
 
-/// Half range of the symmetric scale on which 99.5 % of the cut vertices lie, rounded up to 1, 2 or
-/// 5 x 10^k, at least 0.01 nm; micrometres.
+/// Half range of the symmetric scale on which 99.5 % of the cut vertices lie, rounded up to
+/// 1, 1.5, 2, 3, 4, 5, 6 or 8 x 10^k, at least 0.01 nm; micrometres.
 double fitted_range_um(const Field& field);
 
 /// Draws the map: the design fills the picture in a parallel projection, coloured by deviation on a

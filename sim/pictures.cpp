@@ -9,6 +9,7 @@
 #include "kinematics/units.h"
 #include "render/comparison.h"
 #include "render/field.h"
+#include "render/figures.h"
 #include "render/machine.h"
 #include "render/map.h"
 #include "render/plot.h"
@@ -51,6 +52,12 @@ Eigen::VectorXd deviation_um(const Verdict& verdict) {
   return verdict.aligned.surface.residual / units::um;
 }
 
+/// A length in the unit in which it reads best.
+std::string length_text(double mm) {
+  if (mm >= 0.1 * units::um) return fmt::format("{:.3g} \u00b5m", mm / units::um);
+  return mm >= 1e-3 * units::nm ? fmt::format("{:.3g} nm", mm / units::nm) : "under 0.001 nm";
+}
+
 /// Compared cases say how far they brought the machine's part down.
 std::string reduction_text(const Compared& one, const std::vector<Compared>& cases) {
   if (!one.uncompensated) return "";
@@ -58,7 +65,7 @@ std::string reduction_text(const Compared& one, const std::vector<Compared>& cas
   const auto& after = one.verdict.machine;
   if (!before || !after || !before->rms || !after->rms || *before->rms == 0.0) return "";
   const double left = *after->rms / *before->rms;
-  return fmt::format("machine's part {:.3g} \u00b5m RMS ({:+.2f} %)", um(after->rms), 100.0 * (left - 1.0));
+  return fmt::format("machine {} RMS ({:+.2f} %)", length_text(*after->rms), 100.0 * (left - 1.0));
 }
 
 std::filesystem::path result_file(const std::filesystem::path& result) {
@@ -74,21 +81,6 @@ render::Field difference(render::Field a, const render::Field& b, const std::fil
   for (Eigen::Index i = 0; i < a.deviation_um.size(); ++i)
     if (a.status[std::size_t(i)] != 0) a.deviation_um[i] = std::numeric_limits<double>::quiet_NaN();
   return a;
-}
-
-render::Figures figures(const render::Field& field) {
-  double least = INFINITY, most = -INFINITY, square = 0.0, sum = 0.0, area = 0.0;
-  for (Eigen::Index i = 0; i < field.deviation_um.size(); ++i) {
-    const double d = field.deviation_um[i];
-    if (std::isnan(d)) continue;
-    least = std::min(least, d);
-    most = std::max(most, d);
-    sum += field.design.area[i] * d;
-    square += field.design.area[i] * d * d;
-    area += field.design.area[i];
-  }
-  if (!(area > 0.0)) return {};
-  return {most - least, std::sqrt(square / area), sum / area};
 }
 
 /// Points of a map within half a step of a line through the middle of the part, in order along it.
@@ -163,7 +155,10 @@ void write_comparison_picture(const std::filesystem::path& file, const Job& job,
 
 void write_check_picture(const std::filesystem::path& file, const Job& job) {
   write_file(file, [&](const std::filesystem::path& temporary) {
-    render::write_machine(temporary, check_scene(job), {});
+    render::MachineOptions options;
+    // a turned part is looked in the face
+    if (job.machine.workpiece_spindle) options.from = Eigen::Vector3d(1.0, -0.8, 0.6);
+    render::write_machine(temporary, check_scene(job), options);
   });
 }
 
@@ -190,7 +185,7 @@ void render_result(const RenderOptions& options) {
   }
   render::MapPicture picture;
   picture.title = title;
-  picture.figures = figures(field);
+  picture.figures = render::figures(field.deviation_um, field.design.area);
   picture.datum = picture.alignment = "as in the result";
   picture.field = std::move(field);
   const std::string name = options.minus ? "difference.png" : "residual.png";

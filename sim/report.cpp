@@ -70,8 +70,7 @@ ordered_json facet_error(const cutting::Design& design) {
 
 Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
   Verdict verdict;
-  verdict.aligned = cutting::aligned(cut.surface, job.design_w,
-                                     {static_cast<cutting::Alignment>(job.scene.alignment)});
+  verdict.aligned = cutting::aligned(cut.surface, job.design_w, {job.scene.alignment});
   verdict.residual = cutting::statistics(verdict.aligned.surface, job.design_w, tolerance(job));
   if (error_free != nullptr) {
     if (error_free->cut.surface.residual.size() == cut.surface.residual.size())

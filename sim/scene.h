@@ -8,6 +8,7 @@
 #include <variant>
 #include <vector>
 
+#include "cutting/alignment.h"
 #include "cutting/primitive.h"
 #include "cutting/tool.h"
 #include "errors/geometric.h"
@@ -87,7 +88,7 @@ struct DatumDescription {
   double time_s = 0.0;
 };
 
-enum class Alignment { None, Offset, Rigid };
+using Alignment = cutting::Alignment;
 
 /// A picture's view: where the camera stands, in the part frame.
 struct ViewDescription {

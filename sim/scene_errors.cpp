@@ -348,10 +348,16 @@ void ErrorsReader::move_slope(Curve& curve, const ElementName& name, const Detre
   const bool against =
       slide->side == kinematics::Side::Workpiece && curve.argument == errors::Argument::Command;
   const double factor = curve.scale * (curve.negate ? -1.0 : 1.0) * (against ? -1.0 : 1.0);
+  const std::string from = "slope of " + to_string(name);
+  const double slope = factor * detrended.slope;
+  if (std::string_view("XYZ").find(name.axis) != std::string_view::npos) {
+    const errors::SquarenessShare share = errors::squareness_share(name, slope);
+    add_location(share.name, share.value, from, detrending.place);
+    return;
+  }
   for (int i = 0; i < 3; ++i) {
-    if (std::abs(turn[i]) < 1e-12) continue;
-    add_location({char('A' + i), name.axis, true}, turn[i] * factor * detrended.slope,
-                 "slope of " + to_string(name), detrending.place);
+    if (std::abs(turn[i]) >= 1e-12)
+      add_location({char('A' + i), name.axis, true}, turn[i] * slope, from, detrending.place);
   }
 }
 

@@ -322,6 +322,11 @@ EXY = { kind = "table", q_mm = [0, 50, 100], value_um = [1, 6, 11], detrend = "e
   double sum = 0.0;
   for (const auto& curve : elements[2].curves) sum += std::get<errors::Constant>(curve.shape).value;
   EXPECT_NEAR(sum, 30.0_urad - 100.0_urad, 1e-15);
+  // X is primary: what leans X by 100 urad towards +Y closes the angle to Y just as well.
+  const Scene primary = read_with("EC0Y_urad = 30", R"(EC0Y_urad = 30
+EYX = { kind = "table", q_mm = [0, 50, 100], value_um = [1, 6, 11], detrend = "ends" })");
+  ASSERT_EQ(primary.geometric.elements.size(), 3u);
+  EXPECT_EQ(errors::to_string(primary.geometric.elements[2].name), "EC0Y");
   EXPECT_NE(
       faults_with("EXX_um = 5.0",
                   "EXX = { kind = \"table\", q_mm = [0, 9], value_um = [0, 1], detrend = \"lsq\" }")
@@ -354,7 +359,7 @@ TEST(Scene, DetrendedStraightnessMovesTheSamePointTheSameWay) {
           return read_scene(folder.write("s.toml", std::string("[machine]\ncode = \"") + code + R"("
 axis = { X = {}, Y = {}, Z = {} }
 nose.at_mm = [0, 0, 100]
-[errors.EZY]
+[errors.EXY]
 kind = "table"
 q_mm = [-100, 0, 100]
 value_um = [-20, 0, 20]

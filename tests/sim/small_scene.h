@@ -1,0 +1,92 @@
+#pragma once
+
+#include <cmath>
+#include <filesystem>
+#include <functional>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "sim/loop.h"
+
+/// Small versions of scenes, cut in a moment, and maps held against other maps and closed forms.
+namespace abbe::sim {
+
+inline std::filesystem::path packaged(const std::string& name) {
+  return std::filesystem::path(ABBE_SOURCE_DIR) / "scenes" / name;
+}
+
+/// A packaged scene with changes, compiled.
+inline Job job_of(const std::string& name, const std::vector<Override>& changes = {}) {
+  return prepare(read_scene(packaged(name), changes));
+}
+
+/// How far apart maps are, mm, every vertex counting one.
+struct Apart {
+  double rms = 0.0;
+  double max = 0.0;
+  int vertices = 0;  ///< cut in both
+  int unlike = 0;    ///< cut in one only
+};
+
+inline Apart apart(const cutting::Surface& a, const cutting::Surface& b) {
+  Apart d;
+  for (std::size_t i = 0; i < a.status.size(); ++i) {
+    const bool in_a = a.status[i] == cutting::VertexStatus::Cut;
+    const bool in_b = b.status[i] == cutting::VertexStatus::Cut;
+    if (in_a != in_b) ++d.unlike;
+    if (!in_a || !in_b) continue;
+    const double by = std::abs(a.residual[Eigen::Index(i)] - b.residual[Eigen::Index(i)]);
+    d.rms += by * by;
+    d.max = std::max(d.max, by);
+    ++d.vertices;
+  }
+  d.rms = std::sqrt(d.rms / std::max(1, d.vertices));
+  return d;
+}
+
+/// A vertex that was cut, in the frame of the part.
+struct CutVertex {
+  Eigen::Vector3d p;
+  Eigen::Vector3d n;
+  double residual;
+};
+
+inline std::vector<CutVertex> cut_vertices(const Job& job, const cutting::Surface& surface) {
+  const kinematics::Pose T_mw = job.scene.part.T_wm.inverse();
+  std::vector<CutVertex> all;
+  for (std::size_t i = 0; i < surface.status.size(); ++i) {
+    if (surface.status[i] != cutting::VertexStatus::Cut) continue;
+    const Eigen::Index k = Eigen::Index(i);
+    all.push_back({T_mw * Eigen::Vector3d(job.design_w.vertices.row(k).transpose()),
+                   T_mw.linear() * Eigen::Vector3d(job.design_w.normals.row(k).transpose()),
+                   surface.residual[k]});
+  }
+  return all;
+}
+
+/// Residuals less what a closed form says of their vertices; NaN leaves a vertex out.
+struct Misfit {
+  double least = std::numeric_limits<double>::infinity();
+  double most = -std::numeric_limits<double>::infinity();
+  int vertices = 0;
+  double magnitude() const { return std::max(std::abs(least), std::abs(most)); }
+};
+
+inline Misfit misfit(const Job& job, const cutting::Surface& surface,
+                     const std::function<double(const CutVertex&)>& expected) {
+  Misfit m;
+  for (const CutVertex& vertex : cut_vertices(job, surface)) {
+    const double by = vertex.residual - expected(vertex);
+    if (std::isnan(by)) continue;
+    m.least = std::min(m.least, by);
+    m.most = std::max(m.most, by);
+    ++m.vertices;
+  }
+  return m;
+}
+
+/// Rest of a division to the nearest multiple: how far a vertex lies from its pass.
+inline double off_grid(double y, double step) { return std::remainder(y, step); }
+
+}  // namespace abbe::sim
