@@ -197,7 +197,7 @@ int command_line(int argc, char** argv) {
     if (*pose_app) return pose_command(common, at);
     if (*check_app) return check_command(common, picture);
     if (!minus.empty()) rendering.minus = minus;
-    render_result(rendering);
+    fmt::print("picture in {}\n", render_result(rendering).string());
     return ok;
   } catch (const CLI::ValidationError& fault) {
     fmt::print(stderr, "abbe: {}\n", fault.what());

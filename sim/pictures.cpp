@@ -162,7 +162,7 @@ void write_check_picture(const std::filesystem::path& file, const Job& job) {
   });
 }
 
-void render_result(const RenderOptions& options) {
+std::filesystem::path render_result(const RenderOptions& options) {
   const std::filesystem::path source = result_file(options.result);
   render::Field field = render::read_residual(source);
   std::string title = source.parent_path().filename().string();
@@ -176,12 +176,11 @@ void render_result(const RenderOptions& options) {
   if (options.line) {
     render::ProfileOptions plot;
     plot.title = title;
-    plot.x_label = *options.line + " (mm)";
+    plot.x_label = *options.line + " / mm";
     const auto series = profile(field, *options.line, title);
-    write_file(folder / ("profile-" + *options.line + ".png"), [&](const std::filesystem::path& file) {
-      render::write_profile(file, {series}, plot);
-    });
-    return;
+    const std::filesystem::path drawn = folder / ("profile-" + *options.line + ".png");
+    write_file(drawn, [&](const std::filesystem::path& file) { render::write_profile(file, {series}, plot); });
+    return drawn;
   }
   render::MapPicture picture;
   picture.title = title;
@@ -193,6 +192,7 @@ void render_result(const RenderOptions& options) {
   if (options.minus)
     write_file(folder / "difference.vtp",
                [&](const std::filesystem::path& file) { render::write_residual(file, picture.field); });
+  return folder / name;
 }
 
 }  // namespace abbe::sim
@@ -204,7 +204,7 @@ namespace abbe::sim {
 void write_case_pictures(const std::filesystem::path&, const Job&, const Verdict&) {}
 void write_comparison_picture(const std::filesystem::path&, const Job&, const std::vector<Compared>&) {}
 void write_check_picture(const std::filesystem::path&, const Job&) {}
-void render_result(const RenderOptions& options) {
+std::filesystem::path render_result(const RenderOptions& options) {
   throw BadInput(options.result.string(), 0, 0, "a program built with -DABBE_RENDER=ON", "one without VTK");
 }
 

@@ -27,7 +27,8 @@ struct RenderOptions {
 };
 
 /// Pictures of a finished result, or of a difference of two.
+/// @return the picture
 /// @throws BadInput, OutputFailure
-void render_result(const RenderOptions& options);
+std::filesystem::path render_result(const RenderOptions& options);
 
 }  // namespace abbe::sim

@@ -19,14 +19,10 @@ namespace {
 using namespace abbe::literals;
 using Eigen::Vector2d;
 
-/// The ball on a plane or a dome of a machine, one way, with a fine step.
-std::vector<Override> raster(const std::string& part, int vertices, double step_over, double step,
-                             double lead) {
-  return {{"part", part},
-          {"part.vertices", std::to_string(vertices)},
-          {"program.step_over_mm", std::to_string(step_over)},
-          {"program.step_mm", std::to_string(step)},
-          {"program.lead_deg", std::to_string(lead)}};
+std::string cap(double radius, double rim, int vertices) {
+  return fmt::format(
+      "surface = \"sphere_cap\"\nradius_mm = {}\nrim_radius_mm = {}\nat_mm = [40, 25, 80]\nvertices = {}",
+      radius, rim, vertices);
 }
 
 TEST(ClosedForm, TurnedCuspIsThatOfTheFeed) {
@@ -46,9 +42,9 @@ TEST(ClosedForm, TurnedCuspIsThatOfTheFeed) {
 
 TEST(ClosedForm, RasterOnAPlaneLeavesTheRidgesOfItsPasses) {
   const double R = 5.0, s = 0.5;
-  const Job job = job_of("gantry_perfect.toml",
-                         raster("{ surface = \"rectangle\", length_x_mm = 12.0, length_y_mm = 10.0 }",
-                                20000, s, 0.5, 36));
+  const Job job = job_of(BallRaster{.part = "surface = \"rectangle\"\nlength_x_mm = 12.0\n"
+                                            "length_y_mm = 10.0\nat_mm = [40, 25, 80]\nvertices = 20000",
+                                    .step_over = s});
   const Cut cut = cut_error_free(job);
   double most = 0.0;
   const Misfit m = misfit(job, cut.surface, [&](const CutVertex& v) {
@@ -64,10 +60,8 @@ TEST(ClosedForm, RasterOnAPlaneLeavesTheRidgesOfItsPasses) {
 }
 
 TEST(ClosedForm, RasterOnADomeLeavesTheRidgesOfItsLatitudes) {
-  const double R = 5.0, rho = 100.0, s = 0.35, step = 0.02;  // chords of 0.5 nm
-  const Job job = job_of("gantry_perfect.toml",
-                         raster("{ surface = \"sphere_cap\", radius_mm = 100.0, rim_radius_mm = 3.0 }",
-                                20000, s, step, 36));
+  const double R = 5.0, rho = 100.0, s = 0.35, step = 0.01;  // chords of 0.1 nm
+  const Job job = job_of(BallRaster{.part = cap(rho, 3.0, 60000), .step_over = s, .step = step});
   const Cut cut = cut_error_free(job);
   double most = 0.0;
   const Misfit m = misfit(job, cut.surface, [&](const CutVertex& v) {
@@ -78,7 +72,7 @@ TEST(ClosedForm, RasterOnADomeLeavesTheRidgesOfItsLatitudes) {
             << oracles::dome_cusp(R, rho, s) / units::um << " um; " << m.vertices << " vertices within "
             << m.magnitude() / units::nm << " nm of their ridge, chords "
             << oracles::chord_gouge(R, rho, step * (rho + R) / rho) / units::nm << " nm\n";
-  EXPECT_GT(m.vertices, 15000);
+  EXPECT_GT(m.vertices, 50000);
   EXPECT_LT(m.magnitude(), 1.0_nm);
   EXPECT_NEAR(most, oracles::dome_cusp(R, rho, s), 1.0_nm);
 }
@@ -97,10 +91,12 @@ double deepest_chord(const Job& job, double R, double rho) {
 
 TEST(ClosedForm, ChordsGougeADomeAtAFixedToolAxis) {
   const double R = 5.0, rho = 40.0, step = 1.0, L = step * (rho + R) / rho;
-  std::vector<Override> changes =
-      raster("{ surface = \"sphere_cap\", radius_mm = 40.0, rim_radius_mm = 4.0 }", 60000, 0.35, step, 0);
-  changes.push_back({"machine", "machines/three_axis_table.toml"});
-  const double deepest = deepest_chord(job_of("gantry_perfect.toml", changes), R, rho);
+  const Job job = job_of(BallRaster{.part = cap(rho, 4.0, 60000),
+                                    .step_over = 0.35,
+                                    .step = step,
+                                    .lead = 0.0,
+                                    .machine = "three_axis_table"});
+  const double deepest = deepest_chord(job, R, rho);
   std::cout << "chord gouge, fixed axis: " << deepest / units::um << " um, closed form "
             << oracles::chord_gouge(R, rho, L) / units::um << " um\n";
   EXPECT_NEAR(deepest, oracles::chord_gouge(R, rho, L), 1.0_nm);
@@ -109,9 +105,8 @@ TEST(ClosedForm, ChordsGougeADomeAtAFixedToolAxis) {
 TEST(ClosedForm, ChordsGougeADomeLessWithTheAxisTurningAlong) {
   const double R = 5.0, rho = 40.0, step = 1.0, L = step * (rho + R) / rho;
   for (const double lead : {20.0, 36.0, 60.0}) {
-    const Job job = job_of("gantry_perfect.toml",
-                           raster("{ surface = \"sphere_cap\", radius_mm = 40.0, rim_radius_mm = 4.0 }",
-                                  60000, 0.35, step, lead));
+    const Job job = job_of(
+        BallRaster{.part = cap(rho, 4.0, 60000), .step_over = 0.35, .step = step, .lead = lead});
     const double deepest = deepest_chord(job, R, rho);
     const double expected = oracles::chord_gouge_turning(R, rho, L, lead * units::deg);
     std::cout << "chord gouge, lead " << lead << " deg: " << deepest / units::um << " um, closed form "
@@ -127,17 +122,12 @@ constexpr double flat = 8.0;   // mm, radius of the flat end mill, which works w
 /// Z = 55 at z = -5 below it.
 Job ring_job(const SceneFolder& folder, const std::string& errors, const std::string& program) {
   folder.write("ring.ngc", "G21 G90 G94 G17 G49\n" + program + "M2\n");
-  const std::string scenes = (std::filesystem::path(ABBE_SOURCE_DIR) / "scenes").string();
-  const auto scene = folder.write("ring.toml", "machine = \"" + scenes +
-                                                   "/machines/gantry_cxyza.toml\"\n"
-                                                   "tool = \"" +
-                                                   scenes +
-                                                   "/tools/flat_r8.toml\"\n"
-                                                   "[part]\nsurface = \"cylinder\"\nradius_mm = 42.0\n"
-                                                   "height_mm = 10.0\nvertices = 20000\n"
-                                                   "[program]\nfile = \"ring.ngc\"\n"
-                                                   "[errors]\n" +
-                                                   errors);
+  const auto scene = folder.write(
+      "ring.toml", fmt::format("machine = \"{0}machines/gantry_cxyza.toml\"\n"
+                               "tool = \"{0}tools/flat_r8.toml\"\n"
+                               "[part]\nsurface = \"cylinder\"\nradius_mm = 42.0\nheight_mm = 1.0\n"
+                               "vertices = 3000\n[program]\nfile = \"ring.ngc\"\n[errors]\n{1}",
+                               packaged("").string(), errors));
   return prepare(read_scene(scene));
 }
 

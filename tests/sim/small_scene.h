@@ -7,7 +7,10 @@
 #include <string>
 #include <vector>
 
+#include <fmt/format.h>
+
 #include "sim/loop.h"
+#include "tests/sim/scene_folder.h"
 
 /// Small versions of scenes, cut in a moment, and maps held against other maps and closed forms.
 namespace abbe::sim {
@@ -19,6 +22,32 @@ inline std::filesystem::path packaged(const std::string& name) {
 /// A packaged scene with changes, compiled.
 inline Job job_of(const std::string& name, const std::vector<Override>& changes = {}) {
   return prepare(read_scene(packaged(name), changes));
+}
+
+/// A small part under a ball end mill R 5, one way, as a scene of its own.
+struct BallRaster {
+  std::string part;        ///< TOML lines of [part], vertices with them
+  double step_over = 0.5;
+  double step = 0.5;
+  double lead = 36.0;      ///< deg
+  std::string machine = "gantry_cxyza";
+  std::string more = {};   ///< TOML sections after all others
+};
+
+inline std::string to_toml(const BallRaster& scene) {
+  const std::string scenes = packaged("").string();
+  return fmt::format(
+      "machine = \"{0}machines/{1}.toml\"\n"
+      "tool = \"{0}tools/ball_r5.toml\"\n"
+      "[part]\n{2}\n"
+      "[program]\ngenerator = \"raster\"\npattern = \"one_way\"\nclearance_mm = 10\noverrun_mm = 1\n"
+      "step_over_mm = {3}\nstep_mm = {4}\nlead_deg = {5}\n{6}",
+      scenes, scene.machine, scene.part, scene.step_over, scene.step, scene.lead, scene.more);
+}
+
+inline Job job_of(const BallRaster& scene) {
+  const SceneFolder folder;
+  return prepare(read_scene(folder.write("ball.toml", to_toml(scene))));
 }
 
 /// How far apart maps are, mm, every vertex counting one.
