@@ -154,10 +154,12 @@ Trace traced(const Job& job) {
   return trace;
 }
 
-/// Round factor that makes the largest error of the path a twentieth of the part.
+/// Round factor that makes the largest error of the path about a twentieth of the part.
 double magnification(double part_size, double largest_error) {
   if (largest_error <= 0.0) return 1.0;
-  return std::max(1.0, std::pow(10.0, std::floor(std::log10(0.05 * part_size / largest_error))));
+  const double wanted = 0.05 * part_size / largest_error;
+  const double decade = std::pow(10.0, std::floor(std::log10(wanted)));
+  return std::max(1.0, decade * (wanted >= 5.0 * decade ? 5.0 : wanted >= 2.0 * decade ? 2.0 : 1.0));
 }
 
 }  // namespace

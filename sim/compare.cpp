@@ -1,5 +1,7 @@
 #include "sim/compare.h"
 
+#include <algorithm>
+
 #include <nlohmann/json.hpp>
 
 #include "sim/output.h"
@@ -12,27 +14,43 @@ Progress to(ProgressLine& line) {
   return [&line](const std::string& stage, double fraction) { line.report(stage, fraction); };
 }
 
-/// The cases of one variant (or of the scene itself), measured against its uncompensated one.
-void cut_cases(const Job& job, const std::string& prefix, const Verdict& error_free,
-               std::vector<Compared>& cases, ProgressLine& progress) {
+/// A job with its cases: the scene itself, or one variant of it.
+struct Batch {
+  std::string prefix;  ///< of the names of its cases; empty for the scene itself
+  Job job;
+};
+
+/// The cases of a batch, measured against its own error-free map, and reductions against its
+/// uncompensated case.
+void cut_cases(const Batch& batch, std::vector<Compared>& cases, ProgressLine& progress) {
   const auto named = [&](const std::string& name) {
-    if (prefix.empty()) return name;
-    return name == "uncompensated" ? prefix : prefix + "-" + name;
+    if (batch.prefix.empty()) return name;
+    return name == "uncompensated" ? batch.prefix : batch.prefix + "-" + name;
   };
-  const auto add = [&](const std::optional<CaseDescription>& compensator, std::optional<std::size_t> against) {
-    const std::string name = named(compensator ? compensator->name : "uncompensated");
-    progress.begin(name);
-    Cut made = cut(job, compensator, to(progress));
-    made.name = name;
-    cases.push_back({judge(job, std::move(made), &error_free), against});
-  };
+  progress.begin(batch.prefix.empty() ? "error_free" : batch.prefix + ", error-free");
+  const Verdict error_free = judge(batch.job, cut_error_free(batch.job, to(progress)), nullptr);
+  if (batch.prefix.empty()) cases.push_back({error_free, &batch.job, std::nullopt});
   const std::size_t uncompensated = cases.size();
-  add(std::nullopt, std::nullopt);
-  for (const CaseDescription& compensator : job.scene.cases) add(compensator, uncompensated);
+  const auto add = [&](const std::optional<CaseDescription>& compensator) {
+    progress.begin(named(compensator ? compensator->name : "uncompensated"));
+    Cut made = cut(batch.job, compensator, to(progress));
+    made.name = named(made.name);
+    const auto against = compensator ? std::optional(uncompensated) : std::nullopt;
+    cases.push_back({judge(batch.job, std::move(made), &error_free), &batch.job, against});
+  };
+  add(std::nullopt);
+  for (const CaseDescription& compensator : batch.job.scene.cases) add(compensator);
 }
 
 void collect(std::vector<std::string>& all, const Limits& limits, const Verdict& verdict) {
   for (std::string& one : exceeded(limits, verdict)) all.push_back(std::move(one));
+}
+
+/// `run` cuts what it is told, else what the scene names, else the uncompensated machine.
+Cut cut_one(const Job& job, const std::string& case_name, const Progress& progress) {
+  if (case_name == "error_free") return cut_error_free(job, progress);
+  if (case_name.empty() || case_name == "uncompensated") return cut(job, std::nullopt, progress);
+  return cut(job, parse_case(case_name), progress);
 }
 
 }  // namespace
@@ -42,10 +60,11 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   prepare_folder(options.folder);
   ProgressLine progress(2);
   progress.begin("prepare");
-  const Job job = prepare(scene, {options.folder, to(progress)});
-  progress.begin(options.error_free ? "error_free" : options.only ? options.only->name : "uncompensated");
-  const Verdict verdict = judge(
-      job, options.error_free ? cut_error_free(job, to(progress)) : cut(job, options.only, to(progress)), nullptr);
+  const Job job = prepare(scene, to(progress));
+  const std::string name = options.case_name.empty() ? scene.case_name : options.case_name;
+  progress.begin(name.empty() ? "uncompensated" : name);
+  const Verdict verdict = judge(job, cut_one(job, name, to(progress)), nullptr);
+  write_program(options.folder, job);
   write_case(options.folder, job, verdict);
   Outcome outcome{summary(job, verdict), {}};
   collect(outcome.exceeded, scene.limits, verdict);
@@ -62,35 +81,34 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   }
   prepare_folder(options.folder);
 
-  const int per_variant = 1 + int(scene.cases.size());
-  const int cuts = 1 + per_variant * (1 + int(variants.size()));
-  ProgressLine progress(2 * cuts + 1);
+  int parts = 2;  // preparing, and the comparison at the end
+  const auto count = [&](const Scene& one) { parts += 2 * (2 + int(one.cases.size())); };
+  count(scene);
+  for (const Scene& variant : variants) count(variant);
+  ProgressLine progress(parts);
   progress.begin("prepare");
-  const Job job = prepare(scene, {options.folder, to(progress)});
+  std::vector<Batch> batches;
+  batches.reserve(1 + variants.size());
+  batches.push_back({"", prepare(scene, to(progress))});
+  for (std::size_t i = 0; i < variants.size(); ++i)
+    batches.push_back({scene.variants[i].name, prepare(variants[i], to(progress))});
   std::vector<Compared> cases;
-  progress.begin("error_free");
-  cases.push_back({judge(job, cut_error_free(job, to(progress)), nullptr), std::nullopt});
-  const Verdict error_free = cases.front().verdict;
-  cut_cases(job, "", error_free, cases, progress);
+  for (const Batch& batch : batches) cut_cases(batch, cases, progress);
 
-  std::vector<const Job*> job_of(cases.size(), &job);
-  std::vector<Job> variant_jobs;
-  variant_jobs.reserve(variants.size());
-  for (std::size_t i = 0; i < variants.size(); ++i) {
-    variant_jobs.push_back(prepare(variants[i], {options.folder, to(progress)}));
-    cut_cases(variant_jobs.back(), scene.variants[i].name, error_free, cases, progress);
-    job_of.resize(cases.size(), &variant_jobs.back());
-  }
-
-  Outcome outcome{comparison(job, cases), {}};
+  Outcome outcome{comparison(batches.front().job, cases), {}};
+  for (const Batch& batch : batches) write_program(options.folder / batch.prefix, batch.job);
+  const bool compensates = std::any_of(cases.begin(), cases.end(), [](const Compared& one) { return one.uncompensated.has_value(); });
   for (std::size_t i = 0; i < cases.size(); ++i) {
-    progress.begin("write " + cases[i].verdict.cut.name);
-    write_case(options.folder / cases[i].verdict.cut.name, *job_of[i], cases[i].verdict);
-    if (i > 1) collect(outcome.exceeded, job_of[i]->scene.limits, cases[i].verdict);
+    const Compared& one = cases[i];
+    progress.begin("write " + one.verdict.cut.name);
+    write_case(options.folder / one.verdict.cut.name, *one.job, one.verdict);
+    // where there are compensators, they are what is accepted or not
+    if (compensates ? one.uncompensated.has_value() : i > 0)
+      collect(outcome.exceeded, one.job->scene.limits, one.verdict);
   }
   write_file(options.folder / "comparison.json", outcome.json.dump(2) + "\n");
   progress.begin("write comparison");
-  write_comparison_picture(options.folder / "comparison.png", job, cases);
+  write_comparison_picture(options.folder / "comparison.png", scene, cases);
   return outcome;
 }
 

@@ -1,6 +1,7 @@
 #include "sim/describe.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -10,6 +11,7 @@
 namespace abbe::sim {
 namespace {
 
+using Eigen::Vector3d;
 using nlohmann::ordered_json;
 
 ordered_json numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
@@ -32,7 +34,8 @@ ordered_json describe_axes(const kinematics::Chain& chain) {
                          {"direction", numbers(joint.direction_b)},
                          {"point_mm", numbers(joint.point_b)}};
     if (joint.motion != kinematics::Motion::Spindle) {
-      axis[linear ? "travel_mm" : "travel_deg"] = {joint.min / unit, joint.max / unit};
+      const auto limit = [&](double q) { return std::abs(q) < 1e9 ? ordered_json(q / unit) : ordered_json(); };
+      axis[linear ? "travel_mm" : "travel_deg"] = {limit(joint.min), limit(joint.max)};
       axis["deviations"] =
           joint.deviation_axes == kinematics::DeviationAxes::Fixed ? "fixed" : "turning";
       axis["squareness"] = joint.squareness == kinematics::Squareness::Frame ? "frame" : "travel";
@@ -52,13 +55,15 @@ ordered_json describe_element(const errors::GeometricModel& model,
   const std::string suffix = angle ? "_urad" : "_um";
   ordered_json element = {{"name", errors::to_string(bound.element.name)}};
   ordered_json parts = ordered_json::array();
+  errors::CurveState at_zero;
+  at_zero.primed = chain.joints()[std::size_t(bound.joint)].side == kinematics::Side::Workpiece;
   double value = 0.0, slope = 0.0;
   bool known = true;
   for (const errors::Curve& curve : bound.element.curves) {
     if (!curve.name.empty()) parts.push_back(curve.name);
     try {
-      value += errors::value(curve, {});
-      slope += errors::slope(curve, {});
+      value += errors::value(curve, at_zero);
+      slope += errors::slope(curve, at_zero);
     } catch (const std::out_of_range&) {
       known = false;
     }
@@ -71,8 +76,11 @@ ordered_json describe_element(const errors::GeometricModel& model,
     element["slope_at_zero" + suffix + per] = known ? ordered_json(slope / unit) : ordered_json();
     element["stated_at"] = "the joint's point";
     for (const auto& line : model.lines)
-      if (line.joint == bound.joint && !angle)
-        element["stated_at"] = line.fixed_in_bed ? "a line measured by the tool" : "a line measured by the carriage";
+      if (line.joint == bound.joint && !angle) {
+        const Vector3d at = chain.joints()[std::size_t(bound.joint)].point_b + line.arm_b;
+        element["stated_at"] = fmt::format("line through {:.6g} {:.6g} {:.6g}, measured by the {}", at.x(), at.y(),
+                                           at.z(), line.fixed_in_bed ? "tool" : "carriage");
+      }
   }
   if (!parts.empty()) element["parts"] = parts;
   return element;
@@ -131,8 +139,9 @@ std::string to_text(const ordered_json& d) {
     std::string travel;
     for (const char* key : {"travel_mm", "travel_deg"})
       if (axis.contains(key))
-        travel = fmt::format("{:.6g} .. {:.6g} {}", axis[key][0].get<double>(), axis[key][1].get<double>(),
-                             key + 7);
+        travel = axis[key][0].is_null() ? std::string("unlimited")
+                                        : fmt::format("{:.6g} .. {:.6g} {}", axis[key][0].get<double>(),
+                                                      axis[key][1].get<double>(), key + 7);
     text += fmt::format("{:<5} {:<6} {:<10} {:<22} {:<26} {}\n", axis["name"].get<std::string>(),
                         axis["moves"].get<std::string>(), axis["carries"].get<std::string>(),
                         triple(axis["direction"]), triple(axis["point_mm"]), travel);

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <filesystem>
 #include <functional>
 #include <map>
 #include <optional>
@@ -26,20 +25,19 @@ struct Job {
   program::Path path;              ///< as read back from its file
   program::Samples samples;        ///< of the error-free machine; every case shares their times
   std::vector<kinematics::Pose> T_wt_nominal;  ///< (samples) where the tool should be
-  std::string program_text;        ///< of a generated program, else empty
+  std::string program_text;        ///< of a generated program, else empty; its name is path.file
   std::map<std::string, double> timing_s;
 };
 
-struct PrepareOptions {
-  std::optional<std::filesystem::path> program_folder;  ///< where a generated program is written before
-                                                        ///< it is read back; else it stays in memory
-  Progress progress;
-};
+/// Compiles a scene: machine, truth, design, program (a generated one is read back from its own text),
+/// samples. Writes nothing.
+/// @throws BadInput, also if an axis leaves its travel (program line, axis, value)
+Job prepare(const Scene& scene, const Progress& progress = {});
 
-/// Compiles a scene: machine, truth, design, program (generated ones are written and read back),
-/// samples.
-/// @throws BadInput, BadScene, OutputFailure
-Job prepare(const Scene& scene, const PrepareOptions& options = {});
+/// How densely a scene wants its program sampled. The chord tolerance holds up to the height to which
+/// the tool shapes the part: a flat end mill may work with its whole flank, a rounded cutter works with
+/// its rounding.
+program::SampleOptions sample_options(const Scene& scene, const Machine& machine);
 
 /// Largest and root mean square over the samples of a program.
 struct Spread {
@@ -49,11 +47,13 @@ struct Spread {
 
 /// One case cut.
 struct Cut {
-  std::string name;
+  std::string name;       ///< as it is told: of a variant, with its name in front
+  std::string case_name;  ///< what `run --case` would be told
   cutting::Surface surface;
   Spread tip_error;        ///< mm, tip where it is against where it should be
   Spread direction_error;  ///< rad
-  double direction_left = 0.0;      ///< rad, most that the compensator knew it could not restore
+  double point_left = 0.0;          ///< mm, most that the compensator knew it could not restore
+  double direction_left = 0.0;      ///< rad, the same of the direction
   std::string rewritten_program;    ///< text of the program channel, else empty
   std::vector<std::string> warnings;
   std::map<std::string, double> timing_s;
@@ -75,6 +75,7 @@ std::vector<kinematics::AxisState> commands(const Job& job);
 struct Compensated {
   program::Samples samples;
   std::vector<kinematics::Pose> T_wt_nominal;  ///< (samples) empty where the times are the job's own
+  double point_left = 0.0;
   double direction_left = 0.0;
   std::size_t not_converged = 0;
   std::string rewritten_program;

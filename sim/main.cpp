@@ -26,7 +26,7 @@ struct Common {
   std::filesystem::path scene;
   std::filesystem::path out;
   std::vector<std::string> set;
-  std::optional<std::uint64_t> seed;
+  std::optional<std::int64_t> seed;
   int threads = 0;
   bool json = false;
 };
@@ -54,7 +54,8 @@ void add_common(CLI::App& command, Common& common, bool writes) {
   command.add_option("SCENE", common.scene, "scene file (TOML); its format is in scenes/README.md")->required();
   command.add_option("--set", common.set, "change a value of the scene: --set errors.scale=2 (repeatable)")
       ->type_name("KEY=VALUE")->take_all()->allow_extra_args(false);
-  command.add_option("--seed", common.seed, "seed of everything that is random");
+  command.add_option("--seed", common.seed, "seed of everything that is random")
+      ->check(CLI::Range(std::int64_t(0), std::numeric_limits<std::int64_t>::max()));
   command.add_option("--threads", common.threads, "most threads to use (all); results do not depend on it")
       ->check(CLI::Range(1, 1024));
   command.add_flag("--json", common.json, "print JSON instead of text");
@@ -93,17 +94,19 @@ int finish(const Common& common, const RunOptions& options, const Outcome& outco
     fmt::print("{:<36} {}\nfiles in {}\n", outcome.json["case"].get<std::string>(),
                figures(outcome.json["residual_um"]), options.folder.string());
   }
+  if (outcome.json.contains("warnings"))
+    for (const auto& warning : outcome.json["warnings"])
+      fmt::print(stderr, "abbe: warning: {}\n", warning.get<std::string>());
   for (const std::string& limit : outcome.exceeded) fmt::print(stderr, "abbe: {}\n", limit);
   return outcome.exceeded.empty() ? ok : limit_exceeded;
 }
 
 int run_command(const Common& common, const std::string& case_name) {
   RunOptions options = run_options(common);
-  if (case_name == "error_free") {
-    options.error_free = true;
-  } else if (!case_name.empty() && case_name != "uncompensated") {
+  options.case_name = case_name;
+  if (!case_name.empty() && case_name != "error_free" && case_name != "uncompensated") {
     try {
-      options.only = parse_case(case_name);
+      parse_case(case_name);
     } catch (const std::invalid_argument& fault) {
       throw CLI::ValidationError("--case", fault.what());
     }

@@ -6,7 +6,6 @@
 
 #include "cutting/mesh_contact.h"
 #include "cutting/read_mesh.h"
-#include "sim/output.h"
 #include "sim/program/pvt.h"
 
 namespace abbe::sim {
@@ -29,12 +28,14 @@ double overrun(const Scene& scene) {
   return raster != nullptr ? raster->overrun : 0.0;
 }
 
-/// Span of the slides: what a part in the right unit could fit into.
-Eigen::Vector3d travel_box(const MachineDescription& machine) {
+/// Span of the slides: what a part in the right unit could fit into; nothing where travel has no limits.
+std::optional<Eigen::Vector3d> travel_box(const MachineDescription& machine) {
+  constexpr double unlimited = 1e8;  // mm
   Eigen::Vector3d box = Eigen::Vector3d::Zero();
   for (const kinematics::Joint& joint : machine.joints)
     if (joint.motion == kinematics::Motion::Linear)
       box += (joint.max - joint.min) * joint.direction_b.cwiseAbs();
+  if (box.maxCoeff() > unlimited) return std::nullopt;
   return box;
 }
 
@@ -55,7 +56,7 @@ Part load_mesh(const Scene& scene, const MeshFile& mesh) {
   cutting::ReadMeshOptions options;
   options.unit_mm = mesh.unit;
   options.open = mesh.open;
-  options.travel = travel_box(scene.machine);
+  if (!mesh.any_size) options.travel = travel_box(scene.machine);
   Part part;
   part.design_m = cutting::read_mesh(mesh.file, options);
   if (scene.part.judged_normal_z || scene.part.judged_margin)
@@ -143,17 +144,12 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
   return options;
 }
 
-Program load_program(const Scene& scene, const Machine& machine, const Part& part,
-                     const std::optional<std::filesystem::path>& folder) {
+Program load_program(const Scene& scene, const Machine& machine, const Part& part) {
   const program::NcOptions options = nc_options(scene, machine);
   if (const auto* given = std::get_if<ProgramDescription::File>(&scene.program.source))
     return {read_program(given->file, options), {}};
   Generated generated = generate(scene, machine, part);
   const std::string name = "program" + generated.ending;
-  if (folder) {
-    write_file(*folder / name, generated.text);
-    return {read_program(*folder / name, options), std::move(generated.text)};
-  }
   program::Path path = generated.ending == ".ngc" ? program::read_nc(generated.text, name, options)
                                                   : program::read_pvt(generated.text, name, options);
   return {std::move(path), std::move(generated.text)};

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <filesystem>
-#include <optional>
 #include <string>
 
 #include "cutting/mesh.h"
@@ -28,11 +26,10 @@ struct Program {
   std::string text;
 };
 
-/// Reads the program of a scene; a generated one is written to `folder` first, if there is one, and
-/// read back from there.
-/// @throws BadInput, OutputFailure
-Program load_program(const Scene& scene, const Machine& machine, const Part& part,
-                     const std::optional<std::filesystem::path>& folder);
+/// Reads the program of a scene; a generated one is read back from its own text, under the name that
+/// its file will have.
+/// @throws BadInput
+Program load_program(const Scene& scene, const Machine& machine, const Part& part);
 
 /// What the control of the scene knows before it reads a program.
 program::NcOptions nc_options(const Scene& scene, const Machine& machine);

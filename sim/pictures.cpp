@@ -2,9 +2,12 @@
 
 #if ABBE_RENDER
 
+#include <algorithm>
 #include <cmath>
+#include <fstream>
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include "kinematics/units.h"
 #include "render/comparison.h"
@@ -25,26 +28,18 @@ double um(const std::optional<double>& value) {
 
 render::Figures figures(const cutting::Statistics& s) { return {um(s.pv), um(s.rms), um(s.mean)}; }
 
-std::string datum_name(const Job& job) {
-  using Kind = DatumDescription::Kind;
-  const Kind kind = job.scene.datum.kind;
-  return kind == Kind::None ? "none" : kind == Kind::Ideal ? "ideal" : "touch off";
-}
-
-std::string alignment_name(const Job& job) {
-  const Alignment alignment = job.scene.alignment;
-  return alignment == Alignment::None ? "none" : alignment == Alignment::Offset ? "offset" : "rigid";
+cutting::Design design_m(const Job& job) {
+  return cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
 }
 
 /// The map in the part frame, so that the camera stands where the scene says, however the part is clamped.
 render::MapPicture map_picture(const Job& job, const Verdict& verdict) {
   render::MapPicture picture;
-  picture.field = render::field(cutting::transformed(job.design_w, job.scene.part.T_wm.inverse()),
-                                verdict.aligned.surface);
+  picture.field = render::field(design_m(job), verdict.aligned.surface);
   picture.title = verdict.cut.name;
   picture.figures = figures(verdict.residual);
-  picture.datum = datum_name(job);
-  picture.alignment = alignment_name(job);
+  picture.datum = name_of(job.scene.datum.kind);
+  picture.alignment = name_of(job.scene.alignment);
   return picture;
 }
 
@@ -76,6 +71,8 @@ render::Field difference(render::Field a, const render::Field& b, const std::fil
   if (a.deviation_um.size() != b.deviation_um.size())
     throw BadInput(other.string(), 0, 0, fmt::format("{} vertices, as the first result has", a.deviation_um.size()),
                    fmt::format("{}", b.deviation_um.size()));
+  if (a.design.vertices != b.design.vertices)
+    throw BadInput(other.string(), 0, 0, "the same design as the first result has", "other vertices");
   a.deviation_um -= b.deviation_um;
   for (std::size_t i = 0; i < a.status.size(); ++i) a.status[i] = std::max(a.status[i], b.status[i]);
   for (Eigen::Index i = 0; i < a.deviation_um.size(); ++i)
@@ -83,8 +80,8 @@ render::Field difference(render::Field a, const render::Field& b, const std::fil
   return a;
 }
 
-/// Points of a map within half a step of a line through the middle of the part, in order along it.
-render::ProfileSeries profile(const render::Field& field, const std::string& line, const std::string& name) {
+/// Points of a map along a line through the middle of the part: (coordinate, deviation).
+std::vector<std::pair<double, double>> along(const render::Field& field, const std::string& line) {
   const auto& vertices = field.design.vertices;
   const Eigen::RowVector3d lower = vertices.colwise().minCoeff(), upper = vertices.colwise().maxCoeff();
   const Eigen::RowVector3d middle = 0.5 * (lower + upper);
@@ -100,23 +97,64 @@ render::ProfileSeries profile(const render::Field& field, const std::string& lin
     else if (line == "y" && std::abs(p.x()) < width)
       points.emplace_back(vertices(i, 1), field.deviation_um[i]);
   }
-  std::sort(points.begin(), points.end());
-  render::ProfileSeries series;
-  series.name = name;
-  series.x_mm.resize(Eigen::Index(points.size()));
-  series.y_um.resize(Eigen::Index(points.size()));
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    series.x_mm[Eigen::Index(i)] = points[i].first;
-    series.y_um[Eigen::Index(i)] = points[i].second;
+  return points;
+}
+
+/// Lowest, mean and highest deviation in stretches of a line: cusps make a single trace a scribble.
+std::vector<render::ProfileSeries> profile(const render::Field& field, const std::string& line) {
+  constexpr int stretches = 200;
+  const auto points = along(field, line);
+  std::vector<render::ProfileSeries> all = {{"highest", {}, {}}, {"mean", {}, {}}, {"lowest", {}, {}}};
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  for (render::ProfileSeries& series : all) series.x_mm = series.y_um = Eigen::VectorXd::Constant(stretches, none);
+  if (points.empty()) return all;
+  const auto [first, last] = std::minmax_element(points.begin(), points.end());
+  const double from = first->first, step = (last->first - from) / stretches;
+  std::vector<int> count(stretches, 0);
+  for (const auto& [x, y] : points) {
+    const int k = step > 0.0 ? std::min(stretches - 1, int((x - from) / step)) : 0;
+    for (render::ProfileSeries& series : all) series.x_mm[k] = from + (k + 0.5) * step;
+    if (count[std::size_t(k)]++ == 0) {
+      for (render::ProfileSeries& series : all) series.y_um[k] = y;
+      continue;
+    }
+    all[0].y_um[k] = std::max(all[0].y_um[k], y);
+    all[1].y_um[k] += y;
+    all[2].y_um[k] = std::min(all[2].y_um[k], y);
   }
-  return series;
+  for (int k = 0; k < stretches; ++k) all[1].y_um[k] /= std::max(1, count[std::size_t(k)]);
+  return all;
+}
+
+/// What the summary beside a result says of it, if there is one.
+struct About {
+  std::string title;
+  std::string datum = "not known";
+  std::string alignment = "not known";
+};
+
+About about(const std::filesystem::path& result) {
+  About told{result.parent_path().filename().string()};
+  std::ifstream in(result.parent_path() / "summary.json");
+  const auto json = nlohmann::json::parse(in, nullptr, false);
+  if (!json.is_object()) return told;
+  const auto text = [&](const char* key, std::string& into) {
+    if (json.contains(key) && json[key].is_string()) into = json[key].get<std::string>();
+  };
+  std::string scene, name = told.title;
+  text("scene", scene);
+  text("case", name);
+  text("datum", told.datum);
+  text("alignment", told.alignment);
+  told.title = scene.empty() ? name : scene + ": " + name;
+  return told;
 }
 
 }  // namespace
 
 void write_case_pictures(const std::filesystem::path& folder, const Job& job, const Verdict& verdict) {
   write_file(folder / "residual.vtp", [&](const std::filesystem::path& file) {
-    render::write_residual(file, job.design_w, verdict.aligned.surface);
+    render::write_residual(file, design_m(job), verdict.aligned.surface);
   });
   write_file(folder / "residual.png", [&](const std::filesystem::path& file) {
     render::MapPicture picture = map_picture(job, verdict);
@@ -135,19 +173,19 @@ void write_case_pictures(const std::filesystem::path& folder, const Job& job, co
   });
 }
 
-void write_comparison_picture(const std::filesystem::path& file, const Job& job,
+void write_comparison_picture(const std::filesystem::path& file, const Scene& scene,
                               const std::vector<Compared>& cases) {
   std::vector<render::MapPicture> pictures;
   for (const Compared& one : cases) {
-    pictures.push_back(map_picture(job, one.verdict));
+    pictures.push_back(map_picture(*one.job, one.verdict));
     const std::string text = reduction_text(one, cases);
     if (!text.empty()) pictures.back().caption.push_back(text);
   }
   render::ComparisonOptions options;
-  options.title = job.scene.title;
-  options.range_um = job.scene.view.range_um;
-  options.from = job.scene.view.from;
-  options.up = job.scene.view.up;
+  options.title = scene.title;
+  options.range_um = scene.view.range_um;
+  options.from = scene.view.from;
+  options.up = scene.view.up;
   write_file(file, [&](const std::filesystem::path& temporary) {
     render::write_comparison(temporary, pictures, options);
   });
@@ -165,34 +203,41 @@ void write_check_picture(const std::filesystem::path& file, const Job& job) {
 std::filesystem::path render_result(const RenderOptions& options) {
   const std::filesystem::path source = result_file(options.result);
   render::Field field = render::read_residual(source);
-  std::string title = source.parent_path().filename().string();
+  About told = about(source);
   if (options.minus) {
     const std::filesystem::path other = result_file(*options.minus);
     field = difference(std::move(field), render::read_residual(other), other);
-    title += " minus " + other.parent_path().filename().string();
+    told.title += ", minus " + about(other).title;
   }
+  const render::Figures numbers = render::figures(field.deviation_um, field.design.area);
   const std::filesystem::path folder = options.out.empty() ? source.parent_path() : options.out;
   prepare_folder(folder);
   if (options.line) {
     render::ProfileOptions plot;
-    plot.title = title;
+    plot.title = told.title;
     plot.x_label = *options.line + " / mm";
-    const auto series = profile(field, *options.line, title);
+    plot.caption = {"+ material left, − gouged; along the outward design normal",
+                    fmt::format("whole map: PV {:.4g} µm, RMS {:.4g} µm; datum {}, alignment {}",
+                                numbers.pv_um, numbers.rms_um, told.datum, told.alignment)};
     const std::filesystem::path drawn = folder / ("profile-" + *options.line + ".png");
-    write_file(drawn, [&](const std::filesystem::path& file) { render::write_profile(file, {series}, plot); });
+    write_file(drawn, [&](const std::filesystem::path& file) {
+      render::write_profile(file, profile(field, *options.line), plot);
+    });
     return drawn;
   }
   render::MapPicture picture;
-  picture.title = title;
-  picture.figures = render::figures(field.deviation_um, field.design.area);
-  picture.datum = picture.alignment = "as in the result";
+  picture.title = told.title;
+  picture.figures = numbers;
+  picture.datum = told.datum;
+  picture.alignment = told.alignment;
   picture.field = std::move(field);
-  const std::string name = options.minus ? "difference.png" : "residual.png";
-  write_file(folder / name, [&](const std::filesystem::path& file) { render::write_map(file, picture, {}); });
+  // never the name of a picture that a run left there
+  const std::filesystem::path drawn = folder / (options.minus ? "difference.png" : "rendered.png");
+  write_file(drawn, [&](const std::filesystem::path& file) { render::write_map(file, picture, {}); });
   if (options.minus)
     write_file(folder / "difference.vtp",
                [&](const std::filesystem::path& file) { render::write_residual(file, picture.field); });
-  return folder / name;
+  return drawn;
 }
 
 }  // namespace abbe::sim
@@ -202,7 +247,7 @@ std::filesystem::path render_result(const RenderOptions& options) {
 namespace abbe::sim {
 
 void write_case_pictures(const std::filesystem::path&, const Job&, const Verdict&) {}
-void write_comparison_picture(const std::filesystem::path&, const Job&, const std::vector<Compared>&) {}
+void write_comparison_picture(const std::filesystem::path&, const Scene&, const std::vector<Compared>&) {}
 void write_check_picture(const std::filesystem::path&, const Job&) {}
 std::filesystem::path render_result(const RenderOptions& options) {
   throw BadInput(options.result.string(), 0, 0, "a program built with -DABBE_RENDER=ON", "one without VTK");

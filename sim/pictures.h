@@ -13,7 +13,7 @@ namespace abbe::sim {
 void write_case_pictures(const std::filesystem::path& folder, const Job& job, const Verdict& verdict);
 
 /// All cases on one symmetric colour scale with their figures.
-void write_comparison_picture(const std::filesystem::path& file, const Job& job,
+void write_comparison_picture(const std::filesystem::path& file, const Scene& scene,
                               const std::vector<Compared>& cases);
 
 /// Machine, part and path, the errors of the path magnified; what `abbe check --picture` draws.

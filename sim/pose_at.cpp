@@ -45,7 +45,7 @@ kinematics::AxisVector parse_positions(const kinematics::Chain& chain, const std
     if (!joint || chain.joints()[std::size_t(*joint)].motion == kinematics::Motion::Spindle)
       refuse(i, "an axis of this machine (" + axis_names(chain) + ")", "'" + std::string(1, at[i]) + "'");
     if (!seen.insert(at[i]).second) refuse(i, "every axis once", "'" + std::string(1, at[i]) + "' again");
-    ++i;
+    const std::size_t start = i++;
     if (i < at.size() && at[i] == '=') ++i;
     double value = 0.0;
     const auto [end, error] = std::from_chars(at.data() + i, at.data() + at.size(), value);
@@ -54,6 +54,12 @@ kinematics::AxisVector parse_positions(const kinematics::Chain& chain, const std
     i = std::size_t(end - at.data());
     const bool linear = chain.joints()[std::size_t(*joint)].motion == kinematics::Motion::Linear;
     q[*joint] = linear ? value : value * units::deg;
+    const kinematics::Joint& axis = chain.joints()[std::size_t(*joint)];
+    const double unit = linear ? 1.0 : units::deg;
+    if (q[*joint] < axis.min || q[*joint] > axis.max)
+      refuse(start, fmt::format("{} between {:.6g} and {:.6g} {}", axis.name, axis.min / unit, axis.max / unit,
+                                linear ? "mm" : "deg"),
+             fmt::format("{:.9g}", value));
   }
 }
 

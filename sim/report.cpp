@@ -32,24 +32,6 @@ ordered_json spread(const Spread& s, double unit) {
   return {{"rms", s.rms / unit}, {"max", s.max / unit}};
 }
 
-const char* name_of(DatumDescription::Kind kind) {
-  switch (kind) {
-    case DatumDescription::Kind::None: return "none";
-    case DatumDescription::Kind::Ideal: return "ideal";
-    case DatumDescription::Kind::TouchOff: return "touch_off";
-  }
-  return "";
-}
-
-const char* name_of(Alignment alignment) {
-  switch (alignment) {
-    case Alignment::None: return "none";
-    case Alignment::Offset: return "offset";
-    case Alignment::Rigid: return "rigid";
-  }
-  return "";
-}
-
 std::optional<double> tolerance(const Job& job) {
   return job.scene.part.tolerance > 0.0 ? std::optional(job.scene.part.tolerance) : std::nullopt;
 }
@@ -68,18 +50,35 @@ ordered_json facet_error(const cutting::Design& design) {
 
 }  // namespace
 
+const char* name_of(DatumDescription::Kind kind) {
+  switch (kind) {
+    case DatumDescription::Kind::None: return "none";
+    case DatumDescription::Kind::Ideal: return "ideal";
+    case DatumDescription::Kind::TouchOff: return "touch_off";
+  }
+  return "";
+}
+
+const char* name_of(Alignment alignment) {
+  switch (alignment) {
+    case Alignment::None: return "none";
+    case Alignment::Offset: return "offset";
+    case Alignment::Rigid: return "rigid";
+  }
+  return "";
+}
+
 Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
   Verdict verdict;
   verdict.aligned = cutting::aligned(cut.surface, job.design_w, {job.scene.alignment});
   verdict.residual = cutting::statistics(verdict.aligned.surface, job.design_w, tolerance(job));
   if (error_free != nullptr) {
-    if (error_free->cut.surface.residual.size() == cut.surface.residual.size())
-      verdict.machine =
-          cutting::statistics(cutting::minus(verdict.aligned.surface, error_free->aligned.surface),
-                              job.design_w, tolerance(job));
-    else
-      cut.warnings.push_back("the design has other vertices than the error-free one; no machine_um");
+    verdict.machine = cutting::statistics(
+        cutting::minus(verdict.aligned.surface, error_free->aligned.surface), job.design_w);
   }
+  if (verdict.residual.cut_vertices == 0)
+    cut.warnings.push_back(fmt::format("nothing was cut: no surface was found within +-{} mm of the design",
+                                       job.scene.band));
   if (const auto* primitive = std::get_if<cutting::Primitive>(&job.scene.part.shape))
     verdict.form = cutting::form(
         *primitive, cutting::transformed(job.design_w, job.scene.part.T_wm.inverse()), cut.surface);
@@ -107,6 +106,7 @@ ordered_json summary(const Job& job, const Verdict& verdict) {
       {"machine_um", verdict.machine ? statistics_um(*verdict.machine) : ordered_json()},
       {"tip_error_um", spread(verdict.cut.tip_error, units::um)},
       {"direction_error_urad", spread(verdict.cut.direction_error, units::urad)},
+      {"point_left_um", verdict.cut.point_left / units::um},
       {"direction_left_urad", verdict.cut.direction_left / units::urad},
       {"facet_error_um", facet_error(job.design_w)},
       {"datum", name_of(job.scene.datum.kind)},
@@ -125,21 +125,33 @@ ordered_json summary(const Job& job, const Verdict& verdict) {
   return json;
 }
 
+void write_program(const std::filesystem::path& folder, const Job& job) {
+  if (job.program_text.empty()) return;
+  prepare_folder(folder);
+  write_file(folder / job.path.file, job.program_text);
+}
+
 void write_case(const std::filesystem::path& folder, const Job& job, const Verdict& verdict) {
   prepare_folder(folder);
   write_case_pictures(folder, job, verdict);
-  write_file(folder / "scene.toml", job.scene.resolved);
-  if (!verdict.cut.rewritten_program.empty())
-    write_file(folder / ("rewritten" + std::filesystem::path(job.path.file).extension().string()),
-               verdict.cut.rewritten_program);
+  write_file(folder / "scene.toml", "case = \"" + verdict.cut.case_name + "\"\n" + job.scene.resolved);
+  const std::filesystem::path rewritten =
+      folder / ("rewritten" + std::filesystem::path(job.path.file).extension().string());
+  std::error_code none;
+  if (verdict.cut.rewritten_program.empty())
+    std::filesystem::remove(rewritten, none);  // of an earlier run of another case
+  else
+    write_file(rewritten, verdict.cut.rewritten_program);
   // last, so that a summary stands for a finished case
   write_file(folder / "summary.json", summary(job, verdict).dump(2) + "\n");
 }
 
 ordered_json comparison(const Job& job, const std::vector<Compared>& cases) {
-  ordered_json all = ordered_json::array();
+  ordered_json all = ordered_json::array(), warnings = ordered_json::array();
   for (const Compared& one : cases) {
     const Verdict& verdict = one.verdict;
+    for (const std::string& warning : verdict.cut.warnings)
+      warnings.push_back(verdict.cut.name + ": " + warning);
     ordered_json entry = {
         {"name", verdict.cut.name},
         {"residual_um", statistics_um(verdict.residual)},
@@ -165,12 +177,16 @@ ordered_json comparison(const Job& job, const std::vector<Compared>& cases) {
           {"datum", name_of(job.scene.datum.kind)},
           {"alignment", name_of(job.scene.alignment)},
           {"cases", all},
+          {"warnings", warnings},
           {"versions", versions()}};
 }
 
 std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict) {
   std::vector<std::string> all;
   const auto look = [&](const char* what, const std::optional<double>& limit_um, std::optional<double> value) {
+    if (limit_um && !value)
+      all.push_back(fmt::format("{}: {} is unknown, since nothing was cut; the scene allows {:.4f} um",
+                                verdict.cut.name, what, *limit_um));
     if (limit_um && value && *value / units::um > *limit_um)
       all.push_back(fmt::format("{}: {} is {:.4f} um, the scene allows {:.4f} um", verdict.cut.name, what,
                                 *value / units::um, *limit_um));
@@ -178,7 +194,8 @@ std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict) 
   const cutting::Statistics& s = verdict.residual;
   look("PV", limits.pv_um, s.pv);
   look("RMS", limits.rms_um, s.rms);
-  if (s.min && s.max) look("largest deviation", limits.max_abs_um, std::max(-*s.min, *s.max));
+  look("largest deviation", limits.max_abs_um,
+       s.min && s.max ? std::optional(std::max(-*s.min, *s.max)) : std::nullopt);
   return all;
 }
 

@@ -29,6 +29,14 @@ Verdict judge(const Job& job, Cut cut, const Verdict* error_free);
 /// `summary.json` of a case; the keys are a promise to scripts.
 nlohmann::ordered_json summary(const Job& job, const Verdict& verdict);
 
+/// `program.ngc` or `program.csv` of a generated program.
+/// @throws OutputFailure
+void write_program(const std::filesystem::path& folder, const Job& job);
+
+/// Names as they stand in files and pictures.
+const char* name_of(DatumDescription::Kind datum);
+const char* name_of(Alignment alignment);
+
 /// Writes every file of one case into its folder.
 /// @throws OutputFailure
 void write_case(const std::filesystem::path& folder, const Job& job, const Verdict& verdict);
@@ -36,6 +44,7 @@ void write_case(const std::filesystem::path& folder, const Job& job, const Verdi
 /// `comparison.json`: every case against the uncompensated one of its variant.
 struct Compared {
   Verdict verdict;
+  const Job* job = nullptr;                  ///< the scene itself, or the variant, that it belongs to
   std::optional<std::size_t> uncompensated;  ///< index of the case that it is measured against
 };
 nlohmann::ordered_json comparison(const Job& job, const std::vector<Compared>& cases);

@@ -70,7 +70,7 @@ DatumDescription read_datum(TableReader& scene) {
 void read_numerics(TableReader& scene, Scene& result) {
   if (const Node* node = scene.section("sampling")) {
     TableReader reader(*node, "sampling", scene.faults());
-    result.chord_tolerance = reader.number("chord_tolerance_nm", positive, result.chord_tolerance);
+    result.chord_tolerance = reader.number("chord_tolerance_nm", {0.01, 1e6, false, false}, result.chord_tolerance);
     result.max_step = reader.number("max_step_mm", positive, result.max_step);
     reader.close();
   }
@@ -258,6 +258,14 @@ Scene interpreted(const Node& tree, const std::filesystem::path& file, Faults& f
   scene.view = read_view(reader);
   scene.limits = read_limits(reader);
   scene.compensation = read_compensation(reader);
+  scene.case_name = reader.text("case", "");
+  if (!scene.case_name.empty() && scene.case_name != "error_free" && scene.case_name != "uncompensated") {
+    try {
+      parse_case(scene.case_name);
+    } catch (const std::invalid_argument& fault) {
+      reader.refuse("case", "a case that this version has", fault.what());
+    }
+  }
   scene.cases = read_cases(reader);
   scene.variants = read_variants(reader);
   reader.close();
@@ -296,7 +304,9 @@ Scene read_scene(const std::filesystem::path& file, const std::vector<Override>&
   Scene scene = interpreted(tree, file, faults);
   if (faults.empty()) check_variants(tree, file, faults);
   if (!faults.empty()) throw BadScene(faults.list());
-  scene.resolved = to_toml(tree);
+  Node bare = tree;
+  std::erase_if(*bare.table(), [](const Node::Entry& entry) { return entry.key == "case"; });
+  scene.resolved = to_toml(bare);
   return scene;
 }
 
@@ -318,16 +328,15 @@ CaseDescription parse_case(const std::string& name) {
   };
   CaseDescription description;
   description.name = name;
-  using Strategy = CaseDescription::Strategy;
   using Channel = CaseDescription::Channel;
   if (tokens[0] != "perfect")
     refuse("belief", tokens[0], "perfect (others are not in this version)");
   if (tokens[1] == "position")
-    description.strategy = Strategy::Position;
+    description.strategy = compensation::Strategy::Position;
   else if (tokens[1] == "decoupled")
-    description.strategy = Strategy::Decoupled;
+    description.strategy = compensation::Strategy::Decoupled;
   else if (tokens[1] == "iterated")
-    description.strategy = Strategy::Iterated;
+    description.strategy = compensation::Strategy::Iterated;
   else
     refuse("strategy", tokens[1], "position, decoupled or iterated");
   if (tokens[2] == "ideal")

@@ -14,6 +14,7 @@
 #include "errors/geometric.h"
 #include "kinematics/bad_input.h"
 #include "kinematics/chain.h"
+#include "sim/compensation/correct.h"
 #include "sim/program/generate.h"
 #include "sim/program/nc.h"
 
@@ -46,6 +47,7 @@ struct ToolDescription {
 struct MeshFile {
   std::filesystem::path file;
   double unit = 1.0;   ///< mm per unit of the file
+  bool any_size = false;  ///< its size is meant: no doubt is cast on the unit
   bool open = false;   ///< a surface with a rim is meant
 };
 
@@ -104,7 +106,7 @@ struct Limits {
 /// A compensator as the three choices of a case name.
 struct CaseDescription {
   std::string name;  ///< "perfect-iterated-ideal"
-  enum class Strategy { Position, Decoupled, Iterated } strategy = Strategy::Iterated;
+  compensation::Strategy strategy = compensation::Strategy::Iterated;
   enum class Channel { Ideal, Program } channel = Channel::Ideal;
 };
 
@@ -143,6 +145,8 @@ struct Scene {
   ViewDescription view;
   Limits limits;
   CompensationDescription compensation;
+  std::string case_name;               ///< what `run` cuts if not told: the case that a finished result
+                                       ///< names in its scene.toml; empty: uncompensated
   std::vector<CaseDescription> cases;  ///< compensators that compare runs, in order
   std::vector<Variant> variants;
   std::string resolved;  ///< TOML text with every file it names read in; rerunning it gives the same

@@ -74,6 +74,7 @@ MeshFile read_mesh_file(TableReader& reader) {
   mesh.file = reader.text("file");
   mesh.unit = reader.choice<double>(
       "unit", {{"mm", 1.0}, {"inch", 25.4}, {"cm", 10.0}, {"m", 1000.0}, {"um", units::um}}, 1.0);
+  mesh.any_size = reader.boolean("any_size", false);
   mesh.open = reader.boolean("open", false);
   std::error_code failure;
   if (!mesh.file.empty() && !std::filesystem::is_regular_file(mesh.file, failure)) {

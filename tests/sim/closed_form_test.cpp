@@ -21,7 +21,8 @@ using Eigen::Vector2d;
 
 std::string cap(double radius, double rim, int vertices) {
   return fmt::format(
-      "surface = \"sphere_cap\"\nradius_mm = {}\nrim_radius_mm = {}\nat_mm = [40, 25, 80]\nvertices = {}",
+      "surface = \"sphere_cap\"\nradius_mm = {}\nrim_radius_mm = {}\nat_mm = [40, 25, "
+      "80]\nvertices = {}",
       radius, rim, vertices);
 }
 
@@ -42,9 +43,10 @@ TEST(ClosedForm, TurnedCuspIsThatOfTheFeed) {
 
 TEST(ClosedForm, RasterOnAPlaneLeavesTheRidgesOfItsPasses) {
   const double R = 5.0, s = 0.5;
-  const Job job = job_of(BallRaster{.part = "surface = \"rectangle\"\nlength_x_mm = 12.0\n"
-                                            "length_y_mm = 10.0\nat_mm = [40, 25, 80]\nvertices = 20000",
-                                    .step_over = s});
+  const Job job =
+      job_of(BallRaster{.part = "surface = \"rectangle\"\nlength_x_mm = 12.0\n"
+                                "length_y_mm = 10.0\nat_mm = [40, 25, 80]\nvertices = 20000",
+                        .step_over = s});
   const Cut cut = cut_error_free(job);
   double most = 0.0;
   const Misfit m = misfit(job, cut.surface, [&](const CutVertex& v) {
@@ -69,8 +71,8 @@ TEST(ClosedForm, RasterOnADomeLeavesTheRidgesOfItsLatitudes) {
     return oracles::pass_height(R, rho, off_grid(rho * std::asin(v.n.y()), s));
   });
   std::cout << "dome: highest vertex " << most / units::um << " um, cusp "
-            << oracles::dome_cusp(R, rho, s) / units::um << " um; " << m.vertices << " vertices within "
-            << m.magnitude() / units::nm << " nm of their ridge, chords "
+            << oracles::dome_cusp(R, rho, s) / units::um << " um; " << m.vertices
+            << " vertices within " << m.magnitude() / units::nm << " nm of their ridge, chords "
             << oracles::chord_gouge(R, rho, step * (rho + R) / rho) / units::nm << " nm\n";
   EXPECT_GT(m.vertices, 50000);
   EXPECT_LT(m.magnitude(), 1.0_nm);
@@ -109,8 +111,8 @@ TEST(ClosedForm, ChordsGougeADomeLessWithTheAxisTurningAlong) {
         BallRaster{.part = cap(rho, 4.0, 60000), .step_over = 0.35, .step = step, .lead = lead});
     const double deepest = deepest_chord(job, R, rho);
     const double expected = oracles::chord_gouge_turning(R, rho, L, lead * units::deg);
-    std::cout << "chord gouge, lead " << lead << " deg: " << deepest / units::um << " um, closed form "
-              << expected / units::um << " um\n";
+    std::cout << "chord gouge, lead " << lead << " deg: " << deepest / units::um
+              << " um, closed form " << expected / units::um << " um\n";
     EXPECT_NEAR(deepest, expected, 1.0_nm) << "lead " << lead;
   }
 }
@@ -131,9 +133,7 @@ Job ring_job(const SceneFolder& folder, const std::string& errors, const std::st
   return prepare(read_scene(scene));
 }
 
-std::string words(const Vector2d& p) {
-  return fmt::format("X{} Y{}", p.x(), p.y());
-}
+std::string words(const Vector2d& p) { return fmt::format("X{} Y{}", p.x(), p.y()); }
 
 std::string by_C(const Vector2d& at) {
   return fmt::format("G0 {}\nG0 Z55\nG1 C360 F3600\nG0 Z300\n", words(at));
@@ -144,7 +144,8 @@ cutting::Circle circle_of(const Job& job, const Cut& cut) {
   const auto vertices = cut_vertices(job, cut.surface);
   Eigen::Matrix<double, Eigen::Dynamic, 2> points(Eigen::Index(vertices.size()), 2);
   for (std::size_t i = 0; i < vertices.size(); ++i)
-    points.row(Eigen::Index(i)) = (vertices[i].p + vertices[i].residual * vertices[i].n).head<2>().transpose();
+    points.row(Eigen::Index(i)) =
+        (vertices[i].p + vertices[i].residual * vertices[i].n).head<2>().transpose();
   return cutting::fit_circle(points);
 }
 
@@ -157,8 +158,8 @@ TEST(ClosedForm, RingCutByCAloneHasTheRadiusOfTheOffsetAndIsConcentric) {
     const double expected = oracles::ring_radius(ring, at / ring, d) - flat;
     std::cout << "ring by C at " << at.transpose() << ": radius " << circle.radius - (ring - flat)
               << " mm off 42, closed form " << expected - (ring - flat) << "; centre off by "
-              << circle.centre.norm() / units::nm << " nm, roundness " << circle.roundness / units::nm
-              << " nm\n";
+              << circle.centre.norm() / units::nm << " nm, roundness "
+              << circle.roundness / units::nm << " nm\n";
     EXPECT_NEAR(circle.radius, expected, 1.0_nm);
     EXPECT_LT(circle.centre.norm(), 1.0_nm);
     EXPECT_LT(circle.roundness, 1.0_nm);

@@ -14,6 +14,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#ifndef ABBE_RENDER
+#define ABBE_RENDER 0
+#endif
+
 namespace fs = std::filesystem;
 
 namespace {
@@ -117,8 +121,11 @@ TEST_F(CommandLine, AGoodSceneLeavesEveryPromisedFileAndKey) {
   const fs::path out = folder_ / "out";
   const Ran ran = run("run " + scene.string() + " --out " + out.string());
   ASSERT_EQ(ran.code, 0) << ran.text;
-  for (const char* name : {"summary.json", "residual.vtp", "residual.png", "histogram.png", "scene.toml"})
+  for (const char* name : {"summary.json", "scene.toml"}) EXPECT_TRUE(fs::exists(out / name)) << name;
+#if ABBE_RENDER
+  for (const char* name : {"residual.vtp", "residual.png", "histogram.png"})
     EXPECT_TRUE(fs::exists(out / name)) << name;
+#endif
   const auto summary = nlohmann::json::parse(bytes(out / "summary.json"));
   for (const char* key : {"scene", "seed", "vertices", "cut_vertices", "uncut_vertices", "moves", "residual_um",
                           "tip_error_um", "direction_error_urad", "datum", "alignment", "form", "timing_s",
@@ -127,7 +134,7 @@ TEST_F(CommandLine, AGoodSceneLeavesEveryPromisedFileAndKey) {
   for (const char* key : {"pv", "rms", "mean", "std", "min", "max", "p95_abs", "in_tolerance_percent"})
     EXPECT_TRUE(summary["residual_um"].contains(key)) << key;
   EXPECT_EQ(summary["moves"], 4);
-  EXPECT_EQ(files_in(out), 5) << "and nothing unfinished";
+  EXPECT_EQ(files_in(out), ABBE_RENDER ? 5 : 2) << "and nothing unfinished";
 }
 
 TEST_F(CommandLine, TheResolvedSceneRunsAgainToTheSameBytes) {
@@ -136,7 +143,7 @@ TEST_F(CommandLine, TheResolvedSceneRunsAgainToTheSameBytes) {
   ASSERT_EQ(run("run " + scene.string() + " --set errors.EXX_um=7 --out " + first.string()).code, 0);
   const Ran again = run("run " + (first / "scene.toml").string() + " --out " + second.string());
   ASSERT_EQ(again.code, 0) << again.text;
-  EXPECT_EQ(bytes(first / "residual.vtp"), bytes(second / "residual.vtp"));
+  if (ABBE_RENDER) EXPECT_EQ(bytes(first / "residual.vtp"), bytes(second / "residual.vtp"));
   EXPECT_EQ(bytes(first / "scene.toml"), bytes(second / "scene.toml"));
 }
 
@@ -256,7 +263,53 @@ TEST_F(CommandLine, ResultsAreTheSameBytesForOneAndTwoThreadsAndASecondTime) {
     }
   }
   std::cout << compared << " files compared byte by byte\n";
-  EXPECT_GE(compared, 2 * 30);
+  EXPECT_GE(compared, 2 * (ABBE_RENDER ? 30 : 12));
+}
+
+TEST_F(CommandLine, ASceneThatCutsNothingSaysSoAndFailsItsLimits) {
+  const fs::path scene = plane_scene(write("p.ngc", "G21 G90\nG4 P1\nM2\n").string(), "[limits]\npv_um = 5\n");
+  const fs::path out = folder_ / "out";
+  const Ran ran = run("run " + scene.string() + " --out " + out.string());
+  EXPECT_EQ(ran.code, 1) << ran.text;
+  EXPECT_NE(ran.text.find("nothing was cut"), std::string::npos) << ran.text;
+  const auto summary = nlohmann::json::parse(bytes(out / "summary.json"));
+  EXPECT_TRUE(summary["residual_um"]["pv"].is_null());
+}
+
+TEST_F(CommandLine, AGeneratedProgramThatLeavesTheTravelLeavesNoFile) {
+  const fs::path out = folder_ / "out";
+  const Ran ran = run("run " + (source / "scenes/gantry_tilted_flat.toml").string() +
+                      " --set part.at_mm=[900,0,80] --set part.vertices=500 --set program.step_mm=5 --out " + out.string());
+  EXPECT_EQ(ran.code, 3) << ran.text;
+  EXPECT_NE(ran.text.find("program.ngc:"), std::string::npos) << ran.text;
+  EXPECT_EQ(files_in(out), 0);
+}
+
+TEST_F(CommandLine, AVariantIsMeasuredAgainstItsOwnErrorFreeMap) {
+  const fs::path scene = write(
+      "variants.toml",
+      "title = \"v\"\nmachine = \"" + (source / "scenes/machines/gantry_cxyza.toml").string() + "\"\nerrors = \"" +
+          (source / "scenes/errors/gantry_typical.toml").string() + "\"\ntool = \"" +
+          (source / "scenes/tools/ball_r5.toml").string() +
+          "\"\n[part]\nsurface = \"rectangle\"\nlength_x_mm = 10\nlength_y_mm = 10\nat_mm = [0, 0, 80]\n"
+          "turn_deg = [30, 0, 0]\nvertices = 400\n[program]\ngenerator = \"raster\"\nstep_over_mm = 0.5\n"
+          "step_mm = 0.5\nlead_deg = 5\npattern = \"one_way\"\n[compare]\ncases = [\"perfect-iterated-ideal\"]\n"
+          "[[variant]]\nname = \"coarse\"\nset = { \"program.step_over_mm\" = 1.0, \"part.vertices\" = 200 }\n");
+  const fs::path out = folder_ / "out";
+  const Ran ran = run("compare " + scene.string() + " --out " + out.string());
+  ASSERT_EQ(ran.code, 0) << ran.text;
+  const auto json = nlohmann::json::parse(bytes(out / "comparison.json"));
+  ASSERT_EQ(json["cases"].size(), 5u);
+  EXPECT_EQ(json["cases"][3]["name"], "coarse");
+  EXPECT_EQ(json["cases"][4]["name"], "coarse-perfect-iterated-ideal");
+  EXPECT_LT(json["cases"][4]["machine_um"]["rms"].get<double>(), 1e-3);
+  EXPECT_TRUE(fs::exists(out / "coarse" / "program.ngc"));
+  // a finished case names itself, so that its scene cuts it again
+  const fs::path again = folder_ / "again";
+  ASSERT_EQ(run("run " + (out / "coarse-perfect-iterated-ideal" / "scene.toml").string() + " --out " + again.string()).code, 0);
+  const auto first = nlohmann::json::parse(bytes(out / "coarse-perfect-iterated-ideal" / "summary.json"));
+  const auto second = nlohmann::json::parse(bytes(again / "summary.json"));
+  EXPECT_EQ(first["residual_um"].dump(), second["residual_um"].dump());
 }
 
 TEST_F(CommandLine, PoseGivesTheDeviationInTheWorkpiece) {
@@ -270,6 +323,7 @@ TEST_F(CommandLine, PoseGivesTheDeviationInTheWorkpiece) {
   EXPECT_EQ(run("pose " + scene + " --at \"Q=1\"").code, 3);
   EXPECT_EQ(run("pose " + scene + " --at \"X=1 X=2\"").code, 3);
   EXPECT_EQ(run("pose " + scene + " --at \"X=abc\"").code, 3);
+  EXPECT_EQ(run("pose " + scene + " --at \"Z=99999\"").code, 3);
 }
 
 TEST_F(CommandLine, CheckPrintsTheLowOrderBodyArrayAndWritesNothing) {

@@ -26,12 +26,12 @@ inline Job job_of(const std::string& name, const std::vector<Override>& changes 
 
 /// A small part under a ball end mill R 5, one way, as a scene of its own.
 struct BallRaster {
-  std::string part;        ///< TOML lines of [part], vertices with them
+  std::string part;  ///< TOML lines of [part], vertices with them
   double step_over = 0.5;
   double step = 0.5;
-  double lead = 36.0;      ///< deg
+  double lead = 36.0;  ///< deg
   std::string machine = "gantry_cxyza";
-  std::string more = {};   ///< TOML sections after all others
+  std::string more = {};  ///< TOML sections after all others
 };
 
 inline std::string to_toml(const BallRaster& scene) {
@@ -40,14 +40,15 @@ inline std::string to_toml(const BallRaster& scene) {
       "machine = \"{0}machines/{1}.toml\"\n"
       "tool = \"{0}tools/ball_r5.toml\"\n"
       "[part]\n{2}\n"
-      "[program]\ngenerator = \"raster\"\npattern = \"one_way\"\nclearance_mm = 10\noverrun_mm = 1\n"
+      "[program]\ngenerator = \"raster\"\npattern = \"one_way\"\nclearance_mm = 10\noverrun_mm = "
+      "1\n"
       "step_over_mm = {3}\nstep_mm = {4}\nlead_deg = {5}\n{6}",
       scenes, scene.machine, scene.part, scene.step_over, scene.step, scene.lead, scene.more);
 }
 
-inline Job job_of(const BallRaster& scene) {
+inline Job job_of(const BallRaster& scene, const std::vector<Override>& changes = {}) {
   const SceneFolder folder;
-  return prepare(read_scene(folder.write("ball.toml", to_toml(scene))));
+  return prepare(read_scene(folder.write("ball.toml", to_toml(scene)), changes));
 }
 
 /// How far apart maps are, mm, every vertex counting one.
