@@ -4,9 +4,10 @@
 
 namespace abbe::cutting {
 
-/// Milling cutter of revolution, convex: a flat of radius (radius - corner_radius) at the tip, a torus
-/// corner, a cylindrical flank up to `flank_length` above the tip. corner_radius = radius is a ball
-/// end, 0 a flat end. Its frame t has the origin at the tip and z along the axis to the spindle.
+/// Milling cutter of revolution, convex: a flat of radius (radius - corner_radius) at the tip, a
+/// torus corner, a cylindrical flank up to `flank_length` above the tip. corner_radius = radius is
+/// a ball end, 0 a flat end. Its frame t has the origin at the tip and z along the axis to the
+/// spindle.
 struct Cutter {
   double radius = 5.0;         ///< mm, > 0
   double corner_radius = 5.0;  ///< mm, 0 .. radius
@@ -20,11 +21,11 @@ struct NoseWave {
   double phase = 0.0;      ///< rad
 };
 
-/// Turning tool: a circular edge of `radius` about the origin of frame t in its x-z plane (y = 0, the
-/// rake plane). The tip of a turning tool is the centre of that circle. psi counts from x to z.
+/// Turning tool: a circular edge of `radius` about the origin of frame t in its x-z plane (y = 0,
+/// the rake plane). The tip of a turning tool is the centre of that circle. psi counts from x to z.
 struct Nose {
-  double radius = 0.249;         ///< mm, > 0
-  std::vector<NoseWave> waves;   ///< none: a perfect circle
+  double radius = 0.249;        ///< mm, > 0
+  std::vector<NoseWave> waves;  ///< none: a perfect circle
 };
 
 }  // namespace abbe::cutting

@@ -50,19 +50,22 @@ render::Body carriage(const Joint& joint, const Pose& T_b, double offset, double
   return body;
 }
 
-/// How many joints nearer to the tool (or to the part) stand at the same point: bodies are stacked there.
+/// How many joints nearer to the tool (or to the part) stand at the same point: bodies are stacked
+/// there.
 int rank(const Chain& chain, int i) {
   const Joint& joint = chain.joints()[std::size_t(i)];
   const int step = joint.side == Side::Tool ? 1 : -1;
   int count = 0;
   for (int k = i + step; k >= 0 && k < chain.size(); k += step) {
     const Joint& other = chain.joints()[std::size_t(k)];
-    count += other.motion != Motion::Spindle && other.side == joint.side && other.point_b == joint.point_b;
+    count += other.motion != Motion::Spindle && other.side == joint.side &&
+             other.point_b == joint.point_b;
   }
   return count;
 }
 
-void add_carriages(const Chain& chain, const AxisVector& q, double unit, render::MachinePicture& picture) {
+void add_carriages(const Chain& chain, const AxisVector& q, double unit,
+                   render::MachinePicture& picture) {
   Pose T = Pose::Identity();
   for (int i = 0; i < chain.size(); ++i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
@@ -81,7 +84,8 @@ void add_carriages(const Chain& chain, const AxisVector& q, double unit, render:
 }
 
 /// The spindle from the last axis before it down to the nose, where the machine has a nose.
-void add_spindle(const Chain& chain, const AxisVector& q, double unit, render::MachinePicture& picture) {
+void add_spindle(const Chain& chain, const AxisVector& q, double unit,
+                 render::MachinePicture& picture) {
   const auto nose = chain.find('s');
   if (!nose || *nose == 0) return;
   const Joint& joint = chain.joints()[std::size_t(*nose)];
@@ -159,7 +163,9 @@ double magnification(double part_size, double largest_error) {
   if (largest_error <= 0.0) return 1.0;
   const double wanted = 0.05 * part_size / largest_error;
   const double decade = std::pow(10.0, std::floor(std::log10(wanted)));
-  return std::max(1.0, decade * (wanted >= 5.0 * decade ? 5.0 : wanted >= 2.0 * decade ? 2.0 : 1.0));
+  return std::max(1.0, decade * (wanted >= 5.0 * decade   ? 5.0
+                                 : wanted >= 2.0 * decade ? 2.0
+                                                          : 1.0));
 }
 
 }  // namespace
@@ -168,7 +174,8 @@ render::MachinePicture check_scene(const Job& job) {
   const AxisVector q = job.samples.states[job.samples.states.size() / 2].q;
   const Pose T_bw = job.machine.nominal.workpiece_in_bed(q);
   const auto& vertices = job.design_w.vertices;
-  const Eigen::RowVector3d lower = vertices.colwise().minCoeff(), upper = vertices.colwise().maxCoeff();
+  const Eigen::RowVector3d lower = vertices.colwise().minCoeff(),
+                           upper = vertices.colwise().maxCoeff();
   const double part_size = (upper - lower).norm();
 
   render::MachinePicture picture;
@@ -188,16 +195,19 @@ render::MachinePicture check_scene(const Job& job) {
       path.points.resize(Eigen::Index(trace.passes[k].size()), 3);
       for (std::size_t i = 0; i < trace.passes[k].size(); ++i) {
         const Trace::Point& point = trace.passes[k][i];
-        path.points.row(Eigen::Index(i)) = (T_bw * Vector3d(point.tip_w + times * point.error_w)).transpose();
+        path.points.row(Eigen::Index(i)) =
+            (T_bw * Vector3d(point.tip_w + times * point.error_w)).transpose();
       }
       picture.paths.push_back(path);
     }
   };
   draw("tip as programmed", 0.0, {0.20, 0.35, 0.65});
-  if (trace.largest > 0.0) draw("tip on the wrong machine", picture.magnification, {0.80, 0.25, 0.20});
-  picture.caption = {"carriages are schematic: the description places them but gives them no shape",
-                     fmt::format("{} of {} passes drawn; largest deviation of the tip {:.1f} \u00b5m",
-                                 trace.passes.size(), trace.all_passes, trace.largest / units::um)};
+  if (trace.largest > 0.0)
+    draw("tip on the wrong machine", picture.magnification, {0.80, 0.25, 0.20});
+  picture.caption = {
+      "carriages are schematic: the description places them but gives them no shape",
+      fmt::format("{} of {} passes drawn; largest deviation of the tip {:.1f} \u00b5m",
+                  trace.passes.size(), trace.all_passes, trace.largest / units::um)};
   return picture;
 }
 

@@ -97,7 +97,9 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
 
   Outcome outcome{comparison(batches.front().job, cases), {}};
   for (const Batch& batch : batches) write_program(options.folder / batch.prefix, batch.job);
-  const bool compensates = std::any_of(cases.begin(), cases.end(), [](const Compared& one) { return one.uncompensated.has_value(); });
+  const bool compensates = std::any_of(cases.begin(), cases.end(), [](const Compared& one) {
+    return one.uncompensated.has_value();
+  });
   for (std::size_t i = 0; i < cases.size(); ++i) {
     const Compared& one = cases[i];
     progress.begin("write " + one.verdict.cut.name);

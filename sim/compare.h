@@ -12,15 +12,15 @@ namespace abbe::sim {
 
 struct RunOptions {
   std::vector<Override> overrides;
-  std::filesystem::path folder;     ///< every file goes there
-  std::string case_name;            ///< `run`: error_free, uncompensated or a compensator; empty: what
-                                    ///< the scene names, else uncompensated
+  std::filesystem::path folder;  ///< every file goes there
+  std::string case_name;         ///< `run`: error_free, uncompensated or a compensator; empty: what
+                                 ///< the scene names, else uncompensated
 };
 
 /// What a command leaves besides its files.
 struct Outcome {
-  nlohmann::ordered_json json;         ///< summary or comparison
-  std::vector<std::string> exceeded;   ///< acceptance limits that a judged case breaks
+  nlohmann::ordered_json json;        ///< summary or comparison
+  std::vector<std::string> exceeded;  ///< acceptance limits that a judged case breaks
 };
 
 /// Cuts one case of a scene and writes every file of it.
@@ -28,8 +28,8 @@ struct Outcome {
 Outcome run(const std::filesystem::path& scene, const RunOptions& options);
 
 /// Cuts the error-free machine, the uncompensated one and every compensator of the scene, for every
-/// variant, and writes a folder a case, `comparison.json` and `comparison.png`. The maps of a variant are
-/// measured against an error-free map of its own, which is not told as a case.
+/// variant, and writes a folder a case, `comparison.json` and `comparison.png`. The maps of a
+/// variant are measured against an error-free map of its own, which is not told as a case.
 Outcome compare(const std::filesystem::path& scene, const RunOptions& options);
 
 }  // namespace abbe::sim

@@ -34,8 +34,8 @@ bool is_tip(const program::Path& path, int block) {
 
 /// Commands of the real control for a program that was sampled with `sampled_by`: a tip that is
 /// programmed is reached by the control's own kinematics, and the datum that it found shifts all.
-std::vector<AxisState> told(const Job& job, const program::Path& path, const program::Samples& samples,
-                            const kinematics::Chain& sampled_by) {
+std::vector<AxisState> told(const Job& job, const program::Path& path,
+                            const program::Samples& samples, const kinematics::Chain& sampled_by) {
   std::vector<AxisState> states = samples.states;
   const Eigen::Vector3d offset_w = datum_offset(job.scene.datum, job.machine, job.truth);
   if (same(job.machine.control, sampled_by) && offset_w.isZero(0.0)) return states;
@@ -45,9 +45,12 @@ std::vector<AxisState> told(const Job& job, const program::Path& path, const pro
       states[i].q += slides;
       return;
     }
-    const Eigen::Vector3d tip_w = sampled_by.tool_in_workpiece(states[i].q).translation() + offset_w;
+    const Eigen::Vector3d tip_w =
+        sampled_by.tool_in_workpiece(states[i].q).translation() + offset_w;
     const auto q = kinematics::slides_for_tip(job.machine.control, states[i].q, tip_w);
-    if (!q) throw BadInput(path.file, samples.line[i], 0, "a tip that the control's slides reach", "another");
+    if (!q)
+      throw BadInput(path.file, samples.line[i], 0, "a tip that the control's slides reach",
+                     "another");
     states[i].q = *q;
   });
   return states;
@@ -77,7 +80,8 @@ struct Corrected {
 };
 
 Corrected corrected(const Job& job, const CaseDescription& compensator,
-                    const std::vector<AxisState>& commanded, const std::vector<Pose>& T_wt_nominal) {
+                    const std::vector<AxisState>& commanded,
+                    const std::vector<Pose>& T_wt_nominal) {
   const compensation::Belief belief = perfect_belief(job.truth);
   const compensation::CorrectOptions options = correct_options(job, compensator);
   Corrected result{commanded, 0.0, 0.0, 0};
@@ -116,12 +120,14 @@ struct Place {
   double u = 0.0;
 };
 
-/// The samples at which a rewritten program gets points: those of a path sampled so coarsely that its
-/// chords stay within a word; of a block sampled twice (a reversal) the later.
-std::vector<std::size_t> rewrite_points(const program::Path& path, const program::Samples& samples) {
+/// The samples at which a rewritten program gets points: those of a path sampled so coarsely that
+/// its chords stay within a word; of a block sampled twice (a reversal) the later.
+std::vector<std::size_t> rewrite_points(const program::Path& path,
+                                        const program::Samples& samples) {
   std::vector<std::size_t> points;
   for (std::size_t i = 0; i < samples.states.size(); ++i) {
-    if (path.blocks[std::size_t(samples.block[i])].interpolation == program::Interpolation::Dwell) continue;
+    if (path.blocks[std::size_t(samples.block[i])].interpolation == program::Interpolation::Dwell)
+      continue;
     const bool again = !points.empty() && samples.block[points.back()] == samples.block[i] &&
                        samples.states[points.back()].time_s == samples.states[i].time_s;
     if (again)
@@ -132,8 +138,8 @@ std::vector<std::size_t> rewrite_points(const program::Path& path, const program
   return points;
 }
 
-/// Programmed coordinates of a corrected command, in those of its block, without the shift of the datum
-/// that the control will add again.
+/// Programmed coordinates of a corrected command, in those of its block, without the shift of the
+/// datum that the control will add again.
 AxisVector programmed(const Job& job, const program::Block& block, const AxisVector& q,
                       const Eigen::Vector3d& offset_w) {
   if (block.coordinates == program::Coordinates::Axis)
@@ -148,7 +154,8 @@ AxisVector programmed(const Job& job, const program::Block& block, const AxisVec
 /// Where the tool should be at every sample of a rewritten program: its moves are, one by one, the
 /// stretches of the original between the places that were corrected.
 std::vector<Pose> wanted_of_rewritten(const Job& job, const program::Path& path,
-                                      const program::Samples& samples, const std::vector<Place>& places) {
+                                      const program::Samples& samples,
+                                      const std::vector<Place>& places) {
   std::vector<int> move_of(path.blocks.size());
   const std::size_t first = places.front().u == 0.0 ? 1 : 0;
   int moves = int(first);
@@ -157,7 +164,8 @@ std::vector<Pose> wanted_of_rewritten(const Job& job, const program::Path& path,
   };
   for (std::size_t i = 0; i < path.blocks.size(); ++i) move_of[i] = rests(i) ? moves - 1 : moves++;
   if (moves != int(places.size()))
-    throw std::logic_error(fmt::format("a rewritten program has {} moves for {} places", moves, places.size()));
+    throw std::logic_error(
+        fmt::format("a rewritten program has {} moves for {} places", moves, places.size()));
   std::vector<Pose> wanted(samples.states.size());
   tbb::parallel_for(std::size_t(0), wanted.size(), [&](std::size_t i) {
     const program::Block& block = path.blocks[std::size_t(samples.block[i])];
@@ -168,12 +176,14 @@ std::vector<Pose> wanted_of_rewritten(const Job& job, const program::Path& path,
     const Place& to = places[std::size_t(move)];
     const bool within = move > 0 && places[std::size_t(move) - 1].block == to.block;
     const double from = within ? places[std::size_t(move) - 1].u : 0.0;
-    wanted[i] = nominal_at(job, job.path.blocks[std::size_t(to.block)], from + part * (to.u - from));
+    wanted[i] =
+        nominal_at(job, job.path.blocks[std::size_t(to.block)], from + part * (to.u - from));
   });
   return wanted;
 }
 
-/// The correction written into a program of the same dialect, which the control then reads and runs.
+/// The correction written into a program of the same dialect, which the control then reads and
+/// runs.
 Compensated through_program(const Job& job, const CaseDescription& compensator) {
   const CompensationDescription& words = job.scene.compensation;
   program::SampleOptions coarse = sample_options(job.scene, job.machine);
@@ -191,7 +201,8 @@ Compensated through_program(const Job& job, const CaseDescription& compensator) 
     const double duration = block.end_s - block.start_s;
     const bool last = k + 1 == points.size() || samples.block[points[k + 1]] != samples.block[i];
     const double u = duration > 0.0 ? (samples.states[i].time_s - block.start_s) / duration : 1.0;
-    if (u <= 0.0 && !last && samples.block[i] != 0) continue;  // the end of the block before stands there
+    if (u <= 0.0 && !last && samples.block[i] != 0)
+      continue;  // the end of the block before stands there
     commanded.push_back(uncorrected[i]);
     wanted.push_back(job.machine.nominal.tool_in_workpiece(samples.states[i].q));
     places.push_back({samples.block[i], last ? 1.0 : u});
@@ -209,12 +220,14 @@ Compensated through_program(const Job& job, const CaseDescription& compensator) 
   Compensated result;
   result.rewritten_program =
       program::rewritten(job.path, lists, control, {words.word_resolution, words.angle_resolution});
-  const bool is_pvt = std::any_of(job.path.blocks.begin(), job.path.blocks.end(), [](const auto& block) {
-    return block.interpolation == program::Interpolation::Cubic;
-  });
-  const program::Path path = is_pvt ? program::read_pvt(result.rewritten_program, "rewritten.csv", control)
-                                    : program::read_nc(result.rewritten_program, "rewritten.ngc", control);
-  result.samples = program::sample(path, job.machine.control, sample_options(job.scene, job.machine));
+  const bool is_pvt = std::any_of(
+      job.path.blocks.begin(), job.path.blocks.end(),
+      [](const auto& block) { return block.interpolation == program::Interpolation::Cubic; });
+  const program::Path path =
+      is_pvt ? program::read_pvt(result.rewritten_program, "rewritten.csv", control)
+             : program::read_nc(result.rewritten_program, "rewritten.ngc", control);
+  result.samples =
+      program::sample(path, job.machine.control, sample_options(job.scene, job.machine));
   result.samples.states = told(job, path, result.samples, job.machine.control);
   result.T_wt_nominal = wanted_of_rewritten(job, path, result.samples, places);
   result.point_left = ideal.point_left;
@@ -236,7 +249,7 @@ Compensated compensate(const Job& job, const CaseDescription& compensator) {
     result.samples = job.samples;
     result.samples.states = std::move(ideal.states);
     result.point_left = ideal.point_left;
-  result.direction_left = ideal.direction_left;
+    result.direction_left = ideal.direction_left;
     result.not_converged = ideal.not_converged;
     return result;
   }

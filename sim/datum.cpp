@@ -22,7 +22,8 @@ Vector3d tip_deviation(const Vector3d& point_w, double time_s, const Machine& ma
     return state;
   };
   // what the slides cannot reach nominally is no deviation
-  const Vector3d wanted = machine.nominal.tool_in_workpiece(command(machine.nominal).q).translation();
+  const Vector3d wanted =
+      machine.nominal.tool_in_workpiece(command(machine.nominal).q).translation();
   return tool_in_workpiece(truth, command(machine.control)).translation() - wanted;
 }
 

@@ -6,14 +6,17 @@
 
 namespace abbe::sim {
 
-/// Shift of the work zero that the control makes after it found the datum on the wrong machine: the tip
-/// is commanded to `point + offset`. Rotary axes stand at zero. `ideal` brings the tip to its point
-/// exactly; `touch_off` sees one component a touch and leaves the directions that it never touched.
+/// Shift of the work zero that the control makes after it found the datum on the wrong machine: the
+/// tip is commanded to `point + offset`. Rotary axes stand at zero. `ideal` brings the tip to its
+/// point exactly; `touch_off` sees one component a touch and leaves the directions that it never
+/// touched.
 /// @return mm, workpiece frame
-Eigen::Vector3d datum_offset(const DatumDescription& datum, const Machine& machine, const Truth& truth);
+Eigen::Vector3d datum_offset(const DatumDescription& datum, const Machine& machine,
+                             const Truth& truth);
 
-/// Slide positions of a shift of the tip in the workpiece, rotary axes at zero; directions without a
-/// slide are left. @return (joints)
-kinematics::AxisVector slides_of_offset(const kinematics::Chain& chain, const Eigen::Vector3d& offset_w);
+/// Slide positions of a shift of the tip in the workpiece, rotary axes at zero; directions without
+/// a slide are left. @return (joints)
+kinematics::AxisVector slides_of_offset(const kinematics::Chain& chain,
+                                        const Eigen::Vector3d& offset_w);
 
 }  // namespace abbe::sim

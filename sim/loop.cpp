@@ -5,9 +5,9 @@
 #include <chrono>
 #include <cmath>
 
-#include <Eigen/Dense>
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
+#include <Eigen/Dense>
 
 #include "kinematics/units.h"
 #include "sim/part.h"
@@ -47,7 +47,8 @@ void check_travel(const Job& job, const program::Samples& samples) {
     for (int k = 0; k < job.machine.nominal.size(); ++k) {
       const kinematics::Joint& joint = job.machine.nominal.joints()[std::size_t(k)];
       const double q = samples.states[i].q[k];
-      if (joint.motion == kinematics::Motion::Spindle || job.machine.workpiece_spindle == k) continue;
+      if (joint.motion == kinematics::Motion::Spindle || job.machine.workpiece_spindle == k)
+        continue;
       if (q >= joint.min - slack && q <= joint.max + slack) continue;
       const bool turns = joint.motion == kinematics::Motion::Rotary;
       const double unit = turns ? units::deg : 1.0;
@@ -59,7 +60,8 @@ void check_travel(const Job& job, const program::Samples& samples) {
   }
 }
 
-cutting::CutterMotion cutter_motion(const std::vector<Pose>& T_wt, const program::Samples& samples) {
+cutting::CutterMotion cutter_motion(const std::vector<Pose>& T_wt,
+                                    const program::Samples& samples) {
   cutting::CutterMotion motion;
   const Eigen::Index n = Eigen::Index(T_wt.size());
   motion.tip.resize(n, 3);
@@ -86,8 +88,8 @@ SpindleLine spindle_line(const kinematics::Chain& chain, int joint) {
           T_wb.linear() * chain.joints()[std::size_t(joint)].direction_b};
 }
 
-/// The tool turned back by the spindle, so that only slow motion is left to interpolate; the turning
-/// itself is then exact.
+/// The tool turned back by the spindle, so that only slow motion is left to interpolate; the
+/// turning itself is then exact.
 cutting::NoseMotion nose_motion(const std::vector<Pose>& T_wt, const program::Samples& samples,
                                 const kinematics::Chain& chain, int spindle) {
   const SpindleLine line = spindle_line(chain, spindle);
@@ -119,8 +121,9 @@ struct Cutting {
   const std::variant<cutting::Cutter, cutting::Nose>& tool;
 };
 
-cutting::Surface machined(const Job& job, const std::vector<Pose>& T_wt, const program::Samples& samples,
-                          const Cutting& with, const Progress& progress) {
+cutting::Surface machined(const Job& job, const std::vector<Pose>& T_wt,
+                          const program::Samples& samples, const Cutting& with,
+                          const Progress& progress) {
   cutting::SurfaceOptions options;
   options.band = job.scene.band;
   if (progress) options.progress = [&](double fraction) { progress("surface", fraction); };
@@ -156,7 +159,8 @@ PoseErrors pose_errors(const std::vector<Pose>& T_wt, const std::vector<Pose>& T
 double shaping_height(const Scene& scene) {
   const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
   if (cutter == nullptr) return 0.0;
-  const bool flank = cutter->corner_radius == 0.0 || std::holds_alternative<program::Flank>(scene.program.source);
+  const bool flank =
+      cutter->corner_radius == 0.0 || std::holds_alternative<program::Flank>(scene.program.source);
   return flank ? cutter->flank_length : cutter->radius;
 }
 
@@ -215,7 +219,8 @@ Cut cut_error_free(const Job& job, const Progress& progress) {
   return result;
 }
 
-Cut cut(const Job& job, const std::optional<CaseDescription>& compensator, const Progress& progress) {
+Cut cut(const Job& job, const std::optional<CaseDescription>& compensator,
+        const Progress& progress) {
   Stopwatch watch;
   Cut result;
   result.name = result.case_name = compensator ? compensator->name : "uncompensated";
@@ -226,8 +231,8 @@ Cut cut(const Job& job, const std::optional<CaseDescription>& compensator, const
     result.direction_left = told.direction_left;
     result.rewritten_program = told.rewritten_program;
     if (told.not_converged > 0)
-      result.warnings.push_back(fmt::format("{} of {} corrections did not converge", told.not_converged,
-                                            told.samples.states.size()));
+      result.warnings.push_back(fmt::format("{} of {} corrections did not converge",
+                                            told.not_converged, told.samples.states.size()));
   } else {
     told.samples = job.samples;
     told.samples.states = commands(job);
@@ -240,14 +245,16 @@ Cut cut(const Job& job, const std::optional<CaseDescription>& compensator, const
     T_wt = poses(told.samples.states,
                  [&](const AxisState& state) { return tool_in_workpiece(job.truth, state); });
   } catch (const std::out_of_range& left) {
-    throw BadInput(job.scene.file.string(), 0, 0, "a program inside the tables of the errors", left.what());
+    throw BadInput(job.scene.file.string(), 0, 0, "a program inside the tables of the errors",
+                   left.what());
   }
   const PoseErrors errors =
       pose_errors(T_wt, told.T_wt_nominal.empty() ? job.T_wt_nominal : told.T_wt_nominal);
   result.tip_error = errors.tip;
   result.direction_error = errors.direction;
   result.timing_s["poses"] = watch.lap();
-  result.surface = machined(job, T_wt, told.samples, {job.machine.actual, job.scene.tool.actual}, progress);
+  result.surface =
+      machined(job, T_wt, told.samples, {job.machine.actual, job.scene.tool.actual}, progress);
   result.timing_s["surface"] = watch.lap();
   return result;
 }

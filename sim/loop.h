@@ -21,22 +21,22 @@ struct Job {
   Scene scene;
   Machine machine;
   Truth truth;
-  cutting::Design design_w;        ///< the design in the workpiece frame
-  program::Path path;              ///< as read back from its file
-  program::Samples samples;        ///< of the error-free machine; every case shares their times
+  cutting::Design design_w;  ///< the design in the workpiece frame
+  program::Path path;        ///< as read back from its file
+  program::Samples samples;  ///< of the error-free machine; every case shares their times
   std::vector<kinematics::Pose> T_wt_nominal;  ///< (samples) where the tool should be
-  std::string program_text;        ///< of a generated program, else empty; its name is path.file
+  std::string program_text;  ///< of a generated program, else empty; its name is path.file
   std::map<std::string, double> timing_s;
 };
 
-/// Compiles a scene: machine, truth, design, program (a generated one is read back from its own text),
-/// samples. Writes nothing.
+/// Compiles a scene: machine, truth, design, program (a generated one is read back from its own
+/// text), samples. Writes nothing.
 /// @throws BadInput, also if an axis leaves its travel (program line, axis, value)
 Job prepare(const Scene& scene, const Progress& progress = {});
 
-/// How densely a scene wants its program sampled. The chord tolerance holds up to the height to which
-/// the tool shapes the part: a flat end mill may work with its whole flank, a rounded cutter works with
-/// its rounding.
+/// How densely a scene wants its program sampled. The chord tolerance holds up to the height to
+/// which the tool shapes the part: a flat end mill may work with its whole flank, a rounded cutter
+/// works with its rounding.
 program::SampleOptions sample_options(const Scene& scene, const Machine& machine);
 
 /// Largest and root mean square over the samples of a program.
@@ -50,11 +50,11 @@ struct Cut {
   std::string name;       ///< as it is told: of a variant, with its name in front
   std::string case_name;  ///< what `run --case` would be told
   cutting::Surface surface;
-  Spread tip_error;        ///< mm, tip where it is against where it should be
-  Spread direction_error;  ///< rad
-  double point_left = 0.0;          ///< mm, most that the compensator knew it could not restore
-  double direction_left = 0.0;      ///< rad, the same of the direction
-  std::string rewritten_program;    ///< text of the program channel, else empty
+  Spread tip_error;               ///< mm, tip where it is against where it should be
+  Spread direction_error;         ///< rad
+  double point_left = 0.0;        ///< mm, most that the compensator knew it could not restore
+  double direction_left = 0.0;    ///< rad, the same of the direction
+  std::string rewritten_program;  ///< text of the program channel, else empty
   std::vector<std::string> warnings;
   std::map<std::string, double> timing_s;
 };
@@ -63,7 +63,8 @@ struct Cut {
 Cut cut_error_free(const Job& job, const Progress& progress = {});
 
 /// The program on the wrong machine, by default without a compensator.
-/// @throws BadInput if a commanded axis leaves its travel (program line, axis, value) or a table of the
+/// @throws BadInput if a commanded axis leaves its travel (program line, axis, value) or a table of
+/// the
 ///         errors
 Cut cut(const Job& job, const std::optional<CaseDescription>& compensator = std::nullopt,
         const Progress& progress = {});
@@ -74,7 +75,8 @@ std::vector<kinematics::AxisState> commands(const Job& job);
 /// A compensator of the scene acting on the commands: what the axes are really told.
 struct Compensated {
   program::Samples samples;
-  std::vector<kinematics::Pose> T_wt_nominal;  ///< (samples) empty where the times are the job's own
+  std::vector<kinematics::Pose>
+      T_wt_nominal;  ///< (samples) empty where the times are the job's own
   double point_left = 0.0;
   double direction_left = 0.0;
   std::size_t not_converged = 0;
@@ -82,7 +84,8 @@ struct Compensated {
 };
 Compensated compensate(const Job& job, const CaseDescription& compensator);
 
-/// Height above the tip of the point that a compensator restores: a ball's centre, a corner's centre.
+/// Height above the tip of the point that a compensator restores: a ball's centre, a corner's
+/// centre.
 double functional_height(const ToolDescription& tool);
 
 }  // namespace abbe::sim

@@ -5,7 +5,8 @@ namespace {
 
 using kinematics::Pose;
 
-/// The tip seen from the nose: along the tool axis by the length; a turning tool may also be off centre.
+/// The tip seen from the nose: along the tool axis by the length; a turning tool may also be off
+/// centre.
 Pose tool_on_nose(double length, const Eigen::Vector2d& centring) {
   Pose T_st = Pose::Identity();
   T_st.translation() = Eigen::Vector3d(centring.x(), centring.y(), -length);
@@ -19,7 +20,8 @@ Machine compile(const Scene& scene) {
   const ToolDescription& tool = scene.tool;
   const auto& believed = scene.control.joints.empty() ? machine.joints : scene.control.joints;
   const Pose T_st = tool_on_nose(tool.length, {0.0, 0.0});
-  const Pose T_st_believed = tool_on_nose(scene.control.tool_length.value_or(tool.length), {0.0, 0.0});
+  const Pose T_st_believed =
+      tool_on_nose(scene.control.tool_length.value_or(tool.length), {0.0, 0.0});
   const Pose T_st_actual =
       tool_on_nose(tool.actual_length, {tool.centring_offset, tool.centring_height});
   const Pose T_bw_actual = machine.T_bw * kinematics::motion(scene.setup, Eigen::Vector3d::Zero());

@@ -4,10 +4,10 @@
 #include <string>
 #include <vector>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 #include <tbb/global_control.h>
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
 
 #include "sim/compare.h"
 #include "sim/describe.h"
@@ -19,7 +19,16 @@
 namespace abbe::sim {
 namespace {
 
-enum Exit { ok = 0, limit_exceeded = 1, usage = 2, input = 3, numerical = 4, output = 5, plug_in = 6, interrupted = 130 };
+enum Exit {
+  ok = 0,
+  limit_exceeded = 1,
+  usage = 2,
+  input = 3,
+  numerical = 4,
+  output = 5,
+  plug_in = 6,
+  interrupted = 130
+};
 
 /// What several commands take.
 struct Common {
@@ -46,17 +55,25 @@ std::vector<Override> overrides(const Common& common) {
 RunOptions run_options(const Common& common) {
   RunOptions options;
   options.overrides = overrides(common);
-  options.folder = common.out.empty() ? std::filesystem::path("out") / common.scene.stem() : common.out;
+  options.folder =
+      common.out.empty() ? std::filesystem::path("out") / common.scene.stem() : common.out;
   return options;
 }
 
 void add_common(CLI::App& command, Common& common, bool writes) {
-  command.add_option("SCENE", common.scene, "scene file (TOML); its format is in scenes/README.md")->required();
-  command.add_option("--set", common.set, "change a value of the scene: --set errors.scale=2 (repeatable)")
-      ->type_name("KEY=VALUE")->take_all()->allow_extra_args(false);
+  command.add_option("SCENE", common.scene, "scene file (TOML); its format is in scenes/README.md")
+      ->required();
+  command
+      .add_option("--set", common.set,
+                  "change a value of the scene: --set errors.scale=2 (repeatable)")
+      ->type_name("KEY=VALUE")
+      ->take_all()
+      ->allow_extra_args(false);
   command.add_option("--seed", common.seed, "seed of everything that is random")
       ->check(CLI::Range(std::int64_t(0), std::numeric_limits<std::int64_t>::max()));
-  command.add_option("--threads", common.threads, "most threads to use (all); results do not depend on it")
+  command
+      .add_option("--threads", common.threads,
+                  "most threads to use (all); results do not depend on it")
       ->check(CLI::Range(1, 1024));
   command.add_flag("--json", common.json, "print JSON instead of text");
   if (writes) command.add_option("--out", common.out, "folder for every file (out/SCENE)");
@@ -66,19 +83,22 @@ std::string figures(const nlohmann::ordered_json& s) {
   const auto um = [](const nlohmann::ordered_json& number) {
     return number.is_null() ? std::string("-") : fmt::format("{:.4f}", number.get<double>());
   };
-  return fmt::format("{:>12} {:>12} {:>12} {:>12}", um(s["pv"]), um(s["rms"]), um(s["min"]), um(s["max"]));
+  return fmt::format("{:>12} {:>12} {:>12} {:>12}", um(s["pv"]), um(s["rms"]), um(s["min"]),
+                     um(s["max"]));
 }
 
 std::string comparison_text(const nlohmann::ordered_json& json) {
-  std::string text = fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12}   {}\n", "residual in um", "PV", "RMS",
-                                 "min", "max", "machine's part, RMS");
+  std::string text = fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12}   {}\n", "residual in um",
+                                 "PV", "RMS", "min", "max", "machine's part, RMS");
   for (const auto& one : json["cases"]) {
     std::string machine;
     if (!one["machine_um"].is_null() && !one["machine_um"]["rms"].is_null())
       machine = fmt::format("{:.6f}", one["machine_um"]["rms"].get<double>());
     if (!one["reduction_percent"].is_null() && !one["reduction_percent"]["machine_rms"].is_null())
-      machine += fmt::format("  (-{:.2f} %)", one["reduction_percent"]["machine_rms"].get<double>());
-    text += fmt::format("{:<36} {}   {}\n", one["name"].get<std::string>(), figures(one["residual_um"]), machine);
+      machine +=
+          fmt::format("  (-{:.2f} %)", one["reduction_percent"]["machine_rms"].get<double>());
+    text += fmt::format("{:<36} {}   {}\n", one["name"].get<std::string>(),
+                        figures(one["residual_um"]), machine);
   }
   return text;
 }
@@ -88,7 +108,8 @@ int finish(const Common& common, const RunOptions& options, const Outcome& outco
     fmt::print("{}\n", outcome.json.dump(2));
   } else if (outcome.json.contains("cases")) {
     fmt::print("{}", comparison_text(outcome.json));
-    fmt::print("\nfiles in {}; comparison.png shows all cases on one scale\n", options.folder.string());
+    fmt::print("\nfiles in {}; comparison.png shows all cases on one scale\n",
+               options.folder.string());
   } else {
     fmt::print("{:<36} {:>12} {:>12} {:>12} {:>12}\n", "residual in um", "PV", "RMS", "min", "max");
     fmt::print("{:<36} {}\nfiles in {}\n", outcome.json["case"].get<std::string>(),
@@ -143,7 +164,8 @@ int check_command(const Common& common, bool picture) {
 int command_line(int argc, char** argv) {
   CLI::App app{
       "abbe: a virtual five-axis machine tool that is wrong on purpose.\n"
-      "It cuts a part on a machine with errors and shows, in micrometres on the design surface, what they\n"
+      "It cuts a part on a machine with errors and shows, in micrometres on the design surface, "
+      "what they\n"
       "did, with and without a compensator.\n\n"
       "Start with:  abbe compare scenes/gantry_dome.toml"};
   app.set_version_flag("--version", versions()["abbe"].get<std::string>());
@@ -158,29 +180,37 @@ int command_line(int argc, char** argv) {
   RenderOptions rendering;
   std::string minus;
 
-  CLI::App* run_app = app.add_subcommand("run", "Cut one case of a scene (uncompensated unless --case)");
+  CLI::App* run_app =
+      app.add_subcommand("run", "Cut one case of a scene (uncompensated unless --case)");
   add_common(*run_app, common, true);
   run_app->add_option("--case", case_name, "error_free, uncompensated or belief-strategy-channel");
 
-  CLI::App* compare_app =
-      app.add_subcommand("compare", "Cut error-free, uncompensated and every compensator of the scene");
+  CLI::App* compare_app = app.add_subcommand(
+      "compare", "Cut error-free, uncompensated and every compensator of the scene");
   add_common(*compare_app, common, true);
 
-  CLI::App* pose_app = app.add_subcommand("pose", "Where the tool is and should be for given axis positions");
+  CLI::App* pose_app =
+      app.add_subcommand("pose", "Where the tool is and should be for given axis positions");
   add_common(*pose_app, common, false);
-  pose_app->add_option("--at", at, "positions in mm and degrees: \"X=100 Y=0 Z=-50 A=30 C=90\"")->required();
+  pose_app->add_option("--at", at, "positions in mm and degrees: \"X=100 Y=0 Z=-50 A=30 C=90\"")
+      ->required();
 
-  CLI::App* check_app = app.add_subcommand("check", "Validate a scene and say how it was understood; cut nothing");
+  CLI::App* check_app =
+      app.add_subcommand("check", "Validate a scene and say how it was understood; cut nothing");
   add_common(*check_app, common, true);
   check_app->add_flag("--picture", picture, "draw machine, part and path, errors magnified");
 
-  CLI::App* render_app = app.add_subcommand("render", "Draw a finished result again, or a difference of two");
-  render_app->add_option("RESULT", rendering.result, "residual.vtp or a folder that has one")->required();
+  CLI::App* render_app =
+      app.add_subcommand("render", "Draw a finished result again, or a difference of two");
+  render_app->add_option("RESULT", rendering.result, "residual.vtp or a folder that has one")
+      ->required();
   render_app->add_option("--minus", minus, "another result, taken away vertex by vertex");
-  render_app->add_option("--line", rendering.line, "profile along x, y or radius instead of the map")
+  render_app
+      ->add_option("--line", rendering.line, "profile along x, y or radius instead of the map")
       ->check(CLI::IsMember({"x", "y", "radius"}));
   render_app->add_option("--out", rendering.out, "folder for the pictures (that of RESULT)");
-  render_app->add_option("--threads", common.threads, "most threads to use")->check(CLI::Range(1, 1024));
+  render_app->add_option("--threads", common.threads, "most threads to use")
+      ->check(CLI::Range(1, 1024));
 
   try {
     app.parse(argc, argv);

@@ -38,7 +38,8 @@ void write_file(const std::filesystem::path& file,
                 const std::function<void(const std::filesystem::path&)>& write) {
   // the ending stays last: writers choose the format by it
   const std::filesystem::path temporary =
-      file.parent_path() / (".unfinished-" + std::to_string(::getpid()) + "-" + file.filename().string());
+      file.parent_path() /
+      (".unfinished-" + std::to_string(::getpid()) + "-" + file.filename().string());
   std::error_code ignored;
   try {
     write(temporary);

@@ -17,8 +17,8 @@ struct OutputFailure : std::runtime_error {
 /// @throws OutputFailure naming the folder and the system's reason
 void prepare_folder(const std::filesystem::path& folder);
 
-/// Runs `write` on a temporary name beside `file`, flushes, and renames it to `file`; on failure nothing
-/// is left of it and an older `file` stands as it was.
+/// Runs `write` on a temporary name beside `file`, flushes, and renames it to `file`; on failure
+/// nothing is left of it and an older `file` stands as it was.
 /// @throws OutputFailure
 void write_file(const std::filesystem::path& file,
                 const std::function<void(const std::filesystem::path&)>& write);

@@ -28,7 +28,8 @@ double overrun(const Scene& scene) {
   return raster != nullptr ? raster->overrun : 0.0;
 }
 
-/// Span of the slides: what a part in the right unit could fit into; nothing where travel has no limits.
+/// Span of the slides: what a part in the right unit could fit into; nothing where travel has no
+/// limits.
 std::optional<Eigen::Vector3d> travel_box(const MachineDescription& machine) {
   constexpr double unlimited = 1e8;  // mm
   Eigen::Vector3d box = Eigen::Vector3d::Zero();
@@ -43,8 +44,8 @@ Part load_primitive(const Scene& scene, const cutting::Primitive& primitive) {
   Part part;
   try {
     part.design_m = cutting::tessellate(primitive, {scene.part.vertices});
-    const auto beyond = std::make_shared<const cutting::Primitive>(
-        cutting::enlarged(primitive, overrun(scene)));
+    const auto beyond =
+        std::make_shared<const cutting::Primitive>(cutting::enlarged(primitive, overrun(scene)));
     part.contact = [beyond](double x, double y) { return cutting::contact_above(*beyond, x, y); };
   } catch (const std::invalid_argument& fault) {
     throw BadInput(scene.file.string(), 0, 0, "a part that can be", fault.what());
@@ -60,8 +61,8 @@ Part load_mesh(const Scene& scene, const MeshFile& mesh) {
   Part part;
   part.design_m = cutting::read_mesh(mesh.file, options);
   if (scene.part.judged_normal_z || scene.part.judged_margin)
-    part.design_m = cutting::judge_top(
-        part.design_m, {scene.part.judged_normal_z.value_or(-1.0), scene.part.judged_margin.value_or(0.0)});
+    part.design_m = cutting::judge_top(part.design_m, {scene.part.judged_normal_z.value_or(-1.0),
+                                                       scene.part.judged_margin.value_or(0.0)});
   const auto surface = std::make_shared<const cutting::MeshContact>(part.design_m);
   part.contact = [surface](double x, double y) { return cutting::contact_above(*surface, x, y); };
   return part;
@@ -82,7 +83,8 @@ struct Generated {
 };
 
 Generated generate(const Scene& scene, const Machine& machine, const Part& part) {
-  const program::GenerateContext context{machine.control, scene.part.T_wm, part.lower, part.upper, 1};
+  const program::GenerateContext context{machine.control, scene.part.T_wm, part.lower, part.upper,
+                                         1};
   const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
   const auto* nose = std::get_if<cutting::Nose>(&scene.tool.nominal);
   const auto* primitive = std::get_if<cutting::Primitive>(&scene.part.shape);
@@ -98,8 +100,9 @@ Generated generate(const Scene& scene, const Machine& machine, const Part& part)
       wants(cutter != nullptr, "a milling cutter for a flank program");
       wants(primitive != nullptr && std::holds_alternative<cutting::Cone>(*primitive),
             "a cone frustum as the part of a flank program");
-      return {program::generate_flank(*flank, std::get<cutting::Cone>(*primitive), *cutter, context),
-              ".ngc"};
+      return {
+          program::generate_flank(*flank, std::get<cutting::Cone>(*primitive), *cutter, context),
+          ".ngc"};
     }
     const auto& spiral = std::get<program::Spiral>(scene.program.source);
     wants(nose != nullptr, "a turning tool for a spiral program");
@@ -150,8 +153,9 @@ Program load_program(const Scene& scene, const Machine& machine, const Part& par
     return {read_program(given->file, options), {}};
   Generated generated = generate(scene, machine, part);
   const std::string name = "program" + generated.ending;
-  program::Path path = generated.ending == ".ngc" ? program::read_nc(generated.text, name, options)
-                                                  : program::read_pvt(generated.text, name, options);
+  program::Path path = generated.ending == ".ngc"
+                           ? program::read_nc(generated.text, name, options)
+                           : program::read_pvt(generated.text, name, options);
   return {std::move(path), std::move(generated.text)};
 }
 

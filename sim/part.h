@@ -11,10 +11,10 @@ namespace abbe::sim {
 
 /// The design of a scene, loaded.
 struct Part {
-  cutting::Design design_m;           ///< in the part's own frame
-  cutting::Design design_w;           ///< in the workpiece frame, where it is cut
-  program::ContactField contact;      ///< part frame, continued beyond the rim where a raster asks
-  Eigen::Vector2d lower, upper;       ///< mm, x y of the part frame that a raster covers
+  cutting::Design design_m;       ///< in the part's own frame
+  cutting::Design design_w;       ///< in the workpiece frame, where it is cut
+  program::ContactField contact;  ///< part frame, continued beyond the rim where a raster asks
+  Eigen::Vector2d lower, upper;   ///< mm, x y of the part frame that a raster covers
 };
 
 /// @throws BadInput, also if a mesh seems to be in another unit than the scene says
@@ -26,8 +26,8 @@ struct Program {
   std::string text;
 };
 
-/// Reads the program of a scene; a generated one is read back from its own text, under the name that
-/// its file will have.
+/// Reads the program of a scene; a generated one is read back from its own text, under the name
+/// that its file will have.
 /// @throws BadInput
 Program load_program(const Scene& scene, const Machine& machine, const Part& part);
 

@@ -32,7 +32,8 @@ cutting::Design design_m(const Job& job) {
   return cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
 }
 
-/// The map in the part frame, so that the camera stands where the scene says, however the part is clamped.
+/// The map in the part frame, so that the camera stands where the scene says, however the part is
+/// clamped.
 render::MapPicture map_picture(const Job& job, const Verdict& verdict) {
   render::MapPicture picture;
   picture.field = render::field(design_m(job), verdict.aligned.surface);
@@ -67,14 +68,18 @@ std::filesystem::path result_file(const std::filesystem::path& result) {
   return std::filesystem::is_directory(result) ? result / "residual.vtp" : result;
 }
 
-render::Field difference(render::Field a, const render::Field& b, const std::filesystem::path& other) {
+render::Field difference(render::Field a, const render::Field& b,
+                         const std::filesystem::path& other) {
   if (a.deviation_um.size() != b.deviation_um.size())
-    throw BadInput(other.string(), 0, 0, fmt::format("{} vertices, as the first result has", a.deviation_um.size()),
+    throw BadInput(other.string(), 0, 0,
+                   fmt::format("{} vertices, as the first result has", a.deviation_um.size()),
                    fmt::format("{}", b.deviation_um.size()));
   if (a.design.vertices != b.design.vertices)
-    throw BadInput(other.string(), 0, 0, "the same design as the first result has", "other vertices");
+    throw BadInput(other.string(), 0, 0, "the same design as the first result has",
+                   "other vertices");
   a.deviation_um -= b.deviation_um;
-  for (std::size_t i = 0; i < a.status.size(); ++i) a.status[i] = std::max(a.status[i], b.status[i]);
+  for (std::size_t i = 0; i < a.status.size(); ++i)
+    a.status[i] = std::max(a.status[i], b.status[i]);
   for (Eigen::Index i = 0; i < a.deviation_um.size(); ++i)
     if (a.status[std::size_t(i)] != 0) a.deviation_um[i] = std::numeric_limits<double>::quiet_NaN();
   return a;
@@ -83,7 +88,8 @@ render::Field difference(render::Field a, const render::Field& b, const std::fil
 /// Points of a map along a line through the middle of the part: (coordinate, deviation).
 std::vector<std::pair<double, double>> along(const render::Field& field, const std::string& line) {
   const auto& vertices = field.design.vertices;
-  const Eigen::RowVector3d lower = vertices.colwise().minCoeff(), upper = vertices.colwise().maxCoeff();
+  const Eigen::RowVector3d lower = vertices.colwise().minCoeff(),
+                           upper = vertices.colwise().maxCoeff();
   const Eigen::RowVector3d middle = 0.5 * (lower + upper);
   const double width = 1.5 * std::sqrt(field.design.area.sum() / double(vertices.rows()));
   std::vector<std::pair<double, double>> points;
@@ -104,9 +110,11 @@ std::vector<std::pair<double, double>> along(const render::Field& field, const s
 std::vector<render::ProfileSeries> profile(const render::Field& field, const std::string& line) {
   constexpr int stretches = 200;
   const auto points = along(field, line);
-  std::vector<render::ProfileSeries> all = {{"highest", {}, {}}, {"mean", {}, {}}, {"lowest", {}, {}}};
+  std::vector<render::ProfileSeries> all = {
+      {"highest", {}, {}}, {"mean", {}, {}}, {"lowest", {}, {}}};
   const double none = std::numeric_limits<double>::quiet_NaN();
-  for (render::ProfileSeries& series : all) series.x_mm = series.y_um = Eigen::VectorXd::Constant(stretches, none);
+  for (render::ProfileSeries& series : all)
+    series.x_mm = series.y_um = Eigen::VectorXd::Constant(stretches, none);
   if (points.empty()) return all;
   const auto [first, last] = std::minmax_element(points.begin(), points.end());
   const double from = first->first, step = (last->first - from) / stretches;
@@ -152,7 +160,8 @@ About about(const std::filesystem::path& result) {
 
 }  // namespace
 
-void write_case_pictures(const std::filesystem::path& folder, const Job& job, const Verdict& verdict) {
+void write_case_pictures(const std::filesystem::path& folder, const Job& job,
+                         const Verdict& verdict) {
   write_file(folder / "residual.vtp", [&](const std::filesystem::path& file) {
     render::write_residual(file, design_m(job), verdict.aligned.surface);
   });
@@ -233,10 +242,12 @@ std::filesystem::path render_result(const RenderOptions& options) {
   picture.field = std::move(field);
   // never the name of a picture that a run left there
   const std::filesystem::path drawn = folder / (options.minus ? "difference.png" : "rendered.png");
-  write_file(drawn, [&](const std::filesystem::path& file) { render::write_map(file, picture, {}); });
+  write_file(drawn,
+             [&](const std::filesystem::path& file) { render::write_map(file, picture, {}); });
   if (options.minus)
-    write_file(folder / "difference.vtp",
-               [&](const std::filesystem::path& file) { render::write_residual(file, picture.field); });
+    write_file(folder / "difference.vtp", [&](const std::filesystem::path& file) {
+      render::write_residual(file, picture.field);
+    });
   return drawn;
 }
 
@@ -247,10 +258,12 @@ std::filesystem::path render_result(const RenderOptions& options) {
 namespace abbe::sim {
 
 void write_case_pictures(const std::filesystem::path&, const Job&, const Verdict&) {}
-void write_comparison_picture(const std::filesystem::path&, const Scene&, const std::vector<Compared>&) {}
+void write_comparison_picture(const std::filesystem::path&, const Scene&,
+                              const std::vector<Compared>&) {}
 void write_check_picture(const std::filesystem::path&, const Job&) {}
 std::filesystem::path render_result(const RenderOptions& options) {
-  throw BadInput(options.result.string(), 0, 0, "a program built with -DABBE_RENDER=ON", "one without VTK");
+  throw BadInput(options.result.string(), 0, 0, "a program built with -DABBE_RENDER=ON",
+                 "one without VTK");
 }
 
 }  // namespace abbe::sim

@@ -10,7 +10,8 @@ namespace abbe::sim {
 
 /// `residual.vtp`, `residual.png` and `histogram.png` of a case.
 /// @throws OutputFailure
-void write_case_pictures(const std::filesystem::path& folder, const Job& job, const Verdict& verdict);
+void write_case_pictures(const std::filesystem::path& folder, const Job& job,
+                         const Verdict& verdict);
 
 /// All cases on one symmetric colour scale with their figures.
 void write_comparison_picture(const std::filesystem::path& file, const Scene& scene,
@@ -22,8 +23,8 @@ void write_check_picture(const std::filesystem::path& file, const Job& job);
 struct RenderOptions {
   std::filesystem::path result;                ///< a residual.vtp, or the folder that has one
   std::optional<std::filesystem::path> minus;  ///< another, taken away vertex by vertex
-  std::optional<std::string> line;             ///< profile along "x", "y" or "radius" instead of a map
-  std::filesystem::path out;                   ///< folder
+  std::optional<std::string> line;  ///< profile along "x", "y" or "radius" instead of a map
+  std::filesystem::path out;        ///< folder
 };
 
 /// Pictures of a finished result, or of a difference of two.

@@ -27,12 +27,14 @@ ordered_json numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 std::string axis_names(const kinematics::Chain& chain) {
   std::string names;
   for (const kinematics::Joint& joint : chain.joints())
-    if (joint.motion != kinematics::Motion::Spindle) names += std::string(names.empty() ? "" : " ") + joint.name;
+    if (joint.motion != kinematics::Motion::Spindle)
+      names += std::string(names.empty() ? "" : " ") + joint.name;
   return names;
 }
 
 kinematics::AxisVector parse_positions(const kinematics::Chain& chain, const std::string& at) {
-  const auto refuse = [&](std::size_t column, const std::string& expected, const std::string& seen) {
+  const auto refuse = [&](std::size_t column, const std::string& expected,
+                          const std::string& seen) {
     throw BadInput("--at", 1, int(column) + 1, expected, seen);
   };
   kinematics::AxisVector q = kinematics::AxisVector::Zero(chain.size());
@@ -43,8 +45,10 @@ kinematics::AxisVector parse_positions(const kinematics::Chain& chain, const std
     if (i == at.size()) return q;
     const auto joint = chain.find(at[i]);
     if (!joint || chain.joints()[std::size_t(*joint)].motion == kinematics::Motion::Spindle)
-      refuse(i, "an axis of this machine (" + axis_names(chain) + ")", "'" + std::string(1, at[i]) + "'");
-    if (!seen.insert(at[i]).second) refuse(i, "every axis once", "'" + std::string(1, at[i]) + "' again");
+      refuse(i, "an axis of this machine (" + axis_names(chain) + ")",
+             "'" + std::string(1, at[i]) + "'");
+    if (!seen.insert(at[i]).second)
+      refuse(i, "every axis once", "'" + std::string(1, at[i]) + "' again");
     const std::size_t start = i++;
     if (i < at.size() && at[i] == '=') ++i;
     double value = 0.0;
@@ -57,8 +61,9 @@ kinematics::AxisVector parse_positions(const kinematics::Chain& chain, const std
     const kinematics::Joint& axis = chain.joints()[std::size_t(*joint)];
     const double unit = linear ? 1.0 : units::deg;
     if (q[*joint] < axis.min || q[*joint] > axis.max)
-      refuse(start, fmt::format("{} between {:.6g} and {:.6g} {}", axis.name, axis.min / unit, axis.max / unit,
-                                linear ? "mm" : "deg"),
+      refuse(start,
+             fmt::format("{} between {:.6g} and {:.6g} {}", axis.name, axis.min / unit,
+                         axis.max / unit, linear ? "mm" : "deg"),
              fmt::format("{:.9g}", value));
   }
 }
@@ -89,15 +94,17 @@ std::string pose_text(const ordered_json& pose) {
   for (const char* key : {"T_wt_nominal", "T_wt_actual", "E"}) {
     text += fmt::format("{}\n", key);
     for (const auto& row : pose[key])
-      text += fmt::format("  {:16.9f} {:16.9f} {:16.9f} {:16.9f}\n", row[0].get<double>(), row[1].get<double>(),
-                          row[2].get<double>(), row[3].get<double>());
+      text += fmt::format("  {:16.9f} {:16.9f} {:16.9f} {:16.9f}\n", row[0].get<double>(),
+                          row[1].get<double>(), row[2].get<double>(), row[3].get<double>());
   }
   const auto& d = pose["deviation_mm"];
   const auto& u = pose["direction_rad"];
   text += fmt::format("deviation of the tip    {:10.4f} {:10.4f} {:10.4f} um, workpiece frame\n",
-                      d[0].get<double>() / units::um, d[1].get<double>() / units::um, d[2].get<double>() / units::um);
-  text += fmt::format("deviation of direction  {:10.4f} {:10.4f} {:10.4f} urad\n", u[0].get<double>() / units::urad,
-                      u[1].get<double>() / units::urad, u[2].get<double>() / units::urad);
+                      d[0].get<double>() / units::um, d[1].get<double>() / units::um,
+                      d[2].get<double>() / units::um);
+  text += fmt::format("deviation of direction  {:10.4f} {:10.4f} {:10.4f} urad\n",
+                      u[0].get<double>() / units::urad, u[1].get<double>() / units::urad,
+                      u[2].get<double>() / units::urad);
   return text;
 }
 

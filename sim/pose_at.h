@@ -8,8 +8,8 @@
 
 namespace abbe::sim {
 
-/// Where the tool is and should be with the axes at "X=100 A=30" (mm, degrees; axes not named stand at
-/// zero, moving nowhere): `T_wt_nominal`, `T_wt_actual` (4x4 row lists, mm), `deviation_mm`,
+/// Where the tool is and should be with the axes at "X=100 A=30" (mm, degrees; axes not named stand
+/// at zero, moving nowhere): `T_wt_nominal`, `T_wt_actual` (4x4 row lists, mm), `deviation_mm`,
 /// `direction_rad`, `E` (T_nominal^-1 T_actual).
 /// @throws BadInput for an axis that the machine lacks, a number that is none, an axis twice
 nlohmann::ordered_json pose_at(const Scene& scene, const std::string& at);

@@ -56,7 +56,8 @@ void ProgressLine::report(const std::string& stage, double fraction) {
   const double spent = std::chrono::duration<double>(now - start_).count();
   const std::string left =
       done > 0.02 ? fmt::format(", {:.0f} s left", spent * (1.0 - done) / done) : std::string();
-  draw(fmt::format("[{}/{}] {}: {} {:.0f} %{}", done_ + 1, parts_, part_, stage, 100.0 * fraction, left));
+  draw(fmt::format("[{}/{}] {}: {} {:.0f} %{}", done_ + 1, parts_, part_, stage, 100.0 * fraction,
+                   left));
 }
 
 }  // namespace abbe::sim

@@ -12,7 +12,8 @@ struct Interrupted : std::runtime_error {
   Interrupted() : std::runtime_error("interrupted") {}
 };
 
-/// From now on Ctrl-C makes the next report of progress throw Interrupted; a second one ends at once.
+/// From now on Ctrl-C makes the next report of progress throw Interrupted; a second one ends at
+/// once.
 void watch_interrupts();
 
 /// Tells on stderr how far long work has come: one line with the time left, redrawn, on a terminal;

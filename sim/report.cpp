@@ -1,7 +1,7 @@
 #include "sim/report.h"
 
-#include <Eigen/Core>
 #include <fmt/format.h>
+#include <Eigen/Core>
 #include <nlohmann/json.hpp>
 
 #include "kinematics/units.h"
@@ -44,7 +44,8 @@ ordered_json reduction(const std::optional<double>& before, const std::optional<
 
 ordered_json facet_error(const cutting::Design& design) {
   if (design.facet_error.size() == 0 || design.facet_error.maxCoeff() <= 0.0) return {};
-  return {{"rms", std::sqrt(design.facet_error.squaredNorm() / double(design.facet_error.size())) / units::um},
+  return {{"rms", std::sqrt(design.facet_error.squaredNorm() / double(design.facet_error.size())) /
+                      units::um},
           {"max", design.facet_error.maxCoeff() / units::um}};
 }
 
@@ -52,18 +53,24 @@ ordered_json facet_error(const cutting::Design& design) {
 
 const char* name_of(DatumDescription::Kind kind) {
   switch (kind) {
-    case DatumDescription::Kind::None: return "none";
-    case DatumDescription::Kind::Ideal: return "ideal";
-    case DatumDescription::Kind::TouchOff: return "touch_off";
+    case DatumDescription::Kind::None:
+      return "none";
+    case DatumDescription::Kind::Ideal:
+      return "ideal";
+    case DatumDescription::Kind::TouchOff:
+      return "touch_off";
   }
   return "";
 }
 
 const char* name_of(Alignment alignment) {
   switch (alignment) {
-    case Alignment::None: return "none";
-    case Alignment::Offset: return "offset";
-    case Alignment::Rigid: return "rigid";
+    case Alignment::None:
+      return "none";
+    case Alignment::Offset:
+      return "offset";
+    case Alignment::Rigid:
+      return "rigid";
   }
   return "";
 }
@@ -77,8 +84,8 @@ Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
         cutting::minus(verdict.aligned.surface, error_free->aligned.surface), job.design_w);
   }
   if (verdict.residual.cut_vertices == 0)
-    cut.warnings.push_back(fmt::format("nothing was cut: no surface was found within +-{} mm of the design",
-                                       job.scene.band));
+    cut.warnings.push_back(fmt::format(
+        "nothing was cut: no surface was found within +-{} mm of the design", job.scene.band));
   if (const auto* primitive = std::get_if<cutting::Primitive>(&job.scene.part.shape))
     verdict.form = cutting::form(
         *primitive, cutting::transformed(job.design_w, job.scene.part.T_wm.inverse()), cut.surface);
@@ -89,7 +96,8 @@ Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
 ordered_json summary(const Job& job, const Verdict& verdict) {
   const cutting::Statistics& s = verdict.residual;
   ordered_json form = ordered_json::object();
-  for (const cutting::FormNumber& number : verdict.form) form[number.name + "_um"] = number.value_mm / units::um;
+  for (const cutting::FormNumber& number : verdict.form)
+    form[number.name + "_um"] = number.value_mm / units::um;
   ordered_json timing = job.timing_s;
   for (const auto& [stage, seconds] : verdict.cut.timing_s) timing[stage] = seconds;
   ordered_json json = {
@@ -118,9 +126,10 @@ ordered_json summary(const Job& job, const Verdict& verdict) {
   };
   if (job.scene.alignment != Alignment::None) {
     const auto& D = verdict.aligned.displacement;
-    json["aligned_by"] = {{"translation_um", {D[0] / units::um, D[1] / units::um, D[2] / units::um}},
-                          {"rotation_urad", {D[3] / units::urad, D[4] / units::urad, D[5] / units::urad}},
-                          {"undetermined", verdict.aligned.undetermined}};
+    json["aligned_by"] = {
+        {"translation_um", {D[0] / units::um, D[1] / units::um, D[2] / units::um}},
+        {"rotation_urad", {D[3] / units::urad, D[4] / units::urad, D[5] / units::urad}},
+        {"undetermined", verdict.aligned.undetermined}};
   }
   return json;
 }
@@ -134,7 +143,8 @@ void write_program(const std::filesystem::path& folder, const Job& job) {
 void write_case(const std::filesystem::path& folder, const Job& job, const Verdict& verdict) {
   prepare_folder(folder);
   write_case_pictures(folder, job, verdict);
-  write_file(folder / "scene.toml", "case = \"" + verdict.cut.case_name + "\"\n" + job.scene.resolved);
+  write_file(folder / "scene.toml",
+             "case = \"" + verdict.cut.case_name + "\"\n" + job.scene.resolved);
   const std::filesystem::path rewritten =
       folder / ("rewritten" + std::filesystem::path(job.path.file).extension().string());
   std::error_code none;
@@ -164,8 +174,10 @@ ordered_json comparison(const Job& job, const std::vector<Compared>& cases) {
       entry["reduction_percent"] = {{"pv", reduction(before.residual.pv, verdict.residual.pv)},
                                     {"rms", reduction(before.residual.rms, verdict.residual.rms)}};
       if (before.machine && verdict.machine) {
-        entry["reduction_percent"]["machine_pv"] = reduction(before.machine->pv, verdict.machine->pv);
-        entry["reduction_percent"]["machine_rms"] = reduction(before.machine->rms, verdict.machine->rms);
+        entry["reduction_percent"]["machine_pv"] =
+            reduction(before.machine->pv, verdict.machine->pv);
+        entry["reduction_percent"]["machine_rms"] =
+            reduction(before.machine->rms, verdict.machine->rms);
       }
     }
     all.push_back(entry);
@@ -183,13 +195,15 @@ ordered_json comparison(const Job& job, const std::vector<Compared>& cases) {
 
 std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict) {
   std::vector<std::string> all;
-  const auto look = [&](const char* what, const std::optional<double>& limit_um, std::optional<double> value) {
+  const auto look = [&](const char* what, const std::optional<double>& limit_um,
+                        std::optional<double> value) {
     if (limit_um && !value)
-      all.push_back(fmt::format("{}: {} is unknown, since nothing was cut; the scene allows {:.4f} um",
-                                verdict.cut.name, what, *limit_um));
+      all.push_back(
+          fmt::format("{}: {} is unknown, since nothing was cut; the scene allows {:.4f} um",
+                      verdict.cut.name, what, *limit_um));
     if (limit_um && value && *value / units::um > *limit_um)
-      all.push_back(fmt::format("{}: {} is {:.4f} um, the scene allows {:.4f} um", verdict.cut.name, what,
-                                *value / units::um, *limit_um));
+      all.push_back(fmt::format("{}: {} is {:.4f} um, the scene allows {:.4f} um", verdict.cut.name,
+                                what, *value / units::um, *limit_um));
   };
   const cutting::Statistics& s = verdict.residual;
   look("PV", limits.pv_um, s.pv);
@@ -201,7 +215,8 @@ std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict) 
 
 ordered_json versions() {
   return {{"abbe", ABBE_VERSION},
-          {"eigen", fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
+          {"eigen",
+           fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
           {"compiler", __VERSION__},
           {"instructions",
 #if defined(__AVX512F__)

@@ -19,11 +19,12 @@ struct Verdict {
   Cut cut;
   cutting::Aligned aligned;      ///< the map without what the alignment of the scene takes out
   cutting::Statistics residual;  ///< of the aligned map
-  std::vector<cutting::FormNumber> form;  ///< where the design is a known surface
+  std::vector<cutting::FormNumber> form;       ///< where the design is a known surface
   std::optional<cutting::Statistics> machine;  ///< of it minus the error-free map
 };
 
-/// @param error_free  the map that is taken away for the machine's own part; null for that case itself
+/// @param error_free  the map that is taken away for the machine's own part; null for that case
+/// itself
 Verdict judge(const Job& job, Cut cut, const Verdict* error_free);
 
 /// `summary.json` of a case; the keys are a promise to scripts.
@@ -44,7 +45,7 @@ void write_case(const std::filesystem::path& folder, const Job& job, const Verdi
 /// `comparison.json`: every case against the uncompensated one of its variant.
 struct Compared {
   Verdict verdict;
-  const Job* job = nullptr;                  ///< the scene itself, or the variant, that it belongs to
+  const Job* job = nullptr;  ///< the scene itself, or the variant, that it belongs to
   std::optional<std::size_t> uncompensated;  ///< index of the case that it is measured against
 };
 nlohmann::ordered_json comparison(const Job& job, const std::vector<Compared>& cases);

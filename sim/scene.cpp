@@ -70,7 +70,8 @@ DatumDescription read_datum(TableReader& scene) {
 void read_numerics(TableReader& scene, Scene& result) {
   if (const Node* node = scene.section("sampling")) {
     TableReader reader(*node, "sampling", scene.faults());
-    result.chord_tolerance = reader.number("chord_tolerance_nm", {0.01, 1e6, false, false}, result.chord_tolerance);
+    result.chord_tolerance =
+        reader.number("chord_tolerance_nm", {0.01, 1e6, false, false}, result.chord_tolerance);
     result.max_step = reader.number("max_step_mm", positive, result.max_step);
     reader.close();
   }
@@ -259,7 +260,8 @@ Scene interpreted(const Node& tree, const std::filesystem::path& file, Faults& f
   scene.limits = read_limits(reader);
   scene.compensation = read_compensation(reader);
   scene.case_name = reader.text("case", "");
-  if (!scene.case_name.empty() && scene.case_name != "error_free" && scene.case_name != "uncompensated") {
+  if (!scene.case_name.empty() && scene.case_name != "error_free" &&
+      scene.case_name != "uncompensated") {
     try {
       parse_case(scene.case_name);
     } catch (const std::invalid_argument& fault) {

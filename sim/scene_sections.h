@@ -11,7 +11,8 @@ namespace abbe::sim {
 
 MachineDescription read_machine(const Node& table, Faults& faults);
 
-/// Positions of the axes from words such as Z_mm and A_deg; those left out stand at zero. @return (joints)
+/// Positions of the axes from words such as Z_mm and A_deg; those left out stand at zero. @return
+/// (joints)
 kinematics::AxisVector read_axis_words(TableReader& reader,
                                        const std::vector<kinematics::Joint>& joints);
 

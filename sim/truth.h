@@ -5,8 +5,8 @@
 
 namespace abbe::sim {
 
-/// What the machine really does: the one place where the injected errors act. Read by the loop and by
-/// the virtual instruments, never by a compensator.
+/// What the machine really does: the one place where the injected errors act. Read by the loop and
+/// by the virtual instruments, never by a compensator.
 struct Truth {
   kinematics::Chain actual;
   errors::GeometricModel geometric;

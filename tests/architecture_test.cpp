@@ -27,7 +27,8 @@ std::string module_of(const std::string& path) {
   return path.substr(0, path.find('/'));
 }
 
-/// Calls `visit(file, line number, text between the quotes)` for every quoted include of the program.
+/// Calls `visit(file, line number, text between the quotes)` for every quoted include of the
+/// program.
 template <typename Visit>
 int for_every_include(const Visit& visit) {
   int files = 0;
@@ -41,7 +42,8 @@ int for_every_include(const Visit& visit) {
       for (int number = 1; std::getline(in, line); ++number) {
         const std::string mark = "#include ";
         if (line.rfind(mark, 0) == 0)
-          visit(fs::relative(entry.path(), ABBE_SOURCE_DIR).string(), number, line.substr(mark.size()));
+          visit(fs::relative(entry.path(), ABBE_SOURCE_DIR).string(), number,
+                line.substr(mark.size()));
       }
     }
   }
@@ -51,13 +53,14 @@ int for_every_include(const Visit& visit) {
 }  // namespace
 
 TEST(Architecture, EveryIncludeFollowsTheArrowsOfTheHouse) {
-  const int files = for_every_include([](const std::string& file, int line, const std::string& target) {
-    if (target.front() != '"') return;
-    const std::string mine = module_of(file), theirs = module_of(target.substr(1));
-    ASSERT_TRUE(may_know.count(mine)) << file;
-    EXPECT_TRUE(mine == theirs || may_know.at(mine).count(theirs))
-        << file << ":" << line << ": " << mine << " must not know " << theirs;
-  });
+  const int files =
+      for_every_include([](const std::string& file, int line, const std::string& target) {
+        if (target.front() != '"') return;
+        const std::string mine = module_of(file), theirs = module_of(target.substr(1));
+        ASSERT_TRUE(may_know.count(mine)) << file;
+        EXPECT_TRUE(mine == theirs || may_know.at(mine).count(theirs))
+            << file << ":" << line << ": " << mine << " must not know " << theirs;
+      });
   EXPECT_GT(files, 40) << "the test looked at too few files to mean anything";
 }
 
@@ -82,10 +85,8 @@ TEST(Architecture, FclStaysInOneSourceOfCuttingAndVtkInRender) {
   std::set<std::string> fcl;
   for_every_include([&](const std::string& file, int line, const std::string& target) {
     if (target.find("<fcl") == 0) fcl.insert(file);
-    if (target.find("<vtk") == 0)
-      EXPECT_EQ(module_of(file), "render") << file << ":" << line;
-    if (target.find("<OpenMesh") == 0)
-      EXPECT_EQ(module_of(file), "cutting") << file << ":" << line;
+    if (target.find("<vtk") == 0) EXPECT_EQ(module_of(file), "render") << file << ":" << line;
+    if (target.find("<OpenMesh") == 0) EXPECT_EQ(module_of(file), "cutting") << file << ":" << line;
   });
   EXPECT_LE(fcl.size(), 1u);
 }

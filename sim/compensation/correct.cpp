@@ -29,15 +29,17 @@ struct Reach {
   Eigen::Matrix<double, 3, Eigen::Dynamic> point_by_slide;     // (3 x slides)
   Eigen::Matrix<double, 3, Eigen::Dynamic> point_by_turn;      // (3 x turns)
   Eigen::Matrix<double, 2, Eigen::Dynamic> direction_by_turn;  // (2 x turns), across the tool axis
-  Eigen::Matrix<double, 2, 3> across;                          // (2 x 3) rows span the plane across it
+  Eigen::Matrix<double, 2, 3> across;  // (2 x 3) rows span the plane across it
 };
 
 Vector3d axis_of(const Pose& T) { return T.linear().col(2); }
 
-Vector3d functional_point(const Pose& T, double height) { return T.translation() + height * axis_of(T); }
+Vector3d functional_point(const Pose& T, double height) {
+  return T.translation() + height * axis_of(T);
+}
 
-Reach reach_at(const Chain& chain, const AxisVector& q, const Pose& T_wt, const CorrectOptions& options,
-               double height) {
+Reach reach_at(const Chain& chain, const AxisVector& q, const Pose& T_wt,
+               const CorrectOptions& options, double height) {
   const Eigen::MatrixXd J = kinematics::axis_jacobian(chain, q);
   const Vector3d u = axis_of(T_wt);
   Reach reach;
@@ -45,7 +47,8 @@ Reach reach_at(const Chain& chain, const AxisVector& q, const Pose& T_wt, const 
     const kinematics::Joint& joint = chain.joints()[std::size_t(i)];
     if (options.idle_joint == i) continue;
     if (joint.motion == Motion::Linear) reach.slides.push_back(i);
-    if (joint.motion == Motion::Rotary && options.strategy != Strategy::Position) reach.turns.push_back(i);
+    if (joint.motion == Motion::Rotary && options.strategy != Strategy::Position)
+      reach.turns.push_back(i);
   }
   reach.across.row(0) = T_wt.linear().col(0).transpose();
   reach.across.row(1) = T_wt.linear().col(1).transpose();
@@ -56,14 +59,15 @@ Reach reach_at(const Chain& chain, const AxisVector& q, const Pose& T_wt, const 
     reach.point_by_slide.col(Eigen::Index(k)) = J.col(reach.slides[k]).head<3>();
   for (std::size_t k = 0; k < reach.turns.size(); ++k) {
     const Vector3d turn = J.col(reach.turns[k]).tail<3>();
-    reach.point_by_turn.col(Eigen::Index(k)) = J.col(reach.turns[k]).head<3>() + turn.cross(height * u);
+    reach.point_by_turn.col(Eigen::Index(k)) =
+        J.col(reach.turns[k]).head<3>() + turn.cross(height * u);
     reach.direction_by_turn.col(Eigen::Index(k)) = reach.across * turn.cross(u);
   }
   return reach;
 }
 
-/// Damping that is zero where the least sensitive turn still moves the axis well, and grows smoothly
-/// towards the pole, where that turn would have to be enormous.
+/// Damping that is zero where the least sensitive turn still moves the axis well, and grows
+/// smoothly towards the pole, where that turn would have to be enormous.
 double damping(const Reach& reach, double singular_sine) {
   double least = 1.0;
   for (Eigen::Index k = 0; k < reach.direction_by_turn.cols(); ++k)
@@ -138,7 +142,8 @@ Correction correct(const Chain& control, const Belief& belief, const Pose& T_wt,
     const Vector3d direction_error = axis_of(believed) - u;
     result.point_left = point_error.norm();
     result.direction_left = direction_error.norm();
-    if (step == steps || (step > 0 && result.converged && options.strategy == Strategy::Iterated)) break;
+    if (step == steps || (step > 0 && result.converged && options.strategy == Strategy::Iterated))
+      break;
 
     const Eigen::VectorXd next = turns_step(reach, reach.across * direction_error, turns, options);
     const Eigen::VectorXd turned = next - turns;

@@ -10,9 +10,9 @@
 #include <string>
 
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <nlohmann/json.hpp>
 
 #ifndef ABBE_RENDER
 #define ABBE_RENDER 0
@@ -35,7 +35,8 @@ Ran run(const std::string& arguments, const std::string& before = "") {
   std::FILE* pipe = ::popen(command.c_str(), "r");
   Ran ran;
   std::array<char, 4096> buffer;
-  while (const std::size_t n = std::fread(buffer.data(), 1, buffer.size(), pipe)) ran.text.append(buffer.data(), n);
+  while (const std::size_t n = std::fread(buffer.data(), 1, buffer.size(), pipe))
+    ran.text.append(buffer.data(), n);
   const int status = ::pclose(pipe);
   ran.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   return ran;
@@ -49,7 +50,8 @@ std::string bytes(const fs::path& file) {
 int files_in(const fs::path& folder) {
   int count = 0;
   if (!fs::exists(folder)) return 0;
-  for (const auto& entry : fs::recursive_directory_iterator(folder)) count += entry.is_regular_file();
+  for (const auto& entry : fs::recursive_directory_iterator(folder))
+    count += entry.is_regular_file();
   return count;
 }
 
@@ -57,8 +59,9 @@ int files_in(const fs::path& folder) {
 class CommandLine : public testing::Test {
  protected:
   void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("abbe-test-" + std::to_string(::getpid()) + "-" +
-                                           testing::UnitTest::GetInstance()->current_test_info()->name());
+    folder_ =
+        fs::temp_directory_path() / ("abbe-test-" + std::to_string(::getpid()) + "-" +
+                                     testing::UnitTest::GetInstance()->current_test_info()->name());
     fs::create_directories(folder_);
   }
   void TearDown() override {
@@ -75,18 +78,26 @@ class CommandLine : public testing::Test {
   fs::path plane_scene(const std::string& program_file, const std::string& more = "") const {
     return write("scene.toml",
                  "title = \"small plane\"\n"
-                 "machine = \"" + (source / "scenes/machines/gantry_cxyza.toml").string() + "\"\n"
-                 "tool = \"" + (source / "scenes/tools/ball_r5.toml").string() + "\"\n"
-                 "[part]\nsurface = \"rectangle\"\nlength_x_mm = 4\nlength_y_mm = 4\nat_mm = [0, 0, 80]\nvertices = 200\n"
-                 "[program]\nfile = \"" + program_file + "\"\n" + more);
+                 "machine = \"" +
+                     (source / "scenes/machines/gantry_cxyza.toml").string() +
+                     "\"\n"
+                     "tool = \"" +
+                     (source / "scenes/tools/ball_r5.toml").string() +
+                     "\"\n"
+                     "[part]\nsurface = \"rectangle\"\nlength_x_mm = 4\nlength_y_mm = 4\nat_mm = "
+                     "[0, 0, 80]\nvertices = 200\n"
+                     "[program]\nfile = \"" +
+                     program_file + "\"\n" + more);
   }
 
-  void expect_refused(const fs::path& scene, const std::string& place, const std::string& expected) const {
+  void expect_refused(const fs::path& scene, const std::string& place,
+                      const std::string& expected) const {
     const fs::path out = folder_ / "out";
     const Ran ran = run("run " + scene.string() + " --out " + out.string());
     EXPECT_EQ(ran.code, 3) << ran.text;
     EXPECT_NE(ran.text.find(place), std::string::npos) << "wanted " << place << " in: " << ran.text;
-    EXPECT_NE(ran.text.find(expected), std::string::npos) << "wanted " << expected << " in: " << ran.text;
+    EXPECT_NE(ran.text.find(expected), std::string::npos)
+        << "wanted " << expected << " in: " << ran.text;
     EXPECT_EQ(files_in(out), 0) << "a refusal leaves no files";
   }
 
@@ -94,7 +105,8 @@ class CommandLine : public testing::Test {
 };
 
 const std::string good_program =
-    "%\nG21 G90 G94 G17\nG54\nG43.4 H1\nG0 X-10 Y0 Z95 A0 C0\nG1 Z80 F1000\nG1 X10\nG0 Z95\nM2\n%\n";
+    "%\nG21 G90 G94 G17\nG54\nG43.4 H1\nG0 X-10 Y0 Z95 A0 C0\nG1 Z80 F1000\nG1 X10\nG0 "
+    "Z95\nM2\n%\n";
 
 }  // namespace
 
@@ -121,17 +133,19 @@ TEST_F(CommandLine, AGoodSceneLeavesEveryPromisedFileAndKey) {
   const fs::path out = folder_ / "out";
   const Ran ran = run("run " + scene.string() + " --out " + out.string());
   ASSERT_EQ(ran.code, 0) << ran.text;
-  for (const char* name : {"summary.json", "scene.toml"}) EXPECT_TRUE(fs::exists(out / name)) << name;
+  for (const char* name : {"summary.json", "scene.toml"})
+    EXPECT_TRUE(fs::exists(out / name)) << name;
 #if ABBE_RENDER
   for (const char* name : {"residual.vtp", "residual.png", "histogram.png"})
     EXPECT_TRUE(fs::exists(out / name)) << name;
 #endif
   const auto summary = nlohmann::json::parse(bytes(out / "summary.json"));
-  for (const char* key : {"scene", "seed", "vertices", "cut_vertices", "uncut_vertices", "moves", "residual_um",
-                          "tip_error_um", "direction_error_urad", "datum", "alignment", "form", "timing_s",
-                          "warnings", "versions"})
+  for (const char* key : {"scene", "seed", "vertices", "cut_vertices", "uncut_vertices", "moves",
+                          "residual_um", "tip_error_um", "direction_error_urad", "datum",
+                          "alignment", "form", "timing_s", "warnings", "versions"})
     EXPECT_TRUE(summary.contains(key)) << key;
-  for (const char* key : {"pv", "rms", "mean", "std", "min", "max", "p95_abs", "in_tolerance_percent"})
+  for (const char* key :
+       {"pv", "rms", "mean", "std", "min", "max", "p95_abs", "in_tolerance_percent"})
     EXPECT_TRUE(summary["residual_um"].contains(key)) << key;
   EXPECT_EQ(summary["moves"], 4);
   EXPECT_EQ(files_in(out), ABBE_RENDER ? 5 : 2) << "and nothing unfinished";
@@ -140,7 +154,8 @@ TEST_F(CommandLine, AGoodSceneLeavesEveryPromisedFileAndKey) {
 TEST_F(CommandLine, TheResolvedSceneRunsAgainToTheSameBytes) {
   const fs::path scene = plane_scene(write("p.ngc", good_program).string());
   const fs::path first = folder_ / "first", second = folder_ / "second";
-  ASSERT_EQ(run("run " + scene.string() + " --set errors.EXX_um=7 --out " + first.string()).code, 0);
+  ASSERT_EQ(run("run " + scene.string() + " --set errors.EXX_um=7 --out " + first.string()).code,
+            0);
   const Ran again = run("run " + (first / "scene.toml").string() + " --out " + second.string());
   ASSERT_EQ(again.code, 0) << again.text;
   if (ABBE_RENDER) EXPECT_EQ(bytes(first / "residual.vtp"), bytes(second / "residual.vtp"));
@@ -151,26 +166,34 @@ TEST_F(CommandLine, BadProgramsAreRefusedAtTheirPlace) {
   const struct {
     std::string line, column, expected;
   } cases[] = {
-      {"G5 X1", "5:1", "G5"},            {"G1 X1e20 F100", "5:", "X"},
-      {"G1 X1 Q5 F100", "5:7", "Q"},     {"G1 X1 F0", "5:", "F"},
-      {"G2 X1 Y0 I0 J0 F100", "5:", ""}, {"G2 X5 Y0 R1 F100", "5:", "R"},
-      {"G1 X1 X2 F100", "5:7", "X"},     {"G1 X1 B5 F100", "5:7", "B"},
-      {"M99", "5:1", "M99"},             {"G1 X- F100", "5:", ""},
+      {"G5 X1", "5:1", "G5"},
+      {"G1 X1e20 F100", "5:", "X"},
+      {"G1 X1 Q5 F100", "5:7", "Q"},
+      {"G1 X1 F0", "5:", "F"},
+      {"G2 X1 Y0 I0 J0 F100", "5:", ""},
+      {"G2 X5 Y0 R1 F100", "5:", "R"},
+      {"G1 X1 X2 F100", "5:7", "X"},
+      {"G1 X1 B5 F100", "5:7", "B"},
+      {"M99", "5:1", "M99"},
+      {"G1 X- F100", "5:", ""},
   };
   for (const auto& one : cases) {
-    const fs::path file = write("bad.ngc", "%\nG21 G90 G94 G17\nG54\nG43.4 H1\n" + one.line + "\nM2\n%\n");
+    const fs::path file =
+        write("bad.ngc", "%\nG21 G90 G94 G17\nG54\nG43.4 H1\n" + one.line + "\nM2\n%\n");
     SCOPED_TRACE(one.line);
     expect_refused(plane_scene(file.string()), "bad.ngc:" + one.column, one.expected);
   }
 }
 
 TEST_F(CommandLine, AnAxisBeyondItsTravelIsNamedWithBlockAndValue) {
-  const fs::path file = write("far.ngc", "G21 G90 G94\nG43.4 H1\nG1 X0 Y0 Z95 F1000\nG1 X900\nM2\n");
+  const fs::path file =
+      write("far.ngc", "G21 G90 G94\nG43.4 H1\nG1 X0 Y0 Z95 F1000\nG1 X900\nM2\n");
   expect_refused(plane_scene(file.string()), "far.ngc:4", "X between -300 and 300 mm");
 }
 
 TEST_F(CommandLine, NulAndRandomBytesAndMissingFilesAreRefused) {
-  expect_refused(plane_scene(write("nul.ngc", std::string("G1 X1\0Y2\n", 9)).string()), "nul.ngc:1", "");
+  expect_refused(plane_scene(write("nul.ngc", std::string("G1 X1\0Y2\n", 9)).string()), "nul.ngc:1",
+                 "");
   std::mt19937 random(7);
   std::string noise(5000, ' ');
   for (char& c : noise) c = char(random());
@@ -197,7 +220,8 @@ TEST_F(CommandLine, EveryFaultOfASceneIsToldAtOnce) {
 }
 
 TEST_F(CommandLine, AcceptanceLimitsDecideTheExitCode) {
-  const fs::path scene = plane_scene(write("p.ngc", good_program).string(), "[limits]\npv_um = 0.001\n");
+  const fs::path scene =
+      plane_scene(write("p.ngc", good_program).string(), "[limits]\npv_um = 0.001\n");
   const Ran ran = run("run " + scene.string() + " --out " + (folder_ / "out").string());
   EXPECT_EQ(ran.code, 1) << ran.text;
   EXPECT_NE(ran.text.find("PV"), std::string::npos) << ran.text;
@@ -215,16 +239,19 @@ TEST_F(CommandLine, AFileThatGrowsBeyondTheLimitIsAnOutputFaultAndLeavesNothingU
   const fs::path scene = plane_scene(write("p.ngc", good_program).string());
   const fs::path out = folder_ / "out";
   // 4 blocks of 512 or 1024 bytes: the first larger file fails half way, as on a full disk
-  const Ran ran = run("run " + scene.string() + " --out " + out.string(), "ulimit -f 4; trap '' XFSZ;");
+  const Ran ran =
+      run("run " + scene.string() + " --out " + out.string(), "ulimit -f 4; trap '' XFSZ;");
   EXPECT_EQ(ran.code, 5) << ran.text;
   for (const auto& entry : fs::recursive_directory_iterator(out))
-    EXPECT_EQ(entry.path().filename().string().find(".unfinished"), std::string::npos) << entry.path();
+    EXPECT_EQ(entry.path().filename().string().find(".unfinished"), std::string::npos)
+        << entry.path();
 }
 
 TEST_F(CommandLine, AFullDiskIsAnOutputFault) {
   const fs::path disk = folder_ / "disk";
   fs::create_directories(disk);
-  if (std::system(("mount -t tmpfs -o size=24k tmpfs " + disk.string() + " 2>/dev/null").c_str()) != 0)
+  if (std::system(("mount -t tmpfs -o size=24k tmpfs " + disk.string() + " 2>/dev/null").c_str()) !=
+      0)
     GTEST_SKIP() << "a small disk can be mounted only by root";
   const fs::path scene = plane_scene(write("p.ngc", good_program).string());
   const Ran ran = run("run " + scene.string() + " --out " + (disk / "out").string());
@@ -238,10 +265,12 @@ TEST_F(CommandLine, AFullDiskIsAnOutputFault) {
 
 TEST_F(CommandLine, ResultsAreTheSameBytesForOneAndTwoThreadsAndASecondTime) {
   const std::string scene = (source / "scenes/gantry_tilted_flat.toml").string();
-  const std::string small = " --set part.vertices=3000 --set program.step_over_mm=4 --set program.step_mm=4 ";
+  const std::string small =
+      " --set part.vertices=3000 --set program.step_over_mm=4 --set program.step_mm=4 ";
   const auto compare = [&](const std::string& name, int threads) {
     const fs::path out = folder_ / name;
-    const Ran ran = run("compare " + scene + small + "--threads " + std::to_string(threads) + " --out " + out.string());
+    const Ran ran = run("compare " + scene + small + "--threads " + std::to_string(threads) +
+                        " --out " + out.string());
     EXPECT_EQ(ran.code, 0) << ran.text;
     return out;
   };
@@ -252,7 +281,8 @@ TEST_F(CommandLine, ResultsAreTheSameBytesForOneAndTwoThreadsAndASecondTime) {
     const fs::path name = fs::relative(entry.path(), one);
     for (const fs::path& other : {two, again}) {
       if (name.filename() == "summary.json") {
-        auto a = nlohmann::json::parse(bytes(entry.path())), b = nlohmann::json::parse(bytes(other / name));
+        auto a = nlohmann::json::parse(bytes(entry.path())),
+             b = nlohmann::json::parse(bytes(other / name));
         a.erase("timing_s");
         b.erase("timing_s");
         EXPECT_EQ(a.dump(), b.dump()) << name;
@@ -267,7 +297,8 @@ TEST_F(CommandLine, ResultsAreTheSameBytesForOneAndTwoThreadsAndASecondTime) {
 }
 
 TEST_F(CommandLine, ASceneThatCutsNothingSaysSoAndFailsItsLimits) {
-  const fs::path scene = plane_scene(write("p.ngc", "G21 G90\nG4 P1\nM2\n").string(), "[limits]\npv_um = 5\n");
+  const fs::path scene =
+      plane_scene(write("p.ngc", "G21 G90\nG4 P1\nM2\n").string(), "[limits]\npv_um = 5\n");
   const fs::path out = folder_ / "out";
   const Ran ran = run("run " + scene.string() + " --out " + out.string());
   EXPECT_EQ(ran.code, 1) << ran.text;
@@ -278,8 +309,10 @@ TEST_F(CommandLine, ASceneThatCutsNothingSaysSoAndFailsItsLimits) {
 
 TEST_F(CommandLine, AGeneratedProgramThatLeavesTheTravelLeavesNoFile) {
   const fs::path out = folder_ / "out";
-  const Ran ran = run("run " + (source / "scenes/gantry_tilted_flat.toml").string() +
-                      " --set part.at_mm=[900,0,80] --set part.vertices=500 --set program.step_mm=5 --out " + out.string());
+  const Ran ran =
+      run("run " + (source / "scenes/gantry_tilted_flat.toml").string() +
+          " --set part.at_mm=[900,0,80] --set part.vertices=500 --set program.step_mm=5 --out " +
+          out.string());
   EXPECT_EQ(ran.code, 3) << ran.text;
   EXPECT_NE(ran.text.find("program.ngc:"), std::string::npos) << ran.text;
   EXPECT_EQ(files_in(out), 0);
@@ -288,13 +321,17 @@ TEST_F(CommandLine, AGeneratedProgramThatLeavesTheTravelLeavesNoFile) {
 TEST_F(CommandLine, AVariantIsMeasuredAgainstItsOwnErrorFreeMap) {
   const fs::path scene = write(
       "variants.toml",
-      "title = \"v\"\nmachine = \"" + (source / "scenes/machines/gantry_cxyza.toml").string() + "\"\nerrors = \"" +
-          (source / "scenes/errors/gantry_typical.toml").string() + "\"\ntool = \"" +
-          (source / "scenes/tools/ball_r5.toml").string() +
-          "\"\n[part]\nsurface = \"rectangle\"\nlength_x_mm = 10\nlength_y_mm = 10\nat_mm = [0, 0, 80]\n"
-          "turn_deg = [30, 0, 0]\nvertices = 400\n[program]\ngenerator = \"raster\"\nstep_over_mm = 0.5\n"
-          "step_mm = 0.5\nlead_deg = 5\npattern = \"one_way\"\n[compare]\ncases = [\"perfect-iterated-ideal\"]\n"
-          "[[variant]]\nname = \"coarse\"\nset = { \"program.step_over_mm\" = 1.0, \"part.vertices\" = 200 }\n");
+      "title = \"v\"\nmachine = \"" + (source / "scenes/machines/gantry_cxyza.toml").string() +
+          "\"\nerrors = \"" + (source / "scenes/errors/gantry_typical.toml").string() +
+          "\"\ntool = \"" + (source / "scenes/tools/ball_r5.toml").string() +
+          "\"\n[part]\nsurface = \"rectangle\"\nlength_x_mm = 10\nlength_y_mm = 10\nat_mm = [0, 0, "
+          "80]\n"
+          "turn_deg = [30, 0, 0]\nvertices = 400\n[program]\ngenerator = \"raster\"\nstep_over_mm "
+          "= 0.5\n"
+          "step_mm = 0.5\nlead_deg = 5\npattern = \"one_way\"\n[compare]\ncases = "
+          "[\"perfect-iterated-ideal\"]\n"
+          "[[variant]]\nname = \"coarse\"\nset = { \"program.step_over_mm\" = 1.0, "
+          "\"part.vertices\" = 200 }\n");
   const fs::path out = folder_ / "out";
   const Ran ran = run("compare " + scene.string() + " --out " + out.string());
   ASSERT_EQ(ran.code, 0) << ran.text;
@@ -306,18 +343,24 @@ TEST_F(CommandLine, AVariantIsMeasuredAgainstItsOwnErrorFreeMap) {
   EXPECT_TRUE(fs::exists(out / "coarse" / "program.ngc"));
   // a finished case names itself, so that its scene cuts it again
   const fs::path again = folder_ / "again";
-  ASSERT_EQ(run("run " + (out / "coarse-perfect-iterated-ideal" / "scene.toml").string() + " --out " + again.string()).code, 0);
-  const auto first = nlohmann::json::parse(bytes(out / "coarse-perfect-iterated-ideal" / "summary.json"));
+  ASSERT_EQ(run("run " + (out / "coarse-perfect-iterated-ideal" / "scene.toml").string() +
+                " --out " + again.string())
+                .code,
+            0);
+  const auto first =
+      nlohmann::json::parse(bytes(out / "coarse-perfect-iterated-ideal" / "summary.json"));
   const auto second = nlohmann::json::parse(bytes(again / "summary.json"));
   EXPECT_EQ(first["residual_um"].dump(), second["residual_um"].dump());
 }
 
 TEST_F(CommandLine, PoseGivesTheDeviationInTheWorkpiece) {
   const std::string scene = (source / "scenes/gantry_perfect.toml").string();
-  const Ran ran = run("pose " + scene + " --set errors.EX0C_um=16 --at \"X=10 Y=20 Z=100 A=0 C=90\" --json");
+  const Ran ran =
+      run("pose " + scene + " --set errors.EX0C_um=16 --at \"X=10 Y=20 Z=100 A=0 C=90\" --json");
   ASSERT_EQ(ran.code, 0) << ran.text;
   const auto pose = nlohmann::json::parse(ran.text);
-  // the table stands 16 um towards +x of the bed; turned by C = 90 degrees that is -y of the workpiece
+  // the table stands 16 um towards +x of the bed; turned by C = 90 degrees that is -y of the
+  // workpiece
   EXPECT_NEAR(pose["deviation_mm"][0].get<double>(), 0.0, 1e-12);
   EXPECT_NEAR(pose["deviation_mm"][1].get<double>(), -0.016, 1e-12);
   EXPECT_EQ(run("pose " + scene + " --at \"Q=1\"").code, 3);

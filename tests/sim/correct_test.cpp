@@ -43,8 +43,8 @@ errors::GeometricErrors random_errors(std::uint64_t seed) {
   for (const char axis : {'X', 'Y', 'Z', 'A', 'C'})
     for (const char direction : {'X', 'Y', 'Z', 'A', 'B', 'C'})
       add((std::string("E") + direction + axis).c_str(), false);
-  for (const char* name : {"EXS", "EYS", "EZS", "EAS", "EBS", "EC0Y", "EB0Z", "EA0Z", "EB0A", "EC0A", "EA0C",
-                           "EB0C", "EY0A", "EZ0A", "EX0C", "EY0C"})
+  for (const char* name : {"EXS", "EYS", "EZS", "EAS", "EBS", "EC0Y", "EB0Z", "EA0Z", "EB0A",
+                           "EC0A", "EA0C", "EB0C", "EY0A", "EZ0A", "EX0C", "EY0C"})
     add(name, true);
   return all;
 }
@@ -65,7 +65,8 @@ AxisState random_command(std::mt19937_64& random, double least_A) {
   return state;
 }
 
-double tip_left(const Belief& truth, const AxisState& command, const Eigen::MatrixXd& q, const Pose& wanted) {
+double tip_left(const Belief& truth, const AxisState& command, const Eigen::MatrixXd& q,
+                const Pose& wanted) {
   AxisState told = command;
   told.q = q;
   return (truth(told).translation() - wanted.translation()).norm();
@@ -95,9 +96,9 @@ TEST(Correct, OneDecoupledStepLeavesASecondOrderTipError) {
     left[k] = std::sqrt(left[k] / 500);
   }
   const double first = std::log2(left[0] / left[1]), second = std::log2(left[1] / left[2]);
-  std::cout << "tip error after one decoupled step, errors x 4, 2, 1: " << left[0] / units::um << " "
-            << left[1] / units::um << " " << left[2] / units::um << " um; exponents " << first << " " << second
-            << "\n";
+  std::cout << "tip error after one decoupled step, errors x 4, 2, 1: " << left[0] / units::um
+            << " " << left[1] / units::um << " " << left[2] / units::um << " um; exponents "
+            << first << " " << second << "\n";
   EXPECT_NEAR(first, 2.0, 0.1);
   EXPECT_NEAR(second, 2.0, 0.1);
 }
@@ -133,7 +134,8 @@ TEST(Correct, RotaryCorrectionsStayBoundedAndTheBallCentreIsServedAtTheSingularP
   const Belief truth = belief(gantry, errors::bind(random_errors(seed), gantry));
   compensation_options options;
   options.functional_height = 5.0;
-  for (const double A : {0.0, 1e-15, 1e-12, 1e-9, 1e-6, 1e-4, 0.01 * units::deg, 1e-3, 0.019, 0.021, -1e-9, -1e-4}) {
+  for (const double A :
+       {0.0, 1e-15, 1e-12, 1e-9, 1e-6, 1e-4, 0.01 * units::deg, 1e-3, 0.019, 0.021, -1e-9, -1e-4}) {
     AxisState command;
     command.q.resize(6);
     command.q << 0.7, 40, -30, 20, A, 0;
@@ -141,8 +143,10 @@ TEST(Correct, RotaryCorrectionsStayBoundedAndTheBallCentreIsServedAtTheSingularP
     const Correction correction = correct(gantry, truth, wanted, command, options);
     ASSERT_TRUE(correction.q.allFinite());
     EXPECT_TRUE(correction.converged) << "A " << A;
-    EXPECT_LE(std::abs(correction.q[0] - command.q[0]), options.rotary_bound * (1 + 1e-12)) << "A " << A;
-    EXPECT_LE(std::abs(correction.q[4] - command.q[4]), options.rotary_bound * (1 + 1e-12)) << "A " << A;
+    EXPECT_LE(std::abs(correction.q[0] - command.q[0]), options.rotary_bound * (1 + 1e-12))
+        << "A " << A;
+    EXPECT_LE(std::abs(correction.q[4] - command.q[4]), options.rotary_bound * (1 + 1e-12))
+        << "A " << A;
     EXPECT_LT(correction.point_left, 1e-8) << "A " << A;
     EXPECT_LT(correction.direction_left, 400e-6) << "A " << A;
     AxisState told = command;
@@ -150,7 +154,8 @@ TEST(Correct, RotaryCorrectionsStayBoundedAndTheBallCentreIsServedAtTheSingularP
     const Pose reached = truth(told);
     const Vector3d centre = reached * Vector3d(0, 0, 5), target = wanted * Vector3d(0, 0, 5);
     EXPECT_LT((centre - target).norm(), 1e-8) << "A " << A;
-    EXPECT_NEAR(correction.direction_left, (reached.linear().col(2) - wanted.linear().col(2)).norm(), 1e-12);
+    EXPECT_NEAR(correction.direction_left,
+                (reached.linear().col(2) - wanted.linear().col(2)).norm(), 1e-12);
   }
 }
 
@@ -174,7 +179,8 @@ TEST(Correct, APlatformCorrectsItsTwoSlidesAndLeavesTheThirdDirection) {
   const Chain platform = machines::platform();
   errors::GeometricErrors wrong;
   for (const char* name : {"EXX", "EYX", "EZX", "EXZ", "EYZ", "EZZ"})
-    wrong.elements.push_back({errors::parse_element_name(name), {{errors::Constant{0.01}, {}, {}, {}, 1.0}}});
+    wrong.elements.push_back(
+        {errors::parse_element_name(name), {{errors::Constant{0.01}, {}, {}, {}, 1.0}}});
   const Belief truth = belief(platform, errors::bind(wrong, platform));
   AxisState command;
   command.q.resize(3);

@@ -600,7 +600,7 @@ cases = ["perfect-iterated-ideal", "perfect-position-program"]
 
 TEST(Scene, CaseNamesAreReadTokenByToken) {
   const CaseDescription one = parse_case("perfect-decoupled-program");
-  EXPECT_EQ(one.strategy, CaseDescription::Strategy::Decoupled);
+  EXPECT_EQ(one.strategy, compensation::Strategy::Decoupled);
   EXPECT_EQ(one.channel, CaseDescription::Channel::Program);
   for (const char* bad :
        {"", "perfect", "perfect-iterated", "perfect-iterated-ideal-x", "thermal-iterated-ideal",
