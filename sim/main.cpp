@@ -161,81 +161,92 @@ int check_command(const Common& common, bool picture) {
   return ok;
 }
 
+/// Everything that can stand on the command line.
+struct CommandLine {
+  Common common;
+  std::string case_name;
+  std::string at;
+  bool picture = false;
+  RenderOptions rendering;
+};
+
+void add_scene_commands(CLI::App& app, CommandLine& line) {
+  CLI::App& run_app =
+      *app.add_subcommand("run", "Cut one case of a scene (uncompensated unless --case)");
+  add_common(run_app, line.common, true);
+  run_app.add_option("--case", line.case_name,
+                     "error_free, uncompensated or belief-strategy-channel");
+
+  add_common(*app.add_subcommand(
+                 "compare", "Cut error-free, uncompensated and every compensator of the scene"),
+             line.common, true);
+
+  CLI::App& pose_app =
+      *app.add_subcommand("pose", "Where the tool is and should be for given axis positions");
+  add_common(pose_app, line.common, false);
+  pose_app
+      .add_option("--at", line.at, "positions in mm and degrees: \"X=100 Y=0 Z=50 A=30 C=90\"")
+      ->required();
+
+  CLI::App& check_app =
+      *app.add_subcommand("check", "Validate a scene and say how it was understood; cut nothing");
+  add_common(check_app, line.common, true);
+  check_app.add_flag("--picture", line.picture, "draw machine, part and path, errors magnified");
+}
+
+void add_render_command(CLI::App& app, CommandLine& line) {
+  CLI::App& render_app =
+      *app.add_subcommand("render", "Draw a finished result again, or a difference of two");
+  render_app
+      .add_option("RESULT", line.rendering.result, "residual.vtp or a folder that has one")
+      ->required();
+  render_app.add_option("--minus", line.rendering.minus,
+                        "another result, taken away vertex by vertex");
+  render_app
+      .add_option("--line", line.rendering.line, "profile along x, y or radius instead of the map")
+      ->check(CLI::IsMember({"x", "y", "radius"}));
+  render_app.add_option("--out", line.rendering.out, "folder for the pictures (that of RESULT)");
+  render_app.add_option("--threads", line.common.threads, "most threads to use")
+      ->check(CLI::Range(1, 1024));
+}
+
+int dispatch(const CLI::App& app, const CommandLine& line) {
+  std::optional<tbb::global_control> limit;
+  if (line.common.threads > 0)
+    limit.emplace(tbb::global_control::max_allowed_parallelism, std::size_t(line.common.threads));
+  if (app.got_subcommand("run")) return run_command(line.common, line.case_name);
+  if (app.got_subcommand("compare")) return compare_command(line.common);
+  if (app.got_subcommand("pose")) return pose_command(line.common, line.at);
+  if (app.got_subcommand("check")) return check_command(line.common, line.picture);
+  fmt::print("picture in {}\n", render_result(line.rendering).string());
+  return ok;
+}
+
 int command_line(int argc, char** argv) {
   CLI::App app{
       "abbe: a virtual five-axis machine tool that is wrong on purpose.\n"
       "It cuts a part on a machine with errors and shows, in micrometres on the design surface, "
-      "what they\n"
-      "did, with and without a compensator.\n\n"
+      "what they\ndid, with and without a compensator.\n\n"
       "Start with:  abbe compare scenes/gantry_dome.toml"};
   app.set_version_flag("--version", versions()["abbe"].get<std::string>());
   app.require_subcommand(1);
   app.footer(
       "Exit codes: 0 ok, 1 an acceptance limit of the scene was exceeded, 2 usage, 3 input,\n"
-      "4 numerical, 5 output, 6 plug-in, 130 interrupted.");
-
-  Common common;
-  std::string case_name, at;
-  bool picture = false;
-  RenderOptions rendering;
-  std::string minus;
-
-  CLI::App* run_app =
-      app.add_subcommand("run", "Cut one case of a scene (uncompensated unless --case)");
-  add_common(*run_app, common, true);
-  run_app->add_option("--case", case_name, "error_free, uncompensated or belief-strategy-channel");
-
-  CLI::App* compare_app = app.add_subcommand(
-      "compare", "Cut error-free, uncompensated and every compensator of the scene");
-  add_common(*compare_app, common, true);
-
-  CLI::App* pose_app =
-      app.add_subcommand("pose", "Where the tool is and should be for given axis positions");
-  add_common(*pose_app, common, false);
-  pose_app->add_option("--at", at, "positions in mm and degrees: \"X=100 Y=0 Z=-50 A=30 C=90\"")
-      ->required();
-
-  CLI::App* check_app =
-      app.add_subcommand("check", "Validate a scene and say how it was understood; cut nothing");
-  add_common(*check_app, common, true);
-  check_app->add_flag("--picture", picture, "draw machine, part and path, errors magnified");
-
-  CLI::App* render_app =
-      app.add_subcommand("render", "Draw a finished result again, or a difference of two");
-  render_app->add_option("RESULT", rendering.result, "residual.vtp or a folder that has one")
-      ->required();
-  render_app->add_option("--minus", minus, "another result, taken away vertex by vertex");
-  render_app
-      ->add_option("--line", rendering.line, "profile along x, y or radius instead of the map")
-      ->check(CLI::IsMember({"x", "y", "radius"}));
-  render_app->add_option("--out", rendering.out, "folder for the pictures (that of RESULT)");
-  render_app->add_option("--threads", common.threads, "most threads to use")
-      ->check(CLI::Range(1, 1024));
-
+      "4 numerical, 5 output, 130 interrupted.");
+  CommandLine line;
+  add_scene_commands(app, line);
+  add_render_command(app, line);
   try {
     app.parse(argc, argv);
+    return dispatch(app, line);
   } catch (const CLI::Success& asked) {
     return app.exit(asked);
-  } catch (const CLI::ParseError& fault) {
-    app.exit(fault);
-    return usage;
-  }
-
-  std::optional<tbb::global_control> limit;
-  if (common.threads > 0)
-    limit.emplace(tbb::global_control::max_allowed_parallelism, std::size_t(common.threads));
-  try {
-    if (*run_app) return run_command(common, case_name);
-    if (*compare_app) return compare_command(common);
-    if (*pose_app) return pose_command(common, at);
-    if (*check_app) return check_command(common, picture);
-    if (!minus.empty()) rendering.minus = minus;
-    fmt::print("picture in {}\n", render_result(rendering).string());
-    return ok;
   } catch (const CLI::ValidationError& fault) {
     fmt::print(stderr, "abbe: {}\n", fault.what());
-    return usage;
+  } catch (const CLI::ParseError& fault) {
+    app.exit(fault);
   }
+  return usage;
 }
 
 }  // namespace
