@@ -12,6 +12,7 @@
 #include <vector>
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include "cutting/mesh.h"
 #include "cutting/primitive.h"
@@ -36,7 +37,7 @@ std::string refusal(const fs::path& file, const ReadMeshOptions& options = {}) {
 }
 
 fs::path written(const std::string& name, const std::string& bytes) {
-  const fs::path file = fs::path(testing::TempDir()) / ("abbe_mesh_test_" + name);
+  const fs::path file = fs::path(testing::TempDir()) / ("abbe_mesh_test_" + std::to_string(::getpid()) + "_" + name);
   std::ofstream(file, std::ios::binary) << bytes;
   return file;
 }

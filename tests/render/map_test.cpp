@@ -184,8 +184,11 @@ TEST_F(Map, SaysWhichFileCouldNotBeWritten) {
 }
 
 TEST_F(Map, RangeHoldsAllButAHalfPercentAndIsRound) {
-  Field f = sheet(1, 1, 100, 100, flat, [](double, double) { return 1.5; });
+  Field f = sheet(1, 1, 100, 100, flat, [](double, double) { return 1.6; });
   EXPECT_EQ(fitted_range_um(f), 2.0);
+  f.deviation_um.setConstant(24.99);
+  EXPECT_EQ(fitted_range_um(f), 30.0);  // not 50: the scale must fit the data
+  f.deviation_um.setConstant(1.6);
   f.deviation_um.head(50).setConstant(-900.0);  // 0.5 %
   EXPECT_EQ(fitted_range_um(f), 2.0);
   f.deviation_um.head(51).setConstant(-900.0);

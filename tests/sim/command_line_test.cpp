@@ -310,8 +310,8 @@ TEST_F(CommandLine, ASceneThatCutsNothingSaysSoAndFailsItsLimits) {
 TEST_F(CommandLine, AGeneratedProgramThatLeavesTheTravelLeavesNoFile) {
   const fs::path out = folder_ / "out";
   const Ran ran =
-      run("run " + (source / "scenes/gantry_tilted_flat.toml").string() +
-          " --set part.at_mm=[900,0,80] --set part.vertices=500 --set program.step_mm=5 --out " +
+      run("run " + (source / "scenes/gantry_dome.toml").string() +
+          " --set part.at_mm=[400,0,0] --set part.vertices=500 --set program.step_mm=5 --out " +
           out.string());
   EXPECT_EQ(ran.code, 3) << ran.text;
   EXPECT_NE(ran.text.find("program.ngc:"), std::string::npos) << ran.text;
