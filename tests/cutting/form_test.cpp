@@ -209,6 +209,15 @@ TEST(Form, OfASphereLeavesCentreAndRadiusOut) {
   }
 }
 
+TEST(Form, OfALargeMapNeedsNoLuckWithMemory) {
+  // used to crash: temporaries beyond the stack's share come from malloc, aligned to 16 bytes only
+  const Primitive sphere = SphereCap{100.0, 50.0};
+  const Design d = tessellate(sphere, {120000});
+  const auto form = numbers(sphere, d, map_over(d, [](const Vector3d&, const Vector3d&) { return 0.01; }));
+  std::cout << "120 000 vertices, allowance 0.01 mm: sphericity " << form.at("sphericity_lsq") << " mm\n";
+  EXPECT_LT(form.at("sphericity_lsq"), 1e-12);
+}
+
 TEST(Form, CountsCutVerticesOnly) {
   const Disc disc{10, 0};
   const Design d = tessellate(disc, {1000});
