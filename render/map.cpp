@@ -66,10 +66,6 @@ void draw_strip(Canvas& canvas, const Page& p, const View& view, const Tally& co
   }
 }
 
-}  // namespace
-
-namespace {
-
 /// Steps so fine that no scale is more than half as long again as its data, and all of them ticks.
 double round_up_range(double value) {
   if (!(value > 0.0)) return 0.0;

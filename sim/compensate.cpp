@@ -56,6 +56,13 @@ std::vector<AxisState> told(const Job& job, const program::Path& path,
   return states;
 }
 
+/// Height above the tip of the point that a compensator restores: a ball's centre, a corner's
+/// centre.
+double functional_height(const ToolDescription& tool) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&tool.nominal);
+  return cutter != nullptr ? cutter->corner_radius : 0.0;
+}
+
 compensation::CorrectOptions correct_options(const Job& job, const CaseDescription& compensator) {
   compensation::CorrectOptions options;
   options.strategy = compensator.strategy;

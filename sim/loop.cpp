@@ -1,7 +1,6 @@
 #include "sim/loop.h"
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <cmath>
 
@@ -174,11 +173,6 @@ program::SampleOptions sample_options(const Scene& scene, const Machine& machine
   options.workpiece_spindle = machine.workpiece_spindle;
   options.reach = shaping_height(scene);
   return options;
-}
-
-double functional_height(const ToolDescription& tool) {
-  const auto* cutter = std::get_if<cutting::Cutter>(&tool.nominal);
-  return cutter != nullptr ? cutter->corner_radius : 0.0;
 }
 
 Job prepare(const Scene& scene, const Progress& progress) {

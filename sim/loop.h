@@ -84,8 +84,4 @@ struct Compensated {
 };
 Compensated compensate(const Job& job, const CaseDescription& compensator);
 
-/// Height above the tip of the point that a compensator restores: a ball's centre, a corner's
-/// centre.
-double functional_height(const ToolDescription& tool);
-
 }  // namespace abbe::sim
