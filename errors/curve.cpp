@@ -207,6 +207,52 @@ double rise(const UpDown& shape, const Seen& seen) {
   return 0.5 * (rise(shape.up, seen.q) + rise(shape.down, seen.q));
 }
 
+// ---- asynchronous motion
+
+constexpr int waves = 32;
+
+struct Wave {
+  double order = 0.0;  ///< per rad of a spindle's angle: cosines per turn
+  double phase = 0.0;  ///< rad
+};
+
+double uniform(std::uint64_t seed, std::uint64_t counter);
+
+/// Wave number k of a stream: its order even over its own part of the range, but not synchronous.
+Wave wave(const Asynchronous& shape, int k) {
+  const double width = (shape.highest_order - shape.lowest_order) / waves;
+  const double clear = std::min(0.02 * width, 0.02);  // off whole numbers
+  std::uint64_t counter = std::uint64_t(k) << 32;
+  const double phase = 2.0 * std::numbers::pi * uniform(shape.seed, counter);
+  for (;;) {                                                            // 1.05 tries on average
+    const double in_part = 0.1 + 0.8 * uniform(shape.seed, ++counter);  // no two orders meet
+    const double order = shape.lowest_order + width * (k + in_part);
+    if (std::abs(order - std::round(order)) > clear) return {order, phase};
+  }
+}
+
+double amplitude(const Asynchronous& shape) { return shape.rms * std::sqrt(2.0 / waves); }
+
+double height(const Asynchronous& shape, const Seen& seen) {
+  double sum = 0.0;
+  for (int k = 0; k < waves; ++k) {
+    const Wave w = wave(shape, k);
+    sum += std::cos(w.order * seen.q + w.phase);
+  }
+  return amplitude(shape) * sum;
+}
+
+double rise(const Asynchronous& shape, const Seen& seen) {
+  double sum = 0.0;
+  for (int k = 0; k < waves; ++k) {
+    const Wave w = wave(shape, k);
+    sum -= w.order * std::sin(w.order * seen.q + w.phase);
+  }
+  return amplitude(shape) * sum;
+}
+
+// ---- a draw a stroke
+
 double height(const Repeatability& shape, const Seen& seen) {
   return shape.sigma * normal_deviate(shape.seed, std::uint32_t(seen.stroke));
 }
@@ -258,6 +304,33 @@ void check(const UpDown& shape) {
 void check(const Repeatability& shape) {
   expect(shape.sigma >= 0.0 && std::isfinite(shape.sigma), "a sigma of 0 or more");
 }
+void check(const Asynchronous& shape) {
+  expect(shape.rms >= 0.0 && std::isfinite(shape.rms), "an rms of 0 or more");
+  expect(shape.lowest_order > 0.0 && std::isfinite(shape.lowest_order), "a lowest order above 0");
+  expect(std::isfinite(shape.highest_order) && shape.highest_order <= 1e4,
+         "a highest order of at most 10000");
+  expect(shape.highest_order >= shape.lowest_order * (1.0 + 1e-6),
+         "a highest order above the lowest");
+}
+
+// ---- the most that harmonics bend
+
+double bend_of(const Fourier& shape) {
+  const double rate = 2.0 * std::numbers::pi / shape.period;
+  double sum = 0.0;
+  for (Index k = 0; k < shape.a.size(); ++k)
+    sum += double((k + 1) * (k + 1)) * rate * rate * std::hypot(shape.a[k], shape.b[k]);
+  return sum;
+}
+double bend_of(const Asynchronous& shape) {
+  double sum = 0.0;
+  for (int k = 0; k < waves; ++k) sum += std::pow(wave(shape, k).order, 2);
+  return amplitude(shape) * sum;
+}
+template <typename Other>
+double bend_of(const Other&) {
+  return 0.0;
+}
 
 // ---- chance
 
@@ -272,6 +345,11 @@ std::uint64_t stirred(std::uint64_t x) {
 
 /// Even in [-1, 1), 53 bits.
 double centred_uniform(std::uint64_t bits) { return double(bits >> 11) * 0x1p-52 - 1.0; }
+
+/// Even in [0, 1).
+double uniform(std::uint64_t seed, std::uint64_t counter) {
+  return double(stirred(stirred(seed + golden) + golden * counter) >> 11) * 0x1p-53;
+}
 
 /// log by arithmetic alone, as libraries differ in their last bit. 0 < x; error below 1e-15.
 double plain_log(double x) {
@@ -341,6 +419,13 @@ Detrended detrend(const Table& table, Detrend how) {
   return result;
 }
 
-bool is_random(const Curve& curve) { return std::holds_alternative<Repeatability>(curve.shape); }
+double most_bend(const Curve& curve) {
+  return std::abs(curve.scale) * std::visit([](const auto& s) { return bend_of(s); }, curve.shape);
+}
+
+bool is_random(const Curve& curve) {
+  return std::holds_alternative<Repeatability>(curve.shape) ||
+         std::holds_alternative<Asynchronous>(curve.shape);
+}
 
 }  // namespace abbe::errors

@@ -68,8 +68,18 @@ struct Repeatability {
   double sigma = 0.0;  ///< >= 0
   std::uint64_t seed = 0;
 };
-using Shape =
-    std::variant<Constant, Polynomial, Legendre, Fourier, Table, Backlash, UpDown, Repeatability>;
+/// Asynchronous error motion of a spindle over its own angle (q in rad, unwrapped): 32 cosines of
+/// equal amplitude, their orders drawn from a seed in equal parts of the range and off every whole
+/// number, their phases at will. The same at the same angle, never repeating; not known to anyone.
+/// Over n turns its mean square is rms^2 to 200 / (n (highest - lowest)) of it.
+struct Asynchronous {
+  double rms = 0.0;  ///< >= 0
+  std::uint64_t seed = 0;
+  double lowest_order = 0.3;    ///< per turn, > 0
+  double highest_order = 20.0;  ///< > lowest, <= 10000
+};
+using Shape = std::variant<Constant, Polynomial, Legendre, Fourier, Table, Backlash, UpDown,
+                           Repeatability, Asynchronous>;
 
 enum class Argument { Command, Carriage };
 
@@ -111,6 +121,11 @@ struct Detrended {
   double offset = 0.0;  ///< of the line at q = 0: a shift of the whole, which means nothing
 };
 Detrended detrend(const Table& table, Detrend how);
+
+/// Bound of the second derivative of harmonics, Fourier and asynchronous, with respect to the
+/// argument, per mm^2 or rad^2: sampled in steps d, lines between the samples miss the curve by at
+/// most that d^2 / 8. 0 for every other shape.
+double most_bend(const Curve& curve);
 
 /// True if the curve depends on chance. One that depends only on the way of approach does not: a
 /// backlash can be known.

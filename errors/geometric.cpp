@@ -4,7 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include <fmt/format.h>
+#include "errors/bound_element.h"
 
 namespace abbe::errors {
 namespace {
@@ -19,40 +19,13 @@ using kinematics::JointDeviation;
   throw std::invalid_argument(who + ": " + why);
 }
 
-int joint_of(char axis, const Chain& chain, const std::string& who) {
-  if (const auto joint = chain.find(axis)) return *joint;
-  if (const auto nose = chain.find('s'); nose && axis == 'S') return *nose;
-  std::string known;
-  for (const Joint& joint : chain.joints())
-    known += std::string(known.empty() ? "" : " ") + joint.name;
-  refuse(who, fmt::format("expected an axis of the machine ({}), seen {}", known, axis));
-}
-
-bool is_along(const ElementName& name, const Joint& joint) {
-  const Vector3d unit = Vector3d::Unit(name.component() % 3);
-  return unit.cross(joint.direction_b).norm() < 1e-9;
-}
-
-void check_location(const ElementName& name, const Joint& joint) {
-  const std::string who = to_string(name);
-  const std::string motion = std::string("E") + name.direction + name.axis;
-  if (name.is_angle() && is_along(name, joint))
-    refuse(who, "an axis has no squareness about itself; a constant " + motion + " moves its zero");
-  if (!name.is_angle() && joint.motion == kinematics::Motion::Linear)
-    refuse(who, "a slide has a direction but no place; write a constant " + motion);
-  if (!name.is_angle() && is_along(name, joint))
-    refuse(who, "a rotation axis has no place along itself; write a constant " + motion);
-}
-
 void check(const Element& element, const Joint& joint) {
   const std::string who = to_string(element.name);
+  check_meaning(element.name, joint);
   if (element.name.location) {
-    check_location(element.name, joint);
     for (const Curve& curve : element.curves)
       if (!std::holds_alternative<Constant>(curve.shape))
         refuse(who, "a location error is one constant");
-  } else if (element.name.axis == 'S' && element.name.is_angle() && is_along(element.name, joint)) {
-    refuse(who, "a spindle has no element about its own axis");
   }
   try {
     for (const Curve& curve : element.curves) validate(curve);

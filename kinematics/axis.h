@@ -32,6 +32,7 @@ struct AxisState {
   double time_s = 0.0;
   std::array<std::int8_t, max_joints> direction{};  ///< +1 up, -1 down, 0 has not moved yet
   std::array<std::int32_t, max_joints> stroke{};    ///< reversals so far, counted from the start
+  double spindle_speed = 0.0;  ///< rad/s, of the spindle that carries the tool or the workpiece
 };
 
 }  // namespace abbe::kinematics

@@ -22,12 +22,12 @@ std::vector<Colour> diverging(int n) {
 }
 
 Colour series_colour(int index) {
-  static constexpr std::array<Colour, 6> wheel{{{0.00, 0.27, 0.55},
-                                                {0.80, 0.30, 0.05},
-                                                {0.10, 0.52, 0.35},
-                                                {0.55, 0.25, 0.60},
-                                                {0.75, 0.55, 0.05},
-                                                {0.35, 0.36, 0.38}}};
+  static constexpr std::array<Colour, series_colours> wheel{{{0.00, 0.27, 0.55},
+                                                             {0.80, 0.30, 0.05},
+                                                             {0.10, 0.52, 0.35},
+                                                             {0.55, 0.25, 0.60},
+                                                             {0.75, 0.55, 0.05},
+                                                             {0.35, 0.36, 0.38}}};
   return wheel[index % wheel.size()];
 }
 

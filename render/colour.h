@@ -27,7 +27,9 @@ inline constexpr Colour beyond_low{0.04, 0.07, 0.33};  ///< below the scale
 /// Source: Moreland 2009, the cool to warm map.
 std::vector<Colour> diverging(int n);
 
-/// Distinct colours for the series of a plot, repeated after six; readable for the colour blind.
+inline constexpr int series_colours = 6;
+/// Distinct colours for the series of a plot, repeated after `series_colours`; readable for the
+/// colour blind.
 Colour series_colour(int index);
 
 }  // namespace abbe::render

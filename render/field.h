@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include "cutting/mesh.h"
+#include "cutting/stock.h"
 #include "cutting/surface.h"
 
 /// Pictures of results and the files that ParaView opens, made without a display. VTK stays in the
@@ -33,6 +34,11 @@ Field field(const cutting::Design& design, const cutting::Surface& surface);
 void write_residual(const std::filesystem::path& path, const Field& field);
 void write_residual(const std::filesystem::path& path, const cutting::Design& design,
                     const cutting::Surface& surface);
+
+/// Writes `stock.vtp`, in the same layout: the machined body with point data `status` (uint8: 0
+/// cut, 1 skin of the blank, 2 cut by a crash) and `cut_line` (int32).
+/// @throws std::system_error with the path if the file cannot be written
+void write_stock(const std::filesystem::path& path, const cutting::StockMesh& stock);
 
 /// Reads what `write_residual` wrote, bit for bit; vertex areas are made anew from the triangles.
 /// Memory stays within a few times the file's size whatever the file claims.

@@ -289,18 +289,61 @@ std::vector<Vector2d> thinned(const std::vector<Vector2d>& run) {
   return kept;
 }
 
+/// Beyond the colours there are, series are told apart by their dashes: lengths drawn and left out,
+/// in widths of the line.
+struct Dash {
+  double drawn = 0.0;  ///< 0: without gaps
+  double gap = 0.0;
+};
+Dash series_dash(int index) {
+  constexpr Dash dashes[] = {{}, {5.0, 3.0}, {1.5, 2.0}};
+  return dashes[std::min(index / series_colours, 2)];
+}
+
+/// A line, or the pieces of it that a dash leaves.
+void stroke(Canvas& canvas, const std::vector<Vector2d>& points, int index, double width_px) {
+  const Dash dash = series_dash(index);
+  if (dash.drawn == 0.0) {
+    canvas.line(points, series_colour(index), width_px);
+    return;
+  }
+  std::vector<Vector2d> piece;
+  bool drawing = true;
+  double left = dash.drawn * width_px;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (i > 0) {
+      Vector2d from = points[i - 1];
+      double length = (points[i] - from).norm();
+      while (length > left) {
+        from += (points[i] - from) * (left / length);
+        length -= left;
+        if (drawing) {
+          piece.push_back(from);
+          canvas.line(piece, series_colour(index), width_px);
+        }
+        drawing = !drawing;
+        piece.assign(drawing ? 1 : 0, from);
+        left = (drawing ? dash.drawn : dash.gap) * width_px;
+      }
+      left -= length;
+    }
+    if (drawing) piece.push_back(points[i]);
+  }
+  if (drawing && piece.size() > 1) canvas.line(piece, series_colour(index), width_px);
+}
+
 void draw_series(Canvas& canvas, const Sheet& s, const ProfileSeries& one, int index) {
   std::vector<Vector2d> run;
   const auto flush = [&] {
-    canvas.line(thinned(run), series_colour(index), 3.0 * s.type.unit);
+    stroke(canvas, thinned(run), index, 3.0 * s.type.unit);
     run.clear();
   };
-  for (Eigen::Index i = 0; i < one.x_mm.size(); ++i) {
-    if (!std::isfinite(one.x_mm[i]) || !std::isfinite(one.y_um[i])) {
+  for (Eigen::Index i = 0; i < one.x.size(); ++i) {
+    if (!std::isfinite(one.x[i]) || !std::isfinite(one.y[i])) {
       flush();
       continue;
     }
-    run.push_back(at(s.axes, one.x_mm[i], one.y_um[i]));
+    run.push_back(at(s.axes, one.x[i], one.y[i]));
   }
   flush();
 }
@@ -312,7 +355,7 @@ void draw_legend(Canvas& canvas, const Sheet& s, const std::vector<std::vector<s
   double y = s.axes.box.y + s.axes.box.height;
   for (std::size_t i = 0; i < names.size(); ++i) {
     const double middle = y - 0.65 * s.body.size_px;
-    canvas.line({{x, middle}, {x + 44.0 * u, middle}}, series_colour(static_cast<int>(i)), 5.0 * u);
+    stroke(canvas, {{x, middle}, {x + 44.0 * u, middle}}, static_cast<int>(i), 4.0 * u);
     y -= paragraph(canvas, {x + 58.0 * u, y}, names[i], s.body) + 8.0 * u;
   }
 }
@@ -326,18 +369,18 @@ void write_profile(const std::filesystem::path& path, const std::vector<ProfileS
   Span x;
   Span y;
   for (const ProfileSeries& one : series) {
-    if (one.x_mm.size() != one.y_um.size()) {
+    if (one.x.size() != one.y.size()) {
       throw std::invalid_argument("profile: x and y of a series need one size");
     }
-    for (Eigen::Index i = 0; i < one.x_mm.size(); ++i) {
-      if (!std::isfinite(one.x_mm[i]) || !std::isfinite(one.y_um[i])) continue;
+    for (Eigen::Index i = 0; i < one.x.size(); ++i) {
+      if (!std::isfinite(one.x[i]) || !std::isfinite(one.y[i])) continue;
       if (!any) {
-        x = {one.x_mm[i], one.x_mm[i]};
-        y = {one.y_um[i], one.y_um[i]};
+        x = {one.x[i], one.x[i]};
+        y = {one.y[i], one.y[i]};
         any = true;
       }
-      widen(x, one.x_mm[i]);
-      widen(y, one.y_um[i]);
+      widen(x, one.x[i]);
+      widen(y, one.y[i]);
     }
   }
   const Labels labels{options.title, {}, options.x_label, options.y_label, options.caption};

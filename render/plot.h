@@ -31,8 +31,8 @@ void write_histogram(const std::filesystem::path& path, const Eigen::VectorXd& d
 /// One curve: points in their order, broken where a coordinate is not finite.
 struct ProfileSeries {
   std::string name;
-  Eigen::VectorXd x_mm;
-  Eigen::VectorXd y_um;
+  Eigen::VectorXd x;
+  Eigen::VectorXd y;
 };
 
 struct ProfileOptions {

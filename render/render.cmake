@@ -1,6 +1,6 @@
 # Pictures through VTK, without a display. Included by the top file where ABBE_RENDER is ON; the
 # definition ABBE_RENDER=1 reaches whoever links abbe::render, so `#if ABBE_RENDER` guards its use.
-find_package(VTK 9 REQUIRED COMPONENTS CommonCore CommonDataModel IOImage IOXML RenderingContext2D
+find_package(VTK 9 REQUIRED COMPONENTS CommonCore CommonDataModel IOCore IOImage IOXML RenderingContext2D
              RenderingContextOpenGL2 RenderingCore RenderingFreeType RenderingOpenGL2)
 find_package(OpenGL REQUIRED COMPONENTS EGL)
 

@@ -72,10 +72,24 @@ compensation::CorrectOptions correct_options(const Job& job, const CaseDescripti
   return options;
 }
 
+/// What acts on the nominal, rigid machine at an instant: what a compensated tool meets as well,
+/// since it goes where the nominal one would.
+errors::Load nominal_load(const Job& job, double time_s) {
+  errors::Load load = load_at(job.nominal_process, time_s);
+  if (job.accelerations.empty()) return load;
+  const auto& states = job.samples.states;
+  const auto after =
+      std::lower_bound(states.begin(), states.end(), time_s,
+                       [](const AxisState& state, double time) { return state.time_s < time; });
+  load.acceleration =
+      job.accelerations[std::min(std::size_t(after - states.begin()), states.size() - 1)];
+  return load;
+}
+
 /// The one door between truth and compensation: the perfect belief.
-compensation::Belief perfect_belief(const Truth& truth) {
-  return [known = without_random(truth)](const AxisState& state) {
-    return tool_in_workpiece(known, state);
+compensation::Belief perfect_belief(const Job& job) {
+  return [known = without_random(job.truth), &job](const AxisState& state) {
+    return tool_in_workpiece(known, state, nominal_load(job, state.time_s));
   };
 }
 
@@ -89,7 +103,7 @@ struct Corrected {
 Corrected corrected(const Job& job, const CaseDescription& compensator,
                     const std::vector<AxisState>& commanded,
                     const std::vector<Pose>& T_wt_nominal) {
-  const compensation::Belief belief = perfect_belief(job.truth);
+  const compensation::Belief belief = perfect_belief(job);
   const compensation::CorrectOptions options = correct_options(job, compensator);
   Corrected result{commanded, 0.0, 0.0, 0};
   std::vector<compensation::Correction> corrections(commanded.size());
@@ -237,6 +251,7 @@ Compensated through_program(const Job& job, const CaseDescription& compensator) 
       program::sample(path, job.machine.control, sample_options(job.scene, job.machine));
   result.samples.states = told(job, path, result.samples, job.machine.control);
   result.T_wt_nominal = wanted_of_rewritten(job, path, result.samples, places);
+  result.path = path;
   result.point_left = ideal.point_left;
   result.direction_left = ideal.direction_left;
   result.not_converged = ideal.not_converged;

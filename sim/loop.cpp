@@ -9,7 +9,10 @@
 #include <Eigen/Dense>
 
 #include "kinematics/units.h"
+#include "sim/activity.h"
 #include "sim/part.h"
+#include "sim/run_out.h"
+#include "sim/spindle_line.h"
 
 namespace abbe::sim {
 namespace {
@@ -39,19 +42,19 @@ std::vector<Pose> poses(const std::vector<AxisState>& states,
   return T;
 }
 
-/// Line of the program on which an axis first leaves its travel.
-void check_travel(const Job& job, const program::Samples& samples) {
+/// Refuses the line of the program on which an axis first leaves its travel.
+void check_travel(const Machine& machine, const program::Path& path,
+                  const program::Samples& samples) {
   constexpr double slack = 1e-6;  // mm or rad: words are rounded, limits are not exact
   for (std::size_t i = 0; i < samples.states.size(); ++i) {
-    for (int k = 0; k < job.machine.nominal.size(); ++k) {
-      const kinematics::Joint& joint = job.machine.nominal.joints()[std::size_t(k)];
+    for (int k = 0; k < machine.nominal.size(); ++k) {
+      const kinematics::Joint& joint = machine.nominal.joints()[std::size_t(k)];
       const double q = samples.states[i].q[k];
-      if (joint.motion == kinematics::Motion::Spindle || job.machine.workpiece_spindle == k)
-        continue;
+      if (joint.motion == kinematics::Motion::Spindle || machine.workpiece_spindle == k) continue;
       if (q >= joint.min - slack && q <= joint.max + slack) continue;
       const bool turns = joint.motion == kinematics::Motion::Rotary;
       const double unit = turns ? units::deg : 1.0;
-      throw BadInput(job.path.file, samples.line[i], 0,
+      throw BadInput(path.file, samples.line[i], 0,
                      fmt::format("{} between {:.6g} and {:.6g} {}", joint.name, joint.min / unit,
                                  joint.max / unit, turns ? "deg" : "mm"),
                      fmt::format("{} = {:.9g} in this block", joint.name, q / unit));
@@ -75,20 +78,7 @@ cutting::CutterMotion cutter_motion(const std::vector<Pose>& T_wt,
   return motion;
 }
 
-/// Line about which the workpiece turns, seen from the workpiece of a chain.
-struct SpindleLine {
-  Eigen::Vector3d point_w;
-  Eigen::Vector3d direction_w;
-};
-
-SpindleLine spindle_line(const kinematics::Chain& chain, int joint) {
-  const Pose T_wb = chain.T_bw_home().inverse();
-  return {T_wb * chain.joints()[std::size_t(joint)].point_b,
-          T_wb.linear() * chain.joints()[std::size_t(joint)].direction_b};
-}
-
-/// The tool turned back by the spindle, so that only slow motion is left to interpolate; the
-/// turning itself is then exact.
+/// With the slow pose the turning itself is exact.
 cutting::NoseMotion nose_motion(const std::vector<Pose>& T_wt, const program::Samples& samples,
                                 const kinematics::Chain& chain, int spindle) {
   const SpindleLine line = spindle_line(chain, spindle);
@@ -100,11 +90,7 @@ cutting::NoseMotion nose_motion(const std::vector<Pose>& T_wt, const program::Sa
     const AxisState& state = samples.states[i];
     if (!time.empty() && state.time_s <= time.back()) continue;  // a reversal is sampled twice
     const double turn = state.q[spindle];
-    const Eigen::Matrix3d back = Eigen::AngleAxisd(-turn, line.direction_w).toRotationMatrix();
-    Pose T = T_wt[i];
-    T.linear() = back * T_wt[i].linear();
-    T.translation() = line.point_w + back * (T_wt[i].translation() - line.point_w);
-    motion.T_slow.push_back(T);
+    motion.T_slow.push_back(slow_pose(line, turn, T_wt[i]));
     angle.push_back(turn);
     time.push_back(state.time_s);
     motion.line.push_back(samples.line[i]);
@@ -163,6 +149,96 @@ double shaping_height(const Scene& scene) {
   return flank ? cutter->flank_length : cutter->radius;
 }
 
+/// Largest second derivative of the tip by the spindle angle that harmonics in that angle make,
+/// mm/rad^2: of spindle error motion where the spindle turns the workpiece, of vibration on any.
+double spindle_bend(const Scene& scene, const Machine& machine) {
+  constexpr double lever = 100.0;  // mm, for tilts
+  const auto size = [](const errors::ElementName& name) { return name.is_angle() ? lever : 1.0; };
+  double bend = 0.0;
+  for (const errors::Element& element : scene.geometric.elements) {
+    if (element.name.axis != 'S' || !machine.workpiece_spindle) continue;
+    for (const errors::Curve& curve : element.curves)
+      bend += size(element.name) * scene.error_scale * errors::most_bend(curve);
+  }
+  for (const errors::Vibration& vibration : scene.vibrations) {
+    double speed = vibration.reference_speed;
+    if (vibration.resonance) speed = std::max(speed, *vibration.resonance / vibration.order);
+    bend += size(vibration.name) * vibration.order * vibration.order *
+            std::abs(errors::amplitude(vibration, speed));
+  }
+  return bend;
+}
+
+/// Refuses a finite-element field that does not lie on the part: another mesh, unit or place.
+void check_field(const Scene& scene, const cutting::Design& design_w) {
+  if (!scene.compliance || !scene.compliance->workpiece) return;
+  const auto* field = std::get_if<errors::WorkpieceField>(&*scene.compliance->workpiece);
+  if (field == nullptr) return;
+  const Eigen::RowVector3d size =
+      design_w.vertices.colwise().maxCoeff() - design_w.vertices.colwise().minCoeff();
+  const double allowed = 0.05 * size.norm(), far = errors::coverage(*field, design_w.vertices);
+  if (far > allowed)
+    throw BadInput(
+        scene.file.string(), 0, 0,
+        fmt::format("a compliance field on this part: a node within {:.3g} mm (5 % of the "
+                    "part) of every vertex",
+                    allowed),
+        fmt::format("a vertex {:.4g} mm from the nearest node", far));
+}
+
+/// The cut of a case on the wrong machine.
+Process followed(const Job& job, const Compensated& told, const std::vector<Pose>& T_wt_wanted,
+                 const Progress& progress) {
+  const auto loaded = [&](const AxisState& state, const errors::Load& load) {
+    return tool_in_workpiece(job.truth, state, load);
+  };
+  return follow(job.scene, job.machine,
+                cutting::transformed(job.design_w, job.scene.part.T_wm.inverse()),
+                {told.samples, told.path ? *told.path : job.path, T_wt_wanted, loaded,
+                 job.machine.actual, job.scene.tool.actual},
+                [&](double fraction) {
+                  if (progress) progress("stock", fraction);
+                });
+}
+
+/// What acts at every sample. @return (samples), empty where nothing does
+std::vector<errors::Load> loads_of(const Job& job, const Compensated& told,
+                                   const Process& process) {
+  const bool inertia = !job.accelerations.empty();
+  if (!job.truth.compliance || (process.steps.empty() && !inertia)) return {};
+  std::vector<errors::Load> loads(told.samples.states.size());
+  for (std::size_t i = 0; i < loads.size(); ++i)
+    loads[i] = load_at(process, told.samples.states[i].time_s);
+  if (inertia) {
+    const std::vector<AxisVector> acceleration = accelerations(told.samples);
+    for (std::size_t i = 0; i < loads.size(); ++i) loads[i].acceleration = acceleration[i];
+  }
+  return loads;
+}
+
+/// What went wrong with the cut itself, in words.
+void tell_process(const Scene& scene, const Process& process, std::vector<std::string>& warnings) {
+  if (process.steps.empty()) return;
+  std::size_t open = 0;
+  double removed = 0.0, apart = 0.0;
+  for (const ProcessStep& step : process.steps) {
+    removed += step.removed;
+    if (step.converged) continue;
+    ++open;
+    apart = std::max(apart, step.disagreement);
+  }
+  if (open > 0)
+    warnings.push_back(fmt::format(
+        "force and deflection did not agree to {:.3g} nm at {} of {} steps; they differ by {:.3g} "
+        "nm "
+        "at most",
+        scene.cutting->tolerance / units::nm, open, process.steps.size(), apart / units::nm));
+  if (!(removed > 0.0)) warnings.push_back("the tool met no material of the blank");
+  if (!process.crash_lines.empty())
+    warnings.push_back(fmt::format("a rapid or the shank met material on {} lines, first line {}",
+                                   process.crash_lines.size(), process.crash_lines.front()));
+}
+
 }  // namespace
 
 program::SampleOptions sample_options(const Scene& scene, const Machine& machine) {
@@ -172,13 +248,20 @@ program::SampleOptions sample_options(const Scene& scene, const Machine& machine
   options.max_axis_step = scene.max_step;
   options.workpiece_spindle = machine.workpiece_spindle;
   options.reach = shaping_height(scene);
+  const double bend = spindle_bend(scene, machine);
+  if (bend > 0.0) {
+    // a chord over an angle leaves bend angle^2 / 8
+    const double turn = std::sqrt(8 * scene.chord_tolerance / bend);
+    options.max_spindle_turn = std::min(options.max_spindle_turn, turn);
+    if (!scene.vibrations.empty()) options.max_nose_turn = turn;
+  }
   return options;
 }
 
-Job prepare(const Scene& scene, const Progress& progress) {
+Job prepare(const Scene& described, const Progress& progress) {
   Stopwatch watch;
+  const Scene scene = with_run_out(described);
   Machine machine = compile(scene);
-  Truth truth = truth_of(scene, machine);
   Part part = load_part(scene);
   const double part_s = watch.lap();
   if (progress) progress("program", 0.0);
@@ -189,18 +272,37 @@ Job prepare(const Scene& scene, const Progress& progress) {
   std::vector<Pose> T_wt_nominal = poses(samples.states, [&](const AxisState& state) {
     return machine.nominal.tool_in_workpiece(state.q);
   });
-  Job job{scene,
+  check_travel(machine, program.path, samples);
+  const double sample_s = watch.lap();
+  check_field(scene, part.design_w);
+  const auto rigid = [&](const AxisState& state, const errors::Load&) {
+    return machine.nominal.tool_in_workpiece(state.q);
+  };
+  Process process =
+      follow(scene, machine, part.design_m,
+             {samples, program.path, T_wt_nominal, rigid, machine.nominal, scene.tool.nominal},
+             [&](double fraction) {
+               if (progress) progress("stock", fraction);
+             });
+  const double stock_s = watch.lap();
+  Truth truth = truth_of(scene, machine, activity(scene, machine, samples, process));
+  std::vector<kinematics::AxisVector> acceleration;
+  if (scene.compliance && scene.compliance->inertia) acceleration = accelerations(samples);
+  return {scene,
           std::move(machine),
           std::move(truth),
           std::move(part.design_w),
           std::move(program.path),
           std::move(samples),
           std::move(T_wt_nominal),
+          std::move(process),
+          std::move(acceleration),
           std::move(program.text),
-          {}};
-  check_travel(job, job.samples);
-  job.timing_s = {{"part", part_s}, {"program", program_s}, {"sample", watch.lap()}};
-  return job;
+          {{"part", part_s},
+           {"program", program_s},
+           {"sample", sample_s},
+           {"stock", stock_s},
+           {"heat", watch.lap()}}};
 }
 
 Cut cut_error_free(const Job& job, const Progress& progress) {
@@ -209,6 +311,8 @@ Cut cut_error_free(const Job& job, const Progress& progress) {
   result.name = result.case_name = "error_free";
   result.surface = machined(job, job.T_wt_nominal, job.samples,
                             {job.machine.nominal, job.scene.tool.nominal}, progress);
+  result.process = job.nominal_process;
+  tell_process(job.scene, result.process, result.warnings);
   result.timing_s["surface"] = watch.lap();
   return result;
 }
@@ -231,21 +335,30 @@ Cut cut(const Job& job, const std::optional<CaseDescription>& compensator,
     told.samples = job.samples;
     told.samples.states = commands(job);
   }
-  check_travel(job, told.samples);
+  check_travel(job.machine, job.path, told.samples);
   result.timing_s["correction"] = watch.lap();
 
+  const std::vector<Pose>& T_wt_wanted =
+      told.T_wt_nominal.empty() ? job.T_wt_nominal : told.T_wt_nominal;
   std::vector<Pose> T_wt;
   try {
-    T_wt = poses(told.samples.states,
-                 [&](const AxisState& state) { return tool_in_workpiece(job.truth, state); });
+    result.process = followed(job, told, T_wt_wanted, progress);
+    result.timing_s["stock"] = watch.lap();
+    const std::vector<errors::Load> loads = loads_of(job, told, result.process);
+    T_wt = poses(told.samples.states, [&](const AxisState& state) {
+      const std::size_t i = std::size_t(&state - told.samples.states.data());
+      return tool_in_workpiece(job.truth, state, loads.empty() ? errors::Load{} : loads[i]);
+    });
+    result.signals = signals(job.scene, job.machine, job.truth,
+                             {told.samples, T_wt_wanted, result.process, loads});
   } catch (const std::out_of_range& left) {
     throw BadInput(job.scene.file.string(), 0, 0, "a program inside the tables of the errors",
                    left.what());
   }
-  const PoseErrors errors =
-      pose_errors(T_wt, told.T_wt_nominal.empty() ? job.T_wt_nominal : told.T_wt_nominal);
-  result.tip_error = errors.tip;
-  result.direction_error = errors.direction;
+  tell_process(job.scene, result.process, result.warnings);
+  const PoseErrors off = pose_errors(T_wt, T_wt_wanted);
+  result.tip_error = off.tip;
+  result.direction_error = off.direction;
   result.timing_s["poses"] = watch.lap();
   result.surface =
       machined(job, T_wt, told.samples, {job.machine.actual, job.scene.tool.actual}, progress);

@@ -7,8 +7,10 @@
 #include <vector>
 
 #include "cutting/surface.h"
+#include "sim/process.h"
 #include "sim/program/sample.h"
 #include "sim/scene.h"
+#include "sim/signals.h"
 #include "sim/truth.h"
 
 namespace abbe::sim {
@@ -25,6 +27,9 @@ struct Job {
   program::Path path;        ///< as read back from its file
   program::Samples samples;  ///< of the error-free machine; every case shares their times
   std::vector<kinematics::Pose> T_wt_nominal;  ///< (samples) where the tool should be
+  Process nominal_process;  ///< the cut on the error-free, rigid machine; empty without [cutting]
+  std::vector<kinematics::AxisVector>
+      accelerations;         ///< (samples) empty unless masses have inertia
   std::string program_text;  ///< of a generated program, else empty; its name is path.file
   std::map<std::string, double> timing_s;
 };
@@ -54,6 +59,8 @@ struct Cut {
   Spread direction_error;         ///< rad
   double point_left = 0.0;        ///< mm, most that the compensator knew it could not restore
   double direction_left = 0.0;    ///< rad, the same of the direction
+  Process process;                ///< the cut as it went; empty without [cutting]
+  Signals signals;                ///< empty without heat, force or channels
   std::string rewritten_program;  ///< text of the program channel, else empty
   std::vector<std::string> warnings;
   std::map<std::string, double> timing_s;
@@ -75,6 +82,8 @@ std::vector<kinematics::AxisState> commands(const Job& job);
 /// A compensator of the scene acting on the commands: what the axes are really told.
 struct Compensated {
   program::Samples samples;
+  std::optional<program::Path>
+      path;  ///< from which the samples come, where it is not the job's own
   std::vector<kinematics::Pose>
       T_wt_nominal;  ///< (samples) empty where the times are the job's own
   double point_left = 0.0;

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "cutting/turned_mesh.h"
 #include "kinematics/units.h"
 #include "render/comparison.h"
 #include "render/field.h"
@@ -114,24 +115,98 @@ std::vector<render::ProfileSeries> profile(const render::Field& field, const std
       {"highest", {}, {}}, {"mean", {}, {}}, {"lowest", {}, {}}};
   const double none = std::numeric_limits<double>::quiet_NaN();
   for (render::ProfileSeries& series : all)
-    series.x_mm = series.y_um = Eigen::VectorXd::Constant(stretches, none);
+    series.x = series.y = Eigen::VectorXd::Constant(stretches, none);
   if (points.empty()) return all;
   const auto [first, last] = std::minmax_element(points.begin(), points.end());
   const double from = first->first, step = (last->first - from) / stretches;
   std::vector<int> count(stretches, 0);
   for (const auto& [x, y] : points) {
     const int k = step > 0.0 ? std::min(stretches - 1, int((x - from) / step)) : 0;
-    for (render::ProfileSeries& series : all) series.x_mm[k] = from + (k + 0.5) * step;
+    for (render::ProfileSeries& series : all) series.x[k] = from + (k + 0.5) * step;
     if (count[std::size_t(k)]++ == 0) {
-      for (render::ProfileSeries& series : all) series.y_um[k] = y;
+      for (render::ProfileSeries& series : all) series.y[k] = y;
       continue;
     }
-    all[0].y_um[k] = std::max(all[0].y_um[k], y);
-    all[1].y_um[k] += y;
-    all[2].y_um[k] = std::min(all[2].y_um[k], y);
+    all[0].y[k] = std::max(all[0].y[k], y);
+    all[1].y[k] += y;
+    all[2].y[k] = std::min(all[2].y[k], y);
   }
-  for (int k = 0; k < stretches; ++k) all[1].y_um[k] /= std::max(1, count[std::size_t(k)]);
+  for (int k = 0; k < stretches; ++k) all[1].y[k] /= std::max(1, count[std::size_t(k)]);
   return all;
+}
+
+/// A time as people say it: hours where it is long.
+std::string time_text(double time_s) {
+  return std::abs(time_s) >= 600.0 ? fmt::format("{:.4g} h", time_s / 3600.0)
+                                   : fmt::format("{:.4g} s", time_s);
+}
+
+/// Temperatures of all nodes over history and program.
+void write_temperatures(const std::filesystem::path& file, const Job& job) {
+  const errors::ThermalRun& run = job.truth.heat->run;
+  const double from = run.knots.front().time_s, to = run.knots.back().time_s;
+  constexpr int points = 600;
+  const double unit = to - from > 2 * 3600.0 ? 3600.0 : (to - from > 300.0 ? 60.0 : 1.0);
+  std::vector<render::ProfileSeries> series;
+  for (const errors::ThermalNode& node : run.network.nodes)
+    series.push_back({node.name, Eigen::VectorXd(points), Eigen::VectorXd(points)});
+  for (int i = 0; i < points; ++i) {
+    const double time_s = from + (to - from) * i / (points - 1);
+    const Eigen::VectorXd T_C = errors::temperatures(run, time_s);
+    for (std::size_t k = 0; k < series.size(); ++k) {
+      series[k].x[i] = time_s / unit;
+      series[k].y[i] = T_C[Eigen::Index(k)];
+    }
+  }
+  render::ProfileOptions options;
+  options.title = job.scene.title + ": temperatures";
+  options.x_label = unit == 3600.0 ? "time / h" : (unit == 60.0 ? "time / min" : "time / s");
+  options.y_label = "temperature / °C";
+  options.caption = {"time 0 is the start of the program"};
+  render::write_profile(file, series, options);
+}
+
+/// One element over the travel of its axis, at several instants.
+void write_element(const std::filesystem::path& file, const Job& job,
+                   const ThermalDescription::Plot& plot) {
+  const kinematics::Chain& chain = job.machine.nominal;
+  auto found = chain.find(plot.element.axis);
+  if (!found && plot.element.axis == 'S') found = chain.find('s');
+  const int j = found.value();
+  const kinematics::Joint& joint = chain.joints()[std::size_t(j)];
+  const bool slide = joint.motion == kinematics::Motion::Linear;
+  const double turn = 2 * pi;
+  const double from = slide ? std::max(joint.min, -2000.0) : std::max(joint.min, -turn);
+  const double to = slide ? std::min(joint.max, 2000.0) : std::min(joint.max, turn);
+  constexpr int points = 400;
+  std::vector<render::ProfileSeries> series;
+  for (const double time_s : plot.time_s) {
+    render::ProfileSeries one{time_text(time_s), Eigen::VectorXd(points), Eigen::VectorXd(points)};
+    for (int i = 0; i < points; ++i) {
+      kinematics::AxisState state;
+      state.q = kinematics::AxisVector::Zero(chain.size());
+      state.q[j] = from + (to - from) * i / (points - 1);
+      state.time_s = time_s;
+      one.x[i] = slide ? state.q[j] : state.q[j] / units::deg;
+      try {
+        const kinematics::JointDeviation d = deviations(job.truth, state).joints[std::size_t(j)];
+        one.y[i] = (plot.element.location ? d.location : d.motion)[plot.element.component()] /
+                   (plot.element.is_angle() ? units::urad : units::um);
+      } catch (const std::out_of_range&) {  // beyond a table: the curve ends there
+        one.y[i] = std::numeric_limits<double>::quiet_NaN();
+      }
+    }
+    series.push_back(std::move(one));
+  }
+  render::ProfileOptions options;
+  const std::string name = errors::to_string(plot.element);
+  options.title = job.scene.title + ": " + name;
+  options.x_label = fmt::format("{} / {}", plot.element.axis, slide ? "mm" : "°");
+  options.y_label = fmt::format("{} / {}", name, plot.element.is_angle() ? "µrad" : "µm");
+  options.caption = {
+      "actual minus nominal, all sources, as commanded; time 0 is the start of the "
+      "program"};
+  render::write_profile(file, series, options);
 }
 
 /// What the summary beside a result says of it, if there is one.
@@ -180,6 +255,29 @@ void write_case_pictures(const std::filesystem::path& folder, const Job& job,
     if (job.scene.part.tolerance > 0.0) options.tolerance_um = job.scene.part.tolerance / units::um;
     render::write_histogram(file, deviation_um(verdict), job.design_w.area, options);
   });
+}
+
+void write_source_pictures(const std::filesystem::path& folder, const Job& job,
+                           const Verdict& verdict) {
+  const Process& process = verdict.cut.process;
+  std::error_code none;
+  if (process.stock || process.turned)
+    write_file(folder / "stock.vtp", [&](const std::filesystem::path& file) {
+      render::write_stock(file, process.stock ? cutting::stock_mesh(*process.stock)
+                                              : cutting::stock_mesh(*process.turned));
+    });
+  else
+    std::filesystem::remove(folder / "stock.vtp", none);
+  const bool heat = job.truth.heat && verdict.cut.case_name != "error_free";
+  if (heat)
+    write_file(folder / "temperatures.png",
+               [&](const std::filesystem::path& file) { write_temperatures(file, job); });
+  else
+    std::filesystem::remove(folder / "temperatures.png", none);
+  if (!heat) return;
+  for (const ThermalDescription::Plot& plot : job.scene.thermal->plots)
+    write_file(folder / (errors::to_string(plot.element) + "-temperatures.png"),
+               [&](const std::filesystem::path& file) { write_element(file, job, plot); });
 }
 
 void write_comparison_picture(const std::filesystem::path& file, const Scene& scene,
@@ -258,6 +356,7 @@ std::filesystem::path render_result(const RenderOptions& options) {
 namespace abbe::sim {
 
 void write_case_pictures(const std::filesystem::path&, const Job&, const Verdict&) {}
+void write_source_pictures(const std::filesystem::path&, const Job&, const Verdict&) {}
 void write_comparison_picture(const std::filesystem::path&, const Scene&,
                               const std::vector<Compared>&) {}
 void write_check_picture(const std::filesystem::path&, const Job&) {}

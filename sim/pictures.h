@@ -13,6 +13,12 @@ namespace abbe::sim {
 void write_case_pictures(const std::filesystem::path& folder, const Job& job,
                          const Verdict& verdict);
 
+/// `stock.vtp` of a case whose stock was cut, `temperatures.png` of one with heat and a picture
+/// `EXX-temperatures.png` of every element that the scene plots; older ones are removed where the
+/// case has none.
+void write_source_pictures(const std::filesystem::path& folder, const Job& job,
+                           const Verdict& verdict);
+
 /// All cases on one symmetric colour scale with their figures.
 void write_comparison_picture(const std::filesystem::path& file, const Scene& scene,
                               const std::vector<Compared>& cases);

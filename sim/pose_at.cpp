@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/units.h"
+#include "sim/activity.h"
 #include "sim/truth.h"
 
 namespace abbe::sim {
@@ -72,7 +73,7 @@ kinematics::AxisVector parse_positions(const kinematics::Chain& chain, const std
 
 ordered_json pose_at(const Scene& scene, const std::string& at) {
   const Machine machine = compile(scene);
-  const Truth truth = truth_of(scene, machine);
+  const Truth truth = truth_of(scene, machine, activity(scene, machine, {}, {}));
   kinematics::AxisState state;
   state.q = parse_positions(machine.nominal, at);
   const kinematics::Pose nominal = machine.nominal.tool_in_workpiece(state.q);

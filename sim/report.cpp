@@ -49,6 +49,79 @@ ordered_json facet_error(const cutting::Design& design) {
           {"max", design.facet_error.maxCoeff() / units::um}};
 }
 
+/// Temperatures of the nodes when the program starts and ends.
+ordered_json heat_C(const Job& job) {
+  if (!job.truth.heat) return {};
+  const errors::ThermalRun& run = job.truth.heat->run;
+  const Eigen::VectorXd start = errors::temperatures(run, 0.0);
+  const Eigen::VectorXd end = errors::temperatures(run, run.knots.back().time_s);
+  ordered_json nodes = ordered_json::object();
+  for (std::size_t k = 0; k < run.network.nodes.size(); ++k)
+    nodes[run.network.nodes[k].name] = {{"start", start[Eigen::Index(k)]},
+                                        {"end", end[Eigen::Index(k)]}};
+  return nodes;
+}
+
+ordered_json process_figures(const Process& process) {
+  if (process.steps.empty()) return {};
+  double contraction = 0.0, removed = 0.0, force = 0.0, force_sum = 0.0, torque = 0.0, power = 0.0;
+  std::size_t cutting = 0, open = 0;
+  int iterations = 0;
+  for (const ProcessStep& step : process.steps) {
+    const double now = step.load.on_tool_t.head<3>().norm();
+    removed += step.removed;
+    force = std::max(force, now);
+    torque = std::max(torque, step.torque);
+    power = std::max(power, step.power_W);
+    iterations = std::max(iterations, step.iterations);
+    contraction = std::max(contraction, step.contraction);
+    if (now > 0.0) {
+      force_sum += now;
+      ++cutting;
+    }
+    if (!step.converged) ++open;
+  }
+  return {
+      {"steps", process.steps.size()},
+      {"removed_mm3", removed},
+      {"force_max_N", force},
+      {"force_mean_N", cutting > 0 ? ordered_json(force_sum / double(cutting)) : ordered_json()},
+      {"torque_max_Nm", torque * 1e-3},
+      {"power_max_W", power},
+      {"iterations_max", iterations},
+      {"contraction_max", contraction},
+      {"not_converged", open},
+      {"crash_lines", process.crash_lines}};
+}
+
+/// A file that only some cases have: where there is none, one of an earlier run goes.
+void write_or_remove(const std::filesystem::path& file, const std::string& text) {
+  std::error_code none;
+  if (text.empty())
+    std::filesystem::remove(file, none);
+  else
+    write_file(file, text);
+}
+
+/// Mean radius of the machined surface on every ring that the scene names, weighted by area.
+ordered_json radii_um(const Job& job, const cutting::Surface& surface) {
+  ordered_json radii = ordered_json::object();
+  const kinematics::Pose T_mw = job.scene.part.T_wm.inverse();
+  for (const PartDescription::Ring& ring : job.scene.part.rings) {
+    double weighted = 0.0, area = 0.0;
+    for (Eigen::Index i = 0; i < job.design_w.vertices.rows(); ++i) {
+      if (surface.status[std::size_t(i)] != cutting::VertexStatus::Cut) continue;
+      const Eigen::Vector3d p_m = T_mw * job.design_w.vertices.row(i).transpose();
+      if (std::abs(p_m.z() - ring.along) > 0.5 * ring.width) continue;
+      const Eigen::Vector3d n_m = T_mw.linear() * job.design_w.normals.row(i).transpose();
+      weighted += job.design_w.area[i] * (p_m + surface.residual[i] * n_m).head<2>().norm();
+      area += job.design_w.area[i];
+    }
+    radii[ring.name] = area > 0.0 ? ordered_json(weighted / area / units::um) : ordered_json();
+  }
+  return radii;
+}
+
 }  // namespace
 
 const char* name_of(DatumDescription::Kind kind) {
@@ -124,6 +197,9 @@ ordered_json summary(const Job& job, const Verdict& verdict) {
       {"warnings", verdict.cut.warnings},
       {"versions", versions()},
   };
+  if (job.truth.heat) json["temperature_C"] = heat_C(job);
+  if (!verdict.cut.process.steps.empty()) json["cut"] = process_figures(verdict.cut.process);
+  if (!job.scene.part.rings.empty()) json["radii_um"] = radii_um(job, verdict.aligned.surface);
   if (job.scene.alignment != Alignment::None) {
     const auto& D = verdict.aligned.displacement;
     json["aligned_by"] = {
@@ -143,15 +219,14 @@ void write_program(const std::filesystem::path& folder, const Job& job) {
 void write_case(const std::filesystem::path& folder, const Job& job, const Verdict& verdict) {
   prepare_folder(folder);
   write_case_pictures(folder, job, verdict);
+  write_source_pictures(folder, job, verdict);
+  write_or_remove(folder / "signals.csv",
+                  verdict.cut.signals.columns.empty() ? "" : to_csv(verdict.cut.signals));
   write_file(folder / "scene.toml",
              "case = \"" + verdict.cut.case_name + "\"\n" + job.scene.resolved);
   const std::filesystem::path rewritten =
       folder / ("rewritten" + std::filesystem::path(job.path.file).extension().string());
-  std::error_code none;
-  if (verdict.cut.rewritten_program.empty())
-    std::filesystem::remove(rewritten, none);  // of an earlier run of another case
-  else
-    write_file(rewritten, verdict.cut.rewritten_program);
+  write_or_remove(rewritten, verdict.cut.rewritten_program);
   // last, so that a summary stands for a finished case
   write_file(folder / "summary.json", summary(job, verdict).dump(2) + "\n");
 }

@@ -45,6 +45,14 @@ kinematics::Deviation read_setup(TableReader& scene) {
   return setup;
 }
 
+/// An instant, negative in the thermal history before the program.
+double read_time(TableReader& datum) {
+  if (datum.has("time_h") && datum.has("time_s"))
+    datum.refuse("time_h", "one of time_s and time_h", "both");
+  return datum.has("time_h") ? datum.number("time_h", any_number)
+                             : datum.number("time_s", any_number, 0.0);
+}
+
 DatumDescription read_datum(TableReader& scene) {
   using Kind = DatumDescription::Kind;
   DatumDescription datum;
@@ -54,7 +62,7 @@ DatumDescription read_datum(TableReader& scene) {
   datum.kind = reader.choice<Kind>(
       "kind", {{"none", Kind::None}, {"ideal", Kind::Ideal}, {"touch_off", Kind::TouchOff}});
   if (datum.kind == Kind::Ideal) datum.point_w = reader.vector("point_mm", datum.point_w);
-  if (datum.kind != Kind::None) datum.time_s = reader.number("time_s", non_negative, 0.0);
+  if (datum.kind != Kind::None) datum.time_s = read_time(reader);
   if (datum.kind == Kind::TouchOff) {
     if (!reader.has("touch")) reader.missing("touch", "a list of tables");
     for (const Node* touch : reader.tables("touch")) {
@@ -65,6 +73,114 @@ DatumDescription read_datum(TableReader& scene) {
   }
   reader.close();
   return datum;
+}
+
+errors::Vibration read_vibration(const Node& node, const MachineDescription& machine,
+                                 Faults& faults) {
+  TableReader reader(node, "vibration", faults);
+  errors::Vibration vibration;
+  try {
+    vibration.name = errors::parse_element_name(reader.text("element", "EXS"));
+  } catch (const std::invalid_argument& fault) {
+    reader.refuse("element", "an element such as EXS", fault.what());
+  }
+  if (!reader.has("element")) reader.missing("element", "an element such as EXS");
+  vibration.order = reader.number("order", positive, 1.0);
+  vibration.amplitude =
+      reader.number(vibration.name.is_angle() ? "amplitude_urad" : "amplitude_um", any_number);
+  vibration.exponent = reader.number("exponent", any_number, 0.0);
+  vibration.reference_speed = vibration.exponent == 0.0 ? reader.number("at_rpm", positive, 1.0)
+                                                        : reader.number("at_rpm", positive);
+  vibration.phase = reader.number("phase_deg", any_number, 0.0);
+  if (const auto hertz = reader.maybe_number("resonance_Hz", positive))
+    vibration.resonance = 2 * pi * *hertz;
+  vibration.damping = reader.number("damping", positive, vibration.damping);
+  reader.close();
+  try {
+    errors::bind({vibration}, kinematics::Chain(machine.joints, machine.T_bw, machine.T_bs));
+  } catch (const std::invalid_argument& fault) {
+    if (!machine.joints.empty())
+      reader.refuse("element", "a vibration that the machine can have", fault.what());
+  }
+  return vibration;
+}
+
+SignalsDescription read_signals(TableReader& scene) {
+  SignalsDescription signals;
+  const Node* node = scene.section("signals");
+  if (!node) return signals;
+  TableReader reader(*node, "signals", scene.faults());
+  signals.interval = reader.number("interval_s", non_negative, 0.0);
+  signals.history_interval = reader.number("history_interval_s", non_negative, 0.0);
+  signals.encoder_resolution = reader.number("encoder_resolution_um", non_negative, 0.0);
+  signals.encoder_resolution_rad = reader.number("encoder_resolution_urad", non_negative, 0.0);
+  signals.encoder_noise = reader.number("encoder_noise_um", non_negative, 0.0);
+  signals.encoder_noise_rad = reader.number("encoder_noise_urad", non_negative, 0.0);
+  if (const Node* table = reader.section("current")) {
+    TableReader motor(*table, "signals.current", scene.faults());
+    SignalsDescription::Current current;
+    current.torque_per_current = motor.number("torque_Nm_per_A", positive);
+    current.idle_torque = motor.number("idle_torque_Nm", non_negative, 0.0);
+    current.viscous_torque =
+        motor.number("viscous_torque_Nm_per_rpm", non_negative, 0.0) / units::rpm;
+    current.noise_A = motor.number("noise_A", non_negative, 0.0);
+    current.bandwidth = motor.number("bandwidth_Hz", non_negative, 0.0);
+    motor.close();
+    signals.current = current;
+  }
+  if (const Node* table = reader.section("dynamometer")) {
+    TableReader force(*table, "signals.dynamometer", scene.faults());
+    signals.dynamometer = {force.number("noise_N", non_negative, 0.0),
+                           force.number("resolution_N", non_negative, 0.0),
+                           force.number("bandwidth_Hz", non_negative, 0.0)};
+    force.close();
+  }
+  reader.close();
+  return signals;
+}
+
+/// The heat of the machine with the day that the scene gives it: its history and its room, which
+/// stand for those of the machine's own file.
+std::optional<ThermalDescription> read_heat(TableReader& scene, const MachineDescription& machine,
+                                            std::uint64_t seed) {
+  const Node* node = section(scene, "thermal", false);
+  std::optional<Node> with_day;
+  if (node) with_day = *node;
+  for (const std::string key : {"history", "room", "room_C"}) {
+    const Node* day = scene.know(key);
+    if (!day) continue;
+    if (!node) {
+      if (!scene.has("thermal")) scene.refuse(key, "a [thermal] section beside " + key, "none");
+      continue;
+    }
+    std::erase_if(*with_day->table(), [&](const Node::Entry& entry) {
+      const bool other_room = entry.key.starts_with("room") && !scene.has(entry.key);
+      return entry.key == key || (key != "history" && other_room);
+    });
+    with_day->table()->push_back({key, day->place, *day});
+  }
+  if (!with_day) return std::nullopt;
+  return read_thermal(*with_day, machine, seed, scene.faults());
+}
+
+/// Heat, force and what the control reads of them.
+void read_sources(TableReader& reader, Scene& scene) {
+  Faults& faults = reader.faults();
+  scene.thermal = read_heat(reader, scene.machine, scene.seed);
+  if (const Node* node = section(reader, "compliance", false))
+    scene.compliance = read_compliance(*node, scene.machine, faults);
+  for (const Node* node : reader.tables("vibration"))
+    scene.vibrations.push_back(read_vibration(*node, scene.machine, faults));
+  if (const Node* node = reader.section("cutting"))
+    scene.cutting = read_cutting(*node, scene.tool, faults);
+  if (const Node* node = section(reader, "material", false)) {
+    const cutting::CuttingCoefficients material = read_material(*node, faults);
+    if (scene.cutting)
+      scene.cutting->material = material;
+    else
+      reader.refuse("material", "a [cutting] section beside the material", "none");
+  }
+  scene.signals = read_signals(reader);
 }
 
 void read_numerics(TableReader& scene, Scene& result) {
@@ -245,6 +361,7 @@ Scene interpreted(const Node& tree, const std::filesystem::path& file, Faults& f
   if (const Node* node = section(reader, "program", true)) {
     scene.program = read_program(*node, scene.machine.joints, faults);
   }
+  read_sources(reader, scene);
   if (const Node* node = reader.section("control")) {
     scene.control = read_control(*node, scene.machine.joints, faults);
   }

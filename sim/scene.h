@@ -9,9 +9,14 @@
 #include <vector>
 
 #include "cutting/alignment.h"
+#include "cutting/force.h"
 #include "cutting/primitive.h"
 #include "cutting/tool.h"
+#include "errors/compliance.h"
 #include "errors/geometric.h"
+#include "errors/thermal.h"
+#include "errors/thermal_elements.h"
+#include "errors/vibration.h"
 #include "kinematics/bad_input.h"
 #include "kinematics/chain.h"
 #include "sim/compensation/correct.h"
@@ -64,6 +69,12 @@ struct PartDescription {
       judged_normal_z;  ///< mesh files: vertices whose normal's z is less are left out
   std::optional<double> judged_margin;  ///< mesh files: mm from the rim that are left out
   double tolerance = 0.0;               ///< mm, +- ; 0: none given
+  struct Ring {                         ///< where the radius of a part of revolution is told
+    std::string name;
+    double along = 0.0;  ///< mm, z of the part frame
+    double width = 0.0;  ///< mm, > 0
+  };
+  std::vector<Ring> rings;
 };
 
 /// A program: a file, or a generator that writes one.
@@ -91,6 +102,81 @@ struct DatumDescription {
   std::vector<Touch> touches;                         ///< touch_off
   Eigen::Vector3d point_w = Eigen::Vector3d::Zero();  ///< ideal: where the tip is set exactly
   double time_s = 0.0;
+};
+
+/// A stretch of time before the program, as the machine spent it.
+struct ThermalPhase {
+  double duration = 0.0;              ///< s
+  double spindle_speed = 0.0;         ///< rad/s
+  kinematics::AxisVector axis_speed;  ///< (joints) mean |v| of reciprocating axes, mm/s or rad/s
+  bool powered = true;
+  bool coolant = false;
+};
+
+/// Heat: the network, what it does to the elements, what came before the program. Time 0 is the
+/// start of the program; the history ends there.
+struct ThermalDescription {
+  errors::ThermalNetwork network;
+  errors::ThermalErrors errors;
+  std::vector<errors::TemperatureSensor> sensors;
+  std::vector<ThermalPhase> history;  ///< in order, the last one ends at time 0
+  Eigen::VectorXd room_time_s;        ///< (n >= 1) the room is linear between, held outside
+  Eigen::VectorXd room_T_C;           ///< (n)
+  double coolant_T_C = 20.0;
+  bool powered = true;    ///< while the program runs
+  bool coolant = false;   ///< the same
+  double interval = 1.0;  ///< s, in the program heat flows are linear over stretches of this length
+  struct Plot {
+    errors::ElementName element;
+    Eigen::VectorXd time_s;  ///< (n) instants whose curves are drawn
+  };
+  std::vector<Plot> plots;
+};
+
+/// The blank, what is cut with which forces, and how finely that is followed.
+struct CuttingDescription {
+  struct OffsetBlank {       ///< of a milled design, raised along its normals
+    double allowance = 0.0;  ///< mm
+    double floor = 0.0;      ///< mm, z of the part frame below
+  };
+  struct TurnedBlank {  ///< radius over the spindle line, from the part's origin
+    Eigen::Matrix<double, Eigen::Dynamic, 2> profile;  ///< (n x 2) mm: along, radius
+  };
+  using Blank =
+      std::variant<cutting::BoxBlank, cutting::CylinderBlank, OffsetBlank, MeshFile, TurnedBlank>;
+  Blank blank;           ///< in the part's frame
+  double spacing = 0.5;  ///< mm of dexels; of a turned blank along the line
+  bool three_directions = true;
+  std::size_t max_bytes = std::size_t(2) << 30;
+  std::optional<cutting::CuttingCoefficients> material;  ///< none: stock alone, no forces
+  cutting::Flutes flutes;
+  double step = 0.5;         ///< mm of tip travel between two looks at the engagement (milling)
+  double tolerance = 1e-6;   ///< mm, to which deflection and force agree
+  int most_iterations = 30;  ///< of one step
+};
+
+/// What a control can read, and how well.
+struct SignalsDescription {
+  double interval = 0.0;  ///< s between rows of signals.csv; 0: as fine as 20 000 rows allow
+  double history_interval = 0.0;    ///< s between rows of the thermal history; 0: it is not told
+  double encoder_resolution = 0.0;  ///< mm; 0: not rounded
+  double encoder_resolution_rad = 0.0;
+  double encoder_noise = 0.0;  ///< mm, standard deviation
+  double encoder_noise_rad = 0.0;
+  struct Current {
+    double torque_per_current = 1e3;  ///< N mm/A
+    double idle_torque = 0.0;         ///< N mm, of bearings at any speed
+    double viscous_torque = 0.0;      ///< N mm s/rad
+    double noise_A = 0.0;             ///< standard deviation
+    double bandwidth = 0.0;           ///< Hz, first order; 0: none
+  };
+  std::optional<Current> current;
+  struct Dynamometer {
+    double noise = 0.0;       ///< N
+    double resolution = 0.0;  ///< N
+    double bandwidth = 0.0;   ///< Hz, first order; 0: none
+  };
+  std::optional<Dynamometer> dynamometer;
 };
 
 using Alignment = cutting::Alignment;
@@ -136,6 +222,11 @@ struct Scene {
   MachineDescription machine;
   errors::GeometricErrors geometric;
   double error_scale = 1.0;
+  std::optional<ThermalDescription> thermal;
+  std::optional<errors::ComplianceErrors> compliance;
+  std::vector<errors::Vibration> vibrations;
+  std::optional<CuttingDescription> cutting;
+  SignalsDescription signals;
   kinematics::Deviation setup = kinematics::Deviation::Zero();  ///< clamping of the part, at w
   ToolDescription tool;
   PartDescription part;

@@ -84,6 +84,8 @@ class ErrorsReader {
   void read_curves(const Node::Entry& entry, const ElementName& name);
   std::optional<Curve> read_curve(const Node& table, const ElementName& name, int index);
   errors::Shape read_shape(TableReader& curve, const ElementName& name, int index);
+  std::uint64_t read_seed(TableReader& curve, const ElementName& name, int index);
+  errors::Shape read_asynchronous(TableReader& curve, const ElementName& name, int index);
   errors::Shape read_series(TableReader& curve, const Units& unit, bool legendre);
   errors::Shape read_fourier(TableReader& curve, const Units& unit);
   errors::Table read_table(TableReader& curve, const ElementName& name);
@@ -194,7 +196,8 @@ errors::Shape ErrorsReader::read_shape(TableReader& curve, const ElementName& na
     Table,
     Backlash,
     UpDown,
-    Repeatability
+    Repeatability,
+    Asynchronous
   };
   const Units unit = units(name);
   const Kind kind = curve.choice<Kind>("kind", {{"constant", Kind::Constant},
@@ -204,7 +207,8 @@ errors::Shape ErrorsReader::read_shape(TableReader& curve, const ElementName& na
                                                 {"table", Kind::Table},
                                                 {"backlash", Kind::Backlash},
                                                 {"up_down", Kind::UpDown},
-                                                {"repeatability", Kind::Repeatability}});
+                                                {"repeatability", Kind::Repeatability},
+                                                {"asynchronous", Kind::Asynchronous}});
   switch (kind) {
     case Kind::Constant:
       return errors::Constant{curve.number("value" + unit.value, any_number)};
@@ -221,14 +225,34 @@ errors::Shape ErrorsReader::read_shape(TableReader& curve, const ElementName& na
     case Kind::UpDown:
       return errors::UpDown{read_side(curve, "up", name), read_side(curve, "down", name)};
     case Kind::Repeatability:
+      return errors::Repeatability{curve.number("sigma" + unit.value, non_negative),
+                                   read_seed(curve, name, index)};
+    case Kind::Asynchronous:
       break;
   }
+  return read_asynchronous(curve, name, index);
+}
+
+/// The curve's own seed, or one from that of the scene.
+std::uint64_t ErrorsReader::read_seed(TableReader& curve, const ElementName& name, int index) {
   std::uint64_t seed = mixed(seed_);
   for (const char c : to_string(name)) seed = mixed(seed ^ static_cast<unsigned char>(c));
   seed = mixed(seed ^ std::uint64_t(index)) >> 1;
   const auto own = curve.maybe_integer("seed", 0, std::numeric_limits<std::int64_t>::max());
-  return errors::Repeatability{curve.number("sigma" + unit.value, non_negative),
-                               own ? std::uint64_t(*own) : seed};
+  return own ? std::uint64_t(*own) : seed;
+}
+
+errors::Shape ErrorsReader::read_asynchronous(TableReader& curve, const ElementName& name,
+                                              int index) {
+  const Units unit = units(name);
+  errors::Asynchronous shape;
+  shape.rms = curve.number("rms" + unit.value, non_negative);
+  shape.seed = read_seed(curve, name, index);
+  shape.lowest_order = curve.number("lowest_order", positive, shape.lowest_order);
+  shape.highest_order = curve.number("highest_order", positive, shape.highest_order);
+  if (unit.position != "_deg")
+    curve.refuse("kind", "\"asynchronous\" on an axis that turns", to_string(name));
+  return shape;
 }
 
 errors::Shape ErrorsReader::read_series(TableReader& curve, const Units& unit, bool legendre) {

@@ -95,6 +95,20 @@ void read_judged(TableReader& reader, PartDescription& part) {
   part.judged_margin = reader.maybe_number("judged_margin_mm", non_negative);
 }
 
+std::vector<PartDescription::Ring> read_rings(TableReader& part) {
+  std::vector<PartDescription::Ring> rings;
+  for (const Node* node : part.tables("ring")) {
+    TableReader ring(*node, "part.ring", part.faults());
+    rings.push_back({ring.text("name"), ring.number("along_mm", any_number),
+                     ring.number("width_mm", positive)});
+    ring.close();
+    for (std::size_t i = 0; i + 1 < rings.size(); ++i)
+      if (rings[i].name == rings.back().name)
+        ring.refuse("name", "a name that no other ring has", "\"" + rings[i].name + "\" again");
+  }
+  return rings;
+}
+
 cutting::Cutter read_cutter(TableReader& reader, const std::string& kind,
                             const cutting::Cutter& otherwise, bool nominal) {
   const std::size_t before = reader.faults().list().size();
@@ -165,6 +179,7 @@ program::Raster read_raster(TableReader& reader) {
   raster.lead = reader.number("lead_deg", {-89.0, 89.0, false, false}, raster.lead);
   raster.tilt = reader.number("tilt_deg", {-89.0, 89.0, false, false}, raster.tilt);
   raster.feed = reader.number("feed_mm_per_min", positive, raster.feed);
+  raster.speed_rpm = reader.number_as_written("speed_rpm", positive).value_or(raster.speed_rpm);
   raster.clearance = reader.number("clearance_mm", positive, raster.clearance);
   raster.zigzag = reader.choice<bool>("pattern", {{"zigzag", true}, {"one_way", false}}, true);
   raster.overrun = reader.number("overrun_mm", non_negative, raster.overrun);
@@ -176,6 +191,7 @@ program::Flank read_flank(TableReader& reader) {
   program::Flank flank;
   flank.step = reader.number("step_mm", positive, flank.step);
   flank.feed = reader.number("feed_mm_per_min", positive, flank.feed);
+  flank.speed_rpm = reader.number_as_written("speed_rpm", positive).value_or(flank.speed_rpm);
   flank.clearance = reader.number("clearance_mm", non_negative, flank.clearance);
   flank.tip_below = reader.number("tip_below_mm", non_negative, flank.tip_below);
   flank.format = read_format(reader);
@@ -259,6 +275,7 @@ PartDescription read_part(const Node& table, Faults& faults) {
   part.T_wm = read_placement(reader);
   read_judged(reader, part);
   part.tolerance = reader.number("tolerance_um", non_negative, 0.0);
+  part.rings = read_rings(reader);
   reader.know("file");
   reader.know("surface");
   reader.close();

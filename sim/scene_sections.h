@@ -43,4 +43,18 @@ ProgramDescription read_program(const Node& table, const std::vector<kinematics:
 ControlDescription read_control(const Node& table, const std::vector<kinematics::Joint>& joints,
                                 Faults& faults);
 
+/// `[thermal]`: network, thermal elements, sensors, history, room.
+ThermalDescription read_thermal(const Node& table, const MachineDescription& machine,
+                                std::uint64_t seed, Faults& faults);
+
+/// `[compliance]`: joints, tool, fixture, workpiece, masses.
+errors::ComplianceErrors read_compliance(const Node& table, const MachineDescription& machine,
+                                         Faults& faults);
+
+/// `[material]`: cutting coefficients with their source.
+cutting::CuttingCoefficients read_material(const Node& table, Faults& faults);
+
+/// `[cutting]`: blank, flutes, how finely the cut is followed; the material is a section apart.
+CuttingDescription read_cutting(const Node& table, const ToolDescription& tool, Faults& faults);
+
 }  // namespace abbe::sim

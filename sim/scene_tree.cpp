@@ -13,7 +13,8 @@ namespace {
 using std::filesystem::path;
 
 // Sections that may be the path of a file instead of a table.
-constexpr std::array sections_in_files{"machine", "errors", "tool", "part", "program"};
+constexpr std::array sections_in_files{"machine", "errors",  "tool",       "part",
+                                       "program", "thermal", "compliance", "material"};
 
 bool may_be_a_file(std::string_view key) {
   return std::find(sections_in_files.begin(), sections_in_files.end(), key) !=

@@ -86,8 +86,8 @@ class Faults {
   std::vector<BadInput> list_;
 };
 
-/// Factor from the unit that ends a key to mm, rad and s: "_um" gives 1e-3, "_rpm" pi/30; 1
-/// without.
+/// Factor from the unit that ends a key to mm, rad, s, N, K, and to kg, W and A where the key has
+/// them: "_um" gives 1e-3, "_rpm" pi/30, "_um_per_m_K" 1e-6; 1 without.
 double unit_of(std::string_view key);
 
 /// Key without its unit: "radius_mm" gives "radius".

@@ -1,22 +1,100 @@
 #include "sim/truth.h"
 
 namespace abbe::sim {
+namespace {
 
-Truth truth_of(const Scene& scene, const Machine& machine) {
+using kinematics::AxisState;
+using kinematics::JointDeviation;
+using kinematics::Pose;
+
+void add(std::vector<JointDeviation>& sum, const std::vector<JointDeviation>& source) {
+  for (std::size_t i = 0; i < sum.size(); ++i) {
+    sum[i].motion += source[i].motion;
+    sum[i].location += source[i].location;
+  }
+}
+
+bool acts(const errors::ComplianceModel& model, const errors::Load& load) {
+  return !load.on_tool_t.isZero(0.0) || model.gravity_b || model.inertia ||
+         !model.clamping_w.isZero(0.0);
+}
+
+std::optional<int> spindle_of(const Machine& machine) {
+  if (machine.workpiece_spindle) return machine.workpiece_spindle;
+  for (int i = 0; i < machine.nominal.size(); ++i)
+    if (machine.nominal.joints()[std::size_t(i)].motion == kinematics::Motion::Spindle) return i;
+  return std::nullopt;
+}
+
+Eigen::VectorXd temperatures(const Truth& truth, double time_s) {
+  return truth.heat ? errors::temperatures(truth.heat->run, time_s) : Eigen::VectorXd();
+}
+
+/// @param T_C  (nodes) at the state's time; empty without heat
+errors::ForceDeviations sum_of_sources(const Truth& truth, const AxisState& state,
+                                       const errors::Load& load, const Eigen::VectorXd& T_C) {
+  errors::ForceDeviations sum;
+  if (truth.compliance && acts(*truth.compliance, load)) {
+    sum = errors::deviations(*truth.compliance, state, load);
+    add(sum.joints, errors::deviations(truth.geometric, state));
+  } else {
+    sum.joints = errors::deviations(truth.geometric, state);
+  }
+  if (truth.heat) add(sum.joints, errors::deviations(truth.heat->model, state.q, T_C));
+  if (truth.vibration)
+    add(sum.joints, errors::deviations(*truth.vibration, state.spindle_speed,
+                                       truth.spindle ? state.q[*truth.spindle] : 0.0));
+  return sum;
+}
+
+}  // namespace
+
+Truth truth_of(const Scene& scene, const Machine& machine,
+               const std::vector<errors::Activity>& activity) {
   try {
-    return {machine.actual,
-            errors::scaled(errors::bind(scene.geometric, machine.actual), scene.error_scale)};
+    Truth truth{machine.actual,
+                errors::scaled(errors::bind(scene.geometric, machine.actual), scene.error_scale),
+                std::nullopt,
+                std::nullopt,
+                std::nullopt,
+                spindle_of(machine)};
+    if (scene.thermal && !activity.empty()) {
+      const ThermalDescription& thermal = *scene.thermal;
+      truth.heat = {
+          errors::bind(thermal.errors, machine.nominal, int(thermal.network.nodes.size())),
+          errors::simulate(thermal.network, activity)};
+    }
+    if (scene.compliance) truth.compliance = errors::bind(*scene.compliance, machine.nominal);
+    if (!scene.vibrations.empty())
+      truth.vibration = errors::bind(scene.vibrations, machine.nominal);
+    return truth;
   } catch (const std::invalid_argument& fault) {
     throw BadInput(scene.file.string(), 0, 0, "errors that fit the machine", fault.what());
   }
 }
 
 Truth without_random(const Truth& truth) {
-  return {truth.actual, errors::without_random(truth.geometric)};
+  Truth known = truth;
+  known.geometric = errors::without_random(truth.geometric);
+  return known;
 }
 
-kinematics::Pose tool_in_workpiece(const Truth& truth, const kinematics::AxisState& state) {
-  return truth.actual.tool_in_workpiece(state.q, errors::deviations(truth.geometric, state));
+errors::ForceDeviations deviations(const Truth& truth, const AxisState& state,
+                                   const errors::Load& load) {
+  return sum_of_sources(truth, state, load, temperatures(truth, state.time_s));
+}
+
+Pose tool_in_workpiece(const Truth& truth, const AxisState& state, const errors::Load& load) {
+  const Eigen::VectorXd T_C = temperatures(truth, state.time_s);
+  const errors::ForceDeviations all = sum_of_sources(truth, state, load, T_C);
+  Pose T_wt = truth.actual.tool_in_workpiece(state.q, all.joints);
+  if (!all.workpiece_w.isZero(0.0))
+    T_wt = kinematics::motion(all.workpiece_w, Eigen::Vector3d::Zero()).inverse() * T_wt;
+  if (!all.tool_t.isZero(0.0))
+    T_wt = T_wt * kinematics::motion(all.tool_t, Eigen::Vector3d::Zero());
+  if (truth.heat && truth.heat->model.workpiece)
+    T_wt.translation() = errors::at_20_C(truth.heat->model, T_C, T_wt.translation());
+  return T_wt;
 }
 
 }  // namespace abbe::sim

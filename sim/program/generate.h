@@ -23,6 +23,7 @@ struct Raster {
   double lead = 0.0;            ///< rad, tool axis leans forward in the feed plane
   double tilt = 0.0;            ///< rad, tool axis leans across, about the feed direction
   double feed = 1000.0 / 60.0;  ///< mm/s of the tip
+  double speed_rpm = 10000.0;   ///< of the spindle
   double clearance = 5.0;       ///< mm, retract along the tool axis between passes
   bool zigzag = true;           ///< false: all passes in one direction
   double overrun = 0.0;         ///< mm the passes run beyond a declared analytic surface
@@ -33,6 +34,7 @@ struct Raster {
 struct Flank {
   double step = 0.5;            ///< mm of arc at the base between points
   double feed = 1000.0 / 60.0;  ///< mm/s
+  double speed_rpm = 10000.0;   ///< of the spindle
   double clearance = 5.0;       ///< mm
   double tip_below = 1.0;       ///< mm the tip reaches below the base, along the generator
   NcFormat format;

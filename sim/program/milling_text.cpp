@@ -81,7 +81,7 @@ void Writer::head() {
   items_.push_back("(" + options_.title + ")");
   items_.push_back("G17 G21 G90 G94 G54");
   items_.push_back(five_axis_ ? fmt::format("G43.4 H{}", context_.h_number) : "G49");
-  items_.push_back("S10000 M3");
+  items_.push_back(fmt::format("S{} M3", nc_number(options_.speed_rpm, 3)));
 }
 
 /// To the clear point of a posture whose axes are reached already.

@@ -19,6 +19,7 @@ struct MillingTextOptions {
   std::string title;
   double feed = 1000.0 / 60.0;  ///< mm/s of the tip
   double clearance = 5.0;       ///< mm
+  double speed_rpm = 10000.0;   ///< of the spindle
   double cutter_radius = 5.0;   ///< mm, how much a turning tool may dip below its tip
   double neighbour = 0.0;  ///< mm, passes this near are linked at clearance, others above the part
   bool whole = false;      ///< a posture out of reach is refused; else it ends its pass

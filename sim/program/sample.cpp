@@ -300,6 +300,8 @@ int Walk::steps(double ua, double ub, const AxisVector& qa, const AxisVector& qb
     const double programmed = bends(path_, block_, j).first * part;
     if (options_.workpiece_spindle == j) {
       n = std::max(n, programmed / options_.max_spindle_turn);
+    } else if (control_.joints()[std::size_t(j)].motion == Motion::Spindle) {
+      if (options_.max_nose_turn) n = std::max(n, programmed / *options_.max_nose_turn);
     } else if (is_slide(j) && tip_) {
       n = std::max(
           n, (std::abs(qb[j] - qa[j]) + (straight_ ? 0.0 : slide_bend)) / options_.max_axis_step);
@@ -383,7 +385,7 @@ void Recorder::start(const AxisVector& q, double time_s, int block) {
 void Recorder::go(const AxisVector& q, double time_s, int block) {
   if (samples_.states.empty()) {
     moved_ = q;
-    push({q, time_s, {}, {}}, block);
+    push({q, time_s, {}, {}, 0.0}, block);
     return;
   }
   kinematics::AxisState state = samples_.states.back();
@@ -421,6 +423,25 @@ void sample_block(const Path& path, int index, const kinematics::Chain& control,
   }
 }
 
+std::optional<int> spindle_of(const kinematics::Chain& control, const SampleOptions& options) {
+  if (options.workpiece_spindle) return options.workpiece_spindle;
+  for (int j = 0; j < control.size(); ++j)
+    if (control.joints()[std::size_t(j)].motion == Motion::Spindle) return j;
+  return std::nullopt;
+}
+
+/// The mean over the stretch that ends at a sample; the first takes that of the stretch after it.
+void note_spindle_speed(Samples& samples, int spindle) {
+  std::vector<kinematics::AxisState>& states = samples.states;
+  for (std::size_t i = 1; i < states.size(); ++i) {
+    const double time = states[i].time_s - states[i - 1].time_s;
+    states[i].spindle_speed = time > 0.0
+                                  ? std::abs(states[i].q[spindle] - states[i - 1].q[spindle]) / time
+                                  : states[i - 1].spindle_speed;
+  }
+  if (states.size() > 1) states.front().spindle_speed = states[1].spindle_speed;
+}
+
 }  // namespace
 
 Samples sample(const Path& path, const kinematics::Chain& control, const SampleOptions& options) {
@@ -431,7 +452,9 @@ Samples sample(const Path& path, const kinematics::Chain& control, const SampleO
       throw std::invalid_argument("expected a path with as many axes as the chain");
     sample_block(path, i, control, options, recorder);
   }
-  return recorder.take();
+  Samples samples = recorder.take();
+  if (const auto spindle = spindle_of(control, options)) note_spindle_speed(samples, *spindle);
+  return samples;
 }
 
 }  // namespace abbe::sim::program

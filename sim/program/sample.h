@@ -11,12 +11,14 @@ namespace abbe::sim::program {
 struct SampleOptions {
   double chord_tolerance = 5e-7;  ///< mm: any point of the tool axis up to `reach` above the tip
                                   ///< lies this near to the line and great circle between samples
-  double reach = 20.0;         ///< mm, how far above the tip the tool cuts
-  double max_step = 1.0;       ///< mm of tip travel in the workpiece between samples
-  double max_turn = 0.02;      ///< rad of tool axis between samples
+  double reach = 20.0;            ///< mm, how far above the tip the tool cuts
+  double max_step = 1.0;          ///< mm of tip travel in the workpiece between samples
+  double max_turn = 0.02;         ///< rad of tool axis between samples
   double max_axis_step = 1.0;  ///< mm or rad of any axis but the workpiece spindle, so that curves
                                ///< of errors are seen
   double max_spindle_turn = 6.283185307179586;  ///< rad of the workpiece spindle between samples
+  std::optional<double> max_nose_turn;   ///< rad of a tool spindle between samples, if its turning
+                                         ///< shall be seen
   std::optional<int> workpiece_spindle;  ///< joint whose turning is left out of the chord (turning)
   std::size_t max_samples = 50'000'000;  ///< more is refused before memory is taken
 };
@@ -24,7 +26,8 @@ struct SampleOptions {
 /// Commanded axes at instants. A reversal of an axis is sampled twice, before and after.
 struct Samples {
   std::vector<kinematics::AxisState> states;  ///< (n) commanded positions of the axes, with time,
-                                              ///< direction and stroke of every axis
+                                              ///< direction and stroke of every axis and speed of
+                                              ///< the spindle
   std::vector<int> line;   ///< (n) program line of the block that ends or runs here
   std::vector<int> block;  ///< (n) its index in the path
 };

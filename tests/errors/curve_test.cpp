@@ -214,7 +214,13 @@ TEST(Curve, AShapeThatBreaksItsFieldsIsRefused) {
                        spline_by_hand,
                        Backlash{nan},
                        UpDown{good, Table{}},
-                       Repeatability{-1, 1}};
+                       Repeatability{-1, 1},
+                       Asynchronous{-1, 1},
+                       Asynchronous{nan, 1},
+                       Asynchronous{1, 1, 0, 20},
+                       Asynchronous{1, 1, 3, 3},
+                       Asynchronous{1, 1, 3, nan},
+                       Asynchronous{1, 1, 3, 20000}};
   for (const Shape& shape : bad)
     EXPECT_THROW(validate(Curve{shape}), std::invalid_argument) << shape.index();
   EXPECT_THROW(validate(Curve{good, "", Argument::Command, false, nan}), std::invalid_argument);
@@ -413,6 +419,102 @@ TEST(Repeatability, DeviatesAreStandardNormalAlongStrokesAndAcrossSeeds) {
   }
   expect_standard_normal(along, "strokes of seed 42");
   expect_standard_normal(across, "first strokes of all seeds");
+}
+
+// ---- asynchronous motion
+
+constexpr double full_turn = 2 * std::numbers::pi;
+
+/// Mean of value^2 over n turns from the angle zero, 400 to a turn.
+double mean_square(const Asynchronous& shape, int turns) {
+  double sum = 0.0;
+  for (int i = 0; i < 400 * turns; ++i)
+    sum += std::pow(value(shape, (i + 0.5) * full_turn / 400), 2);
+  return sum / (400.0 * turns);
+}
+
+TEST(Asynchronous, IsRandomAndTheSameAtTheSameAngle) {
+  const Asynchronous shape{1.0_um, 3};
+  EXPECT_TRUE(is_random(Curve{shape}));
+  EXPECT_EQ(value(shape, 17.3), value(shape, 17.3));
+  EXPECT_EQ(value(shape, 17.3, +1), value(shape, 17.3, -1));
+  EXPECT_NE(value(shape, 17.3), value(Asynchronous{1.0_um, 4}, 17.3));
+  EXPECT_EQ(value(Asynchronous{0.0, 3}, 17.3), 0.0);
+  EXPECT_EQ(value(Asynchronous{}, 17.3), 0.0);
+  EXPECT_NEAR(value(Asynchronous{2.0_um, 3}, 1e5), 2 * value(shape, 1e5), 1e-17);
+}
+
+TEST(Asynchronous, MeanSquareIsThatStatedOverLongAngles) {
+  for (const std::uint64_t seed : {0, 1, 2, 77}) {
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    for (const Asynchronous& shape :
+         {Asynchronous{2.0_um, seed}, Asynchronous{2.0_um, seed, 5.0, 6.0}}) {
+      for (const int turns : {20, 200, 1000}) {
+        const double off = mean_square(shape, turns) / (2.0_um * 2.0_um) - 1.0;
+        EXPECT_LT(std::abs(off), 200 / (turns * (shape.highest_order - shape.lowest_order)));
+        if (turns == 1000)
+          std::cout << "asynchronous, orders to " << shape.highest_order << ": mean square off by "
+                    << off << " after " << turns << " turns\n";
+      }
+    }
+  }
+}
+
+// What repeats every turn would be synchronous: averaged over many turns, every angle of the
+// spindle sees nothing of it.
+TEST(Asynchronous, MeanOverTurnsVanishesAtEveryAngle) {
+  for (const std::uint64_t seed : {5, 6, 7}) {
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    for (const Asynchronous& shape :
+         {Asynchronous{1.0_um, seed}, Asynchronous{1.0_um, seed, 0.9, 1.1},
+          Asynchronous{1.0_um, seed, 50, 400}}) {
+      double worst = 0.0;
+      for (const double angle : {0.0, 1.0, 3.0, 5.5}) {
+        double sum = 0.0;
+        const int turns = 8000;
+        for (int n = 0; n < turns; ++n) sum += value(shape, angle + n * full_turn);
+        worst = std::max(worst, std::abs(sum / turns));
+      }
+      std::cout << "asynchronous " << shape.lowest_order << " to " << shape.highest_order
+                << ": synchronous part of 1 um " << worst / units::nm << " nm\n";
+      EXPECT_LT(worst, 0.05_um);
+    }
+  }
+}
+
+TEST(Asynchronous, SlopeAndBendAreThoseOfTheValue) {
+  const Asynchronous shape{1.0_um, 9};
+  const double h = 1e-4;
+  double steepest = 0.0, bent = 0.0;
+  for (int i = 0; i < 20000; ++i) {
+    const double q = 0.37 * i - 1000;
+    const double up = value(shape, q + h), down = value(shape, q - h), here = value(shape, q);
+    steepest = std::max(steepest, std::abs((up - down) / (2 * h) - slope(shape, q)));
+    bent = std::max(bent, std::abs(up - 2 * here + down) / (h * h));
+  }
+  std::cout << "asynchronous: slope off central differences by " << steepest
+            << " mm/rad; bends by at most " << bent << ", bound " << most_bend(Curve{shape})
+            << "\n";
+  EXPECT_LT(steepest, 1e-7);
+  EXPECT_LE(bent, most_bend(Curve{shape}));
+  EXPECT_GT(bent, 0.3 * most_bend(Curve{shape}));
+}
+
+TEST(Curve, MostBendHoldsWhatLinesBetweenSamplesMiss) {
+  const Fourier two{numbers({1.0_um, 0.0}), numbers({0.0, 2.0_um}), full_turn};
+  EXPECT_NEAR(most_bend(Curve{two}), 9.0_um, 1e-15);
+  EXPECT_NEAR(most_bend(Curve{two, "", Argument::Command, true, -2.0}), 18.0_um, 1e-15);
+  EXPECT_EQ(most_bend(Curve{Polynomial{numbers({0, 0, 5}), 0, 1}}), 0.0);
+  const Curve curve{Asynchronous{1.0_um, 11}};
+  const double step = std::sqrt(8 * 0.1_nm / most_bend(curve));
+  double missed = 0.0;
+  for (int i = 0; i < 20000; ++i) {
+    const double q = i * step;
+    const auto v = [&](double x) { return value(curve, at(x)); };
+    missed = std::max(missed, std::abs(v(q + step / 2) - 0.5 * (v(q) + v(q + step))));
+  }
+  std::cout << "sampled every " << step << " rad: lines miss by " << missed / units::nm << " nm\n";
+  EXPECT_LE(missed, 0.1_nm);
 }
 
 }  // namespace

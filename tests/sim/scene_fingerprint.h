@@ -29,6 +29,11 @@ class Fingerprint {
       put(std::string("line ") + line.axis, line.at_b);
       put("by", int(line.by));
     }
+    if (scene.thermal) put(*scene.thermal);
+    if (scene.compliance) put(*scene.compliance);
+    for (const auto& vibration : scene.vibrations) put(vibration);
+    if (scene.cutting) put(*scene.cutting);
+    put(scene.signals);
     put("setup", scene.setup);
     put(scene.tool);
     put(scene.part);
@@ -49,6 +54,7 @@ class Fingerprint {
     put("bound", scene.compensation.rotary_bound);
     put("words", scene.compensation.word_resolution);
     put("angle words", scene.compensation.angle_resolution);
+    put("case to cut", scene.case_name);
     for (const auto& one : scene.cases) {
       put("case", one.name);
       put("strategy", int(one.strategy));
@@ -122,6 +128,12 @@ class Fingerprint {
     put(u.up);
     put(u.down);
   }
+  void put(const errors::Asynchronous& a) {
+    put("rms", a.rms);
+    put("seed", a.seed);
+    put("lowest_order", a.lowest_order);
+    put("highest_order", a.highest_order);
+  }
   void put(const errors::Repeatability& r) {
     put("sigma", r.sigma);
     put("seed", r.seed);
@@ -151,6 +163,7 @@ class Fingerprint {
   void put(const MeshFile& mesh) {
     put("file", mesh.file.string());
     put("unit", mesh.unit);
+    put("any size", mesh.any_size);
     put("open", mesh.open);
   }
   void put(const cutting::Primitive& primitive) {
@@ -176,6 +189,11 @@ class Fingerprint {
     put("judged normal", part.judged_normal_z);
     put("judged margin", part.judged_margin);
     put("tolerance", part.tolerance);
+    for (const auto& ring : part.rings) {
+      put("ring", ring.name);
+      put("along", ring.along);
+      put("width", ring.width);
+    }
   }
   void put(const program::NcFormat& format) {
     put("decimals mm", format.decimals_mm);
@@ -183,14 +201,15 @@ class Fingerprint {
   }
   void put(const ProgramDescription::File& file) { put("program", file.file.string()); }
   void put(const program::Raster& r) {
-    for (const double x : {r.step_over, r.step, r.lead, r.tilt, r.feed, r.clearance, r.overrun}) {
+    for (const double x :
+         {r.step_over, r.step, r.lead, r.tilt, r.feed, r.speed_rpm, r.clearance, r.overrun}) {
       put("raster", x);
     }
     put("zigzag", r.zigzag);
     put(r.format);
   }
   void put(const program::Flank& f) {
-    for (const double x : {f.step, f.feed, f.clearance, f.tip_below}) put("flank", x);
+    for (const double x : {f.step, f.feed, f.speed_rpm, f.clearance, f.tip_below}) put("flank", x);
     put(f.format);
   }
   void put(const program::Spiral& s) {
@@ -213,6 +232,211 @@ class Fingerprint {
     for (const auto& touch : datum.touches) {
       put("touch", touch.point_w);
       put("along", touch.direction_w);
+    }
+  }
+
+  // ---- heat
+  void put(const errors::SpindleHeat& h) {
+    put("power", h.power_W);
+    put("reference", h.reference_speed);
+    put("exponent", h.exponent);
+  }
+  void put(const errors::AxisHeat& h) {
+    put("joint", h.joint);
+    put("coulomb", h.coulomb);
+    put("viscous", h.viscous);
+  }
+  void put(const errors::PowerOnHeat& h) { put("power", h.power_W); }
+  void put(const errors::CuttingHeat& h) { put("share", h.share); }
+  void put(const errors::ThermalNetwork& network) {
+    for (const auto& node : network.nodes) put("node " + node.name, node.capacity_J_per_K);
+    for (const auto& link : network.links) {
+      put("from", link.a);
+      put("to", link.b);
+      put("conductance", link.conductance_W_per_K);
+    }
+    for (const auto& link : network.surroundings) {
+      put("node", link.node);
+      put("to", int(link.to));
+      put("conductance", link.conductance_W_per_K);
+    }
+    for (const auto& source : network.sources) {
+      put("heat in", source.node);
+      put("law", source.law.index());
+      std::visit([&](const auto& law) { put(law); }, source.law);
+    }
+    put("start", network.start_T_C);
+  }
+  void put(const std::string& name, const errors::ThermalFunction& function) {
+    put(name, function.constant);
+    for (const auto& term : function.terms) {
+      put("node", term.node);
+      put("minus", term.minus);
+      put("per K", term.per_K);
+      if (term.table) put(*term.table);
+    }
+  }
+  void put(const std::string& name, const std::optional<errors::Expansion>& expansion) {
+    put(name, expansion.has_value());
+    if (!expansion) return;
+    put("node", expansion->node);
+    put("per K", expansion->per_K);
+    put("fixed", expansion->fixed);
+  }
+  void put(const errors::ThermalErrors& thermal) {
+    for (const auto& element : thermal.elements) {
+      put("thermal element", errors::to_string(element.name));
+      put("offset", element.offset);
+      put("slope", element.slope);
+      put("fixed", element.fixed);
+    }
+    for (const auto& axis : thermal.expansions) {
+      put("expansion", axis.axis);
+      put("feedback", int(axis.feedback));
+      put("screw", axis.screw);
+      put("scale", axis.scale);
+    }
+    if (thermal.workpiece) {
+      put("workpiece at node", thermal.workpiece->node);
+      put("per K", thermal.workpiece->per_K);
+      put("fixed", thermal.workpiece->fixed_w);
+    }
+    put("reference", thermal.reference_T_C);
+  }
+  void put(const errors::TemperatureSensor& sensor) {
+    put("sensor", sensor.name);
+    put("node", sensor.node);
+    for (const double x :
+         {sensor.offset_K, sensor.noise_K, sensor.resolution_K, sensor.lag_s, sensor.sampling_s}) {
+      put("sensor", x);
+    }
+    put("seed", sensor.seed);
+  }
+  void put(const ThermalDescription& thermal) {
+    put(thermal.network);
+    put(thermal.errors);
+    for (const auto& sensor : thermal.sensors) put(sensor);
+    for (const auto& phase : thermal.history) {
+      put("phase", phase.duration);
+      put("spindle", phase.spindle_speed);
+      put("axes", phase.axis_speed);
+      put("powered", phase.powered);
+      put("coolant", phase.coolant);
+    }
+    put("room times", thermal.room_time_s);
+    put("room", thermal.room_T_C);
+    put("coolant at", thermal.coolant_T_C);
+    put("powered", thermal.powered);
+    put("coolant", thermal.coolant);
+    put("interval", thermal.interval);
+    for (const auto& plot : thermal.plots) put("plot " + to_string(plot.element), plot.time_s);
+  }
+
+  // ---- force
+  void put(const errors::WorkpieceBar& bar) {
+    put("clamp", bar.clamp_w);
+    put("direction", bar.direction_w);
+    put("length", bar.length);
+    put("second moment", bar.second_moment);
+    put("modulus", bar.youngs_modulus);
+  }
+  void put(const errors::WorkpiecePlate& plate) {
+    put("foot", plate.foot_w);
+    put("up", plate.up_w);
+    put("normal", plate.normal_w);
+    put("height", plate.height);
+    put("thickness", plate.thickness);
+    put("modulus", plate.youngs_modulus);
+    put("poisson", plate.poisson_ratio);
+  }
+  void put(const errors::WorkpieceField& field) {
+    put("points", field.points_w);
+    for (const auto& C : field.compliance_w) put("C", C);
+  }
+  void put(const errors::ComplianceErrors& compliance) {
+    for (const auto& joint : compliance.joints)
+      put(std::string("compliance ") + joint.axis, joint.C);
+    put("compliance tool", compliance.tool);
+    put("compliance fixture", compliance.fixture);
+    if (compliance.workpiece) {
+      put("workpiece", compliance.workpiece->index());
+      std::visit([&](const auto& part) { put(part); }, *compliance.workpiece);
+    }
+    put("scale", compliance.scale);
+    for (const auto& mass : compliance.masses) {
+      put(std::string("mass ") + mass.axis, mass.mass_kg);
+      put("centre", mass.centre_b);
+    }
+    put("gravity", compliance.gravity_b);
+    put("inertia", compliance.inertia);
+    put("clamping", compliance.clamping_w);
+  }
+  void put(const errors::Vibration& vibration) {
+    put("vibration", errors::to_string(vibration.name));
+    for (const double x : {vibration.order, vibration.amplitude, vibration.reference_speed,
+                           vibration.exponent, vibration.phase, vibration.damping}) {
+      put("vibration", x);
+    }
+    put("resonance", vibration.resonance);
+  }
+
+  // ---- stock, and what the control reads
+  void put(const cutting::BoxBlank& box) {
+    put("lower", box.lower_k);
+    put("upper", box.upper_k);
+  }
+  void put(const cutting::CylinderBlank& cylinder) {
+    put("radius", cylinder.radius);
+    put("lower", cylinder.lower);
+    put("upper", cylinder.upper);
+  }
+  void put(const CuttingDescription::OffsetBlank& blank) {
+    put("allowance", blank.allowance);
+    put("floor", blank.floor);
+  }
+  void put(const CuttingDescription::TurnedBlank& blank) { put("profile", blank.profile); }
+  void put(const cutting::CuttingCoefficients& material) {
+    put("material", material.name);
+    put("source", material.source);
+    for (const double x : {material.K_tc, material.K_rc, material.K_ac, material.K_te,
+                           material.K_re, material.K_ae}) {
+      put("K", x);
+    }
+  }
+  void put(const CuttingDescription& cutting) {
+    put("blank", cutting.blank.index());
+    std::visit([&](const auto& blank) { put(blank); }, cutting.blank);
+    put("spacing", cutting.spacing);
+    put("three", cutting.three_directions);
+    put("bytes", cutting.max_bytes);
+    if (cutting.material) put(*cutting.material);
+    put("flutes", cutting.flutes.count);
+    put("helix", cutting.flutes.helix);
+    put("run-out", cutting.flutes.run_out);
+    put("run-out angle", cutting.flutes.run_out_angle);
+    put("clockwise", cutting.flutes.clockwise);
+    put("step", cutting.step);
+    put("to", cutting.tolerance);
+    put("iterations", cutting.most_iterations);
+  }
+  void put(const SignalsDescription& signals) {
+    for (const double x :
+         {signals.interval, signals.history_interval, signals.encoder_resolution,
+          signals.encoder_resolution_rad, signals.encoder_noise, signals.encoder_noise_rad}) {
+      put("signals", x);
+    }
+    put("current", signals.current.has_value());
+    if (const auto& current = signals.current) {
+      for (const double x : {current->torque_per_current, current->idle_torque,
+                             current->viscous_torque, current->noise_A, current->bandwidth}) {
+        put("current", x);
+      }
+    }
+    put("dynamometer", signals.dynamometer.has_value());
+    if (const auto& dynamometer = signals.dynamometer) {
+      for (const double x : {dynamometer->noise, dynamometer->resolution, dynamometer->bandwidth}) {
+        put("dynamometer", x);
+      }
     }
   }
 

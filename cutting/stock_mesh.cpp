@@ -1,0 +1,267 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "cutting/stock.h"
+
+namespace abbe::cutting {
+
+using Eigen::Vector3d;
+
+namespace {
+
+using Node = std::array<int, 3>;
+
+/// Where the skin passes between two nodes, and which program line made it there.
+struct Crossing {
+  double at = 0.0;  ///< mm along the edge's axis from the grid's origin
+  std::int32_t line = 0;
+};
+
+const DexelLine& line_through(const DexelField& field, const Node& node) {
+  const int first = (field.along + 1) % 3, second = (field.along + 2) % 3;
+  return field.lines[std::size_t(node[std::size_t(first)]) +
+                     std::size_t(field.size[0]) * std::size_t(node[std::size_t(second)])];
+}
+
+const DexelRun* run_around(const DexelLine& line, double at) {
+  for (const DexelRun& run : line.runs())
+    if (run.low < at && at < run.high) return &run;
+  return nullptr;
+}
+
+/// The end nearest to a place, whose program line the skin there is taken to have.
+std::int32_t nearest_line(const DexelLine& line, double at) {
+  double nearest = std::numeric_limits<double>::infinity();
+  std::int32_t found = 0;
+  const auto look = [&](double end, std::int32_t by) {
+    if (std::abs(end - at) >= nearest) return;
+    nearest = std::abs(end - at);
+    found = by;
+  };
+  for (const DexelRun& run : line.runs()) {
+    look(run.low, run.low_line);
+    look(run.high, run.high_line);
+  }
+  return found;
+}
+
+class SkinMesher {
+ public:
+  explicit SkinMesher(const Stock& stock)
+      : stock_(stock), nx_(stock.nodes[0]), ny_(stock.nodes[1]), nz_(stock.nodes[2]) {}
+
+  StockMesh mesh() {
+    below_ = sides(0);
+    std::vector<int> cells_below(cell_count(), -1);
+    for (int k = 0; k + 1 < nz_; ++k) {
+      above_ = sides(k + 1);
+      const std::vector<int> cells = vertices(k);
+      upright_quads(cells);
+      if (k > 0) level_quads(cells_below, cells);
+      cells_below = cells;
+      std::swap(below_, above_);
+    }
+    return assembled();
+  }
+
+ private:
+  std::size_t cell_count() const { return std::size_t(nx_ - 1) * std::size_t(ny_ - 1); }
+  std::size_t node(int i, int j) const {
+    return std::size_t(i) + std::size_t(nx_) * std::size_t(j);
+  }
+  std::size_t cell(int i, int j) const {
+    return std::size_t(i) + std::size_t(nx_ - 1) * std::size_t(j);
+  }
+
+  /// Which nodes of a layer are in material: what most of the lines through each say.
+  std::vector<char> sides(int k) const {
+    const double h = stock_.spacing;
+    std::vector<char> votes(std::size_t(nx_) * std::size_t(ny_), 0);
+    for (const DexelField& field : stock_.fields)
+      for (int j = 0; j < (field.along == 1 ? 1 : ny_); ++j)
+        for (int i = 0; i < (field.along == 0 ? 1 : nx_); ++i) {
+          const DexelLine& line = line_through(field, {i, j, k});
+          if (field.along == 2) {
+            votes[node(i, j)] = char(votes[node(i, j)] + (line.inside_by(k * h) > 0.0 ? 1 : 0));
+            continue;
+          }
+          for (const DexelRun& run : line.runs()) {
+            const int from = std::max(0, int(std::floor(run.low / h)) + 1);
+            const int last = (field.along == 0 ? nx_ : ny_) - 1;
+            const int to = std::min(last, int(std::ceil(run.high / h)) - 1);
+            for (int n = from; n <= to; ++n) {
+              char& vote = votes[field.along == 0 ? node(n, j) : node(i, n)];
+              vote = char(vote + 1);
+            }
+          }
+        }
+    const char needed = stock_.fields.size() == 1 ? 1 : 2;
+    for (char& vote : votes) vote = vote >= needed ? 1 : 0;
+    return votes;
+  }
+
+  Crossing crossing(const Node& from, int axis, bool rises) const {
+    const double h = stock_.spacing;
+    const double start = from[std::size_t(axis)] * h;
+    if (stock_.fields.size() == 1 && axis != 2) return slanted(from, axis);
+    const DexelField& field = stock_.fields[stock_.fields.size() == 1 ? 0 : std::size_t(axis)];
+    const DexelLine& line = line_through(field, from);
+    const DexelRun* const run = run_around(line, rises ? start + h : start);
+    if (run == nullptr) return {start + 0.5 * h, nearest_line(line, start + 0.5 * h)};
+    return {std::clamp(rises ? run->low : run->high, start, start + h),
+            rises ? run->low_line : run->high_line};
+  }
+
+  /// Across lines of one direction: where the depth along them passes zero from one to the next.
+  Crossing slanted(const Node& from, int axis) const {
+    const double h = stock_.spacing;
+    Node to = from;
+    ++to[std::size_t(axis)];
+    const double z = from[2] * h;
+    const DexelLine& a = line_through(stock_.fields[0], from);
+    const DexelLine& b = line_through(stock_.fields[0], to);
+    const double da = std::clamp(a.inside_by(z), -4 * h, 4 * h);
+    const double db = std::clamp(b.inside_by(z), -4 * h, 4 * h);
+    const double part = da != db ? std::clamp(da / (da - db), 0.0, 1.0) : 0.5;
+    const DexelLine& outside = da > 0.0 ? b : a;
+    return {(from[std::size_t(axis)] + part) * h, nearest_line(outside, z)};
+  }
+
+  /// Vertices of the cells between layers k and k + 1.
+  std::vector<int> vertices(int k) {
+    std::vector<int> cells(cell_count(), -1);
+    for (int j = 0; j + 1 < ny_; ++j)
+      for (int i = 0; i + 1 < nx_; ++i) {
+        const auto in = [&](int corner) {
+          const auto& layer = (corner & 4) != 0 ? above_ : below_;
+          return layer[node(i + (corner & 1), j + (corner >> 1 & 1))] != 0;
+        };
+        int inside = 0;
+        for (int corner = 0; corner < 8; ++corner) inside += in(corner) ? 1 : 0;
+        if (inside == 0 || inside == 8) continue;
+        cells[cell(i, j)] = int(places_.size());
+        add_vertex({i, j, k}, in);
+        if (places_.size() > std::size_t(std::numeric_limits<int>::max()) / 4)
+          throw std::length_error("stock mesh: more than 500 million vertices");
+      }
+    return cells;
+  }
+
+  template <typename Inside>
+  void add_vertex(const Node& at, const Inside& in) {
+    Vector3d sum = Vector3d::Zero();
+    std::array<std::int32_t, 12> lines{};
+    int count = 0;
+    for (int axis = 0; axis < 3; ++axis)
+      for (int corner = 0; corner < 8; ++corner) {
+        const int end = corner | 1 << axis;
+        if (end == corner || in(corner) == in(end)) continue;
+        const Node from{at[0] + (corner & 1), at[1] + (corner >> 1 & 1), at[2] + (corner >> 2)};
+        const Crossing found = crossing(from, axis, in(end));
+        Vector3d place = stock_.spacing * Vector3d(from[0], from[1], from[2]);
+        place[axis] = found.at;
+        sum += place;
+        lines[std::size_t(count++)] = found.line;
+      }
+    places_.push_back(sum / count);
+    lines_.push_back(most_frequent(lines, count));
+  }
+
+  /// Of equally frequent ones the last that cut.
+  static std::int32_t most_frequent(const std::array<std::int32_t, 12>& lines, int count) {
+    std::int32_t best = 0;
+    long most = 0;
+    for (int i = 0; i < count; ++i) {
+      const std::int32_t line = lines[std::size_t(i)];
+      const long times = std::count(lines.begin(), lines.begin() + count, line);
+      if (times > most || (times == most && std::abs(line) > std::abs(best))) {
+        most = times;
+        best = line;
+      }
+    }
+    return best;
+  }
+
+  /// Around the edges that stand between the two layers of nodes.
+  void upright_quads(const std::vector<int>& cells) {
+    for (int j = 1; j + 1 < ny_; ++j)
+      for (int i = 1; i + 1 < nx_; ++i) {
+        const bool low = below_[node(i, j)] != 0, high = above_[node(i, j)] != 0;
+        if (low == high) continue;
+        quad({cells[cell(i - 1, j - 1)], cells[cell(i, j - 1)], cells[cell(i, j)],
+              cells[cell(i - 1, j)]},
+             low);
+      }
+  }
+
+  /// Around the edges that lie in the layer of nodes below, between two layers of cells.
+  void level_quads(const std::vector<int>& lower, const std::vector<int>& upper) {
+    for (int j = 1; j + 1 < ny_; ++j)
+      for (int i = 1; i + 1 < nx_; ++i) {
+        const bool here = below_[node(i, j)] != 0;
+        if (here != (below_[node(i + 1, j)] != 0))
+          quad({lower[cell(i, j - 1)], lower[cell(i, j)], upper[cell(i, j)], upper[cell(i, j - 1)]},
+               here);
+        if (here != (below_[node(i, j + 1)] != 0))
+          quad({lower[cell(i - 1, j)], upper[cell(i - 1, j)], upper[cell(i, j)], lower[cell(i, j)]},
+               here);
+        // the edges from the border's nodes, which are outside, to these
+        if (i == 1 && here)
+          quad({lower[cell(0, j - 1)], lower[cell(0, j)], upper[cell(0, j)], upper[cell(0, j - 1)]},
+               false);
+        if (j == 1 && here)
+          quad({lower[cell(i - 1, 0)], upper[cell(i - 1, 0)], upper[cell(i, 0)], lower[cell(i, 0)]},
+               false);
+      }
+  }
+
+  /// Two triangles, parted along the shorter diagonal.
+  void quad(std::array<int, 4> v, bool faces_up) {
+    if (!faces_up) std::reverse(v.begin(), v.end());
+    const auto place = [&](int i) -> const Vector3d& {
+      return places_[std::size_t(v[std::size_t(i)])];
+    };
+    if ((place(2) - place(0)).squaredNorm() <= (place(3) - place(1)).squaredNorm()) {
+      triangles_.push_back({v[0], v[1], v[2]});
+      triangles_.push_back({v[0], v[2], v[3]});
+    } else {
+      triangles_.push_back({v[1], v[2], v[3]});
+      triangles_.push_back({v[1], v[3], v[0]});
+    }
+  }
+
+  StockMesh assembled() {
+    StockMesh result;
+    result.vertices_w.resize(Eigen::Index(places_.size()), 3);
+    for (std::size_t i = 0; i < places_.size(); ++i)
+      result.vertices_w.row(Eigen::Index(i)) = stock_.T_wk * Vector3d(stock_.origin_k + places_[i]);
+    result.triangles.resize(Eigen::Index(triangles_.size()), 3);
+    for (std::size_t t = 0; t < triangles_.size(); ++t)
+      for (int k = 0; k < 3; ++k)
+        result.triangles(Eigen::Index(t), k) = triangles_[t][std::size_t(k)];
+    result.line = std::move(lines_);
+    return result;
+  }
+
+  const Stock& stock_;
+  int nx_, ny_, nz_;
+  std::vector<char> below_, above_;  // sides of two layers of nodes
+  std::vector<Vector3d> places_;     // mm from the grid's origin
+  std::vector<std::int32_t> lines_;
+  std::vector<std::array<int, 3>> triangles_;
+};
+
+}  // namespace
+
+StockMesh stock_mesh(const Stock& stock) {
+  if (stock.fields.empty()) return {};
+  return SkinMesher(stock).mesh();
+}
+
+}  // namespace abbe::cutting

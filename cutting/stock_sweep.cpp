@@ -1,0 +1,415 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+#include "cutting/stock.h"
+#include "cutting/swept_cutter.h"
+
+namespace abbe::cutting {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double part_sag = 1e-3;      // mm, by which a part of a move leaves a translation
+constexpr double frozen_twist = 5e-4;  // mm, the same along one line
+constexpr double settled_end = 1e-3;   // mm, the next end then moves by a hundredth of it
+constexpr double crash_length = 1e-6;  // mm of a line
+
+void check(const Cutter& cutter) {
+  const bool possible = std::isfinite(cutter.radius) && cutter.radius > 0.0 &&
+                        cutter.corner_radius >= 0.0 && cutter.corner_radius <= cutter.radius &&
+                        std::isfinite(cutter.flank_length) &&
+                        cutter.flank_length >= cutter.corner_radius;
+  if (!possible) {
+    throw std::invalid_argument(
+        "cutter: expected radius > 0, corner radius from 0 to radius, flank at least as long");
+  }
+}
+
+/// A cutter with all of its surface moved inwards, its tip staying where the bottom then is; or
+/// outwards for a negative margin.
+struct Shrunk {
+  Cutter cutter;
+  double raised;  // mm, of the tip
+};
+Shrunk shrunk(const Cutter& cutter, double margin) {
+  const double by = std::min(margin, 0.25 * cutter.radius);
+  return {{cutter.radius - by, std::max(0.0, cutter.corner_radius - by), cutter.flank_length}, by};
+}
+/// What contains the cutter with a margin around; its tip is lower by the margin.
+Cutter grown(const Cutter& cutter, double margin) {
+  const double corner = cutter.corner_radius > 0.0 ? cutter.corner_radius + margin : 0.0;
+  return {cutter.radius + margin, corner, cutter.flank_length + margin};
+}
+
+/// The tool at an instant: rows of R are its axes in the grid frame, z to the spindle.
+struct ToolPose {
+  Vector3d tip;  // mm, from the grid's origin
+  Matrix3d R;
+
+  Vector3d axis() const { return R.row(2); }
+};
+
+/// The move in the grid frame: tip on a line, axis on a great circle about `R.row(1)`.
+class ToolPath {
+ public:
+  ToolPath(const Stock& stock, const StockMove& move) {
+    const Eigen::Isometry3d T_kw = stock.T_wk.inverse();
+    const Eigen::Isometry3d from = T_kw * move.from_T_wt, to = T_kw * move.to_T_wt;
+    tip_ = from.translation() - stock.origin_k;
+    step_ = to.translation() - from.translation();
+    const Vector3d axis = from.linear().col(2).normalized();
+    const Vector3d target = to.linear().col(2).normalized();
+    if (!tip_.allFinite() || !step_.allFinite() || !axis.allFinite() || !target.allFinite())
+      throw std::invalid_argument("stock move: expected finite poses");
+    const Vector3d across = target - target.dot(axis) * axis;
+    const double sine = across.norm();
+    angle_ = sine < 1e-12 ? 0.0 : std::atan2(sine, target.dot(axis));
+    if (target.dot(axis) < 0.0 && M_PI - std::atan2(sine, target.dot(axis)) < 1e-9)
+      throw std::invalid_argument(
+          "stock move: expected an axis that turns by less than half a turn");
+    R_.row(2) = axis;
+    R_.row(0) = angle_ > 0.0 ? Vector3d(across / sine) : axis.unitOrthogonal();
+    R_.row(1) = axis.cross(Vector3d(R_.row(0)));
+  }
+
+  double angle() const { return angle_; }
+  double length() const { return step_.norm(); }
+
+  ToolPose at(double t) const {
+    const double sine = std::sin(t * angle_), cosine = std::cos(t * angle_);
+    ToolPose pose{tip_ + t * step_, R_};
+    pose.R.row(0) = cosine * R_.row(0) - sine * R_.row(2);
+    pose.R.row(2) = sine * R_.row(0) + cosine * R_.row(2);
+    return pose;
+  }
+
+ private:
+  Vector3d tip_, step_;
+  Matrix3d R_;
+  double angle_;
+};
+
+/// A line seen from the tool at the start and at the end of a part, its points in between on
+/// straight ways: p + s d.
+struct Ruled {
+  Vector3d p0, d0, p1, d1;
+
+  Vector3d direction() const { return 0.5 * (d0 + d1); }
+  Vector3d travel(double s) const { return p0 - p1 + s * (d0 - d1); }
+  Vector3d start(double s) const { return p0 + s * d0; }
+};
+
+Ruled first_half(const Ruled& r) { return {r.p0, r.d0, 0.5 * (r.p0 + r.p1), 0.5 * (r.d0 + r.d1)}; }
+Ruled second_half(const Ruled& r) { return {0.5 * (r.p0 + r.p1), 0.5 * (r.d0 + r.d1), r.p1, r.d1}; }
+
+/// The interval with every place of the line moved as the place `s` is, exact there.
+SweptInterval frozen(const Cutter& cutter, const Ruled& ruled, double s) {
+  SweptInterval found =
+      SweptCutter(cutter, ruled.travel(s)).along(ruled.start(s), ruled.direction());
+  found.in += s;
+  found.out += s;
+  return found;
+}
+
+/// What a move does to lines one by one.
+class Cut {
+ public:
+  Cut(const Cutter& cutter, const StockMove& move)
+      : cutter_(cutter), line_(move.line), rapid_(move.rapid) {}
+
+  void minds_shank(bool minds) { minds_shank_ = minds; }
+  const Cutter& cutter() const { return cutter_; }
+
+  /// A part of the move in which the axis stands: all lines see the same sweep.
+  void along(DexelLine& line, const SweptCutter& sweep, const Ruled& ruled) {
+    ++removed.lines;
+    const SweptInterval in = sweep.along(ruled.p0, ruled.d0);
+    if (!in.is_empty()) take(line, in.in, in.out, ruled);
+  }
+
+  /// A part in which the axis turns.
+  void along(DexelLine& line, const Ruled& ruled, int halvings = 12) {
+    if (line.empty()) return;
+    if (halvings == 12) ++removed.lines;
+    double lo = line.runs().front().low, hi = line.runs().back().high;
+    const Vector3d d = ruled.direction();
+    const Vector3d middle = 0.5 * (ruled.p0 + ruled.p1) - Vector3d(0, 0, cutter_.corner_radius);
+    const double nearest = std::clamp(-middle.dot(d) / d.squaredNorm(), lo, hi);
+    const double margin = 0.5 * (ruled.d1 - ruled.d0).norm() * std::max(hi - nearest, nearest - lo);
+    if (margin <= frozen_twist || halvings == 0) {
+      const SweptInterval in = frozen(cutter_, ruled, nearest);
+      if (!in.is_empty()) take(line, in.in, in.out, ruled);
+      return;
+    }
+    if (!within_reach(ruled, nearest, margin, lo, hi)) return;
+    if (const auto in = settled(ruled, std::clamp(nearest, lo, hi), lo, hi))
+      return take(line, in->in, in->out, ruled);
+    along(line, first_half(ruled), halvings - 1);
+    along(line, second_half(ruled), halvings - 1);
+  }
+
+  Removed removed;
+  double taken = 0.0;  // mm of lines
+
+ private:
+  /// Shortens lo .. hi to where the cutter may come; false where it does not.
+  bool within_reach(const Ruled& ruled, double nearest, double margin, double& lo,
+                    double& hi) const {
+    Ruled lowered = ruled;
+    lowered.p0.z() += margin;
+    lowered.p1.z() += margin;
+    const SweptInterval outer = frozen(grown(cutter_, margin), lowered, nearest);
+    if (outer.is_empty()) return false;
+    lo = std::max(lo, outer.in);
+    hi = std::min(hi, outer.out);
+    return lo <= hi;
+  }
+
+  /// One end, each time with the travel of the place found before.
+  std::optional<SweptInterval> settled_end_at(const Ruled& ruled, double s, bool upper, double lo,
+                                              double hi) const {
+    for (int i = 0; i < 4; ++i) {
+      const SweptInterval in = frozen(cutter_, ruled, s);
+      if (in.is_empty()) return std::nullopt;
+      const double end = std::clamp(upper ? in.out : in.in, lo, hi);
+      if (std::abs(end - s) <= settled_end) return in;
+      s = end;
+    }
+    return std::nullopt;
+  }
+
+  /// Both ends, where nothing between them can be missed.
+  std::optional<SweptInterval> settled(const Ruled& ruled, double nearest, double lo,
+                                       double hi) const {
+    const SweptInterval rough = frozen(cutter_, ruled, nearest);
+    if (rough.is_empty()) return std::nullopt;
+    const auto low = settled_end_at(ruled, std::clamp(rough.in, lo, hi), false, lo, hi);
+    if (!low) return std::nullopt;
+    const auto high = settled_end_at(ruled, std::clamp(rough.out, lo, hi), true, lo, hi);
+    if (!high) return std::nullopt;
+    const SweptInterval both{low->in, high->out, low->t_in, high->t_out};
+    if (both.is_empty()) return std::nullopt;
+    const double from = std::max(both.in, lo), to = std::min(both.out, hi);
+    const double twist = (ruled.d1 - ruled.d0).norm();
+    const double dent = 0.25 * twist * std::max(0.0, to - from) * std::abs(both.t_in - both.t_out);
+    if (dent <= frozen_twist) return both;
+    // the tool as it stands when it reaches either end: where the two overlap there is no dent
+    if (standing(ruled, both.t_in).out >= standing(ruled, both.t_out).in) return both;
+    return std::nullopt;
+  }
+
+  SweptInterval standing(const Ruled& ruled, double t) const {
+    return SweptCutter(cutter_, Vector3d::Zero())
+        .along(ruled.p0 + t * (ruled.p1 - ruled.p0), ruled.d0 + t * (ruled.d1 - ruled.d0));
+  }
+
+  void take(DexelLine& line, double low, double high, const Ruled& ruled) {
+    bool crashed = false;
+    if (rapid_ || minds_shank_) {
+      const double from = std::max(low, line.runs().front().low);
+      const double to = std::min(high, line.runs().back().high);
+      crashed = (rapid_ || reaches_shank(ruled, from, to)) &&
+                line.length(from, to) > crash_length && crashes(line, ruled, 0.5 * (from + to));
+    }
+    taken += line.take(low, high, crashed ? -std::max(1, std::abs(line_)) : line_);
+    removed.crashed = removed.crashed || crashed;
+  }
+
+  bool reaches_shank(const Ruled& ruled, double from, double to) const {
+    const double start = ruled.p0.z() + std::max(from * ruled.d0.z(), to * ruled.d0.z());
+    const double end = ruled.p1.z() + std::max(from * ruled.d1.z(), to * ruled.d1.z());
+    return std::max(start, end) > cutter_.flank_length;
+  }
+
+  bool crashes(const DexelLine& line, const Ruled& ruled, double s) const {
+    const Vector3d point = ruled.start(s), direction = ruled.direction();
+    const Vector3d travel = ruled.travel(s);
+    const auto met = [&](const SweptInterval& in) {
+      return in.is_empty() ? 0.0 : line.length(s + in.in, s + in.out);
+    };
+    const Shrunk tool = shrunk(cutter_, rubbing);
+    const auto sweep = [&](const Cutter& cutter, double base) {
+      return SweptCutter(cutter, travel).along(point - Vector3d(0, 0, base), direction);
+    };
+    if (rapid_ && met(sweep(tool.cutter, tool.raised)) > crash_length) return true;
+    if (!minds_shank_) return false;
+    const Cutter shank{tool.cutter.radius, 0.0, 0.0};
+    const SweptInterval by_shank = sweep(shank, cutter_.flank_length + tool.raised);
+    const double length = met(by_shank);
+    if (length <= crash_length || travel.z() >= 0.0) return length > crash_length;
+    // what passed the upper end of the flank on its way down the tool was cut before
+    const SweptInterval cut_before =
+        swept_disc(cutter_.radius, cutter_.flank_length + tool.raised, travel, point, direction);
+    if (cut_before.is_empty()) return true;
+    const double lo = std::max(by_shank.in, cut_before.in);
+    const double hi = std::min(by_shank.out, cut_before.out);
+    const double before = lo < hi ? line.length(s + lo, s + hi) : 0.0;
+    return length - before > crash_length;
+  }
+
+  const Cutter& cutter_;
+  int line_;
+  bool rapid_;
+  bool minds_shank_ = false;
+};
+
+// ---- lines under the sweep ----------------------------------------------------------------------
+
+struct Range {
+  double lo = infinity, hi = -infinity;
+  void add(double x) { lo = std::min(lo, x), hi = std::max(hi, x); }
+  void add(const Range& r) { lo = std::min(lo, r.lo), hi = std::max(hi, r.hi); }
+};
+
+/// A disc moved along a segment of the plane: where it covers the row at height v.
+Range row_of_capsule(const Eigen::Vector2d& a, const Eigen::Vector2d& b, double radius, double v) {
+  Range range;
+  const auto disc = [&](const Eigen::Vector2d& c) {
+    const double square = radius * radius - (v - c.y()) * (v - c.y());
+    if (square < 0.0) return;
+    range.add(c.x() - std::sqrt(square));
+    range.add(c.x() + std::sqrt(square));
+  };
+  disc(a);
+  disc(b);
+  const Eigen::Vector2d ab = b - a;
+  const double length = ab.norm();
+  if (length < 1e-12 || std::abs(ab.y()) < 1e-12 * length) return range;
+  for (const double side : {-radius, radius}) {
+    const Eigen::Vector2d c = a + side * Eigen::Vector2d(-ab.y(), ab.x()) / length;
+    const double t = (v - c.y()) / ab.y();
+    if (t >= 0.0 && t <= 1.0) range.add(c.x() + t * ab.x());
+  }
+  return range;
+}
+
+/// A body that holds the sweep of a part: a ball moved over the parallelogram between the middles
+/// of the corner and the axis up to the end of the grid; and a box that holds its bottom closely.
+class Footprint {
+ public:
+  Footprint(const Stock& stock, const Cutter& cutter, const ToolPose& a, const ToolPose& b,
+            double angle)
+      : stock_(stock), radius_(cutter.radius) {
+    const ToolPose* const poses[2] = {&a, &b};
+    double up = 0.0;
+    for (int corner = 0; corner < 8; ++corner) {
+      Vector3d p;
+      for (int k = 0; k < 3; ++k)
+        p[k] = (corner >> k & 1) != 0 ? (stock.nodes[std::size_t(k)] - 1) * stock.spacing : 0.0;
+      for (const ToolPose* pose : poses) up = std::max(up, (p - pose->tip).dot(pose->axis()));
+    }
+    height_ = up;
+    const double sag = 0.125 * angle * (angle * up + 2.0 * (b.tip - a.tip).norm()) + 1e-9;
+    radius_ += sag;
+    for (int k = 0; k < 2; ++k) {
+      const Vector3d base = poses[k]->tip + cutter.corner_radius * poses[k]->axis();
+      corners_[2 * k] = base;
+      corners_[2 * k + 1] = base + up * poses[k]->axis();
+      for (int axis = 0; axis < 3; ++axis) {
+        box_[axis].add(reach(cutter, *poses[k], axis, 1.0) + sag);
+        box_[axis].add(-reach(cutter, *poses[k], axis, -1.0) - sag);
+      }
+    }
+  }
+
+  double height() const { return height_; }
+
+  /// Line numbers along `axis` whose places can be met.
+  std::pair<int, int> lines(int axis, Range range) const {
+    range.lo = std::max(range.lo, box_[axis].lo);
+    range.hi = std::min(range.hi, box_[axis].hi);
+    const double last = stock_.nodes[std::size_t(axis)] - 1;
+    const double from = std::max(0.0, std::ceil(range.lo / stock_.spacing));
+    const double to = std::min(last, std::floor(range.hi / stock_.spacing));
+    return from <= to ? std::pair{int(from), int(to)} : std::pair{0, -1};
+  }
+  std::pair<int, int> rows(int axis) const { return lines(axis, {-infinity, infinity}); }
+
+  Range row(int along_row, int across, double v) const {
+    Range range;
+    for (int i = 0; i < 4; ++i)
+      for (int k = i + 1; k < 4; ++k) {
+        const Eigen::Vector2d a(corners_[i][along_row], corners_[i][across]);
+        const Eigen::Vector2d b(corners_[k][along_row], corners_[k][across]);
+        range.add(row_of_capsule(a, b, radius_, v));
+      }
+    return range;
+  }
+
+  const Range& extent(int axis) const { return box_[axis]; }
+
+ private:
+  /// Farthest place of the standing tool in a direction of the grid.
+  static double reach(const Cutter& cutter, const ToolPose& pose, int axis, double sense) {
+    const double cosine = sense * pose.axis()[axis];
+    if (cosine > 1e-12) return infinity;
+    const double r = cutter.corner_radius;
+    const double sine = std::sqrt(std::max(0.0, 1.0 - cosine * cosine));
+    return sense * pose.tip[axis] + r * (1.0 + cosine) + (cutter.radius - r) * sine;
+  }
+
+  const Stock& stock_;
+  double radius_;
+  double height_;
+  Vector3d corners_[4];
+  Range box_[3];
+};
+
+void sweep_field(DexelField& field, const Footprint& footprint, double spacing, const ToolPose& a,
+                 const ToolPose& b, bool turns, Cut& cut) {
+  const int along = field.along, first = (along + 1) % 3, second = (along + 2) % 3;
+  const Range& extent = footprint.extent(along);
+  Ruled ruled;
+  ruled.d0 = a.R.col(along);
+  ruled.d1 = b.R.col(along);
+  const SweptCutter sweep(cut.cutter(), a.R * (b.tip - a.tip));
+  const auto [row_from, row_to] = footprint.rows(second);
+  for (int j = row_from; j <= row_to; ++j) {
+    const auto [from, to] = footprint.lines(first, footprint.row(first, second, j * spacing));
+    for (int i = from; i <= to; ++i) {
+      DexelLine& line = field.lines[std::size_t(i) + std::size_t(field.size[0]) * std::size_t(j)];
+      if (line.empty() || line.runs().front().low > extent.hi ||
+          line.runs().back().high < extent.lo)
+        continue;
+      Vector3d place = Vector3d::Zero();
+      place[first] = i * spacing;
+      place[second] = j * spacing;
+      ruled.p0 = a.R * (place - a.tip);
+      ruled.p1 = b.R * (place - b.tip);
+      if (turns)
+        cut.along(line, ruled);
+      else
+        cut.along(line, sweep, ruled);
+    }
+  }
+}
+
+}  // namespace
+
+Removed remove(Stock& stock, const Cutter& cutter, const StockMove& move) {
+  check(cutter);
+  const ToolPath path(stock, move);
+  const double arm = cutter.flank_length + cutter.radius;
+  const double bow = 0.125 * path.angle() * (path.angle() * arm + 2.0 * path.length());
+  const int parts = 1 + int(std::sqrt(bow / part_sag));
+  Cut cut(cutter, move);
+  for (int i = 0; i < parts; ++i) {
+    const ToolPose a = path.at(double(i) / parts), b = path.at(double(i + 1) / parts);
+    const Footprint footprint(stock, cutter, a, b, path.angle() / parts);
+    if (footprint.height() <= 0.0) continue;
+    cut.minds_shank(footprint.height() > cutter.flank_length);
+    for (DexelField& field : stock.fields)
+      sweep_field(field, footprint, stock.spacing, a, b, path.angle() > 0.0, cut);
+  }
+  cut.removed.volume = cut.taken * stock.spacing * stock.spacing / double(stock.fields.size());
+  return cut.removed;
+}
+
+}  // namespace abbe::cutting

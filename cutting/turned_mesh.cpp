@@ -1,0 +1,79 @@
+#include "cutting/turned_mesh.h"
+
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+namespace abbe::cutting {
+namespace {
+
+constexpr double flat = 1e-3;  // mm, a profile that bends by less is drawn straight
+
+double along(const TurnedStock& stock, Eigen::Index node) {
+  return stock.first + stock.spacing * double(node);
+}
+
+/// Nodes that a polyline within `flat` of the profile needs, the ends included.
+std::vector<Eigen::Index> thinned(const TurnedStock& stock) {
+  std::vector<Eigen::Index> kept{0};
+  const Eigen::Index n = stock.radius.size();
+  double steepest_from = -INFINITY, steepest_to = INFINITY;
+  for (Eigen::Index i = 1; i < n; ++i) {
+    const double from = stock.radius[kept.back()];
+    const double run = double(i - kept.back());
+    const double slope = (stock.radius[i] - from) / run;
+    if (slope < steepest_from || slope > steepest_to) {
+      kept.push_back(i - 1);
+      steepest_from = stock.radius[i] - stock.radius[i - 1] - flat;
+      steepest_to = stock.radius[i] - stock.radius[i - 1] + flat;
+      continue;
+    }
+    steepest_from = std::max(steepest_from, slope - flat / run);
+    steepest_to = std::min(steepest_to, slope + flat / run);
+  }
+  if (kept.back() != n - 1) kept.push_back(n - 1);
+  return kept;
+}
+
+}  // namespace
+
+StockMesh stock_mesh(const TurnedStock& stock, int around) {
+  if (around < 3) throw std::invalid_argument("expected at least 3 vertices on a circle");
+  StockMesh mesh;
+  if (stock.radius.size() < 2) return mesh;
+  const std::vector<Eigen::Index> nodes = thinned(stock);
+  const Eigen::Vector3d across = stock.direction_w.unitOrthogonal();
+  const Eigen::Vector3d third = stock.direction_w.cross(across);
+  const int rings = int(nodes.size());
+  mesh.vertices_w.resize(rings * around + 2, 3);
+  mesh.triangles.resize(2 * (rings - 1) * around + 2 * around, 3);
+  const int first_centre = rings * around, last_centre = first_centre + 1;
+  int row = 0;
+  for (int i = 0; i < rings; ++i)
+    for (int k = 0; k < around; ++k) {
+      const double angle = 2 * std::numbers::pi * k / around;
+      const double r = stock.radius[nodes[std::size_t(i)]];
+      mesh.vertices_w.row(i * around + k) =
+          (stock.point_w + along(stock, nodes[std::size_t(i)]) * stock.direction_w +
+           r * (std::cos(angle) * across + std::sin(angle) * third))
+              .transpose();
+      const int a = i * around + k, b = i * around + (k + 1) % around;
+      if (i + 1 < rings) {
+        mesh.triangles.row(row++) << a, b, b + around;
+        mesh.triangles.row(row++) << a, b + around, a + around;
+      }
+    }
+  mesh.vertices_w.row(first_centre) =
+      (stock.point_w + along(stock, nodes.front()) * stock.direction_w).transpose();
+  mesh.vertices_w.row(last_centre) =
+      (stock.point_w + along(stock, nodes.back()) * stock.direction_w).transpose();
+  for (int k = 0; k < around; ++k) {
+    const int next = (k + 1) % around, top = (rings - 1) * around;
+    mesh.triangles.row(row++) << first_centre, next, k;
+    mesh.triangles.row(row++) << last_centre, top + k, top + next;
+  }
+  mesh.line.assign(std::size_t(mesh.vertices_w.rows()), 1);
+  return mesh;
+}
+
+}  // namespace abbe::cutting

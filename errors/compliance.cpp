@@ -1,0 +1,225 @@
+#include "errors/compliance.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <stdexcept>
+
+#include <fmt/format.h>
+#include <Eigen/Geometry>
+
+#include "errors/bound_element.h"
+#include "kinematics/jacobian.h"
+
+namespace abbe::errors {
+namespace {
+
+using Eigen::Vector3d;
+using kinematics::Chain;
+using kinematics::Joint;
+using kinematics::Motion;
+using kinematics::Pose;
+using kinematics::Side;
+using kinematics::Wrench;
+
+constexpr double newton = 1e-3;  // N in kg mm/s^2
+
+/// Joints of one side up to and with `last`, from the bed outwards; all of the side without `last`.
+std::vector<int> carriers(const Chain& chain, Side side, std::optional<int> last) {
+  std::vector<int> result;
+  for (int n = 0; n < chain.size(); ++n) {
+    const int i = side == Side::Tool ? n : chain.size() - 1 - n;
+    if (chain.joints()[std::size_t(i)].side != side) continue;
+    result.push_back(i);
+    if (last == i) break;
+  }
+  return result;
+}
+
+ComplianceModel::Mass bind(const MovingMass& mass, const Chain& chain) {
+  const std::string who = fmt::format("mass on {}", mass.axis);
+  if (!(mass.mass_kg >= 0.0) || !std::isfinite(mass.mass_kg))
+    throw std::invalid_argument(
+        fmt::format("{}: expected a mass of at least 0 kg, seen {}", who, mass.mass_kg));
+  if (!mass.centre_b.allFinite())
+    throw std::invalid_argument(who + ": expected a finite centre, seen one that is not");
+  ComplianceModel::Mass bound;
+  bound.mass_kg = mass.mass_kg;
+  bound.centre_b = mass.centre_b;
+  bound.on_tool = mass.axis == 't';
+  bound.on_part = mass.axis == 'w';
+  if (bound.on_tool || bound.on_part) {
+    bound.joints = carriers(chain, bound.on_tool ? Side::Tool : Side::Workpiece, std::nullopt);
+  } else {
+    const int joint = joint_of(mass.axis, chain, who);
+    bound.joints = carriers(chain, chain.joints()[std::size_t(joint)].side, joint);
+  }
+  return bound;
+}
+
+Wrench turned(const Eigen::Matrix3d& R, const Wrench& W) {
+  Wrench result;
+  result << R * W.head<3>(), R * W.tail<3>();
+  return result;
+}
+
+/// A force at `arm` from where the wrench is stated.
+Wrench wrench(const Vector3d& force, const Vector3d& arm) {
+  Wrench result;
+  result << force, arm.cross(force);
+  return result;
+}
+
+/// What carries a mass, from the bed outwards, as it stands: where the deviation of each joint is
+/// put in, and the joint itself before its motion.
+struct Branch {
+  struct Place {
+    Pose T_before = Pose::Identity();     ///< bed frame at zero to the joint's parent as it stands
+    Pose T_deviation = Pose::Identity();  ///< the same to where the joint's deviation is put in
+  };
+  std::array<Place, kinematics::max_joints> places;
+  Vector3d centre_b;
+};
+
+Branch branch(const Chain& chain, const ComplianceModel::Mass& mass,
+              const kinematics::AxisVector& q) {
+  Branch result;
+  Pose T = Pose::Identity();
+  for (std::size_t n = 0; n < mass.joints.size(); ++n) {
+    const int i = mass.joints[n];
+    const Joint& joint = chain.joints()[std::size_t(i)];
+    const Pose T_after = T * kinematics::carriage_displacement(
+                                 joint, kinematics::carriage_travel(joint.side, q[i]), {});
+    const bool before =
+        joint.motion == Motion::Rotary && joint.deviation_axes == kinematics::DeviationAxes::Fixed;
+    result.places[n] = {T, before ? T : T_after};
+    T = T_after;
+  }
+  result.centre_b = T * mass.centre_b;
+  return result;
+}
+
+Vector3d acceleration_of(const Branch& at, const Chain& chain, const ComplianceModel::Mass& mass,
+                         const kinematics::AxisVector& acceleration) {
+  Vector3d a = Vector3d::Zero();
+  for (std::size_t n = 0; n < mass.joints.size(); ++n) {
+    const int i = mass.joints[n];
+    const Joint& joint = chain.joints()[std::size_t(i)];
+    const Pose& T = at.places[n].T_before;
+    const Vector3d along =
+        T.linear() * joint.direction_b * kinematics::carriage_travel(joint.side, acceleration[i]);
+    if (joint.motion == Motion::Linear) a += along;
+    if (joint.motion == Motion::Rotary) a += along.cross(at.centre_b - T * joint.point_b);
+  }
+  return a;
+}
+
+void add_mass(const ComplianceModel& model, const ComplianceModel::Mass& mass,
+              const kinematics::AxisState& state, const Load& load, ForceDeviations& sum) {
+  const Chain& chain = model.nominal;
+  const Branch at = branch(chain, mass, state.q);
+  Vector3d field = model.gravity_b.value_or(Vector3d::Zero());
+  if (model.inertia && load.acceleration.size() > 0)
+    field -= acceleration_of(at, chain, mass, load.acceleration);
+  const Vector3d force_b = newton * mass.mass_kg * field;
+  for (std::size_t n = 0; n < mass.joints.size(); ++n) {
+    const std::size_t i = std::size_t(mass.joints[n]);
+    const Pose& T = at.places[n].T_deviation;
+    const Vector3d arm_b = at.centre_b - T * chain.joints()[i].point_b;
+    sum.joints[i].motion +=
+        model.joints[i] * turned(T.linear().transpose(), wrench(force_b, arm_b));
+  }
+  if (!mass.on_tool && !mass.on_part) return;
+  const Pose T_own = mass.on_tool ? chain.tool_in_bed(state.q) : chain.workpiece_in_bed(state.q);
+  const Wrench own =
+      turned(T_own.linear().transpose(), wrench(force_b, at.centre_b - T_own.translation()));
+  if (mass.on_tool) sum.tool_t += model.tool * own;
+  if (mass.on_part) sum.workpiece_w += model.fixture * own;
+}
+
+bool gives_way(const Compliance& C) { return !C.isZero(0.0); }
+
+void add_cut(const ComplianceModel& model, const kinematics::AxisState& state, const Load& load,
+             ForceDeviations& sum) {
+  const Pose T_wt = model.nominal.tool_in_workpiece(state.q);
+  const Wrench on_tool_w = turned(T_wt.linear(), load.on_tool_t);
+  if (std::any_of(model.joints.begin(), model.joints.end(), gives_way)) {
+    const Eigen::MatrixXd J = kinematics::motion_jacobian(model.nominal, state.q);
+    for (std::size_t i = 0; i < model.joints.size(); ++i) {
+      if (!gives_way(model.joints[i])) continue;
+      sum.joints[i].motion +=
+          model.joints[i] * (J.middleCols<6>(6 * Eigen::Index(i)).transpose() * on_tool_w);
+    }
+  }
+  sum.tool_t += model.tool * load.on_tool_t;
+  Wrench on_part_w = -on_tool_w;
+  on_part_w.tail<3>() -= T_wt.translation().cross(on_tool_w.head<3>());
+  sum.workpiece_w += model.fixture * on_part_w;
+  if (model.workpiece) {
+    sum.workpiece_w.head<3>() -=
+        model.workpiece_scale *
+        (local_compliance(*model.workpiece, T_wt * load.contact_t) * on_tool_w.head<3>());
+  }
+}
+
+}  // namespace
+
+ComplianceModel bind(const ComplianceErrors& errors, const Chain& nominal) {
+  if (!(errors.scale >= 0.0) || !std::isfinite(errors.scale))
+    throw std::invalid_argument(
+        fmt::format("compliance: expected a scale of at least 0, seen {}", errors.scale));
+  if (errors.gravity_b && !errors.gravity_b->allFinite())
+    throw std::invalid_argument("gravity: expected a finite vector, seen one that is not");
+  if (!errors.clamping_w.allFinite())
+    throw std::invalid_argument("clamping: expected a finite wrench, seen one that is not");
+  validate(errors.tool, "compliance of the tool");
+  validate(errors.fixture, "compliance of the fixture");
+  const std::size_t n = std::size_t(nominal.size());
+  ComplianceModel model{nominal,
+                        std::vector<Compliance>(n, Compliance::Zero()),
+                        errors.tool,
+                        errors.fixture,
+                        {},
+                        1.0,
+                        {},
+                        errors.gravity_b,
+                        errors.inertia,
+                        errors.clamping_w};
+  std::vector<char> seen(n, 0);
+  for (const JointCompliance& joint : errors.joints) {
+    const std::string who = fmt::format("compliance of axis {}", joint.axis);
+    const std::size_t i = std::size_t(joint_of(joint.axis, nominal, who));
+    if (seen[i]) throw std::invalid_argument(who + ": expected every axis once, seen it twice");
+    seen[i] = 1;
+    validate(joint.C, who);
+    model.joints[i] = joint.C;
+  }
+  if (errors.workpiece) model.workpiece = prepare(*errors.workpiece);
+  for (const MovingMass& mass : errors.masses) model.masses.push_back(bind(mass, nominal));
+  return scaled(model, errors.scale);
+}
+
+ForceDeviations deviations(const ComplianceModel& model, const kinematics::AxisState& state,
+                           const Load& load) {
+  assert(load.acceleration.size() == 0 || load.acceleration.size() == model.nominal.size());
+  ForceDeviations sum;
+  sum.joints.resize(model.joints.size());
+  sum.workpiece_w = model.fixture * model.clamping_w;
+  if (!load.on_tool_t.isZero(0.0)) add_cut(model, state, load, sum);
+  if (model.gravity_b || (model.inertia && load.acceleration.size() > 0)) {
+    for (const ComplianceModel::Mass& mass : model.masses) add_mass(model, mass, state, load, sum);
+  }
+  return sum;
+}
+
+ComplianceModel scaled(const ComplianceModel& model, double factor) {
+  ComplianceModel result = model;
+  for (Compliance& C : result.joints) C *= factor;
+  result.tool *= factor;
+  result.fixture *= factor;
+  result.workpiece_scale *= factor;
+  return result;
+}
+
+}  // namespace abbe::errors

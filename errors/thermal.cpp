@@ -1,0 +1,582 @@
+#include "errors/thermal.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <set>
+#include <stdexcept>
+
+#include <fmt/format.h>
+#include <Eigen/SVD>
+
+#include "errors/curve.h"
+
+namespace abbe::errors {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+[[noreturn]] void refuse(const std::string& who, const std::string& why) {
+  throw std::invalid_argument(who + ": " + why);
+}
+
+// ---- what a network must be
+
+std::string named(const ThermalNetwork& network, int node) {
+  return "node " + network.nodes[std::size_t(node)].name;
+}
+
+void expect_node(const ThermalNetwork& network, int node, const std::string& who) {
+  const int n = int(network.nodes.size());
+  if (node < 0 || node >= n)
+    refuse(who, fmt::format("expected a node 0 .. {}, seen {}", n - 1, node));
+}
+
+void expect_positive(double value, const std::string& who, const char* what) {
+  if (!(value > 0.0) || !std::isfinite(value))
+    refuse(who, fmt::format("expected a {} above 0, seen {}", what, value));
+}
+
+void expect_not_negative(double value, const std::string& who, const char* what) {
+  if (!(value >= 0.0) || !std::isfinite(value))
+    refuse(who, fmt::format("expected a {} of 0 or more, seen {}", what, value));
+}
+
+void expect_finite(double value, const std::string& who, const char* what) {
+  if (!std::isfinite(value)) refuse(who, fmt::format("expected a finite {}, seen {}", what, value));
+}
+
+void check_nodes(const ThermalNetwork& network) {
+  if (network.nodes.empty()) refuse("thermal network", "expected at least one node");
+  if (network.start_T_C.size() != Index(network.nodes.size()))
+    refuse("thermal network", fmt::format("expected {} start temperatures, seen {}",
+                                          network.nodes.size(), network.start_T_C.size()));
+  std::set<std::string> names;
+  for (int i = 0; i < int(network.nodes.size()); ++i) {
+    const ThermalNode& node = network.nodes[std::size_t(i)];
+    if (node.name.empty()) refuse(fmt::format("node {}", i), "expected a name");
+    const std::string who = named(network, i);
+    if (!names.insert(node.name).second) refuse(who, "comes twice");
+    expect_positive(node.capacity_J_per_K, who, "heat capacity");
+    expect_finite(network.start_T_C[i], who, "start temperature");
+  }
+}
+
+void check_links(const ThermalNetwork& network) {
+  for (const ThermalLink& link : network.links) {
+    expect_node(network, link.a, "link");
+    expect_node(network, link.b, "link");
+    if (link.a == link.b) refuse(named(network, link.a), "is linked to itself");
+    expect_positive(link.conductance_W_per_K,
+                    "link of " + named(network, link.a) + " and " + named(network, link.b),
+                    "conductance");
+  }
+  for (const SurroundingsLink& link : network.surroundings) {
+    const char* to = link.to == Surroundings::Room ? "room" : "coolant";
+    expect_node(network, link.node, fmt::format("link to the {}", to));
+    expect_positive(link.conductance_W_per_K,
+                    fmt::format("link of {} to the {}", named(network, link.node), to),
+                    "conductance");
+  }
+}
+
+void check(const SpindleHeat& heat, const std::string& who) {
+  expect_not_negative(heat.power_W, who, "power");
+  expect_positive(heat.reference_speed, who, "reference speed");
+  expect_not_negative(heat.exponent, who, "exponent");
+}
+void check(const AxisHeat& heat, const std::string& who) {
+  if (heat.joint < 0 || heat.joint >= kinematics::max_joints)
+    refuse(who, fmt::format("expected a joint 0 .. {}, seen {}", kinematics::max_joints - 1,
+                            heat.joint));
+  expect_not_negative(heat.coulomb, who, "Coulomb friction");
+  expect_not_negative(heat.viscous, who, "viscous friction");
+}
+void check(const PowerOnHeat& heat, const std::string& who) {
+  expect_not_negative(heat.power_W, who, "power");
+}
+void check(const CuttingHeat& heat, const std::string& who) {
+  if (!(heat.share >= 0.0 && heat.share <= 1.0))
+    refuse(who, fmt::format("expected a share of the cutting power, 0 .. 1, seen {}", heat.share));
+}
+
+void check_sources(const ThermalNetwork& network) {
+  for (std::size_t i = 0; i < network.sources.size(); ++i) {
+    const HeatSource& source = network.sources[i];
+    const std::string who = fmt::format("heat source {}", i + 1);
+    expect_node(network, source.node, who);
+    const std::string where = who + " at " + named(network, source.node);
+    std::visit([&](const auto& law) { check(law, where); }, source.law);
+  }
+}
+
+// ---- what a machine does
+
+void check(const Activity& activity, const ThermalNetwork& network) {
+  const std::string who = fmt::format("activity at {} s", activity.time_s);
+  for (const double number : {activity.time_s, activity.spindle_speed, activity.cutting_power_W,
+                              activity.room_T_C, activity.coolant_T_C})
+    expect_finite(number, who, "number");
+  if (!activity.axis_speed.allFinite()) refuse(who, "expected finite axis speeds");
+  if (activity.axis_speed.size() == 0) return;
+  for (const HeatSource& source : network.sources)
+    if (const auto* axis = std::get_if<AxisHeat>(&source.law);
+        axis && axis->joint >= activity.axis_speed.size())
+      refuse(who, fmt::format("expected the speed of joint {}, seen {} speeds", axis->joint,
+                              activity.axis_speed.size()));
+}
+
+void check(std::span<const Activity> knots, const ThermalNetwork& network) {
+  if (knots.empty()) refuse("activity", "expected at least one knot");
+  for (std::size_t i = 0; i < knots.size(); ++i) {
+    check(knots[i], network);
+    if (i > 0 && knots[i].time_s < knots[i - 1].time_s)
+      refuse("activity",
+             fmt::format("time goes back from {} s to {} s", knots[i - 1].time_s, knots[i].time_s));
+  }
+}
+
+double watts(const SpindleHeat& heat, const Activity& activity) {
+  const double speed = std::abs(activity.spindle_speed);
+  if (speed == 0.0) return 0.0;  // also where the exponent is 0
+  return heat.power_W * std::pow(speed / heat.reference_speed, heat.exponent);
+}
+double watts(const AxisHeat& heat, const Activity& activity) {
+  if (heat.joint >= activity.axis_speed.size()) return 0.0;
+  const double speed = std::abs(activity.axis_speed[heat.joint]);
+  return 1e-3 * (heat.coulomb + heat.viscous * speed) * speed;  // N mm/s are mW
+}
+double watts(const PowerOnHeat& heat, const Activity& activity) {
+  return activity.powered ? heat.power_W : 0.0;
+}
+double watts(const CuttingHeat& heat, const Activity& activity) {
+  return heat.share * activity.cutting_power_W;
+}
+
+VectorXd heats_W(const ThermalNetwork& network, const Activity& activity) {
+  VectorXd heats = VectorXd::Zero(Index(network.nodes.size()));
+  for (const HeatSource& source : network.sources) heats[source.node] += heat_W(source, activity);
+  return heats;
+}
+
+// ---- divided differences of exp, by which one mode answers linear heat
+
+constexpr int series_terms = 20;  // the last is below 1e-19 where both arguments are at most 1
+
+/// Divided difference of exp over `zeros` zeros, -x and -y: sum of (-1)^k h_k(x, y) / (k + zeros +
+/// 1)!, h_k the complete homogeneous polynomial.
+double series(int zeros, double x, double y) {
+  double coefficient = 1.0;
+  for (int k = 2; k <= zeros + 1; ++k) coefficient /= k;
+  double h = 1.0, power = 1.0, sum = coefficient;
+  for (int k = 1; k < series_terms; ++k) {
+    power *= -x;
+    h = -y * h + power;
+    coefficient /= k + zeros + 1;
+    sum += coefficient * h;
+  }
+  return sum;
+}
+
+// phi1 = (1 - e^-x) / x, phi2 = (1 - phi1) / x, phi3 = (1/2 - phi2) / x, x >= 0; below 1 the
+// differences would cancel.
+double phi1(double x) { return x > 0.0 ? -std::expm1(-x) / x : 1.0; }
+double phi2(double x) { return x < 1.0 ? series(1, x, 0.0) : (1.0 - phi1(x)) / x; }
+double phi3(double x) { return x < 1.0 ? series(2, x, 0.0) : (0.5 - phi2(x)) / x; }
+
+/// Divided differences of exp over (-x, -y), (0, -x, -y) and (0, 0, -x, -y), x and y >= 0.
+std::array<double, 3> lagged(double x, double y) {
+  if (x > y) std::swap(x, y);
+  const double first = std::exp(-x) * phi1(y - x);
+  if (y < 1.0) return {first, series(1, x, y), series(2, x, y)};
+  const double second = (phi1(x) - first) / y;
+  return {first, second, (phi2(x) - second) / y};
+}
+
+// ---- modes
+
+/// The network as conductances, parallel ones added up.
+struct Mesh {
+  MatrixXd between;    ///< (nodes x nodes) symmetric
+  VectorXd to_ground;  ///< (nodes) to the surroundings
+};
+
+Mesh mesh_of(const ThermalNetwork& network, bool coolant) {
+  const Index n = Index(network.nodes.size());
+  Mesh mesh{MatrixXd::Zero(n, n), VectorXd::Zero(n)};
+  for (const ThermalLink& link : network.links) {
+    mesh.between(link.a, link.b) += link.conductance_W_per_K;
+    mesh.between(link.b, link.a) += link.conductance_W_per_K;
+  }
+  for (const SurroundingsLink& link : network.surroundings)
+    if (coolant || link.to == Surroundings::Room)
+      mesh.to_ground[link.node] += link.conductance_W_per_K;
+  return mesh;
+}
+
+/// Square roots of heat capacities.
+VectorXd roots_of(const ThermalNetwork& network) {
+  VectorXd root(Index(network.nodes.size()));
+  for (Index i = 0; i < root.size(); ++i)
+    root[i] = std::sqrt(network.nodes[std::size_t(i)].capacity_J_per_K);
+  return root;
+}
+
+/// A column sqrt(G) / sqrt(C) for every conductance.
+MatrixXd incidence(const Mesh& mesh, const VectorXd& root) {
+  const Index n = root.size();
+  MatrixXd B = MatrixXd::Zero(n, n * (n + 1) / 2);
+  Index column = 0;
+  for (Index i = 0; i < n; ++i) {
+    if (mesh.to_ground[i] > 0.0) B(i, column++) = std::sqrt(mesh.to_ground[i]) / root[i];
+    for (Index j = 0; j < i; ++j) {
+      if (!(mesh.between(i, j) > 0.0)) continue;
+      const double g = std::sqrt(mesh.between(i, j));
+      B(i, column) = g / root[i];
+      B(j, column++) = -g / root[j];
+    }
+  }
+  return B.leftCols(column);
+}
+
+/// S = C^-1/2 L C^-1/2 is B B^T of the incidence, so its modes are those of B. Forming L would lose
+/// a slow rate in the rounding of a fast one; the singular values of B lie only half as many
+/// decades apart.
+ThermalModes modes(const ThermalNetwork& network, bool coolant) {
+  const VectorXd root = roots_of(network);
+  const MatrixXd B = incidence(mesh_of(network, coolant), root);
+  if (!B.allFinite())
+    refuse("thermal network", "its capacities and conductances are beyond what numbers can hold");
+  const Eigen::JacobiSVD<MatrixXd> svd(B, Eigen::ComputeThinU);
+  const MatrixXd& V = svd.matrixU();
+  ThermalModes result{svd.singularValues().cwiseAbs2(), V.transpose() * root.asDiagonal(),
+                      root.cwiseInverse().asDiagonal() * V};
+  if (!result.rate_per_s.allFinite() || !result.to_modes.allFinite() ||
+      !result.to_nodes.allFinite())
+    refuse("thermal network", "its capacities and conductances are beyond what numbers can hold");
+  return result;
+}
+
+bool has_coolant(const ThermalNetwork& network) {
+  return std::any_of(network.surroundings.begin(), network.surroundings.end(),
+                     [](const SurroundingsLink& link) { return link.to == Surroundings::Coolant; });
+}
+
+/// All is reckoned from the room as it was first, so that a machine at that temperature stays there
+/// to the last bit.
+double base_T_C(const ThermalRun& run) { return run.knots.front().room_T_C; }
+
+/// Heat from the surroundings into every node at an instant if all stood at `base_T_C`, W.
+VectorXd inflow(const ThermalNetwork& network, const Activity& at, bool coolant, double base_T_C) {
+  VectorXd flow = VectorXd::Zero(Index(network.nodes.size()));
+  for (const SurroundingsLink& link : network.surroundings) {
+    if (link.to == Surroundings::Room)
+      flow[link.node] += link.conductance_W_per_K * (at.room_T_C - base_T_C);
+    else if (coolant)
+      flow[link.node] += link.conductance_W_per_K * (at.coolant_T_C - base_T_C);
+  }
+  return flow;
+}
+
+/// The modes' equations from one knot to the next: z' = -rate z + flow + t flow_rise.
+struct Stretch {
+  const ThermalModes* modes = nullptr;
+  VectorXd flow, flow_rise;  ///< (nodes) in modes
+  double length = 0.0;       ///< s; 0 after the last knot, whose activity goes on
+};
+
+Stretch stretch_after(const ThermalRun& run, std::size_t knot) {
+  const Activity& from = run.knots[knot];
+  Stretch stretch;
+  stretch.modes = from.coolant ? &run.wet : &run.dry;
+  const auto modal_flow = [&](std::size_t i) -> VectorXd {
+    const VectorXd surroundings = inflow(run.network, run.knots[i], from.coolant, base_T_C(run));
+    return stretch.modes->to_nodes.transpose() *
+           (surroundings + run.heat_W.row(Index(i)).transpose());
+  };
+  stretch.flow = modal_flow(knot);
+  stretch.flow_rise = VectorXd::Zero(stretch.flow.size());
+  if (knot + 1 < run.knots.size()) stretch.length = run.knots[knot + 1].time_s - from.time_s;
+  if (stretch.length > 0.0)
+    stretch.flow_rise = (modal_flow(knot + 1) - stretch.flow) / stretch.length;
+  return stretch;
+}
+
+VectorXd modal(const ThermalRun& run, const ThermalModes& modes, std::size_t knot) {
+  return modes.to_modes * (run.T_C.row(Index(knot)).transpose().array() - base_T_C(run)).matrix();
+}
+
+/// How far the modes go in a time h, from z. As a difference, so that its rounding is that of the
+/// change and not of the whole.
+VectorXd change(const Stretch& stretch, const VectorXd& z, double h) {
+  VectorXd dz(z.size());
+  for (Index k = 0; k < z.size(); ++k) {
+    const double rate = stretch.modes->rate_per_s[k];
+    const double x = rate * h;
+    dz[k] = h * (phi1(x) * (stretch.flow[k] - rate * z[k]) + h * phi2(x) * stretch.flow_rise[k]);
+  }
+  return dz;
+}
+
+/// Integral of the modes over a whole stretch.
+VectorXd integral(const Stretch& stretch, const VectorXd& z) {
+  const double h = stretch.length;
+  VectorXd sum(z.size());
+  for (Index k = 0; k < z.size(); ++k) {
+    const double x = stretch.modes->rate_per_s[k] * h;
+    sum[k] =
+        h * (phi1(x) * z[k] + h * (phi2(x) * stretch.flow[k] + h * phi3(x) * stretch.flow_rise[k]));
+  }
+  return sum;
+}
+
+/// A sum that keeps what rounding takes off: near a steady state a knot's change is far below an
+/// ulp of the whole, and it must not stop there.
+struct KeptSum {
+  VectorXd value, lost;
+
+  explicit KeptSum(VectorXd start) : value(std::move(start)), lost(VectorXd::Zero(value.size())) {}
+  void add(const VectorXd& change) {
+    const VectorXd wanted = change - lost;
+    const VectorXd next = value + wanted;
+    lost = (next - value) - wanted;
+    value = next;
+  }
+};
+
+std::size_t knot_before(const ThermalRun& run, double time_s) {
+  const auto above = std::upper_bound(run.knots.begin(), run.knots.end(), time_s,
+                                      [](double t, const Activity& a) { return t < a.time_s; });
+  return std::size_t(above - run.knots.begin()) - 1;
+}
+
+/// Temperatures over the ground for heat into the nodes, by turning the star about one node after
+/// another into a mesh. Nothing is subtracted, so no conductance is lost beside a larger one.
+VectorXd over_ground(Mesh mesh, VectorXd heat) {
+  const Index n = heat.size();
+  VectorXd total(n);
+  for (Index k = n - 1; k >= 0; --k) {
+    total[k] = mesh.to_ground[k] + mesh.between.row(k).head(k).sum();
+    const VectorXd share = mesh.between.col(k).head(k) / total[k];
+    mesh.between.topLeftCorner(k, k) += share * mesh.between.row(k).head(k);
+    mesh.between.diagonal().head(k).setZero();
+    mesh.to_ground.head(k) += share * mesh.to_ground[k];
+    heat.head(k) += share * heat[k];
+  }
+  VectorXd T(n);
+  for (Index k = 0; k < n; ++k)
+    T[k] = (heat[k] + mesh.between.row(k).head(k).dot(T.head(k))) / total[k];
+  return T;
+}
+
+// ---- sensors
+
+/// The sensor's own mass behind its node: S' = (T_node - S) / lag, mode by mode.
+class LaggedNode {
+ public:
+  LaggedNode(const ThermalRun& run, const TemperatureSensor& sensor)
+      : run_(run), node_(sensor.node), per_s_(std::min(1.0 / sensor.lag_s, 1e200)) {
+    at_knot_.push_back(run.T_C(0, node_) - base_T_C(run));
+  }
+
+  double T_C(double time_s) {
+    if (time_s <= run_.knots.front().time_s) return run_.T_C(0, node_);
+    const std::size_t knot = knot_before(run_, time_s);
+    while (at_knot_.size() <= knot) {
+      const std::size_t last = at_knot_.size() - 1;
+      at_knot_.push_back(after(last, run_.knots[last + 1].time_s - run_.knots[last].time_s));
+    }
+    return base_T_C(run_) + after(knot, time_s - run_.knots[knot].time_s);
+  }
+
+ private:
+  double after(std::size_t knot, double h) const {
+    const Stretch stretch = stretch_after(run_, knot);
+    const VectorXd z = modal(run_, *stretch.modes, knot);
+    const auto of_node = stretch.modes->to_nodes.row(node_);
+    const double y = per_s_ * h;
+    double driven = 0.0;
+    for (Index k = 0; k < z.size(); ++k) {
+      const auto [first, second, third] = lagged(stretch.modes->rate_per_s[k] * h, y);
+      driven += of_node[k] *
+                (first * z[k] + h * (second * stretch.flow[k] + h * third * stretch.flow_rise[k]));
+    }
+    return std::exp(-y) * at_knot_[knot] + y * driven;
+  }
+
+  const ThermalRun& run_;
+  Index node_;
+  double per_s_;
+  std::vector<double> at_knot_;  ///< sensor over the base, as far as it was asked for
+};
+
+/// Number of the last sample that is not after an instant.
+double sample_before(double time_s, double sampling_s) {
+  double k = std::floor(time_s / sampling_s);
+  if ((k + 1.0) * sampling_s <= time_s) k += 1.0;
+  if (k * sampling_s > time_s) k -= 1.0;
+  return k;
+}
+
+void check_times(const VectorXd& times_s, const TemperatureSensor& sensor) {
+  const std::string who = "sensor " + sensor.name;
+  for (Index i = 0; i < times_s.size(); ++i) {
+    if (!(std::abs(times_s[i]) < 9e15 * std::min(1.0, sensor.sampling_s)))
+      refuse(who, fmt::format("expected a time that its samples can be counted to, seen {} s",
+                              times_s[i]));
+    if (i > 0 && times_s[i] < times_s[i - 1])
+      refuse(who, fmt::format("time goes back from {} s to {} s", times_s[i - 1], times_s[i]));
+  }
+}
+
+}  // namespace
+
+void validate(const ThermalNetwork& network) {
+  check_nodes(network);
+  check_links(network);
+  check_sources(network);
+  if (const auto node = cut_off_node(network))
+    refuse(named(network, *node), "no heat can reach the room from it");
+}
+
+std::optional<int> cut_off_node(const ThermalNetwork& network) {
+  std::vector<std::vector<int>> neighbours(network.nodes.size());
+  for (const ThermalLink& link : network.links) {
+    neighbours[std::size_t(link.a)].push_back(link.b);
+    neighbours[std::size_t(link.b)].push_back(link.a);
+  }
+  std::vector<char> reaches(network.nodes.size(), 0);
+  std::vector<int> waiting;
+  const auto visit = [&](int node) {
+    if (!reaches[std::size_t(node)]) waiting.push_back(node);
+    reaches[std::size_t(node)] = 1;
+  };
+  for (const SurroundingsLink& link : network.surroundings)
+    if (link.to == Surroundings::Room) visit(link.node);
+  while (!waiting.empty()) {
+    const int node = waiting.back();
+    waiting.pop_back();
+    for (const int next : neighbours[std::size_t(node)]) visit(next);
+  }
+  const auto first = std::find(reaches.begin(), reaches.end(), 0);
+  if (first == reaches.end()) return std::nullopt;
+  return int(first - reaches.begin());
+}
+
+double heat_W(const HeatSource& source, const Activity& activity) {
+  return std::visit([&](const auto& law) { return watts(law, activity); }, source.law);
+}
+
+ThermalRun simulate(const ThermalNetwork& network, std::span<const Activity> knots) {
+  validate(network);
+  check(knots, network);
+  const Index n = Index(knots.size());
+  const Index nodes = Index(network.nodes.size());
+  ThermalRun run{network,
+                 {knots.begin(), knots.end()},
+                 MatrixXd(n, nodes),
+                 MatrixXd(n, nodes),
+                 modes(network, false),
+                 {}};
+  run.wet = has_coolant(network) ? modes(network, true) : run.dry;
+  for (Index i = 0; i < n; ++i) run.heat_W.row(i) = heats_W(network, knots[std::size_t(i)]);
+  if (!run.heat_W.allFinite()) refuse("activity", "expected finite heat of every source");
+  run.T_C.row(0) = network.start_T_C;
+  const ThermalModes* current = nullptr;
+  KeptSum z{VectorXd()};
+  for (std::size_t i = 0; i + 1 < knots.size(); ++i) {
+    run.T_C.row(Index(i) + 1) = run.T_C.row(Index(i));
+    const Stretch stretch = stretch_after(run, i);
+    if (stretch.length == 0.0) continue;
+    if (stretch.modes != current) z = KeptSum(modal(run, *stretch.modes, i));
+    current = stretch.modes;
+    z.add(change(stretch, z.value, stretch.length));
+    run.T_C.row(Index(i) + 1) = (current->to_nodes * z.value).transpose().array() + base_T_C(run);
+  }
+  return run;
+}
+
+VectorXd temperatures(const ThermalRun& run, double time_s) {
+  if (!(time_s > run.knots.front().time_s)) return run.T_C.row(0);
+  const std::size_t knot = knot_before(run, time_s);
+  const double h = time_s - run.knots[knot].time_s;
+  if (h == 0.0) return run.T_C.row(Index(knot));
+  const Stretch stretch = stretch_after(run, knot);
+  const VectorXd z = modal(run, *stretch.modes, knot);
+  return run.T_C.row(Index(knot)).transpose() + stretch.modes->to_nodes * change(stretch, z, h);
+}
+
+VectorXd steady_state(const ThermalNetwork& network, const Activity& activity) {
+  validate(network);
+  check(activity, network);
+  const VectorXd heat =
+      heats_W(network, activity) + inflow(network, activity, activity.coolant, activity.room_T_C);
+  return over_ground(mesh_of(network, activity.coolant), heat).array() + activity.room_T_C;
+}
+
+HeatBalance heat_balance(const ThermalRun& run, std::size_t from_knot, std::size_t to_knot) {
+  if (to_knot >= run.knots.size() || from_knot > to_knot)
+    throw std::out_of_range(fmt::format("heat balance: expected knots 0 .. {} in order, seen {} {}",
+                                        run.knots.size() - 1, from_knot, to_knot));
+  HeatBalance balance;
+  const double base = base_T_C(run);
+  for (std::size_t i = from_knot; i < to_knot; ++i) {
+    const Activity &from = run.knots[i], &to = run.knots[i + 1];
+    const Stretch stretch = stretch_after(run, i);
+    const double h = stretch.length;
+    balance.generated_J +=
+        0.5 * h * (run.heat_W.row(Index(i)).sum() + run.heat_W.row(Index(i) + 1).sum());
+    const VectorXd over_base =
+        stretch.modes->to_nodes * integral(stretch, modal(run, *stretch.modes, i));
+    for (const SurroundingsLink& link : run.network.surroundings) {
+      const bool room = link.to == Surroundings::Room;
+      if (!room && !from.coolant) continue;
+      const double outside =
+          room ? 0.5 * (from.room_T_C + to.room_T_C) : 0.5 * (from.coolant_T_C + to.coolant_T_C);
+      balance.to_surroundings_J +=
+          link.conductance_W_per_K * (over_base[link.node] - h * (outside - base));
+    }
+  }
+  for (Index k = 0; k < Index(run.network.nodes.size()); ++k)
+    balance.stored_J += run.network.nodes[std::size_t(k)].capacity_J_per_K *
+                        (run.T_C(Index(to_knot), k) - run.T_C(Index(from_knot), k));
+  return balance;
+}
+
+void validate(const TemperatureSensor& sensor, const ThermalNetwork& network) {
+  const std::string who = "sensor " + sensor.name;
+  expect_node(network, sensor.node, who);
+  expect_finite(sensor.offset_K, who, "offset");
+  expect_not_negative(sensor.noise_K, who, "noise");
+  expect_not_negative(sensor.resolution_K, who, "resolution");
+  expect_not_negative(sensor.lag_s, who, "lag");
+  expect_positive(sensor.sampling_s, who, "sampling time");
+}
+
+VectorXd readings(const TemperatureSensor& sensor, const ThermalRun& run, const VectorXd& times_s) {
+  validate(sensor, run.network);
+  check_times(times_s, sensor);
+  LaggedNode lagged_node(run, sensor);
+  VectorXd result(times_s.size());
+  double last = 0.0;
+  for (Index i = 0; i < times_s.size(); ++i) {
+    const double k = sample_before(times_s[i], sensor.sampling_s);
+    if (i > 0 && k == last) {
+      result[i] = result[i - 1];
+      continue;
+    }
+    last = k;
+    const double at_s = k * sensor.sampling_s;
+    double T = sensor.lag_s > 0.0 ? lagged_node.T_C(at_s) : temperatures(run, at_s)[sensor.node];
+    T += sensor.offset_K;
+    if (sensor.noise_K > 0.0)
+      T += sensor.noise_K * normal_deviate(sensor.seed, std::uint64_t(std::int64_t(k)));
+    if (sensor.resolution_K > 0.0) T = std::round(T / sensor.resolution_K) * sensor.resolution_K;
+    result[i] = T;
+  }
+  return result;
+}
+
+}  // namespace abbe::errors

@@ -1,0 +1,226 @@
+#include "errors/thermal_elements.h"
+
+#include <cassert>
+#include <cmath>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "errors/bound_element.h"
+
+namespace abbe::errors {
+namespace {
+
+using Eigen::VectorXd;
+using kinematics::Chain;
+using kinematics::Joint;
+using kinematics::JointDeviation;
+
+constexpr double judged_T_C = 20.0;  // ISO 1
+
+[[noreturn]] void refuse(const std::string& who, const std::string& why) {
+  throw std::invalid_argument(who + ": " + why);
+}
+
+void expect_node(int node, int nodes, const std::string& who) {
+  if (node < 0 || node >= nodes)
+    refuse(who, fmt::format("expected a node 0 .. {}, seen {}", nodes - 1, node));
+}
+
+void expect_finite(double value, const std::string& who, const char* what) {
+  if (!std::isfinite(value)) refuse(who, fmt::format("expected a finite {}, seen {}", what, value));
+}
+
+void check(const ThermalFunction& function, int nodes, const std::string& who) {
+  expect_finite(function.constant, who, "constant");
+  for (const ThermalFunction::Term& term : function.terms) {
+    expect_node(term.node, nodes, who);
+    if (term.minus) expect_node(*term.minus, nodes, who);
+    expect_finite(term.per_K, who, "value per K");
+    if (!term.table) continue;
+    try {
+      validate(Curve{*term.table});
+    } catch (const std::invalid_argument& fault) {
+      refuse(who, fault.what());
+    }
+  }
+}
+
+bool is_nothing(const ThermalFunction& function) {
+  return function.constant == 0.0 && function.terms.empty();
+}
+
+void check(const ThermalElement& element, const Joint& joint, int nodes) {
+  const std::string who = to_string(element.name);
+  check_meaning(element.name, joint);
+  const bool moves = !element.name.location && element.name.axis != 'S';
+  if (!moves && !is_nothing(element.slope))
+    refuse(who, "a location or spindle element has no slope along an axis");
+  check(element.offset, nodes, who);
+  check(element.slope, nodes, who);
+  expect_finite(element.fixed, who, "fixed position");
+}
+
+void check(const Expansion& expansion, int nodes, const std::string& who) {
+  expect_node(expansion.node, nodes, who);
+  expect_finite(expansion.per_K, who, "growth per K");
+  expect_finite(expansion.fixed, who, "fixed position");
+}
+
+/// What of an axis shows, by how it is measured.
+const Expansion& shown(const AxisExpansion& axis, int nodes) {
+  const std::string who = std::string("expansion of ") + axis.axis;
+  if (axis.screw) check(*axis.screw, nodes, who + ", screw");
+  if (axis.scale) check(*axis.scale, nodes, who + ", scale");
+  const bool motor = axis.feedback == Feedback::Motor;
+  const std::optional<Expansion>& one = motor ? axis.screw : axis.scale;
+  if (!one)
+    refuse(who,
+           motor ? "feedback from the motor needs a screw" : "feedback from a scale needs a scale");
+  return *one;
+}
+
+/// Growth along a slide as elements of its joint: one where it lies along a bed axis.
+std::vector<ThermalModel::Bound> bound_expansion(const AxisExpansion& axis, const Chain& chain,
+                                                 int nodes) {
+  const std::string who = std::string("expansion of ") + axis.axis;
+  const int j = joint_of(axis.axis, chain, who);
+  const Joint& joint = chain.joints()[std::size_t(j)];
+  if (joint.motion != kinematics::Motion::Linear) refuse(who, "expected a slide");
+  const Expansion& growth = shown(axis, nodes);
+  std::vector<ThermalModel::Bound> parts;
+  for (int i = 0; i < 3; ++i) {
+    if (joint.direction_b[i] == 0.0) continue;
+    ThermalElement element;
+    element.name = {char('X' + i), axis.axis, false};
+    element.slope.terms.push_back(
+        {growth.node, std::nullopt, growth.per_K * joint.direction_b[i], std::nullopt});
+    element.fixed = growth.fixed;
+    parts.push_back({j, i, false, element, joint.side == kinematics::Side::Workpiece});
+  }
+  return parts;
+}
+
+void check(const WorkpieceExpansion& workpiece, int nodes) {
+  const std::string who = "workpiece";
+  expect_node(workpiece.node, nodes, who);
+  expect_finite(workpiece.per_K, who, "growth per K");
+  if (!workpiece.fixed_w.allFinite()) refuse(who, "expected a finite fixed point");
+  if (!(std::abs(workpiece.per_K) < 1e-3))
+    refuse(who, fmt::format("expected a growth below 1e-3 per K, seen {}", workpiece.per_K));
+}
+
+void append_terms(ThermalModel& model, int element, bool of_slope) {
+  const ThermalElement& from = model.elements[std::size_t(element)].element;
+  const ThermalFunction& function = of_slope ? from.slope : from.offset;
+  if (function.constant != 0.0)
+    model.terms.push_back({element, of_slope, -1, -1, function.constant, -1});
+  for (const ThermalFunction::Term& term : function.terms) {
+    int table = -1;
+    if (term.table) {
+      table = int(model.tables.size());
+      model.tables.push_back(Curve{*term.table});
+    }
+    model.terms.push_back(
+        {element, of_slope, term.node, term.minus.value_or(-1), term.per_K, table});
+  }
+}
+
+ThermalModel prepared(ThermalModel model) {
+  model.terms.clear();
+  model.tables.clear();
+  for (int i = 0; i < int(model.elements.size()); ++i)
+    for (const bool of_slope : {false, true}) append_terms(model, i, of_slope);
+  return model;
+}
+
+double term_value(const ThermalModel& model, const ThermalModel::Term& term, const VectorXd& T_C) {
+  if (term.node < 0) return term.factor;
+  const double against = term.minus < 0 ? model.reference_T_C : T_C[term.minus];
+  const double dT_K = T_C[term.node] - against;
+  if (term.table < 0) return term.factor * dT_K;
+  try {
+    return value(model.tables[std::size_t(term.table)], CurveState{dT_K});
+  } catch (const std::out_of_range& fault) {
+    const ElementName& name = model.elements[std::size_t(term.element)].element.name;
+    throw std::out_of_range(
+        fmt::format("{}, dT_K of node {}: {}", to_string(name), term.node, fault.what()));
+  }
+}
+
+void scale(ThermalFunction& function, double factor) {
+  function.constant *= factor;
+  for (ThermalFunction::Term& term : function.terms) {
+    term.per_K *= factor;
+    if (!term.table) continue;
+    term.table->value *= factor;
+    term.table->second *= factor;
+  }
+}
+
+}  // namespace
+
+ThermalModel bind(const ThermalErrors& errors, const Chain& chain, int nodes) {
+  ThermalModel model;
+  expect_finite(errors.reference_T_C, "thermal errors", "reference temperature");
+  model.reference_T_C = errors.reference_T_C;
+  model.joints = chain.size();
+  for (const ThermalElement& element : errors.elements) {
+    const std::string who = to_string(element.name);
+    const int joint = joint_of(element.name.axis, chain, who);
+    for (const ThermalModel::Bound& other : model.elements)
+      if (other.element.name == element.name) refuse(who, "comes twice");
+    check(element, chain.joints()[std::size_t(joint)], nodes);
+    model.elements.push_back(
+        {joint, element.name.component(), element.name.location, element, false});
+  }
+  for (std::size_t i = 0; i < errors.expansions.size(); ++i) {
+    const AxisExpansion& axis = errors.expansions[i];
+    for (std::size_t j = 0; j < i; ++j)
+      if (errors.expansions[j].axis == axis.axis)
+        refuse(std::string("expansion of ") + axis.axis, "comes twice");
+    for (ThermalModel::Bound& part : bound_expansion(axis, chain, nodes))
+      model.elements.push_back(std::move(part));
+  }
+  if (errors.workpiece) check(*errors.workpiece, nodes);
+  model.workpiece = errors.workpiece;
+  return prepared(std::move(model));
+}
+
+std::vector<JointDeviation> deviations(const ThermalModel& model, const kinematics::AxisVector& q,
+                                       const VectorXd& T_C) {
+  assert(q.size() == model.joints);
+  std::vector<JointDeviation> result(std::size_t(model.joints), JointDeviation{});
+  for (const ThermalModel::Term& term : model.terms) {
+    const ThermalModel::Bound& bound = model.elements[std::size_t(term.element)];
+    double amount = term_value(model, term, T_C);
+    if (term.of_slope) {
+      const auto side = bound.primed ? kinematics::Side::Workpiece : kinematics::Side::Tool;
+      amount *= kinematics::carriage_travel(side, q[bound.joint] - bound.element.fixed);
+    }
+    JointDeviation& deviation = result[std::size_t(bound.joint)];
+    (bound.location ? deviation.location : deviation.motion)[bound.component] += amount;
+  }
+  return result;
+}
+
+Eigen::Vector3d at_20_C(const ThermalModel& model, const VectorXd& T_C,
+                        const Eigen::Vector3d& point_w) {
+  if (!model.workpiece) return point_w;
+  const WorkpieceExpansion& workpiece = *model.workpiece;
+  const double growth = workpiece.per_K * (T_C[workpiece.node] - judged_T_C);
+  if (growth == 0.0) return point_w;
+  return workpiece.fixed_w + (point_w - workpiece.fixed_w) / (1.0 + growth);
+}
+
+ThermalModel scaled(const ThermalModel& model, double factor) {
+  ThermalModel result = model;
+  for (ThermalModel::Bound& bound : result.elements) {
+    scale(bound.element.offset, factor);
+    scale(bound.element.slope, factor);
+  }
+  if (result.workpiece) result.workpiece->per_K *= factor;
+  return prepared(std::move(result));
+}
+
+}  // namespace abbe::errors

@@ -1,0 +1,70 @@
+#include "errors/vibration.h"
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include <fmt/format.h>
+
+#include "errors/bound_element.h"
+
+namespace abbe::errors {
+namespace {
+
+void expect(const Vibration& vibration, bool holds, const char* what, double seen) {
+  if (holds) return;
+  throw std::invalid_argument(
+      fmt::format("vibration of {}: expected {}, seen {}", to_string(vibration.name), what, seen));
+}
+
+bool positive(double x) { return x > 0.0 && std::isfinite(x); }
+
+void check(const Vibration& v) {
+  if (v.name.location) {
+    throw std::invalid_argument(fmt::format(
+        "vibration of {}: expected an error motion, seen a location element", to_string(v.name)));
+  }
+  expect(v, positive(v.order), "an order above 0", v.order);
+  expect(v, std::isfinite(v.amplitude), "a finite amplitude", v.amplitude);
+  expect(v, positive(v.reference_speed), "a reference speed above 0", v.reference_speed);
+  expect(v, v.exponent >= 0.0 && std::isfinite(v.exponent), "an exponent of 0 or more", v.exponent);
+  expect(v, std::isfinite(v.phase), "a finite phase", v.phase);
+  if (v.resonance) expect(v, positive(*v.resonance), "a resonance above 0", *v.resonance);
+  expect(v, positive(v.damping), "a damping above 0", v.damping);
+}
+
+}  // namespace
+
+VibrationModel bind(const std::vector<Vibration>& vibrations, const kinematics::Chain& chain) {
+  VibrationModel model;
+  model.joints = chain.size();
+  for (const Vibration& vibration : vibrations) {
+    check(vibration);
+    const std::string who = "vibration of " + to_string(vibration.name);
+    const int joint = joint_of(vibration.name.axis, chain, who);
+    check_meaning(vibration.name, chain.joints()[std::size_t(joint)]);
+    model.harmonics.push_back({joint, vibration.name.component(), vibration});
+  }
+  return model;
+}
+
+double amplitude(const Vibration& v, double spindle_speed) {
+  const double n = std::abs(spindle_speed);
+  const double driven = v.amplitude * std::pow(n / v.reference_speed, v.exponent);
+  if (!v.resonance) return driven;
+  const double r = v.order * n / *v.resonance;
+  return driven / std::hypot(1.0 - r * r, 2.0 * v.damping * r);
+}
+
+std::vector<kinematics::JointDeviation> deviations(const VibrationModel& model,
+                                                   double spindle_speed, double spindle_angle) {
+  std::vector<kinematics::JointDeviation> result(std::size_t(model.joints));
+  for (const VibrationModel::Bound& bound : model.harmonics) {
+    const Vibration& v = bound.vibration;
+    result[std::size_t(bound.joint)].motion[bound.component] +=
+        amplitude(v, spindle_speed) * std::cos(v.order * spindle_angle + v.phase);
+  }
+  return result;
+}
+
+}  // namespace abbe::errors

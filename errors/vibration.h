@@ -1,0 +1,49 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "errors/element.h"
+#include "kinematics/chain.h"
+
+namespace abbe::errors {
+
+/// One harmonic of a vibrating element: amplitude cos(order * spindle angle + phase).
+/// The amplitude follows the spindle speed n: `amplitude` (|n| / reference)^exponent (2 for
+/// unbalance, 0 for a fixed one, which then also stands while the spindle does), and near a
+/// resonance it is magnified by 1 / sqrt((1 - r^2)^2 + (2 damping r)^2), r = order |n| / resonance.
+struct Vibration {
+  ElementName name;                 ///< of an error motion
+  double order = 1.0;               ///< per turn of the spindle: 1, or the number of teeth; > 0
+  double amplitude = 0.0;           ///< mm or rad, at the reference speed
+  double reference_speed = 1.0;     ///< rad/s, > 0
+  double exponent = 0.0;            ///< >= 0
+  double phase = 0.0;               ///< rad
+  std::optional<double> resonance;  ///< rad/s, > 0
+  double damping = 0.05;            ///< of critical, > 0
+};
+
+/// The same bound to a chain. Immutable: made by `bind`.
+struct VibrationModel {
+  struct Bound {
+    int joint = 0;
+    int component = 0;  ///< 0..5
+    Vibration vibration;
+  };
+  std::vector<Bound> harmonics;  ///< several of one element add up
+  int joints = 0;
+};
+
+/// @throws std::invalid_argument naming the element: an axis that the chain lacks, a location
+///         element, a spindle's turn about itself, a number that is not physical
+VibrationModel bind(const std::vector<Vibration>& vibrations, const kinematics::Chain& chain);
+
+/// Amplitude at a spindle speed of either sense, mm or rad; of the sign of `amplitude`.
+double amplitude(const Vibration& vibration, double spindle_speed);
+
+/// Vibrating part of every joint's deviation, in the order of the chain.
+/// @param spindle_angle  rad, since the program began
+std::vector<kinematics::JointDeviation> deviations(const VibrationModel& model,
+                                                   double spindle_speed, double spindle_angle);
+
+}  // namespace abbe::errors

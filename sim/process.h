@@ -1,0 +1,75 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cutting/engagement.h"
+#include "cutting/mesh.h"
+#include "cutting/stock.h"
+#include "errors/compliance.h"
+#include "sim/machine.h"
+#include "sim/program/path.h"
+#include "sim/program/sample.h"
+
+namespace abbe::sim {
+
+/// One look at the cut: how the tool is loaded when the axes are there.
+struct ProcessStep {
+  double time_s = 0.0;
+  int line = 0;
+  errors::Load load;
+  double torque = 0.0;       ///< N mm, on the spindle against its turning
+  double power_W = 0.0;      ///< of the cut
+  double removed = 0.0;      ///< mm^3 since the step before
+  int iterations = 0;        ///< of force and deflection; 0 where nothing was loaded
+  double contraction = 0.0;  ///< largest ratio of two corrections running: below 1, the loop closes
+                             ///< by repetition; 0 where two were not needed
+  double disagreement = 0.0;  ///< mm, last change of the deflection
+  bool converged = true;      ///< it is within the scene's tolerance
+};
+
+/// The cut followed along a program.
+struct Process {
+  std::vector<ProcessStep> steps;  ///< in time
+  std::vector<int> crash_lines;    ///< program lines on which a rapid or the shank met material
+  std::optional<cutting::Stock> stock;         ///< what is left after milling
+  std::optional<cutting::TurnedStock> turned;  ///< what is left after turning
+};
+
+/// Where the tool is when the axes are told so and it is loaded so.
+using PoseUnderLoad =
+    std::function<kinematics::Pose(const kinematics::AxisState&, const errors::Load&)>;
+
+/// What is followed: a program as it runs on some machine.
+struct FollowedProgram {
+  const program::Samples& samples;
+  const program::Path& path;                  ///< from which the samples come
+  const std::vector<kinematics::Pose>& T_wt;  ///< (samples) where the tool should be: the feed
+  PoseUnderLoad pose;                         ///< where it is
+  const kinematics::Chain& chain;             ///< whose spindle line a turned part has
+  const std::variant<cutting::Cutter, cutting::Nose>& tool;
+};
+
+/// Follows the cut: engagement gives the force, the force moves the tool, the moved tool has
+/// another engagement, until both agree; then the step is taken out of the stock. Milling looks
+/// every `step` of tip travel and takes the mean force of a revolution; turning looks once a
+/// revolution. The first look at each step guesses the load of the step before. Empty for a scene
+/// without [cutting].
+/// @param design_m  the part in its own frame, for a blank that is its offset
+/// @throws BadInput naming the scene or the program line: a blank that cannot be, too many dexels,
+/// a
+///         cut with a spindle that stands still
+Process follow(const Scene& scene, const Machine& machine, const cutting::Design& design_m,
+               const FollowedProgram& program, const std::function<void(double)>& progress = {});
+
+/// Load at an instant: linear between two steps, zero before the first and after the last.
+errors::Load load_at(const Process& process, double time_s);
+
+/// Accelerations of the axes at every sample, mm/s^2 and rad/s^2: the mean speed over the 20 ms
+/// after less that over the 20 ms before, per 20 ms, since blocks meet at corners. @return
+/// (samples)
+std::vector<kinematics::AxisVector> accelerations(const program::Samples& samples);
+
+}  // namespace abbe::sim

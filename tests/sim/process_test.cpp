@@ -1,0 +1,325 @@
+// Force and deflection in the loop: shafts, walls, statuses.
+
+#include <cmath>
+#include <iostream>
+#include <map>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "kinematics/units.h"
+#include "sim/report.h"
+#include "tests/sim/scene_folder.h"
+#include "tests/sim/small_scene.h"
+
+namespace abbe::sim {
+namespace {
+
+using namespace abbe::literals;
+
+constexpr double K_tc = 2000, K_rc = 800, K_te = 30, K_re = 40;  // steel_c45_typical
+constexpr double feed = 0.04, insert = 3.0;                      // mm
+
+/// Radial and tangential force of a round insert at a depth of cut, the feed small against both.
+struct RoundInsertForce {
+  double radial;
+  double tangential;
+};
+RoundInsertForce round_insert(double depth) {
+  const double psi = std::acos(1 - depth / insert);
+  // behind the lowest point the edge is in the cusp of the turn before for half a feed
+  return {K_rc * feed * (depth - depth * depth / (2 * insert)) +
+              K_re * (insert * std::sin(psi) + feed / 2),
+          K_tc * feed * depth + K_te * (insert * psi + feed / 2)};
+}
+
+/// Mean deviation of the radius between two places along the part.
+double radius_deviation(const Job& job, const cutting::Surface& surface, double from, double to) {
+  double sum = 0.0;
+  int n = 0;
+  for (const CutVertex& v : cut_vertices(job, surface))
+    if (v.p.z() >= from && v.p.z() <= to) {
+      sum += v.residual;
+      ++n;
+    }
+  return sum / n;
+}
+
+const std::vector<Override> coarse{{"part.vertices", "2000"}};
+
+std::vector<Override> with(std::vector<Override> all, const Override& one) {
+  all.push_back(one);
+  return all;
+}
+
+TEST(SteppedShaft, RadiiFollowTheForceOfEachStep) {
+  const Job job = job_of("stepped_shaft.toml", coarse);
+  const Cut made = cut(job);
+  const Cut error_free = cut_error_free(job);
+  const double C = 1 / (9.06 * 1000);  // mm/N, X slide
+  double worst = 0.0;
+  for (const auto& [z, depth] : std::map<double, double>{{25, 0.5}, {15, 1.0}, {5, 1.5}}) {
+    const double left = radius_deviation(job, made.surface, z - 1, z + 1) -
+                        radius_deviation(job, error_free.surface, z - 1, z + 1);
+    // the part that stays makes the cut as much shallower
+    double expected = C * round_insert(depth).radial;
+    for (int i = 0; i < 20; ++i) expected = C * round_insert(depth - expected).radial;
+    worst = std::max(worst, std::abs(left / expected - 1));
+    std::cout << "depth " << depth << " mm: radius " << left / units::um << " um, closed form "
+              << expected / units::um << " um\n";
+  }
+  EXPECT_LT(worst, feed / (2 * insert));  // of first order in the chip over the nose
+}
+
+TEST(SteppedShaft, TorqueAndRemovedVolumeAreThoseOfTheCut) {
+  const Job job = job_of("stepped_shaft.toml",
+                         with(coarse, {"compliance.axis.X.stiffness_N_per_um", "[1e6, 1e6, 1e6]"}));
+  const Process process = cut(job).process;
+  double removed = 0.0, at_one = 0.0;
+  for (const ProcessStep& step : process.steps) {
+    removed += step.removed;
+    const double z = 36 - 100.0 / 60.0 * (step.time_s - process.steps.front().time_s);
+    if (std::abs(z - 15) < 1) at_one = step.torque;
+  }
+  const auto ring = [](double R) { return pi * (R * R - 12.5 * 12.5); };
+  // the blank from -6: the nose ends at z = -4, its circle reaches 3 mm either way
+  const double shaft = 10 * ring(13.0) + 10 * ring(13.5) + 10 * ring(14.0);
+  std::cout << "removed " << removed << " mm^3, of the shaft itself " << shaft << " mm^3\n";
+  EXPECT_GT(removed, shaft);
+  EXPECT_LT(removed, shaft + 6 * ring(14.0));
+  const double torque = 12.5 * round_insert(1.0).tangential;  // at the finished radius
+  std::cout << "torque " << at_one << " N mm, " << torque << " to " << torque * 13.5 / 12.5
+            << " by the arm\n";
+  EXPECT_GT(at_one, 0.98 * torque);
+  EXPECT_LT(at_one, 1.02 * torque * 13.5 / 12.5);
+}
+
+TEST(SteppedShaft, TwiceTheComplianceIsTwiceTheDeflectionToFirstOrder) {
+  const auto deflection = [](double stiffness) {
+    const Job job =
+        job_of("stepped_shaft.toml", with(coarse, {"compliance.axis.X.stiffness_N_per_um",
+                                                   fmt::format("[{}, 1e9, 1e9]", stiffness)}));
+    return radius_deviation(job, cut(job).surface, 14, 16) -
+           radius_deviation(job, cut_error_free(job).surface, 14, 16);
+  };
+  double last_off = 0.0;
+  for (const double stiffness : {20.0, 40.0, 80.0}) {
+    const double off = 2 - deflection(stiffness) / deflection(2 * stiffness);
+    std::cout << stiffness << " N/um: ratio 2 - " << off << "\n";
+    EXPECT_GT(off, 0.0);
+    EXPECT_LT(off, 0.02);
+    if (last_off > 0.0) {
+      EXPECT_NEAR(off / last_off, 0.5, 0.1);  // first order
+    }
+    last_off = off;
+  }
+}
+
+TEST(SteppedShaft, TheLoopContractsAndAgreesToItsTolerance) {
+  // one repetition multiplies what is left by the stiffness of the cut over that of the machine, so
+  // the largest contraction goes with the compliance; above 1 only the secant closes the loop
+  std::map<double, double> contraction;
+  for (const double stiffness : {9.06, 1.0, 0.1}) {
+    const Job job =
+        job_of("stepped_shaft.toml", with(coarse, {"compliance.axis.X.stiffness_N_per_um",
+                                                   fmt::format("[{}, 60, 60]", stiffness)}));
+    const Process process = cut(job).process;
+    int most = 0, open = 0;
+    for (const ProcessStep& step : process.steps) {
+      contraction[stiffness] = std::max(contraction[stiffness], step.contraction);
+      most = std::max(most, step.iterations);
+      open += !step.converged;
+      ASSERT_TRUE(step.load.on_tool_t.allFinite());
+    }
+    std::cout << stiffness << " N/um: contraction " << contraction[stiffness] << ", at most "
+              << most << " iterations, " << open << " of " << process.steps.size()
+              << " steps open\n";
+    if (stiffness >= 1.0) {
+      EXPECT_EQ(open, 0);
+    }
+    EXPECT_GT(most, 1);
+  }
+  EXPECT_LT(contraction.at(9.06), 1.0);
+  EXPECT_NEAR(contraction.at(1.0) / contraction.at(9.06), 9.06, 0.15 * 9.06);
+}
+
+TEST(SteppedShaft, APerfectBeliefTakesTheForceOut) {
+  const Job job = job_of("stepped_shaft.toml", coarse);
+  const cutting::Surface error_free = cut_error_free(job).surface;
+  const Apart before = apart(cut(job).surface, error_free);
+  const Apart after = apart(cut(job, parse_case("perfect-iterated-ideal")).surface, error_free);
+  std::cout << "force leaves " << before.rms / units::um << " um RMS, compensated "
+            << after.rms / units::nm << " nm RMS\n";
+  EXPECT_GT(before.rms, 5.0_um);
+  EXPECT_LT(after.rms, 1.0_nm);
+}
+
+TEST(ThinWall, TheMapGrowsTowardsTheFreeEdgeAsTheFormulaSays) {
+  const Job job = job_of("thin_wall.toml", {{"part.vertices", "6000"}});
+  const Cut made = cut(job);
+  const Cut error_free = cut_error_free(job);
+  const errors::PreparedWorkpiece wall = *job.truth.compliance->workpiece;
+  // mean normal force on the tool while the middle of each pass is milled
+  double last = 0.0;
+  for (int pass = 11; pass >= 0; --pass) {
+    const double bottom = 60 + 2 * pass;
+    double force = 0.0, centre = 0.0;
+    int n = 0;
+    for (const ProcessStep& step : made.process.steps) {
+      const kinematics::Pose T_wt = job.machine.nominal.tool_in_workpiece(
+          job.samples
+              .states[std::size_t(
+                  std::lower_bound(job.samples.states.begin(), job.samples.states.end(),
+                                   step.time_s,
+                                   [](const auto& s, double t) { return s.time_s < t; }) -
+                  job.samples.states.begin())]
+              .q);
+      if (std::abs(T_wt.translation().z() - bottom) > 1e-6) continue;
+      if (std::abs(T_wt.translation().x()) > 20 || step.load.on_tool_t.isZero(0.0)) continue;
+      force += (T_wt.linear() * step.load.on_tool_t.head<3>()).y();
+      centre += T_wt.translation().z() + step.load.contact_t.z();
+      ++n;
+    }
+    ASSERT_GT(n, 10) << pass;
+    force /= n;
+    centre /= n;
+    const double expected = -force * errors::local_compliance(wall, {0, 0, centre})(
+                                         1, 1);  // wall moves by +y: material
+    double left = 0.0;
+    int vertices = 0;
+    const std::vector<CutVertex> a = cut_vertices(job, made.surface),
+                                 b = cut_vertices(job, error_free.surface);
+    ASSERT_EQ(a.size(), b.size());
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      const double z = a[i].p.y() + 72;
+      // above this band the pass before cuts with the lower end of its edge
+      if (z < bottom + 0.7 || z > bottom + 1.9 || std::abs(a[i].p.x()) > 15) continue;
+      left += a[i].residual - b[i].residual;
+      ++vertices;
+    }
+    ASSERT_GT(vertices, 5) << pass;
+    left /= vertices;
+    std::cout << "pass at " << bottom << " mm: force " << force << " N at " << centre
+              << " mm, material left " << left / units::um << " um, formula "
+              << expected / units::um << " um\n";
+    EXPECT_NEAR(left, expected, 0.02 * expected + 2.0_nm) << pass;
+    if (last > 0.0) {
+      EXPECT_LT(left, last);
+    }
+    last = left;
+  }
+}
+
+/// A block milled by a few lines of NC on the three-axis machine: flat R5 with a flank of 20 mm,
+/// the block from (-20, -20, 60) to (20, 20, 80).
+Job block(const std::string& nc, const std::string& more = "spacing_mm = 0.5\n") {
+  const SceneFolder folder;
+  folder.write("block.ngc", "G17 G21 G90 G94\nG49\nS6000 M3\n" + nc + "M2\n");
+  return prepare(read_scene(folder.write(
+      "block.toml",
+      fmt::format(
+          "machine = \"{0}machines/three_axis_table.toml\"\n"
+          "material = \"{0}materials/al7075_t6_carbide.toml\"\n"
+          "[tool]\nkind = \"flat\"\nradius_mm = 5\nflank_length_mm = 10\nlength_mm = 80\n"
+          "[part]\nsurface = \"rectangle\"\nlength_x_mm = 20\nlength_y_mm = 6\nat_mm = [0, 0, 78]\n"
+          "vertices = 400\n"
+          "[program]\nfile = \"block.ngc\"\nwork_offset.G54 = {{ Z_mm = -20 }}\n"
+          "[cutting]\nblank = \"box\"\nlower_mm = [-20, -20, -18]\nupper_mm = [20, 20, 2]\n"
+          "{1}",
+          packaged("").string(), more))));
+}
+
+double removed(const Process& process) {
+  double sum = 0.0;
+  for (const ProcessStep& step : process.steps) sum += step.removed;
+  return sum;
+}
+
+void expect_finite(const Process& process) {
+  for (const ProcessStep& step : process.steps) {
+    ASSERT_TRUE(step.load.on_tool_t.allFinite() && step.load.contact_t.allFinite());
+    ASSERT_TRUE(std::isfinite(step.torque) && std::isfinite(step.removed));
+  }
+}
+
+const std::string weak_tool =
+    "spacing_mm = 0.5\n"
+    "[[compliance.tool.section]]\nlength_mm = 40\ndiameter_mm = 8\nyoungs_modulus_GPa = 600\n";
+
+TEST(Process, ASlotTakesItsVolumeAndItsMeanForce) {
+  // a full slot, N teeth, depth a, feed per tooth c (Altintas 2012, 2.7)
+  const double a = 2.0, c = 0.05, N = 2;
+  const double F_cross = N * a / 4 * 767.01 * c + N * a / pi * 27.7;
+  const double F_feed = N * a / 4 * 168.8 * c + N * a / pi * 26.6;
+  double last_off = 1.0;
+  for (const double spacing : {1.0, 0.5, 0.25}) {
+    const Process process = cut(block("G0 Z100\nG0 X-30 Y0\nG0 Z78\nG1 X30 F600\nG0 Z100\n",
+                                      fmt::format("spacing_mm = {}\n", spacing)))
+                                .process;
+    expect_finite(process);
+    EXPECT_TRUE(process.crash_lines.empty());
+    std::vector<Eigen::Vector3d> forces;
+    for (const ProcessStep& step : process.steps)
+      if (!step.load.on_tool_t.isZero(0.0)) forces.emplace_back(step.load.on_tool_t.head<3>());
+    ASSERT_GT(forces.size(), 40u);
+    const Eigen::Vector3d F = forces[forces.size() / 2];
+    const double off =
+        std::max(std::abs(-F.x() / F_feed - 1), std::abs(std::abs(F.y()) / F_cross - 1));
+    std::cout << "spacing " << spacing << " mm: removed " << removed(process)
+              << " of 800 mm^3, mid-slot force " << F.transpose() << " N, closed form feed "
+              << F_feed << ", cross " << F_cross << " N: off by " << off << "\n";
+    EXPECT_NEAR(removed(process), 800.0, 4.0);
+    EXPECT_LT(off, last_off);
+    last_off = off;
+  }
+  EXPECT_LT(last_off, 1e-3);
+}
+
+TEST(Process, AProgramThatMeetsNothingSaysSo) {
+  const Cut made = cut(block("G0 Z120\nG0 X-30 Y0\nG1 X30 F600\n", weak_tool));
+  expect_finite(made.process);
+  EXPECT_EQ(removed(made.process), 0.0);
+  ASSERT_FALSE(made.warnings.empty());
+  EXPECT_NE(made.warnings.front().find("met no material"), std::string::npos);
+}
+
+TEST(Process, APlungeFullyEngagedEndsWithNumbers) {
+  const Cut made =
+      cut(block("G0 Z100\nG0 X0 Y0\nG0 Z81\nG1 Z75 F100\nG1 Z85 F600\nG0 Z100\n", weak_tool));
+  expect_finite(made.process);
+  std::cout << "plunge removed " << removed(made.process) << " of " << pi * 25 * 5 << " mm^3\n";
+  EXPECT_NEAR(removed(made.process), pi * 25 * 5, 8.0);
+}
+
+TEST(Process, ARapidAndAShankInMaterialAreCrashes) {
+  const Cut rapid = cut(block("G0 Z100\nG0 X-30 Y0\nG0 Z78\nG0 X30\n"));
+  ASSERT_EQ(rapid.process.crash_lines.size(), 1u);
+  EXPECT_EQ(rapid.process.crash_lines.front(), 7);
+  const Cut shank = cut(block("G0 Z100\nG0 X-30 Y0\nG0 Z65\nG1 X30 F600\n"));
+  ASSERT_EQ(shank.process.crash_lines.size(), 1u);
+  EXPECT_EQ(shank.process.crash_lines.front(), 7);
+}
+
+TEST(Process, ACutWithTheSpindleAtRestIsRefusedByItsLine) {
+  const Job job = block("G0 Z100\nG0 X-30 Y0\nG0 Z78\n");
+  EXPECT_TRUE(job.nominal_process.steps.size() > 0);
+  try {
+    block("M5\nG0 Z100\nG0 X-30 Y0\nG0 Z78\nG1 X30 F600\n");
+    FAIL() << "not refused";
+  } catch (const BadInput& fault) {
+    EXPECT_EQ(fault.line, 8);
+    EXPECT_NE(std::string(fault.what()).find("spindle"), std::string::npos) << fault.what();
+  }
+}
+
+TEST(Process, MoreDexelsThanAllowedAreRefusedWithAnEstimate) {
+  try {
+    block("G0 Z100\nG1 X5 F600\n", "max_MiB = 1\nspacing_mm = 0.05\n");
+    FAIL() << "not refused";
+  } catch (const std::exception& fault) {
+    EXPECT_NE(std::string(fault.what()).find("MiB"), std::string::npos) << fault.what();
+  }
+}
+
+}  // namespace
+}  // namespace abbe::sim

@@ -1,0 +1,264 @@
+#include <cmath>
+#include <iostream>
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "kinematics/units.h"
+#include "sim/scene_sections.h"
+#include "tests/sim/scene_folder.h"
+
+namespace abbe::sim {
+namespace {
+
+MachineDescription gantry() {
+  Faults faults;
+  const MachineDescription machine = read_machine(parse_toml(R"(
+code = "w C' b X Y Z A s t"
+axis.C = { point_mm = [0, 0, 0] }
+axis.X = {}
+axis.Y = {}
+axis.Z = {}
+axis.A = { point_mm = [0, 0, 200] }
+nose = { at_mm = [0, 0, 50] }
+)",
+                                                             "machine.toml"),
+                                                  faults);
+  EXPECT_TRUE(faults.empty());
+  return machine;
+}
+
+struct Read {
+  errors::ComplianceErrors compliance;
+  std::string faults;
+};
+
+Read read(const std::string& text) {
+  Faults faults;
+  Read result;
+  result.compliance = read_compliance(parse_toml(text, "c.toml"), gantry(), faults);
+  for (const BadInput& fault : faults.list()) result.faults += std::string(fault.what()) + "\n";
+  return result;
+}
+
+testing::AssertionResult refused(const std::string& text, const std::string& part) {
+  const std::string faults = read(text).faults;
+  if (faults.find(part) != std::string::npos) return testing::AssertionSuccess();
+  return testing::AssertionFailure() << "\"" << faults << "\" has no \"" << part << "\"";
+}
+
+TEST(SceneCompliance, ReadsStiffnessesAsTheirInverse) {
+  const Read r = read(R"(
+name = "soft"
+scale = 2
+[axis.X]
+stiffness_N_per_um = [50, 100, 200]
+turning_stiffness_Nm_per_urad = [1, 2, 4]
+[axis.S]
+stiffness_N_per_um = [80, 80, 160]
+[fixture]
+turning_stiffness_Nm_per_urad = [0.5, 0.5, 0.5]
+)");
+  ASSERT_EQ(r.faults, "");
+  ASSERT_EQ(r.compliance.joints.size(), 2u);
+  const errors::Compliance& C = r.compliance.joints[0].C;
+  EXPECT_EQ(r.compliance.joints[0].axis, 'X');
+  EXPECT_NEAR(C(0, 0), 1.0 / 50e3, 1e-20);  // 1 N moves 1/50 um
+  EXPECT_NEAR(C(2, 2), 1.0 / 200e3, 1e-20);
+  EXPECT_NEAR(C(3, 3), 1e-9, 1e-24);  // 1 N m = 1000 N mm turns 1 urad
+  EXPECT_NEAR(C(5, 5), 0.25e-9, 1e-24);
+  EXPECT_EQ(r.compliance.joints[1].axis, 'S');
+  EXPECT_EQ(r.compliance.joints[1].C(4, 4), 0.0) << "left out is stiff";
+  EXPECT_NEAR(r.compliance.fixture(3, 3), 2e-9, 1e-24);
+  EXPECT_EQ(r.compliance.scale, 2.0);
+  EXPECT_FALSE(r.compliance.gravity_b);
+  EXPECT_FALSE(r.compliance.workpiece);
+  EXPECT_FALSE(r.compliance.inertia);
+  EXPECT_TRUE(r.compliance.tool.isZero(0.0));
+}
+
+TEST(SceneCompliance, ReadsAMatrixRowByRow) {
+  std::string numbers = "matrix = [";
+  for (int i = 0; i < 36; ++i)
+    numbers += std::string(i ? ", " : "") + (i % 7 == 0          ? "1e-5"
+                                             : i == 4 || i == 24 ? "-2e-6"
+                                                                 : "0");
+  const Read r = read("[axis.Z]\n" + numbers + "]\n");
+  ASSERT_EQ(r.faults, "");
+  EXPECT_EQ(r.compliance.joints[0].C(0, 0), 1e-5);
+  EXPECT_EQ(r.compliance.joints[0].C(0, 4), -2e-6);
+  EXPECT_EQ(r.compliance.joints[0].C(4, 0), -2e-6);
+  EXPECT_EQ(r.compliance.joints[0].C(0, 5), 0.0);
+}
+
+TEST(SceneCompliance, AddsHolderAndSectionsOfTheTool) {
+  const Read r = read(R"(
+[tool]
+stiffness_N_per_um = [20, 20, 100]
+section = [{ length_mm = 40, diameter_mm = 10, youngs_modulus_GPa = 600, poisson_ratio = 0.22 },
+           { length_mm = 30, diameter_mm = 16, youngs_modulus_GPa = 600 }]
+)");
+  ASSERT_EQ(r.faults, "");
+  EXPECT_NEAR(100.0 * (r.compliance.tool(0, 0) - 1.0 / 20e3), 0.0120614855, 5e-11);
+}
+
+TEST(SceneCompliance, ReadsBarsAndPlates) {
+  const Read bar = read(R"(
+[workpiece]
+kind = "bar"
+clamp_mm = [0, 0, 10]
+direction = [2, 0, 0]
+length_mm = 100
+diameter_mm = 25
+youngs_modulus_GPa = 210
+)");
+  ASSERT_EQ(bar.faults, "");
+  const auto& b = std::get<errors::WorkpieceBar>(*bar.compliance.workpiece);
+  EXPECT_EQ(b.direction_w, Eigen::Vector3d::UnitX());
+  EXPECT_NEAR(b.second_moment, pi * 390625.0 / 64.0, 1e-9);
+  EXPECT_EQ(b.youngs_modulus, 210e3);
+  const Read plate = read(R"(
+[workpiece]
+kind = "plate"
+foot_mm = [0, 0, 5]
+normal = [0, 1, 0]
+height_mm = 30
+thickness_mm = 3
+youngs_modulus_GPa = 70
+)");
+  ASSERT_EQ(plate.faults, "");
+  const auto& p = std::get<errors::WorkpiecePlate>(*plate.compliance.workpiece);
+  EXPECT_EQ(p.up_w, Eigen::Vector3d::UnitZ());
+  EXPECT_EQ(p.poisson_ratio, 0.33);
+  const Read moment = read(
+      "workpiece = { kind = \"bar\", length_mm = 10, second_moment_mm4 = 5, "
+      "youngs_modulus_GPa = 1 }");
+  ASSERT_EQ(moment.faults, "");
+  EXPECT_EQ(std::get<errors::WorkpieceBar>(*moment.compliance.workpiece).second_moment, 5.0);
+}
+
+TEST(SceneCompliance, ReadsMassesGravityAndClamping) {
+  const Read r = read(R"(
+gravity = [0, 0, -3]
+inertia = true
+[[mass]]
+name = "ram"
+axis = "Z"
+mass_kg = 120
+centre_mm = [0, 10, 300]
+[[mass]]
+axis = "w"
+mass_kg = 5
+centre_mm = [0, 0, 0]
+[clamping]
+FZ_N = -500
+MX_Nm = 2
+)");
+  ASSERT_EQ(r.faults, "");
+  ASSERT_EQ(r.compliance.masses.size(), 2u);
+  EXPECT_EQ(r.compliance.masses[0].axis, 'Z');
+  EXPECT_EQ(r.compliance.masses[0].centre_b, Eigen::Vector3d(0, 10, 300));
+  EXPECT_EQ(*r.compliance.gravity_b, Eigen::Vector3d(0, 0, -9806.65));
+  EXPECT_TRUE(r.compliance.inertia);
+  EXPECT_EQ(r.compliance.clamping_w[2], -500.0);
+  EXPECT_EQ(r.compliance.clamping_w[3], 2000.0);
+}
+
+TEST(SceneCompliance, RefusesWhatIsNotPhysicalWhereItStands) {
+  EXPECT_TRUE(refused("axis.X = { stiffness_N_per_um = [1, 0, 1] }", "c.toml:1:"));
+  EXPECT_TRUE(refused("axis.X = { stiffness_N_per_um = [1, -2, 1] }", "above 0"));
+  EXPECT_TRUE(refused("axis.X = { stiffness_N_per_um = [1, 2] }", "c.toml:1:"));
+  EXPECT_TRUE(refused("axis.X = { stiffness_N_per_mm = [1, 2, 3] }", "N_per_um"));
+  EXPECT_TRUE(refused("axis.X = { matrix = [1, 2, 3] }", "36"));
+  std::string m = "matrix = [0";
+  for (int i = 1; i < 36; ++i) m += i == 1 ? ", 1e-5" : ", 0";
+  m += "]";
+  EXPECT_TRUE(refused("[axis.X]\n" + m, "c.toml:2:10: "));
+  EXPECT_TRUE(refused("[axis.X]\n" + m, "symmetric"));
+  EXPECT_TRUE(refused("[fixture]\nstiffness_N_per_um = [1, 1, 1]\n" + m, "both"));
+  EXPECT_TRUE(refused("axis.B = {}", "c.toml:1:"));
+  EXPECT_TRUE(refused("axis.U = {}", "U"));
+  EXPECT_TRUE(refused("tool.section = [{ length_mm = 0, diameter_mm = 1, youngs_modulus_GPa = 1 }]",
+                      "length_mm"));
+  EXPECT_TRUE(refused("tool.section = [{ length_mm = 1, diameter_mm = 1 }]", "youngs_modulus_GPa"));
+  EXPECT_TRUE(
+      refused("tool.section = [{ length_mm = 1, diameter_mm = 1, youngs_modulus_GPa = 1, "
+              "poisson_ratio = 0.7 }]",
+              "poisson_ratio"));
+  EXPECT_TRUE(refused("workpiece = { kind = \"beam\" }", "bar"));
+  EXPECT_TRUE(refused("workpiece = { kind = \"bar\", length_mm = 1, youngs_modulus_GPa = 1 }",
+                      "diameter_mm"));
+  EXPECT_TRUE(
+      refused("workpiece = { kind = \"bar\", length_mm = 1, youngs_modulus_GPa = 1, "
+              "diameter_mm = 1, second_moment_mm4 = 1 }",
+              "both"));
+  EXPECT_TRUE(
+      refused("workpiece = { kind = \"plate\", normal = [0, 0, 1], height_mm = 1, "
+              "thickness_mm = 1, youngs_modulus_GPa = 1 }",
+              "square to"));
+  EXPECT_TRUE(
+      refused("mass = [{ axis = \"Q\", mass_kg = 1, centre_mm = [0, 0, 0] }]", "mass on Q"));
+  EXPECT_TRUE(
+      refused("mass = [{ axis = \"XY\", mass_kg = 1, centre_mm = [0, 0, 0] }]", "one letter"));
+  EXPECT_TRUE(refused("mass = [{ axis = \"X\", mass_kg = -1, centre_mm = [0, 0, 0] }]", "mass_kg"));
+  EXPECT_TRUE(refused("mass = [{ axis = \"X\", mass_kg = 1 }]", "centre_mm"));
+  EXPECT_TRUE(refused("gravity = [0, 0, 0]", "not zero"));
+  EXPECT_TRUE(refused("scale = -1", "scale"));
+  EXPECT_TRUE(refused("clamping = { FX_Nm = 1 }", "FX_N"));
+  EXPECT_TRUE(refused("stiffnes = 1", "stiffnes"));
+}
+
+const std::string csv =
+    "x_mm,y_mm,z_mm,Cxx_um_per_N,Cyy_um_per_N,Czz_um_per_N\n0,0,0,1,2,3\n10,0,0,4,5,6\n";
+
+TEST(SceneCompliance, ReadsAFieldFromCsv) {
+  const SceneFolder folder;
+  const std::string file = folder.write("wall.csv", csv).string();
+  const Read r = read("workpiece = { kind = \"field\", file = \"" + file + "\" }");
+  ASSERT_EQ(r.faults, "");
+  const auto& field = std::get<errors::WorkpieceField>(*r.compliance.workpiece);
+  ASSERT_EQ(field.points_w.rows(), 2);
+  EXPECT_EQ(field.compliance_w[1](2, 2), 6e-3);
+
+  const std::string bad = folder.write("bad.csv", csv + "1,2,3,4,5,-6\n").string();
+  EXPECT_TRUE(refused("workpiece = { kind = \"field\", file = \"" + bad + "\" }",
+                      "bad.csv:4:1: expected a compliance without negative eigenvalue"));
+  EXPECT_TRUE(
+      refused("workpiece = { kind = \"field\", file = \"" + file + "x\" }", ".csv or .vtu"));
+  EXPECT_TRUE(
+      refused("workpiece = { kind = \"field\", file = \"/nowhere/a.csv\" }", "no such file"));
+  EXPECT_TRUE(refused("workpiece = { kind = \"field\" }", "file"));
+}
+
+const std::string vtu = R"(<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian">
+<UnstructuredGrid><Piece NumberOfPoints="2" NumberOfCells="0"><PointData>
+<DataArray Name="compliance_um_per_N" type="Float64" NumberOfComponents="6" format="ascii">
+1 2 3 0.1 0 0 4 5 6 0 0 -0.5</DataArray></PointData><Points>
+<DataArray type="Float64" NumberOfComponents="3" format="ascii">0 0 0 10 0 0</DataArray>
+</Points></Piece></UnstructuredGrid></VTKFile>
+)";
+
+TEST(SceneCompliance, ReadsAFieldFromVtuWhereItCan) {
+  const SceneFolder folder;
+  const std::string file = folder.write("wall.vtu", vtu).string();
+  const std::string text = "workpiece = { kind = \"field\", file = \"" + file + "\" }";
+#if ABBE_RENDER
+  const Read r = read(text);
+  ASSERT_EQ(r.faults, "");
+  const auto& field = std::get<errors::WorkpieceField>(*r.compliance.workpiece);
+  EXPECT_NEAR(field.compliance_w[0](0, 1), 1e-4, 1e-19);
+  EXPECT_NEAR(field.compliance_w[1](2, 0), -5e-4, 1e-19);
+  std::string bad = vtu;
+  bad.replace(bad.find("4 5 6"), 5, "4 -5 6");
+  folder.write("wall.vtu", bad);
+  EXPECT_TRUE(refused(text, "negative eigenvalue at node 2"));
+  bad.resize(300);
+  folder.write("wall.vtu", bad);
+  EXPECT_TRUE(refused(text, "wall.vtu"));
+#else
+  EXPECT_TRUE(refused(text, "-DABBE_RENDER=ON"));
+#endif
+}
+
+}  // namespace
+}  // namespace abbe::sim

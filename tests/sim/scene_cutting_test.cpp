@@ -1,0 +1,242 @@
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "kinematics/units.h"
+#include "sim/scene_sections.h"
+#include "tests/sim/scene_folder.h"
+
+namespace abbe::sim {
+namespace {
+
+using namespace abbe::literals;
+using Eigen::Vector3d;
+
+ToolDescription mill() {
+  ToolDescription tool;
+  tool.nominal = tool.actual = cutting::Cutter{};
+  return tool;
+}
+ToolDescription diamond() {
+  ToolDescription tool;
+  tool.nominal = tool.actual = cutting::Nose{};
+  return tool;
+}
+
+CuttingDescription read(const std::string& text, const ToolDescription& tool, Faults& faults) {
+  return read_cutting(parse_toml(text, "s.toml"), tool, faults);
+}
+
+/// Faults as one text, each on its line; empty if it reads.
+std::string text_of(const Faults& faults) {
+  std::string text;
+  for (const BadInput& fault : faults.list()) text += std::string(fault.what()) + "\n";
+  return text;
+}
+
+std::string faults_in(const std::string& text, const ToolDescription& tool = mill()) {
+  Faults faults;
+  read(text, tool, faults);
+  return text_of(faults);
+}
+
+std::string material_faults_in(const std::string& text) {
+  Faults faults;
+  read_material(parse_toml(text, "m.toml"), faults);
+  return text_of(faults);
+}
+
+const std::string box = "blank = \"box\"\nlower_mm = [0, -5, -10]\nupper_mm = [20, 5, 0]\n";
+
+TEST(SceneCutting, BoxIsReadWithItsDefaults) {
+  Faults faults;
+  const CuttingDescription cutting = read(box, mill(), faults);
+  EXPECT_EQ(text_of(faults), "");
+  const auto& blank = std::get<cutting::BoxBlank>(cutting.blank);
+  EXPECT_EQ(blank.lower_k, Vector3d(0, -5, -10));
+  EXPECT_EQ(blank.upper_k, Vector3d(20, 5, 0));
+  EXPECT_EQ(cutting.spacing, 0.5);
+  EXPECT_TRUE(cutting.three_directions);
+  EXPECT_EQ(cutting.max_bytes, std::size_t(2) << 30);
+  EXPECT_EQ(cutting.step, 0.5);
+  EXPECT_EQ(cutting.tolerance, 1.0_nm);
+  EXPECT_EQ(cutting.most_iterations, 30);
+  EXPECT_FALSE(cutting.material);
+  EXPECT_EQ(cutting.flutes.count, 2);
+  EXPECT_EQ(cutting.flutes.helix, 30.0_deg);
+  EXPECT_EQ(cutting.flutes.run_out, 0.0);
+  EXPECT_TRUE(cutting.flutes.clockwise);
+  EXPECT_NO_THROW(validate(cutting.flutes));
+}
+
+TEST(SceneCutting, EveryKeyIsReadInInternalUnits) {
+  Faults faults;
+  const CuttingDescription cutting = read(
+      "blank = \"cylinder\"\nradius_mm = 12\nlower_mm = -3\nupper_mm = 4\nspacing_mm = 0.25\n"
+      "directions = 1\nmax_MiB = 16\nstep_mm = 0.1\ntolerance_nm = 5\nmost_iterations = 7\n"
+      "flutes = 4\nhelix_deg = -45\nrun_out_um = 12\nrun_out_angle_deg = 90\n"
+      "rotation = \"counter_clockwise\"\n",
+      mill(), faults);
+  EXPECT_EQ(text_of(faults), "");
+  const auto& blank = std::get<cutting::CylinderBlank>(cutting.blank);
+  EXPECT_EQ(blank.radius, 12.0);
+  EXPECT_EQ(blank.lower, -3.0);
+  EXPECT_EQ(blank.upper, 4.0);
+  EXPECT_EQ(cutting.spacing, 0.25);
+  EXPECT_FALSE(cutting.three_directions);
+  EXPECT_EQ(cutting.max_bytes, std::size_t(16) << 20);
+  EXPECT_EQ(cutting.step, 0.1);
+  EXPECT_DOUBLE_EQ(cutting.tolerance, 5.0_nm);
+  EXPECT_EQ(cutting.most_iterations, 7);
+  EXPECT_EQ(cutting.flutes.count, 4);
+  EXPECT_EQ(cutting.flutes.helix, -45.0_deg);
+  EXPECT_EQ(cutting.flutes.run_out, 12.0_um);
+  EXPECT_EQ(cutting.flutes.run_out_angle, 90.0_deg);
+  EXPECT_FALSE(cutting.flutes.clockwise);
+}
+
+TEST(SceneCutting, OffsetMeshAndTurnedBlanksAreRead) {
+  Faults faults;
+  const CuttingDescription offset =
+      read("blank = \"offset\"\nallowance_mm = 0.4\nfloor_mm = -8\n", mill(), faults);
+  EXPECT_EQ(std::get<CuttingDescription::OffsetBlank>(offset.blank).allowance, 0.4);
+  EXPECT_EQ(std::get<CuttingDescription::OffsetBlank>(offset.blank).floor, -8.0);
+  const SceneFolder folder;
+  const std::string stl = folder.write("b.stl", "solid b\nendsolid b\n").string();
+  const CuttingDescription mesh =
+      read("blank = \"mesh\"\nfile = \"" + stl + "\"\nunit = \"inch\"\n", mill(), faults);
+  EXPECT_EQ(std::get<MeshFile>(mesh.blank).file, stl);
+  EXPECT_EQ(std::get<MeshFile>(mesh.blank).unit, 25.4);
+  const CuttingDescription turned = read(
+      "blank = \"turned\"\nspacing_mm = 0.01\nprofile = [{ along_mm = -60, radius_mm = 13 }, "
+      "{ along_mm = -30, radius_mm = 13 }, { along_mm = -30, radius_mm = 14 }, "
+      "{ along_mm = 0, radius_mm = 14 }]\n",
+      diamond(), faults);
+  const auto& profile = std::get<CuttingDescription::TurnedBlank>(turned.blank).profile;
+  ASSERT_EQ(profile.rows(), 4);
+  EXPECT_EQ(profile(1, 0), -30.0);
+  EXPECT_EQ(profile(2, 1), 14.0);
+  EXPECT_EQ(text_of(faults), "");
+}
+
+TEST(SceneCutting, ZeroFlutesAreRefusedWithTheirPlace) {
+  EXPECT_EQ(faults_in(box + "flutes = 0\n"),
+            "s.toml:4:10: expected a whole number from 1 to 100 for cutting.flutes, seen 0\n");
+}
+
+TEST(SceneCutting, WhatCannotBeIsRefusedByName) {
+  const auto has = [](const std::string& text, const std::string& part) {
+    return text.find(part) != std::string::npos;
+  };
+  EXPECT_PRED2(has, faults_in(""), "blank");
+  EXPECT_PRED2(has, faults_in("blank = \"bax\""), "\"box\"");
+  EXPECT_PRED2(has, faults_in("blank = \"box\"\nlower_mm = [0, 0, 0]\nupper_mm = [1, 0, 1]"),
+               "in y");
+  EXPECT_PRED2(has, faults_in("blank = \"box\"\nupper_mm = [1, 0, 1]"), "lower_mm");
+  const std::string cylinder = "blank = \"cylinder\"\nradius_mm = 1\n";
+  EXPECT_PRED2(has, faults_in(cylinder + "lower_mm = 2\nupper_mm = 1"), "upper_mm");
+  EXPECT_PRED2(has, faults_in(cylinder + "lower_mm = [0, 0, 0]\nupper_mm = 1"), "lower_mm");
+  EXPECT_PRED2(has, faults_in("blank = \"offset\"\nallowance_mm = 0\nfloor_mm = 0"), "allowance");
+  EXPECT_PRED2(has, faults_in("blank = \"mesh\"\nfile = \"none.stl\""), "no file");
+  EXPECT_PRED2(has, faults_in(box + "helix_deg = 90"), "helix");
+  EXPECT_PRED2(has, faults_in(box + "run_out_um = -1"), "run_out");
+  EXPECT_PRED2(has, faults_in(box + "run_out_mm = 1"), "run_out");
+  EXPECT_PRED2(has, faults_in(box + "spacing_mm = 0"), "spacing");
+  EXPECT_PRED2(has, faults_in(box + "step_mm = nan"), "step");
+  EXPECT_PRED2(has, faults_in(box + "directions = 2"), "1 or 3");
+  EXPECT_PRED2(has, faults_in(box + "max_MiB = 0"), "max_MiB");
+  EXPECT_PRED2(has, faults_in(box + "tolerance_nm = 0"), "tolerance");
+  EXPECT_PRED2(has, faults_in(box + "most_iterations = 0"), "most_iterations");
+  EXPECT_PRED2(has, faults_in(box + "rotation = \"left\""), "clockwise");
+  EXPECT_PRED2(has, faults_in(box + "radius_mm = 3"), "radius_mm");  // not a box's key
+}
+
+TEST(SceneCutting, TurnedBlankAsksForATurningToolAndARisingProfile) {
+  const auto has = [](const std::string& text, const std::string& part) {
+    return text.find(part) != std::string::npos;
+  };
+  const auto turned = [](const std::string& corners) {
+    return "blank = \"turned\"\nprofile = [" + corners + "]\n";
+  };
+  const std::string good =
+      turned("{ along_mm = 0, radius_mm = 3 }, { along_mm = 5, radius_mm = 3 }");
+  EXPECT_EQ(faults_in(good, diamond()), "");
+  EXPECT_PRED2(has, faults_in(good, mill()), "milling cutter");
+  EXPECT_PRED2(has, faults_in(box, diamond()), "turning tool");
+  EXPECT_PRED2(has, faults_in(good + "flutes = 2", diamond()), "flutes");
+  EXPECT_PRED2(has, faults_in("blank = \"turned\"", diamond()), "profile");
+  EXPECT_PRED2(has, faults_in(turned("{ along_mm = 0, radius_mm = 3 }"), diamond()), "2 to 10000");
+  EXPECT_PRED2(
+      has,
+      faults_in(turned("{ along_mm = 0, radius_mm = 3 }, { along_mm = -1, radius_mm = 3 }"),
+                diamond()),
+      "the corner before");
+  EXPECT_PRED2(has,
+               faults_in(turned("{ along_mm = 0, radius_mm = 3 }, { along_mm = 0, radius_mm = 4 }"),
+                         diamond()),
+               "one place");
+  EXPECT_PRED2(
+      has,
+      faults_in(turned("{ along_mm = 0, radius_mm = -3 }, { along_mm = 1, radius_mm = 4 }"),
+                diamond()),
+      "radius_mm");
+  EXPECT_PRED2(has,
+               faults_in(turned("{ along_mm = 0 }, { along_mm = 1, radius_mm = 4 }"), diamond()),
+               "radius_mm");
+  EXPECT_PRED2(has, faults_in("blank = \"turned\"\nprofile = 3", diamond()), "profile");
+}
+
+TEST(SceneMaterial, EveryShippedSetIsReadAndNamesItsSource) {
+  int sets = 0;
+  for (const auto& file : std::filesystem::directory_iterator(
+           std::filesystem::path(ABBE_SOURCE_DIR) / "scenes" / "materials")) {
+    SCOPED_TRACE(file.path().string());
+    Faults faults;
+    const cutting::CuttingCoefficients K = read_material(read_toml_file(file.path()), faults);
+    EXPECT_EQ(text_of(faults), "");
+    EXPECT_NO_THROW(validate(K));
+    EXPECT_GT(K.name.size(), 5u);
+    EXPECT_GT(K.source.size(), 20u);
+    ++sets;
+  }
+  EXPECT_GE(sets, 5);
+}
+
+TEST(SceneMaterial, Al6082IsAsItsSourceSays) {
+  Faults faults;
+  const auto file =
+      std::filesystem::path(ABBE_SOURCE_DIR) / "scenes/materials/al6082_t6_carbide.toml";
+  const cutting::CuttingCoefficients K = read_material(read_toml_file(file), faults);
+  EXPECT_EQ(K.K_tc, 631.0);
+  EXPECT_EQ(K.K_rc, 99.0);
+  EXPECT_EQ(K.K_ac, 273.0);
+  EXPECT_EQ(K.K_te, 13.0);
+  EXPECT_EQ(K.K_re, 10.0);
+  EXPECT_EQ(K.K_ae, 2.8);
+}
+
+TEST(SceneMaterial, NonPhysicalCoefficientsAreRefusedByName) {
+  const std::string good =
+      "name = \"x\"\nsource = \"y\"\nK_tc_N_per_mm2 = 600\nK_rc_N_per_mm2 = 100\n"
+      "K_ac_N_per_mm2 = -5\nK_te_N_per_mm = 10\nK_re_N_per_mm = 10\nK_ae_N_per_mm = 0\n";
+  EXPECT_EQ(material_faults_in(good), "");
+  const auto refuses = [&](const std::string& old_part, const std::string& new_part,
+                           const std::string& name) {
+    std::string text = good;
+    text.replace(text.find(old_part), old_part.size(), new_part);
+    EXPECT_NE(material_faults_in(text).find(name), std::string::npos)
+        << new_part << ": " << material_faults_in(text);
+  };
+  refuses("K_tc_N_per_mm2 = 600", "K_tc_N_per_mm2 = -600", "K_tc_N_per_mm2");
+  refuses("K_tc_N_per_mm2 = 600", "K_tc_MPa = 600", "K_tc_N_per_mm2");
+  refuses("K_rc_N_per_mm2 = 100", "K_rc_N_per_mm2 = inf", "K_rc_N_per_mm2");
+  refuses("K_te_N_per_mm = 10", "", "K_te_N_per_mm");
+  refuses("K_re_N_per_mm = 10", "K_re_N_per_mm = \"10\"", "K_re_N_per_mm");
+  refuses("K_ae_N_per_mm = 0", "K_ae_N_per_mm = nan", "K_ae_N_per_mm");
+  refuses("source = \"y\"\n", "", "source");
+}
+
+}  // namespace
+}  // namespace abbe::sim

@@ -1,0 +1,214 @@
+// The three sources of every element, geometric, thermal and force: they add, and one that is off
+// costs no bit.
+
+#include <cmath>
+#include <iostream>
+#include <random>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "kinematics/units.h"
+#include "tests/sim/scene_folder.h"
+#include "tests/sim/small_scene.h"
+
+namespace abbe::sim {
+namespace {
+
+using namespace abbe::literals;
+using Eigen::Vector3d;
+using kinematics::AxisState;
+using kinematics::AxisVector;
+using kinematics::Pose;
+
+/// Heat that drives the spindle by 15 um, a screw by 8 um over the part, and tilts the beam.
+const char* const heat = R"(
+[thermal]
+[[thermal.node]]
+name = "box"
+capacity_J_per_K = 20000
+start_C = 29
+[[thermal.node]]
+name = "screw"
+capacity_J_per_K = 6000
+start_C = 24
+[[thermal.link]]
+between = ["box", "screw"]
+conductance_W_per_K = 2
+[[thermal.link]]
+between = ["box", "room"]
+conductance_W_per_K = 10
+[[thermal.element]]
+name = "EZS"
+offset = [{ node = "box", um_per_K = -1.6 }]
+[[thermal.element]]
+name = "EBY"
+offset = [{ node = "box", minus = "screw", urad_per_K = 4 }]
+[thermal.axis.X]
+feedback = "motor"
+screw = { node = "screw", um_per_m_K = 11.7, fixed_mm = -300 }
+)";
+
+/// Weights that bend the machine by some micrometres, the same however the tool cuts.
+const char* const weight = R"(
+[compliance]
+gravity = [0, 0.3, -1]
+[compliance.axis.X]
+stiffness_N_per_um = [120, 90, 150]
+turning_stiffness_Nm_per_urad = [8, 6, 9]
+[compliance.axis.C]
+stiffness_N_per_um = [200, 200, 300]
+turning_stiffness_Nm_per_urad = [5, 5, 7]
+[[compliance.mass]]
+axis = "Z"
+mass_kg = 110
+centre_mm = [0, -60, 260]
+[[compliance.mass]]
+axis = "C"
+mass_kg = 90
+centre_mm = [25, 10, -20]
+)";
+
+const std::string geometric = "[errors]\n" + [] {
+  std::string text;
+  std::mt19937 random(20261121);
+  std::uniform_real_distribution<double> unit(-1.0, 1.0);
+  for (const char* name : {"EXX", "EYX", "EZX", "EXY", "EYY", "EZY", "EXZ", "EYZ", "EZZ", "EXA",
+                           "EYA", "EZA", "EXC", "EYC", "EZC"})
+    text += fmt::format("{}_um = {:.4f}\n", name, 5 * unit(random));
+  for (const char* name : {"EAX", "EBX", "ECX", "EAY", "EBY", "ECY", "EC0Y", "EB0Z", "EA0Z", "EB0A",
+                           "EC0A", "EA0C", "EB0C"})
+    text += fmt::format("{}_urad = {:.4f}\n", name, 15 * unit(random));
+  return text;
+}();
+
+BallRaster dome(const std::string& more) {
+  return {.part =
+              "surface = \"sphere_cap\"\nradius_mm = 100.0\nrim_radius_mm = 12.0\n"
+              "at_mm = [40, 25, 80]\nvertices = 6000",
+          .step_over = 0.4,
+          .step = 0.2,
+          .lead = 36.0,
+          .more = more};
+}
+
+AxisState any_state(std::mt19937& random) {
+  std::uniform_real_distribution<double> unit(-1.0, 1.0);
+  AxisState state;
+  state.q = AxisVector::Zero(6);  // C X Y Z A s
+  state.q << 3.0 * unit(random), 200 * unit(random), 200 * unit(random), 150 + 150 * unit(random),
+      1.2 * unit(random), 0.0;
+  state.time_s = 100.0 * (1 + unit(random));
+  return state;
+}
+
+TEST(Sources, TipAndAxisDeviationsAddTo2e4OfTheirSum) {
+  const Job all = job_of(dome(geometric + heat + weight));
+  const Job singles[] = {job_of(dome(geometric)), job_of(dome(heat)), job_of(dome(weight))};
+  const unsigned seed = 7;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  double worst_tip = 0.0, worst_axis = 0.0, largest = 0.0;
+  for (int i = 0; i < 2000; ++i) {
+    const AxisState state = any_state(random);
+    const Pose nominal = all.machine.nominal.tool_in_workpiece(state.q);
+    const auto deviation = [&](const Job& job) {
+      const Pose actual = tool_in_workpiece(job.truth, state);
+      kinematics::Deviation d;
+      d << actual.translation() - nominal.translation(),
+          actual.linear().col(2) - nominal.linear().col(2);
+      return d;
+    };
+    kinematics::Deviation left = deviation(all);
+    double tip = 0.0, axis = 0.0;
+    for (const Job& job : singles) {
+      const kinematics::Deviation d = deviation(job);
+      left -= d;
+      tip += d.head<3>().norm();
+      axis += d.tail<3>().norm();
+    }
+    largest = std::max(largest, tip);
+    worst_tip = std::max(worst_tip, left.head<3>().norm() / tip);
+    worst_axis = std::max(worst_axis, left.tail<3>().norm() / axis);
+  }
+  std::cout << "sources up to " << largest / units::um << " um together: tips add to " << worst_tip
+            << ", axes to " << worst_axis << " of the sum of the magnitudes\n";
+  EXPECT_GT(largest, 20.0_um);
+  EXPECT_LT(worst_tip, 2e-4);
+  EXPECT_LT(worst_axis, 2e-4);
+}
+
+/// Largest change of the tip's deviation to a place one step-over aside.
+double rival_shift(const Job& job, double aside) {
+  double most = 0.0;
+  for (std::size_t i = 0; i < job.samples.states.size(); i += 50) {
+    AxisState here = job.samples.states[i], there = here;
+    there.q[2] += aside;
+    const auto off = [&](const AxisState& state) -> Vector3d {
+      return tool_in_workpiece(job.truth, state).translation() -
+             job.machine.nominal.tool_in_workpiece(state.q).translation();
+    };
+    most = std::max(most, (off(here) - off(there)).norm());
+  }
+  return most;
+}
+
+TEST(Sources, MapsAddWithinTheBoundOfShiftedCusps) {
+  const double R = 5.0, rho = 100.0, step_over = 0.4;
+  const std::string texts[] = {geometric, heat, weight};
+  const Job all = job_of(dome(geometric + heat + weight));
+  const Cut error_free = cut_error_free(all);
+  Eigen::VectorXd left = cut(all).surface.residual - error_free.surface.residual;
+  double t = 0.0, rivals = 0.0, tips = 0.0;
+  for (const std::string& text : texts) {
+    const Job job = job_of(dome(text));
+    const Cut one = cut(job);
+    left -= one.surface.residual - error_free.surface.residual;
+    t += one.tip_error.max;
+    rivals += rival_shift(job, step_over);
+    tips += one.tip_error.rms;
+  }
+  const double bend = 1 / R + 1 / rho;  // 1 / R_eff
+  const double slope = 0.5 * step_over * bend;
+  const double bound = 0.5 * t * t * bend + 2 * slope * t + rivals;
+  double most = 0.0, square = 0.0;
+  int n = 0;
+  for (const double d : left)
+    if (std::isfinite(d)) {
+      most = std::max(most, std::abs(d));
+      square += d * d;
+      ++n;
+    }
+  std::cout << "maps of three sources (tips " << tips / units::um << " um RMS in sum): apart by "
+            << most / units::um << " um at most, " << std::sqrt(square / n) / units::um
+            << " um RMS; bound " << bound / units::um << " um\n";
+  EXPECT_GT(n, 5000);
+  EXPECT_LT(most, bound);
+  EXPECT_LT(bound, 0.1 * t);  // the bound says something
+}
+
+void expect_same_bits(const cutting::Surface& a, const cutting::Surface& b) {
+  ASSERT_EQ(a.residual.size(), b.residual.size());
+  for (Eigen::Index i = 0; i < a.residual.size(); ++i)
+    if (std::isfinite(a.residual[i])) ASSERT_EQ(a.residual[i], b.residual[i]) << i;
+}
+
+TEST(Sources, OneThatIsOffCostsNoBit) {
+  const cutting::Surface plain = cut(job_of(dome(geometric))).surface;
+  // a network that drives nothing
+  std::string cold = heat;
+  cold.erase(cold.find("[[thermal.element]]"));
+  expect_same_bits(plain, cut(job_of(dome(geometric + cold))).surface);
+  // a compliance that nothing loads
+  std::string unloaded = weight;
+  unloaded.erase(unloaded.find("gravity"),
+                 unloaded.find('\n', unloaded.find("gravity")) + 1 - unloaded.find("gravity"));
+  expect_same_bits(plain, cut(job_of(dome(geometric + unloaded))).surface);
+  // a stock that is cut without forces, on a compliant machine
+  const std::string stock =
+      "[cutting]\nblank = \"offset\"\nallowance_mm = 0.2\nfloor_mm = -20\nspacing_mm = 0.5\n";
+  expect_same_bits(plain, cut(job_of(dome(geometric + unloaded + stock))).surface);
+}
+
+}  // namespace
+}  // namespace abbe::sim
