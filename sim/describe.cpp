@@ -12,6 +12,7 @@ namespace abbe::sim {
 namespace {
 
 using Eigen::Vector3d;
+using kinematics::AxisState;
 using nlohmann::ordered_json;
 
 ordered_json numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
@@ -91,6 +92,81 @@ ordered_json describe_element(const errors::GeometricModel& model,
   return element;
 }
 
+/// Nodes that a function of temperatures looks at.
+void add_nodes(ordered_json& names, const errors::ThermalFunction& function,
+               const errors::ThermalNetwork& network) {
+  for (const auto& term : function.terms) {
+    std::string name = network.nodes[std::size_t(term.node)].name;
+    if (term.minus) name += " - " + network.nodes[std::size_t(*term.minus)].name;
+    names.push_back(name);
+  }
+}
+
+ordered_json describe_heat(const Truth::Heat& heat, const ThermalDescription& thermal) {
+  const errors::ThermalNetwork& network = heat.run.network;
+  const Eigen::VectorXd& rate = heat.run.dry.rate_per_s;
+  ordered_json elements = ordered_json::array(), sensors = ordered_json::array();
+  for (const errors::ThermalElement& element : thermal.errors.elements) {
+    ordered_json nodes = ordered_json::array();
+    add_nodes(nodes, element.offset, network);
+    add_nodes(nodes, element.slope, network);
+    elements.push_back({{"name", errors::to_string(element.name)}, {"follows", nodes}});
+  }
+  for (const errors::AxisExpansion& axis : thermal.errors.expansions) {
+    const bool motor = axis.feedback == errors::Feedback::Motor;
+    const errors::Expansion& grows = motor ? *axis.screw : *axis.scale;
+    elements.push_back({{"name", fmt::format("E{0}{0}", axis.axis)},
+                        {"follows", {network.nodes[std::size_t(grows.node)].name}},
+                        {"feedback", motor ? "motor" : "scale"}});
+  }
+  for (const errors::TemperatureSensor& sensor : thermal.sensors)
+    sensors.push_back(
+        {{"name", sensor.name}, {"node", network.nodes[std::size_t(sensor.node)].name}});
+  return {{"nodes", network.nodes.size()},
+          {"links", network.links.size() + network.surroundings.size()},
+          {"sources", network.sources.size()},
+          {"shortest_time_constant_s", 1.0 / rate.maxCoeff()},
+          {"longest_time_constant_s", 1.0 / rate.minCoeff()},
+          {"history_h", (0.0 - heat.run.knots.front().time_s) / 3600.0},
+          {"elements", elements},
+          {"sensors", sensors}};
+}
+
+/// Static stiffness at the tip along the axes of frame t, the axes half way through the program;
+/// null where nothing gives way.
+ordered_json stiffness_N_per_um(const Job& job) {
+  const AxisState& state = job.samples.states[job.samples.states.size() / 2];
+  constexpr double force = 1.0;  // N
+  const auto tip = [&](int axis, double newton) {
+    errors::Load load;
+    load.on_tool_t[axis] = newton;
+    return tool_in_workpiece(job.truth, state, load);
+  };
+  ordered_json stiffness = ordered_json::array();
+  for (int axis = 0; axis < 3; ++axis) {
+    const kinematics::Pose pushed = tip(axis, force), pulled = tip(axis, -force);
+    const double gives =
+        pulled.linear().col(axis).dot(pushed.translation() - pulled.translation()) / 2;
+    stiffness.push_back(gives > 1e-12 ? ordered_json(force / gives * units::um) : ordered_json());
+  }
+  return stiffness;
+}
+
+ordered_json describe_cut(const CuttingDescription& cutting, const Process& process) {
+  double removed = 0.0, force = 0.0;
+  for (const ProcessStep& step : process.steps) {
+    removed += step.removed;
+    force = std::max(force, step.load.on_tool_t.head<3>().norm());
+  }
+  return {{"material", cutting.material ? ordered_json(cutting.material->name) : ordered_json()},
+          {"source", cutting.material ? ordered_json(cutting.material->source) : ordered_json()},
+          {"spacing_mm", cutting.spacing},
+          {"steps", process.steps.size()},
+          {"removed_mm3", removed},
+          {"force_max_N", force},
+          {"crash_lines", process.crash_lines}};
+}
+
 }  // namespace
 
 ordered_json describe(const Job& job) {
@@ -109,6 +185,10 @@ ordered_json describe(const Job& job) {
   for (const auto& bound : job.truth.geometric.elements)
     elements.push_back(describe_element(job.truth.geometric, bound, chain));
   description["elements"] = elements;
+  if (job.truth.heat) description["heat"] = describe_heat(*job.truth.heat, *job.scene.thermal);
+  if (job.truth.compliance && !job.samples.states.empty())
+    description["stiffness_N_per_um"] = stiffness_N_per_um(job);
+  if (job.scene.cutting) description["cut"] = describe_cut(*job.scene.cutting, job.nominal_process);
   description["part"] = {
       {"name", job.scene.part.name},
       {"vertices", job.design_w.vertices.rows()},
@@ -123,6 +203,50 @@ ordered_json describe(const Job& job) {
       {"time_s", job.samples.states.empty() ? 0.0 : job.samples.states.back().time_s}};
   return description;
 }
+
+namespace {
+
+std::string heat_text(const ordered_json& heat) {
+  std::string text = fmt::format(
+      "\nheat     {} nodes, {} links, {} sources, time constants {:.3g} s to {:.3g} h, history of "
+      "{:.3g} h, {} sensors\n",
+      heat["nodes"].get<int>(), heat["links"].get<int>(), heat["sources"].get<int>(),
+      heat["shortest_time_constant_s"].get<double>(),
+      heat["longest_time_constant_s"].get<double>() / 3600.0, heat["history_h"].get<double>(),
+      heat["sensors"].size());
+  for (const auto& element : heat["elements"]) {
+    std::string nodes;
+    for (const auto& node : element["follows"])
+      nodes += (nodes.empty() ? "" : ", ") + node.get<std::string>();
+    text += fmt::format("{:<8} follows {}{}\n", element["name"].get<std::string>(), nodes,
+                        element.contains("feedback")
+                            ? fmt::format(" (feedback: {})", element["feedback"].get<std::string>())
+                            : "");
+  }
+  return text;
+}
+
+std::string stiffness_text(const ordered_json& stiffness) {
+  std::string text = "\nstiffness at the tip, half way, along tool x y z:";
+  for (const auto& k : stiffness)
+    text += k.is_null() ? " stiff" : fmt::format(" {:.4g}", k.get<double>());
+  return text + " N/um\n";
+}
+
+std::string cut_text(const ordered_json& cut) {
+  std::string text = fmt::format(
+      "\ncut      {}, dexels {:.3g} mm apart; nominal: {:.5g} mm^3 removed in {} steps, at most "
+      "{:.4g} N\n",
+      cut["material"].is_null() ? "stock alone" : cut["material"].get<std::string>(),
+      cut["spacing_mm"].get<double>(), cut["removed_mm3"].get<double>(), cut["steps"].get<long>(),
+      cut["force_max_N"].get<double>());
+  if (!cut["crash_lines"].empty())
+    text += fmt::format("         a rapid or the shank meets material on {} lines, first line {}\n",
+                        cut["crash_lines"].size(), cut["crash_lines"][0].get<int>());
+  return text;
+}
+
+}  // namespace
 
 std::string to_text(const ordered_json& d) {
   std::string text =
@@ -174,6 +298,9 @@ std::string to_text(const ordered_json& d) {
     text += fmt::format("{:<8} {:>14} {:>22}  {}\n", element["name"].get<std::string>(), value,
                         slope, element.value("stated_at", std::string("location of the axis")));
   }
+  if (d.contains("heat")) text += heat_text(d["heat"]);
+  if (d.contains("stiffness_N_per_um")) text += stiffness_text(d["stiffness_N_per_um"]);
+  if (d.contains("cut")) text += cut_text(d["cut"]);
   text += fmt::format(
       "\npart     {}: {} vertices, {:.4g} mm^2\nprogram  {} moves, {} samples, {:.1f} s\n",
       d["part"]["name"].get<std::string>(), d["part"]["vertices"].get<long>(),

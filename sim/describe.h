@@ -9,7 +9,7 @@
 namespace abbe::sim {
 
 /// What `abbe check` prints: chain, low-order body array, axes, every element with value and slope
-/// at zero and the line on which it was measured, part, program.
+/// at zero and the line on which it was measured, heat, compliance, cut, part, program.
 nlohmann::ordered_json describe(const Job& job);
 
 /// The same as text for people.

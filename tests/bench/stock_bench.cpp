@@ -8,6 +8,7 @@
 #include <cstdlib>
 
 #include "cutting/engagement.h"
+#include "cutting/force.h"
 #include "cutting/stock.h"
 
 namespace abbe::cutting {
@@ -81,6 +82,28 @@ void look(const char* name, const Cutter& cutter, double spacing, bool three) {
               double(arcs) / looks);
 }
 
+/// A step of a force loop: the look and the mean force of a revolution.
+void force_steps(const char* name, const Cutter& cutter, double spacing) {
+  Stock stock = block(spacing, true);
+  Isometry3d from = Isometry3d::Identity(), to = from;
+  from.translation() = Vector3d(-20, 50, 14);
+  to.translation() = Vector3d(50, 50, 14);
+  remove(stock, cutter, {from, to, 1, false});
+  const CuttingCoefficients aluminium{"Al6082-T6", "", 631, 99, 273, 13, 10, 2.8};
+  const int steps = 4000;
+  double force = 0.0;
+  const Stopwatch watch;
+  for (int i = 0; i < steps; ++i) {
+    to.translation().x() = 50.5 + 1e-5 * i;
+    force += mean_force(engagement(stock, cutter, to, Vector3d::UnitX()), aluminium, Flutes{}, 0.05)
+                 .on_tool_t.head<3>()
+                 .norm();
+  }
+  const double s = watch.seconds();
+  std::printf("%-10s 3 directions spacing %-5g %8.1f us/force step %6.0f force steps/s  %.1f N\n",
+              name, spacing, 1e6 * s / steps, steps / s, force / steps);
+}
+
 void turn(double spacing) {
   Eigen::Matrix<double, Eigen::Dynamic, 2> profile(2, 2);
   profile << 0, 12.5, 60, 12.5;
@@ -127,5 +150,9 @@ int main(int argc, char** argv) {
       look("bull", bull, spacing, three);
       look("ball", ball, spacing, three);
     }
+  for (const double spacing : {0.5, 0.25}) {
+    force_steps("flat", flat, spacing);
+    force_steps("ball", ball, spacing);
+  }
   for (const double spacing : {0.02, 0.01}) turn(spacing);
 }

@@ -210,5 +210,37 @@ TEST(Sources, OneThatIsOffCostsNoBit) {
   expect_same_bits(plain, cut(job_of(dome(geometric + unloaded + stock))).surface);
 }
 
+TEST(Vibration, AFlatSinksByTheAmplitudeOfAnAxialVibration) {
+  // 10 000 rpm and 600 mm/min: 60 um a turn, far below the step-over, so every place sees the
+  // lowest
+  const double amplitude = 1.0_um;
+  const auto flat = [](const std::string& more) {
+    return BallRaster{.part =
+                          "surface = \"rectangle\"\nlength_x_mm = 6.0\nlength_y_mm = 4.0\n"
+                          "at_mm = [40, 25, 80]\nvertices = 1500",
+                      .step_over = 0.5,
+                      .step = 0.5,
+                      .more = "feed_mm_per_min = 600\n" + more};
+  };
+  const cutting::Surface still = cut(job_of(flat(""))).surface;
+  const Job job =
+      job_of(flat("[sampling]\nchord_tolerance_nm = 20\n"
+                  "[[vibration]]\nelement = \"EZS\"\namplitude_um = 1.0\n"));
+  const cutting::Surface shaken = cut(job).surface;
+  // between two lowest places, 30 um away, a ball R 5 leaves (30 um)^2 / 2 R = 0.09 um at most
+  double least = 1.0, most = -1.0;
+  for (Eigen::Index i = 0; i < still.residual.size(); ++i)
+    if (std::isfinite(still.residual[i]) && std::isfinite(shaken.residual[i])) {
+      least = std::min(least, shaken.residual[i] - still.residual[i]);
+      most = std::max(most, shaken.residual[i] - still.residual[i]);
+    }
+  std::cout << job.samples.states.size() << " samples; the flat sinks by " << -most / units::um
+            << " to " << -least / units::um << " um, amplitude 1 um\n";
+  // the head leans by 36 deg, so the nose's Z is not the flat's normal
+  const double across = std::cos(36.0 * units::deg);
+  EXPECT_NEAR(least, -amplitude * across, 25.0_nm);
+  EXPECT_LT(most, -amplitude * across + 0.12_um);
+}
+
 }  // namespace
 }  // namespace abbe::sim
