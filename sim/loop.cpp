@@ -35,10 +35,9 @@ class Stopwatch {
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
-std::vector<Pose> poses(const std::vector<AxisState>& states,
-                        const std::function<Pose(const AxisState&)>& pose) {
-  std::vector<Pose> T(states.size());
-  tbb::parallel_for(std::size_t(0), states.size(), [&](std::size_t i) { T[i] = pose(states[i]); });
+std::vector<Pose> poses(std::size_t n, const std::function<Pose(std::size_t)>& pose) {
+  std::vector<Pose> T(n);
+  tbb::parallel_for(std::size_t(0), n, [&](std::size_t i) { T[i] = pose(i); });
   return T;
 }
 
@@ -186,32 +185,42 @@ void check_field(const Scene& scene, const cutting::Design& design_w) {
         fmt::format("a vertex {:.4g} mm from the nearest node", far));
 }
 
-/// The cut of a case on the wrong machine.
-Process followed(const Job& job, const Compensated& told, const std::vector<Pose>& T_wt_wanted,
-                 const Progress& progress) {
-  const auto loaded = [&](const AxisState& state, const errors::Load& load) {
-    return tool_in_workpiece(job.truth, state, load);
+/// A program as the axes are really told, on the wrong machine.
+struct Told {
+  const Job& job;
+  const Compensated& commands;
+  const std::vector<Pose>& T_wt_wanted;
+  std::vector<AxisVector> acceleration;  ///< (samples) empty without inertia
+};
+
+Pose actual_pose(const Told& told, std::size_t sample, errors::Load load) {
+  if (!told.acceleration.empty()) load.acceleration = told.acceleration[sample];
+  return tool_in_workpiece(told.job.truth, told.commands.samples.states[sample], load);
+}
+
+/// The cut of a case.
+Process followed(const Told& told, const Progress& progress) {
+  const Job& job = told.job;
+  const auto pose = [&](std::size_t sample, const errors::Load& load) {
+    return actual_pose(told, sample, load);
   };
   return follow(job.scene, job.machine,
                 cutting::transformed(job.design_w, job.scene.part.T_wm.inverse()),
-                {told.samples, told.path ? *told.path : job.path, T_wt_wanted, loaded,
-                 job.machine.actual, job.scene.tool.actual},
+                {told.commands.samples, told.commands.path ? *told.commands.path : job.path,
+                 told.T_wt_wanted, pose, job.machine.actual, job.scene.tool.actual},
                 [&](double fraction) {
                   if (progress) progress("stock", fraction);
                 });
 }
 
 /// What acts at every sample. @return (samples), empty where nothing does
-std::vector<errors::Load> loads_of(const Job& job, const Compensated& told,
-                                   const Process& process) {
-  const bool inertia = !job.accelerations.empty();
-  if (!job.truth.compliance || (process.steps.empty() && !inertia)) return {};
-  std::vector<errors::Load> loads(told.samples.states.size());
-  for (std::size_t i = 0; i < loads.size(); ++i)
-    loads[i] = load_at(process, told.samples.states[i].time_s);
-  if (inertia) {
-    const std::vector<AxisVector> acceleration = accelerations(told.samples);
-    for (std::size_t i = 0; i < loads.size(); ++i) loads[i].acceleration = acceleration[i];
+std::vector<errors::Load> loads_of(const Told& told, const Process& process) {
+  if (!told.job.truth.compliance || (process.steps.empty() && told.acceleration.empty())) return {};
+  const auto& states = told.commands.samples.states;
+  std::vector<errors::Load> loads(states.size());
+  for (std::size_t i = 0; i < loads.size(); ++i) {
+    loads[i] = load_at(process, states[i].time_s);
+    if (!told.acceleration.empty()) loads[i].acceleration = told.acceleration[i];
   }
   return loads;
 }
@@ -269,15 +278,13 @@ Job prepare(const Scene& described, const Progress& progress) {
   const double program_s = watch.lap();
   program::Samples samples =
       program::sample(program.path, machine.nominal, sample_options(scene, machine));
-  std::vector<Pose> T_wt_nominal = poses(samples.states, [&](const AxisState& state) {
-    return machine.nominal.tool_in_workpiece(state.q);
+  std::vector<Pose> T_wt_nominal = poses(samples.states.size(), [&](std::size_t i) {
+    return machine.nominal.tool_in_workpiece(samples.states[i].q);
   });
   check_travel(machine, program.path, samples);
   const double sample_s = watch.lap();
   check_field(scene, part.design_w);
-  const auto rigid = [&](const AxisState& state, const errors::Load&) {
-    return machine.nominal.tool_in_workpiece(state.q);
-  };
+  const auto rigid = [&](std::size_t i, const errors::Load&) { return T_wt_nominal[i]; };
   Process process =
       follow(scene, machine, part.design_m,
              {samples, program.path, T_wt_nominal, rigid, machine.nominal, scene.tool.nominal},
@@ -342,12 +349,13 @@ Cut cut(const Job& job, const std::optional<CaseDescription>& compensator,
       told.T_wt_nominal.empty() ? job.T_wt_nominal : told.T_wt_nominal;
   std::vector<Pose> T_wt;
   try {
-    result.process = followed(job, told, T_wt_wanted, progress);
+    Told on{job, told, T_wt_wanted, {}};
+    if (!job.accelerations.empty()) on.acceleration = accelerations(told.samples);
+    result.process = followed(on, progress);
     result.timing_s["stock"] = watch.lap();
-    const std::vector<errors::Load> loads = loads_of(job, told, result.process);
-    T_wt = poses(told.samples.states, [&](const AxisState& state) {
-      const std::size_t i = std::size_t(&state - told.samples.states.data());
-      return tool_in_workpiece(job.truth, state, loads.empty() ? errors::Load{} : loads[i]);
+    const std::vector<errors::Load> loads = loads_of(on, result.process);
+    T_wt = poses(told.samples.states.size(), [&](std::size_t i) {
+      return actual_pose(on, i, loads.empty() ? errors::Load{} : loads[i]);
     });
     result.signals = signals(job.scene, job.machine, job.truth,
                              {told.samples, T_wt_wanted, result.process, loads});

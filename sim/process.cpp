@@ -59,7 +59,7 @@ class Loop {
 
   /// @param force  what the cut does to a tool that stands at a pose
   /// @param guess  where to begin
-  ProcessStep close(const AxisState& state, const std::function<Look(const Pose&)>& force,
+  ProcessStep close(std::size_t sample, const std::function<Look(const Pose&)>& force,
                     const Load& guess) const;
 
  private:
@@ -67,12 +67,11 @@ class Loop {
   const PoseUnderLoad& pose_;
 };
 
-ProcessStep Loop::close(const AxisState& state, const std::function<Look(const Pose&)>& force,
+ProcessStep Loop::close(std::size_t sample, const std::function<Look(const Pose&)>& force,
                         const Load& guess) const {
   ProcessStep step;
-  step.time_s = state.time_s;
   Load load = guess;
-  Pose T_wt = pose_(state, load);
+  Pose T_wt = pose_(sample, load);
   double relaxation = 1.0, last_change = 0.0;
   kinematics::Wrench last_difference = kinematics::Wrench::Zero();
   step.converged = false;
@@ -81,7 +80,7 @@ ProcessStep Loop::close(const AxisState& state, const std::function<Look(const P
     const Look look = force(T_wt);
     step.torque = look.cut.torque;
     step.load = look.load;
-    const Pose told = pose_(state, look.load);
+    const Pose told = pose_(sample, look.load);
     const double change = (told * look.load.contact_t - T_wt * look.load.contact_t).norm();
     step.disagreement = change;
     if (!(change > description_.tolerance)) {
@@ -103,7 +102,7 @@ ProcessStep Loop::close(const AxisState& state, const std::function<Look(const P
     load.contact_t = look.load.contact_t;
     last_difference = difference;
     last_change = change;
-    T_wt = relaxation == 1.0 ? told : pose_(state, load);
+    T_wt = relaxation == 1.0 ? told : pose_(sample, load);
   }
   return step;
 }
@@ -143,7 +142,7 @@ Process follow_milling(const Scene& scene, const CuttingDescription& description
       blank_of(description, design_m), scene.part.T_wm,
       {description.spacing, description.three_directions, description.max_bytes});
   const Loop loop(description, program.pose);
-  Pose before = program.pose(states.front(), {});
+  Pose before = program.pose(0, {});
   const std::vector<std::size_t> at = looks(program, description.step);
   for (std::size_t k = 1; k < at.size(); ++k) {
     const AxisState& state = states[at[k]];
@@ -166,12 +165,12 @@ Process follow_milling(const Scene& scene, const CuttingDescription& description
       return looked(cutting::mean_force(met, *description.material, description.flutes, per_tooth));
     };
     ProcessStep step;
-    step.time_s = state.time_s;
     if (cuts)
-      step = loop.close(state, force, process.steps.empty() ? Load{} : process.steps.back().load);
+      step = loop.close(at[k], force, process.steps.empty() ? Load{} : process.steps.back().load);
+    step.time_s = state.time_s;
     step.line = line;
     step.power_W = power_W(step.torque, state.spindle_speed);
-    const Pose after = program.pose(state, step.load);
+    const Pose after = program.pose(at[k], step.load);
     const cutting::Removed taken =
         cutting::remove(*process.stock, cutter, {before, after, line, rapid});
     step.removed = taken.volume;
@@ -227,7 +226,7 @@ Process follow_turning(const Scene& scene, const Machine& machine,
   const auto slow = [&](const AxisState& state, const Pose& T_wt) {
     return slow_pose(line, state.q[spindle], T_wt);
   };
-  Pose before = slow(states.front(), program.pose(states.front(), {}));
+  Pose before = slow(states.front(), program.pose(0, {}));
   double turned = 0.0;
   for (std::size_t i = 1; i < states.size(); ++i) {
     const AxisState& state = states[i];
@@ -241,12 +240,12 @@ Process follow_turning(const Scene& scene, const Machine& machine,
                                            work_radius(line, T_slow, nose, edges)));
     };
     ProcessStep step;
-    step.time_s = state.time_s;
     if (description.material)
-      step = loop.close(state, force, process.steps.empty() ? Load{} : process.steps.back().load);
+      step = loop.close(i, force, process.steps.empty() ? Load{} : process.steps.back().load);
+    step.time_s = state.time_s;
     step.line = program.samples.line[i];
     step.power_W = power_W(step.torque, state.spindle_speed);
-    const Pose after = slow(state, program.pose(state, step.load));
+    const Pose after = slow(state, program.pose(i, step.load));
     step.removed = cutting::remove(*process.turned, nose, before, after);
     process.steps.push_back(step);
     before = after;

@@ -38,9 +38,8 @@ struct Process {
   std::optional<cutting::TurnedStock> turned;  ///< what is left after turning
 };
 
-/// Where the tool is when the axes are told so and it is loaded so.
-using PoseUnderLoad =
-    std::function<kinematics::Pose(const kinematics::AxisState&, const errors::Load&)>;
+/// Where the tool is at a sample when the cut loads it so.
+using PoseUnderLoad = std::function<kinematics::Pose(std::size_t sample, const errors::Load&)>;
 
 /// What is followed: a program as it runs on some machine.
 struct FollowedProgram {

@@ -82,9 +82,11 @@ INSTANTIATE_TEST_SUITE_P(Compensation, GantryScene,
                          });
 
 /// What no motion of X and Z can mend, on its own: the slides run without error, but the tip leaves
-/// the X-Z plane by the true deviation's y and the tool turns as the truth turns it. The workpiece
-/// frame of the platform is that of the bed with all axes at zero.
+/// the X-Z plane by the true deviation's y, it moves in that plane by what of the truth is chance
+/// and known to nobody, and the tool turns as the truth turns it. The workpiece frame of the
+/// platform is that of the bed with all axes at zero.
 cutting::Surface uncorrectable(const Job& job) {
+  const Truth known = without_random(job.truth);
   const int S = *job.machine.workpiece_spindle;
   cutting::NoseMotion motion;
   motion.spindle_point = Vector3d::Zero();
@@ -97,10 +99,11 @@ cutting::Surface uncorrectable(const Job& job) {
     Eigen::Matrix3d back;  // by -turn about x
     back << 1, 0, 0, 0, c, s, 0, -s, c;
     const Pose truth = tool_in_workpiece(job.truth, state);
+    const Vector3d chance = truth.translation() - tool_in_workpiece(known, state).translation();
     Pose slow = Pose::Identity();
-    slow.translation() = back * job.T_wt_nominal[i].translation();
+    slow.translation() = back * (job.T_wt_nominal[i].translation() + chance);
     slow.translation().y() +=
-        (back * (truth.translation() - job.T_wt_nominal[i].translation())).y();
+        (back * (truth.translation() - job.T_wt_nominal[i].translation() - chance)).y();
     slow.linear() = back * truth.linear();
     motion.T_slow.push_back(slow);
     motion.line.push_back(job.samples.line[i]);
