@@ -12,7 +12,7 @@
 #include "sim/activity.h"
 #include "sim/part.h"
 #include "sim/run_out.h"
-#include "sim/spindle_line.h"
+#include "sim/tool_motion.h"
 
 namespace abbe::sim {
 namespace {
@@ -61,44 +61,6 @@ void check_travel(const Machine& machine, const program::Path& path,
   }
 }
 
-cutting::CutterMotion cutter_motion(const std::vector<Pose>& T_wt,
-                                    const program::Samples& samples) {
-  cutting::CutterMotion motion;
-  const Eigen::Index n = Eigen::Index(T_wt.size());
-  motion.tip.resize(n, 3);
-  motion.axis.resize(n, 3);
-  motion.time_s.resize(n);
-  motion.line = samples.line;
-  for (Eigen::Index i = 0; i < n; ++i) {
-    motion.tip.row(i) = T_wt[std::size_t(i)].translation().transpose();
-    motion.axis.row(i) = T_wt[std::size_t(i)].linear().col(2).normalized().transpose();
-    motion.time_s[i] = samples.states[std::size_t(i)].time_s;
-  }
-  return motion;
-}
-
-/// With the slow pose the turning itself is exact.
-cutting::NoseMotion nose_motion(const std::vector<Pose>& T_wt, const program::Samples& samples,
-                                const kinematics::Chain& chain, int spindle) {
-  const SpindleLine line = spindle_line(chain, spindle);
-  cutting::NoseMotion motion;
-  motion.spindle_point = line.point_w;
-  motion.spindle_direction = line.direction_w;
-  std::vector<double> angle, time;
-  for (std::size_t i = 0; i < T_wt.size(); ++i) {
-    const AxisState& state = samples.states[i];
-    if (!time.empty() && state.time_s <= time.back()) continue;  // a reversal is sampled twice
-    const double turn = state.q[spindle];
-    motion.T_slow.push_back(slow_pose(line, turn, T_wt[i]));
-    angle.push_back(turn);
-    time.push_back(state.time_s);
-    motion.line.push_back(samples.line[i]);
-  }
-  motion.spindle = Eigen::Map<Eigen::VectorXd>(angle.data(), Eigen::Index(angle.size()));
-  motion.time_s = Eigen::Map<Eigen::VectorXd>(time.data(), Eigen::Index(time.size()));
-  return motion;
-}
-
 /// What does the cutting: the chain whose part turns, and the tool in it.
 struct Cutting {
   const kinematics::Chain& chain;
@@ -114,8 +76,9 @@ cutting::Surface machined(const Job& job, const std::vector<Pose>& T_wt,
   if (const auto* cutter = std::get_if<cutting::Cutter>(&with.tool))
     return cutting::milled_surface(job.design_w, *cutter, cutter_motion(T_wt, samples), options);
   const int spindle = *job.machine.workpiece_spindle;
-  return cutting::turned_surface(job.design_w, std::get<cutting::Nose>(with.tool),
-                                 nose_motion(T_wt, samples, with.chain, spindle), options);
+  return cutting::turned_surface(
+      job.design_w, std::get<cutting::Nose>(with.tool),
+      nose_motion(T_wt, samples, spindle_line(with.chain, spindle), spindle), options);
 }
 
 struct PoseErrors {

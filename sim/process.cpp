@@ -8,7 +8,7 @@
 #include "cutting/force.h"
 #include "cutting/read_mesh.h"
 #include "kinematics/units.h"
-#include "sim/spindle_line.h"
+#include "sim/tool_motion.h"
 
 namespace abbe::sim {
 namespace {

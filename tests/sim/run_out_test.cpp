@@ -3,7 +3,10 @@
 
 #include "sim/run_out.h"
 
+#include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <iostream>
 #include <numbers>
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <ostream>
 #include <sstream>
 #include <string>
@@ -62,7 +63,9 @@ class Fingerprint {
     }
     for (const auto& variant : scene.variants) {
       put("variant", variant.name);
-      for (const auto& [path, value] : variant.set) put(path, value);
+      // a resolved text has plain keys before tables; the order means nothing
+      const std::multimap<std::string, std::string> set(variant.set.begin(), variant.set.end());
+      for (const auto& [path, value] : set) put(path, value);
     }
   }
 

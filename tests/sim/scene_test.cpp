@@ -638,9 +638,12 @@ INSTANTIATE_TEST_SUITE_P(Scenes, PackagedScene,
                                          "gantry_tilted_flat.toml", "gantry_mesh.toml",
                                          "cone_frustum.toml", "platform_plane.toml",
                                          "platform_cone.toml", "platform_sphere.toml",
-                                         "platform_perfect.toml"),
-                         [](const auto& info) {
-                           const std::string name = info.param;
+                                         "platform_perfect.toml", "gantry_warmup.toml",
+                                         "gantry_force.toml", "thermal_protocol.toml",
+                                         "thermal_protocol_chen.toml", "yang_axis.toml",
+                                         "stepped_shaft.toml", "cone_shaft.toml", "thin_wall.toml"),
+                         [](const auto& scene) {
+                           const std::string name = scene.param;
                            return name.substr(0, name.find('.'));
                          });
 
