@@ -235,7 +235,7 @@ std::string stiffness_text(const ordered_json& stiffness) {
 
 std::string cut_text(const ordered_json& cut) {
   std::string text = fmt::format(
-      "\ncut      {}, dexels {:.3g} mm apart; nominal: {:.5g} mm^3 removed in {} steps, at most "
+      "\ncut      {}, stock followed every {:.3g} mm; nominal: {:.5g} mm^3 removed in {} steps, at most "
       "{:.4g} N\n",
       cut["material"].is_null() ? "stock alone" : cut["material"].get<std::string>(),
       cut["spacing_mm"].get<double>(), cut["removed_mm3"].get<double>(), cut["steps"].get<long>(),

@@ -47,10 +47,10 @@ kinematics::Deviation read_setup(TableReader& scene) {
 
 /// An instant, negative in the thermal history before the program.
 double read_time(TableReader& datum) {
-  if (datum.has("time_h") && datum.has("time_s"))
-    datum.refuse("time_h", "one of time_s and time_h", "both");
-  return datum.has("time_h") ? datum.number("time_h", any_number)
-                             : datum.number("time_s", any_number, 0.0);
+  const double time_s = datum.number("time_s", any_number, 0.0);
+  if (!datum.has("time_h")) return time_s;
+  if (datum.has("time_s")) datum.refuse("time_h", "one of time_s and time_h", "both");
+  return datum.number("time_h", any_number);
 }
 
 DatumDescription read_datum(TableReader& scene) {

@@ -505,7 +505,7 @@ void ThermalReader::read_history() {
       const Range range{0.0, longest_s / unit_of(*key), true, false};
       phase.duration = reader.number(*key, range);
     }
-    phase.spindle_speed = reader.number("speed_rpm", any_number, 0.0);
+    phase.spindle_speed = reader.number("speed_rpm", non_negative, 0.0);
     phase.axis_speed = read_axis_speeds(reader);
     phase.powered = reader.boolean("powered", true);
     phase.coolant = reader.boolean("coolant", false);

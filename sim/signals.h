@@ -27,7 +27,7 @@ struct Recorded {
 /// Rows at the samples nearest to every whole multiple of the scene's interval, at most 20 000;
 /// before them, where the scene asks for it, rows of the thermal history with the axes as the
 /// program finds them, line 0, at most 20 000 more:
-/// - `time_s`, `line`, commands `X_mm` … , encoders `X_encoder_mm` …;
+/// - `time_s`, `line`, commands `X_mm` … , encoders `X_encoder_mm` …, `spindle_rpm`;
 /// - temperatures `T_NODE_C` and what the sensors say, `SENSOR_C`;
 /// - force on the tool in frame t `FX_N` … , `torque_Nm`, `power_W`, `removed_mm3` since the row
 ///   before, `current_A` and `FX_dynamometer_N` … where the scene has those sensors;
