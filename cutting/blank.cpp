@@ -244,9 +244,8 @@ void refuse_beyond(const StockOptions& options, const Vector3d& nodes) {
   if (bytes <= double(options.max_bytes) && nodes.maxCoeff() < 1e9) return;
   constexpr double MiB = 1024.0 * 1024.0;
   throw std::length_error(
-      fmt::format("stock of {:.0f} x {:.0f} x {:.0f} nodes would take {:.0f} MiB, more than the "
-                  "{:.0f} allowed: "
-                  "a wider spacing, or one direction",
+      fmt::format("stock of {:.6g} x {:.6g} x {:.6g} nodes would take {:.3g} MiB, more than the "
+                  "{:.0f} allowed: a wider spacing, or one direction",
                   nodes.x(), nodes.y(), nodes.z(), bytes / MiB, double(options.max_bytes) / MiB));
 }
 

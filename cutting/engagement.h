@@ -68,6 +68,8 @@ struct TurnedStock {
   double first = 0.0;                                      ///< mm along it, of node 0
   double spacing = 0.01;                                   ///< mm
   Eigen::VectorXd radius;                                  ///< (n) mm
+  std::vector<std::int32_t> line;  ///< (n) program line that cut it; 0: skin of the blank;
+                                   ///< negative: by a rapid
 };
 /// mm^3, each piece between nodes as a frustum: order 2 in the spacing, 1 where the profile steps.
 double volume(const TurnedStock& stock);
@@ -99,9 +101,10 @@ std::vector<EngagedEdge> engagement(const TurnedStock& stock, const Nose& nose,
 
 /// Takes one revolution out of the stock: every node is cut back to the lowest place of the edge
 /// while it moves on a line between two slow poses, to 1e-9 of the nose's radius.
+/// @param line  what the nodes that are cut back remember, negative for a rapid
 /// @return mm^3 removed
 /// @throws std::invalid_argument for a pose that is not finite or an impossible nose
 double remove(TurnedStock& stock, const Nose& nose, const Eigen::Isometry3d& from_T_slow,
-              const Eigen::Isometry3d& to_T_slow);
+              const Eigen::Isometry3d& to_T_slow, std::int32_t line = 1);
 
 }  // namespace abbe::cutting

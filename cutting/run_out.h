@@ -10,9 +10,8 @@ namespace abbe::cutting {
 /// places exactly for radial run-out alone where the flat is at least `radial` wide, and for axial
 /// alone. Otherwise it is that union's hull, larger in two ways:
 /// - a flat narrower than `radial` leaves a hollow about the axis, r < radial - R(z), no deeper
-/// than
-///   radial^2 / (corner radius + sqrt(corner radius^2 - radial^2)), 0.1 nm for 1 um on R 5 (if
-///   `radial` reaches the corner radius: than that); any feed across the axis takes it out;
+///   than radial^2 / (corner radius + sqrt(corner radius^2 - radial^2)), 0.1 nm for 1 um on R 5
+///   (if `radial` reaches the corner radius: than that); any feed across the axis takes it out;
 /// - radial and axial run-out locked in phase reach their largest at one angle only; the union is
 ///   this one if every height comes up at every angle.
 /// @param radial  mm, radius of the circle on which the axis runs, >= 0

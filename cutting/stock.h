@@ -105,14 +105,14 @@ inline constexpr double rubbing = 0.1;  // mm
 /// axis is swept in parts, each within 2 um (across the surface, up to the end of the flank) of the
 /// sweep. The shank is the cylinder of the cutter's radius above its flank, without an end; where
 /// it meets material that the flank has not cut just before, that is a crash.
-/// @throws std::invalid_argument if a pose is not finite, the axis turns by half a turn, or the
-///         cutter is impossible
+/// @throws std::invalid_argument if a pose is not finite, the axis turns by half a turn or over a
+///         move too long to be followed (kilometres), or the cutter is impossible
 Removed remove(Stock& stock, const Cutter& cutter, const StockMove& move);
 
 /// The machined part as a mesh: one vertex in every cell that the skin passes, at the mean of the
 /// crossings of its edges. Closed; edges of the part are cut off by less than a spacing, so its
-/// volume comes to that of the stock at order 1 or better. `line` as in DexelRun, of most of those
-/// crossings.
+/// volume comes to that of the stock at order 1 or better. `line` as in DexelRun, of most of
+/// those crossings.
 struct StockMesh {
   Points vertices_w;
   Triangles triangles;

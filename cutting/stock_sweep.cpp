@@ -1,9 +1,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <optional>
 #include <stdexcept>
 #include <utility>
+
+#include <fmt/format.h>
 
 #include "cutting/stock.h"
 #include "cutting/swept_cutter.h"
@@ -20,6 +23,7 @@ constexpr double part_sag = 1e-3;      // mm, by which a part of a move leaves a
 constexpr double frozen_twist = 5e-4;  // mm, the same along one line
 constexpr double settled_end = 1e-3;   // mm, the next end then moves by a hundredth of it
 constexpr double crash_length = 1e-6;  // mm of a line
+constexpr double most_parts = 1e5;     // of a move
 
 void check(const Cutter& cutter) {
   const bool possible = std::isfinite(cutter.radius) && cutter.radius > 0.0 &&
@@ -71,7 +75,7 @@ class ToolPath {
     const Vector3d across = target - target.dot(axis) * axis;
     const double sine = across.norm();
     angle_ = sine < 1e-12 ? 0.0 : std::atan2(sine, target.dot(axis));
-    if (target.dot(axis) < 0.0 && M_PI - std::atan2(sine, target.dot(axis)) < 1e-9)
+    if (target.dot(axis) < 0.0 && std::numbers::pi - std::atan2(sine, target.dot(axis)) < 1e-9)
       throw std::invalid_argument(
           "stock move: expected an axis that turns by less than half a turn");
     R_.row(2) = axis;
@@ -398,7 +402,13 @@ Removed remove(Stock& stock, const Cutter& cutter, const StockMove& move) {
   const ToolPath path(stock, move);
   const double arm = cutter.flank_length + cutter.radius;
   const double bow = 0.125 * path.angle() * (path.angle() * arm + 2.0 * path.length());
-  const int parts = 1 + int(std::sqrt(bow / part_sag));
+  const double count = std::sqrt(bow / part_sag);
+  if (!(count < most_parts))
+    throw std::invalid_argument(
+        fmt::format("stock move: expected a turning axis whose move comes apart in at most {} "
+                    "straight parts, seen {:.3g} ({:.3g} mm, turning by {:.3g} rad)",
+                    most_parts, count, path.length(), path.angle()));
+  const int parts = 1 + int(count);
   Cut cut(cutter, move);
   for (int i = 0; i < parts; ++i) {
     const ToolPose a = path.at(double(i) / parts), b = path.at(double(i + 1) / parts);

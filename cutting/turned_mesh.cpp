@@ -1,5 +1,6 @@
 #include "cutting/turned_mesh.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
@@ -22,8 +23,9 @@ std::vector<Eigen::Index> thinned(const TurnedStock& stock) {
     const double from = stock.radius[kept.back()];
     const double run = double(i - kept.back());
     const double slope = (stock.radius[i] - from) / run;
-    if (slope < steepest_from || slope > steepest_to) {
-      kept.push_back(i - 1);
+    const auto kind = [&](Eigen::Index k) { return std::clamp(stock.line[std::size_t(k)], -1, 1); };
+    if (slope < steepest_from || slope > steepest_to || kind(i) != kind(i - 1)) {
+      if (kept.back() != i - 1) kept.push_back(i - 1);
       steepest_from = stock.radius[i] - stock.radius[i - 1] - flat;
       steepest_to = stock.radius[i] - stock.radius[i - 1] + flat;
       continue;
@@ -72,7 +74,10 @@ StockMesh stock_mesh(const TurnedStock& stock, int around) {
     mesh.triangles.row(row++) << first_centre, next, k;
     mesh.triangles.row(row++) << last_centre, top + k, top + next;
   }
-  mesh.line.assign(std::size_t(mesh.vertices_w.rows()), 1);
+  for (const Eigen::Index node : nodes)
+    mesh.line.insert(mesh.line.end(), std::size_t(around), stock.line[std::size_t(node)]);
+  mesh.line.push_back(stock.line[std::size_t(nodes.front())]);
+  mesh.line.push_back(stock.line[std::size_t(nodes.back())]);
   return mesh;
 }
 

@@ -195,8 +195,9 @@ TurnedStock make_turned_stock(const Eigen::Matrix<double, Eigen::Dynamic, 2>& pr
   const double length = profile_mm(corners - 1, 0) - profile_mm(0, 0);
   const Index pieces = std::max<Index>(1, Index(std::ceil(length / spacing - 1e-9)));
   TurnedStock stock{
-      point_w, direction_w.normalized(), profile_mm(0, 0), length / double(pieces), {}};
+      point_w, direction_w.normalized(), profile_mm(0, 0), length / double(pieces), {}, {}};
   stock.radius.resize(pieces + 1);
+  stock.line.assign(std::size_t(pieces) + 1, 0);
   Index corner = 0;
   for (Index i = 0; i <= pieces; ++i) {
     const double x = stock.first + stock.spacing * double(i);
@@ -340,7 +341,7 @@ class Revolution {
 }  // namespace
 
 double remove(TurnedStock& stock, const Nose& nose, const Eigen::Isometry3d& from_T_slow,
-              const Eigen::Isometry3d& to_T_slow) {
+              const Eigen::Isometry3d& to_T_slow, std::int32_t line) {
   check(from_T_slow);
   check(to_T_slow);
   if (stock.radius.size() < 2) return 0.0;
@@ -353,9 +354,12 @@ double remove(TurnedStock& stock, const Nose& nose, const Eigen::Isometry3d& fro
   const Index from = Index(first_node), to = Index(last_node);
   const Index begin = std::max<Index>(0, from - 1), end = std::min<Index>(Index(last), to + 1);
   const double before = volume(stock, begin, end);
-  for (Index i = from; i <= to; ++i)
-    stock.radius[i] =
-        std::min(stock.radius[i], revolution.lowest(stock.first + stock.spacing * double(i)));
+  for (Index i = from; i <= to; ++i) {
+    const double lowest = revolution.lowest(stock.first + stock.spacing * double(i));
+    if (!(lowest < stock.radius[i])) continue;
+    stock.radius[i] = lowest;
+    stock.line[std::size_t(i)] = line;
+  }
   return before - volume(stock, begin, end);
 }
 

@@ -20,8 +20,8 @@ namespace abbe::errors {
 using Compliance = Eigen::Matrix<double, 6, 6>;
 
 /// @throws std::invalid_argument beginning with `what` unless C is finite, and symmetric and
-/// without
-///         a negative eigenvalue to 1e-9 of its largest scaled entry (scaled: lengths by 100 mm)
+///         without a negative eigenvalue to 1e-9 of its largest scaled entry (scaled: lengths by
+///         100 mm)
 void validate(const Compliance& C, const std::string& what);
 
 /// A round piece of a tool or holder.
@@ -112,6 +112,10 @@ inline constexpr std::size_t max_field_bytes = std::size_t(64) << 20;
 /// zero), a node a row; commas or semicolons, empty lines and lines that begin with # are skipped.
 /// @throws BadInput, also beyond max_field_bytes
 WorkpieceField read_compliance_field(std::string_view text, const std::string& file);
+
+/// Distance of neighbouring nodes of a field: the median over up to 1000 of them, mm;
+/// 0 for one node.
+double node_spacing(const WorkpieceField& field);
 
 /// Most distance of a point from the nearest node of a field, mm: tells a field of another mesh.
 /// Zero without points.

@@ -140,6 +140,18 @@ Matrix3d blended(const WorkpieceField& field, const NearestNodes& nearest) {
   return sum;
 }
 
+double node_spacing(const WorkpieceField& field) {
+  const FieldIndex index = indexed(field);
+  const Eigen::Index n = field.points_w.rows(), every = std::max<Eigen::Index>(1, n / 1000);
+  std::vector<double> squared;
+  for (Eigen::Index i = 0; i < n; i += every)
+    squared.push_back(nearest_nodes(index, field.points_w.row(i).transpose()).nodes[1].squared);
+  std::nth_element(squared.begin(), squared.begin() + std::ptrdiff_t(squared.size() / 2),
+                   squared.end());
+  const double middle = squared[squared.size() / 2];
+  return std::isfinite(middle) ? std::sqrt(middle) : 0.0;
+}
+
 double coverage(const WorkpieceField& field,
                 const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>& points_w) {
   const FieldIndex index = indexed(field);

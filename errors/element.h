@@ -11,8 +11,8 @@
 namespace abbe::errors {
 
 /// Name of an element as ISO 230-1 spells it: E, direction, axis. "EYX" is the deviation in Y of
-/// the X axis, "ECX" its rotation about Z. A zero marks a location error: "EC0Y" is the squareness
-/// of Y.
+/// the X axis, "ECX" its rotation about Z. A zero marks a location error: "EC0Y" is the
+/// squareness of Y.
 struct ElementName {
   char direction = 'X';  ///< X Y Z for a translation (mm), A B C for a rotation (rad)
   char axis = 'X';       ///< letter of the joint; 'S' is the spindle, nose or workpiece

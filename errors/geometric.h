@@ -58,8 +58,8 @@ struct GeometricModel {
   std::vector<Term> terms;                           ///< every other curve
 };
 
-/// Axis 'S' is the joint S (a spindle that carries the workpiece) if the chain has one, else the
-/// nose s.
+/// Axis 'S' is the joint S (a spindle that carries the workpiece) if the chain has one,
+/// else the nose s.
 /// @throws std::invalid_argument naming the element: an axis that the chain lacks, a location
 ///         element that is not constant, a location direction that means nothing for that axis (a
 ///         squareness of an axis about itself, an offset of a slide or along a rotary axis; a

@@ -153,8 +153,7 @@ struct TemperatureSensor {
 };
 
 /// @throws std::invalid_argument naming the sensor: an unknown node, a negative noise, resolution
-/// or
-///         lag, a sampling time that is not positive, a number that is not finite
+///         or lag, a sampling time that is not positive, a number that is not finite
 void validate(const TemperatureSensor& sensor, const ThermalNetwork& network);
 
 /// What a sensor says at instants that do not decrease, (times) deg C. It samples at whole

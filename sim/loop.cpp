@@ -136,16 +136,46 @@ void check_field(const Scene& scene, const cutting::Design& design_w) {
   if (!scene.compliance || !scene.compliance->workpiece) return;
   const auto* field = std::get_if<errors::WorkpieceField>(&*scene.compliance->workpiece);
   if (field == nullptr) return;
-  const Eigen::RowVector3d size =
-      design_w.vertices.colwise().maxCoeff() - design_w.vertices.colwise().minCoeff();
-  const double allowed = 0.05 * size.norm(), far = errors::coverage(*field, design_w.vertices);
+  const auto size = [](const cutting::Points& points) {
+    return (points.colwise().maxCoeff() - points.colwise().minCoeff()).norm();
+  };
+  const auto refuse = [&](const std::string& expected, const std::string& seen) {
+    throw BadInput(scene.file.string(), 0, 0, "a compliance field on this part: " + expected, seen);
+  };
+  // on a square grid the farthest place is 0.71 spacings from a node
+  const double allowed = 1.5 * errors::node_spacing(*field);
+  const double far = errors::coverage(*field, design_w.vertices);
   if (far > allowed)
-    throw BadInput(
-        scene.file.string(), 0, 0,
-        fmt::format("a compliance field on this part: a node within {:.3g} mm (5 % of the "
-                    "part) of every vertex",
-                    allowed),
-        fmt::format("a vertex {:.4g} mm from the nearest node", far));
+    refuse(fmt::format("a node within {:.3g} mm of every vertex, 1.5 of its spacings", allowed),
+           fmt::format("a vertex {:.4g} mm from the nearest node", far));
+  if (size(field->points_w) > 4 * size(design_w.vertices))
+    refuse(fmt::format("nodes over at most {:.4g} mm, four times the part",
+                       4 * size(design_w.vertices)),
+           fmt::format("nodes over {:.4g} mm", size(field->points_w)));
+}
+
+/// What a scene describes and nothing in it uses, in words.
+std::vector<std::string> idle(const Scene& scene) {
+  std::vector<std::string> warnings;
+  const auto warn = [&](bool is, const char* what) {
+    if (is) warnings.push_back(what);
+  };
+  const bool cuts = scene.cutting && scene.cutting->material;
+  if (scene.compliance) {
+    const errors::ComplianceErrors& soft = *scene.compliance;
+    const bool weighs = (soft.gravity_b || soft.inertia) && !soft.masses.empty();
+    warn(!cuts && !weighs && soft.clamping_w.isZero(0.0),
+         "nothing loads the compliance: it wants [cutting] with a material, masses with gravity or "
+         "inertia, or clamping");
+    warn((soft.gravity_b || soft.inertia) && soft.masses.empty(),
+         "gravity and inertia act on [[compliance.mass]], and there is none");
+    warn(!soft.gravity_b && !soft.inertia && !soft.masses.empty(),
+         "the masses do nothing without gravity or inertia");
+  }
+  warn(scene.signals.dynamometer && !cuts, "the dynamometer reads nothing without cutting forces");
+  warn(scene.signals.current && !cuts && !scene.thermal && !scene.compliance,
+       "signals.csv is written where there is heat, stock or compliance");
+  return warnings;
 }
 
 /// A program as the axes are really told, on the wrong machine.
@@ -327,6 +357,7 @@ Cut cut(const Job& job, const std::optional<CaseDescription>& compensator,
                    left.what());
   }
   tell_process(job.scene, result.process, result.warnings);
+  for (const std::string& warning : idle(job.scene)) result.warnings.push_back(warning);
   const PoseErrors off = pose_errors(T_wt, T_wt_wanted);
   result.tip_error = off.tip;
   result.direction_error = off.direction;

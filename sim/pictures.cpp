@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <set>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -166,7 +167,33 @@ void write_temperatures(const std::filesystem::path& file, const Job& job) {
   render::write_profile(file, series, options);
 }
 
-/// One element over the travel of its axis, at several instants.
+/// An instant, and the temperatures then of all nodes on which an element depends.
+std::string instant_text(const Truth::Heat& heat, int joint, const errors::ElementName& name,
+                         double time_s) {
+  std::set<int> nodes;
+  const auto add = [&](const errors::ThermalFunction& function) {
+    for (const auto& term : function.terms) {
+      nodes.insert(term.node);
+      if (term.minus) nodes.insert(*term.minus);
+    }
+  };
+  for (const errors::ThermalModel::Bound& bound : heat.model.elements) {
+    if (bound.joint != joint || bound.location || bound.component != name.component()) continue;
+    add(bound.element.offset);
+    add(bound.element.slope);
+  }
+  const Eigen::VectorXd T_C = errors::temperatures(heat.run, time_s);
+  std::string text = time_text(time_s);
+  const char* before = ": ";
+  for (const int node : nodes) {
+    text += fmt::format("{}{} {:.1f}", before, heat.run.network.nodes[std::size_t(node)].name,
+                        T_C[node]);
+    before = ", ";
+  }
+  return nodes.empty() ? text : text + " °C";
+}
+
+/// One element over its range or the travel of its axis, at several instants.
 void write_element(const std::filesystem::path& file, const Job& job,
                    const ThermalDescription::Plot& plot) {
   const kinematics::Chain& chain = job.machine.nominal;
@@ -176,12 +203,14 @@ void write_element(const std::filesystem::path& file, const Job& job,
   const kinematics::Joint& joint = chain.joints()[std::size_t(j)];
   const bool slide = joint.motion == kinematics::Motion::Linear;
   const double turn = 2 * pi;
-  const double from = slide ? std::max(joint.min, -2000.0) : std::max(joint.min, -turn);
-  const double to = slide ? std::min(joint.max, 2000.0) : std::min(joint.max, turn);
+  const double widest = slide ? 2000.0 : turn;
+  const double from = plot.range ? plot.range->front() : std::max(joint.min, -widest);
+  const double to = plot.range ? plot.range->back() : std::min(joint.max, widest);
   constexpr int points = 400;
   std::vector<render::ProfileSeries> series;
   for (const double time_s : plot.time_s) {
-    render::ProfileSeries one{time_text(time_s), Eigen::VectorXd(points), Eigen::VectorXd(points)};
+    render::ProfileSeries one{instant_text(*job.truth.heat, j, plot.element, time_s),
+                              Eigen::VectorXd(points), Eigen::VectorXd(points)};
     for (int i = 0; i < points; ++i) {
       kinematics::AxisState state;
       state.q = kinematics::AxisVector::Zero(chain.size());
@@ -207,6 +236,19 @@ void write_element(const std::filesystem::path& file, const Job& job,
       "actual minus nominal, all sources, as commanded; time 0 is the start of the "
       "program"};
   render::write_profile(file, series, options);
+}
+
+const std::string element_ending = "-temperatures.png";
+
+/// Pictures of elements that an earlier run left and this one does not draw.
+void remove_older(const std::filesystem::path& folder, const std::set<std::string>& drawn) {
+  std::vector<std::filesystem::path> older;
+  std::error_code none;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, none)) {
+    const std::string name = entry.path().filename().string();
+    if (name.ends_with(element_ending) && !drawn.contains(name)) older.push_back(entry.path());
+  }
+  for (const std::filesystem::path& file : older) std::filesystem::remove(file, none);
 }
 
 /// What the summary beside a result says of it, if there is one.
@@ -274,10 +316,15 @@ void write_source_pictures(const std::filesystem::path& folder, const Job& job,
                [&](const std::filesystem::path& file) { write_temperatures(file, job); });
   else
     std::filesystem::remove(folder / "temperatures.png", none);
-  if (!heat) return;
-  for (const ThermalDescription::Plot& plot : job.scene.thermal->plots)
-    write_file(folder / (errors::to_string(plot.element) + "-temperatures.png"),
-               [&](const std::filesystem::path& file) { write_element(file, job, plot); });
+  std::set<std::string> drawn;
+  if (heat)
+    for (const ThermalDescription::Plot& plot : job.scene.thermal->plots) {
+      const std::string name = errors::to_string(plot.element) + element_ending;
+      drawn.insert(name);
+      write_file(folder / name,
+                 [&](const std::filesystem::path& file) { write_element(file, job, plot); });
+    }
+  remove_older(folder, drawn);
 }
 
 void write_comparison_picture(const std::filesystem::path& file, const Scene& scene,

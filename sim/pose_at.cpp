@@ -9,6 +9,7 @@
 
 #include "kinematics/units.h"
 #include "sim/activity.h"
+#include "sim/run_out.h"
 #include "sim/truth.h"
 
 namespace abbe::sim {
@@ -71,7 +72,8 @@ kinematics::AxisVector parse_positions(const kinematics::Chain& chain, const std
 
 }  // namespace
 
-ordered_json pose_at(const Scene& scene, const std::string& at) {
+ordered_json pose_at(const Scene& described, const std::string& at) {
+  const Scene scene = with_run_out(described);
   const Machine machine = compile(scene);
   const Truth truth = truth_of(scene, machine, activity(scene, machine, {}, {}));
   kinematics::AxisState state;

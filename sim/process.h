@@ -23,11 +23,14 @@ struct ProcessStep {
   double torque = 0.0;       ///< N mm, on the spindle against its turning
   double power_W = 0.0;      ///< of the cut
   double removed = 0.0;      ///< mm^3 since the step before
+  double engaged = 0.0;      ///< mm of cutting edge in material, the mean over a revolution
+  double chip = 0.0;         ///< mm, largest uncut chip thickness
   int iterations = 0;        ///< of force and deflection; 0 where nothing was loaded
   double contraction = 0.0;  ///< largest ratio of two corrections running: below 1, the loop closes
                              ///< by repetition; 0 where two were not needed
   double disagreement = 0.0;  ///< mm, last change of the deflection
-  bool converged = true;      ///< it is within the scene's tolerance
+  bool converged = true;      ///< it is within the scene's tolerance; or the deflection is known to
+                              ///< it, between two places where the force jumps
 };
 
 /// The cut followed along a program.
@@ -52,14 +55,20 @@ struct FollowedProgram {
 };
 
 /// Follows the cut: engagement gives the force, the force moves the tool, the moved tool has
-/// another engagement, until both agree; then the step is taken out of the stock. Milling looks
-/// every `step` of tip travel and takes the mean force of a revolution; turning looks once a
-/// revolution. The first look at each step guesses the load of the step before. Empty for a scene
-/// without [cutting].
+/// another engagement, until the deflection changes by less than the scene's tolerance (with a
+/// contraction c the rest is c / (1 - c) of that change). Plain repetition first, the secant of the
+/// last two where that is slow; where both fail, the load between none and that of the rigid tool
+/// is bracketed, so a soft machine closes too. The first guess is the load of the step before.
+/// Milling looks after every `step` of travel of the tip and of the flank's turning, wherever the
+/// motion turns by more than 0.1 rad, and where rapid and feed meet; it takes the mean force of a
+/// revolution, the feed as that of the corner's centre (of a flat end mill: of half its flank).
+/// Turning looks once a revolution.
+/// A rapid, or the shank, that takes material is a crash. Empty for a scene without [cutting].
 /// @param design_m  the part in its own frame, for a blank that is its offset
 /// @throws BadInput naming the scene or the program line: a blank that cannot be, too many dexels,
 /// a
-///         cut with a spindle that stands still
+///         cut with a spindle that stands still or turns the other way, a feed per tooth beyond the
+///         cutter's radius
 Process follow(const Scene& scene, const Machine& machine, const cutting::Design& design_m,
                const FollowedProgram& program, const std::function<void(double)>& progress = {});
 

@@ -159,6 +159,9 @@ Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
   if (verdict.residual.cut_vertices == 0)
     cut.warnings.push_back(fmt::format(
         "nothing was cut: no surface was found within +-{} mm of the design", job.scene.band));
+  const ordered_json radii = radii_um(job, verdict.aligned.surface);
+  for (const auto& [name, radius] : radii.items())
+    if (radius.is_null()) cut.warnings.push_back("no cut vertex lies on the ring " + name);
   if (const auto* primitive = std::get_if<cutting::Primitive>(&job.scene.part.shape))
     verdict.form = cutting::form(
         *primitive, cutting::transformed(job.design_w, job.scene.part.T_wm.inverse()), cut.surface);

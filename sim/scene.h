@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -116,6 +117,7 @@ struct ThermalPhase {
 /// Heat: the network, what it does to the elements, what came before the program. Time 0 is the
 /// start of the program; the history ends there.
 struct ThermalDescription {
+  static constexpr double least_T_C = -273.15, most_T_C = 5000.0;  ///< of anything in it, ever
   errors::ThermalNetwork network;
   errors::ThermalErrors errors;
   std::vector<errors::TemperatureSensor> sensors;
@@ -126,9 +128,11 @@ struct ThermalDescription {
   bool powered = true;    ///< while the program runs
   bool coolant = false;   ///< the same
   double interval = 1.0;  ///< s, in the program heat flows are linear over stretches of this length
+  double scale = 1.0;     ///< of all that heat does to elements and workpiece
   struct Plot {
     errors::ElementName element;
-    Eigen::VectorXd time_s;  ///< (n) instants whose curves are drawn
+    Eigen::VectorXd time_s;                      ///< (n) instants whose curves are drawn
+    std::optional<std::array<double, 2>> range;  ///< mm or rad; else the travel
   };
   std::vector<Plot> plots;
 };

@@ -3,6 +3,8 @@
 #include <sstream>
 #include <stdexcept>
 
+#include <fmt/format.h>
+
 #include "kinematics/units.h"
 #include "sim/scene_sections.h"
 
@@ -18,22 +20,33 @@ using errors::Compliance;
 
 constexpr double standard_gravity = 9806.65;  // mm/s^2
 constexpr Range poisson{-1.0, 0.5, true, false};
+constexpr double softest_N_per_um = 1e-6;
+constexpr double softest_Nm_per_urad = 1e-9;
+constexpr double softest_entry = 1e3;  // of a matrix, mm/N as 1e-6 N/um and rad/(N mm) likewise
 
 /// Compliances 1/k of three stiffnesses, zero where they are left out.
-Eigen::Vector3d softness(TableReader& reader, const std::string& key) {
+/// @param least  in the unit of the key
+Eigen::Vector3d softness(TableReader& reader, const std::string& key, double least) {
   Eigen::Vector3d c = Eigen::Vector3d::Zero();
-  const auto k = reader.maybe_numbers(key, 3);
+  const auto k = reader.numbers_as_written(key, 3);
   if (!k) return c;
-  if (!(k->array() > 0.0).all()) {
-    reader.refuse(key, "three stiffnesses above 0 (leave out what is stiff)", "one that is not");
+  if (k->minCoeff() < least) {
+    reader.refuse(
+        key, fmt::format("three stiffnesses above 0, at least {} (leave out what is stiff)", least),
+        fmt::format("{}", k->minCoeff()));
     return c;
   }
-  return k->cwiseInverse();
+  return (*k * unit_of(key)).cwiseInverse();
 }
 
 Compliance read_matrix(TableReader& reader) {
   const auto numbers = reader.maybe_numbers("matrix", 36);
   if (!numbers) return Compliance::Zero();
+  if (numbers->cwiseAbs().maxCoeff() > softest_entry) {
+    reader.refuse("matrix", fmt::format("entries of at most {} for matrix", softest_entry),
+                  fmt::format("{}", numbers->cwiseAbs().maxCoeff()));
+    return Compliance::Zero();
+  }
   const Compliance C =
       Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(numbers->data());
   try {
@@ -48,8 +61,8 @@ Compliance read_matrix(TableReader& reader) {
 /// What gives way by `stiffness_N_per_um` and `turning_stiffness_Nm_per_urad`, or by `matrix`.
 Compliance read_stiffness(TableReader& reader) {
   Compliance C = Compliance::Zero();
-  C.diagonal().head<3>() = softness(reader, "stiffness_N_per_um");
-  C.diagonal().tail<3>() = softness(reader, "turning_stiffness_Nm_per_urad");
+  C.diagonal().head<3>() = softness(reader, "stiffness_N_per_um", softest_N_per_um);
+  C.diagonal().tail<3>() = softness(reader, "turning_stiffness_Nm_per_urad", softest_Nm_per_urad);
   const bool by_numbers =
       reader.has("stiffness_N_per_um") || reader.has("turning_stiffness_Nm_per_urad");
   if (by_numbers && reader.has("matrix"))
@@ -269,7 +282,7 @@ errors::ComplianceErrors read_compliance(const Node& table, const MachineDescrip
   TableReader reader(table, "compliance", faults);
   errors::ComplianceErrors errors;
   reader.text("name", "");
-  errors.scale = reader.number("scale", non_negative, 1.0);
+  errors.scale = reader.number("scale", {0.0, 1e6}, 1.0);
   errors.joints = read_joints(reader, machine);
   errors.tool = read_tool_compliance(reader);
   errors.fixture = read_fixture(reader);

@@ -13,6 +13,9 @@ namespace {
 
 constexpr Range helix_range{-90.0, 90.0, true, true};
 constexpr int most_corners = 10000;
+constexpr Range spacing_range{0.001, 20.0};
+constexpr Range step_range{0.0, 100.0, true, false};
+constexpr Range run_out_range{0.0, 1000.0};
 
 void refuse_flat(TableReader& reader, const cutting::BoxBlank& box) {
   if (!reader.has("lower_mm") || !reader.has("upper_mm")) return;
@@ -109,7 +112,7 @@ cutting::Flutes read_flutes(TableReader& reader) {
   cutting::Flutes flutes;
   flutes.count = int(reader.integer("flutes", 1, 100, flutes.count));
   flutes.helix = reader.number("helix_deg", helix_range, 30.0 * units::deg);
-  flutes.run_out = reader.number("run_out_um", non_negative, 0.0);
+  flutes.run_out = reader.number("run_out_um", run_out_range, 0.0);
   flutes.run_out_angle = reader.number("run_out_angle_deg", any_number, 0.0);
   flutes.clockwise =
       reader.choice<bool>("rotation", {{"clockwise", true}, {"counter_clockwise", false}}, true);
@@ -156,13 +159,15 @@ CuttingDescription read_cutting(const Node& table, const ToolDescription& tool, 
   const std::size_t before = faults.list().size();
   cutting.blank = read_blank(reader);
   if (faults.list().size() == before) refuse_mismatch(reader, is_nose, cutting);
-  cutting.spacing = reader.number("spacing_mm", positive, cutting.spacing);
+  cutting.spacing = reader.number("spacing_mm", spacing_range, cutting.spacing);
   if (!is_nose) {  // a nose has no flutes and no dexels
     cutting.three_directions = reads_three_directions(reader);
     cutting.flutes = read_flutes(reader);
-    cutting.step = reader.number("step_mm", positive, cutting.step);
+    cutting.step = reader.number("step_mm", step_range, cutting.step);
   }
-  cutting.max_bytes = std::size_t(reader.integer("max_MiB", 1, std::int64_t(1) << 24, 2048)) << 20;
+  if (!std::holds_alternative<CuttingDescription::TurnedBlank>(cutting.blank))
+    cutting.max_bytes = std::size_t(reader.integer("max_MiB", 1, std::int64_t(1) << 24, 2048))
+                        << 20;
   cutting.tolerance = reader.number("tolerance_nm", positive, cutting.tolerance);
   cutting.most_iterations = int(reader.integer("most_iterations", 1, 1000, 30));
   reader.close();

@@ -9,6 +9,8 @@ namespace abbe::sim {
 namespace {
 
 constexpr Range half_turn_open{0.0, 90.0, true, true};
+constexpr Range tool_size{0.0, 10'000.0, true, false};  // mm
+constexpr Range spindle_rpm{0.0, 1e6, true, false};
 
 cutting::RevolvedProfile read_profile(TableReader& reader) {
   cutting::RevolvedProfile profile;
@@ -113,8 +115,8 @@ cutting::Cutter read_cutter(TableReader& reader, const std::string& kind,
                             const cutting::Cutter& otherwise, bool nominal) {
   const std::size_t before = reader.faults().list().size();
   cutting::Cutter cutter = otherwise;
-  cutter.radius = nominal ? reader.number("radius_mm", positive)
-                          : reader.number("radius_mm", positive, otherwise.radius);
+  cutter.radius = nominal ? reader.number("radius_mm", tool_size)
+                          : reader.number("radius_mm", tool_size, otherwise.radius);
   if (kind == "ball") {
     cutter.corner_radius = cutter.radius;
   } else if (kind == "flat") {
@@ -125,8 +127,8 @@ cutting::Cutter read_cutter(TableReader& reader, const std::string& kind,
                 : reader.number("corner_radius_mm", positive, otherwise.corner_radius);
   }
   cutter.flank_length = nominal
-                            ? reader.number("flank_length_mm", positive)
-                            : reader.number("flank_length_mm", positive, otherwise.flank_length);
+                            ? reader.number("flank_length_mm", tool_size)
+                            : reader.number("flank_length_mm", tool_size, otherwise.flank_length);
   const bool whole = !nominal || (reader.has("radius_mm") && reader.has("flank_length_mm") &&
                                   (kind != "bull" || reader.has("corner_radius_mm")));
   if (!whole || reader.faults().list().size() != before) return cutter;
@@ -158,7 +160,7 @@ void read_actual_tool(TableReader& actual, const std::string& kind, ToolDescript
     return;
   }
   cutting::Nose nose = std::get<cutting::Nose>(tool.nominal);
-  nose.radius = actual.number("radius_mm", positive, nose.radius);
+  nose.radius = actual.number("radius_mm", tool_size, nose.radius);
   nose.waves = read_waves(actual);
   tool.actual = nose;
   tool.centring_offset = actual.number("centring_offset_mm", any_number, 0.0);
@@ -179,7 +181,7 @@ program::Raster read_raster(TableReader& reader) {
   raster.lead = reader.number("lead_deg", {-89.0, 89.0, false, false}, raster.lead);
   raster.tilt = reader.number("tilt_deg", {-89.0, 89.0, false, false}, raster.tilt);
   raster.feed = reader.number("feed_mm_per_min", positive, raster.feed);
-  raster.speed_rpm = reader.number_as_written("speed_rpm", positive).value_or(raster.speed_rpm);
+  raster.speed_rpm = reader.number_as_written("speed_rpm", spindle_rpm).value_or(raster.speed_rpm);
   raster.clearance = reader.number("clearance_mm", positive, raster.clearance);
   raster.zigzag = reader.choice<bool>("pattern", {{"zigzag", true}, {"one_way", false}}, true);
   raster.overrun = reader.number("overrun_mm", non_negative, raster.overrun);
@@ -191,7 +193,7 @@ program::Flank read_flank(TableReader& reader) {
   program::Flank flank;
   flank.step = reader.number("step_mm", positive, flank.step);
   flank.feed = reader.number("feed_mm_per_min", positive, flank.feed);
-  flank.speed_rpm = reader.number_as_written("speed_rpm", positive).value_or(flank.speed_rpm);
+  flank.speed_rpm = reader.number_as_written("speed_rpm", spindle_rpm).value_or(flank.speed_rpm);
   flank.clearance = reader.number("clearance_mm", non_negative, flank.clearance);
   flank.tip_below = reader.number("tip_below_mm", non_negative, flank.tip_below);
   flank.format = read_format(reader);
@@ -200,7 +202,7 @@ program::Flank read_flank(TableReader& reader) {
 
 program::Spiral read_spiral(TableReader& reader) {
   program::Spiral spiral;
-  spiral.spindle_speed = reader.number("speed_rpm", positive);
+  spiral.spindle_speed = reader.number("speed_rpm", spindle_rpm);
   spiral.feed_per_revolution = reader.number("feed_um_per_rev", positive);
   spiral.start_beyond_rim =
       reader.number("start_beyond_rim_mm", non_negative, spiral.feed_per_revolution);
@@ -291,7 +293,7 @@ ToolDescription read_tool(const Node& table, Faults& faults) {
   const std::string kind = reader.choice<std::string>(
       "kind", {{"ball", "ball"}, {"bull", "bull"}, {"flat", "flat"}, {"nose", "nose"}});
   if (kind == "nose") {
-    tool.nominal = cutting::Nose{reader.number("radius_mm", positive), {}};
+    tool.nominal = cutting::Nose{reader.number("radius_mm", tool_size), {}};
   } else {
     tool.nominal = read_cutter(reader, kind, {}, true);
   }

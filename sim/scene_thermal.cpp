@@ -20,7 +20,9 @@ using errors::Surroundings;
 using kinematics::Joint;
 using kinematics::Motion;
 
-constexpr Range temperature{-273.15, 5000.0};
+constexpr Range temperature{ThermalDescription::least_T_C, ThermalDescription::most_T_C};
+constexpr Range power{0.0, 1e7};  // W
+constexpr Range spindle_rpm{0.0, 1e6};
 constexpr Range share_of_all{0.0, 1.0};
 constexpr std::size_t most_nodes = 200;  // the modes of more take long
 constexpr std::size_t most_phases = 10'000;
@@ -99,6 +101,7 @@ class ThermalReader {
   kinematics::AxisVector read_axis_speeds(TableReader& phase);
   void read_room();
   void read_plots();
+  std::optional<std::array<double, 2>> read_range(TableReader& plot, char axis);
   void check_network();
 
   TableReader reader_;
@@ -262,14 +265,14 @@ void ThermalReader::read_sources() {
       faults_.add(reader.place(), "a kind of heat for thermal.source.kind", "nothing");
     if (faults_.list().size() != before) continue;  // its other keys depend on it
     if (kind == Kind::Spindle) {
-      source.law = errors::SpindleHeat{reader.number("power_W", non_negative),
-                                       reader.number("at_rpm", positive),
-                                       reader.number("exponent", non_negative, 1.0)};
+      source.law =
+          errors::SpindleHeat{reader.number("power_W", power), reader.number("at_rpm", positive),
+                              reader.number("exponent", non_negative, 1.0)};
     } else if (kind == Kind::Axis) {
       const auto heat = read_axis_heat(reader);
       if (heat) source.law = *heat;
     } else if (kind == Kind::PowerOn) {
-      source.law = errors::PowerOnHeat{reader.number("power_W", non_negative)};
+      source.law = errors::PowerOnHeat{reader.number("power_W", power)};
     } else {
       source.law = errors::CuttingHeat{reader.number("share", share_of_all)};
     }
@@ -505,7 +508,7 @@ void ThermalReader::read_history() {
       const Range range{0.0, longest_s / unit_of(*key), true, false};
       phase.duration = reader.number(*key, range);
     }
-    phase.spindle_speed = reader.number("speed_rpm", non_negative, 0.0);
+    phase.spindle_speed = reader.number("speed_rpm", spindle_rpm, 0.0);
     phase.axis_speed = read_axis_speeds(reader);
     phase.powered = reader.boolean("powered", true);
     phase.coolant = reader.boolean("coolant", false);
@@ -544,6 +547,30 @@ void ThermalReader::read_room() {
   thermal_.room_T_C = T_C;
 }
 
+/// The stretch of the axis that a plot is drawn over; none: its travel.
+std::optional<std::array<double, 2>> ThermalReader::read_range(TableReader& plot, char axis) {
+  const auto& joints = machine_.joints;
+  const auto joint = std::find_if(joints.begin(), joints.end(),
+                                  [&](const Joint& candidate) { return candidate.name == axis; });
+  if (joint == joints.end()) {  // which is told
+    plot.know("range_mm");
+    plot.know("range_deg");
+    return std::nullopt;
+  }
+  const std::string key = joint->motion == Motion::Linear ? "range_mm" : "range_deg";
+  const auto range = plot.maybe_numbers(key, 2);
+  if (!range) return std::nullopt;
+  const double from = (*range)[0], to = (*range)[1], unit = unit_of(key);
+  if (!(from < to && from >= joint->min && to <= joint->max)) {
+    plot.refuse(key,
+                fmt::format("a rising range within the travel, {} .. {}, for thermal.plot.{}",
+                            joint->min / unit, joint->max / unit, key),
+                fmt::format("{} .. {}", from / unit, to / unit));
+    return std::nullopt;
+  }
+  return std::array{from, to};
+}
+
 void ThermalReader::read_plots() {
   for (const Node* table : reader_.tables("plot")) {
     TableReader reader(*table, "thermal.plot", faults_);
@@ -565,6 +592,7 @@ void ThermalReader::read_plots() {
     for (const ThermalDescription::Plot& other : thermal_.plots)
       if (other.element == plot.element)
         reader.refuse("element", "one plot an element", name + " again");
+    plot.range = read_range(reader, plot.element.axis);
     reader.close();
     if (faults_.list().size() != before) continue;
     const Place& place = table->find("element")->place;
@@ -604,6 +632,7 @@ ThermalDescription ThermalReader::read() {
   read_sensors();
   read_history();
   read_plots();
+  thermal_.scale = reader_.number("scale", {-1e6, 1e6}, 1.0);
   thermal_.errors.reference_T_C = reader_.number("reference_C", temperature, 20.0);
   thermal_.powered = reader_.boolean("powered", true);
   thermal_.coolant = reader_.boolean("coolant", false);

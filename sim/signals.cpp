@@ -9,6 +9,7 @@
 
 #include "errors/curve.h"
 #include "kinematics/units.h"
+#include "sim/tool_motion.h"
 
 namespace abbe::sim {
 namespace {
@@ -170,13 +171,13 @@ void add_heat(Table& table, const Scene& scene, const Truth& truth, const Vector
 
 struct ProcessRows {
   Eigen::MatrixXd force;  ///< (n x 3) N
-  VectorXd torque, power_W, removed;
+  VectorXd torque, power_W, removed, engaged, chip;
 };
 
 ProcessRows process_rows(const Process& process, const VectorXd& time_s) {
   const Eigen::Index n = time_s.size();
-  ProcessRows rows{Eigen::MatrixXd::Zero(n, 3), VectorXd::Zero(n), VectorXd::Zero(n),
-                   VectorXd::Zero(n)};
+  const VectorXd none = VectorXd::Zero(n);
+  ProcessRows rows{Eigen::MatrixXd::Zero(n, 3), none, none, none, none, none};
   std::size_t step = 0;
   for (Eigen::Index i = 0; i < n; ++i) {
     rows.force.row(i) = load_at(process, time_s[i]).on_tool_t.head<3>().transpose();
@@ -188,6 +189,8 @@ ProcessRows process_rows(const Process& process, const VectorXd& time_s) {
     const ProcessStep& now = process.steps[here ? step - 1 : at];
     rows.torque[i] = now.torque;
     rows.power_W[i] = now.power_W;
+    rows.engaged[i] = now.engaged;
+    rows.chip[i] = now.chip;
   }
   return rows;
 }
@@ -195,13 +198,15 @@ ProcessRows process_rows(const Process& process, const VectorXd& time_s) {
 void add_process(Table& table, const Scene& scene, const Process& process, const VectorXd& time_s,
                  const VectorXd& spindle_speed) {
   const SignalsDescription& wanted = scene.signals;
-  ProcessRows rows{Eigen::MatrixXd::Zero(time_s.size(), 3), VectorXd::Zero(time_s.size()), {}, {}};
+  ProcessRows rows{{}, VectorXd::Zero(time_s.size()), {}, {}, {}, {}};
   if (!process.steps.empty()) {
     rows = process_rows(process, time_s);
     for (int k = 0; k < 3; ++k) table.add(fmt::format("F{}_N", "XYZ"[k]), rows.force.col(k));
     table.add("torque_Nm", rows.torque * 1e-3);
     table.add("power_W", rows.power_W);
     table.add("removed_mm3", rows.removed);
+    table.add("engaged_mm", rows.engaged);
+    table.add("chip_mm", rows.chip);
   }
   if (wanted.current) {
     const auto& motor = *wanted.current;
@@ -222,7 +227,14 @@ void add_process(Table& table, const Scene& scene, const Process& process, const
 /// One row of all deviations: motion and location of every joint, tool, part, tip.
 using DeviationRow = Eigen::Matrix<double, 1, Eigen::Dynamic>;
 
-DeviationRow deviation_row(const Truth& truth, const Row& at) {
+/// A tool as the bed sees it where the workpiece turns under it.
+Pose seen(const Machine& machine, const AxisState& state, const Pose& T_wt) {
+  if (!machine.workpiece_spindle) return T_wt;
+  const int spindle = *machine.workpiece_spindle;
+  return slow_pose(spindle_line(machine.nominal, spindle), state.q[spindle], T_wt);
+}
+
+DeviationRow deviation_row(const Truth& truth, const Machine& machine, const Row& at) {
   const errors::ForceDeviations all = deviations(truth, at.state, at.load);
   const Eigen::Index joints = Eigen::Index(all.joints.size());
   DeviationRow row(12 * joints + 18);
@@ -232,11 +244,11 @@ DeviationRow deviation_row(const Truth& truth, const Row& at) {
   }
   row.segment<6>(12 * joints) = all.tool_t.transpose();
   row.segment<6>(12 * joints + 6) = all.workpiece_w.transpose();
-  const Pose T_wt = tool_in_workpiece(truth, at.state, at.load);
-  row.segment<3>(12 * joints + 12) =
-      (T_wt.translation() - at.T_wt_wanted.translation()).transpose();
+  const Pose T_wt = seen(machine, at.state, tool_in_workpiece(truth, at.state, at.load));
+  const Pose T_wt_wanted = seen(machine, at.state, at.T_wt_wanted);
+  row.segment<3>(12 * joints + 12) = (T_wt.translation() - T_wt_wanted.translation()).transpose();
   row.segment<3>(12 * joints + 15) =
-      kinematics::rotation_vector(T_wt.linear() * at.T_wt_wanted.linear().transpose()).transpose();
+      kinematics::rotation_vector(T_wt.linear() * T_wt_wanted.linear().transpose()).transpose();
   return row;
 }
 
@@ -289,7 +301,7 @@ Signals signals(const Scene& scene, const Machine& machine, const Truth& truth,
   add_process(table, scene, recorded.process, time_s, spindle_speed);
   Eigen::MatrixXd deviation(n, 12 * machine.nominal.size() + 18);
   tbb::parallel_for(Eigen::Index(0), n, [&](Eigen::Index i) {
-    deviation.row(i) = deviation_row(truth, rows[std::size_t(i)]);
+    deviation.row(i) = deviation_row(truth, machine, rows[std::size_t(i)]);
   });
   add_deviations(table, machine, deviation);
   return table.take();

@@ -30,10 +30,12 @@ struct Recorded {
 /// - `time_s`, `line`, commands `X_mm` … , encoders `X_encoder_mm` …, `spindle_rpm`;
 /// - temperatures `T_NODE_C` and what the sensors say, `SENSOR_C`;
 /// - force on the tool in frame t `FX_N` … , `torque_Nm`, `power_W`, `removed_mm3` since the row
-///   before, `current_A` and `FX_dynamometer_N` … where the scene has those sensors;
+///   before, edge in material `engaged_mm` and largest chip thickness `chip_mm`,
+///   `current_A` and `FX_dynamometer_N` … where the scene has those sensors;
 /// - every deviation `EXX_um` … `EC0Y_urad`, of the tool `tool_EX_um` and the part `part_EX_um`
 /// under
-///   force, and of the tip in the workpiece `tip_EX_um` … `tip_EC_urad`.
+///   force, and of the tip in the workpiece `tip_EX_um` … `tip_EC_urad` (of a turned part: turned back by
+///   the spindle).
 /// Columns of deviations that are zero throughout are left out. Readings repeat for the same seed.
 /// Empty for a scene without heat, force and compliance.
 Signals signals(const Scene& scene, const Machine& machine, const Truth& truth,

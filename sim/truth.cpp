@@ -1,5 +1,7 @@
 #include "sim/truth.h"
 
+#include <fmt/format.h>
+
 namespace abbe::sim {
 namespace {
 
@@ -28,6 +30,19 @@ std::optional<int> spindle_of(const Machine& machine) {
 
 Eigen::VectorXd temperatures(const Truth& truth, double time_s) {
   return truth.heat ? errors::temperatures(truth.heat->run, time_s) : Eigen::VectorXd();
+}
+
+/// A network that no machine can be shows by where it goes.
+void refuse_beyond(const errors::ThermalRun& run, const Scene& scene) {
+  constexpr double least = ThermalDescription::least_T_C, most = ThermalDescription::most_T_C;
+  for (Eigen::Index i = 0; i < run.T_C.rows(); ++i)
+    for (Eigen::Index k = 0; k < run.T_C.cols(); ++k)
+      if (const double T_C = run.T_C(i, k); !(T_C >= least && T_C <= most))
+        throw BadInput(scene.file.string(), 0, 0,
+                       fmt::format("a thermal network that stays within {} .. {} C", least, most),
+                       fmt::format("thermal.node.{} at {:.4g} C at {:.4g} s of the program",
+                                   run.network.nodes[std::size_t(k)].name, T_C,
+                                   run.knots[std::size_t(i)].time_s));
 }
 
 /// @param T_C  (nodes) at the state's time; empty without heat
@@ -60,9 +75,11 @@ Truth truth_of(const Scene& scene, const Machine& machine,
                 spindle_of(machine)};
     if (scene.thermal && !activity.empty()) {
       const ThermalDescription& thermal = *scene.thermal;
-      truth.heat = {
-          errors::bind(thermal.errors, machine.nominal, int(thermal.network.nodes.size())),
-          errors::simulate(thermal.network, activity)};
+      truth.heat = {errors::scaled(errors::bind(thermal.errors, machine.nominal,
+                                                int(thermal.network.nodes.size())),
+                                   thermal.scale),
+                    errors::simulate(thermal.network, activity)};
+      refuse_beyond(truth.heat->run, scene);
     }
     if (scene.compliance) truth.compliance = errors::bind(*scene.compliance, machine.nominal);
     if (!scene.vibrations.empty())

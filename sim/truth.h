@@ -30,7 +30,8 @@ struct Truth {
 
 /// @param activity  what the machine does, from the beginning of its thermal history to the end of
 ///                  the program; not used without heat
-/// @throws BadInput naming the scene if an element does not fit the machine
+/// @throws BadInput naming the scene if an element does not fit the machine, or a node of the
+///         network leaves the temperatures that a scene may state
 Truth truth_of(const Scene& scene, const Machine& machine,
                const std::vector<errors::Activity>& activity = {});
 

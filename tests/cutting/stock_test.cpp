@@ -399,6 +399,14 @@ TEST(Stock, BadInputIsRefusedByName) {
   EXPECT_THROW(
       remove(stock, cutter, {pose({0, 0, 0}), pose({0, 0, 0}, -Vector3d::UnitZ()), 1, false}),
       std::invalid_argument);
+  try {
+    const Vector3d tilted(0, 0.6, 0.8);
+    remove(stock, cutter, {pose({0, 0, 1e18}), pose({1e18, 0, 0}, tilted), 1, false});
+    FAIL() << "more parts than an int can count";
+  } catch (const std::invalid_argument& refusal) {
+    std::cout << refusal.what() << "\n";
+    EXPECT_NE(std::string(refusal.what()).find("straight parts"), std::string::npos);
+  }
   EXPECT_EQ(depth(stock, {nan, 0, 0}), -std::numeric_limits<double>::infinity());
   EXPECT_THROW(box({0, 0, 0}, {5, 0, 5}, 0.5), std::invalid_argument);
   EXPECT_THROW(box({0, 0, 0}, {5, nan, 5}, 0.5), std::invalid_argument);

@@ -204,6 +204,17 @@ TEST(SceneCompliance, RefusesWhatIsNotPhysicalWhereItStands) {
   EXPECT_TRUE(refused("mass = [{ axis = \"X\", mass_kg = 1 }]", "centre_mm"));
   EXPECT_TRUE(refused("gravity = [0, 0, 0]", "not zero"));
   EXPECT_TRUE(refused("scale = -1", "scale"));
+  EXPECT_TRUE(refused("scale = 1.1e6", "c.toml:1:9: "));
+  EXPECT_TRUE(refused("axis.X = { stiffness_N_per_um = [1, 1, 0.9e-6] }", "at least 1e-06"));
+  EXPECT_TRUE(
+      refused("axis.X = { turning_stiffness_Nm_per_urad = [1, 1, 0.9e-9] }", "at least 1e-09"));
+  EXPECT_EQ(read("scale = 1e6\n[axis.X]\nstiffness_N_per_um = [1e-6, 1, 1]\n"
+                 "turning_stiffness_Nm_per_urad = [1, 1e-9, 1]")
+                .faults,
+            "");
+  std::string soft = "[axis.X]\nmatrix = [1001";
+  for (int i = 1; i < 36; ++i) soft += ", 0";
+  EXPECT_TRUE(refused(soft + "]", "c.toml:2:10: expected entries of at most 1000"));
   EXPECT_TRUE(refused("clamping = { FX_Nm = 1 }", "FX_N"));
   EXPECT_TRUE(refused("stiffnes = 1", "stiffnes"));
 }

@@ -143,7 +143,11 @@ TEST(SceneCutting, WhatCannotBeIsRefusedByName) {
   EXPECT_PRED2(has, faults_in(box + "helix_deg = 90"), "helix");
   EXPECT_PRED2(has, faults_in(box + "run_out_um = -1"), "run_out");
   EXPECT_PRED2(has, faults_in(box + "run_out_mm = 1"), "run_out");
-  EXPECT_PRED2(has, faults_in(box + "spacing_mm = 0"), "spacing");
+  for (const char* spacing : {"0", "0.0009", "20.1", "1e300"})
+    EXPECT_PRED2(has, faults_in(box + "spacing_mm = " + spacing), "s.toml:4:14: ");
+  EXPECT_EQ(faults_in(box + "spacing_mm = 0.001\nstep_mm = 100\nrun_out_um = 1000"), "");
+  EXPECT_PRED2(has, faults_in(box + "step_mm = 101"), "s.toml:4:11: ");
+  EXPECT_PRED2(has, faults_in(box + "run_out_um = 1001"), "s.toml:4:14: ");
   EXPECT_PRED2(has, faults_in(box + "step_mm = nan"), "step");
   EXPECT_PRED2(has, faults_in(box + "directions = 2"), "1 or 3");
   EXPECT_PRED2(has, faults_in(box + "max_MiB = 0"), "max_MiB");
@@ -166,6 +170,7 @@ TEST(SceneCutting, TurnedBlankAsksForATurningToolAndARisingProfile) {
   EXPECT_PRED2(has, faults_in(good, mill()), "milling cutter");
   EXPECT_PRED2(has, faults_in(box, diamond()), "turning tool");
   EXPECT_PRED2(has, faults_in(good + "flutes = 2", diamond()), "flutes");
+  EXPECT_PRED2(has, faults_in(good + "max_MiB = 2", diamond()), "s.toml:3:1: ");  // no dexels
   EXPECT_PRED2(has, faults_in("blank = \"turned\"", diamond()), "profile");
   EXPECT_PRED2(has, faults_in(turned("{ along_mm = 0, radius_mm = 3 }"), diamond()), "2 to 10000");
   EXPECT_PRED2(

@@ -332,7 +332,12 @@ class Fingerprint {
     put("powered", thermal.powered);
     put("coolant", thermal.coolant);
     put("interval", thermal.interval);
-    for (const auto& plot : thermal.plots) put("plot " + to_string(plot.element), plot.time_s);
+    put("scale", thermal.scale);
+    for (const auto& plot : thermal.plots) {
+      put("plot " + to_string(plot.element), plot.time_s);
+      if (plot.range) put("from", plot.range->front());
+      if (plot.range) put("to", plot.range->back());
+    }
   }
 
   // ---- force

@@ -89,6 +89,15 @@ TEST(Scene, SmallSceneIsReadInInternalUnits) {
   EXPECT_EQ(scene.title, "s");
 }
 
+TEST(Scene, AbsurdToolsAndSpeedsAreRefusedWhereTheyStand) {
+  EXPECT_EQ(faults_with("radius_mm = 5\n", "radius_mm = 10001\n"),
+            "s.toml:14:13: expected tool.radius_mm > 0 and <= 10000, seen 10001");
+  EXPECT_EQ(faults_with("flank_length_mm = 20", "flank_length_mm = 1e300"),
+            "s.toml:15:19: expected tool.flank_length_mm > 0 and <= 10000, seen 1e+300");
+  EXPECT_EQ(faults_with("\"raster\"", "\"raster\"\nspeed_rpm = 1000001"),
+            "s.toml:22:13: expected program.speed_rpm > 0 and <= 1000000, seen 1000001");
+}
+
 TEST(Scene, UnknownKeyIsRefusedWithTheNearestKnownOneAndItsPlace) {
   EXPECT_EQ(
       faults_with("flank_length_mm = 20", "flank_lenght_mm = 20"),
@@ -116,7 +125,7 @@ TEST(Scene, WrongTypesMissingKeysAndBadNumbersAreRefusedWhereTheyStand) {
   EXPECT_EQ(faults_with("radius_mm = 5", "radius_mm = nan"),
             "s.toml:14:13: expected a finite number for tool.radius_mm, seen nan");
   EXPECT_EQ(faults_with("radius_mm = 5", "radius_mm = -5"),
-            "s.toml:14:13: expected tool.radius_mm > 0, seen -5");
+            "s.toml:14:13: expected tool.radius_mm > 0 and <= 10000, seen -5");
   EXPECT_EQ(faults_with("radius_mm = 5\n", ""),
             "s.toml:12:1: expected a number for tool.radius_mm, seen nothing");
   EXPECT_EQ(faults_with("point_mm = [0, 0, 200]", "point_mm = [0, 200]"),

@@ -1,6 +1,7 @@
 #include <cmath>
 #include <iostream>
 #include <string>
+#include <tuple>
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -526,6 +527,59 @@ TEST(SceneThermal, PlotsAreReadAndRefusedWhereTheyStand) {
   told("at_s = [0]\n", "expected a text for thermal.plot.element");
   told("element = \"EXX\"\nat_s = [0]\n[[plot]]\nelement = \"EXX\"\nat_s = [1]\n",
        "t:20:11: expected one plot an element, seen EXX again");
+}
+
+TEST(SceneThermal, PlotsAreDrawnOverARangeWithinTheTravel) {
+  MachineDescription machine = gantry();
+  for (kinematics::Joint& joint : machine.joints) {
+    if (joint.name == 'X') std::tie(joint.min, joint.max) = std::pair(-500.0, 500.0);
+    if (joint.name == 'A') std::tie(joint.min, joint.max) = std::pair(-2.0, 2.0);
+  }
+  const auto plot = [&](const std::string& text, std::string& told) {
+    Faults faults;
+    const auto thermal = read(small_thermal + "[[plot]]\nat_h = [0]\n" + text, faults, machine);
+    for (const BadInput& fault : faults.list()) told += fault.what();
+    return thermal.plots.empty() ? ThermalDescription::Plot() : thermal.plots[0];
+  };
+  std::string told;
+  const auto slide = plot("element = \"EXX\"\nrange_mm = [-400, 500]\n", told).range;
+  ASSERT_TRUE(slide) << told;
+  EXPECT_EQ(*slide, (std::array{-400.0, 500.0}));
+  const auto turn = plot("element = \"EXA\"\nrange_deg = [-90, 45]\n", told).range;
+  ASSERT_TRUE(turn) << told;
+  EXPECT_DOUBLE_EQ(turn->back(), pi / 4);
+  EXPECT_FALSE(plot("element = \"EXX\"\n", told).range);
+  EXPECT_EQ(told, "");
+  for (const char* wrong : {"[-400, 501]", "[400, -400]", "[7, 7]"}) {
+    told.clear();
+    plot(std::string("element = \"EXX\"\nrange_mm = ") + wrong, told);
+    EXPECT_EQ(told.find("t:19:12: expected a rising range within the travel, -500 .. 500"), 0u)
+        << told;
+  }
+  for (const char* wrong :
+       {"element = \"EXX\"\nrange_deg = [0, 1]", "element = \"EXX\"\nrange_mm = 4",
+        "element = \"EXA\"\nrange_mm = [0, 1]", "element = \"EXX\"\nrange_mm = [nan, 4]"}) {
+    told.clear();
+    plot(wrong, told);
+    EXPECT_EQ(told.find("t:19:"), 0u) << wrong << ": " << told;
+  }
+}
+
+TEST(SceneThermal, AbsurdNumbersAreRefusedWhereTheyStand) {
+  const auto told = [](const std::string& text, const std::string& what) {
+    const std::string all = faults_with(text);
+    EXPECT_NE(all.find(what), std::string::npos) << all;
+  };
+  told("[[source]]\nnode = \"bed\"\nkind = \"power_on\"\npower_W = 1.1e7\n", "t:19:11: ");
+  told("[[source]]\nnode = \"bed\"\nkind = \"spindle\"\nat_rpm = 1\npower_W = 1e300\n",
+       "t:20:11: ");
+  told("[[history]]\nduration_h = 1\nspeed_rpm = 1.1e6\n", "t:18:13: ");
+  for (const char* scale : {"1.1e6", "-1e300", "nan", "inf"}) {
+    const std::string all = faults_of("scale = " + std::string(scale) + "\n" + small_thermal);
+    EXPECT_EQ(all.find("t:1:9: "), 0u) << all;
+  }
+  EXPECT_EQ(read("scale = -0.5\n" + small_thermal).scale, -0.5);
+  EXPECT_EQ(read(small_thermal).scale, 1.0);
 }
 
 TEST(SceneThermal, UnknownKeysAreRefusedWithTheNearestKnownOne) {
