@@ -86,16 +86,11 @@ void append_program(std::vector<Activity>& knots, const ThermalDescription& ther
     const double duration = states[k].time_s - from_s;
     i = k;
     if (duration <= 0.0) continue;
-    Activity stretch;
-    stretch.spindle_speed = turns / duration;
-    stretch.axis_speed = travel / duration;
+    travel /= duration;
     for (int j = 0; j < machine.nominal.size(); ++j)  // a spindle heats by its own law
-      if (machine.workpiece_spindle == j ||
-          machine.nominal.joints()[std::size_t(j)].motion == kinematics::Motion::Spindle)
-        stretch.axis_speed[j] = 0.0;
-    stretch.powered = thermal.powered;
-    stretch.coolant = thermal.coolant;
-    stretch.coolant_T_C = thermal.coolant_T_C;
+      if (is_spindle(machine, j)) travel[j] = 0.0;
+    Activity stretch =
+        of_phase({duration, turns / duration, travel, thermal.powered, thermal.coolant}, thermal);
     stretch.cutting_power_W = energy.until(states[k].time_s) / duration;
     append(knots, thermal, stretch, from_s, states[k].time_s);
   }

@@ -153,17 +153,13 @@ ordered_json stiffness_N_per_um(const Job& job) {
 }
 
 ordered_json describe_cut(const CuttingDescription& cutting, const Process& process) {
-  double removed = 0.0, force = 0.0;
-  for (const ProcessStep& step : process.steps) {
-    removed += step.removed;
-    force = std::max(force, step.load.on_tool_t.head<3>().norm());
-  }
+  const ProcessTotals all = totals(process);
   return {{"material", cutting.material ? ordered_json(cutting.material->name) : ordered_json()},
           {"source", cutting.material ? ordered_json(cutting.material->source) : ordered_json()},
           {"spacing_mm", cutting.spacing},
           {"steps", process.steps.size()},
-          {"removed_mm3", removed},
-          {"force_max_N", force},
+          {"removed_mm3", all.removed},
+          {"force_max_N", all.force_max},
           {"crash_lines", process.crash_lines}};
 }
 
@@ -235,7 +231,8 @@ std::string stiffness_text(const ordered_json& stiffness) {
 
 std::string cut_text(const ordered_json& cut) {
   std::string text = fmt::format(
-      "\ncut      {}, stock followed every {:.3g} mm; nominal: {:.5g} mm^3 removed in {} steps, at most "
+      "\ncut      {}, stock followed every {:.3g} mm; nominal: {:.5g} mm^3 removed in {} steps, at "
+      "most "
       "{:.4g} N\n",
       cut["material"].is_null() ? "stock alone" : cut["material"].get<std::string>(),
       cut["spacing_mm"].get<double>(), cut["removed_mm3"].get<double>(), cut["steps"].get<long>(),

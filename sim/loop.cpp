@@ -49,7 +49,7 @@ void check_travel(const Machine& machine, const program::Path& path,
     for (int k = 0; k < machine.nominal.size(); ++k) {
       const kinematics::Joint& joint = machine.nominal.joints()[std::size_t(k)];
       const double q = samples.states[i].q[k];
-      if (joint.motion == kinematics::Motion::Spindle || machine.workpiece_spindle == k) continue;
+      if (is_spindle(machine, k)) continue;
       if (q >= joint.min - slack && q <= joint.max + slack) continue;
       const bool turns = joint.motion == kinematics::Motion::Rotary;
       const double unit = turns ? units::deg : 1.0;
@@ -194,6 +194,7 @@ Pose actual_pose(const Told& told, std::size_t sample, errors::Load load) {
 /// The cut of a case.
 Process followed(const Told& told, const Progress& progress) {
   const Job& job = told.job;
+  if (!job.scene.cutting) return {};  // nor a copy of the design for it
   const auto pose = [&](std::size_t sample, const errors::Load& load) {
     return actual_pose(told, sample, load);
   };
@@ -221,21 +222,14 @@ std::vector<errors::Load> loads_of(const Told& told, const Process& process) {
 /// What went wrong with the cut itself, in words.
 void tell_process(const Scene& scene, const Process& process, std::vector<std::string>& warnings) {
   if (process.steps.empty()) return;
-  std::size_t open = 0;
-  double removed = 0.0, apart = 0.0;
-  for (const ProcessStep& step : process.steps) {
-    removed += step.removed;
-    if (step.converged) continue;
-    ++open;
-    apart = std::max(apart, step.disagreement);
-  }
-  if (open > 0)
-    warnings.push_back(fmt::format(
-        "force and deflection did not agree to {:.3g} nm at {} of {} steps; they differ by {:.3g} "
-        "nm "
-        "at most",
-        scene.cutting->tolerance / units::nm, open, process.steps.size(), apart / units::nm));
-  if (!(removed > 0.0)) warnings.push_back("the tool met no material of the blank");
+  const ProcessTotals all = totals(process);
+  if (all.open > 0)
+    warnings.push_back(
+        fmt::format("force and deflection did not agree to {:.3g} nm at {} of {} steps; they "
+                    "differ by {:.3g} nm at most",
+                    scene.cutting->tolerance / units::nm, all.open, process.steps.size(),
+                    all.disagreement_max / units::nm));
+  if (!(all.removed > 0.0)) warnings.push_back("the tool met no material of the blank");
   if (!process.crash_lines.empty())
     warnings.push_back(fmt::format("a rapid or the shank met material on {} lines, first line {}",
                                    process.crash_lines.size(), process.crash_lines.front()));

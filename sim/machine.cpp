@@ -44,4 +44,16 @@ Machine compile(const Scene& scene) {
   }
 }
 
+bool is_spindle(const Machine& machine, int joint) {
+  return machine.workpiece_spindle == joint ||
+         machine.nominal.joints()[std::size_t(joint)].motion == kinematics::Motion::Spindle;
+}
+
+std::optional<int> spindle_of(const Machine& machine) {
+  if (machine.workpiece_spindle) return machine.workpiece_spindle;
+  for (int i = 0; i < machine.nominal.size(); ++i)
+    if (is_spindle(machine, i)) return i;
+  return std::nullopt;
+}
+
 }  // namespace abbe::sim

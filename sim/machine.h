@@ -18,4 +18,11 @@ struct Machine {
 /// @throws BadInput naming the scene if the description makes no chain
 Machine compile(const Scene& scene);
 
+/// Whether a joint is a spindle, of the tool or of the workpiece: it turns without limits and is no
+/// axis that is positioned.
+bool is_spindle(const Machine& machine, int joint);
+
+/// The joint that turns the tool or the workpiece, if there is one.
+std::optional<int> spindle_of(const Machine& machine);
+
 }  // namespace abbe::sim

@@ -233,8 +233,6 @@ void note_crash(std::vector<int>& lines, int line) {
     lines.push_back(line);
 }
 
-double power_W(double torque, double speed) { return torque * speed * 1e-3; }  // N mm rad/s
-
 /// How the spindle of a cut turns: refuses one that does not, or turns against the flutes.
 void check_spindle(const FollowedProgram& program, std::size_t sample, bool turns_as_it_should,
                    const char* expected) {
@@ -288,41 +286,42 @@ Look MillingLook::at(const Pose& T_wt) const {
   return look;
 }
 
-int tool_spindle(const kinematics::Chain& chain) {
-  for (int i = 0; i < chain.size(); ++i)
-    if (chain.joints()[std::size_t(i)].motion == kinematics::Motion::Spindle) return i;
-  throw std::invalid_argument("a machine with a spindle nose s for a cut with forces");
+/// The step at a sample: closed under a force that the cut makes, unloaded where there is none.
+ProcessStep step_at(const CuttingDescription& description, const FollowedProgram& program,
+                    std::size_t sample, const std::function<Look(const Pose&)>& force,
+                    const Process& before) {
+  const Load guess = before.steps.empty() ? Load{} : before.steps.back().load;
+  ProcessStep step;
+  if (force) step = Loop(description, program.pose, sample, force).close(guess);
+  const AxisState& state = program.samples.states[sample];
+  step.time_s = state.time_s;
+  step.line = program.samples.line[sample];
+  step.power_W = step.torque * state.spindle_speed * 1e-3;  // N mm rad/s
+  return step;
 }
 
-Load guess_of(const Process& process) {
-  return process.steps.empty() ? Load{} : process.steps.back().load;
-}
-
-Process follow_milling(const Scene& scene, const CuttingDescription& description,
-                       const cutting::Design& design_m, const FollowedProgram& program,
+Process follow_milling(const Scene& scene, const Machine& machine, const cutting::Design& design_m,
+                       const FollowedProgram& program,
                        const std::function<void(double)>& progress) {
+  const CuttingDescription& description = *scene.cutting;
   const auto& cutter = std::get<cutting::Cutter>(program.tool);
-  const auto& states = program.samples.states;
   Process process;
   process.stock = cutting::make_stock(
       blank_of(description, design_m), scene.part.T_wm,
       {description.spacing, description.three_directions, description.max_bytes});
-  const int spindle = description.material ? tool_spindle(program.chain) : 0;
+  const auto spindle = spindle_of(machine);
+  if (description.material && !spindle)
+    throw std::invalid_argument("a machine with a spindle nose s for a cut with forces");
   Pose before = program.pose(0, {});
   const std::vector<std::size_t> at = looks(program, description.step, cutter.flank_length);
   for (std::size_t k = 1; k < at.size(); ++k) {
-    const MillingLook look{description, program, cutter, *process.stock, at[k - 1], at[k], spindle};
+    const MillingLook look{description,        program, cutter, *process.stock, at[k - 1], at[k],
+                           spindle.value_or(0)};
     const bool rapid = is_rapid(program, at[k]);
-    ProcessStep step;
-    if (!rapid && description.material && look.duration() > 0.0 && look.feed_w().norm() > 0.0) {
-      const std::function<Look(const Pose&)> force = [&](const Pose& T_wt) {
-        return look.at(T_wt);
-      };
-      step = Loop(description, program.pose, at[k], force).close(guess_of(process));
-    }
-    step.time_s = states[at[k]].time_s;
-    step.line = program.samples.line[at[k]];
-    step.power_W = power_W(step.torque, states[at[k]].spindle_speed);
+    std::function<Look(const Pose&)> force;
+    if (!rapid && description.material && look.duration() > 0.0 && look.feed_w().norm() > 0.0)
+      force = [&](const Pose& T_wt) { return look.at(T_wt); };
+    ProcessStep step = step_at(description, program, at[k], force, process);
     const Pose after = program.pose(at[k], step.load);
     const cutting::Removed taken =
         cutting::remove(*process.stock, cutter, {before, after, step.line, rapid});
@@ -425,9 +424,9 @@ std::vector<std::size_t> revolutions(const FollowedProgram& program, int spindle
   return at;
 }
 
-Process follow_turning(const Scene& scene, const Machine& machine,
-                       const CuttingDescription& description, const FollowedProgram& program,
+Process follow_turning(const Scene& scene, const Machine& machine, const FollowedProgram& program,
                        const std::function<void(double)>& progress) {
+  const CuttingDescription& description = *scene.cutting;
   constexpr double scratch = 1e-3;  // mm^3, less is no crash
   const auto* blank = std::get_if<CuttingDescription::TurnedBlank>(&description.blank);
   if (blank == nullptr) throw std::invalid_argument("a turned blank for a turning tool");
@@ -444,16 +443,9 @@ Process follow_turning(const Scene& scene, const Machine& machine,
     const TurningLook look{description, program,   nose,  *process.turned,
                            line,        at[k - 1], at[k], spindle};
     const bool rapid = is_rapid(program, at[k]);
-    ProcessStep step;
-    if (!rapid && description.material) {
-      const std::function<Look(const Pose&)> force = [&](const Pose& T_wt) {
-        return look.at(T_wt);
-      };
-      step = Loop(description, program.pose, at[k], force).close(guess_of(process));
-    }
-    step.time_s = states[at[k]].time_s;
-    step.line = program.samples.line[at[k]];
-    step.power_W = power_W(step.torque, states[at[k]].spindle_speed);
+    std::function<Look(const Pose&)> force;
+    if (!rapid && description.material) force = [&](const Pose& T_wt) { return look.at(T_wt); };
+    ProcessStep step = step_at(description, program, at[k], force, process);
     const Pose after = look.slow(program.pose(at[k], step.load));
     step.removed =
         cutting::remove(*process.turned, nose, before, after, rapid ? -step.line : step.line);
@@ -472,14 +464,35 @@ Process follow(const Scene& scene, const Machine& machine, const cutting::Design
   if (!scene.cutting || program.samples.states.empty()) return {};
   try {
     if (std::holds_alternative<cutting::Cutter>(program.tool))
-      return follow_milling(scene, *scene.cutting, design_m, program, progress);
-    return follow_turning(scene, machine, *scene.cutting, program, progress);
+      return follow_milling(scene, machine, design_m, program, progress);
+    return follow_turning(scene, machine, program, progress);
   } catch (const std::invalid_argument& fault) {
     throw BadInput(scene.file.string(), 0, 0, "a blank that can be", fault.what());
   } catch (const std::length_error& fault) {
     throw BadInput(scene.file.string(), 0, 0, "a blank that fits in [cutting] max_MiB",
                    fault.what());
   }
+}
+
+ProcessTotals totals(const Process& process) {
+  ProcessTotals all;
+  for (const ProcessStep& step : process.steps) {
+    const double force = step.load.on_tool_t.head<3>().norm();
+    all.removed += step.removed;
+    all.force_max = std::max(all.force_max, force);
+    all.torque_max = std::max(all.torque_max, step.torque);
+    all.power_max_W = std::max(all.power_max_W, step.power_W);
+    all.iterations_max = std::max(all.iterations_max, step.iterations);
+    all.contraction_max = std::max(all.contraction_max, step.contraction);
+    if (force > 0.0) {
+      all.force_sum += force;
+      ++all.loaded;
+    }
+    if (step.converged) continue;
+    ++all.open;
+    all.disagreement_max = std::max(all.disagreement_max, step.disagreement);
+  }
+  return all;
 }
 
 Load load_at(const Process& process, double time_s) {

@@ -72,6 +72,21 @@ struct FollowedProgram {
 Process follow(const Scene& scene, const Machine& machine, const cutting::Design& design_m,
                const FollowedProgram& program, const std::function<void(double)>& progress = {});
 
+/// Sums and largest values over the steps of a process.
+struct ProcessTotals {
+  double removed = 0.0;     ///< mm^3
+  double force_max = 0.0;   ///< N
+  double force_sum = 0.0;   ///< N, over the loaded steps
+  std::size_t loaded = 0;   ///< steps with a force
+  double torque_max = 0.0;  ///< N mm
+  double power_max_W = 0.0;
+  int iterations_max = 0;
+  double contraction_max = 0.0;
+  std::size_t open = 0;           ///< steps that did not converge
+  double disagreement_max = 0.0;  ///< mm, over those
+};
+ProcessTotals totals(const Process& process);
+
 /// Load at an instant: linear between two steps, zero before the first and after the last.
 errors::Load load_at(const Process& process, double time_s);
 

@@ -64,34 +64,18 @@ ordered_json heat_C(const Job& job) {
 
 ordered_json process_figures(const Process& process) {
   if (process.steps.empty()) return {};
-  double contraction = 0.0, removed = 0.0, force = 0.0, force_sum = 0.0, torque = 0.0, power = 0.0;
-  std::size_t cutting = 0, open = 0;
-  int iterations = 0;
-  for (const ProcessStep& step : process.steps) {
-    const double now = step.load.on_tool_t.head<3>().norm();
-    removed += step.removed;
-    force = std::max(force, now);
-    torque = std::max(torque, step.torque);
-    power = std::max(power, step.power_W);
-    iterations = std::max(iterations, step.iterations);
-    contraction = std::max(contraction, step.contraction);
-    if (now > 0.0) {
-      force_sum += now;
-      ++cutting;
-    }
-    if (!step.converged) ++open;
-  }
-  return {
-      {"steps", process.steps.size()},
-      {"removed_mm3", removed},
-      {"force_max_N", force},
-      {"force_mean_N", cutting > 0 ? ordered_json(force_sum / double(cutting)) : ordered_json()},
-      {"torque_max_Nm", torque * 1e-3},
-      {"power_max_W", power},
-      {"iterations_max", iterations},
-      {"contraction_max", contraction},
-      {"not_converged", open},
-      {"crash_lines", process.crash_lines}};
+  const ProcessTotals all = totals(process);
+  return {{"steps", process.steps.size()},
+          {"removed_mm3", all.removed},
+          {"force_max_N", all.force_max},
+          {"force_mean_N",
+           all.loaded > 0 ? ordered_json(all.force_sum / double(all.loaded)) : ordered_json()},
+          {"torque_max_Nm", all.torque_max * 1e-3},
+          {"power_max_W", all.power_max_W},
+          {"iterations_max", all.iterations_max},
+          {"contraction_max", all.contraction_max},
+          {"not_converged", all.open},
+          {"crash_lines", process.crash_lines}};
 }
 
 /// A file that only some cases have: where there is none, one of an earlier run goes.

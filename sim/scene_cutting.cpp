@@ -39,17 +39,6 @@ cutting::CylinderBlank read_cylinder(TableReader& reader) {
   return blank;
 }
 
-MeshFile read_blank_file(TableReader& reader) {
-  MeshFile mesh;
-  mesh.file = reader.text("file");
-  mesh.unit = reader.choice<double>(
-      "unit", {{"mm", 1.0}, {"inch", 25.4}, {"cm", 10.0}, {"m", 1000.0}, {"um", units::um}}, 1.0);
-  std::error_code failure;
-  if (!mesh.file.empty() && !std::filesystem::is_regular_file(mesh.file, failure))
-    reader.refuse("file", "a file that can be read", "no file " + mesh.file.string());
-  return mesh;
-}
-
 /// Corners of the blank over the spindle line, which may step but not go back.
 CuttingDescription::TurnedBlank read_turned(TableReader& reader) {
   CuttingDescription::TurnedBlank blank;
@@ -101,7 +90,7 @@ CuttingDescription::Blank read_blank(TableReader& reader) {
       return CuttingDescription::OffsetBlank{reader.number("allowance_mm", positive),
                                              reader.number("floor_mm", any_number)};
     case Kind::Mesh:
-      return read_blank_file(reader);
+      return read_mesh_file(reader);
     case Kind::Turned:
       break;
   }

@@ -37,18 +37,6 @@ std::uint64_t mixed(std::uint64_t x) {  // splitmix64, Steele et al. 2014
   return x ^ (x >> 31);
 }
 
-errors::Between read_between(TableReader& curve) {
-  return curve.choice<errors::Between>(
-      "between", {{"linear", errors::Between::Linear}, {"spline", errors::Between::Spline}},
-      errors::Between::Linear);
-}
-
-errors::Outside read_outside(TableReader& curve) {
-  return curve.choice<errors::Outside>(
-      "outside", {{"refuse", errors::Outside::Refuse}, {"hold", errors::Outside::Hold}},
-      errors::Outside::Refuse);
-}
-
 errors::Argument read_argument(TableReader& curve) {
   return curve.choice<errors::Argument>(
       "argument",
@@ -513,6 +501,18 @@ std::vector<Element> joined(const std::vector<Element>& elements,
 }
 
 }  // namespace
+
+errors::Between read_between(TableReader& curve) {
+  return curve.choice<errors::Between>(
+      "between", {{"linear", errors::Between::Linear}, {"spline", errors::Between::Spline}},
+      errors::Between::Linear);
+}
+
+errors::Outside read_outside(TableReader& curve) {
+  return curve.choice<errors::Outside>(
+      "outside", {{"refuse", errors::Outside::Refuse}, {"hold", errors::Outside::Hold}},
+      errors::Outside::Refuse);
+}
 
 ErrorsSection read_errors(const Node& node, const MachineDescription& machine, std::uint64_t seed,
                           Faults& faults) {

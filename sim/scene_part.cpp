@@ -71,20 +71,6 @@ void check_surface(TableReader& reader, const cutting::Primitive& primitive) {
   }
 }
 
-MeshFile read_mesh_file(TableReader& reader) {
-  MeshFile mesh;
-  mesh.file = reader.text("file");
-  mesh.unit = reader.choice<double>(
-      "unit", {{"mm", 1.0}, {"inch", 25.4}, {"cm", 10.0}, {"m", 1000.0}, {"um", units::um}}, 1.0);
-  mesh.any_size = reader.boolean("any_size", false);
-  mesh.open = reader.boolean("open", false);
-  std::error_code failure;
-  if (!mesh.file.empty() && !std::filesystem::is_regular_file(mesh.file, failure)) {
-    reader.refuse("file", "a file that can be read", "no file " + mesh.file.string());
-  }
-  return mesh;
-}
-
 void read_judged(TableReader& reader, PartDescription& part) {
   part.judged_radius_max = reader.maybe_number("judged_radius_max_mm", positive);
   part.judged_radius_min = reader.maybe_number("judged_radius_min_mm", non_negative);
@@ -263,13 +249,28 @@ void read_work_offsets(TableReader& program, const std::vector<kinematics::Joint
 
 }  // namespace
 
+MeshFile read_mesh_file(TableReader& reader) {
+  MeshFile mesh;
+  mesh.file = reader.text("file");
+  mesh.unit = reader.choice<double>(
+      "unit", {{"mm", 1.0}, {"inch", 25.4}, {"cm", 10.0}, {"m", 1000.0}, {"um", units::um}}, 1.0);
+  std::error_code failure;
+  if (!mesh.file.empty() && !std::filesystem::is_regular_file(mesh.file, failure)) {
+    reader.refuse("file", "a file that can be read", "no file " + mesh.file.string());
+  }
+  return mesh;
+}
+
 PartDescription read_part(const Node& table, Faults& faults) {
   TableReader reader(table, "part", faults);
   const std::size_t before = faults.list().size();
   PartDescription part;
   part.name = reader.text("name", "");
   if (reader.has("file")) {
-    part.shape = read_mesh_file(reader);
+    MeshFile mesh = read_mesh_file(reader);
+    mesh.any_size = reader.boolean("any_size", false);
+    mesh.open = reader.boolean("open", false);
+    part.shape = mesh;
   } else {
     part.shape = read_surface(reader);
     part.vertices = int(reader.integer("vertices", 100, 50'000'000, part.vertices));

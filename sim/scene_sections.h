@@ -20,6 +20,10 @@ kinematics::AxisVector read_axis_words(TableReader& reader,
 /// by multiples of 90 degrees about one axis are exact.
 kinematics::Pose read_placement(TableReader& reader);
 
+/// How a table is read between its rows and beyond them.
+errors::Between read_between(TableReader& table);
+errors::Outside read_outside(TableReader& table);
+
 struct ErrorsSection {
   errors::GeometricErrors geometric;
   double scale = 1.0;
@@ -33,6 +37,9 @@ ErrorsSection read_errors(const Node& section, const MachineDescription& machine
                           std::uint64_t seed, Faults& faults);
 
 ToolDescription read_tool(const Node& table, Faults& faults);
+
+/// `file` and `unit` of a mesh.
+MeshFile read_mesh_file(TableReader& reader);
 
 PartDescription read_part(const Node& table, Faults& faults);
 

@@ -291,12 +291,8 @@ bool ThermalReader::is_slide(const ElementName& name) const {
 }
 
 errors::Table ThermalReader::read_table(TableReader& reader, const std::string& value_key) {
-  const auto between = reader.choice<errors::Between>(
-      "between", {{"linear", errors::Between::Linear}, {"spline", errors::Between::Spline}},
-      errors::Between::Linear);
-  const auto outside = reader.choice<errors::Outside>(
-      "outside", {{"refuse", errors::Outside::Refuse}, {"hold", errors::Outside::Hold}},
-      errors::Outside::Refuse);
+  const auto between = read_between(reader);
+  const auto outside = read_outside(reader);
   const std::size_t before = faults_.list().size();
   VectorXd dT_K = reader.numbers("dT_K");
   VectorXd value = reader.numbers(value_key);

@@ -16,7 +16,6 @@ namespace {
 
 using Eigen::VectorXd;
 using kinematics::AxisState;
-using kinematics::Deviation;
 using kinematics::Joint;
 using kinematics::Motion;
 using kinematics::Pose;
@@ -130,11 +129,6 @@ std::uint64_t stream(const Scene& scene, std::uint64_t sensor) {
   return scene.seed * 0x9e3779b97f4a7c15u + 0x5151u * (sensor + 1);
 }
 
-bool turns_freely(const Machine& machine, int joint) {
-  return machine.workpiece_spindle == joint ||
-         machine.nominal.joints()[std::size_t(joint)].motion == Motion::Spindle;
-}
-
 void add_axes(Table& table, const Scene& scene, const Machine& machine,
               const std::vector<Row>& rows) {
   const auto& joints = machine.nominal.joints();
@@ -148,7 +142,7 @@ void add_axes(Table& table, const Scene& scene, const Machine& machine,
     const double unit = slide ? 1.0 : units::deg;
     const char* suffix = slide ? "_mm" : "_deg";
     table.add(joint.name + std::string(suffix), q / unit);
-    if (turns_freely(machine, j)) continue;
+    if (is_spindle(machine, j)) continue;
     const VectorXd reading = read(q, slide ? wanted.encoder_noise : wanted.encoder_noise_rad,
                                   slide ? wanted.encoder_resolution : wanted.encoder_resolution_rad,
                                   stream(scene, std::uint64_t(j)));

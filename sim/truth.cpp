@@ -21,13 +21,6 @@ bool acts(const errors::ComplianceModel& model, const errors::Load& load) {
          !model.clamping_w.isZero(0.0);
 }
 
-std::optional<int> spindle_of(const Machine& machine) {
-  if (machine.workpiece_spindle) return machine.workpiece_spindle;
-  for (int i = 0; i < machine.nominal.size(); ++i)
-    if (machine.nominal.joints()[std::size_t(i)].motion == kinematics::Motion::Spindle) return i;
-  return std::nullopt;
-}
-
 Eigen::VectorXd temperatures(const Truth& truth, double time_s) {
   return truth.heat ? errors::temperatures(truth.heat->run, time_s) : Eigen::VectorXd();
 }

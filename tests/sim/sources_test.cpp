@@ -194,7 +194,9 @@ TEST(Sources, MapsAddWithinTheBoundOfShiftedCusps) {
 void expect_same_bits(const cutting::Surface& a, const cutting::Surface& b) {
   ASSERT_EQ(a.residual.size(), b.residual.size());
   for (Eigen::Index i = 0; i < a.residual.size(); ++i)
-    if (std::isfinite(a.residual[i])) ASSERT_EQ(a.residual[i], b.residual[i]) << i;
+    if (std::isfinite(a.residual[i])) {
+      ASSERT_EQ(a.residual[i], b.residual[i]) << i;
+    }
   ASSERT_EQ(a.status, b.status);
 }
 
