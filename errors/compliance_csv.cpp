@@ -1,19 +1,17 @@
 #include <algorithm>
 #include <array>
-#include <charconv>
-#include <cmath>
 #include <optional>
 
 #include <fmt/format.h>
 
 #include "errors/compliance_field.h"
 #include "kinematics/bad_input.h"
+#include "kinematics/text.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors {
 namespace {
 
-constexpr double largest = 1e9;  // mm or um/N; anything beyond is a slip
 constexpr std::string_view wanted_head = "x_mm,y_mm,z_mm,Cxx_um_per_N,Cyy_um_per_N,Czz_um_per_N";
 
 /// A column of the head: the coordinate it holds, or the entry of the compliance.
@@ -33,37 +31,19 @@ constexpr std::array columns{Column{"x_mm", 0},
                              Column{"Cyz_um_per_N", 1, 2, false},
                              Column{"Cxz_um_per_N", 0, 2, false}};
 
-struct Cell {
-  std::string_view text;
-  int column = 1;
-};
-
-std::string shown(std::string_view text) {
-  if (text.empty()) return "nothing";
-  std::string result = "'";
-  for (const char c : text.substr(0, 40)) result += c >= ' ' && c <= '~' ? c : '?';
-  return result + (text.size() > 40 ? "...'" : "'");
-}
-
 /// A line at a time, with its number for refusals.
 class Reader {
  public:
-  Reader(std::string_view text, const std::string& file) : rest_(text), file_(file) {
-    if (rest_.starts_with("\xef\xbb\xbf")) rest_.remove_prefix(3);
-  }
+  Reader(std::string_view text, const std::string& file) : lines_(text), file_(file) {}
 
   [[noreturn]] void refuse(int column, const std::string& expected, const std::string& seen) const {
-    throw BadInput(file_, number_, column, expected, seen);
+    throw BadInput(file_, lines_.number(), column, expected, seen);
   }
 
   /// Goes on to the next line that says something; false at the end.
   bool next() {
-    while (!rest_.empty()) {
-      const std::size_t end = rest_.find('\n');
-      line_ = rest_.substr(0, end);
-      rest_.remove_prefix(end == std::string_view::npos ? rest_.size() : end + 1);
-      ++number_;
-      if (line_.ends_with('\r')) line_.remove_suffix(1);
+    while (const auto line = lines_.next()) {
+      line_ = *line;
       const std::size_t start = line_.find_first_not_of(" \t");
       if (start != std::string_view::npos && line_[start] != '#') return true;
     }
@@ -71,28 +51,14 @@ class Reader {
   }
 
   std::string_view line() const { return line_; }
-
-  /// Cells of the line, but no more than one beyond what a head can have.
   std::vector<Cell> cells(char separator) const {
-    std::vector<Cell> result;
-    std::size_t at = 0;
-    while (result.size() <= columns.size()) {
-      const std::size_t end = std::min(line_.find(separator, at), line_.size());
-      std::size_t from = at, to = end;
-      while (from < to && (line_[from] == ' ' || line_[from] == '\t')) ++from;
-      while (to > from && (line_[to - 1] == ' ' || line_[to - 1] == '\t')) --to;
-      result.push_back({line_.substr(from, to - from), int(from) + 1});
-      if (end == line_.size()) break;
-      at = end + 1;
-    }
-    return result;
+    return cells_of(line_, separator, columns.size());
   }
 
  private:
-  std::string_view rest_;
+  Lines lines_;
   std::string_view line_;
   const std::string& file_;
-  int number_ = 0;
 };
 
 std::vector<const Column*> read_head(const Reader& reader, char separator) {
@@ -102,9 +68,9 @@ std::vector<const Column*> read_head(const Reader& reader, char separator) {
                                     [&](const Column& c) { return c.name == cell.text; });
     if (found == columns.end())
       reader.refuse(cell.column, fmt::format("a column of a head such as {}", wanted_head),
-                    shown(cell.text));
+                    in_quotes(cell.text));
     if (std::find(head.begin(), head.end(), &*found) != head.end())
-      reader.refuse(cell.column, "every column once", shown(cell.text));
+      reader.refuse(cell.column, "every column once", in_quotes(cell.text));
     head.push_back(&*found);
   }
   for (const Column& column : columns) {
@@ -115,13 +81,9 @@ std::vector<const Column*> read_head(const Reader& reader, char separator) {
 }
 
 double number(const Reader& reader, const Cell& cell) {
-  double x = 0.0;
-  std::string_view digits = cell.text;
-  if (digits.size() > 1 && digits[0] == '+' && digits[1] != '-') digits.remove_prefix(1);
-  const auto [end, fault] = std::from_chars(digits.data(), digits.data() + digits.size(), x);
-  if (fault != std::errc{} || end != digits.data() + digits.size() || !(std::abs(x) <= largest))
-    reader.refuse(cell.column, "a number within +-1e9", shown(cell.text));
-  return x;
+  const std::optional<double> x = number_of(cell.text);
+  if (!x) reader.refuse(cell.column, "a number within +-1e9", in_quotes(cell.text));
+  return *x;
 }
 
 struct NodeRow {
@@ -147,7 +109,7 @@ NodeRow read_row(const Reader& reader, const std::vector<const Column*>& head, c
     }
   }
   const std::string fault = fault_of_node(node.point_w, node.C);
-  if (!fault.empty()) reader.refuse(1, fault, shown(reader.line()));
+  if (!fault.empty()) reader.refuse(1, fault, in_quotes(reader.line()));
   return node;
 }
 

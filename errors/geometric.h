@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "errors/covariance.h"
 #include "errors/element.h"
 #include "kinematics/chain.h"
 
@@ -28,6 +29,7 @@ struct MeasuringLine {
 struct GeometricErrors {
   std::vector<Element> elements;
   std::vector<MeasuringLine> measuring_lines;
+  Covariance covariance = {};  ///< of a belief: how well its numbers are known
 };
 
 /// The same bound to a chain: per joint, which elements move it. Immutable: made by `bind`, changed

@@ -1,12 +1,12 @@
 #include "render/plot.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <stdexcept>
 
 #include <fmt/format.h>
 
+#include "render/axes.h"
 #include "render/canvas.h"
 #include "render/label.h"
 #include "render/layout.h"
@@ -16,23 +16,6 @@ namespace abbe::render {
 namespace {
 
 using Eigen::Vector2d;
-
-struct Span {
-  double lower = 0.0;
-  double upper = 1.0;
-};
-
-/// The rectangle of a plot and what its edges mean.
-struct Axes {
-  Rectangle box;
-  Span x;
-  Span y;
-};
-
-Vector2d at(const Axes& axes, double x, double y) {
-  return {axes.box.x + axes.box.width * (x - axes.x.lower) / (axes.x.upper - axes.x.lower),
-          axes.box.y + axes.box.height * (y - axes.y.lower) / (axes.y.upper - axes.y.lower)};
-}
 
 struct Labels {
   std::string title;
@@ -202,11 +185,6 @@ void draw_bars(Canvas& canvas, const Sheet& s, const Bins& b, double per_um) {
   }
 }
 
-void widen(Span& span, double value) {
-  span.lower = std::min(span.lower, value);
-  span.upper = std::max(span.upper, value);
-}
-
 }  // namespace
 
 void write_histogram(const std::filesystem::path& path, const Eigen::VectorXd& deviation_um,
@@ -262,75 +240,6 @@ void write_histogram(const std::filesystem::path& path, const Eigen::VectorXd& d
 }
 
 namespace {
-
-Span padded(Span span) {
-  const double size = span.upper - span.lower;
-  const double pad = size > 0.0 ? 0.06 * size : std::max(1e-6, 0.1 * std::abs(span.lower));
-  return {span.lower - pad, span.upper + pad};
-}
-
-/// The same curve to the eye with at most four points for each run through one column of pixels.
-std::vector<Vector2d> thinned(const std::vector<Vector2d>& run) {
-  std::vector<Vector2d> kept;
-  for (std::size_t i = 0; i < run.size();) {
-    const double column = std::floor(run[i].x());
-    std::size_t end = i;
-    std::size_t low = i;
-    std::size_t high = i;
-    for (; end < run.size() && std::floor(run[end].x()) == column; ++end) {
-      if (run[end].y() < run[low].y()) low = end;
-      if (run[end].y() > run[high].y()) high = end;
-    }
-    std::array<std::size_t, 4> shown{i, std::min(low, high), std::max(low, high), end - 1};
-    const auto last = std::unique(shown.begin(), shown.end());
-    for (auto k = shown.begin(); k != last; ++k) kept.push_back(run[*k]);
-    i = end;
-  }
-  return kept;
-}
-
-/// Beyond the colours there are, series are told apart by their dashes: lengths drawn and left out,
-/// in widths of the line.
-struct Dash {
-  double drawn = 0.0;  ///< 0: without gaps
-  double gap = 0.0;
-};
-Dash series_dash(int index) {
-  constexpr Dash dashes[] = {{}, {5.0, 3.0}, {1.5, 2.0}};
-  return dashes[std::min(index / series_colours, 2)];
-}
-
-/// A line, or the pieces of it that a dash leaves.
-void stroke(Canvas& canvas, const std::vector<Vector2d>& points, int index, double width_px) {
-  const Dash dash = series_dash(index);
-  if (dash.drawn == 0.0) {
-    canvas.line(points, series_colour(index), width_px);
-    return;
-  }
-  std::vector<Vector2d> piece;
-  bool drawing = true;
-  double left = dash.drawn * width_px;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    if (i > 0) {
-      Vector2d from = points[i - 1];
-      double length = (points[i] - from).norm();
-      while (length > left) {
-        from += (points[i] - from) * (left / length);
-        length -= left;
-        if (drawing) {
-          piece.push_back(from);
-          canvas.line(piece, series_colour(index), width_px);
-        }
-        drawing = !drawing;
-        piece.assign(drawing ? 1 : 0, from);
-        left = (drawing ? dash.drawn : dash.gap) * width_px;
-      }
-      left -= length;
-    }
-    if (drawing) piece.push_back(points[i]);
-  }
-  if (drawing && piece.size() > 1) canvas.line(piece, series_colour(index), width_px);
-}
 
 void draw_series(Canvas& canvas, const Sheet& s, const ProfileSeries& one, int index) {
   std::vector<Vector2d> run;

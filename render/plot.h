@@ -50,4 +50,105 @@ struct ProfileOptions {
 void write_profile(const std::filesystem::path& path, const std::vector<ProfileSeries>& series,
                    const ProfileOptions& options = {});
 
+enum class Mark { Line, Points, LineAndPoints };
+
+/// One series of a panel, broken where a coordinate is not finite.
+struct Series {
+  std::string name{};  ///< in the legend; empty: not in it
+  Eigen::VectorXd x;
+  Eigen::VectorXd y;
+  Eigen::VectorXd lower;  ///< with `upper` a shaded band about the curve; both empty: none
+  Eigen::VectorXd upper;
+  Mark mark = Mark::Line;
+  std::optional<int> colour{};  ///< number of a series colour; else its place in the panel
+};
+
+/// One diagram of a picture.
+struct Panel {
+  std::string title{};
+  std::string x_label{};
+  std::string y_label{};
+  std::vector<Series> series{};
+  std::vector<std::string> note{};  ///< at the right, below the legend
+};
+
+struct CurvesOptions {
+  std::string title{};
+  int columns = 1;        ///< panels side by side
+  bool common_y = false;  ///< one scale of y for all panels
+  int width = 1600;       ///< px
+  int panel_height = 0;   ///< px of one row of panels; 0: 700 for a single row, else 520
+  std::vector<std::string> caption{};
+};
+
+/// Draws panels of points, lines and bands, each with its own axes, legend and note.
+/// @throws std::invalid_argument if there is no panel, a panel has no series, sizes of a series
+///         differ, there is a lower edge without an upper one, or the picture is higher than 16384
+///         px
+/// @throws std::system_error with the path if the file cannot be written
+void write_curves(const std::filesystem::path& path, const std::vector<Panel>& panels,
+                  const CurvesOptions& options = {});
+
+struct GridOptions {
+  std::string title{};
+  int columns = 0;        ///< 0: as many as make the sheet about as high as wide
+  bool common_y = false;  ///< one scale of y for all panels
+  int width = 2400;       ///< px
+  std::vector<std::string> caption{};
+};
+
+/// Draws a sheet of many small panels with one legend, that of the first panel; their notes stand
+/// behind their titles.
+/// @throws as write_curves
+void write_grid(const std::filesystem::path& path, const std::vector<Panel>& panels,
+                const GridOptions& options = {});
+
+/// A trace of a circular test.
+struct PolarTrace {
+  std::string name{};
+  Eigen::VectorXd angle;         ///< rad, from the first axis to the second
+  Eigen::VectorXd deviation_um;  ///< radial, + outwards
+};
+
+struct PolarOptions {
+  std::string title{};
+  std::string first_axis = "X";
+  std::string second_axis = "Y";
+  double division_um = 0.0;         ///< of the scale; 0: a round one that fits
+  std::vector<std::string> note{};  ///< at the right, below the legend
+  std::vector<std::string> caption{};
+  int width = 1500;   ///< px
+  int height = 1200;  ///< px
+};
+
+/// Draws radial deviations magnified about the nominal circle, with circles a division apart.
+/// @throws std::invalid_argument if there is no trace or the sizes of one differ
+/// @throws std::system_error with the path if the file cannot be written
+void write_polar(const std::filesystem::path& path, const std::vector<PolarTrace>& traces,
+                 const PolarOptions& options = {});
+
+/// One horizontal bar.
+struct Bar {
+  std::string label{};
+  double value = 0.0;         ///< not finite: a label without a bar
+  std::optional<double> u{};  ///< half length of a whisker about its end
+  int colour = 0;             ///< number of a series colour
+};
+
+struct BarsOptions {
+  std::string title{};
+  std::string x_label{};
+  std::optional<double> reference{};  ///< an upright line
+  std::string reference_label{};
+  bool from_zero = true;  ///< else the axis begins near the smallest value, for degrees near one
+  int width = 1600;       ///< px
+  std::vector<std::string> caption{};
+};
+
+/// Draws labelled bars from above to below, each with its value.
+/// @throws std::invalid_argument for no bar or more than 400
+/// @throws std::system_error with the path if the file cannot be written
+void write_bars(const std::filesystem::path& path, const std::vector<Bar>& bars,
+                const BarsOptions& options = {});
+
 }  // namespace abbe::render

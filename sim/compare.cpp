@@ -6,6 +6,7 @@
 
 #include "sim/output.h"
 #include "sim/pictures.h"
+#include "sim/thermal_choice.h"
 
 namespace abbe::sim {
 namespace {
@@ -53,6 +54,26 @@ Cut cut_one(const Job& job, const std::string& case_name, const Progress& progre
   return cut(job, parse_case(case_name), progress);
 }
 
+std::vector<Scene> read_variants(const Scene& scene, const std::vector<Override>& overrides) {
+  std::vector<Scene> variants;
+  for (const Variant& variant : scene.variants) {
+    std::vector<Override> all = overrides;
+    all.insert(all.end(), variant.set.begin(), variant.set.end());
+    variants.push_back(read_scene(scene.file, all));
+  }
+  return variants;
+}
+
+/// Sensors are chosen on the scene's own day and graded on those of its variants.
+void choose_sensors(const std::filesystem::path& folder, const Scene& scene,
+                    const std::vector<Scene>& variants) {
+  if (!scene.sensor_choice) return;
+  std::vector<Day> days{{"its own day", scene}};
+  for (std::size_t i = 0; i < variants.size(); ++i)
+    days.push_back({scene.variants[i].name, variants[i]});
+  write_thermal_choice(folder, days);
+}
+
 }  // namespace
 
 Outcome run(const std::filesystem::path& file, const RunOptions& options) {
@@ -66,6 +87,8 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   const Verdict verdict = judge(job, cut_one(job, name, to(progress)), nullptr);
   write_program(options.folder, job);
   write_case(options.folder, job, verdict);
+  if (scene.sensor_choice)
+    choose_sensors(options.folder, scene, read_variants(scene, options.overrides));
   Outcome outcome{summary(job, verdict), {}};
   collect(outcome.exceeded, scene.limits, verdict);
   return outcome;
@@ -73,12 +96,7 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
 
 Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   const Scene scene = read_scene(file, options.overrides);
-  std::vector<Scene> variants;
-  for (const Variant& variant : scene.variants) {
-    std::vector<Override> overrides = options.overrides;
-    overrides.insert(overrides.end(), variant.set.begin(), variant.set.end());
-    variants.push_back(read_scene(file, overrides));
-  }
+  const std::vector<Scene> variants = read_variants(scene, options.overrides);
   prepare_folder(options.folder);
 
   int parts = 2;  // preparing, and the comparison at the end
@@ -108,6 +126,7 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
     if (compensates ? one.uncompensated.has_value() : i > 0)
       collect(outcome.exceeded, one.job->scene.limits, one.verdict);
   }
+  choose_sensors(options.folder, scene, variants);
   write_file(options.folder / "comparison.json", outcome.json.dump(2) + "\n");
   progress.begin("write comparison");
   write_comparison_picture(options.folder / "comparison.png", scene, cases);

@@ -9,8 +9,12 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "kinematics/text.h"
 #include "sim/compare.h"
 #include "sim/describe.h"
+#include "sim/evaluate.h"
+#include "sim/identify.h"
+#include "sim/measure.h"
 #include "sim/output.h"
 #include "sim/pictures.h"
 #include "sim/pose_at.h"
@@ -161,9 +165,91 @@ int check_command(const Common& common, bool picture) {
   return ok;
 }
 
+int measure_command(const Common& common, const std::vector<std::string>& instruments) {
+  MeasureOptions options;
+  options.overrides = overrides(common);
+  options.instruments = instruments;
+  options.folder = run_options(common).folder / (common.out.empty() ? "readings" : "");
+  const std::vector<Measured> all = measure(common.scene, options);
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  double hours = 0.0;
+  for (const Measured& one : all) {
+    json.push_back({{"file", one.file.string()},
+                    {"readings", one.readings},
+                    {"set_ups", one.set_ups},
+                    {"hours", one.duration_s / 3600.0}});
+    hours += one.duration_s / 3600.0;
+  }
+  if (common.json) {
+    fmt::print("{}\n", json.dump(2));
+    return ok;
+  }
+  fmt::print("{:>10} {:>9} {:>9}   file\n", "readings", "set-ups", "hours");
+  for (const Measured& one : all)
+    fmt::print("{:>10} {:>9} {:>9.2f}   {}\n", one.readings, one.set_ups, one.duration_s / 3600.0,
+               one.file.string());
+  fmt::print("\n{:.1f} hours on a real machine, setting up included\n", hours);
+  return ok;
+}
+
+/// Words of `identify`.
+struct IdentifyWords {
+  std::vector<std::filesystem::path> readings;
+  std::string basis = "legendre";
+  std::string method = "chain";
+  std::vector<std::string> pitch;
+  IdentifyOptions options;
+};
+
+/// "X=16": the pitch of an axis's screw.
+std::pair<char, double> parse_pitch(const std::string& text) {
+  const auto period = text.size() > 2 && text[1] == '=' ? number_of(text.substr(2)) : std::nullopt;
+  if (!period || *period <= 0.0)
+    throw CLI::ValidationError("--pitch", "expected AXIS=MM such as X=16, seen " + text);
+  return {text[0], *period};
+}
+
+int identify_command(const Common& common, IdentifyWords words) {
+  using errors::identification::Basis;
+  words.options.model.slides = words.basis == "polynomial" ? Basis::Polynomial
+                               : words.basis == "spline"   ? Basis::Spline
+                                                           : Basis::Legendre;
+  for (const std::string& one : words.pitch) words.options.model.pitch.insert(parse_pitch(one));
+  words.options.model.placement = words.options.model.constants;
+  words.options.method = words.method == "step_diagonal" ? IdentifyOptions::Method::StepDiagonal
+                         : words.method == "composite"   ? IdentifyOptions::Method::Composite
+                                                         : IdentifyOptions::Method::Chain;
+  words.options.out = common.out.empty() ? std::filesystem::path("out/belief.toml") : common.out;
+  for (const char* taken : {".json", ".png", ".csv"})
+    if (words.options.out.extension() == taken)
+      throw CLI::ValidationError(
+          "--out", fmt::format("expected a belief file such as belief.toml (report and picture stand "
+                               "beside it), seen {}",
+                               words.options.out.string()));
+  for (const std::filesystem::path& readings : words.readings) {
+    std::error_code ignored;
+    if (std::filesystem::equivalent(readings, words.options.out, ignored))
+      throw CLI::ValidationError("--out", "expected another file than the readings");
+  }
+  const nlohmann::ordered_json report = identify(words.readings, words.options);
+  fmt::print("{}", common.json ? report.dump(2) + "\n" : identify_text(report));
+  return ok;
+}
+
+int evaluate_command(const Common& common, const std::filesystem::path& readings) {
+  EvaluateOptions options;
+  options.folder = common.out.empty() ? std::filesystem::path("out") / readings.stem() : common.out;
+  const nlohmann::ordered_json evaluation = evaluate(readings, options);
+  fmt::print("{}", common.json ? evaluation.dump(2) + "\n" : evaluation_text(evaluation));
+  return ok;
+}
+
 /// Everything that can stand on the command line.
 struct CommandLine {
   Common common;
+  std::vector<std::string> instruments;
+  IdentifyWords identify;
+  std::filesystem::path readings;
   std::string case_name;
   std::string at;
   bool picture = false;
@@ -210,6 +296,75 @@ void add_render_command(CLI::App& app, CommandLine& line) {
       ->check(CLI::Range(1, 1024));
 }
 
+void add_measure_command(CLI::App& app, CommandLine& line) {
+  CLI::App& measure_app =
+      *app.add_subcommand("measure", "Measure the machine of a scene with virtual instruments");
+  add_common(measure_app, line.common, false);
+  measure_app.add_option("--out", line.common.out, "folder for the readings (out/SCENE/readings)");
+  measure_app
+      .add_option("--instrument", line.instruments,
+                  "name of an [[instrument]] of the scene, or a kind such as laser, ball_bar, "
+                  "r_test (repeatable; all of the scene)")
+      ->take_all()
+      ->allow_extra_args(false);
+}
+
+void add_identify_command(CLI::App& app, CommandLine& line) {
+  CLI::App& identify_app = *app.add_subcommand(
+      "identify", "Find the errors of a machine from readings; write a belief file");
+  IdentifyWords& words = line.identify;
+  identify_app.add_option("READINGS", words.readings, "files that measure wrote")->required();
+  identify_app.add_option("--basis", words.basis, "curves of the slides (legendre)")
+      ->check(CLI::IsMember({"legendre", "polynomial", "spline"}));
+  identify_app.add_option("--order", words.options.model.order, "of those curves (4)")
+      ->check(CLI::Range(0, 60));
+  identify_app
+      .add_option("--harmonics", words.options.model.harmonics, "of rotary axes, per turn (3)")
+      ->check(CLI::Range(0, 60));
+  identify_app.add_flag("--choose-orders", words.options.choose_orders,
+                        "choose every order by cross-validation");
+  identify_app.add_option("--most", words.options.orders.most, "highest order that is tried (10)")
+      ->check(CLI::Range(1, 60));
+  identify_app
+      .add_option("--elements", words.options.model.only, "find these alone: EXX,EYX,EC0Y")
+      ->delimiter(',');
+  identify_app
+      .add_option("--pitch", words.pitch,
+                  "pitch of screws, mm: X=16,Y=16; two harmonics in the positioning")
+      ->delimiter(',');
+  identify_app.add_flag("--constants", words.options.model.constants,
+                        "constants of error motions too, and what only places the workpiece on a table: "
+                        "each hides in a zero or a place");
+  identify_app
+      .add_option("--outliers", words.options.estimate.outlier_limit,
+                  "leave out readings beyond this many standard deviations (0: none)")
+      ->check(CLI::Range(0.0, 1e6));
+  identify_app
+      .add_option("--method", words.method,
+                  "chain: any readings, on the exact machine; step_diagonal: the published one; "
+                  "composite: positioning from several starts")
+      ->check(CLI::IsMember({"chain", "step_diagonal", "composite"}));
+  identify_app
+      .add_option("--sensors", words.options.sensors,
+                  "with step_diagonal or composite: regress what several starts read on these")
+      ->delimiter(',');
+  identify_app.add_flag("--json", line.common.json, "print JSON instead of text");
+  identify_app.add_option("--out", line.common.out, "belief file (out/belief.toml)");
+  identify_app.add_option("--threads", line.common.threads, "most threads to use")
+      ->check(CLI::Range(1, 1024));
+}
+
+void add_evaluate_command(CLI::App& app, CommandLine& line) {
+  CLI::App& evaluate_app =
+      *app.add_subcommand("evaluate", "Evaluate readings by the standards (ISO 230, 25178)");
+  evaluate_app
+      .add_option("READINGS", line.readings,
+                  "a file that measure wrote, position readings as CSV, or a laser's position file")
+      ->required();
+  evaluate_app.add_flag("--json", line.common.json, "print JSON instead of text");
+  evaluate_app.add_option("--out", line.common.out, "folder for report and pictures (out/NAME)");
+}
+
 int dispatch(const CLI::App& app, const CommandLine& line) {
   std::optional<tbb::global_control> limit;
   if (line.common.threads > 0)
@@ -218,6 +373,9 @@ int dispatch(const CLI::App& app, const CommandLine& line) {
   if (app.got_subcommand("compare")) return compare_command(line.common);
   if (app.got_subcommand("pose")) return pose_command(line.common, line.at);
   if (app.got_subcommand("check")) return check_command(line.common, line.picture);
+  if (app.got_subcommand("measure")) return measure_command(line.common, line.instruments);
+  if (app.got_subcommand("identify")) return identify_command(line.common, line.identify);
+  if (app.got_subcommand("evaluate")) return evaluate_command(line.common, line.readings);
   fmt::print("picture in {}\n", render_result(line.rendering).string());
   return ok;
 }
@@ -236,6 +394,9 @@ int command_line(int argc, char** argv) {
   CommandLine line;
   add_scene_commands(app, line);
   add_render_command(app, line);
+  add_measure_command(app, line);
+  add_identify_command(app, line);
+  add_evaluate_command(app, line);
   try {
     app.parse(argc, argv);
     return dispatch(app, line);

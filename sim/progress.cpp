@@ -25,6 +25,10 @@ void watch_interrupts() {
   std::signal(SIGTERM, on_interrupt);
 }
 
+void stop_if_interrupted() {
+  if (interrupted != 0) throw Interrupted();
+}
+
 ProgressLine::ProgressLine(int parts)
     : parts_(std::max(1, parts)), terminal_(::isatty(STDERR_FILENO) != 0) {}
 

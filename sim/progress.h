@@ -16,6 +16,9 @@ struct Interrupted : std::runtime_error {
 /// once.
 void watch_interrupts();
 
+/// For work that reports no progress. @throws Interrupted if Ctrl-C was pressed
+void stop_if_interrupted();
+
 /// Tells on stderr how far long work has come: one line with the time left, redrawn, on a terminal;
 /// a plain line for every finished stage otherwise. Safe from any thread.
 class ProgressLine {

@@ -11,6 +11,7 @@
 #include "cutting/form.h"
 #include "cutting/residual.h"
 #include "sim/loop.h"
+#include "sim/versions.h"
 
 namespace abbe::sim {
 
@@ -52,8 +53,5 @@ nlohmann::ordered_json comparison(const Job& job, const std::vector<Compared>& c
 
 /// Names the acceptance limits of the scene that a case exceeds; empty if none.
 std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict);
-
-/// Versions of everything that shapes the bits of a result.
-nlohmann::ordered_json versions();
 
 }  // namespace abbe::sim

@@ -163,7 +163,7 @@ std::optional<ThermalDescription> read_heat(TableReader& scene, const MachineDes
   return read_thermal(*with_day, machine, seed, scene.faults());
 }
 
-/// Heat, force and what the control reads of them.
+/// Heat, force, what the control reads of them and what others measure.
 void read_sources(TableReader& reader, Scene& scene) {
   Faults& faults = reader.faults();
   scene.thermal = read_heat(reader, scene.machine, scene.seed);
@@ -181,6 +181,15 @@ void read_sources(TableReader& reader, Scene& scene) {
       reader.refuse("material", "a [cutting] section beside the material", "none");
   }
   scene.signals = read_signals(reader);
+  Instruments instruments = read_instruments(reader.tables("instrument"), scene.machine, faults);
+  scene.instruments = std::move(instruments.of_machine);
+  scene.part_instruments = std::move(instruments.of_part);
+  if (const Node* node = reader.section("sensor_choice")) {
+    scene.sensor_choice = read_sensor_choice(*node, faults);
+    scene.sensor_choice->study.seed = scene.seed;
+    if (!scene.thermal && !reader.has("thermal"))
+      reader.refuse("sensor_choice", "a [thermal] section beside it", "none");
+  }
 }
 
 void read_numerics(TableReader& scene, Scene& result) {
@@ -264,13 +273,6 @@ std::vector<CaseDescription> read_cases(TableReader& scene) {
   }
   reader.close();
   return cases;
-}
-
-bool names_a_folder(const std::string& name) {
-  return !name.empty() && name.size() <= 80 && name.front() != '.' &&
-         std::all_of(name.begin(), name.end(), [](unsigned char c) {
-           return c >= 0x80 || std::isalnum(c) || c == '_' || c == '-' || c == '.' || c == ' ';
-         });
 }
 
 std::vector<Variant> read_variants(TableReader& scene) {
@@ -403,6 +405,13 @@ void check_variants(const Node& tree, const std::filesystem::path& file, Faults&
 }
 
 }  // namespace
+
+bool names_a_folder(const std::string& name) {
+  return !name.empty() && name.size() <= 80 && name.front() != '.' &&
+         std::all_of(name.begin(), name.end(), [](unsigned char c) {
+           return c >= 0x80 || std::isalnum(c) || c == '_' || c == '-' || c == '.' || c == ' ';
+         });
+}
 
 BadScene::BadScene(std::vector<BadInput> list)
     : std::runtime_error(text_of(list)), faults(std::move(list)) {}

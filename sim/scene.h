@@ -15,6 +15,9 @@
 #include "cutting/tool.h"
 #include "errors/compliance.h"
 #include "errors/geometric.h"
+#include "errors/identification/thermal_study.h"
+#include "errors/metrology/instrument.h"
+#include "errors/metrology/part.h"
 #include "errors/thermal.h"
 #include "errors/thermal_elements.h"
 #include "errors/vibration.h"
@@ -137,6 +140,29 @@ struct ThermalDescription {
   std::vector<Plot> plots;
 };
 
+/// An instrument of the scene, and when it is used.
+struct InstrumentDescription {
+  errors::metrology::Instrument instrument;
+  std::vector<double> starts_s;  ///< (n >= 1) everything is read once from each; time 0 is the
+                                 ///< start of the program
+};
+
+/// What measures the finished part: a touch probe on the machine that cut it, or a coordinate
+/// measuring machine of its own.
+struct PartInstrumentDescription {
+  std::string name;
+  std::string case_name;  ///< of which case the part is; empty: uncompensated
+  std::variant<errors::metrology::CoordinateMachine, errors::metrology::TouchProbe> how;
+  double spacing = 5.0;  ///< mm, about, between points
+};
+
+/// Which temperature sensors are worth having, and what a model of them is good for.
+struct SensorChoiceDescription {
+  std::string instrument = "drift";  ///< reads the drift, over the scene's own history for
+                                     ///< training, over those of its variants for testing
+  errors::identification::ThermalStudyOptions study;
+};
+
 /// The blank, what is cut with which forces, and how finely that is followed.
 struct CuttingDescription {
   struct OffsetBlank {       ///< of a milled design, raised along its normals
@@ -231,6 +257,9 @@ struct Scene {
   std::vector<errors::Vibration> vibrations;
   std::optional<CuttingDescription> cutting;
   SignalsDescription signals;
+  std::vector<InstrumentDescription> instruments;
+  std::vector<PartInstrumentDescription> part_instruments;
+  std::optional<SensorChoiceDescription> sensor_choice;
   kinematics::Deviation setup = kinematics::Deviation::Zero();  ///< clamping of the part, at w
   ToolDescription tool;
   PartDescription part;

@@ -1,11 +1,16 @@
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <numeric>
+#include <set>
 #include <stdexcept>
 #include <string_view>
 #include <tuple>
 
+#include <Eigen/Eigenvalues>
 #include <fmt/format.h>
 
+#include "errors/coefficients.h"
 #include "errors/element_table.h"
 #include "errors/geometric.h"
 #include "kinematics/units.h"
@@ -81,6 +86,7 @@ class ErrorsReader {
   std::optional<errors::ElementTable> read_table_file(TableReader& curve);
   void read_whole_table(const Node& table);
   void read_measuring_lines();
+  errors::Covariance read_covariance(const std::vector<Element>& elements);
   Detrending read_detrend(TableReader& curve);
   void move_slope(Curve& curve, const ElementName& name, const Detrending& detrending);
   void add_location(const ElementName& name, double value, const std::string& from,
@@ -425,6 +431,65 @@ void ErrorsReader::read_measuring_lines() {
   if (!machine_.joints.empty()) lines.close();
 }
 
+std::vector<errors::Coefficient> known_numbers(TableReader& reader, const Node& of,
+                                               const std::vector<Element>& elements) {
+  std::map<std::string, errors::Coefficient> known;
+  std::set<std::string> names;
+  for (const errors::Coefficient& one : errors::coefficients(elements)) {
+    known.emplace(errors::name_of(one, elements), one);
+    names.insert(errors::name_of(one, elements));
+  }
+  std::vector<errors::Coefficient> numbers;
+  if (!of.array()) reader.refuse("of", "a list of names such as \"EXX[1]\"", shown(of));
+  for (const Node& name : of.array() ? *of.array() : Node::Array{}) {
+    const auto found = name.text() ? known.find(*name.text()) : known.end();
+    if (found == known.end()) {
+      const auto meant = name.text() ? nearest(*name.text(), names) : std::nullopt;
+      reader.faults().add(name.place, "a number of this file's curves such as \"EXX[1]\"",
+                          shown(name) + (meant ? " (did you mean " + *meant + "?)" : ""));
+      continue;
+    }
+    if (std::find(numbers.begin(), numbers.end(), found->second) != numbers.end())
+      reader.faults().add(name.place, "each number once", shown(name) + " again");
+    numbers.push_back(found->second);
+  }
+  return numbers;
+}
+
+// A belief says how well it knows its numbers: uncertainties, and the lower triangle of their
+// correlation row by row.
+errors::Covariance ErrorsReader::read_covariance(const std::vector<Element>& elements) {
+  const Node* node = reader_.section("covariance");
+  if (!node) return {};
+  TableReader reader(*node, "errors.covariance", faults_);
+  const std::size_t before = faults_.list().size();
+  const Node* of = reader.know("of");
+  if (!of) reader.missing("of", "a list of names such as \"EXX[1]\"");
+  errors::Covariance result;
+  if (of) result.of = known_numbers(reader, *of, elements);
+  const auto m = Eigen::Index(result.of.size());
+  VectorXd sigma = reader.numbers("standard_uncertainty_um_urad", int(m));
+  const auto correlation =
+      m > 1 ? reader.maybe_numbers("correlation", int(m * (m - 1) / 2)) : std::nullopt;
+  reader.close();
+  if (faults_.list().size() != before) return {};
+  if ((sigma.array() < 0.0).any())
+    reader.refuse("standard_uncertainty_um_urad", "numbers >= 0", "a negative one");
+  for (Eigen::Index i = 0; i < m; ++i)
+    sigma[i] *= elements[std::size_t(result.of[std::size_t(i)].element)].name.is_angle()
+                    ? units::urad
+                    : units::um;
+  Eigen::MatrixXd R = Eigen::MatrixXd::Identity(m, m);
+  Eigen::Index at = 0;
+  for (Eigen::Index i = 0; i < m && correlation; ++i)
+    for (Eigen::Index k = 0; k < i; ++k) R(i, k) = R(k, i) = (*correlation)[at++];
+  if (Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(R, Eigen::EigenvaluesOnly).eigenvalues()[0] <
+      -1e-9 * double(m))
+    reader.refuse("correlation", "a correlation that can be (no negative variance)", "another");
+  result.matrix = sigma.asDiagonal() * R * sigma.asDiagonal();
+  return result;
+}
+
 // Each element is bound alone, so that a refusal is told where the element stands.
 void ErrorsReader::check_against_machine() {
   if (machine_.joints.empty()) return;
@@ -463,19 +528,21 @@ ErrorsSection ErrorsReader::read() {
   for (const Node::Entry& entry : *reader_.node().table()) read_element_key(entry);
   for (const Node* table : reader_.tables("tables")) read_whole_table(*table);
   read_measuring_lines();
+  reader_.know("covariance");
   reader_.close();
   refuse_twice();
   check_against_machine();
   for (Written& written : elements_)
     section.geometric.elements.push_back(std::move(written.element));
   section.geometric.measuring_lines = lines_;
+  section.geometric.covariance = read_covariance(section.geometric.elements);
   return section;
 }
 
 // Elements of one name become one; their order is that of the machine, whatever the files' order
 // was.
-std::vector<Element> joined(const std::vector<Element>& elements,
-                            const MachineDescription& machine) {
+errors::GeometricErrors joined(const errors::GeometricErrors& all,
+                               const MachineDescription& machine) {
   const auto rank = [&](const ElementName& name) {
     std::size_t joint = 0;
     while (joint < machine.joints.size() && machine.joints[joint].name != name.axis &&
@@ -484,20 +551,47 @@ std::vector<Element> joined(const std::vector<Element>& elements,
     }
     return std::tuple(joint, name.location, name.component(), name.axis);
   };
-  std::vector<Element> result;
-  for (const Element& element : elements) {
-    const auto same = std::find_if(result.begin(), result.end(), [&](const Element& other) {
-      return other.name == element.name;
-    });
-    if (same == result.end()) {
-      result.push_back(element);
-    } else {
-      same->curves.insert(same->curves.end(), element.curves.begin(), element.curves.end());
+  errors::GeometricErrors result = all;
+  result.elements.clear();
+  std::vector<std::size_t> order(all.elements.size());
+  std::iota(order.begin(), order.end(), std::size_t(0));
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return rank(all.elements[a].name) < rank(all.elements[b].name);
+  });
+  for (const std::size_t from : order) {
+    const Element& element = all.elements[from];
+    if (result.elements.empty() || !(result.elements.back().name == element.name))
+      result.elements.push_back({element.name, {}});
+    std::vector<Curve>& curves = result.elements.back().curves;
+    for (std::size_t i = 0; i < all.covariance.of.size(); ++i) {
+      if (all.covariance.of[i].element != int(from)) continue;
+      result.covariance.of[i].element = int(result.elements.size()) - 1;
+      result.covariance.of[i].curve += int(curves.size());
     }
+    curves.insert(curves.end(), element.curves.begin(), element.curves.end());
   }
-  std::stable_sort(result.begin(), result.end(),
-                   [&](const Element& a, const Element& b) { return rank(a.name) < rank(b.name); });
   return result;
+}
+
+/// Adds a part's elements, lines and covariance, which is not correlated with that of others.
+void append(errors::GeometricErrors& all, ErrorsSection part) {
+  const auto base = int(all.elements.size());
+  for (Element& element : part.geometric.elements) {
+    for (Curve& curve : element.curves) curve.scale *= part.scale;
+    all.elements.push_back(std::move(element));
+  }
+  for (const errors::MeasuringLine& line : part.geometric.measuring_lines)
+    all.measuring_lines.push_back(line);
+  const errors::Covariance& one = part.geometric.covariance;
+  const auto m = Eigen::Index(all.covariance.of.size()), k = Eigen::Index(one.of.size());
+  Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(m + k, m + k);
+  matrix.topLeftCorner(m, m) = all.covariance.matrix;
+  matrix.bottomRightCorner(k, k) = one.matrix;
+  all.covariance.matrix = std::move(matrix);
+  for (errors::Coefficient number : one.of) {
+    number.element += base;
+    all.covariance.of.push_back(number);
+  }
 }
 
 }  // namespace
@@ -526,19 +620,12 @@ ErrorsSection read_errors(const Node& node, const MachineDescription& machine, s
         faults.add(part.place, "a table or a file for errors", shown(part));
         continue;
       }
-      ErrorsSection one = ErrorsReader(part, machine, seed++, faults).read();
-      for (Element& element : one.geometric.elements) {
-        for (Curve& curve : element.curves) curve.scale *= one.scale;
-        section.geometric.elements.push_back(std::move(element));
-      }
-      for (const errors::MeasuringLine& line : one.geometric.measuring_lines) {
-        section.geometric.measuring_lines.push_back(line);
-      }
+      append(section.geometric, ErrorsReader(part, machine, seed++, faults).read());
     }
   } else if (!node.text()) {
     faults.add(node.place, "a table, a file or a list of them for errors", shown(node));
   }
-  section.geometric.elements = joined(section.geometric.elements, machine);
+  section.geometric = joined(section.geometric, machine);
   return section;
 }
 

@@ -20,6 +20,9 @@ kinematics::AxisVector read_axis_words(TableReader& reader,
 /// by multiples of 90 degrees about one axis are exact.
 kinematics::Pose read_placement(TableReader& reader);
 
+/// Whether a name may be that of a file or folder: letters, digits, blanks, _ - .
+bool names_a_folder(const std::string& name);
+
 /// How a table is read between its rows and beyond them.
 errors::Between read_between(TableReader& table);
 errors::Outside read_outside(TableReader& table);
@@ -63,5 +66,18 @@ cutting::CuttingCoefficients read_material(const Node& table, Faults& faults);
 
 /// `[cutting]`: blank, flutes, how finely the cut is followed; the material is a section apart.
 CuttingDescription read_cutting(const Node& table, const ToolDescription& tool, Faults& faults);
+
+/// What `[[instrument]]` tables say, sorted into those that measure the machine and those that
+/// measure the part. A kind that is left to itself is a typical one.
+struct Instruments {
+  std::vector<InstrumentDescription> of_machine;
+  std::vector<PartInstrumentDescription> of_part;
+};
+/// @param machine  on which every plan is tried, so that one that cannot be is refused where it stands
+Instruments read_instruments(const std::vector<const Node*>& tables,
+                             const MachineDescription& machine, Faults& faults);
+
+/// `[sensor_choice]`: how many sensors, by which likeness and screening, for which model.
+SensorChoiceDescription read_sensor_choice(const Node& table, Faults& faults);
 
 }  // namespace abbe::sim

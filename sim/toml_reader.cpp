@@ -191,7 +191,9 @@ constexpr std::array known_units{
     Unit{"_N_per_mm2", 1.0},
     Unit{"_um_per_K", units::um},
     Unit{"_um_per_N", units::um},
+    Unit{"_um_urad", 1.0},  // each number as its element is: um or urad
     Unit{"_um_per_m", 1e-6},
+    Unit{"_um_per_h", units::um / 3600.0},
     Unit{"_N_per_um", 1e3},
     Unit{"_Nm_per_A", 1e3},
     Unit{"_N_per_mm", 1.0},
@@ -319,6 +321,12 @@ Node read_toml_file(const std::filesystem::path& file) {
   text << in.rdbuf();
   if (!in) throw BadInput(name, 0, 0, "a file that can be read", "a failure while reading");
   return parse_toml(text.view(), name);
+}
+
+std::string to_toml_value(const std::string& text) {
+  Node node;
+  node.value = text;
+  return to_toml_value(node);
 }
 
 std::string to_toml_value(const Node& node) {

@@ -73,6 +73,8 @@ std::string to_toml(const Node& table);
 
 /// One value as it stands right of "=", tables inline.
 std::string to_toml_value(const Node& node);
+/// A text as TOML has it: between quotes on one line, whatever is in it.
+std::string to_toml_value(const std::string& text);
 
 /// All that is wrong, in the order found; a fault told twice is kept once, and beyond 200 no more.
 class Faults {

@@ -14,15 +14,20 @@ namespace {
 const std::map<std::string, std::set<std::string>> may_know = {
     {"kinematics", {}},
     {"errors", {"kinematics"}},
+    {"errors/metrology", {"kinematics", "errors"}},
+    {"errors/identification", {"kinematics", "errors", "errors/metrology"}},
     {"cutting", {"kinematics"}},
     {"render", {"kinematics", "cutting"}},
     {"sim/program", {"kinematics", "cutting"}},
     {"sim/compensation", {"kinematics", "sim/program"}},
-    {"sim", {"kinematics", "errors", "cutting", "render", "sim/program", "sim/compensation"}},
+    {"sim",
+     {"kinematics", "errors", "errors/metrology", "errors/identification", "cutting", "render",
+      "sim/program", "sim/compensation"}},
 };
 
 std::string module_of(const std::string& path) {
-  for (const char* inner : {"sim/program", "sim/compensation"})
+  for (const char* inner :
+       {"errors/metrology", "errors/identification", "sim/program", "sim/compensation"})
     if (path.rfind(std::string(inner) + "/", 0) == 0) return inner;
   return path.substr(0, path.find('/'));
 }
@@ -70,6 +75,30 @@ TEST(Architecture, CompensationNeverSeesTheTruth) {
     EXPECT_EQ(target.find("truth"), std::string::npos) << file << ":" << line;
     EXPECT_EQ(target.find("errors/"), std::string::npos) << file << ":" << line;
   });
+}
+
+TEST(Architecture, WhatReadsReadingsNeverReachesTheTruth) {
+  std::map<std::string, std::set<std::string>> includes;  // of a file without its ending
+  const auto stem = [](const std::string& file) { return file.substr(0, file.rfind('.')); };
+  for_every_include([&](const std::string& file, int, const std::string& target) {
+    if (target.front() == '"')
+      includes[stem(file)].insert(stem(target.substr(1, target.size() - 2)));
+  });
+  std::set<std::string> reached{"sim/identify", "sim/identify_composite", "sim/evaluate",
+                                "sim/evaluate_tests", "sim/readings_file"};
+  for (const auto& [file, ignored] : includes)
+    if (file.rfind("errors/identification/", 0) == 0) reached.insert(file);
+  EXPECT_GT(reached.size(), 15u);
+  for (std::set<std::string> next = reached; !next.empty();) {
+    std::set<std::string> found;
+    for (const std::string& file : next) {
+      EXPECT_TRUE(file != "sim/truth" && file != "sim/measure" && file != "sim/loop")
+          << "reached from what reads readings: " << file;
+      for (const std::string& target : includes[file])
+        if (reached.insert(target).second) found.insert(target);
+    }
+    next = std::move(found);
+  }
 }
 
 TEST(Architecture, HeavyLibrariesStayOutOfHeaders) {

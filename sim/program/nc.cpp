@@ -11,7 +11,7 @@
 #include "kinematics/inverse.h"
 #include "kinematics/units.h"
 #include "sim/program/nc_block.h"
-#include "sim/program/text.h"
+#include "kinematics/text.h"
 
 namespace abbe::sim::program {
 namespace {

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "kinematics/bad_input.h"
-#include "sim/program/text.h"
+#include "kinematics/text.h"
 
 namespace abbe::sim::program {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "kinematics/bad_input.h"
 #include "kinematics/units.h"
-#include "sim/program/text.h"
+#include "kinematics/text.h"
 
 namespace abbe::sim::program {
 namespace {
@@ -19,25 +19,6 @@ using kinematics::AxisVector;
 using kinematics::Motion;
 
 constexpr double largest_number = 1e12;  // mm, rad, s and their rates
-
-struct Cell {
-  std::string_view text;  ///< without the blanks around it
-  int column = 0;
-};
-
-/// At most one more than `wanted`, so that a line of commas takes no memory.
-std::vector<Cell> cells(std::string_view line, std::size_t wanted) {
-  std::vector<Cell> cells;
-  for (std::size_t from = 0;;) {
-    const std::size_t comma = std::min(line.find(',', from), line.size());
-    std::size_t begin = from, end = comma;
-    while (begin < end && (line[begin] == ' ' || line[begin] == '\t')) ++begin;
-    while (end > begin && (line[end - 1] == ' ' || line[end - 1] == '\t')) --end;
-    cells.push_back({line.substr(begin, end - begin), int(begin) + 1});
-    if (comma == line.size() || cells.size() > wanted) return cells;
-    from = comma + 1;
-  }
-}
 
 /// What a column holds: one number of one axis, in some unit.
 struct Column {
@@ -135,7 +116,7 @@ double Reader::number(const Cell& cell) const {
 
 void Reader::read_row(std::string_view text) {
   PvtRow row{0.0, start_, AxisVector::Zero(start_.size())};
-  const std::vector<Cell> row_cells = cells(text, columns_.size());
+  const std::vector<Cell> row_cells = cells_of(text, ',', columns_.size());
   if (row_cells.size() != columns_.size())
     throw BadInput(
         path_.file, line_, row_cells.back().column, fmt::format("{} numbers", columns_.size()),
@@ -183,7 +164,7 @@ void Reader::read_line(std::string_view text, int line) {
   const std::size_t first = text.find_first_not_of(" \t");
   if (first == std::string_view::npos || text[first] == '#') return;
   if (columns_.empty())
-    read_head(cells(text, 1 + 2 * options_.axes.size()));
+    read_head(cells_of(text, ',', 1 + 2 * options_.axes.size()));
   else
     read_row(text);
 }

@@ -146,7 +146,7 @@ TEST(ElementTable, EveryFaultIsRefusedAtItsPlace) {
       {"X EXX\n0 1\n1 2\n\x1b[2J\n", 4, 1, "a byte 0x1b"},
       {"X\xc2\xa0"
        "EXX\n0 1\n1 2\n",
-       1, 1, "'X\\xc2\\xa0EXX'"},
+       1, 1, "'X\\xC2\\xA0EXX'"},
       {"\xff\xfeX\0"s, 1, 4, "a byte 0x00"},
   };
   for (const Refused& c : cases) {

@@ -126,6 +126,164 @@ TEST_F(Plot, ProfileRefusesWhatCannotBeDrawn) {
   write_profile(file("point.png"), {{"point", Eigen::VectorXd::Ones(1), Eigen::VectorXd::Zero(1)}});
 }
 
+/// Pixels of a series colour.
+int ink(const Image& image, int colour) {
+  return image.count([&](Pixel p) { return test::distance(p, series_colour(colour)) < 20; });
+}
+
+Panel wave(int points) {
+  Series line{"line", Eigen::VectorXd::LinSpaced(points, 0.0, 10.0), {}, {}, {}, Mark::Line, {}};
+  line.y = line.x.array().sin();
+  line.lower = line.y.array() - 0.3;
+  line.upper = line.y.array() + 0.3;
+  Series marks{"readings", line.x, line.y, {}, {}, Mark::Points, {}};
+  return {"panel", "x / mm", "y / µm", {line, marks}, {"a note"}};
+}
+
+TEST_F(Plot, CurvesShowLinesMarksAndBands) {
+  write_curves(file("a.png"), {wave(30)});
+  const Image image(file("a.png"));
+  const Colour c = series_colour(0);
+  const Colour band{1.0 - 0.2 * (1.0 - c.r), 1.0 - 0.2 * (1.0 - c.g), 1.0 - 0.2 * (1.0 - c.b)};
+  const int shaded = image.count([&](Pixel p) { return test::distance(p, band) < 6; });
+  std::cout << "line " << ink(image, 0) << ", marks " << ink(image, 1) << ", band " << shaded
+            << " px\n";
+  EXPECT_GT(ink(image, 0), 2000);
+  EXPECT_GT(ink(image, 1), 30 * 40);  // thirty marks about ten pixels wide
+  EXPECT_LT(ink(image, 1), 30 * 110);
+  EXPECT_GT(shaded, 50000);
+}
+
+TEST_F(Plot, CommonScalesMakeASmallPanelSmall) {
+  Panel large = wave(100);
+  for (Series& s : large.series) {
+    s.mark = Mark::Line;
+    s.lower = s.upper = {};
+  }
+  Panel small = large;
+  for (Series& s : small.series) s.y *= 0.1;
+  const auto height_of_lower = [&](bool common) {
+    write_curves(file("a.png"), {large, small}, {.common_y = common});
+    const Image image(file("a.png"));
+    int low = image.height(), high = 0;
+    for (int y = 0; y < image.height() / 2; ++y) {
+      const int n = image.count({100, y}, {1200, y + 1},
+                                [](Pixel p) { return test::distance(p, series_colour(1)) < 20; });
+      if (n == 0) continue;
+      low = std::min(low, y);
+      high = std::max(high, y);
+    }
+    return high - low;
+  };
+  const int own = height_of_lower(false), common = height_of_lower(true);
+  std::cout << "curve " << own << " px high, on a common scale " << common << " px\n";
+  EXPECT_NEAR(common / double(own), 0.1, 0.03);
+}
+
+TEST_F(Plot, AGridHasAllItsPanels) {
+  std::vector<Panel> panels(46, wave(20));
+  write_grid(file("a.png"), panels);
+  const int all = ink(Image(file("a.png")), 1);
+  for (std::size_t i = 10; i < 46; ++i) panels[i].series.pop_back();
+  write_grid(file("b.png"), panels);
+  const int some = ink(Image(file("b.png")), 1);
+  std::cout << "marks " << all << " px in 46 panels, " << some << " px in ten\n";
+  EXPECT_NEAR(some / double(all), 10.0 / 46.0, 0.02);
+}
+
+TEST_F(Plot, APolarTraceLiesOutsideTheNominalCircleWhereItIsPositive) {
+  const Eigen::VectorXd angle = Eigen::VectorXd::LinSpaced(721, 0.0, 6.283185307);
+  const auto reach = [&](double deviation) {
+    write_polar(file("a.png"), {{"", angle, Eigen::VectorXd::Constant(721, deviation)}},
+                {.division_um = 1.0});
+    const Image image(file("a.png"));
+    int left = image.width(), right = 0;
+    for (int x = 0; x < image.width(); ++x) {
+      const int n = image.count({x, 0}, {x + 1, image.height()},
+                                [](Pixel p) { return test::distance(p, series_colour(0)) < 20; });
+      if (n == 0) continue;
+      left = std::min(left, x);
+      right = std::max(right, x);
+    }
+    return 0.5 * (right - left);
+  };
+  const double plus = reach(2.0), zero = reach(0.0), minus = reach(-2.0);
+  std::cout << "radii " << minus << ", " << zero << ", " << plus << " px\n";
+  EXPECT_GT(minus, 50.0);
+  EXPECT_NEAR(plus - zero, zero - minus, 2.0);  // two divisions either way fill the scale
+  EXPECT_GT(plus - zero, 100.0);
+}
+
+TEST_F(Plot, BarsAreAsLongAsTheirValues) {
+  const auto bar = [&](double value) {
+    write_bars(file("a.png"), {{"longest", 4.0, {}, 1}, {"this", value, {}, 0}});
+    const Image image(file("a.png"));
+    int longest = 0;
+    for (int y = 0; y < image.height(); ++y)
+      longest = std::max(longest, image.count({0, y}, {image.width(), y + 1}, [](Pixel p) {
+        return p.b > p.r + 60 && p.b > p.g + 30;
+      }));
+    return longest;
+  };
+  const int one = bar(1.0), three = bar(3.0);
+  std::cout << "bars of " << one << " and " << three << " px\n";
+  EXPECT_NEAR(three / double(one), 3.0, 0.05);
+}
+
+TEST_F(Plot, AwkwardSeriesAreDrawn) {
+  const double nan = std::nan("");
+  Panel p = wave(5);
+  p.series[0].y.setConstant(nan);
+  p.series[0].lower[2] = nan;
+  p.series[1].y.setZero();
+  write_curves(file("a.png"), {p});
+  for (Series& s : p.series) s.x.setConstant(nan);
+  write_curves(file("b.png"), {p}, {.columns = 7});
+  write_grid(file("c.png"), {p, wave(1), wave(0)}, {.columns = 100, .common_y = true});
+  Panel constant = wave(2);
+  for (Series& s : constant.series) s.y.setConstant(1e9);
+  write_curves(file("d.png"), {constant});
+  write_curves(file("e.png"), {wave(200000)});
+  write_polar(file("f.png"), {{"", Eigen::VectorXd(0), Eigen::VectorXd(0)}});
+  write_polar(file("g.png"), {{"n", values({0, 1, 2}), values({0, nan, 0})}});
+  write_polar(file("h.png"), {{"n", values({0, 1}), values({1e9, -1e9})}}, {.division_um = 1e-9});
+  write_bars(file("i.png"), {{"none", nan, {}, 0}, {"", 0.0, nan, 0}});
+  write_bars(file("j.png"), {{std::string(500, 'x'), -1e9, 1e-12, 0}},
+             {.reference = 1e9, .reference_label = "r", .from_zero = false});
+  EXPECT_GT(Image(file("e.png")).width(), 0);
+}
+
+TEST_F(Plot, NewPlotsAreTheSameBytesTwice) {
+  for (const char* name : {"1", "2"}) {
+    const std::string n = name;
+    write_curves(file("c" + n), {wave(50)});
+    write_grid(file("g" + n), std::vector<Panel>(5, wave(50)));
+    write_polar(file("p" + n), {{"t", wave(50).series[0].x, wave(50).series[0].y}});
+    write_bars(file("b" + n), {{"a", 1.0, 0.1, 0}, {"b", -2.0, {}, 1}});
+  }
+  for (const std::string kind : {"c", "g", "p", "b"})
+    EXPECT_TRUE(bytes(file(kind + "1")) == bytes(file(kind + "2"))) << kind;
+}
+
+TEST_F(Plot, NewPlotsRefuseWhatCannotBeDrawn) {
+  Panel p = wave(5);
+  EXPECT_THROW(write_curves(file("a.png"), {}), std::invalid_argument);
+  EXPECT_THROW(write_grid(file("a.png"), {Panel{}}), std::invalid_argument);
+  p.series[0].upper = {};
+  EXPECT_THROW(write_curves(file("a.png"), {p}), std::invalid_argument);
+  p = wave(5);
+  p.series[1].y.conservativeResize(4);
+  EXPECT_THROW(write_grid(file("a.png"), {p}), std::invalid_argument);
+  EXPECT_THROW(write_curves(file("a.png"), std::vector<Panel>(200, wave(5))),
+               std::invalid_argument);
+  EXPECT_THROW(write_polar(file("a.png"), {}), std::invalid_argument);
+  EXPECT_THROW(write_polar(file("a.png"), {{"", values({1}), values({1, 2})}}),
+               std::invalid_argument);
+  EXPECT_THROW(write_bars(file("a.png"), {}), std::invalid_argument);
+  EXPECT_THROW(write_bars(file("a.png"), std::vector<Bar>(401)), std::invalid_argument);
+  EXPECT_THROW(write_bars(file("no/a.png"), {{"a", 1.0, {}, 0}}), std::system_error);
+}
+
 class MachineDrawing : public test::Folder {
  protected:
   static MachinePicture picture() {

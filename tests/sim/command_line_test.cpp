@@ -383,3 +383,64 @@ TEST_F(CommandLine, CheckPrintsTheLowOrderBodyArrayAndWritesNothing) {
   EXPECT_EQ(check["low_order_body_array"].dump(), "[0,1,0,3,4,5,6,7]");
   EXPECT_EQ(left, 0);
 }
+
+TEST_F(CommandLine, MeasureIdentifyAndEvaluateWorkOnEachOthersFiles) {
+  const std::string scene = (source / "scenes/gantry_dome.toml").string();
+  const fs::path readings = folder_ / "readings";
+  const Ran measured = run("measure " + scene + " --instrument laser --instrument ball_bar --out " +
+                           readings.string() + " --json");
+  ASSERT_EQ(measured.code, 0) << measured.text;
+  const auto list = nlohmann::json::parse(measured.text);
+  ASSERT_EQ(list.size(), 2u);
+  EXPECT_GT(list[0]["hours"].get<double>(), 0.5);
+  const std::string laser = (readings / "laser.csv").string();
+  EXPECT_TRUE(fs::exists(laser));
+
+  const fs::path belief = folder_ / "belief.toml";
+  const Ran identified = run("identify " + laser + " --out " + belief.string());
+  ASSERT_EQ(identified.code, 0) << identified.text;
+  EXPECT_NE(identified.text.find("unobservable"), std::string::npos) << identified.text;
+  EXPECT_TRUE(fs::exists(belief));
+  EXPECT_TRUE(fs::exists(folder_ / "belief.json"));
+  const Ran pose = run("pose " + scene + " --set 'errors=\"" + belief.string() + "\"' --at \"X=10\"");
+  EXPECT_EQ(pose.code, 0) << "a belief is an errors file: " << pose.text;
+
+  const fs::path report = folder_ / "report";
+  const Ran evaluated =
+      run("evaluate " + (readings / "ball_bar.csv").string() + " --out " + report.string());
+  ASSERT_EQ(evaluated.code, 0) << evaluated.text;
+  EXPECT_NE(evaluated.text.find("ISO 230-4"), std::string::npos) << evaluated.text;
+  EXPECT_TRUE(fs::exists(report / "evaluation.json"));
+}
+
+TEST_F(CommandLine, BrokenReadingsAndInstrumentsAreInputFaults) {
+  const std::string dome = (source / "scenes/gantry_dome.toml").string();
+  const std::string out = " --out " + (folder_ / "out").string();
+  const std::string broken = write("broken.csv", "target_mm,direction,run,deviation_um\n0,up,1,x\n");
+  const Ran evaluated = run("evaluate " + broken + out);
+  EXPECT_EQ(evaluated.code, 3) << evaluated.text;
+  EXPECT_NE(evaluated.text.find("broken.csv:2:8"), std::string::npos) << evaluated.text;
+  EXPECT_EQ(run("evaluate " + (folder_ / "absent.csv").string() + out).code, 3);
+  EXPECT_EQ(run("identify " + broken + " --out " + (folder_ / "b.toml").string()).code, 3);
+  EXPECT_FALSE(fs::exists(folder_ / "b.toml"));
+  const Ran unknown = run("measure " + dome + " --instrument lasre" + out);
+  EXPECT_EQ(unknown.code, 3);
+  EXPECT_NE(unknown.text.find("ball_bar"), std::string::npos) << unknown.text;
+  const Ran none = run("measure " + dome + out);
+  EXPECT_EQ(none.code, 3) << none.text;
+  EXPECT_EQ(run("identify").code, 2);
+  EXPECT_EQ(run("identify " + broken + " --basis wavelets").code, 2);
+  EXPECT_EQ(run("identify " + broken + " --order 99").code, 2);
+  EXPECT_EQ(run("evaluate").code, 2);
+
+  const fs::path scene = write(
+      "three.toml",
+      "title = \"t\"\nmachine = \"" + (source / "scenes/machines/three_axis_table.toml").string() +
+          "\"\ntool = \"" + (source / "scenes/tools/ball_r5.toml").string() +
+          "\"\n[part]\nsurface = \"disc\"\nradius_mm = 5\n[program]\ngenerator = \"raster\"\n"
+          "[[instrument]]\nkind = \"r_test\"\n");
+  const Ran cannot = run("measure " + scene.string() + out);
+  EXPECT_EQ(cannot.code, 3) << cannot.text;
+  EXPECT_NE(cannot.text.find("three.toml:10:"), std::string::npos) << cannot.text;
+  EXPECT_EQ(files_in(folder_ / "out"), 0) << "a refusal leaves no files";
+}

@@ -35,6 +35,10 @@ class Fingerprint {
     for (const auto& vibration : scene.vibrations) put(vibration);
     if (scene.cutting) put(*scene.cutting);
     put(scene.signals);
+    put(scene.geometric.covariance);
+    for (const auto& one : scene.instruments) put(one);
+    for (const auto& one : scene.part_instruments) put(one);
+    if (scene.sensor_choice) put(*scene.sensor_choice);
     put("setup", scene.setup);
     put(scene.tool);
     put(scene.part);
@@ -103,6 +107,14 @@ class Fingerprint {
       put("shape", curve.shape.index());
       std::visit([&](const auto& shape) { put(shape); }, curve.shape);
     }
+  }
+  void put(const errors::Covariance& covariance) {
+    for (const auto& one : covariance.of) {
+      put("covariance of", one.element);
+      put("curve", one.curve);
+      put("number", one.number);
+    }
+    put("covariance", covariance.matrix);
   }
   void put(const errors::Constant& c) { put("value", c.value); }
   void put(const errors::Polynomial& p) {
@@ -236,6 +248,67 @@ class Fingerprint {
       put("touch", touch.point_w);
       put("along", touch.direction_w);
     }
+  }
+
+  // ---- instruments
+  void put(const InstrumentDescription& description) {
+    const errors::metrology::Instrument& i = description.instrument;
+    put("instrument", i.name);
+    put("kind", to_string(i.kind));
+    for (const double x :
+         {i.noise, i.noise_rad, i.resolution, i.resolution_rad, i.rotation_sigma, i.position_sigma,
+          i.scale_sigma, i.drift_sigma, i.margin, i.radius, i.lever, i.from_rad, i.to_rad,
+          i.start_s, i.interval_s, i.duration_s, i.speed, i.dwell_s, i.set_up_s, i.spindle_speed}) {
+      put("instrument", x);
+    }
+    put("axes", std::string(i.axes.begin(), i.axes.end()));
+    put("runs", i.runs);
+    put("scatter", i.scatter);
+    put("targets", i.targets);
+    put("both ways", i.both_ways);
+    put("has a place", i.at_w.has_value());
+    if (i.at_w) put("at", *i.at_w);
+    put("reflector", i.reflector_t);
+    put("up", i.up_b);
+    for (const double start : description.starts_s) put("start", start);
+  }
+  void put(const PartInstrumentDescription& description) {
+    put("part instrument", description.name);
+    put("of case", description.case_name);
+    put("spacing", description.spacing);
+    if (const auto* cmm = std::get_if<errors::metrology::CoordinateMachine>(&description.how)) {
+      for (const double x : {cmm->noise, cmm->resolution, cmm->alignment_sigma,
+                             cmm->alignment_sigma_rad, cmm->start_s, cmm->interval_s}) {
+        put("cmm", x);
+      }
+      put("best fit", cmm->best_fit);
+      return;
+    }
+    const auto& probe = std::get<errors::metrology::TouchProbe>(description.how);
+    for (const double x : {probe.radius, probe.noise, probe.resolution, probe.clearance,
+                           probe.speed, probe.dwell_s, probe.start_s}) {
+      put("probe", x);
+    }
+    put("centre", probe.centre_t);
+    put("pose", probe.q);
+  }
+  void put(const SensorChoiceDescription& description) {
+    const auto& study = description.study;
+    put("sensors for", description.instrument);
+    put("count", study.choice.count);
+    put("likeness", int(study.choice.likeness));
+    put("grey", int(study.choice.grey.kind));
+    put("image", int(study.choice.grey.image));
+    put("rho", study.choice.grey.rho);
+    put("theta", study.choice.grey.theta);
+    put("threshold", study.choice.threshold);
+    put("groups", study.choice.groups);
+    put("screening", int(study.choice.screening));
+    put("model", int(study.model.kind));
+    put("since start", study.features.since_start);
+    put("lag", study.features.lag_rows);
+    put("subsets", study.random_subsets);
+    put("study seed", study.seed);
   }
 
   // ---- heat

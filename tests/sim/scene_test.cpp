@@ -650,7 +650,8 @@ INSTANTIATE_TEST_SUITE_P(Scenes, PackagedScene,
                                          "platform_perfect.toml", "gantry_warmup.toml",
                                          "gantry_force.toml", "thermal_protocol.toml",
                                          "thermal_protocol_chen.toml", "yang_axis.toml",
-                                         "stepped_shaft.toml", "cone_shaft.toml", "thin_wall.toml"),
+                                         "stepped_shaft.toml", "cone_shaft.toml", "thin_wall.toml",
+                                         "gantry_calibration.toml", "platform_calibration.toml"),
                          [](const auto& scene) {
                            const std::string name = scene.param;
                            return name.substr(0, name.find('.'));

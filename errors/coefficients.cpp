@@ -1,0 +1,150 @@
+#include "errors/coefficients.h"
+
+#include <stdexcept>
+#include <type_traits>
+#include <variant>
+
+#include <fmt/format.h>
+
+namespace abbe::errors {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+/// Where a shape keeps its numbers, in their order; `Vector` is VectorXd or const VectorXd.
+template <typename Number, typename Vector>
+void append(std::vector<Number*>& places, Vector& numbers) {
+  for (Index i = 0; i < numbers.size(); ++i) places.push_back(&numbers[i]);
+}
+
+template <typename SomeShape>
+auto places(SomeShape& shape) {
+  using Number = std::conditional_t<std::is_const_v<SomeShape>, const double, double>;
+  std::vector<Number*> result;
+  std::visit(
+      [&](auto& s) {
+        using S = std::remove_const_t<std::remove_reference_t<decltype(s)>>;
+        if constexpr (std::is_same_v<S, Constant>) {
+          result.push_back(&s.value);
+        } else if constexpr (std::is_same_v<S, Polynomial> || std::is_same_v<S, Legendre>) {
+          append(result, s.c);
+        } else if constexpr (std::is_same_v<S, Fourier>) {
+          append(result, s.a);
+          append(result, s.b);
+        } else if constexpr (std::is_same_v<S, Backlash>) {
+          result.push_back(&s.half);
+        } else if constexpr (std::is_same_v<S, Table>) {
+          append(result, s.value);
+        } else if constexpr (std::is_same_v<S, UpDown>) {
+          append(result, s.up.value);
+          append(result, s.down.value);
+        }
+      },
+      shape);
+  return result;
+}
+
+/// What a spline prepares from its values is made again once they have changed.
+void renew(Table& table) {
+  if (table.between == Between::Spline)
+    table = make_table(table.q, table.value, table.between, table.outside);
+}
+
+void renew(Shape& shape) {
+  if (auto* table = std::get_if<Table>(&shape)) renew(*table);
+  if (auto* both = std::get_if<UpDown>(&shape)) {
+    renew(both->up);
+    renew(both->down);
+  }
+}
+
+std::string number_name(const Shape& shape, int number) {
+  if (std::holds_alternative<Constant>(shape)) return "";
+  if (std::holds_alternative<Backlash>(shape)) return " backlash";
+  if (const auto* fourier = std::get_if<Fourier>(&shape)) {
+    const int n = int(fourier->a.size());
+    return number < n ? fmt::format(" cos {}", number + 1) : fmt::format(" sin {}", number - n + 1);
+  }
+  if (const auto* both = std::get_if<UpDown>(&shape)) {
+    const int n = int(both->up.value.size());
+    return number < n ? fmt::format(" up[{}]", number) : fmt::format(" down[{}]", number - n);
+  }
+  return fmt::format("[{}]", number);
+}
+
+std::string curve_name(const Element& element, std::size_t curve, bool numbered) {
+  std::string name = to_string(element.name);
+  const Curve& c = element.curves[curve];
+  if (element.curves.size() > 1 && !c.name.empty()) name += " " + c.name;
+  if (numbered) name += fmt::format(" #{}", curve + 1);
+  return name;
+}
+
+bool has_twins(const Element& element) {
+  std::vector<std::string> names;
+  for (std::size_t c = 0; c < element.curves.size(); ++c)
+    for (int k = 0; k < int(places(element.curves[c].shape).size()); ++k)
+      names.push_back(curve_name(element, c, false) + number_name(element.curves[c].shape, k));
+  for (std::size_t i = 0; i < names.size(); ++i)
+    for (std::size_t k = 0; k < i; ++k)
+      if (names[i] == names[k]) return true;
+  return false;
+}
+
+}  // namespace
+
+std::vector<Coefficient> coefficients(const std::vector<Element>& elements) {
+  std::vector<Coefficient> result;
+  for (std::size_t e = 0; e < elements.size(); ++e)
+    for (std::size_t c = 0; c < elements[e].curves.size(); ++c) {
+      const int n = int(places(elements[e].curves[c].shape).size());
+      for (int k = 0; k < n; ++k) result.push_back({int(e), int(c), k});
+    }
+  return result;
+}
+
+std::string name_of(const Coefficient& coefficient, const std::vector<Element>& elements) {
+  const Element& element = elements.at(std::size_t(coefficient.element));
+  const auto curve = std::size_t(coefficient.curve);
+  return curve_name(element, curve, has_twins(element)) +
+         number_name(element.curves.at(curve).shape, coefficient.number);
+}
+
+VectorXd values(const std::vector<Element>& elements) {
+  std::vector<double> result;
+  for (const Element& element : elements)
+    for (const Curve& curve : element.curves)
+      for (const double* number : places(curve.shape)) result.push_back(*number);
+  return VectorXd::Map(result.data(), Index(result.size()));
+}
+
+std::vector<Element> with_values(std::vector<Element> elements, const VectorXd& values) {
+  const auto count = Index(coefficients(elements).size());
+  if (values.size() != count)
+    throw std::invalid_argument(
+        fmt::format("expected {} values, one for every number, seen {}", count, values.size()));
+  Index next = 0;
+  for (Element& element : elements)
+    for (Curve& curve : element.curves) {
+      for (double* number : places(curve.shape)) *number = values[next++];
+      renew(curve.shape);
+    }
+  return elements;
+}
+
+VectorXd basis(const Curve& curve, const CurveState& state) {
+  Curve unit = curve;
+  for (double* number : places(unit.shape)) *number = 0.0;
+  const std::size_t n = places(unit.shape).size();
+  VectorXd result(static_cast<Index>(n));
+  for (std::size_t k = 0; k < n; ++k) {
+    *places(unit.shape)[k] = 1.0;
+    renew(unit.shape);  // a renewed table keeps its numbers elsewhere
+    result[Index(k)] = value(unit, state);
+    *places(unit.shape)[k] = 0.0;
+  }
+  return result;
+}
+
+}  // namespace abbe::errors

@@ -1,0 +1,541 @@
+#include "errors/identification/design.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include <fmt/format.h>
+#include <Eigen/Cholesky>
+
+#include "kinematics/jacobian.h"
+#include "kinematics/units.h"
+
+namespace abbe::errors::identification {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+using kinematics::AxisState;
+using kinematics::Chain;
+using kinematics::Deviation;
+using kinematics::Joint;
+using kinematics::JointDeviation;
+using metrology::Bodies;
+using metrology::Look;
+using metrology::Readings;
+
+constexpr double dust = 1e-12;  // of what a column would be without cancellation
+
+[[noreturn]] void refuse(const std::string& why) { throw std::invalid_argument(why); }
+
+// ---- what is accepted
+
+bool near(double a, double b) { return a == b || std::abs(a - b) <= 1e-9; }
+
+bool same(const Joint& a, const Joint& b) {
+  return a.name == b.name && a.side == b.side && a.motion == b.motion && near(a.min, b.min) &&
+         near(a.max, b.max) && (a.direction_b - b.direction_b).norm() <= 1e-9 &&
+         (a.point_b - b.point_b).norm() <= 1e-9 && a.deviation_axes == b.deviation_axes &&
+         a.squareness == b.squareness;
+}
+
+bool same(const Chain& a, const Chain& b) {
+  const auto far_apart = [](const kinematics::Pose& S, const kinematics::Pose& T) {
+    return (S.matrix() - T.matrix()).cwiseAbs().maxCoeff() > 1e-9;
+  };
+  if (a.size() != b.size() || far_apart(a.T_bw_home(), b.T_bw_home()) ||
+      far_apart(a.T_bt_home(), b.T_bt_home()))
+    return false;
+  for (int i = 0; i < a.size(); ++i)
+    if (!same(a.joints()[std::size_t(i)], b.joints()[std::size_t(i)])) return false;
+  return true;
+}
+
+void check(const Readings& readings) {
+  const metrology::Plan& plan = readings.plan;
+  const auto fault = [&](Index i, const std::string& what) {
+    refuse(fmt::format("reading {} of {}: {}", i + 1, plan.instrument, what));
+  };
+  if (readings.value.size() != 0 && readings.value.size() != Index(plan.looks.size()))
+    refuse(fmt::format("readings of {}: expected {} values, seen {}", plan.instrument,
+                       plan.looks.size(), readings.value.size()));
+  for (Index i = 0; i < readings.value.size(); ++i) {
+    const Look& look = plan.looks[std::size_t(i)];
+    if (look.set_up < 0 || look.set_up >= int(plan.set_ups.size()))
+      fault(i, fmt::format("there is no set-up {}", look.set_up));
+    const auto& channels = plan.set_ups[std::size_t(look.set_up)].channels;
+    if (channels.empty()) continue;
+    if (look.channel < 0 || look.channel >= int(channels.size()))
+      fault(i, fmt::format("there is no channel {}", look.channel));
+    if (look.state.q.size() != readings.nominal.size() || !look.state.q.allFinite() ||
+        !std::isfinite(look.state.time_s))
+      fault(i, "expected one finite position of every axis");
+    if (!std::isfinite(readings.value[i])) fault(i, "expected a finite number");
+    const double noise = metrology::standard_deviation(channels[std::size_t(look.channel)]);
+    if (!std::isfinite(noise)) fault(i, "expected a finite noise");
+  }
+}
+
+void check(const GeometricErrors& model, std::span<const Readings> readings) {
+  if (readings.empty()) refuse("there are no readings");
+  for (const Readings& r : readings) {
+    check(r);
+    if (!same(r.nominal, readings.front().nominal))
+      refuse(fmt::format("readings of {} and of {} are of different machines",
+                         readings.front().plan.instrument, r.plan.instrument));
+  }
+  if (!values(model.elements).allFinite()) refuse("a starting value is not finite");
+  for (const Element& element : model.elements)
+    for (const Curve& curve : element.curves)
+      if (is_random(curve)) refuse(to_string(element.name) + ": chance cannot be identified");
+}
+
+// ---- unknowns
+
+std::string owner(std::span<const Readings> readings, std::size_t r) {
+  const std::string& name = readings[r].plan.instrument;
+  const auto namesakes =
+      std::count_if(readings.begin(), readings.end(),
+                    [&](const Readings& other) { return other.plan.instrument == name; });
+  return namesakes > 1 ? fmt::format("{} (readings {})", name, r + 1) : name;
+}
+
+Unknowns unknowns_of(const GeometricErrors& model, std::span<const Readings> readings) {
+  Unknowns result;
+  result.coefficients = coefficients(model.elements);
+  for (const Coefficient& coefficient : result.coefficients)
+    result.names.push_back(name_of(coefficient, model.elements));
+  for (std::size_t r = 0; r < readings.size(); ++r) {
+    const auto& list = readings[r].plan.set_ups;
+    for (std::size_t s = 0; s < list.size(); ++s) {
+      const std::vector<metrology::SetUpUnknown> unknowns = metrology::unknowns(list[s]);
+      result.set_ups.push_back({int(r), int(s), result.size(), int(unknowns.size())});
+      for (const metrology::SetUpUnknown& unknown : unknowns)
+        result.names.push_back(
+            fmt::format("{}, {}: {}", owner(readings, r), list[s].name, unknown.name));
+    }
+  }
+  return result;
+}
+
+std::vector<Row> rows_of(std::span<const Readings> readings) {
+  std::vector<Row> rows;
+  for (std::size_t r = 0; r < readings.size(); ++r)
+    for (Index i = 0; i < readings[r].value.size(); ++i) {
+      const Look& look = readings[r].plan.looks[std::size_t(i)];
+      if (!readings[r].plan.set_ups[std::size_t(look.set_up)].channels.empty())
+        rows.push_back({int(r), int(i)});
+    }
+  return rows;
+}
+
+/// Places of the unknowns of a set-up, by readings and set-up.
+const Unknowns::SetUp& place_of(const Unknowns& unknowns, int readings, int set_up) {
+  for (const Unknowns::SetUp& place : unknowns.set_ups)
+    if (place.readings == readings && place.set_up == set_up) return place;
+  throw std::logic_error("a set-up without a place");
+}
+
+// ---- the chain
+
+/// What a unit of each component of each joint's deviation does to the body that the joint carries:
+/// small motions [translation | rotation] about the bed's origin, in the bed frame.
+struct Twists {
+  MatrixXd motion;    ///< (6 x 6 size)
+  MatrixXd location;  ///< (6 x 6 size)
+};
+
+/// From the tool in the workpiece to the body in the bed: a workpiece that moves one way shows as a
+/// tool that moves the other.
+MatrixXd in_bed(const MatrixXd& J_wt, const Chain& chain, const Bodies& bodies) {
+  const Eigen::Matrix3d R_bw = bodies.T_bw.linear();
+  const Eigen::Matrix3d tip_b = kinematics::cross_matrix(bodies.T_bt.translation());
+  MatrixXd result(6, J_wt.cols());
+  result.bottomRows<3>() = R_bw * J_wt.bottomRows<3>();
+  result.topRows<3>() = R_bw * J_wt.topRows<3>() + tip_b * result.bottomRows<3>();
+  for (int j = 0; j < chain.size(); ++j)
+    if (chain.joints()[std::size_t(j)].side == kinematics::Side::Workpiece)
+      result.middleCols<6>(6 * j) *= -1.0;
+  return result;
+}
+
+Twists twists(const Chain& chain, const AxisState& state, const Bodies& bodies) {
+  return {in_bed(kinematics::motion_jacobian(chain, state.q), chain, bodies),
+          in_bed(kinematics::location_jacobian(chain, state.q), chain, bodies)};
+}
+
+/// One element of value 1 with the measuring lines, so that a line carries it as it always does.
+struct UnitElement {
+  GeometricModel unit;
+  int joint = 0;
+  bool location = false;
+  Index numbers = 0;
+};
+
+std::vector<UnitElement> unit_elements(const GeometricErrors& model, const Chain& chain) {
+  std::vector<UnitElement> result;
+  for (const Element& element : model.elements) {
+    const GeometricErrors one{{{element.name, {Curve{Constant{1.0}}}}}, model.measuring_lines, {}};
+    const GeometricModel unit = bind(one, chain);
+    result.push_back({unit, unit.elements[0].joint, element.name.location,
+                      Index(coefficients({element}).size())});
+  }
+  return result;
+}
+
+/// Everything that rows are made of.
+struct Maker {
+  const GeometricErrors& model;
+  std::span<const Readings> readings;
+  const Chain& chain;
+  std::vector<UnitElement> elements;
+  std::vector<VectorXd> since_s;  ///< (readings) of every look
+};
+
+/// Change of one reading per unit of each number; `natural` is what it would be if nothing in it
+/// cancelled, by which rounding is told from a small effect.
+struct NumberRow {
+  VectorXd change;
+  VectorXd natural;
+};
+
+NumberRow number_row(const Maker& maker, const metrology::Channel& channel, const AxisState& state,
+                     const Bodies& bodies, Index count) {
+  const metrology::ReadingGradient gradient = metrology::gradient(channel, bodies);
+  const Twists twist = twists(maker.chain, state, bodies);
+  NumberRow row{VectorXd::Zero(count), VectorXd::Zero(count)};
+  Index next = 0;
+  for (std::size_t e = 0; e < maker.elements.size(); ++e) {
+    const UnitElement& element = maker.elements[e];
+    const Joint& joint = maker.chain.joints()[std::size_t(element.joint)];
+    const bool primed = joint.side == kinematics::Side::Workpiece;
+    const Deviation& g = primed ? gradient.workpiece : gradient.tool;
+    const JointDeviation unit = deviations(element.unit, state)[std::size_t(element.joint)];
+    const MatrixXd& J = element.location ? twist.location : twist.motion;
+    const Deviation moved =
+        J.middleCols<6>(6 * element.joint) * (element.location ? unit.location : unit.motion);
+    const double effect = g.dot(moved);
+    const double arms = g.head<3>().norm() * moved.tail<3>().norm();  // of 1 mm
+    const double natural = g.cwiseAbs().dot(moved.cwiseAbs()) + arms;
+    const CurveState seen = curve_state(element.unit, state, element.joint);
+    for (const Curve& curve : maker.model.elements[e].curves) {
+      const VectorXd b = basis(curve, seen);
+      row.change.segment(next, b.size()) = effect * b;
+      row.natural.segment(next, b.size()).setConstant(natural * std::abs(curve.scale));
+      next += b.size();
+    }
+  }
+  return row;
+}
+
+// ---- what is known beforehand
+
+struct Prior {
+  std::vector<Index> unknown;  ///< numbers it speaks of
+  MatrixXd root;               ///< rows in standard deviations
+};
+
+/// Rows of the model's own covariance; numbers of zero variance are marked as not sought.
+Prior prior_of(const GeometricErrors& model, Design& design) {
+  const Covariance& covariance = model.covariance;
+  const auto m = Index(covariance.of.size());
+  if (covariance.matrix.rows() != m || covariance.matrix.cols() != m)
+    refuse("the covariance of the model does not fit its numbers");
+  if (!covariance.matrix.allFinite()) refuse("the covariance of the model is not finite");
+  Prior prior;
+  std::vector<Index> kept;
+  for (Index i = 0; i < m; ++i) {
+    const auto& all = design.unknowns.coefficients;
+    const auto at = std::find(all.begin(), all.end(), covariance.of[std::size_t(i)]);
+    if (at == all.end()) refuse("the covariance of the model speaks of a number it does not have");
+    if (covariance.matrix(i, i) == 0.0) {
+      design.sought[std::size_t(at - all.begin())] = 0;
+    } else {
+      kept.push_back(i);
+      prior.unknown.push_back(at - all.begin());
+    }
+  }
+  if (kept.empty()) return prior;
+  const MatrixXd known = covariance.matrix(kept, kept);
+  const VectorXd deviation = known.diagonal().cwiseSqrt();
+  const VectorXd inverse = deviation.cwiseInverse();
+  const Eigen::LLT<MatrixXd> root(inverse.asDiagonal() * known * inverse.asDiagonal());
+  if (!deviation.allFinite() || root.info() != Eigen::Success)
+    refuse("the covariance of the model is not positive definite");
+  prior.root = root.matrixL().solve(MatrixXd(inverse.asDiagonal()));
+  return prior;
+}
+
+void add_prior(const GeometricErrors& model, std::span<const Readings> readings, Design& design) {
+  const Prior prior = prior_of(model, design);
+  std::vector<std::pair<Index, double>> finite;  // unknowns of set-ups and their weights
+  for (const Unknowns::SetUp& place : design.unknowns.set_ups) {
+    const auto& set_up =
+        readings[std::size_t(place.readings)].plan.set_ups[std::size_t(place.set_up)];
+    const std::vector<metrology::SetUpUnknown> list = metrology::unknowns(set_up);
+    for (int i = 0; i < place.count; ++i)
+      if (std::isfinite(list[std::size_t(i)].sigma))
+        finite.emplace_back(place.first + i, 1.0 / list[std::size_t(i)].sigma);
+  }
+  const auto k = Index(prior.unknown.size());
+  design.prior = MatrixXd::Zero(k + Index(finite.size()), design.unknowns.size());
+  for (Index i = 0; i < k; ++i)
+    design.prior.col(prior.unknown[std::size_t(i)]).head(k) = prior.root.col(i);
+  for (std::size_t i = 0; i < finite.size(); ++i)
+    design.prior(k + Index(i), finite[i].first) = finite[i].second;
+}
+
+}  // namespace
+
+constexpr double most_entries = 2e8;  // of the design matrix, 1.6 GB
+
+double sigma_of(const metrology::Channel& channel) {
+  const double stated = metrology::standard_deviation(channel);
+  if (stated > 0.0) return stated;
+  return channel.is_angle() ? 1e-9 : units::nm;
+}
+
+Design design(const GeometricErrors& model, std::span<const Readings> readings) {
+  check(model, readings);
+  const Chain& chain = readings.front().nominal;
+  bind(model, chain);  // refuses by name what does not fit
+  Maker maker{model, readings, chain, unit_elements(model, chain), {}};
+  for (const Readings& r : readings) maker.since_s.push_back(metrology::since_set_up(r.plan));
+
+  Design result{unknowns_of(model, readings), rows_of(readings), {}, {}, {}, {}, {}};
+  const auto m = Index(result.rows.size());
+  const Index n = result.unknowns.size();
+  const auto p = Index(result.unknowns.coefficients.size());
+  if (double(m) * double(n) > most_entries)
+    throw std::invalid_argument(fmt::format(
+        "expected readings times unknowns below {:.0e}, seen {} times {}", most_entries, m, n));
+  result.sigma.resize(m);
+  result.A = MatrixXd::Zero(m, n);
+  VectorXd natural = VectorXd::Zero(p);
+  for (Index i = 0; i < m; ++i) {
+    const Row& row = result.rows[std::size_t(i)];
+    const Readings& r = readings[std::size_t(row.readings)];
+    const Look& look = r.plan.looks[std::size_t(row.look)];
+    const metrology::SetUp& set_up = r.plan.set_ups[std::size_t(look.set_up)];
+    const metrology::Channel& channel = set_up.channels[std::size_t(look.channel)];
+    const Bodies bodies = metrology::nominal_bodies(chain, look.state.q);
+    const double weight = 1.0 / sigma_of(channel);
+    result.sigma[i] = 1.0 / weight;
+    const NumberRow numbers = number_row(maker, channel, look.state, bodies, p);
+    result.A.row(i).head(p) = weight * numbers.change;
+    natural += (weight * numbers.natural).cwiseAbs2();
+    const Unknowns::SetUp& place = place_of(result.unknowns, row.readings, look.set_up);
+    const VectorXd change = metrology::unknowns_gradient(
+        set_up, look.channel, bodies, metrology::spindle_angle(chain, look.state),
+        maker.since_s[std::size_t(row.readings)][row.look]);
+    result.A.row(i).segment(place.first, place.count) = weight * change;
+  }
+  result.sought.assign(std::size_t(n), 1);
+  result.blind.assign(std::size_t(n), 0);
+  add_prior(model, readings, result);
+  for (Index j = 0; j < n; ++j) {
+    if (j < p && result.A.col(j).norm() <= dust * std::sqrt(natural[j])) result.A.col(j).setZero();
+    if (!result.sought[std::size_t(j)] || !result.A.col(j).isZero(0.0) ||
+        !result.prior.col(j).isZero(0.0))
+      continue;
+    result.blind[std::size_t(j)] = 1;
+    result.sought[std::size_t(j)] = 0;
+  }
+  return result;
+}
+
+VectorXd start(const GeometricErrors& model, const Unknowns& unknowns) {
+  VectorXd x = VectorXd::Zero(unknowns.size());
+  x.head(Index(unknowns.coefficients.size())) = values(model.elements);
+  return x;
+}
+
+std::vector<metrology::Misalignment> set_ups(std::span<const Readings> readings,
+                                             const Unknowns& unknowns, const VectorXd& values) {
+  std::vector<metrology::Misalignment> result;
+  for (const Unknowns::SetUp& place : unknowns.set_ups)
+    result.push_back(metrology::misalignment(
+        readings[std::size_t(place.readings)].plan.set_ups[std::size_t(place.set_up)],
+        values.segment(place.first, place.count)));
+  return result;
+}
+
+namespace {
+
+/// A machine with deviations, looked at row by row.
+struct Looking {
+  std::span<const Readings> readings;
+  const Chain& chain;
+  GeometricModel bound;
+  std::vector<VectorXd> since_s;   ///< (readings) of every look
+  std::vector<std::size_t> first;  ///< (readings) number of the first of its set-ups
+};
+
+Looking looking(const GeometricErrors& model, std::span<const Readings> readings,
+                const VectorXd& numbers) {
+  const Chain& chain = readings.front().nominal;
+  Looking result{readings,
+                 chain,
+                 bind({with_values(model.elements, numbers), model.measuring_lines, {}}, chain),
+                 {},
+                 {}};
+  std::size_t next = 0;
+  for (const Readings& r : readings) {
+    result.since_s.push_back(metrology::since_set_up(r.plan));
+    result.first.push_back(next);
+    next += r.plan.set_ups.size();
+  }
+  return result;
+}
+
+/// One row, read with the bodies anywhere and any misalignment.
+struct RowReading {
+  const Chain& chain;
+  const Look& look;
+  const metrology::SetUp& set_up;
+  double since_s;
+  Bodies nominal;
+
+  Bodies bodies(const std::vector<JointDeviation>& D) const {
+    return {chain.workpiece_in_bed(look.state.q, D), chain.tool_in_bed(look.state.q, D)};
+  }
+  double operator()(const Bodies& actual, const metrology::Misalignment& m) const {
+    return metrology::reading(set_up, look.channel, m, actual, nominal,
+                              metrology::spindle_angle(chain, look.state), since_s);
+  }
+};
+
+RowReading at_row(const Looking& looking, const Row& row) {
+  const auto r = std::size_t(row.readings);
+  const metrology::Plan& plan = looking.readings[r].plan;
+  const Look& look = plan.looks[std::size_t(row.look)];
+  return {looking.chain, look, plan.set_ups[std::size_t(look.set_up)], looking.since_s[r][row.look],
+          metrology::nominal_bodies(looking.chain, look.state.q)};
+}
+
+/// Number of its set-up among those of all readings.
+std::size_t set_up_of(const Looking& looking, const Row& row) {
+  const auto r = std::size_t(row.readings);
+  return looking.first[r] +
+         std::size_t(looking.readings[r].plan.looks[std::size_t(row.look)].set_up);
+}
+
+}  // namespace
+
+VectorXd predicted(const GeometricErrors& model, std::span<const Readings> readings,
+                   const Design& design, const VectorXd& unknowns) {
+  const auto p = Index(design.unknowns.coefficients.size());
+  const Looking machine = looking(model, readings, unknowns.head(p));
+  const std::vector<metrology::Misalignment> all = set_ups(readings, design.unknowns, unknowns);
+  VectorXd result(Index(design.rows.size()));
+  for (Index i = 0; i < result.size(); ++i) {
+    const Row& row = design.rows[std::size_t(i)];
+    const RowReading reading = at_row(machine, row);
+    const Bodies actual = reading.bodies(deviations(machine.bound, reading.look.state));
+    result[i] = reading(actual, all[set_up_of(machine, row)]);
+  }
+  return result;
+}
+
+namespace {
+
+constexpr double difference = 1e-4;  // mm, rad, relative, mm/s
+
+/// The bodies with one joint's deviation changed: the other side of the bed stays where it is.
+Bodies with_change(const RowReading& reading, Bodies actual, std::vector<JointDeviation> D,
+                   int joint, const JointDeviation& unit, double amount) {
+  JointDeviation& changed = D[std::size_t(joint)];
+  changed.motion += amount * unit.motion;
+  changed.location += amount * unit.location;
+  const auto& q = reading.look.state.q;
+  if (reading.chain.joints()[std::size_t(joint)].side == kinematics::Side::Workpiece) {
+    actual.T_bw = reading.chain.workpiece_in_bed(q, D);
+  } else {
+    actual.T_bt = reading.chain.tool_in_bed(q, D);
+  }
+  return actual;
+}
+
+bool is_any(const std::vector<char>& sought, Index first, Index count) {
+  const auto begin = sought.begin() + first;
+  return std::any_of(begin, begin + count, [](char one) { return one != 0; });
+}
+
+/// Change of one row per unit of each number that is sought.
+VectorXd number_changes(const Maker& maker, const Design& design, const RowReading& reading,
+                        const std::vector<JointDeviation>& D, const metrology::Misalignment& m) {
+  const Bodies actual = reading.bodies(D);
+  VectorXd change = VectorXd::Zero(Index(design.unknowns.coefficients.size()));
+  Index next = 0;
+  for (std::size_t e = 0; e < maker.elements.size(); ++e) {
+    const UnitElement& element = maker.elements[e];
+    if (!is_any(design.sought, next, element.numbers)) {
+      next += element.numbers;
+      continue;
+    }
+    const JointDeviation unit =
+        deviations(element.unit, reading.look.state)[std::size_t(element.joint)];
+    const auto moved = [&](double amount) {
+      return reading(with_change(reading, actual, D, element.joint, unit, amount), m);
+    };
+    const double effect = (moved(difference) - moved(-difference)) / (2.0 * difference);
+    const CurveState seen = curve_state(element.unit, reading.look.state, element.joint);
+    for (const Curve& curve : maker.model.elements[e].curves) {
+      const VectorXd b = basis(curve, seen);
+      for (Index k = 0; k < b.size(); ++k, ++next)
+        if (design.sought[std::size_t(next)]) change[next] = effect * b[k];
+    }
+  }
+  return change;
+}
+
+/// Change of one row per unit of each unknown of its set-up.
+VectorXd set_up_changes(const RowReading& reading, const std::vector<JointDeviation>& D,
+                        const VectorXd& at) {
+  const Bodies actual = reading.bodies(D);
+  VectorXd change(at.size());
+  for (Index k = 0; k < at.size(); ++k) {
+    const auto moved = [&](double amount) {
+      VectorXd unknowns = at;
+      unknowns[k] += amount;
+      return reading(actual, metrology::misalignment(reading.set_up, unknowns));
+    };
+    change[k] = (moved(difference) - moved(-difference)) / (2.0 * difference);
+  }
+  return change;
+}
+
+}  // namespace
+
+Design design_at(Design design, const GeometricErrors& model, std::span<const Readings> readings,
+                 const VectorXd& unknowns) {
+  const auto p = Index(design.unknowns.coefficients.size());
+  const Looking machine = looking(model, readings, unknowns.head(p));
+  const Maker maker{model, readings, machine.chain, unit_elements(model, machine.chain), {}};
+  const std::vector<metrology::Misalignment> all = set_ups(readings, design.unknowns, unknowns);
+  for (Index i = 0; i < Index(design.rows.size()); ++i) {
+    const Row& row = design.rows[std::size_t(i)];
+    const RowReading reading = at_row(machine, row);
+    const std::vector<JointDeviation> D = deviations(machine.bound, reading.look.state);
+    const std::size_t set_up = set_up_of(machine, row);
+    const double weight = 1.0 / design.sigma[i];
+    design.A.row(i).head(p) = weight * number_changes(maker, design, reading, D, all[set_up]);
+    const Unknowns::SetUp& place = design.unknowns.set_ups[set_up];
+    design.A.row(i).segment(place.first, place.count) =
+        weight * set_up_changes(reading, D, unknowns.segment(place.first, place.count));
+  }
+  return design;
+}
+
+VectorXd observed(std::span<const Readings> readings, const Design& design) {
+  VectorXd result(Index(design.rows.size()));
+  for (Index i = 0; i < result.size(); ++i) {
+    const Row& row = design.rows[std::size_t(i)];
+    result[i] = readings[std::size_t(row.readings)].value[row.look];
+  }
+  return result;
+}
+
+}  // namespace abbe::errors::identification

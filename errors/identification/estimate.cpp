@@ -1,0 +1,310 @@
+#include "errors/identification/estimate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <variant>
+
+#include <fmt/format.h>
+
+#include "errors/bound_element.h"
+#include "errors/identification/design.h"
+#include "errors/identification/factor.h"
+
+namespace abbe::errors::identification {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using metrology::Readings;
+
+// ---- what is left out first
+
+enum Preference { ConstantOfMotion, SlopeOfStraightness, OtherNumber, Location, SetUpUnknown };
+
+bool is_straightness(const ElementName& name, const kinematics::Chain& chain) {
+  const kinematics::Joint& joint =
+      chain.joints()[std::size_t(joint_of(name.axis, chain, to_string(name)))];
+  Index along = 0;
+  joint.direction_b.cwiseAbs().maxCoeff(&along);
+  return joint.motion == kinematics::Motion::Linear && !name.is_angle() &&
+         name.component() != int(along);
+}
+
+Preference preference_of(const Coefficient& coefficient, const GeometricErrors& model,
+                         const kinematics::Chain& chain) {
+  const Element& element = model.elements[std::size_t(coefficient.element)];
+  if (element.name.location) return Location;
+  const Shape& shape = element.curves[std::size_t(coefficient.curve)].shape;
+  const bool is_series =
+      std::holds_alternative<Polynomial>(shape) || std::holds_alternative<Legendre>(shape);
+  if (std::holds_alternative<Constant>(shape) || (is_series && coefficient.number == 0))
+    return ConstantOfMotion;
+  if (is_series && coefficient.number == 1 && is_straightness(element.name, chain))
+    return SlopeOfStraightness;
+  return OtherNumber;
+}
+
+std::vector<int> preferences(const GeometricErrors& model, const Design& design,
+                             const kinematics::Chain& chain) {
+  std::vector<int> result(std::size_t(design.unknowns.size()), SetUpUnknown);
+  for (std::size_t j = 0; j < design.unknowns.coefficients.size(); ++j)
+    result[j] = preference_of(design.unknowns.coefficients[j], model, chain);
+  return result;
+}
+
+// ---- the system of equations
+
+void check(const EstimateOptions& options) {
+  const auto expect = [](bool holds, const char* what) {
+    if (!holds) throw std::invalid_argument(fmt::format("expected {}", what));
+  };
+  expect(options.rank_tolerance > 0.0 && options.rank_tolerance < 1.0,
+         "a rank tolerance between 0 and 1");
+  expect(options.outlier_limit >= 0.0, "an outlier limit of 0 or more");
+  expect(options.most_iterations >= 1, "at least one iteration");
+  expect(options.tolerance > 0.0, "a tolerance above 0");
+}
+
+/// Everything that stays while readings are left out and values change.
+struct Problem {
+  const GeometricErrors& model;
+  std::span<const Readings> readings;
+  const EstimateOptions& options;
+  Design design;
+  std::vector<int> preference;
+  VectorXd observed;
+  VectorXd start;        ///< and what is known beforehand
+  VectorXd first_guess;  ///< where the iteration sets out
+};
+
+std::vector<Index> used_rows(const std::vector<char>& is_out) {
+  std::vector<Index> rows;
+  for (std::size_t i = 0; i < is_out.size(); ++i)
+    if (!is_out[i]) rows.push_back(Index(i));
+  return rows;
+}
+
+Factor factor_of(const Problem& problem, const std::vector<char>& is_out) {
+  const std::vector<Index> rows = used_rows(is_out);
+  const Design& design = problem.design;
+  MatrixXd A(Index(rows.size()) + design.prior.rows(), design.unknowns.size());
+  A << design.A(rows, Eigen::all), design.prior;
+  return factor(A, design.sought, problem.preference, problem.options.rank_tolerance);
+}
+
+/// Reading minus model in standard deviations, of every look. (m)
+VectorXd misfit(const Problem& problem, const VectorXd& x) {
+  const VectorXd model = predicted(problem.model, problem.readings, problem.design, x);
+  return (problem.observed - model).cwiseQuotient(problem.design.sigma);
+}
+
+struct Fit {
+  Factor factor;
+  VectorXd x;       ///< (n) all unknowns
+  VectorXd misfit;  ///< (m)
+  int iterations = 0;
+  bool converged = false;
+};
+
+/// Rounding of long readings may keep steps above the tolerance; it is over when they are far
+/// below what noise does to a number and shrink no more.
+bool is_over(const VectorXd& step, const VectorXd& former, const VectorXd& deviation,
+             double tolerance) {
+  if (step.size() == 0 || step.cwiseAbs().maxCoeff() <= tolerance) return true;
+  if (former.size() == 0) return false;
+  const double now = step.cwiseQuotient(deviation).cwiseAbs().maxCoeff();
+  const double before = former.cwiseQuotient(deviation).cwiseAbs().maxCoeff();
+  return now <= 1e-3 && now >= 0.5 * before;
+}
+
+constexpr double beyond_reason = 1e3;  // mm or rad: a step of a fit that runs away
+
+/// Chord iteration: the one factor of zero deviations serves, since it errs by the size of the
+/// deviations, about 1e-4, and shrinks the step by that each time.
+Fit fitted(const Problem& problem, const std::vector<char>& is_out) {
+  Fit fit{factor_of(problem, is_out), problem.first_guess, {}, 0, false};
+  const std::vector<Index> rows = used_rows(is_out);
+  const VectorXd deviation = covariance(fit.factor).diagonal().cwiseSqrt();
+  fit.misfit = misfit(problem, fit.x);
+  VectorXd former;
+  while (!fit.converged && fit.iterations < problem.options.most_iterations) {
+    VectorXd b(Index(rows.size()) + problem.design.prior.rows());
+    b << fit.misfit(rows), problem.design.prior * (problem.start - fit.x);
+    const VectorXd step = solve(fit.factor, b);
+    ++fit.iterations;
+    if (!(step.size() == 0 || step.cwiseAbs().maxCoeff() < beyond_reason)) break;
+    fit.x(fit.factor.found) += step;
+    fit.misfit = misfit(problem, fit.x);
+    fit.converged = is_over(step, former, deviation, problem.options.tolerance);
+    former = step;
+  }
+  return fit;
+}
+
+/// From a first solution, with what it found alone, the equations as they are there. Rank is a
+/// matter of zero deviations: at others what is confounded differs by their squares, which tells
+/// nothing.
+void set_out_from(Problem& problem, const Fit& first) {
+  std::vector<char>& sought = problem.design.sought;
+  std::fill(sought.begin(), sought.end(), char(0));
+  for (const int column : first.factor.found) sought[std::size_t(column)] = 1;
+  problem.first_guess = first.x;
+  const bool may_multiply = problem.design.prior.rows() > 0;
+  if (may_multiply && first.converged)
+    problem.design = design_at(problem.design, problem.model, problem.readings, first.x);
+}
+
+// ---- how well it fits
+
+struct Quality {
+  int degrees_of_freedom = 0;
+  double reduced_chi_square = 0.0;
+};
+
+Quality quality(const Problem& problem, const Fit& fit, const std::vector<char>& is_out) {
+  const std::vector<Index> rows = used_rows(is_out);
+  const double chi_square = fit.misfit(rows).squaredNorm() +
+                            (problem.design.prior * (problem.start - fit.x)).squaredNorm();
+  const int freedom = fit.factor.rows - int(fit.factor.found.size());
+  return {freedom, freedom > 0 ? chi_square / freedom : 0.0};
+}
+
+/// Residuals of the readings used, over their own standard deviation after the fit; 0 where a
+/// reading is fitted whatever it says. (m)
+VectorXd studentised(const Problem& problem, const Fit& fit, const std::vector<char>& is_out) {
+  const std::vector<Index> rows = used_rows(is_out);
+  const VectorXd share = leverage(fit.factor, problem.design.A(rows, Eigen::all));
+  const Quality q = quality(problem, fit, is_out);
+  const bool scale = problem.options.noise_from_residuals && q.reduced_chi_square > 0.0;
+  const double noise = scale ? std::sqrt(q.reduced_chi_square) : 1.0;
+  VectorXd result = VectorXd::Zero(fit.misfit.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const double rest = 1.0 - share[Index(i)];
+    if (rest > 1e-9) result[rows[i]] = fit.misfit[rows[i]] / (noise * std::sqrt(rest));
+  }
+  return result;
+}
+
+/// Leaves readings out, the worst first and those nearly as bad with them, until none is beyond the
+/// limit; never so many that less can be found.
+Fit without_outliers(const Problem& problem, std::vector<char>& is_out) {
+  Fit fit = fitted(problem, is_out);
+  if (problem.options.outlier_limit == 0.0) return fit;
+  std::vector<char> is_needed(is_out.size(), 0);
+  for (std::size_t round = 0; round < is_out.size(); ++round) {
+    VectorXd t = studentised(problem, fit, is_out).cwiseAbs();
+    for (std::size_t i = 0; i < is_needed.size(); ++i)
+      if (is_needed[i]) t[Index(i)] = 0.0;
+    Index worst = 0;
+    if (t.size() == 0 || t.maxCoeff(&worst) <= problem.options.outlier_limit) break;
+    const auto with_out = [&](double limit) {
+      std::vector<char> more = is_out;
+      for (Index i = 0; i < t.size(); ++i)
+        if (t[i] >= limit) more[std::size_t(i)] = 1;
+      return more;
+    };
+    std::vector<char> more = with_out(std::max(problem.options.outlier_limit, 0.5 * t[worst]));
+    Fit next = fitted(problem, more);
+    if (next.factor.found.size() < fit.factor.found.size()) {
+      more = with_out(t[worst]);
+      next = fitted(problem, more);
+    }
+    if (next.factor.found.size() < fit.factor.found.size()) {
+      is_needed[std::size_t(worst)] = 1;
+      continue;
+    }
+    is_out = more;
+    fit = std::move(next);
+  }
+  return fit;
+}
+
+// ---- the result
+
+std::vector<Confounded> confounded(const Problem& problem, const Factor& factor) {
+  const Design& design = problem.design;
+  std::vector<Confounded> result;
+  for (int j = 0; j < design.unknowns.size(); ++j) {
+    const std::string& name = design.unknowns.names[std::size_t(j)];
+    if (design.blind[std::size_t(j)]) result.push_back({name, {}});
+    const auto at = std::find(factor.left.begin(), factor.left.end(), j);
+    if (at == factor.left.end()) continue;
+    Confounded one{name, {}};
+    const auto column = factor.hidden.col(at - factor.left.begin());
+    for (Index i = 0; i < column.size(); ++i)
+      if (column[i] != 0.0) one.with.emplace_back(design.unknowns.names[std::size_t(i)], column[i]);
+    result.push_back(std::move(one));
+  }
+  return result;
+}
+
+/// Of the numbers found, and zeros for those of zero variance from the start.
+Covariance belief_covariance(const Problem& problem, const Factor& factor, double variance) {
+  const auto& all = problem.design.unknowns.coefficients;
+  Covariance result;
+  std::vector<Index> at;  // among those found
+  for (std::size_t i = 0; i < factor.found.size(); ++i) {
+    const auto column = std::size_t(factor.found[i]);
+    if (column >= all.size()) continue;
+    result.of.push_back(all[column]);
+    at.push_back(Index(i));
+  }
+  const auto n = Index(at.size());
+  const Covariance& before = problem.model.covariance;
+  for (std::size_t i = 0; i < before.of.size(); ++i)
+    if (before.matrix(Index(i), Index(i)) == 0.0) result.of.push_back(before.of[i]);
+  result.matrix = MatrixXd::Zero(Index(result.of.size()), Index(result.of.size()));
+  result.matrix.topLeftCorner(n, n) = variance * covariance(factor)(at, at);
+  return result;
+}
+
+void check(const Problem& problem) {
+  const Design& design = problem.design;
+  const auto p = design.unknowns.coefficients.size();
+  if (p == 0) throw std::invalid_argument("there is nothing to find: the model has no numbers");
+  if (design.rows.empty())
+    throw std::invalid_argument("there is nothing to find it by: the readings hold no value");
+}
+
+}  // namespace
+
+Estimate estimate(const GeometricErrors& model, std::span<const Readings> readings,
+                  const EstimateOptions& options) {
+  check(options);
+  Problem problem{model, readings, options, design(model, readings), {}, {}, {}, {}};
+  check(problem);
+  problem.preference = preferences(model, problem.design, readings.front().nominal);
+  problem.observed = observed(readings, problem.design);
+  problem.start = problem.first_guess = start(model, problem.design.unknowns);
+
+  std::vector<char> is_out(problem.design.rows.size(), 0);
+  const Fit first = fitted(problem, is_out);
+  const std::vector<Confounded> not_found = confounded(problem, first.factor);
+  set_out_from(problem, first);
+  const Fit fit = without_outliers(problem, is_out);
+  const Quality q = quality(problem, fit, is_out);
+  const bool scale = options.noise_from_residuals && q.degrees_of_freedom > 0;
+
+  const Unknowns& unknowns = problem.design.unknowns;
+  const auto p = Index(unknowns.coefficients.size());
+  Estimate result;
+  result.value = fit.x.head(p);
+  result.names.assign(unknowns.names.begin(), unknowns.names.begin() + p);
+  result.belief = {with_values(model.elements, result.value), model.measuring_lines,
+                   belief_covariance(problem, fit.factor, scale ? q.reduced_chi_square : 1.0)};
+  result.confounded = not_found;
+  result.set_ups = set_ups(readings, unknowns, fit.x);
+  result.fit_residual = fit.misfit;
+  for (std::size_t i = 0; i < is_out.size(); ++i)
+    if (is_out[i]) result.outliers.push_back(int(i));
+  result.degrees_of_freedom = q.degrees_of_freedom;
+  result.reduced_chi_square = q.reduced_chi_square;
+  result.condition = fit.factor.condition;
+  result.iterations = first.iterations + fit.iterations;
+  result.converged = fit.converged;
+  return result;
+}
+
+}  // namespace abbe::errors::identification

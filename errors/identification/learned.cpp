@@ -1,0 +1,194 @@
+#include "errors/identification/learned.h"
+
+#include <cmath>
+#include <limits>
+#include <random>
+#include <stdexcept>
+#include <vector>
+
+// dlib is used by its headers alone. Its check against the packaged library would need that
+// library; BLAS and LAPACK, which its package turns on, would make the bits depend on which one is
+// installed.
+#define DLIB_TEST_FOR_ODR_VIOLATIONS_H_
+#include <dlib/assert.h>
+#undef DLIB_USE_BLAS
+#undef DLIB_USE_LAPACK
+#include <dlib/optimization.h>
+#include <dlib/svm.h>
+
+namespace abbe::errors::identification {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using Sample = dlib::matrix<double, 0, 1>;
+using Kernel = dlib::radial_basis_kernel<Sample>;
+
+void require(bool holds, const char* what) {
+  if (!holds) throw std::invalid_argument(what);
+}
+
+void validate(const MatrixXd& Z, const VectorXd& y) {
+  require(Z.rows() >= 1 && Z.cols() >= 1, "a learned model needs a row and an input");
+  require(Z.rows() == y.size(), "inputs and readings differ in rows");
+  require(Z.allFinite() && y.allFinite(), "a learned model needs finite numbers");
+}
+
+Sample to_dlib(const VectorXd& v) {
+  Sample sample(v.size());
+  for (Index i = 0; i < v.size(); ++i) sample(i) = v(i);
+  return sample;
+}
+
+VectorXd to_eigen(const Sample& sample) {
+  VectorXd v(sample.size());
+  for (Index i = 0; i < v.size(); ++i) v(i) = sample(i);
+  return v;
+}
+
+std::vector<Sample> samples(const MatrixXd& Z) {
+  std::vector<Sample> result;
+  for (Index row = 0; row < Z.rows(); ++row) result.push_back(to_dlib(Z.row(row)));
+  return result;
+}
+
+KernelSum to_sum(const dlib::decision_function<Kernel>& f) {
+  const auto s = static_cast<Index>(f.basis_vectors.size());
+  const Index m = s ? static_cast<Index>(f.basis_vectors(0).size()) : 0;
+  KernelSum sum{MatrixXd(s, m), VectorXd(s), -f.b, f.kernel_function.gamma};
+  for (Index i = 0; i < s; ++i) {
+    sum.support.row(i) = to_eigen(f.basis_vectors(i)).transpose();
+    sum.weight(i) = f.alpha(i);
+  }
+  return sum;
+}
+
+template <typename Trainer>
+KernelSum trained(const Trainer& trainer, const MatrixXd& Z, const VectorXd& y) {
+  return to_sum(trainer.train(samples(Z), std::vector<double>(y.data(), y.data() + y.size())));
+}
+
+/// Loss and its gradient with respect to all weights in one vector: in, in_bias, out, out_bias.
+class NetworkLoss {
+ public:
+  NetworkLoss(const MatrixXd& Z, const VectorXd& y, const NetworkOptions& options)
+      : Z_(Z), y_(y), h_(options.hidden), decay_(options.decay) {}
+
+  Index size() const { return h_ * (Z_.cols() + 2) + 1; }
+
+  Network unpack(const Sample& w) const {
+    const Index m = Z_.cols();
+    const double* at = &w(0);
+    return {Eigen::Map<const MatrixXd>(at, h_, m), Eigen::Map<const VectorXd>(at + h_ * m, h_),
+            Eigen::Map<const VectorXd>(at + h_ * (m + 1), h_), w(h_ * (m + 2))};
+  }
+
+  double loss(const Sample& w) const {
+    const Network net = unpack(w);
+    return residual(net, hidden(net)).squaredNorm() / static_cast<double>(y_.size()) +
+           decay_ * (net.in.squaredNorm() + net.out.squaredNorm());
+  }
+
+  Sample gradient(const Sample& w) const {
+    const Network net = unpack(w);
+    const MatrixXd t = hidden(net);
+    const VectorXd r = residual(net, t) * (2.0 / static_cast<double>(y_.size()));
+    // d tanh = 1 - tanh^2; each row's residual times what it passes back
+    const MatrixXd back =
+        ((1 - t.array().square()).rowwise() * net.out.transpose().array()).colwise() * r.array();
+    VectorXd g(size());
+    const Index m = Z_.cols();
+    const MatrixXd in = back.transpose() * Z_ + 2 * decay_ * net.in;
+    g << Eigen::Map<const VectorXd>(in.data(), h_ * m), back.colwise().sum().transpose(),
+        t.transpose() * r + 2 * decay_ * net.out, r.sum();
+    return to_dlib(g);
+  }
+
+ private:
+  MatrixXd hidden(const Network& net) const {
+    const MatrixXd sum = (Z_ * net.in.transpose()).rowwise() + net.in_bias.transpose();
+    return sum.unaryExpr([](double x) { return std::tanh(x); });
+  }
+  VectorXd residual(const Network& net, const MatrixXd& t) const {
+    return ((t * net.out).array() + net.out_bias).matrix() - y_;
+  }
+
+  const MatrixXd& Z_;
+  const VectorXd& y_;
+  Index h_;
+  double decay_;
+};
+
+}  // namespace
+
+double value(const KernelSum& sum, const VectorXd& z) {
+  double result = sum.bias;
+  for (Index i = 0; i < sum.weight.size(); ++i)
+    result +=
+        sum.weight(i) * std::exp(-sum.gamma * (sum.support.row(i).transpose() - z).squaredNorm());
+  return result;
+}
+
+KernelSum fit_support_vectors(const MatrixXd& Z, const VectorXd& y,
+                              const SupportVectorOptions& options) {
+  validate(Z, y);
+  require(options.gamma > 0 && options.cost > 0 && options.epsilon > 0 && options.accuracy > 0,
+          "an option of support vectors is not positive");
+  dlib::svr_trainer<Kernel> trainer;
+  trainer.set_kernel(Kernel(options.gamma));
+  trainer.set_c(options.cost);
+  trainer.set_epsilon_insensitivity(options.epsilon);
+  trainer.set_epsilon(options.accuracy);
+  return trained(trainer, Z, y);
+}
+
+KernelSum fit_kernel_ridge(const MatrixXd& Z, const VectorXd& y,
+                           const KernelRidgeOptions& options) {
+  validate(Z, y);
+  require(options.gamma > 0 && options.penalty > 0 && options.most_support > 0,
+          "an option of kernel ridge is not positive");
+  dlib::krr_trainer<Kernel> trainer;
+  trainer.set_kernel(Kernel(options.gamma));
+  trainer.set_lambda(options.penalty * static_cast<double>(y.size()));
+  trainer.set_max_basis_size(static_cast<unsigned long>(options.most_support));
+  return trained(trainer, Z, y);
+}
+
+double value(const Network& network, const VectorXd& z) {
+  double result = network.out_bias;
+  const VectorXd sum = network.in * z + network.in_bias;
+  for (Index i = 0; i < sum.size(); ++i) result += network.out(i) * std::tanh(sum(i));
+  return result;
+}
+
+Network fit_network(const MatrixXd& Z, const VectorXd& y, const NetworkOptions& options) {
+  validate(Z, y);
+  require(options.hidden >= 1 && options.hidden <= 1000 && options.decay >= 0 &&
+              std::isfinite(options.decay) && options.starts >= 1 && options.most_iterations >= 1,
+          "an option of a network is out of range");
+  const NetworkLoss loss(Z, y, options);
+  std::mt19937_64 random(options.seed);
+  Sample best;
+  double least = std::numeric_limits<double>::infinity();
+  for (int start = 0; start < options.starts; ++start) {
+    Sample w(loss.size());
+    // Uniform in +-0.5 by hand: the standard's distributions differ between libraries.
+    for (Index i = 0; i < loss.size(); ++i)
+      w(i) = static_cast<double>(random() >> 11) * 0x1p-53 - 0.5;
+    const double end = dlib::find_min(
+        dlib::lbfgs_search_strategy(20),
+        dlib::objective_delta_stop_strategy(1e-10,
+                                            static_cast<unsigned long>(options.most_iterations)),
+        [&](const Sample& x) { return loss.loss(x); },
+        [&](const Sample& x) { return loss.gradient(x); }, w,
+        -std::numeric_limits<double>::infinity());
+    if (end < least) {
+      least = end;
+      best = w;
+    }
+  }
+  return loss.unpack(best);
+}
+
+}  // namespace abbe::errors::identification

@@ -1,0 +1,343 @@
+#include "errors/identification/regression.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include <fmt/format.h>
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+#include <Eigen/SVD>
+
+namespace abbe::errors::identification {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+// Extended precision costs little at these sizes and saves the digits that ill-conditioned
+// polynomials lose.
+using Real = long double;
+using RealMatrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
+using RealVector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
+
+void require(bool holds, const char* what) {
+  if (!holds) throw std::invalid_argument(what);
+}
+
+void validate(const MatrixXd& A, const VectorXd& y) {
+  require(A.rows() == y.size(), "design and readings differ in rows");
+  require(A.allFinite() && y.allFinite(), "a regression needs finite numbers");
+}
+
+/// Square roots of the weights.
+RealVector row_scale(const VectorXd& weight, Index n) {
+  if (weight.size() == 0) return RealVector::Ones(n);
+  require(weight.size() == n, "weights and readings differ in rows");
+  require(weight.allFinite() && (weight.array() >= 0).all(), "a weight is negative or not finite");
+  return weight.cast<Real>().cwiseSqrt();
+}
+
+/// [1 A], each row times the root of its weight, each column scaled to a length near 1 by a power
+/// of two, which rounds nothing.
+struct Design {
+  RealMatrix scaled;
+  RealVector unit;  ///< what each column was divided by
+};
+
+Design make_design(const MatrixXd& A, bool constant, const RealVector& row) {
+  const Index q = A.cols() + (constant ? 1 : 0);
+  Design design{RealMatrix(A.rows(), q), RealVector::Ones(q)};
+  if (constant) design.scaled.col(0).setOnes();
+  design.scaled.rightCols(A.cols()) = A.cast<Real>();
+  design.scaled = row.asDiagonal() * design.scaled;
+  for (Index j = 0; j < q; ++j) {
+    const Real length = design.scaled.col(j).norm();
+    if (length > 0) design.unit(j) = std::exp2(std::round(std::log2(length)));
+    design.scaled.col(j) /= design.unit(j);
+  }
+  return design;
+}
+
+using Qr = Eigen::ColPivHouseholderQR<RealMatrix>;
+
+/// Leading half of the mantissa (Veltkamp).
+Real leading(Real a) {
+  const Real c = 4294967297.0L * a;  // 2^32 + 1
+  return c - (c - a);
+}
+
+/// Sum of products that keeps the rounding of every step (Dekker, Knuth) and adds it at the end.
+struct TwofoldSum {
+  Real sum = 0, rest = 0;
+  void add(Real a, Real b) {
+    const Real product = a * b;
+    // By halves: a fused multiply-add of long double is emulated, and slow.
+    const Real a1 = leading(a), b1 = leading(b), a2 = a - a1, b2 = b - b1;
+    const Real lost = ((a1 * b1 - product) + a1 * b2 + a2 * b1) + a2 * b2;
+    const Real next = sum + product;
+    const Real back = next - sum;
+    rest += lost + ((sum - (next - back)) + (product - back));
+    sum = next;
+  }
+};
+
+/// b and what the normal equations still ask for, their right side summed twofold: plain QR
+/// leaves an error of condition^2 times the residual, which matters where the fit is bad.
+RealVector refined(const Design& design, const RealVector& y, const Qr& qr, const RealVector& b) {
+  const Index n = design.scaled.rows(), q = design.scaled.cols();
+  std::vector<TwofoldSum> gradient(static_cast<std::size_t>(q));
+  for (Index i = 0; i < n; ++i) {
+    TwofoldSum residual;
+    residual.add(y(i), 1);
+    for (Index j = 0; j < q; ++j) residual.add(-design.scaled(i, j), b(j));
+    for (Index j = 0; j < q; ++j) {
+      gradient[static_cast<std::size_t>(j)].add(design.scaled(i, j), residual.sum);
+      gradient[static_cast<std::size_t>(j)].add(design.scaled(i, j), residual.rest);
+    }
+  }
+  RealVector g(q);
+  for (Index j = 0; j < q; ++j)
+    g(j) = gradient[static_cast<std::size_t>(j)].sum + gradient[static_cast<std::size_t>(j)].rest;
+  const auto R = qr.matrixQR().topRows(q).triangularView<Eigen::Upper>();
+  const RealVector half = R.transpose().solve(qr.colsPermutation().transpose() * g);
+  return b + qr.colsPermutation() * R.solve(half);
+}
+
+/// The columns past `rank` as combinations of those before.
+std::vector<Dependence> confounded(const Qr& qr, const Design& design, Index rank, bool constant) {
+  const Index q = design.scaled.cols();
+  const auto& order = qr.colsPermutation().indices();
+  const RealMatrix R = qr.matrixR().topRows(std::min(q, design.scaled.rows()));
+  const RealMatrix factors = R.topLeftCorner(rank, rank)
+                                 .template triangularView<Eigen::Upper>()
+                                 .solve(R.topRightCorner(rank, q - rank));
+  const int shift = constant ? 1 : 0;
+  std::vector<Dependence> result;
+  for (Index k = 0; k < q - rank; ++k) {
+    const Index column = order(rank + k);
+    Dependence one{static_cast<int>(column) - shift, {}, {}};
+    for (Index i = 0; i < rank; ++i) {
+      if (std::abs(factors(i, k)) < 1e-9L) continue;
+      one.with.push_back(static_cast<int>(order(i)) - shift);
+      one.factor.push_back(
+          static_cast<double>(factors(i, k) * design.unit(column) / design.unit(order(i))));
+    }
+    result.push_back(std::move(one));
+  }
+  return result;
+}
+
+/// Columns of which more than the tolerance is left beside those before them; n >= q.
+Index rank_of(const Qr& qr, double tolerance) {
+  const auto& R = qr.matrixQR();
+  Index rank = 0;
+  while (rank < R.cols() &&
+         std::abs(R(rank, rank)) > Real(tolerance) * R.col(rank).head(rank + 1).norm())
+    ++rank;
+  return rank;
+}
+
+/// Inverse of A'A of the scaled design.
+RealMatrix inverse_normal(const Qr& qr, Index q) {
+  const RealMatrix R_inverse =
+      qr.matrixQR().topRows(q).template triangularView<Eigen::Upper>().solve(
+          RealMatrix::Identity(q, q));
+  const RealMatrix in_order = qr.colsPermutation() * R_inverse;
+  return in_order * in_order.transpose();
+}
+
+double condition_of(const Qr& qr) {
+  const Index q = qr.matrixQR().cols();
+  RealMatrix R = qr.matrixQR().topRows(q).template triangularView<Eigen::Upper>();
+  R.colwise().normalize();
+  const Eigen::JacobiSVD<RealMatrix> svd(R);
+  return static_cast<double>(svd.singularValues()(0) / svd.singularValues()(q - 1));
+}
+
+/// Weighted sum of squares about the weighted mean, or about 0.
+Real total_squares(const RealVector& y, const RealVector& row, bool about_mean) {
+  if (!about_mean) return y.cwiseProduct(row).squaredNorm();
+  const RealVector weight = row.cwiseAbs2();
+  const Real mean = weight.dot(y) / weight.sum();
+  return (y.array() - mean).matrix().cwiseProduct(row).squaredNorm();
+}
+
+/// VIF of a column is its diagonal of the inverse normal matrix times its sum of squares about the
+/// mean (about 0 where there is no constant).
+VectorXd inflation(const MatrixXd& A, const Design& design, const RealMatrix& inverse,
+                   const RealVector& row) {
+  const Index p = A.cols(), shift = inverse.cols() - p;
+  VectorXd vif(p);
+  for (Index j = 0; j < p; ++j) {
+    vif(j) = static_cast<double>(
+        inverse(j + shift, j + shift) *
+        total_squares(A.col(j).cast<Real>() / design.unit(j + shift), row, shift == 1));
+  }
+  return vif;
+}
+
+double press_rms(const RealVector& residual, const VectorXd& leverage, const RealVector& row) {
+  Real sum = 0;
+  Index count = 0;
+  for (Index i = 0; i < residual.size(); ++i) {
+    if (row(i) == 0) continue;
+    // A row with all the leverage cannot be predicted by the others.
+    const Real left = std::max<Real>(1.0L - static_cast<Real>(leverage(i)), 1e-12L);
+    sum += (residual(i) / left) * (residual(i) / left);
+    ++count;
+  }
+  return static_cast<double>(std::sqrt(sum / static_cast<Real>(count)));
+}
+
+/// Columns scaled to mean 0 and standard deviation 1 (0 for one that stands still).
+struct Standard {
+  MatrixXd Z;
+  VectorXd mean, sd;
+  VectorXd centred;  ///< y minus its mean
+  double y_mean = 0.0;
+};
+
+Standard standardise(const MatrixXd& A, const VectorXd& y) {
+  validate(A, y);
+  require(A.rows() >= 1 && A.cols() >= 1, "a shrunk fit needs a row and a column");
+  const double n = static_cast<double>(A.rows());
+  Standard s{A, A.colwise().mean(), VectorXd::Zero(A.cols()), y, y.mean()};
+  s.Z.rowwise() -= s.mean.transpose();
+  s.centred.array() -= s.y_mean;
+  for (Index j = 0; j < A.cols(); ++j) {
+    const double sd = std::sqrt(s.Z.col(j).squaredNorm() / n);
+    // Below this the column only holds rounding of its own mean.
+    if (sd > 1e-13 * std::abs(s.mean(j)) && sd > 0) s.sd(j) = sd;
+    s.Z.col(j) *= s.sd(j) > 0 ? 1.0 / s.sd(j) : 0.0;
+  }
+  return s;
+}
+
+Shrunk in_units(const Standard& s, const VectorXd& b) {
+  Shrunk result;
+  result.beta = (s.sd.array() > 0).select(b.array() / s.sd.array(), 0.0);
+  result.constant = s.y_mean - s.mean.dot(result.beta);
+  return result;
+}
+
+double largest_gradient(const Standard& s) {
+  return (s.Z.transpose() * s.centred).cwiseAbs().maxCoeff() / static_cast<double>(s.Z.rows());
+}
+
+double violation(const MatrixXd& gram, const VectorXd& moment, const VectorXd& b, double penalty) {
+  const VectorXd gradient = moment - gram * b;
+  double worst = 0;
+  for (Index j = 0; j < b.size(); ++j) {
+    if (gram(j, j) == 0) continue;
+    const double off = b(j) == 0 ? std::max(std::abs(gradient(j)) - penalty, 0.0)
+                                 : std::abs(gradient(j) - std::copysign(penalty, b(j)));
+    worst = std::max(worst, off);
+  }
+  return worst;
+}
+
+}  // namespace
+
+Regression fit_regression(const MatrixXd& A, const VectorXd& y, const RegressionOptions& options) {
+  validate(A, y);
+  const Index n = A.rows(), q = A.cols() + (options.constant ? 1 : 0);
+  require(q >= 1, "a regression needs a column or a constant");
+  const RealVector row = row_scale(options.weight, n);
+  const Index rows = (row.array() > 0).count();
+  Regression fit;
+  if (rows < q) {
+    fit.status = RegressionStatus::TooFewRows;
+    return fit;
+  }
+  const Design design = make_design(A, options.constant, row);
+  const Qr qr(design.scaled);
+  const Index rank = rank_of(qr, options.rank_tolerance);
+  if (rank < q) {
+    fit.status = RegressionStatus::RankDeficient;
+    fit.confounded = confounded(qr, design, rank, options.constant);
+    return fit;
+  }
+  const RealVector weighted = y.cast<Real>().cwiseProduct(row);
+  const RealVector b = refined(design, weighted, qr, qr.solve(weighted));
+  const RealVector weighted_residual = weighted - design.scaled * b;
+  const RealVector coefficient = b.cwiseQuotient(design.unit);
+  const Index p = A.cols();
+  const RealVector fitted = (A.cast<Real>() * coefficient.tail(p)).array() +
+                            (options.constant ? coefficient(0) : Real(0));
+  const RealVector residual = y.cast<Real>() - fitted;
+  const RealMatrix inverse = inverse_normal(qr, q);
+  const Real squares = weighted_residual.squaredNorm();
+
+  fit.degrees_of_freedom = static_cast<int>(rows - q);
+  const Real variance = rows > q ? squares / static_cast<Real>(rows - q) : Real(0);
+  const RealVector unscale = design.unit.cwiseInverse();
+  fit.covariance =
+      (unscale.asDiagonal() * inverse * unscale.asDiagonal() * variance).eval().cast<double>();
+  fit.standard_error = fit.covariance.diagonal().cwiseSqrt();
+  fit.constant = options.constant ? static_cast<double>(coefficient(0)) : 0.0;
+  fit.beta = coefficient.tail(p).cast<double>();
+  fit.residual = residual.cast<double>();
+  fit.leverage =
+      (design.scaled * inverse).cwiseProduct(design.scaled).rowwise().sum().cast<double>();
+  fit.residual_sd = static_cast<double>(std::sqrt(variance));
+  const Real total = total_squares(y.cast<Real>(), row, options.constant);
+  fit.r_squared = total > 0 ? static_cast<double>(1 - squares / total) : 0.0;
+  fit.condition = condition_of(qr);
+  fit.vif = inflation(A, design, inverse, row);
+  fit.press_rms = press_rms(residual, fit.leverage, row);
+  return fit;
+}
+
+std::string describe(const std::vector<Dependence>& confounded,
+                     const std::vector<std::string>& names) {
+  const auto name = [&](int column) {
+    return column < 0 ? std::string("constant") : names.at(static_cast<std::size_t>(column));
+  };
+  std::string text;
+  for (const Dependence& one : confounded) {
+    text += (text.empty() ? "" : "; ") + name(one.column) + " =";
+    if (one.with.empty()) text += " 0";
+    for (std::size_t i = 0; i < one.with.size(); ++i)
+      text += fmt::format("{} {:.6g} {}", i ? " +" : "", one.factor[i], name(one.with[i]));
+  }
+  return text;
+}
+
+Shrunk fit_ridge(const MatrixXd& A, const VectorXd& y, double penalty) {
+  require(std::isfinite(penalty) && penalty > 0, "a ridge penalty is positive");
+  const Standard s = standardise(A, y);
+  const double n = static_cast<double>(A.rows());
+  MatrixXd normal = s.Z.transpose() * s.Z / n;
+  normal.diagonal().array() += penalty;
+  return in_units(s, normal.ldlt().solve(s.Z.transpose() * s.centred / n));
+}
+
+Shrunk fit_lasso(const MatrixXd& A, const VectorXd& y, double penalty) {
+  require(std::isfinite(penalty) && penalty >= 0, "a LASSO penalty is not negative");
+  const Standard s = standardise(A, y);
+  const double n = static_cast<double>(A.rows());
+  const MatrixXd gram = s.Z.transpose() * s.Z / n;
+  const VectorXd moment = s.Z.transpose() * s.centred / n;
+  const double most = largest_gradient(s);
+  VectorXd b = VectorXd::Zero(A.cols());
+  double worst = violation(gram, moment, b, penalty);
+  for (int sweep = 0; sweep < 20000 && worst > 1e-9 * most; ++sweep) {
+    for (Index j = 0; j < b.size(); ++j) {
+      if (gram(j, j) == 0) continue;
+      const double free = moment(j) - gram.col(j).dot(b) + gram(j, j) * b(j);
+      b(j) = std::copysign(std::max(std::abs(free) - penalty, 0.0), free) / gram(j, j);
+    }
+    worst = violation(gram, moment, b, penalty);
+  }
+  Shrunk result = in_units(s, b);
+  result.converged = worst <= 1e-9 * most;
+  result.kkt = most > 0 ? worst / most : 0.0;
+  return result;
+}
+
+double most_penalty(const MatrixXd& A, const VectorXd& y) {
+  return largest_gradient(standardise(A, y));
+}
+
+}  // namespace abbe::errors::identification

@@ -1,0 +1,232 @@
+#include "errors/identification/sensor_choice.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <random>
+#include <set>
+#include <stdexcept>
+
+#include "errors/identification/cross_validation.h"
+
+namespace abbe::errors::identification {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Columns of mean 0 and length 1; zero for one that stands still.
+MatrixXd directions(const MatrixXd& columns) {
+  MatrixXd result = columns.rowwise() - columns.colwise().mean();
+  for (Index j = 0; j < columns.cols(); ++j) {
+    const double length = result.col(j).norm();
+    const bool moves = columns.col(j).maxCoeff() > columns.col(j).minCoeff();
+    result.col(j) *= moves && length > 0 ? 1 / length : 0;
+  }
+  return result;
+}
+
+std::vector<int> moving(const ThermalData& data) {
+  std::vector<int> result;
+  for (int j = 0; j < data.T.cols(); ++j)
+    if (data.T.col(j).maxCoeff() > data.T.col(j).minCoeff()) result.push_back(j);
+  return result;
+}
+
+/// Degrees of the inputs named, the other entries 0.
+struct Degrees {
+  GreyStatus status = GreyStatus::Ok;
+  int input = -1;
+  VectorXd with_error;  ///< the highest with any error
+  MatrixXd mutual;
+};
+
+Degrees by_correlation(std::span<const ThermalData> errors) {
+  Degrees result{GreyStatus::Ok, -1, correlations(errors.front()),
+                 mutual_correlations(errors.front())};
+  for (const ThermalData& error : errors)
+    result.with_error = result.with_error.cwiseMax(correlations(error));
+  return result;
+}
+
+Degrees by_grey(std::span<const ThermalData> errors, const std::vector<int>& inputs,
+                const GreyOptions& options) {
+  const MatrixXd& T = errors.front().T;
+  const auto input_of = [&](int series) {
+    return series < 0 ? -1 : inputs[static_cast<std::size_t>(series)];
+  };
+  Degrees result{GreyStatus::Ok, -1, VectorXd::Zero(T.cols()), MatrixXd::Zero(T.cols(), T.cols())};
+  for (const ThermalData& error : errors) {
+    MatrixXd series = T(Eigen::all, inputs);
+    if (options.kind == GreyKind::Deng && options.image == Image::Interval)
+      for (Index j = 0; j < series.cols(); ++j)
+        if ((series.col(j).array() - series.col(j).mean()).matrix().dot(error.y) < 0)
+          series.col(j) *= -1;
+    const GreyDegrees with_error = grey_degrees(error.y, series, options);
+    const MutualDegrees mutual = mutual_degrees(series, options);
+    if (with_error.status != GreyStatus::Ok)
+      return {with_error.status, input_of(with_error.series), {}, {}};
+    if (mutual.status != GreyStatus::Ok) return {mutual.status, input_of(mutual.series), {}, {}};
+    result.with_error(inputs) = result.with_error(inputs).cwiseMax(with_error.degree).eval();
+    result.mutual(inputs, inputs) = result.mutual(inputs, inputs).cwiseMax(mutual.degree).eval();
+  }
+  return result;
+}
+
+std::vector<std::vector<int>> grouped(const std::vector<int>& by_degree, const MatrixXd& mutual,
+                                      double threshold) {
+  std::vector<std::vector<int>> groups;
+  for (const int sensor : by_degree) {
+    const auto leader = std::ranges::find_if(groups, [&](const std::vector<int>& group) {
+      return mutual(group.front(), sensor) >= threshold;
+    });
+    if (leader == groups.end())
+      groups.push_back({sensor});
+    else
+      leader->push_back(sensor);
+  }
+  return groups;
+}
+
+/// The lowest mutual degree that, as a threshold, leaves at least `wanted` groups.
+double threshold_for(const std::vector<int>& by_degree, const MatrixXd& mutual,
+                     std::size_t wanted) {
+  std::set<double> candidates;
+  for (const int i : by_degree)
+    for (const int j : by_degree)
+      if (i != j) candidates.insert(mutual(i, j));
+  for (const double threshold : candidates)
+    if (grouped(by_degree, mutual, threshold).size() >= wanted) return threshold;
+  return 1.0 + 1e-9;  // each sensor a group of its own
+}
+
+/// Mean square of what regressions on these inputs leave of all errors; infinite where one cannot
+/// be made.
+double left_by(std::span<const ThermalData> errors, const std::vector<int>& inputs) {
+  ThermalModelOptions options;
+  options.sigma_from_runs = false;
+  double sum = 0.0;
+  for (const ThermalData& error : errors) {
+    const ThermalData some = only_inputs(error, inputs);
+    if (runs(error).size() >= 2) {
+      const Validation validation = cross_validate(some, options);
+      if (validation.status != FitStatus::Ok) return INFINITY;
+      sum += validation.overall.rms * validation.overall.rms;
+    } else {
+      const ThermalFit fitted = fit(some, options);
+      if (!fitted.regression) return INFINITY;
+      sum += fitted.regression->residual_sd * fitted.regression->residual_sd;
+    }
+  }
+  return sum;
+}
+
+std::vector<int> screened_by_regression(std::span<const ThermalData> errors,
+                                        std::vector<int> leaders, std::size_t count) {
+  std::vector<int> chosen;
+  while (chosen.size() < count && !leaders.empty()) {
+    std::vector<double> left;
+    for (const int leader : leaders) {
+      std::vector<int> with = chosen;
+      with.push_back(leader);
+      left.push_back(left_by(errors, with));
+    }
+    const auto best = std::ranges::min_element(left) - left.begin();
+    chosen.push_back(leaders[static_cast<std::size_t>(best)]);
+    leaders.erase(leaders.begin() + best);
+  }
+  return chosen;
+}
+
+}  // namespace
+
+SensorChoice choose_sensors(const ThermalData& error, const SensorChoiceOptions& options) {
+  return choose_sensors(std::span(&error, 1), options);
+}
+
+SensorChoice choose_sensors(std::span<const ThermalData> errors,
+                            const SensorChoiceOptions& options) {
+  if (errors.empty()) throw std::invalid_argument("a choice of sensors needs an error");
+  for (const ThermalData& error : errors) {
+    validate(error);
+    if (error.names != errors.front().names || error.run != errors.front().run ||
+        error.T != errors.front().T)
+      throw std::invalid_argument("errors that share sensors were not seen at the same rows");
+  }
+  if (options.count < 1 || options.groups < 1)
+    throw std::invalid_argument("a choice of sensors needs one or more");
+  SensorChoice choice;
+  const std::vector<int> inputs = moving(errors.front());
+  for (int j = 0; j < errors.front().T.cols(); ++j)
+    if (!std::ranges::count(inputs, j)) choice.still.push_back(j);
+  if (inputs.empty()) {
+    choice.status = GreyStatus::StandsStill;
+    choice.input = choice.still.front();
+    return choice;
+  }
+  Degrees degrees = options.likeness == Likeness::Correlation
+                        ? by_correlation(errors)
+                        : by_grey(errors, inputs, options.grey);
+  choice.status = degrees.status;
+  choice.input = degrees.input;
+  if (choice.status != GreyStatus::Ok) return choice;
+  choice.degree = std::move(degrees.with_error);
+  choice.mutual = std::move(degrees.mutual);
+
+  std::vector<int> by_degree = ranking(choice.degree);
+  std::erase_if(by_degree, [&](int j) { return std::ranges::count(choice.still, j) > 0; });
+  const std::size_t wanted =
+      std::min(static_cast<std::size_t>(std::max(options.groups, options.count)), by_degree.size());
+  choice.threshold =
+      options.threshold ? *options.threshold : threshold_for(by_degree, choice.mutual, wanted);
+  choice.groups = grouped(by_degree, choice.mutual, choice.threshold);
+
+  std::vector<int> leaders;
+  for (const std::vector<int>& group : choice.groups) leaders.push_back(group.front());
+  const auto count = std::min(static_cast<std::size_t>(options.count), leaders.size());
+  if (options.screening == Screening::Regression)
+    choice.chosen = screened_by_regression(errors, leaders, count);
+  else
+    choice.chosen.assign(leaders.begin(), leaders.begin() + static_cast<std::ptrdiff_t>(count));
+  return choice;
+}
+
+VectorXd correlations(const ThermalData& data) {
+  return (directions(data.T).transpose() * directions(data.y)).cwiseAbs();
+}
+
+MatrixXd mutual_correlations(const ThermalData& data) {
+  const MatrixXd d = directions(data.T);
+  return (d.transpose() * d).cwiseAbs();
+}
+
+std::vector<int> ranking(const VectorXd& degree) {
+  std::vector<int> order(static_cast<std::size_t>(degree.size()));
+  std::iota(order.begin(), order.end(), 0);
+  std::ranges::stable_sort(order, [&](int a, int b) { return degree(a) > degree(b); });
+  return order;
+}
+
+std::vector<std::vector<int>> random_subsets(int below, int size, int how_many,
+                                             std::uint64_t seed) {
+  if (size < 0 || size > below || how_many < 0)
+    throw std::invalid_argument("a subset is no larger than its set");
+  std::mt19937_64 random(seed);
+  std::vector<std::vector<int>> subsets;
+  for (int i = 0; i < how_many; ++i) {
+    std::vector<int> all(static_cast<std::size_t>(below));
+    std::iota(all.begin(), all.end(), 0);
+    for (int k = 0; k < size; ++k) {
+      // The remainder is off from uniform by below / 2^64, and the same with every library.
+      const auto pick = k + static_cast<int>(random() % static_cast<std::uint64_t>(below - k));
+      std::swap(all[static_cast<std::size_t>(k)], all[static_cast<std::size_t>(pick)]);
+    }
+    all.resize(static_cast<std::size_t>(size));
+    std::ranges::sort(all);
+    subsets.push_back(std::move(all));
+  }
+  return subsets;
+}
+
+}  // namespace abbe::errors::identification

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "errors/identification/grey.h"
+#include "errors/identification/thermal_data.h"
+
+/// Key temperature points: of many sensors the few that matter, no two of which say the same.
+namespace abbe::errors::identification {
+
+enum class Likeness { Grey, Correlation };
+enum class Screening {
+  Degree,      ///< the leaders that resemble the error most (Chen)
+  Regression,  ///< one leader after another, each time the one that lowers the residual most: with
+               ///< each run left out, or, of a single run, in that run
+};
+struct SensorChoiceOptions {
+  int count = 4;  ///< sensors wanted
+  Likeness likeness = Likeness::Grey;
+  /// A sensor that falls while the error rises is turned over first where the image is Interval.
+  GreyOptions grey = {GreyKind::Deng, Image::Interval, 0.5, 0.5};
+  /// Sensors this alike or more stand in one group. Unset: the threshold at which most groups are
+  /// `groups`, so that there is something left to screen.
+  std::optional<double> threshold;
+  int groups = 6;  ///< where the threshold is unset; never fewer than `count` if there are so many
+  Screening screening = Screening::Regression;
+};
+struct SensorChoice {
+  GreyStatus status = GreyStatus::Ok;
+  int input = -1;          ///< that has no image, where the status is not Ok; -1: the error
+  std::vector<int> still;  ///< inputs that never move: left out of everything
+  Eigen::VectorXd degree;  ///< (m) with the error; 0 for those
+  Eigen::MatrixXd mutual;  ///< (m x m); 0 for those
+  double threshold = 0.0;  ///< that was used
+  std::vector<std::vector<int>> groups;  ///< by falling degree of their leaders; leader first
+  std::vector<int> chosen;               ///< at most `count`, in the order in which they were taken
+};
+/// Groups: the sensor of the highest degree leads, those whose mutual degree with it reaches the
+/// threshold follow; then the same among those left (Yang: the best of each correlated group). Then
+/// the leaders are screened down to `count`. Runs are strung together for the degrees.
+/// @throws std::invalid_argument as `validate`, or for options out of range
+/// Source: yang2012 (grouping), chen2013 (ranking against the error).
+/// Of several errors seen at the same rows, one set of sensors is chosen for all: a sensor's degree
+/// is its highest with any of them, and a regression leaves the sum of their squares.
+/// @param errors  (n >= 1) equal but for y
+[[nodiscard]] SensorChoice choose_sensors(std::span<const ThermalData> errors,
+                                          const SensorChoiceOptions& options = {});
+[[nodiscard]] SensorChoice choose_sensors(const ThermalData& error,
+                                          const SensorChoiceOptions& options = {});
+
+/// Absolute correlation of the error with every input, and of every input with every other; 0 where
+/// one stands still.
+Eigen::VectorXd correlations(const ThermalData& data);
+Eigen::MatrixXd mutual_correlations(const ThermalData& data);
+
+/// Indices by falling degree; of equals the lower index first.
+std::vector<int> ranking(const Eigen::VectorXd& degree);
+
+/// Random choices of `size` different numbers below `below`, ascending, each drawn afresh.
+std::vector<std::vector<int>> random_subsets(int below, int size, int how_many, std::uint64_t seed);
+
+}  // namespace abbe::errors::identification

@@ -1,0 +1,515 @@
+#include "errors/identification/step_diagonal.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <stdexcept>
+
+#include <fmt/format.h>
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <Eigen/SVD>
+
+#include "errors/coefficients.h"
+#include "errors/identification/design.h"
+#include "kinematics/units.h"
+
+namespace abbe::errors::identification {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+using kinematics::Chain;
+using kinematics::Joint;
+using metrology::Look;
+using metrology::Readings;
+
+constexpr std::array<char, 3> slides = {'X', 'Y', 'Z'};
+constexpr double same_place = 1e-6;  // mm
+
+[[noreturn]] void refuse(const std::string& why) {
+  throw std::invalid_argument("step diagonal: " + why);
+}
+
+// ---- the legs
+
+/// One leg: a change of reading against its length, over one interval of one axis.
+struct Leg {
+  int axis = 0;
+  int interval = 0;
+  int diagonal = 0;  ///< set-up
+  Vector3d across;   ///< change of reading per unit of E(upper) - E(lower)
+  Index from = 0;    ///< readings it is the difference of
+  Index to = 0;
+};
+
+/// Steps of the three axes, each from its lower end upwards.
+using Steps = std::array<std::vector<double>, 3>;
+
+Joint slide(const Chain& chain, int axis) {
+  const auto joint = chain.find(slides[std::size_t(axis)]);
+  if (!joint) refuse(fmt::format("expected a slide {}", slides[std::size_t(axis)]));
+  const Joint& j = chain.joints()[std::size_t(*joint)];
+  if (j.motion != kinematics::Motion::Linear ||
+      (j.direction_b - Vector3d::Unit(axis)).norm() > 1e-9)
+    refuse(fmt::format("expected {} along its axis of the bed", slides[std::size_t(axis)]));
+  return j;
+}
+
+int joint_index(const Chain& chain, int axis) { return *chain.find(slides[std::size_t(axis)]); }
+
+/// The slide that moved between two states, -1 if not exactly one did and nothing else.
+int moved(const Chain& chain, const kinematics::AxisVector& a, const kinematics::AxisVector& b) {
+  int which = -1;
+  for (int j = 0; j < chain.size(); ++j) {
+    if (std::abs(b[j] - a[j]) <= same_place) continue;
+    int axis = 0;
+    while (axis < 3 && joint_index(chain, axis) != j) ++axis;
+    if (which >= 0 || axis == 3) return -1;
+    which = axis;
+  }
+  return which;
+}
+
+void add_place(std::vector<double>& places, double q) {
+  const auto at = std::lower_bound(places.begin(), places.end(), q - same_place);
+  if (at == places.end() || *at > q + same_place) places.insert(at, q);
+}
+
+int interval_of(const std::vector<double>& places, double a, double b) {
+  const double low = std::min(a, b);
+  const auto at = std::lower_bound(places.begin(), places.end(), low - same_place);
+  const auto next = at + 1;
+  if (next == places.end() || std::abs(*next - std::max(a, b)) > same_place)
+    refuse("expected the same steps on every diagonal");
+  return int(at - places.begin());
+}
+
+struct Path {
+  Steps steps;
+  std::vector<Leg> legs;
+};
+
+Path path_of(const Readings& readings) {
+  const Chain& chain = readings.nominal;
+  const std::vector<Look>& looks = readings.plan.looks;
+  std::array<Joint, 3> joints = {slide(chain, 0), slide(chain, 1), slide(chain, 2)};
+  std::map<std::pair<int, int>, std::size_t> last;  // of each set-up and run
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  Path path;
+  for (std::size_t i = 0; i < looks.size(); ++i) {
+    for (int axis = 0; axis < 3; ++axis)
+      add_place(path.steps[std::size_t(axis)], looks[i].state.q[joint_index(chain, axis)]);
+    const auto before = last.find({looks[i].set_up, looks[i].run});
+    if (before != last.end()) pairs.emplace_back(before->second, i);
+    last[{looks[i].set_up, looks[i].run}] = i;
+  }
+  for (const auto& [from, to] : pairs) {
+    const auto& q_from = looks[from].state.q;
+    const auto& q_to = looks[to].state.q;
+    const int axis = moved(chain, q_from, q_to);
+    if (axis < 0) refuse("expected readings that are one step of X, Y or Z apart");
+    const int j = joint_index(chain, axis);
+    const metrology::Channel& channel =
+        readings.plan.set_ups[std::size_t(looks[to].set_up)].channels[0];
+    const metrology::ReadingGradient g =
+        metrology::gradient(channel, metrology::nominal_bodies(chain, q_to));
+    const bool primed = joints[std::size_t(axis)].side == kinematics::Side::Workpiece;
+    const Vector3d direction = primed ? g.workpiece.head<3>() : g.tool.head<3>();
+    const double way = q_to[j] > q_from[j] ? 1.0 : -1.0;
+    path.legs.push_back({axis, interval_of(path.steps[std::size_t(axis)], q_from[j], q_to[j]),
+                         looks[to].set_up, way * direction, Index(from), Index(to)});
+  }
+  return path;
+}
+
+void check(const Readings& readings) {
+  const metrology::Plan& plan = readings.plan;
+  if (plan.set_ups.size() != 4)
+    refuse(fmt::format("expected four diagonals, seen {}", plan.set_ups.size()));
+  for (const metrology::SetUp& set_up : plan.set_ups)
+    if (set_up.channels.size() != 1 || set_up.channels[0].is_angle() ||
+        set_up.channels[0].quantity == metrology::Quantity::Length)
+      refuse("expected one beam along each diagonal");
+  if (plan.looks.empty() || readings.value.size() != Index(plan.looks.size()) ||
+      !readings.value.allFinite())
+    refuse("expected one finite reading at every look");
+  for (const Look& look : plan.looks)
+    if (look.set_up < 0 || look.set_up > 3 || look.channel != 0 ||
+        look.state.q.size() != readings.nominal.size())
+      refuse("expected looks along four diagonals");
+}
+
+/// What a machine would read at every look, set up perfectly. (looks)
+VectorXd read_on(const Readings& readings, const GeometricErrors& errors) {
+  const Chain& chain = readings.nominal;
+  const GeometricModel model = bind(errors, chain);
+  VectorXd result(readings.value.size());
+  for (Index i = 0; i < result.size(); ++i) {
+    const Look& look = readings.plan.looks[std::size_t(i)];
+    const auto& q = look.state.q;
+    const std::vector<kinematics::JointDeviation> D = deviations(model, look.state);
+    result[i] = metrology::reading(readings.plan.set_ups[std::size_t(look.set_up)], 0, {},
+                                   {chain.workpiece_in_bed(q, D), chain.tool_in_bed(q, D)},
+                                   metrology::nominal_bodies(chain, q));
+  }
+  return result;
+}
+
+// ---- the estimator as a matrix over the readings, so that its covariance follows
+
+/// Numbers by axis, component and step: increments of the displacement error over an interval.
+struct Linear {
+  MatrixXd increments;  ///< (3 components x intervals of X Y Z by readings), 3 rows an interval
+  MatrixXd contrast;    ///< (intervals x readings) zero for errors of translation
+};
+
+Linear linear(const Path& path, Index readings) {
+  std::array<Index, 3> first{};
+  Index intervals = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    first[axis] = intervals;
+    intervals += Index(path.steps[axis].size()) - 1;
+  }
+  std::vector<std::vector<const Leg*>> legs(static_cast<std::size_t>(intervals));
+  for (const Leg& leg : path.legs)
+    legs[std::size_t(first[std::size_t(leg.axis)] + leg.interval)].push_back(&leg);
+
+  Linear result{MatrixXd::Zero(3 * intervals, readings), MatrixXd::Zero(intervals, readings)};
+  for (Index k = 0; k < intervals; ++k) {
+    Eigen::Matrix<double, 4, 3> N = Eigen::Matrix<double, 4, 3>::Zero();
+    Eigen::Vector4d count = Eigen::Vector4d::Zero();
+    for (const Leg* leg : legs[std::size_t(k)]) {
+      N.row(leg->diagonal) = leg->across.transpose();
+      count[leg->diagonal] += 1.0;
+    }
+    if (count.minCoeff() == 0.0) refuse("expected the same steps on every diagonal");
+    const Eigen::JacobiSVD<MatrixXd> svd(N, Eigen::ComputeFullU | Eigen::ComputeThinV);
+    if (svd.singularValues()[2] < 1e-3 * svd.singularValues()[0])
+      refuse("expected diagonals that differ in three directions");
+    const MatrixXd inverse = svd.matrixV() * svd.singularValues().cwiseInverse().asDiagonal() *
+                             svd.matrixU().leftCols(3).transpose();
+    for (const Leg* leg : legs[std::size_t(k)]) {
+      const double share = 1.0 / count[leg->diagonal];
+      const VectorXd column = share * inverse.col(leg->diagonal);
+      result.increments.col(leg->to).segment<3>(3 * k) += column;
+      result.increments.col(leg->from).segment<3>(3 * k) -= column;
+      const double weight = share * svd.matrixU()(leg->diagonal, 3);
+      result.contrast(k, leg->to) += weight;
+      result.contrast(k, leg->from) -= weight;
+    }
+  }
+  return result;
+}
+
+/// Line of least squares of values over q: slope = weights . value.
+VectorXd slope_weights(const VectorXd& q) {
+  const VectorXd dq = q.array() - q.mean();
+  return dq / dq.squaredNorm();
+}
+
+ElementName element_of(int component, int axis) {
+  return {slides[std::size_t(component)], slides[std::size_t(axis)], false};
+}
+
+/// Rows of one displacement, its straight line taken out where it is a straightness; what the line
+/// was goes to `squareness` (EC0Y, EB0Z, EA0Z by readings).
+struct Curves {
+  std::array<VectorXd, 3> q;
+  std::array<std::array<MatrixXd, 3>, 3> rows;  ///< [axis][component] (steps x readings)
+  MatrixXd squareness;                          ///< (3 x readings)
+};
+
+const std::array<ElementName, 3> squarenesses = {
+    ElementName{'C', 'Y', true}, ElementName{'B', 'Z', true}, ElementName{'A', 'Z', true}};
+
+Curves curves(const Path& path, const Linear& estimator, const Chain& chain) {
+  const Index readings = estimator.increments.cols();
+  Curves result;
+  result.squareness = MatrixXd::Zero(3, readings);
+  Index first = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const std::vector<double>& steps = path.steps[std::size_t(axis)];
+    const auto n = Index(steps.size());
+    const VectorXd q = VectorXd::Map(steps.data(), n);
+    result.q[std::size_t(axis)] = q;
+    const double travel = kinematics::carriage_travel(slide(chain, axis).side, 1.0);
+    for (int component = 0; component < 3; ++component) {
+      MatrixXd rows = MatrixXd::Zero(n, readings);
+      for (Index i = 1; i < n; ++i)
+        rows.row(i) = rows.row(i - 1) + estimator.increments.row(3 * (first + i - 1) + component);
+      if (component != axis) {
+        const Eigen::RowVectorXd slope = slope_weights(q).transpose() * rows;
+        const Eigen::RowVectorXd mean = rows.colwise().mean();
+        rows -= (q.array() - q.mean()).matrix() * slope;
+        rows.rowwise() -= mean;
+        const SquarenessShare share = squareness_share(element_of(component, axis), 1.0);
+        for (std::size_t s = 0; s < 3; ++s)
+          if (squarenesses[s] == share.name)
+            result.squareness.row(Index(s)) += share.value * travel * slope;
+      }
+      result.rows[std::size_t(axis)][std::size_t(component)] = rows;
+    }
+    first += n - 1;
+  }
+  return result;
+}
+
+// ---- the belief
+
+/// A direction of travel turned by theta runs sin(theta) off: the angle of a slope, and what the
+/// travel itself lacks.
+struct Turned {
+  double angle_per_slope = 1.0;
+  double shortening = 0.0;  ///< 1 - cos(theta)
+};
+Turned turned(double slope) {
+  if (slope == 0.0) return {};
+  const double angle = std::asin(std::min(slope, 1.0));
+  return {angle / slope, 2.0 * std::pow(std::sin(0.5 * angle), 2)};
+}
+
+GeometricErrors belief_of(const Curves& curves, const VectorXd& y, const VectorXd& sigma,
+                          const Chain& chain) {
+  const Vector3d slope = curves.squareness * y;
+  const std::array<Turned, 3> turn = {Turned{}, turned(std::abs(slope[0])),
+                                      turned(std::hypot(slope[1], slope[2]))};
+  GeometricErrors belief;
+  std::vector<MatrixXd> rows;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const double travel = kinematics::carriage_travel(slide(chain, int(axis)).side, 1.0);
+    for (std::size_t component = 0; component < 3; ++component) {
+      const MatrixXd& r = curves.rows[axis][component];
+      VectorXd value = r * y;
+      if (component == axis) {
+        value += travel * turn[axis].shortening * curves.q[axis];
+        value.array() -= value[0];
+      }
+      belief.elements.push_back(
+          {element_of(int(component), int(axis)), {Curve{make_table(curves.q[axis], value)}}});
+      rows.push_back(r);
+    }
+  }
+  for (std::size_t s = 0; s < 3; ++s) {
+    const double value = slope[Index(s)] * turn[s == 0 ? 1 : 2].angle_per_slope;
+    belief.elements.push_back({squarenesses[s], {Curve{Constant{value}}}});
+    rows.push_back(curves.squareness.row(Index(s)));
+  }
+  belief.covariance.of = coefficients(belief.elements);
+  MatrixXd all(Index(belief.covariance.of.size()), y.size());
+  Index next = 0;
+  for (const MatrixXd& r : rows) {
+    all.middleRows(next, r.rows()) = r;
+    next += r.rows();
+  }
+  const MatrixXd weighted = all * sigma.asDiagonal();
+  belief.covariance.matrix = weighted * weighted.transpose();
+  return belief;
+}
+
+// ---- what contradicts it
+
+/// Chi-square that chance exceeds once in a thousand (Wilson and Hilferty 1931).
+double rare(double freedom) {
+  const double t = 2.0 / (9.0 * freedom);
+  return freedom * std::pow(1.0 - t + 3.0902 * std::sqrt(t), 3);
+}
+
+struct Contradiction {
+  double chi_square = 0.0;
+  double freedom = 0.0;
+  bool is_rare() const { return freedom > 0.0 && chi_square > rare(freedom); }
+};
+
+Contradiction contradiction(const MatrixXd& contrast, const VectorXd& y, const VectorXd& sigma) {
+  if (contrast.rows() == 0) return {};
+  const MatrixXd weighted = contrast * sigma.asDiagonal();
+  const VectorXd k = contrast * y;
+  return {k.dot((weighted * weighted.transpose()).llt().solve(k)), double(k.size())};
+}
+
+/// The same contrasts as the mean of each axis, and as changes from one interval to the next.
+struct Parts {
+  MatrixXd steady;   ///< (3 x intervals)
+  MatrixXd varying;  ///< (intervals - 3 x intervals)
+};
+
+Parts parts(const Steps& steps) {
+  std::array<Index, 3> n{};
+  Index all = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis) all += n[axis] = Index(steps[axis].size()) - 1;
+  Parts result{MatrixXd::Zero(3, all), MatrixXd::Zero(all - 3, all)};
+  Index first = 0;
+  Index row = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    result.steady.row(Index(axis)).segment(first, n[axis]).setConstant(1.0 / double(n[axis]));
+    for (Index i = 1; i < n[axis]; ++i, ++row) {
+      result.varying(row, first + i) = 1.0;
+      result.varying(row, first + i - 1) = -1.0;
+    }
+    first += n[axis];
+  }
+  return result;
+}
+
+std::vector<std::string> warnings_of(const Steps& steps, const MatrixXd& contrast,
+                                     const VectorXd& y, const VectorXd& sigma) {
+  const Parts part = parts(steps);
+  const Contradiction all = contradiction(contrast, y, sigma);
+  const Contradiction steady = contradiction(part.steady * contrast, y, sigma);
+  const Contradiction varying = contradiction(part.varying * contrast, y, sigma);
+  const auto told = [](const Contradiction& c) {
+    return fmt::format("(chi-square {:.4g} of {:.0f}, beyond chance)", c.chi_square, c.freedom);
+  };
+  std::vector<std::string> result;
+  if (varying.is_rare())
+    result.push_back("the four diagonals contradict each other differently from step to step " +
+                     told(varying) +
+                     ": angular errors of the axes are likely, and the 12 elements are wrong");
+  if (steady.is_rare())
+    result.push_back("the four diagonals contradict each other alike at every step " +
+                     told(steady) +
+                     ": a mirror or a beam out of line, or a steady angular error, "
+                     "is likely, and the 12 elements are wrong");
+  if (result.empty() && all.is_rare())
+    result.push_back("the four diagonals contradict each other " + told(all) +
+                     ": the 12 elements are doubtful");
+  return result;
+}
+
+// ---- what would not
+
+/// A turn of one carriage that grows evenly along its steps.
+GeometricErrors turning(const ElementName& name, const std::vector<double>& steps, double angle) {
+  const double length = steps.back() - steps.front();
+  const Polynomial line{(VectorXd(2) << 0.0, angle).finished(), steps.front(), length};
+  return {{{name, {Curve{line}}}}, {}, {}};
+}
+
+/// Largest value that any of the nine curves takes on for these readings.
+double largest_value(const Curves& curves, const VectorXd& y) {
+  double largest = 0.0;
+  for (const auto& axis : curves.rows)
+    for (const MatrixXd& rows : axis) largest = std::max(largest, (rows * y).cwiseAbs().maxCoeff());
+  return largest;
+}
+
+/// Every angular error tried on the nominal machine: those that leave no contradiction.
+std::string caution_of(const Readings& readings, const Path& path, const MatrixXd& contrast,
+                       const Curves& curves) {
+  constexpr double angle = 20.0 * units::urad;
+  const VectorXd perfect = read_on(readings, {});
+  std::string unseen;
+  double worst = 0.0;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    for (const char about : {'A', 'B', 'C'}) {
+      const ElementName name{about, slides[axis], false};
+      const VectorXd y = read_on(readings, turning(name, path.steps[axis], angle)) - perfect;
+      const double largest = largest_value(curves, y);
+      const double told = (contrast * y).cwiseAbs().maxCoeff();
+      if (largest < units::nm || told > 1e-2 * largest / double(path.steps[axis].size())) continue;
+      unseen += " " + to_string(name);
+      worst = std::max(worst, largest);
+    }
+  if (unseen.empty()) return "";
+  return fmt::format(
+      "20 urad of{}, growing along the axis, would not show in these readings and "
+      "would falsify the elements by up to {:.2f} um",
+      unseen, worst / units::um);
+}
+
+// ---- over temperature
+
+struct Quantities {
+  std::vector<std::string> names;
+  std::vector<double> value;
+};
+
+/// The numbers of one result that are followed over temperature.
+Quantities quantities(const GeometricErrors& belief) {
+  Quantities result;
+  for (const Element& element : belief.elements) {
+    const std::string name = to_string(element.name);
+    const Shape& shape = element.curves.at(0).shape;
+    const auto* table = std::get_if<Table>(&shape);
+    if (element.name.location) {
+      result.names.push_back(name);
+      result.value.push_back(std::get<Constant>(shape).value);
+    } else if (element.name.direction == element.name.axis) {
+      result.names.push_back(name + " slope");
+      result.value.push_back(slope_weights(table->q).dot(table->value));
+    } else {
+      for (Index i = 0; i < table->value.size(); ++i) {
+        result.names.push_back(fmt::format("{}[{}]", name, i));
+        result.value.push_back(table->value[i]);
+      }
+    }
+  }
+  return result;
+}
+
+}  // namespace
+
+StepDiagonal step_diagonal(const Readings& readings) {
+  check(readings);
+  const Path path = path_of(readings);
+  const Linear estimator = linear(path, readings.value.size());
+  const VectorXd y = readings.value - read_on(readings, {});
+  VectorXd sigma(y.size());
+  for (Index i = 0; i < y.size(); ++i) {
+    const Look& look = readings.plan.looks[std::size_t(i)];
+    sigma[i] = sigma_of(
+        readings.plan.set_ups[std::size_t(look.set_up)].channels[std::size_t(look.channel)]);
+  }
+  StepDiagonal result;
+  const Curves found = curves(path, estimator, readings.nominal);
+  result.belief = belief_of(found, y, sigma, readings.nominal);
+  result.warnings = warnings_of(path.steps, estimator.contrast, y, sigma);
+  result.caution = caution_of(readings, path, estimator.contrast, found);
+  const Contradiction all = contradiction(estimator.contrast, y, sigma);
+  result.reduced_chi_square = all.chi_square / all.freedom;
+  return result;
+}
+
+StepDiagonalTrend step_diagonal_trend(std::span<const StepDiagonal> results, const MatrixXd& dT_K) {
+  const auto m = Index(results.size());
+  const Index k = dT_K.cols();
+  if (dT_K.rows() != m || !dT_K.allFinite())
+    refuse("expected one row of finite temperatures for each result");
+  if (m < k + 1)
+    refuse(fmt::format("expected at least {} results for {} temperatures, seen {}", k + 1, k, m));
+  StepDiagonalTrend trend;
+  MatrixXd values;
+  for (Index i = 0; i < m; ++i) {
+    const Quantities q = quantities(results[std::size_t(i)].belief);
+    if (i == 0) {
+      trend.names = q.names;
+      values.resize(m, Index(q.names.size()));
+    }
+    if (q.names != trend.names) refuse("expected results over the same steps");
+    values.row(i) = VectorXd::Map(q.value.data(), Index(q.value.size())).transpose();
+  }
+  MatrixXd A(m, k + 1);
+  A << VectorXd::Ones(m), dT_K;
+  const VectorXd norm = A.colwise().norm().cwiseMax(std::numeric_limits<double>::min());
+  Eigen::ColPivHouseholderQR<MatrixXd> qr(A * norm.cwiseInverse().asDiagonal());
+  qr.setThreshold(1e-9);
+  if (qr.rank() < k + 1) refuse("the temperatures do not vary enough to tell their slopes apart");
+  const MatrixXd solved = norm.cwiseInverse().asDiagonal() * qr.solve(values);
+  trend.at_zero = solved.row(0).transpose();
+  trend.per_K = solved.bottomRows(k).transpose();
+  if (m == k + 1) return trend;
+  const VectorXd variance =
+      (values - A * solved).colwise().squaredNorm().transpose() / double(m - k - 1);
+  const VectorXd inverse =
+      (A.transpose() * A).ldlt().solve(MatrixXd::Identity(k + 1, k + 1)).diagonal();
+  trend.per_K_sigma = variance.cwiseSqrt() * inverse.tail(k).cwiseSqrt().transpose();
+  return trend;
+}
+
+}  // namespace abbe::errors::identification

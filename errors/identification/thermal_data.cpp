@@ -1,0 +1,207 @@
+#include "errors/identification/thermal_data.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <set>
+#include <stdexcept>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+
+namespace abbe::errors::identification {
+namespace {
+
+using Eigen::Index;
+
+void require(bool holds, const char* what) {
+  if (!holds) throw std::invalid_argument(what);
+}
+
+ThermalData only_rows(const ThermalData& data, const std::vector<Index>& rows) {
+  ThermalData result{data.names, data.T(rows, Eigen::all), data.y(rows), {}};
+  for (const Index row : rows) result.run.push_back(data.run[static_cast<std::size_t>(row)]);
+  return result;
+}
+
+template <typename Keep>
+ThermalData where(const ThermalData& data, const Keep& keep) {
+  std::vector<Index> rows;
+  for (Index row = 0; row < data.y.size(); ++row)
+    if (keep(data.run[static_cast<std::size_t>(row)])) rows.push_back(row);
+  return only_rows(data, rows);
+}
+
+constexpr std::size_t most_inputs = 1000;
+
+/// Reads the rows of a log one by one.
+class LogReader {
+ public:
+  LogReader(std::string file, const ThermalColumns& columns)
+      : file_(std::move(file)), columns_(columns) {}
+
+  void heads(std::string_view line, int number) {
+    std::set<std::string, std::less<>> seen;
+    separator_ = separator_of(line);
+    const std::vector<Cell> cells = cells_of(line, separator_, most_inputs);
+    if (cells.size() > most_inputs)
+      refuse(number, cells.back().column, fmt::format("at most {} columns", most_inputs), "more");
+    for (const Cell& cell : cells) {
+      const std::string name(cell.text);
+      if (name.empty() || !seen.insert(name).second)
+        refuse(number, cell.column, "a head that no other column has", in_quotes(cell.text));
+      const auto index = static_cast<int>(kinds_.size());
+      const bool ignored = std::ranges::count(columns_.ignored, name) > 0;
+      if (name == columns_.run)
+        run_ = index;
+      else if (name == columns_.y)
+        y_ = index;
+      else if (!ignored)
+        names_.push_back(name);
+      kinds_.push_back(ignored ? Kind::Ignored : Kind::Number);
+    }
+    if (run_ < 0) refuse(number, 1, fmt::format("a column {} for the run", columns_.run), "none");
+    if (y_ < 0) refuse(number, 1, fmt::format("a column {} for the deviation", columns_.y), "none");
+    if (names_.empty()) refuse(number, 1, "a column of temperatures", "none");
+  }
+
+  void row(std::string_view line, int number) {
+    const std::vector<Cell> row = cells_of(line, separator_, kinds_.size());
+    if (row.size() != kinds_.size())
+      refuse(number, row.back().column, fmt::format("{} cells, as the head has", kinds_.size()),
+             row.size() > kinds_.size() ? "more" : fmt::format("{}", row.size()));
+    for (std::size_t i = 0; i < row.size(); ++i) {
+      if (kinds_[i] == Kind::Ignored) continue;
+      const double value = finite(row[i], number);
+      if (static_cast<int>(i) == run_)
+        run_of_row(value, row[i], number);
+      else if (static_cast<int>(i) == y_)
+        y_of_row_.push_back(value);
+      else
+        values_.push_back(value);
+    }
+  }
+
+  ThermalData finish(int lines) const {
+    const auto n = static_cast<Index>(run_of_row_.size());
+    if (n == 0) refuse(lines, 1, "a row of readings", "none");
+    using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    return {names_,
+            Eigen::Map<const RowMajor>(values_.data(), n, static_cast<Index>(names_.size())),
+            Eigen::Map<const Eigen::VectorXd>(y_of_row_.data(), n), run_of_row_};
+  }
+
+  [[noreturn]] void refuse(int line, int column, std::string expected, std::string seen) const {
+    throw BadInput(file_, line, column, std::move(expected), std::move(seen));
+  }
+
+ private:
+  enum class Kind { Number, Ignored };
+
+  double finite(const Cell& cell, int line) const {
+    const std::optional<double> value = number_of(cell.text);
+    if (!value) refuse(line, cell.column, "a number within +-1e9", in_quotes(cell.text));
+    return *value;
+  }
+
+  void run_of_row(double value, const Cell& cell, int line) {
+    if (value != std::floor(value) || std::abs(value) > 1e9)
+      refuse(line, cell.column, "a whole number for the run", in_quotes(cell.text));
+    const int label = static_cast<int>(value);
+    if (run_of_row_.empty() || run_of_row_.back() != label)
+      if (!labels_.insert(label).second)
+        refuse(line, cell.column, "the rows of one run together",
+               fmt::format("run {} again", label));
+    run_of_row_.push_back(label);
+  }
+
+  std::string file_;
+  ThermalColumns columns_;
+  char separator_ = ' ';
+  std::vector<Kind> kinds_;
+  std::vector<std::string> names_;
+  int run_ = -1, y_ = -1;
+  std::set<int> labels_;
+  std::vector<double> values_, y_of_row_;
+  std::vector<int> run_of_row_;
+};
+
+}  // namespace
+
+void validate(const ThermalData& data) {
+  const auto n = data.y.size(), m = data.T.cols();
+  require(n >= 1 && m >= 1, "thermal data need a row and an input");
+  require(data.T.rows() == n && data.run.size() == static_cast<std::size_t>(n) &&
+              data.names.size() == static_cast<std::size_t>(m),
+          "shapes of thermal data disagree");
+  require(data.T.allFinite() && data.y.allFinite(),
+          "thermal data hold a number that is not finite");
+  require(std::set(data.names.begin(), data.names.end()).size() == data.names.size(),
+          "two inputs of thermal data bear one name");
+  std::vector<int> starts = data.run;
+  starts.erase(std::unique(starts.begin(), starts.end()), starts.end());
+  require(std::set(starts.begin(), starts.end()).size() == starts.size(),
+          "the rows of one run of thermal data stand apart");
+}
+
+std::vector<int> runs(const ThermalData& data) {
+  std::vector<int> labels = data.run;
+  labels.erase(std::unique(labels.begin(), labels.end()), labels.end());
+  return labels;
+}
+
+ThermalData only_runs(const ThermalData& data, const std::vector<int>& labels) {
+  return where(data, [&](int run) { return std::ranges::count(labels, run) > 0; });
+}
+
+ThermalData without_run(const ThermalData& data, int label) {
+  return where(data, [&](int run) { return run != label; });
+}
+
+ThermalData only_inputs(const ThermalData& data, const std::vector<int>& inputs) {
+  ThermalData result{{}, data.T(Eigen::all, inputs), data.y, data.run};
+  for (const int input : inputs)
+    result.names.push_back(data.names.at(static_cast<std::size_t>(input)));
+  return result;
+}
+
+ThermalData thinned(const ThermalData& data, int every) {
+  require(every >= 1, "thinning keeps every first row or fewer");
+  std::vector<Index> rows;
+  Index start = 0;
+  for (Index row = 0; row < data.y.size(); ++row) {
+    if (data.run[static_cast<std::size_t>(row)] != data.run[static_cast<std::size_t>(start)])
+      start = row;
+    if ((row - start) % every == 0) rows.push_back(row);
+  }
+  return only_rows(data, rows);
+}
+
+Spread spread(const Eigen::VectorXd& values) {
+  if (values.size() == 0) return {};
+  return {std::sqrt(values.squaredNorm() / static_cast<double>(values.size())),
+          values.cwiseAbs().maxCoeff()};
+}
+
+ThermalData read_thermal_data(std::string_view text, const std::string& file,
+                              const ThermalColumns& columns) {
+  LogReader reader(file, columns);
+  Lines lines(text);
+  bool headed = false;
+  while (const auto line = lines.next()) {
+    const std::size_t first = line->find_first_not_of(" \t");
+    if (first == std::string_view::npos || (*line)[first] == '#') continue;
+    if (headed)
+      reader.row(*line, lines.number());
+    else
+      reader.heads(*line, lines.number());
+    headed = true;
+  }
+  if (!headed) reader.refuse(1, 1, "a line of column heads", "an empty file");
+  return reader.finish(lines.number());
+}
+
+}  // namespace abbe::errors::identification

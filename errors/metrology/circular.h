@@ -1,0 +1,90 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace abbe::errors::metrology {
+
+/// Radii along a circular path in a plane, as a ball bar shows them. A ball bar knows the angle
+/// only as commanded; taking it for the true one leaves e^2 / R out of every figure, e the largest
+/// deviation of the path (20 um on 100 mm: 4 nm).
+struct CircularTrace {
+  Eigen::VectorXd angle;   ///< (n) rad, from the first axis of the plane to the second
+  Eigen::VectorXd radius;  ///< (n) mm, distance from the centre of the path; empty: not measured
+};
+
+/// One circle or arc, in one sense or both.
+struct CircularRuns {
+  double nominal_radius = 0.0;  ///< mm
+  CircularTrace anticlockwise;  ///< angles in the order of motion, increasing
+  CircularTrace clockwise;      ///< decreasing
+};
+
+/// Where the circle's centre is taken.
+enum class CircleCentre {
+  Set,          ///< as set up: the radii count from it
+  LeastSquares  ///< of the least-squares circle of everything measured
+};
+
+struct CircularOptions {
+  CircleCentre centre = CircleCentre::LeastSquares;  ///< for F; G always chooses its own
+};
+
+/// Deviations of one sense of motion, or of both together, in mm.
+struct CircularFigures {
+  double G_lsq = 0.0;           ///< circular deviation about the least-squares centre
+  double G_minimum_zone = 0.0;  ///< circular deviation, the two closest concentric circles
+  double F_max = 0.0;           ///< largest radial deviation from the nominal radius
+  double F_min = 0.0;           ///< smallest
+};
+
+/// Figures of ISO 230-4. `both` is G(b) with its two definitions and the extremes of F.
+struct Circular {
+  std::optional<CircularFigures> anticlockwise;
+  std::optional<CircularFigures> clockwise;
+  std::optional<CircularFigures> both;               ///< bidirectional; needs both senses
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();  ///< mm, that F was taken from
+  double D =
+      0.0;  ///< mean radial deviation, of the least-squares circle of all from the nominal, mm
+};
+
+/// @throws std::invalid_argument if no sense is measured, sizes differ, a sense has fewer than 3
+///         points, angles do not go its way, or for numbers that are not finite or positive
+Circular circular(const CircularRuns& runs, const CircularOptions& options = {});
+
+/// A number found by least squares.
+struct Estimated {
+  double value = 0.0;
+  double u = 0.0;  ///< standard uncertainty, from the residual
+};
+
+/// Causes that the shape of a circular test tells. A cause that the arcs measured cannot tell from
+/// others is left out and named.
+struct CircularCauses {
+  std::optional<Estimated> radius;      ///< mm, mean of both scales and the bar's own length
+  std::optional<Estimated> centre_u;    ///< mm, centre of the path along the first axis
+  std::optional<Estimated> centre_v;    ///< mm, along the second
+  std::optional<Estimated> scale;       ///< relative: first axis minus second axis
+  std::optional<Estimated> squareness;  ///< rad, the second axis turned about first x second
+  std::optional<Estimated> reversal_u;  ///< mm, B of the first axis: mean going up minus down
+  std::optional<Estimated> reversal_v;  ///< mm, of the second
+  std::optional<Estimated> lag;  ///< rad, angular speed times how much the first axis lags more
+  std::vector<std::string> undetermined;  ///< names of what the arcs leave open
+  double residual = 0.0;                  ///< mm, standard deviation of what no cause explains
+};
+
+struct CauseOptions {
+  bool no_lag = false;  ///< slow motion: no lag is looked for, so that one sense tells squareness
+};
+
+/// Linear least squares of the radial deviations on the causes; one centre for both senses. In one
+/// sense alone a lag and a squareness look the same and both stay open. The uncertainties hold for
+/// residuals that do not hang together from angle to angle; a residual with a shape makes them too
+/// small. First order, as above. Source: the shapes that ISO 230-4 annex B lists.
+/// @throws std::invalid_argument as `circular`, or for fewer readings than causes
+CircularCauses circular_causes(const CircularRuns& runs, const CauseOptions& options = {});
+
+}  // namespace abbe::errors::metrology

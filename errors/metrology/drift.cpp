@@ -1,0 +1,164 @@
+#include "errors/metrology/drift.h"
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <stdexcept>
+
+namespace abbe::errors::metrology {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double hour_s = 3600.0;
+
+void check(const DriftLog& log) {
+  const Index n = log.time_s.size();
+  if (n < 2) throw std::invalid_argument("drift: expected at least 2 samples");
+  if (log.values.rows() != n || log.values.cols() != Index(log.names.size()) ||
+      log.values.cols() == 0)
+    throw std::invalid_argument("drift: expected a value for every time and name");
+  if (!log.time_s.allFinite() || !log.values.allFinite())
+    throw std::invalid_argument("drift: expected finite numbers");
+  for (Index i = 1; i < n; ++i)
+    if (!(log.time_s[i] > log.time_s[i - 1]))
+      throw std::invalid_argument("drift: expected times that increase");
+}
+
+VectorXd at(const DriftLog& log, double time_s) {
+  const double* begin = log.time_s.data();
+  const double* end = begin + log.time_s.size();
+  const Index after =
+      std::clamp<Index>(std::upper_bound(begin, end, time_s) - begin, 1, log.time_s.size() - 1);
+  const double from = log.time_s[after - 1];
+  const double part = (time_s - from) / (log.time_s[after] - from);
+  return (1.0 - part) * log.values.row(after - 1) + part * log.values.row(after);
+}
+
+DriftRange drift_in(const DriftLog& log, const DriftInterval& interval) {
+  const double first = log.time_s[0], last = log.time_s[log.time_s.size() - 1];
+  if (!(interval.from_s < interval.to_s) || !(interval.from_s >= first) || !(interval.to_s <= last))
+    throw std::invalid_argument("drift: the interval '" + interval.name +
+                                "' is empty or leaves the log");
+  const VectorXd start = at(log, interval.from_s), end = at(log, interval.to_s);
+  VectorXd low = start.cwiseMin(end), high = start.cwiseMax(end);
+  VectorXd rate = VectorXd::Zero(log.values.cols());
+  VectorXd before = start;
+  double before_s = interval.from_s;
+  const auto go_to = [&](const VectorXd& value, double time_s) {
+    if (!(time_s > before_s)) return;
+    rate = rate.cwiseMax((value - before).cwiseAbs() / (time_s - before_s));
+    before = value;
+    before_s = time_s;
+  };
+  for (Index i = 0; i < log.time_s.size(); ++i) {
+    if (log.time_s[i] < interval.from_s || log.time_s[i] > interval.to_s) continue;
+    const VectorXd value = log.values.row(i);
+    low = low.cwiseMin(value);
+    high = high.cwiseMax(value);
+    go_to(value, log.time_s[i]);
+  }
+  go_to(end, interval.to_s);
+  return {interval, high - low, end - start, rate};
+}
+
+/// Extreme of a sliding window: indices whose values still matter, the extreme first.
+class Extreme {
+ public:
+  Extreme(const Eigen::MatrixXd& values, Index column, double sign)
+      : values_(values), column_(column), sign_(sign) {}
+  void push(Index i) {
+    while (!kept_.empty() && value(kept_.back()) <= value(i)) kept_.pop_back();
+    kept_.push_back(i);
+  }
+  void forget_before(Index i) {
+    while (!kept_.empty() && kept_.front() < i) kept_.pop_front();
+  }
+  /// sign times the largest of sign times value
+  double extreme() const { return sign_ * value(kept_.front()); }
+  bool empty() const { return kept_.empty(); }
+
+ private:
+  double value(Index i) const { return sign_ * values_(i, column_); }
+  const Eigen::MatrixXd& values_;
+  Index column_;
+  double sign_;
+  std::deque<Index> kept_;
+};
+
+/// Log with a row more wherever a window that begins or ends at a sample has its other end: the
+/// worst window begins or ends at a sample, as the range is piecewise linear in between.
+DriftLog with_window_ends(const DriftLog& log, double window_s) {
+  const double first = log.time_s[0], last = log.time_s[log.time_s.size() - 1];
+  std::vector<double> times(log.time_s.begin(), log.time_s.end());
+  for (const double t : log.time_s)
+    for (const double other : {t - window_s, t + window_s})
+      if (other > first && other < last) times.push_back(other);
+  std::sort(times.begin(), times.end());
+  times.erase(std::unique(times.begin(), times.end()), times.end());
+  DriftLog dense{Eigen::Map<const VectorXd>(times.data(), Index(times.size())), log.names, {}};
+  dense.values.resize(dense.time_s.size(), log.values.cols());
+  for (Index i = 0; i < dense.time_s.size(); ++i)
+    dense.values.row(i) = at(log, dense.time_s[i]).transpose();
+  return dense;
+}
+
+}  // namespace
+
+std::vector<DriftRange> drift(const DriftLog& log, const std::vector<DriftInterval>& intervals) {
+  check(log);
+  std::vector<DriftRange> result;
+  for (const DriftInterval& interval : intervals) result.push_back(drift_in(log, interval));
+  return result;
+}
+
+VectorXd worst_drift(const DriftLog& log, double window_s) {
+  check(log);
+  const double length = log.time_s[log.time_s.size() - 1] - log.time_s[0];
+  if (!(window_s > 0.0) || !(window_s <= length))
+    throw std::invalid_argument("drift: expected a window that fits into the log");
+  const DriftLog dense = with_window_ends(log, window_s);
+  // ends found by adding and subtracting agree to a few ulp only
+  const double slack = 1e-12 * std::max(length, dense.time_s.cwiseAbs().maxCoeff());
+  VectorXd worst = VectorXd::Zero(log.values.cols());
+  for (Index c = 0; c < log.values.cols(); ++c) {
+    Extreme high(dense.values, c, 1.0), low(dense.values, c, -1.0);
+    Index begin = 0;
+    for (Index i = 0; i < dense.time_s.size(); ++i) {
+      high.push(i);
+      low.push(i);
+      while (dense.time_s[i] - dense.time_s[begin] > window_s + slack) ++begin;
+      high.forget_before(begin);
+      low.forget_before(begin);
+      worst[c] = std::max(worst[c], high.extreme() - low.extreme());
+    }
+  }
+  return worst;
+}
+
+std::vector<DriftInterval> running_intervals(const DriftLog& log, double start_s, double stop_s) {
+  check(log);
+  const double last = log.time_s[log.time_s.size() - 1];
+  std::vector<DriftInterval> result;
+  if (stop_s - start_s >= hour_s)
+    result.push_back({"first hour of running", start_s, start_s + hour_s});
+  result.push_back({"running", start_s, stop_s});
+  if (last > stop_s) result.push_back({"after stopping", stop_s, last});
+  return result;
+}
+
+DriftLog mandrel_drift(const DriftLog& readings, const MandrelSensors& sensors) {
+  check(readings);
+  const double height = sensors.z_far_mm - sensors.z_near_mm;
+  if (readings.values.cols() != 5 || !(std::abs(height) > 0.0) || !std::isfinite(height))
+    throw std::invalid_argument("drift: expected five columns and two different heights");
+  DriftLog result{readings.time_s, {"X", "Y", "Z", "A", "B"}, {}};
+  result.values.resize(readings.values.rows(), 5);
+  const auto& r = readings.values;
+  result.values << r.col(0), r.col(1), r.col(4), -(r.col(3) - r.col(1)) / height,
+      (r.col(2) - r.col(0)) / height;
+  return result;
+}
+
+}  // namespace abbe::errors::metrology

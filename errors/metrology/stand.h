@@ -1,0 +1,90 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "errors/metrology/instrument.h"
+
+/// The machine as a plan finds it: what its axes are in the workpiece and how far they may go.
+namespace abbe::errors::metrology {
+
+/// Positions that a plan uses of one axis or of one parameter of a path, mm or rad.
+struct Range {
+  double from = 0.0;
+  double to = 0.0;
+  double overshoot = 0.0;  ///< room at both ends, so that both ways of approach are true ones
+};
+
+struct StandAxis {
+  int joint = 0;  ///< index in the chain
+  char name = 'X';
+  Eigen::Vector3d direction_w;  ///< unit; a positive command moves, or turns, the tool this way
+};
+
+/// Where a machine waits: slides in the middle of their travel, rotary axes at 0 or in the middle
+/// of a travel without 0, spindles at 0.
+struct Stand {
+  kinematics::AxisVector q;
+  std::vector<StandAxis> slides;  ///< by letter, the instrument's choice of them
+  std::vector<StandAxis> rotary;  ///< without spindles, the instrument's choice of them
+};
+
+/// @throws std::invalid_argument for an axis in the instrument's list that the machine lacks, or
+///         a slide without limits of travel
+Stand stand(const Instrument& instrument, const kinematics::Chain& nominal);
+
+/// The travel of a slide less the margins.
+Range travel(const Instrument& instrument, const kinematics::Joint& slide);
+/// The instrument's arc, cut to the travel of a rotary axis; a whole turn or more that does not fit
+/// is all the travel there is.
+Range arc(const Instrument& instrument, const kinematics::Joint& rotary);
+
+/// Targets of a range, equally spaced from the first to the last. (count)
+Eigen::VectorXd targets(const Range& range, int count);
+
+/// Two unit vectors across a direction, nearest to axes of the bed with these letters.
+struct Across {
+  Eigen::Vector3d direction_w[2];
+  char letter[2] = {'X', 'Y'};
+};
+Across across(const kinematics::Chain& nominal, const kinematics::AxisVector& q,
+              const Eigen::Vector3d& direction_w);
+
+/// Where the reflector, or the ball, at the tool is in the workpiece.
+Eigen::Vector3d reflector_w(const Instrument& instrument, const kinematics::Chain& nominal,
+                            const kinematics::AxisVector& q);
+
+/// Point nearest to a place on the line of an axis that turns, in the workpiece at q.
+Eigen::Vector3d on_axis(const kinematics::Chain& nominal, const kinematics::AxisVector& q,
+                        int joint, const Eigen::Vector3d& place_w);
+
+/// The same axis positions with the slides where they put the reflector; limits not looked at.
+/// Empty if the slides that there are cannot. To 1e-9 mm.
+std::optional<kinematics::AxisVector> slides_for_reflector(const Instrument& instrument,
+                                                           const kinematics::Chain& nominal,
+                                                           const kinematics::AxisVector& q,
+                                                           const Eigen::Vector3d& place_w);
+
+/// One axis of a grid and the positions that it takes.
+struct GridLine {
+  int joint = 0;
+  Eigen::VectorXd at;
+};
+/// Every combination, each a step on one axis from the one before.
+/// @throws std::invalid_argument for more than 100000 of them
+std::vector<kinematics::AxisVector> grid(const Instrument& instrument,
+                                         const kinematics::AxisVector& q,
+                                         const std::vector<GridLine>& lines);
+
+bool within_travel(const kinematics::Chain& nominal, const kinematics::AxisVector& q);
+
+/// Refuses a machine with fewer slides, or without a rotary axis, than the kind needs.
+void expect_slides(const Instrument& instrument, const Stand& stand, int count);
+void expect_rotary(const Instrument& instrument, const Stand& stand);
+
+/// Refusal of an instrument by its name and in a sentence.
+[[noreturn]] void refuse(const Instrument& instrument, const std::string& sentence);
+
+}  // namespace abbe::errors::metrology

@@ -1,0 +1,331 @@
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "render/axes.h"
+#include "render/canvas.h"
+#include "render/label.h"
+#include "render/page.h"
+#include "render/plot.h"
+
+namespace abbe::render {
+namespace {
+
+using Eigen::Index;
+using Eigen::Vector2d;
+
+constexpr int highest_picture = 16384;
+
+void check(const Series& s) {
+  const bool banded = s.lower.size() > 0 || s.upper.size() > 0;
+  if (s.x.size() != s.y.size() ||
+      (banded && (s.lower.size() != s.x.size() || s.upper.size() != s.x.size())))
+    throw std::invalid_argument("curves: x, y and both edges of a band need one size");
+}
+
+void check(const std::vector<Panel>& panels) {
+  if (panels.empty()) throw std::invalid_argument("curves: at least one panel is needed");
+  for (const Panel& panel : panels) {
+    if (panel.series.empty()) throw std::invalid_argument("curves: a panel needs a series");
+    for (const Series& s : panel.series) check(s);
+  }
+}
+
+/// What there is to be seen; empty where nothing is finite.
+struct Extent {
+  std::optional<Span> x;
+  std::optional<Span> y;
+};
+
+void include(std::optional<Span>& span, double value) {
+  if (!std::isfinite(value)) return;
+  if (!span) span = Span{value, value};
+  widen(*span, value);
+}
+
+void include(Extent& extent, const Series& s) {
+  for (Index i = 0; i < s.x.size(); ++i) {
+    if (!std::isfinite(s.x[i])) continue;
+    include(extent.x, s.x[i]);
+    include(extent.y, s.y[i]);
+    if (s.lower.size() == 0) continue;
+    include(extent.y, s.lower[i]);
+    include(extent.y, s.upper[i]);
+  }
+}
+
+Extent extent(const Panel& panel) {
+  Extent all;
+  for (const Series& s : panel.series) include(all, s);
+  return all;
+}
+
+/// Round ticks, as many as leave room between their labels.
+Ticks spaced_ticks(const Span& span, double length_px, const TextStyle& style, bool across) {
+  Ticks best = round_ticks(span.lower, span.upper, 1);
+  for (int wanted = 2; wanted <= 10; ++wanted) {
+    const Ticks ticks = round_ticks(span.lower, span.upper, wanted);
+    if (ticks.values.size() < 2) continue;
+    double widest = 0.0;
+    for (const double value : ticks.values)
+      widest = std::max(widest, text_size(fixed(value, ticks.decimals), style).x());
+    const double apart =
+        length_px * (ticks.values[1] - ticks.values[0]) / (span.upper - span.lower);
+    if (apart > (across ? widest + style.size_px : 1.9 * style.size_px)) best = ticks;
+  }
+  return best;
+}
+
+struct PanelLook {
+  TextStyle body;
+  TextStyle title;
+  double unit = 1.0;
+  double side_px = 0.0;   ///< kept free at the right for legend and note
+  double ticks_px = 0.0;  ///< at the left, for the numbers of y
+};
+
+/// A panel laid out in its cell of the page.
+struct Placed {
+  Axes axes;
+  Ticks x;
+  Ticks y;
+};
+
+Placed placed(const Panel& panel, const Rectangle& cell, const Extent& seen,
+              const PanelLook& look) {
+  Placed p;
+  p.axes.x = seen.x.value_or(Span{});
+  const Span y = seen.y.value_or(Span{});
+  const bool points = std::any_of(panel.series.begin(), panel.series.end(),
+                                  [](const Series& s) { return s.mark != Mark::Line; });
+  if (points || p.axes.x.lower == p.axes.x.upper) p.axes.x = padded(p.axes.x);
+  p.axes.y = padded(y);
+  const double em = look.body.size_px;
+  const double below = (panel.x_label.empty() ? 1.9 : 3.4) * em;
+  const double above = panel.title.empty() ? 0.8 * em : line_height(look.title) + 0.6 * em;
+  p.axes.box.y = cell.y + below;
+  p.axes.box.height = cell.height - below - above;
+  p.y = spaced_ticks(p.axes.y, p.axes.box.height, look.body, false);
+  const double left = look.ticks_px + (panel.y_label.empty() ? 1.4 : 3.0) * em;
+  p.axes.box.x = cell.x + left;
+  p.axes.box.width = cell.width - left - look.side_px - 1.2 * em;
+  p.x = spaced_ticks(p.axes.x, p.axes.box.width, look.body, true);
+  return p;
+}
+
+/// The same room for the numbers of y in all panels, so that their axes stand above each other.
+double ticks_px(const std::vector<Panel>& panels, const Rectangle& one_cell,
+                const std::vector<Extent>& seen, const PanelLook& look) {
+  double widest = 0.0;
+  for (std::size_t i = 0; i < panels.size(); ++i) {
+    const Placed p = placed(panels[i], one_cell, seen[i], look);
+    for (const double value : p.y.values)
+      widest = std::max(widest, text_size(fixed(value, p.y.decimals), look.body).x());
+  }
+  return widest;
+}
+
+void draw_axes(Canvas& canvas, const Panel& panel, const Placed& p, const PanelLook& look) {
+  const Axes& a = p.axes;
+  const double em = look.body.size_px, thin = 1.5 * look.unit;
+  const Vector2d right(a.box.width, 0.0), up(0.0, a.box.height);
+  TextStyle tick = look.body;
+  tick.across = 0.5;
+  tick.upward = 1.0;
+  for (const double value : p.x.values) {
+    const Vector2d foot(at(a, value, a.y.lower).x(), a.box.y);
+    canvas.line({foot, foot + up}, colours::rule, thin);
+    canvas.text(foot - Vector2d(0.0, 0.4 * em), fixed(value, p.x.decimals), tick);
+  }
+  tick.across = 1.0;
+  tick.upward = 0.5;
+  for (const double value : p.y.values) {
+    const Vector2d foot(a.box.x, at(a, a.x.lower, value).y());
+    const bool zero = std::abs(value) < 1e-9 * (a.y.upper - a.y.lower);
+    canvas.line({foot, foot + right}, zero ? colours::faint_ink : colours::rule, thin);
+    canvas.text(foot - Vector2d(0.5 * em, 0.0), fixed(value, p.y.decimals), tick);
+  }
+  TextStyle name = look.body;
+  name.across = 0.5;
+  name.upward = 1.0;
+  canvas.text({a.box.x + 0.5 * a.box.width, a.box.y - 1.9 * em}, panel.x_label, name);
+  name.turned_left = true;
+  name.upward = 0.0;
+  const double beside = a.box.x - look.ticks_px - 1.1 * em;
+  canvas.text({beside, a.box.y + 0.5 * a.box.height}, panel.y_label, name);
+  canvas.frame(a.box, colours::faint_ink, thin);
+}
+
+void draw_band(Canvas& canvas, const Axes& a, const Series& s, int colour) {
+  if (s.lower.size() == 0) return;
+  std::vector<Vector2d> low, high;
+  const auto flush = [&] {
+    for (std::size_t i = 1; i < low.size(); ++i)
+      canvas.fill({low[i - 1], low[i], high[i], high[i - 1]}, series_colour(colour), 0.2);
+    low.clear();
+    high.clear();
+  };
+  for (Index i = 0; i < s.x.size(); ++i) {
+    if (!std::isfinite(s.x[i]) || !std::isfinite(s.lower[i]) || !std::isfinite(s.upper[i])) {
+      flush();
+      continue;
+    }
+    const Vector2d below = at(a, s.x[i], std::min(s.lower[i], s.upper[i]));
+    const Vector2d above = at(a, s.x[i], std::max(s.lower[i], s.upper[i]));
+    if (!low.empty() && std::abs(below.x() - low.back().x()) < 0.5) {  // one column of pixels
+      low.back().y() = std::min(low.back().y(), below.y());
+      high.back().y() = std::max(high.back().y(), above.y());
+    } else {
+      low.push_back(below);
+      high.push_back(above);
+    }
+  }
+  flush();
+}
+
+void draw_series(Canvas& canvas, const Axes& a, const Series& s, int colour, double unit) {
+  std::vector<Vector2d> run;
+  const auto flush = [&] {
+    if (s.mark != Mark::Points) stroke(canvas, thinned(run), colour, 3.0 * unit);
+    if (s.mark != Mark::Line) {
+      constexpr std::size_t most_marks = 20000;
+      for (const Vector2d& p : run.size() > most_marks ? thinned(run) : run)
+        draw_mark(canvas, p, colour, 10.0 * unit);
+    }
+    run.clear();
+  };
+  for (Index i = 0; i < s.x.size(); ++i) {
+    if (std::isfinite(s.x[i]) && std::isfinite(s.y[i]))
+      run.push_back(at(a, s.x[i], s.y[i]));
+    else
+      flush();
+  }
+  flush();
+}
+
+int colour_of(const Panel& panel, std::size_t i) { return panel.series[i].colour.value_or(int(i)); }
+
+std::vector<LegendEntry> legend(const Panel& panel) {
+  std::vector<LegendEntry> entries;
+  for (std::size_t i = 0; i < panel.series.size(); ++i) {
+    const Series& s = panel.series[i];
+    if (s.name.empty()) continue;
+    entries.push_back({s.name, colour_of(panel, i), s.mark != Mark::Points, s.mark != Mark::Line,
+                       s.lower.size() > 0});
+  }
+  return entries;
+}
+
+/// Axes and curves; the legend is the caller's.
+Axes draw_panel(Canvas& canvas, const Panel& panel, const Rectangle& cell, const Extent& seen,
+                const PanelLook& look) {
+  const Placed p = placed(panel, cell, seen, look);
+  draw_axes(canvas, panel, p, look);
+  for (std::size_t i = 0; i < panel.series.size(); ++i)
+    draw_band(canvas, p.axes, panel.series[i], colour_of(panel, i));
+  for (std::size_t i = 0; i < panel.series.size(); ++i)
+    draw_series(canvas, p.axes, panel.series[i], colour_of(panel, i), look.unit);
+  const double top = p.axes.box.y + p.axes.box.height;
+  paragraph(canvas, {p.axes.box.x, top + line_height(look.title) + 0.1 * look.title.size_px},
+            wrapped(panel.title, look.title, p.axes.box.width, 1), look.title);
+  return p.axes;
+}
+
+/// Extents of the panels, y made the same where that is wanted.
+std::vector<Extent> extents(const std::vector<Panel>& panels, bool common_y) {
+  std::vector<Extent> all;
+  Extent together;
+  for (const Panel& panel : panels) {
+    all.push_back(extent(panel));
+    for (const Series& s : panel.series) include(together, s);
+  }
+  for (Extent& one : all)
+    if (common_y) one.y = together.y;
+  return all;
+}
+
+/// Cells of a page in rows from the top left.
+Rectangle cell(const Rectangle& inner, int columns, int rows, std::size_t i) {
+  const double w = inner.width / columns, h = inner.height / rows;
+  const int column = int(i) % columns, row = int(i) / columns;
+  return {inner.x + column * w, inner.y + (rows - 1 - row) * h, w, h};
+}
+
+int rows_of(std::size_t panels, int columns) { return (int(panels) + columns - 1) / columns; }
+
+int page_height(double height) {
+  if (!(height <= highest_picture))
+    throw std::invalid_argument("curves: the picture would be higher than 16384 px");
+  return int(std::lround(height));
+}
+
+}  // namespace
+
+void write_curves(const std::filesystem::path& path, const std::vector<Panel>& panels,
+                  const CurvesOptions& options) {
+  check(panels);
+  const int columns = std::clamp(options.columns, 1, int(panels.size()));
+  const int rows = rows_of(panels.size(), columns);
+  const double unit = options.width / 1600.0;
+  const double row_height =
+      options.panel_height > 0 ? options.panel_height : (rows == 1 ? 700.0 : 520.0) * unit;
+  const int height = page_height(row_height * rows +
+                                 page_margins(options.width, options.title, options.caption, unit));
+  const Page p = page(options.width, height, options.title, options.caption, unit);
+  const bool beside = std::any_of(panels.begin(), panels.end(), [](const Panel& panel) {
+    return !legend(panel).empty() || !panel.note.empty();
+  });
+  PanelLook look{p.body, {.size_px = 26.0 * unit, .bold = true}, unit};
+  if (beside) look.side_px = (columns == 1 ? 340.0 : 250.0) * unit;
+  const std::vector<Extent> seen = extents(panels, options.common_y);
+  look.ticks_px = ticks_px(panels, cell(p.inner, columns, rows, 0), seen, look);
+  Canvas canvas(p.width, p.height);
+  for (std::size_t i = 0; i < panels.size(); ++i) {
+    const Axes a = draw_panel(canvas, panels[i], cell(p.inner, columns, rows, i), seen[i], look);
+    const Vector2d corner(a.box.x + a.box.width + p.body.size_px, a.box.y + a.box.height);
+    draw_legend_column(canvas, corner, look.side_px - p.body.size_px, legend(panels[i]),
+                       panels[i].note, p.body);
+  }
+  draw_page(canvas, p);
+  canvas.write_png(path);
+}
+
+void write_grid(const std::filesystem::path& path, const std::vector<Panel>& panels,
+                const GridOptions& options) {
+  check(panels);
+  const int wanted = options.columns > 0 ? options.columns
+                                         : int(std::ceil(std::sqrt(double(panels.size()) * 0.8)));
+  const int columns = std::clamp(wanted, 1, int(panels.size()));
+  const int rows = rows_of(panels.size(), columns);
+  const double unit = options.width / 2400.0;
+  const double legend_height = 60.0 * unit;
+  const double row_height = std::clamp(0.68 * options.width / columns, 180.0 * unit, 600.0 * unit);
+  const int height = page_height(row_height * rows + legend_height +
+                                 page_margins(options.width, options.title, options.caption, unit));
+  const Page p = page(options.width, height, options.title, options.caption, unit);
+  const double em = std::clamp(options.width / columns / 24.0, 12.0 * unit, 22.0 * unit);
+  PanelLook look{{.size_px = em}, {.size_px = 1.1 * em, .bold = true}, 0.6 * unit};
+  Rectangle inner = p.inner;
+  inner.height -= legend_height;
+  const std::vector<Extent> seen = extents(panels, options.common_y);
+  look.ticks_px = ticks_px(panels, cell(inner, columns, rows, 0), seen, look);
+  Canvas canvas(p.width, p.height);
+  for (std::size_t i = 0; i < panels.size(); ++i) {
+    const Axes a = draw_panel(canvas, panels[i], cell(inner, columns, rows, i), seen[i], look);
+    TextStyle note = look.body;
+    note.colour = colours::faint_ink;
+    note.across = 1.0;
+    const double top = a.box.y + a.box.height + 0.35 * em;
+    const double free = a.box.width - text_size(panels[i].title, look.title).x() - em;
+    std::string text;
+    for (const std::string& line : panels[i].note) text += (text.empty() ? "" : ", ") + line;
+    if (!text.empty() && free > 2.0 * em)
+      canvas.text({a.box.x + a.box.width, top}, wrapped(text, note, free, 1).front(), note);
+  }
+  draw_legend_row(canvas, {40.0 * unit, inner.y + inner.height + 0.5 * legend_height},
+                  legend(panels.front()), p.body);
+  draw_page(canvas, p);
+  canvas.write_png(path);
+}
+
+}  // namespace abbe::render

@@ -1,0 +1,446 @@
+#include "sim/evaluate.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <Eigen/QR>
+
+#include "errors/metrology/areal.h"
+#include "errors/metrology/form.h"
+#include "errors/metrology/position_file.h"
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/evaluate_pictures.h"
+#include "sim/evaluate_tests.h"
+#include "sim/output.h"
+#include "sim/part_readings_file.h"
+#include "sim/progress.h"
+#include "sim/readings_file.h"
+
+namespace abbe::sim {
+namespace {
+
+namespace metrology = errors::metrology;
+using Eigen::Index;
+using Eigen::VectorXd;
+using Json = nlohmann::ordered_json;
+using metrology::Readings;
+
+/// Figures of one test in its unit, um or urad.
+class Figures {
+ public:
+  Figures(Json& test, bool angle) : test_(test), angle_(angle) {}
+  void put(const std::string& name, double value) { test_[key(name)] = in_unit(value); }
+  void put(const std::string& name, const std::optional<double>& value) {
+    test_[key(name)] = value ? Json(in_unit(*value)) : Json(nullptr);
+  }
+
+ private:
+  std::string key(const std::string& name) const { return name + (angle_ ? "_urad" : "_um"); }
+  double in_unit(double value) const { return value / (angle_ ? units::urad : units::um); }
+  Json& test_;
+  bool angle_;
+};
+
+Json test_json(const std::string& name, const char* standard) {
+  return {{"name", name}, {"standard", standard}};
+}
+
+Json positioning_json(const std::string& name, const metrology::PositionRuns& runs, bool angle) {
+  const metrology::Positioning p = metrology::positioning(runs);
+  Json test = test_json(name, "ISO 230-2:2014 positioning");
+  test["targets"] = runs.target.size();
+  test["runs_up"] = runs.up.cols();
+  test["runs_down"] = runs.down.cols();
+  Figures f(test, angle);
+  const auto one_way = [&](const char* way,
+                           const std::optional<metrology::OneWayPositioning>& one) {
+    if (!one) return;
+    f.put(std::string("A_") + way, one->A);
+    f.put(std::string("E_") + way, one->E);
+    f.put(std::string("R_") + way, one->R);
+  };
+  f.put("A", p.A);
+  one_way("up", p.up);
+  one_way("down", p.down);
+  f.put("E", p.E);
+  f.put("M", p.M);
+  f.put("R", p.R);
+  f.put("B", p.B);
+  f.put("B_mean", p.B_mean);
+  return test;
+}
+
+VectorXd mean_of(const metrology::PositionRuns& runs) {
+  VectorXd sum = VectorXd::Zero(runs.target.size());
+  if (runs.up.cols() > 0) sum += runs.up.rowwise().sum();
+  if (runs.down.cols() > 0) sum += runs.down.rowwise().sum();
+  return sum / double(runs.up.cols() + runs.down.cols());
+}
+
+/// Line through the mean of all runs.
+struct Line {
+  double slope = 0.0;
+  double lsq = 0.0;   ///< range about the least-squares line
+  double ends = 0.0;  ///< range about the line through the ends
+};
+
+Line line_of(const metrology::PositionRuns& runs) {
+  const VectorXd mean = mean_of(runs), &t = runs.target;
+  const VectorXd from_middle = t.array() - t.mean();
+  Line line;
+  line.slope = from_middle.dot(mean) / from_middle.squaredNorm();
+  const auto range = [](const VectorXd& v) { return v.maxCoeff() - v.minCoeff(); };
+  line.lsq = range(mean - line.slope * from_middle);
+  const Index last = t.size() - 1;
+  const double ends = (mean[last] - mean[0]) / (t[last] - t[0]);
+  line.ends = range(mean - ends * from_middle);
+  return line;
+}
+
+// Once round, across the axis, is how the artefact is centred and not how the axis moves.
+Json error_motion_json(const AxisTest& test) {
+  const char* standard = !test.spindle ? "error motion over the angle"
+                         : test.axial  ? "ISO 230-7:2015 axial error motion"
+                                       : "ISO 230-7:2015 radial error motion";
+  Json json = test_json(test.name, standard);
+  const VectorXd mean = mean_of(test.runs), &angle = test.runs.target;
+  json["angles"] = angle.size();
+  if (angle.size() < 4) return json;
+  Eigen::MatrixXd known = Eigen::MatrixXd::Ones(angle.size(), test.axial ? 1 : 3);
+  if (!test.axial) {
+    known.col(1) = angle.array().cos();
+    known.col(2) = angle.array().sin();
+  }
+  const VectorXd synchronous = mean - known * known.colPivHouseholderQr().solve(mean);
+  std::optional<double> asynchronous;
+  for (const Eigen::MatrixXd* runs : {&test.runs.up, &test.runs.down})
+    if (runs->cols() > 1)
+      asynchronous = std::max(asynchronous.value_or(0.0),
+                              (runs->rowwise().maxCoeff() - runs->rowwise().minCoeff()).maxCoeff());
+  Figures f(json, false);
+  f.put("synchronous", synchronous.maxCoeff() - synchronous.minCoeff());
+  f.put("asynchronous", asynchronous);
+  return json;
+}
+
+Json axis_json(const AxisTest& test) {
+  if (test.what == AxisTest::What::ErrorMotion) return error_motion_json(test);
+  if (test.what == AxisTest::What::Positioning)
+    return positioning_json(test.name, test.runs, test.angle);
+  const metrology::Positioning p = metrology::positioning(test.runs);
+  const Line line = line_of(test.runs);
+  const bool straight = test.what == AxisTest::What::Straightness;
+  Json json = test_json(
+      test.name, straight ? "ISO 230-1:2012 straightness" : "ISO 230-1:2012 angular error motion");
+  json["targets"] = test.runs.target.size();
+  Figures f(json, test.angle);
+  if (straight) {
+    f.put("straightness_lsq", line.lsq);
+    f.put("straightness_ends", line.ends);
+    json["slope_urad"] = line.slope / units::urad;
+  } else {
+    const VectorXd mean = mean_of(test.runs);
+    f.put("range", mean.maxCoeff() - mean.minCoeff());
+  }
+  f.put("R", p.R ? p.R : p.up ? p.up->R : p.down->R);
+  f.put("B", p.B);
+  return json;
+}
+
+// Straightness slopes turn the lines the same way only if the axes turn apart.
+Json square_json(const SquareTest& test) {
+  Json json = test_json(test.name, "ISO 230-1:2012 squareness");
+  json["axes"] = {std::string(1, test.first.axis), std::string(1, test.second.axis)};
+  json["squareness_urad"] =
+      -(line_of(test.first.runs).slope + line_of(test.second.runs).slope) / units::urad;
+  json["sign"] = "angle between the positive directions minus 90 degrees";
+  return json;
+}
+
+Json diagonals_json(const std::vector<DiagonalTest>& tests, const char* which) {
+  std::vector<metrology::DiagonalRuns> set;
+  for (const DiagonalTest& test : tests) set.push_back(test.runs);
+  const metrology::Diagonals d = metrology::diagonals(set);
+  Json json = test_json(which, "ISO 230-6:2002 diagonals");
+  Figures f(json, false);
+  f.put("E_d", d.E_d);
+  f.put("B_d", d.B_d);
+  Json each = Json::array();
+  for (std::size_t i = 0; i < tests.size(); ++i)
+    each.push_back(positioning_json(tests[i].name, tests[i].runs.runs, false));
+  json["diagonals"] = each;
+  return json;
+}
+
+Json estimated(const std::optional<metrology::Estimated>& one, double unit) {
+  if (!one) return nullptr;
+  return {{"value", one->value / unit}, {"standard_uncertainty", one->u / unit}};
+}
+
+Json circle_json(const CircleTest& test) {
+  const metrology::Circular c = metrology::circular(test.runs);
+  Json json = test_json(test.name, "ISO 230-4:2005 circular test");
+  json["plane"] = test.plane;
+  json["nominal_radius_mm"] = test.runs.nominal_radius;
+  Figures f(json, false);
+  const auto put = [&](const std::string& way,
+                       const std::optional<metrology::CircularFigures>& one) {
+    if (!one) return;
+    f.put("G_" + way + "_lsq", one->G_lsq);
+    f.put("G_" + way + "_minimum_zone", one->G_minimum_zone);
+    f.put("F_max_" + way, test.zero_known ? std::optional(one->F_max) : std::nullopt);
+    f.put("F_min_" + way, test.zero_known ? std::optional(one->F_min) : std::nullopt);
+  };
+  put("anticlockwise", c.anticlockwise);
+  put("clockwise", c.clockwise);
+  put("both", c.both);
+  f.put("D", test.zero_known ? std::optional(c.D) : std::nullopt);
+  const metrology::CircularCauses causes = metrology::circular_causes(test.runs);
+  const std::string first(1, test.plane[0]), second(1, test.plane[1]);
+  json["causes"] = {
+      {"squareness_urad", estimated(causes.squareness, units::urad)},
+      {"squareness_sign", second + " turned about " + first + " x " + second},
+      {"scale_" + first + "_minus_" + second + "_um_per_m", estimated(causes.scale, 1e-6)},
+      {"reversal_" + first + "_um", estimated(causes.reversal_u, units::um)},
+      {"reversal_" + second + "_um", estimated(causes.reversal_v, units::um)},
+      {"centre_" + first + "_um", estimated(causes.centre_u, units::um)},
+      {"centre_" + second + "_um", estimated(causes.centre_v, units::um)},
+      {"unexplained_um", causes.residual / units::um},
+      {"undetermined", causes.undetermined}};
+  return json;
+}
+
+Json drift_json(const DriftTest& test) {
+  Json json = test_json(test.name, "ISO 230-3:2020 thermal drift");
+  const VectorXd& t = test.log.time_s;
+  std::vector<metrology::DriftInterval> intervals{{"whole", t[0], t[t.size() - 1]}};
+  if (t[t.size() - 1] - t[0] > 3600.0)
+    intervals.insert(intervals.begin(), {"first_hour", t[0], t[0] + 3600.0});
+  for (const metrology::DriftRange& one : metrology::drift(test.log, intervals)) {
+    Json interval{{"hours", (one.interval.to_s - one.interval.from_s) / 3600.0}};
+    for (std::size_t c = 0; c < test.log.names.size(); ++c) {
+      Json column;
+      Figures f(column, test.angle[c]);
+      f.put("range", one.range[Index(c)]);
+      f.put("change", one.change[Index(c)]);
+      interval[test.log.names[c]] = column;
+    }
+    json[one.interval.name] = interval;
+  }
+  return json;
+}
+
+Json other_json(const OtherTest& test) {
+  Json json = test_json(test.name, "range of the readings minus the nominal machine");
+  json["readings"] = test.deviation.size();
+  Figures f(json, test.angle);
+  f.put("range", test.deviation.maxCoeff() - test.deviation.minCoeff());
+  f.put("rms", std::sqrt(test.deviation.squaredNorm() / double(test.deviation.size())));
+  return json;
+}
+
+bool is_face(const DiagonalTest& test) {
+  const auto& signs = test.runs.signs;
+  return std::count(signs.begin(), signs.end(), 0) > 0;
+}
+
+/// Body and face diagonals apart, and where one comes again, as from another start, a new set.
+std::vector<std::vector<DiagonalTest>> sets_of(const std::vector<DiagonalTest>& tests) {
+  std::vector<std::vector<DiagonalTest>> sets;
+  for (const DiagonalTest& test : tests) {
+    const auto fits = [&](const std::vector<DiagonalTest>& set) {
+      return is_face(set.front()) == is_face(test) &&
+             std::none_of(set.begin(), set.end(), [&](const DiagonalTest& other) {
+               return other.runs.signs == test.runs.signs;
+             });
+    };
+    const auto set = std::find_if(sets.begin(), sets.end(), fits);
+    if (set == sets.end())
+      sets.push_back({test});
+    else
+      set->push_back(test);
+  }
+  return sets;
+}
+
+Json tests_json(const Tests& tests) {
+  Json list = Json::array();
+  for (const AxisTest& test : tests.axes) list.push_back(axis_json(test));
+  for (const SquareTest& test : tests.squares) list.push_back(square_json(test));
+  for (const std::vector<DiagonalTest>& set : sets_of(tests.diagonals))
+    list.push_back(diagonals_json(set, is_face(set.front()) ? "face diagonals" : "body diagonals"));
+  for (const CircleTest& test : tests.circles) list.push_back(circle_json(test));
+  for (const DriftTest& test : tests.drifts) list.push_back(drift_json(test));
+  for (const OtherTest& test : tests.others) list.push_back(other_json(test));
+  return list;
+}
+
+Tests tests_of_sets(const std::vector<metrology::PositionSet>& sets, const std::string& stem) {
+  Tests tests;
+  for (const metrology::PositionSet& set : sets) {
+    AxisTest test;
+    test.name = set.name.empty() ? stem : set.name;
+    test.angle = test.rotary = set.rotary;
+    test.runs = set.runs;
+    tests.axes.push_back(std::move(test));
+  }
+  return tests;
+}
+
+/// Two unit vectors across a normal, for the place of a point in a plane.
+Eigen::Matrix<double, 3, 2> across(const Eigen::Vector3d& normal) {
+  Eigen::Matrix<double, 3, 2> basis;
+  basis.col(0) = normal.unitOrthogonal();
+  basis.col(1) = normal.cross(basis.col(0));
+  return basis;
+}
+
+// A part whose normals agree is a plane and has a flatness; heights of any other are counted from
+// their mean, along the design's normals.
+Json part_json(const PartReadingsFile& part) {
+  const metrology::PartReadings& r = part.readings;
+  const Eigen::Vector3d normal = r.normals_w.row(0);
+  const bool flat = (r.normals_w * normal).minCoeff() > 1.0 - 1e-12;
+  const Index n = r.deviation.size();
+  Json list = Json::array();
+  if (flat) {
+    const Eigen::MatrixX3d points =
+        r.points_w + (r.normals_w.array().colwise() * r.deviation.array()).matrix();
+    const metrology::MinimumZonePlanes zone = metrology::minimum_zone_planes(points);
+    Json test = test_json("flatness", "ISO 12781-1:2011");
+    test["points"] = n;
+    Figures f(test, false);
+    f.put("flatness_lsq", metrology::least_squares_plane(points).flatness);
+    f.put("flatness_minimum_zone", zone.flatness);
+    test["minimum_zone_proven"] = zone.proven;
+    list.push_back(test);
+  }
+  metrology::ArealOptions options;
+  options.reference = flat ? metrology::ArealReference::Plane : metrology::ArealReference::Mean;
+  const metrology::Areal areal =
+      metrology::areal(r.points_w * across(normal), r.deviation, Eigen::VectorXd::Ones(n), options);
+  Json test = test_json("heights", "ISO 25178-2:2021 height parameters, unfiltered");
+  test["reference"] = flat ? "least-squares plane" : "mean, along the design's normals";
+  test["points"] = n;
+  Figures f(test, false);
+  f.put("Sa", areal.Sa);
+  f.put("Sq", areal.Sq);
+  f.put("Sz", areal.Sz);
+  f.put("Sp", areal.Sp);
+  f.put("Sv", areal.Sv);
+  test["Ssk"] = areal.Ssk ? Json(*areal.Ssk) : Json(nullptr);
+  test["Sku"] = areal.Sku ? Json(*areal.Sku) : Json(nullptr);
+  f.put("mean", r.deviation.mean());
+  f.put("pv", r.deviation.maxCoeff() - r.deviation.minCoeff());
+  list.push_back(test);
+  return list;
+}
+
+struct Read {
+  std::string kind;
+  Tests tests;
+  std::optional<Readings> readings;
+  std::optional<PartReadingsFile> part;
+};
+
+Read read(const std::filesystem::path& file) {
+  const std::string text = read_text(file, std::size_t(256) << 20);
+  if (holds_part_readings(text)) {
+    PartReadingsFile part = read_part_readings(text, file.string());
+    if (part.readings.deviation.size() < 3)
+      throw BadInput(file.string(), 0, 0, "at least 3 points of a part", "fewer");
+    std::string kind = part.kind;
+    return {std::move(kind), {}, std::nullopt, std::move(part)};
+  }
+  if (!holds_readings(text))
+    return {"position file",
+            tests_of_sets(metrology::read_position_file(file), file.stem().string()), std::nullopt,
+            std::nullopt};
+  Readings readings = read_readings(text, file.string());
+  if (readings.value.size() == 0)
+    return {readings.plan.kind, {}, std::move(readings), std::nullopt};
+  Tests tests = tests_of(readings);
+  return {readings.plan.kind, std::move(tests), std::move(readings), std::nullopt};
+}
+
+Json temperatures_json(const Readings& readings) {
+  Json json = Json::object();
+  for (std::size_t k = 0; k < readings.sensors.size(); ++k) {
+    const auto column = readings.T_C.col(Index(k));
+    json[readings.sensors[k]] = {{"min_C", column.minCoeff()}, {"max_C", column.maxCoeff()}};
+  }
+  return json;
+}
+
+void print(std::string& text, const Json& values, int indent) {
+  for (const auto& [key, value] : values.items()) {
+    if (key == "name" || key == "standard") continue;
+    const std::string label = std::string(std::size_t(indent), ' ') + key;
+    if (value.is_object() && value.contains("standard_uncertainty"))
+      text += fmt::format("{:<40} {:>12.4f}   u {:.4f}\n", label, value["value"].get<double>(),
+                          value["standard_uncertainty"].get<double>());
+    else if (value.is_object()) {
+      text += label + "\n";
+      print(text, value, indent + 2);
+    } else if (value.is_array() && !value.empty() && value.front().is_object()) {
+      for (const Json& one : value) {
+        text += label + ": " + one["name"].get<std::string>() + "\n";
+        print(text, one, indent + 2);
+      }
+    } else if (value.is_number_float())
+      text += fmt::format("{:<40} {:>12.4f}\n", label, value.get<double>());
+    else if (value.is_null())
+      text += fmt::format("{:<40} {:>12}\n", label, "-");
+    else if (!(value.is_array() && value.empty()))
+      text += fmt::format("{:<40} {:>12}\n", label,
+                          value.is_string() ? value.get<std::string>() : value.dump());
+  }
+}
+
+}  // namespace
+
+Json evaluate(const std::filesystem::path& file, const EvaluateOptions& options) {
+  const Read source = read(file);
+  Json evaluation{{"file", file.string()}, {"kind", source.kind}};
+  try {
+    evaluation["tests"] = source.part ? part_json(*source.part) : tests_json(source.tests);
+  } catch (const std::invalid_argument& fault) {
+    throw BadInput(file.string(), 0, 0, "readings that a standard can evaluate", fault.what());
+  }
+  if (source.readings && !source.readings->sensors.empty() && !source.readings->plan.looks.empty())
+    evaluation["temperatures"] = temperatures_json(*source.readings);
+  evaluation["pictures"] = Json::array();
+  if (options.folder.empty()) return evaluation;
+  prepare_folder(options.folder);
+  stop_if_interrupted();
+  const std::filesystem::path json = options.folder / "evaluation.json";
+  write_file(json, evaluation.dump(2) + "\n");
+  for (const auto& picture : write_test_pictures(options.folder, source.tests, file.string()))
+    evaluation["pictures"].push_back(picture.string());
+  write_file(json, evaluation.dump(2) + "\n");
+  return evaluation;
+}
+
+std::string evaluation_text(const Json& evaluation) {
+  std::string text = fmt::format("{} ({})\n", evaluation["file"].get<std::string>(),
+                                 evaluation["kind"].get<std::string>());
+  for (const Json& test : evaluation["tests"]) {
+    text += fmt::format("\n{} -- {}\n", test["name"].get<std::string>(),
+                        test["standard"].get<std::string>());
+    print(text, test, 2);
+  }
+  if (evaluation.contains("temperatures")) {
+    text += "\ntemperatures, C\n";
+    for (const auto& [name, one] : evaluation["temperatures"].items())
+      text += fmt::format("  {:<38} {:>8.2f} .. {:.2f}\n", name, one["min_C"].get<double>(),
+                          one["max_C"].get<double>());
+  }
+  for (const Json& picture : evaluation["pictures"])
+    text += "\npicture " + picture.get<std::string>();
+  return text + (evaluation["pictures"].empty() ? "" : "\n");
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "sim/evaluate_tests.h"
+
+namespace abbe::sim {
+
+/// A picture of every test: positioning with its means and 2 s band, lines over their targets,
+/// circles magnified over the nominal one, drift over time; none where the program was built
+/// without VTK.
+/// @param from  the file of the readings, told in every picture
+/// @return their files @throws OutputFailure
+std::vector<std::filesystem::path> write_test_pictures(const std::filesystem::path& folder,
+                                                       const Tests& tests, const std::string& from);
+
+}  // namespace abbe::sim

@@ -1,0 +1,508 @@
+#include "sim/identify.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "errors/identification/curve_readings.h"
+#include "errors/identification/step_diagonal.h"
+#include "kinematics/topology.h"
+#include "kinematics/units.h"
+#include "sim/belief_file.h"
+#include "sim/identify_composite.h"
+#include "sim/identify_pictures.h"
+#include "sim/output.h"
+#include "sim/progress.h"
+#include "sim/readings_file.h"
+#include "sim/toml_reader.h"
+#include "sim/versions.h"
+
+namespace abbe::sim {
+namespace {
+
+namespace identification = errors::identification;
+using errors::metrology::Readings;
+using identification::Estimate;
+using Json = nlohmann::ordered_json;
+using Files = std::vector<std::filesystem::path>;
+
+std::string names_of(const Files& files) {
+  std::string text;
+  for (const auto& file : files) text += (text.empty() ? "" : ", ") + file.string();
+  return text;
+}
+
+std::vector<Readings> read_all(const Files& files) {
+  std::vector<Readings> all;
+  std::set<std::filesystem::path> seen;
+  for (const auto& file : files) {
+    std::error_code ignored;
+    const std::filesystem::path canonical = std::filesystem::canonical(file, ignored);
+    if (!canonical.empty() && !seen.insert(canonical).second)
+      throw BadInput(file.string(), 0, 0, "each file once", "it again");
+    all.push_back(read_readings_file(file));
+    if (all.back().value.size() == 0)
+      throw BadInput(file.string(), 0, 0, "readings of the machine", "a log of temperatures alone");
+  }
+  return all;
+}
+
+Json sources_json(const Files& files, const std::vector<Readings>& readings) {
+  Json list = Json::array();
+  for (std::size_t i = 0; i < files.size(); ++i)
+    list.push_back({{"file", files[i].string()},
+                    {"instrument", readings[i].plan.instrument},
+                    {"kind", readings[i].plan.kind},
+                    {"readings", readings[i].plan.looks.size()},
+                    {"set_ups", readings[i].plan.set_ups.size()},
+                    {"hours", readings[i].plan.duration_s / 3600.0}});
+  return list;
+}
+
+double hours_of(const std::vector<Readings>& readings) {
+  double hours = 0.0;
+  for (const Readings& one : readings) hours += one.plan.duration_s / 3600.0;
+  return hours;
+}
+
+std::string machine_of(const kinematics::Chain& chain) {
+  kinematics::Topology topology;
+  for (const kinematics::Joint& joint : chain.joints())
+    topology.push_back({joint.name, joint.side});
+  return kinematics::to_string(topology);
+}
+
+double unit_of_value(const errors::Element& element) {
+  return element.name.is_angle() ? units::urad : units::um;
+}
+
+/// Every number with its standard uncertainty, in um or urad; null where it was not found.
+Json numbers_json(const errors::GeometricErrors& belief) {
+  std::map<std::string, double> sigma;
+  const errors::Covariance& covariance = belief.covariance;
+  for (std::size_t i = 0; i < covariance.of.size(); ++i)
+    sigma[errors::name_of(covariance.of[i], belief.elements)] =
+        std::sqrt(std::max(0.0, covariance.matrix(Eigen::Index(i), Eigen::Index(i))));
+  Json numbers = Json::array();
+  const auto all = errors::coefficients(belief.elements);
+  const Eigen::VectorXd values = errors::values(belief.elements);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const errors::Element& element = belief.elements[std::size_t(all[i].element)];
+    const std::string name = errors::name_of(all[i], belief.elements);
+    const double unit = unit_of_value(element);
+    const auto known = sigma.find(name);
+    numbers.push_back({{"name", name},
+                       {"unit", element.name.is_angle() ? "urad" : "um"},
+                       {"value", values[Eigen::Index(i)] / unit},
+                       {"standard_uncertainty",
+                        known == sigma.end() ? Json(nullptr) : Json(known->second / unit)}});
+  }
+  return numbers;
+}
+
+Json confounded_json(const std::vector<identification::Confounded>& list) {
+  Json result = Json::array();
+  for (const identification::Confounded& one : list) {
+    Json with = Json::object();
+    for (const auto& [name, share] : one.with) with[name] = share;
+    result.push_back({{"name", one.name}, {"hidden_by", with}});
+  }
+  return result;
+}
+
+/// The covariance without the numbers that the model holds at their place.
+errors::Covariance of_found(const errors::Covariance& all) {
+  errors::Covariance found;
+  std::vector<Eigen::Index> rows;
+  for (std::size_t i = 0; i < all.of.size(); ++i) {
+    const auto k = Eigen::Index(i);
+    if (!(all.matrix(k, k) > 0.0)) continue;
+    rows.push_back(k);
+    found.of.push_back(all.of[i]);
+  }
+  found.matrix = all.matrix(rows, rows);
+  return found;
+}
+
+/// What a belief file holds of a model: curves of which no number was found are left out, and so
+/// are the elements of which nothing is left.
+errors::GeometricErrors told(const Estimate& estimate) {
+  const errors::GeometricErrors& belief = estimate.belief;
+  errors::GeometricErrors kept;
+  kept.measuring_lines = belief.measuring_lines;
+  const errors::Covariance found = of_found(belief.covariance);
+  kept.covariance = found;
+  for (std::size_t e = 0; e < belief.elements.size(); ++e) {
+    errors::Element element{belief.elements[e].name, {}};
+    for (std::size_t c = 0; c < belief.elements[e].curves.size(); ++c) {
+      bool known = false;
+      for (std::size_t i = 0; i < found.of.size(); ++i) {
+        if (found.of[i].element != int(e) || found.of[i].curve != int(c)) continue;
+        known = true;
+        kept.covariance.of[i].element = int(kept.elements.size());
+        kept.covariance.of[i].curve = int(element.curves.size());
+      }
+      if (known) element.curves.push_back(belief.elements[e].curves[c]);
+    }
+    if (!element.curves.empty()) kept.elements.push_back(std::move(element));
+  }
+  return kept;
+}
+
+std::vector<std::string> comments_of(const Json& report) {
+  std::vector<std::string> comments{
+      "Belief about a machine, identified from readings by abbe " +
+          versions()["abbe"].get<std::string>() + ".",
+      fmt::format("Machine {}, {} readings; {}.", report["machine"].get<std::string>(),
+                  report["count"].get<std::size_t>(), report["method"].get<std::string>())};
+  for (const Json& one : report["readings"])
+    comments.push_back("from " + to_toml_value(one["file"].get<std::string>()));
+  for (const Json& one : report["confounded"])
+    comments.push_back("not told by these readings: " + one["name"].get<std::string>());
+  return comments;
+}
+
+void write_belief(const std::filesystem::path& out, const errors::GeometricErrors& belief,
+                  const kinematics::Chain& nominal, const Json& report) {
+  const std::filesystem::path folder = out.parent_path();
+  if (!folder.empty()) prepare_folder(folder);
+  write_file(out, to_errors_file(belief, nominal.joints(), comments_of(report)));
+  write_file(std::filesystem::path(out).replace_extension(".json"), report.dump(2) + "\n");
+}
+
+Json common_report(const Files& files, const std::vector<Readings>& readings) {
+  std::size_t count = 0;
+  for (const Readings& one : readings) count += one.plan.looks.size();
+  return {{"machine", machine_of(readings.front().nominal)},
+          {"readings", sources_json(files, readings)},
+          {"count", count},
+          {"hours", hours_of(readings)}};
+}
+
+/// Readings that were left out: file, number of its row and residual in standard deviations.
+Json outliers_json(const Files& files, const std::vector<Readings>& readings,
+                   const Estimate& estimate) {
+  Json list = Json::array();
+  int first = 0;
+  for (std::size_t f = 0; f < files.size(); ++f) {
+    const auto& looks = readings[f].plan.looks;
+    int at = first;
+    for (std::size_t row = 0; row < looks.size(); ++row) {
+      if (looks[row].channel < 0) continue;
+      if (std::count(estimate.outliers.begin(), estimate.outliers.end(), at) > 0)
+        list.push_back({{"file", files[f].string()},
+                        {"row", row + 1},
+                        {"residual_sd", estimate.fit_residual[at]}});
+      ++at;
+    }
+    first = at;
+  }
+  return list;
+}
+
+/// Beyond what chance gives one fit in a thousand.
+bool scatters(const Estimate& estimate) {
+  const int degrees = estimate.degrees_of_freedom;
+  return degrees > 20 && estimate.reduced_chi_square > 1.0 + 3.1 * std::sqrt(2.0 / degrees);
+}
+
+std::vector<std::string> warnings_of(const Estimate& estimate, const IdentifyOptions& options) {
+  std::vector<std::string> warnings;
+  if (!estimate.converged) warnings.push_back("the fit did not converge");
+  if (scatters(estimate))
+    warnings.push_back(fmt::format(
+        "the readings scatter {:.2f} times as much as their instruments say, and the uncertainties "
+        "were raised by it: the curves may need {}, or the machine does not repeat",
+        std::sqrt(estimate.reduced_chi_square),
+        options.choose_orders ? "the pitch of the screws (--pitch)"
+                              : "a higher order (--choose-orders) or the pitch of the screws "
+                                "(--pitch)"));
+  const auto n = double(estimate.fit_residual.size());
+  if (double(estimate.outliers.size()) > 0.02 * n)
+    warnings.push_back(fmt::format(
+        "{} of {} readings were left out as outliers: that many are no slips, the curves do not "
+        "follow the machine",
+        estimate.outliers.size(), n));
+  std::string weak;
+  const errors::Covariance& covariance = estimate.belief.covariance;
+  for (std::size_t i = 0; i < covariance.of.size(); ++i) {
+    const auto& element = estimate.belief.elements[std::size_t(covariance.of[i].element)];
+    const auto k = Eigen::Index(i);
+    if (covariance.matrix(k, k) > std::pow(50.0 * unit_of_value(element), 2))
+      weak +=
+          (weak.empty() ? "" : ", ") + errors::name_of(covariance.of[i], estimate.belief.elements);
+  }
+  if (!weak.empty())
+    warnings.push_back("hardly told by these readings (beyond 50 um or urad): " + weak);
+  return warnings;
+}
+
+Json by_chain(const Files& files, const std::vector<Readings>& readings, IdentifyOptions options) {
+  const kinematics::Chain& nominal = readings.front().nominal;
+  Json report = common_report(files, readings);
+  if (options.choose_orders) {
+    const auto choice = identification::choose_orders(readings, options.model, options.orders);
+    options.model.orders = choice.orders;
+    report["orders"] = choice.orders;
+  }
+  Estimate estimate = identification::estimate(identification::model_of(nominal, options.model),
+                                               readings, options.estimate);
+  // what the model does not follow counts as noise
+  if (scatters(estimate)) estimate.belief.covariance.matrix *= estimate.reduced_chi_square;
+  const errors::GeometricErrors belief = told(estimate);
+  stop_if_interrupted();
+  report["method"] = "least squares on the exact chain";
+  report["unknowns"] = estimate.names.size();
+  report["found"] = belief.covariance.of.size();
+  report["reduced_chi_square"] = estimate.reduced_chi_square;
+  report["degrees_of_freedom"] = estimate.degrees_of_freedom;
+  report["condition"] = estimate.condition;
+  report["outliers"] = outliers_json(files, readings, estimate);
+  report["confounded"] = confounded_json(estimate.confounded);
+  report["numbers"] = numbers_json(belief);
+  report["warnings"] = warnings_of(estimate, options);
+  write_belief(options.out, belief, nominal, report);
+  write_curves_picture(std::filesystem::path(options.out).replace_extension(".png"),
+                       identification::curve_readings(estimate, readings), nominal,
+                       names_of(files));
+  return report;
+}
+
+/// Readings of four step diagonals each, as they follow one another.
+std::vector<Readings> fours_of(const Readings& all) {
+  std::vector<Readings> result;
+  const std::size_t n = all.plan.set_ups.size();
+  if (n % 4 != 0) return {all};  // which step_diagonal refuses with a sentence
+  for (std::size_t first = 0; first < n; first += 4) {
+    Readings four{
+        {all.plan.instrument, all.plan.kind, {}, {}, 0.0}, all.nominal, {}, all.sensors, {}};
+    four.plan.set_ups.assign(all.plan.set_ups.begin() + std::ptrdiff_t(first),
+                             all.plan.set_ups.begin() + std::ptrdiff_t(first + 4));
+    std::vector<Eigen::Index> rows;
+    for (std::size_t i = 0; i < all.plan.looks.size(); ++i) {
+      const auto set_up = std::size_t(all.plan.looks[i].set_up);
+      if (set_up < first || set_up >= first + 4) continue;
+      rows.push_back(Eigen::Index(i));
+      four.plan.looks.push_back(all.plan.looks[i]);
+      four.plan.looks.back().set_up -= int(first);
+    }
+    four.value = all.value(rows);
+    four.T_C = all.T_C(rows, Eigen::all);
+    result.push_back(std::move(four));
+  }
+  return result;
+}
+
+/// Mean temperatures of the sensors during each of them, less those of the first. (fours x sensors)
+Eigen::MatrixXd warmed_K(const std::vector<Readings>& fours,
+                         const std::vector<std::string>& sensors) {
+  const std::vector<std::string>& known = fours.front().sensors;
+  Eigen::MatrixXd T_C(Eigen::Index(fours.size()), Eigen::Index(sensors.size()));
+  for (std::size_t k = 0; k < sensors.size(); ++k) {
+    const auto found = std::find(known.begin(), known.end(), sensors[k]);
+    if (found == known.end())
+      throw std::invalid_argument("expected a sensor that was logged, seen " + sensors[k]);
+    for (std::size_t i = 0; i < fours.size(); ++i)
+      T_C(Eigen::Index(i), Eigen::Index(k)) = fours[i].T_C.col(found - known.begin()).mean();
+  }
+  const Eigen::RowVectorXd cold = T_C.row(0);
+  return T_C.rowwise() - cold;
+}
+
+Json trend_json(const identification::StepDiagonalTrend& trend,
+                const std::vector<std::string>& sensors) {
+  Json list = Json::array();
+  for (std::size_t v = 0; v < trend.names.size(); ++v) {
+    const auto row = Eigen::Index(v);
+    const bool is_length = trend.names[v].find('[') != std::string::npos;
+    Json per_K = Json::object(), sigma = Json::object();
+    for (std::size_t k = 0; k < sensors.size(); ++k) {
+      const double unit = is_length ? units::um : 1e-6;  // slopes are um/m, squareness urad
+      per_K[sensors[k]] = trend.per_K(row, Eigen::Index(k)) / unit;
+      if (trend.per_K_sigma.size() > 0)
+        sigma[sensors[k]] = trend.per_K_sigma(row, Eigen::Index(k)) / unit;
+    }
+    list.push_back({{"name", trend.names[v]},
+                    {"unit", is_length ? "um/K" : "um/m/K or urad/K"},
+                    {"per_K", per_K},
+                    {"standard_uncertainty", sigma}});
+  }
+  return list;
+}
+
+Json by_step_diagonal(const Files& files, const std::vector<Readings>& readings,
+                      const IdentifyOptions& options) {
+  if (readings.size() != 1)
+    throw BadInput(names_of(files), 0, 0, "one file of step diagonals",
+                   std::to_string(readings.size()));
+  const std::vector<Readings> fours = fours_of(readings.front());
+  std::vector<identification::StepDiagonal> results;
+  for (const Readings& four : fours) results.push_back(identification::step_diagonal(four));
+  const identification::StepDiagonal& first = results.front();
+  Json report = common_report(files, readings);
+  report["method"] = "step diagonal as published: 12 elements of translation";
+  report["found"] = first.belief.covariance.of.size();
+  report["reduced_chi_square"] = first.reduced_chi_square;
+  report["confounded"] = Json::array();
+  report["numbers"] = numbers_json(first.belief);
+  report["warnings"] = first.warnings;
+  if (!first.caution.empty()) report["warnings"].push_back(first.caution);
+  if (options.sensors.empty() && fours.size() > 1)
+    report["warnings"].push_back(fmt::format(
+        "{} sets of diagonals, of which the first is told: name temperatures by --sensors to have "
+        "the elements regressed on them",
+        fours.size()));
+  if (!options.sensors.empty())
+    report["per_K"] =
+        trend_json(identification::step_diagonal_trend(results, warmed_K(fours, options.sensors)),
+                   options.sensors);
+  write_belief(options.out, first.belief, readings.front().nominal, report);
+  return report;
+}
+
+/// Element of a number: "EXX" of "EXX[2]" and "EXX screw pitch cos 1".
+std::string element_of(const std::string& number) {
+  return number.substr(0, number.find_first_of("[ "));
+}
+
+/// A line an element: every number found with its standard uncertainty.
+std::string numbers_text(const Json& numbers) {
+  std::string text = "\nelements in um and urad, with their standard uncertainty", element;
+  for (const Json& one : numbers) {
+    const Json& u = one["standard_uncertainty"];
+    const bool told = u.is_null() ? one["value"].get<double>() != 0.0 : u.get<double>() > 0.0;
+    if (!told) continue;  // or held at its place
+    const std::string name = one["name"].get<std::string>();
+    if (element_of(name) != element) {
+      element = element_of(name);
+      text += fmt::format("\n{:<5}", element);
+    }
+    const std::string which = name.size() > element.size() ? name.substr(element.size()) + " " : "";
+    text += fmt::format("  {}{:.3f}", which, one["value"].get<double>());
+    if (!u.is_null()) text += fmt::format(" ({:.2g})", u.get<double>());
+  }
+  return text + "\n";
+}
+
+/// Numbers that were not found: those that no reading tells, an element a line, then those that
+/// others hide; the zeros and places of set-ups among these are counted only.
+std::string confounded_text(const Json& confounded) {
+  std::map<std::string, int> untold;
+  std::string text;
+  for (const Json& one : confounded) {
+    const std::string name = one["name"].get<std::string>();
+    if (one["hidden_by"].empty()) {
+      ++untold[element_of(name)];
+      continue;
+    }
+    std::string with;
+    int set_ups = 0;
+    for (const auto& [other, share] : one["hidden_by"].items()) {
+      if (other.find(": ") != std::string::npos)
+        ++set_ups;
+      else
+        with += fmt::format("{}{:.4g} {}", with.empty() ? "" : ", ", share.get<double>(), other);
+    }
+    if (set_ups > 0)
+      with += fmt::format("{}{} unknown{} of set-ups", with.empty() ? "" : " and ", set_ups,
+                          set_ups > 1 ? "s" : "");
+    text += fmt::format("\n{} is left at 0: a unit of it reads the same as {}", name, with);
+  }
+  std::string names;
+  for (const auto& [element, count] : untold)
+    names += fmt::format("{}{} ({})", names.empty() ? "" : ", ", element, count);
+  if (!names.empty()) text += "\nunobservable, left out (numbers): " + names;
+  return text;
+}
+
+Json by_composite(const Files& files, const std::vector<Readings>& readings,
+                  const IdentifyOptions& options) {
+  if (readings.size() != 1)
+    throw BadInput(names_of(files), 0, 0, "one file of positioning from several starts",
+                   std::to_string(readings.size()));
+  const Composite composite =
+      identify_composite(readings.front(), options.sensors, options.model.order);
+  Json report = common_report(files, readings);
+  report["method"] = "composite: cold curve, and slopes regressed on temperatures";
+  report["confounded"] = Json::array();
+  report["numbers"] = numbers_json(composite.cold);
+  report["composite"] = composite.axes;
+  report["warnings"] = composite.warnings;
+  write_belief(options.out, composite.cold, readings.front().nominal, report);
+  return report;
+}
+
+std::string composite_text(const Json& axes) {
+  std::string text;
+  for (const Json& axis : axes) {
+    text += fmt::format("\n{}: cold curve of {}, RMS {:.3f} um about the law\n",
+                        axis["axis"].get<std::string>(), axis["zero_of_dT"].get<std::string>(),
+                        axis["rms_um"].get<double>());
+    for (const Json& slope : axis["slopes"])
+      text +=
+          fmt::format("  slope from start {}  {:>9.4f} ({:.2g}) um/m\n", slope["start"].get<int>(),
+                      slope["slope_um_per_m"].get<double>(), slope["standard_error"].get<double>());
+    for (const auto& [sensor, per_K] : axis["slope_um_per_m_K"].items())
+      text += fmt::format("  {:<28} {:>9.4f} um/m/K\n", sensor, per_K.get<double>());
+  }
+  return text;
+}
+
+}  // namespace
+
+Json identify(const Files& files, const IdentifyOptions& options) {
+  const std::vector<Readings> readings = read_all(files);
+  try {
+    switch (options.method) {
+      case IdentifyOptions::Method::StepDiagonal:
+        return by_step_diagonal(files, readings, options);
+      case IdentifyOptions::Method::Composite:
+        return by_composite(files, readings, options);
+      case IdentifyOptions::Method::Chain:
+        break;
+    }
+    return by_chain(files, readings, options);
+  } catch (const std::invalid_argument& fault) {
+    throw BadInput(names_of(files), 0, 0, "readings from which a machine can be identified",
+                   fault.what());
+  } catch (const std::out_of_range& fault) {
+    throw BadInput(names_of(files), 0, 0, "readings within the range of the curves", fault.what());
+  }
+}
+
+std::string identify_text(const Json& report) {
+  std::string text =
+      fmt::format("machine {}\n\n{:>10} {:>9} {:>9}   file\n", report["machine"].get<std::string>(),
+                  "readings", "set-ups", "hours");
+  for (const Json& one : report["readings"])
+    text += fmt::format("{:>10} {:>9} {:>9.2f}   {}\n", one["readings"].get<std::size_t>(),
+                        one["set_ups"].get<std::size_t>(), one["hours"].get<double>(),
+                        one["file"].get<std::string>());
+  text += numbers_text(report["numbers"]);
+  text += confounded_text(report["confounded"]);
+  if (report.contains("per_K"))
+    for (const Json& one : report["per_K"])
+      for (const auto& [sensor, value] : one["per_K"].items())
+        text += fmt::format(
+            "\n{:<12} {:>10.4f} ({}) {} by {}", one["name"].get<std::string>(), value.get<double>(),
+            one["standard_uncertainty"].contains(sensor)
+                ? fmt::format("{:.2g}", one["standard_uncertainty"][sensor].get<double>())
+                : "-",
+            one["unit"].get<std::string>(), sensor);
+  if (report.contains("composite")) text += composite_text(report["composite"]);
+  if (report.contains("outliers") && !report["outliers"].empty())
+    text += fmt::format("\n{} readings left out as outliers; they are in the report",
+                        report["outliers"].size());
+  if (report.contains("reduced_chi_square"))
+    text += fmt::format("\nreduced chi-square {:.3f}", report["reduced_chi_square"].get<double>());
+  text += fmt::format("\n{:.1f} hours on a real machine\n", report["hours"].get<double>());
+  for (const Json& warning : report["warnings"])
+    text += "warning: " + warning.get<std::string>() + "\n";
+  return text;
+}
+
+}  // namespace abbe::sim

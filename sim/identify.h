@@ -1,0 +1,44 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "errors/identification/estimate.h"
+#include "errors/identification/model.h"
+
+namespace abbe::sim {
+
+struct IdentifyOptions {
+  /// Without what only places the workpiece on a rotary table: no reading tells that.
+  errors::identification::ModelOptions model = {.placement = false};
+  errors::identification::EstimateOptions estimate;
+  bool choose_orders = false;  ///< by cross-validation instead of `model.order`
+  errors::identification::OrderOptions orders;
+  enum class Method {
+    Chain,         ///< least squares on the exact chain
+    StepDiagonal,  ///< the published evaluation of one file of step diagonals
+    Composite,     ///< a positioning from several starts: cold curve and slopes on temperatures
+  } method = Method::Chain;
+  std::vector<std::string> sensors;  ///< temperatures on which what was measured from several
+                                     ///< starts is regressed
+  std::filesystem::path out;         ///< belief file; beside it NAME.json and NAME.png
+};
+
+/// Identifies a machine from files of readings alone and writes a belief file (an errors file with
+/// covariance), the report of the fit and a sheet of every curve with its readings and 95 % band.
+/// Says which numbers no reading tells, what hides them, what was left out, and how long the
+/// measurements would take.
+/// @return the report
+/// @throws BadInput, BadScene, OutputFailure; BadInput naming the files if they are of different
+/// machines
+nlohmann::ordered_json identify(const std::vector<std::filesystem::path>& files,
+                                const IdentifyOptions& options);
+
+/// The report as a person reads it.
+std::string identify_text(const nlohmann::ordered_json& report);
+
+}  // namespace abbe::sim

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "errors/identification/curve_readings.h"
+#include "kinematics/chain.h"
+
+namespace abbe::sim {
+
+/// A sheet of every identified curve over its readings with its 95 % band; nothing is written where
+/// the program was built without VTK. @throws OutputFailure
+void write_curves_picture(const std::filesystem::path& file,
+                          const std::vector<errors::identification::CurveReadings>& curves,
+                          const kinematics::Chain& nominal, const std::string& from);
+
+}  // namespace abbe::sim

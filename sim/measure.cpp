@@ -1,0 +1,257 @@
+#include "sim/measure.h"
+
+#include <algorithm>
+#include <set>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "sim/activity.h"
+#include "sim/loop.h"
+#include "sim/output.h"
+#include "sim/part_readings_file.h"
+#include "sim/progress.h"
+#include "sim/readings_file.h"
+#include "sim/toml_reader.h"
+
+namespace abbe::sim {
+namespace {
+
+namespace metrology = errors::metrology;
+using kinematics::AxisState;
+using metrology::Bodies;
+using metrology::Readings;
+
+/// A seed for an instrument: the same instrument of the same scene errs the same.
+std::uint64_t seed_of(const Scene& scene, const std::string& name) {
+  std::uint64_t seed = scene.seed;
+  for (const char c : name) seed = (seed ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
+  return seed;
+}
+
+Truth truth_for(const Scene& scene, const Machine& machine) {
+  Truth truth = truth_of(scene, machine, activity(scene, machine, {}, {}));
+  truth.actual = machine.nominal;  // the instrument takes the place of tool and part
+  return truth;
+}
+
+Bodies bodies_of(const Truth& truth, const AxisState& state) {
+  const errors::ForceDeviations all = deviations(truth, state);
+  const kinematics::Pose identity = kinematics::Pose::Identity();
+  Bodies bodies{truth.actual.workpiece_in_bed(state.q, all.joints),
+                truth.actual.tool_in_bed(state.q, all.joints)};
+  if (!all.tool_t.isZero(0.0))
+    bodies.T_bt = bodies.T_bt * kinematics::motion(all.tool_t, identity.translation());
+  if (!all.workpiece_w.isZero(0.0))
+    bodies.T_bw = bodies.T_bw * kinematics::motion(all.workpiece_w, identity.translation());
+  return bodies;
+}
+
+/// The plans of every start one after another, each set up anew.
+metrology::Plan plan_of(const InstrumentDescription& description,
+                        const kinematics::Chain& nominal) {
+  metrology::Plan all;
+  for (const double start_s : description.starts_s) {
+    metrology::Instrument instrument = description.instrument;
+    instrument.start_s = start_s;
+    metrology::Plan one = metrology::plan(instrument, nominal);
+    const double ended_s = all.looks.empty() ? start_s : all.looks.back().state.time_s;
+    if (start_s < ended_s)
+      throw std::invalid_argument(
+          fmt::format("a start at {:.2f} h while the readings before it last until {:.2f} h",
+                      start_s / 3600.0, ended_s / 3600.0));
+    const int before = int(all.set_ups.size());
+    for (metrology::SetUp& set_up : one.set_ups) all.set_ups.push_back(std::move(set_up));
+    for (metrology::Look& look : one.looks) {
+      look.set_up += before;
+      all.looks.push_back(std::move(look));
+    }
+    all.instrument = one.instrument;
+    all.kind = one.kind;
+    all.duration_s += one.duration_s;
+  }
+  return all;
+}
+
+/// Sensors ask for times that do not go back; an instrument's own order may.
+void log_temperatures(Readings& readings, const Scene& scene, const Truth& truth) {
+  if (!scene.thermal || !truth.heat) return;
+  const auto& looks = readings.plan.looks;
+  std::vector<Eigen::Index> order(looks.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = Eigen::Index(i);
+  const auto time = [&](Eigen::Index i) { return looks[std::size_t(i)].state.time_s; };
+  std::stable_sort(order.begin(), order.end(), [&](auto a, auto b) { return time(a) < time(b); });
+  Eigen::VectorXd times(Eigen::Index(looks.size()));
+  for (Eigen::Index i = 0; i < times.size(); ++i) times[i] = time(order[std::size_t(i)]);
+  const auto& sensors = scene.thermal->sensors;
+  readings.T_C.resize(times.size(), Eigen::Index(sensors.size()));
+  for (std::size_t k = 0; k < sensors.size(); ++k) {
+    readings.sensors.push_back(sensors[k].name);
+    const Eigen::VectorXd T_C = errors::readings(sensors[k], truth.heat->run, times);
+    for (Eigen::Index i = 0; i < times.size(); ++i)
+      readings.T_C(order[std::size_t(i)], Eigen::Index(k)) = T_C[i];
+  }
+}
+
+/// The judged, cut surface of a case, in the workpiece.
+metrology::PartSurface surface_of(const Job& job, const Cut& cut) {
+  const auto& status = cut.surface.status;
+  std::vector<Eigen::Index> rows;
+  for (std::size_t i = 0; i < status.size(); ++i)
+    if (status[i] == cutting::VertexStatus::Cut && job.design_w.judged[i])
+      rows.push_back(Eigen::Index(i));
+  return {job.design_w.vertices(rows, Eigen::all), job.design_w.normals(rows, Eigen::all),
+          cut.surface.residual(rows)};
+}
+
+/// About one point a square of the spacing, spread as the vertices are.
+metrology::PartSurface thinned(const metrology::PartSurface& part, double spacing, double area) {
+  const double wanted = std::max(3.0, area / (spacing * spacing));
+  const auto every =
+      std::max<Eigen::Index>(1, Eigen::Index(double(part.deviation.size()) / wanted));
+  std::vector<Eigen::Index> rows;
+  for (Eigen::Index i = every / 2; i < part.deviation.size(); i += every) rows.push_back(i);
+  return {part.points_w(rows, Eigen::all), part.normals_w(rows, Eigen::all), part.deviation(rows)};
+}
+
+Cut cut_case(const Job& job, const std::string& name) {
+  if (name == "error_free") return cut_error_free(job);
+  if (name.empty() || name == "uncompensated") return cut(job);
+  return cut(job, parse_case(name));
+}
+
+// The part stays clamped as it was cut; the probe takes the place of the tool.
+metrology::PartReadings probed(const Job& job, const metrology::PartSurface& part,
+                               metrology::TouchProbe probe) {
+  Truth truth = job.truth;
+  truth.actual = kinematics::Chain(job.machine.actual.joints(), job.machine.actual.T_bw_home(),
+                                   job.machine.nominal.T_bt_home());
+  if (!job.samples.states.empty()) probe.start_s += job.samples.states.back().time_s;
+  return metrology::probe(
+      part, job.machine.nominal, [&](const AxisState& state) { return bodies_of(truth, state); },
+      probe);
+}
+
+/// Instruments to use: those named, or every one of the scene.
+struct Chosen {
+  std::vector<InstrumentDescription> of_machine;
+  std::vector<PartInstrumentDescription> of_part;
+};
+
+Chosen chosen(const Scene& scene, const std::vector<std::string>& names) {
+  if (names.empty()) return {scene.instruments, scene.part_instruments};
+  Chosen result;
+  for (const std::string& name : names) {
+    if (auto of_part = part_instrument_of(scene, name))
+      result.of_part.push_back(std::move(*of_part));
+    else
+      result.of_machine.push_back(instrument_of(scene, name));
+  }
+  return result;
+}
+
+}  // namespace
+
+std::optional<PartInstrumentDescription> part_instrument_of(const Scene& scene,
+                                                            const std::string& name) {
+  for (const PartInstrumentDescription& one : scene.part_instruments)
+    if (one.name == name) return one;
+  for (const InstrumentDescription& one : scene.instruments)
+    if (one.instrument.name == name) return std::nullopt;
+  if (name == "cmm") return PartInstrumentDescription{name, "", metrology::CoordinateMachine{}};
+  if (name != "touch_probe") return std::nullopt;
+  metrology::TouchProbe probe;
+  probe.q = kinematics::AxisVector::Zero(Eigen::Index(scene.machine.joints.size()));
+  return PartInstrumentDescription{name, "", probe};
+}
+
+PartReadingsFile measured_part(const Scene& scene, const PartInstrumentDescription& instrument) {
+  const Job job = prepare(scene);
+  const metrology::PartSurface part = surface_of(job, cut_case(job, instrument.case_name));
+  const std::uint64_t seed = seed_of(scene, instrument.name);
+  PartReadingsFile file{instrument.name, "cmm", scene.title, {}};
+  if (!instrument.case_name.empty()) file.part += ", " + instrument.case_name;
+  try {
+    if (auto machine = std::get_if<metrology::CoordinateMachine>(&instrument.how)) {
+      metrology::CoordinateMachine options = *machine;
+      options.spacing = instrument.spacing;
+      options.seed = seed;
+      file.readings = metrology::measure_coordinates(part, options);
+    } else {
+      metrology::TouchProbe options = std::get<metrology::TouchProbe>(instrument.how);
+      options.seed = seed;
+      file.kind = "touch_probe";
+      file.readings =
+          probed(job, thinned(part, instrument.spacing, job.design_w.area.sum()), options);
+    }
+  } catch (const std::invalid_argument& fault) {
+    throw BadInput(scene.file.string(), 0, 0, "a part that " + instrument.name + " can measure",
+                   fault.what());
+  }
+  return file;
+}
+
+InstrumentDescription instrument_of(const Scene& scene, const std::string& name) {
+  for (const InstrumentDescription& one : scene.instruments)
+    if (one.instrument.name == name) return one;
+  if (const auto kind = metrology::kind_of(name)) return {metrology::typical(*kind), {0.0}};
+  std::set<std::string> known{"cmm", "touch_probe"};
+  for (const InstrumentDescription& one : scene.instruments) known.insert(one.instrument.name);
+  for (const metrology::Kind kind : metrology::all_kinds())
+    known.insert(metrology::to_string(kind));
+  std::string list;
+  for (const std::string& one : known) list += (list.empty() ? "" : ", ") + one;
+  const auto meant = nearest(name, known);
+  throw BadInput(scene.file.string(), 0, 0, "an instrument of the scene or a kind (" + list + ")",
+                 "\"" + name + "\"" + (meant ? " (did you mean " + *meant + "?)" : ""));
+}
+
+Readings measured(const Scene& scene, const InstrumentDescription& description) {
+  const Machine machine = compile(scene);
+  const Truth truth = truth_for(scene, machine);
+  const std::string& name = description.instrument.name;
+  try {
+    Readings readings = metrology::measure(
+        plan_of(description, machine.nominal), machine.nominal,
+        [&](const AxisState& state) {
+          stop_if_interrupted();
+          return bodies_of(truth, state);
+        },
+        seed_of(scene, name));
+    log_temperatures(readings, scene, truth);
+    return readings;
+  } catch (const std::invalid_argument& fault) {
+    throw BadInput(scene.file.string(), 0, 0, "a machine that " + name + " can measure",
+                   fault.what());
+  } catch (const std::out_of_range& fault) {
+    throw BadInput(scene.file.string(), 0, 0, "errors that reach where " + name + " measures",
+                   fault.what());
+  }
+}
+
+std::vector<Measured> measure(const std::filesystem::path& file, const MeasureOptions& options) {
+  const Scene scene = read_scene(file, options.overrides);
+  const Chosen instruments = chosen(scene, options.instruments);
+  if (instruments.of_machine.empty() && instruments.of_part.empty())
+    throw BadInput(file.string(), 0, 0, "[[instrument]] tables, or --instrument NAME", "none");
+  prepare_folder(options.folder);
+  std::vector<Measured> written;
+  for (const InstrumentDescription& one : instruments.of_machine) {
+    const Readings readings = measured(scene, one);
+    const std::filesystem::path path = options.folder / (one.instrument.name + ".csv");
+    write_file(path, to_text(readings));
+    written.push_back(
+        {path, readings.plan.looks.size(), readings.plan.set_ups.size(), readings.plan.duration_s});
+  }
+  for (const PartInstrumentDescription& one : instruments.of_part) {
+    const PartReadingsFile part = measured_part(scene, one);
+    const std::filesystem::path path = options.folder / (one.name + ".csv");
+    write_file(path, to_text(part));
+    const Eigen::VectorXd& t = part.readings.time_s;
+    written.push_back(
+        {path, std::size_t(t.size()), 1, t.size() > 0 ? t.maxCoeff() - t.minCoeff() : 0.0});
+  }
+  return written;
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <filesystem>
+
+#include "sim/thermal_choice.h"
+
+namespace abbe::sim {
+
+/// Drift over time as it was read and as the chosen sensors predict it, a panel a channel and day;
+/// nothing is written where the program was built without VTK. @throws OutputFailure
+void write_thermal_picture(const std::filesystem::path& file, const ThermalChoice& choice);
+
+}  // namespace abbe::sim

@@ -1,0 +1,534 @@
+#include "errors/identification/estimate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <map>
+#include <set>
+#include <stdexcept>
+
+#include <gtest/gtest.h>
+
+#include "errors/identification/design.h"
+#include "errors/identification/factor.h"
+#include "errors/identification/model.h"
+#include "tests/identification/measured.h"
+
+namespace abbe::errors::identification {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+using metrology::Instrument;
+using metrology::Kind;
+using metrology::Readings;
+using namespace abbe::literals;
+
+std::vector<Kind> kinds_with_readings() {
+  std::vector<Kind> result;
+  for (int k = 0; k <= int(Kind::Spindle); ++k) result.push_back(Kind(k));
+  return result;
+}
+
+ModelOptions small_model(Kind kind = Kind::Laser) {
+  ModelOptions options;
+  options.order = 3;
+  options.harmonics = 2;
+  options.spindle_harmonics = kind == Kind::Spindle ? 2 : 0;
+  return options;
+}
+
+metrology::Plan plan_of(Kind kind, const kinematics::Chain& chain, int runs = 1) {
+  Instrument instrument = metrology::typical(kind);
+  instrument.runs = runs;
+  return metrology::plan(instrument, chain);
+}
+
+/// Index of a number of the model, -1 for an unknown of a set-up.
+Index place_of(const Estimate& estimate, const std::string& name) {
+  const auto at = std::find(estimate.names.begin(), estimate.names.end(), name);
+  return at == estimate.names.end() ? -1 : at - estimate.names.begin();
+}
+
+std::set<std::string> confounded_names(const Estimate& estimate) {
+  std::set<std::string> names;
+  for (const Confounded& c : estimate.confounded) names.insert(c.name);
+  return names;
+}
+
+/// The model with every confounded number at its true value: told by other means.
+GeometricErrors told(const GeometricErrors& model, const GeometricErrors& truth,
+                     const Estimate& estimate) {
+  VectorXd v = values(model.elements);
+  for (const Confounded& c : estimate.confounded)
+    if (const Index i = place_of(estimate, c.name); i >= 0) v[i] = values(truth.elements)[i];
+  GeometricErrors result = model;
+  result.elements = with_values(model.elements, v);
+  return result;
+}
+
+/// The values found less what the confounded numbers put into them, and those as they truly are.
+VectorXd freed(const Estimate& estimate, const GeometricErrors& truth) {
+  const VectorXd expected = values(truth.elements);
+  VectorXd v = estimate.value;
+  for (const Confounded& c : estimate.confounded) {
+    const Index i = place_of(estimate, c.name);
+    if (i < 0) continue;
+    v[i] = expected[i];
+    for (const auto& [name, amount] : c.with)
+      if (const Index k = place_of(estimate, name); k >= 0) v[k] -= amount * expected[i];
+  }
+  return v;
+}
+
+// ---- the design matrix
+
+constexpr double step = 1e-4;         // mm or rad, of a difference
+constexpr double third_order = 1e-6;  // step^2 / 6 times an arm of 600 mm
+
+/// Largest difference of the design matrix from central differences of the exact readings, over
+/// the largest change that the number makes.
+double off_differences(const GeometricErrors& model, const std::vector<Readings>& readings) {
+  const Design d = design(model, readings);
+  const VectorXd x = start(model, d.unknowns);
+  double worst = 0.0;
+  for (Index j = 0; j < x.size(); ++j) {
+    VectorXd up = x, down = x;
+    up[j] += step;
+    down[j] -= step;
+    const VectorXd difference =
+        (predicted(model, readings, d, up) - predicted(model, readings, d, down)) / (2.0 * step);
+    const VectorXd column = d.A.col(j).cwiseProduct(d.sigma);
+    const double size = std::max(1.0, column.cwiseAbs().maxCoeff());
+    worst = std::max(worst, (difference - column).cwiseAbs().maxCoeff() / size);
+  }
+  return worst;
+}
+
+TEST(Design, IsTheDerivativeOfTheExactReadingsForEveryInstrument) {
+  const kinematics::Chain chain = measured_gantry();
+  for (const Kind kind : kinds_with_readings()) {
+    GeometricErrors model = model_of(chain, small_model(kind));
+    model.measuring_lines = {{'X', Vector3d(20, -300, 100), MeasuredBy::Tool},
+                             {'Z', Vector3d(-50, 30, 0), MeasuredBy::Carriage}};
+    const GeometricErrors nothing{};
+    Readings readings = noise_free(plan_of(kind, chain), chain, nothing);
+    for (metrology::SetUp& set_up : readings.plan.set_ups)  // every unknown that there is
+      set_up.rotation_sigma = set_up.point_of_sigma = set_up.point_in_sigma =
+          set_up.eccentricity_sigma = set_up.scale_sigma = set_up.drift_sigma = 1e-3;
+    const double worst = off_differences(model, {readings});
+    std::cout << to_string(kind) << ": design matrix off central differences by " << worst << "\n";
+    EXPECT_LT(worst, third_order) << to_string(kind);
+  }
+}
+
+TEST(Design, HoldsForPrimedSlidesMeasuringLinesAndTurningAxes) {
+  kinematics::Chain other = turned_gantry();
+  std::vector<kinematics::Joint> joints = other.joints();
+  for (kinematics::Joint& j : joints) {
+    j.min = j.motion == kinematics::Motion::Linear ? -150.0 : -1.0;
+    j.max = -j.min;
+    if (j.motion == kinematics::Motion::Rotary)
+      j.deviation_axes = kinematics::DeviationAxes::Turning;
+    if (j.name == 'Y') j.squareness = kinematics::Squareness::Travel;
+  }
+  const kinematics::Chain chain(joints, other.T_bw_home(), other.T_bt_home());
+  GeometricErrors model = model_of(chain, small_model());
+  model.measuring_lines = {{'X', Vector3d(20, -300, 100), MeasuredBy::Tool},
+                           {'Z', Vector3d(-50, 30, 0), MeasuredBy::Carriage}};
+  for (const Kind kind : {Kind::Laser, Kind::Tracker, Kind::BallBarRotary}) {
+    Instrument instrument = metrology::typical(kind);
+    instrument.runs = 1;
+    if (kind == Kind::BallBarRotary) instrument.axes = {'C'};
+    const metrology::Plan plan = metrology::plan(instrument, chain);
+    const double worst = off_differences(model, {noise_free(plan, chain, GeometricErrors{})});
+    std::cout << "turned gantry, " << to_string(kind) << ": " << worst << "\n";
+    EXPECT_LT(worst, third_order);
+  }
+}
+
+// ---- without noise
+
+// A number with a standard deviation above the largest of its kind (millimetres of positioning,
+// from a step diagonal) is told by what was known of the set-ups beforehand, not by the readings:
+// rounding moves it by parts of that deviation.
+TEST(Estimate, EveryInstrumentReturnsWhatItCanSeeAndNamesTheRest) {
+  const std::uint64_t seed = 20261121;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  const kinematics::Chain chain = measured_gantry();
+  for (const Kind kind : kinds_with_readings()) {
+    const GeometricErrors model = model_of(chain, small_model(kind));
+    const GeometricErrors truth = drawn_truth(model, seed);
+    const Readings readings = noise_free(plan_of(kind, chain), chain, truth);
+    const Estimate first = estimate(model, {&readings, 1});
+    const Estimate second = estimate(told(model, truth, first), {&readings, 1});
+    const VectorXd sigma = standard_deviations(second);
+    const double worst = relative_difference(second.value, truth, sigma);
+    double worst_of_sigma = 0.0;
+    int found = 0;
+    for (Index k = 0; k < sigma.size(); ++k)
+      if (sigma[k] > 0.0) {
+        ++found;
+        worst_of_sigma = std::max(worst_of_sigma,
+                                  std::abs(second.value[k] - values(truth.elements)[k]) / sigma[k]);
+      }
+    std::cout << to_string(kind) << ": " << found << " numbers found, " << first.confounded.size()
+              << " named as confounded, condition " << first.condition << "; once those are told, "
+              << worst << " of the largest of its kind, " << worst_of_sigma
+              << " of its own standard deviation\n";
+    EXPECT_TRUE(first.converged && second.converged) << to_string(kind);
+    EXPECT_LT(worst, 1e-9) << to_string(kind);
+    EXPECT_LT(worst_of_sigma, 1e-5) << to_string(kind);
+    EXPECT_EQ(confounded_names(first), confounded_names(second)) << to_string(kind);
+    EXPECT_LT(second.reduced_chi_square, 1e-6);
+    EXPECT_GT(found, 0);
+  }
+}
+
+// What a confounded number puts into the others is linear; what is left falls with the square.
+TEST(Estimate, WhatConfoundedNumbersHideBehindIsTakenOutToSecondOrder) {
+  const std::uint64_t seed = 20261121;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  const kinematics::Chain chain = measured_gantry();
+  for (const Kind kind : kinds_with_readings()) {
+    const GeometricErrors model = model_of(chain, small_model(kind));
+    double off[2] = {0, 0};
+    for (int half = 0; half < 2; ++half) {
+      const double size = half ? 0.005 : 0.010;
+      const GeometricErrors truth = drawn_truth(model, seed, size, 3e-3 * size);
+      const Readings readings = noise_free(plan_of(kind, chain), chain, truth);
+      const Estimate found = estimate(model, {&readings, 1});
+      off[half] = relative_difference(freed(found, truth), truth, standard_deviations(found), 0.1);
+    }
+    std::cout << to_string(kind) << ": freed of what is confounded to " << off[0]
+              << ", of half the deviations to " << off[1] << "\n";
+    EXPECT_LT(off[0], 0.05) << to_string(kind);
+    EXPECT_LT(off[1], 0.55 * off[0]) << to_string(kind) << ": of the largest, so half or less";
+  }
+}
+
+TEST(Estimate, ALaserAlongOneAxisSeesItsPositioningAndNoRoll) {
+  const kinematics::Chain chain = tool_side_axes();
+  ModelOptions options = small_model();
+  options.only = {"EXX", "EYX", "EAX", "EBX", "ECX", "EYY"};
+  const GeometricErrors model = model_of(chain, options);
+  Instrument laser = metrology::typical(Kind::Laser);
+  laser.axes = {'X'};
+  laser.runs = 1;
+  const Readings readings = noise_free(metrology::plan(laser, chain), chain, {});
+  const Estimate found = estimate(model, {&readings, 1});
+  for (const char* name : {"EXX[1]", "EXX[2]", "EXX[3]", "EXX backlash"})
+    EXPECT_FALSE(confounded_names(found).count(name)) << name;
+  for (const Confounded& c : found.confounded) {
+    const bool is_slope_of_yaw = c.name.rfind("EBX", 0) == 0 || c.name.rfind("ECX", 0) == 0;
+    EXPECT_EQ(c.with.empty(), !is_slope_of_yaw) << c.name;
+    if (is_slope_of_yaw) {
+      EXPECT_EQ(c.with.at(0).first, "EXX" + c.name.substr(3));
+    }
+  }
+  EXPECT_EQ(found.names.size(), coefficients(model.elements).size());
+}
+
+// With C's centre stated as the joint's point and the nest's zero unknown, a shift of C on the
+// table and the first harmonic of its radial motion are the same; by hand: EXC = d cos C, EYC = d
+// sin C is a workpiece moved by d, which a nest's zero hides.
+TEST(Estimate, AConfoundedNumberIsNamedWithTheAmountsThatHideIt) {
+  const kinematics::Chain chain = measured_gantry();
+  ModelOptions options = small_model();
+  options.only = {"EXC", "EYC", "EX0C"};
+  options.harmonics = 1;
+  const GeometricErrors model = model_of(chain, options);
+  Instrument nest = metrology::typical(Kind::RTest);
+  nest.axes = {'C'};
+  nest.position_sigma = nest.rotation_sigma = nest.scale_sigma = nest.drift_sigma = 0.0;
+  const Readings readings = noise_free(metrology::plan(nest, chain), chain, {});
+  const Estimate found = estimate(model, {&readings, 1});
+  std::map<std::string, std::map<std::string, double>> hidden;
+  for (const Confounded& c : found.confounded)
+    for (const auto& [name, amount] : c.with) hidden[c.name][name] = amount;
+  ASSERT_EQ(hidden.size(), 2u);
+  // a workpiece carried round: EXC cos 1 = 1 reads as EYC sin 1 = -1 with the zero of X, and so on
+  ASSERT_TRUE(hidden.count("EXC sin 1") || hidden.count("EYC sin 1"));
+  for (const auto& [name, with] : hidden) {
+    double largest = 0.0;
+    for (const auto& one : with) largest = std::max(largest, std::abs(one.second));
+    EXPECT_NEAR(largest, 1.0, 1e-9) << name;
+  }
+}
+
+TEST(Estimate, TheResultDoesNotDependOnTheScaleOfACurve) {
+  const kinematics::Chain chain = measured_gantry();
+  const GeometricErrors model = model_of(chain, small_model());
+  const GeometricErrors truth = drawn_truth(model, 5);
+  const Readings readings = noise_free(plan_of(Kind::RTest, chain), chain, truth);
+  GeometricErrors scaled_model = model;
+  for (Element& element : scaled_model.elements)
+    for (Curve& curve : element.curves) curve.scale = element.name.is_angle() ? 1e-3 : 1.0;
+  const Estimate plain = estimate(model, {&readings, 1});
+  const Estimate scaled = estimate(scaled_model, {&readings, 1});
+  EXPECT_EQ(confounded_names(plain), confounded_names(scaled)) << "urad and um, or rad and mm";
+  EXPECT_NEAR(plain.condition / scaled.condition, 1.0, 0.05);
+}
+
+// ---- a campaign
+
+struct Campaign {
+  std::vector<metrology::Plan> plans;
+  double hours = 0.0;
+};
+
+/// What a person with a laser, its optics, a level, a square, an R-test nest and a spindle analyser
+/// does in two days.
+Campaign practical_campaign(const kinematics::Chain& chain) {
+  Campaign campaign;
+  const auto add = [&](Kind kind, const auto& adapt) {
+    Instrument instrument = metrology::typical(kind);
+    adapt(instrument);
+    campaign.plans.push_back(metrology::plan(instrument, chain));
+    campaign.hours += campaign.plans.back().duration_s / 3600.0;
+  };
+  const auto runs = [](int count) { return [count](Instrument& i) { i.runs = count; }; };
+  const auto ball = [](const char* name, char axis, const Vector3d& reflector_t) {
+    return [=](Instrument& i) {
+      i.name = name;
+      i.axes = {axis};
+      i.reflector_t = reflector_t;
+    };
+  };
+  add(Kind::Laser, runs(2));
+  add(Kind::Straightness, runs(2));
+  add(Kind::AngleOptics, runs(2));
+  add(Kind::Level, runs(2));
+  add(Kind::RollLines, [](Instrument& i) { i.axes = {'Z'}; });
+  add(Kind::Square, runs(1));
+  add(Kind::RTest, runs(1));
+  add(Kind::RTest, [](Instrument& i) {
+    i.name = "nest on a stand";
+    i.axes = {'C'};
+    i.at_w = Vector3d(100, 0, 250);
+  });
+  add(Kind::RTest, ball("long ball", 'A', Vector3d(0, 60, -80)));
+  add(Kind::RTest, ball("ball aside", 'A', Vector3d(60, 0, 0)));
+  add(Kind::Spindle, runs(3));
+  return campaign;
+}
+
+TEST(Campaign, FindsTheFortyTwoAndFourLessEightNumbersThatNothingCanTell) {
+  const std::uint64_t seed = 20261121;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  const kinematics::Chain chain = measured_gantry();
+  ModelOptions options;
+  options.spindle_harmonics = 2;
+  const GeometricErrors model = model_of(chain, options);
+  const GeometricErrors truth = drawn_truth(model, seed);
+  const Campaign campaign = practical_campaign(chain);
+  std::vector<Readings> readings;
+  for (const metrology::Plan& plan : campaign.plans)
+    readings.push_back(noise_free(plan, chain, truth));
+
+  const Estimate found = estimate(model, readings);
+  const Estimate known = estimate(told(model, truth, found), readings);
+  const double worst = relative_difference(known.value, truth);
+  const double second_order = relative_difference(freed(found, truth), truth);
+  std::cout << "campaign of " << campaign.hours << " h, " << found.fit_residual.size()
+            << " readings, " << found.names.size() - model.covariance.of.size()
+            << " numbers sought, condition " << found.condition << "; told the confounded, "
+            << worst << " of the largest; freed of them, " << second_order << "; not found:\n";
+  for (const Confounded& c : found.confounded) {
+    std::cout << "  " << c.name << " =";
+    for (const auto& [name, amount] : c.with)
+      if (place_of(found, name) >= 0) std::cout << " " << amount << " " << name;
+    std::cout << " and " << c.with.size() << " in all\n";
+  }
+  EXPECT_TRUE(found.converged);
+  EXPECT_LT(worst, 1e-9);
+  EXPECT_LT(second_order, 1e-2);
+  // where a workpiece stands on the table, where a tool stands in the spindle and how it is turned
+  // there, and the height from table to head: no reading of the machine itself knows them
+  EXPECT_EQ(confounded_names(found), (std::set<std::string>{"EXC cos 1", "EYC cos 1", "EXS", "EYS",
+                                                            "EZS", "EBS", "EY0A", "EZ0A"}));
+  EXPECT_EQ(model.elements.size(), 46u);
+  EXPECT_LT(campaign.hours, 16.0);
+
+  // the difference from the truth lies in a null space of eight: with the set-ups taking their
+  // part, no reading would show it
+  const Design d = design(model, readings);
+  const MatrixXd A = (MatrixXd(d.A.rows() + d.prior.rows(), d.A.cols()) << d.A, d.prior).finished();
+  const std::vector<int> alike(d.sought.size(), 0);
+  EXPECT_EQ(factor(A, d.sought, alike, 1e-9).left.size(), 8u);
+  const Index p = found.value.size();
+  const VectorXd shown = A.leftCols(p) * (found.value - values(truth.elements));
+  std::vector<char> of_set_ups = d.sought;
+  std::fill_n(of_set_ups.begin(), p, char(0));
+  const Factor zeros = factor(A, of_set_ups, alike, 1e-9);
+  const double seen = (shown - A(Eigen::all, zeros.found) * solve(zeros, shown)).norm();
+  std::cout << "the difference from the truth shows in the readings as " << seen / shown.norm()
+            << " of itself\n";
+  EXPECT_LT(seen, 1e-3 * shown.norm()) << "second order";
+}
+
+// ---- priors, outliers, noise
+
+Readings noisy_laser(const kinematics::Chain& chain, const GeometricErrors& truth,
+                     std::uint64_t seed, int runs = 3) {
+  Instrument laser = metrology::typical(Kind::Laser);
+  laser.axes = {'X'};
+  laser.runs = runs;
+  return metrology::measure(metrology::plan(laser, chain), chain, machine_of(truth, chain), seed);
+}
+
+GeometricErrors positioning_of_x(const kinematics::Chain& chain) {
+  ModelOptions options;
+  options.only = {"EXX"};
+  return model_of(chain, options);
+}
+
+TEST(Estimate, ABeliefIsThePriorOfTheNextReadings) {
+  const kinematics::Chain chain = tool_side_axes();
+  const GeometricErrors model = positioning_of_x(chain);
+  const GeometricErrors truth = drawn_truth(model, 4);
+  const std::vector<Readings> both = {noisy_laser(chain, truth, 1), noisy_laser(chain, truth, 2)};
+  const Estimate together = estimate(model, both);
+  const Estimate first = estimate(model, {both.data(), 1});
+  const Estimate then = estimate(first.belief, {both.data() + 1, 1});
+  const VectorXd off = then.value - together.value;
+  std::cout << "one after the other against together: " << off.cwiseAbs().maxCoeff() << " mm\n";
+  EXPECT_LT(off.cwiseAbs().maxCoeff(), 1e-9);
+  EXPECT_LT(
+      (then.belief.covariance.matrix - together.belief.covariance.matrix).cwiseAbs().maxCoeff(),
+      1e-6 * together.belief.covariance.matrix.cwiseAbs().maxCoeff());
+  EXPECT_LT(then.belief.covariance.matrix(0, 0), first.belief.covariance.matrix(0, 0));
+}
+
+TEST(Estimate, NumbersOfZeroVarianceStayAndAreNotConfounded) {
+  const kinematics::Chain chain = tool_side_axes();
+  GeometricErrors model = positioning_of_x(chain);
+  const GeometricErrors truth = drawn_truth(model, 4);
+  VectorXd v = values(model.elements);
+  v[1] = 3.0_um;
+  model.elements = with_values(model.elements, v);
+  model.covariance.of.push_back({0, 0, 1});
+  model.covariance.matrix = MatrixXd::Zero(2, 2);
+  const Readings readings = noisy_laser(chain, truth, 1);
+  const Estimate found = estimate(model, {&readings, 1});
+  EXPECT_EQ(found.value[1], 3.0_um);
+  EXPECT_TRUE(found.confounded.empty());
+}
+
+TEST(Estimate, LeavesOutReadingsThatCannotBeTrueAndThoseAlone) {
+  const std::uint64_t seed = 20261121;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  const kinematics::Chain chain = tool_side_axes();
+  const GeometricErrors model = positioning_of_x(chain);
+  const GeometricErrors truth = drawn_truth(model, seed);
+  Readings readings = noisy_laser(chain, truth, seed);
+  for (const Index i : {3, 30, 31}) readings.value[i] += 5.0_um;
+  readings.value[12] -= 1.0_um;  // masked by the others until they are gone
+  EstimateOptions options;
+  const Estimate spoilt = estimate(model, {&readings, 1}, options);
+  options.outlier_limit = 5.0;
+  const Estimate clean = estimate(model, {&readings, 1}, options);
+  EXPECT_EQ(clean.outliers, (std::vector<int>{3, 12, 30, 31}));
+  EXPECT_TRUE(spoilt.outliers.empty());
+  EXPECT_EQ(clean.degrees_of_freedom, spoilt.degrees_of_freedom - 4);
+  EXPECT_GT(spoilt.reduced_chi_square, 100.0);
+  EXPECT_NEAR(clean.reduced_chi_square, 1.0, 0.6);
+  EXPECT_GT(std::abs(clean.fit_residual[3]), 50.0) << "outliers are told how far off they are";
+}
+
+TEST(Estimate, NeverLeavesOutWhatAloneTellsANumber) {
+  const kinematics::Chain chain = tool_side_axes();
+  GeometricErrors model{
+      {element("EXX", Table(make_table(VectorXd::LinSpaced(2, 0, 400), VectorXd::Zero(2),
+                                       Between::Linear, Outside::Hold)))},
+      {}};
+  Readings readings = noisy_laser(chain, {}, 1, 1);
+  readings.value.setConstant(readings.value[0]);  // nonsense: the axis stands still
+  EstimateOptions options;
+  options.outlier_limit = 3.0;
+  const Estimate found = estimate(model, {&readings, 1}, options);
+  const Estimate all = estimate(model, {&readings, 1});
+  EXPECT_EQ(found.confounded.size(), all.confounded.size());
+  EXPECT_GE(found.degrees_of_freedom, 0);
+}
+
+TEST(Estimate, TakesTheNoiseFromTheResidualsWhenAsked) {
+  const kinematics::Chain chain = tool_side_axes();
+  const GeometricErrors model = positioning_of_x(chain);
+  Readings readings = noisy_laser(chain, drawn_truth(model, 4), 1);
+  for (metrology::SetUp& set_up : readings.plan.set_ups)
+    for (metrology::Channel& channel : set_up.channels) channel.noise /= 10.0;
+  EstimateOptions options;
+  const Estimate stated = estimate(model, {&readings, 1}, options);
+  options.noise_from_residuals = true;
+  const Estimate scaled = estimate(model, {&readings, 1}, options);
+  EXPECT_GT(stated.reduced_chi_square, 30.0);
+  EXPECT_EQ(stated.reduced_chi_square, scaled.reduced_chi_square);
+  EXPECT_NEAR(scaled.belief.covariance.matrix(0, 0) / stated.belief.covariance.matrix(0, 0),
+              stated.reduced_chi_square, 1e-9 * stated.reduced_chi_square);
+}
+
+TEST(Estimate, ReadingsWithoutNoiseWeighAsOneNanometre) {
+  const kinematics::Chain chain = tool_side_axes();
+  const GeometricErrors model = positioning_of_x(chain);
+  const GeometricErrors truth = drawn_truth(model, 4);
+  Readings readings = noise_free(plan_of(Kind::Laser, chain), chain, truth);
+  readings.plan = quiet(readings.plan);
+  const Estimate found = estimate(model, {&readings, 1});
+  EXPECT_TRUE(found.converged);
+  EXPECT_LT(relative_difference(found.value, truth), 1e-9);
+  const double sigma = std::sqrt(found.belief.covariance.matrix(0, 0));
+  EXPECT_GT(sigma, 1e-7);
+  EXPECT_LT(sigma, 2e-6);
+}
+
+TEST(Estimate, RefusesWhatItCannotFindInASentence) {
+  const kinematics::Chain chain = tool_side_axes();
+  const GeometricErrors model = positioning_of_x(chain);
+  const Readings good = noisy_laser(chain, {}, 1);
+  const auto refusal = [&](const GeometricErrors& m, std::vector<Readings> readings,
+                           const EstimateOptions& options = {}) {
+    try {
+      estimate(m, readings, options);
+    } catch (const std::invalid_argument& fault) {
+      return std::string(fault.what());
+    }
+    return std::string();
+  };
+  EXPECT_EQ(refusal(model, {good}), "");
+  EXPECT_EQ(refusal({}, {good}), "there is nothing to find: the model has no numbers");
+  EXPECT_EQ(refusal(model, {}), "there are no readings");
+  const Readings other = noise_free(plan_of(Kind::Laser, three_axes()), three_axes(), {});
+  EXPECT_EQ(refusal(model, {good, other}),
+            "readings of laser and of laser are of different machines");
+  Readings bad = good;
+  bad.value[4] = std::nan("");
+  EXPECT_EQ(refusal(model, {bad}), "reading 5 of laser: expected a finite number");
+  bad = good;
+  bad.value.conservativeResize(3);
+  EXPECT_NE(refusal(model, {bad}).find("values, seen 3"), std::string::npos);
+  bad = good;
+  bad.plan.looks[2].channel = 9;
+  EXPECT_EQ(refusal(model, {bad}), "reading 3 of laser: there is no channel 9");
+  bad = good;
+  bad.value.resize(0);
+  EXPECT_NE(refusal(model, {bad}).find("the readings hold no value"), std::string::npos);
+  EXPECT_EQ(refusal({{element("EXX", Repeatability{1e-3, 1})}, {}}, {good}),
+            "EXX: chance cannot be identified");
+  EXPECT_NE(refusal({{element("EXB", Constant{})}, {}}, {good}).find("EXB"), std::string::npos);
+  EstimateOptions options;
+  options.rank_tolerance = 0.0;
+  EXPECT_NE(refusal(model, {good}, options), "");
+  GeometricErrors wrong = model;
+  wrong.covariance.matrix = MatrixXd::Identity(3, 3);
+  EXPECT_NE(refusal(wrong, {good}).find("covariance"), std::string::npos);
+  wrong = model;
+  wrong.covariance.of = {{0, 0, 1}};
+  wrong.covariance.matrix = -MatrixXd::Identity(1, 1);
+  EXPECT_NE(refusal(wrong, {good}).find("positive definite"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace abbe::errors::identification

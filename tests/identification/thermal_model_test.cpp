@@ -1,0 +1,331 @@
+#include "errors/identification/thermal_model.h"
+
+#include <cmath>
+#include <iostream>
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "errors/identification/cross_validation.h"
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+
+namespace {
+
+using namespace abbe::errors::identification;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr ModelKind all_kinds[] = {ModelKind::Linear,      ModelKind::Ridge,
+                                   ModelKind::Lasso,       ModelKind::SupportVectors,
+                                   ModelKind::KernelRidge, ModelKind::Network};
+
+/// Days on which three masses warm up; the drift follows two of them, plus noise and a shift of its
+/// own every day.
+struct Warmup {
+  int days = 6;
+  int rows = 60;
+  double noise = 0.0;
+  double day_shift = 0.0;
+  unsigned seed = 1;
+};
+ThermalData warmup(const Warmup& of) {
+  std::mt19937 random(of.seed);
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> unit;
+  const int n = of.days * of.rows;
+  ThermalData data{{"spindle", "nut", "bed"}, MatrixXd(n, 3), VectorXd(n), {}};
+  for (int day = 0, i = 0; day < of.days; ++day) {
+    const double room = 18 + 6 * unit(random), heat = 0.6 + 0.8 * unit(random);
+    const double shift = of.day_shift * normal(random);
+    for (int k = 0; k < of.rows; ++k, ++i) {
+      const double t = double(k) / of.rows;
+      data.T.row(i) << room + 15 * heat * (1 - std::exp(-6 * t)),
+          room + 9 * heat * (1 - std::exp(-2.5 * t)) + 0.5 * std::sin(9 * t), room + 3 * heat * t;
+      data.y(i) =
+          2.0 * (data.T(i, 0) - 20) - 1.2 * (data.T(i, 2) - 20) + shift + of.noise * normal(random);
+      data.run.push_back(day);
+    }
+  }
+  return data;
+}
+
+ThermalModelOptions of(ModelKind kind) {
+  ThermalModelOptions options;
+  options.kind = kind;
+  options.sigma_from_runs = false;
+  return options;
+}
+
+/// What the reader says of a text.
+std::string refusal(std::string_view text) {
+  try {
+    (void)thermal_model_of_text(text, "model.txt");
+  } catch (const abbe::BadInput& bad) {
+    return bad.what();
+  }
+  return "accepted";
+}
+
+}  // namespace
+
+TEST(ThermalModel, EveryKindLearnsAWarmUpAndPredictsADayThatItNeverSaw) {
+  const ThermalData data = warmup({.days = 16});
+  const double untouched = spread(data.y.array() - data.y.mean()).rms;
+  for (const ModelKind kind : all_kinds) {
+    const Validation left_out = cross_validate(data, of(kind));
+    ASSERT_EQ(left_out.status, FitStatus::Ok) << to_string(kind);
+    std::cout << to_string(kind) << ": rms " << left_out.overall.rms << " of " << untouched
+              << " on days left out, " << left_out.outside << " of " << left_out.rows
+              << " rows outside the trained range\n";
+    const bool exact = kind == ModelKind::Linear;
+    EXPECT_LT(left_out.overall.rms, exact ? 1e-12 : 0.25 * untouched) << to_string(kind);
+    EXPECT_EQ(left_out.rows, 960);
+  }
+}
+
+TEST(ThermalModel, TextReadsBackAsTheSameBits) {
+  const ThermalData data = warmup({.noise = 0.3});
+  for (const ModelKind kind : all_kinds) {
+    ThermalModelOptions options = of(kind);
+    options.sigma_from_runs = kind == ModelKind::Linear;
+    const ThermalFit fitted = fit(data, options);
+    ASSERT_TRUE(fitted.model) << to_string(kind);
+    const std::string text = to_text(*fitted.model);
+    const ThermalModel again = thermal_model_of_text(text, "model.txt");
+    EXPECT_EQ(to_text(again), text);
+    EXPECT_EQ(values(again, data.T), values(*fitted.model, data.T)) << to_string(kind);
+    for (int i = 0; i < data.T.rows(); i += 7) {
+      const VectorXd T = data.T.row(i).transpose().array() + 0.123;
+      const ThermalPrediction a = predict(*fitted.model, T), b = predict(again, T);
+      EXPECT_EQ(a.value, b.value);
+      EXPECT_EQ(a.sigma, b.sigma);
+      EXPECT_EQ(a.status, b.status);
+    }
+  }
+}
+
+TEST(ThermalModel, LeavingTheTrainedRangeIsRefusedByName) {
+  const ThermalData data = warmup({});
+  ThermalModelOptions options = of(ModelKind::Ridge);
+  options.margin = 0.2;
+  const ThermalModel model = *fit(data, options).model;
+  const VectorXd middle = (model.lowest + model.highest) / 2;
+  EXPECT_EQ(predict(model, middle).status, PredictionStatus::Ok);
+  const VectorXd range = model.highest - model.lowest;
+  for (int input = 0; input < 3; ++input)
+    for (const double side : {-1.0, 1.0}) {
+      VectorXd T = middle;
+      T(input) += side * range(input) * (0.5 + 0.1999);
+      EXPECT_EQ(predict(model, T).status, PredictionStatus::Ok);
+      T(input) += side * range(input) * 0.0002;
+      const ThermalPrediction refused = predict(model, T);
+      EXPECT_EQ(refused.status, PredictionStatus::OutsideTrainedRange);
+      EXPECT_EQ(refused.input, input) << model.names[std::size_t(input)];
+      EXPECT_EQ(refused.value, 0);
+    }
+  VectorXd far = model.highest + range;
+  far(1) += range(1);
+  EXPECT_EQ(predict(model, far).input, 1) << "the one farthest out";
+  EXPECT_THROW((void)predict(model, middle.head(2)), std::invalid_argument);
+  EXPECT_THROW((void)predict(model, VectorXd::Constant(3, NAN)), std::invalid_argument);
+}
+
+TEST(ThermalModel, AnInputThatStoodStillInTrainingMayNotMove) {
+  ThermalData data = warmup({});
+  data.T.col(2).setConstant(21.5);
+  const ThermalModel model = *fit(data, of(ModelKind::Ridge)).model;
+  VectorXd T = (model.lowest + model.highest) / 2;
+  EXPECT_EQ(predict(model, T).status, PredictionStatus::Ok);
+  T(2) += 1e-6;
+  EXPECT_EQ(predict(model, T).input, 2);
+  const ThermalFit linear = fit(data, of(ModelKind::Linear));
+  EXPECT_EQ(linear.status, FitStatus::RankDeficient);
+  EXPECT_FALSE(linear.model);
+  EXPECT_FALSE(linear.confounded.empty());
+}
+
+TEST(ThermalModel, SigmaOfUnseenRunsCoversThemAndIsLargerThanTheScatterOfSeenRows) {
+  // Every day has a shift of its own, larger than the noise of a row: rows of one day share it.
+  const ThermalData training = warmup({.days = 12, .noise = 0.2, .day_shift = 1.0, .seed = 7});
+  ThermalModelOptions options;
+  const ThermalModel by_run = *fit(training, options).model;
+  options.sigma_from_runs = false;
+  const ThermalModel by_row = *fit(training, options).model;
+  EXPECT_TRUE(by_run.sigma_from_runs);
+  int days_inside = 0, rows_inside_by_row = 0, rows = 0;
+  const int days = 200;
+  const ThermalData unseen =
+      warmup({.days = days, .rows = 5, .noise = 0.2, .day_shift = 1.0, .seed = 8});
+  for (int i = 0; i < unseen.y.size(); ++i) {
+    const VectorXd T = unseen.T.row(i);
+    const double miss = std::abs(unseen.y(i) - values(by_run, unseen.T.row(i))(0));
+    const ThermalPrediction run = predict(by_run, T), row = predict(by_row, T);
+    if (run.status != PredictionStatus::Ok) continue;
+    ++rows;
+    days_inside += miss < 2 * run.sigma;
+    rows_inside_by_row += miss < 2 * row.sigma;
+    EXPECT_GE(run.sigma, by_run.sigma);
+  }
+  std::cout << "two sigma cover " << 100.0 * days_inside / rows << " % of unseen days' rows ("
+            << 100.0 * rows_inside_by_row / rows << " % by the scatter of seen rows); sigma "
+            << by_run.sigma << " and " << by_row.sigma << '\n';
+  EXPECT_GT(double(days_inside) / rows, 0.90);
+  EXPECT_GT(by_run.sigma, by_row.sigma);
+}
+
+TEST(ThermalModel, TextThatIsNoModelIsRefusedWithItsLine) {
+  const ThermalData data = warmup({});
+  EXPECT_EQ(refusal(""), "model.txt: expected a line \"abbe ...\", seen the end");
+  for (const ModelKind kind : {ModelKind::Linear, ModelKind::KernelRidge, ModelKind::Network}) {
+    const std::string text = to_text(*fit(data, of(kind)).model);
+    EXPECT_EQ(refusal(text), "accepted");
+    EXPECT_NE(refusal(text + "more\n"), "accepted");
+    // Cut short after every line, and every number of every line spoiled in turn.
+    std::vector<std::size_t> ends;
+    for (std::size_t i = 0; i < text.size(); ++i)
+      if (text[i] == '\n') ends.push_back(i);
+    for (std::size_t k = 0; k + 1 < ends.size(); ++k)
+      EXPECT_NE(refusal(text.substr(0, ends[k] + 1)), "accepted") << k;
+    for (const char* bad : {"x", "inf", "nan", "1e999", "-"}) {
+      const std::size_t at = text.find("margin ") + 7;
+      std::string spoiled = text;
+      spoiled.replace(at, text.find('\n', at) - at, bad);
+      EXPECT_NE(refusal(spoiled), "accepted") << bad;
+    }
+  }
+  const std::string text = to_text(*fit(data, of(ModelKind::KernelRidge)).model);
+  std::string huge = text;
+  const std::size_t at = huge.find("supports ") + 9;
+  huge.replace(at, huge.find('\n', at) - at, "99999");
+  EXPECT_NE(refusal(huge).find("expected 99999 finite numbers"), std::string::npos);
+  huge.replace(at, 5, "99999999999");
+  EXPECT_NE(refusal(huge).find("whole number"), std::string::npos);
+}
+
+TEST(ThermalModel, RandomDamageToATextIsRefusedOrHarmless) {
+  const unsigned seed = 20240710;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  const ThermalData data = warmup({.days = 2, .rows = 10});
+  int refused = 0;
+  for (const ModelKind kind : all_kinds) {
+    ThermalModelOptions options = of(kind);
+    options.network.hidden = 2;
+    const std::string text = to_text(*fit(data, options).model);
+    for (int i = 0; i < 500; ++i) {
+      std::string damaged = text;
+      for (int k = 0; k < 3; ++k)
+        damaged[random() % damaged.size()] = "0123456789.-e \nx\xff"[random() % 17];
+      try {
+        const ThermalModel model = thermal_model_of_text(damaged, "damaged");
+        (void)predict(model, (model.lowest + model.highest) / 2);
+      } catch (const abbe::BadInput&) {
+        ++refused;
+      }
+    }
+  }
+  std::cout << refused << " of 3000 refused\n";
+  EXPECT_GT(refused, 300);
+  EXPECT_LT(refused, 3000) << "the damage was too coarse to mean anything";
+}
+
+TEST(ThermalModel, LinearHasItsDiagnosticsAndNoMoreRowsThanNeededIsAnOutcome) {
+  const ThermalData data = warmup({.noise = 0.1});
+  const ThermalFit fitted = fit(data);
+  ASSERT_TRUE(fitted.regression);
+  EXPECT_EQ(fitted.regression->vif.size(), 3);
+  EXPECT_NEAR(fitted.regression->beta(0), 2.0, 4 * fitted.regression->standard_error(1));
+  ThermalData few = thinned(only_runs(data, {0}), 30);
+  EXPECT_EQ(few.y.size(), 2);
+  EXPECT_EQ(fit(few).status, FitStatus::TooFewRows);
+  EXPECT_TRUE(fit(few, of(ModelKind::Ridge)).model);
+}
+
+TEST(CrossValidation, NeverSeesTheRunThatItPredicts) {
+  // One day lies far from all others: a model that had seen it would not miss it by so much.
+  ThermalData data = warmup({.days = 5});
+  for (int i = 0; i < 60; ++i) data.y(2 * 60 + i) += 100;
+  const Validation v = cross_validate(data, {});
+  ASSERT_EQ(v.run, (std::vector<int>{0, 1, 2, 3, 4}));
+  EXPECT_GT(v.of_run[2].rms, 90);
+  // The same by hand.
+  const ThermalFit others = fit(without_run(data, 2), of(ModelKind::Linear));
+  const ThermalData day = only_runs(data, {2});
+  EXPECT_EQ(v.of_run[2].rms, spread(day.y - values(*others.model, day.T)).rms);
+  EXPECT_EQ(v.rows, 300);
+  EXPECT_THROW((void)cross_validate(day, {}), std::invalid_argument);
+}
+
+TEST(CrossValidation, ForwardTrainsOnThePastOnly) {
+  ThermalData data = warmup({.days = 6});
+  for (int i = 0; i < 60; ++i) data.y(5 * 60 + i) += 100;  // the last day is never trained on
+  const Validation v = cross_validate(data, of(ModelKind::Linear), Split::Forward);
+  ASSERT_EQ(v.run, (std::vector<int>{2, 3, 4}));
+  EXPECT_NEAR(v.of_run[2].rms, 100, 1e-9);
+  EXPECT_NEAR(v.of_run[0].rms, 100 / std::sqrt(3.0), 1e-9);
+  EXPECT_NEAR(v.overall.rms, 100 * std::sqrt((1.0 / 3 + 1.0 / 2 + 1) / 3), 1e-9);
+}
+
+TEST(CrossValidation, TheNestedChoiceFindsTheLagThatMadeTheData) {
+  ThermalData data = warmup({.days = 7, .noise = 0.05});
+  // The drift follows the spindle behind a lag of 12 rows.
+  data.y = with_features(data, {false, 12}).T.col(3) * 2;
+  std::vector<Recipe> recipes;
+  for (const double lag : {0.0, 4.0, 12.0, 40.0})
+    recipes.push_back({{false, lag}, of(ModelKind::Linear)});
+  const NestedValidation nested = nested_validation(data, recipes);
+  EXPECT_EQ(nested.chosen, std::vector<int>(7, 2));
+  EXPECT_LT(nested.validation.overall.rms, 1e-9);
+}
+
+TEST(Features, TakeNothingFromAnotherRunOrFromLater) {
+  ThermalData data{{"T"}, MatrixXd(5, 1), VectorXd(5), {3, 3, 3, 9, 9}};
+  data.T << 20, 24, 24, 30, 31;
+  data.y << 1, 2, 4, 7, 8;
+  const ThermalData made = with_features(data, {true, 1 / std::log(2.0)});  // halves each row
+  EXPECT_EQ(made.names, (std::vector<std::string>{"T", "T lag"}));
+  EXPECT_EQ(made.T.col(0), (VectorXd(5) << 0, 4, 4, 0, 1).finished());
+  EXPECT_LT((made.T.col(1) - (VectorXd(5) << 0, 2, 3, 0, 0.5).finished()).norm(), 1e-15);
+  EXPECT_EQ(zeroed(data).y, (VectorXd(5) << 0, 1, 3, 0, 1).finished());
+  EXPECT_EQ(thinned(data, 2).y, (VectorXd(3) << 1, 4, 7).finished());
+  EXPECT_THROW(with_features(data, {false, -1}), std::invalid_argument);
+}
+
+TEST(ThermalData, ALogIsReadAndBadOnesAreRefusedWithTheirPlace) {
+  const ThermalColumns columns{"day", "drift", {"note"}};
+  const ThermalData data = read_thermal_data(
+      "# lathe\nday,T1,note,drift,T2\n1,20,x,0.5,21\n1,20.5,,0.6,21.5\n\n2,19,y,0,20\n", "log.csv",
+      columns);
+  EXPECT_EQ(data.names, (std::vector<std::string>{"T1", "T2"}));
+  EXPECT_EQ(data.run, (std::vector<int>{1, 1, 2}));
+  EXPECT_EQ(data.T(1, 1), 21.5);
+  EXPECT_EQ(data.y(1), 0.6);
+  const auto refused = [&](std::string_view text) -> std::string {
+    try {
+      (void)read_thermal_data(text, "log.csv", columns);
+    } catch (const abbe::BadInput& bad) {
+      return bad.what();
+    }
+    return "accepted";
+  };
+  EXPECT_NE(refused(""), "accepted");
+  EXPECT_EQ(refused("day,T1,drift\n"), "log.csv:1:1: expected a row of readings, seen none");
+  EXPECT_EQ(refused("T1,drift\n1,2\n"),
+            "log.csv:1:1: expected a column day for the run, seen none");
+  EXPECT_EQ(refused("day,T1\n1,2\n"),
+            "log.csv:1:1: expected a column drift for the deviation, seen none");
+  EXPECT_EQ(refused("day,drift\n1,2\n"),
+            "log.csv:1:1: expected a column of temperatures, seen none");
+  EXPECT_EQ(refused("day,T1,T1,drift\n"),
+            "log.csv:1:8: expected a head that no other column has, seen " + abbe::in_quotes("T1"));
+  EXPECT_EQ(refused("day,T1,drift\n1,20\n").substr(0, 10), "log.csv:2:");
+  EXPECT_EQ(refused("day,T1,drift\n1,hot,0\n"),
+            "log.csv:2:3: expected a number within +-1e9, seen " + abbe::in_quotes("hot"));
+  EXPECT_EQ(refused("day,T1,drift\n1.5,20,0\n"),
+            "log.csv:2:1: expected a whole number for the run, seen " + abbe::in_quotes("1.5"));
+  EXPECT_EQ(refused("day,T1,drift\n1,20,0\n2,20,0\n1,20,0\n"),
+            "log.csv:4:1: expected the rows of one run together, seen run 1 again");
+  EXPECT_NE(refused("day,T1,drift\n1,nan,0\n"), "accepted");
+  EXPECT_NE(refused(std::string(5000, ',')), "accepted");
+}

@@ -1,0 +1,343 @@
+#include <cmath>
+#include <iostream>
+#include <map>
+#include <set>
+#include <stdexcept>
+
+#include <gtest/gtest.h>
+
+#include "errors/metrology/instrument.h"
+#include "kinematics/units.h"
+#include "tests/metrology/machines.h"
+
+using namespace abbe;
+using namespace abbe::errors::metrology;
+using Eigen::Vector3d;
+
+namespace {
+
+namespace metrology = abbe::errors::metrology;
+namespace machines = metrology::machines;
+
+/// As bought, with a bar or a ball's place that the smaller machines have room for.
+Instrument on(const machines::Named& machine, Kind kind) {
+  Instrument i = typical(kind);
+  if (machine.name == "platform") i.radius = 40.0;
+  if (machine.name == "lathe") i.radius = 80.0;
+  return i;
+}
+
+bool has_three_slides(const std::string& name) { return name != "platform" && name != "lathe"; }
+bool has_rotary(const std::string& name) { return has_three_slides(name) && name != "three_axis"; }
+
+/// Which kinds have something to measure on which machine.
+bool suits(Kind kind, const std::string& machine) {
+  switch (kind) {
+    case Kind::BallBarRotary:
+    case Kind::RTest:
+    case Kind::Sphere:
+      return has_rotary(machine);
+    case Kind::StepDiagonal:
+      return has_three_slides(machine);
+    default:
+      return true;
+  }
+}
+
+void visit_all(
+    const std::function<void(const machines::Named&, const Instrument&, const Plan&)>& f) {
+  for (const machines::Named& machine : machines::all()) {
+    for (const Kind kind : all_kinds()) {
+      if (!suits(kind, machine.name)) continue;
+      SCOPED_TRACE(machine.name + ", " + to_string(kind));
+      const Instrument instrument = on(machine, kind);
+      f(machine, instrument, plan(instrument, machine.chain));
+    }
+  }
+}
+
+std::string sentence(const std::function<void()>& f) {
+  try {
+    f();
+  } catch (const std::invalid_argument& fault) {
+    return fault.what();
+  }
+  return "nothing thrown";
+}
+
+}  // namespace
+
+TEST(Plan, EveryKindKeepsWithinTheTravelOfEveryMachine) {
+  int plans = 0;
+  std::size_t looks = 0;
+  visit_all([&](const machines::Named& machine, const Instrument&, const Plan& p) {
+    ++plans;
+    looks += p.looks.size();
+    EXPECT_FALSE(p.looks.empty());
+    for (const Look& look : p.looks)
+      for (int j = 0; j < machine.chain.size(); ++j) {
+        const machines::Joint& joint = machine.chain.joints()[std::size_t(j)];
+        ASSERT_GE(look.state.q[j], joint.min - 1e-9);
+        ASSERT_LE(look.state.q[j], joint.max + 1e-9);
+      }
+  });
+  std::cout << plans << " plans, " << looks << " readings\n";
+  EXPECT_EQ(plans, 6 * 17 - 3 * 3 - 2);
+}
+
+TEST(Plan, TimeRunsOnAndTheFirstReadingIsAtTheStart) {
+  visit_all([&](const machines::Named&, const Instrument& instrument, const Plan& p) {
+    EXPECT_EQ(p.looks.front().state.time_s, instrument.start_s);
+    for (std::size_t i = 1; i < p.looks.size(); ++i) {
+      const Look& a = p.looks[i - 1];
+      const Look& b = p.looks[i];
+      ASSERT_GE(b.state.time_s, a.state.time_s);
+      ASSERT_GE(b.set_up, a.set_up);
+      if (b.set_up > a.set_up) {
+        ASSERT_GE(b.state.time_s - a.state.time_s, instrument.set_up_s - 1e-6);
+      }
+    }
+    EXPECT_GE(p.duration_s,
+              p.looks.back().state.time_s - instrument.start_s + instrument.set_up_s - 1e-6);
+  });
+}
+
+TEST(Plan, StartMovesEveryReading) {
+  const machines::Named gantry{"gantry", machines::gantry()};
+  Instrument i = on(gantry, Kind::Laser);
+  const Plan now = plan(i, gantry.chain);
+  i.start_s = -7200.0;
+  const Plan before = plan(i, gantry.chain);
+  for (std::size_t k = 0; k < now.looks.size(); ++k)
+    ASSERT_NEAR(now.looks[k].state.time_s - before.looks[k].state.time_s, 7200.0, 1e-9);
+  EXPECT_EQ(now.duration_s, before.duration_s);
+}
+
+TEST(Plan, TargetsAreTheSamePlaceInEveryRunAndFromBothSides) {
+  visit_all([&](const machines::Named&, const Instrument& instrument, const Plan& p) {
+    if (instrument.kind == Kind::Spindle) return;
+    std::map<std::tuple<int, int, int>, kinematics::AxisVector> places;
+    for (const Look& look : p.looks) {
+      const auto [place, is_new] =
+          places.try_emplace({look.set_up, look.channel, look.target}, look.state.q);
+      if (!is_new) {
+        ASSERT_LT((place->second - look.state.q).cwiseAbs().maxCoeff(), 1e-9);
+      }
+    }
+  });
+}
+
+TEST(Plan, BothWaysApproachEveryTargetUpAndDownWithOneReversalBetween) {
+  for (const Kind kind : {Kind::Laser, Kind::Straightness, Kind::AngleOptics, Kind::Square,
+                          Kind::Level, Kind::RollLines}) {
+    for (const machines::Named& machine : machines::all()) {
+      SCOPED_TRACE(machine.name + ", " + to_string(kind));
+      const Instrument instrument = on(machine, kind);
+      const Plan p = plan(instrument, machine.chain);
+      // The axis that a line is along is the one whose position its targets differ in.
+      std::map<std::pair<int, int>, std::vector<const Look*>> lines;
+      for (const Look& look : p.looks) lines[{look.set_up, look.channel}].push_back(&look);
+      for (const auto& [where, looks] : lines) {
+        int axis = 0;
+        (looks[1]->state.q - looks[0]->state.q).cwiseAbs().maxCoeff(&axis);
+        std::set<std::tuple<int, int, int>> seen;
+        for (const Look* look : looks)
+          seen.insert({look->run, look->target, look->state.direction[std::size_t(axis)]});
+        EXPECT_EQ(int(seen.size()), instrument.runs * instrument.targets * 2);
+        for (std::size_t i = 1; i < looks.size(); ++i) {
+          const kinematics::AxisState& a = looks[i - 1]->state;
+          const kinematics::AxisState& b = looks[i]->state;
+          const auto k = std::size_t(axis);
+          EXPECT_EQ(b.stroke[k] - a.stroke[k], a.direction[k] == b.direction[k] ? 0 : 1);
+          if (a.direction[k] == b.direction[k]) {
+            EXPECT_GT((b.q[axis] - a.q[axis]) * b.direction[k], 0.0);
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST(Plan, CirclesAreDrivenBothWaysAndAxesReverseAtTheirQuadrants) {
+  const machines::Chain chain = machines::three_axis();
+  Instrument bar = typical(Kind::BallBar);
+  bar.axes = {'X', 'Y'};
+  bar.targets = 73;  // 5 degrees
+  const Plan p = plan(bar, chain);
+  ASSERT_EQ(p.looks.size(), 2u * 73u);
+  for (const Look& look : p.looks) {
+    const double angle = 5.0 * look.target;
+    if (look.target % 18 == 0) continue;  // on a quadrant an axis is about to turn back
+    const int way = &look - p.looks.data() < 73 ? 1 : -1;
+    EXPECT_EQ(look.state.direction[0], (angle < 180.0 ? -1 : 1) * way) << angle;
+    EXPECT_EQ(look.state.direction[1], (angle < 90.0 || angle > 270.0 ? 1 : -1) * way) << angle;
+  }
+}
+
+TEST(Plan, SlidesFollowSoThatThePerfectMachineReadsNothing) {
+  visit_all([&](const machines::Named& machine, const Instrument& as_bought, const Plan&) {
+    Instrument i = as_bought;
+    i.noise = i.noise_rad = i.resolution = i.resolution_rad = 0.0;
+    i.rotation_sigma = i.position_sigma = i.scale_sigma = i.drift_sigma = 0.0;
+    const Plan p = plan(i, machine.chain);
+    const Readings r = measure(p, machine.chain, machines::perfect(machine.chain), 3);
+    if (i.kind == Kind::Temperature) {
+      EXPECT_EQ(r.value.size(), 0);
+      return;
+    }
+    double worst = 0.0;
+    for (std::size_t k = 0; k < p.looks.size(); ++k) {
+      const Look& look = p.looks[k];
+      const metrology::SetUp& s = p.set_ups[std::size_t(look.set_up)];
+      const Bodies b = nominal_bodies(machine.chain, look.state.q);
+      worst =
+          std::max(worst, std::abs(r.value[Eigen::Index(k)] - reading(s, look.channel, {}, b, b)));
+      double expected = NAN;
+      if (i.kind == Kind::Laser) expected = look.state.q[*machine.chain.find(s.name[0])];
+      if (i.kind == Kind::BallBar || i.kind == Kind::BallBarRotary) expected = i.radius;
+      if (i.kind == Kind::RTest || i.kind == Kind::Sphere || i.kind == Kind::Straightness ||
+          i.kind == Kind::AngleOptics || i.kind == Kind::Level || i.kind == Kind::Square ||
+          i.kind == Kind::RollLines || i.kind == Kind::Spindle || i.kind == Kind::Drift)
+        expected = 0.0;
+      if (!std::isnan(expected)) {
+        ASSERT_NEAR(r.value[Eigen::Index(k)], expected, 1e-9) << s.name;
+      }
+    }
+    EXPECT_LT(worst, 1e-12);
+  });
+}
+
+TEST(Plan, StepDiagonalCountsLegsOfXThenYThenZAndRisesInZ) {
+  const machines::Chain chain = machines::trunnion();  // Y stands before X in its code
+  const Plan p = plan(typical(Kind::StepDiagonal), chain);
+  ASSERT_EQ(p.set_ups.size(), 4u);
+  const int joints[] = {*chain.find('X'), *chain.find('Y'), *chain.find('Z')};
+  std::set<std::pair<int, int>> signs;
+  for (std::size_t i = 1; i < p.looks.size(); ++i) {
+    const Look& a = p.looks[i - 1];
+    const Look& b = p.looks[i];
+    if (b.target == 0) continue;
+    ASSERT_EQ(b.target, a.target + 1);
+    for (int leg = 0; leg < 3; ++leg) {
+      const double way = b.state.q[joints[leg]] - a.state.q[joints[leg]];
+      ASSERT_EQ(way != 0.0, leg == (b.target - 1) % 3);
+      ASSERT_TRUE(leg < 2 || way >= 0.0);
+    }
+    signs.insert(
+        {b.state.direction[std::size_t(joints[0])], b.state.direction[std::size_t(joints[1])]});
+  }
+  EXPECT_EQ(signs.size(), 4u);
+  EXPECT_EQ(p.looks.back().target, 30);
+}
+
+TEST(Plan, RotaryArcsAreCutToTheTravelOfTheAxisAndOfTheSlides) {
+  const machines::Chain chain = machines::trunnion();
+  Instrument nest = typical(Kind::RTest);
+  const Plan p = plan(nest, chain);
+  std::map<std::string, std::pair<double, double>> arcs;
+  for (const Look& look : p.looks) {
+    const std::string& name = p.set_ups[std::size_t(look.set_up)].name;
+    const double q = look.state.q[*chain.find(name[0])] / units::deg;
+    auto [place, is_new] = arcs.try_emplace(name, q, q);
+    place->second.first = std::min(place->second.first, q);
+    place->second.second = std::max(place->second.second, q);
+  }
+  for (const auto& [name, arc] : arcs)
+    std::cout << name << ": " << arc.first << " to " << arc.second << " deg\n";
+  EXPECT_NEAR(arcs["C R-test"].second - arcs["C R-test"].first, 360.0, 1e-9);
+  // The tip is 170 mm above the A line at Z = 0 and goes down to -200, 30 mm below the line.
+  const double least = -std::acos(-30.0 / 100.0) / units::deg;
+  EXPECT_GT(arcs["A R-test"].first, least);
+  EXPECT_LT(arcs["A R-test"].first, least + 8.0);
+}
+
+TEST(Plan, BallAtTheToolStaysAtItsPlaceInTheWorkpiece) {
+  for (const char* name : {"gantry", "trunnion", "head_head"}) {
+    for (const machines::Named& machine : machines::all()) {
+      if (machine.name != name) continue;
+      for (const Kind kind : {Kind::BallBarRotary, Kind::RTest}) {
+        Instrument i = on(machine, kind);
+        i.reflector_t = {7.0, -3.0, -20.0};
+        const Plan p = plan(i, machine.chain);
+        std::map<int, Vector3d> place;
+        for (const Look& look : p.looks) {
+          const Vector3d ball_w = machine.chain.tool_in_workpiece(look.state.q) * i.reflector_t;
+          const auto [at, is_new] = place.try_emplace(look.set_up, ball_w);
+          ASSERT_LT((at->second - ball_w).norm(), 1e-9);
+        }
+      }
+    }
+  }
+}
+
+TEST(Plan, RefusesInASentence) {
+  const machines::Chain gantry = machines::gantry(), lathe = machines::lathe();
+  const auto refusal = [&](
+                           Kind kind, const machines::Chain& chain,
+                           const std::function<void(Instrument&)>& change = [](Instrument&) {}) {
+    Instrument i = typical(kind);
+    change(i);
+    return sentence([&] { plan(i, chain); });
+  };
+  EXPECT_EQ(refusal(Kind::Laser, gantry, [](Instrument& i) { i.axes = {'Q'}; }),
+            "laser: expected an axis of the machine, seen Q");
+  EXPECT_EQ(refusal(Kind::Laser, gantry, [](Instrument& i) { i.axes = {'C'}; }),
+            "laser: expected axes that it can measure, seen C");
+  EXPECT_EQ(refusal(Kind::StepDiagonal, lathe),
+            "step_diagonal: expected at least 3 slides to measure, seen 2");
+  EXPECT_EQ(refusal(Kind::RTest, lathe), "r_test: expected a rotary axis to measure, seen none");
+  EXPECT_EQ(refusal(Kind::BallBar, lathe, [](Instrument& i) { i.radius = 150.0; })
+                .find("ball_bar: expected targets within the travel of X, -5 to 200 mm, seen 247"),
+            0u);
+  EXPECT_EQ(refusal(Kind::Spindle, gantry, [](Instrument& i) { i.spindle_speed = 0.0; }),
+            "spindle: expected a spindle speed above 0, seen 0 rpm");
+  for (const auto& change : std::vector<std::function<void(Instrument&)>>{
+           [](Instrument& i) { i.noise = -1.0; }, [](Instrument& i) { i.noise = NAN; },
+           [](Instrument& i) { i.runs = 0; }, [](Instrument& i) { i.runs = 2000000000; },
+           [](Instrument& i) { i.targets = 1; }, [](Instrument& i) { i.margin = 0.0; },
+           [](Instrument& i) { i.margin = 0.5; }, [](Instrument& i) { i.to_rad = INFINITY; },
+           [](Instrument& i) { i.from_rad = 7.0; }, [](Instrument& i) { i.speed = 0.0; },
+           [](Instrument& i) { i.dwell_s = NAN; }, [](Instrument& i) { i.start_s = INFINITY; },
+           [](Instrument& i) {
+             i.up_b = {0, 0, 2};
+           },
+           [](Instrument& i) { i.interval_s = 1e-9; },
+           [](Instrument& i) { i.targets = 100000, i.runs = 10000; },
+           [](Instrument& i) { i.reflector_t.x() = NAN; }})
+    EXPECT_NE(refusal(Kind::Laser, gantry, change), "nothing thrown");
+  EXPECT_NE(refusal(Kind::Tracker, gantry, [](Instrument& i) { i.targets = 100000; }),
+            "nothing thrown");
+  EXPECT_NE(
+      refusal(Kind::RTest, gantry, [](Instrument& i) { i.at_w = Vector3d(5000.0, 0.0, 0.0); }),
+      "nothing thrown");
+}
+
+TEST(Plan, SlidesWithoutLimitsAreRefused) {
+  std::vector<machines::Joint> joints = machines::lathe().joints();
+  joints[1].min = -1e9;
+  const machines::Chain chain(joints, machines::lathe().T_bw_home(), machines::lathe().T_bt_home());
+  EXPECT_NE(sentence([&] { plan(typical(Kind::Laser), chain); }).find("limits of travel of Z"),
+            std::string::npos);
+}
+
+TEST(Plan, WordsOfKindsComeBack) {
+  EXPECT_EQ(all_kinds().size(), 17u);
+  for (const Kind kind : all_kinds()) {
+    ASSERT_TRUE(kind_of(to_string(kind)));
+    EXPECT_EQ(*kind_of(to_string(kind)), kind);
+    EXPECT_EQ(typical(kind).kind, kind);
+    EXPECT_EQ(typical(kind).name, to_string(kind));
+  }
+  EXPECT_FALSE(kind_of("theodolite"));
+}
+
+TEST(Plan, TimesAreAPersonsTimes) {
+  const machines::Named gantry{"gantry", machines::gantry()};
+  for (const Kind kind : all_kinds()) {
+    const Plan p = plan(on(gantry, kind), gantry.chain);
+    std::cout << p.kind << ": " << p.set_ups.size() << " set-ups, " << p.looks.size()
+              << " readings, " << p.duration_s / 3600.0 << " h\n";
+    EXPECT_GT(p.duration_s, 600.0);
+    EXPECT_LT(p.duration_s, 24.0 * 3600.0);
+  }
+}

@@ -1,0 +1,454 @@
+// Virtual instruments on whole scenes: what they read is what was put in, no more and no less.
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iostream>
+#include <map>
+#include <string>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "kinematics/units.h"
+#include "sim/activity.h"
+#include "tests/sim/measured_scene.h"
+
+namespace abbe::sim {
+namespace {
+
+using namespace abbe::literals;
+using errors::metrology::Bodies;
+using errors::metrology::Kind;
+using errors::metrology::Readings;
+using kinematics::AxisState;
+
+/// The truth that a scene's instruments meet.
+Truth truth_met(const Scene& scene) {
+  const Machine machine = compile(scene);
+  return truth_of(scene, machine, activity(scene, machine, {}, {}));
+}
+
+/// What an instrument between tool and workpiece would read of a pose T_wt, and of the bed nothing.
+double reading_of(const Readings& readings, std::size_t i, const kinematics::Pose& T_wt) {
+  const auto& look = readings.plan.looks[i];
+  const Bodies actual{kinematics::Pose::Identity(), T_wt};
+  const Bodies nominal{kinematics::Pose::Identity(),
+                       readings.nominal.tool_in_workpiece(look.state.q)};
+  return errors::metrology::reading(readings.plan.set_ups[std::size_t(look.set_up)], look.channel,
+                                    {}, actual, nominal);
+}
+
+TEST(Measure, APerfectMachineReadsItsNominalToRounding) {
+  int held = 0;
+  for (const char* name : {"gantry_perfect.toml", "platform_perfect.toml"}) {
+    const Scene scene = read_scene(packaged(name));
+    for (const Kind kind : errors::metrology::all_kinds()) {
+      const std::string word = to_string(kind);
+      Readings readings{{}, compile(scene).nominal, {}, {}, {}};
+      try {
+        readings = measured(scene, faultless(scene, word));
+      } catch (const BadInput&) {
+        EXPECT_EQ(std::string(name).find("platform"), 0u) << word << ": a gantry can carry all";
+        continue;
+      }
+      ++held;
+      if (readings.value.size() == 0) continue;
+      EXPECT_LT(beyond_nominal(readings).cwiseAbs().maxCoeff(), 1e-11) << name << " " << word;
+    }
+  }
+  std::cout << held << " kinds of instrument on two machines\n";
+  EXPECT_GE(held, 17 + 8);
+}
+
+TEST(Measure, TheLaserReadsTheConstantSlopeThatWasInjected) {
+  const double c = 6.0_um;  // at +-300 mm
+  const Scene scene = scene_of(measured_scene(
+      "[errors.EXX]\nkind = \"legendre\"\ncoefficients_um = [0, 6]\nhalf_range_mm = 300\n"));
+  const Readings readings = measured(scene, faultless(scene, "laser"));
+  const Eigen::VectorXd seen = beyond_nominal(readings);
+  double worst = 0.0, others = 0.0;
+  std::map<int, double> zero;  // by set-up: the counter is set where it is first read
+  for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
+    const auto& look = readings.plan.looks[i];
+    const bool along_x = readings.plan.set_ups[std::size_t(look.set_up)].name[0] == 'X';
+    const double error = along_x ? c * look.state.q[1] / 300.0 : 0.0;
+    const double first = zero.emplace(look.set_up, error).first->second;
+    double& most = along_x ? worst : others;
+    most = std::max(most, std::abs(seen[Eigen::Index(i)] - (error - first)));
+  }
+  std::cout << "off by " << worst << " mm along X, " << others << " mm elsewhere\n";
+  EXPECT_LT(worst, 1e-12);  // mm: a few ulp at 300 mm
+  EXPECT_LT(others, 1e-12);
+}
+
+TEST(Measure, TheLaserSeesThePitchOverItsArm) {
+  // the tip is 100 mm below the point where X's deviations are stated: Abbe's principle
+  const Scene scene = scene_of(measured_scene(
+      "[errors.EBX]\nkind = \"legendre\"\ncoefficients_urad = [0, 30]\nhalf_range_mm = 300\n"));
+  const Readings readings = measured(scene, faultless(scene, "laser"));
+  const Eigen::VectorXd seen = beyond_nominal(readings);
+  double worst = 0.0;
+  std::optional<double> first;
+  for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
+    const auto& look = readings.plan.looks[i];
+    if (readings.plan.set_ups[std::size_t(look.set_up)].name[0] != 'X') continue;
+    const double arm = readings.nominal.tool_in_workpiece(look.state.q).translation().z() - 200.0;
+    const double error = std::sin(30.0_urad * look.state.q[1] / 300.0) * arm;
+    if (!first) {
+      first = error;
+      std::cout << "arm " << arm << " mm\n";
+    }
+    worst = std::max(worst, std::abs(seen[Eigen::Index(i)] - (error - *first)));
+  }
+  std::cout << "off by " << worst << " mm\n";
+  EXPECT_LT(worst, 1e-11);
+}
+
+TEST(Measure, EveryInstrumentBetweenToolAndTableReadsWhereTheTipIs) {
+  const Scene scene = read_scene(packaged("gantry_dome.toml"));
+  const Truth truth = [&] {
+    Scene bare = scene;  // instruments stand in for tool and part, and these are as ordered
+    bare.tool.actual = bare.tool.nominal;
+    bare.tool.actual_length = bare.tool.length;
+    return truth_met(bare);
+  }();
+  for (const char* word : {"laser", "straightness", "square", "diagonals", "ball_bar", "r_test",
+                           "sphere", "multilateration"}) {
+    const Readings readings = measured(scene, faultless(scene, word));
+    std::map<std::pair<int, int>, double> zero;
+    double worst = 0.0, largest = 0.0;
+    for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
+      const auto& look = readings.plan.looks[i];
+      const double true_error =
+          reading_of(readings, i, tool_in_workpiece(truth, look.state)) -
+          reading_of(readings, i, readings.nominal.tool_in_workpiece(look.state.q));
+      const double seen = readings.value[Eigen::Index(i)] -
+                          reading_of(readings, i, readings.nominal.tool_in_workpiece(look.state.q));
+      const bool counts = readings.plan.set_ups[std::size_t(look.set_up)].zero_unknown;
+      const double first =
+          counts ? zero.emplace(std::pair(look.set_up, look.channel), true_error).first->second
+                 : 0.0;
+      worst = std::max(worst, std::abs(seen - (true_error - first)));
+      largest = std::max(largest, std::abs(seen));
+    }
+    std::cout << fmt::format("{:16} largest {:.2f} um, off by {:.1e} mm\n", word, largest / 1.0_um,
+                             worst);
+    EXPECT_GT(largest, 1.0_um) << word;
+    EXPECT_LT(worst, 1e-11) << word;
+  }
+}
+
+TEST(Measure, WeightBendsWhatIsMeasured) {
+  const auto scene = [](double scale) {
+    return scene_of(measured_scene(
+        fmt::format("[compliance]\nscale = {}\ngravity = [0, 0, -1]\n"
+                    "[compliance.axis.X]\nstiffness_N_per_um = [100, 100, 100]\n"
+                    "turning_stiffness_Nm_per_urad = [4, 4, 4]\n"
+                    "[[compliance.mass]]\naxis = \"Y\"\nmass_kg = 200\ncentre_mm = [0, 0, 200]\n",
+                    scale)));
+  };
+  const auto sag = [&](double scale) {
+    const Scene s = scene(scale);
+    const Readings readings = measured(s, faultless(s, "straightness"));
+    const Eigen::VectorXd beyond = beyond_nominal(readings);
+    double least = 0.0, most = 0.0;
+    for (std::size_t i = 0; i < readings.plan.looks.size(); ++i)
+      if (readings.plan.set_ups[std::size_t(readings.plan.looks[i].set_up)].name ==
+          "Y straightness in Z") {
+        least = std::min(least, beyond[Eigen::Index(i)]);
+        most = std::max(most, beyond[Eigen::Index(i)]);
+      }
+    return most - least;
+  };
+  EXPECT_EQ(sag(0.0), 0.0);
+  // the mass travels on Y by y, turns X by m g y / k and so the tip, which travels with it, by y^2;
+  // at the mean of the travel there is nothing, at both ends the same
+  const double y = 0.48 * 700.0, moment = 200.0 * 9.80665 * y;  // N mm
+  const double by_hand = moment / 4e9 * y;                      // 4 Nm/urad = 4e9 N mm/rad
+  std::cout << "sag at the ends of Y " << sag(1.0) / 1.0_um << " um, by hand " << by_hand / 1.0_um
+            << " um\n";
+  EXPECT_NEAR(sag(1.0), by_hand, 1e-3 * by_hand);
+  EXPECT_NEAR(sag(2.0), 2.0 * sag(1.0), 1e-3 * by_hand);
+}
+
+TEST(Measure, DriftIsTheTrueMotionOfTheTip) {
+  const Scene scene = read_scene(packaged("thermal_protocol.toml"));
+  InstrumentDescription drift = faultless(scene, "drift");
+  drift.starts_s = {-8.0 * 3600.0};
+  drift.instrument.duration_s = 8.0 * 3600.0;
+  drift.instrument.interval_s = 1800.0;
+  const Readings readings = measured(scene, drift);
+  Scene at_20 = scene;
+  at_20.thermal->errors.workpiece.reset();  // a nest of sensors stands in for the part
+  const Truth truth = truth_met(at_20);
+  std::map<int, std::pair<double, double>> first;
+  double worst = 0.0, largest = 0.0;
+  for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
+    const auto& look = readings.plan.looks[i];
+    const double seen = readings.value[Eigen::Index(i)];
+    const double is = reading_of(readings, i, tool_in_workpiece(truth, look.state));
+    const auto [seen_0, is_0] = first.emplace(look.channel, std::pair(seen, is)).first->second;
+    worst = std::max(worst, std::abs((seen - seen_0) - (is - is_0)));
+    largest = std::max(largest, std::abs(seen - seen_0));
+  }
+  std::cout << "largest drift " << largest / 1.0_um << " um, off by " << worst << " mm\n";
+  EXPECT_GT(largest, 20.0_um);
+  EXPECT_LT(worst, 1e-11);
+  EXPECT_EQ(readings.plan.looks.front().state.time_s, -8.0 * 3600.0);
+
+  Scene cold = scene;
+  cold.thermal->scale = 0.0;
+  const Readings still = measured(cold, drift);
+  for (std::size_t i = 0; i < still.plan.looks.size(); ++i)
+    ASSERT_EQ(still.value[Eigen::Index(i)], still.value[Eigen::Index(i) % 5])
+        << "without heat nothing moves";
+}
+
+TEST(Measure, TemperaturesAreThoseOfTheSensorsNodes) {
+  Scene scene = read_scene(packaged("thermal_protocol.toml"));
+  for (auto& sensor : scene.thermal->sensors)
+    sensor.offset_K = sensor.noise_K = sensor.resolution_K = sensor.lag_s = 0.0;
+  InstrumentDescription log = instrument_of(scene, "temperature");
+  log.starts_s = {-8.0 * 3600.0, -1200.0};
+  log.instrument.interval_s = 600.0;
+  log.instrument.duration_s = 7200.0;
+  const Readings readings = measured(scene, log);
+  const Truth truth = truth_met(scene);
+  ASSERT_EQ(readings.sensors.size(), 18u);
+  ASSERT_EQ(readings.value.size(), 0);
+  double worst = 0.0;
+  for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
+    const double time_s = readings.plan.looks[i].state.time_s;
+    const Eigen::VectorXd T_C = errors::temperatures(truth.heat->run, time_s);
+    for (std::size_t k = 0; k < 18; ++k)
+      worst = std::max(worst, std::abs(readings.T_C(Eigen::Index(i), Eigen::Index(k)) -
+                                       T_C[scene.thermal->sensors[k].node]));
+  }
+  std::cout << readings.plan.looks.size() << " rows, " << worst << " K apart\n";
+  EXPECT_LT(worst, 1e-9);
+  EXPECT_GT((readings.T_C.colwise().maxCoeff() - readings.T_C.colwise().minCoeff()).maxCoeff(),
+            5.0);
+}
+
+TEST(Measure, TheSameSeedReadsTheSameBytesAndAnotherOthers) {
+  const auto text = [](const char* seed, const char* instrument) {
+    const Scene scene = read_scene(packaged("gantry_dome.toml"), {{"seed", seed}});
+    return to_text(measured(scene, instrument_of(scene, instrument)));
+  };
+  for (const char* instrument : {"laser", "r_test", "drift"}) {
+    EXPECT_EQ(text("5", instrument), text("5", instrument));
+    EXPECT_NE(text("5", instrument), text("6", instrument));
+  }
+}
+
+TEST(Measure, TwoInstrumentsOfAKindErrApart) {
+  const Scene scene = read_scene(packaged("gantry_dome.toml"));
+  InstrumentDescription one = instrument_of(scene, "laser"), two = one;
+  two.instrument.name = "another laser";
+  const Eigen::VectorXd a = measured(scene, one).value, b = measured(scene, two).value;
+  ASSERT_EQ(a.size(), b.size());
+  const double apart = rms(a - b);
+  std::cout << "two lasers differ by " << apart / 1.0_um << " um RMS\n";
+  EXPECT_GT(apart, one.instrument.noise);  // sqrt(2) of noise, and what their scales do
+}
+
+TEST(Measure, EveryStartIsASetUpOfItsOwn) {
+  const Scene scene = read_scene(packaged("gantry_perfect.toml"));
+  InstrumentDescription laser = instrument_of(scene, "laser");
+  laser.instrument.noise = laser.instrument.resolution = 0.0;
+  laser.starts_s = {0.0};
+  const Readings once = measured(scene, laser);
+  laser.starts_s = {0.0, 86400.0};
+  const Readings twice = measured(scene, laser);
+  ASSERT_EQ(twice.plan.set_ups.size(), 2 * once.plan.set_ups.size());
+  ASSERT_EQ(twice.value.size(), 2 * once.value.size());
+  EXPECT_DOUBLE_EQ(twice.plan.duration_s, 2 * once.plan.duration_s);
+  EXPECT_EQ(twice.value.head(once.value.size()), once.value);
+  double apart = 0.0;  // the beam was laid anew, and the air is another
+  for (Eigen::Index i = 0; i < once.value.size(); ++i)
+    apart = std::max(apart, std::abs(twice.value[i + once.value.size()] - once.value[i]));
+  std::cout << "two set-ups differ by up to " << apart / 1.0_um << " um\n";
+  EXPECT_GT(apart, 0.01_um);
+  EXPECT_LT(apart, 2.0_um);
+  const auto& looks = twice.plan.looks;
+  EXPECT_NEAR(looks[looks.size() / 2].state.time_s - looks.front().state.time_s, 86400.0, 1e-6);
+}
+
+/// A file of readings without its readings.
+std::string without_readings(const std::string& text) {
+  std::string result;
+  std::size_t at = 0;
+  while (at < text.size()) {
+    const std::size_t end = std::min(text.find('\n', at), text.size());
+    std::string line = text.substr(at, end - at);
+    at = end + 1;
+    if (line[0] != '#' && line.ends_with("mm")) {
+      const std::size_t unit = line.rfind(','), value = line.rfind(',', unit - 1);
+      line.erase(value, unit - value);
+    }
+    result += line + "\n";
+  }
+  return result;
+}
+
+TEST(Measure, OnlyTheReadingsTellAnythingOfTheTruth) {
+  const Scene wrong = read_scene(packaged("gantry_dome.toml"));
+  Scene perfect = wrong;
+  perfect.geometric = {};
+  for (const char* instrument : {"laser", "ball_bar", "r_test"}) {
+    const std::string a = to_text(measured(wrong, instrument_of(wrong, instrument)));
+    const std::string b = to_text(measured(perfect, instrument_of(perfect, instrument)));
+    EXPECT_NE(a, b);
+    EXPECT_EQ(without_readings(a), without_readings(b)) << instrument;
+  }
+}
+
+// ---------------------------------------------------------------- parts
+
+const std::string flat =
+    "surface = \"rectangle\"\nlength_x_mm = 60\nlength_y_mm = 60\n"
+    "at_mm = [40, 25, 80]\nvertices = 3000";
+const std::string wrong_slides =
+    "[errors]\nEZX = { kind = \"fourier\", period_mm = 70, a_um = [9], b_um = [6] }\n"
+    "EZY = { kind = \"fourier\", period_mm = 90, a_um = [-7], b_um = [12] }\n"
+    "EBX = { kind = \"fourier\", period_mm = 80, a_urad = [30], b_urad = [20] }\n"
+    "EAY = { kind = \"fourier\", period_mm = 60, a_urad = [-25], b_urad = [10] }\n"
+    "EB0Z_urad = 100\nEA0Z_urad = -80\n";
+
+Scene part_scene(const std::string& more) {
+  return scene_of(to_toml(
+      {.part = flat, .step_over = 0.2, .step = 0.5, .lead = 0.0, .more = wrong_slides + more}));
+}
+
+using Place = std::array<double, 3>;
+template <typename Row>
+Place key_of(const Row& p) {
+  return {p.x(), p.y(), p.z()};
+}
+
+/// Residual by the place of its vertex.
+std::map<Place, double> map_of(const Job& job, const Cut& cut) {
+  std::map<Place, double> map;
+  for (Eigen::Index i = 0; i < cut.surface.residual.size(); ++i)
+    map[key_of(job.design_w.vertices.row(i))] = cut.surface.residual[i];
+  return map;
+}
+
+TEST(Measure, ACoordinateMachineReadsTheMapToItsNoise) {
+  const Scene scene = part_scene(
+      "[[instrument]]\nkind = \"cmm\"\nspacing_mm = 2\nnoise_um = 0\n"
+      "[[instrument]]\nname = \"noisy\"\nkind = \"cmm\"\nspacing_mm = 2\nnoise_um = 0.5\n");
+  const Job job = prepare(scene);
+  const std::map<Place, double> map = map_of(job, cut(job));
+  const auto against_map = [&](const PartReadingsFile& file) {
+    Eigen::VectorXd apart = file.readings.deviation;
+    for (Eigen::Index i = 0; i < apart.size(); ++i) {
+      const auto found = map.find(key_of(file.readings.points_w.row(i)));
+      EXPECT_NE(found, map.end()) << "every point is a vertex";
+      if (found != map.end()) apart[i] -= found->second;
+    }
+    return apart;
+  };
+  const auto clean = measured_part(scene, *part_instrument_of(scene, "cmm"));
+  const auto noisy = measured_part(scene, *part_instrument_of(scene, "noisy"));
+  EXPECT_EQ(clean.kind, "cmm");
+  ASSERT_GT(clean.readings.deviation.size(), 500);
+  const double left = against_map(clean).cwiseAbs().maxCoeff();
+  const double noise = rms(against_map(noisy));
+  std::cout << clean.readings.deviation.size() << " points, RMS "
+            << rms(clean.readings.deviation) / 1.0_um << " um; without noise off by " << left
+            << " mm, with 0.5 um by " << noise / 1.0_um << " um RMS\n";
+  EXPECT_LT(left, 1e-13);
+  EXPECT_NEAR(noise, 0.5_um, 4 * 0.5_um / std::sqrt(2.0 * double(noisy.readings.deviation.size())));
+  EXPECT_DOUBLE_EQ(noisy.readings.sigma, 0.5_um);
+}
+
+TEST(Measure, TheMachineCannotSeeItself) {
+  const Scene scene = part_scene(
+      "[[instrument]]\nkind = \"touch_probe\"\nspacing_mm = 4\nnoise_um = 0\nclearance_mm = 1\n");
+  const Job job = prepare(scene);
+  const auto wrong = map_of(job, cut(job)), cusps = map_of(job, cut_error_free(job));
+  const auto probed = measured_part(scene, *part_instrument_of(scene, "touch_probe")).readings;
+  Eigen::VectorXd machine(probed.deviation.size()), seen(probed.deviation.size());
+  for (Eigen::Index i = 0; i < seen.size(); ++i) {
+    const auto p = key_of(probed.points_w.row(i));
+    machine[i] = wrong.at(p) - cusps.at(p);
+    seen[i] = probed.deviation[i] - cusps.at(p);
+  }
+  std::cout << fmt::format(
+      "of {} points: the machine's part of the map is {:.3f} um RMS, its own "
+      "probe reads {:.4f} um RMS of it, {:.4f} at most\n",
+      seen.size(), rms(machine) / 1.0_um, rms(seen) / 1.0_um, seen.cwiseAbs().maxCoeff() / 1.0_um);
+  EXPECT_GT(rms(machine), 8.0_um);
+  // Passes 0.2 mm apart leave flanks of slope 0.1 / 5: squareness and angles move these by some 14
+  // um, which is 0.3 um of height; slopes of 1 um/mm over the 0.1 mm to the next pass are 0.1 um.
+  EXPECT_LT(seen.cwiseAbs().maxCoeff(), 0.4_um);
+  EXPECT_LT(rms(seen), 0.01 * rms(machine));
+}
+
+TEST(Measure, APartMeasuresTheCaseThatItsInstrumentNames) {
+  const Scene scene = part_scene(
+      "[[instrument]]\nkind = \"cmm\"\nspacing_mm = 4\nnoise_um = 0\n"
+      "[[instrument]]\nname = \"after\"\nkind = \"cmm\"\nspacing_mm = 4\nnoise_um = 0\n"
+      "case = \"perfect-iterated-ideal\"\n");
+  const auto before = measured_part(scene, *part_instrument_of(scene, "cmm"));
+  const auto after = measured_part(scene, *part_instrument_of(scene, "after"));
+  EXPECT_LT(rms(after.readings.deviation), 0.3 * rms(before.readings.deviation));
+  EXPECT_EQ(after.part, scene.title + ", perfect-iterated-ideal");
+}
+
+// ---------------------------------------------------------------- refusals
+
+TEST(Measure, AnInstrumentThatTheMachineCannotCarryIsRefusedByName) {
+  const Scene three = scene_of(measured_scene("", "three_axis_table"));
+  for (const char* name : {"r_test", "ball_bar_rotary", "sphere"}) {
+    const std::string refusal = refusal_of_measuring(three, name);
+    EXPECT_NE(refusal.find(name), std::string::npos) << refusal;
+    EXPECT_NE(refusal.find("measured.toml"), std::string::npos) << refusal;
+  }
+  EXPECT_EQ(refusal_of_measuring(three, "laser"), "");
+}
+
+TEST(Measure, AnUnknownInstrumentListsTheKnownOnes) {
+  const Scene scene =
+      scene_of(measured_scene("[[instrument]]\nname = \"mine\"\nkind = \"laser\"\n"));
+  const std::string refusal = refusal_of_measuring(scene, "lasre");
+  for (const char* word :
+       {"\"lasre\"", "mine", "laser", "ball_bar", "temperature", "cmm", "touch_probe"})
+    EXPECT_NE(refusal.find(word), std::string::npos) << word << " in: " << refusal;
+}
+
+TEST(Measure, ATableOfErrorsThatIsLeftIsRefusedByName) {
+  const Scene scene = scene_of(
+      measured_scene("[errors.EXX]\nkind = \"table\"\nq_mm = [-100, 100]\nvalue_um = [0, 1]\n"));
+  const std::string refusal = refusal_of_measuring(scene, "laser");
+  EXPECT_NE(refusal.find("EXX"), std::string::npos) << refusal;
+  EXPECT_NE(refusal.find("errors that reach where laser measures"), std::string::npos) << refusal;
+}
+
+TEST(Measure, WritesOneFileAnInstrumentAndNoneWithoutOne) {
+  const SceneFolder folder;
+  const auto file = folder.write(
+      "m.toml", measured_scene("[[instrument]]\nname = \"one\"\nkind = \"laser\"\ntargets = 3\n"
+                               "[[instrument]]\nname = \"two\"\nkind = \"level\"\ntargets = 3\n"
+                               "[[instrument]]\nname = \"part\"\nkind = \"cmm\"\n"));
+  MeasureOptions options;
+  options.folder = folder.path() / "out";
+  const auto all = measure(file, options);
+  ASSERT_EQ(all.size(), 3u);
+  for (const Measured& one : all) EXPECT_TRUE(std::filesystem::exists(one.file)) << one.file;
+  EXPECT_EQ(all[0].file.filename(), "one.csv");
+  EXPECT_EQ(all[0].set_ups, 3u);
+  EXPECT_GT(all[0].duration_s, 3600.0);
+  options.instruments = {"two"};
+  EXPECT_EQ(measure(file, options).size(), 1u);
+  const auto none = folder.write("n.toml", measured_scene(""));
+  options.instruments = {};
+  options.folder = folder.path() / "nothing";
+  EXPECT_THROW(measure(none, options), BadInput);
+  EXPECT_FALSE(std::filesystem::exists(options.folder));
+}
+
+}  // namespace
+}  // namespace abbe::sim

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "sim/measure.h"
+#include "sim/readings_file.h"
+#include "tests/sim/small_scene.h"
+
+/// Machines that are there to be measured: scenes that cut next to nothing.
+namespace abbe::sim {
+
+/// Text of a scene of a gantry, or of any machine under a ball end mill, with a part of a few
+/// vertices.
+/// @param sections  TOML after the keys that stand before any section
+inline std::string measured_scene(const std::string& sections,
+                                  const std::string& machine = "gantry_cxyza") {
+  return fmt::format(
+      "title = \"measured\"\nmachine = \"{0}machines/{1}.toml\"\ntool = \"{0}tools/ball_r5.toml\"\n"
+      "[part]\nsurface = \"rectangle\"\nlength_x_mm = 4\nlength_y_mm = 4\nat_mm = [0, 0, 80]\n"
+      "vertices = 100\n[program]\ngenerator = \"raster\"\nstep_over_mm = 1\nstep_mm = 1\n{2}",
+      packaged("").string(), machine, sections);
+}
+
+inline Scene scene_of(const std::string& text, const std::vector<Override>& changes = {}) {
+  const SceneFolder folder;
+  return read_scene(folder.write("measured.toml", text), changes);
+}
+
+/// An instrument that reads what is there: no noise, no rounding, laid without a fault.
+inline InstrumentDescription faultless(InstrumentDescription description) {
+  errors::metrology::Instrument& i = description.instrument;
+  i.noise = i.noise_rad = i.resolution = i.resolution_rad = 0.0;
+  i.rotation_sigma = i.position_sigma = i.scale_sigma = i.drift_sigma = 0.0;
+  return description;
+}
+inline InstrumentDescription faultless(const Scene& scene, const std::string& name) {
+  return faultless(instrument_of(scene, name));
+}
+
+/// Readings minus what the nominal machine would show. (looks)
+inline Eigen::VectorXd beyond_nominal(const errors::metrology::Readings& readings) {
+  Eigen::VectorXd result = readings.value;
+  for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
+    const auto& look = readings.plan.looks[i];
+    const auto bodies = errors::metrology::nominal_bodies(readings.nominal, look.state.q);
+    result[Eigen::Index(i)] -= errors::metrology::reading(
+        readings.plan.set_ups[std::size_t(look.set_up)], look.channel, {}, bodies, bodies,
+        errors::metrology::spindle_angle(readings.nominal, look.state));
+  }
+  return result;
+}
+
+/// What measuring a scene refuses, empty if it does not.
+inline std::string refusal_of_measuring(const Scene& scene, const std::string& instrument) {
+  try {
+    measured(scene, instrument_of(scene, instrument));
+    return "";
+  } catch (const BadInput& fault) {
+    return fault.what();
+  }
+}
+
+inline double rms(const Eigen::VectorXd& v) {
+  return std::sqrt(v.squaredNorm() / double(v.size()));
+}
+
+}  // namespace abbe::sim

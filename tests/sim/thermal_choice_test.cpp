@@ -1,0 +1,180 @@
+// Four sensors chosen on one day, and what they are good for on days that nobody saw.
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <map>
+#include <random>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "kinematics/units.h"
+#include "sim/thermal_choice.h"
+#include "tests/sim/measured_scene.h"
+
+namespace abbe::sim {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// The packaged scene's own day and those of its variants.
+std::vector<Day> packaged_days(const std::string& name) {
+  const Scene scene = read_scene(packaged(name));
+  std::vector<Day> days{{"its own day", scene}};
+  for (const Variant& variant : scene.variants)
+    days.push_back({variant.name, read_scene(packaged(name), variant.set)});
+  return days;
+}
+
+/// RMS over the range of the drift of every displacement on the first other day.
+std::map<std::string, double> displacements(const Json& json) {
+  std::map<std::string, double> result;
+  for (const Json& channel : json["channels"])
+    if (channel["unit"] == "um" && channel.contains("cross_day"))
+      result[channel["name"]] = channel["cross_day"][0]["figures"]["rms_over_range"];
+  return result;
+}
+
+void print(const std::string& name, const Json& json) {
+  std::cout << name << ": " << json["sensors"].size() << " -> " << json["chosen"].dump() << "\n";
+  for (const Json& channel : json["channels"])
+    for (const Json& day : channel["cross_day"])
+      std::cout << fmt::format(
+          "  {:20} {:12} in cycle {:.3f}, across {:.3f} of {:.1f} {} = {:.1f} %\n",
+          channel["name"].get<std::string>(), day["day"].get<std::string>(),
+          channel["in_cycle"]["rms"].get<double>(), day["figures"]["rms"].get<double>(),
+          day["figures"]["drift_range"].get<double>(), channel["unit"].get<std::string>(),
+          100.0 * day["figures"]["rms_over_range"].get<double>());
+  const Json& random = json["random_choices_rms_over_range"];
+  std::cout << fmt::format(
+      "  together {:.1f} %; random fours p05 {:.1f} % p50 {:.1f} % p95 {:.1f} "
+      "%; {:.0f} % of {} beaten\n",
+      100 * random["chosen"].get<double>(), 100 * random["p05"].get<double>(),
+      100 * random["p50"].get<double>(), 100 * random["p95"].get<double>(),
+      100 * random["beaten_by_the_choice"].get<double>(), random["subsets"].get<int>());
+}
+
+class ThermalChoiceOf : public testing::TestWithParam<std::pair<const char*, int>> {};
+
+TEST_P(ThermalChoiceOf, FourSensorsPredictAnotherDay) {
+  const auto [name, sensors] = GetParam();
+  const Json json = thermal_choice(packaged_days(name)).json;
+  print(name, json);
+  EXPECT_EQ(json["sensors"].size(), std::size_t(sensors));
+  EXPECT_EQ(json["chosen"].size(), 4u);
+  const auto across = displacements(json);
+  EXPECT_EQ(across.size(), 3u);
+  for (const auto& [channel, figure] : across) EXPECT_LT(figure, 0.15) << channel;
+  const Json& random = json["random_choices_rms_over_range"];
+  EXPECT_EQ(random["subsets"], 200);
+  EXPECT_LT(random["chosen"].get<double>(), random["p50"].get<double>());
+}
+
+/// A day of four to seven phases of work at any speed, resting now and then, in a room that
+/// wanders.
+Scene drawn_day(const Scene& scene, std::mt19937& random) {
+  const auto any = [&](double from, double to) {
+    return from + (to - from) * std::uniform_real_distribution<double>(0, 1)(random);
+  };
+  Scene day = scene;
+  ThermalDescription& thermal = *day.thermal;
+  thermal.history.clear();
+  const int phases = 4 + int(any(0, 4));
+  double history = 0.0;
+  for (int i = 0; i < phases; ++i) {
+    ThermalPhase phase;
+    phase.duration = 60.0 * std::round(any(30, 120));
+    phase.spindle_speed = any(3000, 12000) * units::rpm;
+    phase.axis_speed = kinematics::AxisVector::Zero(Eigen::Index(day.machine.joints.size()));
+    for (std::size_t j = 0; j < day.machine.joints.size(); ++j)
+      if (day.machine.joints[j].motion == kinematics::Motion::Linear)
+        phase.axis_speed[Eigen::Index(j)] = any(1000, 12000) / 60.0;
+    thermal.history.push_back(phase);
+    history += phase.duration;
+  }
+  const double room = any(21, 29);
+  thermal.room_time_s = Eigen::VectorXd::LinSpaced(5, -history, 0.0);
+  thermal.room_T_C.resize(5);
+  for (double& T_C : thermal.room_T_C) T_C = room + any(-4, 4);
+  // the machine stood in that room before it began
+  thermal.network.start_T_C.setConstant(thermal.room_T_C[0]);
+  day.datum.time_s = -history;
+  return day;
+}
+
+TEST_P(ThermalChoiceOf, TenOtherDaysAreReportedAndHalfOfThemBeatTheMedian) {
+  const unsigned seed = 20261201;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  const Scene scene = read_scene(packaged(GetParam().first));
+  int beats = 0, within = 0;
+  for (int i = 0; i < 10; ++i) {
+    const Json json =
+        thermal_choice({{"its own day", scene}, {"drawn", drawn_day(scene, random)}}).json;
+    const Json& fours = json["random_choices_rms_over_range"];
+    const auto across = displacements(json);
+    const bool better = fours["chosen"].get<double>() < fours["p50"].get<double>();
+    double worst = 0.0;
+    std::string each;
+    for (const auto& [channel, figure] : across) {
+      worst = std::max(worst, figure);
+      each += fmt::format(" {} {:.1f} %", channel, 100 * figure);
+    }
+    beats += better;
+    within += worst < 0.15;
+    std::cout << fmt::format(
+        "  day {}:{}; together {:.1f} %, median four {:.1f} %, beats {:.0f} %\n", i + 1, each,
+        100 * fours["chosen"].get<double>(), 100 * fours["p50"].get<double>(),
+        100 * fours["beaten_by_the_choice"].get<double>());
+  }
+  std::cout << GetParam().first << ": " << beats << " of 10 days beat the median four, " << within
+            << " of 10 stay below 15 % in every displacement\n";
+  EXPECT_GE(beats, 5);
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, ThermalChoiceOf,
+                         testing::Values(std::pair("thermal_protocol.toml", 18),
+                                         std::pair("thermal_protocol_chen.toml", 13)),
+                         [](const auto& scene) {
+                           const std::string name = scene.param.first;
+                           return name.substr(0, name.find('.'));
+                         });
+
+TEST(ThermalChoice, OneDayAloneHasNoGradeOnDaysUnseen) {
+  Scene scene = read_scene(packaged("thermal_protocol.toml"));
+  const Json json = thermal_choice({{"its own day", scene}}).json;
+  EXPECT_FALSE(json.contains("random_choices_rms_over_range"));
+  EXPECT_EQ(json["chosen"].size(), 4u);
+  for (const Json& channel : json["channels"]) EXPECT_TRUE(channel["cross_day"].empty());
+}
+
+TEST(ThermalChoice, WhatCannotBeChosenFromIsRefusedWithTheSceneNamed) {
+  const Scene scene = read_scene(packaged("thermal_protocol.toml"));
+  const auto refusal = [](const Scene& spoilt) {
+    try {
+      thermal_choice({{"day", spoilt}});
+      return std::string();
+    } catch (const BadInput& fault) {
+      return std::string(fault.what());
+    }
+  };
+  Scene no_history = scene;
+  no_history.thermal->history.clear();
+  EXPECT_NE(refusal(no_history).find("[[history]]"), std::string::npos) << refusal(no_history);
+  Scene laser = scene;
+  laser.sensor_choice->instrument = "laser";
+  EXPECT_NE(refusal(laser).find("kind drift"), std::string::npos) << refusal(laser);
+  Scene nobody = scene;
+  nobody.sensor_choice->instrument = "nobody";
+  EXPECT_NE(refusal(nobody).find("nobody"), std::string::npos);
+  Scene one_sensor = scene;
+  one_sensor.thermal->sensors.resize(1);
+  EXPECT_NE(refusal(one_sensor).find("at least 2"), std::string::npos) << refusal(one_sensor);
+  EXPECT_NE(refusal(one_sensor).find("thermal_protocol.toml"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace abbe::sim
