@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include <fmt/format.h>
-#include <Eigen/QR>
 
 #include "errors/metrology/areal.h"
 #include "errors/metrology/form.h"
@@ -73,55 +72,34 @@ Json positioning_json(const std::string& name, const metrology::PositionRuns& ru
   return test;
 }
 
-VectorXd mean_of(const metrology::PositionRuns& runs) {
-  VectorXd sum = VectorXd::Zero(runs.target.size());
-  if (runs.up.cols() > 0) sum += runs.up.rowwise().sum();
-  if (runs.down.cols() > 0) sum += runs.down.rowwise().sum();
-  return sum / double(runs.up.cols() + runs.down.cols());
+double range(const VectorXd& v) { return v.maxCoeff() - v.minCoeff(); }
+
+/// Slope of the least-squares line through the mean of all runs.
+double slope_of(const metrology::PositionRuns& runs) {
+  const VectorXd from_middle = runs.target.array() - runs.target.mean();
+  return from_middle.dot(mean_of(runs)) / from_middle.squaredNorm();
 }
 
-/// Line through the mean of all runs.
-struct Line {
-  double slope = 0.0;
-  double lsq = 0.0;   ///< range about the least-squares line
-  double ends = 0.0;  ///< range about the line through the ends
-};
-
-Line line_of(const metrology::PositionRuns& runs) {
+/// Range of the mean of all runs about the line through its ends.
+double about_ends(const metrology::PositionRuns& runs) {
   const VectorXd mean = mean_of(runs), &t = runs.target;
-  const VectorXd from_middle = t.array() - t.mean();
-  Line line;
-  line.slope = from_middle.dot(mean) / from_middle.squaredNorm();
-  const auto range = [](const VectorXd& v) { return v.maxCoeff() - v.minCoeff(); };
-  line.lsq = range(mean - line.slope * from_middle);
   const Index last = t.size() - 1;
-  const double ends = (mean[last] - mean[0]) / (t[last] - t[0]);
-  line.ends = range(mean - ends * from_middle);
-  return line;
+  return range(mean - (mean[last] - mean[0]) / (t[last] - t[0]) * t);
 }
 
-// Once round, across the axis, is how the artefact is centred and not how the axis moves.
 Json error_motion_json(const AxisTest& test) {
   const char* standard = !test.spindle ? "error motion over the angle"
                          : test.axial  ? "ISO 230-7:2015 axial error motion"
                                        : "ISO 230-7:2015 radial error motion";
   Json json = test_json(test.name, standard);
-  const VectorXd mean = mean_of(test.runs), &angle = test.runs.target;
-  json["angles"] = angle.size();
-  if (angle.size() < 4) return json;
-  Eigen::MatrixXd known = Eigen::MatrixXd::Ones(angle.size(), test.axial ? 1 : 3);
-  if (!test.axial) {
-    known.col(1) = angle.array().cos();
-    known.col(2) = angle.array().sin();
-  }
-  const VectorXd synchronous = mean - known * known.colPivHouseholderQr().solve(mean);
+  json["angles"] = test.runs.target.size();
   std::optional<double> asynchronous;
   for (const Eigen::MatrixXd* runs : {&test.runs.up, &test.runs.down})
     if (runs->cols() > 1)
       asynchronous = std::max(asynchronous.value_or(0.0),
                               (runs->rowwise().maxCoeff() - runs->rowwise().minCoeff()).maxCoeff());
   Figures f(json, false);
-  f.put("synchronous", synchronous.maxCoeff() - synchronous.minCoeff());
+  f.put("synchronous", range(mean_of(form_of(test))));
   f.put("asynchronous", asynchronous);
   return json;
 }
@@ -131,19 +109,17 @@ Json axis_json(const AxisTest& test) {
   if (test.what == AxisTest::What::Positioning)
     return positioning_json(test.name, test.runs, test.angle);
   const metrology::Positioning p = metrology::positioning(test.runs);
-  const Line line = line_of(test.runs);
   const bool straight = test.what == AxisTest::What::Straightness;
   Json json = test_json(
       test.name, straight ? "ISO 230-1:2012 straightness" : "ISO 230-1:2012 angular error motion");
   json["targets"] = test.runs.target.size();
   Figures f(json, test.angle);
   if (straight) {
-    f.put("straightness_lsq", line.lsq);
-    f.put("straightness_ends", line.ends);
-    json["slope_urad"] = line.slope / units::urad;
+    f.put("straightness_lsq", range(mean_of(form_of(test))));
+    f.put("straightness_ends", about_ends(test.runs));
+    json["slope_urad"] = slope_of(test.runs) / units::urad;
   } else {
-    const VectorXd mean = mean_of(test.runs);
-    f.put("range", mean.maxCoeff() - mean.minCoeff());
+    f.put("range", range(mean_of(test.runs)));
   }
   f.put("R", p.R ? p.R : p.up ? p.up->R : p.down->R);
   f.put("B", p.B);
@@ -154,8 +130,7 @@ Json axis_json(const AxisTest& test) {
 Json square_json(const SquareTest& test) {
   Json json = test_json(test.name, "ISO 230-1:2012 squareness");
   json["axes"] = {std::string(1, test.first.axis), std::string(1, test.second.axis)};
-  json["squareness_urad"] =
-      -(line_of(test.first.runs).slope + line_of(test.second.runs).slope) / units::urad;
+  json["squareness_urad"] = -(slope_of(test.first.runs) + slope_of(test.second.runs)) / units::urad;
   json["sign"] = "angle between the positive directions minus 90 degrees";
   return json;
 }

@@ -52,8 +52,8 @@ render::Panel panel_of(const std::string& name, const metrology::PositionRuns& r
   const metrology::Positioning p = metrology::positioning(runs);
   render::Panel panel{name, x_label, fmt::format("deviation / {}", word_of(angle)), {}, {}};
   const VectorXd target = runs.target / x_unit;
-  add_way(panel, "up, mean ± 2 s", target, runs.up, p.up, unit_of(angle), 0);
-  add_way(panel, "down, mean ± 2 s", target, runs.down, p.down, unit_of(angle), 1);
+  add_way(panel, "up ± 2 s", target, runs.up, p.up, unit_of(angle), 0);
+  add_way(panel, "down ± 2 s", target, runs.down, p.down, unit_of(angle), 1);
   if (is_positioning) panel.note = {figure("A", p.A, angle), figure("E", p.E, angle)};
   panel.note.push_back(figure("R", p.R, angle));
   panel.note.push_back(figure("B", p.B, angle));
@@ -61,10 +61,18 @@ render::Panel panel_of(const std::string& name, const metrology::PositionRuns& r
   return panel;
 }
 
+/// Name of a test with what was taken out of it.
+std::string name_of(const AxisTest& test) {
+  if (test.what == AxisTest::What::Straightness) return test.name + ", line taken out";
+  if (test.what == AxisTest::What::ErrorMotion && !test.axial)
+    return test.name + ", once round taken out";
+  return test.name;
+}
+
 std::vector<render::Panel> line_panels(const Tests& tests) {
   std::vector<render::Panel> panels;
   for (const AxisTest& test : tests.axes)
-    panels.push_back(panel_of(test.name, test.runs, test.angle,
+    panels.push_back(panel_of(name_of(test), form_of(test), test.angle,
                               test.what == AxisTest::What::Positioning,
                               fmt::format("{} / {}", test.axis, test.rotary ? "deg" : "mm"),
                               test.rotary ? units::deg : 1.0));

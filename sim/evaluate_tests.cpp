@@ -7,6 +7,7 @@
 #include <utility>
 
 #include <fmt/format.h>
+#include <Eigen/QR>
 
 #include "kinematics/units.h"
 
@@ -404,6 +405,33 @@ void sort_set_up(const std::vector<Series>& channels, Tests& tests) {
 }
 
 }  // namespace
+
+VectorXd mean_of(const metrology::PositionRuns& runs) {
+  VectorXd sum = VectorXd::Zero(runs.target.size());
+  if (runs.up.cols() > 0) sum += runs.up.rowwise().sum();
+  if (runs.down.cols() > 0) sum += runs.down.rowwise().sum();
+  return sum / double(runs.up.cols() + runs.down.cols());
+}
+
+metrology::PositionRuns form_of(const AxisTest& test) {
+  metrology::PositionRuns runs = test.runs;
+  const VectorXd& t = runs.target;
+  Eigen::MatrixXd set_up = Eigen::MatrixXd::Ones(t.size(), 1);
+  if (test.what == AxisTest::What::Straightness) {
+    set_up.conservativeResize(Eigen::NoChange, 2);
+    set_up.col(1) = t.array() - t.mean();
+  } else if (test.what != AxisTest::What::ErrorMotion) {
+    return runs;
+  } else if (!test.axial && t.size() > 3) {
+    set_up.conservativeResize(Eigen::NoChange, 3);
+    set_up.col(1) = t.array().cos();
+    set_up.col(2) = t.array().sin();
+  }
+  const VectorXd added = set_up * set_up.colPivHouseholderQr().solve(mean_of(runs));
+  runs.up.colwise() -= added;
+  runs.down.colwise() -= added;
+  return runs;
+}
 
 Tests tests_of(const Readings& readings) {
   Tests tests;

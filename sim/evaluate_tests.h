@@ -72,4 +72,12 @@ struct Tests {
 /// order is that of the set-ups. Runs that lack a target are other tests.
 Tests tests_of(const errors::metrology::Readings& readings);
 
+/// Mean of all runs, of both ways. (targets)
+Eigen::VectorXd mean_of(const errors::metrology::PositionRuns& runs);
+
+/// The runs without what the set-up adds to them: of a straightness the least-squares line of the
+/// mean, of a radial error motion what goes once round (how the artefact is centred), of an axial one
+/// the mean. Those of any other test as they are.
+errors::metrology::PositionRuns form_of(const AxisTest& test);
+
 }  // namespace abbe::sim

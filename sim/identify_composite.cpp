@@ -39,13 +39,6 @@ VectorXd mean_C(const Readings& readings, int set_up, const std::vector<std::str
   return sum / count;
 }
 
-VectorXd mean_of_runs(const errors::metrology::PositionRuns& runs) {
-  VectorXd sum = VectorXd::Zero(runs.target.size());
-  if (runs.up.cols() > 0) sum += runs.up.rowwise().sum();
-  if (runs.down.cols() > 0) sum += runs.down.rowwise().sum();
-  return sum / double(runs.up.cols() + runs.down.cols());
-}
-
 /// The runs of every axis, start by start.
 std::map<char, std::vector<CompositeRun>> runs_of(const Readings& readings,
                                                   const std::vector<std::string>& sensors) {
@@ -58,7 +51,7 @@ std::map<char, std::vector<CompositeRun>> runs_of(const Readings& readings,
     const bool cold = axes[test.axis].empty();
     if (cold) cold_C[test.axis] = T_C;
     axes[test.axis].push_back(
-        {test.runs.target, mean_of_runs(test.runs), T_C - cold_C[test.axis], cold});
+        {test.runs.target, mean_of(test.runs), T_C - cold_C[test.axis], cold});
   }
   if (axes.empty()) throw std::invalid_argument("expected the positioning of slides");
   return axes;
