@@ -393,7 +393,10 @@ Json evaluate(const std::filesystem::path& file, const EvaluateOptions& options)
   stop_if_interrupted();
   const std::filesystem::path json = options.folder / "evaluation.json";
   write_file(json, evaluation.dump(2) + "\n");
-  for (const auto& picture : write_test_pictures(options.folder, source.tests, file.string()))
+  const auto pictures = source.part
+                            ? write_part_picture(options.folder, *source.part, file.string())
+                            : write_test_pictures(options.folder, source.tests, file.string());
+  for (const std::filesystem::path& picture : pictures)
     evaluation["pictures"].push_back(picture.string());
   write_file(json, evaluation.dump(2) + "\n");
   return evaluation;

@@ -63,9 +63,8 @@ render::Panel panel_of(const std::string& name, const metrology::PositionRuns& r
 
 /// Name of a test with what was taken out of it.
 std::string name_of(const AxisTest& test) {
-  if (test.what == AxisTest::What::Straightness) return test.name + ", line taken out";
-  if (test.what == AxisTest::What::ErrorMotion && !test.axial)
-    return test.name + ", once round taken out";
+  if (test.what == AxisTest::What::Straightness) return test.name + ", less its line";
+  if (test.what == AxisTest::What::ErrorMotion && !test.axial) return test.name + ", less order 1";
   return test.name;
 }
 
@@ -180,7 +179,24 @@ std::vector<std::filesystem::path> write_test_pictures(const std::filesystem::pa
         [&](const std::filesystem::path& file) { write_drift(file, test, from); });
   return files;
 }
+
+std::vector<std::filesystem::path> write_part_picture(const std::filesystem::path& folder,
+                                                      const PartReadingsFile& part,
+                                                      const std::string& from) {
+  const VectorXd deviation_um = part.readings.deviation / units::um;
+  render::HistogramOptions options;
+  options.title = part.part + ", read by " + part.instrument;
+  options.caption = {from, "along the design's normals, + material left"};
+  write_file(folder / "part.png", [&](const std::filesystem::path& file) {
+    render::write_histogram(file, deviation_um, VectorXd::Ones(deviation_um.size()), options);
+  });
+  return {folder / "part.png"};
+}
 #else
+std::vector<std::filesystem::path> write_part_picture(const std::filesystem::path&,
+                                                      const PartReadingsFile&, const std::string&) {
+  return {};
+}
 std::vector<std::filesystem::path> write_test_pictures(const std::filesystem::path&, const Tests&,
                                                        const std::string&) {
   return {};

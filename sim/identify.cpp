@@ -364,61 +364,6 @@ Json by_step_diagonal(const Files& files, const std::vector<Readings>& readings,
   return report;
 }
 
-/// Element of a number: "EXX" of "EXX[2]" and "EXX screw pitch cos 1".
-std::string element_of(const std::string& number) {
-  return number.substr(0, number.find_first_of("[ "));
-}
-
-/// A line an element: every number found with its standard uncertainty.
-std::string numbers_text(const Json& numbers) {
-  std::string text = "\nelements in um and urad, with their standard uncertainty", element;
-  for (const Json& one : numbers) {
-    const Json& u = one["standard_uncertainty"];
-    const bool told = u.is_null() ? one["value"].get<double>() != 0.0 : u.get<double>() > 0.0;
-    if (!told) continue;  // or held at its place
-    const std::string name = one["name"].get<std::string>();
-    if (element_of(name) != element) {
-      element = element_of(name);
-      text += fmt::format("\n{:<5}", element);
-    }
-    const std::string which = name.size() > element.size() ? name.substr(element.size()) + " " : "";
-    text += fmt::format("  {}{:.3f}", which, one["value"].get<double>());
-    if (!u.is_null()) text += fmt::format(" ({:.2g})", u.get<double>());
-  }
-  return text + "\n";
-}
-
-/// Numbers that were not found: those that no reading tells, an element a line, then those that
-/// others hide; the zeros and places of set-ups among these are counted only.
-std::string confounded_text(const Json& confounded) {
-  std::map<std::string, int> untold;
-  std::string text;
-  for (const Json& one : confounded) {
-    const std::string name = one["name"].get<std::string>();
-    if (one["hidden_by"].empty()) {
-      ++untold[element_of(name)];
-      continue;
-    }
-    std::string with;
-    int set_ups = 0;
-    for (const auto& [other, share] : one["hidden_by"].items()) {
-      if (other.find(": ") != std::string::npos)
-        ++set_ups;
-      else
-        with += fmt::format("{}{:.4g} {}", with.empty() ? "" : ", ", share.get<double>(), other);
-    }
-    if (set_ups > 0)
-      with += fmt::format("{}{} unknown{} of set-ups", with.empty() ? "" : " and ", set_ups,
-                          set_ups > 1 ? "s" : "");
-    text += fmt::format("\n{} is left at 0: a unit of it reads the same as {}", name, with);
-  }
-  std::string names;
-  for (const auto& [element, count] : untold)
-    names += fmt::format("{}{} ({})", names.empty() ? "" : ", ", element, count);
-  if (!names.empty()) text += "\nunobservable, left out (numbers): " + names;
-  return text;
-}
-
 Json by_composite(const Files& files, const std::vector<Readings>& readings,
                   const IdentifyOptions& options) {
   if (readings.size() != 1)
@@ -434,22 +379,6 @@ Json by_composite(const Files& files, const std::vector<Readings>& readings,
   report["warnings"] = composite.warnings;
   write_belief(options.out, composite.cold, readings.front().nominal, report);
   return report;
-}
-
-std::string composite_text(const Json& axes) {
-  std::string text;
-  for (const Json& axis : axes) {
-    text += fmt::format("\n{}: cold curve of {}, RMS {:.3f} um about the law\n",
-                        axis["axis"].get<std::string>(), axis["zero_of_dT"].get<std::string>(),
-                        axis["rms_um"].get<double>());
-    for (const Json& slope : axis["slopes"])
-      text +=
-          fmt::format("  slope from start {}  {:>9.4f} ({:.2g}) um/m\n", slope["start"].get<int>(),
-                      slope["slope_um_per_m"].get<double>(), slope["standard_error"].get<double>());
-    for (const auto& [sensor, per_K] : axis["slope_um_per_m_K"].items())
-      text += fmt::format("  {:<28} {:>9.4f} um/m/K\n", sensor, per_K.get<double>());
-  }
-  return text;
 }
 
 }  // namespace
@@ -472,37 +401,6 @@ Json identify(const Files& files, const IdentifyOptions& options) {
   } catch (const std::out_of_range& fault) {
     throw BadInput(names_of(files), 0, 0, "readings within the range of the curves", fault.what());
   }
-}
-
-std::string identify_text(const Json& report) {
-  std::string text =
-      fmt::format("machine {}\n\n{:>10} {:>9} {:>9}   file\n", report["machine"].get<std::string>(),
-                  "readings", "set-ups", "hours");
-  for (const Json& one : report["readings"])
-    text += fmt::format("{:>10} {:>9} {:>9.2f}   {}\n", one["readings"].get<std::size_t>(),
-                        one["set_ups"].get<std::size_t>(), one["hours"].get<double>(),
-                        one["file"].get<std::string>());
-  text += numbers_text(report["numbers"]);
-  text += confounded_text(report["confounded"]);
-  if (report.contains("per_K"))
-    for (const Json& one : report["per_K"])
-      for (const auto& [sensor, value] : one["per_K"].items())
-        text += fmt::format(
-            "\n{:<12} {:>10.4f} ({}) {} by {}", one["name"].get<std::string>(), value.get<double>(),
-            one["standard_uncertainty"].contains(sensor)
-                ? fmt::format("{:.2g}", one["standard_uncertainty"][sensor].get<double>())
-                : "-",
-            one["unit"].get<std::string>(), sensor);
-  if (report.contains("composite")) text += composite_text(report["composite"]);
-  if (report.contains("outliers") && !report["outliers"].empty())
-    text += fmt::format("\n{} readings left out as outliers; they are in the report",
-                        report["outliers"].size());
-  if (report.contains("reduced_chi_square"))
-    text += fmt::format("\nreduced chi-square {:.3f}", report["reduced_chi_square"].get<double>());
-  text += fmt::format("\n{:.1f} hours on a real machine\n", report["hours"].get<double>());
-  for (const Json& warning : report["warnings"])
-    text += "warning: " + warning.get<std::string>() + "\n";
-  return text;
 }
 
 }  // namespace abbe::sim

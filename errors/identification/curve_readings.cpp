@@ -85,7 +85,7 @@ bool is_constant(const Element& element) {
   });
 }
 
-/// What every estimate over the readings needs to be drawn.
+/// What is needed to draw any element of an estimate.
 struct Drawing {
   const Estimate& estimate;
   std::span<const Readings> readings;
