@@ -332,8 +332,8 @@ Read read(const std::filesystem::path& file) {
   }
   if (!holds_readings(text))
     return {"position file",
-            tests_of_sets(metrology::read_position_file(file), file.stem().string()), std::nullopt,
-            std::nullopt};
+            tests_of_sets(metrology::read_positions(text, file.string()), file.stem().string()),
+            std::nullopt, std::nullopt};
   Readings readings = read_readings(text, file.string());
   if (readings.value.size() == 0)
     return {readings.plan.kind, {}, std::move(readings), std::nullopt};

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <set>
 #include <stdexcept>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -29,10 +30,17 @@ std::uint64_t seed_of(const Scene& scene, const std::string& name) {
   return seed;
 }
 
-Truth truth_for(const Scene& scene, const Machine& machine) {
+/// The machine of a scene, compiled and with its heat run: what its instruments share.
+struct Subject {
+  Machine machine;
+  Truth truth;
+};
+
+Subject subject_of(const Scene& scene) {
+  Machine machine = compile(scene);
   Truth truth = truth_of(scene, machine, activity(scene, machine, {}, {}));
   truth.actual = machine.nominal;  // the instrument takes the place of tool and part
-  return truth;
+  return {std::move(machine), std::move(truth)};
 }
 
 Bodies bodies_of(const Truth& truth, const AxisState& state) {
@@ -90,6 +98,29 @@ void log_temperatures(Readings& readings, const Scene& scene, const Truth& truth
     const Eigen::VectorXd T_C = errors::readings(sensors[k], truth.heat->run, times);
     for (Eigen::Index i = 0; i < times.size(); ++i)
       readings.T_C(order[std::size_t(i)], Eigen::Index(k)) = T_C[i];
+  }
+}
+
+Readings read_by(const InstrumentDescription& description, const Scene& scene,
+                 const Subject& subject) {
+  const auto& [machine, truth] = subject;
+  const std::string& name = description.instrument.name;
+  try {
+    Readings readings = metrology::measure(
+        plan_of(description, machine.nominal), machine.nominal,
+        [&truth = truth](const AxisState& state) {
+          stop_if_interrupted();
+          return bodies_of(truth, state);
+        },
+        seed_of(scene, name));
+    log_temperatures(readings, scene, truth);
+    return readings;
+  } catch (const std::invalid_argument& fault) {
+    throw BadInput(scene.file.string(), 0, 0, "a machine that " + name + " can measure",
+                   fault.what());
+  } catch (const std::out_of_range& fault) {
+    throw BadInput(scene.file.string(), 0, 0, "errors that reach where " + name + " measures",
+                   fault.what());
   }
 }
 
@@ -207,26 +238,7 @@ InstrumentDescription instrument_of(const Scene& scene, const std::string& name)
 }
 
 Readings measured(const Scene& scene, const InstrumentDescription& description) {
-  const Machine machine = compile(scene);
-  const Truth truth = truth_for(scene, machine);
-  const std::string& name = description.instrument.name;
-  try {
-    Readings readings = metrology::measure(
-        plan_of(description, machine.nominal), machine.nominal,
-        [&](const AxisState& state) {
-          stop_if_interrupted();
-          return bodies_of(truth, state);
-        },
-        seed_of(scene, name));
-    log_temperatures(readings, scene, truth);
-    return readings;
-  } catch (const std::invalid_argument& fault) {
-    throw BadInput(scene.file.string(), 0, 0, "a machine that " + name + " can measure",
-                   fault.what());
-  } catch (const std::out_of_range& fault) {
-    throw BadInput(scene.file.string(), 0, 0, "errors that reach where " + name + " measures",
-                   fault.what());
-  }
+  return read_by(description, scene, subject_of(scene));
 }
 
 std::vector<Measured> measure(const std::filesystem::path& file, const MeasureOptions& options) {
@@ -236,8 +248,10 @@ std::vector<Measured> measure(const std::filesystem::path& file, const MeasureOp
     throw BadInput(file.string(), 0, 0, "[[instrument]] tables, or --instrument NAME", "none");
   prepare_folder(options.folder);
   std::vector<Measured> written;
+  std::optional<Subject> subject;
+  if (!instruments.of_machine.empty()) subject = subject_of(scene);
   for (const InstrumentDescription& one : instruments.of_machine) {
-    const Readings readings = measured(scene, one);
+    const Readings readings = read_by(one, scene, *subject);
     const std::filesystem::path path = options.folder / (one.instrument.name + ".csv");
     write_file(path, to_text(readings));
     written.push_back(

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <optional>
 #include <tuple>
 #include <utility>
@@ -488,26 +487,17 @@ PositionSet read_rtl(std::string_view text, const std::string& file,
   return RtlReader(text, file, options).read();
 }
 
+std::vector<PositionSet> read_positions(std::string_view text, const std::string& file,
+                                        const PositionFileOptions& options) {
+  const std::size_t start = text.find_first_not_of("\xef\xbb\xbf \t\r\n");
+  if (start != std::string_view::npos && text.substr(start).starts_with("HEADER::"))
+    return {read_rtl(text, file, options)};
+  return read_position_csv(text, file, options);
+}
+
 std::vector<PositionSet> read_position_file(const std::filesystem::path& file,
                                             const PositionFileOptions& options) {
-  const std::string name = file.string();
-  std::error_code fault;
-  if (!std::filesystem::is_regular_file(file, fault))
-    throw BadInput(name, 0, 0, "a file",
-                   std::filesystem::exists(file, fault) ? "something else" : "none");
-  const std::uintmax_t size = std::filesystem::file_size(file, fault);
-  if (fault) throw BadInput(name, 0, 0, "a readable file", fault.message());
-  if (size > options.max_bytes)
-    throw BadInput(name, 0, 0, fmt::format("at most {} bytes", options.max_bytes),
-                   fmt::format("{}", size));
-  std::ifstream stream(file, std::ios::binary);
-  std::string text(std::size_t(size), '\0');
-  if (!stream.read(text.data(), std::streamsize(size)))
-    throw BadInput(name, 0, 0, "a readable file", "one that cannot be read");
-  const std::size_t start = text.find_first_not_of("\xef\xbb\xbf \t\r\n");
-  if (start != std::string::npos && std::string_view(text).substr(start).starts_with("HEADER::"))
-    return {read_rtl(text, name, options)};
-  return read_position_csv(text, name, options);
+  return read_positions(read_text(file, options.max_bytes), file.string(), options);
 }
 
 }  // namespace abbe::errors::metrology

@@ -57,7 +57,11 @@ std::vector<PositionSet> read_position_csv(std::string_view text, const std::str
 PositionSet read_rtl(std::string_view text, const std::string& file,
                      const PositionFileOptions& options = {});
 
-/// Either form from a file: one that begins with HEADER:: is an .rtl.
+/// Either form: a text that begins with HEADER:: is an .rtl. @throws BadInput as these
+std::vector<PositionSet> read_positions(std::string_view text, const std::string& file,
+                                        const PositionFileOptions& options = {});
+
+/// The same from a file.
 /// @throws BadInput also if it is no readable regular file
 std::vector<PositionSet> read_position_file(const std::filesystem::path& file,
                                             const PositionFileOptions& options = {});

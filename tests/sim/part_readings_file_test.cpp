@@ -8,6 +8,7 @@
 #include "kinematics/units.h"
 #include "sim/part_readings_file.h"
 #include "sim/scene.h"
+#include "tests/sim/refusal.h"
 
 namespace abbe::sim {
 namespace {
@@ -32,20 +33,7 @@ PartReadingsFile some_part(unsigned seed, int n) {
 }
 
 std::string refusal_of(const std::string& text) {
-  try {
-    read_part_readings(text, "p.csv");
-    return "";
-  } catch (const BadInput& fault) {
-    return fault.what();
-  } catch (const BadScene& fault) {
-    return fault.what();
-  }
-}
-
-std::string with(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return at == std::string::npos ? text : text.replace(at, from.size(), to);
+  return refusal_by([&] { read_part_readings(text, "p.csv"); });
 }
 
 const std::string head =

@@ -7,6 +7,7 @@
 
 #include "sim/measure.h"
 #include "sim/readings_file.h"
+#include "tests/sim/refusal.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {
@@ -23,20 +24,7 @@ Readings laser_readings(const std::string& scene = "gantry_dome.toml") {
 }
 
 std::string refusal_of(const std::string& text) {
-  try {
-    read_readings(text, "r.csv");
-    return "";
-  } catch (const BadInput& fault) {
-    return fault.what();
-  } catch (const BadScene& fault) {
-    return fault.what();
-  }
-}
-
-std::string with(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return text.replace(at, from.size(), to);
+  return refusal_by([&] { read_readings(text, "r.csv"); });
 }
 
 TEST(ReadingsFile, WhatIsWrittenReadsBackTheSame) {

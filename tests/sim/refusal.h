@@ -1,0 +1,31 @@
+#pragma once
+
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "sim/scene.h"
+
+namespace abbe::sim {
+
+/// What a reader says when it refuses; empty if it does not.
+template <typename Read>
+std::string refusal_by(const Read& read) {
+  try {
+    read();
+    return "";
+  } catch (const BadInput& fault) {
+    return fault.what();
+  } catch (const BadScene& fault) {
+    return fault.what();
+  }
+}
+
+/// A text with its first `from`, which it must have, replaced.
+inline std::string with(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return at == std::string::npos ? text : text.replace(at, from.size(), to);
+}
+
+}  // namespace abbe::sim
