@@ -43,6 +43,10 @@ struct JointDeviation {
   Deviation location = Deviation::Zero();  ///< turn and offset of its frame, before its motion
 };
 
+/// Two sources of deviations, added joint by joint. @throws std::invalid_argument if one has other
+/// joints than the other
+std::vector<JointDeviation> sum(std::vector<JointDeviation> a, std::span<const JointDeviation> b);
+
 /// Serial machine. Immutable once made. The nominal and the actual machine are this one function;
 /// zero deviations give the nominal bit for bit.
 class Chain {
@@ -80,6 +84,9 @@ class Chain {
   Pose T_bw_home_;
   Pose T_bt_home_;
 };
+
+/// The order of a chain's moving parts, of which `to_string` makes its structural code.
+Topology topology_of(std::span<const Joint> joints);
 
 /// Displacement of the joint's own carriage frame, in its parent's frame at zero: location, then
 /// motion by `travel` (mm or rad of the carriage itself) with its error motion in the order that

@@ -1,6 +1,6 @@
 #include "kinematics/jacobian.h"
 
-#include <vector>
+#include <array>
 
 namespace abbe::kinematics {
 namespace {
@@ -11,17 +11,17 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 // zero to the workpiece frame as the joints before i, in the order of the code, have moved it. In
 // that order both sides turn by the command itself, since the workpiece side comes inverted.
 struct Cuts {
-  std::vector<Pose> T;     // (size + 1)
+  std::array<Pose, max_joints + 1> T;  // size + 1 of them
   Eigen::Vector3d tip_w;
 };
 
 Cuts cuts(const Chain& chain, const AxisVector& q) {
   Cuts result;
-  result.T.push_back(chain.T_bw_home().inverse());
+  result.T[0] = chain.T_bw_home().inverse();
   for (int i = 0; i < chain.size(); ++i)
-    result.T.push_back(result.T.back() *
-                       carriage_displacement(chain.joints()[std::size_t(i)], q[i], {}));
-  result.tip_w = result.T.back() * chain.T_bt_home().translation();
+    result.T[std::size_t(i) + 1] =
+        result.T[std::size_t(i)] * carriage_displacement(chain.joints()[std::size_t(i)], q[i], {});
+  result.tip_w = result.T[std::size_t(chain.size())] * chain.T_bt_home().translation();
   return result;
 }
 
@@ -57,14 +57,16 @@ Eigen::Matrix<double, 6, 3> travel_turned(const Cuts& cut, const Joint& joint, i
 
 }  // namespace
 
-Eigen::MatrixXd axis_jacobian(const Chain& chain, const AxisVector& q) {
+AxisJacobian axis_jacobian(const Chain& chain, const AxisVector& q) {
   const Cuts cut = cuts(chain, q);
-  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(6, chain.size());
+  AxisJacobian J = AxisJacobian::Zero(6, chain.size());
   for (int i = 0; i < chain.size(); ++i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
-    const Matrix6 M = transport(cut.T[std::size_t(i)], joint.point_b, cut.tip_w);
-    if (joint.motion == Motion::Linear) J.col(i) = M.leftCols<3>() * joint.direction_b;
-    if (joint.motion == Motion::Rotary) J.col(i) = M.rightCols<3>() * joint.direction_b;
+    const Pose& T = cut.T[std::size_t(i)];
+    const Eigen::Vector3d direction_w = T.linear() * joint.direction_b;
+    if (joint.motion == Motion::Linear) J.col(i).head<3>() = direction_w;
+    if (joint.motion == Motion::Rotary)
+      J.col(i) << direction_w.cross(cut.tip_w - T * joint.point_b), direction_w;
   }
   return J;
 }

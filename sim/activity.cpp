@@ -94,6 +94,11 @@ void append_program(std::vector<Activity>& knots, const ThermalDescription& ther
     stretch.cutting_power_W = energy.until(states[k].time_s) / duration;
     append(knots, thermal, stretch, from_s, states[k].time_s);
   }
+  if (states.empty()) return;
+  // the last knot says how it goes on: a program that has ended leaves the machine at rest
+  const kinematics::AxisVector rest = kinematics::AxisVector::Zero(states.back().q.size());
+  const double end_s = states.back().time_s;
+  append(knots, thermal, of_phase({0.0, 0.0, rest, thermal.powered, false}, thermal), end_s, end_s);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "sim/compensation/plug_in.h"
 #include "sim/output.h"
 #include "sim/pictures.h"
 #include "sim/thermal_choice.h"
@@ -23,7 +24,8 @@ struct Batch {
 
 /// The cases of a batch, measured against its own error-free map, and reductions against its
 /// uncompensated case.
-void cut_cases(const Batch& batch, std::vector<Compared>& cases, ProgressLine& progress) {
+void cut_cases(const Batch& batch, std::vector<Compared>& cases, std::vector<FailedCase>& failed,
+               ProgressLine& progress) {
   const auto named = [&](const std::string& name) {
     if (batch.prefix.empty()) return name;
     return name == "uncompensated" ? batch.prefix : batch.prefix + "-" + name;
@@ -32,9 +34,21 @@ void cut_cases(const Batch& batch, std::vector<Compared>& cases, ProgressLine& p
   const Verdict error_free = judge(batch.job, cut_error_free(batch.job, to(progress)), nullptr);
   if (batch.prefix.empty()) cases.push_back({error_free, &batch.job, std::nullopt});
   const std::size_t uncompensated = cases.size();
+  const auto fails = [&](const std::string& name, const char* reason) {
+    failed.push_back({named(name), reason});
+    progress.begin("write " + named(name));
+  };
   const auto add = [&](const std::optional<CaseDescription>& compensator) {
     progress.begin(named(compensator ? compensator->name : "uncompensated"));
-    Cut made = cut(batch.job, compensator, to(progress));
+    Cut made;
+    try {
+      made = cut(batch.job, compensator, to(progress));
+    } catch (const compensation::PlugInFailure& failure) {
+      return fails(compensator->name, failure.what());
+    } catch (const BadInput& fault) {  // of what the plug-in answered; else of the scene
+      if (!compensator || compensator->plug_in.empty()) throw;
+      return fails(compensator->name, fault.what());
+    }
     made.name = named(made.name);
     const auto against = compensator ? std::optional(uncompensated) : std::nullopt;
     cases.push_back({judge(batch.job, std::move(made), &error_free), &batch.job, against});
@@ -52,6 +66,22 @@ Cut cut_one(const Job& job, const std::string& case_name, const Progress& progre
   if (case_name == "error_free") return cut_error_free(job, progress);
   if (case_name.empty() || case_name == "uncompensated") return cut(job, std::nullopt, progress);
   return cut(job, parse_case(case_name), progress);
+}
+
+/// The scene with the plug-ins of the command line among its cases, each a folder of its own.
+Scene with_plug_ins(Scene scene, const std::vector<std::filesystem::path>& plug_ins) {
+  for (const std::filesystem::path& file : plug_ins) {
+    const CaseDescription added = plug_in_case(file);
+    const bool taken =
+        added.name == "error_free" || added.name == "uncompensated" ||
+        std::any_of(scene.cases.begin(), scene.cases.end(),
+                    [&](const CaseDescription& one) { return one.name == added.name; });
+    if (taken)
+      throw BadInput(file.string(), 0, 0, "a compensator whose file name no other case has",
+                     "\"" + added.name + "\" again");
+    scene.cases.push_back(added);
+  }
+  return scene;
 }
 
 std::vector<Scene> read_variants(const Scene& scene, const std::vector<Override>& overrides) {
@@ -82,21 +112,23 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   ProgressLine progress(2);
   progress.begin("prepare");
   const Job job = prepare(scene, to(progress));
-  const std::string name = options.case_name.empty() ? scene.case_name : options.case_name;
+  std::string name = options.case_name.empty() ? scene.case_name : options.case_name;
+  if (!options.plug_ins.empty()) name = plug_in_case(options.plug_ins.front()).plug_in.string();
   progress.begin(name.empty() ? "uncompensated" : name);
   const Verdict verdict = judge(job, cut_one(job, name, to(progress)), nullptr);
   write_program(options.folder, job);
   write_case(options.folder, job, verdict);
   if (scene.sensor_choice)
     choose_sensors(options.folder, scene, read_variants(scene, options.overrides));
-  Outcome outcome{summary(job, verdict), {}};
+  Outcome outcome{summary(job, verdict), {}, {}};
   collect(outcome.exceeded, scene.limits, verdict);
   return outcome;
 }
 
 Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
-  const Scene scene = read_scene(file, options.overrides);
-  const std::vector<Scene> variants = read_variants(scene, options.overrides);
+  const Scene scene = with_plug_ins(read_scene(file, options.overrides), options.plug_ins);
+  std::vector<Scene> variants = read_variants(scene, options.overrides);
+  for (Scene& variant : variants) variant = with_plug_ins(std::move(variant), options.plug_ins);
   prepare_folder(options.folder);
 
   int parts = 2;  // preparing, and the comparison at the end
@@ -111,9 +143,11 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   for (std::size_t i = 0; i < variants.size(); ++i)
     batches.push_back({scene.variants[i].name, prepare(variants[i], to(progress))});
   std::vector<Compared> cases;
-  for (const Batch& batch : batches) cut_cases(batch, cases, progress);
+  std::vector<FailedCase> failed;
+  for (const Batch& batch : batches) cut_cases(batch, cases, failed, progress);
 
-  Outcome outcome{comparison(batches.front().job, cases), {}};
+  Outcome outcome{comparison(batches.front().job, cases, failed), {}, {}};
+  for (const FailedCase& one : failed) outcome.failed.push_back(one.name + ": " + one.reason);
   for (const Batch& batch : batches) write_program(options.folder / batch.prefix, batch.job);
   const bool compensates = std::any_of(cases.begin(), cases.end(), [](const Compared& one) {
     return one.uncompensated.has_value();

@@ -15,12 +15,15 @@ struct RunOptions {
   std::filesystem::path folder;  ///< every file goes there
   std::string case_name;         ///< `run`: error_free, uncompensated or a compensator; empty: what
                                  ///< the scene names, else uncompensated
+  std::vector<std::filesystem::path> plug_ins;  ///< compensators of the user's own; `compare`: more
+                                                ///< cases, `run`: the case
 };
 
 /// What a command leaves besides its files.
 struct Outcome {
   nlohmann::ordered_json json;        ///< summary or comparison
   std::vector<std::string> exceeded;  ///< acceptance limits that a judged case breaks
+  std::vector<std::string> failed;    ///< plug-ins that failed, in words; the other cases stand
 };
 
 /// Cuts one case of a scene and writes every file of it.

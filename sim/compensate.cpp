@@ -1,16 +1,19 @@
+#include "sim/compensate.h"
+
 #include <algorithm>
-#include <array>
+#include <stdexcept>
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
 #include "kinematics/inverse.h"
-#include "sim/compensation/correct.h"
+#include "sim/beliefs.h"
+#include "sim/correctors.h"
 #include "sim/datum.h"
-#include "sim/loop.h"
+#include "sim/measure.h"
 #include "sim/part.h"
-#include "sim/program/pvt.h"
-#include "sim/program/rewrite.h"
+#include "sim/program_channel.h"
+#include "sim/real_time.h"
 
 namespace abbe::sim {
 namespace {
@@ -18,6 +21,8 @@ namespace {
 using kinematics::AxisState;
 using kinematics::AxisVector;
 using kinematics::Pose;
+using Channel = CaseDescription::Channel;
+using Kind = CaseDescription::Belief;
 
 bool same(const kinematics::Chain& a, const kinematics::Chain& b) {
   if (!a.T_bt_home().isApprox(b.T_bt_home(), 0.0)) return false;
@@ -32,12 +37,12 @@ bool is_tip(const program::Path& path, int block) {
   return path.blocks[std::size_t(block)].coordinates == program::Coordinates::Tip;
 }
 
-/// Commands of the real control for a program that was sampled with `sampled_by`: a tip that is
-/// programmed is reached by the control's own kinematics, and the datum that it found shifts all.
+}  // namespace
+
 std::vector<AxisState> told(const Job& job, const program::Path& path,
-                            const program::Samples& samples, const kinematics::Chain& sampled_by) {
+                            const program::Samples& samples, const kinematics::Chain& sampled_by,
+                            const Eigen::Vector3d& offset_w) {
   std::vector<AxisState> states = samples.states;
-  const Eigen::Vector3d offset_w = datum_offset(job.scene.datum, job.machine, job.truth);
   if (same(job.machine.control, sampled_by) && offset_w.isZero(0.0)) return states;
   const AxisVector slides = slides_of_offset(job.machine.control, offset_w);
   tbb::parallel_for(std::size_t(0), states.size(), [&](std::size_t i) {
@@ -56,226 +61,272 @@ std::vector<AxisState> told(const Job& job, const program::Path& path,
   return states;
 }
 
-/// Height above the tip of the point that a compensator restores: a ball's centre, a corner's
-/// centre.
-double functional_height(const ToolDescription& tool) {
-  const auto* cutter = std::get_if<cutting::Cutter>(&tool.nominal);
-  return cutter != nullptr ? cutter->corner_radius : 0.0;
-}
+namespace {
 
-compensation::CorrectOptions correct_options(const Job& job, const CaseDescription& compensator) {
-  compensation::CorrectOptions options;
-  options.strategy = compensator.strategy;
-  options.rotary_bound = job.scene.compensation.rotary_bound;
-  options.functional_height = functional_height(job.scene.tool);
-  options.idle_joint = job.machine.workpiece_spindle;
-  return options;
-}
-
-/// What acts on the nominal, rigid machine at an instant: what a compensated tool meets as well,
-/// since it goes where the nominal one would.
-errors::Load nominal_load(const Job& job, double time_s) {
-  errors::Load load = load_at(job.nominal_process, time_s);
-  if (job.accelerations.empty()) return load;
-  const auto& states = job.samples.states;
-  const auto after =
-      std::lower_bound(states.begin(), states.end(), time_s,
-                       [](const AxisState& state, double time) { return state.time_s < time; });
-  load.acceleration =
-      job.accelerations[std::min(std::size_t(after - states.begin()), states.size() - 1)];
-  return load;
-}
-
-/// The one door between truth and compensation: the perfect belief.
-compensation::Belief perfect_belief(const Job& job) {
-  return [known = without_random(job.truth), &job](const AxisState& state) {
-    return tool_in_workpiece(known, state, nominal_load(job, state.time_s));
-  };
-}
-
-struct Corrected {
-  std::vector<AxisState> states;
-  double point_left = 0.0;
-  double direction_left = 0.0;
-  std::size_t not_converged = 0;
-};
-
-Corrected corrected(const Job& job, const CaseDescription& compensator,
-                    const std::vector<AxisState>& commanded,
-                    const std::vector<Pose>& T_wt_nominal) {
-  const compensation::Belief belief = perfect_belief(job);
-  const compensation::CorrectOptions options = correct_options(job, compensator);
-  Corrected result{commanded, 0.0, 0.0, 0};
-  std::vector<compensation::Correction> corrections(commanded.size());
-  tbb::parallel_for(std::size_t(0), commanded.size(), [&](std::size_t i) {
-    corrections[i] =
-        compensation::correct(job.machine.control, belief, T_wt_nominal[i], commanded[i], options);
-  });
-  for (std::size_t i = 0; i < commanded.size(); ++i) {
-    result.states[i].q = corrections[i].q;
-    result.point_left = std::max(result.point_left, corrections[i].point_left);
-    result.direction_left = std::max(result.direction_left, corrections[i].direction_left);
-    if (!corrections[i].converged) ++result.not_converged;
-  }
-  return result;
-}
-
-/// X Y Z of programmed coordinates under G43.4.
-std::array<int, 3> tip_words(const kinematics::Chain& chain) {
-  return {chain.find('X').value(), chain.find('Y').value(), chain.find('Z').value()};
-}
-
-/// Where the nominal machine has the tool at fraction u of a block.
-Pose nominal_at(const Job& job, const program::Block& block, double u) {
-  AxisVector q = program::position(job.path, block, u);
-  if (block.coordinates == program::Coordinates::Tip) {
-    const auto [x, y, z] = tip_words(job.machine.nominal);
-    q = kinematics::slides_for_tip(job.machine.nominal, q, {q[x], q[y], q[z]}).value();
-  }
-  return job.machine.nominal.tool_in_workpiece(q);
-}
-
-/// A place in the original program.
-struct Place {
-  int block = 0;
-  double u = 0.0;
-};
-
-/// The samples at which a rewritten program gets points: those of a path sampled so coarsely that
-/// its chords stay within a word; of a block sampled twice (a reversal) the later.
-std::vector<std::size_t> rewrite_points(const program::Path& path,
-                                        const program::Samples& samples) {
-  std::vector<std::size_t> points;
-  for (std::size_t i = 0; i < samples.states.size(); ++i) {
-    if (path.blocks[std::size_t(samples.block[i])].interpolation == program::Interpolation::Dwell)
-      continue;
-    const bool again = !points.empty() && samples.block[points.back()] == samples.block[i] &&
-                       samples.states[points.back()].time_s == samples.states[i].time_s;
-    if (again)
-      points.back() = i;
-    else
-      points.push_back(i);
-  }
-  return points;
-}
-
-/// Programmed coordinates of a corrected command, in those of its block, without the shift of the
-/// datum that the control will add again.
-AxisVector programmed(const Job& job, const program::Block& block, const AxisVector& q,
-                      const Eigen::Vector3d& offset_w) {
-  if (block.coordinates == program::Coordinates::Axis)
-    return q - slides_of_offset(job.machine.control, offset_w);
-  const Eigen::Vector3d tip_w = job.machine.control.tool_in_workpiece(q).translation() - offset_w;
-  AxisVector words = q;
-  const auto axes = tip_words(job.machine.control);
-  for (std::size_t k = 0; k < 3; ++k) words[axes[k]] = tip_w[Eigen::Index(k)];
-  return words;
-}
-
-/// Where the tool should be at every sample of a rewritten program: its moves are, one by one, the
-/// stretches of the original between the places that were corrected.
-std::vector<Pose> wanted_of_rewritten(const Job& job, const program::Path& path,
-                                      const program::Samples& samples,
-                                      const std::vector<Place>& places) {
-  std::vector<int> move_of(path.blocks.size());
-  const std::size_t first = places.front().u == 0.0 ? 1 : 0;
-  int moves = int(first);
-  const auto rests = [&](std::size_t i) {
-    return path.blocks[i].interpolation == program::Interpolation::Dwell;
-  };
-  for (std::size_t i = 0; i < path.blocks.size(); ++i) move_of[i] = rests(i) ? moves - 1 : moves++;
-  if (moves != int(places.size()))
-    throw std::logic_error(
-        fmt::format("a rewritten program has {} moves for {} places", moves, places.size()));
-  std::vector<Pose> wanted(samples.states.size());
-  tbb::parallel_for(std::size_t(0), wanted.size(), [&](std::size_t i) {
-    const program::Block& block = path.blocks[std::size_t(samples.block[i])];
-    const double duration = block.end_s - block.start_s;
-    const bool moving = duration > 0.0 && !rests(std::size_t(samples.block[i]));
-    const double part = moving ? (samples.states[i].time_s - block.start_s) / duration : 1.0;
-    const int move = std::max(0, move_of[std::size_t(samples.block[i])]);
-    const Place& to = places[std::size_t(move)];
-    const bool within = move > 0 && places[std::size_t(move) - 1].block == to.block;
-    const double from = within ? places[std::size_t(move) - 1].u : 0.0;
-    wanted[i] =
-        nominal_at(job, job.path.blocks[std::size_t(to.block)], from + part * (to.u - from));
-  });
-  return wanted;
-}
-
-/// The correction written into a program of the same dialect, which the control then reads and
-/// runs.
-Compensated through_program(const Job& job, const CaseDescription& compensator) {
-  const CompensationDescription& words = job.scene.compensation;
-  program::SampleOptions coarse = sample_options(job.scene, job.machine);
-  coarse.chord_tolerance = std::max(coarse.chord_tolerance, words.word_resolution);
-  const program::Samples samples = program::sample(job.path, job.machine.nominal, coarse);
-  const std::vector<std::size_t> points = rewrite_points(job.path, samples);
-
-  const std::vector<AxisState> uncorrected = told(job, job.path, samples, job.machine.nominal);
+/// What a corrector is asked: commands, and where each should bring the tool.
+struct Aim {
   std::vector<AxisState> commanded;
-  std::vector<Pose> wanted;
-  std::vector<Place> places;
-  for (std::size_t k = 0; k < points.size(); ++k) {
-    const std::size_t i = points[k];
-    const program::Block& block = job.path.blocks[std::size_t(samples.block[i])];
-    const double duration = block.end_s - block.start_s;
-    const bool last = k + 1 == points.size() || samples.block[points[k + 1]] != samples.block[i];
-    const double u = duration > 0.0 ? (samples.states[i].time_s - block.start_s) / duration : 1.0;
-    if (u <= 0.0 && !last && samples.block[i] != 0)
-      continue;  // the end of the block before stands there
-    commanded.push_back(uncorrected[i]);
-    wanted.push_back(job.machine.nominal.tool_in_workpiece(samples.states[i].q));
-    places.push_back({samples.block[i], last ? 1.0 : u});
-  }
-  const Corrected ideal = corrected(job, compensator, commanded, wanted);
-  const Eigen::Vector3d offset_w = datum_offset(job.scene.datum, job.machine, job.truth);
-  std::vector<std::vector<program::CorrectedPoint>> lists(job.path.blocks.size());
-  for (std::size_t k = 0; k < places.size(); ++k) {
-    const program::Block& block = job.path.blocks[std::size_t(places[k].block)];
-    lists[std::size_t(places[k].block)].push_back(
-        {places[k].u, programmed(job, block, ideal.states[k].q, offset_w)});
-  }
+  std::vector<Pose> T_wt;
+};
 
-  const program::NcOptions control = nc_options(job.scene, job.machine);
-  Compensated result;
-  result.rewritten_program =
-      program::rewritten(job.path, lists, control, {words.word_resolution, words.angle_resolution});
-  const bool is_pvt = std::any_of(
-      job.path.blocks.begin(), job.path.blocks.end(),
-      [](const auto& block) { return block.interpolation == program::Interpolation::Cubic; });
-  const program::Path path =
-      is_pvt ? program::read_pvt(result.rewritten_program, "rewritten.csv", control)
-             : program::read_nc(result.rewritten_program, "rewritten.ngc", control);
-  result.samples =
-      program::sample(path, job.machine.control, sample_options(job.scene, job.machine));
-  result.samples.states = told(job, path, result.samples, job.machine.control);
-  result.T_wt_nominal = wanted_of_rewritten(job, path, result.samples, places);
-  result.path = path;
-  result.point_left = ideal.point_left;
-  result.direction_left = ideal.direction_left;
-  result.not_converged = ideal.not_converged;
+/// The program with the datum found while the corrector acts. A perfect belief knows where the tool
+/// should be; any other only where it should be from the datum.
+Aim aim(const Job& job, const Corrector& at_datum, bool absolute) {
+  if (absolute) return {told(job, job.path, job.samples, job.machine.nominal), job.T_wt_nominal};
+  const auto commands_at = [&](const Eigen::Vector3d& offset_w) {
+    return told(job, job.path, job.samples, job.machine.nominal, offset_w);
+  };
+  Aim result{commands_at(Eigen::Vector3d::Zero()), job.T_wt_nominal};
+  const Eigen::Vector3d offset_w = datum_offset(job.scene.datum, job.machine, job.truth, at_datum);
+  if (offset_w.isZero(0.0)) return result;
+  std::vector<AxisState> shifted = commands_at(offset_w);
+  const kinematics::Chain& control = job.machine.control;
+  tbb::parallel_for(std::size_t(0), shifted.size(), [&](std::size_t i) {
+    const Pose from = control.tool_in_workpiece(result.commanded[i].q);
+    result.T_wt[i] = control.tool_in_workpiece(shifted[i].q) * from.inverse() * result.T_wt[i];
+  });
+  result.commanded = std::move(shifted);
   return result;
+}
+
+/// Corrections brought to the machine.
+Compensated delivered(const Job& job, const CaseDescription& compensator, Learnt learnt) {
+  if (compensator.channel == Channel::Table) {
+    TableCorrector tables = table_corrector(job, learnt.corrector, learnt.geometric);
+    learnt.corrector = std::move(tables.corrector);
+    learnt.at_datum = {};  // tables act always
+    for (const std::string& one : tables.left_out) learnt.warnings.push_back("table: " + one);
+  }
+  const Corrector& corrector = learnt.corrector;
+  const Corrector& at_datum = learnt.at_datum ? learnt.at_datum : corrector;
+  // tables act while the datum is found, whoever filled them
+  const bool absolute = compensator.plug_in.empty() && compensator.belief == Kind::Perfect &&
+                        compensator.channel != Channel::Table;
+  Compensated result;
+  if (compensator.channel == Channel::Program) {
+    result = through_program(job, corrector,
+                             absolute ? datum_offset(job.scene.datum, job.machine, job.truth)
+                                      : expected_offset(job.scene.datum, job.machine, at_datum));
+  } else {
+    const Aim asked = aim(job, at_datum, absolute);
+    Corrected ideal = corrector(asked.commanded, asked.T_wt);
+    if (compensator.channel == Channel::Ideal || compensator.channel == Channel::Table) {
+      result.samples = job.samples;
+      if (compensator.channel == Channel::Table)
+        for (std::size_t i = 0; i < ideal.states.size(); ++i)
+          result.correction.push_back(ideal.states[i].q - asked.commanded[i].q);
+      result.samples.states = std::move(ideal.states);
+    } else {
+      result = through_time(job, compensator.channel, asked.commanded, ideal.states);
+    }
+    result.point_left = ideal.point_left;
+    result.direction_left = ideal.direction_left;
+    result.not_converged = ideal.not_converged;
+  }
+  result.warnings = std::move(learnt.warnings);
+  return result;
+}
+
+/// The cut as the compensator computes it: on the machine that it believes in, with commands as
+/// they were corrected so far.
+compensation::LoadCourse computed_load(const Job& job, const Compensated& told,
+                                       compensation::MachineBelief believed) {
+  const Scene& scene = job.scene;
+  believed.force = {errors::bind(scene.belief.force->compliance, job.machine.control), {}};
+  const auto& T_wt = told.T_wt_nominal.empty() ? job.T_wt_nominal : told.T_wt_nominal;
+  const auto pose = [&](std::size_t i, const errors::Load& load) {
+    Pose tool = tool_in_workpiece(believed, told.samples.states[i], load);
+    if (told.piezo)
+      tool.translation() +=
+          told.piezo->stroke[Eigen::Index(i)] * (tool.linear() * told.piezo->piezo.direction_t);
+    return tool;
+  };
+  const Process process =
+      follow(scene, job.machine, cutting::transformed(job.design_w, scene.part.T_wm.inverse()),
+             {told.samples, told.path ? *told.path : job.path, T_wt, pose, job.machine.control,
+              scene.tool.nominal});
+  compensation::LoadCourse course{Eigen::VectorXd(Eigen::Index(process.steps.size())), {}};
+  for (std::size_t i = 0; i < process.steps.size(); ++i) {
+    course.time_s[Eigen::Index(i)] = process.steps[i].time_s;
+    course.loads.push_back(process.steps[i].load);
+  }
+  return course;
+}
+
+/// What is learnt while a compensator runs its passes.
+class Learning {
+ public:
+  Learning(const Job& job, const CaseDescription& compensator);
+
+  int passes() const { return passes_; }
+  const Evidence& evidence() const { return evidence_; }
+  /// Runs what was told so far and learns from what the control reads.
+  void read(const Compensated& told);
+  /// Cuts what was told so far, measures the part and learns from it.
+  void measure_part(const Compensated& told, int pass);
+  bool measures(int pass) const;
+  /// Whether there is something else to believe than the part.
+  bool knows_more() const;
+
+ private:
+  bool wants(Kind kind) const { return believes(job_.scene, compensator_.belief, kind); }
+
+  const Job& job_;
+  const CaseDescription& compensator_;
+  int passes_ = 0;
+  Evidence evidence_;
+  std::optional<cutting::Surface> error_free_;
+  Eigen::VectorXd total_;  ///< (vertices) mm, deviation by all readings so far
+};
+
+Learning::Learning(const Job& job, const CaseDescription& compensator)
+    : job_(job), compensator_(compensator) {
+  if (!compensator.plug_in.empty()) {
+    passes_ = 1;  // it is told what was read while the program ran uncorrected
+    return;
+  }
+  const BeliefDescription& given = job.scene.belief;
+  if (wants(Kind::Thermal)) passes_ = 1;
+  if (wants(Kind::Force) && given.force) passes_ = std::max(passes_, given.force->passes);
+  if (wants(Kind::Part) && given.part) passes_ = std::max(passes_, given.part->passes);
+}
+
+bool Learning::measures(int pass) const {
+  const BeliefDescription& given = job_.scene.belief;
+  return compensator_.plug_in.empty() && wants(Kind::Part) && given.part &&
+         pass < given.part->passes;
+}
+
+bool Learning::knows_more() const {
+  return wants(Kind::Identified) || wants(Kind::Thermal) || wants(Kind::Force);
+}
+
+void Learning::read(const Compensated& told) {
+  using From = BeliefDescription::Force::From;
+  const BeliefDescription& given = job_.scene.belief;
+  const bool force = compensator_.plug_in.empty() && wants(Kind::Force) && given.force;
+  if (force && given.force->from == From::Model)
+    evidence_.model_load = computed_load(job_, told, machine_belief(job_, compensator_, evidence_));
+  if (force && given.force->from == From::Current && !evidence_.law)
+    evidence_.law = trained_law(*given.force);
+  const bool reads_force = (force && given.force->from != From::Model) ||
+                           (!compensator_.plug_in.empty() && job_.scene.cutting);
+  if (reads_force)
+    evidence_.log = control_log(job_, told, cut_process(job_, told));
+  else if (wants(Kind::Thermal) || !compensator_.plug_in.empty())
+    evidence_.log = control_log(job_, told, {});
+}
+
+void Learning::measure_part(const Compensated& told, int pass) {
+  const Scene& scene = job_.scene;
+  auto instrument = part_instrument_of(scene, scene.belief.part->instrument);
+  if (!instrument)
+    throw BadInput(scene.file.string(), 0, 0, "an [[instrument]] that measures the part",
+                   "\"" + scene.belief.part->instrument + "\"");
+  instrument->name += fmt::format(" {}", pass + 1);
+  if (!error_free_) error_free_ = cut_error_free(job_).surface;
+  const Cut made = cut_as_told(job_, told);
+  const errors::metrology::PartReadings readings = measured_part(job_, made, *instrument).readings;
+  const Eigen::VectorXd here = compensation::between_readings(
+      readings.points_w, readings.deviation, job_.design_w.vertices, 5.0 * instrument->spacing);
+  total_ = total_.size() == 0 ? here : Eigen::VectorXd(total_ + here);
+  evidence_.part = course_of_part(job_, *error_free_, total_);
+}
+
+/// A perfect belief knows what its own corrections do to the axes: those of the program say how the
+/// masses press at first, and the corrected commands then, each time by some hundredths of before.
+Corrector perfect_corrector(const Job& job, const CaseDescription& compensator) {
+  constexpr int rounds = 3;
+  Corrector corrector = belief_corrector(job, compensator, perfect_belief(job, job.accelerations));
+  if (job.accelerations.empty()) return corrector;
+  const std::vector<AxisState> commanded = told(job, job.path, job.samples, job.machine.nominal);
+  program::Samples corrected = job.samples;
+  for (int round = 0; round < rounds; ++round) {
+    corrected.states = corrector(commanded, job.T_wt_nominal).states;
+    corrector = belief_corrector(job, compensator, perfect_belief(job, accelerations(corrected)));
+  }
+  return corrector;
+}
+
+/// What corrects, by what is known so far.
+Learnt corrector_of(const Job& job, const CaseDescription& compensator, const Evidence& evidence) {
+  if (!compensator.plug_in.empty())
+    return {plug_in_corrector(job, compensator, evidence.log), {}, {}, {}};
+  if (compensator.belief == Kind::Perfect) return {perfect_corrector(job, compensator), {}, {}, {}};
+  compensation::MachineBelief belief = machine_belief(job, compensator, evidence);
+  Learnt learnt{{}, {}, belief.geometric, {}};
+  if (belief.thermal && belief.thermal->held > 0)
+    learnt.warnings.push_back(fmt::format(
+        "thermal belief: {} of {} readings lay outside what it was trained with and were held",
+        belief.thermal->held, belief.thermal->time_s.size()));
+  const auto corrector = [&](compensation::MachineBelief believed) {
+    return belief_corrector(job, compensator, [believed = std::move(believed)](const auto& state) {
+      return tool_in_workpiece(believed, state);
+    });
+  };
+  if (belief.part) {
+    compensation::MachineBelief without_part = belief;
+    without_part.part.reset();
+    learnt.at_datum = corrector(std::move(without_part));
+  }
+  learnt.corrector = corrector(std::move(belief));
+  return learnt;
+}
+
+/// A plug-in's strategy and channel are those of the scene.
+CaseDescription resolved(const Job& job, CaseDescription compensator) {
+  if (compensator.plug_in.empty()) return compensator;
+  compensator.strategy = job.scene.compensation.plug_in.strategy;
+  compensator.channel = job.scene.compensation.plug_in.channel;
+  return compensator;
 }
 
 }  // namespace
 
-std::vector<AxisState> commands(const Job& job) {
-  return told(job, job.path, job.samples, job.machine.nominal);
+std::vector<AxisState> told(const Job& job, const program::Path& path,
+                            const program::Samples& samples, const kinematics::Chain& sampled_by) {
+  return told(job, path, samples, sampled_by,
+              datum_offset(job.scene.datum, job.machine, job.truth));
 }
 
-Compensated compensate(const Job& job, const CaseDescription& compensator) {
+Compensated as_programmed(const Job& job) {
   Compensated result;
-  if (compensator.channel == CaseDescription::Channel::Ideal) {
-    Corrected ideal = corrected(job, compensator, commands(job), job.T_wt_nominal);
-    result.samples = job.samples;
-    result.samples.states = std::move(ideal.states);
-    result.point_left = ideal.point_left;
-    result.direction_left = ideal.direction_left;
-    result.not_converged = ideal.not_converged;
-    return result;
+  result.samples = job.samples;
+  result.samples.states = told(job, job.path, job.samples, job.machine.nominal);
+  return result;
+}
+
+Learnt learnt(const Job& job, const CaseDescription& described, const Progress& progress) {
+  const CaseDescription compensator = resolved(job, described);
+  Learning learning(job, compensator);
+  Compensated told = as_programmed(job);
+  for (int pass = 0; pass < learning.passes(); ++pass) {
+    if (progress) progress("learn", double(pass) / learning.passes());
+    if (pass > 0)
+      told = delivered(job, compensator, corrector_of(job, compensator, learning.evidence()));
+    learning.read(told);
+    if (!learning.measures(pass)) continue;
+    // a part shows what is left: of what else is believed nothing shall be corrected twice
+    if (pass == 0 && learning.knows_more())
+      told = delivered(job, compensator, corrector_of(job, compensator, learning.evidence()));
+    learning.measure_part(told, pass);
   }
-  return through_program(job, compensator);
+  return corrector_of(job, compensator, learning.evidence());
+}
+
+Compensated compensate(const Job& job, const CaseDescription& described, const Progress& progress) {
+  const auto refuse = [&](const std::string& seen) {
+    throw BadInput(job.scene.file.string(), 0, 0,
+                   "a compensator that fits this program: " + described.name, seen);
+  };
+  try {
+    return delivered(job, resolved(job, described), learnt(job, described, progress));
+  } catch (const std::out_of_range& fault) {  // a table of the belief is left
+    refuse(fault.what());
+  } catch (const std::invalid_argument& fault) {
+    refuse(fault.what());
+  }
+  return {};
 }
 
 }  // namespace abbe::sim

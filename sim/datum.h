@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 
+#include "sim/compensate.h"
 #include "sim/truth.h"
 
 namespace abbe::sim {
@@ -10,9 +11,16 @@ namespace abbe::sim {
 /// tip is commanded to `point + offset`. Rotary axes stand at zero. `ideal` brings the tip to its
 /// point exactly; `touch_off` sees one component a touch and leaves the directions that it never
 /// touched.
+/// @param corrector  acts while the datum is found; without one nothing does
 /// @return mm, workpiece frame
 Eigen::Vector3d datum_offset(const DatumDescription& datum, const Machine& machine,
-                             const Truth& truth);
+                             const Truth& truth, const Corrector& corrector = {});
+
+/// The shift that a compensator expects to be found by a control without it: what its corrections
+/// take away at the datum, to the second order in them.
+/// @return mm, workpiece frame
+Eigen::Vector3d expected_offset(const DatumDescription& datum, const Machine& machine,
+                                const Corrector& corrector);
 
 /// Slide positions of a shift of the tip in the workpiece, rotary axes at zero; directions without
 /// a slide are left. @return (joints)

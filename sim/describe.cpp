@@ -17,13 +17,6 @@ using nlohmann::ordered_json;
 
 ordered_json numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
-kinematics::Topology topology_of(const kinematics::Chain& chain) {
-  kinematics::Topology topology;
-  for (const kinematics::Joint& joint : chain.joints())
-    topology.push_back({joint.name, joint.side});
-  return topology;
-}
-
 ordered_json describe_axes(const kinematics::Chain& chain) {
   ordered_json axes = ordered_json::array();
   for (const kinematics::Joint& joint : chain.joints()) {
@@ -167,7 +160,7 @@ ordered_json describe_cut(const CuttingDescription& cutting, const Process& proc
 
 ordered_json describe(const Job& job) {
   const kinematics::Chain& chain = job.machine.nominal;
-  const kinematics::Topology topology = topology_of(chain);
+  const kinematics::Topology topology = kinematics::topology_of(chain.joints());
   const kinematics::BodyArray bodies = kinematics::low_order_body_array(topology);
   ordered_json description = {
       {"scene", job.scene.title},

@@ -15,6 +15,7 @@
 #include "sim/belief_file.h"
 #include "sim/identify_composite.h"
 #include "sim/identify_pictures.h"
+#include "sim/identify_thermal.h"
 #include "sim/output.h"
 #include "sim/progress.h"
 #include "sim/readings_file.h"
@@ -36,7 +37,8 @@ std::string names_of(const Files& files) {
   return text;
 }
 
-std::vector<Readings> read_all(const Files& files) {
+/// @param logs_too  a log of temperatures alone is a file as well
+std::vector<Readings> read_all(const Files& files, bool logs_too) {
   std::vector<Readings> all;
   std::set<std::filesystem::path> seen;
   for (const auto& file : files) {
@@ -45,7 +47,7 @@ std::vector<Readings> read_all(const Files& files) {
     if (!canonical.empty() && !seen.insert(canonical).second)
       throw BadInput(file.string(), 0, 0, "each file once", "it again");
     all.push_back(read_readings_file(file));
-    if (all.back().value.size() == 0)
+    if (all.back().value.size() == 0 && !logs_too)
       throw BadInput(file.string(), 0, 0, "readings of the machine", "a log of temperatures alone");
   }
   return all;
@@ -70,10 +72,7 @@ double hours_of(const std::vector<Readings>& readings) {
 }
 
 std::string machine_of(const kinematics::Chain& chain) {
-  kinematics::Topology topology;
-  for (const kinematics::Joint& joint : chain.joints())
-    topology.push_back({joint.name, joint.side});
-  return kinematics::to_string(topology);
+  return kinematics::to_string(kinematics::topology_of(chain.joints()));
 }
 
 double unit_of_value(const errors::Element& element) {
@@ -166,12 +165,17 @@ std::vector<std::string> comments_of(const Json& report) {
   return comments;
 }
 
-void write_belief(const std::filesystem::path& out, const errors::GeometricErrors& belief,
-                  const kinematics::Chain& nominal, const Json& report) {
+void write_with_report(const std::filesystem::path& out, const std::string& text,
+                       const Json& report) {
   const std::filesystem::path folder = out.parent_path();
   if (!folder.empty()) prepare_folder(folder);
-  write_file(out, to_errors_file(belief, nominal.joints(), comments_of(report)));
+  write_file(out, text);
   write_file(std::filesystem::path(out).replace_extension(".json"), report.dump(2) + "\n");
+}
+
+void write_belief(const std::filesystem::path& out, const errors::GeometricErrors& belief,
+                  const kinematics::Chain& nominal, const Json& report) {
+  write_with_report(out, to_errors_file(belief, nominal.joints(), comments_of(report)), report);
 }
 
 Json common_report(const Files& files, const std::vector<Readings>& readings) {
@@ -381,16 +385,61 @@ Json by_composite(const Files& files, const std::vector<Readings>& readings,
   return report;
 }
 
+std::vector<std::string> thermal_comments(const Json& report) {
+  const Json& thermal = report["thermal"];
+  std::vector<std::string> comments{
+      "What heat does to a machine, by temperatures; identified from readings by abbe " +
+          versions()["abbe"].get<std::string>() + ".",
+      fmt::format("Machine {}, {} readings; {}.", report["machine"].get<std::string>(),
+                  report["count"].get<std::size_t>(), report["method"].get<std::string>()),
+      "Changes of temperature count from the first row that a control reads."};
+  for (const Json& one : report["readings"])
+    comments.push_back("from " + to_toml_value(one["file"].get<std::string>()));
+  for (const auto& [sensor, range] : thermal["trained_K"].items())
+    comments.push_back(fmt::format("trained: {} from {:.2f} to {:.2f} K, held {:.0f} % beyond",
+                                   sensor, range[0].get<double>(), range[1].get<double>(),
+                                   100.0 * thermal["margin"].get<double>()));
+  for (const Json& term : thermal["terms"])
+    comments.push_back(fmt::format(
+        "{}: moved by {:.3g} {}, of which these temperatures leave {:.2g} (standard deviation)",
+        term["name"].get<std::string>(), term["range"].get<double>(),
+        term["unit"].get<std::string>(), term["residual_sd"].get<double>()));
+  return comments;
+}
+
+Json by_thermal(const Files& files, const std::vector<Readings>& readings,
+                const IdentifyOptions& options) {
+  ThermalIdentification day;
+  day.elements = options.model.only;
+  day.sensors = options.sensors;
+  day.choice.count = options.sensor_count;
+  day.choice.groups = 3 * options.sensor_count;  // as the packaged protocols choose
+  day.margin = options.margin;
+  const IdentifiedThermal found = identify_thermal(readings, day);
+  Json report = common_report(files, readings);
+  report["method"] =
+      "thermal: elements at every start on the exact chain, regressed on temperatures";
+  report["confounded"] = confounded_json(found.confounded);
+  report["numbers"] = Json::array();
+  report["thermal"] = found.report;
+  report["warnings"] = found.warnings;
+  write_with_report(options.out, to_text(found.belief, thermal_comments(report)), report);
+  return report;
+}
+
 }  // namespace
 
 Json identify(const Files& files, const IdentifyOptions& options) {
-  const std::vector<Readings> readings = read_all(files);
+  const std::vector<Readings> readings =
+      read_all(files, options.method == IdentifyOptions::Method::Thermal);
   try {
     switch (options.method) {
       case IdentifyOptions::Method::StepDiagonal:
         return by_step_diagonal(files, readings, options);
       case IdentifyOptions::Method::Composite:
         return by_composite(files, readings, options);
+      case IdentifyOptions::Method::Thermal:
+        return by_thermal(files, readings, options);
       case IdentifyOptions::Method::Chain:
         break;
     }

@@ -22,10 +22,14 @@ struct IdentifyOptions {
     Chain,         ///< least squares on the exact chain
     StepDiagonal,  ///< the published evaluation of one file of step diagonals
     Composite,     ///< a positioning from several starts: cold curve and slopes on temperatures
+    Thermal,       ///< a day: what heat adds to the elements, on temperatures; a belief of its own
+                   ///< text format, as `[belief.thermal]` reads it
   } method = Method::Chain;
   std::vector<std::string> sensors;  ///< temperatures on which what was measured from several
-                                     ///< starts is regressed
-  std::filesystem::path out;         ///< belief file; beside it NAME.json and NAME.png
+                                     ///< starts is regressed; thermal: none, to have some chosen
+  int sensor_count = 4;              ///< thermal: how many are chosen
+  double margin = 0.1;        ///< thermal: part of its trained range by which a sensor may leave it
+  std::filesystem::path out;  ///< belief file; beside it NAME.json and NAME.png
 };
 
 /// Identifies a machine from files of readings alone and writes a belief file (an errors file with

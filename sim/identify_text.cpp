@@ -81,6 +81,23 @@ std::string composite_text(const Json& axes) {
   return text;
 }
 
+std::string thermal_text(const Json& thermal) {
+  std::string text = fmt::format("\nwhat heat adds, from {} epochs\n", thermal["epochs_h"].size());
+  for (const Json& term : thermal["terms"]) {
+    text += fmt::format("{:<12} moved by {:.3f} {}, of which {:.2g} is left (R^2 {:.3f})\n",
+                        term["name"].get<std::string>(), term["range"].get<double>(),
+                        term["unit"].get<std::string>(), term["residual_sd"].get<double>(),
+                        term["r_squared"].get<double>());
+    for (const auto& [sensor, one] : term["per_K"].items())
+      text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) {}/K\n", sensor, one["value"].get<double>(),
+                          one["standard_error"].get<double>(), term["unit"].get<std::string>());
+  }
+  for (const auto& [sensor, range] : thermal["trained_K"].items())
+    text += fmt::format("{:<30} trained from {:.2f} to {:.2f} K\n", sensor, range[0].get<double>(),
+                        range[1].get<double>());
+  return text;
+}
+
 }  // namespace
 
 std::string identify_text(const Json& report) {
@@ -91,7 +108,7 @@ std::string identify_text(const Json& report) {
     text += fmt::format("{:>10} {:>9} {:>9.2f}   {}\n", one["readings"].get<std::size_t>(),
                         one["set_ups"].get<std::size_t>(), one["hours"].get<double>(),
                         one["file"].get<std::string>());
-  text += numbers_text(report["numbers"]);
+  if (!report["numbers"].empty()) text += numbers_text(report["numbers"]);
   text += confounded_text(report["confounded"]);
   if (report.contains("per_K"))
     for (const Json& one : report["per_K"])
@@ -102,6 +119,7 @@ std::string identify_text(const Json& report) {
                 ? fmt::format("{:.2g}", one["standard_uncertainty"][sensor].get<double>())
                 : "-",
             one["unit"].get<std::string>(), sensor);
+  if (report.contains("thermal")) text += thermal_text(report["thermal"]);
   if (report.contains("composite")) text += composite_text(report["composite"]);
   if (report.contains("outliers") && !report["outliers"].empty())
     text += fmt::format("\n{} readings left out as outliers; they are in the report",

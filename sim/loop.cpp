@@ -10,6 +10,7 @@
 
 #include "kinematics/units.h"
 #include "sim/activity.h"
+#include "sim/compensate.h"
 #include "sim/part.h"
 #include "sim/run_out.h"
 #include "sim/tool_motion.h"
@@ -188,7 +189,15 @@ struct Told {
 
 Pose actual_pose(const Told& told, std::size_t sample, errors::Load load) {
   if (!told.acceleration.empty()) load.acceleration = told.acceleration[sample];
-  return tool_in_workpiece(told.job.truth, told.commands.samples.states[sample], load);
+  Pose T_wt = tool_in_workpiece(told.job.truth, told.commands.samples.states[sample], load);
+  if (const auto& piezo = told.commands.piezo) {
+    const Eigen::Vector3d& along_t = piezo->piezo.direction_t;
+    const double force = along_t.dot(load.on_tool_t.head<3>());
+    T_wt.translation() +=
+        (piezo->stroke[Eigen::Index(sample)] + compensation::yielding(piezo->piezo, force)) *
+        (T_wt.linear() * along_t);
+  }
+  return T_wt;
 }
 
 /// The cut of a case.
@@ -209,7 +218,8 @@ Process followed(const Told& told, const Progress& progress) {
 
 /// What acts at every sample. @return (samples), empty where nothing does
 std::vector<errors::Load> loads_of(const Told& told, const Process& process) {
-  if (!told.job.truth.compliance || (process.steps.empty() && told.acceleration.empty())) return {};
+  if (!told.job.truth.compliance && !told.commands.piezo) return {};
+  if (process.steps.empty() && told.acceleration.empty()) return {};
   const auto& states = told.commands.samples.states;
   std::vector<errors::Load> loads(states.size());
   for (std::size_t i = 0; i < loads.size(); ++i) {
@@ -217,6 +227,12 @@ std::vector<errors::Load> loads_of(const Told& told, const Process& process) {
     if (!told.acceleration.empty()) loads[i].acceleration = told.acceleration[i];
   }
   return loads;
+}
+
+/// @return (samples), empty without a piezo
+std::span<const double> stroke_of(const Compensated& told) {
+  if (!told.piezo) return {};
+  return {told.piezo->stroke.data(), std::size_t(told.piezo->stroke.size())};
 }
 
 /// What went wrong with the cut itself, in words.
@@ -314,23 +330,38 @@ Cut cut_error_free(const Job& job, const Progress& progress) {
 Cut cut(const Job& job, const std::optional<CaseDescription>& compensator,
         const Progress& progress) {
   Stopwatch watch;
-  Cut result;
+  const Compensated told =
+      compensator ? compensate(job, *compensator, progress) : as_programmed(job);
+  const double correction_s = watch.lap();
+  Cut result = cut_as_told(job, told, progress);
   result.name = result.case_name = compensator ? compensator->name : "uncompensated";
-  Compensated told;
-  if (compensator) {
-    told = compensate(job, *compensator);
-    result.point_left = told.point_left;
-    result.direction_left = told.direction_left;
-    result.rewritten_program = told.rewritten_program;
-    if (told.not_converged > 0)
-      result.warnings.push_back(fmt::format("{} of {} corrections did not converge",
-                                            told.not_converged, told.samples.states.size()));
-  } else {
-    told.samples = job.samples;
-    told.samples.states = commands(job);
-  }
-  check_travel(job.machine, job.path, told.samples);
-  result.timing_s["correction"] = watch.lap();
+  if (compensator && !compensator->plug_in.empty())
+    result.case_name = compensator->plug_in.string();
+  result.timing_s["correction"] = correction_s;
+  return result;
+}
+
+void check_travel(const Job& job, const Compensated& told) {
+  check_travel(job.machine, told.path ? *told.path : job.path, told.samples);
+}
+
+Process cut_process(const Job& job, const Compensated& told) {
+  Told on{job, told, told.T_wt_nominal.empty() ? job.T_wt_nominal : told.T_wt_nominal, {}};
+  if (!job.accelerations.empty()) on.acceleration = accelerations(told.samples);
+  return followed(on, {});
+}
+
+Cut cut_as_told(const Job& job, const Compensated& told, const Progress& progress) {
+  Stopwatch watch;
+  Cut result;
+  result.point_left = told.point_left;
+  result.direction_left = told.direction_left;
+  result.rewritten_program = told.rewritten_program;
+  result.warnings = told.warnings;
+  if (told.not_converged > 0)
+    result.warnings.push_back(fmt::format("{} of {} corrections did not converge",
+                                          told.not_converged, told.samples.states.size()));
+  check_travel(job, told);
 
   const std::vector<Pose>& T_wt_wanted =
       told.T_wt_nominal.empty() ? job.T_wt_nominal : told.T_wt_nominal;
@@ -344,8 +375,9 @@ Cut cut(const Job& job, const std::optional<CaseDescription>& compensator,
     T_wt = poses(told.samples.states.size(), [&](std::size_t i) {
       return actual_pose(on, i, loads.empty() ? errors::Load{} : loads[i]);
     });
-    result.signals = signals(job.scene, job.machine, job.truth,
-                             {told.samples, T_wt_wanted, result.process, loads});
+    result.signals = signals(
+        job.scene, job.machine, job.truth,
+        {told.samples, T_wt_wanted, result.process, loads, told.correction, stroke_of(told)});
   } catch (const std::out_of_range& left) {
     throw BadInput(job.scene.file.string(), 0, 0, "a program inside the tables of the errors",
                    left.what());

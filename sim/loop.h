@@ -76,21 +76,47 @@ Cut cut_error_free(const Job& job, const Progress& progress = {});
 Cut cut(const Job& job, const std::optional<CaseDescription>& compensator = std::nullopt,
         const Progress& progress = {});
 
-/// Commanded states of the real control: its own kinematics and the datum it found, no compensator.
-std::vector<kinematics::AxisState> commands(const Job& job);
+/// What a piezo does to the tool beside the axes.
+struct PiezoMotion {
+  compensation::Piezo piezo;
+  Eigen::VectorXd stroke;  ///< (samples) mm along its direction
+};
 
-/// A compensator of the scene acting on the commands: what the axes are really told.
+/// What the axes are really told.
 struct Compensated {
   program::Samples samples;
   std::optional<program::Path>
       path;  ///< from which the samples come, where it is not the job's own
   std::vector<kinematics::Pose>
       T_wt_nominal;  ///< (samples) empty where the times are the job's own
+  std::vector<kinematics::AxisVector>
+      correction;  ///< (samples) that a channel of the axes adds; else empty
+  std::optional<PiezoMotion> piezo;
   double point_left = 0.0;
   double direction_left = 0.0;
   std::size_t not_converged = 0;
   std::string rewritten_program;
+  std::vector<std::string> warnings;
 };
-Compensated compensate(const Job& job, const CaseDescription& compensator);
+
+/// The commands of the real control: its own kinematics and the datum it found, no compensator.
+Compensated as_programmed(const Job& job);
+
+/// A compensator of the scene acting on the commands.
+/// @throws BadInput where the scene does not give what the case wants,
+///         compensation::PlugInFailure
+Compensated compensate(const Job& job, const CaseDescription& compensator,
+                       const Progress& progress = {});
+
+/// The program as it is told, on the wrong machine.
+/// @throws BadInput as `cut`
+Cut cut_as_told(const Job& job, const Compensated& told, const Progress& progress = {});
+
+/// Refuses the line of the program on which an axis first leaves its travel.
+/// @throws BadInput
+void check_travel(const Job& job, const Compensated& told);
+
+/// The cut alone, without the surface.
+Process cut_process(const Job& job, const Compensated& told);
 
 }  // namespace abbe::sim

@@ -11,14 +11,17 @@
 
 #include "kinematics/text.h"
 #include "sim/compare.h"
+#include "sim/compensation/plug_in.h"
 #include "sim/describe.h"
 #include "sim/evaluate.h"
+#include "sim/export_tables.h"
 #include "sim/identify.h"
 #include "sim/measure.h"
 #include "sim/output.h"
 #include "sim/pictures.h"
 #include "sim/pose_at.h"
 #include "sim/progress.h"
+#include "sim/rewrite_command.h"
 
 namespace abbe::sim {
 namespace {
@@ -100,7 +103,7 @@ std::string comparison_text(const nlohmann::ordered_json& json) {
       machine = fmt::format("{:.6f}", one["machine_um"]["rms"].get<double>());
     if (!one["reduction_percent"].is_null() && !one["reduction_percent"]["machine_rms"].is_null())
       machine +=
-          fmt::format("  (-{:.2f} %)", one["reduction_percent"]["machine_rms"].get<double>());
+          fmt::format("  ({:+.2f} %)", -one["reduction_percent"]["machine_rms"].get<double>());
     text += fmt::format("{:<36} {}   {}\n", one["name"].get<std::string>(),
                         figures(one["residual_um"]), machine);
   }
@@ -123,12 +126,30 @@ int finish(const Common& common, const RunOptions& options, const Outcome& outco
     for (const auto& warning : outcome.json["warnings"])
       fmt::print(stderr, "abbe: warning: {}\n", warning.get<std::string>());
   for (const std::string& limit : outcome.exceeded) fmt::print(stderr, "abbe: {}\n", limit);
+  for (const std::string& failure : outcome.failed) fmt::print(stderr, "abbe: {}\n", failure);
+  if (!outcome.failed.empty()) return plug_in;
   return outcome.exceeded.empty() ? ok : limit_exceeded;
 }
 
-int run_command(const Common& common, const std::string& case_name) {
+/// Files of plug-ins, each there and with a name that a folder can have.
+std::vector<std::filesystem::path> plug_ins(const std::vector<std::filesystem::path>& files) {
+  for (const std::filesystem::path& file : files) {
+    try {
+      plug_in_case(file);
+    } catch (const std::invalid_argument& fault) {
+      throw CLI::ValidationError("--compensator", fault.what());
+    }
+  }
+  return files;
+}
+
+int run_command(const Common& common, const std::string& case_name,
+                const std::vector<std::filesystem::path>& compensators) {
   RunOptions options = run_options(common);
   options.case_name = case_name;
+  options.plug_ins = plug_ins(compensators);
+  if (options.plug_ins.size() > 1 || (!case_name.empty() && !options.plug_ins.empty()))
+    throw CLI::ValidationError("--compensator", "expected one case, a --case or a --compensator");
   if (!case_name.empty() && case_name != "error_free" && case_name != "uncompensated") {
     try {
       parse_case(case_name);
@@ -139,8 +160,9 @@ int run_command(const Common& common, const std::string& case_name) {
   return finish(common, options, run(common.scene, options));
 }
 
-int compare_command(const Common& common) {
-  const RunOptions options = run_options(common);
+int compare_command(const Common& common, const std::vector<std::filesystem::path>& compensators) {
+  RunOptions options = run_options(common);
+  options.plug_ins = plug_ins(compensators);
   return finish(common, options, compare(common.scene, options));
 }
 
@@ -218,8 +240,12 @@ int identify_command(const Common& common, IdentifyWords words) {
   words.options.model.placement = words.options.model.constants;
   words.options.method = words.method == "step_diagonal" ? IdentifyOptions::Method::StepDiagonal
                          : words.method == "composite"   ? IdentifyOptions::Method::Composite
+                         : words.method == "thermal"     ? IdentifyOptions::Method::Thermal
                                                          : IdentifyOptions::Method::Chain;
-  words.options.out = common.out.empty() ? std::filesystem::path("out/belief.toml") : common.out;
+  const bool thermal = words.options.method == IdentifyOptions::Method::Thermal;
+  words.options.out = common.out.empty() ? std::filesystem::path(thermal ? "out/belief_thermal.txt"
+                                                                         : "out/belief.toml")
+                                         : common.out;
   for (const char* taken : {".json", ".png", ".csv"})
     if (words.options.out.extension() == taken)
       throw CLI::ValidationError(
@@ -236,6 +262,46 @@ int identify_command(const Common& common, IdentifyWords words) {
   return ok;
 }
 
+/// Words of `export`.
+struct ExportWords {
+  std::string format;
+  ExportOptions options;
+};
+
+int export_command(const Common& common, ExportWords words) {
+  words.options.overrides = overrides(common);
+  words.options.folder = run_options(common).folder / (common.out.empty() ? "tables" : "");
+  using compensation::ControlFormat;
+  for (const ControlFormat one : {ControlFormat::LinuxCnc, ControlFormat::Isg,
+                                  ControlFormat::Siemens, ControlFormat::Heidenhain})
+    if (words.format == compensation::to_string(one)) words.options.format = one;
+  try {
+    parse_case(words.options.case_name);
+  } catch (const std::invalid_argument& fault) {
+    throw CLI::ValidationError("--case", fault.what());
+  }
+  const nlohmann::ordered_json json = export_tables(common.scene, words.options);
+  if (common.json) {
+    fmt::print("{}\n", json.dump(2));
+    return ok;
+  }
+  for (const auto& file : json["files"]) fmt::print("{}\n", file.get<std::string>());
+  for (const auto& one : json["notes"]) fmt::print("{}\n", one.get<std::string>());
+  for (const auto& one : json["left_out"])
+    fmt::print(stderr, "abbe: warning: left out: {}\n", one.get<std::string>());
+  return ok;
+}
+
+int rewrite_command(const Common& common, const std::string& case_name) {
+  RewriteCommandOptions options;
+  options.overrides = overrides(common);
+  options.case_name = case_name;
+  options.out = common.out;
+  const nlohmann::ordered_json report = rewrite(common.scene, options);
+  fmt::print("{}", common.json ? report.dump(2) + "\n" : rewrite_text(report));
+  return ok;
+}
+
 int evaluate_command(const Common& common, const std::filesystem::path& readings) {
   EvaluateOptions options;
   options.folder = common.out.empty() ? std::filesystem::path("out") / readings.stem() : common.out;
@@ -249,8 +315,10 @@ struct CommandLine {
   Common common;
   std::vector<std::string> instruments;
   IdentifyWords identify;
+  ExportWords exporting;
   std::filesystem::path readings;
   std::string case_name;
+  std::vector<std::filesystem::path> compensators;
   std::string at;
   bool picture = false;
   RenderOptions rendering;
@@ -263,9 +331,16 @@ void add_scene_commands(CLI::App& app, CommandLine& line) {
   run_app.add_option("--case", line.case_name,
                      "error_free, uncompensated or belief-strategy-channel");
 
-  add_common(*app.add_subcommand(
-                 "compare", "Cut error-free, uncompensated and every compensator of the scene"),
-             line.common, true);
+  CLI::App& compare_app = *app.add_subcommand(
+      "compare", "Cut error-free, uncompensated and every compensator of the scene");
+  add_common(compare_app, line.common, true);
+  for (CLI::App* one : {&run_app, &compare_app})
+    one->add_option("--compensator", line.compensators,
+                    "one of your own: a program that speaks JSON lines or a C library "
+                    "(sim/compensation/README.md)")
+        ->type_name("FILE")
+        ->take_all()
+        ->allow_extra_args(false);
 
   CLI::App& pose_app =
       *app.add_subcommand("pose", "Where the tool is and should be for given axis positions");
@@ -309,6 +384,28 @@ void add_measure_command(CLI::App& app, CommandLine& line) {
       ->allow_extra_args(false);
 }
 
+void add_rewrite_command(CLI::App& app, CommandLine& line) {
+  CLI::App& rewrite_app = *app.add_subcommand(
+      "rewrite", "Write the program of a scene with a compensator's corrections in it");
+  add_common(rewrite_app, line.common, false);
+  rewrite_app.add_option("--out", line.common.out, "file for the program (out/SCENE/rewritten.*)");
+  rewrite_app.add_option("--case", line.case_name,
+                         "belief-strategy-program (the first such case of the scene)");
+}
+
+void add_export_command(CLI::App& app, CommandLine& line) {
+  CLI::App& export_app = *app.add_subcommand(
+      "export", "Write the compensation tables of a scene as a control reads them");
+  add_common(export_app, line.common, false);
+  export_app.add_option("--out", line.common.out, "folder for the tables (out/SCENE/tables)");
+  export_app
+      .add_option("--format", line.exporting.format,
+                  "of which control (that of [compensation.table], else linuxcnc)")
+      ->check(CLI::IsMember({"linuxcnc", "isg", "siemens", "heidenhain"}));
+  export_app.add_option("--case", line.exporting.options.case_name,
+                        "what the tables are made from (identified-position-table)");
+}
+
 void add_identify_command(CLI::App& app, CommandLine& line) {
   CLI::App& identify_app = *app.add_subcommand(
       "identify", "Find the errors of a machine from readings; write a belief file");
@@ -342,14 +439,25 @@ void add_identify_command(CLI::App& app, CommandLine& line) {
   identify_app
       .add_option("--method", words.method,
                   "chain: any readings, on the exact machine; step_diagonal: the published one; "
-                  "composite: positioning from several starts")
-      ->check(CLI::IsMember({"chain", "step_diagonal", "composite"}));
+                  "composite: positioning from several starts; thermal: a day of readings, for "
+                  "[belief.thermal]")
+      ->check(CLI::IsMember({"chain", "step_diagonal", "composite", "thermal"}));
   identify_app
       .add_option("--sensors", words.options.sensors,
-                  "with step_diagonal or composite: regress what several starts read on these")
+                  "with step_diagonal, composite or thermal: regress what several starts read on "
+                  "these (thermal: a choice)")
       ->delimiter(',');
+  identify_app
+      .add_option("--sensor-count", words.options.sensor_count,
+                  "with thermal: how many sensors are chosen where none are named (4)")
+      ->check(CLI::Range(1, 100));
+  identify_app
+      .add_option("--margin", words.options.margin,
+                  "with thermal: part of its trained range by which a sensor may leave it (0.1)")
+      ->check(CLI::Range(0.0, 10.0));
   identify_app.add_flag("--json", line.common.json, "print JSON instead of text");
-  identify_app.add_option("--out", line.common.out, "belief file (out/belief.toml)");
+  identify_app.add_option("--out", line.common.out,
+                          "belief file (out/belief.toml; thermal: out/belief_thermal.txt)");
   identify_app.add_option("--threads", line.common.threads, "most threads to use")
       ->check(CLI::Range(1, 1024));
 }
@@ -369,12 +477,14 @@ int dispatch(const CLI::App& app, const CommandLine& line) {
   std::optional<tbb::global_control> limit;
   if (line.common.threads > 0)
     limit.emplace(tbb::global_control::max_allowed_parallelism, std::size_t(line.common.threads));
-  if (app.got_subcommand("run")) return run_command(line.common, line.case_name);
-  if (app.got_subcommand("compare")) return compare_command(line.common);
+  if (app.got_subcommand("run")) return run_command(line.common, line.case_name, line.compensators);
+  if (app.got_subcommand("compare")) return compare_command(line.common, line.compensators);
   if (app.got_subcommand("pose")) return pose_command(line.common, line.at);
   if (app.got_subcommand("check")) return check_command(line.common, line.picture);
   if (app.got_subcommand("measure")) return measure_command(line.common, line.instruments);
   if (app.got_subcommand("identify")) return identify_command(line.common, line.identify);
+  if (app.got_subcommand("rewrite")) return rewrite_command(line.common, line.case_name);
+  if (app.got_subcommand("export")) return export_command(line.common, line.exporting);
   if (app.got_subcommand("evaluate")) return evaluate_command(line.common, line.readings);
   fmt::print("picture in {}\n", render_result(line.rendering).string());
   return ok;
@@ -390,13 +500,15 @@ int command_line(int argc, char** argv) {
   app.require_subcommand(1);
   app.footer(
       "Exit codes: 0 ok, 1 an acceptance limit of the scene was exceeded, 2 usage, 3 input,\n"
-      "4 numerical, 5 output, 130 interrupted.");
+      "4 numerical, 5 output, 6 plug-in, 130 interrupted.");
   CommandLine line;
   add_scene_commands(app, line);
   add_render_command(app, line);
   add_measure_command(app, line);
   add_identify_command(app, line);
   add_evaluate_command(app, line);
+  add_rewrite_command(app, line);
+  add_export_command(app, line);
   try {
     app.parse(argc, argv);
     return dispatch(app, line);
@@ -415,6 +527,7 @@ int command_line(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   using namespace abbe;
+  if (const auto host = sim::compensation::plug_in_host(argc, argv)) return *host;
   sim::watch_interrupts();
   try {
     return sim::command_line(argc, argv);
@@ -427,6 +540,9 @@ int main(int argc, char** argv) {
   } catch (const BadInput& fault) {
     fmt::print(stderr, "abbe: {}\n", fault.what());
     return sim::input;
+  } catch (const sim::compensation::PlugInFailure& failure) {
+    fmt::print(stderr, "abbe: {}\n", failure.what());
+    return sim::plug_in;
   } catch (const sim::OutputFailure& failure) {
     fmt::print(stderr, "abbe: {}\n", failure.what());
     return sim::output;

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "sim/activity.h"
+#include "sim/datum.h"
 #include "sim/loop.h"
 #include "sim/output.h"
 #include "sim/part_readings_file.h"
@@ -151,16 +152,23 @@ Cut cut_case(const Job& job, const std::string& name) {
   return cut(job, parse_case(name));
 }
 
-// The part stays clamped as it was cut; the probe takes the place of the tool.
+// The part stays clamped as it was cut; the probe takes the place of the tool, and the control
+// measures from the datum from which it cut.
 metrology::PartReadings probed(const Job& job, const metrology::PartSurface& part,
                                metrology::TouchProbe probe) {
   Truth truth = job.truth;
   truth.actual = kinematics::Chain(job.machine.actual.joints(), job.machine.actual.T_bw_home(),
                                    job.machine.nominal.T_bt_home());
   if (!job.samples.states.empty()) probe.start_s += job.samples.states.back().time_s;
-  return metrology::probe(
-      part, job.machine.nominal, [&](const AxisState& state) { return bodies_of(truth, state); },
-      probe);
+  const Eigen::Vector3d datum_w = datum_offset(job.scene.datum, job.machine, job.truth);
+  metrology::PartSurface commanded = part;
+  commanded.points_w.rowwise() += datum_w.transpose();
+  commanded.deviation -= part.normals_w * datum_w;
+  metrology::PartReadings readings = metrology::probe(
+      commanded, job.machine.nominal,
+      [&](const AxisState& state) { return bodies_of(truth, state); }, probe);
+  readings.points_w = part.points_w;  // every one was cut, so every one was read
+  return readings;
 }
 
 /// Instruments to use: those named, or every one of the scene.
@@ -198,7 +206,13 @@ std::optional<PartInstrumentDescription> part_instrument_of(const Scene& scene,
 
 PartReadingsFile measured_part(const Scene& scene, const PartInstrumentDescription& instrument) {
   const Job job = prepare(scene);
-  const metrology::PartSurface part = surface_of(job, cut_case(job, instrument.case_name));
+  return measured_part(job, cut_case(job, instrument.case_name), instrument);
+}
+
+PartReadingsFile measured_part(const Job& job, const Cut& cut,
+                               const PartInstrumentDescription& instrument) {
+  const Scene& scene = job.scene;
+  const metrology::PartSurface part = surface_of(job, cut);
   const std::uint64_t seed = seed_of(scene, instrument.name);
   PartReadingsFile file{instrument.name, "cmm", scene.title, {}};
   if (!instrument.case_name.empty()) file.part += ", " + instrument.case_name;

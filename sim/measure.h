@@ -35,6 +35,12 @@ std::optional<PartInstrumentDescription> part_instrument_of(const Scene& scene,
 /// @throws BadInput naming the scene if it cannot
 PartReadingsFile measured_part(const Scene& scene, const PartInstrumentDescription& instrument);
 
+struct Job;
+struct Cut;
+/// The same of a part that was cut already.
+PartReadingsFile measured_part(const Job& job, const Cut& cut,
+                               const PartInstrumentDescription& instrument);
+
 struct MeasureOptions {
   std::vector<Override> overrides;
   std::vector<std::string> instruments;  ///< names; empty: every one of the scene

@@ -62,8 +62,10 @@ std::string reduction_text(const Compared& one, const std::vector<Compared>& cas
   const auto& before = cases[*one.uncompensated].verdict.machine;
   const auto& after = one.verdict.machine;
   if (!before || !after || !before->rms || !after->rms || *before->rms == 0.0) return "";
-  const double left = *after->rms / *before->rms;
-  return fmt::format("machine {} RMS ({:+.2f} %)", length_text(*after->rms), 100.0 * (left - 1.0));
+  const double change = 100.0 * (*after->rms / *before->rms - 1.0);
+  // a true minus: at a hyphen the line might break
+  return fmt::format("machine {} RMS, {}{:.2f}%", length_text(*after->rms),
+                     change < 0.0 ? "\u2212" : "+", std::abs(change));
 }
 
 std::filesystem::path result_file(const std::filesystem::path& result) {

@@ -218,7 +218,8 @@ void write_case(const std::filesystem::path& folder, const Job& job, const Verdi
   write_file(folder / "summary.json", summary(job, verdict).dump(2) + "\n");
 }
 
-ordered_json comparison(const Job& job, const std::vector<Compared>& cases) {
+ordered_json comparison(const Job& job, const std::vector<Compared>& cases,
+                        const std::vector<FailedCase>& failed) {
   ordered_json all = ordered_json::array(), warnings = ordered_json::array();
   for (const Compared& one : cases) {
     const Verdict& verdict = one.verdict;
@@ -244,15 +245,21 @@ ordered_json comparison(const Job& job, const std::vector<Compared>& cases) {
     }
     all.push_back(entry);
   }
-  return {{"scene", job.scene.title},
-          {"seed", job.scene.seed},
-          {"vertices", job.design_w.vertices.rows()},
-          {"moves", job.path.motion_blocks},
-          {"datum", name_of(job.scene.datum.kind)},
-          {"alignment", name_of(job.scene.alignment)},
-          {"cases", all},
-          {"warnings", warnings},
-          {"versions", versions()}};
+  ordered_json json = {{"scene", job.scene.title},
+                       {"seed", job.scene.seed},
+                       {"vertices", job.design_w.vertices.rows()},
+                       {"moves", job.path.motion_blocks},
+                       {"datum", name_of(job.scene.datum.kind)},
+                       {"alignment", name_of(job.scene.alignment)},
+                       {"cases", all}};
+  if (!failed.empty()) {
+    json["failed"] = ordered_json::array();
+    for (const FailedCase& one : failed)
+      json["failed"].push_back({{"name", one.name}, {"reason", one.reason}});
+  }
+  json["warnings"] = warnings;
+  json["versions"] = versions();
+  return json;
 }
 
 std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict) {

@@ -49,7 +49,13 @@ struct Compared {
   const Job* job = nullptr;  ///< the scene itself, or the variant, that it belongs to
   std::optional<std::size_t> uncompensated;  ///< index of the case that it is measured against
 };
-nlohmann::ordered_json comparison(const Job& job, const std::vector<Compared>& cases);
+/// A case whose plug-in failed.
+struct FailedCase {
+  std::string name;
+  std::string reason;
+};
+nlohmann::ordered_json comparison(const Job& job, const std::vector<Compared>& cases,
+                                  const std::vector<FailedCase>& failed = {});
 
 /// Names the acceptance limits of the scene that a case exceeds; empty if none.
 std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict);

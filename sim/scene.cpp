@@ -234,21 +234,6 @@ Limits read_limits(TableReader& scene) {
   return limits;
 }
 
-CompensationDescription read_compensation(TableReader& scene) {
-  CompensationDescription compensation;
-  const Node* node = scene.section("compensation");
-  if (!node) return compensation;
-  TableReader reader(*node, "compensation", scene.faults());
-  compensation.rotary_bound =
-      reader.number("rotary_bound_deg", {0.0, 180.0, false, false}, compensation.rotary_bound);
-  compensation.word_resolution =
-      reader.number("word_resolution_mm", positive, compensation.word_resolution);
-  compensation.angle_resolution =
-      reader.number("angle_resolution_deg", positive, compensation.angle_resolution);
-  reader.close();
-  return compensation;
-}
-
 std::vector<CaseDescription> read_cases(TableReader& scene) {
   std::vector<CaseDescription> cases;
   const Node* node = scene.section("compare");
@@ -377,7 +362,10 @@ Scene interpreted(const Node& tree, const std::filesystem::path& file, Faults& f
   read_numerics(reader, scene);
   scene.view = read_view(reader);
   scene.limits = read_limits(reader);
-  scene.compensation = read_compensation(reader);
+  if (const Node* node = reader.section("belief"))
+    scene.belief = read_belief(*node, scene.machine, faults);
+  if (const Node* node = reader.section("compensation"))
+    scene.compensation = read_compensation(*node, scene.machine.joints, faults);
   scene.case_name = reader.text("case", "");
   if (!scene.case_name.empty() && scene.case_name != "error_free" &&
       scene.case_name != "uncompensated") {
@@ -388,6 +376,7 @@ Scene interpreted(const Node& tree, const std::filesystem::path& file, Faults& f
     }
   }
   scene.cases = read_cases(reader);
+  if (faults.list().size() == before) check_beliefs(scene, scene.cases, reader);
   scene.variants = read_variants(reader);
   reader.close();
   return scene;
@@ -436,44 +425,6 @@ Scene read_scene(const std::filesystem::path& file, const std::vector<Override>&
   std::erase_if(*bare.table(), [](const Node::Entry& entry) { return entry.key == "case"; });
   scene.resolved = to_toml(bare);
   return scene;
-}
-
-CaseDescription parse_case(const std::string& name) {
-  std::vector<std::string> tokens(1);
-  for (const char c : name) {
-    if (c == '-') {
-      tokens.emplace_back();
-    } else {
-      tokens.back() += c;
-    }
-  }
-  if (tokens.size() != 3) {
-    throw std::invalid_argument(
-        "expected belief-strategy-channel such as perfect-iterated-ideal, seen \"" + name + "\"");
-  }
-  const auto refuse = [&](const char* what, const std::string& token, const char* had) {
-    throw std::invalid_argument(fmt::format("expected the {} {}, seen \"{}\"", what, had, token));
-  };
-  CaseDescription description;
-  description.name = name;
-  using Channel = CaseDescription::Channel;
-  if (tokens[0] != "perfect")
-    refuse("belief", tokens[0], "perfect (others are not in this version)");
-  if (tokens[1] == "position")
-    description.strategy = compensation::Strategy::Position;
-  else if (tokens[1] == "decoupled")
-    description.strategy = compensation::Strategy::Decoupled;
-  else if (tokens[1] == "iterated")
-    description.strategy = compensation::Strategy::Iterated;
-  else
-    refuse("strategy", tokens[1], "position, decoupled or iterated");
-  if (tokens[2] == "ideal")
-    description.channel = Channel::Ideal;
-  else if (tokens[2] == "program")
-    description.channel = Channel::Program;
-  else
-    refuse("channel", tokens[2], "ideal or program (others are not in this version)");
-  return description;
 }
 
 }  // namespace abbe::sim

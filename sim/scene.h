@@ -23,7 +23,12 @@
 #include "errors/vibration.h"
 #include "kinematics/bad_input.h"
 #include "kinematics/chain.h"
+#include "sim/compensation/channels.h"
+#include "sim/compensation/control_files.h"
 #include "sim/compensation/correct.h"
+#include "sim/compensation/force_belief.h"
+#include "sim/compensation/parameter_tables.h"
+#include "sim/compensation/thermal_belief.h"
 #include "sim/program/generate.h"
 #include "sim/program/nc.h"
 
@@ -223,17 +228,76 @@ struct Limits {
   std::optional<double> pv_um, rms_um, max_abs_um;  ///< exceeded: exit 1
 };
 
-/// A compensator as the three choices of a case name.
+/// A compensator as the three choices of a case name, or one of the user's own.
 struct CaseDescription {
-  std::string name;  ///< "perfect-iterated-ideal"
+  std::string name;  ///< "perfect-iterated-ideal", "mine.py"
+  enum class Belief {
+    Perfect,     ///< the truth without its random parts
+    Identified,  ///< geometric errors, from readings
+    Thermal,     ///< what heat adds, from temperatures
+    Composite,   ///< both (Yang 2012)
+    Force,       ///< what the cut bends, from current, dynamometer or a model of the force
+    Part,        ///< what was measured of a part that was cut before
+    Fused,       ///< all that the scene gives to believe, with one correction (Guo 2016)
+  } belief = Belief::Perfect;
   compensation::Strategy strategy = compensation::Strategy::Iterated;
-  enum class Channel { Ideal, Program } channel = Channel::Ideal;
+  enum class Channel {
+    Ideal,
+    Program,
+    Pulses,
+    Open,
+    Origin,
+    Table,
+    Piezo
+  } channel = Channel::Ideal;
+  std::filesystem::path plug_in;  ///< then belief and strategy are its own
 };
 
+/// What a compensator is given to believe, by the tokens of a case.
+struct BeliefDescription {
+  std::optional<errors::GeometricErrors> identified;
+  std::optional<compensation::ThermalBelief> thermal;
+  struct Force {
+    enum class From { Current, Dynamometer, Model } from = From::Model;
+    errors::ComplianceErrors compliance;  ///< as it is believed; not from current
+    std::filesystem::path training;       ///< from current: scene of the part from which is learnt
+    std::string instrument;               ///< that measures that part
+    double smoothing_s = 0.0;             ///< of current or dynamometer
+    int passes = 2;                       ///< runs from which is learnt, each corrected by the last
+  };
+  std::optional<Force> force;
+  struct Part {
+    std::string instrument;  ///< of the scene, that measures the part
+    int passes = 1;          ///< parts that are cut and measured before the one that counts
+  };
+  std::optional<Part> part;
+  double scale = 1.0;  ///< of what identified and thermal say; 0: one that believes in nothing
+};
+
+/// Channels, strategies and their limits.
 struct CompensationDescription {
   double rotary_bound = 0.1 * 0.017453292519943295;       ///< rad, default 0.1 deg
   double word_resolution = 1e-4;                          ///< mm, of a rewritten NC program
   double angle_resolution = 1e-4 * 0.017453292519943295;  ///< rad, the same for rotary words
+  double path_tolerance = 0.0;  ///< mm, between the corrected path and that of the rewritten
+                                ///< blocks; 0: a word's resolution, of PVT 1 nm
+  compensation::PositionLoop loop;
+  struct Pulses {
+    double count = 1e-3;                             ///< mm
+    double count_rad = 1e-3 * 0.017453292519943295;  ///< rad
+    double cycle_s = 1e-3;
+    double pulse_s = 2e-6;
+  } pulses;
+  compensation::OpenControl open;
+  compensation::OriginShift origin;
+  struct Table {
+    compensation::TableOptions options;
+    std::optional<compensation::ControlFormat> format;  ///< through a file of that control
+    std::optional<kinematics::AxisVector> reference;    ///< (joints) where the other axes stand;
+                                                        ///< none: the middle of the program
+  } table;
+  compensation::Piezo piezo;
+  CaseDescription plug_in;  ///< strategy and channel of plug-ins
 };
 
 /// A value of the scene changed by path: {"errors.scale", "2.0"}; the value is TOML text.
@@ -272,6 +336,7 @@ struct Scene {
   double band = 2.0;              ///< mm
   ViewDescription view;
   Limits limits;
+  BeliefDescription belief;
   CompensationDescription compensation;
   std::string case_name;  ///< what `run` cuts if not told: the case that a finished result
                           ///< names in its scene.toml; empty: uncompensated
@@ -296,8 +361,12 @@ struct BadScene : std::runtime_error {
   std::vector<BadInput> faults;
 };
 
-/// Reads a case name "perfect-iterated-ideal".
+/// Reads a case name "perfect-iterated-ideal"; one with a dot or slash is a plug-in's file.
 /// @throws std::invalid_argument naming the token and what it could be
 CaseDescription parse_case(const std::string& name);
+
+/// The case of a plug-in's file, called by its name with extension.
+/// @throws std::invalid_argument if that name cannot be a folder's
+CaseDescription plug_in_case(const std::filesystem::path& file);
 
 }  // namespace abbe::sim

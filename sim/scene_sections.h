@@ -73,9 +73,22 @@ struct Instruments {
   std::vector<InstrumentDescription> of_machine;
   std::vector<PartInstrumentDescription> of_part;
 };
-/// @param machine  on which every plan is tried, so that one that cannot be is refused where it stands
+/// @param machine  on which every plan is tried, so that one that cannot be is refused where it
+/// stands
 Instruments read_instruments(const std::vector<const Node*>& tables,
                              const MachineDescription& machine, Faults& faults);
+
+/// `[belief]`: what compensators are given to believe.
+BeliefDescription read_belief(const Node& table, const MachineDescription& machine, Faults& faults);
+
+/// Refuses a case whose belief the scene does not give, or cannot have from its sensors.
+void check_beliefs(const Scene& scene, const std::vector<CaseDescription>& cases,
+                   TableReader& reader);
+
+/// `[compensation]`: strategies and channels with their limits.
+CompensationDescription read_compensation(const Node& table,
+                                          const std::vector<kinematics::Joint>& joints,
+                                          Faults& faults);
 
 /// `[sensor_choice]`: how many sensors, by which likeness and screening, for which model.
 SensorChoiceDescription read_sensor_choice(const Node& table, Faults& faults);

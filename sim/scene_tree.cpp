@@ -12,13 +12,25 @@ namespace {
 
 using std::filesystem::path;
 
-// Sections that may be the path of a file instead of a table.
-constexpr std::array sections_in_files{"machine", "errors",  "tool",       "part",
-                                       "program", "thermal", "compliance", "material"};
+// Sections that may be the path of a file instead of a table, by their dotted paths.
+constexpr std::array sections_in_files{"machine",
+                                       "errors",
+                                       "tool",
+                                       "part",
+                                       "program",
+                                       "thermal",
+                                       "compliance",
+                                       "material",
+                                       "belief.identified",
+                                       "belief.force.compliance"};
 
-bool may_be_a_file(std::string_view key) {
-  return std::find(sections_in_files.begin(), sections_in_files.end(), key) !=
-         sections_in_files.end();
+// What stands at a dotted path below a table, its keys themselves dotted or not; null if nothing.
+Node* at_path(Node& node, std::string_view dotted) {
+  if (Node* whole = node.find(dotted)) return whole;
+  const std::size_t dot = dotted.find('.');
+  if (dot == std::string_view::npos) return nullptr;
+  Node* section = node.find(dotted.substr(0, dot));
+  return section ? at_path(*section, dotted.substr(dot + 1)) : nullptr;
 }
 
 std::string absolute(const std::string& name, const path& folder) {
@@ -47,10 +59,12 @@ void make_data_files_absolute(Node& node, const path& folder) {
 
 // A variant is applied later and from elsewhere, so the files it names are made absolute, not read.
 void make_section_files_absolute(Node& set, const path& folder) {
-  for (auto& [key, place, value] : *set.table()) {
-    if (!may_be_a_file(key)) continue;
-    if (std::string* name = std::get_if<std::string>(&value.value)) *name = absolute(*name, folder);
-    if (Node::Array* list = value.array()) {
+  for (const char* dotted : sections_in_files) {
+    Node* section = at_path(set, dotted);
+    if (!section) continue;
+    if (std::string* name = std::get_if<std::string>(&section->value))
+      *name = absolute(*name, folder);
+    if (Node::Array* list = section->array()) {
       for (Node& element : *list) {
         if (std::string* name = std::get_if<std::string>(&element.value)) {
           *name = absolute(*name, folder);
@@ -89,16 +103,26 @@ void read_section_file(Node& section, const path& folder, Faults& faults) {
 }
 
 void read_section_files(Node& tree, const path& folder, Faults& faults) {
-  for (const char* key : sections_in_files) {
-    Node* section = tree.find(key);
+  for (const char* dotted : sections_in_files) {
+    Node* section = at_path(tree, dotted);
     if (!section) continue;
     if (section->text()) read_section_file(*section, folder, faults);
-    if (section->array() && std::string_view(key) == "errors") {
+    const std::string_view last = last_part(dotted);
+    if (section->array() && (last == "errors" || last == "identified")) {
       for (Node& part : *section->array()) {
         if (part.text()) read_section_file(part, folder, faults);
       }
     }
   }
+}
+
+// A case with a dot or slash is the file of a plug-in.
+void make_plug_ins_absolute(Node& tree, const path& folder) {
+  Node* cases = at_path(tree, "compare.cases");
+  if (!cases || !cases->array()) return;
+  for (Node& one : *cases->array())
+    if (std::string* name = std::get_if<std::string>(&one.value))
+      if (name->find_first_of("./") != std::string::npos) *name = absolute(*name, folder);
 }
 
 void make_variant_files_absolute(Node& tree, const path& folder) {
@@ -107,6 +131,7 @@ void make_variant_files_absolute(Node& tree, const path& folder) {
   for (Node& variant : *variants->array()) {
     if (Node* set = variant.find("set"); set && set->table()) {
       make_section_files_absolute(*set, folder);
+      make_plug_ins_absolute(*set, folder);
     }
   }
 }
@@ -280,6 +305,7 @@ std::optional<Node> read_tree(const path& file, Faults& faults) {
     Node tree = read_toml_file(file);
     make_data_files_absolute(tree, file.parent_path());
     make_variant_files_absolute(tree, file.parent_path());
+    make_plug_ins_absolute(tree, file.parent_path());
     read_section_files(tree, file.parent_path(), faults);
     return tree;
   } catch (const BadInput& fault) {
@@ -296,6 +322,7 @@ Node changed(Node tree, const std::vector<Change>& changes, const path& folder, 
       if (last_part(one.path) == "file") *name = absolute(*name, folder);
     }
     Changer(one, faults).apply(tree);
+    make_plug_ins_absolute(tree, folder);
     read_section_files(tree, folder, faults);
   }
   return tree;

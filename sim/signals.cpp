@@ -55,6 +55,7 @@ struct Row {
   int line = 0;
   errors::Load load;
   Pose T_wt_wanted;
+  std::size_t sample = 0;
 };
 
 /// Speed of the spindle in the phase of the history in which an instant lies.
@@ -72,7 +73,7 @@ void add_history(std::vector<Row>& rows, const Scene& scene, const Truth& truth,
   const double start = truth.heat->run.knots.front().time_s;
   const double interval = std::max(scene.signals.history_interval, -start / double(most_rows - 1));
   for (double k = std::floor(-start / interval); k >= 1.0; --k) {
-    Row row{recorded.samples.states.front(), 0, {}, recorded.T_wt_wanted.front()};
+    Row row{recorded.samples.states.front(), 0, {}, recorded.T_wt_wanted.front(), 0};
     row.state.time_s = -k * interval;
     row.state.spindle_speed = history_speed(truth, row.state.time_s);
     rows.push_back(row);
@@ -95,7 +96,7 @@ void add_program(std::vector<Row>& rows, const Scene& scene, const Recorded& rec
     last = i;
     rows.push_back({states[i], recorded.samples.line[i],
                     recorded.loads.empty() ? errors::Load{} : recorded.loads[i],
-                    recorded.T_wt_wanted[i]});
+                    recorded.T_wt_wanted[i], i});
   }
 }
 
@@ -149,6 +150,27 @@ void add_axes(Table& table, const Scene& scene, const Machine& machine,
     encoders.emplace_back(joint.name + std::string("_encoder") + suffix, reading / unit);
   }
   for (auto& [name, reading] : encoders) table.add(name, std::move(reading));
+}
+
+void add_corrections(Table& table, const Machine& machine, const std::vector<Row>& rows,
+                     const Recorded& recorded) {
+  VectorXd column(Eigen::Index(rows.size()));
+  const auto add = [&](std::string name, const auto& of_sample) {
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      column[Eigen::Index(i)] = of_sample(rows[i].sample);
+    table.add(std::move(name), column);
+  };
+  for (int j = 0; j < machine.nominal.size() && !recorded.correction.empty(); ++j) {
+    if (is_spindle(machine, j)) continue;
+    const Joint& joint = machine.nominal.joints()[std::size_t(j)];
+    const bool slide = joint.motion == Motion::Linear;
+    add(joint.name + std::string(slide ? "_correction_um" : "_correction_urad"),
+        [&](std::size_t i) {
+          return recorded.correction[i][j] / (slide ? units::um : units::urad);
+        });
+  }
+  if (!recorded.stroke.empty())
+    add("piezo_um", [&](std::size_t i) { return recorded.stroke[i] / units::um; });
 }
 
 void add_heat(Table& table, const Scene& scene, const Truth& truth, const VectorXd& time_s) {
@@ -274,7 +296,8 @@ void add_deviations(Table& table, const Machine& machine, const Eigen::MatrixXd&
 
 Signals signals(const Scene& scene, const Machine& machine, const Truth& truth,
                 const Recorded& recorded) {
-  if (!scene.thermal && !scene.cutting && !scene.compliance) return {};
+  const bool channel = !recorded.correction.empty() || !recorded.stroke.empty();
+  if (!scene.thermal && !scene.cutting && !scene.compliance && !channel) return {};
   if (recorded.samples.states.empty()) return {};
   std::vector<Row> rows;
   add_history(rows, scene, truth, recorded);
@@ -290,6 +313,7 @@ Signals signals(const Scene& scene, const Machine& machine, const Truth& truth,
   table.add("time_s", time_s);
   table.add("line", line);
   add_axes(table, scene, machine, rows);
+  add_corrections(table, machine, rows, recorded);
   table.add("spindle_rpm", spindle_speed / units::rpm);
   add_heat(table, scene, truth, time_s);
   add_process(table, scene, recorded.process, time_s, spindle_speed);

@@ -6,15 +6,7 @@ namespace abbe::sim {
 namespace {
 
 using kinematics::AxisState;
-using kinematics::JointDeviation;
 using kinematics::Pose;
-
-void add(std::vector<JointDeviation>& sum, const std::vector<JointDeviation>& source) {
-  for (std::size_t i = 0; i < sum.size(); ++i) {
-    sum[i].motion += source[i].motion;
-    sum[i].location += source[i].location;
-  }
-}
 
 bool acts(const errors::ComplianceModel& model, const errors::Load& load) {
   return !load.on_tool_t.isZero(0.0) || model.gravity_b || model.inertia ||
@@ -44,14 +36,17 @@ errors::ForceDeviations sum_of_sources(const Truth& truth, const AxisState& stat
   errors::ForceDeviations sum;
   if (truth.compliance && acts(*truth.compliance, load)) {
     sum = errors::deviations(*truth.compliance, state, load);
-    add(sum.joints, errors::deviations(truth.geometric, state));
+    sum.joints = kinematics::sum(std::move(sum.joints), errors::deviations(truth.geometric, state));
   } else {
     sum.joints = errors::deviations(truth.geometric, state);
   }
-  if (truth.heat) add(sum.joints, errors::deviations(truth.heat->model, state.q, T_C));
+  if (truth.heat)
+    sum.joints =
+        kinematics::sum(std::move(sum.joints), errors::deviations(truth.heat->model, state.q, T_C));
   if (truth.vibration)
-    add(sum.joints, errors::deviations(*truth.vibration, state.spindle_speed,
-                                       truth.spindle ? state.q[*truth.spindle] : 0.0));
+    sum.joints = kinematics::sum(std::move(sum.joints),
+                                 errors::deviations(*truth.vibration, state.spindle_speed,
+                                                    truth.spindle ? state.q[*truth.spindle] : 0.0));
   return sum;
 }
 

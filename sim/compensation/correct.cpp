@@ -1,8 +1,10 @@
 #include "sim/compensation/correct.h"
 
 #include <algorithm>
+#include <array>
+#include <bitset>
 #include <cmath>
-#include <vector>
+#include <limits>
 
 #include <Eigen/Dense>
 
@@ -12,155 +14,234 @@ namespace abbe::sim::compensation {
 namespace {
 
 using Eigen::Matrix2d;
+using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using kinematics::AxisVector;
 using kinematics::Chain;
+using kinematics::max_joints;
 using kinematics::Motion;
 using kinematics::Pose;
 
 constexpr double point_step = 1e-8;       // mm: 0.01 nm
 constexpr double direction_step = 1e-12;  // rad
 
+struct Slide {
+  int joint = 0;
+  Vector3d direction_w;  ///< of the point, mm per mm
+  Vector3d reply;        ///< mm of this slide per mm that the point should move
+};
+
+struct Turn {
+  int joint = 0;
+  Vector3d point_w;    ///< mm that the point moves per rad
+  Vector2d direction;  ///< rad that the tool axis moves per rad, across itself
+};
+
+template <typename Joint>
+struct Few {
+  std::array<Joint, max_joints> all;
+  int count = 0;
+
+  void add(const Joint& joint) { all[std::size_t(count++)] = joint; }
+  const Joint* begin() const { return all.data(); }
+  const Joint* end() const { return all.data() + count; }
+};
+
+using TurnVector =
+    Eigen::Matrix<double, max_joints, 1>;  // one number per turn that may be corrected
+
 /// The joints that may be corrected, and how they move the functional point and the tool axis.
 struct Reach {
-  std::vector<int> slides;
-  std::vector<int> turns;
-  Eigen::Matrix<double, 3, Eigen::Dynamic> point_by_slide;     // (3 x slides)
-  Eigen::Matrix<double, 3, Eigen::Dynamic> point_by_turn;      // (3 x turns)
-  Eigen::Matrix<double, 2, Eigen::Dynamic> direction_by_turn;  // (2 x turns), across the tool axis
-  Eigen::Matrix<double, 2, 3> across;  // (2 x 3) rows span the plane across it
+  Few<Slide> slides;
+  Few<Turn> turns;
+  Eigen::Matrix<double, 2, 3> across;  ///< rows span the plane across the tool axis
 };
 
 Vector3d axis_of(const Pose& T) { return T.linear().col(2); }
 
-Vector3d functional_point(const Pose& T, double height) {
-  return T.translation() + height * axis_of(T);
+/// The slides with what they answer to a wish, by least squares of the least length.
+Few<Slide> with_replies(Few<Slide> slides) {
+  auto& s = slides.all;
+  if (slides.count == 2 || slides.count == 3) {
+    // two are made three by what neither of them can reach
+    const Vector3d third =
+        slides.count == 3 ? s[2].direction_w : s[0].direction_w.cross(s[1].direction_w);
+    const Vector3d across_first = s[1].direction_w.cross(third);
+    const double volume = s[0].direction_w.dot(across_first);
+    if (std::abs(volume) > 0.01) {
+      s[0].reply = across_first / volume;
+      s[1].reply = third.cross(s[0].direction_w) / volume;
+      s[2].reply = s[0].direction_w.cross(s[1].direction_w) / volume;
+      return slides;
+    }
+  }
+  if (slides.count == 0) return slides;
+  Eigen::Matrix3Xd directions(3, slides.count);
+  for (int k = 0; k < slides.count; ++k) directions.col(k) = s[std::size_t(k)].direction_w;
+  const Eigen::MatrixXd replies = directions.completeOrthogonalDecomposition().pseudoInverse();
+  for (int k = 0; k < slides.count; ++k) s[std::size_t(k)].reply = replies.row(k);
+  return slides;
 }
 
 Reach reach_at(const Chain& chain, const AxisVector& q, const Pose& T_wt,
                const CorrectOptions& options, double height) {
-  const Eigen::MatrixXd J = kinematics::axis_jacobian(chain, q);
+  const kinematics::AxisJacobian J = kinematics::axis_jacobian(chain, q);
   const Vector3d u = axis_of(T_wt);
   Reach reach;
+  reach.across = T_wt.linear().leftCols<2>().transpose();
   for (int i = 0; i < chain.size(); ++i) {
-    const kinematics::Joint& joint = chain.joints()[std::size_t(i)];
-    if (options.idle_joint == i) continue;
-    if (joint.motion == Motion::Linear) reach.slides.push_back(i);
-    if (joint.motion == Motion::Rotary && options.strategy != Strategy::Position)
-      reach.turns.push_back(i);
+    if (options.still[std::size_t(i)]) continue;
+    const Motion motion = chain.joints()[std::size_t(i)].motion;
+    if (motion == Motion::Linear) reach.slides.add({i, J.col(i).head<3>(), Vector3d::Zero()});
+    if (motion == Motion::Rotary && options.strategy != Strategy::Position) {
+      const Vector3d lean = J.col(i).tail<3>().cross(u);
+      reach.turns.add({i, J.col(i).head<3>() + height * lean, reach.across * lean});
+    }
   }
-  reach.across.row(0) = T_wt.linear().col(0).transpose();
-  reach.across.row(1) = T_wt.linear().col(1).transpose();
-  reach.point_by_slide.resize(3, Eigen::Index(reach.slides.size()));
-  reach.point_by_turn.resize(3, Eigen::Index(reach.turns.size()));
-  reach.direction_by_turn.resize(2, Eigen::Index(reach.turns.size()));
-  for (std::size_t k = 0; k < reach.slides.size(); ++k)
-    reach.point_by_slide.col(Eigen::Index(k)) = J.col(reach.slides[k]).head<3>();
-  for (std::size_t k = 0; k < reach.turns.size(); ++k) {
-    const Vector3d turn = J.col(reach.turns[k]).tail<3>();
-    reach.point_by_turn.col(Eigen::Index(k)) =
-        J.col(reach.turns[k]).head<3>() + turn.cross(height * u);
-    reach.direction_by_turn.col(Eigen::Index(k)) = reach.across * turn.cross(u);
-  }
+  reach.slides = with_replies(reach.slides);
   return reach;
 }
 
-/// Damping that is zero where the least sensitive turn still moves the axis well, and grows
-/// smoothly towards the pole, where that turn would have to be enormous.
-double damping(const Reach& reach, double singular_sine) {
-  double least = 1.0;
-  for (Eigen::Index k = 0; k < reach.direction_by_turn.cols(); ++k)
-    least = std::min(least, reach.direction_by_turn.col(k).norm());
-  if (least >= singular_sine) return 0.0;
-  const double depth = 1.0 - least / singular_sine;
-  return singular_sine * depth;
+/// Eigenvalues of a symmetric matrix that has none below 0, and the vectors that belong to them.
+struct Principal {
+  Vector2d value;   ///< the larger first
+  Matrix2d vector;  ///< columns
+};
+
+Principal principal(const Matrix2d& G) {
+  const double mean = 0.5 * (G(0, 0) + G(1, 1));
+  const double half = 0.5 * (G(0, 0) - G(1, 1));
+  const double radius = std::hypot(half, G(0, 1));
+  Principal p;
+  p.value << mean + radius, std::max(mean - radius, 0.0);
+  // of the two forms the one without cancellation
+  Vector2d first =
+      half >= 0.0 ? Vector2d(half + radius, G(0, 1)) : Vector2d(G(0, 1), radius - half);
+  first = radius > 0.0 ? Vector2d(first.normalized()) : Vector2d::UnitX();
+  p.vector << first, Vector2d(-first.y(), first.x());
+  return p;
 }
 
-/// Next total correction of the turns: minimises |error + J (c - c_now)|^2 + damping^2 |c|^2 within
-/// the bound, coordinate by coordinate at the bound.
-Eigen::VectorXd turns_step(const Reach& reach, const Vector2d& error, const Eigen::VectorXd& c_now,
-                           const CorrectOptions& options) {
-  const auto& J = reach.direction_by_turn;
-  const double mu = damping(reach, options.singular_sine);
-  const Eigen::Index n = J.cols();
-  Eigen::VectorXd c = Eigen::VectorXd::Zero(n);
-  if (n == 0) return c;
-  const Vector2d wanted = J * c_now - error;
-  std::vector<bool> held(std::size_t(n), false);
-  for (Eigen::Index round = 0; round <= n; ++round) {
-    std::vector<Eigen::Index> free;
-    Vector2d rest = wanted;
-    for (Eigen::Index k = 0; k < n; ++k) {
-      if (held[std::size_t(k)])
-        rest -= J.col(k) * c[k];
-      else
-        free.push_back(k);
-    }
-    if (free.empty()) break;
-    const Eigen::Index m = Eigen::Index(free.size());
-    Eigen::MatrixXd A = Eigen::MatrixXd::Zero(2 + m, m);
-    Eigen::VectorXd b = Eigen::VectorXd::Zero(2 + m);
-    b.head<2>() = rest;
-    for (Eigen::Index k = 0; k < m; ++k) {
-      A.col(k).head<2>() = J.col(free[std::size_t(k)]);
-      A(2 + k, k) = mu;
-    }
-    const Eigen::VectorXd solved = A.completeOrthogonalDecomposition().solve(b);
-    bool inside = true;
-    for (Eigen::Index k = 0; k < m; ++k) {
-      const Eigen::Index i = free[std::size_t(k)];
-      c[i] = std::clamp(solved[k], -options.rotary_bound, options.rotary_bound);
-      if (c[i] != solved[k]) {
-        held[std::size_t(i)] = true;
-        inside = false;
-      }
-    }
-    if (inside) break;
+/// Corrections of the free turns that lean the tool axis as wanted, of the least length. A way of
+/// leaning in which they hardly move the axis is damped, so that its part fades out towards the
+/// pole; any other is served in full.
+TurnVector lean(const Few<Turn>& turns, std::bitset<max_joints> held, const Vector2d& wanted,
+                double singular_sine) {
+  Matrix2d G = Matrix2d::Zero();
+  for (int k = 0; k < turns.count; ++k) {
+    const Vector2d& direction = turns.all[std::size_t(k)].direction;
+    if (!held[std::size_t(k)]) G += direction * direction.transpose();
+  }
+  const Principal way = principal(G);
+  TurnVector c = TurnVector::Zero();
+  for (int i = 0; i < 2; ++i) {
+    const double damping = std::max(singular_sine - std::sqrt(way.value[i]), 0.0);
+    const double strength = way.value[i] + damping * damping;
+    if (!(strength > 1e-14 * way.value[0]) || strength == 0.0) continue;
+    const double part = way.vector.col(i).dot(wanted) / strength;
+    for (int k = 0; k < turns.count; ++k)
+      if (!held[std::size_t(k)])
+        c[k] += part * turns.all[std::size_t(k)].direction.dot(way.vector.col(i));
   }
   return c;
+}
+
+/// Next total correction of the turns, by the error that the present one leaves. The turn that
+/// passes the bound by most stays there, and the others serve the rest, and so on.
+TurnVector next_turns(const Few<Turn>& turns, const Vector2d& error, const TurnVector& now,
+                      const CorrectOptions& options) {
+  if (turns.count == 0) return TurnVector::Zero();
+  Vector2d wanted = -error;
+  for (int k = 0; k < turns.count; ++k) wanted += turns.all[std::size_t(k)].direction * now[k];
+  TurnVector at_bound = TurnVector::Zero();
+  std::bitset<max_joints> held;
+  for (;;) {
+    const TurnVector asked = lean(turns, held, wanted, options.singular_sine);
+    Eigen::Index most = 0;
+    const bool beyond = asked.cwiseAbs().maxCoeff(&most) > options.rotary_bound;
+    if (!beyond || held[std::size_t(most)]) return at_bound + asked;
+    at_bound[most] = std::copysign(options.rotary_bound, asked[most]);
+    wanted -= turns.all[std::size_t(most)].direction * at_bound[most];
+    held.set(std::size_t(most));
+  }
+}
+
+/// Where the functional point and the tool axis should be, or are.
+struct Place {
+  Vector3d point_w;
+  Vector3d axis_w;
+};
+
+Place place(const Pose& T_wt, double height) {
+  const Vector3d axis = axis_of(T_wt);
+  return {T_wt.translation() + height * axis, axis};
+}
+
+/// What is done next about the errors that are left.
+struct Step {
+  TurnVector turns;           ///< total, rad
+  TurnVector turned;          ///< the part that is new
+  Vector3d wanted_w;          ///< mm that the slides should move the point
+  bool mends_little = false;  ///< below 0.01 nm and 1e-12 rad
+};
+
+Step next_step(const Reach& reach, const Place& error, const TurnVector& now,
+               const CorrectOptions& options) {
+  Step step;
+  step.turns = next_turns(reach.turns, reach.across * error.axis_w, now, options);
+  step.turned = step.turns - now;
+  step.wanted_w = -error.point_w;
+  for (int k = 0; k < reach.turns.count; ++k)
+    step.wanted_w -= step.turned[k] * reach.turns.all[std::size_t(k)].point_w;
+  Vector3d mended = Vector3d::Zero();
+  for (const Slide& slide : reach.slides)
+    mended += slide.reply.dot(error.point_w) * slide.direction_w;
+  step.mends_little =
+      mended.norm() < point_step && step.turned.cwiseAbs().maxCoeff() < direction_step;
+  return step;
+}
+
+/// The command with all turns so far, and the slides of q one step further.
+AxisVector taken(const Step& step, const Reach& reach, const AxisVector& command, AxisVector q) {
+  for (int k = 0; k < reach.turns.count; ++k) {
+    const int joint = reach.turns.all[std::size_t(k)].joint;
+    q[joint] = command[joint] + step.turns[k];
+  }
+  for (const Slide& slide : reach.slides) q[slide.joint] += slide.reply.dot(step.wanted_w);
+  return q;
+}
+
+/// A belief that is no number corrects nothing.
+Correction nothing_known(const AxisVector& command) {
+  const double all = std::numeric_limits<double>::infinity();
+  return {command, all, all, false};
 }
 
 }  // namespace
 
 Correction correct(const Chain& control, const Belief& belief, const Pose& T_wt,
                    const kinematics::AxisState& command, const CorrectOptions& options) {
+  const bool iterated = options.strategy == Strategy::Iterated;
   const double height = options.strategy == Strategy::Position ? 0.0 : options.functional_height;
+  const int most_steps = iterated ? options.most_iterations : 1;
   const Reach reach = reach_at(control, command.q, T_wt, options, height);
-  const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> slides(reach.point_by_slide);
-  const Vector3d u = axis_of(T_wt);
-  const Vector3d point = functional_point(T_wt, height);
+  const Place target = place(T_wt, height);
 
-  Correction result;
-  result.converged = options.strategy != Strategy::Iterated;
-  Eigen::VectorXd turns = Eigen::VectorXd::Zero(Eigen::Index(reach.turns.size()));
   kinematics::AxisState state = command;
-  const int steps = options.strategy == Strategy::Iterated ? options.most_iterations : 1;
-  for (int step = 0; step <= steps; ++step) {
-    const Pose believed = belief(state);
-    const Vector3d point_error = functional_point(believed, height) - point;
-    const Vector3d direction_error = axis_of(believed) - u;
-    result.point_left = point_error.norm();
-    result.direction_left = direction_error.norm();
-    if (step == steps || (step > 0 && result.converged && options.strategy == Strategy::Iterated))
-      break;
-
-    const Eigen::VectorXd next = turns_step(reach, reach.across * direction_error, turns, options);
-    const Eigen::VectorXd turned = next - turns;
-    const Eigen::VectorXd wanted = -(point_error + reach.point_by_turn * turned);
-    const Eigen::VectorXd moved = slides.solve(wanted);
-    turns = next;
-    for (std::size_t k = 0; k < reach.turns.size(); ++k)
-      state.q[reach.turns[k]] = command.q[reach.turns[k]] + turns[Eigen::Index(k)];
-    for (std::size_t k = 0; k < reach.slides.size(); ++k)
-      state.q[reach.slides[k]] += moved[Eigen::Index(k)];
-    const double largest_turn = turned.size() > 0 ? turned.cwiseAbs().maxCoeff() : 0.0;
-    const double largest_move = moved.size() > 0 ? moved.cwiseAbs().maxCoeff() : 0.0;
-    if (options.strategy == Strategy::Iterated)
-      result.converged = largest_move < point_step && largest_turn < direction_step;
+  TurnVector turns = TurnVector::Zero();
+  for (int steps = 0;; ++steps) {
+    const Place believed = place(belief(state), height);
+    const Place error{believed.point_w - target.point_w, believed.axis_w - target.axis_w};
+    Correction here{state.q, error.point_w.norm(), error.axis_w.norm(), !iterated};
+    if (!std::isfinite(here.point_left + here.direction_left)) return nothing_known(command.q);
+    if (!iterated && steps == most_steps) return here;
+    const Step step = next_step(reach, error, turns, options);
+    if (iterated) here.converged = step.mends_little;
+    if (iterated && (here.converged || steps >= most_steps)) return here;
+    state.q = taken(step, reach, command.q, state.q);
+    turns = step.turns;
   }
-  result.q = state.q;
-  return result;
 }
 
 }  // namespace abbe::sim::compensation

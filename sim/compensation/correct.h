@@ -1,7 +1,7 @@
 #pragma once
 
+#include <bitset>
 #include <functional>
-#include <optional>
 
 #include "kinematics/chain.h"
 
@@ -22,30 +22,36 @@ enum class Strategy {
 struct CorrectOptions {
   Strategy strategy = Strategy::Iterated;
   double rotary_bound = 1.7453292519943296e-3;  ///< rad, no rotary correction is larger (0.1 deg)
-  double singular_sine = 0.02;     ///< below this sine between the tool axis and a rotary axis its
-                                   ///< correction is damped, so that it fades out towards the pole
+  double singular_sine = 0.02;     ///< a way of leaning the tool in which the turns move it less
+                                   ///< than this, rad per rad, is damped: it fades out towards the
+                                   ///< pole, and no turn exceeds 1.21 / this times the lean
   double functional_height = 0.0;  ///< mm above the tip of the point that the slides restore when
                                    ///< directions are corrected too: a ball's centre, a corner's
-  std::optional<int> idle_joint;   ///< a joint that is never corrected: the workpiece spindle
+  std::bitset<kinematics::max_joints> still;  ///< joints that are never corrected: the workpiece
+                                              ///< spindle, what the channel cannot move
   int most_iterations = 30;
 };
 
-/// A corrected command and what it could not reach, by the belief.
+/// A corrected command and what it could not reach, by the belief at that very command.
 struct Correction {
   kinematics::AxisVector q;     ///< (joints)
   double point_left = 0.0;      ///< mm between the functional point and where it should be
   double direction_left = 0.0;  ///< rad between the tool axis and where it should point
-  bool converged = true;        ///< iterated: the last step was below 0.01 nm and 1e-12 rad
+  bool converged = true;        ///< iterated: the axes could mend less than 0.01 nm and 1e-12 rad
 };
 
-/// Command that brings the tool, as believed, to where the nominal machine would have it.
-/// One step leaves an error of second order in the deviations; iterated, only what the axes cannot
-/// do.
+/// Command that brings the tool, as believed, to where the nominal machine would have it. The turns
+/// serve the direction, within their bound; the slides serve the point, in the direction that is
+/// really reached. What the joints that may move cannot do is left, by least squares. One step
+/// leaves besides an error of second order in the deviations, iterated it does not. A belief that
+/// is no number corrects nothing: the command as it was, everything left, not converged.
 /// @param control  chain whose Jacobian the control knows
 /// @param T_wt     where the tool should be
 /// @param command  where the axes would have gone; its time and direction of motion go to the
-/// belief Source: decoupling after Yang 2012; damping after Nakamura and Hanafusa 1986,
-/// equation 15.
+///                 belief
+/// Cost: two beliefs a correction, three or four if iterated, and half a microsecond.
+/// Source: decoupling after Yang 2012; damping after Nakamura and Hanafusa 1986, equation 15, of
+/// the weak ways alone.
 Correction correct(const kinematics::Chain& control, const Belief& belief,
                    const kinematics::Pose& T_wt, const kinematics::AxisState& command,
                    const CorrectOptions& options = {});

@@ -9,9 +9,9 @@
 
 #include "kinematics/bad_input.h"
 #include "kinematics/inverse.h"
+#include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/program/nc_block.h"
-#include "kinematics/text.h"
 
 namespace abbe::sim::program {
 namespace {
@@ -29,7 +29,7 @@ constexpr double arc_free = 0.005;      // mm
 constexpr double arc_relative = 1e-3;
 constexpr double least_motion =
     1e-11;                           // mm or rad, less is the rounding of a change of coordinates
-constexpr double same_point = 1e-8;  // mm, an arc that ends this near to its start is a circle
+constexpr double same_point = 1e-8;  // mm, an arc that ends this near to its start has no R
 
 enum class Group {
   OneBlock,
@@ -149,6 +149,27 @@ struct Codes {
   const Code& operator[](Group group) const { return by_group[std::size_t(group)]; }
 };
 
+/// Squares of a way.
+struct Squares {
+  double xyz = 0.0, uvw = 0.0, turns = 0.0;  // mm^2, rad^2
+};
+
+Squares squares(const std::vector<ControlledAxis>& axes, const AxisVector& start,
+                const AxisVector& end) {
+  Squares squares;
+  const int spindle = spindle_of(axes);
+  for (int j = 0; j < int(axes.size()); ++j) {
+    const ControlledAxis& axis = axes[std::size_t(j)];
+    if (axis.motion == Motion::Spindle || j == spindle) continue;
+    const double way = end[j] - start[j];
+    double& sum = axis.motion != Motion::Linear ? squares.turns
+                  : axis.name >= 'X'            ? squares.xyz
+                                                : squares.uvw;
+    sum += way * way;
+  }
+  return squares;
+}
+
 /// The control while it reads: its modes, and where the axes stand.
 class Control {
  public:
@@ -180,6 +201,8 @@ class Control {
   void set_spindle(const NcBlock& block, const Codes& codes);
   void set_feed(const NcBlock& block, const Codes& codes);
   void set_tool_length(const NcBlock& block, const Codes& codes);
+  void note_tool_and_coolant(const NcBlock& block, const Codes& codes);
+  void note_stop(const Codes& codes);
   void dwell(const NcBlock& block, const NcWord& g4);
   void move(const NcBlock& block, const Codes& codes);
   AxisVector target(const NcBlock& block, bool machine_coordinates) const;
@@ -402,8 +425,26 @@ void Control::set_modes(const NcBlock& block, const Codes& codes) {
   if (const auto& code = codes[Group::Motion]) motion_ = code.tenths;
 }
 
+void Control::note_tool_and_coolant(const NcBlock& block, const Codes& codes) {
+  std::string text = block['T'] ? fmt::format("T{:.0f}", block['T'].value) : "";
+  for (const Group group : {Group::ToolChange, Group::Coolant})
+    if (const Codes::Code& code = codes[group]; code && code.tenths != 90)
+      text += fmt::format("{}M{}", text.empty() ? "" : " ", code.tenths / 10);
+  if (!text.empty()) path_.asides.push_back({path_.blocks.size(), std::move(text)});
+}
+
+/// What a control does after the motion of the block.
+void Control::note_stop(const Codes& codes) {
+  const Codes::Code &stop = codes[Group::Stop], &coolant = codes[Group::Coolant];
+  if (coolant && coolant.tenths == 90) path_.asides.push_back({path_.blocks.size(), "M9"});
+  if (stop && stop.tenths <= 10)
+    path_.asides.push_back({path_.blocks.size(), fmt::format("M{}", stop.tenths / 10)});
+}
+
 void Control::append(Block block, double seconds) {
   block.line = line_;
+  block.inch = unit_ != 1.0;
+  block.inverse_time = inverse_time_;
   block.start_s = time_s_;
   block.end_s = time_s_ + seconds;
   if (spindle_ >= 0) {
@@ -455,16 +496,10 @@ AxisVector Control::target(const NcBlock& block, bool machine_coordinates) const
 }
 
 double Control::duration(const Block& block, const NcBlock& words, const NcWord& cause) const {
-  double xyz = 0.0, uvw = 0.0, turns = 0.0;  // squares
-  for (int j = 0; j < int(at_.size()); ++j) {
-    if (!is_controlled(j)) continue;
-    const double way = block.end[j] - block.start[j];
-    const char name = options_.axes[std::size_t(j)].name;
-    (is_linear(j) ? (name >= 'X' ? xyz : uvw) : turns) += way * way;
-  }
   if (block.interpolation == Interpolation::Rapid) {
-    const double mm = std::sqrt(xyz + uvw);
-    return mm > 0.0 ? mm / options_.rapid_speed : std::sqrt(turns) / options_.rapid_turn;
+    const Squares way = squares(options_.axes, block.start, block.end);
+    const double mm = std::sqrt(way.xyz + way.uvw);
+    return mm > 0.0 ? mm / options_.rapid_speed : std::sqrt(way.turns) / options_.rapid_turn;
   }
   if (!feed_)
     refuse(words['F'] ? words['F'] : cause,
@@ -472,18 +507,10 @@ double Control::duration(const Block& block, const NcBlock& words, const NcWord&
                          : "F before or in the first block of feed",
            "none");
   if (inverse_time_) return 60.0 / feed_->word;
-  if (block.interpolation == Interpolation::Arc) {
-    const Arc& arc = path_.arcs[block.shape];
-    const double chord = (block.end[arc.first] - block.start[arc.first]) *
-                             (block.end[arc.first] - block.start[arc.first]) +
-                         (block.end[arc.second] - block.start[arc.second]) *
-                             (block.end[arc.second] - block.start[arc.second]);
-    const double round = (arc.radius + 0.5 * arc.growth) * arc.sweep;
-    xyz = xyz - chord + round * round;
-  }
-  const double mm = std::sqrt(xyz > 0.0 ? xyz : uvw);
-  if (mm > 0.0) return mm * 60.0 / (feed_->word * feed_->unit);
-  return std::sqrt(turns) / units::deg * 60.0 / feed_->word;
+  const Way way =
+      way_of_feed(options_.axes, block.start, block.end,
+                  block.interpolation == Interpolation::Arc ? &path_.arcs[block.shape] : nullptr);
+  return way.length * 60.0 / (feed_->word * (way.linear ? feed_->unit : 1.0));
 }
 
 Eigen::Vector2d Control::centre_from_offsets(const NcBlock& block, const NcWord& cause,
@@ -525,36 +552,29 @@ Eigen::Vector2d Control::centre_from_radius(const NcWord& radius, const Eigen::V
 
 void Control::arc(const NcBlock& block, const NcWord& cause, AxisVector end) {
   const std::string_view plane = plane_ == 170 ? "XY" : plane_ == 180 ? "ZX" : "YZ";
-  Arc arc;
-  arc.first = joint_of_[std::size_t(plane[0] - 'A')];
-  arc.second = joint_of_[std::size_t(plane[1] - 'A')];
-  if (arc.first < 0 || arc.second < 0)
+  const int first = joint_of_[std::size_t(plane[0] - 'A')];
+  const int second = joint_of_[std::size_t(plane[1] - 'A')];
+  if (first < 0 || second < 0)
     refuse(cause, fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
-  const Eigen::Vector2d start(at_[arc.first], at_[arc.second]);
-  const Eigen::Vector2d stop(end[arc.first], end[arc.second]);
+  const Eigen::Vector2d start(at_[first], at_[second]), stop(end[first], end[second]);
   const NcWord& by_radius = block['R'];
   if (by_radius)
     for (const char letter : {'I', 'J', 'K'})
       if (block[letter]) refuse(block[letter], "either R or I J K");
-  arc.centre = by_radius ? centre_from_radius(by_radius, start, stop)
-                         : centre_from_offsets(block, cause, start);
-  const Eigen::Vector2d from = start - arc.centre, to = stop - arc.centre;
-  arc.radius = from.norm();
-  arc.growth = to.norm() - arc.radius;
+  const Eigen::Vector2d centre = by_radius ? centre_from_radius(by_radius, start, stop)
+                                           : centre_from_offsets(block, cause, start);
+  Arc arc = arc_through({start, stop, centre, motion_ == 20});
+  arc.first = first;
+  arc.second = second;
+  const double end_radius = (stop - centre).norm();
   const NcWord& named = by_radius ? by_radius : cause;
-  if (std::min(arc.radius, to.norm()) < same_point)
+  if (std::min(arc.radius, end_radius) < same_point)
     refuse(named, "a radius that is not zero", "a centre at an end of the arc");
   if (arc.radius > largest_mm) refuse(named, "a radius of at most 1e6 mm");
   const double off = std::abs(arc.growth);
   if (off > arc_absolute || (off > arc_free && off > arc_relative * arc.radius))
     refuse(named, "one radius at both ends of the arc",
-           fmt::format("{} mm at the start and {} mm at the end", arc.radius, to.norm()));
-  arc.start_angle = std::atan2(from.y(), from.x());
-  double sweep = std::atan2(from.x() * to.y() - from.y() * to.x(), from.dot(to));
-  const bool whole = (stop - start).norm() < same_point;
-  if (motion_ == 30 && (sweep <= 0 || whole)) sweep = whole ? 2 * pi : sweep + 2 * pi;
-  if (motion_ == 20 && (sweep >= 0 || whole)) sweep = whole ? -2 * pi : sweep - 2 * pi;
-  arc.sweep = sweep;
+           fmt::format("{} mm at the start and {} mm at the end", arc.radius, end_radius));
 
   Block round;
   round.interpolation = Interpolation::Arc;
@@ -603,16 +623,33 @@ bool Control::execute(const NcBlock& block) {
   check_letters(block);
   check_companions(block, codes);
   set_modes(block, codes);
+  note_tool_and_coolant(block, codes);
   const Codes::Code& once = codes[Group::OneBlock];
   if (once && once.tenths == 40)
     dwell(block, once.word);
   else
     move(block, codes);
   const Codes::Code& stop = codes[Group::Stop];
+  note_stop(codes);
   return !(stop && (stop.tenths == 20 || stop.tenths == 300));
 }
 
 }  // namespace
+
+Way way_of_feed(const std::vector<ControlledAxis>& axes, const AxisVector& start,
+                const AxisVector& end, const Arc* arc) {
+  Squares squared = squares(axes, start, end);
+  if (arc != nullptr) {
+    const double chord =
+        (end[arc->first] - start[arc->first]) * (end[arc->first] - start[arc->first]) +
+        (end[arc->second] - start[arc->second]) * (end[arc->second] - start[arc->second]);
+    const double round = (arc->radius + 0.5 * arc->growth) * arc->sweep;
+    squared.xyz = squared.xyz - chord + round * round;
+  }
+  const double mm = std::sqrt(squared.xyz > 0.0 ? squared.xyz : squared.uvw);
+  if (mm > 0.0) return {mm, true};
+  return {std::sqrt(squared.turns) / units::deg, false};
+}
 
 AxisVector start_of(const NcOptions& options) {
   const Eigen::Index n = Eigen::Index(options.axes.size());

@@ -44,6 +44,15 @@ kinematics::AxisVector start_of(const NcOptions& options);
 /// none.
 int spindle_of(const std::vector<ControlledAxis>& axes);
 
+/// How far a block goes as F counts it: mm of X Y Z, else of U V W, else degrees of turns.
+/// @param arc  in X Y Z, if the block is one
+struct Way {
+  double length = 0.0;
+  bool linear = true;  ///< mm; else degrees
+};
+Way way_of_feed(const std::vector<ControlledAxis>& axes, const kinematics::AxisVector& start,
+                const kinematics::AxisVector& end, const Arc* arc = nullptr);
+
 /// Reads an RS274/NGC program strictly. README of this folder lists the words taken.
 /// @throws BadInput (file:line:column, the word, what was expected) on anything else
 Path read_nc(std::string_view text, const std::string& file, const NcOptions& options);

@@ -27,13 +27,21 @@ std::string nc_number(double value) {
   return nc_number(value, decimals);
 }
 
+std::string nc_significant(double value, int digits) {
+  if (value == 0.0) return "0";
+  const int before = int(std::floor(std::log10(std::abs(value)))) + 1;
+  if (before <= digits) return nc_number(value, digits - before);
+  const double step = std::pow(10.0, before - digits);
+  return nc_number(std::round(value / step) * step, 0);
+}
+
 std::string write_nc(std::span<const NcItem> items, std::span<const ControlledAxis> axes,
                      const NcWriteOptions& options) {
   std::string text;
   std::vector<std::string> in_force(axes.size());
   std::string feed_in_force;
   const auto write = [&](const NcMove& move) {
-    text += move.rapid ? "G0" : "G1";
+    text += move.rapid ? "G0" : !move.round ? "G1" : move.round->clockwise ? "G2" : "G3";
     for (std::size_t j = 0; j < axes.size(); ++j) {
       const bool linear = axes[j].motion == kinematics::Motion::Linear;
       if (axes[j].motion == kinematics::Motion::Spindle || axes[j].name == 'S') continue;
@@ -44,8 +52,13 @@ std::string write_nc(std::span<const NcItem> items, std::span<const ControlledAx
       text += fmt::format(" {}{}", axes[j].name, word);
       in_force[j] = std::move(word);
     }
+    if (move.round)
+      for (std::size_t k = 0; k < 2; ++k)
+        text += fmt::format(" {}{}", move.round->letters[k],
+                            nc_number(move.round->centre[int(k)], options.format.decimals_mm));
     if (!move.rapid) {
-      std::string feed = nc_number(move.feed);
+      std::string feed = options.feed_digits > 0 ? nc_significant(move.feed, options.feed_digits)
+                                                 : nc_number(move.feed);
       if (options.inverse_time || feed != feed_in_force) text += " F" + feed;
       feed_in_force = std::move(feed);
     }

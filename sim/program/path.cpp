@@ -2,19 +2,33 @@
 
 #include <cmath>
 
+#include "kinematics/units.h"
+
 namespace abbe::sim::program {
-namespace {
 
 using kinematics::AxisVector;
 
-void put_arc_position(const Arc& arc, double u, AxisVector& q) {
+Eigen::Vector2d position(const Arc& arc, double u) {
   const double angle = arc.start_angle + u * arc.sweep;
   const double radius = arc.radius + u * arc.growth;
-  q[arc.first] = arc.centre.x() + radius * std::cos(angle);
-  q[arc.second] = arc.centre.y() + radius * std::sin(angle);
+  return {arc.centre.x() + radius * std::cos(angle), arc.centre.y() + radius * std::sin(angle)};
 }
 
-}  // namespace
+Arc arc_through(const ArcWords& words) {
+  constexpr double same_point = 1e-8;  // mm
+  const Eigen::Vector2d from = words.start - words.centre, to = words.end - words.centre;
+  Arc arc;
+  arc.centre = words.centre;
+  arc.radius = from.norm();
+  arc.growth = to.norm() - arc.radius;
+  arc.start_angle = std::atan2(from.y(), from.x());
+  double sweep = std::atan2(from.x() * to.y() - from.y() * to.x(), from.dot(to));
+  const bool whole = (words.end - words.start).norm() < same_point;
+  if (!words.clockwise && (sweep <= 0 || whole)) sweep = whole ? 2 * pi : sweep + 2 * pi;
+  if (words.clockwise && (sweep >= 0 || whole)) sweep = whole ? -2 * pi : sweep - 2 * pi;
+  arc.sweep = sweep;
+  return arc;
+}
 
 // The cubics are written as the line plus what bends it, so that a motion at constant speed stays
 // straight to the last bit but one.
@@ -24,7 +38,10 @@ AxisVector position(const Path& path, const Block& block, double u) {
   const AxisVector way = block.end - block.start;
   AxisVector q = block.start + u * way;
   if (block.interpolation == Interpolation::Arc) {
-    put_arc_position(path.arcs[block.shape], u, q);
+    const Arc& arc = path.arcs[block.shape];
+    const Eigen::Vector2d p = position(arc, u);
+    q[arc.first] = p.x();
+    q[arc.second] = p.y();
   } else if (block.interpolation == Interpolation::Cubic) {
     const Cubic& cubic = path.cubics[block.shape];
     const double duration = block.end_s - block.start_s;

@@ -35,6 +35,19 @@ struct Arc {
   double sweep = 0.0;        ///< rad, signed: + from first to second axis (G3)
 };
 
+/// A place on the arc at fraction u of it, in the plane. @return mm
+Eigen::Vector2d position(const Arc& arc, double u);
+
+/// Ends and centre of an arc in its plane, mm.
+struct ArcWords {
+  Eigen::Vector2d start, end, centre;
+  bool clockwise = false;
+};
+
+/// The arc through them, of more than nothing and at most a whole turn; an end within 1e-8 mm of
+/// the start makes a circle. `first` and `second` are left.
+Arc arc_through(const ArcWords& words);
+
 struct Cubic {
   kinematics::AxisVector start_velocity;  ///< (joints) mm/s, rad/s
   kinematics::AxisVector end_velocity;    ///< (joints)
@@ -50,7 +63,15 @@ struct Block {
   double end_s = 0.0;
   kinematics::AxisVector start;
   kinematics::AxisVector end;
-  std::uint32_t shape = 0;  ///< index into Path::arcs or Path::cubics
+  std::uint32_t shape = 0;    ///< index into Path::arcs or Path::cubics
+  bool inch = false;          ///< it stood in inches (G20)
+  bool inverse_time = false;  ///< under G93
+};
+
+/// Words of an NC program that move nothing: T, M0 M1 M6 M7 M8 M9.
+struct Aside {
+  std::size_t before = 0;  ///< block that they stand before; the number of blocks at the end
+  std::string text;
 };
 
 /// A program read: what the axes are told, block by block, in time. Memory is linear in the blocks.
@@ -59,7 +80,8 @@ struct Path {
   std::vector<Block> blocks;
   std::vector<Arc> arcs;
   std::vector<Cubic> cubics;
-  int motion_blocks = 0;  ///< blocks with motion, as `moves` in the summary
+  std::vector<Aside> asides;  ///< in the order of the program
+  int motion_blocks = 0;      ///< blocks with motion, as `moves` in the summary
 };
 
 /// Programmed coordinates at fraction u in [0, 1] of the block's time; the ends are the block's bit

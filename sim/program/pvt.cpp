@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "kinematics/bad_input.h"
-#include "kinematics/units.h"
 #include "kinematics/text.h"
+#include "kinematics/units.h"
 
 namespace abbe::sim::program {
 namespace {
@@ -178,7 +178,28 @@ Path Reader::finish(int last_line) {
   return std::move(path_);
 }
 
+AxisVector chord(const PvtRow& a, const PvtRow& b) {
+  return (b.position - a.position) / (b.time_s - a.time_s);
+}
+
 }  // namespace
+
+std::vector<AxisVector> rates(std::span<const PvtRow> rows) {
+  const std::size_t n = rows.size();
+  std::vector<AxisVector> rates(n, AxisVector::Zero(rows.front().position.size()));
+  for (std::size_t k = 1; k + 1 < n; ++k) {
+    const double before = rows[k].time_s - rows[k - 1].time_s,
+                 after = rows[k + 1].time_s - rows[k].time_s;
+    rates[k] = (chord(rows[k - 1], rows[k]) * after + chord(rows[k], rows[k + 1]) * before) /
+               (before + after);
+  }
+  if (n == 2) rates[0] = rates[1] = chord(rows[0], rows[1]);
+  if (n > 2) {
+    rates[0] = 2 * chord(rows[0], rows[1]) - rates[1];
+    rates[n - 1] = 2 * chord(rows[n - 2], rows[n - 1]) - rates[n - 2];
+  }
+  return rates;
+}
 
 Path read_pvt(std::string_view text, const std::string& file, const NcOptions& options) {
   if (text.size() > options.max_bytes)

@@ -25,6 +25,11 @@ struct PvtRow {
   kinematics::AxisVector velocity;  ///< (axes) mm/s, rad/s
 };
 
+/// Rates of positions known at instants: of the parabola through each row and its neighbours.
+/// @param rows  at least two, their velocities not read
+/// @return (rows)
+std::vector<kinematics::AxisVector> rates(std::span<const PvtRow> rows);
+
 /// Writes rows with the fewest digits that read back as the same bits; turns in rad for that
 /// reason.
 /// @param columns  indices of the axes that get columns

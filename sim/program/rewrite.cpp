@@ -15,19 +15,28 @@
 namespace abbe::sim::program {
 namespace {
 
+using Eigen::Vector2d;
 using kinematics::AxisVector;
 using kinematics::Motion;
+
+bool is_cubic(const Block& block) { return block.interpolation == Interpolation::Cubic; }
 
 void check(const Path& path, std::span<const std::vector<CorrectedPoint>> corrected) {
   if (corrected.size() != path.blocks.size())
     throw std::invalid_argument("expected one list of corrected points for every block");
   for (std::size_t i = 0; i < corrected.size(); ++i) {
-    double last = i == 0 ? -1.0 : 0.0;
+    double last = 0.0;
     for (const CorrectedPoint& point : corrected[i]) {
-      if (!(point.u > last && point.u <= 1.0) || point.at.size() != path.blocks[i].end.size() ||
-          !point.at.allFinite())
+      const bool before = is_cubic(path.blocks[i]) ? point.u <= last : point.u < last;
+      const bool start = point.u == 0.0 && i == 0 && &point == &corrected[i].front();
+      if ((before && !start) || !(point.u >= 0.0 && point.u <= 1.0) ||
+          point.at.size() != path.blocks[i].end.size() || !point.at.allFinite())
         throw std::invalid_argument(
-            fmt::format("expected increasing u in (0, 1] and finite axes in block {}", i));
+            fmt::format("expected increasing u in [0, 1] and finite axes in block {}", i));
+      if (point.centre && !point.centre->allFinite())
+        throw std::invalid_argument(fmt::format("expected finite centres in block {}", i));
+      if (point.centre && path.blocks[i].interpolation != Interpolation::Arc)
+        throw std::invalid_argument(fmt::format("expected arcs in an arc, not in block {}", i));
       last = point.u;
     }
     if (!corrected[i].empty() && last != 1.0)
@@ -36,94 +45,127 @@ void check(const Path& path, std::span<const std::vector<CorrectedPoint>> correc
   }
 }
 
-AxisVector chord(const PvtRow& a, const PvtRow& b) {
-  return (b.position - a.position) / (b.time_s - a.time_s);
-}
-
-/// Rates of a quantity known at instants: of the parabola through each row and its neighbours.
-std::vector<AxisVector> rates(const std::vector<PvtRow>& rows) {
-  const std::size_t n = rows.size();
-  std::vector<AxisVector> rates(n, AxisVector::Zero(rows.front().position.size()));
-  for (std::size_t k = 1; k + 1 < n; ++k) {
-    const double before = rows[k].time_s - rows[k - 1].time_s,
-                 after = rows[k + 1].time_s - rows[k].time_s;
-    rates[k] = (chord(rows[k - 1], rows[k]) * after + chord(rows[k], rows[k + 1]) * before) /
-               (before + after);
-  }
-  if (n == 2) rates[0] = rates[1] = chord(rows[0], rows[1]);
-  if (n > 2) {
-    rates[0] = 2 * chord(rows[0], rows[1]) - rates[1];
-    rates[n - 1] = 2 * chord(rows[n - 2], rows[n - 1]) - rates[n - 2];
-  }
-  return rates;
-}
-
-std::string rewritten_pvt(const Path& path, std::span<const std::vector<CorrectedPoint>> corrected,
-                          const NcOptions& control) {
+RewrittenProgram rewritten_pvt(const Path& path,
+                               std::span<const std::vector<CorrectedPoint>> corrected,
+                               const NcOptions& control) {
+  RewrittenProgram program;
+  program.of_line.emplace_back();  // the head
   std::vector<PvtRow> nominal, correction;
-  const auto add = [&](const Block& block, double u, const AxisVector& at) {
+  const auto add = [&](int index, double u, const CorrectedPoint* point) {
+    const Block& block = path.blocks[std::size_t(index)];
     const double time_s =
         u == 1.0 ? block.end_s : block.start_s + u * (block.end_s - block.start_s);
     nominal.push_back({time_s, position(path, block, u), velocity(path, block, u)});
-    correction.push_back({time_s, at - nominal.back().position, {}});
+    const AxisVector& here = nominal.back().position;
+    correction.push_back({time_s, point ? AxisVector(point->at - here) : AxisVector(0 * here),
+                          point ? point->rate : AxisVector()});
+    const Stretch& last = program.of_line.back();
+    program.of_line.push_back({index, last.block == index ? last.to : 0.0, u});
   };
-  for (std::size_t i = 0; i < path.blocks.size(); ++i) {
-    const Block& block = path.blocks[i];
-    const bool start_given = !corrected[i].empty() && corrected[i].front().u == 0.0;
-    if (i == 0 && !start_given) add(block, 0.0, block.start);
-    for (const CorrectedPoint& point : corrected[i]) add(block, point.u, point.at);
-    if (corrected[i].empty()) add(block, 1.0, block.end);
+  for (int i = 0; i < int(path.blocks.size()); ++i) {
+    const std::vector<CorrectedPoint>& points = corrected[std::size_t(i)];
+    if (i == 0 && (points.empty() || points.front().u > 0.0)) add(i, 0.0, nullptr);
+    for (const CorrectedPoint& point : points) add(i, point.u, &point);
+    if (points.empty()) add(i, 1.0, nullptr);
   }
   const std::vector<AxisVector> extra = rates(correction);
-  for (std::size_t k = 0; k < nominal.size(); ++k)
+  for (std::size_t k = 0; k < nominal.size(); ++k) {
+    const AxisVector& rate = correction[k].velocity.size() > 0 ? correction[k].velocity : extra[k];
     for (Eigen::Index j = 0; j < nominal[k].position.size(); ++j) {
       // A correction of zero must not cost the sign of a zero.
       if (correction[k].position[j] != 0.0) nominal[k].position[j] += correction[k].position[j];
-      if (extra[k][j] != 0.0) nominal[k].velocity[j] += extra[k][j];
+      if (rate[j] != 0.0) nominal[k].velocity[j] += rate[j];
     }
+  }
   std::vector<int> columns(control.axes.size());
   std::iota(columns.begin(), columns.end(), 0);
-  return write_pvt(nominal, control.axes, columns);
+  program.text = write_pvt(nominal, control.axes, columns);
+  return program;
 }
+
+constexpr double mm_per_inch = 25.4;
+constexpr double jump_s = 1e-3;
+constexpr double least_feed = 1e-9;   // that a control takes
+constexpr double unknown_way = 0.01;  // mm or deg
+constexpr double same_word = 1e-6;    // of a step
 
 /// NC text of a path, block by block.
 class NcRewriter {
  public:
   NcRewriter(const Path& path, const NcOptions& control, const RewriteOptions& options);
-  void block(const Block& block, const std::vector<CorrectedPoint>& points);
-  std::string text();
+  void block(int index, const std::vector<CorrectedPoint>& points);
+  RewrittenProgram program();
 
  private:
+  /// Words of a point and its place in the block.
+  struct Point {
+    double u = 1.0;
+    AxisVector words;  ///< mm and rad, without offsets
+    std::optional<Vector2d> centre;
+  };
+
+  void say(std::string line);
+  void say_asides(std::size_t before);
+  void dialect(const Block& block);
   void coordinates(const Block& block);
   void spindle(const Block& block);
-  void dwell(const Block& block);
+  void wait(double seconds, const Stretch& stretch);
+  void pieces(int index, const std::vector<CorrectedPoint>& points);
+  void move(const Block& block, const Point& to, double seconds, const Stretch& stretch);
+  std::optional<Arc> round(const Block& block, const Point& to) const;
+  void plane(std::string_view letters);
+  double feed(const Way& way, double seconds) const;
+  double step(int joint) const;
+  bool stands_at(const AxisVector& words) const;
   AxisVector words(const AxisVector& at) const;
+  AxisVector in_units(AxisVector words) const;
 
+  const Path& path_;
   const NcOptions& control_;
   const RewriteOptions& options_;
+  RewrittenProgram program_;
   std::vector<NcItem> items_;
   std::optional<Coordinates> mode_;
+  std::optional<AxisVector> stands_;  ///< words of where the tool stands, if they are known
+  std::optional<bool> inch_, inverse_time_;
+  std::string plane_ = "IJ";
+  std::size_t asides_ = 0;  ///< said
   double rpm_ = 0.0;
   const int spindle_;
 };
 
 NcRewriter::NcRewriter(const Path& path, const NcOptions& control, const RewriteOptions& options)
-    : control_(control), options_(options), spindle_(spindle_of(control.axes)) {
-  items_.push_back("(corrected program)");
-  items_.push_back("G17 G21 G90 G93 G54");
-  if (path.blocks.empty()) items_.push_back("G49");
+    : path_(path), control_(control), options_(options), spindle_(spindle_of(control.axes)) {
+  say("(corrected program)");
+  say("G17 G90 G91.1 G54");
+  if (path.blocks.empty()) say("G49");
+}
+
+void NcRewriter::say(std::string line) {
+  items_.push_back(std::move(line));
+  program_.of_line.emplace_back();
+}
+
+void NcRewriter::say_asides(std::size_t before) {
+  while (asides_ < path_.asides.size() && path_.asides[asides_].before <= before)
+    say(path_.asides[asides_++].text);
+}
+
+void NcRewriter::dialect(const Block& block) {
+  if (inch_ != block.inch) say(block.inch ? "G20" : "G21");
+  if (inverse_time_ != block.inverse_time) say(block.inverse_time ? "G93" : "G94");
+  inch_ = block.inch;
+  inverse_time_ = block.inverse_time;
 }
 
 void NcRewriter::coordinates(const Block& block) {
   if (mode_ == block.coordinates) return;
+  stands_ = mode_ ? std::nullopt : std::optional(words(block.start));
   mode_ = block.coordinates;
-  if (mode_ == Coordinates::Axis) {
-    items_.push_back("G49");
-    return;
-  }
+  if (mode_ == Coordinates::Axis) return say("G49");
   if (control_.tool_length.empty())
     throw std::invalid_argument("expected a tool length for G43.4 H");
-  items_.push_back(fmt::format("G43.4 H{}", control_.tool_length.begin()->first));
+  say(fmt::format("G43.4 H{}", control_.tool_length.begin()->first));
 }
 
 void NcRewriter::spindle(const Block& block) {
@@ -133,68 +175,184 @@ void NcRewriter::spindle(const Block& block) {
   const double rpm = std::round(rate / units::rpm * 1e6) / 1e6;
   if (std::abs(rpm - rpm_) <= 1e-5) return;
   rpm_ = rpm;
-  items_.push_back(
-      rpm == 0.0 ? "M5" : fmt::format("S{} M{}", nc_number(std::abs(rpm), 6), rpm > 0 ? 3 : 4));
+  say(rpm == 0.0 ? "M5" : fmt::format("S{} M{}", nc_number(std::abs(rpm), 6), rpm > 0 ? 3 : 4));
 }
 
-void NcRewriter::dwell(const Block& block) {
-  if (block.end_s > block.start_s)
-    items_.push_back("G4 P" + nc_number(block.end_s - block.start_s));
+void NcRewriter::wait(double seconds, const Stretch& stretch) {
+  if (!(seconds > 0.0)) return;
+  say("G4 P" + nc_number(seconds));
+  program_.of_line.back() = stretch;
+}
+
+/// Step of a word: mm in millimetres and in inches, rad in degrees.
+double NcRewriter::step(int joint) const {
+  if (control_.axes[std::size_t(joint)].motion != Motion::Linear) return options_.word_rad;
+  if (inch_ != true) return options_.word_mm;
+  return std::pow(10.0, std::floor(std::log10(options_.word_mm / mm_per_inch) + 1e-9)) *
+         mm_per_inch;
 }
 
 AxisVector NcRewriter::words(const AxisVector& at) const {
   AxisVector words = at;
   const AxisVector& offset = control_.work_offset[0];
-  for (Eigen::Index j = 0; j < words.size(); ++j) {
-    const bool linear = control_.axes[std::size_t(j)].motion == Motion::Linear;
-    const double step = linear ? options_.word_mm : options_.word_rad / units::deg;
-    const double value =
-        (words[j] - (offset.size() > 0 ? offset[j] : 0.0)) / (linear ? 1.0 : units::deg);
-    words[j] = std::round(value / step) * step * (linear ? 1.0 : units::deg);
+  for (int j = 0; j < int(words.size()); ++j) {
+    const double unit = control_.axes[std::size_t(j)].motion == Motion::Linear ? 1.0 : units::deg;
+    const double word = step(j) / unit;
+    const double value = (words[j] - (offset.size() > 0 ? offset[j] : 0.0)) / unit;
+    words[j] = std::round(value / word) * word * unit;
   }
   return words;
 }
 
-void NcRewriter::block(const Block& block, const std::vector<CorrectedPoint>& points) {
-  if (block.interpolation == Interpolation::Cubic)
-    throw std::invalid_argument("expected a path of cubics only, or of none");
-  coordinates(block);
-  spindle(block);
-  if (block.interpolation == Interpolation::Dwell) return dwell(block);
-  const bool rapid = block.interpolation == Interpolation::Rapid;
-  const auto move = [&](double from, double to, const AxisVector& at) {
-    const double seconds = (to - from) * (block.end_s - block.start_s);
-    items_.push_back(NcMove{rapid, words(at), seconds > 0 ? 60.0 / seconds : 0.0});
-  };
-  double u = 0.0;
-  for (const CorrectedPoint& point : points) {
-    if (point.u > 0.0) move(u, point.u, point.at);
-    u = point.u;
-  }
-  if (points.empty()) move(0.0, 1.0, block.end);
+AxisVector NcRewriter::in_units(AxisVector words) const {
+  if (inch_ == true)
+    for (int j = 0; j < int(words.size()); ++j)
+      if (control_.axes[std::size_t(j)].motion == Motion::Linear) words[j] /= mm_per_inch;
+  return words;
 }
 
-std::string NcRewriter::text() {
-  items_.push_back("M2");
+bool NcRewriter::stands_at(const AxisVector& words) const {
+  if (!stands_) return false;
+  for (int j = 0; j < int(words.size()); ++j) {
+    if (control_.axes[std::size_t(j)].motion == Motion::Spindle || j == spindle_) continue;
+    if (std::abs(words[j] - (*stands_)[j]) > same_word * step(j)) return false;
+  }
+  return true;
+}
+
+double NcRewriter::feed(const Way& way, double seconds) const {
+  if (inverse_time_ == true) return std::max(least_feed, 60.0 / seconds);
+  const double unit = way.linear && inch_ == true ? mm_per_inch : 1.0;
+  return std::max(least_feed, way.length / unit / seconds * 60.0);
+}
+
+void NcRewriter::plane(std::string_view letters) {
+  if (plane_ == letters) return;
+  plane_ = letters;
+  say(letters == "IJ" ? "G17" : letters == "KI" ? "G18" : "G19");
+}
+
+/// The arc to a point as its words say it, unless they leave a line of it.
+std::optional<Arc> NcRewriter::round(const Block& block, const Point& to) const {
+  if (!to.centre || !stands_) return std::nullopt;
+  const Arc& arc = path_.arcs[block.shape];
+  const double word = step(arc.first);
+  const AxisVector& offset = control_.work_offset[0];
+  ArcWords words;
+  words.clockwise = arc.sweep < 0.0;
+  for (int k = 0; k < 2; ++k) {
+    const int j = k == 0 ? arc.first : arc.second;
+    words.start[k] = (*stands_)[j];
+    words.end[k] = to.words[j];
+    const double centre = (*to.centre)[k] - (offset.size() > 0 ? offset[j] : 0.0);
+    words.centre[k] = words.start[k] + std::round((centre - words.start[k]) / word) * word;
+  }
+  constexpr double least = 5.0;  // words: what is smaller has lost its sense of turning
+  if ((words.end - words.start).norm() < least * word ||
+      (words.centre - words.start).norm() < least * word)
+    return std::nullopt;
+  Arc round = arc_through(words);
+  round.first = arc.first;
+  round.second = arc.second;
+  return round;
+}
+
+void NcRewriter::move(const Block& block, const Point& to, double seconds, const Stretch& stretch) {
+  NcMove move{block.interpolation == Interpolation::Rapid, in_units(to.words), 0.0, {}};
+  const std::optional<Arc> round = this->round(block, to);
+  if (round) {
+    const char first = control_.axes[std::size_t(round->first)].name;
+    const std::string letters = first == 'X' ? "IJ" : first == 'Z' ? "KI" : "JK";
+    plane(letters);
+    const Vector2d start((*stands_)[round->first], (*stands_)[round->second]);
+    move.round = {round->sweep < 0.0, letters,
+                  (round->centre - start) / (inch_ == true ? mm_per_inch : 1.0)};
+  }
+  if (!move.rapid) {
+    Way way = way_of_feed(control_.axes, stands_ ? *stands_ : words(block.start), to.words,
+                          round ? &*round : nullptr);
+    // Where the tool stands by a correction that is not known here, it shall not creep.
+    if (!stands_) way.length = std::max(way.length, unknown_way);
+    move.feed = feed(way, seconds);
+  }
+  items_.push_back(std::move(move));
+  program_.of_line.push_back(stretch);
+  stands_ = to.words;
+}
+
+/// Pieces that no longer move by a word give their time to the next, the last one waits.
+void NcRewriter::pieces(int index, const std::vector<CorrectedPoint>& points) {
+  const Block& block = path_.blocks[std::size_t(index)];
+  const bool rapid = block.interpolation == Interpolation::Rapid;
+  const double duration = block.end_s - block.start_s;
+  double u = 0.0, taken = 0.0;  // taken: seconds that jumps had
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    const Point to{points[k].u, words(points[k].at), points[k].centre};
+    const bool still = stands_at(to.words);
+    const Stretch stretch{index, u, to.u};
+    if (to.u == u && !rapid) {
+      if (still) continue;
+      const double rest = k + 1 < points.size() ? (points[k + 1].u - u) * duration : 2 * jump_s;
+      const double seconds = std::min(jump_s, 0.5 * rest);
+      taken += seconds;
+      move(block, to, seconds, stretch);
+      continue;
+    }
+    if (still && k + 1 < points.size() && points[k + 1].u > to.u) continue;
+    const double seconds = (to.u - u) * duration - taken;
+    if (!still)
+      move(block, to, seconds, stretch);
+    else if (!rapid)
+      wait(seconds, stretch);
+    u = to.u;
+    taken = 0.0;
+  }
+}
+
+void NcRewriter::block(int index, const std::vector<CorrectedPoint>& points) {
+  const Block& block = path_.blocks[std::size_t(index)];
+  if (is_cubic(block)) throw std::invalid_argument("expected a path of cubics only, or of none");
+  say_asides(std::size_t(index));
+  dialect(block);
+  coordinates(block);
+  spindle(block);
+  if (block.interpolation == Interpolation::Dwell)
+    return wait(block.end_s - block.start_s, {index, 0.0, 1.0});
+  if (!points.empty()) return pieces(index, points);
+  CorrectedPoint end{1.0, block.end, {}, {}};
+  if (block.interpolation == Interpolation::Arc) end.centre = path_.arcs[block.shape].centre;
+  // Onto whole words first, or what rounding moves would count as the way of a block that turns.
+  if (!stands_ && block.interpolation != Interpolation::Rapid)
+    return pieces(index, {{0.0, block.start, {}, {}}, end});
+  pieces(index, {end});
+}
+
+RewrittenProgram NcRewriter::program() {
+  say_asides(path_.blocks.size());
+  if (rpm_ != 0.0) say("M5");
+  say("M2");
   // More digits than the step has, so that the text adds no rounding of its own.
-  return write_nc(items_, control_.axes, {.format = {9, 9}, .inverse_time = true});
+  program_.text =
+      write_nc(items_, control_.axes,
+               {.format = {11, 9},
+                .inverse_time = std::any_of(path_.blocks.begin(), path_.blocks.end(),
+                                            [](auto& block) { return block.inverse_time; }),
+                .feed_digits = 9});
+  return std::move(program_);
 }
 
 }  // namespace
 
-std::string rewritten(const Path& path, std::span<const std::vector<CorrectedPoint>> corrected,
-                      const NcOptions& control, const RewriteOptions& options) {
+RewrittenProgram rewritten(const Path& path, std::span<const std::vector<CorrectedPoint>> corrected,
+                           const NcOptions& control, const RewriteOptions& options) {
   check(path, corrected);
-  if (!(options.word_mm > 0.0) || !(options.word_rad > 0.0))
-    throw std::invalid_argument("expected steps of words above zero");
-  const auto is_cubic = [](const Block& block) {
-    return block.interpolation == Interpolation::Cubic;
-  };
+  if (!(options.word_mm >= 1e-9) || !(options.word_rad >= 1e-9 * units::deg))
+    throw std::invalid_argument("expected steps of words of at least 1e-9");
   if (!path.blocks.empty() && std::all_of(path.blocks.begin(), path.blocks.end(), is_cubic))
     return rewritten_pvt(path, corrected, control);
   NcRewriter writer(path, control, options);
-  for (std::size_t i = 0; i < path.blocks.size(); ++i) writer.block(path.blocks[i], corrected[i]);
-  return writer.text();
+  for (std::size_t i = 0; i < path.blocks.size(); ++i) writer.block(int(i), corrected[i]);
+  return writer.program();
 }
 
 }  // namespace abbe::sim::program

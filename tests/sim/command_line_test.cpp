@@ -402,7 +402,8 @@ TEST_F(CommandLine, MeasureIdentifyAndEvaluateWorkOnEachOthersFiles) {
   EXPECT_NE(identified.text.find("unobservable"), std::string::npos) << identified.text;
   EXPECT_TRUE(fs::exists(belief));
   EXPECT_TRUE(fs::exists(folder_ / "belief.json"));
-  const Ran pose = run("pose " + scene + " --set 'errors=\"" + belief.string() + "\"' --at \"X=10\"");
+  const Ran pose =
+      run("pose " + scene + " --set 'errors=\"" + belief.string() + "\"' --at \"X=10\"");
   EXPECT_EQ(pose.code, 0) << "a belief is an errors file: " << pose.text;
 
   const fs::path report = folder_ / "report";
@@ -416,7 +417,8 @@ TEST_F(CommandLine, MeasureIdentifyAndEvaluateWorkOnEachOthersFiles) {
 TEST_F(CommandLine, BrokenReadingsAndInstrumentsAreInputFaults) {
   const std::string dome = (source / "scenes/gantry_dome.toml").string();
   const std::string out = " --out " + (folder_ / "out").string();
-  const std::string broken = write("broken.csv", "target_mm,direction,run,deviation_um\n0,up,1,x\n");
+  const std::string broken =
+      write("broken.csv", "target_mm,direction,run,deviation_um\n0,up,1,x\n");
   const Ran evaluated = run("evaluate " + broken + out);
   EXPECT_EQ(evaluated.code, 3) << evaluated.text;
   EXPECT_NE(evaluated.text.find("broken.csv:2:8"), std::string::npos) << evaluated.text;
@@ -443,4 +445,147 @@ TEST_F(CommandLine, BrokenReadingsAndInstrumentsAreInputFaults) {
   EXPECT_EQ(cannot.code, 3) << cannot.text;
   EXPECT_NE(cannot.text.find("three.toml:10:"), std::string::npos) << cannot.text;
   EXPECT_EQ(files_in(folder_ / "out"), 0) << "a refusal leaves no files";
+}
+
+/// A program that can be run.
+fs::path executable(const fs::path& file, const std::string& text) {
+  std::ofstream(file, std::ios::binary) << text;
+  fs::permissions(file, fs::perms::owner_all);
+  return file;
+}
+
+TEST_F(CommandLine, APlugInIsComparedUnderItsFileName) {
+  const fs::path scene = plane_scene(write("p.ngc", good_program).string(),
+                                     "[errors]\nEXX_um = 5\nEZS_um = 3\n[compare]\ncases = "
+                                     "[\"perfect-iterated-ideal\"]\n");
+  const fs::path mirror = source / "scenes/compensators/mirror.py";
+  const fs::path out = folder_ / "out";
+  const Ran ran = run("compare " + scene.string() + " --compensator " + mirror.string() +
+                      " --out " + out.string() + " --json");
+  ASSERT_EQ(ran.code, 0) << ran.text;
+  const auto json = nlohmann::json::parse(bytes(out / "comparison.json"));
+  ASSERT_EQ(json["cases"].size(), 4u);
+  EXPECT_EQ(json["cases"][2]["name"], "perfect-iterated-ideal");
+  EXPECT_EQ(json["cases"][3]["name"], "mirror.py");
+  EXPECT_TRUE(json["cases"][3].contains("reduction_percent"));
+  EXPECT_TRUE(!json.contains("failed") || json["failed"].empty()) << json.dump();
+  EXPECT_TRUE(fs::exists(out / "mirror.py" / "summary.json"));
+  EXPECT_NE(bytes(out / "mirror.py" / "summary.json"), bytes(out / "uncompensated/summary.json"));
+
+  // `run` cuts the same, and so does the scene that it leaves
+  const fs::path one = folder_ / "one", again = folder_ / "again";
+  ASSERT_EQ(
+      run("run " + scene.string() + " --compensator " + mirror.string() + " --out " + one.string())
+          .code,
+      0);
+  const fs::path finished = out / "mirror.py" / "scene.toml";
+  const Ran rerun = run("run " + finished.string() + " --out " + again.string());
+  ASSERT_EQ(rerun.code, 0) << rerun.text;
+  for (const fs::path& other : {one, again}) {
+    const auto first = nlohmann::json::parse(bytes(out / "mirror.py" / "summary.json"));
+    const auto second = nlohmann::json::parse(bytes(other / "summary.json"));
+    EXPECT_EQ(first["residual_um"].dump(), second["residual_um"].dump()) << other;
+    if (ABBE_RENDER) {
+      EXPECT_EQ(bytes(out / "mirror.py" / "residual.vtp"), bytes(other / "residual.vtp")) << other;
+    }
+  }
+}
+
+TEST_F(CommandLine, APlugInThatFailsIsNamedEndsWithSixAndLeavesTheOthersUnharmed) {
+  const std::string sections =
+      "[errors]\nEXX_um = 5\n[compare]\ncases = "
+      "[\"perfect-iterated-ideal\"]\n";
+  const fs::path scene = plane_scene(write("p.ngc", good_program).string(), sections);
+  const fs::path dies = executable(folder_ / "dies.sh", "#!/bin/sh\nexit 3\n");
+  const fs::path babbles = executable(folder_ / "babbles.sh", "#!/bin/sh\necho hello\ncat\n");
+  const fs::path absent = folder_ / "absent.py";
+  const fs::path good = source / "scenes/compensators/mirror.py";
+  const fs::path out = folder_ / "out", alone = folder_ / "alone";
+  const Ran ran = run("compare " + scene.string() + " --compensator " + dies.string() +
+                      " --compensator " + babbles.string() + " --compensator " + good.string() +
+                      " --compensator " + absent.string() + " --out " + out.string());
+  EXPECT_EQ(ran.code, 6) << ran.text;
+  const auto json = nlohmann::json::parse(bytes(out / "comparison.json"));
+  ASSERT_EQ(json["failed"].size(), 3u) << json["failed"].dump();
+  EXPECT_EQ(json["failed"][0]["name"], "dies.sh");
+  EXPECT_EQ(json["failed"][1]["name"], "babbles.sh");
+  EXPECT_EQ(json["failed"][2]["name"], "absent.py");
+  for (const auto& one : json["failed"]) {
+    const std::string name = one["name"];
+    EXPECT_FALSE(one["reason"].get<std::string>().empty()) << one.dump();
+    EXPECT_NE(ran.text.find(name), std::string::npos) << ran.text;
+    EXPECT_FALSE(fs::exists(out / name / "summary.json"));
+  }
+  ASSERT_EQ(json["cases"].size(), 4u);
+  EXPECT_EQ(json["cases"][3]["name"], "mirror.py");
+  // the same cases, bit for bit, as without those that fail
+  ASSERT_EQ(run("compare " + scene.string() + " --compensator " + good.string() + " --out " +
+                alone.string())
+                .code,
+            0);
+  const auto plain = nlohmann::json::parse(bytes(alone / "comparison.json"));
+  EXPECT_EQ(json["cases"].dump(), plain["cases"].dump());
+
+  const fs::path none = folder_ / "none";
+  const Ran single =
+      run("run " + scene.string() + " --compensator " + dies.string() + " --out " + none.string());
+  EXPECT_EQ(single.code, 6) << single.text;
+  EXPECT_NE(single.text.find("dies.sh"), std::string::npos) << single.text;
+  EXPECT_FALSE(fs::exists(none / "summary.json"));
+}
+
+TEST_F(CommandLine, CompensatorsThatShareANameOrHaveNoneAreUsageOrInputFaults) {
+  const fs::path scene = plane_scene(write("p.ngc", good_program).string());
+  const std::string out = " --out " + (folder_ / "out").string();
+  fs::create_directories(folder_ / "a");
+  const fs::path one = executable(folder_ / "mine.sh", "#!/bin/sh\nexit 3\n");
+  const fs::path other = executable(folder_ / "a" / "mine.sh", "#!/bin/sh\nexit 3\n");
+  const Ran twice = run("compare " + scene.string() + " --compensator " + one.string() +
+                        " --compensator " + other.string() + out);
+  EXPECT_TRUE(twice.code == 2 || twice.code == 3) << twice.code << ": " << twice.text;
+  const Ran taken =
+      run("compare " + scene.string() + " --compensator " +
+          executable(folder_ / "uncompensated", "#!/bin/sh\nexit 3\n").string() + out);
+  EXPECT_TRUE(taken.code == 2 || taken.code == 3) << taken.code << ": " << taken.text;
+  EXPECT_EQ(run("compare " + scene.string() + " --compensator /" + out).code, 2);
+  EXPECT_EQ(run("run " + scene.string() + " --case perfect-iterated-ideal --compensator " +
+                one.string() + out)
+                .code,
+            2);
+  EXPECT_EQ(files_in(folder_ / "out"), 0);
+}
+
+TEST_F(CommandLine, ExportedTablesAreReadBackAsTheChannelOfTheSameFormat) {
+  const std::string errors =
+      "[belief.identified]\nEXX = [{ kind = \"polynomial\", centre_mm = 0, half_range_mm = 300, "
+      "coefficients_um = [0, 20, 15] }]\nEYX = [{ kind = \"polynomial\", centre_mm = 0, "
+      "half_range_mm = 300, "
+      "coefficients_um = [0, 0, 30] }]\n";
+  const fs::path scene = plane_scene(write("p.ngc", good_program).string(), errors);
+  for (const std::string format : {"linuxcnc", "isg", "siemens", "heidenhain"}) {
+    SCOPED_TRACE(format);
+    const fs::path tables = folder_ / format, out = folder_ / (format + "_cut");
+    const Ran ran = run("export " + scene.string() + " --format " + format + " --out " +
+                        tables.string() + " --json");
+    ASSERT_EQ(ran.code, 0) << ran.text;
+    EXPECT_NO_THROW((void)nlohmann::json::parse(ran.text)) << ran.text;
+    ASSERT_GT(files_in(tables), 0);
+    for (const auto& entry : fs::directory_iterator(tables))
+      EXPECT_GT(fs::file_size(entry.path()), 0u) << entry.path();
+    // a second export has the same bytes
+    const fs::path second = folder_ / (format + "_again");
+    ASSERT_EQ(
+        run("export " + scene.string() + " --format " + format + " --out " + second.string()).code,
+        0);
+    for (const auto& entry : fs::directory_iterator(tables))
+      EXPECT_EQ(bytes(entry.path()), bytes(second / entry.path().filename())) << entry.path();
+    const Ran cut =
+        run("run " + scene.string() + " --case identified-position-table --set " +
+            "compensation.table.format='\"" + format + "\"' --out '" + out.string() + "'");
+    EXPECT_EQ(cut.code, 0) << cut.text;
+    const auto summary = nlohmann::json::parse(bytes(out / "summary.json"));
+    EXPECT_GT(summary["tip_error_um"]["max"].get<double>(), 0.0) << "the belief is wrong here";
+  }
+  EXPECT_EQ(run("export " + scene.string() + " --format fanuc").code, 2);
+  EXPECT_EQ(run("export " + scene.string() + " --case perfect-twice-ideal").code, 2);
 }

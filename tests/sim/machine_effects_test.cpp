@@ -33,7 +33,7 @@ Job going_to(const Vector3d& point_w, const std::string& more, const std::string
 
 /// Where the tip really is against where it should be when the program ends.
 Vector3d deviation_at_the_end(const Job& job) {
-  return tool_in_workpiece(job.truth, commands(job).back()).translation() -
+  return tool_in_workpiece(job.truth, as_programmed(job).samples.states.back()).translation() -
          job.T_wt_nominal.back().translation();
 }
 

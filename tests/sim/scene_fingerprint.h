@@ -25,17 +25,12 @@ class Fingerprint {
     put("rapid_turn", scene.machine.rapid_turn);
     put("home", scene.machine.home);
     put("scale", scene.error_scale);
-    for (const auto& element : scene.geometric.elements) put(element);
-    for (const auto& line : scene.geometric.measuring_lines) {
-      put(std::string("line ") + line.axis, line.at_b);
-      put("by", int(line.by));
-    }
+    put(scene.geometric);
     if (scene.thermal) put(*scene.thermal);
     if (scene.compliance) put(*scene.compliance);
     for (const auto& vibration : scene.vibrations) put(vibration);
     if (scene.cutting) put(*scene.cutting);
     put(scene.signals);
-    put(scene.geometric.covariance);
     for (const auto& one : scene.instruments) put(one);
     for (const auto& one : scene.part_instruments) put(one);
     if (scene.sensor_choice) put(*scene.sensor_choice);
@@ -56,15 +51,10 @@ class Fingerprint {
     put("pv", scene.limits.pv_um);
     put("rms", scene.limits.rms_um);
     put("max_abs", scene.limits.max_abs_um);
-    put("bound", scene.compensation.rotary_bound);
-    put("words", scene.compensation.word_resolution);
-    put("angle words", scene.compensation.angle_resolution);
+    put(scene.belief);
+    put(scene.compensation);
     put("case to cut", scene.case_name);
-    for (const auto& one : scene.cases) {
-      put("case", one.name);
-      put("strategy", int(one.strategy));
-      put("channel", int(one.channel));
-    }
+    for (const auto& one : scene.cases) put(one);
     for (const auto& variant : scene.variants) {
       put("variant", variant.name);
       // a resolved text has plain keys before tables; the order means nothing
@@ -107,6 +97,14 @@ class Fingerprint {
       put("shape", curve.shape.index());
       std::visit([&](const auto& shape) { put(shape); }, curve.shape);
     }
+  }
+  void put(const errors::GeometricErrors& geometric) {
+    for (const auto& element : geometric.elements) put(element);
+    for (const auto& line : geometric.measuring_lines) {
+      put(std::string("line ") + line.axis, line.at_b);
+      put("by", int(line.by));
+    }
+    put(geometric.covariance);
   }
   void put(const errors::Covariance& covariance) {
     for (const auto& one : covariance.of) {
@@ -256,9 +254,10 @@ class Fingerprint {
     put("instrument", i.name);
     put("kind", to_string(i.kind));
     for (const double x :
-         {i.noise, i.noise_rad, i.resolution, i.resolution_rad, i.rotation_sigma, i.position_sigma,
-          i.scale_sigma, i.drift_sigma, i.margin, i.radius, i.lever, i.from_rad, i.to_rad,
-          i.start_s, i.interval_s, i.duration_s, i.speed, i.dwell_s, i.set_up_s, i.spindle_speed}) {
+         {i.noise,          i.noise_rad,   i.resolution,  i.resolution_rad, i.rotation_sigma,
+          i.position_sigma, i.scale_sigma, i.drift_sigma, i.margin,         i.radius,
+          i.lever,          i.from_rad,    i.to_rad,      i.start_s,        i.interval_s,
+          i.duration_s,     i.speed,       i.dwell_s,     i.set_up_s,       i.spindle_speed}) {
       put("instrument", x);
     }
     put("axes", std::string(i.axes.begin(), i.axes.end()));
@@ -519,6 +518,71 @@ class Fingerprint {
         put("dynamometer", x);
       }
     }
+  }
+
+  // ---- compensators
+  void put(const BeliefDescription& belief) {
+    put("believes geometry", belief.identified.has_value());
+    if (belief.identified) put(*belief.identified);
+    put("believes heat", belief.thermal.has_value());
+    if (belief.thermal) put("heat", compensation::to_text(*belief.thermal));
+    put("believes force", belief.force.has_value());
+    if (const auto& force = belief.force) {
+      put("from", int(force->from));
+      put(force->compliance);
+      put("training", force->training.string());
+      put("read by", force->instrument);
+      put("smoothing", force->smoothing_s);
+      put("passes", force->passes);
+    }
+    put("believes the part", belief.part.has_value());
+    if (belief.part) {
+      put("read by", belief.part->instrument);
+      put("passes", belief.part->passes);
+    }
+    put("belief scale", belief.scale);
+  }
+  void put(const compensation::PositionLoop& loop) {
+    put("loop", int(loop.order));
+    put("bandwidth", loop.bandwidth);
+    put("damping", loop.damping);
+  }
+  void put(const CompensationDescription::Table& table) {
+    put("points", table.options.most_points);
+    put("spacing", table.options.spacing);
+    put("spacing of turns", table.options.spacing_rad);
+    put("cross", table.options.cross);
+    put("both ways", table.options.both_ways);
+    put("constant", table.options.constant);
+    put("has a range", table.options.range.has_value());
+    put("format", table.format ? compensation::to_string(*table.format) : "none");
+    put("reference", table.reference);
+  }
+  void put(const CompensationDescription& c) {
+    put("bound", c.rotary_bound);
+    put("words", c.word_resolution);
+    put("angle words", c.angle_resolution);
+    put("path", c.path_tolerance);
+    put(c.loop);
+    for (const double x : {c.pulses.count, c.pulses.count_rad, c.pulses.cycle_s, c.pulses.pulse_s})
+      put("pulses", x);
+    for (const double x : {c.open.cycle_s, c.open.delay_s}) put("open", x);
+    for (const double x : {c.origin.cycle_s, c.origin.delay_s, c.origin.increment, c.origin.rate})
+      put("origin", x);
+    put(c.table);
+    put("piezo along", c.piezo.direction_t);
+    for (const double x : {c.piezo.range, c.piezo.stiffness, c.piezo.resolution, c.piezo.cycle_s}) {
+      put("piezo", x);
+    }
+    put(c.piezo.loop);
+    put(c.plug_in);
+  }
+  void put(const CaseDescription& one) {
+    put("case", one.name);
+    put("belief", int(one.belief));
+    put("strategy", int(one.strategy));
+    put("channel", int(one.channel));
+    put("plug-in", one.plug_in.string());
   }
 
   std::ostringstream out_;

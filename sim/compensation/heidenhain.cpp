@@ -1,0 +1,306 @@
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "sim/compensation/control_file_format.h"
+
+namespace abbe::sim::compensation::control {
+namespace {
+
+using kinematics::Chain;
+
+constexpr Capacity capacity{256, 1e-3};
+constexpr int decimals = 4;
+constexpr int width = 14;  // of a column as written
+constexpr std::size_t most_columns = 16;
+constexpr double error_sign = -1.0;  // columns hold errors, which the control takes off
+
+char letter(const Chain& chain, int joint) { return chain.joints()[std::size_t(joint)].name; }
+
+/// A table of the control: text cells under names.
+struct Grid {
+  std::vector<std::string> names;
+  std::vector<std::vector<std::string>> rows;
+};
+
+std::string text_of(const std::string& name, const Grid& grid) {
+  const auto line = [](const std::vector<std::string>& cells) {
+    std::string text;
+    for (const std::string& cell : cells) text += fmt::format("{:<{}}", cell, width);
+    text.erase(text.find_last_not_of(' ') + 1);
+    return text + "\n";
+  };
+  std::string text = "BEGIN " + name + " MM\n" + line(grid.names);
+  for (const auto& row : grid.rows) text += line(row);
+  return text + "[END]\n";
+}
+
+/// All tables over one axis at the same positions, within what a .COM holds.
+std::vector<AxisTable> together(const std::vector<AxisTable>& sums, int of, const Chain& chain,
+                                Export& out) {
+  std::vector<AxisTable> all;
+  for (const AxisTable& table : sums)
+    if (table.of == of) all.push_back(table);
+  // taken as tables of one pair, their sum stands at the positions of all
+  std::vector<AxisTable> as_one = all;
+  for (AxisTable& table : as_one) table.moves = of;
+  if (all.empty()) return all;
+  const Eigen::VectorXd positions = summed(as_one).front().position;
+  for (AxisTable& table : all) {
+    const Shortened fitting = shortened(at_positions(table, positions), chain, capacity);
+    if (fitting.left_out) out.left_out.push_back(*fitting.left_out);
+    table = fitting.table;
+  }
+  return all;
+}
+
+Grid com_grid(const std::vector<AxisTable>& tables, const Chain& chain) {
+  const int of = tables.front().of;
+  Grid grid{{"NR", "AXISPOS"}, {}};
+  const auto own = std::find_if(tables.begin(), tables.end(),
+                                [of](const AxisTable& table) { return table.moves == of; });
+  const bool has_backlash = own != tables.end() && !same_both_ways(*own);
+  for (const AxisTable& table : tables) grid.names.emplace_back(1, letter(chain, table.moves));
+  if (has_backlash) grid.names.push_back("BACKLASH");
+  for (Eigen::Index k = 0; k < tables.front().position.size(); ++k) {
+    std::vector<std::string> row{
+        fmt::format("{}", k), decimal(tables.front().position[k] / unit_of(chain, of), decimals)};
+    for (const AxisTable& table : tables) {
+      const double value =
+          table.moves == of ? table.upward[k] : 0.5 * (table.upward[k] + table.downward[k]);
+      row.push_back(decimal(error_sign * value / unit_of(chain, table.moves), decimals));
+    }
+    if (has_backlash)
+      row.push_back(decimal(error_sign * own->downward[k] / unit_of(chain, of), decimals));
+    grid.rows.push_back(std::move(row));
+  }
+  return grid;
+}
+
+/// Lines of a table of the control: its columns begin where their names do.
+class GridReader {
+ public:
+  explicit GridReader(const ControlFile& file) : lines_(file.text, file.name, std::nullopt) {
+    const Line begin = line("BEGIN name MM");
+    const std::vector<Cell> words = cells_of(begin.text, ' ', 3);
+    if (words.size() != 3 || words[0].text != "BEGIN")
+      lines_.refuse(1, "BEGIN name MM", in_quotes(begin.text));
+    if (words[2].text != "MM") lines_.refuse(words[2], "MM");
+    heads_ = cells_of(line("a head such as NR AXISPOS X").text, ' ', most_columns);
+    if (heads_.size() > most_columns)
+      lines_.refuse(heads_.back(), fmt::format("at most {} columns", most_columns));
+    if (heads_.front().text != "NR") lines_.refuse(heads_.front(), "NR as the first column");
+    for (std::size_t i = 0; i < heads_.size(); ++i)
+      for (std::size_t k = 0; k < i; ++k)
+        if (heads_[i].text == heads_[k].text) lines_.refuse(heads_[i], "every column once");
+  }
+
+  const std::vector<Cell>& heads() const { return heads_; }
+  const TableLines& lines() const { return lines_; }
+
+  /// Cells of the next row, one a head; none after the last.
+  std::optional<std::vector<Cell>> next() {
+    const Line row = line("a row or [END]");
+    if (row.text.find_first_not_of(' ') == row.text.find("[END]")) {
+      if (lines_.next()) lines_.refuse(1, "nothing after [END]", "more");
+      return std::nullopt;
+    }
+    std::vector<Cell> cells;
+    for (std::size_t i = 0; i < heads_.size(); ++i) {
+      const std::size_t start = i == 0 ? 0 : std::size_t(heads_[i].column) - 1;
+      const std::size_t end =
+          i + 1 < heads_.size() ? std::size_t(heads_[i + 1].column) - 1 : row.text.size();
+      Cell cell{"", int(start) + 1};
+      if (start < row.text.size() && start < end) {
+        const std::vector<Cell> found = cells_of(row.text.substr(start, end - start), '\n', 1);
+        if (!found.empty()) cell = {found[0].text, int(start) + found[0].column};
+      }
+      cells.push_back(cell);
+    }
+    if (lines_.count_in(cells[0], 0, 9999) != rows_)
+      lines_.refuse(cells[0], fmt::format("{}", rows_));
+    ++rows_;
+    return cells;
+  }
+
+ private:
+  Line line(const std::string& expected) {
+    const auto next = lines_.next();
+    if (!next) lines_.refuse(0, expected, "the end");
+    return *next;
+  }
+
+  TableLines lines_;
+  std::vector<Cell> heads_;
+  int rows_ = 0;
+};
+
+/// Columns of a .COM: what each head means.
+struct ComColumns {
+  std::size_t position = 0;
+  std::optional<std::size_t> backlash;
+  std::vector<std::pair<std::size_t, int>> moves;  // column, joint
+};
+
+ComColumns com_columns(const GridReader& reader, int of, const Chain& chain) {
+  ComColumns columns;
+  bool has_own = false;
+  for (std::size_t i = 1; i < reader.heads().size(); ++i) {
+    const Cell& head = reader.heads()[i];
+    const auto joint = head.text.size() == 1 ? movable(head.text[0], chain) : std::nullopt;
+    if (head.text == "AXISPOS")
+      columns.position = i;
+    else if (head.text == "BACKLASH")
+      columns.backlash = i;
+    else if (joint)
+      columns.moves.emplace_back(i, *joint);
+    else
+      reader.lines().refuse(
+          head, fmt::format("AXISPOS, BACKLASH or an axis ({})", movable_letters(chain)));
+    has_own = has_own || joint == of;
+  }
+  if (columns.position == 0) reader.lines().refuse(1, "a column AXISPOS", "none");
+  if (columns.moves.empty()) reader.lines().refuse(1, "a column of an axis", "none");
+  if (columns.backlash && !has_own)
+    reader.lines().refuse(reader.heads()[*columns.backlash],
+                          fmt::format("BACKLASH beside a column {}", letter(chain, of)));
+  return columns;
+}
+
+std::vector<AxisTable> read_com(const ControlFile& file, int of, const Chain& chain) {
+  GridReader reader(file);
+  const ComColumns columns = com_columns(reader, of, chain);
+  std::vector<std::vector<double>> rows;
+  while (const auto cells = reader.next()) {
+    if (int(rows.size()) == capacity.most_points)
+      reader.lines().refuse(1, fmt::format("at most {} rows", capacity.most_points), "more");
+    std::vector<double> row;
+    for (std::size_t i = 1; i < cells->size(); ++i)
+      row.push_back(reader.lines().number_in((*cells)[i]));
+    if (!rows.empty() && !(row[columns.position - 1] > rows.back()[columns.position - 1]))
+      reader.lines().refuse((*cells)[columns.position], "positions that increase from row to row");
+    rows.push_back(std::move(row));
+  }
+  if (rows.size() < 2) reader.lines().refuse(0, "at least 2 rows", fmt::format("{}", rows.size()));
+  const auto column = [&rows](std::size_t i, double factor) {
+    Eigen::VectorXd out(Eigen::Index(rows.size()));
+    for (std::size_t k = 0; k < rows.size(); ++k) out[Eigen::Index(k)] = rows[k][i - 1] * factor;
+    return out;
+  };
+  std::vector<AxisTable> tables;
+  for (const auto& [i, moves] : columns.moves) {
+    const double factor = error_sign * unit_of(chain, moves);
+    AxisTable table{of, moves, column(columns.position, unit_of(chain, of)), column(i, factor), {}};
+    table.downward =
+        moves == of && columns.backlash ? column(*columns.backlash, factor) : table.upward;
+    tables.push_back(std::move(table));
+  }
+  return tables;
+}
+
+struct Assigned {
+  int of = 0;
+  std::string file;
+  int line = 0;
+  int column = 0;
+};
+
+/// The line of a .CMA that is in force.
+std::vector<Assigned> read_cma(const ControlFile& file, const Chain& chain) {
+  GridReader reader(file);
+  std::optional<std::size_t> active;
+  for (std::size_t i = 1; i < reader.heads().size(); ++i) {
+    const Cell& head = reader.heads()[i];
+    if (head.text == "ACTIVE")
+      active = i;
+    else if (head.text.size() != 1 || !movable(head.text[0], chain))
+      reader.lines().refuse(head, fmt::format("ACTIVE or an axis ({})", movable_letters(chain)));
+  }
+  if (!active) reader.lines().refuse(1, "a column ACTIVE", "none");
+  std::optional<std::vector<Assigned>> in_force;
+  while (const auto cells = reader.next()) {
+    const Cell& mark = (*cells)[*active];
+    if (mark.text.empty()) continue;
+    if (mark.text != "*") reader.lines().refuse(mark, "* or nothing");
+    if (in_force) reader.lines().refuse(mark, "one line in force");
+    in_force.emplace();
+    for (std::size_t i = 1; i < cells->size(); ++i)
+      if (i != *active && !(*cells)[i].text.empty())
+        in_force->push_back({*movable(reader.heads()[i].text[0], chain),
+                             std::string((*cells)[i].text), reader.lines().number(),
+                             (*cells)[i].column});
+  }
+  if (!in_force) reader.lines().refuse(0, "a line with * under ACTIVE", "none");
+  return *in_force;
+}
+
+bool is_cma(const ControlFile& file) { return base_name(file.name).ends_with(".CMA"); }
+
+int axis_of_name(const ControlFile& file, const Chain& chain) {
+  const std::string base = base_name(file.name);
+  if (base.size() == 5 && base.ends_with(".COM"))
+    if (const auto joint = movable(base[0], chain)) return *joint;
+  throw BadInput(file.name, 0, 0,
+                 fmt::format("a .CMA that names it, or the letter of an axis ({}) as its name",
+                             movable_letters(chain)),
+                 in_quotes(file.name));
+}
+
+}  // namespace
+
+Export to_heidenhain(const ParameterTables& tables, const Chain& chain) {
+  Export out;
+  out.left_out = offsets_left_out(tables, chain);
+  const std::vector<AxisTable> sums = summed(tables.tables);
+  Grid cma{{"NR"}, {{"0"}}};
+  for (int of = 0; of < chain.size(); ++of) {
+    const std::vector<AxisTable> over = together(sums, of, chain, out);
+    if (over.empty()) continue;
+    for (const AxisTable& table : over)
+      if (table.moves != of && !same_both_ways(table))
+        out.left_out.push_back(relation(table, chain) +
+                               ": the direction of motion; its mean is written");
+    const std::string name = std::string(1, letter(chain, of)) + ".COM";
+    out.files.push_back({name, text_of(name, com_grid(over, chain))});
+    cma.names.emplace_back(1, letter(chain, of));
+    cma.rows[0].push_back(name);
+  }
+  if (out.files.empty()) return out;
+  cma.names.push_back("ACTIVE");
+  cma.rows[0].push_back("*");
+  out.files.push_back({"CONFIG.CMA", text_of("CONFIG.CMA", cma)});
+  out.notes.push_back(
+      "Heidenhain-style: columns as the technical manuals name them, the frame of the "
+      "file and its 4 decimals are assumed; compare with a table of the control");
+  out.notes.push_back(
+      "positions count from the machine datum; older controls read a rotary axis from 0 "
+      "to 360 degrees only");
+  return out;
+}
+
+ParameterTables tables_of_heidenhain(std::span<const ControlFile> files, const Chain& chain) {
+  ParameterTables tables;
+  tables.offset = kinematics::AxisVector::Zero(chain.size());
+  const auto add = [&](const ControlFile& file, int of) {
+    for (AxisTable& table : read_com(file, of, chain)) tables.tables.push_back(std::move(table));
+  };
+  const auto cma = std::find_if(files.begin(), files.end(), is_cma);
+  if (cma == files.end()) {
+    for (const ControlFile& file : files) add(file, axis_of_name(file, chain));
+    return tables;
+  }
+  for (const Assigned& assigned : read_cma(*cma, chain)) {
+    const auto file = std::find_if(files.begin(), files.end(), [&](const ControlFile& f) {
+      return base_name(f.name) == base_name(assigned.file) && !is_cma(f);
+    });
+    if (file == files.end())
+      throw BadInput(cma->name, assigned.line, assigned.column, "a file that is there",
+                     in_quotes(assigned.file));
+    add(*file, assigned.of);
+  }
+  return tables;
+}
+
+}  // namespace abbe::sim::compensation::control

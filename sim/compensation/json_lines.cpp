@@ -1,0 +1,268 @@
+#include "sim/compensation/json_lines.h"
+
+#include <array>
+#include <charconv>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "kinematics/text.h"
+#include "sim/compensation/child_process.h"
+
+namespace abbe::sim::compensation {
+namespace {
+
+using nlohmann::json;
+using nlohmann::ordered_json;
+
+constexpr std::array<const char*, 6> deviation_columns = {"EX", "EY", "EZ", "EA", "EB", "EC"};
+constexpr double rpm_per_rad_per_s = 9.549296585513721;  // 30 / pi
+
+const char* word(Answers answers) {
+  return answers == Answers::Correction ? "correction" : "deviation";
+}
+
+template <typename Value>
+void append_list(std::string& line, Eigen::Index n, const Value& value) {
+  line += '[';
+  for (Eigen::Index i = 0; i < n; ++i) {
+    if (i > 0) line += ',';
+    value(i);
+  }
+  line += ']';
+}
+
+template <typename Value>
+void append_numbers(std::string& line, Eigen::Index n, const Value& value) {
+  append_list(line, n, [&](Eigen::Index i) { append_number(line, value(i)); });
+}
+
+std::string text_line(const ordered_json& message) {
+  return message.dump(-1, ' ', false, json::error_handler_t::replace) + "\n";
+}
+
+std::vector<double> numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+const char* word(kinematics::Motion motion) {
+  switch (motion) {
+    case kinematics::Motion::Linear:
+      return "linear";
+    case kinematics::Motion::Rotary:
+      return "rotary";
+    case kinematics::Motion::Spindle:
+      return "spindle";
+  }
+  return "";
+}
+
+ordered_json joint_message(const kinematics::Joint& joint) {
+  return {{"name", std::string(1, joint.name)},
+          {"side", joint.side == kinematics::Side::Workpiece ? "workpiece" : "tool"},
+          {"motion", word(joint.motion)},
+          {"direction", numbers(joint.direction_b)},
+          {"point", numbers(joint.point_b)},
+          {"min", joint.min},
+          {"max", joint.max}};
+}
+
+Eigen::Index readings(const PlugInTask& task) {
+  return task.log.time_s.size() > 0 ? task.log.values.cols() : 0;
+}
+
+/// The pose as 3 rows of 4: rotation, and the point at the end of each row.
+double of_pose(const kinematics::Pose& T, Eigen::Index i) { return T.matrix()(i / 4, i % 4); }
+
+constexpr int deepest = 16;  // what nests more is written and thrown away by recursion
+
+/// Deepest nesting of brackets and braces outside strings.
+int nesting(const std::string& line) {
+  int depth = 0, most = 0;
+  bool text = false;
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    const char c = line[i];
+    if (text && c == '\\') ++i;
+    if (c == '"') text = !text;
+    if (text) continue;
+    if (c == '[' || c == '{') most = std::max(most, ++depth);
+    if (c == ']' || c == '}') --depth;
+  }
+  return most;
+}
+
+json message_of(const std::string& line) {
+  const auto refuse = [&](const char* why) {
+    throw ChildFault("a JSON object on one line", in_quotes(line) + why);
+  };
+  if (nesting(line) > deepest) refuse(" that nests too deeply");
+  json message;
+  try {
+    message = json::parse(line);
+  } catch (const json::out_of_range&) {
+    refuse(" with a number that is too large");
+  } catch (const json::exception&) {
+    const bool not_finite = line.find("NaN") != std::string::npos ||
+                            line.find("nan") != std::string::npos ||
+                            line.find("Infinity") != std::string::npos;
+    refuse(not_finite ? " with a number that is not finite"
+                      : " (messages for people go to stderr)");
+  }
+  if (!message.is_object()) refuse("");
+  if (const auto error = message.find("error"); error != message.end() && !error->is_null())
+    throw ChildFault("no error", error->is_string() ? error->get<std::string>() : error->dump());
+  return message;
+}
+
+/// A value as a failure shows it.
+std::string seen(const json& object, const char* key) {
+  const auto value = object.find(key);
+  if (value == object.end()) return "none";
+  return shown(value->dump(-1, ' ', true, json::error_handler_t::replace));
+}
+
+std::string column_name(const Expected& expected, Eigen::Index column) {
+  if (expected.answers == Answers::Deviation) return deviation_columns[std::size_t(column)];
+  return std::string(1, expected.task.joints[std::size_t(column)].name);
+}
+
+bool is_angle(const Expected& expected, Eigen::Index column) {
+  if (expected.answers == Answers::Deviation) return column >= 3;
+  return expected.task.joints[std::size_t(column)].motion != kinematics::Motion::Linear;
+}
+
+double read_number(const json& value, const Expected& expected, Eigen::Index row,
+                   Eigen::Index column) {
+  const auto refuse = [&](const std::string& wanted) {
+    throw ChildFault(wanted,
+                     fmt::format("{} in row {}, {}",
+                                 shown(value.dump(-1, ' ', true, json::error_handler_t::replace)),
+                                 row + 1, column_name(expected, column)));
+  };
+  if (!value.is_number()) refuse("a finite number");
+  const double number = value.get<double>();
+  if (!std::isfinite(number)) refuse("a finite number");
+  const bool angle = is_angle(expected, column);
+  const double most = angle ? expected.options.most_rad : expected.options.most_mm;
+  if (std::abs(number) > most)
+    refuse(fmt::format("at most {} {} (units are mm and rad)", most, angle ? "rad" : "mm"));
+  return number;
+}
+
+}  // namespace
+
+void append_number(std::string& line, double number) {
+  if (!std::isfinite(number)) {
+    line += "null";
+    return;
+  }
+  std::array<char, 32> digits;  // "-2.2250738585072014e-308" is the longest
+  line.append(digits.data(),
+              std::to_chars(digits.data(), digits.data() + digits.size(), number).ptr);
+}
+
+std::string task_line(const PlugInTask& task, Eigen::Index samples, int batch) {
+  ordered_json message = {{"abbe", protocol_version}, {"kind", "task"}};
+  message["units"] = {{"length", "mm"}, {"angle", "rad"}, {"time", "s"}};
+  message["structure"] = task.structure;
+  message["joints"] = ordered_json::array();
+  for (const kinematics::Joint& joint : task.joints)
+    message["joints"].push_back(joint_message(joint));
+  message["tool"] = {{"name", task.tool}, {"length", task.tool_length}};
+  message["samples"] = samples;
+  message["batch"] = batch;
+  message["readings"] = readings(task) > 0 ? task.log.names : std::vector<std::string>();
+  std::string line = text_line(message);
+  line.resize(line.size() - 2);  // the closing brace comes after the log
+
+  const ControlLog& log = task.log;
+  line += ",\"log\":{\"time_s\":";
+  append_numbers(line, log.time_s.size(), [&](Eigen::Index i) { return log.time_s[i]; });
+  line += ",\"values\":";
+  append_list(line, log.time_s.size(), [&](Eigen::Index i) {
+    append_numbers(line, log.values.cols(), [&](Eigen::Index j) { return log.values(i, j); });
+  });
+  return line + "}}\n";
+}
+
+std::string end_line() { return "{\"kind\":\"end\"}\n"; }
+
+std::string ask_line(const PlugInTask& task, const PlugInQuestion& question, Samples samples,
+                     long id) {
+  const auto state = [&](Eigen::Index i) -> const kinematics::AxisState& {
+    return question.commands[std::size_t(samples.first + i)];
+  };
+  std::string line = fmt::format("{{\"kind\":\"ask\",\"id\":{}", id);
+  line.reserve(std::size_t(samples.count) * (400 + 10 * std::size_t(readings(task))));
+  const auto append = [&](const char* key, const auto& value) {
+    line += fmt::format(",\"{}\":", key);
+    append_list(line, samples.count, value);
+  };
+  append("time_s", [&](Eigen::Index i) { append_number(line, state(i).time_s); });
+  append("q", [&](Eigen::Index i) {
+    append_numbers(line, state(i).q.size(), [&](Eigen::Index j) { return state(i).q[j]; });
+  });
+  append("direction", [&](Eigen::Index i) {
+    append_numbers(line, state(i).q.size(),
+                   [&](Eigen::Index j) { return double(state(i).direction[std::size_t(j)]); });
+  });
+  append("spindle_rpm",
+         [&](Eigen::Index i) { append_number(line, state(i).spindle_speed * rpm_per_rad_per_s); });
+  append("T_wt", [&](Eigen::Index i) {
+    const kinematics::Pose& T_wt = question.T_wt[std::size_t(samples.first + i)];
+    append_numbers(line, 12, [&](Eigen::Index k) { return of_pose(T_wt, k); });
+  });
+  append("readings", [&](Eigen::Index i) {
+    const Eigen::Index m = readings(task);
+    const Eigen::Index known = m > 0 ? row_at(task.log, state(i).time_s) : 0;
+    append_numbers(line, m, [&](Eigen::Index j) { return task.log.values(known, j); });
+  });
+  return line + "}\n";
+}
+
+Ready read_ready(const std::string& line) {
+  const json message = message_of(line);
+  if (seen(message, "abbe") != std::to_string(protocol_version))
+    throw ChildFault(fmt::format("\"abbe\":{}, the version of the protocol", protocol_version),
+                     seen(message, "abbe"));
+  if (seen(message, "kind") != "\"ready\"")
+    throw ChildFault("\"kind\":\"ready\"", seen(message, "kind"));
+  Ready ready;
+  const std::string answers = seen(message, "answers");
+  if (answers == "\"deviation\"")
+    ready.answers = Answers::Deviation;
+  else if (answers != "\"correction\"")
+    throw ChildFault(R"("answers":"correction" or "answers":"deviation")", answers);
+  if (const auto name = message.find("name"); name != message.end() && name->is_string())
+    ready.name = name->get<std::string>();
+  return ready;
+}
+
+Eigen::Index columns(Answers answers, const PlugInTask& task) {
+  return answers == Answers::Deviation ? 6 : Eigen::Index(task.joints.size());
+}
+
+Eigen::MatrixXd read_answer(const std::string& line, const Expected& expected) {
+  const json message = message_of(line);
+  if (seen(message, "id") != std::to_string(expected.id))
+    throw ChildFault(fmt::format("\"id\":{}", expected.id), seen(message, "id"));
+  const auto found = message.find(word(expected.answers));
+  if (found == message.end() || !found->is_array())
+    throw ChildFault(fmt::format("\"{}\":[...]", word(expected.answers)),
+                     seen(message, word(expected.answers)));
+  if (found->size() != std::size_t(expected.samples))
+    throw ChildFault(fmt::format("{} rows, one a sample", expected.samples),
+                     std::to_string(found->size()));
+  Eigen::MatrixXd rows(expected.samples, columns(expected.answers, expected.task));
+  for (Eigen::Index i = 0; i < rows.rows(); ++i) {
+    const json& row = (*found)[std::size_t(i)];
+    if (!row.is_array() || row.size() != std::size_t(rows.cols()))
+      throw ChildFault(fmt::format("{} numbers a row", rows.cols()),
+                       row.is_array() ? fmt::format("{} in row {}", row.size(), i + 1)
+                                      : fmt::format("no list in row {}", i + 1));
+    for (Eigen::Index j = 0; j < rows.cols(); ++j)
+      rows(i, j) = read_number(row[std::size_t(j)], expected, i, j);
+  }
+  return rows;
+}
+
+}  // namespace abbe::sim::compensation

@@ -1,0 +1,355 @@
+// From a day of readings to what heat does, by temperatures: on a made-up day what was put in comes
+// out; on the packaged machine what was learnt on one day holds on another.
+
+#include "sim/identify_thermal.h"
+
+#include <cmath>
+#include <iostream>
+#include <map>
+#include <random>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/activity.h"
+#include "sim/identify.h"
+#include "sim/truth.h"
+#include "tests/sim/measured_scene.h"
+
+namespace abbe::sim {
+namespace {
+
+using namespace abbe::literals;
+using errors::metrology::Instrument;
+using errors::metrology::Kind;
+using errors::metrology::Plan;
+using errors::metrology::Readings;
+using kinematics::AxisState;
+
+// ---------------------------------------------------------------- a made-up day
+
+/// Temperatures of a day of epochs an hour long: nut, box and room, each on its own.
+Eigen::Vector3d warmed_K(int epoch) {
+  return epoch == 0
+             ? Eigen::Vector3d::Zero()
+             : Eigen::Vector3d(8.0 * std::sin(0.5 * epoch), 12.0 * (1 - std::exp(-0.4 * epoch)),
+                               1.5 * std::cos(1.7 * epoch));
+}
+
+/// um or urad per K, of a slope um/m per K, by nut and box; the room does nothing.
+const std::map<std::string, Eigen::Vector2d> injected = {
+    {"EXX slope", {11.7, 0.0}},  {"EYY slope", {0.0, 5.0}},  {"EZZ slope", {-3.0, 8.0}},
+    {"EZS offset", {0.0, -1.5}}, {"EYS offset", {0.3, 0.0}}, {"EX0C offset", {-0.8, 0.4}},
+};
+
+/// The elements at an hour of the day.
+errors::GeometricErrors warm(int epoch) {
+  errors::GeometricErrors errors;
+  const Eigen::Vector3d dT_K = warmed_K(epoch);
+  for (const auto& [name, per_K] : injected) {
+    const double value = per_K.dot(dT_K.head<2>()) * 1e-3;
+    const errors::ElementName element = errors::parse_element_name(name.substr(0, name.find(' ')));
+    if (name.ends_with("slope"))
+      errors.elements.push_back(
+          {element, {{errors::Polynomial{Eigen::Vector2d(0.0, value), 0.0, 1000.0}}}});
+    else
+      errors.elements.push_back({element, {{errors::Constant{value}}}});
+  }
+  return errors;
+}
+
+Instrument without_fault(Kind kind) {
+  Instrument i = errors::metrology::typical(kind);
+  i.noise = i.noise_rad = i.resolution = i.resolution_rad = 0.0;
+  i.rotation_sigma = i.position_sigma = i.scale_sigma = 0.0;
+  i.set_up_s = 0.0;
+  return i;
+}
+
+/// One plan from every hour; the instrument that stands all day has one alone.
+Plan all_day(Instrument instrument, const kinematics::Chain& nominal, int epochs) {
+  Plan all;
+  for (int k = 0; k < epochs; ++k) {
+    instrument.start_s = 3600.0 * k;
+    Plan one = errors::metrology::plan(instrument, nominal);
+    const int before = int(all.set_ups.size());
+    for (auto& set_up : one.set_ups) all.set_ups.push_back(set_up);
+    for (auto& look : one.looks) {
+      look.set_up += before;
+      all.looks.push_back(look);
+    }
+    all.instrument = one.instrument;
+    all.kind = one.kind;
+  }
+  return all;
+}
+
+/// What is read that day on the gantry, wrong already when cold by these errors.
+Readings day_of(const Plan& plan, const kinematics::Chain& nominal,
+                const errors::GeometricErrors& cold) {
+  const auto epoch_of = [](const AxisState& state) { return int(state.time_s / 3600.0); };
+  Readings readings = errors::metrology::measure(
+      plan, nominal,
+      [&](const AxisState& state) {
+        auto joints = errors::deviations(errors::bind(cold, nominal), state);
+        const auto heat = errors::deviations(errors::bind(warm(epoch_of(state)), nominal), state);
+        for (std::size_t j = 0; j < joints.size(); ++j) {
+          joints[j].motion += heat[j].motion;
+          joints[j].location += heat[j].location;
+        }
+        return errors::metrology::Bodies{nominal.workpiece_in_bed(state.q, joints),
+                                         nominal.tool_in_bed(state.q, joints)};
+      },
+      1);
+  readings.sensors = {"nut", "box", "room"};
+  readings.T_C.resize(Eigen::Index(plan.looks.size()), 3);
+  for (std::size_t i = 0; i < plan.looks.size(); ++i)
+    readings.T_C.row(Eigen::Index(i)) = warmed_K(epoch_of(plan.looks[i].state)).array() + 21.0;
+  return readings;
+}
+
+std::vector<Readings> made_up_day(int epochs, const errors::GeometricErrors& cold = {}) {
+  const kinematics::Chain nominal = compile(read_scene(packaged("gantry_perfect.toml"))).nominal;
+  Instrument drift = without_fault(Kind::Drift), r_test = without_fault(Kind::RTest),
+             tracker = without_fault(Kind::Tracker);
+  drift.at_w = r_test.at_w = Eigen::Vector3d(100, 0, 100);
+  drift.duration_s = 3600.0 * epochs - 1.0;
+  r_test.from_rad = -90.0_deg;
+  r_test.to_rad = 90.0_deg;
+  r_test.targets = 5;
+  tracker.targets = 3;
+  return {day_of(errors::metrology::plan(drift, nominal), nominal, cold),
+          day_of(all_day(r_test, nominal, epochs), nominal, cold),
+          day_of(all_day(tracker, nominal, epochs), nominal, cold)};
+}
+
+std::vector<std::string> elements() {
+  std::vector<std::string> names;
+  for (const auto& [name, per_K] : injected) names.push_back(name.substr(0, name.find(' ')));
+  return names;
+}
+
+/// What a report says of a term per K, in its unit.
+double per_K(const nlohmann::ordered_json& report, const std::string& term,
+             const std::string& sensor) {
+  for (const auto& one : report["terms"])
+    if (one["name"] == term) return one["per_K"][sensor]["value"];
+  return 0.0;
+}
+
+double worst_per_K(const IdentifiedThermal& found) {
+  double worst = 0.0;
+  for (const auto& [name, values] : injected)
+    for (int k = 0; k < 2; ++k)
+      worst =
+          std::max(worst, std::abs(per_K(found.report, name, k == 0 ? "nut" : "box") - values[k]));
+  for (const auto& term : found.report["terms"])
+    worst = std::max(worst, std::abs(term["per_K"]["room"]["value"].get<double>()));
+  return worst;
+}
+
+TEST(IdentifyThermal, ReturnsTheSlopesOfADayWithoutNoise) {
+  ThermalIdentification options;
+  options.elements = elements();
+  options.sensors = {"nut", "box", "room"};
+  const IdentifiedThermal found = identify_thermal(made_up_day(12), options);
+  const double worst = worst_per_K(found);
+  std::cout << "worst number per K off by " << worst << " um, urad or um/m\n";
+  EXPECT_LT(worst, 1e-9 * 11.7);
+  EXPECT_EQ(found.report["epochs_h"].size(), 12u);
+  // the offsets of EXX, EYY, EZZ come with their slopes; the first hides behind the table's drift
+  EXPECT_EQ(found.belief.terms.size(), injected.size() + 2);
+}
+
+TEST(IdentifyThermal, WhatIsWrongWithTheColdMachineDropsOut) {
+  errors::GeometricErrors cold;
+  const auto add = [&](const char* name, const errors::Shape& shape) {
+    cold.elements.push_back({errors::parse_element_name(name), {{shape}}});
+  };
+  add("EXX", errors::Polynomial{Eigen::Vector3d(10.0_um, 30.0_um, 20.0_um), 0.0, 300.0});
+  add("EZY", errors::Legendre{Eigen::Vector3d(0.0, 5.0_um, 10.0_um), 0.0, 350.0});
+  add("EBA", errors::Fourier{Eigen::Vector2d(20.0_urad, 10.0_urad), Eigen::Vector2d(0.0, 10.0_urad),
+                             2.0 * pi});
+  add("EC0Y", errors::Constant{50.0_urad});
+  add("EY0A", errors::Constant{20.0_um});
+  ThermalIdentification options;
+  options.elements = elements();
+  options.sensors = {"nut", "box", "room"};
+  const double worst = worst_per_K(identify_thermal(made_up_day(12, cold), options));
+  std::cout << "worst number per K off by " << worst << " um, urad or um/m\n";
+  EXPECT_LT(worst, 2e-5 * 11.7);  // what heat does, turned by the cold machine's angles
+}
+
+TEST(IdentifyThermal, ChoosesTheSensorsThatMatter) {
+  ThermalIdentification options;
+  options.elements = elements();
+  options.choice.count = 2;
+  options.choice.groups = 3;
+  const IdentifiedThermal found = identify_thermal(made_up_day(12), options);
+  auto sensors = found.report["sensors"].get<std::vector<std::string>>();
+  std::ranges::sort(sensors);
+  EXPECT_EQ(sensors, (std::vector<std::string>{"box", "nut"}));
+}
+
+TEST(IdentifyThermal, ADriftAloneTellsOffsetsAndNoSlope) {
+  const std::vector<Readings> day = made_up_day(6);
+  ThermalIdentification options;
+  options.elements = {"EXX", "EZZ"};
+  options.sensors = {"box"};
+  const IdentifiedThermal found = identify_thermal(std::span(day).first(1), options);
+  EXPECT_EQ(found.belief.terms.size(), 2u);
+  for (const auto& term : found.belief.terms) EXPECT_FALSE(term.slope);
+  EXPECT_LE(found.report["epochs_h"].size(), 200u);
+}
+
+std::string refusal_of(std::span<const Readings> readings, const ThermalIdentification& options) {
+  try {
+    identify_thermal(readings, options);
+    return "";
+  } catch (const std::invalid_argument& fault) {
+    return fault.what();
+  }
+}
+
+TEST(IdentifyThermal, RefusesInASentenceWhatCannotBe) {
+  const std::vector<Readings> day = made_up_day(4);
+  const auto expect = [&](std::span<const Readings> readings, const ThermalIdentification& options,
+                          const std::string& words) {
+    const std::string refusal = refusal_of(readings, options);
+    EXPECT_NE(refusal.find(words), std::string::npos) << words << "\nsaid: " << refusal;
+  };
+  expect({}, {}, "expected readings");
+  expect(day, {.elements = {"EXX"}, .sensors = {"oven"}}, "seen oven");
+  expect(day, {.elements = {"EXX", "EXX"}, .sensors = {"nut"}}, "EXX twice");
+  expect(day, {.elements = {"EXW"}, .sensors = {"nut"}}, "W");
+  expect(day, {.elements = {"EXX"}, .sensors = {"nut", "box", "room"}}, "more epochs");
+  std::vector<Readings> logged_nothing = day;
+  for (Readings& one : logged_nothing) one.sensors.clear();
+  expect(logged_nothing, {.elements = {"EXX"}, .sensors = {"nut"}}, "no sensor");
+  const std::vector<Readings> once = {made_up_day(1)[2]};
+  expect(once, {.elements = {"EXX"}, .sensors = {"nut"}}, "");
+  const std::vector<Readings> other = {day[1], made_up_day(5)[2]};
+  expect(other, {.elements = {"EXX"}, .sensors = {"nut"}}, "the same starts");
+}
+
+// ---------------------------------------------------------------- the packaged machine
+
+compensation::ThermalBelief packaged_belief() {
+  const std::filesystem::path file = packaged("beliefs/gantry_warmup_thermal.txt");
+  return compensation::thermal_belief_of_text(read_text(file, 1 << 20), file.string());
+}
+
+TEST(IdentifyThermal, ThePackagedBeliefIsThatOfThePackagedTrainingDay) {
+  const SceneFolder folder;
+  std::vector<std::filesystem::path> files;
+  const Scene scene = read_scene(packaged("gantry_warmup_training.toml"));
+  for (const InstrumentDescription& one : scene.instruments)
+    files.push_back(folder.write(one.instrument.name + ".csv", to_text(measured(scene, one))));
+  IdentifyOptions options;
+  options.method = IdentifyOptions::Method::Thermal;
+  options.out = folder.path() / "belief.txt";
+  const auto report = identify(files, options);
+  EXPECT_FALSE(identify_text(report).empty());
+  const auto found =
+      compensation::thermal_belief_of_text(read_text(options.out, 1 << 20), "belief.txt");
+  const compensation::ThermalBelief packaged = packaged_belief();
+  ASSERT_EQ(found.terms.size(), packaged.terms.size());
+  for (std::size_t k = 0; k < found.terms.size(); ++k) {
+    const auto &is = found.terms[k], &was = packaged.terms[k];
+    EXPECT_EQ(is.name, was.name);
+    EXPECT_EQ(is.slope, was.slope);
+    ASSERT_EQ(is.model.names, was.model.names);
+    const auto &a = std::get<errors::identification::LinearLaw>(is.model.law),
+               &b = std::get<errors::identification::LinearLaw>(was.model.law);
+    EXPECT_LT((a.beta - b.beta).norm(), 1e-6 * b.beta.norm());  // another CPU rounds otherwise
+  }
+}
+
+/// What the sensors of a scene say over its history and on until an hour after.
+compensation::ControlLog log_of(const Scene& scene, double history_s) {
+  InstrumentDescription sensors = instrument_of(scene, "temperature");
+  sensors.starts_s = {-history_s};
+  sensors.instrument.duration_s = history_s + 3600.0;
+  sensors.instrument.interval_s = 60.0;
+  const Readings readings = measured(scene, sensors);
+  compensation::ControlLog log;
+  for (const std::string& name : readings.sensors) log.names.push_back(name + "_C");
+  log.values = readings.T_C;
+  log.time_s.resize(readings.T_C.rows());
+  for (std::size_t i = 0; i < readings.plan.looks.size(); ++i)
+    log.time_s[Eigen::Index(i)] = readings.plan.looks[i].state.time_s;
+  return log;
+}
+
+/// How far heat moves the tip where the dome is cut, and how far it moves it beyond belief. RMS mm
+struct Left {
+  double heat = 0.0;
+  double left = 0.0;
+  int held = 0;
+};
+
+Left left_of(const Variant& variant, double history_s, unsigned seed) {
+  const Scene scene = read_scene(packaged("gantry_warmup.toml"), variant.set);
+  const Machine machine = compile(scene);
+  const Truth truth = truth_of(scene, machine, activity(scene, machine, {}, {}));
+  const auto course =
+      compensation::course_of(packaged_belief(), log_of(scene, history_s), machine.nominal);
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> unit(-1.0, 1.0);
+  Left result{0.0, 0.0, course.held};
+  const int n = 2000;
+  for (int i = 0; i < n; ++i) {
+    AxisState state;
+    state.q.resize(machine.nominal.size());
+    state.q << pi * unit(random), 40 + 100 * unit(random), 25 + 100 * unit(random),
+        80 + 50 * unit(random), pi / 3 * unit(random), 0.0;
+    const auto geometric = errors::deviations(truth.geometric, state);
+    auto believed = geometric;
+    const auto thermal = compensation::deviations(course, state);
+    for (std::size_t j = 0; j < believed.size(); ++j) {
+      believed[j].motion += thermal[j].motion;
+      believed[j].location += thermal[j].location;
+    }
+    const Eigen::Vector3d is =
+        machine.nominal.tool_in_workpiece(state.q, deviations(truth, state).joints).translation();
+    result.heat +=
+        (is - machine.nominal.tool_in_workpiece(state.q, geometric).translation()).squaredNorm();
+    result.left +=
+        (is - machine.nominal.tool_in_workpiece(state.q, believed).translation()).squaredNorm();
+  }
+  result.heat = std::sqrt(result.heat / n);
+  result.left = std::sqrt(result.left / n);
+  return result;
+}
+
+TEST(IdentifyThermal, WhatOneDayTaughtTakesFourFifthsOfAnotherDaysDrift) {
+  const unsigned seed = 20261201;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  for (const Variant& variant : read_scene(packaged("gantry_warmup.toml")).variants) {
+    const double hours = variant.name == "3 h" ? 3.0 : variant.name == "30 min" ? 0.5 : 0.0;
+    if (hours == 0.0) continue;
+    const Left one = left_of(variant, 3600.0 * hours, seed);
+    std::cout << variant.name << ": heat moves the tip by " << one.heat / units::um << " um RMS, "
+              << one.left / units::um << " beyond belief; " << one.held << " rows held\n";
+    EXPECT_LT(one.left, 0.2 * one.heat) << variant.name;
+    EXPECT_EQ(one.held, 0);
+  }
+}
+
+TEST(IdentifyThermal, TheTrainingDayIsNoneOfTheDaysThatAreJudged) {
+  const Scene training = read_scene(packaged("gantry_warmup_training.toml"));
+  for (const Variant& variant : read_scene(packaged("gantry_warmup.toml")).variants) {
+    const Scene judged = read_scene(packaged("gantry_warmup.toml"), variant.set);
+    for (const ThermalPhase& theirs : judged.thermal->history)
+      for (const ThermalPhase& ours : training.thermal->history)
+        EXPECT_FALSE(ours.spindle_speed == theirs.spindle_speed &&
+                     ours.axis_speed.size() == theirs.axis_speed.size() &&
+                     ours.axis_speed == theirs.axis_speed)
+            << variant.name;
+  }
+}
+
+}  // namespace
+}  // namespace abbe::sim
