@@ -30,18 +30,15 @@ bool readable(const Scene& scene, const std::string& column) {
                      [&](const auto& sensor) { return column == sensor.name + "_C"; });
 }
 
-/// What the cut does to the nominal, rigid machine at an instant, and what its axes do there.
-/// @param accelerations  (samples) or empty
-errors::Load nominal_load(const Job& job, const std::vector<kinematics::AxisVector>& accelerations,
-                          double time_s) {
-  errors::Load load = load_at(job.nominal_process, time_s);
-  if (accelerations.empty()) return load;
+errors::Load foreseen_load(const Job& job, const Foreseen& run, double time_s) {
+  errors::Load load = load_at(run.process, time_s);
+  if (run.accelerations.empty()) return load;
   const auto& states = job.samples.states;
   const auto after =
       std::lower_bound(states.begin(), states.end(), time_s,
                        [](const AxisState& state, double time) { return state.time_s < time; });
   load.acceleration =
-      accelerations[std::min(std::size_t(after - states.begin()), states.size() - 1)];
+      run.accelerations[std::min(std::size_t(after - states.begin()), states.size() - 1)];
   return load;
 }
 
@@ -150,11 +147,9 @@ compensation::ControlLog control_log(const Job& job, const Compensated& told,
   return log;
 }
 
-compensation::Belief perfect_belief(const Job& job,
-                                    std::vector<kinematics::AxisVector> accelerations) {
-  return [known = without_random(job.truth), &job,
-          accelerations = std::move(accelerations)](const AxisState& state) {
-    return tool_in_workpiece(known, state, nominal_load(job, accelerations, state.time_s));
+compensation::Belief perfect_belief(const Job& job, Foreseen run) {
+  return [known = without_random(job.truth), &job, run = std::move(run)](const AxisState& state) {
+    return tool_in_workpiece(known, state, foreseen_load(job, run, state.time_s));
   };
 }
 

@@ -20,12 +20,15 @@ struct Evidence {
 compensation::ControlLog control_log(const Job& job, const Compensated& told,
                                      const Process& process);
 
-/// The one door between truth and compensation: the perfect belief, without random parts. The cut
-/// acts as on the nominal, rigid machine: what a compensated tool meets as well, since it goes
-/// where the nominal one would. Its axes do not, so their inertia is that of corrected commands.
-/// @param accelerations  (samples) of the axes; empty where no mass has inertia
-compensation::Belief perfect_belief(const Job& job,
-                                    std::vector<kinematics::AxisVector> accelerations);
+/// What acts in the run that a perfect belief foresees.
+struct Foreseen {
+  Process process;                                    ///< its steps
+  std::vector<kinematics::AxisVector> accelerations;  ///< (samples) of the axes; empty where no
+                                                      ///< mass has inertia
+};
+
+/// The one door between truth and compensation: the perfect belief, without random parts.
+compensation::Belief perfect_belief(const Job& job, Foreseen run);
 
 /// What the scene gives to believe of the kinds that the case names, by the evidence so far.
 /// @throws BadInput naming the scene where it gives nothing of that kind, or what it gives does not

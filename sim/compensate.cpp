@@ -233,17 +233,27 @@ void Learning::measure_part(const Compensated& told, int pass) {
   evidence_.part = course_of_part(job_, *error_free_, total_);
 }
 
-/// A perfect belief knows what its own corrections do to the axes: those of the program say how the
-/// masses press at first, and the corrected commands then, each time by some hundredths of before.
+/// The steps of a cut without its stock.
+Process steps_of(const Process& process) { return {process.steps, {}, {}, {}}; }
+
+/// A perfect belief knows what its own corrections do: the program says at first how the masses
+/// press and the rigid machine how the cut does, then the corrected commands say it, each time by
+/// some hundredths of before.
 Corrector perfect_corrector(const Job& job, const CaseDescription& compensator) {
   constexpr int rounds = 3;
-  Corrector corrector = belief_corrector(job, compensator, perfect_belief(job, job.accelerations));
-  if (job.accelerations.empty()) return corrector;
-  const std::vector<AxisState> commanded = told(job, job.path, job.samples, job.machine.nominal);
-  program::Samples corrected = job.samples;
-  for (int round = 0; round < rounds; ++round) {
-    corrected.states = corrector(commanded, job.T_wt_nominal).states;
-    corrector = belief_corrector(job, compensator, perfect_belief(job, accelerations(corrected)));
+  Foreseen run{steps_of(job.nominal_process), job.accelerations};
+  Corrector corrector = belief_corrector(job, compensator, perfect_belief(job, run));
+  const bool bends = job.truth.compliance && !job.nominal_process.steps.empty();
+  const bool presses = !job.accelerations.empty();
+  if (!bends && !presses) return corrector;
+  Compensated told = as_programmed(job);
+  const std::vector<AxisState> commanded = told.samples.states;
+  for (int round = presses ? 0 : rounds - 1; round < rounds; ++round) {
+    told.samples.states = corrector(commanded, job.T_wt_nominal).states;
+    if (presses) run.accelerations = accelerations(told.samples);
+    // the stock is dear, so the cut is followed once, with the commands nearly as they will be
+    if (bends && round + 1 == rounds) run.process = steps_of(cut_process(job, told));
+    corrector = belief_corrector(job, compensator, perfect_belief(job, run));
   }
   return corrector;
 }
