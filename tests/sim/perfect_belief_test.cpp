@@ -285,23 +285,27 @@ Balance balance(const Kept& kept) {
           sum.unlike};
 }
 
-/// Most of what is known of the point that a compensator restores and lies along a slide that could
-/// mend it, mm.
+/// Root mean square of what is known of the point that a compensator restores and lies along a slide
+/// that could mend it, mm; of the slide with most.
 double left_along_slides(const Kept& kept) {
-  const compensation::Belief belief = perfect_belief(kept.job, kept.acceleration);
+  Foreseen run{{}, kept.acceleration};
+  run.process.steps = kept.mended.process.steps;
+  const compensation::Belief belief = perfect_belief(kept.job, std::move(run));
   const kinematics::Chain& chain = kept.job.machine.nominal;
   const auto* cutter = std::get_if<cutting::Cutter>(&kept.job.scene.tool.nominal);
   const Vector3d point_t(0, 0, cutter ? cutter->corner_radius : 0.0);
-  double most = 0.0;
+  Eigen::VectorXd sum = Eigen::VectorXd::Zero(chain.size());
+  double count = 0.0;
   for (std::size_t i = 0; i < kept.told.samples.states.size(); i += 7) {
     const AxisState& state = kept.told.samples.states[i];
     const Vector3d off_w = belief(state) * point_t - kept.job.T_wt_nominal[i] * point_t;
     const auto J = kinematics::axis_jacobian(chain, state.q);
     for (int k = 0; k < chain.size(); ++k)
       if (chain.joints()[std::size_t(k)].motion == kinematics::Motion::Linear)
-        most = std::max(most, std::abs(J.col(k).head<3>().dot(off_w)));
+        sum[k] += std::pow(J.col(k).head<3>().dot(off_w), 2);
+    count += 1.0;
   }
-  return most;
+  return std::sqrt(sum.maxCoeff() / count);
 }
 
 class PerfectBelief : public testing::TestWithParam<std::string> {};
@@ -326,7 +330,9 @@ void hold(const std::string& name, const Scene& scene) {
     EXPECT_GT(b.left, 1.0_nm) << "it can be mended after all";
   EXPECT_LT(b.rest, 1.0_nm);
   EXPECT_LT(b.beyond, 1.0_nm);
-  EXPECT_LT(slides, kept.acceleration.empty() ? 0.02_nm : 1.0_nm);
+  // where masses press or the cut bends, the belief goes by the run before the last
+  const bool foresees = !kept.acceleration.empty() || !kept.mended.process.steps.empty();
+  EXPECT_LT(slides, foresees ? 1.0_nm : 0.02_nm);
 }
 
 TEST_P(PerfectBelief, LeavesTheErrorFreeMapOrWhatTheAxesCannotMend) {
