@@ -204,17 +204,20 @@ bool Learning::knows_more() const {
 void Learning::read(const Compensated& told) {
   using From = BeliefDescription::Force::From;
   const BeliefDescription& given = job_.scene.belief;
-  const bool force = compensator_.plug_in.empty() && wants(Kind::Force) && given.force;
-  if (force && given.force->from == From::Model)
-    evidence_.model_load = computed_load(job_, told, machine_belief(job_, compensator_, evidence_));
-  if (force && given.force->from == From::Current && !evidence_.law)
-    evidence_.law = trained_law(*given.force);
-  const bool reads_force = (force && given.force->from != From::Model) ||
-                           (!compensator_.plug_in.empty() && job_.scene.cutting);
+  const bool plugged = !compensator_.plug_in.empty();
+  const bool force = !plugged && wants(Kind::Force) && given.force;
+  const bool reads_force =
+      (force && given.force->from != From::Model) || (plugged && job_.scene.cutting);
   if (reads_force)
     evidence_.log = control_log(job_, told, cut_process(job_, told));
-  else if (wants(Kind::Thermal) || !compensator_.plug_in.empty())
+  else if (plugged || wants(Kind::Thermal))
     evidence_.log = control_log(job_, told, {});
+  if (!force) return;
+  if (given.force->from == From::Current && !evidence_.law)
+    evidence_.law = trained_law(*given.force);
+  // by what is believed besides, so after the log
+  if (given.force->from == From::Model)
+    evidence_.model_load = computed_load(job_, told, machine_belief(job_, compensator_, evidence_));
 }
 
 void Learning::measure_part(const Compensated& told, int pass) {
