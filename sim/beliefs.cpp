@@ -205,6 +205,17 @@ compensation::CurrentLaw trained_law(const BeliefDescription::Force& force) {
   }
 }
 
+Eigen::VectorXd left_by_program(const Job& job, const cutting::Surface& error_free,
+                                const Eigen::MatrixX3d& points_w) {
+  VectorXd left(points_w.rows());
+  for (Index i = 0; i < left.size(); ++i) {
+    const Index vertex = nearest(job.design_w.vertices, points_w.row(i));
+    const bool is_cut = error_free.status[std::size_t(vertex)] == cutting::VertexStatus::Cut;
+    left[i] = is_cut ? error_free.residual[vertex] : 0.0;
+  }
+  return left;
+}
+
 compensation::PartCourse course_of_part(const Job& job, const cutting::Surface& error_free,
                                         const VectorXd& total) {
   std::vector<Index> rows;

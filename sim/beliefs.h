@@ -40,6 +40,11 @@ compensation::MachineBelief machine_belief(const Job& job, const CaseDescription
 /// @throws BadInput, BadScene
 compensation::CurrentLaw trained_law(const BeliefDescription::Force& force);
 
+/// What the program leaves at points of the part on a machine without errors, cusps above all: by
+/// the vertex nearest to each, 0 where nothing is cut. @return (points) mm
+Eigen::VectorXd left_by_program(const Job& job, const cutting::Surface& error_free,
+                                const Eigen::MatrixX3d& points_w);
+
 /// What the readings of a part tell of the tool, by the instants at which the nominal program
 /// shapes the part.
 /// @param total  (vertices) mm, deviation by all that was read so far

@@ -230,8 +230,11 @@ void Learning::measure_part(const Compensated& told, int pass) {
   if (!error_free_) error_free_ = cut_error_free(job_).surface;
   const Cut made = cut_as_told(job_, told);
   const errors::metrology::PartReadings readings = measured_part(job_, made, *instrument).readings;
+  // cusps are meant, and no correction of the tool takes them away
+  const Eigen::VectorXd unmeant =
+      readings.deviation - left_by_program(job_, *error_free_, readings.points_w);
   const Eigen::VectorXd here = compensation::between_readings(
-      readings.points_w, readings.deviation, job_.design_w.vertices, 5.0 * instrument->spacing);
+      readings.points_w, unmeant, job_.design_w.vertices, 5.0 * instrument->spacing);
   total_ = total_.size() == 0 ? here : Eigen::VectorXd(total_ + here);
   evidence_.part = course_of_part(job_, *error_free_, total_);
 }
