@@ -10,7 +10,6 @@ namespace {
 
 using Eigen::Index;
 
-constexpr double most_counts = 1e15;  // a quarter of a count is still told apart
 constexpr double never = std::numeric_limits<double>::infinity();
 
 /// One line of the motion in quarters of a count; boundary j lies between quarters j - 1 and j.

@@ -6,6 +6,8 @@
 
 namespace abbe::sim::compensation {
 
+inline constexpr double most_counts = 1e15;  ///< a quarter of a count is still told apart
+
 /// Times at which an inserted pair can begin, `windows` many of equal length, `spacing_s` apart.
 struct PulseWindows {
   double begin_s = 0.0;  ///< of the first; -inf where the axis rests so before its course

@@ -16,7 +16,6 @@ using Eigen::VectorXd;
 
 constexpr double most_cycles = 2e8;
 constexpr std::size_t most_steps = 25'000'000;
-constexpr double most_counts = 1e15;
 
 void need(bool holds, const std::string& what) {
   if (!holds) throw std::invalid_argument("pulse insertion expects " + what);

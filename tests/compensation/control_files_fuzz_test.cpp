@@ -6,40 +6,15 @@
 
 #include "sim/compensation/control_files.h"
 #include "tests/compensation/control_cases.h"
+#include "tests/injured.h"
 
 namespace abbe::sim::compensation {
 namespace {
 
 using namespace cases;
 
-/// One small injury: bytes changed, lost, doubled, or added.
-std::string injured(std::string text, std::mt19937& random) {
-  const auto upto = [&](std::size_t n) {
-    return std::uniform_int_distribution<std::size_t>(0, n)(random);
-  };
-  const std::string fodder = "0159.-+eE,;: \t\n\r\"#[]()=$*XYZAMNR/%";
-  for (std::size_t k = upto(1) + 1; k > 0; --k) {
-    if (text.empty()) return text;
-    const std::size_t at = upto(text.size() - 1), length = std::min(upto(12), text.size() - at);
-    switch (upto(4)) {
-      case 0:
-        text[at] = char(upto(255));
-        break;
-      case 1:
-        text[at] = fodder[upto(fodder.size() - 1)];
-        break;
-      case 2:
-        text.erase(at, length);
-        break;
-      case 3:
-        text.insert(upto(text.size()), text.substr(at, length));
-        break;
-      default:
-        text.insert(at, 1, fodder[upto(fodder.size() - 1)]);
-    }
-  }
-  return text;
-}
+const std::string fodder = "0159.-+eE,;: \t\n\r\"#[]()=$*XYZAMNR/%";
+constexpr std::size_t injuries = 2;
 
 struct Outcome {
   int read = 0;
@@ -53,8 +28,8 @@ Outcome outcome(const std::vector<ControlFile>& files, std::mt19937& random, con
   for (int k = 0; k < 4000; ++k) {
     std::vector<ControlFile> hurt = files;
     ControlFile& victim = hurt[std::size_t(k) % hurt.size()];
-    victim.text = injured(victim.text, random);
-    if (k % 50 == 0) victim.name = injured(victim.name, random);
+    victim.text = injured(victim.text, fodder, injuries, random);
+    if (k % 50 == 0) victim.name = injured(victim.name, fodder, injuries, random);
     try {
       read(hurt);
       ++out.read;

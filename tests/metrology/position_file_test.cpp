@@ -13,6 +13,7 @@
 
 #include "kinematics/bad_input.h"
 #include "kinematics/units.h"
+#include "tests/injured.h"
 
 namespace abbe::errors::metrology {
 namespace {
@@ -229,35 +230,6 @@ TEST(PositionFile, TooMuchIsRefusedBeforeItIsHeld) {
   EXPECT_THROW(read_position_csv(wide + "\n", "a"), BadInput);
 }
 
-/// One small injury: bytes changed, lost, doubled, or lines swapped.
-std::string injured(std::string text, std::mt19937& random) {
-  const auto upto = [&](std::size_t n) {
-    return std::uniform_int_distribution<std::size_t>(0, n)(random);
-  };
-  const std::string fodder = "0159.-+eE,;: \t\n\r\"#jHEADER::_um";
-  for (std::size_t k = upto(4) + 1; k > 0; --k) {
-    if (text.empty()) return text;
-    const std::size_t at = upto(text.size() - 1), length = std::min(upto(12), text.size() - at);
-    switch (upto(4)) {
-      case 0:
-        text[at] = char(upto(255));
-        break;
-      case 1:
-        text[at] = fodder[upto(fodder.size() - 1)];
-        break;
-      case 2:
-        text.erase(at, length);
-        break;
-      case 3:
-        text.insert(upto(text.size()), text.substr(at, length));
-        break;
-      default:
-        text.insert(at, 1, fodder[upto(fodder.size() - 1)]);
-    }
-  }
-  return text;
-}
-
 TEST(PositionFile, InjuredFilesAreReadOrRefused) {
   const unsigned seed = 20250613;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
@@ -266,7 +238,7 @@ TEST(PositionFile, InjuredFilesAreReadOrRefused) {
   const auto start = std::chrono::steady_clock::now();
   for (int k = 0; k < 30000; ++k) {
     const std::string& origin = k % 3 == 0 ? long_form : (k % 3 == 1 ? wide_form : rtl);
-    const std::string text = injured(origin, random);
+    const std::string text = injured(origin, "0159.-+eE,;: \t\n\r\"#jHEADER::_um", 5, random);
     try {
       const auto sets =
           k % 3 == 2 ? std::vector<PositionSet>{read_rtl(text, "a")} : read_position_csv(text, "a");
