@@ -63,6 +63,17 @@ float below(double x) {
 }
 float above(double x) { return -below(-x); }
 
+Move part_of(const CutterMotion& motion, int move, int part, int parts) {
+  Move whole = move_after(motion, move);
+  if (parts > 1) {
+    whole.from = double(part) / parts;
+    whole.to = double(part + 1) / parts;
+  }
+  return whole;
+}
+
+}  // namespace
+
 int parts_of(const CutterMotion& motion, int move) {
   const int next = std::min<int>(move + 1, int(motion.tip.rows()) - 1);
   const double chord2 = (motion.axis.row(next) - motion.axis.row(move)).squaredNorm();
@@ -70,7 +81,9 @@ int parts_of(const CutterMotion& motion, int move) {
   return 1 + int(2 * std::asin(std::min(1.0, 0.5 * std::sqrt(chord2))) / max_part_turn);
 }
 
-}  // namespace
+Move part_of(const CutterMotion& motion, int move, int part) {
+  return part_of(motion, move, part, parts_of(motion, move));
+}
 
 struct SweepTree::Bounds {
   Vector3d low = Vector3d::Constant(std::numeric_limits<double>::infinity());
@@ -90,15 +103,23 @@ struct SweepTree::Query {
   float radius, corner, ring, flank;
 };
 
-struct SweepTree::Search {
+/// What a walk through the tree is for, whose ray is cut off at query.point.
+struct SweepTree::Aim {
   const Ray& ray;
   Query query;
-  std::optional<Removal> best;
-  int best_item = -1;
-  int part = 0;
   int done_leaf = -1;
   int done_item = -1;
   bool buried = false;
+};
+
+struct SweepTree::Search : Aim {
+  std::optional<Removal> best;
+  int best_item = -1;
+};
+
+struct SweepTree::Collection : Aim {
+  double limit;  // mm along the ray
+  std::vector<Removal> found;
 };
 
 // ---- building -----------------------------------------------------------------------------------
@@ -155,12 +176,7 @@ std::vector<SweepTree::Item> SweepTree::sorted_items() {
 }
 
 Move SweepTree::move_of(const Item& item) const {
-  Move move = move_after(motion_, item.move);
-  if (item.parts > 1) {
-    move.from = double(item.part) / item.parts;
-    move.to = double(item.part + 1) / item.parts;
-  }
-  return move;
+  return part_of(motion_, item.move, item.part, item.parts);
 }
 
 namespace {
@@ -512,12 +528,11 @@ void SweepTree::try_item(int item, Search& search) const {
   const std::optional<Entry> entry = first_entry(cutter_, move_of(it), search.ray, limit);
   if (!entry || entry->s > search.ray.band) return;
   const auto order = [](double s, int move, int part) { return std::tuple(s, move, part); };
-  if (search.best && order(search.best->s, search.best->move, search.part) <=
+  if (search.best && order(search.best->s, search.best->move, search.best->part) <=
                          order(entry->s, it.move, it.part))
     return;
-  search.best = Removal{entry->s, entry->t, it.move};
+  search.best = Removal{entry->s, entry->t, it.move, it.part};
   search.best_item = item;
-  search.part = it.part;
   search.buried = entry->s <= -search.ray.band;
   for (int d = 0; d < 3; ++d) {
     const double cut_off = std::min(entry->s + entry_margin, search.ray.band);
@@ -526,18 +541,25 @@ void SweepTree::try_item(int item, Search& search) const {
   }
 }
 
-template <bool ball>
-void SweepTree::search_leaf(int leaf, Search& search) const {
-  unsigned open = open_moves<ball>(leaf, search.query);
-  while (open != 0 && !search.buried) {
+void SweepTree::try_item(int item, Collection& collection) const {
+  const Item& it = items_[item];
+  const std::optional<Entry> entry =
+      first_entry(cutter_, move_of(it), collection.ray, collection.limit);
+  if (entry) collection.found.push_back({entry->s, entry->t, it.move, it.part});
+}
+
+template <bool ball, class Wanted>
+void SweepTree::search_leaf(int leaf, Wanted& wanted) const {
+  unsigned open = open_moves<ball>(leaf, wanted.query);
+  while (open != 0 && !wanted.buried) {
     const int item = leaf * width + std::countr_zero(open);
     open &= open - 1;
-    if (item != search.done_item) try_item(item, search);
+    if (item != wanted.done_item) try_item(item, wanted);
   }
 }
 
-template <bool ball>
-void SweepTree::descend(Search& search) const {
+template <bool ball, class Wanted>
+void SweepTree::descend(Wanted& wanted) const {
   struct Visit {
     int level;  // -1: a leaf
     int index;
@@ -545,15 +567,15 @@ void SweepTree::descend(Search& search) const {
   std::array<Visit, 8 * 12> stack;
   int size = 0;
   stack[size++] = {int(levels_.size()) - 1, 0};
-  while (size > 0 && !search.buried) {
+  while (size > 0 && !wanted.buried) {
     const Visit visit = stack[--size];
     if (visit.level < 0) {
-      if (visit.index != search.done_leaf) search_leaf<ball>(visit.index, search);
+      if (visit.index != wanted.done_leaf) search_leaf<ball>(visit.index, wanted);
       continue;
     }
     alignas(32) float separation[width];
     const Node& node = levels_[visit.level][visit.index];
-    unsigned open = open_children<ball>(node, search.query, separation);
+    unsigned open = open_children<ball>(node, wanted.query, separation);
     open &= (1u << children(visit.level, visit.index)) - 1u;
     // The nearest child comes last, to be visited first.
     const int bottom = size;
@@ -567,18 +589,23 @@ void SweepTree::descend(Search& search) const {
   }
 }
 
+SweepTree::Query SweepTree::query_of(const Ray& ray, double cut_off) const {
+  Query query;
+  query.radius = above(cutter_.radius);
+  query.corner = above(cutter_.corner_radius);
+  query.ring = above(cutter_.radius - cutter_.corner_radius);
+  query.flank = above(cutter_.flank_length);
+  for (int d = 0; d < 3; ++d) {
+    query.n[d] = float(ray.normal[d]);
+    query.point[d] = ray.point[d] + cut_off * ray.normal[d];
+    query.p[d] = float(query.point[d] - centre_[d]);
+  }
+  return query;
+}
+
 std::optional<Removal> SweepTree::first_removal(const Ray& ray, Hint& hint) const {
   if (items_.empty()) return std::nullopt;
-  Search search{.ray = ray, .query = {}, .best = std::nullopt};
-  search.query.radius = above(cutter_.radius);
-  search.query.corner = above(cutter_.corner_radius);
-  search.query.ring = above(cutter_.radius - cutter_.corner_radius);
-  search.query.flank = above(cutter_.flank_length);
-  for (int d = 0; d < 3; ++d) {
-    search.query.n[d] = float(ray.normal[d]);
-    search.query.point[d] = ray.point[d] + ray.band * ray.normal[d];
-    search.query.p[d] = float(search.query.point[d] - centre_[d]);
-  }
+  Search search{{.ray = ray, .query = query_of(ray, ray.band)}, std::nullopt};
   const bool ball = cutter_.radius == cutter_.corner_radius;
   if (hint.item >= 0) {
     try_item(hint.item, search);
@@ -590,6 +617,20 @@ std::optional<Removal> SweepTree::first_removal(const Ray& ray, Hint& hint) cons
   ball ? descend<true>(search) : descend<false>(search);
   if (search.best) hint.item = search.best_item;
   return search.best;
+}
+
+std::vector<Removal> SweepTree::removals_within(const Ray& ray, double reach, Hint& hint) const {
+  const std::optional<Removal> first = first_removal(ray, hint);
+  if (!first || first->s <= -ray.band) return {};
+  const double limit = std::min(first->s + reach, ray.band);
+  const double cut_off = std::min(limit + entry_margin, ray.band);
+  Collection collection{{.ray = ray, .query = query_of(ray, cut_off)}, limit, {}};
+  cutter_.radius == cutter_.corner_radius ? descend<true>(collection) : descend<false>(collection);
+  std::vector<Removal>& found = collection.found;
+  std::sort(found.begin(), found.end(), [](const Removal& a, const Removal& b) {
+    return std::tie(a.move, a.part) < std::tie(b.move, b.part);
+  });
+  return std::move(found);
 }
 
 }  // namespace abbe::cutting

@@ -15,7 +15,12 @@ struct Removal {
   double s = 0.0;  ///< mm along the normal; -band if the ray starts in removed material
   double t = 0.0;  ///< instant within the move, 0 .. 1
   int move = 0;    ///< the move from sample `move` to the next
+  int part = 0;    ///< of the move, if it counts as several
 };
+
+/// The parts of at most 0.05 rad as which a move counts if its axis turns by more.
+int parts_of(const CutterMotion& motion, int move);
+Move part_of(const CutterMotion& motion, int move, int part);
 
 /// All moves of a cutter in a hierarchy of bounding volumes, 8 children a node, for finding the
 /// first removal along rays. Immutable once made; about 75 bytes a move, 90 while it is made.
@@ -33,6 +38,11 @@ class SweepTree {
   /// First removal along the ray: smallest s, of equal ones the earliest move. Does not depend on
   /// the hint, which is replaced by the place of the result.
   std::optional<Removal> first_removal(const Ray& ray, Hint& hint) const;
+
+  /// First removal of every move, or part of one, that comes within `reach` (mm) of the first of
+  /// all, in the order of the motion. Empty if there is none, or if the ray starts in removed
+  /// material.
+  std::vector<Removal> removals_within(const Ray& ray, double reach, Hint& hint) const;
 
  private:
   static constexpr int width = 8;
@@ -71,7 +81,9 @@ class SweepTree {
   };
   struct Bounds;
   struct Query;
+  struct Aim;
   struct Search;
+  struct Collection;
 
   std::vector<Item> sorted_items();
   void make_leaves();
@@ -88,11 +100,13 @@ class SweepTree {
   unsigned open_children(const Node& node, const Query& query, float* separation) const;
   template <bool ball>
   unsigned open_moves(int leaf, const Query& query) const;
-  template <bool ball>
-  void descend(Search& search) const;
-  template <bool ball>
-  void search_leaf(int leaf, Search& search) const;
+  template <bool ball, class Wanted>
+  void descend(Wanted& wanted) const;
+  template <bool ball, class Wanted>
+  void search_leaf(int leaf, Wanted& wanted) const;
   void try_item(int item, Search& search) const;
+  void try_item(int item, Collection& collection) const;
+  Query query_of(const Ray& ray, double cut_off) const;
   Move move_of(const Item& item) const;
 
   Cutter cutter_;

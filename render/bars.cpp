@@ -14,9 +14,18 @@ namespace {
 using Eigen::Vector2d;
 
 constexpr std::size_t most_bars = 400;
-constexpr double bar_px = 38.0;  // from bar to bar, of a picture 1600 px wide
+constexpr double bar_px = 38.0;     // from bar to bar, of a picture 1600 px wide
+constexpr double legend_px = 44.0;  // above the bars
+constexpr double bar_opacity = 0.85;
 
-/// Ends of the axis: zero, every bar, whisker and the reference.
+std::vector<double> running_sums(const std::vector<Bar>& bars) {
+  std::vector<double> sums;
+  double sum = 0.0;
+  for (const Bar& bar : bars) sums.push_back(sum += std::isfinite(bar.value) ? bar.value : 0.0);
+  return sums;
+}
+
+/// Ends of the axis: zero, every bar, whisker, running sum and the reference.
 Span reach(const std::vector<Bar>& bars, const BarsOptions& options) {
   std::optional<Span> span;
   if (options.from_zero) span = Span{0.0, 0.0};
@@ -29,7 +38,10 @@ Span reach(const std::vector<Bar>& bars, const BarsOptions& options) {
     take(bar.value);
     take(bar.value - bar.u.value_or(0.0));
     take(bar.value + bar.u.value_or(0.0));
+    if (bar.other) take(*bar.other);
   }
+  if (!options.running_sum.empty())
+    for (const double sum : running_sums(bars)) take(sum);
   if (options.reference) take(*options.reference);
   if (!span || (span->lower == 0.0 && span->upper == 0.0)) return {0.0, 1.0};
   Span wide = padded(*span);
@@ -40,24 +52,62 @@ Span reach(const std::vector<Bar>& bars, const BarsOptions& options) {
 
 /// The value, to two digits of its uncertainty where there is one.
 std::string shown_value(const Bar& bar) {
+  if (!bar.text.empty()) return bar.text;
+  if (bar.other) return figure(bar.value) + " / " + figure(*bar.other);
   if (!bar.u || !(*bar.u > 0.0) || !std::isfinite(bar.value)) return figure(bar.value);
   const int decimals = std::clamp(1 - int(std::floor(std::log10(*bar.u))), 0, 6);
   return fixed(bar.value, decimals) + " ± " + fixed(*bar.u, decimals);
 }
 
+/// From zero to the value, between two heights in px.
+void draw_body(Canvas& canvas, const Axes& a, double value, const Span& rows, int colour) {
+  if (!std::isfinite(value)) return;
+  const double zero = std::clamp(0.0, a.x.lower, a.x.upper);
+  const double from = at(a, zero, 0.0).x(), to = at(a, value, 0.0).x();
+  canvas.fill({std::min(from, to), rows.lower, std::abs(to - from), rows.upper - rows.lower},
+              series_colour(colour), bar_opacity);
+}
+
 void draw_bar(Canvas& canvas, const Axes& a, const Bar& bar, double y, const TextStyle& body) {
   const double unit = body.size_px / 22.0;
-  if (!std::isfinite(bar.value)) return;
-  const double zero = std::clamp(0.0, a.x.lower, a.x.upper);
-  const double from = at(a, zero, 0.0).x(), to = at(a, bar.value, 0.0).x();
   const double half = 0.34 * bar_px * unit;
-  canvas.fill({std::min(from, to), y - half, std::abs(to - from), 2.0 * half},
-              series_colour(bar.colour), 0.85);
-  if (!bar.u) return;
+  const bool shared = bar.other && bar.value * *bar.other > 0.0;
+  draw_body(canvas, a, bar.value, {shared ? y : y - half, y + half}, bar.colour);
+  if (bar.other)
+    draw_body(canvas, a, *bar.other, {y - half, shared ? y : y + half}, bar.colour + 1);
+  if (!bar.u || !std::isfinite(bar.value)) return;
   const double low = at(a, bar.value - *bar.u, 0.0).x(), high = at(a, bar.value + *bar.u, 0.0).x();
   canvas.line({{low, y}, {high, y}}, colours::ink, 2.0 * unit);
   for (const double x : {low, high})
     canvas.line({{x, y - 0.5 * half}, {x, y + 0.5 * half}}, colours::ink, 2.0 * unit);
+}
+
+constexpr int running_sum_colour = 1;
+
+void draw_running_sum(Canvas& canvas, const Axes& a, const std::vector<Bar>& bars, double row_px,
+                      double unit) {
+  std::vector<Vector2d> points;
+  const std::vector<double> sums = running_sums(bars);
+  for (std::size_t i = 0; i < sums.size(); ++i)
+    points.emplace_back(at(a, sums[i], 0.0).x(),
+                        a.box.y + a.box.height - (double(i) + 0.5) * row_px);
+  stroke(canvas, points, running_sum_colour, 3.0 * unit);
+  for (const Vector2d& p : points) draw_mark(canvas, p, running_sum_colour, 11.0 * unit);
+}
+
+bool has_legend(const BarsOptions& options) {
+  return !options.legend.empty() || !options.running_sum.empty();
+}
+
+void draw_legend(Canvas& canvas, const BarsOptions& options, Vector2d left, const TextStyle& body) {
+  for (std::size_t i = 0; i < options.legend.size(); ++i) {
+    const Colour c = series_colour(int(i));
+    const auto paled = [](double part) { return 1.0 - bar_opacity * (1.0 - part); };
+    left.x() += swatch(canvas, left, {paled(c.r), paled(c.g), paled(c.b)}, options.legend[i], body);
+    left.x() += 1.8 * body.size_px;
+  }
+  if (!options.running_sum.empty())
+    draw_legend_row(canvas, left, {{options.running_sum, running_sum_colour, true, true}}, body);
 }
 
 double widest(const std::vector<Bar>& bars, const TextStyle& style, bool values) {
@@ -102,7 +152,8 @@ void write_bars(const std::filesystem::path& path, const std::vector<Bar>& bars,
   if (bars.empty() || bars.size() > most_bars)
     throw std::invalid_argument("bars: expected 1 to 400 bars");
   const double unit = options.width / 1600.0;
-  const double above = options.reference ? 32.0 * unit : 8.0 * unit, below = 80.0 * unit;
+  const double legend = has_legend(options) ? legend_px * unit : 0.0;
+  const double above = (options.reference ? 32.0 * unit : 8.0 * unit) + legend, below = 80.0 * unit;
   const double margins = page_margins(options.width, options.title, options.caption, unit);
   const int height =
       int(std::lround(double(bars.size()) * bar_px * unit + above + below + margins));
@@ -126,7 +177,10 @@ void write_bars(const std::filesystem::path& path, const std::vector<Bar>& bars,
     label.across = 1.0;
     canvas.text({left - 0.7 * em, y}, wrapped(bars[i].label, label, names + 1.0, 1).front(), label);
   }
+  if (!options.running_sum.empty()) draw_running_sum(canvas, a, bars, bar_px * unit, unit);
   draw_reference(canvas, a, options, p.body);
+  draw_legend(canvas, options, {p.inner.x + 0.5 * em, p.inner.y + p.inner.height - 0.5 * legend},
+              p.body);
   draw_page(canvas, p);
   canvas.write_png(path);
 }

@@ -49,21 +49,6 @@ Grid grid(int cases, double width, double aspect, double text_height) {
   return best;
 }
 
-/// Height over width of what the view shows.
-double aspect(const std::vector<MapPicture>& cases, const ComparisonOptions& options) {
-  double result = 0.0;
-  for (const MapPicture& c : cases) {
-    // the scale that fits a width, and the one that fits a height, of one pixel
-    const Rectangle wide{0, 0, 1.0, 1e12};
-    const Rectangle high{0, 0, 1e12, 1.0};
-    const auto& points = c.field.design.vertices;
-    const double width = fitted_view(points, options.from, options.up, wide).mm_per_px;
-    const double height = fitted_view(points, options.from, options.up, high).mm_per_px;
-    result = std::max(result, height / width);
-  }
-  return result;
-}
-
 /// Text of a case, broken to the width of its cell.
 struct CellText {
   std::vector<std::string> title;
@@ -140,7 +125,9 @@ Plan plan(const std::vector<MapPicture>& cases, const ComparisonOptions& options
   for (const MapPicture& c : cases) p.counts.push_back(tally(c.field, p.range));
 
   const double width = options.width - 2.0 * margin - side_px;
-  const double shape = aspect(cases, options);
+  double shape = 0.0;
+  for (const MapPicture& c : cases)
+    shape = std::max(shape, aspect(c.field.design.vertices, options.from, options.up));
   const bool with_setting = !same_setting(cases);
   p.cells = grid(static_cast<int>(cases.size()), width, shape, 4.0 * line_height(body_style));
   std::size_t below = 0;

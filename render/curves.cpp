@@ -2,11 +2,10 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "render/axes.h"
 #include "render/canvas.h"
 #include "render/label.h"
 #include "render/page.h"
-#include "render/plot.h"
+#include "render/panel.h"
 
 namespace abbe::render {
 namespace {
@@ -31,12 +30,6 @@ void check(const std::vector<Panel>& panels) {
   }
 }
 
-/// What there is to be seen; empty where nothing is finite.
-struct Extent {
-  std::optional<Span> x;
-  std::optional<Span> y;
-};
-
 void include(std::optional<Span>& span, double value) {
   if (!std::isfinite(value)) return;
   if (!span) span = Span{value, value};
@@ -52,12 +45,6 @@ void include(Extent& extent, const Series& s) {
     include(extent.y, s.lower[i]);
     include(extent.y, s.upper[i]);
   }
-}
-
-Extent extent(const Panel& panel) {
-  Extent all;
-  for (const Series& s : panel.series) include(all, s);
-  return all;
 }
 
 /// Round ticks, as many as leave room between their labels.
@@ -76,20 +63,30 @@ Ticks spaced_ticks(const Span& span, double length_px, const TextStyle& style, b
   return best;
 }
 
-struct PanelLook {
-  TextStyle body;
-  TextStyle title;
-  double unit = 1.0;
-  double side_px = 0.0;   ///< kept free at the right for legend and note
-  double ticks_px = 0.0;  ///< at the left, for the numbers of y
-};
-
 /// A panel laid out in its cell of the page.
 struct Placed {
   Axes axes;
   Ticks x;
   Ticks y;
 };
+
+/// As many of the names as have room: all, every second, every third ...
+Ticks named_ticks(const std::vector<std::string>& names, const Axes& axes, const TextStyle& style) {
+  double widest = 0.0;
+  for (const std::string& name : names) widest = std::max(widest, text_size(name, style).x());
+  const double apart = axes.box.width / (axes.x.upper - axes.x.lower);
+  const auto every =
+      std::max<std::size_t>(1, std::size_t(std::ceil((widest + style.size_px) / apart)));
+  Ticks ticks;
+  for (std::size_t i = 0; i < names.size(); i += every)
+    if (double(i) >= axes.x.lower && double(i) <= axes.x.upper) ticks.values.push_back(double(i));
+  return ticks;
+}
+
+std::string x_text(const Panel& panel, const Placed& p, double value) {
+  return panel.x_names.empty() ? fixed(value, p.x.decimals)
+                               : panel.x_names[std::size_t(std::lround(value))];
+}
 
 Placed placed(const Panel& panel, const Rectangle& cell, const Extent& seen,
               const PanelLook& look) {
@@ -109,20 +106,9 @@ Placed placed(const Panel& panel, const Rectangle& cell, const Extent& seen,
   const double left = look.ticks_px + (panel.y_label.empty() ? 1.4 : 3.0) * em;
   p.axes.box.x = cell.x + left;
   p.axes.box.width = cell.width - left - look.side_px - 1.2 * em;
-  p.x = spaced_ticks(p.axes.x, p.axes.box.width, look.body, true);
+  p.x = panel.x_names.empty() ? spaced_ticks(p.axes.x, p.axes.box.width, look.body, true)
+                              : named_ticks(panel.x_names, p.axes, look.body);
   return p;
-}
-
-/// The same room for the numbers of y in all panels, so that their axes stand above each other.
-double ticks_px(const std::vector<Panel>& panels, const Rectangle& one_cell,
-                const std::vector<Extent>& seen, const PanelLook& look) {
-  double widest = 0.0;
-  for (std::size_t i = 0; i < panels.size(); ++i) {
-    const Placed p = placed(panels[i], one_cell, seen[i], look);
-    for (const double value : p.y.values)
-      widest = std::max(widest, text_size(fixed(value, p.y.decimals), look.body).x());
-  }
-  return widest;
 }
 
 void draw_axes(Canvas& canvas, const Panel& panel, const Placed& p, const PanelLook& look) {
@@ -135,7 +121,7 @@ void draw_axes(Canvas& canvas, const Panel& panel, const Placed& p, const PanelL
   for (const double value : p.x.values) {
     const Vector2d foot(at(a, value, a.y.lower).x(), a.box.y);
     canvas.line({foot, foot + up}, colours::rule, thin);
-    canvas.text(foot - Vector2d(0.0, 0.4 * em), fixed(value, p.x.decimals), tick);
+    canvas.text(foot - Vector2d(0.0, 0.4 * em), x_text(panel, p, value), tick);
   }
   tick.across = 1.0;
   tick.upward = 0.5;
@@ -216,7 +202,25 @@ std::vector<LegendEntry> legend(const Panel& panel) {
   return entries;
 }
 
-/// Axes and curves; the legend is the caller's.
+}  // namespace
+
+Extent extent(const Panel& panel) {
+  Extent all;
+  for (const Series& s : panel.series) include(all, s);
+  return all;
+}
+
+double ticks_px(const std::vector<Panel>& panels, const Rectangle& one_cell,
+                const std::vector<Extent>& seen, const PanelLook& look) {
+  double widest = 0.0;
+  for (std::size_t i = 0; i < panels.size(); ++i) {
+    const Placed p = placed(panels[i], one_cell, seen[i], look);
+    for (const double value : p.y.values)
+      widest = std::max(widest, text_size(fixed(value, p.y.decimals), look.body).x());
+  }
+  return widest;
+}
+
 Axes draw_panel(Canvas& canvas, const Panel& panel, const Rectangle& cell, const Extent& seen,
                 const PanelLook& look) {
   const Placed p = placed(panel, cell, seen, look);
@@ -230,6 +234,8 @@ Axes draw_panel(Canvas& canvas, const Panel& panel, const Rectangle& cell, const
             wrapped(panel.title, look.title, p.axes.box.width, 1), look.title);
   return p.axes;
 }
+
+namespace {
 
 /// Extents of the panels, y made the same where that is wanted.
 std::vector<Extent> extents(const std::vector<Panel>& panels, bool common_y) {

@@ -69,7 +69,8 @@ struct Panel {
   std::string x_label{};
   std::string y_label{};
   std::vector<Series> series{};
-  std::vector<std::string> note{};  ///< at the right, below the legend
+  std::vector<std::string> note{};     ///< at the right, below the legend
+  std::vector<std::string> x_names{};  ///< of x = 0, 1, 2 ...; not empty: instead of numbers
 };
 
 struct CurvesOptions {
@@ -133,6 +134,10 @@ struct Bar {
   double value = 0.0;         ///< not finite: a label without a bar
   std::optional<double> u{};  ///< half length of a whisker about its end
   int colour = 0;             ///< number of a series colour
+  std::optional<double>
+      other{};         ///< the other side of a tornado: a second bar of the next colour
+                       ///< in the same row; where both point one way, each has half of it
+  std::string text{};  ///< at the right, instead of the value
 };
 
 struct BarsOptions {
@@ -143,6 +148,9 @@ struct BarsOptions {
   bool from_zero = true;  ///< else the axis begins near the smallest value, for degrees near one
   int width = 1600;       ///< px
   std::vector<std::string> caption{};
+  std::vector<std::string> legend{};  ///< what series colours 0, 1 ... of the bars mean
+  std::string running_sum{};  ///< name of a line through the running sums of the values, for
+                              ///< a Pareto diagram; empty: none
 };
 
 /// Draws labelled bars from above to below, each with its value.

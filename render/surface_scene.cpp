@@ -167,4 +167,30 @@ void colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar,
   canvas.text({box.x, top + arrow + 0.5 * style.size_px}, unit.name, head);
 }
 
+void lying_colour_bar(Canvas& canvas, const Rectangle& box, const LyingBar& bar,
+                      const TextStyle& style) {
+  const int digits = std::max(0, figure_decimals(bar.range) - 1);  // ranges have two digits
+  const std::string low = bar.one_sided ? "0" : fixed(-bar.range, digits);
+  std::string high = bar.one_sided ? fixed(bar.range, digits) : signed_fixed(bar.range, digits);
+  if (!bar.unit.empty()) high += " " + bar.unit;
+  TextStyle label = style;
+  label.across = 0.0;
+  label.upward = 0.5;
+  const double gap = 0.9 * style.size_px, y = box.y + 0.5 * box.height;
+  const double first = std::round(box.x + text_size(low, label).x() + gap);
+  const double room = box.x + box.width - text_size(high, label).x() - gap - first;
+  const int steps = std::max(1, int(room));
+  canvas.text({box.x, y}, low, label);
+  canvas.text({first + steps + gap, y}, high, label);
+  const std::vector<Colour> scale = diverging(bar.one_sided ? 2 * steps : steps);
+  const double half = 0.36 * style.size_px, arrow = 0.6 * style.size_px, last = first + steps;
+  for (int i = 0; i < steps; ++i)
+    canvas.fill({first + i, y - half, 1.0, 2.0 * half},
+                scale[std::size_t(bar.one_sided ? steps + i : i)]);
+  if (bar.high_end)
+    canvas.fill({{last, y - half}, {last + arrow, y}, {last, y + half}}, colours::beyond_high);
+  if (bar.low_end)
+    canvas.fill({{first, y - half}, {first, y + half}, {first - arrow, y}}, colours::beyond_low);
+}
+
 }  // namespace abbe::render

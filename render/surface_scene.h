@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "render/canvas.h"
@@ -38,5 +39,17 @@ struct ColourBar {
 
 /// A vertical colour bar with its ticks; it takes `box`, labels to the right of it go beyond.
 void colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar, const TextStyle& style);
+
+/// A lying colour bar, the ends of its scale written beside it: -range .. +range, or 0 .. range.
+/// All of it is within `box`.
+struct LyingBar {
+  double range = 1.0;      ///< in the unit that is written
+  std::string unit{};      ///< behind the upper end
+  bool one_sided = false;  ///< from 0
+  bool low_end = false;    ///< as of ColourBar
+  bool high_end = false;
+};
+void lying_colour_bar(Canvas& canvas, const Rectangle& box, const LyingBar& bar,
+                      const TextStyle& style);
 
 }  // namespace abbe::render

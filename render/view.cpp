@@ -46,6 +46,13 @@ View fitted_view(const cutting::Points& points, const Vector3d& from, const Vect
   return view;
 }
 
+double aspect(const cutting::Points& points, const Vector3d& from, const Vector3d& up) {
+  // the scale that fits a width, and the one that fits a height, of one pixel
+  const double width = fitted_view(points, from, up, {0, 0, 1.0, 1e12}).mm_per_px;
+  const double height = fitted_view(points, from, up, {0, 0, 1e12, 1.0}).mm_per_px;
+  return height / width;
+}
+
 Eigen::Vector2d projected(const View& view, const Vector3d& p) {
   const Vector3d d = (p - view.centre) / view.mm_per_px;
   return {view.area.x + 0.5 * view.area.width + d.dot(view.right),

@@ -33,6 +33,10 @@ struct View {
 View fitted_view(const cutting::Points& points, const Eigen::Vector3d& from,
                  const Eigen::Vector3d& up, const Rectangle& area);
 
+/// Height over width of what such a view shows.
+double aspect(const cutting::Points& points, const Eigen::Vector3d& from,
+              const Eigen::Vector3d& up);
+
 /// Pixel of the picture where point p appears.
 Eigen::Vector2d projected(const View& view, const Eigen::Vector3d& p);
 

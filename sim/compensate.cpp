@@ -24,15 +24,6 @@ using kinematics::Pose;
 using Channel = CaseDescription::Channel;
 using Kind = CaseDescription::Belief;
 
-bool same(const kinematics::Chain& a, const kinematics::Chain& b) {
-  if (!a.T_bt_home().isApprox(b.T_bt_home(), 0.0)) return false;
-  for (int i = 0; i < a.size(); ++i) {
-    const auto &x = a.joints()[std::size_t(i)], &y = b.joints()[std::size_t(i)];
-    if (x.direction_b != y.direction_b || x.point_b != y.point_b) return false;
-  }
-  return true;
-}
-
 bool is_tip(const program::Path& path, int block) {
   return path.blocks[std::size_t(block)].coordinates == program::Coordinates::Tip;
 }

@@ -229,6 +229,33 @@ std::vector<errors::Load> loads_of(const Told& told, const Process& process) {
   return loads;
 }
 
+Told told_on(const Job& job, const Compensated& told) {
+  Told on{job, told, told.T_wt_nominal.empty() ? job.T_wt_nominal : told.T_wt_nominal, {}};
+  if (!job.accelerations.empty()) on.acceleration = accelerations(told.samples);
+  return on;
+}
+
+/// @param loads  (samples), empty for none
+/// @param at     numbers of samples; empty: all
+std::vector<Pose> poses_of(const Told& told, const std::vector<errors::Load>& loads,
+                           std::span<const std::size_t> at) {
+  return poses(at.empty() ? told.commands.samples.states.size() : at.size(), [&](std::size_t i) {
+    const std::size_t sample = at.empty() ? i : at[i];
+    return actual_pose(told, sample, loads.empty() ? errors::Load{} : loads[sample]);
+  });
+}
+
+/// What a table of the errors that is left says, as a fault of the scene.
+template <typename Act>
+auto inside_tables(const Job& job, const Act& act) {
+  try {
+    return act();
+  } catch (const std::out_of_range& left) {
+    throw BadInput(job.scene.file.string(), 0, 0, "a program inside the tables of the errors",
+                   left.what());
+  }
+}
+
 /// @return (samples), empty without a piezo
 std::span<const double> stroke_of(const Compensated& told) {
   if (!told.piezo) return {};
@@ -249,6 +276,13 @@ void tell_process(const Scene& scene, const Process& process, std::vector<std::s
   if (!process.crash_lines.empty())
     warnings.push_back(fmt::format("a rapid or the shank met material on {} lines, first line {}",
                                    process.crash_lines.size(), process.crash_lines.front()));
+}
+
+/// Whether samples made with `had` are as dense as `wanted` ones along the turns of spindles, which
+/// is all that errors ask of them.
+bool is_as_dense(const program::SampleOptions& had, const program::SampleOptions& wanted) {
+  if (had.max_spindle_turn > wanted.max_spindle_turn) return false;
+  return !wanted.max_nose_turn || (had.max_nose_turn && *had.max_nose_turn <= *wanted.max_nose_turn);
 }
 
 }  // namespace
@@ -279,8 +313,8 @@ Job prepare(const Scene& described, const Progress& progress) {
   if (progress) progress("program", 0.0);
   Program program = load_program(scene, machine, part);
   const double program_s = watch.lap();
-  program::Samples samples =
-      program::sample(program.path, machine.nominal, sample_options(scene, machine));
+  const program::SampleOptions sampling = sample_options(scene, machine);
+  program::Samples samples = program::sample(program.path, machine.nominal, sampling);
   std::vector<Pose> T_wt_nominal = poses(samples.states.size(), [&](std::size_t i) {
     return machine.nominal.tool_in_workpiece(samples.states[i].q);
   });
@@ -303,6 +337,7 @@ Job prepare(const Scene& described, const Progress& progress) {
           std::move(truth),
           std::move(part.design_w),
           std::move(program.path),
+          sampling,
           std::move(samples),
           std::move(T_wt_nominal),
           std::move(process),
@@ -313,6 +348,24 @@ Job prepare(const Scene& described, const Progress& progress) {
            {"sample", sample_s},
            {"stock", stock_s},
            {"heat", watch.lap()}}};
+}
+
+Job with_errors(Job job, const Scene& described) {
+  Scene scene = with_run_out(described);
+  Machine machine = compile(scene);
+  const auto refuse = [&](bool differs, const char* what) {
+    if (differs)
+      throw BadInput(scene.file.string(), 0, 0, fmt::format("the {} of every other case", what),
+                     "another one");
+  };
+  refuse(!same(machine.nominal, job.machine.nominal), "nominal machine");
+  refuse(!is_as_dense(job.sampling, sample_options(scene, machine)), "density of samples");
+  Truth truth =
+      truth_of(scene, machine, activity(scene, machine, job.samples, job.nominal_process));
+  job.scene = std::move(scene);
+  job.machine = std::move(machine);
+  job.truth = std::move(truth);
+  return job;
 }
 
 Cut cut_error_free(const Job& job, const Progress& progress) {
@@ -346,9 +399,13 @@ void check_travel(const Job& job, const Compensated& told) {
 }
 
 Process cut_process(const Job& job, const Compensated& told) {
-  Told on{job, told, told.T_wt_nominal.empty() ? job.T_wt_nominal : told.T_wt_nominal, {}};
-  if (!job.accelerations.empty()) on.acceleration = accelerations(told.samples);
-  return followed(on, {});
+  return followed(told_on(job, told), {});
+}
+
+std::vector<Pose> tool_poses(const Job& job, const Compensated& told, const Process& process,
+                             std::span<const std::size_t> at) {
+  const Told on = told_on(job, told);
+  return inside_tables(job, [&] { return poses_of(on, loads_of(on, process), at); });
 }
 
 Cut cut_as_told(const Job& job, const Compensated& told, const Progress& progress) {
@@ -363,25 +420,17 @@ Cut cut_as_told(const Job& job, const Compensated& told, const Progress& progres
                                           told.not_converged, told.samples.states.size()));
   check_travel(job, told);
 
-  const std::vector<Pose>& T_wt_wanted =
-      told.T_wt_nominal.empty() ? job.T_wt_nominal : told.T_wt_nominal;
-  std::vector<Pose> T_wt;
-  try {
-    Told on{job, told, T_wt_wanted, {}};
-    if (!job.accelerations.empty()) on.acceleration = accelerations(told.samples);
+  const Told on = told_on(job, told);
+  const std::vector<Pose>& T_wt_wanted = on.T_wt_wanted;
+  const std::vector<Pose> T_wt = inside_tables(job, [&] {
     result.process = followed(on, progress);
     result.timing_s["stock"] = watch.lap();
     const std::vector<errors::Load> loads = loads_of(on, result.process);
-    T_wt = poses(told.samples.states.size(), [&](std::size_t i) {
-      return actual_pose(on, i, loads.empty() ? errors::Load{} : loads[i]);
-    });
     result.signals = signals(
         job.scene, job.machine, job.truth,
         {told.samples, T_wt_wanted, result.process, loads, told.correction, stroke_of(told)});
-  } catch (const std::out_of_range& left) {
-    throw BadInput(job.scene.file.string(), 0, 0, "a program inside the tables of the errors",
-                   left.what());
-  }
+    return poses_of(on, loads, {});
+  });
   tell_process(job.scene, result.process, result.warnings);
   for (const std::string& warning : idle(job.scene)) result.warnings.push_back(warning);
   const PoseErrors off = pose_errors(T_wt, T_wt_wanted);

@@ -3,6 +3,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -25,6 +26,7 @@ struct Job {
   Truth truth;
   cutting::Design design_w;  ///< the design in the workpiece frame
   program::Path path;        ///< as read back from its file
+  program::SampleOptions sampling;
   program::Samples samples;  ///< of the error-free machine; every case shares their times
   std::vector<kinematics::Pose> T_wt_nominal;  ///< (samples) where the tool should be
   Process nominal_process;  ///< the cut on the error-free, rigid machine; empty without [cutting]
@@ -38,6 +40,14 @@ struct Job {
 /// text), samples. Writes nothing.
 /// @throws BadInput, also if an axis leaves its travel (program line, axis, value)
 Job prepare(const Scene& scene, const Progress& progress = {});
+
+/// The job of a scene that differs from its own only in what is wrong: errors of every source, the
+/// tool and the clamping as they really are, what the control and the compensators believe. Design,
+/// program and samples stay, so that thousands of machines can be tried on one program.
+/// @param described  its part, program, nominal machine and tool are those of the job
+/// @throws BadInput naming the scene if its nominal machine is another one or its errors want the
+///         program sampled more densely than it is, else as `prepare`
+Job with_errors(Job job, const Scene& described);
 
 /// How densely a scene wants its program sampled. The chord tolerance holds up to the height to
 /// which the tool shapes the part: a flat end mill may work with its whole flank, a rounded cutter
@@ -111,6 +121,14 @@ Compensated compensate(const Job& job, const CaseDescription& compensator,
 /// The program as it is told, on the wrong machine.
 /// @throws BadInput as `cut`
 Cut cut_as_told(const Job& job, const Compensated& told, const Progress& progress = {});
+
+/// Where the tool really is in the part at samples of a program as it is told, T_wt.
+/// @param process  that cut, for its forces; empty for none
+/// @param at       numbers of samples; empty: all of them
+/// @throws BadInput where a table of the errors is left
+std::vector<kinematics::Pose> tool_poses(const Job& job, const Compensated& told,
+                                         const Process& process,
+                                         std::span<const std::size_t> at = {});
 
 /// Refuses the line of the program on which an axis first leaves its travel.
 /// @throws BadInput

@@ -25,4 +25,7 @@ bool is_spindle(const Machine& machine, int joint);
 /// The joint that turns the tool or the workpiece, if there is one.
 std::optional<int> spindle_of(const Machine& machine);
 
+/// Whether two chains bring the tool to the same place for the same commands, bit for bit.
+bool same(const kinematics::Chain& a, const kinematics::Chain& b);
+
 }  // namespace abbe::sim

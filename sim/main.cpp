@@ -22,6 +22,9 @@
 #include "sim/pose_at.h"
 #include "sim/progress.h"
 #include "sim/rewrite_command.h"
+#include "sim/study/ranks.h"
+#include "sim/study/run_study.h"
+#include "sim/study/slurm.h"
 
 namespace abbe::sim {
 namespace {
@@ -311,6 +314,63 @@ int evaluate_command(const Common& common, const std::filesystem::path& readings
 }
 
 /// Everything that can stand on the command line.
+/// What `study` takes besides.
+struct StudyWords {
+  bool show = false;
+  bool merge = false;
+  bool resume = true;
+  bool slurm = false;
+  std::string shard;
+  study::SlurmOptions job;
+};
+
+study::Shard parse_shard(const std::string& text) {
+  study::Shard shard;
+  int end = 0;
+  if (std::sscanf(text.c_str(), "%d/%d%n", &shard.index, &shard.count, &end) != 2 ||
+      std::size_t(end) != text.size() || shard.index < 0 || shard.count < 1 ||
+      shard.index >= shard.count)
+    throw CLI::ValidationError("--shard", "expected i/n with i from 0 to n - 1, seen " + text);
+  return shard;
+}
+
+int print_slurm_script(const Common& common, const StudyWords& words,
+                       const study::StudyOptions& options) {
+  study::SlurmOptions job = words.job;
+  job.study = common.scene;
+  job.out = options.folder;
+  job.program = std::filesystem::read_symlink("/proc/self/exe");
+  study::read_study(common.scene, options.overrides);  // a slip is told now, not by every shard
+  fmt::print("{}", study::slurm_script(job));
+  return ok;
+}
+
+int study_command(int& argc, char**& argv, const Common& common, const StudyWords& words) {
+  study::StudyOptions options;
+  options.overrides = overrides(common);
+  options.folder =
+      common.out.empty() ? std::filesystem::path("out") / common.scene.stem() : common.out;
+  if (!words.shard.empty()) options.shard = parse_shard(words.shard);
+  if (words.slurm) return print_slurm_script(common, words, options);
+  const auto tell = [&](const study::StudyTold& told) {
+    if (common.json)
+      fmt::print("{}\n", told.json.dump(2));
+    else
+      fmt::print("{}", told.text);
+    return ok;
+  };
+  if (words.show) return tell(study::show_study(common.scene, options));
+  if (words.merge) return tell(study::merge_study(common.scene, options));
+  const study::Ranks ranks = study::ranks(argc, argv);
+  if (ranks.rank == 0) return tell(study::run_study(common.scene, options, ranks));
+  try {
+    study::run_study(common.scene, options, ranks);
+    return ok;
+  } catch (const std::exception&) {
+    return numerical;  // rank 0 tells it, and ends all with its own code
+  }
+}
+
 struct CommandLine {
   Common common;
   std::vector<std::string> instruments;
@@ -322,6 +382,7 @@ struct CommandLine {
   std::string at;
   bool picture = false;
   RenderOptions rendering;
+  StudyWords study;
 };
 
 void add_scene_commands(CLI::App& app, CommandLine& line) {
@@ -473,7 +534,55 @@ void add_evaluate_command(CLI::App& app, CommandLine& line) {
   evaluate_app.add_option("--out", line.common.out, "folder for report and pictures (out/NAME)");
 }
 
-int dispatch(const CLI::App& app, const CommandLine& line) {
+void add_study_command(CLI::App& app, CommandLine& line) {
+  CLI::App& study_app = *app.add_subcommand(
+      "study", "Try thousands of machines: error budgets, sensitivities, tolerances (scenes/studies)");
+  StudyWords& words = line.study;
+  study_app
+      .add_option("STUDY", line.common.scene,
+                  "study file (TOML); its format is in scenes/studies/README.md")
+      ->required();
+  study_app
+      .add_option("--set", line.common.set,
+                  "change a value of the study: --set monte_carlo.cases=100 (repeatable)")
+      ->type_name("KEY=VALUE")
+      ->take_all()
+      ->allow_extra_args(false);
+  study_app.add_option("--seed", line.common.seed, "seed of everything that the study draws")
+      ->check(CLI::Range(std::int64_t(0), std::numeric_limits<std::int64_t>::max()));
+  study_app
+      .add_option("--threads", line.common.threads,
+                  "most threads to use (all); results do not depend on it")
+      ->check(CLI::Range(1, 1024));
+  study_app.add_flag("--json", line.common.json, "print JSON instead of text");
+  study_app.add_option("--out", line.common.out,
+                       "folder for every file (out/STUDY); cases that are in its journal are not "
+                       "computed again");
+  study_app.add_flag("--resume", words.resume,
+                     "go on where the journal ends; the default, another --out begins anew");
+  CLI::Option* shard = study_app.add_option(
+      "--shard", words.shard, "compute part i of n, i from 0: for job arrays; then --merge");
+  CLI::Option* merge =
+      study_app.add_flag("--merge", words.merge, "write the tables of all shards in --out");
+  CLI::Option* show = study_app.add_flag(
+      "--show", words.show, "print how far it is and what it says so far; computes nothing");
+  CLI::Option* slurm = study_app.add_flag(
+      "--slurm", words.slurm, "print a script for Slurm that runs the study as a job array");
+  shard->excludes(merge)->excludes(show)->excludes(slurm);
+  merge->excludes(show)->excludes(slurm);
+  show->excludes(slurm);
+  study_app.add_option("--shards", words.job.shards, "with --slurm: jobs of the array (8)")
+      ->check(CLI::Range(1, 100000))
+      ->needs(slurm);
+  study_app.add_option("--cpus", words.job.cpus, "with --slurm: processors of each (4)")
+      ->check(CLI::Range(1, 1024))
+      ->needs(slurm);
+  study_app.add_option("--time", words.job.time, "with --slurm: limit of each (24:00:00)")
+      ->needs(slurm);
+  study_app.footer("Several machines:  mpirun -n 8 abbe study STUDY.toml   or   --slurm");
+}
+
+int dispatch(const CLI::App& app, CommandLine& line, int& argc, char**& argv) {
   std::optional<tbb::global_control> limit;
   if (line.common.threads > 0)
     limit.emplace(tbb::global_control::max_allowed_parallelism, std::size_t(line.common.threads));
@@ -485,6 +594,7 @@ int dispatch(const CLI::App& app, const CommandLine& line) {
   if (app.got_subcommand("identify")) return identify_command(line.common, line.identify);
   if (app.got_subcommand("rewrite")) return rewrite_command(line.common, line.case_name);
   if (app.got_subcommand("export")) return export_command(line.common, line.exporting);
+  if (app.got_subcommand("study")) return study_command(argc, argv, line.common, line.study);
   if (app.got_subcommand("evaluate")) return evaluate_command(line.common, line.readings);
   fmt::print("picture in {}\n", render_result(line.rendering).string());
   return ok;
@@ -509,9 +619,10 @@ int command_line(int argc, char** argv) {
   add_evaluate_command(app, line);
   add_rewrite_command(app, line);
   add_export_command(app, line);
+  add_study_command(app, line);
   try {
     app.parse(argc, argv);
-    return dispatch(app, line);
+    return dispatch(app, line, argc, argv);
   } catch (const CLI::Success& asked) {
     return app.exit(asked);
   } catch (const CLI::ValidationError& fault) {
@@ -525,10 +636,10 @@ int command_line(int argc, char** argv) {
 }  // namespace
 }  // namespace abbe::sim
 
-int main(int argc, char** argv) {
+namespace {
+
+int exit_code(int argc, char** argv) {
   using namespace abbe;
-  if (const auto host = sim::compensation::plug_in_host(argc, argv)) return *host;
-  sim::watch_interrupts();
   try {
     return sim::command_line(argc, argv);
   } catch (const sim::Interrupted&) {
@@ -553,4 +664,14 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "abbe: {}\n", failure.what());
     return sim::numerical;
   }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (const auto host = abbe::sim::compensation::plug_in_host(argc, argv)) return *host;
+  abbe::sim::watch_interrupts();
+  const int code = exit_code(argc, argv);
+  abbe::sim::study::leave_ranks(code);
+  return code;
 }

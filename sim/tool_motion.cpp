@@ -34,6 +34,14 @@ cutting::CutterMotion cutter_motion(const std::vector<kinematics::Pose>& T_wt,
   return motion;
 }
 
+std::vector<std::size_t> distinct_instants(const program::Samples& samples) {
+  std::vector<std::size_t> distinct;
+  for (std::size_t i = 0; i < samples.states.size(); ++i)
+    if (distinct.empty() || samples.states[i].time_s > samples.states[distinct.back()].time_s)
+      distinct.push_back(i);
+  return distinct;
+}
+
 cutting::NoseMotion nose_motion(const std::vector<kinematics::Pose>& T_wt,
                                 const program::Samples& samples, const SpindleLine& line,
                                 int spindle) {
@@ -41,9 +49,8 @@ cutting::NoseMotion nose_motion(const std::vector<kinematics::Pose>& T_wt,
   motion.spindle_point = line.point_w;
   motion.spindle_direction = line.direction_w;
   std::vector<double> angle, time;
-  for (std::size_t i = 0; i < T_wt.size(); ++i) {
+  for (const std::size_t i : distinct_instants(samples)) {
     const kinematics::AxisState& state = samples.states[i];
-    if (!time.empty() && state.time_s <= time.back()) continue;  // a reversal is sampled twice
     const double turn = state.q[spindle];
     motion.T_slow.push_back(slow_pose(line, turn, T_wt[i]));
     angle.push_back(turn);

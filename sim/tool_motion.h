@@ -23,7 +23,11 @@ kinematics::Pose slow_pose(const SpindleLine& line, double spindle_angle,
 cutting::CutterMotion cutter_motion(const std::vector<kinematics::Pose>& T_wt,
                                     const program::Samples& samples);
 
-/// The same of a turning tool; with slow poses the turning itself is exact.
+/// Samples at instants of their own: a reversal is sampled twice, and a turning tool takes the
+/// first. (motion) numbers of samples, ascending
+std::vector<std::size_t> distinct_instants(const program::Samples& samples);
+
+/// The same of a turning tool, at its distinct instants; with slow poses the turning itself is exact.
 /// @param spindle  joint that turns the workpiece
 cutting::NoseMotion nose_motion(const std::vector<kinematics::Pose>& T_wt,
                                 const program::Samples& samples, const SpindleLine& line,

@@ -23,11 +23,16 @@ const std::map<std::string, std::set<std::string>> may_know = {
     {"sim",
      {"kinematics", "errors", "errors/metrology", "errors/identification", "cutting", "render",
       "sim/program", "sim/compensation"}},
+    {"the command line", {"kinematics", "sim", "sim/compensation", "sim/study"}},
+    {"sim/study",
+     {"kinematics", "errors", "errors/metrology", "errors/identification", "cutting", "render",
+      "sim", "sim/program", "sim/compensation"}},
 };
 
 std::string module_of(const std::string& path) {
+  if (path == "sim/main.cpp") return "the command line";
   for (const char* inner :
-       {"errors/metrology", "errors/identification", "sim/program", "sim/compensation"})
+       {"errors/metrology", "errors/identification", "sim/program", "sim/compensation", "sim/study"})
     if (path.rfind(std::string(inner) + "/", 0) == 0) return inner;
   return path.substr(0, path.find('/'));
 }

@@ -1,0 +1,539 @@
+#include "cutting/swept_nose.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <tuple>
+
+namespace abbe::cutting {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using std::numbers::pi;
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+// rad: at 1 mm of travel per radian across the feed this is 1e-10 mm of surface.
+constexpr double angle_tolerance = 1e-10;
+// rad: a join of two intervals belongs to both.
+constexpr double join_tolerance = 1e-9;
+// mm: nearer to the spindle line than this a point has no azimuth worth solving for by Newton.
+constexpr double near_axis = 1e-3;
+// mm: nearer than this it is in the rake plane at every instant, if the plane passes so near.
+constexpr double on_axis = 1e-8;
+constexpr double in_plane_on_axis = 2e-8;
+
+/// A stretch of a vertex's ray in spindle axes on which it does not pass the spindle line, and its
+/// course in the meridian half-plane: x is linear in s, the radius lies within `sag` below a line.
+struct Stretch {
+  Vector3d q, n;
+  double from, to;  // of s
+  double radius0, radius_step, sag;
+  double radius_min;
+  double azimuth;         // rad at `from`
+  double azimuth_spread;  // rad from there to the other end
+  double x_max;           // largest |x|
+
+  Vector3d at(double s) const { return q + s * n; }
+};
+
+double radius(const Vector3d& p) { return std::hypot(p.y(), p.z()); }
+double azimuth(const Vector3d& p) { return std::atan2(p.z(), p.y()); }
+
+double angle_between(const Vector3d& a, const Vector3d& b) {
+  return std::abs(std::atan2(a.y() * b.z() - a.z() * b.y(), a.y() * b.y() + a.z() * b.z()));
+}
+
+Stretch stretch_of(const Vector3d& q, const Vector3d& n, double from, double to) {
+  Stretch stretch;
+  stretch.q = q;
+  stretch.n = n;
+  stretch.from = from;
+  stretch.to = to;
+  const double r_from = radius(stretch.at(from));
+  const double r_to = radius(stretch.at(to));
+  stretch.radius_step = (r_to - r_from) / (to - from);
+  stretch.radius0 = r_from - from * stretch.radius_step;
+  stretch.radius_min = std::min(r_from, r_to);
+  // r^2 = a + 2 b s + c s^2 is convex in s, so it hangs below its chord, lowest where the slopes
+  // agree.
+  const double a = q.y() * q.y() + q.z() * q.z();
+  const double b = q.y() * n.y() + q.z() * n.z();
+  const double c = n.y() * n.y() + n.z() * n.z();
+  const double m = stretch.radius_step;
+  stretch.sag = 1e-9;
+  const double steep = c - m * m;
+  if (steep > 0.0) {
+    const double w = std::copysign(std::sqrt(m * m * std::max(0.0, a * c - b * b) / steep), m);
+    const double s = std::clamp((w - b) / c, from, to);
+    stretch.sag += std::max(0.0, stretch.radius0 + s * m - radius(stretch.at(s)));
+  }
+  // The end that stands on the axis has no azimuth; then the other end has that of all the rest.
+  const bool starts_on_axis = r_from < on_axis;
+  stretch.azimuth = azimuth(stretch.at(starts_on_axis ? to : from));
+  stretch.azimuth_spread =
+      stretch.radius_min < on_axis ? 0.0 : angle_between(stretch.at(from), stretch.at(to));
+  stretch.x_max = std::max(std::abs(stretch.at(from).x()), std::abs(stretch.at(to).x()));
+  return stretch;
+}
+
+/// Where a ray comes nearest to the spindle line, if that is within the band.
+std::optional<double> nearest_to_axis(const Vector3d& q, const Vector3d& n, double band) {
+  const double c = n.y() * n.y() + n.z() * n.z();
+  const double s = -(q.y() * n.y() + q.z() * n.z());
+  if (c < 1e-20 || std::abs(s) >= band * c) return std::nullopt;
+  return s / c;
+}
+
+/// Golden section for the least value of f between low and high.
+template <class Function>
+double lowest(const Function& f, double low, double high) {
+  const double golden = 0.5 * (std::sqrt(5.0) - 1.0);
+  double a = high - golden * (high - low);
+  double b = low + golden * (high - low);
+  double f_a = f(a);
+  double f_b = f(b);
+  for (int i = 0; i < 45; ++i) {  // 4e-10 of the width: a smooth least value to its square
+    if (f_a <= f_b) {
+      high = b;
+      b = a;
+      f_b = f_a;
+      a = high - golden * (high - low);
+      f_a = f(a);
+    } else {
+      low = a;
+      a = b;
+      f_a = f_b;
+      b = low + golden * (high - low);
+      f_b = f(b);
+    }
+  }
+  return f_a <= f_b ? a : b;
+}
+
+/// The surface found so far. Equal distances go to the earlier instant, so the order of the visits
+/// cannot show.
+struct Best {
+  NoseCut cut{.s = infinity, .time_s = infinity};
+
+  double limit() const { return cut.s; }
+  bool done(double from) const { return cut.s <= from; }  // removed at once: when does not matter
+  void take(const NoseCut& other) {
+    if (other.s > cut.s || (other.s == cut.s && other.time_s >= cut.time_s)) return;
+    cut = other;
+  }
+};
+
+/// All cuts up to a limit.
+struct All {
+  double most;
+  std::vector<NoseCut> cuts;
+
+  double limit() const { return most; }
+  bool done(double) const { return false; }
+  void take(const NoseCut& cut) {
+    if (cut.s <= most) cuts.push_back(cut);
+  }
+};
+
+/// One ray against one sweep; what it finds goes to `Taken`.
+template <class Taken>
+class Cut {
+ public:
+  Cut(const NoseSweep& sweep, const NoseEdge& edge, const Stretch& ray, Taken& taken)
+      : sweep_(sweep), edge_(edge), ray_(ray), taken_(taken) {}
+
+  void search() {
+    if (sweep_.nodes.empty() || taken_.limit() < ray_.from) return;
+    visit(0, bound(sweep_.nodes.front()));
+    for (const NoseSweep::Face& face : sweep_.faces) try_face(face);
+  }
+
+  void try_piece(const NosePiece& piece, double s_start);
+  void try_face(const NoseSweep::Face& face);
+
+ private:
+  double bound(const NoseNode& node) const;
+  bool may_face(const NoseNode& node) const;
+  double rounded_box_entry(const NoseNode& node) const;
+  void visit(int index, double node_bound);
+  bool refine(const NosePiece& piece, double u);
+  void scan(const NosePiece& piece);
+  void offer(const NosePiece& piece, double u, double s);
+
+  enum class End { Entry, Exit };
+  struct Contact {
+    double s, y;
+    bool on_axis;  // the ray stands on the spindle line there
+  };
+  std::optional<Contact> contact(const NosePiece& piece, double u, End end) const;
+  void solve(const NosePiece& piece, double u0, double u1, End end);
+  void lowest_on_axis(const NosePiece& piece, double u0, double u1);
+  double pierced(const NosePiece& piece, double u) const;
+  void touch(const NosePiece& piece, double u, double step);
+
+  const NoseInterval& interval(const NosePiece& piece) const {
+    return sweep_.intervals[std::size_t(piece.interval)];
+  }
+
+  const NoseSweep& sweep_;
+  const NoseEdge& edge_;
+  const Stretch& ray_;
+  Taken& taken_;
+};
+
+/// Whether the rake plane of any piece below can contain a point of the ray, by angle alone. The
+/// two sides of the axis are one plane, so angles count modulo pi.
+template <class Taken>
+bool Cut<Taken>::may_face(const NoseNode& node) const {
+  const double lift = node.height + node.tilt * ray_.x_max;
+  const double sine = lift < 1e-12 ? 0.0 : lift / ray_.radius_min;
+  if (!(sine < 1.0)) return true;
+  const double slack = ray_.azimuth_spread + std::asin(sine) + 1e-6;
+  const double width = node.angle_high - node.angle_low + 2.0 * slack;
+  if (width >= pi) return true;
+  const double from = ray_.azimuth - 0.5 * pi - (node.angle_low - slack);
+  return from - pi * std::floor(from / pi) <= width;
+}
+
+/// Smallest s of the stretch at which the ray's line in the meridian half-plane comes within the
+/// nose's reach of the box of nose centres. No point turned about the axis comes nearer than its
+/// meridian.
+template <class Taken>
+double Cut<Taken>::rounded_box_entry(const NoseNode& node) const {
+  const double reach = edge_.outer_radius() + ray_.sag;
+  double enter = ray_.from;
+  double leave = ray_.to;
+  const std::array<double, 2> at{ray_.q.x(), ray_.radius0}, step{ray_.n.x(), ray_.radius_step};
+  const std::array<double, 2> low{node.x_low, node.r_low}, high{node.x_high, node.r_high};
+  for (int i = 0; i < 2; ++i) {
+    if (std::abs(step[i]) < 1e-14) {
+      if (at[i] < low[i] - reach - 1e-9 || at[i] > high[i] + reach + 1e-9) return infinity;
+      continue;
+    }
+    const double s0 = (low[i] - reach - at[i]) / step[i];
+    const double s1 = (high[i] + reach - at[i]) / step[i];
+    enter = std::max(enter, std::min(s0, s1));
+    leave = std::min(leave, std::max(s0, s1));
+  }
+  if (enter > leave) return infinity;
+  const Vector2d p(at[0] + enter * step[0], at[1] + enter * step[1]);
+  const Vector2d corner(std::clamp(p.x(), low[0], high[0]), std::clamp(p.y(), low[1], high[1]));
+  if (corner.x() == p.x() || corner.y() == p.y()) return enter;
+  // It came in at a corner of the widened box: it is within reach only past that corner's circle.
+  const Vector2d d(step[0], step[1]);
+  const Vector2d v = p - corner;
+  const double c = v.squaredNorm() - reach * reach;
+  if (c <= 0.0) return enter;
+  const double b = v.dot(d);
+  const double root = b * b - d.squaredNorm() * c;
+  if (root < 0.0 || b >= 0.0) return infinity;
+  const double s = enter + c / (-b + std::sqrt(root));
+  return s > ray_.to ? infinity : s;
+}
+
+template <class Taken>
+double Cut<Taken>::bound(const NoseNode& node) const {
+  return may_face(node) ? rounded_box_entry(node) - 1e-9 : infinity;
+}
+
+template <class Taken>
+void Cut<Taken>::visit(int index, double node_bound) {
+  if (node_bound > taken_.limit() || node_bound == infinity) return;
+  if (taken_.done(ray_.from)) return;
+  const NoseNode& node = sweep_.nodes[std::size_t(index)];
+  if (node.count == 1) {
+    try_piece(sweep_.pieces[std::size_t(node.first)], node_bound);
+    return;
+  }
+  const double left = bound(sweep_.nodes[std::size_t(index) + 1]);
+  const double right = bound(sweep_.nodes[std::size_t(node.right)]);
+  if (left <= right) visit(index + 1, left);
+  visit(node.right, right);
+  if (left > right) visit(index + 1, left);
+}
+
+template <class Taken>
+void Cut<Taken>::offer(const NosePiece& piece, double u, double s) {
+  const NoseInterval& i = interval(piece);
+  const double within = std::clamp(u, 0.0, 1.0);
+  if (s > ray_.to) return;
+  taken_.take({s, i.time_s + within * i.time_step, piece.interval, within, i.line});
+}
+
+/// Every instant of a piece at which the rake plane contains the point where the ray meets the
+/// edge.
+template <class Taken>
+void Cut<Taken>::try_piece(const NosePiece& piece, double s_start) {
+  const Vector3d p = ray_.at(s_start);
+  const double r = radius(p);
+  const double turn = piece.angle1 - piece.angle0;
+  if (piece.free || r < near_axis || std::abs(turn) < 1e-4) return scan(piece);
+  const double k0 = (piece.height0 - piece.tilt0 * p.x()) / r;
+  const double k1 = (piece.height1 - piece.tilt1 * p.x()) / r;
+  const double side0 = std::acos(std::clamp(k0, -1.0, 1.0));
+  const double side1 = std::acos(std::clamp(k1, -1.0, 1.0));
+  const double slack = 1e-3 + 10.0 * interval(piece).turn + std::abs(k0) + std::abs(k1) +
+                       angle_between(p, ray_.at(ray_.to));
+  if (slack > 0.7) return scan(piece);  // Newton on a sine wants a better start
+  const double azimuth_p = azimuth(p);
+  for (const double side : {-1.0, 1.0}) {
+    const double from = piece.angle0 + side * side0 - azimuth_p;
+    const double to = piece.angle1 + side * side1 - azimuth_p;
+    const double low = std::ceil((std::min(from, to) - slack) / (2.0 * pi));
+    const double high = std::floor((std::max(from, to) + slack) / (2.0 * pi));
+    for (double m = low; m <= high; ++m) {
+      const double share = (2.0 * pi * m - from) / (std::abs(to - from) > 1e-6 ? to - from : turn);
+      if (!refine(piece, piece.u0 + share * (piece.u1 - piece.u0))) return scan(piece);
+    }
+  }
+}
+
+/// Newton for the instant near u at which the rake plane contains the edge's contact on the ray; a
+/// secant once two points tell the slope with the slow motion in it. While the plane's trace of the
+/// ray misses the edge, its nearest point stands for the contact.
+/// @return false if it did not settle; the piece is then searched densely
+template <class Taken>
+bool Cut<Taken>::refine(const NosePiece& piece, double u) {
+  const NoseInterval& i = interval(piece);
+  double last_u = 0.0, last_y = 0.0;
+  for (int step = 0; step < 12; ++step) {
+    const RayInTool ray = ray_in_tool(i, u, ray_.q, ray_.n);
+    const std::optional<double> hit = edge_.entry(ray.point, ray.step, ray_.from);
+    const double aa = ray.step.squaredNorm();
+    if (!hit && aa < 1e-12) return false;
+    const double s = hit ? *hit : -ray.point.dot(ray.step) / aa;
+    const double y = ray.y + s * ray.y_step;
+    const double swing = ray.swing + s * ray.swing_step;
+    if (std::abs(swing) < near_axis) return false;
+    double slope = swing * i.angle_step;
+    if (step > 0 && u != last_u) {
+      const double secant = (y - last_y) / (u - last_u);
+      if (secant / slope > 0.5 && secant / slope < 2.0) slope = secant;
+    }
+    last_u = u;
+    last_y = y;
+    u -= y / slope;
+    const double off = std::abs(u - last_u) * std::abs(i.angle_step);
+    if (!(off < 1.0)) return false;
+    if (!hit) {
+      // What the trace can still move until the instant is right: second order in the angle from
+      // the turning, first order from the slow motion.
+      const double nearest = std::max(s, ray_.from);
+      const double r = std::max(radius(ray_.at(s)), radius(ray_.at(nearest)));
+      const double slow = i.centre_step.norm() + i.turn * (i.centre.norm() + i.centre_step.norm());
+      const double moves = std::abs(u - last_u) * slow + off * off * r;
+      const double miss = (ray.point + nearest * ray.step).norm() - edge_.outer_radius();
+      if (miss > 4.0 * moves + 1e-9) return true;
+    }
+    if (off > angle_tolerance) continue;
+    const double before = (piece.u0 - u) * std::abs(i.angle_step);
+    const double after = (u - piece.u1) * std::abs(i.angle_step);
+    if (hit && before <= join_tolerance && after <= join_tolerance) offer(piece, u, s);
+    return true;
+  }
+  return false;
+}
+
+template <class Taken>
+std::optional<typename Cut<Taken>::Contact> Cut<Taken>::contact(const NosePiece& piece, double u,
+                                                                End end) const {
+  const RayInTool ray = ray_in_tool(interval(piece), u, ray_.q, ray_.n);
+  std::optional<double> s = edge_.entry(ray.point, ray.step, ray_.from);
+  if (!s) return std::nullopt;
+  if (end == End::Exit) {
+    s = edge_.entry(ray.point, -ray.step, ray_.from);
+    if (!s) return std::nullopt;
+    s = -*s;
+    if (*s < ray_.from) return std::nullopt;
+  }
+  return Contact{*s, ray.y + *s * ray.y_step, radius(ray_.at(*s)) <= on_axis};
+}
+
+/// The dense search of a piece, for the few rays that pass so near the spindle line, or a spindle
+/// that turns so little, that the azimuth does not tell the instant.
+template <class Taken>
+void Cut<Taken>::scan(const NosePiece& piece) {
+  const double turn = std::abs(interval(piece).angle_step) * (piece.u1 - piece.u0);
+  const int parts = std::max(4, int(std::ceil(128.0 * turn / (2.0 * pi))));
+  for (const End end : {End::Entry, End::Exit}) {
+    double u0 = piece.u0;
+    for (int part = 1; part <= parts; ++part) {
+      const double u1 = part == parts
+                            ? piece.u1
+                            : piece.u0 + (piece.u1 - piece.u0) * double(part) / double(parts);
+      solve(piece, u0, u1, end);
+      u0 = u1;
+    }
+  }
+  const double step = (piece.u1 - piece.u0) / parts;
+  for (int part = 0; part <= parts; ++part) touch(piece, piece.u0 + part * step, step);
+}
+
+/// Where the ray pierces the face of the disc at u; infinity if nowhere on this stretch.
+template <class Taken>
+double Cut<Taken>::pierced(const NosePiece& piece, double u) const {
+  const RayInTool ray = ray_in_tool(interval(piece), u, ray_.q, ray_.n);
+  const double s = -ray.y / ray.y_step;
+  if (!(s >= ray_.from && s <= ray_.to)) return infinity;
+  return edge_.contains(ray.point + s * ray.step) ? s : infinity;
+}
+
+/// A nose off the centre height leaves a pip, whose wall the rake plane envelops: there the pierced
+/// place is earliest without being on the edge.
+template <class Taken>
+void Cut<Taken>::touch(const NosePiece& piece, double u, double step) {
+  const double s = pierced(piece, u);
+  double low = std::max(piece.u0, u - step);
+  double high = std::min(piece.u1, u + step);
+  if (s == infinity || pierced(piece, low) < s || pierced(piece, high) < s) return;
+  const double best = lowest([&](double at) { return pierced(piece, at); }, low, high);
+  for (const double at : {u, best}) {
+    if (const double found = pierced(piece, at); found < infinity) offer(piece, at, found);
+  }
+}
+
+/// A contact in the rake plane between two near instants: bisection on the sign of y, after drawing
+/// in an end at which the ray's trace misses the edge.
+template <class Taken>
+void Cut<Taken>::solve(const NosePiece& piece, double u0, double u1, End end) {
+  std::optional<Contact> c0 = contact(piece, u0, end);
+  std::optional<Contact> c1 = contact(piece, u1, end);
+  if (!c0 && !c1) return;
+  if (c0 && c1 && c0->on_axis && c1->on_axis) return lowest_on_axis(piece, u0, u1);
+  if (!c0 || !c1) {
+    double miss = c0 ? u1 : u0;
+    double hit = c0 ? u0 : u1;
+    for (int i = 0; i < 60 && hit != miss; ++i) {
+      const double middle = 0.5 * (hit + miss);
+      if (middle == hit || middle == miss) break;
+      (contact(piece, middle, end) ? hit : miss) = middle;
+    }
+    (c0 ? u1 : u0) = hit;
+    (c0 ? c1 : c0) = contact(piece, hit, end);
+  }
+  if (c0->y == 0.0) offer(piece, u0, c0->s);
+  if (c1->y == 0.0) offer(piece, u1, c1->s);
+  if (!(c0->y * c1->y < 0.0)) return;
+  for (int i = 0; i < 100; ++i) {
+    const double middle = 0.5 * (u0 + u1);
+    if (middle == u0 || middle == u1) break;
+    const std::optional<Contact> c = contact(piece, middle, end);
+    if (!c) return;
+    const bool same = c->y * c0->y > 0.0;
+    (same ? u0 : u1) = middle;
+    (same ? c0 : c1) = c;
+  }
+  offer(piece, u0, c0->s);
+  offer(piece, u1, c1->s);
+}
+
+/// On the spindle line every instant serves whose rake plane passes through it; the contact is
+/// convex over a short time.
+template <class Taken>
+void Cut<Taken>::lowest_on_axis(const NosePiece& piece, double u0, double u1) {
+  const auto s_at = [&](double u) {
+    const std::optional<Contact> c = contact(piece, u, End::Entry);
+    return c && std::abs(c->y) <= in_plane_on_axis ? c->s : infinity;
+  };
+  const auto offer_at = [&](double u) {
+    if (const double s = s_at(u); s < infinity) offer(piece, u, s);
+  };
+  for (const double u : {u0, u1, lowest(s_at, u0, u1)}) offer_at(u);
+}
+
+/// Where the sweep begins, ends or turns back, the whole disc is part of its skin.
+template <class Taken>
+void Cut<Taken>::try_face(const NoseSweep::Face& face) {
+  const NoseInterval& i = sweep_.intervals[std::size_t(face.interval)];
+  const RayInTool ray = ray_in_tool(i, face.u, ray_.q, ray_.n);
+  if (std::abs(ray.y_step) < 1e-9) return;  // it lies in the plane: its contact is at the edge
+  const double s = -ray.y / ray.y_step;
+  if (!(s >= ray_.from && s <= ray_.to) || !edge_.contains(ray.point + s * ray.step)) return;
+  offer({face.interval, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, false}, face.u, s);
+}
+
+}  // namespace
+
+SweptNose::SweptNose(const Nose& nose, const NoseMotion& motion)
+    : edge_(nose), sweep_(nose_sweep(motion)) {
+  double turned = 0.0;
+  for (const NoseInterval& interval : sweep_.intervals) {
+    turned_.push_back(turned);
+    turned += std::abs(interval.angle_step);
+  }
+}
+
+/// A ray that passes the spindle line is asked in two stretches, so that on each its radius is
+/// nearly a line and its azimuth nearly one.
+template <class Use>
+void SweptNose::each_stretch(const Ray& ray_w, const Use& use) const {
+  const Vector3d q = sweep_.R_ws.transpose() * (ray_w.point - sweep_.p_ws);
+  const Vector3d n = sweep_.R_ws.transpose() * ray_w.normal;
+  const double band = ray_w.band;
+  const std::optional<double> nearest = nearest_to_axis(q, n, band);
+  if (!nearest) return use(stretch_of(q, n, -band, band));
+  use(stretch_of(q, n, -band, *nearest));
+  use(stretch_of(q, n, *nearest, band));
+}
+
+std::optional<NoseCut> SweptNose::first(const Ray& ray_w) const {
+  Best best;
+  each_stretch(ray_w, [&](const Stretch& stretch) { Cut(sweep_, edge_, stretch, best).search(); });
+  if (best.cut.s == infinity) return std::nullopt;
+  return best.cut;
+}
+
+std::vector<NoseCut> SweptNose::within(const Ray& ray_w, double limit) const {
+  All all{limit, {}};
+  each_stretch(ray_w, [&](const Stretch& stretch) { Cut(sweep_, edge_, stretch, all).search(); });
+  std::sort(all.cuts.begin(), all.cuts.end(), [](const NoseCut& a, const NoseCut& b) {
+    return std::tie(a.time_s, a.s) < std::tie(b.time_s, b.s);
+  });
+  return std::move(all.cuts);
+}
+
+double SweptNose::turned(const NoseCut& cut) const {
+  const auto i = std::size_t(cut.interval);
+  return turned_[i] + cut.u * std::abs(sweep_.intervals[i].angle_step);
+}
+
+int SweptNose::piece_at(const NoseCut& cut) const {
+  const auto after = std::upper_bound(
+      sweep_.pieces.begin(), sweep_.pieces.end(), cut, [](const NoseCut& c, const NosePiece& p) {
+        return std::tie(c.interval, c.u) < std::tie(p.interval, p.u0);
+      });
+  return std::max(0, int(after - sweep_.pieces.begin()) - 1);
+}
+
+std::optional<NoseCut> SweptNose::near(const Ray& ray_w, const NoseCut& other,
+                                       double window) const {
+  const double middle = turned(other);
+  const auto off = [&](int interval, double u) {
+    return turned({.interval = interval, .u = u}) - middle;
+  };
+  const int start = piece_at(other);
+  int begin = start;
+  int end = start + 1;
+  const auto piece = [&](int i) -> const NosePiece& { return sweep_.pieces[std::size_t(i)]; };
+  while (begin > 0 && off(piece(begin).interval, piece(begin).u0) > -window) --begin;
+  while (end < int(sweep_.pieces.size()) && off(piece(end).interval, piece(end).u0) < window) ++end;
+  All all{infinity, {}};
+  each_stretch(ray_w, [&](const Stretch& stretch) {
+    Cut cut(sweep_, edge_, stretch, all);
+    const double s = std::clamp(other.s, stretch.from, stretch.to);
+    for (int i = begin; i < end; ++i) cut.try_piece(piece(i), s);
+    for (const NoseSweep::Face& face : sweep_.faces)
+      if (std::abs(off(face.interval, face.u)) <= window) cut.try_face(face);
+  });
+  Best best;
+  for (const NoseCut& cut : all.cuts)
+    if (std::abs(turned(cut) - middle) <= window) best.take(cut);
+  if (best.cut.s == infinity) return std::nullopt;
+  return best.cut;
+}
+
+}  // namespace abbe::cutting

@@ -1,0 +1,278 @@
+#include "render/distribution.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "kinematics/units.h"
+#include "render/canvas.h"
+#include "render/label.h"
+#include "render/page.h"
+#include "render/panel.h"
+
+namespace abbe::render {
+namespace {
+
+using Eigen::Vector2d;
+
+constexpr std::size_t most_series = 24;
+constexpr double beyond_share =
+    0.001;  // of the values, at either end, that may lie beyond the axis
+
+std::vector<double> sorted(const Eigen::VectorXd& values) {
+  std::vector<double> finite;
+  for (const double value : values)
+    if (std::isfinite(value)) finite.push_back(value);
+  std::sort(finite.begin(), finite.end());
+  return finite;
+}
+
+double rank_value(const std::vector<double>& rising, double share) {
+  return rising[std::size_t(std::lround(share * double(rising.size() - 1)))];
+}
+
+/// Bins of one width from `first` on.
+struct Bins {
+  double first = 0.0;
+  double width = 1.0;
+  std::size_t count = 1;
+};
+
+/// Bins that show the narrowest series and hold nearly all values of all of them.
+Bins bins(const std::vector<std::vector<double>>& series) {
+  std::vector<double> all;
+  double narrowest = std::numeric_limits<double>::infinity();
+  for (const std::vector<double>& one : series) {
+    all.insert(all.end(), one.begin(), one.end());
+    if (one.size() < 2) continue;
+    const double core = rank_value(one, 0.99) - rank_value(one, 0.01);
+    if (core > 0.0) narrowest = std::min(narrowest, core);
+  }
+  if (all.empty()) return {};
+  std::sort(all.begin(), all.end());
+  Span span{all.front(), all.back()};
+  const Span most{rank_value(all, beyond_share), rank_value(all, 1.0 - beyond_share)};
+  if (span.upper - span.lower > 1.5 * (most.upper - most.lower) && most.upper > most.lower)
+    span = most;
+  const double range = span.upper - span.lower;
+  const double largest = std::max(std::abs(span.lower), std::abs(span.upper));
+  const double wanted = std::clamp(narrowest / 12.0, range / 300.0, range / 40.0);
+  Bins b;
+  b.width = round_up_125(std::max({wanted, 1e-7 * largest, 1e-9}));
+  const double first = std::floor(span.lower / b.width) - 1.0;
+  b.first = first * b.width;
+  b.count = std::size_t(std::floor(span.upper / b.width) - first) + 2;
+  return b;
+}
+
+struct Histogram {
+  std::vector<double> percent;
+  std::size_t beyond = 0;  ///< values
+};
+
+Histogram histogram(const std::vector<double>& values, const Bins& b) {
+  Histogram h{std::vector<double>(b.count, 0.0), 0};
+  for (const double value : values) {
+    const double bin = std::floor(value / b.width) - std::round(b.first / b.width);
+    if (bin >= 0.0 && bin < double(b.count))
+      h.percent[std::size_t(bin)] += 100.0 / double(values.size());
+    else
+      ++h.beyond;
+  }
+  return h;
+}
+
+/// The outline of a histogram, from the first bin that holds something to the last one.
+Series outline(const Histogram& h, const Bins& b, int colour) {
+  const auto holds = [](double percent) { return percent > 0.0; };
+  const auto first = std::find_if(h.percent.begin(), h.percent.end(), holds);
+  const auto last = std::find_if(h.percent.rbegin(), h.percent.rend(), holds).base();
+  Series s;
+  s.colour = colour;
+  if (first == h.percent.end()) return s;
+  const auto n = Eigen::Index(last - first);
+  s.x.resize(2 * n + 2);
+  s.y.setZero(2 * n + 2);
+  const double left = b.first + double(first - h.percent.begin()) * b.width;
+  for (Eigen::Index i = 0; i <= n; ++i) s.x[2 * i] = s.x[2 * i + 1] = left + double(i) * b.width;
+  for (Eigen::Index i = 0; i < n; ++i) s.y[2 * i + 1] = s.y[2 * i + 2] = first[i];
+  return s;
+}
+
+void draw_outline(Canvas& canvas, const Axes& a, const Series& s, double width_px) {
+  std::vector<Vector2d> points;
+  for (Eigen::Index i = 0; i < s.x.size(); ++i) points.push_back(at(a, s.x[i], s.y[i]));
+  stroke(canvas, points, s.colour.value_or(0), width_px);
+}
+
+void draw_bodies(Canvas& canvas, const Axes& a, const Histogram& h, const Bins& b, int colour) {
+  for (std::size_t i = 0; i < b.count; ++i) {
+    if (h.percent[i] <= 0.0) continue;
+    const double left = b.first + double(i) * b.width;
+    const Vector2d low = at(a, left, 0.0), high = at(a, left + b.width, h.percent[i]);
+    canvas.fill({low.x(), low.y(), high.x() - low.x(), high.y() - low.y()}, series_colour(colour),
+                0.22);
+  }
+}
+
+/// A regular polygon about a point of the strip below zero.
+void draw_marker(Canvas& canvas, const Axes& a, double x, int corners, int colour, double size) {
+  if (!(x >= a.x.lower && x <= a.x.upper)) return;
+  const Vector2d middle(at(a, x, 0.0).x(), 0.5 * (a.box.y + at(a, x, 0.0).y()));
+  std::vector<Vector2d> shape;
+  for (int i = 0; i < corners; ++i) {
+    const double angle = pi * (0.5 + 2.0 * i / corners);
+    shape.push_back(middle + 0.5 * size * Vector2d(std::cos(angle), std::sin(angle)));
+  }
+  canvas.fill(shape, series_colour(colour));
+}
+
+constexpr int disc = 16, triangle = 3;
+
+void draw_limit(Canvas& canvas, const Axes& a, const DistributionOptions& options,
+                const TextStyle& body) {
+  if (!options.limit) return;
+  const bool within = *options.limit >= a.x.lower && *options.limit <= a.x.upper;
+  const double x = at(a, std::clamp(*options.limit, a.x.lower, a.x.upper), 0.0).x();
+  const double top = a.box.y + a.box.height;
+  const Colour green{0.2, 0.45, 0.2};
+  if (within) canvas.line({{x, a.box.y}, {x, top}}, green, 3.0 * body.size_px / 22.0);
+  const std::string text = options.limit_label + (within ? "" : ", beyond the axis");
+  TextStyle style = body;
+  style.colour = green;
+  style.across = 0.5;
+  const double half = 0.5 * text_size(text, style).x();
+  const double centre = std::clamp(x, a.box.x + std::min(half, 0.5 * a.box.width),
+                                   a.box.x + a.box.width - std::min(half, 0.5 * a.box.width));
+  canvas.text({centre, top + 0.25 * body.size_px}, text, style);
+}
+
+/// Height in px that the table takes.
+double table_height(std::size_t rows, const TextStyle& body) {
+  return double(rows + 1) * line_height(body) + 1.2 * body.size_px;
+}
+
+/// Names with the colours of their series, figures in columns under their heads.
+void draw_table(Canvas& canvas, const std::vector<DistributionSeries>& series,
+                const DistributionOptions& options, const Rectangle& box, const TextStyle& body) {
+  std::vector<double> widths;
+  double all = 0.0;
+  for (std::size_t j = 0; j < options.heads.size(); ++j) {
+    double width = text_size(options.heads[j], body).x();
+    for (const DistributionSeries& s : series)
+      if (!s.figures.empty()) width = std::max(width, text_size(s.figures[j], body).x());
+    widths.push_back(width);
+    all += width;
+  }
+  TextStyle style = body;
+  double longest = 0.0;
+  for (const DistributionSeries& s : series)
+    longest = std::max(longest, text_size(s.name, body).x());
+  const double key = 2.8 * body.size_px;  // the colour before a name
+  const double gaps = double(widths.size()) * 1.6 * body.size_px;
+  const double names = std::clamp(box.width - all - gaps - key, 0.25 * box.width - key, longest);
+  const double shrink = std::min(1.0, (box.width - names - key) / std::max(all + gaps, 1.0));
+  style.size_px *= shrink;
+  double y = box.y + box.height - 0.6 * body.size_px;
+  for (std::size_t row = 0; row <= series.size(); ++row, y -= line_height(body)) {
+    const bool head = row == 0;
+    double x = box.x + key + names;
+    if (!head) {
+      const Vector2d left(box.x, y - 0.62 * body.size_px);
+      stroke(canvas, {left, left + Vector2d(2.0 * body.size_px, 0.0)}, int(row) - 1,
+             0.16 * body.size_px);
+      TextStyle name = body;
+      name.upward = 1.0;
+      canvas.text({box.x + key, y}, wrapped(series[row - 1].name, body, names + 1.0, 1).front(),
+                  name);
+    }
+    TextStyle cell = style;
+    cell.across = cell.upward = 1.0;
+    if (head) cell.colour = colours::faint_ink;
+    for (std::size_t j = 0; j < widths.size(); ++j) {
+      x += shrink * (widths[j] + 1.6 * body.size_px);
+      if (head || !series[row - 1].figures.empty())
+        canvas.text({x, y}, head ? options.heads[j] : series[row - 1].figures[j], cell);
+    }
+  }
+}
+
+void check(const std::vector<DistributionSeries>& series, const DistributionOptions& options) {
+  if (series.empty() || series.size() > most_series)
+    throw std::invalid_argument("distribution: expected 1 to 24 series");
+  for (const DistributionSeries& s : series)
+    if (!s.figures.empty() && s.figures.size() != options.heads.size())
+      throw std::invalid_argument("distribution: one figure a head is needed");
+}
+
+std::vector<std::string> caption(const std::vector<DistributionSeries>& series,
+                                 const std::vector<Histogram>& histograms, const Bins& b,
+                                 const DistributionOptions& options) {
+  std::vector<std::string> lines{fmt::format("bins of {} {}  ·  disc: mean, triangle: P95",
+                                             fixed(b.width, round_decimals(b.width)),
+                                             options.unit)};
+  std::string beyond;
+  for (std::size_t i = 0; i < series.size(); ++i)
+    if (histograms[i].beyond > 0)
+      beyond += fmt::format("{}{} of {}", beyond.empty() ? "" : ", ", grouped(histograms[i].beyond),
+                            series[i].name);
+  if (!beyond.empty()) lines.push_back("beyond the axis: " + beyond);
+  lines.insert(lines.end(), options.caption.begin(), options.caption.end());
+  return lines;
+}
+
+/// Where the outlines, and a limit not too far away, are seen.
+Extent seen(const Panel& panel, const DistributionOptions& options) {
+  Extent e = extent(panel);
+  if (e.x && options.limit) {
+    const double range = e.x->upper - e.x->lower;
+    const double away = std::max(*options.limit - e.x->upper, e.x->lower - *options.limit);
+    if (away < 1.5 * range) widen(*e.x, *options.limit + (away > 0.0 ? 0.03 * range : 0.0));
+  }
+  return e;
+}
+
+}  // namespace
+
+void write_distribution(const std::filesystem::path& path,
+                        const std::vector<DistributionSeries>& series,
+                        const DistributionOptions& options) {
+  check(series, options);
+  std::vector<std::vector<double>> rising;
+  for (const DistributionSeries& s : series) rising.push_back(sorted(s.values));
+  const Bins b = bins(rising);
+  Panel panel{{}, options.x_label, "share of the machines / %", {}, {}, {}};
+  std::vector<Histogram> histograms;
+  for (std::size_t i = 0; i < series.size(); ++i) {
+    histograms.push_back(histogram(rising[i], b));
+    panel.series.push_back(outline(histograms.back(), b, int(i)));
+  }
+  const double unit = options.width / 1600.0;
+  const TextStyle body{.size_px = 22.0 * unit};
+  const double table = table_height(series.size(), body);
+  const Page p = page(options.width, int(std::lround(options.height * 1.0 + table)), options.title,
+                      caption(series, histograms, b, options), unit);
+  const double em = body.size_px;
+  PanelLook look{p.body, {.size_px = 26.0 * unit, .bold = true}, unit};
+  const Rectangle cell{p.inner.x, p.inner.y + table, p.inner.width,
+                       p.inner.height - table - 1.2 * em};
+  const Extent shown = seen(panel, options);
+  look.ticks_px = ticks_px({panel}, cell, {shown}, look);
+  Canvas canvas(p.width, p.height);
+  const Axes a = draw_panel(canvas, panel, cell, shown, look);
+  for (std::size_t i = 0; i < series.size(); ++i) draw_bodies(canvas, a, histograms[i], b, int(i));
+  for (std::size_t i = 0; i < series.size(); ++i) {
+    draw_outline(canvas, a, panel.series[i], 3.0 * unit);  // once more: no body hides it
+    if (series[i].mean) draw_marker(canvas, a, *series[i].mean, disc, int(i), 13.0 * unit);
+    if (series[i].p95) draw_marker(canvas, a, *series[i].p95, triangle, int(i), 17.0 * unit);
+  }
+  draw_limit(canvas, a, options, p.body);
+  draw_table(canvas, series, options, {p.inner.x + em, p.inner.y, p.inner.width - 2.0 * em, table},
+             p.body);
+  draw_page(canvas, p);
+  canvas.write_png(path);
+}
+
+}  // namespace abbe::render

@@ -1,0 +1,181 @@
+#include "render/heat_map.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "render/canvas.h"
+#include "render/label.h"
+#include "render/page.h"
+#include "render/surface_scene.h"
+
+namespace abbe::render {
+namespace {
+
+using Eigen::Index;
+using Eigen::Vector2d;
+
+constexpr int most_rows = 256;
+constexpr int most_columns = 64;
+constexpr double row_px = 36.0;  // of a picture 1600 px wide
+
+struct Scale {
+  double range = 1.0;
+  bool one_sided = false;
+  bool low_end = false;
+  bool high_end = false;
+};
+
+Scale scale(const HeatMap& map, const HeatMapOptions& options) {
+  double low = 0.0, high = 0.0;
+  for (const double value : map.values.reshaped()) {
+    if (!std::isfinite(value)) continue;
+    low = std::min(low, value);
+    high = std::max(high, value);
+  }
+  Scale s;
+  s.range = options.range.value_or(std::max(-low, high));
+  if (!options.range && s.range == 0.0) s.range = 1.0;
+  if (!(s.range > 0.0) || !std::isfinite(s.range))
+    throw std::invalid_argument("heat map: the range must be positive");
+  s.one_sided = !options.range && low >= 0.0 && high > 0.0;
+  s.low_end = low < -s.range;
+  s.high_end = high > s.range;
+  return s;
+}
+
+Colour colour_of(double value, const Scale& s) {
+  static const std::vector<Colour> table = diverging(511);
+  if (value > s.range) return colours::beyond_high;
+  if (value < -s.range) return colours::beyond_low;
+  return table[std::size_t(std::lround(255.0 + 255.0 * value / s.range))];
+}
+
+bool is_dark(const Colour& c) { return 0.3 * c.r + 0.59 * c.g + 0.11 * c.b < 0.5; }
+
+std::string number(double value, const HeatMapOptions& options) {
+  if (!std::isfinite(value)) return {};
+  return options.decimals < 0 ? figure(value) : fixed(value, options.decimals);
+}
+
+double widest(const std::vector<std::string>& texts, const TextStyle& style) {
+  double most = 0.0;
+  for (const std::string& text : texts) most = std::max(most, text_size(text, style).x());
+  return most;
+}
+
+/// Sizes in px.
+struct Layout {
+  double unit = 1.0;
+  TextStyle body;
+  double names = 0.0;  ///< width of the names of rows, with their gap
+  double cell = 0.0;   ///< width of a cell
+  double row = 0.0;
+  double heads = 0.0;  ///< height of the names of columns
+  bool turned = false;
+  int width = 0;  ///< of the picture
+};
+
+Layout layout(const HeatMap& map, const HeatMapOptions& options) {
+  Layout l;
+  l.unit = options.width / 1600.0;
+  l.body = {.size_px = 22.0 * l.unit};
+  const double em = l.body.size_px, margins = 120.0 * l.unit;
+  const double row_label = options.row_label.empty() ? 0.0 : 1.6 * em;
+  l.names = std::min(widest(map.rows, l.body), 0.4 * options.width) + 0.8 * em + row_label;
+  l.row = row_px * l.unit;
+  double number_px = 2.0 * em;
+  for (const double value : map.values.reshaped())
+    number_px = std::max(number_px, text_size(number(value, options), l.body).x());
+  const double room = (options.width - margins - l.names) / double(map.columns.size());
+  const double heads = widest(map.columns, l.body);
+  // upright names where their place is wide enough, else turned
+  l.turned = heads + em > std::min(room, 9.0 * em);
+  l.cell = std::min(room, std::max(number_px, l.turned ? 0.0 : heads) + 1.2 * em);
+  l.heads = (l.turned ? std::min(heads, 16.0 * em) : line_height(l.body)) + 0.5 * em +
+            (options.column_label.empty() ? 0.0 : 1.4 * em);
+  const double all = l.names + l.cell * double(map.columns.size()) + margins;
+  l.width = int(std::lround(std::clamp(all, 0.6 * options.width, double(options.width))));
+  return l;
+}
+
+void draw_names(Canvas& canvas, const HeatMap& map, const HeatMapOptions& options, const Layout& l,
+                const Rectangle& box) {
+  const double em = l.body.size_px;
+  TextStyle style = l.body;
+  style.upward = 0.5;
+  style.across = 1.0;
+  const double room = l.names - 0.7 * em - (options.row_label.empty() ? 0.0 : 1.6 * em);
+  for (std::size_t i = 0; i < map.rows.size(); ++i)
+    canvas.text({box.x - 0.5 * em, box.y + box.height - (double(i) + 0.5) * l.row},
+                wrapped(map.rows[i], style, room, 1).front(), style);
+  style.across = l.turned ? 0.0 : 0.5;
+  style.upward = l.turned ? 0.5 : 0.0;
+  style.turned_left = l.turned;
+  for (std::size_t j = 0; j < map.columns.size(); ++j)
+    canvas.text({box.x + (double(j) + 0.5) * l.cell, box.y + box.height + 0.3 * em},
+                wrapped(map.columns[j], style, l.turned ? 16.0 * em : l.cell, 1).front(), style);
+  TextStyle head = l.body;
+  head.colour = colours::faint_ink;
+  canvas.text({box.x, box.y + box.height + l.heads - 1.2 * em}, options.column_label, head);
+  head.turned_left = true;
+  head.across = 1.0;
+  head.upward = 1.0;
+  canvas.text({box.x - l.names, box.y + box.height}, options.row_label, head);
+}
+
+void draw_cells(Canvas& canvas, const HeatMap& map, const HeatMapOptions& options, const Layout& l,
+                const Rectangle& box) {
+  const Scale s = scale(map, options);
+  TextStyle style = l.body;
+  style.across = style.upward = 0.5;
+  for (Index i = 0; i < map.values.rows(); ++i)
+    for (Index j = 0; j < map.values.cols(); ++j) {
+      const double value = map.values(i, j);
+      const Rectangle cell{box.x + double(j) * l.cell, box.y + box.height - double(i + 1) * l.row,
+                           l.cell, l.row};
+      const Vector2d middle(cell.x + 0.5 * cell.width, cell.y + 0.5 * cell.height);
+      if (!std::isfinite(value)) {
+        style.colour = colours::faint_ink;
+        canvas.text(middle, "–", style);
+        continue;
+      }
+      const Colour colour = colour_of(value, s);
+      canvas.fill({cell.x + 1.0, cell.y + 1.0, cell.width - 2.0, cell.height - 2.0}, colour);
+      style.colour = is_dark(colour) ? colours::white : colours::ink;
+      const std::string text = number(value, options);
+      if (text_size(text, style).x() < cell.width - 4.0) canvas.text(middle, text, style);
+    }
+}
+
+void check(const HeatMap& map) {
+  if (map.values.size() == 0 || map.values.rows() > most_rows || map.values.cols() > most_columns)
+    throw std::invalid_argument("heat map: expected 1 to 256 rows and 1 to 64 columns");
+  if (map.values.rows() != Index(map.rows.size()) || map.values.cols() != Index(map.columns.size()))
+    throw std::invalid_argument("heat map: one name a row and a column is needed");
+}
+
+}  // namespace
+
+void write_heat_map(const std::filesystem::path& path, const HeatMap& map,
+                    const HeatMapOptions& options) {
+  check(map);
+  const Scale s = scale(map, options);
+  const Layout l = layout(map, options);
+  const double em = l.body.size_px, foot = 2.6 * em;
+  const double cells = l.row * double(map.rows.size());
+  const double margins = page_margins(l.width, options.title, options.caption, l.unit);
+  const int height = int(std::ceil(cells + l.heads + foot + 0.8 * em + margins));
+  const Page p = page(l.width, height, options.title, options.caption, l.unit);
+  const Rectangle box{p.inner.x + 0.5 * em + l.names, p.inner.y + foot,
+                      l.cell * double(map.columns.size()), cells};
+  Canvas canvas(p.width, p.height);
+  draw_cells(canvas, map, options, l, box);
+  draw_names(canvas, map, options, l, box);
+  lying_colour_bar(canvas, {p.inner.x + 0.5 * em, p.inner.y + 0.5 * em, 18.0 * em, 1.4 * em},
+                   {s.range, options.value_label, s.one_sided, s.low_end, s.high_end}, p.body);
+  draw_page(canvas, p);
+  canvas.write_png(path);
+}
+
+}  // namespace abbe::render

@@ -1,0 +1,135 @@
+#include "render/point_data.h"
+
+#include <algorithm>
+#include <set>
+#include <stdexcept>
+#include <string_view>
+
+#include <fmt/format.h>
+#include <vtkCellArray.h>
+#include <vtkDoubleArray.h>
+#include <vtkErrorCode.h>
+#include <vtkIdTypeArray.h>
+#include <vtkIntArray.h>
+#include <vtkNew.h>
+#include <vtkPointData.h>
+#include <vtkPoints.h>
+#include <vtkPolyData.h>
+#include <vtkUnsignedCharArray.h>
+#include <vtkXMLPolyDataWriter.h>
+
+#include "render/bytes.h"
+
+namespace abbe::render {
+namespace {
+
+template <class Array, class Data>
+void add_array(vtkPolyData& mesh, const std::string& name, const Data& data) {
+  vtkNew<Array> array;
+  array->SetName(name.c_str());
+  array->SetNumberOfValues(static_cast<vtkIdType>(data.size()));
+  std::copy(data.begin(), data.end(), array->GetPointer(0));
+  mesh.GetPointData()->AddArray(array);
+}
+
+void add(vtkPolyData& mesh, const std::string& name, std::span<const double> values) {
+  add_array<vtkDoubleArray>(mesh, name, values);
+}
+void add(vtkPolyData& mesh, const std::string& name, std::span<const std::uint8_t> values) {
+  add_array<vtkUnsignedCharArray>(mesh, name, values);
+}
+void add(vtkPolyData& mesh, const std::string& name, std::span<const int> values) {
+  add_array<vtkIntArray>(mesh, name, values);
+}
+
+void add_mesh(vtkPolyData& mesh, const cutting::Points& vertices, const cutting::Triangles& faces) {
+  vtkNew<vtkDoubleArray> coordinates;
+  coordinates->SetNumberOfComponents(3);
+  coordinates->SetNumberOfTuples(vertices.rows());
+  std::copy(vertices.data(), vertices.data() + vertices.size(), coordinates->GetPointer(0));
+  vtkNew<vtkPoints> points;
+  points->SetData(coordinates);
+  mesh.SetPoints(points);
+
+  const Eigen::Index m = faces.rows();
+  vtkNew<vtkIdTypeArray> offsets;
+  vtkNew<vtkIdTypeArray> connectivity;
+  offsets->SetNumberOfValues(m + 1);
+  connectivity->SetNumberOfValues(3 * m);
+  for (Eigen::Index i = 0; i <= m; ++i) offsets->SetValue(i, 3 * i);
+  std::copy(faces.data(), faces.data() + faces.size(), connectivity->GetPointer(0));
+  vtkNew<vtkCellArray> triangles;
+  triangles->SetData(offsets, connectivity);
+  mesh.SetPolys(triangles);
+}
+
+void write_poly_data(const std::filesystem::path& path, vtkPolyData& mesh) {
+  vtkNew<vtkXMLPolyDataWriter> writer;
+  writer->SetInputData(&mesh);
+  writer->SetByteOrderToLittleEndian();
+  writer->SetHeaderTypeToUInt64();
+  writer->SetIdTypeToInt64();
+  writer->SetDataModeToAppended();
+  writer->EncodeAppendedDataOn();
+  writer->SetCompressorTypeToNone();
+  // VTK calls it success when the disk is full, so it only fills a string and the file is written
+  // here
+  writer->WriteToOutputStringOn();
+  if (writer->Write() == 0 || writer->GetErrorCode() != vtkErrorCode::NoError) {
+    throw std::runtime_error(
+        fmt::format("{}: cannot be encoded: {}", path.string(),
+                    vtkErrorCode::GetStringFromErrorCode(writer->GetErrorCode())));
+  }
+  write_bytes(path, writer->GetOutputString());
+}
+
+/// VTK writes names as they are, whatever XML makes of them.
+std::string in_xml(std::string name) {
+  for (char& c : name)
+    if (static_cast<unsigned char>(c) < 0x20 ||
+        std::string_view("\"'<>&").find(c) != std::string_view::npos)
+      c = '_';
+  return name.empty() ? "_" : name;
+}
+
+/// The arrays under names that can be written.
+std::vector<PointArray> checked(std::vector<PointArray> arrays, Eigen::Index vertices) {
+  std::set<std::string> names;
+  for (PointArray& one : arrays) {
+    const std::size_t size =
+        std::visit([](const auto& values) { return values.size(); }, one.values);
+    if (size != static_cast<std::size_t>(vertices))
+      throw std::invalid_argument(
+          fmt::format("point data: one value a vertex is needed in {}", one.name));
+    one.name = in_xml(one.name);
+    if (!names.insert(one.name).second)
+      throw std::invalid_argument(fmt::format("point data: two arrays are called {}", one.name));
+  }
+  return arrays;
+}
+
+}  // namespace
+
+void write_point_data(const std::filesystem::path& path, const cutting::Points& vertices,
+                      const cutting::Triangles& triangles, const std::vector<PointArray>& arrays) {
+  const std::vector<PointArray> named = checked(arrays, vertices.rows());
+  vtkNew<vtkPolyData> mesh;
+  add_mesh(*mesh, vertices, triangles);
+  for (const PointArray& one : named)
+    std::visit([&](const auto& values) { add(*mesh, one.name, values); }, one.values);
+  if (!named.empty()) mesh->GetPointData()->SetActiveScalars(named.front().name.c_str());
+  write_poly_data(path, *mesh);
+}
+
+void write_point_data(const std::filesystem::path& path, const cutting::Design& design,
+                      const std::vector<std::string>& names,
+                      const std::vector<Eigen::VectorXd>& arrays) {
+  if (names.size() != arrays.size())
+    throw std::invalid_argument("point data: one name an array is needed");
+  std::vector<PointArray> views;
+  for (std::size_t i = 0; i < names.size(); ++i)
+    views.push_back({names[i], std::span<const double>(arrays[i].data(), arrays[i].size())});
+  write_point_data(path, design.vertices, design.triangles, views);
+}
+
+}  // namespace abbe::render

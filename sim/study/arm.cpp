@@ -1,0 +1,151 @@
+#include "sim/study/arm.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "cutting/alignment.h"
+#include "cutting/residual.h"
+#include "sim/run_out.h"
+
+namespace abbe::sim::study {
+namespace {
+
+bool changes_commands(const Input& input) {
+  return std::any_of(input.settings.begin(), input.settings.end(), [](const Setting& one) {
+    for (const char* key : {"datum", "control", "belief", "compensation", "signals"})
+      if (one.path.starts_with(key)) return true;
+    return false;
+  });
+}
+
+bool are_told_for_each(const Study& study, const Arm& arm, const Scene& scene) {
+  if (scene.datum.kind != DatumDescription::Kind::None) return true;
+  if (std::any_of(study.inputs.begin(), study.inputs.end(), changes_commands)) return true;
+  if (arm.case_name == "uncompensated") return false;
+  // any other belief is made from what is read of the machine as it is
+  const CaseDescription compensator = parse_case(arm.case_name);
+  return !compensator.plug_in.empty() || compensator.belief != CaseDescription::Belief::Identified;
+}
+
+bool wants_samples(const Input& input) {
+  return input.settings.empty() ||
+         std::any_of(input.settings.begin(), input.settings.end(), [](const Setting& one) {
+           return one.path.starts_with("errors.") || one.path.starts_with("vibration");
+         });
+}
+
+/// The inputs that say how densely a program is sampled as far from zero as a sweep or one in 10^9
+/// machines has them, the others at their centres.
+Eigen::VectorXd wildest(const Study& study) {
+  constexpr double far = 6.0;
+  Eigen::VectorXd x = centre(study);
+  const auto reach = [&](Eigen::Index input, double value) {
+    if (std::abs(value) > std::abs(x[input])) x[input] = value;
+  };
+  for (Eigen::Index i = 0; i < x.size(); ++i) {
+    const Input& input = study.inputs[std::size_t(i)];
+    if (!wants_samples(input)) continue;
+    for (const double score : {-far, far}) reach(i, at_score(input.distribution, score));
+    for (const Sweep& sweep : study.sweeps)
+      if (sweep.input == i)
+        for (const double value : sweep.values) reach(i, value);
+  }
+  return x;
+}
+
+/// The scene whose errors want the densest samples; none if that machine cannot be.
+std::optional<Scene> wildest_scene(const Study& study, const Arm& arm, const Scene& base) {
+  try {
+    return with_run_out(scene_at(study, arm, base, wildest(study)));
+  } catch (const BadScene&) {
+    return std::nullopt;
+  } catch (const BadInput&) {
+    return std::nullopt;
+  }
+}
+
+/// The job with all inputs at their centres, sampled so densely that it serves them all.
+Job prepared(const Study& study, const Arm& arm, const Scene& base, const Progress& progress) {
+  const Scene scene = with_run_out(scene_at(study, arm, base, centre(study)));
+  const std::optional<Scene> wild = wildest_scene(study, arm, base);
+  if (!wild) return prepare(scene, progress);
+  const program::SampleOptions enough = sample_options(scene, compile(scene));
+  const program::SampleOptions most = sample_options(*wild, compile(*wild));
+  const bool denser =
+      most.max_spindle_turn < enough.max_spindle_turn || most.max_nose_turn != enough.max_nose_turn;
+  return denser ? with_errors(prepare(*wild, progress), scene) : prepare(scene, progress);
+}
+
+double value_of(const cutting::Statistics& s, Response response) {
+  constexpr double none = std::numeric_limits<double>::quiet_NaN();
+  switch (response) {
+    case Response::Pv:
+      return s.pv.value_or(none);
+    case Response::Rms:
+      return s.rms.value_or(none);
+    case Response::Mean:
+      return s.mean.value_or(none);
+    case Response::Std:
+      return s.std_dev.value_or(none);
+    case Response::MaxAbs:
+      return s.max ? std::max(std::abs(*s.min), std::abs(*s.max)) : none;
+    case Response::P95Abs:
+      return s.p95_abs.value_or(none);
+    case Response::InTolerance:
+      return s.in_tolerance_percent.value_or(none);
+  }
+  return none;
+}
+
+}  // namespace
+
+Compensated commands(const Arm& arm, const Job& job) {
+  return arm.case_name == "uncompensated" ? as_programmed(job)
+                                          : compensate(job, parse_case(arm.case_name));
+}
+
+ReadyArm ready_arm(const Study& study, const Arm& arm, const Progress& progress) {
+  Scene scene = scene_of(study, arm);
+  Job job = prepared(study, arm, scene, progress);
+  Compensated told = commands(arm, job);
+  const bool for_each = are_told_for_each(study, arm, scene);
+  cutting::Surface error_free;
+  if (study.machine_part) error_free = cut_error_free(job, progress).surface;
+  return {arm, std::move(scene), std::move(job), std::move(told), for_each, std::move(error_free)};
+}
+
+Tried cut_at(const Study& study, const ReadyArm& ready, Job job, const Eigen::VectorXd& x) {
+  const Scene scene = scene_at(study, ready.arm, ready.scene, x);
+  if (std::any_of(study.inputs.begin(), study.inputs.end(), reshapes)) {
+    const Job anew = prepare(scene);
+    Cut cut = cut_as_told(anew, commands(ready.arm, anew));
+    cutting::Surface error_free;
+    if (study.machine_part) error_free = cut_error_free(anew).surface;
+    Eigen::VectorXd values = responses(study, anew, cut.surface, error_free);
+    return {std::move(job), std::move(cut.surface), std::move(values)};
+  }
+  job = with_errors(std::move(job), scene);
+  Cut cut = ready.told_for_each ? cut_as_told(job, commands(ready.arm, job))
+                                : cut_as_told(job, ready.told);
+  Eigen::VectorXd values = responses(study, job, cut.surface, ready.error_free);
+  return {std::move(job), std::move(cut.surface), std::move(values)};
+}
+
+Eigen::VectorXd responses(const Study& study, const Job& job, const cutting::Surface& surface,
+                          const cutting::Surface& error_free) {
+  const auto aligned = [&](const cutting::Surface& one) {
+    return cutting::aligned(one, job.design_w, {job.scene.alignment}).surface;
+  };
+  cutting::Surface judged = aligned(surface);
+  if (study.machine_part) judged = cutting::minus(judged, aligned(error_free));
+  std::optional<double> tolerance;
+  if (job.scene.part.tolerance > 0.0) tolerance = job.scene.part.tolerance;
+  const cutting::Statistics s = cutting::statistics(judged, job.design_w, tolerance);
+  Eigen::VectorXd values(Eigen::Index(study.responses.size()));
+  for (std::size_t i = 0; i < study.responses.size(); ++i)
+    values[Eigen::Index(i)] = value_of(s, study.responses[i]);
+  return values;
+}
+
+}  // namespace abbe::sim::study

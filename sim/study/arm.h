@@ -1,0 +1,43 @@
+#pragma once
+
+#include <optional>
+
+#include <Eigen/Core>
+
+#include "sim/loop.h"
+#include "sim/study/study.h"
+
+namespace abbe::sim::study {
+
+/// An arm made ready, so that its machines can be tried one after the other. Immutable once made.
+struct ReadyArm {
+  Arm arm;
+  Scene scene;  ///< before any input
+  Job job;      ///< with all inputs at their centres; sampled densely enough for all their values
+  Compensated told;             ///< what its axes are told
+  bool told_for_each = false;   ///< what the axes are told depends on the inputs
+  cutting::Surface error_free;  ///< empty unless the study asks for the machine's part
+};
+/// @throws BadScene, BadInput
+ReadyArm ready_arm(const Study& study, const Arm& arm, const Progress& progress = {});
+
+/// The commands of an arm's program: compensated, or as the control knows it.
+Compensated commands(const Arm& arm, const Job& job);
+
+/// One machine tried; the job comes back to be used for the next.
+struct Tried {
+  Job job;
+  cutting::Surface surface;   ///< as cut, not aligned
+  Eigen::VectorXd responses;  ///< (responses) of the study
+};
+/// Cuts the machine of an arm with its inputs at x. The same bits whatever the job was used for.
+/// @param job  a copy of the arm's, or what another try gave back
+/// @throws BadScene, BadInput where that machine cannot cut the program
+Tried cut_at(const Study& study, const ReadyArm& ready, Job job, const Eigen::VectorXd& x);
+
+/// The responses of a study, mm or percent: of the map as the scene aligns it, less the error-free
+/// one where the study asks for that. (responses) NaN where there is none
+Eigen::VectorXd responses(const Study& study, const Job& job, const cutting::Surface& surface,
+                          const cutting::Surface& error_free);
+
+}  // namespace abbe::sim::study

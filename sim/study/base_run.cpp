@@ -1,0 +1,64 @@
+#include "sim/study/base_run.h"
+
+#include <algorithm>
+
+#include "sim/run_out.h"
+
+namespace abbe::sim::study {
+
+BaseRun base_run(const Study& study, const ReadyArm& ready, const Progress& progress) {
+  const Job& job = ready.job;
+  BaseRun run{study, ready, cut_process(job, ready.told), {}, {}, std::nullopt, {}};
+  run.T_wt = tool_poses(job, ready.told, run.process);
+  cutting::RivalOptions options;
+  options.reach = study.influence.reach;
+  options.most = study.influence.most_rivals;
+  options.band = job.scene.band;
+  if (progress) options.progress = [&](double fraction) { progress("rivals", fraction); };
+  const program::Samples& samples = ready.told.samples;
+  if (const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.actual)) {
+    for (std::size_t i = 0; i < samples.states.size(); ++i) run.sample.push_back(i);
+    run.rivals =
+        cutting::milled_rivals(job.design_w, *cutter, cutter_motion(run.T_wt, samples), options);
+    return run;
+  }
+  const int joint = *job.machine.workpiece_spindle;
+  run.spindle = spindle_line(job.machine.actual, joint);
+  run.sample = distinct_instants(samples);
+  run.rivals = cutting::turned_rivals(job.design_w, std::get<cutting::Nose>(job.scene.tool.actual),
+                                      nose_motion(run.T_wt, samples, *run.spindle, joint), options);
+  return run;
+}
+
+std::array<End, 2> ends_of(const BaseRun& run, const cutting::Rival& rival) {
+  const auto move = std::size_t(rival.move);
+  const std::size_t next = std::min(move + 1, run.sample.size() - 1);
+  return {End{run.sample[move], 1.0 - rival.t}, End{run.sample[next], rival.t}};
+}
+
+std::vector<std::size_t> samples_of_rivals(const BaseRun& run) {
+  std::vector<std::size_t> needed;
+  for (const cutting::Rival& rival : run.rivals)
+    for (const End& end : ends_of(run, rival)) needed.push_back(end.sample);
+  std::sort(needed.begin(), needed.end());
+  needed.erase(std::unique(needed.begin(), needed.end()), needed.end());
+  return needed;
+}
+
+std::array<double, 2> around(const Study& study, Eigen::Index input) {
+  const Distribution& d = study.inputs[std::size_t(input)].distribution;
+  return {at_score(d, -1.0), at_score(d, 1.0)};
+}
+
+std::array<Scene, 2> scenes_around(const BaseRun& run, Eigen::Index input) {
+  Eigen::VectorXd x = centre(run.study);
+  std::array<Scene, 2> scenes;
+  const std::array<double, 2> at = around(run.study, input);
+  for (std::size_t side = 0; side < 2; ++side) {
+    x[input] = at[side];
+    scenes[side] = with_run_out(scene_at(run.study, run.ready.arm, run.ready.scene, x));
+  }
+  return scenes;
+}
+
+}  // namespace abbe::sim::study

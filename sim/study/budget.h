@@ -1,0 +1,118 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "sim/study/answers.h"
+#include "sim/study/indices.h"
+#include "sim/study/study.h"
+
+namespace abbe::sim::study {
+
+/// What one input contributes to one response of one arm. What an analysis did not ask is empty.
+struct Contribution {
+  int input = 0;
+  std::optional<double> low;   ///< change of the response at centre - step, mm
+  std::optional<double> high;  ///< at centre + step
+  std::optional<SobolIndex> sobol;
+  std::optional<double> correlation;       ///< linear, with the answers of Monte-Carlo
+  std::optional<double> rank_correlation;
+};
+
+/// The budget of one response.
+struct ResponseBudget {
+  Response response = Response::Pv;
+  double base = 0.0;                          ///< with every input at its centre
+  std::vector<Contribution> contributions;    ///< (inputs)
+  std::optional<double> root_sum_square;      ///< of the larger of low and high
+  std::optional<double> sum;                  ///< of the same: worst case of a linear response
+  std::optional<double> worst;                ///< of the worst corner that was found
+  std::optional<double> worst_bound;          ///< no corner is worse
+  Eigen::VectorXd values;                     ///< of Monte-Carlo, (cases) or empty
+  std::optional<Answers> answers;             ///< of them
+  std::optional<double> limit;                ///< mm
+  std::optional<double> capability;           ///< Cpk against it
+  std::optional<Banded> share_within;         ///< of the machines within the limit
+  std::optional<IndexConvergence> convergence;
+};
+
+/// What one standard deviation of an input does to the map of an arm.
+struct MapContribution {
+  double rms = 0.0;    ///< mm, over the judged area
+  double pv = 0.0;     ///< mm
+  double share = 0.0;  ///< of what all inputs make of the map's mean square over random machines;
+                       ///< they sum to 1. A covariance counts half for each of the two, so a share
+                       ///< may be below 0 where correlated inputs undo each other
+};
+
+/// Spreads that keep a response within its limit.
+struct Allocation {
+  Tolerance asked;
+  Eigen::VectorXd equal;        ///< (inputs) factor of every spread, the same for all
+  Eigen::VectorXd cheapest;     ///< (inputs) factors <= 1 of least cost, sum of cost / factor
+  double equal_cost = 0.0;
+  double cheapest_cost = 0.0;
+  Banded equal_share;           ///< of fresh random machines within the limit
+  Banded cheapest_share;
+  double floor = 0.0;           ///< mm, of the response with all inputs at their centres
+  bool attainable = true;       ///< false: not even without any spread
+};
+
+struct ArmBudget {
+  Arm arm;
+  std::vector<ResponseBudget> responses;
+  std::vector<MapContribution> maps;  ///< (inputs) or empty without influence maps
+  std::optional<double> map_rms;  ///< mm, root of the mean square of the map over random machines:
+                                  ///< its mean part and all shares
+  std::optional<double> map_mean_rms;  ///< mm, of the part that is no input's: cusps, centres
+  std::optional<double> flagged_percent;
+  std::optional<Allocation> allocation;
+};
+
+/// Influence against full runs, over the proofs of engine `both`.
+struct Proof {
+  std::string arm;
+  std::uint64_t cases = 0;
+  double pv_percent = 0.0;   ///< largest difference of PV
+  double rms_percent = 0.0;  ///< of RMS
+};
+
+struct Sweeping {
+  int sweep = 0;
+  std::vector<std::vector<Eigen::VectorXd>> answers;  ///< (arms)(responses), each (values)
+};
+
+/// Everything that a study says.
+struct Budget {
+  Study study;
+  std::uint64_t cases = 0;   ///< finished
+  std::uint64_t failed = 0;  ///< of them, without an answer
+  std::vector<ArmBudget> arms;
+  std::vector<Proof> proofs;
+  std::vector<Sweeping> sweeps;
+  std::vector<std::string> warnings;
+};
+
+/// `budget.json`; the keys are a promise to scripts. A response says its unit ("um", "%"), all
+/// figures of it are in that; shares in keys that end in _percent. What is not there is null.
+nlohmann::ordered_json to_json(const Budget& budget);
+/// `budget.csv`: a row for every arm, response and input, units in the heads; a change is in the
+/// column _um or _percent, as its response is. Fields as RFC 4180 has them, numbers read back the
+/// same bits.
+std::string to_csv(const Budget& budget);
+/// `budget.md`: what a person reads first: a line for every arm, then totals, what dominates, what
+/// to spend on, and the 15 inputs that contribute most. Names lose their mark-up.
+std::string to_markdown(const Budget& budget);
+
+/// Whatever the budget has of pareto-ARM, tornado-ARM-RESPONSE, indices-ARM-RESPONSE (convergence),
+/// correlation-ARM, distribution-RESPONSE (all arms) and sweep-INPUT, .png; names as file_part()
+/// makes them. Nothing where the program was built without VTK.
+/// @throws OutputFailure
+void write_pictures(const std::filesystem::path& folder, const Budget& budget);
+
+}  // namespace abbe::sim::study

@@ -1,0 +1,256 @@
+#include "sim/study/budget_of.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "sim/study/tolerance.h"
+#include "sim/study/uncertainty.h"
+#include "sim/study/worst_case.h"
+
+namespace abbe::sim::study {
+namespace {
+
+using Eigen::Index;
+
+constexpr double none = std::numeric_limits<double>::quiet_NaN();
+constexpr std::uint64_t bootstrap_stream = 0x9e3779b97f4a7c15ULL;
+
+/// Finished rows by their analyses.
+class Finished {
+ public:
+  Finished(const Plan& plan, const std::vector<Row>& rows) : plan_(plan), rows_(rows) {}
+
+  /// Answers of a block in a column; NaN where a case is not finished. (block.count)
+  Eigen::VectorXd column(const Block& block, std::size_t column) const {
+    Eigen::VectorXd values = Eigen::VectorXd::Constant(Index(block.count), none);
+    const auto before = [](const Row& row, std::uint64_t index) { return row.index < index; };
+    for (auto row = std::lower_bound(rows_.begin(), rows_.end(), block.first, before);
+         row != rows_.end() && row->index < block.first + block.count; ++row)
+      values[Index(row->index - block.first)] = row->answers[column];
+    return values;
+  }
+
+  const Block* find(Block::Kind kind) const {
+    for (const Block& block : plan_.blocks)
+      if (block.kind == kind) return &block;
+    return nullptr;
+  }
+
+ private:
+  const Plan& plan_;
+  const std::vector<Row>& rows_;
+};
+
+std::optional<double> if_finite(double value) {
+  return std::isfinite(value) ? std::optional(value) : std::nullopt;
+}
+
+/// One at a time, and what it adds up to.
+void add_one_at_a_time(const Eigen::VectorXd& values, ResponseBudget& budget) {
+  double squares = 0.0, sum = 0.0;
+  bool whole = true;
+  for (std::size_t i = 0; i < budget.contributions.size(); ++i) {
+    Contribution& one = budget.contributions[i];
+    one.low = if_finite(values[2 * Index(i)] - budget.base);
+    one.high = if_finite(values[2 * Index(i) + 1] - budget.base);
+    whole = whole && one.low && one.high;
+    const double larger =
+        std::max(std::abs(one.low.value_or(0.0)), std::abs(one.high.value_or(0.0)));
+    squares += larger * larger;
+    sum += larger;
+  }
+  if (!whole) return;
+  budget.root_sum_square = std::sqrt(squares);
+  budget.sum = sum;
+}
+
+void add_monte_carlo(const Study& study, const Eigen::VectorXd& answered,
+                     const Eigen::MatrixXd& inputs, ResponseBudget& budget) {
+  budget.values = answered;
+  if (answered.size() < 2) return;
+  budget.answers = answers(answered);
+  for (const auto& [response, limit] : study.limits) {
+    if (response != budget.response) continue;
+    budget.limit = limit;
+    budget.capability = cpk(answered, limit);
+    budget.share_within = share_below(answered, limit);
+  }
+  const Correlations all = correlations(inputs, answered);
+  for (std::size_t i = 0; i < budget.contributions.size(); ++i) {
+    budget.contributions[i].correlation = all.linear[Index(i)];
+    budget.contributions[i].rank_correlation = all.rank[Index(i)];
+  }
+}
+
+void add_sobol(const Study& study, const Eigen::VectorXd& values, ResponseBudget& budget) {
+  const Index columns = Index(study.inputs.size()) + 2;
+  const Eigen::MatrixXd table =
+      Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
+          values.data(), values.size() / columns, columns);
+  if ((table.array().isFinite().rowwise().all()).count() < 8) return;
+  budget.convergence = convergence(table, study.seed ^ bootstrap_stream);
+  const std::vector<SobolIndex>& last = budget.convergence->indices.back();
+  for (std::size_t i = 0; i < budget.contributions.size(); ++i)
+    budget.contributions[i].sobol = last[i];
+}
+
+/// Cases of Monte-Carlo that have an answer in a column, and their inputs.
+struct Drawn {
+  std::vector<Index> which;
+  Eigen::MatrixXd inputs;  ///< (inputs x which)
+};
+Drawn drawn_with_answers(const Study& study, const Plan& plan, const Block& block,
+                         const Eigen::VectorXd& values) {
+  Drawn drawn;
+  for (Index i = 0; i < values.size(); ++i)
+    if (std::isfinite(values[i])) drawn.which.push_back(i);
+  const Eigen::MatrixXd x = inputs_of(study, plan, block.first, block.first + block.count);
+  drawn.inputs = x(Eigen::all, drawn.which);
+  return drawn;
+}
+
+ResponseBudget response_budget(const Study& study, const Plan& plan, const Finished& finished,
+                               std::size_t column, Response response) {
+  ResponseBudget budget;
+  budget.response = response;
+  for (std::size_t i = 0; i < study.inputs.size(); ++i)
+    budget.contributions.emplace_back().input = int(i);
+  if (const Block* block = finished.find(Block::Kind::Base))
+    budget.base = finished.column(*block, column)[0];
+  if (const Block* block = finished.find(Block::Kind::OneAtATime))
+    add_one_at_a_time(finished.column(*block, column), budget);
+  if (const Block* block = finished.find(Block::Kind::MonteCarlo)) {
+    const Eigen::VectorXd values = finished.column(*block, column);
+    const Drawn drawn = drawn_with_answers(study, plan, *block, values);
+    add_monte_carlo(study, values(drawn.which), drawn.inputs, budget);
+  }
+  if (const Block* block = finished.find(Block::Kind::Sobol))
+    add_sobol(study, finished.column(*block, column), budget);
+  return budget;
+}
+
+std::vector<Proof> proofs(const Study& study, const Finished& finished) {
+  const Block* cut = finished.find(Block::Kind::Proof);
+  const Block* estimated = finished.find(Block::Kind::MonteCarlo);
+  std::vector<Proof> all;
+  if (!cut || !estimated) return all;
+  for (std::size_t arm = 0; arm < study.arms.size(); ++arm) {
+    Proof proof{.arm = study.arms[arm].name};
+    for (std::size_t r = 0; r < study.responses.size(); ++r) {
+      const std::size_t column = column_of(study, arm, r);
+      const Eigen::VectorXd full = finished.column(*cut, column);
+      const Eigen::VectorXd linear = finished.column(*estimated, column).head(full.size());
+      double worst = 0.0;
+      proof.cases = 0;
+      for (Index i = 0; i < full.size(); ++i) {
+        if (!std::isfinite(full[i]) || !std::isfinite(linear[i])) continue;
+        ++proof.cases;
+        worst = std::max(worst, 100.0 * std::abs(linear[i] / full[i] - 1.0));
+      }
+      if (study.responses[r] == Response::Pv) proof.pv_percent = worst;
+      if (study.responses[r] == Response::Rms) proof.rms_percent = worst;
+    }
+    all.push_back(proof);
+  }
+  return all;
+}
+
+std::vector<Sweeping> sweepings(const Study& study, const Plan& plan, const Finished& finished) {
+  std::vector<Sweeping> all;
+  for (const Block& block : plan.blocks) {
+    if (block.kind != Block::Kind::Sweep) continue;
+    Sweeping one{block.sweep, {}};
+    for (std::size_t arm = 0; arm < study.arms.size(); ++arm) {
+      one.answers.emplace_back();
+      for (std::size_t r = 0; r < study.responses.size(); ++r)
+        one.answers.back().push_back(finished.column(block, column_of(study, arm, r)));
+    }
+    all.push_back(std::move(one));
+  }
+  return all;
+}
+
+/// What the inputs do to the whole map: of E[map^2], averaged over the area, the part of the mean
+/// map and that of each input, covariances shared evenly.
+void add_maps(const Study& study, const InfluenceMap& influence, ArmBudget& budget) {
+  const Eigen::MatrixXd G = effects(influence);
+  Eigen::VectorXd mean(Index(study.inputs.size())), sd = spreads(study);
+  for (Index i = 0; i < mean.size(); ++i)
+    mean[i] = moments(study.inputs[std::size_t(i)].distribution).mean;
+  const Eigen::VectorXd mean_map = maps(influence, mean).col(0) - influence.error_free;
+  const Eigen::MatrixXd S = covariance_of(study);
+  Eigen::MatrixXd square = Eigen::MatrixXd::Zero(S.rows(), S.cols());
+  Eigen::VectorXd least = Eigen::VectorXd::Constant(S.rows(), std::numeric_limits<double>::max());
+  Eigen::VectorXd most = -least;
+  double area = 0.0, constant = 0.0;
+  for (Index v = 0; v < G.cols(); ++v) {
+    if (!std::isfinite(mean_map[v])) continue;
+    const double weight = influence.design.area[v];
+    area += weight;
+    constant += weight * mean_map[v] * mean_map[v];
+    square.selfadjointView<Eigen::Lower>().rankUpdate(G.col(v), weight);
+    least = least.cwiseMin(G.col(v));
+    most = most.cwiseMax(G.col(v));
+  }
+  if (!(area > 0.0)) return;
+  const Eigen::MatrixXd M = Eigen::MatrixXd(square.selfadjointView<Eigen::Lower>()) / area;
+  const Eigen::VectorXd part = M.cwiseProduct(S).rowwise().sum();
+  const double total = constant / area + part.sum();
+  budget.map_mean_rms = std::sqrt(constant / area);
+  budget.map_rms = std::sqrt(total);
+  for (Index i = 0; i < S.rows(); ++i)
+    budget.maps.push_back({std::sqrt(M(i, i)) * sd[i], (most[i] - least[i]) * sd[i],
+                           part.sum() > 0.0 ? part[i] / part.sum() : 0.0});
+}
+
+}  // namespace
+
+Budget budget_of(const Study& study, const Plan& plan, const std::vector<Row>& rows) {
+  Budget budget;
+  budget.study = study;
+  budget.cases = rows.size();
+  std::map<std::string, std::uint64_t> faults;
+  for (const Row& row : rows)
+    if (!row.fault.empty()) ++faults[row.fault];
+  for (const auto& [fault, count] : faults) {
+    budget.failed += count;
+    if (budget.warnings.size() < 20)
+      budget.warnings.push_back(std::to_string(count) + " cases without an answer: " + fault);
+  }
+  const Finished finished(plan, rows);
+  for (std::size_t arm = 0; arm < study.arms.size(); ++arm) {
+    ArmBudget one;
+    one.arm = study.arms[arm];
+    for (std::size_t r = 0; r < study.responses.size() && !study.inputs.empty(); ++r)
+      one.responses.push_back(
+          response_budget(study, plan, finished, column_of(study, arm, r), study.responses[r]));
+    budget.arms.push_back(std::move(one));
+  }
+  budget.proofs = proofs(study, finished);
+  budget.sweeps = sweepings(study, plan, finished);
+  return budget;
+}
+
+Budget budget_of(const ReadyStudy& ready, const std::vector<Row>& rows, const Progress& progress) {
+  const Study& study = ready.study;
+  Budget budget = budget_of(study, ready.plan, rows);
+  for (std::size_t arm = 0; arm < ready.influences.size(); ++arm) {
+    const InfluenceMap& influence = ready.influences[arm];
+    ArmBudget& one = budget.arms[arm];
+    if (progress) progress("budget", double(arm) / double(ready.arms.size()));
+    add_maps(study, influence, one);
+    if (study.influence.checks > 0) one.flagged_percent = influence.flagged_percent;
+    if (study.worst_case)
+      for (ResponseBudget& response : one.responses) {
+        const Corner corner = worst_corner(study, ready.arms[arm], influence, response.response);
+        response.worst = corner.response;
+        response.worst_bound = if_finite(corner.bound);
+      }
+    if (study.tolerance) one.allocation = allocation(study, ready.arms[arm], influence);
+  }
+  return budget;
+}
+
+}  // namespace abbe::sim::study

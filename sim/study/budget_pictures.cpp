@@ -1,0 +1,373 @@
+#include "sim/study/budget.h"
+
+#if ABBE_RENDER
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "kinematics/units.h"
+#include "render/distribution.h"
+#include "render/heat_map.h"
+#include "render/label.h"
+#include "render/plot.h"
+#include "sim/output.h"
+#include "sim/study/picture_names.h"
+#include "sim/study/ranking.h"
+#include "sim/study/words.h"
+
+namespace abbe::sim::study {
+namespace {
+
+constexpr std::size_t most_bars = 25;
+constexpr std::size_t most_panels = 12;
+constexpr std::size_t most_arms = 24;  // in one distribution
+
+std::string axis_text(Response response) {
+  return title_of(response) + " / " + shown_unit(response);
+}
+
+/// Where pictures go: every one through a temporary file, no two of one name.
+class Album {
+ public:
+  explicit Album(std::filesystem::path folder) : folder_(std::move(folder)) {}
+
+  template <typename Write>
+  void add(const std::vector<std::string>& name, const Write& write) {
+    write_file(folder_ / (names_.unused(name) + ".png"),
+               [&](const std::filesystem::path& temporary) { write(temporary); });
+  }
+
+ private:
+  std::filesystem::path folder_;
+  PictureNames names_;
+};
+
+constexpr std::size_t most_letters = 44;        // of a name beside a bar or a cell
+constexpr std::size_t most_title_letters = 34;  // above a small panel
+
+std::string name_of_input(const Budget& budget, int i, std::size_t most = most_letters) {
+  return short_line(budget.study.inputs[std::size_t(i)].name, most);
+}
+std::string name_of_arm(const ArmBudget& arm) { return short_line(arm.arm.name, most_letters); }
+
+std::string percent(double share) {
+  return share > 0.0 && share < 0.0005 ? "< 0.1 %" : render::fixed(100.0 * share, 1) + " %";
+}
+
+/// Shares of the inputs with their running sum; what has no room in one last bar.
+void write_pareto(Album& album, const Budget& budget, const ArmBudget& arm) {
+  Ranking r = map_ranking(arm, budget.study.inputs.size());
+  std::string of = "map";
+  if (r.basis == Ranking::Basis::None && !arm.responses.empty()) {
+    r = ranking(arm.responses.front(), budget.study.inputs.size());
+    of = title_of(arm.responses.front().response);
+  }
+  if (r.basis == Ranking::Basis::None || !(r.weights.sum() > 0.0)) return;
+  std::vector<render::Bar> bars;
+  double rest = 0.0;
+  for (std::size_t k = 0; k < r.order.size(); ++k) {
+    const int i = r.order[k];
+    if (k >= most_bars) {
+      rest += r.shares[i];
+      continue;
+    }
+    render::Bar bar{name_of_input(budget, i), 100.0 * r.shares[i]};
+    bar.text = percent(r.shares[i]);
+    if (r.basis == Ranking::Basis::Map)
+      bar.text +=
+          fmt::format("   RMS {} µm", render::fixed(arm.maps[std::size_t(i)].rms / units::um, 3));
+    bars.push_back(bar);
+  }
+  if (r.order.size() > most_bars) {
+    bars.push_back({fmt::format("{} others", r.order.size() - most_bars), 100.0 * rest});
+    bars.back().text = percent(rest);
+  }
+  render::BarsOptions options;
+  options.title = fmt::format("{}: what makes the {}", name_of_arm(arm), of);
+  options.x_label = fmt::format("share of {} / %", share_of(r.basis));
+  options.running_sum = "running sum";
+  if (arm.map_mean_rms && r.basis == Ranking::Basis::Map)
+    options.caption.push_back(
+        fmt::format("no input's: RMS {} µm of the map (cusps, centres){}",
+                    render::figure(*arm.map_mean_rms / units::um),
+                    arm.map_rms ? fmt::format(" of {} µm over random machines",
+                                              render::figure(*arm.map_rms / units::um))
+                                : ""));
+  album.add({"pareto", arm.arm.name},
+            [&](const auto& file) { render::write_bars(file, bars, options); });
+}
+
+/// What is left out of a tornado, in words.
+std::string left_out(const Ranking& r, Response response) {
+  double squares = 0.0, sum = 0.0;
+  for (std::size_t k = most_bars; k < r.order.size(); ++k) {
+    squares += r.weights[r.order[k]];
+    sum += std::sqrt(r.weights[r.order[k]]);
+  }
+  return fmt::format("{} inputs are left out: together {} {} root-sum-square, {} {} in sum",
+                     r.order.size() - most_bars,
+                     render::figure(in_unit(response, std::sqrt(squares))), shown_unit(response),
+                     render::figure(in_unit(response, sum)), shown_unit(response));
+}
+
+std::string totals(const ResponseBudget& r) {
+  std::string text;
+  const auto add = [&](const char* name, const std::optional<double>& value) {
+    if (value)
+      text += fmt::format("{}{} {} {}", text.empty() ? "" : "  ·  ", name,
+                          render::figure(in_unit(r.response, *value)), shown_unit(r.response));
+  };
+  add("base", r.base);
+  add("root-sum-square", r.root_sum_square);
+  add("sum", r.sum);
+  add("worst found", r.worst);
+  return text;
+}
+
+/// Changes by each input, to either side of the base machine.
+void write_tornado(Album& album, const Budget& budget, const ArmBudget& arm,
+                   const ResponseBudget& r) {
+  const Ranking order = change_ranking(r, budget.study.inputs.size());
+  if (order.basis == Ranking::Basis::None) return;
+  std::vector<const Contribution*> by_input(budget.study.inputs.size(), nullptr);
+  for (const Contribution& c : r.contributions) by_input[std::size_t(c.input)] = &c;
+  std::vector<render::Bar> bars;
+  for (std::size_t k = 0; k < std::min(order.order.size(), most_bars); ++k) {
+    const Contribution* c = by_input[std::size_t(order.order[k])];
+    if (c == nullptr) continue;
+    const auto told = [&](const std::optional<double>& v) {
+      return v ? in_unit(r.response, *v) : std::nan("");
+    };
+    render::Bar bar{name_of_input(budget, c->input), told(c->low)};
+    bar.other = told(c->high);
+    bars.push_back(bar);
+  }
+  const double step = budget.study.one_at_a_time ? budget.study.one_at_a_time->step : 1.0;
+  render::BarsOptions options;
+  options.title =
+      fmt::format("{}: {}, one input at a time", name_of_arm(arm), title_of(r.response));
+  options.x_label = fmt::format("change of {} against the base / {}", title_of(r.response),
+                                shown_unit(r.response));
+  options.legend = {fmt::format("centre − {:g} std. dev.", step),
+                    fmt::format("centre + {:g} std. dev.", step)};
+  options.caption.push_back(totals(r));
+  if (order.order.size() > most_bars) options.caption.push_back(left_out(order, r.response));
+  album.add({"tornado", arm.arm.name, name_of(r.response)},
+            [&](const auto& file) { render::write_bars(file, bars, options); });
+}
+
+/// One index of one input over the base points.
+render::Series index_series(const IndexConvergence& c, std::size_t input, Banded SobolIndex::*which,
+                            const char* name) {
+  const auto n = Eigen::Index(c.base_points.size());
+  render::Series s;
+  s.name = name;
+  s.x = Eigen::VectorXd::LinSpaced(n, 0.0, double(n - 1));
+  s.y.resize(n);
+  s.lower.resize(n);
+  s.upper.resize(n);
+  for (Eigen::Index m = 0; m < n; ++m) {
+    const Banded& b = c.indices[std::size_t(m)][input].*which;
+    s.y[m] = b.value;
+    // the first few points say next to nothing; their bands would hide the rest
+    s.lower[m] = std::max(b.low, -0.5);
+    s.upper[m] = std::min(b.high, 1.5);
+  }
+  s.mark = render::Mark::LineAndPoints;
+  return s;
+}
+
+void write_indices(Album& album, const Budget& budget, const ArmBudget& arm,
+                   const ResponseBudget& r) {
+  if (!r.convergence || r.convergence->base_points.empty()) return;
+  const IndexConvergence& c = *r.convergence;
+  const Ranking order = ranking(r, budget.study.inputs.size());
+  std::vector<render::Panel> panels;
+  for (std::size_t k = 0; k < std::min(order.order.size(), most_panels); ++k) {
+    const auto i = std::size_t(order.order[k]);
+    render::Panel panel{name_of_input(budget, int(i), most_title_letters), "", "", {}, {}, {}};
+    panel.series = {index_series(c, i, &SobolIndex::total, "total, 95 % band"),
+                    index_series(c, i, &SobolIndex::first, "alone, 95 % band")};
+    const SobolIndex& last = c.indices.back()[i];
+    panel.note = {render::fixed(last.total.value, 2)};
+    for (const Eigen::Index points : c.base_points) panel.x_names.push_back(std::to_string(points));
+    panels.push_back(panel);
+  }
+  render::GridOptions options;
+  options.title = fmt::format("{}: Sobol indices of {} over the base points", name_of_arm(arm),
+                              title_of(r.response));
+  options.common_y = true;
+  options.caption = {
+      "share of the variance that an input makes alone, and with all its "
+      "interactions; beside the name: total index of all base points"};
+  if (order.order.size() > most_panels)
+    options.caption.push_back(fmt::format("the {} inputs of the largest total index of {}",
+                                          most_panels, order.order.size()));
+  album.add({"indices", arm.arm.name, name_of(r.response)},
+            [&](const auto& file) { render::write_grid(file, panels, options); });
+}
+
+std::string banded(Response response, const Banded& b) {
+  const auto told = [&](double v) { return render::figure(in_unit(response, v)); };
+  return fmt::format("{} [{}, {}]", told(b.value), told(b.low), told(b.high));
+}
+
+render::DistributionSeries distribution_of(const ArmBudget& arm, const ResponseBudget& r) {
+  render::DistributionSeries s;
+  s.name = name_of_arm(arm);
+  s.values = r.values.unaryExpr([&](double v) { return in_unit(r.response, v); });
+  s.figures.assign(5, "");
+  if (r.answers) {
+    s.mean = in_unit(r.response, r.answers->mean.value);
+    s.p95 = in_unit(r.response, r.answers->p95.value);
+    s.figures[0] = banded(r.response, r.answers->mean);
+    s.figures[1] = render::figure(in_unit(r.response, r.answers->standard_deviation.value));
+    s.figures[2] = banded(r.response, r.answers->p95);
+  }
+  if (r.share_within)
+    s.figures[3] = fmt::format("{} [{}, {}]", render::fixed(100.0 * r.share_within->value, 1),
+                               render::fixed(100.0 * r.share_within->low, 1),
+                               render::fixed(100.0 * r.share_within->high, 1));
+  if (r.capability) s.figures[4] = render::fixed(*r.capability, 2);
+  return s;
+}
+
+/// All arms over each other.
+void write_distribution(Album& album, const Budget& budget, Response response) {
+  std::vector<render::DistributionSeries> series;
+  render::DistributionOptions options;
+  std::size_t arms = 0;
+  for (const ArmBudget& arm : budget.arms)
+    for (const ResponseBudget& r : arm.responses) {
+      if (r.response != response || r.values.size() == 0 || ++arms > most_arms) continue;
+      series.push_back(distribution_of(arm, r));
+      if (r.limit) options.limit = in_unit(response, *r.limit);
+    }
+  if (series.empty()) return;
+  const std::string unit = shown_unit(response);
+  options.title =
+      fmt::format("{}: {} of random machines", one_line(budget.study.title), title_of(response));
+  options.x_label = axis_text(response);
+  options.unit = unit;
+  options.heads = {"mean / " + unit, "std. dev.", "P95 / " + unit, "within / %", "Cpk"};
+  if (options.limit)
+    options.limit_label = fmt::format("limit {} {}", render::figure(*options.limit), unit);
+  options.caption = {"brackets hold the truth with 95 % confidence"};
+  if (arms > most_arms)
+    options.caption.push_back(fmt::format("{} more arms are left out", arms - most_arms));
+  album.add({"distribution", name_of(response)},
+            [&](const auto& file) { render::write_distribution(file, series, options); });
+}
+
+/// Largest size of any correlation of an input.
+double strongest(const ArmBudget& arm, int input) {
+  double most = -1.0;
+  for (const ResponseBudget& r : arm.responses)
+    for (const Contribution& c : r.contributions)
+      if (c.input == input)
+        most =
+            std::max({most, std::abs(c.correlation.value_or(-1.0)) * (c.correlation ? 1.0 : -1.0),
+                      std::abs(c.rank_correlation.value_or(0.0))});
+  return most;
+}
+
+void write_correlation(Album& album, const Budget& budget, const ArmBudget& arm) {
+  std::vector<const ResponseBudget*> shown;
+  for (const ResponseBudget& r : arm.responses)
+    if (std::any_of(r.contributions.begin(), r.contributions.end(),
+                    [](const Contribution& c) { return c.correlation || c.rank_correlation; }))
+      shown.push_back(&r);
+  if (shown.empty()) return;
+  std::vector<int> order;
+  for (int i = 0; i < int(budget.study.inputs.size()); ++i) order.push_back(i);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int a, int b) { return strongest(arm, a) > strongest(arm, b); });
+  const std::size_t rows = std::min(order.size(), most_bars);
+  render::HeatMap map;
+  map.values.setConstant(Eigen::Index(rows), 2 * Eigen::Index(shown.size()), std::nan(""));
+  for (std::size_t k = 0; k < rows; ++k) {
+    map.rows.push_back(name_of_input(budget, order[k]));
+    for (std::size_t j = 0; j < shown.size(); ++j)
+      for (const Contribution& c : shown[j]->contributions)
+        if (c.input == order[k]) {
+          map.values(Eigen::Index(k), 2 * Eigen::Index(j)) = c.correlation.value_or(std::nan(""));
+          map.values(Eigen::Index(k), 2 * Eigen::Index(j) + 1) =
+              c.rank_correlation.value_or(std::nan(""));
+        }
+  }
+  for (const ResponseBudget* r : shown)
+    for (const char* kind : {"linear", "rank"})
+      map.columns.push_back(title_of(r->response) + ", " + kind);
+  render::HeatMapOptions options;
+  options.title = name_of_arm(arm) + ": correlation of inputs and answers";
+  options.value_label = "correlation";
+  options.range = 1.0;
+  options.decimals = 2;
+  if (order.size() > rows)
+    options.caption.push_back(fmt::format("the {} strongest of {} inputs", rows, order.size()));
+  album.add({"correlation", arm.arm.name},
+            [&](const auto& file) { render::write_heat_map(file, map, options); });
+}
+
+void write_sweep(Album& album, const Budget& budget, const Sweeping& sweeping) {
+  const Study& study = budget.study;
+  const Sweep& sweep = study.sweeps[std::size_t(sweeping.sweep)];
+  const Input& input = study.inputs[std::size_t(sweep.input)];
+  const std::string unit = shown_unit(input.unit);
+  std::vector<render::Panel> panels;
+  for (std::size_t r = 0; r < study.responses.size(); ++r) {
+    render::Panel panel{title_of(study.responses[r]),
+                        unit.empty() ? "value" : "value / " + unit,
+                        axis_text(study.responses[r]),
+                        {},
+                        {},
+                        {}};
+    for (std::size_t a = 0; a < sweeping.answers.size(); ++a) {
+      render::Series s;
+      s.name = short_line(study.arms[a].name, most_letters);
+      s.x = sweep.values;
+      s.y = sweeping.answers[a][r].unaryExpr(
+          [&](double v) { return in_unit(study.responses[r], v); });
+      s.mark = render::Mark::LineAndPoints;
+      panel.series.push_back(s);
+    }
+    panels.push_back(panel);
+  }
+  if (panels.empty() || panels.front().series.empty()) return;
+  render::CurvesOptions options;
+  options.title = fmt::format("{}: sweep of {}", one_line(study.title), one_line(input.name));
+  album.add({"sweep", input.name},
+            [&](const auto& file) { render::write_curves(file, panels, options); });
+}
+
+}  // namespace
+
+void write_pictures(const std::filesystem::path& folder, const Budget& budget) {
+  prepare_folder(folder);
+  Album album(folder);
+  for (const ArmBudget& arm : budget.arms) {
+    write_pareto(album, budget, arm);
+    for (const ResponseBudget& r : arm.responses) {
+      write_tornado(album, budget, arm, r);
+      write_indices(album, budget, arm, r);
+    }
+    write_correlation(album, budget, arm);
+  }
+  for (const Response response : budget.study.responses)
+    write_distribution(album, budget, response);
+  for (const Sweeping& sweep : budget.sweeps) write_sweep(album, budget, sweep);
+}
+
+}  // namespace abbe::sim::study
+
+#else
+
+namespace abbe::sim::study {
+
+void write_pictures(const std::filesystem::path&, const Budget&) {}
+
+}  // namespace abbe::sim::study
+
+#endif

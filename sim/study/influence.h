@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "cutting/mesh.h"
+#include "cutting/surface.h"
+#include "sim/study/arm.h"
+
+namespace abbe::sim::study {
+
+/// What every input does to the surface, from one run of an arm with all inputs at their centres:
+/// for each vertex its few rival passes, for each of them the distance along the normal and the
+/// shift across the pass per unit of each input, from the instant of the pass and the Jacobian of
+/// the chain (of a source other than geometry: from its own difference). The map of other values is
+/// the least over the rivals of
+///   distance + slope x + curvature / 2 (shift x)^2.
+struct InfluenceMap {
+  cutting::Design design;           ///< workpiece frame
+  std::vector<Eigen::Index> first;  ///< (n + 1) rivals of vertex v are first[v] .. first[v + 1]
+  std::vector<cutting::VertexStatus> status;  ///< (n) of the base run
+  Eigen::VectorXd error_free;      ///< (n) mm, taken away where the study asks; else zero
+  Eigen::VectorXd distance;        ///< (m) mm
+  Eigen::VectorXd half_curvature;  ///< (m) 1/mm
+  Eigen::MatrixXd slope;           ///< (p x m) mm per unit of the input
+  Eigen::MatrixXd shift;           ///< (p x m) the same, across the pass
+  Eigen::VectorXd centre;          ///< (p) inputs of the base run
+  Eigen::VectorXd doubt;  ///< (n) mm, most by which a checked machine differed; infinite where
+                          ///< only one of both is cut
+  double flagged_percent = 0.0;  ///< of the judged area: doubt beyond the study's flag
+};
+
+/// So many machines are computed together; fewer cost as much. Eigen sums rows beyond a multiple of
+/// three packets in another order: 72 is one of packets of 2, 4 and 8 numbers.
+inline constexpr int machines_at_once = 72;
+
+/// Maps of many machines. @param x (p x cases) inputs  @return (n x cases) mm, NaN where not cut
+/// The bits of a case do not depend on which others are computed with it.
+Eigen::MatrixXd maps(const InfluenceMap& influence, const Eigen::MatrixXd& x);
+
+/// The responses of many machines, as `responses` of their maps; without an alignment, and of
+/// figures that need no order of the vertices, the maps are not kept: 10 000 vertices, 100 inputs
+/// and 2.5 rivals a vertex cost about 5 M multiplications a machine.
+/// @return (responses x cases)
+Eigen::MatrixXd responses(const Study& study, const ReadyArm& ready, const InfluenceMap& influence,
+                          const Eigen::MatrixXd& x);
+
+/// Effect on each vertex of a unit of each input, of the pass that makes the surface in the base
+/// run. (p x n), NaN where not cut
+Eigen::MatrixXd effects(const InfluenceMap& influence);
+
+/// Finds the rivals of the base run, what every input does to them, and where that fails.
+/// Left out, beside what `cutting::Rival` says: products of two inputs; that an input through
+/// geometric elements changes the cutting force (under compliance, by the share that it changes the
+/// depth of cut); of a turned part the square of a displacement D along the cut, slope D^2 / 2r, so
+/// that vertices nearer to the spindle line than some D are flagged. An input that is not linear
+/// has the mean slope between its values of one standard deviation, and is told as if it were.
+/// @throws BadInput naming an input that changes part, program, nominal machine or stock: the maps
+///         cannot follow those, the full engine can; where no checked machine can cut the program
+InfluenceMap influence_map(const Study& study, const ReadyArm& ready,
+                           const Progress& progress = {});
+
+}  // namespace abbe::sim::study

@@ -1,0 +1,201 @@
+#include "sim/study/influence_files.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "kinematics/units.h"
+#include "sim/output.h"
+#include "sim/study/picture_names.h"
+#include "sim/study/uncertainty.h"
+#include "sim/study/words.h"
+
+#if ABBE_RENDER
+#include "render/heat_map.h"
+#include "render/point_data.h"
+#include "render/sheet.h"
+#endif
+
+namespace abbe::sim::study {
+namespace {
+
+using Eigen::Index;
+using nlohmann::ordered_json;
+using std::filesystem::path;
+
+#if ABBE_RENDER
+
+constexpr std::size_t most_on_a_sheet = render::most_sheet_maps;
+
+std::string figures(const cutting::Design& design, const Eigen::VectorXd& map_um) {
+  double square = 0.0, area = 0.0, low = INFINITY, high = -INFINITY;
+  for (Index v = 0; v < map_um.size(); ++v) {
+    if (!std::isfinite(map_um[v])) continue;
+    square += design.area[v] * map_um[v] * map_um[v];
+    area += design.area[v];
+    low = std::min(low, map_um[v]);
+    high = std::max(high, map_um[v]);
+  }
+  if (!(area > 0.0)) return "nothing is cut";
+  return fmt::format("RMS {:.3g} µm   PV {:.3g} µm", std::sqrt(square / area), high - low);
+}
+
+/// The map of one standard deviation of an input.
+render::SheetMap effect_map(const ReadyStudy& ready, const InfluenceMap& influence, Index input,
+                            const Eigen::MatrixXd& all, const Eigen::VectorXd& sd) {
+  const Input& one = ready.study.inputs[std::size_t(input)];
+  render::SheetMap map;
+  map.title = one.unit.empty() ? one.name : fmt::format("{}, {:.3g} {}", one.name, sd[input], shown_unit(one.unit));
+  map.values_um = all.row(input).transpose() * (sd[input] / units::um);
+  map.figures = figures(influence.design, map.values_um);
+  return map;
+}
+
+render::SheetOptions sheet_options(const ReadyStudy& ready, std::size_t arm, std::string title) {
+  const Scene& scene = ready.arms[arm].job.scene;
+  render::SheetOptions options;
+  options.title = std::move(title);
+  options.from = scene.view.from;
+  options.up = scene.view.up;
+  return options;
+}
+
+void write_sheets(const path& folder, const ReadyStudy& ready, std::size_t arm) {
+  const Study& study = ready.study;
+  const InfluenceMap& influence = ready.influences[arm];
+  const Eigen::MatrixXd all = effects(influence);
+  const Eigen::VectorXd sd = spreads(study);
+  std::vector<render::SheetMap> maps;
+  for (Index i = 0; i < all.rows() && maps.size() < most_on_a_sheet; ++i)
+    maps.push_back(effect_map(ready, influence, i, all, sd));
+  render::SheetOptions options = sheet_options(
+      ready, arm,
+      fmt::format("{}, {}: what one standard deviation of each input does", study.title,
+                  study.arms[arm].name));
+  if (std::size_t(all.rows()) > maps.size())
+    options.caption.push_back(
+        fmt::format("the first {} of {} inputs", maps.size(), all.rows()));
+  PictureNames names;
+  const std::string sheet = names.unused({"influence", "sheet"}) + ".png";
+  if (study.influence.sheet)
+    write_file(folder / sheet, [&](const path& file) {
+      render::write_sheet(file, influence.design, maps, options);
+    });
+  for (const std::string& name : study.influence.pictures)
+    for (Index i = 0; i < all.rows(); ++i) {
+      if (study.inputs[std::size_t(i)].name != name) continue;
+      render::SheetOptions single = sheet_options(ready, arm, study.title);
+      single.width = 1600;
+      single.caption = {"one standard deviation of the input"};
+      write_file(folder / (names.unused({"influence", name}) + ".png"), [&](const path& file) {
+        render::write_sheet(file, influence.design,
+                            {effect_map(ready, influence, i, all, sd)}, single);
+      });
+    }
+}
+
+void write_influence_data(const path& folder, const ReadyStudy& ready, std::size_t arm) {
+  const InfluenceMap& influence = ready.influences[arm];
+  const Eigen::MatrixXd all = effects(influence);
+  std::vector<std::string> names{"base_um", "doubt_um", "rivals"};
+  const Index n = influence.design.vertices.rows();
+  Eigen::VectorXd rivals(n);
+  for (Index v = 0; v < n; ++v)
+    rivals[v] = double(influence.first[std::size_t(v) + 1] - influence.first[std::size_t(v)]);
+  std::vector<Eigen::VectorXd> arrays{
+      maps(influence, influence.centre).col(0) / units::um, influence.doubt / units::um, rivals};
+  for (Index i = 0; i < all.rows(); ++i) {
+    const Input& one = ready.study.inputs[std::size_t(i)];
+    names.push_back(one.name + (one.unit.empty() ? " um" : " um_per_" + one.unit));
+    arrays.push_back(all.row(i).transpose() / units::um);
+  }
+  write_file(folder / "influence.vtp", [&](const path& file) {
+    render::write_point_data(file, influence.design, names, arrays);
+  });
+}
+
+void write_uncertainty(const path& folder, const ReadyStudy& ready, std::size_t arm,
+                       const UncertaintyMap& uncertainty) {
+  const InfluenceMap& influence = ready.influences[arm];
+  const Eigen::VectorXd sd = uncertainty.standard_deviation / units::um;
+  const Eigen::VectorXd width = (uncertainty.high - uncertainty.low) / units::um;
+  write_file(folder / "uncertainty.vtp", [&](const path& file) {
+    render::write_point_data(file, influence.design,
+                             {"standard_deviation_um", "low_um", "high_um", "drawn_um"},
+                             {sd, uncertainty.low / units::um, uncertainty.high / units::um,
+                              uncertainty.drawn / units::um});
+  });
+  render::SheetOptions options = sheet_options(
+      ready, arm, fmt::format("{}, {}: how far the map is unknown", ready.study.title,
+                              ready.study.arms[arm].name));
+  options.columns = 2;
+  write_file(folder / "uncertainty.png", [&](const path& file) {
+    render::write_sheet(
+        file, influence.design,
+        {{"standard deviation", figures(influence.design, sd), sd},
+         {fmt::format("width of the {:.3g} % band",
+                      100.0 * ready.study.uncertainty->confidence),
+          figures(influence.design, width), width}},
+        options);
+  });
+}
+
+#endif
+
+}  // namespace
+
+ordered_json write_influence(const path& folder, const ReadyStudy& ready, std::size_t arm) {
+  const InfluenceMap& influence = ready.influences[arm];
+  ordered_json json{{"influence",
+                     {{"vertices", influence.design.vertices.rows()},
+                      {"rivals", influence.distance.size()},
+                      {"checks", ready.study.influence.checks},
+                      {"flag_um", ready.study.influence.flag / units::um},
+                      {"flagged_percent", influence.flagged_percent}}}};
+#if ABBE_RENDER
+  write_influence_data(folder, ready, arm);
+  write_sheets(folder, ready, arm);
+#endif
+  if (ready.study.uncertainty) {
+    const UncertaintyMap uncertainty = uncertainty_map(ready.study, influence);
+    json["uncertainty"] = to_json(influence, uncertainty);
+#if ABBE_RENDER
+    write_uncertainty(folder, ready, arm, uncertainty);
+#endif
+  }
+  return json;
+}
+
+void write_histories(const path& folder, [[maybe_unused]] const Study& study,
+                     const std::vector<HistoryResult>& results) {
+  write_file(folder / "histories.csv", to_csv(results));
+#if ABBE_RENDER
+  const auto place = [](std::vector<std::string>& names, const std::string& name) {
+    const auto at = std::find(names.begin(), names.end(), name);
+    if (at != names.end()) return Index(at - names.begin());
+    names.push_back(name);
+    return Index(names.size()) - 1;
+  };
+  const auto shown = [](const std::string& day) { return day.empty() ? "the scene's day" : day; };
+  render::HeatMap map;
+  for (const HistoryResult& one : results) {
+    place(map.rows, shown(one.train));
+    place(map.columns, shown(one.test));
+  }
+  map.values.setConstant(Index(map.rows.size()), Index(map.columns.size()), NAN);
+  for (const HistoryResult& one : results)
+    map.values(place(map.rows, shown(one.train)), place(map.columns, shown(one.test))) =
+        one.compensated_rms / units::um;
+  write_file(folder / "histories.png", [&](const path& file) {
+    render::HeatMapOptions options;
+    options.title = study.title + ": drift that is left";
+    options.row_label = "learnt on";
+    options.column_label = "judged on";
+    options.value_label = "RMS / µm";
+    render::write_heat_map(file, map, options);
+  });
+#endif
+}
+
+}  // namespace abbe::sim::study

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "sim/study/engine.h"
+#include "sim/study/histories.h"
+
+namespace abbe::sim::study {
+
+/// `influence.vtp` of an arm: the design with the base map, what every input does to it (um per unit
+/// of the input) and where the maps are doubted; `influence-sheet.png`, one standard deviation of
+/// every input on one sheet; `influence-NAME.png` of the inputs that the study names;
+/// `uncertainty.vtp` and `uncertainty.png` where it asks for them.
+/// @return what `budget.json` says of them: "influence" and "uncertainty"
+/// @throws OutputFailure
+nlohmann::ordered_json write_influence(const std::filesystem::path& folder, const ReadyStudy& ready,
+                                       std::size_t arm);
+
+/// `histories.csv` and `histories.png`.
+/// @throws OutputFailure
+void write_histories(const std::filesystem::path& folder, const Study& study,
+                     const std::vector<HistoryResult>& results);
+
+}  // namespace abbe::sim::study

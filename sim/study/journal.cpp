@@ -1,0 +1,420 @@
+#include "sim/study/journal.h"
+
+#include <algorithm>
+#include <bit>
+#include <cassert>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <stdexcept>
+#include <string_view>
+#include <system_error>
+#include <utility>
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <fmt/format.h>
+#include <sqlite3.h>
+
+#include "kinematics/bad_input.h"
+#include "sim/output.h"
+
+namespace abbe::sim::study {
+namespace {
+
+constexpr int our_files = 0x61626265;  // "abbe" in the head of the file
+constexpr int busy_ms = 20000;         // a reader may look while the writer tidies up
+constexpr const char* tables[] = {
+    "CREATE TABLE cases (number INTEGER PRIMARY KEY, answers BLOB NOT NULL, fault TEXT NOT NULL, "
+    "check_sum INTEGER NOT NULL)",
+    "CREATE TABLE study (identity TEXT NOT NULL)"};
+
+// ---------------------------------------------------------------- bytes
+
+std::string bytes_of(const std::vector<double>& answers) {
+  std::string bytes;
+  bytes.reserve(8 * answers.size());
+  for (const double answer : answers) {
+    const auto bits = std::bit_cast<std::uint64_t>(answer);
+    for (int i = 0; i < 8; ++i) bytes += char(bits >> (8 * i));
+  }
+  return bytes;
+}
+
+std::vector<double> answers_in(std::string_view bytes) {
+  std::vector<double> answers(bytes.size() / 8);
+  for (std::size_t k = 0; k < answers.size(); ++k) {
+    std::uint64_t bits = 0;
+    for (std::size_t i = 0; i < 8; ++i)
+      bits |= std::uint64_t(static_cast<unsigned char>(bytes[8 * k + i])) << (8 * i);
+    answers[k] = std::bit_cast<double>(bits);
+  }
+  return answers;
+}
+
+/// Fowler, Noll and Vo's hash 1a of 64 bits.
+std::int64_t check_sum(std::uint64_t index, std::string_view answers, std::string_view fault) {
+  std::uint64_t sum = 14695981039346656037u;
+  const auto add = [&](std::string_view bytes) {
+    for (const char byte : bytes) {
+      sum ^= static_cast<unsigned char>(byte);
+      sum *= 1099511628211u;
+    }
+  };
+  add(fmt::format("{} {} ", index, answers.size()));
+  add(answers);
+  add(fault);
+  return std::int64_t(sum);
+}
+
+// ---------------------------------------------------------------- the lock
+
+[[noreturn]] void not_locked(const std::filesystem::path& file, int reason) {
+  throw OutputFailure(
+      fmt::format("{}: cannot be locked: {}", file.string(), std::strerror(reason)));
+}
+
+/// Who holds the lock, as that process wrote it.
+std::string holder(int descriptor) {
+  char text[200];
+  const ssize_t length = ::pread(descriptor, text, sizeof text, 0);
+  return length > 0 ? std::string(text, std::size_t(length)) : "another process";
+}
+
+/// A file beside the journal that one process at a time can hold. SQLite's own locks serve reading
+/// and writing; they would not keep a second study from doing the same cases.
+class Lock {
+ public:
+  explicit Lock(const std::filesystem::path& journal) : file_(journal.string() + "-lock") {
+    while (descriptor_ < 0) try_once();
+    char host[100] = "";
+    ::gethostname(host, sizeof host - 1);
+    const std::string who = fmt::format("process {} on {}", ::getpid(), host);
+    // only to be told to others: on a full disk it may fail
+    if (::ftruncate(descriptor_, 0) == 0) [[maybe_unused]]
+      const ssize_t written = ::pwrite(descriptor_, who.data(), who.size(), 0);
+  }
+  ~Lock() {
+    ::unlink(file_.c_str());
+    ::close(descriptor_);
+  }
+  Lock(const Lock&) = delete;
+  Lock& operator=(const Lock&) = delete;
+
+ private:
+  void try_once() {
+    const int descriptor = ::open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+    if (descriptor < 0) not_locked(file_, errno);
+    if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0) {
+      const int reason = errno;
+      const std::string who = holder(descriptor);
+      ::close(descriptor);
+      if (reason == EINTR) return;
+      if (reason != EWOULDBLOCK) not_locked(file_, reason);
+      throw OutputFailure(fmt::format(
+          "{}: another process works on this study ({}); wait for it, or use another --out",
+          file_.string().substr(0, file_.string().size() - 5), who));
+    }
+    // its holder may have ended, and the file with it, between the two calls above
+    struct stat held {
+    }, there{};
+    if (::fstat(descriptor, &held) == 0 && ::stat(file_.c_str(), &there) == 0 &&
+        held.st_ino == there.st_ino && held.st_dev == there.st_dev)
+      descriptor_ = descriptor;
+    else
+      ::close(descriptor);
+  }
+
+  std::filesystem::path file_;
+  int descriptor_ = -1;
+};
+
+// ---------------------------------------------------------------- SQLite
+
+struct CloseDatabase {
+  void operator()(sqlite3* database) const { sqlite3_close_v2(database); }
+};
+struct FinishStatement {
+  void operator()(sqlite3_stmt* statement) const { sqlite3_finalize(statement); }
+};
+using Statement = std::unique_ptr<sqlite3_stmt, FinishStatement>;
+
+BadInput no_journal(const std::filesystem::path& file, const std::string& seen) {
+  return BadInput(file.string(), 0, 0,
+                  "the journal of a study (to begin anew, delete the file or choose another --out)",
+                  seen);
+}
+
+struct Database {
+  std::filesystem::path file;
+  bool to_write = false;
+  std::unique_ptr<sqlite3, CloseDatabase> handle;
+
+  [[noreturn]] void fail(int code) const {
+    std::string reason = sqlite3_errmsg(handle.get());
+    const int system = sqlite3_system_errno(handle.get());
+    const int kind = code & 0xff;
+    if (system != 0 && (kind == SQLITE_IOERR || kind == SQLITE_CANTOPEN))
+      reason += fmt::format(" ({})", std::strerror(system));
+    if (kind == SQLITE_NOTADB) throw no_journal(file, "something else");
+    if (kind == SQLITE_CORRUPT) throw no_journal(file, "a damaged one");
+    if (!to_write) throw no_journal(file, reason);
+    throw OutputFailure(fmt::format("{}: cannot be written: {}", file.string(), reason));
+  }
+  Statement prepared(std::string_view sql) const {
+    sqlite3_stmt* statement = nullptr;
+    const int code =
+        sqlite3_prepare_v2(handle.get(), sql.data(), int(sql.size()), &statement, nullptr);
+    if (code != SQLITE_OK) fail(code);
+    return Statement(statement);
+  }
+  /// Whether there is a row (another one).
+  bool step(const Statement& statement) const {
+    const int code = sqlite3_step(statement.get());
+    if (code != SQLITE_ROW && code != SQLITE_DONE) fail(code);
+    return code == SQLITE_ROW;
+  }
+  void run(std::string_view sql) const {
+    for (const Statement statement = prepared(sql); step(statement);) continue;
+  }
+  std::int64_t number(std::string_view sql) const {
+    const Statement statement = prepared(sql);
+    return step(statement) ? sqlite3_column_int64(statement.get(), 0) : 0;
+  }
+};
+
+Database opened(const std::filesystem::path& file, int flags) {
+  sqlite3* handle = nullptr;
+  const int code =
+      sqlite3_open_v2(std::filesystem::absolute(file).c_str(), &handle, flags, nullptr);
+  Database database{file, (flags & SQLITE_OPEN_READWRITE) != 0, {}};
+  database.handle.reset(handle);
+  if (handle == nullptr) throw std::bad_alloc();
+  if (code != SQLITE_OK) database.fail(code);
+  sqlite3_extended_result_codes(handle, 1);
+  sqlite3_busy_timeout(handle, busy_ms);
+  // the file may come from anywhere
+  sqlite3_db_config(handle, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
+  sqlite3_db_config(handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
+  database.run("PRAGMA cell_size_check = ON");
+  return database;
+}
+
+/// Bytes of a text or blob that SQLite keeps until the next step.
+std::string_view bytes(const Statement& row, int column) {
+  const void* data = sqlite3_column_blob(row.get(), column);
+  const int size = sqlite3_column_bytes(row.get(), column);
+  return data == nullptr ? std::string_view()
+                         : std::string_view(static_cast<const char*>(data), std::size_t(size));
+}
+
+Row row_at(const Database& database, const Statement& step) {
+  Row row;
+  row.index = std::uint64_t(sqlite3_column_int64(step.get(), 0));
+  const bool kinds = sqlite3_column_type(step.get(), 1) == SQLITE_BLOB &&
+                     sqlite3_column_type(step.get(), 2) == SQLITE_TEXT;
+  const std::string_view answers = bytes(step, 1);
+  row.fault = bytes(step, 2);
+  if (!kinds || answers.size() % 8 != 0 ||
+      sqlite3_column_int64(step.get(), 3) != check_sum(row.index, answers, row.fault))
+    throw no_journal(database.file, fmt::format("a damaged one (case {})", row.index));
+  row.answers = answers_in(answers);
+  return row;
+}
+
+template <typename Visit>
+void each_row(const Database& database, const Visit& visit) {
+  const Statement rows =
+      database.prepared("SELECT number, answers, fault, check_sum FROM cases ORDER BY number");
+  while (database.step(rows)) visit(row_at(database, rows));
+}
+
+/// The whole file: what is damaged is told before hours of work. Rows have their check sums, pages
+/// of which the order is lost show here.
+void check_pages(const Database& database) {
+  const Statement check = database.prepared("PRAGMA quick_check(1)");
+  if (!database.step(check) || bytes(check, 0) != "ok")
+    throw no_journal(database.file, "a damaged one");
+}
+
+/// Whether nothing has been written to it yet: a process may end just after it made the file.
+bool is_blank(const Database& database) {
+  return database.number("SELECT count(*) FROM sqlite_schema") == 0 &&
+         database.number("PRAGMA application_id") == 0;
+}
+
+/// @throws BadInput unless it is a journal
+std::string identity_of(const Database& database) {
+  const Statement schema = database.prepared("SELECT sql FROM sqlite_schema ORDER BY name");
+  for (const char* table : tables)
+    if (!database.step(schema) || bytes(schema, 0) != table)
+      throw no_journal(database.file, "something else");
+  if (database.step(schema) || database.number("PRAGMA application_id") != our_files)
+    throw no_journal(database.file, "something else");
+  const Statement study = database.prepared("SELECT identity FROM study");
+  if (!database.step(study)) throw no_journal(database.file, "one without a study");
+  return std::string(bytes(study, 0));
+}
+
+/// Runs `write` in a transaction: all of it happens or nothing.
+template <typename Write>
+void in_one_transaction(const Database& database, const Write& write) {
+  database.run("BEGIN IMMEDIATE");
+  try {
+    write();
+    database.run("COMMIT");
+  } catch (...) {
+    sqlite3_exec(database.handle.get(), "ROLLBACK", nullptr, nullptr, nullptr);
+    throw;
+  }
+}
+
+void bind_bytes(const Statement& statement, int place, std::string_view value, bool text) {
+  const char* data = value.empty() ? "" : value.data();  // a null pointer would mean NULL
+  if (text)
+    sqlite3_bind_text(statement.get(), place, data, int(value.size()), SQLITE_STATIC);
+  else
+    sqlite3_bind_blob(statement.get(), place, data, int(value.size()), SQLITE_STATIC);
+}
+
+void begin(const Database& database, const std::string& identity) {
+  in_one_transaction(database, [&] {
+    for (const char* table : tables) database.run(table);
+    const Statement study = database.prepared("INSERT INTO study VALUES (?)");
+    bind_bytes(study, 1, identity, true);
+    database.step(study);
+    database.run(fmt::format("PRAGMA application_id = {}", our_files));
+  });
+}
+
+void check_identity(const std::filesystem::path& file, const std::string& seen,
+                    const std::string& expected) {
+  if (seen == expected) return;
+  throw BadInput(file.string(), 0, 0,
+                 "the journal of this study with this scene and program (choose another --out, or "
+                 "delete the file to begin anew)",
+                 "the journal of another one");
+}
+
+Database opened_to_write(const std::filesystem::path& file, const std::string& identity) {
+  std::error_code missing;
+  const auto size = std::filesystem::file_size(file, missing);
+  // SQLite takes less than a page for an empty database, and would write over it
+  if (!missing && size > 0 && size < 512) throw no_journal(file, "something else");
+  Database database = opened(file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
+  const bool blank = is_blank(database);
+  if (!blank) check_identity(file, identity_of(database), identity);
+  // write-ahead: what was committed needs no repair, and readers need not wait
+  database.run("PRAGMA journal_mode = WAL");
+  database.run("PRAGMA synchronous = FULL");
+  if (blank) begin(database, identity);
+  check_pages(database);
+  each_row(database, [](const Row&) {});
+  return database;
+}
+
+Database opened_to_read(const std::filesystem::path& file) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(file, ignored))
+    throw no_journal(file, std::filesystem::exists(file, ignored) ? "something else" : "no file");
+  return opened(file, SQLITE_OPEN_READONLY);
+}
+
+}  // namespace
+
+bool operator==(const Row& a, const Row& b) {
+  return a.index == b.index && a.fault == b.fault && bytes_of(a.answers) == bytes_of(b.answers);
+}
+
+struct Journal::Connection {
+  Connection(const std::filesystem::path& file, const std::string& identity)
+      : lock(file), database(opened_to_write(file, identity)) {}
+  /// Leaves one file, which can be read where nothing can be written; if a reader is at it, it
+  /// stays as it is.
+  ~Connection() {
+    sqlite3_busy_timeout(database.handle.get(), 0);
+    sqlite3_exec(database.handle.get(), "PRAGMA journal_mode = DELETE", nullptr, nullptr, nullptr);
+  }
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+
+  Lock lock;  // outlives the database
+  Database database;
+};
+
+Journal::Journal(const std::filesystem::path& file, const std::string& identity)
+    : connection_(std::make_unique<Connection>(file, identity)) {}
+Journal::Journal(Journal&&) noexcept = default;
+Journal& Journal::operator=(Journal&&) noexcept = default;
+Journal::~Journal() = default;
+
+void Journal::add(const std::vector<Row>& rows) {
+  const Database& database = connection_->database;
+  in_one_transaction(database, [&] {
+    const Statement insert =
+        database.prepared("INSERT INTO cases VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING");
+    for (const Row& row : rows) {
+      assert(row.index >> 63 == 0);
+      const std::string answers = bytes_of(row.answers);
+      sqlite3_bind_int64(insert.get(), 1, std::int64_t(row.index));
+      bind_bytes(insert, 2, answers, false);
+      bind_bytes(insert, 3, row.fault, true);
+      sqlite3_bind_int64(insert.get(), 4, check_sum(row.index, answers, row.fault));
+      database.step(insert);
+      sqlite3_reset(insert.get());
+    }
+  });
+}
+
+std::vector<std::uint64_t> Journal::finished() const {
+  const Database& database = connection_->database;
+  std::vector<std::uint64_t> numbers;
+  const Statement cases = database.prepared("SELECT number FROM cases ORDER BY number");
+  while (database.step(cases))
+    numbers.push_back(std::uint64_t(sqlite3_column_int64(cases.get(), 0)));
+  return numbers;
+}
+
+Recorded recorded(const std::filesystem::path& file) {
+  const Database database = opened_to_read(file);
+  if (is_blank(database)) throw no_journal(file, "an empty file");
+  Recorded found;
+  found.identity = identity_of(database);
+  check_pages(database);
+  each_row(database, [&](Row row) { found.rows.push_back(std::move(row)); });
+  return found;
+}
+
+Recorded merged(const std::vector<std::filesystem::path>& files) {
+  if (files.empty()) throw std::invalid_argument("no journals to merge");
+  struct Found {
+    Row row;
+    std::size_t file;
+  };
+  std::vector<Found> all;
+  Recorded result;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    Recorded one = recorded(files[i]);
+    if (i == 0) result.identity = one.identity;
+    check_identity(files[i], one.identity, result.identity);
+    for (Row& row : one.rows) all.push_back({std::move(row), i});
+  }
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Found& a, const Found& b) { return a.row.index < b.row.index; });
+  for (Found& found : all) {
+    const bool again = !result.rows.empty() && result.rows.back().index == found.row.index;
+    if (!again)
+      result.rows.push_back(std::move(found.row));
+    else if (result.rows.back() != found.row)
+      throw BadInput(
+          files[found.file].string(), 0, 0,
+          fmt::format("the answers of case {} as in the other journals", found.row.index),
+          "other answers");
+  }
+  return result;
+}
+
+}  // namespace abbe::sim::study

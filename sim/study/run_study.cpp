@@ -1,0 +1,286 @@
+#include "sim/study/run_study.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <iterator>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "sim/output.h"
+#include "sim/progress.h"
+#include "sim/study/budget_of.h"
+#include "sim/study/csv_field.h"
+#include "sim/study/histories.h"
+#include "sim/study/influence_files.h"
+#include "sim/study/picture_names.h"
+
+namespace abbe::sim::study {
+namespace {
+
+using nlohmann::ordered_json;
+using std::filesystem::path;
+
+constexpr std::uint64_t most_input_cells = 2'000'000;
+constexpr std::uint64_t inputs_at_once = 1024;
+
+path journal_file(const StudyOptions& options) {
+  if (!options.shard) return options.folder / "journal.sqlite";
+  return options.folder /
+         fmt::format("journal-{}-of-{}.sqlite", options.shard->index, options.shard->count);
+}
+
+/// Every journal of the folder: of one process, of shards.
+std::vector<path> journals(const path& folder) {
+  std::vector<path> files;
+  std::error_code failure;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, failure)) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with("journal") && name.ends_with(".sqlite")) files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+Recorded recorded_of(const Study& study, const path& folder) {
+  const std::vector<path> files = journals(folder);
+  if (files.empty())
+    throw BadInput(folder.string(), 0, 0, "a folder with a journal: the --out of `abbe study`",
+                   "none");
+  Recorded all = merged(files);
+  if (all.identity != study.identity)
+    throw BadInput(files.front().string(), 0, 0,
+                   "the journal of this study: the same file, scene, --set and program",
+                   "that of another one");
+  return all;
+}
+
+std::uint64_t cases_in(const std::vector<Batch>& batches) {
+  std::uint64_t count = 0;
+  for (const Batch& batch : batches) count += batch.last - batch.first;
+  return count;
+}
+
+/// Into how many shards the journals of a folder part a study; 1 if there are none.
+int shards_of(const path& folder) {
+  int most = 1;
+  for (const path& file : journals(folder)) {
+    int index = 0, count = 0;
+    if (std::sscanf(file.filename().c_str(), "journal-%d-of-%d", &index, &count) == 2)
+      most = std::max(most, count);
+  }
+  return most;
+}
+
+/// Which shards miss how many cases.
+std::string missing_of_shards(const Plan& plan, const std::vector<Row>& rows, int shards) {
+  std::vector<std::uint64_t> finished;
+  for (const Row& row : rows) finished.push_back(row.index);
+  const std::vector<Batch> batches = batches_of(plan);
+  std::string text;
+  for (int i = 0; i < shards; ++i) {
+    const std::uint64_t missing = cases_in(unfinished(of_shard(batches, {i, shards}), finished));
+    if (missing > 0) text += fmt::format(", {} missing of --shard {}/{}", missing, i, shards);
+  }
+  return text;
+}
+
+std::string response_head(const Study& study, const Arm& arm, Response response) {
+  const std::string unit = unit_of(response) == std::string("%") ? "percent" : unit_of(response);
+  const std::string figure = fmt::format("{}_{}", name_of(response), unit);
+  return study.arms.size() == 1 ? figure : arm.name + " " + figure;
+}
+
+std::string table_head(const Study& study, bool with_inputs) {
+  std::string head = "case,analysis,engine";
+  for (const Input& input : study.inputs)
+    if (with_inputs)
+      head += "," + csv_field(input.unit.empty() ? input.name : input.name + " / " + input.unit);
+  for (const Arm& arm : study.arms)
+    for (const Response response : study.responses)
+      head += "," + csv_field(response_head(study, arm, response));
+  return head + ",fault\n";
+}
+
+/// What the journal of a folder says, block by block.
+StudyTold state(const Study& study, const Plan& plan, const std::vector<Row>& rows) {
+  ordered_json blocks = ordered_json::array();
+  std::string text = fmt::format("{}: {} of {} cases are finished\n", study.title, rows.size(),
+                                 plan.cases);
+  for (const Block& block : plan.blocks) {
+    const auto begin = std::lower_bound(
+        rows.begin(), rows.end(), block.first,
+        [](const Row& row, std::uint64_t index) { return row.index < index; });
+    const auto end = std::lower_bound(
+        begin, rows.end(), block.first + block.count,
+        [](const Row& row, std::uint64_t index) { return row.index < index; });
+    const char* engine = block.full ? "full" : "influence";
+    const auto finished = std::uint64_t(end - begin);
+    blocks.push_back({{"analysis", name_of(block.kind)},
+                      {"engine", engine},
+                      {"finished", finished},
+                      {"cases", block.count}});
+    text += fmt::format("  {:<16} {:<10} {:>10} of {}\n", name_of(block.kind), engine, finished,
+                        block.count);
+  }
+  return {{{"study", study.title},
+           {"finished", rows.size()},
+           {"cases", plan.cases},
+           {"analyses", blocks}},
+          std::move(text)};
+}
+
+/// Stages of progress from here on.
+constexpr int stages_of_results = 3;
+
+/// Tables and pictures of the finished cases.
+class Results {
+ public:
+  Results(const Study& study, const path& folder, ProgressLine& progress)
+      : study_(study), folder_(folder), progress_(progress) {}
+
+  StudyTold write(const ReadyStudy& ready, const std::vector<Row>& rows) {
+    StudyTold told{ordered_json::object(), ""};
+    if (!study_.inputs.empty()) told = write_budget(ready, rows);
+    if (study_.histories) {
+      progress_.begin("histories");
+      const auto results = histories(study_, report());
+      write_histories(folder_, study_, results);
+      told.json["histories"] = to_json(results);
+      told.text += to_csv(results);
+    }
+    write_file(folder_ / "study.toml", study_.text);
+    write_file(folder_ / "budget.json", told.json.dump(2) + "\n");
+    told.text += fmt::format("\nfiles in {}\n", folder_.string());
+    return told;
+  }
+
+ private:
+  Progress report() {
+    return [this](const std::string& stage, double fraction) { progress_.report(stage, fraction); };
+  }
+
+  StudyTold write_budget(const ReadyStudy& ready, const std::vector<Row>& rows) {
+    progress_.begin("budget");
+    const Budget budget = budget_of(ready, rows, report());
+    StudyTold told{to_json(budget), to_markdown(budget)};
+    write_file(folder_ / "cases.csv", cases_csv(study_, ready.plan, rows));
+    write_file(folder_ / "budget.csv", to_csv(budget));
+    write_file(folder_ / "budget.md", told.text);
+    progress_.begin("pictures");
+    write_pictures(folder_, budget);
+    PictureNames names;
+    for (std::size_t arm = 0; arm < ready.influences.size(); ++arm) {
+      const path own = study_.arms.size() == 1 ? folder_
+                                               : folder_ / names.unused({study_.arms[arm].name});
+      if (study_.arms.size() > 1) prepare_folder(own);
+      told.json["arms"][arm].update(write_influence(own, ready, arm));
+    }
+    return told;
+  }
+
+  const Study& study_;
+  const path& folder_;
+  ProgressLine& progress_;
+};
+
+/// A rank that computes for another one.
+void serve(const Study& study, const std::vector<Batch>& left, const Ranks& ranks) {
+  const ReadyStudy ready = left.empty() ? ReadyStudy{study, {}, {}, {}} : ready_study(study);
+  farm(left, ranks, compute_of(ready), {});
+}
+
+}  // namespace
+
+StudyTold run_study(const path& file, const StudyOptions& options, const Ranks& ranks) {
+  const Study study = read_study(file, options.overrides);
+  const Plan plan = plan_of(study);
+  std::vector<Batch> batches = batches_of(plan);
+  if (options.shard) batches = of_shard(batches, *options.shard);
+  if (ranks.rank != 0) {
+    serve(study, unfinished(batches, from_rank_0(ranks, {})), ranks);
+    return {};
+  }
+  prepare_folder(options.folder);
+  Journal journal(journal_file(options), study.identity);
+  const std::vector<std::uint64_t> finished = from_rank_0(ranks, journal.finished());
+  const std::vector<Batch> left = unfinished(batches, finished);
+
+  ProgressLine progress(2 + stages_of_results);
+  progress.begin("prepare " + study.title);
+  const bool computes = !left.empty() || !options.shard;
+  const ReadyStudy ready =
+      computes ? ready_study(study, [&](const std::string& stage,
+                                        double fraction) { progress.report(stage, fraction); })
+               : ReadyStudy{study, plan, {}, {}};
+  const std::uint64_t all = cases_in(left);
+  progress.begin(fmt::format("{} of {} cases", all, cases_in(batches)));
+  std::uint64_t done = 0;
+  farm(left, ranks, compute_of(ready), [&](const Batch&, const std::vector<Row>& rows) {
+    journal.add(rows);
+    done += rows.size();
+    progress.report("cases", double(done) / double(all));
+  });
+  const Recorded made = recorded(journal_file(options));
+  if (options.shard) return state(study, plan, made.rows);
+  return Results(study, options.folder, progress).write(ready, made.rows);
+}
+
+StudyTold merge_study(const path& file, const StudyOptions& options) {
+  const Study study = read_study(file, options.overrides);
+  const Recorded all = recorded_of(study, options.folder);
+  const Plan plan = plan_of(study);
+  if (all.rows.size() != plan.cases)
+    throw BadInput(options.folder.string(), 0, 0,
+                   fmt::format("all {} cases; start the shards again, they go on where they "
+                               "stopped",
+                               plan.cases),
+                   fmt::format("{} of them finished", all.rows.size()) +
+                       missing_of_shards(plan, all.rows, shards_of(options.folder)));
+  ProgressLine progress(1 + stages_of_results);
+  progress.begin("prepare " + study.title);
+  const ReadyStudy ready = ready_study(study, [&](const std::string& stage, double fraction) {
+    progress.report(stage, fraction);
+  });
+  return Results(study, options.folder, progress).write(ready, all.rows);
+}
+
+StudyTold show_study(const path& file, const StudyOptions& options) {
+  const Study study = read_study(file, options.overrides);
+  const Plan plan = plan_of(study);
+  const Recorded all = recorded_of(study, options.folder);
+  StudyTold told = state(study, plan, all.rows);
+  const Budget budget = budget_of(study, plan, all.rows);
+  told.json["budget"] = to_json(budget);
+  told.text += "\n" + to_markdown(budget);
+  return told;
+}
+
+std::string cases_csv(const Study& study, const Plan& plan, const std::vector<Row>& rows) {
+  const bool with_inputs = rows.size() * study.inputs.size() <= most_input_cells;
+  fmt::memory_buffer text;
+  const auto out = std::back_inserter(text);
+  fmt::format_to(out, "{}", table_head(study, with_inputs));
+  Eigen::MatrixXd x;  // of the cases from .. to - 1
+  std::uint64_t from = 0, to = 0;
+  for (const Row& row : rows) {
+    if (with_inputs && row.index >= to) {
+      from = row.index;
+      to = std::min(plan.cases, from + inputs_at_once);
+      x = inputs_of(study, plan, from, to);
+    }
+    const Block& block = block_of(plan, row.index);
+    fmt::format_to(out, "{},{},{}", row.index, name_of(block.kind),
+                   block.full ? "full" : "influence");
+    if (with_inputs)
+      for (const double value : x.col(Eigen::Index(row.index - from)))
+        fmt::format_to(out, ",{}", value);
+    for (std::size_t i = 0; i < row.answers.size(); ++i)
+      fmt::format_to(out, ",{}", csv_field(in_unit(study.responses[i % study.responses.size()],
+                                                   row.answers[i])));
+    fmt::format_to(out, ",{}\n", csv_field(row.fault));
+  }
+  return fmt::to_string(text);
+}
+
+}  // namespace abbe::sim::study

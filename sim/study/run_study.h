@@ -1,0 +1,47 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "sim/scene.h"
+#include "sim/study/farm.h"
+#include "sim/study/plan.h"
+#include "sim/study/ranks.h"
+#include "sim/study/study.h"
+
+namespace abbe::sim::study {
+
+struct StudyOptions {
+  std::vector<Override> overrides;  ///< of the study file
+  std::filesystem::path folder;     ///< every file goes there
+  std::optional<Shard> shard;       ///< of a job array: only its cases, no tables
+};
+
+/// What a command says.
+struct StudyTold {
+  nlohmann::ordered_json json;
+  std::string text;  ///< for a person
+};
+
+/// Does what is left of a study, case by case into its journal, then writes tables and pictures:
+/// the same bytes whether it was interrupted or not, and whoever did the cases.
+/// @return `budget.json` and `budget.md`, of a shard what `show` tells; on ranks but 0 nothing
+/// @throws BadScene, BadInput, OutputFailure, Interrupted
+StudyTold run_study(const std::filesystem::path& file, const StudyOptions& options,
+                    const Ranks& ranks);
+
+/// Tables and pictures from the journals of all shards.
+/// @throws BadInput also if cases are missing, saying how many of which shard
+StudyTold merge_study(const std::filesystem::path& file, const StudyOptions& options);
+
+/// How far a study has come and what it says so far, also while it runs; computes nothing.
+StudyTold show_study(const std::filesystem::path& file, const StudyOptions& options);
+
+/// Every case as CSV: number, analysis, inputs, answers. Inputs are left out where they would be more
+/// than two million numbers; the journal's study knows them anyway.
+std::string cases_csv(const Study& study, const Plan& plan, const std::vector<Row>& rows);
+
+}  // namespace abbe::sim::study

@@ -1,0 +1,121 @@
+#include "sim/study/study.h"
+
+#include <algorithm>
+#include <array>
+
+#include <fmt/format.h>
+
+#include "errors/coefficients.h"
+#include "kinematics/units.h"
+
+namespace abbe::sim::study {
+namespace {
+
+struct Named {
+  Response response;
+  const char* name;
+};
+constexpr std::array names{Named{Response::Pv, "pv"},
+                           Named{Response::Rms, "rms"},
+                           Named{Response::Mean, "mean"},
+                           Named{Response::Std, "std"},
+                           Named{Response::MaxAbs, "max_abs"},
+                           Named{Response::P95Abs, "p95_abs"},
+                           Named{Response::InTolerance, "in_tolerance"}};
+
+std::string top_key(const std::string& path) { return path.substr(0, path.find('.')); }
+
+void scale_element(std::vector<errors::Element>& elements, const std::string& name, double factor) {
+  for (errors::Element& element : elements) {
+    if (errors::to_string(element.name) != name) continue;
+    for (errors::Curve& curve : element.curves) curve.scale *= factor;
+  }
+}
+
+/// Numbers of curves at their values, all of them at once.
+void set_numbers(const Study& study, const Eigen::VectorXd& x, errors::GeometricErrors& errors) {
+  const std::vector<errors::Coefficient> all = errors::coefficients(errors.elements);
+  Eigen::VectorXd values = errors::values(errors.elements);
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const std::string name = errors::name_of(all[k], errors.elements);
+    const bool angle = errors.elements[std::size_t(all[k].element)].name.is_angle();
+    for (std::size_t i = 0; i < study.inputs.size(); ++i)
+      if (study.inputs[i].number == name)
+        values[Eigen::Index(k)] = x[Eigen::Index(i)] * (angle ? units::urad : units::um);
+  }
+  errors.elements = errors::with_values(std::move(errors.elements), values);
+}
+
+/// Changes that make the variant of an arm.
+std::vector<Override> set_of_variant(const Study& study, const Arm& arm) {
+  if (arm.variant.empty()) return {};
+  std::string known;
+  for (const Variant& variant : read_scene(study.scene, study.overrides).variants) {
+    if (variant.name == arm.variant) return variant.set;
+    known += (known.empty() ? "\"" : ", \"") + variant.name + "\"";
+  }
+  throw BadScene({BadInput(study.scene.string(), 0, 0, "the name of a variant: " + known,
+                           "\"" + arm.variant + "\"")});
+}
+
+}  // namespace
+
+const char* name_of(Response response) {
+  const auto found = std::find_if(names.begin(), names.end(),
+                                  [&](const Named& one) { return one.response == response; });
+  return found->name;
+}
+
+const char* unit_of(Response response) { return response == Response::InTolerance ? "%" : "um"; }
+
+double in_unit(Response response, double value) {
+  return response == Response::InTolerance ? value : value / units::um;
+}
+
+Eigen::VectorXd centre(const Study& study) {
+  Eigen::VectorXd x(Eigen::Index(study.inputs.size()));
+  for (Eigen::Index i = 0; i < x.size(); ++i)
+    x[i] = study.inputs[std::size_t(i)].distribution.centre;
+  return x;
+}
+
+Eigen::VectorXd spreads(const Study& study) {
+  Eigen::VectorXd x(Eigen::Index(study.inputs.size()));
+  for (Eigen::Index i = 0; i < x.size(); ++i)
+    x[i] = moments(study.inputs[std::size_t(i)].distribution).standard_deviation;
+  return x;
+}
+
+Scene scene_of(const Study& study, const Arm& arm) { return scene_at(study, arm, {}, {}); }
+
+Scene scene_at(const Study& study, const Arm& arm, const Scene& base, const Eigen::VectorXd& x) {
+  const bool by_path = std::any_of(study.inputs.begin(), study.inputs.end(),
+                                   [](const Input& input) { return !input.settings.empty(); });
+  Scene scene = base;
+  if (x.size() == 0 || by_path) {
+    std::vector<Override> all = study.overrides;
+    for (const Override& one : set_of_variant(study, arm)) all.push_back(one);
+    for (Eigen::Index i = 0; i < x.size(); ++i)
+      for (const Setting& one : study.inputs[std::size_t(i)].settings)
+        all.emplace_back(one.path, fmt::format("{}", one.factor * x[i]));  // whole as such
+    scene = read_scene(study.scene, all);
+  }
+  if (x.size() == 0) return scene;
+  set_numbers(study, x, scene.geometric);
+  for (Eigen::Index i = 0; i < x.size(); ++i)
+    if (const Input& input = study.inputs[std::size_t(i)]; !input.element.empty())
+      scale_element(scene.geometric.elements, input.element, x[i]);
+  return scene;
+}
+
+bool reshapes(const Input& input) {
+  constexpr std::array only_wrong{"errors", "setup",   "thermal",   "history", "room",   "room_C",
+                                  "datum",  "control", "vibration", "belief",  "compliance",
+                                  "compensation", "signals"};
+  return std::any_of(input.settings.begin(), input.settings.end(), [&](const Setting& one) {
+    if (one.path.starts_with("tool.actual.")) return false;
+    return std::find(only_wrong.begin(), only_wrong.end(), top_key(one.path)) == only_wrong.end();
+  });
+}
+
+}  // namespace abbe::sim::study

@@ -1,0 +1,155 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "sim/scene.h"
+#include "sim/study/copula.h"
+#include "sim/study/distribution.h"
+#include "sim/study/sequence.h"
+
+namespace abbe::sim::study {
+
+/// A value of the scene that an input sets: `factor` times the input, in the unit of the path's key.
+struct Setting {
+  std::string path;  ///< as of --set: "errors.EXX.0.coefficients_um.1"
+  double factor = 1.0;
+};
+
+/// One thing that nobody knows exactly. It acts through paths, or on the curves of the scene's
+/// geometric errors: as a factor of all curves of an element, or as one number of one curve.
+struct Input {
+  std::string name;
+  std::string unit;  ///< "um", "urad", of the path's key; empty for a factor
+  std::vector<Setting> settings;
+  std::string element;  ///< "EXX": a factor of that element as the scene has it
+  std::string number;   ///< "EXX[1]", errors::name_of: a number of a curve, um or urad
+  Distribution distribution;
+  double cost = 1.0;  ///< of its present spread; a k-th of the spread costs k times as much
+};
+
+/// A machine whose part is judged in every case: the scene or one of its variants, as it is or with
+/// one of its compensators.
+struct Arm {
+  std::string name;  ///< "uncompensated", "3 h perfect-iterated-ideal"
+  std::string variant;    ///< of the scene; empty: the scene itself
+  std::string case_name;  ///< "uncompensated" or a compensator
+};
+
+/// A figure of a map; lengths in mm.
+enum class Response { Pv, Rms, Mean, Std, MaxAbs, P95Abs, InTolerance };
+const char* name_of(Response response);  ///< "pv" ...
+/// "um" or "%", and the factor from mm (or percent) to it.
+const char* unit_of(Response response);
+double in_unit(Response response, double value);
+
+enum class Engine {
+  Influence,  ///< every case from influence maps
+  Full,       ///< every case cut
+  Both,       ///< influence maps, and some of the cases cut to prove them
+};
+
+struct OneAtATime {
+  double step = 1.0;  ///< standard deviations to either side
+};
+struct MonteCarlo {
+  std::uint64_t cases = 1000;
+  Sampling sampling = Sampling::Sobol;
+};
+struct SobolStudy {
+  std::uint64_t base_points = 1024;
+};
+struct Sweep {
+  int input = 0;
+  Eigen::VectorXd values;  ///< (n >= 1)
+};
+struct WorstCase {
+  double coverage = 3.0;  ///< standard deviations, where a distribution has no end
+};
+/// How good every input must be.
+struct Tolerance {
+  Response response = Response::Pv;
+  double limit = 0.0;  ///< mm
+  double confidence = 0.95;
+  std::uint64_t machines = 4000;  ///< drawn to find the spreads, and as many fresh ones to verify
+};
+/// Maps of what one does not know.
+struct Uncertainty {
+  double confidence = 0.95;
+  std::uint64_t machines = 2000;
+};
+/// How influence maps are made, checked and shown.
+struct InfluenceOptions {
+  double reach = 0.05;  ///< mm, rival passes within so much of the first one are kept
+  int most_rivals = 6;
+  int checks = 4;          ///< random machines that are cut to find where the maps fail
+  double flag = 2e-4;      ///< mm, a vertex that differs by more in one of them is flagged
+  bool sheet = true;       ///< all inputs on one sheet
+  std::vector<std::string> pictures;  ///< inputs that get a map of their own
+};
+/// A thermal belief learnt on some days, judged on others.
+struct Histories {
+  std::vector<std::string> train;  ///< variants; "" is the scene's own day
+  std::vector<std::string> test;
+  std::string case_name = "thermal-iterated-ideal";
+};
+
+/// A study as read: description only.
+struct Study {
+  std::filesystem::path file;
+  std::string title;
+  std::filesystem::path scene;
+  std::vector<Override> overrides;  ///< of the scene, before any input
+  Engine engine = Engine::Influence;
+  std::uint64_t seed = 1;
+  std::vector<Arm> arms;            ///< (>= 1)
+  std::vector<Response> responses;  ///< (>= 1)
+  bool machine_part = false;  ///< figures are of the map minus the error-free one
+  std::vector<std::pair<Response, double>> limits;  ///< mm, upper ones
+  std::vector<Input> inputs;
+  Copula copula{0};  ///< how the inputs vary together
+  InfluenceOptions influence;
+  std::uint64_t proofs = 50;  ///< cases that engine `both` cuts as well
+  std::optional<OneAtATime> one_at_a_time;
+  std::optional<MonteCarlo> monte_carlo;
+  std::optional<SobolStudy> sobol;
+  std::vector<Sweep> sweeps;
+  std::optional<WorstCase> worst_case;
+  std::optional<Tolerance> tolerance;
+  std::optional<Uncertainty> uncertainty;
+  std::optional<Histories> histories;
+  std::string text;      ///< the study's own TOML as it was understood, its scene by absolute path
+  std::string identity;  ///< of study, scenes, the files they name and the program: a journal of
+                         ///< another identity is another study's
+};
+
+/// Reads a study strictly, as read_scene does, the scene with it: every input's path is tried.
+/// @param overrides  of the study file's own values (--set), as of a scene
+/// @throws BadScene with every fault
+Study read_study(const std::filesystem::path& file, const std::vector<Override>& overrides = {});
+
+/// Values of the inputs at the centres of their distributions: the base machine. (inputs)
+Eigen::VectorXd centre(const Study& study);
+/// Standard deviations of the inputs. (inputs)
+Eigen::VectorXd spreads(const Study& study);
+
+/// The scene of an arm as it is before any input.
+/// @throws BadScene
+Scene scene_of(const Study& study, const Arm& arm);
+
+/// The same with its inputs at x, the cases of the arm alone in it.
+/// @param base  scene_of the arm
+/// @throws BadScene
+Scene scene_at(const Study& study, const Arm& arm, const Scene& base, const Eigen::VectorXd& x);
+
+/// Whether an input changes part, program, nominal machine or tool, or how the stock is followed, so
+/// that its cases share nothing; else it only changes what is wrong.
+bool reshapes(const Input& input);
+
+}  // namespace abbe::sim::study

@@ -1,0 +1,361 @@
+#include "sim/study/budget.h"
+
+#include <cmath>
+#include <iostream>
+#include <limits>
+#include <set>
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include "sim/output.h"
+#include "sim/study/picture_names.h"
+#include "sim/study/ranking.h"
+#include "sim/study/words.h"
+#include "tests/study/synthetic_budget.h"
+
+namespace abbe::sim::study {
+namespace {
+
+using test::budget_of;
+using test::Synthetic;
+
+/// A table as RFC 4180 has it, read by the letter.
+std::vector<std::vector<std::string>> read_csv(const std::string& text) {
+  std::vector<std::vector<std::string>> rows(1, {""});
+  bool inside = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (inside && c == '"' && i + 1 < text.size() && text[i + 1] == '"') {
+      rows.back().back() += '"';
+      ++i;
+    } else if (c == '"') {
+      inside = !inside;
+    } else if (!inside && c == ',') {
+      rows.back().emplace_back();
+    } else if (!inside && c == '\n') {
+      rows.push_back({""});
+    } else {
+      rows.back().back() += c;
+    }
+  }
+  EXPECT_FALSE(inside);
+  rows.pop_back();  // behind the last end of line
+  return rows;
+}
+
+std::size_t column(const std::vector<std::vector<std::string>>& table, const std::string& head) {
+  const auto& heads = table.front();
+  const auto found = std::find(heads.begin(), heads.end(), head);
+  EXPECT_NE(found, heads.end()) << head;
+  return std::size_t(found - heads.begin());
+}
+
+std::size_t lines_with(const std::string& text, const std::string& what) {
+  std::size_t found = 0;
+  for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + 1))
+    ++found;
+  return found;
+}
+
+const std::string hostile = "a,b \"c\" | <script> `x` **y**\n# z \\ [l](u) _u_";
+
+/// One arm, one response, inputs without anything else.
+Budget bare() {
+  Budget b;
+  b.study.title = "bare";
+  b.study.arms = {{"", "", ""}};
+  b.study.responses = {Response::Pv};
+  b.study.inputs.resize(2);
+  b.study.inputs[0].name = "first";
+  b.study.inputs[1].name = "second";
+  ArmBudget arm;
+  arm.responses.resize(1);
+  arm.responses[0].base = 1e-3;
+  b.arms = {arm};
+  return b;
+}
+
+TEST(BudgetJson, HasItsKeysAndTellsMicrometres) {
+  const Budget b = budget_of();
+  const nlohmann::ordered_json j = to_json(b);
+  for (const char* key : {"study", "engine", "seed", "cases", "failed_cases", "inputs",
+                          "correlations", "arms", "proofs", "sweeps", "warnings"})
+    EXPECT_TRUE(j.contains(key)) << key;
+  ASSERT_EQ(j["arms"].size(), 2u);
+  const auto& pv = j["arms"][0]["responses"][0];
+  for (const char* key :
+       {"response", "unit", "base", "root_sum_square", "sum", "worst", "monte_carlo", "limit",
+        "within_limit_percent", "cpk", "contributions", "convergence"})
+    EXPECT_TRUE(pv.contains(key)) << key;
+  EXPECT_EQ(pv["response"], "pv");
+  EXPECT_EQ(pv["unit"], "um");
+  EXPECT_DOUBLE_EQ(pv["base"].get<double>(), 3.2);
+  EXPECT_DOUBLE_EQ(pv["contributions"][0]["high"].get<double>(), 4.0);
+  EXPECT_DOUBLE_EQ(pv["within_limit_percent"]["value"].get<double>(), 91.3);
+  EXPECT_DOUBLE_EQ(pv["monte_carlo"]["p95"]["high"].get<double>(),
+                   in_unit(Response::Pv, b.arms[0].responses[0].answers->p95.high));
+  const auto& area = j["arms"][0]["responses"][2];
+  EXPECT_EQ(area["unit"], "%");
+  EXPECT_DOUBLE_EQ(area["base"].get<double>(), 96.0);
+  EXPECT_DOUBLE_EQ(j["arms"][0]["allocation"]["floor"].get<double>(), 3.2);
+  EXPECT_TRUE(j["arms"][1]["allocation"].is_null());
+  EXPECT_EQ(j["inputs"].size(), 46u);
+  EXPECT_TRUE(j["inputs"][0]["distribution"]["low"].is_null());  // no end
+}
+
+TEST(BudgetJson, ComesBackFromItsText) {
+  const nlohmann::ordered_json j = to_json(budget_of());
+  EXPECT_EQ(nlohmann::ordered_json::parse(j.dump()), j);
+  const nlohmann::ordered_json empty = to_json(bare());
+  EXPECT_EQ(nlohmann::ordered_json::parse(empty.dump()), empty);
+  EXPECT_TRUE(empty["arms"][0]["map"].is_null());
+  EXPECT_TRUE(empty["arms"][0]["responses"][0]["monte_carlo"].is_null());
+  EXPECT_TRUE(to_json(Budget{})["arms"].empty());
+}
+
+TEST(BudgetJson, WhatIsNotFiniteIsNull) {
+  Budget b = bare();
+  b.arms[0].responses[0].base = std::nan("");
+  b.arms[0].responses[0].worst = std::numeric_limits<double>::infinity();
+  const nlohmann::ordered_json j = to_json(b);
+  EXPECT_TRUE(j["arms"][0]["responses"][0]["base"].is_null());
+  EXPECT_TRUE(j["arms"][0]["responses"][0]["worst"].is_null());
+}
+
+TEST(BudgetCsv, HasARowForEveryArmResponseAndInputWithUnitsInItsHeads) {
+  const auto table = read_csv(to_csv(budget_of()));
+  ASSERT_EQ(table.size(), 1u + 2 * 3 * 46);
+  for (const auto& row : table) EXPECT_EQ(row.size(), table.front().size());
+  const std::size_t low = column(table, "low_um"), percent = column(table, "low_percent");
+  const std::size_t response = column(table, "response");
+  for (std::size_t i = 1; i < table.size(); ++i) {
+    const bool area = table[i][response] == "in_tolerance";
+    EXPECT_EQ(table[i][low].empty(), area);
+    EXPECT_EQ(table[i][percent].empty(), !area);
+  }
+  const std::size_t factor = column(table, "cheapest_factor");
+  EXPECT_EQ(table[1][factor], "0.3");
+  EXPECT_EQ(table.back()[factor], "");  // the second arm has no allocation
+}
+
+TEST(BudgetCsv, NumbersReadBackTheSameBits) {
+  Budget b = budget_of();
+  b.arms[0].responses[0].contributions[3].low = -1.0 / 3.0 * 1e-3;
+  b.arms[0].responses[0].contributions[3].high = 5e-324;
+  b.arms[0].responses[0].contributions[4].high = 1e300;
+  const auto table = read_csv(to_csv(b));
+  const std::size_t low = column(table, "low_um"), high = column(table, "high_um");
+  const std::size_t first = column(table, "sobol_first"), rms = column(table, "map_rms_um");
+  for (int i = 0; i < 46; ++i) {
+    const Contribution& c = b.arms[0].responses[0].contributions[std::size_t(i)];
+    const auto& row = table[std::size_t(1 + i)];
+    EXPECT_EQ(std::stod(row[low]), in_unit(Response::Pv, *c.low)) << i;
+    EXPECT_EQ(std::strtod(row[high].c_str(), nullptr), in_unit(Response::Pv, *c.high)) << i;
+    EXPECT_EQ(std::stod(row[first]), c.sobol->first.value) << i;
+    EXPECT_EQ(std::stod(row[rms]), in_unit(Response::Rms, b.arms[0].maps[std::size_t(i)].rms)) << i;
+  }
+}
+
+TEST(BudgetCsv, HostileNamesComeBack) {
+  Budget b = budget_of({.inputs = 2});
+  b.study.inputs[1].name = hostile;
+  b.arms[0].arm.name = "";
+  b.arms[1].arm.name = hostile;
+  const auto table = read_csv(to_csv(b));
+  ASSERT_EQ(table.size(), 1u + 2 * 3 * 2);
+  EXPECT_EQ(table[2][column(table, "input")], hostile);
+  EXPECT_EQ(table[2][column(table, "arm")], "");
+  EXPECT_EQ(table.back()[column(table, "arm")], hostile);
+  for (const auto& row : table) EXPECT_EQ(row.size(), table.front().size());
+}
+
+TEST(BudgetCsv, OfABareBudgetIsItsHead) {
+  EXPECT_EQ(read_csv(to_csv(bare())).size(), 1u);
+  EXPECT_EQ(read_csv(to_csv({})).size(), 1u);
+}
+
+TEST(BudgetMarkdown, NamesTheInputsInTheOrderOfWhatTheyContribute) {
+  const std::string text = to_markdown(budget_of());
+  EXPECT_EQ(text.find("# gantry dome"), 0u);
+  const std::size_t arm = text.find("## uncompensated");
+  const std::size_t table = text.find("| input |", arm);
+  ASSERT_NE(table, std::string::npos);
+  std::size_t at = table;
+  for (int i = 0; i < 15; ++i) {
+    const std::size_t next = text.find("slide " + std::to_string(i) + " |", at);
+    ASSERT_NE(next, std::string::npos) << i;
+    ASSERT_LT(next, text.find("## perfect", arm)) << i;
+    at = next;
+  }
+  EXPECT_EQ(text.find("slide 15 |", table), std::string::npos);
+  EXPECT_EQ(lines_with(text, "and 31 others"), 2u);
+}
+
+TEST(BudgetMarkdown, TablesHaveOneNumberOfColumns) {
+  Budget b = budget_of({.inputs = 20, .arms = 3});
+  b.study.inputs[2].name = b.arms[1].arm.name = hostile;
+  const std::string text = to_markdown(b);
+  std::size_t columns = 0, rows = 0;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.empty() || line.front() != '|') {
+      columns = 0;
+      continue;
+    }
+    std::size_t bars = 0;
+    for (std::size_t i = 0; i < line.size(); ++i)
+      bars += line[i] == '|' && (i == 0 || line[i - 1] != '\\');
+    if (columns > 0) {
+      EXPECT_EQ(bars, columns) << line;
+    }
+    columns = bars;
+    ++rows;
+  }
+  EXPECT_GT(rows, 60u);
+  EXPECT_EQ(text.find("<script>"), std::string::npos);
+  EXPECT_EQ(text.find("\n# z"), std::string::npos);
+  EXPECT_EQ(text.find("**y**"), std::string::npos);
+}
+
+TEST(BudgetMarkdown, SaysWhatDominatesWhatToSpendOnAndTheFloor) {
+  const std::string text = to_markdown(budget_of());
+  EXPECT_NE(text.find("What dominates"), std::string::npos);
+  EXPECT_NE(text.find("What to spend on"), std::string::npos);
+  EXPECT_NE(text.find("No spending takes PV below 3.20 µm"), std::string::npos);
+  EXPECT_NE(text.find("| 0.30 |"), std::string::npos);  // the tightest factor
+  Budget b = budget_of();
+  b.arms[0].allocation->attainable = false;
+  EXPECT_NE(to_markdown(b).find("Not attainable"), std::string::npos);
+}
+
+TEST(BudgetMarkdown, HalvingTheLeaderIsByTheRootSumSquare) {
+  // 3 and 4 µm make 5 µm; with 2 instead of 4 they make 3.61 µm
+  Budget b = bare();
+  b.arms[0].responses[0].contributions = {{0, 0.0, 3e-3, {}, {}, {}}, {1, -4e-3, 0.0, {}, {}, {}}};
+  const std::string text = to_markdown(b);
+  EXPECT_NE(text.find("Halving the spread of second would take the RSS of PV from 5.00 µm to "
+                      "3.61 µm"),
+            std::string::npos)
+      << text;
+}
+
+TEST(BudgetMarkdown, OfABareBudgetLeavesOutWhatIsNotThere) {
+  const std::string text = to_markdown(bare());
+  for (const char* absent : {"P95", "Cpk", "RSS", "Sobol", "worst", "nan", "What to spend on"})
+    EXPECT_EQ(text.find(absent), std::string::npos) << absent << "\n" << text;
+  EXPECT_NE(text.find("1.00"), std::string::npos);
+  EXPECT_FALSE(to_markdown({}).empty());
+}
+
+TEST(BudgetRanking, SharesAddToOneAndTheLargestComesFirst) {
+  const Budget b = budget_of();
+  for (const Ranking& r :
+       {ranking(b.arms[0].responses[0], 46), change_ranking(b.arms[0].responses[0], 46),
+        map_ranking(b.arms[0], 46)}) {
+    EXPECT_NEAR(r.shares.sum(), 1.0, 1e-12);
+    EXPECT_EQ(std::set<int>(r.order.begin(), r.order.end()).size(), 46u);
+    for (std::size_t k = 1; k < r.order.size(); ++k)
+      EXPECT_GE(r.weights[r.order[k - 1]], r.weights[r.order[k]]);
+  }
+  EXPECT_EQ(ranking(b.arms[0].responses[0], 46).basis, Ranking::Basis::Total);
+  EXPECT_EQ(ranking(bare().arms[0].responses[0], 2).basis, Ranking::Basis::None);
+}
+
+TEST(BudgetRanking, NegativeAndMissingFiguresWeighNothing) {
+  ResponseBudget r;
+  r.contributions = {{0, {}, {}, SobolIndex{{}, {-0.1, 0, 0}}, {}, {}},
+                     {1, {}, {}, SobolIndex{{}, {std::nan(""), 0, 0}}, {}, {}},
+                     {2, {}, {}, SobolIndex{{}, {0.5, 0, 0}}, {}, {}}};
+  const Ranking order = ranking(r, 4);
+  EXPECT_EQ(order.order, (std::vector<int>{2, 0, 1, 3}));
+  EXPECT_EQ(order.shares, Eigen::Vector4d(0, 0, 1, 0));
+}
+
+TEST(PictureNames, AreSafeAndNeverTheSame) {
+  EXPECT_EQ(file_part("3 h perfect-iterated-ideal"), "3-h-perfect-iterated-ideal");
+  EXPECT_EQ(file_part("../../etc/passwd"), "etc-passwd");
+  EXPECT_EQ(file_part("EXX[1] µm"), "EXX-1-m");
+  EXPECT_EQ(file_part(""), "unnamed");
+  EXPECT_EQ(file_part("..."), "unnamed");
+  EXPECT_EQ(file_part(std::string("a\0b", 3)), "a-b");
+  EXPECT_LE(file_part(std::string(5000, 'x')).size(), 80u);
+  PictureNames names;
+  EXPECT_EQ(names.unused({"pareto", "a b"}), "pareto-a-b");
+  EXPECT_EQ(names.unused({"pareto", "a-b"}), "pareto-a-b-2");
+  EXPECT_EQ(names.unused({"pareto", "A B"}), "pareto-A-B-3");
+}
+
+TEST(Words, LongNamesLoseTheirMiddle) {
+  EXPECT_EQ(short_line("EXX[1]", 6), "EXX[1]");
+  EXPECT_EQ(short_line("abcdefgh", 5), "ab…gh");
+  EXPECT_EQ(short_line("µµµµµµ", 3), "µ…µ");
+  EXPECT_EQ(short_line("", 3), "");
+  EXPECT_EQ(one_line("a\r\n\tb"), "a b");
+}
+
+#if ABBE_RENDER
+
+class BudgetPictures : public testing::Test {
+ protected:
+  BudgetPictures()
+      : folder_(std::filesystem::temp_directory_path() /
+                ("abbe-budget-" + std::to_string(::getpid()))) {}
+  ~BudgetPictures() override { std::filesystem::remove_all(folder_); }
+
+  std::set<std::string> written(const Budget& budget) {
+    std::filesystem::remove_all(folder_);
+    write_pictures(folder_, budget);
+    std::set<std::string> names;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_))
+      names.insert(entry.path().filename().string());
+    return names;
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(BudgetPictures, AreThoseThatTheBudgetHas) {
+  Budget b = budget_of({.inputs = 3, .arms = 2, .prefix = "EXX "});
+  for (ArmBudget& arm : b.arms) arm.responses.resize(1);
+  b.study.responses.resize(1);
+  b.sweeps[0].answers = {{b.sweeps[0].answers[0][0]}, {b.sweeps[0].answers[1][0]}};
+  EXPECT_EQ(written(b),
+            (std::set<std::string>{
+                "pareto-uncompensated.png", "pareto-perfect-iterated-ideal.png",
+                "tornado-uncompensated-pv.png", "tornado-perfect-iterated-ideal-pv.png",
+                "indices-uncompensated-pv.png", "indices-perfect-iterated-ideal-pv.png",
+                "correlation-uncompensated.png", "correlation-perfect-iterated-ideal.png",
+                "distribution-pv.png", "sweep-EXX-0.png"}));
+  EXPECT_TRUE(written(bare()).empty());
+  EXPECT_TRUE(written({}).empty());
+}
+
+TEST_F(BudgetPictures, OfAwkwardBudgetsAreDrawn) {
+  Budget b = budget_of({.inputs = 2, .arms = 1, .prefix = hostile});
+  ResponseBudget& r = b.arms[0].responses[0];
+  b.arms[0].responses.resize(1);
+  b.study.responses.resize(1);
+  b.sweeps.clear();
+  b.arms[0].arm.name = "../" + std::string(300, '/');
+  r.values.setConstant(std::nan(""));
+  r.contributions[0].low = std::nan("");
+  r.contributions[1].high = {};
+  r.contributions[1].sobol = {};
+  r.base = std::numeric_limits<double>::infinity();
+  b.arms[0].maps[0] = {0.0, 0.0, 0.0};
+  b.arms[0].maps[1] = {std::nan(""), 0.0, std::nan("")};
+  const std::set<std::string> names = written(b);
+  for (const std::string& name : names) std::cout << name << "\n";
+  EXPECT_TRUE(names.count("tornado-unnamed-pv.png"));
+}
+
+TEST_F(BudgetPictures, ThatCannotBeWrittenAreAnOutputFailure) {
+  EXPECT_THROW(write_pictures("/dev/null/pictures", budget_of({.inputs = 1, .arms = 1})),
+               OutputFailure);
+}
+
+#endif
+
+}  // namespace
+}  // namespace abbe::sim::study

@@ -1,0 +1,259 @@
+#include "sim/study/plan.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <random>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "tests/study/flat_machine.h"
+
+namespace abbe::sim::study {
+namespace {
+
+using Eigen::Index;
+using Kind = Block::Kind;
+
+/// Three inputs and every analysis.
+Study whole_study() {
+  Study study = study_of({{Distribution::Kind::Normal, 2.0, 0.5},
+                          {Distribution::Kind::Uniform, -1.0, 3.0},
+                          {Distribution::Kind::LogNormal, 4.0, 0.25}});
+  study.engine = Engine::Both;
+  study.proofs = 3;
+  study.one_at_a_time = OneAtATime{1.0};
+  study.monte_carlo = MonteCarlo{100, Sampling::Sobol};
+  study.sobol = SobolStudy{8};
+  study.sweeps = {{1, Eigen::Vector3d(-2.0, 0.0, 7.0)}, {0, Eigen::Vector2d(5.0, 6.0)}};
+  return study;
+}
+
+Eigen::MatrixXd all_inputs(const Study& study, const Plan& plan) {
+  return inputs_of(study, plan, 0, plan.cases);
+}
+
+const Block& block(const Plan& plan, Kind kind, int sweep = 0) {
+  for (const Block& one : plan.blocks)
+    if (one.kind == kind && one.sweep == sweep) return one;
+  ADD_FAILURE() << "no block " << name_of(kind);
+  return plan.blocks.front();
+}
+
+// ---------------------------------------------------------------- the order
+
+TEST(Plan, HasTheAnalysesInTheirOrderWithoutGaps) {
+  const Plan plan = plan_of(whole_study());
+  const std::vector<Kind> kinds{Kind::Base,  Kind::OneAtATime, Kind::MonteCarlo, Kind::Sobol,
+                                Kind::Sweep, Kind::Sweep,      Kind::Proof};
+  const std::vector<std::uint64_t> counts{1, 6, 100, 8 * 5, 3, 2, 3};
+  ASSERT_EQ(plan.blocks.size(), kinds.size());
+  std::uint64_t first = 0;
+  for (std::size_t i = 0; i < kinds.size(); ++i) {
+    SCOPED_TRACE(name_of(kinds[i]));
+    EXPECT_EQ(plan.blocks[i].kind, kinds[i]);
+    EXPECT_EQ(plan.blocks[i].first, first);
+    EXPECT_EQ(plan.blocks[i].count, counts[i]);
+    EXPECT_EQ(plan.blocks[i].full, kinds[i] == Kind::Proof);
+    EXPECT_EQ(&block_of(plan, first), &plan.blocks[i]);
+    EXPECT_EQ(&block_of(plan, first + counts[i] - 1), &plan.blocks[i]);
+    first += counts[i];
+  }
+  EXPECT_EQ(plan.cases, first);
+}
+
+TEST(Plan, OfTheFullEngineCutsAllAndProvesNothing) {
+  Study study = whole_study();
+  study.engine = Engine::Full;
+  const Plan plan = plan_of(study);
+  EXPECT_EQ(plan.blocks.size(), 6u);
+  for (const Block& one : plan.blocks) EXPECT_TRUE(one.full) << name_of(one.kind);
+  study.engine = Engine::Influence;
+  for (const Block& one : plan_of(study).blocks) EXPECT_FALSE(one.full) << name_of(one.kind);
+}
+
+TEST(Plan, WithoutInputsIsEmptyAndWithoutQuestionsTheBaseAlone) {
+  EXPECT_EQ(plan_of(study_of({})).cases, 0u);
+  EXPECT_TRUE(batches_of(plan_of(study_of({}))).empty());
+  EXPECT_EQ(plan_of(study_of(normals(3))).cases, 1u);
+}
+
+TEST(Plan, ProvesNoMoreCasesThanMonteCarloHas) {
+  Study study = whole_study();
+  study.proofs = 1'000'000;
+  EXPECT_EQ(block(plan_of(study), Kind::Proof).count, 100u);
+}
+
+// ---------------------------------------------------------------- the points
+
+TEST(PlanInputs, OfBaseAndOneAtATimeAreThoseByHand) {
+  const Study study = whole_study();
+  const Plan plan = plan_of(study);
+  const Eigen::MatrixXd x = all_inputs(study, plan);
+  const Eigen::Vector3d centre(2.0, -1.0, 4.0);
+  EXPECT_EQ(x.col(0), centre);
+  // standard deviations: of the normal its own, of the uniform half width / sqrt 3, of the
+  // log-normal median exp(s^2 / 2) sqrt(exp(s^2) - 1)
+  const double s2 = 0.25 * 0.25;
+  const Eigen::Vector3d sd(0.5, std::sqrt(3.0), 4.0 * std::exp(s2 / 2) * std::sqrt(std::expm1(s2)));
+  double worst = 0.0;
+  for (Index i = 0; i < 3; ++i)
+    for (const int side : {0, 1}) {
+      Eigen::Vector3d expected = centre;
+      expected[i] += (side == 0 ? -1.0 : 1.0) * sd[i];
+      worst = std::max(worst, (x.col(1 + 2 * i + side) - expected).cwiseAbs().maxCoeff());
+    }
+  std::cout << "one at a time differs from hand by " << worst << "\n";
+  EXPECT_LT(worst, 1e-9);
+}
+
+TEST(PlanInputs, OneAtATimeStayWithinTheirDistributions) {
+  Study study = study_of({{Distribution::Kind::Normal, 0.0, 1.0, -0.5, 2.0},
+                          {Distribution::Kind::Uniform, 10.0, 1.0},
+                          {Distribution::Kind::Triangular, 10.0, 1.0},
+                          {Distribution::Kind::LogNormal, 1.0, 2.0}});
+  study.one_at_a_time = OneAtATime{50.0};
+  const Plan plan = plan_of(study);
+  const Eigen::MatrixXd x = all_inputs(study, plan);
+  EXPECT_EQ(x(0, 1), -0.5);
+  EXPECT_EQ(x(0, 2), 2.0);
+  for (const Index i : {1, 2}) {
+    EXPECT_NEAR(x(i, 1 + 2 * i), 9.0, 1e-12);
+    EXPECT_NEAR(x(i, 2 + 2 * i), 11.0, 1e-12);
+  }
+  EXPECT_GE(x(3, 7), 0.0) << "a log-normal number is never negative";
+}
+
+TEST(PlanInputs, OfMonteCarloAreTheSequenceThroughTheDistributions) {
+  for (const Sampling sampling : {Sampling::Sobol, Sampling::Random}) {
+    Study study = whole_study();
+    study.monte_carlo->sampling = sampling;
+    const Plan plan = plan_of(study);
+    const Block& mc = block(plan, Kind::MonteCarlo);
+    const Eigen::MatrixXd x = inputs_of(study, plan, mc.first, mc.first + mc.count);
+    const Eigen::MatrixXd u = points({sampling, 3, study.seed}, 0, 100);
+    for (Index k = 0; k < u.cols(); ++k)
+      for (Index i = 0; i < 3; ++i)
+        ASSERT_EQ(x(i, k), quantile(study.inputs[std::size_t(i)].distribution, u(i, k)));
+  }
+}
+
+TEST(PlanInputs, OfProofsAreTheFirstOfMonteCarlo) {
+  const Study study = whole_study();
+  const Plan plan = plan_of(study);
+  const Block &mc = block(plan, Kind::MonteCarlo), &proof = block(plan, Kind::Proof);
+  EXPECT_EQ(inputs_of(study, plan, proof.first, proof.first + proof.count),
+            inputs_of(study, plan, mc.first, mc.first + proof.count));
+}
+
+TEST(PlanInputs, OfSobolAreAAndBAndAWithOneColumnOfB) {
+  const Study study = whole_study();
+  const Plan plan = plan_of(study);
+  const Block& sobol = block(plan, Kind::Sobol);
+  const Eigen::MatrixXd x = inputs_of(study, plan, sobol.first, sobol.first + sobol.count);
+  for (Index point = 0; point < 8; ++point) {
+    const Eigen::Vector3d a = x.col(5 * point), b = x.col(5 * point + 1);
+    for (Index i = 0; i < 3; ++i) {
+      EXPECT_NE(a[i], b[i]);
+      Eigen::Vector3d mixed = a;
+      mixed[i] = b[i];
+      EXPECT_EQ(x.col(5 * point + 2 + i), mixed) << point << " " << i;
+    }
+  }
+  const Block& mc = block(plan, Kind::MonteCarlo);
+  EXPECT_NE(x.col(0), inputs_of(study, plan, mc.first, mc.first + 1).col(0))
+      << "a stream of their own";
+}
+
+TEST(PlanInputs, OfSweepsMoveOneInputAlone) {
+  const Study study = whole_study();
+  const Plan plan = plan_of(study);
+  const Block& first = block(plan, Kind::Sweep, 0);
+  const Eigen::MatrixXd x = inputs_of(study, plan, first.first, first.first + 5);
+  Eigen::MatrixXd expected(3, 5);
+  expected << 2, 2, 2, 5, 6,  //
+      -2, 0, 7, -1, -1,       //
+      4, 4, 4, 4, 4;
+  EXPECT_EQ(x, expected);
+}
+
+TEST(PlanInputs, DependOnTheSeedAndOnNoOtherAnalysis) {
+  const Study study = whole_study();
+  const Plan plan = plan_of(study);
+  const auto of = [](const Study& one, Kind kind, std::uint64_t count) {
+    const Plan its = plan_of(one);
+    const std::uint64_t first = block(its, kind).first;
+    return inputs_of(one, its, first, first + count);
+  };
+  Study other = study;
+  other.seed = study.seed + 1;
+  EXPECT_NE(of(other, Kind::MonteCarlo, 5), of(study, Kind::MonteCarlo, 5));
+  EXPECT_NE(of(other, Kind::Sobol, 5), of(study, Kind::Sobol, 5));
+  EXPECT_EQ(of(other, Kind::OneAtATime, 5), of(study, Kind::OneAtATime, 5));
+  Study longer = study;
+  longer.monte_carlo->cases = 1000;
+  longer.sobol->base_points = 64;
+  EXPECT_EQ(of(longer, Kind::MonteCarlo, 100), of(study, Kind::MonteCarlo, 100))
+      << "more cases add to those that were there";
+  EXPECT_EQ(of(longer, Kind::Sobol, 40), of(study, Kind::Sobol, 40));
+}
+
+TEST(PlanInputs, FollowTheCorrelations) {
+  Study study = study_of(normals(2), {}, {{0, 1, 1.0}});
+  study.monte_carlo = MonteCarlo{50, Sampling::Random};
+  const Plan plan = plan_of(study);
+  const Eigen::MatrixXd x = inputs_of(study, plan, 1, 51);
+  EXPECT_LT((x.row(0) - x.row(1)).cwiseAbs().maxCoeff(), 1e-12);
+  EXPECT_GT(x.row(0).cwiseAbs().maxCoeff(), 1.0);
+}
+
+TEST(PlanInputs, AreTheSameBitsInWhateverStretchesTheyAreAskedFor) {
+  const unsigned seed = 12;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  const Study study = whole_study();
+  const Plan plan = plan_of(study);
+  const Eigen::MatrixXd whole = all_inputs(study, plan);
+  for (int trial = 0; trial < 200; ++trial) {
+    const std::uint64_t first = random() % plan.cases;
+    const std::uint64_t last = first + 1 + random() % (plan.cases - first);
+    ASSERT_EQ(inputs_of(study, plan, first, last),
+              whole.middleCols(Index(first), Index(last - first)))
+        << first << " to " << last;
+  }
+}
+
+// ---------------------------------------------------------------- batches
+
+TEST(PlanBatches, CoverEveryCaseOnceAndNeverTwoBlocks) {
+  for (const Engine engine : {Engine::Influence, Engine::Full, Engine::Both})
+    for (const std::uint64_t cases : {2u, 63u, 64u, 65u, 1000u}) {
+      Study study = whole_study();
+      study.engine = engine;
+      study.monte_carlo->cases = cases;
+      const Plan plan = plan_of(study);
+      std::uint64_t next = 0;
+      for (const Batch& batch : batches_of(plan)) {
+        ASSERT_EQ(batch.first, next) << "in their order";
+        ASSERT_LT(batch.first, batch.last);
+        const Block& of = block_of(plan, batch.first);
+        ASSERT_EQ(&block_of(plan, batch.last - 1), &of);
+        ASSERT_LE(batch.last - batch.first, of.full ? 1u : 64u);
+        next = batch.last;
+      }
+      EXPECT_EQ(next, plan.cases);
+    }
+}
+
+TEST(PlanBatches, OfALargeStudyTakeNoTimeToFind) {
+  Study study = study_of(normals(10));
+  study.engine = Engine::Full;
+  study.monte_carlo = MonteCarlo{1'000'000, Sampling::Sobol};
+  const Plan plan = plan_of(study);
+  EXPECT_EQ(batches_of(plan).size(), 1'000'001u);
+  EXPECT_TRUE(inputs_of(study, plan, 999'990, 1'000'001).allFinite());
+}
+
+}  // namespace
+}  // namespace abbe::sim::study
