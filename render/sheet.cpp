@@ -194,10 +194,14 @@ View draw_cell(Canvas& canvas, const Layout& l, const Cell& cell, const SheetOpt
 std::vector<std::string> common_text(const std::vector<Scale>& maps, const SheetOptions& options,
                                      std::size_t vertices, std::size_t drawn_vertices) {
   const View view = fitted_view({}, options.from, options.up, {});
-  std::vector<std::string> lines{
-      fmt::format("{}  ·  {}", sign_convention,
-                  options.one_range ? "one scale for all maps" : "every map has its own scale"),
-      fmt::format("view {}  ·  {} vertices", view_name(view), grouped(vertices))};
+  std::vector<std::string> lines;
+  std::string first = options.values.value_or(sign_convention);
+  if (maps.size() > 1) {
+    if (!first.empty()) first += "  ·  ";
+    first += options.one_range ? "one scale for all maps" : "every map has its own scale";
+  }
+  if (!first.empty()) lines.push_back(first);
+  lines.push_back(fmt::format("view {}  ·  {} vertices", view_name(view), grouped(vertices)));
   if (drawn_vertices < vertices)
     lines.back() += fmt::format(", drawn on {} of them", grouped(drawn_vertices));
   const bool beyond =

@@ -21,9 +21,10 @@ struct SheetMap {
 
 struct SheetOptions {
   std::string title{};
-  int columns = 0;         ///< 0: as many as make the sheet about 4 : 3
-  int width = 2400;        ///< px; the height follows
-  bool one_range = false;  ///< the largest range for all maps
+  std::optional<std::string> values{};  ///< what they are, in the caption; else a residual's signs
+  int columns = 0;                      ///< 0: as many as make the sheet about 4 : 3
+  int width = 2400;                     ///< px; the height follows
+  bool one_range = false;               ///< the largest range for all maps
   Eigen::Vector3d from = Eigen::Vector3d(-0.5, -1.0, 0.9);  ///< as of a map
   Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
   std::vector<std::string> caption{};  ///< further lines

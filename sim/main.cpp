@@ -313,7 +313,6 @@ int evaluate_command(const Common& common, const std::filesystem::path& readings
   return ok;
 }
 
-/// Everything that can stand on the command line.
 /// What `study` takes besides.
 struct StudyWords {
   bool show = false;
@@ -371,6 +370,7 @@ int study_command(int& argc, char**& argv, const Common& common, const StudyWord
   }
 }
 
+/// Everything that can stand on the command line.
 struct CommandLine {
   Common common;
   std::vector<std::string> instruments;

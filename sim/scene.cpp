@@ -409,6 +409,11 @@ Scene read_scene(const std::filesystem::path& file, const std::vector<Override>&
   Faults faults;
   const std::optional<Node> as_written = read_tree(file, faults);
   if (!as_written) throw BadScene(faults.list());
+  return scene_of_tree(*as_written, file, overrides, std::move(faults));
+}
+
+Scene scene_of_tree(const Node& as_written, const std::filesystem::path& file,
+                    const std::vector<Override>& overrides, Faults faults) {
   std::vector<Change> changes;
   for (const Override& override : overrides) {
     try {
@@ -417,7 +422,7 @@ Scene read_scene(const std::filesystem::path& file, const std::vector<Override>&
       faults.add(fault);
     }
   }
-  const Node tree = changed(*as_written, changes, file.parent_path(), faults);
+  const Node tree = changed(as_written, changes, file.parent_path(), faults);
   Scene scene = interpreted(tree, file, faults);
   if (faults.empty()) check_variants(tree, file, faults);
   if (!faults.empty()) throw BadScene(faults.list());

@@ -32,6 +32,13 @@ std::optional<Node> read_tree(const std::filesystem::path& file, Faults& faults)
 Node changed(Node tree, const std::vector<Change>& changes, const std::filesystem::path& folder,
              Faults& faults);
 
+/// The scene of a tree with values changed, as `read_scene` makes it of a file; only what overrides
+/// name is read from disk.
+/// @param faults  found before
+/// @throws BadScene
+Scene scene_of_tree(const Node& as_written, const std::filesystem::path& file,
+                    const std::vector<Override>& overrides, Faults faults = {});
+
 /// Changes that a variant's `set` table stands for, one for each value, with their places.
 std::vector<Change> changes_of_set(const Node& set);
 

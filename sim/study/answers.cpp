@@ -41,11 +41,6 @@ double sum_of_powers(std::span<const double> values, double from, int power) {
   return sum;
 }
 
-double deviation_of(std::span<const double> values) {
-  const double squares = sum_of_powers(values, mean_of(values), 2);
-  return std::sqrt(squares / double(values.size() - 1));
-}
-
 Banded mean_band(std::span<const double> sorted) {
   const auto n = double(sorted.size());
   const double mean = mean_of(sorted);
@@ -88,11 +83,8 @@ std::pair<std::size_t, std::size_t> rank_band(std::size_t n, double p) {
   return {low, std::min(*high_enough, n - 1)};
 }
 
-Banded quantile_in(std::span<const double> sorted, double p) {
-  const double at = p * double(sorted.size() - 1);
-  const auto rank = std::size_t(at);
-  const std::size_t next = std::min(rank + 1, sorted.size() - 1);
-  const double value = std::lerp(sorted[rank], sorted[next], at - double(rank));
+Banded quantile_band(std::span<const double> sorted, double p) {
+  const double value = quantile_in(sorted, p);
   const auto [low, high] = rank_band(sorted.size(), p);
   return {value, std::min(value, sorted[low]), std::max(value, sorted[high])};
 }
@@ -138,16 +130,28 @@ Answers answers(const Eigen::VectorXd& values) {
           .standard_deviation = deviation_band(sorted),
           .min = sorted.front(),
           .max = sorted.back(),
-          .median = quantile_in(sorted, 0.5),
-          .p95 = quantile_in(sorted, 0.95),
-          .p99 = quantile_in(sorted, 0.99)};
+          .median = quantile_band(sorted, 0.5),
+          .p95 = quantile_band(sorted, 0.95),
+          .p99 = quantile_band(sorted, 0.99)};
 }
 
 Banded quantile_of(Eigen::VectorXd values, double p) {
   if (!(p >= 0.0 && p <= 1.0)) throw std::invalid_argument("a share is within 0 .. 1");
   std::vector<double> sorted = finite_of(values, 1);
   std::ranges::sort(sorted);
-  return quantile_in(sorted, p);
+  return quantile_band(sorted, p);
+}
+
+double quantile_in(std::span<const double> sorted, double p) {
+  const double at = p * double(sorted.size() - 1);
+  const auto rank = std::size_t(at);
+  const std::size_t next = std::min(rank + 1, sorted.size() - 1);
+  return std::lerp(sorted[rank], sorted[next], at - double(rank));
+}
+
+double deviation_of(std::span<const double> values) {
+  const double squares = sum_of_powers(values, mean_of(values), 2);
+  return std::sqrt(squares / double(values.size() - 1));
 }
 
 Banded share_below(const Eigen::VectorXd& values, double limit) {

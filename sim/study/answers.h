@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 
 #include <Eigen/Core>
 
@@ -33,6 +34,12 @@ Answers answers(const Eigen::VectorXd& values);
 /// @param p  0 .. 1
 /// @throws std::invalid_argument without finite answers, or p out of range
 Banded quantile_of(Eigen::VectorXd values, double p);
+
+/// The same of finite values in ascending order, at least one, without its band.
+double quantile_in(std::span<const double> sorted, double p);
+
+/// Standard deviation of at least two finite values, of a sample (over n - 1).
+double deviation_of(std::span<const double> values);
 
 /// Share of the finite answers at or below a limit, Wilson's band of 95 %.
 /// @throws std::invalid_argument without finite answers

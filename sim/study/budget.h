@@ -71,15 +71,18 @@ struct ArmBudget {
                                   ///< its mean part and all shares
   std::optional<double> map_mean_rms;  ///< mm, of the part that is no input's: cusps, centres
   std::optional<double> flagged_percent;
+  std::optional<double> uncut_percent;  ///< of the judged area, with every input at its centre
   std::optional<Allocation> allocation;
 };
 
-/// Influence against full runs, over the proofs of engine `both`.
+/// Influence against full runs, over the proofs of engine `both`: one response of one arm.
 struct Proof {
   std::string arm;
-  std::uint64_t cases = 0;
-  double pv_percent = 0.0;   ///< largest difference of PV
-  double rms_percent = 0.0;  ///< of RMS
+  Response response = Response::Pv;
+  std::uint64_t compared = 0;     ///< cases that both engines answer
+  std::uint64_t one_sided = 0;    ///< cases that one of them answers
+  std::optional<double> percent;  ///< largest difference, of the full run's figure; of mean and share
+                                  ///< in tolerance, which may be zero, of the largest figure
 };
 
 struct Sweeping {

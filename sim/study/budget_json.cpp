@@ -177,6 +177,7 @@ ordered_json map_of(const Study& study, const ArmBudget& arm) {
   return {{"rms_um", um(arm.map_rms)},
           {"mean_rms_um", um(arm.map_mean_rms)},
           {"flagged_percent", number(arm.flagged_percent)},
+          {"uncut_percent", number(arm.uncut_percent)},
           {"contributions", list}};
 }
 
@@ -236,9 +237,10 @@ ordered_json to_json(const Budget& budget) {
   for (const ArmBudget& a : budget.arms) arms.push_back(arm(study, a));
   for (const Proof& p : budget.proofs)
     proofs.push_back({{"arm", p.arm},
-                      {"cases", p.cases},
-                      {"pv_percent", number(p.pv_percent)},
-                      {"rms_percent", number(p.rms_percent)}});
+                      {"response", name_of(p.response)},
+                      {"compared", p.compared},
+                      {"one_sided", p.one_sided},
+                      {"percent", number(p.percent)}});
   for (const Sweeping& s : budget.sweeps) sweeps.push_back(sweep_of(study, s));
   return {{"study", study.title},
           {"engine", name_of(study.engine)},

@@ -288,7 +288,7 @@ std::string halving(const Study& study, const ArmBudget& arm) {
                                  with_unit(r.response, halved(squares, 1)));
   if (study.inputs.size() > 3)
     text += fmt::format(", of the first three to {}", with_unit(r.response, halved(squares, 3)));
-  return text + fmt::format(", if it is linear. No spending takes {} below its base, {}.\n\n",
+  return text + fmt::format(", if it is linear. Without any spread {} is {}.\n\n",
                             title_of(r.response), with_unit(r.response, r.base));
 }
 
@@ -334,7 +334,7 @@ std::string allocation(const Study& study, const Allocation& a) {
   std::string text =
       fmt::format("**What to spend on**, for {} ≤ {} in {} of the machines. ", what,
                   with_unit(a.asked.response, a.asked.limit), percent(a.asked.confidence));
-  text += fmt::format("No spending takes {} below {}: the floor, every input at its centre.\n\n",
+  text += fmt::format("Without any spread {} is {}, every input at its centre.\n\n",
                       what, with_unit(a.asked.response, a.floor));
   if (!a.attainable) return text + "**Not attainable**: not even without any spread.\n\n";
   double now = 0.0;
@@ -393,10 +393,11 @@ std::string head(const Budget& budget) {
 
 std::string proofs(const Budget& budget) {
   if (budget.proofs.empty()) return "";
-  Table t{{"influence against full cuts", "cases", "PV differs by, %", "RMS, %"}};
+  Table t{{"influence against full cuts", "response", "cases", "differs at most by, %"}};
+  t.text_columns = 2;
   for (const Proof& p : budget.proofs)
-    t.rows.push_back(
-        {plain(p.arm), fmt::format("{}", p.cases), figure(p.pv_percent), figure(p.rms_percent)});
+    t.rows.push_back({plain(p.arm), title_of(p.response), fmt::format("{}", p.compared),
+                      p.percent ? figure(*p.percent) : "–"});
   return "## Proof\n\n" + to_text(t);
 }
 

@@ -5,6 +5,8 @@
 #include <limits>
 #include <map>
 
+#include <fmt/format.h>
+
 #include "sim/study/tolerance.h"
 #include "sim/study/uncertainty.h"
 #include "sim/study/worst_case.h"
@@ -131,29 +133,38 @@ ResponseBudget response_budget(const Study& study, const Plan& plan, const Finis
   return budget;
 }
 
+Proof proof_of(const Eigen::VectorXd& full, const Eigen::VectorXd& linear, Proof proof) {
+  const bool may_be_zero =
+      proof.response == Response::Mean || proof.response == Response::InTolerance;
+  const auto known = full.array().isFinite();
+  const double largest = known.select(full.cwiseAbs(), 0.0).maxCoeff();
+  for (Index i = 0; i < full.size(); ++i) {
+    if (std::isfinite(full[i]) != std::isfinite(linear[i])) ++proof.one_sided;
+    if (!std::isfinite(full[i]) || !std::isfinite(linear[i])) continue;
+    ++proof.compared;
+    const double size = may_be_zero ? largest : std::abs(full[i]);
+    if (!(size > 0.0)) continue;
+    proof.percent =
+        std::max(proof.percent.value_or(0.0), 100.0 * std::abs(linear[i] - full[i]) / size);
+  }
+  return proof;
+}
+
 std::vector<Proof> proofs(const Study& study, const Finished& finished) {
   const Block* cut = finished.find(Block::Kind::Proof);
   const Block* estimated = finished.find(Block::Kind::MonteCarlo);
   std::vector<Proof> all;
   if (!cut || !estimated) return all;
-  for (std::size_t arm = 0; arm < study.arms.size(); ++arm) {
-    Proof proof{.arm = study.arms[arm].name};
+  for (std::size_t arm = 0; arm < study.arms.size(); ++arm)
     for (std::size_t r = 0; r < study.responses.size(); ++r) {
       const std::size_t column = column_of(study, arm, r);
       const Eigen::VectorXd full = finished.column(*cut, column);
-      const Eigen::VectorXd linear = finished.column(*estimated, column).head(full.size());
-      double worst = 0.0;
-      proof.cases = 0;
-      for (Index i = 0; i < full.size(); ++i) {
-        if (!std::isfinite(full[i]) || !std::isfinite(linear[i])) continue;
-        ++proof.cases;
-        worst = std::max(worst, 100.0 * std::abs(linear[i] / full[i] - 1.0));
-      }
-      if (study.responses[r] == Response::Pv) proof.pv_percent = worst;
-      if (study.responses[r] == Response::Rms) proof.rms_percent = worst;
+      Proof proof;
+      proof.arm = study.arms[arm].name;
+      proof.response = study.responses[r];
+      all.push_back(
+          proof_of(full, finished.column(*estimated, column).head(full.size()), proof));
     }
-    all.push_back(proof);
-  }
   return all;
 }
 
@@ -205,20 +216,72 @@ void add_maps(const Study& study, const InfluenceMap& influence, ArmBudget& budg
                            part.sum() > 0.0 ? part[i] / part.sum() : 0.0});
 }
 
+double uncut_percent(const InfluenceMap& influence) {
+  double judged = 0.0, uncut = 0.0;
+  for (std::size_t v = 0; v < influence.status.size(); ++v) {
+    if (influence.status[v] == cutting::VertexStatus::Outside) continue;
+    judged += influence.design.area[Index(v)];
+    if (influence.status[v] == cutting::VertexStatus::Uncut)
+      uncut += influence.design.area[Index(v)];
+  }
+  return judged > 0.0 ? 100.0 * uncut / judged : 0.0;
+}
+
+/// Cases without an answer, by what was expected of them: what was seen differs from case to case.
+void add_faults(const std::vector<Row>& rows, Budget& budget) {
+  constexpr std::size_t most_told = 10;
+  std::map<std::string, std::pair<std::uint64_t, std::string>> faults;
+  for (const Row& row : rows) {
+    if (row.fault.empty()) continue;
+    auto& [count, example] = faults[row.fault.substr(0, row.fault.find(", seen "))];
+    if (count++ == 0) example = row.fault;
+    ++budget.failed;
+  }
+  std::size_t told = 0;
+  for (const auto& [kind, fault] : faults) {
+    if (told++ == most_told) {
+      budget.warnings.push_back(
+          fmt::format("{} more kinds of faults: cases.csv has them", faults.size() - most_told));
+      break;
+    }
+    budget.warnings.push_back(fmt::format("{} case{} without an answer: {}", fault.first,
+                                          fault.first == 1 ? "" : "s", fault.second));
+  }
+}
+
+/// Says where influence maps are not to be trusted.
+void add_warnings(Budget& budget) {
+  constexpr double most_flagged = 2.0, most_off = 5.0;  // percent
+  for (const ArmBudget& arm : budget.arms) {
+    if (arm.flagged_percent && *arm.flagged_percent > most_flagged)
+      budget.warnings.push_back(
+          fmt::format("influence maps of {} fail on {:.3g} % of the area: its figures are not to be "
+                      "trusted; take smaller spreads, or engine = \"full\"",
+                      arm.arm.name, *arm.flagged_percent));
+    if (arm.uncut_percent && *arm.uncut_percent > 0.0)
+      budget.warnings.push_back(
+          fmt::format("{:.3g} % of the judged area is not cut with every input at its centre, and "
+                      "left out ({})",
+                      *arm.uncut_percent, arm.arm.name));
+  }
+  for (const Proof& proof : budget.proofs) {
+    if (proof.percent && *proof.percent > most_off)
+      budget.warnings.push_back(fmt::format("{} of {} by influence maps is {:.3g} % off a full cut",
+                                            name_of(proof.response), proof.arm, *proof.percent));
+    if (proof.one_sided > 0)
+      budget.warnings.push_back(
+          fmt::format("{} of {}: {} proofs are answered by one engine alone",
+                      name_of(proof.response), proof.arm, proof.one_sided));
+  }
+}
+
 }  // namespace
 
 Budget budget_of(const Study& study, const Plan& plan, const std::vector<Row>& rows) {
   Budget budget;
   budget.study = study;
   budget.cases = rows.size();
-  std::map<std::string, std::uint64_t> faults;
-  for (const Row& row : rows)
-    if (!row.fault.empty()) ++faults[row.fault];
-  for (const auto& [fault, count] : faults) {
-    budget.failed += count;
-    if (budget.warnings.size() < 20)
-      budget.warnings.push_back(std::to_string(count) + " cases without an answer: " + fault);
-  }
+  add_faults(rows, budget);
   const Finished finished(plan, rows);
   for (std::size_t arm = 0; arm < study.arms.size(); ++arm) {
     ArmBudget one;
@@ -242,6 +305,7 @@ Budget budget_of(const ReadyStudy& ready, const std::vector<Row>& rows, const Pr
     if (progress) progress("budget", double(arm) / double(ready.arms.size()));
     add_maps(study, influence, one);
     if (study.influence.checks > 0) one.flagged_percent = influence.flagged_percent;
+    one.uncut_percent = uncut_percent(influence);
     if (study.worst_case)
       for (ResponseBudget& response : one.responses) {
         const Corner corner = worst_corner(study, ready.arms[arm], influence, response.response);
@@ -250,6 +314,7 @@ Budget budget_of(const ReadyStudy& ready, const std::vector<Row>& rows, const Pr
       }
     if (study.tolerance) one.allocation = allocation(study, ready.arms[arm], influence);
   }
+  add_warnings(budget);
   return budget;
 }
 

@@ -77,7 +77,7 @@ void write_pareto(Album& album, const Budget& budget, const ArmBudget& arm) {
     bar.text = percent(r.shares[i]);
     if (r.basis == Ranking::Basis::Map)
       bar.text +=
-          fmt::format("   RMS {} µm", render::fixed(arm.maps[std::size_t(i)].rms / units::um, 3));
+          fmt::format("   RMS {} µm", render::figure(arm.maps[std::size_t(i)].rms / units::um));
     bars.push_back(bar);
   }
   if (r.order.size() > most_bars) {
@@ -261,69 +261,83 @@ void write_distribution(Album& album, const Budget& budget, Response response) {
             [&](const auto& file) { render::write_distribution(file, series, options); });
 }
 
-/// Largest size of any correlation of an input.
-double strongest(const ArmBudget& arm, int input) {
-  double most = -1.0;
-  for (const ResponseBudget& r : arm.responses)
-    for (const Contribution& c : r.contributions)
-      if (c.input == input)
-        most =
-            std::max({most, std::abs(c.correlation.value_or(-1.0)) * (c.correlation ? 1.0 : -1.0),
-                      std::abs(c.rank_correlation.value_or(0.0))});
-  return most;
+/// What correlation chance alone may give: four standard errors.
+double chance(const ResponseBudget& r) {
+  return r.answers ? 4.0 / std::sqrt(double(r.answers->cases)) : 0.0;
+}
+
+/// Correlations with a response, linear and of ranks; NaN where chance may give as much.
+/// (inputs x 2)
+Eigen::MatrixXd beyond_chance(const ResponseBudget& r, std::size_t inputs) {
+  Eigen::MatrixXd all = Eigen::MatrixXd::Constant(Eigen::Index(inputs), 2, std::nan(""));
+  const auto told = [least = chance(r)](const std::optional<double>& value) {
+    return value && std::abs(*value) > least ? *value : std::nan("");
+  };
+  for (const Contribution& c : r.contributions)
+    all.row(c.input) << told(c.correlation), told(c.rank_correlation);
+  return all;
 }
 
 void write_correlation(Album& album, const Budget& budget, const ArmBudget& arm) {
-  std::vector<const ResponseBudget*> shown;
-  for (const ResponseBudget& r : arm.responses)
-    if (std::any_of(r.contributions.begin(), r.contributions.end(),
-                    [](const Contribution& c) { return c.correlation || c.rank_correlation; }))
-      shown.push_back(&r);
-  if (shown.empty()) return;
-  std::vector<int> order;
-  for (int i = 0; i < int(budget.study.inputs.size()); ++i) order.push_back(i);
-  std::stable_sort(order.begin(), order.end(),
-                   [&](int a, int b) { return strongest(arm, a) > strongest(arm, b); });
-  const std::size_t rows = std::min(order.size(), most_bars);
+  const std::size_t inputs = budget.study.inputs.size();
+  Eigen::MatrixXd all(Eigen::Index(inputs), 0);
   render::HeatMap map;
-  map.values.setConstant(Eigen::Index(rows), 2 * Eigen::Index(shown.size()), std::nan(""));
-  for (std::size_t k = 0; k < rows; ++k) {
-    map.rows.push_back(name_of_input(budget, order[k]));
-    for (std::size_t j = 0; j < shown.size(); ++j)
-      for (const Contribution& c : shown[j]->contributions)
-        if (c.input == order[k]) {
-          map.values(Eigen::Index(k), 2 * Eigen::Index(j)) = c.correlation.value_or(std::nan(""));
-          map.values(Eigen::Index(k), 2 * Eigen::Index(j) + 1) =
-              c.rank_correlation.value_or(std::nan(""));
-        }
-  }
-  for (const ResponseBudget* r : shown)
+  double least = 0.0;
+  for (const ResponseBudget& r : arm.responses) {
+    if (std::none_of(r.contributions.begin(), r.contributions.end(),
+                     [](const Contribution& c) { return c.correlation || c.rank_correlation; }))
+      continue;
+    all.conservativeResize(Eigen::NoChange, all.cols() + 2);
+    all.rightCols(2) = beyond_chance(r, inputs);
     for (const char* kind : {"linear", "rank"})
-      map.columns.push_back(title_of(r->response) + ", " + kind);
+      map.columns.push_back(title_of(r.response) + ", " + kind);
+    least = std::max(least, chance(r));
+  }
+  std::vector<int> order;
+  Eigen::VectorXd strongest = Eigen::VectorXd::Zero(all.rows());
+  for (int i = 0; i < int(inputs); ++i) {
+    for (const double value : all.row(i))
+      if (std::abs(value) > strongest[i]) strongest[i] = std::abs(value);
+    if (strongest[i] > 0.0) order.push_back(i);
+  }
+  if (order.empty()) return;
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int a, int b) { return strongest[a] > strongest[b]; });
+  const std::size_t beyond = order.size();
+  order.resize(std::min(beyond, most_bars));
+  for (const int i : order) map.rows.push_back(name_of_input(budget, i));
+  map.values = all(order, Eigen::all);
   render::HeatMapOptions options;
-  options.title = name_of_arm(arm) + ": correlation of inputs and answers";
+  options.title = short_line(arm.arm.name, most_title_letters) + ": correlations";
   options.value_label = "correlation";
   options.range = 1.0;
   options.decimals = 2;
-  if (order.size() > rows)
-    options.caption.push_back(fmt::format("the {} strongest of {} inputs", rows, order.size()));
+  options.caption = {
+      "of the inputs with the answers of random machines",
+      fmt::format("–  no larger than {}, four standard errors: chance may give as much",
+                  render::fixed(least, 3)),
+      fmt::format("{} of {} inputs have a larger one", beyond, inputs)};
+  if (beyond > order.size())
+    options.caption.back() += fmt::format(", the {} strongest are shown", order.size());
   album.add({"correlation", arm.arm.name},
             [&](const auto& file) { render::write_heat_map(file, map, options); });
+}
+
+/// "EXX, factor", "thermal.link.3 / W_per_K"
+std::string axis_text(const Input& input) {
+  const std::string name = short_line(input.name, most_letters);
+  if (!input.unit.empty()) return name + " / " + shown_unit(input.unit);
+  return input.element.empty() ? name : name + ", factor";
 }
 
 void write_sweep(Album& album, const Budget& budget, const Sweeping& sweeping) {
   const Study& study = budget.study;
   const Sweep& sweep = study.sweeps[std::size_t(sweeping.sweep)];
   const Input& input = study.inputs[std::size_t(sweep.input)];
-  const std::string unit = shown_unit(input.unit);
   std::vector<render::Panel> panels;
   for (std::size_t r = 0; r < study.responses.size(); ++r) {
-    render::Panel panel{title_of(study.responses[r]),
-                        unit.empty() ? "value" : "value / " + unit,
-                        axis_text(study.responses[r]),
-                        {},
-                        {},
-                        {}};
+    render::Panel panel{
+        title_of(study.responses[r]), axis_text(input), axis_text(study.responses[r]), {}, {}, {}};
     for (std::size_t a = 0; a < sweeping.answers.size(); ++a) {
       render::Series s;
       s.name = short_line(study.arms[a].name, most_letters);

@@ -56,58 +56,63 @@ double edge_at(const cutting::Nose& nose, double psi) {
   return radius;
 }
 
-bool same_shape(const cutting::Cutter& a, const cutting::Cutter& b) {
-  return a.radius == b.radius && a.corner_radius == b.corner_radius &&
-         a.flank_length == b.flank_length;
+/// One column that does nothing.
+Columns nothing(const BaseRun& run) {
+  const Eigen::MatrixXd zero = Eigen::MatrixXd::Zero(1, Index(run.rivals.size()));
+  return {zero, zero};
 }
 
-void add_cutter(const BaseRun& run, Index input, const std::array<cutting::Cutter, 2>& cutters,
-                double per_unit, InfluenceMap& map) {
-  if (same_shape(cutters[0], cutters[1])) return;
+Columns of_cutter(const BaseRun& run, const cutting::Cutter& from, const cutting::Cutter& to,
+                  double per_unit) {
+  Columns columns = nothing(run);
+  if (same_shape(from, to)) return columns;
   const cutting::CutterMotion motion = cutter_motion(run.T_wt, run.ready.told.samples);
   tbb::parallel_for(std::size_t(0), run.rivals.size(), [&](std::size_t r) {
-    const double larger = left_by(run, motion, run.rivals[r], cutters[1]);
-    const double smaller = left_by(run, motion, run.rivals[r], cutters[0]);
-    map.slope(input, Index(r)) += (larger - smaller) * per_unit;
+    const double larger = left_by(run, motion, run.rivals[r], to);
+    const double smaller = left_by(run, motion, run.rivals[r], from);
+    columns.slope(0, Index(r)) = (larger - smaller) * per_unit;
   });
+  return columns;
+}
+
+/// One column of what moves the contacts of rivals: `moved(rival, ends of its move)`, mm per unit.
+template <typename Moved>
+Columns of_contacts(const BaseRun& run, const Moved& moved) {
+  Columns columns = nothing(run);
+  tbb::parallel_for(std::size_t(0), run.rivals.size(), [&](std::size_t r) {
+    const Rival& rival = run.rivals[r];
+    const Vector3d d = moved(rival, ends_of(run, rival));
+    columns.slope(0, Index(r)) = rival.gradient.dot(d);
+    columns.shift(0, Index(r)) = rival.across.dot(d);
+  });
+  return columns;
 }
 
 /// An edge that stands out farther moves the contact away from the centre.
-void add_nose(const BaseRun& run, Index input, const std::array<cutting::Nose, 2>& noses,
-              double per_unit, InfluenceMap& map) {
-  tbb::parallel_for(std::size_t(0), run.rivals.size(), [&](std::size_t r) {
-    const Rival& rival = run.rivals[r];
-    const std::array<End, 2> ends = ends_of(run, rival);
+Columns of_nose(const BaseRun& run, const cutting::Nose& from, const cutting::Nose& to,
+                double per_unit) {
+  return of_contacts(run, [&](const Rival& rival, const std::array<End, 2>& ends) -> Vector3d {
     const Pose T_wt =
         tool_at(run, rival, {{run.T_wt[ends[0].sample], run.T_wt[ends[1].sample]}, run.spindle});
     const Vector3d contact_t = T_wt.inverse() * rival.contact;
     const double psi = std::atan2(contact_t.z(), contact_t.x());
-    const double out = (edge_at(noses[1], psi) - edge_at(noses[0], psi)) * per_unit;
-    const Vector3d d = out * (rival.contact - T_wt.translation()).normalized();
-    map.slope(input, Index(r)) += rival.gradient.dot(d);
-    map.shift(input, Index(r)) += rival.across.dot(d);
+    const double out = (edge_at(to, psi) - edge_at(from, psi)) * per_unit;
+    return out * (rival.contact - T_wt.translation()).normalized();
   });
 }
 
 /// What the shape of the tool does.
-void add_shape(const BaseRun& run, Index input, const std::array<Scene, 2>& scenes, double per_unit,
-               InfluenceMap& map) {
-  const auto &a = scenes[0].tool.actual, &b = scenes[1].tool.actual;
-  if (std::holds_alternative<cutting::Cutter>(a))
-    add_cutter(run, input, {std::get<cutting::Cutter>(a), std::get<cutting::Cutter>(b)}, per_unit,
-               map);
-  else
-    add_nose(run, input, {std::get<cutting::Nose>(a), std::get<cutting::Nose>(b)}, per_unit, map);
+Columns of_shape(const BaseRun& run, const ToolDescription& from, const ToolDescription& to,
+                 double per_unit) {
+  if (const auto* cutter = std::get_if<cutting::Cutter>(&from.actual))
+    return of_cutter(run, *cutter, std::get<cutting::Cutter>(to.actual), per_unit);
+  return of_nose(run, std::get<cutting::Nose>(from.actual), std::get<cutting::Nose>(to.actual),
+                 per_unit);
 }
 
-}  // namespace
-
-void add_difference(const BaseRun& run, Index input, const std::array<Scene, 2>& scenes,
-                    InfluenceMap& map) {
-  const std::array<double, 2> at = around(run.study, input);
-  const double per_unit = 1.0 / (at[1] - at[0]);
-  const std::vector<std::size_t> needed = samples_of_rivals(run);
-  const std::array sides{machined(run, scenes[0], needed), machined(run, scenes[1], needed)};
+/// What the two machines' poses do.
+Columns of_poses(const BaseRun& run, const std::array<Machined, 2>& sides,
+                 const std::vector<std::size_t>& needed, double per_unit) {
   const auto tool = [&](const Machined& side, const std::array<End, 2>& ends) {
     Tool one{{}, side.spindle};
     for (std::size_t e = 0; e < 2; ++e)
@@ -115,15 +120,28 @@ void add_difference(const BaseRun& run, Index input, const std::array<Scene, 2>&
           std::lower_bound(needed.begin(), needed.end(), ends[e].sample) - needed.begin())];
     return one;
   };
-  tbb::parallel_for(std::size_t(0), run.rivals.size(), [&](std::size_t r) {
-    const Rival& rival = run.rivals[r];
-    const std::array<End, 2> ends = ends_of(run, rival);
-    const Vector3d d =
-        per_unit * displacement(run, rival, tool(sides[0], ends), tool(sides[1], ends));
-    map.slope(input, Index(r)) = rival.gradient.dot(d);
-    map.shift(input, Index(r)) = rival.across.dot(d);
+  return of_contacts(run, [&](const Rival& rival, const std::array<End, 2>& ends) -> Vector3d {
+    return per_unit * displacement(run, rival, tool(sides[0], ends), tool(sides[1], ends));
   });
-  add_shape(run, input, scenes, per_unit, map);
+}
+
+}  // namespace
+
+bool same_shape(const cutting::Cutter& a, const cutting::Cutter& b) {
+  return a.radius == b.radius && a.corner_radius == b.corner_radius &&
+         a.flank_length == b.flank_length;
+}
+
+Columns difference_columns(const BaseRun& run, Index input, const std::array<Scene, 2>& scenes) {
+  const std::array<double, 2> at = around(run.study, input);
+  const double per_unit = 1.0 / (at[1] - at[0]);
+  const std::vector<std::size_t> needed = samples_of_rivals(run);
+  Columns columns = of_poses(
+      run, {machined(run, scenes[0], needed), machined(run, scenes[1], needed)}, needed, per_unit);
+  const Columns shape = of_shape(run, scenes[0].tool, scenes[1].tool, per_unit);
+  columns.slope += shape.slope;
+  columns.shift += shape.shift;
+  return columns;
 }
 
 }  // namespace abbe::sim::study

@@ -1,5 +1,6 @@
 #include "sim/study/engine.h"
 
+#include <algorithm>
 #include <limits>
 #include <memory>
 #include <mutex>
@@ -51,6 +52,15 @@ void put(const ReadyStudy& ready, std::size_t arm, const Eigen::VectorXd& values
     row.answers[column_of(ready.study, arm, i)] = values[Eigen::Index(i)];
 }
 
+bool nothing_cut(const cutting::Surface& surface) {
+  return std::find(surface.status.begin(), surface.status.end(), cutting::VertexStatus::Cut) ==
+         surface.status.end();
+}
+
+void note(Row& row, const ReadyStudy& ready, std::size_t arm, const std::string& fault) {
+  row.fault += (row.fault.empty() ? "" : "; ") + ready.arms[arm].arm.name + ": " + fault;
+}
+
 /// Every case of the batch cut.
 std::vector<Row> cut(const ReadyStudy& ready, SpareJobs& spare, const Batch& batch) {
   std::vector<Row> rows = empty_rows(ready, batch);
@@ -62,11 +72,12 @@ std::vector<Row> cut(const ReadyStudy& ready, SpareJobs& spare, const Batch& bat
         Tried tried = cut_at(ready.study, ready.arms[arm], spare.take(ready.arms[arm], arm),
                              x.col(Eigen::Index(i)));
         put(ready, arm, tried.responses, rows[i]);
+        if (nothing_cut(tried.surface)) note(rows[i], ready, arm, "nothing of the part was cut");
         spare.give_back(arm, std::move(tried.job));
       } catch (const BadScene& bad) {
-        rows[i].fault = ready.arms[arm].arm.name + ": " + bad.what();
+        note(rows[i], ready, arm, bad.what());
       } catch (const BadInput& bad) {
-        rows[i].fault = ready.arms[arm].arm.name + ": " + bad.what();
+        note(rows[i], ready, arm, bad.what());
       }
     }
   return rows;

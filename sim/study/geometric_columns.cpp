@@ -42,9 +42,7 @@ bool same_tools(const ToolDescription& a, const ToolDescription& b) {
   if (a.actual_length != b.actual_length) return false;
   const auto* x = std::get_if<cutting::Cutter>(&a.actual);
   const auto* y = std::get_if<cutting::Cutter>(&b.actual);
-  return !x || !y ||
-         (x->radius == y->radius && x->corner_radius == y->corner_radius &&
-          x->flank_length == y->flank_length);
+  return !x || !y || same_shape(*x, *y);
 }
 
 Twist twist_of(const GeometricInput& input, const kinematics::AxisState& state,
@@ -83,9 +81,10 @@ std::optional<GeometricInput> geometric_input(const BaseRun& run, Index input,
                         1.0 / (at[1] - at[0])};
 }
 
-void add_geometric(const BaseRun& run, const std::vector<GeometricInput>& inputs,
-                   InfluenceMap& map) {
-  if (inputs.empty()) return;
+Columns geometric_columns(const BaseRun& run, const std::vector<GeometricInput>& inputs) {
+  const Index count = Index(inputs.size()), rivals = Index(run.rivals.size());
+  Columns columns{Eigen::MatrixXd(count, rivals), Eigen::MatrixXd(count, rivals)};
+  if (inputs.empty()) return columns;
   const kinematics::Chain& chain = run.ready.job.machine.actual;
   tbb::parallel_for(std::size_t(0), run.rivals.size(), [&](std::size_t r) {
     const cutting::Rival& rival = run.rivals[r];
@@ -100,10 +99,11 @@ void add_geometric(const BaseRun& run, const std::vector<GeometricInput>& inputs
     }
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       const Eigen::Vector3d d = displacement(run, rival, twists[i]);
-      map.slope(inputs[i].input, Index(r)) = rival.gradient.dot(d);
-      map.shift(inputs[i].input, Index(r)) = rival.across.dot(d);
+      columns.slope(Index(i), Index(r)) = rival.gradient.dot(d);
+      columns.shift(Index(i), Index(r)) = rival.across.dot(d);
     }
   });
+  return columns;
 }
 
 }  // namespace abbe::sim::study

@@ -54,10 +54,6 @@ void for_every_vertex(const InfluenceMap& influence, const LotMatrix& offset, co
   }
 }
 
-bool is_summed(Response response) {
-  return response != Response::P95Abs && response != Response::InTolerance;
-}
-
 /// What sums over the vertices tell of a lot.
 struct Sums {
   Lot low = Lot::Constant(std::numeric_limits<double>::infinity());
@@ -120,11 +116,15 @@ Eigen::MatrixXd maps(const InfluenceMap& influence, const Eigen::MatrixXd& x) {
   return all;
 }
 
+bool is_counted(Response response) {
+  return response == Response::P95Abs || response == Response::InTolerance;
+}
+
 Eigen::MatrixXd responses(const Study& study, const ReadyArm& ready, const InfluenceMap& influence,
                           const Eigen::MatrixXd& x) {
   Eigen::MatrixXd values(Index(study.responses.size()), x.cols());
   const bool summed = ready.job.scene.alignment == Alignment::None &&
-                      std::all_of(study.responses.begin(), study.responses.end(), is_summed);
+                      std::none_of(study.responses.begin(), study.responses.end(), is_counted);
   if (!summed) {
     const Eigen::MatrixXd all = maps(influence, x);
     for (Index i = 0; i < x.cols(); ++i)
@@ -149,8 +149,7 @@ Eigen::MatrixXd effects(const InfluenceMap& influence) {
   const Index n = Index(influence.first.size()) - 1;
   Eigen::MatrixXd all = Eigen::MatrixXd::Constant(influence.slope.rows(), n, none);
   for (Index v = 0; v < n; ++v)
-    if (influence.first[std::size_t(v)] < influence.first[std::size_t(v) + 1])
-      all.col(v) = influence.slope.col(influence.first[std::size_t(v)]);
+    if (is_cut(influence, v)) all.col(v) = influence.slope.col(influence.first[std::size_t(v)]);
   return all;
 }
 

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include <fmt/format.h>
 
+#include "cutting/residual.h"
 #include "kinematics/units.h"
 #include "sim/output.h"
 #include "sim/study/picture_names.h"
@@ -28,17 +30,22 @@ using std::filesystem::path;
 
 constexpr std::size_t most_on_a_sheet = render::most_sheet_maps;
 
-std::string figures(const cutting::Design& design, const Eigen::VectorXd& map_um) {
-  double square = 0.0, area = 0.0, low = INFINITY, high = -INFINITY;
-  for (Index v = 0; v < map_um.size(); ++v) {
-    if (!std::isfinite(map_um[v])) continue;
-    square += design.area[v] * map_um[v] * map_um[v];
-    area += design.area[v];
-    low = std::min(low, map_um[v]);
-    high = std::max(high, map_um[v]);
-  }
-  if (!(area > 0.0)) return "nothing is cut";
-  return fmt::format("RMS {:.3g} µm   PV {:.3g} µm", std::sqrt(square / area), high - low);
+cutting::Statistics statistics(const cutting::Design& design, const Eigen::VectorXd& map_um) {
+  const Index n = map_um.size();
+  cutting::Surface surface{map_um, Eigen::VectorXd::Zero(n), std::vector<int>(std::size_t(n)), {}};
+  for (const double value : map_um)
+    surface.status.push_back(std::isfinite(value) ? cutting::VertexStatus::Cut
+                                                  : cutting::VertexStatus::Uncut);
+  return cutting::statistics(surface, design);
+}
+
+std::string figures(const char* name, std::optional<double> rms, std::optional<double> other) {
+  return rms && other ? fmt::format("RMS {:.3g} µm   {} {:.3g} µm", *rms, name, *other)
+                      : "nothing is cut";
+}
+
+std::string title_of(const ReadyStudy& ready, std::size_t arm, const char* what) {
+  return fmt::format("{}, {}: {}", ready.study.title, ready.study.arms[arm].name, what);
 }
 
 /// The map of one standard deviation of an input.
@@ -46,9 +53,12 @@ render::SheetMap effect_map(const ReadyStudy& ready, const InfluenceMap& influen
                             const Eigen::MatrixXd& all, const Eigen::VectorXd& sd) {
   const Input& one = ready.study.inputs[std::size_t(input)];
   render::SheetMap map;
-  map.title = one.unit.empty() ? one.name : fmt::format("{}, {:.3g} {}", one.name, sd[input], shown_unit(one.unit));
+  map.title = one.unit.empty()
+                  ? one.name
+                  : fmt::format("{}, {:.3g} {}", one.name, sd[input], shown_unit(one.unit));
   map.values_um = all.row(input).transpose() * (sd[input] / units::um);
-  map.figures = figures(influence.design, map.values_um);
+  const cutting::Statistics told = statistics(influence.design, map.values_um);
+  map.figures = figures("PV", told.rms, told.pv);
   return map;
 }
 
@@ -70,12 +80,9 @@ void write_sheets(const path& folder, const ReadyStudy& ready, std::size_t arm) 
   for (Index i = 0; i < all.rows() && maps.size() < most_on_a_sheet; ++i)
     maps.push_back(effect_map(ready, influence, i, all, sd));
   render::SheetOptions options = sheet_options(
-      ready, arm,
-      fmt::format("{}, {}: what one standard deviation of each input does", study.title,
-                  study.arms[arm].name));
+      ready, arm, title_of(ready, arm, "what one standard deviation of each input does"));
   if (std::size_t(all.rows()) > maps.size())
-    options.caption.push_back(
-        fmt::format("the first {} of {} inputs", maps.size(), all.rows()));
+    options.caption.push_back(fmt::format("the first {} of {} inputs", maps.size(), all.rows()));
   PictureNames names;
   const std::string sheet = names.unused({"influence", "sheet"}) + ".png";
   if (study.influence.sheet)
@@ -85,12 +92,12 @@ void write_sheets(const path& folder, const ReadyStudy& ready, std::size_t arm) 
   for (const std::string& name : study.influence.pictures)
     for (Index i = 0; i < all.rows(); ++i) {
       if (study.inputs[std::size_t(i)].name != name) continue;
-      render::SheetOptions single = sheet_options(ready, arm, study.title);
+      render::SheetOptions single = sheet_options(
+          ready, arm, title_of(ready, arm, "what one standard deviation of an input does"));
       single.width = 1600;
-      single.caption = {"one standard deviation of the input"};
       write_file(folder / (names.unused({"influence", name}) + ".png"), [&](const path& file) {
-        render::write_sheet(file, influence.design,
-                            {effect_map(ready, influence, i, all, sd)}, single);
+        render::write_sheet(file, influence.design, {effect_map(ready, influence, i, all, sd)},
+                            single);
       });
     }
 }
@@ -103,8 +110,9 @@ void write_influence_data(const path& folder, const ReadyStudy& ready, std::size
   Eigen::VectorXd rivals(n);
   for (Index v = 0; v < n; ++v)
     rivals[v] = double(influence.first[std::size_t(v) + 1] - influence.first[std::size_t(v)]);
-  std::vector<Eigen::VectorXd> arrays{
-      maps(influence, influence.centre).col(0) / units::um, influence.doubt / units::um, rivals};
+  const Eigen::VectorXd base = maps(influence, influence.centre).col(0) - influence.error_free;
+  const Eigen::VectorXd doubt = influence.doubt.array().isFinite().select(influence.doubt, NAN);
+  std::vector<Eigen::VectorXd> arrays{base / units::um, doubt / units::um, rivals};
   for (Index i = 0; i < all.rows(); ++i) {
     const Input& one = ready.study.inputs[std::size_t(i)];
     names.push_back(one.name + (one.unit.empty() ? " um" : " um_per_" + one.unit));
@@ -126,17 +134,19 @@ void write_uncertainty(const path& folder, const ReadyStudy& ready, std::size_t 
                              {sd, uncertainty.low / units::um, uncertainty.high / units::um,
                               uncertainty.drawn / units::um});
   });
-  render::SheetOptions options = sheet_options(
-      ready, arm, fmt::format("{}, {}: how far the map is unknown", ready.study.title,
-                              ready.study.arms[arm].name));
+  const auto shown = [&](std::string title, const Eigen::VectorXd& values) {
+    const cutting::Statistics told = statistics(influence.design, values);
+    return render::SheetMap{std::move(title), figures("largest", told.rms, told.max), values, {}};
+  };
+  render::SheetOptions options =
+      sheet_options(ready, arm, title_of(ready, arm, "how far the map is unknown"));
+  options.values = "how far the surface is unknown along the design normal";
   options.columns = 2;
   write_file(folder / "uncertainty.png", [&](const path& file) {
     render::write_sheet(
         file, influence.design,
-        {{"standard deviation", figures(influence.design, sd), sd},
-         {fmt::format("width of the {:.3g} % band",
-                      100.0 * ready.study.uncertainty->confidence),
-          figures(influence.design, width), width}},
+        {shown("standard deviation", sd),
+         shown(fmt::format("width of the {:.3g} % band", 100.0 * uncertainty.confidence), width)},
         options);
   });
 }
@@ -145,14 +155,17 @@ void write_uncertainty(const path& folder, const ReadyStudy& ready, std::size_t 
 
 }  // namespace
 
-ordered_json write_influence(const path& folder, const ReadyStudy& ready, std::size_t arm) {
+ordered_json write_influence([[maybe_unused]] const path& folder, const ReadyStudy& ready,
+                             std::size_t arm) {
   const InfluenceMap& influence = ready.influences[arm];
   ordered_json json{{"influence",
                      {{"vertices", influence.design.vertices.rows()},
                       {"rivals", influence.distance.size()},
                       {"checks", ready.study.influence.checks},
                       {"flag_um", ready.study.influence.flag / units::um},
-                      {"flagged_percent", influence.flagged_percent}}}};
+                      {"flagged_percent", ready.study.influence.checks > 0
+                                              ? ordered_json(influence.flagged_percent)
+                                              : ordered_json()}}}};
 #if ABBE_RENDER
   write_influence_data(folder, ready, arm);
   write_sheets(folder, ready, arm);

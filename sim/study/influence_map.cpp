@@ -2,6 +2,7 @@
 #include <cmath>
 #include <exception>
 #include <limits>
+#include <utility>
 
 #include "sim/study/influence_columns.h"
 #include "sim/study/plan.h"
@@ -15,10 +16,13 @@ using Eigen::Index;
 constexpr std::uint64_t check_stream = 0x2545f4914f6cdd1dULL;
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-void add_inputs(const BaseRun& run, const Progress& progress, InfluenceMap& map) {
-  const Index p = Index(run.study.inputs.size());
-  map.slope.setZero(p, Index(run.rivals.size()));
-  map.shift.setZero(p, Index(run.rivals.size()));
+Columns columns_of_inputs(const BaseRun& run, const Progress& progress) {
+  const Index p = Index(run.study.inputs.size()), m = Index(run.rivals.size());
+  Columns all{Eigen::MatrixXd(p, m), Eigen::MatrixXd(p, m)};
+  const auto put = [&](Index input, const Columns& some, Index row) {
+    all.slope.row(input) = some.slope.row(row);
+    all.shift.row(input) = some.shift.row(row);
+  };
   std::vector<GeometricInput> geometric;
   for (Index i = 0; i < p; ++i) {
     if (progress) progress("inputs", double(i) / double(p));
@@ -31,9 +35,11 @@ void add_inputs(const BaseRun& run, const Progress& progress, InfluenceMap& map)
     if (auto one = geometric_input(run, i, scenes))
       geometric.push_back(std::move(*one));
     else
-      add_difference(run, i, scenes, map);
+      put(i, difference_columns(run, i, scenes), 0);
   }
-  add_geometric(run, geometric, map);
+  const Columns by_jacobian = geometric_columns(run, geometric);
+  for (std::size_t k = 0; k < geometric.size(); ++k) put(geometric[k].input, by_jacobian, Index(k));
+  return all;
 }
 
 /// Machines that are cut to see where the maps fail, those left out that cannot cut the program.
@@ -70,7 +76,7 @@ class Checks {
 double off(const InfluenceMap& map, const cutting::Surface& surface, Index v, double estimated) {
   const bool wanted = std::isfinite(map.error_free[v]);
   const bool cut = wanted && surface.status[std::size_t(v)] == cutting::VertexStatus::Cut;
-  const bool told = map.status[std::size_t(v)] == cutting::VertexStatus::Cut;
+  const bool told = std::isfinite(estimated);
   if (cut && told) return std::abs(estimated - surface.residual[v]);
   return cut == told ? 0.0 : infinity;
 }
@@ -85,11 +91,12 @@ double flagged_percent(const InfluenceMap& map, double flag) {
   return area > 0.0 ? 100.0 * flagged / area : 0.0;
 }
 
-void add_doubt(const BaseRun& run, const Progress& progress, InfluenceMap& map) {
+/// (n) mm
+Eigen::VectorXd doubt_of(const BaseRun& run, const InfluenceMap& map, const Progress& progress) {
   const Study& study = run.study;
-  map.doubt = Eigen::VectorXd::Zero(map.design.vertices.rows());
+  Eigen::VectorXd doubt = Eigen::VectorXd::Zero(map.design.vertices.rows());
   const int count = study.influence.checks;
-  if (count == 0) return;
+  if (count == 0) return doubt;
   const Sequence random{Sampling::Random, int(study.inputs.size()), study.seed ^ check_stream};
   const Eigen::MatrixXd x = drawn(study, points(random, 0, count));
   const Eigen::MatrixXd estimated = maps(map, x);
@@ -98,15 +105,25 @@ void add_doubt(const BaseRun& run, const Progress& progress, InfluenceMap& map) 
     if (progress) progress("checks", double(i) / count);
     const std::optional<cutting::Surface> surface = checks.cut(x.col(i));
     if (!surface) continue;
-    for (Index v = 0; v < map.doubt.size(); ++v)
-      map.doubt[v] = std::max(map.doubt[v], off(map, *surface, v, estimated(v, i)));
+    for (Index v = 0; v < doubt.size(); ++v)
+      doubt[v] = std::max(doubt[v], off(map, *surface, v, estimated(v, i)));
   }
   checks.want_one();
-  map.flagged_percent = flagged_percent(map, study.influence.flag);
+  return doubt;
 }
 
-/// The rivals of every vertex, in order; none where the error-free map has no surface to compare.
-InfluenceMap framed(const BaseRun& run, std::vector<Rival>& rivals) {
+/// Without rivals where the study compares with an error-free map that has no surface there.
+BaseRun comparable(BaseRun run) {
+  if (run.study.machine_part)
+    std::erase_if(run.rivals, [&](const Rival& rival) {
+      return !std::isfinite(run.ready.error_free.residual[rival.vertex]);
+    });
+  return run;
+}
+
+/// The rivals of every vertex, in order, before what inputs do to them.
+InfluenceMap framed(const BaseRun& run) {
+  const std::vector<Rival>& rivals = run.rivals;
   const Job& job = run.ready.job;
   const Index n = job.design_w.vertices.rows();
   InfluenceMap map;
@@ -118,11 +135,7 @@ InfluenceMap framed(const BaseRun& run, std::vector<Rival>& rivals) {
   for (Index v = 0; v < n; ++v)
     if (!judged.empty() && !judged[std::size_t(v)])
       map.status[std::size_t(v)] = cutting::VertexStatus::Outside;
-  if (run.study.machine_part) {
-    map.error_free = run.ready.error_free.residual;
-    std::erase_if(rivals,
-                  [&](const Rival& rival) { return !std::isfinite(map.error_free[rival.vertex]); });
-  }
+  if (run.study.machine_part) map.error_free = run.ready.error_free.residual;
   map.distance.resize(Index(rivals.size()));
   map.half_curvature.resize(Index(rivals.size()));
   map.first.assign(std::size_t(n) + 1, 0);
@@ -139,10 +152,17 @@ InfluenceMap framed(const BaseRun& run, std::vector<Rival>& rivals) {
 }  // namespace
 
 InfluenceMap influence_map(const Study& study, const ReadyArm& ready, const Progress& progress) {
-  BaseRun run = base_run(study, ready, progress);
-  InfluenceMap map = framed(run, run.rivals);
-  add_inputs(run, progress, map);
-  add_doubt(run, progress, map);
+  const BaseRun run = comparable(base_run(study, ready, progress));
+  if (run.rivals.empty())
+    throw BadInput(study.scene.string(), 0, 0,
+                   "a program that cuts the part within the band, every input at its centre",
+                   "nothing cut (" + ready.arm.name + ")");
+  InfluenceMap map = framed(run);
+  Columns columns = columns_of_inputs(run, progress);
+  map.slope = std::move(columns.slope);
+  map.shift = std::move(columns.shift);
+  map.doubt = doubt_of(run, map, progress);
+  map.flagged_percent = flagged_percent(map, study.influence.flag);
   return map;
 }
 

@@ -290,6 +290,14 @@ void begin(const Database& database, const std::string& identity) {
   });
 }
 
+void rename(const Database& database, const std::string& identity) {
+  in_one_transaction(database, [&] {
+    const Statement study = database.prepared("UPDATE study SET identity = ?");
+    bind_bytes(study, 1, identity, true);
+    database.step(study);
+  });
+}
+
 void check_identity(const std::filesystem::path& file, const std::string& seen,
                     const std::string& expected) {
   if (seen == expected) return;
@@ -306,11 +314,15 @@ Database opened_to_write(const std::filesystem::path& file, const std::string& i
   if (!missing && size > 0 && size < 512) throw no_journal(file, "something else");
   Database database = opened(file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
   const bool blank = is_blank(database);
-  if (!blank) check_identity(file, identity_of(database), identity);
+  const bool others = !blank && identity_of(database) != identity;
+  // a study that failed before its first case leaves nothing that another one could mix up
+  const bool empty = !blank && database.number("SELECT count(*) FROM cases") == 0;
+  if (others && !empty) check_identity(file, identity_of(database), identity);
   // write-ahead: what was committed needs no repair, and readers need not wait
   database.run("PRAGMA journal_mode = WAL");
   database.run("PRAGMA synchronous = FULL");
   if (blank) begin(database, identity);
+  if (others) rename(database, identity);
   check_pages(database);
   each_row(database, [](const Row&) {});
   return database;

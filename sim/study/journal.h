@@ -24,7 +24,8 @@ struct Row {
 class Journal {
  public:
   /// Opens the journal, or begins it.
-  /// @param identity  of study, scene and program: a journal of another one is refused
+  /// @param identity  of study, scene and program: a journal of another one is refused, unless it
+  ///                  has no case yet
   /// @throws BadInput if the file is a journal of another study, damaged (every row has a check
   ///         sum) or no journal; it is left as it was,
   ///         OutputFailure if it cannot be written, or another process works on it

@@ -52,6 +52,10 @@ Ranking change_ranking(const ResponseBudget& response, std::size_t inputs) {
 }
 
 Ranking ranking(const ResponseBudget& response, std::size_t inputs) {
+  constexpr double numerical_floor = 1e-6;  // mm: what varies less is nobody's
+  if (response.response != Response::InTolerance && response.answers &&
+      response.answers->standard_deviation.value < numerical_floor)
+    return {};
   const Ranking total = by(Ranking::Basis::Total, response, inputs, [](const Contribution& c) {
     return c.sobol ? std::optional(c.sobol->total.value) : std::nullopt;
   });

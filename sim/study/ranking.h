@@ -25,7 +25,8 @@ struct Ranking {
 };
 
 /// By total Sobol indices; where there are none by changes, then by correlations beyond chance (four
-/// standard errors); of no basis where none is.
+/// standard errors); of no basis where none is, or
+/// where the response varies by less than the floor of 1 nm.
 Ranking ranking(const ResponseBudget& response, std::size_t inputs);
 /// By the larger change alone: of a tornado.
 Ranking change_ranking(const ResponseBudget& response, std::size_t inputs);

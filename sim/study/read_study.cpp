@@ -25,6 +25,7 @@ constexpr std::int64_t most_cases = 10'000'000;  // their answers are kept in me
 constexpr std::size_t most_inputs = 2000;
 constexpr std::size_t most_sweeps = 1000;
 
+constexpr double most_spread = 1e12;  // of anything in any unit: beyond, sums lose their digits
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// The scenes of the arms, in their order, to check what inputs name.
@@ -44,9 +45,12 @@ Distribution read_distribution(TableReader& reader, double centre, double spread
                                 {"log_normal", Kind::LogNormal}},
                                Kind::Normal);
   d.centre = reader.number("centre", any_number, centre);
-  d.spread = reader.number("spread", positive, spread);
+  d.spread = reader.number("spread", {0.0, most_spread, true, false}, spread);
   d.low = reader.number("low", any_number, -infinity);
   d.high = reader.number("high", any_number, infinity);
+  if (d.centre < d.low || d.centre > d.high)
+    reader.refuse("centre", "a centre within low and high, as the base machine stands there",
+                  fmt::format("{}", d.centre));
   if (const char* fault = fault_of(d)) reader.refuse("spread", fault, shown(d));
   return d;
 }
@@ -67,6 +71,8 @@ std::uint64_t hash_of(std::string_view text, std::uint64_t hash = 0xcbf29ce48422
   return hash;
 }
 
+std::uint64_t hash_of_file(const std::filesystem::path& file, std::uint64_t hash);
+
 /// Of every data file that a tree names: another mesh under the old name is another study.
 std::uint64_t hash_of_files(const Node& node, std::uint64_t hash) {
   if (const Node::Array* array = node.array())
@@ -76,11 +82,19 @@ std::uint64_t hash_of_files(const Node& node, std::uint64_t hash) {
       const std::string* name = entry.node.text();
       std::error_code failure;
       if (entry.key == "file" && name && std::filesystem::is_regular_file(*name, failure))
-        hash = hash_of(read_text(*name, std::size_t(1) << 31), hash);
+        hash = hash_of_file(*name, hash);
       else
         hash = hash_of_files(entry.node, hash);
     }
   return hash;
+}
+
+std::uint64_t hash_of_file(const std::filesystem::path& file, std::uint64_t hash) {
+  hash = hash_of(read_text(file, std::size_t(1) << 31), hash);
+  if (file.extension() != ".toml") return hash;
+  Faults ignored;  // another scene, from which something is learnt: told when it is used
+  const std::optional<Node> tree = read_tree(file, ignored);
+  return tree ? hash_of_files(*tree, hash_of(to_toml(*tree), hash)) : hash;
 }
 
 /// A name that is not known, with the one that may be meant.
@@ -116,11 +130,14 @@ class StudyReader {
  private:
   void read_scene_of_study();
   void read_arms();
+  bool is_case(const std::string& name);
+  void check_variant(const std::string& name);
   void read_responses();
   void read_limits();
   void read_inputs();
   void read_one(const Node& node);
   void read_many(const Node& node);
+  std::optional<double> stated_at(const std::string& path) const;
   void add_covariance(const Node& node, double cost);
   void add(Input input, const Place& place);
   void read_correlations();
@@ -135,6 +152,7 @@ class StudyReader {
   void try_paths();
   void try_arm(const Arm& arm, const Scene& scene);
   void try_days();
+  void add_identity();
   Place place_of(const BadInput& fault) const;
   std::set<std::string> input_names() const;
   int input_named(TableReader& reader, const std::string& key);
@@ -147,6 +165,7 @@ class StudyReader {
   std::map<std::string, int> index_;
   std::vector<Place> places_;  ///< of the inputs
   std::set<std::string> taken_;  ///< what inputs set
+  std::vector<int> without_centre_;  ///< inputs of which neither study nor scene says where they are
   std::vector<Correlation> correlations_;
   std::set<std::pair<int, int>> correlated_;  ///< lower index first
 };
@@ -172,6 +191,12 @@ void StudyReader::read_scene_of_study() {
   if (const Node* set = reader_.section("set"))
     for (const Change& change : changes_of_set(*set))
       study_.overrides.emplace_back(change.path, to_toml_value(change.value));
+  if (scene.empty()) return;
+  try {
+    study_ = with_scene(study_);
+  } catch (const BadScene& bad) {
+    for (const BadInput& fault : bad.faults) faults_.add(fault);
+  }
 }
 
 void StudyReader::read_arms() {
@@ -179,21 +204,43 @@ void StudyReader::read_arms() {
   std::vector<std::string> variants = texts(reader_, "variants");
   if (cases.empty()) cases = {"uncompensated"};
   if (variants.empty()) variants = {""};
-  for (const std::string& variant : variants)
+  std::erase_if(cases, [&](const std::string& one) { return !is_case(one); });
+  for (const std::string& variant : variants) {
+    check_variant(variant);
     for (const std::string& one : cases) {
-      if (one != "uncompensated") {
-        try {
-          parse_case(one);
-        } catch (const std::invalid_argument& fault) {
-          reader_.refuse("cases", "\"uncompensated\" or a compensator", fault.what());
-          continue;
-        }
-      }
       const std::string name = variant.empty() ? one : variant + " " + one;
       for (const Arm& other : study_.arms)
-        if (other.name == name) reader_.refuse("cases", "each case once", name + " again");
+        if (other.name == name)
+          reader_.refuse(variant.empty() ? "cases" : "variants", "each of them once",
+                         "\"" + name + "\" again");
       study_.arms.push_back({name, variant, one});
     }
+  }
+}
+
+bool StudyReader::is_case(const std::string& name) {
+  if (name == "uncompensated") return true;
+  try {
+    const CaseDescription one = parse_case(name);
+    std::error_code failure;
+    if (!one.plug_in.empty() && !std::filesystem::is_regular_file(one.plug_in, failure))
+      reader_.refuse("cases", "the file of a compensator", "no file \"" + name + "\"");
+    return true;
+  } catch (const std::invalid_argument& fault) {
+    reader_.refuse("cases", "\"uncompensated\" or a compensator",
+                   "\"" + name + "\" (" + fault.what() + ")");
+    return false;
+  }
+}
+
+void StudyReader::check_variant(const std::string& name) {
+  if (name.empty() || !study_.scene_tree) return;  // a scene that was refused is told already
+  std::set<std::string> known;
+  for (const Variant& variant : study_.variants) known.insert(variant.name);
+  if (known.count(name)) return;
+  reader_.refuse("variants",
+                 known.empty() ? "no variant, as the scene has none" : "a variant of the scene",
+                 with_meant(name, known));
 }
 
 void StudyReader::read_responses() {
@@ -285,9 +332,36 @@ void StudyReader::read_one(const Node& node) {
                                        : "";
   input.cost = reader.number("cost", positive, 1.0);
   if (!reader.has("spread")) reader.missing("spread", "a number in the unit of the path's key");
-  input.distribution = read_distribution(reader, input.element.empty() ? 0.0 : 1.0, 1.0);
+  const std::optional<double> stated = paths.empty() ? std::nullopt : stated_at(paths.front());
+  const double own = stated && factor != 0.0 ? *stated / factor : input.element.empty() ? 0.0 : 1.0;
+  input.distribution = read_distribution(reader, own, 1.0);
+  // what setup does not say is zero
+  if (!paths.empty() && !stated && !reader.has("centre") && !paths.front().starts_with("setup."))
+    without_centre_.push_back(int(study_.inputs.size()));
   reader.close();
   add(std::move(input), node.place);
+}
+
+/// The number that the scene of the first arm states at a path, as it is written.
+std::optional<double> StudyReader::stated_at(const std::string& path) const {
+  if (scenes_.empty()) return {};
+  const Node tree = parse_toml(scenes_.front().resolved, "scene");
+  const Node* node = &tree;
+  for (std::size_t from = 0; node && from <= path.size();) {
+    const std::size_t dot = std::min(path.find('.', from), path.size());
+    const std::string part = path.substr(from, dot - from);
+    const Node::Array* list = node->array();
+    const bool index = !part.empty() && part.find_first_not_of("0123456789") == std::string::npos;
+    if (list && index && part.size() < 7 && std::size_t(std::stoi(part)) < list->size())
+      node = &(*list)[std::size_t(std::stoi(part))];
+    else
+      node = list ? nullptr : node->find(part);
+    from = dot + 1;
+  }
+  if (!node) return {};
+  if (const auto* whole = std::get_if<std::int64_t>(&node->value)) return double(*whole);
+  if (const auto* number = std::get_if<double>(&node->value)) return *number;
+  return {};
 }
 
 /// Numbers of a belief, each known to its standard uncertainty, correlated as they are.
@@ -432,7 +506,7 @@ void StudyReader::read_sweep(const Node& node) {
     sweep.values = reader.numbers("values");
   } else {
     const double from = reader.number("from", any_number), to = reader.number("to", any_number);
-    const auto steps = reader.integer("steps", 2, 100000, 11);
+    const auto steps = reader.integer("steps", 2, 10000, 11);
     if (!std::isfinite(to - from))
       reader.refuse("to", "a stretch of finite length", fmt::format("{} to {}", from, to));
     sweep.values = Eigen::VectorXd::LinSpaced(Eigen::Index(steps), from, to);
@@ -639,7 +713,7 @@ Study StudyReader::read() {
   read_arms();
   read_responses();
   read_limits();
-  if (faults_.empty()) {
+  if (faults_.empty() && study_.scene_tree) {
     try {
       for (const Arm& arm : study_.arms) scenes_.push_back(scene_of(study_, arm));
     } catch (const BadScene& bad) {
@@ -654,10 +728,23 @@ Study StudyReader::read() {
   read_histories();
   reader_.close();
   if (scenes_.size() == study_.arms.size()) try_paths();
+  for (const int i : faults_.empty() ? without_centre_ : std::vector<int>())
+    faults_.add(places_[std::size_t(i)], "a centre, as the scene does not state the value",
+                "\"" + study_.inputs[std::size_t(i)].name + "\" without one");
   if (faults_.empty()) check_together();
   if (faults_.empty() && study_.histories) try_days();
-  for (const Scene& scene : scenes_) study_.identity += identity_of(scene);
+  if (faults_.empty()) add_identity();
   return std::move(study_);
+}
+
+/// Of the scenes with their files, and of compensators of the user's own.
+void StudyReader::add_identity() {
+  for (const Scene& scene : scenes_) study_.identity += identity_of(scene);
+  for (const Arm& arm : study_.arms) {
+    if (arm.case_name == "uncompensated") continue;
+    const std::filesystem::path plug_in = parse_case(arm.case_name).plug_in;
+    if (!plug_in.empty()) study_.identity += std::to_string(hash_of_file(plug_in, hash_of("")));
+  }
 }
 
 }  // namespace

@@ -100,10 +100,6 @@ Eigen::VectorXd gradient(const InfluenceMap& influence, Response response, const
   return sum;
 }
 
-bool has_gradient(Response response) {
-  return response != Response::P95Abs && response != Response::InTolerance;
-}
-
 /// Calls `visit(first, count)` for stretches of at most `length`, in parallel.
 template <typename Visit>
 void for_stretches(Index all, Index length, const Visit& visit) {
@@ -139,7 +135,7 @@ ResponseFunction response_function(const Study& study, const ReadyArm& ready,
     });
     return values;
   };
-  if (ready.job.scene.alignment == Alignment::None && has_gradient(response))
+  if (ready.job.scene.alignment == Alignment::None && !is_counted(response))
     function.gradients = [&influence, response](const Eigen::MatrixXd& x) {
       return gradients(influence, response, x);
     };
@@ -152,7 +148,7 @@ ResponseFunction response_function(const Study& study, const ReadyArm& ready,
 
 Eigen::MatrixXd gradients(const InfluenceMap& influence, Response response,
                           const Eigen::MatrixXd& x) {
-  if (!has_gradient(response))
+  if (is_counted(response))
     throw std::invalid_argument("a response that is counted has no gradient");
   Eigen::MatrixXd result(x.rows(), x.cols());
   for_stretches(x.cols(), lot, [&](Index first, Index count) {

@@ -15,15 +15,15 @@ struct ResponseFunction {
 };
 
 /// By influence maps. Gradients are those of the maps in closed form where the scene aligns nothing
-/// and the response has one, else differences over a hundredth of the spreads. Keeps references:
-/// the arguments must outlive it.
+/// and the response is not counted, else differences over a hundredth of the spreads. Keeps
+/// references: the arguments must outlive it.
 ResponseFunction response_function(const Study& study, const ReadyArm& ready,
                                    const InfluenceMap& influence, Response response);
 
 /// Gradients of a response of maps that are not aligned: of the pass that makes the surface at each
 /// vertex, weighted as the response weighs the vertex.
 /// @param x  (p x cases)  @return (p x cases); zero where nothing is cut
-/// @throws std::invalid_argument for P95Abs and InTolerance
+/// @throws std::invalid_argument for a response that is counted
 Eigen::MatrixXd gradients(const InfluenceMap& influence, Response response,
                           const Eigen::MatrixXd& x);
 

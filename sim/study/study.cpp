@@ -7,6 +7,7 @@
 
 #include "errors/coefficients.h"
 #include "kinematics/units.h"
+#include "sim/scene_tree.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -50,11 +51,13 @@ void set_numbers(const Study& study, const Eigen::VectorXd& x, errors::Geometric
 std::vector<Override> set_of_variant(const Study& study, const Arm& arm) {
   if (arm.variant.empty()) return {};
   std::string known;
-  for (const Variant& variant : read_scene(study.scene, study.overrides).variants) {
+  for (const Variant& variant : study.variants) {
     if (variant.name == arm.variant) return variant.set;
     known += (known.empty() ? "\"" : ", \"") + variant.name + "\"";
   }
-  throw BadScene({BadInput(study.scene.string(), 0, 0, "the name of a variant: " + known,
+  throw BadScene({BadInput(study.scene.string(), 0, 0,
+                           known.empty() ? "no variant, as the scene has none"
+                                         : "the name of a variant: " + known,
                            "\"" + arm.variant + "\"")});
 }
 
@@ -86,6 +89,16 @@ Eigen::VectorXd spreads(const Study& study) {
   return x;
 }
 
+Study with_scene(Study study) {
+  Faults faults;
+  std::optional<Node> tree = read_tree(study.scene, faults);
+  if (!tree) throw BadScene(faults.list());
+  study.variants = scene_of_tree(*tree, study.scene, study.overrides, faults).variants;
+  std::erase_if(*tree->table(), [](const Node::Entry& entry) { return entry.key == "variant"; });
+  study.scene_tree = std::make_shared<const Node>(std::move(*tree));
+  return study;
+}
+
 Scene scene_of(const Study& study, const Arm& arm) { return scene_at(study, arm, {}, {}); }
 
 Scene scene_at(const Study& study, const Arm& arm, const Scene& base, const Eigen::VectorXd& x) {
@@ -98,7 +111,7 @@ Scene scene_at(const Study& study, const Arm& arm, const Scene& base, const Eige
     for (Eigen::Index i = 0; i < x.size(); ++i)
       for (const Setting& one : study.inputs[std::size_t(i)].settings)
         all.emplace_back(one.path, fmt::format("{}", one.factor * x[i]));  // whole as such
-    scene = read_scene(study.scene, all);
+    scene = scene_of_tree(*study.scene_tree, study.scene, all);
   }
   if (x.size() == 0) return scene;
   set_numbers(study, x, scene.geometric);

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -13,6 +14,7 @@
 #include "sim/study/copula.h"
 #include "sim/study/distribution.h"
 #include "sim/study/sequence.h"
+#include "sim/toml_reader.h"
 
 namespace abbe::sim::study {
 
@@ -105,6 +107,9 @@ struct Study {
   std::filesystem::path file;
   std::string title;
   std::filesystem::path scene;
+  std::shared_ptr<const Node> scene_tree;  ///< the scene as it was when the study was read, without
+                                           ///< its variants
+  std::vector<Variant> variants;           ///< of that scene
   std::vector<Override> overrides;  ///< of the scene, before any input
   Engine engine = Engine::Influence;
   std::uint64_t seed = 1;
@@ -139,7 +144,11 @@ Eigen::VectorXd centre(const Study& study);
 /// Standard deviations of the inputs. (inputs)
 Eigen::VectorXd spreads(const Study& study);
 
-/// The scene of an arm as it is before any input.
+/// The study with its scene read, once and for all its cases.
+/// @throws BadScene
+Study with_scene(Study study);
+
+/// The scene of an arm as it is before any input; of a study whose scene was read.
 /// @throws BadScene
 Scene scene_of(const Study& study, const Arm& arm);
 

@@ -9,8 +9,9 @@ namespace abbe::sim::study {
 /// `equal`: one factor of all spreads; `cheapest`: the factors, none above 1, that cost least,
 /// where an input whose spread is a k-th costs k times its cost. Both are as large as the same
 /// machines (Sobol's) allow, to 1e-5, and verified on fresh random ones, which the shares are of.
-/// Means of the inputs stay at their centres; spreads shrink about them. Where the floor is above
-/// the limit nothing is attainable: all factors are 0 and the costs infinite.
+/// A factor shrinks how far an input is drawn from its centre. Where the limit is kept neither by
+/// the present spreads nor by none at all, nothing is attainable: all factors are 0 and the costs
+/// infinite.
 /// Cheapest to some 1 % of its cost: the response's quantile is known from so many machines only.
 /// It never costs more than `equal`.
 Allocation allocation(const Study& study, const ReadyArm& ready, const InfluenceMap& influence);

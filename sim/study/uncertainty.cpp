@@ -8,6 +8,7 @@
 #include <tbb/parallel_for.h>
 
 #include "kinematics/units.h"
+#include "sim/study/answers.h"
 #include "sim/study/plan.h"
 
 namespace abbe::sim::study {
@@ -18,10 +19,6 @@ using Eigen::Index;
 constexpr std::uint64_t uncertainty_stream = 0x8c1f3b5ad96e7043ULL;
 constexpr Index numbers_at_once = Index(1) << 21;  // of a map of many machines: 16 MB a thread
 constexpr double none = std::numeric_limits<double>::quiet_NaN();
-
-bool is_cut(const InfluenceMap& influence, Index v) {
-  return influence.first[std::size_t(v)] < influence.first[std::size_t(v) + 1];
-}
 
 /// The vertices first .. first + count - 1 alone, as far as maps need them.
 InfluenceMap stretch(const InfluenceMap& whole, Index first, Index count) {
@@ -36,20 +33,6 @@ InfluenceMap stretch(const InfluenceMap& whole, Index first, Index count) {
   part.shift = whole.shift.middleCols(from, rivals);
   part.centre = whole.centre;
   return part;
-}
-
-/// Linear between ranks (Hyndman's type 7).
-double at_share(const std::vector<double>& sorted, double share) {
-  const double at = share * double(sorted.size() - 1);
-  const auto rank = std::size_t(at);
-  return std::lerp(sorted[rank], sorted[std::min(rank + 1, sorted.size() - 1)], at - double(rank));
-}
-
-double deviation_of(const std::vector<double>& values) {
-  double mean = 0.0, squares = 0.0;
-  for (const double value : values) mean += value / double(values.size());
-  for (const double value : values) squares += (value - mean) * (value - mean);
-  return std::sqrt(squares / double(values.size() - 1));
 }
 
 /// (n) the closed form.
@@ -116,8 +99,8 @@ UncertaintyMap uncertainty_map(const Study& study, const InfluenceMap& influence
         of_vertex[std::size_t(k)] = made(v - first, k) - influence.error_free[v];
       map.drawn[v] = deviation_of(of_vertex);
       std::sort(of_vertex.begin(), of_vertex.end());
-      map.low[v] = at_share(of_vertex, tail);
-      map.high[v] = at_share(of_vertex, 1.0 - tail);
+      map.low[v] = quantile_in(of_vertex, tail);
+      map.high[v] = quantile_in(of_vertex, 1.0 - tail);
     }
   });
   return map;

@@ -71,6 +71,31 @@ TEST_F(Sheet, OfStandardDeviationsHasNoBlue) {
   EXPECT_GT(image.count([](Pixel p) { return p.is_reddish(); }), 10000);
 }
 
+TEST_F(Sheet, SaysWhatItsValuesAre) {
+  const cutting::Design design = test::dome(5, test::flat).design;
+  const auto drawn = [&](int count, std::optional<std::string> values, bool one_range = false) {
+    SheetOptions options;
+    options.values = std::move(values);
+    options.width = 800;
+    options.one_range = one_range;
+    write_sheet(file("a.png"), design, tilts(design, count), options);
+    return bytes(file("a.png"));
+  };
+  const auto residual = drawn(1, {});
+  EXPECT_TRUE(drawn(1, "+ material left, − gouged; along the outward design normal") == residual);
+  EXPECT_FALSE(drawn(1, "standard deviation") == residual);
+  const int with_signs = Image(file("a.png")).height();
+  drawn(1, "");
+  const int without = Image(file("a.png")).height();
+  std::cout << with_signs << " px, without what the values are " << without << " px\n";
+  EXPECT_LT(without, with_signs);  // nor are the scales of a single map compared
+  EXPECT_TRUE(drawn(1, {}, true) == residual);
+  drawn(2, "");
+  const int of_scales = Image(file("a.png")).height();
+  drawn(2, "standard deviation");
+  EXPECT_EQ(Image(file("a.png")).height(), of_scales);  // one line says both
+}
+
 TEST_F(Sheet, ShowsWhereThereIsNoValue) {
   cutting::Design design = test::dome(20, test::flat).design;
   Eigen::VectorXd values = design.vertices.col(0);

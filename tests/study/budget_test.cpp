@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include "kinematics/text.h"
 #include "sim/output.h"
 #include "sim/study/picture_names.h"
 #include "sim/study/ranking.h"
@@ -222,7 +223,7 @@ TEST(BudgetMarkdown, SaysWhatDominatesWhatToSpendOnAndTheFloor) {
   const std::string text = to_markdown(budget_of());
   EXPECT_NE(text.find("What dominates"), std::string::npos);
   EXPECT_NE(text.find("What to spend on"), std::string::npos);
-  EXPECT_NE(text.find("No spending takes PV below 3.20 µm"), std::string::npos);
+  EXPECT_NE(text.find("Without any spread PV is 3.20 µm"), std::string::npos);
   EXPECT_NE(text.find("| 0.30 |"), std::string::npos);  // the tightest factor
   Budget b = budget_of();
   b.arms[0].allocation->attainable = false;
@@ -312,6 +313,14 @@ class BudgetPictures : public testing::Test {
     return names;
   }
 
+  /// Bytes 20 to 23 of any PNG, the most significant first.
+  static int png_height(const std::filesystem::path& file) {
+    const std::string head = read_text(file, std::size_t(1) << 24).substr(20, 4);
+    int height = 0;
+    for (const unsigned char byte : head) height = 256 * height + byte;
+    return height;
+  }
+
   std::filesystem::path folder_;
 };
 
@@ -348,6 +357,39 @@ TEST_F(BudgetPictures, OfAwkwardBudgetsAreDrawn) {
   const std::set<std::string> names = written(b);
   for (const std::string& name : names) std::cout << name << "\n";
   EXPECT_TRUE(names.count("tornado-unnamed-pv.png"));
+}
+
+TEST_F(BudgetPictures, OfCorrelationsLeaveOutWhatChanceMayGive) {
+  Budget b = budget_of({.inputs = 46, .arms = 1, .map = false});
+  b.sweeps.clear();  // no other picture
+  for (ResponseBudget& r : b.arms[0].responses) {
+    r.convergence.reset();
+    r.values.resize(0);
+    for (Contribution& c : r.contributions) {
+      c.low = c.high = {};
+      c.sobol = {};
+    }
+  }
+  const double chance = 4.0 / std::sqrt(double(b.arms[0].responses[0].answers->cases));
+  const auto correlated = [&](int inputs) {
+    for (ResponseBudget& r : b.arms[0].responses)
+      for (Contribution& c : r.contributions) {
+        c.correlation = (c.input < inputs ? 1.01 : -0.99) * chance;
+        c.rank_correlation = 0.99 * chance;
+      }
+    return written(b).count("correlation-uncompensated.png") > 0;
+  };
+  const auto height = [&] { return png_height(folder_ / "correlation-uncompensated.png"); };
+  EXPECT_FALSE(correlated(0));
+  ASSERT_TRUE(correlated(2));
+  const int of_two = height();
+  ASSERT_TRUE(correlated(12));
+  const int of_twelve = height();
+  ASSERT_TRUE(correlated(46));
+  std::cout << "2 rows " << of_two << " px, 12 rows " << of_twelve << " px, 25 of 46 rows "
+            << height() << " px\n";
+  EXPECT_EQ(of_twelve - of_two, 10 * 36);  // the pixels of a row
+  EXPECT_EQ(height() - of_two, 23 * 36);
 }
 
 TEST_F(BudgetPictures, ThatCannotBeWrittenAreAnOutputFailure) {

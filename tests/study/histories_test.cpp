@@ -145,7 +145,7 @@ class HistoriesOfDays : public testing::Test {
     study.file = folder_.path() / "study.toml";
     study.scene = scene_;
     study.histories = Histories{train, test};
-    return study;
+    return with_scene(study);
   }
 
   SceneFolder folder_;

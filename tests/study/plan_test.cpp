@@ -228,7 +228,7 @@ TEST(PlanInputs, AreTheSameBitsInWhateverStretchesTheyAreAskedFor) {
 
 TEST(PlanBatches, CoverEveryCaseOnceAndNeverTwoBlocks) {
   for (const Engine engine : {Engine::Influence, Engine::Full, Engine::Both})
-    for (const std::uint64_t cases : {2u, 63u, 64u, 65u, 1000u}) {
+    for (const std::uint64_t cases : {2u, 71u, 72u, 73u, 1000u}) {
       Study study = whole_study();
       study.engine = engine;
       study.monte_carlo->cases = cases;
@@ -239,7 +239,7 @@ TEST(PlanBatches, CoverEveryCaseOnceAndNeverTwoBlocks) {
         ASSERT_LT(batch.first, batch.last);
         const Block& of = block_of(plan, batch.first);
         ASSERT_EQ(&block_of(plan, batch.last - 1), &of);
-        ASSERT_LE(batch.last - batch.first, of.full ? 1u : 64u);
+        ASSERT_LE(batch.last - batch.first, of.full ? 1u : 72u);
         next = batch.last;
       }
       EXPECT_EQ(next, plan.cases);

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -11,6 +13,18 @@
 
 /// Studies of a few hundred vertices, each machine of them cut in some hundredths of a second.
 namespace abbe::sim::study {
+
+/// The larger one; what is no number is worse than any number, which no bound of a test lets pass.
+inline double worst_of(double a, double b) {
+  return std::isnan(a) || std::isnan(b) ? NAN : std::max(a, b);
+}
+
+/// Whether a map has rivals and every number of them is one: a least value passes over those that
+/// are none.
+inline bool is_finite(const InfluenceMap& map) {
+  return map.slope.size() > 0 && map.slope.allFinite() && map.shift.allFinite() &&
+         map.distance.allFinite() && map.half_curvature.allFinite();
+}
 
 /// A scene and what a study varies in it, as TOML.
 struct SmallStudy {

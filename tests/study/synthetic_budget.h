@@ -156,7 +156,8 @@ inline Budget budget_of(const Synthetic& options = {}) {
     if (k == 0) arm.allocation = allocation_of(options.inputs);
     b.arms.push_back(arm);
   }
-  b.proofs = {{"uncompensated", 50, 0.23, 0.11}};
+  b.proofs = {{"uncompensated", Response::Pv, 50, 0, 0.23},
+              {"uncompensated", Response::Rms, 50, 0, 0.11}};
   b.study.sweeps = {{0, Eigen::VectorXd::LinSpaced(9, -4.0, 4.0)}};
   Sweeping sweep;
   for (int k = 0; k < options.arms; ++k) {

@@ -35,6 +35,7 @@ TEST(Uncertainty, CovarianceHasTheSpreadsAndTheCorrelationsOfTheStudy) {
   expected.diagonal() << 4.0, 0.25, 1.0, 2.25;
   expected(0, 2) = expected(2, 0) = 0.8 * 2.0 * 1.0;
   expected(2, 3) = expected(3, 2) = -0.5 * 1.0 * 1.5;
+  ASSERT_TRUE(S.allFinite());
   EXPECT_LT((S - expected).cwiseAbs().maxCoeff(), 1e-14) << S;
 }
 
@@ -44,6 +45,8 @@ TEST(Uncertainty, ClosedFormIsGSG) {
   const Eigen::MatrixXd G = machine.influence.slope.transpose();
   const Eigen::VectorXd expected =
       (G * covariance_of(machine.study) * G.transpose()).diagonal().cwiseSqrt();
+  ASSERT_EQ(map.standard_deviation.size(), 200);
+  ASSERT_TRUE(map.standard_deviation.allFinite() && expected.allFinite());
   EXPECT_LT((map.standard_deviation - expected).cwiseAbs().maxCoeff(), 1e-17);
 }
 
@@ -55,6 +58,7 @@ TEST(Uncertainty, MonteCarloVarianceOfOneRivalIsTheClosedFormWithinItsBand) {
   const int cases = 4000, repetitions = 50;
   const boost::math::chi_squared chi(cases - 1);
   const double low = quantile(chi, 0.025) / (cases - 1), high = quantile(chi, 0.975) / (cases - 1);
+  ASSERT_EQ(closed.size(), 200);
   double within = 0.0, worst = 0.0;
   for (std::uint64_t seed = 1; seed <= repetitions; ++seed) {
     SCOPED_TRACE(testing::Message() << "seed " << seed);
@@ -63,6 +67,7 @@ TEST(Uncertainty, MonteCarloVarianceOfOneRivalIsTheClosedFormWithinItsBand) {
     for (Eigen::Index v = 0; v < closed.size(); ++v) {
       const double variance = (all.row(v).array() - all.row(v).mean()).square().sum() / (cases - 1);
       const double ratio = variance / (closed[v] * closed[v]);
+      ASSERT_TRUE(std::isfinite(ratio)) << "vertex " << v;
       within += ratio > low && ratio < high ? 1.0 : 0.0;
       worst = std::max(worst, std::abs(ratio - 1.0));
       ASSERT_LT(std::abs(ratio - 1.0), 5.0 * std::sqrt(2.0 / cases)) << "vertex " << v;
@@ -78,6 +83,10 @@ TEST(Uncertainty, DrawnMapsOfOneRivalAreNormalWithTheClosedForm) {
   const FlatMachine machine = correlated_normals();
   const UncertaintyMap map = uncertainty_map(machine.study, machine.influence);
   const Eigen::VectorXd middle = maps(machine.influence, machine.influence.centre);
+  ASSERT_EQ(map.drawn.size(), 200);
+  for (const Eigen::VectorXd* one :
+       {&map.standard_deviation, &map.drawn, &map.low, &map.high, &middle})
+    ASSERT_TRUE(one->allFinite());
   const Eigen::ArrayXd half = 1.6448536269514722 * map.standard_deviation.array();  // 90 %
   const double sd = (map.drawn.array() / map.standard_deviation.array() - 1.0).abs().maxCoeff();
   const double ends = std::max(((map.high - middle).array() / half - 1.0).abs().maxCoeff(),
