@@ -184,6 +184,7 @@ void write_indices(Album& album, const Budget& budget, const ArmBudget& arm,
   if (!r.convergence || r.convergence->base_points.empty()) return;
   const IndexConvergence& c = *r.convergence;
   const Ranking order = ranking(r, budget.study.inputs.size());
+  if (order.order.empty()) return;  // it varies by less than the numerical floor
   std::vector<render::Panel> panels;
   for (std::size_t k = 0; k < std::min(order.order.size(), most_panels); ++k) {
     const auto i = std::size_t(order.order[k]);
