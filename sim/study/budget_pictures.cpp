@@ -262,16 +262,11 @@ void write_distribution(Album& album, const Budget& budget, Response response) {
             [&](const auto& file) { render::write_distribution(file, series, options); });
 }
 
-/// What correlation chance alone may give: four standard errors.
-double chance(const ResponseBudget& r) {
-  return r.answers ? 4.0 / std::sqrt(double(r.answers->cases)) : 0.0;
-}
-
 /// Correlations with a response, linear and of ranks; NaN where chance may give as much.
 /// (inputs x 2)
 Eigen::MatrixXd beyond_chance(const ResponseBudget& r, std::size_t inputs) {
   Eigen::MatrixXd all = Eigen::MatrixXd::Constant(Eigen::Index(inputs), 2, std::nan(""));
-  const auto told = [least = chance(r)](const std::optional<double>& value) {
+  const auto told = [least = chance_correlation(r)](const std::optional<double>& value) {
     return value && std::abs(*value) > least ? *value : std::nan("");
   };
   for (const Contribution& c : r.contributions)
@@ -292,7 +287,7 @@ void write_correlation(Album& album, const Budget& budget, const ArmBudget& arm)
     all.rightCols(2) = beyond_chance(r, inputs);
     for (const char* kind : {"linear", "rank"})
       map.columns.push_back(title_of(r.response) + ", " + kind);
-    least = std::max(least, chance(r));
+    least = std::max(least, chance_correlation(r));
   }
   std::vector<int> order;
   Eigen::VectorXd strongest = Eigen::VectorXd::Zero(all.rows());

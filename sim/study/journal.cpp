@@ -314,10 +314,11 @@ Database opened_to_write(const std::filesystem::path& file, const std::string& i
   if (!missing && size > 0 && size < 512) throw no_journal(file, "something else");
   Database database = opened(file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
   const bool blank = is_blank(database);
-  const bool others = !blank && identity_of(database) != identity;
+  const std::string seen = blank ? identity : identity_of(database);
+  const bool others = seen != identity;
   // a study that failed before its first case leaves nothing that another one could mix up
   const bool empty = !blank && database.number("SELECT count(*) FROM cases") == 0;
-  if (others && !empty) check_identity(file, identity_of(database), identity);
+  if (!empty) check_identity(file, seen, identity);
   // write-ahead: what was committed needs no repair, and readers need not wait
   database.run("PRAGMA journal_mode = WAL");
   database.run("PRAGMA synchronous = FULL");

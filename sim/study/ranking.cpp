@@ -51,6 +51,10 @@ Ranking change_ranking(const ResponseBudget& response, std::size_t inputs) {
   });
 }
 
+double chance_correlation(const ResponseBudget& response) {
+  return response.answers ? 4.0 / std::sqrt(double(response.answers->cases)) : 0.0;
+}
+
 Ranking ranking(const ResponseBudget& response, std::size_t inputs) {
   constexpr double numerical_floor = 1e-6;  // mm: what varies less is nobody's
   if (response.response != Response::InTolerance && response.answers &&
@@ -63,8 +67,7 @@ Ranking ranking(const ResponseBudget& response, std::size_t inputs) {
   const Ranking change = change_ranking(response, inputs);
   if (change.basis != Ranking::Basis::None) return change;
   // a correlation that chance alone would give ranks nothing
-  const double chance =
-      response.answers ? 4.0 / std::sqrt(double(response.answers->cases)) : 0.0;
+  const double chance = chance_correlation(response);
   const auto told = [&](const Contribution& c) -> std::optional<double> {
     if (!c.rank_correlation) return {};
     return std::abs(*c.rank_correlation) > chance ? squared(*c.rank_correlation) : 0.0;

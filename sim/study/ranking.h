@@ -24,9 +24,11 @@ struct Ranking {
                            ///< take away
 };
 
-/// By total Sobol indices; where there are none by changes, then by correlations beyond chance (four
-/// standard errors); of no basis where none is, or
-/// where the response varies by less than the floor of 1 nm.
+/// What correlation chance alone may give a response: four standard errors; 0 without answers.
+double chance_correlation(const ResponseBudget& response);
+
+/// By total Sobol indices; where there are none by changes, then by correlations beyond chance; of no
+/// basis where none is, or where the response varies by less than the floor of 1 nm.
 Ranking ranking(const ResponseBudget& response, std::size_t inputs);
 /// By the larger change alone: of a tornado.
 Ranking change_ranking(const ResponseBudget& response, std::size_t inputs);
