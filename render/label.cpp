@@ -41,6 +41,14 @@ double round_up_125(double value) {
   return 10.0 * decade;
 }
 
+double round_up_range(double value) {
+  if (!(value > 0.0)) return 0.0;
+  const double decade = std::pow(10.0, std::floor(std::log10(value)));
+  for (const double step : {1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0})
+    if (step * decade >= value * (1.0 - 1e-12)) return step * decade;
+  return 10.0 * decade;
+}
+
 Ticks round_ticks(double lower, double upper, int wanted) {
   Ticks ticks;
   const double span = upper - lower;

@@ -23,6 +23,10 @@ int round_decimals(double value);
 /// Smallest of 1, 2, 5 x 10^k that is at least `value`; 0 for 0.
 double round_up_125(double value);
 
+/// Smallest of 1, 1.5, 2, 3, 4, 5, 6, 8 x 10^k that is at least `value`: an end of a scale, all
+/// ticks and at most half as long again as its data; 0 for 0.
+double round_up_range(double value);
+
 /// Multiples of a 1-2-5 step within [lower, upper], about `wanted` of them.
 struct Ticks {
   std::vector<double> values;

@@ -66,15 +66,6 @@ void draw_strip(Canvas& canvas, const Page& p, const View& view, const Tally& co
   }
 }
 
-/// Steps so fine that no scale is more than half as long again as its data, and all of them ticks.
-double round_up_range(double value) {
-  if (!(value > 0.0)) return 0.0;
-  const double decade = std::pow(10.0, std::floor(std::log10(value)));
-  for (const double step : {1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0})
-    if (step * decade >= value * (1.0 - 1e-12)) return step * decade;
-  return 10.0 * decade;
-}
-
 }  // namespace
 
 double fitted_range_um(const Field& field) {
