@@ -1,0 +1,307 @@
+#include "render/volume_map.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include <fmt/format.h>
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+
+#include "render/canvas.h"
+#include "render/label.h"
+#include "render/layout.h"
+#include "render/page.h"
+#include "render/surface_scene.h"
+
+namespace abbe::render {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Size = std::array<int, 3>;
+
+constexpr double mm_per_um = 1e-3;
+constexpr int most_lines = 24;  // of the grid that are drawn along each run
+constexpr Colour outline_colour{0.30, 0.45, 0.62};
+
+void require(bool good, const char* what) {
+  if (!good) throw std::invalid_argument(std::string("volume map: ") + what);
+}
+
+void check(const VolumePicture& picture, double magnification) {
+  const Size& s = picture.size;
+  require(s[0] > 0 && s[1] > 0 && s[2] > 0, "every size must be positive");
+  require(int(s[0] > 1) + int(s[1] > 1) + int(s[2] > 1) >= 2, "two sizes must be above 1");
+  require(Eigen::Index(s[0]) * s[1] * s[2] == picture.points.rows() &&
+              picture.points.rows() == picture.displacement_um.rows(),
+          "sizes must say how many points there are");
+  require(picture.points.allFinite() && picture.displacement_um.allFinite(),
+          "every number must be finite");
+  require(magnification > 0.0 && std::isfinite(magnification),
+          "the magnification must be positive");
+}
+
+int index(const Size& size, const Size& at) { return at[0] + size[0] * (at[1] + size[1] * at[2]); }
+
+/// A face of the hull: runs `u` and `v` over it, the third stands at `level`.
+struct Face {
+  int u, v;
+  Size origin;
+};
+
+std::vector<Face> faces(const Size& size) {
+  std::vector<Face> all;
+  for (int w = 0; w < 3; ++w) {
+    const int u = w == 0 ? 1 : 0, v = w == 2 ? 1 : 2;
+    if (size[std::size_t(u)] < 2 || size[std::size_t(v)] < 2) continue;
+    Size origin{0, 0, 0};
+    all.push_back({u, v, origin});
+    origin[std::size_t(w)] = size[std::size_t(w)] - 1;
+    if (size[std::size_t(w)] > 1) all.push_back({u, v, origin});
+  }
+  return all;
+}
+
+int index(const Size& size, const Face& face, int i, int k) {
+  Size at = face.origin;
+  at[std::size_t(face.u)] = i;
+  at[std::size_t(face.v)] = k;
+  return index(size, at);
+}
+
+cutting::Triangles hull(const Size& size) {
+  std::vector<int> corners;
+  for (const Face& face : faces(size))
+    for (int k = 0; k + 1 < size[std::size_t(face.v)]; ++k)
+      for (int i = 0; i + 1 < size[std::size_t(face.u)]; ++i) {
+        const int a = index(size, face, i, k), b = index(size, face, i + 1, k);
+        const int c = index(size, face, i + 1, k + 1), d = index(size, face, i, k + 1);
+        corners.insert(corners.end(), {a, b, c, a, c, d});
+      }
+  return Eigen::Map<const cutting::Triangles>(corners.data(), Eigen::Index(corners.size() / 3), 3);
+}
+
+/// Every so-manieth of n, the first and the last with them.
+std::vector<int> some_of(int n) {
+  const int step = (n - 2) / most_lines + 1;
+  std::vector<int> some;
+  for (int i = 0; i < n - 1; i += step) some.push_back(i);
+  some.push_back(n - 1);
+  return some;
+}
+
+/// Lines of the grid on its hull.
+std::vector<std::array<int, 2>> hull_lines(const Size& size) {
+  std::vector<std::array<int, 2>> lines;
+  for (const Face& face : faces(size)) {
+    const int nu = size[std::size_t(face.u)], nv = size[std::size_t(face.v)];
+    for (const int k : some_of(nv))
+      for (int i = 0; i + 1 < nu; ++i)
+        lines.push_back({index(size, face, i, k), index(size, face, i + 1, k)});
+    for (const int i : some_of(nu))
+      for (int k = 0; k + 1 < nv; ++k)
+        lines.push_back({index(size, face, i, k), index(size, face, i, k + 1)});
+  }
+  return lines;
+}
+
+/// Edges of the block: lines along one run where the others stand at an end.
+std::vector<std::vector<int>> edges(const Size& size) {
+  std::vector<std::vector<int>> all;
+  for (int u = 0; u < 3; ++u) {
+    if (size[std::size_t(u)] < 2) continue;
+    const int v = (u + 1) % 3, w = (u + 2) % 3;
+    for (int ends = 0; ends < 4; ++ends) {
+      Size at{0, 0, 0};
+      if ((ends & 1) != 0) at[std::size_t(v)] = size[std::size_t(v)] - 1;
+      if ((ends & 2) != 0) at[std::size_t(w)] = size[std::size_t(w)] - 1;
+      if (((ends & 1) != 0 && size[std::size_t(v)] == 1) ||
+          ((ends & 2) != 0 && size[std::size_t(w)] == 1))
+        continue;
+      all.emplace_back();
+      for (int i = 0; i < size[std::size_t(u)]; ++i) {
+        at[std::size_t(u)] = i;
+        all.back().push_back(index(size, at));
+      }
+    }
+  }
+  return all;
+}
+
+cutting::Points displaced(const VolumePicture& picture, double magnification) {
+  return picture.points + (mm_per_um * magnification) * picture.displacement_um;
+}
+
+/// Across a flat grid, so that it is seen in its true shape: from +Z, -Y or +X where it lies so.
+std::optional<Vector3d> normal(const VolumePicture& picture) {
+  const Size& s = picture.size;
+  if (s[0] > 1 && s[1] > 1 && s[2] > 1) return std::nullopt;
+  const Eigen::RowVector3d middle = picture.points.colwise().mean();
+  const cutting::Points about = picture.points.rowwise() - middle;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spread(about.transpose() * about);
+  if (spread.eigenvalues()[0] > 1e-12 * spread.eigenvalues()[2]) return std::nullopt;
+  Vector3d n = spread.eigenvectors().col(0);
+  for (double& x : n)
+    if (std::abs(x) < 1e-9) x = 0.0;
+  const Vector3d wanted(1.0, -2.0, 4.0);
+  return n.dot(wanted) < 0.0 ? Vector3d(-n) : n;
+}
+
+/// End of a scale: 1 nm at least, so that a grid without displacement has one.
+double scale_end(double largest_um) { return std::max(round_up_range(largest_um), 1e-3); }
+
+Solid solid(const cutting::Points& points, const cutting::Triangles& triangles,
+            const Eigen::VectorXd& values, double range) {
+  Solid result;
+  result.points = points;
+  result.triangles = triangles;
+  result.values = values;
+  result.range = range;
+  result.shade = 0.25;
+  return result;
+}
+
+/// What stands where.
+struct Places {
+  Rectangle main, main_foot;
+  std::array<Rectangle, 3> components;
+  Rectangle component_foot;
+};
+
+Places places(const Page& page, double figures_height) {
+  const double u = page.unit, gap = 36.0 * u, foot = 112.0 * u;
+  const double margin = 20.0 * u;
+  const Rectangle inner{page.inner.x + margin, page.inner.y + margin,
+                        page.inner.width - 2.0 * margin, page.inner.height - margin};
+  const double left = std::round(0.64 * inner.width);
+  Places p;
+  const double height = inner.height - figures_height - foot;
+  p.main = {inner.x, inner.y + foot, left, height};
+  p.main_foot = {inner.x, inner.y, left, foot};
+  const double x = inner.x + left + gap, width = inner.width - left - gap;
+  for (int i = 0; i < 3; ++i)
+    p.components[std::size_t(i)] = {x, inner.y + foot + (2 - i) * height / 3.0, width,
+                                    height / 3.0};
+  p.component_foot = {x, inner.y, width, foot};
+  return p;
+}
+
+View draw_main(Canvas& canvas, const VolumePicture& picture, double magnification,
+               const Rectangle& area, const Vector3d& from, double range) {
+  const cutting::Points moved = displaced(picture, magnification);
+  cutting::Points both(2 * moved.rows(), 3);
+  both << moved, picture.points;
+  const View view = fitted_view(both, from, Vector3d::UnitZ(), area);
+  const Wire lines{moved, hull_lines(picture.size), {0.25, 0.26, 0.28}, 1.0};
+  canvas.scene(view,
+               {solid(moved, hull(picture.size), picture.displacement_um.rowwise().norm(), range)},
+               {lines});
+  for (const std::vector<int>& edge : edges(picture.size)) {
+    std::vector<Vector2d> line;
+    for (const int i : edge) line.push_back(projected(view, picture.points.row(i).transpose()));
+    canvas.line(line, outline_colour, 2.0);
+  }
+  return view;
+}
+
+void draw_main_foot(Canvas& canvas, const Rectangle& foot, const View& view, double range,
+                    const TextStyle& body) {
+  const double em = body.size_px;
+  const LengthUnit unit = unit_for(range);
+  lying_colour_bar(
+      canvas, {foot.x + 5.0 * em, foot.y + 0.55 * foot.height, foot.width - 5.0 * em, 1.6 * em},
+      {range * unit.per_um, unit.name, true, false, false}, body);
+  triad(canvas, view, {foot.x + 1.9 * em, foot.y + 0.5 * foot.height}, 1.5 * em, body);
+  const double y = foot.y + 0.22 * foot.height;
+  scale_bar(canvas, view, {foot.x + 5.0 * em, y}, 0.25 * foot.width, body);
+  const double x = foot.x + 0.55 * foot.width;
+  canvas.line({{x, y}, {x + 2.0 * em, y}}, outline_colour, 2.0);
+  TextStyle beside = body;
+  beside.upward = 0.5;
+  canvas.text({x + 2.6 * em, y}, "where it should be", beside);
+}
+
+void draw_components(Canvas& canvas, const VolumePicture& picture, const Places& p,
+                     const Vector3d& from, const TextStyle& body) {
+  const double range = scale_end(picture.displacement_um.cwiseAbs().maxCoeff());
+  const LengthUnit unit = unit_for(range);
+  const cutting::Triangles triangles = hull(picture.size);
+  TextStyle head = body;
+  head.bold = true;
+  const double title = 1.5 * line_height(body);
+  for (int i = 0; i < 3; ++i) {
+    const Eigen::VectorXd values = picture.displacement_um.col(i);
+    const Rectangle& box = p.components[std::size_t(i)];
+    const Rectangle area{box.x, box.y + 8.0, box.width, box.height - title - 8.0};
+    const View view = fitted_view(picture.points, from, Vector3d::UnitZ(), area);
+    std::vector<Wire> wires;
+    Wire outline{picture.points, {}, {0.25, 0.26, 0.28}, 1.0};
+    for (const std::vector<int>& edge : edges(picture.size))
+      for (std::size_t k = 1; k < edge.size(); ++k)
+        outline.segments.push_back({edge[k - 1], edge[k]});
+    wires.push_back(std::move(outline));
+    canvas.scene(view, {solid(picture.points, triangles, values, range)}, wires);
+    const double low = values.minCoeff() * unit.per_um, high = values.maxCoeff() * unit.per_um;
+    const int digits = figure_decimals(std::max(std::abs(low), std::abs(high)));
+    const std::string name = fmt::format("in {}", "XYZ"[i]);
+    const double y = box.y + box.height - 0.2 * line_height(body);
+    TextStyle hung = head;
+    hung.upward = 1.0;
+    canvas.text({box.x, y}, name, hung);
+    hung.bold = false;
+    hung.across = 1.0;
+    canvas.text(
+        {box.x + box.width, y},
+        fmt::format("{} … {} {}", signed_fixed(low, digits), signed_fixed(high, digits), unit.name),
+        hung);
+  }
+  const Rectangle& foot = p.component_foot;
+  lying_colour_bar(canvas, {foot.x, foot.y + 0.55 * foot.height, foot.width, 1.6 * body.size_px},
+                   {range * unit.per_um, unit.name, false, false, false}, body);
+}
+
+}  // namespace
+
+double fitted_magnification(const VolumePicture& picture) {
+  if (picture.points.rows() == 0) return 1.0;
+  const double largest = mm_per_um * picture.displacement_um.rowwise().norm().maxCoeff();
+  const Eigen::RowVector3d extent =
+      picture.points.colwise().maxCoeff() - picture.points.colwise().minCoeff();
+  if (!(largest > 0.0) || !(extent.norm() > 0.0)) return 1.0;
+  const double wanted = extent.norm() / 12.0 / largest;
+  const double above = round_up_125(wanted);
+  return std::max(above > wanted ? round_up_125(0.39 * above) : above, 1e-9);
+}
+
+void write_volume_map(const std::filesystem::path& path, const VolumePicture& picture,
+                      const VolumeOptions& options) {
+  const double magnification = options.magnification.value_or(fitted_magnification(picture));
+  check(picture, magnification);
+  const Vector3d from = options.from.value_or(normal(picture).value_or(Vector3d(-0.5, -1.0, 0.6)));
+  const double range = scale_end(picture.displacement_um.rowwise().norm().maxCoeff());
+  std::vector<std::string> caption{
+      fmt::format("displacements magnified {} ×, coloured by their length at the left, by their "
+                  "components at the right; view {}",
+                  fixed(magnification, round_decimals(magnification)),
+                  view_name(fitted_view({}, from, Vector3d::UnitZ(), {})))};
+  caption.insert(caption.end(), picture.caption.begin(), picture.caption.end());
+  const double unit = type_sizes(options.width, options.height).unit;
+  const Page p = page(options.width, options.height, picture.title, caption, unit);
+  const TextStyle figures{.size_px = 26.0 * unit};
+  const double figures_height = picture.figures.empty() ? 0.0 : 1.9 * line_height(figures);
+  const Places where = places(p, figures_height);
+
+  Canvas canvas(p.width, p.height);
+  const View view = draw_main(canvas, picture, magnification, where.main, from, range);
+  draw_main_foot(canvas, where.main_foot, view, range, p.body);
+  draw_components(canvas, picture, where, from, p.body);
+  if (!picture.figures.empty())
+    paragraph(canvas,
+              {p.inner.x + 20.0 * unit, p.inner.y + p.inner.height - 0.15 * line_height(figures)},
+              wrapped(picture.figures, figures, p.inner.width - 40.0 * unit, 1), figures);
+  draw_page(canvas, p);
+  canvas.write_png(path);
+}
+
+}  // namespace abbe::render
