@@ -235,13 +235,11 @@ void draw_components(Canvas& canvas, const VolumePicture& picture, const Places&
     const Rectangle& box = p.components[std::size_t(i)];
     const Rectangle area{box.x, box.y + 8.0, box.width, box.height - title - 8.0};
     const View view = fitted_view(picture.points, from, Vector3d::UnitZ(), area);
-    std::vector<Wire> wires;
     Wire outline{picture.points, {}, {0.25, 0.26, 0.28}, 1.0};
     for (const std::vector<int>& edge : edges(picture.size))
       for (std::size_t k = 1; k < edge.size(); ++k)
         outline.segments.push_back({edge[k - 1], edge[k]});
-    wires.push_back(std::move(outline));
-    canvas.scene(view, {solid(picture.points, triangles, values, range)}, wires);
+    canvas.scene(view, {solid(picture.points, triangles, values, range)}, {outline});
     const double low = values.minCoeff() * unit.per_um, high = values.maxCoeff() * unit.per_um;
     const int digits = figure_decimals(std::max(std::abs(low), std::abs(high)));
     const std::string name = fmt::format("in {}", "XYZ"[i]);
