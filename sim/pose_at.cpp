@@ -8,9 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/units.h"
-#include "sim/activity.h"
-#include "sim/run_out.h"
-#include "sim/truth.h"
+#include "sim/pose.h"
 
 namespace abbe::sim {
 namespace {
@@ -26,14 +24,6 @@ ordered_json rows(const kinematics::Pose& T) {
 
 ordered_json numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
-std::string axis_names(const kinematics::Chain& chain) {
-  std::string names;
-  for (const kinematics::Joint& joint : chain.joints())
-    if (joint.motion != kinematics::Motion::Spindle)
-      names += std::string(names.empty() ? "" : " ") + joint.name;
-  return names;
-}
-
 kinematics::AxisVector parse_positions(const kinematics::Chain& chain, const std::string& at) {
   const auto refuse = [&](std::size_t column, const std::string& expected,
                           const std::string& seen) {
@@ -46,7 +36,7 @@ kinematics::AxisVector parse_positions(const kinematics::Chain& chain, const std
     while (i < at.size() && (at[i] == ' ' || at[i] == ',')) ++i;
     if (i == at.size()) return q;
     const auto joint = chain.find(at[i]);
-    if (!joint || chain.joints()[std::size_t(*joint)].motion == kinematics::Motion::Spindle)
+    if (!joint || !is_positioned(chain.joints()[std::size_t(*joint)]))
       refuse(i, "an axis of this machine (" + axis_names(chain) + ")",
              "'" + std::string(1, at[i]) + "'");
     if (!seen.insert(at[i]).second)
@@ -58,38 +48,41 @@ kinematics::AxisVector parse_positions(const kinematics::Chain& chain, const std
     if (error != std::errc() || !std::isfinite(value))
       refuse(i, "a number in mm or degrees", "'" + at.substr(i, at.find(' ', i) - i) + "'");
     i = std::size_t(end - at.data());
-    const bool linear = chain.joints()[std::size_t(*joint)].motion == kinematics::Motion::Linear;
-    q[*joint] = linear ? value : value * units::deg;
     const kinematics::Joint& axis = chain.joints()[std::size_t(*joint)];
-    const double unit = linear ? 1.0 : units::deg;
+    q[*joint] = value * position_unit(axis);
     if (q[*joint] < axis.min || q[*joint] > axis.max)
-      refuse(start,
-             fmt::format("{} between {:.6g} and {:.6g} {}", axis.name, axis.min / unit,
-                         axis.max / unit, linear ? "mm" : "deg"),
-             fmt::format("{:.9g}", value));
+      refuse(start, travel_text(axis), fmt::format("{:.9g}", value));
   }
+}
+
+/// What was wished beside the deviation, by head.
+ordered_json columns(const PoseTable& table, const kinematics::AxisState& state) {
+  const PoseTable::Row row = table.row(state);
+  ordered_json json = ordered_json::object();
+  for (std::size_t i = PoseTable::always; i < row.numbers.size(); ++i)
+    json[table.heads()[i]] = row.numbers[i];
+  return json;
 }
 
 }  // namespace
 
-ordered_json pose_at(const Scene& described, const std::string& at) {
-  const Scene scene = with_run_out(described);
-  const Machine machine = compile(scene);
-  const Truth truth = truth_of(scene, machine, activity(scene, machine, {}, {}));
+ordered_json pose_at(const Scene& scene, const std::string& at, const PoseWishes& wishes) {
+  const IdleMachine idle = idle_machine(scene);
+  const PoseTable table(idle, wishes);
   kinematics::AxisState state;
-  state.q = parse_positions(machine.nominal, at);
-  const kinematics::Pose nominal = machine.nominal.tool_in_workpiece(state.q);
-  kinematics::Pose actual;
+  state.q = parse_positions(idle.machine.nominal, at);
   try {
-    actual = tool_in_workpiece(truth, state);
+    const TipPose pose = tip_pose(idle, state);
+    return {{"T_wt_nominal", rows(pose.nominal)},
+            {"T_wt_actual", rows(pose.actual)},
+            {"deviation_mm", numbers(pose.deviation())},
+            {"direction_rad", numbers(pose.direction())},
+            {"E", rows(kinematics::error_transform(pose.nominal, pose.actual))},
+            {"columns", columns(table, state)},
+            {"warnings", left_out_at_rest(idle)}};
   } catch (const std::out_of_range& left) {
     throw BadInput("--at", 1, 0, "positions inside the tables of the errors", left.what());
   }
-  return {{"T_wt_nominal", rows(nominal)},
-          {"T_wt_actual", rows(actual)},
-          {"deviation_mm", numbers(actual.translation() - nominal.translation())},
-          {"direction_rad", numbers(actual.linear().col(2) - nominal.linear().col(2))},
-          {"E", rows(kinematics::error_transform(nominal, actual))}};
 }
 
 std::string pose_text(const ordered_json& pose) {
@@ -108,6 +101,19 @@ std::string pose_text(const ordered_json& pose) {
   text += fmt::format("deviation of direction  {:10.4f} {:10.4f} {:10.4f} urad\n",
                       u[0].get<double>() / units::urad, u[1].get<double>() / units::urad,
                       u[2].get<double>() / units::urad);
+  std::string last;
+  for (const auto& [head, value] : pose["columns"].items()) {
+    // heads come six at a time: EXX_x_um ... EXX_z_urad, dx_dX ... dc_dX
+    const bool jacobian = head.find("_d") == 2 && head.size() > 4;
+    const std::string row =
+        jacobian ? "d/d" + head.substr(4) : head.substr(0, head.rfind("_", head.rfind("_") - 1));
+    if (row != last)
+      text +=
+          fmt::format("{}{:<22}", last.empty() ? "" : "\n", row + (jacobian ? "" : ", um, urad"));
+    last = row;
+    text += fmt::format(" {:12.6g}", value.get<double>());
+  }
+  if (!last.empty()) text += "\n";
   return text;
 }
 

@@ -1,0 +1,248 @@
+#include "sim/volumetric_files.h"
+
+#include <iterator>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "kinematics/units.h"
+#include "sim/output.h"
+#include "sim/pose_files.h"
+
+#if ABBE_RENDER
+#include "render/plot.h"
+#include "render/structured_grid.h"
+#include "render/volume_map.h"
+#endif
+
+namespace abbe::sim {
+namespace {
+
+using Eigen::Vector3d;
+using nlohmann::ordered_json;
+
+ordered_json numbers(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+Vector3d row(const cutting::Points& points, std::size_t i, double unit) {
+  return points.row(Eigen::Index(i)).transpose() / unit;
+}
+
+ordered_json place(const VolumetricMap& map, std::size_t pose) {
+  const PoseList& poses = map.grid.poses;
+  ordered_json json{{"pose", pose + 1}};
+  for (std::size_t c = 0; c < poses.columns.size(); ++c)
+    json[poses.columns[c].head] = poses.numbers[pose * poses.columns.size() + c];
+  json["tip_mm"] = numbers(row(map.nominal, pose, 1.0));
+  json["deviation_um"] = numbers(row(map.deviation, pose, units::um));
+  json["direction_urad"] = numbers(row(map.direction, pose, units::urad));
+  return json;
+}
+
+bool runs(const PoseGrid& grid, int joint) {
+  for (const PoseGrid::Run& run : grid.runs)
+    if (run.joint == joint) return true;
+  return false;
+}
+
+/// "X -300 .. 300 mm (11), Y ..."
+std::string grid_text(const IdleMachine& idle, const PoseGrid& grid) {
+  std::string text;
+  for (const PoseGrid::Run& run : grid.runs) {
+    const auto& joint = idle.machine.nominal.joints()[std::size_t(run.joint)];
+    text += fmt::format("{}{} {:.6g} .. {:.6g} {} ({})", text.empty() ? "" : ", ", joint.name,
+                        run.from, run.to, position_word(joint), run.count);
+  }
+  return text;
+}
+
+/// "A = 0 deg, C = 0 deg"
+std::string standing_text(const IdleMachine& idle, const PoseGrid& grid) {
+  std::string text;
+  for (std::size_t c = 0; c < grid.poses.columns.size(); ++c) {
+    if (runs(grid, grid.poses.columns[c].joint)) continue;
+    const auto& joint = idle.machine.nominal.joints()[std::size_t(grid.poses.columns[c].joint)];
+    text += fmt::format("{}{} = {:.6g} {}", text.empty() ? "" : ", ", joint.name,
+                        grid.poses.numbers[c], position_word(joint));
+  }
+  return text;
+}
+
+#if ABBE_RENDER
+
+std::string title(const IdleMachine& idle) {
+  const std::string& name = idle.scene.machine.name;
+  return "volumetric error of " + (name.empty() ? idle.scene.file.stem().string() : name);
+}
+
+/// With a true minus sign, as pictures have it.
+std::string typeset(std::string text) {
+  for (std::size_t at = 0; (at = text.find('-', at)) != std::string::npos;)
+    text.replace(at, 1, "\u2212");
+  return text;
+}
+
+std::vector<std::string> caption(const IdleMachine& idle, const VolumetricMap& map,
+                                 const VolumetricSummary& s) {
+  std::string where = grid_text(idle, map.grid);
+  if (const std::string standing = standing_text(idle, map.grid); !standing.empty())
+    where += "; " + standing;
+  return {
+      "tip, actual minus nominal, in the workpiece frame; + along +X, +Y, +Z; no datum is set",
+      typeset(where),
+      fmt::format("range in X, Y, Z {:.3g}, {:.3g}, {:.3g} µm; about them {:.3g}, {:.3g}, {:.3g} "
+                  "µrad; two points differ by at most {:.3g} µm",
+                  s.range_um.x(), s.range_um.y(), s.range_um.z(), s.range_urad.x(),
+                  s.range_urad.y(), s.range_urad.z(), s.worst_pair_um)};
+}
+
+std::string figures_line(const VolumetricMap& map, const VolumetricSummary& s) {
+  const Vector3d at = row(map.nominal, s.all.worst, 1.0);
+  return typeset(fmt::format(
+      "max {:.3g} µm at ({:.4g}, {:.4g}, {:.4g}) mm, 95 % below {:.3g}, RMS {:.3g}", s.all.max_um,
+      at.x() + 0.0, at.y() + 0.0, at.z() + 0.0, s.all.p95_um, s.all.rms_um));
+}
+
+void write_curves_of_one_run(const std::filesystem::path& file, const IdleMachine& idle,
+                             const VolumetricMap& map, const VolumetricSummary& s) {
+  const PoseGrid::Run& run = map.grid.runs.front();
+  const auto& joint = idle.machine.nominal.joints()[std::size_t(run.joint)];
+  const std::size_t width = map.grid.poses.columns.size();
+  std::size_t column = 0;
+  while (map.grid.poses.columns[column].joint != run.joint) ++column;
+  Eigen::VectorXd x(map.nominal.rows());
+  for (Eigen::Index i = 0; i < x.size(); ++i)
+    x[i] = map.grid.poses.numbers[std::size_t(i) * width + column];
+  render::Panel of_tip, of_axis;
+  of_tip.title = "tip";
+  of_tip.y_label = "deviation / µm";
+  of_axis.title = "tool axis";
+  of_axis.y_label = "deviation of direction / µrad";
+  for (int i = 0; i < 3; ++i) {
+    render::Series line;
+    line.name = std::string("in ") + "XYZ"[i];
+    line.x = x;
+    line.y = map.deviation.col(i) / units::um;
+    of_tip.series.push_back(line);
+    line.y = map.direction.col(i) / units::urad;
+    of_axis.series.push_back(line);
+  }
+  for (render::Panel* panel : {&of_tip, &of_axis})
+    panel->x_label = fmt::format("{} / {}", joint.name, position_word(joint));
+  render::CurvesOptions options;
+  options.title = title(idle);
+  options.panel_height = 480;
+  options.caption = caption(idle, map, s);
+  options.caption.insert(options.caption.begin(), figures_line(map, s));
+  render::write_curves(file, {of_tip, of_axis}, options);
+}
+
+void write_picture(const std::filesystem::path& file, const IdleMachine& idle,
+                   const VolumetricMap& map, const VolumetricSummary& s) {
+  if (map.grid.runs.size() < 2) return write_curves_of_one_run(file, idle, map, s);
+  render::VolumePicture picture;
+  picture.title = title(idle);
+  picture.figures = figures_line(map, s);
+  picture.points = map.nominal;
+  picture.displacement_um = map.deviation / units::um;
+  picture.size = map.grid.size;
+  picture.caption = caption(idle, map, s);
+  render::write_volume_map(file, picture);
+}
+
+void write_grid(const std::filesystem::path& file, const VolumetricMap& map) {
+  std::vector<render::GridArray> arrays{
+      {"deviation_um", map.deviation / units::um},
+      {"deviation_norm_um", map.deviation.rowwise().norm() / units::um},
+      {"direction_urad", map.direction / units::urad},
+      {"rotation_urad", map.rotation / units::urad}};
+  const PoseList& poses = map.grid.poses;
+  const auto width = Eigen::Index(poses.columns.size());
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const Eigen::Map<const Rows> all(poses.numbers.data(), map.nominal.rows(), width);
+  for (Eigen::Index c = 0; c < width; ++c)
+    arrays.push_back({poses.columns[std::size_t(c)].head, all.col(c)});
+  render::write_structured_grid(file, map.nominal, map.grid.size, arrays);
+}
+
+#endif
+
+}  // namespace
+
+ordered_json to_json(const IdleMachine& idle, const VolumetricMap& map,
+                     const VolumetricSummary& s) {
+  ordered_json grid = ordered_json::array(), standing = ordered_json::object();
+  for (const PoseGrid::Run& run : map.grid.runs) {
+    const auto& joint = idle.machine.nominal.joints()[std::size_t(run.joint)];
+    grid.push_back({{"axis", std::string(1, joint.name)},
+                    {"unit", position_word(joint)},
+                    {"from", run.from},
+                    {"to", run.to},
+                    {"count", run.count}});
+  }
+  for (std::size_t c = 0; c < map.grid.poses.columns.size(); ++c)
+    if (const auto& column = map.grid.poses.columns[c]; !runs(map.grid, column.joint))
+      standing[column.head] = map.grid.poses.numbers[c];
+  const auto [a, b] = s.worst_pair;
+  return {{"machine", idle.scene.machine.name},
+          {"convention", pose_convention},
+          {"grid", grid},
+          {"standing", standing},
+          {"poses", s.all.poses},
+          {"deviation_um",
+           {{"max", s.all.max_um},
+            {"p95", s.all.p95_um},
+            {"rms", s.all.rms_um},
+            {"mean", numbers(s.mean_um)}}},
+          {"worst", place(map, s.all.worst)},
+          {"direction_urad",
+           {{"max", s.all.direction_max_urad}, {"worst", place(map, s.all.direction_worst)}}},
+          {"volumetric_error",
+           {{"by", "ISO 230-1: range of the deviations in X, Y, Z and of the rotations about them"},
+            {"range_um", numbers(s.range_um)},
+            {"range_urad", numbers(s.range_urad)}}},
+          {"worst_pair",
+           {{"difference_um", s.worst_pair_um}, {"a", place(map, a)}, {"b", place(map, b)}}}};
+}
+
+std::string to_text(const IdleMachine& idle, const VolumetricMap& map, const VolumetricSummary& s) {
+  std::string text;
+  const auto line = [&](const char* what, const std::string& value) {
+    fmt::format_to(std::back_inserter(text), "{:<22}{}\n", what, value);
+  };
+  const PoseList& poses = map.grid.poses;
+  line("machine", idle.scene.machine.name);
+  line("grid", fmt::format("{}: {} poses", grid_text(idle, map.grid), s.all.poses));
+  if (const std::string standing = standing_text(idle, map.grid); !standing.empty())
+    line("standing", standing);
+  line("tip, um",
+       fmt::format("max {:.4f}, 95 % below {:.4f}, RMS {:.4f}; mean {:.4f} {:.4f} {:.4f}",
+                   s.all.max_um, s.all.p95_um, s.all.rms_um, s.mean_um.x(), s.mean_um.y(),
+                   s.mean_um.z()));
+  line("  worst at", poses.text(s.all.worst));
+  line("tool axis, urad", fmt::format("max {:.4f}", s.all.direction_max_urad));
+  line("  worst at", poses.text(s.all.direction_worst));
+  line("volumetric error", fmt::format("range in X Y Z {:.4f} {:.4f} {:.4f} um, about X Y Z {:.4f} "
+                                       "{:.4f} {:.4f} urad (ISO 230-1)",
+                                       s.range_um.x(), s.range_um.y(), s.range_um.z(),
+                                       s.range_urad.x(), s.range_urad.y(), s.range_urad.z()));
+  line("worst pair", fmt::format("differs by {:.4f} um", s.worst_pair_um));
+  for (const std::size_t pose : s.worst_pair) line("", poses.text(pose));
+  return text + std::string(pose_convention) + "\n";
+}
+
+std::vector<std::filesystem::path> write_volumetric_files(const std::filesystem::path& folder,
+                                                          const PoseTable& table,
+                                                          const VolumetricMap& map,
+                                                          const VolumetricSummary& s) {
+  std::vector<std::filesystem::path> files{folder / "volumetric.csv"};
+  write_pose_file(files.back(), table, map.grid.poses, TableFormat::Csv, {});
+#if ABBE_RENDER
+  files.push_back(folder / "volumetric.vts");
+  write_file(files.back(), [&](const auto& file) { write_grid(file, map); });
+  files.push_back(folder / "volumetric.png");
+  write_file(files.back(), [&](const auto& file) { write_picture(file, table.idle(), map, s); });
+#endif
+  return files;
+}
+
+}  // namespace abbe::sim

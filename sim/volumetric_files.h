@@ -1,0 +1,32 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "sim/volumetric_map.h"
+
+namespace abbe::sim {
+
+/// What is said of a volumetric map: `machine`, `convention`, `grid`, `standing`, `poses`,
+/// `deviation_um` {`max`, `p95`, `rms`, `mean`}, `worst`, `direction_urad`, `volumetric_error`,
+/// `worst_pair`.
+nlohmann::ordered_json to_json(const IdleMachine& idle, const VolumetricMap& map,
+                               const VolumetricSummary& summary);
+
+/// The same for people.
+std::string to_text(const IdleMachine& idle, const VolumetricMap& map,
+                    const VolumetricSummary& summary);
+
+/// Writes `volumetric.csv` and, where the program was built with VTK, `volumetric.vts` (structured
+/// grid; point data deviation_um, direction_urad, rotation_urad, deviation_norm_um and the
+/// positions of the axes) and `volumetric.png`. @return what was written
+/// @throws OutputFailure
+std::vector<std::filesystem::path> write_volumetric_files(const std::filesystem::path& folder,
+                                                          const PoseTable& table,
+                                                          const VolumetricMap& map,
+                                                          const VolumetricSummary& summary);
+
+}  // namespace abbe::sim
