@@ -169,14 +169,7 @@ int compare_command(const Common& common, const std::vector<std::filesystem::pat
   return finish(common, options, compare(common.scene, options));
 }
 
-int pose(const Common& common, PoseCommand command, const std::vector<std::string>& jacobians) {
-  if (!command.at.empty() && !common.out.empty())
-    throw CLI::ValidationError("--out", "expected --at-file or --grid with it");
-  for (const std::string& word : jacobians)
-    command.wishes.jacobians.push_back(word == "axis"     ? PoseJacobian::Axis
-                                       : word == "motion" ? PoseJacobian::Motion
-                                                          : PoseJacobian::Location);
-  command.out = common.out;
+int pose(const Common& common, PoseCommand command) {
   command.json = common.json;
   pose_command(read_scene(common.scene, overrides(common)), command);
   return ok;
@@ -386,7 +379,6 @@ struct CommandLine {
   std::string case_name;
   std::vector<std::filesystem::path> compensators;
   PoseCommand pose;
-  std::vector<std::string> jacobians;
   bool picture = false;
   RenderOptions rendering;
   StudyWords study;
@@ -419,36 +411,8 @@ void add_scene_commands(CLI::App& app, CommandLine& line) {
 void add_pose_command(CLI::App& app, CommandLine& line) {
   CLI::App& pose_app =
       *app.add_subcommand("pose", "Where the tool is and should be: at a pose, many, everywhere");
-  PoseCommand& pose = line.pose;
   add_common(pose_app, line.common, false);
-  CLI::Option_group& where = *pose_app.add_option_group("where", "one of these");
-  where.add_option("--at", pose.at, "one pose in mm and degrees: \"X=100 Y=0 Z=50 A=30 C=90\"");
-  where.add_option("--at-file", pose.at_file,
-                   "poses as CSV: X_mm,Y_mm,A_deg,... and time_s; writes CSV, or JSON with --json");
-  where
-      .add_option("--grid", pose.grid,
-                  "the work space: from:to:count of axes that run, places of others, such as "
-                  "\"X=-100:100:9 Z=::5 A=30\"; slides left out run over their travel")
-      ->expected(0, 1);
-  where.require_option(1);
-  pose_app
-      .add_option("--jacobian", line.jacobians,
-                  "derivatives of the nominal pose by axes, error motions, location errors")
-      ->check(CLI::IsMember({"axis", "motion", "location"}))
-      ->delimiter(',');
-  pose_app
-      .add_option("--elements", pose.wishes.elements,
-                  "what these errors alone do: EXX,EC0Y,EXX_heat,tool ... or all")
-      ->delimiter(',');
-  pose_app.add_option(
-      "--out", line.common.out,
-      "of --at-file a .csv or .json file, of --grid a folder (out/SCENE/volumetric)");
-  pose_app.footer(
-      "Examples:\n"
-      "  abbe pose scenes/gantry_dome.toml --at-file poses.csv --elements all --out "
-      "deviations.csv\n"
-      "  abbe pose scenes/gantry_dome.toml --grid \"X=-200:200:9 Y=::9 Z=0:300:7 A=30\"\n"
-      "Columns and files are explained in scenes/README.md, Poses.");
+  add_pose_options(pose_app, line.pose);
 }
 
 void add_render_command(CLI::App& app, CommandLine& line) {
@@ -623,7 +587,7 @@ int dispatch(const CLI::App& app, CommandLine& line, int& argc, char**& argv) {
     limit.emplace(tbb::global_control::max_allowed_parallelism, std::size_t(line.common.threads));
   if (app.got_subcommand("run")) return run_command(line.common, line.case_name, line.compensators);
   if (app.got_subcommand("compare")) return compare_command(line.common, line.compensators);
-  if (app.got_subcommand("pose")) return pose(line.common, line.pose, line.jacobians);
+  if (app.got_subcommand("pose")) return pose(line.common, line.pose);
   if (app.got_subcommand("check")) return check_command(line.common, line.picture);
   if (app.got_subcommand("measure")) return measure_command(line.common, line.instruments);
   if (app.got_subcommand("identify")) return identify_command(line.common, line.identify);

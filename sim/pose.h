@@ -1,7 +1,6 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
 #include "kinematics/chain.h"
 #include "sim/scene.h"
@@ -46,8 +45,5 @@ const char* position_word(const kinematics::Joint& joint);
 
 /// "X between -300 and 300 mm"
 std::string travel_text(const kinematics::Joint& joint);
-
-/// What standing still leaves out of this machine, a sentence each: reversal, chance.
-std::vector<std::string> left_out_at_rest(const IdleMachine& idle);
 
 }  // namespace abbe::sim

@@ -9,6 +9,7 @@
 
 #include "kinematics/units.h"
 #include "sim/pose.h"
+#include "sim/pose_doubts.h"
 
 namespace abbe::sim {
 namespace {
@@ -79,7 +80,7 @@ ordered_json pose_at(const Scene& scene, const std::string& at, const PoseWishes
             {"direction_rad", numbers(pose.direction())},
             {"E", rows(kinematics::error_transform(pose.nominal, pose.actual))},
             {"columns", columns(table, state)},
-            {"warnings", left_out_at_rest(idle)}};
+            {"warnings", doubts(idle, state.q, state.q)}};
   } catch (const std::out_of_range& left) {
     throw BadInput("--at", 1, 0, "positions inside the tables of the errors", left.what());
   }

@@ -3,10 +3,12 @@
 #include <algorithm>
 
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "sim/output.h"
 #include "sim/pose_at.h"
+#include "sim/pose_doubts.h"
 #include "sim/pose_files.h"
 #include "sim/volumetric_files.h"
 
@@ -19,34 +21,6 @@ constexpr std::size_t worth_a_line = 20000;  // poses from which progress is sho
 
 void warn(const std::vector<std::string>& warnings) {
   for (const std::string& warning : warnings) fmt::print(stderr, "abbe: warning: {}\n", warning);
-}
-
-/// What a column of time cannot say of this machine.
-std::vector<std::string> doubts_of_time(const IdleMachine& idle, const PoseList& poses) {
-  std::vector<std::string> doubts;
-  if (!poses.is_timed()) return doubts;
-  if (!idle.truth.heat) {
-    doubts.push_back("time changes nothing: the machine of this scene has no heat");
-    return doubts;
-  }
-  std::size_t after = 0, before = 0;
-  const double begin_s = idle.truth.heat->run.knots.front().time_s;
-  for (std::size_t i = 0; i < poses.size(); ++i) {
-    const double time_s = poses.state(i).time_s;
-    after += time_s > 0.0;
-    before += time_s < begin_s;
-  }
-  if (after > 0)
-    doubts.push_back(
-        fmt::format("{} of {} poses come after time 0: the last phase of the history "
-                    "goes on, no program runs",
-                    after, poses.size()));
-  if (before > 0)
-    doubts.push_back(
-        fmt::format("{} of {} poses come before the history, which begins at {:.6g} s: "
-                    "the machine is as at its beginning",
-                    before, poses.size(), begin_s));
-  return doubts;
 }
 
 void print_one(const Scene& scene, const PoseCommand& command) {
@@ -62,8 +36,7 @@ void print_many(const IdleMachine& idle, const PoseCommand& command) {
       command.out.empty() ? asked
                           : pose_file_format(command.out, {idle.scene.file, command.at_file});
   const PoseList poses = read_poses_file(command.at_file, idle.machine.nominal);
-  std::vector<std::string> warnings = left_out_at_rest(idle);
-  for (std::string& doubt : doubts_of_time(idle, poses)) warnings.push_back(std::move(doubt));
+  const std::vector<std::string> warnings = doubts(idle, poses);
   warn(warnings);
   std::optional<ProgressLine> progress;
   if (poses.size() > worth_a_line) {
@@ -94,7 +67,7 @@ void print_work_space(const IdleMachine& idle, const PoseCommand& command) {
                           : command.out;
   const VolumetricMap map = volumetric_map(idle, pose_grid(idle, *command.grid));
   const VolumetricSummary s = summary(map);
-  std::vector<std::string> warnings = left_out_at_rest(idle);
+  std::vector<std::string> warnings = doubts(idle, map.grid.poses);
   if (s.all.max_um == 0.0 && s.all.direction_max_urad == 0.0)
     warnings.push_back(
         "nothing deviates anywhere: this machine has no errors while it stands still");
@@ -102,7 +75,7 @@ void print_work_space(const IdleMachine& idle, const PoseCommand& command) {
   warnings.push_back("this program was built without VTK: no picture and no .vts");
 #endif
   prepare_folder(folder);
-  const auto files = write_volumetric_files(folder, table, map, s);
+  write_volumetric_files(folder, table, map, s, warnings);
   ordered_json json = to_json(idle, map, s);
   json["warnings"] = warnings;
   write_file(folder / "volumetric.json", json.dump(2) + "\n");
@@ -114,6 +87,43 @@ void print_work_space(const IdleMachine& idle, const PoseCommand& command) {
 }
 
 }  // namespace
+
+void add_pose_options(CLI::App& app, PoseCommand& command) {
+  CLI::Option_group& where = *app.add_option_group("where", "one of these");
+  CLI::Option* at = where.add_option("--at", command.at,
+                                     "one pose in mm and degrees: \"X=100 Y=0 Z=50 A=30 C=90\"");
+  where.add_option("--at-file", command.at_file,
+                   "poses as CSV: X_mm,Y_mm,A_deg,... and time_s; writes CSV, or JSON with --json");
+  where
+      .add_option("--grid", command.grid,
+                  "the work space: from:to:count of axes that run, places of others, such as "
+                  "\"X=-100:100:9 Z=::5 A=30\"; slides left out run over their travel")
+      ->expected(0, 1);
+  where.require_option(1);
+  const std::map<std::string, PoseJacobian> jacobians{{"axis", PoseJacobian::Axis},
+                                                      {"motion", PoseJacobian::Motion},
+                                                      {"location", PoseJacobian::Location}};
+  app.add_option_function<std::vector<std::string>>(
+         "--jacobian",
+         [&command, jacobians](const std::vector<std::string>& words) {
+           for (const std::string& word : words)
+             command.wishes.jacobians.push_back(jacobians.at(word));
+         },
+         "derivatives of the nominal pose by axes, error motions, location errors")
+      ->check(CLI::IsMember({"axis", "motion", "location"}))
+      ->delimiter(',');
+  app.add_option("--elements", command.wishes.elements,
+                 "what these errors alone do: EXX,EC0Y,EXX_heat,tool ... or all")
+      ->delimiter(',');
+  app.add_option("--out", command.out,
+                 "of --at-file a .csv or .json file, of --grid a folder (out/SCENE/volumetric)")
+      ->excludes(at);
+  app.footer(
+      "Examples:\n"
+      "  abbe pose scenes/gantry_dome.toml --at-file poses.csv --elements all --out out.csv\n"
+      "  abbe pose scenes/gantry_dome.toml --grid \"X=-200:200:9 Y=::9 Z=0:300:7 A=30\"\n"
+      "Columns and files are explained in scenes/README.md, Poses.");
+}
 
 void pose_command(const Scene& scene, const PoseCommand& command) {
   if (!command.at.empty() || (command.at_file.empty() && !command.grid))

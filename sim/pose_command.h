@@ -7,6 +7,10 @@
 #include "sim/pose_table.h"
 #include "sim/scene.h"
 
+namespace CLI {
+class App;
+}
+
 namespace abbe::sim {
 
 /// What `abbe pose` is asked for: one of `at`, `at_file` and `grid`.
@@ -19,6 +23,9 @@ struct PoseCommand {
                               ///< folder, else out/SCENE/volumetric
   bool json = false;
 };
+
+/// Its words on the command line, but for those that it shares with other commands.
+void add_pose_options(CLI::App& app, PoseCommand& command);
 
 /// Computes and prints; warnings go to standard error, and into JSON where that is what is written.
 /// @throws BadScene, BadInput, OutputFailure, Interrupted

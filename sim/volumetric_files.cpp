@@ -10,6 +10,7 @@
 #include "sim/pose_files.h"
 
 #if ABBE_RENDER
+#include "render/label.h"
 #include "render/plot.h"
 #include "render/structured_grid.h"
 #include "render/volume_map.h"
@@ -69,6 +70,13 @@ std::string standing_text(const IdleMachine& idle, const PoseGrid& grid) {
 
 #if ABBE_RENDER
 
+/// What a picture shows.
+struct Shown {
+  const VolumetricMap& map;
+  const VolumetricSummary& summary;
+  const std::vector<std::string>& warnings;
+};
+
 std::string title(const IdleMachine& idle) {
   const std::string& name = idle.scene.machine.name;
   return "volumetric error of " + (name.empty() ? idle.scene.file.stem().string() : name);
@@ -81,46 +89,47 @@ std::string typeset(std::string text) {
   return text;
 }
 
-std::vector<std::string> caption(const IdleMachine& idle, const VolumetricMap& map,
-                                 const VolumetricSummary& s) {
-  std::string where = grid_text(idle, map.grid);
-  if (const std::string standing = standing_text(idle, map.grid); !standing.empty())
-    where += "; " + standing;
-  return {
-      "tip, actual minus nominal, in the workpiece frame; + along +X, +Y, +Z; no datum is set",
-      typeset(where),
-      fmt::format("range in X, Y, Z {:.3g}, {:.3g}, {:.3g} µm; about them {:.3g}, {:.3g}, {:.3g} "
-                  "µrad; two points differ by at most {:.3g} µm",
-                  s.range_um.x(), s.range_um.y(), s.range_um.z(), s.range_urad.x(),
-                  s.range_urad.y(), s.range_urad.z(), s.worst_pair_um)};
+std::string three(const Vector3d& v) {
+  return fmt::format("{}, {}, {}", render::figure(v.x()), render::figure(v.y()),
+                     render::figure(v.z()));
 }
 
-std::string figures_line(const VolumetricMap& map, const VolumetricSummary& s) {
-  const Vector3d at = row(map.nominal, s.all.worst, 1.0);
-  return typeset(fmt::format(
-      "max {:.3g} µm at ({:.4g}, {:.4g}, {:.4g}) mm, 95 % below {:.3g}, RMS {:.3g}", s.all.max_um,
-      at.x() + 0.0, at.y() + 0.0, at.z() + 0.0, s.all.p95_um, s.all.rms_um));
+std::string figures_line(const Shown& shown) {
+  const PoseStatistics& s = shown.summary.all;
+  const Vector3d at = row(shown.map.nominal, s.worst, 1.0);
+  return typeset(fmt::format("max {} µm at ({:.4g}, {:.4g}, {:.4g}) mm, 95 % below {}, RMS {}",
+                             render::figure(s.max_um), at.x() + 0.0, at.y() + 0.0, at.z() + 0.0,
+                             render::figure(s.p95_um), render::figure(s.rms_um)));
+}
+
+std::vector<std::string> caption(const IdleMachine& idle, const Shown& shown) {
+  std::string where = grid_text(idle, shown.map.grid);
+  if (const std::string standing = standing_text(idle, shown.map.grid); !standing.empty())
+    where += "; " + standing;
+  const VolumetricSummary& s = shown.summary;
+  std::vector<std::string> lines{
+      "tip, actual minus nominal, in the workpiece frame; + along +X, +Y, +Z; no datum is set",
+      typeset(where),
+      fmt::format("range in X, Y, Z {} µm; about them {} µrad; two points differ by at most {} µm",
+                  three(s.range_um), three(s.range_urad), render::figure(s.worst_pair_um))};
+  for (const std::string& warning : shown.warnings) lines.push_back("warning: " + warning);
+  return lines;
 }
 
 void write_curves_of_one_run(const std::filesystem::path& file, const IdleMachine& idle,
-                             const VolumetricMap& map, const VolumetricSummary& s) {
+                             const Shown& shown) {
+  const VolumetricMap& map = shown.map;
   const PoseGrid::Run& run = map.grid.runs.front();
   const auto& joint = idle.machine.nominal.joints()[std::size_t(run.joint)];
-  const std::size_t width = map.grid.poses.columns.size();
-  std::size_t column = 0;
-  while (map.grid.poses.columns[column].joint != run.joint) ++column;
-  Eigen::VectorXd x(map.nominal.rows());
-  for (Eigen::Index i = 0; i < x.size(); ++i)
-    x[i] = map.grid.poses.numbers[std::size_t(i) * width + column];
   render::Panel of_tip, of_axis;
   of_tip.title = "tip";
   of_tip.y_label = "deviation / µm";
   of_axis.title = "tool axis";
-  of_axis.y_label = "deviation of direction / µrad";
+  of_axis.y_label = "direction / µrad";
   for (int i = 0; i < 3; ++i) {
     render::Series line;
     line.name = std::string("in ") + "XYZ"[i];
-    line.x = x;
+    line.x = Eigen::VectorXd::LinSpaced(run.count, run.from, run.to);
     line.y = map.deviation.col(i) / units::um;
     of_tip.series.push_back(line);
     line.y = map.direction.col(i) / units::urad;
@@ -131,21 +140,20 @@ void write_curves_of_one_run(const std::filesystem::path& file, const IdleMachin
   render::CurvesOptions options;
   options.title = title(idle);
   options.panel_height = 480;
-  options.caption = caption(idle, map, s);
-  options.caption.insert(options.caption.begin(), figures_line(map, s));
+  options.caption = caption(idle, shown);
+  options.caption.insert(options.caption.begin(), figures_line(shown));
   render::write_curves(file, {of_tip, of_axis}, options);
 }
 
-void write_picture(const std::filesystem::path& file, const IdleMachine& idle,
-                   const VolumetricMap& map, const VolumetricSummary& s) {
-  if (map.grid.runs.size() < 2) return write_curves_of_one_run(file, idle, map, s);
+void write_picture(const std::filesystem::path& file, const IdleMachine& idle, const Shown& shown) {
+  if (shown.map.grid.runs.size() < 2) return write_curves_of_one_run(file, idle, shown);
   render::VolumePicture picture;
   picture.title = title(idle);
-  picture.figures = figures_line(map, s);
-  picture.points = map.nominal;
-  picture.displacement_um = map.deviation / units::um;
-  picture.size = map.grid.size;
-  picture.caption = caption(idle, map, s);
+  picture.figures = figures_line(shown);
+  picture.points = shown.map.nominal;
+  picture.displacement_um = shown.map.deviation / units::um;
+  picture.size = shown.map.grid.size;
+  picture.caption = caption(idle, shown);
   render::write_volume_map(file, picture);
 }
 
@@ -230,19 +238,16 @@ std::string to_text(const IdleMachine& idle, const VolumetricMap& map, const Vol
   return text + std::string(pose_convention) + "\n";
 }
 
-std::vector<std::filesystem::path> write_volumetric_files(const std::filesystem::path& folder,
-                                                          const PoseTable& table,
-                                                          const VolumetricMap& map,
-                                                          const VolumetricSummary& s) {
-  std::vector<std::filesystem::path> files{folder / "volumetric.csv"};
-  write_pose_file(files.back(), table, map.grid.poses, TableFormat::Csv, {});
+void write_volumetric_files(const std::filesystem::path& folder, const PoseTable& table,
+                            const VolumetricMap& map, [[maybe_unused]] const VolumetricSummary& s,
+                            const std::vector<std::string>& warnings) {
+  write_pose_file(folder / "volumetric.csv", table, map.grid.poses, TableFormat::Csv, warnings);
 #if ABBE_RENDER
-  files.push_back(folder / "volumetric.vts");
-  write_file(files.back(), [&](const auto& file) { write_grid(file, map); });
-  files.push_back(folder / "volumetric.png");
-  write_file(files.back(), [&](const auto& file) { write_picture(file, table.idle(), map, s); });
+  write_file(folder / "volumetric.vts", [&](const auto& file) { write_grid(file, map); });
+  write_file(folder / "volumetric.png", [&](const auto& file) {
+    write_picture(file, table.idle(), {map, s, warnings});
+  });
 #endif
-  return files;
 }
 
 }  // namespace abbe::sim

@@ -22,11 +22,10 @@ std::string to_text(const IdleMachine& idle, const VolumetricMap& map,
 
 /// Writes `volumetric.csv` and, where the program was built with VTK, `volumetric.vts` (structured
 /// grid; point data deviation_um, direction_urad, rotation_urad, deviation_norm_um and the
-/// positions of the axes) and `volumetric.png`. @return what was written
+/// positions of the axes) and `volumetric.png`, which tells the warnings too.
 /// @throws OutputFailure
-std::vector<std::filesystem::path> write_volumetric_files(const std::filesystem::path& folder,
-                                                          const PoseTable& table,
-                                                          const VolumetricMap& map,
-                                                          const VolumetricSummary& summary);
+void write_volumetric_files(const std::filesystem::path& folder, const PoseTable& table,
+                            const VolumetricMap& map, const VolumetricSummary& summary,
+                            const std::vector<std::string>& warnings);
 
 }  // namespace abbe::sim

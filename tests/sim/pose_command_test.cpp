@@ -1,9 +1,13 @@
 // `abbe pose` as it is called: what it prints, what it writes, and what it leaves alone.
 
 #include <array>
+#include <chrono>
 #include <cstdio>
+#include <cstdlib>
+#include <iostream>
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <nlohmann/json.hpp>
 
@@ -74,6 +78,31 @@ TEST_F(PoseCommandLine, ATableIsPrintedOrWrittenWithTheSameBytesForAnyThreads) {
   EXPECT_NE(written.out.find("3000 poses"), std::string::npos) << written.out;
   EXPECT_EQ(files(), 2) << "nothing unfinished is left";
   EXPECT_EQ(run(what + "--out deep/table.csv").code, 0) << "its own table may be replaced";
+}
+
+// What is written is many times what may be held: 5.5 KB a pose. ABBE_LONG=1 tries a million.
+TEST_F(PoseCommandLine, ManyPosesTakeLittleMemory) {
+  const bool is_long = std::getenv("ABBE_LONG") != nullptr;
+  const IdleMachine idle = idle_of(scenes() / "gantry_dome.toml");
+  const auto most_kb = [] {
+    rusage used{};
+    ::getrusage(RUSAGE_CHILDREN, &used);
+    return used.ru_maxrss;
+  };
+  folder_.write("poses.csv", csv_of(idle, any_states(idle, is_long ? 200000 : 20000, 20261129)));
+  ASSERT_EQ(run(dome + " --at-file poses.csv --elements all --out shares.csv").code, 0);
+  const auto written_kb = long(fs::file_size(folder_.path() / "shares.csv") >> 10);
+  std::cout << written_kb << " KB written, " << most_kb() << " KB held\n";
+  EXPECT_GT(written_kb, 90000);
+  EXPECT_LT(most_kb(), 90000);
+  if (!is_long) return;
+  fs::remove(folder_.path() / "shares.csv");
+  folder_.write("poses.csv", csv_of(idle, any_states(idle, 1000000, 20261130)));
+  const auto start = std::chrono::steady_clock::now();
+  ASSERT_EQ(run(dome + " --at-file poses.csv --threads 1 --out table.csv").code, 0);
+  const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - start;
+  std::cout << "a million poses in " << spent.count() << " s, " << most_kb() << " KB held\n";
+  EXPECT_LT(most_kb(), 300000);
 }
 
 TEST_F(PoseCommandLine, JsonHasTheNumbersOfTheTable) {
