@@ -77,9 +77,9 @@ struct Shown {
   const std::vector<std::string>& warnings;
 };
 
-std::string title(const IdleMachine& idle) {
+std::string name_of(const IdleMachine& idle) {
   const std::string& name = idle.scene.machine.name;
-  return "volumetric error of " + (name.empty() ? idle.scene.file.stem().string() : name);
+  return name.empty() ? idle.scene.file.stem().string() : name;
 }
 
 /// With a true minus sign, as pictures have it.
@@ -138,7 +138,7 @@ void write_curves_of_one_run(const std::filesystem::path& file, const IdleMachin
   for (render::Panel* panel : {&of_tip, &of_axis})
     panel->x_label = fmt::format("{} / {}", joint.name, position_word(joint));
   render::CurvesOptions options;
-  options.title = title(idle);
+  options.title = fmt::format("deviations along {} of {}", joint.name, name_of(idle));
   options.panel_height = 480;
   options.caption = caption(idle, shown);
   options.caption.insert(options.caption.begin(), figures_line(shown));
@@ -148,7 +148,7 @@ void write_curves_of_one_run(const std::filesystem::path& file, const IdleMachin
 void write_picture(const std::filesystem::path& file, const IdleMachine& idle, const Shown& shown) {
   if (shown.map.grid.runs.size() < 2) return write_curves_of_one_run(file, idle, shown);
   render::VolumePicture picture;
-  picture.title = title(idle);
+  picture.title = "volumetric error of " + name_of(idle);
   picture.figures = figures_line(shown);
   picture.points = shown.map.nominal;
   picture.displacement_um = shown.map.deviation / units::um;

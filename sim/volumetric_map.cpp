@@ -115,10 +115,10 @@ PoseGrid::Run run_of(const Joint& joint, int j, const Said& said, int usual) {
   return run;
 }
 
-/// Exact at both ends.
+/// Exact at both ends, and at round numbers between them.
 double place_of(const PoseGrid::Run& run, int i) {
-  if (i + 1 == run.count) return run.to;
-  return run.from + (run.to - run.from) * (double(i) / double(run.count - 1));
+  const int last = run.count - 1;
+  return (run.from * (last - i) + run.to * i) / last;
 }
 
 void fill(PoseGrid& grid, const Chain& chain, const std::vector<double>& standing) {

@@ -45,6 +45,9 @@ TEST(PoseGrid, SaysEndsCountsAndPlaces) {
   const PoseGrid turned = pose_grid(gantry(), "A=-90:90:19 C=0:355:72 X=50 Y=0 Z=100");
   EXPECT_EQ(turned.size, (std::array{72, 19, 1}));
   EXPECT_EQ(pose_grid(gantry(), "X=: Y=0 Z=0").size, (std::array{101, 1, 1}));
+  EXPECT_EQ(pose_grid(gantry(), "Y=::11 X=0 Z=0").poses.text(7),
+            "C_deg = 0, X_mm = 0, Y_mm = 140, Z_mm = 0, A_deg = 0");
+  EXPECT_EQ(pose_grid(gantry(), "Y=::11 X=0 Z=0").poses.numbers[7 * 5 + 2], 140.0);
 }
 
 TEST(PoseGrid, RefusesWithTheColumn) {
