@@ -82,7 +82,7 @@ cutting::Triangles hull(const Size& size) {
   return Eigen::Map<const cutting::Triangles>(corners.data(), Eigen::Index(corners.size() / 3), 3);
 }
 
-/// Every so-manieth of n, the first and the last with them.
+/// Evenly chosen ones of n, about most_lines of them, the first and the last included.
 std::vector<int> some_of(int n) {
   const int step = (n - 2) / most_lines + 1;
   std::vector<int> some;

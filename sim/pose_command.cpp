@@ -19,6 +19,11 @@ using nlohmann::ordered_json;
 
 constexpr std::size_t worth_a_line = 20000;  // poses from which progress is shown
 
+/// A file's name need not be UTF-8.
+std::string dumped(const ordered_json& json) {
+  return json.dump(2, ' ', false, ordered_json::error_handler_t::replace);
+}
+
 void warn(const std::vector<std::string>& warnings) {
   for (const std::string& warning : warnings) fmt::print(stderr, "abbe: warning: {}\n", warning);
 }
@@ -54,7 +59,7 @@ void print_many(const IdleMachine& idle, const PoseCommand& command) {
   if (command.json) {
     const ordered_json json{
         {"file", command.out.string()}, {"summary", to_json(s, poses)}, {"warnings", warnings}};
-    fmt::print("{}\n", json.dump(2));
+    fmt::print("{}\n", dumped(json));
   } else {
     fmt::print("{}file              {}\n", to_text(s, poses), command.out.string());
   }
@@ -78,10 +83,10 @@ void print_work_space(const IdleMachine& idle, const PoseCommand& command) {
   write_volumetric_files(folder, table, map, s, warnings);
   ordered_json json = to_json(idle, map, s);
   json["warnings"] = warnings;
-  write_file(folder / "volumetric.json", json.dump(2) + "\n");
+  write_file(folder / "volumetric.json", dumped(json) + "\n");
   warn(warnings);
   if (command.json)
-    fmt::print("{}\n", json.dump(2));
+    fmt::print("{}\n", dumped(json));
   else
     fmt::print("{}files in {}\n", to_text(idle, map, s), folder.string());
 }

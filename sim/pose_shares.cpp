@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/jacobian.h"
+#include "kinematics/text.h"
 
 namespace abbe::sim {
 namespace {
@@ -158,13 +159,12 @@ std::vector<ErrorSource> chosen_sources(std::vector<ErrorSource> all,
   for (const std::string& name : names) {
     const auto named = [&](const ErrorSource& source) { return source.name == name; };
     if (std::any_of(chosen.begin(), chosen.end(), named))
-      throw BadInput("--elements", 0, 0, "every name once", "\"" + name + "\" again");
+      throw BadInput("--elements", 0, 0, "every name once", in_quotes(name) + " again");
     const auto found = std::find_if(all.begin(), all.end(), named);
     if (found == all.end()) {
       std::string known = "all";
       for (const ErrorSource& source : all) known += " " + source.name;
-      throw BadInput("--elements", 0, 0, "what this machine has (" + known + ")",
-                     "\"" + name + "\"");
+      throw BadInput("--elements", 0, 0, "what this machine has (" + known + ")", in_quotes(name));
     }
     chosen.push_back(*found);
   }
