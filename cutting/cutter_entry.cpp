@@ -356,17 +356,25 @@ class Sweep {
 
  private:
   /// Over a piece, the distance of the ray's point from the cutter along m is at least this.
+  /// Between the ends, the point of the cutter that is foremost along m leaves its chord by arm
+  /// turn^2 / 8, the arm being the part of it along m: R where m points down the axis, R + flank at
+  /// most. Rounding: with e = 2^-53 and D the distance of the ray's point and the cutter's farthest
+  /// one from the tip, the products take 8 e D and |m x axis|, as the norm of a cross product, 7 e
+  /// of R; a difference of squares would lose up to 1e-8 R.
   double clearance(const Vector3d& m, const Piece& piece) const {
     const double turn = move_.angle * (piece.b.t - piece.a.t);
     double least = infinity;
+    double far = cutter_.radius + cutter_.flank_length;
     double arm = cutter_.radius;
     for (const double t : {piece.a.t, piece.b.t}) {
       const Position at = position(move_, t);
+      const Vector3d p = ray_.point - at.tip;
       const double rise = m.dot(at.axis);
-      least = std::min(least, m.dot(ray_.point - at.tip) - support(rise));
+      least = std::min(least, m.dot(p) - support(rise, m.cross(at.axis).norm()));
+      far = std::max(far, p.lpNorm<1>());
       if (rise > -turn) arm = cutter_.radius + cutter_.flank_length;
     }
-    return least - 0.13 * arm * turn * turn;  // between the ends the cutter bulges that much
+    return least - 0.13 * arm * turn * turn - 4e-15 * far;
   }
 
   /// Bounds from the planes that touch the cutter at the ends of a piece.
@@ -384,9 +392,9 @@ class Sweep {
     return best;
   }
 
-  /// How far the cutter reaches from its tip along a direction that rises by `rise`.
-  double support(double rise) const {
-    const double across = std::sqrt(std::max(0.0, 1 - rise * rise));
+  /// How far the cutter reaches from its tip along a direction of which `rise` is along its axis and
+  /// `across` across.
+  double support(double rise, double across) const {
     if (rise > 0) return cutter_.flank_length * rise + cutter_.radius * across;
     return cutter_.corner_radius * (1 + rise) + (cutter_.radius - cutter_.corner_radius) * across;
   }
