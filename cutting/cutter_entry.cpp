@@ -392,8 +392,8 @@ class Sweep {
     return best;
   }
 
-  /// How far the cutter reaches from its tip along a direction of which `rise` is along its axis and
-  /// `across` across.
+  /// How far the cutter reaches from its tip along a direction that rises by `rise` along its axis
+  /// and goes by `across` across it.
   double support(double rise, double across) const {
     if (rise > 0) return cutter_.flank_length * rise + cutter_.radius * across;
     return cutter_.corner_radius * (1 + rise) + (cutter_.radius - cutter_.corner_radius) * across;
@@ -433,6 +433,7 @@ struct BallPath {
         first(centre(start)), last(centre(end)), angle(m.angle * (m.to - m.from)) {}
 
   Vector3d centre(const Position& at) const { return at.tip + cutter.radius * at.axis; }
+  /// The centre leaves its chord by no more: a ball thicker by it about the chord holds the sweep.
   double sag() const { return 0.125 * cutter.radius * angle * angle; }
   double instant(double x) const { return move.from + x * (move.to - move.from); }
 };
@@ -444,7 +445,7 @@ bool stays_below_flank(const BallPath& path, const Ray& ray, double s) {
   const double turned = path.angle * path.angle;
   const Vector3d w0 = place - path.first;
   const Vector3d w1 = place - path.last;
-  double bend = 0.0;
+  double bend = 0.0;  // twice what a height over the tip can rise between its ends
   if (path.angle != 0) {
     const double arms = path.cutter.radius + w0.norm() + w1.norm();
     bend = 0.25 * (arms * turned + 2 * (path.last - path.first).norm() * path.angle);

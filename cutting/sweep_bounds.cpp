@@ -20,9 +20,9 @@ using Eight = stdx::simd<float, stdx::simd_abi::deduce_t<float, 8>>;
 using Mask = Eight::mask_type;
 
 constexpr std::size_t max_slab_leaves = 512;  // of a child; more of a surface is not flat
-constexpr int core_steps = 4;  // towards the nearest point of a tool
-constexpr float tiny = 1e-30f;  // keeps quotients of zero lengths finite
-constexpr float move_rounding = 3e-6f;  // of a distance; proved below to be enough
+constexpr int core_steps = 4;                 // towards the nearest point of a tool
+constexpr float tiny = 1e-30f;                // keeps quotients of zero lengths finite
+constexpr float move_rounding = 3e-6f;        // of a distance; proved below to be enough
 constexpr float node_rounding = 4e-6f;
 
 Eight load(const float* values) { return Eight(values, stdx::element_aligned); }
@@ -40,7 +40,7 @@ Eight dot(const Vector8& a, const Vector8& b) { return a.x * b.x + a.y * b.y + a
 Vector8 cross(const Vector8& a, const Vector8& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
-/// Never below the length, and not zero: squares of tiny parts may vanish.
+/// Never zero, for the squares of tiny parts may vanish: then too large.
 Eight length_of(const Vector8& a) { return stdx::sqrt(dot(a, a) + tiny); }
 Vector8 clamp(const Vector8& p, const Vector8& low, const Vector8& high) {
   return {stdx::min(stdx::max(p.x, low.x), high.x), stdx::min(stdx::max(p.y, low.y), high.y),
@@ -105,8 +105,7 @@ void add_slab(SweepBounds& b, const SweepLeaves& leaves, std::size_t first, std:
   Eigen::Matrix3d square = Eigen::Matrix3d::Zero();
   double count = 0.0;
   double slack = 0.0;
-  for (std::size_t l = first; l < end; ++l)
-    slack = std::max(slack, double(leaves.places[l].slack));
+  for (std::size_t l = first; l < end; ++l) slack = std::max(slack, double(leaves.places[l].slack));
   each_end([&](const Vector3d& k) {
     const Vector3d d = k - middle;
     sum += d;
@@ -248,19 +247,19 @@ void RayEnd::cut_off(const Ray& ray, double s, const Vector3d& centre) {
 // m is the direction to q from the nearest point of the tool's core, turned across n if need be.
 // Any m will do: what is rounded on the way to it costs nothing.
 //
-// Rounding of the test itself. Let e = 2^-24, D = |q| + |k| + R + flank about the bound's origin, m0
-// the direction before it is turned across n, |m0| <= |m| + turned. In units of e D |m0|:
+// Rounding of the test itself. Let e = 2^-24, D = |q| + |k| + R + flank about the bound's origin,
+// m0 the direction before it is turned across n, |m0| <= |m| + turned. In units of e D |m0|:
 //   1  q and k as floats
 //   8  a move: the products m q and m k;  28  a node: parts of m, differences from two corners,
 //      products with both and sums, each part at most D |m|
 //   3  sums of the terms
 //  14  |m x u| (7: as a norm of the cross product it is good to e |m| however small it is, where a
-//      difference of squares would be to the root of e), m u (4) and their products with R and flank;
-//      20 where they are turned by the spread of a cone
+//      difference of squares would be to the root of e), m u (4) and their products with R and
+//      flank; 20 where they are turned by the spread of a cone
 //   8  m n <= 0 fails by 8 e |m0| (all of m may be what is left of m0), over no more than D of the
 //      ray: what is farther from q lies in no cutter
-// So 34 for a move and 60 for a node, that is 2.1e-6 and 3.6e-6. tests/cutting/sweep_bounds_test.cpp
-// looks for worse.
+// So 34 for a move and 60 for a node, that is 2.1e-6 and 3.6e-6.
+// tests/cutting/sweep_bounds_test.cpp looks for worse.
 
 namespace {
 
@@ -271,22 +270,13 @@ struct Plane {
   Eight doubt;  // by which gap may be too large
 };
 
-/// Turns m across the ray where it points along it, and tells by how much.
-Eight turn_across(Vector8& m, const Vector8& n) {
-  const Eight turned = stdx::max(dot(m, n), Eight(0.0f));
-  m = m - turned * n;
-  return turned;
-}
-
+/// From the nearest place of the cutters' cores to the end of the ray, nearly.
 template <bool ball>
-[[gnu::always_inline]] inline Plane plane_before(const SweepNode& node, const RayEnd& end) {
+[[gnu::always_inline]] inline Vector8 direction_to(const RayEnd& end, const SweepNode& node) {
   const Vector8 p = spread(end.p);
-  const Vector8 n = spread(end.n);
   const Vector8 low = load(node.low);
   const Vector8 high = load(node.high);
   const Vector8 cone = load(node.cone);
-  const Eight cos_spread = load(node.cos_spread);
-  const Eight sin_spread = load(node.sin_spread);
   const Vector8 flat = load(node.flat);
   const Eight flat_low = load(node.flat_low);
   const Eight flat_high = load(node.flat_high);
@@ -303,8 +293,8 @@ template <bool ball>
       const Eight rise = dot(w, cone);
       const Vector8 across = w - rise * cone;
       const Eight rho = length_of(across);
-      const Vector8 core = stdx::min(Eight(1.0f), end.ring / rho) * across +
-                           stdx::max(rise, Eight(0.0f)) * cone;
+      const Vector8 core =
+          stdx::min(Eight(1.0f), end.ring / rho) * across + stdx::max(rise, Eight(0.0f)) * cone;
       m = from_nearest(p - core);
       const Vector8 next = m + core;
       const Vector8 step = next - w;
@@ -316,18 +306,31 @@ template <bool ball>
       last_step = step;
     }
   }
-  const Eight turned = turn_across(m, n);
+  return m;
+}
+
+template <bool ball>
+[[gnu::always_inline]] inline Plane plane_before(const RayEnd& end, const SweepNode& node) {
+  const Vector8 cone = load(node.cone);
+  const Eight cos_spread = load(node.cos_spread);
+  const Eight sin_spread = load(node.sin_spread);
+  const Vector8 flat = load(node.flat);
+  const Vector8 n = spread(end.n);
+  const Vector8 m0 = direction_to<ball>(end, node);
+  const Eight turned = stdx::max(dot(m0, n), Eight(0.0f));
+  const Vector8 m = m0 - turned * n;
   // Both parts of m, across the slab and the rest, are bounded on their own: m (q - k) is their sum
   // whatever the length of `flat`.
-  const Vector8 from_low = p - low;
-  const Vector8 from_high = p - high;
+  const Vector8 from_low = spread(end.p) - load(node.low);
+  const Vector8 from_high = spread(end.p) - load(node.high);
   const Eight steep = dot(m, flat);
   const Eight height = dot(from_low, flat);
   const Vector8 rest = m - steep * flat;
-  const Eight apart = stdx::min(steep * (height - flat_low), steep * (height - flat_high)) +
-                      stdx::min(rest.x * from_low.x, rest.x * from_high.x) +
-                      stdx::min(rest.y * from_low.y, rest.y * from_high.y) +
-                      stdx::min(rest.z * from_low.z, rest.z * from_high.z);
+  const Eight apart =
+      stdx::min(steep * (height - load(node.flat_low)), steep * (height - load(node.flat_high))) +
+      stdx::min(rest.x * from_low.x, rest.x * from_high.x) +
+      stdx::min(rest.y * from_low.y, rest.y * from_high.y) +
+      stdx::min(rest.z * from_low.z, rest.z * from_high.z);
   const Eight length = length_of(m);
   // Of all u in the cone the nearest to m has the largest m u, and if that is below zero the
   // largest |m x u|, too. There the angle to the cone's axis is a right one and more, so that
@@ -342,16 +345,10 @@ template <bool ball>
   return {m, apart - support, end.doubt * (length + turned)};
 }
 
+/// The same of moves, the end of the ray being p about their origin.
 template <bool ball>
-[[gnu::always_inline]] inline Plane plane_before(const SweepLeaf& leaf, const SweepLeafPlace& place,
-                                                 const RayEnd& end) {
-  const float local[3] = {float(end.point[0] - place.origin[0]),
-                          float(end.point[1] - place.origin[1]),
-                          float(end.point[2] - place.origin[2])};
-  const float distance = std::abs(local[0]) + std::abs(local[1]) + std::abs(local[2]);
-  const Eight doubt(move_rounding * (distance + place.reach));
-  const Vector8 p = spread(local);
-  const Vector8 n = spread(end.n);
+[[gnu::always_inline]] inline Vector8 direction_to(const Vector8& p, const RayEnd& end,
+                                                   const SweepLeaf& leaf) {
   const Vector8 k0 = load(leaf.k0);
   const Vector8 k1 = load(leaf.k1);
   const Vector8 u0 = load(leaf.u0);
@@ -388,7 +385,25 @@ template <bool ball>
       }
     }
   }
-  const Eight turned = turn_across(m, n);
+  return m;
+}
+
+template <bool ball>
+[[gnu::always_inline]] inline Plane plane_before(const RayEnd& end, const SweepLeaf& leaf,
+                                                 const SweepLeafPlace& place) {
+  const float local[3] = {float(end.point[0] - place.origin[0]),
+                          float(end.point[1] - place.origin[1]),
+                          float(end.point[2] - place.origin[2])};
+  const float distance = std::abs(local[0]) + std::abs(local[1]) + std::abs(local[2]);
+  const Eight doubt(move_rounding * (distance + place.reach));
+  const Vector8 p = spread(local);
+  const Vector8 u0 = load(leaf.u0);
+  const Vector8 u1 = load(leaf.u1);
+  const Vector8 turn = u1 - u0;
+  const Vector8 n = spread(end.n);
+  const Vector8 m0 = direction_to<ball>(p, end, leaf);
+  const Eight turned = stdx::max(dot(m0, n), Eight(0.0f));
+  const Vector8 m = m0 - turned * n;
   const Eight length = length_of(m);
   Eight upward = -length;
   const auto farthest = [&](const Vector8& k, const Vector8& u) __attribute__((always_inline)) {
@@ -400,10 +415,10 @@ template <bool ball>
     stdx::where(along > 0.0f, h) = top;
     return dot(m, k) + h;
   };
-  const Eight most = stdx::max(farthest(k0, u0), farthest(k1, u1));
+  const Eight most = stdx::max(farthest(load(leaf.k0), u0), farthest(load(leaf.k1), u1));
   // Between the ends the point of the tool that is foremost along m leaves its chord by arm angle^2
-  // / 8, the arm being the part of it along m: R where m u <= 0, R + flank at most. Where m u <= 0 at
-  // both ends it is in between, for (m u)'' = -angle^2 m u.
+  // / 8, the arm being the part of it along m: R where m u <= 0, R + flank at most. Where m u <= 0
+  // at both ends it is in between, for (m u)'' = -angle^2 m u.
   Eight arm(end.radius);
   stdx::where(upward > 0.0f, arm) = Eight(end.radius + end.flank);
   const Eight sag = arm * (0.13f * dot(turn, turn)) * length;
@@ -422,7 +437,7 @@ bool is_ball(const RayEnd& end) { return end.ring == 0.0f; }
 
 template <bool ball>
 unsigned open_children_of(const SweepNode& node, const RayEnd& end, float* separation) {
-  const Plane plane = plane_before<ball>(node, end);
+  const Plane plane = plane_before<ball>(end, node);
   const Eight room = plane.gap - plane.doubt;
   room.copy_to(separation, stdx::element_aligned);
   return bits(!(room > 0.0f));
@@ -430,7 +445,7 @@ unsigned open_children_of(const SweepNode& node, const RayEnd& end, float* separ
 
 template <bool ball>
 unsigned open_moves_of(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayEnd& end) {
-  const Plane plane = plane_before<ball>(leaf, place, end);
+  const Plane plane = plane_before<ball>(end, leaf, place);
   return bits(!(plane.gap - plane.doubt > 0.0f)) & ((1u << place.count) - 1u);
 }
 
@@ -447,14 +462,14 @@ unsigned open_moves(const SweepLeaf& leaf, const SweepLeafPlace& place, const Ra
 }
 
 std::array<Clearance, SweepNode::width> clearances(const SweepNode& node, const RayEnd& end) {
-  return clearances_of<SweepNode::width>(is_ball(end) ? plane_before<true>(node, end)
-                                                      : plane_before<false>(node, end));
+  return clearances_of<SweepNode::width>(is_ball(end) ? plane_before<true>(end, node)
+                                                      : plane_before<false>(end, node));
 }
 
 std::array<Clearance, SweepLeaf::width> clearances(const SweepLeaf& leaf,
                                                    const SweepLeafPlace& place, const RayEnd& end) {
-  return clearances_of<SweepLeaf::width>(is_ball(end) ? plane_before<true>(leaf, place, end)
-                                                      : plane_before<false>(leaf, place, end));
+  return clearances_of<SweepLeaf::width>(is_ball(end) ? plane_before<true>(end, leaf, place)
+                                                      : plane_before<false>(end, leaf, place));
 }
 
 }  // namespace abbe::cutting

