@@ -356,17 +356,25 @@ class Sweep {
 
  private:
   /// Over a piece, the distance of the ray's point from the cutter along m is at least this.
+  /// Between the ends, the point of the cutter that is foremost along m leaves its chord by arm
+  /// turn^2 / 8, the arm being the part of it along m: R where m points down the axis, R + flank at
+  /// most. Rounding: with e = 2^-53 and D the distance of the ray's point and the cutter's farthest
+  /// one from the tip, the products take 8 e D and |m x axis|, as the norm of a cross product, 7 e
+  /// of R; a difference of squares would lose up to 1e-8 R.
   double clearance(const Vector3d& m, const Piece& piece) const {
     const double turn = move_.angle * (piece.b.t - piece.a.t);
     double least = infinity;
+    double far = cutter_.radius + cutter_.flank_length;
     double arm = cutter_.radius;
     for (const double t : {piece.a.t, piece.b.t}) {
       const Position at = position(move_, t);
+      const Vector3d p = ray_.point - at.tip;
       const double rise = m.dot(at.axis);
-      least = std::min(least, m.dot(ray_.point - at.tip) - support(rise));
+      least = std::min(least, m.dot(p) - support(rise, m.cross(at.axis).norm()));
+      far = std::max(far, p.lpNorm<1>());
       if (rise > -turn) arm = cutter_.radius + cutter_.flank_length;
     }
-    return least - 0.13 * arm * turn * turn;  // between the ends the cutter bulges that much
+    return least - 0.13 * arm * turn * turn - 4e-15 * far;
   }
 
   /// Bounds from the planes that touch the cutter at the ends of a piece.
@@ -384,9 +392,9 @@ class Sweep {
     return best;
   }
 
-  /// How far the cutter reaches from its tip along a direction that rises by `rise`.
-  double support(double rise) const {
-    const double across = std::sqrt(std::max(0.0, 1 - rise * rise));
+  /// How far the cutter reaches from its tip along a direction that rises by `rise` along its axis
+  /// and goes by `across` across it.
+  double support(double rise, double across) const {
     if (rise > 0) return cutter_.flank_length * rise + cutter_.radius * across;
     return cutter_.corner_radius * (1 + rise) + (cutter_.radius - cutter_.corner_radius) * across;
   }
@@ -425,6 +433,7 @@ struct BallPath {
         first(centre(start)), last(centre(end)), angle(m.angle * (m.to - m.from)) {}
 
   Vector3d centre(const Position& at) const { return at.tip + cutter.radius * at.axis; }
+  /// The centre leaves its chord by no more: a ball thicker by it about the chord holds the sweep.
   double sag() const { return 0.125 * cutter.radius * angle * angle; }
   double instant(double x) const { return move.from + x * (move.to - move.from); }
 };
@@ -436,7 +445,7 @@ bool stays_below_flank(const BallPath& path, const Ray& ray, double s) {
   const double turned = path.angle * path.angle;
   const Vector3d w0 = place - path.first;
   const Vector3d w1 = place - path.last;
-  double bend = 0.0;
+  double bend = 0.0;  // twice what a height over the tip can rise between its ends
   if (path.angle != 0) {
     const double arms = path.cutter.radius + w0.norm() + w1.norm();
     bend = 0.25 * (arms * turned + 2 * (path.last - path.first).norm() * path.angle);

@@ -96,6 +96,9 @@ struct Removed {
   bool crashed = false;   ///< by a rapid, or by the shank above the flank
   std::size_t lines = 0;  ///< dexels that were held against the sweep
 };
+/// Which lines of a stock are held against a sweep: those that it may reach, or every one, which is
+/// slow and takes the same to the bit.
+enum class Dexels { Near, All };
 /// Depth to which a rapid or the shank may go into material before it counts as a crash: what
 /// spring-back and drift make it rub on surfaces just cut. A quarter of the radius if that is less.
 inline constexpr double rubbing = 0.1;  // mm
@@ -107,7 +110,8 @@ inline constexpr double rubbing = 0.1;  // mm
 /// it meets material that the flank has not cut just before, that is a crash.
 /// @throws std::invalid_argument if a pose is not finite, the axis turns by half a turn or over a
 ///         move too long to be followed (kilometres), or the cutter is impossible
-Removed remove(Stock& stock, const Cutter& cutter, const StockMove& move);
+Removed remove(Stock& stock, const Cutter& cutter, const StockMove& move,
+               Dexels dexels = Dexels::Near);
 
 /// The machined part as a mesh: one vertex in every cell that the skin passes, at the mean of the
 /// crossings of its edges. Closed; edges of the part are cut off by less than a spacing, so its

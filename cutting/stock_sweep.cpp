@@ -79,7 +79,7 @@ class ToolPath {
       throw std::invalid_argument(
           "stock move: expected an axis that turns by less than half a turn");
     R_.row(2) = axis;
-    R_.row(0) = angle_ > 0.0 ? Vector3d(across / sine) : axis.unitOrthogonal();
+    R_.row(0) = angle_ > 0.0 ? across_axis(across / sine, axis) : axis.unitOrthogonal();
     R_.row(1) = axis.cross(Vector3d(R_.row(0)));
   }
 
@@ -95,6 +95,12 @@ class ToolPath {
   }
 
  private:
+  /// What two axes differ by is mostly rounding where they differ by little, and that need not lie
+  /// across them.
+  static Vector3d across_axis(const Vector3d& v, const Vector3d& axis) {
+    return (v - v.dot(axis) * axis).normalized();
+  }
+
   Vector3d tip_, step_;
   Matrix3d R_;
   double angle_;
@@ -296,6 +302,10 @@ Range row_of_capsule(const Eigen::Vector2d& a, const Eigen::Vector2d& b, double 
 
 /// A body that holds the sweep of a part: a ball moved over the parallelogram between the middles
 /// of the corner and the axis up to the end of the grid; and a box that holds its bottom closely.
+/// Every point of the cutter leaves the chord between its ends by arm angle^2 / 8, and its height
+/// over a point of the grid by as much and angle length / 4: that is `sag`. The part as it is swept
+/// leaves the true one by the same and by `frozen_twist`; the rest of the slack is for rounding,
+/// which is 1e-12 at 1 m.
 class Footprint {
  public:
   Footprint(const Stock& stock, const Cutter& cutter, const ToolPose& a, const ToolPose& b,
@@ -309,16 +319,19 @@ class Footprint {
         p[k] = (corner >> k & 1) != 0 ? (stock.nodes[std::size_t(k)] - 1) * stock.spacing : 0.0;
       for (const ToolPose* pose : poses) up = std::max(up, (p - pose->tip).dot(pose->axis()));
     }
+    const double sag =
+        0.125 * angle * (angle * (up + cutter.radius) + 2.0 * (b.tip - a.tip).norm());
+    up += sag;
     height_ = up;
-    const double sag = 0.125 * angle * (angle * up + 2.0 * (b.tip - a.tip).norm()) + 1e-9;
-    radius_ += sag;
+    const double slack = 2.0 * sag + frozen_twist + 1e-6;
+    radius_ += slack;
     for (int k = 0; k < 2; ++k) {
       const Vector3d base = poses[k]->tip + cutter.corner_radius * poses[k]->axis();
       corners_[2 * k] = base;
       corners_[2 * k + 1] = base + up * poses[k]->axis();
       for (int axis = 0; axis < 3; ++axis) {
-        box_[axis].add(reach(cutter, *poses[k], axis, 1.0) + sag);
-        box_[axis].add(-reach(cutter, *poses[k], axis, -1.0) - sag);
+        box_[axis].add(reach(cutter, *poses[k], axis, 1.0) + slack);
+        box_[axis].add(-reach(cutter, *poses[k], axis, -1.0) - slack);
       }
     }
   }
@@ -352,10 +365,11 @@ class Footprint {
  private:
   /// Farthest place of the standing tool in a direction of the grid.
   static double reach(const Cutter& cutter, const ToolPose& pose, int axis, double sense) {
-    const double cosine = sense * pose.axis()[axis];
+    const Vector3d u = pose.axis();
+    const double cosine = sense * u[axis];
     if (cosine > 1e-12) return infinity;
     const double r = cutter.corner_radius;
-    const double sine = std::sqrt(std::max(0.0, 1.0 - cosine * cosine));
+    const double sine = std::hypot(u[(axis + 1) % 3], u[(axis + 2) % 3]);
     return sense * pose.tip[axis] + r * (1.0 + cosine) + (cutter.radius - r) * sine;
   }
 
@@ -366,10 +380,25 @@ class Footprint {
   Range box_[3];
 };
 
-void sweep_field(DexelField& field, const Footprint& footprint, double spacing, const ToolPose& a,
+/// Every line of every field.
+class EveryLine {
+ public:
+  explicit EveryLine(const Stock& stock) : stock_(stock) {}
+
+  std::pair<int, int> lines(int axis, const Range&) const { return rows(axis); }
+  std::pair<int, int> rows(int axis) const { return {0, stock_.nodes[std::size_t(axis)] - 1}; }
+  Range row(int, int, double) const { return {}; }
+  Range extent(int) const { return {-infinity, infinity}; }
+
+ private:
+  const Stock& stock_;
+};
+
+template <class Places>
+void sweep_field(DexelField& field, const Places& footprint, double spacing, const ToolPose& a,
                  const ToolPose& b, bool turns, Cut& cut) {
   const int along = field.along, first = (along + 1) % 3, second = (along + 2) % 3;
-  const Range& extent = footprint.extent(along);
+  const Range extent = footprint.extent(along);
   Ruled ruled;
   ruled.d0 = a.R.col(along);
   ruled.d1 = b.R.col(along);
@@ -397,7 +426,7 @@ void sweep_field(DexelField& field, const Footprint& footprint, double spacing, 
 
 }  // namespace
 
-Removed remove(Stock& stock, const Cutter& cutter, const StockMove& move) {
+Removed remove(Stock& stock, const Cutter& cutter, const StockMove& move, Dexels dexels) {
   check(cutter);
   const ToolPath path(stock, move);
   const double arm = cutter.flank_length + cutter.radius;
@@ -413,10 +442,13 @@ Removed remove(Stock& stock, const Cutter& cutter, const StockMove& move) {
   for (int i = 0; i < parts; ++i) {
     const ToolPose a = path.at(double(i) / parts), b = path.at(double(i + 1) / parts);
     const Footprint footprint(stock, cutter, a, b, path.angle() / parts);
-    if (footprint.height() <= 0.0) continue;
     cut.minds_shank(footprint.height() > cutter.flank_length);
+    const bool turns = path.angle() > 0.0;
     for (DexelField& field : stock.fields)
-      sweep_field(field, footprint, stock.spacing, a, b, path.angle() > 0.0, cut);
+      if (dexels == Dexels::All)
+        sweep_field(field, EveryLine(stock), stock.spacing, a, b, turns, cut);
+      else if (footprint.height() > 0.0)
+        sweep_field(field, footprint, stock.spacing, a, b, turns, cut);
   }
   cut.removed.volume = cut.taken * stock.spacing * stock.spacing / double(stock.fields.size());
   return cut.removed;

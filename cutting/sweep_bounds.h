@@ -1,0 +1,105 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "cutting/cutter_entry.h"
+#include "cutting/tool.h"
+
+/// Bounds in single precision that rule out eight moves, or eight groups of moves, at a time. None
+/// that meets the ray before its end is ever ruled out; the proof stands in sweep_bounds.cpp.
+namespace abbe::cutting {
+
+/// Eight moves by the centre k of the corner circle's plane and the axis u at both ends, in float
+/// about an origin of their own.
+struct alignas(32) SweepLeaf {
+  static constexpr int width = 8;
+  float k0[3][width];
+  float k1[3][width];
+  float u0[3][width];
+  float u1[3][width];
+};
+struct SweepLeafPlace {
+  double origin[3];
+  float reach;         ///< mm, from the origin to the farthest point of a cutter
+  float slack;         ///< mm, by which k may leave its chords, and the rounding of the leaf
+  std::int32_t count;  ///< of moves, the last of which fills up the leaf
+};
+struct SweepLeaves {
+  std::vector<SweepLeaf> moves;
+  std::vector<SweepLeafPlace> places;
+};
+
+/// Boxes of k, slabs of k across its flattest direction, both rounded outward, and cones of u of
+/// eight groups of moves, in float about the centre of the whole motion.
+struct alignas(32) SweepNode {
+  static constexpr int width = 8;
+  float low[3][width];
+  float high[3][width];
+  float flat[3][width];    ///< unit to rounding, or zero: no slab
+  float flat_low[width];   ///< flat * (k - corner of the box at low) is at least
+  float flat_high[width];  ///< and at most this
+  float cone[3][width];
+  float cos_spread[width];  ///< -1: any direction
+  float sin_spread[width];
+};
+
+/// The same of one group, in double.
+struct SweepBounds {
+  Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
+  Eigen::Vector3d high = Eigen::Vector3d::Constant(-std::numeric_limits<double>::infinity());
+  Eigen::Vector3d cone = Eigen::Vector3d::UnitZ();
+  double spread = 0.0;  ///< rad, half the opening; pi: any direction
+  Eigen::Vector3d flat = Eigen::Vector3d::Zero();
+  double flat_low = 0.0;  ///< of flat * (k - low)
+  double flat_high = 0.0;
+};
+
+/// Fills leaf `leaf` with one to eight moves.
+void put(SweepLeaves& leaves, std::size_t leaf, const Cutter& cutter, std::span<const Move> moves);
+/// Fills one of the eight groups of a node.
+void put(SweepNode& node, int child, const SweepBounds& bounds, const Eigen::Vector3d& centre);
+
+SweepBounds bounds_of(const SweepLeaves& leaves, std::size_t leaf);
+/// @param first, end  the leaves below the node
+SweepBounds bounds_of(const SweepNode& node, int children, const Eigen::Vector3d& centre,
+                      const SweepLeaves& leaves, std::size_t first, std::size_t end);
+
+/// The cutter and a ray that is cut off somewhere, as the bounds take them.
+struct RayEnd {
+  double point[3];  ///< mm, where the ray is cut off
+  float p[3];       ///< the same about the nodes' centre
+  float n[3];       ///< normal of the ray
+  float doubt;      ///< mm, rounding of a node's bound
+  float reach;      ///< mm, from the nodes' centre to the farthest point of a cutter or corner of a
+                    ///< box
+  float radius, corner, ring, flank;
+
+  RayEnd(const Cutter& cutter, const Ray& ray, double s, const Eigen::Vector3d& centre,
+         double reach_of_nodes);
+  void cut_off(const Ray& ray, double s, const Eigen::Vector3d& centre);
+};
+
+/// Bit i is set unless group i is ruled out. `separation` (8) becomes large for what is far away.
+unsigned open_children(const SweepNode& node, const RayEnd& end, float* separation);
+/// Bit i is set unless move i is ruled out.
+unsigned open_moves(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayEnd& end);
+
+/// What is behind a bound: all cutters of a group lie `gap` / |direction| (mm) or more behind the
+/// plane through the end of the ray across `direction`, save for an error of `doubt` / |direction|.
+struct Clearance {
+  Eigen::Vector3d direction;
+  double gap;
+  double doubt;
+};
+std::array<Clearance, SweepNode::width> clearances(const SweepNode& node, const RayEnd& end);
+std::array<Clearance, SweepLeaf::width> clearances(const SweepLeaf& leaf,
+                                                   const SweepLeafPlace& place, const RayEnd& end);
+
+}  // namespace abbe::cutting

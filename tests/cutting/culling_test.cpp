@@ -1,0 +1,238 @@
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <iostream>
+#include <numbers>
+#include <random>
+
+#include <gtest/gtest.h>
+#include <tbb/parallel_for.h>
+
+#include "cutting/sweep_tree.h"
+
+// The tree against every move tried on its own, bit for bit: neither the rays nor the cutters nor
+// the motions are what anybody would call reasonable.
+namespace abbe::cutting {
+namespace {
+
+using Eigen::Vector3d;
+using std::numbers::pi;
+
+class Random {
+ public:
+  explicit Random(std::uint64_t seed) : engine_(seed) {}
+  double in(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(engine_);
+  }
+  /// 10 to the power of something between.
+  double decades(double low, double high) { return std::pow(10.0, in(low, high)); }
+  int below(int n) { return std::uniform_int_distribution<int>(0, n - 1)(engine_); }
+  bool once_in(int n) { return below(n) == 0; }
+  Vector3d direction() {
+    std::normal_distribution<double> normal;
+    return Vector3d(normal(engine_), normal(engine_), normal(engine_)).normalized();
+  }
+  Vector3d turned(const Vector3d& v, double angle) {
+    const Vector3d across = v.cross(direction()).normalized();
+    return (std::cos(angle) * v + std::sin(angle) * across).normalized();
+  }
+
+ private:
+  std::mt19937_64 engine_;
+};
+
+Cutter any_cutter(Random& random) {
+  const double R = random.decades(-1, 2);
+  double r = 0.0;
+  switch (random.below(5)) {
+    case 0:
+      r = R;
+      break;  // ball
+    case 1:
+      r = 0.0;
+      break;  // flat
+    case 2:
+      r = R * random.in(0, 1);
+      break;  // bull-nosed
+    case 3:
+      r = R * (1 - random.decades(-9, -1));
+      break;  // all but a ball
+    default:
+      r = R * random.decades(-9, -1);
+      break;  // all but flat
+  }
+  const bool no_flank = r > 0 && random.once_in(6);
+  return {R, r, no_flank ? r : r + R * random.decades(-2, 1)};
+}
+
+struct Pass {
+  double step;  // mm a move
+  double turn;  // rad a move
+  int moves;
+};
+
+/// A straight pass, a raster, a walk or a stand, with the axis leaning by 1e-9 to 1 rad from a
+/// direction that mostly is z.
+CutterMotion any_motion(Random& random, const Cutter& cutter, int moves) {
+  const Vector3d up = random.once_in(3) ? random.direction() : Vector3d::UnitZ();
+  const double lean = random.once_in(8) ? 0.0 : random.decades(-9, 0);
+  const double step = random.once_in(10) ? 0.0 : cutter.radius * random.decades(-9, 1);
+  const double turn = random.once_in(2) ? 0.0 : random.decades(-9, random.once_in(10) ? 0.4 : -1.3);
+  const int shape = random.below(4);
+  const Vector3d feed = up.cross(random.direction()).normalized();
+  const Vector3d aside = up.cross(feed);
+  const int row = 1 + int(std::sqrt(double(moves)));
+  Vector3d tip = random.once_in(3) ? Vector3d(1000 * random.direction()) : random.direction();
+  Vector3d axis = lean == 0.0 ? up : random.turned(up, lean);
+  CutterMotion motion{Points(moves + 1, 3), Points(moves + 1, 3), Eigen::VectorXd(moves + 1),
+                      std::vector<int>(std::size_t(moves) + 1, 1)};
+  for (int i = 0; i <= moves; ++i) {
+    motion.tip.row(i) = tip;
+    motion.axis.row(i) = axis;
+    motion.time_s[i] = i;
+    if (shape == 3 && i % 2 == 0) continue;  // a stand
+    const bool jump = shape == 1 && i % row == row - 1;
+    if (shape == 0 || (shape == 1 && !jump)) tip += step * (i / row % 2 == 0 ? 1 : -1) * feed;
+    if (jump) tip += cutter.radius * 0.1 * aside;
+    if (shape >= 2) tip += step * random.direction() - 0.01 * step * up;
+    if (turn > 0) axis = random.turned(axis, turn);
+    if (random.once_in(200)) axis = random.turned(axis, pi - 1e-5);  // all but opposite
+  }
+  return motion;
+}
+
+/// A point of the cutter's surface with its outward normal, in frame t.
+std::pair<Vector3d, Vector3d> any_surface_point(Random& random, const Cutter& cutter) {
+  const double r = cutter.corner_radius, ring = cutter.radius - r;
+  const double around = random.in(-pi, pi);
+  const Vector3d e(std::cos(around), std::sin(around), 0);
+  const int part = random.below(4);
+  if (part == 0) return {ring * random.in(0, 1) * e, -Vector3d::UnitZ()};
+  if (part == 1)
+    return {cutter.radius * e + random.in(r, cutter.flank_length) * Vector3d::UnitZ(), e};
+  const double kappa = random.once_in(3) ? random.decades(-9, 0) : random.in(0, pi / 2);
+  const Vector3d outward = std::sin(kappa) * e - std::cos(kappa) * Vector3d::UnitZ();
+  return {ring * e + r * Vector3d::UnitZ() + r * outward, outward};
+}
+
+/// A ray that touches, enters or just misses some tool of the motion, or runs through its middle.
+Ray any_ray(Random& random, const Cutter& cutter, const CutterMotion& motion) {
+  const double bands[] = {2.0, 0.05, 50.0, random.decades(-3, 2)};
+  const double band = bands[random.below(4)];
+  const int move = random.below(std::max(1, int(motion.tip.rows()) - 1));
+  const Move whole = move_after(motion, move);
+  const double t = random.once_in(3) ? random.below(2) : random.in(0, 1);
+  const Vector3d axis =
+      (std::cos(t * whole.angle) * whole.axis + std::sin(t * whole.angle) * whole.side)
+          .normalized();
+  const Vector3d x = axis.unitOrthogonal(), y = axis.cross(x);
+  const auto in_w = [&](const Vector3d& v) -> Vector3d {
+    return v.x() * x + v.y() * y + v.z() * axis;
+  };
+  auto [place, outward] = any_surface_point(random, cutter);
+  if (random.once_in(5)) place = cutter.corner_radius * Vector3d::UnitZ();
+  const Vector3d at = whole.tip + t * whole.step + in_w(place);
+  Vector3d normal = -in_w(outward);
+  if (random.once_in(4)) normal = Vector3d::UnitZ();
+  if (random.once_in(2)) normal = random.turned(normal, random.decades(-9, 0.3));
+  normal.normalize();
+  const double edges[] = {0.0,
+                          band,
+                          -band,
+                          band * (1 - 1e-8),
+                          -band * (1 - 1e-8),
+                          random.in(-band, band),
+                          random.in(-band, 0),
+                          cutter.radius};
+  return {at - edges[random.below(8)] * normal, normal, band};
+}
+
+struct Count {
+  std::atomic<long> rays = 0, cut = 0, buried = 0, rivals = 0, different = 0;
+};
+
+bool same(const Removal& a, const Removal& b) {
+  return a.s == b.s && a.t == b.t && a.move == b.move && a.part == b.part;
+}
+
+bool same(const std::optional<Removal>& a, const std::optional<Removal>& b, double band) {
+  if (a.has_value() != b.has_value()) return false;
+  if (!a || (a->s == b->s && a->s <= -band)) return true;  // buried: any move will do
+  return same(*a, *b);
+}
+
+std::string text(const std::optional<Removal>& r) {
+  if (!r) return "none";
+  std::ostringstream out;
+  out.precision(17);
+  out << "s " << r->s << " t " << r->t << " move " << r->move << "." << r->part;
+  return out.str();
+}
+
+void expect_same(std::uint64_t seed, int moves, int rays, Count& count) {
+  Random random(seed);
+  const Cutter cutter = any_cutter(random);
+  const CutterMotion motion = any_motion(random, cutter, moves);
+  const SweepTree tree(cutter, motion);
+  SweepTree::Hint carried;
+  for (int i = 0; i < rays; ++i) {
+    const Ray ray = any_ray(random, cutter, motion);
+    const auto expected = first_of_every_move(cutter, motion, ray);
+    SweepTree::Hint fresh, other{random.below(moves)};
+    ++count.rays;
+    count.cut += expected && expected->s > -ray.band;
+    count.buried += expected && expected->s <= -ray.band;
+    bool good = true;
+    for (SweepTree::Hint* hint : {&fresh, &carried, &other}) {
+      const auto found = tree.first_removal(ray, *hint);
+      good = good && same(found, expected, ray.band);
+      if (!same(found, expected, ray.band) && count.different < 20)
+        ADD_FAILURE() << "seed " << seed << ", " << moves << " moves, ray " << i << ", R "
+                      << cutter.radius << " r " << cutter.corner_radius << " flank "
+                      << cutter.flank_length << ", band " << ray.band << ": found " << text(found)
+                      << ", of every move " << text(expected);
+    }
+    if (i % 4 == 0 && expected && expected->s > -ray.band) {
+      const double reach = random.decades(-6, 0.5);
+      const auto rivals = every_move_within(cutter, motion, ray, reach);
+      const auto found = tree.removals_within(ray, reach, carried);
+      count.rivals += long(rivals.size());
+      const bool all = std::equal(rivals.begin(), rivals.end(), found.begin(), found.end(),
+                                  [](const Removal& a, const Removal& b) { return same(a, b); });
+      good = good && all;
+      if (!all && count.different < 20)
+        ADD_FAILURE() << "seed " << seed << ", " << moves << " moves, ray " << i << ", reach "
+                      << reach << ": " << found.size() << " rivals, of every move "
+                      << rivals.size();
+    }
+    count.different += !good;
+  }
+}
+
+int longer(int factor) { return std::getenv("ABBE_LONG") ? factor : 1; }
+
+void run(const char* name, std::uint64_t seed, int cases, int most_moves, int rays) {
+  Count count;
+  tbb::parallel_for(0, cases, [&](int i) {
+    const std::uint64_t own = seed + std::uint64_t(i);
+    Random random(own ^ 0x5555);
+    const int moves = most_moves == 1 ? 1 : int(random.decades(0, std::log10(double(most_moves))));
+    expect_same(own, moves, rays, count);
+  });
+  std::cout << "  " << name << ", seeds " << seed << " and on: " << cases << " motions, "
+            << count.rays << " rays, " << count.cut << " cut, " << count.buried << " buried, "
+            << count.rivals << " rivals, " << count.different << " different\n";
+  EXPECT_EQ(count.different, 0);
+  EXPECT_GT(count.cut, count.rays / 4);
+}
+
+TEST(Culling, LosesNothingOfOneMove) { run("one move", 130000000, 20000 * longer(5), 1, 8); }
+
+TEST(Culling, LosesNothingOfAFewMoves) { run("to 40 moves", 131000000, 3000 * longer(5), 40, 12); }
+
+TEST(Culling, LosesNothingOfThousandsOfMoves) {
+  run("to 6000 moves", 132000000, 60 * longer(5), 6000, 24);
+}
+
+}  // namespace
+}  // namespace abbe::cutting

@@ -1,0 +1,287 @@
+#include "cutting/sweep_bounds.h"
+
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <iostream>
+#include <mutex>
+#include <numbers>
+#include <random>
+
+#include <gtest/gtest.h>
+#include <tbb/parallel_for.h>
+#include <Eigen/Geometry>
+
+// Bounds under attack: a search for the cutter, move and ray at which a bound errs most. It starts
+// at random and climbs, so that it comes where no sample would.
+namespace abbe::cutting {
+namespace {
+
+using Eigen::Vector3d;
+using std::numbers::pi;
+using Real = long double;
+using Vector = Eigen::Matrix<Real, 3, 1>;
+
+/// What a situation is made of, each number in 0 .. 1.
+constexpr int genes = 31;
+using Genes = std::array<double, genes>;
+
+double decades(double low, double high, double gene) {
+  return std::pow(10.0, low + (high - low) * gene);
+}
+Vector3d direction(double around, double along) {
+  const double z = 2 * along - 1, rho = std::sqrt(std::max(0.0, 1 - z * z));
+  return {rho * std::cos(2 * pi * around), rho * std::sin(2 * pi * around), z};
+}
+Vector3d turned(const Vector3d& v, double angle, double around) {
+  const Vector3d x = v.unitOrthogonal(), y = v.cross(x);
+  return (std::cos(angle) * v +
+          std::sin(angle) * (std::cos(2 * pi * around) * x + std::sin(2 * pi * around) * y))
+      .normalized();
+}
+
+struct Situation {
+  Cutter cutter;
+  std::array<Move, 2> moves;
+  Ray ray;
+};
+
+Move move_between(const Vector3d& tip, const Vector3d& axis, const Vector3d& step, double turn,
+                  double around) {
+  CutterMotion motion{Points(2, 3), Points(2, 3), Eigen::Vector2d(0, 1), {1, 1}};
+  motion.tip.row(0) = tip;
+  motion.tip.row(1) = tip + step;
+  motion.axis.row(0) = axis;
+  motion.axis.row(1) = turn > 0 ? turned(axis, turn, around) : axis;
+  return move_after(motion, 0);
+}
+
+Situation situation(const Genes& g) {
+  Situation s;
+  const double R = decades(-1, 2, g[0]);
+  const double r = g[1] < 0.15 ? R : g[1] < 0.45 ? 0.0 : R * g[2];
+  s.cutter = {R, r, r + R * decades(-2, 1, g[3])};
+  const Vector3d up = g[4] < 0.5 ? Vector3d::UnitZ().eval() : direction(g[5], g[6]);
+  const Vector3d axis = g[7] < 0.1 ? up : turned(up, decades(-9, 0, g[8]), g[9]);
+  const Vector3d origin =
+      g[10] < 0.6 ? Vector3d::Zero().eval() : Vector3d(1000 * direction(g[11], g[12]));
+  const double turn = g[13] < 0.4 ? 0.0 : decades(-9, std::log10(0.05), g[14]);
+  const Vector3d step = g[15] < 0.05 ? Vector3d::Zero().eval()
+                                     : Vector3d(decades(-9, 2, g[16]) * direction(g[17], g[18]));
+  const Vector3d apart = decades(-3, 3, g[19]) * direction(g[20], g[21]);
+  s.moves = {move_between(origin, axis, step, turn, g[22]),
+             move_between(origin + apart, axis, step, turn, g[22])};
+  const Move& aim = s.moves[g[23] < 0.5 ? 0 : 1];
+  const Vector3d to_end = direction(g[24], g[25]);
+  const Vector3d end = aim.tip + g[30] * aim.step + r * axis + decades(-2, 2.5, g[26]) * to_end;
+  const Vector3d normal = turned(to_end, pi * decades(-9, 0, g[27]), g[28]);
+  const double band = decades(-2, 2, g[29]);
+  s.ray = {end - band * normal, normal, band};
+  return s;
+}
+
+struct Worst {
+  double error = -1e300;
+  Genes at{};
+};
+
+/// The largest value of `error` that so many climbs of so many steps find.
+template <class Error>
+Worst climb(std::uint64_t seed, int climbs, int steps, const Error& error) {
+  Worst worst;
+  std::mutex mutex;
+  tbb::parallel_for(0, climbs, [&](int c) {
+    std::mt19937_64 random(seed + std::uint64_t(c));
+    std::uniform_real_distribution<double> unit(0, 1);
+    std::normal_distribution<double> normal;
+    Worst best;
+    for (int i = 0; i < steps; ++i) {
+      Genes next = best.at;
+      if (i < steps / 5) {
+        for (double& gene : next) gene = unit(random);
+      } else {
+        const double size = std::pow(10.0, -7 * unit(random));
+        const int changed = 1 + int(3 * unit(random));
+        for (int k = 0; k < changed; ++k) {
+          double& gene = next[std::size_t(int(genes * unit(random)) % genes)];
+          gene = std::clamp(gene + size * normal(random), 0.0, 1.0);
+        }
+      }
+      const double found = error(next);
+      if (found > best.error) best = {found, next};
+    }
+    const std::lock_guard lock(mutex);
+    if (best.error > worst.error) worst = best;
+  });
+  return worst;
+}
+
+int longer(int factor) { return std::getenv("ABBE_LONG") ? factor : 1; }
+
+// ---- the tree's bounds --------------------------------------------------------------------------
+
+/// How far along m the cutter reaches over a move, by the definition of a support, at 33 instants.
+Real reach_along(const Vector& m, const Cutter& cutter, const Move& move) {
+  const Real r = cutter.corner_radius, R = cutter.radius, flank = cutter.flank_length;
+  const Vector axis = move.axis.cast<Real>(), side = move.side.cast<Real>();
+  Real most = -std::numeric_limits<Real>::infinity();
+  for (int i = 0; i <= 32; ++i) {
+    const Real t = i / Real(32);
+    const Vector u = std::cos(t * Real(move.angle)) * axis + std::sin(t * Real(move.angle)) * side;
+    const Vector tip = move.tip.cast<Real>() + t * move.step.cast<Real>();
+    const Real along = m.dot(u), across = m.cross(u).norm();
+    const Real body =
+        along > 0 ? flank * along + R * across : r * along + r * m.norm() + (R - r) * across;
+    most = std::max(most, m.dot(tip) + body);
+  }
+  return most;
+}
+
+/// By how much a bound is too large, as a share of the doubt that it allows itself. Below 1 it
+/// never rules out a cutter that meets the ray.
+double share_of_doubt(const Clearance& clearance, const Situation& s, const RayEnd& end,
+                      std::span<const Move> moves) {
+  if (!(clearance.doubt > 0)) return -1e300;
+  const Vector m = clearance.direction.cast<Real>();
+  const Vector q = Vector3d(end.point).cast<Real>();
+  Real gap = std::numeric_limits<Real>::infinity();
+  for (const Move& move : moves) {
+    // of the ray, what a cutter can reach at all
+    const Real away = (q - move.tip.cast<Real>()).norm() + move.step.norm() + 2 * s.cutter.radius +
+                      s.cutter.flank_length;
+    const Real length = std::min<Real>(2 * Real(s.ray.band), away);
+    const Real behind = std::max<Real>(0, m.dot(s.ray.normal.cast<Real>())) * length;
+    gap = std::min(gap, m.dot(q) - behind - reach_along(m, s.cutter, move));
+  }
+  return double((Real(clearance.gap) - gap) / Real(clearance.doubt));
+}
+
+struct Made {
+  SweepLeaves leaves;
+  SweepNode node, above;
+  Vector3d centre;
+  double reach;
+};
+
+Made made(const Situation& s) {
+  Made all;
+  all.leaves.moves.resize(2);
+  all.leaves.places.resize(2);
+  for (std::size_t l = 0; l < 2; ++l) put(all.leaves, l, s.cutter, {&s.moves[l], 1});
+  Eigen::Matrix<double, 3, 4> tips;
+  tips << s.moves[0].tip, s.moves[0].tip + s.moves[0].step, s.moves[1].tip,
+      s.moves[1].tip + s.moves[1].step;
+  const Vector3d low = tips.rowwise().minCoeff(), high = tips.rowwise().maxCoeff();
+  all.centre = 0.5 * (low + high);
+  all.reach = 0.5 * (high - low).lpNorm<1>() + 4 * s.cutter.radius + s.cutter.flank_length;
+  for (int i = 0; i < SweepNode::width; ++i)
+    put(all.node, i, bounds_of(all.leaves, std::size_t(std::min(i, 1))), all.centre);
+  for (int i = 0; i < SweepNode::width; ++i)
+    put(all.above, i, bounds_of(all.node, 2, all.centre, all.leaves, 0, 2), all.centre);
+  return all;
+}
+
+TEST(SweepBounds, OfMovesStayWithinTheirDoubtUnderAttack) {
+  const std::uint64_t seed = 501000;
+  const Worst worst = climb(seed, 64 * longer(5), 1500, [](const Genes& at) {
+    const Situation s = situation(at);
+    SweepLeaves leaves;
+    leaves.moves.resize(1);
+    leaves.places.resize(1);
+    put(leaves, 0, s.cutter, s.moves);
+    const RayEnd end(s.cutter, s.ray, s.ray.band, s.moves[0].tip, 0.0);
+    const auto all = clearances(leaves.moves[0], leaves.places[0], end);
+    double most = -1e300;
+    for (std::size_t i = 0; i < 2; ++i)
+      most = std::max(most, share_of_doubt(all[i], s, end, {&s.moves[i], 1}));
+    return most;
+  });
+  std::cout << "  seeds " << seed << " and on: " << worst.error << " of the doubt\n";
+  EXPECT_LT(worst.error, 1.0);
+  EXPECT_GT(worst.error, 0.02) << "the attack is blunt";
+}
+
+TEST(SweepBounds, OfNodesStayWithinTheirDoubtUnderAttack) {
+  const std::uint64_t seed = 502000;
+  const Worst worst = climb(seed, 64 * longer(5), 1000, [](const Genes& at) {
+    const Situation s = situation(at);
+    const Made all = made(s);
+    const RayEnd end(s.cutter, s.ray, s.ray.band, all.centre, all.reach);
+    const auto of_node = clearances(all.node, end);
+    double most = share_of_doubt(clearances(all.above, end)[0], s, end, s.moves);
+    for (std::size_t i = 0; i < 2; ++i)
+      most = std::max(most, share_of_doubt(of_node[i], s, end, {&s.moves[i], 1}));
+    return most;
+  });
+  std::cout << "  seeds " << seed << " and on: " << worst.error << " of the doubt\n";
+  EXPECT_LT(worst.error, 1.0);
+  EXPECT_GT(worst.error, 0.02) << "the attack is blunt";
+}
+
+/// A ray through the middle of a ball beyond which it ends: the plane that is left of the direction
+/// from the middle once it is turned across the ray is rounding alone.
+TEST(SweepBounds, OfABallThatTheRayRunsThroughAreOpen) {
+  std::mt19937_64 random(503);
+  std::normal_distribution<double> normal;
+  int closed = 0;
+  for (int i = 0; i < 100000; ++i) {
+    const Vector3d n = Vector3d(normal(random), normal(random), normal(random)).normalized();
+    const Cutter ball{0.5, 0.5, 3.0};
+    const Vector3d middle(normal(random), normal(random), normal(random));
+    const Vector3d axis =
+        (n + 0.3 * Vector3d(normal(random), normal(random), normal(random))).normalized();
+    const Move move = move_between(middle - 0.5 * axis, axis, Vector3d::Zero(), 0.0, 0.0);
+    const Ray ray{middle - 0.5 * n, n, 2.0};
+    SweepLeaves leaves;
+    leaves.moves.resize(1);
+    leaves.places.resize(1);
+    put(leaves, 0, ball, {&move, 1});
+    SweepNode node;
+    for (int child = 0; child < 8; ++child) put(node, child, bounds_of(leaves, 0), move.tip);
+    const RayEnd end(ball, ray, ray.band, move.tip, 5.0);
+    float separation[8];
+    closed += open_moves(leaves.moves[0], leaves.places[0], end) == 0 ||
+              open_children(node, end, separation) == 0;
+  }
+  EXPECT_EQ(closed, 0);
+}
+
+// ---- the entry of one ray into one move ---------------------------------------------------------
+
+/// How much later the first entry is, mm, than that of any cutter that really stands on the way,
+/// made thinner by what a touch may have that goes unseen: 1e-10 mm, and the second touch of a
+/// turning move.
+double lateness(const Situation& s) {
+  const Move& move = s.moves[0];
+  const Cutter& cutter = s.cutter;
+  const double off =
+      2e-10 + 0.125 * (cutter.radius + cutter.flank_length) * move.angle * move.angle;
+  const Cutter thinner{cutter.radius - off, std::max(0.0, cutter.corner_radius - off),
+                       cutter.flank_length - 2 * off};
+  if (off > 0.1 * cutter.radius || thinner.flank_length < thinner.corner_radius) return -1e300;
+  double witness = std::numeric_limits<double>::infinity();
+  for (int i = 0; i <= 64; ++i) {
+    Move stand = move;
+    const double t = i / 64.0;
+    stand.axis = std::cos(t * move.angle) * move.axis + std::sin(t * move.angle) * move.side;
+    stand.tip += t * move.step + off * stand.axis;
+    stand.step.setZero();
+    stand.angle = 0.0;
+    if (const auto at = first_entry(thinner, stand, s.ray, s.ray.band))
+      witness = std::min(witness, at->s);
+  }
+  if (!std::isfinite(witness)) return -1e300;
+  const auto entry = first_entry(cutter, move, s.ray, s.ray.band);
+  return (entry ? entry->s : s.ray.band) - witness;
+}
+
+TEST(CutterEntry, IsNeverLateUnderAttack) {
+  const std::uint64_t seed = 504000;
+  const Worst worst =
+      climb(seed, 64 * longer(5), 600, [](const Genes& at) { return lateness(situation(at)); });
+  std::cout << "  seeds " << seed << " and on: late by " << worst.error * 1e6 << " nm\n";
+  EXPECT_LE(worst.error, 2e-8);
+}
+
+}  // namespace
+}  // namespace abbe::cutting
