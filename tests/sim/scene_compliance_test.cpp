@@ -102,7 +102,8 @@ turn_deg = [0, 0, 90]
   EXPECT_EQ(r.compliance.fixture(0, 0), soft) << "a quarter turn is exact";
   EXPECT_EQ(r.compliance.fixture(0, 1), 0.0);
   EXPECT_TRUE(refused("fixture = { turn_deg = [0, 0, 30] }", "stiffnesses that it turns"));
-  EXPECT_TRUE(refused("axis.X = { stiffness_N_per_um = [1, 1, 1], turn_deg = [0, 0] }", "turn_deg"));
+  EXPECT_TRUE(
+      refused("axis.X = { stiffness_N_per_um = [1, 1, 1], turn_deg = [0, 0] }", "turn_deg"));
 }
 
 TEST(SceneCompliance, ReadsAMatrixRowByRow) {
