@@ -58,15 +58,22 @@ Compliance read_matrix(TableReader& reader) {
   return C;
 }
 
-/// What gives way by `stiffness_N_per_um` and `turning_stiffness_Nm_per_urad`, or by `matrix`.
+/// What gives way by `stiffness_N_per_um` and `turning_stiffness_Nm_per_urad` along axes turned by
+/// `turn_deg`, or by `matrix`.
 Compliance read_stiffness(TableReader& reader) {
-  Compliance C = Compliance::Zero();
-  C.diagonal().head<3>() = softness(reader, "stiffness_N_per_um", softest_N_per_um);
-  C.diagonal().tail<3>() = softness(reader, "turning_stiffness_Nm_per_urad", softest_Nm_per_urad);
+  const Eigen::Vector3d linear = softness(reader, "stiffness_N_per_um", softest_N_per_um);
+  const Eigen::Vector3d angular =
+      softness(reader, "turning_stiffness_Nm_per_urad", softest_Nm_per_urad);
   const bool by_numbers =
       reader.has("stiffness_N_per_um") || reader.has("turning_stiffness_Nm_per_urad");
   if (by_numbers && reader.has("matrix"))
     reader.refuse("matrix", "stiffnesses or a matrix", "both");
+  if (reader.has("turn_deg") && !by_numbers)
+    reader.refuse("turn_deg", "stiffnesses that it turns", "none");
+  const Eigen::Matrix3d R = read_turn(reader);
+  Compliance C = Compliance::Zero();
+  C.topLeftCorner<3, 3>() = R * linear.asDiagonal() * R.transpose();
+  C.bottomRightCorner<3, 3>() = R * angular.asDiagonal() * R.transpose();
   return C + read_matrix(reader);
 }
 

@@ -154,11 +154,15 @@ Eigen::Matrix3d turned(const Vector3d& degrees) {
 
 }  // namespace
 
+Eigen::Matrix3d read_turn(TableReader& reader) {
+  const auto turn = reader.numbers_as_written("turn_deg", 3);
+  return turn ? turned(*turn) : Eigen::Matrix3d::Identity();
+}
+
 kinematics::Pose read_placement(TableReader& reader) {
   kinematics::Pose pose = kinematics::Pose::Identity();
   pose.translation() = reader.vector("at_mm", Vector3d::Zero());
-  const auto turn = reader.numbers_as_written("turn_deg", 3);
-  if (turn) pose.linear() = turned(*turn);
+  pose.linear() = read_turn(reader);
   return pose;
 }
 

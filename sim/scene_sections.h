@@ -16,8 +16,11 @@ MachineDescription read_machine(const Node& table, Faults& faults);
 kinematics::AxisVector read_axis_words(TableReader& reader,
                                        const std::vector<kinematics::Joint>& joints);
 
-/// Place of a thing in its parent from `at_mm` and `turn_deg`, a rotation vector in degrees. Turns
-/// by multiples of 90 degrees about one axis are exact.
+/// Rotation by `turn_deg`, a rotation vector in degrees; the identity where it is left out. Turns by
+/// multiples of 90 degrees about one axis are exact.
+Eigen::Matrix3d read_turn(TableReader& reader);
+
+/// Place of a thing in its parent from `at_mm` and `turn_deg`.
 kinematics::Pose read_placement(TableReader& reader);
 
 /// Whether a name may be that of a file or folder: letters, digits, blanks, _ - .

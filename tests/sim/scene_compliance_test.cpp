@@ -77,6 +77,35 @@ turning_stiffness_Nm_per_urad = [0.5, 0.5, 0.5]
   EXPECT_TRUE(r.compliance.tool.isZero(0.0));
 }
 
+TEST(SceneCompliance, PrincipalAxesOfAStiffnessMayBeTurned) {
+  const Read r = read(R"(
+[axis.X]
+stiffness_N_per_um = [50, 2, 40]
+turning_stiffness_Nm_per_urad = [1, 2, 4]
+turn_deg = [0, 0, 30]
+[fixture]
+stiffness_N_per_um = [50, 2, 40]
+turn_deg = [0, 0, 90]
+)");
+  ASSERT_EQ(r.faults, "");
+  const errors::Compliance& C = r.compliance.joints[0].C;
+  // by hand: the soft direction is y turned about z, (-1/2, sqrt(3)/2, 0)
+  const double stiff = 1 / 50e3, soft = 1 / 2e3;
+  EXPECT_NEAR(C(0, 0), 0.75 * stiff + 0.25 * soft, 1e-18);
+  EXPECT_NEAR(C(1, 1), 0.25 * stiff + 0.75 * soft, 1e-18);
+  EXPECT_NEAR(C(0, 1), std::sqrt(3.0) / 4 * (stiff - soft), 1e-18);
+  EXPECT_NEAR(C(1, 0), C(0, 1), 1e-20);
+  EXPECT_NEAR(C(2, 2), 1 / 40e3, 1e-20);
+  EXPECT_NEAR(C(3, 4), std::sqrt(3.0) / 4 * (1e-9 - 0.5e-9), 1e-22);
+  EXPECT_TRUE((C.topRightCorner<3, 3>().isZero(0.0)));
+  EXPECT_NO_THROW(errors::validate(C, "turned"));
+  EXPECT_EQ(r.compliance.fixture(0, 0), soft) << "a quarter turn is exact";
+  EXPECT_EQ(r.compliance.fixture(0, 1), 0.0);
+  EXPECT_TRUE(refused("fixture = { turn_deg = [0, 0, 30] }", "stiffnesses that it turns"));
+  EXPECT_TRUE(
+      refused("axis.X = { stiffness_N_per_um = [1, 1, 1], turn_deg = [0, 0] }", "turn_deg"));
+}
+
 TEST(SceneCompliance, ReadsAMatrixRowByRow) {
   std::string numbers = "matrix = [";
   for (int i = 0; i < 36; ++i)

@@ -103,7 +103,7 @@ TEST(Signals, TheCurrentIsThatOfTorqueAndFriction) {
   double worst = 0.0, most = 0.0;
   for (Eigen::Index i = 0; i < c.at("time_s").size(); ++i) {
     const double speed = c.at("spindle_rpm")[i];
-    const double idle = speed > 0 ? 0.4 : 0.0;
+    const double idle = speed > 0 ? 1.5 : 0.0;
     worst = std::max(
         worst, std::abs(c.at("current_A")[i] - (c.at("torque_Nm")[i] + idle + 1e-4 * speed) / 0.6));
     most = std::max(most, c.at("current_A")[i]);
