@@ -14,9 +14,15 @@ namespace abbe::errors {
 /// @throws std::invalid_argument if the chain lacks the axis
 int joint_of(char axis, const kinematics::Chain& chain, const std::string& who);
 
-/// @throws std::invalid_argument naming the element if it means nothing for that joint: a
-///         squareness of an axis about itself, an offset of a slide or along a rotary axis (a
-///         constant error motion says that), a spindle's turn about itself
-void check_meaning(const ElementName& name, const kinematics::Joint& joint);
+/// @param joint  index of the axis in the chain
+/// @throws std::invalid_argument naming the element and the reason if it means nothing for that
+///         joint: an angle of an axis about itself, an offset of a slide or along a rotary axis (a
+///         constant error motion says that), a squareness that another slide states or that no
+///         slide sees, a spindle's turn about itself
+void check_meaning(const ElementName& name, const kinematics::Chain& chain, int joint);
+
+/// What an element of location is on this machine, in words: "squareness of Y to X", "parallelism
+/// of A to X about Y", "offset of C along X".
+std::string meaning(const ElementName& name, const kinematics::Chain& chain, int joint);
 
 }  // namespace abbe::errors

@@ -90,7 +90,7 @@ Branch branch(const Chain& chain, const ComplianceModel::Mass& mass,
     const int i = mass.joints[n];
     const Joint& joint = chain.joints()[std::size_t(i)];
     const Pose T_after = T * kinematics::carriage_displacement(
-                                 joint, kinematics::carriage_travel(joint.side, q[i]), {});
+                                 joint, kinematics::carriage_travel(joint.side, q[i]));
     const bool before =
         joint.motion == Motion::Rotary && joint.deviation_axes == kinematics::DeviationAxes::Fixed;
     result.places[n] = {T, before ? T : T_after};

@@ -19,9 +19,9 @@ using kinematics::JointDeviation;
   throw std::invalid_argument(who + ": " + why);
 }
 
-void check(const Element& element, const Joint& joint) {
+void check(const Element& element, const Chain& chain, int joint) {
   const std::string who = to_string(element.name);
-  check_meaning(element.name, joint);
+  check_meaning(element.name, chain, joint);
   if (element.name.location) {
     for (const Curve& curve : element.curves)
       if (!std::holds_alternative<Constant>(curve.shape))
@@ -92,7 +92,7 @@ GeometricModel bind(const GeometricErrors& errors, const Chain& chain) {
     const int joint = joint_of(element.name.axis, chain, who);
     for (const GeometricModel::Bound& other : model.elements)
       if (other.element.name == element.name) refuse(who, "comes twice");
-    check(element, chain.joints()[std::size_t(joint)]);
+    check(element, chain, joint);
     model.elements.push_back({joint, element.name.component(), element.name.location, element});
   }
   for (const MeasuringLine& line : errors.measuring_lines) {
@@ -148,16 +148,6 @@ GeometricModel scaled(const GeometricModel& model, double factor) {
   for (GeometricModel::Bound& bound : result.elements)
     for (Curve& curve : bound.element.curves) curve.scale *= factor;
   return prepared(std::move(result));
-}
-
-SquarenessShare squareness_share(const ElementName& straightness, double slope) {
-  const std::string pair = {straightness.direction, straightness.axis};
-  if (!straightness.location) {
-    if (pair == "XY" || pair == "YX") return {{'C', 'Y', true}, -slope};
-    if (pair == "XZ" || pair == "ZX") return {{'B', 'Z', true}, slope};
-    if (pair == "YZ" || pair == "ZY") return {{'A', 'Z', true}, -slope};
-  }
-  refuse(to_string(straightness), "expected a straightness of X, Y or Z");
 }
 
 }  // namespace abbe::errors

@@ -84,15 +84,4 @@ GeometricModel scaled(const GeometricModel& model, double factor);
 /// What the curves of a joint see at a state.
 CurveState curve_state(const GeometricModel& model, const kinematics::AxisState& state, int joint);
 
-/// Location error that a straight slope of a straightness amounts to.
-struct SquarenessShare {
-  ElementName name;    ///< EC0Y, EB0Z or EA0Z
-  double value = 0.0;  ///< rad, to be added to it
-};
-/// Where a slope taken out by `detrend` belongs, X primary, Y secondary, Z referring to both: the
-/// slope of EXY turns Y, that of EYX turns X, which is Y turned the other way.
-/// @param slope  per mm of the carriage's own travel (of a primed axis: minus that per command)
-/// @throws std::invalid_argument unless the element is one of EYX EZX EXY EZY EXZ EYZ
-SquarenessShare squareness_share(const ElementName& straightness, double slope);
-
 }  // namespace abbe::errors

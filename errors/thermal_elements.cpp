@@ -50,9 +50,9 @@ bool is_nothing(const ThermalFunction& function) {
   return function.constant == 0.0 && function.terms.empty();
 }
 
-void check(const ThermalElement& element, const Joint& joint, int nodes) {
+void check(const ThermalElement& element, const Chain& chain, int joint, int nodes) {
   const std::string who = to_string(element.name);
-  check_meaning(element.name, joint);
+  check_meaning(element.name, chain, joint);
   const bool moves = !element.name.location && element.name.axis != 'S';
   if (!moves && !is_nothing(element.slope))
     refuse(who, "a location or spindle element has no slope along an axis");
@@ -170,7 +170,7 @@ ThermalModel bind(const ThermalErrors& errors, const Chain& chain, int nodes) {
     const int joint = joint_of(element.name.axis, chain, who);
     for (const ThermalModel::Bound& other : model.elements)
       if (other.element.name == element.name) refuse(who, "comes twice");
-    check(element, chain.joints()[std::size_t(joint)], nodes);
+    check(element, chain, joint, nodes);
     model.elements.push_back(
         {joint, element.name.component(), element.name.location, element, false});
   }

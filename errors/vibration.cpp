@@ -42,7 +42,7 @@ VibrationModel bind(const std::vector<Vibration>& vibrations, const kinematics::
     check(vibration);
     const std::string who = "vibration of " + to_string(vibration.name);
     const int joint = joint_of(vibration.name.axis, chain, who);
-    check_meaning(vibration.name, chain.joints()[std::size_t(joint)]);
+    check_meaning(vibration.name, chain, joint);
     model.harmonics.push_back({joint, vibration.name.component(), vibration});
   }
   return model;

@@ -6,6 +6,8 @@
 #include <string>
 #include <utility>
 
+#include "kinematics/location.h"
+
 namespace abbe::kinematics {
 namespace {
 
@@ -43,26 +45,61 @@ Pose turned(const Pose& T, const Eigen::Vector3d& direction, const Eigen::Vector
   return result;
 }
 
-/// T * carriage_displacement(joint, travel, deviation), without the product of two poses
-Pose displaced(const Pose& T, const Joint& joint, double travel, const JointDeviation& deviation) {
-  Pose result = T;
-  Eigen::Vector3d direction = joint.direction_b;
-  if (!deviation.location.isZero(0.0)) {
-    if (joint.squareness == Squareness::Frame) {
-      result = displaced(result, deviation.location, joint.point_b);
-    } else {
-      result.translation() += result.linear() * deviation.location.head<3>();
-      direction += rotation_change(deviation.location.tail<3>()) * direction;
+/// A location error, parted by what it displaces.
+struct LocationParts {
+  Deviation frame = Deviation::Zero();
+  Deviation carried = Deviation::Zero();
+  Eigen::Vector3d axis = Eigen::Vector3d::Zero();  // rotation vector
+};
+
+LocationParts parts(const Deviation& location, const LocationRule& rule) {
+  constexpr LocationRule all_frame{};
+  LocationParts result;
+  if (rule == all_frame) {
+    result.frame = location;
+    return result;
+  }
+  for (int k = 0; k < 6; ++k) {
+    switch (rule[std::size_t(k)]) {
+      case Displaces::Frame:
+        result.frame[k] = location[k];
+        break;
+      case Displaces::Carried:
+        result.carried[k] = -location[k];
+        break;
+      case Displaces::Axis:
+        result.axis[k - 3] = location[k];
+        break;
     }
   }
+  return result;
+}
+
+Pose moved(const Pose& T, const Joint& joint, const Eigen::Vector3d& direction, double travel) {
+  if (joint.motion == Motion::Rotary) return turned(T, direction, joint.point_b, travel);
+  Pose result = T;
+  if (joint.motion == Motion::Linear) result.translation() += T.linear() * (travel * direction);
+  return result;
+}
+
+/// T * location * motion with its error motion, as the joint asks for them
+Pose displaced(const Pose& T, const Joint& joint, const LocationRule& rule, double travel,
+               const JointDeviation& deviation) {
+  Pose result = T;
+  Eigen::Vector3d direction = joint.direction_b;
+  LocationParts location;
+  if (!deviation.location.isZero(0.0)) {
+    location = parts(deviation.location, rule);
+    if (!location.frame.isZero(0.0)) result = displaced(result, location.frame, joint.point_b);
+    if (!location.axis.isZero(0.0)) direction += rotation_change(location.axis) * direction;
+  }
   const bool moves = !deviation.motion.isZero(0.0);
-  const bool rotary = joint.motion == Motion::Rotary;
-  const bool before = rotary && joint.deviation_axes == DeviationAxes::Fixed;
+  const bool before =
+      joint.motion == Motion::Rotary && joint.deviation_axes == DeviationAxes::Fixed;
   if (moves && before) result = displaced(result, deviation.motion, joint.point_b);
-  if (rotary) result = turned(result, direction, joint.point_b, travel);
-  if (joint.motion == Motion::Linear)
-    result.translation() += result.linear() * (travel * direction);
+  result = moved(result, joint, direction, travel);
   if (moves && !before) result = displaced(result, deviation.motion, joint.point_b);
+  if (!location.carried.isZero(0.0)) result = displaced(result, location.carried, joint.point_b);
   return result;
 }
 
@@ -108,6 +145,10 @@ Chain::Chain(std::vector<Joint> joints, const Pose& T_bw_home, const Pose& T_bt_
       throw std::invalid_argument(std::string("axis ") + joints_[i].name +
                                   " carries the workpiece but follows a tool-side axis");
   }
+  rules_.resize(joints_.size());
+  for (int i = 0; i < size(); ++i)
+    for (int k = 0; k < 6; ++k)
+      rules_[std::size_t(i)][std::size_t(k)] = location_element(joints_, i, k).displaces;
 }
 
 std::optional<int> Chain::find(char name) const {
@@ -116,8 +157,8 @@ std::optional<int> Chain::find(char name) const {
   return std::nullopt;
 }
 
-Pose carriage_displacement(const Joint& joint, double travel, const JointDeviation& deviation) {
-  return displaced(Pose::Identity(), joint, travel, deviation);
+Pose carriage_displacement(const Joint& joint, double travel) {
+  return moved(Pose::Identity(), joint, joint.direction_b, travel);
 }
 
 Pose Chain::workpiece_in_bed(const AxisVector& q,
@@ -128,7 +169,7 @@ Pose Chain::workpiece_in_bed(const AxisVector& q,
     const Joint& joint = joints_[std::size_t(i)];
     if (joint.side != Side::Workpiece) continue;
     const double travel = carriage_travel(joint.side, q[i]);
-    T_bw = displaced(T_bw, joint, travel, at(deviations, i));
+    T_bw = displaced(T_bw, joint, location_rule(i), travel, at(deviations, i));
   }
   return T_bw * T_bw_home_;
 }
@@ -140,7 +181,7 @@ Pose Chain::tool_in_bed(const AxisVector& q, std::span<const JointDeviation> dev
     const Joint& joint = joints_[std::size_t(i)];
     if (joint.side != Side::Tool) continue;
     const double travel = carriage_travel(joint.side, q[i]);
-    T_bt = displaced(T_bt, joint, travel, at(deviations, i));
+    T_bt = displaced(T_bt, joint, location_rule(i), travel, at(deviations, i));
   }
   return T_bt * T_bt_home_;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <optional>
 #include <span>
 #include <vector>
@@ -18,9 +19,17 @@ enum class DeviationAxes {
 
 /// What the angles of a location error turn.
 enum class Squareness {
-  Frame,   ///< the joint's frame about its point and everything downstream (Peng, Guo)
+  Frame,   ///< frames as the structural code asks for it, with all that they carry (`location.h`)
   Travel,  ///< the direction of travel only
 };
+
+/// What one component of a location error displaces, by the structural code (`location.h`).
+enum class Displaces {
+  Frame,    ///< the joint's frame about its point, before its motion, with all that it carries
+  Carried,  ///< what it carries, about its point as carried, after its motion, by the opposite
+  Axis,     ///< the direction of travel or the rotation axis alone
+};
+using LocationRule = std::array<Displaces, 6>;  ///< of [EX EY EZ EA EB EC]
 
 /// One moving part, described in the bed frame with all axes at zero.
 struct Joint {
@@ -40,7 +49,7 @@ struct Joint {
 /// What is wrong with one joint: actual minus nominal of the carriage itself, on either side.
 struct JointDeviation {
   Deviation motion = Deviation::Zero();    ///< error motion, at the joint's point as carried
-  Deviation location = Deviation::Zero();  ///< turn and offset of its frame, before its motion
+  Deviation location = Deviation::Zero();  ///< where its axis lies and points, `LocationRule`
 };
 
 /// Two sources of deviations, added joint by joint. @throws std::invalid_argument if one has other
@@ -66,6 +75,9 @@ class Chain {
   const Pose& T_bt_home() const { return T_bt_home_; }
   int size() const { return int(joints_.size()); }
 
+  /// What the location error of a joint displaces, component by component.
+  const LocationRule& location_rule(int joint) const { return rules_[std::size_t(joint)]; }
+
   /// Index of the joint of that letter in the structural code, if it has one.
   std::optional<int> find(char name) const;
 
@@ -81,6 +93,7 @@ class Chain {
 
  private:
   std::vector<Joint> joints_;
+  std::vector<LocationRule> rules_;
   Pose T_bw_home_;
   Pose T_bt_home_;
 };
@@ -88,10 +101,9 @@ class Chain {
 /// The order of a chain's moving parts, of which `to_string` makes its structural code.
 Topology topology_of(std::span<const Joint> joints);
 
-/// Displacement of the joint's own carriage frame, in its parent's frame at zero: location, then
-/// motion by `travel` (mm or rad of the carriage itself) with its error motion in the order that
-/// the joint asks for. Identity for a spindle nose without deviations.
-Pose carriage_displacement(const Joint& joint, double travel, const JointDeviation& deviation);
+/// Nominal displacement of the joint's own carriage, in its parent's frame at zero, by `travel` (mm
+/// or rad of the carriage itself). Identity for a spindle nose.
+Pose carriage_displacement(const Joint& joint, double travel);
 
 /// Travel of the carriage itself for a commanded position: the one minus sign of the primed side.
 constexpr double carriage_travel(Side side, double command) {

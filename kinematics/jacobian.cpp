@@ -20,7 +20,7 @@ Cuts cuts(const Chain& chain, const AxisVector& q) {
   result.T[0] = chain.T_bw_home().inverse();
   for (int i = 0; i < chain.size(); ++i)
     result.T[std::size_t(i) + 1] =
-        result.T[std::size_t(i)] * carriage_displacement(chain.joints()[std::size_t(i)], q[i], {});
+        result.T[std::size_t(i)] * carriage_displacement(chain.joints()[std::size_t(i)], q[i]);
   result.tip_w = result.T[std::size_t(chain.size())] * chain.T_bt_home().translation();
   return result;
 }
@@ -88,9 +88,19 @@ Eigen::MatrixXd location_jacobian(const Chain& chain, const AxisVector& q) {
   Eigen::MatrixXd J(6, 6 * chain.size());
   for (int i = 0; i < chain.size(); ++i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
-    J.middleCols<6>(6 * i) = displaced(cut, joint, i, true);
-    if (joint.squareness == Squareness::Travel)
-      J.middleCols<3>(6 * i + 3) = travel_turned(cut, joint, i, q[i]);
+    const Matrix6 frame = displaced(cut, joint, i, true);
+    for (int k = 0; k < 6; ++k) {
+      switch (chain.location_rule(i)[std::size_t(k)]) {
+        case Displaces::Frame:
+          J.col(6 * i + k) = frame.col(k);
+          break;
+        case Displaces::Carried:
+          J.col(6 * i + k) = -displaced(cut, joint, i, false).col(k);
+          break;
+        case Displaces::Axis:
+          J.col(6 * i + k) = travel_turned(cut, joint, i, q[i]).col(k - 3);
+      }
+    }
   }
   return J;
 }

@@ -70,7 +70,7 @@ void add_carriages(const Chain& chain, const AxisVector& q, double unit,
   for (int i = 0; i < chain.size(); ++i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
     if (joint.side != Side::Tool) continue;
-    T = T * carriage_displacement(joint, q[i], {});
+    T = T * carriage_displacement(joint, q[i]);
     if (joint.motion != Motion::Spindle)
       picture.bodies.push_back(carriage(joint, T, rank(chain, i) * unit, unit));
   }
@@ -78,7 +78,7 @@ void add_carriages(const Chain& chain, const AxisVector& q, double unit,
   for (int i = chain.size() - 1; i >= 0; --i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
     if (joint.side != Side::Workpiece) continue;
-    T = T * carriage_displacement(joint, kinematics::carriage_travel(joint.side, q[i]), {});
+    T = T * carriage_displacement(joint, kinematics::carriage_travel(joint.side, q[i]));
     picture.bodies.push_back(carriage(joint, T, -rank(chain, i) * unit, unit));
   }
 }

@@ -6,7 +6,9 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "errors/bound_element.h"
 #include "kinematics/units.h"
+#include "sim/location_effects.h"
 
 namespace abbe::sim {
 namespace {
@@ -41,6 +43,24 @@ ordered_json describe_axes(const kinematics::Chain& chain) {
     axes.push_back(axis);
   }
   return axes;
+}
+
+ordered_json describe_location(const errors::Element& element, const kinematics::Chain& chain) {
+  const LocationEffect effect = location_effect(element, chain);
+  const double unit = element.name.is_angle() ? units::urad : units::um;
+  const char* displaces[] = {"frame", "carried", "axis"};
+  ordered_json angles = ordered_json::object(), tip = ordered_json::array();
+  for (const LocationEffect::Angle& angle : effect.angles)
+    angles[angle.between] = angle.change / units::urad;
+  for (const LocationEffect::Tip& one : effect.tip)
+    tip.push_back({{"at", one.at}, {"um", numbers(one.moved_w / units::um)}});
+  return {{"meaning", effect.meaning},
+          {"displaces", displaces[int(effect.displaces)]},
+          {"bodies", effect.bodies},
+          {element.name.is_angle() ? "turned_urad" : "moved_um", effect.amount / unit},
+          {"about_or_along", std::string(1, char('X' + element.name.component() % 3))},
+          {"angle_change_urad", angles},
+          {"tip_moved", tip}};
 }
 
 /// Value and slope of one element with its axis at zero, in um or urad; null where a table does not
@@ -81,6 +101,7 @@ ordered_json describe_element(const errors::GeometricModel& model,
                         at.z(), line.fixed_in_bed ? "tool" : "carriage");
       }
   }
+  if (bound.location) element["location"] = describe_location(bound.element, chain);
   if (!parts.empty()) element["parts"] = parts;
   return element;
 }
@@ -95,7 +116,8 @@ void add_nodes(ordered_json& names, const errors::ThermalFunction& function,
   }
 }
 
-ordered_json describe_heat(const Truth::Heat& heat, const ThermalDescription& thermal) {
+ordered_json describe_heat(const Truth::Heat& heat, const ThermalDescription& thermal,
+                           const kinematics::Chain& chain) {
   const errors::ThermalNetwork& network = heat.run.network;
   const Eigen::VectorXd& rate = heat.run.dry.rate_per_s;
   ordered_json elements = ordered_json::array(), sensors = ordered_json::array();
@@ -104,6 +126,10 @@ ordered_json describe_heat(const Truth::Heat& heat, const ThermalDescription& th
     add_nodes(nodes, element.offset, network);
     add_nodes(nodes, element.slope, network);
     elements.push_back({{"name", errors::to_string(element.name)}, {"follows", nodes}});
+    if (element.name.location) {
+      const int joint = errors::joint_of(element.name.axis, chain, "");
+      elements.back()["meaning"] = errors::meaning(element.name, chain, joint);
+    }
   }
   for (const errors::AxisExpansion& axis : thermal.errors.expansions) {
     const bool motor = axis.feedback == errors::Feedback::Motor;
@@ -174,7 +200,8 @@ ordered_json describe(const Job& job) {
   for (const auto& bound : job.truth.geometric.elements)
     elements.push_back(describe_element(job.truth.geometric, bound, chain));
   description["elements"] = elements;
-  if (job.truth.heat) description["heat"] = describe_heat(*job.truth.heat, *job.scene.thermal);
+  if (job.truth.heat)
+    description["heat"] = describe_heat(*job.truth.heat, *job.scene.thermal, chain);
   if (job.truth.compliance && !job.samples.states.empty())
     description["stiffness_N_per_um"] = stiffness_N_per_um(job);
   if (job.scene.cutting) description["cut"] = describe_cut(*job.scene.cutting, job.nominal_process);
@@ -207,12 +234,35 @@ std::string heat_text(const ordered_json& heat) {
     std::string nodes;
     for (const auto& node : element["follows"])
       nodes += (nodes.empty() ? "" : ", ") + node.get<std::string>();
-    text += fmt::format("{:<8} follows {}{}\n", element["name"].get<std::string>(), nodes,
-                        element.contains("feedback")
-                            ? fmt::format(" (feedback: {})", element["feedback"].get<std::string>())
-                            : "");
+    std::string more;
+    if (element.contains("feedback"))
+      more = fmt::format(" (feedback: {})", element["feedback"].get<std::string>());
+    if (element.contains("meaning"))
+      more = fmt::format(" ({})", element["meaning"].get<std::string>());
+    text += fmt::format("{:<8} follows {}{}\n", element["name"].get<std::string>(), nodes, more);
   }
   return text;
+}
+
+/// "EC0Y turns X workpiece by -40 urad about Z; angle X-Y +40 urad; tip in um: ..."
+std::string location_text(const std::string& name, const ordered_json& location) {
+  const bool turns = location.contains("turned_urad");
+  const double amount = location[turns ? "turned_urad" : "moved_um"].get<double>();
+  std::string bodies, angles, tip;
+  for (const auto& body : location["bodies"]) bodies += " " + body.get<std::string>();
+  const std::string way = location["displaces"].get<std::string>();
+  if (way == "axis") bodies += " alone";
+  if (way == "carried") bodies += ", which it carries,";
+  for (const auto& [between, change] : location["angle_change_urad"].items())
+    angles += fmt::format("; angle {} {:+.4g} urad", between, change.get<double>());
+  for (const auto& one : location["tip_moved"]) {
+    const auto& um = one["um"];
+    tip += fmt::format("{} {:.4g} {:.4g} {:.4g} at {}", tip.empty() ? "" : ",", um[0].get<double>(),
+                       um[1].get<double>(), um[2].get<double>(), one["at"].get<std::string>());
+  }
+  return fmt::format("{:<8} {}{} by {:+.4g} {} {}{}\n         tip um{}\n", name,
+                     turns ? "turns" : "moves", bodies, amount, turns ? "urad about" : "um along",
+                     location["about_or_along"].get<std::string>(), angles, tip);
 }
 
 std::string stiffness_text(const ordered_json& stiffness) {
@@ -285,9 +335,14 @@ std::string to_text(const ordered_json& d) {
                                        ? "outside its table"
                                        : fmt::format("{:.4g} {}", number.get<double>(), unit);
     }
-    text += fmt::format("{:<8} {:>14} {:>22}  {}\n", element["name"].get<std::string>(), value,
-                        slope, element.value("stated_at", std::string("location of the axis")));
+    text +=
+        fmt::format("{:<8} {:>14} {:>22}  {}\n", element["name"].get<std::string>(), value, slope,
+                    element.contains("location") ? element["location"]["meaning"].get<std::string>()
+                                                 : element["stated_at"].get<std::string>());
   }
+  for (const auto& element : d["elements"])
+    if (element.contains("location"))
+      text += location_text(element["name"].get<std::string>(), element["location"]);
   if (d.contains("heat")) text += heat_text(d["heat"]);
   if (d.contains("stiffness_N_per_um")) text += stiffness_text(d["stiffness_N_per_um"]);
   if (d.contains("cut")) text += cut_text(d["cut"]);

@@ -35,7 +35,7 @@ errors::Element element_of(const errors::ElementName& name, const Chain& nominal
                            const std::vector<DayLog>& logs) {
   const int at = errors::joint_of(name.axis, nominal, to_string(name));
   const Joint& joint = nominal.joints()[std::size_t(at)];
-  errors::check_meaning(name, joint);
+  errors::check_meaning(name, nominal, at);
   Index along = 0;
   joint.direction_b.cwiseAbs().maxCoeff(&along);
   const bool positions =

@@ -7,12 +7,13 @@
 #include <string_view>
 #include <tuple>
 
-#include <Eigen/Eigenvalues>
 #include <fmt/format.h>
+#include <Eigen/Eigenvalues>
 
 #include "errors/coefficients.h"
 #include "errors/element_table.h"
 #include "errors/geometric.h"
+#include "errors/squareness.h"
 #include "kinematics/units.h"
 #include "sim/scene_sections.h"
 
@@ -349,14 +350,12 @@ ErrorsReader::Detrending ErrorsReader::read_detrend(TableReader& curve) {
   return {how, node->place};
 }
 
-// A straightness that rises by `slope` is a travel turned by (direction x e) slope.
 void ErrorsReader::move_slope(Curve& curve, const ElementName& name, const Detrending& detrending) {
   const Joint* slide = joint(name.axis);
   if (!slide) return;  // refused when bound
-  const Vector3d e =
-      name.is_angle() ? Vector3d::Zero() : Vector3d(Vector3d::Unit(name.component()));
-  const Vector3d turn = slide->direction_b.cross(e);
-  if (slide->motion != Motion::Linear || name.location || turn.norm() < 1e-9) {
+  const bool across =
+      !name.is_angle() && slide->direction_b.cross(Vector3d::Unit(name.component())).norm() >= 1e-9;
+  if (slide->motion != Motion::Linear || name.location || !across) {
     faults_.add(detrending.place, "detrend on a straightness of a slide only", to_string(name));
     return;
   }
@@ -368,14 +367,11 @@ void ErrorsReader::move_slope(Curve& curve, const ElementName& name, const Detre
   const double factor = curve.scale * (curve.negate ? -1.0 : 1.0) * (against ? -1.0 : 1.0);
   const std::string from = "slope of " + to_string(name);
   const double slope = factor * detrended.slope;
-  if (std::string_view("XYZ").find(name.axis) != std::string_view::npos) {
-    const errors::SquarenessShare share = errors::squareness_share(name, slope);
-    add_location(share.name, share.value, from, detrending.place);
-    return;
-  }
-  for (int i = 0; i < 3; ++i) {
-    if (std::abs(turn[i]) >= 1e-12)
-      add_location({char('A' + i), name.axis, true}, turn[i] * slope, from, detrending.place);
+  try {
+    for (const auto& share : errors::squareness_shares(name, slope, machine_.joints))
+      add_location(share.name, share.value, from, detrending.place);
+  } catch (const std::invalid_argument& fault) {
+    faults_.add(detrending.place, "a slope that is a squareness of the machine", fault.what());
   }
 }
 

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "errors/bound_element.h"
+#include "kinematics/location.h"
 
 namespace abbe::errors::identification {
 namespace {
@@ -143,9 +144,9 @@ Parameterised motion_of(const ElementName& name, const Joint& joint, const Model
   return p;
 }
 
-bool is_meaningful(const ElementName& name, const Joint& joint) {
+bool is_meaningful(const ElementName& name, const Chain& chain, int joint) {
   try {
-    check_meaning(name, joint);
+    check_meaning(name, chain, joint);
   } catch (const std::invalid_argument&) {
     return false;
   }
@@ -156,39 +157,41 @@ constexpr char letters[] = "XYZABC";
 
 std::vector<Parameterised> motions(const Chain& chain, const ModelOptions& options) {
   std::vector<Parameterised> result;
-  for (const Joint& joint : chain.joints()) {
+  for (int j = 0; j < chain.size(); ++j) {
+    const Joint& joint = chain.joints()[std::size_t(j)];
     const bool is_nose = joint.motion == Motion::Spindle;
     if (is_nose && chain.find('S')) continue;  // the letter S means the work spindle there
     for (int component = 0; component < 6; ++component) {
       const ElementName name{letters[component], is_nose ? 'S' : joint.name, false};
-      if (is_meaningful(name, joint)) result.push_back(motion_of(name, joint, options));
+      if (is_meaningful(name, chain, j)) result.push_back(motion_of(name, joint, options));
     }
   }
   return result;
 }
 
-/// Squareness of slides that lie along the axes of their letters.
+/// The angles of the main slides, each pair once.
 std::vector<ElementName> squarenesses(const Chain& chain) {
-  const auto is_straight = [&](char letter) {
-    const auto joint = chain.find(letter);
-    return joint && chain.joints()[std::size_t(*joint)].motion == Motion::Linear &&
-           along(chain.joints()[std::size_t(*joint)]) == letter - 'X';
-  };
+  const auto slides = kinematics::main_slides(chain.joints());
   std::vector<ElementName> result;
-  if (is_straight('X') && is_straight('Y')) result.push_back({'C', 'Y', true});
-  if (is_straight('X') && is_straight('Z')) result.push_back({'B', 'Z', true});
-  if (is_straight('Y') && is_straight('Z')) result.push_back({'A', 'Z', true});
+  for (const auto& [secondary, direction] : {std::pair(1, 'C'), {2, 'B'}, {2, 'A'}}) {
+    const std::optional<int> slide = slides[std::size_t(secondary)];
+    if (!slide) continue;
+    const ElementName name{direction, chain.joints()[std::size_t(*slide)].name, true};
+    if (is_meaningful(name, chain, *slide)) result.push_back(name);
+  }
   return result;
 }
 
 /// Two angles and two offsets of every rotary axis; a work spindle's constants say the same.
 std::vector<ElementName> places(const Chain& chain) {
   std::vector<ElementName> result;
-  for (const Joint& joint : chain.joints()) {
+  for (int j = 0; j < chain.size(); ++j) {
+    const Joint& joint = chain.joints()[std::size_t(j)];
     if (joint.motion != Motion::Rotary || joint.name == 'S') continue;
     for (int component = 0; component < 6; ++component) {
       const ElementName name{letters[component], joint.name, true};
-      if (component % 3 != int(along(joint)) && is_meaningful(name, joint)) result.push_back(name);
+      if (component % 3 != int(along(joint)) && is_meaningful(name, chain, j))
+        result.push_back(name);
     }
   }
   return result;

@@ -15,6 +15,7 @@
 
 #include "errors/coefficients.h"
 #include "errors/identification/design.h"
+#include "errors/squareness.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors::identification {
@@ -248,10 +249,11 @@ Curves curves(const Path& path, const Linear& estimator, const Chain& chain) {
         const Eigen::RowVectorXd mean = rows.colwise().mean();
         rows -= (q.array() - q.mean()).matrix() * slope;
         rows.rowwise() -= mean;
-        const SquarenessShare share = squareness_share(element_of(component, axis), 1.0);
-        for (std::size_t s = 0; s < 3; ++s)
-          if (squarenesses[s] == share.name)
-            result.squareness.row(Index(s)) += share.value * travel * slope;
+        for (const SquarenessShare& share :
+             squareness_shares(element_of(component, axis), 1.0, chain.joints()))
+          for (std::size_t s = 0; s < 3; ++s)
+            if (squarenesses[s] == share.name)
+              result.squareness.row(Index(s)) += share.value * travel * slope;
       }
       result.rows[std::size_t(axis)][std::size_t(component)] = rows;
     }

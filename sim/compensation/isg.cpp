@@ -97,6 +97,24 @@ std::string position_errors(const std::vector<JointDeviation>& deviations, const
   return head.empty() ? "" : "// mm and rad\n" + head + "\n" + row + "\n";
 }
 
+/// Position errors that a control which turns the frame of their own axis would not make.
+std::vector<std::string> position_notes(const std::vector<JointDeviation>& deviations,
+                                        const Chain& chain) {
+  std::vector<std::string> notes;
+  for (int i = 0; i < chain.size(); ++i) {
+    const kinematics::Joint& joint = chain.joints()[std::size_t(i)];
+    if (!is_isg_axis(joint.name) || joint.squareness == kinematics::Squareness::Travel) continue;
+    for (std::size_t k = 0; k < directions.size(); ++k)
+      if (deviations[std::size_t(i)].location[Eigen::Index(k)] != 0.0 &&
+          chain.location_rule(i)[k] != kinematics::Displaces::Frame)
+        notes.push_back(fmt::format(
+            "{0}0{1} is stated against a slide that {1} carries (ISO 230-1: the angle between the "
+            "two); a control that displaces the frame of {1} would take both along",
+            directions[k], joint.name));
+  }
+  return notes;
+}
+
 /// The parts of a file between its breaks, without comments; empty lines before each, so that lines
 /// keep their number.
 std::vector<std::string> blocks_of(const ControlFile& file) {
@@ -189,8 +207,7 @@ class VolumetricReader {
       if (other.name == element.name)
         lines.refuse(cell, fmt::format("{} once", to_string(element.name)));
     try {
-      errors::check_meaning(element.name,
-                            chain_.joints()[std::size_t(*chain_.find(element.name.axis))]);
+      errors::check_meaning(element.name, chain_, *chain_.find(element.name.axis));
     } catch (const std::invalid_argument& refusal) {
       lines.refuse(cell, refusal.what());
     }
@@ -221,12 +238,14 @@ Export to_volumetric(const GeometricModel& believed, const Chain& chain,
                          fmt::format("// mm and rad over {}\n", control::unit_name(chain, i)) +
                              errors::write_element_table(samples.table, '\t')});
   }
-  const std::string locations = position_errors(errors::deviations(model, state), chain);
+  const std::vector<JointDeviation> deviations = errors::deviations(model, state);
+  const std::string locations = position_errors(deviations, chain);
   if (!locations.empty()) out.files.push_back({"position_errors.csv", locations});
   if (!out.files.empty())
-    out.notes.push_back(
+    out.notes.emplace_back(
         "values are actual minus nominal of each carriage over its command; whether "
         "the control's chain counts an axis the other way is for its `negate`");
+  for (std::string& note : position_notes(deviations, chain)) out.notes.push_back(std::move(note));
   return out;
 }
 

@@ -148,7 +148,7 @@ ThermalCourse::Term bound(const ThermalBelief::Term& term, const kinematics::Cha
   const std::string who = errors::to_string(term.name);
   const int joint = errors::joint_of(term.name.axis, chain, who);
   const kinematics::Joint& axis = chain.joints()[std::size_t(joint)];
-  errors::check_meaning(term.name, axis);
+  errors::check_meaning(term.name, chain, joint);
   if (term.slope && !may_slope(term.name))
     throw std::invalid_argument(who + ": a location or spindle element has no slope");
   return {joint, term.name.component(), term.name.location, term.slope,

@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "errors/squareness.h"
 #include "tests/errors/machines.h"
 
 namespace abbe::errors {
@@ -323,37 +324,55 @@ double angle_between(const Chain& chain, const GeometricModel& model, int one, i
   return std::acos(way(one).normalized().dot(way(other).normalized()));
 }
 
-// X, Y and Z carry the tool, or Y carries the workpiece. A slope of 40 urad of each straightness,
-// and the squareness that it is said to amount to, change the angle between the two axes by the
-// same.
+// Three slides in every order with the bed anywhere between them. A slope of 40 urad of each
+// straightness, and the squareness that it is said to amount to, change the angle between the two
+// axes by the same; with frames that are turned and with directions of travel alone, and also where
+// a slide points the other way.
 TEST(Squareness, ASlopeOfAStraightnessAmountsToTheSquarenessThatTurnsTheAxesAsMuch) {
   const double slope = 40.0_urad;
-  for (const bool primed : {false, true}) {
-    const Vector3d o(0, 0, 0);
-    const auto X = joint('X', Tool, Linear, {1, 0, 0}, o),
-               Z = joint('Z', Tool, Linear, {0, 0, 1}, o);
-    const auto Y = joint('Y', primed ? Workpiece : Tool, Linear, {0, 1, 0}, o);
-    std::vector<kinematics::Joint> joints = primed ? std::vector{Y, X, Z} : std::vector{X, Y, Z};
-    for (auto& j : joints) j.squareness = kinematics::Squareness::Travel;
-    const Chain chain(joints, at(0, 0, 0), at(0, 0, 0));
-    for (const std::string name : {"EYX", "EZX", "EXY", "EZY", "EXZ", "EYZ"}) {
-      const ElementName straightness = parse_element_name(name);
-      const SquarenessShare share = squareness_share(straightness, slope);
-      const int one = *chain.find(straightness.axis);
-      const int other = *chain.find(straightness.direction);
-      Element curve{straightness, {Curve{line(slope), "", Argument::Carriage}}};
-      const double by_slope = angle_between(chain, bind({{curve}, {}}, chain), one, other);
-      const double by_share = angle_between(
-          chain, bind({{Element{share.name, {Curve{Constant{share.value}}}}}, {}}, chain), one,
-          other);
-      EXPECT_NEAR(std::abs(by_slope - 90.0_deg), slope, 1e-12) << name;
-      EXPECT_NEAR(by_slope, by_share, 1e-11) << name << (primed ? " with Y primed" : "");
-    }
-  }
-  EXPECT_THROW(squareness_share(parse_element_name("EXX"), 1), std::invalid_argument);
-  EXPECT_THROW(squareness_share(parse_element_name("ECX"), 1), std::invalid_argument);
-  EXPECT_THROW(squareness_share(parse_element_name("EC0Y"), 1), std::invalid_argument);
-  EXPECT_THROW(squareness_share(parse_element_name("EXC"), 1), std::invalid_argument);
+  std::string order = "XYZ";
+  int machines = 0;
+  do
+    for (const char reversed : {'-', 'X', 'Y', 'Z'})
+      for (std::size_t primed = 0; primed <= 3; ++primed)
+        for (const auto squareness :
+             {kinematics::Squareness::Frame, kinematics::Squareness::Travel}) {
+          std::vector<kinematics::Joint> joints;
+          for (const char name : order) {
+            const double way = name == reversed ? -1.0 : 1.0;
+            joints.push_back(joint(name, joints.size() < primed ? Workpiece : Tool, Linear,
+                                   way * Vector3d::Unit(name - 'X'), {30.0 * name, -20, 10}));
+            joints.back().squareness = squareness;
+          }
+          const Chain chain(joints, at(0, 0, 0), at(0, 0, 0));
+          ++machines;
+          for (const std::string name : {"EYX", "EZX", "EXY", "EZY", "EXZ", "EYZ"}) {
+            const ElementName straightness = parse_element_name(name);
+            const std::vector<SquarenessShare> shares =
+                squareness_shares(straightness, slope, chain.joints());
+            ASSERT_EQ(shares.size(), 1u) << name;
+            const SquarenessShare& share = shares.front();
+            const int one = *chain.find(straightness.axis);
+            const int other = *chain.find(straightness.direction);
+            Element curve{straightness, {Curve{line(slope), "", Argument::Carriage}}};
+            const double by_slope = angle_between(chain, bind({{curve}, {}}, chain), one, other);
+            const double by_share = angle_between(
+                chain, bind({{Element{share.name, {Curve{Constant{share.value}}}}}, {}}, chain),
+                one, other);
+            EXPECT_NEAR(std::abs(by_slope - 90.0_deg), slope, 1e-12) << name;
+            EXPECT_NEAR(by_slope, by_share, 1e-11) << name << " on " << order << ", " << primed;
+          }
+        }
+  while (std::next_permutation(order.begin(), order.end()));
+  EXPECT_EQ(machines, 6 * 4 * 4 * 2);
+  const Chain machine = gantry();
+  for (const char* none : {"EXX", "ECX", "EC0Y", "EXC", "EXU"})
+    EXPECT_THROW(squareness_shares(parse_element_name(none), 1, machine.joints()),
+                 std::invalid_argument)
+        << none;
+  EXPECT_THROW(squareness_shares(parse_element_name("EYX"), 1, platform().joints()),
+               std::invalid_argument)
+      << "there is no Y to which X could be square";
 }
 
 TEST(Squareness, EC0YMakesTheAngleOfXAndYLarger) {

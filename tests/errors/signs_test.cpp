@@ -204,6 +204,45 @@ Machine platform_at_an_angle() {
           }};
 }
 
+// Y' on the bed carries X', so EC0Y turns X' by its opposite, about Y's point as Y carries it.
+// Command Y = -200: Y carries its point to (100, 200, -50). Tip in the bed (20, 10, 45). Arms in m:
+//   Y as carried (-0.08, -0.19, 0.095)   Z before its own travel (0.02, -0.04, -0.355)
+Machine moving_table() {
+  using kinematics::Motion, kinematics::Side;
+  const Vector3d x(1, 0, 0), y(0, 1, 0), z(0, 0, 1);
+  return {"w X' Y' b Z t",
+          kinematics::Chain({joint('X', Side::Workpiece, Motion::Linear, x, {7, -8, 9}),
+                             joint('Y', Side::Workpiece, Motion::Linear, y, {100, 0, -50}),
+                             joint('Z', Side::Tool, Motion::Linear, z, {0, 50, 400})},
+                            at(0, 0, 0), at(20, 10, 5)),
+          state_at({30, -200, 40}),
+          {
+              {"EC0Y", {0.19, -0.08, 0}, {0, 0, 1}},
+              {"EB0Z", {-0.355, 0, -0.02}, {0, 1, 0}},
+              {"EA0Z", {0, 0.355, -0.04}, {1, 0, 0}},
+          }};
+}
+
+// Y carries Z carries X: EC0Y turns Z and X by its opposite, EB0Z turns X, EA0Z turns Z itself.
+// Y = 50, Z = -20, X = 100; tip in the bed (105, 56, -13). Arms in m:
+//   Y as carried (0.105, -0.024, -0.003)   Z as carried (0.145, 0.006, -0.053), before its own
+//   travel (0.145, 0.006, -0.073)
+Machine column_that_carries_x() {
+  using kinematics::Motion, kinematics::Side;
+  const Vector3d x(1, 0, 0), y(0, 1, 0), z(0, 0, 1);
+  return {"w b Y Z X t",
+          kinematics::Chain({joint('Y', Side::Tool, Motion::Linear, y, {0, 30, -10}),
+                             joint('Z', Side::Tool, Motion::Linear, z, {-40, 0, 60}),
+                             joint('X', Side::Tool, Motion::Linear, x, {1, 2, 3})},
+                            at(0, 0, 0), at(5, 6, 7)),
+          state_at({50, -20, 100}),
+          {
+              {"EC0Y", {-0.024, -0.105, 0}, {0, 0, -1}},
+              {"EB0Z", {0.053, 0, 0.145}, {0, -1, 0}},
+              {"EA0Z", {0, 0.073, 0.006}, {1, 0, 0}},
+          }};
+}
+
 void expect_signs(const Machine& machine) {
   const kinematics::Pose T_wt = machine.chain.tool_in_workpiece(machine.state.q);
   double worst_mm = 0.0;
@@ -246,6 +285,11 @@ TEST(Signs, EveryElementMovesTheTipTheOtherWayWhenItsAxisChangesSides) {
 
 TEST(Signs, EveryElementOfThePlatformMovesTheTipAsWorkedOutByHand) {
   expect_signs(platform_at_an_angle());
+}
+
+TEST(Signs, ASquarenessTurnsWhatItsAxisCarriesTheOtherWayWhereThatIsItsReference) {
+  expect_signs(moving_table());
+  expect_signs(column_that_carries_x());
 }
 
 TEST(Signs, TheTablesHoldAllFortySixElementsOnBothSides) {
