@@ -25,6 +25,7 @@
 #include "sim/study/ranks.h"
 #include "sim/study/run_study.h"
 #include "sim/study/slurm.h"
+#include "sim/thermal_choice.h"
 
 namespace abbe::sim {
 namespace {
@@ -125,6 +126,8 @@ int finish(const Common& common, const RunOptions& options, const Outcome& outco
     fmt::print("{:<36} {}\nfiles in {}\n", outcome.json["case"].get<std::string>(),
                figures(outcome.json["residual_um"]), options.folder.string());
   }
+  if (!common.json && !outcome.sensors.is_null())
+    fmt::print("{}", sensor_choices_text(outcome.sensors));
   if (outcome.json.contains("warnings"))
     for (const auto& warning : outcome.json["warnings"])
       fmt::print(stderr, "abbe: warning: {}\n", warning.get<std::string>());
