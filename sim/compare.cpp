@@ -95,13 +95,14 @@ std::vector<Scene> read_variants(const Scene& scene, const std::vector<Override>
 }
 
 /// Sensors are chosen on the scene's own day and graded on those of its variants.
-void choose_sensors(const std::filesystem::path& folder, const Scene& scene,
-                    const std::vector<Scene>& variants) {
-  if (!scene.sensor_choice) return;
+/// @return null where the scene asks for no choice
+nlohmann::ordered_json choose_sensors(const std::filesystem::path& folder, const Scene& scene,
+                                      const std::vector<Scene>& variants) {
+  if (!scene.sensor_choice) return nullptr;
   std::vector<Day> days{{"its own day", scene}};
   for (std::size_t i = 0; i < variants.size(); ++i)
     days.push_back({scene.variants[i].name, variants[i]});
-  write_thermal_choice(folder, days);
+  return write_thermal_choice(folder, days);
 }
 
 }  // namespace
@@ -118,9 +119,10 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   const Verdict verdict = judge(job, cut_one(job, name, to(progress)), nullptr);
   write_program(options.folder, job);
   write_case(options.folder, job, verdict);
+  Outcome outcome{summary(job, verdict), {}, {}, {}};
   if (scene.sensor_choice)
-    choose_sensors(options.folder, scene, read_variants(scene, options.overrides));
-  Outcome outcome{summary(job, verdict), {}, {}};
+    outcome.sensors =
+        choose_sensors(options.folder, scene, read_variants(scene, options.overrides));
   collect(outcome.exceeded, scene.limits, verdict);
   return outcome;
 }
@@ -146,7 +148,7 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   std::vector<FailedCase> failed;
   for (const Batch& batch : batches) cut_cases(batch, cases, failed, progress);
 
-  Outcome outcome{comparison(batches.front().job, cases, failed), {}, {}};
+  Outcome outcome{comparison(batches.front().job, cases, failed), {}, {}, {}};
   for (const FailedCase& one : failed) outcome.failed.push_back(one.name + ": " + one.reason);
   for (const Batch& batch : batches) write_program(options.folder / batch.prefix, batch.job);
   const bool compensates = std::any_of(cases.begin(), cases.end(), [](const Compared& one) {
@@ -160,7 +162,7 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
     if (compensates ? one.uncompensated.has_value() : i > 0)
       collect(outcome.exceeded, one.job->scene.limits, one.verdict);
   }
-  choose_sensors(options.folder, scene, variants);
+  outcome.sensors = choose_sensors(options.folder, scene, variants);
   write_file(options.folder / "comparison.json", outcome.json.dump(2) + "\n");
   progress.begin("write comparison");
   write_comparison_picture(options.folder / "comparison.png", scene, cases);

@@ -24,6 +24,7 @@ struct Outcome {
   nlohmann::ordered_json json;        ///< summary or comparison
   std::vector<std::string> exceeded;  ///< acceptance limits that a judged case breaks
   std::vector<std::string> failed;    ///< plug-ins that failed, in words; the other cases stand
+  nlohmann::ordered_json sensors;  ///< choices of sensors as in thermal.json; null: none asked for
 };
 
 /// Cuts one case of a scene and writes every file of it.

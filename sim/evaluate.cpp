@@ -5,12 +5,12 @@
 
 #include <fmt/format.h>
 
-#include "errors/metrology/areal.h"
-#include "errors/metrology/form.h"
 #include "errors/metrology/position_file.h"
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
+#include "sim/evaluate_figures.h"
+#include "sim/evaluate_part.h"
 #include "sim/evaluate_pictures.h"
 #include "sim/evaluate_tests.h"
 #include "sim/output.h"
@@ -26,26 +26,6 @@ using Eigen::Index;
 using Eigen::VectorXd;
 using Json = nlohmann::ordered_json;
 using metrology::Readings;
-
-/// Figures of one test in its unit, um or urad.
-class Figures {
- public:
-  Figures(Json& test, bool angle) : test_(test), angle_(angle) {}
-  void put(const std::string& name, double value) { test_[key(name)] = in_unit(value); }
-  void put(const std::string& name, const std::optional<double>& value) {
-    test_[key(name)] = value ? Json(in_unit(*value)) : Json(nullptr);
-  }
-
- private:
-  std::string key(const std::string& name) const { return name + (angle_ ? "_urad" : "_um"); }
-  double in_unit(double value) const { return value / (angle_ ? units::urad : units::um); }
-  Json& test_;
-  bool angle_;
-};
-
-Json test_json(const std::string& name, const char* standard) {
-  return {{"name", name}, {"standard", standard}};
-}
 
 Json positioning_json(const std::string& name, const metrology::PositionRuns& runs, bool angle) {
   const metrology::Positioning p = metrology::positioning(runs);
@@ -99,7 +79,8 @@ Json error_motion_json(const AxisTest& test) {
       asynchronous = std::max(asynchronous.value_or(0.0),
                               (runs->rowwise().maxCoeff() - runs->rowwise().minCoeff()).maxCoeff());
   Figures f(json, false);
-  f.put("synchronous", range(mean_of(form_of(test))));
+  f.put("synchronous",
+        hides_in_centring(test) ? std::nullopt : std::optional(range(mean_of(form_of(test)))));
   f.put("asynchronous", asynchronous);
   return json;
 }
@@ -155,36 +136,59 @@ Json estimated(const std::optional<metrology::Estimated>& one, double unit) {
   return {{"value", one->value / unit}, {"standard_uncertainty", one->u / unit}};
 }
 
+/// Causes of a circle; all are open where it has too few places.
+Json causes_json(const CircleTest& test) {
+  metrology::CircularCauses causes;
+  const bool enough = metrology::place_count(test.runs) > metrology::circular_cause_count;
+  if (enough)
+    causes = metrology::circular_causes(test.runs);
+  else
+    causes.undetermined = {"radius",     "centre_u",   "centre_v",   "scale",
+                           "squareness", "reversal_u", "reversal_v", "lag"};
+  const std::string first(1, test.plane[0]), second(1, test.plane[1]);
+  return {{"squareness_urad", estimated(causes.squareness, units::urad)},
+          {"squareness_sign", second + " turned about " + first + " x " + second},
+          {"scale_" + first + "_minus_" + second + "_um_per_m", estimated(causes.scale, 1e-6)},
+          {"reversal_" + first + "_um", estimated(causes.reversal_u, units::um)},
+          {"reversal_" + second + "_um", estimated(causes.reversal_v, units::um)},
+          {"centre_" + first + "_um", estimated(causes.centre_u, units::um)},
+          {"centre_" + second + "_um", estimated(causes.centre_v, units::um)},
+          {"unexplained_um", enough ? Json(causes.residual / units::um) : Json(nullptr)},
+          {"undetermined", causes.undetermined}};
+}
+
+// A bar that only reads changes of its length knows no radius.
 Json circle_json(const CircleTest& test) {
   const metrology::Circular c = metrology::circular(test.runs);
+  const auto if_known = [&](double value) {
+    return test.zero_known ? std::optional(value) : std::nullopt;
+  };
   Json json = test_json(test.name, "ISO 230-4:2005 circular test");
   json["plane"] = test.plane;
+  json["readings"] = test.runs.anticlockwise.radius.size() + test.runs.clockwise.radius.size();
+  json["places"] = metrology::place_count(test.runs);
   json["nominal_radius_mm"] = test.runs.nominal_radius;
+  json["radius_mm"] = test.zero_known ? Json(c.circle.radius) : Json(nullptr);
   Figures f(json, false);
+  f.put(std::string("centre_") + test.plane[0], c.circle.centre.x());
+  f.put(std::string("centre_") + test.plane[1], c.circle.centre.y());
   const auto put = [&](const std::string& way,
                        const std::optional<metrology::CircularFigures>& one) {
     if (!one) return;
     f.put("G_" + way + "_lsq", one->G_lsq);
     f.put("G_" + way + "_minimum_zone", one->G_minimum_zone);
-    f.put("F_max_" + way, test.zero_known ? std::optional(one->F_max) : std::nullopt);
-    f.put("F_min_" + way, test.zero_known ? std::optional(one->F_min) : std::nullopt);
+    f.put("F_max_" + way, if_known(one->F_max));
+    f.put("F_min_" + way, if_known(one->F_min));
   };
   put("anticlockwise", c.anticlockwise);
   put("clockwise", c.clockwise);
   put("both", c.both);
-  f.put("D", test.zero_known ? std::optional(c.D) : std::nullopt);
-  const metrology::CircularCauses causes = metrology::circular_causes(test.runs);
-  const std::string first(1, test.plane[0]), second(1, test.plane[1]);
-  json["causes"] = {
-      {"squareness_urad", estimated(causes.squareness, units::urad)},
-      {"squareness_sign", second + " turned about " + first + " x " + second},
-      {"scale_" + first + "_minus_" + second + "_um_per_m", estimated(causes.scale, 1e-6)},
-      {"reversal_" + first + "_um", estimated(causes.reversal_u, units::um)},
-      {"reversal_" + second + "_um", estimated(causes.reversal_v, units::um)},
-      {"centre_" + first + "_um", estimated(causes.centre_u, units::um)},
-      {"centre_" + second + "_um", estimated(causes.centre_v, units::um)},
-      {"unexplained_um", causes.residual / units::um},
-      {"undetermined", causes.undetermined}};
+  json["F_from"] = c.centre_is == metrology::CircleCentre::LeastSquares
+                       ? "least-squares centre"
+                       : "centre as set up, since this is no full circle";
+  f.put("D", if_known(c.D));
+  f.put("H", c.H);
+  json["causes"] = causes_json(test);
   return json;
 }
 
@@ -213,7 +217,7 @@ Json other_json(const OtherTest& test) {
   json["readings"] = test.deviation.size();
   Figures f(json, test.angle);
   f.put("range", test.deviation.maxCoeff() - test.deviation.minCoeff());
-  f.put("rms", std::sqrt(test.deviation.squaredNorm() / double(test.deviation.size())));
+  f.put("rms", std::sqrt(test.share.dot(test.deviation.cwiseAbs2())));
   return json;
 }
 
@@ -263,55 +267,6 @@ Tests tests_of_sets(const std::vector<metrology::PositionSet>& sets, const std::
     tests.axes.push_back(std::move(test));
   }
   return tests;
-}
-
-/// Two unit vectors across a normal, for the place of a point in a plane.
-Eigen::Matrix<double, 3, 2> across(const Eigen::Vector3d& normal) {
-  Eigen::Matrix<double, 3, 2> basis;
-  basis.col(0) = normal.unitOrthogonal();
-  basis.col(1) = normal.cross(basis.col(0));
-  return basis;
-}
-
-// A part whose normals agree is a plane and has a flatness; heights of any other are counted from
-// their mean, along the design's normals.
-Json part_json(const PartReadingsFile& part) {
-  const metrology::PartReadings& r = part.readings;
-  const Eigen::Vector3d normal = r.normals_w.row(0);
-  const bool flat = (r.normals_w * normal).minCoeff() > 1.0 - 1e-12;
-  const Index n = r.deviation.size();
-  Json list = Json::array();
-  if (flat) {
-    const Eigen::MatrixX3d points =
-        r.points_w + (r.normals_w.array().colwise() * r.deviation.array()).matrix();
-    const metrology::MinimumZonePlanes zone = metrology::minimum_zone_planes(points);
-    Json test = test_json("flatness", "ISO 12781-1:2011");
-    test["points"] = n;
-    Figures f(test, false);
-    f.put("flatness_lsq", metrology::least_squares_plane(points).flatness);
-    f.put("flatness_minimum_zone", zone.flatness);
-    test["minimum_zone_proven"] = zone.proven;
-    list.push_back(test);
-  }
-  metrology::ArealOptions options;
-  options.reference = flat ? metrology::ArealReference::Plane : metrology::ArealReference::Mean;
-  const metrology::Areal areal =
-      metrology::areal(r.points_w * across(normal), r.deviation, Eigen::VectorXd::Ones(n), options);
-  Json test = test_json("heights", "ISO 25178-2:2021 height parameters, unfiltered");
-  test["reference"] = flat ? "least-squares plane" : "mean, along the design's normals";
-  test["points"] = n;
-  Figures f(test, false);
-  f.put("Sa", areal.Sa);
-  f.put("Sq", areal.Sq);
-  f.put("Sz", areal.Sz);
-  f.put("Sp", areal.Sp);
-  f.put("Sv", areal.Sv);
-  test["Ssk"] = areal.Ssk ? Json(*areal.Ssk) : Json(nullptr);
-  test["Sku"] = areal.Sku ? Json(*areal.Sku) : Json(nullptr);
-  f.put("mean", r.deviation.mean());
-  f.put("pv", r.deviation.maxCoeff() - r.deviation.minCoeff());
-  list.push_back(test);
-  return list;
 }
 
 struct Read {
@@ -381,7 +336,7 @@ Json evaluate(const std::filesystem::path& file, const EvaluateOptions& options)
   const Read source = read(file);
   Json evaluation{{"file", file.string()}, {"kind", source.kind}};
   try {
-    evaluation["tests"] = source.part ? part_json(*source.part) : tests_json(source.tests);
+    evaluation["tests"] = source.part ? part_tests(*source.part) : tests_json(source.tests);
   } catch (const std::invalid_argument& fault) {
     throw BadInput(file.string(), 0, 0, "readings that a standard can evaluate", fault.what());
   }

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "errors/metrology/shares.h"
 #include "kinematics/units.h"
 #include "sim/output.h"
 #if ABBE_RENDER
@@ -64,7 +65,8 @@ render::Panel panel_of(const std::string& name, const metrology::PositionRuns& r
 /// Name of a test with what was taken out of it.
 std::string name_of(const AxisTest& test) {
   if (test.what == AxisTest::What::Straightness) return test.name + ", less its line";
-  if (test.what == AxisTest::What::ErrorMotion && !test.axial) return test.name + ", less order 1";
+  if (test.what == AxisTest::What::ErrorMotion && !test.axial && !hides_in_centring(test))
+    return test.name + ", less order 1";
   return test.name;
 }
 
@@ -81,12 +83,20 @@ std::vector<render::Panel> line_panels(const Tests& tests) {
   return panels;
 }
 
+/// A sense about a centre; one that goes all the way round ends where it began.
 render::PolarTrace trace_of(const char* name, const metrology::CircularTrace& trace,
                             const metrology::CircularRuns& runs, const Eigen::Vector2d& centre) {
+  VectorXd angle = trace.angle;
   VectorXd deviation = trace.radius.array() - runs.nominal_radius;
   for (Index i = 0; i < deviation.size(); ++i)
-    deviation[i] -= centre.x() * std::cos(trace.angle[i]) + centre.y() * std::sin(trace.angle[i]);
-  return {name, trace.angle, deviation / units::um};
+    deviation[i] -= centre.x() * std::cos(angle[i]) + centre.y() * std::sin(angle[i]);
+  if (metrology::goes_round(angle)) {
+    angle.conservativeResize(angle.size() + 1);
+    deviation.conservativeResize(angle.size());
+    angle.tail<1>() = angle.head<1>();
+    deviation.tail<1>() = deviation.head<1>();
+  }
+  return {name, angle, deviation / units::um};
 }
 
 void write_circle(const std::filesystem::path& file, const CircleTest& test,
@@ -98,7 +108,9 @@ void write_circle(const std::filesystem::path& file, const CircleTest& test,
   if (circle.clockwise)
     traces.push_back(trace_of("clockwise", test.runs.clockwise, test.runs, circle.centre));
   render::PolarOptions options;
-  options.title = test.name + ", about its least-squares centre";
+  const bool least_squares = circle.centre_is == metrology::CircleCentre::LeastSquares;
+  options.title = test.name + (least_squares ? ", about its least-squares centre"
+                                             : ", about the centre as set up");
   options.first_axis = test.plane.substr(0, 1);
   options.second_axis = test.plane.substr(1, 1);
   const auto& all = circle.both            ? circle.both
@@ -106,6 +118,7 @@ void write_circle(const std::filesystem::path& file, const CircleTest& test,
                                            : circle.clockwise;
   options.caption = {from};
   options.note = {figure("G", all->G_lsq, false)};
+  if (circle.H) options.note.push_back(figure("H", circle.H, false));
   if (test.zero_known) {
     options.note.push_back(figure("F max", all->F_max, false));
     options.note.push_back(figure("F min", all->F_min, false));

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 #include <Eigen/QR>
 
+#include "errors/metrology/shares.h"
 #include "kinematics/units.h"
 
 namespace abbe::sim {
@@ -338,10 +339,28 @@ std::optional<DriftTest> drift_test(const std::vector<Series>& channels) {
   return test;
 }
 
+/// Where the axes stand at each look, whole turns left out.
+Eigen::MatrixXd places_of(const Series& series) {
+  const auto& joints = series.readings.nominal.joints();
+  Eigen::MatrixXd places(Index(series.looks.size()), 2 * Index(joints.size()));
+  for (Index i = 0; i < places.rows(); ++i) {
+    const kinematics::AxisVector& q = series.look(std::size_t(i)).state.q;
+    for (Index j = 0; j < q.size(); ++j) {
+      const bool slides = joints[std::size_t(j)].motion == kinematics::Motion::Linear;
+      places(i, 2 * j) = slides ? q[j] : std::cos(q[j]);
+      places(i, 2 * j + 1) = slides ? 0.0 : std::sin(q[j]);
+    }
+  }
+  return places;
+}
+
 OtherTest other_test(const Series& series) {
-  VectorXd value = deviations(series);
-  if (value.size() > 1) value.array() -= value.mean();
-  return {series.name(), series.sensor().is_angle(), std::move(value)};
+  constexpr double one_place = 1e-9;  // mm or rad
+  OtherTest test{series.name(), series.sensor().is_angle(), deviations(series),
+                 metrology::place_shares(places_of(series), one_place)};
+  test.share /= test.share.sum();
+  if (test.deviation.size() > 1) test.deviation.array() -= test.share.dot(test.deviation);
+  return test;
 }
 
 /// Channels that were read once, as those of a tracker at every place, are one test of their kind.
@@ -359,8 +378,9 @@ void join_single_readings(std::vector<OtherTest>& tests) {
     if (all.empty()) continue;
     VectorXd value = VectorXd::Map(all.data(), Index(all.size()));
     value.array() -= value.mean();
-    joined.push_back(
-        {angle ? "angles read once each" : "lengths read once each", angle, std::move(value)});
+    VectorXd share = VectorXd::Constant(value.size(), 1.0 / double(value.size()));
+    joined.push_back({angle ? "angles read once each" : "lengths read once each", angle,
+                      std::move(value), std::move(share)});
   }
   tests = std::move(joined);
 }
@@ -413,21 +433,34 @@ VectorXd mean_of(const metrology::PositionRuns& runs) {
   return sum / double(runs.up.cols() + runs.down.cols());
 }
 
+bool hides_in_centring(const AxisTest& test) {
+  if (test.what != AxisTest::What::ErrorMotion || test.axial) return false;
+  Eigen::MatrixX2d place(test.runs.target.size(), 2);
+  place << test.runs.target.array().cos(), test.runs.target.array().sin();
+  return metrology::place_shares(place, 1e-9).sum() < 3.5;
+}
+
 metrology::PositionRuns form_of(const AxisTest& test) {
   metrology::PositionRuns runs = test.runs;
   const VectorXd& t = runs.target;
   Eigen::MatrixXd set_up = Eigen::MatrixXd::Ones(t.size(), 1);
+  VectorXd root = VectorXd::Ones(t.size());
   if (test.what == AxisTest::What::Straightness) {
     set_up.conservativeResize(Eigen::NoChange, 2);
     set_up.col(1) = t.array() - t.mean();
   } else if (test.what != AxisTest::What::ErrorMotion) {
     return runs;
-  } else if (!test.axial && t.size() > 3) {
-    set_up.conservativeResize(Eigen::NoChange, 3);
-    set_up.col(1) = t.array().cos();
-    set_up.col(2) = t.array().sin();
+  } else {
+    root = metrology::arc_shares(t).cwiseSqrt();
+    if (!test.axial && !hides_in_centring(test)) {
+      set_up.conservativeResize(Eigen::NoChange, 3);
+      set_up.col(1) = t.array().cos();
+      set_up.col(2) = t.array().sin();
+    }
   }
-  const VectorXd added = set_up * set_up.colPivHouseholderQr().solve(mean_of(runs));
+  const Eigen::MatrixXd weighted = root.asDiagonal() * set_up;
+  const VectorXd added =
+      set_up * weighted.colPivHouseholderQr().solve(root.cwiseProduct(mean_of(runs)));
   runs.up.colwise() -= added;
   runs.down.colwise() -= added;
   return runs;

@@ -57,6 +57,7 @@ struct OtherTest {
   std::string name;
   bool angle = false;
   Eigen::VectorXd deviation;  ///< (n) without its mean
+  Eigen::VectorXd share;      ///< (n) so that each place of the axes counts once
 };
 
 struct Tests {
@@ -76,8 +77,12 @@ Tests tests_of(const errors::metrology::Readings& readings);
 Eigen::VectorXd mean_of(const errors::metrology::PositionRuns& runs);
 
 /// The runs without what the set-up adds to them: of a straightness the least-squares line of the
-/// mean, of a radial error motion what goes once round (how the artefact is centred), of an axial one
-/// the mean. Those of any other test as they are.
+/// mean, of a radial error motion what goes once round (how the artefact is centred), of an axial
+/// one the mean. Those of any other test as they are. Angles count by the arc that they stand for,
+/// so that 0 and 360 degrees together count as one place.
 errors::metrology::PositionRuns form_of(const AxisTest& test);
+
+/// Whether a radial error motion was read at too few places, 3, to part it from the centring.
+bool hides_in_centring(const AxisTest& test);
 
 }  // namespace abbe::sim

@@ -368,20 +368,50 @@ Json by_step_diagonal(const Files& files, const std::vector<Readings>& readings,
   return report;
 }
 
+/// The thermal half of a composite: beside the cold one, with a name of its own.
+std::filesystem::path thermal_file(const std::filesystem::path& out) {
+  return out.parent_path() / (out.stem().string() + "_thermal.txt");
+}
+
+std::vector<std::string> slope_comments(const std::filesystem::path& out, const Json& report) {
+  std::vector<std::string> comments{
+      "Slopes of positioning by temperatures, the thermal half of a composite belief; identified "
+      "from "
+      "readings by abbe " +
+          versions()["abbe"].get<std::string>() + ".",
+      "The cold half is " + out.filename().string() +
+          ", which holds the cold slope; at the temperatures of its start these slopes are zero."};
+  for (const Json& axis : report["composite"]) {
+    std::string cold;
+    for (const auto& [sensor, T_C] : axis["zero_of_dT_C"].items())
+      cold += fmt::format("{}{} {:.2f} C", cold.empty() ? "" : ", ", sensor, T_C.get<double>());
+    comments.push_back(fmt::format("{}: cold at {}, {:.2f} h: {}", axis["axis"].get<std::string>(),
+                                   axis["zero_of_dT"].get<std::string>(),
+                                   axis["zero_of_dT_h"].get<double>(), cold));
+  }
+  for (const Json& one : report["readings"])
+    comments.push_back("from " + to_toml_value(one["file"].get<std::string>()));
+  return comments;
+}
+
 Json by_composite(const Files& files, const std::vector<Readings>& readings,
                   const IdentifyOptions& options) {
   if (readings.size() != 1)
     throw BadInput(names_of(files), 0, 0, "one file of positioning from several starts",
                    std::to_string(readings.size()));
   const Composite composite =
-      identify_composite(readings.front(), options.sensors, options.model.order);
+      identify_composite(readings.front(), {options.sensors, options.model.order, options.margin});
   Json report = common_report(files, readings);
   report["method"] = "composite: cold curve, and slopes regressed on temperatures";
   report["confounded"] = Json::array();
   report["numbers"] = numbers_json(composite.cold);
   report["composite"] = composite.axes;
+  report["beliefs"] = {{"identified", options.out.string()},
+                       {"thermal", thermal_file(options.out).string()}};
   report["warnings"] = composite.warnings;
   write_belief(options.out, composite.cold, readings.front().nominal, report);
+  write_file(thermal_file(options.out),
+             to_text(composite.thermal, slope_comments(options.out, report)));
   return report;
 }
 

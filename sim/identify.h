@@ -21,14 +21,16 @@ struct IdentifyOptions {
   enum class Method {
     Chain,         ///< least squares on the exact chain
     StepDiagonal,  ///< the published evaluation of one file of step diagonals
-    Composite,     ///< a positioning from several starts: cold curve and slopes on temperatures
+    Composite,     ///< a positioning from several starts: cold curve, and in NAME_thermal.txt the
+                   ///< slopes on temperatures, the two beliefs that a case `composite` takes
     Thermal,       ///< a day: what heat adds to the elements, on temperatures; a belief of its own
                    ///< text format, as `[belief.thermal]` reads it
   } method = Method::Chain;
   std::vector<std::string> sensors;  ///< temperatures on which what was measured from several
                                      ///< starts is regressed; thermal: none, to have some chosen
   int sensor_count = 4;              ///< thermal: how many are chosen
-  double margin = 0.1;        ///< thermal: part of its trained range by which a sensor may leave it
+  double margin =
+      0.1;  ///< thermal, composite: part of its trained range by which a sensor may leave it
   std::filesystem::path out;  ///< belief file; beside it NAME.json and NAME.png
 };
 

@@ -7,24 +7,33 @@
 
 #include "errors/geometric.h"
 #include "errors/metrology/readings.h"
+#include "sim/compensation/thermal_belief.h"
 
 namespace abbe::sim {
 
+struct CompositeIdentification {
+  std::vector<std::string> sensors;  ///< whose changes the slopes are regressed on
+  int degree = 4;                    ///< of the cold polynomial
+  double margin = 0.1;               ///< part of a sensor's trained range by which it may leave it
+};
+
 /// Yang's separation of a positioning that was read from several starts into a cold curve and a
-/// slope that follows temperatures.
+/// slope that follows temperatures: delta(p, T) = delta_G(p) + delta_T(T) p. Both together are the
+/// law, each is a belief: where the first start's temperatures come again the thermal part is zero,
+/// so the cold slope stands in the cold curve alone.
 struct Composite {
-  errors::GeometricErrors cold;  ///< the curve of the first start, a polynomial an axis
-  nlohmann::ordered_json axes;   ///< an entry an axis: slopes of the later starts, per_K, rms
+  errors::GeometricErrors cold;  ///< the curve of the first start, a polynomial an axis, of the
+                                 ///< carriage itself, with covariance
+  compensation::ThermalBelief thermal;  ///< a slope an axis, linear in absolute temperatures
+  nlohmann::ordered_json axes;  ///< an entry an axis: dT = 0, slopes of the later starts, per_K
   std::vector<std::string> warnings;
 };
 
-/// @param readings  positioning of slides, the same set-ups from every start; at the first, which
-/// is
-///                  named in the report, the temperature changes are zero
-/// @param sensors   whose changes the slopes are regressed on; one more start than these is needed
-/// @param degree    of the cold polynomial
-/// @throws std::invalid_argument in a sentence if the readings or sensors cannot do that
+/// @param readings  positioning of slides along axes of the bed, the same set-ups from every start;
+///                  at the first, which is named in the report, the temperature changes are zero
+/// @throws std::invalid_argument in a sentence if the readings or sensors cannot do that; one more
+///         start than sensors is needed
 Composite identify_composite(const errors::metrology::Readings& readings,
-                             const std::vector<std::string>& sensors, int degree);
+                             const CompositeIdentification& options);
 
 }  // namespace abbe::sim

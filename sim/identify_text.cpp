@@ -68,15 +68,23 @@ std::string confounded_text(const Json& confounded) {
 std::string composite_text(const Json& axes) {
   std::string text;
   for (const Json& axis : axes) {
-    text += fmt::format("\n{}: cold curve of {}, RMS {:.3f} um about the law\n",
+    text += fmt::format("\n{}: cold curve of {} at {:.2f} h, RMS {:.3f} um about the law\n",
                         axis["axis"].get<std::string>(), axis["zero_of_dT"].get<std::string>(),
-                        axis["rms_um"].get<double>());
-    for (const Json& slope : axis["slopes"])
+                        axis["zero_of_dT_h"].get<double>(), axis["rms_um"].get<double>());
+    for (const auto& [sensor, T_C] : axis["zero_of_dT_C"].items())
       text +=
-          fmt::format("  slope from start {}  {:>9.4f} ({:.2g}) um/m\n", slope["start"].get<int>(),
-                      slope["slope_um_per_m"].get<double>(), slope["standard_error"].get<double>());
+          fmt::format("  dT = 0 at                    {:>9.2f} C  {}\n", T_C.get<double>(), sensor);
+    for (const Json& slope : axis["slopes"])
+      text += fmt::format("  slope from start {:<11} {:>9.4f} ({:.2g}) um/m\n",
+                          slope["start"].get<int>(), slope["slope_um_per_m"].get<double>(),
+                          slope["standard_error"].get<double>());
     for (const auto& [sensor, per_K] : axis["slope_um_per_m_K"].items())
-      text += fmt::format("  {:<28} {:>9.4f} um/m/K\n", sensor, per_K.get<double>());
+      text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) um/m/K\n", sensor, per_K.get<double>(),
+                          axis["standard_error_um_per_m_K"][sensor].get<double>());
+    if (const Json& zero = axis["slope_at_zero_of_dT_um_per_m"]; !zero.is_null())
+      text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) um/m, by the later starts alone\n",
+                          "slope left at dT = 0", zero["value"].get<double>(),
+                          zero["standard_error"].get<double>());
   }
   return text;
 }
@@ -120,7 +128,11 @@ std::string identify_text(const Json& report) {
                 : "-",
             one["unit"].get<std::string>(), sensor);
   if (report.contains("thermal")) text += thermal_text(report["thermal"]);
-  if (report.contains("composite")) text += composite_text(report["composite"]);
+  if (report.contains("composite")) {
+    text += composite_text(report["composite"]);
+    for (const auto& [key, file] : report["beliefs"].items())
+      text += fmt::format("[belief] {}: {}\n", key, file.get<std::string>());
+  }
   if (report.contains("outliers") && !report["outliers"].empty())
     text += fmt::format("\n{} readings left out as outliers; they are in the report",
                         report["outliers"].size());

@@ -25,6 +25,7 @@
 #include "sim/study/ranks.h"
 #include "sim/study/run_study.h"
 #include "sim/study/slurm.h"
+#include "sim/thermal_choice.h"
 
 namespace abbe::sim {
 namespace {
@@ -125,6 +126,8 @@ int finish(const Common& common, const RunOptions& options, const Outcome& outco
     fmt::print("{:<36} {}\nfiles in {}\n", outcome.json["case"].get<std::string>(),
                figures(outcome.json["residual_um"]), options.folder.string());
   }
+  if (!common.json && !outcome.sensors.is_null())
+    fmt::print("{}", sensor_choices_text(outcome.sensors));
   if (outcome.json.contains("warnings"))
     for (const auto& warning : outcome.json["warnings"])
       fmt::print(stderr, "abbe: warning: {}\n", warning.get<std::string>());
@@ -499,8 +502,8 @@ void add_identify_command(CLI::App& app, CommandLine& line) {
   identify_app
       .add_option("--method", words.method,
                   "chain: any readings, on the exact machine; step_diagonal: the published one; "
-                  "composite: positioning from several starts; thermal: a day of readings, for "
-                  "[belief.thermal]")
+                  "composite: positioning from several starts, a cold curve and NAME_thermal.txt; "
+                  "thermal: a day of readings, for [belief.thermal]")
       ->check(CLI::IsMember({"chain", "step_diagonal", "composite", "thermal"}));
   identify_app
       .add_option("--sensors", words.options.sensors,
@@ -513,11 +516,13 @@ void add_identify_command(CLI::App& app, CommandLine& line) {
       ->check(CLI::Range(1, 100));
   identify_app
       .add_option("--margin", words.options.margin,
-                  "with thermal: part of its trained range by which a sensor may leave it (0.1)")
+                  "with thermal or composite: part of its trained range by which a sensor may leave "
+                  "it (0.1)")
       ->check(CLI::Range(0.0, 10.0));
   identify_app.add_flag("--json", line.common.json, "print JSON instead of text");
   identify_app.add_option("--out", line.common.out,
-                          "belief file (out/belief.toml; thermal: out/belief_thermal.txt)");
+                          "belief file (out/belief.toml; thermal: out/belief_thermal.txt; composite "
+                          "writes NAME_thermal.txt beside NAME.toml)");
   identify_app.add_option("--threads", line.common.threads, "most threads to use")
       ->check(CLI::Range(1, 1024));
 }

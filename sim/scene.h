@@ -166,6 +166,13 @@ struct SensorChoiceDescription {
   std::string instrument = "drift";  ///< reads the drift, over the scene's own history for
                                      ///< training, over those of its variants for testing
   errors::identification::ThermalStudyOptions study;
+  /// Another way to choose, graded beside.
+  struct Way {
+    std::string name;
+    errors::identification::SensorChoiceOptions choice;
+    std::vector<std::string> drifts;  ///< "Z": displacements to choose for; empty: all
+  };
+  std::vector<Way> beside;
 };
 
 /// The blank, what is cut with which forces, and how finely that is followed.

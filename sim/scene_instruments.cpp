@@ -173,13 +173,12 @@ Instruments read_instruments(const std::vector<const Node*>& tables,
   return instruments;
 }
 
-SensorChoiceDescription read_sensor_choice(const Node& table, Faults& faults) {
+namespace {
+
+/// The keys of how sensors are chosen, which `[sensor_choice]` and the ways beside it share.
+void read_way(TableReader& reader, errors::identification::SensorChoiceOptions& choice) {
   using namespace errors::identification;
-  TableReader reader(table, "sensor_choice", faults);
-  SensorChoiceDescription description;
-  ThermalStudyOptions& study = description.study;
-  description.instrument = reader.text("instrument", description.instrument);
-  study.choice.count = int(reader.integer("count", 1, 100, study.choice.count));
+  choice.count = int(reader.integer("count", 1, 100, choice.count));
   enum class Word { Deng, Absolute, Relative, Comprehensive, Correlation };
   const Word word = reader.choice<Word>("likeness",
                                         {{"deng", Word::Deng},
@@ -188,19 +187,54 @@ SensorChoiceDescription read_sensor_choice(const Node& table, Faults& faults) {
                                          {"comprehensive", Word::Comprehensive},
                                          {"correlation", Word::Correlation}},
                                         Word::Deng);
-  study.choice.likeness = word == Word::Correlation ? Likeness::Correlation : Likeness::Grey;
-  study.choice.grey.kind = word == Word::Absolute        ? GreyKind::Absolute
-                           : word == Word::Relative      ? GreyKind::Relative
-                           : word == Word::Comprehensive ? GreyKind::Comprehensive
-                                                         : GreyKind::Deng;
-  study.choice.grey.image = reader.choice<Image>(
+  choice.likeness = word == Word::Correlation ? Likeness::Correlation : Likeness::Grey;
+  choice.grey.kind = word == Word::Absolute        ? GreyKind::Absolute
+                     : word == Word::Relative      ? GreyKind::Relative
+                     : word == Word::Comprehensive ? GreyKind::Comprehensive
+                                                   : GreyKind::Deng;
+  choice.grey.image = reader.choice<Image>(
       "image", {{"initial", Image::Initial}, {"mean", Image::Mean}, {"interval", Image::Interval}},
-      study.choice.grey.image);
-  study.choice.screening = reader.choice<Screening>(
+      choice.grey.image);
+  choice.screening = reader.choice<Screening>(
       "screening", {{"degree", Screening::Degree}, {"regression", Screening::Regression}},
-      study.choice.screening);
-  study.choice.threshold = reader.maybe_number("threshold", {0.0, 1.0});
-  study.choice.groups = int(reader.integer("groups", 1, 1000, study.choice.groups));
+      choice.screening);
+  choice.threshold = reader.maybe_number("threshold", {0.0, 1.0});
+  choice.groups = int(reader.integer("groups", 1, 1000, choice.groups));
+}
+
+std::vector<std::string> read_names(TableReader& reader, const std::string& key) {
+  const Node* list = reader.know(key);
+  if (!list) return {};
+  std::vector<std::string> names;
+  for (const Node& one : list->array() ? *list->array() : Node::Array{})
+    if (one.text() && !one.text()->empty())
+      names.push_back(*one.text());
+    else
+      reader.faults().add(one.place, "a name", shown(one));
+  if (names.empty()) reader.refuse(key, "a list of names", shown(*list));
+  return names;
+}
+
+SensorChoiceDescription::Way read_way_beside(const Node& table, Faults& faults) {
+  TableReader reader(table, "sensor_choice.beside", faults);
+  SensorChoiceDescription::Way way;
+  way.name = reader.text("name");
+  way.choice.fixed = read_names(reader, "sensors");
+  way.drifts = read_names(reader, "for");
+  if (way.choice.fixed.empty()) read_way(reader, way.choice);
+  reader.close();
+  return way;
+}
+
+}  // namespace
+
+SensorChoiceDescription read_sensor_choice(const Node& table, Faults& faults) {
+  using namespace errors::identification;
+  TableReader reader(table, "sensor_choice", faults);
+  SensorChoiceDescription description;
+  ThermalStudyOptions& study = description.study;
+  description.instrument = reader.text("instrument", description.instrument);
+  read_way(reader, study.choice);
   study.model.kind = reader.choice<ModelKind>("model",
                                               {{"linear", ModelKind::Linear},
                                                {"ridge", ModelKind::Ridge},
@@ -212,6 +246,13 @@ SensorChoiceDescription read_sensor_choice(const Node& table, Faults& faults) {
   study.features.since_start = reader.boolean("since_start", study.features.since_start);
   study.features.lag_rows = reader.number("lag_rows", non_negative, study.features.lag_rows);
   study.random_subsets = int(reader.integer("random_subsets", 0, 10000, study.random_subsets));
+  std::set<std::string> names;
+  for (const Node* node : reader.tables("beside")) {
+    description.beside.push_back(read_way_beside(*node, faults));
+    const std::string& name = description.beside.back().name;
+    if (!name.empty() && !names.insert(name).second)
+      faults.add(node->place, "a name that no other way beside has", "\"" + name + "\" again");
+  }
   reader.close();
   return description;
 }

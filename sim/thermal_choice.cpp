@@ -26,10 +26,20 @@ using Json = nlohmann::ordered_json;
 struct Log {
   std::string day;
   DriftTest drift;
+  std::vector<double> noise;  ///< (channels) mm or rad, standard deviation of one drift
   std::vector<std::string> sensors;
   Eigen::MatrixXd T_C;     ///< (n x sensors)
   std::vector<int> cycle;  ///< (n) of work and rest, from 0
 };
+
+/// Noise and rounding of a reading and of the first one, from which the drift counts.
+std::vector<double> drift_noise(const errors::metrology::Readings& readings) {
+  std::vector<double> noise;
+  for (const auto& channel : readings.plan.set_ups.front().channels)
+    noise.push_back(std::sqrt(
+        2.0 * (channel.noise * channel.noise + channel.resolution * channel.resolution / 12.0)));
+  return noise;
+}
 
 /// Instants at which the spindle or an axis starts after a rest, s; the first is that of the day.
 std::vector<double> cycle_starts(const ThermalDescription& thermal, double history) {
@@ -63,7 +73,7 @@ Log log_of(const Day& day) {
   const auto readings = measured(scene, description);
   if (readings.sensors.size() < 2) refuse("at least 2 temperature sensors", "fewer");
   Tests tests = tests_of(readings);
-  Log log{day.name, std::move(tests.drifts.at(0)), readings.sensors, {}, {}};
+  Log log{day.name, std::move(tests.drifts.at(0)), drift_noise(readings), readings.sensors, {}, {}};
   const Index n = log.drift.log.time_s.size(), channels = log.drift.log.values.cols();
   const std::vector<double> starts = cycle_starts(*scene.thermal, history);
   log.T_C.resize(n, readings.T_C.cols());
@@ -205,11 +215,16 @@ Json random_json(const identification::ThermalStudy& study) {
           {"beaten_by_the_choice", random.beaten}};
 }
 
-/// The displacements among the channels: what sensors are chosen for.
-std::vector<Index> displacements(const Log& day) {
+/// The displacements among the channels, or those of these names: what sensors are chosen for.
+/// @throws std::invalid_argument for a name that no displacement has
+std::vector<Index> displacements(const Log& day, const std::vector<std::string>& names = {}) {
   std::vector<Index> result;
   for (std::size_t c = 0; c < day.drift.angle.size(); ++c)
-    if (!day.drift.angle[c]) result.push_back(Index(c));
+    if (!day.drift.angle[c] &&
+        (names.empty() || std::ranges::count(names, day.drift.log.names[c]) > 0))
+      result.push_back(Index(c));
+  if (!names.empty() && result.size() != names.size())
+    throw std::invalid_argument("expected displacements of the drift, seen another in `for`");
   return result;
 }
 
@@ -235,40 +250,187 @@ void append_series(std::vector<DriftSeries>& all, const std::vector<Log>& days, 
   }
 }
 
+// ---- ways to choose
+
+using Way = SensorChoiceDescription::Way;
+
+const char* word_of(const identification::SensorChoiceOptions& choice) {
+  using identification::GreyKind;
+  if (choice.likeness == identification::Likeness::Correlation) return "correlation";
+  switch (choice.grey.kind) {
+    case GreyKind::Deng:
+      return "deng";
+    case GreyKind::Absolute:
+      return "absolute";
+    case GreyKind::Relative:
+      return "relative";
+    case GreyKind::Comprehensive:
+      return "comprehensive";
+  }
+  return "";
+}
+
+const char* word_of(identification::Image image) {
+  using identification::Image;
+  return image == Image::Initial    ? "initial"
+         : image == Image::Mean     ? "mean"
+         : image == Image::Interval ? "interval"
+                                    : "none";
+}
+
+bool compares_areas(const identification::SensorChoiceOptions& choice) {
+  using identification::GreyKind;
+  return choice.likeness == identification::Likeness::Grey &&
+         (choice.grey.kind == GreyKind::Absolute || choice.grey.kind == GreyKind::Comprehensive);
+}
+
+/// What a way chooses on the first day, and from where its degrees began.
+struct Chosen {
+  identification::SensorChoice choice;
+  Json method;
+};
+
+Json method_json(const Way& way, bool since_start) {
+  const identification::SensorChoiceOptions& how = way.choice;
+  if (!how.fixed.empty()) return {{"fixed", true}};
+  const bool deng = how.likeness == identification::Likeness::Grey &&
+                    how.grey.kind == identification::GreyKind::Deng;
+  return {
+      {"likeness", word_of(how)},
+      {"image", deng ? Json(word_of(how.grey.image)) : Json(nullptr)},
+      {"screening", how.screening == identification::Screening::Degree ? "degree" : "regression"},
+      {"temperatures", since_start ? "since the start of the day" : "as read, C"},
+      {"for", way.drifts.empty() ? Json("all displacements") : Json(way.drifts)}};
+}
+
+/// Where the degree of each displacement began; those that it left out by null.
+Json begins_json(const Log& day, const std::vector<Index>& channels,
+                 const identification::SensorChoice& choice) {
+  Json json = Json::object();
+  for (std::size_t e = 0; e < choice.first_row.size(); ++e) {
+    const std::string& name = day.drift.log.names[std::size_t(channels[e])];
+    if (const auto row = choice.first_row[e])
+      json[name] = {{"row", *row},
+                    {"h", (day.drift.log.time_s[*row] - day.drift.log.time_s[0]) / 3600.0},
+                    {"drift_um", day.drift.log.values(*row, channels[e]) / units::um}};
+    else
+      json[name] = nullptr;
+  }
+  return json;
+}
+
+// Areas of drift and temperature are compared as numbers: drift in um, as the papers have it.
+Chosen chosen_by(const std::vector<Log>& days, const Way& way, bool since_start) {
+  constexpr double beyond_noise = 4.0;  // standard deviations
+  identification::SensorChoiceOptions options = way.choice;
+  const bool by_start = identification::divides_by_start(options);
+  const double unit = compares_areas(options) ? units::um : 1.0;
+  const std::vector<Index> channels = displacements(days.front(), way.drifts);
+  std::vector<ThermalData> training;
+  for (const Index c : channels) {
+    training.push_back(data_of(days, 0, 1, c, since_start && !by_start));
+    training.back().y /= unit;
+    options.least_start.push_back(beyond_noise * days.front().noise[std::size_t(c)] / unit);
+  }
+  Chosen chosen{identification::choose_sensors(training, options),
+                method_json(way, since_start && !by_start)};
+  if (chosen.choice.status == identification::GreyStatus::StartsAtZero && chosen.choice.input < 0)
+    throw std::invalid_argument("no displacement drifts beyond its noise");
+  if (chosen.choice.status != identification::GreyStatus::Ok)
+    throw std::invalid_argument(fmt::format(
+        "{} ({})", identification::to_string(chosen.choice.status),
+        chosen.choice.input < 0 ? "the drift"
+                                : training.front().names[std::size_t(chosen.choice.input)]));
+  if (by_start) chosen.method["begins"] = begins_json(days.front(), channels, chosen.choice);
+  return chosen;
+}
+
+/// A way with what it chose, and the figures of its channels without their models.
+Json way_json(const Way& way, const Chosen& chosen, const Json& channels,
+              const std::vector<std::string>& sensors, const Json& rms_over_range) {
+  Json json{{"name", way.name}, {"method", chosen.method}};
+  json["chosen"] = names_of(chosen.choice.chosen, sensors);
+  json["degree"] = choice_json(chosen.choice, sensors)["degree"];
+  Json list = Json::array();
+  for (const Json& channel : channels) {
+    Json one{{"name", channel["name"]}, {"unit", channel["unit"]}};
+    for (const char* key : {"in_cycle", "cross_day"})
+      if (channel.contains(key)) one[key] = channel[key];
+    list.push_back(one);
+  }
+  json["channels"] = list;
+  json["rms_over_range"] = rms_over_range;
+  return json;
+}
+
+/// One way on all days: its channels, and how it compares with random choices.
+struct Graded {
+  Json channels = Json::array();
+  Json rms_over_range;
+  Json random;
+  std::vector<DriftSeries> series;
+};
+
+Graded graded(const std::vector<Log>& logs, const Chosen& chosen,
+              identification::ThermalStudyOptions options, bool since_start) {
+  Graded result;
+  options.choice.fixed = names_of(chosen.choice.chosen, logs.front().sensors);
+  if (logs.size() > 1) {
+    const auto study = identification::study_sensors(
+        all_data(logs, 0, 1, since_start), all_data(logs, 1, logs.size(), since_start), options);
+    result.rms_over_range = study.rms_over_range;
+    if (options.random_subsets > 0) result.random = random_json(study);
+  }
+  for (Index c = 0; c < logs.front().drift.log.values.cols(); ++c) {
+    const Channel channel = channel_of(logs, c, chosen.choice.chosen, options, since_start);
+    result.channels.push_back(channel.json);
+    append_series(result.series, logs, c, chosen.choice.chosen, channel, options.features,
+                  since_start);
+  }
+  return result;
+}
+
+std::string default_name(const Way& way) {
+  if (!way.name.empty()) return way.name;
+  return fmt::format(
+      "{}, {} screening", word_of(way.choice),
+      way.choice.screening == identification::Screening::Degree ? "degree" : "regression");
+}
+
 }  // namespace
 
 ThermalChoice thermal_choice(const std::vector<Day>& days) {
   std::vector<Log> logs;
   for (const Day& day : days) logs.push_back(log_of(day));
-  identification::ThermalStudyOptions options = days.front().scene.sensor_choice->study;
+  const SensorChoiceDescription& description = *days.front().scene.sensor_choice;
+  identification::ThermalStudyOptions options = description.study;
   // counted from the start of the day, not from that of each cycle
   const bool since_start = std::exchange(options.features.since_start, false);
-  const std::vector<ThermalData> training = all_data(logs, 0, 1, since_start);
+  const std::vector<std::string>& sensors = logs.front().sensors;
   ThermalChoice result;
   try {
-    identification::SensorChoice choice;
-    Json random;
-    if (logs.size() > 1) {
-      const auto study = identification::study_sensors(
-          training, all_data(logs, 1, logs.size(), since_start), options);
-      choice = study.choice;
-      random = random_json(study);
-    } else {
-      choice = identification::choose_sensors(training, options.choice);
-    }
+    Way own{"", options.choice, {}};
+    own.name = default_name(own);
+    const Chosen chosen = chosen_by(logs, own, since_start);
+    Graded grade = graded(logs, chosen, options, since_start);
     result.json = {{"training_day", logs.front().day},
-                   {"rows", training.front().y.size()},
-                   {"sensors", training.front().names}};
-    result.json.update(choice_json(choice, training.front().names));
-    if (!random.is_null()) result.json["random_choices_rms_over_range"] = random;
-    Json channels = Json::array();
-    for (Index c = 0; c < logs.front().drift.log.values.cols(); ++c) {
-      const Channel channel = channel_of(logs, c, choice.chosen, options, since_start);
-      channels.push_back(channel.json);
-      append_series(result.series, logs, c, choice.chosen, channel, options.features, since_start);
+                   {"rows", logs.front().drift.log.time_s.size()},
+                   {"sensors", sensors}};
+    result.json.update(choice_json(chosen.choice, sensors));
+    if (!grade.random.is_null()) result.json["random_choices_rms_over_range"] = grade.random;
+    result.json["channels"] = grade.channels;
+    result.json["warnings"] = warnings_of(grade.channels);
+    result.series = std::move(grade.series);
+    Json choices =
+        Json::array({way_json(own, chosen, grade.channels, sensors, grade.rms_over_range)});
+    options.random_subsets = 0;
+    for (Way way : description.beside) {
+      way.name = default_name(way);
+      const Chosen other = chosen_by(logs, way, since_start);
+      const Graded its = graded(logs, other, options, since_start);
+      choices.push_back(way_json(way, other, its.channels, sensors, its.rms_over_range));
     }
-    result.json["channels"] = channels;
-    result.json["warnings"] = warnings_of(channels);
+    result.json["choices"] = choices;
   } catch (const std::invalid_argument& fault) {
     throw BadInput(days.front().scene.file.string(), 0, 0, "sensors that can be chosen from",
                    fault.what());
@@ -276,11 +438,47 @@ ThermalChoice thermal_choice(const std::vector<Day>& days) {
   return result;
 }
 
-void write_thermal_choice(const std::filesystem::path& folder, const std::vector<Day>& days) {
-  if (!days.front().scene.sensor_choice || !days.front().scene.thermal) return;
+Json write_thermal_choice(const std::filesystem::path& folder, const std::vector<Day>& days) {
+  if (!days.front().scene.sensor_choice || !days.front().scene.thermal) return nullptr;
   const ThermalChoice choice = thermal_choice(days);
   write_file(folder / "thermal.json", choice.json.dump(2) + "\n");
   write_thermal_picture(folder / "thermal.png", choice);
+  return {{"choices", choice.json["choices"]}, {"warnings", choice.json["warnings"]}};
+}
+
+std::string sensor_choices_text(const Json& all) {
+  std::string text = "\nsensors chosen, and RMS of the drift that their model leaves\n";
+  for (const Json& way : all["choices"]) {
+    std::string chosen;
+    for (const Json& name : way["chosen"])
+      chosen += (chosen.empty() ? "" : ", ") + name.get<std::string>();
+    text += fmt::format("  {}: {}\n", way["name"].get<std::string>(), chosen);
+    if (way["method"].contains("begins"))
+      for (const auto& [name, begin] : way["method"]["begins"].items())
+        text += begin.is_null()
+                    ? fmt::format("    {} takes no part: it drifts within its noise\n", name)
+                    : fmt::format(
+                          "    degrees with {} begin at {:.3f} h, its first drift beyond "
+                          "noise, {:.2f} um\n",
+                          name, begin["h"].get<double>(), begin["drift_um"].get<double>());
+    for (const Json& channel : way["channels"]) {
+      if (!channel.contains("in_cycle") || channel["unit"] != "um") continue;
+      text +=
+          fmt::format("    {}: {:.3f} um on the day that chose", channel["name"].get<std::string>(),
+                      channel["in_cycle"]["rms"].get<double>());
+      for (const Json& day : channel["cross_day"])
+        text +=
+            fmt::format(", {:.3f} of {:.1f} um on {}", day["figures"]["rms"].get<double>(),
+                        day["figures"]["drift_range"].get<double>(), day["day"].get<std::string>());
+      text += "\n";
+    }
+    if (!way["rms_over_range"].is_null())
+      text += fmt::format("    together {:.1f} % of the range of days unseen\n",
+                          100.0 * way["rms_over_range"].get<double>());
+  }
+  for (const Json& warning : all["warnings"])
+    text += "  warning: " + warning.get<std::string>() + "\n";
+  return text;
 }
 
 }  // namespace abbe::sim

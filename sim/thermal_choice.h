@@ -35,12 +35,20 @@ struct ThermalChoice {
 /// Chooses sensors and fits a model on what the scene's drift instrument and its sensors read over
 /// the first day, and grades both on the other days, which chose and fitted nothing. One set of
 /// sensors is chosen for the three displacements together; tilts are predicted from the same ones.
+/// Every other way to choose that the scene lists is graded beside, by the same models on the same
+/// days. A degree that divides by a first value begins, for each displacement, at the first drift
+/// beyond four standard deviations of its noise, with temperatures in deg C as read.
 /// @param days  (n >= 1) of one machine; with one day alone there is no grade on days unseen
 /// @throws BadInput naming the scene if the instrument or the sensors cannot do that
 ThermalChoice thermal_choice(const std::vector<Day>& days);
 
 /// `thermal.json` and `thermal.png` of a scene that asks for a choice of sensors, else nothing.
+/// @return the `choices` and `warnings` of `thermal.json`, null where there is none
 /// @throws BadInput, OutputFailure
-void write_thermal_choice(const std::filesystem::path& folder, const std::vector<Day>& days);
+nlohmann::ordered_json write_thermal_choice(const std::filesystem::path& folder,
+                                            const std::vector<Day>& days);
+
+/// The choices as a person reads them, a few lines each.
+std::string sensor_choices_text(const nlohmann::ordered_json& choices);
 
 }  // namespace abbe::sim

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <optional>
 #include <random>
 #include <set>
 #include <stdexcept>
@@ -40,6 +41,7 @@ struct Degrees {
   int input = -1;
   VectorXd with_error;  ///< the highest with any error
   MatrixXd mutual;
+  std::vector<std::optional<int>> first_row = {};  ///< (errors)
 };
 
 Degrees by_correlation(std::span<const ThermalData> errors) {
@@ -50,24 +52,48 @@ Degrees by_correlation(std::span<const ThermalData> errors) {
   return result;
 }
 
+/// The first row at which neither the error nor an input is too near to zero to divide by.
+std::optional<int> first_row(const ThermalData& error, const std::vector<int>& inputs,
+                             double least_start) {
+  for (Index k = 0; k + 1 < error.y.size(); ++k)
+    if (std::abs(error.y(k)) > least_start && (error.T(k, inputs).array() != 0.0).all())
+      return int(k);
+  return std::nullopt;
+}
+
+/// Inputs of one error as its degree takes them.
+MatrixXd series_of(const ThermalData& error, const std::vector<int>& inputs,
+                   const GreyOptions& options) {
+  MatrixXd series = error.T(Eigen::all, inputs);
+  if (options.kind == GreyKind::Deng && options.image == Image::Interval)
+    for (Index j = 0; j < series.cols(); ++j)
+      if ((series.col(j).array() - series.col(j).mean()).matrix().dot(error.y) < 0)
+        series.col(j) *= -1;
+  return series;
+}
+
 Degrees by_grey(std::span<const ThermalData> errors, const std::vector<int>& inputs,
-                const GreyOptions& options) {
-  const MatrixXd& T = errors.front().T;
+                const SensorChoiceOptions& options) {
+  const Index m = errors.front().T.cols();
   const auto input_of = [&](int series) {
     return series < 0 ? -1 : inputs[static_cast<std::size_t>(series)];
   };
-  Degrees result{GreyStatus::Ok, -1, VectorXd::Zero(T.cols()), MatrixXd::Zero(T.cols(), T.cols())};
-  for (const ThermalData& error : errors) {
-    MatrixXd series = T(Eigen::all, inputs);
-    if (options.kind == GreyKind::Deng && options.image == Image::Interval)
-      for (Index j = 0; j < series.cols(); ++j)
-        if ((series.col(j).array() - series.col(j).mean()).matrix().dot(error.y) < 0)
-          series.col(j) *= -1;
-    const GreyDegrees with_error = grey_degrees(error.y, series, options);
-    const MutualDegrees mutual = mutual_degrees(series, options);
+  Degrees result{GreyStatus::StartsAtZero, -1, VectorXd::Zero(m), MatrixXd::Zero(m, m)};
+  for (std::size_t e = 0; e < errors.size(); ++e) {
+    const ThermalData& error = errors[e];
+    std::optional<int> first = 0;
+    if (divides_by_start(options))
+      first = first_row(error, inputs, options.least_start.empty() ? 0.0 : options.least_start[e]);
+    result.first_row.push_back(first);
+    if (!first) continue;
+    const Index rows = error.y.size() - *first;
+    const MatrixXd series = series_of(error, inputs, options.grey).bottomRows(rows);
+    const GreyDegrees with_error = grey_degrees(error.y.tail(rows), series, options.grey);
+    const MutualDegrees mutual = mutual_degrees(series, options.grey);
     if (with_error.status != GreyStatus::Ok)
       return {with_error.status, input_of(with_error.series), {}, {}};
     if (mutual.status != GreyStatus::Ok) return {mutual.status, input_of(mutual.series), {}, {}};
+    result.status = GreyStatus::Ok;
     result.with_error(inputs) = result.with_error(inputs).cwiseMax(with_error.degree).eval();
     result.mutual(inputs, inputs) = result.mutual(inputs, inputs).cwiseMax(mutual.degree).eval();
   }
@@ -139,14 +165,19 @@ std::vector<int> screened_by_regression(std::span<const ThermalData> errors,
   return chosen;
 }
 
-}  // namespace
-
-SensorChoice choose_sensors(const ThermalData& error, const SensorChoiceOptions& options) {
-  return choose_sensors(std::span(&error, 1), options);
+std::vector<int> columns_of(const std::vector<std::string>& wanted,
+                            const std::vector<std::string>& names) {
+  std::vector<int> columns;
+  for (const std::string& name : wanted) {
+    const auto found = std::ranges::find(names, name);
+    if (found == names.end())
+      throw std::invalid_argument("expected a sensor that was logged, seen " + name);
+    columns.push_back(int(found - names.begin()));
+  }
+  return columns;
 }
 
-SensorChoice choose_sensors(std::span<const ThermalData> errors,
-                            const SensorChoiceOptions& options) {
+void check(std::span<const ThermalData> errors, const SensorChoiceOptions& options) {
   if (errors.empty()) throw std::invalid_argument("a choice of sensors needs an error");
   for (const ThermalData& error : errors) {
     validate(error);
@@ -156,6 +187,26 @@ SensorChoice choose_sensors(std::span<const ThermalData> errors,
   }
   if (options.count < 1 || options.groups < 1)
     throw std::invalid_argument("a choice of sensors needs one or more");
+  if (!options.least_start.empty() && options.least_start.size() != errors.size())
+    throw std::invalid_argument("a choice of sensors needs a least start for every error");
+}
+
+}  // namespace
+
+bool divides_by_start(const SensorChoiceOptions& options) {
+  if (options.likeness == Likeness::Correlation || !options.fixed.empty()) return false;
+  const GreyOptions& grey = options.grey;
+  return grey.kind == GreyKind::Deng ? grey.image == Image::Initial
+                                     : grey.kind != GreyKind::Absolute;
+}
+
+SensorChoice choose_sensors(const ThermalData& error, const SensorChoiceOptions& options) {
+  return choose_sensors(std::span(&error, 1), options);
+}
+
+SensorChoice choose_sensors(std::span<const ThermalData> errors,
+                            const SensorChoiceOptions& options) {
+  check(errors, options);
   SensorChoice choice;
   const std::vector<int> inputs = moving(errors.front());
   for (int j = 0; j < errors.front().T.cols(); ++j)
@@ -165,11 +216,15 @@ SensorChoice choose_sensors(std::span<const ThermalData> errors,
     choice.input = choice.still.front();
     return choice;
   }
-  Degrees degrees = options.likeness == Likeness::Correlation
-                        ? by_correlation(errors)
-                        : by_grey(errors, inputs, options.grey);
+  if (!options.fixed.empty()) {
+    choice.chosen = columns_of(options.fixed, errors.front().names);
+    return choice;
+  }
+  Degrees degrees = options.likeness == Likeness::Correlation ? by_correlation(errors)
+                                                              : by_grey(errors, inputs, options);
   choice.status = degrees.status;
   choice.input = degrees.input;
+  choice.first_row = std::move(degrees.first_row);
   if (choice.status != GreyStatus::Ok) return choice;
   choice.degree = std::move(degrees.with_error);
   choice.mutual = std::move(degrees.mutual);

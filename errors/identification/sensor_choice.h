@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "errors/identification/grey.h"
@@ -27,7 +28,17 @@ struct SensorChoiceOptions {
   std::optional<double> threshold;
   int groups = 6;  ///< where the threshold is unset; never fewer than `count` if there are so many
   Screening screening = Screening::Regression;
+  /// Where a degree divides by a first value, its rows begin where the error is first farther from
+  /// zero than this, for each error: a drift that counts from its first reading starts at zero.
+  std::vector<double> least_start;  ///< (errors) unit of y; empty: 0
+  std::vector<std::string> fixed;   ///< sensors that are taken as they are, nothing is chosen
 };
+
+/// Whether the degree divides every series by its first value: Deng's by the initial image, Liu's
+/// relative and comprehensive ones. Its temperatures are best in deg C as read, since a change
+/// since the start is zero there.
+bool divides_by_start(const SensorChoiceOptions& options);
+
 struct SensorChoice {
   GreyStatus status = GreyStatus::Ok;
   int input = -1;          ///< that has no image, where the status is not Ok; -1: the error
@@ -37,11 +48,16 @@ struct SensorChoice {
   double threshold = 0.0;  ///< that was used
   std::vector<std::vector<int>> groups;  ///< by falling degree of their leaders; leader first
   std::vector<int> chosen;               ///< at most `count`, in the order in which they were taken
+  std::vector<std::optional<int>> first_row;  ///< (errors) where a degree that divides by it began;
+                                              ///< none: the error never leaves `least_start` and
+                                              ///< takes no part
 };
 /// Groups: the sensor of the highest degree leads, those whose mutual degree with it reaches the
 /// threshold follow; then the same among those left (Yang: the best of each correlated group). Then
 /// the leaders are screened down to `count`. Runs are strung together for the degrees.
-/// @throws std::invalid_argument as `validate`, or for options out of range
+/// @throws std::invalid_argument as `validate`, for options out of range, a fixed sensor that the
+/// data
+///         lack
 /// Source: yang2012 (grouping), chen2013 (ranking against the error).
 /// Of several errors seen at the same rows, one set of sensors is chosen for all: a sensor's degree
 /// is its highest with any of them, and a regression leaves the sum of their squares.

@@ -8,6 +8,8 @@
 #include <Eigen/SVD>
 
 #include "errors/metrology/form.h"
+#include "errors/metrology/shares.h"
+#include "kinematics/units.h"
 
 namespace abbe::errors::metrology {
 namespace {
@@ -40,17 +42,87 @@ void check(const CircularRuns& runs) {
     throw std::invalid_argument("circular: expected a sense that was measured");
 }
 
-MatrixX2d points(const CircularTrace& trace) {
-  MatrixX2d p(trace.radius.size(), 2);
-  p.col(0) = trace.radius.array() * trace.angle.array().cos();
-  p.col(1) = trace.radius.array() * trace.angle.array().sin();
-  return p;
+/// The path of a sense, or of both, and what each of its points stands for.
+struct TracedPath {
+  MatrixX2d points;
+  VectorXd shares;
+};
+
+TracedPath traced(const CircularTrace& trace) {
+  TracedPath path{MatrixX2d(trace.radius.size(), 2), arc_shares(trace.angle)};
+  path.points.col(0) = trace.radius.array() * trace.angle.array().cos();
+  path.points.col(1) = trace.radius.array() * trace.angle.array().sin();
+  return path;
 }
 
-CircularFigures figures(const MatrixX2d& path, const Vector2d& centre, double nominal_radius) {
-  const VectorXd radius = (path.rowwise() - centre.transpose()).rowwise().norm();
-  return {least_squares_circle(path).circularity, minimum_zone_circles(path).circularity,
-          radius.maxCoeff() - nominal_radius, radius.minCoeff() - nominal_radius};
+TracedPath together(const TracedPath& a, const TracedPath& b) {
+  TracedPath all{MatrixX2d(a.points.rows() + b.points.rows(), 2),
+                 VectorXd(a.shares.size() + b.shares.size())};
+  all.points << a.points, b.points;
+  all.shares << a.shares, b.shares;
+  return all;
+}
+
+VectorXd distances(const MatrixX2d& points, const Vector2d& centre) {
+  return (points.rowwise() - centre.transpose()).rowwise().norm();
+}
+
+CircularFigures figures(const TracedPath& path, const Vector2d& centre, double nominal_radius) {
+  const VectorXd radius = distances(path.points, centre);
+  return {least_squares_circle(path.points, path.shares).circularity,
+          minimum_zone_circles(path.points).circularity, radius.maxCoeff() - nominal_radius,
+          radius.minCoeff() - nominal_radius};
+}
+
+/// Radii of a sense over the angle from where it began, within one turn.
+class RadiiOverAngle {
+ public:
+  RadiiOverAngle(const VectorXd& angle, const VectorXd& radius) : from_(angle.minCoeff()) {
+    for (Index i = 0; i < radius.size(); ++i) at_.emplace_back(since_start(angle[i]), radius[i]);
+    std::sort(at_.begin(), at_.end());
+    if (goes_round(angle)) at_.emplace_back(2.0 * pi, at_.front().second);
+  }
+
+  /// Straight between readings; nothing where the sense did not go.
+  std::optional<double> radius(double angle) const {
+    const double there = since_start(angle);
+    if (there > at_.back().first + one_place) return std::nullopt;
+    const auto after =
+        std::lower_bound(at_.begin(), at_.end(), there - one_place,
+                         [](const auto& one, double value) { return one.first < value; });
+    if (after == at_.begin() || after->first <= there + one_place) return after->second;
+    const auto before = after - 1;
+    const double part = (there - before->first) / (after->first - before->first);
+    return before->second + part * (after->second - before->second);
+  }
+
+ private:
+  static constexpr double one_place = 1e-9;  // rad: rounding of angles
+
+  double since_start(double angle) const {
+    const double turns = (angle - from_) / (2.0 * pi);
+    const double rest = 2.0 * pi * (turns - std::floor(turns));
+    return rest > 2.0 * pi - one_place ? 0.0 : rest;
+  }
+
+  double from_;
+  std::vector<std::pair<double, double>> at_;
+};
+
+/// Largest difference of the radii of two senses at the angles at which either was read.
+std::optional<double> hysteresis(const CircularRuns& runs, const VectorXd& forth,
+                                 const VectorXd& back) {
+  std::optional<double> most;
+  const auto look = [&](const VectorXd& angle, const VectorXd& radius,
+                        const RadiiOverAngle& other) {
+    for (Index i = 0; i < radius.size(); ++i)
+      if (const auto there = other.radius(angle[i]))
+        most = std::max(most.value_or(0.0), std::abs(radius[i] - *there));
+  };
+  const VectorXd &up = runs.anticlockwise.angle, &down = runs.clockwise.angle;
+  look(up, forth, RadiiOverAngle(down, back));
+  look(down, back, RadiiOverAngle(up, forth));
+  return most;
 }
 
 enum Cause { Radius, CentreU, CentreV, Scale, SquarenessVU, ReversalU, ReversalV, Lag, Causes };
@@ -80,11 +152,13 @@ Eigen::Matrix<double, 1, Causes> effect(double angle, double sense, double R) {
 struct Readings {
   Eigen::MatrixXd effect;  ///< (n x Causes)
   VectorXd deviation;      ///< (n) mm
+  VectorXd share;          ///< (n) of arc
 };
 
 Readings readings(const CircularRuns& runs) {
   const Index n = runs.anticlockwise.radius.size(), k = runs.clockwise.radius.size();
-  Readings all{Eigen::MatrixXd(n + k, Index(Causes)), VectorXd(n + k)};
+  Readings all{Eigen::MatrixXd(n + k, Index(Causes)), VectorXd(n + k), VectorXd(n + k)};
+  all.share << arc_shares(runs.anticlockwise.angle), arc_shares(runs.clockwise.angle);
   all.deviation << runs.anticlockwise.radius, runs.clockwise.radius;
   all.deviation.array() -= runs.nominal_radius;
   for (Index i = 0; i < n; ++i)
@@ -101,32 +175,36 @@ struct Solution {
   double residual = 0.0;
 };
 
+// With w the shares, x = (A'WA)^-1 A'W y has the covariance s^2 (A'WA)^-1 A'W^2A (A'WA)^-1 where
+// all readings have the noise s, and the sum of w r^2 expects s^2 times the sum of w less the trace
+// below.
 Solution solution(const Readings& all, Index causes) {
   constexpr double without_effect = 1e-8;  // of the largest, columns scaled to length 1
-  const Index n = all.deviation.size();
-  const VectorXd norm = all.effect.leftCols(causes).colwise().norm().transpose().cwiseMax(1e-300);
-  const Eigen::MatrixXd scaled = all.effect.leftCols(causes) * norm.cwiseInverse().asDiagonal();
+  const VectorXd share = all.share / all.share.maxCoeff(), root = share.cwiseSqrt();
+  const Eigen::MatrixXd weighted = root.asDiagonal() * all.effect.leftCols(causes);
+  const VectorXd norm = weighted.colwise().norm().transpose().cwiseMax(1e-300);
+  const Eigen::MatrixXd scaled = weighted * norm.cwiseInverse().asDiagonal();
   const Eigen::JacobiSVD<Eigen::MatrixXd> svd(scaled, Eigen::ComputeThinU | Eigen::ComputeThinV);
   const VectorXd& singular = svd.singularValues();
   VectorXd inverse = VectorXd::Zero(causes);
   Solution result;
-  Index rank = 0;
   for (Index i = 0; i < causes; ++i) {
     if (singular[i] > without_effect * singular[0]) {
       inverse[i] = 1.0 / singular[i];
-      ++rank;
       continue;
     }
     for (Index c = 0; c < causes; ++c)
       if (std::abs(svd.matrixV()(c, i)) > 1e-6) result.open[std::size_t(c)] = true;
   }
-  const VectorXd y = svd.matrixU().transpose() * all.deviation;
-  const VectorXd x = svd.matrixV() * inverse.asDiagonal() * y;
-  const double sum = (all.deviation - scaled * x).squaredNorm();
-  result.residual = n > rank ? std::sqrt(sum / double(n - rank)) : 0.0;
+  const Eigen::MatrixXd estimator =
+      svd.matrixV() * inverse.asDiagonal() * svd.matrixU().transpose();  // of root times y
+  const VectorXd x = estimator * root.cwiseProduct(all.deviation);
+  const VectorXd left = root.cwiseProduct(all.deviation) - scaled * x;
+  const double taken = share.dot((scaled * estimator).diagonal());
+  const double free = share.sum() - taken;
+  result.residual = free > 1e-9 ? std::sqrt(left.squaredNorm() / free) : 0.0;
   result.value = x.cwiseQuotient(norm);
-  result.u =
-      result.residual * (svd.matrixV() * inverse.asDiagonal()).rowwise().norm().cwiseQuotient(norm);
+  result.u = result.residual * (estimator * root.asDiagonal()).rowwise().norm().cwiseQuotient(norm);
   return result;
 }
 
@@ -134,25 +212,43 @@ Solution solution(const Readings& all, Index causes) {
 
 Circular circular(const CircularRuns& runs, const CircularOptions& options) {
   check(runs);
-  const MatrixX2d forth = points(runs.anticlockwise), back = points(runs.clockwise);
-  MatrixX2d all(forth.rows() + back.rows(), 2);
-  all << forth, back;
-  const LeastSquaresCircle circle = least_squares_circle(all);
+  const TracedPath forth = traced(runs.anticlockwise), back = traced(runs.clockwise);
+  const TracedPath all = together(forth, back);
   Circular result;
-  if (options.centre == CircleCentre::LeastSquares) result.centre = circle.centre;
-  result.D = circle.radius - runs.nominal_radius;
+  result.circle = least_squares_circle(all.points, all.shares);
+  const bool whole = (forth.shares.size() == 0 || goes_round(runs.anticlockwise.angle)) &&
+                     (back.shares.size() == 0 || goes_round(runs.clockwise.angle));
+  if (options.centre == CircleCentre::LeastSquares && whole) {
+    result.centre = result.circle.centre;
+    result.centre_is = CircleCentre::LeastSquares;
+  }
   const double R = runs.nominal_radius;
-  if (forth.rows() > 0) result.anticlockwise = figures(forth, result.centre, R);
-  if (back.rows() > 0) result.clockwise = figures(back, result.centre, R);
-  if (forth.rows() > 0 && back.rows() > 0) result.both = figures(all, result.centre, R);
+  result.D = result.circle.radius - R;
+  if (forth.shares.size() > 0) result.anticlockwise = figures(forth, result.centre, R);
+  if (back.shares.size() > 0) result.clockwise = figures(back, result.centre, R);
+  if (!result.anticlockwise || !result.clockwise) return result;
+  result.both = figures(all, result.centre, R);
+  result.H = hysteresis(runs, distances(forth.points, result.centre),
+                        distances(back.points, result.centre));
   return result;
+}
+
+int place_count(const CircularRuns& runs) {
+  int count = 0;
+  for (const CircularTrace* trace : {&runs.anticlockwise, &runs.clockwise}) {
+    Eigen::MatrixX2d place(trace->angle.size(), 2);
+    place << trace->angle.array().cos(), trace->angle.array().sin();
+    count += int(std::lround(place_shares(place, 1e-9).sum()));
+  }
+  return count;
 }
 
 CircularCauses circular_causes(const CircularRuns& runs, const CauseOptions& options) {
   check(runs);
+  static_assert(Causes == circular_cause_count);
   const Readings all = readings(runs);
   const Index causes = options.no_lag ? Lag : Causes;
-  if (all.deviation.size() <= causes)
+  if (place_count(runs) <= causes)
     throw std::invalid_argument("circular: expected more readings than causes");
   const Solution found = solution(all, causes);
   CircularCauses result;

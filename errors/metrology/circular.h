@@ -6,6 +6,8 @@
 
 #include <Eigen/Core>
 
+#include "errors/metrology/form.h"
+
 namespace abbe::errors::metrology {
 
 /// Radii along a circular path in a plane, as a ball bar shows them. A ball bar knows the angle
@@ -26,7 +28,8 @@ struct CircularRuns {
 /// Where the circle's centre is taken.
 enum class CircleCentre {
   Set,          ///< as set up: the radii count from it
-  LeastSquares  ///< of the least-squares circle of everything measured
+  LeastSquares  ///< of the least-squares circle of everything measured, if that goes all the way
+                ///< round; of an arc as set up, since ISO 230-4 allows it for full circles only
 };
 
 struct CircularOptions {
@@ -41,14 +44,20 @@ struct CircularFigures {
   double F_min = 0.0;           ///< smallest
 };
 
-/// Figures of ISO 230-4. `both` is G(b) with its two definitions and the extremes of F.
+/// Figures of ISO 230-4. `both` is G(b) with its two definitions and the extremes of F. Least
+/// squares weight every reading by the arc that it stands for (shares.h), so that a first place
+/// that is read again at the end counts once, and both senses count alike.
 struct Circular {
   std::optional<CircularFigures> anticlockwise;
   std::optional<CircularFigures> clockwise;
   std::optional<CircularFigures> both;               ///< bidirectional; needs both senses
-  Eigen::Vector2d centre = Eigen::Vector2d::Zero();  ///< mm, that F was taken from
-  double D =
-      0.0;  ///< mean radial deviation, of the least-squares circle of all from the nominal, mm
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();  ///< mm, that F and H were taken from
+  CircleCentre centre_is = CircleCentre::Set;        ///< which one that is
+  LeastSquaresCircle circle;                         ///< of everything measured
+  double D = 0.0;  ///< mean radial deviation, radius of that circle minus the nominal, mm
+  /// Circular hysteresis, the largest radial difference of the two senses at one angle, mm; between
+  /// readings a sense goes on straight over the angle. Needs both senses over a common arc.
+  std::optional<double> H;
 };
 
 /// @throws std::invalid_argument if no sense is measured, sizes differ, a sense has fewer than 3
@@ -80,11 +89,17 @@ struct CauseOptions {
   bool no_lag = false;  ///< slow motion: no lag is looked for, so that one sense tells squareness
 };
 
-/// Linear least squares of the radial deviations on the causes; one centre for both senses. In one
-/// sense alone a lag and a squareness look the same and both stay open. The uncertainties hold for
-/// residuals that do not hang together from angle to angle; a residual with a shape makes them too
-/// small. First order, as above. Source: the shapes that ISO 230-4 annex B lists.
-/// @throws std::invalid_argument as `circular`, or for fewer readings than causes
+/// Places that were read, of each sense apart, whole turns left out.
+int place_count(const CircularRuns& runs);
+inline constexpr int circular_cause_count = 8;  ///< that least squares look for at more places
+
+/// Linear least squares of the radial deviations on the causes, weighted as in `circular`; one
+/// centre for both senses. In one sense alone a lag and a squareness look the same and both stay
+/// open. The uncertainties hold for readings of equal noise and residuals that do not hang together
+/// from angle to angle; a residual with a shape makes them too small. First order, as above.
+/// Source: the shapes that ISO 230-4 annex B lists.
+/// @throws std::invalid_argument as `circular`, or for no more readings than causes, those that
+///         repeat a place of their sense not counted
 CircularCauses circular_causes(const CircularRuns& runs, const CauseOptions& options = {});
 
 }  // namespace abbe::errors::metrology

@@ -34,6 +34,14 @@ void check(const Points& points, const char* what) {
     throw std::invalid_argument(std::string(what) + ": expected finite numbers");
 }
 
+/// Parts of 1 that the points count; of no weights the same for all.
+VectorXd parts_of(const VectorXd& weights, Index points, const char* what) {
+  if (weights.size() == 0) return VectorXd::Constant(points, 1.0 / double(points));
+  if (weights.size() != points || !weights.allFinite() || !(weights.minCoeff() > 0.0))
+    throw std::invalid_argument(std::string(what) + ": expected a weight above 0 for every point");
+  return weights / weights.sum();
+}
+
 /// Distances of the points from a centre and the unit vectors towards them.
 struct Rays {
   VectorXd length;
@@ -52,27 +60,30 @@ Rays rays(const MatrixX2d& points, const Vector2d& centre) {
 }
 
 /// The circle of least squares in x^2 + y^2, to start from.
-Vector2d algebraic_centre(const MatrixX2d& points) {
+Vector2d algebraic_centre(const MatrixX2d& points, const VectorXd& part) {
   MatrixX3d terms(points.rows(), 3);
   terms << 2.0 * points, VectorXd::Ones(points.rows());
-  Eigen::ColPivHouseholderQR<MatrixX3d> qr(terms);
+  const VectorXd root = part.cwiseSqrt();
+  Eigen::ColPivHouseholderQR<MatrixX3d> qr(root.asDiagonal() * terms);
   qr.setThreshold(flat);
   if (qr.rank() < 3) throw std::invalid_argument("circle: expected points that are not on a line");
-  return qr.solve(points.rowwise().squaredNorm()).head<2>();
+  return qr.solve(root.cwiseProduct(points.rowwise().squaredNorm())).head<2>();
 }
 
-/// Sum of squared distances from the best circle about a centre.
-double misfit(const MatrixX2d& points, const Vector2d& centre) {
+/// Mean of the squared distances from the best circle about a centre.
+double misfit(const MatrixX2d& points, const VectorXd& part, const Vector2d& centre) {
   const VectorXd d = rays(points, centre).length;
-  return (d.array() - d.mean()).square().sum();
+  return part.dot((d.array() - part.dot(d)).square().matrix());
 }
 
 /// Gauss-Newton step of the centre; the radius goes with it as the mean distance.
-Vector2d step(const MatrixX2d& points, const Vector2d& centre) {
+Vector2d step(const MatrixX2d& points, const VectorXd& part, const Vector2d& centre) {
   const Rays r = rays(points, centre);
   MatrixX3d terms(points.rows(), 3);
   terms << r.direction, VectorXd::Ones(points.rows());
-  return terms.colPivHouseholderQr().solve(r.length).head<2>();
+  const VectorXd root = part.cwiseSqrt();
+  const MatrixX3d weighted = root.asDiagonal() * terms;
+  return weighted.colPivHouseholderQr().solve(root.cwiseProduct(r.length)).head<2>();
 }
 
 /// Goes from `centre` along `move`, or a part of it, to where `width` is less; false if nowhere.
@@ -109,18 +120,20 @@ Scaled scaled(const MatrixX2d& points) {
   return s;
 }
 
-Vector2d least_squares_centre(const MatrixX2d& points) {
-  Centre centre{algebraic_centre(points)};
-  const auto sum = [&](const Centre& c, const Vector2d& by) { return misfit(points, c.at + by); };
+Vector2d least_squares_centre(const MatrixX2d& points, const VectorXd& part) {
+  Centre centre{algebraic_centre(points, part)};
+  const auto sum = [&](const Centre& c, const Vector2d& by) {
+    return misfit(points, part, c.at + by);
+  };
   for (int i = 0; i < 200; ++i) {
-    const Vector2d move = step(points, centre.at);
+    const Vector2d move = step(points, part, centre.at);
     if (centre.at.norm() > 1e6) throw std::invalid_argument("circle: no circle is best");
     if (!descend(centre, move, sum)) break;
   }
   // the sum is flat to rounding here, the steps are not
   double last = 1e-6;
-  for (Vector2d move = step(points, centre.at); move.norm() < last;
-       move = step(points, centre.at)) {
+  for (Vector2d move = step(points, part, centre.at); move.norm() < last;
+       move = step(points, part, centre.at)) {
     last = 0.5 * move.norm();
     centre.at += move;
   }
@@ -215,13 +228,15 @@ struct Cloud {
   Tilted frame;
 };
 
-Cloud cloud(const MatrixX3d& points) {
+Cloud cloud(const MatrixX3d& points, const VectorXd& weights = {}) {
+  const VectorXd part = parts_of(weights, points.rows(), "plane");
   Cloud c;
-  c.mean = points.colwise().mean();
+  c.mean = points.transpose() * part;
   c.points = points.rowwise() - c.mean.transpose();
   const double size = c.points.cwiseAbs().maxCoeff();
   if (!(size > 0.0)) throw std::invalid_argument("plane: expected points that differ");
-  const MatrixX3d unit = c.points / size;
+  const VectorXd root = part.cwiseSqrt();
+  const MatrixX3d unit = root.asDiagonal() * (c.points / size);
   const Eigen::JacobiSVD<MatrixX3d> svd(unit, Eigen::ComputeFullV);
   if (svd.singularValues()[1] < flat * svd.singularValues()[0])
     throw std::invalid_argument("plane: expected points that are not on a line");
@@ -232,13 +247,14 @@ Cloud cloud(const MatrixX3d& points) {
 
 }  // namespace
 
-LeastSquaresCircle least_squares_circle(const MatrixX2d& points) {
+LeastSquaresCircle least_squares_circle(const MatrixX2d& points, const VectorXd& weights) {
   check(points, "circle");
+  const VectorXd part = parts_of(weights, points.rows(), "circle");
   const Scaled s = scaled(points);
   LeastSquaresCircle circle;
-  circle.centre = s.mean + s.size * least_squares_centre(s.points);
+  circle.centre = s.mean + s.size * least_squares_centre(s.points, part);
   const VectorXd d = rays(points, circle.centre).length;
-  circle.radius = d.mean();
+  circle.radius = part.dot(d);
   circle.circularity = d.maxCoeff() - d.minCoeff();
   return circle;
 }
@@ -246,7 +262,7 @@ LeastSquaresCircle least_squares_circle(const MatrixX2d& points) {
 MinimumZoneCircles minimum_zone_circles(const MatrixX2d& points) {
   check(points, "circle");
   const Scaled s = scaled(points);
-  Centre centre{least_squares_centre(s.points)};
+  Centre centre{least_squares_centre(s.points, parts_of({}, points.rows(), "circle"))};
   const auto width = [&](const Centre& c, const Vector2d& by) {
     return rays(s.points, c.at + by).width();
   };
@@ -267,9 +283,9 @@ MinimumZoneCircles minimum_zone_circles(const MatrixX2d& points) {
   return circles;
 }
 
-LeastSquaresPlane least_squares_plane(const MatrixX3d& points) {
+LeastSquaresPlane least_squares_plane(const MatrixX3d& points, const VectorXd& weights) {
   check(points, "plane");
-  const Cloud c = cloud(points);
+  const Cloud c = cloud(points, weights);
   LeastSquaresPlane plane;
   plane.normal = upright(c.frame.axes.col(2));
   plane.offset = plane.normal.dot(c.mean);

@@ -14,10 +14,12 @@ struct LeastSquaresCircle {
 /// Circle that makes the sum of squared distances of the points from it smallest, by Gauss-Newton
 /// on the distances themselves; the mean gradient left over is below 1e-12 of the radius where the
 /// circle is within ten radii of the origin. Source: ISO 12181-1, least squares reference circle.
-/// @param points  (n x 2) mm, n >= 3; an arc will do
-/// @throws std::invalid_argument for fewer than 3 points, numbers not finite, points on a line, or
-///         where no circle is best
-LeastSquaresCircle least_squares_circle(const Eigen::MatrixX2d& points);
+/// @param points   (n x 2) mm, n >= 3; an arc will do
+/// @param weights  (n) > 0, how much each counts; none: all the same (shares.h)
+/// @throws std::invalid_argument for fewer than 3 points, numbers not finite, points on a line,
+///         other weights, or where no circle is best
+LeastSquaresCircle least_squares_circle(const Eigen::MatrixX2d& points,
+                                        const Eigen::VectorXd& weights = {});
 
 /// The two concentric circles that enclose the points with the least distance between them.
 struct MinimumZoneCircles {
@@ -46,9 +48,12 @@ struct LeastSquaresPlane {
 
 /// Plane that makes the sum of squared distances along its normal smallest.
 /// Source: ISO 12781-1, least squares reference plane.
-/// @param points  (n x 3) mm, n >= 3
-/// @throws std::invalid_argument for fewer than 3 points, numbers not finite, or points on a line
-LeastSquaresPlane least_squares_plane(const Eigen::MatrixX3d& points);
+/// @param points   (n x 3) mm, n >= 3
+/// @param weights  (n) > 0, how much each counts; none: all the same
+/// @throws std::invalid_argument for fewer than 3 points, numbers not finite, points on a line, or
+///         other weights
+LeastSquaresPlane least_squares_plane(const Eigen::MatrixX3d& points,
+                                      const Eigen::VectorXd& weights = {});
 
 /// The two parallel planes that enclose the points with the least distance between them:
 /// lower <= normal . p <= upper.

@@ -22,6 +22,15 @@ int pieces(const Instrument& instrument, const Range& range) {
   return std::max(1, int(std::ceil(step / finest_arc)));
 }
 
+/// A range whose end is its first place again, after whole turns, without that end: its targets are
+/// as many places.
+Range once_round(const Instrument& instrument, Range range) {
+  const double turns = (range.to - range.from) / (2.0 * pi);
+  if (turns > 0.5 && std::abs(turns - std::round(turns)) < 1e-9)
+    range.to -= (range.to - range.from) / instrument.targets;
+  return range;
+}
+
 /// A place of the ball at the tool that the slides keep while one rotary axis turns.
 struct Kept {
   Vector3d place_w;
@@ -110,8 +119,9 @@ Kept keep(const Instrument& instrument, const Chain& nominal, const Stand& stand
                        : reflector_w(instrument, nominal, stand.q);
   }
   const Joint& joint = nominal.joints()[std::size_t(rotary.joint)];
-  kept.range = cut_to_slides(instrument, nominal, rotary, arc(instrument, joint),
-                             following(instrument, nominal, stand, rotary, kept.place_w));
+  kept.range = once_round(
+      instrument, cut_to_slides(instrument, nominal, rotary, arc(instrument, joint),
+                                following(instrument, nominal, stand, rotary, kept.place_w)));
   return kept;
 }
 
@@ -120,7 +130,8 @@ std::vector<AxisVector> rotary_grid(const Instrument& instrument, const Chain& n
                                     const Stand& stand, const Vector3d& place_w) {
   std::vector<GridLine> lines;
   for (const StandAxis& rotary : stand.rotary) {
-    const Range range = arc(instrument, nominal.joints()[std::size_t(rotary.joint)]);
+    const Range range =
+        once_round(instrument, arc(instrument, nominal.joints()[std::size_t(rotary.joint)]));
     lines.push_back({rotary.joint, targets(range, instrument.targets)});
   }
   std::vector<AxisVector> places;
@@ -152,8 +163,9 @@ Plan ball_bar(const Instrument& instrument, const Chain& nominal) {
   expect_slides(instrument, stand, 2);
   const Vector3d centre_w =
       instrument.at_w ? *instrument.at_w : reflector_w(instrument, nominal, stand.q);
-  const Range range{instrument.from_rad, instrument.to_rad,
-                    0.5 * instrument.margin * (instrument.to_rad - instrument.from_rad)};
+  const Range range =
+      once_round(instrument, {instrument.from_rad, instrument.to_rad,
+                              0.5 * instrument.margin * (instrument.to_rad - instrument.from_rad)});
   Walk walk(instrument, nominal, stand.q);
   for (std::size_t a = 0; a < stand.slides.size(); ++a) {
     for (std::size_t b = a + 1; b < stand.slides.size(); ++b) {

@@ -52,7 +52,7 @@ void nest(Instrument& i) {
   i.resolution = 0.1_um;
   i.rotation_sigma = 300.0_urad;
   i.position_sigma = 2.0_um;  // ball against the tip that the control believes in
-  i.targets = 37;
+  i.targets = 36;
   i.dwell_s = 1.0;
 }
 

@@ -88,15 +88,74 @@ TEST(SensorChoice, ASensorThatFallsWhileTheErrorRisesIsAsGoodAsOneThatRises) {
   EXPECT_NEAR(choice.degree(1), 1, 1e-12);
 }
 
-TEST(SensorChoice, AnErrorThatStartsAtZeroIsRefusedByTheInitialImageByName) {
-  ThermalData data = machine({1}, 3);
-  data.y(0) = 0;
+// ---- degrees that divide by a first value
+
+SensorChoiceOptions by_degree(GreyKind kind, Image image = Image::Interval) {
   SensorChoiceOptions options;
-  options.grey.image = Image::Initial;
-  const SensorChoice choice = choose_sensors(data, options);
-  EXPECT_EQ(choice.status, GreyStatus::StartsAtZero);
-  EXPECT_EQ(choice.input, -1);
-  EXPECT_TRUE(choice.chosen.empty());
+  options.grey.kind = kind;
+  options.grey.image = image;
+  options.screening = Screening::Degree;
+  return options;
+}
+
+TEST(SensorChoice, ADriftThatStartsAtZeroIsGradedFromItsFirstValueBeyondNoise) {
+  const ThermalData whole = machine({1}, 3);
+  for (SensorChoiceOptions options :
+       {by_degree(GreyKind::Deng, Image::Initial), by_degree(GreyKind::Relative),
+        by_degree(GreyKind::Comprehensive)}) {
+    ASSERT_TRUE(divides_by_start(options));
+    options.least_start = {0.01};
+    for (const int late : {0, 1, 5}) {
+      ThermalData data = whole;
+      for (int k = 0; k < late; ++k) data.y(k) = k % 2 ? -0.009 : 0.0;  // noise
+      const SensorChoice choice = choose_sensors(data, options);
+      ASSERT_EQ(choice.status, GreyStatus::Ok);
+      ASSERT_EQ(choice.first_row.size(), 1u);
+      EXPECT_EQ(choice.first_row[0], std::optional(late));
+      const auto rows = data.y.size() - late;
+      const GreyDegrees by_hand =
+          grey_degrees(data.y.tail(rows), data.T.bottomRows(rows), options.grey);
+      EXPECT_EQ(choice.degree, by_hand.degree) << late;
+    }
+    ThermalData still = whole;
+    still.y.setConstant(0.005);
+    still.y(0) = 0.0;
+    const SensorChoice none = choose_sensors(still, options);
+    EXPECT_EQ(none.status, GreyStatus::StartsAtZero) << "it never leaves its noise";
+    EXPECT_EQ(none.input, -1);
+    EXPECT_TRUE(none.chosen.empty());
+    // beside one that does it takes no part
+    const std::vector<ThermalData> two{whole, still};
+    options.least_start = {0.01, 0.01};
+    const SensorChoice one = choose_sensors(two, options);
+    ASSERT_EQ(one.status, GreyStatus::Ok);
+    EXPECT_FALSE(one.first_row[1]);
+    options.least_start = {0.01};
+    EXPECT_EQ(one.degree, choose_sensors(whole, options).degree);
+  }
+}
+
+// The right values of the widely copied example, with a reading of zero before the first.
+TEST(SensorChoice, LiusDegreesOfTheWorkedExampleStandBehindAZero) {
+  ThermalData data{{"x2"}, MatrixXd(6, 1), VectorXd(6), std::vector<int>(6, 1)};
+  data.y << 0, 30.5, 34.7, 35.9, 38.2, 41;
+  data.T << 21.8, 22.1, 25.4, 27.1, 28.3, 31.5;
+  for (const auto& [kind, right] :
+       {std::pair(GreyKind::Relative, 0.952719), {GreyKind::Comprehensive, 0.940026}}) {
+    SensorChoiceOptions options = by_degree(kind);
+    options.count = 1;
+    EXPECT_NEAR(choose_sensors(data, options).degree(0), right, 0.5e-6);
+  }
+}
+
+TEST(SensorChoice, FixedSensorsAreTakenAsTheyAre) {
+  const ThermalData data = machine({1}, 3);
+  SensorChoiceOptions options;
+  options.fixed = {"S7", "S2"};
+  EXPECT_EQ(choose_sensors(data, options).chosen, (std::vector<int>{6, 1}));
+  EXPECT_FALSE(divides_by_start(options));
+  options.fixed = {"S99"};
+  EXPECT_THROW((void)choose_sensors(data, options), std::invalid_argument);
 }
 
 TEST(SensorChoice, ChensGradesRankHisSensorsAsHePrintsThem) {

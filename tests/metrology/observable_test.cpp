@@ -105,7 +105,7 @@ TEST(Observable, BallBarReadsSquarenessAsAnEllipseOfWidthRadiusTimesAngle) {
   const machines::Chain chain = machines::three_axis();
   Instrument bar = exact(Kind::BallBar);
   bar.axes = {'X', 'Y'};
-  bar.targets = 361;
+  bar.targets = 360;
   bar.radius = R;
   const auto machine = machines::wrong(chain, [&](const AxisState&) {
     auto d = machines::none(chain);
@@ -158,7 +158,7 @@ TEST(Observable, CentreOffsetOfATableIsACircleOfItsLengthOnTheRTest) {
   const machines::Chain chain = machines::gantry();
   Instrument nest = exact(Kind::RTest);
   nest.axes = {'C'};
-  nest.targets = 37;
+  nest.targets = 36;
   const auto machine = machines::wrong(chain, [&](const AxisState&) {
     auto e = machines::none(chain);
     e[0].location.head<3>() = d;

@@ -291,18 +291,27 @@ class Fingerprint {
     put("centre", probe.centre_t);
     put("pose", probe.q);
   }
+  void put(const errors::identification::SensorChoiceOptions& choice) {
+    put("count", choice.count);
+    put("likeness", int(choice.likeness));
+    put("grey", int(choice.grey.kind));
+    put("image", int(choice.grey.image));
+    put("rho", choice.grey.rho);
+    put("theta", choice.grey.theta);
+    put("threshold", choice.threshold);
+    put("groups", choice.groups);
+    put("screening", int(choice.screening));
+  }
   void put(const SensorChoiceDescription& description) {
     const auto& study = description.study;
     put("sensors for", description.instrument);
-    put("count", study.choice.count);
-    put("likeness", int(study.choice.likeness));
-    put("grey", int(study.choice.grey.kind));
-    put("image", int(study.choice.grey.image));
-    put("rho", study.choice.grey.rho);
-    put("theta", study.choice.grey.theta);
-    put("threshold", study.choice.threshold);
-    put("groups", study.choice.groups);
-    put("screening", int(study.choice.screening));
+    put(study.choice);
+    for (const SensorChoiceDescription::Way& way : description.beside) {
+      put("beside", way.name);
+      put(way.choice);
+      for (const std::string& name : way.choice.fixed) put("fixed", name);
+      for (const std::string& name : way.drifts) put("for", name);
+    }
     put("model", int(study.model.kind));
     put("since start", study.features.since_start);
     put("lag", study.features.lag_rows);

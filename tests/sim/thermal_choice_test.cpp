@@ -73,6 +73,60 @@ TEST_P(ThermalChoiceOf, FourSensorsPredictAnotherDay) {
   EXPECT_LT(random["chosen"].get<double>(), random["p50"].get<double>());
 }
 
+/// In-cycle and cross-day RMS of one displacement by a way to choose, um.
+std::pair<double, double> figures(const Json& way, const std::string& channel) {
+  for (const Json& one : way["channels"])
+    if (one["name"] == channel)
+      return {one["in_cycle"]["rms"], one["cross_day"][0]["figures"]["rms"]};
+  ADD_FAILURE() << "no channel " << channel;
+  return {};
+}
+
+TEST(ThermalChoice, ThePapersOwnDegreesChooseBesideTheRegression) {
+  for (const char* name : {"thermal_protocol.toml", "thermal_protocol_chen.toml"}) {
+    const Json json = thermal_choice(packaged_days(name)).json;
+    const Json& choices = json["choices"];
+    ASSERT_GE(choices.size(), 2u);
+    EXPECT_EQ(choices[0]["chosen"], json["chosen"]) << "the scene's own comes first";
+    std::cout << sensor_choices_text({{"choices", choices}, {"warnings", Json::array()}});
+    const Json& paper = choices[1];
+    EXPECT_EQ(paper["chosen"].size(), 4u);
+    ASSERT_TRUE(paper["method"].contains("begins"));
+    EXPECT_EQ(paper["method"]["temperatures"], "as read, C");
+    const Json& begin = paper["method"]["begins"]["Z"];
+    EXPECT_GT(std::abs(begin["drift_um"].get<double>()), 4 * 0.02);
+    EXPECT_GE(begin["row"].get<int>(), 1) << "the first row is zero by definition";
+  }
+}
+
+// Held against the figures found when the paper was read again.
+TEST(ThermalChoice, ChensDegreeAndHisFourAreThoseOfTheDay) {
+  const Json json = thermal_choice(packaged_days("thermal_protocol_chen.toml")).json;
+  const Json& choices = json["choices"];
+  ASSERT_EQ(choices.size(), 3u);
+  EXPECT_EQ(choices[1]["chosen"].dump(),
+            "[\"S08_spindle_motor\",\"S12_spindle_box_bearing\",\"S13_spindle_box\","
+            "\"S05_Z_slide\"]");
+  EXPECT_NEAR(figures(choices[0], "Z").first, 0.2745, 0.0005);
+  EXPECT_NEAR(figures(choices[2], "Z").first, 0.2487, 0.0005);
+  EXPECT_EQ(choices[2]["chosen"][0], "S08_spindle_motor");
+}
+
+TEST(ThermalChoice, EveryDegreeRunsInEveryProtocol) {
+  for (const char* scene : {"thermal_protocol.toml", "thermal_protocol_chen.toml"})
+    for (const char* likeness : {"deng", "absolute", "relative", "comprehensive", "correlation"})
+      for (const char* image : {"initial", "mean", "interval"}) {
+        if (std::string(likeness) != "deng" && std::string(image) != "initial") continue;
+        const std::vector<Override> changes{
+            {"sensor_choice.likeness", fmt::format("\"{}\"", likeness)},
+            {"sensor_choice.image", fmt::format("\"{}\"", image)},
+            {"sensor_choice.screening", "\"degree\""},
+            {"sensor_choice.beside", "[]"}};
+        const Json json = thermal_choice({{"day", read_scene(packaged(scene), changes)}}).json;
+        EXPECT_EQ(json["chosen"].size(), 4u) << scene << " " << likeness << " " << image;
+      }
+}
+
 /// A day of four to seven phases of work at any speed, resting now and then, in a room that
 /// wanders.
 Scene drawn_day(const Scene& scene, std::mt19937& random) {
