@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/units.h"
+#include "sim/program_warnings.h"
 
 namespace abbe::sim {
 namespace {
@@ -189,7 +190,9 @@ ordered_json describe(const Job& job) {
   description["program"] = {
       {"moves", job.path.motion_blocks},
       {"samples", job.samples.states.size()},
-      {"time_s", job.samples.states.empty() ? 0.0 : job.samples.states.back().time_s}};
+      {"time_s", job.samples.states.empty() ? 0.0 : job.samples.states.back().time_s},
+      {"not_reached", unreached_text(job.unreached)}};
+  description["warnings"] = job.warnings;
   return description;
 }
 
@@ -296,6 +299,8 @@ std::string to_text(const ordered_json& d) {
       d["part"]["name"].get<std::string>(), d["part"]["vertices"].get<long>(),
       d["part"]["area_mm2"].get<double>(), d["program"]["moves"].get<int>(),
       d["program"]["samples"].get<long>(), d["program"]["time_s"].get<double>());
+  if (const std::string missed = d["program"]["not_reached"]; !missed.empty())
+    text += "         " + missed + "\n";
   return text;
 }
 
