@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <map>
+#include <numbers>
 #include <stdexcept>
 #include <unordered_map>
 #include <utility>
@@ -19,6 +20,14 @@ Vector3d cross_of(const Points& vertices, const Triangles& triangles, Eigen::Ind
   const Vector3d b = vertices.row(triangles(t, 1));
   const Vector3d c = vertices.row(triangles(t, 2));
   return (b - a).cross(c - a);
+}
+
+/// Of the edge between two vertices below the smooth surface.
+double sag(const Points& vertices, const Points& normals, int a, int b) {
+  const Vector3d na = normals.row(a);
+  const Vector3d nb = normals.row(b);
+  const double angle = std::atan2(na.cross(nb).norm(), na.dot(nb));
+  return (vertices.row(b) - vertices.row(a)).norm() * angle / 8.0;
 }
 
 struct Segment {
@@ -145,19 +154,45 @@ Points vertex_normals(const Points& vertices, const Triangles& triangles) {
 
 Eigen::VectorXd facet_error(const Points& vertices, const Points& normals,
                             const Triangles& triangles) {
-  Eigen::VectorXd sag = Eigen::VectorXd::Zero(vertices.rows());
+  Eigen::VectorXd largest = Eigen::VectorXd::Zero(vertices.rows());
   for (Eigen::Index t = 0; t < triangles.rows(); ++t)
     for (int k = 0; k < 3; ++k) {
       const int a = triangles(t, k);
       const int b = triangles(t, (k + 1) % 3);
-      const Vector3d na = normals.row(a);
-      const Vector3d nb = normals.row(b);
-      const double angle = std::atan2(na.cross(nb).norm(), na.dot(nb));
-      const double here = (vertices.row(b) - vertices.row(a)).norm() * angle / 8.0;
-      sag[a] = std::max(sag[a], here);
-      sag[b] = std::max(sag[b], here);
+      const double here = sag(vertices, normals, a, b);
+      largest[a] = std::max(largest[a], here);
+      largest[b] = std::max(largest[b], here);
     }
-  return sag;
+  return largest;
+}
+
+Coarseness coarseness(const Design& design) {
+  const double smooth = std::cos(std::numbers::pi / 6);
+  const auto is_judged = [&](int v) {
+    return design.judged.empty() || design.judged[static_cast<std::size_t>(v)] != 0;
+  };
+  Coarseness coarse;
+  std::vector<char> sharp(static_cast<std::size_t>(design.vertices.rows()), 0);
+  for (Eigen::Index t = 0; t < design.triangles.rows(); ++t) {
+    const Vector3d face = cross_of(design.vertices, design.triangles, t).normalized();
+    bool follows = true;
+    for (const int v : design.triangles.row(t))
+      if (design.normals.row(v).dot(face) < smooth) {
+        follows = false;
+        sharp[static_cast<std::size_t>(v)] = 1;
+      }
+    for (int k = 0; follows && k < 3; ++k) {
+      const int a = design.triangles(t, k), b = design.triangles(t, (k + 1) % 3);
+      if (is_judged(a) && is_judged(b))
+        coarse.facet_error = std::max(coarse.facet_error, sag(design.vertices, design.normals, a, b));
+    }
+  }
+  for (int v = 0; v < static_cast<int>(sharp.size()); ++v) {
+    if (!is_judged(v)) continue;
+    ++coarse.judged;
+    coarse.sharp += sharp[static_cast<std::size_t>(v)];
+  }
+  return coarse;
 }
 
 Design judge_top(const Design& design, const JudgeTopOptions& options) {

@@ -42,6 +42,15 @@ Points vertex_normals(const Points& vertices, const Triangles& triangles);
 Eigen::VectorXd facet_error(const Points& vertices, const Points& normals,
                             const Triangles& triangles);
 
+/// How well the triangles of a design follow its surface where it is judged. An edge of the part is
+/// no fault of theirs: triangles that leave a vertex normal by more than 30 degrees are left out.
+struct Coarseness {
+  double facet_error = 0.0;  ///< mm, the largest L theta / 8 between judged vertices
+  int judged = 0;            ///< vertices
+  int sharp = 0;             ///< judged vertices at a triangle left out
+};
+Coarseness coarseness(const Design& design);
+
 /// What of a closed body is judged: the region that looks up.
 struct JudgeTopOptions {
   double min_normal_z = 0.5;  ///< a triangle is of the top if its normal's z is at least this

@@ -7,6 +7,7 @@
 #include <tbb/parallel_for.h>
 #include <Eigen/Geometry>
 
+#include "cutting/gouge.h"
 #include "cutting/rival_shape.h"
 #include "cutting/rivals.h"
 #include "cutting/surface_input.h"
@@ -153,6 +154,7 @@ std::vector<Rival> milled_rivals(const Design& design_w, const Cutter& cutter,
   const std::vector<Index> order = judged_in_order(design_w);
   const SweepTree tree(cutter, motion);
   const Mill mill{cutter, motion};
+  const ThinRays thin_rays(design_w, options.band);
   std::vector<std::vector<Rival>> of_vertex(std::size_t(design_w.vertices.rows()));
   std::atomic<std::size_t> finished = 0;
   const auto range_of_all = tbb::blocked_range<std::size_t>(0, order.size(), block_size);
@@ -160,9 +162,17 @@ std::vector<Rival> milled_rivals(const Design& design_w, const Cutter& cutter,
     SweepTree::Hint hint;
     for (std::size_t k = range.begin(); k < range.end(); ++k) {
       const Index i = order[k];
-      const Ray ray{design_w.vertices.row(i), design_w.normals.row(i), options.band};
-      of_vertex[std::size_t(i)] =
-          rivals_of(mill, ray, tree.removals_within(ray, options.reach, hint), options);
+      ShiftedRay along{{design_w.vertices.row(i), design_w.normals.row(i), options.band}, 0.0};
+      std::vector<Removal> removals = tree.removals_within(along.ray, options.reach, hint);
+      if (removals.empty()) {
+        const std::optional<ShiftedRay> thin = thin_rays.of(i);
+        if (!thin) continue;
+        along = *thin;
+        removals = tree.removals_within(along.ray, options.reach, hint);
+      }
+      std::vector<Rival>& rivals = of_vertex[std::size_t(i)];
+      rivals = rivals_of(mill, along.ray, removals, options);
+      for (Rival& rival : rivals) rival.distance += along.shift;
     }
     const std::size_t done = finished += range.size();
     if (options.progress) options.progress(double(done) / double(order.size()));

@@ -5,6 +5,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include "cutting/gouge.h"
 #include "cutting/surface.h"
 #include "cutting/surface_input.h"
 #include "cutting/sweep_tree.h"
@@ -17,12 +18,16 @@ namespace {
 
 constexpr int block_size = 512;  // vertices that share their hints
 
-void record(Surface& surface, Index i, const Removal& removal, const CutterMotion& motion) {
+FirstCut cut_of(const Removal& removal, const CutterMotion& motion) {
   const Index next = std::min<Index>(removal.move + 1, motion.tip.rows() - 1);
   const double start = motion.time_s[removal.move];
-  surface.residual[i] = removal.s;
-  surface.cut_time_s[i] = start + removal.t * (motion.time_s[next] - start);
-  surface.cut_line[i] = motion.line[next];
+  return {removal.s, start + removal.t * (motion.time_s[next] - start), motion.line[next]};
+}
+
+void record(Surface& surface, Index i, const FirstCut& cut) {
+  surface.residual[i] = cut.s;
+  surface.cut_time_s[i] = cut.time_s;
+  surface.cut_line[i] = cut.line;
   surface.status[i] = VertexStatus::Cut;
 }
 
@@ -50,12 +55,21 @@ Surface milled_surface(const Design& design_w, const Cutter& cutter, const Cutte
       const Index i = order[k];
       const Ray ray{design_w.vertices.row(i), design_w.normals.row(i), options.band};
       const std::optional<Removal> removal = tree.first_removal(ray, hint);
-      if (removal && removal->s > -options.band) record(surface, i, *removal, motion);
+      if (!removal) continue;
+      if (removal->s > -options.band)
+        record(surface, i, cut_of(*removal, motion));
+      else
+        surface.status[i] = VertexStatus::Gouged;
     }
     const std::size_t done = finished += range.size();
     if (options.progress) options.progress(double(done) / double(order.size()));
   });
-  return surface;
+  return with_gouges(std::move(surface), design_w, options.band,
+                     [&](const Ray& ray) -> std::optional<FirstCut> {
+                       SweepTree::Hint hint;
+                       const std::optional<Removal> removal = tree.first_removal(ray, hint);
+                       return removal ? std::optional(cut_of(*removal, motion)) : std::nullopt;
+                     });
 }
 
 }  // namespace abbe::cutting

@@ -18,6 +18,8 @@
 #include <fmt/format.h>
 #include <OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh>
 
+#include "cutting/polygon.h"
+
 namespace abbe::cutting {
 namespace {
 
@@ -30,6 +32,13 @@ struct Soup {
   std::vector<Face> faces;
   std::vector<int> line;  ///< of every face, empty if the file is binary
 };
+
+/// A face of a file: its corners, and the line on which it stands, 0 in a binary file.
+struct Polygon {
+  std::vector<int> corners;
+  int line = 0;
+};
+constexpr int most_corners = 1000;  // of a face
 
 /// The file as bytes and the limits it is read under.
 struct Source {
@@ -69,6 +78,31 @@ struct Word {
   int line = 1;
   int column = 1;
 };
+
+/// Adds a face to a soup as triangles; a triangle is taken as it is.
+Soup with_face(Soup soup, const Polygon& face, const Source& source) {
+  const auto add = [&](int a, int b, int c) {
+    soup.faces.push_back({a, b, c});
+    if (face.line > 0) soup.line.push_back(face.line);
+  };
+  if (face.corners.size() == 3) {
+    add(face.corners[0], face.corners[1], face.corners[2]);
+  } else {
+    std::vector<Vector3d> points;
+    for (const int corner : face.corners)
+      points.push_back(soup.points[static_cast<std::size_t>(corner)]);
+    const std::vector<Face> parts = triangulated(points);
+    if (parts.empty())
+      source.refuse("a face whose outline does not cross itself",
+                    fmt::format("one of {} corners that no triangles fill", points.size()),
+                    face.line, face.line > 0 ? 1 : 0);
+    for (const Face& part : parts)
+      add(face.corners[std::size_t(part[0])], face.corners[std::size_t(part[1])],
+          face.corners[std::size_t(part[2])]);
+  }
+  source.check_triangles(static_cast<std::int64_t>(soup.faces.size()));
+  return soup;
+}
 
 class Words {
  public:
@@ -312,13 +346,14 @@ Soup read_obj(const Source& source) {
       soup.points.push_back(words.point());
       words.skip_line();
     } else if (word.text == "f") {
-      Face face;
-      for (int& corner : face) corner = obj_index(words, words.next_in_line(), soup.points.size());
-      const Word more = words.next_in_line();
-      if (!more.text.empty()) words.refuse("triangles only: the end of the line", more);
-      soup.faces.push_back(face);
-      soup.line.push_back(word.line);
-      source.check_triangles(static_cast<std::int64_t>(soup.faces.size()));
+      Polygon face{{}, word.line};
+      Word corner = words.next_in_line();
+      for (; face.corners.size() < 3 || !corner.text.empty(); corner = words.next_in_line()) {
+        if (face.corners.size() == most_corners)
+          words.refuse(fmt::format("at most {} corners of a face", most_corners), corner);
+        face.corners.push_back(obj_index(words, corner, soup.points.size()));
+      }
+      soup = with_face(std::move(soup), face, source);
     } else if (std::find(ignored.begin(), ignored.end(), word.text) != ignored.end()) {
       words.skip_line();
     } else {
@@ -347,12 +382,11 @@ Soup read_off(const Source& source) {
   for (std::int64_t i = 0; i < vertices; ++i) soup.points.push_back(words.point());
   for (std::int64_t i = 0; i < faces; ++i) {
     const Word word = words.next();
-    words.integer(word, 3, 3, "triangles only: number of corners");
-    Face face;
-    for (int& corner : face)
+    Polygon face{{}, word.line};
+    face.corners.resize(std::size_t(words.integer(word, 3, most_corners, "number of corners")));
+    for (int& corner : face.corners)
       corner = static_cast<int>(words.integer(words.next(), 0, vertices - 1, "number of a vertex"));
-    soup.faces.push_back(face);
-    soup.line.push_back(word.line);
+    soup = with_face(std::move(soup), face, source);
     words.skip_line();  // a colour may follow
   }
   if (!words.at_end())
@@ -547,17 +581,19 @@ Vector3d ply_vertex(PlyValues& values, const PlyElement& vertex) {
   return point;
 }
 
-Face ply_face(PlyValues& values, const PlyHeader& header) {
-  Face face{};
+Polygon ply_face(PlyValues& values, const PlyHeader& header) {
+  Polygon face;
   for (const PlyProperty& p : header.face.properties) {
     if (!p.list_count) {
       values.next(p.type);
       continue;
     }
     const double corners = values.next(*p.list_count);
-    if (corners != 3.0)
-      values.refuse("triangles only", fmt::format("a face of {} corners", corners));
-    for (int& corner : face) {
+    if (!(corners >= 3.0 && corners <= most_corners))
+      values.refuse(fmt::format("faces of 3 to {} corners", most_corners),
+                    fmt::format("one of {}", corners));
+    face.corners.resize(std::size_t(corners));
+    for (int& corner : face.corners) {
       const double i = values.next(p.type);
       if (!(i >= 0.0 && i < double(header.vertex.count)) || i != std::floor(i))
         values.refuse(fmt::format("number of a vertex (0 .. {})", header.vertex.count - 1),
@@ -575,8 +611,9 @@ Soup read_ply(const Source& source) {
   for (std::int64_t i = 0; i < header.vertex.count; ++i)
     soup.points.push_back(ply_vertex(values, header.vertex));
   for (std::int64_t i = 0; i < header.face.count; ++i) {
-    soup.faces.push_back(ply_face(values, header));
-    if (header.form == PlyForm::Ascii) soup.line.push_back(values.line());
+    Polygon face = ply_face(values, header);
+    if (header.form == PlyForm::Ascii) face.line = values.line();
+    soup = with_face(std::move(soup), face, source);
   }
   if (!values.at_end())
     values.refuse("the end of the file after the elements of its header", "more");

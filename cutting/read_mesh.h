@@ -21,10 +21,10 @@ struct ReadMeshOptions {
   double travel_ratio = 20.0;
 };
 
-/// Design surface from an STL (ascii, binary), PLY (ascii, binary), OBJ or OFF file of triangles,
-/// its kind told by the ending. Coordinates are taken as written (double where the file has the
-/// digits); equal points of an STL are one vertex, unused vertices are dropped, normals in the file
-/// are not believed. The file is checked against its own header and size before anything is stored,
+/// Design surface from an STL (ascii, binary), PLY (ascii, binary), OBJ or OFF file, its kind told
+/// by the ending. Faces of more than three corners are split as `triangulated` says. Coordinates
+/// are taken as written (double where the file has the digits); equal points of an STL are one
+/// vertex, unused vertices are dropped, normals in the file are not believed. The file is checked against its own header and size before anything is stored,
 /// and the mesh is audited: finite, no degenerate triangle (height under 1e-7 of the longest edge),
 /// at most two triangles at an edge and one fan at a vertex, one orientation (found here, and
 /// OpenMesh's half-edges must agree), closed unless `open`, outward (positive volume; a negative

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <stdexcept>
 #include <vector>
@@ -26,6 +27,21 @@ double quantile(std::vector<double> values, double q) {
   return values[below] + (rank - double(below)) * (values[above] - values[below]);
 }
 
+/// Those of both at the vertices that are gouged, one a vertex, the first's before the second's.
+std::vector<Gouge> joined(const Surface& a, const Surface& b,
+                          const std::vector<VertexStatus>& status) {
+  std::vector<Gouge> both;
+  const auto by_vertex = [](const Gouge& one, const Gouge& other) {
+    return one.vertex < other.vertex;
+  };
+  std::set_union(a.gouges.begin(), a.gouges.end(), b.gouges.begin(), b.gouges.end(),
+                 std::back_inserter(both), by_vertex);
+  std::erase_if(both, [&](const Gouge& one) {
+    return status[static_cast<std::size_t>(one.vertex)] != VertexStatus::Gouged;
+  });
+  return both;
+}
+
 }  // namespace
 
 Statistics statistics(const Surface& surface, const Design& design,
@@ -42,6 +58,7 @@ Statistics statistics(const Surface& surface, const Design& design,
   for (std::size_t i = 0; i < n; ++i) {
     if (surface.status[i] == VertexStatus::Uncut) ++s.uncut_vertices;
     if (surface.status[i] == VertexStatus::Outside) ++s.outside_vertices;
+    if (surface.status[i] == VertexStatus::Gouged) ++s.gouged_vertices;
     if (surface.status[i] != VertexStatus::Cut) continue;
     const auto v = static_cast<Eigen::Index>(i);
     const double r = surface.residual[v];
@@ -54,15 +71,17 @@ Statistics statistics(const Surface& surface, const Design& design,
     s.max = s.max ? std::max(*s.max, r) : r;
   }
   s.cut_vertices = static_cast<int>(magnitude.size());
+  for (const Gouge& gouge : surface.gouges)
+    if (!s.deepest || gouge.depth > s.deepest->depth) s.deepest = gouge;
+  if (tolerance && s.cut_vertices + s.gouged_vertices > 0) {
+    const auto within = std::count_if(magnitude.begin(), magnitude.end(),
+                                      [&](double m) { return m <= *tolerance; });
+    s.in_tolerance_percent = 100.0 * double(within) / double(s.cut_vertices + s.gouged_vertices);
+  }
   if (magnitude.empty()) return s;
 
   s.pv = *s.max - *s.min;
   s.p95_abs = quantile(magnitude, 0.95);
-  if (tolerance) {
-    const auto within = std::count_if(magnitude.begin(), magnitude.end(),
-                                      [&](double m) { return m <= *tolerance; });
-    s.in_tolerance_percent = 100.0 * double(within) / double(magnitude.size());
-  }
   if (!(area.value() > 0.0)) return s;
   s.mean = first.value() / area.value();
   Sum square, about;
@@ -78,6 +97,12 @@ Statistics statistics(const Surface& surface, const Design& design,
   return s;
 }
 
+VertexStatus worse(VertexStatus a, VertexStatus b) {
+  for (const VertexStatus one : {VertexStatus::Outside, VertexStatus::Gouged, VertexStatus::Uncut})
+    if (a == one || b == one) return one;
+  return VertexStatus::Cut;
+}
+
 Surface minus(const Surface& a, const Surface& b) {
   const std::size_t n = a.status.size();
   check_sizes(a, n);
@@ -85,16 +110,17 @@ Surface minus(const Surface& a, const Surface& b) {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   Surface difference = a;
   for (std::size_t i = 0; i < n; ++i) {
-    // Cut < Uncut < Outside: the worse of the two holds
-    const VertexStatus status = std::max(a.status[i], b.status[i]);
+    const VertexStatus status = worse(a.status[i], b.status[i]);
     const auto v = static_cast<Eigen::Index>(i);
     const bool cut = status == VertexStatus::Cut;
     difference.status[i] = status;
     difference.residual[v] = cut ? a.residual[v] - b.residual[v] : nan;
-    if (cut) continue;
-    difference.cut_time_s[v] = nan;
-    difference.cut_line[i] = 0;
+    if (cut || (status == VertexStatus::Gouged && a.status[i] == status)) continue;
+    const bool second = status == VertexStatus::Gouged;
+    difference.cut_time_s[v] = second ? b.cut_time_s[v] : nan;
+    difference.cut_line[i] = second ? b.cut_line[i] : 0;
   }
+  difference.gouges = joined(a, b, difference.status);
   return difference;
 }
 

@@ -7,8 +7,9 @@
 
 namespace abbe::cutting {
 
-/// What a residual map comes to. Vertices that are uncut or outside the judged region are left out
-/// of every number and counted. A number for which no vertex is left (or no area, for the weighted
+/// What a residual map comes to. Vertices that are uncut, gouged beyond the band or outside the
+/// judged region are left out of every number and counted; only the share in tolerance counts
+/// gouged ones, as out of it. A number for which no vertex is left (or no area, for the weighted
 /// ones) is empty. Sums are compensated and run in the order of the vertices, so they give the same
 /// bits always; the rounding of a sum is below 4e-16 of the sum of magnitudes.
 struct Statistics {
@@ -20,12 +21,14 @@ struct Statistics {
   std::optional<double> max;      ///< mm
   std::optional<double> p95_abs;  ///< mm, 95 % of the cut vertices (each counting one) have at most
                                   ///< this magnitude; linear between ranks
-  std::optional<double> in_tolerance_percent;  ///< of the cut vertices, each counting one; empty if
-                                               ///< no tolerance was given
+  std::optional<double> in_tolerance_percent;  ///< of the cut and gouged vertices, each counting
+                                               ///< one; empty if no tolerance was given
   int vertices = 0;
   int cut_vertices = 0;
-  int uncut_vertices = 0;    ///< judged, but nothing was removed within the band
+  int uncut_vertices = 0;    ///< judged, but nothing was removed
   int outside_vertices = 0;  ///< not judged
+  int gouged_vertices = 0;   ///< judged, and removed deeper than the band
+  std::optional<Gouge> deepest;  ///< of those, of equal ones the first
 };
 
 /// @param tolerance  mm, half width: |residual| <= tolerance is within
@@ -33,8 +36,13 @@ struct Statistics {
 Statistics statistics(const Surface& surface, const Design& design,
                       std::optional<double> tolerance = std::nullopt);
 
-/// First map minus second, vertex by vertex, where both are cut; a vertex that is outside in either
-/// is outside, one that is uncut in either is uncut. Instants and lines are those of the first.
+/// What a vertex is in a difference of two maps: outside if it is outside in either, else gouged,
+/// else uncut, else cut.
+VertexStatus worse(VertexStatus a, VertexStatus b);
+
+/// First map minus second, vertex by vertex, where both are cut; else its status is the worse of
+/// the two. Instants, lines and gouges are those of the first, gouges of the second where only that
+/// has one.
 /// @throws std::invalid_argument if sizes differ
 Surface minus(const Surface& a, const Surface& b);
 

@@ -12,9 +12,13 @@ namespace abbe::cutting {
 
 enum class VertexStatus : std::uint8_t {
   Cut = 0,
-  Uncut = 1,    ///< nothing was removed within the band along the normal
+  Uncut = 1,    ///< nothing was removed along the normal, neither within the band nor below it
   Outside = 2,  ///< not in the judged region
+  Gouged = 3,   ///< removed deeper than the band
 };
+
+/// A gouge is followed inwards to so many bands.
+inline constexpr double gouge_bands = 10.0;
 
 struct SurfaceOptions {
   double band = 2.0;  ///< mm, the ray is searched from -band (inside) to +band
@@ -22,19 +26,29 @@ struct SurfaceOptions {
                                          ///< any thread
 };
 
+/// What was removed below the band at a vertex that is Gouged.
+struct Gouge {
+  int vertex = 0;
+  double depth = 0.0;  ///< mm below the design, along the normal: the deepest place removed
+  bool deeper = false;  ///< that is as far as was searched, and removed there too
+};
+
 /// The machined surface told on the design: where the part ends along every outward normal.
 struct Surface {
-  Eigen::VectorXd residual;          ///< (n) mm; + material left, - gouged; NaN where not cut
-  Eigen::VectorXd cut_time_s;        ///< (n) instant that made the surface there; NaN where not cut
-  std::vector<int> cut_line;         ///< (n) program line that made it; 0 where not cut
+  Eigen::VectorXd residual;    ///< (n) mm; + material left, - gouged; NaN where not cut
+  Eigen::VectorXd cut_time_s;  ///< (n) instant that made the surface there; NaN unless cut, gouged
+  std::vector<int> cut_line;   ///< (n) program line that made it; 0 unless cut or gouged
   std::vector<VertexStatus> status;  ///< (n)
+  std::vector<Gouge> gouges = {};    ///< those of status Gouged, in the order of the vertices
 };
 
 /// Surface left by a milling cutter: along each normal the first point, coming from inside the
 /// part, that any move removes.
 /// The result is the minimum over all moves, of equal ones the earliest, so it does not depend on
-/// the number of threads or the order of the vertices. A ray whose start at -band is already
-/// removed has its surface beyond the band: Uncut.
+/// the number of threads or the order of the vertices.
+/// A ray that is removed at -band or, if nothing is within the band, anywhere below it down to
+/// `gouge_bands` bands is Gouged. No ray goes further than half way through the part, from a vertex
+/// to the triangle that it leaves through: where that is nearer than -band, it starts there.
 /// Bound: residual within 1e-7 mm (0.1 nm) of the sweep of the motion as given, parts of 1 m
 /// included.
 /// A move whose axis turns is searched in parts of at most 0.05 rad; only a touch that begins and

@@ -7,6 +7,7 @@
 #include <tbb/parallel_for.h>
 #include <Eigen/Geometry>
 
+#include "cutting/gouge.h"
 #include "cutting/rival_shape.h"
 #include "cutting/rivals.h"
 #include "cutting/surface_input.h"
@@ -101,12 +102,21 @@ std::vector<Rival> turned_rivals(const Design& design_w, const Nose& nose, const
   const Lathe lathe{swept, motion, options};
   const Index n = design_w.vertices.rows();
   auto of_vertex = std::vector<std::vector<Rival>>(std::size_t(n));
+  const ThinRays thin_rays(design_w, options.band);
+  const auto rivals_at = [&](Index v) {
+    std::vector<Rival> rivals =
+        rivals_of(lathe, {design_w.vertices.row(v), design_w.normals.row(v), options.band});
+    if (!rivals.empty()) return rivals;
+    const std::optional<ShiftedRay> thin = thin_rays.of(v);
+    if (!thin) return rivals;
+    rivals = rivals_of(lathe, thin->ray);
+    for (Rival& rival : rivals) rival.distance += thin->shift;
+    return rivals;
+  };
   std::atomic<Index> done = 0;
   tbb::parallel_for(tbb::blocked_range<Index>(0, n, 64), [&](const auto& range) {
     for (Index v = range.begin(); v != range.end(); ++v)
-      if (is_judged(design_w, v))
-        of_vertex[std::size_t(v)] =
-            rivals_of(lathe, {design_w.vertices.row(v), design_w.normals.row(v), options.band});
+      if (is_judged(design_w, v)) of_vertex[std::size_t(v)] = rivals_at(v);
     done += Index(range.size());
     if (options.progress) options.progress(double(done) / double(n));
   });

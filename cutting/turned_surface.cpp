@@ -4,6 +4,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include "cutting/gouge.h"
 #include "cutting/surface.h"
 #include "cutting/surface_input.h"
 #include "cutting/swept_nose.h"
@@ -27,7 +28,11 @@ Surface turned_surface(const Design& design_w, const Nose& nose, const NoseMotio
     }
     const std::optional<NoseCut> cut =
         swept.first({design_w.vertices.row(v), design_w.normals.row(v), options.band});
-    if (!cut || cut->s <= -options.band) return;
+    if (!cut) return;
+    if (cut->s <= -options.band) {
+      surface.status[k] = VertexStatus::Gouged;
+      return;
+    }
     surface.residual[v] = cut->s;
     surface.cut_time_s[v] = cut->time_s;
     surface.cut_line[k] = cut->line;
@@ -40,7 +45,12 @@ Surface turned_surface(const Design& design_w, const Nose& nose, const NoseMotio
                       done += range.size();
                       if (options.progress) options.progress(double(done) / double(n));
                     });
-  return surface;
+  return with_gouges(std::move(surface), design_w, options.band,
+                     [&](const Ray& ray) -> std::optional<FirstCut> {
+                       const std::optional<NoseCut> cut = swept.first(ray);
+                       if (!cut) return std::nullopt;
+                       return FirstCut{cut->s, cut->time_s, cut->line};
+                     });
 }
 
 }  // namespace abbe::cutting

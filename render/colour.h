@@ -18,6 +18,7 @@ inline constexpr Colour faint_ink{0.42, 0.44, 0.47};   ///< text of less weight
 inline constexpr Colour rule{0.83, 0.84, 0.86};        ///< grid lines
 inline constexpr Colour uncut{0.50, 0.50, 0.50};       ///< status 1
 inline constexpr Colour outside{0.70, 0.70, 0.70};     ///< status 2
+inline constexpr Colour gouged{0.55, 0.10, 0.60};      ///< status 3
 inline constexpr Colour beyond_high{0.30, 0.0, 0.07};  ///< above the scale
 inline constexpr Colour beyond_low{0.04, 0.07, 0.33};  ///< below the scale
 }  // namespace colours

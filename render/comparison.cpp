@@ -71,7 +71,7 @@ std::vector<std::string> common_text(const std::vector<MapPicture>& cases,
                                                        cases.front().datum, cases.front().alignment)
                                          : std::string();
   line += fmt::format("view {}  ·  {} vertices", view_name(view),
-                      grouped(first.cut + first.uncut + first.outside));
+                      grouped(first.vertices()));
   lines.push_back(line);
   const bool beyond =
       std::any_of(counts.begin(), counts.end(), [](const Tally& t) { return t.beyond > 0; });
@@ -91,7 +91,7 @@ CellText cell_text(const MapPicture& c, const Tally& counts, bool with_setting, 
   std::vector<std::string> lines{figures_text(c.figures, Mean::LeftOut)};
   lines.insert(lines.end(), c.caption.begin(), c.caption.end());
   if (with_setting) lines.push_back(fmt::format("datum {}, alignment {}", c.datum, c.alignment));
-  if (counts.uncut > 0) lines.push_back(fmt::format("{} uncut", grouped(counts.uncut)));
+  for (std::string& line : left_out_text(counts)) lines.push_back(std::move(line));
   for (const std::string& line : lines) {
     for (const std::string& part : wrapped(line, body, width, 2)) text.below.push_back(part);
   }

@@ -18,16 +18,17 @@ namespace abbe::render {
 struct Field {
   cutting::Design design;        ///< mm; a field that was read has no normals and no facet error
   Eigen::VectorXd deviation_um;  ///< (n) + material left, - gouged; NaN where not cut
-  std::vector<std::uint8_t> status;  ///< (n) 0 cut, 1 uncut, 2 outside the judged region
-  Eigen::VectorXd cut_time_s;        ///< (n) NaN where not cut
-  std::vector<int> cut_line;         ///< (n) program line; 0 where not cut
+  std::vector<std::uint8_t> status;  ///< (n) 0 cut, 1 uncut, 2 outside the judged region, 3 gouged
+                                     ///< deeper than the band
+  Eigen::VectorXd cut_time_s;        ///< (n) NaN where not cut or gouged
+  std::vector<int> cut_line;         ///< (n) program line; 0 where not cut or gouged
 };
 
 /// @throws std::invalid_argument if the sizes do not fit
 Field field(const cutting::Design& design, const cutting::Surface& surface);
 
 /// Writes `residual.vtp`: VTK XML PolyData, little endian, appended base64 without compression; the
-/// design mesh in mm (float64) with point data `deviation_um` (float64, NaN where uncut), `status`
+/// design mesh in mm (float64) with point data `deviation_um` (float64, NaN unless cut), `status`
 /// (uint8), `cut_time_s` (float64), `cut_line` (int32). The same field gives the same bytes.
 /// @throws std::invalid_argument if the sizes do not fit
 /// @throws std::system_error with the path if the file cannot be written
@@ -43,8 +44,8 @@ void write_stock(const std::filesystem::path& path, const cutting::StockMesh& st
 /// Reads what `write_residual` wrote, bit for bit; vertex areas are made anew from the triangles.
 /// Memory stays within a few times the file's size whatever the file claims.
 /// @throws BadInput for anything else: not there, truncated, another layout, arrays missing or of
-///         another type or length, vertices not finite, indices out of range, a status beyond 2, a
-///         deviation that is not finite where the status is 0 or a number where it is 1
+///         another type or length, vertices not finite, indices out of range, a status beyond 3, a
+///         deviation that is not finite where the status is 0 or a number where it is 1 or 3
 Field read_residual(const std::filesystem::path& path);
 
 }  // namespace abbe::render

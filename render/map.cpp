@@ -61,6 +61,8 @@ void draw_strip(Canvas& canvas, const Page& p, const View& view, const Tally& co
   double x = p.strip.x + 0.42 * p.map.width;
   const double gap = 1.6 * body.size_px;
   if (counts.uncut > 0) x += swatch(canvas, {x, y}, colours::uncut, "uncut", body) + gap;
+  if (counts.gouged > 0)
+    x += swatch(canvas, {x, y}, colours::gouged, "gouged deeper", body) + gap;
   if (counts.outside > 0) {
     swatch(canvas, {x, y}, colours::outside, "outside the judged region", body);
   }

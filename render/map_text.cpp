@@ -39,12 +39,22 @@ std::string beyond_text(const Tally& counts, double range_um) {
                      figure(counts.highest_um * unit.per_um), unit.name);
 }
 
+std::vector<std::string> left_out_text(const Tally& counts) {
+  std::vector<std::string> parts;
+  if (counts.uncut > 0)
+    parts.push_back(fmt::format("{} uncut ({:.3g} %)", grouped(counts.uncut),
+                                100.0 * double(counts.uncut) / double(counts.judged())));
+  if (counts.gouged > 0)
+    parts.push_back(fmt::format("{} gouged deeper than the band", grouped(counts.gouged)));
+  return parts;
+}
+
 std::vector<std::string> map_text(const MapPicture& picture, const Tally& counts, double range_um,
                                   const std::string& view) {
   std::vector<std::string> lines{sign_convention};
-  std::string numbers =
-      fmt::format("{} vertices, {} uncut", grouped(counts.cut + counts.uncut + counts.outside),
-                  grouped(counts.uncut));
+  std::string numbers = fmt::format("{} vertices, ", grouped(counts.vertices()));
+  const std::vector<std::string> left_out = left_out_text(counts);
+  numbers += left_out.empty() ? "0 uncut" : fmt::format("{}", fmt::join(left_out, ", "));
   if (counts.outside > 0) numbers += fmt::format(", {} outside", grouped(counts.outside));
   lines.push_back(fmt::format("datum {}  ·  alignment {}  ·  view {}  ·  {}", picture.datum,
                               picture.alignment, view, numbers));

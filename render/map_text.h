@@ -20,6 +20,10 @@ std::string figures_text(const Figures& figures, Mean mean = Mean::Told);
 /// "0.31 % of the cut vertices lie beyond the scale, from −31.2 to +40.0 µm"; empty if none does.
 std::string beyond_text(const Tally& counts, double range_um);
 
+/// "12 uncut (3.1 %)", "4 gouged deeper than the band": what of the judged vertices the figures
+/// leave out.
+std::vector<std::string> left_out_text(const Tally& counts);
+
 /// The lines below a map.
 std::vector<std::string> map_text(const MapPicture& picture, const Tally& counts, double range_um,
                                   const std::string& view);

@@ -330,14 +330,14 @@ void check_values(const Source& source, const Field& field) {
   for (std::size_t i = 0; i < field.status.size(); ++i) {
     const double deviation = field.deviation_um[static_cast<Eigen::Index>(i)];
     const int status = field.status[i];
-    if (status > 2) {
-      source.refuse(0, "a status of 0, 1 or 2", fmt::format("{} at vertex {}", status, i));
+    if (status > 3) {
+      source.refuse(0, "a status of 0, 1, 2 or 3", fmt::format("{} at vertex {}", status, i));
     }
     const bool fits = status == 0   ? std::isfinite(deviation)
-                      : status == 1 ? std::isnan(deviation)
-                                    : !std::isinf(deviation);
+                      : status == 2 ? !std::isinf(deviation)
+                                    : std::isnan(deviation);
     if (!fits) {
-      source.refuse(0, "a finite deviation where cut, NaN where uncut",
+      source.refuse(0, "a finite deviation where cut, NaN where uncut or gouged",
                     fmt::format("{} with status {} at vertex {}", deviation, status, i));
     }
   }

@@ -16,6 +16,7 @@ using Eigen::Vector3d;
 
 constexpr std::uint8_t status_cut = static_cast<std::uint8_t>(cutting::VertexStatus::Cut);
 constexpr std::uint8_t status_uncut = static_cast<std::uint8_t>(cutting::VertexStatus::Uncut);
+constexpr std::uint8_t status_gouged = static_cast<std::uint8_t>(cutting::VertexStatus::Gouged);
 
 /// Unit normals of the vertices, those of the design or the mean of the triangles around.
 cutting::Points normals(const cutting::Design& design) {
@@ -59,12 +60,16 @@ Wire rims(const cutting::Points& points, const cutting::Triangles& triangles) {
   return wire;
 }
 
-/// Which look a triangle has: 0 by deviation, 1 uncut, 2 outside.
+/// Which look a triangle has: 0 by deviation, 1 outside, 2 uncut, 3 gouged; the worst of its corners.
 std::size_t look(const Field& field, const Eigen::RowVector3i& t) {
   std::size_t worst = 0;
   for (const int corner : t) {
-    if (field.status[corner] == status_uncut) return 1;
-    if (field.status[corner] != status_cut) worst = 2;
+    const std::uint8_t status = field.status[corner];
+    const std::size_t one = status == status_cut      ? 0
+                            : status == status_uncut  ? 2
+                            : status == status_gouged ? 3
+                                                      : 1;
+    worst = std::max(worst, one);
   }
   return worst;
 }
@@ -90,13 +95,14 @@ void check(const Field& field) {
 }
 
 SurfaceScene surface_scene(const Field& field, double range_um) {
-  std::array<std::vector<int>, 3> corners;
+  std::array<std::vector<int>, 4> corners;
   for (const auto& t : field.design.triangles.rowwise()) {
     auto& list = corners[look(field, t)];
     list.insert(list.end(), t.begin(), t.end());
   }
   SurfaceScene scene;
-  constexpr std::array<Colour, 3> colour{colours::white, colours::uncut, colours::outside};
+  constexpr std::array<Colour, 4> colour{colours::white, colours::outside, colours::uncut,
+                                         colours::gouged};
   const cutting::Points unit_normals = normals(field.design);
   for (std::size_t kind = 0; kind < corners.size(); ++kind) {
     if (corners[kind].empty()) continue;
@@ -120,7 +126,10 @@ Tally tally(const Field& field, double range_um) {
   Tally result;
   for (Eigen::Index i = 0; i < field.deviation_um.size(); ++i) {
     if (field.status[i] == status_uncut) ++result.uncut;
-    if (field.status[i] > status_uncut) ++result.outside;
+    if (field.status[i] == status_gouged)
+      ++result.gouged;
+    else if (field.status[i] > status_uncut)
+      ++result.outside;
     if (field.status[i] != status_cut) continue;
     const double d = field.deviation_um[i];
     result.lowest_um = result.cut == 0 ? d : std::min(result.lowest_um, d);

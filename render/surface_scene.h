@@ -25,9 +25,13 @@ struct Tally {
   std::size_t cut = 0;
   std::size_t uncut = 0;
   std::size_t outside = 0;
+  std::size_t gouged = 0;  ///< deeper than the band
   std::size_t beyond = 0;  ///< cut, and |deviation| beyond the range
   double lowest_um = 0.0;  ///< of the cut vertices
   double highest_um = 0.0;
+
+  std::size_t vertices() const { return cut + uncut + outside + gouged; }
+  std::size_t judged() const { return cut + uncut + gouged; }
 };
 Tally tally(const Field& field, double range_um);
 

@@ -7,6 +7,7 @@
 #include "sim/compensation/plug_in.h"
 #include "sim/output.h"
 #include "sim/pictures.h"
+#include "sim/reach.h"
 #include "sim/thermal_choice.h"
 
 namespace abbe::sim {
@@ -31,7 +32,9 @@ void cut_cases(const Batch& batch, std::vector<Compared>& cases, std::vector<Fai
     return name == "uncompensated" ? batch.prefix : batch.prefix + "-" + name;
   };
   progress.begin(batch.prefix.empty() ? "error_free" : batch.prefix + ", error-free");
-  const Verdict error_free = judge(batch.job, cut_error_free(batch.job, to(progress)), nullptr);
+  Cut free = cut_error_free(batch.job, to(progress));
+  check_cuts_part(batch.job, free);
+  const Verdict error_free = judge(batch.job, std::move(free), nullptr);
   if (batch.prefix.empty()) cases.push_back({error_free, &batch.job, std::nullopt});
   const std::size_t uncompensated = cases.size();
   const auto fails = [&](const std::string& name, const char* reason) {
@@ -43,6 +46,7 @@ void cut_cases(const Batch& batch, std::vector<Compared>& cases, std::vector<Fai
     Cut made;
     try {
       made = cut(batch.job, compensator, to(progress));
+      check_cuts_part(batch.job, made);
     } catch (const compensation::PlugInFailure& failure) {
       return fails(compensator->name, failure.what());
     } catch (const BadInput& fault) {  // of what the plug-in answered; else of the scene
@@ -113,10 +117,13 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   ProgressLine progress(2);
   progress.begin("prepare");
   const Job job = prepare(scene, to(progress));
+  check_reaches_part(job);
   std::string name = options.case_name.empty() ? scene.case_name : options.case_name;
   if (!options.plug_ins.empty()) name = plug_in_case(options.plug_ins.front()).plug_in.string();
   progress.begin(name.empty() ? "uncompensated" : name);
-  const Verdict verdict = judge(job, cut_one(job, name, to(progress)), nullptr);
+  Cut made = cut_one(job, name, to(progress));
+  check_cuts_part(job, made);
+  const Verdict verdict = judge(job, std::move(made), nullptr);
   write_program(options.folder, job);
   write_case(options.folder, job, verdict);
   Outcome outcome{summary(job, verdict), {}, {}, {}};
@@ -144,6 +151,7 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   batches.push_back({"", prepare(scene, to(progress))});
   for (std::size_t i = 0; i < variants.size(); ++i)
     batches.push_back({scene.variants[i].name, prepare(variants[i], to(progress))});
+  for (const Batch& batch : batches) check_reaches_part(batch.job);
   std::vector<Compared> cases;
   std::vector<FailedCase> failed;
   for (const Batch& batch : batches) cut_cases(batch, cases, failed, progress);

@@ -9,6 +9,7 @@
 #include "errors/bound_element.h"
 #include "kinematics/units.h"
 #include "sim/location_effects.h"
+#include "sim/program_warnings.h"
 
 namespace abbe::sim {
 namespace {
@@ -216,7 +217,9 @@ ordered_json describe(const Job& job) {
   description["program"] = {
       {"moves", job.path.motion_blocks},
       {"samples", job.samples.states.size()},
-      {"time_s", job.samples.states.empty() ? 0.0 : job.samples.states.back().time_s}};
+      {"time_s", job.samples.states.empty() ? 0.0 : job.samples.states.back().time_s},
+      {"not_reached", unreached_text(job.unreached)}};
+  description["warnings"] = job.warnings;
   return description;
 }
 
@@ -351,6 +354,8 @@ std::string to_text(const ordered_json& d) {
       d["part"]["name"].get<std::string>(), d["part"]["vertices"].get<long>(),
       d["part"]["area_mm2"].get<double>(), d["program"]["moves"].get<int>(),
       d["program"]["samples"].get<long>(), d["program"]["time_s"].get<double>());
+  if (const std::string missed = d["program"]["not_reached"]; !missed.empty())
+    text += "         " + missed + "\n";
   return text;
 }
 

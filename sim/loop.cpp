@@ -3,16 +3,20 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <iterator>
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 #include <Eigen/Dense>
 
+#include "cutting/stock.h"
 #include "kinematics/units.h"
 #include "sim/activity.h"
 #include "sim/compensate.h"
 #include "sim/part.h"
+#include "sim/program_warnings.h"
 #include "sim/run_out.h"
+#include "sim/surface_warnings.h"
 #include "sim/tool_motion.h"
 
 namespace abbe::sim {
@@ -62,30 +66,79 @@ void check_travel(const Machine& machine, const program::Path& path,
   }
 }
 
-/// What does the cutting: the chain whose part turns, and the tool in it.
+/// What does the cutting: the chain whose part turns, the tool in it, and the program it follows.
 struct Cutting {
   const kinematics::Chain& chain;
   const std::variant<cutting::Cutter, cutting::Nose>& tool;
+  const program::Path& path;
+  const program::Samples& samples;
+  double explained = 0.0;  ///< mm, of a gouge by the errors
 };
-
-cutting::Surface machined(const Job& job, const std::vector<Pose>& T_wt,
-                          const program::Samples& samples, const Cutting& with,
-                          const Progress& progress) {
-  cutting::SurfaceOptions options;
-  options.band = job.scene.band;
-  if (progress) options.progress = [&](double fraction) { progress("surface", fraction); };
-  if (const auto* cutter = std::get_if<cutting::Cutter>(&with.tool))
-    return cutting::milled_surface(job.design_w, *cutter, cutter_motion(T_wt, samples), options);
-  const int spindle = *job.machine.workpiece_spindle;
-  return cutting::turned_surface(
-      job.design_w, std::get<cutting::Nose>(with.tool),
-      nose_motion(T_wt, samples, spindle_line(with.chain, spindle), spindle), options);
-}
 
 struct PoseErrors {
   Spread tip;
   Spread direction;
 };
+
+/// By how much more than it is commanded to a tool may reach, mm.
+double oversize(const ToolDescription& tool) {
+  if (const auto* nominal = std::get_if<cutting::Cutter>(&tool.nominal)) {
+    const auto& actual = std::get<cutting::Cutter>(tool.actual);
+    return std::abs(actual.radius - nominal->radius) +
+           std::abs(actual.corner_radius - nominal->corner_radius);
+  }
+  const auto& actual = std::get<cutting::Nose>(tool.actual);
+  double size = std::abs(actual.radius - std::get<cutting::Nose>(tool.nominal).radius);
+  for (const cutting::NoseWave& wave : actual.waves) size += std::abs(wave.amplitude);
+  return size;
+}
+
+/// What the errors explain of a gouge, mm: the tool off its place, leaning, larger.
+double explained(const Job& job, const PoseErrors& off) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.actual);
+  const double arm = cutter != nullptr ? cutter->flank_length + cutter->radius
+                                       : std::get<cutting::Nose>(job.scene.tool.actual).radius;
+  return off.tip.max + off.direction.max * arm + oversize(job.scene.tool);
+}
+
+std::string gouge_text(const ProgramGouge& gouge, int with_flank) {
+  return fmt::format(
+      "the program takes the tool into the design, by more than {} mm and the errors together at {} "
+      "vertices, {} of them with the flank: the deepest by {:.3f} mm (line {})",
+      cutting::rubbing, gouge.vertices, with_flank, gouge.deepest, gouge.line);
+}
+
+/// A map, and what is to be said of it.
+struct Machined {
+  cutting::Surface surface;
+  std::vector<std::string> warnings;
+};
+
+Machined machined(const Job& job, const std::vector<Pose>& T_wt, const Cutting& with,
+                  const Progress& progress) {
+  cutting::SurfaceOptions options;
+  options.band = job.scene.band;
+  if (progress) options.progress = [&](double fraction) { progress("surface", fraction); };
+  Machined made;
+  if (const auto* cutter = std::get_if<cutting::Cutter>(&with.tool)) {
+    const cutting::CutterMotion motion = cutter_motion(T_wt, with.samples);
+    made.surface = cutting::milled_surface(job.design_w, *cutter, motion, options);
+    const ProgramGouge gouge = program_gouge(made.surface, with.explained);
+    if (gouge.vertices > 0)
+      made.warnings.push_back(
+          gouge_text(gouge, by_flank(gouge, made.surface, job.design_w, *cutter, motion)));
+  } else {
+    const int spindle = *job.machine.workpiece_spindle;
+    made.surface = cutting::turned_surface(
+        job.design_w, std::get<cutting::Nose>(with.tool),
+        nose_motion(T_wt, with.samples, spindle_line(with.chain, spindle), spindle), options);
+    const ProgramGouge gouge = program_gouge(made.surface, with.explained);
+    if (gouge.vertices > 0) made.warnings.push_back(gouge_text(gouge, 0));
+  }
+  for (std::string& one : surface_warnings(made.surface, with.path, options.band))
+    made.warnings.push_back(std::move(one));
+  return made;
+}
 
 PoseErrors pose_errors(const std::vector<Pose>& T_wt, const std::vector<Pose>& T_wt_nominal) {
   PoseErrors errors;
@@ -278,6 +331,10 @@ void tell_process(const Scene& scene, const Process& process, std::vector<std::s
                                    process.crash_lines.size(), process.crash_lines.front()));
 }
 
+void add(std::vector<std::string> more, std::vector<std::string>& warnings) {
+  std::move(more.begin(), more.end(), std::back_inserter(warnings));
+}
+
 /// Whether samples made with `had` are as dense as `wanted` ones along the turns of spindles, which
 /// is all that errors ask of them.
 bool is_as_dense(const program::SampleOptions& had, const program::SampleOptions& wanted) {
@@ -319,6 +376,8 @@ Job prepare(const Scene& described, const Progress& progress) {
     return machine.nominal.tool_in_workpiece(samples.states[i].q);
   });
   check_travel(machine, program.path, samples);
+  std::vector<std::string> warnings =
+      program_warnings(scene, part.design_w, program, {samples, T_wt_nominal});
   const double sample_s = watch.lap();
   check_field(scene, part.design_w);
   const auto rigid = [&](std::size_t i, const errors::Load&) { return T_wt_nominal[i]; };
@@ -347,7 +406,9 @@ Job prepare(const Scene& described, const Progress& progress) {
            {"program", program_s},
            {"sample", sample_s},
            {"stock", stock_s},
-           {"heat", watch.lap()}}};
+           {"heat", watch.lap()}},
+          program.unreached,
+          std::move(warnings)};
 }
 
 Job with_errors(Job job, const Scene& described) {
@@ -372,10 +433,13 @@ Cut cut_error_free(const Job& job, const Progress& progress) {
   Stopwatch watch;
   Cut result;
   result.name = result.case_name = "error_free";
-  result.surface = machined(job, job.T_wt_nominal, job.samples,
-                            {job.machine.nominal, job.scene.tool.nominal}, progress);
+  Machined made =
+      machined(job, job.T_wt_nominal,
+               {job.machine.nominal, job.scene.tool.nominal, job.path, job.samples, 0.0}, progress);
+  result.surface = std::move(made.surface);
   result.process = job.nominal_process;
   tell_process(job.scene, result.process, result.warnings);
+  add(std::move(made.warnings), result.warnings);
   result.timing_s["surface"] = watch.lap();
   return result;
 }
@@ -437,8 +501,13 @@ Cut cut_as_told(const Job& job, const Compensated& told, const Progress& progres
   result.tip_error = off.tip;
   result.direction_error = off.direction;
   result.timing_s["poses"] = watch.lap();
-  result.surface =
-      machined(job, T_wt, told.samples, {job.machine.actual, job.scene.tool.actual}, progress);
+  Machined made = machined(job, T_wt,
+                           {job.machine.actual, job.scene.tool.actual,
+                            told.path ? *told.path : job.path, told.samples,
+                            explained(job, off)},
+                           progress);
+  result.surface = std::move(made.surface);
+  add(std::move(made.warnings), result.warnings);
   result.timing_s["surface"] = watch.lap();
   return result;
 }

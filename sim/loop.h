@@ -34,6 +34,8 @@ struct Job {
       accelerations;         ///< (samples) empty unless masses have inertia
   std::string program_text;  ///< of a generated program, else empty; its name is path.file
   std::map<std::string, double> timing_s;
+  program::Unreached unreached;       ///< what the generator had to leave out
+  std::vector<std::string> warnings;  ///< of the scene and its program, before anything is cut
 };
 
 /// Compiles a scene: machine, truth, design, program (a generated one is read back from its own

@@ -21,6 +21,7 @@
 #include "sim/pictures.h"
 #include "sim/pose_command.h"
 #include "sim/progress.h"
+#include "sim/reach.h"
 #include "sim/rewrite_command.h"
 #include "sim/study/ranks.h"
 #include "sim/study/run_study.h"
@@ -98,9 +99,37 @@ std::string figures(const nlohmann::ordered_json& s) {
                      um(s["max"]));
 }
 
+/// How much of the part the figures leave out.
+std::string left_out(const nlohmann::ordered_json& counts) {
+  const auto& uncut = counts["uncut_percent"];
+  return fmt::format("{:>8} {:>7}",
+                     uncut.is_null() ? std::string("-") : fmt::format("{:.2f}", uncut.get<double>()),
+                     counts["gouged_vertices"].get<int>());
+}
+
+/// The head of a table of residuals.
+std::string residual_head() {
+  return fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>8} {:>7}", "residual in um", "PV", "RMS",
+                     "min", "max", "uncut %", "gouged");
+}
+
+/// The line below it where the machine does not reach all of a generated program.
+std::string unreached_line(const nlohmann::ordered_json& json) {
+  const auto& u = json["unreached"];
+  if (u.is_null()) return {};
+  return fmt::format("not reached by the machine: {} of {} passes, parts of {}\n",
+                     u["passes"].get<int>(), u["all_passes"].get<int>(),
+                     u["broken_passes"].get<int>());
+}
+
+void print_warnings(const nlohmann::ordered_json& json) {
+  if (!json.contains("warnings")) return;
+  for (const auto& warning : json["warnings"])
+    fmt::print(stderr, "abbe: warning: {}\n", warning.get<std::string>());
+}
+
 std::string comparison_text(const nlohmann::ordered_json& json) {
-  std::string text = fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12}   {}\n", "residual in um",
-                                 "PV", "RMS", "min", "max", "machine's part, RMS");
+  std::string text = residual_head() + "   machine's part, RMS\n";
   for (const auto& one : json["cases"]) {
     std::string machine;
     if (!one["machine_um"].is_null() && !one["machine_um"]["rms"].is_null())
@@ -108,10 +137,10 @@ std::string comparison_text(const nlohmann::ordered_json& json) {
     if (!one["reduction_percent"].is_null() && !one["reduction_percent"]["machine_rms"].is_null())
       machine +=
           fmt::format("  ({:+.2f} %)", -one["reduction_percent"]["machine_rms"].get<double>());
-    text += fmt::format("{:<36} {}   {}\n", one["name"].get<std::string>(),
-                        figures(one["residual_um"]), machine);
+    text += fmt::format("{:<36} {} {}   {}\n", one["name"].get<std::string>(),
+                        figures(one["residual_um"]), left_out(one), machine);
   }
-  return text;
+  return text + unreached_line(json);
 }
 
 int finish(const Common& common, const RunOptions& options, const Outcome& outcome) {
@@ -122,15 +151,13 @@ int finish(const Common& common, const RunOptions& options, const Outcome& outco
     fmt::print("\nfiles in {}; comparison.png shows all cases on one scale\n",
                options.folder.string());
   } else {
-    fmt::print("{:<36} {:>12} {:>12} {:>12} {:>12}\n", "residual in um", "PV", "RMS", "min", "max");
-    fmt::print("{:<36} {}\nfiles in {}\n", outcome.json["case"].get<std::string>(),
-               figures(outcome.json["residual_um"]), options.folder.string());
+    fmt::print("{}\n{:<36} {} {}\n{}files in {}\n", residual_head(),
+               outcome.json["case"].get<std::string>(), figures(outcome.json["residual_um"]),
+               left_out(outcome.json), unreached_line(outcome.json), options.folder.string());
   }
   if (!common.json && !outcome.sensors.is_null())
     fmt::print("{}", sensor_choices_text(outcome.sensors));
-  if (outcome.json.contains("warnings"))
-    for (const auto& warning : outcome.json["warnings"])
-      fmt::print(stderr, "abbe: warning: {}\n", warning.get<std::string>());
+  print_warnings(outcome.json);
   for (const std::string& limit : outcome.exceeded) fmt::print(stderr, "abbe: {}\n", limit);
   for (const std::string& failure : outcome.failed) fmt::print(stderr, "abbe: {}\n", failure);
   if (!outcome.failed.empty()) return plug_in;
@@ -181,6 +208,7 @@ int pose(const Common& common, PoseCommand command) {
 int check_command(const Common& common, bool picture) {
   const Scene scene = read_scene(common.scene, overrides(common));
   const Job job = prepare(scene);
+  check_reaches_part(job);
   const nlohmann::ordered_json description = describe(job);
   if (picture) {
     const std::filesystem::path folder = run_options(common).folder;
@@ -189,6 +217,7 @@ int check_command(const Common& common, bool picture) {
     fmt::print(stderr, "picture in {}\n", (folder / "check.png").string());
   }
   fmt::print("{}", common.json ? description.dump(2) + "\n" : to_text(description));
+  print_warnings(description);
   return ok;
 }
 

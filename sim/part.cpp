@@ -1,5 +1,6 @@
 #include "sim/part.h"
 
+#include <algorithm>
 #include <memory>
 
 #include <fmt/format.h>
@@ -21,6 +22,18 @@ void judge_by_radius(Design& design, const PartDescription& part) {
         (part.judged_radius_min && r < *part.judged_radius_min))
       design.judged[std::size_t(i)] = 0;
   }
+}
+
+/// Refuses a part of which nothing is judged.
+void check_judged(const Scene& scene, const Design& design) {
+  const auto& judged = design.judged;
+  if (judged.empty() || std::any_of(judged.begin(), judged.end(), [](auto one) { return one; }))
+    return;
+  const auto* mesh = std::get_if<MeshFile>(&scene.part.shape);
+  throw BadInput(mesh != nullptr ? mesh->file.string() : scene.file.string(), 0, 0,
+                 "a part with vertices to be judged (part.judged_normal_z, judged_margin_mm, "
+                 "judged_radius_min_mm, judged_radius_max_mm)",
+                 fmt::format("{} vertices, all of them left out", judged.size()));
 }
 
 double overrun(const Scene& scene) {
@@ -80,6 +93,7 @@ program::Path read_program(const std::filesystem::path& file, const program::NcO
 struct Generated {
   std::string text;
   std::string ending;
+  program::Unreached unreached = {};
 };
 
 Generated generate(const Scene& scene, const Machine& machine, const Part& part) {
@@ -94,7 +108,9 @@ Generated generate(const Scene& scene, const Machine& machine, const Part& part)
   try {
     if (const auto* raster = std::get_if<program::Raster>(&scene.program.source)) {
       wants(cutter != nullptr, "a milling cutter for a raster program");
-      return {program::generate_raster(*raster, part.contact, *cutter, context), ".ngc"};
+      program::MillingProgram made =
+          program::generate_raster(*raster, part.contact, *cutter, context);
+      return {std::move(made.text), ".ngc", made.unreached};
     }
     if (const auto* flank = std::get_if<program::Flank>(&scene.program.source)) {
       wants(cutter != nullptr, "a milling cutter for a flank program");
@@ -126,6 +142,7 @@ Part load_part(const Scene& scene) {
       },
       scene.part.shape);
   judge_by_radius(part.design_m, scene.part);
+  check_judged(scene, part.design_m);
   const Eigen::Vector2d margin = Eigen::Vector2d::Constant(overrun(scene));
   part.lower = part.design_m.vertices.leftCols<2>().colwise().minCoeff().transpose() - margin;
   part.upper = part.design_m.vertices.leftCols<2>().colwise().maxCoeff().transpose() + margin;
@@ -150,13 +167,13 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
 Program load_program(const Scene& scene, const Machine& machine, const Part& part) {
   const program::NcOptions options = nc_options(scene, machine);
   if (const auto* given = std::get_if<ProgramDescription::File>(&scene.program.source))
-    return {read_program(given->file, options), {}};
+    return {read_program(given->file, options), {}, {}};
   Generated generated = generate(scene, machine, part);
   const std::string name = "program" + generated.ending;
   program::Path path = generated.ending == ".ngc"
                            ? program::read_nc(generated.text, name, options)
                            : program::read_pvt(generated.text, name, options);
-  return {std::move(path), std::move(generated.text)};
+  return {std::move(path), std::move(generated.text), generated.unreached};
 }
 
 }  // namespace abbe::sim

@@ -17,13 +17,15 @@ struct Part {
   Eigen::Vector2d lower, upper;   ///< mm, x y of the part frame that a raster covers
 };
 
-/// @throws BadInput, also if a mesh seems to be in another unit than the scene says
+/// @throws BadInput, also if a mesh seems to be in another unit than the scene says, or no vertex
+///         is left to be judged
 Part load_part(const Scene& scene);
 
 /// A program read, and its text if a generator wrote it.
 struct Program {
   program::Path path;
   std::string text;
+  program::Unreached unreached;  ///< what a generator had to leave out
 };
 
 /// Reads the program of a scene; a generated one is read back from its own text, under the name

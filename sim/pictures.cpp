@@ -43,6 +43,9 @@ render::MapPicture map_picture(const Job& job, const Verdict& verdict) {
   picture.figures = figures(verdict.residual);
   picture.datum = name_of(job.scene.datum.kind);
   picture.alignment = name_of(job.scene.alignment);
+  if (const program::Unreached& u = job.unreached; u.points > 0)
+    picture.caption.push_back(fmt::format("not reached by the machine: {} of {} passes, parts of {}",
+                                          u.passes, u.all_passes, u.broken_passes));
   return picture;
 }
 
@@ -83,7 +86,8 @@ render::Field difference(render::Field a, const render::Field& b,
                    "other vertices");
   a.deviation_um -= b.deviation_um;
   for (std::size_t i = 0; i < a.status.size(); ++i)
-    a.status[i] = std::max(a.status[i], b.status[i]);
+    a.status[i] = std::uint8_t(
+        cutting::worse(cutting::VertexStatus(a.status[i]), cutting::VertexStatus(b.status[i])));
   for (Eigen::Index i = 0; i < a.deviation_um.size(); ++i)
     if (a.status[std::size_t(i)] != 0) a.deviation_um[i] = std::numeric_limits<double>::quiet_NaN();
   return a;
@@ -297,6 +301,11 @@ void write_case_pictures(const std::filesystem::path& folder, const Job& job,
     render::HistogramOptions options;
     options.title = job.scene.title + ": " + verdict.cut.name;
     if (job.scene.part.tolerance > 0.0) options.tolerance_um = job.scene.part.tolerance / units::um;
+    if (const cutting::Statistics& s = verdict.residual; s.uncut_vertices + s.gouged_vertices > 0)
+      options.caption.push_back(
+          fmt::format("left out: {} of {} judged vertices uncut, {} gouged deeper than the band",
+                      s.uncut_vertices, s.cut_vertices + s.uncut_vertices + s.gouged_vertices,
+                      s.gouged_vertices));
     render::write_histogram(file, deviation_um(verdict), job.design_w.area, options);
   });
 }

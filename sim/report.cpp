@@ -1,5 +1,7 @@
 #include "sim/report.h"
 
+#include <algorithm>
+
 #include <fmt/format.h>
 #include <Eigen/Core>
 #include <nlohmann/json.hpp>
@@ -7,6 +9,7 @@
 #include "kinematics/units.h"
 #include "sim/output.h"
 #include "sim/pictures.h"
+#include "sim/program_warnings.h"
 
 namespace abbe::sim {
 namespace {
@@ -26,6 +29,28 @@ ordered_json statistics_um(const cutting::Statistics& s) {
           {"max", in(units::um, s.max)},
           {"p95_abs", in(units::um, s.p95_abs)},
           {"in_tolerance_percent", in(1.0, s.in_tolerance_percent)}};
+}
+
+/// How many of the judged vertices are what, as summary and comparison tell it.
+ordered_json vertex_counts(const cutting::Statistics& s) {
+  const int judged = s.cut_vertices + s.uncut_vertices + s.gouged_vertices;
+  return {{"vertices", s.vertices},
+          {"cut_vertices", s.cut_vertices},
+          {"uncut_vertices", s.uncut_vertices},
+          {"uncut_percent", judged > 0 ? ordered_json(100.0 * s.uncut_vertices / judged) : ordered_json()},
+          {"gouged_vertices", s.gouged_vertices},
+          {"deepest_gouge_um", s.deepest ? ordered_json(s.deepest->depth / units::um) : ordered_json()},
+          {"outside_vertices", s.outside_vertices}};
+}
+
+/// What the machine does not reach of a generated program; null where it reaches all.
+ordered_json unreached(const program::Unreached& u) {
+  if (u.points == 0) return {};
+  return {{"passes", u.passes},
+          {"broken_passes", u.broken_passes},
+          {"all_passes", u.all_passes},
+          {"points", u.points},
+          {"all_points", u.all_points}};
 }
 
 ordered_json spread(const Spread& s, double unit) {
@@ -106,7 +131,24 @@ ordered_json radii_um(const Job& job, const cutting::Surface& surface) {
   return radii;
 }
 
+/// A mesh whose facets sag by more than all that is found on it.
+std::string coarse_warning(const Job& job, const cutting::Statistics& residual) {
+  if (!std::holds_alternative<MeshFile>(job.scene.part.shape) || !residual.pv) return {};
+  const double facet_error = cutting::coarseness(job.design_w).facet_error;
+  if (facet_error <= *residual.pv) return {};
+  return fmt::format(
+      "the mesh is coarse beside what is found on it: between judged vertices its facets sag by up "
+      "to {:.4g} um, PV is {:.4g} um",
+      facet_error / units::um, *residual.pv / units::um);
+}
+
 }  // namespace
+
+std::vector<std::string> warnings_of(const Job& job, const Cut& cut) {
+  std::vector<std::string> all = job.warnings;
+  all.insert(all.end(), cut.warnings.begin(), cut.warnings.end());
+  return all;
+}
 
 const char* name_of(DatumDescription::Kind kind) {
   switch (kind) {
@@ -140,9 +182,8 @@ Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
     verdict.machine = cutting::statistics(
         cutting::minus(verdict.aligned.surface, error_free->aligned.surface), job.design_w);
   }
-  if (verdict.residual.cut_vertices == 0)
-    cut.warnings.push_back(fmt::format(
-        "nothing was cut: no surface was found within +-{} mm of the design", job.scene.band));
+  if (const std::string coarse = coarse_warning(job, verdict.residual); !coarse.empty())
+    cut.warnings.push_back(coarse);
   const ordered_json radii = radii_um(job, verdict.aligned.surface);
   for (const auto& [name, radius] : radii.items())
     if (radius.is_null()) cut.warnings.push_back("no cut vertex lies on the ring " + name);
@@ -164,12 +205,9 @@ ordered_json summary(const Job& job, const Verdict& verdict) {
       {"scene", job.scene.title},
       {"case", verdict.cut.name},
       {"seed", job.scene.seed},
-      {"vertices", s.vertices},
-      {"cut_vertices", s.cut_vertices},
-      {"uncut_vertices", s.uncut_vertices},
-      {"outside_vertices", s.outside_vertices},
       {"moves", job.path.motion_blocks},
       {"samples", job.samples.states.size()},
+      {"unreached", unreached(job.unreached)},
       {"residual_um", statistics_um(s)},
       {"machine_um", verdict.machine ? statistics_um(*verdict.machine) : ordered_json()},
       {"tip_error_um", spread(verdict.cut.tip_error, units::um)},
@@ -181,9 +219,10 @@ ordered_json summary(const Job& job, const Verdict& verdict) {
       {"alignment", name_of(job.scene.alignment)},
       {"form", form},
       {"timing_s", timing},
-      {"warnings", verdict.cut.warnings},
+      {"warnings", warnings_of(job, verdict.cut)},
       {"versions", versions()},
   };
+  json.update(vertex_counts(s));
   if (job.truth.heat) json["temperature_C"] = heat_C(job);
   if (!verdict.cut.process.steps.empty()) json["cut"] = process_figures(verdict.cut.process);
   if (!job.scene.part.rings.empty()) json["radii_um"] = radii_um(job, verdict.aligned.surface);
@@ -223,6 +262,9 @@ ordered_json comparison(const Job& job, const std::vector<Compared>& cases,
   ordered_json all = ordered_json::array(), warnings = ordered_json::array();
   for (const Compared& one : cases) {
     const Verdict& verdict = one.verdict;
+    for (const std::string& warning : one.job->warnings)  // of a scene and all its variants once
+      if (std::find(warnings.begin(), warnings.end(), warning) == warnings.end())
+        warnings.push_back(warning);
     for (const std::string& warning : verdict.cut.warnings)
       warnings.push_back(verdict.cut.name + ": " + warning);
     ordered_json entry = {
@@ -243,12 +285,14 @@ ordered_json comparison(const Job& job, const std::vector<Compared>& cases,
             reduction(before.machine->rms, verdict.machine->rms);
       }
     }
+    entry.update(vertex_counts(verdict.residual));
     all.push_back(entry);
   }
   ordered_json json = {{"scene", job.scene.title},
                        {"seed", job.scene.seed},
                        {"vertices", job.design_w.vertices.rows()},
                        {"moves", job.path.motion_blocks},
+                       {"unreached", unreached(job.unreached)},
                        {"datum", name_of(job.scene.datum.kind)},
                        {"alignment", name_of(job.scene.alignment)},
                        {"cases", all}};
@@ -268,13 +312,20 @@ std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict) 
                         std::optional<double> value) {
     if (limit_um && !value)
       all.push_back(
-          fmt::format("{}: {} is unknown, since nothing was cut; the scene allows {:.4f} um",
+          fmt::format("{}: {} is unknown, since nothing was cut within the band; the scene allows {:.4f} um",
                       verdict.cut.name, what, *limit_um));
     if (limit_um && value && *value / units::um > *limit_um)
       all.push_back(fmt::format("{}: {} is {:.4f} um, the scene allows {:.4f} um", verdict.cut.name,
                                 what, *value / units::um, *limit_um));
   };
   const cutting::Statistics& s = verdict.residual;
+  const bool limited = limits.pv_um || limits.rms_um || limits.max_abs_um;
+  if (limited && s.deepest)
+    all.push_back(fmt::format(
+        "{}: {} vertices are gouged deeper than the band of the search, the deepest by {}{:.1f} um, "
+        "which no limit allows",
+        verdict.cut.name, s.gouged_vertices, s.deepest->deeper ? "more than " : "",
+        s.deepest->depth / units::um));
   look("PV", limits.pv_um, s.pv);
   look("RMS", limits.rms_um, s.rms);
   look("largest deviation", limits.max_abs_um,

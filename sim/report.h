@@ -43,6 +43,9 @@ const char* name_of(Alignment alignment);
 /// @throws OutputFailure
 void write_case(const std::filesystem::path& folder, const Job& job, const Verdict& verdict);
 
+/// Warnings of the scene itself and of the cut, in that order.
+std::vector<std::string> warnings_of(const Job& job, const Cut& cut);
+
 /// `comparison.json`: every case against the uncompensated one of its variant.
 struct Compared {
   Verdict verdict;

@@ -107,7 +107,8 @@ ordered_json rewrite(const std::filesystem::path& file, const RewriteCommandOpti
   ordered_json step;
   if (!is_pvt(job.path))
     step = {{"mm", words.word_resolution}, {"deg", words.angle_resolution / units::deg}};
-  std::vector<std::string> warnings = told.warnings;
+  std::vector<std::string> warnings = job.warnings;
+  warnings.insert(warnings.end(), told.warnings.begin(), told.warnings.end());
   if (told.not_converged > 0)
     warnings.push_back(fmt::format("{} of {} corrections did not converge", told.not_converged,
                                    job.samples.states.size()));

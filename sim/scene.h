@@ -50,6 +50,7 @@ struct MachineDescription {
 /// A tool, what the control believes of it, and what it really is.
 struct ToolDescription {
   std::string name;
+  std::optional<int> number;  ///< T of a program that calls it
   std::variant<cutting::Cutter, cutting::Nose> nominal;
   std::variant<cutting::Cutter, cutting::Nose> actual;  ///< same alternative as nominal
   double length = 0.0;                                  ///< mm from the nose s to the tip t

@@ -299,6 +299,7 @@ ToolDescription read_tool(const Node& table, Faults& faults) {
     tool.nominal = read_cutter(reader, kind, {}, true);
   }
   tool.length = reader.number("length_mm", any_number);
+  if (const auto number = reader.maybe_integer("number", 0, 999'999)) tool.number = int(*number);
   tool.actual = tool.nominal;
   tool.actual_length = tool.length;
   if (const Node* node = reader.section("actual")) {

@@ -7,6 +7,7 @@
 #include "cutting/primitive.h"
 #include "cutting/tool.h"
 #include "kinematics/chain.h"
+#include "kinematics/inverse.h"
 #include "sim/program/nc_write.h"
 
 namespace abbe::sim::program {
@@ -60,11 +61,29 @@ struct GenerateContext {
   int h_number = 1;                                      ///< tool length word
 };
 
+/// What a generator had to leave out, as the machine does not reach it.
+struct Unreached {
+  int passes = 0;          ///< of which nothing is cut
+  int broken_passes = 0;   ///< of which some is cut
+  int all_passes = 0;      ///< wanted
+  int points = 0;          ///< left out, of all passes
+  int all_points = 0;      ///< wanted
+  int first_pass = 0;      ///< that is not whole, counted from 1; 0: all are
+  kinematics::Reach why = kinematics::Reach::Reached;  ///< of its first point that is not reached
+  Eigen::Vector3d tip_w = Eigen::Vector3d::Zero();     ///< mm, that point
+};
+
+/// A generated program, and what of it the machine cannot do.
+struct MillingProgram {
+  std::string text;
+  Unreached unreached;
+};
+
 /// Five-axis NC text (G43.4, tip coordinates) for any cutter; three-axis G1 where the machine has
-/// no rotary axes. Points where the machine cannot give the direction end the pass.
+/// no rotary axes. Points that the machine does not reach end the pass, and are counted.
 /// @throws std::invalid_argument if nothing of the design lies in the range or no pose is reachable
-std::string generate_raster(const Raster& raster, const ContactField& design,
-                            const cutting::Cutter& cutter, const GenerateContext& context);
+MillingProgram generate_raster(const Raster& raster, const ContactField& design,
+                               const cutting::Cutter& cutter, const GenerateContext& context);
 
 std::string generate_flank(const Flank& flank, const cutting::Cone& cone,
                            const cutting::Cutter& cutter, const GenerateContext& context);

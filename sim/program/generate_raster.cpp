@@ -161,8 +161,8 @@ void check(const Raster& raster, const cutting::Cutter& cutter, const GenerateCo
 
 }  // namespace
 
-std::string generate_raster(const Raster& raster, const ContactField& design,
-                            const cutting::Cutter& cutter, const GenerateContext& context) {
+MillingProgram generate_raster(const Raster& raster, const ContactField& design,
+                               const cutting::Cutter& cutter, const GenerateContext& context) {
   check(raster, cutter, context);
   std::optional<Eigen::Vector3d> fixed_axis;  // in the part frame
   if (!has_rotary_axes(context.control)) {

@@ -14,6 +14,7 @@ namespace {
 
 using kinematics::AxisVector;
 using kinematics::Motion;
+using kinematics::Reach;
 
 class Writer {
  public:
@@ -29,10 +30,11 @@ class Writer {
 
   void head();
   void pass(const Pass& pass);
-  std::string text();
+  MillingProgram program();
 
  private:
-  bool reach(const Posture& posture);
+  Reach reach(const Posture& posture);
+  void leave_out(const Posture& posture, Reach why);
   AxisVector words(const Eigen::Vector3d& tip_w) const;
   void rapid(const Eigen::Vector3d& tip_w) { items_.push_back(NcMove{true, words(tip_w), 0.0}); }
   void cut(const Eigen::Vector3d& tip_w) { items_.push_back(NcMove{false, words(tip_w), feed_}); }
@@ -54,14 +56,23 @@ class Writer {
   std::optional<Eigen::Vector3d> at_;  ///< clear of the part, where the tip stands between passes
   bool cuts_ = false;
   std::vector<NcItem> items_;
+  Unreached unreached_;
 };
 
-bool Writer::reach(const Posture& posture) {
+Reach Writer::reach(const Posture& posture) {
   const auto result =
       kinematics::inverse(context_.control, {posture.tip_w, posture.direction_w}, axes_);
-  if (result.branches.empty()) return false;
-  axes_ = result.branches.front();
-  return true;
+  if (!result.branches.empty()) axes_ = result.branches.front();
+  return result.reach;
+}
+
+void Writer::leave_out(const Posture& posture, Reach why) {
+  if (options_.whole)
+    throw std::invalid_argument("expected a machine that reaches every pose of the pass");
+  if (unreached_.points++ > 0) return;
+  unreached_.first_pass = unreached_.all_passes;
+  unreached_.why = why;
+  unreached_.tip_w = posture.tip_w;
 }
 
 AxisVector Writer::words(const Eigen::Vector3d& tip_w) const {
@@ -104,15 +115,19 @@ void Writer::leave(const Posture& posture) {
 
 void Writer::pass(const Pass& pass) {
   const Posture* last = nullptr;
+  ++unreached_.all_passes;
+  unreached_.all_points += int(pass.size());
+  int reached_points = 0;
   for (const Posture& posture : pass) {
     const AxisVector before = axes_;
-    if (!reach(posture)) {
-      if (options_.whole)
-        throw std::invalid_argument("expected a machine that reaches every pose of the pass");
+    const Reach reach_of_it = reach(posture);
+    if (reach_of_it == Reach::OutOfLimits || reach_of_it == Reach::Unreachable) {
+      leave_out(posture, reach_of_it);
       if (last) leave(*last);
       last = nullptr;
       continue;
     }
+    ++reached_points;
     if (last) {
       cut(posture.tip_w);
     } else {
@@ -128,15 +143,17 @@ void Writer::pass(const Pass& pass) {
     last = &posture;
   }
   if (last) leave(*last);
+  if (reached_points == 0) ++unreached_.passes;
+  if (reached_points > 0 && reached_points < int(pass.size())) ++unreached_.broken_passes;
 }
 
-std::string Writer::text() {
+MillingProgram Writer::program() {
   if (!cuts_) throw std::invalid_argument("expected a pose that the machine can reach");
   rapid(above(*at_));
   items_.push_back("M5");
   items_.push_back("M2");
   const std::vector<ControlledAxis> axes = controlled_axes(context_.control);
-  return write_nc(items_, axes, {.format = options_.format, .inverse_time = false});
+  return {write_nc(items_, axes, {.format = options_.format, .inverse_time = false}), unreached_};
 }
 
 }  // namespace
@@ -154,8 +171,8 @@ std::vector<ControlledAxis> controlled_axes(const kinematics::Chain& chain) {
   return axes;
 }
 
-std::string milling_text(const std::vector<Pass>& passes, const MillingTextOptions& options,
-                         const GenerateContext& context) {
+MillingProgram milling_text(const std::vector<Pass>& passes, const MillingTextOptions& options,
+                            const GenerateContext& context) {
   for (const char letter : {'X', 'Y', 'Z'})
     if (!context.control.find(letter))
       throw std::invalid_argument("expected a machine with the axes X Y Z");
@@ -165,7 +182,7 @@ std::string milling_text(const std::vector<Pass>& passes, const MillingTextOptio
   Writer writer(options, context, highest + options.clearance + 2 * options.cutter_radius);
   writer.head();
   for (const Pass& pass : passes) writer.pass(pass);
-  return writer.text();
+  return writer.program();
 }
 
 }  // namespace abbe::sim::program

@@ -22,14 +22,14 @@ struct MillingTextOptions {
   double speed_rpm = 10000.0;   ///< of the spindle
   double cutter_radius = 5.0;   ///< mm, how much a turning tool may dip below its tip
   double neighbour = 0.0;  ///< mm, passes this near are linked at clearance, others above the part
-  bool whole = false;      ///< a posture out of reach is refused; else it ends its pass
+  bool whole = false;  ///< a posture out of reach is refused; else it ends its pass, and is counted
   NcFormat format;
 };
 
 /// NC text of passes: G43.4 where the machine has rotary axes, positions of the slides where not.
 /// @throws std::invalid_argument if nothing is reachable
-std::string milling_text(const std::vector<Pass>& passes, const MillingTextOptions& options,
-                         const GenerateContext& context);
+MillingProgram milling_text(const std::vector<Pass>& passes, const MillingTextOptions& options,
+                            const GenerateContext& context);
 
 /// True if the machine can turn the tool against the workpiece.
 bool has_rotary_axes(const kinematics::Chain& chain);

@@ -245,6 +245,7 @@ class Control {
   double tool_length_ = 0.0;  ///< mm added to Z under G43
   int offset_ = 0;            ///< 0 .. 5, G54 .. G59
   std::optional<Feed> feed_;
+  int tool_ = -1;  ///< of the last T word
   double spindle_rpm_ = 0.0;
   int spindle_turns_ = 0;  ///< +1 M3, -1 M4, 0 M5
 };
@@ -426,6 +427,10 @@ void Control::set_modes(const NcBlock& block, const Codes& codes) {
 }
 
 void Control::note_tool_and_coolant(const NcBlock& block, const Codes& codes) {
+  if (block['T']) tool_ = int(std::min(block['T'].value, 1e9));
+  const bool changes = bool(codes[Group::ToolChange]);
+  if (block['T'] || changes)
+    path_.tool_calls.push_back({line_, tool_, changes, path_.blocks.size()});
   std::string text = block['T'] ? fmt::format("T{:.0f}", block['T'].value) : "";
   for (const Group group : {Group::ToolChange, Group::Coolant})
     if (const Codes::Code& code = codes[group]; code && code.tenths != 90)

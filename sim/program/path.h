@@ -74,6 +74,14 @@ struct Aside {
   std::string text;
 };
 
+/// A tool that an NC program names.
+struct ToolCall {
+  int line = 0;
+  int number = 0;          ///< of the T word in force; -1: M6 before any
+  bool changes = false;    ///< M6; else T alone
+  std::size_t before = 0;  ///< block that it stands before; the number of blocks at the end
+};
+
 /// A program read: what the axes are told, block by block, in time. Memory is linear in the blocks.
 struct Path {
   std::string file;
@@ -81,6 +89,7 @@ struct Path {
   std::vector<Arc> arcs;
   std::vector<Cubic> cubics;
   std::vector<Aside> asides;  ///< in the order of the program
+  std::vector<ToolCall> tool_calls;  ///< the same
   int motion_blocks = 0;      ///< blocks with motion, as `moves` in the summary
 };
 

@@ -6,6 +6,7 @@
 
 #include "cutting/alignment.h"
 #include "cutting/residual.h"
+#include "sim/reach.h"
 #include "sim/run_out.h"
 
 namespace abbe::sim::study {
@@ -108,6 +109,7 @@ Compensated commands(const Arm& arm, const Job& job) {
 ReadyArm ready_arm(const Study& study, const Arm& arm, const Progress& progress) {
   Scene scene = scene_of(study, arm);
   Job job = prepared(study, arm, scene, progress);
+  check_reaches_part(job);
   Compensated told = commands(arm, job);
   const bool for_each = are_told_for_each(study, arm, scene);
   cutting::Surface error_free;

@@ -6,6 +6,17 @@
 
 namespace abbe::sim::study {
 
+namespace {
+
+/// The design with only those vertices judged that have no rival.
+cutting::Design without_rivals(cutting::Design design, const std::vector<cutting::Rival>& rivals) {
+  design.judged.resize(std::size_t(design.vertices.rows()), 1);
+  for (const cutting::Rival& rival : rivals) design.judged[std::size_t(rival.vertex)] = 0;
+  return design;
+}
+
+}  // namespace
+
 BaseRun base_run(const Study& study, const ReadyArm& ready, const Progress& progress) {
   const Job& job = ready.job;
   BaseRun run{study, ready, cut_process(job, ready.told), {}, {}, std::nullopt, {}};
@@ -16,17 +27,24 @@ BaseRun base_run(const Study& study, const ReadyArm& ready, const Progress& prog
   options.band = job.scene.band;
   if (progress) options.progress = [&](double fraction) { progress("rivals", fraction); };
   const program::Samples& samples = ready.told.samples;
+  const cutting::SurfaceOptions band{.band = job.scene.band, .progress = {}};
   if (const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.actual)) {
     for (std::size_t i = 0; i < samples.states.size(); ++i) run.sample.push_back(i);
-    run.rivals =
-        cutting::milled_rivals(job.design_w, *cutter, cutter_motion(run.T_wt, samples), options);
+    const cutting::CutterMotion motion = cutter_motion(run.T_wt, samples);
+    run.rivals = cutting::milled_rivals(job.design_w, *cutter, motion, options);
+    run.gouges =
+        cutting::milled_surface(without_rivals(job.design_w, run.rivals), *cutter, motion, band)
+            .gouges;
     return run;
   }
   const int joint = *job.machine.workpiece_spindle;
   run.spindle = spindle_line(job.machine.actual, joint);
   run.sample = distinct_instants(samples);
-  run.rivals = cutting::turned_rivals(job.design_w, std::get<cutting::Nose>(job.scene.tool.actual),
-                                      nose_motion(run.T_wt, samples, *run.spindle, joint), options);
+  const auto& nose = std::get<cutting::Nose>(job.scene.tool.actual);
+  const cutting::NoseMotion motion = nose_motion(run.T_wt, samples, *run.spindle, joint);
+  run.rivals = cutting::turned_rivals(job.design_w, nose, motion, options);
+  run.gouges =
+      cutting::turned_surface(without_rivals(job.design_w, run.rivals), nose, motion, band).gouges;
   return run;
 }
 

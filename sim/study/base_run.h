@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "cutting/rivals.h"
+#include "cutting/surface.h"
 #include "sim/study/arm.h"
 #include "sim/tool_motion.h"
 
@@ -19,6 +20,7 @@ struct BaseRun {
   std::vector<std::size_t> sample;     ///< of the motion that cuts: its samples in those of the job
   std::optional<SpindleLine> spindle;  ///< the workpiece turns about it
   std::vector<cutting::Rival> rivals;  ///< in the order of the vertices
+  std::vector<cutting::Gouge> gouges = {};  ///< of the vertices without one, in the same order
 };
 
 /// `study` and `ready` outlive it.

@@ -72,6 +72,7 @@ struct ArmBudget {
   std::optional<double> map_mean_rms;  ///< mm, of the part that is no input's: cusps, centres
   std::optional<double> flagged_percent;
   std::optional<double> uncut_percent;  ///< of the judged area, with every input at its centre
+  std::optional<double> gouged_percent;  ///< the same, deeper than the band
   std::optional<Allocation> allocation;
 };
 

@@ -178,6 +178,7 @@ ordered_json map_of(const Study& study, const ArmBudget& arm) {
           {"mean_rms_um", um(arm.map_mean_rms)},
           {"flagged_percent", number(arm.flagged_percent)},
           {"uncut_percent", number(arm.uncut_percent)},
+          {"gouged_percent", number(arm.gouged_percent)},
           {"contributions", list}};
 }
 

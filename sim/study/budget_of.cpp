@@ -216,15 +216,14 @@ void add_maps(const Study& study, const InfluenceMap& influence, ArmBudget& budg
                            part.sum() > 0.0 ? part[i] / part.sum() : 0.0});
 }
 
-double uncut_percent(const InfluenceMap& influence) {
-  double judged = 0.0, uncut = 0.0;
+double percent_of(const InfluenceMap& influence, cutting::VertexStatus status) {
+  double judged = 0.0, part = 0.0;
   for (std::size_t v = 0; v < influence.status.size(); ++v) {
     if (influence.status[v] == cutting::VertexStatus::Outside) continue;
     judged += influence.design.area[Index(v)];
-    if (influence.status[v] == cutting::VertexStatus::Uncut)
-      uncut += influence.design.area[Index(v)];
+    if (influence.status[v] == status) part += influence.design.area[Index(v)];
   }
-  return judged > 0.0 ? 100.0 * uncut / judged : 0.0;
+  return judged > 0.0 ? 100.0 * part / judged : 0.0;
 }
 
 /// Cases without an answer, by what was expected of them: what was seen differs from case to case.
@@ -263,6 +262,11 @@ void add_warnings(Budget& budget) {
           fmt::format("{:.3g} % of the judged area is not cut with every input at its centre, and "
                       "left out ({})",
                       *arm.uncut_percent, arm.arm.name));
+    if (arm.gouged_percent && *arm.gouged_percent > 0.0)
+      budget.warnings.push_back(
+          fmt::format("{:.3g} % of the judged area is gouged deeper than the band with every input at "
+                      "its centre, and left out ({})",
+                      *arm.gouged_percent, arm.arm.name));
   }
   for (const Proof& proof : budget.proofs) {
     if (proof.percent && *proof.percent > most_off)
@@ -305,7 +309,8 @@ Budget budget_of(const ReadyStudy& ready, const std::vector<Row>& rows, const Pr
     if (progress) progress("budget", double(arm) / double(ready.arms.size()));
     add_maps(study, influence, one);
     if (study.influence.checks > 0) one.flagged_percent = influence.flagged_percent;
-    one.uncut_percent = uncut_percent(influence);
+    one.uncut_percent = percent_of(influence, cutting::VertexStatus::Uncut);
+    one.gouged_percent = percent_of(influence, cutting::VertexStatus::Gouged);
     if (study.worst_case)
       for (ResponseBudget& response : one.responses) {
         const Corner corner = worst_corner(study, ready.arms[arm], influence, response.response);
@@ -314,6 +319,11 @@ Budget budget_of(const ReadyStudy& ready, const std::vector<Row>& rows, const Pr
       }
     if (study.tolerance) one.allocation = allocation(study, ready.arms[arm], influence);
   }
+  for (const ReadyArm& arm : ready.arms)
+    for (const std::string& warning : arm.job.warnings)  // of a program that all arms share once
+      if (std::find(budget.warnings.begin(), budget.warnings.end(), warning) ==
+          budget.warnings.end())
+        budget.warnings.push_back(warning);
   add_warnings(budget);
   return budget;
 }

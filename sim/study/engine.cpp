@@ -6,6 +6,8 @@
 #include <mutex>
 #include <optional>
 
+#include <fmt/format.h>
+
 #include "kinematics/bad_input.h"
 #include "sim/progress.h"
 
@@ -52,9 +54,14 @@ void put(const ReadyStudy& ready, std::size_t arm, const Eigen::VectorXd& values
     row.answers[column_of(ready.study, arm, i)] = values[Eigen::Index(i)];
 }
 
-bool nothing_cut(const cutting::Surface& surface) {
-  return std::find(surface.status.begin(), surface.status.end(), cutting::VertexStatus::Cut) ==
-         surface.status.end();
+/// Why a map has no answer: its figures would leave out what is worst on it. Empty if it has one.
+std::string fault_of(const cutting::Surface& surface, double band) {
+  if (!surface.gouges.empty())
+    return fmt::format("expected no gouge deeper than the band of {} mm, seen {} vertices with one",
+                       band, surface.gouges.size());
+  const bool cut = std::find(surface.status.begin(), surface.status.end(),
+                             cutting::VertexStatus::Cut) != surface.status.end();
+  return cut ? "" : "nothing of the part was cut";
 }
 
 void note(Row& row, const ReadyStudy& ready, std::size_t arm, const std::string& fault) {
@@ -71,8 +78,11 @@ std::vector<Row> cut(const ReadyStudy& ready, SpareJobs& spare, const Batch& bat
       try {
         Tried tried = cut_at(ready.study, ready.arms[arm], spare.take(ready.arms[arm], arm),
                              x.col(Eigen::Index(i)));
-        put(ready, arm, tried.responses, rows[i]);
-        if (nothing_cut(tried.surface)) note(rows[i], ready, arm, "nothing of the part was cut");
+        const std::string fault = fault_of(tried.surface, tried.job.scene.band);
+        if (fault.empty())
+          put(ready, arm, tried.responses, rows[i]);
+        else
+          note(rows[i], ready, arm, fault);
         spare.give_back(arm, std::move(tried.job));
       } catch (const BadScene& bad) {
         note(rows[i], ready, arm, bad.what());

@@ -135,6 +135,8 @@ InfluenceMap framed(const BaseRun& run) {
   for (Index v = 0; v < n; ++v)
     if (!judged.empty() && !judged[std::size_t(v)])
       map.status[std::size_t(v)] = cutting::VertexStatus::Outside;
+  for (const cutting::Gouge& gouge : run.gouges)
+    map.status[std::size_t(gouge.vertex)] = cutting::VertexStatus::Gouged;
   if (run.study.machine_part) map.error_free = run.ready.error_free.residual;
   map.distance.resize(Index(rivals.size()));
   map.half_curvature.resize(Index(rivals.size()));

@@ -73,7 +73,7 @@ TEST(ReadMesh, EveryBadFileOfTheCorpusIsRefusedForItsReason) {
   const std::map<std::string, std::string> reasons = {
       {"truncated_ascii.stl", ":15:1: expected 'endfacet', seen 'endfa'"},
       {"truncated_binary.stl", "284 by its header of n = 4, seen 150 bytes"},
-      {"truncated.off", ":9:8: expected triangles only: number of corners 3, seen the end"},
+      {"truncated.off", ":9:8: expected number of corners (3 .. 1000), seen the end"},
       {"truncated_little.ply",
        "data for all elements of the header, seen the end of the file at byte"},
       {"truncated_ascii.ply", "expected a finite number, seen the end"},
@@ -118,7 +118,8 @@ TEST(ReadMesh, EveryBadFileOfTheCorpusIsRefusedForItsReason) {
       {"index.obj", ":9:7: expected the number of a vertex"},
       {"index.off", ":8:7: expected number of a vertex (0 .. 3)"},
       {"index.ply", "number of a vertex (0 .. 3), seen -1"},
-      {"quad.obj", ":5:9: expected triangles only"},
+      {"quad.obj", "4 open edges"},
+      {"crossed.obj", ":5:1: expected a face whose outline does not cross itself"},
       {"nul.obj", ":2:3: expected a finite number, seen '10\\x00'"},
       {"huge.obj", ":2:3: expected a finite number, seen '1e400'"},
   };

@@ -314,16 +314,23 @@ TEST(MilledSurface, StatusTellsMissesBuriedStartsAndVerticesLeftOut) {
   design.judged = {1, 1, 1, 1, 0, 1};
   const CutterMotion motion = motion_of({{Vector3d(-30, 0, 0.2)}, {Vector3d(30, 0, 0.2)}});
   const Surface surface = milled_surface(design, {5, 5, 20}, motion);
-  const std::vector<VertexStatus> expected = {VertexStatus::Cut,   VertexStatus::Uncut,
-                                              VertexStatus::Uncut, VertexStatus::Uncut,
-                                              VertexStatus::Outside, VertexStatus::Uncut};
+  const std::vector<VertexStatus> expected = {VertexStatus::Cut,     VertexStatus::Uncut,
+                                              VertexStatus::Gouged,  VertexStatus::Uncut,
+                                              VertexStatus::Outside, VertexStatus::Gouged};
   EXPECT_EQ(surface.status, expected);
   for (std::size_t i = 0; i < expected.size(); ++i) {
-    const bool cut = expected[i] == VertexStatus::Cut;
+    const bool cut = expected[i] == VertexStatus::Cut, gouged = expected[i] == VertexStatus::Gouged;
     EXPECT_EQ(std::isnan(surface.residual[Eigen::Index(i)]), !cut);
-    EXPECT_EQ(std::isnan(surface.cut_time_s[Eigen::Index(i)]), !cut);
-    EXPECT_EQ(surface.cut_line[i], cut ? 10 : 0);
+    EXPECT_EQ(std::isnan(surface.cut_time_s[Eigen::Index(i)]), !cut && !gouged);
+    EXPECT_EQ(surface.cut_line[i], cut || gouged ? 10 : 0);
   }
+  ASSERT_EQ(surface.gouges.size(), 2u);
+  EXPECT_EQ(surface.gouges[0].vertex, 2);
+  EXPECT_NEAR(surface.gouges[0].depth, 2.3, exact);  // the ball's lowest point
+  EXPECT_FALSE(surface.gouges[0].deeper);
+  EXPECT_EQ(surface.gouges[1].vertex, 5);
+  EXPECT_EQ(surface.gouges[1].depth, 20.0);  // ten bands, and in the tool there
+  EXPECT_TRUE(surface.gouges[1].deeper);
 }
 
 TEST(MilledSurface, NothingIsCutWithoutMotionAndNothingToldWithoutVertices) {

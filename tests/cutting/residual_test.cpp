@@ -51,6 +51,21 @@ TEST(Statistics, AreThoseComputedByHand) {
   EXPECT_EQ(t.outside_vertices, 1);
 }
 
+TEST(Statistics, CountGougesBeyondTheBandAsOutOfTolerance) {
+  Surface s = map_of((Eigen::VectorXd(4) << 1, -1, nan, nan).finished());
+  s.status[2] = s.status[3] = VertexStatus::Gouged;
+  s.gouges = {{2, 5.0, false}, {3, 8.0, true}};
+  const Statistics t = statistics(s, weights(Eigen::VectorXd::Ones(4)), 1.0);
+  EXPECT_DOUBLE_EQ(*t.pv, 2);
+  EXPECT_DOUBLE_EQ(*t.in_tolerance_percent, 50);
+  EXPECT_EQ(t.gouged_vertices, 2);
+  EXPECT_EQ(t.uncut_vertices + t.outside_vertices, 0);
+  ASSERT_TRUE(t.deepest);
+  EXPECT_EQ(t.deepest->vertex, 3);
+  EXPECT_EQ(t.deepest->depth, 8.0);
+  EXPECT_TRUE(t.deepest->deeper);
+}
+
 TEST(Statistics, WithoutCutVerticesAreEmpty) {
   Surface s = map_of(Eigen::VectorXd::Constant(3, nan));
   s.status.assign(3, VertexStatus::Uncut);
@@ -128,6 +143,28 @@ TEST(Minus, SubtractsWhereBothAreCut) {
   EXPECT_EQ(d.status[3], VertexStatus::Outside);
   EXPECT_EQ(*statistics(minus(a, a), weights(Eigen::VectorXd::Ones(4))).pv, 0.0);
   EXPECT_THROW(minus(a, map_of(Eigen::VectorXd::Ones(3))), std::invalid_argument);
+}
+
+TEST(Minus, KeepsTheGougesOfBoth) {
+  Surface a = map_of((Eigen::VectorXd(4) << nan, nan, 1, nan).finished());
+  Surface b = map_of((Eigen::VectorXd(4) << 1, nan, nan, nan).finished());
+  a.status[0] = a.status[1] = a.status[3] = VertexStatus::Gouged;
+  a.gouges = {{0, 5.0, false}, {1, 6.0, false}, {3, 7.0, false}};
+  b.status[1] = b.status[2] = VertexStatus::Gouged;
+  b.status[3] = VertexStatus::Outside;
+  b.gouges = {{1, 60.0, false}, {2, 8.0, true}};
+  b.cut_line[2] = 9;
+  const Surface d = minus(a, b);
+  const std::vector<VertexStatus> expected = {VertexStatus::Gouged, VertexStatus::Gouged,
+                                              VertexStatus::Gouged, VertexStatus::Outside};
+  EXPECT_EQ(d.status, expected);
+  ASSERT_EQ(d.gouges.size(), 3u);
+  EXPECT_EQ(d.gouges[0].depth, 5.0);
+  EXPECT_EQ(d.gouges[1].depth, 6.0);
+  EXPECT_EQ(d.gouges[2].depth, 8.0);
+  EXPECT_EQ(d.cut_line[1], 7);
+  EXPECT_EQ(d.cut_line[2], 9);
+  EXPECT_FALSE(statistics(d, weights(Eigen::VectorXd::Ones(4))).pv);
 }
 
 }  // namespace

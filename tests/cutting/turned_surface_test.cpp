@@ -347,17 +347,19 @@ TEST(TurnedSurface, TiesGoToTheEarlierInstant) {
   EXPECT_EQ(surface.cut_line[0], 7);
 }
 
-TEST(TurnedSurface, RayThatStartsInRemovedSpaceIsUncut) {
+TEST(TurnedSurface, RayThatStartsInRemovedSpaceIsGouged) {
   const Facing facing{.start = 5.0, .x_of = [](double) { return R; }};
   Design design =
       design_of({{0.35, 3.0, 1.0, 1, 0}, {0.1, 3.0, 1.0, 1, 0}, {0, 3, 1, 1, 0}, {0, 7, 1, 1, 0}});
   design.judged[2] = 0;
   const Surface surface = turned_surface(design, {R, {}}, motion_of(facing.path()), within(0.2));
-  EXPECT_EQ(surface.status[0], VertexStatus::Uncut);
+  EXPECT_EQ(surface.status[0], VertexStatus::Gouged);
   EXPECT_EQ(surface.status[1], VertexStatus::Cut);
   EXPECT_EQ(surface.status[2], VertexStatus::Outside);
   EXPECT_EQ(surface.status[3], VertexStatus::Uncut);
   EXPECT_TRUE(std::isnan(surface.residual[0]) && std::isnan(surface.cut_time_s[3]));
+  ASSERT_EQ(surface.gouges.size(), 1u);
+  EXPECT_NEAR(surface.gouges[0].depth, 0.35, 1e-9);
 }
 
 TEST(TurnedSurface, NumberOfThreadsDoesNotShow) {

@@ -54,13 +54,42 @@ std::vector<std::vector<AxisVector>> passes_of(const Path& path) {
   return passes;
 }
 
+TEST(Raster, CountsWhatAMachineWithoutTheAxisForItDoesNotReach) {
+  // a table that tilts about Y alone: on a dome only the pass through the middle has no lean in Y
+  const test::Chain four(
+      {test::joint('B', test::Side::Workpiece, test::Motion::Rotary, test::ey),
+       test::joint('X', test::Side::Tool, test::Motion::Linear, test::ex),
+       test::joint('Y', test::Side::Tool, test::Motion::Linear, test::ey),
+       test::joint('Z', test::Side::Tool, test::Motion::Linear, test::ez)},
+      kinematics::Pose::Identity(), kinematics::Pose::Identity());
+  Raster raster;
+  raster.step_over = raster.step = 1.0;
+  raster.lead = 0.2;
+  const MillingProgram made = generate_raster(raster, dome(60, 10), {5, 5, 20}, context(four, 10));
+  const Unreached& u = made.unreached;
+  EXPECT_EQ(passes_of(read(made.text, four)).size(), 1u);
+  EXPECT_EQ(u.passes, u.all_passes - 1);
+  EXPECT_GT(u.all_passes, 15);
+  EXPECT_EQ(u.broken_passes, 0);
+  EXPECT_EQ(u.first_pass, 1);
+  EXPECT_EQ(u.why, kinematics::Reach::Unreachable);
+  EXPECT_GT(u.points, u.all_points / 2);
+  EXPECT_LT(u.points, u.all_points);
+
+  raster.lead = 0.0;
+  const MillingProgram whole =
+      generate_raster(raster, plane, {5, 5, 20}, context(test::gantry(), 10));
+  EXPECT_EQ(whole.unreached.points, 0);
+  EXPECT_EQ(whole.unreached.first_pass, 0);
+}
+
 TEST(Raster, PassesOnASphereLieAtEqualLatitude) {
   const double R = 60, rim = 25;
   Raster raster;
   raster.step_over = 0.8;
   raster.step = 2.0;
   const Path path =
-      read(generate_raster(raster, dome(R, rim), {5, 5, 20}, context(test::gantry(), rim)),
+      read(generate_raster(raster, dome(R, rim), {5, 5, 20}, context(test::gantry(), rim)).text,
            test::gantry());
   const auto passes = passes_of(path);
   const int half = int(R * std::asin(rim / R) / raster.step_over);
@@ -85,7 +114,7 @@ TEST(Raster, PointsOfAPassLieAtTheStepOfArcLength) {
   raster.step_over = 5;
   raster.step = 0.7;
   const auto passes = passes_of(
-      read(generate_raster(raster, dome(R, rim), {5, 5, 20}, context(test::gantry(), rim)),
+      read(generate_raster(raster, dome(R, rim), {5, 5, 20}, context(test::gantry(), rim)).text,
            test::gantry()));
   double off = 0.0;
   for (const auto& pass : passes)
@@ -107,7 +136,7 @@ TEST(Raster, PositiveLeadLeansTheAxisTowardsTheFeedAndTiltAcross) {
   raster.tilt = 4 * units::deg;
   raster.step = raster.step_over = 2;
   const auto passes = passes_of(
-      read(generate_raster(raster, plane, {5, 1, 20}, context(test::gantry(), 6)), test::gantry()));
+      read(generate_raster(raster, plane, {5, 1, 20}, context(test::gantry(), 6)).text, test::gantry()));
   ASSERT_EQ(passes.size(), 7u);
   for (const auto& pass : passes) {
     const Vector3d feed = (tip(pass[1]) - tip(pass[0])).normalized();
@@ -129,7 +158,7 @@ TEST(Raster, CutterOfAnyShapeTouchesItsContactAndNothingElse) {
       raster.lead = lead;
       raster.step = raster.step_over = 1.5;
       const auto passes = passes_of(
-          read(generate_raster(raster, plane, cutter, context(test::gantry(), 6)), test::gantry()));
+          read(generate_raster(raster, plane, cutter, context(test::gantry(), 6)).text, test::gantry()));
       double worst = 0.0;
       for (const auto& pass : passes)
         for (const AxisVector& q : pass) {
@@ -154,7 +183,7 @@ TEST(Raster, LinksStayAboveTheDome) {
     raster.step_over = 3;
     raster.step = 1;
     const Path path = read("G0 Z30\n" + generate_raster(raster, dome(R, rim), {5, 5, 20},
-                                                        context(test::gantry(), rim)),
+                                                        context(test::gantry(), rim)).text,
                            test::gantry());
     double nearest = 1e9;
     for (const Block& block : path.blocks) {
@@ -181,7 +210,7 @@ TEST(Raster, GapsInTheDesignSplitThePasses) {
   raster.step = 0.5;
   raster.step_over = 3;
   const auto passes = passes_of(
-      read(generate_raster(raster, ring, {2, 2, 20}, context(test::gantry(), 9)), test::gantry()));
+      read(generate_raster(raster, ring, {2, 2, 20}, context(test::gantry(), 9)).text, test::gantry()));
   ASSERT_EQ(passes.size(), 10u);  // y = -9 -6 6 9 whole, y = -3 0 3 in two
   for (const auto& pass : passes)
     for (const AxisVector& q : pass) {
@@ -194,7 +223,7 @@ TEST(Raster, MachineWithoutRotaryAxesGetsThreeAxes) {
   Raster raster;
   raster.step = raster.step_over = 1;
   const auto text =
-      generate_raster(raster, dome(60, 10), {5, 1, 20}, context(test::three_axis(), 10));
+      generate_raster(raster, dome(60, 10), {5, 1, 20}, context(test::three_axis(), 10)).text;
   const Path path = read(text, test::three_axis());
   for (const Block& block : path.blocks) EXPECT_EQ(block.coordinates, Coordinates::Axis);
   double worst = 0.0;

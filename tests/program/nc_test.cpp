@@ -33,6 +33,22 @@ TEST(Nc, RefusalNamesFileLineColumnExpectedAndSeen) {
   EXPECT_TRUE(what.ends_with("seen G5")) << what;
 }
 
+TEST(Nc, ToolCallsAreKeptWithTheirLines) {
+  const Path path = read("G21 G90\nM6\nT7 M6\nG0 X1\nT8\nG1 X2 F100\nM6\nG1 X3\n");
+  ASSERT_EQ(path.tool_calls.size(), 4u);
+  const auto expect = [&](std::size_t i, int line, int number, bool changes, std::size_t before) {
+    const ToolCall& call = path.tool_calls[i];
+    EXPECT_EQ(call.line, line) << i;
+    EXPECT_EQ(call.number, number) << i;
+    EXPECT_EQ(call.changes, changes) << i;
+    EXPECT_EQ(call.before, before) << i;
+  };
+  expect(0, 2, -1, true, 0);
+  expect(1, 3, 7, true, 0);
+  expect(2, 5, 8, false, 1);
+  expect(3, 7, 8, true, 2);
+}
+
 TEST(Nc, RefusalOfAnAxisNamesTheAxesOfTheMachine) {
   EXPECT_EQ(refusal("G0 X1 B10\n"),
             "part.ngc:1:7: expected an axis of this machine (C X Y Z A), seen B10");

@@ -120,13 +120,13 @@ TEST_F(Residual, IsToldInMicrometresOfTheSurface) {
   surface.cut_time_s = Eigen::Vector4d(1, 2, 3, std::numeric_limits<double>::quiet_NaN());
   surface.cut_line = {1, 2, 3, 0};
   surface.status = {cutting::VertexStatus::Cut, cutting::VertexStatus::Cut,
-                    cutting::VertexStatus::Cut, cutting::VertexStatus::Uncut};
+                    cutting::VertexStatus::Cut, cutting::VertexStatus::Gouged};
   write_residual(file("a.vtp"), f.design, surface);
   const Field back = read_residual(file("a.vtp"));
   EXPECT_DOUBLE_EQ(back.deviation_um[0], 1.0);
   EXPECT_DOUBLE_EQ(back.deviation_um[1], -2.0);
   EXPECT_DOUBLE_EQ(back.deviation_um[2], 500.0);
-  EXPECT_EQ(back.status, (std::vector<std::uint8_t>{0, 0, 0, 1}));
+  EXPECT_EQ(back.status, (std::vector<std::uint8_t>{0, 0, 0, 3}));
   surface.cut_line.pop_back();
   EXPECT_THROW(write_residual(file("a.vtp"), f.design, surface), std::invalid_argument);
 }
@@ -223,8 +223,11 @@ TEST_F(BadResidual, IsRefusedWhenItsNumbersMakeNoSense) {
   f.design.triangles(3, 1) = -1;
   refused(f, "negative corner");
   f = awkward();
+  f.status[7] = 4;
+  refused(f, "status 4");
+  f = awkward();
   f.status[7] = 3;
-  refused(f, "status 3");
+  refused(f, "a number called gouged");
   f = awkward();
   f.deviation_um[7] = std::numeric_limits<double>::quiet_NaN();
   refused(f, "NaN called cut");

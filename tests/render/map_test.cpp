@@ -212,10 +212,16 @@ TEST_F(Map, SaysEverythingThatAMapMustSay) {
     text += line + "\n";
   for (const char* needed :
        {"+ material left, − gouged", "along the outward design normal", "datum touch off",
-        "alignment rigid", "view from +Z", "10 000 vertices, 1 uncut",
+        "alignment rigid", "view from +Z", "10 000 vertices, 1 uncut (0.01 %)",
         "0.0100 % of the cut vertices", "−31.2", "facet error 0.4 µm"}) {
     EXPECT_NE(text.find(needed), std::string::npos) << needed << " in\n" << text;
   }
+  p.field.status[5] = p.field.status[6] = 3;
+  p.field.deviation_um[5] = p.field.deviation_um[6] = std::nan("");
+  const std::string gouged = map_text(p, tally(p.field, 2.0), 2.0, "from +Z")[1];
+  EXPECT_NE(gouged.find("10 000 vertices, 1 uncut (0.01 %), 2 gouged deeper than the band"),
+            std::string::npos)
+      << gouged;
   EXPECT_EQ(figures_text({12.34, 2.345, -0.0004}), "PV 12.3 µm    RMS 2.35 µm    mean 0.00 µm");
   EXPECT_EQ(figures_text({0.0123, 0.002, 0.001}), "PV 12.3 nm    RMS 2.00 nm    mean +1.00 nm");
   EXPECT_EQ(figures_text({}), "nothing was cut");

@@ -298,15 +298,57 @@ TEST_F(CommandLine, ResultsAreTheSameBytesForOneAndTwoThreadsAndASecondTime) {
   EXPECT_GE(compared, 2 * (ABBE_RENDER ? 30 : 12));
 }
 
-TEST_F(CommandLine, ASceneThatCutsNothingSaysSoAndFailsItsLimits) {
-  const fs::path scene =
-      plane_scene(write("p.ngc", "G21 G90\nG4 P1\nM2\n").string(), "[limits]\npv_um = 5\n");
+TEST_F(CommandLine, ASceneThatCutsNothingIsRefusedByEveryCommandThatCuts) {
+  const fs::path still = write("still.ngc", "G21 G90\nG4 P1\nM2\n");
+  expect_refused(plane_scene(still.string()), "still.ngc", "one that moves nothing");
+  const fs::path high =
+      write("high.ngc", "G21 G90 G43.4 H1\nG0 X-3 Y0 Z160\nG1 X3 F1000\nG0 Z170\nM2\n");
+  const fs::path scene = plane_scene(high.string());
+  expect_refused(scene, "high.ngc:3", "the lowest cut lies 80.0 mm above the part");
+  const fs::path study = write("study.toml",
+                               "scene = \"scene.toml\"\n[[input]]\npath = \"setup.EA_urad\"\nspread "
+                               "= 5\n[monte_carlo]\ncases = 10\n");
+  for (const std::string& command :
+       {"compare " + scene.string(), "check " + scene.string(), "study " + study.string()}) {
+    const Ran ran = run(command + " --out " + (folder_ / "c").string());
+    EXPECT_EQ(ran.code, 3) << command << ran.text;
+    EXPECT_NE(ran.text.find("80.0 mm above the part"), std::string::npos) << ran.text;
+  }
+}
+
+TEST_F(CommandLine, AGougeDeeperThanTheBandFailsEveryLimitAndIsCounted) {
+  const fs::path scene = plane_scene(
+      write("p.ngc", "G21 G90 G43.4 H1\nG0 X-3 Y0 Z90\nG1 X0 Z80 F1000\nG1 Z72\nG0 Z90\nM2\n")
+          .string(),
+      "[limits]\npv_um = 1e6\n");
   const fs::path out = folder_ / "out";
   const Ran ran = run("run " + scene.string() + " --out " + out.string());
   EXPECT_EQ(ran.code, 1) << ran.text;
-  EXPECT_NE(ran.text.find("nothing was cut"), std::string::npos) << ran.text;
+  EXPECT_NE(ran.text.find("gouged deeper than the band of 2 mm, the deepest by 8.000 mm (line 4"),
+            std::string::npos)
+      << ran.text;
   const auto summary = nlohmann::json::parse(bytes(out / "summary.json"));
-  EXPECT_TRUE(summary["residual_um"]["pv"].is_null());
+  EXPECT_GT(summary["gouged_vertices"], 100);
+  EXPECT_NEAR(summary["deepest_gouge_um"].get<double>(), 8000.0, 1.0);
+  EXPECT_EQ(summary["cut_vertices"].get<int>() + summary["uncut_vertices"].get<int>() +
+                summary["gouged_vertices"].get<int>(),
+            summary["vertices"].get<int>());
+  ASSERT_FALSE(summary["warnings"].empty());
+  const Ran compared = run("compare " + scene.string() + " --out " + out.string());
+  EXPECT_EQ(compared.code, 1) << compared.text;
+  const auto comparison = nlohmann::json::parse(bytes(out / "comparison.json"));
+  EXPECT_EQ(comparison["cases"][1]["gouged_vertices"], summary["gouged_vertices"]);
+  EXPECT_FALSE(comparison["warnings"].empty());
+}
+
+TEST_F(CommandLine, CheckWarnsOfTheToolThatIsNotTheScenes) {
+  const fs::path scene = plane_scene(write("p.ngc", "T7 M6\n" + std::string(good_program)).string());
+  for (const std::string command : {"check ", "run "}) {
+    const Ran ran = run(command + scene.string() + " --out " + (folder_ / "c").string());
+    EXPECT_EQ(ran.code, 0) << ran.text;
+    EXPECT_NE(ran.text.find("T7 on line 1 is cut with the scene's tool ball R5"), std::string::npos)
+        << ran.text;
+  }
 }
 
 TEST_F(CommandLine, AGeneratedProgramThatLeavesTheTravelLeavesNoFile) {

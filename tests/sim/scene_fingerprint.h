@@ -166,6 +166,7 @@ class Fingerprint {
   }
   void put(const ToolDescription& tool) {
     put("tool", tool.name);
+    put("tool number", tool.number);
     std::visit([&](const auto& t) { put(t); }, tool.nominal);
     std::visit([&](const auto& t) { put(t); }, tool.actual);
     put("length", tool.length);

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <optional>
+
+#include "cutting/mesh.h"
+#include "cutting/sweep.h"
+#include "cutting/tool.h"
+
+namespace abbe::cutting {
+
+/// A tool that goes into the design with what does not cut.
+struct ShankContact {
+  int vertices = 0;      ///< at which it goes deeper than `rubbing`
+  double deepest = 0.0;  ///< mm below the design, at most the band
+  int line = 0;          ///< program line of that
+  int first_line = 0;    ///< of the earliest line that does
+};
+
+struct ShankOptions {
+  double length = 0.0;  ///< mm from the tip to the end of the shank
+  double band = 2.0;    ///< mm below the design that are searched
+};
+
+/// Where the shank, the cylinder of the cutter's radius from the end of its flank up to `length`,
+/// is in the part by more than `rubbing` (stock.h) during the motion, rapids too; nothing if
+/// nowhere. Every vertex counts, judged or not. A shank that passes through the part and comes
+/// nearer to no vertex than that is not seen.
+/// @throws std::invalid_argument as milled_surface
+std::optional<ShankContact> shank_contact(const Design& design_w, const Cutter& cutter,
+                                          const CutterMotion& motion, const ShankOptions& options);
+
+}  // namespace abbe::cutting
