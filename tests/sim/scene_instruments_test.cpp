@@ -167,6 +167,16 @@ TEST(SceneInstruments, ASensorChoiceIsReadAndItsFaultsAreTold) {
         std::pair("lag_rows", "-1"), std::pair("model", "\"oracle\"")})
     EXPECT_NE(packaged_with(key, value).find(key), std::string::npos) << key;
   EXPECT_NE(packaged_with("cuont", "4").find("count"), std::string::npos);
+  ASSERT_EQ(scene.sensor_choice->beside.size(), 1u);
+  EXPECT_EQ(scene.sensor_choice->beside[0].choice.grey.kind, GreyKind::Comprehensive);
+  for (const auto& [value, word] :
+       {std::pair("[{likeness = \"deng\"}]", "name"),
+        std::pair("[{name = \"a\", sensors = []}]", "sensors"),
+        std::pair("[{name = \"a\", for = [1]}]", "for"),
+        std::pair("[{name = \"a\", model = \"ridge\"}]", "model"),
+        std::pair("[{name = \"a\"}, {name = \"a\"}]", "again"),
+        std::pair("[{name = \"a\", sensors = [\"S\"], groups = 3}]", "groups")})
+    EXPECT_NE(packaged_with("beside", value).find(word), std::string::npos) << value;
   expect_fault("[sensor_choice]\ncount = 4\n", "14:", "[thermal]");
 }
 
