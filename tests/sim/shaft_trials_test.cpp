@@ -68,7 +68,7 @@ Computed turn(const char* name) {
     EXPECT_EQ(variant.name, fmt::format("trial {}", trial + 1));
     std::vector<Override> changes = coarse;
     changes.insert(changes.end(), variant.set.begin(), variant.set.end());
-    computed.after[trial] = radii(prepare(read_scene(file, changes)), open);
+    computed.after[trial] = radii(with_errors(job, read_scene(file, changes)), open);
   }
   return computed;
 }

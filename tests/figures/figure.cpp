@@ -1,0 +1,66 @@
+#include "tests/figures/figure.h"
+
+#include <map>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "sim/report.h"
+
+namespace abbe::figures {
+
+using nlohmann::ordered_json;
+
+std::string command(const SceneCase& one) {
+  if (!one.variant.empty())
+    return fmt::format("`abbe compare scenes/{}.toml`, `{}{}`", one.scene, one.variant,
+                       one.case_name.empty() ? "" : "-" + one.case_name);
+  std::string text = fmt::format("abbe run scenes/{}.toml", one.scene);
+  for (const auto& [key, value] : one.set) {
+    const bool quoted = (key + value).find_first_of(" []{}\"") != std::string::npos;
+    text += fmt::format(fmt::runtime(quoted ? " --set '{}={}'" : " --set {}={}"), key, value);
+  }
+  if (!one.case_name.empty()) text += " --case " + one.case_name;
+  return "`" + text + "`";
+}
+
+sim::Scene scene_of(const std::string& name, const std::vector<sim::Override>& changes,
+                    const std::string& variant) {
+  const auto file = std::filesystem::path(ABBE_SOURCE_DIR) / "scenes" / (name + ".toml");
+  const sim::Scene scene = sim::read_scene(file, changes);
+  if (variant.empty()) return scene;
+  for (const sim::Variant& one : scene.variants) {
+    if (one.name != variant) continue;
+    std::vector<sim::Override> all = changes;
+    all.insert(all.end(), one.set.begin(), one.set.end());
+    return sim::read_scene(file, all);
+  }
+  throw std::invalid_argument(name + " has no variant " + variant);
+}
+
+const ordered_json& summary_of(const SceneCase& one) {
+  static std::map<std::string, ordered_json> all;
+  const std::string key = command(one);
+  if (const auto known = all.find(key); known != all.end()) return known->second;
+  const sim::Job job = sim::prepare(scene_of(one.scene, one.set, one.variant));
+  sim::Cut made =
+      one.case_name.empty() ? sim::cut(job) : sim::cut(job, sim::parse_case(one.case_name));
+  return all[key] = sim::summary(job, sim::judge(job, std::move(made), nullptr));
+}
+
+const ordered_json& thermal_choice_of(const std::string& scene,
+                                      const std::vector<sim::Override>& changes) {
+  static std::map<std::string, ordered_json> all;
+  const std::string key = command({scene, changes});
+  if (const auto known = all.find(key); known != all.end()) return known->second;
+  std::vector<sim::Day> days{{"its own day", scene_of(scene, changes)}};
+  for (const sim::Variant& variant : days.front().scene.variants)
+    days.push_back({variant.name, scene_of(scene, changes, variant.name)});
+  return all[key] = sim::thermal_choice(days).json;
+}
+
+std::string joined(const std::vector<std::string>& words, const std::string& between) {
+  return fmt::format("{}", fmt::join(words, between));
+}
+
+}  // namespace abbe::figures

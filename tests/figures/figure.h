@@ -1,0 +1,58 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "sim/scene.h"
+#include "sim/thermal_choice.h"
+
+/// The figures of the source papers beside what the shipped scenes give: the rows of
+/// scenes/FIGURES.md.
+namespace abbe::figures {
+
+/// One row of the table.
+struct Figure {
+  std::string paper, quantity;  ///< together they name the row
+  std::string published;
+  std::function<std::string()> computed;  ///< with the digits that are shown
+  std::string command;                    ///< that gives it
+  std::string why;                        ///< it is not the published one; empty where it is
+  bool slow = false;                      ///< computed under ABBE_LONG=1 only
+};
+
+/// One case of a scene, as `abbe run` cuts it or, where it belongs to a variant, `abbe compare`.
+struct SceneCase {
+  std::string scene;  ///< name without ending
+  std::vector<sim::Override> set = {};
+  std::string case_name = {};  ///< empty: uncompensated
+  std::string variant = {};
+};
+
+/// What a user types.
+std::string command(const SceneCase& one);
+
+/// Its `summary.json`. Every case is cut once in a run of the tests.
+const nlohmann::ordered_json& summary_of(const SceneCase& one);
+
+/// A packaged scene as it is read, in one of its variants if one is named.
+sim::Scene scene_of(const std::string& name, const std::vector<sim::Override>& changes = {},
+                    const std::string& variant = {});
+
+/// `thermal.json` of a scene whose sensors are chosen, graded on its variants.
+const nlohmann::ordered_json& thermal_choice_of(const std::string& scene,
+                                                const std::vector<sim::Override>& changes = {});
+
+/// The words of a list with a sign between them.
+std::string joined(const std::vector<std::string>& words, const std::string& between);
+
+std::vector<Figure> guo();
+std::vector<Figure> yang();
+std::vector<Figure> yang_shafts();
+std::vector<Figure> peng();
+std::vector<Figure> chen();
+std::vector<Figure> grey_degrees();
+
+}  // namespace abbe::figures

@@ -1,0 +1,113 @@
+// Yang 2012: the composite element, the thermal protocol, decoupled five-axis compensation.
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "kinematics/units.h"
+#include "sim/report.h"
+#include "tests/figures/figure.h"
+
+namespace abbe::figures {
+namespace {
+
+const std::string paper = "Yang 2012";
+
+/// His law as printed, um, x in cm.
+double law(double x, double dT7, double dT8) {
+  return 1.1192e-6 * std::pow(x, 4) + 8.9455e-5 * std::pow(x, 3) + 9.0575e-4 * x * x -
+         6.2218e-3 * x + 0.29717 + (-0.027523 - 0.0049600 * dT7 + 0.033601 * dT8) * x;
+}
+
+/// Both ends of the axis at an instant, in hours: what the scene has and what the law says there.
+struct Ends {
+  double least, most;
+  double law_least, law_most;
+};
+Ends ends(double time_h) {
+  const sim::Job job =
+      sim::prepare(scene_of("yang_axis", {{"part.vertices", "500"}, {"program.step_mm", "10"}}));
+  const Eigen::VectorXd dT =
+      errors::temperatures(job.truth.heat->run, 3600 * time_h).array() - 20.0;
+  const auto positioning = [&](double x) {
+    kinematics::AxisState state;
+    state.q = kinematics::AxisVector::Zero(job.machine.nominal.size());
+    state.q[job.machine.nominal.find('X').value()] = x;
+    state.time_s = 3600 * time_h;
+    return (sim::tool_in_workpiece(job.truth, state).translation() -
+            job.machine.nominal.tool_in_workpiece(state.q).translation())
+               .x() /
+           units::um;
+  };
+  return {positioning(-400), positioning(400), law(-40, dT[0], dT[1]), law(40, dT[0], dT[1])};
+}
+
+Figure composite(const std::string& when, double time_h) {
+  const Ends e = ends(time_h);
+  return {paper,
+          "EXX at X = −400 and 400 mm, µm, " + when,
+          fmt::format("{:.3f}, {:.3f}", e.law_least, e.law_most),
+          [e] { return fmt::format("{:.3f}, {:.3f}", e.least, e.most); },
+          "`abbe run scenes/yang_axis.toml`, `EXX-temperatures.png`",
+          ""};
+}
+
+std::string protocol() {
+  const sim::Scene scene = scene_of("thermal_protocol");
+  std::vector<std::string> hours;
+  double speed = 0.0;
+  for (const sim::ThermalPhase& phase : scene.thermal->history) {
+    hours.push_back(fmt::format("{:.0f} h {}", phase.duration / 3600,
+                                phase.spindle_speed > 0.0 ? "on" : "off"));
+    speed = std::max(speed, phase.spindle_speed);
+  }
+  return fmt::format("{:.0f} °C, {:.0f} rpm, {}", scene.thermal->room_T_C[0], speed / units::rpm,
+                     joined(hours, ", "));
+}
+
+std::string chosen(const std::vector<sim::Override>& changes) {
+  std::vector<std::string> names;
+  for (const auto& name : thermal_choice_of("thermal_protocol", changes)["chosen"]) {
+    std::string words = name.get<std::string>();
+    for (char& c : words) c = c == '_' ? ' ' : c;
+    names.push_back(words);
+  }
+  return joined(names, ", ");
+}
+
+/// Rest of the machine's part after one linear step, of errors of a scale, um RMS.
+double decoupled_rest(const std::string& scale) {
+  const std::vector<sim::Override> set{{"errors.scale", scale}};
+  const sim::Job job = sim::prepare(scene_of("gantry_tilted_flat", set));
+  const sim::Verdict error_free = sim::judge(job, sim::cut_error_free(job), nullptr);
+  const sim::Verdict made =
+      sim::judge(job, sim::cut(job, sim::parse_case("perfect-decoupled-ideal")), &error_free);
+  return made.machine->rms.value() / units::um;
+}
+
+}  // namespace
+
+std::vector<Figure> yang() {
+  const std::string pictures =
+      "raw curves stand only in pictures; the machine and its day are chosen";
+  const std::string compare = "`abbe compare scenes/thermal_protocol.toml`, `thermal.json`";
+  return {
+      composite("cold", -5),
+      composite("after 3 h", -1),
+      {paper, "air cutting", "25 °C, 12000 rpm, 3 h on, 1 h off, 3 h on, 1 h off", protocol,
+       "`abbe check scenes/thermal_protocol.toml`", ""},
+      {paper, "four of 18 sensors", "Y nut, X nut, Z nut, spindle box front right",
+       [] { return chosen({}); }, compare, pictures + "; screened by regression"},
+      {paper, "four of 18 sensors by degree alone", "Y nut, X nut, Z nut, spindle box front right",
+       [] {
+         return chosen({{"sensor_choice.screening", "degree"}});
+       },
+       "the same with `--set sensor_choice.screening=degree`", pictures},
+      {paper, "decoupled: what one linear step leaves at half the errors, part of 1", "0.25",
+       [] { return fmt::format("{:.3f}", decoupled_rest("0.5") / decoupled_rest("1")); },
+       "`abbe compare scenes/gantry_tilted_flat.toml --set errors.scale=0.5`, `machine_um`", "",
+       true},
+  };
+}
+
+}  // namespace abbe::figures
