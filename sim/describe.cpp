@@ -258,11 +258,13 @@ std::string location_text(const std::string& name, const ordered_json& location)
   if (way == "carried") bodies += ", which it carries,";
   for (const auto& [between, change] : location["angle_change_urad"].items())
     angles += fmt::format("; angle {} {:+.4g} urad", between, change.get<double>());
-  for (const auto& one : location["tip_moved"]) {
-    const auto& um = one["um"];
-    tip += fmt::format("{} {:.4g} {:.4g} {:.4g} at {}", tip.empty() ? "" : ",", um[0].get<double>(),
-                       um[1].get<double>(), um[2].get<double>(), one["at"].get<std::string>());
-  }
+  const auto um = [](const ordered_json& value) {  // what two poses cannot tell is no motion
+    const double v = value.get<double>();
+    return std::abs(v) < 1e-6 ? 0.0 : v;
+  };
+  for (const auto& one : location["tip_moved"])
+    tip += fmt::format("{} {:.4g} {:.4g} {:.4g} at {}", tip.empty() ? "" : ",", um(one["um"][0]),
+                       um(one["um"][1]), um(one["um"][2]), one["at"].get<std::string>());
   return fmt::format("{:<8} {}{} by {:+.4g} {} {}{}\n         tip um{}\n", name,
                      turns ? "turns" : "moves", bodies, amount, turns ? "urad about" : "um along",
                      location["about_or_along"].get<std::string>(), angles, tip);
