@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "sim/output.h"
 #include "sim/scene.h"
 
 namespace abbe::sim {
@@ -41,6 +42,6 @@ ThermalChoice thermal_choice(const std::vector<Day>& days);
 
 /// `thermal.json` and `thermal.png` of a scene that asks for a choice of sensors, else nothing.
 /// @throws BadInput, OutputFailure
-void write_thermal_choice(const std::filesystem::path& folder, const std::vector<Day>& days);
+void write_thermal_choice(const ResultFolder& folder, const std::vector<Day>& days);
 
 }  // namespace abbe::sim

@@ -67,7 +67,7 @@ std::vector<Override> coarse(const Scene& scene) {
 /// Whether a variant cuts with another truth, and not only believes otherwise.
 bool cuts_otherwise(const Variant& variant) {
   return std::any_of(variant.set.begin(), variant.set.end(), [](const Override& one) {
-    return one.first.rfind("belief", 0) != 0 && one.first.rfind("compare", 0) != 0;
+    return one.path.rfind("belief", 0) != 0 && one.path.rfind("compare", 0) != 0;
   });
 }
 
