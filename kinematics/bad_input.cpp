@@ -2,15 +2,17 @@
 
 #include <utility>
 
+#include "kinematics/escape.h"
+
 namespace abbe {
 namespace {
 
 std::string text(const std::string& file, int line, int column, const std::string& expected,
                  const std::string& seen) {
-  std::string place = file;
+  std::string place = escaped(file);
   if (line > 0) place.append(":").append(std::to_string(line));
   if (line > 0 && column > 0) place.append(":").append(std::to_string(column));
-  return place + ": expected " + expected + ", seen " + seen;
+  return place + ": expected " + escaped(expected) + ", seen " + escaped(seen);
 }
 
 }  // namespace

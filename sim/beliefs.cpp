@@ -185,8 +185,10 @@ compensation::MachineBelief machine_belief(const Job& job, const CaseDescription
   return belief;
 }
 
-compensation::CurrentLaw trained_law(const BeliefDescription::Force& force) {
-  const Scene scene = read_scene(force.training);
+compensation::CurrentLaw trained_law(const BeliefDescription::Force& force,
+                                     const std::vector<std::filesystem::path>& trusted) {
+  Scene scene = read_scene(force.training);
+  scene.trusted = trusted;
   const auto instrument = part_instrument_of(scene, force.instrument);
   if (!instrument)
     refuse(scene, "an [[instrument]] that measures the part", "\"" + force.instrument + "\"");

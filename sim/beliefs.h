@@ -38,7 +38,9 @@ compensation::MachineBelief machine_belief(const Job& job, const CaseDescription
 
 /// Law of the current that the scene of the training part teaches.
 /// @throws BadInput, BadScene
-compensation::CurrentLaw trained_law(const BeliefDescription::Force& force);
+/// @param trusted  programs that the scene of the training part may run
+compensation::CurrentLaw trained_law(const BeliefDescription::Force& force,
+                                     const std::vector<std::filesystem::path>& trusted);
 
 /// What the program leaves at points of the part on a machine without errors, cusps above all: by
 /// the vertex nearest to each, 0 where nothing is cut. @return (points) mm

@@ -9,6 +9,7 @@
 #include "sim/pictures.h"
 #include "sim/reach.h"
 #include "sim/thermal_choice.h"
+#include "sim/trust.h"
 
 namespace abbe::sim {
 namespace {
@@ -84,6 +85,7 @@ Scene with_plug_ins(Scene scene, const std::vector<std::filesystem::path>& plug_
       throw BadInput(file.string(), 0, 0, "a compensator whose file name no other case has",
                      "\"" + added.name + "\" again");
     scene.cases.push_back(added);
+    trust(scene, added);
   }
   return scene;
 }
@@ -94,13 +96,14 @@ std::vector<Scene> read_variants(const Scene& scene, const std::vector<Override>
     std::vector<Override> all = overrides;
     all.insert(all.end(), variant.set.begin(), variant.set.end());
     variants.push_back(read_scene(scene.file, all));
+    variants.back().trusted = scene.trusted;
   }
   return variants;
 }
 
 /// Sensors are chosen on the scene's own day and graded on those of its variants.
 /// @return null where the scene asks for no choice
-nlohmann::ordered_json choose_sensors(const std::filesystem::path& folder, const Scene& scene,
+nlohmann::ordered_json choose_sensors(const ResultFolder& folder, const Scene& scene,
                                       const std::vector<Scene>& variants) {
   if (!scene.sensor_choice) return nullptr;
   std::vector<Day> days{{"its own day", scene}};
@@ -109,36 +112,61 @@ nlohmann::ordered_json choose_sensors(const std::filesystem::path& folder, const
   return write_thermal_choice(folder, days);
 }
 
+/// Refuses, before an hour's work, what will not be written over: forced, an input may stand there.
+void check_names(const ResultFolder& folder) {
+  for (const char* name : {"program.ngc", "program.csv", "scene.toml", "summary.json",
+                           "residual.vtp", "residual.png", "histogram.png", "signals.csv", "stock.vtp",
+                           "rewritten.ngc", "rewritten.csv", "temperatures.png", "comparison.json",
+                           "comparison.png", "thermal.json", "thermal.png"})
+    check_file(folder / name);
+}
+
+/// Refuses, before an hour's work, a folder of a case that somebody else made.
+void check_case_folders(const ResultFolder& folder, const Scene& scene, const Writer& writer) {
+  std::vector<std::string> names{"error_free", "uncompensated"};
+  for (const CaseDescription& one : scene.cases) names.push_back(one.name);
+  for (const Variant& variant : scene.variants) {
+    names.push_back(variant.name);
+    for (const CaseDescription& one : scene.cases) names.push_back(variant.name + "-" + one.name);
+  }
+  for (const std::string& name : names) check_folder(folder.path() / name, writer);
+}
+
 }  // namespace
 
 Outcome run(const std::filesystem::path& file, const RunOptions& options) {
-  const Scene scene = read_scene(file, options.overrides);
-  prepare_folder(options.folder);
+  Scene scene = read_trusted_scene(file, options.overrides, options.permissions);
+  std::string name = options.case_name.empty() ? scene.case_name : options.case_name;
+  if (!options.plug_ins.empty()) name = plug_in_case(options.plug_ins.front()).plug_in.string();
+  if (!options.case_name.empty() || !options.plug_ins.empty()) trust(scene, name);
+  const ResultFolder folder(options.folder, writer_of(scene, options.permissions));
+  check_names(folder);
   ProgressLine progress(2);
   progress.begin("prepare");
   const Job job = prepare(scene, to(progress));
   check_reaches_part(job);
-  std::string name = options.case_name.empty() ? scene.case_name : options.case_name;
-  if (!options.plug_ins.empty()) name = plug_in_case(options.plug_ins.front()).plug_in.string();
   progress.begin(name.empty() ? "uncompensated" : name);
   Cut made = cut_one(job, name, to(progress));
   check_cuts_part(job, made);
   const Verdict verdict = judge(job, std::move(made), nullptr);
-  write_program(options.folder, job);
-  write_case(options.folder, job, verdict);
+  write_program(folder, job);
+  write_case(folder, job, verdict);
   Outcome outcome{summary(job, verdict), {}, {}, {}};
   if (scene.sensor_choice)
-    outcome.sensors =
-        choose_sensors(options.folder, scene, read_variants(scene, options.overrides));
+    outcome.sensors = choose_sensors(folder, scene, read_variants(scene, options.overrides));
   collect(outcome.exceeded, scene.limits, verdict);
   return outcome;
 }
 
 Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
-  const Scene scene = with_plug_ins(read_scene(file, options.overrides), options.plug_ins);
+  const Scene scene =
+      with_plug_ins(read_trusted_scene(file, options.overrides, options.permissions),
+                    options.plug_ins);
   std::vector<Scene> variants = read_variants(scene, options.overrides);
   for (Scene& variant : variants) variant = with_plug_ins(std::move(variant), options.plug_ins);
-  prepare_folder(options.folder);
+  const ResultFolder folder(options.folder, writer_of(scene, options.permissions));
+  check_names(folder);
+  check_case_folders(folder, scene, writer_of(scene, options.permissions));
 
   int parts = 2;  // preparing, and the comparison at the end
   const auto count = [&](const Scene& one) { parts += 2 * (2 + int(one.cases.size())); };
@@ -158,22 +186,22 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
 
   Outcome outcome{comparison(batches.front().job, cases, failed), {}, {}, {}};
   for (const FailedCase& one : failed) outcome.failed.push_back(one.name + ": " + one.reason);
-  for (const Batch& batch : batches) write_program(options.folder / batch.prefix, batch.job);
+  for (const Batch& batch : batches) write_program(folder.inside(batch.prefix), batch.job);
   const bool compensates = std::any_of(cases.begin(), cases.end(), [](const Compared& one) {
     return one.uncompensated.has_value();
   });
   for (std::size_t i = 0; i < cases.size(); ++i) {
     const Compared& one = cases[i];
     progress.begin("write " + one.verdict.cut.name);
-    write_case(options.folder / one.verdict.cut.name, *one.job, one.verdict);
+    write_case(folder.inside(one.verdict.cut.name), *one.job, one.verdict);
     // where there are compensators, they are what is accepted or not
     if (compensates ? one.uncompensated.has_value() : i > 0)
       collect(outcome.exceeded, one.job->scene.limits, one.verdict);
   }
-  outcome.sensors = choose_sensors(options.folder, scene, variants);
-  write_file(options.folder / "comparison.json", outcome.json.dump(2) + "\n");
+  outcome.sensors = choose_sensors(folder, scene, variants);
+  write_json(folder / "comparison.json", outcome.json);
   progress.begin("write comparison");
-  write_comparison_picture(options.folder / "comparison.png", scene, cases);
+  write_comparison_picture(folder / "comparison.png", scene, cases);
   return outcome;
 }
 

@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "sim/permissions.h"
 #include "sim/progress.h"
 #include "sim/report.h"
 
@@ -13,6 +14,7 @@ namespace abbe::sim {
 struct RunOptions {
   std::vector<Override> overrides;
   std::filesystem::path folder;  ///< every file goes there
+  Permissions permissions;
   std::string case_name;         ///< `run`: error_free, uncompensated or a compensator; empty: what
                                  ///< the scene names, else uncompensated
   std::vector<std::filesystem::path> plug_ins;  ///< compensators of the user's own; `compare`: more

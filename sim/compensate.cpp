@@ -205,7 +205,7 @@ void Learning::read(const Compensated& told) {
     evidence_.log = control_log(job_, told, {});
   if (!force) return;
   if (given.force->from == From::Current && !evidence_.law)
-    evidence_.law = trained_law(*given.force);
+    evidence_.law = trained_law(*given.force, job_.scene.trusted);
   // by what is believed besides, so after the log
   if (given.force->from == From::Model)
     evidence_.model_load = computed_load(job_, told, machine_belief(job_, compensator_, evidence_));

@@ -9,6 +9,7 @@
 #include "kinematics/units.h"
 #include "sim/compensation/plug_in.h"
 #include "sim/progress.h"
+#include "sim/trust.h"
 
 namespace abbe::sim {
 namespace {
@@ -120,6 +121,7 @@ Corrector plug_in_corrector(const Job& job, const CaseDescription& compensator,
   return [&job, options = correct_options(job, compensator), task = std::move(task),
           file = compensator.plug_in](const std::vector<AxisState>& commanded,
                                       const std::vector<Pose>& T_wt_nominal) {
+    check_trusted(job.scene, file);
     compensation::PlugInOptions asking;
     asking.waiting = stop_if_interrupted;
     const compensation::PlugInAnswer answer =

@@ -277,6 +277,15 @@ std::string stiffness_text(const ordered_json& stiffness) {
   return text + " N/um\n";
 }
 
+std::string programs_text(const ordered_json& programs) {
+  std::string text = "\nruns     programs that its files name; check ran none\n";
+  for (const auto& one : programs)
+    text += fmt::format("         {}, named in {}:{}, {}\n", one["program"].get<std::string>(),
+                        one["file"].get<std::string>(), one["line"].get<int>(),
+                        one["trusted"].get<bool>() ? "trusted" : "NOT trusted: asks --trust");
+  return text;
+}
+
 std::string cut_text(const ordered_json& cut) {
   std::string text = fmt::format(
       "\ncut      {}, stock followed every {:.3g} mm; nominal: {:.5g} mm^3 removed in {} steps, at "
@@ -351,6 +360,7 @@ std::string to_text(const ordered_json& d) {
   if (d.contains("heat")) text += heat_text(d["heat"]);
   if (d.contains("stiffness_N_per_um")) text += stiffness_text(d["stiffness_N_per_um"]);
   if (d.contains("cut")) text += cut_text(d["cut"]);
+  if (d.contains("programs") && !d["programs"].empty()) text += programs_text(d["programs"]);
   text += fmt::format(
       "\npart     {}: {} vertices, {:.4g} mm^2\nprogram  {} moves, {} samples, {:.1f} s\n",
       d["part"]["name"].get<std::string>(), d["part"]["vertices"].get<long>(),

@@ -344,16 +344,16 @@ Json evaluate(const std::filesystem::path& file, const EvaluateOptions& options)
     evaluation["temperatures"] = temperatures_json(*source.readings);
   evaluation["pictures"] = Json::array();
   if (options.folder.empty()) return evaluation;
-  prepare_folder(options.folder);
+  const ResultFolder folder(options.folder, {options.permissions, {file}});
   stop_if_interrupted();
-  const std::filesystem::path json = options.folder / "evaluation.json";
-  write_file(json, evaluation.dump(2) + "\n");
+  const ResultFile json = folder / "evaluation.json";
+  write_json(json, evaluation);
   const auto pictures = source.part
-                            ? write_part_picture(options.folder, *source.part, file.string())
-                            : write_test_pictures(options.folder, source.tests, file.string());
+                            ? write_part_picture(folder, *source.part, file.string())
+                            : write_test_pictures(folder, source.tests, file.string());
   for (const std::filesystem::path& picture : pictures)
     evaluation["pictures"].push_back(picture.string());
-  write_file(json, evaluation.dump(2) + "\n");
+  write_json(json, evaluation);
   return evaluation;
 }
 

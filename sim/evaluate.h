@@ -5,10 +5,13 @@
 
 #include <nlohmann/json.hpp>
 
+#include "sim/permissions.h"
+
 namespace abbe::sim {
 
 struct EvaluateOptions {
   std::filesystem::path folder;  ///< evaluation.json and pictures; empty: none are written
+  Permissions permissions;
 };
 
 /// Evaluates readings as the standards prescribe: positioning (ISO 230-2), diagonals (230-6),

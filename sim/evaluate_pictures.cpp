@@ -160,16 +160,16 @@ std::string in_a_file_name(std::string name) {
 
 }  // namespace
 
-std::vector<std::filesystem::path> write_test_pictures(const std::filesystem::path& folder,
+std::vector<std::filesystem::path> write_test_pictures(const ResultFolder& folder,
                                                        const Tests& tests,
                                                        const std::string& from) {
   std::vector<std::filesystem::path> files;
   const auto add = [&](const std::string& name, const auto& draw) {
-    std::filesystem::path file = folder / (name + ".png");
-    for (int k = 2; std::find(files.begin(), files.end(), file) != files.end(); ++k)
-      file = folder / fmt::format("{}-{}.png", name, k);
-    files.push_back(file);
-    write_file(file, [&](const std::filesystem::path& temporary) { draw(temporary); });
+    std::string file = name + ".png";
+    for (int k = 2; std::find(files.begin(), files.end(), folder.path() / file) != files.end(); ++k)
+      file = fmt::format("{}-{}.png", name, k);
+    files.push_back(folder.path() / file);
+    write_file(folder / file, [&](const std::filesystem::path& temporary) { draw(temporary); });
   };
   const std::vector<render::Panel> panels = line_panels(tests);
   for (std::size_t first = 0; first < panels.size(); first += most_panels) {
@@ -193,7 +193,7 @@ std::vector<std::filesystem::path> write_test_pictures(const std::filesystem::pa
   return files;
 }
 
-std::vector<std::filesystem::path> write_part_picture(const std::filesystem::path& folder,
+std::vector<std::filesystem::path> write_part_picture(const ResultFolder& folder,
                                                       const PartReadingsFile& part,
                                                       const std::string& from) {
   const VectorXd deviation_um = part.readings.deviation / units::um;
@@ -203,14 +203,14 @@ std::vector<std::filesystem::path> write_part_picture(const std::filesystem::pat
   write_file(folder / "part.png", [&](const std::filesystem::path& file) {
     render::write_histogram(file, deviation_um, VectorXd::Ones(deviation_um.size()), options);
   });
-  return {folder / "part.png"};
+  return {folder.path() / "part.png"};
 }
 #else
-std::vector<std::filesystem::path> write_part_picture(const std::filesystem::path&,
+std::vector<std::filesystem::path> write_part_picture(const ResultFolder&,
                                                       const PartReadingsFile&, const std::string&) {
   return {};
 }
-std::vector<std::filesystem::path> write_test_pictures(const std::filesystem::path&, const Tests&,
+std::vector<std::filesystem::path> write_test_pictures(const ResultFolder&, const Tests&,
                                                        const std::string&) {
   return {};
 }

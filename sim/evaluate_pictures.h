@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "sim/evaluate_tests.h"
+#include "sim/output.h"
 #include "sim/part_readings_file.h"
 
 namespace abbe::sim {
@@ -14,11 +15,11 @@ namespace abbe::sim {
 /// without VTK.
 /// @param from  the file of the readings, told in every picture
 /// @return their files @throws OutputFailure
-std::vector<std::filesystem::path> write_test_pictures(const std::filesystem::path& folder,
+std::vector<std::filesystem::path> write_test_pictures(const ResultFolder& folder,
                                                        const Tests& tests, const std::string& from);
 
 /// `part.png`: how many points of a part have which deviation. @return its file, or none without VTK
-std::vector<std::filesystem::path> write_part_picture(const std::filesystem::path& folder,
+std::vector<std::filesystem::path> write_part_picture(const ResultFolder& folder,
                                                       const PartReadingsFile& part,
                                                       const std::string& from);
 

@@ -4,6 +4,7 @@
 
 #include "sim/correctors.h"
 #include "sim/output.h"
+#include "sim/trust.h"
 
 namespace abbe::sim {
 namespace {
@@ -28,17 +29,19 @@ compensation::Export exported(const Job& job, const Learnt& learnt, ControlForma
 
 nlohmann::ordered_json export_tables(const std::filesystem::path& file,
                                      const ExportOptions& options) {
-  const Scene scene = read_scene(file, options.overrides);
+  Scene scene = read_trusted_scene(file, options.overrides, options.permissions);
+  const CaseDescription compensator = parse_case(options.case_name);
+  trust(scene, compensator);
+  const ResultFolder folder(options.folder, writer_of(scene, options.permissions));
   const Job job = prepare(scene);
   const ControlFormat format =
       options.format.value_or(scene.compensation.table.format.value_or(ControlFormat::LinuxCnc));
   const compensation::Export out =
-      exported(job, learnt(job, parse_case(options.case_name)), format);
-  prepare_folder(options.folder);
+      exported(job, learnt(job, compensator), format);
   nlohmann::ordered_json files = nlohmann::ordered_json::array();
   for (const compensation::ControlFile& one : out.files) {
-    write_file(options.folder / one.name, one.text);
-    files.push_back((options.folder / one.name).string());
+    write_file(folder / one.name, one.text);
+    files.push_back((folder / one.name).path().string());
   }
   return {{"scene", scene.title},
           {"case", options.case_name},

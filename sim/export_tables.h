@@ -7,6 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "sim/permissions.h"
 #include "sim/scene.h"
 
 namespace abbe::sim {
@@ -16,6 +17,7 @@ struct ExportOptions {
   std::string case_name = "identified-position-table";  ///< what the tables are made from
   std::optional<compensation::ControlFormat> format;    ///< none: the scene's, else LinuxCNC
   std::filesystem::path folder;
+  Permissions permissions;
 };
 
 /// Writes the tables that a compensator of the scene amounts to in the layout of a control. The

@@ -165,17 +165,29 @@ std::vector<std::string> comments_of(const Json& report) {
   return comments;
 }
 
-void write_with_report(const std::filesystem::path& out, const std::string& text,
-                       const Json& report) {
-  const std::filesystem::path folder = out.parent_path();
-  if (!folder.empty()) prepare_folder(folder);
-  write_file(out, text);
-  write_file(std::filesystem::path(out).replace_extension(".json"), report.dump(2) + "\n");
+/// What identify leaves: the belief, its report and its picture, side by side.
+struct BeliefFiles {
+  ResultFile belief, report, picture;
+};
+
+/// @param readings  that are read, and never written over
+BeliefFiles files_of(const IdentifyOptions& options,
+                     const std::vector<std::filesystem::path>& readings) {
+  const Writer writer{options.permissions, readings};
+  std::filesystem::path file = options.out;
+  const ResultFile belief = result_file(file, writer);
+  const ResultFile report = result_file(file.replace_extension(".json"), writer);
+  return {belief, report, result_file(file.replace_extension(".png"), writer)};
 }
 
-void write_belief(const std::filesystem::path& out, const errors::GeometricErrors& belief,
+void write_with_report(const BeliefFiles& files, const std::string& text, const Json& report) {
+  write_table(files.belief, text);
+  write_json(files.report, report);
+}
+
+void write_belief(const BeliefFiles& files, const errors::GeometricErrors& belief,
                   const kinematics::Chain& nominal, const Json& report) {
-  write_with_report(out, to_errors_file(belief, nominal.joints(), comments_of(report)), report);
+  write_with_report(files, to_errors_file(belief, nominal.joints(), comments_of(report)), report);
 }
 
 Json common_report(const Files& files, const std::vector<Readings>& readings) {
@@ -269,8 +281,9 @@ Json by_chain(const Files& files, const std::vector<Readings>& readings, Identif
   report["confounded"] = confounded_json(estimate.confounded);
   report["numbers"] = numbers_json(belief);
   report["warnings"] = warnings_of(estimate, options);
-  write_belief(options.out, belief, nominal, report);
-  write_curves_picture(std::filesystem::path(options.out).replace_extension(".png"),
+  const BeliefFiles out = files_of(options, files);
+  write_belief(out, belief, nominal, report);
+  write_curves_picture(out.picture,
                        identification::curve_readings(estimate, readings), nominal,
                        names_of(files));
   return report;
@@ -364,7 +377,7 @@ Json by_step_diagonal(const Files& files, const std::vector<Readings>& readings,
     report["per_K"] =
         trend_json(identification::step_diagonal_trend(results, warmed_K(fours, options.sensors)),
                    options.sensors);
-  write_belief(options.out, first.belief, readings.front().nominal, report);
+  write_belief(files_of(options, files), first.belief, readings.front().nominal, report);
   return report;
 }
 
@@ -409,9 +422,11 @@ Json by_composite(const Files& files, const std::vector<Readings>& readings,
   report["beliefs"] = {{"identified", options.out.string()},
                        {"thermal", thermal_file(options.out).string()}};
   report["warnings"] = composite.warnings;
-  write_belief(options.out, composite.cold, readings.front().nominal, report);
-  write_file(thermal_file(options.out),
-             to_text(composite.thermal, slope_comments(options.out, report)));
+  const BeliefFiles out = files_of(options, files);
+  const ResultFile thermal =
+      result_file(thermal_file(options.out), Writer{options.permissions, files});
+  write_belief(out, composite.cold, readings.front().nominal, report);
+  write_table(thermal, to_text(composite.thermal, slope_comments(options.out, report)));
   return report;
 }
 
@@ -453,7 +468,7 @@ Json by_thermal(const Files& files, const std::vector<Readings>& readings,
   report["numbers"] = Json::array();
   report["thermal"] = found.report;
   report["warnings"] = found.warnings;
-  write_with_report(options.out, to_text(found.belief, thermal_comments(report)), report);
+  write_with_report(files_of(options, files), to_text(found.belief, thermal_comments(report)), report);
   return report;
 }
 
@@ -462,6 +477,7 @@ Json by_thermal(const Files& files, const std::vector<Readings>& readings,
 Json identify(const Files& files, const IdentifyOptions& options) {
   const std::vector<Readings> readings =
       read_all(files, options.method == IdentifyOptions::Method::Thermal);
+  files_of(options, files);  // refused before the work
   try {
     switch (options.method) {
       case IdentifyOptions::Method::StepDiagonal:

@@ -9,6 +9,7 @@
 
 #include "errors/identification/estimate.h"
 #include "errors/identification/model.h"
+#include "sim/permissions.h"
 
 namespace abbe::sim {
 
@@ -32,6 +33,7 @@ struct IdentifyOptions {
   double margin =
       0.1;  ///< thermal, composite: part of its trained range by which a sensor may leave it
   std::filesystem::path out;  ///< belief file; beside it NAME.json and NAME.png
+  Permissions permissions;
 };
 
 /// Identifies a machine from files of readings alone and writes a belief file (an errors file with

@@ -43,7 +43,7 @@ render::Panel panel_of(const CurveReadings& curve, const kinematics::Chain& nomi
 
 }  // namespace
 
-void write_curves_picture(const std::filesystem::path& file,
+void write_curves_picture(const ResultFile& file,
                           const std::vector<CurveReadings>& curves,
                           const kinematics::Chain& nominal, const std::string& from) {
   std::vector<render::Panel> panels;
@@ -57,7 +57,7 @@ void write_curves_picture(const std::filesystem::path& file,
   });
 }
 #else
-void write_curves_picture(const std::filesystem::path&,
+void write_curves_picture(const ResultFile&,
                           const std::vector<errors::identification::CurveReadings>&,
                           const kinematics::Chain&, const std::string&) {}
 #endif

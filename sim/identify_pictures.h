@@ -6,12 +6,13 @@
 
 #include "errors/identification/curve_readings.h"
 #include "kinematics/chain.h"
+#include "sim/output.h"
 
 namespace abbe::sim {
 
 /// A sheet of every identified curve over its readings with its 95 % band; nothing is written where
 /// the program was built without VTK. @throws OutputFailure
-void write_curves_picture(const std::filesystem::path& file,
+void write_curves_picture(const ResultFile& file,
                           const std::vector<errors::identification::CurveReadings>& curves,
                           const kinematics::Chain& nominal, const std::string& from);
 

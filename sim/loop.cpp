@@ -18,6 +18,7 @@
 #include "sim/run_out.h"
 #include "sim/surface_warnings.h"
 #include "sim/tool_motion.h"
+#include "sim/work.h"
 
 namespace abbe::sim {
 namespace {
@@ -361,17 +362,40 @@ program::SampleOptions sample_options(const Scene& scene, const Machine& machine
   return options;
 }
 
+namespace {
+
+/// The samples of a program; too many are refused at what makes them so many.
+program::Samples sampled(const Scene& scene, const program::Path& path, const Machine& machine,
+                         program::SampleOptions options) {
+  options.max_samples = most_samples();
+  try {
+    return program::sample(path, machine.nominal, options);
+  } catch (const program::TooManySamples& fault) {
+    throw refusal_at(scene,
+                     {"sampling.max_step_mm", "sampling.chord_tolerance_nm", "program.step_over_mm",
+                      "program.step_mm", "program.feed_um_per_rev"},
+                     fmt::format("at most {} samples of the program, which the memory holds",
+                                 options.max_samples),
+                     fmt::format("more, from line {} of {} on", fault.line, path.file));
+  }
+}
+
+}  // namespace
+
 Job prepare(const Scene& described, const Progress& progress) {
   Stopwatch watch;
   const Scene scene = with_run_out(described);
   Machine machine = compile(scene);
   Part part = load_part(scene);
   const double part_s = watch.lap();
+  const Work work = work_of(scene, part);
+  check_work(scene, work);
+  if (const std::string text = remark(work); progress && !text.empty()) progress(text, -1.0);
   if (progress) progress("program", 0.0);
   Program program = load_program(scene, machine, part);
   const double program_s = watch.lap();
   const program::SampleOptions sampling = sample_options(scene, machine);
-  program::Samples samples = program::sample(program.path, machine.nominal, sampling);
+  program::Samples samples = sampled(scene, program.path, machine, sampling);
   std::vector<Pose> T_wt_nominal = poses(samples.states.size(), [&](std::size_t i) {
     return machine.nominal.tool_in_workpiece(samples.states[i].q);
   });

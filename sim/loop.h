@@ -16,7 +16,8 @@
 
 namespace abbe::sim {
 
-/// Told now and then how far the named stage has come, fraction in [0, 1].
+/// Told now and then how far the named stage has come, fraction in [0, 1]; below zero the text is a
+/// remark, which is for a line of its own.
 using Progress = std::function<void(const std::string& stage, double fraction)>;
 
 /// A scene compiled: all that its cases share. Immutable once made.

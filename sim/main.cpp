@@ -1,6 +1,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -23,10 +24,13 @@
 #include "sim/progress.h"
 #include "sim/reach.h"
 #include "sim/rewrite_command.h"
+#include "sim/scene_names.h"
 #include "sim/study/ranks.h"
 #include "sim/study/run_study.h"
 #include "sim/study/slurm.h"
 #include "sim/thermal_choice.h"
+#include "sim/terminal.h"
+#include "sim/trust.h"
 
 namespace abbe::sim {
 namespace {
@@ -50,6 +54,7 @@ struct Common {
   std::optional<std::int64_t> seed;
   int threads = 0;
   bool json = false;
+  Permissions permissions;
 };
 
 std::vector<Override> overrides(const Common& common) {
@@ -69,7 +74,20 @@ RunOptions run_options(const Common& common) {
   options.overrides = overrides(common);
   options.folder =
       common.out.empty() ? std::filesystem::path("out") / common.scene.stem() : common.out;
+  options.permissions = common.permissions;
   return options;
+}
+
+void add_force(CLI::App& command, Common& common) {
+  command.add_flag("--force", common.permissions.force,
+                   "write into a folder, or over a file, that abbe did not make; what the run reads "
+                   "is never touched");
+}
+
+void add_trust(CLI::App& command, Common& common) {
+  command.add_flag("--trust", common.permissions.trust,
+                   "run the programs that the file names (check lists those of a scene); folders to "
+                   "trust for good stand in ~/.config/abbe/trust");
 }
 
 void add_common(CLI::App& command, Common& common, bool writes) {
@@ -88,7 +106,10 @@ void add_common(CLI::App& command, Common& common, bool writes) {
                   "most threads to use (all); results do not depend on it")
       ->check(CLI::Range(1, 1024));
   command.add_flag("--json", common.json, "print JSON instead of text");
-  if (writes) command.add_option("--out", common.out, "folder for every file (out/SCENE)");
+  if (!writes) return;
+  command.add_option("--out", common.out,
+                     "folder for every file (out/SCENE): new, empty, or of abbe's results");
+  add_force(command, common);
 }
 
 std::string figures(const nlohmann::ordered_json& s) {
@@ -125,7 +146,7 @@ std::string unreached_line(const nlohmann::ordered_json& json) {
 void print_warnings(const nlohmann::ordered_json& json) {
   if (!json.contains("warnings")) return;
   for (const auto& warning : json["warnings"])
-    fmt::print(stderr, "abbe: warning: {}\n", warning.get<std::string>());
+    print(stderr, "abbe: warning: {}\n", warning.get<std::string>());
 }
 
 std::string comparison_text(const nlohmann::ordered_json& json) {
@@ -145,21 +166,21 @@ std::string comparison_text(const nlohmann::ordered_json& json) {
 
 int finish(const Common& common, const RunOptions& options, const Outcome& outcome) {
   if (common.json) {
-    fmt::print("{}\n", outcome.json.dump(2));
+    print("{}", json_text(outcome.json));
   } else if (outcome.json.contains("cases")) {
-    fmt::print("{}", comparison_text(outcome.json));
-    fmt::print("\nfiles in {}; comparison.png shows all cases on one scale\n",
+    print("{}", comparison_text(outcome.json));
+    print("\nfiles in {}; comparison.png shows all cases on one scale\n",
                options.folder.string());
   } else {
-    fmt::print("{}\n{:<36} {} {}\n{}files in {}\n", residual_head(),
-               outcome.json["case"].get<std::string>(), figures(outcome.json["residual_um"]),
-               left_out(outcome.json), unreached_line(outcome.json), options.folder.string());
+    print("{}\n{:<36} {} {}\n{}files in {}\n", residual_head(),
+          outcome.json["case"].get<std::string>(), figures(outcome.json["residual_um"]),
+          left_out(outcome.json), unreached_line(outcome.json), options.folder.string());
   }
   if (!common.json && !outcome.sensors.is_null())
-    fmt::print("{}", sensor_choices_text(outcome.sensors));
+    print("{}", sensor_choices_text(outcome.sensors));
   print_warnings(outcome.json);
-  for (const std::string& limit : outcome.exceeded) fmt::print(stderr, "abbe: {}\n", limit);
-  for (const std::string& failure : outcome.failed) fmt::print(stderr, "abbe: {}\n", failure);
+  for (const std::string& limit : outcome.exceeded) print(stderr, "abbe: {}\n", limit);
+  for (const std::string& failure : outcome.failed) print(stderr, "abbe: {}\n", failure);
   if (!outcome.failed.empty()) return plug_in;
   return outcome.exceeded.empty() ? ok : limit_exceeded;
 }
@@ -201,22 +222,34 @@ int compare_command(const Common& common, const std::vector<std::filesystem::pat
 
 int pose(const Common& common, PoseCommand command) {
   command.json = common.json;
+  command.permissions = common.permissions;
   pose_command(read_scene(common.scene, overrides(common)), command);
   return ok;
+}
+
+/// What a scene would run, and whether it may.
+nlohmann::ordered_json programs_json(const Scene& scene, const Permissions& permissions) {
+  nlohmann::ordered_json all = nlohmann::ordered_json::array();
+  for (const JudgedProgram& one : judged(scene.programs, permissions))
+    all.push_back({{"program", one.named.program.string()},
+                   {"file", one.named.file.string()},
+                   {"line", one.named.line},
+                   {"trusted", one.trusted}});
+  return all;
 }
 
 int check_command(const Common& common, bool picture) {
   const Scene scene = read_scene(common.scene, overrides(common));
   const Job job = prepare(scene);
   check_reaches_part(job);
-  const nlohmann::ordered_json description = describe(job);
+  nlohmann::ordered_json description = describe(job);
+  description["programs"] = programs_json(scene, common.permissions);
   if (picture) {
-    const std::filesystem::path folder = run_options(common).folder;
-    prepare_folder(folder);
+    const ResultFolder folder(run_options(common).folder, writer_of(scene, common.permissions));
     write_check_picture(folder / "check.png", job);
-    fmt::print(stderr, "picture in {}\n", (folder / "check.png").string());
+    print(stderr, "picture in {}\n", (folder / "check.png").path().string());
   }
-  fmt::print("{}", common.json ? description.dump(2) + "\n" : to_text(description));
+  print("{}", common.json ? json_text(description) : to_text(description));
   print_warnings(description);
   return ok;
 }
@@ -226,6 +259,7 @@ int measure_command(const Common& common, const std::vector<std::string>& instru
   options.overrides = overrides(common);
   options.instruments = instruments;
   options.folder = run_options(common).folder / (common.out.empty() ? "readings" : "");
+  options.permissions = common.permissions;
   const std::vector<Measured> all = measure(common.scene, options);
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
   double hours = 0.0;
@@ -237,14 +271,14 @@ int measure_command(const Common& common, const std::vector<std::string>& instru
     hours += one.duration_s / 3600.0;
   }
   if (common.json) {
-    fmt::print("{}\n", json.dump(2));
+    print("{}", json_text(json));
     return ok;
   }
-  fmt::print("{:>10} {:>9} {:>9}   file\n", "readings", "set-ups", "hours");
+  print("{:>10} {:>9} {:>9}   file\n", "readings", "set-ups", "hours");
   for (const Measured& one : all)
-    fmt::print("{:>10} {:>9} {:>9.2f}   {}\n", one.readings, one.set_ups, one.duration_s / 3600.0,
+    print("{:>10} {:>9} {:>9.2f}   {}\n", one.readings, one.set_ups, one.duration_s / 3600.0,
                one.file.string());
-  fmt::print("\n{:.1f} hours on a real machine, setting up included\n", hours);
+  print("\n{:.1f} hours on a real machine, setting up included\n", hours);
   return ok;
 }
 
@@ -291,8 +325,9 @@ int identify_command(const Common& common, IdentifyWords words) {
     if (std::filesystem::equivalent(readings, words.options.out, ignored))
       throw CLI::ValidationError("--out", "expected another file than the readings");
   }
+  words.options.permissions = common.permissions;
   const nlohmann::ordered_json report = identify(words.readings, words.options);
-  fmt::print("{}", common.json ? report.dump(2) + "\n" : identify_text(report));
+  print("{}", common.json ? json_text(report) : identify_text(report));
   return ok;
 }
 
@@ -305,6 +340,7 @@ struct ExportWords {
 int export_command(const Common& common, ExportWords words) {
   words.options.overrides = overrides(common);
   words.options.folder = run_options(common).folder / (common.out.empty() ? "tables" : "");
+  words.options.permissions = common.permissions;
   using compensation::ControlFormat;
   for (const ControlFormat one : {ControlFormat::LinuxCnc, ControlFormat::Isg,
                                   ControlFormat::Siemens, ControlFormat::Heidenhain})
@@ -316,13 +352,13 @@ int export_command(const Common& common, ExportWords words) {
   }
   const nlohmann::ordered_json json = export_tables(common.scene, words.options);
   if (common.json) {
-    fmt::print("{}\n", json.dump(2));
+    print("{}", json_text(json));
     return ok;
   }
-  for (const auto& file : json["files"]) fmt::print("{}\n", file.get<std::string>());
-  for (const auto& one : json["notes"]) fmt::print("{}\n", one.get<std::string>());
+  for (const auto& file : json["files"]) print("{}\n", file.get<std::string>());
+  for (const auto& one : json["notes"]) print("{}\n", one.get<std::string>());
   for (const auto& one : json["left_out"])
-    fmt::print(stderr, "abbe: warning: left out: {}\n", one.get<std::string>());
+    print(stderr, "abbe: warning: left out: {}\n", one.get<std::string>());
   return ok;
 }
 
@@ -331,16 +367,18 @@ int rewrite_command(const Common& common, const std::string& case_name) {
   options.overrides = overrides(common);
   options.case_name = case_name;
   options.out = common.out;
+  options.permissions = common.permissions;
   const nlohmann::ordered_json report = rewrite(common.scene, options);
-  fmt::print("{}", common.json ? report.dump(2) + "\n" : rewrite_text(report));
+  print("{}", common.json ? json_text(report) : rewrite_text(report));
   return ok;
 }
 
 int evaluate_command(const Common& common, const std::filesystem::path& readings) {
   EvaluateOptions options;
   options.folder = common.out.empty() ? std::filesystem::path("out") / readings.stem() : common.out;
+  options.permissions = common.permissions;
   const nlohmann::ordered_json evaluation = evaluate(readings, options);
-  fmt::print("{}", common.json ? evaluation.dump(2) + "\n" : evaluation_text(evaluation));
+  print("{}", common.json ? json_text(evaluation) : evaluation_text(evaluation));
   return ok;
 }
 
@@ -370,8 +408,10 @@ int print_slurm_script(const Common& common, const StudyWords& words,
   job.study = common.scene;
   job.out = options.folder;
   job.program = std::filesystem::read_symlink("/proc/self/exe");
-  study::read_study(common.scene, options.overrides);  // a slip is told now, not by every shard
-  fmt::print("{}", study::slurm_script(job));
+  job.trust = common.permissions.trust;
+  // a slip is told now, not by every shard
+  study::read_trusted_study(common.scene, options.overrides, common.permissions);
+  print("{}", study::slurm_script(job));
   return ok;
 }
 
@@ -380,13 +420,14 @@ int study_command(int& argc, char**& argv, const Common& common, const StudyWord
   options.overrides = overrides(common);
   options.folder =
       common.out.empty() ? std::filesystem::path("out") / common.scene.stem() : common.out;
+  options.permissions = common.permissions;
   if (!words.shard.empty()) options.shard = parse_shard(words.shard);
   if (words.slurm) return print_slurm_script(common, words, options);
   const auto tell = [&](const study::StudyTold& told) {
     if (common.json)
-      fmt::print("{}\n", told.json.dump(2));
+      print("{}", json_text(told.json));
     else
-      fmt::print("{}", told.text);
+      print("{}", told.text);
     return ok;
   };
   if (words.show) return tell(study::show_study(common.scene, options));
@@ -426,17 +467,20 @@ void add_scene_commands(CLI::App& app, CommandLine& line) {
   CLI::App& compare_app = *app.add_subcommand(
       "compare", "Cut error-free, uncompensated and every compensator of the scene");
   add_common(compare_app, line.common, true);
-  for (CLI::App* one : {&run_app, &compare_app})
+  for (CLI::App* one : {&run_app, &compare_app}) {
+    add_trust(*one, line.common);
     one->add_option("--compensator", line.compensators,
                     "one of your own: a program that speaks JSON lines or a C library "
                     "(sim/compensation/README.md)")
         ->type_name("FILE")
         ->take_all()
         ->allow_extra_args(false);
+  }
 
   CLI::App& check_app =
       *app.add_subcommand("check", "Validate a scene and say how it was understood; cut nothing");
   add_common(check_app, line.common, true);
+  add_trust(check_app, line.common);
   check_app.add_flag("--picture", line.picture, "draw machine, part and path, errors magnified");
 }
 
@@ -459,6 +503,7 @@ void add_render_command(CLI::App& app, CommandLine& line) {
       .add_option("--line", line.rendering.line, "profile along x, y or radius instead of the map")
       ->check(CLI::IsMember({"x", "y", "radius"}));
   render_app.add_option("--out", line.rendering.out, "folder for the pictures (that of RESULT)");
+  add_force(render_app, line.common);
   render_app.add_option("--threads", line.common.threads, "most threads to use")
       ->check(CLI::Range(1, 1024));
 }
@@ -468,6 +513,8 @@ void add_measure_command(CLI::App& app, CommandLine& line) {
       *app.add_subcommand("measure", "Measure the machine of a scene with virtual instruments");
   add_common(measure_app, line.common, false);
   measure_app.add_option("--out", line.common.out, "folder for the readings (out/SCENE/readings)");
+  add_force(measure_app, line.common);
+  add_trust(measure_app, line.common);
   measure_app
       .add_option("--instrument", line.instruments,
                   "name of an [[instrument]] of the scene, or a kind such as laser, ball_bar, "
@@ -481,6 +528,8 @@ void add_rewrite_command(CLI::App& app, CommandLine& line) {
       "rewrite", "Write the program of a scene with a compensator's corrections in it");
   add_common(rewrite_app, line.common, false);
   rewrite_app.add_option("--out", line.common.out, "file for the program (out/SCENE/rewritten.*)");
+  add_force(rewrite_app, line.common);
+  add_trust(rewrite_app, line.common);
   rewrite_app.add_option("--case", line.case_name,
                          "belief-strategy-program (the first such case of the scene)");
 }
@@ -490,6 +539,8 @@ void add_export_command(CLI::App& app, CommandLine& line) {
       "export", "Write the compensation tables of a scene as a control reads them");
   add_common(export_app, line.common, false);
   export_app.add_option("--out", line.common.out, "folder for the tables (out/SCENE/tables)");
+  add_force(export_app, line.common);
+  add_trust(export_app, line.common);
   export_app
       .add_option("--format", line.exporting.format,
                   "of which control (that of [compensation.table], else linuxcnc)")
@@ -552,6 +603,7 @@ void add_identify_command(CLI::App& app, CommandLine& line) {
   identify_app.add_option("--out", line.common.out,
                           "belief file (out/belief.toml; thermal: out/belief_thermal.txt; composite "
                           "writes NAME_thermal.txt beside NAME.toml)");
+  add_force(identify_app, line.common);
   identify_app.add_option("--threads", line.common.threads, "most threads to use")
       ->check(CLI::Range(1, 1024));
 }
@@ -565,6 +617,7 @@ void add_evaluate_command(CLI::App& app, CommandLine& line) {
       ->required();
   evaluate_app.add_flag("--json", line.common.json, "print JSON instead of text");
   evaluate_app.add_option("--out", line.common.out, "folder for report and pictures (out/NAME)");
+  add_force(evaluate_app, line.common);
 }
 
 void add_study_command(CLI::App& app, CommandLine& line) {
@@ -591,6 +644,8 @@ void add_study_command(CLI::App& app, CommandLine& line) {
   study_app.add_option("--out", line.common.out,
                        "folder for every file (out/STUDY); cases that are in its journal are not "
                        "computed again");
+  add_force(study_app, line.common);
+  add_trust(study_app, line.common);
   study_app.add_flag("--resume", words.resume,
                      "go on where the journal ends; the default, another --out begins anew");
   CLI::Option* shard = study_app.add_option(
@@ -629,8 +684,16 @@ int dispatch(const CLI::App& app, CommandLine& line, int& argc, char**& argv) {
   if (app.got_subcommand("export")) return export_command(line.common, line.exporting);
   if (app.got_subcommand("study")) return study_command(argc, argv, line.common, line.study);
   if (app.got_subcommand("evaluate")) return evaluate_command(line.common, line.readings);
-  fmt::print("picture in {}\n", render_result(line.rendering).string());
+  line.rendering.permissions = line.common.permissions;
+  print("picture in {}\n", render_result(line.rendering).string());
   return ok;
+}
+
+/// The command for the marks of results.
+std::string as_typed(int argc, char** argv) {
+  std::string text = "abbe";
+  for (int i = 1; i < argc; ++i) text += " " + std::string(argv[i]);
+  return text;
 }
 
 int command_line(int argc, char** argv) {
@@ -645,6 +708,7 @@ int command_line(int argc, char** argv) {
       "Exit codes: 0 ok, 1 an acceptance limit of the scene was exceeded, 2 usage, 3 input,\n"
       "4 numerical, 5 output, 6 plug-in, 130 interrupted.");
   CommandLine line;
+  line.common.permissions.command = as_typed(argc, argv);
   add_scene_commands(app, line);
   add_render_command(app, line);
   add_pose_command(app, line);
@@ -654,15 +718,22 @@ int command_line(int argc, char** argv) {
   add_rewrite_command(app, line);
   add_export_command(app, line);
   add_study_command(app, line);
+  const auto say = [&](const CLI::ParseError& why) {
+    std::ostringstream out, errors;
+    const int code = app.exit(why, out, errors);
+    print("{}", out.str());
+    print(stderr, "{}", errors.str());
+    return code;
+  };
   try {
     app.parse(argc, argv);
     return dispatch(app, line, argc, argv);
   } catch (const CLI::Success& asked) {
-    return app.exit(asked);
+    return say(asked);
   } catch (const CLI::ValidationError& fault) {
-    fmt::print(stderr, "abbe: {}\n", fault.what());
+    print(stderr, "abbe: {}\n", fault.what());
   } catch (const CLI::ParseError& fault) {
-    app.exit(fault);
+    say(fault);
   }
   return usage;
 }
@@ -677,25 +748,25 @@ int exit_code(int argc, char** argv) {
   try {
     return sim::command_line(argc, argv);
   } catch (const sim::Interrupted&) {
-    fmt::print(stderr, "abbe: interrupted\n");
+    sim::print(stderr, "abbe: interrupted\n");
     return 130;
   } catch (const sim::BadScene& faults) {
-    for (const BadInput& fault : faults.faults) fmt::print(stderr, "abbe: {}\n", fault.what());
+    for (const BadInput& fault : faults.faults) sim::print(stderr, "abbe: {}\n", fault.what());
     return sim::input;
   } catch (const BadInput& fault) {
-    fmt::print(stderr, "abbe: {}\n", fault.what());
+    sim::print(stderr, "abbe: {}\n", fault.what());
     return sim::input;
   } catch (const sim::compensation::PlugInFailure& failure) {
-    fmt::print(stderr, "abbe: {}\n", failure.what());
+    sim::print(stderr, "abbe: {}\n", failure.what());
     return sim::plug_in;
   } catch (const sim::OutputFailure& failure) {
-    fmt::print(stderr, "abbe: {}\n", failure.what());
+    sim::print(stderr, "abbe: {}\n", failure.what());
     return sim::output;
   } catch (const std::bad_alloc&) {
-    fmt::print(stderr, "abbe: not enough memory for this scene\n");
+    sim::print(stderr, "abbe: not enough memory for this scene\n");
     return sim::numerical;
   } catch (const std::exception& failure) {
-    fmt::print(stderr, "abbe: {}\n", failure.what());
+    sim::print(stderr, "abbe: {}\n", failure.what());
     return sim::numerical;
   }
 }

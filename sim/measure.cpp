@@ -15,6 +15,7 @@
 #include "sim/progress.h"
 #include "sim/readings_file.h"
 #include "sim/toml_reader.h"
+#include "sim/trust.h"
 
 namespace abbe::sim {
 namespace {
@@ -256,28 +257,32 @@ Readings measured(const Scene& scene, const InstrumentDescription& description) 
 }
 
 std::vector<Measured> measure(const std::filesystem::path& file, const MeasureOptions& options) {
-  const Scene scene = read_scene(file, options.overrides);
+  const Scene scene = read_trusted_scene(file, options.overrides, options.permissions);
   const Chosen instruments = chosen(scene, options.instruments);
   if (instruments.of_machine.empty() && instruments.of_part.empty())
     throw BadInput(file.string(), 0, 0, "[[instrument]] tables, or --instrument NAME", "none");
-  prepare_folder(options.folder);
+  const ResultFolder folder(options.folder, writer_of(scene, options.permissions));
+  for (const InstrumentDescription& one : instruments.of_machine)
+    check_file(folder / (one.instrument.name + ".csv"));
+  for (const PartInstrumentDescription& one : instruments.of_part)
+    check_file(folder / (one.name + ".csv"));
   std::vector<Measured> written;
   std::optional<Subject> subject;
   if (!instruments.of_machine.empty()) subject = subject_of(scene);
   for (const InstrumentDescription& one : instruments.of_machine) {
     const Readings readings = read_by(one, scene, *subject);
-    const std::filesystem::path path = options.folder / (one.instrument.name + ".csv");
-    write_file(path, to_text(readings));
+    const ResultFile csv = folder / (one.instrument.name + ".csv");
+    write_table(csv, to_text(readings));
     written.push_back(
-        {path, readings.plan.looks.size(), readings.plan.set_ups.size(), readings.plan.duration_s});
+        {csv.path(), readings.plan.looks.size(), readings.plan.set_ups.size(), readings.plan.duration_s});
   }
   for (const PartInstrumentDescription& one : instruments.of_part) {
     const PartReadingsFile part = measured_part(scene, one);
-    const std::filesystem::path path = options.folder / (one.name + ".csv");
-    write_file(path, to_text(part));
+    const ResultFile csv = folder / (one.name + ".csv");
+    write_table(csv, to_text(part));
     const Eigen::VectorXd& t = part.readings.time_s;
     written.push_back(
-        {path, std::size_t(t.size()), 1, t.size() > 0 ? t.maxCoeff() - t.minCoeff() : 0.0});
+        {csv.path(), std::size_t(t.size()), 1, t.size() > 0 ? t.maxCoeff() - t.minCoeff() : 0.0});
   }
   return written;
 }

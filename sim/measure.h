@@ -7,6 +7,7 @@
 
 #include "errors/metrology/readings.h"
 #include "sim/part_readings_file.h"
+#include "sim/permissions.h"
 #include "sim/scene.h"
 #include "sim/truth.h"
 
@@ -45,6 +46,7 @@ struct MeasureOptions {
   std::vector<Override> overrides;
   std::vector<std::string> instruments;  ///< names; empty: every one of the scene
   std::filesystem::path folder;          ///< NAME.csv of each goes there
+  Permissions permissions;
 };
 
 /// One file that was written.

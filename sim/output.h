@@ -2,28 +2,109 @@
 
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
+#include <nlohmann/json_fwd.hpp>
+
+#include "sim/permissions.h"
+
+/// The one door by which results reach the disk. Outputs never touch a file that abbe did not make,
+/// nor, whatever the user permits, a file that the run reads. What abbe made stands in the mark of
+/// its folder, a file of JSON lines: {"folder": true, "command": ..., "version": ...} where the whole
+/// folder is a result, {"file": NAME} for every file that may be replaced or removed.
 namespace abbe::sim {
 
-/// Output could not be written: exit 5.
+/// Output could not be written, or would touch what abbe did not make: exit 5.
 struct OutputFailure : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// Makes the folder and proves that a file can be written in it.
-/// @throws OutputFailure naming the folder and the system's reason
-void prepare_folder(const std::filesystem::path& folder);
+inline constexpr const char* mark_name = ".abbe-result";
 
-/// Runs `write` on a temporary name beside `file`, flushes, and renames it to `file`; on failure
-/// nothing is left of it and an older `file` stands as it was.
+/// Who writes, and what it may not touch.
+struct Writer {
+  Permissions permissions;
+  std::vector<std::filesystem::path> inputs;  ///< every file that the run reads
+  bool beside_inputs = false;  ///< an input may lie in the folder: it is drawn there again
+};
+
+/// A file that may be written; it comes from `folder / name` or `result_file`, never from a path.
+class ResultFile {
+ public:
+  std::filesystem::path path() const;
+
+ private:
+  struct Place;
+  friend class ResultFolder;
+  friend ResultFile result_file(const std::filesystem::path& file, const Writer& writer);
+  friend void claim(const ResultFile& file);
+  friend void check_file(const ResultFile& file);
+  friend void remove_file(const ResultFile& file);
+  ResultFile(std::shared_ptr<Place> place, std::string name)
+      : place_(std::move(place)), name_(std::move(name)) {}
+
+  std::shared_ptr<Place> place_;
+  std::string name_;
+};
+
+/// A folder for results, proved fit for writing: new, empty, with nothing but what abbe made, or one
+/// that bears the mark of a result folder; and no input of the run lies in it or below. With --force
+/// any folder, which then stays unmarked as a whole. The mark is written with the first file.
+class ResultFolder {
+ public:
+  /// @throws OutputFailure naming what stands in the way and what to do, or the system's reason
+  ResultFolder(const std::filesystem::path& folder, const Writer& writer);
+
+  /// @param name  of one file, without folders
+  ResultFile operator/(const std::filesystem::path& name) const;
+  /// A folder in it, taken by the same rules; itself for an empty name.
+  /// @throws OutputFailure
+  ResultFolder inside(const std::string& name) const;
+  const std::filesystem::path& path() const;
+
+ private:
+  std::shared_ptr<ResultFile::Place> place_;
+};
+
+/// Refuses what ResultFolder would refuse, and makes nothing.
 /// @throws OutputFailure
-void write_file(const std::filesystem::path& file,
+void check_folder(const std::filesystem::path& folder, const Writer& writer);
+
+/// A single file in any folder, which is made where there is none.
+/// @throws OutputFailure if `file` is there and is not abbe's, unless forced; or is an input
+ResultFile result_file(const std::filesystem::path& file, const Writer& writer);
+
+/// Notes in the mark that the file is abbe's, before it is written by other means than write_file.
+/// @throws OutputFailure if a file stands there that abbe did not make, unless forced; or an input
+void claim(const ResultFile& file);
+
+/// Refuses what `claim` would refuse, and notes nothing: before an hour's work.
+/// @throws OutputFailure
+void check_file(const ResultFile& file);
+
+/// Claims the file, runs `write` on a temporary name beside it, flushes, and renames it to `file`; on
+/// failure nothing is left of it and an older `file` stands as it was.
+/// @throws OutputFailure
+void write_file(const ResultFile& file,
                 const std::function<void(const std::filesystem::path&)>& write);
 
-/// The same for a text.
-void write_file(const std::filesystem::path& file, std::string_view text);
+/// The same for a text, byte by byte.
+void write_file(const ResultFile& file, std::string_view text);
+/// The same for a table or a report: what would act on a terminal is escaped.
+void write_table(const ResultFile& file, std::string_view text);
+/// The same for JSON as `json_text` has it.
+void write_json(const ResultFile& file, const nlohmann::ordered_json& json);
+
+/// Removes a file of an earlier run; one that abbe did not make stays.
+void remove_file(const ResultFile& file);
+
+/// JSON as it is printed and written: indented, with a line end; what is no letter is escaped, bytes
+/// that are not UTF-8 are replaced.
+std::string json_text(const nlohmann::ordered_json& json);
 
 }  // namespace abbe::sim

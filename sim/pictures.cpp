@@ -247,14 +247,14 @@ void write_element(const std::filesystem::path& file, const Job& job,
 const std::string element_ending = "-temperatures.png";
 
 /// Pictures of elements that an earlier run left and this one does not draw.
-void remove_older(const std::filesystem::path& folder, const std::set<std::string>& drawn) {
-  std::vector<std::filesystem::path> older;
+void remove_older(const ResultFolder& folder, const std::set<std::string>& drawn) {
+  std::vector<std::string> older;
   std::error_code none;
-  for (const auto& entry : std::filesystem::directory_iterator(folder, none)) {
+  for (const auto& entry : std::filesystem::directory_iterator(folder.path(), none)) {
     const std::string name = entry.path().filename().string();
-    if (name.ends_with(element_ending) && !drawn.contains(name)) older.push_back(entry.path());
+    if (name.ends_with(element_ending) && !drawn.contains(name)) older.push_back(name);
   }
-  for (const std::filesystem::path& file : older) std::filesystem::remove(file, none);
+  for (const std::string& name : older) remove_file(folder / name);
 }
 
 /// What the summary beside a result says of it, if there is one.
@@ -283,8 +283,7 @@ About about(const std::filesystem::path& result) {
 
 }  // namespace
 
-void write_case_pictures(const std::filesystem::path& folder, const Job& job,
-                         const Verdict& verdict) {
+void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
   write_file(folder / "residual.vtp", [&](const std::filesystem::path& file) {
     render::write_residual(file, design_m(job), verdict.aligned.surface);
   });
@@ -310,23 +309,21 @@ void write_case_pictures(const std::filesystem::path& folder, const Job& job,
   });
 }
 
-void write_source_pictures(const std::filesystem::path& folder, const Job& job,
-                           const Verdict& verdict) {
+void write_source_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
   const Process& process = verdict.cut.process;
-  std::error_code none;
   if (process.stock || process.turned)
     write_file(folder / "stock.vtp", [&](const std::filesystem::path& file) {
       render::write_stock(file, process.stock ? cutting::stock_mesh(*process.stock)
                                               : cutting::stock_mesh(*process.turned));
     });
   else
-    std::filesystem::remove(folder / "stock.vtp", none);
+    remove_file(folder / "stock.vtp");
   const bool heat = job.truth.heat && verdict.cut.case_name != "error_free";
   if (heat)
     write_file(folder / "temperatures.png",
                [&](const std::filesystem::path& file) { write_temperatures(file, job); });
   else
-    std::filesystem::remove(folder / "temperatures.png", none);
+    remove_file(folder / "temperatures.png");
   std::set<std::string> drawn;
   if (heat)
     for (const ThermalDescription::Plot& plot : job.scene.thermal->plots) {
@@ -338,7 +335,7 @@ void write_source_pictures(const std::filesystem::path& folder, const Job& job,
   remove_older(folder, drawn);
 }
 
-void write_comparison_picture(const std::filesystem::path& file, const Scene& scene,
+void write_comparison_picture(const ResultFile& file, const Scene& scene,
                               const std::vector<Compared>& cases) {
   std::vector<render::MapPicture> pictures;
   for (const Compared& one : cases) {
@@ -356,7 +353,7 @@ void write_comparison_picture(const std::filesystem::path& file, const Scene& sc
   });
 }
 
-void write_check_picture(const std::filesystem::path& file, const Job& job) {
+void write_check_picture(const ResultFile& file, const Job& job) {
   write_file(file, [&](const std::filesystem::path& temporary) {
     render::MachineOptions options;
     // a turned part is looked in the face
@@ -375,8 +372,9 @@ std::filesystem::path render_result(const RenderOptions& options) {
     told.title += ", minus " + about(other).title;
   }
   const render::Figures numbers = render::figures(field.deviation_um, field.design.area);
-  const std::filesystem::path folder = options.out.empty() ? source.parent_path() : options.out;
-  prepare_folder(folder);
+  Writer writer{options.permissions, {source, source.parent_path() / "summary.json"}, true};
+  if (options.minus) writer.inputs.push_back(result_file(*options.minus));
+  const ResultFolder folder(options.out.empty() ? source.parent_path() : options.out, writer);
   if (options.line) {
     render::ProfileOptions plot;
     plot.title = told.title;
@@ -384,11 +382,11 @@ std::filesystem::path render_result(const RenderOptions& options) {
     plot.caption = {"+ material left, − gouged; along the outward design normal",
                     fmt::format("whole map: PV {:.4g} µm, RMS {:.4g} µm; datum {}, alignment {}",
                                 numbers.pv_um, numbers.rms_um, told.datum, told.alignment)};
-    const std::filesystem::path drawn = folder / ("profile-" + *options.line + ".png");
+    const ResultFile drawn = folder / ("profile-" + *options.line + ".png");
     write_file(drawn, [&](const std::filesystem::path& file) {
       render::write_profile(file, profile(field, *options.line), plot);
     });
-    return drawn;
+    return drawn.path();
   }
   render::MapPicture picture;
   picture.title = told.title;
@@ -397,14 +395,14 @@ std::filesystem::path render_result(const RenderOptions& options) {
   picture.alignment = told.alignment;
   picture.field = std::move(field);
   // never the name of a picture that a run left there
-  const std::filesystem::path drawn = folder / (options.minus ? "difference.png" : "rendered.png");
+  const ResultFile drawn = folder / (options.minus ? "difference.png" : "rendered.png");
   write_file(drawn,
              [&](const std::filesystem::path& file) { render::write_map(file, picture, {}); });
   if (options.minus)
     write_file(folder / "difference.vtp", [&](const std::filesystem::path& file) {
       render::write_residual(file, picture.field);
     });
-  return drawn;
+  return drawn.path();
 }
 
 }  // namespace abbe::sim
@@ -413,11 +411,11 @@ std::filesystem::path render_result(const RenderOptions& options) {
 
 namespace abbe::sim {
 
-void write_case_pictures(const std::filesystem::path&, const Job&, const Verdict&) {}
-void write_source_pictures(const std::filesystem::path&, const Job&, const Verdict&) {}
-void write_comparison_picture(const std::filesystem::path&, const Scene&,
+void write_case_pictures(const ResultFolder&, const Job&, const Verdict&) {}
+void write_source_pictures(const ResultFolder&, const Job&, const Verdict&) {}
+void write_comparison_picture(const ResultFile&, const Scene&,
                               const std::vector<Compared>&) {}
-void write_check_picture(const std::filesystem::path&, const Job&) {}
+void write_check_picture(const ResultFile&, const Job&) {}
 std::filesystem::path render_result(const RenderOptions& options) {
   throw BadInput(options.result.string(), 0, 0, "a program built with -DABBE_RENDER=ON",
                  "one without VTK");

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <vector>
 
+#include "sim/output.h"
 #include "sim/report.h"
 
 /// Pictures and VTK files of results; nothing is written where the program was built without VTK.
@@ -10,27 +11,26 @@ namespace abbe::sim {
 
 /// `residual.vtp`, `residual.png` and `histogram.png` of a case.
 /// @throws OutputFailure
-void write_case_pictures(const std::filesystem::path& folder, const Job& job,
-                         const Verdict& verdict);
+void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict);
 
 /// `stock.vtp` of a case whose stock was cut, `temperatures.png` of one with heat and a picture
 /// `EXX-temperatures.png` of every element that the scene plots; older ones are removed where the
 /// case has none.
-void write_source_pictures(const std::filesystem::path& folder, const Job& job,
-                           const Verdict& verdict);
+void write_source_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict);
 
 /// All cases on one symmetric colour scale with their figures.
-void write_comparison_picture(const std::filesystem::path& file, const Scene& scene,
+void write_comparison_picture(const ResultFile& file, const Scene& scene,
                               const std::vector<Compared>& cases);
 
 /// Machine, part and path, the errors of the path magnified; what `abbe check --picture` draws.
-void write_check_picture(const std::filesystem::path& file, const Job& job);
+void write_check_picture(const ResultFile& file, const Job& job);
 
 struct RenderOptions {
   std::filesystem::path result;                ///< a residual.vtp, or the folder that has one
   std::optional<std::filesystem::path> minus;  ///< another, taken away vertex by vertex
   std::optional<std::string> line;  ///< profile along "x", "y" or "radius" instead of a map
   std::filesystem::path out;        ///< folder
+  Permissions permissions;
 };
 
 /// Pictures of a finished result, or of a difference of two.

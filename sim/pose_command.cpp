@@ -10,6 +10,8 @@
 #include "sim/pose_at.h"
 #include "sim/pose_doubts.h"
 #include "sim/pose_files.h"
+#include "sim/terminal.h"
+#include "sim/trust.h"
 #include "sim/volumetric_files.h"
 
 namespace abbe::sim {
@@ -19,27 +21,26 @@ using nlohmann::ordered_json;
 
 constexpr std::size_t worth_a_line = 20000;  // poses from which progress is shown
 
-/// A file's name need not be UTF-8.
-std::string dumped(const ordered_json& json) {
-  return json.dump(2, ' ', false, ordered_json::error_handler_t::replace);
-}
-
 void warn(const std::vector<std::string>& warnings) {
-  for (const std::string& warning : warnings) fmt::print(stderr, "abbe: warning: {}\n", warning);
+  for (const std::string& warning : warnings) print(stderr, "abbe: warning: {}\n", warning);
 }
 
 void print_one(const Scene& scene, const PoseCommand& command) {
   const ordered_json pose = pose_at(scene, command.at, command.wishes);
-  fmt::print("{}", command.json ? pose.dump(2) + "\n" : pose_text(pose));
+  print("{}", command.json ? json_text(pose) : pose_text(pose));
   warn(pose["warnings"].get<std::vector<std::string>>());
 }
 
 void print_many(const IdleMachine& idle, const PoseCommand& command) {
   const PoseTable table(idle, command.wishes);
   const auto asked = command.json ? TableFormat::Json : TableFormat::Csv;
-  const TableFormat format =
-      command.out.empty() ? asked
-                          : pose_file_format(command.out, {idle.scene.file, command.at_file});
+  const TableFormat format = command.out.empty() ? asked : pose_file_format(command.out);
+  std::optional<ResultFile> out;
+  if (!command.out.empty()) {
+    Writer writer = writer_of(idle.scene, command.permissions);
+    writer.inputs.push_back(command.at_file);
+    out = result_file(command.out, writer);
+  }
   const PoseList poses = read_poses_file(command.at_file, idle.machine.nominal);
   const std::vector<std::string> warnings = doubts(idle, poses);
   warn(warnings);
@@ -49,27 +50,27 @@ void print_many(const IdleMachine& idle, const PoseCommand& command) {
     progress->begin(fmt::format("{} poses", poses.size()));
   }
   ProgressLine* const shown = progress ? &*progress : nullptr;
-  if (command.out.empty()) {
+  if (!out) {
     print_poses(table, poses, format, warnings, shown);
     return;
   }
-  if (command.out.has_parent_path()) prepare_folder(command.out.parent_path());
-  const PoseStatistics s = write_pose_file(command.out, table, poses, format, warnings, shown);
+  const PoseStatistics s = write_pose_file(*out, table, poses, format, warnings, shown);
   progress.reset();
   if (command.json) {
     const ordered_json json{
         {"file", command.out.string()}, {"summary", to_json(s, poses)}, {"warnings", warnings}};
-    fmt::print("{}\n", dumped(json));
+    print("{}", json_text(json));
   } else {
-    fmt::print("{}file              {}\n", to_text(s, poses), command.out.string());
+    print("{}file              {}\n", to_text(s, poses), command.out.string());
   }
 }
 
 void print_work_space(const IdleMachine& idle, const PoseCommand& command) {
   const PoseTable table(idle, command.wishes);
-  const std::filesystem::path folder =
+  const ResultFolder folder(
       command.out.empty() ? std::filesystem::path("out") / idle.scene.file.stem() / "volumetric"
-                          : command.out;
+                          : command.out,
+      writer_of(idle.scene, command.permissions));
   const VolumetricMap map = volumetric_map(idle, pose_grid(idle, *command.grid));
   const VolumetricSummary s = summary(map);
   std::vector<std::string> warnings = doubts(idle, map.grid.poses);
@@ -79,16 +80,15 @@ void print_work_space(const IdleMachine& idle, const PoseCommand& command) {
 #if !ABBE_RENDER
   warnings.push_back("this program was built without VTK: no picture and no .vts");
 #endif
-  prepare_folder(folder);
   write_volumetric_files(folder, table, map, s, warnings);
   ordered_json json = to_json(idle, map, s);
   json["warnings"] = warnings;
-  write_file(folder / "volumetric.json", dumped(json) + "\n");
+  write_json(folder / "volumetric.json", json);
   warn(warnings);
   if (command.json)
-    fmt::print("{}\n", dumped(json));
+    print("{}", json_text(json));
   else
-    fmt::print("{}files in {}\n", to_text(idle, map, s), folder.string());
+    print("{}files in {}\n", to_text(idle, map, s), folder.path().string());
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "sim/permissions.h"
 #include "sim/pose_table.h"
 #include "sim/scene.h"
 
@@ -22,6 +23,7 @@ struct PoseCommand {
   std::filesystem::path out;  ///< of many: a file, else standard output; of the work space: a
                               ///< folder, else out/SCENE/volumetric
   bool json = false;
+  Permissions permissions;
 };
 
 /// Its words on the command line, but for those that it shares with other commands.

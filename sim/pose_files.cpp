@@ -3,7 +3,6 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
-#include <fstream>
 #include <memory>
 
 #include <fmt/format.h>
@@ -16,18 +15,12 @@ namespace {
 
 using nlohmann::ordered_json;
 
-/// How every table of poses begins, by which an older one is known.
-constexpr std::string_view csv_begins = "pose,", json_begins = "{\n  \"abbe_poses\": 1,";
-
-std::string dumped(const ordered_json& json) {
-  return json.dump(2, ' ', false, ordered_json::error_handler_t::replace);
-}
+constexpr std::string_view json_begins = "{\n  \"abbe_poses\": 1,";
 
 /// `"key": value,` lines of an object within an object.
 std::string members(const ordered_json& object) {
-  std::string text = dumped(object);
-  text = text.substr(2, text.size() - 4);  // without the braces and their line ends
-  return text;
+  const std::string text = json_text(object);
+  return text.substr(2, text.size() - 5);  // without the braces and their line ends
 }
 
 PoseStatistics write_all(std::FILE* stream, const std::string& name, const PoseTable& table,
@@ -56,19 +49,20 @@ struct Close {
 
 }  // namespace
 
-PoseStatistics write_pose_file(const std::filesystem::path& file, const PoseTable& table,
+PoseStatistics write_pose_file(const ResultFile& file, const PoseTable& table,
                                const PoseList& poses, TableFormat format,
                                const std::vector<std::string>& warnings, ProgressLine* progress) {
+  const std::string name = file.path().string();
   PoseStatistics statistics;
   std::exception_ptr refused;  // not a fault of the file
   const auto write = [&](const std::filesystem::path& temporary) {
     const auto fail = [&] {
-      throw OutputFailure(file.string() + ": cannot be written: " + std::strerror(errno));
+      throw OutputFailure(name + ": cannot be written: " + std::strerror(errno));
     };
     std::unique_ptr<std::FILE, Close> stream(std::fopen(temporary.c_str(), "wb"));
     if (!stream) fail();
     try {
-      statistics = write_all(stream.get(), file.string(), table, poses, format, warnings, progress);
+      statistics = write_all(stream.get(), name, table, poses, format, warnings, progress);
     } catch (const OutputFailure&) {
       throw;
     } catch (...) {
@@ -120,26 +114,11 @@ std::string to_text(const PoseStatistics& s, const PoseList& poses) {
       s.direction_max_urad, poses.text(s.direction_worst), s.direction_worst + 1);
 }
 
-TableFormat pose_file_format(const std::filesystem::path& file,
-                             const std::vector<std::filesystem::path>& inputs) {
+TableFormat pose_file_format(const std::filesystem::path& file) {
   const std::string ending = file.extension().string();
-  if (ending != ".csv" && ending != ".json")
-    throw OutputFailure("expected a file named .csv or .json to write to, seen " + file.string());
-  std::error_code ignored;
-  if (!std::filesystem::exists(file, ignored))
-    return ending == ".csv" ? TableFormat::Csv : TableFormat::Json;
-  for (const std::filesystem::path& input : inputs)
-    if (std::filesystem::equivalent(input, file, ignored))
-      throw OutputFailure("expected another file than " + input.string() + " to write to");
-  if (!std::filesystem::is_regular_file(file, ignored))
-    throw OutputFailure("expected a file to write to, seen " + file.string());
-  std::string begin(json_begins.size(), '\0');
-  std::ifstream stream(file, std::ios::binary);
-  stream.read(begin.data(), std::streamsize(begin.size()));
-  if (!begin.starts_with(ending == ".csv" ? csv_begins : json_begins))
-    throw OutputFailure(file.string() +
-                        " stands there and is no table of poses: expected another name");
-  return ending == ".csv" ? TableFormat::Csv : TableFormat::Json;
+  if (ending == ".csv") return TableFormat::Csv;
+  if (ending == ".json") return TableFormat::Json;
+  throw OutputFailure("expected a file named .csv or .json to write to, seen " + file.string());
 }
 
 }  // namespace abbe::sim

@@ -6,6 +6,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "sim/output.h"
 #include "sim/pose_table.h"
 
 namespace abbe::sim {
@@ -15,7 +16,7 @@ inline constexpr const char* pose_convention =
 
 /// Writes a table of poses under a temporary name that is renamed: CSV, or JSON as `poses_json`.
 /// @throws OutputFailure; BadInput and Interrupted as write_poses, and then nothing is left of it
-PoseStatistics write_pose_file(const std::filesystem::path& file, const PoseTable& table,
+PoseStatistics write_pose_file(const ResultFile& file, const PoseTable& table,
                                const PoseList& poses, TableFormat format,
                                const std::vector<std::string>& warnings,
                                ProgressLine* progress = nullptr);
@@ -30,9 +31,7 @@ nlohmann::ordered_json to_json(const PoseStatistics& statistics, const PoseList&
 std::string to_text(const PoseStatistics& statistics, const PoseList& poses);
 
 /// The format that a name asks for.
-/// @throws OutputFailure unless it ends in .csv or .json, if it is a folder or one of `inputs`, or
-///         if a file stands there that is no table of poses
-TableFormat pose_file_format(const std::filesystem::path& file,
-                             const std::vector<std::filesystem::path>& inputs);
+/// @throws OutputFailure unless it ends in .csv or .json
+TableFormat pose_file_format(const std::filesystem::path& file);
 
 }  // namespace abbe::sim

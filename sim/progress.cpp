@@ -8,6 +8,9 @@
 
 #include <fmt/format.h>
 
+#include "kinematics/escape.h"
+#include "sim/terminal.h"
+
 namespace abbe::sim {
 namespace {
 
@@ -37,7 +40,7 @@ ProgressLine::~ProgressLine() {
 }
 
 void ProgressLine::draw(const std::string& text) {
-  std::fputs(("\r\x1b[K" + text).c_str(), stderr);
+  std::fputs(("\r\x1b[K" + escaped(text)).c_str(), stderr);
   std::fflush(stderr);
 }
 
@@ -46,11 +49,17 @@ void ProgressLine::begin(const std::string& part) {
   const std::lock_guard lock(mutex_);
   ++done_;
   part_ = part;
-  if (!terminal_) fmt::print(stderr, "[{}/{}] {}\n", done_ + 1, parts_, part_);
+  if (!terminal_) print(stderr, "[{}/{}] {}\n", done_ + 1, parts_, part_);
 }
 
 void ProgressLine::report(const std::string& stage, double fraction) {
   if (interrupted != 0) throw Interrupted();
+  if (fraction < 0.0) {
+    const std::lock_guard lock(mutex_);
+    if (terminal_) draw("");
+    print(stderr, "{}\n", stage);
+    return;
+  }
   if (!terminal_) return;
   const std::lock_guard lock(mutex_);
   const auto now = std::chrono::steady_clock::now();

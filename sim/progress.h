@@ -31,6 +31,7 @@ class ProgressLine {
 
   /// The next part begins.
   void begin(const std::string& part);
+  /// @param fraction  below zero: the text is a remark, which stays on a line of its own
   /// @throws Interrupted
   void report(const std::string& stage, double fraction);
 

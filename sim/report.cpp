@@ -6,10 +6,11 @@
 #include <Eigen/Core>
 #include <nlohmann/json.hpp>
 
+#include "kinematics/escape.h"
 #include "kinematics/units.h"
-#include "sim/output.h"
 #include "sim/pictures.h"
 #include "sim/program_warnings.h"
+#include "sim/toml_reader.h"
 
 namespace abbe::sim {
 namespace {
@@ -104,10 +105,9 @@ ordered_json process_figures(const Process& process) {
 }
 
 /// A file that only some cases have: where there is none, one of an earlier run goes.
-void write_or_remove(const std::filesystem::path& file, const std::string& text) {
-  std::error_code none;
+void write_or_remove(const ResultFile& file, const std::string& text) {
   if (text.empty())
-    std::filesystem::remove(file, none);
+    remove_file(file);
   else
     write_file(file, text);
 }
@@ -236,25 +236,23 @@ ordered_json summary(const Job& job, const Verdict& verdict) {
   return json;
 }
 
-void write_program(const std::filesystem::path& folder, const Job& job) {
+void write_program(const ResultFolder& folder, const Job& job) {
   if (job.program_text.empty()) return;
-  prepare_folder(folder);
   write_file(folder / job.path.file, job.program_text);
 }
 
-void write_case(const std::filesystem::path& folder, const Job& job, const Verdict& verdict) {
-  prepare_folder(folder);
+void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
   write_case_pictures(folder, job, verdict);
   write_source_pictures(folder, job, verdict);
   write_or_remove(folder / "signals.csv",
-                  verdict.cut.signals.columns.empty() ? "" : to_csv(verdict.cut.signals));
+                  verdict.cut.signals.columns.empty() ? "" : escaped_lines(to_csv(verdict.cut.signals)));
   write_file(folder / "scene.toml",
-             "case = \"" + verdict.cut.case_name + "\"\n" + job.scene.resolved);
-  const std::filesystem::path rewritten =
+             "case = " + to_toml_value(verdict.cut.case_name) + "\n" + job.scene.resolved);
+  const ResultFile rewritten =
       folder / ("rewritten" + std::filesystem::path(job.path.file).extension().string());
   write_or_remove(rewritten, verdict.cut.rewritten_program);
   // last, so that a summary stands for a finished case
-  write_file(folder / "summary.json", summary(job, verdict).dump(2) + "\n");
+  write_json(folder / "summary.json", summary(job, verdict));
 }
 
 ordered_json comparison(const Job& job, const std::vector<Compared>& cases,

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,6 +10,7 @@
 #include "cutting/form.h"
 #include "cutting/residual.h"
 #include "sim/loop.h"
+#include "sim/output.h"
 #include "sim/versions.h"
 
 namespace abbe::sim {
@@ -33,7 +33,7 @@ nlohmann::ordered_json summary(const Job& job, const Verdict& verdict);
 
 /// `program.ngc` or `program.csv` of a generated program.
 /// @throws OutputFailure
-void write_program(const std::filesystem::path& folder, const Job& job);
+void write_program(const ResultFolder& folder, const Job& job);
 
 /// Names as they stand in files and pictures.
 const char* name_of(DatumDescription::Kind datum);
@@ -41,7 +41,7 @@ const char* name_of(Alignment alignment);
 
 /// Writes every file of one case into its folder.
 /// @throws OutputFailure
-void write_case(const std::filesystem::path& folder, const Job& job, const Verdict& verdict);
+void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdict);
 
 /// Warnings of the scene itself and of the cut, in that order.
 std::vector<std::string> warnings_of(const Job& job, const Cut& cut);

@@ -9,6 +9,7 @@
 #include "sim/output.h"
 #include "sim/program_channel.h"
 #include "sim/progress.h"
+#include "sim/trust.h"
 
 namespace abbe::sim {
 namespace {
@@ -42,17 +43,12 @@ CaseDescription chosen_case(const Scene& scene, const std::string& name) {
       "a case through the channel program among those that the scene compares, or --case", "none");
 }
 
-std::filesystem::path out_file(const Job& job, std::filesystem::path out) {
+ResultFile out_file(const Job& job, const RewriteCommandOptions& options) {
+  std::filesystem::path out = options.out;
   if (out.empty())
     out = std::filesystem::path("out") / job.scene.file.stem() /
           ("rewritten" + std::filesystem::path(job.path.file).extension().string());
-  std::error_code ignored;
-  if (std::filesystem::is_directory(out, ignored))
-    throw OutputFailure("expected a file to write the program to, seen the folder " + out.string());
-  for (const std::filesystem::path& source : {job.scene.file, std::filesystem::path(job.path.file)})
-    if (std::filesystem::equivalent(source, out, ignored))
-      throw OutputFailure("expected another file than " + source.string() + " to write to");
-  return out;
+  return result_file(out, writer_of(job.scene, options.permissions));
 }
 
 ordered_json spread(const Spread& s, double unit) {
@@ -87,19 +83,19 @@ WordChange word_change(const Job& job, const Compensated& told) {
 }
 
 ordered_json rewrite(const std::filesystem::path& file, const RewriteCommandOptions& options) {
-  const Scene scene = read_scene(file, options.overrides);
+  Scene scene = read_trusted_scene(file, options.overrides, options.permissions);
   const CaseDescription compensator = chosen_case(scene, options.case_name);
+  if (!options.case_name.empty()) trust(scene, compensator);
   ProgressLine progress(2);
   const auto report = [&](const std::string& stage, double fraction) {
     progress.report(stage, fraction);
   };
   progress.begin("prepare");
   const Job job = prepare(scene, report);
-  const std::filesystem::path out = out_file(job, options.out);
+  const ResultFile out = out_file(job, options);
   progress.begin(compensator.name);
   const Compensated told = compensate(job, compensator, report);
   check_travel(job, told);
-  if (!out.parent_path().empty()) prepare_folder(out.parent_path());
   write_file(out, told.rewritten_program);
 
   const WordChange change = word_change(job, told);
@@ -112,7 +108,7 @@ ordered_json rewrite(const std::filesystem::path& file, const RewriteCommandOpti
   if (told.not_converged > 0)
     warnings.push_back(fmt::format("{} of {} corrections did not converge", told.not_converged,
                                    job.samples.states.size()));
-  return {{"file", out.string()},
+  return {{"file", out.path().string()},
           {"case", compensator.name},
           {"blocks", {{"before", job.path.motion_blocks}, {"after", told.path->motion_blocks}}},
           {"bytes", told.rewritten_program.size()},

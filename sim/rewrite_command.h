@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/loop.h"
+#include "sim/permissions.h"
 
 namespace abbe::sim {
 
@@ -16,6 +17,7 @@ struct RewriteCommandOptions {
                           ///< program; empty: the first such case of the scene
   std::filesystem::path
       out;  ///< file; empty: `rewritten` in out/SCENE, its ending as the program's
+  Permissions permissions;
 };
 
 /// What the words of a rewritten program change: where it would bring the tip and the tool axis of

@@ -7,8 +7,10 @@
 
 #include <fmt/format.h>
 
+#include "kinematics/escape.h"
 #include "kinematics/units.h"
 #include "sim/scene_sections.h"
+#include "sim/scene_names.h"
 #include "sim/scene_tree.h"
 
 namespace abbe::sim {
@@ -284,7 +286,7 @@ std::vector<Variant> read_variants(TableReader& scene) {
     }
     if (const Node* set = reader.section("set")) {
       for (const Change& change : changes_of_set(*set)) {
-        variant.set.emplace_back(change.path, to_toml_value(change.value));
+        variant.set.push_back(override_of(change));
         if (change.path.starts_with("variant")) {
           scene.faults().add(change.value.place, "a path outside of variants", change.path);
         }
@@ -397,7 +399,7 @@ void check_variants(const Node& tree, const std::filesystem::path& file, Faults&
 
 bool names_a_folder(const std::string& name) {
   return !name.empty() && name.size() <= 80 && name.front() != '.' &&
-         std::all_of(name.begin(), name.end(), [](unsigned char c) {
+         escaped(name) == name && std::all_of(name.begin(), name.end(), [](unsigned char c) {
            return c >= 0x80 || std::isalnum(c) || c == '_' || c == '-' || c == '.' || c == ' ';
          });
 }
@@ -409,7 +411,11 @@ Scene read_scene(const std::filesystem::path& file, const std::vector<Override>&
   Faults faults;
   const std::optional<Node> as_written = read_tree(file, faults);
   if (!as_written) throw BadScene(faults.list());
-  return scene_of_tree(*as_written, file, overrides, std::move(faults));
+  Scene scene = scene_of_tree(*as_written, file, overrides, std::move(faults));
+  Named named = named_by(*scene.tree, file);
+  scene.files = std::move(named.files);
+  scene.programs = std::move(named.programs);
+  return scene;
 }
 
 Scene scene_of_tree(const Node& as_written, const std::filesystem::path& file,
@@ -422,13 +428,14 @@ Scene scene_of_tree(const Node& as_written, const std::filesystem::path& file,
       faults.add(fault);
     }
   }
-  const Node tree = changed(as_written, changes, file.parent_path(), faults);
+  Node tree = changed(as_written, changes, file.parent_path(), faults);
   Scene scene = interpreted(tree, file, faults);
   if (faults.empty()) check_variants(tree, file, faults);
   if (!faults.empty()) throw BadScene(faults.list());
   Node bare = tree;
   std::erase_if(*bare.table(), [](const Node::Entry& entry) { return entry.key == "case"; });
   scene.resolved = to_toml(bare);
+  scene.tree = std::make_shared<const Node>(std::move(tree));
   return scene;
 }
 

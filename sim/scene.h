@@ -3,6 +3,7 @@
 #include <array>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -308,8 +309,29 @@ struct CompensationDescription {
   CaseDescription plug_in;  ///< strategy and channel of plug-ins
 };
 
-/// A value of the scene changed by path: {"errors.scale", "2.0"}; the value is TOML text.
-using Override = std::pair<std::string, std::string>;
+struct Node;
+struct Place;
+
+/// A value of the scene changed by path: {"errors.scale", "2.0"}.
+struct Override {
+  std::string path;
+  std::string value;                         ///< TOML text
+  std::shared_ptr<const Place> place = {};  ///< in a file; null: the user typed it
+
+  /// The same change, wherever it stands.
+  friend bool operator==(const Override& a, const Override& b) {
+    return a.path == b.path && a.value == b.value;
+  }
+};
+
+/// A program that a scene or study would have run: a compensator of somebody's own.
+struct NamedProgram {
+  std::filesystem::path program;  ///< absolute
+  std::filesystem::path file;     ///< that names it
+  int line = 0;
+  int column = 0;
+  bool typed = false;  ///< by the user, on the command line
+};
 
 struct Variant {
   std::string name;
@@ -353,6 +375,10 @@ struct Scene {
   std::string
       resolved;  ///< TOML text with every file it names read in; rerunning it gives the same
                  ///< bits. Data files (mesh, tables, program) are named by absolute path
+  std::shared_ptr<const Node> tree;  ///< of which it was read, with every change made
+  std::vector<std::filesystem::path> files;     ///< that it was read from or names; of read_scene
+  std::vector<NamedProgram> programs;           ///< that it would run; of read_scene
+  std::vector<std::filesystem::path> trusted;  ///< programs that it may run: sim/trust.h
 };
 
 /// Reads a scene strictly: unknown keys are refused with the nearest known one, types and units are

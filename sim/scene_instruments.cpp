@@ -1,5 +1,7 @@
 #include <stdexcept>
 
+#include <fmt/format.h>
+
 #include "kinematics/units.h"
 #include "sim/scene_sections.h"
 
@@ -68,6 +70,11 @@ void read_sampling(TableReader& reader, Instrument& one) {
   one.to_rad = reader.number("to_deg", any_number, one.to_rad);
   one.interval_s = reader.number("interval_s", positive, one.interval_s);
   one.duration_s = reader.number("duration_h", non_negative, one.duration_s);
+  const bool over_time = one.kind == Kind::Drift || one.kind == Kind::Temperature;
+  if (over_time && one.interval_s > one.duration_s)
+    reader.refuse("interval_s", "an instrument.interval_s of at most instrument.duration_h, so that "
+                                "something is read twice",
+                  fmt::format("{:g} s in {:g} h", one.interval_s, one.duration_s / 3600.0));
   one.speed = reader.number("speed_mm_per_min", positive, one.speed);
   one.dwell_s = reader.number("dwell_s", non_negative, one.dwell_s);
   one.set_up_s = reader.number("set_up_min", non_negative, one.set_up_s);

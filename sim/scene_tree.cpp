@@ -277,21 +277,31 @@ void collect(const Node& table, const std::string& prefix, std::vector<Change>& 
 }  // namespace
 
 Change parse_override(const Override& override) {
-  const std::string name = override.first + "=" + override.second;
-  if (std::count(override.first.begin(), override.first.end(), '.') > 30) {
-    throw BadInput("--set", 0, 0, "a path of at most 30 parts", "a longer one");
-  }
-  Change change{override.first, {}};
-  const bool one_line = override.second.find_first_of("\n\r") == std::string::npos;
-  if (const auto value = one_line ? parsed_value(override.second, name) : std::nullopt) {
+  const std::string name = override.path + "=" + override.value;
+  const Place place = override.place
+                          ? *override.place
+                          : Place{std::make_shared<const std::string>("--set " + name), 0, 0, true};
+  const auto refuse = [&](const std::string& expected, const std::string& seen) {
+    throw BadInput(*place.file, place.line, place.column, expected, seen);
+  };
+  if (std::count(override.path.begin(), override.path.end(), '.') > 30)
+    refuse("a path of at most 30 parts", "a longer one");
+  Change change{override.path, {}};
+  const bool one_line = override.value.find_first_of("\n\r") == std::string::npos;
+  if (const auto value = one_line ? parsed_value(override.value, name) : std::nullopt) {
     change.value = *value;
-  } else if (one_line && is_bare_word(override.second)) {
-    change.value.value = override.second;
+  } else if (one_line && is_bare_word(override.value)) {
+    change.value.value = override.value;
   } else {
-    throw BadInput("--set " + name, 0, 0, "a TOML value for " + override.first, override.second);
+    refuse("a TOML value for " + override.path, override.value);
   }
-  set_place(change.value, {std::make_shared<const std::string>("--set " + name), 0, 0});
+  set_place(change.value, place);
   return change;
+}
+
+Override override_of(const Change& change) {
+  return {change.path, to_toml_value(change.value),
+          std::make_shared<const Place>(change.value.place)};
 }
 
 std::vector<Change> changes_of_set(const Node& set) {

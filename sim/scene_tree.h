@@ -20,6 +20,9 @@ struct Change {
 /// @throws BadInput naming the override if the value is neither
 Change parse_override(const Override& override);
 
+/// The override that makes a change, with the place where it stands.
+Override override_of(const Change& change);
+
 /// The scene file with the sub-files of its sections read in and every data file named by absolute
 /// path. Faults of syntax and missing files are collected; a section whose file was refused stays
 /// the name of that file. Empty if the scene file itself was refused.

@@ -438,10 +438,10 @@ ThermalChoice thermal_choice(const std::vector<Day>& days) {
   return result;
 }
 
-Json write_thermal_choice(const std::filesystem::path& folder, const std::vector<Day>& days) {
+Json write_thermal_choice(const ResultFolder& folder, const std::vector<Day>& days) {
   if (!days.front().scene.sensor_choice || !days.front().scene.thermal) return nullptr;
   const ThermalChoice choice = thermal_choice(days);
-  write_file(folder / "thermal.json", choice.json.dump(2) + "\n");
+  write_json(folder / "thermal.json", choice.json);
   write_thermal_picture(folder / "thermal.png", choice);
   return {{"choices", choice.json["choices"]}, {"warnings", choice.json["warnings"]}};
 }

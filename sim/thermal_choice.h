@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "sim/output.h"
 #include "sim/scene.h"
 
 namespace abbe::sim {
@@ -45,7 +46,7 @@ ThermalChoice thermal_choice(const std::vector<Day>& days);
 /// `thermal.json` and `thermal.png` of a scene that asks for a choice of sensors, else nothing.
 /// @return the `choices` and `warnings` of `thermal.json`, null where there is none
 /// @throws BadInput, OutputFailure
-nlohmann::ordered_json write_thermal_choice(const std::filesystem::path& folder,
+nlohmann::ordered_json write_thermal_choice(const ResultFolder& folder,
                                             const std::vector<Day>& days);
 
 /// The choices as a person reads them, a few lines each.

@@ -11,7 +11,7 @@
 namespace abbe::sim {
 
 #if ABBE_RENDER
-void write_thermal_picture(const std::filesystem::path& file, const ThermalChoice& choice) {
+void write_thermal_picture(const ResultFile& file, const ThermalChoice& choice) {
   std::vector<render::Panel> panels;
   std::size_t days = 1;
   for (const DriftSeries& one : choice.series) {
@@ -41,7 +41,7 @@ void write_thermal_picture(const std::filesystem::path& file, const ThermalChoic
   });
 }
 #else
-void write_thermal_picture(const std::filesystem::path&, const ThermalChoice&) {}
+void write_thermal_picture(const ResultFile&, const ThermalChoice&) {}
 #endif
 
 }  // namespace abbe::sim

@@ -2,12 +2,13 @@
 
 #include <filesystem>
 
+#include "sim/output.h"
 #include "sim/thermal_choice.h"
 
 namespace abbe::sim {
 
 /// Drift over time as it was read and as the chosen sensors predict it, a panel a channel and day;
 /// nothing is written where the program was built without VTK. @throws OutputFailure
-void write_thermal_picture(const std::filesystem::path& file, const ThermalChoice& choice);
+void write_thermal_picture(const ResultFile& file, const ThermalChoice& choice);
 
 }  // namespace abbe::sim

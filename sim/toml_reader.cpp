@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <toml++/toml.h>
 
+#include "kinematics/escape.h"
 #include "kinematics/units.h"
 
 namespace abbe::sim {
@@ -18,6 +19,12 @@ namespace {
 
 constexpr int max_depth = 100;
 constexpr std::size_t max_faults = 200;
+
+// In the unit of any key a number beyond is a slip, and products of a few stay finite. Travel without
+// an end is 1e9 rad.
+constexpr double most_number = 1e12;
+// What is nearer to zero is zero, or a slip; what divides must not make infinities.
+constexpr double least_number = 1e-100, least_divisor = 1e-12;
 
 Place place_at(std::string_view text, std::size_t offset, const std::string& file) {
   const std::string_view before = text.substr(0, offset);
@@ -106,6 +113,27 @@ class Converter {
   std::shared_ptr<const std::string> file_;
 };
 
+/// Marks of format beyond ASCII as TOML spells them: U+2028 is \u2028, a tag \U000E0041.
+std::string with_marks_as_toml(const std::string& text) {
+  std::string out;
+  for (std::size_t at = 0; at < text.size();) {
+    const auto lead = static_cast<unsigned char>(text[at]);
+    const std::size_t bytes = lead < 0x80 ? 1 : lead >= 0xF0 ? 4 : lead >= 0xE0 ? 3 : 2;
+    const std::string letter = text.substr(at, bytes), shown = escaped(letter);
+    at += bytes;
+    if (lead < 0x80 || shown == letter || shown.starts_with("\\x")) {
+      out += letter;
+    } else if (shown.size() == 6) {
+      out += shown;
+    } else {  // two halves of UTF-16
+      const unsigned high = unsigned(std::stoul(shown.substr(2, 4), nullptr, 16));
+      const unsigned low = unsigned(std::stoul(shown.substr(8, 4), nullptr, 16));
+      out += fmt::format("\\U{:08X}", 0x10000 + ((high - 0xD800) << 10) + (low - 0xDC00));
+    }
+  }
+  return out;
+}
+
 std::string quoted_text(std::string_view text) {
   std::string out = "\"";
   for (const char c : text) {
@@ -118,7 +146,7 @@ std::string quoted_text(std::string_view text) {
       out += c;
     }
   }
-  return out + '"';
+  return with_marks_as_toml(out) + '"';
 }
 
 std::string key_text(const std::string& key) {
@@ -450,6 +478,11 @@ std::optional<double> TableReader::finite(const Node& node, const std::string& k
     faults_.add(node.place, "a finite number for " + name_of(key), shown(node));
     return std::nullopt;
   }
+  if (std::abs(value) > most_number) {
+    faults_.add(node.place, fmt::format("a number within +-{:g} for {}", most_number, name_of(key)),
+                shown(node));
+    return std::nullopt;
+  }
   return value;
 }
 
@@ -460,6 +493,14 @@ std::optional<double> TableReader::number_as_written(const std::string& key, con
   if (!value) return std::nullopt;
   if (!inside(*value, range)) {
     faults_.add(node->place, fmt::format("{}{}", name_of(key), range_text(range)), shown(*node));
+    return std::nullopt;
+  }
+  const bool divides = range.min == 0.0 && range.open_min;
+  const double least = divides ? least_divisor : least_number;
+  if (*value != 0.0 && std::abs(*value) < least) {
+    faults_.add(node->place,
+                fmt::format("{} of at least {:g}{}", name_of(key), least, divides ? "" : ", or 0"),
+                shown(*node));
     return std::nullopt;
   }
   return value;

@@ -25,6 +25,7 @@ struct Place {
   std::shared_ptr<const std::string> file;
   int line = 0;
   int column = 0;
+  bool typed = false;  ///< not in a file but on the command line
 };
 
 /// A date or time of TOML, kept as its text only to be refused with its place.

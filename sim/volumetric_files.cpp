@@ -238,7 +238,7 @@ std::string to_text(const IdleMachine& idle, const VolumetricMap& map, const Vol
   return text + std::string(pose_convention) + "\n";
 }
 
-void write_volumetric_files(const std::filesystem::path& folder, const PoseTable& table,
+void write_volumetric_files(const ResultFolder& folder, const PoseTable& table,
                             const VolumetricMap& map, [[maybe_unused]] const VolumetricSummary& s,
                             const std::vector<std::string>& warnings) {
   write_pose_file(folder / "volumetric.csv", table, map.grid.poses, TableFormat::Csv, warnings);

@@ -1,11 +1,11 @@
 #pragma once
 
-#include <filesystem>
 #include <string>
 #include <vector>
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "sim/output.h"
 #include "sim/volumetric_map.h"
 
 namespace abbe::sim {
@@ -24,7 +24,7 @@ std::string to_text(const IdleMachine& idle, const VolumetricMap& map,
 /// grid; point data deviation_um, direction_urad, rotation_urad, deviation_norm_um and the
 /// positions of the axes) and `volumetric.png`, which tells the warnings too.
 /// @throws OutputFailure
-void write_volumetric_files(const std::filesystem::path& folder, const PoseTable& table,
+void write_volumetric_files(const ResultFolder& folder, const PoseTable& table,
                             const VolumetricMap& map, const VolumetricSummary& summary,
                             const std::vector<std::string>& warnings);
 

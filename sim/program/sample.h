@@ -3,6 +3,7 @@
 #include <optional>
 #include <vector>
 
+#include "kinematics/bad_input.h"
 #include "kinematics/chain.h"
 #include "sim/program/path.h"
 
@@ -30,6 +31,11 @@ struct Samples {
                                               ///< the spindle
   std::vector<int> line;   ///< (n) program line of the block that ends or runs here
   std::vector<int> block;  ///< (n) its index in the path
+};
+
+/// More samples than the options allow: still a refusal of the line where the last of them ends.
+struct TooManySamples : BadInput {
+  using BadInput::BadInput;
 };
 
 /// What the control tells the axes: programmed coordinates, under G43.4 turned into slide positions

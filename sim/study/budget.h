@@ -8,6 +8,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "sim/output.h"
 #include "sim/study/answers.h"
 #include "sim/study/indices.h"
 #include "sim/study/study.h"
@@ -117,6 +118,6 @@ std::string to_markdown(const Budget& budget);
 /// correlation-ARM, distribution-RESPONSE (all arms) and sweep-INPUT, .png; names as file_part()
 /// makes them. Nothing where the program was built without VTK.
 /// @throws OutputFailure
-void write_pictures(const std::filesystem::path& folder, const Budget& budget);
+void write_pictures(const ResultFolder& folder, const Budget& budget);
 
 }  // namespace abbe::sim::study

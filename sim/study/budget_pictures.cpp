@@ -31,7 +31,7 @@ std::string axis_text(Response response) {
 /// Where pictures go: every one through a temporary file, no two of one name.
 class Album {
  public:
-  explicit Album(std::filesystem::path folder) : folder_(std::move(folder)) {}
+  explicit Album(ResultFolder folder) : folder_(std::move(folder)) {}
 
   template <typename Write>
   void add(const std::vector<std::string>& name, const Write& write) {
@@ -40,7 +40,7 @@ class Album {
   }
 
  private:
-  std::filesystem::path folder_;
+  ResultFolder folder_;
   PictureNames names_;
 };
 
@@ -354,8 +354,7 @@ void write_sweep(Album& album, const Budget& budget, const Sweeping& sweeping) {
 
 }  // namespace
 
-void write_pictures(const std::filesystem::path& folder, const Budget& budget) {
-  prepare_folder(folder);
+void write_pictures(const ResultFolder& folder, const Budget& budget) {
   Album album(folder);
   for (const ArmBudget& arm : budget.arms) {
     write_pareto(album, budget, arm);
@@ -376,7 +375,7 @@ void write_pictures(const std::filesystem::path& folder, const Budget& budget) {
 
 namespace abbe::sim::study {
 
-void write_pictures(const std::filesystem::path&, const Budget&) {}
+void write_pictures(const ResultFolder&, const Budget&) {}
 
 }  // namespace abbe::sim::study
 

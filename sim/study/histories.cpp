@@ -113,9 +113,9 @@ Lesson lesson_of(const Study& study, const std::string& day) {
 bool reshapes(const std::vector<Override>& set) {
   constexpr std::array not_cut{"compare", "instrument", "sensor_choice", "title"};
   Input input;
-  for (const auto& [path, value] : set) {
-    const std::string key = path.substr(0, path.find('.'));
-    if (std::ranges::find(not_cut, key) == not_cut.end()) input.settings.push_back({path, 1.0});
+  for (const Override& one : set) {
+    const std::string key = one.path.substr(0, one.path.find('.'));
+    if (std::ranges::find(not_cut, key) == not_cut.end()) input.settings.push_back({one.path, 1.0});
   }
   return study::reshapes(input);
 }

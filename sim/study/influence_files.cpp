@@ -71,7 +71,7 @@ render::SheetOptions sheet_options(const ReadyStudy& ready, std::size_t arm, std
   return options;
 }
 
-void write_sheets(const path& folder, const ReadyStudy& ready, std::size_t arm) {
+void write_sheets(const ResultFolder& folder, const ReadyStudy& ready, std::size_t arm) {
   const Study& study = ready.study;
   const InfluenceMap& influence = ready.influences[arm];
   const Eigen::MatrixXd all = effects(influence);
@@ -102,7 +102,7 @@ void write_sheets(const path& folder, const ReadyStudy& ready, std::size_t arm) 
     }
 }
 
-void write_influence_data(const path& folder, const ReadyStudy& ready, std::size_t arm) {
+void write_influence_data(const ResultFolder& folder, const ReadyStudy& ready, std::size_t arm) {
   const InfluenceMap& influence = ready.influences[arm];
   const Eigen::MatrixXd all = effects(influence);
   std::vector<std::string> names{"base_um", "doubt_um", "rivals"};
@@ -123,7 +123,7 @@ void write_influence_data(const path& folder, const ReadyStudy& ready, std::size
   });
 }
 
-void write_uncertainty(const path& folder, const ReadyStudy& ready, std::size_t arm,
+void write_uncertainty(const ResultFolder& folder, const ReadyStudy& ready, std::size_t arm,
                        const UncertaintyMap& uncertainty) {
   const InfluenceMap& influence = ready.influences[arm];
   const Eigen::VectorXd sd = uncertainty.standard_deviation / units::um;
@@ -155,7 +155,7 @@ void write_uncertainty(const path& folder, const ReadyStudy& ready, std::size_t 
 
 }  // namespace
 
-ordered_json write_influence([[maybe_unused]] const path& folder, const ReadyStudy& ready,
+ordered_json write_influence([[maybe_unused]] const ResultFolder& folder, const ReadyStudy& ready,
                              std::size_t arm) {
   const InfluenceMap& influence = ready.influences[arm];
   ordered_json json{{"influence",
@@ -180,9 +180,9 @@ ordered_json write_influence([[maybe_unused]] const path& folder, const ReadyStu
   return json;
 }
 
-void write_histories(const path& folder, [[maybe_unused]] const Study& study,
+void write_histories(const ResultFolder& folder, [[maybe_unused]] const Study& study,
                      const std::vector<HistoryResult>& results) {
-  write_file(folder / "histories.csv", to_csv(results));
+  write_table(folder / "histories.csv", to_csv(results));
 #if ABBE_RENDER
   const auto place = [](std::vector<std::string>& names, const std::string& name) {
     const auto at = std::find(names.begin(), names.end(), name);

@@ -1,10 +1,10 @@
 #pragma once
 
-#include <filesystem>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
+#include "sim/output.h"
 #include "sim/study/engine.h"
 #include "sim/study/histories.h"
 
@@ -17,12 +17,12 @@ namespace abbe::sim::study {
 /// `uncertainty.vtp` and `uncertainty.png` where it asks for them.
 /// @return what `budget.json` says of them: "influence" and "uncertainty"
 /// @throws OutputFailure
-nlohmann::ordered_json write_influence(const std::filesystem::path& folder, const ReadyStudy& ready,
+nlohmann::ordered_json write_influence(const ResultFolder& folder, const ReadyStudy& ready,
                                        std::size_t arm);
 
 /// `histories.csv` and `histories.png`.
 /// @throws OutputFailure
-void write_histories(const std::filesystem::path& folder, const Study& study,
+void write_histories(const ResultFolder& folder, const Study& study,
                      const std::vector<HistoryResult>& results);
 
 }  // namespace abbe::sim::study

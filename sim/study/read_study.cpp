@@ -9,11 +9,13 @@
 #include "errors/coefficients.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
+#include "sim/scene_names.h"
 #include "sim/scene_tree.h"
 #include "sim/study/histories.h"
 #include "sim/study/plan.h"
 #include "sim/study/study.h"
 #include "sim/toml_reader.h"
+#include "sim/trust.h"
 #include "sim/versions.h"
 
 namespace abbe::sim::study {
@@ -131,6 +133,7 @@ class StudyReader {
   void read_scene_of_study();
   void read_arms();
   bool is_case(const std::string& name);
+  void note_program(const std::string& name);
   void check_variant(const std::string& name);
   void read_responses();
   void read_limits();
@@ -190,7 +193,7 @@ void StudyReader::read_scene_of_study() {
   study_.scene = scene;
   if (const Node* set = reader_.section("set"))
     for (const Change& change : changes_of_set(*set))
-      study_.overrides.emplace_back(change.path, to_toml_value(change.value));
+      study_.overrides.push_back(override_of(change));
   if (scene.empty()) return;
   try {
     study_ = with_scene(study_);
@@ -222,6 +225,7 @@ bool StudyReader::is_case(const std::string& name) {
   if (name == "uncompensated") return true;
   try {
     const CaseDescription one = parse_case(name);
+    note_program(name);
     std::error_code failure;
     if (!one.plug_in.empty() && !std::filesystem::is_regular_file(one.plug_in, failure))
       reader_.refuse("cases", "the file of a compensator", "no file \"" + name + "\"");
@@ -231,6 +235,22 @@ bool StudyReader::is_case(const std::string& name) {
                    "\"" + name + "\" (" + fault.what() + ")");
     return false;
   }
+}
+
+/// Programs among the cases, with their places.
+void StudyReader::note_program(const std::string& name) {
+  const Node* cases = reader_.know("cases");
+  const auto note = [&](const Node& one) {
+    if (!one.text() || *one.text() != name) return;
+    if (const auto program = program_named(one)) {
+      study_.programs.push_back(*program);
+      study_.files.push_back(program->program);
+    }
+  };
+  if (cases && cases->array())
+    for (const Node& one : *cases->array()) note(one);
+  else if (cases)
+    note(*cases);
 }
 
 void StudyReader::check_variant(const std::string& name) {
@@ -774,6 +794,14 @@ Study read_study(const std::filesystem::path& file, const std::vector<Override>&
   if (!faults.empty()) throw BadScene(faults.list());
   study.text = to_toml(tree);
   study.identity = fmt::format("{:016x}", hash_of(study.text + program() + study.identity));
+  study.files.push_back(file);
+  return study;
+}
+
+Study read_trusted_study(const std::filesystem::path& file, const std::vector<Override>& overrides,
+                         const Permissions& permissions) {
+  Study study = read_study(file, overrides);
+  study.trusted = trusted_programs(study.programs, permissions);
   return study;
 }
 

@@ -24,10 +24,9 @@ using std::filesystem::path;
 constexpr std::uint64_t most_input_cells = 2'000'000;
 constexpr std::uint64_t inputs_at_once = 1024;
 
-path journal_file(const StudyOptions& options) {
-  if (!options.shard) return options.folder / "journal.sqlite";
-  return options.folder /
-         fmt::format("journal-{}-of-{}.sqlite", options.shard->index, options.shard->count);
+std::string journal_name(const StudyOptions& options) {
+  if (!options.shard) return "journal.sqlite";
+  return fmt::format("journal-{}-of-{}.sqlite", options.shard->index, options.shard->count);
 }
 
 /// Every journal of the folder: of one process, of shards.
@@ -136,7 +135,7 @@ constexpr int stages_of_results = 3;
 /// Tables and pictures of the finished cases.
 class Results {
  public:
-  Results(const Study& study, const path& folder, ProgressLine& progress)
+  Results(const Study& study, const ResultFolder& folder, ProgressLine& progress)
       : study_(study), folder_(folder), progress_(progress) {}
 
   StudyTold write(const ReadyStudy& ready, const std::vector<Row>& rows) {
@@ -150,8 +149,8 @@ class Results {
       told.text += to_csv(results);
     }
     write_file(folder_ / "study.toml", study_.text);
-    write_file(folder_ / "budget.json", told.json.dump(2) + "\n");
-    told.text += fmt::format("\nfiles in {}\n", folder_.string());
+    write_json(folder_ / "budget.json", told.json);
+    told.text += fmt::format("\nfiles in {}\n", folder_.path().string());
     return told;
   }
 
@@ -164,23 +163,23 @@ class Results {
     progress_.begin("budget");
     const Budget budget = budget_of(ready, rows, report());
     StudyTold told{to_json(budget), to_markdown(budget)};
-    write_file(folder_ / "cases.csv", cases_csv(study_, ready.plan, rows));
-    write_file(folder_ / "budget.csv", to_csv(budget));
-    write_file(folder_ / "budget.md", told.text);
+    write_table(folder_ / "cases.csv", cases_csv(study_, ready.plan, rows));
+    write_table(folder_ / "budget.csv", to_csv(budget));
+    write_table(folder_ / "budget.md", told.text);
     progress_.begin("pictures");
     write_pictures(folder_, budget);
     PictureNames names;
     for (std::size_t arm = 0; arm < ready.influences.size(); ++arm) {
-      const path own = study_.arms.size() == 1 ? folder_
-                                               : folder_ / names.unused({study_.arms[arm].name});
-      if (study_.arms.size() > 1) prepare_folder(own);
+      const std::string own_name =
+          study_.arms.size() == 1 ? "" : names.unused({study_.arms[arm].name});
+      const ResultFolder own = folder_.inside(own_name);
       told.json["arms"][arm].update(write_influence(own, ready, arm));
     }
     return told;
   }
 
   const Study& study_;
-  const path& folder_;
+  const ResultFolder& folder_;
   ProgressLine& progress_;
 };
 
@@ -193,7 +192,7 @@ void serve(const Study& study, const std::vector<Batch>& left, const Ranks& rank
 }  // namespace
 
 StudyTold run_study(const path& file, const StudyOptions& options, const Ranks& ranks) {
-  const Study study = read_study(file, options.overrides);
+  const Study study = read_trusted_study(file, options.overrides, options.permissions);
   const Plan plan = plan_of(study);
   std::vector<Batch> batches = batches_of(plan);
   if (options.shard) batches = of_shard(batches, *options.shard);
@@ -201,8 +200,10 @@ StudyTold run_study(const path& file, const StudyOptions& options, const Ranks& 
     serve(study, unfinished(batches, from_rank_0(ranks, {})), ranks);
     return {};
   }
-  prepare_folder(options.folder);
-  Journal journal(journal_file(options), study.identity);
+  const ResultFolder folder(options.folder, {options.permissions, study.files});
+  const ResultFile file_of_journal = folder / journal_name(options);
+  claim(file_of_journal);
+  Journal journal(file_of_journal.path(), study.identity);
   const std::vector<std::uint64_t> finished = from_rank_0(ranks, journal.finished());
   const std::vector<Batch> left = unfinished(batches, finished);
 
@@ -221,13 +222,13 @@ StudyTold run_study(const path& file, const StudyOptions& options, const Ranks& 
     done += rows.size();
     progress.report("cases", double(done) / double(all));
   });
-  const Recorded made = recorded(journal_file(options));
+  const Recorded made = recorded(file_of_journal.path());
   if (options.shard) return state(study, plan, made.rows);
-  return Results(study, options.folder, progress).write(ready, made.rows);
+  return Results(study, folder, progress).write(ready, made.rows);
 }
 
 StudyTold merge_study(const path& file, const StudyOptions& options) {
-  const Study study = read_study(file, options.overrides);
+  const Study study = read_trusted_study(file, options.overrides, options.permissions);
   const Recorded all = recorded_of(study, options.folder);
   const Plan plan = plan_of(study);
   if (all.rows.size() != plan.cases)
@@ -237,12 +238,13 @@ StudyTold merge_study(const path& file, const StudyOptions& options) {
                                plan.cases),
                    fmt::format("{} of them finished", all.rows.size()) +
                        missing_of_shards(plan, all.rows, shards_of(options.folder)));
+  const ResultFolder folder(options.folder, {options.permissions, study.files});
   ProgressLine progress(1 + stages_of_results);
   progress.begin("prepare " + study.title);
   const ReadyStudy ready = ready_study(study, [&](const std::string& stage, double fraction) {
     progress.report(stage, fraction);
   });
-  return Results(study, options.folder, progress).write(ready, all.rows);
+  return Results(study, folder, progress).write(ready, all.rows);
 }
 
 StudyTold show_study(const path& file, const StudyOptions& options) {

@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "sim/permissions.h"
 #include "sim/scene.h"
 #include "sim/study/farm.h"
 #include "sim/study/plan.h"
@@ -18,6 +19,7 @@ struct StudyOptions {
   std::vector<Override> overrides;  ///< of the study file
   std::filesystem::path folder;     ///< every file goes there
   std::optional<Shard> shard;       ///< of a job array: only its cases, no tables
+  Permissions permissions;
 };
 
 /// What a command says.

@@ -30,10 +30,17 @@ std::string job_name(const std::filesystem::path& study) {
   return name;
 }
 
+/// Where Slurm logs: beside the folder of results, in which nobody else writes.
+std::filesystem::path log_folder(const SlurmOptions& options) {
+  std::filesystem::path out = std::filesystem::absolute(options.out).lexically_normal();
+  if (!out.has_filename()) out = out.parent_path();
+  return out += "-logs";
+}
+
 /// Slurm puts the number of the task and the like in place of %a in the name of a log.
 std::string log_name(const SlurmOptions& options, const std::string& name) {
   std::string folder;
-  for (const char letter : std::filesystem::absolute(options.out).lexically_normal().string())
+  for (const char letter : log_folder(options).string())
     folder += letter == '%' ? "%%" : std::string(1, letter);
   return quoted(folder + "/" + name);
 }
@@ -51,8 +58,9 @@ void check(const SlurmOptions& options) {
 
 std::string slurm_script(const SlurmOptions& options) {
   check(options);
-  const std::string command = fmt::format("{} study {} --out {}", quoted(options.program),
-                                          quoted(options.study), quoted(options.out));
+  const std::string command =
+      fmt::format("{} study {} --out {}{}", quoted(options.program), quoted(options.study),
+                  quoted(options.out), options.trust ? " --trust" : "");
   return fmt::format(
       R"(#!/bin/sh
 #SBATCH --job-name={name}
@@ -70,7 +78,7 @@ if [ -n "${{SLURM_ARRAY_TASK_ID:-}}" ]; then
   exec {command} --threads {cpus} --shard "$SLURM_ARRAY_TASK_ID/{shards}"
 fi
 
-mkdir -p {out}
+mkdir -p {logs}
 shards=$(sbatch --parsable --output={shard_log} "$0")
 sbatch --dependency="afterok:${{shards%%;*}}" --kill-on-invalid-dep=yes --job-name={name}-merge \
   --ntasks=1 --cpus-per-task={cpus} --time={time} --output={merge_log} \
@@ -78,7 +86,7 @@ sbatch --dependency="afterok:${{shards%%;*}}" --kill-on-invalid-dep=yes --job-na
 )",
       fmt::arg("name", job_name(options.study)), fmt::arg("last", options.shards - 1),
       fmt::arg("cpus", options.cpus), fmt::arg("time", options.time), fmt::arg("command", command),
-      fmt::arg("shards", options.shards), fmt::arg("out", quoted(options.out)),
+      fmt::arg("shards", options.shards), fmt::arg("logs", quoted(log_folder(options))),
       fmt::arg("shard_log", log_name(options, "shard-%a.log")),
       fmt::arg("merge_log", log_name(options, "merge.log")),
       fmt::arg("merge", quoted(fmt::format("{} --threads {} --merge", command, options.cpus))));

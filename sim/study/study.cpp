@@ -7,6 +7,7 @@
 
 #include "errors/coefficients.h"
 #include "kinematics/units.h"
+#include "sim/scene_names.h"
 #include "sim/scene_tree.h"
 
 namespace abbe::sim::study {
@@ -93,7 +94,11 @@ Study with_scene(Study study) {
   Faults faults;
   std::optional<Node> tree = read_tree(study.scene, faults);
   if (!tree) throw BadScene(faults.list());
-  study.variants = scene_of_tree(*tree, study.scene, study.overrides, faults).variants;
+  Scene scene = scene_of_tree(*tree, study.scene, study.overrides, faults);
+  study.variants = std::move(scene.variants);
+  const sim::Named named = named_by(*scene.tree, study.scene);
+  study.files.insert(study.files.end(), named.files.begin(), named.files.end());
+  study.programs.insert(study.programs.end(), named.programs.begin(), named.programs.end());
   std::erase_if(*tree->table(), [](const Node::Entry& entry) { return entry.key == "variant"; });
   study.scene_tree = std::make_shared<const Node>(std::move(*tree));
   return study;
@@ -110,8 +115,9 @@ Scene scene_at(const Study& study, const Arm& arm, const Scene& base, const Eige
     for (const Override& one : set_of_variant(study, arm)) all.push_back(one);
     for (Eigen::Index i = 0; i < x.size(); ++i)
       for (const Setting& one : study.inputs[std::size_t(i)].settings)
-        all.emplace_back(one.path, fmt::format("{}", one.factor * x[i]));  // whole as such
+        all.push_back({one.path, fmt::format("{}", one.factor * x[i])});  // whole as such
     scene = scene_of_tree(*study.scene_tree, study.scene, all);
+    scene.trusted = study.trusted;
   }
   if (x.size() == 0) return scene;
   set_numbers(study, x, scene.geometric);

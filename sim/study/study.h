@@ -10,6 +10,7 @@
 
 #include <Eigen/Core>
 
+#include "sim/permissions.h"
 #include "sim/scene.h"
 #include "sim/study/copula.h"
 #include "sim/study/distribution.h"
@@ -129,6 +130,9 @@ struct Study {
   std::optional<Tolerance> tolerance;
   std::optional<Uncertainty> uncertainty;
   std::optional<Histories> histories;
+  std::vector<std::filesystem::path> files;     ///< that it was read from or names
+  std::vector<NamedProgram> programs;           ///< that it and its scene would run
+  std::vector<std::filesystem::path> trusted;  ///< those that it may run
   std::string text;      ///< the study's own TOML as it was understood, its scene by absolute path
   std::string identity;  ///< of study, scenes, the files they name and the program: a journal of
                          ///< another identity is another study's
@@ -138,6 +142,10 @@ struct Study {
 /// @param overrides  of the study file's own values (--set), as of a scene
 /// @throws BadScene with every fault
 Study read_study(const std::filesystem::path& file, const std::vector<Override>& overrides = {});
+
+/// The same with its programs trusted. @throws BadScene also where they are not
+Study read_trusted_study(const std::filesystem::path& file, const std::vector<Override>& overrides,
+                         const Permissions& permissions);
 
 /// Values of the inputs at the centres of their distributions: the base machine. (inputs)
 Eigen::VectorXd centre(const Study& study);

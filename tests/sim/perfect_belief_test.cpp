@@ -75,8 +75,8 @@ std::vector<Override> coarse(const Scene& scene) {
 /// Whether a variant cuts with another truth, and not only believes or reads otherwise.
 bool cuts_otherwise(const Variant& variant) {
   return std::any_of(variant.set.begin(), variant.set.end(), [](const Override& one) {
-    return one.first.rfind("belief", 0) != 0 && one.first.rfind("compare", 0) != 0 &&
-           one.first.rfind("signals", 0) != 0;
+    return one.path.rfind("belief", 0) != 0 && one.path.rfind("compare", 0) != 0 &&
+           one.path.rfind("signals", 0) != 0;
   });
 }
 

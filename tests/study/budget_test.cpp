@@ -306,10 +306,10 @@ class BudgetPictures : public testing::Test {
 
   std::set<std::string> written(const Budget& budget) {
     std::filesystem::remove_all(folder_);
-    write_pictures(folder_, budget);
+    write_pictures(ResultFolder(folder_, {}), budget);
     std::set<std::string> names;
     for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_))
-      names.insert(entry.path().filename().string());
+      if (entry.path().filename() != mark_name) names.insert(entry.path().filename().string());
     return names;
   }
 
@@ -393,7 +393,8 @@ TEST_F(BudgetPictures, OfCorrelationsLeaveOutWhatChanceMayGive) {
 }
 
 TEST_F(BudgetPictures, ThatCannotBeWrittenAreAnOutputFailure) {
-  EXPECT_THROW(write_pictures("/dev/null/pictures", budget_of({.inputs = 1, .arms = 1})),
+  EXPECT_THROW(write_pictures(ResultFolder("/dev/null/pictures", {}),
+                              budget_of({.inputs = 1, .arms = 1})),
                OutputFailure);
 }
 

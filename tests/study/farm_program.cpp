@@ -136,7 +136,8 @@ void write_table(const fs::path& out, const std::vector<Row>& rows) {
       text += fmt::format(" {:016x}", std::bit_cast<std::uint64_t>(answer));
     text += fmt::format(" \"{}\"\n", row.fault);
   }
-  sim::write_file(out / "table.txt", text);
+  // beside journals and notes of its own
+  write_file(sim::ResultFolder(out, {{.force = true}}) / "table.txt", text);
 }
 
 fs::path journal_of(const Line& line) {

@@ -100,7 +100,8 @@ TEST(SlurmScript, QuotesEveryPathForTheShell) {
             "study\n" + study + "\n--out\n" + out + "\n--threads\n4\n--shard\n1/2\n");
 
   const std::string submitted = words_by("PATH=" + (odd / "bin").string() + ":/usr/bin:/bin");
-  EXPECT_TRUE(fs::is_directory(odd / "out"));
+  EXPECT_TRUE(fs::is_directory(odd / "out-logs"));
+  EXPECT_FALSE(fs::exists(odd / "out")) << "abbe takes it, new or empty";
   const std::string wrap = "--wrap=";
   const std::size_t at = submitted.find(wrap);
   ASSERT_NE(at, std::string::npos) << submitted;
@@ -213,7 +214,8 @@ std::string no_slurm() {
   return "";
 }
 
-std::string logs_in(const fs::path& out) {
+std::string logs_in(fs::path out) {
+  out += "-logs";
   std::string text;
   for (const auto& entry : fs::directory_iterator(out))
     if (entry.path().extension() == ".log") text += text_of(entry.path());

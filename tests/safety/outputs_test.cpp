@@ -1,0 +1,291 @@
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "sim/output.h"
+#include "tests/safety/program_run.h"
+
+namespace abbe::safety {
+namespace {
+
+using sim::OutputFailure;
+using sim::ResultFolder;
+using sim::Writer;
+
+/// Every file below a folder but marks, with its bytes.
+std::map<std::string, std::string> contents(const fs::path& folder) {
+  std::map<std::string, std::string> all;
+  for (const auto& entry : fs::recursive_directory_iterator(folder))
+    if (entry.is_regular_file() && entry.path().filename() != sim::mark_name)
+      all[fs::relative(entry.path(), folder).string()] = bytes(entry.path());
+  return all;
+}
+
+/// What the files that were there before have become; names of those that were touched.
+std::string touched(const std::map<std::string, std::string>& before, const fs::path& folder) {
+  std::string names;
+  const auto after = contents(folder);
+  for (const auto& [name, text] : before)
+    if (!after.contains(name) || after.at(name) != text) names += name + " ";
+  return names;
+}
+
+std::string refusal(const std::function<void()>& act) {
+  try {
+    act();
+  } catch (const OutputFailure& failure) {
+    return failure.what();
+  }
+  return "";
+}
+
+/// A person's folder: a scene with its program, files of another run, notes.
+void fill(const Folder& folder) {
+  folder.write("scene.toml", small_scene());
+  folder.write("p.ngc", small_program);
+  for (const char* name : {"program.ngc", "signals.csv", "stock.vtp", "rewritten.ngc", "summary.json",
+                           "residual.vtp", "residual.png", "histogram.png", "temperatures.png",
+                           "EXX-temperatures.png", "comparison.json", "notes.txt", "check.png",
+                           "evaluation.json", "budget.json", "laser.csv", "difference.png"})
+    folder.write(name, std::string("mine: ") + name);
+}
+
+std::string in(const Folder& folder) { return "cd " + folder.path().string() + " &&"; }
+
+const std::string dome = (source / "scenes/gantry_dome.toml").string();
+
+TEST(Outputs, ARunIntoTheFolderOfItsSceneIsRefusedAndTouchesNothing) {
+  const Folder folder;
+  fill(folder);
+  const auto before = contents(folder.path());
+  const std::string spellings[] = {".", "./", "../" + folder.path().filename().string(),
+                                   folder.path().string(), "sub/.."};
+  fs::create_directories(folder / "sub");
+  for (const std::string& out : spellings)
+    for (const std::string command : {"run", "compare", "measure --instrument laser"}) {
+      SCOPED_TRACE(command + " --out " + out);
+      const Ran ran = run(command + " scene.toml --out " + out, in(folder));
+      EXPECT_EQ(ran.code, 5) << ran.text;
+      EXPECT_NE(ran.text.find("result"), std::string::npos) << "a suggestion: " << ran.text;
+      EXPECT_NE(ran.text.find("--force"), std::string::npos) << ran.text;
+      EXPECT_EQ(touched(before, folder.path()), "");
+    }
+}
+
+TEST(Outputs, EvenForcedNoInputIsTouched) {
+  const Folder folder;
+  fill(folder);
+  const auto before = contents(folder.path());
+  const Ran scene = run("run scene.toml --out . --force", in(folder));
+  EXPECT_EQ(scene.code, 5) << scene.text;
+  EXPECT_NE(scene.text.find("scene.toml"), std::string::npos) << scene.text;
+  const auto after = contents(folder.path());
+  for (const char* input : {"scene.toml", "p.ngc"}) EXPECT_EQ(after.at(input), before.at(input));
+  EXPECT_EQ(after.at("notes.txt"), before.at("notes.txt"));
+
+  EXPECT_EQ(after.at("summary.json"), before.at("summary.json")) << "refused before the work";
+
+  // under another name no output meets an input, and what is forced is done
+  folder.write("mine.toml", small_scene());
+  const Ran other = run("run mine.toml --out . --force", in(folder));
+  EXPECT_EQ(other.code, 0) << other.text;
+  EXPECT_EQ(bytes(folder / "mine.toml"), small_scene());
+  EXPECT_EQ(bytes(folder / "p.ngc"), small_program);
+}
+
+TEST(Outputs, ForceWritesOverFilesOfOthersAndRemovesNoneThatItDoesNotWrite) {
+  const Folder folder;
+  folder.write("in/mine.toml", small_scene());
+  folder.write("in/p.ngc", small_program);
+  folder.write("out/summary.json", "mine");
+  folder.write("out/stock.vtp", "mine");
+  folder.write("out/notes.txt", "mine");
+  const std::string command = "run in/mine.toml --out out";
+  EXPECT_EQ(run(command, in(folder)).code, 5);
+  EXPECT_EQ(bytes(folder / "out/summary.json"), "mine");
+  const Ran forced = run(command + " --force", in(folder));
+  ASSERT_EQ(forced.code, 0) << forced.text;
+  EXPECT_EQ(nlohmann::json::parse(bytes(folder / "out/summary.json"))["scene"], "plane");
+  EXPECT_EQ(bytes(folder / "out/stock.vtp"), "mine") << "abbe did not make it, so it stays";
+  EXPECT_EQ(bytes(folder / "out/notes.txt"), "mine");
+  EXPECT_EQ(run(command, in(folder)).code, 5) << "the folder is still the user's";
+}
+
+TEST(Outputs, OnlyWhatAbbeWroteIsRemoved) {
+  const Folder folder;
+  const ResultFolder first(folder / "out", {});
+  write_file(first / "stock.vtp", "abbe");
+  folder.write("out/signals.csv", "mine");
+  const ResultFolder second(folder / "out", {});
+  remove_file(second / "stock.vtp");
+  remove_file(second / "signals.csv");
+  EXPECT_FALSE(fs::exists(folder / "out/stock.vtp"));
+  EXPECT_EQ(bytes(folder / "out/signals.csv"), "mine");
+}
+
+TEST(Outputs, AResultIsWrittenAgainInItsOwnFolder) {
+  const Folder folder;
+  folder.write("scene.toml", small_scene());
+  folder.write("p.ngc", small_program);
+  const std::string out = (folder / "out").string();
+  const std::string command = "run scene.toml --out " + out;
+  ASSERT_EQ(run(command, in(folder)).code, 0);
+  const std::string mark = bytes(folder / "out/.abbe-result");
+  const auto first = nlohmann::json::parse(mark.substr(0, mark.find('\n')));
+  EXPECT_EQ(first["folder"], true);
+  EXPECT_EQ(first["command"], "abbe " + command);
+  EXPECT_FALSE(first["version"].get<std::string>().empty());
+  folder.write("out/signals.csv", "the user's own, among results");
+  const Ran among = run(command, in(folder));
+  EXPECT_EQ(among.code, 5) << among.text;
+  EXPECT_EQ(bytes(folder / "out/signals.csv"), "the user's own, among results");
+  fs::remove(folder / "out/signals.csv");
+  folder.write("out/stock.txt", "the user's own, of another name");
+  const Ran again = run(command, in(folder));
+  EXPECT_EQ(again.code, 0) << again.text;
+  EXPECT_EQ(bytes(folder / "out/stock.txt"), "the user's own, of another name");
+  // a result run again in place would replace its own scene
+  const Ran itself = run("run out/scene.toml --out out", in(folder));
+  EXPECT_EQ(itself.code, 5) << itself.text;
+}
+
+TEST(Outputs, AFolderAboveAnInputIsRefused) {
+  const Folder folder;
+  folder.write("set/deep/scene.toml", small_scene());
+  folder.write("set/deep/p.ngc", small_program);
+  const Ran above = run("run set/deep/scene.toml --out set", in(folder));
+  EXPECT_EQ(above.code, 5) << above.text;
+  // marked or not, by whatever name
+  folder.write("set/.abbe-result", "{\"folder\":true}\n");
+  fs::create_directory_symlink(folder / "set", folder / "link");
+  for (const char* out : {"set", "link", "./link/deep/.."}) {
+    const Ran ran = run(std::string("run set/deep/scene.toml --out ") + out, in(folder));
+    EXPECT_EQ(ran.code, 5) << out << ": " << ran.text;
+    EXPECT_NE(ran.text.find("scene.toml"), std::string::npos) << ran.text;
+  }
+}
+
+TEST(Outputs, EveryCommandTakesTheSameDoor) {
+  const Folder folder;
+  fill(folder);
+  const std::string small = " --set part.vertices=300 --set program.step_over_mm=8 --set "
+                            "program.step_mm=8 ";
+  const Ran made = run("run " + dome + small + "--out made", in(folder));
+  ASSERT_EQ(made.code, 0) << made.text;
+  ASSERT_EQ(run("measure " + dome + " --instrument ball_bar --out readings", in(folder)).code, 0);
+  folder.write("study.toml", "scene = \"" + dome +
+                                 "\"\n[set]\npart.vertices = 300\nprogram.step_over_mm = 8\n"
+                                 "program.step_mm = 8\n[[input]]\nelement = \"EXX\"\nspread = 0.2\n"
+                                 "[monte_carlo]\ncases = 4\n");
+  const auto before = contents(folder.path());
+  const std::string commands[] = {
+      "run " + dome + small + "--out .",
+      "compare " + dome + small + "--out .",
+      "check " + dome + small + "--picture --out .",
+      "measure " + dome + " --instrument laser --out .",
+      "evaluate readings/ball_bar.csv --out .",
+      "evaluate readings/ball_bar.csv --out readings",
+      "render made --out .",
+      "study study.toml --out .",
+      "study study.toml --shard 0/2 --out .",
+      "export " + dome + small + " --out .",
+      "rewrite " + dome + small + "--out notes.txt",
+      "rewrite " + dome + small + "--out program.ngc",
+      "identify readings/ball_bar.csv --out notes.txt"};
+  for (const std::string& command : commands) {
+    const Ran ran = run(command, in(folder));
+    EXPECT_EQ(ran.code, 5) << command << ": " << ran.text;
+    EXPECT_EQ(touched(before, folder.path()), "") << command;
+  }
+  // beside what it draws, which is a result
+  EXPECT_EQ(run("render made", in(folder)).code, 0);
+}
+
+TEST(Outputs, SingleFilesAreReplacedOnlyWhereAbbeMadeThem) {
+  const Folder folder;
+  ASSERT_EQ(run("measure " + dome + " --instrument ball_bar --out readings", in(folder)).code, 0);
+  const std::string identify = "identify readings/ball_bar.csv --out belief.toml";
+  folder.write("belief.json", "mine");
+  const Ran beside = run(identify, in(folder));
+  EXPECT_EQ(beside.code, 5) << "the report would stand where the user's file is: " << beside.text;
+  EXPECT_EQ(bytes(folder / "belief.json"), "mine");
+  EXPECT_FALSE(fs::exists(folder / "belief.toml"));
+  fs::remove(folder / "belief.json");
+  ASSERT_EQ(run(identify, in(folder)).code, 0);
+  EXPECT_EQ(run(identify, in(folder)).code, 0) << "its own, again";
+  folder.write("other.toml", "mine");
+  EXPECT_EQ(run("run " + dome + " --out .", in(folder)).code, 5)
+      << "files of abbe's do not make the folder a result";
+  EXPECT_EQ(run("identify readings/ball_bar.csv --out other.toml", in(folder)).code, 5);
+  EXPECT_EQ(run("identify readings/ball_bar.csv --out other.toml --force", in(folder)).code, 0);
+}
+
+TEST(Outputs, NoLinkLeadsAWriterToAFileOfTheUsers) {
+  const Folder folder;
+  folder.write("user/keep.txt", "mine");
+  const fs::path out = folder / "out";
+  { const ResultFolder made(out, {}); write_file(made / "a.txt", "abbe"); }
+  fs::create_symlink(folder / "user/keep.txt", out / "b.txt");
+  fs::create_hard_link(folder / "user/keep.txt", out / "c.txt");
+  const ResultFolder again(out, {});
+  EXPECT_NE(refusal([&] { write_file(again / "b.txt", "abbe"); }), "");
+  EXPECT_NE(refusal([&] { write_file(again / "c.txt", "abbe"); }), "");
+  remove_file(again / "b.txt");
+  remove_file(again / "c.txt");
+  EXPECT_TRUE(fs::exists(out / "b.txt") && fs::exists(out / "c.txt"));
+  EXPECT_EQ(bytes(folder / "user/keep.txt"), "mine");
+  // an input by another name of the same file, forced or not
+  Writer writer{{.force = true}, {folder / "user/keep.txt"}};
+  const ResultFolder forced(out, writer);
+  EXPECT_NE(refusal([&] { write_file(forced / "b.txt", "abbe"); }), "");
+  EXPECT_NE(refusal([&] { write_file(forced / "c.txt", "abbe"); }), "");
+  // a mark that is a link to somebody's file is none, and nothing is added to it
+  fs::create_directories(folder / "trap");
+  fs::create_symlink(folder / "user/keep.txt", folder / "trap" / sim::mark_name);
+  EXPECT_NE(refusal([&] { ResultFolder(folder / "trap", {}); }), "");
+  EXPECT_NE(refusal([&] { write_file(ResultFolder(folder / "trap", {{.force = true}}) / "d", "x"); }),
+            "");
+  EXPECT_EQ(bytes(folder / "user/keep.txt"), "mine");
+}
+
+TEST(Outputs, TheFolderAboveResultsIsTakenWhereNothingElseLiesInIt) {
+  const Folder folder;
+  const ResultFolder readings(folder / "out/scene/readings", {});
+  write_file(readings / "laser.csv", "abbe");
+  sim::write_file(sim::result_file(folder / "out/scene/rewritten.ngc", {}), "abbe");
+  EXPECT_EQ(refusal([&] { ResultFolder(folder / "out/scene", {}); }), "");
+  folder.write("out/scene/mine/notes.txt", "mine");
+  EXPECT_NE(refusal([&] { ResultFolder(folder / "out/scene", {}); }), "");
+}
+
+TEST(Outputs, AFolderOfJournalsIsAStudysButAnotherDatabaseIsNot) {
+  const Folder folder;
+  std::string journal = std::string("SQLite format 3\0", 16) + std::string(52, '\0') + "abbe";
+  folder.write("a/journal-0-of-2.sqlite", journal);
+  folder.write("a/journal-0-of-2.sqlite-lock", "");
+  EXPECT_EQ(refusal([&] { ResultFolder(folder / "a", {}); }), "");
+  journal.replace(68, 4, "user");
+  folder.write("b/journal.sqlite", journal);
+  EXPECT_NE(refusal([&] { ResultFolder(folder / "b", {}); }), "");
+}
+
+TEST(Outputs, ATornMarkKeepsWhatItSaysBefore) {
+  const Folder folder;
+  folder.write("out/a.txt", "abbe's");
+  folder.write("out/b.txt", "whose?");
+  folder.write("out/.abbe-result", "{\"folder\":true}\n{\"file\":\"a.txt\"}\n{\"file\":\"b.t");
+  const ResultFolder out(folder / "out", {});
+  write_file(out / "a.txt", "again");
+  EXPECT_NE(refusal([&] { write_file(out / "b.txt", "again"); }), "");
+  write_file(out / "c.txt", "new");
+  write_file(ResultFolder(folder / "out", {}) / "c.txt", "newer");
+  EXPECT_EQ(bytes(folder / "out/c.txt"), "newer");
+  EXPECT_EQ(bytes(folder / "out/b.txt"), "whose?");
+}
+
+}  // namespace
+}  // namespace abbe::safety
