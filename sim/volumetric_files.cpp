@@ -1,5 +1,7 @@
 #include "sim/volumetric_files.h"
 
+#include <algorithm>
+#include <array>
 #include <iterator>
 
 #include <fmt/format.h>
@@ -12,6 +14,7 @@
 #if ABBE_RENDER
 #include "render/label.h"
 #include "render/plot.h"
+#include "render/point_data.h"
 #include "render/structured_grid.h"
 #include "render/volume_map.h"
 #endif
@@ -172,6 +175,44 @@ void write_grid(const std::filesystem::path& file, const VolumetricMap& map) {
   render::write_structured_grid(file, map.nominal, map.grid.size, arrays);
 }
 
+/// The faces of a grid as triangles, outward; of a grid of one layer both sides are one face.
+cutting::Triangles faces_of(const std::array<int, 3>& size) {
+  const std::array<int, 3> stride{1, size[0], size[0] * size[1]};
+  std::vector<std::array<int, 3>> all;
+  for (std::size_t d = 0; d < 3; ++d) {
+    const std::size_t a = (d + 1) % 3, b = (d + 2) % 3;
+    for (int end = 0; end < std::min(2, size[d]); ++end) {
+      const int base = end == 0 ? 0 : (size[d] - 1) * stride[d];
+      const int i_step = end == 0 ? stride[b] : stride[a], i_size = end == 0 ? size[b] : size[a];
+      const int j_step = end == 0 ? stride[a] : stride[b], j_size = end == 0 ? size[a] : size[b];
+      for (int i = 0; i + 1 < i_size; ++i)
+        for (int j = 0; j + 1 < j_size; ++j) {
+          const int p = base + i * i_step + j * j_step;
+          all.push_back({p, p + i_step, p + i_step + j_step});
+          all.push_back({p, p + i_step + j_step, p + j_step});
+        }
+    }
+  }
+  cutting::Triangles faces(Eigen::Index(all.size()), 3);
+  for (std::size_t i = 0; i < all.size(); ++i)
+    faces.row(Eigen::Index(i)) << all[i][0], all[i][1], all[i][2];
+  return faces;
+}
+
+void write_faces(const std::filesystem::path& file, const VolumetricMap& map) {
+  std::vector<std::string> names{"deviation_um", "direction_urad"};
+  std::vector<Eigen::VectorXd> values{map.deviation.rowwise().norm() / units::um,
+                                      map.direction.rowwise().norm() / units::urad};
+  for (int i = 0; i < 3; ++i) {
+    names.push_back(fmt::format("deviation_{}_um", "xyz"[i]));
+    values.push_back(map.deviation.col(i) / units::um);
+  }
+  cutting::Design faces;
+  faces.vertices = map.nominal;
+  faces.triangles = faces_of(map.grid.size);
+  render::write_point_data(file, faces, names, values);
+}
+
 #endif
 
 }  // namespace
@@ -244,6 +285,7 @@ void write_volumetric_files(const ResultFolder& folder, const PoseTable& table,
   write_pose_file(folder / "volumetric.csv", table, map.grid.poses, TableFormat::Csv, warnings);
 #if ABBE_RENDER
   write_file(folder / "volumetric.vts", [&](const auto& file) { write_grid(file, map); });
+  write_file(folder / "volumetric.vtp", [&](const auto& file) { write_faces(file, map); });
   write_file(folder / "volumetric.png", [&](const auto& file) {
     write_picture(file, table.idle(), {map, s, warnings});
   });

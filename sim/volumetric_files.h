@@ -22,7 +22,8 @@ std::string to_text(const IdleMachine& idle, const VolumetricMap& map,
 
 /// Writes `volumetric.csv` and, where the program was built with VTK, `volumetric.vts` (structured
 /// grid; point data deviation_um, direction_urad, rotation_urad, deviation_norm_um and the
-/// positions of the axes) and `volumetric.png`, which tells the warnings too.
+/// positions of the axes), `volumetric.vtp` (its outer faces; deviation_um and direction_urad by
+/// length, deviation_x_um and so on) and `volumetric.png`, which shows the warnings too.
 /// @throws OutputFailure
 void write_volumetric_files(const ResultFolder& folder, const PoseTable& table,
                             const VolumetricMap& map, const VolumetricSummary& summary,

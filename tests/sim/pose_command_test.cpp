@@ -199,7 +199,7 @@ TEST_F(PoseCommandLine, TheWorkSpaceGivesItsFilesAndFigures) {
   ASSERT_EQ(text.code, 0) << text.err;
   EXPECT_NE(text.out.find("volumetric error"), std::string::npos) << text.out;
   std::vector<std::string> names{"volumetric.csv", "volumetric.json"};
-  if (ABBE_RENDER) names.insert(names.end(), {"volumetric.vts", "volumetric.png"});
+  if (ABBE_RENDER) names.insert(names.end(), {"volumetric.vts", "volumetric.vtp", "volumetric.png"});
   for (const std::string& name : names)
     EXPECT_GT(fs::file_size(folder_.path() / "map" / name), 1000u) << name;
   const auto rows = cells_of_csv(bytes(folder_.path() / "map/volumetric.csv"));

@@ -190,9 +190,10 @@ TEST(VolumetricMap, EveryMachineOfTheLibraryGivesItsFiles) {
     const bool lathe = wrong.name == "lathe_zx" || wrong.name == "platform_xz";
     const VolumetricMap map =
         volumetric_map(idle, pose_grid(idle, lathe ? "X=::4 Z=::4" : "X=::4 Y=::3 Z=::3"));
-    write_volumetric_files(out, PoseTable(idle, {}), map, summary(map), {});
+    write_volumetric_files(ResultFolder(out, {}), PoseTable(idle, {}), map, summary(map), {});
     std::vector<std::string> names{"volumetric.csv"};
-    if (ABBE_RENDER) names.insert(names.end(), {"volumetric.vts", "volumetric.png"});
+    if (ABBE_RENDER)
+      names.insert(names.end(), {"volumetric.vts", "volumetric.vtp", "volumetric.png"});
     for (const std::string& name : names)
       EXPECT_GT(std::filesystem::file_size(out / name), 1000u) << name;
     std::ifstream csv(out / "volumetric.csv");
