@@ -21,7 +21,7 @@ struct ReadMeshOptions {
   double travel_ratio = 20.0;
 };
 
-/// Design surface from an STL (ascii, binary), PLY (ascii, binary), OBJ or OFF file, its kind told
+/// Design surface from an STL (ascii, binary), PLY (ascii, binary), OBJ or OFF file, its kind known
 /// by the ending. Faces of more than three corners are split as `triangulated` says. Coordinates
 /// are taken as written (double where the file has the digits); equal points of an STL are one
 /// vertex, unused vertices are dropped, normals in the file are not believed. The file is checked against its own header and size before anything is stored,

@@ -1,23 +1,26 @@
 #include "cutting/shank.h"
 
 #include <algorithm>
+#include <array>
 #include <vector>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include "cutting/cutter_entry.h"
 #include "cutting/stock.h"
 #include "cutting/surface_input.h"
-#include "cutting/sweep_tree.h"
 #include "cutting/thickness.h"
 
 namespace abbe::cutting {
 
+using Eigen::AlignedBox3d;
 using Eigen::Index;
+using Eigen::Vector3d;
 
 namespace {
 
-constexpr int block_size = 512;  // vertices that share their hints
+constexpr std::size_t chunk_size = 64;  // moves that share a box
 
 /// The motion of the lower end of the shank.
 CutterMotion raised(const CutterMotion& motion, double by) {
@@ -25,6 +28,86 @@ CutterMotion raised(const CutterMotion& motion, double by) {
   up.tip += by * motion.axis;
   return up;
 }
+
+AlignedBox3d grown(const AlignedBox3d& box, double by) {
+  const Vector3d margin = Vector3d::Constant(by);
+  return {box.min() - margin, box.max() + margin};
+}
+
+/// Box of the stretch of a shank's axis that lies in `room`; empty if none does.
+AlignedBox3d stretch_in(const AlignedBox3d& room, const Vector3d& low_end, const Vector3d& axis,
+                        double length) {
+  double from = 0.0, to = length;
+  for (int k = 0; k < 3; ++k) {
+    if (axis[k] == 0.0) {
+      if (low_end[k] < room.min()[k] || low_end[k] > room.max()[k]) return {};
+      continue;
+    }
+    const double a = (room.min()[k] - low_end[k]) / axis[k];
+    const double b = (room.max()[k] - low_end[k]) / axis[k];
+    from = std::max(from, std::min(a, b));
+    to = std::min(to, std::max(a, b));
+  }
+  AlignedBox3d box;
+  if (from <= to) box.extend(low_end + from * axis).extend(low_end + to * axis);
+  return box;
+}
+
+/// The moves on which a shank comes into the box around the part, with boxes around what of it
+/// does. A long shank leans over much of a part; the stretch of it that is low enough is short.
+class NearMoves {
+ public:
+  NearMoves(const Cutter& shank, const CutterMotion& path, const AlignedBox3d& part) {
+    for (Index i = 0; i < path.tip.rows(); ++i) {
+      const Index next = std::min<Index>(i + 1, path.tip.rows() - 1);
+      const AlignedBox3d box = box_of(shank, path, {i, next}, part);
+      if (!box.isEmpty()) moves_.push_back({box, int(i)});
+    }
+    for (std::size_t first = 0; first < moves_.size(); first += chunk_size) {
+      AlignedBox3d all;
+      for (std::size_t i = first; i < std::min(first + chunk_size, moves_.size()); ++i)
+        all.extend(moves_[i].box);
+      chunks_.push_back(all);
+    }
+  }
+
+  bool empty() const { return moves_.empty(); }
+
+  /// Calls use(move) for those whose box meets this one, until it returns false.
+  template <class Use>
+  void each(const AlignedBox3d& box, const Use& use) const {
+    for (std::size_t c = 0; c < chunks_.size(); ++c) {
+      if (!chunks_[c].intersects(box)) continue;
+      const std::size_t first = c * chunk_size, last = std::min(first + chunk_size, moves_.size());
+      for (std::size_t i = first; i < last; ++i)
+        if (moves_[i].box.intersects(box) && !use(moves_[i].move)) return;
+    }
+  }
+
+ private:
+  /// Poses between two samples are nowhere further from one of them than `margin`.
+  static AlignedBox3d box_of(const Cutter& shank, const CutterMotion& path,
+                             const std::array<Index, 2>& ends, const AlignedBox3d& part) {
+    const double length = shank.flank_length;
+    const double margin =
+        shank.radius + (path.tip.row(ends[1]) - path.tip.row(ends[0])).norm() +
+        2.0 * (length + shank.radius) * (path.axis.row(ends[1]) - path.axis.row(ends[0])).norm();
+    AlignedBox3d box;
+    for (const Index i : ends) {
+      const AlignedBox3d one =
+          stretch_in(grown(part, margin), path.tip.row(i), path.axis.row(i), length);
+      if (!one.isEmpty()) box.extend(grown(one, margin));
+    }
+    return box;
+  }
+
+  struct Near {
+    AlignedBox3d box;
+    int move;
+  };
+  std::vector<Near> moves_;
+  std::vector<AlignedBox3d> chunks_;
+};
 
 /// mm below the design, and the line; 0 where the shank is not.
 struct Depth {
@@ -44,6 +127,25 @@ ShankContact summed(const std::vector<Depth>& depths) {
   return contact;
 }
 
+/// How deep a shank goes in at a vertex, at most to the far end of the ray.
+Depth depth_at(const Cutter& shank, const CutterMotion& path, const NearMoves& moves,
+               const Ray& ray, double middle) {
+  AlignedBox3d box;
+  box.extend(ray.point - ray.band * ray.normal).extend(ray.point + ray.band * ray.normal);
+  Depth deepest;
+  double limit = ray.band;
+  moves.each(box, [&](int move) {
+    const std::optional<Entry> met = first_entry(shank, move_after(path, move), ray, limit);
+    if (!met) return true;
+    if (met->s >= limit && deepest.depth > 0.0) return true;
+    limit = met->s;
+    const Index next = std::min<Index>(move + 1, path.tip.rows() - 1);
+    deepest = {std::min(-(met->s + middle), ray.band - middle), path.line[std::size_t(next)]};
+    return met->s > -ray.band;
+  });
+  return deepest;
+}
+
 }  // namespace
 
 std::optional<ShankContact> shank_contact(const Design& design_w, const Cutter& cutter,
@@ -51,35 +153,37 @@ std::optional<ShankContact> shank_contact(const Design& design_w, const Cutter& 
   const double length = options.length - cutter.flank_length;
   const double least = std::min(rubbing, 0.25 * cutter.radius);
   if (!(length > 0.0) || !(options.band > least) || motion.tip.rows() == 0) return std::nullopt;
-  Design all = design_w;
-  all.judged.clear();
   const Cutter shank{cutter.radius, 0.0, length};
   const CutterMotion path = raised(motion, cutter.flank_length);
-  check_milled(all, shank, path, options.band);
-  const SweepTree tree(shank, path);
-  const double middle = -0.5 * (options.band + least), half = 0.5 * (options.band - least);
-  const std::vector<Index> order = judged_in_order(all);
-  std::vector<Depth> depths(order.size());
-  const auto range_of_all = tbb::blocked_range<std::size_t>(0, order.size(), block_size);
-  tbb::parallel_for(range_of_all, [&](const auto& range) {
-    SweepTree::Hint hint;
-    for (std::size_t k = range.begin(); k < range.end(); ++k) {
-      const Eigen::Vector3d normal = all.normals.row(order[k]);
-      const Ray ray{all.vertices.row(order[k]).transpose() + middle * normal, normal, half};
-      const std::optional<Removal> met = tree.first_removal(ray, hint);
-      if (!met) continue;
-      const Index next = std::min<Index>(met->move + 1, path.tip.rows() - 1);
-      depths[k] = {std::min(options.band, -(met->s + middle)), path.line[std::size_t(next)]};
-    }
+  AlignedBox3d part;
+  for (Index v = 0; v < design_w.vertices.rows(); ++v)
+    part.extend(Vector3d(design_w.vertices.row(v)));
+  if (part.isEmpty()) return std::nullopt;
+  const NearMoves moves(shank, path, grown(part, options.band));
+  if (moves.empty()) return std::nullopt;
+  check_milled(design_w, shank, path, options.band);
+
+  const auto depth_of = [&](Index v, double band) {
+    const double middle = -0.5 * (band + least);
+    const Vector3d normal = design_w.normals.row(v);
+    const Ray ray{design_w.vertices.row(v).transpose() + middle * normal, normal,
+                  0.5 * (band - least)};
+    return depth_at(shank, path, moves, ray, middle);
+  };
+  std::vector<Depth> depths(std::size_t(design_w.vertices.rows()));
+  tbb::parallel_for(tbb::blocked_range<Index>(0, design_w.vertices.rows(), 64), [&](auto& range) {
+    for (Index v = range.begin(); v != range.end(); ++v)
+      depths[std::size_t(v)] = depth_of(v, options.band);
   });
   if (std::all_of(depths.begin(), depths.end(), [](const Depth& d) { return d.depth <= 0.0; }))
     return std::nullopt;
-  // a thin part is not met by what passes behind it
-  const Thickness thickness(all);
-  for (std::size_t k = 0; k < depths.size(); ++k) {
-    if (depths[k].depth <= 0.0) continue;
-    const auto behind = thickness.behind(order[k], 2.0 * options.band);
-    if (behind && depths[k].depth > 0.5 * *behind) depths[k] = {};
+  const Thickness thickness(design_w);
+  for (std::size_t v = 0; v < depths.size(); ++v) {
+    if (depths[v].depth <= 0.0) continue;
+    // a thin part is not met by what passes behind it
+    const auto behind = thickness.behind(Index(v), 2.0 * options.band);
+    if (!behind || depths[v].depth <= 0.5 * *behind) continue;
+    depths[v] = 0.5 * *behind > least ? depth_of(Index(v), 0.5 * *behind) : Depth{};
   }
   const ShankContact contact = summed(depths);
   return contact.vertices > 0 ? std::optional(contact) : std::nullopt;
