@@ -310,6 +310,50 @@ auto inside_tables(const Job& job, const Act& act) {
   }
 }
 
+/// The element that is largest at a state, angles at a metre of lever.
+std::string largest_element(const Job& job, const AxisState& state) {
+  constexpr double lever = 1000.0;  // mm
+  std::string name = "none of [errors], but heat, force, clamping or tool";
+  double most = 0.0;
+  const auto& joints = job.machine.nominal.joints();
+  for (const errors::Element& element : job.scene.geometric.elements) {
+    const auto joint = std::ranges::find_if(joints, [&](const kinematics::Joint& one) {
+      return one.name == element.name.axis || (one.name == 's' && element.name.axis == 'S');
+    });
+    if (joint == joints.end()) continue;
+    const auto j = std::size_t(joint - joints.begin());
+    errors::CurveState at;
+    at.command = state.q[Eigen::Index(j)];
+    at.primed = joint->side == kinematics::Side::Workpiece;
+    at.carriage = at.primed ? -at.command : at.command;
+    at.direction = state.direction[j];
+    at.stroke = state.stroke[j];
+    double value = 0.0;
+    for (const errors::Curve& curve : element.curves) value += errors::value(curve, at);
+    value *= std::abs(job.scene.error_scale) * (element.name.is_angle() ? lever : 1.0);
+    if (!(std::abs(value) > most)) continue;
+    most = std::abs(value);
+    name = "errors." + errors::to_string(element.name);
+  }
+  return name;
+}
+
+/// No machine is wrong by a metre: that is a slip of units, refused with what makes it.
+void check_tips(const Told& told, const std::vector<Pose>& T_wt) {
+  constexpr double most_mm = 1000.0;
+  const program::Samples& samples = told.commands.samples;
+  for (std::size_t i = 0; i < T_wt.size(); ++i) {
+    const double off = (T_wt[i].translation() - told.T_wt_wanted[i].translation()).norm();
+    if (off <= most_mm) continue;
+    const program::Path& path = told.commands.path ? *told.commands.path : told.job.path;
+    throw BadInput(path.file, samples.line[i], 0,
+                   fmt::format("errors, with errors.scale, that move the tip by at most {} mm",
+                               most_mm),
+                   fmt::format("{:.3g} mm in this block, the largest of them {}", off,
+                               largest_element(told.job, samples.states[i])));
+  }
+}
+
 /// @return (samples), empty without a piezo
 std::span<const double> stroke_of(const Compensated& told) {
   if (!told.piezo) return {};
@@ -519,6 +563,7 @@ Cut cut_as_told(const Job& job, const Compensated& told, const Progress& progres
         {told.samples, T_wt_wanted, result.process, loads, told.correction, stroke_of(told)});
     return poses_of(on, loads, {});
   });
+  inside_tables(job, [&] { check_tips(on, T_wt); });
   tell_process(job.scene, result.process, result.warnings);
   for (const std::string& warning : idle(job.scene)) result.warnings.push_back(warning);
   const PoseErrors off = pose_errors(T_wt, T_wt_wanted);

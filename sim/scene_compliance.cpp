@@ -20,6 +20,7 @@ using errors::Compliance;
 
 constexpr double standard_gravity = 9806.65;  // mm/s^2
 constexpr Range poisson{-1.0, 0.5, true, false};
+constexpr Range thickness{1e-3, 1e5, false, false};  // mm
 constexpr double softest_N_per_um = 1e-6;
 constexpr double softest_Nm_per_urad = 1e-9;
 constexpr double softest_entry = 1e3;  // of a matrix, mm/N as 1e-6 N/um and rad/(N mm) likewise
@@ -32,7 +33,8 @@ Eigen::Vector3d softness(TableReader& reader, const std::string& key, double lea
   if (!k) return c;
   if (k->minCoeff() < least) {
     reader.refuse(
-        key, fmt::format("three stiffnesses above 0, at least {} (leave out what is stiff)", least),
+        key, fmt::format("three stiffnesses above 0, at least {} (leave out what is stiff), for {}", least,
+                         key),
         fmt::format("{}", k->minCoeff()));
     return c;
   }
@@ -105,7 +107,7 @@ Compliance read_tool_compliance(TableReader& compliance) {
   std::vector<errors::CantileverSection> pieces;
   for (const Node* node : reader.tables("section")) {
     TableReader piece(*node, "compliance.tool.section", reader.faults());
-    pieces.push_back({piece.number("length_mm", positive), piece.number("diameter_mm", positive),
+    pieces.push_back({piece.number("length_mm", positive), piece.number("diameter_mm", thickness),
                       piece.number("youngs_modulus_GPa", positive),
                       piece.number("poisson_ratio", poisson, 0.3)});
     piece.close();
@@ -135,7 +137,7 @@ errors::WorkpieceBar read_bar(TableReader& reader) {
   bar.direction_w = reader.direction("direction", Eigen::Vector3d::UnitZ());
   bar.length = reader.number("length_mm", positive);
   bar.youngs_modulus = reader.number("youngs_modulus_GPa", positive);
-  const auto diameter = reader.maybe_number("diameter_mm", positive);
+  const auto diameter = reader.maybe_number("diameter_mm", thickness);
   const auto second_moment = reader.maybe_number("second_moment_mm4", positive);
   if (diameter && second_moment) {
     reader.refuse("second_moment_mm4", "diameter_mm or second_moment_mm4", "both");

@@ -93,7 +93,6 @@ class ErrorsReader {
   void add_location(const ElementName& name, double value, const std::string& from,
                     const Place& place);
   void check_against_machine();
-  void check_sizes(double scale);
   void refuse_twice();
 
   TableReader reader_;
@@ -260,7 +259,8 @@ errors::Shape ErrorsReader::read_series(TableReader& curve, const Units& unit, b
 }
 
 errors::Shape ErrorsReader::read_fourier(TableReader& curve, const Units& unit) {
-  const double period = curve.number("period" + unit.position, positive);
+  // shorter than a thousandth of a mm or a degree no sampling follows
+  const double period = curve.number("period" + unit.position, {1e-3, 1e9});
   const auto a = curve.maybe_numbers("a" + unit.value);
   const auto b = curve.maybe_numbers("b" + unit.value);
   if (!curve.has("a" + unit.value) && !curve.has("b" + unit.value)) {
@@ -505,51 +505,6 @@ void ErrorsReader::check_against_machine() {
   }
 }
 
-/// The largest value of an element over the travel of its axis; nothing is known beyond a table.
-double largest(const Element& element, const Joint& joint) {
-  constexpr int parts = 64;
-  constexpr double endless = 1e8;  // mm or rad
-  const bool whole = joint.min > -endless && joint.max < endless;
-  const double from = whole ? joint.min : -2 * pi, to = whole ? joint.max : 2 * pi;
-  double most = 0.0;
-  for (int i = 0; i <= parts; ++i)
-    for (const int direction : {1, -1}) {
-      errors::CurveState state;
-      state.command = from + (to - from) * i / parts;
-      state.primed = joint.side == kinematics::Side::Workpiece;
-      state.carriage = state.primed ? -state.command : state.command;
-      state.direction = direction;
-      try {
-        double sum = 0.0;
-        for (const Curve& curve : element.curves) sum += errors::value(curve, state);
-        most = std::isfinite(sum) ? std::max(most, std::abs(sum)) : HUGE_VAL;
-      } catch (const std::out_of_range&) {
-        // told where a program goes there
-      }
-    }
-  return most;
-}
-
-// The chain would bear more, but no machine does: it is a slip of units, told where it stands.
-void ErrorsReader::check_sizes(double scale) {
-  constexpr double most_mm = 100.0, most_rad = 1.0;
-  if (!faults_.empty()) return;
-  for (const Written& written : elements_) {
-    const ElementName& name = written.element.name;
-    const Joint* axis = joint(name.axis);
-    if (!axis) continue;
-    const double most = name.is_angle() ? most_rad : most_mm;
-    const double seen = std::abs(scale) * largest(written.element, *axis);
-    if (seen <= most) continue;
-    const char* unit = name.is_angle() ? "rad" : "mm";
-    faults_.add(written.place,
-                fmt::format("an error {} of at most {} {} over the travel of {}", to_string(name),
-                            most, unit, name.axis),
-                fmt::format("{:.3g} {}{}", seen, unit,
-                            scale == 1.0 ? "" : fmt::format(" with errors.scale {:g}", scale)));
-  }
-}
-
 void ErrorsReader::refuse_twice() {
   for (std::size_t i = 0; i < elements_.size(); ++i) {
     for (std::size_t j = 0; j < i && !elements_[i].derived; ++j) {
@@ -574,7 +529,6 @@ ErrorsSection ErrorsReader::read() {
   reader_.close();
   refuse_twice();
   check_against_machine();
-  check_sizes(section.scale);
   for (Written& written : elements_)
     section.geometric.elements.push_back(std::move(written.element));
   section.geometric.measuring_lines = lines_;

@@ -12,6 +12,9 @@ namespace metrology = errors::metrology;
 using metrology::Instrument;
 using metrology::Kind;
 
+constexpr Range quality{0.0, 1e4, false, false};  // um or urad: beyond, nothing is measured
+constexpr Range speed{1e-3, 1e9, false, false};    // mm/min: below, no day is long enough
+
 constexpr const char *cmm = "cmm", *touch_probe = "touch_probe";
 
 bool measures_the_part(const std::string& word) { return word == cmm || word == touch_probe; }
@@ -30,10 +33,10 @@ std::string read_kind(TableReader& reader) {
 }
 
 void read_quality(TableReader& reader, Instrument& one) {
-  one.noise = reader.number("noise_um", non_negative, one.noise);
-  one.noise_rad = reader.number("noise_urad", non_negative, one.noise_rad);
-  one.resolution = reader.number("resolution_um", non_negative, one.resolution);
-  one.resolution_rad = reader.number("resolution_urad", non_negative, one.resolution_rad);
+  one.noise = reader.number("noise_um", quality, one.noise);
+  one.noise_rad = reader.number("noise_urad", quality, one.noise_rad);
+  one.resolution = reader.number("resolution_um", quality, one.resolution);
+  one.resolution_rad = reader.number("resolution_urad", quality, one.resolution_rad);
   one.rotation_sigma = reader.number("alignment_urad", {0.0, 1e4}, one.rotation_sigma);
   one.position_sigma = reader.number("position_um", {0.0, 1e4}, one.position_sigma);
   one.scale_sigma = reader.number("scale_um_per_m", {0.0, 1e4}, one.scale_sigma);
@@ -75,7 +78,7 @@ void read_sampling(TableReader& reader, Instrument& one) {
     reader.refuse("interval_s", "an instrument.interval_s of at most instrument.duration_h, so that "
                                 "something is read twice",
                   fmt::format("{:g} s in {:g} h", one.interval_s, one.duration_s / 3600.0));
-  one.speed = reader.number("speed_mm_per_min", positive, one.speed);
+  one.speed = reader.number("speed_mm_per_min", speed, one.speed);
   one.dwell_s = reader.number("dwell_s", non_negative, one.dwell_s);
   one.set_up_s = reader.number("set_up_min", non_negative, one.set_up_s);
   one.spindle_speed = reader.number("spindle_rpm", non_negative, one.spindle_speed);
@@ -110,8 +113,8 @@ InstrumentDescription read_instrument(TableReader& reader, Kind kind, const std:
 
 metrology::CoordinateMachine read_cmm(TableReader& reader) {
   metrology::CoordinateMachine machine;
-  machine.noise = reader.number("noise_um", non_negative, machine.noise);
-  machine.resolution = reader.number("resolution_um", non_negative, machine.resolution);
+  machine.noise = reader.number("noise_um", quality, machine.noise);
+  machine.resolution = reader.number("resolution_um", quality, machine.resolution);
   machine.alignment_sigma = reader.number("position_um", {0.0, 1e4}, machine.alignment_sigma);
   machine.alignment_sigma_rad =
       reader.number("alignment_urad", {0.0, 1e4}, machine.alignment_sigma_rad);
@@ -124,10 +127,10 @@ metrology::TouchProbe read_touch_probe(TableReader& reader, const MachineDescrip
   metrology::TouchProbe probe;
   probe.centre_t = reader.vector("centre_mm", probe.centre_t);
   probe.radius = reader.number("ball_radius_mm", positive, probe.radius);
-  probe.noise = reader.number("noise_um", non_negative, probe.noise);
-  probe.resolution = reader.number("resolution_um", non_negative, probe.resolution);
+  probe.noise = reader.number("noise_um", quality, probe.noise);
+  probe.resolution = reader.number("resolution_um", quality, probe.resolution);
   probe.clearance = reader.number("clearance_mm", positive, probe.clearance);
-  probe.speed = reader.number("speed_mm_per_min", positive, probe.speed);
+  probe.speed = reader.number("speed_mm_per_min", speed, probe.speed);
   probe.dwell_s = reader.number("dwell_s", non_negative, probe.dwell_s);
   probe.start_s = reader.number("start_h", any_number, probe.start_s);
   probe.q = kinematics::AxisVector::Zero(Eigen::Index(machine.joints.size()));

@@ -3,6 +3,8 @@
 #include <set>
 #include <stdexcept>
 
+#include <fmt/format.h>
+
 #include "kinematics/topology.h"
 #include "kinematics/units.h"
 #include "sim/scene_sections.h"
@@ -155,8 +157,13 @@ Eigen::Matrix3d turned(const Vector3d& degrees) {
 }  // namespace
 
 Eigen::Matrix3d read_turn(TableReader& reader) {
+  constexpr double most_turn_deg = 3600.0;  // beyond, the last digits of the angle are its turns
   const auto turn = reader.numbers_as_written("turn_deg", 3);
-  return turn ? turned(*turn) : Eigen::Matrix3d::Identity();
+  if (!turn) return Eigen::Matrix3d::Identity();
+  if (turn->cwiseAbs().maxCoeff() <= most_turn_deg) return turned(*turn);
+  reader.refuse("turn_deg", fmt::format("turns within +-{} deg for turn_deg", most_turn_deg),
+                fmt::format("{}", turn->cwiseAbs().maxCoeff()));
+  return Eigen::Matrix3d::Identity();
 }
 
 kinematics::Pose read_placement(TableReader& reader) {

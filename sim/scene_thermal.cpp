@@ -24,6 +24,7 @@ constexpr Range temperature{ThermalDescription::least_T_C, ThermalDescription::m
 constexpr Range power{0.0, 1e7};  // W
 constexpr Range spindle_rpm{0.0, 1e6};
 constexpr Range share_of_all{0.0, 1.0};
+constexpr Range axis_speed{0.0, 1e6};  // mm or deg a minute
 constexpr std::size_t most_nodes = 200;  // the modes of more take long
 constexpr std::size_t most_phases = 10'000;
 constexpr Eigen::Index most_curves = 50;
@@ -481,7 +482,7 @@ kinematics::AxisVector ThermalReader::read_axis_speeds(TableReader& phase) {
     for (int j = 0; j < chain_->size(); ++j) {
       const Joint& joint = chain_->joints()[std::size_t(j)];
       if (joint.motion != motion) continue;
-      const auto written = reader.number_as_written(std::string(1, joint.name), non_negative);
+      const auto written = reader.number_as_written(std::string(1, joint.name), axis_speed);
       if (written) speeds[j] = *written * unit_of(key);
     }
     reader.close();

@@ -290,6 +290,12 @@ bool inside(double x, const Range& range) {
          (range.open_max ? x < range.max : x <= range.max);
 }
 
+bool is_beyond(double x, const Node& node, const std::string& name, Faults& faults) {
+  if (std::abs(x) <= most_number) return false;
+  faults.add(node.place, fmt::format("{} within +-{:g}", name, most_number), shown(node));
+  return true;
+}
+
 std::string list_text(const std::set<std::string>& words) {
   std::string text;
   for (const std::string& word : words) text += (text.empty() ? "\"" : ", \"") + word + "\"";
@@ -478,11 +484,6 @@ std::optional<double> TableReader::finite(const Node& node, const std::string& k
     faults_.add(node.place, "a finite number for " + name_of(key), shown(node));
     return std::nullopt;
   }
-  if (std::abs(value) > most_number) {
-    faults_.add(node.place, fmt::format("a number within +-{:g} for {}", most_number, name_of(key)),
-                shown(node));
-    return std::nullopt;
-  }
   return value;
 }
 
@@ -495,6 +496,7 @@ std::optional<double> TableReader::number_as_written(const std::string& key, con
     faults_.add(node->place, fmt::format("{}{}", name_of(key), range_text(range)), shown(*node));
     return std::nullopt;
   }
+  if (is_beyond(*value, *node, name_of(key), faults_)) return std::nullopt;
   const bool divides = range.min == 0.0 && range.open_min;
   const double least = divides ? least_divisor : least_number;
   if (*value != 0.0 && std::abs(*value) < least) {
@@ -575,8 +577,9 @@ std::optional<Eigen::VectorXd> TableReader::numbers_as_written(const std::string
   Eigen::VectorXd values(Eigen::Index(array->size()));
   bool good = true;
   for (Eigen::Index i = 0; i < values.size(); ++i) {
-    const std::optional<double> value = finite((*array)[std::size_t(i)], key);
-    good = good && value;
+    const Node& element = (*array)[std::size_t(i)];
+    const std::optional<double> value = finite(element, key);
+    good = good && value && !is_beyond(*value, element, name_of(key), faults_);
     values[i] = value.value_or(0.0);
   }
   if (!good) return std::nullopt;

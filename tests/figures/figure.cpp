@@ -16,7 +16,8 @@ std::string command(const SceneCase& one) {
     return fmt::format("`abbe compare scenes/{}.toml`, `{}{}`", one.scene, one.variant,
                        one.case_name.empty() ? "" : "-" + one.case_name);
   std::string text = fmt::format("abbe run scenes/{}.toml", one.scene);
-  for (const auto& [key, value] : one.set) {
+  for (const sim::Override& change : one.set) {
+    const std::string &key = change.path, &value = change.value;
     const bool quoted = (key + value).find_first_of(" []{}\"") != std::string::npos;
     text += fmt::format(fmt::runtime(quoted ? " --set '{}={}'" : " --set {}={}"), key, value);
   }

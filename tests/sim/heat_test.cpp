@@ -144,19 +144,22 @@ TEST(Pictures, OfElementsOfAnEarlierRunAreRemoved) {
   const auto there = [&](const char* name) {
     return std::filesystem::exists(folder.path() / name);
   };
+  const ResultFolder results(folder.path(), {});
   folder.write("notes.png", "kept");
-  folder.write("EYY-temperatures.png", "old");
+  folder.write("EZZ-temperatures.png", "somebody's own");
+  write_file(results / "EYY-temperatures.png", "old");
   Verdict verdict;
   verdict.cut.case_name = "uncompensated";
-  write_source_pictures(folder.path(), job, verdict);
+  write_source_pictures(results, job, verdict);
   EXPECT_TRUE(there("EXX-temperatures.png"));
   EXPECT_FALSE(there("EYY-temperatures.png"));
   EXPECT_TRUE(there("temperatures.png"));
   verdict.cut.case_name = "error_free";
-  write_source_pictures(folder.path(), job, verdict);
+  write_source_pictures(results, job, verdict);
   EXPECT_FALSE(there("EXX-temperatures.png"));
   EXPECT_FALSE(there("temperatures.png"));
   EXPECT_TRUE(there("notes.png"));
+  EXPECT_TRUE(there("EZZ-temperatures.png")) << "abbe did not make it";
 }
 
 #endif

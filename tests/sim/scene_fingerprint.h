@@ -58,7 +58,8 @@ class Fingerprint {
     for (const auto& variant : scene.variants) {
       put("variant", variant.name);
       // a resolved text has plain keys before tables; the order means nothing
-      const std::multimap<std::string, std::string> set(variant.set.begin(), variant.set.end());
+      std::multimap<std::string, std::string> set;
+      for (const Override& one : variant.set) set.emplace(one.path, one.value);
       for (const auto& [path, value] : set) put(path, value);
     }
   }

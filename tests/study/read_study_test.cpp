@@ -207,7 +207,7 @@ TEST_F(ReadStudy, OverridesOfTheStudyWin) {
                                                    {"", "1"},
                                                    {"..", "1"},
                                                    {"seed", "\n"}})
-    EXPECT_NE(refusal(three_inputs + "[monte_carlo]\n", {bad}), "") << bad.first;
+    EXPECT_NE(refusal(three_inputs + "[monte_carlo]\n", {bad}), "") << bad.path;
 }
 
 TEST_F(ReadStudy, TheTextThatItKeepsReadsToTheSameStudy) {
@@ -266,7 +266,7 @@ TEST_F(ReadStudy, RefusesAtThePlaceOfTheFault) {
       {"[[sweep]]\ninput = \"EXX\"\nvalues = []\n", "13:10", {"an array of numbers"}},
       {"[[sweep]]\ninput = \"EXX\"\nvalues = [1, nan]\n", "13:14", {"finite"}},
       {"[[sweep]]\ninput = \"EXX\"\nvalues = [1]\nfrom = 2\n", "14:1", {"known key"}},
-      {"[[sweep]]\ninput = \"EXX\"\nfrom = -1e308\nto = 1e308\n", "14:6", {"finite length"}},
+      {"[[sweep]]\ninput = \"EXX\"\nfrom = -1e308\nto = 1e308\n", "13:8", {"sweep.from", "1e+12"}},
       {"[[sweep]]\ninput = \"EXX\"\nfrom = 0\nto = 1\nsteps = 100000000\n", "15:9", {"100000"}},
       {"[worst_case]\ncoverage = -1\n", "12:12", {"coverage"}},
       {"[tolerance]\n", "11:1", {"limit_um"}},
@@ -343,7 +343,7 @@ TEST_F(ReadStudy, RefusesAtThePlaceOfTheFault) {
        "centre = 1\n",
        "11:1",
        {"median above 0", "EYS"}},
-      {"[[inputs]]\nevery = \"number\"\nof = [\"EXS\"]\ncentre = 1e308\n", "11:1", {"finite"}},
+      {"[[inputs]]\nevery = \"number\"\nof = [\"EXS\"]\ncentre = 1e308\n", "14:10", {"inputs.centre", "1e+12"}},
       {"input = 3\n", "", {}},
   };
   for (const auto& one : cases) {
