@@ -488,6 +488,7 @@ void add_pose_command(CLI::App& app, CommandLine& line) {
   CLI::App& pose_app =
       *app.add_subcommand("pose", "Where the tool is and should be: at a pose, many, everywhere");
   add_common(pose_app, line.common, false);
+  add_force(pose_app, line.common);
   add_pose_options(pose_app, line.pose);
 }
 

@@ -13,6 +13,7 @@
 #include "sim/output.h"
 #include "sim/part_readings_file.h"
 #include "sim/progress.h"
+#include "sim/reach.h"
 #include "sim/readings_file.h"
 #include "sim/toml_reader.h"
 #include "sim/trust.h"
@@ -207,7 +208,10 @@ std::optional<PartInstrumentDescription> part_instrument_of(const Scene& scene,
 
 PartReadingsFile measured_part(const Scene& scene, const PartInstrumentDescription& instrument) {
   const Job job = prepare(scene);
-  return measured_part(job, cut_case(job, instrument.case_name), instrument);
+  check_reaches_part(job);
+  const Cut made = cut_case(job, instrument.case_name);
+  check_cuts_part(job, made);
+  return measured_part(job, made, instrument);
 }
 
 PartReadingsFile measured_part(const Job& job, const Cut& cut,

@@ -175,9 +175,16 @@ void prove(const fs::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) fail(folder, error.message());
+  // a link of that name, which an unpacked folder may hold, is not followed
   const fs::path probe = folder / (".unfinished-" + std::to_string(::getpid()));
-  write_text(probe, "probe\n");
   fs::remove(probe, error);
+  const int descriptor = ::open(probe.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW, 0666);
+  if (descriptor < 0) fail(folder, std::strerror(errno));
+  const bool written = ::write(descriptor, "probe\n", 6) == 6;
+  const int reason = errno;
+  ::close(descriptor);
+  fs::remove(probe, error);
+  if (!written) fail(folder, std::strerror(reason));
 }
 
 }  // namespace
@@ -297,6 +304,7 @@ void write_file(const ResultFile& file, const std::function<void(const fs::path&
       path.parent_path() /
       (".unfinished-" + std::to_string(::getpid()) + "-" + path.filename().string());
   std::error_code ignored;
+  fs::remove(temporary, ignored);  // a link of that name would be followed
   try {
     write(temporary);
     flush(temporary);

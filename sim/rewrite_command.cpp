@@ -9,6 +9,7 @@
 #include "sim/output.h"
 #include "sim/program_channel.h"
 #include "sim/progress.h"
+#include "sim/reach.h"
 #include "sim/trust.h"
 
 namespace abbe::sim {
@@ -92,6 +93,7 @@ ordered_json rewrite(const std::filesystem::path& file, const RewriteCommandOpti
   };
   progress.begin("prepare");
   const Job job = prepare(scene, report);
+  check_reaches_part(job);
   const ResultFile out = out_file(job, options);
   progress.begin(compensator.name);
   const Compensated told = compensate(job, compensator, report);

@@ -58,7 +58,7 @@ bool goes_round(const Ring& ring) {
   if (ring.size() < 3) return false;
   std::vector<double> gap = ring.gap;
   std::sort(gap.begin(), gap.end());
-  return gap.back() < 5.0 * units::deg || gap.back() < 1.95 * gap[gap.size() - 2];
+  return gap.back() < 5.0 * units::deg || gap.back() < 1.5 * gap[(gap.size() - 1) / 2];
 }
 
 }  // namespace

@@ -15,7 +15,7 @@ namespace abbe::errors::metrology {
 Eigen::VectorXd arc_shares(const Eigen::VectorXd& angle);
 
 /// Whether readings go all the way round: the widest gap between neighbouring places is narrower
-/// than 5 degrees or than 1.95 times the next widest. Fewer than 3 places never do.
+/// than 5 degrees or than 1.5 times the median gap. Fewer than 3 places never do.
 bool goes_round(const Eigen::VectorXd& angle);
 
 /// 1 over the number of rows at the same place, itself among them, so that every place counts once.
