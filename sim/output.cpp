@@ -1,6 +1,7 @@
 #include "sim/output.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -130,6 +131,16 @@ bool belongs_to_journal(const fs::path& file) {
   return is_journal(name);
 }
 
+/// What a process that works beside this one, or that was killed, has not finished.
+bool is_unfinished(const fs::directory_entry& entry) {
+  constexpr std::string_view begins = ".unfinished-";
+  const std::string name = entry.path().filename().string();
+  std::error_code none;
+  return name.starts_with(begins) && name.size() > begins.size() &&
+         std::isdigit(static_cast<unsigned char>(name[begins.size()])) &&
+         !entry.is_symlink(none) && entry.is_regular_file(none);
+}
+
 /// What in a folder is not abbe's: neither in its mark, nor a result itself, nor a journal.
 struct Others {
   std::size_t count = 0;
@@ -143,7 +154,7 @@ Others others_in(const fs::path& folder) {
   for (const auto& entry : fs::directory_iterator(folder, none)) {
     const std::string name = entry.path().filename().string();
     const bool listed = mark.files.contains(name) || (name == mark_name && !mark.files.empty());
-    if (listed || belongs_to_journal(entry.path())) continue;
+    if (listed || belongs_to_journal(entry.path()) || is_unfinished(entry)) continue;
     if (!entry.is_symlink(none) && entry.is_directory(none) && read_mark(entry.path()).folder)
       continue;
     if (++others.count == 1 || name < others.first) others.first = name;
@@ -297,7 +308,7 @@ void claim(const ResultFile& file) {
 }
 
 void write_file(const ResultFile& file, const std::function<void(const fs::path&)>& write) {
-  claim(file);
+  check_file(file);
   const fs::path path = file.path();
   // the ending stays last: writers choose the format by it
   const fs::path temporary =
@@ -308,6 +319,7 @@ void write_file(const ResultFile& file, const std::function<void(const fs::path&
   try {
     write(temporary);
     flush(temporary);
+    claim(file);
     std::error_code error;
     fs::rename(temporary, path, error);
     if (error) fail(path, error.message());

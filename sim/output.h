@@ -87,7 +87,7 @@ void claim(const ResultFile& file);
 /// @throws OutputFailure
 void check_file(const ResultFile& file);
 
-/// Claims the file, runs `write` on a temporary name beside it, flushes, and renames it to `file`; on
+/// Runs `write` on a temporary name beside it, flushes, claims the file and renames it; on
 /// failure nothing is left of it and an older `file` stands as it was.
 /// @throws OutputFailure
 void write_file(const ResultFile& file,

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "errors/geometric.h"
@@ -51,8 +52,10 @@ inline errors::GeometricErrors typical_errors(const kinematics::Chain& chain, st
         add(name, errors::Legendre{series(angle ? 5 : 6, angle ? 10e-6 : 3e-3), 0.0, 350.0});
       }
     }
-  for (const char* name : {"EC0Y", "EB0Z", "EA0Z"})
-    if (chain.find(name[3])) add(name, errors::Constant{30e-6 * unit(random)});
+  const std::pair<const char*, char> squarenesses[] = {{"EC0Y", 'X'}, {"EB0Z", 'X'}, {"EA0Z", 'Y'}};
+  for (const auto& [name, reference] : squarenesses)
+    if (chain.find(name[3]) && chain.find(reference))
+      add(name, errors::Constant{30e-6 * unit(random)});
   for (const kinematics::Joint& joint : chain.joints()) {
     if (joint.motion != kinematics::Motion::Rotary) continue;
     for (const char direction : std::string("ABCXYZ")) {

@@ -10,6 +10,7 @@
 #include <sys/wait.h>
 #include <nlohmann/json.hpp>
 
+#include "sim/output.h"
 #include "tests/sim/pose_scene.h"
 
 #ifndef ABBE_RENDER
@@ -51,7 +52,8 @@ class PoseCommandLine : public testing::Test {
   int files() const {
     int count = 0;
     for (const auto& entry : fs::recursive_directory_iterator(folder_.path()))
-      count += entry.is_regular_file() && entry.path().filename() != "stderr.txt";
+      count += entry.is_regular_file() && entry.path().filename() != "stderr.txt" &&
+               entry.path().filename() != mark_name;
     return count;
   }
 
