@@ -212,6 +212,7 @@ TEST(EscapesInTheSource, EveryPrintGoesThroughTheOneDoor) {
       const bool allowed = name == "sim/terminal.h" ||   // the door
                            name == "sim/progress.cpp" || // draws a line, its text escaped
                            name == "sim/output.cpp" || name == "render/bytes.cpp" ||  // files
+                           name == "sim/pose_files.cpp" ||  // numbers, and JSON that is escaped
                            name == "sim/compensation/plug_in_host.cpp" ||  // a pipe to ourselves
                            name == "render/glew_init.cpp";                 // a text of its own
       const std::string text = bytes(entry.path());
