@@ -217,7 +217,10 @@ Design judge_top(const Design& design, const JudgeTopOptions& options) {
     if (!s.a.allFinite() || !s.b.allFinite())
       throw std::invalid_argument("judge_top: a vertex is not finite");
   if (options.margin == 0.0 || edge.empty()) return judged;
-  const SegmentGrid near_rim(edge, options.margin);
+  // cells much smaller than the edges of the rim would be more than can be listed
+  double length = 0.0;
+  for (const Segment& s : edge) length += (s.b - s.a).norm();
+  const SegmentGrid near_rim(edge, std::max(options.margin, length / double(edge.size())));
   for (Eigen::Index i = 0; i < design.vertices.rows(); ++i) {
     auto& flag = judged.judged[static_cast<std::size_t>(i)];
     if (flag && near_rim.is_within(design.vertices.row(i), options.margin)) flag = 0;

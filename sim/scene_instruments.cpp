@@ -13,6 +13,7 @@ using metrology::Instrument;
 using metrology::Kind;
 
 constexpr Range quality{0.0, 1e4, false, false};  // um or urad: beyond, nothing is measured
+constexpr Range wait_s{0.0, 1e6};
 constexpr Range speed{1e-3, 1e9, false, false};    // mm/min: below, no day is long enough
 
 constexpr const char *cmm = "cmm", *touch_probe = "touch_probe";
@@ -72,15 +73,15 @@ void read_sampling(TableReader& reader, Instrument& one) {
   one.from_rad = reader.number("from_deg", any_number, one.from_rad);
   one.to_rad = reader.number("to_deg", any_number, one.to_rad);
   one.interval_s = reader.number("interval_s", positive, one.interval_s);
-  one.duration_s = reader.number("duration_h", non_negative, one.duration_s);
+  one.duration_s = reader.number("duration_h", {0.0, 1e5}, one.duration_s);
   const bool over_time = one.kind == Kind::Drift || one.kind == Kind::Temperature;
   if (over_time && one.interval_s > one.duration_s)
     reader.refuse("interval_s", "an instrument.interval_s of at most instrument.duration_h, so that "
                                 "something is read twice",
                   fmt::format("{:g} s in {:g} h", one.interval_s, one.duration_s / 3600.0));
   one.speed = reader.number("speed_mm_per_min", speed, one.speed);
-  one.dwell_s = reader.number("dwell_s", non_negative, one.dwell_s);
-  one.set_up_s = reader.number("set_up_min", non_negative, one.set_up_s);
+  one.dwell_s = reader.number("dwell_s", wait_s, one.dwell_s);
+  one.set_up_s = reader.number("set_up_min", {0.0, 1e5}, one.set_up_s);
   one.spindle_speed = reader.number("spindle_rpm", non_negative, one.spindle_speed);
 }
 
@@ -126,12 +127,12 @@ metrology::CoordinateMachine read_cmm(TableReader& reader) {
 metrology::TouchProbe read_touch_probe(TableReader& reader, const MachineDescription& machine) {
   metrology::TouchProbe probe;
   probe.centre_t = reader.vector("centre_mm", probe.centre_t);
-  probe.radius = reader.number("ball_radius_mm", positive, probe.radius);
+  probe.radius = reader.number("ball_radius_mm", {1e-3, 1e3}, probe.radius);
   probe.noise = reader.number("noise_um", quality, probe.noise);
   probe.resolution = reader.number("resolution_um", quality, probe.resolution);
   probe.clearance = reader.number("clearance_mm", positive, probe.clearance);
   probe.speed = reader.number("speed_mm_per_min", speed, probe.speed);
-  probe.dwell_s = reader.number("dwell_s", non_negative, probe.dwell_s);
+  probe.dwell_s = reader.number("dwell_s", wait_s, probe.dwell_s);
   probe.start_s = reader.number("start_h", any_number, probe.start_s);
   probe.q = kinematics::AxisVector::Zero(Eigen::Index(machine.joints.size()));
   if (const Node* pose = reader.section("pose")) {

@@ -10,6 +10,8 @@ namespace {
 
 constexpr Range half_turn_open{0.0, 90.0, true, true};
 constexpr Range tool_size{0.0, 10'000.0, true, false};  // mm
+constexpr Range tool_length{-10'000.0, 10'000.0};        // mm
+constexpr Range part_size{1e-3, 1e5};                    // mm
 constexpr Range spindle_rpm{0.0, 1e6, true, false};
 
 cutting::RevolvedProfile read_profile(TableReader& reader) {
@@ -37,24 +39,24 @@ cutting::Primitive read_surface(TableReader& reader) {
                                                     {"revolved", Kind::Revolved}});
   switch (kind) {
     case Kind::Rectangle:
-      return cutting::RectanglePlane{reader.number("length_x_mm", positive),
-                                     reader.number("length_y_mm", positive)};
+      return cutting::RectanglePlane{reader.number("length_x_mm", part_size),
+                                     reader.number("length_y_mm", part_size)};
     case Kind::Disc:
-      return cutting::Disc{reader.number("radius_mm", positive),
+      return cutting::Disc{reader.number("radius_mm", part_size),
                            reader.number("inner_radius_mm", non_negative, 0.0)};
     case Kind::Cylinder:
-      return cutting::Cylinder{reader.number("radius_mm", positive),
-                               reader.number("height_mm", positive)};
+      return cutting::Cylinder{reader.number("radius_mm", part_size),
+                               reader.number("height_mm", part_size)};
     case Kind::Cone:
-      return cutting::Cone{reader.number("base_radius_mm", positive),
-                           reader.number("height_mm", positive),
+      return cutting::Cone{reader.number("base_radius_mm", part_size),
+                           reader.number("height_mm", part_size),
                            reader.number("half_apex_deg", half_turn_open)};
     case Kind::SphereCap:
-      return cutting::SphereCap{reader.number("radius_mm", positive),
-                                reader.number("rim_radius_mm", positive)};
+      return cutting::SphereCap{reader.number("radius_mm", part_size),
+                                reader.number("rim_radius_mm", part_size)};
     case Kind::Torus:
-      return cutting::Torus{reader.number("radius_mm", positive),
-                            reader.number("tube_radius_mm", positive)};
+      return cutting::Torus{reader.number("radius_mm", part_size),
+                            reader.number("tube_radius_mm", part_size)};
     case Kind::Revolved:
       break;
   }
@@ -140,7 +142,7 @@ std::vector<cutting::NoseWave> read_waves(TableReader& actual) {
 }
 
 void read_actual_tool(TableReader& actual, const std::string& kind, ToolDescription& tool) {
-  tool.actual_length = actual.number("length_mm", any_number, tool.length);
+  tool.actual_length = actual.number("length_mm", tool_length, tool.length);
   if (const auto* nominal = std::get_if<cutting::Cutter>(&tool.nominal)) {
     tool.actual = read_cutter(actual, kind, *nominal, false);
     return;
@@ -298,7 +300,7 @@ ToolDescription read_tool(const Node& table, Faults& faults) {
   } else {
     tool.nominal = read_cutter(reader, kind, {}, true);
   }
-  tool.length = reader.number("length_mm", any_number);
+  tool.length = reader.number("length_mm", tool_length);
   if (const auto number = reader.maybe_integer("number", 0, 999'999)) tool.number = int(*number);
   tool.actual = tool.nominal;
   tool.actual_length = tool.length;

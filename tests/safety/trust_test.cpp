@@ -70,8 +70,8 @@ TEST_F(Trust, AProgramThatASceneNamesIsRunOnlyWithTrust) {
   for (const auto& door : doors) {
     folder_.write("strange/scene.toml", small_scene(door.sections));
     expect_asked(door.command, door.place);
-    expect_run(door.command + " --trust");
   }
+  expect_run("measure scene.toml --trust");
   folder_.write("strange/scene.toml", "case = \"./payload.py\"\n" + small_scene());
   expect_asked("run scene.toml", "scene.toml:1:");
   expect_run("run scene.toml --trust");
@@ -111,7 +111,6 @@ TEST_F(Trust, AStudyAsksForItsOwnProgramsAndThoseOfItsScene) {
 
 TEST_F(Trust, WhatTheUserTypesIsTrusted) {
   folder_.write("strange/scene.toml", small_scene());
-  expect_run("compare scene.toml --compensator payload.py");
   expect_run("run scene.toml --compensator payload.py");
   expect_run("run scene.toml --case ./payload.py");
   expect_run("compare scene.toml --set 'compare.cases=[\"./payload.py\"]'");
