@@ -10,6 +10,8 @@
 #include <vector>
 
 #include <gtest/gtest.h>
+#include <poll.h>
+#include <signal.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -32,6 +34,7 @@ namespace {
 using sim::Node;
 using sim::Override;
 
+constexpr int most_wall_ms = 300'000;
 constexpr ::rlim_t most_cpu_s = 40, most_bytes = ::rlim_t(6) << 30;
 
 const std::vector<std::string> absurd{"0", "-1", "1e-300", "1e300", "1e9", "1e-9", "nan", "\"NaN\""};
@@ -181,8 +184,13 @@ Ended ended(const Trial& trial) {
   ::close(ends[1]);
   Ended result;
   char buffer[4096];
-  for (::ssize_t n; (n = ::read(ends[0], buffer, sizeof buffer)) > 0;)
+  ::pollfd said{ends[0], POLLIN, 0};
+  while (::poll(&said, 1, most_wall_ms) > 0) {
+    const ::ssize_t n = ::read(ends[0], buffer, sizeof buffer);
+    if (n <= 0) break;
     result.text.append(buffer, std::size_t(n));
+  }
+  ::kill(pid, SIGKILL);  // nothing, if it has ended by itself
   ::close(ends[0]);
   int status = 0;
   ::rusage used{};
