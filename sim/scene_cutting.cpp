@@ -58,7 +58,7 @@ CuttingDescription::TurnedBlank read_turned(TableReader& reader) {
     blank.profile(k, 1) = corner.number("radius_mm", non_negative);
     const double before_mm = k > 0 ? blank.profile(k - 1, 0) : blank.profile(k, 0);
     if (corner.has("along_mm") && blank.profile(k, 0) < before_mm) {
-      corner.refuse("along_mm", fmt::format("at least {}, the corner before", before_mm),
+      corner.refuse("along_mm", fmt::format("along_mm of at least {}, the corner before", before_mm),
                     fmt::format("{}", blank.profile(k, 0)));
     }
     corner.close();

@@ -69,7 +69,7 @@ void check_surface(TableReader& reader, const cutting::Primitive& primitive) {
   try {
     cutting::profile(primitive);
   } catch (const std::invalid_argument& fault) {
-    reader.refuse("surface", "a surface that can be", fault.what());
+    reader.refuse("surface", "a surface that can be, of the keys of part", fault.what());
   }
 }
 
