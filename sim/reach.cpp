@@ -161,9 +161,9 @@ cutting::Design thinned(cutting::Design design) {
 
 }  // namespace
 
-void check_reaches_part(const Job& job) {
+std::optional<BadInput> missed_part(const Job& job) {
   if (job.path.motion_blocks == 0)
-    throw BadInput(job.path.file, 0, 0, "a program that cuts the part", "one that moves nothing");
+    return BadInput(job.path.file, 0, 0, "a program that cuts the part", "one that moves nothing");
   const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.nominal);
   Swept swept;
   Spans part;
@@ -176,12 +176,16 @@ void check_reaches_part(const Job& job) {
     part = spans_round_spindle(job, line);
   }
   const Coordinates& names = cutter != nullptr ? milled : turned;
-  if (!(miss(part, swept.all, names).gap > job.scene.band)) return;
+  if (!(miss(part, swept.all, names).gap > job.scene.band)) return std::nullopt;
   const bool any_feed = std::isfinite(swept.feed.front().low);
   const Miss by = miss(part, any_feed ? swept.feed : swept.all, names);
-  throw BadInput(job.path.file, by.line, 0,
-                 fmt::format("a program that comes within {} mm of the part", job.scene.band),
-                 by.words);
+  return BadInput(job.path.file, by.line, 0,
+                  fmt::format("a program that comes within {} mm of the part", job.scene.band),
+                  by.words);
+}
+
+void check_reaches_part(const Job& job) {
+  if (const auto fault = missed_part(job)) throw *fault;
 }
 
 void check_cuts_part(const Job& job, const Cut& cut) {

@@ -93,7 +93,6 @@ ordered_json rewrite(const std::filesystem::path& file, const RewriteCommandOpti
   };
   progress.begin("prepare");
   const Job job = prepare(scene, report);
-  check_reaches_part(job);
   const ResultFile out = out_file(job, options);
   progress.begin(compensator.name);
   const Compensated told = compensate(job, compensator, report);
@@ -107,6 +106,8 @@ ordered_json rewrite(const std::filesystem::path& file, const RewriteCommandOpti
     step = {{"mm", words.word_resolution}, {"deg", words.angle_resolution / units::deg}};
   std::vector<std::string> warnings = job.warnings;
   warnings.insert(warnings.end(), told.warnings.begin(), told.warnings.end());
+  if (const auto fault = missed_part(job))
+    warnings.push_back(fmt::format("nothing of the part is cut: {}", fault->what()));
   if (told.not_converged > 0)
     warnings.push_back(fmt::format("{} of {} corrections did not converge", told.not_converged,
                                    job.samples.states.size()));

@@ -167,6 +167,10 @@ TEST(RewriteCommand, WritesAProgramThatItsReaderTakesAndSaysWhatItIs) {
   EXPECT_EQ(report["bytes"], std::filesystem::file_size(options.out));
   EXPECT_EQ(report["path_tolerance_um"], 0.5);
   EXPECT_EQ(report["words"]["mm"], 1e-4);
+  // in the air above the cap: it is rewritten all the same, and said
+  ASSERT_EQ(report["warnings"].size(), 1u) << report["warnings"];
+  EXPECT_NE(report["warnings"][0].get<std::string>().find("nothing of the part is cut"),
+            std::string::npos);
   const double most = report["correction_um"]["max"], rms = report["correction_um"]["rms"];
   EXPECT_GT(rms, 1.0);
   EXPECT_GT(most, rms);
