@@ -369,6 +369,7 @@ int rewrite_command(const Common& common, const std::string& case_name) {
   options.out = common.out;
   options.permissions = common.permissions;
   const nlohmann::ordered_json report = rewrite(common.scene, options);
+  print_warnings(report);
   print("{}", common.json ? json_text(report) : rewrite_text(report));
   return ok;
 }
