@@ -15,6 +15,7 @@
 #include "sim/compensate.h"
 #include "sim/part.h"
 #include "sim/program_warnings.h"
+#include "sim/revolution_swing.h"
 #include "sim/run_out.h"
 #include "sim/surface_warnings.h"
 #include "sim/tool_motion.h"
@@ -370,6 +371,12 @@ void tell_process(const Scene& scene, const Process& process, std::vector<std::s
                     "differ by {:.3g} nm at most",
                     scene.cutting->tolerance / units::nm, all.open, process.steps.size(),
                     all.disagreement_max / units::nm));
+  if (const auto swing = revolution_swing(process))
+    warnings.push_back(fmt::format(
+        "the cut does not settle: for {} revolutions from line {} on the force swings between {:.4g} "
+        "and {:.4g} N from one to the next, a change returns {:.2f} times as large: under the cutting "
+        "force the tool goes too far into the work, and the surface is one of chatter",
+        swing->revolutions, swing->line, swing->low, swing->high, swing->gain));
   if (!(all.removed > 0.0)) warnings.push_back("the tool met no material of the blank");
   if (!process.crash_lines.empty())
     warnings.push_back(fmt::format("a rapid or the shank met material on {} lines, first line {}",
