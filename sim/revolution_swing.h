@@ -13,6 +13,8 @@ struct RevolutionSwing {
   double low = 0.0;     ///< N, least and
   double high = 0.0;    ///< largest force among them
   double gain = 0.0;    ///< a change of the force returns so many times as large, at the most
+  int leaps = 0;  ///< how often the tool leaps out of the work and back, where it does not swing;
+                  ///< the gain is then that within a revolution
 };
 
 /// Looks for it in the forces of a turned part; none if every change dies out.
@@ -23,6 +25,8 @@ struct RevolutionSwing {
 /// where c (a + b) > 1, so a machine that the cut draws in (c > 0) swings from half of the gain on
 /// at which it would run away; one that gives way (c < 0) never does. The gain is read off ten
 /// changes of alternating sign, each above 1 % of the force: the second five against the first.
+/// Far beyond, the tool digs in, cuts itself free for some revolutions and digs in again: three such
+/// leaps within forty revolutions of one line, a contraction of the loop of 1 and more among them.
 std::optional<RevolutionSwing> revolution_swing(const Process& process);
 
 }  // namespace abbe::sim

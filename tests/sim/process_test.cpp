@@ -216,6 +216,27 @@ TEST(RevolutionSwing, IsFoundWhereAChangeReturnsAsLargeAndNotWhereItDiesOut) {
   EXPECT_FALSE(revolution_swing(milled)) << "steps that are no revolutions";
 }
 
+TEST(RevolutionSwing, ALeapOutOfTheWorkCountsWhereTheLoopHasAGainOfOne) {
+  for (const double contraction : {0.9, 1.1})
+    for (const int every : {8, 30}) {
+      Process process = swinging(0.0, 0.0);
+      for (std::size_t k = 0; k < process.steps.size(); ++k) {
+        ProcessStep& step = process.steps[k];
+        step.line = 5;
+        step.contraction = contraction;
+        if (k % std::size_t(every) != 0) step.load.on_tool_t.setZero();
+      }
+      const auto swing = revolution_swing(process);
+      EXPECT_EQ(swing.has_value(), contraction > 1.0 && every == 8) << contraction << " " << every;
+      if (!swing) continue;
+      EXPECT_EQ(swing->leaps, 4);
+      EXPECT_EQ(swing->line, 5);
+      EXPECT_EQ(swing->gain, 1.1);
+      for (std::size_t k = 0; k < process.steps.size(); ++k) process.steps[k].line = 5 + int(k / 10);
+      EXPECT_FALSE(revolution_swing(process)) << "passes of lines of their own";
+    }
+}
+
 /// The turret as it is settles at every depth; with 2.3 N/um along its soft direction the cut draws
 /// it in too far at the deepest step, which used to give a map without a word. A turret that gives
 /// way along X alone, however soft, is pushed out and settles.
@@ -228,7 +249,7 @@ TEST(SteppedShaft, ATurretThatTheCutDrawsInTooFarIsWarnedOf) {
     return std::string();
   };
   EXPECT_EQ(warning("[60, 2.55, 60]", coarse), "");
-  for (const char* soft : {"[60, 2.3, 60]", "[60, 1.0, 60]"}) {
+  for (const char* soft : {"[60, 2.3, 60]", "[60, 1.0, 60]", "[60, 0.02, 60]"}) {
     const std::string seen = warning(soft, coarse);
     EXPECT_NE(seen, "") << soft;
     std::cout << soft << ": " << seen << "\n";
