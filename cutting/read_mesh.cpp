@@ -79,12 +79,34 @@ struct Word {
   int column = 1;
 };
 
+std::string text(const Vector3d& p) {
+  return fmt::format("({:.6g}, {:.6g}, {:.6g})", p.x(), p.y(), p.z());
+}
+
+/// The corners of a face without those that stand where the one before stands.
+std::vector<int> distinct_corners(const Soup& soup, const std::vector<int>& corners) {
+  const auto at = [&](int corner) { return soup.points[static_cast<std::size_t>(corner)]; };
+  std::vector<int> distinct;
+  for (const int corner : corners)
+    if (distinct.empty() || at(corner) != at(distinct.back())) distinct.push_back(corner);
+  while (distinct.size() > 1 && at(distinct.back()) == at(distinct.front())) distinct.pop_back();
+  return distinct;
+}
+
 /// Adds a face to a soup as triangles; a triangle is taken as it is.
-Soup with_face(Soup soup, const Polygon& face, const Source& source) {
+Soup with_face(Soup soup, Polygon face, const Source& source) {
   const auto add = [&](int a, int b, int c) {
     soup.faces.push_back({a, b, c});
     if (face.line > 0) soup.line.push_back(face.line);
   };
+  const std::size_t written = face.corners.size();
+  if (written > 3) face.corners = distinct_corners(soup, face.corners);
+  if (face.corners.size() < 3)
+    source.refuse("faces with an area",
+                  fmt::format("a degenerate one, {} corners at {} places, one of them {}", written,
+                              face.corners.size(),
+                              text(soup.points[static_cast<std::size_t>(face.corners[0])])),
+                  face.line, face.line > 0 ? 1 : 0);
   if (face.corners.size() == 3) {
     add(face.corners[0], face.corners[1], face.corners[2]);
   } else {
@@ -622,10 +644,6 @@ Soup read_ply(const Source& source) {
 
 // --- audit --------------------------------------------------------------------------------------
 
-std::string text(const Vector3d& p) {
-  return fmt::format("({:.6g}, {:.6g}, {:.6g})", p.x(), p.y(), p.z());
-}
-
 void check_triangles(const Source& source, const Soup& soup) {
   if (soup.faces.empty()) source.refuse("a mesh of triangles", "none");
   for (std::size_t f = 0; f < soup.faces.size(); ++f) {
@@ -919,7 +937,7 @@ Design read_mesh(const std::filesystem::path& file, const ReadMeshOptions& optio
   const Source source{file.string(), contents(file, options.max_bytes),
                       std::min<std::int64_t>(options.max_triangles, 700'000'000)};
   const Soup as_written = read_soup(source, kind);
-  const Soup soup = without_unused(kind == "stl" ? merged(as_written) : as_written);
+  const Soup soup = without_unused(merged(as_written));
   check_triangles(source, soup);
   const std::vector<HalfEdge> edges = half_edges(soup);
   const std::size_t rim = check_edges(source, soup, edges, options.open);

@@ -15,6 +15,7 @@
 #include "sim/compensate.h"
 #include "sim/part.h"
 #include "sim/program_warnings.h"
+#include "sim/revolution_swing.h"
 #include "sim/run_out.h"
 #include "sim/surface_warnings.h"
 #include "sim/tool_motion.h"
@@ -360,6 +361,20 @@ std::span<const double> stroke_of(const Compensated& told) {
   return {told.piezo->stroke.data(), std::size_t(told.piezo->stroke.size())};
 }
 
+std::string swing_text(const RevolutionSwing& swing) {
+  const std::string how =
+      swing.leaps > 0
+          ? fmt::format("on line {} the tool leaps out of the work and back {} times in {} "
+                        "revolutions, under up to {:.4g} N, with a gain of force by depth of {:.2f}",
+                        swing.line, swing.leaps, swing.revolutions, swing.high, swing.gain)
+          : fmt::format("for {} revolutions from line {} on the force swings between {:.4g} and "
+                        "{:.4g} N from one to the next, a change returns {:.2f} times as large",
+                        swing.revolutions, swing.line, swing.low, swing.high, swing.gain);
+  return "the cut does not settle: " + how +
+         ": under the cutting force the tool goes too far into the work, and the surface is one of "
+         "chatter";
+}
+
 /// What went wrong with the cut itself, in words.
 void tell_process(const Scene& scene, const Process& process, std::vector<std::string>& warnings) {
   if (process.steps.empty()) return;
@@ -370,6 +385,7 @@ void tell_process(const Scene& scene, const Process& process, std::vector<std::s
                     "differ by {:.3g} nm at most",
                     scene.cutting->tolerance / units::nm, all.open, process.steps.size(),
                     all.disagreement_max / units::nm));
+  if (const auto swing = revolution_swing(process)) warnings.push_back(swing_text(*swing));
   if (!(all.removed > 0.0)) warnings.push_back("the tool met no material of the blank");
   if (!process.crash_lines.empty())
     warnings.push_back(fmt::format("a rapid or the shank met material on {} lines, first line {}",

@@ -267,7 +267,9 @@ int measure_command(const Common& common, const std::vector<std::string>& instru
     json.push_back({{"file", one.file.string()},
                     {"readings", one.readings},
                     {"set_ups", one.set_ups},
-                    {"hours", one.duration_s / 3600.0}});
+                    {"hours", one.duration_s / 3600.0},
+                    {"warnings", one.warnings}});
+    print_warnings(json.back());
     hours += one.duration_s / 3600.0;
   }
   if (common.json) {

@@ -15,6 +15,7 @@
 #include "sim/progress.h"
 #include "sim/reach.h"
 #include "sim/readings_file.h"
+#include "sim/report.h"
 #include "sim/toml_reader.h"
 #include "sim/trust.h"
 
@@ -191,6 +192,36 @@ Chosen chosen(const Scene& scene, const std::vector<std::string>& names) {
   return result;
 }
 
+struct CutAndMeasured {
+  PartReadingsFile file;
+  std::vector<std::string> warnings;  ///< of the cut
+};
+
+CutAndMeasured cut_and_measured(const Scene& scene, const PartInstrumentDescription& instrument) {
+  const Job job = prepare(scene);
+  check_reaches_part(job);
+  const Cut made = cut_case(job, instrument.case_name);
+  check_cuts_part(job, made);
+  return {measured_part(job, made, instrument), warnings_of(job, made)};
+}
+
+/// @throws BadInput if nothing of the surface can be read
+void check_readable(const Job& job, const Cut& cut, const metrology::PartSurface& part,
+                    const std::string& instrument) {
+  if (part.deviation.size() > 0) return;
+  throw BadInput(job.scene.file.string(), 0, 0, "a part that " + instrument + " can measure",
+                 fmt::format("none of its judged surface cut within {} mm of the design, {} "
+                             "vertices gouged deeper",
+                             job.scene.band, cut.surface.gouges.size()));
+}
+
+/// The file of an instrument, with at least one reading.
+Measured whole(Measured one, const Scene& scene, const std::string& instrument) {
+  if (one.readings == 0)
+    throw BadInput(scene.file.string(), 0, 0, "readings of " + instrument, "none");
+  return one;
+}
+
 }  // namespace
 
 std::optional<PartInstrumentDescription> part_instrument_of(const Scene& scene,
@@ -207,17 +238,14 @@ std::optional<PartInstrumentDescription> part_instrument_of(const Scene& scene,
 }
 
 PartReadingsFile measured_part(const Scene& scene, const PartInstrumentDescription& instrument) {
-  const Job job = prepare(scene);
-  check_reaches_part(job);
-  const Cut made = cut_case(job, instrument.case_name);
-  check_cuts_part(job, made);
-  return measured_part(job, made, instrument);
+  return cut_and_measured(scene, instrument).file;
 }
 
 PartReadingsFile measured_part(const Job& job, const Cut& cut,
                                const PartInstrumentDescription& instrument) {
   const Scene& scene = job.scene;
   const metrology::PartSurface part = surface_of(job, cut);
+  check_readable(job, cut, part, instrument.name);
   const std::uint64_t seed = seed_of(scene, instrument.name);
   PartReadingsFile file{instrument.name, "cmm", scene.title, {}};
   if (!instrument.case_name.empty()) file.part += ", " + instrument.case_name;
@@ -276,17 +304,19 @@ std::vector<Measured> measure(const std::filesystem::path& file, const MeasureOp
   for (const InstrumentDescription& one : instruments.of_machine) {
     const Readings readings = read_by(one, scene, *subject);
     const ResultFile csv = folder / (one.instrument.name + ".csv");
+    written.push_back(whole({csv.path(), readings.plan.looks.size(), readings.plan.set_ups.size(),
+                             readings.plan.duration_s},
+                            scene, one.instrument.name));
     write_table(csv, to_text(readings));
-    written.push_back(
-        {csv.path(), readings.plan.looks.size(), readings.plan.set_ups.size(), readings.plan.duration_s});
   }
   for (const PartInstrumentDescription& one : instruments.of_part) {
-    const PartReadingsFile part = measured_part(scene, one);
+    const CutAndMeasured part = cut_and_measured(scene, one);
     const ResultFile csv = folder / (one.name + ".csv");
-    write_table(csv, to_text(part));
-    const Eigen::VectorXd& t = part.readings.time_s;
-    written.push_back(
-        {csv.path(), std::size_t(t.size()), 1, t.size() > 0 ? t.maxCoeff() - t.minCoeff() : 0.0});
+    const Eigen::VectorXd& t = part.file.readings.time_s;
+    written.push_back(whole({csv.path(), std::size_t(t.size()), 1,
+                             t.size() > 0 ? t.maxCoeff() - t.minCoeff() : 0.0, part.warnings},
+                            scene, one.name));
+    write_table(csv, to_text(part.file));
   }
   return written;
 }

@@ -55,9 +55,11 @@ struct Measured {
   std::size_t readings = 0;
   std::size_t set_ups = 0;
   double duration_s = 0.0;  ///< that it would take on a real machine
+  std::vector<std::string> warnings = {};  ///< of the cut of a part that was measured
 };
 
-/// Measures and writes the readings. @throws BadScene, BadInput, OutputFailure
+/// Measures and writes the readings.
+/// @throws BadScene, BadInput, OutputFailure; BadInput where an instrument would read nothing
 std::vector<Measured> measure(const std::filesystem::path& scene, const MeasureOptions& options);
 
 }  // namespace abbe::sim

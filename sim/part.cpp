@@ -7,7 +7,9 @@
 
 #include "cutting/mesh_contact.h"
 #include "cutting/read_mesh.h"
+#include "sim/program/milling_text.h"
 #include "sim/program/pvt.h"
+#include "sim/program_warnings.h"
 
 namespace abbe::sim {
 namespace {
@@ -125,6 +127,10 @@ Generated generate(const Scene& scene, const Machine& machine, const Part& part)
     wants(primitive != nullptr, "a declared surface as the part of a spiral program");
     return {program::generate_spiral(spiral, *primitive, *nose, context),
             spiral.write_nc ? ".ngc" : ".csv"};
+  } catch (const program::NothingReached& nothing) {
+    const std::string why = unreached_text(nothing.unreached);
+    throw BadInput(scene.file.string(), 0, 0, "a program that the machine can run",
+                   why.empty() ? nothing.what() : why);
   } catch (const std::invalid_argument& fault) {
     throw BadInput(scene.file.string(), 0, 0, "a program that the machine can run", fault.what());
   }

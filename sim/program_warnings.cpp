@@ -43,6 +43,40 @@ std::string coarse_text(const Scene& scene, const cutting::Design& design_w) {
   return {};
 }
 
+bool is_judged(const cutting::Design& design, Eigen::Index vertex) {
+  return design.judged.empty() || design.judged[std::size_t(vertex)] != 0;
+}
+
+/// mm, the longest edge between judged vertices.
+double longest_judged_edge(const cutting::Design& design) {
+  double longest = 0.0;
+  for (Eigen::Index t = 0; t < design.triangles.rows(); ++t)
+    for (int k = 0; k < 3; ++k) {
+      const int a = design.triangles(t, k), b = design.triangles(t, (k + 1) % 3);
+      if (is_judged(design, a) && is_judged(design, b))
+        longest = std::max(longest, (design.vertices.row(a) - design.vertices.row(b)).norm());
+    }
+  return longest;
+}
+
+/// A design on which a gouge can lie between the places where it is judged.
+std::string sparse_text(const Scene& scene, const cutting::Design& design_w) {
+  constexpr int few = 10;
+  int judged = 0;
+  for (Eigen::Index i = 0; i < design_w.vertices.rows(); ++i) judged += is_judged(design_w, i);
+  if (judged < few)
+    return fmt::format(
+        "the part is judged at {} {} only: what is cut between them is in no figure", judged,
+        judged == 1 ? "vertex" : "vertices");
+  const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
+  const double longest = longest_judged_edge(design_w);
+  if (cutter == nullptr || !(longest > 2.0 * cutter->radius)) return {};
+  return fmt::format(
+      "judged vertices that an edge joins are up to {:.4g} mm apart, the cutter is {:.4g} mm wide: a "
+      "gouge between them is in no figure",
+      longest, 2.0 * cutter->radius);
+}
+
 std::string no_feed_text(const program::Path& path) {
   const bool feeds = std::any_of(path.blocks.begin(), path.blocks.end(), [](const auto& block) {
     return block.interpolation != program::Interpolation::Rapid &&
@@ -73,7 +107,8 @@ std::vector<std::string> program_warnings(const Scene& scene, const cutting::Des
                                           const Program& program, const NominalRun& run) {
   std::vector<std::string> warnings = tool_call_warnings(program.path, scene.tool);
   for (std::string text : {unreached_text(program.unreached), no_feed_text(program.path),
-                           shank_text(scene, design_w, run), coarse_text(scene, design_w)})
+                           shank_text(scene, design_w, run), coarse_text(scene, design_w),
+                           sparse_text(scene, design_w)})
     if (!text.empty()) warnings.push_back(std::move(text));
   return warnings;
 }

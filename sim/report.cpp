@@ -41,6 +41,7 @@ ordered_json vertex_counts(const cutting::Statistics& s) {
           {"uncut_percent", judged > 0 ? ordered_json(100.0 * s.uncut_vertices / judged) : ordered_json()},
           {"gouged_vertices", s.gouged_vertices},
           {"deepest_gouge_um", s.deepest ? ordered_json(s.deepest->depth / units::um) : ordered_json()},
+          {"deepest_gouge_is_bound", s.deepest ? ordered_json(s.deepest->deeper) : ordered_json()},
           {"outside_vertices", s.outside_vertices}};
 }
 
@@ -320,7 +321,7 @@ std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict) 
   const bool limited = limits.pv_um || limits.rms_um || limits.max_abs_um;
   if (limited && s.deepest)
     all.push_back(fmt::format(
-        "{}: {} vertices are gouged deeper than the band of the search, the deepest by {}{:.1f} um, "
+        "{}: {} vertices are gouged deeper than the search allows, the deepest by {}{:.1f} um, "
         "which no limit allows",
         verdict.cut.name, s.gouged_vertices, s.deepest->deeper ? "more than " : "",
         s.deepest->depth / units::um));

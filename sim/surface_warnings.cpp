@@ -24,6 +24,12 @@ std::string share(int part, int all) {
   return fmt::format("{} of {} judged vertices ({:.3g} %)", part, all, 100.0 * part / all);
 }
 
+/// Whether a gouge counts as one at less than the band, as the part is thinner than two bands.
+bool thin_gouge(const Surface& surface, double band) {
+  return std::any_of(surface.gouges.begin(), surface.gouges.end(),
+                     [&](const cutting::Gouge& gouge) { return gouge.depth < band; });
+}
+
 std::string gouge_text(const Surface& surface, int judged, double band) {
   const auto deepest =
       std::max_element(surface.gouges.begin(), surface.gouges.end(),
@@ -33,9 +39,10 @@ std::string gouge_text(const Surface& surface, int judged, double band) {
     if (const int line = surface.cut_line[std::size_t(gouge.vertex)]; first == 0 || line < first)
       first = line;
   return fmt::format(
-      "{} are gouged deeper than the band of {} mm, the deepest by {}{:.3f} mm (line {}, first line "
-      "{}): PV, RMS, form and alignment leave them out",
+      "{} are gouged deeper than the band of {} mm{}, the deepest by {}{:.3f} mm (line {}, first "
+      "line {}): PV, RMS, form and alignment leave them out",
       share(int(surface.gouges.size()), judged), band,
+      thin_gouge(surface, band) ? " or than half way through the part where that is less" : "",
       deepest->deeper ? "more than the searched " : "", deepest->depth,
       surface.cut_line[std::size_t(deepest->vertex)], first);
 }

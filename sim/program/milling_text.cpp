@@ -68,7 +68,10 @@ Reach Writer::reach(const Posture& posture) {
 
 void Writer::leave_out(const Posture& posture, Reach why) {
   if (options_.whole)
-    throw std::invalid_argument("expected a machine that reaches every pose of the pass");
+    throw std::invalid_argument(
+        fmt::format("a pass with a pose that it does not reach, at ({:.3f}, {:.3f}, {:.3f}) mm of the "
+                    "workpiece",
+                    posture.tip_w.x(), posture.tip_w.y(), posture.tip_w.z()));
   if (unreached_.points++ > 0) return;
   unreached_.first_pass = unreached_.all_passes;
   unreached_.why = why;
@@ -148,7 +151,7 @@ void Writer::pass(const Pass& pass) {
 }
 
 MillingProgram Writer::program() {
-  if (!cuts_) throw std::invalid_argument("expected a pose that the machine can reach");
+  if (!cuts_) throw NothingReached(unreached_);
   rapid(above(*at_));
   items_.push_back("M5");
   items_.push_back("M2");

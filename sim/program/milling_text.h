@@ -1,5 +1,6 @@
 #pragma once
 
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -26,8 +27,15 @@ struct MillingTextOptions {
   NcFormat format;
 };
 
+/// The machine reaches no point of what is to be cut.
+struct NothingReached : std::invalid_argument {
+  explicit NothingReached(const Unreached& all)
+      : std::invalid_argument("no pose that the machine can reach"), unreached(all) {}
+  Unreached unreached;
+};
+
 /// NC text of passes: G43.4 where the machine has rotary axes, positions of the slides where not.
-/// @throws std::invalid_argument if nothing is reachable
+/// @throws NothingReached; std::invalid_argument if the machine lacks X, Y or Z
 MillingProgram milling_text(const std::vector<Pass>& passes, const MillingTextOptions& options,
                             const GenerateContext& context);
 

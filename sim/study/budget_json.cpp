@@ -164,7 +164,7 @@ ordered_json response(const Study& study, const ResponseBudget& r) {
 }
 
 ordered_json map_of(const Study& study, const ArmBudget& arm) {
-  if (arm.maps.empty() && !arm.map_rms) return {};
+  if (arm.maps.empty() && !arm.map_rms && !arm.uncut_percent) return {};
   ordered_json list = ordered_json::array();
   for (std::size_t i = 0; i < arm.maps.size(); ++i)
     list.push_back({{"input", study.inputs[i].name},

@@ -216,14 +216,51 @@ void add_maps(const Study& study, const InfluenceMap& influence, ArmBudget& budg
                            part.sum() > 0.0 ? part[i] / part.sum() : 0.0});
 }
 
-double percent_of(const InfluenceMap& influence, cutting::VertexStatus status) {
+using Statuses = std::vector<cutting::VertexStatus>;
+
+double percent_of(const Statuses& all, cutting::VertexStatus status, const Eigen::VectorXd& area) {
   double judged = 0.0, part = 0.0;
-  for (std::size_t v = 0; v < influence.status.size(); ++v) {
-    if (influence.status[v] == cutting::VertexStatus::Outside) continue;
-    judged += influence.design.area[Index(v)];
-    if (influence.status[v] == status) part += influence.design.area[Index(v)];
+  for (std::size_t v = 0; v < all.size(); ++v) {
+    if (all[v] == cutting::VertexStatus::Outside) continue;
+    judged += area[Index(v)];
+    if (all[v] == status) part += area[Index(v)];
   }
   return judged > 0.0 ? 100.0 * part / judged : 0.0;
+}
+
+/// The part of an arm cut with every input at its centre; none where that machine cannot cut it,
+/// which the rows of the study say.
+std::optional<Statuses> statuses_at_centre(const Study& study, const ReadyArm& arm) {
+  try {
+    return cut_at(study, arm, arm.job, centre(study)).surface.status;
+  } catch (const BadScene&) {
+    return std::nullopt;
+  } catch (const BadInput&) {
+    return std::nullopt;
+  }
+}
+
+/// The shares that figures leave out.
+void add_left_out(const Statuses& status, const Eigen::VectorXd& area, ArmBudget& arm) {
+  arm.uncut_percent = percent_of(status, cutting::VertexStatus::Uncut, area);
+  arm.gouged_percent = percent_of(status, cutting::VertexStatus::Gouged, area);
+}
+
+/// What only an influence map says. Nothing of an arm that gouges: it has no map where it is worst.
+void add_influence(const ReadyStudy& ready, std::size_t arm, ArmBudget& one) {
+  const Study& study = ready.study;
+  const InfluenceMap& influence = ready.influences[arm];
+  add_left_out(influence.status, influence.design.area, one);
+  if (study.influence.checks > 0) one.flagged_percent = influence.flagged_percent;
+  if (gouges_of(influence) > 0) return;
+  add_maps(study, influence, one);
+  if (study.worst_case)
+    for (ResponseBudget& response : one.responses) {
+      const Corner corner = worst_corner(study, ready.arms[arm], influence, response.response);
+      response.worst = corner.response;
+      response.worst_bound = if_finite(corner.bound);
+    }
+  if (study.tolerance) one.allocation = allocation(study, ready.arms[arm], influence);
 }
 
 /// Cases without an answer, by what was expected of them: what was seen differs from case to case.
@@ -265,7 +302,7 @@ void add_warnings(Budget& budget) {
     if (arm.gouged_percent && *arm.gouged_percent > 0.0)
       budget.warnings.push_back(
           fmt::format("{:.3g} % of the judged area is gouged deeper than the band with every input at "
-                      "its centre, and left out ({})",
+                      "its centre: such a machine has no figures ({})",
                       *arm.gouged_percent, arm.arm.name));
   }
   for (const Proof& proof : budget.proofs) {
@@ -303,21 +340,12 @@ Budget budget_of(const Study& study, const Plan& plan, const std::vector<Row>& r
 Budget budget_of(const ReadyStudy& ready, const std::vector<Row>& rows, const Progress& progress) {
   const Study& study = ready.study;
   Budget budget = budget_of(study, ready.plan, rows);
-  for (std::size_t arm = 0; arm < ready.influences.size(); ++arm) {
-    const InfluenceMap& influence = ready.influences[arm];
-    ArmBudget& one = budget.arms[arm];
+  for (std::size_t arm = 0; arm < ready.arms.size(); ++arm) {
     if (progress) progress("budget", double(arm) / double(ready.arms.size()));
-    add_maps(study, influence, one);
-    if (study.influence.checks > 0) one.flagged_percent = influence.flagged_percent;
-    one.uncut_percent = percent_of(influence, cutting::VertexStatus::Uncut);
-    one.gouged_percent = percent_of(influence, cutting::VertexStatus::Gouged);
-    if (study.worst_case)
-      for (ResponseBudget& response : one.responses) {
-        const Corner corner = worst_corner(study, ready.arms[arm], influence, response.response);
-        response.worst = corner.response;
-        response.worst_bound = if_finite(corner.bound);
-      }
-    if (study.tolerance) one.allocation = allocation(study, ready.arms[arm], influence);
+    if (!ready.influences.empty())
+      add_influence(ready, arm, budget.arms[arm]);
+    else if (const auto status = statuses_at_centre(study, ready.arms[arm]))
+      add_left_out(*status, ready.arms[arm].job.design_w.area, budget.arms[arm]);
   }
   for (const ReadyArm& arm : ready.arms)
     for (const std::string& warning : arm.job.warnings)  // of a program that all arms share once

@@ -54,11 +54,15 @@ void put(const ReadyStudy& ready, std::size_t arm, const Eigen::VectorXd& values
     row.answers[column_of(ready.study, arm, i)] = values[Eigen::Index(i)];
 }
 
-/// Why a map has no answer: its figures would leave out what is worst on it. Empty if it has one.
+/// Why a map with so many gouges has no answer: its figures would leave out what is worst on it.
+std::string fault_of_gouges(std::size_t gouges, double band) {
+  return fmt::format("expected no gouge deeper than the band of {} mm, seen {} {} with one", band,
+                     gouges, gouges == 1 ? "vertex" : "vertices");
+}
+
+/// Why a map has no answer. Empty if it has one.
 std::string fault_of(const cutting::Surface& surface, double band) {
-  if (!surface.gouges.empty())
-    return fmt::format("expected no gouge deeper than the band of {} mm, seen {} vertices with one",
-                       band, surface.gouges.size());
+  if (!surface.gouges.empty()) return fault_of_gouges(surface.gouges.size(), band);
   const bool cut = std::find(surface.status.begin(), surface.status.end(),
                              cutting::VertexStatus::Cut) != surface.status.end();
   return cut ? "" : "nothing of the part was cut";
@@ -93,12 +97,19 @@ std::vector<Row> cut(const ReadyStudy& ready, SpareJobs& spare, const Batch& bat
   return rows;
 }
 
-/// Every case of the batch from the influence maps.
+/// Every case of the batch from the influence maps. An arm that gouges with every input at its
+/// centre has no answer: its map has no rivals where it is worst.
 std::vector<Row> estimated(const ReadyStudy& ready, const Batch& batch) {
   stop_if_interrupted();
   std::vector<Row> rows = empty_rows(ready, batch);
   const Eigen::MatrixXd x = inputs_of(ready.study, ready.plan, batch.first, batch.last);
   for (std::size_t arm = 0; arm < ready.arms.size(); ++arm) {
+    const std::size_t gouges = gouges_of(ready.influences[arm]);
+    if (gouges > 0) {
+      for (Row& row : rows)
+        note(row, ready, arm, fault_of_gouges(gouges, ready.arms[arm].job.scene.band));
+      continue;
+    }
     const Eigen::MatrixXd values =
         responses(ready.study, ready.arms[arm], ready.influences[arm], x);
     for (std::size_t i = 0; i < rows.size(); ++i)

@@ -104,6 +104,11 @@ cutting::Surface surface_of(const InfluenceMap& influence, const Eigen::VectorXd
 
 }  // namespace
 
+std::size_t gouges_of(const InfluenceMap& influence) {
+  return std::size_t(std::count(influence.status.begin(), influence.status.end(),
+                                cutting::VertexStatus::Gouged));
+}
+
 Eigen::MatrixXd maps(const InfluenceMap& influence, const Eigen::MatrixXd& x) {
   Eigen::MatrixXd all =
       Eigen::MatrixXd::Constant(Index(influence.first.size()) - 1, x.cols(), none);

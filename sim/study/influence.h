@@ -37,6 +37,10 @@ inline bool is_cut(const InfluenceMap& influence, Eigen::Index v) {
   return influence.first[std::size_t(v)] < influence.first[std::size_t(v) + 1];
 }
 
+/// Vertices that the base run gouges deeper than the band: they have no rivals, so that figures of
+/// the map would leave out what is worst on it.
+std::size_t gouges_of(const InfluenceMap& influence);
+
 /// So many machines are computed together; fewer cost as much. Eigen sums rows beyond a multiple of
 /// three packets in another order: 72 is one of packets of 2, 4 and 8 numbers.
 inline constexpr int machines_at_once = 72;
@@ -67,7 +71,8 @@ Eigen::MatrixXd effects(const InfluenceMap& influence);
 /// that vertices nearer to the spindle line than some D are flagged. An input that is not linear
 /// has the mean slope between its values of one standard deviation, and is told as if it were.
 /// @throws BadInput naming an input that changes part, program, nominal machine or stock: the maps
-///         cannot follow those, the full engine can; where no checked machine can cut the program
+///         cannot follow those, the full engine can; where no checked machine can cut the program;
+///         where the base run leaves all of the part uncut or gouged
 InfluenceMap influence_map(const Study& study, const ReadyArm& ready,
                            const Progress& progress = {});
 

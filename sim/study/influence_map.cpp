@@ -4,6 +4,8 @@
 #include <limits>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "sim/study/influence_columns.h"
 #include "sim/study/plan.h"
 
@@ -151,6 +153,14 @@ InfluenceMap framed(const BaseRun& run) {
   return map;
 }
 
+/// What a base run without any rival did instead.
+std::string instead_of_cutting(const BaseRun& run) {
+  const std::string& arm = run.ready.arm.name;
+  if (run.gouges.empty()) return fmt::format("nothing cut ({})", arm);
+  return fmt::format("nothing cut within {} mm, {} {} gouged deeper ({})", run.ready.job.scene.band,
+                     run.gouges.size(), run.gouges.size() == 1 ? "vertex" : "vertices", arm);
+}
+
 }  // namespace
 
 InfluenceMap influence_map(const Study& study, const ReadyArm& ready, const Progress& progress) {
@@ -158,7 +168,7 @@ InfluenceMap influence_map(const Study& study, const ReadyArm& ready, const Prog
   if (run.rivals.empty())
     throw BadInput(study.scene.string(), 0, 0,
                    "a program that cuts the part within the band, every input at its centre",
-                   "nothing cut (" + ready.arm.name + ")");
+                   instead_of_cutting(run));
   InfluenceMap map = framed(run);
   Columns columns = columns_of_inputs(run, progress);
   map.slope = std::move(columns.slope);

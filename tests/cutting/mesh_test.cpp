@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -206,6 +207,77 @@ TEST(ReadMesh, OpenSurfacesPassIfTheySayThatTheyAre) {
   options.open = true;
   for (const char* name : {"open.stl", "open.obj", "open.ply", "open.off"})
     EXPECT_EQ(read_mesh(corpus / name, options).triangles.rows(), 3) << name;
+}
+
+/// The tetrahedron of the corpus, every triangle with corners of its own, as many programs write it.
+const std::vector<Vector3d> unshared_corners = {
+    {0, 0, 0}, {0, 10, 0}, {10, 0, 0}, {0, 0, 0}, {10, 0, 0}, {0, 0, 10},
+    {10, 0, 0}, {0, 10, 0}, {0, 0, 10}, {0, 0, 0}, {0, 0, 10}, {0, 10, 0}};
+
+std::string unshared_obj() {
+  std::string text;
+  for (const Vector3d& p : unshared_corners)
+    text += fmt::format("v {} {} {}\n", p.x(), p.y(), p.z());
+  for (int t = 0; t < 4; ++t) text += fmt::format("f {} {} {}\n", 3 * t + 1, 3 * t + 2, 3 * t + 3);
+  return text;
+}
+
+/// Points and triangles as OFF and ascii PLY have them.
+std::string unshared_lists() {
+  std::string text;
+  for (const Vector3d& p : unshared_corners)
+    text += fmt::format("{} {} {}\n", p.x(), p.y(), p.z());
+  for (int t = 0; t < 4; ++t) text += fmt::format("3 {} {} {}\n", 3 * t, 3 * t + 1, 3 * t + 2);
+  return text;
+}
+
+/// Only STL was: the others had a normal a face at each corner, and an open edge all round.
+TEST(ReadMesh, EqualPointsAreOneVertexInEveryFormat) {
+  const std::string ply =
+      "ply\nformat ascii 1.0\nelement vertex 12\nproperty float x\nproperty float y\n"
+      "property float z\nelement face 4\nproperty list uchar int vertex_indices\nend_header\n";
+  const Design shared = read_mesh(corpus / "good.off");
+  for (const fs::path& file : {written("unshared.obj", unshared_obj()),
+                               written("unshared.off", "OFF\n12 4 0\n" + unshared_lists()),
+                               written("unshared.ply", ply + unshared_lists())}) {
+    ASSERT_EQ(refusal(file), "accepted");
+    const Design design = read_mesh(file);
+    ASSERT_EQ(design.vertices.rows(), 4) << file;
+    EXPECT_NEAR(design.area.sum(), shared.area.sum(), 1e-12) << file;
+    EXPECT_LT((design.normals.row(0) - Eigen::RowVector3d(-1, -1, -1).normalized()).norm(), 1e-12)
+        << file;
+  }
+}
+
+/// Open, they were accepted, every normal that of one face.
+TEST(ReadMesh, NormalsOfAnOpenRoofAreMeansOfItsFacesWithUnsharedCornersToo) {
+  ReadMeshOptions options;
+  options.open = true;
+  const Design roof = read_mesh(
+      written("roof.obj",
+              "v 0 0 0\nv 10 0 0\nv 10 10 3\nv 0 10 3\nv 0 10 3\nv 10 10 3\nv 10 20 0\nv 0 20 0\n"
+              "f 1 2 3 4\nf 5 6 7 8\n"),
+      options);
+  ASSERT_EQ(roof.vertices.rows(), 6);
+  for (Eigen::Index i = 0; i < 6; ++i) {
+    if (roof.vertices(i, 2) != 3.0) continue;
+    EXPECT_NEAR(roof.normals(i, 1), 0.0, 0.15) << "on the ridge";
+    EXPECT_GT(roof.normals(i, 2), 0.98);
+  }
+}
+
+TEST(ReadMesh, RepeatedCornersOfAFaceAreDroppedAndAFaceOfTwoIsCalledDegenerate) {
+  const std::string points = "v 0 0 0\nv 10 0 0\nv 0 10 0\nv 0 0 10\nv 10 0 0\n";
+  const std::string rest = "f 1 2 4 4\nf 2 5 3 4\nf 1 4 3 1\n";
+  const fs::path good = written("repeated.obj", points + "f 1 3 3 2\n" + rest);
+  ASSERT_EQ(refusal(good), "accepted");
+  EXPECT_EQ(read_mesh(good).triangles.rows(), 4);
+  EXPECT_EQ(read_mesh(good).vertices.rows(), 4);
+  const std::string seen = refusal(written("two.obj", points + "f 1 3 2\n" + rest + "f 1 1 2 5\n"));
+  EXPECT_NE(seen.find(":10:1: expected faces with an area, seen a degenerate one, 4 corners at 2 "
+                      "places, one of them (0, 0, 0)"),
+            std::string::npos)
+      << seen;
 }
 
 TEST(ReadMesh, LimitsOfSizeAreHeldBeforeReading) {

@@ -330,6 +330,7 @@ TEST_F(CommandLine, AGougeDeeperThanTheBandFailsEveryLimitAndIsCounted) {
   const auto summary = nlohmann::json::parse(bytes(out / "summary.json"));
   EXPECT_GT(summary["gouged_vertices"], 100);
   EXPECT_NEAR(summary["deepest_gouge_um"].get<double>(), 8000.0, 10.0);  // no vertex is right below the tip
+  EXPECT_EQ(summary["deepest_gouge_is_bound"], false);
   EXPECT_EQ(summary["cut_vertices"].get<int>() + summary["uncut_vertices"].get<int>() +
                 summary["gouged_vertices"].get<int>(),
             summary["vertices"].get<int>());

@@ -13,6 +13,8 @@
 #include "kinematics/units.h"
 #include "sim/activity.h"
 #include "tests/sim/measured_scene.h"
+#include "tests/sim/odd_scenes.h"
+#include "tests/sim/refusal.h"
 
 namespace abbe::sim {
 namespace {
@@ -425,6 +427,38 @@ TEST(Measure, ATableOfErrorsThatIsLeftIsRefusedByName) {
   const std::string refusal = refusal_of_measuring(scene, "laser");
   EXPECT_NE(refusal.find("EXX"), std::string::npos) << refusal;
   EXPECT_NE(refusal.find("errors that reach where laser measures"), std::string::npos) << refusal;
+}
+
+/// A plane of 10 x 10 mm cut half, or sunk into.
+std::string flat_scene(const SceneFolder& folder, double to, double z) {
+  folder.write("flat.ngc", to_nc({.from = -7, .to = to, .z = z}));
+  return to_toml(FlatScene{.program = "flat.ngc", .more = "[[instrument]]\nkind = \"cmm\"\n"});
+}
+
+TEST(Measure, WarningsOfTheCutAreThoseOfTheReadings) {
+  const SceneFolder folder;
+  MeasureOptions options;
+  options.folder = folder.path() / "out";
+  const auto half = measure(folder.write("half.toml", flat_scene(folder, -1, 0)), options);
+  ASSERT_EQ(half.size(), 1u);
+  ASSERT_EQ(half[0].warnings.size(), 1u);
+  EXPECT_NE(half[0].warnings[0].find("judged vertices (20 %) are uncut"), std::string::npos)
+      << half[0].warnings[0];
+  const auto whole = measure(folder.write("whole.toml", flat_scene(folder, 7, 0)), options);
+  EXPECT_TRUE(whole.at(0).warnings.empty()) << whole[0].warnings[0];
+}
+
+TEST(Measure, APartOfWhichNothingCanBeReadIsRefusedAndLeavesNoFile) {
+  const SceneFolder folder;
+  MeasureOptions options;
+  options.folder = folder.path() / "out";
+  const auto sunk = folder.write("sunk.toml", flat_scene(folder, 7, -3));
+  const std::string refused = refusal_by([&] { measure(sunk, options); });
+  EXPECT_NE(refused.find("a part that cmm can measure, seen none of its judged surface cut within 2 "
+                         "mm of the design, 400 vertices gouged deeper"),
+            std::string::npos)
+      << refused;
+  EXPECT_FALSE(std::filesystem::exists(options.folder / "cmm.csv"));
 }
 
 TEST(Measure, WritesOneFileAnInstrumentAndNoneWithoutOne) {

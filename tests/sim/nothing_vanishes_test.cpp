@@ -41,6 +41,7 @@ void write_odd_files(const SceneFolder& folder) {
   nc("m6_alone.ngc", {.head = "G21 G90 G49\nM6\n"});
   nc("two_tools.ngc", {.head = "G21 G90 G49\nT1 M6\n", .middle = "T2 M6\nS9000 M3\n"});
   nc("preselected.ngc", {.head = "G21 G90 G49\nT1 M6\nT2\n", .middle = "M6\nS9000 M3\n"});
+  nc("feed_before_tool.ngc", {.middle = "T7 M6\nS9000 M3\n"});
   nc("zero_feed.ngc", {.feed = "F0"});
   nc("negative_feed.ngc", {.feed = "F-100"});
   nc("no_feed.ngc", {.feed = ""});
@@ -58,6 +59,9 @@ void write_odd_files(const SceneFolder& folder) {
   folder.write("box_flipped.obj", box_obj(true, true));
   folder.write("crossed.obj", "v 0 0 0\nv 10 10 0\nv 10 0 0\nv 0 10 0\nf 1 2 3 4\n");
   const auto flat = [](double, double) { return 0.0; };
+  folder.write("plate.obj", sheet_obj(1, 5, flat));
+  folder.write("plates.obj", sheet_obj(3, 18, flat));
+  folder.write("thin.obj", thin_obj());
   folder.write("sheet.obj", sheet_obj(10, 5, flat));
   folder.write("sheet_flipped.obj", sheet_obj(10, 5, flat, true));
   folder.write("dome.obj", sheet_obj(6, 15, dome_height));
@@ -132,7 +136,7 @@ std::vector<OddScene> odd_scenes() {
        {"empty",       "end",           "comments",     "dwell",        "deleted",    "standing",
         "rapids",      "rapids_above",  "above",        "below",        "just_above", "half",
         "one_pass",    "too_deep",      "far_too_deep", "deep_in_band", "one_deep",   "one_dip",
-        "rapid_dip",   "one_tool",      "t_alone",      "m6_alone",     "two_tools",  "preselected",
+        "rapid_dip",   "one_tool",      "feed_before_tool", "t_alone",      "m6_alone",     "two_tools",  "preselected",
         "zero_feed",   "negative_feed", "no_feed",      "inches",       "shrunk",     "half_way",
         "incremental", "no_such"})
     flat(program, {.program = std::string(program) + ".ngc"});
@@ -160,6 +164,9 @@ std::vector<OddScene> odd_scenes() {
   flat("box in metres", {.program = "box.ngc", .part = "file = \"box.obj\"\nunit = \"m\"\n"});
   flat("box flipped", {.program = "box.ngc", .part = mesh("box_flipped.obj")});
   flat("below the table", {.program = "box_deep.ngc", .part = mesh("box.obj")});
+  flat("plate of four vertices", {.part = mesh("plate.obj", open_sheet)});
+  flat("plate of wide triangles", {.part = mesh("plates.obj", open_sheet)});
+  flat("gouged thin plate", {.program = "deep_in_band.ngc", .part = mesh("thin.obj")});
   flat("crossed face", {.part = mesh("crossed.obj", open_sheet)});
   flat("sheet not called open", {.part = mesh("sheet.obj")});
   flat("sheet flipped", {.part = mesh("sheet_flipped.obj", open_sheet)});
@@ -301,6 +308,18 @@ TEST_F(NothingVanishes, WhatIsSaidHasFiguresAndLines) {
                  "400 of 400 judged vertices (100 %) are gouged deeper than the band of 2 mm, the "
                  "deepest by 3.000 mm");
   expect_warning("one_tool", "T7 on line 2 is cut with the scene's tool");
+  expect_warning("feed_before_tool",
+                 "feeds before the first tool is called, T7 on line 63: it is cut with");
+  expect_warning("plate of four vertices",
+                 "the part is judged at 4 vertices only: what is cut between them is in no figure");
+  expect_warning("plate of wide triangles",
+                 "judged vertices that an edge joins are up to 16.97 mm apart, the cutter is 10 mm "
+                 "wide: a gouge between them is in no figure");
+  expect_warning("gouged thin plate",
+                 "gouged deeper than the band of 2 mm or than half way through the part where that "
+                 "is less, the deepest by more than the searched 0.866 mm");  // at its corners
+  expect_refusal("lead beyond its axis",
+                 "expected a program that the machine can run, seen the machine does not reach");
   expect_warning("rapids", "no block of the program feeds");
   expect_warning("lead without an axis for it", "no position of its axes gives the direction");
   expect_warning("shank against a wall", "the shank above the flank (3 mm above the tip)");

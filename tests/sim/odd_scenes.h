@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -100,6 +102,35 @@ inline std::string sheet_obj(int n, double half,
       text += flipped ? fmt::format("f {} {} {} {}\n", d, c, b, a)
                       : fmt::format("f {} {} {} {}\n", a, b, c, d);
     }
+  return text;
+}
+
+/// A closed plate of 10 x 10 x 1 mm, its top of `n` x `n` quads at z = 0.
+inline std::string thin_obj(int n = 10) {
+  std::string text;
+  const auto number = [&](int i, int j, bool top) {
+    return 1 + i + j * (n + 1) + (top ? 0 : (n + 1) * (n + 1));
+  };
+  const auto face = [&](int a, int b, int c, int d) {
+    text += fmt::format("f {} {} {} {}\n", a, b, c, d);
+  };
+  for (const double z : {0.0, -1.0})
+    for (int j = 0; j <= n; ++j)
+      for (int i = 0; i <= n; ++i)
+        text += fmt::format("v {:.9f} {:.9f} {}\n", 10.0 * i / n - 5.0, 10.0 * j / n - 5.0, z);
+  for (int j = 0; j < n; ++j)
+    for (int i = 0; i < n; ++i)
+      for (const bool top : {true, false}) {
+        const int a = number(i, j, top), b = number(i + 1, j, top),
+                  c = number(i + 1, j + 1, top), d = number(i, j + 1, top);
+        top ? face(a, b, c, d) : face(d, c, b, a);
+      }
+  for (int i = 0; i < n; ++i) {
+    face(number(i + 1, 0, true), number(i, 0, true), number(i, 0, false), number(i + 1, 0, false));
+    face(number(i, n, true), number(i + 1, n, true), number(i + 1, n, false), number(i, n, false));
+    face(number(0, i, true), number(0, i + 1, true), number(0, i + 1, false), number(0, i, false));
+    face(number(n, i + 1, true), number(n, i, true), number(n, i, false), number(n, i + 1, false));
+  }
   return text;
 }
 

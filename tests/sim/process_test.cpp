@@ -14,6 +14,7 @@
 #include "cutting/turned_mesh.h"
 #include "kinematics/units.h"
 #include "sim/report.h"
+#include "sim/revolution_swing.h"
 #include "tests/sim/scene_folder.h"
 #include "tests/sim/small_scene.h"
 
@@ -182,6 +183,78 @@ TEST(SteppedShaft, TheLoopContractsAndAgreesToItsTolerance) {
   EXPECT_LT(contraction.at(9.06), 1.0);
   EXPECT_NEAR(contraction.at(1.0) / contraction.at(9.06), 9.06, 0.15 * 9.06);
   EXPECT_GT(last, 0.99);  // a spring of 1 N/mm cuts nothing
+}
+
+/// A turned process whose force swings about 100 N, each change `gain` times the one before.
+Process swinging(double gain, double first_change) {
+  Process process;
+  process.turned = cutting::TurnedStock{};
+  double force = 100.0, change = first_change;
+  for (int k = 0; k < 40; ++k, change *= -gain) {
+    ProcessStep& step = process.steps.emplace_back();
+    step.line = 10 + k;
+    step.load.on_tool_t[1] = force += change;
+  }
+  return process;
+}
+
+TEST(RevolutionSwing, IsFoundWhereAChangeReturnsAsLargeAndNotWhereItDiesOut) {
+  for (const double gain : {0.3, 0.9, 0.97})
+    EXPECT_FALSE(revolution_swing(swinging(gain, 30))) << gain;
+  for (const double gain : {1.0, 1.02, 1.05}) {
+    const auto swing = revolution_swing(swinging(gain, 10));
+    ASSERT_TRUE(swing) << gain;
+    EXPECT_NEAR(swing->gain, gain, 1e-9);
+    EXPECT_EQ(swing->revolutions, 40);
+    EXPECT_EQ(swing->line, 10);
+    EXPECT_LE(swing->low, 100.0);
+    EXPECT_GE(swing->high, 110.0);
+  }
+  EXPECT_FALSE(revolution_swing(swinging(1.0, 0.5))) << "below 1 % of the force";
+  Process milled = swinging(1.0, 30);
+  milled.turned.reset();
+  EXPECT_FALSE(revolution_swing(milled)) << "steps that are no revolutions";
+}
+
+TEST(RevolutionSwing, ALeapOutOfTheWorkCountsWhereTheLoopHasAGainOfOne) {
+  for (const double contraction : {0.9, 1.1})
+    for (const int every : {8, 30}) {
+      Process process = swinging(0.0, 0.0);
+      for (std::size_t k = 0; k < process.steps.size(); ++k) {
+        ProcessStep& step = process.steps[k];
+        step.line = 5;
+        step.contraction = contraction;
+        if (k % std::size_t(every) != 0) step.load.on_tool_t.setZero();
+      }
+      const auto swing = revolution_swing(process);
+      EXPECT_EQ(swing.has_value(), contraction > 1.0 && every == 8) << contraction << " " << every;
+      if (!swing) continue;
+      EXPECT_EQ(swing->leaps, 4);
+      EXPECT_EQ(swing->line, 5);
+      EXPECT_EQ(swing->gain, 1.1);
+      for (std::size_t k = 0; k < process.steps.size(); ++k) process.steps[k].line = 5 + int(k / 10);
+      EXPECT_FALSE(revolution_swing(process)) << "passes of lines of their own";
+    }
+}
+
+/// The turret as it is settles at every depth; with 2.3 N/um along its soft direction the cut draws
+/// it in too far at the deepest step, which used to give a map without a word. A turret that gives
+/// way along X alone, however soft, is pushed out and settles.
+TEST(SteppedShaft, ATurretThatTheCutDrawsInTooFarIsWarnedOf) {
+  const auto warning = [](const std::string& stiffness, const std::vector<Override>& base) {
+    const Cut made = cut(job_of("stepped_shaft.toml",
+                                with(base, {"compliance.axis.X.stiffness_N_per_um", stiffness})));
+    for (const std::string& one : made.warnings)
+      if (one.starts_with("the cut does not settle")) return one;
+    return std::string();
+  };
+  EXPECT_EQ(warning("[60, 2.55, 60]", coarse), "");
+  for (const char* soft : {"[60, 2.3, 60]", "[60, 1.0, 60]", "[60, 0.02, 60]"}) {
+    const std::string seen = warning(soft, coarse);
+    EXPECT_NE(seen, "") << soft;
+    std::cout << soft << ": " << seen << "\n";
+  }
+  EXPECT_EQ(warning("[1, 60, 60]", straight), "");
 }
 
 TEST(Shafts, RadiiAreThoseOfTheTableOfYangBeforeCompensation) {

@@ -322,6 +322,45 @@ TEST_F(StudyProgram, AMachineThatLeavesItsTravelHasARowThatSaysSoAndTheStudyGoes
   EXPECT_NE(text_of(out / "budget.json").find("Z between"), std::string::npos) << "and a warning";
 }
 
+/// Such an arm used to have a yield of 100 % by influence maps, which know no rivals in a gouge.
+TEST_F(StudyProgram, AnArmThatGougesHasNoFiguresWhicheverEngineAndTheBudgetSaysHowMuch) {
+  folder().write("gouged.toml", small_scene() + "[setup]\nEX_um = 400\n[search]\nband_mm = 0.05\n");
+  for (const std::string engine : {"influence", "full"}) {
+    const fs::path study = folder().write(
+        "gouged_study.toml",
+        "scene = \"gouged.toml\"\nengine = \"" + engine +
+            "\"\nresponses = [\"pv\", \"in_tolerance\"]\nlimits = { pv_um = 100 }\n" +
+            (engine == "full" ? "" : "influence = { sheet = false, checks = 0 }\nworst_case = {}\n") +
+            "[[input]]\npath = \"setup.EY_um\"\nspread = 1\n[monte_carlo]\ncases = 20\n");
+    const Ran one = ran(words(study, out(engine)));
+    ASSERT_EQ(one.code, 0) << one.text;
+    const auto budget = nlohmann::json::parse(text_of(out(engine) / "budget.json"));
+    EXPECT_EQ(budget["failed_cases"], budget["cases"]) << engine;
+    const auto& arm = budget["arms"][0];
+    for (const auto& response : arm["responses"])
+      for (const char* figure : {"base", "worst", "worst_bound", "monte_carlo", "within_limit_percent"})
+        EXPECT_TRUE(response[figure].is_null()) << engine << " " << figure << " " << response[figure];
+    EXPECT_TRUE(arm["map"]["rms_um"].is_null()) << engine;
+    EXPECT_NEAR(arm["map"]["gouged_percent"].get<double>(), 21.2, 0.1) << engine;
+    EXPECT_NEAR(arm["map"]["uncut_percent"].get<double>(), 25.1, 0.1) << engine;
+    EXPECT_NE(budget["warnings"].dump().find("seen 68 vertices with one"), std::string::npos)
+        << budget["warnings"];
+  }
+}
+
+TEST_F(StudyProgram, ByInfluenceMapsOfAPartThatIsAllGougedSaysSo) {
+  folder().write("sunk.toml", small_scene() + "[setup]\nEZ_um = 400\n[search]\nband_mm = 0.05\n");
+  const Ran one = ran(words(folder().write("sunk_study.toml",
+                                           "scene = \"sunk.toml\"\nresponses = [\"pv\"]\n"
+                                           "[[input]]\npath = \"setup.EX_um\"\nspread = 1\n"
+                                           "[monte_carlo]\ncases = 20\n"),
+                            out("")));
+  EXPECT_EQ(one.code, 3) << one.text;
+  EXPECT_NE(one.text.find("seen nothing cut within 0.05 mm, 297 vertices gouged deeper"),
+            std::string::npos)
+      << one.text;
+}
+
 TEST_F(StudyProgram, TellsAFullDiskAndGoesOnWhenThereIsRoom) {
   const fs::path out = this->out("");
   fs::create_directories(out);
