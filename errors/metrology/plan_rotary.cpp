@@ -243,8 +243,8 @@ Plan r_test(const Instrument& instrument, const Chain& nominal) {
 }
 
 // The control reports where its axes stood when the probe met the sphere; turned round, that is the
-// deviation of the probe from the sphere's centre where the machine is told to be on it. The two
-// differ by the change of the errors over the deviation itself, below 1e-3 of it.
+// deviation of the probe from the sphere's centre where the machine is commanded to be on it. The
+// two differ by the change of the errors over the deviation itself, below 1e-3 of it.
 Plan sphere(const Instrument& instrument, const Chain& nominal) {
   const Stand stand = metrology::stand(instrument, nominal);
   expect_rotary(instrument, stand);
