@@ -99,7 +99,7 @@ NormalEquations normal_equations(const Surface& surface, const Design& design,
 }
 
 /// Names the null space: its basis is brought to echelon form, so that each vector has as few
-/// components as it can, and told by those that take part.
+/// components as it can, and named by those that take part.
 std::vector<std::string> names(Eigen::MatrixXd basis) {
   static constexpr std::array component = {"EX", "EY", "EZ", "EA", "EB", "EC"};
   std::vector<std::string> result;

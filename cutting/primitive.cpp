@@ -77,7 +77,7 @@ Vector2d turned(const Vector2d& v, double angle) {
 
 Vector2d left_of(const Vector2d& tangent) { return {-tangent.y(), tangent.x()}; }
 
-/// A piece ready for evaluation. Everything is told from its start, never from the centre of its
+/// A piece ready for evaluation. Everything is counted from its start, never from the centre of its
 /// arc: so a shallow arc of a large radius loses no digits.
 struct Section {
   Vector2d from, to;

@@ -745,7 +745,7 @@ using HalfEdgeMesh = OpenMesh::TriMesh_ArrayKernelT<>;
 /// only, drop or double what is not manifold in silence, and ask for absurd memory on sound files
 /// (an OFF with a comment under its first line).
 void check_half_edge_mesh(const Source& source, const Soup& soup, std::size_t rim) {
-  omerr().disable();  // what it has to say is told below, with the place
+  omerr().disable();  // what it has to say is reported below, with the place
   HalfEdgeMesh mesh;
   mesh.reserve(soup.points.size(), soup.points.size() + soup.faces.size(), soup.faces.size());
   for (std::size_t i = 0; i < soup.points.size(); ++i) mesh.add_vertex({});

@@ -78,7 +78,7 @@ void apply(const TextStyle& style, vtkTextProperty& property) {
 }
 
 /// Lower left corner of a text of `size` so that the wanted part of it stands at `at`; whole
-/// pixels, lest the letters blur.
+/// pixels, so that the letters do not blur.
 Vector2d corner(const Vector2d& at, const Vector2d& size, const TextStyle& style) {
   Vector2d shift(style.across * size.x(), style.upward * size.y());
   if (style.turned_left) shift = {-(style.upward * size.y()), style.across * size.x()};

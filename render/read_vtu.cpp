@@ -258,7 +258,7 @@ class Stream {
     text_ = layout.appended.substr(offset);
   }
 
-  /// The next bytes; those that follow are encoded anew, as VTK does after a header.
+  /// The next bytes; those that follow are encoded again, as VTK does after a header.
   std::string take(std::size_t bytes) {
     // first against the text that is there, so that no claim is believed and nothing overflows
     if (bytes > text_.size() || (!raw_ && base64_length(bytes) > text_.size()))
@@ -302,7 +302,7 @@ std::string plain_bytes(const Source& source, const Tag& tag, const Layout& layo
   const std::size_t width = layout.header_bytes;
   const std::uint64_t told = header_number(stream.peek(width), 0, width);
   if (told != bytes)
-    source.refuse(tag.at, fmt::format("{} bytes of data", bytes), fmt::format("{} told", told));
+    source.refuse(tag.at, fmt::format("{} bytes of data", bytes), fmt::format("{} stated", told));
   return stream.take(width + bytes).substr(width);
 }
 

@@ -122,7 +122,7 @@ bool believes(const Scene& scene, Kind belief, Kind kind) {
 compensation::ControlLog control_log(const Job& job, const Compensated& told,
                                      const Process& process) {
   Scene scene = job.scene;
-  // what a scene asks to be told is no matter of what a control reads
+  // what a scene asks to be reported does not change what a control reads
   if (!(scene.signals.history_interval > 0.0 &&
         scene.signals.history_interval < history_interval_s))
     scene.signals.history_interval = history_interval_s;

@@ -151,9 +151,9 @@ class Learning {
 
   int passes() const { return passes_; }
   const Evidence& evidence() const { return evidence_; }
-  /// Runs what was told so far and learns from what the control reads.
+  /// Runs what was commanded so far and learns from what the control reads.
   void read(const Compensated& told);
-  /// Cuts what was told so far, measures the part and learns from it.
+  /// Cuts what was commanded so far, measures the part and learns from it.
   void measure_part(const Compensated& told, int pass);
   bool measures(int pass) const;
   /// Whether there is something else to believe than the part.
@@ -173,7 +173,7 @@ class Learning {
 Learning::Learning(const Job& job, const CaseDescription& compensator)
     : job_(job), compensator_(compensator) {
   if (!compensator.plug_in.empty()) {
-    passes_ = 1;  // it is told what was read while the program ran uncorrected
+    passes_ = 1;  // it is given what was read while the program ran uncorrected
     return;
   }
   const BeliefDescription& given = job.scene.belief;

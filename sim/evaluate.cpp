@@ -136,25 +136,59 @@ Json estimated(const std::optional<metrology::Estimated>& one, double unit) {
   return {{"value", one->value / unit}, {"standard_uncertainty", one->u / unit}};
 }
 
+/// Causes by the keys that they have in `causes_json`, less their units.
+std::string cause_key(const std::string& cause, char first, char second) {
+  if (cause == "scale") return fmt::format("scale_{}_minus_{}", first, second);
+  if (!cause.ends_with("_u") && !cause.ends_with("_v")) return cause;
+  return cause.substr(0, cause.size() - 1) + (cause.back() == 'u' ? first : second);
+}
+
 /// Causes of a circle; all are open where it has too few places.
-Json causes_json(const CircleTest& test) {
+metrology::CircularCauses causes_of(const CircleTest& test, bool enough) {
+  if (enough) return metrology::circular_causes(test.runs);
   metrology::CircularCauses causes;
-  const bool enough = metrology::place_count(test.runs) > metrology::circular_cause_count;
-  if (enough)
-    causes = metrology::circular_causes(test.runs);
-  else
-    causes.undetermined = {"radius",     "centre_u",   "centre_v",   "scale",
-                           "squareness", "reversal_u", "reversal_v", "lag"};
-  const std::string first(1, test.plane[0]), second(1, test.plane[1]);
-  return {{"squareness_urad", estimated(causes.squareness, units::urad)},
-          {"squareness_sign", second + " turned about " + first + " x " + second},
-          {"scale_" + first + "_minus_" + second + "_um_per_m", estimated(causes.scale, 1e-6)},
-          {"reversal_" + first + "_um", estimated(causes.reversal_u, units::um)},
-          {"reversal_" + second + "_um", estimated(causes.reversal_v, units::um)},
-          {"centre_" + first + "_um", estimated(causes.centre_u, units::um)},
-          {"centre_" + second + "_um", estimated(causes.centre_v, units::um)},
-          {"unexplained_um", enough ? Json(causes.residual / units::um) : Json(nullptr)},
-          {"undetermined", causes.undetermined}};
+  causes.undetermined.assign(metrology::cause_names.begin(), metrology::cause_names.end());
+  return causes;
+}
+
+/// Which causes a circle leaves open, and why.
+std::string why_undetermined(const std::vector<std::string>& open, int places, bool both_senses) {
+  std::string names;
+  for (const std::string& name : open) names += (names.empty() ? "" : ", ") + name;
+  constexpr int least = metrology::circular_cause_count + 1;
+  if (places < least)
+    return fmt::format(
+        "{} cannot be determined: {} causes take readings at {} different places or more, each "
+        "sense counted apart, seen {}",
+        names, metrology::circular_cause_count, least, places);
+  return fmt::format("{} cannot be determined: they read alike at the {} places that were read{}",
+                     names, places, both_senses ? "" : ", in one sense alone");
+}
+
+Json causes_json(const CircleTest& test) {
+  const int places = metrology::place_count(test.runs);
+  const bool enough = places > metrology::circular_cause_count;
+  const metrology::CircularCauses causes = causes_of(test, enough);
+  const char first = test.plane[0], second = test.plane[1];
+  std::vector<std::string> open;
+  for (const std::string& cause : causes.undetermined)
+    open.push_back(cause_key(cause, first, second));
+  const bool both_senses =
+      test.runs.anticlockwise.angle.size() > 0 && test.runs.clockwise.angle.size() > 0;
+  const auto key = [&](const char* cause, const char* unit) {
+    return cause_key(cause, first, second) + unit;
+  };
+  Json json{{"squareness_urad", estimated(causes.squareness, units::urad)},
+            {"squareness_sign", fmt::format("{1} turned about {0} x {1}", first, second)},
+            {key("scale", "_um_per_m"), estimated(causes.scale, 1e-6)},
+            {key("reversal_u", "_um"), estimated(causes.reversal_u, units::um)},
+            {key("reversal_v", "_um"), estimated(causes.reversal_v, units::um)},
+            {key("centre_u", "_um"), estimated(causes.centre_u, units::um)},
+            {key("centre_v", "_um"), estimated(causes.centre_v, units::um)},
+            {"unexplained_um", enough ? Json(causes.residual / units::um) : Json(nullptr)},
+            {"undetermined", open}};
+  if (!open.empty()) json["undetermined_because"] = why_undetermined(open, places, both_senses);
+  return json;
 }
 
 // A bar that only reads changes of its length knows no radius.
@@ -348,9 +382,8 @@ Json evaluate(const std::filesystem::path& file, const EvaluateOptions& options)
   stop_if_interrupted();
   const ResultFile json = folder / "evaluation.json";
   write_json(json, evaluation);
-  const auto pictures = source.part
-                            ? write_part_picture(folder, *source.part, file.string())
-                            : write_test_pictures(folder, source.tests, file.string());
+  const auto pictures = source.part ? write_part_picture(folder, *source.part, file.string())
+                                    : write_test_pictures(folder, source.tests, file.string());
   for (const std::filesystem::path& picture : pictures)
     evaluation["pictures"].push_back(picture.string());
   write_json(json, evaluation);

@@ -161,7 +161,7 @@ std::vector<std::string> comments_of(const Json& report) {
   for (const Json& one : report["readings"])
     comments.push_back("from " + to_toml_value(one["file"].get<std::string>()));
   for (const Json& one : report["confounded"])
-    comments.push_back("not told by these readings: " + one["name"].get<std::string>());
+    comments.push_back("not identified by these readings: " + one["name"].get<std::string>());
   return comments;
 }
 
@@ -240,7 +240,7 @@ std::vector<std::string> warnings_of(const Estimate& estimate, const IdentifyOpt
   const auto n = double(estimate.fit_residual.size());
   if (double(estimate.outliers.size()) > 0.02 * n)
     warnings.push_back(fmt::format(
-        "{} of {} readings were left out as outliers: that many are no slips, the curves do not "
+        "{} of {} readings were left out as outliers: that many are no mistakes, the curves do not "
         "follow the machine",
         estimate.outliers.size(), n));
   std::string weak;
@@ -253,7 +253,7 @@ std::vector<std::string> warnings_of(const Estimate& estimate, const IdentifyOpt
           (weak.empty() ? "" : ", ") + errors::name_of(covariance.of[i], estimate.belief.elements);
   }
   if (!weak.empty())
-    warnings.push_back("hardly told by these readings (beyond 50 um or urad): " + weak);
+    warnings.push_back("hardly identified by these readings (beyond 50 um or urad): " + weak);
   return warnings;
 }
 
@@ -370,8 +370,8 @@ Json by_step_diagonal(const Files& files, const std::vector<Readings>& readings,
   if (!first.caution.empty()) report["warnings"].push_back(first.caution);
   if (options.sensors.empty() && fours.size() > 1)
     report["warnings"].push_back(fmt::format(
-        "{} sets of diagonals, of which the first is told: name temperatures by --sensors to have "
-        "the elements regressed on them",
+        "{} sets of diagonals, of which the first is reported: name temperatures by --sensors to "
+        "have the elements regressed on them",
         fours.size()));
   if (!options.sensors.empty())
     report["per_K"] =

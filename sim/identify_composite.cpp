@@ -90,25 +90,27 @@ const char* sentence(CompositeStatus status) {
 
 // ---- beliefs
 
-/// How readings, which follow the command, turn into displacements of the carriage along the bed.
-struct Sense {
+/// The positioning of a slide, and how readings, which follow the command, turn into displacements
+/// of the carriage along the bed.
+struct Positioning {
+  errors::ElementName element;
   double of_reading = 1.0;  ///< carriage's displacement for a reading of 1
   double of_travel = 1.0;   ///< carriage's own travel for a command of 1
 };
 
-Sense sense_of(char axis, const kinematics::Chain& nominal) {
+Positioning positioning_of(char axis, const kinematics::Chain& nominal) {
   const kinematics::Joint& joint = nominal.joints()[std::size_t(*nominal.find(axis))];
-  const double along = joint.direction_b[axis - 'X'];
-  if (std::abs(std::abs(along) - 1.0) > 1e-6)
-    throw std::invalid_argument(
-        fmt::format("{}: expected a slide along {} of the bed", axis, axis));
+  Index k = 0;
+  if (!(joint.direction_b.cwiseAbs().maxCoeff(&k) > 1.0 - 1e-6))
+    throw std::invalid_argument(fmt::format(
+        "{}: expected a slide along an axis of the bed, seen direction {:.6g} {:.6g} {:.6g}", axis,
+        joint.direction_b.x(), joint.direction_b.y(), joint.direction_b.z()));
   const double travel = kinematics::carriage_travel(joint.side, 1.0);
-  return {along > 0.0 ? travel : -travel, travel};
+  return {{char('X' + k), axis, false}, joint.direction_b[k] > 0.0 ? travel : -travel, travel};
 }
 
-void add_cold(errors::GeometricErrors& cold, char axis, const CompositeFit& fit,
-              const Sense& sense) {
-  VectorXd c = sense.of_reading * fit.geometric;
+void add_cold(errors::GeometricErrors& cold, const Positioning& slide, const CompositeFit& fit) {
+  VectorXd c = slide.of_reading * fit.geometric;
   for (Index k = 0; k < c.size(); ++k) c[k] *= std::pow(fit.curve_scale, double(k));
   const Index before = cold.covariance.matrix.rows(), n = c.size();
   for (Index k = 0; k < n; ++k)
@@ -117,8 +119,7 @@ void add_cold(errors::GeometricErrors& cold, char axis, const CompositeFit& fit,
   cold.covariance.matrix.topRightCorner(before, n).setZero();
   cold.covariance.matrix.bottomLeftCorner(n, before).setZero();
   cold.covariance.matrix.bottomRightCorner(n, n) = fit.curve.covariance;
-  cold.elements.push_back({errors::ElementName{axis, axis, false},
-                           {{errors::Polynomial{c, 0.0, fit.curve_scale}, "cold"}}});
+  cold.elements.push_back({slide.element, {{errors::Polynomial{c, 0.0, fit.curve_scale}, "cold"}}});
 }
 
 /// The slope as a law of absolute temperatures, beta . (T - T_cold), so that a day which begins
@@ -219,11 +220,10 @@ Composite identify_composite(const Readings& readings, const CompositeIdentifica
     const CompositeFit fit = identification::separate(axis.runs, how);
     if (fit.status != CompositeStatus::Ok)
       throw std::invalid_argument(fmt::format("{}: {}", name, sentence(fit.status)));
-    const Sense sense = sense_of(name, readings.nominal);
-    add_cold(result.cold, name, fit, sense);
+    const Positioning slide = positioning_of(name, readings.nominal);
+    add_cold(result.cold, slide, fit);
     result.thermal.terms.push_back(
-        {errors::ElementName{name, name, false}, true,
-         slope_model(axis, fit, options, sense.of_reading * sense.of_travel)});
+        {slide.element, true, slope_model(axis, fit, options, slide.of_reading * slide.of_travel)});
     result.axes.push_back(axis_json(name, axis, fit, options.sensors));
     add_warnings(result.warnings, name, axis, fit, options.sensors);
   }

@@ -1,5 +1,10 @@
+#include <algorithm>
+#include <cmath>
 #include <map>
+#include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -106,6 +111,54 @@ std::string thermal_text(const Json& thermal) {
   return text;
 }
 
+/// How a number follows a sensor.
+struct Trend {
+  std::string name, sensor, unit;
+  double value = 0.0;
+  std::optional<double> u;  ///< standard uncertainty; unknown where no start is to spare
+  /// Of what is looked at first: how often its uncertainty it is, first of all where that is
+  /// unknown.
+  double weight() const {
+    return !u ? HUGE_VAL : (*u > 0.0 ? std::abs(value) / *u : (value != 0.0 ? HUGE_VAL : 0.0));
+  }
+};
+
+std::vector<Trend> trends_of(const Json& per_K) {
+  std::vector<Trend> trends;
+  for (const Json& one : per_K)
+    for (const auto& [sensor, value] : one["per_K"].items()) {
+      trends.push_back({one["name"], sensor, one["unit"], value, {}});
+      if (const Json& u = one["standard_uncertainty"]; u.contains(sensor))
+        trends.back().u = u[sensor].get<double>();
+    }
+  return trends;
+}
+
+/// The trends that stand out most of their uncertainty, all of a few; the others are counted.
+std::string trends_text(const Json& per_K) {
+  constexpr std::size_t most = 12;
+  std::vector<Trend> trends = trends_of(per_K);
+  const std::size_t count = trends.size(), shown = std::min(count, most);
+  if (count > most)
+    std::stable_sort(trends.begin(), trends.end(), [](const Trend& a, const Trend& b) {
+      return std::pair(a.weight(), std::abs(a.value)) > std::pair(b.weight(), std::abs(b.value));
+    });
+  std::string text;
+  for (std::size_t i = 0; i < shown; ++i) {
+    const Trend& one = trends[i];
+    text += fmt::format("\n{:<12} {:>10.4f} ({}) {} by {}", one.name, one.value,
+                        one.u ? fmt::format("{:.2g}", *one.u) : "-", one.unit, one.sensor);
+  }
+  if (shown == count) return text;
+  const double next = trends[shown].weight();
+  return text + fmt::format("\nand {} more trends by temperature{}; all are in the report",
+                            count - shown,
+                            std::isfinite(next) ? fmt::format(", each at most {:.3g} times its "
+                                                              "standard uncertainty",
+                                                              next)
+                                                : "");
+}
+
 }  // namespace
 
 std::string identify_text(const Json& report) {
@@ -118,15 +171,7 @@ std::string identify_text(const Json& report) {
                         one["file"].get<std::string>());
   if (!report["numbers"].empty()) text += numbers_text(report["numbers"]);
   text += confounded_text(report["confounded"]);
-  if (report.contains("per_K"))
-    for (const Json& one : report["per_K"])
-      for (const auto& [sensor, value] : one["per_K"].items())
-        text += fmt::format(
-            "\n{:<12} {:>10.4f} ({}) {} by {}", one["name"].get<std::string>(), value.get<double>(),
-            one["standard_uncertainty"].contains(sensor)
-                ? fmt::format("{:.2g}", one["standard_uncertainty"][sensor].get<double>())
-                : "-",
-            one["unit"].get<std::string>(), sensor);
+  if (report.contains("per_K")) text += trends_text(report["per_K"]);
   if (report.contains("thermal")) text += thermal_text(report["thermal"]);
   if (report.contains("composite")) {
     text += composite_text(report["composite"]);

@@ -95,7 +95,7 @@ errors::GeometricErrors model_of(const Chain& nominal, const std::vector<DayLog>
 /// Numbers of a model over the epochs.
 struct Series {
   MatrixXd value;  ///< (epochs x p) mm or rad, of slopes over a metre
-  MatrixXd sigma;  ///< (epochs x p) 0: not told at that epoch
+  MatrixXd sigma;  ///< (epochs x p) 0: not identified at that epoch
   std::vector<identification::Confounded> confounded;  ///< at the last epoch
 
   bool is_told(Index number) const { return (sigma.col(number).array() > 0.0).all(); }

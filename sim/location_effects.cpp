@@ -33,13 +33,18 @@ AxisVector alone(const Chain& chain, int joint, double q) {
   return result;
 }
 
-/// Direction of travel or of the turn, in the workpiece, the other axes at zero.
+/// Direction of travel or of the turn, in the workpiece, the other axes at zero. The nose moves
+/// nothing: the tool shows its direction.
 Vector3d direction_w(const Chain& chain, const std::vector<JointDeviation>& wrong, int joint) {
-  const bool slides = joint_at(chain, joint).motion == Motion::Linear;
-  const double step = slides ? 100.0 : 0.5;  // mm or rad
+  const Motion motion = joint_at(chain, joint).motion;
+  if (motion == Motion::Spindle) {
+    const Eigen::Matrix3d R_wt = chain.tool_in_workpiece(alone(chain, joint, 0.0), wrong).linear();
+    return R_wt * chain.T_bt_home().linear().transpose() * joint_at(chain, joint).direction_b;
+  }
+  const double step = motion == Motion::Linear ? 100.0 : 0.5;  // mm or rad
   const Pose from = chain.tool_in_workpiece(alone(chain, joint, -step), wrong);
   const Pose to = chain.tool_in_workpiece(alone(chain, joint, step), wrong);
-  if (slides) return (to.translation() - from.translation()).normalized();
+  if (motion == Motion::Linear) return (to.translation() - from.translation()).normalized();
   return kinematics::rotation_vector(to.linear() * from.linear().transpose()).normalized();
 }
 
@@ -47,13 +52,19 @@ double angle(const Vector3d& a, const Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
 }
 
-std::vector<LocationEffect::Angle> angles(const Chain& chain,
-                                          const std::vector<JointDeviation>& wrong, int joint) {
+/// The main slides in the order of the bed axes, then all others as they stand in the chain.
+std::vector<int> in_order(const Chain& chain) {
   std::vector<int> axes;
   for (const std::optional<int>& slide : kinematics::main_slides(chain.joints()))
     if (slide) axes.push_back(*slide);
-  const bool moves = joint_at(chain, joint).motion != Motion::Spindle;
-  if (moves && std::find(axes.begin(), axes.end(), joint) == axes.end()) axes.push_back(joint);
+  for (int j = 0; j < chain.size(); ++j)
+    if (std::find(axes.begin(), axes.end(), j) == axes.end()) axes.push_back(j);
+  return axes;
+}
+
+std::vector<LocationEffect::Angle> angles(const Chain& chain,
+                                          const std::vector<JointDeviation>& wrong) {
+  const std::vector<int> axes = in_order(chain);
   std::vector<LocationEffect::Angle> result;
   for (std::size_t b = 1; b < axes.size(); ++b)
     for (std::size_t a = 0; a < b; ++a) {
@@ -128,7 +139,7 @@ LocationEffect location_effect(const errors::Element& element, const Chain& chai
   effect.bodies = bodies(chain, joint, acts.displaces);
   effect.amount = wrong[std::size_t(joint)].location[component] *
                   (acts.displaces == Displaces::Carried ? -1.0 : 1.0);
-  effect.angles = angles(chain, wrong, joint);
+  effect.angles = angles(chain, wrong);
   std::vector<int> axes = {joint};
   if (acts.reference) axes.push_back(*acts.reference);
   effect.tip = tip(chain, wrong, axes);

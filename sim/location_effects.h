@@ -19,7 +19,9 @@ struct LocationEffect {
     std::string between;  ///< "X-Y"
     double change = 0.0;  ///< rad, of the angle between two directions as poses show it
   };
-  std::vector<Angle> angles;  ///< of the main slides with each other and with the axis, that change
+  /// Those that change, of slides, lines of rotary axes and the nose with each other. Two that are
+  /// parallel open by what turns one of them, whichever way.
+  std::vector<Angle> angles;
   struct Tip {
     std::string at;           ///< "zero", "X -400 mm"
     Eigen::Vector3d moved_w;  ///< mm, of the tip in the workpiece against nominal

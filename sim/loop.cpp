@@ -339,7 +339,7 @@ std::string largest_element(const Job& job, const AxisState& state) {
   return name;
 }
 
-/// No machine is wrong by a metre: that is a slip of units, refused with what makes it.
+/// No machine is wrong by a metre: that is a wrong unit, refused with what makes it.
 void check_tips(const Told& told, const std::vector<Pose>& T_wt) {
   constexpr double most_mm = 1000.0;
   const program::Samples& samples = told.commands.samples;

@@ -412,7 +412,7 @@ int print_slurm_script(const Common& common, const StudyWords& words,
   job.out = options.folder;
   job.program = std::filesystem::read_symlink("/proc/self/exe");
   job.trust = common.permissions.trust;
-  // a slip is told now, not by every shard
+  // a mistake is reported now, not by every shard
   study::read_trusted_study(common.scene, options.overrides, common.permissions);
   print("{}", study::slurm_script(job));
   return ok;
@@ -651,7 +651,8 @@ void add_study_command(CLI::App& app, CommandLine& line) {
   add_force(study_app, line.common);
   add_trust(study_app, line.common);
   study_app.add_flag("--resume", words.resume,
-                     "go on where the journal ends; the default, another --out begins anew");
+                     "go on where the journal ends; the default, another --out starts from the "
+                     "beginning");
   CLI::Option* shard = study_app.add_option(
       "--shard", words.shard, "compute part i of n, i from 0: for job arrays; then --merge");
   CLI::Option* merge =

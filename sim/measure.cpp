@@ -59,7 +59,7 @@ Bodies bodies_of(const Truth& truth, const AxisState& state) {
   return bodies;
 }
 
-/// The plans of every start one after another, each set up anew.
+/// The plans of every start one after another, each set up again.
 metrology::Plan plan_of(const InstrumentDescription& description,
                         const kinematics::Chain& nominal) {
   metrology::Plan all;

@@ -64,7 +64,7 @@ Course arriving(const Job& job, Channel channel, const Course& wanted,
 /// The samples of the program with others between them at the knots of a course.
 struct Merged {
   program::Samples samples;          ///< as commanded
-  std::vector<AxisVector> nominal;   ///< (samples) as the nominal machine would be told
+  std::vector<AxisVector> nominal;   ///< (samples) as the nominal machine would be commanded
   std::vector<std::ptrdiff_t> knot;  ///< (samples) the knot there, -1 between knots
 };
 

@@ -26,7 +26,7 @@ std::string text_of(const std::vector<BadInput>& faults) {
   return text;
 }
 
-// A section whose file was refused is still the name of that file; it is told already.
+// A section whose file was refused is still the name of that file; it is reported already.
 const Node* section(TableReader& scene, const std::string& key, bool required) {
   const Node* node = scene.know(key);
   if (!node && required) scene.missing(key, "a table or a file");

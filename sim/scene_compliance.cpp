@@ -229,7 +229,7 @@ std::optional<errors::WorkpieceCompliance> read_workpiece(TableReader& complianc
   return part;
 }
 
-/// Each mass is bound alone, so that a refusal is told where it stands.
+/// Each mass is bound alone, so that a refusal is reported where it stands.
 void check_mass(TableReader& mass, const errors::MovingMass& read,
                 const MachineDescription& machine) {
   if (machine.joints.empty()) return;
@@ -237,7 +237,7 @@ void check_mass(TableReader& mass, const errors::MovingMass& read,
   try {
     chain.emplace(machine.joints, machine.T_bw, machine.T_bs);
   } catch (const std::invalid_argument&) {
-    return;  // told with the machine
+    return;  // reported with the machine
   }
   try {
     errors::ComplianceErrors alone;

@@ -322,7 +322,7 @@ errors::Table ErrorsReader::read_table(TableReader& curve, const ElementName& na
       return {};
     }
   }
-  if (q.isZero() && value.isZero() && !curve.has(key)) return {};  // missing, which is told
+  if (q.isZero() && value.isZero() && !curve.has(key)) return {};  // missing, which is reported
   try {
     return errors::make_table(std::move(q), std::move(value), between, outside);
   } catch (const std::invalid_argument& fault) {
@@ -487,14 +487,14 @@ errors::Covariance ErrorsReader::read_covariance(const std::vector<Element>& ele
   return result;
 }
 
-// Each element is bound alone, so that a refusal is told where the element stands.
+// Each element is bound alone, so that a refusal is reported where the element stands.
 void ErrorsReader::check_against_machine() {
   if (machine_.joints.empty()) return;
   std::optional<kinematics::Chain> chain;
   try {
     chain.emplace(machine_.joints, machine_.T_bw, machine_.T_bs);
   } catch (const std::invalid_argument&) {
-    return;  // told with the machine
+    return;  // reported with the machine
   }
   for (const Written& written : elements_) {
     try {

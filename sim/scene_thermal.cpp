@@ -121,7 +121,7 @@ ThermalReader::ThermalReader(const Node& table, const MachineDescription& machin
   try {
     if (!machine.joints.empty()) chain_.emplace(machine.joints, machine.T_bw, machine.T_bs);
   } catch (const std::invalid_argument&) {
-    // told with the machine
+    // reported with the machine
   }
 }
 
@@ -369,7 +369,7 @@ std::optional<errors::ThermalElement> ThermalReader::read_element(const Node& ta
   return element;
 }
 
-// Each is bound alone, so that a refusal is told where it stands.
+// Each is bound alone, so that a refusal is reported where it stands.
 void ThermalReader::bind_alone(const errors::ThermalErrors& alone, const Place& place) {
   if (!chain_ || thermal_.network.nodes.empty()) return;
   try {
@@ -549,7 +549,7 @@ std::optional<std::array<double, 2>> ThermalReader::read_range(TableReader& plot
   const auto& joints = machine_.joints;
   const auto joint = std::find_if(joints.begin(), joints.end(),
                                   [&](const Joint& candidate) { return candidate.name == axis; });
-  if (joint == joints.end()) {  // which is told
+  if (joint == joints.end()) {  // which is reported
     plot.know("range_mm");
     plot.know("range_deg");
     return std::nullopt;

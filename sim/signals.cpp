@@ -287,7 +287,7 @@ void add_deviations(Table& table, const Machine& machine, const Eigen::MatrixXd&
   const Eigen::Index rest = 12 * Eigen::Index(joints.size());
   add(rest, [](int k) { return "tool_" + element_name(k, ""); });
   add(rest + 6, [](int k) { return "part_" + element_name(k, ""); });
-  for (int k = 0; k < 6; ++k)  // what a tip does is always told
+  for (int k = 0; k < 6; ++k)  // what a tip does is always reported
     table.add("tip_" + element_name(k, ""),
               rows.col(rest + 12 + k) / (k < 3 ? units::um : units::urad));
 }

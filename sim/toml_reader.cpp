@@ -20,10 +20,10 @@ namespace {
 constexpr int max_depth = 100;
 constexpr std::size_t max_faults = 200;
 
-// In the unit of any key a number beyond is a slip, and products of a few stay finite. Travel without
-// an end is 1e9 rad.
+// In the unit of any key a number beyond is a mistake, and products of a few stay finite. Travel
+// without an end is 1e9 rad.
 constexpr double most_number = 1e12;
-// What is nearer to zero is zero, or a slip; what divides must not make infinities.
+// What is nearer to zero is zero, or a mistake; what divides must not make infinities.
 constexpr double least_number = 1e-100, least_divisor = 1e-12;
 
 Place place_at(std::string_view text, std::size_t offset, const std::string& file) {
@@ -417,7 +417,7 @@ void Faults::add(const BadInput& fault) {
   };
   if (list_.size() > max_faults || std::any_of(list_.begin(), list_.end(), same)) return;
   if (list_.size() == max_faults) {
-    list_.emplace_back(fault.file, 0, 0, "fewer than 200 faults", "more, which are not told");
+    list_.emplace_back(fault.file, 0, 0, "fewer than 200 faults", "more, which are not listed");
     return;
   }
   list_.push_back(fault);

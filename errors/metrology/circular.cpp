@@ -126,8 +126,6 @@ std::optional<double> hysteresis(const CircularRuns& runs, const VectorXd& forth
 }
 
 enum Cause { Radius, CentreU, CentreV, Scale, SquarenessVU, ReversalU, ReversalV, Lag, Causes };
-constexpr std::array<const char*, Causes> cause_names{
-    "radius", "centre_u", "centre_v", "scale", "squareness", "reversal_u", "reversal_v", "lag"};
 
 double sign(double x) {
   constexpr double turning = 1e-12;  // rad: there an axis stands still and has no direction

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -92,6 +93,9 @@ struct CauseOptions {
 /// Places that were read, of each sense apart, whole turns left out.
 int place_count(const CircularRuns& runs);
 inline constexpr int circular_cause_count = 8;  ///< that least squares look for at more places
+/// In the order of `CircularCauses`, as `undetermined` names them.
+inline constexpr std::array<const char*, circular_cause_count> cause_names{
+    "radius", "centre_u", "centre_v", "scale", "squareness", "reversal_u", "reversal_v", "lag"};
 
 /// Linear least squares of the radial deviations on the causes, weighted as in `circular`; one
 /// centre for both senses. In one sense alone a lag and a squareness look the same and both stay

@@ -40,7 +40,7 @@ Eigen::Matrix<double, 3, 2> mirror_turns(const SetUp& set_up) {
   return across(Vector3d::UnitX());
 }
 
-/// What a channel sees of its two points, at a perfect set-up unless told otherwise.
+/// What a channel sees of its two points, at a perfect set-up unless one is given.
 struct Sight {
   Vector3d apart;         ///< p - p_in, in the frame of `in`
   Vector3d direction_in;  ///< u

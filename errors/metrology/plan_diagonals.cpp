@@ -56,6 +56,11 @@ void check_slides(const Instrument& instrument, const Stand& stand, std::size_t 
   expect_slides(instrument, stand, int(count));
   if (stand.slides.size() > 3)
     refuse(instrument, fmt::format("expected at most 3 slides, seen {}", stand.slides.size()));
+  for (std::size_t a = 0; a < stand.slides.size(); ++a)
+    for (std::size_t b = a + 1; b < stand.slides.size(); ++b)
+      if (!cross(stand.slides[a], stand.slides[b]))
+        refuse(instrument, fmt::format("expected slides across each other, seen {} along {}",
+                                       stand.slides[a].name, stand.slides[b].name));
 }
 
 }  // namespace

@@ -104,19 +104,16 @@ Plan square(const Instrument& instrument, const Chain& nominal) {
   const Stand stand = metrology::stand(instrument, nominal);
   expect_slides(instrument, stand, 2);
   Walk walk(instrument, nominal, stand.q);
-  for (std::size_t a = 0; a < stand.slides.size(); ++a) {
-    for (std::size_t b = a + 1; b < stand.slides.size(); ++b) {
-      const StandAxis pair[] = {stand.slides[a], stand.slides[b]};
-      std::vector<Channel> channels;
-      for (int k = 0; k < 2; ++k)
-        channels.push_back(across_line(instrument, nominal, stand, pair[k], pair[1 - k]));
-      walk.set_up(
-          set_up(instrument, fmt::format("{}{} square", pair[0].name, pair[1].name), channels));
-      for (int k = 0; k < 2; ++k) {
-        walk.back_and_forth(along(stand.q, pair[k].joint),
-                            travel(instrument, joint_of(pair[k], nominal)), 1, {k});
-        walk.move(stand.q);
-      }
+  for (const std::array<StandAxis, 2>& pair : pairs_across(instrument, stand)) {
+    std::vector<Channel> channels;
+    for (std::size_t k = 0; k < 2; ++k)
+      channels.push_back(across_line(instrument, nominal, stand, pair[k], pair[1 - k]));
+    walk.set_up(
+        set_up(instrument, fmt::format("{}{} square", pair[0].name, pair[1].name), channels));
+    for (std::size_t k = 0; k < 2; ++k) {
+      walk.back_and_forth(along(stand.q, pair[k].joint),
+                          travel(instrument, joint_of(pair[k], nominal)), 1, {int(k)});
+      walk.move(stand.q);
     }
   }
   return std::move(walk).finish();

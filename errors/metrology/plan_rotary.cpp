@@ -22,8 +22,9 @@ int pieces(const Instrument& instrument, const Range& range) {
   return std::max(1, int(std::ceil(step / finest_arc)));
 }
 
-/// A range whose end is its first place again, after whole turns, without that end: its targets are
-/// as many places.
+/// A range whose end is its first place again, after whole turns, without that end. Of one turn the
+/// targets are as many places; of several they follow each other evenly, and n of them on k turns
+/// are n / gcd(n, k) places, each read gcd(n, k) times.
 Range once_round(const Instrument& instrument, Range range) {
   const double turns = (range.to - range.from) / (2.0 * pi);
   if (turns > 0.5 && std::abs(turns - std::round(turns)) < 1e-9)
@@ -38,9 +39,10 @@ struct Kept {
   Range range;
 };
 
-AxisVector followed(const Instrument& instrument, const Chain& nominal, AxisVector q,
-                    const Vector3d& place_w) {
-  const auto there = slides_for_reflector(instrument, nominal, q, place_w);
+/// @param slides  that move; empty: all
+AxisVector followed(const Instrument& instrument, const Chain& nominal, const AxisVector& q,
+                    const Vector3d& place_w, const std::vector<int>& slides = {}) {
+  const auto there = slides_for_reflector(instrument, nominal, q, place_w, slides);
   if (!there) refuse(instrument, "expected slides that reach the ball's place, seen too few");
   return *there;
 }
@@ -158,34 +160,44 @@ std::vector<Channel> nest(const Instrument& instrument, const Vector3d& place_w)
 
 }  // namespace
 
+namespace {
+
+/// A circle about a place by two slides; the others stay where they put the ball at its centre.
+Path circle(const Instrument& instrument, const Chain& nominal, const AxisVector& at_centre,
+            const Vector3d& centre_w, const std::array<StandAxis, 2>& pair) {
+  const Vector3d& first = pair[0].direction_w;
+  const Vector3d& other = pair[1].direction_w;
+  const Vector3d second = (other - other.dot(first) * first).normalized();
+  return [&instrument, &nominal, at_centre, centre_w, first, second,
+          slides = std::vector{pair[0].joint, pair[1].joint}](double angle) {
+    return followed(
+        instrument, nominal, at_centre,
+        centre_w + instrument.radius * (std::cos(angle) * first + std::sin(angle) * second),
+        slides);
+  };
+}
+
+}  // namespace
+
 Plan ball_bar(const Instrument& instrument, const Chain& nominal) {
   const Stand stand = metrology::stand(instrument, nominal);
   expect_slides(instrument, stand, 2);
   const Vector3d centre_w =
       instrument.at_w ? *instrument.at_w : reflector_w(instrument, nominal, stand.q);
+  const AxisVector at_centre = followed(instrument, nominal, stand.q, centre_w);
   const Range range =
       once_round(instrument, {instrument.from_rad, instrument.to_rad,
                               0.5 * instrument.margin * (instrument.to_rad - instrument.from_rad)});
   Walk walk(instrument, nominal, stand.q);
-  for (std::size_t a = 0; a < stand.slides.size(); ++a) {
-    for (std::size_t b = a + 1; b < stand.slides.size(); ++b) {
-      const Vector3d& first = stand.slides[a].direction_w;
-      const Vector3d& other = stand.slides[b].direction_w;
-      const Vector3d second = (other - other.dot(first) * first).normalized();
-      Channel c = channel(instrument, "length of the bar", Quantity::Length, first);
-      c.point_in = centre_w;
-      SetUp bar = set_up(
-          instrument, fmt::format("{}{} circle", stand.slides[a].name, stand.slides[b].name), {c});
-      bar.point_in_sigma = instrument.position_sigma;
-      bar.zero_unknown = false;  // its length is calibrated, to the scale's sigma
-      walk.set_up(bar);
-      const auto circle = [&](double angle) {
-        return followed(
-            instrument, nominal, stand.q,
-            centre_w + instrument.radius * (std::cos(angle) * first + std::sin(angle) * second));
-      };
-      walk.back_and_forth(circle, range, pieces(instrument, range));
-    }
+  for (const std::array<StandAxis, 2>& pair : pairs_across(instrument, stand)) {
+    Channel c = channel(instrument, "length of the bar", Quantity::Length, pair[0].direction_w);
+    c.point_in = centre_w;
+    SetUp bar = set_up(instrument, fmt::format("{}{} circle", pair[0].name, pair[1].name), {c});
+    bar.point_in_sigma = instrument.position_sigma;
+    bar.zero_unknown = false;  // its length is calibrated, to the scale's sigma
+    walk.set_up(bar);
+    walk.back_and_forth(circle(instrument, nominal, at_centre, centre_w, pair), range,
+                        pieces(instrument, range));
   }
   return std::move(walk).finish();
 }
@@ -231,8 +243,8 @@ Plan r_test(const Instrument& instrument, const Chain& nominal) {
 }
 
 // The control reports where its axes stood when the probe met the sphere; turned round, that is the
-// deviation of the probe from the sphere's centre where the machine is told to be on it. The two
-// differ by the change of the errors over the deviation itself, below 1e-3 of it.
+// deviation of the probe from the sphere's centre where the machine is commanded to be on it. The
+// two differ by the change of the errors over the deviation itself, below 1e-3 of it.
 Plan sphere(const Instrument& instrument, const Chain& nominal) {
   const Stand stand = metrology::stand(instrument, nominal);
   expect_rotary(instrument, stand);

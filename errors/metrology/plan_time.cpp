@@ -109,8 +109,8 @@ Plan spindle(const Instrument& instrument, const Chain& nominal) {
   return std::move(walk).finish();
 }
 
-// The machine stands, its spindle turning if it is told to; the sensors are read as it comes by the
-// same angle.
+// The machine stands, its spindle turning if it is commanded to; the sensors are read as it comes
+// by the same angle.
 Plan drift(const Instrument& instrument, const Chain& nominal) {
   const Stand stand = metrology::stand(instrument, nominal);
   AxisVector q = stand.q;

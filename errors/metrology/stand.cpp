@@ -129,10 +129,11 @@ Vector3d on_axis(const Chain& nominal, const AxisVector& q, int joint, const Vec
 }
 
 std::optional<AxisVector> slides_for_reflector(const Instrument& instrument, const Chain& nominal,
-                                               const AxisVector& q, const Vector3d& place_w) {
+                                               const AxisVector& q, const Vector3d& place_w,
+                                               std::vector<int> slides) {
   const Eigen::MatrixXd J_w = kinematics::axis_jacobian(nominal, q);
-  std::vector<int> slides;
-  for (int j = 0; j < nominal.size(); ++j)
+  const bool every = slides.empty();
+  for (int j = 0; every && j < nominal.size(); ++j)
     if (nominal.joints()[std::size_t(j)].motion == Motion::Linear) slides.push_back(j);
   Eigen::MatrixXd directions_w(3, Eigen::Index(slides.size()));
   for (std::size_t k = 0; k < slides.size(); ++k)
@@ -172,6 +173,26 @@ bool within_travel(const Chain& nominal, const AxisVector& q) {
     if (!(q[j] >= joint.min && q[j] <= joint.max)) return false;
   }
   return true;
+}
+
+bool cross(const StandAxis& one, const StandAxis& other) {
+  constexpr double least = 0.1;  // sine of the angle between them
+  return one.direction_w.cross(other.direction_w).norm() > least;
+}
+
+std::vector<std::array<StandAxis, 2>> pairs_across(const Instrument& instrument,
+                                                   const Stand& stand) {
+  std::vector<std::array<StandAxis, 2>> pairs;
+  std::string names;
+  for (std::size_t a = 0; a < stand.slides.size(); ++a) {
+    names += fmt::format(" {}", stand.slides[a].name);
+    for (std::size_t b = a + 1; b < stand.slides.size(); ++b)
+      if (cross(stand.slides[a], stand.slides[b]))
+        pairs.push_back({stand.slides[a], stand.slides[b]});
+  }
+  if (pairs.empty())
+    refuse(instrument, fmt::format("expected two slides across each other, seen{}", names));
+  return pairs;
 }
 
 void expect_slides(const Instrument& instrument, const Stand& stand, int count) {

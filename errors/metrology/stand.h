@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <optional>
 #include <vector>
 
@@ -62,10 +63,12 @@ Eigen::Vector3d on_axis(const kinematics::Chain& nominal, const kinematics::Axis
 
 /// The same axis positions with the slides where they put the reflector; limits not looked at.
 /// Empty if the slides that there are cannot. To 1e-9 mm.
+/// @param slides  joints that may move; empty: every slide
 std::optional<kinematics::AxisVector> slides_for_reflector(const Instrument& instrument,
                                                            const kinematics::Chain& nominal,
                                                            const kinematics::AxisVector& q,
-                                                           const Eigen::Vector3d& place_w);
+                                                           const Eigen::Vector3d& place_w,
+                                                           std::vector<int> slides = {});
 
 /// One axis of a grid and the positions that it takes.
 struct GridLine {
@@ -79,6 +82,13 @@ std::vector<kinematics::AxisVector> grid(const Instrument& instrument,
                                          const std::vector<GridLine>& lines);
 
 bool within_travel(const kinematics::Chain& nominal, const kinematics::AxisVector& q);
+
+/// Whether two slides travel across each other: by more than 6 degrees, so that they make a plane.
+bool cross(const StandAxis& one, const StandAxis& other);
+/// Every two of the slides that do, in their order.
+/// @throws std::invalid_argument by the instrument's name if there are none
+std::vector<std::array<StandAxis, 2>> pairs_across(const Instrument& instrument,
+                                                   const Stand& stand);
 
 /// Refuses a machine with fewer slides, or without a rotary axis, than the kind needs.
 void expect_slides(const Instrument& instrument, const Stand& stand, int count);

@@ -125,7 +125,8 @@ Instrument typical(Kind kind) {
       i.resolution = 0.1_um;
       i.resolution_rad = 0.1_urad;
       i.scale_sigma = 0.5e-6;
-      i.rotation_sigma = 1000.0_urad;  // where the station stands and looks is told by the readings
+      i.rotation_sigma =
+          1000.0_urad;  // where the station stands and looks is identified from the readings
       i.position_sigma = 1.0;
       break;
     case Kind::Multilateration:  // tracking interferometer: 0.2 um + 0.3 ppm at k = 2

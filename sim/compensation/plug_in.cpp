@@ -75,7 +75,7 @@ std::string indented(std::string lines) {
   return "  " + lines;
 }
 
-/// A conversation whose every fault is told with the plug-in, the step and its last words.
+/// A conversation whose every fault is reported with the plug-in, the step and its last words.
 class Conversation {
  private:
   template <typename Do>

@@ -18,7 +18,7 @@ using kinematics::Motion;
 using Points = std::vector<CorrectedPoint>;
 
 // Beyond it an arc's middle would hang on a centre that words place badly, and full circles would
-// not be told from nothing.
+// not be distinguished from nothing.
 constexpr double most_sweep = 0.9 * pi;
 constexpr double least_radius_words = 50.0;
 constexpr double least_chord_words = 20.0;
@@ -301,7 +301,7 @@ CorrectedPath thinned(const Path& path, std::span<const Points> dense, const NcO
       kept[i] = BlockThinner(points, is_arc ? &path.arcs[block.shape] : nullptr,
                              measures[std::size_t(block.coordinates)], options)
                     .run();
-      // Between axes and tip the place is taken up anew.
+      // Between axes and tip the place is taken up again.
       if (!stands && kept[i].front().u > 0.0) kept[i].insert(kept[i].begin(), dense[i].front());
     }
     stands = dense[i].back().at;

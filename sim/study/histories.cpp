@@ -190,7 +190,7 @@ HistoryResult judged(TestDay& day, const Lesson& lesson, const CaseDescription& 
   return result;
 }
 
-/// Days learnt and parts cut, told as one stage.
+/// Days learnt and parts cut, reported as one stage.
 class Told {
  public:
   Told(const Progress& progress, std::size_t steps) : progress_(progress), steps_(steps) {}

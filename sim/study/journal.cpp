@@ -93,7 +93,7 @@ class Lock {
     char host[100] = "";
     ::gethostname(host, sizeof host - 1);
     const std::string who = fmt::format("process {} on {}", ::getpid(), host);
-    // only to be told to others: on a full disk it may fail
+    // only to inform others: on a full disk it may fail
     if (::ftruncate(descriptor_, 0) == 0) [[maybe_unused]]
       const ssize_t written = ::pwrite(descriptor_, who.data(), who.size(), 0);
   }
@@ -144,7 +144,8 @@ using Statement = std::unique_ptr<sqlite3_stmt, FinishStatement>;
 
 BadInput no_journal(const std::filesystem::path& file, const std::string& seen) {
   return BadInput(file.string(), 0, 0,
-                  "the journal of a study (to begin anew, delete the file or choose another --out)",
+                  "the journal of a study (to start from the beginning, delete the file or choose "
+                  "another --out)",
                   seen);
 }
 
@@ -232,8 +233,8 @@ void each_row(const Database& database, const Visit& visit) {
   while (database.step(rows)) visit(row_at(database, rows));
 }
 
-/// The whole file: what is damaged is told before hours of work. Rows have their check sums, pages
-/// of which the order is lost show here.
+/// The whole file: what is damaged is reported before hours of work. Rows have their check sums,
+/// pages of which the order is lost show here.
 void check_pages(const Database& database) {
   const Statement check = database.prepared("PRAGMA quick_check(1)");
   if (!database.step(check) || bytes(check, 0) != "ok")
@@ -303,7 +304,7 @@ void check_identity(const std::filesystem::path& file, const std::string& seen,
   if (seen == expected) return;
   throw BadInput(file.string(), 0, 0,
                  "the journal of this study with this scene and program (choose another --out, or "
-                 "delete the file to begin anew)",
+                 "delete the file to start from the beginning)",
                  "the journal of another one");
 }
 

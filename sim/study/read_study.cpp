@@ -94,7 +94,7 @@ std::uint64_t hash_of_files(const Node& node, std::uint64_t hash) {
 std::uint64_t hash_of_file(const std::filesystem::path& file, std::uint64_t hash) {
   hash = hash_of(read_text(file, std::size_t(1) << 31), hash);
   if (file.extension() != ".toml") return hash;
-  Faults ignored;  // another scene, from which something is learnt: told when it is used
+  Faults ignored;  // another scene, from which something is learnt: reported when it is used
   const std::optional<Node> tree = read_tree(file, ignored);
   return tree ? hash_of_files(*tree, hash_of(to_toml(*tree), hash)) : hash;
 }
@@ -254,7 +254,7 @@ void StudyReader::note_program(const std::string& name) {
 }
 
 void StudyReader::check_variant(const std::string& name) {
-  if (name.empty() || !study_.scene_tree) return;  // a scene that was refused is told already
+  if (name.empty() || !study_.scene_tree) return;  // a scene that was refused is reported already
   std::set<std::string> known;
   for (const Variant& variant : study_.variants) known.insert(variant.name);
   if (known.count(name)) return;
@@ -699,12 +699,12 @@ void StudyReader::try_arm(const Arm& arm, const Scene& scene) {
   }
 }
 
-/// Every path is set once, so that a slip is told now and not when its case comes.
+/// Every path is set once, so that a mistake is reported now and not when its case comes.
 void StudyReader::try_paths() {
   for (std::size_t a = 0; a < study_.arms.size(); ++a) try_arm(study_.arms[a], scenes_[a]);
 }
 
-/// Days are cut when all cases are done; a slip in them is told before.
+/// Days are cut when all cases are done; a mistake in them is reported before.
 void StudyReader::try_days() {
   const Histories& histories = *study_.histories;
   std::set<std::string> days(histories.train.begin(), histories.train.end());

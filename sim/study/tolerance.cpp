@@ -29,7 +29,7 @@ constexpr double settled = 1e-3;              // relative change of the cost tha
 constexpr double fine = 1e-5, coarse = 1e-3;  // relative, of factors
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-/// Random machines, drawn anew whenever they are needed.
+/// Random machines, drawn again whenever they are needed.
 struct Machines {
   const Study& study;
   const ResponseFunction& response;

@@ -134,8 +134,15 @@ inline double opened(const Alone& one, int first, int second) {
   return angle(one.actual) - angle(one.nominal);
 }
 
+/// By how much turning the second of two slides about the letter's axis opens their angle: of slides
+/// that both point along the bed the element, for EB0Z its opposite; once again the opposite where
+/// the `direction` of one of the two is reversed.
+inline double opening(const Alone& one, const Joint& first, const Joint& second) {
+  return -one.value * first.direction_b.dot(one.unit().cross(second.direction_b));
+}
+
 /// The angle of every pair of X Y Z, by directions, ball bar, diagonals and square: that of the
-/// element's own pair is the element (with the sign of errors/README.md), the others are nothing.
+/// element's own pair opens as the rule says, the others stay.
 inline void expect_slides(const Alone& one, Misses& misses) {
   const std::map<std::string, std::pair<int, int>> pair_of = {
       {"EC0Y", {0, 1}}, {"EB0Z", {0, 2}}, {"EA0Z", {1, 2}}};
@@ -145,7 +152,9 @@ inline void expect_slides(const Alone& one, Misses& misses) {
       if (a >= b) continue;
       const auto own = pair_of.find(to_string(one.name));
       const bool is_own = own != pair_of.end() && own->second == std::pair(a, b);
-      const double expected = is_own ? (one.name.direction == 'B' ? -1.0 : 1.0) * one.value : 0.0;
+      const auto& joints = one.chain.joints();
+      const double expected =
+          is_own ? opening(one, joints[std::size_t(first)], joints[std::size_t(second)]) : 0.0;
       const std::string what = is_own ? "angle of its slides" : "angle of other slides";
       const auto check = [&](const std::string& how, double seen) {
         expect_within(misses, what + how, seen - expected, second_order, one.who);
@@ -363,7 +372,8 @@ inline void expect_error_motions(const Chain& chain, Misses& misses) {
 // ---- machines
 
 /// X Y Z with none to two of A B C, a further slide in three of ten and a nose in half, in any
-/// order on any side, every point and the clamping of part and tool anywhere.
+/// order on any side, each along its bed axis or against it, every point and the clamping of part
+/// and tool anywhere.
 /// @param oblique  spread of the directions about the bed's, rad
 inline Chain random_machine(std::mt19937& random, double oblique = 0.0) {
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
@@ -383,7 +393,8 @@ inline Chain random_machine(std::mt19937& random, double oblique = 0.0) {
     joint.side = joints.size() < primed ? Side::Workpiece : Side::Tool;
     joint.motion = name < 'D' ? Motion::Rotary : Motion::Linear;
     const int k = name < 'D' ? name - 'A' : (name < 'X' ? name - 'U' : name - 'X');
-    joint.direction_b = (Vector3d::Unit(k) + any(oblique)).normalized();
+    const double way = random() % 2 ? 1.0 : -1.0;
+    joint.direction_b = (way * Vector3d::Unit(k) + any(oblique)).normalized();
     joint.point_b = any(300.0);
     joints.push_back(joint);
   }

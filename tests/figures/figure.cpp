@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "kinematics/units.h"
 #include "sim/report.h"
 
 namespace abbe::figures {
@@ -49,6 +50,14 @@ const ordered_json& summary_of(const SceneCase& one) {
   return all[key] = sim::summary(job, sim::judge(job, std::move(made), nullptr));
 }
 
+double machine_um(const SceneCase& one) {
+  const sim::Job job = sim::prepare(scene_of(one.scene, one.set, one.variant));
+  const sim::Verdict error_free = sim::judge(job, sim::cut_error_free(job), nullptr);
+  sim::Cut made =
+      one.case_name.empty() ? sim::cut(job) : sim::cut(job, sim::parse_case(one.case_name));
+  return sim::judge(job, std::move(made), &error_free).machine->rms.value() / units::um;
+}
+
 const ordered_json& thermal_choice_of(const std::string& scene,
                                       const std::vector<sim::Override>& changes) {
   static std::map<std::string, ordered_json> all;
@@ -58,6 +67,46 @@ const ordered_json& thermal_choice_of(const std::string& scene,
   for (const sim::Variant& variant : days.front().scene.variants)
     days.push_back({variant.name, scene_of(scene, changes, variant.name)});
   return all[key] = sim::thermal_choice(days).json;
+}
+
+const ordered_json& choice_of(const ordered_json& thermal, const std::string& name) {
+  for (const ordered_json& choice : thermal["choices"])
+    if (choice["name"] == name) return choice;
+  throw std::invalid_argument("no choice " + name);
+}
+
+namespace {
+
+/// Channels X, Y and Z of a choice, in this order.
+std::vector<ordered_json> displacements(const ordered_json& choice) {
+  std::vector<ordered_json> channels;
+  for (const char* name : {"X", "Y", "Z"})
+    for (const ordered_json& channel : choice["channels"])
+      if (channel["name"] == name) channels.push_back(channel);
+  return channels;
+}
+
+double missed(const ordered_json& channel) { return channel["cross_day"][0]["figures"]["rms"]; }
+
+}  // namespace
+
+std::string missed_on_its_day(const ordered_json& choice) {
+  std::vector<std::string> words;
+  for (const ordered_json& channel : displacements(choice))
+    words.push_back(fmt::format("{:.2f}", channel["in_cycle"]["rms"].get<double>()));
+  return joined(words, ", ");
+}
+
+std::string missed_on_another_day(const ordered_json& choice) {
+  std::vector<std::string> words;
+  for (const ordered_json& channel : displacements(choice))
+    words.push_back(fmt::format("{:.1f}", missed(channel)));
+  return joined(words, ", ") +
+         fmt::format("; {:.1f} %", 100.0 * choice["rms_over_range"].get<double>());
+}
+
+std::string z_missed_on_another_day(const ordered_json& choice) {
+  return fmt::format("{:.2f}", missed(displacements(choice).at(2)));
 }
 
 std::string joined(const std::vector<std::string>& words, const std::string& between) {

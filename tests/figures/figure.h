@@ -37,6 +37,9 @@ std::string command(const SceneCase& one);
 /// Its `summary.json`. Every case is cut once in a run of the tests.
 const nlohmann::ordered_json& summary_of(const SceneCase& one);
 
+/// RMS of the machine's part of its map, um: of the map minus the error-free one.
+double machine_um(const SceneCase& one);
+
 /// A packaged scene as it is read, in one of its variants if one is named.
 sim::Scene scene_of(const std::string& name, const std::vector<sim::Override>& changes = {},
                     const std::string& variant = {});
@@ -45,11 +48,22 @@ sim::Scene scene_of(const std::string& name, const std::vector<sim::Override>& c
 const nlohmann::ordered_json& thermal_choice_of(const std::string& scene,
                                                 const std::vector<sim::Override>& changes = {});
 
+/// One of the `choices` of such a `thermal.json`, and by how much its regressions on X, Y and Z
+/// miss the day that chose and the other one: "0.26, 0.21, 0.46" um RMS, "1.6, 4.0, 7.0" with the
+/// share of the ranges, all together, in percent.
+const nlohmann::ordered_json& choice_of(const nlohmann::ordered_json& thermal,
+                                        const std::string& name);
+std::string missed_on_its_day(const nlohmann::ordered_json& choice);
+std::string missed_on_another_day(const nlohmann::ordered_json& choice);
+/// By how much Z is missed on the other day, um RMS.
+std::string z_missed_on_another_day(const nlohmann::ordered_json& choice);
+
 /// The words of a list with a sign between them.
 std::string joined(const std::vector<std::string>& words, const std::string& between);
 
 std::vector<Figure> guo();
 std::vector<Figure> yang();
+std::vector<Figure> yang_readings();
 std::vector<Figure> yang_shafts();
 std::vector<Figure> peng();
 std::vector<Figure> chen();

@@ -36,7 +36,8 @@ std::string contents(const std::filesystem::path& file) {
 
 std::vector<Figure> all_figures() {
   std::vector<Figure> all;
-  for (const auto& some : {guo(), yang(), yang_shafts(), peng(), chen(), grey_degrees()})
+  for (const auto& some :
+       {guo(), yang(), yang_readings(), yang_shafts(), peng(), chen(), grey_degrees()})
     all.insert(all.end(), some.begin(), some.end());
   return all;
 }
@@ -136,11 +137,14 @@ std::vector<double> numbers_in(const std::string& cell) {
   return all;
 }
 
-/// Words on one line, comment signs and line breaks taken for blanks.
+/// Words on one line, comment signs and line breaks taken for blanks, the sign − for -.
 std::string flowing(const std::string& text) {
+  static const std::regex minus("−");
   static const std::regex breaks(R"(\s*\n#?\s*)");
   static const std::regex blanks(" +");
-  return std::regex_replace(std::regex_replace(text, breaks, " "), blanks, " ");
+  const std::string one_line =
+      std::regex_replace(std::regex_replace(text, breaks, " "), blanks, " ");
+  return std::regex_replace(one_line, minus, "-");
 }
 
 std::vector<Quote> quotes();
@@ -166,6 +170,76 @@ std::vector<std::string> peng_rows(const std::string& what) {
   for (const char* part : {"plane", "cone", "sphere"})
     rows.push_back(fmt::format("Peng et al. 2017: {}: PV before → after, µm, {}", part, what));
   return rows;
+}
+
+/// What the scenes' table says of chosen sensors.
+std::vector<Quote> sensor_quotes() {
+  const std::string readme = "scenes/README.md",
+                    yang = "Yang 2012: ", chen = "Chen and Wang 2013: ";
+  const std::string together = "X, Y and Z together on another day by ",
+                    missed = "X, Y and Z missed on another day by the four of the ";
+  return {
+      {readme,
+       "X, Y and Z by {:.1f}, {:.1f} and {:.1f}: together {:.1f} %",
+       {yang + missed + "comprehensive degree, µm RMS; together, of the ranges"}},
+      {readme,
+       "missed by an RMS of {:.1f}, {:.1f} and {:.1f} of ranges of 28, 33 and 58: together {:.1f} "
+       "%",
+       {yang + missed + "regression, µm RMS; together, of the ranges"}},
+      {readme,
+       "on the day that chose: {:.2f}, {:.2f}, {:.2f}; the regression's four {:.2f}, {:.2f}, "
+       "{:.2f}",
+       {yang + "X, Y and Z missed by a regression on the four of the comprehensive degree, µm RMS",
+        yang + "X, Y and Z missed by the four of the regression, µm RMS"}},
+      {readme,
+       "Z by {:.2f} of 78.6, together {:.1f} %",
+       {chen + "Z on another day by Deng's four, initial image, µm RMS",
+        chen + together + "Deng's four, initial image, % of ranges"}},
+      {readme,
+       "by {:.2f}, together {:.1f} %",
+       {chen + "Z on another day by the paper's four, µm RMS",
+        chen + together + "the paper's four, % of ranges"}},
+      {readme,
+       "Z is missed by {:.3f}, by the paper's four by {:.3f} and by the regression's by {:.3f}",
+       {chen + "Z on the day that is fitted by Deng's four, initial image, µm RMS",
+        chen + "Z on the day that is fitted by the paper's four, µm RMS",
+        chen + "Z on the day that is fitted by the scene's four, µm RMS"}},
+  };
+}
+
+/// What it says of readings of the composite element and of the step diagonal.
+std::vector<Quote> reading_quotes() {
+  const std::string readme = "scenes/README.md", yang = "Yang 2012: ";
+  const std::string flat = yang + "flat under the composite element, ",
+                    rests = ": machine's part uncompensated, by the cold curve, by both, µm RMS",
+                    step = yang + "step diagonal, ", square = ": EC0Y, EB0Z, EA0Z, µrad",
+                    corrected = yang + "flat corrected by the step diagonal, ",
+                    parts = ": machine's part before → after, µm RMS";
+  const std::string three = "{:.2f}, {:.2f}, {:.2f}";
+  return {
+      {readme,
+       "separated: {:.3f} ± {:.3f} and {:.3f} ± {:.3f} µm/m/K by screw and nut",
+       {yang + "composite element separated: slope by screw and nut, µm/m/K"}},
+      {readme,
+       "slope left at ΔT = 0: {:.2f} ± {:.2f} µm/m",
+       {yang + "composite element separated: slope that later starts leave at ΔT = 0, µm/m"}},
+      {readme,
+       "cold " + three + "; an hour after work " + three + "; after 3 h " + three +
+           "; on another day in a warmer room " + three,
+       {flat + "cold" + rests, flat + "an hour after work" + rests, flat + "after 3 h" + rests,
+        flat + "on another day" + rests}},
+      {readme,
+       "EC0Y, EB0Z, EA0Z {:.1f}, {:.1f}, {:.1f} µrad, chi-square {:.2f}, positionings by nuts "
+       "{:.2f}, {:.2f}, {:.2f} µm/m/K",
+       {step + "translations alone" + square, step + "translations alone: reduced chi-square",
+        step + "translations alone: EXX, EYY, EZZ by their nuts, µm/m/K"}},
+      {readme,
+       "With angles of 20 to 40 µrad {:.1f}, {:.1f}, {:.1f} µrad, chi-square {:.0f}",
+       {step + "with angles" + square, step + "with angles: reduced chi-square"}},
+      {readme,
+       "translations alone {:.2f} → {:.2f} (86 %); with angles {:.2f} → {:.2f}",
+       {corrected + "translations alone" + parts, corrected + "with angles" + parts}},
+  };
 }
 
 std::vector<Quote> quotes() {
@@ -197,6 +271,8 @@ std::vector<Quote> quotes() {
       {"README.md", "PV {:.2f} → {:.2f}, {:.1f} → {:.1f}, {:.1f} → {:.1f}",
        peng_rows("spindle and tool chosen")},
   };
+  for (const auto& some : {sensor_quotes(), reading_quotes()})
+    all.insert(all.end(), some.begin(), some.end());
   for (const char* shaft : {"stepped", "cone"}) {
     const std::string name = table + shaft + ": ",
                       scene = std::string("scenes/") + shaft + "_shaft.toml";

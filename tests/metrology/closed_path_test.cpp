@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <iostream>
+#include <numeric>
 #include <random>
 #include <string>
 #include <vector>
@@ -302,23 +303,35 @@ TEST(ClosedCircle, PlacesCountAndNotReadings) {
 
 // ---- plans
 
+/// Different places of the tool in the workpiece in the first circle of a plan.
+int places_of(const Instrument& bar, const kinematics::Chain& chain) {
+  std::vector<Eigen::Vector3d> places;
+  for (const Look& look : metrology::plan(bar, chain).looks) {
+    if (look.set_up != 0 || look.run != 0) continue;
+    const Eigen::Vector3d place = chain.tool_in_workpiece(look.state.q).translation();
+    const bool seen = std::any_of(places.begin(), places.end(),
+                                  [&](const auto& other) { return (other - place).norm() < 1e-6; });
+    if (!seen) places.push_back(place);
+  }
+  return int(places.size());
+}
+
 TEST(ClosedPlan, AWholeCircleIsReadAtAsManyPlacesAsItHasTargets) {
   for (const int n : {3, 4, 5, 36, 72}) {
     Instrument bar = typical(Kind::BallBar);
     bar.targets = n;
-    const kinematics::Chain chain = machines::gantry();
-    const Plan plan = metrology::plan(bar, chain);
-    std::vector<Eigen::Vector3d> places;
-    for (const Look& look : plan.looks) {
-      if (look.set_up != 0 || look.run != 0) continue;
-      const Eigen::Vector3d place = chain.tool_in_workpiece(look.state.q).translation();
-      const bool seen = std::any_of(places.begin(), places.end(), [&](const auto& other) {
-        return (other - place).norm() < 1e-6;
-      });
-      if (!seen) places.push_back(place);
-    }
-    EXPECT_EQ(places.size(), std::size_t(n));
+    EXPECT_EQ(places_of(bar, machines::gantry()), n);
   }
+}
+
+TEST(ClosedPlan, TargetsOfSeveralTurnsFallOnTheSamePlacesAsOftenAsTheyHaveACommonFactor) {
+  for (const int turns : {2, 3})
+    for (const int n : {5, 36, 37, 72}) {
+      Instrument bar = typical(Kind::BallBar);
+      bar.to_rad = bar.from_rad + 2.0 * pi * turns;
+      bar.targets = n;
+      EXPECT_EQ(places_of(bar, machines::gantry()), n / std::gcd(n, turns)) << n << ", " << turns;
+    }
 }
 
 }  // namespace

@@ -174,6 +174,69 @@ TEST(Plan, CirclesAreDrivenBothWaysAndAxesReverseAtTheirQuadrants) {
   }
 }
 
+/// Three slides and a quill W that goes along Z, up or down with a positive command.
+machines::Chain with_quill(double way) {
+  using enum machines::Side;
+  return machines::Chain(
+      {machines::slide('X', Workpiece, machines::x, {0, 0, -50}, -400, 400),
+       machines::slide('Y', Workpiece, machines::y, {0, 0, -150}, -250, 250),
+       machines::slide('Z', Tool, machines::z, {0, 200, 300}, -100, 400),
+       machines::slide('W', Tool, way * machines::z, {0, 0, 100}, -150, 150), machines::nose(100)},
+      machines::at(0, 0, 0), machines::at(0, 0, 60));
+}
+
+std::vector<std::string> names_of(const Plan& plan) {
+  std::vector<std::string> names;
+  for (const SetUp& set_up : plan.set_ups) names.push_back(set_up.name);
+  return names;
+}
+
+/// Letters of the axes that move while a set-up reads.
+std::string moving(const Plan& plan, int set_up, const machines::Chain& chain) {
+  std::string letters;
+  const Look* first = nullptr;
+  for (const Look& look : plan.looks) {
+    if (look.set_up != set_up) continue;
+    if (!first) first = &look;
+    for (int j = 0; j < chain.size(); ++j) {
+      const char name = chain.joints()[std::size_t(j)].name;
+      if (std::abs(look.state.q[j] - first->state.q[j]) > 1e-6 &&
+          letters.find(name) == std::string::npos)
+        letters += name;
+    }
+  }
+  std::sort(letters.begin(), letters.end());
+  return letters;
+}
+
+TEST(Plan, ParallelSlidesAreNoPair) {
+  for (const double way : {1.0, -1.0}) {
+    const machines::Chain chain = with_quill(way);
+    Instrument bar = typical(Kind::BallBar), square = typical(Kind::Square);
+    const Plan circles = plan(bar, chain), squares = plan(square, chain);
+    EXPECT_EQ(names_of(circles), (std::vector<std::string>{"WX circle", "WY circle", "XY circle",
+                                                           "XZ circle", "YZ circle"}));
+    EXPECT_EQ(names_of(squares), (std::vector<std::string>{"WX square", "WY square", "XY square",
+                                                           "XZ square", "YZ square"}));
+    for (int k = 0; k < 5; ++k) {
+      EXPECT_EQ(moving(circles, k, chain), names_of(circles)[std::size_t(k)].substr(0, 2));
+      EXPECT_EQ(moving(squares, k, chain), names_of(squares)[std::size_t(k)].substr(0, 2));
+    }
+    bar.axes = square.axes = {'Z', 'W'};
+    EXPECT_EQ(sentence([&] { plan(bar, chain); }),
+              "ball_bar: expected two slides across each other, seen W Z");
+    EXPECT_EQ(sentence([&] { plan(square, chain); }),
+              "square: expected two slides across each other, seen W Z");
+    for (const Kind kind : {Kind::Diagonals, Kind::StepDiagonal}) {
+      Instrument laser = typical(kind);
+      laser.axes = {'X', 'Z', 'W'};
+      EXPECT_EQ(
+          sentence([&] { plan(laser, chain); }),
+          std::string(to_string(kind)) + ": expected slides across each other, seen W along Z");
+    }
+  }
+}
+
 TEST(Plan, SlidesFollowSoThatThePerfectMachineReadsNothing) {
   visit_all([&](const machines::Named& machine, const Instrument& as_bought, const Plan&) {
     Instrument i = as_bought;

@@ -5,9 +5,11 @@
 #include <sstream>
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "sim/identify.h"
 #include "sim/measure.h"
+#include "sim/versions.h"
 #include "tests/sim/scene_folder.h"
 
 namespace abbe::sim {
@@ -51,11 +53,15 @@ double difference(const std::string& a, const std::string& b) {
 }
 
 /// What measuring a scene and identifying its machine give, as the head of a belief file says.
-std::string identified(const char* scene, IdentifyOptions options, const char* out) {
+std::string identified(const char* scene, IdentifyOptions options, const char* out,
+                       const std::vector<Override>& changes = {},
+                       const std::vector<std::string>& instruments = {}) {
   const SceneFolder folder;
   const fs::path file = fs::path(ABBE_SOURCE_DIR) / "scenes" / (std::string(scene) + ".toml");
   MeasureOptions measuring;
   measuring.folder = folder.path() / "readings";
+  measuring.overrides = changes;
+  measuring.instruments = instruments;
   std::vector<fs::path> readings;
   for (const Measured& one : measure(file, measuring)) readings.push_back(one.file);
   std::sort(readings.begin(), readings.end());
@@ -96,6 +102,50 @@ TEST(BeliefFiles, HeatOfTheGantryIsWhatItsTrainingDayGives) {
                                 packaged("gantry_warmup_thermal.txt"));
   std::cout << "gantry, heat: largest difference " << off << "\n";
   EXPECT_LT(off, 1e-6);
+}
+
+TEST(BeliefFiles, StepDiagonalIsWhatItsReadingsGiveWithAnglesAndWithout) {
+  IdentifyOptions options;
+  options.method = IdentifyOptions::Method::StepDiagonal;
+  options.sensors = {"X_nut", "Y_nut", "Z_nut"};
+  const double with = difference(identified("step_diagonal", options, "belief.toml"),
+                                 packaged("step_diagonal.toml"));
+  const double without =
+      difference(identified("step_diagonal", options, "belief.toml", {{"errors.1.scale", "0"}}),
+                 packaged("step_diagonal_translations.toml"));
+  std::cout << "step diagonal: largest difference " << with << ", without angles " << without
+            << " um or urad\n";
+  EXPECT_LT(with, same);
+  EXPECT_LT(without, same);
+}
+
+TEST(BeliefFiles, GrowthOfTheSpindleIsWhatItsDayGives) {
+  IdentifyOptions options;
+  options.method = IdentifyOptions::Method::Thermal;
+  options.model.only = {"EZS"};
+  options.margin = 1.5;
+  const double off = difference(
+      identified("thermal_protocol_chen", options, "belief.txt",
+                 {{"instrument.drift.start_h", "-8"}, {"instrument.drift.duration_h", "8"}},
+                 {"drift"}),
+      packaged("thermal_protocol_chen.txt"));
+  std::cout << "growth of the spindle: largest difference " << off << "\n";
+  EXPECT_LT(off, 1e-6);
+}
+
+// A new version makes them again, by the commands in their heads or in the heads of their scenes.
+TEST(BeliefFiles, SayTheVersionThatMakesThem) {
+  const std::string wanted =
+      "identified from readings by abbe " + versions()["abbe"].get<std::string>() + ".\n";
+  int files = 0;
+  for (const auto& entry : fs::directory_iterator(fs::path(ABBE_SOURCE_DIR) / "scenes/beliefs")) {
+    std::ifstream stream(entry.path());
+    std::stringstream text;
+    text << stream.rdbuf();
+    EXPECT_NE(text.str().find(wanted), std::string::npos) << entry.path();
+    ++files;
+  }
+  EXPECT_EQ(files, 8);
 }
 
 }  // namespace

@@ -19,6 +19,7 @@
 namespace abbe::sim {
 namespace {
 
+namespace fs = std::filesystem;
 using namespace abbe::literals;
 using Json = nlohmann::ordered_json;
 
@@ -69,21 +70,38 @@ double polynomial(const std::initializer_list<double>& c, double t) {
   return value;
 }
 
-// Of a tool-side X and of a table X', whose carriage goes the other way.
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at + 1))
+    text.replace(at, from.size(), to);
+  return text;
+}
+
+/// The gantry with a slide U where X was, which is all that is said of it.
+fs::path gantry_of_u(const SceneFolder& folder) {
+  const std::string gantry = read_text(packaged("machines/gantry_cxyza.toml"), 1 << 20);
+  return folder.write("gantry_u.toml",
+                      replaced(replaced(gantry, " X Y Z A", " U Y Z A"), "axis.X", "axis.U"));
+}
+
+// Of a tool-side X, of a table X', whose carriage goes the other way, and of a U along X.
 TEST(CompositeBelief, BothHalvesAreThoseOfTheCarriageOnEitherSide) {
-  for (const char* machine : {"gantry_cxyza", "three_axis_table"}) {
+  for (const std::string machine : {"gantry_cxyza", "three_axis_table", "gantry_u"}) {
     const SceneFolder folder;
-    const Scene scene = scene_of(measured_scene(stretching(curved), machine));
+    const bool is_u = machine == "gantry_u";
+    const fs::path file = is_u ? gantry_of_u(folder) : packaged("machines/" + machine + ".toml");
+    std::string text = stretching(curved);
+    if (is_u)
+      text = replaced(replaced(replaced(text, "EXX", "EXU"), "\"X\"", "\"U\""), "{ X", "{ U");
+    const std::vector<Override> on_it{{"machine", "\"" + file.string() + "\""}};
+    const Scene scene = scene_of(measured_scene(text), on_it);
     const Beliefs beliefs = separated(scene, folder, {"T"});
     const auto chain = compile(scene).nominal;
-    const int x = *chain.find('X');
-    const auto cold = errors::bind(
-        read_scene(
-            packaged("gantry_perfect.toml"),
-            {{"machine", "\"" + packaged(fmt::format("machines/{}.toml", machine)).string() + "\""},
-             {"errors", "\"" + beliefs.cold.string() + "\""}})
-            .geometric,
-        chain);
+    const int x = *chain.find(is_u ? 'U' : 'X');
+    const auto cold =
+        errors::bind(read_scene(packaged("gantry_perfect.toml"),
+                                {on_it[0], {"errors", "\"" + beliefs.cold.string() + "\""}})
+                         .geometric,
+                     chain);
     const auto thermal = compensation::thermal_belief_of_text(read_text(beliefs.thermal, 1 << 20),
                                                               beliefs.thermal.string());
     ASSERT_EQ(thermal.terms.size(), 1u);

@@ -121,7 +121,7 @@ TEST(Identify, NoiseFreeReadingsReturnTheTruthThroughFiles) {
   EXPECT_LT(angle, 4e-9 * 10.0_urad);
 }
 
-// ---------------------------------------------------------------- what is not told, and refusals
+// ---------------------------------------------------------------- what is not identified, and refusals
 
 std::string refusal_of(const Files& files, const SceneFolder& folder) {
   IdentifyOptions options;
@@ -160,7 +160,7 @@ TEST(Identify, TheLaserAloneNamesWhatItCannotTell) {
   EXPECT_NE(text.find("unobservable, left out"), std::string::npos);
   for (const auto& element : belief_in(options.out, "gantry_dome.toml").elements)
     if (to_string(element.name) == "EAX") {
-      EXPECT_TRUE(errors::values({element}).isZero(0.0)) << "what is not told is not believed";
+      EXPECT_TRUE(errors::values({element}).isZero(0.0)) << "what is not identified is not believed";
     }
 }
 

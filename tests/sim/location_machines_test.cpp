@@ -206,6 +206,29 @@ TEST(LocationMachines, CheckSaysWhatALocationElementDoes) {
       << text;
 }
 
+/// Angles that change by an element of 40 urad alone, as `check` lists them.
+std::map<std::string, double> angles_by(const std::string& machine, const std::string& element) {
+  const std::string errors = fmt::format("[errors]\n{}_urad = 40\n", element);
+  const Json description = describe(prepare(scene_on(machine, errors)));
+  std::map<std::string, double> result;
+  const Json location = element_in(description, element)["location"];
+  for (const auto& [between, change] : location["angle_change_urad"].items())
+    result[between] = std::round(change.get<double>() * 1e6) / 1e6;
+  return result;
+}
+
+// On the gantry `w C' b X Y Z A s t` what Y carries goes with it, A and the nose as well.
+TEST(LocationMachines, CheckListsTheLinesOfRotaryAxesAndOfTheNose) {
+  using Angles = std::map<std::string, double>;
+  EXPECT_EQ(angles_by("gantry_cxyza", "EC0Y"), (Angles{{"X-Y", 40.0}, {"X-A", 40.0}}));
+  EXPECT_EQ(angles_by("gantry_cxyza", "EA0Z"),
+            (Angles{{"Y-Z", 40.0}, {"Z-C", 40.0}, {"Y-s", 40.0}, {"C-s", 40.0}}));
+  EXPECT_EQ(angles_by("gantry_cxyza", "EA0C"),
+            (Angles{{"Y-C", 40.0}, {"Z-C", 40.0}, {"C-s", 40.0}}));
+  EXPECT_EQ(angles_by("gantry_cxyza", "EB0S"),
+            (Angles{{"X-s", -40.0}, {"Z-s", 40.0}, {"C-s", 40.0}, {"A-s", -40.0}}));
+}
+
 TEST(LocationMachines, WhatIsNoElementOfTheMachineIsRefusedWhereItStands) {
   const SceneFolder folder;
   const fs::path file =

@@ -87,6 +87,21 @@ TEST(StepDiagonalScene, TellsTranslationsAndTheirHeatAndIsSpoiltByAngles) {
     EXPECT_NEAR(per_K(with_angles.report, name, nut), injected, 0.2)
         << name << ": angles do not change with heat here";
   }
+  // of some two hundred trends a person is shown those that stand out
+  std::size_t trends = 0;
+  for (const Json& one : alone.report["per_K"]) trends += one["per_K"].size();
+  const std::string text = identify_text(alone.report);
+  std::size_t shown = 0;
+  for (const char* nut : {"X_nut", "Y_nut", "Z_nut"})
+    for (std::size_t at = 0; (at = text.find(std::string(" by ") + nut, at)) != std::string::npos;
+         ++at)
+      ++shown;
+  EXPECT_EQ(shown, 12u);
+  EXPECT_NE(text.find(fmt::format("and {} more trends by temperature, each at most ", trends - 12)),
+            std::string::npos)
+      << text;
+  for (const char* one : {"X", "Y", "Z"})
+    EXPECT_NE(text.find(fmt::format("\nE{0}{0} slope", one)), std::string::npos) << text;
   EXPECT_LT(alone.after_um, 0.35 * alone.before_um);
   EXPECT_GT(with_angles.after_um, 0.8 * with_angles.before_um) << "what is believed is not so";
 }
