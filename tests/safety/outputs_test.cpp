@@ -1,6 +1,8 @@
+#include <fstream>
 #include <functional>
 #include <map>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -273,11 +275,102 @@ TEST(Outputs, AFolderOfJournalsIsAStudysButAnotherDatabaseIsNot) {
   EXPECT_NE(refusal([&] { ResultFolder(folder / "b", {}); }), "");
 }
 
+TEST(Outputs, AFileThatWasChangedSinceIsTheUsers) {
+  const Folder folder;
+  for (const char* name : {"a.txt", "b.txt", "c.txt"})
+    write_file(ResultFolder(folder / "out", {}) / name, "abbe's");
+  folder.write("out/a.txt", "mine, put in its place");
+  folder.write("out/b.txt", "abbe,s");  // as long as it was
+  const ResultFolder out(folder / "out", {});
+  for (const char* name : {"a.txt", "b.txt"}) {
+    const std::string text = bytes(out.path() / name);
+    EXPECT_NE(refusal([&] { write_file(out / name, "new"); }).find("was changed since"),
+              std::string::npos);
+    remove_file(out / name);
+    EXPECT_EQ(bytes(out.path() / name), text);
+  }
+  EXPECT_EQ(refusal([&] { write_file(out / "c.txt", "new"); }), "");
+  // nor does a list of files make a folder with such a file one of abbe's alone
+  write_file(sim::result_file(folder / "single/a.txt", {}), "abbe's");
+  EXPECT_EQ(refusal([&] { ResultFolder(folder / "single", {}); }), "");
+  folder.write("single/a.txt", "mine");
+  EXPECT_NE(refusal([&] { ResultFolder(folder / "single", {}); }), "");
+  EXPECT_NE(refusal([&] { sim::result_file(folder / "single/a.txt", {}); }), "");
+  write_file(sim::result_file(folder / "single/a.txt", {{.force = true}}), "forced");
+  EXPECT_EQ(bytes(folder / "single/a.txt"), "forced");
+}
+
+TEST(Outputs, ACommandRemovesOnlyWhatItWroteItself) {
+  const Folder folder;
+  const Writer rewrite{{.command = "abbe rewrite scene.toml --out out/rewritten.ngc"}};
+  const Writer run{{.command = "abbe run scene.toml --out out"}};
+  const Writer compare{{.command = "abbe compare scene.toml"}};
+  write_file(sim::result_file(folder / "out/rewritten.ngc", rewrite), "by rewrite");
+  const ResultFolder out(folder / "out", run);
+  write_file(out / "signals.csv", "by run");
+  remove_file(out / "rewritten.ngc");
+  EXPECT_EQ(bytes(folder / "out/rewritten.ngc"), "by rewrite");
+  remove_file(ResultFolder(folder / "out", compare) / "signals.csv");
+  EXPECT_FALSE(fs::exists(folder / "out/signals.csv")) << "compare writes the files of run";
+  write_file(out / "rewritten.ngc", "by run");
+  remove_file(out / "rewritten.ngc");
+  EXPECT_FALSE(fs::exists(folder / "out/rewritten.ngc"));
+}
+
+TEST(Outputs, ARunLeavesTheProgramThatRewriteWroteInItsFolder) {
+  const Folder folder;
+  folder.write("scene.toml", small_scene("[errors]\nEXX_um = 5\n"));
+  folder.write("p.ngc", small_program);
+  const Ran rewritten = run(
+      "rewrite scene.toml --case perfect-position-program --out out/rewritten.ngc", in(folder));
+  ASSERT_EQ(rewritten.code, 0) << rewritten.text;
+  const std::string program = bytes(folder / "out/rewritten.ngc");
+  const std::string command = "run scene.toml --out out";
+  ASSERT_EQ(run(command, in(folder)).code, 0);
+  EXPECT_EQ(bytes(folder / "out/rewritten.ngc"), program);
+}
+
+TEST(Outputs, TwoRunsInOneFolderKeepOneAnothersLinesOfTheMark) {
+  const Folder folder;
+  const auto write_forty = [&](const std::string& who) {
+    const ResultFolder out(folder / "out", {{.command = "abbe " + who}});
+    for (int i = 0; i < 40; ++i) write_file(out / (who + std::to_string(i)), who);
+  };
+  { std::jthread a(write_forty, "a"), b(write_forty, "b"); }
+  // each knows what the other wrote after it began
+  const ResultFolder first(folder / "out", {}), second(folder / "out", {});
+  write_file(second / "late.txt", "abbe's");
+  write_file(first / "late.txt", "abbe's again");
+  std::ifstream mark(folder / "out/.abbe-result");
+  int files = 0;
+  for (std::string line; std::getline(mark, line);) {
+    const auto json = nlohmann::json::parse(line, nullptr, false);
+    ASSERT_TRUE(json.is_object()) << line;
+    files += json.contains("file");
+  }
+  EXPECT_EQ(files, 82);
+}
+
+TEST(Outputs, AProcessKilledBetweenMarkAndFileChangesNobodysFile) {
+  const Folder folder;
+  write_file(ResultFolder(folder / "out", {}) / "a.txt", "abbe's");
+  // killed after the line of the next text, before the text took the name
+  const std::string line = "{\"file\":\"NAME\",\"by\":\"\",\"size\":4,\"sum\":\"0123456789abcdef\"}\n";
+  for (const std::string name : {"a.txt", "b.txt"})
+    std::ofstream(folder / "out/.abbe-result", std::ios::app)
+        << std::string(line).replace(line.find("NAME"), 4, name);
+  folder.write("out/b.txt", "user");  // as long as what was to come
+  const ResultFolder out(folder / "out", {});
+  EXPECT_EQ(refusal([&] { write_file(out / "a.txt", "again"); }), "") << "still abbe's";
+  EXPECT_NE(refusal([&] { write_file(out / "b.txt", "again"); }), "") << "never abbe's";
+  EXPECT_EQ(bytes(folder / "out/b.txt"), "user");
+}
+
 TEST(Outputs, ATornMarkKeepsWhatItSaysBefore) {
   const Folder folder;
-  folder.write("out/a.txt", "abbe's");
+  write_file(ResultFolder(folder / "out", {}) / "a.txt", "abbe's");
   folder.write("out/b.txt", "whose?");
-  folder.write("out/.abbe-result", "{\"folder\":true}\n{\"file\":\"a.txt\"}\n{\"file\":\"b.t");
+  std::ofstream(folder / "out/.abbe-result", std::ios::app) << "{\"file\":\"b.t";
   const ResultFolder out(folder / "out", {});
   write_file(out / "a.txt", "again");
   EXPECT_NE(refusal([&] { write_file(out / "b.txt", "again"); }), "");
