@@ -366,6 +366,58 @@ TEST(Outputs, AProcessKilledBetweenMarkAndFileChangesNobodysFile) {
   EXPECT_EQ(bytes(folder / "out/b.txt"), "user");
 }
 
+TEST(Outputs, AVariantThatSharesAFolderIsRefusedWhereTheSceneIsRead) {
+  const Folder folder;
+  folder.write("p.ngc", small_program);
+  const auto scene = [](const std::string& cases, const std::string& variants) {
+    return small_scene("[errors]\nEXX_um = 5\n[compare]\ncases = [" + cases + "]\n" + variants);
+  };
+  const auto variant = [](const std::string& name, const std::string& set = "errors.EXX_um = 1") {
+    return "[[variant]]\nname = \"" + name + "\"\nset = { " + set + " }\n";
+  };
+  const std::string ideal = "\"perfect-position-ideal\"";
+  const struct {
+    std::string text, says;
+  } faults[] = {
+      {scene(ideal, variant("perfect-position-ideal")), "scene.toml:17:8"},
+      {scene(ideal, variant("comparison.json")), "scene.toml:17:8"},
+      {scene(ideal, variant("program.ngc")), "scene.toml:17:8"},
+      {scene(ideal, variant("a") + variant("a-perfect-position-ideal")), "scene.toml:20:8"},
+      // of a case that the variant alone has
+      {scene(ideal, variant("a", "compare.cases = [\"perfect-iterated-ideal\"]") +
+                        variant("a-perfect-iterated-ideal")),
+       "scene.toml:20:8"},
+      {scene("\"./thermal.json\"", ""), "scene.toml:15:9"}};
+  for (const auto& fault : faults) {
+    folder.write("scene.toml", fault.text);
+    for (const std::string command : {"compare scene.toml --trust --out out", "check scene.toml"}) {
+      const Ran ran = run(command, in(folder));
+      EXPECT_EQ(ran.code, 3) << command << ": " << ran.text;
+      EXPECT_NE(ran.text.find(fault.says), std::string::npos) << fault.says << ": " << ran.text;
+      EXPECT_NE(ran.text.find("a folder of its own"), std::string::npos) << ran.text;
+    }
+    EXPECT_FALSE(fs::exists(folder / "out"));
+  }
+  // of a compensator that was typed
+  folder.write("scene.toml", scene(ideal, variant("mine.py")));
+  folder.write("mine.py", "");
+  const Ran typed = run("compare scene.toml --compensator ./mine.py --out out", in(folder));
+  EXPECT_EQ(typed.code, 3) << typed.text;
+  EXPECT_NE(typed.text.find("scene.toml:17:8"), std::string::npos) << typed.text;
+}
+
+TEST(Outputs, FilesOfTheUsersAmongCasesAreRefusedBeforeTheWork) {
+  const Folder folder;
+  folder.write("scene.toml", small_scene("[errors]\nEXX_um = 5\n"));
+  folder.write("p.ngc", small_program);
+  ASSERT_EQ(run("compare scene.toml --out out", in(folder)).code, 0);
+  folder.write("out/uncompensated/summary.json", "mine");
+  const auto before = contents(folder.path());
+  const Ran ran = run("compare scene.toml --out out", in(folder));
+  EXPECT_EQ(ran.code, 5) << ran.text;
+  EXPECT_EQ(touched(before, folder.path()), "");
+}
+
 TEST(Outputs, ATornMarkKeepsWhatItSaysBefore) {
   const Folder folder;
   write_file(ResultFolder(folder / "out", {}) / "a.txt", "abbe's");
