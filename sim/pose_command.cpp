@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "sim/one_lined.h"
 #include "sim/output.h"
 #include "sim/pose_at.h"
 #include "sim/pose_doubts.h"
@@ -27,7 +28,7 @@ void warn(const std::vector<std::string>& warnings) {
 
 void print_one(const Scene& scene, const PoseCommand& command) {
   const ordered_json pose = pose_at(scene, command.at, command.wishes);
-  print("{}", command.json ? json_text(pose) : pose_text(pose));
+  print("{}", Lines(command.json ? json_text(pose) : pose_text(one_lined(pose))));
   warn(pose["warnings"].get<std::vector<std::string>>());
 }
 
@@ -59,9 +60,9 @@ void print_many(const IdleMachine& idle, const PoseCommand& command) {
   if (command.json) {
     const ordered_json json{
         {"file", command.out.string()}, {"summary", to_json(s, poses)}, {"warnings", warnings}};
-    print("{}", json_text(json));
+    print("{}", Lines(json_text(json)));
   } else {
-    print("{}file              {}\n", to_text(s, poses), command.out.string());
+    print("{}file              {}\n", Lines(to_text(s, poses)), command.out.string());
   }
 }
 
@@ -86,9 +87,9 @@ void print_work_space(const IdleMachine& idle, const PoseCommand& command) {
   write_json(folder / "volumetric.json", json);
   warn(warnings);
   if (command.json)
-    print("{}", json_text(json));
+    print("{}", Lines(json_text(json)));
   else
-    print("{}files in {}\n", to_text(idle, map, s), folder.path().string());
+    print("{}files in {}\n", Lines(to_text(idle, map, s)), folder.path().string());
 }
 
 }  // namespace
