@@ -23,6 +23,7 @@
 #include "sim/report.h"
 #include "sim/scene.h"
 #include "sim/toml_reader.h"
+#include "sim/work.h"
 #include "tests/safety/program_run.h"
 
 /// Every number of every shipped scene, one at a time, becomes absurd. The scene is then read, cut,
@@ -280,6 +281,27 @@ TEST(AbsurdValues, WithoutOneTheScenesAreDoneAsSmallAsTheyAreMade) {
       const Ended end = ended({file, key, "1"});
       EXPECT_EQ(end.code, 0) << file << ": " << end.text;
     }
+}
+
+TEST(AbsurdValues, OfVerticesAreNamedWhereTheyTakeTheMemory) {
+  const sim::Scene scene = sim::read_scene(source / "scenes/gantry_dome.toml");
+  const auto said = [&](const sim::Work& work) -> std::string {
+    try {
+      sim::check_work(scene, work);
+    } catch (const BadInput& fault) {
+      return fault.what();
+    }
+    return "";
+  };
+  sim::Work work;
+  work.by = {"program.step_mm"};
+  work.vertices = 5e7;
+  work.points = 1e5;
+  work.bytes = 1e15;
+  EXPECT_NE(said(work).find("program.step_mm"), std::string::npos) << "the program takes it";
+  work.vertices = 1e12;
+  EXPECT_NE(said(work).find("part.vertices"), std::string::npos) << said(work);
+  EXPECT_EQ(said(work).find("program.step_mm"), std::string::npos) << said(work);
 }
 
 /// Faults that were found, each with what it must say.
