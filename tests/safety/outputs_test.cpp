@@ -418,6 +418,100 @@ TEST(Outputs, FilesOfTheUsersAmongCasesAreRefusedBeforeTheWork) {
   EXPECT_EQ(touched(before, folder.path()), "");
 }
 
+TEST(Outputs, AStudyNeitherFollowsLinksNorWritesOverFilesUnderTheNamesOfItsJournal) {
+  const Folder folder;
+  folder.write("scene.toml", small_scene("[errors]\nEXX_um = 5\n"));
+  folder.write("p.ngc", small_program);
+  folder.write("study.toml", "scene = \"scene.toml\"\n[[input]]\nelement = \"EXX\"\nspread = "
+                             "0.2\n[monte_carlo]\ncases = 2\n");
+  const std::string names[] = {"journal.sqlite", "journal.sqlite-wal", "journal.sqlite-shm",
+                               "journal.sqlite-journal", "journal.sqlite-lock"};
+  for (const std::string& name : names)
+    for (const bool link : {false, true})
+      for (const char* force : {"", " --force"}) {
+        SCOPED_TRACE(name + (link ? ", a link" : ", a file") + force);
+        const std::string text = "mine, and rather longer than a head";
+        const Folder own;
+        fs::create_directories(own / "out");
+        own.write(link ? "keep.txt" : "out/" + name, text);
+        if (link) fs::create_symlink(own / "keep.txt", own / ("out/" + name));
+        const Ran ran = run("study study.toml --out " + (own / "out").string() + force, in(folder));
+        EXPECT_EQ(ran.code, std::string(force).empty() || link || name != "journal.sqlite" ? 5 : 3)
+            << ran.text;
+        EXPECT_EQ(bytes(own / ("out/" + name)), text);
+        EXPECT_EQ(fs::is_symlink(own / ("out/" + name)), link);
+        EXPECT_NE(ran.text.find(name), std::string::npos) << ran.text;
+      }
+  ASSERT_EQ(run("study study.toml --out out", in(folder)).code, 0);
+  folder.write("out/journal.sqlite-wal", "mine");
+  EXPECT_EQ(run("study study.toml --out out", in(folder)).code, 5) << "beside a journal, too";
+  EXPECT_EQ(bytes(folder / "out/journal.sqlite-wal"), "mine");
+}
+
+TEST(Outputs, WhatIsRefusedLeavesNoFolderBehind) {
+  const Folder folder;
+  const Ran missing = run("pose " + dome + " --at-file missing.csv --out new/x.csv", in(folder));
+  EXPECT_EQ(missing.code, 3) << missing.text;
+  const Ran readings = run("identify missing.csv --out new/x.toml", in(folder));
+  EXPECT_EQ(readings.code, 3) << readings.text;
+  const Ran file = run("pose " + dome + " --grid X=0:1:2 --out g.csv", in(folder));
+  EXPECT_EQ(file.code, 5) << file.text;
+  EXPECT_NE(file.text.find("--out g\n"), std::string::npos) << "a suggestion: " << file.text;
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
+TEST(Outputs, AFolderThatHoldsOnlyHiddenFilesIsEmpty) {
+  const Folder folder;
+  folder.write("kept/.gitkeep", "");
+  const ResultFolder kept(folder / "kept", {});
+  write_file(kept / "a.txt", "abbe's");
+  EXPECT_EQ(refusal([&] { write_file(ResultFolder(folder / "kept", {}) / "a.txt", "again"); }), "");
+  EXPECT_TRUE(fs::exists(folder / "kept/.gitkeep"));
+  // a hidden folder may hold a whole repository, a link lead anywhere
+  folder.write("repository/.git/HEAD", "mine");
+  EXPECT_NE(refusal([&] { ResultFolder(folder / "repository", {}); }), "");
+  fs::create_directories(folder / "linked");
+  fs::create_symlink(folder / "kept", folder / "linked/.link");
+  EXPECT_NE(refusal([&] { ResultFolder(folder / "linked", {}); }), "");
+}
+
+TEST(Outputs, NamesThatAreNoUtf8AreWrittenAndReported) {
+  const Folder folder;
+  folder.write("scene.toml", small_scene("[errors]\nEXX_um = 5\n"));
+  folder.write("p.ngc", small_program);
+  folder.write("poses.csv", "X_mm\n1\n");
+  folder.write("study.toml", "scene = \"scene.toml\"\n[[input]]\nelement = \"EXX\"\nspread = "
+                             "0.2\n[monte_carlo]\ncases = 2\n");
+  const std::string name = "$'r\\xff\\xfe'";
+  const struct {
+    std::string command;
+    int times;  ///< its own files are known by such names, too
+  } done[] = {
+      {"compare scene.toml --json --out c" + name, 1},
+      {"rewrite scene.toml --case perfect-position-program --json --out " + name + "/" + name, 2},
+      {"pose scene.toml --at-file poses.csv --json --out " + name + "/" + name + ".json", 2},
+      {"pose scene.toml --grid X=0:1:2 --json --out v" + name, 1},
+      {"measure " + dome + " --instrument ball_bar --json --out m" + name, 1},
+      {"evaluate m" + name + "/ball_bar.csv --json --out e" + name, 1},
+      {"identify m" + name + "/ball_bar.csv --json --out i" + name + "/" + name, 1},
+      {"study study.toml --json --out s" + name, 1},
+      {"export scene.toml --case perfect-position-table --json --out x" + name, 1}};
+  for (const auto& [command, times] : done) {
+    const fs::path script =
+        folder.write("go.sh", std::string(ABBE_PROGRAM) + " " + command + " 2>errors.txt\n");
+    for (int i = 0; i < times; ++i) {
+      const Ran ran = shell(in(folder) + " bash " + script.string());
+      EXPECT_EQ(ran.code, 0) << command << ": " << bytes(folder / "errors.txt");
+      EXPECT_TRUE(nlohmann::json::accept(ran.text)) << command << ": " << ran.text;
+    }
+  }
+  for (const auto& entry : fs::recursive_directory_iterator(folder.path()))
+    if (entry.path().extension() == ".json") {
+      EXPECT_TRUE(nlohmann::json::accept(bytes(entry.path()))) << entry.path();
+    }
+  EXPECT_TRUE(fs::exists(folder / "r\xff\xfe/r\xff\xfe"));
+}
+
 TEST(Outputs, ATornMarkKeepsWhatItSaysBefore) {
   const Folder folder;
   write_file(ResultFolder(folder / "out", {}) / "a.txt", "abbe's");
