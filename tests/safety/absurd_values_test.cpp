@@ -266,6 +266,7 @@ TEST(AbsurdValues, OfEveryNumberOfEverySceneEndSoonAndSayWhichItWas) {
     ++done;
     refused += end.code == 3;
     longest = std::max(longest, end.seconds);
+    if (exhaustive && done % 100 == 0) std::cout << done << " of " << all.size() << std::endl;
   }
   std::cout << done << " of " << all.size() << " trials, " << refused << " refused, longest "
             << longest << " s of the processors\n";

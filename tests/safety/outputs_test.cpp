@@ -197,7 +197,7 @@ TEST(Outputs, EveryCommandTakesTheSameDoor) {
       "export " + dome + small + " --out .",
       "rewrite " + dome + small + "--out notes.txt",
       "rewrite " + dome + small + "--out program.ngc",
-      "identify readings/ball_bar.csv --out notes.txt"};
+      "identify readings/ball_bar.csv --elements EXX --order 1 --out notes.txt"};
   for (const std::string& command : commands) {
     const Ran ran = run(command, in(folder));
     EXPECT_EQ(ran.code, 5) << command << ": " << ran.text;
@@ -210,7 +210,7 @@ TEST(Outputs, EveryCommandTakesTheSameDoor) {
 TEST(Outputs, SingleFilesAreReplacedOnlyWhereAbbeMadeThem) {
   const Folder folder;
   ASSERT_EQ(run("measure " + dome + " --instrument ball_bar --out readings", in(folder)).code, 0);
-  const std::string identify = "identify readings/ball_bar.csv --out belief.toml";
+  const std::string identify = "identify readings/ball_bar.csv --elements EXX --order 1 --out belief.toml";
   folder.write("belief.json", "mine");
   const Ran beside = run(identify, in(folder));
   EXPECT_EQ(beside.code, 5) << "the report would stand where the user's file is: " << beside.text;
@@ -222,8 +222,8 @@ TEST(Outputs, SingleFilesAreReplacedOnlyWhereAbbeMadeThem) {
   folder.write("other.toml", "mine");
   EXPECT_EQ(run("run " + dome + " --out .", in(folder)).code, 5)
       << "files of abbe's do not make the folder a result";
-  EXPECT_EQ(run("identify readings/ball_bar.csv --out other.toml", in(folder)).code, 5);
-  EXPECT_EQ(run("identify readings/ball_bar.csv --out other.toml --force", in(folder)).code, 0);
+  EXPECT_EQ(run("identify readings/ball_bar.csv --elements EXX --order 1 --out other.toml", in(folder)).code, 5);
+  EXPECT_EQ(run("identify readings/ball_bar.csv --elements EXX --order 1 --out other.toml --force", in(folder)).code, 0);
 }
 
 TEST(Outputs, NoLinkLeadsAWriterToAFileOfTheUsers) {
@@ -493,7 +493,7 @@ TEST(Outputs, NamesThatAreNoUtf8AreWrittenAndReported) {
       {"pose scene.toml --grid X=0:1:2 --json --out v" + name, 1},
       {"measure " + dome + " --instrument ball_bar --json --out m" + name, 1},
       {"evaluate m" + name + "/ball_bar.csv --json --out e" + name, 1},
-      {"identify m" + name + "/ball_bar.csv --json --out i" + name + "/" + name, 1},
+      {"identify m" + name + "/ball_bar.csv --elements EXX --order 1 --json --out i" + name + "/" + name, 1},
       {"study study.toml --json --out s" + name, 1},
       {"export scene.toml --case perfect-position-table --json --out x" + name, 1}};
   for (const auto& [command, times] : done) {
