@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "sim/case_folders.h"
 #include "sim/compensation/plug_in.h"
 #include "sim/output.h"
 #include "sim/pictures.h"
@@ -28,10 +29,7 @@ struct Batch {
 /// uncompensated case.
 void cut_cases(const Batch& batch, std::vector<Compared>& cases, std::vector<FailedCase>& failed,
                ProgressLine& progress) {
-  const auto named = [&](const std::string& name) {
-    if (batch.prefix.empty()) return name;
-    return name == "uncompensated" ? batch.prefix : batch.prefix + "-" + name;
-  };
+  const auto named = [&](const std::string& name) { return case_folder(batch.prefix, name); };
   progress.begin(batch.prefix.empty() ? "error_free" : batch.prefix + ", error-free");
   Cut free = cut_error_free(batch.job, to(progress));
   check_cuts_part(batch.job, free);
@@ -114,22 +112,23 @@ nlohmann::ordered_json choose_sensors(const ResultFolder& folder, const Scene& s
 
 /// Refuses, before an hour's work, what will not be written over: forced, an input may stand there.
 void check_names(const ResultFolder& folder) {
-  for (const char* name : {"program.ngc", "program.csv", "scene.toml", "summary.json",
-                           "residual.vtp", "residual.png", "histogram.png", "signals.csv", "stock.vtp",
-                           "rewritten.ngc", "rewritten.csv", "temperatures.png", "comparison.json",
-                           "comparison.png", "thermal.json", "thermal.png"})
-    check_file(folder / name);
+  for (const char* name : result_names) check_file(folder / name);
 }
 
-/// Refuses, before an hour's work, a folder of a case that somebody else made.
-void check_case_folders(const ResultFolder& folder, const Scene& scene, const Writer& writer) {
-  std::vector<std::string> names{"error_free", "uncompensated"};
-  for (const CaseDescription& one : scene.cases) names.push_back(one.name);
-  for (const Variant& variant : scene.variants) {
-    names.push_back(variant.name);
-    for (const CaseDescription& one : scene.cases) names.push_back(variant.name + "-" + one.name);
+/// Refuses, before an hour's work, a folder of a case that two cases share or that somebody else
+/// made.
+void check_cases(const ResultFolder& folder, const Scene& scene, const std::vector<Scene>& variants,
+                 const Writer& writer) {
+  ComparedNames names{scene.cases, {}};
+  for (std::size_t i = 0; i < variants.size(); ++i)
+    names.variants.push_back({scene.variants[i].name, variants[i].cases});
+  Faults faults;  // those of the scene alone were found when it was read
+  check_case_folders(*scene.tree, names, faults);
+  if (!faults.empty()) throw BadScene(faults.list());
+  for (const std::string& name : case_folders(names)) {
+    check_folder(folder.path() / name, writer);
+    for (const char* file : result_names) check_file(folder.path() / name / file, writer);
   }
-  for (const std::string& name : names) check_folder(folder.path() / name, writer);
 }
 
 }  // namespace
@@ -166,7 +165,7 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   for (Scene& variant : variants) variant = with_plug_ins(std::move(variant), options.plug_ins);
   const ResultFolder folder(options.folder, writer_of(scene, options.permissions));
   check_names(folder);
-  check_case_folders(folder, scene, writer_of(scene, options.permissions));
+  check_cases(folder, scene, variants, writer_of(scene, options.permissions));
 
   int parts = 2;  // preparing, and the comparison at the end
   const auto count = [&](const Scene& one) { parts += 2 * (2 + int(one.cases.size())); };

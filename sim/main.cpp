@@ -18,6 +18,7 @@
 #include "sim/export_tables.h"
 #include "sim/identify.h"
 #include "sim/measure.h"
+#include "sim/one_lined.h"
 #include "sim/output.h"
 #include "sim/pictures.h"
 #include "sim/pose_command.h"
@@ -28,8 +29,8 @@
 #include "sim/study/ranks.h"
 #include "sim/study/run_study.h"
 #include "sim/study/slurm.h"
-#include "sim/thermal_choice.h"
 #include "sim/terminal.h"
+#include "sim/thermal_choice.h"
 #include "sim/trust.h"
 
 namespace abbe::sim {
@@ -166,21 +167,21 @@ std::string comparison_text(const nlohmann::ordered_json& json) {
 
 int finish(const Common& common, const RunOptions& options, const Outcome& outcome) {
   if (common.json) {
-    print("{}", json_text(outcome.json));
+    print("{}", Lines(json_text(outcome.json)));
   } else if (outcome.json.contains("cases")) {
-    print("{}", comparison_text(outcome.json));
+    print("{}", Lines(comparison_text(one_lined(outcome.json))));
     print("\nfiles in {}; comparison.png shows all cases on one scale\n",
                options.folder.string());
   } else {
     print("{}\n{:<36} {} {}\n{}files in {}\n", residual_head(),
           outcome.json["case"].get<std::string>(), figures(outcome.json["residual_um"]),
-          left_out(outcome.json), unreached_line(outcome.json), options.folder.string());
+          left_out(outcome.json), Lines(unreached_line(outcome.json)), options.folder.string());
   }
   if (!common.json && !outcome.sensors.is_null())
-    print("{}", sensor_choices_text(outcome.sensors));
+    print("{}", Lines(sensor_choices_text(one_lined(outcome.sensors))));
   print_warnings(outcome.json);
   for (const std::string& limit : outcome.exceeded) print(stderr, "abbe: {}\n", limit);
-  for (const std::string& failure : outcome.failed) print(stderr, "abbe: {}\n", failure);
+  for (const std::string& failure : outcome.failed) print(stderr, "abbe: {}\n", Lines(failure));
   if (!outcome.failed.empty()) return plug_in;
   return outcome.exceeded.empty() ? ok : limit_exceeded;
 }
@@ -249,7 +250,7 @@ int check_command(const Common& common, bool picture) {
     write_check_picture(folder / "check.png", job);
     print(stderr, "picture in {}\n", (folder / "check.png").path().string());
   }
-  print("{}", common.json ? json_text(description) : to_text(description));
+  print("{}", Lines(common.json ? json_text(description) : to_text(one_lined(description))));
   print_warnings(description);
   return ok;
 }
@@ -273,7 +274,7 @@ int measure_command(const Common& common, const std::vector<std::string>& instru
     hours += one.duration_s / 3600.0;
   }
   if (common.json) {
-    print("{}", json_text(json));
+    print("{}", Lines(json_text(json)));
     return ok;
   }
   print("{:>10} {:>9} {:>9}   file\n", "readings", "set-ups", "hours");
@@ -329,7 +330,7 @@ int identify_command(const Common& common, IdentifyWords words) {
   }
   words.options.permissions = common.permissions;
   const nlohmann::ordered_json report = identify(words.readings, words.options);
-  print("{}", common.json ? json_text(report) : identify_text(report));
+  print("{}", Lines(common.json ? json_text(report) : identify_text(one_lined(report))));
   return ok;
 }
 
@@ -354,7 +355,7 @@ int export_command(const Common& common, ExportWords words) {
   }
   const nlohmann::ordered_json json = export_tables(common.scene, words.options);
   if (common.json) {
-    print("{}", json_text(json));
+    print("{}", Lines(json_text(json)));
     return ok;
   }
   for (const auto& file : json["files"]) print("{}\n", file.get<std::string>());
@@ -372,7 +373,7 @@ int rewrite_command(const Common& common, const std::string& case_name) {
   options.permissions = common.permissions;
   const nlohmann::ordered_json report = rewrite(common.scene, options);
   print_warnings(report);
-  print("{}", common.json ? json_text(report) : rewrite_text(report));
+  print("{}", Lines(common.json ? json_text(report) : rewrite_text(one_lined(report))));
   return ok;
 }
 
@@ -381,7 +382,7 @@ int evaluate_command(const Common& common, const std::filesystem::path& readings
   options.folder = common.out.empty() ? std::filesystem::path("out") / readings.stem() : common.out;
   options.permissions = common.permissions;
   const nlohmann::ordered_json evaluation = evaluate(readings, options);
-  print("{}", common.json ? json_text(evaluation) : evaluation_text(evaluation));
+  print("{}", Lines(common.json ? json_text(evaluation) : evaluation_text(one_lined(evaluation))));
   return ok;
 }
 
@@ -414,7 +415,7 @@ int print_slurm_script(const Common& common, const StudyWords& words,
   job.trust = common.permissions.trust;
   // a mistake is reported now, not by every shard
   study::read_trusted_study(common.scene, options.overrides, common.permissions);
-  print("{}", study::slurm_script(job));
+  print("{}", Lines(study::slurm_script(job)));
   return ok;
 }
 
@@ -428,9 +429,9 @@ int study_command(int& argc, char**& argv, const Common& common, const StudyWord
   if (words.slurm) return print_slurm_script(common, words, options);
   const auto tell = [&](const study::StudyTold& told) {
     if (common.json)
-      print("{}", json_text(told.json));
+      print("{}", Lines(json_text(told.json)));
     else
-      print("{}", told.text);
+      print("{}", Lines(told.text));
     return ok;
   };
   if (words.show) return tell(study::show_study(common.scene, options));
@@ -726,8 +727,8 @@ int command_line(int argc, char** argv) {
   const auto say = [&](const CLI::ParseError& why) {
     std::ostringstream out, errors;
     const int code = app.exit(why, out, errors);
-    print("{}", out.str());
-    print(stderr, "{}", errors.str());
+    print("{}", Lines(out.str()));
+    print(stderr, "{}", Lines(errors.str()));
     return code;
   };
   try {
@@ -762,7 +763,7 @@ int exit_code(int argc, char** argv) {
     sim::print(stderr, "abbe: {}\n", fault.what());
     return sim::input;
   } catch (const sim::compensation::PlugInFailure& failure) {
-    sim::print(stderr, "abbe: {}\n", failure.what());
+    sim::print(stderr, "abbe: {}\n", sim::Lines(failure.what()));
     return sim::plug_in;
   } catch (const sim::OutputFailure& failure) {
     sim::print(stderr, "abbe: {}\n", failure.what());

@@ -222,6 +222,17 @@ Measured whole(Measured one, const Scene& scene, const std::string& instrument) 
   return one;
 }
 
+/// Where the scene has its table; none for one that was only typed.
+Place place_of_instrument(const Scene& scene, const std::string& name) {
+  const Node* list = scene.tree ? scene.tree->find("instrument") : nullptr;
+  if (!list || !list->array()) return {};
+  for (const Node& one : *list->array()) {
+    const Node* own = one.find("name") ? one.find("name") : one.find("kind");
+    if (own && own->text() && *own->text() == name) return one.place;
+  }
+  return {};
+}
+
 }  // namespace
 
 std::optional<PartInstrumentDescription> part_instrument_of(const Scene& scene,
@@ -263,8 +274,9 @@ PartReadingsFile measured_part(const Job& job, const Cut& cut,
           probed(job, thinned(part, instrument.spacing, job.design_w.area.sum()), options);
     }
   } catch (const std::invalid_argument& fault) {
-    throw BadInput(scene.file.string(), 0, 0, "a part that " + instrument.name + " can measure",
-                   fault.what());
+    const Place place = place_of_instrument(scene, instrument.name);
+    throw BadInput(place.file ? *place.file : scene.file.string(), place.line, place.column,
+                   "a part that " + instrument.name + " can measure", fault.what());
   }
   return file;
 }

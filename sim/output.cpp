@@ -1,13 +1,11 @@
 #include "sim/output.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <optional>
-#include <set>
 #include <system_error>
 
 #include <fcntl.h>
@@ -17,14 +15,11 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/escape.h"
-#include "sim/versions.h"
 
 namespace abbe::sim {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr std::size_t most_mark_bytes = std::size_t(64) << 20;
 
 [[noreturn]] void fail(const fs::path& file, const std::string& reason) {
   throw OutputFailure(escaped(file.string()) + ": cannot be written: " + escaped(reason));
@@ -35,33 +30,6 @@ constexpr std::size_t most_mark_bytes = std::size_t(64) << 20;
 }
 
 // ---- what is abbe's
-
-/// What the mark of a folder says.
-struct Mark {
-  bool folder = false;          ///< the folder as a whole is a result
-  bool torn = false;            ///< its last line was not finished
-  std::set<std::string> files;  ///< that abbe wrote
-};
-
-Mark read_mark(const fs::path& folder) {
-  Mark mark;
-  const fs::path file = folder / mark_name;
-  std::error_code none;
-  // a link could lead to a list of anybody's
-  if (fs::symlink_status(file, none).type() != fs::file_type::regular) return mark;
-  if (fs::file_size(file, none) > most_mark_bytes) return mark;
-  std::ifstream in(file, std::ios::binary);
-  std::string line;
-  while (std::getline(in, line)) {
-    mark.torn = in.eof();
-    const auto json = nlohmann::json::parse(line, nullptr, false);
-    if (!json.is_object()) continue;
-    if (json.contains("folder") && json["folder"] == true) mark.folder = true;
-    if (json.contains("file") && json["file"].is_string())
-      mark.files.insert(json["file"].get<std::string>());
-  }
-  return mark;
-}
 
 bool is_there(const fs::path& file) {
   std::error_code none;
@@ -104,19 +72,10 @@ std::string another(const fs::path& folder) {
   return "--out " + name.string();
 }
 
-void append(const fs::path& folder, const std::string& lines) {
-  const fs::path file = folder / mark_name;
-  const int descriptor =
-      ::open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_NOFOLLOW | O_CLOEXEC, 0666);
-  if (descriptor < 0) fail(file, std::strerror(errno));
-  const auto written = ::write(descriptor, lines.data(), lines.size());
-  const int reason = written < 0 ? errno : ENOSPC;
-  ::close(descriptor);
-  if (written != ::ssize_t(lines.size())) fail(file, std::strerror(reason));
-}
-
 /// A journal of a study says in its own head whose it is: SQLite's application id.
 bool is_journal(const fs::path& file) {
+  std::error_code none;
+  if (fs::symlink_status(file, none).type() != fs::file_type::regular) return false;
   std::ifstream in(file, std::ios::binary);
   std::string head(72, '\0');
   in.read(head.data(), std::streamsize(head.size()));
@@ -131,17 +90,16 @@ bool belongs_to_journal(const fs::path& file) {
   return is_journal(name);
 }
 
-/// What a process that works beside this one, or that was killed, has not finished.
-bool is_unfinished(const fs::directory_entry& entry) {
-  constexpr std::string_view begins = ".unfinished-";
-  const std::string name = entry.path().filename().string();
+/// A file such as .gitkeep, which only keeps a folder; abbe writes none, so none is in its way.
+bool is_hidden(const fs::directory_entry& entry) {
   std::error_code none;
-  return name.starts_with(begins) && name.size() > begins.size() &&
-         std::isdigit(static_cast<unsigned char>(name[begins.size()])) &&
-         !entry.is_symlink(none) && entry.is_regular_file(none);
+  const std::string name = entry.path().filename().string();
+  return name.starts_with('.') && name != mark_name && !entry.is_symlink(none) &&
+         entry.is_regular_file(none);
 }
 
-/// What in a folder is not abbe's: neither in its mark, nor a result itself, nor a journal.
+/// What in a folder is not abbe's: neither in its mark as it is, nor a result itself, nor a
+/// journal.
 struct Others {
   std::size_t count = 0;
   std::string first;  ///< by name
@@ -153,14 +111,18 @@ Others others_in(const fs::path& folder) {
   const Mark mark = read_mark(folder);
   for (const auto& entry : fs::directory_iterator(folder, none)) {
     const std::string name = entry.path().filename().string();
-    const bool listed = mark.files.contains(name) || (name == mark_name && !mark.files.empty());
-    if (listed || belongs_to_journal(entry.path()) || is_unfinished(entry)) continue;
+    if (name == mark_name && !mark.files.empty()) continue;
+    if (is_hidden(entry) || belongs_to_journal(entry.path())) continue;
+    if (writer_in(mark, entry.path())) continue;
     if (!entry.is_symlink(none) && entry.is_directory(none) && read_mark(entry.path()).folder)
       continue;
     if (++others.count == 1 || name < others.first) others.first = name;
   }
   return others;
 }
+
+/// `run` and `compare` write the same files of a case.
+std::string author(const std::string& command) { return command == "compare" ? "run" : command; }
 
 // ---- writing
 
@@ -204,7 +166,6 @@ void prove(const fs::path& folder) {
 struct ResultFile::Place {
   fs::path folder;  ///< never empty
   Writer writer;
-  Mark mark;
   bool whole = false;      ///< the folder as a whole becomes a result
   bool announced = false;  ///< the command stands in the mark
 };
@@ -236,11 +197,9 @@ ResultFolder::ResultFolder(const fs::path& folder, const Writer& writer) {
   const fs::path named = folder.empty() ? fs::path(".") : folder;
   check_folder(named, writer);
   // a folder taken by force stays the user's as a whole
-  const bool whole = others_in(named).count == 0 || read_mark(named).folder;
+  const bool whole = read_mark(named).folder || others_in(named).count == 0;
   prove(named);
-  Mark mark = read_mark(named);
-  place_ = std::make_shared<ResultFile::Place>(
-      ResultFile::Place{named, writer, std::move(mark), whole, false});
+  place_ = std::make_shared<ResultFile::Place>(ResultFile::Place{named, writer, whole, false});
 }
 
 ResultFile ResultFolder::operator/(const fs::path& name) const {
@@ -255,24 +214,25 @@ ResultFolder ResultFolder::inside(const std::string& name) const {
 
 const fs::path& ResultFolder::path() const { return place_->folder; }
 
-ResultFile result_file(const fs::path& file, const Writer& writer) {
+ResultFile ResultFile::unproved(const fs::path& file, const Writer& writer) {
   const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
   std::error_code none;
   if (fs::is_directory(file, none)) refuse(file, "expected a file to write to, seen a folder");
   if (is_there(folder) && !fs::is_directory(folder, none))
     refuse(folder, "expected a folder, seen a file");
-  const ResultFile result(
-      std::make_shared<ResultFile::Place>(
-          ResultFile::Place{folder, writer, read_mark(folder), false, false}),
-      file.filename().string());
-  const bool ours = result.place_->mark.files.contains(result.name_);
-  if (is_there(file) && is_input(file, writer))
-    refuse(file, "expected another file than one that this run reads");
-  if (is_there(file) && !ours && !writer.permissions.force)
-    refuse(file, "a file that abbe did not make stands there; choose another --out, or say --force");
-  prove(folder);
+  ResultFile result(std::make_shared<Place>(Place{folder, writer, false, false}),
+                    file.filename().string());
+  check_file(result);
   return result;
 }
+
+ResultFile result_file(const fs::path& file, const Writer& writer) {
+  ResultFile result = ResultFile::unproved(file, writer);
+  prove(result.place_->folder);
+  return result;
+}
+
+void check_file(const fs::path& file, const Writer& writer) { ResultFile::unproved(file, writer); }
 
 void check_file(const ResultFile& file) {
   const ResultFile::Place& place = *file.place_;
@@ -280,31 +240,31 @@ void check_file(const ResultFile& file) {
   if (!is_there(path)) return;
   if (is_input(path, place.writer))
     refuse(path, "this run reads it, and what is read is never written over; choose another --out");
-  const bool ours = place.mark.files.contains(file.name_) || is_journal(path);
-  if (!ours && !place.writer.permissions.force)
-    refuse(path,
-           "a file that abbe did not make stands there; move it, choose another --out, or say "
-           "--force");
+  if (place.writer.permissions.force || is_journal(path)) return;
+  const Mark mark = read_mark(place.folder);  // as other processes may have left it by now
+  if (writer_in(mark, path)) return;
+  refuse(path,
+         fmt::format("a file that {} stands there; move it, choose another --out, or say "
+                     "--force",
+                     mark.files.contains(escaped(file.name_)) ? "was changed since abbe wrote it"
+                                                              : "abbe did not make"));
+}
+
+void ResultFile::note(const std::optional<Print>& print) const {
+  const std::string& command_line = place_->writer.permissions.command;
+  const Written written{name_, command_of(command_line), print};
+  const bool known = says(read_mark(place_->folder), written);
+  if (known && place_->announced) return;
+  append_to_mark(
+      place_->folder,
+      place_->announced ? std::nullopt : std::optional(Announced{place_->whole, command_line}),
+      known ? std::nullopt : std::optional(written));
+  place_->announced = true;
 }
 
 void claim(const ResultFile& file) {
   check_file(file);
-  ResultFile::Place& place = *file.place_;
-  const bool ours = place.mark.files.contains(file.name_);
-  if (ours && place.announced) return;
-  std::string lines = place.mark.torn ? "\n" : "";
-  nlohmann::ordered_json about;
-  if (!place.announced) {
-    if (place.whole) about["folder"] = true;
-    about["command"] = place.writer.permissions.command;
-    about["version"] = versions()["abbe"];
-  }
-  if (!ours) about["file"] = file.name_;
-  const auto replace = nlohmann::ordered_json::error_handler_t::replace;
-  append(place.folder, lines + escaped(about.dump(-1, ' ', false, replace)) + "\n");
-  place.announced = true;
-  place.mark.torn = false;
-  place.mark.files.insert(file.name_);
+  file.note(std::nullopt);
 }
 
 void write_file(const ResultFile& file, const std::function<void(const fs::path&)>& write) {
@@ -319,7 +279,8 @@ void write_file(const ResultFile& file, const std::function<void(const fs::path&
   try {
     write(temporary);
     flush(temporary);
-    claim(file);
+    check_file(file);  // that took a while
+    file.note(print_of(temporary));
     std::error_code error;
     fs::rename(temporary, path, error);
     if (error) fail(path, error.message());
@@ -346,9 +307,14 @@ void write_json(const ResultFile& file, const nlohmann::ordered_json& json) {
 
 void remove_file(const ResultFile& file) {
   const fs::path path = file.path();
-  std::error_code none;
-  if (!file.place_->mark.files.contains(file.name_) || is_input(path, file.place_->writer)) return;
-  fs::remove(path, none);
+  const Writer& writer = file.place_->writer;
+  if (!is_there(path) || is_input(path, writer)) return;
+  const auto wrote = writer_in(read_mark(file.place_->folder), path);
+  if (!wrote || author(*wrote) != author(command_of(writer.permissions.command))) return;
+  std::error_code error;
+  fs::remove(path, error);
+  if (error)
+    throw OutputFailure(escaped(path.string()) + ": cannot be removed: " + error.message());
 }
 
 std::string json_text(const nlohmann::ordered_json& json) {

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -12,11 +13,11 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "sim/permissions.h"
+#include "sim/result_mark.h"
 
 /// The one door by which results reach the disk. Outputs never touch a file that abbe did not make,
 /// nor, whatever the user permits, a file that the run reads. What abbe made stands in the mark of
-/// its folder, a file of JSON lines: {"folder": true, "command": ..., "version": ...} where the whole
-/// folder is a result, {"file": NAME} for every file that may be replaced or removed.
+/// its folder (sim/result_mark.h), with a check sum: a file that was changed since is the user's.
 namespace abbe::sim {
 
 /// Output could not be written, or would touch what abbe did not make: exit 5.
@@ -42,9 +43,14 @@ class ResultFile {
   struct Place;
   friend class ResultFolder;
   friend ResultFile result_file(const std::filesystem::path& file, const Writer& writer);
+  friend void check_file(const std::filesystem::path& file, const Writer& writer);
   friend void claim(const ResultFile& file);
   friend void check_file(const ResultFile& file);
+  friend void write_file(const ResultFile& file,
+                         const std::function<void(const std::filesystem::path&)>& write);
   friend void remove_file(const ResultFile& file);
+  static ResultFile unproved(const std::filesystem::path& file, const Writer& writer);
+  void note(const std::optional<Print>& print) const;
   ResultFile(std::shared_ptr<Place> place, std::string name)
       : place_(std::move(place)), name_(std::move(name)) {}
 
@@ -79,7 +85,11 @@ void check_folder(const std::filesystem::path& folder, const Writer& writer);
 /// @throws OutputFailure if `file` is there and is not abbe's, unless forced; or is an input
 ResultFile result_file(const std::filesystem::path& file, const Writer& writer);
 
-/// Notes in the mark that the file is abbe's, before it is written by other means than write_file.
+/// Refuses what result_file would refuse, and makes nothing.
+/// @throws OutputFailure
+void check_file(const std::filesystem::path& file, const Writer& writer);
+
+/// Notes in the mark that the file is abbe's, before SQLite makes a journal of it.
 /// @throws OutputFailure if a file stands there that abbe did not make, unless forced; or an input
 void claim(const ResultFile& file);
 
@@ -87,8 +97,8 @@ void claim(const ResultFile& file);
 /// @throws OutputFailure
 void check_file(const ResultFile& file);
 
-/// Runs `write` on a temporary name beside it, flushes, claims the file and renames it; on
-/// failure nothing is left of it and an older `file` stands as it was.
+/// Runs `write` on a temporary name beside it, flushes, notes what it wrote in the mark and renames
+/// it; on failure nothing is left of it and an older `file` stands as it was.
 /// @throws OutputFailure
 void write_file(const ResultFile& file,
                 const std::function<void(const std::filesystem::path&)>& write);
@@ -100,7 +110,8 @@ void write_table(const ResultFile& file, std::string_view text);
 /// The same for JSON as `json_text` has it.
 void write_json(const ResultFile& file, const nlohmann::ordered_json& json);
 
-/// Removes a file of an earlier run; one that abbe did not make stays.
+/// Removes a file that the same command wrote earlier (`run` and `compare` are one); any other stays.
+/// @throws OutputFailure if it cannot be removed
 void remove_file(const ResultFile& file);
 
 /// JSON as it is printed and written: indented, with a line end; what is no letter is escaped, bytes

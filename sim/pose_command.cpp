@@ -6,6 +6,8 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "kinematics/escape.h"
+#include "sim/one_lined.h"
 #include "sim/output.h"
 #include "sim/pose_at.h"
 #include "sim/pose_doubts.h"
@@ -27,7 +29,7 @@ void warn(const std::vector<std::string>& warnings) {
 
 void print_one(const Scene& scene, const PoseCommand& command) {
   const ordered_json pose = pose_at(scene, command.at, command.wishes);
-  print("{}", command.json ? json_text(pose) : pose_text(pose));
+  print("{}", Lines(command.json ? json_text(pose) : pose_text(one_lined(pose))));
   warn(pose["warnings"].get<std::vector<std::string>>());
 }
 
@@ -35,13 +37,12 @@ void print_many(const IdleMachine& idle, const PoseCommand& command) {
   const PoseTable table(idle, command.wishes);
   const auto asked = command.json ? TableFormat::Json : TableFormat::Csv;
   const TableFormat format = command.out.empty() ? asked : pose_file_format(command.out);
-  std::optional<ResultFile> out;
-  if (!command.out.empty()) {
-    Writer writer = writer_of(idle.scene, command.permissions);
-    writer.inputs.push_back(command.at_file);
-    out = result_file(command.out, writer);
-  }
+  Writer writer = writer_of(idle.scene, command.permissions);
+  writer.inputs.push_back(command.at_file);
+  if (!command.out.empty()) check_file(command.out, writer);
   const PoseList poses = read_poses_file(command.at_file, idle.machine.nominal);
+  std::optional<ResultFile> out;
+  if (!command.out.empty()) out = result_file(command.out, writer);
   const std::vector<std::string> warnings = doubts(idle, poses);
   warn(warnings);
   std::optional<ProgressLine> progress;
@@ -59,18 +60,30 @@ void print_many(const IdleMachine& idle, const PoseCommand& command) {
   if (command.json) {
     const ordered_json json{
         {"file", command.out.string()}, {"summary", to_json(s, poses)}, {"warnings", warnings}};
-    print("{}", json_text(json));
+    print("{}", Lines(json_text(json)));
   } else {
-    print("{}file              {}\n", to_text(s, poses), command.out.string());
+    print("{}file              {}\n", Lines(to_text(s, poses)), command.out.string());
   }
+}
+
+/// @throws OutputFailure for the name of a file, as --at-file takes it
+std::filesystem::path folder_of_grid(const Scene& scene, const std::filesystem::path& out) {
+  if (out.empty()) return std::filesystem::path("out") / scene.file.stem() / "volumetric";
+  std::error_code none;
+  if (std::filesystem::is_directory(out, none)) return out;
+  for (const char* ending : {".csv", ".json", ".png", ".vts", ".vtp", ".toml"})
+    if (out.extension() == ending)
+      throw OutputFailure(fmt::format(
+          "{}: expected a folder, since --grid writes several files (volumetric.json and "
+          "others); choose one such as --out {}",
+          escaped(out.string()), escaped(std::filesystem::path(out).replace_extension().string())));
+  return out;
 }
 
 void print_work_space(const IdleMachine& idle, const PoseCommand& command) {
   const PoseTable table(idle, command.wishes);
-  const ResultFolder folder(
-      command.out.empty() ? std::filesystem::path("out") / idle.scene.file.stem() / "volumetric"
-                          : command.out,
-      writer_of(idle.scene, command.permissions));
+  const ResultFolder folder(folder_of_grid(idle.scene, command.out),
+                            writer_of(idle.scene, command.permissions));
   const VolumetricMap map = volumetric_map(idle, pose_grid(idle, *command.grid));
   const VolumetricSummary s = summary(map);
   std::vector<std::string> warnings = doubts(idle, map.grid.poses);
@@ -86,9 +99,9 @@ void print_work_space(const IdleMachine& idle, const PoseCommand& command) {
   write_json(folder / "volumetric.json", json);
   warn(warnings);
   if (command.json)
-    print("{}", json_text(json));
+    print("{}", Lines(json_text(json)));
   else
-    print("{}files in {}\n", to_text(idle, map, s), folder.path().string());
+    print("{}files in {}\n", Lines(to_text(idle, map, s)), folder.path().string());
 }
 
 }  // namespace

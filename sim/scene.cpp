@@ -9,8 +9,9 @@
 
 #include "kinematics/escape.h"
 #include "kinematics/units.h"
-#include "sim/scene_sections.h"
+#include "sim/case_folders.h"
 #include "sim/scene_names.h"
+#include "sim/scene_sections.h"
 #include "sim/scene_tree.h"
 
 namespace abbe::sim {
@@ -384,15 +385,20 @@ Scene interpreted(const Node& tree, const std::filesystem::path& file, Faults& f
   return scene;
 }
 
-// A variant that cannot be read is refused with the scene, not an hour later when its turn comes.
-void check_variants(const Node& tree, const std::filesystem::path& file, Faults& faults) {
+// A variant that cannot be read, or whose cases have no folder of their own, is refused with the
+// scene, not an hour later when its turn comes.
+void check_variants(const Scene& scene, const Node& tree, Faults& faults) {
+  const std::filesystem::path& file = scene.file;
+  ComparedNames names{scene.cases, {}};
   const Node* list = tree.find("variant");
-  if (!list || !list->array()) return;
-  for (const Node& variant : *list->array()) {
-    const Node* set = variant.find("set");
+  for (std::size_t i = 0; list && list->array() && i < list->array()->size(); ++i) {
+    const Node* set = (*list->array())[i].find("set");
     if (!set || !set->table()) continue;
-    interpreted(changed(tree, changes_of_set(*set), file.parent_path(), faults), file, faults);
+    const Scene variant =
+        interpreted(changed(tree, changes_of_set(*set), file.parent_path(), faults), file, faults);
+    names.variants.push_back({scene.variants[i].name, variant.cases});
   }
+  if (faults.empty()) check_case_folders(tree, names, faults);
 }
 
 }  // namespace
@@ -430,7 +436,7 @@ Scene scene_of_tree(const Node& as_written, const std::filesystem::path& file,
   }
   Node tree = changed(as_written, changes, file.parent_path(), faults);
   Scene scene = interpreted(tree, file, faults);
-  if (faults.empty()) check_variants(tree, file, faults);
+  if (faults.empty()) check_variants(scene, tree, faults);
   if (!faults.empty()) throw BadScene(faults.list());
   Node bare = tree;
   std::erase_if(*bare.table(), [](const Node::Entry& entry) { return entry.key == "case"; });

@@ -2,25 +2,46 @@
 
 #include <cstdio>
 #include <string>
+#include <string_view>
+#include <type_traits>
 #include <utility>
 
 #include <fmt/format.h>
 
 #include "kinematics/escape.h"
 
-/// The one door to the terminal: whatever a text holds, of what is no letter only ends of lines and
-/// tabs reach it as they are.
+/// The one door to the terminal: a text reaches it on one line, and what is no letter spelt out.
 namespace abbe::sim {
 
+/// A text of abbe's own that has several lines; foreign texts in it are on one line each
+/// (one_lined, escaped). Only its ends of lines and its tabs reach the terminal as they are.
+struct Lines {
+  std::string text;
+};
+
+/// An argument as the terminal gets it.
+template <typename Argument>
+auto shown(const Argument& argument) {
+  if constexpr (std::is_same_v<Argument, Lines>)
+    return escaped_lines(argument.text);
+  else if constexpr (std::is_convertible_v<const Argument&, std::string_view>)
+    return escaped(std::string_view(argument));
+  else
+    return argument;
+}
+template <typename Argument>
+using Shown = decltype(shown(std::declval<const std::remove_cvref_t<Argument>&>()));
+
 template <typename... Arguments>
-void print(std::FILE* to, fmt::format_string<Arguments...> format, Arguments&&... arguments) {
-  const std::string text = escaped_lines(fmt::format(format, std::forward<Arguments>(arguments)...));
+void print(std::FILE* to, fmt::format_string<Shown<Arguments>...> format,
+           const Arguments&... arguments) {
+  const std::string text = fmt::format(format, shown(arguments)...);
   std::fwrite(text.data(), 1, text.size(), to);
 }
 
 template <typename... Arguments>
-void print(fmt::format_string<Arguments...> format, Arguments&&... arguments) {
-  sim::print(stdout, format, std::forward<Arguments>(arguments)...);
+void print(fmt::format_string<Shown<Arguments>...> format, const Arguments&... arguments) {
+  sim::print(stdout, format, arguments...);
 }
 
 }  // namespace abbe::sim

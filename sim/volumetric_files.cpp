@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "kinematics/escape.h"
 #include "kinematics/units.h"
 #include "sim/output.h"
 #include "sim/pose_files.h"
@@ -259,7 +260,7 @@ std::string to_text(const IdleMachine& idle, const VolumetricMap& map, const Vol
     fmt::format_to(std::back_inserter(text), "{:<22}{}\n", what, value);
   };
   const PoseList& poses = map.grid.poses;
-  line("machine", idle.scene.machine.name);
+  line("machine", escaped(idle.scene.machine.name));
   line("grid", fmt::format("{}: {} poses", grid_text(idle, map.grid), s.all.poses));
   if (const std::string standing = standing_text(idle, map.grid); !standing.empty())
     line("standing", standing);

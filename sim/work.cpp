@@ -49,6 +49,13 @@ std::string about(double count) {
   return count < 1e12 ? fmt::format("{:.3g} million", count / 1e6) : fmt::format("{:.1e}", count);
 }
 
+/// Keys that set what takes most of the memory: the vertices of the part, else the program.
+std::vector<std::string> keys_of_most_bytes(const Scene& scene, const Work& work) {
+  const double of_vertices = bytes_per_vertex * work.vertices;
+  if (!work.by.empty() && of_vertices < 0.5 * work.bytes) return work.by;
+  return {std::holds_alternative<MeshFile>(scene.part.shape) ? "part.file" : "part.vertices"};
+}
+
 }  // namespace
 
 BadInput refusal_at(const Scene& scene, const std::vector<std::string>& keys,
@@ -130,11 +137,11 @@ void check_work(const Scene& scene, const Work& work) {
                     about(work.samples), about(work.passes), work.range.x(), work.range.y()));
   const double most = memory_bytes();
   if (work.bytes > most)
-    throw refusal_at(scene, work.by.empty() ? std::vector<std::string>{"part.vertices"} : work.by,
-                     fmt::format("points and vertices that {:.1f} GB of memory hold", most / 1e9),
-                     fmt::format("{:.1f} GB for about {} points, {} samples and {} vertices",
-                                 work.bytes / 1e9, about(work.points), about(work.samples),
-                                 about(work.vertices)));
+    throw refusal_at(
+        scene, keys_of_most_bytes(scene, work),
+        fmt::format("points and vertices that {:.1f} GB of memory hold", most / 1e9),
+        fmt::format("{:.1f} GB for about {} points, {} samples and {} vertices", work.bytes / 1e9,
+                    about(work.points), about(work.samples), about(work.vertices)));
 }
 
 std::string remark(const Work& work) {

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "kinematics/escape.h"
 #include "sim/compensation/child_process.h"
 #include "sim/compensation/json_lines.h"
 #include "sim/compensation/plug_in_host.h"
@@ -83,7 +84,8 @@ class Conversation {
     try {
       return act();
     } catch (const ChildFault& fault) {
-      std::string text = fmt::format("{}: {}: {}", plug_in_.string(), name, fault.what());
+      std::string text =
+          fmt::format("{}: {}: {}", escaped(plug_in_.string()), name, escaped(fault.what()));
       if (child_ && !child_->last_words().empty())
         text += "\nits last words on stderr:\n" + indented(child_->last_words());
       throw PlugInFailure(as_utf8(text));

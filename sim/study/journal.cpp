@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <fstream>
 #include <stdexcept>
 #include <string_view>
 #include <system_error>
@@ -84,6 +85,15 @@ std::string holder(int descriptor) {
   return length > 0 ? std::string(text, std::size_t(length)) : "another process";
 }
 
+/// Whether a lock may be made of a file: an empty one, or what a holder left.
+bool is_lock(int descriptor) {
+  struct stat about {};
+  if (::fstat(descriptor, &about) != 0 || !S_ISREG(about.st_mode)) return false;
+  const std::string who = about.st_size > 0 ? holder(descriptor) : "";
+  return about.st_size == 0 ||
+         (about.st_size < 200 && who.starts_with("process ") && who.find(" on ") != who.npos);
+}
+
 /// A file beside the journal that one process at a time can hold. SQLite's own locks serve reading
 /// and writing; they would not keep a second study from doing the same cases.
 class Lock {
@@ -117,6 +127,12 @@ class Lock {
       throw OutputFailure(fmt::format(
           "{}: another process works on this study ({}); wait for it, or use another --out",
           file_.string().substr(0, file_.string().size() - 5), who));
+    }
+    if (!is_lock(descriptor)) {
+      ::close(descriptor);
+      throw OutputFailure(fmt::format(
+          "{}: a file that abbe did not make stands there; move it, or choose another --out",
+          file_.string()));
     }
     // its holder may have ended, and the file with it, between the two calls above
     struct stat held {
@@ -308,7 +324,49 @@ void check_identity(const std::filesystem::path& file, const std::string& seen,
                  "the journal of another one");
 }
 
+/// How SQLite begins the files that it keeps beside a database; zeros while it fills them.
+struct Beside {
+  const char* ending;
+  std::string_view begins;
+  std::uintmax_t fewest_bytes;  ///< below, it is being made
+};
+constexpr std::string_view memory_begins(
+    std::endian::native == std::endian::little ? "\x18\xe2\x2d\0" : "\0\x2d\xe2\x18", 4);
+constexpr Beside beside[] = {{"-wal", "\x37\x7f\x06", 1},
+                             {"-shm", memory_begins, 4},
+                             {"-journal", "\xd9\xd5\x05\xf9\x20\xa1\x63\xd7", 1}};
+
+bool is_sqlites(const std::filesystem::path& file, const Beside& kind) {
+  std::error_code failure;
+  if (std::filesystem::file_size(file, failure) < kind.fewest_bytes && !failure) return true;
+  std::string head(kind.begins.size(), '\0');
+  std::ifstream(file, std::ios::binary).read(head.data(), std::streamsize(head.size()));
+  return head == kind.begins || head == std::string(head.size(), '\0');
+}
+
+/// SQLite would follow links and write over what stands under its names.
+void check_places(const std::filesystem::path& file) {
+  const auto refuse = [](const std::filesystem::path& seen, const char* what) {
+    throw OutputFailure(
+        fmt::format("{}: {} stands there; move it, or choose another --out", seen.string(), what));
+  };
+  std::error_code none;
+  const auto is_there = [&](const std::filesystem::path& one) {
+    const auto status = std::filesystem::symlink_status(one, none);
+    const bool there = std::filesystem::exists(status);
+    if (there && status.type() != std::filesystem::file_type::regular)
+      refuse(one, "a link, or what is no file,");
+    return there;
+  };
+  is_there(file);
+  for (const Beside& kind : beside) {
+    const std::filesystem::path one = file.string() + kind.ending;
+    if (is_there(one) && !is_sqlites(one, kind)) refuse(one, "a file that abbe did not make");
+  }
+}
+
 Database opened_to_write(const std::filesystem::path& file, const std::string& identity) {
+  check_places(file);
   std::error_code missing;
   const auto size = std::filesystem::file_size(file, missing);
   // SQLite takes less than a page for an empty database, and would write over it
@@ -334,6 +392,7 @@ Database opened_to_read(const std::filesystem::path& file) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(file, ignored))
     throw no_journal(file, std::filesystem::exists(file, ignored) ? "something else" : "no file");
+  check_places(file);
   return opened(file, SQLITE_OPEN_READONLY);
 }
 

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/bad_input.h"
+#include "kinematics/escape.h"
 #include "sim/output.h"
 #include "sim/progress.h"
 #include "sim/study/budget_of.h"
@@ -104,8 +105,8 @@ std::string table_head(const Study& study, bool with_inputs) {
 /// What the journal of a folder says, block by block.
 StudyTold state(const Study& study, const Plan& plan, const std::vector<Row>& rows) {
   ordered_json blocks = ordered_json::array();
-  std::string text = fmt::format("{}: {} of {} cases are finished\n", study.title, rows.size(),
-                                 plan.cases);
+  std::string text = fmt::format("{}: {} of {} cases are finished\n", escaped(study.title),
+                                 rows.size(), plan.cases);
   for (const Block& block : plan.blocks) {
     const auto begin = std::lower_bound(
         rows.begin(), rows.end(), block.first,
@@ -129,6 +130,16 @@ StudyTold state(const Study& study, const Plan& plan, const std::vector<Row>& ro
           std::move(text)};
 }
 
+/// With every name on one line, for the terminal.
+std::vector<HistoryResult> one_lined(std::vector<HistoryResult> results) {
+  for (HistoryResult& one : results) {
+    one.train = escaped(one.train);
+    one.test = escaped(one.test);
+    for (std::string& sensor : one.sensors) sensor = escaped(sensor);
+  }
+  return results;
+}
+
 /// Stages of progress from here on.
 constexpr int stages_of_results = 3;
 
@@ -146,11 +157,11 @@ class Results {
       const auto results = histories(study_, report());
       write_histories(folder_, study_, results);
       told.json["histories"] = to_json(results);
-      told.text += to_csv(results);
+      told.text += to_csv(one_lined(results));
     }
     write_file(folder_ / "study.toml", study_.text);
     write_json(folder_ / "budget.json", told.json);
-    told.text += fmt::format("\nfiles in {}\n", folder_.path().string());
+    told.text += fmt::format("\nfiles in {}\n", escaped(folder_.path().string()));
     return told;
   }
 

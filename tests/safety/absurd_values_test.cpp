@@ -23,6 +23,7 @@
 #include "sim/report.h"
 #include "sim/scene.h"
 #include "sim/toml_reader.h"
+#include "sim/work.h"
 #include "tests/safety/program_run.h"
 
 /// Every number of every shipped scene, one at a time, becomes absurd. The scene is then read, cut,
@@ -265,6 +266,7 @@ TEST(AbsurdValues, OfEveryNumberOfEverySceneEndSoonAndSayWhichItWas) {
     ++done;
     refused += end.code == 3;
     longest = std::max(longest, end.seconds);
+    if (exhaustive && done % 100 == 0) std::cout << done << " of " << all.size() << std::endl;
   }
   std::cout << done << " of " << all.size() << " trials, " << refused << " refused, longest "
             << longest << " s of the processors\n";
@@ -282,6 +284,27 @@ TEST(AbsurdValues, WithoutOneTheScenesAreDoneAsSmallAsTheyAreMade) {
     }
 }
 
+TEST(AbsurdValues, OfVerticesAreNamedWhereTheyTakeTheMemory) {
+  const sim::Scene scene = sim::read_scene(source / "scenes/gantry_dome.toml");
+  const auto said = [&](const sim::Work& work) -> std::string {
+    try {
+      sim::check_work(scene, work);
+    } catch (const BadInput& fault) {
+      return fault.what();
+    }
+    return "";
+  };
+  sim::Work work;
+  work.by = {"program.step_mm"};
+  work.vertices = 5e7;
+  work.points = 1e5;
+  work.bytes = 1e15;
+  EXPECT_NE(said(work).find("program.step_mm"), std::string::npos) << "the program takes it";
+  work.vertices = 1e12;
+  EXPECT_NE(said(work).find("part.vertices"), std::string::npos) << said(work);
+  EXPECT_EQ(said(work).find("program.step_mm"), std::string::npos) << said(work);
+}
+
 /// Faults that were found, each with what it must say.
 TEST(AbsurdValues, ThatWereFoundAreRefusedAtTheirKey) {
   const struct {
@@ -293,6 +316,7 @@ TEST(AbsurdValues, ThatWereFoundAreRefusedAtTheirKey) {
       {"gantry_dome", "errors.EXX.0.coefficients_um.1", "1e9", "EXX"},
       {"thermal_protocol", "instrument.0.interval_s", "1e6", "interval_s"},
       {"gantry_dome", "sampling.max_step_mm", "1e-6", "sampling.max_step_mm"},
+      {"on_machine_measurement", "instrument.0.centre_mm.0", "1e9", "on_machine_measurement.toml:48:"},
   };
   for (const auto& one : found) {
     SCOPED_TRACE(std::string(one.scene) + " " + one.key + "=" + one.value);

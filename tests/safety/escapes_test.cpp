@@ -13,9 +13,11 @@ namespace {
 
 // what a stranger would have a terminal do: clear it, a title, a C1 control, reversed letters
 const std::string attack = "\x1b[2J\x1b]0;owned\x07\u009b31m\u202egnp\x7f\rabbe: all is well";
-// the same as TOML writes it
+const std::string forged = "\nforged: a line as if it were abbe's";
+// the same as TOML writes it, and a line of its own
 const std::string toml_attack =
-    "\\u001b[2J\\u001b]0;owned\\u0007\\u009b31m\\u202egnp\\u007f\\rabbe: all is well";
+    "\\u001b[2J\\u001b]0;owned\\u0007\\u009b31m\\u202egnp\\u007f\\rabbe: all is well"
+    "\\nforged: a line as if it were abbe's";
 
 /// The first byte of a text that would act on a terminal, as a number in words; empty if none.
 std::string act_in(const std::string& text) {
@@ -34,6 +36,7 @@ std::string act_in(const std::string& text) {
 
 void expect_calm(const Ran& ran, const std::string& door) {
   EXPECT_EQ(act_in(ran.text), "") << door;
+  EXPECT_EQ(("\n" + ran.text).find("\nforged"), std::string::npos) << door << ": " << ran.text;
   EXPECT_TRUE(ran.code == 0 || ran.code == 1 || ran.code == 2 || ran.code == 3 || ran.code == 5 ||
               ran.code == 6)
       << door << ": " << ran.code << ": " << ran.text;
@@ -77,7 +80,7 @@ TEST_F(Escapes, OfEveryTextOfASceneAreShownInMessagesTablesAndJson) {
   const Ran json = abbe("run scene.toml --json --out json 2>/dev/null");
   expect_calm(json, "run --json");
   std::string title = nlohmann::json::parse(bytes(folder_ / "out/summary.json"))["scene"];
-  EXPECT_EQ(title, attack) << "JSON gives the text itself to a program that reads it";
+  EXPECT_EQ(title, attack + forged) << "JSON gives the text itself to a program that reads it";
   for (const char* command : {"compare scene.toml --out cmp", "check scene.toml",
                               "check scene.toml --json", "pose scene.toml --at X=0",
                               "pose scene.toml --at X=0 --json", "measure scene.toml --out rd"})
@@ -153,11 +156,13 @@ TEST_F(Escapes, OfNamesOfFilesAndOfWhatIsTypedAreShown) {
         "run good.toml --out p.ngc/" + quoted, "pose good.toml --at " + quoted,
         "measure good.toml --instrument " + quoted, "evaluate " + quoted, "identify " + quoted,
         "render " + quoted, "study " + quoted, "export good.toml --case " + quoted,
+        std::string("run good.toml --out $'o\\nforged'"), std::string("run $'o\\nforged.toml'"),
         "run good.toml --json --out " + quoted, "compare good.toml --compensator ./" + quoted}) {
     const fs::path script = folder_.write("go.sh", std::string(ABBE_PROGRAM) + " " + command + "\n");
     const Ran ran = shell(in() + " bash " + script.string());
     EXPECT_EQ(act_in(ran.text), "") << command;
     EXPECT_EQ(ran.text.find('\xff'), std::string::npos) << command;
+    EXPECT_EQ(("\n" + ran.text).find("\nforged"), std::string::npos) << command << ": " << ran.text;
   }
 }
 
@@ -170,9 +175,9 @@ TEST_F(Escapes, OfAPlugInsWordsAreShown) {
       {"dies.py", python + say + "sys.exit(3)\n"},
       {"named.py", python + say +
                        "sys.stdin.readline()\nprint(json.dumps({'type': 'ready', 'protocol': "
-                       "'\\x1b[2J\\u202e', 'name': '\\x1b[2J\\u202e'}))\n"},
+                       "'\\x1b[2J\\u202e', 'name': '\\nforged\\x1b[2J\\u202e'}))\n"},
       {"babbles.py", python + "sys.stdin.readline()\nprint('\\x1b[2J\\u202e\\x9b')\n"},
-      {"errs.py", python + "sys.stdin.readline()\nprint(json.dumps({'error': '\\x1b[2J\\u202e'}))\n"}};
+      {"errs.py", python + "sys.stdin.readline()\nprint(json.dumps({'error': '\\nforged\\x1b[2J\\u202e'}))\n"}};
   std::string all;
   for (const auto& [name, text] : plug_ins) {
     folder_.write(name, text);

@@ -1,6 +1,8 @@
+#include <fstream>
 #include <functional>
 #include <map>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -195,7 +197,7 @@ TEST(Outputs, EveryCommandTakesTheSameDoor) {
       "export " + dome + small + " --out .",
       "rewrite " + dome + small + "--out notes.txt",
       "rewrite " + dome + small + "--out program.ngc",
-      "identify readings/ball_bar.csv --out notes.txt"};
+      "identify readings/ball_bar.csv --elements EXX --order 1 --out notes.txt"};
   for (const std::string& command : commands) {
     const Ran ran = run(command, in(folder));
     EXPECT_EQ(ran.code, 5) << command << ": " << ran.text;
@@ -208,7 +210,7 @@ TEST(Outputs, EveryCommandTakesTheSameDoor) {
 TEST(Outputs, SingleFilesAreReplacedOnlyWhereAbbeMadeThem) {
   const Folder folder;
   ASSERT_EQ(run("measure " + dome + " --instrument ball_bar --out readings", in(folder)).code, 0);
-  const std::string identify = "identify readings/ball_bar.csv --out belief.toml";
+  const std::string identify = "identify readings/ball_bar.csv --elements EXX --order 1 --out belief.toml";
   folder.write("belief.json", "mine");
   const Ran beside = run(identify, in(folder));
   EXPECT_EQ(beside.code, 5) << "the report would stand where the user's file is: " << beside.text;
@@ -220,8 +222,8 @@ TEST(Outputs, SingleFilesAreReplacedOnlyWhereAbbeMadeThem) {
   folder.write("other.toml", "mine");
   EXPECT_EQ(run("run " + dome + " --out .", in(folder)).code, 5)
       << "files of abbe's do not make the folder a result";
-  EXPECT_EQ(run("identify readings/ball_bar.csv --out other.toml", in(folder)).code, 5);
-  EXPECT_EQ(run("identify readings/ball_bar.csv --out other.toml --force", in(folder)).code, 0);
+  EXPECT_EQ(run("identify readings/ball_bar.csv --elements EXX --order 1 --out other.toml", in(folder)).code, 5);
+  EXPECT_EQ(run("identify readings/ball_bar.csv --elements EXX --order 1 --out other.toml --force", in(folder)).code, 0);
 }
 
 TEST(Outputs, NoLinkLeadsAWriterToAFileOfTheUsers) {
@@ -273,11 +275,248 @@ TEST(Outputs, AFolderOfJournalsIsAStudysButAnotherDatabaseIsNot) {
   EXPECT_NE(refusal([&] { ResultFolder(folder / "b", {}); }), "");
 }
 
+TEST(Outputs, AFileThatWasChangedSinceIsTheUsers) {
+  const Folder folder;
+  for (const char* name : {"a.txt", "b.txt", "c.txt"})
+    write_file(ResultFolder(folder / "out", {}) / name, "abbe's");
+  folder.write("out/a.txt", "mine, put in its place");
+  folder.write("out/b.txt", "abbe,s");  // as long as it was
+  const ResultFolder out(folder / "out", {});
+  for (const char* name : {"a.txt", "b.txt"}) {
+    const std::string text = bytes(out.path() / name);
+    EXPECT_NE(refusal([&] { write_file(out / name, "new"); }).find("was changed since"),
+              std::string::npos);
+    remove_file(out / name);
+    EXPECT_EQ(bytes(out.path() / name), text);
+  }
+  EXPECT_EQ(refusal([&] { write_file(out / "c.txt", "new"); }), "");
+  // nor does a list of files make a folder with such a file one of abbe's alone
+  write_file(sim::result_file(folder / "single/a.txt", {}), "abbe's");
+  EXPECT_EQ(refusal([&] { ResultFolder(folder / "single", {}); }), "");
+  folder.write("single/a.txt", "mine");
+  EXPECT_NE(refusal([&] { ResultFolder(folder / "single", {}); }), "");
+  EXPECT_NE(refusal([&] { sim::result_file(folder / "single/a.txt", {}); }), "");
+  write_file(sim::result_file(folder / "single/a.txt", {{.force = true}}), "forced");
+  EXPECT_EQ(bytes(folder / "single/a.txt"), "forced");
+}
+
+TEST(Outputs, ACommandRemovesOnlyWhatItWroteItself) {
+  const Folder folder;
+  const Writer rewrite{{.command = "abbe rewrite scene.toml --out out/rewritten.ngc"}};
+  const Writer run{{.command = "abbe run scene.toml --out out"}};
+  const Writer compare{{.command = "abbe compare scene.toml"}};
+  write_file(sim::result_file(folder / "out/rewritten.ngc", rewrite), "by rewrite");
+  const ResultFolder out(folder / "out", run);
+  write_file(out / "signals.csv", "by run");
+  remove_file(out / "rewritten.ngc");
+  EXPECT_EQ(bytes(folder / "out/rewritten.ngc"), "by rewrite");
+  remove_file(ResultFolder(folder / "out", compare) / "signals.csv");
+  EXPECT_FALSE(fs::exists(folder / "out/signals.csv")) << "compare writes the files of run";
+  write_file(out / "rewritten.ngc", "by run");
+  remove_file(out / "rewritten.ngc");
+  EXPECT_FALSE(fs::exists(folder / "out/rewritten.ngc"));
+}
+
+TEST(Outputs, ARunLeavesTheProgramThatRewriteWroteInItsFolder) {
+  const Folder folder;
+  folder.write("scene.toml", small_scene("[errors]\nEXX_um = 5\n"));
+  folder.write("p.ngc", small_program);
+  const Ran rewritten = run(
+      "rewrite scene.toml --case perfect-position-program --out out/rewritten.ngc", in(folder));
+  ASSERT_EQ(rewritten.code, 0) << rewritten.text;
+  const std::string program = bytes(folder / "out/rewritten.ngc");
+  const std::string command = "run scene.toml --out out";
+  ASSERT_EQ(run(command, in(folder)).code, 0);
+  EXPECT_EQ(bytes(folder / "out/rewritten.ngc"), program);
+}
+
+TEST(Outputs, TwoRunsInOneFolderKeepOneAnothersLinesOfTheMark) {
+  const Folder folder;
+  const auto write_forty = [&](const std::string& who) {
+    const ResultFolder out(folder / "out", {{.command = "abbe " + who}});
+    for (int i = 0; i < 40; ++i) write_file(out / (who + std::to_string(i)), who);
+  };
+  { std::jthread a(write_forty, "a"), b(write_forty, "b"); }
+  // each knows what the other wrote after it began
+  const ResultFolder first(folder / "out", {}), second(folder / "out", {});
+  write_file(second / "late.txt", "abbe's");
+  write_file(first / "late.txt", "abbe's again");
+  std::ifstream mark(folder / "out/.abbe-result");
+  int files = 0;
+  for (std::string line; std::getline(mark, line);) {
+    const auto json = nlohmann::json::parse(line, nullptr, false);
+    ASSERT_TRUE(json.is_object()) << line;
+    files += json.contains("file");
+  }
+  EXPECT_EQ(files, 82);
+}
+
+TEST(Outputs, AProcessKilledBetweenMarkAndFileChangesNobodysFile) {
+  const Folder folder;
+  write_file(ResultFolder(folder / "out", {}) / "a.txt", "abbe's");
+  // killed after the line of the next text, before the text took the name
+  const std::string line = "{\"file\":\"NAME\",\"by\":\"\",\"size\":4,\"sum\":\"0123456789abcdef\"}\n";
+  for (const std::string name : {"a.txt", "b.txt"})
+    std::ofstream(folder / "out/.abbe-result", std::ios::app)
+        << std::string(line).replace(line.find("NAME"), 4, name);
+  folder.write("out/b.txt", "user");  // as long as what was to come
+  const ResultFolder out(folder / "out", {});
+  EXPECT_EQ(refusal([&] { write_file(out / "a.txt", "again"); }), "") << "still abbe's";
+  EXPECT_NE(refusal([&] { write_file(out / "b.txt", "again"); }), "") << "never abbe's";
+  EXPECT_EQ(bytes(folder / "out/b.txt"), "user");
+}
+
+TEST(Outputs, AVariantThatSharesAFolderIsRefusedWhereTheSceneIsRead) {
+  const Folder folder;
+  folder.write("p.ngc", small_program);
+  const auto scene = [](const std::string& cases, const std::string& variants) {
+    return small_scene("[errors]\nEXX_um = 5\n[compare]\ncases = [" + cases + "]\n" + variants);
+  };
+  const auto variant = [](const std::string& name, const std::string& set = "errors.EXX_um = 1") {
+    return "[[variant]]\nname = \"" + name + "\"\nset = { " + set + " }\n";
+  };
+  const std::string ideal = "\"perfect-position-ideal\"";
+  const struct {
+    std::string text, says;
+  } faults[] = {
+      {scene(ideal, variant("perfect-position-ideal")), "scene.toml:17:8"},
+      {scene(ideal, variant("comparison.json")), "scene.toml:17:8"},
+      {scene(ideal, variant("program.ngc")), "scene.toml:17:8"},
+      {scene(ideal, variant("a") + variant("a-perfect-position-ideal")), "scene.toml:20:8"},
+      // of a case that the variant alone has
+      {scene(ideal, variant("a", "compare.cases = [\"perfect-iterated-ideal\"]") +
+                        variant("a-perfect-iterated-ideal")),
+       "scene.toml:20:8"},
+      {scene("\"./thermal.json\"", ""), "scene.toml:15:9"}};
+  for (const auto& fault : faults) {
+    folder.write("scene.toml", fault.text);
+    for (const std::string command : {"compare scene.toml --trust --out out", "check scene.toml"}) {
+      const Ran ran = run(command, in(folder));
+      EXPECT_EQ(ran.code, 3) << command << ": " << ran.text;
+      EXPECT_NE(ran.text.find(fault.says), std::string::npos) << fault.says << ": " << ran.text;
+      EXPECT_NE(ran.text.find("a folder of its own"), std::string::npos) << ran.text;
+    }
+    EXPECT_FALSE(fs::exists(folder / "out"));
+  }
+  // of a compensator that was typed
+  folder.write("scene.toml", scene(ideal, variant("mine.py")));
+  folder.write("mine.py", "");
+  const Ran typed = run("compare scene.toml --compensator ./mine.py --out out", in(folder));
+  EXPECT_EQ(typed.code, 3) << typed.text;
+  EXPECT_NE(typed.text.find("scene.toml:17:8"), std::string::npos) << typed.text;
+}
+
+TEST(Outputs, FilesOfTheUsersAmongCasesAreRefusedBeforeTheWork) {
+  const Folder folder;
+  folder.write("scene.toml", small_scene("[errors]\nEXX_um = 5\n"));
+  folder.write("p.ngc", small_program);
+  ASSERT_EQ(run("compare scene.toml --out out", in(folder)).code, 0);
+  folder.write("out/uncompensated/summary.json", "mine");
+  const auto before = contents(folder.path());
+  const Ran ran = run("compare scene.toml --out out", in(folder));
+  EXPECT_EQ(ran.code, 5) << ran.text;
+  EXPECT_EQ(touched(before, folder.path()), "");
+}
+
+TEST(Outputs, AStudyNeitherFollowsLinksNorWritesOverFilesUnderTheNamesOfItsJournal) {
+  const Folder folder;
+  folder.write("scene.toml", small_scene("[errors]\nEXX_um = 5\n"));
+  folder.write("p.ngc", small_program);
+  folder.write("study.toml", "scene = \"scene.toml\"\n[[input]]\nelement = \"EXX\"\nspread = "
+                             "0.2\n[monte_carlo]\ncases = 2\n");
+  const std::string names[] = {"journal.sqlite", "journal.sqlite-wal", "journal.sqlite-shm",
+                               "journal.sqlite-journal", "journal.sqlite-lock"};
+  for (const std::string& name : names)
+    for (const bool link : {false, true})
+      for (const char* force : {"", " --force"}) {
+        SCOPED_TRACE(name + (link ? ", a link" : ", a file") + force);
+        const std::string text = "mine, and rather longer than a head";
+        const Folder own;
+        fs::create_directories(own / "out");
+        own.write(link ? "keep.txt" : "out/" + name, text);
+        if (link) fs::create_symlink(own / "keep.txt", own / ("out/" + name));
+        const Ran ran = run("study study.toml --out " + (own / "out").string() + force, in(folder));
+        EXPECT_EQ(ran.code, std::string(force).empty() || link || name != "journal.sqlite" ? 5 : 3)
+            << ran.text;
+        EXPECT_EQ(bytes(own / ("out/" + name)), text);
+        EXPECT_EQ(fs::is_symlink(own / ("out/" + name)), link);
+        EXPECT_NE(ran.text.find(name), std::string::npos) << ran.text;
+      }
+  ASSERT_EQ(run("study study.toml --out out", in(folder)).code, 0);
+  folder.write("out/journal.sqlite-wal", "mine");
+  EXPECT_EQ(run("study study.toml --out out", in(folder)).code, 5) << "beside a journal, too";
+  EXPECT_EQ(bytes(folder / "out/journal.sqlite-wal"), "mine");
+}
+
+TEST(Outputs, WhatIsRefusedLeavesNoFolderBehind) {
+  const Folder folder;
+  const Ran missing = run("pose " + dome + " --at-file missing.csv --out new/x.csv", in(folder));
+  EXPECT_EQ(missing.code, 3) << missing.text;
+  const Ran readings = run("identify missing.csv --out new/x.toml", in(folder));
+  EXPECT_EQ(readings.code, 3) << readings.text;
+  const Ran file = run("pose " + dome + " --grid X=0:1:2 --out g.csv", in(folder));
+  EXPECT_EQ(file.code, 5) << file.text;
+  EXPECT_NE(file.text.find("--out g\n"), std::string::npos) << "a suggestion: " << file.text;
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
+TEST(Outputs, AFolderThatHoldsOnlyHiddenFilesIsEmpty) {
+  const Folder folder;
+  folder.write("kept/.gitkeep", "");
+  const ResultFolder kept(folder / "kept", {});
+  write_file(kept / "a.txt", "abbe's");
+  EXPECT_EQ(refusal([&] { write_file(ResultFolder(folder / "kept", {}) / "a.txt", "again"); }), "");
+  EXPECT_TRUE(fs::exists(folder / "kept/.gitkeep"));
+  // a hidden folder may hold a whole repository, a link lead anywhere
+  folder.write("repository/.git/HEAD", "mine");
+  EXPECT_NE(refusal([&] { ResultFolder(folder / "repository", {}); }), "");
+  fs::create_directories(folder / "linked");
+  fs::create_symlink(folder / "kept", folder / "linked/.link");
+  EXPECT_NE(refusal([&] { ResultFolder(folder / "linked", {}); }), "");
+}
+
+TEST(Outputs, NamesThatAreNoUtf8AreWrittenAndReported) {
+  const Folder folder;
+  folder.write("scene.toml", small_scene("[errors]\nEXX_um = 5\n"));
+  folder.write("p.ngc", small_program);
+  folder.write("poses.csv", "X_mm\n1\n");
+  folder.write("study.toml", "scene = \"scene.toml\"\n[[input]]\nelement = \"EXX\"\nspread = "
+                             "0.2\n[monte_carlo]\ncases = 2\n");
+  const std::string name = "$'r\\xff\\xfe'";
+  const struct {
+    std::string command;
+    int times;  ///< its own files are known by such names, too
+  } done[] = {
+      {"compare scene.toml --json --out c" + name, 1},
+      {"rewrite scene.toml --case perfect-position-program --json --out " + name + "/" + name, 2},
+      {"pose scene.toml --at-file poses.csv --json --out " + name + "/" + name + ".json", 2},
+      {"pose scene.toml --grid X=0:1:2 --json --out v" + name, 1},
+      {"measure " + dome + " --instrument ball_bar --json --out m" + name, 1},
+      {"evaluate m" + name + "/ball_bar.csv --json --out e" + name, 1},
+      {"identify m" + name + "/ball_bar.csv --elements EXX --order 1 --json --out i" + name + "/" + name, 1},
+      {"study study.toml --json --out s" + name, 1},
+      {"export scene.toml --case perfect-position-table --json --out x" + name, 1}};
+  for (const auto& [command, times] : done) {
+    const fs::path script =
+        folder.write("go.sh", std::string(ABBE_PROGRAM) + " " + command + " 2>errors.txt\n");
+    for (int i = 0; i < times; ++i) {
+      const Ran ran = shell(in(folder) + " bash " + script.string());
+      EXPECT_EQ(ran.code, 0) << command << ": " << bytes(folder / "errors.txt");
+      EXPECT_TRUE(nlohmann::json::accept(ran.text)) << command << ": " << ran.text;
+    }
+  }
+  for (const auto& entry : fs::recursive_directory_iterator(folder.path()))
+    if (entry.path().extension() == ".json") {
+      EXPECT_TRUE(nlohmann::json::accept(bytes(entry.path()))) << entry.path();
+    }
+  EXPECT_TRUE(fs::exists(folder / "r\xff\xfe/r\xff\xfe"));
+}
+
 TEST(Outputs, ATornMarkKeepsWhatItSaysBefore) {
   const Folder folder;
-  folder.write("out/a.txt", "abbe's");
+  write_file(ResultFolder(folder / "out", {}) / "a.txt", "abbe's");
   folder.write("out/b.txt", "whose?");
-  folder.write("out/.abbe-result", "{\"folder\":true}\n{\"file\":\"a.txt\"}\n{\"file\":\"b.t");
+  std::ofstream(folder / "out/.abbe-result", std::ios::app) << "{\"file\":\"b.t";
   const ResultFolder out(folder / "out", {});
   write_file(out / "a.txt", "again");
   EXPECT_NE(refusal([&] { write_file(out / "b.txt", "again"); }), "");
