@@ -170,8 +170,8 @@ int finish(const Common& common, const RunOptions& options, const Outcome& outco
     print("{}", Lines(json_text(outcome.json)));
   } else if (outcome.json.contains("cases")) {
     print("{}", Lines(comparison_text(one_lined(outcome.json))));
-    print("\nfiles in {}; comparison.png shows all cases on one scale\n",
-               options.folder.string());
+    print("\nfiles in {}{}\n", options.folder.string(),
+          draws_pictures() ? "; comparison.png shows all cases on one scale" : "");
   } else {
     print("{}\n{:<36} {} {}\n{}files in {}\n", residual_head(),
           outcome.json["case"].get<std::string>(), figures(outcome.json["residual_um"]),
@@ -180,6 +180,8 @@ int finish(const Common& common, const RunOptions& options, const Outcome& outco
   if (!common.json && !outcome.sensors.is_null())
     print("{}", Lines(sensor_choices_text(one_lined(outcome.sensors))));
   print_warnings(outcome.json);
+  if (!draws_pictures())
+    print(stderr, "abbe: warning: this program was built without VTK: no pictures and no .vtp\n");
   for (const std::string& limit : outcome.exceeded) print(stderr, "abbe: {}\n", limit);
   for (const std::string& failure : outcome.failed) print(stderr, "abbe: {}\n", Lines(failure));
   if (!outcome.failed.empty()) return plug_in;

@@ -283,6 +283,8 @@ About about(const std::filesystem::path& result) {
 
 }  // namespace
 
+bool draws_pictures() { return true; }
+
 void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
   write_file(folder / "residual.vtp", [&](const std::filesystem::path& file) {
     render::write_residual(file, design_m(job), verdict.aligned.surface);
@@ -411,11 +413,16 @@ std::filesystem::path render_result(const RenderOptions& options) {
 
 namespace abbe::sim {
 
+bool draws_pictures() { return false; }
+
 void write_case_pictures(const ResultFolder&, const Job&, const Verdict&) {}
 void write_source_pictures(const ResultFolder&, const Job&, const Verdict&) {}
 void write_comparison_picture(const ResultFile&, const Scene&,
                               const std::vector<Compared>&) {}
-void write_check_picture(const ResultFile&, const Job&) {}
+void write_check_picture(const ResultFile& file, const Job&) {
+  throw BadInput(file.path().string(), 0, 0, "a program built with -DABBE_RENDER=ON",
+                 "one without VTK");
+}
 std::filesystem::path render_result(const RenderOptions& options) {
   throw BadInput(options.result.string(), 0, 0, "a program built with -DABBE_RENDER=ON",
                  "one without VTK");

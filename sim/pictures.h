@@ -6,8 +6,12 @@
 #include "sim/output.h"
 #include "sim/report.h"
 
-/// Pictures and VTK files of results; nothing is written where the program was built without VTK.
+/// Pictures and VTK files of results. Where the program was built without VTK those of a run are not
+/// written, and those that are asked for by name are refused.
 namespace abbe::sim {
+
+/// Whether this program was built with VTK.
+bool draws_pictures();
 
 /// `residual.vtp`, `residual.png` and `histogram.png` of a case.
 /// @throws OutputFailure
@@ -23,6 +27,7 @@ void write_comparison_picture(const ResultFile& file, const Scene& scene,
                               const std::vector<Compared>& cases);
 
 /// Machine, part and path, the errors of the path magnified; what `abbe check --picture` draws.
+/// @throws BadInput, OutputFailure
 void write_check_picture(const ResultFile& file, const Job& job);
 
 struct RenderOptions {

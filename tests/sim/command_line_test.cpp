@@ -128,6 +128,15 @@ TEST_F(CommandLine, AMissingSceneIsAnInputFault) {
   EXPECT_NE(ran.text.find("none.toml"), std::string::npos) << ran.text;
 }
 
+TEST_F(CommandLine, APictureOfTheSceneIsDrawnOrRefused) {
+  const fs::path scene = plane_scene(write("p.ngc", good_program).string());
+  const fs::path out = folder_ / "out";
+  const Ran ran = run("check " + scene.string() + " --picture --out " + out.string());
+  EXPECT_EQ(ran.code, ABBE_RENDER ? 0 : 3) << ran.text;
+  EXPECT_EQ(fs::exists(out / "check.png"), bool(ABBE_RENDER));
+  EXPECT_EQ(ran.text.find("picture in") != std::string::npos, bool(ABBE_RENDER)) << ran.text;
+}
+
 TEST_F(CommandLine, AGoodSceneLeavesEveryPromisedFileAndKey) {
   const fs::path scene = plane_scene(write("p.ngc", good_program).string());
   const fs::path out = folder_ / "out";
@@ -135,10 +144,9 @@ TEST_F(CommandLine, AGoodSceneLeavesEveryPromisedFileAndKey) {
   ASSERT_EQ(ran.code, 0) << ran.text;
   for (const char* name : {"summary.json", "scene.toml"})
     EXPECT_TRUE(fs::exists(out / name)) << name;
-#if ABBE_RENDER
   for (const char* name : {"residual.vtp", "residual.png", "histogram.png"})
-    EXPECT_TRUE(fs::exists(out / name)) << name;
-#endif
+    EXPECT_EQ(fs::exists(out / name), bool(ABBE_RENDER)) << name;
+  EXPECT_EQ(ran.text.find("built without VTK") == std::string::npos, bool(ABBE_RENDER)) << ran.text;
   const auto summary = nlohmann::json::parse(bytes(out / "summary.json"));
   for (const char* key : {"scene", "seed", "vertices", "cut_vertices", "uncut_vertices", "moves",
                           "residual_um", "tip_error_um", "direction_error_urad", "datum",
