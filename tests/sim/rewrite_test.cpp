@@ -23,7 +23,7 @@ namespace {
 using namespace abbe::literals;
 using kinematics::Pose;
 
-/// A program of long lines and arcs on the gantry with its typical errors; nothing is cut.
+/// A program of long lines and arcs on the gantry with its typical errors, just above the part.
 std::filesystem::path long_moves(const SceneFolder& folder, const std::string& program) {
   const std::string scenes = packaged("").string();
   folder.write("long.ngc", program);
@@ -31,7 +31,8 @@ std::filesystem::path long_moves(const SceneFolder& folder, const std::string& p
                                                "errors = \"{0}errors/gantry_typical.toml\"\n"
                                                "tool = \"{0}tools/ball_r5.toml\"\n"
                                                "[part]\nsurface = \"sphere_cap\"\nradius_mm = 100\n"
-                                               "rim_radius_mm = 50\nvertices = 200\n"
+                                               "rim_radius_mm = 50\nat_mm = [0, 0, 119]\n"
+                                               "vertices = 200\n"
                                                "[program]\nfile = \"long.ngc\"\n",
                                                scenes));
 }
