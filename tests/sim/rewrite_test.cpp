@@ -168,16 +168,25 @@ TEST(RewriteCommand, WritesAProgramThatItsReaderTakesAndSaysWhatItIs) {
   EXPECT_EQ(report["bytes"], std::filesystem::file_size(options.out));
   EXPECT_EQ(report["path_tolerance_um"], 0.5);
   EXPECT_EQ(report["words"]["mm"], 1e-4);
-  // in the air above the cap: it is rewritten all the same, and said
-  ASSERT_EQ(report["warnings"].size(), 1u) << report["warnings"];
-  EXPECT_NE(report["warnings"][0].get<std::string>().find("nothing of the part is cut"),
-            std::string::npos);
   const double most = report["correction_um"]["max"], rms = report["correction_um"]["rms"];
   EXPECT_GT(rms, 1.0);
   EXPECT_GT(most, rms);
   EXPECT_LT(most, 200.0);
   // the correction undoes what the uncompensated tool is off
   EXPECT_NEAR(most, cut(job).tip_error.max / units::um, 0.1 * most);
+}
+
+TEST(RewriteCommand, OfAProgramThatMissesThePartIsWrittenWithAWarning) {
+  const SceneFolder folder;
+  RewriteCommandOptions options;
+  options.case_name = "perfect-iterated-program";
+  options.overrides = {{"part.at_mm", "[0, 0, 0]"}};
+  options.out = folder.path() / "in_the_air.ngc";
+  const nlohmann::ordered_json report = rewrite(long_moves(folder, tip_program), options);
+  ASSERT_EQ(report["warnings"].size(), 1u) << report["warnings"];
+  EXPECT_NE(report["warnings"][0].get<std::string>().find("nothing of the part is cut"),
+            std::string::npos);
+  EXPECT_TRUE(std::filesystem::exists(options.out));
 }
 
 TEST(RewriteCommand, RefusesWhatItCannotDo) {
