@@ -63,12 +63,12 @@ struct GenerateContext {
 
 /// What a generator had to leave out, as the machine does not reach it.
 struct Unreached {
-  int passes = 0;          ///< of which nothing is cut
-  int broken_passes = 0;   ///< of which some is cut
-  int all_passes = 0;      ///< wanted
-  int points = 0;          ///< left out, of all passes
-  int all_points = 0;      ///< wanted
-  int first_pass = 0;      ///< that is not whole, counted from 1; 0: all are
+  int passes = 0;         ///< of which nothing is cut
+  int broken_passes = 0;  ///< of which some is cut
+  int all_passes = 0;     ///< wanted
+  int points = 0;         ///< left out, of all passes
+  int all_points = 0;     ///< wanted
+  int first_pass = 0;     ///< that is not whole, counted from 1; 0: all are
   kinematics::Reach why = kinematics::Reach::Reached;  ///< of its first point that is not reached
   Eigen::Vector3d tip_w = Eigen::Vector3d::Zero();     ///< mm, that point
 };

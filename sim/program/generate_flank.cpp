@@ -63,9 +63,9 @@ std::string generate_flank(const Flank& flank, const cutting::Cone& cone,
   // way.
   for (const double sign : {-1.0, 1.0})
     for (int quarter = 0; quarter < 4; ++quarter) try {
-        return milling_text(
-                   {once_around(flank, cone, cutter, context, quarter * std::numbers::pi / 2, sign)},
-                   options, context)
+        return milling_text({once_around(flank, cone, cutter, context,
+                                         quarter * std::numbers::pi / 2, sign)},
+                            options, context)
             .text;
       } catch (const std::invalid_argument&) {
         if (sign > 0 && quarter == 3) throw;

@@ -68,10 +68,10 @@ Reach Writer::reach(const Posture& posture) {
 
 void Writer::leave_out(const Posture& posture, Reach why) {
   if (options_.whole)
-    throw std::invalid_argument(
-        fmt::format("a pass with a pose that it does not reach, at ({:.3f}, {:.3f}, {:.3f}) mm of the "
-                    "workpiece",
-                    posture.tip_w.x(), posture.tip_w.y(), posture.tip_w.z()));
+    throw std::invalid_argument(fmt::format(
+        "a pass with a pose that it does not reach, at ({:.3f}, {:.3f}, {:.3f}) mm of the "
+        "workpiece",
+        posture.tip_w.x(), posture.tip_w.y(), posture.tip_w.z()));
   if (unreached_.points++ > 0) return;
   unreached_.first_pass = unreached_.all_passes;
   unreached_.why = why;

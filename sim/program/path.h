@@ -88,9 +88,9 @@ struct Path {
   std::vector<Block> blocks;
   std::vector<Arc> arcs;
   std::vector<Cubic> cubics;
-  std::vector<Aside> asides;  ///< in the order of the program
+  std::vector<Aside> asides;         ///< in the order of the program
   std::vector<ToolCall> tool_calls;  ///< the same
-  int motion_blocks = 0;      ///< blocks with motion, as `moves` in the summary
+  int motion_blocks = 0;             ///< blocks with motion, as `moves` in the summary
 };
 
 /// Programmed coordinates at fraction u in [0, 1] of the block's time; the ends are the block's bit

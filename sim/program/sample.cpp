@@ -345,7 +345,8 @@ class Recorder {
 void Recorder::expect(double more, int block) const {
   if (double(samples_.states.size()) + more > double(options_.max_samples))
     throw TooManySamples(path_.file, path_.blocks[std::size_t(block)].line, 0,
-                   fmt::format("a program of at most {} samples", options_.max_samples), "more");
+                         fmt::format("a program of at most {} samples", options_.max_samples),
+                         "more");
 }
 
 void Recorder::push(kinematics::AxisState state, int block) {

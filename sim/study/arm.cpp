@@ -6,8 +6,8 @@
 
 #include "cutting/alignment.h"
 #include "cutting/residual.h"
-#include "sim/reach.h"
-#include "sim/run_out.h"
+#include "sim/cut/reach.h"
+#include "sim/machine/run_out.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -120,18 +120,17 @@ ReadyArm ready_arm(const Study& study, const Arm& arm, const Progress& progress)
 Tried cut_at(const Study& study, const ReadyArm& ready, Job job, const Eigen::VectorXd& x) {
   const Scene scene = scene_at(study, ready.arm, ready.scene, x);
   if (std::any_of(study.inputs.begin(), study.inputs.end(), reshapes)) {
-    const Job anew = prepare(scene);
-    Cut cut = cut_as_told(anew, commands(ready.arm, anew));
+    const Job own = prepare(scene);
+    Cut made = cut(own, commands(ready.arm, own));
     cutting::Surface error_free;
-    if (study.machine_part) error_free = cut_error_free(anew).surface;
-    Eigen::VectorXd values = responses(study, anew, cut.surface, error_free);
-    return {std::move(job), std::move(cut.surface), std::move(values)};
+    if (study.machine_part) error_free = cut_error_free(own).surface;
+    Eigen::VectorXd values = responses(study, own, made.surface, error_free);
+    return {std::move(job), std::move(made.surface), std::move(values)};
   }
   job = with_errors(std::move(job), scene);
-  Cut cut = ready.told_for_each ? cut_as_told(job, commands(ready.arm, job))
-                                : cut_as_told(job, ready.told);
-  Eigen::VectorXd values = responses(study, job, cut.surface, ready.error_free);
-  return {std::move(job), std::move(cut.surface), std::move(values)};
+  Cut made = ready.told_for_each ? cut(job, commands(ready.arm, job)) : cut(job, ready.told);
+  Eigen::VectorXd values = responses(study, job, made.surface, ready.error_free);
+  return {std::move(job), std::move(made.surface), std::move(values)};
 }
 
 Eigen::VectorXd responses(const Study& study, const Job& job, const cutting::Surface& surface,

@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-#include "sim/loop.h"
+#include "sim/loop/compensate.h"
 #include "sim/study/study.h"
 
 namespace abbe::sim::study {

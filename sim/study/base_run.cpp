@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "sim/run_out.h"
+#include "sim/machine/run_out.h"
 
 namespace abbe::sim::study {
 

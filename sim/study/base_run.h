@@ -6,8 +6,8 @@
 
 #include "cutting/rivals.h"
 #include "cutting/surface.h"
+#include "sim/cut/tool_motion.h"
 #include "sim/study/arm.h"
-#include "sim/tool_motion.h"
 
 namespace abbe::sim::study {
 

@@ -8,7 +8,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "sim/output.h"
+#include "sim/files/output.h"
 #include "sim/study/answers.h"
 #include "sim/study/indices.h"
 #include "sim/study/study.h"
@@ -21,24 +21,24 @@ struct Contribution {
   std::optional<double> low;   ///< change of the response at centre - step, mm
   std::optional<double> high;  ///< at centre + step
   std::optional<SobolIndex> sobol;
-  std::optional<double> correlation;       ///< linear, with the answers of Monte-Carlo
+  std::optional<double> correlation;  ///< linear, with the answers of Monte-Carlo
   std::optional<double> rank_correlation;
 };
 
 /// The budget of one response.
 struct ResponseBudget {
   Response response = Response::Pv;
-  double base = 0.0;                          ///< with every input at its centre
-  std::vector<Contribution> contributions;    ///< (inputs)
-  std::optional<double> root_sum_square;      ///< of the larger of low and high
-  std::optional<double> sum;                  ///< of the same: worst case of a linear response
-  std::optional<double> worst;                ///< of the worst corner that was found
-  std::optional<double> worst_bound;          ///< no corner is worse
-  Eigen::VectorXd values;                     ///< of Monte-Carlo, (cases) or empty
-  std::optional<Answers> answers;             ///< of them
-  std::optional<double> limit;                ///< mm
-  std::optional<double> capability;           ///< Cpk against it
-  std::optional<Banded> share_within;         ///< of the machines within the limit
+  double base = 0.0;                        ///< with every input at its centre
+  std::vector<Contribution> contributions;  ///< (inputs)
+  std::optional<double> root_sum_square;    ///< of the larger of low and high
+  std::optional<double> sum;                ///< of the same: worst case of a linear response
+  std::optional<double> worst;              ///< of the worst corner that was found
+  std::optional<double> worst_bound;        ///< no corner is worse
+  Eigen::VectorXd values;                   ///< of Monte-Carlo, (cases) or empty
+  std::optional<Answers> answers;           ///< of them
+  std::optional<double> limit;              ///< mm
+  std::optional<double> capability;         ///< Cpk against it
+  std::optional<Banded> share_within;       ///< of the machines within the limit
   std::optional<IndexConvergence> convergence;
 };
 
@@ -54,14 +54,14 @@ struct MapContribution {
 /// Spreads that keep a response within its limit.
 struct Allocation {
   Tolerance asked;
-  Eigen::VectorXd equal;        ///< (inputs) factor of every spread, the same for all
-  Eigen::VectorXd cheapest;     ///< (inputs) factors <= 1 of least cost, sum of cost / factor
+  Eigen::VectorXd equal;     ///< (inputs) factor of every spread, the same for all
+  Eigen::VectorXd cheapest;  ///< (inputs) factors <= 1 of least cost, sum of cost / factor
   double equal_cost = 0.0;
   double cheapest_cost = 0.0;
-  Banded equal_share;           ///< of fresh random machines within the limit
+  Banded equal_share;  ///< of fresh random machines within the limit
   Banded cheapest_share;
-  double floor = 0.0;           ///< mm, of the response with all inputs at their centres
-  bool attainable = true;       ///< false: not even without any spread
+  double floor = 0.0;      ///< mm, of the response with all inputs at their centres
+  bool attainable = true;  ///< false: not even without any spread
 };
 
 struct ArmBudget {
@@ -72,7 +72,7 @@ struct ArmBudget {
                                   ///< its mean part and all shares
   std::optional<double> map_mean_rms;  ///< mm, of the part that is no input's: cusps, centres
   std::optional<double> flagged_percent;
-  std::optional<double> uncut_percent;  ///< of the judged area, with every input at its centre
+  std::optional<double> uncut_percent;   ///< of the judged area, with every input at its centre
   std::optional<double> gouged_percent;  ///< the same, deeper than the band
   std::optional<Allocation> allocation;
 };
@@ -83,8 +83,8 @@ struct Proof {
   Response response = Response::Pv;
   std::uint64_t compared = 0;     ///< cases that both engines answer
   std::uint64_t one_sided = 0;    ///< cases that one of them answers
-  std::optional<double> percent;  ///< largest difference, of the full run's figure; of mean and share
-                                  ///< in tolerance, which may be zero, of the largest figure
+  std::optional<double> percent;  ///< largest difference, of the full run's figure; of mean and
+                                  ///< share in tolerance, which may be zero, of the largest figure
 };
 
 struct Sweeping {

@@ -54,9 +54,9 @@ std::string to_csv(const Budget& budget) {
         const Input& input = study.inputs[i];
         const std::optional<MapContribution> map =
             i < arm.maps.size() ? std::optional(arm.maps[i]) : std::nullopt;
-        Fields row{csv_field(arm.arm.name),        name_of(r.response),
-                   csv_field(input.name),          csv_field(input.unit),
-                   csv_field(centres[c.input]),    csv_field(deviations[c.input]),
+        Fields row{csv_field(arm.arm.name),     name_of(r.response),
+                   csv_field(input.name),       csv_field(input.unit),
+                   csv_field(centres[c.input]), csv_field(deviations[c.input]),
                    csv_field(input.cost)};
         const auto add = [&](const Fields& more) {
           row.insert(row.end(), more.begin(), more.end());

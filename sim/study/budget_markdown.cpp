@@ -98,8 +98,8 @@ std::string in_band(Response response, const Banded& b) {
 }
 
 std::string totals(const ArmBudget& arm) {
-  Table t{{"response", "base", "RSS", "sum", "worst found", "at most", "mean", "std. dev.", "P95", "P99",
-           "limit", "within the limit", "Cpk"}};
+  Table t{{"response", "base", "RSS", "sum", "worst found", "at most", "mean", "std. dev.", "P95",
+           "P99", "limit", "within the limit", "Cpk"}};
   for (const ResponseBudget& r : arm.responses) {
     const auto told = [&](const std::optional<double>& v) {
       return v ? figure(in_unit(r.response, *v)) : std::string();
@@ -108,9 +108,10 @@ std::string totals(const ArmBudget& arm) {
       return r.answers ? in_band(r.response, (*r.answers).*what) : std::string();
     };
     t.rows.push_back({title_of(r.response) + ", " + shown_unit(r.response), told(r.base),
-                      told(r.root_sum_square), told(r.sum), told(r.worst), told(r.worst_bound), band(&Answers::mean),
-                      band(&Answers::standard_deviation), band(&Answers::p95), band(&Answers::p99),
-                      told(r.limit), r.share_within ? machines(*r.share_within) : "",
+                      told(r.root_sum_square), told(r.sum), told(r.worst), told(r.worst_bound),
+                      band(&Answers::mean), band(&Answers::standard_deviation), band(&Answers::p95),
+                      band(&Answers::p99), told(r.limit),
+                      r.share_within ? machines(*r.share_within) : "",
                       r.capability ? hundredths(*r.capability) : ""});
   }
   return to_text(t);
@@ -334,8 +335,8 @@ std::string allocation(const Study& study, const Allocation& a) {
   std::string text =
       fmt::format("**What to spend on**, for {} ≤ {} in {} of the machines. ", what,
                   with_unit(a.asked.response, a.asked.limit), percent(a.asked.confidence));
-  text += fmt::format("Without any spread {} is {}, every input at its centre.\n\n",
-                      what, with_unit(a.asked.response, a.floor));
+  text += fmt::format("Without any spread {} is {}, every input at its centre.\n\n", what,
+                      with_unit(a.asked.response, a.floor));
   if (!a.attainable) return text + "**Not attainable**: not even without any spread.\n\n";
   double now = 0.0;
   for (const Input& input : study.inputs) now += input.cost;
@@ -366,8 +367,7 @@ std::string in_short(const Study& study, const ArmBudget& arm) {
   if (r.share_within) text += fmt::format(" kept by {}", percent(r.share_within->value));
   const Ranking own = ranking(r, study.inputs.size());
   const bool mapped = own.basis == Ranking::Basis::None;
-  const std::string whose =
-      leaders(study, mapped ? map_ranking(arm, study.inputs.size()) : own, 3);
+  const std::string whose = leaders(study, mapped ? map_ranking(arm, study.inputs.size()) : own, 3);
   if (!whose.empty()) text += (mapped ? "; the map is mostly " : "; mostly ") + whose;
   if (arm.allocation && !arm.allocation->attainable) {
     text += "; no spending reaches the limit";

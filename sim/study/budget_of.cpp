@@ -162,8 +162,7 @@ std::vector<Proof> proofs(const Study& study, const Finished& finished) {
       Proof proof;
       proof.arm = study.arms[arm].name;
       proof.response = study.responses[r];
-      all.push_back(
-          proof_of(full, finished.column(*estimated, column).head(full.size()), proof));
+      all.push_back(proof_of(full, finished.column(*estimated, column).head(full.size()), proof));
     }
   return all;
 }
@@ -290,29 +289,28 @@ void add_warnings(Budget& budget) {
   constexpr double most_flagged = 2.0, most_off = 5.0;  // percent
   for (const ArmBudget& arm : budget.arms) {
     if (arm.flagged_percent && *arm.flagged_percent > most_flagged)
-      budget.warnings.push_back(
-          fmt::format("influence maps of {} fail on {:.3g} % of the area: its figures are not to be "
-                      "trusted; take smaller spreads, or engine = \"full\"",
-                      arm.arm.name, *arm.flagged_percent));
+      budget.warnings.push_back(fmt::format(
+          "influence maps of {} fail on {:.3g} % of the area: its figures are not to be "
+          "trusted; take smaller spreads, or engine = \"full\"",
+          arm.arm.name, *arm.flagged_percent));
     if (arm.uncut_percent && *arm.uncut_percent > 0.0)
       budget.warnings.push_back(
           fmt::format("{:.3g} % of the judged area is not cut with every input at its centre, and "
                       "left out ({})",
                       *arm.uncut_percent, arm.arm.name));
     if (arm.gouged_percent && *arm.gouged_percent > 0.0)
-      budget.warnings.push_back(
-          fmt::format("{:.3g} % of the judged area is gouged deeper than the band with every input at "
-                      "its centre: such a machine has no figures ({})",
-                      *arm.gouged_percent, arm.arm.name));
+      budget.warnings.push_back(fmt::format(
+          "{:.3g} % of the judged area is gouged deeper than the band with every input at "
+          "its centre: such a machine has no figures ({})",
+          *arm.gouged_percent, arm.arm.name));
   }
   for (const Proof& proof : budget.proofs) {
     if (proof.percent && *proof.percent > most_off)
       budget.warnings.push_back(fmt::format("{} of {} by influence maps is {:.3g} % off a full cut",
                                             name_of(proof.response), proof.arm, *proof.percent));
     if (proof.one_sided > 0)
-      budget.warnings.push_back(
-          fmt::format("{} of {}: {} proofs are answered by one engine alone",
-                      name_of(proof.response), proof.arm, proof.one_sided));
+      budget.warnings.push_back(fmt::format("{} of {}: {} proofs are answered by one engine alone",
+                                            name_of(proof.response), proof.arm, proof.one_sided));
   }
 }
 

@@ -12,7 +12,7 @@
 #include "render/heat_map.h"
 #include "render/label.h"
 #include "render/plot.h"
-#include "sim/output.h"
+#include "sim/files/output.h"
 #include "sim/study/picture_names.h"
 #include "sim/study/ranking.h"
 #include "sim/study/words.h"

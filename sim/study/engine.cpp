@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/bad_input.h"
-#include "sim/progress.h"
+#include "sim/files/progress.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -44,8 +44,7 @@ std::vector<Row> empty_rows(const ReadyStudy& ready, const Batch& batch) {
   const std::size_t columns = ready.study.arms.size() * ready.study.responses.size();
   std::vector<Row> rows;
   for (std::uint64_t i = batch.first; i < batch.last; ++i)
-    rows.push_back(
-        {i, std::vector<double>(columns, std::numeric_limits<double>::quiet_NaN()), ""});
+    rows.push_back({i, std::vector<double>(columns, std::numeric_limits<double>::quiet_NaN()), ""});
   return rows;
 }
 

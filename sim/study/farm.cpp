@@ -13,7 +13,7 @@
 #include <tbb/partitioner.h>
 #include <tbb/task_arena.h>
 
-#include "sim/progress.h"
+#include "sim/files/progress.h"
 #include "sim/study/messages.h"
 
 namespace abbe::sim::study {

@@ -9,11 +9,11 @@
 
 #include "cutting/residual.h"
 #include "kinematics/units.h"
-#include "sim/identify.h"
-#include "sim/identify_thermal.h"
-#include "sim/measure.h"
-#include "sim/progress.h"
-#include "sim/readings_file.h"
+#include "sim/calibration/identify.h"
+#include "sim/calibration/identify_thermal.h"
+#include "sim/files/progress.h"
+#include "sim/measure/measure.h"
+#include "sim/readings/readings_file.h"
 #include "sim/study/csv_field.h"
 
 namespace abbe::sim::study {

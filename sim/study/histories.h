@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "sim/loop.h"
+#include "sim/loop/compensate.h"
 #include "sim/study/study.h"
 
 namespace abbe::sim::study {

@@ -105,8 +105,8 @@ cutting::Surface surface_of(const InfluenceMap& influence, const Eigen::VectorXd
 }  // namespace
 
 std::size_t gouges_of(const InfluenceMap& influence) {
-  return std::size_t(std::count(influence.status.begin(), influence.status.end(),
-                                cutting::VertexStatus::Gouged));
+  return std::size_t(
+      std::count(influence.status.begin(), influence.status.end(), cutting::VertexStatus::Gouged));
 }
 
 Eigen::MatrixXd maps(const InfluenceMap& influence, const Eigen::MatrixXd& x) {

@@ -8,7 +8,7 @@
 
 #include "cutting/residual.h"
 #include "kinematics/units.h"
-#include "sim/output.h"
+#include "sim/files/output.h"
 #include "sim/study/picture_names.h"
 #include "sim/study/uncertainty.h"
 #include "sim/study/words.h"

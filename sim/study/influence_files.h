@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "sim/output.h"
+#include "sim/files/output.h"
 #include "sim/study/engine.h"
 #include "sim/study/histories.h"
 

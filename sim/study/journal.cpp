@@ -21,7 +21,7 @@
 #include <sqlite3.h>
 
 #include "kinematics/bad_input.h"
-#include "sim/output.h"
+#include "sim/files/output.h"
 
 namespace abbe::sim::study {
 namespace {

@@ -8,9 +8,9 @@
 
 #include "kinematics/bad_input.h"
 #include "sim/compensation/plug_in.h"
-#include "sim/output.h"
-#include "sim/progress.h"
-#include "sim/scene.h"
+#include "sim/files/output.h"
+#include "sim/files/progress.h"
+#include "sim/scene/scene.h"
 
 namespace abbe::sim::study {
 namespace {

@@ -15,10 +15,10 @@ struct Range {
 /// The passes of influence maps over a box of inputs, a slope that is common to all taken away.
 struct Passes {
   const InfluenceMap& influence;
-  Eigen::VectorXd half;       ///< (p) half widths of the box
-  Eigen::VectorXd middle;     ///< (m) mm, linear part at its middle, less the error-free map
-  Eigen::VectorXd magnitude;  ///< (m) mm, most by which the linear part differs from that
-  std::vector<Range> lift;    ///< (m) mm, of the curvature
+  Eigen::VectorXd half;           ///< (p) half widths of the box
+  Eigen::VectorXd middle;         ///< (m) mm, linear part at its middle, less the error-free map
+  Eigen::VectorXd magnitude;      ///< (m) mm, most by which the linear part differs from that
+  std::vector<Range> lift;        ///< (m) mm, of the curvature
   std::vector<Eigen::Index> cut;  ///< vertices that have a pass
 
   Eigen::Index begin(Eigen::Index v) const { return influence.first[std::size_t(v)]; }

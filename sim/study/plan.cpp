@@ -35,8 +35,7 @@ Eigen::MatrixXd monte_carlo(const Study& study, std::uint64_t from, std::uint64_
 
 Eigen::MatrixXd sobol(const Study& study, std::uint64_t from, std::uint64_t to) {
   const auto columns = std::uint64_t(study.inputs.size()) + 2;
-  const Sequence sequence{Sampling::Sobol, 2 * int(study.inputs.size()),
-                          study.seed ^ sobol_stream};
+  const Sequence sequence{Sampling::Sobol, 2 * int(study.inputs.size()), study.seed ^ sobol_stream};
   const std::uint64_t first = from / columns, last = (to - 1) / columns + 1;
   const Eigen::MatrixXd base = points(sequence, first, Eigen::Index(last - first));
   Eigen::MatrixXd u(Eigen::Index(study.inputs.size()), Eigen::Index(to - from));
@@ -57,12 +56,17 @@ Eigen::MatrixXd swept(const Study& study, const Sweep& sweep, std::uint64_t from
 Eigen::MatrixXd inputs_of(const Study& study, const Block& block, std::uint64_t from,
                           std::uint64_t to) {
   switch (block.kind) {
-    case Block::Kind::Base: return centre(study);
-    case Block::Kind::OneAtATime: return one_at_a_time(study, from, to);
+    case Block::Kind::Base:
+      return centre(study);
+    case Block::Kind::OneAtATime:
+      return one_at_a_time(study, from, to);
     case Block::Kind::MonteCarlo:
-    case Block::Kind::Proof: return monte_carlo(study, from, to);
-    case Block::Kind::Sobol: return sobol(study, from, to);
-    case Block::Kind::Sweep: return swept(study, study.sweeps[std::size_t(block.sweep)], from, to);
+    case Block::Kind::Proof:
+      return monte_carlo(study, from, to);
+    case Block::Kind::Sobol:
+      return sobol(study, from, to);
+    case Block::Kind::Sweep:
+      return swept(study, study.sweeps[std::size_t(block.sweep)], from, to);
   }
   return {};
 }
@@ -71,12 +75,18 @@ Eigen::MatrixXd inputs_of(const Study& study, const Block& block, std::uint64_t 
 
 const char* name_of(Block::Kind kind) {
   switch (kind) {
-    case Block::Kind::Base: return "base";
-    case Block::Kind::OneAtATime: return "one_at_a_time";
-    case Block::Kind::MonteCarlo: return "monte_carlo";
-    case Block::Kind::Sobol: return "sobol_indices";
-    case Block::Kind::Sweep: return "sweep";
-    case Block::Kind::Proof: return "proof";
+    case Block::Kind::Base:
+      return "base";
+    case Block::Kind::OneAtATime:
+      return "one_at_a_time";
+    case Block::Kind::MonteCarlo:
+      return "monte_carlo";
+    case Block::Kind::Sobol:
+      return "sobol_indices";
+    case Block::Kind::Sweep:
+      return "sweep";
+    case Block::Kind::Proof:
+      return "proof";
   }
   return "";
 }
@@ -133,8 +143,7 @@ std::vector<Batch> batches_of(const Plan& plan) {
   for (const Block& block : plan.blocks) {
     const std::uint64_t step = block.full ? 1 : cases_of_a_batch;
     for (std::uint64_t at = 0; at < block.count; at += step)
-      batches.push_back(
-          {block.first + at, block.first + std::min(at + step, block.count)});
+      batches.push_back({block.first + at, block.first + std::min(at + step, block.count)});
   }
   return batches;
 }

@@ -19,16 +19,16 @@ struct Ranking {
   } basis = Basis::None;
   std::vector<int> order;   ///< (inputs) the largest first, equal ones by their number
   Eigen::VectorXd weights;  ///< (inputs) >= 0 what the basis says
-  Eigen::VectorXd shares;  ///< (inputs) of the sum of all weights; all zero where it is zero. Of a
-                           ///< map as MapContribution says, so below zero where correlated inputs
-                           ///< take away
+  Eigen::VectorXd shares;   ///< (inputs) of the sum of all weights; all zero where it is zero. Of a
+                            ///< map as MapContribution says, so below zero where correlated inputs
+                            ///< take away
 };
 
 /// What correlation chance alone may give a response: four standard errors; 0 without answers.
 double chance_correlation(const ResponseBudget& response);
 
-/// By total Sobol indices; where there are none by changes, then by correlations beyond chance; of no
-/// basis where none is, or where the response varies by less than the floor of 1 nm.
+/// By total Sobol indices; where there are none by changes, then by correlations beyond chance; of
+/// no basis where none is, or where the response varies by less than the floor of 1 nm.
 Ranking ranking(const ResponseBudget& response, std::size_t inputs);
 /// By the larger change alone: of a tornado.
 Ranking change_ranking(const ResponseBudget& response, std::size_t inputs);

@@ -15,7 +15,7 @@
 #include <mpi.h>
 #endif
 
-#include "sim/progress.h"
+#include "sim/files/progress.h"
 
 namespace abbe::sim::study {
 namespace {

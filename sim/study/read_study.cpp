@@ -9,14 +9,14 @@
 #include "errors/coefficients.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
-#include "sim/scene_names.h"
-#include "sim/scene_tree.h"
+#include "sim/files/versions.h"
+#include "sim/scene/scene_names.h"
+#include "sim/scene/scene_tree.h"
+#include "sim/scene/toml_reader.h"
+#include "sim/scene/trust.h"
 #include "sim/study/histories.h"
 #include "sim/study/plan.h"
 #include "sim/study/study.h"
-#include "sim/toml_reader.h"
-#include "sim/trust.h"
-#include "sim/versions.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -166,9 +166,10 @@ class StudyReader {
   Study study_;
   Scenes scenes_;
   std::map<std::string, int> index_;
-  std::vector<Place> places_;  ///< of the inputs
+  std::vector<Place> places_;    ///< of the inputs
   std::set<std::string> taken_;  ///< what inputs set
-  std::vector<int> without_centre_;  ///< inputs of which neither study nor scene says where they are
+  std::vector<int>
+      without_centre_;  ///< inputs of which neither study nor scene says where they are
   std::vector<Correlation> correlations_;
   std::set<std::pair<int, int>> correlated_;  ///< lower index first
 };
@@ -267,9 +268,8 @@ void StudyReader::read_responses() {
   const std::vector<std::string> asked = texts(reader_, "responses");
   for (const std::string& name : asked) {
     bool known = false;
-    for (const Response response :
-         {Response::Pv, Response::Rms, Response::Mean, Response::Std, Response::MaxAbs,
-          Response::P95Abs, Response::InTolerance}) {
+    for (const Response response : {Response::Pv, Response::Rms, Response::Mean, Response::Std,
+                                    Response::MaxAbs, Response::P95Abs, Response::InTolerance}) {
       if (name != name_of(response)) continue;
       known = true;
       const auto& had = study_.responses;
@@ -280,8 +280,7 @@ void StudyReader::read_responses() {
       reader_.refuse("responses", "pv, rms, mean, std, max_abs, p95_abs or in_tolerance", name);
   }
   if (study_.responses.empty()) study_.responses = {Response::Pv, Response::Rms};
-  study_.machine_part =
-      reader_.choice<bool>("of", {{"residual", false}, {"machine", true}}, false);
+  study_.machine_part = reader_.choice<bool>("of", {{"residual", false}, {"machine", true}}, false);
 }
 
 void StudyReader::read_limits() {
@@ -290,8 +289,7 @@ void StudyReader::read_limits() {
   TableReader limits(*node, "limits", faults_);
   for (const Response response :
        {Response::Pv, Response::Rms, Response::Std, Response::MaxAbs, Response::P95Abs})
-    if (const auto limit =
-            limits.maybe_number(std::string(name_of(response)) + "_um", positive))
+    if (const auto limit = limits.maybe_number(std::string(name_of(response)) + "_um", positive))
       study_.limits.emplace_back(response, *limit);
   limits.close();
 }
@@ -342,12 +340,12 @@ void StudyReader::read_one(const Node& node) {
   const double factor = reader.number("factor", any_number, 1.0);
   if (reader.has("factor") && paths.empty()) reader.refuse("factor", "a path beside it", "none");
   for (const std::string& path : paths) input.settings.push_back({path, factor});
-  std::string name = !paths.empty() ? paths.front()
+  std::string name = !paths.empty()           ? paths.front()
                      : !input.element.empty() ? input.element
                                               : input.number;
   input.name = reader.text("name", name);
   const bool angle = input.number.size() > 1 && input.number[1] >= 'A' && input.number[1] <= 'C';
-  input.unit = !paths.empty() ? unit_of_path(paths.front())
+  input.unit = !paths.empty()          ? unit_of_path(paths.front())
                : !input.number.empty() ? (angle ? "urad" : "um")
                                        : "";
   input.cost = reader.number("cost", positive, 1.0);
@@ -415,9 +413,8 @@ void StudyReader::add_covariance(const Node& node, double cost) {
   }
   for (std::size_t a = 0; a < rows.size(); ++a)
     for (std::size_t b = 0; b < a; ++b) {
-      const double rho =
-          known.matrix(rows[a], rows[b]) /
-          std::sqrt(known.matrix(rows[a], rows[a]) * known.matrix(rows[b], rows[b]));
+      const double rho = known.matrix(rows[a], rows[b]) /
+                         std::sqrt(known.matrix(rows[a], rows[a]) * known.matrix(rows[b], rows[b]));
       if (rho == 0.0) continue;
       correlations_.push_back({before + int(a), before + int(b), rho});
       correlated_.emplace(before + int(b), before + int(a));
@@ -427,9 +424,9 @@ void StudyReader::add_covariance(const Node& node, double cost) {
 void StudyReader::read_many(const Node& node) {
   TableReader reader(node, "inputs", faults_);
   enum class Every { Element, Number, Covariance };
-  const Every every = reader.choice<Every>("every", {{"element", Every::Element},
-                                                     {"number", Every::Number},
-                                                     {"covariance", Every::Covariance}});
+  const Every every = reader.choice<Every>(
+      "every",
+      {{"element", Every::Element}, {"number", Every::Number}, {"covariance", Every::Covariance}});
   const double cost = reader.number("cost", positive, 1.0);
   if (every == Every::Covariance) {
     reader.close();
@@ -595,9 +592,8 @@ void StudyReader::read_analyses() {
   });
   section("tolerance", [&](TableReader& reader) {
     Tolerance tolerance;
-    tolerance.response =
-        reader.choice<Response>("response", {{"pv", Response::Pv}, {"rms", Response::Rms}},
-                                Response::Pv);
+    tolerance.response = reader.choice<Response>(
+        "response", {{"pv", Response::Pv}, {"rms", Response::Rms}}, Response::Pv);
     tolerance.limit = reader.number("limit_um", positive);
     tolerance.confidence = reader.number("confidence", {0.5, 0.999, false, false}, 0.95);
     tolerance.machines = std::uint64_t(reader.integer("machines", 200, 1'000'000, 4000));
@@ -685,8 +681,7 @@ void StudyReader::try_arm(const Arm& arm, const Scene& scene) {
     known.insert(errors::name_of(one, scene.geometric.elements));
   for (std::size_t i = 0; i < study_.inputs.size(); ++i) {
     const Input& input = study_.inputs[i];
-    if (const std::string name = input.element + input.number;
-        !name.empty() && !known.count(name))
+    if (const std::string name = input.element + input.number; !name.empty() && !known.count(name))
       faults_.add(places_[i], "an element or number that the scene's errors have",
                   with_meant(name, known));
   }
@@ -724,8 +719,7 @@ Study StudyReader::read() {
   study_.title = reader_.text("title", study_.file.stem().string());
   read_scene_of_study();
   study_.engine = reader_.choice<Engine>(
-      "engine",
-      {{"influence", Engine::Influence}, {"full", Engine::Full}, {"both", Engine::Both}},
+      "engine", {{"influence", Engine::Influence}, {"full", Engine::Full}, {"both", Engine::Both}},
       Engine::Influence);
   study_.seed =
       std::uint64_t(reader_.integer("seed", 0, std::numeric_limits<std::int64_t>::max(), 1));
@@ -787,9 +781,8 @@ Study read_study(const std::filesystem::path& file, const std::vector<Override>&
   }
   tree = changed(std::move(tree), changes, file.parent_path(), faults);
   if (Node* scene = tree.find("scene"); scene && scene->text())
-    scene->value = std::filesystem::absolute(file.parent_path() / *scene->text())
-                       .lexically_normal()
-                       .string();
+    scene->value =
+        std::filesystem::absolute(file.parent_path() / *scene->text()).lexically_normal().string();
   Study study = StudyReader(tree, file, faults).read();
   if (!faults.empty()) throw BadScene(faults.list());
   study.text = to_toml(tree);

@@ -8,8 +8,8 @@
 
 #include "kinematics/bad_input.h"
 #include "kinematics/escape.h"
-#include "sim/output.h"
-#include "sim/progress.h"
+#include "sim/files/output.h"
+#include "sim/files/progress.h"
 #include "sim/study/budget_of.h"
 #include "sim/study/csv_field.h"
 #include "sim/study/histories.h"
@@ -108,12 +108,12 @@ StudyTold state(const Study& study, const Plan& plan, const std::vector<Row>& ro
   std::string text = fmt::format("{}: {} of {} cases are finished\n", escaped(study.title),
                                  rows.size(), plan.cases);
   for (const Block& block : plan.blocks) {
-    const auto begin = std::lower_bound(
-        rows.begin(), rows.end(), block.first,
-        [](const Row& row, std::uint64_t index) { return row.index < index; });
-    const auto end = std::lower_bound(
-        begin, rows.end(), block.first + block.count,
-        [](const Row& row, std::uint64_t index) { return row.index < index; });
+    const auto begin =
+        std::lower_bound(rows.begin(), rows.end(), block.first,
+                         [](const Row& row, std::uint64_t index) { return row.index < index; });
+    const auto end =
+        std::lower_bound(begin, rows.end(), block.first + block.count,
+                         [](const Row& row, std::uint64_t index) { return row.index < index; });
     const char* engine = block.full ? "full" : "influence";
     const auto finished = std::uint64_t(end - begin);
     blocks.push_back({{"analysis", name_of(block.kind)},
@@ -252,9 +252,8 @@ StudyTold merge_study(const path& file, const StudyOptions& options) {
   const ResultFolder folder(options.folder, {options.permissions, study.files});
   ProgressLine progress(1 + stages_of_results);
   progress.begin("prepare " + study.title);
-  const ReadyStudy ready = ready_study(study, [&](const std::string& stage, double fraction) {
-    progress.report(stage, fraction);
-  });
+  const ReadyStudy ready = ready_study(
+      study, [&](const std::string& stage, double fraction) { progress.report(stage, fraction); });
   return Results(study, folder, progress).write(ready, all.rows);
 }
 
@@ -289,8 +288,9 @@ std::string cases_csv(const Study& study, const Plan& plan, const std::vector<Ro
       for (const double value : x.col(Eigen::Index(row.index - from)))
         fmt::format_to(out, ",{}", value);
     for (std::size_t i = 0; i < row.answers.size(); ++i)
-      fmt::format_to(out, ",{}", csv_field(in_unit(study.responses[i % study.responses.size()],
-                                                   row.answers[i])));
+      fmt::format_to(
+          out, ",{}",
+          csv_field(in_unit(study.responses[i % study.responses.size()], row.answers[i])));
     fmt::format_to(out, ",{}\n", csv_field(row.fault));
   }
   return fmt::to_string(text);

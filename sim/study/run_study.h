@@ -6,8 +6,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "sim/permissions.h"
-#include "sim/scene.h"
+#include "sim/files/permissions.h"
+#include "sim/scene/scene.h"
 #include "sim/study/farm.h"
 #include "sim/study/plan.h"
 #include "sim/study/ranks.h"
@@ -42,8 +42,8 @@ StudyTold merge_study(const std::filesystem::path& file, const StudyOptions& opt
 /// How far a study has come and what it says so far, also while it runs; computes nothing.
 StudyTold show_study(const std::filesystem::path& file, const StudyOptions& options);
 
-/// Every case as CSV: number, analysis, inputs, answers. Inputs are left out where they would be more
-/// than two million numbers; the journal's study knows them anyway.
+/// Every case as CSV: number, analysis, inputs, answers. Inputs are left out where they would be
+/// more than two million numbers; the journal's study knows them anyway.
 std::string cases_csv(const Study& study, const Plan& plan, const std::vector<Row>& rows);
 
 }  // namespace abbe::sim::study

@@ -18,7 +18,8 @@ struct SlurmOptions {
 
 /// A script for the shell. Run by `sh` it submits itself as a job array, in which task i does shard
 /// i of the study, counted from 0, and a job that merges the shards when all are done; run again
-/// after a failure it resumes. Slurm logs in the folder OUT-logs beside that of the results. Paths are made absolute and quoted.
+/// after a failure it resumes. Slurm logs in the folder OUT-logs beside that of the results. Paths
+/// are made absolute and quoted.
 /// @throws std::invalid_argument for shards or cpus below 1, or a time that Slurm cannot read
 std::string slurm_script(const SlurmOptions& options);
 

@@ -7,8 +7,8 @@
 
 #include "errors/coefficients.h"
 #include "kinematics/units.h"
-#include "sim/scene_names.h"
-#include "sim/scene_tree.h"
+#include "sim/scene/scene_names.h"
+#include "sim/scene/scene_tree.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -56,10 +56,10 @@ std::vector<Override> set_of_variant(const Study& study, const Arm& arm) {
     if (variant.name == arm.variant) return variant.set;
     known += (known.empty() ? "\"" : ", \"") + variant.name + "\"";
   }
-  throw BadScene({BadInput(study.scene.string(), 0, 0,
-                           known.empty() ? "no variant, as the scene has none"
-                                         : "the name of a variant: " + known,
-                           "\"" + arm.variant + "\"")});
+  throw BadScene({BadInput(
+      study.scene.string(), 0, 0,
+      known.empty() ? "no variant, as the scene has none" : "the name of a variant: " + known,
+      "\"" + arm.variant + "\"")});
 }
 
 }  // namespace
@@ -128,9 +128,9 @@ Scene scene_at(const Study& study, const Arm& arm, const Scene& base, const Eige
 }
 
 bool reshapes(const Input& input) {
-  constexpr std::array only_wrong{"errors", "setup",   "thermal",   "history", "room",   "room_C",
-                                  "datum",  "control", "vibration", "belief",  "compliance",
-                                  "compensation", "signals"};
+  constexpr std::array only_wrong{"errors",     "setup",        "thermal", "history",   "room",
+                                  "room_C",     "datum",        "control", "vibration", "belief",
+                                  "compliance", "compensation", "signals"};
   return std::any_of(input.settings.begin(), input.settings.end(), [&](const Setting& one) {
     if (one.path.starts_with("tool.actual.")) return false;
     return std::find(only_wrong.begin(), only_wrong.end(), top_key(one.path)) == only_wrong.end();

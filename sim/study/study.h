@@ -10,16 +10,17 @@
 
 #include <Eigen/Core>
 
-#include "sim/permissions.h"
-#include "sim/scene.h"
+#include "sim/files/permissions.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/toml_reader.h"
 #include "sim/study/copula.h"
 #include "sim/study/distribution.h"
 #include "sim/study/sequence.h"
-#include "sim/toml_reader.h"
 
 namespace abbe::sim::study {
 
-/// A value of the scene that an input sets: `factor` times the input, in the unit of the path's key.
+/// A value of the scene that an input sets: `factor` times the input, in the unit of the path's
+/// key.
 struct Setting {
   std::string path;  ///< as of --set: "errors.EXX.0.coefficients_um.1"
   double factor = 1.0;
@@ -40,7 +41,7 @@ struct Input {
 /// A machine whose part is judged in every case: the scene or one of its variants, as it is or with
 /// one of its compensators.
 struct Arm {
-  std::string name;  ///< "uncompensated", "3 h perfect-iterated-ideal"
+  std::string name;       ///< "uncompensated", "3 h perfect-iterated-ideal"
   std::string variant;    ///< of the scene; empty: the scene itself
   std::string case_name;  ///< "uncompensated" or a compensator
 };
@@ -91,9 +92,9 @@ struct Uncertainty {
 struct InfluenceOptions {
   double reach = 0.05;  ///< mm, rival passes within so much of the first one are kept
   int most_rivals = 6;
-  int checks = 4;          ///< random machines that are cut to find where the maps fail
-  double flag = 2e-4;      ///< mm, a vertex that differs by more in one of them is flagged
-  bool sheet = true;       ///< all inputs on one sheet
+  int checks = 4;      ///< random machines that are cut to find where the maps fail
+  double flag = 2e-4;  ///< mm, a vertex that differs by more in one of them is flagged
+  bool sheet = true;   ///< all inputs on one sheet
   std::vector<std::string> pictures;  ///< inputs that get a map of their own
 };
 /// A thermal belief learnt on some days, judged on others.
@@ -111,12 +112,12 @@ struct Study {
   std::shared_ptr<const Node> scene_tree;  ///< the scene as it was when the study was read, without
                                            ///< its variants
   std::vector<Variant> variants;           ///< of that scene
-  std::vector<Override> overrides;  ///< of the scene, before any input
+  std::vector<Override> overrides;         ///< of the scene, before any input
   Engine engine = Engine::Influence;
   std::uint64_t seed = 1;
   std::vector<Arm> arms;            ///< (>= 1)
   std::vector<Response> responses;  ///< (>= 1)
-  bool machine_part = false;  ///< figures are of the map minus the error-free one
+  bool machine_part = false;        ///< figures are of the map minus the error-free one
   std::vector<std::pair<Response, double>> limits;  ///< mm, upper ones
   std::vector<Input> inputs;
   Copula copula{0};  ///< how the inputs vary together
@@ -130,8 +131,8 @@ struct Study {
   std::optional<Tolerance> tolerance;
   std::optional<Uncertainty> uncertainty;
   std::optional<Histories> histories;
-  std::vector<std::filesystem::path> files;     ///< that it was read from or names
-  std::vector<NamedProgram> programs;           ///< that it and its scene would run
+  std::vector<std::filesystem::path> files;    ///< that it was read from or names
+  std::vector<NamedProgram> programs;          ///< that it and its scene would run
   std::vector<std::filesystem::path> trusted;  ///< those that it may run
   std::string text;      ///< the study's own TOML as it was understood, its scene by absolute path
   std::string identity;  ///< of study, scenes, the files they name and the program: a journal of
@@ -165,8 +166,8 @@ Scene scene_of(const Study& study, const Arm& arm);
 /// @throws BadScene
 Scene scene_at(const Study& study, const Arm& arm, const Scene& base, const Eigen::VectorXd& x);
 
-/// Whether an input changes part, program, nominal machine or tool, or how the stock is followed, so
-/// that its cases share nothing; else it only changes what is wrong.
+/// Whether an input changes part, program, nominal machine or tool, or how the stock is followed,
+/// so that its cases share nothing; else it only changes what is wrong.
 bool reshapes(const Input& input);
 
 }  // namespace abbe::sim::study

@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 #include <tbb/global_control.h>
 
-#include "sim/pose_table.h"
+#include "sim/cut/pose_table.h"
 
 namespace {
 

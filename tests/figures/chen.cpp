@@ -9,8 +9,8 @@
 #include "errors/identification/sensor_choice.h"
 #include "errors/identification/thermal_model.h"
 #include "kinematics/units.h"
-#include "sim/evaluate_tests.h"
-#include "sim/measure.h"
+#include "sim/calibration/evaluate_tests.h"
+#include "sim/commands/measure_command.h"
 #include "tests/figures/figure.h"
 
 namespace abbe::figures {

@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/units.h"
-#include "sim/report.h"
+#include "sim/report/report.h"
 
 namespace abbe::figures {
 
@@ -63,9 +63,9 @@ const ordered_json& thermal_choice_of(const std::string& scene,
   static std::map<std::string, ordered_json> all;
   const std::string key = command({scene, changes});
   if (const auto known = all.find(key); known != all.end()) return known->second;
-  std::vector<sim::Day> days{{"its own day", scene_of(scene, changes)}};
+  std::vector<sim::Day> days{sim::measured_day("its own day", scene_of(scene, changes))};
   for (const sim::Variant& variant : days.front().scene.variants)
-    days.push_back({variant.name, scene_of(scene, changes, variant.name)});
+    days.push_back(sim::measured_day(variant.name, scene_of(scene, changes, variant.name)));
   return all[key] = sim::thermal_choice(days).json;
 }
 

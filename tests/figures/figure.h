@@ -6,8 +6,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "sim/scene.h"
-#include "sim/thermal_choice.h"
+#include "sim/commands/choose_sensors.h"
+#include "sim/scene/scene.h"
 
 /// The figures of the source papers beside what the shipped scenes give: the rows of
 /// scenes/FIGURES.md.

@@ -7,9 +7,9 @@
 #include <fmt/format.h>
 
 #include "kinematics/units.h"
-#include "sim/identify.h"
-#include "sim/measure.h"
-#include "sim/readings_file.h"
+#include "sim/commands/identify_command.h"
+#include "sim/commands/measure_command.h"
+#include "sim/readings/readings_file.h"
 #include "tests/figures/figure.h"
 #include "tests/sim/scene_folder.h"
 

@@ -9,7 +9,7 @@
 #include <Eigen/Core>
 
 #include "kinematics/units.h"
-#include "sim/loop.h"
+#include "sim/loop/compensate.h"
 #include "tests/figures/figure.h"
 
 namespace abbe::figures {

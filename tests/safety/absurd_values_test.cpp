@@ -2,8 +2,8 @@
 #include <chrono>
 #include <cstdlib>
 #include <iostream>
-#include <random>
 #include <optional>
+#include <random>
 #include <set>
 #include <sstream>
 #include <string>
@@ -18,17 +18,18 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/bad_input.h"
-#include "sim/describe.h"
-#include "sim/measure.h"
-#include "sim/report.h"
-#include "sim/scene.h"
-#include "sim/toml_reader.h"
-#include "sim/work.h"
+#include "sim/commands/measure_command.h"
+#include "sim/cut/work.h"
+#include "sim/report/describe.h"
+#include "sim/report/report.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/toml_reader.h"
 #include "tests/safety/program_run.h"
 
 /// Every number of every shipped scene, one at a time, becomes absurd. The scene is then read, cut,
-/// judged and measured in a process of its own with bounds of time and memory: it must succeed, or be
-/// refused as an input fault that names the key or the line of the program that the value spoils.
+/// judged and measured in a process of its own with bounds of time and memory: it must succeed, or
+/// be refused as an input fault that names the key or the line of the program that the value
+/// spoils.
 namespace abbe::safety {
 namespace {
 
@@ -38,12 +39,14 @@ using sim::Override;
 constexpr int most_wall_ms = 300'000;
 constexpr ::rlim_t most_cpu_s = 40, most_bytes = ::rlim_t(6) << 30;
 
-const std::vector<std::string> absurd{"0", "-1", "1e-300", "1e300", "1e9", "1e-9", "nan", "\"NaN\""};
+const std::vector<std::string> absurd{"0",   "-1",   "1e-300", "1e300",
+                                      "1e9", "1e-9", "nan",    "\"NaN\""};
 
 /// Dotted paths of the numbers of a tree; of a list of numbers the first and the last.
 void collect(const Node& node, const std::string& path, std::vector<std::string>& keys) {
   const auto inner = [&](const std::string& key) { return path.empty() ? key : path + "." + key; };
-  if (std::holds_alternative<double>(node.value) || std::holds_alternative<std::int64_t>(node.value))
+  if (std::holds_alternative<double>(node.value) ||
+      std::holds_alternative<std::int64_t>(node.value))
     keys.push_back(path);
   if (const Node::Table* table = node.table())
     for (const Node::Entry& entry : *table)
@@ -51,7 +54,8 @@ void collect(const Node& node, const std::string& path, std::vector<std::string>
   if (const Node::Array* array = node.array())
     for (std::size_t i = 0; i < array->size(); ++i) {
       const bool number = !(*array)[i].table() && !(*array)[i].array();
-      if (!number || i == 0 || i + 1 == array->size()) collect((*array)[i], inner(std::to_string(i)), keys);
+      if (!number || i == 0 || i + 1 == array->size())
+        collect((*array)[i], inner(std::to_string(i)), keys);
     }
 }
 
@@ -114,11 +118,13 @@ std::vector<Trial> trials() {
     collect(tree, "", keys);
     for (const std::string& key : keys) {
       std::string same = kind_of(key);
-      if (same.starts_with(".program") && generator && generator->text()) same += *generator->text();
+      if (same.starts_with(".program") && generator && generator->text())
+        same += *generator->text();
       if (same.starts_with(".part") && surface && surface->text()) same += *surface->text();
       if (same.starts_with(".instrument")) {
         const std::size_t index = std::size_t(std::atoi(key.substr(11).c_str()));
-        if (const Node* list = tree.find("instrument"); list->array() && index < list->array()->size())
+        if (const Node* list = tree.find("instrument");
+            list->array() && index < list->array()->size())
           if (const Node* kind = (*list->array())[index].find("kind"); kind && kind->text())
             same += *kind->text();
       }
@@ -197,7 +203,9 @@ Ended ended(const Trial& trial) {
   ::rusage used{};
   ::wait4(pid, &status, 0, &used);
   result.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  const auto seconds = [](const ::timeval& t) { return double(t.tv_sec) + 1e-6 * double(t.tv_usec); };
+  const auto seconds = [](const ::timeval& t) {
+    return double(t.tv_sec) + 1e-6 * double(t.tv_usec);
+  };
   result.seconds = seconds(used.ru_utime) + seconds(used.ru_stime);
   return result;
 }
@@ -218,8 +226,8 @@ std::vector<std::string> places_of(const Trial& trial) {
   return places;
 }
 
-/// Whether a refusal says where to look: a word of the key, its section, its place, or a line of the
-/// program.
+/// Whether a refusal says where to look: a word of the key, its section, its place, or a line of
+/// the program.
 bool names(const std::string& text, const Trial& trial) {
   for (const char* place : {".ngc:", "program.csv:", ", from line "})
     if (text.find(place) != std::string::npos) return true;
@@ -316,7 +324,8 @@ TEST(AbsurdValues, ThatWereFoundAreRefusedAtTheirKey) {
       {"gantry_dome", "errors.EXX.0.coefficients_um.1", "1e9", "EXX"},
       {"thermal_protocol", "instrument.0.interval_s", "1e6", "interval_s"},
       {"gantry_dome", "sampling.max_step_mm", "1e-6", "sampling.max_step_mm"},
-      {"on_machine_measurement", "instrument.0.centre_mm.0", "1e9", "on_machine_measurement.toml:48:"},
+      {"on_machine_measurement", "instrument.0.centre_mm.0", "1e9",
+       "on_machine_measurement.toml:48:"},
   };
   for (const auto& one : found) {
     SCOPED_TRACE(std::string(one.scene) + " " + one.key + "=" + one.value);

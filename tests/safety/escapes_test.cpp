@@ -28,8 +28,8 @@ std::string act_in(const std::string& text) {
     const bool c1 = c == 0xc2 && next >= 0x80 && next < 0xa0;
     const bool bidi = text.compare(i, 3, "\u202e") == 0;
     if (control || c1 || bidi)
-      return "byte " + std::to_string(c) + " at " + std::to_string(i) + " after: " +
-             text.substr(i < 60 ? 0 : i - 60, i < 60 ? i : 60);
+      return "byte " + std::to_string(c) + " at " + std::to_string(i) +
+             " after: " + text.substr(i < 60 ? 0 : i - 60, i < 60 ? i : 60);
   }
   return "";
 }
@@ -68,11 +68,13 @@ class Escapes : public testing::Test {
 };
 
 TEST_F(Escapes, OfEveryTextOfASceneAreShownInMessagesTablesAndJson) {
-  folder_.write("scene.toml",
-                small_scene("[[part.ring]]\nname = \"" + toml_attack +
-                                "\"\nalong_mm = 500\nwidth_mm = 1\n[limits]\npv_um = 1e-9\n[errors]\n"
-                                "name = \"" + toml_attack + "\"\nEXX_um = 5\n",
-                            toml_attack));
+  folder_.write(
+      "scene.toml",
+      small_scene("[[part.ring]]\nname = \"" + toml_attack +
+                      "\"\nalong_mm = 500\nwidth_mm = 1\n[limits]\npv_um = 1e-9\n[errors]\n"
+                      "name = \"" +
+                      toml_attack + "\"\nEXX_um = 5\n",
+                  toml_attack));
   const Ran shown = abbe("run scene.toml --out out");
   expect_calm(shown, "run");
   EXPECT_NE(shown.text.find("\\x1b[2J"), std::string::npos) << "spelt out: " << shown.text;
@@ -151,14 +153,16 @@ TEST_F(Escapes, OfNamesOfFilesAndOfWhatIsTypedAreShown) {
   folder_.write("good.toml", small_scene());
   const std::string quoted = "$'\\x1b[2J\\u202e\\xff'";
   for (const std::string& command :
-       {"run " + quoted, "run good.toml --set title=" + quoted, "run good.toml --set " + quoted + "=1",
-        "run good.toml --case " + quoted, "run good.toml --out " + quoted + "/p.ngc",
-        "run good.toml --out p.ngc/" + quoted, "pose good.toml --at " + quoted,
-        "measure good.toml --instrument " + quoted, "evaluate " + quoted, "identify " + quoted,
-        "render " + quoted, "study " + quoted, "export good.toml --case " + quoted,
-        std::string("run good.toml --out $'o\\nforged'"), std::string("run $'o\\nforged.toml'"),
-        "run good.toml --json --out " + quoted, "compare good.toml --compensator ./" + quoted}) {
-    const fs::path script = folder_.write("go.sh", std::string(ABBE_PROGRAM) + " " + command + "\n");
+       {"run " + quoted, "run good.toml --set title=" + quoted,
+        "run good.toml --set " + quoted + "=1", "run good.toml --case " + quoted,
+        "run good.toml --out " + quoted + "/p.ngc", "run good.toml --out p.ngc/" + quoted,
+        "pose good.toml --at " + quoted, "measure good.toml --instrument " + quoted,
+        "evaluate " + quoted, "identify " + quoted, "render " + quoted, "study " + quoted,
+        "export good.toml --case " + quoted, std::string("run good.toml --out $'o\\nforged'"),
+        std::string("run $'o\\nforged.toml'"), "run good.toml --json --out " + quoted,
+        "compare good.toml --compensator ./" + quoted}) {
+    const fs::path script =
+        folder_.write("go.sh", std::string(ABBE_PROGRAM) + " " + command + "\n");
     const Ran ran = shell(in() + " bash " + script.string());
     EXPECT_EQ(act_in(ran.text), "") << command;
     EXPECT_EQ(ran.text.find('\xff'), std::string::npos) << command;
@@ -169,15 +173,18 @@ TEST_F(Escapes, OfNamesOfFilesAndOfWhatIsTypedAreShown) {
 TEST_F(Escapes, OfAPlugInsWordsAreShown) {
   folder_.write("good.toml", small_scene());
   const std::string python = "import sys, json\n";
-  const std::string say = "sys.stderr.write('\\x1b[2J\\x9b31m\\u202egnp\\n\\x1b]0;t\\x07')\n"
-                          "sys.stderr.flush()\n";
+  const std::string say =
+      "sys.stderr.write('\\x1b[2J\\x9b31m\\u202egnp\\n\\x1b]0;t\\x07')\n"
+      "sys.stderr.flush()\n";
   const std::pair<const char*, std::string> plug_ins[] = {
       {"dies.py", python + say + "sys.exit(3)\n"},
       {"named.py", python + say +
                        "sys.stdin.readline()\nprint(json.dumps({'type': 'ready', 'protocol': "
                        "'\\x1b[2J\\u202e', 'name': '\\nforged\\x1b[2J\\u202e'}))\n"},
       {"babbles.py", python + "sys.stdin.readline()\nprint('\\x1b[2J\\u202e\\x9b')\n"},
-      {"errs.py", python + "sys.stdin.readline()\nprint(json.dumps({'error': '\\nforged\\x1b[2J\\u202e'}))\n"}};
+      {"errs.py",
+       python +
+           "sys.stdin.readline()\nprint(json.dumps({'error': '\\nforged\\x1b[2J\\u202e'}))\n"}};
   std::string all;
   for (const auto& [name, text] : plug_ins) {
     folder_.write(name, text);
@@ -195,7 +202,8 @@ TEST_F(Escapes, OfAStudysNamesAreShownInItsTables) {
   folder_.write("scene.toml", small_scene("[errors]\nEXX_um = 5\nEZX_um = 3\n"));
   folder_.write("study.toml",
                 "title = \"" + toml_attack + "\"\nscene = \"scene.toml\"\n[[input]]\nname = \"" +
-                    toml_attack + "\"\npath = \"errors.EXX_um\"\nspread = 1\n[monte_carlo]\ncases = "
+                    toml_attack +
+                    "\"\npath = \"errors.EXX_um\"\nspread = 1\n[monte_carlo]\ncases = "
                     "4\n[one_at_a_time]\n[[sweep]]\ninput = \"" +
                     toml_attack + "\"\nfrom = 0\nto = 1\nsteps = 2\n");
   const Ran ran = abbe("study study.toml --out out");
@@ -214,15 +222,16 @@ TEST(EscapesInTheSource, EveryPrintGoesThroughTheOneDoor) {
       const std::string name = fs::relative(entry.path(), source).string();
       if (entry.path().extension() != ".cpp" && entry.path().extension() != ".h") continue;
       ++files;
-      const bool allowed = name == "sim/terminal.h" ||   // the door
-                           name == "sim/progress.cpp" || // draws a line, its text escaped
-                           name == "sim/output.cpp" || name == "render/bytes.cpp" ||  // files
-                           name == "sim/pose_files.cpp" ||  // numbers, and JSON that is escaped
-                           name == "sim/compensation/plug_in_host.cpp" ||  // a pipe to ourselves
-                           name == "render/glew_init.cpp";                 // a text of its own
+      const bool allowed =
+          name == "sim/files/terminal.h" ||    // the door
+          name == "sim/files/progress.cpp" ||  // draws a line, its text escaped
+          name == "sim/files/output.cpp" || name == "render/bytes.cpp" ||  // files
+          name == "sim/report/pose_files.cpp" ||          // numbers, and JSON that is escaped
+          name == "sim/compensation/plug_in_host.cpp" ||  // a pipe to ourselves
+          name == "render/glew_init.cpp";                 // a text of its own
       const std::string text = bytes(entry.path());
-      for (const char* way : {"fmt::print(", "std::cout", "std::cerr", "fputs(", "fwrite(", " printf(",
-                              "fprintf(", "std::puts(", "std::clog", ".dump(2)"})
+      for (const char* way : {"fmt::print(", "std::cout", "std::cerr", "fputs(", "fwrite(",
+                              " printf(", "fprintf(", "std::puts(", "std::clog", ".dump(2)"})
         EXPECT_TRUE(allowed || text.find(way) == std::string::npos) << name << " has " << way;
     }
   EXPECT_GT(files, 100);

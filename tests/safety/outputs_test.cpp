@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "sim/output.h"
+#include "sim/files/output.h"
 #include "tests/safety/program_run.h"
 
 namespace abbe::safety {
@@ -49,10 +49,11 @@ std::string refusal(const std::function<void()>& act) {
 void fill(const Folder& folder) {
   folder.write("scene.toml", small_scene());
   folder.write("p.ngc", small_program);
-  for (const char* name : {"program.ngc", "signals.csv", "stock.vtp", "rewritten.ngc", "summary.json",
-                           "residual.vtp", "residual.png", "histogram.png", "temperatures.png",
-                           "EXX-temperatures.png", "comparison.json", "notes.txt", "check.png",
-                           "evaluation.json", "budget.json", "laser.csv", "difference.png"})
+  for (const char* name :
+       {"program.ngc", "signals.csv", "stock.vtp", "rewritten.ngc", "summary.json", "residual.vtp",
+        "residual.png", "histogram.png", "temperatures.png", "EXX-temperatures.png",
+        "comparison.json", "notes.txt", "check.png", "evaluation.json", "budget.json", "laser.csv",
+        "difference.png"})
     folder.write(name, std::string("mine: ") + name);
 }
 
@@ -174,8 +175,9 @@ TEST(Outputs, AFolderAboveAnInputIsRefused) {
 TEST(Outputs, EveryCommandTakesTheSameDoor) {
   const Folder folder;
   fill(folder);
-  const std::string small = " --set part.vertices=300 --set program.step_over_mm=8 --set "
-                            "program.step_mm=8 ";
+  const std::string small =
+      " --set part.vertices=300 --set program.step_over_mm=8 --set "
+      "program.step_mm=8 ";
   const Ran made = run("run " + dome + small + "--out made", in(folder));
   ASSERT_EQ(made.code, 0) << made.text;
   ASSERT_EQ(run("measure " + dome + " --instrument ball_bar --out readings", in(folder)).code, 0);
@@ -210,7 +212,8 @@ TEST(Outputs, EveryCommandTakesTheSameDoor) {
 TEST(Outputs, SingleFilesAreReplacedOnlyWhereAbbeMadeThem) {
   const Folder folder;
   ASSERT_EQ(run("measure " + dome + " --instrument ball_bar --out readings", in(folder)).code, 0);
-  const std::string identify = "identify readings/ball_bar.csv --elements EXX --order 1 --out belief.toml";
+  const std::string identify =
+      "identify readings/ball_bar.csv --elements EXX --order 1 --out belief.toml";
   folder.write("belief.json", "mine");
   const Ran beside = run(identify, in(folder));
   EXPECT_EQ(beside.code, 5) << "the report would stand where the user's file is: " << beside.text;
@@ -222,15 +225,24 @@ TEST(Outputs, SingleFilesAreReplacedOnlyWhereAbbeMadeThem) {
   folder.write("other.toml", "mine");
   EXPECT_EQ(run("run " + dome + " --out .", in(folder)).code, 5)
       << "files of abbe's do not make the folder a result";
-  EXPECT_EQ(run("identify readings/ball_bar.csv --elements EXX --order 1 --out other.toml", in(folder)).code, 5);
-  EXPECT_EQ(run("identify readings/ball_bar.csv --elements EXX --order 1 --out other.toml --force", in(folder)).code, 0);
+  EXPECT_EQ(
+      run("identify readings/ball_bar.csv --elements EXX --order 1 --out other.toml", in(folder))
+          .code,
+      5);
+  EXPECT_EQ(run("identify readings/ball_bar.csv --elements EXX --order 1 --out other.toml --force",
+                in(folder))
+                .code,
+            0);
 }
 
 TEST(Outputs, NoLinkLeadsAWriterToAFileOfTheUsers) {
   const Folder folder;
   folder.write("user/keep.txt", "mine");
   const fs::path out = folder / "out";
-  { const ResultFolder made(out, {}); write_file(made / "a.txt", "abbe"); }
+  {
+    const ResultFolder made(out, {});
+    write_file(made / "a.txt", "abbe");
+  }
   fs::create_symlink(folder / "user/keep.txt", out / "b.txt");
   fs::create_hard_link(folder / "user/keep.txt", out / "c.txt");
   const ResultFolder again(out, {});
@@ -249,8 +261,9 @@ TEST(Outputs, NoLinkLeadsAWriterToAFileOfTheUsers) {
   fs::create_directories(folder / "trap");
   fs::create_symlink(folder / "user/keep.txt", folder / "trap" / sim::mark_name);
   EXPECT_NE(refusal([&] { ResultFolder(folder / "trap", {}); }), "");
-  EXPECT_NE(refusal([&] { write_file(ResultFolder(folder / "trap", {{.force = true}}) / "d", "x"); }),
-            "");
+  EXPECT_NE(
+      refusal([&] { write_file(ResultFolder(folder / "trap", {{.force = true}}) / "d", "x"); }),
+      "");
   EXPECT_EQ(bytes(folder / "user/keep.txt"), "mine");
 }
 
@@ -321,8 +334,8 @@ TEST(Outputs, ARunLeavesTheProgramThatRewriteWroteInItsFolder) {
   const Folder folder;
   folder.write("scene.toml", small_scene("[errors]\nEXX_um = 5\n"));
   folder.write("p.ngc", small_program);
-  const Ran rewritten = run(
-      "rewrite scene.toml --case perfect-position-program --out out/rewritten.ngc", in(folder));
+  const Ran rewritten =
+      run("rewrite scene.toml --case perfect-position-program --out out/rewritten.ngc", in(folder));
   ASSERT_EQ(rewritten.code, 0) << rewritten.text;
   const std::string program = bytes(folder / "out/rewritten.ngc");
   const std::string command = "run scene.toml --out out";
@@ -355,7 +368,8 @@ TEST(Outputs, AProcessKilledBetweenMarkAndFileChangesNobodysFile) {
   const Folder folder;
   write_file(ResultFolder(folder / "out", {}) / "a.txt", "abbe's");
   // killed after the line of the next text, before the text took the name
-  const std::string line = "{\"file\":\"NAME\",\"by\":\"\",\"size\":4,\"sum\":\"0123456789abcdef\"}\n";
+  const std::string line =
+      "{\"file\":\"NAME\",\"by\":\"\",\"size\":4,\"sum\":\"0123456789abcdef\"}\n";
   for (const std::string name : {"a.txt", "b.txt"})
     std::ofstream(folder / "out/.abbe-result", std::ios::app)
         << std::string(line).replace(line.find("NAME"), 4, name);
@@ -422,8 +436,9 @@ TEST(Outputs, AStudyNeitherFollowsLinksNorWritesOverFilesUnderTheNamesOfItsJourn
   const Folder folder;
   folder.write("scene.toml", small_scene("[errors]\nEXX_um = 5\n"));
   folder.write("p.ngc", small_program);
-  folder.write("study.toml", "scene = \"scene.toml\"\n[[input]]\nelement = \"EXX\"\nspread = "
-                             "0.2\n[monte_carlo]\ncases = 2\n");
+  folder.write("study.toml",
+               "scene = \"scene.toml\"\n[[input]]\nelement = \"EXX\"\nspread = "
+               "0.2\n[monte_carlo]\ncases = 2\n");
   const std::string names[] = {"journal.sqlite", "journal.sqlite-wal", "journal.sqlite-shm",
                                "journal.sqlite-journal", "journal.sqlite-lock"};
   for (const std::string& name : names)
@@ -480,8 +495,9 @@ TEST(Outputs, NamesThatAreNoUtf8AreWrittenAndReported) {
   folder.write("scene.toml", small_scene("[errors]\nEXX_um = 5\n"));
   folder.write("p.ngc", small_program);
   folder.write("poses.csv", "X_mm\n1\n");
-  folder.write("study.toml", "scene = \"scene.toml\"\n[[input]]\nelement = \"EXX\"\nspread = "
-                             "0.2\n[monte_carlo]\ncases = 2\n");
+  folder.write("study.toml",
+               "scene = \"scene.toml\"\n[[input]]\nelement = \"EXX\"\nspread = "
+               "0.2\n[monte_carlo]\ncases = 2\n");
   const std::string name = "$'r\\xff\\xfe'";
   const struct {
     std::string command;
@@ -493,7 +509,9 @@ TEST(Outputs, NamesThatAreNoUtf8AreWrittenAndReported) {
       {"pose scene.toml --grid X=0:1:2 --json --out v" + name, 1},
       {"measure " + dome + " --instrument ball_bar --json --out m" + name, 1},
       {"evaluate m" + name + "/ball_bar.csv --json --out e" + name, 1},
-      {"identify m" + name + "/ball_bar.csv --elements EXX --order 1 --json --out i" + name + "/" + name, 1},
+      {"identify m" + name + "/ball_bar.csv --elements EXX --order 1 --json --out i" + name + "/" +
+           name,
+       1},
       {"study study.toml --json --out s" + name, 1},
       {"export scene.toml --case perfect-position-table --json --out x" + name, 1}};
   for (const auto& [command, times] : done) {

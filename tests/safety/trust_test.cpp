@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/bad_input.h"
-#include "sim/trust.h"
+#include "sim/scene/trust.h"
 #include "tests/safety/program_run.h"
 
 namespace abbe::safety {
@@ -64,8 +64,8 @@ TEST_F(Trust, AProgramThatASceneNamesIsRunOnlyWithTrust) {
        "scene.toml:14:", "compare scene.toml"},
       {"[[variant]]\nname = \"v\"\n[variant.set]\n\"compare.cases\" = [\"./payload.py\"]\n",
        "scene.toml:15:", "compare scene.toml"},
-      {"[[instrument]]\nkind = \"cmm\"\ncase = \"./payload.py\"\n", "scene.toml:14:",
-       "measure scene.toml"},
+      {"[[instrument]]\nkind = \"cmm\"\ncase = \"./payload.py\"\n",
+       "scene.toml:14:", "measure scene.toml"},
   };
   for (const auto& door : doors) {
     folder_.write("strange/scene.toml", small_scene(door.sections));
@@ -84,8 +84,9 @@ TEST_F(Trust, ASharedLibraryAndASubFileAndATrainingSceneAreAskedForToo) {
   EXPECT_EQ(library.code, 3) << library.text;
   EXPECT_NE(library.text.find("lib.so"), std::string::npos) << library.text;
 
-  folder_.write("strange/training.toml",
-                small_scene("[[instrument]]\nname = \"m\"\nkind = \"cmm\"\ncase = \"./payload.py\"\n"));
+  folder_.write(
+      "strange/training.toml",
+      small_scene("[[instrument]]\nname = \"m\"\nkind = \"cmm\"\ncase = \"./payload.py\"\n"));
   folder_.write("strange/scene.toml",
                 small_scene("[belief.force]\nfrom = \"current\"\ntraining = { file = "
                             "\"training.toml\", instrument = \"m\" }\n"));
@@ -104,8 +105,7 @@ TEST_F(Trust, AStudyAsksForItsOwnProgramsAndThoseOfItsScene) {
                 small_scene("[errors]\nEXX_um = 1\n[compare]\ncases = [\"./payload.py\"]\n"));
   expect_asked("study study.toml", "scene.toml:15:");
   folder_.write("strange/scene.toml", small_scene("[errors]\nEXX_um = 1\n"));
-  folder_.write("strange/study.toml",
-                "set = { compare.cases = [\"./payload.py\"] }\n" + study);
+  folder_.write("strange/study.toml", "set = { compare.cases = [\"./payload.py\"] }\n" + study);
   expect_asked("study study.toml", "study.toml:1:");
 }
 
@@ -131,9 +131,9 @@ TEST_F(Trust, CheckListsWhatASceneWouldRunAndRunsNothing) {
   ASSERT_EQ(json["programs"].size(), 1u);
   EXPECT_EQ(json["programs"][0]["line"], 13);
   EXPECT_EQ(json["programs"][0]["trusted"], false);
-  EXPECT_EQ(nlohmann::json::parse(abbe("check scene.toml --json --trust").text)["programs"][0]
-                                 ["trusted"],
-            true);
+  EXPECT_EQ(
+      nlohmann::json::parse(abbe("check scene.toml --json --trust").text)["programs"][0]["trusted"],
+      true);
   EXPECT_EQ(abbe("pose scene.toml --at X=0").code, 0);
   EXPECT_FALSE(ran());
 }

@@ -6,7 +6,7 @@
 
 #include "errors/coefficients.h"
 #include "kinematics/units.h"
-#include "sim/belief_file.h"
+#include "sim/readings/belief_file.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {

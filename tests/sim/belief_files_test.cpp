@@ -7,9 +7,9 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "sim/identify.h"
-#include "sim/measure.h"
-#include "sim/versions.h"
+#include "sim/commands/identify_command.h"
+#include "sim/commands/measure_command.h"
+#include "sim/files/versions.h"
 #include "tests/sim/scene_folder.h"
 
 namespace abbe::sim {

@@ -12,11 +12,11 @@
 #include "cutting/residual.h"
 #include "errors/geometric.h"
 #include "kinematics/units.h"
-#include "sim/beliefs.h"
-#include "sim/compensate.h"
 #include "sim/compensation/channels.h"
 #include "sim/compensation/pulse_train.h"
-#include "sim/datum.h"
+#include "sim/cut/datum.h"
+#include "sim/loop/beliefs.h"
+#include "sim/loop/compensate.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {

@@ -9,9 +9,9 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/evaluate.h"
-#include "sim/evaluate_part.h"
-#include "sim/evaluate_tests.h"
+#include "sim/calibration/evaluate_part.h"
+#include "sim/calibration/evaluate_tests.h"
+#include "sim/commands/evaluate_command.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {

@@ -10,9 +10,9 @@
 #include <Eigen/Dense>
 
 #include "kinematics/units.h"
-#include "sim/part.h"
+#include "sim/cut/part.h"
 #include "sim/program/pvt.h"
-#include "sim/report.h"
+#include "sim/report/report.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {

@@ -10,10 +10,11 @@
 #include "errors/bound_element.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
+#include "sim/commands/identify_command.h"
 #include "sim/compensation/thermal_belief.h"
-#include "sim/identify.h"
-#include "sim/output.h"
-#include "sim/report.h"
+#include "sim/files/output.h"
+#include "sim/report/identify_text.h"
+#include "sim/report/report.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {

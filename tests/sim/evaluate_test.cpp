@@ -8,8 +8,8 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/evaluate.h"
-#include "sim/part_readings_file.h"
+#include "sim/commands/evaluate_command.h"
+#include "sim/readings/part_readings_file.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {

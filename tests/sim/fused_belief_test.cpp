@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/report.h"
+#include "sim/report/report.h"
 
 namespace abbe::sim {
 namespace {

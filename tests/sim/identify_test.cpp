@@ -13,7 +13,8 @@
 
 #include "errors/coefficients.h"
 #include "kinematics/units.h"
-#include "sim/identify.h"
+#include "sim/commands/identify_command.h"
+#include "sim/report/identify_text.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {
@@ -121,7 +122,8 @@ TEST(Identify, NoiseFreeReadingsReturnTheTruthThroughFiles) {
   EXPECT_LT(angle, 4e-9 * 10.0_urad);
 }
 
-// ---------------------------------------------------------------- what is not identified, and refusals
+// ---------------------------------------------------------------- what is not identified, and
+// refusals
 
 std::string refusal_of(const Files& files, const SceneFolder& folder) {
   IdentifyOptions options;
@@ -160,7 +162,8 @@ TEST(Identify, TheLaserAloneNamesWhatItCannotTell) {
   EXPECT_NE(text.find("unobservable, left out"), std::string::npos);
   for (const auto& element : belief_in(options.out, "gantry_dome.toml").elements)
     if (to_string(element.name) == "EAX") {
-      EXPECT_TRUE(errors::values({element}).isZero(0.0)) << "what is not identified is not believed";
+      EXPECT_TRUE(errors::values({element}).isZero(0.0))
+          << "what is not identified is not believed";
     }
 }
 

@@ -1,7 +1,7 @@
 // From a day of readings to what heat does, by temperatures: on a made-up day what was put in comes
 // out; on the packaged machine what was learnt on one day holds on another.
 
-#include "sim/identify_thermal.h"
+#include "sim/calibration/identify_thermal.h"
 
 #include <cmath>
 #include <iostream>
@@ -13,9 +13,10 @@
 
 #include "kinematics/text.h"
 #include "kinematics/units.h"
-#include "sim/activity.h"
-#include "sim/identify.h"
-#include "sim/truth.h"
+#include "sim/commands/identify_command.h"
+#include "sim/cut/activity.h"
+#include "sim/machine/truth.h"
+#include "sim/report/identify_text.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {

@@ -11,7 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/activity.h"
+#include "sim/cut/activity.h"
 #include "tests/sim/measured_scene.h"
 #include "tests/sim/odd_scenes.h"
 #include "tests/sim/refusal.h"
@@ -454,9 +454,10 @@ TEST(Measure, APartOfWhichNothingCanBeReadIsRefusedAndLeavesNoFile) {
   options.folder = folder.path() / "out";
   const auto sunk = folder.write("sunk.toml", flat_scene(folder, 7, -3));
   const std::string refused = refusal_by([&] { measure(sunk, options); });
-  EXPECT_NE(refused.find("a part that cmm can measure, seen none of its judged surface cut within 2 "
-                         "mm of the design, 400 vertices gouged deeper"),
-            std::string::npos)
+  EXPECT_NE(
+      refused.find("a part that cmm can measure, seen none of its judged surface cut within 2 "
+                   "mm of the design, 400 vertices gouged deeper"),
+      std::string::npos)
       << refused;
   EXPECT_FALSE(std::filesystem::exists(options.folder / "cmm.csv"));
 }

@@ -6,8 +6,8 @@
 
 #include <fmt/format.h>
 
-#include "sim/measure.h"
-#include "sim/readings_file.h"
+#include "sim/commands/measure_command.h"
+#include "sim/readings/readings_file.h"
 #include "tests/sim/small_scene.h"
 
 /// Machines that are there to be measured: scenes that cut next to nothing.

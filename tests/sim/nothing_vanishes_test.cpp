@@ -5,8 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "sim/reach.h"
-#include "sim/report.h"
+#include "sim/cut/reach.h"
+#include "sim/report/report.h"
 #include "tests/sim/odd_scenes.h"
 
 namespace abbe::sim {
@@ -132,13 +132,17 @@ std::vector<OddScene> odd_scenes() {
   const auto flat = [&](const std::string& name, FlatScene scene) {
     all.push_back({name, to_toml(scene)});
   };
-  for (const char* program :
-       {"empty",       "end",           "comments",     "dwell",        "deleted",    "standing",
-        "rapids",      "rapids_above",  "above",        "below",        "just_above", "half",
-        "one_pass",    "too_deep",      "far_too_deep", "deep_in_band", "one_deep",   "one_dip",
-        "rapid_dip",   "one_tool",      "feed_before_tool", "t_alone",      "m6_alone",     "two_tools",  "preselected",
-        "zero_feed",   "negative_feed", "no_feed",      "inches",       "shrunk",     "half_way",
-        "incremental", "no_such"})
+  for (const char* program : {"empty",        "end",          "comments",
+                              "dwell",        "deleted",      "standing",
+                              "rapids",       "rapids_above", "above",
+                              "below",        "just_above",   "half",
+                              "one_pass",     "too_deep",     "far_too_deep",
+                              "deep_in_band", "one_deep",     "one_dip",
+                              "rapid_dip",    "one_tool",     "feed_before_tool",
+                              "t_alone",      "m6_alone",     "two_tools",
+                              "preselected",  "zero_feed",    "negative_feed",
+                              "no_feed",      "inches",       "shrunk",
+                              "half_way",     "incremental",  "no_such"})
     flat(program, {.program = std::string(program) + ".ngc"});
   flat("offset", {.program = "offset.ngc", .more = "work_offset.G55 = { Z_mm = 50 }\n"});
   flat("long tool", {.program = "long_tool.ngc", .more = "tool_length_mm = { 2 = 30 }\n"});

@@ -12,9 +12,9 @@
 
 #include "kinematics/inverse.h"
 #include "kinematics/units.h"
-#include "sim/activity.h"
-#include "sim/datum.h"
-#include "sim/measure.h"
+#include "sim/commands/measure_command.h"
+#include "sim/cut/activity.h"
+#include "sim/cut/datum.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {

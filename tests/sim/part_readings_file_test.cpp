@@ -6,8 +6,8 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/part_readings_file.h"
-#include "sim/scene.h"
+#include "sim/readings/part_readings_file.h"
+#include "sim/scene/scene.h"
 #include "tests/sim/refusal.h"
 
 namespace abbe::sim {

@@ -14,8 +14,8 @@
 
 #include "kinematics/jacobian.h"
 #include "kinematics/units.h"
-#include "sim/beliefs.h"
-#include "sim/compensate.h"
+#include "sim/loop/beliefs.h"
+#include "sim/loop/compensate.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {
@@ -204,7 +204,7 @@ Kept::Kept(const Scene& scene)
     : job(prepare(scene)),
       told(compensate(job, parse_case("perfect-iterated-ideal"))),
       error_free(cut_error_free(job)),
-      mended(cut_as_told(job, told)) {
+      mended(cut(job, told)) {
   if (!job.accelerations.empty()) acceleration = accelerations(told.samples);
 }
 

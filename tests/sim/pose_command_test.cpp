@@ -10,7 +10,7 @@
 #include <sys/wait.h>
 #include <nlohmann/json.hpp>
 
-#include "sim/output.h"
+#include "sim/files/output.h"
 #include "tests/sim/pose_scene.h"
 
 #ifndef ABBE_RENDER
@@ -201,7 +201,8 @@ TEST_F(PoseCommandLine, TheWorkSpaceGivesItsFilesAndFigures) {
   ASSERT_EQ(text.code, 0) << text.err;
   EXPECT_NE(text.out.find("volumetric error"), std::string::npos) << text.out;
   std::vector<std::string> names{"volumetric.csv", "volumetric.json"};
-  if (ABBE_RENDER) names.insert(names.end(), {"volumetric.vts", "volumetric.vtp", "volumetric.png"});
+  if (ABBE_RENDER)
+    names.insert(names.end(), {"volumetric.vts", "volumetric.vtp", "volumetric.png"});
   for (const std::string& name : names)
     EXPECT_GT(fs::file_size(folder_.path() / "map" / name), 1000u) << name;
   const auto rows = cells_of_csv(bytes(folder_.path() / "map/volumetric.csv"));

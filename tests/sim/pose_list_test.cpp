@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/pose_list.h"
+#include "sim/cut/pose_list.h"
 #include "tests/injured.h"
 #include "tests/sim/pose_scene.h"
 #include "tests/sim/refusal.h"

@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/units.h"
-#include "sim/pose_table.h"
+#include "sim/cut/pose_table.h"
 #include "tests/sim/scene_folder.h"
 
 namespace abbe::sim {

@@ -8,8 +8,8 @@
 
 #include "kinematics/jacobian.h"
 #include "kinematics/units.h"
-#include "sim/pose_at.h"
-#include "sim/pose_files.h"
+#include "sim/report/pose_at.h"
+#include "sim/report/pose_files.h"
 #include "tests/oracles/paper_chain.h"
 #include "tests/sim/pose_scene.h"
 #include "tests/sim/refusal.h"

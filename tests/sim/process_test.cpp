@@ -13,8 +13,8 @@
 
 #include "cutting/turned_mesh.h"
 #include "kinematics/units.h"
-#include "sim/report.h"
-#include "sim/revolution_swing.h"
+#include "sim/cut/revolution_swing.h"
+#include "sim/report/report.h"
 #include "tests/sim/scene_folder.h"
 #include "tests/sim/small_scene.h"
 
@@ -232,7 +232,8 @@ TEST(RevolutionSwing, ALeapOutOfTheWorkCountsWhereTheLoopHasAGainOfOne) {
       EXPECT_EQ(swing->leaps, 4);
       EXPECT_EQ(swing->line, 5);
       EXPECT_EQ(swing->gain, 1.1);
-      for (std::size_t k = 0; k < process.steps.size(); ++k) process.steps[k].line = 5 + int(k / 10);
+      for (std::size_t k = 0; k < process.steps.size(); ++k)
+        process.steps[k].line = 5 + int(k / 10);
       EXPECT_FALSE(revolution_swing(process)) << "passes of lines of their own";
     }
 }

@@ -5,8 +5,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "sim/measure.h"
-#include "sim/readings_file.h"
+#include "sim/commands/measure_command.h"
+#include "sim/readings/readings_file.h"
 #include "tests/sim/refusal.h"
 #include "tests/sim/small_scene.h"
 

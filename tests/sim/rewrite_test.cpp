@@ -8,12 +8,12 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
+#include "sim/commands/rewrite_command.h"
 #include "sim/compensation/correct.h"
-#include "sim/output.h"
-#include "sim/part.h"
+#include "sim/cut/part.h"
+#include "sim/files/output.h"
+#include "sim/loop/program_channel.h"
 #include "sim/program/pvt.h"
-#include "sim/program_channel.h"
-#include "sim/rewrite_command.h"
 #include "tests/sim/refusal.h"
 #include "tests/sim/small_scene.h"
 
@@ -180,7 +180,7 @@ TEST(RewriteCommand, OfAProgramThatMissesThePartIsWrittenWithAWarning) {
   const SceneFolder folder;
   RewriteCommandOptions options;
   options.case_name = "perfect-iterated-program";
-  options.overrides = {{"part.at_mm", "[0, 0, 0]"}};
+  options.overrides = {{"part.at_mm", "[0, 0, 0]"}, {"part.vertices", "2000"}};
   options.out = folder.path() / "in_the_air.ngc";
   const nlohmann::ordered_json report = rewrite(long_moves(folder, tip_program), options);
   ASSERT_EQ(report["warnings"].size(), 1u) << report["warnings"];

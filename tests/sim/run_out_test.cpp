@@ -1,7 +1,7 @@
 // Run-out of a milling spindle against the envelope of the enlarged cutter, which is a convex body
 // whose support function is written down here, and against hand-computed circles.
 
-#include "sim/run_out.h"
+#include "sim/machine/run_out.h"
 
 #include <algorithm>
 #include <bit>

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/scene_sections.h"
+#include "sim/scene/scene_sections.h"
 #include "tests/sim/scene_folder.h"
 
 namespace abbe::sim {

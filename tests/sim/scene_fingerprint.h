@@ -5,7 +5,7 @@
 #include <sstream>
 #include <string>
 
-#include "sim/scene.h"
+#include "sim/scene/scene.h"
 
 /// All that a scene says but where it came from, as text with every bit of every number: two scenes
 /// are equal if their texts are.

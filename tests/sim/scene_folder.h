@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/scene.h"
+#include "sim/scene/scene.h"
 
 namespace abbe::sim {
 

@@ -1,4 +1,4 @@
-#include "sim/scene.h"
+#include "sim/scene/scene.h"
 
 #include <algorithm>
 #include <cmath>

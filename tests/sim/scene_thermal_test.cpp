@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/scene_sections.h"
+#include "sim/scene/scene_sections.h"
 
 namespace abbe::sim {
 namespace {

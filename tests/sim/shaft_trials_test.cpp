@@ -13,7 +13,7 @@
 #include <Eigen/Dense>
 #include <nlohmann/json.hpp>
 
-#include "sim/report.h"
+#include "sim/report/report.h"
 
 namespace abbe::sim {
 namespace {

@@ -9,7 +9,7 @@
 
 #include <fmt/format.h>
 
-#include "sim/loop.h"
+#include "sim/loop/compensate.h"
 #include "tests/sim/scene_folder.h"
 
 /// Small versions of scenes, cut in a moment, and maps held against other maps and closed forms.

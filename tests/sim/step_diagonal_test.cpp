@@ -7,8 +7,9 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/identify.h"
-#include "sim/report.h"
+#include "sim/commands/identify_command.h"
+#include "sim/report/identify_text.h"
+#include "sim/report/report.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {

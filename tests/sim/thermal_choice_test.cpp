@@ -12,7 +12,8 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
-#include "sim/thermal_choice.h"
+#include "sim/commands/choose_sensors.h"
+#include "sim/report/sensor_choices_text.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {
@@ -23,9 +24,9 @@ using Json = nlohmann::ordered_json;
 /// The packaged scene's own day and those of its variants.
 std::vector<Day> packaged_days(const std::string& name) {
   const Scene scene = read_scene(packaged(name));
-  std::vector<Day> days{{"its own day", scene}};
+  std::vector<Day> days{measured_day("its own day", scene)};
   for (const Variant& variant : scene.variants)
-    days.push_back({variant.name, read_scene(packaged(name), variant.set)});
+    days.push_back(measured_day(variant.name, read_scene(packaged(name), variant.set)));
   return days;
 }
 
@@ -122,7 +123,8 @@ TEST(ThermalChoice, EveryDegreeRunsInEveryProtocol) {
             {"sensor_choice.image", fmt::format("\"{}\"", image)},
             {"sensor_choice.screening", "\"degree\""},
             {"sensor_choice.beside", "[]"}};
-        const Json json = thermal_choice({{"day", read_scene(packaged(scene), changes)}}).json;
+        const Json json =
+            thermal_choice({measured_day("day", read_scene(packaged(scene), changes))}).json;
         EXPECT_EQ(json["chosen"].size(), 4u) << scene << " " << likeness << " " << image;
       }
 }
@@ -166,8 +168,9 @@ TEST_P(ThermalChoiceOf, TenOtherDaysAreReportedAndHalfOfThemBeatTheMedian) {
   const Scene scene = read_scene(packaged(GetParam().first));
   int beats = 0, within = 0;
   for (int i = 0; i < 10; ++i) {
-    const Json json =
-        thermal_choice({{"its own day", scene}, {"drawn", drawn_day(scene, random)}}).json;
+    const Json json = thermal_choice({measured_day("its own day", scene),
+                                      measured_day("drawn", drawn_day(scene, random))})
+                          .json;
     const Json& fours = json["random_choices_rms_over_range"];
     const auto across = displacements(json);
     const bool better = fours["chosen"].get<double>() < fours["p50"].get<double>();
@@ -199,7 +202,7 @@ INSTANTIATE_TEST_SUITE_P(Scenes, ThermalChoiceOf,
 
 TEST(ThermalChoice, OneDayAloneHasNoGradeOnDaysUnseen) {
   Scene scene = read_scene(packaged("thermal_protocol.toml"));
-  const Json json = thermal_choice({{"its own day", scene}}).json;
+  const Json json = thermal_choice({measured_day("its own day", scene)}).json;
   EXPECT_FALSE(json.contains("random_choices_rms_over_range"));
   EXPECT_EQ(json["chosen"].size(), 4u);
   for (const Json& channel : json["channels"]) EXPECT_TRUE(channel["cross_day"].empty());
@@ -209,7 +212,7 @@ TEST(ThermalChoice, WhatCannotBeChosenFromIsRefusedWithTheSceneNamed) {
   const Scene scene = read_scene(packaged("thermal_protocol.toml"));
   const auto refusal = [](const Scene& spoilt) {
     try {
-      thermal_choice({{"day", spoilt}});
+      thermal_choice({measured_day("day", spoilt)});
       return std::string();
     } catch (const BadInput& fault) {
       return std::string(fault.what());

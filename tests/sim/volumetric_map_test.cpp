@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/units.h"
-#include "sim/pose_doubts.h"
-#include "sim/pose_files.h"
-#include "sim/volumetric_files.h"
+#include "sim/cut/pose_doubts.h"
+#include "sim/report/pose_files.h"
+#include "sim/report/volumetric_files.h"
 #include "tests/sim/pose_scene.h"
 #include "tests/sim/refusal.h"
 

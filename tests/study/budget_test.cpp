@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 #include "kinematics/text.h"
-#include "sim/output.h"
+#include "sim/files/output.h"
 #include "sim/study/picture_names.h"
 #include "sim/study/ranking.h"
 #include "sim/study/words.h"
@@ -393,9 +393,9 @@ TEST_F(BudgetPictures, OfCorrelationsLeaveOutWhatChanceMayGive) {
 }
 
 TEST_F(BudgetPictures, ThatCannotBeWrittenAreAnOutputFailure) {
-  EXPECT_THROW(write_pictures(ResultFolder("/dev/null/pictures", {}),
-                              budget_of({.inputs = 1, .arms = 1})),
-               OutputFailure);
+  EXPECT_THROW(
+      write_pictures(ResultFolder("/dev/null/pictures", {}), budget_of({.inputs = 1, .arms = 1})),
+      OutputFailure);
 }
 
 #endif

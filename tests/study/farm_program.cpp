@@ -25,8 +25,8 @@
 #include <tbb/parallel_for.h>
 
 #include "kinematics/bad_input.h"
-#include "sim/output.h"
-#include "sim/progress.h"
+#include "sim/files/output.h"
+#include "sim/files/progress.h"
 #include "sim/study/farm.h"
 
 namespace {

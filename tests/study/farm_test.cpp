@@ -17,9 +17,9 @@
 
 #include "kinematics/bad_input.h"
 #include "sim/compensation/plug_in.h"
-#include "sim/output.h"
-#include "sim/progress.h"
-#include "sim/scene.h"
+#include "sim/files/output.h"
+#include "sim/files/progress.h"
+#include "sim/scene/scene.h"
 #include "sim/study/messages.h"
 #include "tests/study/farm_runs.h"
 

@@ -13,8 +13,8 @@
 
 #include "cutting/residual.h"
 #include "kinematics/units.h"
-#include "sim/identify.h"
-#include "sim/measure.h"
+#include "sim/commands/identify_command.h"
+#include "sim/commands/measure_command.h"
 #include "tests/sim/refusal.h"
 #include "tests/sim/small_scene.h"
 

@@ -13,7 +13,7 @@
 #include <sqlite3.h>
 
 #include "kinematics/bad_input.h"
-#include "sim/output.h"
+#include "sim/files/output.h"
 #include "tests/study/farm_runs.h"
 #include "tests/study/small_disk.h"
 

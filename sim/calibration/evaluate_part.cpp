@@ -1,0 +1,153 @@
+#include "sim/calibration/evaluate_part.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <optional>
+
+#include <fmt/format.h>
+#include <Eigen/SVD>
+
+#include "errors/metrology/areal.h"
+#include "errors/metrology/form.h"
+#include "errors/metrology/shares.h"
+#include "sim/calibration/evaluate_figures.h"
+
+namespace abbe::sim {
+namespace {
+
+namespace metrology = errors::metrology;
+using Eigen::Index;
+using Eigen::MatrixX2d;
+using Eigen::MatrixX3d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+using Json = nlohmann::ordered_json;
+using metrology::PartReadings;
+
+constexpr double one_place = 1e-6;  // mm: points of a design closer than this are one
+
+/// Two unit vectors across a direction, for the place of a point in a plane.
+Eigen::Matrix<double, 3, 2> across(const Vector3d& normal) {
+  Eigen::Matrix<double, 3, 2> basis;
+  basis.col(0) = normal.unitOrthogonal();
+  basis.col(1) = normal.cross(basis.col(0));
+  return basis;
+}
+
+MatrixX3d machined(const PartReadings& r) {
+  return r.points_w + (r.normals_w.array().colwise() * r.deviation.array()).matrix();
+}
+
+Json flatness_json(const PartReadings& r, const VectorXd& share) {
+  const MatrixX3d points = machined(r);
+  const metrology::MinimumZonePlanes zone = metrology::minimum_zone_planes(points);
+  Json test = test_json("flatness", "ISO 12781-1:2011");
+  test["points"] = points.rows();
+  Figures f(test, false);
+  f.put("flatness_lsq", metrology::least_squares_plane(points, share).flatness);
+  f.put("flatness_minimum_zone", zone.flatness);
+  test["minimum_zone_proven"] = zone.proven;
+  return test;
+}
+
+/// The direction that no normal has a part of, where the normals have every other: of a cylinder or
+/// a ring its axis.
+std::optional<Vector3d> axis_of(const PartReadings& r) {
+  const Eigen::JacobiSVD<MatrixX3d> svd(r.normals_w, Eigen::ComputeFullV);
+  const Vector3d size = svd.singularValues() / svd.singularValues()[0];
+  if (size[2] > 1e-9 || size[1] < 0.1) return std::nullopt;
+  Vector3d axis = svd.matrixV().col(2);
+  Index largest = 0;
+  axis.cwiseAbs().maxCoeff(&largest);
+  return axis[largest] < 0.0 ? Vector3d(-axis) : axis;
+}
+
+/// Rows of the points at each height along an axis, from the lowest.
+std::vector<std::vector<Index>> heights_of(const MatrixX3d& points, const Vector3d& axis) {
+  const VectorXd height = points * axis;
+  std::vector<Index> order(static_cast<std::size_t>(height.size()));
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](Index a, Index b) { return height[a] < height[b]; });
+  std::vector<std::vector<Index>> rings;
+  for (const Index i : order) {
+    if (rings.empty() || height[i] - height[rings.back().front()] > one_place) rings.emplace_back();
+    rings.back().push_back(i);
+  }
+  return rings;
+}
+
+/// Angles of points about a centre.
+VectorXd angles_about(const MatrixX2d& points, const Eigen::Vector2d& centre) {
+  VectorXd angle(points.rows());
+  for (Index i = 0; i < angle.size(); ++i)
+    angle[i] = std::atan2(points(i, 1) - centre.y(), points(i, 0) - centre.x());
+  return angle;
+}
+
+/// Circularity of the points at one height; nothing where the design is no circle there or the
+/// points do not go round it.
+std::optional<Json> circularity_json(const PartReadings& r, const std::vector<Index>& rows,
+                                     const Vector3d& axis) {
+  const Eigen::Matrix<double, 3, 2> plane = across(axis);
+  const MatrixX2d design = r.points_w(rows, Eigen::all) * plane;
+  const Eigen::Vector2d middle = design.colwise().mean();
+  if (!metrology::goes_round(angles_about(design, middle))) return std::nullopt;  // nor on a line
+  const metrology::LeastSquaresCircle nominal = metrology::least_squares_circle(design);
+  const VectorXd angle = angles_about(design, nominal.centre);
+  if (nominal.circularity > one_place || !metrology::goes_round(angle)) return std::nullopt;
+  const MatrixX2d points = machined(r)(rows, Eigen::all) * plane;
+  const auto circle = metrology::least_squares_circle(points, metrology::arc_shares(angle));
+  const auto zone = metrology::minimum_zone_circles(points);
+  const double height = r.points_w.row(rows.front()).dot(axis);
+  const Vector3d centre = plane * circle.centre + height * axis;
+  Json test = test_json("circularity", "ISO 12181-1:2011");
+  test["points"] = rows.size();
+  test["centre_mm"] = {centre.x(), centre.y(), centre.z()};
+  test["radius_mm"] = circle.radius;
+  Figures f(test, false);
+  f.put("circularity_lsq", circle.circularity);
+  f.put("circularity_minimum_zone", zone.circularity);
+  test["minimum_zone_proven"] = zone.proven;
+  return test;
+}
+
+// Heights of a part that is no plane are counted from their mean, along the design's normals.
+Json heights_json(const PartReadings& r, const VectorXd& share, bool flat) {
+  metrology::ArealOptions options;
+  options.reference = flat ? metrology::ArealReference::Plane : metrology::ArealReference::Mean;
+  const metrology::Areal areal = metrology::areal(r.points_w * across(Vector3d(r.normals_w.row(0))),
+                                                  r.deviation, share, options);
+  Json test = test_json("heights", "ISO 25178-2:2021 height parameters, unfiltered");
+  test["reference"] = flat ? "least-squares plane" : "mean, along the design's normals";
+  test["points"] = r.deviation.size();
+  Figures f(test, false);
+  f.put("Sa", areal.Sa);
+  f.put("Sq", areal.Sq);
+  f.put("Sz", areal.Sz);
+  f.put("Sp", areal.Sp);
+  f.put("Sv", areal.Sv);
+  test["Ssk"] = areal.Ssk ? Json(*areal.Ssk) : Json(nullptr);
+  test["Sku"] = areal.Sku ? Json(*areal.Sku) : Json(nullptr);
+  f.put("mean", share.dot(r.deviation) / share.sum());
+  f.put("pv", r.deviation.maxCoeff() - r.deviation.minCoeff());
+  return test;
+}
+
+}  // namespace
+
+Json part_tests(const PartReadingsFile& part) {
+  const PartReadings& r = part.readings;
+  const VectorXd share = metrology::place_shares(r.points_w, one_place);
+  const bool flat = (r.normals_w * r.normals_w.row(0).transpose()).minCoeff() > 1.0 - 1e-12;
+  Json list = Json::array();
+  if (flat) list.push_back(flatness_json(r, share));
+  if (const auto axis = axis_of(r))
+    for (const std::vector<Index>& rows : heights_of(r.points_w, *axis))
+      if (auto test = circularity_json(r, rows, *axis)) list.push_back(std::move(*test));
+  list.push_back(heights_json(r, share, flat));
+  return list;
+}
+
+}  // namespace abbe::sim

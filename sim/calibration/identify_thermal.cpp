@@ -1,0 +1,379 @@
+#include "sim/calibration/identify_thermal.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <set>
+#include <stdexcept>
+
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
+
+#include "errors/bound_element.h"
+#include "kinematics/units.h"
+#include "sim/calibration/thermal_epochs.h"
+
+namespace abbe::sim {
+namespace {
+
+namespace identification = errors::identification;
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using errors::metrology::Readings;
+using identification::Estimate;
+using kinematics::Chain;
+using kinematics::Joint;
+using kinematics::Motion;
+using Json = nlohmann::ordered_json;
+
+constexpr double per_metre = 1000.0;  // mm: slopes are numbers of mm or rad over a metre or radian
+
+// ---- elements
+
+errors::Element element_of(const errors::ElementName& name, const Chain& nominal,
+                           const std::vector<DayLog>& logs) {
+  const int at = errors::joint_of(name.axis, nominal, to_string(name));
+  const Joint& joint = nominal.joints()[std::size_t(at)];
+  errors::check_meaning(name, nominal, at);
+  Index along = 0;
+  joint.direction_b.cwiseAbs().maxCoeff(&along);
+  const bool positions =
+      joint.motion == Motion::Linear && !name.location && name.component() == int(along);
+  if (!positions || !is_moved(logs, at)) return {name, {{errors::Constant{}}}};
+  errors::Curve curve{errors::Polynomial{VectorXd::Zero(2), 0.0, per_metre}};
+  curve.argument = errors::Argument::Carriage;
+  return {name, {curve}};
+}
+
+char letter(int component) {
+  return component < 3 ? char('X' + component) : char('A' + component - 3);
+}
+
+/// What heat may move, those first that would be kept where readings cannot part them.
+std::vector<errors::ElementName> candidates(const Chain& nominal) {
+  std::vector<errors::ElementName> positioning, angles, places, nose;
+  for (const Joint& joint : nominal.joints()) {
+    Index along = 0;
+    joint.direction_b.cwiseAbs().maxCoeff(&along);
+    for (int c = 0; c < 6; ++c) {
+      const bool is_along = c % 3 == int(along);
+      if (joint.motion == Motion::Linear && c == int(along))
+        positioning.push_back({letter(c), joint.name, false});
+      else if (joint.motion == Motion::Linear && c >= 3)
+        angles.push_back({letter(c), joint.name, false});
+      else if (joint.motion == Motion::Rotary && c < 3 && !is_along)
+        places.push_back({letter(c), joint.name, true});
+      else if (joint.motion == Motion::Spindle && !(c >= 3 && is_along))
+        nose.push_back({letter(c), 'S', false});
+    }
+  }
+  std::vector<errors::ElementName> all = positioning;
+  for (const auto* more : {&nose, &places, &angles})
+    all.insert(all.end(), more->begin(), more->end());
+  return all;
+}
+
+errors::GeometricErrors model_of(const Chain& nominal, const std::vector<DayLog>& logs,
+                                 const std::vector<std::string>& names) {
+  std::vector<errors::ElementName> elements;
+  for (const std::string& name : names) elements.push_back(errors::parse_element_name(name));
+  if (names.empty()) elements = candidates(nominal);
+  errors::GeometricErrors model;
+  for (const errors::ElementName& name : elements) {
+    for (const errors::Element& other : model.elements)
+      if (other.name == name)
+        throw std::invalid_argument("expected each element once, seen " + to_string(name) +
+                                    " twice");
+    model.elements.push_back(element_of(name, nominal, logs));
+  }
+  return model;
+}
+
+// ---- numbers over the day
+
+/// Numbers of a model over the epochs.
+struct Series {
+  MatrixXd value;  ///< (epochs x p) mm or rad, of slopes over a metre
+  MatrixXd sigma;  ///< (epochs x p) 0: not identified at that epoch
+  std::vector<identification::Confounded> confounded;  ///< at the last epoch
+
+  bool is_told(Index number) const { return (sigma.col(number).array() > 0.0).all(); }
+  /// RMS over the epochs after the first, in standard uncertainties.
+  double signal(Index number) const {
+    const Index later = value.rows() - 1;
+    const VectorXd z = value.col(number).tail(later).cwiseQuotient(sigma.col(number).tail(later));
+    return std::sqrt(z.squaredNorm() / double(later));
+  }
+};
+
+VectorXd sigma_of(const Estimate& estimate, const std::vector<errors::Coefficient>& numbers) {
+  VectorXd sigma = VectorXd::Zero(Index(numbers.size()));
+  const errors::Covariance& covariance = estimate.belief.covariance;
+  for (std::size_t i = 0; i < covariance.of.size(); ++i) {
+    const auto at = std::ranges::find(numbers, covariance.of[i]) - numbers.begin();
+    sigma[at] = std::sqrt(std::max(0.0, covariance.matrix(Index(i), Index(i))));
+  }
+  return sigma;
+}
+
+Series series_of(const errors::GeometricErrors& model,
+                 const std::vector<std::vector<Readings>>& changes) {
+  const auto numbers = errors::coefficients(model.elements);
+  const auto n = Index(changes.size()), p = Index(numbers.size());
+  Series series{MatrixXd(n, p), MatrixXd(n, p), {}};
+  std::vector<Estimate> estimates(changes.size());
+  tbb::parallel_for(std::size_t(0), changes.size(), [&](std::size_t k) {
+    estimates[k] = identification::estimate(model, changes[k]);
+  });
+  for (Index k = 0; k < n; ++k) {
+    const Estimate& estimate = estimates[std::size_t(k)];
+    series.value.row(k) = estimate.value;
+    series.sigma.row(k) = sigma_of(estimate, numbers);
+  }
+  series.confounded = estimates.back().confounded;
+  return series;
+}
+
+errors::GeometricErrors with_held(errors::GeometricErrors model, const std::set<Index>& held) {
+  const auto numbers = errors::coefficients(model.elements);
+  for (const Index j : held) model.covariance.of.push_back(numbers[std::size_t(j)]);
+  const auto m = Index(held.size());
+  model.covariance.matrix = MatrixXd::Zero(m, m);
+  return model;
+}
+
+/// Leaves numbers out, the weakest first, until all that are left stand out of the noise.
+Series signals_of(const errors::GeometricErrors& model,
+                  const std::vector<std::vector<Readings>>& changes, double least_signal) {
+  std::set<Index> held;
+  while (true) {
+    Series series = series_of(with_held(model, held), changes);
+    std::optional<Index> weakest;
+    for (Index j = 0; j < series.value.cols(); ++j)
+      if (series.is_told(j) && (!weakest || series.signal(j) < series.signal(*weakest)))
+        weakest = j;
+    if (!weakest)
+      throw std::invalid_argument(
+          "expected a machine that heat moves beyond the noise of its "
+          "instruments, seen one that stands");
+    if (series.signal(*weakest) >= least_signal) return series;
+    held.insert(*weakest);
+  }
+}
+
+// ---- terms
+
+struct Number {
+  errors::ElementName name;
+  bool slope = false;
+  Index column = 0;         ///< of the series
+  double per_unit = 1.0;    ///< of the term for one of the number: slopes are per mm or rad
+  double tip_effect = 1.0;  ///< mm at the tip for one of the number, about
+};
+
+Number number_of(const errors::Coefficient& coefficient, Index column,
+                 const errors::GeometricErrors& model, const Chain& nominal) {
+  Number number;
+  number.name = model.elements[std::size_t(coefficient.element)].name;
+  number.slope = coefficient.number == 1;
+  number.column = column;
+  const Joint& joint = nominal.joints()[std::size_t(
+      errors::joint_of(number.name.axis, nominal, to_string(number.name)))];
+  if (number.slope) {
+    number.per_unit = 1.0 / per_metre;
+    number.tip_effect = 0.5 * (joint.max - joint.min) / per_metre;
+  } else if (number.name.is_angle()) {
+    const double arm = (nominal.T_bt_home().translation() - joint.point_b).norm();
+    number.tip_effect = std::max(arm, 1.0);
+  }
+  return number;
+}
+
+std::vector<Number> told(const Series& series, const errors::GeometricErrors& model,
+                         const Chain& nominal) {
+  const auto all = errors::coefficients(model.elements);
+  std::vector<Number> numbers;
+  for (std::size_t j = 0; j < all.size(); ++j)
+    if (series.is_told(Index(j))) numbers.push_back(number_of(all[j], Index(j), model, nominal));
+  if (numbers.empty())
+    throw std::invalid_argument("expected readings that tell one of the elements, seen none");
+  return numbers;
+}
+
+identification::SensorChoice choice_of(const Series& series, const std::vector<Number>& numbers,
+                                       const std::vector<std::string>& sensors,
+                                       const MatrixXd& dT_K,
+                                       const identification::SensorChoiceOptions& options) {
+  std::vector<identification::ThermalData> errors;
+  for (const Number& number : numbers) {
+    const VectorXd y = number.tip_effect * series.value.col(number.column);
+    if (y.maxCoeff() > y.minCoeff())
+      errors.push_back({sensors, dT_K, y, std::vector<int>(std::size_t(y.size()), 0)});
+  }
+  if (errors.empty())
+    throw std::invalid_argument("expected elements that move while the machine warms");
+  auto choice = identification::choose_sensors(errors, options);
+  if (choice.status != identification::GreyStatus::Ok || choice.chosen.empty())
+    throw std::invalid_argument("expected temperatures from which sensors can be chosen, seen " +
+                                std::string(to_string(choice.status)));
+  return choice;
+}
+
+std::vector<Index> columns_of(const std::vector<std::string>& wanted,
+                              const std::vector<std::string>& sensors) {
+  std::vector<Index> columns;
+  for (const std::string& name : wanted) {
+    const auto found = std::ranges::find(sensors, name);
+    if (found == sensors.end())
+      throw std::invalid_argument("expected a sensor that was logged, seen " + name);
+    columns.push_back(found - sensors.begin());
+  }
+  return columns;
+}
+
+identification::ThermalFit fit_of(const Number& number, const Series& series,
+                                  const identification::ThermalData& warmed, double margin) {
+  identification::ThermalModelOptions options;
+  options.margin = margin;
+  identification::ThermalData data = warmed;
+  data.y = number.per_unit * series.value.col(number.column);
+  if (std::size_t(data.y.size()) <= data.names.size() + 1)
+    throw std::invalid_argument(
+        fmt::format("expected more epochs than {} sensors and a constant, seen {}",
+                    data.names.size(), data.y.size()));
+  auto fitted = identification::fit(data, options);
+  if (!fitted.model)
+    throw std::invalid_argument("expected sensors that say different things, seen " +
+                                identification::describe(fitted.confounded, data.names));
+  return fitted;
+}
+
+// ---- report
+
+std::string words(const Number& number) {
+  return to_string(number.name) + (number.slope ? " slope" : " offset");
+}
+
+struct Unit {
+  std::string name;
+  double size = 1.0;  ///< mm or rad, or of a slope per mm
+};
+Unit unit_of(const Number& number) {
+  if (number.slope) return {number.name.is_angle() ? "urad/m" : "um/m", 1e-6};
+  return number.name.is_angle() ? Unit{"urad", units::urad} : Unit{"um", units::um};
+}
+
+Json term_json(const Number& number, const Series& series,
+               const identification::ThermalFit& fitted) {
+  const identification::Regression& regression = *fitted.regression;
+  const Unit unit = unit_of(number);
+  const VectorXd value = number.per_unit / unit.size * series.value.col(number.column);
+  const VectorXd sigma = number.per_unit / unit.size * series.sigma.col(number.column);
+  Json per_K = Json::object();
+  for (std::size_t k = 0; k < fitted.model->names.size(); ++k)
+    per_K[fitted.model->names[k]] = {
+        {"value", regression.beta[Index(k)] / unit.size},
+        {"standard_error", regression.standard_error[Index(k) + 1] / unit.size},
+        {"vif", regression.vif[Index(k)]}};
+  return {{"name", words(number)},
+          {"unit", unit.name},
+          {"range", value.maxCoeff() - value.minCoeff()},
+          {"standard_uncertainty_at_an_epoch", sigma.mean()},
+          {"constant", regression.constant / unit.size},
+          {"per_K", per_K},
+          {"r_squared", regression.r_squared},
+          {"residual_sd", regression.residual_sd / unit.size},
+          {"at_epochs", std::vector<double>(value.begin(), value.end())}};
+}
+
+Json choice_json(const identification::SensorChoice& choice,
+                 const std::vector<std::string>& sensors) {
+  Json degree = Json::object(), groups = Json::array();
+  for (const int i : identification::ranking(choice.degree))
+    degree[sensors[std::size_t(i)]] = choice.degree[i];
+  for (const auto& group : choice.groups) {
+    groups.push_back(Json::array());
+    for (const int i : group) groups.back().push_back(sensors[std::size_t(i)]);
+  }
+  return {{"degree", degree}, {"threshold", choice.threshold}, {"groups", groups}};
+}
+
+std::vector<std::string> warnings_of(const Json& terms) {
+  std::vector<std::string> warnings;
+  for (const auto& [sensor, one] : terms.front()["per_K"].items())
+    if (const double vif = one["vif"].get<double>(); vif > 10.0)
+      warnings.push_back(fmt::format(
+          "{} says nearly what the other sensors say on this day (VIF {:.0f})", sensor, vif));
+  for (const Json& term : terms)
+    if (const double r_squared = term["r_squared"].get<double>(); r_squared < 0.9)
+      warnings.push_back(fmt::format("{}: these temperatures tell {:.0f} % of how it moved",
+                                     term["name"].get<std::string>(),
+                                     100.0 * std::max(0.0, r_squared)));
+  return warnings;
+}
+
+std::string axes_of(const Chain& chain) {
+  std::string axes;
+  for (const Joint& joint : chain.joints()) axes += joint.name;
+  return axes;
+}
+
+void check(std::span<const Readings> readings) {
+  if (readings.empty()) throw std::invalid_argument("expected readings");
+  for (const Readings& one : readings) {
+    if (one.plan.looks.empty())
+      throw std::invalid_argument("expected readings of " + one.plan.instrument + ", seen none");
+    if (axes_of(one.nominal) != axes_of(readings.front().nominal))
+      throw std::invalid_argument("expected readings of one machine, seen those of another by " +
+                                  one.plan.instrument);
+  }
+}
+
+}  // namespace
+
+IdentifiedThermal identify_thermal(std::span<const Readings> readings,
+                                   const ThermalIdentification& options) {
+  check(readings);
+  std::vector<DayLog> logs;
+  for (const Readings& one : readings) logs.push_back(day_log(one));
+  const Chain& nominal = readings.front().nominal;
+  const std::vector<Epoch> epochs = epochs_of(logs);
+  const auto changes = changes_of(logs, epochs);
+  const errors::GeometricErrors model = model_of(nominal, logs, options.elements);
+  const Series series = options.elements.empty() ? signals_of(model, changes, options.least_signal)
+                                                 : series_of(model, changes);
+  const std::vector<Number> numbers = told(series, model, nominal);
+
+  const std::vector<std::string> all_sensors = common_sensors(logs);
+  const MatrixXd all_dT_K = warmed_K(logs, epochs, all_sensors);
+  IdentifiedThermal result;
+  std::vector<std::string> sensors = options.sensors;
+  if (sensors.empty()) {
+    const auto choice = choice_of(series, numbers, all_sensors, all_dT_K, options.choice);
+    for (const int i : choice.chosen) sensors.push_back(all_sensors[std::size_t(i)]);
+    result.report["choice"] = choice_json(choice, all_sensors);
+  }
+  const MatrixXd dT_K = all_dT_K(Eigen::all, columns_of(sensors, all_sensors));
+
+  Json terms = Json::array(), trained = Json::object(), hours = Json::array();
+  const identification::ThermalData warmed{sensors, dT_K, {}, std::vector<int>(epochs.size(), 0)};
+  for (const Number& number : numbers) {
+    const identification::ThermalFit fitted = fit_of(number, series, warmed, options.margin);
+    result.belief.terms.push_back({number.name, number.slope, *fitted.model});
+    terms.push_back(term_json(number, series, fitted));
+  }
+  for (std::size_t k = 0; k < sensors.size(); ++k)
+    trained[sensors[k]] = {dT_K.col(Index(k)).minCoeff(), dT_K.col(Index(k)).maxCoeff()};
+  for (const Epoch& epoch : epochs) hours.push_back(0.5 * (epoch.from_s + epoch.to_s) / 3600.0);
+  result.report["sensors"] = sensors;
+  result.report["trained_K"] = trained;
+  result.report["margin"] = options.margin;
+  result.report["terms"] = terms;
+  result.report["epochs_h"] = hours;
+  result.confounded = series.confounded;
+  result.warnings = warnings_of(terms);
+  return result;
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "sim/files/permissions.h"
+#include "sim/files/progress.h"
+#include "sim/report/report.h"
+
+namespace abbe::sim {
+
+struct RunOptions {
+  std::vector<Override> overrides;
+  std::filesystem::path folder;  ///< every file goes there
+  Permissions permissions;
+  std::string case_name;  ///< `run`: error_free, uncompensated or a compensator; empty: what
+                          ///< the scene names, else uncompensated
+  std::vector<std::filesystem::path> plug_ins;  ///< compensators of the user's own; `compare`: more
+                                                ///< cases, `run`: the case
+};
+
+/// What a command leaves besides its files.
+struct Outcome {
+  nlohmann::ordered_json json;        ///< summary or comparison
+  std::vector<std::string> exceeded;  ///< acceptance limits that a judged case breaks
+  std::vector<std::string> failed;    ///< plug-ins that failed, in words; the other cases stand
+  nlohmann::ordered_json sensors;  ///< choices of sensors as in thermal.json; null: none asked for
+};
+
+/// Cuts one case of a scene and writes every file of it.
+/// @throws BadScene, BadInput, OutputFailure, Interrupted
+Outcome run(const std::filesystem::path& scene, const RunOptions& options);
+
+/// Cuts the error-free machine, the uncompensated one and every compensator of the scene, for every
+/// variant, and writes a folder a case, `comparison.json` and `comparison.png`. The maps of a
+/// variant are measured against an error-free map of its own, which is not told as a case.
+Outcome compare(const std::filesystem::path& scene, const RunOptions& options);
+
+}  // namespace abbe::sim

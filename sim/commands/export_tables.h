@@ -1,0 +1,30 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "sim/files/permissions.h"
+#include "sim/scene/scene.h"
+
+namespace abbe::sim {
+
+struct ExportOptions {
+  std::vector<Override> overrides;
+  std::string case_name = "identified-position-table";  ///< what the tables are made from
+  std::optional<compensation::ControlFormat> format;    ///< none: the scene's, else LinuxCNC
+  std::filesystem::path folder;
+  Permissions permissions;
+};
+
+/// Writes the tables that a compensator of the scene amounts to in the layout of a control. The
+/// channel `table` with the same format runs what these files make a control do.
+/// @return what was written, and what the format cannot hold
+/// @throws BadScene, BadInput, OutputFailure
+nlohmann::ordered_json export_tables(const std::filesystem::path& scene,
+                                     const ExportOptions& options);
+
+}  // namespace abbe::sim

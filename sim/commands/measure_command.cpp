@@ -1,0 +1,99 @@
+#include "sim/commands/measure_command.h"
+
+#include <fmt/format.h>
+
+#include "sim/cut/reach.h"
+#include "sim/files/output.h"
+#include "sim/loop/compensate.h"
+#include "sim/readings/readings_file.h"
+#include "sim/scene/trust.h"
+
+namespace abbe::sim {
+namespace {
+
+using errors::metrology::Readings;
+
+Cut cut_case(const Job& job, const std::string& name) {
+  if (name == "error_free") return cut_error_free(job);
+  if (name.empty() || name == "uncompensated") return cut(job);
+  return cut(job, parse_case(name));
+}
+
+/// Instruments to use: those named, or every one of the scene.
+struct Chosen {
+  std::vector<InstrumentDescription> of_machine;
+  std::vector<PartInstrumentDescription> of_part;
+};
+
+Chosen chosen(const Scene& scene, const std::vector<std::string>& names) {
+  if (names.empty()) return {scene.instruments, scene.part_instruments};
+  Chosen result;
+  for (const std::string& name : names) {
+    if (auto of_part = part_instrument_of(scene, name))
+      result.of_part.push_back(std::move(*of_part));
+    else
+      result.of_machine.push_back(instrument_of(scene, name));
+  }
+  return result;
+}
+
+struct CutAndMeasured {
+  PartReadingsFile file;
+  std::vector<std::string> warnings;  ///< of the cut
+};
+
+CutAndMeasured cut_and_measured(const Scene& scene, const PartInstrumentDescription& instrument) {
+  const Job job = prepare(scene);
+  check_reaches_part(job);
+  const Cut made = cut_case(job, instrument.case_name);
+  check_cuts_part(job, made);
+  return {measured_part(job, made, instrument), warnings_of(job, made)};
+}
+
+/// The file of an instrument, with at least one reading.
+Measured whole(Measured one, const Scene& scene, const std::string& instrument) {
+  if (one.readings == 0)
+    throw BadInput(scene.file.string(), 0, 0, "readings of " + instrument, "none");
+  return one;
+}
+
+}  // namespace
+
+PartReadingsFile measured_part(const Scene& scene, const PartInstrumentDescription& instrument) {
+  return cut_and_measured(scene, instrument).file;
+}
+
+std::vector<Measured> measure(const std::filesystem::path& file, const MeasureOptions& options) {
+  const Scene scene = read_trusted_scene(file, options.overrides, options.permissions);
+  const Chosen instruments = chosen(scene, options.instruments);
+  if (instruments.of_machine.empty() && instruments.of_part.empty())
+    throw BadInput(file.string(), 0, 0, "[[instrument]] tables, or --instrument NAME", "none");
+  const ResultFolder folder(options.folder, writer_of(scene, options.permissions));
+  for (const InstrumentDescription& one : instruments.of_machine)
+    check_file(folder / (one.instrument.name + ".csv"));
+  for (const PartInstrumentDescription& one : instruments.of_part)
+    check_file(folder / (one.name + ".csv"));
+  std::vector<Measured> written;
+  const std::vector<Readings> all = measured(scene, instruments.of_machine);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const Readings& readings = all[i];
+    const InstrumentDescription& one = instruments.of_machine[i];
+    const ResultFile csv = folder / (one.instrument.name + ".csv");
+    written.push_back(whole({csv.path(), readings.plan.looks.size(), readings.plan.set_ups.size(),
+                             readings.plan.duration_s},
+                            scene, one.instrument.name));
+    write_table(csv, to_text(readings));
+  }
+  for (const PartInstrumentDescription& one : instruments.of_part) {
+    const CutAndMeasured part = cut_and_measured(scene, one);
+    const ResultFile csv = folder / (one.name + ".csv");
+    const Eigen::VectorXd& t = part.file.readings.time_s;
+    written.push_back(whole({csv.path(), std::size_t(t.size()), 1,
+                             t.size() > 0 ? t.maxCoeff() - t.minCoeff() : 0.0, part.warnings},
+                            scene, one.name));
+    write_table(csv, to_text(part.file));
+  }
+  return written;
+}
+
+}  // namespace abbe::sim

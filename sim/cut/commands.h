@@ -1,0 +1,66 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "sim/compensation/channels.h"
+#include "sim/cut/job.h"
+
+namespace abbe::sim {
+
+/// Commands with a correction in them, and what its maker knew that it could not reach.
+struct Corrected {
+  std::vector<kinematics::AxisState> states;
+  double point_left = 0.0;      ///< mm
+  double direction_left = 0.0;  ///< rad
+  std::size_t not_converged = 0;
+};
+
+/// Corrects commands that should bring the tool to T_wt_nominal, both (samples) in the order of
+/// time.
+using Corrector = std::function<Corrected(const std::vector<kinematics::AxisState>& commanded,
+                                          const std::vector<kinematics::Pose>& T_wt_nominal)>;
+
+/// What a piezo does to the tool beside the axes.
+struct PiezoMotion {
+  compensation::Piezo piezo;
+  Eigen::VectorXd stroke;  ///< (samples) mm along its direction
+};
+
+/// What the axes are really told.
+struct Compensated {
+  program::Samples samples;
+  std::optional<program::Path>
+      path;  ///< from which the samples come, where it is not the job's own
+  std::vector<kinematics::Pose>
+      T_wt_nominal;  ///< (samples) empty where the times are the job's own
+  std::vector<kinematics::AxisVector>
+      correction;  ///< (samples) that a channel of the axes adds; else empty
+  std::optional<PiezoMotion> piezo;
+  double point_left = 0.0;
+  double direction_left = 0.0;
+  std::size_t not_converged = 0;
+  std::string rewritten_program;
+  std::vector<std::string> warnings;
+};
+
+/// The commands of the real control: its own kinematics and the datum it found, no compensator.
+Compensated as_programmed(const Job& job);
+
+/// Commands of the real control for a program that was sampled with `sampled_by`: a tip that is
+/// programmed is reached by the control's own kinematics, and the datum that it found shifts all.
+/// @param offset_w  mm, that shift
+/// @throws BadInput naming the line of a tip that the control's slides do not reach
+std::vector<kinematics::AxisState> told(const Job& job, const program::Path& path,
+                                        const program::Samples& samples,
+                                        const kinematics::Chain& sampled_by,
+                                        const Eigen::Vector3d& offset_w);
+
+/// The same with the datum found by a control that nothing compensates.
+std::vector<kinematics::AxisState> told(const Job& job, const program::Path& path,
+                                        const program::Samples& samples,
+                                        const kinematics::Chain& sampled_by);
+
+}  // namespace abbe::sim

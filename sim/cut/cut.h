@@ -1,0 +1,66 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "sim/cut/commands.h"
+#include "sim/cut/signals.h"
+
+namespace abbe::sim {
+
+/// Largest and root mean square over the samples of a program.
+struct Spread {
+  double rms = 0.0;
+  double max = 0.0;
+};
+
+/// One case cut.
+struct Cut {
+  std::string name;       ///< as it is told: of a variant, with its name in front
+  std::string case_name;  ///< what `run --case` would be told
+  cutting::Surface surface;
+  Spread tip_error;               ///< mm, tip where it is against where it should be
+  Spread direction_error;         ///< rad
+  double point_left = 0.0;        ///< mm, most that the compensator knew it could not restore
+  double direction_left = 0.0;    ///< rad, the same of the direction
+  Process process;                ///< the cut as it went; empty without [cutting]
+  Signals signals;                ///< empty without heat, force or channels
+  std::string rewritten_program;  ///< text of the program channel, else empty
+  std::vector<std::string> warnings;
+  std::map<std::string, double> timing_s;
+};
+
+/// The same program on the machine without any error, and with a perfect tool, setup and control.
+Cut cut_error_free(const Job& job, const Progress& progress = {});
+
+/// The program on the wrong machine without a compensator.
+/// @throws BadInput if a commanded axis leaves its travel (program line, axis, value) or a table of
+///         the errors
+Cut cut(const Job& job, const Progress& progress = {});
+
+/// Commands, compensated or not, on the wrong machine.
+/// @throws BadInput as without
+Cut cut(const Job& job, const Compensated& told, const Progress& progress = {});
+
+/// Where the tool really is in the part at samples of a program as it is told, T_wt.
+/// @param process  that cut, for its forces; empty for none
+/// @param at       numbers of samples; empty: all of them
+/// @throws BadInput where a table of the errors is left
+std::vector<kinematics::Pose> tool_poses(const Job& job, const Compensated& told,
+                                         const Process& process,
+                                         std::span<const std::size_t> at = {});
+
+/// Refuses the line of the program on which an axis first leaves its travel.
+/// @throws BadInput
+void check_travel(const Job& job, const Compensated& told);
+
+/// The cut alone, without the surface.
+Process cut_process(const Job& job, const Compensated& told);
+
+/// Warnings of the scene itself and of the cut, in that order.
+std::vector<std::string> warnings_of(const Job& job, const Cut& cut);
+
+}  // namespace abbe::sim

@@ -1,0 +1,120 @@
+#include "sim/cut/program_warnings.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "cutting/shank.h"
+#include "kinematics/units.h"
+#include "sim/cut/tool_calls.h"
+#include "sim/cut/tool_motion.h"
+
+namespace abbe::sim {
+namespace {
+
+std::string shank_text(const Scene& scene, const cutting::Design& design_w, const NominalRun& run) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
+  if (cutter == nullptr) return {};
+  const auto contact =
+      cutting::shank_contact(design_w, *cutter, cutter_motion(run.T_wt, run.samples),
+                             {.length = scene.tool.length, .band = scene.band});
+  if (!contact) return {};
+  return fmt::format(
+      "the shank above the flank ({:.4g} mm above the tip) goes into the design at {} vertices, {} "
+      "{:.3f} mm deep (line {}, first line {})",
+      cutter->flank_length, contact->vertices,
+      contact->deepest < scene.band ? "at most" : "at least", contact->deepest, contact->line,
+      contact->first_line);
+}
+
+/// A mesh whose facets sag by more than the tolerance, or that has hardly a smooth place.
+std::string coarse_text(const Scene& scene, const cutting::Design& design_w) {
+  if (!std::holds_alternative<MeshFile>(scene.part.shape)) return {};
+  const cutting::Coarseness coarse = cutting::coarseness(design_w);
+  if (2 * coarse.sharp > coarse.judged)
+    return fmt::format(
+        "the mesh is too coarse to be judged: {} of {} judged vertices lie on edges of more than "
+        "30 "
+        "degrees, where a normal is a mean of faces",
+        coarse.sharp, coarse.judged);
+  if (scene.part.tolerance > 0.0 && coarse.facet_error > scene.part.tolerance)
+    return fmt::format(
+        "the mesh is too coarse for the tolerance: between judged vertices its facets sag by up to "
+        "{:.4g} um, the tolerance is {:.4g} um",
+        coarse.facet_error / units::um, scene.part.tolerance / units::um);
+  return {};
+}
+
+bool is_judged(const cutting::Design& design, Eigen::Index vertex) {
+  return design.judged.empty() || design.judged[std::size_t(vertex)] != 0;
+}
+
+/// mm, the longest edge between judged vertices.
+double longest_judged_edge(const cutting::Design& design) {
+  double longest = 0.0;
+  for (Eigen::Index t = 0; t < design.triangles.rows(); ++t)
+    for (int k = 0; k < 3; ++k) {
+      const int a = design.triangles(t, k), b = design.triangles(t, (k + 1) % 3);
+      if (is_judged(design, a) && is_judged(design, b))
+        longest = std::max(longest, (design.vertices.row(a) - design.vertices.row(b)).norm());
+    }
+  return longest;
+}
+
+/// A design on which a gouge can lie between the places where it is judged.
+std::string sparse_text(const Scene& scene, const cutting::Design& design_w) {
+  constexpr int few = 10;
+  int judged = 0;
+  for (Eigen::Index i = 0; i < design_w.vertices.rows(); ++i) judged += is_judged(design_w, i);
+  if (judged < few)
+    return fmt::format("the part is judged at {} {} only: what is cut between them is in no figure",
+                       judged, judged == 1 ? "vertex" : "vertices");
+  const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
+  const double longest = longest_judged_edge(design_w);
+  if (cutter == nullptr || !(longest > 2.0 * cutter->radius)) return {};
+  return fmt::format(
+      "judged vertices that an edge joins are up to {:.4g} mm apart, the cutter is {:.4g} mm wide: "
+      "a "
+      "gouge between them is in no figure",
+      longest, 2.0 * cutter->radius);
+}
+
+std::string no_feed_text(const program::Path& path) {
+  const bool feeds = std::any_of(path.blocks.begin(), path.blocks.end(), [](const auto& block) {
+    return block.interpolation != program::Interpolation::Rapid &&
+           block.interpolation != program::Interpolation::Dwell;
+  });
+  if (feeds || path.motion_blocks == 0) return {};
+  return fmt::format("no block of the program feeds: all {} that move are rapids",
+                     path.motion_blocks);
+}
+
+}  // namespace
+
+std::string unreached_text(const program::Unreached& unreached) {
+  if (unreached.points == 0) return {};
+  return fmt::format(
+      "the machine does not reach {} of {} points of the program ({:.3g} %), which leaves out {} "
+      "of "
+      "{} passes and parts of {}; first in pass {}, at ({:.3f}, {:.3f}, {:.3f}) mm of the "
+      "workpiece: "
+      "{}",
+      unreached.points, unreached.all_points, 100.0 * unreached.points / unreached.all_points,
+      unreached.passes, unreached.all_passes, unreached.broken_passes, unreached.first_pass,
+      unreached.tip_w.x(), unreached.tip_w.y(), unreached.tip_w.z(),
+      unreached.why == kinematics::Reach::OutOfLimits
+          ? "an axis would leave its travel"
+          : "no position of its axes gives the direction");
+}
+
+std::vector<std::string> program_warnings(const Scene& scene, const cutting::Design& design_w,
+                                          const Program& program, const NominalRun& run) {
+  std::vector<std::string> warnings = tool_call_warnings(program.path, scene.tool);
+  for (std::string text : {unreached_text(program.unreached), no_feed_text(program.path),
+                           shank_text(scene, design_w, run), coarse_text(scene, design_w),
+                           sparse_text(scene, design_w)})
+    if (!text.empty()) warnings.push_back(std::move(text));
+  return warnings;
+}
+
+}  // namespace abbe::sim

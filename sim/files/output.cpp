@@ -1,0 +1,326 @@
+#include "sim/files/output.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <optional>
+#include <system_error>
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "kinematics/escape.h"
+
+namespace abbe::sim {
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void fail(const fs::path& file, const std::string& reason) {
+  throw OutputFailure(escaped(file.string()) + ": cannot be written: " + escaped(reason));
+}
+
+[[noreturn]] void refuse(const fs::path& file, const std::string& reason) {
+  throw OutputFailure(escaped(file.string()) + ": " + escaped(reason));
+}
+
+// ---- what is abbe's
+
+bool is_there(const fs::path& file) {
+  std::error_code none;
+  return fs::exists(fs::symlink_status(file, none));
+}
+
+fs::path plain(const fs::path& file) { return fs::absolute(file).lexically_normal(); }
+
+/// Whether two paths lead to one file, by whatever names, links or cases of letters.
+bool is_same(const fs::path& a, const fs::path& b) {
+  std::error_code none;
+  return fs::equivalent(a, b, none) || plain(a) == plain(b);
+}
+
+bool is_input(const fs::path& file, const Writer& writer) {
+  return std::ranges::any_of(writer.inputs,
+                             [&](const fs::path& input) { return is_same(file, input); });
+}
+
+bool lies_below(const fs::path& file, const fs::path& folder) {
+  std::error_code none;
+  for (fs::path at = file; at.has_relative_path(); at = at.parent_path())
+    if (fs::equivalent(at.parent_path(), folder, none)) return true;
+  return false;
+}
+
+/// An input in the folder or below, by its own name or by what it is a link to.
+std::optional<fs::path> input_below(const fs::path& folder, const Writer& writer) {
+  std::error_code none;
+  for (const fs::path& input : writer.inputs)
+    if (lies_below(plain(input), folder) || lies_below(fs::weakly_canonical(input, none), folder))
+      return input;
+  return std::nullopt;
+}
+
+/// A folder below that is not there yet.
+std::string another(const fs::path& folder) {
+  fs::path name = (folder / "result").lexically_normal();
+  for (int k = 2; is_there(name); ++k)
+    name = (folder / fmt::format("result-{}", k)).lexically_normal();
+  return "--out " + name.string();
+}
+
+/// A journal of a study says in its own head whose it is: SQLite's application id.
+bool is_journal(const fs::path& file) {
+  std::error_code none;
+  if (fs::symlink_status(file, none).type() != fs::file_type::regular) return false;
+  std::ifstream in(file, std::ios::binary);
+  std::string head(72, '\0');
+  in.read(head.data(), std::streamsize(head.size()));
+  return in && head.starts_with("SQLite format 3") && head.ends_with("abbe");
+}
+
+/// A journal, or what SQLite and its lock put beside it.
+bool belongs_to_journal(const fs::path& file) {
+  std::string name = file.string();
+  for (const std::string_view ending : {"-lock", "-wal", "-shm"})
+    if (name.ends_with(ending)) name.resize(name.size() - ending.size());
+  return is_journal(name);
+}
+
+/// A file such as .gitkeep, which only keeps a folder; abbe writes none, so none is in its way.
+bool is_hidden(const fs::directory_entry& entry) {
+  std::error_code none;
+  const std::string name = entry.path().filename().string();
+  return name.starts_with('.') && name != mark_name && !entry.is_symlink(none) &&
+         entry.is_regular_file(none);
+}
+
+/// What in a folder is not abbe's: neither in its mark as it is, nor a result itself, nor a
+/// journal.
+struct Others {
+  std::size_t count = 0;
+  std::string first;  ///< by name
+};
+
+Others others_in(const fs::path& folder) {
+  Others others;
+  std::error_code none;
+  const Mark mark = read_mark(folder);
+  for (const auto& entry : fs::directory_iterator(folder, none)) {
+    const std::string name = entry.path().filename().string();
+    if (name == mark_name && !mark.files.empty()) continue;
+    if (is_hidden(entry) || belongs_to_journal(entry.path())) continue;
+    if (writer_in(mark, entry.path())) continue;
+    if (!entry.is_symlink(none) && entry.is_directory(none) && read_mark(entry.path()).folder)
+      continue;
+    if (++others.count == 1 || name < others.first) others.first = name;
+  }
+  return others;
+}
+
+/// `run` and `compare` write the same files of a case.
+std::string author(const std::string& command) { return command == "compare" ? "run" : command; }
+
+// ---- writing
+
+void write_text(const fs::path& file, std::string_view text) {
+  std::FILE* stream = std::fopen(file.c_str(), "wb");
+  if (stream == nullptr) fail(file, std::strerror(errno));
+  const bool written = std::fwrite(text.data(), 1, text.size(), stream) == text.size();
+  const int reason = errno;
+  if (std::fclose(stream) != 0 || !written) fail(file, std::strerror(written ? errno : reason));
+}
+
+/// A full disk may show only here.
+void flush(const fs::path& file) {
+  const int descriptor = ::open(file.c_str(), O_RDONLY);
+  if (descriptor < 0) fail(file, std::strerror(errno));
+  const int failed = ::fsync(descriptor) != 0 ? errno : 0;
+  ::close(descriptor);
+  if (failed != 0 && failed != EINVAL && failed != EROFS) fail(file, std::strerror(failed));
+}
+
+/// Makes the folder and proves that a file can be written in it.
+void prove(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) fail(folder, error.message());
+  // a link of that name, which an unpacked folder may hold, is not followed
+  const fs::path probe = folder / (".unfinished-" + std::to_string(::getpid()));
+  fs::remove(probe, error);
+  const int descriptor = ::open(probe.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW, 0666);
+  if (descriptor < 0) fail(folder, std::strerror(errno));
+  const bool written = ::write(descriptor, "probe\n", 6) == 6;
+  const int reason = errno;
+  ::close(descriptor);
+  fs::remove(probe, error);
+  if (!written) fail(folder, std::strerror(reason));
+}
+
+}  // namespace
+
+/// A folder in which files are written, and what is known of it.
+struct ResultFile::Place {
+  fs::path folder;  ///< never empty
+  Writer writer;
+  bool whole = false;      ///< the folder as a whole becomes a result
+  bool announced = false;  ///< the command stands in the mark
+};
+
+fs::path ResultFile::path() const {
+  return place_->folder == "." ? fs::path(name_) : place_->folder / name_;
+}
+
+void check_folder(const fs::path& folder, const Writer& writer) {
+  if (!is_there(folder)) return;
+  std::error_code none;
+  if (!fs::is_directory(folder, none)) refuse(folder, "expected a folder for results, seen a file");
+  if (writer.permissions.force) return;
+  if (const auto input = writer.beside_inputs ? std::nullopt : input_below(folder, writer))
+    refuse(folder, fmt::format("expected a folder without anything that this run reads, seen {}; "
+                               "choose another, such as {}, or say --force",
+                               input->string(), another(folder)));
+  if (read_mark(folder).folder) return;
+  if (const Others others = others_in(folder); others.count > 0)
+    refuse(folder,
+           fmt::format("expected a new or empty folder, or one of results ({}), seen one "
+                       "that abbe did not make, with {}{}; choose another, such as {}, or "
+                       "say --force",
+                       mark_name, others.first,
+                       others.count > 1 ? fmt::format(" and {} more", others.count - 1) : "",
+                       another(folder)));
+}
+
+ResultFolder::ResultFolder(const fs::path& folder, const Writer& writer) {
+  const fs::path named = folder.empty() ? fs::path(".") : folder;
+  check_folder(named, writer);
+  // a folder taken by force stays the user's as a whole
+  const bool whole = read_mark(named).folder || others_in(named).count == 0;
+  prove(named);
+  place_ = std::make_shared<ResultFile::Place>(ResultFile::Place{named, writer, whole, false});
+}
+
+ResultFile ResultFolder::operator/(const fs::path& name) const {
+  if (name.empty() || name.has_parent_path())
+    throw std::invalid_argument("expected the name of one file, seen " + name.string());
+  return {place_, name.string()};
+}
+
+ResultFolder ResultFolder::inside(const std::string& name) const {
+  return name.empty() ? *this : ResultFolder(place_->folder / name, place_->writer);
+}
+
+const fs::path& ResultFolder::path() const { return place_->folder; }
+
+ResultFile ResultFile::unproved(const fs::path& file, const Writer& writer) {
+  const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+  std::error_code none;
+  if (fs::is_directory(file, none)) refuse(file, "expected a file to write to, seen a folder");
+  if (is_there(folder) && !fs::is_directory(folder, none))
+    refuse(folder, "expected a folder, seen a file");
+  ResultFile result(std::make_shared<Place>(Place{folder, writer, false, false}),
+                    file.filename().string());
+  check_file(result);
+  return result;
+}
+
+ResultFile result_file(const fs::path& file, const Writer& writer) {
+  ResultFile result = ResultFile::unproved(file, writer);
+  prove(result.place_->folder);
+  return result;
+}
+
+void check_file(const fs::path& file, const Writer& writer) { ResultFile::unproved(file, writer); }
+
+void check_file(const ResultFile& file) {
+  const ResultFile::Place& place = *file.place_;
+  const fs::path path = file.path();
+  if (!is_there(path)) return;
+  if (is_input(path, place.writer))
+    refuse(path, "this run reads it, and what is read is never written over; choose another --out");
+  if (place.writer.permissions.force || is_journal(path)) return;
+  const Mark mark = read_mark(place.folder);  // as other processes may have left it by now
+  if (writer_in(mark, path)) return;
+  refuse(path,
+         fmt::format("a file that {} stands there; move it, choose another --out, or say "
+                     "--force",
+                     mark.files.contains(escaped(file.name_)) ? "was changed since abbe wrote it"
+                                                              : "abbe did not make"));
+}
+
+void ResultFile::note(const std::optional<Print>& print) const {
+  const std::string& command_line = place_->writer.permissions.command;
+  const Written written{name_, command_of(command_line), print};
+  const bool known = says(read_mark(place_->folder), written);
+  if (known && place_->announced) return;
+  append_to_mark(
+      place_->folder,
+      place_->announced ? std::nullopt : std::optional(Announced{place_->whole, command_line}),
+      known ? std::nullopt : std::optional(written));
+  place_->announced = true;
+}
+
+void claim(const ResultFile& file) {
+  check_file(file);
+  file.note(std::nullopt);
+}
+
+void write_file(const ResultFile& file, const std::function<void(const fs::path&)>& write) {
+  check_file(file);
+  const fs::path path = file.path();
+  // the ending stays last: writers choose the format by it
+  const fs::path temporary = path.parent_path() / (".unfinished-" + std::to_string(::getpid()) +
+                                                   "-" + path.filename().string());
+  std::error_code ignored;
+  fs::remove(temporary, ignored);  // a link of that name would be followed
+  try {
+    write(temporary);
+    flush(temporary);
+    check_file(file);  // that took a while
+    file.note(print_of(temporary));
+    std::error_code error;
+    fs::rename(temporary, path, error);
+    if (error) fail(path, error.message());
+  } catch (const OutputFailure& failure) {
+    fs::remove(temporary, ignored);
+    throw;
+  } catch (const std::exception& failure) {
+    fs::remove(temporary, ignored);
+    fail(path, failure.what());
+  }
+}
+
+void write_file(const ResultFile& file, std::string_view text) {
+  write_file(file, [&](const fs::path& temporary) { write_text(temporary, text); });
+}
+
+void write_table(const ResultFile& file, std::string_view text) {
+  write_file(file, escaped_lines(text));
+}
+
+void write_json(const ResultFile& file, const nlohmann::ordered_json& json) {
+  write_file(file, json_text(json));
+}
+
+void remove_file(const ResultFile& file) {
+  const fs::path path = file.path();
+  const Writer& writer = file.place_->writer;
+  if (!is_there(path) || is_input(path, writer)) return;
+  const auto wrote = writer_in(read_mark(file.place_->folder), path);
+  if (!wrote || author(*wrote) != author(command_of(writer.permissions.command))) return;
+  std::error_code error;
+  fs::remove(path, error);
+  if (error)
+    throw OutputFailure(escaped(path.string()) + ": cannot be removed: " + error.message());
+}
+
+std::string json_text(const nlohmann::ordered_json& json) {
+  return escaped_lines(json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace)) +
+         "\n";
+}
+
+}  // namespace abbe::sim

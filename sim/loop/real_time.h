@@ -1,0 +1,18 @@
+#pragma once
+
+#include "sim/cut/cut.h"
+
+namespace abbe::sim {
+
+/// A correction that reaches the axes while the program runs: the ideal one as the channel of the
+/// case lets it through at its own cycle, then as the position loops follow. Samples are added
+/// where it bends between those of the program, so that it is met within a tenth of the chord
+/// tolerance.
+/// @param commanded  (samples) of the job, uncorrected
+/// @param ideal      (samples) corrected
+/// @throws BadInput naming the scene for a channel that cannot be
+Compensated through_time(const Job& job, CaseDescription::Channel channel,
+                         const std::vector<kinematics::AxisState>& commanded,
+                         const std::vector<kinematics::AxisState>& ideal);
+
+}  // namespace abbe::sim

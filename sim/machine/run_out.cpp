@@ -1,0 +1,126 @@
+#include "sim/machine/run_out.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include "cutting/run_out.h"
+
+namespace abbe::sim {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double whole_turn = 2.0 * std::numbers::pi;
+
+bool is_run_out(const errors::Curve& curve) {
+  return std::holds_alternative<errors::Fourier>(curve.shape) ||
+         std::holds_alternative<errors::Asynchronous>(curve.shape);
+}
+
+bool repeats_every_turn(const errors::Curve& curve) {
+  const auto* fourier = std::get_if<errors::Fourier>(&curve.shape);
+  if (fourier == nullptr) return false;
+  const double a_turn = whole_turn / fourier->period;
+  return a_turn > 0.5 && std::abs(a_turn - std::round(a_turn)) < 1e-9 * a_turn;
+}
+
+/// The spindle that turns the tool, if the S of an element means it.
+const kinematics::Joint* tool_spindle(const MachineDescription& machine) {
+  const kinematics::Joint* nose = nullptr;
+  for (const kinematics::Joint& joint : machine.joints) {
+    if (joint.name == 'S') return nullptr;
+    if (joint.name == 's') nose = &joint;
+  }
+  return nose;
+}
+
+/// Takes the run-out of the spindle out of the elements.
+std::vector<errors::Element> taken_out(std::vector<errors::Element>& elements) {
+  std::vector<errors::Element> taken;
+  for (errors::Element& element : elements) {
+    if (element.name.axis != 'S' || element.name.location) continue;
+    const auto rest = std::stable_partition(element.curves.begin(), element.curves.end(),
+                                            [](const auto& curve) { return !is_run_out(curve); });
+    if (rest == element.curves.end()) continue;
+    // what is left of an element stays, even if empty: its name is checked later
+    taken.push_back({element.name, {rest, element.curves.end()}});
+    element.curves.erase(rest, element.curves.end());
+  }
+  return taken;
+}
+
+void check(const std::vector<errors::Element>& elements, const Scene& scene) {
+  for (const errors::Element& element : elements) {
+    try {
+      for (const errors::Curve& curve : element.curves) errors::validate(curve);
+    } catch (const std::invalid_argument& fault) {
+      throw BadInput(scene.file.string(), 0, 0, "errors that fit the machine",
+                     errors::to_string(element.name) + ": " + fault.what());
+    }
+  }
+}
+
+struct SpindleMotion {
+  std::vector<errors::Element> elements;
+  double scale = 1.0;
+};
+
+kinematics::Deviation at_angle(const SpindleMotion& motion, double angle) {
+  const errors::CurveState state{angle, angle, 1, 0, false};
+  kinematics::Deviation deviation = kinematics::Deviation::Zero();
+  for (const errors::Element& element : motion.elements)
+    for (const errors::Curve& curve : element.curves)
+      deviation[element.name.component()] += motion.scale * errors::value(curve, state);
+  return deviation;
+}
+
+bool repeats_every_turn(const SpindleMotion& motion) {
+  return std::all_of(motion.elements.begin(), motion.elements.end(), [](const auto& element) {
+    return std::all_of(element.curves.begin(), element.curves.end(),
+                       [](const auto& curve) { return repeats_every_turn(curve); });
+  });
+}
+
+struct RunOut {
+  double radial = 0.0;  ///< mm
+  double axial = 0.0;   ///< mm
+};
+
+/// @param arm_b   mm, from the nose's point to where run-out counts, axes at zero
+/// @param axis_b  unit, of the tool, to the spindle
+RunOut most(const SpindleMotion& motion, const Vector3d& arm_b, const Vector3d& axis_b) {
+  constexpr int angles = 65536;
+  const double step = (repeats_every_turn(motion) ? 1.0 : 64.0) * whole_turn / angles;
+  RunOut found;
+  for (int i = 0; i < angles; ++i) {
+    const kinematics::Deviation deviation = at_angle(motion, step * i);
+    const Vector3d moved = deviation.head<3>() + Vector3d(deviation.tail<3>()).cross(arm_b);
+    const double along = moved.dot(axis_b);
+    found.radial = std::max(found.radial, (moved - along * axis_b).norm());
+    found.axial = std::max(found.axial, -along);
+  }
+  return found;
+}
+
+}  // namespace
+
+Scene with_run_out(const Scene& scene) {
+  const kinematics::Joint* spindle = tool_spindle(scene.machine);
+  const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.actual);
+  if (spindle == nullptr || cutter == nullptr) return scene;
+  Scene result = scene;
+  const SpindleMotion motion{taken_out(result.geometric.elements), scene.error_scale};
+  if (motion.elements.empty()) return scene;
+  check(motion.elements, scene);
+
+  const Vector3d corner_s(0, 0, cutter->corner_radius - scene.tool.actual_length);
+  const RunOut found = most(motion, scene.machine.T_bs * corner_s - spindle->point_b,
+                            scene.machine.T_bs.linear().col(2));
+  result.tool.actual = cutting::with_run_out(*cutter, found.radial, found.axial);
+  result.tool.actual_length += found.axial;
+  return result;
+}
+
+}  // namespace abbe::sim

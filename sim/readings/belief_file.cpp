@@ -1,0 +1,184 @@
+#include "sim/readings/belief_file.h"
+
+#include <cmath>
+#include <iterator>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "errors/coefficients.h"
+#include "kinematics/units.h"
+#include "sim/scene/toml_reader.h"
+
+namespace abbe::sim {
+namespace {
+
+using Eigen::VectorXd;
+using errors::Curve;
+using errors::Element;
+using kinematics::Joint;
+
+/// Units in which an element is written.
+struct Units {
+  double value = units::um;
+  const char* value_word = "um";
+  double position = 1.0;
+  const char* position_word = "mm";
+};
+
+Units units_of(const errors::ElementName& name, const std::vector<Joint>& joints) {
+  Units result;
+  if (name.is_angle()) {
+    result.value = units::urad;
+    result.value_word = "urad";
+  }
+  for (const Joint& joint : joints) {
+    const bool same = joint.name == name.axis || (joint.name == 's' && name.axis == 'S');
+    if (same && joint.motion != kinematics::Motion::Linear) {
+      result.position = units::deg;
+      result.position_word = "deg";
+    }
+  }
+  return result;
+}
+
+std::string list(const VectorXd& numbers, double unit) {
+  std::string text;
+  for (const double x : numbers) text += fmt::format("{}{}", text.empty() ? "" : ", ", x / unit);
+  return "[" + text + "]";
+}
+
+/// The keys of a curve's shape.
+class ShapeKeys {
+ public:
+  ShapeKeys(std::string& text, const Units& unit) : text_(text), unit_(unit) {}
+
+  void operator()(const errors::Constant& shape) {
+    kind("constant");
+    value("value", shape.value);
+  }
+  void operator()(const errors::Polynomial& shape) { series("polynomial", shape); }
+  void operator()(const errors::Legendre& shape) { series("legendre", shape); }
+  void operator()(const errors::Fourier& shape) {
+    kind("fourier");
+    position("period", shape.period);
+    values("a", shape.a);
+    values("b", shape.b);
+  }
+  void operator()(const errors::Table& shape) {
+    kind("table");
+    rows(shape);
+  }
+  void operator()(const errors::Backlash& shape) {
+    kind("backlash");
+    value("half", shape.half);
+  }
+  void operator()(const errors::UpDown& shape) {
+    kind("up_down");
+    const std::string outer = std::exchange(text_, {});
+    rows(shape.up);
+    const std::string up = std::exchange(text_, {});
+    rows(shape.down);
+    const std::string down = std::exchange(text_, outer);
+    text_ += "up = { " + on_one_line(up) + " }\ndown = { " + on_one_line(down) + " }\n";
+  }
+  void operator()(const errors::Repeatability&) { refuse(); }
+  void operator()(const errors::Asynchronous&) { refuse(); }
+
+ private:
+  [[noreturn]] static void refuse() {
+    throw std::invalid_argument("a belief cannot hold a curve that depends on chance");
+  }
+  static std::string on_one_line(std::string text) {
+    text.pop_back();
+    for (std::size_t at = 0; (at = text.find('\n', at)) != std::string::npos; at += 2)
+      text.replace(at, 1, ", ");
+    return text;
+  }
+  void line(const std::string& key, const std::string& shown) {
+    text_ += key + " = " + shown + "\n";
+  }
+  void kind(const char* word) { line("kind", "\"" + std::string(word) + "\""); }
+  void value(const std::string& key, double x) {
+    line(key + "_" + unit_.value_word, fmt::format("{}", x / unit_.value));
+  }
+  void values(const std::string& key, const VectorXd& x) {
+    line(key + "_" + unit_.value_word, list(x, unit_.value));
+  }
+  void position(const std::string& key, double x) {
+    line(key + "_" + unit_.position_word, fmt::format("{}", x / unit_.position));
+  }
+  template <typename Series>
+  void series(const char* word, const Series& shape) {
+    kind(word);
+    values("coefficients", shape.c);
+    position("centre", shape.centre);
+    position("half_range", shape.half_range);
+  }
+  void rows(const errors::Table& shape) {
+    line(std::string("q_") + unit_.position_word, list(shape.q, unit_.position));
+    values("value", shape.value);
+    if (shape.between == errors::Between::Spline) line("between", "\"spline\"");
+    if (shape.outside == errors::Outside::Hold) line("outside", "\"hold\"");
+  }
+
+  std::string& text_;
+  const Units& unit_;
+};
+
+void write_curve(std::string& text, const Element& element, const Curve& curve, const Units& unit) {
+  text += "\n[[" + to_string(element.name) + "]]\n";
+  if (!curve.name.empty()) text += "name = " + to_toml_value(curve.name) + "\n";
+  std::visit(ShapeKeys(text, unit), curve.shape);
+  if (curve.argument == errors::Argument::Carriage) text += "argument = \"carriage\"\n";
+  if (curve.negate) text += "negate = true\n";
+  if (curve.scale != 1.0) text += fmt::format("scale = {}\n", curve.scale);
+}
+
+void write_covariance(std::string& text, const errors::GeometricErrors& belief) {
+  const errors::Covariance& covariance = belief.covariance;
+  const auto m = Eigen::Index(covariance.of.size());
+  if (m == 0) return;
+  const VectorXd sigma = covariance.matrix.diagonal().cwiseMax(0.0).cwiseSqrt();
+  text +=
+      "\n# standard uncertainties in um and urad; correlation: lower triangle row by row\n"
+      "[covariance]\nof = [";
+  std::string uncertainties, correlation;
+  for (Eigen::Index i = 0; i < m; ++i) {
+    const errors::Coefficient& number = covariance.of[std::size_t(i)];
+    const bool angle = belief.elements[std::size_t(number.element)].name.is_angle();
+    text += (i ? ", " : "") + to_toml_value(errors::name_of(number, belief.elements));
+    uncertainties +=
+        fmt::format("{}{}", i ? ", " : "", sigma[i] / (angle ? units::urad : units::um));
+    for (Eigen::Index k = 0; k < i; ++k) {
+      const double both = sigma[i] * sigma[k];
+      const double r = both > 0.0 ? covariance.matrix(i, k) / both : 0.0;
+      correlation += fmt::format("{}{}", correlation.empty() ? "" : ", ", r);
+    }
+  }
+  text += "]\nstandard_uncertainty_um_urad = [" + uncertainties + "]\n";
+  if (m > 1) text += "correlation = [" + correlation + "]\n";
+}
+
+}  // namespace
+
+std::string to_errors_file(const errors::GeometricErrors& belief, const std::vector<Joint>& joints,
+                           const std::vector<std::string>& comments) {
+  std::string text;
+  for (const std::string& comment : comments) text += "# " + comment + "\n";
+  // single lines must come before the first table
+  std::string tables;
+  for (const Element& element : belief.elements) {
+    const Units unit = units_of(element.name, joints);
+    for (const Curve& curve : element.curves) write_curve(tables, element, curve, unit);
+  }
+  for (const errors::MeasuringLine& line : belief.measuring_lines)
+    tables += fmt::format("\n[measured.{}]\nat_mm = [{}, {}, {}]\nby = \"{}\"\n", line.axis,
+                          line.at_b.x(), line.at_b.y(), line.at_b.z(),
+                          line.by == errors::MeasuredBy::Tool ? "tool" : "carriage");
+  text += tables;
+  write_covariance(text, belief);
+  return text;
+}
+
+}  // namespace abbe::sim

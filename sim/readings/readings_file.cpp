@@ -1,0 +1,440 @@
+#include "sim/readings/readings_file.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iterator>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/scene/scene.h"
+#include "sim/scene/toml_reader.h"
+
+namespace abbe::sim {
+namespace {
+
+namespace metrology = errors::metrology;
+using Eigen::Vector3d;
+using kinematics::Joint;
+using kinematics::Motion;
+using kinematics::Pose;
+using metrology::Body;
+using metrology::Channel;
+using metrology::Look;
+using metrology::Quantity;
+using metrology::Readings;
+using metrology::SetUp;
+
+constexpr std::string_view first_line = "# abbe_readings = 1";
+constexpr std::size_t max_bytes = std::size_t(256) << 20;
+constexpr std::size_t max_set_ups = 10000, max_channels = 250000, max_sensors = 1000;
+
+constexpr std::array bodies{std::pair{"bed", Body::Bed}, std::pair{"workpiece", Body::Workpiece},
+                            std::pair{"tool", Body::Tool}};
+constexpr std::array quantities{
+    std::pair{"length", Quantity::Length}, std::pair{"displacement", Quantity::Displacement},
+    std::pair{"mirror", Quantity::Mirror}, std::pair{"angle", Quantity::Angle}};
+
+template <typename Words, typename T>
+const char* word_of(const Words& words, T value) {
+  for (const auto& [word, meaning] : words)
+    if (meaning == value) return word;
+  return "";
+}
+
+bool is_slide(const Joint& joint) { return joint.motion == Motion::Linear; }
+double position_unit(const Joint& joint) { return is_slide(joint) ? 1.0 : units::deg; }
+const char* position_word(const Joint& joint) { return is_slide(joint) ? "mm" : "deg"; }
+const char* reading_unit(const Channel& channel) { return channel.is_angle() ? "rad" : "mm"; }
+
+// ---------------------------------------------------------------- writing
+
+/// Lines of the head.
+class Head {
+ public:
+  template <typename... Args>
+  void line(fmt::format_string<Args...> format, Args&&... args) {
+    text_ += "# ";
+    fmt::format_to(std::back_inserter(text_), format, std::forward<Args>(args)...);
+    text_ += '\n';
+  }
+  void number(const char* key, double value) { line("{} = {}", key, value); }
+  /// What is at its default is not said.
+  void number_unless_zero(const char* key, double value) {
+    if (value != 0.0) number(key, value);
+  }
+  void vector(const char* key, const Vector3d& v) {
+    line("{} = [{}, {}, {}]", key, v.x(), v.y(), v.z());
+  }
+  void words(const char* key, const std::string& value) {
+    line("{} = {}", key, to_toml_value(value));
+  }
+  void pose(const char* key, const Pose& T) {
+    std::string numbers;
+    for (int i = 0; i < 3; ++i)
+      for (int k = 0; k < 4; ++k)
+        numbers += fmt::format("{}{}", numbers.empty() ? "" : ", ", T.matrix()(i, k));
+    line("{} = [{}]", key, numbers);
+  }
+  std::string text() && { return std::move(text_); }
+
+ private:
+  std::string text_;
+};
+
+void write_joint(Head& head, const Joint& joint) {
+  head.line("[[joint]]");
+  head.words("name", std::string(1, joint.name));
+  head.words("side", joint.side == kinematics::Side::Tool ? "tool" : "workpiece");
+  head.words("motion", joint.motion == Motion::Linear   ? "linear"
+                       : joint.motion == Motion::Rotary ? "rotary"
+                                                        : "spindle");
+  head.vector("direction", joint.direction_b);
+  head.vector("point_mm", joint.point_b);
+  const double unit = position_unit(joint);
+  head.line("travel_{} = [{}, {}]", position_word(joint), joint.min / unit, joint.max / unit);
+  if (joint.deviation_axes == kinematics::DeviationAxes::Turning)
+    head.words("deviation_axes", "turning");
+  if (joint.squareness == kinematics::Squareness::Travel) head.words("squareness", "travel");
+}
+
+void write_channel(Head& head, const Channel& channel) {
+  const bool angle = channel.is_angle();
+  head.line("[[set_up.channel]]");
+  head.words("name", channel.name);
+  head.words("quantity", word_of(quantities, channel.quantity));
+  head.words("of", word_of(bodies, channel.of));
+  head.words("in", word_of(bodies, channel.in));
+  head.vector("point_of_mm", channel.point_of);
+  head.vector("point_in_mm", channel.point_in);
+  head.vector("direction", channel.direction_in);
+  if (channel.quantity == Quantity::Mirror) head.vector("normal", channel.normal_of);
+  head.number_unless_zero(angle ? "noise_rad" : "noise_mm", channel.noise);
+  head.number_unless_zero(angle ? "resolution_rad" : "resolution_mm", channel.resolution);
+}
+
+void write_set_up(Head& head, const SetUp& set_up) {
+  head.line("[[set_up]]");
+  head.words("name", set_up.name);
+  if (!set_up.zero_unknown) head.line("zero_unknown = false");
+  head.number_unless_zero("rotation_sigma_rad", set_up.rotation_sigma);
+  head.number_unless_zero("point_of_sigma_mm", set_up.point_of_sigma);
+  head.number_unless_zero("point_in_sigma_mm", set_up.point_in_sigma);
+  head.number_unless_zero("normal_sigma_rad", set_up.normal_sigma);
+  head.number_unless_zero("eccentricity_sigma_mm", set_up.eccentricity_sigma);
+  head.number_unless_zero("scale_sigma", set_up.scale_sigma);
+  head.number_unless_zero("drift_sigma_per_s", set_up.drift_sigma);
+  head.number_unless_zero("set_up_s", set_up.set_up_s);
+  for (const Channel& channel : set_up.channels) write_channel(head, channel);
+}
+
+std::string head_of(const Readings& readings) {
+  Head head;
+  head.line("{}", first_line.substr(2));
+  head.words("instrument", readings.plan.instrument);
+  head.words("kind", readings.plan.kind);
+  head.number("duration_s", readings.plan.duration_s);
+  head.pose("T_bw_mm", readings.nominal.T_bw_home());
+  head.pose("T_bt_mm", readings.nominal.T_bt_home());
+  for (const Joint& joint : readings.nominal.joints()) write_joint(head, joint);
+  for (const SetUp& set_up : readings.plan.set_ups) write_set_up(head, set_up);
+  return std::move(head).text();
+}
+
+std::string columns_of(const std::vector<Joint>& joints, const std::vector<std::string>& sensors) {
+  std::string text = "set_up,channel,run,target,time_s";
+  for (const Joint& joint : joints)
+    text += fmt::format(",{0}_{1},{0}_way,{0}_stroke", joint.name, position_word(joint));
+  text += ",spindle_rad_per_s,reading,unit";
+  for (const std::string& sensor : sensors) text += "," + sensor + "_C";
+  return text;
+}
+
+// ---------------------------------------------------------------- reading
+
+Pose read_pose(TableReader& reader, const std::string& key) {
+  const Eigen::VectorXd numbers = reader.numbers(key, 12);
+  Pose T = Pose::Identity();
+  if (numbers.size() == 12)
+    T.matrix().topRows<3>() =
+        Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>(numbers.data());
+  return T;
+}
+
+Joint read_joint(const Node& node, Faults& faults) {
+  TableReader reader(node, "joint", faults);
+  Joint joint;
+  const std::string name = reader.text("name");
+  if (name.size() == 1)
+    joint.name = name.front();
+  else if (!name.empty())
+    reader.refuse("name", "one letter", in_quotes(name));
+  joint.side = reader.choice<kinematics::Side>(
+      "side", {{"tool", kinematics::Side::Tool}, {"workpiece", kinematics::Side::Workpiece}});
+  joint.motion = reader.choice<Motion>(
+      "motion",
+      {{"linear", Motion::Linear}, {"rotary", Motion::Rotary}, {"spindle", Motion::Spindle}});
+  joint.direction_b = reader.vector("direction");
+  joint.point_b = reader.vector("point_mm");
+  const Eigen::VectorXd travel = reader.numbers(is_slide(joint) ? "travel_mm" : "travel_deg", 2);
+  if (travel.size() == 2) {
+    joint.min = travel[0];
+    joint.max = travel[1];
+  }
+  using kinematics::DeviationAxes, kinematics::Squareness;
+  joint.deviation_axes = reader.choice<DeviationAxes>(
+      "deviation_axes", {{"fixed", DeviationAxes::Fixed}, {"turning", DeviationAxes::Turning}},
+      DeviationAxes::Fixed);
+  joint.squareness = reader.choice<Squareness>(
+      "squareness", {{"frame", Squareness::Frame}, {"travel", Squareness::Travel}},
+      Squareness::Frame);
+  reader.close();
+  return joint;
+}
+
+Body read_body(TableReader& reader, const std::string& key) {
+  return reader.choice<Body>(
+      key, {{"bed", Body::Bed}, {"workpiece", Body::Workpiece}, {"tool", Body::Tool}});
+}
+
+Vector3d read_unit(TableReader& reader, const std::string& key) {
+  const Vector3d v = reader.vector(key);
+  if (reader.has(key) && std::abs(v.norm() - 1.0) > 1e-9)
+    reader.refuse(key, "a vector of length 1", fmt::format("one of length {}", v.norm()));
+  return v;
+}
+
+Channel read_channel(const Node& node, Faults& faults) {
+  TableReader reader(node, "set_up.channel", faults);
+  Channel channel;
+  channel.name = reader.text("name", "");
+  channel.quantity = reader.choice<Quantity>("quantity", {{"length", Quantity::Length},
+                                                          {"displacement", Quantity::Displacement},
+                                                          {"mirror", Quantity::Mirror},
+                                                          {"angle", Quantity::Angle}});
+  channel.of = read_body(reader, "of");
+  channel.in = read_body(reader, "in");
+  if (channel.of == channel.in) reader.refuse("in", "another body than that of `of`", "the same");
+  channel.point_of = reader.vector("point_of_mm");
+  channel.point_in = reader.vector("point_in_mm");
+  channel.direction_in = read_unit(reader, "direction");
+  if (channel.quantity == Quantity::Mirror) channel.normal_of = read_unit(reader, "normal");
+  const std::string unit = reading_unit(channel);
+  channel.noise = reader.number("noise_" + unit, non_negative, 0.0);
+  channel.resolution = reader.number("resolution_" + unit, non_negative, 0.0);
+  reader.close();
+  return channel;
+}
+
+SetUp read_set_up(const Node& node, Faults& faults) {
+  TableReader reader(node, "set_up", faults);
+  SetUp set_up;
+  set_up.name = reader.text("name");
+  set_up.zero_unknown = reader.boolean("zero_unknown", true);
+  set_up.rotation_sigma = reader.number("rotation_sigma_rad", non_negative, 0.0);
+  set_up.point_of_sigma = reader.number("point_of_sigma_mm", non_negative, 0.0);
+  set_up.point_in_sigma = reader.number("point_in_sigma_mm", non_negative, 0.0);
+  set_up.normal_sigma = reader.number("normal_sigma_rad", non_negative, 0.0);
+  set_up.eccentricity_sigma = reader.number("eccentricity_sigma_mm", non_negative, 0.0);
+  set_up.scale_sigma = reader.number("scale_sigma", non_negative, 0.0);
+  set_up.drift_sigma = reader.number("drift_sigma_per_s", non_negative, 0.0);
+  set_up.set_up_s = reader.number("set_up_s", non_negative, 0.0);
+  const auto channels = reader.tables("channel");
+  if (channels.size() > max_channels)
+    reader.refuse("channel", fmt::format("at most {} channels", max_channels),
+                  std::to_string(channels.size()));
+  else
+    for (const Node* channel : channels) set_up.channels.push_back(read_channel(*channel, faults));
+  reader.close();
+  return set_up;
+}
+
+kinematics::Chain read_machine(TableReader& reader) {
+  std::vector<Joint> joints;
+  const Pose T_bw = read_pose(reader, "T_bw_mm"), T_bt = read_pose(reader, "T_bt_mm");
+  for (const Node* node : reader.tables("joint"))
+    if (joints.size() <= kinematics::max_joints)
+      joints.push_back(read_joint(*node, reader.faults()));
+  if (reader.faults().empty()) {
+    try {
+      return kinematics::Chain(joints, T_bw, T_bt);
+    } catch (const std::invalid_argument& fault) {
+      reader.faults().add(reader.place(), "a machine that makes a chain", fault.what());
+    }
+  }
+  return kinematics::Chain({}, Pose::Identity(), Pose::Identity());
+}
+
+/// The head, whose lines are the leading ones with a #, so that places are those of the file.
+Readings read_head(std::string_view text, const std::string& file) {
+  std::string toml;
+  Lines lines(text);
+  while (const auto line = lines.next()) {
+    if (!line->starts_with('#')) break;
+    toml += " ";
+    toml += line->substr(1);
+    toml += '\n';
+  }
+  const Node node = parse_toml(toml, file);
+  Faults faults;
+  TableReader reader(node, "", faults);
+  reader.integer("abbe_readings", 1, 1, 1);
+  metrology::Plan plan;
+  plan.instrument = reader.text("instrument");
+  plan.kind = reader.text("kind");
+  plan.duration_s = reader.number("duration_s", non_negative, 0.0);
+  kinematics::Chain nominal = read_machine(reader);
+  const auto set_ups = reader.tables("set_up");
+  if (set_ups.size() > max_set_ups)
+    reader.refuse("set_up", fmt::format("at most {} set-ups", max_set_ups),
+                  std::to_string(set_ups.size()));
+  else
+    for (const Node* set_up : set_ups) plan.set_ups.push_back(read_set_up(*set_up, faults));
+  reader.close();
+  if (!faults.empty()) throw BadScene(faults.list());
+  return {std::move(plan), std::move(nominal), {}, {}, {}};
+}
+
+/// Reader of the rows below the head.
+class Rows {
+ public:
+  Rows(std::string_view text, const std::string& file, Readings& readings)
+      : lines_(text, file), readings_(readings) {}
+
+  void read() {
+    read_columns();
+    while (next()) read_row();
+    if (readings_.plan.looks.empty()) lines_.refuse(0, "at least one reading", "none");
+    readings_.value = Eigen::Map<Eigen::VectorXd>(values_.data(), Eigen::Index(values_.size()));
+    using ByRow = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    readings_.T_C = Eigen::Map<ByRow>(T_C_.data(), Eigen::Index(readings_.plan.looks.size()),
+                                      Eigen::Index(readings_.sensors.size()));
+  }
+
+ private:
+  bool next() {
+    const auto line = lines_.next();
+    if (line) line_ = line->text;
+    return line.has_value();
+  }
+
+  void read_columns() {
+    if (!next()) lines_.refuse(1, "a line with the names of the columns", "the end of the file");
+    const auto& joints = readings_.nominal.joints();
+    const std::string wanted = columns_of(joints, {});
+    if (!line_.starts_with(wanted))
+      lines_.refuse(1, "columns that begin with " + wanted, in_quotes(line_));
+    const std::string_view rest = line_.substr(wanted.size());
+    if (rest.empty()) return;
+    const std::vector<Cell> cells = cells_of(rest.substr(1), ',', max_sensors);
+    if (rest.front() != ',' || cells.size() > max_sensors)
+      lines_.refuse(int(wanted.size()) + 1, "columns of at most 1000 temperature sensors",
+                    in_quotes(rest));
+    for (const Cell& cell : cells) {
+      const int column = int(wanted.size()) + 1 + cell.column;
+      if (!cell.text.ends_with("_C") || cell.text.size() < 3)
+        lines_.refuse(column, "the column of a temperature such as nut_C", in_quotes(cell.text));
+      const std::string name(cell.text.substr(0, cell.text.size() - 2));
+      const auto& known = readings_.sensors;
+      if (std::find(known.begin(), known.end(), name) != known.end())
+        lines_.refuse(column, "every sensor once", in_quotes(cell.text));
+      readings_.sensors.push_back(name);
+    }
+  }
+
+  void read_row() {
+    const auto& joints = readings_.nominal.joints();
+    const std::size_t n = joints.size(), width = 8 + 3 * n + readings_.sensors.size();
+    const std::vector<Cell> cells = cells_of(line_, ',', width);
+    const std::string wanted = fmt::format("{} cells, as the line of columns has", width);
+    if (cells.size() < width)
+      lines_.refuse(int(line_.size()) + 1, wanted, std::to_string(cells.size()));
+    if (cells.size() > width) lines_.refuse(cells[width].column, wanted, "more");
+    const auto& set_ups = readings_.plan.set_ups;
+    Look look;
+    look.set_up = lines_.count_in(cells[0], 0, int(set_ups.size()) - 1);
+    const auto& channels = set_ups[std::size_t(look.set_up)].channels;
+    // a log of temperatures has a set-up without channels
+    look.channel = channels.empty() ? lines_.count_in(cells[1], -1, -1)
+                                    : lines_.count_in(cells[1], 0, int(channels.size()) - 1);
+    look.run = lines_.count_in(cells[2], 0, 1000000);
+    look.target = lines_.count_in(cells[3], 0, 1000000000);
+    look.state.time_s = lines_.number_in(cells[4]);
+    look.state.q.resize(Eigen::Index(n));
+    for (std::size_t j = 0; j < n; ++j) {
+      look.state.q[Eigen::Index(j)] = lines_.number_in(cells[5 + 3 * j]) * position_unit(joints[j]);
+      look.state.direction[j] = std::int8_t(lines_.count_in(cells[6 + 3 * j], -1, 1));
+      look.state.stroke[j] = lines_.count_in(cells[7 + 3 * j], 0, 1000000000);
+    }
+    const std::size_t at = 5 + 3 * n;
+    look.state.spindle_speed = lines_.number_in(cells[at]);
+    read_value(cells[at + 1], cells[at + 2],
+               look.channel < 0 ? "" : reading_unit(channels[std::size_t(look.channel)]));
+    for (std::size_t k = at + 3; k < width; ++k) T_C_.push_back(lines_.number_in(cells[k]));
+    readings_.plan.looks.push_back(std::move(look));
+  }
+
+  void read_value(const Cell& value, const Cell& unit, std::string_view wanted) {
+    const bool none = value.text.empty();
+    const bool first = readings_.plan.looks.empty();
+    if (none != wanted.empty() || (!first && none != values_.empty()))
+      lines_.refuse(value.column, "a reading of every channel, or temperatures alone",
+                    in_quotes(value.text));
+    if (unit.text != wanted)
+      lines_.refuse(unit.column,
+                    wanted.empty() ? "no unit" : fmt::format("{}, the unit of its channel", wanted),
+                    in_quotes(unit.text));
+    if (!none) values_.push_back(lines_.number_in(value));
+  }
+
+  TableLines lines_;
+  Readings& readings_;
+  std::string_view line_;
+  std::vector<double> values_, T_C_;
+};
+
+}  // namespace
+
+std::string to_text(const Readings& readings) {
+  std::string text = head_of(readings);
+  const auto& joints = readings.nominal.joints();
+  text += columns_of(joints, readings.sensors) + "\n";
+  const auto out = std::back_inserter(text);
+  for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
+    const Look& look = readings.plan.looks[i];
+    fmt::format_to(out, "{},{},{},{},{}", look.set_up, look.channel, look.run, look.target,
+                   look.state.time_s);
+    for (std::size_t j = 0; j < joints.size(); ++j)
+      fmt::format_to(out, ",{},{},{}", look.state.q[Eigen::Index(j)] / position_unit(joints[j]),
+                     int(look.state.direction[j]), look.state.stroke[j]);
+    fmt::format_to(out, ",{},", look.state.spindle_speed);
+    if (readings.value.size() > 0) fmt::format_to(out, "{}", readings.value[Eigen::Index(i)]);
+    const SetUp& set_up = readings.plan.set_ups[std::size_t(look.set_up)];
+    text += ',';
+    if (look.channel >= 0) text += reading_unit(set_up.channels[std::size_t(look.channel)]);
+    for (Eigen::Index k = 0; k < readings.T_C.cols(); ++k)
+      fmt::format_to(out, ",{}", readings.T_C(Eigen::Index(i), k));
+    text += '\n';
+  }
+  return text;
+}
+
+bool holds_readings(std::string_view text) { return text.starts_with(first_line); }
+
+Readings read_readings(std::string_view text, const std::string& file) {
+  if (!holds_readings(text))
+    throw BadInput(file, 1, 1, "readings, whose first line is \"" + std::string(first_line) + "\"",
+                   in_quotes(text.substr(0, text.find('\n'))));
+  Readings readings = read_head(text, file);
+  Rows(text, file, readings).read();
+  return readings;
+}
+
+Readings read_readings_file(const std::filesystem::path& file) {
+  return read_readings(read_text(file, max_bytes), file.string());
+}
+
+}  // namespace abbe::sim

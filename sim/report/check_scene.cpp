@@ -1,0 +1,216 @@
+#if ABBE_RENDER
+
+#include "sim/report/check_scene.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "kinematics/units.h"
+
+namespace abbe::sim {
+namespace {
+
+using Eigen::Vector3d;
+using kinematics::AxisVector;
+using kinematics::Chain;
+using kinematics::Joint;
+using kinematics::Motion;
+using kinematics::Pose;
+using kinematics::Side;
+
+constexpr std::size_t most_passes = 9;     // of the cut that are drawn
+constexpr std::size_t most_points = 4000;  // of a pass that is drawn
+
+/// Frame at `point` whose z axis is `direction`.
+Pose frame(const Vector3d& point, const Vector3d& direction) {
+  Pose T = Pose::Identity();
+  T.linear() = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), direction).toRotationMatrix();
+  T.translation() = point;
+  return T;
+}
+
+/// A slide is a bar along its travel, a turn a disc about its line.
+render::Body carriage(const Joint& joint, const Pose& T_b, double offset, double unit) {
+  render::Body body;
+  body.label = joint.name + std::string(joint.side == Side::Workpiece ? "'" : "");
+  body.T = T_b * frame(joint.point_b, joint.direction_b);
+  body.T.translation().z() += offset;
+  if (joint.motion == Motion::Linear)
+    body.shape = render::BlockShape{Vector3d(0.8 * unit, 0.8 * unit, 4.0 * unit)};
+  else
+    body.shape = render::CylinderShape{0.9 * unit, 0.5 * unit};
+  // a table or spindle lies under its part
+  if (joint.motion == Motion::Rotary && joint.side == Side::Workpiece)
+    body.T.translation() -= 0.5 * unit * body.T.linear().col(2);
+  body.colour = joint.motion == Motion::Linear ? render::Colour{0.78, 0.82, 0.88}
+                                               : render::Colour{0.93, 0.84, 0.66};
+  body.opacity = 0.55;
+  return body;
+}
+
+/// How many joints nearer to the tool (or to the part) stand at the same point: bodies are stacked
+/// there.
+int rank(const Chain& chain, int i) {
+  const Joint& joint = chain.joints()[std::size_t(i)];
+  const int step = joint.side == Side::Tool ? 1 : -1;
+  int count = 0;
+  for (int k = i + step; k >= 0 && k < chain.size(); k += step) {
+    const Joint& other = chain.joints()[std::size_t(k)];
+    count += other.motion != Motion::Spindle && other.side == joint.side &&
+             other.point_b == joint.point_b;
+  }
+  return count;
+}
+
+void add_carriages(const Chain& chain, const AxisVector& q, double unit,
+                   render::MachinePicture& picture) {
+  Pose T = Pose::Identity();
+  for (int i = 0; i < chain.size(); ++i) {
+    const Joint& joint = chain.joints()[std::size_t(i)];
+    if (joint.side != Side::Tool) continue;
+    T = T * carriage_displacement(joint, q[i]);
+    if (joint.motion != Motion::Spindle)
+      picture.bodies.push_back(carriage(joint, T, rank(chain, i) * unit, unit));
+  }
+  T = Pose::Identity();
+  for (int i = chain.size() - 1; i >= 0; --i) {
+    const Joint& joint = chain.joints()[std::size_t(i)];
+    if (joint.side != Side::Workpiece) continue;
+    T = T * carriage_displacement(joint, kinematics::carriage_travel(joint.side, q[i]));
+    picture.bodies.push_back(carriage(joint, T, -rank(chain, i) * unit, unit));
+  }
+}
+
+/// The spindle from the last axis before it down to the nose, where the machine has a nose.
+void add_spindle(const Chain& chain, const AxisVector& q, double unit,
+                 render::MachinePicture& picture) {
+  const auto nose = chain.find('s');
+  if (!nose || *nose == 0) return;
+  const Joint& joint = chain.joints()[std::size_t(*nose)];
+  const Joint& before = chain.joints()[std::size_t(*nose) - 1];
+  const double height = std::abs((before.point_b - joint.point_b).dot(joint.direction_b));
+  const Pose T_tb_home = chain.T_bt_home().inverse();
+  render::Body body;
+  body.label = "s";
+  body.T = chain.tool_in_bed(q) * T_tb_home * frame(joint.point_b, joint.direction_b);
+  body.shape = render::CylinderShape{0.35 * unit, std::max(height, 0.5 * unit)};
+  body.opacity = 0.8;
+  picture.bodies.push_back(body);
+}
+
+void add_tool(const Job& job, const AxisVector& q, render::MachinePicture& picture) {
+  render::Body tool;
+  tool.T = job.machine.nominal.tool_in_bed(q);
+  const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.nominal);
+  const double radius = cutter != nullptr ? cutter->radius : 1.0;
+  tool.shape = render::CylinderShape{radius, std::max(job.scene.tool.length, 4.0 * radius)};
+  tool.colour = {0.45, 0.50, 0.55};
+  tool.label = "tool";
+  picture.bodies.push_back(tool);
+}
+
+/// Some passes of the cut: where the tip should be, and what it is off.
+struct Trace {
+  struct Point {
+    Vector3d tip_w;
+    Vector3d error_w;
+  };
+  std::vector<std::vector<Point>> passes;
+  std::size_t all_passes = 0;
+  double largest = 0.0;
+};
+
+/// First and one past the last sample of every stretch of feed between two rapids.
+std::vector<std::pair<std::size_t, std::size_t>> stretches(const Job& job) {
+  std::vector<std::pair<std::size_t, std::size_t>> all;
+  bool cutting = false;
+  for (std::size_t i = 0; i < job.samples.states.size(); ++i) {
+    const auto& block = job.path.blocks[std::size_t(job.samples.block[i])];
+    const bool feeds = block.interpolation != program::Interpolation::Rapid;
+    if (feeds && !cutting) all.emplace_back(i, i);
+    if (feeds) all.back().second = i + 1;
+    cutting = feeds;
+  }
+  return all;
+}
+
+Trace traced(const Job& job) {
+  Trace trace;
+  const auto all = stretches(job);
+  trace.all_passes = all.size();
+  const std::size_t every = (all.size() + most_passes - 1) / most_passes;
+  for (std::size_t k = every / 2; k < all.size(); k += std::max<std::size_t>(1, every)) {
+    const auto [first, last] = all[k];
+    const std::size_t step = (last - first) / most_points + 1;
+    trace.passes.emplace_back();
+    for (std::size_t i = first; i < last; i += step) {
+      kinematics::AxisState state = job.samples.states[i];
+      // a turned part is drawn as it stands, or the path would only be a disc of turns
+      if (job.machine.workpiece_spindle) state.q[*job.machine.workpiece_spindle] = 0.0;
+      const Vector3d tip_w = job.machine.nominal.tool_in_workpiece(state.q).translation();
+      const Vector3d error_w = tool_in_workpiece(job.truth, state).translation() - tip_w;
+      trace.passes.back().push_back({tip_w, error_w});
+      trace.largest = std::max(trace.largest, error_w.norm());
+    }
+  }
+  return trace;
+}
+
+/// Round factor that makes the largest error of the path about a twentieth of the part.
+double magnification(double part_size, double largest_error) {
+  if (largest_error <= 0.0) return 1.0;
+  const double wanted = 0.05 * part_size / largest_error;
+  const double decade = std::pow(10.0, std::floor(std::log10(wanted)));
+  return std::max(1.0, decade * (wanted >= 5.0 * decade   ? 5.0
+                                 : wanted >= 2.0 * decade ? 2.0
+                                                          : 1.0));
+}
+
+}  // namespace
+
+render::MachinePicture check_scene(const Job& job) {
+  const AxisVector q = job.samples.states[job.samples.states.size() / 2].q;
+  const Pose T_bw = job.machine.nominal.workpiece_in_bed(q);
+  const auto& vertices = job.design_w.vertices;
+  const Eigen::RowVector3d lower = vertices.colwise().minCoeff(),
+                           upper = vertices.colwise().maxCoeff();
+  const double part_size = (upper - lower).norm();
+
+  render::MachinePicture picture;
+  picture.title = job.scene.title + ": " + job.scene.machine.name;
+  picture.part_vertices = cutting::transformed(job.design_w, T_bw).vertices;
+  picture.part_triangles = job.design_w.triangles;
+  add_carriages(job.machine.nominal, q, 0.35 * part_size, picture);
+  add_spindle(job.machine.nominal, q, 0.35 * part_size, picture);
+  add_tool(job, q, picture);
+  picture.frames = {{"w", T_bw}, {"b", Pose::Identity()}};
+
+  const Trace trace = traced(job);
+  picture.magnification = magnification(part_size, trace.largest);
+  const auto draw = [&](const std::string& name, double times, const render::Colour& colour) {
+    for (std::size_t k = 0; k < trace.passes.size(); ++k) {
+      render::Polyline path{k == 0 ? name : std::string(), {}, colour, 2.0};
+      path.points.resize(Eigen::Index(trace.passes[k].size()), 3);
+      for (std::size_t i = 0; i < trace.passes[k].size(); ++i) {
+        const Trace::Point& point = trace.passes[k][i];
+        path.points.row(Eigen::Index(i)) =
+            (T_bw * Vector3d(point.tip_w + times * point.error_w)).transpose();
+      }
+      picture.paths.push_back(path);
+    }
+  };
+  draw("tip as programmed", 0.0, {0.20, 0.35, 0.65});
+  if (trace.largest > 0.0)
+    draw("tip on the wrong machine", picture.magnification, {0.80, 0.25, 0.20});
+  picture.caption = {
+      "carriages are schematic: the description places them but gives them no shape",
+      fmt::format("{} of {} passes drawn; largest deviation of the tip {:.1f} \u00b5m",
+                  trace.passes.size(), trace.all_passes, trace.largest / units::um)};
+  return picture;
+}
+
+}  // namespace abbe::sim
+
+#endif

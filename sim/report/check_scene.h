@@ -1,0 +1,14 @@
+#pragma once
+
+#include "render/machine.h"
+#include "sim/cut/cut.h"
+
+namespace abbe::sim {
+
+/// Machine, part and path as `abbe check --picture` draws them: the axes as they stand half way
+/// through the program, carriages as plain bodies stacked from the tool and from the part to the
+/// bed (the description has no shapes), the path where it should run and where it runs, errors
+/// magnified.
+render::MachinePicture check_scene(const Job& job);
+
+}  // namespace abbe::sim

@@ -1,0 +1,341 @@
+#include "sim/scene/scene_tree.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+
+#include <fmt/format.h>
+
+namespace abbe::sim {
+
+namespace {
+
+using std::filesystem::path;
+
+// Sections that may be the path of a file instead of a table, by their dotted paths.
+constexpr std::array sections_in_files{"machine",
+                                       "errors",
+                                       "tool",
+                                       "part",
+                                       "program",
+                                       "thermal",
+                                       "compliance",
+                                       "material",
+                                       "belief.identified",
+                                       "belief.force.compliance"};
+
+// What stands at a dotted path below a table, its keys themselves dotted or not; null if nothing.
+Node* at_path(Node& node, std::string_view dotted) {
+  if (Node* whole = node.find(dotted)) return whole;
+  const std::size_t dot = dotted.find('.');
+  if (dot == std::string_view::npos) return nullptr;
+  Node* section = node.find(dotted.substr(0, dot));
+  return section ? at_path(*section, dotted.substr(dot + 1)) : nullptr;
+}
+
+std::string absolute(const std::string& name, const path& folder) {
+  return std::filesystem::absolute(folder / name).lexically_normal().string();
+}
+
+std::string_view last_part(std::string_view dotted) {
+  return dotted.substr(dotted.rfind('.') + 1);  // npos + 1 is 0
+}
+
+// Every key `file` of the format names a data file.
+void make_data_files_absolute(Node& node, const path& folder) {
+  if (Node::Array* array = node.array()) {
+    for (Node& element : *array) make_data_files_absolute(element, folder);
+  }
+  if (Node::Table* table = node.table()) {
+    for (auto& [key, place, value] : *table) {
+      if (std::string* name = std::get_if<std::string>(&value.value)) {
+        if (last_part(key) == "file") *name = absolute(*name, folder);
+      } else {
+        make_data_files_absolute(value, folder);
+      }
+    }
+  }
+}
+
+// A variant is applied later and from elsewhere, so the files it names are made absolute, not read.
+void make_section_files_absolute(Node& set, const path& folder) {
+  for (const char* dotted : sections_in_files) {
+    Node* section = at_path(set, dotted);
+    if (!section) continue;
+    if (std::string* name = std::get_if<std::string>(&section->value))
+      *name = absolute(*name, folder);
+    if (Node::Array* list = section->array()) {
+      for (Node& element : *list) {
+        if (std::string* name = std::get_if<std::string>(&element.value)) {
+          *name = absolute(*name, folder);
+        }
+      }
+    }
+  }
+}
+
+// The path as the scene's reader would type it: beside the scene, not from the root.
+path beside(const path& folder, const std::string& name) {
+  return (folder / name).lexically_normal();
+}
+
+void read_section_file(Node& section, const path& folder, Faults& faults) {
+  const path file = beside(folder, *section.text());
+  std::error_code failure;
+  if (!std::filesystem::is_regular_file(file, failure)) {
+    faults.add(section.place, "a file that can be read", fmt::format("no file {}", file.string()));
+    return;
+  }
+  if (file.extension() != ".toml") {  // a program or a mesh itself
+    Node named;
+    named.place = section.place;
+    named.value = absolute(*section.text(), folder);
+    section.value = Node::Table{{"file", section.place, named}};
+    return;
+  }
+  try {
+    Node content = read_toml_file(file);
+    make_data_files_absolute(content, file.parent_path());
+    section = std::move(content);
+  } catch (const BadInput& fault) {
+    faults.add(fault);
+  }
+}
+
+void read_section_files(Node& tree, const path& folder, Faults& faults) {
+  for (const char* dotted : sections_in_files) {
+    Node* section = at_path(tree, dotted);
+    if (!section) continue;
+    if (section->text()) read_section_file(*section, folder, faults);
+    const std::string_view last = last_part(dotted);
+    if (section->array() && (last == "errors" || last == "identified")) {
+      for (Node& part : *section->array()) {
+        if (part.text()) read_section_file(part, folder, faults);
+      }
+    }
+  }
+}
+
+// A case with a dot or slash is the file of a plug-in.
+void make_plug_ins_absolute(Node& tree, const path& folder) {
+  Node* cases = at_path(tree, "compare.cases");
+  if (!cases || !cases->array()) return;
+  for (Node& one : *cases->array())
+    if (std::string* name = std::get_if<std::string>(&one.value))
+      if (name->find_first_of("./") != std::string::npos) *name = absolute(*name, folder);
+}
+
+void make_variant_files_absolute(Node& tree, const path& folder) {
+  Node* variants = tree.find("variant");
+  if (!variants || !variants->array()) return;
+  for (Node& variant : *variants->array()) {
+    if (Node* set = variant.find("set"); set && set->table()) {
+      make_section_files_absolute(*set, folder);
+      make_plug_ins_absolute(*set, folder);
+    }
+  }
+}
+
+void set_place(Node& node, const Place& place) {
+  node.place = place;
+  if (Node::Array* array = node.array()) {
+    for (Node& element : *array) set_place(element, place);
+  }
+  if (Node::Table* table = node.table()) {
+    for (auto& [key, key_place, value] : *table) {
+      key_place = place;
+      set_place(value, place);
+    }
+  }
+}
+
+std::vector<std::string> parts_of(const std::string& dotted) {
+  std::vector<std::string> parts(1);
+  for (const char c : dotted) {
+    if (c == '.') {
+      parts.emplace_back();
+    } else {
+      parts.back() += c;
+    }
+  }
+  return parts;
+}
+
+std::optional<std::size_t> index_of(const std::string& part) {
+  std::size_t index = 0;
+  const auto [end, failure] = std::from_chars(part.data(), part.data() + part.size(), index);
+  if (failure != std::errc() || end != part.data() + part.size()) return std::nullopt;
+  return index;
+}
+
+void merge(Node& into, const Node& value) {
+  Node::Table* table = into.table();
+  if (!table || !value.table()) {
+    into = value;
+    return;
+  }
+  for (const Node::Entry& entry : *value.table()) {
+    if (Node* there = into.find(entry.key)) {
+      merge(*there, entry.node);
+    } else {
+      table->push_back(entry);
+    }
+  }
+}
+
+class Changer {
+ public:
+  Changer(const Change& change, Faults& faults)
+      : change_(change), parts_(parts_of(change.path)), faults_(faults) {}
+
+  void apply(Node& node, std::size_t depth = 0) const {
+    if (depth == parts_.size()) {
+      merge(node, change_.value);
+    } else if (node.table()) {
+      apply_to_table(node, depth);
+    } else if (node.array()) {
+      apply_to_list(node, depth);
+    } else {
+      faults_.add(change_.value.place,
+                  fmt::format("a path to a value, {} has none below \"{}\"", change_.path,
+                              parts_[depth - 1]),
+                  shown(node));
+    }
+  }
+
+ private:
+  void apply_to_table(Node& node, std::size_t depth) const {
+    const std::string& key = parts_[depth];
+    if (key.empty()) {
+      faults_.add(change_.value.place, "a dotted path such as part.vertices",
+                  "\"" + change_.path + "\"");
+      return;
+    }
+    if (!node.find(key)) {
+      Node table;
+      table.place = change_.value.place;
+      table.value = Node::Table{};
+      node.table()->push_back({key, change_.value.place, std::move(table)});
+    }
+    apply(*node.find(key), depth + 1);
+  }
+
+  void apply_to_list(Node& node, std::size_t depth) const {
+    Node::Array& list = *node.array();
+    if (const auto index = index_of(parts_[depth])) {
+      if (*index < list.size()) {
+        apply(list[*index], depth + 1);
+      } else {
+        faults_.add(change_.value.place,
+                    fmt::format("an index below {} in {}", list.size(), change_.path),
+                    parts_[depth]);
+      }
+      return;
+    }
+    bool named = false;
+    for (Node& element : list) {
+      const Node* name = element.find("name");
+      if (!name || !name->text() || *name->text() != parts_[depth]) continue;
+      apply(element, depth + 1);
+      named = true;
+    }
+    if (named) return;
+    for (Node& element : list) apply(element, depth);
+  }
+
+  const Change& change_;
+  std::vector<std::string> parts_;
+  Faults& faults_;
+};
+
+std::optional<Node> parsed_value(const std::string& text, const std::string& name) {
+  try {
+    const Node tree = parse_toml("value = " + text + "\n", name);
+    if (tree.table()->size() == 1) return tree.table()->front().node;
+  } catch (const BadInput&) {
+    // perhaps a bare word
+  }
+  return std::nullopt;
+}
+
+bool is_bare_word(const std::string& text) {
+  return !text.empty() && text.find_first_of("\"'[]{}=#,\n\r\t") == std::string::npos &&
+         text.front() != ' ' && text.back() != ' ';
+}
+
+void collect(const Node& table, const std::string& prefix, std::vector<Change>& changes) {
+  for (const auto& [key, place, value] : *table.table()) {
+    const std::string dotted = prefix.empty() ? key : prefix + "." + key;
+    if (value.table()) {
+      collect(value, dotted, changes);
+    } else {
+      changes.push_back({dotted, value});
+    }
+  }
+}
+
+}  // namespace
+
+Change parse_override(const Override& override) {
+  const std::string name = override.path + "=" + override.value;
+  const Place place = override.place
+                          ? *override.place
+                          : Place{std::make_shared<const std::string>("--set " + name), 0, 0, true};
+  const auto refuse = [&](const std::string& expected, const std::string& seen) {
+    throw BadInput(*place.file, place.line, place.column, expected, seen);
+  };
+  if (std::count(override.path.begin(), override.path.end(), '.') > 30)
+    refuse("a path of at most 30 parts", "a longer one");
+  Change change{override.path, {}};
+  const bool one_line = override.value.find_first_of("\n\r") == std::string::npos;
+  if (const auto value = one_line ? parsed_value(override.value, name) : std::nullopt) {
+    change.value = *value;
+  } else if (one_line && is_bare_word(override.value)) {
+    change.value.value = override.value;
+  } else {
+    refuse("a TOML value for " + override.path, override.value);
+  }
+  set_place(change.value, place);
+  return change;
+}
+
+Override override_of(const Change& change) {
+  return {change.path, to_toml_value(change.value),
+          std::make_shared<const Place>(change.value.place)};
+}
+
+std::vector<Change> changes_of_set(const Node& set) {
+  std::vector<Change> changes;
+  if (set.table()) collect(set, "", changes);
+  return changes;
+}
+
+std::optional<Node> read_tree(const path& file, Faults& faults) {
+  try {
+    Node tree = read_toml_file(file);
+    make_data_files_absolute(tree, file.parent_path());
+    make_variant_files_absolute(tree, file.parent_path());
+    make_plug_ins_absolute(tree, file.parent_path());
+    read_section_files(tree, file.parent_path(), faults);
+    return tree;
+  } catch (const BadInput& fault) {
+    faults.add(fault);
+    return std::nullopt;
+  }
+}
+
+Node changed(Node tree, const std::vector<Change>& changes, const path& folder, Faults& faults) {
+  for (const Change& change : changes) {
+    Change one = change;
+    make_data_files_absolute(one.value, folder);
+    if (std::string* name = std::get_if<std::string>(&one.value.value)) {
+      if (last_part(one.path) == "file") *name = absolute(*name, folder);
+    }
+    Changer(one, faults).apply(tree);
+    make_plug_ins_absolute(tree, folder);
+    read_section_files(tree, folder, faults);
+  }
+  return tree;
+}
+
+}  // namespace abbe::sim
