@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -133,6 +134,31 @@ TEST(Architecture, WhatReadsReadingsNeverReachesTheTruth) {
     }
     next = std::move(found);
   }
+}
+
+TEST(Architecture, NoCircleAmongTheFilesOfSim) {
+  std::map<std::string, std::set<std::string>> includes;  // of a header and its source together
+  const auto stem = [](const std::string& file) { return file.substr(0, file.rfind('.')); };
+  for_every_include([&](const std::string& file, int, const std::string& target) {
+    if (file.rfind("sim/", 0) != 0 || target.rfind("\"sim/", 0) != 0) return;
+    const std::string theirs = stem(target.substr(1, target.size() - 2));
+    if (theirs != stem(file)) includes[stem(file)].insert(theirs);
+  });
+  EXPECT_GT(includes.size(), 80u);
+  // files of which all includes are done are done, until none is left but those in circles
+  std::set<std::string> done;
+  for (bool more = true; more;) {
+    more = false;
+    for (const auto& [file, targets] : includes) {
+      if (done.count(file)) continue;
+      const bool ready = std::all_of(
+          targets.begin(), targets.end(),
+          [&](const std::string& target) { return done.count(target) || !includes.count(target); });
+      if (ready) more = done.insert(file).second;
+    }
+  }
+  for (const auto& [file, targets] : includes)
+    EXPECT_TRUE(done.count(file)) << file << " is in a circle, or includes one that is";
 }
 
 TEST(Architecture, HeavyLibrariesStayOutOfHeaders) {

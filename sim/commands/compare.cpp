@@ -11,6 +11,7 @@
 #include "sim/loop/compensate.h"
 #include "sim/report/pictures.h"
 #include "sim/scene/case_folders.h"
+#include "sim/scene/read_scene.h"
 #include "sim/scene/trust.h"
 
 namespace abbe::sim {

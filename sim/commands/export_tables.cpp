@@ -5,6 +5,7 @@
 #include "sim/files/output.h"
 #include "sim/loop/compensate.h"
 #include "sim/loop/correctors.h"
+#include "sim/scene/read_scene.h"
 #include "sim/scene/trust.h"
 
 namespace abbe::sim {

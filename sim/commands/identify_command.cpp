@@ -21,11 +21,20 @@ BeliefFiles files_of(const IdentifyOptions& options,
   return {belief, report, result_file(file.replace_extension(".png"), writer)};
 }
 
+/// Refuses, before the work, what files_of would refuse; no folder is made yet.
+void check_files(const IdentifyOptions& options,
+                 const std::vector<std::filesystem::path>& readings) {
+  const Writer writer{options.permissions, readings};
+  std::filesystem::path file = options.out;
+  check_file(file, writer);
+  for (const char* beside : {".json", ".png"}) check_file(file.replace_extension(beside), writer);
+}
+
 }  // namespace
 
 nlohmann::ordered_json identify(const std::vector<std::filesystem::path>& files,
                                 const IdentifyOptions& options) {
-  files_of(options, files);  // refused before the work
+  check_files(options, files);
   const Identified found = identified(files, options);
   const BeliefFiles out = files_of(options, files);
   write_table(out.belief, found.belief);

@@ -28,6 +28,7 @@
 #include "sim/report/identify_text.h"
 #include "sim/report/pictures.h"
 #include "sim/report/sensor_choices_text.h"
+#include "sim/scene/read_scene.h"
 #include "sim/scene/scene_names.h"
 #include "sim/scene/trust.h"
 #include "sim/study/ranks.h"

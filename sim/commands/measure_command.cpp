@@ -6,6 +6,7 @@
 #include "sim/files/output.h"
 #include "sim/loop/compensate.h"
 #include "sim/readings/readings_file.h"
+#include "sim/scene/read_scene.h"
 #include "sim/scene/trust.h"
 
 namespace abbe::sim {

@@ -10,6 +10,7 @@
 #include "sim/files/output.h"
 #include "sim/files/progress.h"
 #include "sim/loop/program_channel.h"
+#include "sim/scene/read_scene.h"
 #include "sim/scene/trust.h"
 
 namespace abbe::sim {

@@ -9,7 +9,9 @@
 #include <utility>
 #include <vector>
 
-#include "sim/compensation/control_files.h"
+#include "kinematics/chain.h"
+#include "sim/compensation/control_file.h"
+#include "sim/compensation/parameter_tables.h"
 
 /// What the formats of control_files.h share. Private to the .cpp files of this folder.
 namespace abbe::sim::compensation::control {

@@ -9,6 +9,7 @@
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "sim/compensation/control_file_format.h"
+#include "sim/compensation/control_files.h"
 
 namespace abbe::sim::compensation {
 namespace {

@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <string>
 
-#include "sim/compensation/plug_in.h"
+#include "sim/compensation/plug_in_task.h"
 
 /// The lines that a plug-in and abbe say to each other; README.md is the protocol.
 namespace abbe::sim::compensation {

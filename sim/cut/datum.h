@@ -2,7 +2,7 @@
 
 #include <Eigen/Core>
 
-#include "sim/cut/commands.h"
+#include "sim/cut/corrector.h"
 #include "sim/machine/truth.h"
 
 namespace abbe::sim {

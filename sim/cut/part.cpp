@@ -7,7 +7,7 @@
 
 #include "cutting/mesh_contact.h"
 #include "cutting/read_mesh.h"
-#include "sim/cut/program_warnings.h"
+#include "sim/cut/unreached_text.h"
 #include "sim/program/milling_text.h"
 #include "sim/program/pvt.h"
 

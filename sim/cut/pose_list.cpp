@@ -8,6 +8,7 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/cut/pose.h"
+#include "sim/scene/bad_scene.h"
 
 namespace abbe::sim {
 namespace {

@@ -8,6 +8,7 @@
 #include "kinematics/units.h"
 #include "sim/cut/tool_calls.h"
 #include "sim/cut/tool_motion.h"
+#include "sim/cut/unreached_text.h"
 
 namespace abbe::sim {
 namespace {
@@ -90,22 +91,6 @@ std::string no_feed_text(const program::Path& path) {
 }
 
 }  // namespace
-
-std::string unreached_text(const program::Unreached& unreached) {
-  if (unreached.points == 0) return {};
-  return fmt::format(
-      "the machine does not reach {} of {} points of the program ({:.3g} %), which leaves out {} "
-      "of "
-      "{} passes and parts of {}; first in pass {}, at ({:.3f}, {:.3f}, {:.3f}) mm of the "
-      "workpiece: "
-      "{}",
-      unreached.points, unreached.all_points, 100.0 * unreached.points / unreached.all_points,
-      unreached.passes, unreached.all_passes, unreached.broken_passes, unreached.first_pass,
-      unreached.tip_w.x(), unreached.tip_w.y(), unreached.tip_w.z(),
-      unreached.why == kinematics::Reach::OutOfLimits
-          ? "an axis would leave its travel"
-          : "no position of its axes gives the direction");
-}
 
 std::vector<std::string> program_warnings(const Scene& scene, const cutting::Design& design_w,
                                           const Program& program, const NominalRun& run) {

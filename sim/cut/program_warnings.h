@@ -20,7 +20,4 @@ struct NominalRun {
 std::vector<std::string> program_warnings(const Scene& scene, const cutting::Design& design_w,
                                           const Program& program, const NominalRun& run);
 
-/// "12 of 40 passes are left out ..."; empty if all are reached.
-std::string unreached_text(const program::Unreached& unreached);
-
 }  // namespace abbe::sim

@@ -12,6 +12,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "sim/files/output_failure.h"
 #include "sim/files/permissions.h"
 #include "sim/files/result_mark.h"
 
@@ -20,13 +21,6 @@
 /// its folder (sim/files/result_mark.h), with a check sum: a file that was changed since is the
 /// user's.
 namespace abbe::sim {
-
-/// Output could not be written, or would touch what abbe did not make: exit 5.
-struct OutputFailure : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
-
-inline constexpr const char* mark_name = ".abbe-result";
 
 /// Who writes, and what it may not touch.
 struct Writer {

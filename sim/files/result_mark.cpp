@@ -15,7 +15,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/escape.h"
-#include "sim/files/output.h"
+#include "sim/files/output_failure.h"
 #include "sim/files/versions.h"
 
 namespace abbe::sim {

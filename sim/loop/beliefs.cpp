@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "sim/measure/measure.h"
+#include "sim/scene/read_scene.h"
 
 namespace abbe::sim {
 namespace {

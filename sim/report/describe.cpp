@@ -9,6 +9,7 @@
 #include "errors/bound_element.h"
 #include "kinematics/units.h"
 #include "sim/cut/program_warnings.h"
+#include "sim/cut/unreached_text.h"
 #include "sim/machine/location_effects.h"
 
 namespace abbe::sim {

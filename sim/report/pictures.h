@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "sim/files/output.h"
-#include "sim/report/report.h"
+#include "sim/report/verdict.h"
 
 /// Pictures and VTK files of results. Where the program was built without VTK those of a run are
 /// not written, and those that are asked for by name are refused.

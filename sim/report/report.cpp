@@ -61,10 +61,6 @@ ordered_json spread(const Spread& s, double unit) {
   return {{"rms", s.rms / unit}, {"max", s.max / unit}};
 }
 
-std::optional<double> tolerance(const Job& job) {
-  return job.scene.part.tolerance > 0.0 ? std::optional(job.scene.part.tolerance) : std::nullopt;
-}
-
 /// Percentage by which a number fell; nothing where there is nothing to fall from.
 ordered_json reduction(const std::optional<double>& before, const std::optional<double>& after) {
   if (!before || !after || *before == 0.0) return {};
@@ -115,81 +111,7 @@ void write_or_remove(const ResultFile& file, const std::string& text) {
     write_file(file, text);
 }
 
-/// Mean radius of the machined surface on every ring that the scene names, weighted by area.
-ordered_json radii_um(const Job& job, const cutting::Surface& surface) {
-  ordered_json radii = ordered_json::object();
-  const kinematics::Pose T_mw = job.scene.part.T_wm.inverse();
-  for (const PartDescription::Ring& ring : job.scene.part.rings) {
-    double weighted = 0.0, area = 0.0;
-    for (Eigen::Index i = 0; i < job.design_w.vertices.rows(); ++i) {
-      if (surface.status[std::size_t(i)] != cutting::VertexStatus::Cut) continue;
-      const Eigen::Vector3d p_m = T_mw * job.design_w.vertices.row(i).transpose();
-      if (std::abs(p_m.z() - ring.along) > 0.5 * ring.width) continue;
-      const Eigen::Vector3d n_m = T_mw.linear() * job.design_w.normals.row(i).transpose();
-      weighted += job.design_w.area[i] * (p_m + surface.residual[i] * n_m).head<2>().norm();
-      area += job.design_w.area[i];
-    }
-    radii[ring.name] = area > 0.0 ? ordered_json(weighted / area / units::um) : ordered_json();
-  }
-  return radii;
-}
-
-/// A mesh whose facets sag by more than all that is found on it.
-std::string coarse_warning(const Job& job, const cutting::Statistics& residual) {
-  if (!std::holds_alternative<MeshFile>(job.scene.part.shape) || !residual.pv) return {};
-  const double facet_error = cutting::coarseness(job.design_w).facet_error;
-  if (facet_error <= *residual.pv) return {};
-  return fmt::format(
-      "the mesh is coarse beside what is found on it: between judged vertices its facets sag by up "
-      "to {:.4g} um, PV is {:.4g} um",
-      facet_error / units::um, *residual.pv / units::um);
-}
-
 }  // namespace
-
-const char* name_of(DatumDescription::Kind kind) {
-  switch (kind) {
-    case DatumDescription::Kind::None:
-      return "none";
-    case DatumDescription::Kind::Ideal:
-      return "ideal";
-    case DatumDescription::Kind::TouchOff:
-      return "touch_off";
-  }
-  return "";
-}
-
-const char* name_of(Alignment alignment) {
-  switch (alignment) {
-    case Alignment::None:
-      return "none";
-    case Alignment::Offset:
-      return "offset";
-    case Alignment::Rigid:
-      return "rigid";
-  }
-  return "";
-}
-
-Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
-  Verdict verdict;
-  verdict.aligned = cutting::aligned(cut.surface, job.design_w, {job.scene.alignment});
-  verdict.residual = cutting::statistics(verdict.aligned.surface, job.design_w, tolerance(job));
-  if (error_free != nullptr) {
-    verdict.machine = cutting::statistics(
-        cutting::minus(verdict.aligned.surface, error_free->aligned.surface), job.design_w);
-  }
-  if (const std::string coarse = coarse_warning(job, verdict.residual); !coarse.empty())
-    cut.warnings.push_back(coarse);
-  const ordered_json radii = radii_um(job, verdict.aligned.surface);
-  for (const auto& [name, radius] : radii.items())
-    if (radius.is_null()) cut.warnings.push_back("no cut vertex lies on the ring " + name);
-  if (const auto* primitive = std::get_if<cutting::Primitive>(&job.scene.part.shape))
-    verdict.form = cutting::form(
-        *primitive, cutting::transformed(job.design_w, job.scene.part.T_wm.inverse()), cut.surface);
-  verdict.cut = std::move(cut);
-  return verdict;
-}
 
 ordered_json summary(const Job& job, const Verdict& verdict) {
   const cutting::Statistics& s = verdict.residual;
@@ -222,7 +144,8 @@ ordered_json summary(const Job& job, const Verdict& verdict) {
   json.update(vertex_counts(s));
   if (job.truth.heat) json["temperature_C"] = heat_C(job);
   if (!verdict.cut.process.steps.empty()) json["cut"] = process_figures(verdict.cut.process);
-  if (!job.scene.part.rings.empty()) json["radii_um"] = radii_um(job, verdict.aligned.surface);
+  for (const Verdict::Ring& ring : verdict.rings)
+    json["radii_um"][ring.name] = in(units::um, ring.radius);
   if (job.scene.alignment != Alignment::None) {
     const auto& D = verdict.aligned.displacement;
     json["aligned_by"] = {

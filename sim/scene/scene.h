@@ -381,26 +381,4 @@ struct Scene {
   std::vector<std::filesystem::path> trusted;  ///< programs that it may run: sim/scene/trust.h
 };
 
-/// Reads a scene strictly: unknown keys are refused with the nearest known one, types and units are
-/// checked, and all faults are found before any is told.
-/// @param overrides  applied to the text before it is checked; a path that names nothing known is
-/// refused
-/// @throws BadScene with every fault
-Scene read_scene(const std::filesystem::path& file, const std::vector<Override>& overrides = {});
-
-/// All faults of a scene at once; `what()` has one "file:line:column: expected ..., seen ..." a
-/// line.
-struct BadScene : std::runtime_error {
-  explicit BadScene(std::vector<BadInput> faults);
-  std::vector<BadInput> faults;
-};
-
-/// Reads a case name "perfect-iterated-ideal"; one with a dot or slash is a plug-in's file.
-/// @throws std::invalid_argument naming the token and what it could be
-CaseDescription parse_case(const std::string& name);
-
-/// The case of a plug-in's file, called by its name with extension.
-/// @throws std::invalid_argument if that name cannot be a folder's
-CaseDescription plug_in_case(const std::filesystem::path& file);
-
 }  // namespace abbe::sim

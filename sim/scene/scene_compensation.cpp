@@ -6,6 +6,7 @@
 
 #include "kinematics/text.h"
 #include "kinematics/units.h"
+#include "sim/scene/read_scene.h"
 #include "sim/scene/scene_sections.h"
 
 namespace abbe::sim {

@@ -4,6 +4,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "sim/scene/case_name.h"
 #include "sim/scene/scene_tree.h"
 
 namespace abbe::sim {

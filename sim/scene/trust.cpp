@@ -11,6 +11,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/text.h"
+#include "sim/scene/read_scene.h"
 
 namespace abbe::sim {
 namespace {

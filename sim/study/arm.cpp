@@ -8,6 +8,7 @@
 #include "cutting/residual.h"
 #include "sim/cut/reach.h"
 #include "sim/machine/run_out.h"
+#include "sim/scene/read_scene.h"
 
 namespace abbe::sim::study {
 namespace {

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "sim/scene/bad_scene.h"
 #include "sim/study/tolerance.h"
 #include "sim/study/uncertainty.h"
 #include "sim/study/worst_case.h"

@@ -10,6 +10,7 @@
 
 #include "kinematics/bad_input.h"
 #include "sim/files/progress.h"
+#include "sim/scene/bad_scene.h"
 
 namespace abbe::sim::study {
 namespace {

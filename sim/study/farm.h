@@ -4,17 +4,11 @@
 #include <functional>
 #include <vector>
 
+#include "sim/study/batch.h"
 #include "sim/study/journal.h"
 #include "sim/study/ranks.h"
 
 namespace abbe::sim::study {
-
-/// Cases first .. last - 1, computed together; always the same ones, so that their bits do not
-/// depend on who computes them.
-struct Batch {
-  std::uint64_t first = 0;
-  std::uint64_t last = 0;
-};
 
 /// Part i of n of a study, for job arrays.
 struct Shard {

@@ -14,6 +14,7 @@
 #include "sim/files/progress.h"
 #include "sim/measure/measure.h"
 #include "sim/readings/readings_file.h"
+#include "sim/scene/read_scene.h"
 #include "sim/study/csv_field.h"
 
 namespace abbe::sim::study {

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "sim/scene/bad_scene.h"
 #include "sim/study/influence_columns.h"
 #include "sim/study/plan.h"
 

@@ -5,7 +5,8 @@
 #include <string_view>
 #include <vector>
 
-#include "sim/study/farm.h"
+#include "sim/study/batch.h"
+#include "sim/study/journal.h"
 
 /// What ranks of a farm say to each other, as bytes; the ranks run one program on one kind of
 /// computer.

@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <vector>
 
-#include "sim/study/worst_case.h"
+#include "sim/study/box.h"
+#include "sim/study/response_function.h"
 
 namespace abbe::sim::study {
 

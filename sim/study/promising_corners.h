@@ -1,6 +1,7 @@
 #pragma once
 
-#include "sim/study/worst_case.h"
+#include "sim/study/box.h"
+#include "sim/study/response_function.h"
 
 namespace abbe::sim::study {
 

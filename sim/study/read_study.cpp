@@ -10,6 +10,7 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/files/versions.h"
+#include "sim/scene/read_scene.h"
 #include "sim/scene/scene_names.h"
 #include "sim/scene/scene_tree.h"
 #include "sim/scene/toml_reader.h"

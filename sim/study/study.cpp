@@ -7,6 +7,7 @@
 
 #include "errors/coefficients.h"
 #include "kinematics/units.h"
+#include "sim/scene/bad_scene.h"
 #include "sim/scene/scene_names.h"
 #include "sim/scene/scene_tree.h"
 

@@ -1,18 +1,9 @@
 #pragma once
 
+#include "sim/study/box.h"
 #include "sim/study/response_function.h"
 
 namespace abbe::sim::study {
-
-/// Values that inputs are between.
-struct Box {
-  Eigen::VectorXd low;   ///< (inputs)
-  Eigen::VectorXd high;  ///< (inputs)
-};
-/// Ends of the distributions where they have any; else the values beyond which there is as little
-/// as beyond `coverage` standard deviations of a normal distribution. Correlations do not matter to
-/// it.
-Box box_of(const Study& study, double coverage);
 
 /// A corner of the box of all inputs.
 struct Corner {

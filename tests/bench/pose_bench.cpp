@@ -9,6 +9,7 @@
 #include <tbb/global_control.h>
 
 #include "sim/cut/pose_table.h"
+#include "sim/scene/read_scene.h"
 
 namespace {
 

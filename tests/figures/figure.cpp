@@ -7,6 +7,7 @@
 
 #include "kinematics/units.h"
 #include "sim/report/report.h"
+#include "sim/scene/read_scene.h"
 
 namespace abbe::figures {
 

@@ -268,7 +268,7 @@ std::vector<Quote> quotes() {
       {"scenes/platform_sphere.toml",
        "two numbers inferred gives {:.1f} and {:.1f}",
        {inferred[2]}},
-      {"README.md", "PV {:.2f} → {:.2f}, {:.1f} → {:.1f}, {:.1f} → {:.1f}",
+      {"scenes/TOUR.md", "PV {:.2f} → {:.2f}, {:.1f} → {:.1f}, {:.1f} → {:.1f}",
        peng_rows("spindle and tool chosen")},
   };
   for (const auto& some : {sensor_quotes(), reading_quotes()})

@@ -22,7 +22,7 @@
 #include "sim/cut/work.h"
 #include "sim/report/describe.h"
 #include "sim/report/report.h"
-#include "sim/scene/scene.h"
+#include "sim/scene/read_scene.h"
 #include "sim/scene/toml_reader.h"
 #include "tests/safety/program_run.h"
 

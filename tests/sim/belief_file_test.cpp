@@ -7,6 +7,7 @@
 #include "errors/coefficients.h"
 #include "kinematics/units.h"
 #include "sim/readings/belief_file.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {

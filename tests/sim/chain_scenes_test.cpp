@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {

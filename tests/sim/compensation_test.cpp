@@ -13,6 +13,7 @@
 #include "sim/cut/part.h"
 #include "sim/program/pvt.h"
 #include "sim/report/report.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {

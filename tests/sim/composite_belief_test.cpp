@@ -15,6 +15,7 @@
 #include "sim/files/output.h"
 #include "sim/report/identify_text.h"
 #include "sim/report/report.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {

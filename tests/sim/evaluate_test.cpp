@@ -10,6 +10,7 @@
 #include "kinematics/units.h"
 #include "sim/commands/evaluate_command.h"
 #include "sim/readings/part_readings_file.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {

@@ -5,6 +5,7 @@
 
 #include "kinematics/units.h"
 #include "sim/report/report.h"
+#include "sim/scene/read_scene.h"
 
 namespace abbe::sim {
 namespace {

@@ -15,6 +15,7 @@
 #include "kinematics/units.h"
 #include "sim/commands/identify_command.h"
 #include "sim/report/identify_text.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {

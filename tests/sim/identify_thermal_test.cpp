@@ -17,6 +17,7 @@
 #include "sim/cut/activity.h"
 #include "sim/machine/truth.h"
 #include "sim/report/identify_text.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {

@@ -17,6 +17,7 @@
 #include "sim/commands/identify_command.h"
 #include "sim/machine/machine.h"
 #include "sim/report/describe.h"
+#include "sim/scene/read_scene.h"
 #include "tests/errors/location_net.h"
 #include "tests/sim/measured_scene.h"
 

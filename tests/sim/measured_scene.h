@@ -8,6 +8,7 @@
 
 #include "sim/commands/measure_command.h"
 #include "sim/readings/readings_file.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/small_scene.h"
 
 /// Machines that are there to be measured: scenes that cut next to nothing.

@@ -7,6 +7,7 @@
 
 #include "sim/cut/reach.h"
 #include "sim/report/report.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/odd_scenes.h"
 
 namespace abbe::sim {

@@ -15,6 +15,7 @@
 #include "sim/commands/measure_command.h"
 #include "sim/cut/activity.h"
 #include "sim/cut/datum.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {

@@ -16,6 +16,7 @@
 #include "kinematics/units.h"
 #include "sim/loop/beliefs.h"
 #include "sim/loop/compensate.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {

@@ -6,6 +6,7 @@
 
 #include "kinematics/units.h"
 #include "sim/cut/pose_list.h"
+#include "sim/scene/bad_scene.h"
 #include "tests/injured.h"
 #include "tests/sim/pose_scene.h"
 #include "tests/sim/refusal.h"

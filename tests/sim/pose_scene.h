@@ -9,6 +9,7 @@
 
 #include "kinematics/units.h"
 #include "sim/cut/pose_table.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/scene_folder.h"
 
 namespace abbe::sim {

@@ -10,6 +10,7 @@
 #include "kinematics/units.h"
 #include "sim/report/pose_at.h"
 #include "sim/report/pose_files.h"
+#include "sim/scene/read_scene.h"
 #include "tests/oracles/paper_chain.h"
 #include "tests/sim/pose_scene.h"
 #include "tests/sim/refusal.h"

@@ -7,6 +7,7 @@
 
 #include "sim/commands/measure_command.h"
 #include "sim/readings/readings_file.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/refusal.h"
 #include "tests/sim/small_scene.h"
 

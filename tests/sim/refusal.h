@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "sim/scene/bad_scene.h"
 #include "sim/scene/scene.h"
 
 namespace abbe::sim {

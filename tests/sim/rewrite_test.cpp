@@ -14,6 +14,7 @@
 #include "sim/files/output.h"
 #include "sim/loop/program_channel.h"
 #include "sim/program/pvt.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/refusal.h"
 #include "tests/sim/small_scene.h"
 

@@ -14,6 +14,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/scene_fingerprint.h"
 #include "tests/sim/small_scene.h"
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
+#include "sim/scene/read_scene.h"
 #include "sim/scene/scene_sections.h"
 #include "tests/sim/scene_fingerprint.h"
 #include "tests/sim/small_scene.h"

@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/scene/scene.h"
+#include "sim/scene/read_scene.h"
 
 namespace abbe::sim {
 

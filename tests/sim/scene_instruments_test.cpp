@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {

@@ -1,4 +1,4 @@
-#include "sim/scene/scene.h"
+#include "sim/scene/read_scene.h"
 
 #include <algorithm>
 #include <cmath>

@@ -14,6 +14,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/report/report.h"
+#include "sim/scene/read_scene.h"
 
 namespace abbe::sim {
 namespace {

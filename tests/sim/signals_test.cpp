@@ -9,6 +9,7 @@
 
 #include "kinematics/units.h"
 #include "sim/cut/datum.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/scene_folder.h"
 #include "tests/sim/small_scene.h"
 

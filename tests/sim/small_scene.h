@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "sim/loop/compensate.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/scene_folder.h"
 
 /// Small versions of scenes, cut in a moment, and maps held against other maps and closed forms.

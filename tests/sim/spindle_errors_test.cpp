@@ -13,6 +13,7 @@
 
 #include "cutting/form.h"
 #include "kinematics/units.h"
+#include "sim/scene/read_scene.h"
 #include "tests/oracles/closed_forms.h"
 #include "tests/sim/scene_folder.h"
 #include "tests/sim/small_scene.h"

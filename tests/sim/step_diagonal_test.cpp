@@ -10,6 +10,7 @@
 #include "sim/commands/identify_command.h"
 #include "sim/report/identify_text.h"
 #include "sim/report/report.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {

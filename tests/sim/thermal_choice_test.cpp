@@ -14,6 +14,7 @@
 #include "kinematics/units.h"
 #include "sim/commands/choose_sensors.h"
 #include "sim/report/sensor_choices_text.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {

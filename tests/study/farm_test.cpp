@@ -19,6 +19,7 @@
 #include "sim/compensation/plug_in.h"
 #include "sim/files/output.h"
 #include "sim/files/progress.h"
+#include "sim/scene/bad_scene.h"
 #include "sim/scene/scene.h"
 #include "sim/study/messages.h"
 #include "tests/study/farm_runs.h"

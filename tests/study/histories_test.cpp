@@ -15,6 +15,7 @@
 #include "kinematics/units.h"
 #include "sim/commands/identify_command.h"
 #include "sim/commands/measure_command.h"
+#include "sim/scene/read_scene.h"
 #include "tests/sim/refusal.h"
 #include "tests/sim/small_scene.h"
 

@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include "sim/scene/bad_scene.h"
 #include "sim/study/study.h"
 #include "tests/injured.h"
 #include "tests/sim/refusal.h"
@@ -165,9 +166,8 @@ TEST_F(ReadStudy, WholeNumbersReachKeysThatTakeNoOthers) {
   const Scene base = scene_of(study, study.arms[0]);
   EXPECT_EQ(scene_at(study, study.arms[0], base, Eigen::VectorXd::Constant(1, 450.0)).part.vertices,
             450);
-  EXPECT_NE(refusal_by([&] {
-              scene_at(study, study.arms[0], base, Eigen::VectorXd::Constant(1, 450.5));
-            }),
+  EXPECT_NE(refusal_by(
+                [&] { scene_at(study, study.arms[0], base, Eigen::VectorXd::Constant(1, 450.5)); }),
             "");
 }
 
@@ -343,7 +343,9 @@ TEST_F(ReadStudy, RefusesAtThePlaceOfTheFault) {
        "centre = 1\n",
        "11:1",
        {"median above 0", "EYS"}},
-      {"[[inputs]]\nevery = \"number\"\nof = [\"EXS\"]\ncentre = 1e308\n", "14:10", {"inputs.centre", "1e+12"}},
+      {"[[inputs]]\nevery = \"number\"\nof = [\"EXS\"]\ncentre = 1e308\n",
+       "14:10",
+       {"inputs.centre", "1e+12"}},
       {"input = 3\n", "", {}},
   };
   for (const auto& one : cases) {

@@ -1,4 +1,4 @@
-#include "sim/scene/scene.h"
+#include "sim/scene/read_scene.h"
 
 #include <algorithm>
 #include <array>
@@ -19,13 +19,6 @@ namespace abbe::sim {
 namespace {
 
 constexpr std::size_t max_variants = 1000;
-
-std::string text_of(const std::vector<BadInput>& faults) {
-  std::string text;
-  for (const BadInput& fault : faults)
-    text += (text.empty() ? "" : "\n") + std::string(fault.what());
-  return text;
-}
 
 // A section whose file was refused is still the name of that file; it is reported already.
 const Node* section(TableReader& scene, const std::string& key, bool required) {
@@ -410,8 +403,6 @@ bool names_a_folder(const std::string& name) {
          });
 }
 
-BadScene::BadScene(std::vector<BadInput> list)
-    : std::runtime_error(text_of(list)), faults(std::move(list)) {}
 
 Scene read_scene(const std::filesystem::path& file, const std::vector<Override>& overrides) {
   Faults faults;
