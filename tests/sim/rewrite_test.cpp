@@ -180,7 +180,7 @@ TEST(RewriteCommand, OfAProgramThatMissesThePartIsWrittenWithAWarning) {
   const SceneFolder folder;
   RewriteCommandOptions options;
   options.case_name = "perfect-iterated-program";
-  options.overrides = {{"part.at_mm", "[0, 0, 0]"}};
+  options.overrides = {{"part.at_mm", "[0, 0, 0]"}, {"part.vertices", "2000"}};
   options.out = folder.path() / "in_the_air.ngc";
   const nlohmann::ordered_json report = rewrite(long_moves(folder, tip_program), options);
   ASSERT_EQ(report["warnings"].size(), 1u) << report["warnings"];
