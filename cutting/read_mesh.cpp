@@ -685,6 +685,15 @@ auto range(const std::vector<HalfEdge>& edges, int from, int to) {
   return std::equal_range(edges.begin(), edges.end(), HalfEdge{from, to, 0}, before);
 }
 
+/// Whether every edge has one triangle on either side.
+bool is_closed(const std::vector<HalfEdge>& edges) {
+  return std::all_of(edges.begin(), edges.end(), [&](const HalfEdge& edge) {
+    const auto same = range(edges, edge.from, edge.to);
+    const auto opposite = range(edges, edge.to, edge.from);
+    return same.second - same.first == 1 && opposite.second - opposite.first == 1;
+  });
+}
+
 /// Refuses edges that are no edges of a surface; the rim is allowed if `open`. Returns its length.
 std::size_t check_edges(const Source& source, const Soup& soup, const std::vector<HalfEdge>& edges,
                         bool open) {
@@ -937,7 +946,9 @@ Design read_mesh(const std::filesystem::path& file, const ReadMeshOptions& optio
   const Source source{file.string(), contents(file, options.max_bytes),
                       std::min<std::int64_t>(options.max_triangles, 700'000'000)};
   const Soup as_written = read_soup(source, kind);
-  const Soup soup = without_unused(merged(as_written));
+  // bodies that touch share points and are closed without each other
+  const bool whole = kind != "stl" && is_closed(half_edges(as_written));
+  const Soup soup = without_unused(whole ? as_written : merged(as_written));
   check_triangles(source, soup);
   const std::vector<HalfEdge> edges = half_edges(soup);
   const std::size_t rim = check_edges(source, soup, edges, options.open);

@@ -24,7 +24,7 @@ struct ReadMeshOptions {
 /// Design surface from an STL (ascii, binary), PLY (ascii, binary), OBJ or OFF file, its kind known
 /// by the ending. Faces of more than three corners are split as `triangulated` says. Coordinates
 /// are taken as written (double where the file has the digits); a corner of such a face that stands
-/// where the one before stands is dropped, equal points of any file are one vertex, unused vertices are dropped, normals in the file are not believed. The file is checked against its own header and size before anything is stored,
+/// where the one before stands is dropped, equal points are one vertex (but of bodies that are closed as they are indexed), unused vertices are dropped, normals in the file are not believed. The file is checked against its own header and size before anything is stored,
 /// and the mesh is audited: finite, no degenerate triangle (height under 1e-7 of the longest edge),
 /// at most two triangles at an edge and one fan at a vertex, one orientation (found here, and
 /// OpenMesh's half-edges must agree), closed unless `open`, outward (positive volume; a negative

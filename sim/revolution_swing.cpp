@@ -10,6 +10,7 @@ namespace {
 constexpr std::size_t window = 10;     // changes
 constexpr double least_change = 0.01;  // of the force
 constexpr double undamped = 0.99;      // gain; a swing at its full size has 1
+constexpr double can_swing = 0.5;        // contraction, below which every change dies out
 constexpr std::size_t leap_window = 40;  // revolutions
 constexpr int least_leaps = 3;
 
@@ -27,6 +28,14 @@ std::optional<double> gain_from(const std::vector<double>& force, std::size_t fi
   return std::pow(after / before, 2.0 / double(window));
 }
 
+/// Whether the loop of force and deflection is strong enough to swing somewhere in the window.
+/// Forces that alternate by chance, as under error motions of a spindle, are no swing.
+bool is_drawn_in(const Process& process, std::size_t first) {
+  for (std::size_t k = first; k <= first + window; ++k)
+    if (process.steps[k].contraction >= can_swing) return true;
+  return false;
+}
+
 /// The swing of forces that alternate.
 std::optional<RevolutionSwing> alternating(const Process& process,
                                            const std::vector<double>& force) {
@@ -34,7 +43,8 @@ std::optional<RevolutionSwing> alternating(const Process& process,
   double gain = 0.0;
   for (std::size_t first = 0; first < force.size();) {
     std::size_t k = first;
-    for (auto one = gain_from(force, k); one && *one >= undamped; one = gain_from(force, ++k))
+    for (auto one = gain_from(force, k); one && *one >= undamped && is_drawn_in(process, k);
+         one = gain_from(force, ++k))
       gain = std::max(gain, *one);
     if (k == first) {
       ++first;

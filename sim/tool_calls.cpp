@@ -40,7 +40,7 @@ std::string name_of(const program::ToolCall& call) {
   return call.number < 0 ? "M6 without a T" : fmt::format("T{}", call.number);
 }
 
-/// Feed before the first call of a program that has one.
+/// Feed before the first of the calls with which the program cuts.
 std::vector<std::string> early_feed_warnings(const program::Path& path,
                                              const std::vector<program::ToolCall>& calls) {
   if (calls.empty()) return {};
@@ -56,9 +56,8 @@ std::vector<std::string> early_feed_warnings(const program::Path& path,
 
 std::vector<std::string> tool_call_warnings(const program::Path& path,
                                             const ToolDescription& tool) {
-  const std::vector<program::ToolCall> changes = changes_of(path);
-  std::vector<std::string> warnings = early_feed_warnings(path, changes);
-  const std::vector<program::ToolCall> calls = cutting_calls(path, changes);
+  const std::vector<program::ToolCall> calls = cutting_calls(path, changes_of(path));
+  std::vector<std::string> warnings = early_feed_warnings(path, calls);
   if (calls.empty()) return warnings;
   const program::ToolCall& first = calls.front();
   for (const program::ToolCall& call : calls) {

@@ -38,7 +38,8 @@ std::string refusal(const fs::path& file, const ReadMeshOptions& options = {}) {
 }
 
 fs::path written(const std::string& name, const std::string& bytes) {
-  const fs::path file = fs::path(testing::TempDir()) / ("abbe_mesh_test_" + std::to_string(::getpid()) + "_" + name);
+  const fs::path file =
+      fs::path(testing::TempDir()) / ("abbe_mesh_test_" + std::to_string(::getpid()) + "_" + name);
   std::ofstream(file, std::ios::binary) << bytes;
   return file;
 }
@@ -209,10 +210,11 @@ TEST(ReadMesh, OpenSurfacesPassIfTheySayThatTheyAre) {
     EXPECT_EQ(read_mesh(corpus / name, options).triangles.rows(), 3) << name;
 }
 
-/// The tetrahedron of the corpus, every triangle with corners of its own, as many programs write it.
-const std::vector<Vector3d> unshared_corners = {
-    {0, 0, 0}, {0, 10, 0}, {10, 0, 0}, {0, 0, 0}, {10, 0, 0}, {0, 0, 10},
-    {10, 0, 0}, {0, 10, 0}, {0, 0, 10}, {0, 0, 0}, {0, 0, 10}, {0, 10, 0}};
+/// The tetrahedron of the corpus, every triangle with corners of its own, as many programs write
+/// it.
+const std::vector<Vector3d> unshared_corners = {{0, 0, 0},  {0, 10, 0}, {10, 0, 0}, {0, 0, 0},
+                                                {10, 0, 0}, {0, 0, 10}, {10, 0, 0}, {0, 10, 0},
+                                                {0, 0, 10}, {0, 0, 0},  {0, 0, 10}, {0, 10, 0}};
 
 std::string unshared_obj() {
   std::string text;
@@ -225,8 +227,7 @@ std::string unshared_obj() {
 /// Points and triangles as OFF and ascii PLY have them.
 std::string unshared_lists() {
   std::string text;
-  for (const Vector3d& p : unshared_corners)
-    text += fmt::format("{} {} {}\n", p.x(), p.y(), p.z());
+  for (const Vector3d& p : unshared_corners) text += fmt::format("{} {} {}\n", p.x(), p.y(), p.z());
   for (int t = 0; t < 4; ++t) text += fmt::format("3 {} {} {}\n", 3 * t, 3 * t + 1, 3 * t + 2);
   return text;
 }
@@ -247,6 +248,16 @@ TEST(ReadMesh, EqualPointsAreOneVertexInEveryFormat) {
     EXPECT_LT((design.normals.row(0) - Eigen::RowVector3d(-1, -1, -1).normalized()).norm(), 1e-12)
         << file;
   }
+}
+
+TEST(ReadMesh, BodiesThatTouchAndAreClosedKeepTheirOwnPoints) {
+  const std::string one =
+      "v 0 0 0\nv 10 0 0\nv 0 10 0\nv 0 0 10\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
+  const std::string beside =  // on its edge from (10, 0, 0) to (0, 10, 0), and beyond it
+      "v 10 0 0\nv 20 10 0\nv 0 10 0\nv 10 10 10\nf 5 7 6\nf 5 6 8\nf 6 7 8\nf 5 8 7\n";
+  const fs::path file = written("touching.obj", one + beside);
+  ASSERT_EQ(refusal(file), "accepted");
+  EXPECT_EQ(read_mesh(file).vertices.rows(), 8);
 }
 
 /// Open, they were accepted, every normal that of one face.
