@@ -16,6 +16,7 @@ namespace {
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double straight_tolerance = 1e-9;  // mm, where the search is convex
 constexpr double turning_tolerance = 2e-8;   // mm, where the axis turns
+constexpr double depth_tolerance = 1e-10;    // mm, of a touch that may be missed
 
 // ---- the cutter at one instant ------------------------------------------------------------------
 
@@ -48,7 +49,7 @@ struct Hit {
 /// The ray in the frame of the cutter, split along and across its axis.
 struct LocalRay {
   Vector3d axis;
-  double h, dh;               // height above the tip and its change with s
+  double h, dh;  // height above the tip and its change with s
   Vector3d lateral, dlateral;
 
   LocalRay(const Position& at, const Vector3d& point, const Vector3d& normal) : axis(at.axis) {
@@ -80,8 +81,7 @@ Interval within_cylinder(const LocalRay& ray, double radius) {
 }
 
 Interval within_slab(const LocalRay& ray, double top) {
-  if (ray.dh == 0)
-    return ray.h >= 0 && ray.h <= top ? Interval{} : Interval{infinity, -infinity};
+  if (ray.dh == 0) return ray.h >= 0 && ray.h <= top ? Interval{} : Interval{infinity, -infinity};
   const double at_bottom = -ray.h / ray.dh;
   const double at_top = (top - ray.h) / ray.dh;
   return {std::min(at_bottom, at_top), std::max(at_bottom, at_top)};
@@ -188,10 +188,11 @@ struct Sample {
   bool defined;  ///< the function is +infinity elsewhere
   double value;
   double slope;
-  double dip;    ///< curvature >= -dip; 0 where the function is convex
-  double fade;   ///< dip holds for times well below 1 / fade
+  double dip;        ///< curvature >= -dip; 0 where the function is convex
+  double fade;       ///< dip holds for times well below 1 / fade
   Vector3d outward;  ///< normal of the cutter, for a `floor`
   double facing;     ///< -outward * normal of the ray
+  double doubt = 0;  ///< the value may be too large by so much, from rounding
 
   double dip_over(double w) const { return dip / ((1 - fade * w) * (1 - fade * w)); }
 };
@@ -216,8 +217,30 @@ struct Promise {
   double t;
 };
 
+/// A straight line over a piece, by its values at the ends.
+struct Line {
+  double at_a, at_b;
+};
+
+/// Where a function above two lines may be least over a piece.
+Promise least_above(const Piece& piece, const Line& first, const Line& second) {
+  const auto higher = [&](double x) {
+    return std::max(first.at_a + x * (first.at_b - first.at_a),
+                    second.at_a + x * (second.at_b - second.at_a));
+  };
+  const double apart_a = first.at_a - second.at_a;
+  const double apart_b = first.at_b - second.at_b;
+  double x = higher(0.0) <= higher(1.0) ? 0.0 : 1.0;
+  if (apart_a * apart_b < 0) {
+    const double crossing = apart_a / (apart_a - apart_b);
+    if (higher(crossing) < higher(x)) x = crossing;
+  }
+  const double width = piece.b.t - piece.a.t;
+  return {higher(x), piece.a.t + (x == 0.0 || x == 1.0 ? 0.5 : x) * width};
+}
+
 /// f + dip (t - a)^2 / 2 is convex, so it lies above its tangents at both ends. Where the dip
-/// cannot be trusted over the piece, `floor(piece)` is the bound.
+/// cannot be trusted over the piece, `floor(piece)` is the promise.
 template <class Floor>
 Promise promise(const Piece& piece, double tolerance, const Floor& floor) {
   const auto& [a, b, depth] = piece;
@@ -225,22 +248,28 @@ Promise promise(const Piece& piece, double tolerance, const Floor& floor) {
   const double middle = a.t + 0.5 * w;
   const bool trusted = std::max(a.fade, b.fade) * w < 0.5;
   if (!a.defined || !b.defined) {
-    if (!trusted) return {floor(piece), middle};
+    if (!trusted) return floor(piece);
     const Sample& end = a.defined ? a : b;
     const double far =
         end.value + (a.defined ? 1 : -1) * end.slope * w - 0.5 * end.dip_over(w) * w * w;
-    return {std::min(end.value, far), middle};
+    return {std::min(end.value, far) - end.doubt, middle};
   }
-  const double dip = trusted ? std::max(a.dip_over(w), b.dip_over(w)) : 0.0;
-  const double value_b = b.value + 0.5 * dip * w * w;
+  if (!trusted) return floor(piece);
+  const double dip = std::max(a.dip_over(w), b.dip_over(w));
+  const double value_a = a.value - a.doubt;
+  const double value_b = b.value - b.doubt + 0.5 * dip * w * w;
   const double slope_b = b.slope + dip * w;
-  const double below_a = value_b - a.value - a.slope * w;
-  const double below_b = a.value - value_b + slope_b * w;
+  const double below_a = value_b - value_a - a.slope * w;
+  const double below_b = value_a - value_b + slope_b * w;
+  const double slack = tolerance + a.doubt + b.doubt;
+  if (below_a < -slack || below_b < -slack) return floor(piece);
+  // What rounding does to the lower end of a slope is not found by more samples.
+  if (a.slope >= 0.5 * dip * w) return {a.value, a.t};
+  if (b.slope <= -0.5 * dip * w) return {b.value, b.t};
   const double turn = slope_b - a.slope;
   const double x = turn > 0 ? std::clamp(below_b / turn, 0.0, w) : 0.5 * w;
-  if (!trusted) return {floor(piece), a.t + x};
-  if (below_a < -tolerance || below_b < -tolerance) return {-infinity, middle};
-  return {std::min({a.value, b.value, a.value + a.slope * x - 0.5 * dip * x * x}), a.t + x};
+  const double inner = value_a + a.slope * x - 0.5 * dip * x * x;
+  return {std::min({value_a, b.value - b.doubt, inner}), a.t + x};
 }
 
 double next_sample(const Piece& piece, const Promise& low) {
@@ -286,14 +315,17 @@ Sample minimum(const Function& f, const Floor& floor, const Sample& first, const
   return best;
 }
 
-double no_floor(const Piece&) { return -infinity; }
-
 // ---- the cutter over a move ---------------------------------------------------------------------
 
 class Sweep {
  public:
   Sweep(const Cutter& cutter, const Move& move, const Ray& ray)
-      : cutter_(cutter), move_(move), ray_(ray), omega_(move.angle * move.axis.cross(move.side)) {}
+      : cutter_(cutter), move_(move), ray_(ray), omega_(move.angle * move.axis.cross(move.side)) {
+    const double place =
+        std::max({ray.point.lpNorm<Eigen::Infinity>(), move.tip.lpNorm<Eigen::Infinity>(),
+                  move.step.lpNorm<Eigen::Infinity>(), ray.band});
+    rounding_ = 4e-16 * (place + cutter.radius + cutter.flank_length);
+  }
 
   /// Entry at instant t. A ray that starts inside the cutter enters at -band; one that leaves the
   /// cutter before it starts does not meet it.
@@ -316,20 +348,17 @@ class Sweep {
     sample.fade = move_.angle / facing;
     sample.outward = hit->outward;
     sample.facing = facing;
+    sample.doubt = rounding_ / facing;
     return sample;
   }
 
   /// Smallest depth that the ray reaches at instant t within its band: <= 0 if it meets the cutter.
   Sample depth_reached(double t) const {
     const Position at = position(move_, t);
-    const auto along = [&](double s) {
-      const Depth d = depth(cutter_, at, ray_.point + s * ray_.normal);
-      return Sample{s, true, d.value, d.gradient.dot(ray_.normal), 0, 0, d.gradient, 1};
-    };
-    const Sample least = minimum(along, no_floor, along(-ray_.band), along(ray_.band),
-                                 {.tolerance = 1e-11, .enough = -1e-10});
-    const Vector3d arm = ray_.point + least.t * ray_.normal - at.tip;
-    return {t, true, least.value, -least.outward.dot(velocity(arm)), 0, infinity, least.outward, 1};
+    const Nearest nearest = nearest_on_ray(at);
+    const Vector3d arm = ray_.point + nearest.s * ray_.normal - at.tip;
+    return {t, true,     nearest.depth,   -nearest.outward.dot(velocity(arm)),
+            0, infinity, nearest.outward, 1};
   }
 
   /// Smallest entry over the move.
@@ -343,9 +372,8 @@ class Sweep {
     if (a.defined || b.defined) return minimum(f, floor, a, b, goal);
     const auto g = [this](double t) { return depth_reached(t); };
     const auto g_floor = [this](const Piece& piece) { return depth_floor(piece); };
-    const Sample inside =
-        minimum(g, g_floor, g(move_.from), g(move_.to),
-                {.tolerance = 1e-10, .limit = 0.0, .enough = 0.0, .max_samples = 60});
+    const Sample inside = minimum(g, g_floor, g(move_.from), g(move_.to),
+                                  {.tolerance = depth_tolerance, .limit = 0.0, .enough = 0.0});
     if (inside.value > 0) return a;
     const Sample c = entry(inside.t);
     if (!c.defined) return c;
@@ -355,41 +383,86 @@ class Sweep {
   }
 
  private:
-  /// Over a piece, the distance of the ray's point from the cutter along m is at least this.
+  /// Where the ray comes nearest to the standing cutter within its band, or a place inside it.
+  struct Nearest {
+    double s;
+    double depth;
+    /// Unit; of the planes that touch the cutter across it, one that holds it wholly off the ray.
+    Vector3d outward;
+  };
+
+  /// The depth is convex along the ray, so two tangents on either side of its minimum bound it. The
+  /// mean of their normals that stands across the ray is the normal of a plane just as far off: the
+  /// normal at one place may lean along the ray, which would cost a bound `band` times the lean.
+  Nearest nearest_on_ray(const Position& at) const {
+    struct Along {
+      double s, depth, slope;
+      Vector3d outward;
+    };
+    const auto along = [&](double s) {
+      const Depth d = depth(cutter_, at, ray_.point + s * ray_.normal);
+      return Along{s, d.value, d.gradient.dot(ray_.normal), d.gradient};
+    };
+    Along a = along(-ray_.band);
+    if (a.slope >= 0 || a.depth <= -depth_tolerance) return {a.s, a.depth, a.outward};
+    Along b = along(ray_.band);
+    if (b.slope <= 0 || b.depth <= -depth_tolerance) return {b.s, b.depth, b.outward};
+    for (int i = 0; i < 200; ++i) {
+      const double w = b.s - a.s;
+      const double turn = b.slope - a.slope;
+      const double crossing = (a.depth - b.depth + b.slope * w) / turn;
+      const double low = a.depth + a.slope * crossing;
+      if (low >= std::min(a.depth, b.depth) - 0.1 * depth_tolerance || w < 1e-13) break;
+      const bool smooth = std::abs(crossing - 0.5 * w) < 0.1 * w;
+      const double inner = i % 4 == 3 ? 0.5 * w : smooth ? -w * a.slope / turn : crossing;
+      const Along c = along(a.s + std::clamp(inner, 1e-4 * w, (1 - 1e-4) * w));
+      if (c.slope == 0 || c.depth <= -depth_tolerance) return {c.s, c.depth, c.outward};
+      (c.slope < 0 ? a : b) = c;
+    }
+    const Along& best = a.depth <= b.depth ? a : b;
+    return {best.s, best.depth, (b.slope * a.outward - a.slope * b.outward).normalized()};
+  }
+
+  /// Over a piece, the distance of the ray's point from the cutter along m is at least this line.
   /// Between the ends, the point of the cutter that is foremost along m leaves its chord by arm
   /// turn^2 / 8, the arm being the part of it along m: R where m points down the axis, R + flank at
   /// most. Rounding: with e = 2^-53 and D the distance of the ray's point and the cutter's farthest
   /// one from the tip, the products take 8 e D and |m x axis|, as the norm of a cross product, 7 e
   /// of R; a difference of squares would lose up to 1e-8 R.
-  double clearance(const Vector3d& m, const Piece& piece) const {
+  Line clearance(const Vector3d& m, const Piece& piece) const {
     const double turn = move_.angle * (piece.b.t - piece.a.t);
-    double least = infinity;
     double far = cutter_.radius + cutter_.flank_length;
     double arm = cutter_.radius;
-    for (const double t : {piece.a.t, piece.b.t}) {
+    const auto at_end = [&](double t) {
       const Position at = position(move_, t);
       const Vector3d p = ray_.point - at.tip;
       const double rise = m.dot(at.axis);
-      least = std::min(least, m.dot(p) - support(rise, m.cross(at.axis).norm()));
       far = std::max(far, p.lpNorm<1>());
       if (rise > -turn) arm = cutter_.radius + cutter_.flank_length;
-    }
-    return least - 0.13 * arm * turn * turn - 4e-15 * far;
+      return m.dot(p) - support(rise, m.cross(at.axis).norm());
+    };
+    const double at_a = at_end(piece.a.t);
+    const double at_b = at_end(piece.b.t);
+    const double lower = 0.13 * arm * turn * turn + 4e-15 * far + rounding_;
+    return {at_a - lower, at_b - lower};
   }
 
   /// Bounds from the planes that touch the cutter at the ends of a piece.
-  double entry_floor(const Piece& piece) const {
-    double best = -infinity;
-    for (const Sample* end : {&piece.a, &piece.b})
-      if (end->defined) best = std::max(best, clearance(end->outward, piece) / end->facing);
-    return best;
+  Promise entry_floor(const Piece& piece) const {
+    const auto line = [&](const Sample& end) {
+      const Line clear = clearance(end.outward, piece);
+      return Line{clear.at_a / end.facing, clear.at_b / end.facing};
+    };
+    const Line first = line(piece.a.defined ? piece.a : piece.b);
+    return least_above(piece, first, piece.b.defined ? line(piece.b) : first);
   }
-  double depth_floor(const Piece& piece) const {
-    double best = -infinity;
-    for (const Sample* end : {&piece.a, &piece.b})
-      best = std::max(best, clearance(end->outward, piece) -
-                                ray_.band * std::abs(end->outward.dot(ray_.normal)));
-    return best;
+  Promise depth_floor(const Piece& piece) const {
+    const auto line = [&](const Sample& end) {
+      const Line clear = clearance(end.outward, piece);
+      const double along = ray_.band * std::abs(end.outward.dot(ray_.normal));
+      return Line{clear.at_a - along, clear.at_b - along};
+    };
+    return least_above(piece, line(piece.a), line(piece.b));
   }
 
   /// How far the cutter reaches from its tip along a direction that rises by `rise` along its axis
@@ -415,7 +488,8 @@ class Sweep {
   const Cutter& cutter_;
   const Move& move_;
   const Ray& ray_;
-  Vector3d omega_;  // rad per unit t
+  Vector3d omega_;   // rad per unit t
+  double rounding_;  // mm, of a point seen from the tip: an ulp or two of the coordinates
 };
 
 // ---- ball ends, the common case -----------------------------------------------------------------
@@ -429,8 +503,13 @@ struct BallPath {
   double angle;          // turned between them
 
   BallPath(const Cutter& c, const Move& m)
-      : cutter(c), move(m), start(position(m, m.from)), end(position(m, m.to)),
-        first(centre(start)), last(centre(end)), angle(m.angle * (m.to - m.from)) {}
+      : cutter(c),
+        move(m),
+        start(position(m, m.from)),
+        end(position(m, m.to)),
+        first(centre(start)),
+        last(centre(end)),
+        angle(m.angle * (m.to - m.from)) {}
 
   Vector3d centre(const Position& at) const { return at.tip + cutter.radius * at.axis; }
   /// The centre leaves its chord by no more: a ball thicker by it about the chord holds the sweep.
@@ -495,8 +574,9 @@ std::optional<Entry> curved_entry(const BallPath& path, const Ray& ray, double x
     const double s = -wn - R * facing;
     const Vector3d outward = (w + s * ray.normal) / R;
     const double phase = path.move.angle * t;
-    const Vector3d speed = step + R * path.angle * (std::cos(phase) * path.move.side -
-                                                    std::sin(phase) * path.move.axis);
+    const Vector3d speed =
+        step +
+        R * path.angle * (std::cos(phase) * path.move.side - std::sin(phase) * path.move.axis);
     const double slope = -outward.dot(speed) / facing;
     const Vector3d bend = -R * path.angle * path.angle * at.axis;
     const double curvature =

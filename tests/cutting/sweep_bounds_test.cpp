@@ -314,8 +314,8 @@ double lateness(const Grazing& grazing) {
 
 TEST(CutterEntry, IsNeverLateUnderAttack) {
   const std::uint64_t seed = 504000;
-  const Worst worst =
-      climb(seed, 64 * longer(5), 600, [](const Genes& at) { return lateness(grazing(at)); });
+  const Worst worst = climb(seed, 128 * longer(8), 600 * longer(2),
+                            [](const Genes& at) { return lateness(grazing(at)); });
   std::cout << "  seeds " << seed << " and on: late by " << worst.error * 1e6 << " nm\n";
   EXPECT_LE(worst.error, 2.001e-8);
 }
