@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "errors/identification/thermal_study.h"
+#include "kinematics/bad_input.h"
 #include "kinematics/units.h"
 #include "sim/calibration/evaluate_tests.h"
 
@@ -38,34 +39,14 @@ std::vector<double> drift_noise(const errors::metrology::Readings& readings) {
   return noise;
 }
 
-/// Instants at which the spindle or an axis starts after a rest, s; the first is that of the day.
-std::vector<double> cycle_starts(const ThermalDescription& thermal, double history) {
-  std::vector<double> starts;
-  double time_s = -history;
-  bool rests = true;
-  for (const ThermalPhase& phase : thermal.history) {
-    const bool works = phase.spindle_speed > 0.0 ||
-                       (phase.axis_speed.size() > 0 && phase.axis_speed.maxCoeff() > 0.0);
-    if (works && rests) starts.push_back(time_s);
-    rests = !works;
-    time_s += phase.duration;
-  }
-  return starts;
-}
-
 Log log_of(const Day& day) {
-  const Scene& scene = day.scene;
-  const auto refuse = [&](const std::string& expected, const std::string& seen) {
-    throw BadInput(scene.file.string(), 0, 0, expected, seen);
-  };
   const errors::metrology::Readings& readings = day.readings;
-  double history = 0.0;
-  for (const ThermalPhase& phase : scene.thermal->history) history += phase.duration;
-  if (readings.sensors.size() < 2) refuse("at least 2 temperature sensors", "fewer");
+  if (readings.sensors.size() < 2)
+    throw BadInput(day.file.string(), 0, 0, "at least 2 temperature sensors", "fewer");
   Tests tests = tests_of(readings);
   Log log{day.name, std::move(tests.drifts.at(0)), drift_noise(readings), readings.sensors, {}, {}};
   const Index n = log.drift.log.time_s.size(), channels = log.drift.log.values.cols();
-  const std::vector<double> starts = cycle_starts(*scene.thermal, history);
+  const std::vector<double>& starts = day.cycle_starts_s;
   log.T_C.resize(n, readings.T_C.cols());
   for (Index i = 0; i < n; ++i) {
     log.T_C.row(i) = readings.T_C.row(i * channels);
@@ -389,10 +370,10 @@ std::string default_name(const Way& way) {
 
 }  // namespace
 
-ThermalChoice thermal_choice(const std::vector<Day>& days) {
+ThermalChoice thermal_choice(const std::vector<Day>& days,
+                             const SensorChoiceDescription& description) {
   std::vector<Log> logs;
   for (const Day& day : days) logs.push_back(log_of(day));
-  const SensorChoiceDescription& description = *days.front().scene.sensor_choice;
   identification::ThermalStudyOptions options = description.study;
   // counted from the start of the day, not from that of each cycle
   const bool since_start = std::exchange(options.features.since_start, false);
@@ -422,7 +403,7 @@ ThermalChoice thermal_choice(const std::vector<Day>& days) {
     }
     result.json["choices"] = choices;
   } catch (const std::invalid_argument& fault) {
-    throw BadInput(days.front().scene.file.string(), 0, 0, "sensors that can be chosen from",
+    throw BadInput(days.front().file.string(), 0, 0, "sensors that can be chosen from",
                    fault.what());
   }
   return result;

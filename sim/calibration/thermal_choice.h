@@ -1,20 +1,21 @@
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
 #include "errors/metrology/readings.h"
-#include "sim/scene/scene.h"
+#include "sim/scene/instrument_description.h"
 
 namespace abbe::sim {
 
-/// A day of a machine: a scene with the history that it gives, and what its drift instrument and
-/// its sensors read over that.
+/// What the drift instrument and the sensors of a machine read over one day.
 struct Day {
   std::string name;
-  Scene scene;
+  std::filesystem::path file;          ///< of its scene, for refusals
+  std::vector<double> cycle_starts_s;  ///< at which spindle or axes start after a rest
   errors::metrology::Readings readings;
 };
 
@@ -34,14 +35,15 @@ struct ThermalChoice {
   std::vector<DriftSeries> series;
 };
 
-/// Chooses sensors and fits a model on what the scene's drift instrument and its sensors read over
-/// the first day, and grades both on the other days, which chose and fitted nothing. One set of
+/// Chooses sensors and fits a model on what the drift instrument and the sensors read over the
+/// first day, and grades both on the other days, which chose and fitted nothing. One set of
 /// sensors is chosen for the three displacements together; tilts are predicted from the same ones.
 /// Every other way to choose that the scene lists is graded beside, by the same models on the same
 /// days. A degree that divides by a first value begins, for each displacement, at the first drift
 /// beyond four standard deviations of its noise, with temperatures in deg C as read.
 /// @param days  (n >= 1) of one machine; with one day alone there is no grade on days unseen
 /// @throws BadInput naming the scene if the instrument or the sensors cannot do that
-ThermalChoice thermal_choice(const std::vector<Day>& days);
+ThermalChoice thermal_choice(const std::vector<Day>& days,
+                             const SensorChoiceDescription& description);
 
 }  // namespace abbe::sim

@@ -9,6 +9,25 @@ namespace abbe::sim {
 
 using Json = nlohmann::ordered_json;
 
+namespace {
+
+/// Instants at which the spindle or an axis starts after a rest, s; the first is that of the day.
+std::vector<double> cycle_starts(const ThermalDescription& thermal, double history) {
+  std::vector<double> starts;
+  double time_s = -history;
+  bool rests = true;
+  for (const ThermalPhase& phase : thermal.history) {
+    const bool works = phase.spindle_speed > 0.0 ||
+                       (phase.axis_speed.size() > 0 && phase.axis_speed.maxCoeff() > 0.0);
+    if (works && rests) starts.push_back(time_s);
+    rests = !works;
+    time_s += phase.duration;
+  }
+  return starts;
+}
+
+}  // namespace
+
 Day measured_day(const std::string& name, const Scene& scene) {
   const auto refuse = [&](const std::string& expected, const std::string& seen) {
     throw BadInput(scene.file.string(), 0, 0, expected, seen);
@@ -22,11 +41,12 @@ Day measured_day(const std::string& name, const Scene& scene) {
   if (history <= 0.0) refuse("a [[history]] over which sensors are chosen", "none");
   description.starts_s = {-history};
   description.instrument.duration_s = history;
-  return {name, scene, measured(scene, description)};
+  return {name, scene.file, cycle_starts(*scene.thermal, history), measured(scene, description)};
 }
 
-Json write_thermal_choice(const ResultFolder& folder, const std::vector<Day>& days) {
-  const ThermalChoice choice = thermal_choice(days);
+Json write_thermal_choice(const ResultFolder& folder, const std::vector<Day>& days,
+                          const SensorChoiceDescription& description) {
+  const ThermalChoice choice = thermal_choice(days, description);
   write_json(folder / "thermal.json", choice.json);
   write_thermal_picture(folder / "thermal.png", choice);
   return {{"choices", choice.json["choices"]}, {"warnings", choice.json["warnings"]}};

@@ -7,6 +7,7 @@
 
 #include "sim/calibration/thermal_choice.h"
 #include "sim/files/output.h"
+#include "sim/scene/scene.h"
 
 namespace abbe::sim {
 
@@ -18,6 +19,7 @@ Day measured_day(const std::string& name, const Scene& scene);
 /// @return the `choices` and `warnings` of `thermal.json`, null where there is none
 /// @throws BadInput, OutputFailure
 nlohmann::ordered_json write_thermal_choice(const ResultFolder& folder,
-                                            const std::vector<Day>& days);
+                                            const std::vector<Day>& days,
+                                            const SensorChoiceDescription& description);
 
 }  // namespace abbe::sim

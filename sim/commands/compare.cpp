@@ -109,7 +109,7 @@ nlohmann::ordered_json choose_sensors(const ResultFolder& folder, const Scene& s
   std::vector<Day> days{measured_day("its own day", scene)};
   for (std::size_t i = 0; i < variants.size(); ++i)
     days.push_back(measured_day(scene.variants[i].name, variants[i]));
-  return write_thermal_choice(folder, days);
+  return write_thermal_choice(folder, days, *scene.sensor_choice);
 }
 
 /// Refuses, before an hour's work, what will not be written over: forced, an input may stand there.

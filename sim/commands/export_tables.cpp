@@ -17,10 +17,10 @@ compensation::Export exported(const Job& job, const Learnt& learnt, ControlForma
   const kinematics::Chain& control = job.machine.control;
   try {
     if (format != ControlFormat::Isg)
-      return compensation::to_control(tables_of(job, learnt.corrector), control, format);
+      return compensation::to_control(tables_of(seen_of(job), learnt.corrector), control, format);
     if (!learnt.geometric)
       throw std::invalid_argument("expected geometric errors that are identified, seen none");
-    return compensation::to_volumetric(*learnt.geometric, control, table_options(job));
+    return compensation::to_volumetric(*learnt.geometric, control, table_options(seen_of(job)));
   } catch (const std::logic_error& fault) {  // also out_of_range: a believed table ends too soon
     throw BadInput(job.scene.file.string(), 0, 0, "a correction that tables can hold",
                    fault.what());

@@ -64,17 +64,17 @@ void add(Spread& spread, double value) {
 
 }  // namespace
 
-WordChange word_change(const Job& job, const Compensated& told) {
+WordChange word_change(const Job& job, const Commands& commands) {
   WordChange change;
-  const std::size_t n = told.samples.states.size();
+  const std::size_t n = commands.samples.states.size();
   for (std::size_t i = 0; i < n; ++i) {
-    const program::Block& block = told.path->blocks[std::size_t(told.samples.block[i])];
+    const program::Block& block = commands.path->blocks[std::size_t(commands.samples.block[i])];
     const double duration = block.end_s - block.start_s;
     const double u =
-        duration > 0.0 ? (told.samples.states[i].time_s - block.start_s) / duration : 1.0;
+        duration > 0.0 ? (commands.samples.states[i].time_s - block.start_s) / duration : 1.0;
     const kinematics::Pose T =
-        job.machine.nominal.tool_in_workpiece(nominal_axes(job.machine, *told.path, block, u));
-    const kinematics::Pose& wanted = told.T_wt_nominal[i];
+        job.machine.nominal.tool_in_workpiece(nominal_axes(job.machine, *commands.path, block, u));
+    const kinematics::Pose& wanted = commands.T_wt_nominal[i];
     add(change.tip, (T.translation() - wanted.translation()).norm());
     const Eigen::Vector3d a = T.linear().col(2), b = wanted.linear().col(2);
     add(change.direction, std::atan2(a.cross(b).norm(), a.dot(b)));
@@ -96,32 +96,32 @@ ordered_json rewrite(const std::filesystem::path& file, const RewriteCommandOpti
   const Job job = prepare(scene, report);
   const ResultFile out = out_file(job, options);
   progress.begin(compensator.name);
-  const Compensated told = compensate(job, compensator, report);
-  check_travel(job, told);
-  write_file(out, told.rewritten_program);
+  const Commands commands = compensate(job, compensator, report);
+  check_travel(job, commands);
+  write_file(out, commands.rewritten_program);
 
-  const WordChange change = word_change(job, told);
+  const WordChange change = word_change(job, commands);
   const CompensationDescription& words = scene.compensation;
   ordered_json step;
   if (!is_pvt(job.path))
     step = {{"mm", words.word_resolution}, {"deg", words.angle_resolution / units::deg}};
   std::vector<std::string> warnings = job.warnings;
-  warnings.insert(warnings.end(), told.warnings.begin(), told.warnings.end());
+  warnings.insert(warnings.end(), commands.warnings.begin(), commands.warnings.end());
   if (const auto fault = missed_part(job))
     warnings.push_back(fmt::format("nothing of the part is cut: {}", fault->what()));
-  if (told.not_converged > 0)
-    warnings.push_back(fmt::format("{} of {} corrections did not converge", told.not_converged,
+  if (commands.not_converged > 0)
+    warnings.push_back(fmt::format("{} of {} corrections did not converge", commands.not_converged,
                                    job.samples.states.size()));
   return {{"file", out.path().string()},
           {"case", compensator.name},
-          {"blocks", {{"before", job.path.motion_blocks}, {"after", told.path->motion_blocks}}},
-          {"bytes", told.rewritten_program.size()},
+          {"blocks", {{"before", job.path.motion_blocks}, {"after", commands.path->motion_blocks}}},
+          {"bytes", commands.rewritten_program.size()},
           {"correction_um", spread(change.tip, units::um)},
           {"correction_urad", spread(change.direction, units::urad)},
-          {"path_tolerance_um", path_tolerance(job) / units::um},
+          {"path_tolerance_um", path_tolerance(scene.compensation, job.path) / units::um},
           {"words", step},
-          {"left_um", told.point_left / units::um},
-          {"left_urad", told.direction_left / units::urad},
+          {"left_um", commands.point_left / units::um},
+          {"left_urad", commands.direction_left / units::urad},
           {"warnings", warnings}};
 }
 

@@ -26,7 +26,7 @@ struct WordChange {
   Spread tip;        ///< mm
   Spread direction;  ///< rad
 };
-WordChange word_change(const Job& job, const Compensated& told);
+WordChange word_change(const Job& job, const Commands& commands);
 
 /// Writes the compensated program of a scene, of the dialect of the original, and cuts nothing that
 /// the belief does not ask for. @return `file`, `case`, `blocks` {`before`, `after`}, `bytes`,

@@ -2,6 +2,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include "kinematics/bad_input.h"
 #include "kinematics/inverse.h"
 #include "sim/cut/datum.h"
 
@@ -17,12 +18,13 @@ bool is_tip(const program::Path& path, int block) {
 
 }  // namespace
 
-std::vector<AxisState> told(const Job& job, const program::Path& path,
-                            const program::Samples& samples, const kinematics::Chain& sampled_by,
-                            const Eigen::Vector3d& offset_w) {
+std::vector<AxisState> commanded(const kinematics::Chain& control, const program::Path& path,
+                                 const program::Samples& samples,
+                                 const kinematics::Chain& sampled_by,
+                                 const Eigen::Vector3d& offset_w) {
   std::vector<AxisState> states = samples.states;
-  if (same(job.machine.control, sampled_by) && offset_w.isZero(0.0)) return states;
-  const AxisVector slides = slides_of_offset(job.machine.control, offset_w);
+  if (same(control, sampled_by) && offset_w.isZero(0.0)) return states;
+  const AxisVector slides = slides_of_offset(control, offset_w);
   tbb::parallel_for(std::size_t(0), states.size(), [&](std::size_t i) {
     if (!is_tip(path, samples.block[i])) {
       states[i].q += slides;
@@ -30,26 +32,13 @@ std::vector<AxisState> told(const Job& job, const program::Path& path,
     }
     const Eigen::Vector3d tip_w =
         sampled_by.tool_in_workpiece(states[i].q).translation() + offset_w;
-    const auto q = kinematics::slides_for_tip(job.machine.control, states[i].q, tip_w);
+    const auto q = kinematics::slides_for_tip(control, states[i].q, tip_w);
     if (!q)
       throw BadInput(path.file, samples.line[i], 0, "a tip that the control's slides reach",
                      "another");
     states[i].q = *q;
   });
   return states;
-}
-
-std::vector<AxisState> told(const Job& job, const program::Path& path,
-                            const program::Samples& samples, const kinematics::Chain& sampled_by) {
-  return told(job, path, samples, sampled_by,
-              datum_offset(job.scene.datum, job.machine, job.truth));
-}
-
-Compensated as_programmed(const Job& job) {
-  Compensated result;
-  result.samples = job.samples;
-  result.samples.states = told(job, job.path, job.samples, job.machine.nominal);
-  return result;
 }
 
 }  // namespace abbe::sim

@@ -5,8 +5,9 @@
 #include <vector>
 
 #include "sim/compensation/channels.h"
-#include "sim/cut/corrector.h"
-#include "sim/cut/job.h"
+#include "sim/machine/machine.h"
+#include "sim/program/path.h"
+#include "sim/program/sample.h"
 
 namespace abbe::sim {
 
@@ -16,8 +17,8 @@ struct PiezoMotion {
   Eigen::VectorXd stroke;  ///< (samples) mm along its direction
 };
 
-/// What the axes are really told.
-struct Compensated {
+/// What the axes are commanded, compensated or not.
+struct Commands {
   program::Samples samples;
   std::optional<program::Path>
       path;  ///< from which the samples come, where it is not the job's own
@@ -26,28 +27,21 @@ struct Compensated {
   std::vector<kinematics::AxisVector>
       correction;  ///< (samples) that a channel of the axes adds; else empty
   std::optional<PiezoMotion> piezo;
-  double point_left = 0.0;
-  double direction_left = 0.0;
+  double point_left = 0.0;      ///< mm, most that a compensator knew it could not restore
+  double direction_left = 0.0;  ///< rad, the same of the direction
   std::size_t not_converged = 0;
   std::string rewritten_program;
   std::vector<std::string> warnings;
 };
 
-/// The commands of the real control: its own kinematics and the datum it found, no compensator.
-Compensated as_programmed(const Job& job);
-
-/// Commands of the real control for a program that was sampled with `sampled_by`: a tip that is
-/// programmed is reached by the control's own kinematics, and the datum that it found shifts all.
+/// Commands of a control for a program that was sampled with `sampled_by`: a tip that is programmed
+/// is reached by the control's own kinematics, and the datum that it found shifts all.
 /// @param offset_w  mm, that shift
 /// @throws BadInput naming the line of a tip that the control's slides do not reach
-std::vector<kinematics::AxisState> told(const Job& job, const program::Path& path,
-                                        const program::Samples& samples,
-                                        const kinematics::Chain& sampled_by,
-                                        const Eigen::Vector3d& offset_w);
-
-/// The same with the datum found by a control that nothing compensates.
-std::vector<kinematics::AxisState> told(const Job& job, const program::Path& path,
-                                        const program::Samples& samples,
-                                        const kinematics::Chain& sampled_by);
+std::vector<kinematics::AxisState> commanded(const kinematics::Chain& control,
+                                             const program::Path& path,
+                                             const program::Samples& samples,
+                                             const kinematics::Chain& sampled_by,
+                                             const Eigen::Vector3d& offset_w);
 
 }  // namespace abbe::sim

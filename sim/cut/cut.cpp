@@ -139,18 +139,18 @@ std::vector<std::string> idle(const Scene& scene) {
   return warnings;
 }
 
-/// A program as the axes are really told, on the wrong machine.
-struct Told {
+/// A program as the axes are commanded, on the wrong machine.
+struct Run {
   const Job& job;
-  const Compensated& commands;
+  const Commands& commands;
   const std::vector<Pose>& T_wt_wanted;
   std::vector<AxisVector> acceleration;  ///< (samples) empty without inertia
 };
 
-Pose actual_pose(const Told& told, std::size_t sample, errors::Load load) {
-  if (!told.acceleration.empty()) load.acceleration = told.acceleration[sample];
-  Pose T_wt = tool_in_workpiece(told.job.truth, told.commands.samples.states[sample], load);
-  if (const auto& piezo = told.commands.piezo) {
+Pose actual_pose(const Run& run, std::size_t sample, errors::Load load) {
+  if (!run.acceleration.empty()) load.acceleration = run.acceleration[sample];
+  Pose T_wt = tool_in_workpiece(run.job.truth, run.commands.samples.states[sample], load);
+  if (const auto& piezo = run.commands.piezo) {
     const Eigen::Vector3d& along_t = piezo->piezo.direction_t;
     const double force = along_t.dot(load.on_tool_t.head<3>());
     T_wt.translation() +=
@@ -161,48 +161,49 @@ Pose actual_pose(const Told& told, std::size_t sample, errors::Load load) {
 }
 
 /// The cut of a case.
-Process followed(const Told& told, const Progress& progress) {
-  const Job& job = told.job;
+Process followed(const Run& run, const Progress& progress) {
+  const Job& job = run.job;
   if (!job.scene.cutting) return {};  // nor a copy of the design for it
   const auto pose = [&](std::size_t sample, const errors::Load& load) {
-    return actual_pose(told, sample, load);
+    return actual_pose(run, sample, load);
   };
   return follow(job.scene, job.machine,
                 cutting::transformed(job.design_w, job.scene.part.T_wm.inverse()),
-                {told.commands.samples, told.commands.path ? *told.commands.path : job.path,
-                 told.T_wt_wanted, pose, job.machine.actual, job.scene.tool.actual},
+                {run.commands.samples, run.commands.path ? *run.commands.path : job.path,
+                 run.T_wt_wanted, pose, job.truth.actual, job.scene.tool.actual},
                 [&](double fraction) {
                   if (progress) progress("stock", fraction);
                 });
 }
 
 /// What acts at every sample. @return (samples), empty where nothing does
-std::vector<errors::Load> loads_of(const Told& told, const Process& process) {
-  if (!told.job.truth.compliance && !told.commands.piezo) return {};
-  if (process.steps.empty() && told.acceleration.empty()) return {};
-  const auto& states = told.commands.samples.states;
+std::vector<errors::Load> loads_of(const Run& run, const Process& process) {
+  if (!run.job.truth.compliance && !run.commands.piezo) return {};
+  if (process.steps.empty() && run.acceleration.empty()) return {};
+  const auto& states = run.commands.samples.states;
   std::vector<errors::Load> loads(states.size());
   for (std::size_t i = 0; i < loads.size(); ++i) {
     loads[i] = load_at(process, states[i].time_s);
-    if (!told.acceleration.empty()) loads[i].acceleration = told.acceleration[i];
+    if (!run.acceleration.empty()) loads[i].acceleration = run.acceleration[i];
   }
   return loads;
 }
 
-Told told_on(const Job& job, const Compensated& told) {
-  Told on{job, told, told.T_wt_nominal.empty() ? job.T_wt_nominal : told.T_wt_nominal, {}};
-  if (!job.accelerations.empty()) on.acceleration = accelerations(told.samples);
-  return on;
+Run run_on(const Job& job, const Commands& commands) {
+  Run run{
+      job, commands, commands.T_wt_nominal.empty() ? job.T_wt_nominal : commands.T_wt_nominal, {}};
+  if (!job.accelerations.empty()) run.acceleration = accelerations(commands.samples);
+  return run;
 }
 
 /// @param loads  (samples), empty for none
 /// @param at     numbers of samples; empty: all
-std::vector<Pose> poses_of(const Told& told, const std::vector<errors::Load>& loads,
+std::vector<Pose> poses_of(const Run& run, const std::vector<errors::Load>& loads,
                            std::span<const std::size_t> at) {
-  std::vector<Pose> T_wt(at.empty() ? told.commands.samples.states.size() : at.size());
+  std::vector<Pose> T_wt(at.empty() ? run.commands.samples.states.size() : at.size());
   tbb::parallel_for(std::size_t(0), T_wt.size(), [&](std::size_t i) {
     const std::size_t sample = at.empty() ? i : at[i];
-    T_wt[i] = actual_pose(told, sample, loads.empty() ? errors::Load{} : loads[sample]);
+    T_wt[i] = actual_pose(run, sample, loads.empty() ? errors::Load{} : loads[sample]);
   });
   return T_wt;
 }
@@ -247,25 +248,25 @@ std::string largest_element(const Job& job, const AxisState& state) {
 }
 
 /// No machine is wrong by a metre: that is a wrong unit, refused with what makes it.
-void check_tips(const Told& told, const std::vector<Pose>& T_wt) {
+void check_tips(const Run& run, const std::vector<Pose>& T_wt) {
   constexpr double most_mm = 1000.0;
-  const program::Samples& samples = told.commands.samples;
+  const program::Samples& samples = run.commands.samples;
   for (std::size_t i = 0; i < T_wt.size(); ++i) {
-    const double off = (T_wt[i].translation() - told.T_wt_wanted[i].translation()).norm();
+    const double off = (T_wt[i].translation() - run.T_wt_wanted[i].translation()).norm();
     if (off <= most_mm) continue;
-    const program::Path& path = told.commands.path ? *told.commands.path : told.job.path;
+    const program::Path& path = run.commands.path ? *run.commands.path : run.job.path;
     throw BadInput(
         path.file, samples.line[i], 0,
         fmt::format("errors, with errors.scale, that move the tip by at most {} mm", most_mm),
         fmt::format("{:.3g} mm in this block, the largest of them {}", off,
-                    largest_element(told.job, samples.states[i])));
+                    largest_element(run.job, samples.states[i])));
   }
 }
 
 /// @return (samples), empty without a piezo
-std::span<const double> stroke_of(const Compensated& told) {
-  if (!told.piezo) return {};
-  return {told.piezo->stroke.data(), std::size_t(told.piezo->stroke.size())};
+std::span<const double> stroke_of(const Commands& commands) {
+  if (!commands.piezo) return {};
+  return {commands.piezo->stroke.data(), std::size_t(commands.piezo->stroke.size())};
 }
 
 std::string swing_text(const RevolutionSwing& swing) {
@@ -322,55 +323,56 @@ Cut cut_error_free(const Job& job, const Progress& progress) {
   return result;
 }
 
-void check_travel(const Job& job, const Compensated& told) {
-  check_travel(job.machine, told.path ? *told.path : job.path, told.samples);
+void check_travel(const Job& job, const Commands& commands) {
+  check_travel(job.machine, commands.path ? *commands.path : job.path, commands.samples);
 }
 
-Process cut_process(const Job& job, const Compensated& told) {
-  return followed(told_on(job, told), {});
+Process cut_process(const Job& job, const Commands& commands) {
+  return followed(run_on(job, commands), {});
 }
 
-std::vector<Pose> tool_poses(const Job& job, const Compensated& told, const Process& process,
+std::vector<Pose> tool_poses(const Job& job, const Commands& commands, const Process& process,
                              std::span<const std::size_t> at) {
-  const Told on = told_on(job, told);
-  return inside_tables(job, [&] { return poses_of(on, loads_of(on, process), at); });
+  const Run run = run_on(job, commands);
+  return inside_tables(job, [&] { return poses_of(run, loads_of(run, process), at); });
 }
 
-Cut cut(const Job& job, const Compensated& told, const Progress& progress) {
+Cut cut(const Job& job, const Commands& commands, const Progress& progress) {
   Stopwatch watch;
   Cut result;
   result.name = result.case_name = "uncompensated";
-  result.point_left = told.point_left;
-  result.direction_left = told.direction_left;
-  result.rewritten_program = told.rewritten_program;
-  result.warnings = told.warnings;
-  if (told.not_converged > 0)
+  result.point_left = commands.point_left;
+  result.direction_left = commands.direction_left;
+  result.rewritten_program = commands.rewritten_program;
+  result.warnings = commands.warnings;
+  if (commands.not_converged > 0)
     result.warnings.push_back(fmt::format("{} of {} corrections did not converge",
-                                          told.not_converged, told.samples.states.size()));
-  check_travel(job, told);
+                                          commands.not_converged, commands.samples.states.size()));
+  check_travel(job, commands);
 
-  const Told on = told_on(job, told);
-  const std::vector<Pose>& T_wt_wanted = on.T_wt_wanted;
+  const Run run = run_on(job, commands);
+  const std::vector<Pose>& T_wt_wanted = run.T_wt_wanted;
   const std::vector<Pose> T_wt = inside_tables(job, [&] {
-    result.process = followed(on, progress);
+    result.process = followed(run, progress);
     result.timing_s["stock"] = watch.lap();
-    const std::vector<errors::Load> loads = loads_of(on, result.process);
-    result.signals = signals(
-        job.scene, job.machine, job.truth,
-        {told.samples, T_wt_wanted, result.process, loads, told.correction, stroke_of(told)});
-    return poses_of(on, loads, {});
+    const std::vector<errors::Load> loads = loads_of(run, result.process);
+    result.signals = signals(job.scene, job.machine, job.truth,
+                             {commands.samples, T_wt_wanted, result.process, loads,
+                              commands.correction, stroke_of(commands)});
+    return poses_of(run, loads, {});
   });
-  inside_tables(job, [&] { check_tips(on, T_wt); });
+  inside_tables(job, [&] { check_tips(run, T_wt); });
   tell_process(job.scene, result.process, result.warnings);
   for (const std::string& warning : idle(job.scene)) result.warnings.push_back(warning);
   const PoseErrors off = pose_errors(T_wt, T_wt_wanted);
   result.tip_error = off.tip;
   result.direction_error = off.direction;
   result.timing_s["poses"] = watch.lap();
-  Machined made = machined(job, T_wt,
-                           {job.machine.actual, job.scene.tool.actual,
-                            told.path ? *told.path : job.path, told.samples, explained(job, off)},
-                           progress);
+  Machined made =
+      machined(job, T_wt,
+               {job.truth.actual, job.scene.tool.actual, commands.path ? *commands.path : job.path,
+                commands.samples, explained(job, off)},
+               progress);
   result.surface = std::move(made.surface);
   add(std::move(made.warnings), result.warnings);
   result.timing_s["surface"] = watch.lap();
@@ -379,9 +381,9 @@ Cut cut(const Job& job, const Compensated& told, const Progress& progress) {
 
 Cut cut(const Job& job, const Progress& progress) {
   Stopwatch watch;
-  const Compensated told = as_programmed(job);
+  const Commands commands = as_programmed(job);
   const double correction_s = watch.lap();
-  Cut result = cut(job, told, progress);
+  Cut result = cut(job, commands, progress);
   result.timing_s["correction"] = correction_s;
   return result;
 }

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "sim/cut/commands.h"
+#include "sim/cut/job.h"
 #include "sim/cut/signals.h"
 
 namespace abbe::sim {
@@ -43,22 +43,22 @@ Cut cut(const Job& job, const Progress& progress = {});
 
 /// Commands, compensated or not, on the wrong machine.
 /// @throws BadInput as without
-Cut cut(const Job& job, const Compensated& told, const Progress& progress = {});
+Cut cut(const Job& job, const Commands& commands, const Progress& progress = {});
 
-/// Where the tool really is in the part at samples of a program as it is told, T_wt.
+/// Where the tool really is in the part at samples of a program as it is commanded, T_wt.
 /// @param process  that cut, for its forces; empty for none
 /// @param at       numbers of samples; empty: all of them
 /// @throws BadInput where a table of the errors is left
-std::vector<kinematics::Pose> tool_poses(const Job& job, const Compensated& told,
+std::vector<kinematics::Pose> tool_poses(const Job& job, const Commands& commands,
                                          const Process& process,
                                          std::span<const std::size_t> at = {});
 
 /// Refuses the line of the program on which an axis first leaves its travel.
 /// @throws BadInput
-void check_travel(const Job& job, const Compensated& told);
+void check_travel(const Job& job, const Commands& commands);
 
 /// The cut alone, without the surface.
-Process cut_process(const Job& job, const Compensated& told);
+Process cut_process(const Job& job, const Commands& commands);
 
 /// Warnings of the scene itself and of the cut, in that order.
 std::vector<std::string> warnings_of(const Job& job, const Cut& cut);

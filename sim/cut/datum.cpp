@@ -75,11 +75,11 @@ AxisVector slides_of_offset(const kinematics::Chain& chain, const Vector3d& offs
   return q;
 }
 
-Vector3d datum_offset(const DatumDescription& datum, const Machine& machine, const Truth& truth,
+Vector3d datum_offset(const DatumDescription& datum, const Machine& machine, const ToolAt& tool_at,
                       const Corrector& corrector) {
   return found_offset(datum, [&](const Vector3d& point_w) -> Vector3d {
     const Approach made = approach(point_w, datum.time_s, machine, corrector);
-    return tool_in_workpiece(truth, made.corrected).translation() - made.wanted_w;
+    return tool_at(made.corrected).translation() - made.wanted_w;
   });
 }
 

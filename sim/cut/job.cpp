@@ -8,11 +8,13 @@
 
 #include "kinematics/units.h"
 #include "sim/cut/activity.h"
+#include "sim/cut/datum.h"
 #include "sim/cut/part.h"
 #include "sim/cut/program_warnings.h"
 #include "sim/cut/stopwatch.h"
 #include "sim/cut/travel.h"
 #include "sim/cut/work.h"
+#include "sim/machine/compile.h"
 #include "sim/machine/run_out.h"
 
 namespace abbe::sim {
@@ -188,6 +190,21 @@ Job with_errors(Job job, const Scene& described) {
   job.machine = std::move(machine);
   job.truth = std::move(truth);
   return job;
+}
+
+Eigen::Vector3d found_datum(const Job& job, const Corrector& corrector) {
+  const auto really_at = [&](const kinematics::AxisState& state) {
+    return tool_in_workpiece(job.truth, state);
+  };
+  return datum_offset(job.scene.datum, job.machine, really_at, corrector);
+}
+
+Commands as_programmed(const Job& job) {
+  Commands result;
+  result.samples = job.samples;
+  result.samples.states =
+      commanded(job.machine.control, job.path, job.samples, job.machine.nominal, found_datum(job));
+  return result;
 }
 
 }  // namespace abbe::sim

@@ -6,16 +6,15 @@
 #include <vector>
 
 #include "cutting/surface.h"
+#include "sim/cut/commands.h"
+#include "sim/cut/corrector.h"
 #include "sim/cut/process.h"
+#include "sim/files/progress.h"
 #include "sim/machine/truth.h"
 #include "sim/program/sample.h"
 #include "sim/scene/scene.h"
 
 namespace abbe::sim {
-
-/// Told now and then how far the named stage has come, fraction in [0, 1]; below zero the text is a
-/// remark, which is for a line of its own.
-using Progress = std::function<void(const std::string& stage, double fraction)>;
 
 /// A scene compiled: all that its cases share. Immutable once made.
 struct Job {
@@ -48,6 +47,14 @@ Job prepare(const Scene& scene, const Progress& progress = {});
 /// @throws BadInput naming the scene if its nominal machine is another one or its errors want the
 ///         program sampled more densely than it is, else as `prepare`
 Job with_errors(Job job, const Scene& described);
+
+/// Shift of the work zero after the control found the datum on the real machine.
+/// @param corrector  acts meanwhile; without one nothing does
+/// @return mm, workpiece frame
+Eigen::Vector3d found_datum(const Job& job, const Corrector& corrector = {});
+
+/// The commands of the real control: its own kinematics and the datum it found, no compensator.
+Commands as_programmed(const Job& job);
 
 /// How densely a scene wants its program sampled. The chord tolerance holds up to the height to
 /// which the tool shapes the part: a flat end mill may work with its whole flank, a rounded cutter

@@ -6,6 +6,7 @@
 #include "sim/machine/machine.h"
 #include "sim/program/generate.h"
 #include "sim/program/path.h"
+#include "sim/scene/scene.h"
 
 namespace abbe::sim {
 

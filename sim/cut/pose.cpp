@@ -4,6 +4,7 @@
 
 #include "kinematics/units.h"
 #include "sim/cut/activity.h"
+#include "sim/machine/compile.h"
 #include "sim/machine/run_out.h"
 
 namespace abbe::sim {

@@ -10,6 +10,7 @@
 #include "cutting/stock.h"
 #include "errors/compliance.h"
 #include "sim/machine/machine.h"
+#include "sim/scene/scene.h"
 #include "sim/program/path.h"
 #include "sim/program/sample.h"
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <mutex>
 #include <stdexcept>
 #include <string>
@@ -18,6 +19,10 @@ void watch_interrupts();
 
 /// For work that reports no progress. @throws Interrupted if Ctrl-C was pressed
 void stop_if_interrupted();
+
+/// Called now and then with how far the named stage has come, fraction in [0, 1]; below zero the
+/// text is a remark, which is for a line of its own.
+using Progress = std::function<void(const std::string& stage, double fraction)>;
 
 /// Tells on stderr how far long work has come: one line with the time left, redrawn, on a terminal;
 /// a plain line for every finished stage otherwise. Safe from any thread.

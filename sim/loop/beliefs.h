@@ -1,7 +1,7 @@
 #pragma once
 
 #include "sim/compensation/machine_belief.h"
-#include "sim/cut/cut.h"
+#include "sim/loop/seen.h"
 
 namespace abbe::sim {
 
@@ -14,46 +14,25 @@ struct Evidence {
   std::optional<compensation::PartCourse> part;
 };
 
-/// What the control can read while a program runs, the thermal history before it: encoders,
-/// temperatures, current, dynamometer, with their noise. What happens inside the machine is left
-/// out.
-compensation::ControlLog control_log(const Job& job, const Compensated& told,
-                                     const Process& process);
-
-/// What acts in the run that a perfect belief foresees.
-struct Foreseen {
-  Process process;                                    ///< its steps
-  std::vector<kinematics::AxisVector> accelerations;  ///< (samples) of the axes; empty where no
-                                                      ///< mass has inertia
-};
-
-/// The one door between truth and compensation: the perfect belief, without random parts.
-compensation::Belief perfect_belief(const Job& job, Foreseen run);
-
 /// What the scene gives to believe of the kinds that the case names, by the evidence so far.
 /// @throws BadInput naming the scene where it gives nothing of that kind, or what it gives does not
 ///         fit the machine or its sensors
-compensation::MachineBelief machine_belief(const Job& job, const CaseDescription& compensator,
+compensation::MachineBelief machine_belief(const Seen& seen, const CaseDescription& compensator,
                                            const Evidence& evidence);
-
-/// Law of the current that the scene of the training part teaches.
-/// @throws BadInput, BadScene
-/// @param trusted  programs that the scene of the training part may run
-compensation::CurrentLaw trained_law(const BeliefDescription::Force& force,
-                                     const std::vector<std::filesystem::path>& trusted);
 
 /// What the program leaves at points of the part on a machine without errors, cusps above all: by
 /// the vertex nearest to each, 0 where nothing is cut. @return (points) mm
-Eigen::VectorXd left_by_program(const Job& job, const cutting::Surface& error_free,
+Eigen::VectorXd left_by_program(const Seen& seen, const cutting::Surface& error_free,
                                 const Eigen::MatrixX3d& points_w);
 
 /// What the readings of a part tell of the tool, by the instants at which the nominal program
 /// shapes the part.
 /// @param total  (vertices) mm, deviation by all that was read so far
-compensation::PartCourse course_of_part(const Job& job, const cutting::Surface& error_free,
+compensation::PartCourse course_of_part(const Seen& seen, const cutting::Surface& error_free,
                                         const Eigen::VectorXd& total);
 
 /// Whether a case believes in something of that kind.
-bool believes(const Scene& scene, CaseDescription::Belief belief, CaseDescription::Belief kind);
+bool believes(const BeliefDescription& given, CaseDescription::Belief belief,
+              CaseDescription::Belief kind);
 
 }  // namespace abbe::sim

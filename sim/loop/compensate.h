@@ -1,27 +1,31 @@
 #pragma once
 
-#include <vector>
-
 #include "sim/cut/cut.h"
+#include "sim/loop/learn.h"
 
+/// The loop around a job: its control sees it, its workshop does what a compensator asks for.
 namespace abbe::sim {
 
-/// What corrects the program of a case, after all passes from which it learns.
-struct Learnt {
-  Corrector corrector;
-  Corrector at_datum;  ///< acts while the datum is found; none: `corrector`. What a part showed
-                       ///< counts from the datum from which it was cut, and moves no datum
-  std::optional<errors::GeometricModel> geometric;  ///< what is believed of the geometry alone
-  std::vector<std::string> warnings;
-};
-/// @throws as `compensate`
+/// What a compensator may know of a job, which must outlive it.
+Seen seen_of(const Job& job);
+
+/// What a compensator can have done with a job, which must outlive it.
+Workshop workshop_of(const Job& job);
+
+/// What the control can read while a program runs, the thermal history before it: encoders,
+/// temperatures, current, dynamometer, with their noise. What happens inside the machine is left
+/// out.
+compensation::ControlLog control_log(const Job& job, const Commands& commands,
+                                     const Process& process);
+
+/// What corrects the program of a case.
+/// @throws as `learnt` of what is seen
 Learnt learnt(const Job& job, const CaseDescription& compensator, const Progress& progress = {});
 
 /// A compensator of the scene acting on the commands.
-/// @throws BadInput where the scene does not give what the case wants,
-///         compensation::PlugInFailure
-Compensated compensate(const Job& job, const CaseDescription& compensator,
-                       const Progress& progress = {});
+/// @throws as `learnt`
+Commands compensate(const Job& job, const CaseDescription& compensator,
+                    const Progress& progress = {});
 
 /// The program on the wrong machine, with a compensator if there is one.
 /// @throws as `compensate`, and as `cut` of commands

@@ -9,7 +9,6 @@
 #include "kinematics/units.h"
 #include "sim/compensation/plug_in.h"
 #include "sim/files/progress.h"
-#include "sim/scene/trust.h"
 
 namespace abbe::sim {
 namespace {
@@ -20,23 +19,23 @@ using kinematics::Pose;
 
 /// Height above the tip of the point that a compensator restores: a ball's centre, a corner's
 /// centre.
-double functional_height(const ToolDescription& tool) {
-  const auto* cutter = std::get_if<cutting::Cutter>(&tool.nominal);
+double functional_height(const NominalTool& tool) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&tool.shape);
   return cutter != nullptr ? cutter->corner_radius : 0.0;
 }
 
-compensation::CorrectOptions correct_options(const Job& job, const CaseDescription& compensator) {
+compensation::CorrectOptions correct_options(const Seen& seen, const CaseDescription& compensator) {
   compensation::CorrectOptions options;
   options.strategy = compensator.strategy;
-  options.rotary_bound = job.scene.compensation.rotary_bound;
-  options.functional_height = functional_height(job.scene.tool);
+  options.rotary_bound = seen.compensation.rotary_bound;
+  options.functional_height = functional_height(seen.tool);
   using Channel = CaseDescription::Channel;
   const bool slides_only =
       compensator.channel == Channel::Origin || compensator.channel == Channel::Piezo;
-  for (int i = 0; i < job.machine.control.size(); ++i) {
+  for (int i = 0; i < seen.machine.control.size(); ++i) {
     const bool turns =
-        job.machine.control.joints()[std::size_t(i)].motion != kinematics::Motion::Linear;
-    if (is_spindle(job.machine, i) || (slides_only && turns)) options.still.set(std::size_t(i));
+        seen.machine.control.joints()[std::size_t(i)].motion != kinematics::Motion::Linear;
+    if (is_spindle(seen.machine, i) || (slides_only && turns)) options.still.set(std::size_t(i));
   }
   return options;
 }
@@ -77,17 +76,17 @@ Extent extent_of(const program::Samples& samples) {
 }
 
 /// Where the axes that a table does not look up stand: as told, else in the middle of the program.
-AxisVector reference_of(const Job& job) {
-  if (job.scene.compensation.table.reference) return *job.scene.compensation.table.reference;
-  const Extent extent = extent_of(job.samples);
+AxisVector reference_of(const Seen& seen) {
+  if (seen.compensation.table.reference) return *seen.compensation.table.reference;
+  const Extent extent = extent_of(seen.samples);
   AxisVector middle = 0.5 * (extent.low + extent.high);
   for (int i = 0; i < middle.size(); ++i)
-    if (is_spindle(job.machine, i)) middle[i] = 0.0;
+    if (is_spindle(seen.machine, i)) middle[i] = 0.0;
   return middle;
 }
 
-[[noreturn]] void refuse_tables(const Job& job, const std::logic_error& fault) {
-  throw BadInput(job.scene.file.string(), 0, 0, "a correction that tables can hold", fault.what());
+[[noreturn]] void refuse_tables(const Seen& seen, const std::logic_error& fault) {
+  throw BadInput(seen.file.string(), 0, 0, "a correction that tables can hold", fault.what());
 }
 
 Corrector tables_act(compensation::ParameterTables tables) {
@@ -101,33 +100,32 @@ Corrector tables_act(compensation::ParameterTables tables) {
 
 }  // namespace
 
-Corrector belief_corrector(const Job& job, const CaseDescription& compensator,
+Corrector belief_corrector(const Seen& seen, const CaseDescription& compensator,
                            compensation::Belief belief) {
-  return [&job, options = correct_options(job, compensator), belief = std::move(belief)](
-             const std::vector<AxisState>& commanded, const std::vector<Pose>& T_wt_nominal) {
-    return corrected(job.machine.control, options, commanded, T_wt_nominal,
+  return [&control = seen.machine.control, options = correct_options(seen, compensator),
+          belief = std::move(belief)](const std::vector<AxisState>& commanded,
+                                      const std::vector<Pose>& T_wt_nominal) {
+    return corrected(control, options, commanded, T_wt_nominal,
                      [&](std::size_t) { return std::cref(belief); });  // a belief may be large
   };
 }
 
-Corrector plug_in_corrector(const Job& job, const CaseDescription& compensator,
+Corrector plug_in_corrector(const Seen& seen, const CaseDescription& compensator,
                             compensation::ControlLog log) {
   compensation::PlugInTask task;
-  task.structure = kinematics::to_string(kinematics::topology_of(job.machine.control.joints()));
-  task.joints = job.machine.control.joints();
-  task.tool = job.scene.tool.name;
-  task.tool_length = job.scene.tool.length;
+  task.structure = kinematics::to_string(kinematics::topology_of(seen.machine.control.joints()));
+  task.joints = seen.machine.control.joints();
+  task.tool = seen.tool.name;
+  task.tool_length = seen.tool.length;
   task.log = std::move(log);
-  return [&job, options = correct_options(job, compensator), task = std::move(task),
-          file = compensator.plug_in](const std::vector<AxisState>& commanded,
-                                      const std::vector<Pose>& T_wt_nominal) {
-    check_trusted(job.scene, file);
+  return [&control = seen.machine.control, options = correct_options(seen, compensator),
+          task = std::move(task), file = compensator.plug_in](
+             const std::vector<AxisState>& commanded, const std::vector<Pose>& T_wt_nominal) {
     compensation::PlugInOptions asking;
     asking.waiting = stop_if_interrupted;
     const compensation::PlugInAnswer answer =
         compensation::ask(file, task, {commanded, T_wt_nominal}, asking);
     if (answer.answers == compensation::Answers::Deviation) {
-      const kinematics::Chain& control = job.machine.control;
       return corrected(control, options, commanded, T_wt_nominal, [&](std::size_t i) {
         const kinematics::Deviation E = answer.rows.row(Eigen::Index(i)).transpose();
         return [&control, E](const AxisState& state) -> Pose {
@@ -143,68 +141,68 @@ Corrector plug_in_corrector(const Job& job, const CaseDescription& compensator,
   };
 }
 
-compensation::TableOptions table_options(const Job& job) {
+compensation::TableOptions table_options(const Seen& seen) {
   constexpr double endless = 1e8;  // mm
-  compensation::TableOptions options = job.scene.compensation.table.options;
-  const auto& joints = job.machine.control.joints();
-  const Extent extent = extent_of(job.samples);
+  compensation::TableOptions options = seen.compensation.table.options;
+  const auto& joints = seen.machine.control.joints();
+  const Extent extent = extent_of(seen.samples);
   options.range.emplace();
-  for (int i = 0; i < job.machine.control.size(); ++i) {
+  for (int i = 0; i < seen.machine.control.size(); ++i) {
     const kinematics::Joint& joint = joints[std::size_t(i)];
     const double most = joint.motion == kinematics::Motion::Linear ? endless : 2 * pi;
     const bool whole = joint.max - joint.min <= most;
     options.range->col(i) << (whole ? joint.min : extent.low[i]),
         (whole ? joint.max : extent.high[i]);
-    if (is_spindle(job.machine, i)) options.range->col(i).setZero();
+    if (is_spindle(seen.machine, i)) options.range->col(i).setZero();
   }
   return options;
 }
 
-compensation::ParameterTables tables_of(const Job& job, const Corrector& corrector) {
+compensation::ParameterTables tables_of(const Seen& seen, const Corrector& corrector) {
   const auto correction = [&](const AxisState& state) -> AxisVector {
     AxisState at = state;
-    at.time_s = job.samples.states.front().time_s;
-    return corrector({at}, {job.machine.nominal.tool_in_workpiece(at.q)}).states.front().q - at.q;
+    at.time_s = seen.samples.states.front().time_s;
+    return corrector({at}, {seen.machine.nominal.tool_in_workpiece(at.q)}).states.front().q - at.q;
   };
   try {
-    return compensation::tabulated(correction, job.machine.control, reference_of(job),
-                                   table_options(job));
+    return compensation::tabulated(correction, seen.machine.control, reference_of(seen),
+                                   table_options(seen));
   } catch (const std::logic_error& fault) {  // also out_of_range: a believed table ends too soon
-    refuse_tables(job, fault);
+    refuse_tables(seen, fault);
   }
 }
 
-TableCorrector table_corrector(const Job& job, const Corrector& corrector,
+TableCorrector table_corrector(const Seen& seen, const Corrector& corrector,
                                const std::optional<errors::GeometricModel>& believed) {
-  const CompensationDescription::Table& table = job.scene.compensation.table;
-  const kinematics::Chain& control = job.machine.control;
+  const CompensationDescription::Table& table = seen.compensation.table;
+  const kinematics::Chain& control = seen.machine.control;
   try {
-    if (!table.format) return {tables_act(tables_of(job, corrector)), {}};
+    if (!table.format) return {tables_act(tables_of(seen, corrector)), {}};
     if (*table.format != compensation::ControlFormat::Isg) {
       compensation::Export out =
-          compensation::to_control(tables_of(job, corrector), control, *table.format);
+          compensation::to_control(tables_of(seen, corrector), control, *table.format);
       return {tables_act(compensation::tables_of_control(out.files, control, *table.format)),
               std::move(out.left_out)};
     }
     if (!believed)
       throw std::invalid_argument("geometric errors that are identified, for a volumetric table");
-    compensation::Export out = compensation::to_volumetric(*believed, control, table_options(job));
+    compensation::Export out = compensation::to_volumetric(*believed, control, table_options(seen));
     CaseDescription position;
     position.strategy = compensation::Strategy::Position;
     const compensation::MachineBelief read{
         control,
-        job.machine.workpiece_spindle,
+        seen.machine.workpiece_spindle,
         errors::bind(compensation::deviations_of_volumetric(out.files, control), control),
         {},
         {},
         {},
         {}};
     return {
-        belief_corrector(job, position,
+        belief_corrector(seen, position,
                          [read](const AxisState& state) { return tool_in_workpiece(read, state); }),
         std::move(out.left_out)};
   } catch (const std::logic_error& fault) {  // also out_of_range: a believed table ends too soon
-    refuse_tables(job, fault);
+    refuse_tables(seen, fault);
   }
 }
 

@@ -1,19 +1,21 @@
 #pragma once
 
-#include "sim/cut/cut.h"
+#include "sim/loop/seen.h"
 
 namespace abbe::sim {
 
 /// The correction written into a program of the same dialect, which the control then reads and
-/// runs. The corrected path is known at the job's samples; of them the program keeps so many points
-/// that its blocks pass all others, tip and tool axis up to the shaping height, within the scene's
-/// path tolerance (none told: a word's step, of a PVT program 1 nm), its words rounded besides.
-/// @param offset_w  mm, shift of the datum that the corrector expects the control to find and add
-Compensated through_program(const Job& job, const Corrector& corrector,
-                            const Eigen::Vector3d& offset_w);
+/// runs. The corrected path is known at the samples of the program; of them the program keeps so
+/// many points that its blocks pass all others, tip and tool axis up to the shaping height, within
+/// the scene's path tolerance (none told: a word's step, of a PVT program 1 nm), its words rounded
+/// besides.
+/// @param expected_w  mm, shift of the datum that the corrector expects the control to find and add
+/// @param found_w     mm, the shift that it finds
+Commands through_program(const Seen& seen, const Corrector& corrector,
+                         const Eigen::Vector3d& expected_w, const Eigen::Vector3d& found_w);
 
 /// That tolerance. @return mm
-double path_tolerance(const Job& job);
+double path_tolerance(const CompensationDescription& compensation, const program::Path& path);
 
 /// Whether a program is one of positions, velocities and times.
 bool is_pvt(const program::Path& path);

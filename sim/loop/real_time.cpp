@@ -30,31 +30,31 @@ Course course_of(const std::vector<AxisState>& states, Index columns, const Row&
 }
 
 /// An axis that nothing is wanted of has no box, so it stands where it stood without one.
-VectorXd counts_of(const Job& job, const Course& wanted) {
-  const auto& joints = job.machine.control.joints();
-  const CompensationDescription::Pulses& pulses = job.scene.compensation.pulses;
+VectorXd counts_of(const Seen& seen, const Course& wanted) {
+  const auto& joints = seen.machine.control.joints();
+  const CompensationDescription::Pulses& pulses = seen.compensation.pulses;
   VectorXd counts = VectorXd::Zero(Index(joints.size()));
-  for (int i = 0; i < job.machine.control.size(); ++i) {
+  for (int i = 0; i < seen.machine.control.size(); ++i) {
     const bool slide = joints[std::size_t(i)].motion == kinematics::Motion::Linear;
     const double count = slide ? pulses.count : pulses.count_rad;
-    if (!is_spindle(job.machine, i) && wanted.value.col(i).cwiseAbs().maxCoeff() > 1e-6 * count)
+    if (!is_spindle(seen.machine, i) && wanted.value.col(i).cwiseAbs().maxCoeff() > 1e-6 * count)
       counts[i] = count;
   }
   return counts;
 }
 
 /// What of the wanted correction the channel lets through, before the position loop.
-Course arriving(const Job& job, Channel channel, const Course& wanted,
+Course arriving(const Seen& seen, Channel channel, const Course& wanted,
                 const std::vector<AxisState>& commanded) {
-  const CompensationDescription& limits = job.scene.compensation;
+  const CompensationDescription& limits = seen.compensation;
   if (channel == Channel::Open) return compensation::through(wanted, limits.open);
   if (channel == Channel::Origin)
-    return compensation::through(wanted, limits.origin, job.machine.control.joints());
+    return compensation::through(wanted, limits.origin, seen.machine.control.joints());
   compensation::Pulses pulses;
-  pulses.count = counts_of(job, wanted);
+  pulses.count = counts_of(seen, wanted);
   pulses.cycle_s = limits.pulses.cycle_s;
   pulses.pulse_s = limits.pulses.pulse_s;
-  pulses.phase_seed = job.scene.seed;
+  pulses.phase_seed = seen.seed;
   return compensation::through(
       wanted, pulses, course_of(commanded, wanted.value.cols(), [&](std::size_t i) -> VectorXd {
         return commanded[i].q;
@@ -76,14 +76,14 @@ AxisState between(const AxisState& a, const AxisState& b, double time_s) {
   return state;
 }
 
-Merged merged(const Job& job, const std::vector<AxisState>& commanded, const VectorXd& knots) {
+Merged merged(const Seen& seen, const std::vector<AxisState>& commanded, const VectorXd& knots) {
   Merged all;
-  const auto& nominal = job.samples.states;
+  const auto& nominal = seen.samples.states;
   const auto add = [&](const AxisState& state, const AxisVector& q, std::size_t i,
                        std::ptrdiff_t knot) {
     all.samples.states.push_back(state);
-    all.samples.line.push_back(job.samples.line[i]);
-    all.samples.block.push_back(job.samples.block[i]);
+    all.samples.line.push_back(seen.samples.line[i]);
+    all.samples.block.push_back(seen.samples.block[i]);
     all.nominal.push_back(q);
     all.knot.push_back(knot);
   };
@@ -112,76 +112,75 @@ VectorXd value_at_sample(const Course& course, compensation::CourseWalk& walk, c
                           : walk.at(all.samples.states[i].time_s);
 }
 
-Compensated with_samples(const Job& job, Merged& all) {
-  Compensated result;
+Commands with_samples(const Seen& seen, Merged& all) {
+  Commands result;
   result.T_wt_nominal.resize(all.nominal.size());
   tbb::parallel_for(std::size_t(0), all.nominal.size(), [&](std::size_t i) {
-    result.T_wt_nominal[i] = job.machine.nominal.tool_in_workpiece(all.nominal[i]);
+    result.T_wt_nominal[i] = seen.machine.nominal.tool_in_workpiece(all.nominal[i]);
   });
   result.samples = std::move(all.samples);
   return result;
 }
 
 /// Displacement of the tip in its own frame that the corrections would make.
-Course wanted_of_tool(const Job& job, const std::vector<AxisState>& commanded,
+Course wanted_of_tool(const Seen& seen, const std::vector<AxisState>& commanded,
                       const std::vector<AxisState>& ideal) {
   return course_of(commanded, 3, [&](std::size_t i) -> VectorXd {
-    const kinematics::Pose from = job.machine.control.tool_in_workpiece(commanded[i].q);
-    const kinematics::Pose to = job.machine.control.tool_in_workpiece(ideal[i].q);
+    const kinematics::Pose from = seen.machine.control.tool_in_workpiece(commanded[i].q);
+    const kinematics::Pose to = seen.machine.control.tool_in_workpiece(ideal[i].q);
     return from.linear().transpose() * (to.translation() - from.translation());
   });
 }
 
-Compensated through_piezo(const Job& job, const std::vector<AxisState>& commanded,
-                          const std::vector<AxisState>& ideal) {
-  const compensation::Piezo& piezo = job.scene.compensation.piezo;
+Commands through_piezo(const Seen& seen, const std::vector<AxisState>& commanded,
+                       const std::vector<AxisState>& ideal) {
+  const compensation::Piezo& piezo = seen.compensation.piezo;
   const Course stroke =
-      compensation::thinned(compensation::through(wanted_of_tool(job, commanded, ideal), piezo),
-                            VectorXd::Constant(1, 0.1 * job.scene.chord_tolerance));
-  Merged all = merged(job, commanded, stroke.time_s);
+      compensation::thinned(compensation::through(wanted_of_tool(seen, commanded, ideal), piezo),
+                            VectorXd::Constant(1, 0.1 * seen.chord_tolerance));
+  Merged all = merged(seen, commanded, stroke.time_s);
   compensation::CourseWalk walk(stroke);
   VectorXd strokes(Index(all.knot.size()));
   for (std::size_t i = 0; i < all.knot.size(); ++i)
     strokes[Index(i)] = value_at_sample(stroke, walk, all, i)[0];
-  Compensated result = with_samples(job, all);
+  Commands result = with_samples(seen, all);
   result.piezo = {piezo, std::move(strokes)};
   return result;
 }
 
-Compensated through_axes(const Job& job, Channel channel, const std::vector<AxisState>& commanded,
-                         const std::vector<AxisState>& ideal) {
-  const Index n = job.machine.control.size();
+Commands through_axes(const Seen& seen, Channel channel, const std::vector<AxisState>& commanded,
+                      const std::vector<AxisState>& ideal) {
+  const Index n = seen.machine.control.size();
   const Course wanted = course_of(
       commanded, n, [&](std::size_t i) -> VectorXd { return ideal[i].q - commanded[i].q; });
-  VectorXd tolerance = VectorXd::Constant(n, 0.1 * job.scene.chord_tolerance);
+  VectorXd tolerance = VectorXd::Constant(n, 0.1 * seen.chord_tolerance);
   for (int i = 0; i < n; ++i)
-    if (job.machine.control.joints()[std::size_t(i)].motion != kinematics::Motion::Linear)
+    if (seen.machine.control.joints()[std::size_t(i)].motion != kinematics::Motion::Linear)
       tolerance[i] /= arm;
-  const Course course =
-      compensation::thinned(compensation::followed_by(arriving(job, channel, wanted, commanded),
-                                                      job.scene.compensation.loop),
-                            tolerance);
-  Merged all = merged(job, commanded, course.time_s);
+  const Course course = compensation::thinned(
+      compensation::followed_by(arriving(seen, channel, wanted, commanded), seen.compensation.loop),
+      tolerance);
+  Merged all = merged(seen, commanded, course.time_s);
   compensation::CourseWalk walk(course);
   std::vector<AxisVector> correction(all.knot.size());
   for (std::size_t i = 0; i < all.knot.size(); ++i) {
     correction[i] = value_at_sample(course, walk, all, i);
     all.samples.states[i].q += correction[i];
   }
-  Compensated result = with_samples(job, all);
+  Commands result = with_samples(seen, all);
   result.correction = std::move(correction);
   return result;
 }
 
 }  // namespace
 
-Compensated through_time(const Job& job, Channel channel, const std::vector<AxisState>& commanded,
-                         const std::vector<AxisState>& ideal) {
+Commands through_time(const Seen& seen, Channel channel, const std::vector<AxisState>& commanded,
+                      const std::vector<AxisState>& ideal) {
   try {
-    return channel == Channel::Piezo ? through_piezo(job, commanded, ideal)
-                                     : through_axes(job, channel, commanded, ideal);
+    return channel == Channel::Piezo ? through_piezo(seen, commanded, ideal)
+                                     : through_axes(seen, channel, commanded, ideal);
   } catch (const std::invalid_argument& fault) {
-    throw BadInput(job.scene.file.string(), 0, 0, "a channel that this program can pass through",
+    throw BadInput(seen.file.string(), 0, 0, "a channel that this program can pass through",
                    fault.what());
   }
 }

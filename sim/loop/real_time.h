@@ -1,6 +1,6 @@
 #pragma once
 
-#include "sim/cut/cut.h"
+#include "sim/loop/seen.h"
 
 namespace abbe::sim {
 
@@ -8,11 +8,11 @@ namespace abbe::sim {
 /// case lets it through at its own cycle, then as the position loops follow. Samples are added
 /// where it bends between those of the program, so that it is met within a tenth of the chord
 /// tolerance.
-/// @param commanded  (samples) of the job, uncorrected
+/// @param commanded  (samples) of the program, uncorrected
 /// @param ideal      (samples) corrected
 /// @throws BadInput naming the scene for a channel that cannot be
-Compensated through_time(const Job& job, CaseDescription::Channel channel,
-                         const std::vector<kinematics::AxisState>& commanded,
-                         const std::vector<kinematics::AxisState>& ideal);
+Commands through_time(const Seen& seen, CaseDescription::Channel channel,
+                      const std::vector<kinematics::AxisState>& commanded,
+                      const std::vector<kinematics::AxisState>& ideal);
 
 }  // namespace abbe::sim

@@ -3,20 +3,15 @@
 #include <optional>
 
 #include "kinematics/chain.h"
-#include "sim/scene/scene.h"
 
 namespace abbe::sim {
 
-/// A machine compiled from its description, with its tool mounted and its part clamped. Immutable.
+/// A machine as it is meant to be and as its control believes it to be, with its tool. Immutable.
 struct Machine {
-  kinematics::Chain nominal;  ///< as designed, the tool as ordered
-  kinematics::Chain control;  ///< as the control believes it to be
-  kinematics::Chain actual;   ///< as built: tool and clamping as they really are, before any error
+  kinematics::Chain nominal;             ///< as designed, the tool as ordered
+  kinematics::Chain control;             ///< as the control believes it to be
   std::optional<int> workpiece_spindle;  ///< joint that turns the workpiece under a turning tool
 };
-
-/// @throws BadInput naming the scene if the description makes no chain
-Machine compile(const Scene& scene);
 
 /// Whether a joint is a spindle, of the tool or of the workpiece: it turns without limits and is no
 /// axis that is positioned.

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "sim/machine/compile.h"
 namespace abbe::sim {
 namespace {
 
@@ -55,12 +56,11 @@ errors::ForceDeviations sum_of_sources(const Truth& truth, const AxisState& stat
 Truth truth_of(const Scene& scene, const Machine& machine,
                const std::vector<errors::Activity>& activity) {
   try {
-    Truth truth{machine.actual,
-                errors::scaled(errors::bind(scene.geometric, machine.actual), scene.error_scale),
-                std::nullopt,
-                std::nullopt,
-                std::nullopt,
-                spindle_of(machine)};
+    kinematics::Chain actual = compile_as_built(scene);
+    errors::GeometricModel geometric =
+        errors::scaled(errors::bind(scene.geometric, actual), scene.error_scale);
+    Truth truth{std::move(actual), std::move(geometric), std::nullopt,
+                std::nullopt,      std::nullopt,         spindle_of(machine)};
     if (scene.thermal && !activity.empty()) {
       const ThermalDescription& thermal = *scene.thermal;
       truth.heat = {errors::scaled(errors::bind(thermal.errors, machine.nominal,

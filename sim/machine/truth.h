@@ -9,6 +9,7 @@
 #include "errors/thermal_elements.h"
 #include "errors/vibration.h"
 #include "sim/machine/machine.h"
+#include "sim/scene/scene.h"
 
 namespace abbe::sim {
 
@@ -16,7 +17,7 @@ namespace abbe::sim {
 /// by the virtual instruments, never by a compensator. The sources add element by element; one that
 /// a scene leaves out costs no bit.
 struct Truth {
-  kinematics::Chain actual;
+  kinematics::Chain actual;  ///< as built: tool and clamping as they are, before any error
   errors::GeometricModel geometric;
   struct Heat {
     errors::ThermalModel model;

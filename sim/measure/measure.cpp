@@ -10,6 +10,7 @@
 #include "sim/cut/activity.h"
 #include "sim/cut/datum.h"
 #include "sim/files/progress.h"
+#include "sim/machine/compile.h"
 #include "sim/readings/part_readings_file.h"
 #include "sim/scene/toml_reader.h"
 
@@ -148,10 +149,10 @@ metrology::PartSurface thinned(const metrology::PartSurface& part, double spacin
 metrology::PartReadings probed(const Job& job, const metrology::PartSurface& part,
                                metrology::TouchProbe probe) {
   Truth truth = job.truth;
-  truth.actual = kinematics::Chain(job.machine.actual.joints(), job.machine.actual.T_bw_home(),
+  truth.actual = kinematics::Chain(job.truth.actual.joints(), job.truth.actual.T_bw_home(),
                                    job.machine.nominal.T_bt_home());
   if (!job.samples.states.empty()) probe.start_s += job.samples.states.back().time_s;
-  const Eigen::Vector3d datum_w = datum_offset(job.scene.datum, job.machine, job.truth);
+  const Eigen::Vector3d datum_w = found_datum(job);
   metrology::PartSurface commanded = part;
   commanded.points_w.rowwise() += datum_w.transpose();
   commanded.deviation -= part.normals_w * datum_w;

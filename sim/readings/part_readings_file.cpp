@@ -10,7 +10,6 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/scene/bad_scene.h"
-#include "sim/scene/scene.h"
 #include "sim/scene/toml_reader.h"
 
 namespace abbe::sim {

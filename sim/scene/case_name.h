@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <string>
 
-#include "sim/scene/scene.h"
+#include "sim/scene/case_description.h"
 
 namespace abbe::sim {
 

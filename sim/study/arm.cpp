@@ -7,6 +7,7 @@
 #include "cutting/alignment.h"
 #include "cutting/residual.h"
 #include "sim/cut/reach.h"
+#include "sim/machine/compile.h"
 #include "sim/machine/run_out.h"
 #include "sim/scene/read_scene.h"
 
@@ -102,7 +103,7 @@ double value_of(const cutting::Statistics& s, Response response) {
 
 }  // namespace
 
-Compensated commands(const Arm& arm, const Job& job) {
+Commands commands(const Arm& arm, const Job& job) {
   return arm.case_name == "uncompensated" ? as_programmed(job)
                                           : compensate(job, parse_case(arm.case_name));
 }
@@ -111,7 +112,7 @@ ReadyArm ready_arm(const Study& study, const Arm& arm, const Progress& progress)
   Scene scene = scene_of(study, arm);
   Job job = prepared(study, arm, scene, progress);
   check_reaches_part(job);
-  Compensated told = commands(arm, job);
+  Commands told = commands(arm, job);
   const bool for_each = are_told_for_each(study, arm, scene);
   cutting::Surface error_free;
   if (study.machine_part) error_free = cut_error_free(job, progress).surface;

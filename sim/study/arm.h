@@ -12,9 +12,9 @@ namespace abbe::sim::study {
 /// An arm made ready, so that its machines can be tried one after the other. Immutable once made.
 struct ReadyArm {
   Arm arm;
-  Scene scene;  ///< before any input
-  Job job;      ///< with all inputs at their centres; sampled densely enough for all their values
-  Compensated told;             ///< what its axes are told
+  Scene scene;    ///< before any input
+  Job job;        ///< with all inputs at their centres; sampled densely enough for all their values
+  Commands told;  ///< what its axes are commanded
   bool told_for_each = false;   ///< what the axes are told depends on the inputs
   cutting::Surface error_free;  ///< empty unless the study asks for the machine's part
 };
@@ -22,7 +22,7 @@ struct ReadyArm {
 ReadyArm ready_arm(const Study& study, const Arm& arm, const Progress& progress = {});
 
 /// The commands of an arm's program: compensated, or as the control knows it.
-Compensated commands(const Arm& arm, const Job& job);
+Commands commands(const Arm& arm, const Job& job);
 
 /// One machine tried; the job comes back to be used for the next.
 struct Tried {

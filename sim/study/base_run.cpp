@@ -38,7 +38,7 @@ BaseRun base_run(const Study& study, const ReadyArm& ready, const Progress& prog
     return run;
   }
   const int joint = *job.machine.workpiece_spindle;
-  run.spindle = spindle_line(job.machine.actual, joint);
+  run.spindle = spindle_line(job.truth.actual, joint);
   run.sample = distinct_instants(samples);
   const auto& nose = std::get<cutting::Nose>(job.scene.tool.actual);
   const cutting::NoseMotion motion = nose_motion(run.T_wt, samples, *run.spindle, joint);

@@ -23,8 +23,8 @@ struct Machined {
 
 Machined machined(const BaseRun& run, const Scene& scene, const std::vector<std::size_t>& needed) {
   const Job job = with_errors(run.ready.job, scene);
-  const Compensated own = run.ready.told_for_each ? commands(run.ready.arm, job) : Compensated{};
-  const Compensated& told = run.ready.told_for_each ? own : run.ready.told;
+  const Commands own = run.ready.told_for_each ? commands(run.ready.arm, job) : Commands{};
+  const Commands& told = run.ready.told_for_each ? own : run.ready.told;
   if (told.samples.states.size() != run.T_wt.size())
     throw BadInput(run.study.file.string(), 0, 0,
                    "engine = \"full\" for a case whose samples depend on the machine",
@@ -33,7 +33,7 @@ Machined machined(const BaseRun& run, const Scene& scene, const std::vector<std:
   const bool bends = job.truth.compliance && !run.process.steps.empty();
   Machined made{tool_poses(job, told, bends ? cut_process(job, told) : run.process, needed),
                 std::nullopt};
-  if (run.spindle) made.spindle = spindle_line(job.machine.actual, *job.machine.workpiece_spindle);
+  if (run.spindle) made.spindle = spindle_line(job.truth.actual, *job.machine.workpiece_spindle);
   return made;
 }
 

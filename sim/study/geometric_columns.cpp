@@ -73,7 +73,7 @@ std::optional<GeometricInput> geometric_input(const BaseRun& run, Index input,
   for (const errors::GeometricErrors& part : parts)
     if (names.empty() || part.elements.size() != names.size()) return std::nullopt;
   if (!same_tools(scenes[0].tool, scenes[1].tool)) return std::nullopt;
-  const kinematics::Chain& chain = run.ready.job.machine.actual;
+  const kinematics::Chain& chain = run.ready.job.truth.actual;
   const double scale = scenes[0].error_scale;
   const std::array<double, 2> at = around(run.study, input);
   return GeometricInput{input, errors::scaled(errors::bind(parts[1], chain), scale),
@@ -85,7 +85,7 @@ Columns geometric_columns(const BaseRun& run, const std::vector<GeometricInput>&
   const Index count = Index(inputs.size()), rivals = Index(run.rivals.size());
   Columns columns{Eigen::MatrixXd(count, rivals), Eigen::MatrixXd(count, rivals)};
   if (inputs.empty()) return columns;
-  const kinematics::Chain& chain = run.ready.job.machine.actual;
+  const kinematics::Chain& chain = run.ready.job.truth.actual;
   tbb::parallel_for(std::size_t(0), run.rivals.size(), [&](std::size_t r) {
     const cutting::Rival& rival = run.rivals[r];
     const std::array<End, 2> ends = ends_of(run, rival);

@@ -64,10 +64,11 @@ const ordered_json& thermal_choice_of(const std::string& scene,
   static std::map<std::string, ordered_json> all;
   const std::string key = command({scene, changes});
   if (const auto known = all.find(key); known != all.end()) return known->second;
-  std::vector<sim::Day> days{sim::measured_day("its own day", scene_of(scene, changes))};
-  for (const sim::Variant& variant : days.front().scene.variants)
+  const sim::Scene own = scene_of(scene, changes);
+  std::vector<sim::Day> days{sim::measured_day("its own day", own)};
+  for (const sim::Variant& variant : own.variants)
     days.push_back(sim::measured_day(variant.name, scene_of(scene, changes, variant.name)));
-  return all[key] = sim::thermal_choice(days).json;
+  return all[key] = sim::thermal_choice(days, *own.sensor_choice).json;
 }
 
 const ordered_json& choice_of(const ordered_json& thermal, const std::string& name) {

@@ -7,6 +7,7 @@
 
 #include "errors/geometric.h"
 #include "kinematics/units.h"
+#include "sim/machine/compile.h"
 #include "sim/machine/machine.h"
 #include "tests/figures/figure.h"
 

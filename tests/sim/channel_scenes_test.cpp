@@ -546,7 +546,7 @@ Course wanted_of_sensors(const Job& job) {
   Evidence evidence;
   evidence.log = control_log(job, as_programmed(job), {});
   const compensation::MachineBelief belief =
-      machine_belief(job, parse_case("thermal-position-ideal"), evidence);
+      machine_belief(seen_of(job), parse_case("thermal-position-ideal"), evidence);
   const compensation::ThermalCourse& course = belief.thermal.value();
   std::cout << "readings held at the end of what was trained: " << course.held << " of "
             << course.time_s.size() << "\n";

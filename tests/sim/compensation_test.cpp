@@ -166,7 +166,7 @@ TEST(Compensation, PositionOnlyLeavesTenTimesWhatDecoupledLeavesOnTheTiltedFlat)
 /// Tip error along the program after one decoupled step, where A is above 5 degrees.
 double decoupled_tip_rms(const Job& job) {
   const int A = job.machine.nominal.find('A').value();
-  const Compensated told = compensate(job, parse_case("perfect-decoupled-ideal"));
+  const Commands told = compensate(job, parse_case("perfect-decoupled-ideal"));
   double sum = 0.0;
   int n = 0;
   for (std::size_t i = 0; i < told.samples.states.size(); ++i) {
@@ -236,8 +236,8 @@ double words_off(const Job& job, const program::Block& block, const kinematics::
 
 TEST(Compensation, RewrittenNcIsAcceptedAndKeepsToTheCorrectedPointsWithinAWord) {
   const Job job = job_of("gantry_dome.toml", with(coarse_raster, {{"part.vertices", "200"}}));
-  const Compensated ideal = compensate(job, parse_case("perfect-iterated-ideal"));
-  const Compensated told = compensate(job, parse_case("perfect-iterated-program"));
+  const Commands ideal = compensate(job, parse_case("perfect-iterated-ideal"));
+  const Commands told = compensate(job, parse_case("perfect-iterated-program"));
   const program::Path path =
       program::read_nc(told.rewritten_program, "again.ngc", nc_options(job.scene, job.machine));
   EXPECT_GE(path.motion_blocks, job.path.motion_blocks);

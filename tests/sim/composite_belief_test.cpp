@@ -13,6 +13,7 @@
 #include "sim/commands/identify_command.h"
 #include "sim/compensation/thermal_belief.h"
 #include "sim/files/output.h"
+#include "sim/machine/compile.h"
 #include "sim/report/identify_text.h"
 #include "sim/report/report.h"
 #include "sim/scene/read_scene.h"

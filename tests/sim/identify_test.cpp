@@ -14,6 +14,7 @@
 #include "errors/coefficients.h"
 #include "kinematics/units.h"
 #include "sim/commands/identify_command.h"
+#include "sim/machine/compile.h"
 #include "sim/report/identify_text.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"

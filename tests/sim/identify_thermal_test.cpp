@@ -15,6 +15,7 @@
 #include "kinematics/units.h"
 #include "sim/commands/identify_command.h"
 #include "sim/cut/activity.h"
+#include "sim/machine/compile.h"
 #include "sim/machine/truth.h"
 #include "sim/report/identify_text.h"
 #include "sim/scene/read_scene.h"

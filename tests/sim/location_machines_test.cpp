@@ -15,6 +15,7 @@
 #include "kinematics/units.h"
 #include "sim/commands/evaluate_command.h"
 #include "sim/commands/identify_command.h"
+#include "sim/machine/compile.h"
 #include "sim/machine/machine.h"
 #include "sim/report/describe.h"
 #include "sim/scene/read_scene.h"

@@ -12,6 +12,7 @@
 
 #include "kinematics/units.h"
 #include "sim/cut/activity.h"
+#include "sim/machine/compile.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
 #include "tests/sim/odd_scenes.h"

@@ -132,7 +132,7 @@ TEST(PartBelief, ProbeInAnotherPoseReadsTheDifferenceOfTheTwoErrors) {
     const PartReadings readings = probed(job, part);
     const auto how =
         std::get<errors::metrology::TouchProbe>(part_instrument_of(job.scene, "probe").value().how);
-    const Vector3d datum_w = datum_offset(job.scene.datum, job.machine, job.truth);
+    const Vector3d datum_w = found_datum(job);
     const kinematics::AxisVector as_cut = kinematics::AxisVector::Zero(how.q.size());
     double worst = 0.0, most = 0.0;
     for (Index i = 0; i < readings.deviation.size(); ++i) {

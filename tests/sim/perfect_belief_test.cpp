@@ -14,8 +14,8 @@
 
 #include "kinematics/jacobian.h"
 #include "kinematics/units.h"
-#include "sim/loop/beliefs.h"
 #include "sim/loop/compensate.h"
+#include "sim/loop/perfect.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/small_scene.h"
 
@@ -196,7 +196,7 @@ struct Kept {
   bool turning() const { return std::holds_alternative<cutting::Nose>(job.scene.tool.actual); }
 
   Job job;
-  Compensated told;
+  Commands told;
   Cut error_free, mended;
   std::vector<AxisVector> acceleration;
 };

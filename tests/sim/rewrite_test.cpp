@@ -57,7 +57,7 @@ std::vector<Override> with_tolerance(std::vector<Override> changes, double um) {
 
 /// Largest distance, tip or tool at `reach`, between what the axes are told and a perfect iterated
 /// correction made at that sample, jumps and rapids left out.
-double off_corrected(const Job& job, const Compensated& told, double reach) {
+double off_corrected(const Job& job, const Commands& told, double reach) {
   const Truth truth = without_random(job.truth);
   compensation::CorrectOptions options;
   options.rotary_bound = job.scene.compensation.rotary_bound;
@@ -88,7 +88,7 @@ TEST(RewrittenProgram, KeepsWithinItsToleranceOfTheCorrectedPath) {
     int blocks = std::numeric_limits<int>::max();
     for (const double um : {0.05, 0.5, 5.0}) {
       const Job job = prepare(read_scene(file, with_tolerance(fine_words, um)));
-      const Compensated told = compensate(job, parse_case("perfect-iterated-program"));
+      const Commands told = compensate(job, parse_case("perfect-iterated-program"));
       const double reach = sample_options(job.scene, job.machine).reach;
       const double off = off_corrected(job, told, reach);
       std::cout << job.path.motion_blocks << " blocks, tolerance " << um << " um: off by at most "
@@ -107,7 +107,7 @@ TEST(RewrittenProgram, WithNothingToCorrectIsTheOriginal) {
     std::vector<Override> changes = fine_words;
     changes.emplace_back("errors.scale", "0.0");
     const Job job = prepare(read_scene(long_moves(folder, program), changes));
-    const Compensated told = compensate(job, parse_case("perfect-iterated-program"));
+    const Commands told = compensate(job, parse_case("perfect-iterated-program"));
     const WordChange change = word_change(job, told);
     std::cout << job.path.motion_blocks << " blocks became " << told.path->motion_blocks
               << ", tip off by " << change.tip.max / units::nm << " nm\n";
@@ -125,7 +125,7 @@ TEST(RewrittenProgram, PvtHasFewerRowsTheMoreItsPathMayDiffer) {
   std::size_t rows = 0;
   for (const double um : {1.0, 0.1, 0.01, 0.0}) {
     const Job job = job_of("platform_sphere.toml", with_tolerance(spiral, um));
-    const Compensated told = compensate(job, parse_case("perfect-iterated-program"));
+    const Commands told = compensate(job, parse_case("perfect-iterated-program"));
     const double off = off_corrected(job, told, 0.0);
     std::cout << "tolerance " << um << " um: " << told.path->blocks.size() << " rows, "
               << told.rewritten_program.size() << " bytes, of " << job.path.blocks.size()
@@ -143,7 +143,7 @@ TEST(RewrittenProgram, PvtHasFewerRowsTheMoreItsPathMayDiffer) {
 
 TEST(RewrittenProgram, OfAShaftTurnsNothingButWhereTheToolStands) {
   const Job job = job_of("stepped_shaft.toml", {{"part.vertices", "1000"}});
-  const Compensated told = compensate(job, parse_case("perfect-iterated-program"));
+  const Commands told = compensate(job, parse_case("perfect-iterated-program"));
   const WordChange change = word_change(job, told);
   std::cout << job.path.motion_blocks << " blocks became " << told.path->motion_blocks
             << ", tip moved by " << change.tip.max / units::um << " um, tool axis by "

@@ -75,7 +75,7 @@ TEST(Heat, DriftCountsFromTheDatum) {
     return job_of("thermal_protocol.toml", changes);
   };
   const auto tip_off = [&](const Job& job, double time_h) -> Eigen::Vector3d {
-    const Eigen::Vector3d told_w = point + datum_offset(job.scene.datum, job.machine, job.truth);
+    const Eigen::Vector3d told_w = point + found_datum(job);
     kinematics::AxisState state;
     state.q = slides_of_offset(
         job.machine.control,

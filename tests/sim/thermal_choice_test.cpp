@@ -31,6 +31,14 @@ std::vector<Day> packaged_days(const std::string& name) {
   return days;
 }
 
+ThermalChoice chosen_on(const std::string& name) {
+  return thermal_choice(packaged_days(name), *read_scene(packaged(name)).sensor_choice);
+}
+
+ThermalChoice chosen_on(const Scene& scene) {
+  return thermal_choice({measured_day("its own day", scene)}, *scene.sensor_choice);
+}
+
 /// RMS over the range of the drift of every displacement on the first other day.
 std::map<std::string, double> displacements(const Json& json) {
   std::map<std::string, double> result;
@@ -63,7 +71,7 @@ class ThermalChoiceOf : public testing::TestWithParam<std::pair<const char*, int
 
 TEST_P(ThermalChoiceOf, FourSensorsPredictAnotherDay) {
   const auto [name, sensors] = GetParam();
-  const Json json = thermal_choice(packaged_days(name)).json;
+  const Json json = chosen_on(name).json;
   print(name, json);
   EXPECT_EQ(json["sensors"].size(), std::size_t(sensors));
   EXPECT_EQ(json["chosen"].size(), 4u);
@@ -86,7 +94,7 @@ std::pair<double, double> figures(const Json& way, const std::string& channel) {
 
 TEST(ThermalChoice, ThePapersOwnDegreesChooseBesideTheRegression) {
   for (const char* name : {"thermal_protocol.toml", "thermal_protocol_chen.toml"}) {
-    const Json json = thermal_choice(packaged_days(name)).json;
+    const Json json = chosen_on(name).json;
     const Json& choices = json["choices"];
     ASSERT_GE(choices.size(), 2u);
     EXPECT_EQ(choices[0]["chosen"], json["chosen"]) << "the scene's own comes first";
@@ -103,7 +111,7 @@ TEST(ThermalChoice, ThePapersOwnDegreesChooseBesideTheRegression) {
 
 // Held against the figures found when the paper was read again.
 TEST(ThermalChoice, ChensDegreeAndHisFourAreThoseOfTheDay) {
-  const Json json = thermal_choice(packaged_days("thermal_protocol_chen.toml")).json;
+  const Json json = chosen_on("thermal_protocol_chen.toml").json;
   const Json& choices = json["choices"];
   ASSERT_EQ(choices.size(), 3u);
   EXPECT_EQ(choices[1]["chosen"].dump(),
@@ -125,7 +133,7 @@ TEST(ThermalChoice, EveryDegreeRunsInEveryProtocol) {
             {"sensor_choice.screening", "\"degree\""},
             {"sensor_choice.beside", "[]"}};
         const Json json =
-            thermal_choice({measured_day("day", read_scene(packaged(scene), changes))}).json;
+            chosen_on(read_scene(packaged(scene), changes)).json;
         EXPECT_EQ(json["chosen"].size(), 4u) << scene << " " << likeness << " " << image;
       }
 }
@@ -170,7 +178,8 @@ TEST_P(ThermalChoiceOf, TenOtherDaysAreReportedAndHalfOfThemBeatTheMedian) {
   int beats = 0, within = 0;
   for (int i = 0; i < 10; ++i) {
     const Json json = thermal_choice({measured_day("its own day", scene),
-                                      measured_day("drawn", drawn_day(scene, random))})
+                                      measured_day("drawn", drawn_day(scene, random))},
+                                     *scene.sensor_choice)
                           .json;
     const Json& fours = json["random_choices_rms_over_range"];
     const auto across = displacements(json);
@@ -203,7 +212,7 @@ INSTANTIATE_TEST_SUITE_P(Scenes, ThermalChoiceOf,
 
 TEST(ThermalChoice, OneDayAloneHasNoGradeOnDaysUnseen) {
   Scene scene = read_scene(packaged("thermal_protocol.toml"));
-  const Json json = thermal_choice({measured_day("its own day", scene)}).json;
+  const Json json = chosen_on(scene).json;
   EXPECT_FALSE(json.contains("random_choices_rms_over_range"));
   EXPECT_EQ(json["chosen"].size(), 4u);
   for (const Json& channel : json["channels"]) EXPECT_TRUE(channel["cross_day"].empty());
@@ -213,7 +222,7 @@ TEST(ThermalChoice, WhatCannotBeChosenFromIsRefusedWithTheSceneNamed) {
   const Scene scene = read_scene(packaged("thermal_protocol.toml"));
   const auto refusal = [](const Scene& spoilt) {
     try {
-      thermal_choice({measured_day("day", spoilt)});
+      chosen_on(spoilt);
       return std::string();
     } catch (const BadInput& fault) {
       return std::string(fault.what());

@@ -1,0 +1,278 @@
+#include "sim/loop/learn.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
+
+#include "sim/cut/datum.h"
+#include "sim/loop/beliefs.h"
+#include "sim/loop/correctors.h"
+#include "sim/loop/program_channel.h"
+#include "sim/loop/real_time.h"
+
+namespace abbe::sim {
+namespace {
+
+using kinematics::AxisState;
+using kinematics::Pose;
+using Channel = CaseDescription::Channel;
+using Kind = CaseDescription::Belief;
+
+std::vector<AxisState> uncorrected(const Seen& seen, const Eigen::Vector3d& offset_w) {
+  return commanded(seen.machine.control, seen.path, seen.samples, seen.machine.nominal, offset_w);
+}
+
+Commands as_programmed(const Seen& seen, const Workshop& workshop) {
+  Commands result;
+  result.samples = seen.samples;
+  result.samples.states = uncorrected(seen, workshop.touch_off({}));
+  return result;
+}
+
+/// What a corrector is asked: commands, and where each should bring the tool.
+struct Aim {
+  std::vector<AxisState> commanded;
+  std::vector<Pose> T_wt;
+};
+
+/// The program with the datum found while the corrector acts. A perfect belief knows where the tool
+/// should be; any other only where it should be from the datum.
+Aim aim(const Seen& seen, const Workshop& workshop, const Corrector& at_datum, bool absolute) {
+  if (absolute) return {uncorrected(seen, workshop.touch_off({})), seen.T_wt_nominal};
+  Aim result{uncorrected(seen, Eigen::Vector3d::Zero()), seen.T_wt_nominal};
+  const Eigen::Vector3d offset_w = workshop.touch_off(at_datum);
+  if (offset_w.isZero(0.0)) return result;
+  std::vector<AxisState> shifted = uncorrected(seen, offset_w);
+  const kinematics::Chain& control = seen.machine.control;
+  tbb::parallel_for(std::size_t(0), shifted.size(), [&](std::size_t i) {
+    const Pose from = control.tool_in_workpiece(result.commanded[i].q);
+    result.T_wt[i] = control.tool_in_workpiece(shifted[i].q) * from.inverse() * result.T_wt[i];
+  });
+  result.commanded = std::move(shifted);
+  return result;
+}
+
+/// Corrections brought to the machine.
+Commands delivered(const Seen& seen, const Workshop& workshop, const CaseDescription& compensator,
+                   Learnt learnt) {
+  if (compensator.channel == Channel::Table) {
+    TableCorrector tables = table_corrector(seen, learnt.corrector, learnt.geometric);
+    learnt.corrector = std::move(tables.corrector);
+    learnt.at_datum = {};  // tables act always
+    for (const std::string& one : tables.left_out) learnt.warnings.push_back("table: " + one);
+  }
+  const Corrector& corrector = learnt.corrector;
+  const Corrector& at_datum = learnt.at_datum ? learnt.at_datum : corrector;
+  // tables act while the datum is found, whoever filled them
+  const bool absolute = compensator.plug_in.empty() && compensator.belief == Kind::Perfect &&
+                        compensator.channel != Channel::Table;
+  Commands result;
+  if (compensator.channel == Channel::Program) {
+    const Eigen::Vector3d found_w = workshop.touch_off({});
+    result = through_program(
+        seen, corrector, absolute ? found_w : expected_offset(seen.datum, seen.machine, at_datum),
+        found_w);
+  } else {
+    const Aim asked = aim(seen, workshop, at_datum, absolute);
+    Corrected ideal = corrector(asked.commanded, asked.T_wt);
+    if (compensator.channel == Channel::Ideal || compensator.channel == Channel::Table) {
+      result.samples = seen.samples;
+      if (compensator.channel == Channel::Table)
+        for (std::size_t i = 0; i < ideal.states.size(); ++i)
+          result.correction.push_back(ideal.states[i].q - asked.commanded[i].q);
+      result.samples.states = std::move(ideal.states);
+    } else {
+      result = through_time(seen, compensator.channel, asked.commanded, ideal.states);
+    }
+    result.point_left = ideal.point_left;
+    result.direction_left = ideal.direction_left;
+    result.not_converged = ideal.not_converged;
+  }
+  result.warnings = std::move(learnt.warnings);
+  return result;
+}
+
+/// The load of the cut as the compensator computes it: on the machine that it believes in, with
+/// commands as they were corrected so far.
+compensation::LoadCourse computed_load(const Seen& seen, const Workshop& workshop,
+                                       const Commands& commands,
+                                       compensation::MachineBelief believed) {
+  believed.force = {errors::bind(seen.belief.force->compliance, seen.machine.control), {}};
+  return workshop.computed_load(commands, [&](std::size_t i, const errors::Load& load) {
+    Pose tool = tool_in_workpiece(believed, commands.samples.states[i], load);
+    if (const auto& piezo = commands.piezo)
+      tool.translation() +=
+          piezo->stroke[Eigen::Index(i)] * (tool.linear() * piezo->piezo.direction_t);
+    return tool;
+  });
+}
+
+/// What is learnt while a compensator runs its passes.
+class Learning {
+ public:
+  Learning(const Seen& seen, const Workshop& workshop, const CaseDescription& compensator);
+
+  int passes() const { return passes_; }
+  const Evidence& evidence() const { return evidence_; }
+  /// Runs what was commanded so far and learns from what the control reads.
+  void read(const Commands& commands);
+  /// Cuts what was commanded so far, measures the part and learns from it.
+  void measure_part(const Commands& commands, int pass);
+  bool measures(int pass) const;
+  /// Whether there is something else to believe than the part.
+  bool knows_more() const;
+
+ private:
+  bool wants(Kind kind) const { return believes(seen_.belief, compensator_.belief, kind); }
+
+  const Seen& seen_;
+  const Workshop& workshop_;
+  const CaseDescription& compensator_;
+  int passes_ = 0;
+  Evidence evidence_;
+  std::optional<cutting::Surface> error_free_;
+  Eigen::VectorXd total_;  ///< (vertices) mm, deviation by all readings so far
+};
+
+Learning::Learning(const Seen& seen, const Workshop& workshop, const CaseDescription& compensator)
+    : seen_(seen), workshop_(workshop), compensator_(compensator) {
+  if (!compensator.plug_in.empty()) {
+    passes_ = 1;  // it is given what was read while the program ran uncorrected
+    return;
+  }
+  const BeliefDescription& given = seen.belief;
+  if (wants(Kind::Thermal)) passes_ = 1;
+  if (wants(Kind::Force) && given.force) passes_ = std::max(passes_, given.force->passes);
+  if (wants(Kind::Part) && given.part) passes_ = std::max(passes_, given.part->passes);
+}
+
+bool Learning::measures(int pass) const {
+  const BeliefDescription& given = seen_.belief;
+  return compensator_.plug_in.empty() && wants(Kind::Part) && given.part &&
+         pass < given.part->passes;
+}
+
+bool Learning::knows_more() const {
+  return wants(Kind::Identified) || wants(Kind::Thermal) || wants(Kind::Force);
+}
+
+compensation::CurrentLaw trained_law(const Workshop& workshop,
+                                     const BeliefDescription::Force& force) {
+  const TrainingRun run = workshop.training();
+  try {
+    return compensation::fitted_law(run.log, run.training, force.smoothing_s);
+  } catch (const std::invalid_argument& fault) {
+    throw BadInput(force.training.string(), 0, 0, "a part from which the current can be learnt",
+                   fault.what());
+  }
+}
+
+void Learning::read(const Commands& commands) {
+  using From = BeliefDescription::Force::From;
+  const BeliefDescription& given = seen_.belief;
+  const bool plugged = !compensator_.plug_in.empty();
+  const bool force = !plugged && wants(Kind::Force) && given.force;
+  const bool reads_force = (force && given.force->from != From::Model) || (plugged && seen_.is_cut);
+  if (reads_force || plugged || wants(Kind::Thermal))
+    evidence_.log = workshop_.run(commands, reads_force);
+  if (!force) return;
+  if (given.force->from == From::Current && !evidence_.law)
+    evidence_.law = trained_law(workshop_, *given.force);
+  // by what is believed besides, so after the log
+  if (given.force->from == From::Model)
+    evidence_.model_load =
+        computed_load(seen_, workshop_, commands, machine_belief(seen_, compensator_, evidence_));
+}
+
+void Learning::measure_part(const Commands& commands, int pass) {
+  if (!error_free_) error_free_ = workshop_.error_free();
+  const auto [readings, spacing] = workshop_.measured_part(commands, pass);
+  // cusps are meant, and no correction of the tool takes them away
+  const Eigen::VectorXd unmeant =
+      readings.deviation - left_by_program(seen_, *error_free_, readings.points_w);
+  const Eigen::VectorXd here = compensation::between_readings(
+      readings.points_w, unmeant, seen_.design_w.vertices, 5.0 * spacing);
+  total_ = total_.size() == 0 ? here : Eigen::VectorXd(total_ + here);
+  evidence_.part = course_of_part(seen_, *error_free_, total_);
+}
+
+/// What corrects, by what is known so far.
+Learnt corrector_of(const Seen& seen, const Workshop& workshop, const CaseDescription& compensator,
+                    const Evidence& evidence) {
+  if (!compensator.plug_in.empty()) {
+    workshop.check_trusted(compensator.plug_in);
+    return {plug_in_corrector(seen, compensator, evidence.log), {}, {}, {}};
+  }
+  if (compensator.belief == Kind::Perfect) return {workshop.perfect(compensator), {}, {}, {}};
+  compensation::MachineBelief belief = machine_belief(seen, compensator, evidence);
+  Learnt learnt{{}, {}, belief.geometric, {}};
+  if (belief.thermal && belief.thermal->held > 0)
+    learnt.warnings.push_back(fmt::format(
+        "thermal belief: {} of {} readings lay outside what it was trained with and were held",
+        belief.thermal->held, belief.thermal->time_s.size()));
+  const auto corrector = [&](compensation::MachineBelief believed) {
+    return belief_corrector(seen, compensator, [believed = std::move(believed)](const auto& state) {
+      return tool_in_workpiece(believed, state);
+    });
+  };
+  if (belief.part) {
+    compensation::MachineBelief without_part = belief;
+    without_part.part.reset();
+    learnt.at_datum = corrector(std::move(without_part));
+  }
+  learnt.corrector = corrector(std::move(belief));
+  return learnt;
+}
+
+/// A plug-in's strategy and channel are those of the scene.
+CaseDescription resolved(const Seen& seen, CaseDescription compensator) {
+  if (compensator.plug_in.empty()) return compensator;
+  compensator.strategy = seen.compensation.plug_in.strategy;
+  compensator.channel = seen.compensation.plug_in.channel;
+  return compensator;
+}
+
+}  // namespace
+
+Learnt learnt(const Seen& seen, const Workshop& workshop, const CaseDescription& described,
+              const Progress& progress) {
+  const CaseDescription compensator = resolved(seen, described);
+  Learning learning(seen, workshop, compensator);
+  const auto so_far = [&] {
+    return corrector_of(seen, workshop, compensator, learning.evidence());
+  };
+  if (learning.passes() == 0) return so_far();
+  Commands commands = as_programmed(seen, workshop);
+  for (int pass = 0; pass < learning.passes(); ++pass) {
+    if (progress) progress("learn", double(pass) / learning.passes());
+    if (pass > 0) commands = delivered(seen, workshop, compensator, so_far());
+    learning.read(commands);
+    if (!learning.measures(pass)) continue;
+    // a part shows what is left: of what else is believed nothing shall be corrected twice
+    if (pass == 0 && learning.knows_more())
+      commands = delivered(seen, workshop, compensator, so_far());
+    learning.measure_part(commands, pass);
+  }
+  return so_far();
+}
+
+Commands compensated(const Seen& seen, const Workshop& workshop, const CaseDescription& described,
+                     const Progress& progress) {
+  const auto refuse = [&](const std::string& found) {
+    throw BadInput(seen.file.string(), 0, 0,
+                   "a compensator that fits this program: " + described.name, found);
+  };
+  try {
+    return delivered(seen, workshop, resolved(seen, described),
+                     learnt(seen, workshop, described, progress));
+  } catch (const std::out_of_range& fault) {  // a table of the belief is left
+    refuse(fault.what());
+  } catch (const std::invalid_argument& fault) {
+    refuse(fault.what());
+  }
+  return {};
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,28 @@
+#pragma once
+
+#include "sim/files/progress.h"
+#include "sim/loop/seen.h"
+
+namespace abbe::sim {
+
+/// What corrects the program of a case, after all passes from which it learns.
+struct Learnt {
+  Corrector corrector;
+  Corrector at_datum;  ///< acts while the datum is found; none: `corrector`. What a part showed
+                       ///< counts from the datum from which it was cut, and moves no datum
+  std::optional<errors::GeometricModel> geometric;  ///< what is believed of the geometry alone
+  std::vector<std::string> warnings;
+};
+
+/// Learns what the case says by runs and parts in the workshop.
+/// @throws BadInput where the scene does not give what the case wants,
+///         compensation::PlugInFailure
+Learnt learnt(const Seen& seen, const Workshop& workshop, const CaseDescription& compensator,
+              const Progress& progress = {});
+
+/// The commands of a case: what it learnt, brought to the machine through its channel.
+/// @throws as `learnt`
+Commands compensated(const Seen& seen, const Workshop& workshop, const CaseDescription& compensator,
+                     const Progress& progress = {});
+
+}  // namespace abbe::sim

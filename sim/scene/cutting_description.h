@@ -1,0 +1,34 @@
+#pragma once
+
+#include <optional>
+#include <variant>
+
+#include "cutting/force.h"
+#include "cutting/stock.h"
+#include "sim/scene/mesh_file.h"
+
+namespace abbe::sim {
+
+/// The blank, what is cut with which forces, and how finely that is followed.
+struct CuttingDescription {
+  struct OffsetBlank {       ///< of a milled design, raised along its normals
+    double allowance = 0.0;  ///< mm
+    double floor = 0.0;      ///< mm, z of the part frame below
+  };
+  struct TurnedBlank {  ///< radius over the spindle line, from the part's origin
+    Eigen::Matrix<double, Eigen::Dynamic, 2> profile;  ///< (n x 2) mm: along, radius
+  };
+  using Blank =
+      std::variant<cutting::BoxBlank, cutting::CylinderBlank, OffsetBlank, MeshFile, TurnedBlank>;
+  Blank blank;           ///< in the part's frame
+  double spacing = 0.5;  ///< mm of dexels; of a turned blank along the line
+  bool three_directions = true;
+  std::size_t max_bytes = std::size_t(2) << 30;
+  std::optional<cutting::CuttingCoefficients> material;  ///< none: stock alone, no forces
+  cutting::Flutes flutes;
+  double step = 0.5;         ///< mm of tip travel between two looks at the engagement (milling)
+  double tolerance = 1e-6;   ///< mm, to which deflection and force agree
+  int most_iterations = 30;  ///< of one step
+};
+
+}  // namespace abbe::sim

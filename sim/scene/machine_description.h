@@ -1,0 +1,41 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "kinematics/chain.h"
+
+/// A machine as it is designed, and what its control believes and finds.
+namespace abbe::sim {
+
+/// A machine as its file describes it; every length mm, every angle rad, in the bed frame at zero.
+struct MachineDescription {
+  std::string name;
+  std::vector<kinematics::Joint> joints;                 ///< in the order of the structural code
+  kinematics::Pose T_bw = kinematics::Pose::Identity();  ///< workpiece, axes at zero
+  kinematics::Pose T_bs =
+      kinematics::Pose::Identity();     ///< spindle nose or tool post; z = tool axis
+  kinematics::AxisVector home;          ///< (joints) where the axes stand when a program begins
+  double rapid_speed = 10000.0 / 60.0;  ///< mm/s
+  double rapid_turn = 1.0;              ///< rad/s
+};
+
+/// What the control believes, where it differs from the nominal machine.
+struct ControlDescription {
+  std::vector<kinematics::Joint> joints;  ///< as it believes (points, directions)
+  std::optional<double> tool_length;      ///< mm
+};
+
+struct DatumDescription {
+  enum class Kind { None, Ideal, TouchOff } kind = Kind::None;
+  struct Touch {
+    Eigen::Vector3d point_w;      ///< mm
+    Eigen::Vector3d direction_w;  ///< unit, along which the probe touches
+  };
+  std::vector<Touch> touches;                         ///< touch_off
+  Eigen::Vector3d point_w = Eigen::Vector3d::Zero();  ///< ideal: where the tip is set exactly
+  double time_s = 0.0;
+};
+
+}  // namespace abbe::sim
