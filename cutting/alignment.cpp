@@ -4,9 +4,10 @@
 #include <cmath>
 #include <stdexcept>
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 
 #include "cutting/sum.h"
+#include "kinematics/symmetric.h"
 
 namespace abbe::cutting {
 namespace {
@@ -133,20 +134,20 @@ Aligned aligned(const Surface& surface, const Design& design, const AlignmentOpt
   const Gauge g = gauge(design, points);
   result.point = g.point;
   const NormalEquations equations = normal_equations(surface, design, points, g, size);
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(equations.A);
-  const double largest = eigen.eigenvalues()[size - 1];
+  const Eigenvectors eigen = eigenvectors(equations.A);
+  const double largest = eigen.values[size - 1];
   Eigen::VectorXd solution = Eigen::VectorXd::Zero(size);
   int dropped = 0;
   for (int k = 0; k < size; ++k) {
-    const double value = eigen.eigenvalues()[k];
-    const auto direction = eigen.eigenvectors().col(k);
+    const double value = eigen.values[k];
+    const auto direction = eigen.vectors.col(k);
     if (!(value > options.truncation * largest))
       ++dropped;  // eigenvalues come in growing order
     else
       solution += direction * (direction.dot(equations.b) / value);
   }
   result.rank = size - dropped;
-  result.undetermined = names(eigen.eigenvectors().leftCols(dropped));
+  result.undetermined = names(eigen.vectors.leftCols(dropped));
   Row scaled = Row::Zero();
   scaled.head(size) = solution;
   for (const CutPoint& p : points)

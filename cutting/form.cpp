@@ -11,6 +11,8 @@
 
 #include <Eigen/Dense>
 
+#include "kinematics/least_squares.h"
+
 namespace abbe::cutting {
 namespace {
 
@@ -51,10 +53,8 @@ std::optional<Eigen::VectorXd> form_residual(const Design& design, const Surface
     r[i] = surface.residual[v];
     weight[i] = std::sqrt(design.area[v]);
   }
-  Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> fit;
-  fit.setThreshold(1e-7);
-  fit.compute(weight.asDiagonal() * A);
-  const Eigen::VectorXd solution = fit.solve(weight.cwiseProduct(r));
+  const Eigen::VectorXd solution =
+      shortest_least_squares(weight.asDiagonal() * A, weight.cwiseProduct(r), 1e-7);
   return Eigen::VectorXd(r - A * solution);
 }
 
@@ -230,14 +230,13 @@ Circle fit_circle(const Eigen::Matrix<double, Eigen::Dynamic, 2>& points) {
   const double scale = q.rowwise().norm().maxCoeff();
 
   // start: the circle that is best in squared distances, linear in its unknowns
-  Eigen::Matrix<double, Eigen::Dynamic, 3> A(n, 3);
+  Eigen::MatrixXd A(n, 3);
   A << q / scale, Eigen::VectorXd::Ones(n);
-  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> start;
-  start.setThreshold(1e-10);
-  start.compute(A);
-  if (!(scale > 0.0) || start.rank() < 3)
+  const Eigen::VectorXd right = q.rowwise().squaredNorm() / scale;
+  const auto start = least_squares(A, right, 1e-10);
+  if (!(scale > 0.0) || start.rank < 3)
     throw std::invalid_argument("fit_circle: the points lie on a line");
-  const Eigen::Vector3d c = start.solve(q.rowwise().squaredNorm() / scale);
+  const Eigen::Vector3d c = start.x;
   Eigen::Vector2d centre = 0.5 * c.head<2>();
   double radius = std::sqrt(std::max(0.0, centre.squaredNorm() + c[2] * scale));
 
@@ -245,10 +244,10 @@ Circle fit_circle(const Eigen::Matrix<double, Eigen::Dynamic, 2>& points) {
     const Eigen::Matrix<double, Eigen::Dynamic, 2> d = q.rowwise() - centre.transpose();
     const Eigen::VectorXd distance = d.rowwise().norm();
     if (!(distance.minCoeff() > 0.0)) break;
-    Eigen::Matrix<double, Eigen::Dynamic, 3> J(n, 3);
+    Eigen::MatrixX3d J(n, 3);
     J << d.array().colwise() / distance.array(), Eigen::VectorXd::Ones(n);
-    const Eigen::Vector3d step =
-        J.colPivHouseholderQr().solve((distance.array() - radius).matrix());
+    const Eigen::VectorXd left = distance.array() - radius;
+    const Eigen::Vector3d step = least_squares(J, left).x;
     centre += step.head<2>();
     radius += step[2];
     if (step.norm() < 1e-15 * scale) break;

@@ -7,9 +7,9 @@
 #include <stdexcept>
 
 #include <fmt/format.h>
-#include <Eigen/SVD>
 
 #include "errors/curve.h"
+#include "kinematics/singular_values.h"
 
 namespace abbe::errors {
 namespace {
@@ -249,9 +249,9 @@ ThermalModes modes(const ThermalNetwork& network, bool coolant) {
   const MatrixXd B = incidence(mesh_of(network, coolant), root);
   if (!B.allFinite())
     refuse("thermal network", "its capacities and conductances are beyond what numbers can hold");
-  const Eigen::JacobiSVD<MatrixXd> svd(B, Eigen::ComputeThinU);
-  const MatrixXd& V = svd.matrixU();
-  ThermalModes result{svd.singularValues().cwiseAbs2(), V.transpose() * root.asDiagonal(),
+  const SingularValues svd = singular_values(B, Eigen::ComputeThinU);
+  const MatrixXd& V = svd.U;
+  ThermalModes result{svd.values.cwiseAbs2(), V.transpose() * root.asDiagonal(),
                       root.cwiseInverse().asDiagonal() * V};
   if (!result.rate_per_s.allFinite() || !result.to_modes.allFinite() ||
       !result.to_nodes.allFinite())

@@ -7,10 +7,10 @@
 #include <variant>
 
 #include <fmt/format.h>
-#include <Eigen/Cholesky>
 
 #include "errors/identification/design.h"
 #include "errors/identification/model.h"
+#include "kinematics/symmetric.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors::identification {
@@ -163,7 +163,7 @@ Training training(const Problem& problem, int fold) {
 Score score(const Problem& problem, const Training& fold, int element,
             const std::vector<int>& orders, int most) {
   const std::vector<Index> columns = element_last(problem, element, orders);
-  const MatrixXd L = Eigen::LLT<MatrixXd>(fold.G(columns, columns)).matrixL();
+  const MatrixXd L = cholesky(fold.G(columns, columns)).L;
   const VectorXd half = L.triangularView<Eigen::Lower>().solve(fold.h(columns));
   std::vector<Index> rows;  // readings that see the element
   for (const Index i : fold.left_out)

@@ -5,9 +5,10 @@
 #include <stdexcept>
 
 #include <fmt/format.h>
-#include <Eigen/Cholesky>
 
 #include "kinematics/jacobian.h"
+#include "kinematics/symmetric.h"
+#include "kinematics/triangle.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors::identification {
@@ -261,10 +262,10 @@ Prior prior_of(const GeometricErrors& model, Design& design) {
   const MatrixXd known = covariance.matrix(kept, kept);
   const VectorXd deviation = known.diagonal().cwiseSqrt();
   const VectorXd inverse = deviation.cwiseInverse();
-  const Eigen::LLT<MatrixXd> root(inverse.asDiagonal() * known * inverse.asDiagonal());
-  if (!deviation.allFinite() || root.info() != Eigen::Success)
+  const Cholesky root = cholesky(inverse.asDiagonal() * known * inverse.asDiagonal());
+  if (!deviation.allFinite() || !root.positive_definite)
     refuse("the covariance of the model is not positive definite");
-  prior.root = root.matrixL().solve(MatrixXd(inverse.asDiagonal()));
+  prior.root = solve_lower(root.L, inverse.asDiagonal());
   return prior;
 }
 

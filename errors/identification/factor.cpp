@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/LU>
+#include "kinematics/least_squares.h"
 
 namespace abbe::errors::identification {
 namespace {
@@ -55,11 +55,6 @@ std::vector<Index> chosen(MatrixXd N, const std::vector<int>& preference) {
   return rows;
 }
 
-MatrixXd triangle(const Eigen::HouseholderQR<MatrixXd>& qr) {
-  const Index n = qr.matrixQR().cols();
-  return qr.matrixQR().topRows(n).triangularView<Eigen::Upper>();
-}
-
 /// Sought columns of unit norm, below them zeros if there are fewer rows.
 MatrixXd scaled(const MatrixXd& A, const std::vector<int>& columns, const VectorXd& norm) {
   const auto n = Index(columns.size());
@@ -75,25 +70,6 @@ VectorXd norms(const MatrixXd& A, const std::vector<int>& columns) {
     norm[j] = n > 0.0 ? n : 1.0;
   }
   return norm;
-}
-
-/// Orthonormal null space (n x d) of a triangle of unit columns. By pivoted triangularisation:
-/// the packaged divide-and-conquer SVD has shown a singular value of 4e-7 where it is 5e-16.
-MatrixXd null_space(const MatrixXd& R, double tolerance) {
-  const Index n = R.cols();
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(R);
-  qr.setThreshold(tolerance);
-  const Index rank = qr.rank();
-  const Index d = n - rank;
-  if (d == 0) return MatrixXd(n, 0);
-  MatrixXd along(n, d);
-  along.bottomRows(d).setIdentity();
-  along.topRows(rank) = -qr.matrixR()
-                             .topLeftCorner(rank, rank)
-                             .triangularView<Eigen::Upper>()
-                             .solve(qr.matrixR().topRightCorner(rank, d));
-  const Eigen::HouseholderQR<MatrixXd> unit(qr.colsPermutation() * along);
-  return unit.householderQ() * MatrixXd::Identity(n, d);
 }
 
 /// Square root of the largest eigenvalue of a symmetric operator, by its powers.
@@ -135,7 +111,7 @@ Factor factor(const MatrixXd& A, const std::vector<char>& sought,
   result.hidden = MatrixXd::Zero(A.cols(), 0);
   if (n == 0) return result;
   const VectorXd norm = norms(A, columns);
-  result.outer.compute(scaled(A, columns, norm));
+  result.outer = reflected(scaled(A, columns, norm));
   const MatrixXd R = triangle(result.outer);
   const MatrixXd N = null_space(R, tolerance);
 
@@ -148,12 +124,12 @@ Factor factor(const MatrixXd& A, const std::vector<char>& sought,
   for (const Index j : left) result.left.push_back(columns[std::size_t(j)]);
   for (const Index j : found) result.found.push_back(columns[std::size_t(j)]);
   result.norm = norm(found);
-  result.inner.compute(R(Eigen::all, found));
+  result.inner = reflected(R(Eigen::all, found));
   result.condition = condition_of(triangle(result.inner));
   result.hidden = MatrixXd::Zero(A.cols(), N.cols());
   if (left.empty()) return result;
   const MatrixXd N_left = N(left, Eigen::all);
-  const MatrixXd along = N * N_left.fullPivLu().inverse();  // null vectors, a unit of each in turn
+  const MatrixXd along = N * inverted(N_left);  // null vectors, a unit of each in turn
   for (Index k = 0; k < N.cols(); ++k)
     for (const Index j : found)
       if (std::abs(along(j, k)) > hides)
@@ -164,18 +140,16 @@ Factor factor(const MatrixXd& A, const std::vector<char>& sought,
 
 VectorXd solve(const Factor& factor, const VectorXd& b) {
   if (factor.found.empty()) return VectorXd();
-  VectorXd rotated = VectorXd::Zero(factor.outer.matrixQR().rows());
-  rotated.head(b.size()) = b;
-  rotated.applyOnTheLeft(factor.outer.householderQ().adjoint());
-  const VectorXd head = rotated.head(factor.outer.matrixQR().cols());
-  return factor.inner.solve(head).cwiseQuotient(factor.norm);
+  VectorXd all = VectorXd::Zero(factor.outer.packed.rows());
+  all.head(b.size()) = b;
+  const VectorXd head = reflect(factor.outer, all).head(factor.outer.packed.cols());
+  return abbe::solve(factor.inner, head).cwiseQuotient(factor.norm);
 }
 
 MatrixXd covariance(const Factor& factor) {
   const auto n = Index(factor.found.size());
   if (n == 0) return MatrixXd(0, 0);
-  const MatrixXd root =
-      triangle(factor.inner).triangularView<Eigen::Upper>().solve(MatrixXd::Identity(n, n));
+  const MatrixXd root = solve_upper(triangle(factor.inner), MatrixXd::Identity(n, n));
   const VectorXd inverse = factor.norm.cwiseInverse();
   return inverse.asDiagonal() * (root * root.transpose()) * inverse.asDiagonal();
 }
@@ -183,8 +157,7 @@ MatrixXd covariance(const Factor& factor) {
 VectorXd leverage(const Factor& factor, const MatrixXd& A) {
   if (factor.found.empty()) return VectorXd::Zero(A.rows());
   const MatrixXd rows = scaled(A, factor.found, factor.norm).topRows(A.rows());
-  const MatrixXd reduced =
-      triangle(factor.inner).transpose().triangularView<Eigen::Lower>().solve(rows.transpose());
+  const MatrixXd reduced = solve_upper_transposed(triangle(factor.inner), rows.transpose());
   return reduced.colwise().squaredNorm();
 }
 

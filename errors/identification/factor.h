@@ -3,7 +3,8 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <Eigen/QR>
+
+#include "kinematics/triangle.h"
 
 namespace abbe::errors::identification {
 
@@ -17,9 +18,9 @@ struct Factor {
   double condition = 0.0;  ///< of the scaled matrix over what is solved for, to some percent
   int rows = 0;
 
-  Eigen::HouseholderQR<Eigen::MatrixXd> outer;  ///< of the scaled matrix, sought columns
-  Eigen::HouseholderQR<Eigen::MatrixXd> inner;  ///< of its triangle, columns found
-  Eigen::VectorXd norm;                         ///< (found) that the columns were divided by
+  Reflected outer;       ///< of the scaled matrix, sought columns
+  Reflected inner;       ///< of its triangle, columns found
+  Eigen::VectorXd norm;  ///< (found) that the columns were divided by
 };
 
 /// @param A           (m x n) rows in standard deviations

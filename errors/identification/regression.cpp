@@ -5,9 +5,10 @@
 #include <stdexcept>
 
 #include <fmt/format.h>
-#include <Eigen/Cholesky>
 #include <Eigen/QR>
 #include <Eigen/SVD>
+
+#include "kinematics/symmetric.h"
 
 namespace abbe::errors::identification {
 namespace {
@@ -151,7 +152,7 @@ double condition_of(const Qr& qr) {
   const Index q = qr.matrixQR().cols();
   RealMatrix R = qr.matrixQR().topRows(q).template triangularView<Eigen::Upper>();
   R.colwise().normalize();
-  const Eigen::JacobiSVD<RealMatrix> svd(R);
+  const Eigen::JacobiSVD<RealMatrix, Eigen::NoQRPreconditioner> svd(R);  // square
   return static_cast<double>(svd.singularValues()(0) / svd.singularValues()(q - 1));
 }
 
@@ -310,7 +311,7 @@ Shrunk fit_ridge(const MatrixXd& A, const VectorXd& y, double penalty) {
   const double n = static_cast<double>(A.rows());
   MatrixXd normal = s.Z.transpose() * s.Z / n;
   normal.diagonal().array() += penalty;
-  return in_units(s, normal.ldlt().solve(s.Z.transpose() * s.centred / n));
+  return in_units(s, solve_semidefinite(normal, VectorXd(s.Z.transpose() * s.centred / n)));
 }
 
 Shrunk fit_lasso(const MatrixXd& A, const VectorXd& y, double penalty) {

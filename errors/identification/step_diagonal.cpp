@@ -8,14 +8,14 @@
 #include <stdexcept>
 
 #include <fmt/format.h>
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
-#include <Eigen/QR>
-#include <Eigen/SVD>
+#include <Eigen/Geometry>
 
 #include "errors/coefficients.h"
 #include "errors/identification/design.h"
 #include "errors/squareness.h"
+#include "kinematics/least_squares.h"
+#include "kinematics/singular_values.h"
+#include "kinematics/symmetric.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors::identification {
@@ -190,17 +190,17 @@ Linear linear(const Path& path, Index readings) {
       count[leg->diagonal] += 1.0;
     }
     if (count.minCoeff() == 0.0) refuse("expected the same steps on every diagonal");
-    const Eigen::JacobiSVD<MatrixXd> svd(N, Eigen::ComputeFullU | Eigen::ComputeThinV);
-    if (svd.singularValues()[2] < 1e-3 * svd.singularValues()[0])
+    const SingularValues svd = singular_values(N, Eigen::ComputeFullU | Eigen::ComputeThinV);
+    if (svd.values[2] < 1e-3 * svd.values[0])
       refuse("expected diagonals that differ in three directions");
-    const MatrixXd inverse = svd.matrixV() * svd.singularValues().cwiseInverse().asDiagonal() *
-                             svd.matrixU().leftCols(3).transpose();
+    const MatrixXd inverse =
+        svd.V * svd.values.cwiseInverse().asDiagonal() * svd.U.leftCols(3).transpose();
     for (const Leg* leg : legs[std::size_t(k)]) {
       const double share = 1.0 / count[leg->diagonal];
       const VectorXd column = share * inverse.col(leg->diagonal);
       result.increments.col(leg->to).segment<3>(3 * k) += column;
       result.increments.col(leg->from).segment<3>(3 * k) -= column;
-      const double weight = share * svd.matrixU()(leg->diagonal, 3);
+      const double weight = share * svd.U(leg->diagonal, 3);
       result.contrast(k, leg->to) += weight;
       result.contrast(k, leg->from) -= weight;
     }
@@ -332,7 +332,7 @@ Contradiction contradiction(const MatrixXd& contrast, const VectorXd& y, const V
   if (contrast.rows() == 0) return {};
   const MatrixXd weighted = contrast * sigma.asDiagonal();
   const VectorXd k = contrast * y;
-  return {k.dot((weighted * weighted.transpose()).llt().solve(k)), double(k.size())};
+  return {k.dot(solve_positive(weighted * weighted.transpose(), k)), double(k.size())};
 }
 
 /// The same contrasts as the mean of each axis, and as changes from one interval to the next.
@@ -499,17 +499,18 @@ StepDiagonalTrend step_diagonal_trend(std::span<const StepDiagonal> results, con
   MatrixXd A(m, k + 1);
   A << VectorXd::Ones(m), dT_K;
   const VectorXd norm = A.colwise().norm().cwiseMax(std::numeric_limits<double>::min());
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(A * norm.cwiseInverse().asDiagonal());
-  qr.setThreshold(1e-9);
-  if (qr.rank() < k + 1) refuse("the temperatures do not vary enough to tell their slopes apart");
-  const MatrixXd solved = norm.cwiseInverse().asDiagonal() * qr.solve(values);
+  const MatrixXd scaled = A * norm.cwiseInverse().asDiagonal();
+  const auto fit = least_squares(scaled, values, 1e-9);
+  if (fit.rank < k + 1) refuse("the temperatures do not vary enough to tell their slopes apart");
+  const MatrixXd solved = norm.cwiseInverse().asDiagonal() * fit.x;
   trend.at_zero = solved.row(0).transpose();
   trend.per_K = solved.bottomRows(k).transpose();
   if (m == k + 1) return trend;
   const VectorXd variance =
       (values - A * solved).colwise().squaredNorm().transpose() / double(m - k - 1);
   const VectorXd inverse =
-      (A.transpose() * A).ldlt().solve(MatrixXd::Identity(k + 1, k + 1)).diagonal();
+      solve_semidefinite(MatrixXd(A.transpose() * A), MatrixXd(MatrixXd::Identity(k + 1, k + 1)))
+          .diagonal();
   trend.per_K_sigma = variance.cwiseSqrt() * inverse.tail(k).cwiseSqrt().transpose();
   return trend;
 }

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include <Eigen/QR>
+#include "kinematics/least_squares.h"
 
 namespace abbe::errors::metrology {
 namespace {
@@ -27,11 +27,11 @@ VectorXd from_plane(const Eigen::MatrixX2d& xy, const VectorXd& z, const VectorX
   Eigen::MatrixX3d terms(z.size(), 3);
   terms << VectorXd::Ones(z.size()), shifted / size;
   const VectorXd root = share.cwiseSqrt();
-  Eigen::ColPivHouseholderQR<Eigen::MatrixX3d> qr(root.asDiagonal() * terms);
-  qr.setThreshold(1e-9);  // a strip a thousand million times longer than wide is a line
-  if (qr.rank() < 3) throw std::invalid_argument("areal: the points do not fix a plane");
-  const VectorXd plane = qr.solve((root.array() * z.array()).matrix());
-  return z - terms * plane;
+  const Eigen::MatrixX3d weighted = root.asDiagonal() * terms;
+  // a strip a thousand million times longer than wide is a line
+  const auto fit = least_squares(weighted, VectorXd(root.array() * z.array()), 1e-9);
+  if (fit.rank < 3) throw std::invalid_argument("areal: the points do not fix a plane");
+  return z - terms * fit.x;
 }
 
 }  // namespace

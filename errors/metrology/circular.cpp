@@ -5,10 +5,9 @@
 #include <cmath>
 #include <stdexcept>
 
-#include <Eigen/SVD>
-
 #include "errors/metrology/form.h"
 #include "errors/metrology/shares.h"
+#include "kinematics/singular_values.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors::metrology {
@@ -182,8 +181,8 @@ Solution solution(const Readings& all, Index causes) {
   const Eigen::MatrixXd weighted = root.asDiagonal() * all.effect.leftCols(causes);
   const VectorXd norm = weighted.colwise().norm().transpose().cwiseMax(1e-300);
   const Eigen::MatrixXd scaled = weighted * norm.cwiseInverse().asDiagonal();
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(scaled, Eigen::ComputeThinU | Eigen::ComputeThinV);
-  const VectorXd& singular = svd.singularValues();
+  const SingularValues svd = singular_values(scaled, Eigen::ComputeThinU | Eigen::ComputeThinV);
+  const VectorXd& singular = svd.values;
   VectorXd inverse = VectorXd::Zero(causes);
   Solution result;
   for (Index i = 0; i < causes; ++i) {
@@ -192,10 +191,10 @@ Solution solution(const Readings& all, Index causes) {
       continue;
     }
     for (Index c = 0; c < causes; ++c)
-      if (std::abs(svd.matrixV()(c, i)) > 1e-6) result.open[std::size_t(c)] = true;
+      if (std::abs(svd.V(c, i)) > 1e-6) result.open[std::size_t(c)] = true;
   }
   const Eigen::MatrixXd estimator =
-      svd.matrixV() * inverse.asDiagonal() * svd.matrixU().transpose();  // of root times y
+      svd.V * inverse.asDiagonal() * svd.U.transpose();  // of root times y
   const VectorXd x = estimator * root.cwiseProduct(all.deviation);
   const VectorXd left = root.cwiseProduct(all.deviation) - scaled * x;
   const double taken = share.dot((scaled * estimator).diagonal());

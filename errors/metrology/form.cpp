@@ -7,10 +7,10 @@
 #include <vector>
 
 #include <Eigen/Geometry>
-#include <Eigen/QR>
-#include <Eigen/SVD>
 
 #include "errors/metrology/chebyshev.h"
+#include "kinematics/least_squares.h"
+#include "kinematics/singular_values.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors::metrology {
@@ -64,10 +64,11 @@ Vector2d algebraic_centre(const MatrixX2d& points, const VectorXd& part) {
   MatrixX3d terms(points.rows(), 3);
   terms << 2.0 * points, VectorXd::Ones(points.rows());
   const VectorXd root = part.cwiseSqrt();
-  Eigen::ColPivHouseholderQR<MatrixX3d> qr(root.asDiagonal() * terms);
-  qr.setThreshold(flat);
-  if (qr.rank() < 3) throw std::invalid_argument("circle: expected points that are not on a line");
-  return qr.solve(root.cwiseProduct(points.rowwise().squaredNorm())).head<2>();
+  const MatrixX3d weighted = root.asDiagonal() * terms;
+  const VectorXd right = root.cwiseProduct(points.rowwise().squaredNorm());
+  const auto fit = least_squares(weighted, right, flat);
+  if (fit.rank < 3) throw std::invalid_argument("circle: expected points that are not on a line");
+  return fit.x.head<2>();
 }
 
 /// Mean of the squared distances from the best circle about a centre.
@@ -83,7 +84,7 @@ Vector2d step(const MatrixX2d& points, const VectorXd& part, const Vector2d& cen
   terms << r.direction, VectorXd::Ones(points.rows());
   const VectorXd root = part.cwiseSqrt();
   const MatrixX3d weighted = root.asDiagonal() * terms;
-  return weighted.colPivHouseholderQr().solve(root.cwiseProduct(r.length)).head<2>();
+  return least_squares(weighted, VectorXd(root.cwiseProduct(r.length))).x.head<2>();
 }
 
 /// Goes from `centre` along `move`, or a part of it, to where `width` is less; false if nowhere.
@@ -237,10 +238,10 @@ Cloud cloud(const MatrixX3d& points, const VectorXd& weights = {}) {
   if (!(size > 0.0)) throw std::invalid_argument("plane: expected points that differ");
   const VectorXd root = part.cwiseSqrt();
   const MatrixX3d unit = root.asDiagonal() * (c.points / size);
-  const Eigen::JacobiSVD<MatrixX3d> svd(unit, Eigen::ComputeFullV);
-  if (svd.singularValues()[1] < flat * svd.singularValues()[0])
+  const Principal spread = principal(unit);
+  if (spread.size[1] < flat * spread.size[0])
     throw std::invalid_argument("plane: expected points that are not on a line");
-  c.frame.axes = svd.matrixV();
+  c.frame.axes = spread.axes;
   c.frame.axes.col(2) = c.frame.axes.col(0).cross(c.frame.axes.col(1));
   return c;
 }

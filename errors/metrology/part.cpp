@@ -10,10 +10,10 @@
 
 #include <fmt/format.h>
 #include <Eigen/Geometry>
-#include <Eigen/QR>
 
 #include "errors/curve.h"
 #include "errors/metrology/walk.h"
+#include "kinematics/least_squares.h"
 
 namespace abbe::errors::metrology {
 namespace {
@@ -209,9 +209,7 @@ Eigen::VectorXd best_fitted(const PartReadings& r, const Vector3d& middle_w) {
       const Vector3d normal = r.normals_w.row(i), arm = read_w.row(i).transpose() - middle_w;
       A.row(i) << normal.transpose(), arm.cross(normal).transpose() / size;
     }
-    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> qr;
-    qr.setThreshold(1e-9);
-    kinematics::Deviation D = -qr.compute(A).solve(left);
+    kinematics::Deviation D = -shortest_least_squares(A, left, 1e-9);
     D.tail<3>() /= size;
     const kinematics::Pose back = kinematics::motion(D, middle_w);
     for (Index i = 0; i < n; ++i) {

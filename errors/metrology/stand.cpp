@@ -6,9 +6,9 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <Eigen/QR>
 
 #include "kinematics/jacobian.h"
+#include "kinematics/least_squares.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors::metrology {
@@ -138,11 +138,11 @@ std::optional<AxisVector> slides_for_reflector(const Instrument& instrument, con
   Eigen::MatrixXd directions_w(3, Eigen::Index(slides.size()));
   for (std::size_t k = 0; k < slides.size(); ++k)
     directions_w.col(Eigen::Index(k)) = J_w.col(slides[k]).head<3>();
-  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(directions_w);
 
   AxisVector there = q;
   for (int pass = 0; pass < 2; ++pass) {  // the second takes up rounding
-    const Eigen::VectorXd way = qr.solve(place_w - reflector_w(instrument, nominal, there));
+    const Eigen::VectorXd left_w = place_w - reflector_w(instrument, nominal, there);
+    const Eigen::VectorXd way = least_squares(directions_w, left_w).x;
     for (std::size_t k = 0; k < slides.size(); ++k) there[slides[k]] += way[Eigen::Index(k)];
   }
   if (!((place_w - reflector_w(instrument, nominal, there)).norm() <= reached)) return std::nullopt;

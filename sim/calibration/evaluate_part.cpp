@@ -6,11 +6,12 @@
 #include <optional>
 
 #include <fmt/format.h>
-#include <Eigen/SVD>
+#include <Eigen/Geometry>
 
 #include "errors/metrology/areal.h"
 #include "errors/metrology/form.h"
 #include "errors/metrology/shares.h"
+#include "kinematics/singular_values.h"
 #include "sim/calibration/evaluate_figures.h"
 
 namespace abbe::sim {
@@ -54,10 +55,10 @@ Json flatness_json(const PartReadings& r, const VectorXd& share) {
 /// The direction that no normal has a part of, where the normals have every other: of a cylinder or
 /// a ring its axis.
 std::optional<Vector3d> axis_of(const PartReadings& r) {
-  const Eigen::JacobiSVD<MatrixX3d> svd(r.normals_w, Eigen::ComputeFullV);
-  const Vector3d size = svd.singularValues() / svd.singularValues()[0];
+  const Principal normals = principal(r.normals_w);
+  const Vector3d size = normals.size / normals.size[0];
   if (size[2] > 1e-9 || size[1] < 0.1) return std::nullopt;
-  Vector3d axis = svd.matrixV().col(2);
+  Vector3d axis = normals.axes.col(2);
   Index largest = 0;
   axis.cwiseAbs().maxCoeff(&largest);
   return axis[largest] < 0.0 ? Vector3d(-axis) : axis;

@@ -7,9 +7,10 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <Eigen/QR>
+#include <Eigen/Core>
 
 #include "errors/metrology/shares.h"
+#include "kinematics/least_squares.h"
 #include "kinematics/units.h"
 
 namespace abbe::sim {
@@ -460,7 +461,7 @@ metrology::PositionRuns form_of(const AxisTest& test) {
   }
   const Eigen::MatrixXd weighted = root.asDiagonal() * set_up;
   const VectorXd added =
-      set_up * weighted.colPivHouseholderQr().solve(root.cwiseProduct(mean_of(runs)));
+      set_up * least_squares(weighted, VectorXd(root.cwiseProduct(mean_of(runs)))).x;
   runs.up.colwise() -= added;
   runs.down.colwise() -= added;
   return runs;

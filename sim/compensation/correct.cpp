@@ -6,9 +6,10 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
 
 #include "kinematics/jacobian.h"
+#include "kinematics/least_squares.h"
 
 namespace abbe::sim::compensation {
 namespace {
@@ -79,7 +80,7 @@ Few<Slide> with_replies(Few<Slide> slides) {
   if (slides.count == 0) return slides;
   Eigen::Matrix3Xd directions(3, slides.count);
   for (int k = 0; k < slides.count; ++k) directions.col(k) = s[std::size_t(k)].direction_w;
-  const Eigen::MatrixXd replies = directions.completeOrthogonalDecomposition().pseudoInverse();
+  const Eigen::MatrixXd replies = pseudo_inverse(directions);
   for (int k = 0; k < slides.count; ++k) s[std::size_t(k)].reply = replies.row(k);
   return slides;
 }

@@ -4,7 +4,9 @@
 #include <cmath>
 #include <stdexcept>
 
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
+
+#include "kinematics/least_squares.h"
 
 namespace abbe::sim::compensation {
 namespace {
@@ -89,10 +91,10 @@ CurrentLaw fitted_law(const ControlLog& log, const CurrentTraining& part, double
     A.row(i) << x, x * x;
     law.largest_A = std::max(law.largest_A, x);
   }
-  const Eigen::ColPivHouseholderQR<Eigen::MatrixX2d> qr(A);
-  if (qr.rank() < 2)
+  const auto fit = least_squares(A, part.deviation);
+  if (fit.rank < 2)
     throw std::invalid_argument("expected a training part cut with two depths or more");
-  law.c = qr.solve(part.deviation);
+  law.c = fit.x;
   law.sigma =
       std::sqrt((A * law.c - part.deviation).squaredNorm() / double(std::max<Index>(1, n - 2)));
   return law;

@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
 
 #include "cutting/stock.h"
 #include "kinematics/units.h"

@@ -2,9 +2,8 @@
 
 #include <functional>
 
-#include <Eigen/Dense>
-
 #include "kinematics/jacobian.h"
+#include "kinematics/least_squares.h"
 
 namespace abbe::sim {
 namespace {
@@ -59,7 +58,7 @@ Vector3d found_offset(const DatumDescription& datum, const TipDeviation& deviati
     directions.row(i) = touch.direction_w.transpose();
     learnt[i] = -touch.direction_w.dot(deviation(touch.point_w));
   }
-  return directions.completeOrthogonalDecomposition().solve(learnt);
+  return shortest_least_squares(directions, learnt);
 }
 
 }  // namespace
@@ -71,7 +70,7 @@ AxisVector slides_of_offset(const kinematics::Chain& chain, const Vector3d& offs
   for (int i = 0; i < chain.size(); ++i)
     if (chain.joints()[std::size_t(i)].motion == kinematics::Motion::Linear)
       by_slide.col(i) = J.col(i).head<3>();
-  q = by_slide.completeOrthogonalDecomposition().solve(offset_w);
+  q = shortest_least_squares(by_slide, offset_w);
   return q;
 }
 

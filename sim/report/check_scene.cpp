@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "kinematics/turn_between.h"
 #include "kinematics/units.h"
 
 namespace abbe::sim {
@@ -26,7 +27,7 @@ constexpr std::size_t most_points = 4000;  // of a pass that is drawn
 /// Frame at `point` whose z axis is `direction`.
 Pose frame(const Vector3d& point, const Vector3d& direction) {
   Pose T = Pose::Identity();
-  T.linear() = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), direction).toRotationMatrix();
+  T.linear() = kinematics::turn_between(Vector3d::UnitZ(), direction).toRotationMatrix();
   T.translation() = point;
   return T;
 }

@@ -8,12 +8,13 @@
 #include <tuple>
 
 #include <fmt/format.h>
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 
 #include "errors/coefficients.h"
 #include "errors/element_table.h"
 #include "errors/geometric.h"
 #include "errors/squareness.h"
+#include "kinematics/symmetric.h"
 #include "kinematics/units.h"
 #include "sim/scene/scene_sections.h"
 
@@ -480,8 +481,7 @@ errors::Covariance ErrorsReader::read_covariance(const std::vector<Element>& ele
   Eigen::Index at = 0;
   for (Eigen::Index i = 0; i < m && correlation; ++i)
     for (Eigen::Index k = 0; k < i; ++k) R(i, k) = R(k, i) = (*correlation)[at++];
-  if (Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(R, Eigen::EigenvaluesOnly).eigenvalues()[0] <
-      -1e-9 * double(m))
+  if (eigenvalues(R)[0] < -1e-9 * double(m))
     reader.refuse("correlation", "a correlation that can be (no negative variance)", "another");
   result.matrix = sigma.asDiagonal() * R * sigma.asDiagonal();
   return result;

@@ -1,6 +1,6 @@
 #include "sim/study/contact_motion.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
 
 namespace abbe::sim::study {
 namespace {

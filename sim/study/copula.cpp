@@ -9,8 +9,8 @@
 #include <string>
 #include <utility>
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
+#include "kinematics/symmetric.h"
+#include "kinematics/triangle.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -81,19 +81,18 @@ std::vector<std::vector<int>> connected(const Eigen::MatrixXd& matrix) {
 /// Lower triangular, times its transpose the correlation: eigenvectors first, as they take any
 /// rank, then turned into a triangle, as its first input should not depend on other coordinates.
 Eigen::MatrixXd factor_of(const Eigen::MatrixXd& correlation) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(correlation);
-  const double least = eigen.eigenvalues()(0);
+  const Eigenvectors eigen = eigenvectors(correlation);
+  const double least = eigen.values(0);
   if (least < -of_rounding)
     refuse("no numbers can be correlated so: the least eigenvalue of the correlation matrix is " +
            short_text(least) + ", expected none below 0 (all correlations times " +
            short_text(std::floor(1e3 / (1.0 - least)) / 1e3) + " would do)");
   const double rank_limit = double(correlation.rows()) * std::numeric_limits<double>::epsilon() *
-                            eigen.eigenvalues()(correlation.rows() - 1);
+                            eigen.values(correlation.rows() - 1);
   const Eigen::VectorXd lengths =
-      (eigen.eigenvalues().array() > rank_limit).select(eigen.eigenvalues().array().sqrt(), 0.0);
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(
-      (eigen.eigenvectors() * lengths.asDiagonal()).transpose());
-  Eigen::MatrixXd factor = qr.matrixQR().triangularView<Eigen::Upper>().transpose();
+      (eigen.values.array() > rank_limit).select(eigen.values.array().sqrt(), 0.0);
+  Eigen::MatrixXd factor =
+      triangle(reflected((eigen.vectors * lengths.asDiagonal()).transpose())).transpose();
   for (Eigen::Index i = 0; i < factor.cols(); ++i)
     if (factor(i, i) < 0.0) factor.col(i) *= -1.0;
   return factor.rowwise().normalized();  // what truncation took, so that every score has variance 1

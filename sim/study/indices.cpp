@@ -6,7 +6,7 @@
 #include <numeric>
 #include <stdexcept>
 
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
 
 #include "sim/study/sequence.h"
 

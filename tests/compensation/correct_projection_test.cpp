@@ -4,8 +4,9 @@
 #include <random>
 
 #include <gtest/gtest.h>
-#include <Eigen/SVD>
+#include <Eigen/Geometry>
 
+#include "kinematics/singular_values.h"
 #include "tests/compensation/believed.h"
 
 // What a perfect belief leaves is what its joints cannot do. Here that is found a second time
@@ -58,9 +59,12 @@ MatrixXd columns(const std::function<Place(const AxisVector&)>& f, const AxisVec
 /// Least squares of least length; singular values below `least` of the largest count as none.
 VectorXd solved(const MatrixXd& J, const VectorXd& wanted, double least) {
   if (J.cols() == 0) return VectorXd(0);
-  Eigen::JacobiSVD<MatrixXd> svd(J, Eigen::ComputeThinU | Eigen::ComputeThinV);
-  svd.setThreshold(least);
-  return svd.solve(wanted);
+  const SingularValues svd = singular_values(J, Eigen::ComputeThinU | Eigen::ComputeThinV);
+  VectorXd x = VectorXd::Zero(J.cols());
+  for (Eigen::Index i = 0; i < svd.values.size(); ++i)
+    if (svd.values[i] > least * svd.values[0])
+      x += svd.V.col(i) * (svd.U.col(i).dot(wanted) / svd.values[i]);
+  return x;
 }
 
 struct Left {

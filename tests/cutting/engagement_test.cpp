@@ -1,4 +1,5 @@
 #include "cutting/engagement.h"
+#include "kinematics/turn_between.h"
 
 #include <algorithm>
 #include <cmath>
@@ -22,7 +23,7 @@ constexpr double pi = std::numbers::pi;
 Isometry3d pose(const Vector3d& tip, const Vector3d& axis = Vector3d::UnitZ()) {
   Isometry3d T = Isometry3d::Identity();
   T.translation() = tip;
-  T.linear() = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis).toRotationMatrix();
+  T.linear() = kinematics::turn_between(Vector3d::UnitZ(), axis).toRotationMatrix();
   return T;
 }
 

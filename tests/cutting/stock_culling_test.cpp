@@ -9,6 +9,7 @@
 #include <tbb/parallel_for.h>
 
 #include "cutting/engagement.h"
+#include "kinematics/turn_between.h"
 
 // The sweep through a stock against the same with every line tried, bit for bit, and engagement
 // against counting: cutters of every kind, leans from 1e-9 rad on.
@@ -42,7 +43,7 @@ int longer(int factor) { return std::getenv("ABBE_LONG") ? factor : 1; }
 Isometry3d pose(const Vector3d& tip, const Vector3d& axis) {
   Isometry3d T = Isometry3d::Identity();
   T.translation() = tip;
-  T.linear() = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis).toRotationMatrix();
+  T.linear() = kinematics::turn_between(Vector3d::UnitZ(), axis).toRotationMatrix();
   return T;
 }
 

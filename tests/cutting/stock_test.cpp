@@ -16,6 +16,7 @@
 
 #include <gtest/gtest.h>
 
+#include "kinematics/turn_between.h"
 #include "tests/oracles/voxel_stock.h"
 
 namespace abbe::cutting {
@@ -29,7 +30,7 @@ constexpr double pi = std::numbers::pi;
 Isometry3d pose(const Vector3d& tip, const Vector3d& axis = Vector3d::UnitZ()) {
   Isometry3d T = Isometry3d::Identity();
   T.translation() = tip;
-  T.linear() = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis).toRotationMatrix();
+  T.linear() = kinematics::turn_between(Vector3d::UnitZ(), axis).toRotationMatrix();
   return T;
 }
 

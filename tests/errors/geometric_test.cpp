@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "errors/squareness.h"
+#include "kinematics/symmetric.h"
 #include "tests/errors/machines.h"
 
 namespace abbe::errors {
@@ -295,7 +296,7 @@ TEST(Squareness, OfXAndYGivesACircularityOfRS) {
     M.row(i) << 2 * p.x(), 2 * p.y(), 1;
     b[i] = p.squaredNorm();
   }
-  const Vector3d circle = (M.transpose() * M).ldlt().solve(M.transpose() * b);
+  const Vector3d circle = solve_positive(M.transpose() * M, M.transpose() * b);
   double least = 1e9, most = 0;
   for (int i = 0; i < n; ++i) {
     const double r = (tip(2 * std::numbers::pi * i / n) - circle.head<2>()).norm();

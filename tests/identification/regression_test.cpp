@@ -1,4 +1,5 @@
 #include "errors/identification/regression.h"
+#include "kinematics/least_squares.h"
 
 #include <cmath>
 #include <iostream>
@@ -6,7 +7,7 @@
 #include <random>
 
 #include <gtest/gtest.h>
-#include <Eigen/LU>
+#include <Eigen/Core>
 
 namespace {
 
@@ -294,7 +295,7 @@ TEST(Regression, CovarianceAndLeverageAreThoseOfTheNormalEquations) {
   MatrixXd X(30, 4);
   X << VectorXd::Ones(30), A;
   const MatrixXd W = options.weight.asDiagonal();
-  const MatrixXd inverse = (X.transpose() * W * X).inverse();
+  const MatrixXd inverse = abbe::inverted(X.transpose() * W * X);
   VectorXd b(4);
   b << fit.constant, fit.beta;
   EXPECT_LT((b - inverse * X.transpose() * W * y).norm(), 1e-13);

@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
 
 #include "cutting/residual.h"
 #include "errors/geometric.h"

@@ -7,7 +7,7 @@
 #include <limits>
 
 #include <gtest/gtest.h>
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
 
 #include "kinematics/units.h"
 #include "sim/cut/part.h"

@@ -9,9 +9,10 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <Eigen/QR>
+#include <Eigen/Geometry>
 
 #include "errors/coefficients.h"
+#include "kinematics/least_squares.h"
 #include "kinematics/units.h"
 #include "sim/commands/identify_command.h"
 #include "sim/machine/compile.h"
@@ -335,7 +336,7 @@ Volume placed(const Volume& errors, const kinematics::Chain& nominal,
     y.segment<3>(6 * i) = errors.tip.row(i).transpose();
     y.segment<3>(6 * i + 3) = length * errors.axis.row(i).transpose();
   }
-  const VectorXd left = y - A * A.colPivHouseholderQr().solve(y);
+  const VectorXd left = y - A * least_squares(A, y).x;
   Volume result{Eigen::MatrixX3d(n, 3), Eigen::MatrixX3d(n, 3)};
   for (Eigen::Index i = 0; i < n; ++i) {
     result.tip.row(i) = left.segment<3>(6 * i).transpose();

@@ -10,9 +10,10 @@
 #include <set>
 
 #include <gtest/gtest.h>
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
 
 #include "kinematics/jacobian.h"
+#include "kinematics/turn_between.h"
 #include "kinematics/units.h"
 #include "sim/loop/compensate.h"
 #include "sim/loop/perfect.h"
@@ -130,7 +131,7 @@ Between between(const std::vector<AxisState>& states, double time_s) {
 /// Where a milling tool is between two poses: its tip on a line, its axis on a great circle.
 Pose on_the_way(const Pose& from, const Pose& to, double fraction) {
   const Vector3d u = from.linear().col(2), v = to.linear().col(2);
-  const Eigen::AngleAxisd turn(Eigen::Quaterniond::FromTwoVectors(u, v));
+  const Eigen::AngleAxisd turn(kinematics::turn_between(u, v));
   Pose T = from;
   T.linear() = Eigen::AngleAxisd(fraction * turn.angle(), turn.axis()) * from.linear();
   T.translation() += fraction * (to.translation() - from.translation());

@@ -10,9 +10,10 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
 #include <nlohmann/json.hpp>
 
+#include "kinematics/least_squares.h"
 #include "sim/report/report.h"
 #include "sim/scene/read_scene.h"
 
@@ -140,14 +141,14 @@ double left_by_gains(const std::array<std::array<Vector3d, 2>, 2>& after) {  // 
 double left_by_laws(const std::array<std::array<Vector3d, 2>, 2>& after) {
   double sum = 0.0;
   for (std::size_t trial = 0; trial < 2; ++trial) {
-    Eigen::Matrix<double, 6, 2> A;
-    Eigen::Matrix<double, 6, 1> b;
+    Eigen::MatrixX2d A(6, 2);
+    Eigen::VectorXd b(6);
     for (int i = 0; i < 2; ++i) {
       A.block<3, 1>(3 * i, 0).setOnes();
       A.block<3, 1>(3 * i, 1) = shafts[std::size_t(i)].before;
       b.segment<3>(3 * i) = after[std::size_t(i)][trial];
     }
-    const Eigen::Vector2d fit = A.colPivHouseholderQr().solve(b);
+    const Eigen::Vector2d fit = least_squares(A, b).x;
     sum += (A * fit - b).squaredNorm();
   }
   return sum;

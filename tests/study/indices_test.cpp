@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
 
 #include "sim/study/sequence.h"
 #include "tests/study/openturns.h"
