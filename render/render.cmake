@@ -14,6 +14,7 @@ vtk_module_autoinit(TARGETS abbe_render MODULES ${VTK_LIBRARIES})
 # An object, not a member of the archive: it must be in the executable itself to stand before the
 # library's own glewInit.
 add_library(abbe_glew_init OBJECT ${CMAKE_CURRENT_LIST_DIR}/glew_init.cpp)
-target_link_libraries(abbe_glew_init PRIVATE abbe_flags)
+target_link_libraries(abbe_glew_init PRIVATE $<BUILD_INTERFACE:abbe_flags>)
+set_target_properties(abbe_glew_init PROPERTIES EXPORT_NAME glew_init)
 target_sources(abbe_render INTERFACE $<TARGET_OBJECTS:abbe_glew_init>)
 target_link_libraries(abbe_render INTERFACE ${CMAKE_DL_LIBS})

@@ -1,0 +1,57 @@
+# What `cmake --install` brings: the program with its man page and scenes (component program), and the
+# headers, libraries and abbeConfig.cmake for programs of others (component development). `cpack -G
+# DEB` makes a package of each.
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+
+install(TARGETS abbe RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
+install(FILES ${CMAKE_CURRENT_LIST_DIR}/abbe.1 DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT program)
+install(DIRECTORY scenes/ DESTINATION ${CMAKE_INSTALL_DATADIR}/abbe/scenes COMPONENT program
+        PATTERN pictures EXCLUDE PATTERN out EXCLUDE)
+install(FILES LICENSE README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)
+
+get_property(rooms GLOBAL PROPERTY abbe_rooms)
+set(abbe_package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/abbe)
+set(abbe_headers_dir ${CMAKE_INSTALL_INCLUDEDIR}/abbe)
+set(libraries abbe_abi)
+foreach(room ${rooms})
+  string(REPLACE "/" "_" name ${room})
+  list(APPEND libraries abbe_${name})
+  file(GLOB headers CONFIGURE_DEPENDS ${room}/*.h)
+  install(FILES ${headers} DESTINATION ${abbe_headers_dir}/${room} COMPONENT development)
+endforeach()
+if(TARGET abbe_glew_init)
+  list(APPEND libraries abbe_glew_init)
+endif()
+install(TARGETS ${libraries} EXPORT abbe
+        ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}/abbe COMPONENT development
+        OBJECTS DESTINATION ${CMAKE_INSTALL_LIBDIR}/abbe COMPONENT development)
+install(EXPORT abbe NAMESPACE abbe:: FILE abbeTargets.cmake DESTINATION ${abbe_package_dir}
+        COMPONENT development)
+configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/abbeConfig.cmake.in
+                              ${CMAKE_CURRENT_BINARY_DIR}/abbeConfig.cmake
+                              INSTALL_DESTINATION ${abbe_package_dir})
+write_basic_package_version_file(${CMAKE_CURRENT_BINARY_DIR}/abbeConfigVersion.cmake
+                                 COMPATIBILITY SameMinorVersion)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/abbeConfig.cmake ${CMAKE_CURRENT_BINARY_DIR}/abbeConfigVersion.cmake
+        DESTINATION ${abbe_package_dir} COMPONENT development)
+
+set(CPACK_PACKAGE_VENDOR "the abbe project")
+set(CPACK_PACKAGE_CONTACT "the abbe project")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "virtual five-axis machine tool that is wrong on purpose")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_COMPONENTS_ALL program development)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_NAME abbe)
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_SHLIBDEPS ON)
+# the driver that draws without a display is opened by name, so no tool finds it
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS "libegl1, libgl1-mesa-dri")
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libabbe-dev)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
+    "libeigen3-dev, libfmt-dev, libtbb-dev, libopenmesh-dev, libfcl-dev, libvtk9-dev, libglew-dev, \
+libegl-dev, libtomlplusplus-dev, nlohmann-json3-dev, libcli11-dev, libsqlite3-dev, libboost-dev")
+include(CPack)

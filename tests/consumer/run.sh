@@ -1,0 +1,24 @@
+#!/bin/sh
+# run.sh BUILD SCENES: installs what BUILD holds into a new folder, builds this project against that
+# alone, runs its programs and checks what they say.
+set -eu
+here=$(cd "$(dirname "$0")" && pwd)
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cmake --install "$1" --prefix "$work/abbe" >"$work/install"
+cp -r "$here" "$work/consumer"
+if grep -rlE '"-(Wall|Wextra|Wshadow|Wpedantic)|;-W' "$work/abbe/lib"*/cmake "$work/abbe/lib"/*/cmake 2>/dev/null; then
+  echo "the installed targets push warning flags on their users"
+  exit 1
+fi
+cmake -S "$work/consumer" -B "$work/build" -DCMAKE_PREFIX_PATH="$work/abbe" -DCMAKE_BUILD_TYPE=Release >"$work/configure" || { cat "$work/configure"; exit 1; }
+cmake --build "$work/build" --parallel 2 >"$work/make" || { cat "$work/make"; exit 1; }
+"$work/build/pose" | tee "$work/pose"
+grep -q 'tip off by -20.000 um along X' "$work/pose"
+"$work/build/residual" "$2/gantry_dome.toml" | tee "$work/residual"
+grep -qE '^PV [1-9][0-9]*\.[0-9]+ um' "$work/residual"
+"$work/build/compensator" "$2/gantry_dome.toml" | tee "$work/compensator"
+"$work/abbe/bin/abbe" --version
+for file in "$here"/*.cpp; do
+  [ "$(wc -l <"$file")" -lt 40 ] || { echo "$file has 40 lines or more"; exit 1; }
+done
