@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/units.h"
+#include "sim/loop/compensate.h"
 #include "sim/report/report.h"
 #include "sim/scene/read_scene.h"
 

@@ -20,6 +20,7 @@
 #include "kinematics/bad_input.h"
 #include "sim/commands/measure_command.h"
 #include "sim/cut/work.h"
+#include "sim/loop/compensate.h"
 #include "sim/report/describe.h"
 #include "sim/report/report.h"
 #include "sim/scene/read_scene.h"

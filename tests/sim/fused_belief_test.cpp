@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
+#include "sim/loop/compensate.h"
 #include "sim/report/report.h"
 #include "sim/scene/read_scene.h"
 

@@ -14,6 +14,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/least_squares.h"
+#include "sim/loop/compensate.h"
 #include "sim/report/report.h"
 #include "sim/scene/read_scene.h"
 
