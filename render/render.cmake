@@ -16,5 +16,6 @@ vtk_module_autoinit(TARGETS abbe_render MODULES ${VTK_LIBRARIES})
 add_library(abbe_glew_init OBJECT ${CMAKE_CURRENT_LIST_DIR}/glew_init.cpp)
 target_link_libraries(abbe_glew_init PRIVATE $<BUILD_INTERFACE:abbe_flags>)
 set_target_properties(abbe_glew_init PROPERTIES EXPORT_NAME glew_init)
-target_sources(abbe_render INTERFACE $<TARGET_OBJECTS:abbe_glew_init>)
+target_sources(abbe_render INTERFACE $<BUILD_INTERFACE:$<TARGET_OBJECTS:abbe_glew_init>>
+                                     $<INSTALL_INTERFACE:$<TARGET_OBJECTS:abbe::glew_init>>)
 target_link_libraries(abbe_render INTERFACE ${CMAKE_DL_LIBS})

@@ -18,7 +18,7 @@ int main() {
                                  slide('Z', Eigen::Vector3d::UnitZ())},
                                 kinematics::Pose::Identity(), kinematics::Pose::Identity());
   errors::GeometricErrors wrong;
-  wrong.elements.push_back({errors::parse_element_name("EC0Y"), {errors::Constant{100e-6}}});
+  wrong.elements = {{errors::parse_element_name("EC0Y"), {{errors::Constant{100e-6}}}}};
   const errors::GeometricModel model = errors::bind(wrong, chain);
   kinematics::AxisState state;
   state.q = Eigen::Vector3d(100, 200, 50);
