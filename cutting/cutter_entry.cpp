@@ -17,6 +17,7 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double straight_tolerance = 1e-9;  // mm, where the search is convex
 constexpr double turning_tolerance = 2e-8;   // mm, where the axis turns
 constexpr double depth_tolerance = 1e-10;    // mm, of a touch that may be missed
+constexpr double least_facing = 1e-15;       // below, the sine between ray and skin is rounding
 
 // ---- the cutter at one instant ------------------------------------------------------------------
 
@@ -341,14 +342,14 @@ class Sweep {
     }
     sample.defined = true;
     sample.value = hit->s;
-    const double facing = std::max(-hit->outward.dot(ray_.normal), 1e-9);
+    const double facing = std::max(-hit->outward.dot(ray_.normal), least_facing);
     const Vector3d arm = ray_.point + hit->s * ray_.normal - at.tip;
     sample.slope = -hit->outward.dot(velocity(arm)) / facing;
     sample.dip = dip(hit->outward, arm, sample.slope * ray_.normal) / facing;
     sample.fade = move_.angle / facing;
     sample.outward = hit->outward;
     sample.facing = facing;
-    sample.doubt = rounding_ / facing;
+    sample.doubt = (rounding_ + 4e-16 * std::abs(hit->s)) / facing;
     return sample;
   }
 
@@ -447,11 +448,14 @@ class Sweep {
     return {at_a - lower, at_b - lower};
   }
 
-  /// Bounds from the planes that touch the cutter at the ends of a piece.
+  /// Bounds from the planes that touch the cutter at the ends of a piece. The rounding of `facing`
+  /// counts up to the end of the band.
   Promise entry_floor(const Piece& piece) const {
     const auto line = [&](const Sample& end) {
+      if (end.facing <= least_facing) return Line{-1e300, -1e300};
       const Line clear = clearance(end.outward, piece);
-      return Line{clear.at_a / end.facing, clear.at_b / end.facing};
+      const double lower = 4e-16 * ray_.band;
+      return Line{(clear.at_a - lower) / end.facing, (clear.at_b - lower) / end.facing};
     };
     const Line first = line(piece.a.defined ? piece.a : piece.b);
     return least_above(piece, first, piece.b.defined ? line(piece.b) : first);

@@ -224,7 +224,7 @@ TEST(Coverage, IntervalsOfFewNumbersHoldTheTruthAsOftenAsTheySay) {
         hits[s].push_back(coverage.hits[k]);
       }
       std::cout << "\n";
-      EXPECT_NEAR(coverage.reduced_chi_square, 1.0, 0.03) << one.name;
+      EXPECT_NEAR(coverage.reduced_chi_square, 1.0, 0.03 * std::sqrt(500.0 / repeats)) << one.name;
     }
   }
   judge(names, hits);
