@@ -18,7 +18,7 @@
 #include "sim/files/versions.h"
 #include "sim/readings/belief_file.h"
 #include "sim/readings/readings_file.h"
-#include "sim/scene/toml_reader.h"
+#include "sim/scene/table_reader.h"
 
 namespace abbe::sim {
 namespace {

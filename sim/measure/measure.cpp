@@ -12,7 +12,7 @@
 #include "sim/files/progress.h"
 #include "sim/machine/compile.h"
 #include "sim/readings/part_readings_file.h"
-#include "sim/scene/toml_reader.h"
+#include "sim/scene/table_reader.h"
 
 namespace abbe::sim {
 namespace {

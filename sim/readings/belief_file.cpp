@@ -8,7 +8,7 @@
 
 #include "errors/coefficients.h"
 #include "kinematics/units.h"
-#include "sim/scene/toml_reader.h"
+#include "sim/scene/table_reader.h"
 
 namespace abbe::sim {
 namespace {

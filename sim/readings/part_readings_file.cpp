@@ -10,7 +10,7 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/scene/bad_scene.h"
-#include "sim/scene/toml_reader.h"
+#include "sim/scene/table_reader.h"
 
 namespace abbe::sim {
 namespace {

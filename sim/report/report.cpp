@@ -10,7 +10,7 @@
 #include "kinematics/units.h"
 #include "sim/cut/program_warnings.h"
 #include "sim/report/pictures.h"
-#include "sim/scene/toml_reader.h"
+#include "sim/scene/table_reader.h"
 
 namespace abbe::sim {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "sim/scene/scene.h"
-#include "sim/scene/toml_reader.h"
+#include "sim/scene/table_reader.h"
 
 /// The folders in which `compare` leaves its cases, and the files beside them.
 namespace abbe::sim {

@@ -101,40 +101,6 @@ errors::Vibration read_vibration(const Node& node, const MachineDescription& mac
   return vibration;
 }
 
-SignalsDescription read_signals(TableReader& scene) {
-  SignalsDescription signals;
-  const Node* node = scene.section("signals");
-  if (!node) return signals;
-  TableReader reader(*node, "signals", scene.faults());
-  signals.interval = reader.number("interval_s", non_negative, 0.0);
-  signals.history_interval = reader.number("history_interval_s", non_negative, 0.0);
-  signals.encoder_resolution = reader.number("encoder_resolution_um", non_negative, 0.0);
-  signals.encoder_resolution_rad = reader.number("encoder_resolution_urad", non_negative, 0.0);
-  signals.encoder_noise = reader.number("encoder_noise_um", non_negative, 0.0);
-  signals.encoder_noise_rad = reader.number("encoder_noise_urad", non_negative, 0.0);
-  if (const Node* table = reader.section("current")) {
-    TableReader motor(*table, "signals.current", scene.faults());
-    SignalsDescription::Current current;
-    current.torque_per_current = motor.number("torque_Nm_per_A", positive);
-    current.idle_torque = motor.number("idle_torque_Nm", non_negative, 0.0);
-    current.viscous_torque =
-        motor.number("viscous_torque_Nm_per_rpm", non_negative, 0.0) / units::rpm;
-    current.noise_A = motor.number("noise_A", non_negative, 0.0);
-    current.bandwidth = motor.number("bandwidth_Hz", non_negative, 0.0);
-    motor.close();
-    signals.current = current;
-  }
-  if (const Node* table = reader.section("dynamometer")) {
-    TableReader force(*table, "signals.dynamometer", scene.faults());
-    signals.dynamometer = {force.number("noise_N", non_negative, 0.0),
-                           force.number("resolution_N", non_negative, 0.0),
-                           force.number("bandwidth_Hz", non_negative, 0.0)};
-    force.close();
-  }
-  reader.close();
-  return signals;
-}
-
 /// The heat of the machine with the day that the scene gives it: its history and its room, which
 /// stand for those of the machine's own file.
 std::optional<ThermalDescription> read_heat(TableReader& scene, const MachineDescription& machine,
@@ -176,7 +142,8 @@ void read_sources(TableReader& reader, Scene& scene) {
     else
       reader.refuse("material", "a [cutting] section beside the material", "none");
   }
-  scene.signals = read_signals(reader);
+  if (const Node* node = reader.section("signals"))
+    scene.signals = signals_fields().read_table(*node, "signals", faults);
   Instruments instruments = read_instruments(reader.tables("instrument"), scene.machine, faults);
   scene.instruments = std::move(instruments.of_machine);
   scene.part_instruments = std::move(instruments.of_part);
@@ -402,7 +369,6 @@ bool names_a_folder(const std::string& name) {
            return c >= 0x80 || std::isalnum(c) || c == '_' || c == '-' || c == '.' || c == ' ';
          });
 }
-
 
 Scene read_scene(const std::filesystem::path& file, const std::vector<Override>& overrides) {
   Faults faults;

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "sim/scene/scene.h"
-#include "sim/scene/toml_reader.h"
+#include "sim/scene/table_reader.h"
 
 namespace abbe::sim {
 

@@ -2,8 +2,9 @@
 
 #include <cstdint>
 
+#include "sim/scene/fields.h"
 #include "sim/scene/scene.h"
-#include "sim/scene/toml_reader.h"
+#include "sim/scene/table_reader.h"
 
 /// The sections of a scene, each from its table. Faults are collected; what is returned is whole
 /// only if there were none.
@@ -92,6 +93,9 @@ void check_beliefs(const Scene& scene, const std::vector<CaseDescription>& cases
 CompensationDescription read_compensation(const Node& table,
                                           const std::vector<kinematics::Joint>& joints,
                                           Faults& faults);
+
+/// `[signals]`: what the control reads, and how often it is written.
+const Fields<SignalsDescription>& signals_fields();
 
 /// `[sensor_choice]`: how many sensors, by which likeness and screening, for which model.
 SensorChoiceDescription read_sensor_choice(const Node& table, Faults& faults);

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "sim/scene/scene.h"
-#include "sim/scene/toml_reader.h"
+#include "sim/scene/table_reader.h"
 
 /// The text of a scene as one tree: sub-files read in, values changed by path.
 namespace abbe::sim {

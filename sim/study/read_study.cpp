@@ -13,7 +13,7 @@
 #include "sim/scene/read_scene.h"
 #include "sim/scene/scene_names.h"
 #include "sim/scene/scene_tree.h"
-#include "sim/scene/toml_reader.h"
+#include "sim/scene/table_reader.h"
 #include "sim/scene/trust.h"
 #include "sim/study/histories.h"
 #include "sim/study/plan.h"

@@ -12,7 +12,7 @@
 
 #include "sim/files/permissions.h"
 #include "sim/scene/scene.h"
-#include "sim/scene/toml_reader.h"
+#include "sim/scene/table_reader.h"
 #include "sim/study/copula.h"
 #include "sim/study/distribution.h"
 #include "sim/study/sequence.h"

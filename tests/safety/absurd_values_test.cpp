@@ -24,7 +24,7 @@
 #include "sim/report/describe.h"
 #include "sim/report/report.h"
 #include "sim/scene/read_scene.h"
-#include "sim/scene/toml_reader.h"
+#include "sim/scene/table_reader.h"
 #include "tests/safety/program_run.h"
 
 /// Every number of every shipped scene, one at a time, becomes absurd. The scene is then read, cut,

@@ -1,0 +1,58 @@
+#include "sim/scene/fields.h"
+
+#include <fmt/format.h>
+
+namespace abbe::sim {
+
+KeyName KeyName::otherwise(std::string text) const {
+  KeyName with = *this;
+  with.fallback = std::move(text);
+  return with;
+}
+
+KeyName KeyName::one_of(std::string group) const {
+  KeyName with = *this;
+  with.either = std::move(group);
+  return with;
+}
+
+KeyName must(KeyName key) {
+  key.required = true;
+  return key;
+}
+
+Key key_of(const KeyName& name, Key::Kind kind, const char* sentence) {
+  Key key;
+  key.name = name.name;
+  key.sentence = sentence;
+  key.kind = kind;
+  key.required = name.required;
+  key.fallback = name.fallback;
+  key.either = name.either;
+  return key;
+}
+
+std::set<std::string> words_of(const Key& key) {
+  std::set<std::string> words;
+  for (const Word& one : key.words) words.insert(one.word);
+  return words;
+}
+
+void put_numbers(Node::Table& table, const std::string& key, const Eigen::VectorXd& values,
+                 double unit) {
+  Node::Array numbers;
+  for (const double value : values) numbers.push_back(Node{{}, value / unit});
+  put(table, key, std::move(numbers));
+}
+
+std::string shown_default(double value) {
+  return std::abs(value) < 1e300 ? fmt::format("{:.12g}", value) : "";
+}
+
+std::string shown_default(const Eigen::VectorXd& values) {
+  std::string text;
+  for (const double value : values) text += (text.empty() ? "" : ", ") + shown_default(value);
+  return "[" + text + "]";
+}
+
+}  // namespace abbe::sim

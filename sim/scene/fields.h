@@ -1,0 +1,462 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <set>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "sim/scene/key.h"
+
+/// The keys of a table and the members that they set, stated once: `Fields` reads a struct from a
+/// table, writes it as one, and says what each key takes.
+namespace abbe::sim {
+
+/// Name of a key, and what of it is not seen from the member that it sets.
+struct KeyName {
+  std::string name;
+  bool required = false;
+  std::string fallback;  ///< for people, where it is not the value of a struct made by default
+  std::string either;    ///< `Key::either`
+
+  KeyName(const char* key) : name(key) {}
+  KeyName(std::string key) : name(std::move(key)) {}
+  KeyName otherwise(std::string text) const;  ///< with this fallback
+  KeyName one_of(std::string group) const;    ///< with this `either`
+};
+/// A key that must be there.
+KeyName must(KeyName key);
+
+/// Puts `key = value` at the end of a table.
+template <typename V>
+void put(Node::Table& table, const std::string& key, V value) {
+  table.push_back({key, {}, Node{{}, std::move(value)}});
+}
+/// Numbers, each divided by the unit of the key.
+void put_numbers(Node::Table& table, const std::string& key, const Eigen::VectorXd& values,
+                 double unit);
+
+/// A number of the key's unit as documents show it, 12 digits; empty for one without end.
+std::string shown_default(double value);
+std::string shown_default(const Eigen::VectorXd& values);
+
+namespace fields_detail {
+template <typename V>
+struct is_optional : std::false_type {};
+template <typename V>
+struct is_optional<std::optional<V>> : std::true_type {};
+template <typename V>
+struct bare {
+  using type = V;
+};
+template <typename V>
+struct bare<std::optional<V>> {
+  using type = V;
+};
+}  // namespace fields_detail
+
+/// One of the alternatives of a variant V: the word that chooses it and the keys that it has.
+template <typename V>
+struct Alternative {
+  Word word;
+  std::function<V(TableReader&)> read;
+  std::function<bool(const V&, Node::Table&)> write;  ///< false, and nothing, if it is another
+};
+
+/// Keys of a table in the order in which they are read. Members are pointers to members or
+/// functions `(T&) -> M&`; where a key is left out the member stays as it is.
+template <typename T>
+class Fields {
+ public:
+  /// One key, or several that are read together.
+  struct Field {
+    std::vector<Key> keys;
+    std::function<void(TableReader&, T&)> read;
+    std::function<void(const T&, Node::Table&)> write;
+  };
+  template <typename M>
+  using Value = std::remove_cvref_t<std::invoke_result_t<M, T&>>;
+
+  /// double in mm, rad, s, N, K; an optional one has no fallback
+  template <typename M>
+  Fields& number(const KeyName& key, M member, const Range& range, const char* sentence) {
+    return add_number(key, member, range, sentence, unit_of(key.name));
+  }
+  /// double in the unit of its key
+  template <typename M>
+  Fields& number_as_written(const KeyName& key, M member, const Range& range,
+                            const char* sentence) {
+    return add_number(key, member, range, sentence, 1.0);
+  }
+  /// any integer from min to max, or an optional one
+  template <typename M>
+  Fields& whole(const KeyName& key, M member, std::int64_t min, std::int64_t max,
+                const char* sentence);
+  template <typename M>
+  Fields& boolean(const KeyName& key, M member, const char* sentence);
+  /// std::string or path, not empty where it is given
+  template <typename M>
+  Fields& text(const KeyName& key, M member, const char* sentence);
+  /// A value that a word stands for. The first word is read on where a required one is missing.
+  template <typename M>
+  struct WordOf {
+    const char* word;
+    Value<M> value;
+    const char* sentence = "";
+  };
+  template <typename M>
+  Fields& word(const KeyName& key, M member, std::vector<WordOf<M>> words, const char* sentence);
+  /// Eigen::Vector3d
+  template <typename M>
+  Fields& vector(const KeyName& key, M member, const char* sentence);
+  /// Eigen::Vector3d, made unit
+  template <typename M>
+  Fields& direction(const KeyName& key, M member, const char* sentence);
+  /// A vector of `size` numbers, 0: any; or an optional one
+  template <typename M>
+  Fields& numbers(const KeyName& key, M member, int size, const char* sentence);
+  /// A section: U, or an optional one that is there when the section is
+  template <typename M, typename U>
+  Fields& table(const KeyName& key, M member, Fields<U> fields, const char* sentence);
+  /// std::vector<U>, one for every table of a list
+  template <typename M, typename U>
+  Fields& tables(const KeyName& key, M member, Fields<U> fields, const char* sentence);
+  /// A member whose own keys stand in this table.
+  template <typename M, typename U>
+  Fields& all_of(M member, Fields<U> fields);
+  /// A member that is one of several by the word of a key. The first is read on where the word is
+  /// missing or wrong.
+  template <typename M>
+  Fields& kinds(const KeyName& key, M member, std::vector<Alternative<Value<M>>> kinds,
+                const char* sentence);
+  /// Keys that are read together by a function of their own.
+  Fields& custom(std::vector<Key> keys, std::function<void(TableReader&, T&)> read,
+                 std::function<void(const T&, Node::Table&)> write) {
+    fields_.push_back({std::move(keys), std::move(read), std::move(write)});
+    return *this;
+  }
+  /// What the keys before it ask of each other.
+  Fields& check(std::function<void(TableReader&, T&)> read) {
+    return custom({}, std::move(read), [](const T&, Node::Table&) {});
+  }
+  /// The last key may be a table in a file of its own.
+  Fields& or_file() {
+    fields_.back().keys.back().or_file = true;
+    return *this;
+  }
+
+  /// Sets the members of `start` whose keys are there; other keys are left to `close`.
+  T read(TableReader& reader, T start = {}) const {
+    for (const Field& field : fields_) field.read(reader, start);
+    return start;
+  }
+  /// Reads a table whole: a key that is not of it is refused.
+  T read_table(const Node& table, const std::string& where, Faults& faults, T start = {}) const {
+    TableReader reader(table, where, faults);
+    T value = read(reader, std::move(start));
+    reader.close();
+    return value;
+  }
+  /// The table that gives this value, every key but those that hold nothing.
+  Node::Table written(const T& value) const {
+    Node::Table table;
+    for (const Field& field : fields_) field.write(value, table);
+    return table;
+  }
+  std::vector<Key> keys() const {
+    std::vector<Key> all;
+    for (const Field& field : fields_) all.insert(all.end(), field.keys.begin(), field.keys.end());
+    return all;
+  }
+
+ private:
+  template <typename M>
+  Fields& add_number(const KeyName& key, M member, const Range& range, const char* sentence,
+                     double unit);
+
+  std::vector<Field> fields_;
+};
+
+/// An alternative A of the variant V, whose keys stand beside the word.
+template <typename V, typename A>
+Alternative<V> alternative(const char* word, Fields<A> fields, const char* sentence = "") {
+  Word named{word, sentence, fields.keys()};
+  return {std::move(named), [fields](TableReader& reader) -> V { return fields.read(reader); },
+          [fields](const V& value, Node::Table& table) {
+            const A* own = std::get_if<A>(&value);
+            if (!own) return false;
+            for (Node::Entry& entry : fields.written(*own)) table.push_back(std::move(entry));
+            return true;
+          }};
+}
+
+// ---- definitions
+
+/// The key of a name; `kind` and what belongs to it are set by the caller.
+Key key_of(const KeyName& name, Key::Kind kind, const char* sentence);
+std::set<std::string> words_of(const Key& key);
+
+template <typename T>
+template <typename M>
+Fields<T>& Fields<T>::add_number(const KeyName& name, M member, const Range& range,
+                                 const char* sentence, double unit) {
+  using V = Value<M>;
+  Key key = key_of(name, Key::Kind::Number, sentence);
+  key.range = range;
+  if constexpr (!fields_detail::is_optional<V>::value) {
+    const T made{};
+    if (!key.required && key.fallback.empty())
+      key.fallback = shown_default(std::invoke(member, made) / unit);
+  }
+  const auto read = [key, member, unit](TableReader& reader, T& to) {
+    const auto written = reader.number_as_written(key.name, key.range);
+    if (key.required && !reader.has(key.name)) reader.missing(key.name, "a number");
+    if (written)
+      std::invoke(member, to) = *written * unit;
+    else if (key.required)
+      std::invoke(member, to) = 1.0;  // harmless, so that reading goes on to the next fault
+  };
+  const auto write = [key, member, unit](const T& from, Node::Table& to) {
+    if constexpr (fields_detail::is_optional<V>::value) {
+      if (std::invoke(member, from)) put(to, key.name, *std::invoke(member, from) / unit);
+    } else {
+      put(to, key.name, std::invoke(member, from) / unit);
+    }
+  };
+  return custom({key}, read, write);
+}
+
+template <typename T>
+template <typename M>
+Fields<T>& Fields<T>::whole(const KeyName& name, M member, std::int64_t min, std::int64_t max,
+                            const char* sentence) {
+  using V = Value<M>;
+  using Bare = typename fields_detail::bare<V>::type;
+  Key key = key_of(name, Key::Kind::Whole, sentence);
+  key.range = {double(min), double(max)};
+  if constexpr (!fields_detail::is_optional<V>::value) {
+    const T made{};
+    if (!key.required && key.fallback.empty())
+      key.fallback = std::to_string(std::invoke(member, made));
+  }
+  const auto read = [key, member, min, max](TableReader& reader, T& to) {
+    if (key.required && !reader.has(key.name)) reader.missing(key.name, "a whole number");
+    if (const auto value = reader.maybe_integer(key.name, min, max))
+      std::invoke(member, to) = Bare(*value);
+  };
+  const auto write = [key, member](const T& from, Node::Table& to) {
+    if constexpr (fields_detail::is_optional<V>::value) {
+      if (std::invoke(member, from)) put(to, key.name, std::int64_t(*std::invoke(member, from)));
+    } else {
+      put(to, key.name, std::int64_t(std::invoke(member, from)));
+    }
+  };
+  return custom({key}, read, write);
+}
+
+template <typename T>
+template <typename M>
+Fields<T>& Fields<T>::boolean(const KeyName& name, M member, const char* sentence) {
+  Key key = key_of(name, Key::Kind::Boolean, sentence);
+  const T made{};
+  if (key.fallback.empty()) key.fallback = std::invoke(member, made) ? "true" : "false";
+  return custom(
+      {key},
+      [key, member](TableReader& reader, T& to) {
+        std::invoke(member, to) = reader.boolean(key.name, std::invoke(member, to));
+      },
+      [key, member](const T& from, Node::Table& to) {
+        put(to, key.name, bool(std::invoke(member, from)));
+      });
+}
+
+template <typename T>
+template <typename M>
+Fields<T>& Fields<T>::text(const KeyName& name, M member, const char* sentence) {
+  Key key = key_of(name, Key::Kind::Text, sentence);
+  const T made{};
+  if (key.fallback.empty()) key.fallback = std::string(std::invoke(member, made));
+  return custom(
+      {key},
+      [key, member](TableReader& reader, T& to) {
+        if (key.required && !reader.has(key.name)) reader.missing(key.name, "a text");
+        std::invoke(member, to) = reader.text(key.name, std::string(std::invoke(member, to)));
+      },
+      [key, member](const T& from, Node::Table& to) {
+        const std::string text(std::invoke(member, from));
+        if (!text.empty()) put(to, key.name, text);
+      });
+}
+
+template <typename T>
+template <typename M>
+Fields<T>& Fields<T>::word(const KeyName& name, M member, std::vector<WordOf<M>> words,
+                           const char* sentence) {
+  Key key = key_of(name, Key::Kind::Text, sentence);
+  const T made{};
+  for (const WordOf<M>& one : words) {
+    key.words.push_back({one.word, one.sentence, {}});
+    if (!key.required && key.fallback.empty() && one.value == std::invoke(member, made))
+      key.fallback = one.word;
+  }
+  return custom(
+      {key},
+      [key, member, words](TableReader& reader, T& to) {
+        const std::optional<std::string> seen = reader.word(key.name, words_of(key), key.required);
+        if (!seen && key.required) std::invoke(member, to) = words.front().value;
+        for (const WordOf<M>& one : words)
+          if (seen == one.word) std::invoke(member, to) = one.value;
+      },
+      [key, member, words](const T& from, Node::Table& to) {
+        for (const WordOf<M>& one : words)
+          if (one.value == std::invoke(member, from))
+            return put(to, key.name, std::string(one.word));
+      });
+}
+
+template <typename T>
+template <typename M>
+Fields<T>& Fields<T>::vector(const KeyName& name, M member, const char* sentence) {
+  return numbers(name, member, 3, sentence);
+}
+
+template <typename T>
+template <typename M>
+Fields<T>& Fields<T>::direction(const KeyName& name, M member, const char* sentence) {
+  Key key = key_of(name, Key::Kind::Numbers, sentence);
+  key.size = 3;
+  const T made{};
+  if (!key.required && key.fallback.empty())
+    key.fallback = shown_default(Eigen::VectorXd(std::invoke(member, made)));
+  return custom(
+      {key},
+      [key, member](TableReader& reader, T& to) {
+        std::invoke(member, to) = key.required
+                                      ? reader.direction(key.name)
+                                      : reader.direction(key.name, std::invoke(member, to));
+      },
+      [key, member](const T& from, Node::Table& to) {
+        put_numbers(to, key.name, std::invoke(member, from), 1.0);
+      });
+}
+
+template <typename T>
+template <typename M>
+Fields<T>& Fields<T>::numbers(const KeyName& name, M member, int size, const char* sentence) {
+  using V = Value<M>;
+  Key key = key_of(name, Key::Kind::Numbers, sentence);
+  key.size = size;
+  if constexpr (!fields_detail::is_optional<V>::value) {
+    const T made{};
+    if (!key.required && key.fallback.empty())
+      key.fallback = shown_default(Eigen::VectorXd(std::invoke(member, made)) / unit_of(name.name));
+  }
+  return custom(
+      {key},
+      [key, member](TableReader& reader, T& to) {
+        if (key.required)
+          std::invoke(member, to) = reader.numbers(key.name, key.size);
+        else if (const auto values = reader.maybe_numbers(key.name, key.size))
+          std::invoke(member, to) = *values;
+      },
+      [key, member](const T& from, Node::Table& to) {
+        if constexpr (fields_detail::is_optional<V>::value) {
+          if (std::invoke(member, from))
+            put_numbers(to, key.name, *std::invoke(member, from), unit_of(key.name));
+        } else {
+          put_numbers(to, key.name, std::invoke(member, from), unit_of(key.name));
+        }
+      });
+}
+
+template <typename T>
+template <typename M, typename U>
+Fields<T>& Fields<T>::table(const KeyName& name, M member, Fields<U> fields, const char* sentence) {
+  using V = Value<M>;
+  Key key = key_of(name, Key::Kind::Table, sentence);
+  key.keys = fields.keys();
+  return custom(
+      {key},
+      [key, member, fields](TableReader& reader, T& to) {
+        const Node* node = reader.section(key.name);
+        if (!node && key.required && !reader.has(key.name)) reader.missing(key.name, "a table");
+        if (!node) return;
+        U start{};
+        if constexpr (!fields_detail::is_optional<V>::value) start = std::invoke(member, to);
+        std::invoke(member, to) =
+            fields.read_table(*node, reader.name_of(key.name), reader.faults(), std::move(start));
+      },
+      [key, member, fields](const T& from, Node::Table& to) {
+        if constexpr (fields_detail::is_optional<V>::value) {
+          if (std::invoke(member, from))
+            put(to, key.name, fields.written(*std::invoke(member, from)));
+        } else {
+          put(to, key.name, fields.written(std::invoke(member, from)));
+        }
+      });
+}
+
+template <typename T>
+template <typename M, typename U>
+Fields<T>& Fields<T>::tables(const KeyName& name, M member, Fields<U> fields,
+                             const char* sentence) {
+  Key key = key_of(name, Key::Kind::Tables, sentence);
+  key.keys = fields.keys();
+  return custom(
+      {key},
+      [key, member, fields](TableReader& reader, T& to) {
+        if (key.required && !reader.has(key.name)) reader.missing(key.name, "a list of tables");
+        for (const Node* node : reader.tables(key.name))
+          std::invoke(member, to)
+              .push_back(fields.read_table(*node, reader.name_of(key.name), reader.faults()));
+      },
+      [key, member, fields](const T& from, Node::Table& to) {
+        Node::Array all;
+        for (const U& one : std::invoke(member, from)) all.push_back(Node{{}, fields.written(one)});
+        if (!all.empty()) put(to, key.name, std::move(all));
+      });
+}
+
+template <typename T>
+template <typename M, typename U>
+Fields<T>& Fields<T>::all_of(M member, Fields<U> fields) {
+  return custom(
+      fields.keys(),
+      [member, fields](TableReader& reader, T& to) {
+        std::invoke(member, to) = fields.read(reader, std::invoke(member, to));
+      },
+      [member, fields](const T& from, Node::Table& to) {
+        for (Node::Entry& entry : fields.written(std::invoke(member, from)))
+          to.push_back(std::move(entry));
+      });
+}
+
+template <typename T>
+template <typename M>
+Fields<T>& Fields<T>::kinds(const KeyName& name, M member, std::vector<Alternative<Value<M>>> kinds,
+                            const char* sentence) {
+  Key key = key_of(name, Key::Kind::Text, sentence);
+  for (const auto& one : kinds) key.words.push_back(one.word);
+  return custom(
+      {key},
+      [key, member, kinds](TableReader& reader, T& to) {
+        const std::string word =
+            reader.word(key.name, words_of(key), key.required).value_or(key.words.front().word);
+        for (const auto& one : kinds)
+          if (one.word.word == word) std::invoke(member, to) = one.read(reader);
+      },
+      [key, member, kinds](const T& from, Node::Table& to) {
+        for (const auto& one : kinds) {
+          Node::Table own;
+          if (!one.write(std::invoke(member, from), own)) continue;
+          put(to, key.name, one.word.word);
+          for (Node::Entry& entry : own) to.push_back(std::move(entry));
+          return;
+        }
+      });
+}
+
+}  // namespace abbe::sim

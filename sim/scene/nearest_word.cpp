@@ -1,0 +1,37 @@
+#include "sim/scene/nearest_word.h"
+
+#include <algorithm>
+#include <vector>
+
+namespace abbe::sim {
+
+int edit_distance(std::string_view a, std::string_view b) {
+  std::vector<int> row(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = int(j);
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    int diagonal = row[0];
+    row[0] = int(i);
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const int above = row[j];
+      row[j] = std::min({above + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0 : 1)});
+      diagonal = above;
+    }
+  }
+  return row.back();
+}
+
+std::optional<std::string> nearest(std::string_view word, const std::set<std::string>& candidates) {
+  if (word.size() > 80) return std::nullopt;
+  std::optional<std::string> best;
+  int best_distance = std::max(2, int(word.size()) / 2) + 1;
+  for (const std::string& candidate : candidates) {
+    const int distance = edit_distance(word, candidate);
+    if (distance < best_distance) {
+      best_distance = distance;
+      best = candidate;
+    }
+  }
+  return best;
+}
+
+}  // namespace abbe::sim
