@@ -97,6 +97,28 @@ CompensationDescription read_compensation(const Node& table,
 /// `[signals]`: what the control reads, and how often it is written.
 const Fields<SignalsDescription>& signals_fields();
 
+/// `[[vibration]]`
+errors::Vibration read_vibration(const Node& table, const MachineDescription& machine,
+                                 Faults& faults);
+Node::Table written_vibration(const errors::Vibration& vibration);
+std::vector<Key> vibration_keys();
+
+/// `[setup]`, whose value starts from zero, and `[datum]`
+const Fields<kinematics::Deviation>& setup_fields();
+const Fields<DatumDescription>& datum_fields();
+
+/// `[sampling]`, `[search]`, `[view]`, `[limits]`
+const Fields<Scene>& sampling_fields();
+const Fields<Scene>& search_fields();
+const Fields<ViewDescription>& view_fields();
+const Fields<Limits>& limits_fields();
+
+/// `[compare]` and `[[variant]]`
+const Fields<std::vector<CaseDescription>>& compare_fields();
+std::vector<Variant> read_variants(TableReader& scene);
+Node::Table written_variant(const Variant& variant);
+std::vector<Key> variant_keys();
+
 /// `[sensor_choice]`: how many sensors, by which likeness and screening, for which model.
 SensorChoiceDescription read_sensor_choice(const Node& table, Faults& faults);
 

@@ -1,0 +1,377 @@
+#include "sim/scene/scene_fields.h"
+
+#include <stdexcept>
+
+#include "sim/scene/case_name.h"
+#include "sim/scene/scene_sections.h"
+
+namespace abbe::sim {
+
+namespace {
+
+using Field = Fields<Scene>::Field;
+
+Key table_key(const KeyName& name, std::vector<Key> keys, const char* sentence) {
+  Key key = key_of(name, Key::Kind::Table, sentence);
+  key.keys = std::move(keys);
+  return key;
+}
+
+Key list_key(const KeyName& name, std::vector<Key> keys, const char* sentence) {
+  Key key = table_key(name, std::move(keys), sentence);
+  key.kind = Key::Kind::Tables;
+  return key;
+}
+
+Key with_file(Key key) {
+  key.or_file = true;
+  return key;
+}
+
+// A section whose file was refused is still the name of that file; it is reported already.
+const Node* section(TableReader& scene, const Key& key) {
+  const Node* node = scene.know(key.name);
+  if (!node && key.required) scene.missing(key.name, "a table or a file");
+  if (node && node->text()) return nullptr;
+  return node ? scene.section(key.name) : nullptr;
+}
+
+/// A section that may stand in a file of its own.
+/// @param read  (const Node&, Scene&, Faults&)
+/// @param write  (const Scene&) -> optional<Node::Table>
+template <typename Read, typename Write>
+void add_section(Fields<Scene>& fields, Key key, Read read, Write write) {
+  key = with_file(std::move(key));
+  fields.custom(
+      {key},
+      [key, read](TableReader& reader, Scene& scene) {
+        if (const Node* node = section(reader, key)) read(*node, scene, reader.faults());
+      },
+      [key, write](const Scene& scene, Node::Table& table) {
+        if (auto own = write(scene)) put(table, key.name, std::move(*own));
+      });
+}
+
+/// The same for a list of tables.
+template <typename Read, typename Write>
+void add_list(Fields<Scene>& fields, Key key, Read read, Write write) {
+  fields.custom({key}, read, [key, write](const Scene& scene, Node::Table& table) {
+    Node::Array all;
+    for (Node::Table& own : write(scene)) all.push_back(Node{{}, std::move(own)});
+    if (!all.empty()) put(table, key.name, std::move(all));
+  });
+}
+
+using Written = std::optional<Node::Table>;
+
+void add_errors(Fields<Scene>& fields) {
+  Key key =
+      with_file(list_key("errors", errors_keys(),
+                         "geometric errors: a table, a file, or a list of them, which add up"));
+  fields.custom(
+      {key},
+      [](TableReader& reader, Scene& scene) {
+        const Node* node = reader.know("errors");
+        if (!node) return;
+        ErrorsSection read = read_errors(*node, scene.machine, scene.seed, reader.faults());
+        scene.geometric = std::move(read.geometric);
+        scene.error_scale = read.scale;
+      },
+      [](const Scene& scene, Node::Table& table) {
+        put(table, "errors", written_errors({scene.geometric, scene.error_scale}, scene.machine));
+      });
+}
+
+void add_machine_to_program(Fields<Scene>& fields) {
+  add_section(
+      fields, table_key(must("machine"), machine_keys(), "axes, their order and where they are"),
+      [](const Node& node, Scene& scene, Faults& faults) {
+        scene.machine = read_machine(node, faults);
+      },
+      [](const Scene& scene) { return Written(written_machine(scene.machine)); });
+  add_errors(fields);
+  add_section(
+      fields, table_key(must("tool"), tool_keys(), "cutter or turning tool"),
+      [](const Node& node, Scene& scene, Faults& faults) { scene.tool = read_tool(node, faults); },
+      [](const Scene& scene) { return Written(written_tool(scene.tool)); });
+  add_section(
+      fields, table_key(must("part"), part_keys(), "the design, where it is judged"),
+      [](const Node& node, Scene& scene, Faults& faults) { scene.part = read_part(node, faults); },
+      [](const Scene& scene) { return Written(written_part(scene.part)); });
+  add_section(
+      fields, table_key(must("program"), program_keys(), "NC, PVT, or what writes it"),
+      [](const Node& node, Scene& scene, Faults& faults) {
+        scene.program = read_program(node, scene.machine.joints, faults);
+      },
+      [](const Scene& scene) {
+        return Written(written_program(scene.program, scene.machine.joints));
+      });
+}
+
+/// The heat of the machine with the day that the scene gives it: its history and its room, which
+/// stand for those of the machine's own file.
+std::optional<ThermalDescription> read_heat(TableReader& reader, const Key& thermal,
+                                            const Scene& scene) {
+  const Node* node = section(reader, thermal);
+  std::optional<Node> with_day;
+  if (node) with_day = *node;
+  for (const std::string key : {"history", "room", "room_C"}) {
+    const Node* day = reader.know(key);
+    if (!day) continue;
+    if (!node) {
+      if (!reader.has("thermal")) reader.refuse(key, "a [thermal] section beside " + key, "none");
+      continue;
+    }
+    std::erase_if(*with_day->table(), [&](const Node::Entry& entry) {
+      const bool other_room = entry.key.starts_with("room") && !reader.has(entry.key);
+      return entry.key == key || (key != "history" && other_room);
+    });
+    with_day->table()->push_back({key, day->place, *day});
+  }
+  if (!with_day) return std::nullopt;
+  return read_thermal(*with_day, scene.machine, scene.seed, reader.faults());
+}
+
+void add_thermal(Fields<Scene>& fields) {
+  const Key thermal = with_file(table_key("thermal", thermal_keys(), "heat, and what it does"));
+  std::vector<Key> keys{thermal};
+  for (Key key : thermal.keys) {
+    if (key.name != "history" && key.name != "room" && key.name != "room_C") continue;
+    key.sentence = "the day of this scene, in place of that of `thermal`: " + key.sentence;
+    key.either.clear();
+    key.required = false;
+    keys.push_back(std::move(key));
+  }
+  fields.custom(
+      std::move(keys),
+      [thermal](TableReader& reader, Scene& scene) {
+        scene.thermal = read_heat(reader, thermal, scene);
+      },
+      [](const Scene& scene, Node::Table& table) {
+        if (scene.thermal) put(table, "thermal", written_thermal(*scene.thermal, scene.machine));
+      });
+}
+
+void add_force(Fields<Scene>& fields) {
+  add_section(
+      fields, table_key("compliance", compliance_keys(), "what gives way"),
+      [](const Node& node, Scene& scene, Faults& faults) {
+        scene.compliance = read_compliance(node, scene.machine, faults);
+      },
+      [](const Scene& scene) -> Written {
+        if (!scene.compliance) return {};
+        return written_compliance(*scene.compliance, scene.machine);
+      });
+  add_list(
+      fields, list_key("vibration", vibration_keys(), "harmonics of the spindle, which add up"),
+      [](TableReader& reader, Scene& scene) {
+        for (const Node* node : reader.tables("vibration"))
+          scene.vibrations.push_back(read_vibration(*node, scene.machine, reader.faults()));
+      },
+      [](const Scene& scene) {
+        std::vector<Node::Table> all;
+        for (const auto& one : scene.vibrations) all.push_back(written_vibration(one));
+        return all;
+      });
+}
+
+void add_stock(Fields<Scene>& fields) {
+  fields.custom(
+      {table_key("cutting", cutting_keys(), "the blank, and how finely the cut is followed")},
+      [](TableReader& reader, Scene& scene) {
+        if (const Node* node = reader.section("cutting"))
+          scene.cutting = read_cutting(*node, scene.tool, reader.faults());
+      },
+      [](const Scene& scene, Node::Table& table) {
+        if (scene.cutting) put(table, "cutting", written_cutting(*scene.cutting, scene.tool));
+      });
+  const Key material =
+      with_file(table_key(KeyName("material").otherwise("none: no forces"), material_keys(),
+                          "cutting coefficients, beside `[cutting]`"));
+  fields.custom(
+      {material},
+      [material](TableReader& reader, Scene& scene) {
+        const Node* node = section(reader, material);
+        if (!node) return;
+        const cutting::CuttingCoefficients read = read_material(*node, reader.faults());
+        if (scene.cutting)
+          scene.cutting->material = read;
+        else
+          reader.refuse("material", "a [cutting] section beside the material", "none");
+      },
+      [](const Scene& scene, Node::Table& table) {
+        if (scene.cutting && scene.cutting->material)
+          put(table, "material", written_material(*scene.cutting->material));
+      });
+}
+
+void add_instruments(Fields<Scene>& fields) {
+  add_list(
+      fields,
+      list_key("instrument", instrument_keys(), "what measures the machine, or the finished part"),
+      [](TableReader& reader, Scene& scene) {
+        Instruments instruments =
+            read_instruments(reader.tables("instrument"), scene.machine, reader.faults());
+        scene.instruments = std::move(instruments.of_machine);
+        scene.part_instruments = std::move(instruments.of_part);
+      },
+      [](const Scene& scene) {
+        return written_instruments({scene.instruments, scene.part_instruments}, scene.machine);
+      });
+  fields.custom(
+      {table_key("sensor_choice", sensor_choice_keys(),
+                 "which temperature sensors are worth having")},
+      [](TableReader& reader, Scene& scene) {
+        const Node* node = reader.section("sensor_choice");
+        if (!node) return;
+        scene.sensor_choice = read_sensor_choice(*node, reader.faults());
+        scene.sensor_choice->study.seed = scene.seed;
+        if (!scene.thermal && !reader.has("thermal"))
+          reader.refuse("sensor_choice", "a [thermal] section beside it", "none");
+      },
+      [](const Scene& scene, Node::Table& table) {
+        if (scene.sensor_choice)
+          put(table, "sensor_choice", written_sensor_choice(*scene.sensor_choice));
+      });
+}
+
+void add_control(Fields<Scene>& fields) {
+  fields.custom(
+      {table_key("control", control_keys(), "what the control believes, where it differs")},
+      [](TableReader& reader, Scene& scene) {
+        if (const Node* node = reader.section("control"))
+          scene.control = read_control(*node, scene.machine.joints, reader.faults());
+      },
+      [](const Scene& scene, Node::Table& table) {
+        Node::Table own = written_control(scene.control);
+        if (!own.empty()) put(table, "control", std::move(own));
+      });
+}
+
+/// A section that is a member of the scene, or several members of it.
+template <typename U, typename M>
+void add_own(Fields<Scene>& fields, const char* name, M member, const Fields<U>& own,
+             const char* sentence) {
+  const Key key = table_key(name, own.keys(), sentence);
+  fields.custom(
+      {key},
+      [key, member, own](TableReader& reader, Scene& scene) {
+        const Node* node = reader.section(key.name);
+        if (!node) return;
+        U& value = std::invoke(member, scene);
+        value = own.read_table(*node, key.name, reader.faults(), value);
+      },
+      [key, member, own](const Scene& scene, Node::Table& table) {
+        put(table, key.name, own.written(std::invoke(member, scene)));
+      });
+}
+
+void add_compensation(Fields<Scene>& fields) {
+  fields.custom(
+      {table_key("belief", belief_keys(), "what compensators are given to believe")},
+      [](TableReader& reader, Scene& scene) {
+        if (const Node* node = reader.section("belief"))
+          scene.belief = read_belief(*node, scene.machine, reader.faults());
+      },
+      [](const Scene& scene, Node::Table& table) {
+        put(table, "belief", written_belief(scene.belief, scene.machine));
+      });
+  fields.custom(
+      {table_key("compensation", compensation_keys(), "strategies and channels with their limits")},
+      [](TableReader& reader, Scene& scene) {
+        if (const Node* node = reader.section("compensation"))
+          scene.compensation = read_compensation(*node, scene.machine.joints, reader.faults());
+      },
+      [](const Scene& scene, Node::Table& table) {
+        put(table, "compensation", written_compensation(scene.compensation, scene.machine.joints));
+      });
+}
+
+void check_case(TableReader& reader, Scene& scene) {
+  if (scene.case_name.empty() || scene.case_name == "error_free" ||
+      scene.case_name == "uncompensated")
+    return;
+  try {
+    parse_case(scene.case_name);
+  } catch (const std::invalid_argument& fault) {
+    reader.refuse("case", "a case that this version has", fault.what());
+  }
+}
+
+}  // namespace
+
+const Fields<Scene>& title_scene_fields() {
+  static const Fields<Scene> fields =
+      Fields<Scene>()
+          .text(KeyName("title").otherwise("name of the file"), &Scene::title,
+                "of pictures and tables")
+          .whole("seed", &Scene::seed, 0, std::numeric_limits<std::int64_t>::max(),
+                 "of all that is random");
+  return fields;
+}
+
+const Fields<Scene>& cutting_scene_fields() {
+  static const Fields<Scene> fields = [] {
+    Fields<Scene> all;
+    add_machine_to_program(all);
+    add_thermal(all);
+    add_force(all);
+    add_stock(all);
+    add_own(all, "signals", &Scene::signals, signals_fields(),
+            "what the control can read, and how often it is written");
+    add_instruments(all);
+    add_control(all);
+    return all;
+  }();
+  return fields;
+}
+
+const Fields<Scene>& judging_scene_fields() {
+  static const Fields<Scene> fields = [] {
+    const auto itself = [](auto& scene) -> auto& { return scene; };
+    Fields<Scene> all;
+    add_own(all, "setup", &Scene::setup, setup_fields(), "clamping of the part");
+    add_own(all, "datum", &Scene::datum, datum_fields(), "how the control finds the part");
+    all.word("alignment", &Scene::alignment,
+             {{"none", Alignment::None},
+              {"offset", Alignment::Offset, "the mean"},
+              {"rigid", Alignment::Rigid, "a displacement and a rotation"}},
+             "what is taken out of the residual");
+    add_own(all, "sampling", itself, sampling_fields(), "how finely the path is followed");
+    add_own(all, "search", itself, search_fields(), "where the machined surface is sought");
+    add_own(all, "view", &Scene::view, view_fields(), "of pictures");
+    add_own(all, "limits", &Scene::limits, limits_fields(), "beyond which `abbe` exits with 1");
+    add_compensation(all);
+    all.text(KeyName("case").otherwise("uncompensated"), &Scene::case_name,
+             "what `abbe run` cuts without `--case`, as in `[compare]`; a result's `scene.toml` "
+             "names its own");
+    all.check(check_case);
+    add_own(all, "compare", &Scene::cases, compare_fields(), "compensators to compare");
+    return all;
+  }();
+  return fields;
+}
+
+std::vector<Key> scene_keys() {
+  std::vector<Key> keys;
+  for (const auto* fields :
+       {&title_scene_fields(), &cutting_scene_fields(), &judging_scene_fields()})
+    for (Key& key : fields->keys()) keys.push_back(std::move(key));
+  keys.push_back(list_key("variant", variant_keys(),
+                          "the scene with changes, as another case of `abbe compare`"));
+  return keys;
+}
+
+Node written(const Scene& scene) {
+  Node::Table table;
+  for (const auto* fields :
+       {&title_scene_fields(), &cutting_scene_fields(), &judging_scene_fields()})
+    for (Node::Entry& entry : fields->written(scene)) table.push_back(std::move(entry));
+  Node::Array variants;
+  for (const Variant& variant : scene.variants)
+    variants.push_back(Node{{}, written_variant(variant)});
+  if (!variants.empty()) put(table, "variant", std::move(variants));
+  return Node{{}, std::move(table)};
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,48 @@
+#include "sim/scene/scene_sections.h"
+
+namespace abbe::sim {
+
+const Fields<Scene>& sampling_fields() {
+  static const Fields<Scene> fields =
+      Fields<Scene>()
+          .number("chord_tolerance_nm", &Scene::chord_tolerance, {0.01, 1e6, false, false},
+                  "how far the tool may be from its path between two samples of it")
+          .number("max_step_mm", &Scene::max_step, positive, "between two samples at most");
+  return fields;
+}
+
+const Fields<Scene>& search_fields() {
+  static const Fields<Scene> fields = Fields<Scene>().number(
+      "band_mm", &Scene::band, positive,
+      "how far the machined surface is sought along the normal; a gouge deeper than it is followed "
+      "to ten bands, counted apart and left out of PV and RMS");
+  return fields;
+}
+
+const Fields<ViewDescription>& view_fields() {
+  static const Fields<ViewDescription> fields =
+      Fields<ViewDescription>()
+          .direction("from", &ViewDescription::from,
+                     "direction from the part to the camera, in the part frame")
+          .direction("up", &ViewDescription::up, "what is up in the picture, in the part frame")
+          .number_as_written(KeyName("range_um").otherwise("fitted"), &ViewDescription::range_um,
+                             positive, "the colour scale runs from -range to range")
+          .check([](TableReader& reader, ViewDescription& view) {
+            if (view.from.cross(view.up).norm() < 1e-6 * view.from.norm())
+              reader.refuse("up", "a direction across view.from for view.up", "one along it");
+          });
+  return fields;
+}
+
+const Fields<Limits>& limits_fields() {
+  static const Fields<Limits> fields =
+      Fields<Limits>()
+          .number_as_written("pv_um", &Limits::pv_um, non_negative,
+                             "of the residual; exceeded, `abbe` exits with 1, and a gouge deeper "
+                             "than the band exceeds each limit")
+          .number_as_written("rms_um", &Limits::rms_um, non_negative, "the same")
+          .number_as_written("max_abs_um", &Limits::max_abs_um, non_negative, "the same");
+  return fields;
+}
+
+}  // namespace abbe::sim
