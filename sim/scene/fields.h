@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <functional>
 #include <optional>
 #include <set>
@@ -100,6 +101,9 @@ class Fields {
   /// std::string or path, not empty where it is given
   template <typename M>
   Fields& text(const KeyName& key, M member, const char* sentence);
+  /// std::vector<std::string>
+  template <typename M>
+  Fields& texts(const KeyName& key, M member, const char* sentence);
   /// A value that a word stands for. The first word is read on where a required one is missing.
   template <typename M>
   struct WordOf {
@@ -222,7 +226,7 @@ Fields<T>& Fields<T>::add_number(const KeyName& name, M member, const Range& ran
   const auto write = [key, member, unit](const T& from, Node::Table& to) {
     if constexpr (fields_detail::is_optional<V>::value) {
       if (std::invoke(member, from)) put(to, key.name, *std::invoke(member, from) / unit);
-    } else {
+    } else if (std::isfinite(std::invoke(member, from))) {
       put(to, key.name, std::invoke(member, from) / unit);
     }
   };
@@ -288,6 +292,22 @@ Fields<T>& Fields<T>::text(const KeyName& name, M member, const char* sentence) 
       [key, member](const T& from, Node::Table& to) {
         const std::string text(std::invoke(member, from));
         if (!text.empty()) put(to, key.name, text);
+      });
+}
+
+template <typename T>
+template <typename M>
+Fields<T>& Fields<T>::texts(const KeyName& name, M member, const char* sentence) {
+  const Key key = key_of(name, Key::Kind::Texts, sentence);
+  return custom(
+      {key},
+      [key, member](TableReader& reader, T& to) {
+        if (reader.know(key.name)) std::invoke(member, to) = reader.texts(key.name);
+      },
+      [key, member](const T& from, Node::Table& to) {
+        Node::Array all;
+        for (const std::string& one : std::invoke(member, from)) all.push_back(Node{{}, one});
+        if (!all.empty()) put(to, key.name, std::move(all));
       });
 }
 

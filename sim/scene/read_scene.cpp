@@ -103,15 +103,7 @@ Scene read_scene(const std::filesystem::path& file, const std::vector<Override>&
 
 Scene scene_of_tree(const Node& as_written, const std::filesystem::path& file,
                     const std::vector<Override>& overrides, Faults faults) {
-  std::vector<Change> changes;
-  for (const Override& override : overrides) {
-    try {
-      changes.push_back(parse_override(override));
-    } catch (const BadInput& fault) {
-      faults.add(fault);
-    }
-  }
-  Node tree = changed(as_written, changes, file.parent_path(), faults);
+  Node tree = changed(as_written, overrides, file.parent_path(), faults);
   Scene scene = interpreted(tree, file, faults);
   if (faults.empty()) check_variants(scene, tree, faults);
   if (!faults.empty()) throw BadScene(faults.list());

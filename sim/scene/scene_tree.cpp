@@ -274,8 +274,7 @@ void collect(const Node& table, const std::string& prefix, std::vector<Change>& 
   }
 }
 
-}  // namespace
-
+// @throws BadInput naming the override if its value is neither TOML nor a bare word
 Change parse_override(const Override& override) {
   const std::string name = override.path + "=" + override.value;
   const Place place = override.place
@@ -298,6 +297,8 @@ Change parse_override(const Override& override) {
   set_place(change.value, place);
   return change;
 }
+
+}  // namespace
 
 Override override_of(const Change& change) {
   return {change.path, to_toml_value(change.value),
@@ -336,6 +337,19 @@ Node changed(Node tree, const std::vector<Change>& changes, const path& folder, 
     read_section_files(tree, folder, faults);
   }
   return tree;
+}
+
+Node changed(Node tree, const std::vector<Override>& overrides, const path& folder,
+             Faults& faults) {
+  std::vector<Change> changes;
+  for (const Override& override : overrides) {
+    try {
+      changes.push_back(parse_override(override));
+    } catch (const BadInput& fault) {
+      faults.add(fault);
+    }
+  }
+  return changed(std::move(tree), changes, folder, faults);
 }
 
 }  // namespace abbe::sim

@@ -16,10 +16,6 @@ struct Change {
   Node value;  ///< carries the place that messages shall name
 };
 
-/// Change of an override; its value is TOML, or a bare word where that can mean nothing else.
-/// @throws BadInput naming the override if the value is neither
-Change parse_override(const Override& override);
-
 /// The override that makes a change, with the place where it stands.
 Override override_of(const Change& change);
 
@@ -33,6 +29,10 @@ std::optional<Node> read_tree(const std::filesystem::path& file, Faults& faults)
 /// changed.
 /// @param folder  paths in the changes are relative to it
 Node changed(Node tree, const std::vector<Change>& changes, const std::filesystem::path& folder,
+             Faults& faults);
+/// The same by overrides, whose values are TOML, or a bare word where that can mean nothing else;
+/// one that is neither is a fault.
+Node changed(Node tree, const std::vector<Override>& overrides, const std::filesystem::path& folder,
              Faults& faults);
 
 /// The scene of a tree with values changed, as `read_scene` makes it of a file; only what overrides

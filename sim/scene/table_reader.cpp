@@ -162,6 +162,21 @@ std::string TableReader::text(const std::string& key) {
   return text(key, "");
 }
 
+std::vector<std::string> TableReader::texts(const std::string& key) {
+  std::vector<std::string> all;
+  const Node* list = know(key);
+  if (!list) return all;
+  if (list->text()) return {*list->text()};
+  if (!list->array()) refuse(key, "a list of texts", shown(*list));
+  for (const Node& one : list->array() ? *list->array() : Node::Array{}) {
+    if (one.text())
+      all.push_back(*one.text());
+    else
+      faults_.add(one.place, "a text", shown(one));
+  }
+  return all;
+}
+
 std::optional<Eigen::VectorXd> TableReader::numbers_as_written(const std::string& key, int size) {
   const Node* node = know(key);
   if (!node) return std::nullopt;

@@ -61,6 +61,9 @@ class TableReader {
   std::string text(const std::string& key);  ///< required, not empty
   std::string text(const std::string& key, const std::string& fallback);
 
+  /// List of texts; a text alone is a list of one. Empty if it is not there.
+  std::vector<std::string> texts(const std::string& key);
+
   /// Array of numbers, `size` of them (0: at least one).
   Eigen::VectorXd numbers(const std::string& key, int size = 0);  ///< required
   std::optional<Eigen::VectorXd> maybe_numbers(const std::string& key, int size = 0);

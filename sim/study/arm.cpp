@@ -22,7 +22,7 @@ bool changes_commands(const Input& input) {
   });
 }
 
-bool are_told_for_each(const Study& study, const Arm& arm, const Scene& scene) {
+bool depend_on_inputs(const Study& study, const Arm& arm, const Scene& scene) {
   if (scene.datum.kind != DatumDescription::Kind::None) return true;
   if (std::any_of(study.inputs.begin(), study.inputs.end(), changes_commands)) return true;
   if (arm.case_name == "uncompensated") return false;
@@ -112,11 +112,11 @@ ReadyArm ready_arm(const Study& study, const Arm& arm, const Progress& progress)
   Scene scene = scene_of(study, arm);
   Job job = prepared(study, arm, scene, progress);
   check_reaches_part(job);
-  Commands told = commands(arm, job);
-  const bool for_each = are_told_for_each(study, arm, scene);
+  Commands commanded = commands(arm, job);
+  const bool for_each = depend_on_inputs(study, arm, scene);
   cutting::Surface error_free;
   if (study.machine_part) error_free = cut_error_free(job, progress).surface;
-  return {arm, std::move(scene), std::move(job), std::move(told), for_each, std::move(error_free)};
+  return {arm, std::move(scene), std::move(job), std::move(commanded), for_each, std::move(error_free)};
 }
 
 Tried cut_at(const Study& study, const ReadyArm& ready, Job job, const Eigen::VectorXd& x) {
@@ -130,7 +130,7 @@ Tried cut_at(const Study& study, const ReadyArm& ready, Job job, const Eigen::Ve
     return {std::move(job), std::move(made.surface), std::move(values)};
   }
   job = with_errors(std::move(job), scene);
-  Cut made = ready.told_for_each ? cut(job, commands(ready.arm, job)) : cut(job, ready.told);
+  Cut made = ready.commanded_for_each ? cut(job, commands(ready.arm, job)) : cut(job, ready.commanded);
   Eigen::VectorXd values = responses(study, job, made.surface, ready.error_free);
   return {std::move(job), std::move(made.surface), std::move(values)};
 }

@@ -14,8 +14,8 @@ struct ReadyArm {
   Arm arm;
   Scene scene;    ///< before any input
   Job job;        ///< with all inputs at their centres; sampled densely enough for all their values
-  Commands told;  ///< what its axes are commanded
-  bool told_for_each = false;   ///< what the axes are told depends on the inputs
+  Commands commanded;
+  bool commanded_for_each = false;  ///< the commands depend on the inputs
   cutting::Surface error_free;  ///< empty unless the study asks for the machine's part
 };
 /// @throws BadScene, BadInput

@@ -19,14 +19,14 @@ cutting::Design without_rivals(cutting::Design design, const std::vector<cutting
 
 BaseRun base_run(const Study& study, const ReadyArm& ready, const Progress& progress) {
   const Job& job = ready.job;
-  BaseRun run{study, ready, cut_process(job, ready.told), {}, {}, std::nullopt, {}};
-  run.T_wt = tool_poses(job, ready.told, run.process);
+  BaseRun run{study, ready, cut_process(job, ready.commanded), {}, {}, std::nullopt, {}};
+  run.T_wt = tool_poses(job, ready.commanded, run.process);
   cutting::RivalOptions options;
   options.reach = study.influence.reach;
   options.most = study.influence.most_rivals;
   options.band = job.scene.band;
   if (progress) options.progress = [&](double fraction) { progress("rivals", fraction); };
-  const program::Samples& samples = ready.told.samples;
+  const program::Samples& samples = ready.commanded.samples;
   const cutting::SurfaceOptions band{.band = job.scene.band, .progress = {}};
   if (const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.actual)) {
     for (std::size_t i = 0; i < samples.states.size(); ++i) run.sample.push_back(i);

@@ -107,25 +107,25 @@ ordered_json correlations(const Study& study) {
   return pairs;
 }
 
-ordered_json contribution(const Study& study, const Contribution& c, const InUnit& told) {
+ordered_json contribution(const Study& study, const Contribution& c, const InUnit& figure) {
   return {{"input", study.inputs[std::size_t(c.input)].name},
-          {"low", told(c.low)},
-          {"high", told(c.high)},
+          {"low", figure(c.low)},
+          {"high", figure(c.high)},
           {"sobol_first", c.sobol ? banded(c.sobol->first) : ordered_json()},
           {"sobol_total", c.sobol ? banded(c.sobol->total) : ordered_json()},
           {"correlation", number(c.correlation)},
           {"rank_correlation", number(c.rank_correlation)}};
 }
 
-ordered_json monte_carlo(const Answers& a, const InUnit& told) {
+ordered_json monte_carlo(const Answers& a, const InUnit& figure) {
   return {{"cases", a.cases},
-          {"mean", told(a.mean)},
-          {"standard_deviation", told(a.standard_deviation)},
-          {"min", told(a.min)},
-          {"max", told(a.max)},
-          {"median", told(a.median)},
-          {"p95", told(a.p95)},
-          {"p99", told(a.p99)}};
+          {"mean", figure(a.mean)},
+          {"standard_deviation", figure(a.standard_deviation)},
+          {"min", figure(a.min)},
+          {"max", figure(a.max)},
+          {"median", figure(a.median)},
+          {"p95", figure(a.p95)},
+          {"p99", figure(a.p99)}};
 }
 
 ordered_json convergence_of(const IndexConvergence& c) {
@@ -143,20 +143,20 @@ ordered_json convergence_of(const IndexConvergence& c) {
 }
 
 ordered_json response(const Study& study, const ResponseBudget& r) {
-  const InUnit told{r.response};
+  const InUnit figure{r.response};
   ordered_json contributions = ordered_json::array();
   for (const Contribution& c : r.contributions)
-    contributions.push_back(contribution(study, c, told));
+    contributions.push_back(contribution(study, c, figure));
   return {
       {"response", name_of(r.response)},
       {"unit", unit_of(r.response)},
-      {"base", told(r.base)},
-      {"root_sum_square", told(r.root_sum_square)},
-      {"sum", told(r.sum)},
-      {"worst", told(r.worst)},
-      {"worst_bound", told(r.worst_bound)},
-      {"monte_carlo", r.answers ? monte_carlo(*r.answers, told) : ordered_json()},
-      {"limit", told(r.limit)},
+      {"base", figure(r.base)},
+      {"root_sum_square", figure(r.root_sum_square)},
+      {"sum", figure(r.sum)},
+      {"worst", figure(r.worst)},
+      {"worst_bound", figure(r.worst_bound)},
+      {"monte_carlo", r.answers ? monte_carlo(*r.answers, figure) : ordered_json()},
+      {"limit", figure(r.limit)},
       {"within_limit_percent", r.share_within ? banded(*r.share_within, 100.0) : ordered_json()},
       {"cpk", number(r.capability)},
       {"contributions", contributions},
@@ -183,7 +183,7 @@ ordered_json map_of(const Study& study, const ArmBudget& arm) {
 }
 
 ordered_json allocation_of(const Allocation& a) {
-  const InUnit told{a.asked.response};
+  const InUnit figure{a.asked.response};
   const auto way = [&](const Eigen::VectorXd& factors, double cost, const Banded& share) {
     return ordered_json{{"factors", numbers(factors)},
                         {"cost", number(cost)},
@@ -191,9 +191,9 @@ ordered_json allocation_of(const Allocation& a) {
   };
   return {{"response", name_of(a.asked.response)},
           {"unit", unit_of(a.asked.response)},
-          {"limit", told(a.asked.limit)},
+          {"limit", figure(a.asked.limit)},
           {"confidence_percent", number(100.0 * a.asked.confidence)},
-          {"floor", told(a.floor)},
+          {"floor", figure(a.floor)},
           {"attainable", a.attainable},
           {"equal", way(a.equal, a.equal_cost, a.equal_share)},
           {"cheapest", way(a.cheapest, a.cheapest_cost, a.cheapest_share)}};

@@ -101,16 +101,16 @@ std::string totals(const ArmBudget& arm) {
   Table t{{"response", "base", "RSS", "sum", "worst found", "at most", "mean", "std. dev.", "P95",
            "P99", "limit", "within the limit", "Cpk"}};
   for (const ResponseBudget& r : arm.responses) {
-    const auto told = [&](const std::optional<double>& v) {
+    const auto shown = [&](const std::optional<double>& v) {
       return v ? figure(in_unit(r.response, *v)) : std::string();
     };
     const auto band = [&](const Banded Answers::*what) {
       return r.answers ? in_band(r.response, (*r.answers).*what) : std::string();
     };
-    t.rows.push_back({title_of(r.response) + ", " + shown_unit(r.response), told(r.base),
-                      told(r.root_sum_square), told(r.sum), told(r.worst), told(r.worst_bound),
+    t.rows.push_back({title_of(r.response) + ", " + shown_unit(r.response), shown(r.base),
+                      shown(r.root_sum_square), shown(r.sum), shown(r.worst), shown(r.worst_bound),
                       band(&Answers::mean), band(&Answers::standard_deviation), band(&Answers::p95),
-                      band(&Answers::p99), told(r.limit),
+                      band(&Answers::p99), shown(r.limit),
                       r.share_within ? machines(*r.share_within) : "",
                       r.capability ? hundredths(*r.capability) : ""});
   }
@@ -182,13 +182,13 @@ const Contribution* contribution_of(const ResponseBudget& response, int input) {
 
 std::string change_text(Response response, const Contribution* c) {
   if (c == nullptr || (!c->low && !c->high)) return "";
-  const auto told = [&](const std::optional<double>& v) -> std::string {
+  const auto shown = [&](const std::optional<double>& v) -> std::string {
     if (!v) return "–";
     const double value = in_unit(response, *v);
     if (std::abs(value) < 1e-4) return "0";
     return (value > 0.0 ? "+" : "") + figure(value);
   };
-  return told(c->low) + " / " + told(c->high);
+  return shown(c->low) + " / " + shown(c->high);
 }
 
 std::string index_text(const Banded& b) {

@@ -6,11 +6,11 @@
 namespace abbe::sim::study {
 
 /// What the finished cases of a study say so far; of an analysis that has begun only what its cases
-/// can tell.
+/// can say.
 /// @param rows  ascending
 Budget budget_of(const Study& study, const Plan& plan, const std::vector<Row>& rows);
 
-/// The same, and what the influence maps tell: contributions to the map, worst corners, tolerances.
+/// The same, and what the influence maps say: contributions to the map, worst corners, tolerances.
 Budget budget_of(const ReadyStudy& ready, const std::vector<Row>& rows,
                  const Progress& progress = {});
 

@@ -137,11 +137,11 @@ void write_tornado(Album& album, const Budget& budget, const ArmBudget& arm,
   for (std::size_t k = 0; k < std::min(order.order.size(), most_bars); ++k) {
     const Contribution* c = by_input[std::size_t(order.order[k])];
     if (c == nullptr) continue;
-    const auto told = [&](const std::optional<double>& v) {
+    const auto shown = [&](const std::optional<double>& v) {
       return v ? in_unit(r.response, *v) : std::nan("");
     };
-    render::Bar bar{name_of_input(budget, c->input), told(c->low)};
-    bar.other = told(c->high);
+    render::Bar bar{name_of_input(budget, c->input), shown(c->low)};
+    bar.other = shown(c->high);
     bars.push_back(bar);
   }
   const double step = budget.study.one_at_a_time ? budget.study.one_at_a_time->step : 1.0;
@@ -211,8 +211,8 @@ void write_indices(Album& album, const Budget& budget, const ArmBudget& arm,
 }
 
 std::string banded(Response response, const Banded& b) {
-  const auto told = [&](double v) { return render::figure(in_unit(response, v)); };
-  return fmt::format("{} [{}, {}]", told(b.value), told(b.low), told(b.high));
+  const auto shown = [&](double v) { return render::figure(in_unit(response, v)); };
+  return fmt::format("{} [{}, {}]", shown(b.value), shown(b.low), shown(b.high));
 }
 
 render::DistributionSeries distribution_of(const ArmBudget& arm, const ResponseBudget& r) {
@@ -266,11 +266,11 @@ void write_distribution(Album& album, const Budget& budget, Response response) {
 /// (inputs x 2)
 Eigen::MatrixXd beyond_chance(const ResponseBudget& r, std::size_t inputs) {
   Eigen::MatrixXd all = Eigen::MatrixXd::Constant(Eigen::Index(inputs), 2, std::nan(""));
-  const auto told = [least = chance_correlation(r)](const std::optional<double>& value) {
+  const auto shown = [least = chance_correlation(r)](const std::optional<double>& value) {
     return value && std::abs(*value) > least ? *value : std::nan("");
   };
   for (const Contribution& c : r.contributions)
-    all.row(c.input) << told(c.correlation), told(c.rank_correlation);
+    all.row(c.input) << shown(c.correlation), shown(c.rank_correlation);
   return all;
 }
 

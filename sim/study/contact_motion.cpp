@@ -14,7 +14,7 @@ Matrix3d turn(const SpindleLine& line, double angle) {
 }
 
 double turn_at(const BaseRun& run, const End& end) {
-  return run.ready.told.samples.states[end.sample].q[*run.ready.job.machine.workpiece_spindle];
+  return run.ready.commanded.samples.states[end.sample].q[*run.ready.job.machine.workpiece_spindle];
 }
 
 double turn_at(const BaseRun& run, const std::array<End, 2>& ends) {

@@ -23,8 +23,8 @@ struct Machined {
 
 Machined machined(const BaseRun& run, const Scene& scene, const std::vector<std::size_t>& needed) {
   const Job job = with_errors(run.ready.job, scene);
-  const Commands own = run.ready.told_for_each ? commands(run.ready.arm, job) : Commands{};
-  const Commands& told = run.ready.told_for_each ? own : run.ready.told;
+  const Commands own = run.ready.commanded_for_each ? commands(run.ready.arm, job) : Commands{};
+  const Commands& told = run.ready.commanded_for_each ? own : run.ready.commanded;
   if (told.samples.states.size() != run.T_wt.size())
     throw BadInput(run.study.file.string(), 0, 0,
                    "engine = \"full\" for a case whose samples depend on the machine",
@@ -66,7 +66,7 @@ Columns of_cutter(const BaseRun& run, const cutting::Cutter& from, const cutting
                   double per_unit) {
   Columns columns = nothing(run);
   if (same_shape(from, to)) return columns;
-  const cutting::CutterMotion motion = cutter_motion(run.T_wt, run.ready.told.samples);
+  const cutting::CutterMotion motion = cutter_motion(run.T_wt, run.ready.commanded.samples);
   tbb::parallel_for(std::size_t(0), run.rivals.size(), [&](std::size_t r) {
     const double larger = left_by(run, motion, run.rivals[r], to);
     const double smaller = left_by(run, motion, run.rivals[r], from);

@@ -36,7 +36,7 @@ errors::GeometricErrors only(const errors::GeometricErrors& all,
   return some;
 }
 
-/// Whether nothing but elements can tell two scenes of the same input apart: their run-out is in
+/// Whether nothing but elements can distinguish two scenes of the same input apart: their run-out is in
 /// the tools.
 bool same_tools(const ToolDescription& a, const ToolDescription& b) {
   if (a.actual_length != b.actual_length) return false;
@@ -67,7 +67,7 @@ Twist twist_of(const GeometricInput& input, const kinematics::AxisState& state,
 
 std::optional<GeometricInput> geometric_input(const BaseRun& run, Index input,
                                               const std::array<Scene, 2>& scenes) {
-  if (run.ready.told_for_each) return std::nullopt;
+  if (run.ready.commanded_for_each) return std::nullopt;
   const std::set<std::string> names = elements_of(run.study.inputs[std::size_t(input)]);
   const std::array parts{only(scenes[0].geometric, names), only(scenes[1].geometric, names)};
   for (const errors::GeometricErrors& part : parts)
@@ -91,7 +91,7 @@ Columns geometric_columns(const BaseRun& run, const std::vector<GeometricInput>&
     const std::array<End, 2> ends = ends_of(run, rival);
     std::vector<std::array<Twist, 2>> twists(inputs.size());
     for (std::size_t e = 0; e < 2; ++e) {
-      const kinematics::AxisState& state = run.ready.told.samples.states[ends[e].sample];
+      const kinematics::AxisState& state = run.ready.commanded.samples.states[ends[e].sample];
       const Eigen::MatrixXd J_motion = kinematics::motion_jacobian(chain, state.q);
       const Eigen::MatrixXd J_location = kinematics::location_jacobian(chain, state.q);
       for (std::size_t i = 0; i < inputs.size(); ++i)

@@ -79,9 +79,9 @@ class Checks {
 double off(const InfluenceMap& map, const cutting::Surface& surface, Index v, double estimated) {
   const bool wanted = std::isfinite(map.error_free[v]);
   const bool cut = wanted && surface.status[std::size_t(v)] == cutting::VertexStatus::Cut;
-  const bool told = std::isfinite(estimated);
-  if (cut && told) return std::abs(estimated - surface.residual[v]);
-  return cut == told ? 0.0 : infinity;
+  const bool has_estimate = std::isfinite(estimated);
+  if (cut && has_estimate) return std::abs(estimated - surface.residual[v]);
+  return cut == has_estimate ? 0.0 : infinity;
 }
 
 double flagged_percent(const InfluenceMap& map, double flag) {

@@ -24,7 +24,7 @@ Finished finished_in(std::string_view bytes);
 
 /// Empty for none.
 std::string to_bytes(const std::exception_ptr& failure);
-/// One that tells the same, of the same type where the exit code depends on it; none of empty
+/// One with the same message, of the same type where the exit code depends on it; none of empty
 /// bytes.
 std::exception_ptr failure_in(const std::string& bytes);
 

@@ -8,7 +8,7 @@
 
 namespace abbe::sim::study {
 
-/// Inputs in the order of what they contribute, by whatever of a budget tells it best.
+/// Inputs in the order of what they contribute, by the best figure of a budget.
 struct Ranking {
   enum class Basis {
     None,

@@ -103,7 +103,7 @@ std::string table_head(const Study& study, bool with_inputs) {
 }
 
 /// What the journal of a folder says, block by block.
-StudyTold state(const Study& study, const Plan& plan, const std::vector<Row>& rows) {
+StudyResult state(const Study& study, const Plan& plan, const std::vector<Row>& rows) {
   ordered_json blocks = ordered_json::array();
   std::string text = fmt::format("{}: {} of {} cases are finished\n", escaped(study.title),
                                  rows.size(), plan.cases);
@@ -149,20 +149,20 @@ class Results {
   Results(const Study& study, const ResultFolder& folder, ProgressLine& progress)
       : study_(study), folder_(folder), progress_(progress) {}
 
-  StudyTold write(const ReadyStudy& ready, const std::vector<Row>& rows) {
-    StudyTold told{ordered_json::object(), ""};
-    if (!study_.inputs.empty()) told = write_budget(ready, rows);
+  StudyResult write(const ReadyStudy& ready, const std::vector<Row>& rows) {
+    StudyResult result{ordered_json::object(), ""};
+    if (!study_.inputs.empty()) result = write_budget(ready, rows);
     if (study_.histories) {
       progress_.begin("histories");
       const auto results = histories(study_, report());
       write_histories(folder_, study_, results);
-      told.json["histories"] = to_json(results);
-      told.text += to_csv(one_lined(results));
+      result.json["histories"] = to_json(results);
+      result.text += to_csv(one_lined(results));
     }
     write_file(folder_ / "study.toml", study_.text);
-    write_json(folder_ / "budget.json", told.json);
-    told.text += fmt::format("\nfiles in {}\n", escaped(folder_.path().string()));
-    return told;
+    write_json(folder_ / "budget.json", result.json);
+    result.text += fmt::format("\nfiles in {}\n", escaped(folder_.path().string()));
+    return result;
   }
 
  private:
@@ -170,13 +170,13 @@ class Results {
     return [this](const std::string& stage, double fraction) { progress_.report(stage, fraction); };
   }
 
-  StudyTold write_budget(const ReadyStudy& ready, const std::vector<Row>& rows) {
+  StudyResult write_budget(const ReadyStudy& ready, const std::vector<Row>& rows) {
     progress_.begin("budget");
     const Budget budget = budget_of(ready, rows, report());
-    StudyTold told{to_json(budget), to_markdown(budget)};
+    StudyResult result{to_json(budget), to_markdown(budget)};
     write_table(folder_ / "cases.csv", cases_csv(study_, ready.plan, rows));
     write_table(folder_ / "budget.csv", to_csv(budget));
-    write_table(folder_ / "budget.md", told.text);
+    write_table(folder_ / "budget.md", result.text);
     progress_.begin("pictures");
     write_pictures(folder_, budget);
     PictureNames names;
@@ -184,9 +184,9 @@ class Results {
       const std::string own_name =
           study_.arms.size() == 1 ? "" : names.unused({study_.arms[arm].name});
       const ResultFolder own = folder_.inside(own_name);
-      told.json["arms"][arm].update(write_influence(own, ready, arm));
+      result.json["arms"][arm].update(write_influence(own, ready, arm));
     }
-    return told;
+    return result;
   }
 
   const Study& study_;
@@ -202,7 +202,7 @@ void serve(const Study& study, const std::vector<Batch>& left, const Ranks& rank
 
 }  // namespace
 
-StudyTold run_study(const path& file, const StudyOptions& options, const Ranks& ranks) {
+StudyResult run_study(const path& file, const StudyOptions& options, const Ranks& ranks) {
   const Study study = read_trusted_study(file, options.overrides, options.permissions);
   const Plan plan = plan_of(study);
   std::vector<Batch> batches = batches_of(plan);
@@ -238,7 +238,7 @@ StudyTold run_study(const path& file, const StudyOptions& options, const Ranks& 
   return Results(study, folder, progress).write(ready, made.rows);
 }
 
-StudyTold merge_study(const path& file, const StudyOptions& options) {
+StudyResult merge_study(const path& file, const StudyOptions& options) {
   const Study study = read_trusted_study(file, options.overrides, options.permissions);
   const Recorded all = recorded_of(study, options.folder);
   const Plan plan = plan_of(study);
@@ -257,15 +257,15 @@ StudyTold merge_study(const path& file, const StudyOptions& options) {
   return Results(study, folder, progress).write(ready, all.rows);
 }
 
-StudyTold show_study(const path& file, const StudyOptions& options) {
+StudyResult show_study(const path& file, const StudyOptions& options) {
   const Study study = read_study(file, options.overrides);
   const Plan plan = plan_of(study);
   const Recorded all = recorded_of(study, options.folder);
-  StudyTold told = state(study, plan, all.rows);
+  StudyResult result = state(study, plan, all.rows);
   const Budget budget = budget_of(study, plan, all.rows);
-  told.json["budget"] = to_json(budget);
-  told.text += "\n" + to_markdown(budget);
-  return told;
+  result.json["budget"] = to_json(budget);
+  result.text += "\n" + to_markdown(budget);
+  return result;
 }
 
 std::string cases_csv(const Study& study, const Plan& plan, const std::vector<Row>& rows) {

@@ -23,7 +23,7 @@ struct StudyOptions {
 };
 
 /// What a command says.
-struct StudyTold {
+struct StudyResult {
   nlohmann::ordered_json json;
   std::string text;  ///< for a person
 };
@@ -32,15 +32,15 @@ struct StudyTold {
 /// the same bytes whether it was interrupted or not, and whoever did the cases.
 /// @return `budget.json` and `budget.md`, of a shard what `show` tells; on ranks but 0 nothing
 /// @throws BadScene, BadInput, OutputFailure, Interrupted
-StudyTold run_study(const std::filesystem::path& file, const StudyOptions& options,
+StudyResult run_study(const std::filesystem::path& file, const StudyOptions& options,
                     const Ranks& ranks);
 
 /// Tables and pictures from the journals of all shards.
 /// @throws BadInput also if cases are missing, saying how many of which shard
-StudyTold merge_study(const std::filesystem::path& file, const StudyOptions& options);
+StudyResult merge_study(const std::filesystem::path& file, const StudyOptions& options);
 
 /// How far a study has come and what it says so far, also while it runs; computes nothing.
-StudyTold show_study(const std::filesystem::path& file, const StudyOptions& options);
+StudyResult show_study(const std::filesystem::path& file, const StudyOptions& options);
 
 /// Every case as CSV: number, analysis, inputs, answers. Inputs are left out where they would be
 /// more than two million numbers; the journal's study knows them anyway.

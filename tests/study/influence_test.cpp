@@ -153,12 +153,12 @@ TEST(Influence, CompensatedArmsAreTheirFullRuns) {
       fmt::format("[belief]\nidentified = \"{}\"\n", file_of("beliefs/gantry.toml"));
   const MadeStudy identified(
       {ball_dome(belief), every("element"), "cases = [\"identified-iterated-ideal\"]", 4});
-  EXPECT_FALSE(identified.ready.told_for_each);
+  EXPECT_FALSE(identified.ready.commanded_for_each);
   expect_agreement(told_agreement("identified", identified, 20), 1.0, 1.5);
   const MadeStudy believed(
       {ball_dome(belief), by_path("belief.scale", 1, 0.1) + by_element("EYX") + by_element("EC0Y"),
        "cases = [\"identified-iterated-ideal\"]", 4});
-  EXPECT_TRUE(believed.ready.told_for_each);
+  EXPECT_TRUE(believed.ready.commanded_for_each);
   expect_agreement(told_agreement("believed", believed, 12), 1.0, 1.5);
 }
 

@@ -1,0 +1,317 @@
+#include "sim/study/study_fields.h"
+
+#include <algorithm>
+#include <array>
+#include <limits>
+
+#include <fmt/format.h>
+
+namespace abbe::sim::study {
+
+namespace {
+
+constexpr double most_spread = 1e12;  // of anything in any unit: beyond, sums lose their digits
+constexpr Range share{0.5, 0.999};    // of a confidence
+constexpr std::array all_responses{Response::Pv,         Response::Rms,    Response::Mean,
+                                   Response::Std,        Response::MaxAbs, Response::P95Abs,
+                                   Response::InTolerance};
+
+std::string shown(const Distribution& d) {
+  return fmt::format("centre {}, spread {}, from {} to {}", d.centre, d.spread, d.low, d.high);
+}
+
+void read_responses(TableReader& reader, Study& study) {
+  for (const std::string& name : reader.texts("responses")) {
+    const auto found = std::find_if(all_responses.begin(), all_responses.end(),
+                                    [&](Response one) { return name == name_of(one); });
+    auto& had = study.responses;
+    if (found == all_responses.end())
+      reader.refuse("responses", "pv, rms, mean, std, max_abs, p95_abs or in_tolerance", name);
+    else if (std::find(had.begin(), had.end(), *found) == had.end())
+      had.push_back(*found);
+  }
+  if (study.responses.empty()) study.responses = {Response::Pv, Response::Rms};
+}
+
+void write_responses(const Study& study, Node::Table& table) {
+  Node::Array names;
+  for (const Response one : study.responses) names.push_back(Node{{}, std::string(name_of(one))});
+  put(table, "responses", std::move(names));
+}
+
+using ResponseLimits = std::vector<std::pair<Response, double>>;
+
+Fields<ResponseLimits> limit_fields() {
+  Fields<ResponseLimits> fields;
+  for (const Response response :
+       {Response::Pv, Response::Rms, Response::Std, Response::MaxAbs, Response::P95Abs}) {
+    Key key = key_of(std::string(name_of(response)) + "_um", Key::Kind::Number,
+                     "upper limit: share of the machines within, Cpk");
+    key.range = positive;
+    fields.custom(
+        {key},
+        [key, response](TableReader& reader, ResponseLimits& limits) {
+          if (const auto limit = reader.maybe_number(key.name, key.range))
+            limits.emplace_back(response, *limit);
+        },
+        [key, response](const ResponseLimits& limits, Node::Table& table) {
+          for (const auto& [one, limit] : limits)
+            if (one == response) put(table, key.name, limit / sim::unit_of(key.name));
+        });
+  }
+  return fields;
+}
+
+Fields<Tolerance> tolerance_fields() {
+  return Fields<Tolerance>()
+      .word("response", &Tolerance::response, {{"pv", Response::Pv}, {"rms", Response::Rms}},
+            "figure of the map that is limited")
+      .number(must("limit_um"), &Tolerance::limit, positive, "of that figure")
+      .number("confidence", &Tolerance::confidence, share, "share of the machines within it")
+      .whole("machines", &Tolerance::machines, 200, 1'000'000,
+             "drawn to find the spreads; as many fresh ones verify them");
+}
+
+/// `steps` of `from` to `to`, where the values are not listed.
+struct Stretch {
+  double from = 0.0, to = 0.0;
+  int steps = 11;
+};
+
+const Fields<Stretch>& stretch_fields() {
+  static const Fields<Stretch> fields =
+      Fields<Stretch>()
+          .number(must("from"), &Stretch::from, any_number,
+                  "first value, unless `values` are given")
+          .number(must("to"), &Stretch::to, any_number, "last value")
+          .whole("steps", &Stretch::steps, 2, 10000, "values from `from` to `to`")
+          .check([](TableReader& reader, Stretch& stretch) {
+            if (!std::isfinite(stretch.to - stretch.from))
+              reader.refuse("to", "a stretch of finite length",
+                            fmt::format("{} to {}", stretch.from, stretch.to));
+          });
+  return fields;
+}
+
+std::vector<Key> sweep_keys() {
+  std::vector<Key> keys{key_of(must("input"), Key::Kind::Text, "name of the input that is swept"),
+                        key_of("values", Key::Kind::Numbers, "its values")};
+  for (Key key : stretch_fields().keys()) {
+    key.required = false;
+    keys.push_back(std::move(key));
+  }
+  return keys;
+}
+
+void read_sweep(const Node& node, Study& study, Faults& faults) {
+  TableReader reader(node, "sweep", faults);
+  Sweep sweep;
+  sweep.input = input_named(reader, "input", study.inputs);
+  if (reader.has("values")) {
+    sweep.values = reader.numbers("values");
+  } else {
+    const Stretch stretch = stretch_fields().read(reader);
+    sweep.values =
+        Eigen::VectorXd::LinSpaced(Eigen::Index(stretch.steps), stretch.from, stretch.to);
+  }
+  reader.close();
+  if (study.sweeps.size() == most_sweeps)
+    faults.add(node.place, fmt::format("at most {} sweeps", most_sweeps), "more");
+  if (study.sweeps.size() < most_sweeps) study.sweeps.push_back(std::move(sweep));
+}
+
+Fields<Study>::Field sweep_field() {
+  Key key = key_of("sweep", Key::Kind::Tables,
+                   "an input through its values, all others at their centres");
+  key.keys = sweep_keys();
+  return {{key},
+          [](TableReader& reader, Study& study) {
+            for (const Node* node : reader.tables("sweep"))
+              read_sweep(*node, study, reader.faults());
+          },
+          [](const Study& study, Node::Table& table) {
+            Node::Array sweeps;
+            for (const Sweep& sweep : study.sweeps) {
+              Node::Table own;
+              put(own, "input", study.inputs[std::size_t(sweep.input)].name);
+              put_numbers(own, "values", sweep.values, 1.0);
+              sweeps.push_back(Node{{}, std::move(own)});
+            }
+            if (!sweeps.empty()) put(table, "sweep", std::move(sweeps));
+          }};
+}
+
+Fields<InfluenceOptions> influence_fields() {
+  using Options = InfluenceOptions;
+  return Fields<Options>()
+      .number("reach_um", &Options::reach, positive,
+              "passes of the tool within so much of the first are kept")
+      .whole("most_rivals", &Options::most_rivals, 1, 64, "passes kept at a vertex at most")
+      .whole("checks", &Options::checks, 0, 1000,
+             "random machines that are cut to find where the maps fail")
+      .number("flag_um", &Options::flag, positive,
+              "a vertex that differs by more in one of them is flagged")
+      .boolean("sheet", &Options::sheet, "all inputs on one sheet")
+      .texts("pictures", &Options::pictures, "names of inputs that get a picture of their own");
+}
+
+Fields<Histories> histories_fields() {
+  return Fields<Histories>()
+      .texts(must("train"), &Histories::train,
+             "variants whose days teach, `\"\"` for the scene's own day; a day brings "
+             "`[[instrument]]`s that read the machine at three or more `start_h`, or all day")
+      .texts(must("test"), &Histories::test, "variants whose days are judged")
+      .text("case", &Histories::case_name, "a compensator of belief `thermal` alone")
+      .check([](TableReader& reader, Histories& histories) {
+        for (const auto& [key, list] :
+             {std::pair("train", &histories.train), std::pair("test", &histories.test)})
+          if (list->empty()) reader.missing(key, "a list of variants, \"\" for the scene");
+      });
+}
+
+void check_pictures(TableReader& reader, Study& study) {
+  const Node* influence = reader.know("influence");
+  if (!influence || !influence->table()) return;
+  TableReader own(*influence, "influence", reader.faults());
+  const std::set<std::string> names = input_names(study.inputs);
+  for (const std::string& name : study.influence.pictures)
+    if (!names.count(name)) own.refuse("pictures", "names of inputs", with_meant(name, names));
+}
+
+}  // namespace
+
+const Fields<Study>& engine_fields() {
+  static const Fields<Study> fields =
+      Fields<Study>()
+          .word("engine", &Study::engine,
+                {{"influence", Engine::Influence, "every machine from influence maps"},
+                 {"full", Engine::Full,
+                  "every machine cut; not for `[worst_case]`, `[tolerance]`, `[uncertainty]`"},
+                 {"both", Engine::Both,
+                  "influence maps, and the first `proofs` machines of `[monte_carlo]`, which it "
+                  "needs, cut as well"}},
+                "how the cases are computed")
+          .whole("seed", &Study::seed, 0, std::numeric_limits<std::int64_t>::max(),
+                 "of everything that is drawn; `--seed`")
+          .whole("proofs", &Study::proofs, 1, most_cases, "machines that `both` cuts as well");
+  return fields;
+}
+
+const Fields<Distribution>& distribution_fields() {
+  using Kind = Distribution::Kind;
+  static const Fields<Distribution> fields =
+      Fields<Distribution>()
+          .word("distribution", &Distribution::kind,
+                {{"normal", Kind::Normal},
+                 {"uniform", Kind::Uniform},
+                 {"triangular", Kind::Triangular},
+                 {"log_normal", Kind::LogNormal}},
+                "how it varies")
+          .number(
+              KeyName("centre").otherwise(
+                  "of `path` the scene's own value, required where it states none (`setup`: "
+                  "0); of `number` 0, of `element` 1"),
+              &Distribution::centre, any_number,
+              "mean, middle, mode or median, within `low` .. `high`; the base machine has every "
+              "input there")
+          .number(
+              KeyName("spread"), &Distribution::spread, {0.0, most_spread, true, false},
+              "standard deviation of `normal` before it is cut off, half width of `uniform` and "
+              "`triangular`, standard deviation of the logarithm of `log_normal` (at most 10), "
+              "in the unit of the path's key; must be given for `[[input]]`")
+          .number("low", &Distribution::low, any_number,
+                  "what physics allows: nothing is drawn below")
+          .number("high", &Distribution::high, any_number, "nothing is drawn above")
+          .check([](TableReader& reader, Distribution& d) {
+            if (d.centre < d.low || d.centre > d.high)
+              reader.refuse("centre",
+                            "a centre within low and high, as the base machine stands there",
+                            fmt::format("{}", d.centre));
+            if (const char* fault = fault_of(d)) reader.refuse("spread", fault, shown(d));
+          });
+  return fields;
+}
+
+const Fields<Study>& response_fields() {
+  static const Fields<Study> fields =
+      Fields<Study>()
+          .custom({key_of(KeyName("responses").otherwise("[\"pv\", \"rms\"]"), Key::Kind::Texts,
+                          "figures of a map: `\"pv\"`, `\"rms\"`, `\"mean\"`, `\"std\"`, "
+                          "`\"max_abs\"`, `\"p95_abs\"`, `\"in_tolerance\"`")},
+                  read_responses, write_responses)
+          .word("of", &Study::machine_part,
+                {{"residual", false, "the map as `summary.json` judges it"},
+                 {"machine", true, "less the error-free map"}},
+                "which map is judged")
+          .table("limits", &Study::limits, limit_fields(), "of `responses` that are asked");
+  return fields;
+}
+
+const Fields<Study>& question_fields() {
+  static const Fields<Study> fields = [] {
+    const Fields<Study>::Field sweep = sweep_field();
+    return Fields<Study>()
+        .table("one_at_a_time", &Study::one_at_a_time,
+               Fields<OneAtATime>().number("step", &OneAtATime::step, positive,
+                                           "standard deviations to either side"),
+               "each input alone, to either side; tornado, root-sum-square, sum")
+        .table(
+            "monte_carlo", &Study::monte_carlo,
+            Fields<MonteCarlo>()
+                .whole("cases", &MonteCarlo::cases, 2, most_cases, "random machines")
+                .word("sampling", &MonteCarlo::sampling,
+                      {{"sobol", Sampling::Sobol, "fills evenly; its bands are on the safe side"},
+                       {"random", Sampling::Random}},
+                      "how they are drawn"),
+            "random machines: mean, P95, P99, share within the limit, each with its band of 95 "
+            "%; Cpk, correlations")
+        .table("sobol_indices", &Study::sobol,
+               Fields<SobolStudy>().whole("base_points", &SobolStudy::base_points, 8, 1 << 24,
+                                          "each of inputs + 2 cases"),
+               "which share of a response's variance an input makes, alone and with its "
+               "interactions; inputs must be independent, at most 1800")
+        .custom(sweep.keys, sweep.read, sweep.write)
+        .table("worst_case", &Study::worst_case,
+               Fields<WorstCase>().number("coverage", &WorstCase::coverage, positive,
+                                          "standard deviations, where a distribution has no end"),
+               "the worst corner of all inputs that is found; of at most 12 inputs every corner is "
+               "tried; no corner exceeds what is given as \"at most\"")
+        .table(
+            "tolerance", &Study::tolerance, tolerance_fields(),
+            "how good each input must be, all alike and at least cost; verified on as many fresh "
+            "random machines")
+        .table("uncertainty", &Study::uncertainty,
+               Fields<Uncertainty>()
+                   .number("confidence", &Uncertainty::confidence, share, "of the band")
+                   .whole("machines", &Uncertainty::machines, 100, 100'000, "drawn"),
+               "standard deviation and band of the map, vertex by vertex")
+        .table("influence", &Study::influence, influence_fields(),
+               "how the maps are made, checked and shown")
+        .check(check_pictures)
+        .table("histories", &Study::histories, histories_fields(),
+               "a thermal belief learnt on one day, judged on others");
+  }();
+  return fields;
+}
+
+std::set<std::string> input_names(const std::vector<Input>& inputs) {
+  std::set<std::string> names;
+  for (const Input& one : inputs) names.insert(one.name);
+  return names;
+}
+
+int input_named(TableReader& reader, const std::string& key, const std::vector<Input>& inputs) {
+  const std::string name = reader.text(key);
+  for (std::size_t i = 0; i < inputs.size(); ++i)
+    if (inputs[i].name == name) return int(i);
+  if (!name.empty())
+    reader.refuse(key, "the name of an input", with_meant(name, input_names(inputs)));
+  return 0;
+}
+
+std::string with_meant(const std::string& name, const std::set<std::string>& known) {
+  const auto meant = nearest(name, known);
+  return "\"" + name + "\"" + (meant ? " (nearest: \"" + *meant + "\")" : "");
+}
+
+}  // namespace abbe::sim::study

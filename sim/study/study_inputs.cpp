@@ -1,0 +1,364 @@
+#include "sim/study/study_inputs.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include <fmt/format.h>
+
+#include "errors/coefficients.h"
+#include "kinematics/units.h"
+#include "sim/study/study_fields.h"
+
+namespace abbe::sim::study {
+namespace {
+
+Distribution scaled(Distribution d, double base) {
+  const double size = std::abs(base);
+  d.centre *= base;
+  d.spread *= d.kind == Distribution::Kind::LogNormal ? 1.0 : size;
+  const double low = d.low * base, high = d.high * base;
+  d.low = std::min(low, high);
+  d.high = std::max(low, high);
+  return d;
+}
+
+/// What the key at the end of a path says of the unit: "_um" is "um".
+std::string unit_of_path(const std::string& path) {
+  std::string last = path;
+  // an index at the end belongs to the key before it
+  while (true) {
+    const std::size_t dot = last.rfind('.');
+    const std::string part = last.substr(dot == std::string::npos ? 0 : dot + 1);
+    const bool index = !part.empty() && part.find_first_not_of("0123456789") == std::string::npos;
+    if (!index || dot == std::string::npos) {
+      last = part;
+      break;
+    }
+    last = last.substr(0, dot);
+  }
+  const std::string_view stem = stem_of(last);
+  return stem.size() < last.size() ? last.substr(stem.size() + 1) : "";
+}
+
+/// One `[[input]]`; it acts by paths, element or number.
+struct OneInput {
+  std::vector<std::string> paths;
+  double factor = 1.0;
+  Input input;
+};
+
+const Fields<OneInput>& one_input_fields() {
+  const auto of_input = [](auto member) {
+    return [member](auto& one) -> auto& { return one.input.*member; };
+  };
+  static const Fields<OneInput> fields =
+      Fields<OneInput>()
+          .texts(KeyName("path").one_of("acts by"), &OneInput::paths,
+                 "a value of the scene as of `--set`, or several that go together: "
+                 "`\"setup.EA_urad\"`, `\"thermal.link.3.conductance_W_per_K\"`")
+          .text(KeyName("element").one_of("acts by"), of_input(&Input::element),
+                "`\"EXX\"`: a factor of that element as the scene has it")
+          .text(
+              KeyName("number").one_of("acts by"), of_input(&Input::number),
+              "`\"EXX[1]\"`, `\"EXX screw pitch cos 1\"`: a number of a curve of the errors, um or "
+              "urad, as `[covariance]` of a belief names it")
+          .check([](TableReader& reader, OneInput& one) {
+            const int ways = int(!one.paths.empty()) + int(!one.input.element.empty()) +
+                             int(!one.input.number.empty());
+            if (ways != 1)
+              reader.refuse("path", "one of path, element (\"EXX\") and number (\"EXX[1]\")",
+                            ways == 0 ? "none" : "several");
+          })
+          .number("factor", &OneInput::factor, any_number,
+                  "what stands at the paths is `factor` times the input")
+          .check([](TableReader& reader, OneInput& one) {
+            if (reader.has("factor") && one.paths.empty())
+              reader.refuse("factor", "a path beside it", "none");
+          })
+          .text(KeyName("name").otherwise("path, element or number"), of_input(&Input::name),
+                "in tables and pictures")
+          .number("cost", of_input(&Input::cost), positive,
+                  "of the present spread; a k-th of the spread costs k times as much "
+                  "(`[tolerance]`)");
+  return fields;
+}
+
+enum class Every { Element, Number, Covariance };
+
+/// `[[inputs]]`: many that are alike.
+struct ManyInputs {
+  Every every = Every::Element;
+  std::vector<std::string> of;  ///< elements; empty: all
+  Input like;                   ///< its distribution and cost
+};
+
+const Fields<ManyInputs>& many_inputs_fields() {
+  static const Fields<ManyInputs> fields =
+      Fields<ManyInputs>()
+          .word(
+              must("every"), &ManyInputs::every,
+              {{"element", Every::Element,
+                "every element of the scene's errors, a factor: `centre` 0 and `spread` 1 take the "
+                "machine as it is for one standard deviation"},
+               {"number", Every::Number,
+                "every number of their curves that is not zero; `centre`, `spread`, `low` and "
+                "`high` in multiples of it"},
+               {"covariance", Every::Covariance,
+                "every number that a belief is not sure of, as far as its covariance says, "
+                "correlations included; the scene's `errors` must be a belief"}},
+              "of what inputs are made")
+          .number(
+              "cost", [](auto& many) -> auto& { return many.like.cost; }, positive,
+              "of the present spread of each");
+  return fields;
+}
+
+const Fields<ManyInputs>& many_alike_fields() {
+  static const Fields<ManyInputs> fields =
+      Fields<ManyInputs>()
+          .texts(KeyName("of").otherwise("all"), &ManyInputs::of, "elements of the scene's errors")
+          .all_of(
+              [](auto& many) -> auto& { return many.like.distribution; }, distribution_fields());
+  return fields;
+}
+
+bool is_of(const ManyInputs& many, const std::string& element) {
+  return many.of.empty() || std::find(many.of.begin(), many.of.end(), element) != many.of.end();
+}
+
+const Fields<double>& correlation_fields() {
+  static const Fields<double> fields = Fields<double>().number(
+      must("rho"), [](auto& rho) -> auto& { return rho; }, {-1.0, 1.0, false, false},
+      "correlation of the normal scores of the two (a Gaussian copula)");
+  return fields;
+}
+
+class InputsReader {
+ public:
+  InputsReader(TableReader& reader, const std::vector<Scene>& scenes)
+      : reader_(reader), faults_(reader.faults()), scenes_(scenes) {}
+
+  StatedInputs read();
+
+ private:
+  void read_one(const Node& node);
+  void read_many(const Node& node);
+  std::optional<double> stated_at(const std::string& path) const;
+  void add_covariance(const Node& node, double cost);
+  void add_elements(const ManyInputs& many, const Place& place);
+  void add_numbers(const ManyInputs& many, const Place& place);
+  void add(Input input, const Place& place);
+  void read_correlations();
+
+  TableReader& reader_;
+  Faults& faults_;
+  const std::vector<Scene>& scenes_;
+  StatedInputs stated_;
+  std::map<std::string, int> index_;
+  std::set<std::string> taken_;               ///< what inputs set
+  std::set<std::pair<int, int>> correlated_;  ///< lower index first
+};
+
+void InputsReader::add(Input input, const Place& place) {
+  if (stated_.inputs.size() == most_inputs)
+    faults_.add(place, fmt::format("at most {} inputs", most_inputs), "more");
+  if (stated_.inputs.size() >= most_inputs) return;
+  if (!index_.emplace(input.name, int(stated_.inputs.size())).second)
+    faults_.add(place, "a name for every input that no other has", "\"" + input.name + "\" again");
+  std::vector<std::string> sets{input.element + input.number};  // one of them, or none
+  for (const Setting& one : input.settings) sets.push_back(one.path);
+  for (const std::string& one : sets)
+    if (!one.empty() && !taken_.insert(one).second)
+      faults_.add(place, "an input of its own for " + one, "\"" + input.name + "\" sets it again");
+  stated_.places.push_back(place);
+  stated_.inputs.push_back(std::move(input));
+}
+
+void InputsReader::read_one(const Node& node) {
+  TableReader reader(node, "input", faults_);
+  OneInput one = one_input_fields().read(reader);
+  Input& input = one.input;
+  const std::vector<std::string>& paths = one.paths;
+  for (const std::string& path : paths) input.settings.push_back({path, one.factor});
+  if (input.name.empty())
+    input.name = !paths.empty() ? paths.front() : input.element + input.number;
+  const bool angle = input.number.size() > 1 && input.number[1] >= 'A' && input.number[1] <= 'C';
+  input.unit = !paths.empty()          ? unit_of_path(paths.front())
+               : !input.number.empty() ? (angle ? "urad" : "um")
+                                       : "";
+  if (!reader.has("spread")) reader.missing("spread", "a number in the unit of the path's key");
+  const std::optional<double> stated = paths.empty() ? std::nullopt : stated_at(paths.front());
+  Distribution own;
+  own.centre = stated && one.factor != 0.0 ? *stated / one.factor
+               : input.element.empty()     ? 0.0
+                                           : 1.0;
+  input.distribution = distribution_fields().read(reader, own);
+  // what setup does not say is zero
+  if (!paths.empty() && !stated && !reader.has("centre") && !paths.front().starts_with("setup."))
+    stated_.without_centre.push_back(int(stated_.inputs.size()));
+  reader.close();
+  add(std::move(input), node.place);
+}
+
+/// The number that the scene of the first arm states at a path, as it is written.
+std::optional<double> InputsReader::stated_at(const std::string& path) const {
+  if (scenes_.empty()) return {};
+  const Node tree = parse_toml(scenes_.front().resolved, "scene");
+  const Node* node = &tree;
+  for (std::size_t from = 0; node && from <= path.size();) {
+    const std::size_t dot = std::min(path.find('.', from), path.size());
+    const std::string part = path.substr(from, dot - from);
+    const Node::Array* list = node->array();
+    const bool index = !part.empty() && part.find_first_not_of("0123456789") == std::string::npos;
+    if (list && index && part.size() < 7 && std::size_t(std::stoi(part)) < list->size())
+      node = &(*list)[std::size_t(std::stoi(part))];
+    else
+      node = list ? nullptr : node->find(part);
+    from = dot + 1;
+  }
+  if (!node) return {};
+  if (const auto* whole = std::get_if<std::int64_t>(&node->value)) return double(*whole);
+  if (const auto* number = std::get_if<double>(&node->value)) return *number;
+  return {};
+}
+
+/// Numbers of a belief, each known to its standard uncertainty, correlated as they are.
+void InputsReader::add_covariance(const Node& node, double cost) {
+  if (scenes_.empty()) return;
+  const errors::GeometricErrors& belief = scenes_.front().geometric;
+  const errors::Covariance& known = belief.covariance;
+  if (known.of.empty()) {
+    faults_.add(node.place, "errors with a covariance, as `abbe identify` writes them",
+                "errors that are taken as they stand");
+    return;
+  }
+  const int before = int(stated_.inputs.size());
+  std::vector<Eigen::Index> rows;
+  for (std::size_t k = 0; k < known.of.size(); ++k) {
+    const auto i = Eigen::Index(k);
+    const double sd = std::sqrt(known.matrix(i, i));
+    if (!(sd > 0.0)) continue;  // zero by convention
+    const errors::Element& element = belief.elements[std::size_t(known.of[k].element)];
+    const double unit = element.name.is_angle() ? units::urad : units::um;
+    Input input;
+    input.name = input.number = errors::name_of(known.of[k], belief.elements);
+    input.unit = element.name.is_angle() ? "urad" : "um";
+    const auto all = errors::coefficients(belief.elements);
+    const auto at = std::find(all.begin(), all.end(), known.of[k]) - all.begin();
+    input.distribution.centre = errors::values(belief.elements)[at] / unit;
+    input.distribution.spread = sd / unit;
+    input.cost = cost;
+    rows.push_back(i);
+    add(std::move(input), node.place);
+  }
+  for (std::size_t a = 0; a < rows.size(); ++a)
+    for (std::size_t b = 0; b < a; ++b) {
+      const double rho = known.matrix(rows[a], rows[b]) /
+                         std::sqrt(known.matrix(rows[a], rows[a]) * known.matrix(rows[b], rows[b]));
+      if (rho == 0.0) continue;
+      stated_.correlations.push_back({before + int(a), before + int(b), rho});
+      correlated_.emplace(before + int(b), before + int(a));
+    }
+}
+
+void InputsReader::read_many(const Node& node) {
+  TableReader reader(node, "inputs", faults_);
+  ManyInputs many = many_inputs_fields().read(reader);
+  if (many.every == Every::Covariance) {
+    reader.close();
+    add_covariance(node, many.like.cost);
+    return;
+  }
+  many = many_alike_fields().read(reader, std::move(many));
+  reader.close();
+  if (scenes_.empty()) return;
+  std::set<std::string> known;
+  for (const errors::Element& element : scenes_.front().geometric.elements)
+    known.insert(errors::to_string(element.name));
+  for (const std::string& name : many.of)
+    if (!known.count(name))
+      reader.refuse("of", "elements that the scene has", with_meant(name, known));
+  if (many.every == Every::Element)
+    add_elements(many, node.place);
+  else
+    add_numbers(many, node.place);
+}
+
+void InputsReader::add_elements(const ManyInputs& many, const Place& place) {
+  for (const errors::Element& element : scenes_.front().geometric.elements) {
+    const std::string name = errors::to_string(element.name);
+    if (is_of(many, name))
+      add({name, "", {}, name, "", many.like.distribution, many.like.cost}, place);
+  }
+}
+
+void InputsReader::add_numbers(const ManyInputs& many, const Place& place) {
+  const std::vector<errors::Element>& elements = scenes_.front().geometric.elements;
+  const Eigen::VectorXd values = errors::values(elements);
+  Eigen::Index at = 0;
+  for (const errors::Coefficient& one : errors::coefficients(elements)) {
+    const errors::Element& element = elements[std::size_t(one.element)];
+    const bool angle = element.name.is_angle();
+    const double base = values[at++] / (angle ? units::urad : units::um);
+    if (!is_of(many, errors::to_string(element.name)) || base == 0.0)
+      continue;  // zero: by convention, mostly
+    const std::string name = errors::name_of(one, elements);
+    const Distribution own = scaled(many.like.distribution, base);
+    if (const char* fault = fault_of(own))
+      faults_.add(place, fmt::format("{}, {} {} being its unit", fault, name, base),
+                  fmt::format("centre {}, spread {}, from {} to {}", own.centre, own.spread,
+                              own.low, own.high));
+    add({name, angle ? "urad" : "um", {}, "", name, own, many.like.cost}, place);
+  }
+}
+
+void InputsReader::read_correlations() {
+  for (const Node* node : reader_.tables("correlation")) {
+    TableReader reader(*node, "correlation", faults_);
+    const int a = input_named(reader, "first", stated_.inputs);
+    const int b = input_named(reader, "second", stated_.inputs);
+    const double rho = correlation_fields().read(reader);
+    reader.close();
+    if (!faults_.empty()) continue;
+    const auto name = [&](int i) { return stated_.inputs[std::size_t(i)].name; };
+    if (a == b) reader.refuse("second", "another input than the first", name(b));
+    if (!correlated_.insert(std::minmax(a, b)).second)
+      faults_.add(node->place, "every pair of inputs once", name(a) + " and " + name(b) + " again");
+    stated_.correlations.push_back({a, b, rho});
+  }
+}
+
+StatedInputs InputsReader::read() {
+  for (const Node* node : reader_.tables("input")) read_one(*node);
+  for (const Node* node : reader_.tables("inputs")) read_many(*node);
+  read_correlations();
+  return std::move(stated_);
+}
+
+}  // namespace
+
+StatedInputs read_inputs(TableReader& reader, const std::vector<Scene>& scenes) {
+  return InputsReader(reader, scenes).read();
+}
+
+std::vector<Key> one_input_keys() {
+  std::vector<Key> keys = one_input_fields().keys();
+  for (Key& key : distribution_fields().keys()) keys.push_back(std::move(key));
+  return keys;
+}
+
+std::vector<Key> many_inputs_keys() {
+  std::vector<Key> keys = many_inputs_fields().keys(), alike = many_alike_fields().keys();
+  for (Word& word : keys.front().words)
+    if (word.word != "covariance") word.keys = alike;
+  return keys;
+}
+
+std::vector<Key> correlation_keys() {
+  return {key_of(must("first"), Key::Kind::Text, "name of an input"),
+          key_of(must("second"), Key::Kind::Text, "of another; every pair once"),
+          correlation_fields().keys().front()};
+}
+
+}  // namespace abbe::sim::study

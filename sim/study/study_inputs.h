@@ -1,0 +1,27 @@
+#pragma once
+
+#include <vector>
+
+#include "sim/scene/key.h"
+#include "sim/study/study.h"
+
+namespace abbe::sim::study {
+
+/// The inputs of a study as its file states them.
+struct StatedInputs {
+  std::vector<Input> inputs;
+  std::vector<Place> places;        ///< (inputs) where each stands
+  std::vector<int> without_centre;  ///< of which neither study nor scene says where they are
+  std::vector<Correlation> correlations;
+};
+
+/// `[[input]]`, `[[inputs]]` and `[[correlation]]`.
+/// @param scenes  of the arms; the first states centres. Empty where they were refused
+StatedInputs read_inputs(TableReader& reader, const std::vector<Scene>& scenes);
+
+/// Keys of one `[[input]]`, of `[[inputs]]`, of `[[correlation]]`.
+std::vector<Key> one_input_keys();
+std::vector<Key> many_inputs_keys();
+std::vector<Key> correlation_keys();
+
+}  // namespace abbe::sim::study
