@@ -19,7 +19,7 @@ namespace abbe::sim {
 
 namespace {
 
-// What tool, part and program ask of each other; the loop could tell it too, but not where.
+// What tool, part and program ask of each other; the loop could report it too, but not where it stands.
 void check_together(TableReader& scene, const Scene& result) {
   const Node* program = scene.know("program");
   const Node* generator = program ? program->find("generator") : nullptr;

@@ -11,7 +11,7 @@
 namespace abbe::sim {
 
 /// Reads a scene strictly: unknown keys are refused with the nearest known one, types and units are
-/// checked, and all faults are found before any is told.
+/// checked, and all faults are found before any is reported.
 /// @param overrides  applied to the text before it is checked; a path that names nothing known is
 /// refused
 /// @throws BadScene with every fault

@@ -59,7 +59,7 @@ struct Scene {
   Limits limits;
   BeliefDescription belief;
   CompensationDescription compensation;
-  std::string case_name;  ///< what `run` cuts if not told: the case that a finished result
+  std::string case_name;  ///< what `run` cuts without --case: the case that a finished result
                           ///< names in its scene.toml; empty: uncompensated
   std::vector<CaseDescription> cases;  ///< compensators that compare runs, in order
   std::vector<Variant> variants;

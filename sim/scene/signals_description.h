@@ -7,7 +7,7 @@ namespace abbe::sim {
 /// What a control can read, and how well.
 struct SignalsDescription {
   double interval = 0.0;  ///< s between rows of signals.csv; 0: as fine as 20 000 rows allow
-  double history_interval = 0.0;    ///< s between rows of the thermal history; 0: it is not told
+  double history_interval = 0.0;    ///< s between rows of the thermal history; 0: none are written
   double encoder_resolution = 0.0;  ///< mm; 0: not rounded
   double encoder_resolution_rad = 0.0;
   double encoder_noise = 0.0;  ///< mm, standard deviation
