@@ -1,11 +1,14 @@
 #include "cutting/cutter_entry.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 
 #include <Eigen/Geometry>
+
+#include "cutting/ball_entry.h"
+#include "cutting/cutter_position.h"
+#include "cutting/nearly_convex.h"
 
 namespace abbe::cutting {
 
@@ -20,26 +23,6 @@ constexpr double depth_tolerance = 1e-10;    // mm, of a touch that may be misse
 constexpr double least_facing = 1e-15;       // below, the sine between ray and skin is rounding
 
 // ---- the cutter at one instant ------------------------------------------------------------------
-
-struct Position {
-  Vector3d tip;
-  Vector3d axis;
-};
-
-Position position(const Move& move, double t) {
-  const double x = move.angle * t;
-  double sine = 0.0;
-  double cosine = 1.0;
-  if (std::abs(x) < 0.06) {  // the series is exact to rounding here
-    const double y = x * x;
-    sine = x * (1 - y / 6 * (1 - y / 20 * (1 - y / 42 * (1 - y / 72))));
-    cosine = 1 - y / 2 * (1 - y / 12 * (1 - y / 30 * (1 - y / 56 * (1 - y / 90))));
-  } else {
-    sine = std::sin(x);
-    cosine = std::cos(x);
-  }
-  return {move.tip + t * move.step, cosine * move.axis + sine * move.side};
-}
 
 /// A ray that meets the cutter: where it enters, and the outward normal of the cutter there.
 struct Hit {
@@ -179,141 +162,6 @@ Depth depth(const Cutter& cutter, const Position& at, const Vector3d& point) {
     return {length, (beside * radial + above * at.axis) / length};
   }
   return above > body.value ? Depth{above, at.axis} : body;
-}
-
-// ---- minimum of a nearly convex function --------------------------------------------------------
-
-/// A value with its slope, and how far below zero its curvature may fall nearby.
-struct Sample {
-  double t;
-  bool defined;  ///< the function is +infinity elsewhere
-  double value;
-  double slope;
-  double dip;        ///< curvature >= -dip; 0 where the function is convex
-  double fade;       ///< dip holds for times well below 1 / fade
-  Vector3d outward;  ///< normal of the cutter, for a `floor`
-  double facing;     ///< -outward * normal of the ray
-  double doubt = 0;  ///< the value may be too large by so much, from rounding
-
-  double dip_over(double w) const { return dip / ((1 - fade * w) * (1 - fade * w)); }
-};
-
-Sample undefined_at(double t) { return {t, false, infinity, 0, 0, 0, Vector3d::Zero(), 1}; }
-
-struct Goal {
-  double tolerance;
-  double limit = infinity;    ///< larger values are of no interest
-  double enough = -infinity;  ///< a value as small as this ends the search
-  int max_samples = 200;      ///< it needs 3 to 12
-};
-
-struct Piece {
-  Sample a, b;
-  int depth;
-};
-
-/// What a piece may still hide: a lower bound, and where it is reached.
-struct Promise {
-  double value;
-  double t;
-};
-
-/// A straight line over a piece, by its values at the ends.
-struct Line {
-  double at_a, at_b;
-};
-
-/// Where a function above two lines may be least over a piece.
-Promise least_above(const Piece& piece, const Line& first, const Line& second) {
-  const auto higher = [&](double x) {
-    return std::max(first.at_a + x * (first.at_b - first.at_a),
-                    second.at_a + x * (second.at_b - second.at_a));
-  };
-  const double apart_a = first.at_a - second.at_a;
-  const double apart_b = first.at_b - second.at_b;
-  double x = higher(0.0) <= higher(1.0) ? 0.0 : 1.0;
-  if (apart_a * apart_b < 0) {
-    const double crossing = apart_a / (apart_a - apart_b);
-    if (higher(crossing) < higher(x)) x = crossing;
-  }
-  const double width = piece.b.t - piece.a.t;
-  return {higher(x), piece.a.t + (x == 0.0 || x == 1.0 ? 0.5 : x) * width};
-}
-
-/// f + dip (t - a)^2 / 2 is convex, so it lies above its tangents at both ends. Where the dip
-/// cannot be trusted over the piece, `floor(piece)` is the promise.
-template <class Floor>
-Promise promise(const Piece& piece, double tolerance, const Floor& floor) {
-  const auto& [a, b, depth] = piece;
-  const double w = b.t - a.t;
-  const double middle = a.t + 0.5 * w;
-  const bool trusted = std::max(a.fade, b.fade) * w < 0.5;
-  if (!a.defined || !b.defined) {
-    if (!trusted) return floor(piece);
-    const Sample& end = a.defined ? a : b;
-    const double far =
-        end.value + (a.defined ? 1 : -1) * end.slope * w - 0.5 * end.dip_over(w) * w * w;
-    return {std::min(end.value, far) - end.doubt, middle};
-  }
-  if (!trusted) return floor(piece);
-  const double dip = std::max(a.dip_over(w), b.dip_over(w));
-  const double value_a = a.value - a.doubt;
-  const double value_b = b.value - b.doubt + 0.5 * dip * w * w;
-  const double slope_b = b.slope + dip * w;
-  const double below_a = value_b - value_a - a.slope * w;
-  const double below_b = value_a - value_b + slope_b * w;
-  const double slack = tolerance + a.doubt + b.doubt;
-  if (below_a < -slack || below_b < -slack) return floor(piece);
-  // What rounding does to the lower end of a slope is not found by more samples.
-  if (a.slope >= 0.5 * dip * w) return {a.value, a.t};
-  if (b.slope <= -0.5 * dip * w) return {b.value, b.t};
-  const double turn = slope_b - a.slope;
-  const double x = turn > 0 ? std::clamp(below_b / turn, 0.0, w) : 0.5 * w;
-  const double inner = value_a + a.slope * x - 0.5 * dip * x * x;
-  return {std::min({value_a, b.value - b.doubt, inner}), a.t + x};
-}
-
-double next_sample(const Piece& piece, const Promise& low) {
-  const auto& [a, b, depth] = piece;
-  const double w = b.t - a.t;
-  if (!a.defined || !b.defined || low.value == -infinity) return low.t;
-  if (a.slope < 0 && b.slope > 0) {
-    const double secant = a.t + w * a.slope / (a.slope - b.slope);
-    // The tangents of a parabola meet in the middle, and the secant finds its lowest point; the
-    // tangents of a kink meet at it. Halving now and then serves what is neither.
-    if (depth % 4 == 3) return a.t + 0.5 * w;
-    const bool smooth = std::abs(low.t - a.t - 0.5 * w) < 0.1 * w;
-    return std::clamp(smooth ? secant : low.t, a.t + 1e-4 * w, b.t - 1e-4 * w);
-  }
-  // Next to a minimum: what must be looked at grows with the distance from it.
-  return a.value <= b.value ? a.t + w / 16 : b.t - w / 16;
-}
-
-/// Smallest value of f between two samples, by branch and bound.
-template <class Function, class Floor>
-Sample minimum(const Function& f, const Floor& floor, const Sample& first, const Sample& last,
-               const Goal& goal) {
-  Sample best = last.defined && (!first.defined || last.value < first.value) ? last : first;
-  const auto settled = [&](const Promise& low) {
-    return low.value >= std::min(best.value - goal.tolerance, goal.limit);
-  };
-  const Piece whole{first, last, 0};
-  if (best.value <= goal.enough || settled(promise(whole, goal.tolerance, floor))) return best;
-  std::array<Piece, 64> open;
-  std::size_t count = 0;
-  open[count++] = whole;
-  for (int samples = 0; count > 0 && samples < goal.max_samples && best.value > goal.enough;) {
-    const Piece piece = open[--count];
-    const Promise low = promise(piece, goal.tolerance, floor);
-    if (settled(low)) continue;
-    if (piece.b.t - piece.a.t < 1e-13 || count + 2 > open.size()) continue;
-    const Sample c = f(next_sample(piece, low));
-    ++samples;
-    if (c.defined && c.value < best.value) best = c;
-    if (c.defined || piece.a.defined) open[count++] = {piece.a, c, piece.depth + 1};
-    if (c.defined || piece.b.defined) open[count++] = {c, piece.b, piece.depth + 1};
-  }
-  return best;
 }
 
 // ---- the cutter over a move ---------------------------------------------------------------------
@@ -496,121 +344,6 @@ class Sweep {
   double rounding_;  // mm, of a point seen from the tip: an ulp or two of the coordinates
 };
 
-// ---- ball ends, the common case -----------------------------------------------------------------
-
-/// The centre of a ball end over a move; `x` is 0 .. 1 from `from` to `to`.
-struct BallPath {
-  const Cutter& cutter;
-  const Move& move;
-  Position start, end;
-  Vector3d first, last;  // centres
-  double angle;          // turned between them
-
-  BallPath(const Cutter& c, const Move& m)
-      : cutter(c),
-        move(m),
-        start(position(m, m.from)),
-        end(position(m, m.to)),
-        first(centre(start)),
-        last(centre(end)),
-        angle(m.angle * (m.to - m.from)) {}
-
-  Vector3d centre(const Position& at) const { return at.tip + cutter.radius * at.axis; }
-  /// The centre leaves its chord by no more: a ball thicker by it about the chord holds the sweep.
-  double sag() const { return 0.125 * cutter.radius * angle * angle; }
-  double instant(double x) const { return move.from + x * (move.to - move.from); }
-};
-
-/// Whether no point of the ray up to s can be higher than the centre of the ball during the move,
-/// so that only the lower half of the ball can have met it.
-bool stays_below_flank(const BallPath& path, const Ray& ray, double s) {
-  const Vector3d place = ray.point + s * ray.normal;
-  const double turned = path.angle * path.angle;
-  const Vector3d w0 = place - path.first;
-  const Vector3d w1 = place - path.last;
-  double bend = 0.0;  // twice what a height over the tip can rise between its ends
-  if (path.angle != 0) {
-    const double arms = path.cutter.radius + w0.norm() + w1.norm();
-    bend = 0.25 * (arms * turned + 2 * (path.last - path.first).norm() * path.angle);
-  }
-  return ray.normal.dot(path.start.axis) >= turned && ray.normal.dot(path.end.axis) >= turned &&
-         w0.dot(path.start.axis) <= -bend && w1.dot(path.end.axis) <= -bend;
-}
-
-/// First entry of the ray's line into a ball of `radius` whose centre runs along the chord.
-std::optional<Entry> capsule_entry(const BallPath& path, const Ray& ray, double radius) {
-  const Vector3d w = ray.point - path.first;
-  const Vector3d chord = path.last - path.first;
-  const double wn = w.dot(ray.normal);
-  const double rise = chord.dot(ray.normal);
-  const Vector3d w_across = w - wn * ray.normal;
-  const Vector3d chord_across = chord - rise * ray.normal;
-  const double a = chord_across.squaredNorm();
-  double x = rise < 0 ? 1.0 : 0.0;
-  if (a > 0) {
-    const double nearest = w_across.dot(chord_across) / a;
-    const double reach = radius * radius - (w_across - nearest * chord_across).squaredNorm();
-    if (reach < 0) return std::nullopt;
-    x = std::clamp(nearest - rise * std::sqrt(reach / (a * (a + rise * rise))), 0.0, 1.0);
-  }
-  const double D = radius * radius - (w_across - x * chord_across).squaredNorm();
-  if (D < 0) return std::nullopt;
-  return Entry{x * rise - wn - std::sqrt(D), x};
-}
-
-/// Entry into the ball on its true path, by Newton from `x`; only where the entry is strictly
-/// convex in time. Nothing if it does not settle.
-std::optional<Entry> curved_entry(const BallPath& path, const Ray& ray, double x) {
-  const double R = path.cutter.radius;
-  const Vector3d chord = path.last - path.first;
-  const double across = (chord - chord.dot(ray.normal) * ray.normal).norm();
-  if (across < R * path.angle * (1.1 + path.angle)) return std::nullopt;
-  const double span = path.move.to - path.move.from;
-  const Vector3d step = span * path.move.step;
-  for (int i = 0; i < 8; ++i) {
-    const double t = path.instant(x);
-    const Position at = position(path.move, t);
-    const Vector3d w = ray.point - path.centre(at);
-    const double wn = w.dot(ray.normal);
-    const double D = R * R - (w - wn * ray.normal).squaredNorm();
-    if (D <= 0) return std::nullopt;
-    const double facing = std::sqrt(D) / R;
-    const double s = -wn - R * facing;
-    const Vector3d outward = (w + s * ray.normal) / R;
-    const double phase = path.move.angle * t;
-    const Vector3d speed =
-        step +
-        R * path.angle * (std::cos(phase) * path.move.side - std::sin(phase) * path.move.axis);
-    const double slope = -outward.dot(speed) / facing;
-    const Vector3d bend = -R * path.angle * path.angle * at.axis;
-    const double curvature =
-        ((slope * ray.normal - speed).squaredNorm() / R - outward.dot(bend)) / facing;
-    if (!(curvature > 0)) return std::nullopt;
-    const double next = std::clamp(x - slope / curvature, 0.0, 1.0);
-    if (curvature * (next - x) * (next - x) < 1e-12) return Entry{s, x};
-    x = next;
-  }
-  return std::nullopt;
-}
-
-struct Answer {
-  bool decided = false;
-  std::optional<Entry> entry;
-};
-
-/// Answer for a ball end where its flank and top cannot matter. Which way a value is found must not
-/// depend on `limit`.
-Answer ball_entry(const Cutter& cutter, const Move& move, const Ray& ray, double limit) {
-  const BallPath path(cutter, move);
-  const std::optional<Entry> bound = capsule_entry(path, ray, cutter.radius + path.sag());
-  if (!bound || bound->s > limit)
-    return {stays_below_flank(path, ray, std::min(limit, ray.band)), std::nullopt};
-  std::optional<Entry> entry = path.angle == 0 ? bound : curved_entry(path, ray, bound->t);
-  if (!entry || entry->s <= -ray.band || !stays_below_flank(path, ray, entry->s)) return {};
-  entry->t = path.instant(entry->t);
-  return {true, entry};
-}
-
 }  // namespace
 
 Move move_after(const CutterMotion& motion, int index) {
@@ -641,7 +374,7 @@ Move move_after(const CutterMotion& motion, int index) {
 std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
                                  double limit) {
   if (cutter.corner_radius == cutter.radius) {
-    const Answer answer = ball_entry(cutter, move, ray, limit);
+    const BallAnswer answer = ball_entry(cutter, move, ray, limit);
     if (answer.decided)
       return answer.entry && answer.entry->s <= limit ? answer.entry : std::nullopt;
   }

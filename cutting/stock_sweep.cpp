@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -10,10 +9,10 @@
 
 #include "cutting/stock.h"
 #include "cutting/swept_cutter.h"
+#include "cutting/tool_path.h"
 
 namespace abbe::cutting {
 
-using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 namespace {
@@ -51,60 +50,6 @@ Cutter grown(const Cutter& cutter, double margin) {
   const double corner = cutter.corner_radius > 0.0 ? cutter.corner_radius + margin : 0.0;
   return {cutter.radius + margin, corner, cutter.flank_length + margin};
 }
-
-/// The tool at an instant: rows of R are its axes in the grid frame, z to the spindle.
-struct ToolPose {
-  Vector3d tip;  // mm, from the grid's origin
-  Matrix3d R;
-
-  Vector3d axis() const { return R.row(2); }
-};
-
-/// The move in the grid frame: tip on a line, axis on a great circle about `R.row(1)`.
-class ToolPath {
- public:
-  ToolPath(const Stock& stock, const StockMove& move) {
-    const Eigen::Isometry3d T_kw = stock.T_wk.inverse();
-    const Eigen::Isometry3d from = T_kw * move.from_T_wt, to = T_kw * move.to_T_wt;
-    tip_ = from.translation() - stock.origin_k;
-    step_ = to.translation() - from.translation();
-    const Vector3d axis = from.linear().col(2).normalized();
-    const Vector3d target = to.linear().col(2).normalized();
-    if (!tip_.allFinite() || !step_.allFinite() || !axis.allFinite() || !target.allFinite())
-      throw std::invalid_argument("stock move: expected finite poses");
-    const Vector3d across = target - target.dot(axis) * axis;
-    const double sine = across.norm();
-    angle_ = sine < 1e-12 ? 0.0 : std::atan2(sine, target.dot(axis));
-    if (target.dot(axis) < 0.0 && std::numbers::pi - std::atan2(sine, target.dot(axis)) < 1e-9)
-      throw std::invalid_argument(
-          "stock move: expected an axis that turns by less than half a turn");
-    R_.row(2) = axis;
-    R_.row(0) = angle_ > 0.0 ? across_axis(across / sine, axis) : axis.unitOrthogonal();
-    R_.row(1) = axis.cross(Vector3d(R_.row(0)));
-  }
-
-  double angle() const { return angle_; }
-  double length() const { return step_.norm(); }
-
-  ToolPose at(double t) const {
-    const double sine = std::sin(t * angle_), cosine = std::cos(t * angle_);
-    ToolPose pose{tip_ + t * step_, R_};
-    pose.R.row(0) = cosine * R_.row(0) - sine * R_.row(2);
-    pose.R.row(2) = sine * R_.row(0) + cosine * R_.row(2);
-    return pose;
-  }
-
- private:
-  /// What two axes differ by is mostly rounding where they differ by little, and that need not lie
-  /// across them.
-  static Vector3d across_axis(const Vector3d& v, const Vector3d& axis) {
-    return (v - v.dot(axis) * axis).normalized();
-  }
-
-  Vector3d tip_, step_;
-  Matrix3d R_;
-  double angle_;
-};
 
 /// A line seen from the tool at the start and at the end of a part, its points in between on
 /// straight ways: p + s d.

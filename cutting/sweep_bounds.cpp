@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <experimental/simd>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
+#include "cutting/eight.h"
 #include "kinematics/units.h"
 
 namespace abbe::cutting {
@@ -15,44 +15,10 @@ using Eigen::Vector3d;
 
 namespace {
 
-namespace stdx = std::experimental;
-using Eight = stdx::simd<float, stdx::simd_abi::deduce_t<float, 8>>;
-using Mask = Eight::mask_type;
-
 constexpr std::size_t max_slab_leaves = 512;  // of a child; more of a surface is not flat
 constexpr int core_steps = 4;                 // towards the nearest point of a tool
-constexpr float tiny = 1e-30f;                // keeps quotients of zero lengths finite
 constexpr float move_rounding = 3e-6f;        // of a distance; proved below to be enough
 constexpr float node_rounding = 4e-6f;
-
-Eight load(const float* values) { return Eight(values, stdx::element_aligned); }
-
-struct Vector8 {
-  Eight x, y, z;
-};
-
-Vector8 load(const float (&v)[3][8]) { return {load(v[0]), load(v[1]), load(v[2])}; }
-Vector8 spread(const float (&v)[3]) { return {Eight(v[0]), Eight(v[1]), Eight(v[2])}; }
-Vector8 operator-(const Vector8& a, const Vector8& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-Vector8 operator+(const Vector8& a, const Vector8& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-Vector8 operator*(const Eight& s, const Vector8& a) { return {s * a.x, s * a.y, s * a.z}; }
-Eight dot(const Vector8& a, const Vector8& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-Vector8 cross(const Vector8& a, const Vector8& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-/// Never zero, for the squares of tiny parts may vanish: then too large.
-Eight length_of(const Vector8& a) { return stdx::sqrt(dot(a, a) + tiny); }
-Vector8 clamp(const Vector8& p, const Vector8& low, const Vector8& high) {
-  return {stdx::min(stdx::max(p.x, low.x), high.x), stdx::min(stdx::max(p.y, low.y), high.y),
-          stdx::min(stdx::max(p.z, low.z), high.z)};
-}
-
-/// Lane i of the mask as bit i.
-[[gnu::always_inline]] inline unsigned bits(const Mask& mask) {
-  Eight weight([](int i) { return float(1 << i); });
-  stdx::where(!mask, weight) = 0.0f;
-  return unsigned(stdx::reduce(weight));
-}
 
 float below(double x) {
   const float f = float(x);

@@ -1,16 +1,16 @@
 #include "cutting/swept_nose.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <tuple>
 
+#include "cutting/nose_bound.h"
+
 namespace abbe::cutting {
 namespace {
 
-using Eigen::Vector2d;
 using Eigen::Vector3d;
 using std::numbers::pi;
 
@@ -22,71 +22,8 @@ constexpr double angle_tolerance = 1e-10;
 constexpr double join_tolerance = 1e-9;
 // mm: nearer to the spindle line than this a point has no azimuth worth solving for by Newton.
 constexpr double near_axis = 1e-3;
-// mm: nearer than this it is in the rake plane at every instant, if the plane passes so near.
-constexpr double on_axis = 1e-8;
+// mm: the rake plane that passes a point on the spindle line so near contains it.
 constexpr double in_plane_on_axis = 2e-8;
-
-/// A stretch of a vertex's ray in spindle axes on which it does not pass the spindle line, and its
-/// course in the meridian half-plane: x is linear in s, the radius lies within `sag` below a line.
-struct Stretch {
-  Vector3d q, n;
-  double from, to;  // of s
-  double radius0, radius_step, sag;
-  double radius_min;
-  double azimuth;         // rad at `from`
-  double azimuth_spread;  // rad from there to the other end
-  double x_max;           // largest |x|
-
-  Vector3d at(double s) const { return q + s * n; }
-};
-
-double radius(const Vector3d& p) { return std::hypot(p.y(), p.z()); }
-double azimuth(const Vector3d& p) { return std::atan2(p.z(), p.y()); }
-
-double angle_between(const Vector3d& a, const Vector3d& b) {
-  return std::abs(std::atan2(a.y() * b.z() - a.z() * b.y(), a.y() * b.y() + a.z() * b.z()));
-}
-
-Stretch stretch_of(const Vector3d& q, const Vector3d& n, double from, double to) {
-  Stretch stretch;
-  stretch.q = q;
-  stretch.n = n;
-  stretch.from = from;
-  stretch.to = to;
-  const double r_from = radius(stretch.at(from));
-  const double r_to = radius(stretch.at(to));
-  stretch.radius_step = (r_to - r_from) / (to - from);
-  stretch.radius0 = r_from - from * stretch.radius_step;
-  stretch.radius_min = std::min(r_from, r_to);
-  // r^2 = a + 2 b s + c s^2 is convex in s, so it hangs below its chord, lowest where the slopes
-  // agree.
-  const double a = q.y() * q.y() + q.z() * q.z();
-  const double b = q.y() * n.y() + q.z() * n.z();
-  const double c = n.y() * n.y() + n.z() * n.z();
-  const double m = stretch.radius_step;
-  stretch.sag = 1e-9;
-  const double steep = c - m * m;
-  if (steep > 0.0) {
-    const double w = std::copysign(std::sqrt(m * m * std::max(0.0, a * c - b * b) / steep), m);
-    const double s = std::clamp((w - b) / c, from, to);
-    stretch.sag += std::max(0.0, stretch.radius0 + s * m - radius(stretch.at(s)));
-  }
-  // The end that stands on the axis has no azimuth; then the other end has that of all the rest.
-  const bool starts_on_axis = r_from < on_axis;
-  stretch.azimuth = azimuth(stretch.at(starts_on_axis ? to : from));
-  stretch.azimuth_spread =
-      stretch.radius_min < on_axis ? 0.0 : angle_between(stretch.at(from), stretch.at(to));
-  stretch.x_max = std::max(std::abs(stretch.at(from).x()), std::abs(stretch.at(to).x()));
-  return stretch;
-}
-
-/// Where a ray comes nearest to the spindle line, if that is within the band.
-std::optional<double> nearest_to_axis(const Vector3d& q, const Vector3d& n, double band) {
-  const double c = n.y() * n.y() + n.z() * n.z();
-  const double s = -(q.y() * n.y() + q.z() * n.z());
-  if (c < 1e-20 || std::abs(s) >= band * c) return std::nullopt;
-  return s / c;
-}
 
 /// Golden section for the least value of f between low and high.
 template <class Function>
@@ -143,7 +80,7 @@ struct All {
 template <class Taken>
 class Cut {
  public:
-  Cut(const NoseSweep& sweep, const NoseEdge& edge, const Stretch& ray, Taken& taken)
+  Cut(const NoseSweep& sweep, const NoseEdge& edge, const NoseStretch& ray, Taken& taken)
       : sweep_(sweep), edge_(edge), ray_(ray), taken_(taken) {}
 
   void search() {
@@ -156,9 +93,7 @@ class Cut {
   void try_face(const NoseSweep::Face& face);
 
  private:
-  double bound(const NoseNode& node) const;
-  bool may_face(const NoseNode& node) const;
-  double rounded_box_entry(const NoseNode& node) const;
+  double bound(const NoseNode& node) const { return first_reach(node, ray_, edge_.outer_radius()); }
   void visit(int index, double node_bound);
   bool refine(const NosePiece& piece, double u);
   void scan(const NosePiece& piece);
@@ -181,64 +116,9 @@ class Cut {
 
   const NoseSweep& sweep_;
   const NoseEdge& edge_;
-  const Stretch& ray_;
+  const NoseStretch& ray_;
   Taken& taken_;
 };
-
-/// Whether the rake plane of any piece below can contain a point of the ray, by angle alone. The
-/// two sides of the axis are one plane, so angles count modulo pi.
-template <class Taken>
-bool Cut<Taken>::may_face(const NoseNode& node) const {
-  const double lift = node.height + node.tilt * ray_.x_max;
-  const double sine = lift < 1e-12 ? 0.0 : lift / ray_.radius_min;
-  if (!(sine < 1.0)) return true;
-  const double slack = ray_.azimuth_spread + std::asin(sine) + 1e-6;
-  const double width = node.angle_high - node.angle_low + 2.0 * slack;
-  if (width >= pi) return true;
-  const double from = ray_.azimuth - 0.5 * pi - (node.angle_low - slack);
-  return from - pi * std::floor(from / pi) <= width;
-}
-
-/// Smallest s of the stretch at which the ray's line in the meridian half-plane comes within the
-/// nose's reach of the box of nose centres. No point turned about the axis comes nearer than its
-/// meridian.
-template <class Taken>
-double Cut<Taken>::rounded_box_entry(const NoseNode& node) const {
-  const double reach = edge_.outer_radius() + ray_.sag;
-  double enter = ray_.from;
-  double leave = ray_.to;
-  const std::array<double, 2> at{ray_.q.x(), ray_.radius0}, step{ray_.n.x(), ray_.radius_step};
-  const std::array<double, 2> low{node.x_low, node.r_low}, high{node.x_high, node.r_high};
-  for (int i = 0; i < 2; ++i) {
-    if (std::abs(step[i]) < 1e-14) {
-      if (at[i] < low[i] - reach - 1e-9 || at[i] > high[i] + reach + 1e-9) return infinity;
-      continue;
-    }
-    const double s0 = (low[i] - reach - at[i]) / step[i];
-    const double s1 = (high[i] + reach - at[i]) / step[i];
-    enter = std::max(enter, std::min(s0, s1));
-    leave = std::min(leave, std::max(s0, s1));
-  }
-  if (enter > leave) return infinity;
-  const Vector2d p(at[0] + enter * step[0], at[1] + enter * step[1]);
-  const Vector2d corner(std::clamp(p.x(), low[0], high[0]), std::clamp(p.y(), low[1], high[1]));
-  if (corner.x() == p.x() || corner.y() == p.y()) return enter;
-  // It came in at a corner of the widened box: it is within reach only past that corner's circle.
-  const Vector2d d(step[0], step[1]);
-  const Vector2d v = p - corner;
-  const double c = v.squaredNorm() - reach * reach;
-  if (c <= 0.0) return enter;
-  const double b = v.dot(d);
-  const double root = b * b - d.squaredNorm() * c;
-  if (root < 0.0 || b >= 0.0) return infinity;
-  const double s = enter + c / (-b + std::sqrt(root));
-  return s > ray_.to ? infinity : s;
-}
-
-template <class Taken>
-double Cut<Taken>::bound(const NoseNode& node) const {
-  return may_face(node) ? rounded_box_entry(node) - 1e-9 : infinity;
-}
 
 template <class Taken>
 void Cut<Taken>::visit(int index, double node_bound) {
@@ -482,14 +362,16 @@ void SweptNose::each_stretch(const Ray& ray_w, const Use& use) const {
 
 std::optional<NoseCut> SweptNose::first(const Ray& ray_w) const {
   Best best;
-  each_stretch(ray_w, [&](const Stretch& stretch) { Cut(sweep_, edge_, stretch, best).search(); });
+  each_stretch(ray_w,
+               [&](const NoseStretch& stretch) { Cut(sweep_, edge_, stretch, best).search(); });
   if (best.cut.s == infinity) return std::nullopt;
   return best.cut;
 }
 
 std::vector<NoseCut> SweptNose::within(const Ray& ray_w, double limit) const {
   All all{limit, {}};
-  each_stretch(ray_w, [&](const Stretch& stretch) { Cut(sweep_, edge_, stretch, all).search(); });
+  each_stretch(ray_w,
+               [&](const NoseStretch& stretch) { Cut(sweep_, edge_, stretch, all).search(); });
   std::sort(all.cuts.begin(), all.cuts.end(), [](const NoseCut& a, const NoseCut& b) {
     return std::tie(a.time_s, a.s) < std::tie(b.time_s, b.s);
   });
@@ -522,7 +404,7 @@ std::optional<NoseCut> SweptNose::near(const Ray& ray_w, const NoseCut& other,
   while (begin > 0 && off(piece(begin).interval, piece(begin).u0) > -window) --begin;
   while (end < int(sweep_.pieces.size()) && off(piece(end).interval, piece(end).u0) < window) ++end;
   All all{infinity, {}};
-  each_stretch(ray_w, [&](const Stretch& stretch) {
+  each_stretch(ray_w, [&](const NoseStretch& stretch) {
     Cut cut(sweep_, edge_, stretch, all);
     const double s = std::clamp(other.s, stretch.from, stretch.to);
     for (int i = begin; i < end; ++i) cut.try_piece(piece(i), s);
