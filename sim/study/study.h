@@ -11,11 +11,15 @@
 #include <Eigen/Core>
 
 #include "sim/files/permissions.h"
-#include "sim/scene/scene.h"
-#include "sim/scene/table_reader.h"
+#include "sim/scene/override.h"
 #include "sim/study/copula.h"
 #include "sim/study/distribution.h"
 #include "sim/study/sequence.h"
+
+namespace abbe::sim {
+struct Node;
+struct Scene;
+}  // namespace abbe::sim
 
 namespace abbe::sim::study {
 

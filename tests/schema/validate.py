@@ -23,7 +23,7 @@ schemas = {}
 
 def validator(section):
     if section not in schemas:
-        text = subprocess.run([program, "schema", section], check=True, capture_output=True).stdout
+        text = subprocess.run([program, "schema", "--of", section], check=True, capture_output=True).stdout
         schema = json.loads(text)
         jsonschema.Draft7Validator.check_schema(schema)
         schemas[section] = jsonschema.Draft7Validator(schema)

@@ -5,9 +5,9 @@
 #include <set>
 #include <sstream>
 
+#include "sim/commands/all_keys.h"
 #include "sim/report/key_rows.h"
 #include "sim/scene/scene_fields.h"
-#include "sim/study/study_fields.h"
 
 /// The tables of keys in the documents are what the program reads. ABBE_WRITE_KEYS=1 writes them.
 namespace abbe::sim {
@@ -112,18 +112,8 @@ std::string made_again(const std::string& document, const std::vector<Key>& all)
   }
 }
 
-std::vector<Key> with_studies() {
-  std::vector<Key> keys = scene_keys();
-  Key study;
-  study.name = "study";
-  study.kind = Key::Kind::Table;
-  study.keys = study::study_keys();
-  keys.push_back(std::move(study));
-  return keys;
-}
-
 TEST(KeyTables, OfTheDocumentsAreThoseOfTheProgram) {
-  const std::vector<Key> all = with_studies();
+  const std::vector<Key> all = all_keys();
   for (const char* name : {"scenes/README.md", "scenes/studies/README.md"}) {
     const fs::path file = fs::path(ABBE_SOURCE_DIR) / name;
     const std::string document = text_of(file), again = made_again(document, all);
@@ -143,7 +133,7 @@ TEST(KeyTables, EverySectionOfASceneHasATable) {
 }
 
 TEST(KeyTables, EveryKeyHasASentence) {
-  for (const KeyRow& row : key_rows(with_studies())) EXPECT_NE(row.sentence, "") << row.path;
+  for (const KeyRow& row : key_rows(all_keys())) EXPECT_NE(row.sentence, "") << row.path;
 }
 
 }  // namespace

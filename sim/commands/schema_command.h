@@ -1,0 +1,9 @@
+#pragma once
+
+#include "sim/commands/command.h"
+
+namespace abbe::sim {
+
+Command schema_command();
+
+}  // namespace abbe::sim
