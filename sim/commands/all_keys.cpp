@@ -21,7 +21,7 @@ std::vector<Key> all_keys() {
 std::vector<Key> keys_of(const std::string& section) {
   std::vector<Key> keys = keys_at(all_keys(), section);
   if (keys.empty())
-    throw BadUsage("--of: expected scene, study or a section of them, seen " + section);
+    throw BadUsage("--of", "expected scene, study or a section of them, seen " + section);
   return keys;
 }
 

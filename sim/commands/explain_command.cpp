@@ -22,7 +22,7 @@ Exit print_explanation(const std::string& question) {
     for (const KeyRow& row : key_rows(keys))
       known.insert(dotted ? row.path : row.path.substr(row.path.rfind('.') + 1));
     const auto meant = nearest(question, known);
-    throw BadUsage(fmt::format("KEY: expected a key of a scene or study{}, seen {}",
+    throw BadUsage("KEY", fmt::format("expected a key of a scene or study{}, seen {}",
                                meant ? " (nearest: " + *meant + ")" : "", question));
   }
   print("{}", Lines(to_text(rows)));
