@@ -2,7 +2,9 @@
 
 #include <cstdint>
 
+#include "sim/scene/axis_words.h"
 #include "sim/scene/fields.h"
+#include "sim/scene/placement.h"
 #include "sim/scene/scene.h"
 #include "sim/scene/table_reader.h"
 
@@ -11,18 +13,8 @@
 namespace abbe::sim {
 
 MachineDescription read_machine(const Node& table, Faults& faults);
-
-/// Positions of the axes from words such as Z_mm and A_deg; those left out stand at zero. @return
-/// (joints)
-kinematics::AxisVector read_axis_words(TableReader& reader,
-                                       const std::vector<kinematics::Joint>& joints);
-
-/// Rotation by `turn_deg`, a rotation vector in degrees; the identity where it is left out. Turns
-/// by multiples of 90 degrees about one axis are exact.
-Eigen::Matrix3d read_turn(TableReader& reader);
-
-/// Place of a thing in its parent from `at_mm` and `turn_deg`.
-kinematics::Pose read_placement(TableReader& reader);
+Node::Table written_machine(const MachineDescription& machine);
+std::vector<Key> machine_keys();
 
 /// Whether a name may be that of a file or folder: letters, digits, blanks, _ - .
 bool names_a_folder(const std::string& name);
@@ -54,8 +46,12 @@ PartDescription read_part(const Node& table, Faults& faults);
 ProgramDescription read_program(const Node& table, const std::vector<kinematics::Joint>& joints,
                                 Faults& faults);
 
+/// `[control]`: what the control believes where it differs.
+/// @param joints  of the machine as it is designed
 ControlDescription read_control(const Node& table, const std::vector<kinematics::Joint>& joints,
                                 Faults& faults);
+Node::Table written_control(const ControlDescription& control);
+std::vector<Key> control_keys();
 
 /// `[thermal]`: network, thermal elements, sensors, history, room.
 ThermalDescription read_thermal(const Node& table, const MachineDescription& machine,
