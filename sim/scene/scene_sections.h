@@ -77,9 +77,14 @@ struct Instruments {
 /// stands
 Instruments read_instruments(const std::vector<const Node*>& tables,
                              const MachineDescription& machine, Faults& faults);
+std::vector<Node::Table> written_instruments(const Instruments& instruments,
+                                             const MachineDescription& machine);
+std::vector<Key> instrument_keys();
 
 /// `[belief]`: what compensators are given to believe.
 BeliefDescription read_belief(const Node& table, const MachineDescription& machine, Faults& faults);
+Node::Table written_belief(const BeliefDescription& belief, const MachineDescription& machine);
+std::vector<Key> belief_keys();
 
 /// Refuses a case whose belief the scene does not give, or cannot have from its sensors.
 void check_beliefs(const Scene& scene, const std::vector<CaseDescription>& cases,
@@ -89,11 +94,16 @@ void check_beliefs(const Scene& scene, const std::vector<CaseDescription>& cases
 CompensationDescription read_compensation(const Node& table,
                                           const std::vector<kinematics::Joint>& joints,
                                           Faults& faults);
+Node::Table written_compensation(const CompensationDescription& compensation,
+                                 const std::vector<kinematics::Joint>& joints);
+std::vector<Key> compensation_keys();
 
 /// `[signals]`: what the control reads, and how often it is written.
 const Fields<SignalsDescription>& signals_fields();
 
 /// `[sensor_choice]`: how many sensors, by which likeness and screening, for which model.
 SensorChoiceDescription read_sensor_choice(const Node& table, Faults& faults);
+Node::Table written_sensor_choice(const SensorChoiceDescription& choice);
+std::vector<Key> sensor_choice_keys();
 
 }  // namespace abbe::sim
