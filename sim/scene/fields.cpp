@@ -32,6 +32,12 @@ Key key_of(const KeyName& name, Key::Kind kind, const char* sentence) {
   return key;
 }
 
+Key key_of_numbers(const KeyName& name, int size, const char* sentence) {
+  Key key = key_of(name, Key::Kind::Numbers, sentence);
+  key.size = size;
+  return key;
+}
+
 std::set<std::string> words_of(const Key& key) {
   std::set<std::string> words;
   for (const Word& one : key.words) words.insert(one.word);

@@ -81,6 +81,10 @@ class Fields {
   template <typename M>
   using Value = std::remove_cvref_t<std::invoke_result_t<M, T&>>;
 
+  Fields() = default;
+  /// @param usual  value where every key is left out
+  explicit Fields(T usual) : usual_(std::move(usual)) {}
+
   /// double in mm, rad, s, N, K; an optional one has no fallback
   template <typename M>
   Fields& number(const KeyName& key, M member, const Range& range, const char* sentence) {
@@ -153,12 +157,16 @@ class Fields {
   }
 
   /// Sets the members of `start` whose keys are there; other keys are left to `close`.
-  T read(TableReader& reader, T start = {}) const {
+  T read(TableReader& reader) const { return read(reader, usual_); }
+  T read(TableReader& reader, T start) const {
     for (const Field& field : fields_) field.read(reader, start);
     return start;
   }
   /// Reads a table whole: a key that is not of it is refused.
-  T read_table(const Node& table, const std::string& where, Faults& faults, T start = {}) const {
+  T read_table(const Node& table, const std::string& where, Faults& faults) const {
+    return read_table(table, where, faults, usual_);
+  }
+  T read_table(const Node& table, const std::string& where, Faults& faults, T start) const {
     TableReader reader(table, where, faults);
     T value = read(reader, std::move(start));
     reader.close();
@@ -181,6 +189,7 @@ class Fields {
   Fields& add_number(const KeyName& key, M member, const Range& range, const char* sentence,
                      double unit);
 
+  T usual_{};
   std::vector<Field> fields_;
 };
 
@@ -201,6 +210,8 @@ Alternative<V> alternative(const char* word, Fields<A> fields, const char* sente
 
 /// The key of a name; `kind` and what belongs to it are set by the caller.
 Key key_of(const KeyName& name, Key::Kind kind, const char* sentence);
+/// The key of `size` numbers, 0: any
+Key key_of_numbers(const KeyName& name, int size, const char* sentence);
 std::set<std::string> words_of(const Key& key);
 
 template <typename T>
@@ -211,9 +222,8 @@ Fields<T>& Fields<T>::add_number(const KeyName& name, M member, const Range& ran
   Key key = key_of(name, Key::Kind::Number, sentence);
   key.range = range;
   if constexpr (!fields_detail::is_optional<V>::value) {
-    const T made{};
     if (!key.required && key.fallback.empty())
-      key.fallback = shown_default(std::invoke(member, made) / unit);
+      key.fallback = shown_default(std::invoke(member, usual_) / unit);
   }
   const auto read = [key, member, unit](TableReader& reader, T& to) {
     const auto written = reader.number_as_written(key.name, key.range);
@@ -242,9 +252,8 @@ Fields<T>& Fields<T>::whole(const KeyName& name, M member, std::int64_t min, std
   Key key = key_of(name, Key::Kind::Whole, sentence);
   key.range = {double(min), double(max)};
   if constexpr (!fields_detail::is_optional<V>::value) {
-    const T made{};
     if (!key.required && key.fallback.empty())
-      key.fallback = std::to_string(std::invoke(member, made));
+      key.fallback = std::to_string(std::invoke(member, usual_));
   }
   const auto read = [key, member, min, max](TableReader& reader, T& to) {
     if (key.required && !reader.has(key.name)) reader.missing(key.name, "a whole number");
@@ -265,8 +274,7 @@ template <typename T>
 template <typename M>
 Fields<T>& Fields<T>::boolean(const KeyName& name, M member, const char* sentence) {
   Key key = key_of(name, Key::Kind::Boolean, sentence);
-  const T made{};
-  if (key.fallback.empty()) key.fallback = std::invoke(member, made) ? "true" : "false";
+  if (key.fallback.empty()) key.fallback = std::invoke(member, usual_) ? "true" : "false";
   return custom(
       {key},
       [key, member](TableReader& reader, T& to) {
@@ -281,8 +289,7 @@ template <typename T>
 template <typename M>
 Fields<T>& Fields<T>::text(const KeyName& name, M member, const char* sentence) {
   Key key = key_of(name, Key::Kind::Text, sentence);
-  const T made{};
-  if (key.fallback.empty()) key.fallback = std::string(std::invoke(member, made));
+  if (key.fallback.empty()) key.fallback = std::string(std::invoke(member, usual_));
   return custom(
       {key},
       [key, member](TableReader& reader, T& to) {
@@ -316,10 +323,9 @@ template <typename M>
 Fields<T>& Fields<T>::word(const KeyName& name, M member, std::vector<WordOf<M>> words,
                            const char* sentence) {
   Key key = key_of(name, Key::Kind::Text, sentence);
-  const T made{};
   for (const WordOf<M>& one : words) {
     key.words.push_back({one.word, one.sentence, {}});
-    if (!key.required && key.fallback.empty() && one.value == std::invoke(member, made))
+    if (!key.required && key.fallback.empty() && one.value == std::invoke(member, usual_))
       key.fallback = one.word;
   }
   return custom(
@@ -346,11 +352,9 @@ Fields<T>& Fields<T>::vector(const KeyName& name, M member, const char* sentence
 template <typename T>
 template <typename M>
 Fields<T>& Fields<T>::direction(const KeyName& name, M member, const char* sentence) {
-  Key key = key_of(name, Key::Kind::Numbers, sentence);
-  key.size = 3;
-  const T made{};
+  Key key = key_of_numbers(name, 3, sentence);
   if (!key.required && key.fallback.empty())
-    key.fallback = shown_default(Eigen::VectorXd(std::invoke(member, made)));
+    key.fallback = shown_default(Eigen::VectorXd(std::invoke(member, usual_)));
   return custom(
       {key},
       [key, member](TableReader& reader, T& to) {
@@ -367,12 +371,11 @@ template <typename T>
 template <typename M>
 Fields<T>& Fields<T>::numbers(const KeyName& name, M member, int size, const char* sentence) {
   using V = Value<M>;
-  Key key = key_of(name, Key::Kind::Numbers, sentence);
-  key.size = size;
+  Key key = key_of_numbers(name, size, sentence);
   if constexpr (!fields_detail::is_optional<V>::value) {
-    const T made{};
     if (!key.required && key.fallback.empty())
-      key.fallback = shown_default(Eigen::VectorXd(std::invoke(member, made)) / unit_of(name.name));
+      key.fallback =
+          shown_default(Eigen::VectorXd(std::invoke(member, usual_)) / unit_of(name.name));
   }
   return custom(
       {key},
@@ -404,10 +407,12 @@ Fields<T>& Fields<T>::table(const KeyName& name, M member, Fields<U> fields, con
         const Node* node = reader.section(key.name);
         if (!node && key.required && !reader.has(key.name)) reader.missing(key.name, "a table");
         if (!node) return;
-        U start{};
-        if constexpr (!fields_detail::is_optional<V>::value) start = std::invoke(member, to);
-        std::invoke(member, to) =
-            fields.read_table(*node, reader.name_of(key.name), reader.faults(), std::move(start));
+        const std::string where = reader.name_of(key.name);
+        if constexpr (fields_detail::is_optional<V>::value)
+          std::invoke(member, to) = fields.read_table(*node, where, reader.faults());
+        else
+          std::invoke(member, to) =
+              fields.read_table(*node, where, reader.faults(), std::invoke(member, to));
       },
       [key, member, fields](const T& from, Node::Table& to) {
         if constexpr (fields_detail::is_optional<V>::value) {

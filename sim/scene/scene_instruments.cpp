@@ -1,16 +1,19 @@
+#include <array>
 #include <stdexcept>
 
 #include <fmt/format.h>
 
-#include "kinematics/units.h"
 #include "sim/scene/scene_sections.h"
 
 namespace abbe::sim {
 namespace {
 
 namespace metrology = errors::metrology;
+using metrology::CoordinateMachine;
 using metrology::Instrument;
 using metrology::Kind;
+using metrology::TouchProbe;
+using PartInstrument = PartInstrumentDescription;
 
 constexpr Range quality{0.0, 1e4, false, false};  // um or urad: beyond, nothing is measured
 constexpr Range wait_s{0.0, 1e6};
@@ -20,28 +23,71 @@ constexpr const char *cmm = "cmm", *touch_probe = "touch_probe";
 
 bool measures_the_part(const std::string& word) { return word == cmm || word == touch_probe; }
 
-std::string read_kind(TableReader& reader) {
-  std::set<std::string> words{cmm, touch_probe};
-  for (const Kind one : metrology::all_kinds()) words.insert(metrology::to_string(one));
-  std::string word = reader.text("kind");
-  if (word.empty() || words.count(word)) return word;
-  std::string list;
-  for (const std::string& one : words) list += (list.empty() ? "" : ", ") + one;
-  const auto meant = nearest(word, words);
-  reader.refuse("kind", "one of " + list,
-                "\"" + word + "\"" + (meant ? " (did you mean " + *meant + "?)" : ""));
-  return "";
-}
+/// What each kind reads, and how well a typical one does.
+constexpr std::array<std::pair<Kind, const char*>, 17> kinds{{
+    {Kind::Laser,
+     "interferometer, positioning of each slide, both ways (ISO 230-2); 0.05 µm, scale 0.25 µm/m, "
+     "beam to 200 µrad, 5 runs"},
+    {Kind::Straightness,
+     "both ways across each slide; 0.3 µm, scale 0.25 %, mirror to 500 µrad, 3 runs"},
+    {Kind::AngleOptics,
+     "pitch and yaw of slides, position of rotary axes; 0.2 µrad, scale 0.1 %, 3 runs"},
+    {Kind::Square,
+     "two straightness lines against one artefact, each pair of slides; 0.3 µm, laid to 500 µrad, "
+     "3 runs"},
+    {Kind::Diagonals, "four body and six face diagonals (ISO 230-6); as the laser, 5 runs"},
+    {Kind::StepDiagonal,
+     "four body diagonals in steps of X, Y, Z against a flat mirror (laser vector); as the laser, "
+     "10 steps, one way, 3 runs"},
+    {Kind::BallBar,
+     "circles and arcs in each plane (ISO 230-4); 0.25 µm, length to 20 µm/m, centre to 2 µm, 72 "
+     "targets"},
+    {Kind::BallBarRotary,
+     "the bar radial, tangential and axial to a rotary axis that turns while the slides follow "
+     "(ISO 10791-6); as the ball bar"},
+    {Kind::RTest,
+     "ball at the tool, three sensors on the table, a rotary axis turns, the slides follow (ISO "
+     "10791-6); 0.3 µm, nest to 300 µrad, ball to 2 µm, 36 targets"},
+    {Kind::Sphere,
+     "touch probing of a sphere on the table in a grid of rotary positions; 0.5 µm, ball to 2 µm, "
+     "7 targets an axis"},
+    {Kind::Tracker,
+     "range and two angles to a reflector on a grid of the travel; 0.5 µm, 1.5 µrad, scale 0.5 "
+     "µm/m, 5 targets an axis"},
+    {Kind::Multilateration,
+     "lengths alone from four places; 0.1 µm, scale 0.15 µm/m, 5 targets an axis"},
+    {Kind::Level, "tilt of each slide's carriage against gravity; 2 µrad, laid to 5 mrad, 3 runs"},
+    {Kind::RollLines,
+     "straightness on two parallel lines: roll without a level; 0.2 µm, 500 µrad, 3 runs"},
+    {Kind::Spindle,
+     "five sensors around an artefact (ISO 230-7); 0.015 µm, ball off centre by 10 µm, 1000 rpm, "
+     "64 readings a turn, 20 turns, `lever_mm` 50"},
+    {Kind::Drift,
+     "three displacements and two tilts at one place over time (ISO 230-3); 0.02 µm, 0.5 µrad, "
+     "nest to 1000 µrad"},
+    {Kind::Temperature, "the machine's sensors alone, as good as they are"},
+}};
 
-void read_quality(TableReader& reader, Instrument& one) {
-  one.noise = reader.number("noise_um", quality, one.noise);
-  one.noise_rad = reader.number("noise_urad", quality, one.noise_rad);
-  one.resolution = reader.number("resolution_um", quality, one.resolution);
-  one.resolution_rad = reader.number("resolution_urad", quality, one.resolution_rad);
-  one.rotation_sigma = reader.number("alignment_urad", {0.0, 1e4}, one.rotation_sigma);
-  one.position_sigma = reader.number("position_um", {0.0, 1e4}, one.position_sigma);
-  one.scale_sigma = reader.number("scale_um_per_m", {0.0, 1e4}, one.scale_sigma);
-  one.drift_sigma = reader.number("drift_um_per_h", non_negative, one.drift_sigma);
+KeyName of_kind(const char* key) { return KeyName(key).otherwise("of the kind"); }
+
+void add_quality(Fields<Instrument>& fields) {
+  fields
+      .number(of_kind("noise_um"), &Instrument::noise, quality,
+              "standard deviation of one reading of a length")
+      .number(of_kind("noise_urad"), &Instrument::noise_rad, quality,
+              "standard deviation of one reading of an angle")
+      .number(of_kind("resolution_um"), &Instrument::resolution, quality,
+              "readings of lengths are multiples of it; 0: not rounded")
+      .number(of_kind("resolution_urad"), &Instrument::resolution_rad, quality,
+              "readings of angles are multiples of it; 0: not rounded")
+      .number(of_kind("alignment_urad"), &Instrument::rotation_sigma, {0.0, 1e4},
+              "standard deviation of how a beam, an artefact or a nest lies")
+      .number(of_kind("position_um"), &Instrument::position_sigma, {0.0, 1e4},
+              "standard deviation of the places of reflectors, balls and stations")
+      .number(of_kind("scale_um_per_m"), &Instrument::scale_sigma, {0.0, 1e4},
+              "standard deviation of wavelength, material temperature or the length of a bar")
+      .number("drift_um_per_h", &Instrument::drift_sigma, non_negative,
+              "standard deviation of the instrument's drift, from the first reading of a set-up");
 }
 
 void read_axes(TableReader& reader, Instrument& one) {
@@ -58,105 +104,203 @@ void read_axes(TableReader& reader, Instrument& one) {
   }
 }
 
-void read_sampling(TableReader& reader, Instrument& one) {
-  read_axes(reader, one);
-  one.runs = int(reader.integer("runs", 1, 1000, one.runs));
-  one.targets = int(reader.integer("targets", 2, 10000, one.targets));
-  one.both_ways = reader.boolean("both_ways", one.both_ways);
-  one.margin = reader.number("margin", {0.0, 0.4, true, true}, one.margin);
-  one.scatter = reader.number("scatter", {0.0, 0.45}, one.scatter);
-  one.up_b = reader.direction("up", one.up_b);
-  if (reader.has("at_mm")) one.at_w = reader.vector("at_mm");
-  one.reflector_t = reader.vector("reflector_mm", one.reflector_t);
-  one.radius = reader.number("radius_mm", positive, one.radius);
-  one.lever = reader.number("lever_mm", positive, one.lever);
-  one.from_rad = reader.number("from_deg", any_number, one.from_rad);
-  one.to_rad = reader.number("to_deg", any_number, one.to_rad);
-  one.interval_s = reader.number("interval_s", positive, one.interval_s);
-  one.duration_s = reader.number("duration_h", {0.0, 1e5}, one.duration_s);
+void put_axes(const Instrument& one, Node::Table& table) {
+  Node::Array letters;
+  for (const char axis : one.axes) letters.push_back(Node{{}, std::string(1, axis)});
+  if (!letters.empty()) put(table, "axes", std::move(letters));
+}
+
+void add_targets(Fields<Instrument>& fields) {
+  fields
+      .custom({key_of(KeyName("axes").otherwise("all that make sense"), Key::Kind::Texts,
+                      "letters of axes; of planes and diagonals those between them")},
+              read_axes, put_axes)
+      .whole(of_kind("runs"), &Instrument::runs, 1, 1000, "repeats; turns of a spindle")
+      .whole(
+          of_kind("targets"), &Instrument::targets, 2, 10000,
+          "along an axis, around a circle, a diagonal, a grid line; steps; readings a turn; "
+          "whole turns of a bar, an R-test or a sphere are read at so many different places, the "
+          "first not again at the end")
+      .boolean(KeyName("both_ways").otherwise("true; not of grids, spheres, the step diagonal"),
+               &Instrument::both_ways, "bidirectional; circles also clockwise")
+      .number("margin", &Instrument::margin, {0.0, 0.4, true, true},
+              "of the travel left free at both ends")
+      .number(KeyName("scatter").otherwise("0.3 of a laser, else 0"), &Instrument::scatter,
+              {0.0, 0.45},
+              "how far targets between the first and the last stand off equal spacing, in parts of "
+              "it, so that no pitch of a screw hides between them; below 0.45")
+      .direction("up", &Instrument::up_b, "away from gravity in the bed: a level's plumb line")
+      .vector(KeyName("at_mm").otherwise("within the travel"), &Instrument::at_w,
+              "in the workpiece: ball of an R-test, a rotary bar, a sphere, drift; centre of a "
+              "circle; station of a tracker")
+      .vector("reflector_mm", &Instrument::reflector_t,
+              "from the tip to the reflector or ball, in the tool's frame")
+      .number("radius_mm", &Instrument::radius, positive,
+              "of circles and bar; of a ball from a rotary axis")
+      .number(of_kind("lever_mm"), &Instrument::lever, positive,
+              "between the parallel lines; the two heights of a spindle's artefact")
+      .number("from_deg", &Instrument::from_rad, any_number,
+              "where the arc of circles and rotary axes begins, cut to the travel of an axis")
+      .number("to_deg", &Instrument::to_rad, any_number, "where that arc ends");
+}
+
+void check_interval(TableReader& reader, Instrument& one) {
   const bool over_time = one.kind == Kind::Drift || one.kind == Kind::Temperature;
   if (over_time && one.interval_s > one.duration_s)
     reader.refuse("interval_s",
                   "an instrument.interval_s of at most instrument.duration_h, so that "
                   "something is read twice",
                   fmt::format("{:g} s in {:g} h", one.interval_s, one.duration_s / 3600.0));
-  one.speed = reader.number("speed_mm_per_min", speed, one.speed);
-  one.dwell_s = reader.number("dwell_s", wait_s, one.dwell_s);
-  one.set_up_s = reader.number("set_up_min", {0.0, 1e5}, one.set_up_s);
-  one.spindle_speed = reader.number("spindle_rpm", non_negative, one.spindle_speed);
 }
 
-std::vector<double> read_starts(TableReader& reader) {
+void add_times(Fields<Instrument>& fields) {
+  fields
+      .number("interval_s", &Instrument::interval_s, positive,
+              "between readings of drift and temperature")
+      .number("duration_h", &Instrument::duration_s, {0.0, 1e5}, "of drift and temperature")
+      .check(check_interval)
+      .number("speed_mm_per_min", &Instrument::speed, speed, "between targets")
+      .number(of_kind("dwell_s"), &Instrument::dwell_s, wait_s, "at each target")
+      .number(of_kind("set_up_min"), &Instrument::set_up_s, {0.0, 1e5},
+              "of a person for each set-up; with speed and dwell what the hours are made of")
+      .number(of_kind("spindle_rpm"), &Instrument::spindle_speed, non_negative,
+              "of a spindle test, and while drift is read");
+}
+
+void read_starts(TableReader& reader, InstrumentDescription& one) {
   const Node* node = reader.know("start_h");
-  if (!node) return {0.0};
-  if (!node->array()) return {reader.number("start_h", any_number)};
+  if (!node) return;
+  if (!node->array()) {
+    one.starts_s = {reader.number("start_h", any_number)};
+    return;
+  }
   const Eigen::VectorXd starts = reader.numbers("start_h");
-  return {starts.begin(), starts.end()};
+  one.starts_s.assign(starts.begin(), starts.end());
+}
+
+void put_starts(const InstrumentDescription& one, Node::Table& table) {
+  const auto& starts = one.starts_s;
+  put_numbers(table, "start_h",
+              Eigen::Map<const Eigen::VectorXd>(starts.data(), Eigen::Index(starts.size())),
+              unit_of("start_h"));
+}
+
+/// Every key but kind and name; a kind does not look at those that it does not need.
+Fields<InstrumentDescription> instrument_fields(Kind kind) {
+  Fields<Instrument> own;
+  add_quality(own);
+  add_targets(own);
+  add_times(own);
+  return Fields<InstrumentDescription>({metrology::typical(kind), {0.0}})
+      .all_of(&InstrumentDescription::instrument, own)
+      .custom({key_of(KeyName("start_h").otherwise("0"), Key::Kind::Any,
+                      "when the first reading is taken, in hours, or a list: everything is read "
+                      "once from each, set up again; 0 is the start of the program, negative lies "
+                      "in the history")},
+              read_starts, put_starts);
+}
+
+Fields<CoordinateMachine> cmm_fields() {
+  return Fields<CoordinateMachine>()
+      .number("noise_um", &CoordinateMachine::noise, quality, "standard deviation of one reading")
+      .number("resolution_um", &CoordinateMachine::resolution, quality,
+              "readings are multiples of it; 0: not rounded")
+      .number("position_um", &CoordinateMachine::alignment_sigma, {0.0, 1e4},
+              "standard deviation of where the part lies")
+      .number("alignment_urad", &CoordinateMachine::alignment_sigma_rad, {0.0, 1e4},
+              "standard deviation of how the part lies")
+      .boolean("best_fit", &CoordinateMachine::best_fit, "a rigid fit is taken out")
+      .number("interval_s", &CoordinateMachine::interval_s, non_negative, "between readings");
+}
+
+Fields<TouchProbe> touch_probe_fields(const MachineDescription& machine) {
+  TouchProbe usual;
+  usual.q = kinematics::AxisVector::Zero(Eigen::Index(machine.joints.size()));
+  return Fields<TouchProbe>(usual)
+      .vector("centre_mm", &TouchProbe::centre_t, "of the ball from the tip")
+      .number("ball_radius_mm", &TouchProbe::radius, {1e-3, 1e3}, "of the stylus ball")
+      .number("noise_um", &TouchProbe::noise, quality, "standard deviation of one touch")
+      .number("resolution_um", &TouchProbe::resolution, quality,
+              "readings are multiples of it; 0: not rounded")
+      .number("clearance_mm", &TouchProbe::clearance, positive, "where the approach begins")
+      .number("speed_mm_per_min", &TouchProbe::speed, speed, "between points")
+      .number("dwell_s", &TouchProbe::dwell_s, wait_s, "for each touch")
+      .number("start_h", &TouchProbe::start_s, any_number,
+              "of the first touch, after the end of the program")
+      .table(KeyName("pose").otherwise("all at zero"), &TouchProbe::q,
+             axis_word_fields(machine.joints), "where the rotary axes stand: { A_deg = 0 }");
+}
+
+/// Every key but kind and name.
+template <typename How>
+Fields<PartInstrument> part_instrument_fields(const Fields<How>& how) {
+  return Fields<PartInstrument>({"", "", How{}})
+      .text(KeyName("case").otherwise("uncompensated"), &PartInstrument::case_name,
+            "of which case the part is")
+      .number("spacing_mm", &PartInstrument::spacing, positive, "between points, about")
+      .all_of(
+          [](auto& part) -> auto& { return std::get<How>(part.how); }, how);
+}
+
+const Key& kind_key() {
+  static const Key key = [] {
+    Key all = key_of(must("kind"), Key::Kind::Text, "what it is, and how good if nothing is said");
+    for (const auto& [kind, sentence] : kinds)
+      all.words.push_back({metrology::to_string(kind), sentence, instrument_fields(kind).keys()});
+    all.words.push_back({cmm, "the part on a coordinate measuring machine; 0.5 µm, lies as thought",
+                         part_instrument_fields(cmm_fields()).keys()});
+    all.words.push_back({touch_probe,
+                         "the part, still clamped, by a probe in the machine that cut it; 0.5 µm",
+                         part_instrument_fields(touch_probe_fields({})).keys()});
+    return all;
+  }();
+  return key;
+}
+
+std::string read_kind(TableReader& reader) {
+  static const std::set<std::string> words = words_of(kind_key());
+  std::string word = reader.text("kind");
+  if (word.empty() || words.contains(word)) return word;
+  std::string list;
+  for (const std::string& one : words) list += (list.empty() ? "" : ", ") + one;
+  const auto meant = nearest(word, words);
+  reader.refuse("kind", "one of " + list,
+                "\"" + word + "\"" + (meant ? " (did you mean " + *meant + "?)" : ""));
+  return "";
 }
 
 InstrumentDescription read_instrument(TableReader& reader, Kind kind, const std::string& name,
                                       const MachineDescription& machine) {
   const std::size_t before = reader.faults().list().size();
-  InstrumentDescription description{metrology::typical(kind), {}};
-  Instrument& one = description.instrument;
-  one.name = name;
-  read_quality(reader, one);
-  read_sampling(reader, one);
-  description.starts_s = read_starts(reader);
+  InstrumentDescription description = instrument_fields(kind).read(reader);
+  description.instrument.name = name;
   reader.close();
   if (reader.faults().list().size() != before || machine.joints.empty()) return description;
   try {
-    metrology::plan(one, kinematics::Chain(machine.joints, machine.T_bw, machine.T_bs));
+    metrology::plan(description.instrument,
+                    kinematics::Chain(machine.joints, machine.T_bw, machine.T_bs));
   } catch (const std::invalid_argument& fault) {
     reader.refuse("kind", "an instrument that can measure this machine", fault.what());
   }
   return description;
 }
 
-metrology::CoordinateMachine read_cmm(TableReader& reader) {
-  metrology::CoordinateMachine machine;
-  machine.noise = reader.number("noise_um", quality, machine.noise);
-  machine.resolution = reader.number("resolution_um", quality, machine.resolution);
-  machine.alignment_sigma = reader.number("position_um", {0.0, 1e4}, machine.alignment_sigma);
-  machine.alignment_sigma_rad =
-      reader.number("alignment_urad", {0.0, 1e4}, machine.alignment_sigma_rad);
-  machine.best_fit = reader.boolean("best_fit", machine.best_fit);
-  machine.interval_s = reader.number("interval_s", non_negative, machine.interval_s);
-  return machine;
-}
-
-metrology::TouchProbe read_touch_probe(TableReader& reader, const MachineDescription& machine) {
-  metrology::TouchProbe probe;
-  probe.centre_t = reader.vector("centre_mm", probe.centre_t);
-  probe.radius = reader.number("ball_radius_mm", {1e-3, 1e3}, probe.radius);
-  probe.noise = reader.number("noise_um", quality, probe.noise);
-  probe.resolution = reader.number("resolution_um", quality, probe.resolution);
-  probe.clearance = reader.number("clearance_mm", positive, probe.clearance);
-  probe.speed = reader.number("speed_mm_per_min", speed, probe.speed);
-  probe.dwell_s = reader.number("dwell_s", wait_s, probe.dwell_s);
-  probe.start_s = reader.number("start_h", any_number, probe.start_s);
-  probe.q = kinematics::AxisVector::Zero(Eigen::Index(machine.joints.size()));
-  if (const Node* pose = reader.section("pose")) {
-    TableReader words(*pose, "instrument.pose", reader.faults());
-    probe.q = read_axis_words(words, machine.joints);
-    words.close();
-  }
-  return probe;
-}
-
-PartInstrumentDescription read_part_instrument(TableReader& reader, const std::string& kind,
-                                               const std::string& name,
-                                               const MachineDescription& machine) {
-  PartInstrumentDescription description;
+PartInstrument read_part_instrument(TableReader& reader, const std::string& kind,
+                                    const std::string& name, const MachineDescription& machine) {
+  PartInstrument description =
+      kind == cmm ? part_instrument_fields(cmm_fields()).read(reader)
+                  : part_instrument_fields(touch_probe_fields(machine)).read(reader);
   description.name = name;
-  description.case_name = reader.text("case", "");
-  description.spacing = reader.number("spacing_mm", positive, description.spacing);
-  if (kind == cmm)
-    description.how = read_cmm(reader);
-  else
-    description.how = read_touch_probe(reader, machine);
   reader.close();
   return description;
+}
+
+Node::Table named(const std::string& kind, const std::string& name, Node::Table others) {
+  Node::Table table;
+  put(table, "kind", kind);
+  put(table, "name", name);
+  for (Node::Entry& entry : others) table.push_back(std::move(entry));
+  return table;
 }
 
 }  // namespace
@@ -185,88 +329,25 @@ Instruments read_instruments(const std::vector<const Node*>& tables,
   return instruments;
 }
 
-namespace {
-
-/// The keys of how sensors are chosen, which `[sensor_choice]` and the ways beside it share.
-void read_way(TableReader& reader, errors::identification::SensorChoiceOptions& choice) {
-  using namespace errors::identification;
-  choice.count = int(reader.integer("count", 1, 100, choice.count));
-  enum class Word { Deng, Absolute, Relative, Comprehensive, Correlation };
-  const Word word = reader.choice<Word>("likeness",
-                                        {{"deng", Word::Deng},
-                                         {"absolute", Word::Absolute},
-                                         {"relative", Word::Relative},
-                                         {"comprehensive", Word::Comprehensive},
-                                         {"correlation", Word::Correlation}},
-                                        Word::Deng);
-  choice.likeness = word == Word::Correlation ? Likeness::Correlation : Likeness::Grey;
-  choice.grey.kind = word == Word::Absolute        ? GreyKind::Absolute
-                     : word == Word::Relative      ? GreyKind::Relative
-                     : word == Word::Comprehensive ? GreyKind::Comprehensive
-                                                   : GreyKind::Deng;
-  choice.grey.image = reader.choice<Image>(
-      "image", {{"initial", Image::Initial}, {"mean", Image::Mean}, {"interval", Image::Interval}},
-      choice.grey.image);
-  choice.screening = reader.choice<Screening>(
-      "screening", {{"degree", Screening::Degree}, {"regression", Screening::Regression}},
-      choice.screening);
-  choice.threshold = reader.maybe_number("threshold", {0.0, 1.0});
-  choice.groups = int(reader.integer("groups", 1, 1000, choice.groups));
-}
-
-std::vector<std::string> read_names(TableReader& reader, const std::string& key) {
-  const Node* list = reader.know(key);
-  if (!list) return {};
-  std::vector<std::string> names;
-  for (const Node& one : list->array() ? *list->array() : Node::Array{})
-    if (one.text() && !one.text()->empty())
-      names.push_back(*one.text());
-    else
-      reader.faults().add(one.place, "a name", shown(one));
-  if (names.empty()) reader.refuse(key, "a list of names", shown(*list));
-  return names;
-}
-
-SensorChoiceDescription::Way read_way_beside(const Node& table, Faults& faults) {
-  TableReader reader(table, "sensor_choice.beside", faults);
-  SensorChoiceDescription::Way way;
-  way.name = reader.text("name");
-  way.choice.fixed = read_names(reader, "sensors");
-  way.drifts = read_names(reader, "for");
-  if (way.choice.fixed.empty()) read_way(reader, way.choice);
-  reader.close();
-  return way;
-}
-
-}  // namespace
-
-SensorChoiceDescription read_sensor_choice(const Node& table, Faults& faults) {
-  using namespace errors::identification;
-  TableReader reader(table, "sensor_choice", faults);
-  SensorChoiceDescription description;
-  ThermalStudyOptions& study = description.study;
-  description.instrument = reader.text("instrument", description.instrument);
-  read_way(reader, study.choice);
-  study.model.kind = reader.choice<ModelKind>("model",
-                                              {{"linear", ModelKind::Linear},
-                                               {"ridge", ModelKind::Ridge},
-                                               {"lasso", ModelKind::Lasso},
-                                               {"support_vectors", ModelKind::SupportVectors},
-                                               {"kernel_ridge", ModelKind::KernelRidge},
-                                               {"network", ModelKind::Network}},
-                                              ModelKind::Linear);
-  study.features.since_start = reader.boolean("since_start", study.features.since_start);
-  study.features.lag_rows = reader.number("lag_rows", non_negative, study.features.lag_rows);
-  study.random_subsets = int(reader.integer("random_subsets", 0, 10000, study.random_subsets));
-  std::set<std::string> names;
-  for (const Node* node : reader.tables("beside")) {
-    description.beside.push_back(read_way_beside(*node, faults));
-    const std::string& name = description.beside.back().name;
-    if (!name.empty() && !names.insert(name).second)
-      faults.add(node->place, "a name that no other way beside has", "\"" + name + "\" again");
+std::vector<Node::Table> written_instruments(const Instruments& instruments,
+                                             const MachineDescription& machine) {
+  std::vector<Node::Table> tables;
+  for (const InstrumentDescription& one : instruments.of_machine)
+    tables.push_back(named(metrology::to_string(one.instrument.kind), one.instrument.name,
+                           instrument_fields(one.instrument.kind).written(one)));
+  for (const PartInstrument& one : instruments.of_part) {
+    const bool on_cmm = std::holds_alternative<CoordinateMachine>(one.how);
+    tables.push_back(named(on_cmm ? cmm : touch_probe, one.name,
+                           on_cmm
+                               ? part_instrument_fields(cmm_fields()).written(one)
+                               : part_instrument_fields(touch_probe_fields(machine)).written(one)));
   }
-  reader.close();
-  return description;
+  return tables;
+}
+
+std::vector<Key> instrument_keys() {
+  return {kind_key(), key_of(KeyName("name").otherwise("the kind"), Key::Kind::Text,
+                             "of the readings and their file, each once")};
 }
 
 }  // namespace abbe::sim

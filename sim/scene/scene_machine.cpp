@@ -1,9 +1,5 @@
 #include <cmath>
-#include <map>
-#include <set>
 #include <stdexcept>
-
-#include <fmt/format.h>
 
 #include "kinematics/topology.h"
 #include "kinematics/units.h"
@@ -42,28 +38,61 @@ void read_travel(TableReader& reader, Joint& joint) {
   }
 }
 
-Joint read_axis(const Node& table, const kinematics::CodeAxis& code, Faults& faults) {
-  TableReader reader(table, std::string("machine.axis.") + code.name, faults);
+void put_travel(const Joint& joint, Node::Table& table) {
+  const Joint without_end;
+  if (joint.min == without_end.min && joint.max == without_end.max) return;
+  const char* key = joint.motion == Motion::Linear ? "travel_mm" : "travel_deg";
+  put_numbers(table, key, Eigen::Vector2d(joint.min, joint.max), unit_of(key));
+}
+
+/// @param axis  with its letter's motion
+Fields<Joint> axis_fields(const Joint& axis) {
+  using kinematics::DeviationAxes;
+  using kinematics::Squareness;
+  const KeyName direction =
+      KeyName("direction").otherwise("x of X, U, A; y of Y, V, B; z of Z, W, C; none of S");
+  const KeyName travel_mm = KeyName("travel_mm").otherwise("without end");
+  const KeyName travel_deg = KeyName("travel_deg").otherwise("without end");
+  return Fields<Joint>(axis)
+      .word(KeyName("motion").otherwise("by letter: rotary of A, B, C, S"), &Joint::motion,
+            {{"linear", Motion::Linear}, {"rotary", Motion::Rotary}}, "what the axis does")
+      .direction(usual_direction(axis.name) ? direction : must(direction), &Joint::direction_b,
+                 "a positive command moves the tool this way against the workpiece, or turns it "
+                 "about it")
+      .custom(
+          {key_of_numbers(KeyName("point_mm").otherwise("[0, 0, 0] of a slide"), 3,
+                          "on the line of rotation of an axis that turns, which must have it; "
+                          "of a slide, where its deviations are stated")},
+          [](TableReader& reader, Joint& joint) {
+            joint.point_b = joint.motion == Motion::Linear
+                                ? reader.vector("point_mm", Vector3d::Zero())
+                                : reader.vector("point_mm");
+          },
+          [](const Joint& joint, Node::Table& table) {
+            put_numbers(table, "point_mm", joint.point_b, 1.0);
+          })
+      .custom({key_of_numbers(travel_mm, 2, "[least, most] commanded, of a slide"),
+               key_of_numbers(travel_deg, 2, "[least, most] commanded, of an axis that turns")},
+              read_travel, put_travel)
+      .word("deviation_axes", &Joint::deviation_axes,
+            {{"fixed", DeviationAxes::Fixed, "ISO 230-7"},
+             {"turning", DeviationAxes::Turning, "the papers' order"}},
+            "directions in which the deviations of an axis that turns are stated")
+      .word("squareness", &Joint::squareness,
+            {{"frame", Squareness::Frame,
+              "the axis turns with all that it carries, or, where it carries the slide to which "
+              "the angle is stated, what it carries turns by the opposite "
+              "(`kinematics/README.md`)"},
+             {"travel", Squareness::Travel, "the direction of travel only"}},
+            "what an angle of location turns; the angle is the same");
+}
+
+Joint axis_of(const kinematics::CodeAxis& code) {
   Joint joint;
   joint.name = code.name;
   joint.side = code.side;
-  joint.motion = reader.choice<Motion>(
-      "motion", {{"linear", Motion::Linear}, {"rotary", Motion::Rotary}}, motion_of(code.name));
-  const auto usual = usual_direction(code.name);
-  joint.direction_b = usual ? reader.direction("direction", *usual) : reader.direction("direction");
-  joint.point_b = joint.motion == Motion::Linear ? reader.vector("point_mm", Vector3d::Zero())
-                                                 : reader.vector("point_mm");
-  read_travel(reader, joint);
-  joint.deviation_axes =
-      reader.choice<kinematics::DeviationAxes>("deviation_axes",
-                                               {{"fixed", kinematics::DeviationAxes::Fixed},
-                                                {"turning", kinematics::DeviationAxes::Turning}},
-                                               kinematics::DeviationAxes::Fixed);
-  joint.squareness = reader.choice<kinematics::Squareness>(
-      "squareness",
-      {{"frame", kinematics::Squareness::Frame}, {"travel", kinematics::Squareness::Travel}},
-      kinematics::Squareness::Frame);
-  reader.close();
+  joint.motion = motion_of(code.name);
+  joint.direction_b = usual_direction(code.name).value_or(Vector3d::UnitX());
   return joint;
 }
 
@@ -96,6 +125,22 @@ kinematics::Pose read_nose(TableReader& reader) {
   return T_bs;
 }
 
+Fields<kinematics::Pose> nose_fields() {
+  using kinematics::Pose;
+  return Fields<Pose>(Pose::Identity())
+      .custom(
+          {key_of_numbers(must("at_mm"), 3, "where it is"),
+           key_of_numbers(KeyName("axis").otherwise("[0, 0, 1]"), 3, "from the tip to the spindle"),
+           key_of_numbers(KeyName("x").otherwise("[1, 0, 0], or z where the axis is x"), 3,
+                          "its x direction, made square to the axis")},
+          [](TableReader& reader, Pose& T_bs) { T_bs = read_nose(reader); },
+          [](const Pose& T_bs, Node::Table& table) {
+            put_numbers(table, "at_mm", T_bs.translation(), 1.0);
+            put_numbers(table, "axis", T_bs.linear().col(2), 1.0);
+            put_numbers(table, "x", T_bs.linear().col(0), 1.0);
+          });
+}
+
 std::optional<kinematics::Topology> read_code(TableReader& reader) {
   const std::string code = reader.text("code");
   if (code.empty()) return std::nullopt;
@@ -114,7 +159,7 @@ std::vector<Joint> read_axes(TableReader& machine, const kinematics::Topology& t
   Node none;
   none.place = machine.place();
   none.value = Node::Table{};
-  TableReader axes(section ? *section : none, "machine.axis", machine.faults());
+  TableReader axes(section ? *section : none, machine.name_of("axis"), machine.faults());
   for (const kinematics::CodeAxis& code : topology) {
     if (motion_of(code.name) == Motion::Spindle) {
       joints.push_back(nose_joint(code, T_bs));
@@ -122,7 +167,8 @@ std::vector<Joint> read_axes(TableReader& machine, const kinematics::Topology& t
     }
     const std::string name(1, code.name);
     if (const Node* table = axes.section(name)) {
-      joints.push_back(read_axis(*table, code, machine.faults()));
+      joints.push_back(
+          axis_fields(axis_of(code)).read_table(*table, axes.name_of(name), machine.faults()));
     } else if (!axes.has(name)) {
       axes.missing(name, "a table");
     }
@@ -131,120 +177,140 @@ std::vector<Joint> read_axes(TableReader& machine, const kinematics::Topology& t
   return joints;
 }
 
-double exact_sine(double degrees) {
-  const double turns = std::remainder(degrees, 360.0);
-  if (turns == 0.0 || std::abs(turns) == 180.0) return 0.0;
-  if (std::abs(turns) == 90.0) return std::copysign(1.0, turns);
-  return std::sin(turns * units::deg);
+void read_joints(TableReader& reader, MachineDescription& machine) {
+  reader.know("axis");
+  reader.know("home");
+  const auto topology = read_code(reader);
+  if (!topology) return;
+  const std::size_t before = reader.faults().list().size();
+  machine.joints = read_axes(reader, *topology, machine.T_bs);
+  if (machine.joints.size() != topology->size() || reader.faults().list().size() != before) return;
+  try {
+    kinematics::Chain(machine.joints, machine.T_bw, machine.T_bs);
+  } catch (const std::invalid_argument& fault) {
+    reader.refuse("code", "a machine that makes a chain", fault.what());
+  }
 }
 
-Eigen::Matrix3d turned(const Vector3d& degrees) {
-  for (int axis = 0; axis < 3; ++axis) {
-    const int j = (axis + 1) % 3;
-    const int k = (axis + 2) % 3;
-    if (degrees[j] != 0.0 || degrees[k] != 0.0) continue;
-    const double s = exact_sine(degrees[axis]);
-    const double c = exact_sine(degrees[axis] + 90.0);
-    Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
-    R(j, j) = R(k, k) = c;
-    R(k, j) = s;
-    R(j, k) = -s;
-    return R;
+void put_joints(const MachineDescription& machine, Node::Table& table) {
+  put(table, "code", kinematics::to_string(kinematics::topology_of(machine.joints)));
+  Node::Table axes;
+  for (const Joint& joint : machine.joints)
+    if (joint.motion != Motion::Spindle)
+      put(axes, std::string(1, joint.name), axis_fields(joint).written(joint));
+  if (!axes.empty()) put(table, "axis", std::move(axes));
+}
+
+void read_home(TableReader& reader, MachineDescription& machine) {
+  const auto fields = axis_word_fields(machine.joints);
+  machine.home = kinematics::AxisVector::Zero(Eigen::Index(machine.joints.size()));
+  if (const Node* home = reader.section("home"))
+    machine.home = fields.read_table(*home, reader.name_of("home"), reader.faults());
+}
+
+Key code_key() {
+  return key_of(must("code"), Key::Kind::Text,
+                "structural code, workpiece to tool: \"w C' b X Y Z A s t\"; primed axes carry the "
+                "workpiece, `s` is the spindle nose");
+}
+
+/// A table of tables, one for every letter of an axis.
+Key axis_key(const char* pattern, const char* sentence, std::vector<Key> keys) {
+  Key letter = key_of("<axis>", Key::Kind::Table, sentence);
+  letter.pattern = pattern;
+  letter.keys = std::move(keys);
+  Key axis = key_of("axis", Key::Kind::Table, "the axes by their letters");
+  axis.keys = {std::move(letter)};
+  return axis;
+}
+
+Key home_key() {
+  Key home = key_of(KeyName("home").otherwise("all at zero"), Key::Kind::Table,
+                    "where the axes stand when a program begins: { Z_mm = 300, C_deg = 0 }");
+  home.keys = axis_word_fields({}).keys();
+  return home;
+}
+
+const Fields<MachineDescription>& machine_fields() {
+  using Machine = MachineDescription;
+  static const Fields<Machine> fields =
+      Fields<Machine>()
+          .text("name", &Machine::name, "of the machine")
+          .table(must("nose"), &Machine::T_bs, nose_fields(), "where the tool is mounted")
+          .table(KeyName("workpiece").otherwise("the bed frame"), &Machine::T_bw,
+                 placement_fields(), "frame w of the workpiece")
+          .number("rapid_mm_per_min", &Machine::rapid_speed, positive, "speed of slides in G0")
+          .number(KeyName("rapid_deg_per_min").otherwise("3437.75: 1 rad/s"), &Machine::rapid_turn,
+                  positive, "speed of axes that turn in G0")
+          .custom({code_key(), axis_key("[A-Z]", "every letter of the code but `s`",
+                                        axis_fields(axis_of({})).keys())},
+                  read_joints, put_joints)
+          .custom({home_key()}, read_home, [](const Machine& machine, Node::Table& table) {
+            put(table, "home", axis_word_fields(machine.joints).written(machine.home));
+          });
+  return fields;
+}
+
+Fields<Joint> believed_fields(const Joint& joint) {
+  return Fields<Joint>(joint)
+      .vector(KeyName("point_mm").otherwise("as it is"), &Joint::point_b,
+              "where the control believes it to be")
+      .direction(KeyName("direction").otherwise("as it is"), &Joint::direction_b,
+                 "that the control believes in");
+}
+
+void read_believed(TableReader& reader, const std::vector<Joint>& joints,
+                   ControlDescription& control) {
+  const Node* section = reader.section("axis");
+  if (!section) return;
+  control.joints = joints;
+  TableReader axes(*section, reader.name_of("axis"), reader.faults());
+  for (Joint& joint : control.joints) {
+    const std::string name(1, joint.name);
+    if (const Node* axis = axes.section(name))
+      joint = believed_fields(joint).read_table(*axis, axes.name_of(name), reader.faults());
   }
-  return kinematics::rotation(degrees * units::deg);
+  axes.close();
+}
+
+void put_believed(const ControlDescription& control, Node::Table& table) {
+  Node::Table axes;
+  for (const Joint& joint : control.joints)
+    put(axes, std::string(1, joint.name), believed_fields(joint).written(joint));
+  if (!axes.empty()) put(table, "axis", std::move(axes));
+}
+
+/// @param joints  of the machine as it is designed
+Fields<ControlDescription> control_fields(const std::vector<Joint>& joints) {
+  return Fields<ControlDescription>()
+      .number(KeyName("tool_length_mm").otherwise("as it is"), &ControlDescription::tool_length,
+              any_number, "of the tool, as the control believes")
+      .custom(
+          {axis_key("[A-Zs]", "an axis that the control believes elsewhere",
+                    believed_fields({}).keys())},
+          [joints](TableReader& reader, ControlDescription& control) {
+            read_believed(reader, joints, control);
+          },
+          put_believed);
 }
 
 }  // namespace
 
-Eigen::Matrix3d read_turn(TableReader& reader) {
-  constexpr double most_turn_deg = 3600.0;  // beyond, the last digits of the angle are its turns
-  const auto turn = reader.numbers_as_written("turn_deg", 3);
-  if (!turn) return Eigen::Matrix3d::Identity();
-  if (turn->cwiseAbs().maxCoeff() <= most_turn_deg) return turned(*turn);
-  reader.refuse("turn_deg", fmt::format("turns within +-{} deg for turn_deg", most_turn_deg),
-                fmt::format("{}", turn->cwiseAbs().maxCoeff()));
-  return Eigen::Matrix3d::Identity();
-}
-
-kinematics::Pose read_placement(TableReader& reader) {
-  kinematics::Pose pose = kinematics::Pose::Identity();
-  pose.translation() = reader.vector("at_mm", Vector3d::Zero());
-  pose.linear() = read_turn(reader);
-  return pose;
-}
-
-kinematics::AxisVector read_axis_words(TableReader& reader, const std::vector<Joint>& joints) {
-  kinematics::AxisVector words = kinematics::AxisVector::Zero(Eigen::Index(joints.size()));
-  for (std::size_t j = 0; j < joints.size(); ++j) {
-    if (joints[j].motion == Motion::Spindle) continue;
-    const char* unit = joints[j].motion == Motion::Linear ? "_mm" : "_deg";
-    words[Eigen::Index(j)] = reader.number(joints[j].name + std::string(unit), any_number, 0.0);
-  }
-  return words;
-}
-
 MachineDescription read_machine(const Node& table, Faults& faults) {
-  TableReader reader(table, "machine", faults);
-  MachineDescription machine;
-  machine.name = reader.text("name", "");
-  if (const Node* nose = reader.section("nose")) {
-    TableReader nose_reader(*nose, "machine.nose", faults);
-    machine.T_bs = read_nose(nose_reader);
-    nose_reader.close();
-  } else if (!reader.has("nose")) {
-    reader.missing("nose", "a table");
-  }
-  if (const Node* workpiece = reader.section("workpiece")) {
-    TableReader workpiece_reader(*workpiece, "machine.workpiece", faults);
-    machine.T_bw = read_placement(workpiece_reader);
-    workpiece_reader.close();
-  }
-  machine.rapid_speed = reader.number("rapid_mm_per_min", positive, machine.rapid_speed);
-  machine.rapid_turn = reader.number("rapid_deg_per_min", positive, machine.rapid_turn);
-  reader.know("axis");
-  reader.know("home");
-  if (const auto topology = read_code(reader)) {
-    const std::size_t before = faults.list().size();
-    machine.joints = read_axes(reader, *topology, machine.T_bs);
-    if (machine.joints.size() == topology->size() && faults.list().size() == before) {
-      try {
-        kinematics::Chain(machine.joints, machine.T_bw, machine.T_bs);
-      } catch (const std::invalid_argument& fault) {
-        reader.refuse("code", "a machine that makes a chain", fault.what());
-      }
-    }
-  }
-  machine.home = kinematics::AxisVector::Zero(Eigen::Index(machine.joints.size()));
-  if (const Node* home = reader.section("home")) {
-    TableReader words(*home, "machine.home", faults);
-    machine.home = read_axis_words(words, machine.joints);
-    words.close();
-  }
-  reader.close();
-  return machine;
+  return machine_fields().read_table(table, "machine", faults);
 }
+Node::Table written_machine(const MachineDescription& machine) {
+  return machine_fields().written(machine);
+}
+std::vector<Key> machine_keys() { return machine_fields().keys(); }
 
 ControlDescription read_control(const Node& table, const std::vector<Joint>& joints,
                                 Faults& faults) {
-  TableReader reader(table, "control", faults);
-  ControlDescription control;
-  control.tool_length = reader.maybe_number("tool_length_mm", any_number);
-  if (const Node* section = reader.section("axis")) {
-    control.joints = joints;
-    TableReader axes(*section, "control.axis", faults);
-    for (Joint& joint : control.joints) {
-      const std::string name(1, joint.name);
-      const Node* axis = axes.section(name);
-      if (!axis) continue;
-      TableReader believed(*axis, "control.axis." + name, faults);
-      joint.point_b = believed.vector("point_mm", joint.point_b);
-      joint.direction_b = believed.direction("direction", joint.direction_b);
-      believed.close();
-    }
-    axes.close();
-  }
-  reader.close();
-  return control;
+  return control_fields(joints).read_table(table, "control", faults);
 }
+Node::Table written_control(const ControlDescription& control) {
+  return control_fields({}).written(control);
+}
+std::vector<Key> control_keys() { return control_fields({}).keys(); }
 
 }  // namespace abbe::sim

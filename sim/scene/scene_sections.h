@@ -2,7 +2,9 @@
 
 #include <cstdint>
 
+#include "sim/scene/axis_words.h"
 #include "sim/scene/fields.h"
+#include "sim/scene/placement.h"
 #include "sim/scene/scene.h"
 #include "sim/scene/table_reader.h"
 
@@ -11,18 +13,8 @@
 namespace abbe::sim {
 
 MachineDescription read_machine(const Node& table, Faults& faults);
-
-/// Positions of the axes from words such as Z_mm and A_deg; those left out stand at zero. @return
-/// (joints)
-kinematics::AxisVector read_axis_words(TableReader& reader,
-                                       const std::vector<kinematics::Joint>& joints);
-
-/// Rotation by `turn_deg`, a rotation vector in degrees; the identity where it is left out. Turns
-/// by multiples of 90 degrees about one axis are exact.
-Eigen::Matrix3d read_turn(TableReader& reader);
-
-/// Place of a thing in its parent from `at_mm` and `turn_deg`.
-kinematics::Pose read_placement(TableReader& reader);
+Node::Table written_machine(const MachineDescription& machine);
+std::vector<Key> machine_keys();
 
 /// Whether a name may be that of a file or folder: letters, digits, blanks, _ - .
 bool names_a_folder(const std::string& name);
@@ -54,8 +46,12 @@ PartDescription read_part(const Node& table, Faults& faults);
 ProgramDescription read_program(const Node& table, const std::vector<kinematics::Joint>& joints,
                                 Faults& faults);
 
+/// `[control]`: what the control believes where it differs.
+/// @param joints  of the machine as it is designed
 ControlDescription read_control(const Node& table, const std::vector<kinematics::Joint>& joints,
                                 Faults& faults);
+Node::Table written_control(const ControlDescription& control);
+std::vector<Key> control_keys();
 
 /// `[thermal]`: network, thermal elements, sensors, history, room.
 ThermalDescription read_thermal(const Node& table, const MachineDescription& machine,
@@ -81,9 +77,14 @@ struct Instruments {
 /// stands
 Instruments read_instruments(const std::vector<const Node*>& tables,
                              const MachineDescription& machine, Faults& faults);
+std::vector<Node::Table> written_instruments(const Instruments& instruments,
+                                             const MachineDescription& machine);
+std::vector<Key> instrument_keys();
 
 /// `[belief]`: what compensators are given to believe.
 BeliefDescription read_belief(const Node& table, const MachineDescription& machine, Faults& faults);
+Node::Table written_belief(const BeliefDescription& belief, const MachineDescription& machine);
+std::vector<Key> belief_keys();
 
 /// Refuses a case whose belief the scene does not give, or cannot have from its sensors.
 void check_beliefs(const Scene& scene, const std::vector<CaseDescription>& cases,
@@ -93,6 +94,9 @@ void check_beliefs(const Scene& scene, const std::vector<CaseDescription>& cases
 CompensationDescription read_compensation(const Node& table,
                                           const std::vector<kinematics::Joint>& joints,
                                           Faults& faults);
+Node::Table written_compensation(const CompensationDescription& compensation,
+                                 const std::vector<kinematics::Joint>& joints);
+std::vector<Key> compensation_keys();
 
 /// `[signals]`: what the control reads, and how often it is written.
 const Fields<SignalsDescription>& signals_fields();
@@ -121,5 +125,7 @@ std::vector<Key> variant_keys();
 
 /// `[sensor_choice]`: how many sensors, by which likeness and screening, for which model.
 SensorChoiceDescription read_sensor_choice(const Node& table, Faults& faults);
+Node::Table written_sensor_choice(const SensorChoiceDescription& choice);
+std::vector<Key> sensor_choice_keys();
 
 }  // namespace abbe::sim

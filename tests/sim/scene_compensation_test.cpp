@@ -90,8 +90,7 @@ TEST(SceneCompensation, AnEmptySectionHasTheDefaultsOfTheHeaders) {
   EXPECT_EQ(read.plug_in.channel, Channel::Ideal);
 }
 
-TEST(SceneCompensation, EveryKeyIsReadInInternalUnits) {
-  const CompensationDescription c = compensation_of(R"(
+constexpr const char* every_key = R"(
 rotary_bound_deg = 0.5
 word_resolution_mm = 0.001
 angle_resolution_deg = 0.002
@@ -132,7 +131,10 @@ cycle_ms = 0.5
 [piezo.loop]
 order = "first"
 bandwidth_Hz = 200
-)");
+)";
+
+TEST(SceneCompensation, EveryKeyIsReadInInternalUnits) {
+  const CompensationDescription c = compensation_of(every_key);
   EXPECT_DOUBLE_EQ(c.rotary_bound, 0.5_deg);
   EXPECT_EQ(c.word_resolution, 0.001);
   EXPECT_DOUBLE_EQ(c.angle_resolution, 0.002_deg);
@@ -320,6 +322,16 @@ TEST(CaseName, ADotOrASlashMakesItAPlugInCalledByItsFileName) {
   EXPECT_EQ(plug_in_case("mine").name, "mine");
   for (const char* name : {"/", "a/", ".", "..", "./", "a/..", "./a\nb.py", "a;b.py"})
     EXPECT_NE(refusal_of_case(name), "") << "\"" << name << "\"";
+}
+
+TEST(SceneCompensation, WhatIsWrittenReadsAsTheSame) {
+  for (const char* text : {every_key, ""}) {
+    const Node written{{}, written_compensation(compensation_of(text), gantry().joints)};
+    const CompensationDescription again = compensation_of(to_toml(written));
+    EXPECT_EQ(to_toml(Node{{}, written_compensation(again, gantry().joints)}), to_toml(written));
+    EXPECT_EQ(again.table.format, compensation_of(text).table.format);
+    EXPECT_EQ(again.plug_in.channel, compensation_of(text).plug_in.channel);
+  }
 }
 
 // --- [belief]

@@ -6,6 +6,7 @@
 
 #include "kinematics/units.h"
 #include "sim/scene/read_scene.h"
+#include "sim/scene/scene_sections.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {
@@ -179,6 +180,51 @@ TEST(SceneInstruments, ASensorChoiceIsReadAndItsFaultsAreTold) {
         std::pair("[{name = \"a\", sensors = [\"S\"], groups = 3}]", "groups")})
     EXPECT_NE(packaged_with("beside", value).find(word), std::string::npos) << value;
   expect_fault("[sensor_choice]\ncount = 4\n", "14:", "[thermal]");
+}
+
+std::string written_text(const Scene& scene) {
+  Node::Array instruments;
+  for (Node::Table& one :
+       written_instruments({scene.instruments, scene.part_instruments}, scene.machine))
+    instruments.push_back(Node{{}, std::move(one)});
+  Node::Table table;
+  put(table, "instrument", std::move(instruments));
+  return to_toml(Node{{}, std::move(table)});
+}
+
+TEST(SceneInstruments, WhatIsWrittenReadsAsTheSame) {
+  std::string sections =
+      "[[instrument]]\nname = \"mine\"\nkind = \"r_test\"\nnoise_um = 2\nnoise_urad = 3\n"
+      "axes = [\"C\"]\nboth_ways = false\nat_mm = [60, 0, 60]\nto_deg = 180\nup = [0, 2, 0]\n"
+      "start_h = [-2, 0.5]\n"
+      "[[instrument]]\nkind = \"cmm\"\nbest_fit = true\ncase = \"perfect-iterated-ideal\"\n"
+      "[[instrument]]\nkind = \"touch_probe\"\nstart_h = 0.5\npose = { C_deg = 90 }\n";
+  for (const Kind kind : errors::metrology::all_kinds())
+    sections += "[[instrument]]\nkind = \"" + to_string(kind) + "\"\n";
+  const Scene scene = with(sections);
+  const Scene again = with(written_text(scene));
+  EXPECT_EQ(written_text(again), written_text(scene));
+  EXPECT_EQ(again.instruments[0].starts_s, scene.instruments[0].starts_s);
+  EXPECT_EQ(again.instruments[0].instrument.axes, std::vector<char>{'C'});
+  EXPECT_EQ(again.instruments[0].instrument.at_w, scene.instruments[0].instrument.at_w);
+  EXPECT_EQ(again.part_instruments[0].case_name, "perfect-iterated-ideal");
+}
+
+TEST(SceneInstruments, ASensorChoiceThatIsWrittenReadsAsTheSame) {
+  const std::string text =
+      "instrument = \"nest\"\ncount = 3\nlikeness = \"comprehensive\"\nimage = \"mean\"\n"
+      "screening = \"degree\"\nthreshold = 0.8\ngroups = 5\nmodel = \"lasso\"\n"
+      "since_start = true\nlag_rows = 5\nrandom_subsets = 50\n"
+      "[[beside]]\nname = \"a\"\nsensors = [\"S\", \"T\"]\n"
+      "[[beside]]\nname = \"b\"\nfor = [\"Z\"]\nlikeness = \"correlation\"\n";
+  const auto written = [](const std::string& toml) {
+    Faults faults;
+    const auto choice = read_sensor_choice(parse_toml(toml, "s.toml"), faults);
+    EXPECT_TRUE(faults.empty());
+    return to_toml(Node{{}, written_sensor_choice(choice)});
+  };
+  EXPECT_EQ(written(written(text)), written(text));
+  EXPECT_NE(written(text).find("correlation"), std::string::npos);
 }
 
 }  // namespace
