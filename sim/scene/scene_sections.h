@@ -27,10 +27,6 @@ kinematics::Pose read_placement(TableReader& reader);
 /// Whether a name may be that of a file or folder: letters, digits, blanks, _ - .
 bool names_a_folder(const std::string& name);
 
-/// How a table is read between its rows and beyond them.
-errors::Between read_between(TableReader& table);
-errors::Outside read_outside(TableReader& table);
-
 struct ErrorsSection {
   errors::GeometricErrors geometric;
   double scale = 1.0;
@@ -42,6 +38,9 @@ struct ErrorsSection {
 /// @param seed     of the scene, from which repeatability without a seed of its own takes one
 ErrorsSection read_errors(const Node& section, const MachineDescription& machine,
                           std::uint64_t seed, Faults& faults);
+/// One table; what came from files stands in it.
+Node::Table written_errors(const ErrorsSection& section, const MachineDescription& machine);
+std::vector<Key> errors_keys();
 
 ToolDescription read_tool(const Node& table, Faults& faults);
 
@@ -60,7 +59,6 @@ ControlDescription read_control(const Node& table, const std::vector<kinematics:
 /// `[thermal]`: network, thermal elements, sensors, history, room.
 ThermalDescription read_thermal(const Node& table, const MachineDescription& machine,
                                 std::uint64_t seed, Faults& faults);
-
 /// `[compliance]`: joints, tool, fixture, workpiece, masses.
 errors::ComplianceErrors read_compliance(const Node& table, const MachineDescription& machine,
                                          Faults& faults);

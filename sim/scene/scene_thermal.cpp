@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "errors/bound_element.h"
+#include "sim/scene/scene_curves.h"
 #include "sim/scene/scene_sections.h"
 
 namespace abbe::sim {
@@ -292,8 +293,7 @@ bool ThermalReader::is_slide(const ElementName& name) const {
 }
 
 errors::Table ThermalReader::read_table(TableReader& reader, const std::string& value_key) {
-  const auto between = read_between(reader);
-  const auto outside = read_outside(reader);
+  const auto how = interpolation_fields<errors::Table>().read(reader);
   const std::size_t before = faults_.list().size();
   VectorXd dT_K = reader.numbers("dT_K");
   VectorXd value = reader.numbers(value_key);
@@ -304,7 +304,7 @@ errors::Table ThermalReader::read_table(TableReader& reader, const std::string& 
     return {};
   }
   try {
-    return errors::make_table(std::move(dT_K), std::move(value), between, outside);
+    return errors::make_table(std::move(dT_K), std::move(value), how.between, how.outside);
   } catch (const std::invalid_argument& fault) {
     reader.refuse("dT_K", "a table with rising temperatures and at least 2 rows", fault.what());
     return {};
