@@ -59,6 +59,11 @@ ControlDescription read_control(const Node& table, const std::vector<kinematics:
 /// `[thermal]`: network, thermal elements, sensors, history, room.
 ThermalDescription read_thermal(const Node& table, const MachineDescription& machine,
                                 std::uint64_t seed, Faults& faults);
+/// @param seed  of the scene, for the sensors without one of their own
+Node::Table written_thermal(const ThermalDescription& thermal, const MachineDescription& machine,
+                            std::uint64_t seed);
+std::vector<Key> thermal_keys();
+
 /// `[compliance]`: joints, tool, fixture, workpiece, masses.
 errors::ComplianceErrors read_compliance(const Node& table, const MachineDescription& machine,
                                          Faults& faults);
