@@ -148,7 +148,7 @@ void add_thermal(Fields<Scene>& fields) {
         scene.thermal = read_heat(reader, thermal, scene);
       },
       [](const Scene& scene, Node::Table& table) {
-        if (scene.thermal) put(table, "thermal", written_thermal(*scene.thermal, scene.machine));
+        if (scene.thermal) put(table, "thermal", written_thermal(*scene.thermal, scene.machine, scene.seed));
       });
 }
 
