@@ -328,7 +328,6 @@ const Fields<Scene>& cutting_scene_fields() {
 
 const Fields<Scene>& judging_scene_fields() {
   static const Fields<Scene> fields = [] {
-    const auto itself = [](auto& scene) -> auto& { return scene; };
     Fields<Scene> all;
     add_own(all, "setup", &Scene::setup, setup_fields(), "clamping of the part");
     add_own(all, "datum", &Scene::datum, datum_fields(), "how the control finds the part");

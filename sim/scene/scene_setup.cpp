@@ -38,7 +38,7 @@ Fields<DatumDescription> fields_of(Kind kind) {
                   "where the tip is set exactly, in the workpiece frame");
   if (kind != Kind::None)
     fields.all_of(
-        [](auto& datum) -> auto& { return datum; }, time_fields());
+        itself, time_fields());
   if (kind == Kind::TouchOff)
     fields.tables(must("touch"), &DatumDescription::touches, touch_fields(),
                   "touches of the probe");
