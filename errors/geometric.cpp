@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "errors/bound_element.h"
+#include "errors/expect.h"
 
 namespace abbe::errors {
 namespace {
@@ -14,10 +15,6 @@ using kinematics::AxisState;
 using kinematics::Chain;
 using kinematics::Joint;
 using kinematics::JointDeviation;
-
-[[noreturn]] void refuse(const std::string& who, const std::string& why) {
-  throw std::invalid_argument(who + ": " + why);
-}
 
 void check(const Element& element, const Chain& chain, int joint) {
   const std::string who = to_string(element.name);
