@@ -64,8 +64,8 @@ GeometricModel prepared(GeometricModel model) {
   return model;
 }
 
-[[noreturn]] void tell_where(const GeometricModel::Bound& bound, const Curve& curve,
-                             const std::out_of_range& fault) {
+[[noreturn]] void rethrow_named(const GeometricModel::Bound& bound, const Curve& curve,
+                                const std::out_of_range& fault) {
   const std::string part = curve.name.empty() ? "" : " (" + curve.name + ")";
   throw std::out_of_range(to_string(bound.element.name) + part + ": " + fault.what());
 }
@@ -124,7 +124,7 @@ std::vector<JointDeviation> deviations(const GeometricModel& model, const AxisSt
     try {
       slot(result, bound) += value(curve, seen);
     } catch (const std::out_of_range& fault) {
-      tell_where(bound, curve, fault);
+      rethrow_named(bound, curve, fault);
     }
   }
   for (const GeometricModel::Line& line : model.lines)

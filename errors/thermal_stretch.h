@@ -24,7 +24,7 @@ Eigen::VectorXd modal(const ThermalRun& run, const ThermalModes& modes, std::siz
 /// The last knot that is not after an instant, which is not before the first.
 std::size_t knot_before(const ThermalRun& run, double time_s);
 
-/// All is reckoned from the room as it was first, so that a machine at that temperature stays there
+/// All is counted from the room as it was first, so that a machine at that temperature stays there
 /// to the last bit.
 double base_T_C(const ThermalRun& run);
 
