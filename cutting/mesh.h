@@ -13,7 +13,7 @@ namespace abbe::cutting {
 using Points = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;  ///< (n x 3)
 using Triangles = Eigen::Matrix<int, Eigen::Dynamic, 3, Eigen::RowMajor>;  ///< (m x 3)
 
-/// The design surface on which the residual is told: where, along which normal, for how much area.
+/// The design surface that carries the residual: where, along which normal, for how much area.
 struct Design {
   Points vertices;       ///< (n x 3) mm
   Points normals;        ///< (n x 3) unit, outward

@@ -80,7 +80,7 @@ NoseInterval interval_between(const NoseMotion& motion, std::size_t i, const Nos
   return interval;
 }
 
-/// The rake plane at one instant, as a NosePiece tells it.
+/// The rake plane at one instant, as a NosePiece states it.
 struct Rake {
   double angle, height, tilt;
   bool free;

@@ -23,7 +23,7 @@ struct PassProbe {
 /// plane; nothing where the pass is missed.
 using PassDistance = std::function<std::optional<double>(const Eigen::Vector3d& displacement)>;
 
-/// A pass to second order, as `Rival` tells it.
+/// A pass to second order, as `Rival` describes it.
 struct PassShape {
   Eigen::Vector3d gradient;
   Eigen::Vector3d across;

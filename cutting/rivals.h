@@ -24,7 +24,7 @@ namespace abbe::cutting {
 /// them from theta) for 50 um, 5 nm for 10 um; nose R 0.249 on a face at 20 um feed: 165 nm for 50
 /// um, 1.3 nm for 10 um.
 /// No bound within max(D, h) of an edge of the pass (its ends, a sharp rim of the cutter): there
-/// the pass is told by its flatter side, without curvature. Where the tool stands or turns back,
+/// the pass is given by its flatter side, without curvature. Where the tool stands or turns back,
 /// its curvature in the other direction, D^2 / 2R, is left out.
 struct Rival {
   int vertex = 0;

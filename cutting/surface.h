@@ -33,7 +33,7 @@ struct Gouge {
   bool deeper = false;  ///< that is as far as was searched, and removed there too
 };
 
-/// The machined surface told on the design: where the part ends along every outward normal.
+/// The machined surface against the design: where the part ends along every outward normal.
 struct Surface {
   Eigen::VectorXd residual;    ///< (n) mm; + material left, - gouged; NaN where not cut
   Eigen::VectorXd cut_time_s;  ///< (n) instant that made the surface there; NaN unless cut, gouged

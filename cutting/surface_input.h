@@ -7,7 +7,7 @@
 #include "cutting/sweep.h"
 #include "cutting/tool.h"
 
-/// What the functions that tell the machined surface at vertices are given.
+/// What the functions that find the machined surface at vertices are given.
 namespace abbe::cutting {
 
 /// @throws std::invalid_argument as milled_surface

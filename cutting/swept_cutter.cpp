@@ -253,8 +253,8 @@ SweptInterval swept_disc(double radius, double height, const Vector3d& travel,
   const double rise = travel.z(), climb = direction.z();
   SweptInterval result;
   if (std::max(std::abs(rise), std::abs(climb)) < no_travel) return result;
-  // The line is at the disc's height at a place s for each instant t, and the other way round; told
-  // by the one that the other does not run away with.
+  // The line is at the disc's height at a place s for each instant t, and the other way round;
+  // given by the one that the other does not run away with.
   const bool by_instant = std::abs(climb) >= std::abs(rise);
   const double first = by_instant ? (height - point.z()) / climb : (point.z() - height) / rise;
   const double slope = by_instant ? rise / climb : climb / rise;

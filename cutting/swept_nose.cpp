@@ -173,7 +173,7 @@ void Cut<Taken>::try_piece(const NosePiece& piece, double s_start) {
 }
 
 /// Newton for the instant near u at which the rake plane contains the edge's contact on the ray; a
-/// secant once two points tell the slope with the slow motion in it. While the plane's trace of the
+/// secant once two points give the slope with the slow motion in it. While the plane's trace of the
 /// ray misses the edge, its nearest point stands for the contact.
 /// @return false if it did not settle; the piece is then searched densely
 template <class Taken>
@@ -234,7 +234,7 @@ std::optional<typename Cut<Taken>::Contact> Cut<Taken>::contact(const NosePiece&
 }
 
 /// The dense search of a piece, for the few rays that pass so near the spindle line, or a spindle
-/// that turns so little, that the azimuth does not tell the instant.
+/// that turns so little, that the azimuth does not give the instant.
 template <class Taken>
 void Cut<Taken>::scan(const NosePiece& piece) {
   const double turn = std::abs(interval(piece).angle_step) * (piece.u1 - piece.u0);

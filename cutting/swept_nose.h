@@ -29,7 +29,7 @@ class SweptNose {
   std::optional<NoseCut> first(const Ray& ray_w) const;
 
   /// At least one cut of every revolution that comes to `limit` (mm) or nearer, in the order of
-  /// time; a join of two intervals tells its cut twice.
+  /// time; a join of two intervals reports its cut twice.
   std::vector<NoseCut> within(const Ray& ray_w, double limit) const;
 
   /// First cut among those whose spindle angle is within `window` (rad) of that of `other`.

@@ -1,10 +1,10 @@
 #include "errors/bound_element.h"
 
 #include <cmath>
-#include <stdexcept>
 
 #include <fmt/format.h>
 
+#include "errors/expect.h"
 #include "kinematics/location.h"
 
 namespace abbe::errors {
@@ -12,10 +12,6 @@ namespace {
 
 using Eigen::Vector3d;
 using kinematics::Joint;
-
-[[noreturn]] void refuse(const std::string& who, const std::string& why) {
-  throw std::invalid_argument(who + ": " + why);
-}
 
 bool is_along(const ElementName& name, const Joint& joint) {
   const Vector3d unit = Vector3d::Unit(name.component() % 3);

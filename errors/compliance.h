@@ -118,7 +118,7 @@ WorkpieceField read_compliance_field(std::string_view text, const std::string& f
 /// 0 for one node.
 double node_spacing(const WorkpieceField& field);
 
-/// Most distance of a point from the nearest node of a field, mm: tells a field of another mesh.
+/// Largest distance from a point to the nearest node of a field, mm: shows one of another mesh.
 /// Zero without points.
 double coverage(const WorkpieceField& field,
                 const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>& points_w);

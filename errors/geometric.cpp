@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "errors/bound_element.h"
+#include "errors/expect.h"
 
 namespace abbe::errors {
 namespace {
@@ -14,10 +15,6 @@ using kinematics::AxisState;
 using kinematics::Chain;
 using kinematics::Joint;
 using kinematics::JointDeviation;
-
-[[noreturn]] void refuse(const std::string& who, const std::string& why) {
-  throw std::invalid_argument(who + ": " + why);
-}
 
 void check(const Element& element, const Chain& chain, int joint) {
   const std::string who = to_string(element.name);
@@ -67,8 +64,8 @@ GeometricModel prepared(GeometricModel model) {
   return model;
 }
 
-[[noreturn]] void tell_where(const GeometricModel::Bound& bound, const Curve& curve,
-                             const std::out_of_range& fault) {
+[[noreturn]] void rethrow_named(const GeometricModel::Bound& bound, const Curve& curve,
+                                const std::out_of_range& fault) {
   const std::string part = curve.name.empty() ? "" : " (" + curve.name + ")";
   throw std::out_of_range(to_string(bound.element.name) + part + ": " + fault.what());
 }
@@ -127,7 +124,7 @@ std::vector<JointDeviation> deviations(const GeometricModel& model, const AxisSt
     try {
       slot(result, bound) += value(curve, seen);
     } catch (const std::out_of_range& fault) {
-      tell_where(bound, curve, fault);
+      rethrow_named(bound, curve, fault);
     }
   }
   for (const GeometricModel::Line& line : model.lines)

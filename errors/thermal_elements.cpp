@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "errors/bound_element.h"
+#include "errors/expect.h"
 
 namespace abbe::errors {
 namespace {
@@ -17,19 +18,6 @@ using kinematics::Joint;
 using kinematics::JointDeviation;
 
 constexpr double judged_T_C = 20.0;  // ISO 1
-
-[[noreturn]] void refuse(const std::string& who, const std::string& why) {
-  throw std::invalid_argument(who + ": " + why);
-}
-
-void expect_node(int node, int nodes, const std::string& who) {
-  if (node < 0 || node >= nodes)
-    refuse(who, fmt::format("expected a node 0 .. {}, seen {}", nodes - 1, node));
-}
-
-void expect_finite(double value, const std::string& who, const char* what) {
-  if (!std::isfinite(value)) refuse(who, fmt::format("expected a finite {}, seen {}", what, value));
-}
 
 void check(const ThermalFunction& function, int nodes, const std::string& who) {
   expect_finite(function.constant, who, "constant");

@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-/// Linear equations in many unknowns. The decompositions behind them are dear to compile, so they
+/// Linear equations in many unknowns. The decompositions behind them are costly to compile, so they
 /// stand in one source for all modules.
 namespace abbe {
 

@@ -44,7 +44,7 @@ char separator_of(std::string_view line);
 /// costs nothing.
 std::vector<Cell> cells_of(std::string_view line, char separator, std::size_t most);
 
-/// The whole text as a number within +-1e9 (beyond is a slip, and sums of it stay finite).
+/// The whole text as a number within +-1e9 (beyond is a mistake, and sums of it stay finite).
 std::optional<double> number_of(std::string_view text);
 
 /// A line that says something.

@@ -10,8 +10,8 @@ using Eigen::Vector2d;
 
 namespace {
 
-/// Beyond the colours there are, series are told apart by their dashes: lengths drawn and left out,
-/// in widths of the line.
+/// Beyond the colours there are, series are distinguished by their dashes: lengths drawn and left
+/// out, in widths of the line.
 struct Dash {
   double drawn = 0.0;  ///< 0: without gaps
   double gap = 0.0;

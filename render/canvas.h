@@ -32,7 +32,7 @@ struct Solid {
   cutting::Points normals;  ///< (n x 3) unit; empty: the triangles look flat
   cutting::Triangles triangles;
   Eigen::VectorXd values;  ///< (n) or empty
-  double range = 1.0;  ///< values -range .. +range span the diverging scale; beyond is told apart
+  double range = 1.0;  ///< values -range .. +range span the diverging scale; beyond: own colours
   Colour colour = colours::uncut;
   double opacity = 1.0;
   double shade = 0.18;  ///< how much darker a face is that looks aside, 0 .. 1

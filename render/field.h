@@ -14,7 +14,7 @@
 /// .cpp files.
 namespace abbe::render {
 
-/// A residual told in micrometres on the vertices of its design.
+/// A residual in micrometres on the vertices of its design.
 struct Field {
   cutting::Design design;        ///< mm; a field that was read has no normals and no facet error
   Eigen::VectorXd deviation_um;  ///< (n) + material left, - gouged; NaN where not cut
@@ -41,7 +41,7 @@ void write_residual(const std::filesystem::path& path, const cutting::Design& de
 /// @throws std::system_error with the path if the file cannot be written
 void write_stock(const std::filesystem::path& path, const cutting::StockMesh& stock);
 
-/// Reads what `write_residual` wrote, bit for bit; vertex areas are made anew from the triangles.
+/// Reads what `write_residual` wrote, bit for bit; vertex areas are computed from the triangles.
 /// Memory stays within a few times the file's size whatever the file claims.
 /// @throws BadInput for anything else: not there, truncated, another layout, arrays missing or of
 ///         another type or length, vertices not finite, indices out of range, a status beyond 3, a

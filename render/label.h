@@ -34,7 +34,7 @@ struct Ticks {
 };
 Ticks round_ticks(double lower, double upper, int wanted);
 
-/// The unit in which lengths of a picture are told.
+/// The unit in which lengths of a picture are stated.
 struct LengthUnit {
   const char* name = "µm";
   double per_um = 1.0;

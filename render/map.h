@@ -36,7 +36,7 @@ double fitted_range_um(const Field& field);
 
 /// Draws the map: the design fills the picture in a parallel projection, coloured by deviation on a
 /// diverging scale symmetric about zero, uncut grey, with colour bar, figures, sign convention,
-/// datum, alignment, view, scale bar and the number of vertices. Told in nm where the scale ends
+/// datum, alignment, view, scale bar and the number of vertices. In nm where the scale ends
 /// below 0.1 µm.
 /// @throws std::invalid_argument if sizes do not fit, or the range is not positive
 /// @throws std::system_error with the path if the file cannot be written

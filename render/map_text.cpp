@@ -20,7 +20,7 @@ std::string figures_text(const Figures& figures, Mean mean) {
     add("PV", figures.pv_um, figure_decimals(figures.pv_um * unit.per_um));
   }
   if (std::isfinite(figures.rms_um)) add("RMS", figures.rms_um, rms_decimals);
-  if (std::isfinite(figures.mean_um) && mean == Mean::Told) {
+  if (std::isfinite(figures.mean_um) && mean == Mean::Stated) {
     // no more digits than the RMS has: a mean near zero is rounding
     parts.push_back(fmt::format(
         "mean {} {}", signed_fixed(figures.mean_um * unit.per_um, rms_decimals), unit.name));

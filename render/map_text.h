@@ -14,8 +14,8 @@ inline constexpr const char* sign_convention =
 
 /// "PV 12.3 µm   RMS 2.34 µm   mean +0.12 µm", in nm where all of it is below 0.1 µm; what is NaN
 /// is left out.
-enum class Mean { Told, LeftOut };
-std::string figures_text(const Figures& figures, Mean mean = Mean::Told);
+enum class Mean { Stated, LeftOut };
+std::string figures_text(const Figures& figures, Mean mean = Mean::Stated);
 
 /// "0.31 % of the cut vertices lie beyond the scale, from −31.2 to +40.0 µm"; empty if none does.
 std::string beyond_text(const Tally& counts, double range_um);

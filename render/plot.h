@@ -18,7 +18,7 @@ struct HistogramOptions {
 };
 
 /// Draws how much of the area has which deviation: shares of bins of a round width, the mean as a
-/// line, PV, RMS and mean in words, tolerance lines where there are any. Told in nm where
+/// line, PV, RMS and mean in words, tolerance lines where there are any. In nm where
 /// everything is below 0.1 µm. Where a few values would squeeze the rest, the axis spans 99.9 % of
 /// the area and the picture says how much lies beyond.
 /// @param deviation_um  (n); what is not finite (uncut) is left out

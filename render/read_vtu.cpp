@@ -5,9 +5,6 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
-#include <fstream>
-#include <iterator>
-#include <map>
 #include <optional>
 #include <string_view>
 
@@ -19,156 +16,28 @@
 #include <vtkNew.h>
 #include <vtkZLibDataCompressor.h>
 
-#include "kinematics/bad_input.h"
+#include "render/vtk_xml.h"
 
-// VTK's own reader takes a file's word for how much there is to allocate, and aborts on noise. Only
-// its decoders are used here, each with as many bytes as are there.
+// Of VTK only the decoders are used here, each with as many bytes as are there.
 
 namespace abbe::render {
 namespace {
 
 static_assert(std::endian::native == std::endian::little);
 
-constexpr std::string_view blank = " \t\r\n";
 constexpr std::size_t most_deflation = 1100;  // neither zlib nor lz4 packs tighter
-
-using Attributes = std::map<std::string_view, std::string_view>;
-
-struct Tag {
-  std::string_view name;  ///< closing ones begin with '/'
-  Attributes attributes;
-  std::size_t at = 0;      ///< in the text, for refusals
-  std::string_view inner;  ///< text up to the next tag
-};
-
-std::string shown(std::string_view text) {
-  std::string printable;
-  for (const char c : text.substr(0, 40)) printable += c >= ' ' && c <= '~' ? c : '?';
-  return "\"" + printable + (text.size() > 40 ? "...\"" : "\"");
-}
-
-class Source {
- public:
-  explicit Source(const std::filesystem::path& path) : path_(path.string()) {
-    std::error_code failure;
-    if (!std::filesystem::is_regular_file(path, failure))
-      refuse_file("a .vtu file", "no such file");
-    const std::uintmax_t size = std::filesystem::file_size(path, failure);
-    if (failure || size > max_vtu_bytes)
-      refuse_file("at most 512 MiB", fmt::format("{} bytes", size));
-    std::ifstream stream(path, std::ios::binary);
-    text_.assign(std::istreambuf_iterator<char>(stream), {});
-    if (!stream) refuse_file("a file that can be read", "an error while reading");
-  }
-
-  [[noreturn]] void refuse_file(const std::string& expected, const std::string& seen) const {
-    throw BadInput(path_, 0, 0, expected, seen);
-  }
-  [[noreturn]] void refuse(std::size_t at, const std::string& expected,
-                           const std::string& seen) const {
-    const auto end = text_.begin() + std::ptrdiff_t(std::min(at, text_.size()));
-    throw BadInput(path_, 1 + int(std::count(text_.begin(), end, '\n')), 0, expected, seen);
-  }
-  std::string_view text() const { return text_; }
-
- private:
-  std::string path_;
-  std::string text_;
-};
-
-/// Tags one after another; comments and declarations are passed over.
-class Scanner {
- public:
-  Scanner(const Source& source, std::string_view text) : source_(source), text_(text) {}
-
-  std::optional<Tag> next() {
-    for (;;) {
-      at_ = text_.find('<', at_);
-      if (at_ == std::string_view::npos) return std::nullopt;
-      if (text_.substr(at_).starts_with("<!--")) {
-        skip_to("-->");
-      } else if (text_.substr(at_).starts_with("<?") || text_.substr(at_).starts_with("<!")) {
-        skip_to(">");
-      } else {
-        return tag();
-      }
-    }
-  }
-
- private:
-  void skip_to(std::string_view end) {
-    const std::size_t found = text_.find(end, at_);
-    if (found == std::string_view::npos)
-      source_.refuse(at_, "the end of a comment", shown(text_.substr(at_)));
-    at_ = found + end.size();
-  }
-
-  Tag tag() {
-    Tag tag;
-    tag.at = at_++;
-    const std::size_t name_end = std::min(text_.find_first_of(" \t\r\n>", at_), text_.size());
-    tag.name = text_.substr(at_, name_end - at_);
-    if (tag.name.size() > 1 && tag.name.ends_with('/')) tag.name.remove_suffix(1);
-    at_ = name_end;
-    while (read_attribute(tag)) {
-    }
-    tag.inner = text_.substr(at_, text_.find('<', at_) - at_);
-    return tag;
-  }
-
-  bool read_attribute(Tag& tag) {
-    at_ = text_.find_first_not_of(" \t\r\n/?", at_);
-    if (at_ == std::string_view::npos) source_.refuse(tag.at, "the end of a tag", "the file's end");
-    if (text_[at_] == '>') {
-      ++at_;
-      return false;
-    }
-    const std::size_t equals = text_.find_first_of("=>", at_);
-    const bool quoted = equals != std::string_view::npos && text_[equals] == '=' &&
-                        equals + 1 < text_.size() &&
-                        (text_[equals + 1] == '"' || text_[equals + 1] == '\'');
-    const std::size_t end =
-        quoted ? text_.find(text_[equals + 1], equals + 2) : std::string_view::npos;
-    if (end == std::string_view::npos)
-      source_.refuse(tag.at, "attributes as name=\"value\"", shown(text_.substr(at_)));
-    const std::string_view name = text_.substr(at_, equals - at_);
-    if (tag.attributes.size() > 100) source_.refuse(tag.at, "at most 100 attributes", "more");
-    if (!tag.attributes.emplace(name, text_.substr(equals + 2, end - equals - 2)).second)
-      source_.refuse(tag.at, "every attribute once", shown(name));
-    at_ = end + 1;
-    return true;
-  }
-
-  const Source& source_;
-  std::string_view text_;
-  std::size_t at_ = 0;
-};
-
-std::string_view attribute(const Tag& tag, std::string_view name, std::string_view otherwise) {
-  const auto found = tag.attributes.find(name);
-  return found == tag.attributes.end() ? otherwise : found->second;
-}
-
-std::size_t count(const Source& source, const Tag& tag, std::string_view name) {
-  const std::string_view text = attribute(tag, name, "");
-  std::size_t value = 0;
-  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (fault != std::errc{} || end != text.data() + text.size())
-    source.refuse(tag.at, fmt::format("a whole number as {} of {}", name, tag.name), shown(text));
-  return value;
-}
 
 /// Where the two arrays are and how the file writes them.
 struct Layout {
   std::size_t header_bytes = 4;  ///< of one number before binary data
   enum class Packing { None, ZLib, Lz4 } packing = Packing::None;
   std::size_t nodes = 0;
-  std::optional<Tag> points, tensors;
+  std::optional<VtkTag> points, tensors;
   std::string_view appended;  ///< after the underscore
   bool appended_raw = false;
 };
 
-void read_file_tag(const Source& source, const Tag& tag, Layout& layout) {
+void read_file_tag(const VtkFile& source, const VtkTag& tag, Layout& layout) {
   const auto expect = [&](std::string_view name, std::string_view value) {
     const std::string_view seen = attribute(tag, name, value);
     if (seen != value) source.refuse(tag.at, fmt::format("{}=\"{}\"", name, value), shown(seen));
@@ -191,12 +60,12 @@ void read_file_tag(const Source& source, const Tag& tag, Layout& layout) {
   }
 }
 
-void read_appended(const Source& source, const Tag& tag, Layout& layout) {
+void read_appended(const VtkFile& source, const VtkTag& tag, Layout& layout) {
   const std::string_view encoding = attribute(tag, "encoding", "");
   if (encoding != "base64" && encoding != "raw")
     source.refuse(tag.at, "appended data as base64 or raw", shown(encoding));
   layout.appended_raw = encoding == "raw";
-  const std::size_t start = tag.inner.find_first_not_of(blank);
+  const std::size_t start = tag.inner.find_first_not_of(xml_blank);
   if (start == std::string_view::npos || tag.inner[start] != '_')
     source.refuse(tag.at, "an underscore before the appended data", shown(tag.inner));
   // raw bytes may hold anything, so they go on to the end of the file
@@ -204,20 +73,20 @@ void read_appended(const Source& source, const Tag& tag, Layout& layout) {
       source.text().substr(std::size_t(tag.inner.data() - source.text().data()) + start + 1);
 }
 
-Layout read_layout(const Source& source, const std::string& array) {
+Layout read_layout(const VtkFile& source, const std::string& array) {
   Layout layout;
-  Scanner scanner(source, source.text());
+  VtkTags tags(source, source.text());
   std::string_view section;
   std::string seen;
   bool vtk_file = false;
   int pieces = 0;
-  while (const std::optional<Tag> tag = scanner.next()) {
+  while (const std::optional<VtkTag> tag = tags.next()) {
     if (tag->name == "VTKFile") {
       vtk_file = true;
       read_file_tag(source, *tag, layout);
     } else if (tag->name == "Piece") {
       if (++pieces > 1) source.refuse(tag->at, "a grid in one piece", "another Piece");
-      layout.nodes = count(source, *tag, "NumberOfPoints");
+      layout.nodes = whole_number(source, *tag, "NumberOfPoints");
     } else if (tag->name == "DataArray") {
       const std::string_view name = attribute(*tag, "Name", "");
       if (section == "Points") layout.points = *tag;
@@ -245,14 +114,14 @@ std::size_t base64_length(std::size_t bytes) { return (bytes + 2) / 3 * 4; }
 /// Binary data of one array, in whatever encoding: bytes from a place on.
 class Stream {
  public:
-  Stream(const Source& source, const Tag& tag, const Layout& layout)
+  Stream(const VtkFile& source, const VtkTag& tag, const Layout& layout)
       : source_(source), tag_(tag), raw_(false) {
     if (attribute(tag, "format", "") == "binary") {
-      text_ = tag.inner.substr(std::min(tag.inner.find_first_not_of(blank), tag.inner.size()));
+      text_ = tag.inner.substr(std::min(tag.inner.find_first_not_of(xml_blank), tag.inner.size()));
       return;
     }
     raw_ = layout.appended_raw;
-    const std::size_t offset = count(source, tag, "offset");
+    const std::size_t offset = whole_number(source, tag, "offset");
     if (offset > layout.appended.size())
       source.refuse(tag.at, "an offset within the appended data", fmt::format("{}", offset));
     text_ = layout.appended.substr(offset);
@@ -284,8 +153,8 @@ class Stream {
   std::string peek(std::size_t bytes) const { return Stream(*this).take(bytes); }
 
  private:
-  const Source& source_;
-  const Tag& tag_;
+  const VtkFile& source_;
+  const VtkTag& tag_;
   bool raw_;
   std::string_view text_;
 };
@@ -296,13 +165,13 @@ std::uint64_t header_number(const std::string& bytes, std::size_t index, std::si
   return value;
 }
 
-std::string plain_bytes(const Source& source, const Tag& tag, const Layout& layout,
+std::string plain_bytes(const VtkFile& source, const VtkTag& tag, const Layout& layout,
                         std::size_t bytes) {
   Stream stream(source, tag, layout);
   const std::size_t width = layout.header_bytes;
-  const std::uint64_t told = header_number(stream.peek(width), 0, width);
-  if (told != bytes)
-    source.refuse(tag.at, fmt::format("{} bytes of data", bytes), fmt::format("{} stated", told));
+  const std::uint64_t stated = header_number(stream.peek(width), 0, width);
+  if (stated != bytes)
+    source.refuse(tag.at, fmt::format("{} bytes of data", bytes), fmt::format("{} stated", stated));
   return stream.take(width + bytes).substr(width);
 }
 
@@ -320,7 +189,7 @@ bool unpack(Layout::Packing packing, const std::string& from, char* to, std::siz
 
 /// Blocks: their number, the size of a full one and of a last one that is not full (else 0), the
 /// packed size of each; then the blocks.
-std::string packed_bytes(const Source& source, const Tag& tag, const Layout& layout,
+std::string packed_bytes(const VtkFile& source, const VtkTag& tag, const Layout& layout,
                          std::size_t bytes) {
   Stream stream(source, tag, layout);
   const std::size_t width = layout.header_bytes;
@@ -334,8 +203,8 @@ std::string packed_bytes(const Source& source, const Tag& tag, const Layout& lay
   const std::uint64_t last = header_number(header, 2, width);
   if (full == 0 || (blocks > 1 && full > bytes) || last > full)
     refuse("a size of blocks that the data has", full);
-  const std::uint64_t told = (blocks - 1) * full + (last > 0 ? last : full);
-  if (told != bytes) refuse(fmt::format("{} bytes of data", bytes), told);
+  const std::uint64_t stated = (blocks - 1) * full + (last > 0 ? last : full);
+  if (stated != bytes) refuse(fmt::format("{} bytes of data", bytes), stated);
   std::uint64_t packed = 0;
   for (std::size_t i = 0; i < blocks; ++i) {
     const std::uint64_t size = header_number(header, 3 + i, width);
@@ -357,14 +226,14 @@ std::string packed_bytes(const Source& source, const Tag& tag, const Layout& lay
   return result;
 }
 
-std::vector<double> ascii_numbers(const Source& source, const Tag& tag, std::size_t n) {
+std::vector<double> ascii_numbers(const VtkFile& source, const VtkTag& tag, std::size_t n) {
   std::vector<double> numbers;
   std::string_view text = tag.inner;
   for (;;) {
-    text.remove_prefix(std::min(text.find_first_not_of(blank), text.size()));
+    text.remove_prefix(std::min(text.find_first_not_of(xml_blank), text.size()));
     if (text.empty()) break;
     double x = 0.0;
-    const std::size_t end = std::min(text.find_first_of(blank), text.size());
+    const std::size_t end = std::min(text.find_first_of(xml_blank), text.size());
     const auto [stop, fault] = std::from_chars(text.data(), text.data() + end, x);
     if (fault != std::errc{} || stop != text.data() + end)
       source.refuse(tag.at, "numbers", shown(text.substr(0, end)));
@@ -384,7 +253,7 @@ std::vector<double> numbers_of(const std::string& bytes) {
 }
 
 /// All numbers of an array, `components` at each node.
-std::vector<double> numbers(const Source& source, const Tag& tag, const Layout& layout,
+std::vector<double> numbers(const VtkFile& source, const VtkTag& tag, const Layout& layout,
                             std::size_t components) {
   const std::string_view type = attribute(tag, "type", "");
   if (type != "Float32" && type != "Float64")
@@ -405,7 +274,7 @@ std::vector<double> numbers(const Source& source, const Tag& tag, const Layout& 
   return type == "Float32" ? numbers_of<float>(data) : numbers_of<double>(data);
 }
 
-void check_finite(const Source& source, const Tag& tag, const std::vector<double>& values,
+void check_finite(const VtkFile& source, const VtkTag& tag, const std::vector<double>& values,
                   std::size_t components) {
   const auto bad =
       std::find_if(values.begin(), values.end(), [](double x) { return !std::isfinite(x); });
@@ -427,13 +296,13 @@ Eigen::Matrix3d tensor(const double* v, std::size_t components) {
 }  // namespace
 
 PointTensors read_vtu(const std::filesystem::path& path, const std::string& array) {
-  const Source source(path);
+  const VtkFile source(path, "a .vtu file", max_vtu_bytes);
   const Layout layout = read_layout(source, array);
-  const Tag& points = *layout.points;
-  const Tag& tensors = *layout.tensors;
-  if (count(source, points, "NumberOfComponents") != 3)
+  const VtkTag& points = *layout.points;
+  const VtkTag& tensors = *layout.tensors;
+  if (whole_number(source, points, "NumberOfComponents") != 3)
     source.refuse(points.at, "three coordinates a point", "another number");
-  const std::size_t components = count(source, tensors, "NumberOfComponents");
+  const std::size_t components = whole_number(source, tensors, "NumberOfComponents");
   if (components != 9 && components != 6)
     source.refuse(tensors.at, fmt::format("9 or 6 components of \"{}\"", array),
                   fmt::format("{}", components));

@@ -8,7 +8,7 @@
 #include "errors/identification/regression.h"
 
 /// Yang's composite element, delta(p, T) = delta_G(p) + delta_T(T) p: the cold curve of an axis and
-/// a slope that grows with temperature, told apart from runs along the axis at several
+/// a slope that grows with temperature, separated by runs along the axis at several
 /// temperatures.
 namespace abbe::errors::identification {
 

@@ -59,11 +59,11 @@ Eigen::MatrixXd covariance_of(const GeometricErrors& belief, int element, const 
   return result;
 }
 
-/// Whether a row tells of an element: whether its numbers, each 1 um or 10 urad, would change the
+/// Whether a row bears on an element: whether its numbers, each 1 um or 10 urad, would change the
 /// reading at least a quarter as much as those of the element that changes it most.
 /// (rows x elements)
-std::vector<std::vector<bool>> told(const Design& design, const GeometricErrors& belief,
-                                    const std::vector<Numbers>& numbers) {
+std::vector<std::vector<bool>> bears_on(const Design& design, const GeometricErrors& belief,
+                                        const std::vector<Numbers>& numbers) {
   std::vector<std::vector<bool>> result(design.rows.size());
   for (std::size_t i = 0; i < result.size(); ++i) {
     std::vector<double> change(numbers.size(), 0.0);
@@ -92,7 +92,7 @@ struct Drawing {
   Design design;
   GeometricModel bound;
   std::vector<Numbers> numbers;
-  std::vector<std::vector<bool>> told;
+  std::vector<std::vector<bool>> bears_on;
   std::vector<bool> outlier;  ///< (rows)
 
   int joint(std::size_t e) const {
@@ -114,8 +114,8 @@ struct Drawing {
 /// The readings of one element, each as its value.
 void add_readings(const Drawing& drawing, std::size_t e, CurveReadings& curve) {
   std::vector<double> at, seen;
-  for (std::size_t i = 0; i < drawing.told.size(); ++i) {
-    if (!drawing.told[i][e] || drawing.outlier[i]) continue;
+  for (std::size_t i = 0; i < drawing.bears_on.size(); ++i) {
+    if (!drawing.bears_on[i][e] || drawing.outlier[i]) continue;
     const VectorXd b = drawing.basis(e, drawing.state(i));
     Index k = 0;
     if (b.cwiseAbs().maxCoeff(&k) == 0.0) continue;
@@ -167,8 +167,8 @@ std::vector<CurveReadings> curve_readings(const Estimate& estimate,
                   numbers_of(belief),
                   {},
                   {}};
-  drawing.told = told(drawing.design, belief, drawing.numbers);
-  drawing.outlier.resize(drawing.told.size(), false);
+  drawing.bears_on = bears_on(drawing.design, belief, drawing.numbers);
+  drawing.outlier.resize(drawing.bears_on.size(), false);
   for (const int i : estimate.outliers) drawing.outlier[std::size_t(i)] = true;
   std::vector<CurveReadings> result;
   for (std::size_t e = 0; e < drawing.numbers.size(); ++e) {

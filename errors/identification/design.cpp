@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "errors/identification/check_readings.h"
 #include "kinematics/jacobian.h"
 #include "kinematics/symmetric.h"
 #include "kinematics/triangle.h"
@@ -16,7 +17,6 @@ namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
-using Eigen::Vector3d;
 using Eigen::VectorXd;
 using kinematics::AxisState;
 using kinematics::Chain;
@@ -31,96 +31,6 @@ constexpr double dust = 1e-12;  // of what a column would be without cancellatio
 
 [[noreturn]] void refuse(const std::string& why) { throw std::invalid_argument(why); }
 
-// ---- what is accepted
-
-bool near(double a, double b) { return a == b || std::abs(a - b) <= 1e-9; }
-
-bool same(const Joint& a, const Joint& b) {
-  return a.name == b.name && a.side == b.side && a.motion == b.motion && near(a.min, b.min) &&
-         near(a.max, b.max) && (a.direction_b - b.direction_b).norm() <= 1e-9 &&
-         (a.point_b - b.point_b).norm() <= 1e-9 && a.deviation_axes == b.deviation_axes &&
-         a.squareness == b.squareness;
-}
-
-bool same(const Chain& a, const Chain& b) {
-  const auto far_apart = [](const kinematics::Pose& S, const kinematics::Pose& T) {
-    return (S.matrix() - T.matrix()).cwiseAbs().maxCoeff() > 1e-9;
-  };
-  if (a.size() != b.size() || far_apart(a.T_bw_home(), b.T_bw_home()) ||
-      far_apart(a.T_bt_home(), b.T_bt_home()))
-    return false;
-  for (int i = 0; i < a.size(); ++i)
-    if (!same(a.joints()[std::size_t(i)], b.joints()[std::size_t(i)])) return false;
-  return true;
-}
-
-void check(const Readings& readings) {
-  const metrology::Plan& plan = readings.plan;
-  const auto fault = [&](Index i, const std::string& what) {
-    refuse(fmt::format("reading {} of {}: {}", i + 1, plan.instrument, what));
-  };
-  if (readings.value.size() != 0 && readings.value.size() != Index(plan.looks.size()))
-    refuse(fmt::format("readings of {}: expected {} values, seen {}", plan.instrument,
-                       plan.looks.size(), readings.value.size()));
-  for (Index i = 0; i < readings.value.size(); ++i) {
-    const Look& look = plan.looks[std::size_t(i)];
-    if (look.set_up < 0 || look.set_up >= int(plan.set_ups.size()))
-      fault(i, fmt::format("there is no set-up {}", look.set_up));
-    const auto& channels = plan.set_ups[std::size_t(look.set_up)].channels;
-    if (channels.empty()) continue;
-    if (look.channel < 0 || look.channel >= int(channels.size()))
-      fault(i, fmt::format("there is no channel {}", look.channel));
-    if (look.state.q.size() != readings.nominal.size() || !look.state.q.allFinite() ||
-        !std::isfinite(look.state.time_s))
-      fault(i, "expected one finite position of every axis");
-    if (!std::isfinite(readings.value[i])) fault(i, "expected a finite number");
-    const double noise = metrology::standard_deviation(channels[std::size_t(look.channel)]);
-    if (!std::isfinite(noise)) fault(i, "expected a finite noise");
-  }
-}
-
-void check(const GeometricErrors& model, std::span<const Readings> readings) {
-  if (readings.empty()) refuse("there are no readings");
-  for (const Readings& r : readings) {
-    check(r);
-    if (!same(r.nominal, readings.front().nominal))
-      refuse(fmt::format("readings of {} and of {} are of different machines",
-                         readings.front().plan.instrument, r.plan.instrument));
-  }
-  if (!values(model.elements).allFinite()) refuse("a starting value is not finite");
-  for (const Element& element : model.elements)
-    for (const Curve& curve : element.curves)
-      if (is_random(curve)) refuse(to_string(element.name) + ": chance cannot be identified");
-}
-
-// ---- unknowns
-
-std::string owner(std::span<const Readings> readings, std::size_t r) {
-  const std::string& name = readings[r].plan.instrument;
-  const auto namesakes =
-      std::count_if(readings.begin(), readings.end(),
-                    [&](const Readings& other) { return other.plan.instrument == name; });
-  return namesakes > 1 ? fmt::format("{} (readings {})", name, r + 1) : name;
-}
-
-Unknowns unknowns_of(const GeometricErrors& model, std::span<const Readings> readings) {
-  Unknowns result;
-  result.coefficients = coefficients(model.elements);
-  for (const Coefficient& coefficient : result.coefficients)
-    result.names.push_back(name_of(coefficient, model.elements));
-  for (std::size_t r = 0; r < readings.size(); ++r) {
-    const auto& list = readings[r].plan.set_ups;
-    for (std::size_t s = 0; s < list.size(); ++s) {
-      const std::vector<metrology::SetUpUnknown> unknowns = metrology::unknowns(list[s]);
-      result.set_ups.push_back({int(r), int(s), result.size(), int(unknowns.size())});
-      for (const metrology::SetUpUnknown& unknown : unknowns)
-        result.names.push_back(
-            fmt::format("{}, {}: {}", owner(readings, r), list[s].name, unknown.name));
-    }
-  }
-  return result;
-}
-
 std::vector<Row> rows_of(std::span<const Readings> readings) {
   std::vector<Row> rows;
   for (std::size_t r = 0; r < readings.size(); ++r)
@@ -130,13 +40,6 @@ std::vector<Row> rows_of(std::span<const Readings> readings) {
         rows.push_back({int(r), int(i)});
     }
   return rows;
-}
-
-/// Places of the unknowns of a set-up, by readings and set-up.
-const Unknowns::SetUp& place_of(const Unknowns& unknowns, int readings, int set_up) {
-  for (const Unknowns::SetUp& place : unknowns.set_ups)
-    if (place.readings == readings && place.set_up == set_up) return place;
-  throw std::logic_error("a set-up without a place");
 }
 
 // ---- the chain
@@ -196,7 +99,7 @@ struct Maker {
 };
 
 /// Change of one reading per unit of each number; `natural` is what it would be if nothing in it
-/// cancelled, by which rounding is told from a small effect.
+/// cancelled, by which rounding is distinguished from a small effect.
 struct NumberRow {
   VectorXd change;
   VectorXd natural;
@@ -299,7 +202,7 @@ double sigma_of(const metrology::Channel& channel) {
 }
 
 Design design(const GeometricErrors& model, std::span<const Readings> readings) {
-  check(model, readings);
+  check_readings(model, readings);
   const Chain& chain = readings.front().nominal;
   bind(model, chain);  // refuses by name what does not fit
   Maker maker{model, readings, chain, unit_elements(model, chain), {}};
@@ -344,22 +247,6 @@ Design design(const GeometricErrors& model, std::span<const Readings> readings) 
     result.blind[std::size_t(j)] = 1;
     result.sought[std::size_t(j)] = 0;
   }
-  return result;
-}
-
-VectorXd start(const GeometricErrors& model, const Unknowns& unknowns) {
-  VectorXd x = VectorXd::Zero(unknowns.size());
-  x.head(Index(unknowns.coefficients.size())) = values(model.elements);
-  return x;
-}
-
-std::vector<metrology::Misalignment> set_ups(std::span<const Readings> readings,
-                                             const Unknowns& unknowns, const VectorXd& values) {
-  std::vector<metrology::Misalignment> result;
-  for (const Unknowns::SetUp& place : unknowns.set_ups)
-    result.push_back(metrology::misalignment(
-        readings[std::size_t(place.readings)].plan.set_ups[std::size_t(place.set_up)],
-        values.segment(place.first, place.count)));
   return result;
 }
 

@@ -1,13 +1,12 @@
 #pragma once
 
 #include <span>
-#include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
-#include "errors/coefficients.h"
 #include "errors/geometric.h"
+#include "errors/identification/unknowns.h"
 #include "errors/metrology/readings.h"
 
 namespace abbe::errors::identification {
@@ -15,20 +14,6 @@ namespace abbe::errors::identification {
 /// What a reading of a channel counts with: its noise and rounding, or 1 nm or 1 nrad if it has
 /// none. mm or rad
 double sigma_of(const metrology::Channel& channel);
-
-/// What readings leave unknown: the numbers of a model, then the unknowns of every set-up.
-struct Unknowns {
-  struct SetUp {
-    int readings = 0;  ///< index of the readings
-    int set_up = 0;    ///< index in their plan
-    int first = 0;     ///< place of its first unknown
-    int count = 0;
-  };
-  std::vector<Coefficient> coefficients;  ///< (p) the first p
-  std::vector<std::string> names;         ///< (n) of all
-  std::vector<SetUp> set_ups;             ///< readings by readings
-  int size() const { return int(names.size()); }
-};
 
 /// One look of one of several readings; rows of all tables below are these, in their order.
 struct Row {
@@ -57,9 +42,6 @@ Design design(const GeometricErrors& model, std::span<const metrology::Readings>
 Design design_at(Design design, const GeometricErrors& model,
                  std::span<const metrology::Readings> readings, const Eigen::VectorXd& unknowns);
 
-/// The values of the model, set-ups perfect. (n)
-Eigen::VectorXd start(const GeometricErrors& model, const Unknowns& unknowns);
-
 /// What every look would read with these values of the unknowns, by the exact chain. (m) mm or rad
 Eigen::VectorXd predicted(const GeometricErrors& model,
                           std::span<const metrology::Readings> readings, const Design& design,
@@ -67,10 +49,5 @@ Eigen::VectorXd predicted(const GeometricErrors& model,
 
 /// What was read. (m)
 Eigen::VectorXd observed(std::span<const metrology::Readings> readings, const Design& design);
-
-/// The set-ups with these values of the unknowns, readings by readings.
-std::vector<metrology::Misalignment> set_ups(std::span<const metrology::Readings> readings,
-                                             const Unknowns& unknowns,
-                                             const Eigen::VectorXd& values);
 
 }  // namespace abbe::errors::identification

@@ -144,7 +144,7 @@ Fit fitted(const Problem& problem, const std::vector<char>& is_out) {
 }
 
 /// From a first solution, with what it found alone, the equations as they are there. Rank is a
-/// matter of zero deviations: at others what is confounded differs by their squares, which tells
+/// matter of zero deviations: at others what is confounded differs by their squares, which means
 /// nothing.
 void set_out_from(Problem& problem, const Fit& first) {
   std::vector<char>& sought = problem.design.sought;

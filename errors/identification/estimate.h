@@ -14,9 +14,9 @@
 /// From readings to what is believed of a machine. Nothing here knows what was injected.
 namespace abbe::errors::identification {
 
-/// A number that the readings cannot tell from others: it was left at its starting value. A unit of
-/// it reads the same as these amounts of the others together, so they took on so much of each unit
-/// by which its start is wrong.
+/// A number that the readings cannot separate from others: it was left at its starting value. A
+/// unit of it reads the same as these amounts of the others together, so they took on so much of
+/// each unit by which its start is wrong.
 struct Confounded {
   std::string name;
   /// Numbers and unknowns of set-ups; what reads less than 1e-6 of the number itself is not named.
@@ -64,7 +64,8 @@ struct EstimateOptions {
 /// the model, location errors last and unknowns of set-ups only where nothing else is left; all are
 /// named with what hides them. What a prior determines is found, as well as the prior knows it.
 /// The covariance is first order at the solution. Products of two misalignments that no reading
-/// tells are not in it: a square laid to 500 urad in both tilts adds 0.25 urad to a squareness.
+/// determines are not in it: a square laid to 500 urad in both tilts adds 0.25 urad to a
+/// squareness.
 /// @param model     elements whose numbers are wanted; their values are the start. Its covariance
 ///                  is what is known of them beforehand: numbers of zero variance stay as they are,
 ///                  so a belief may be the model of the next readings

@@ -17,8 +17,8 @@ struct ThermalFeatures {
 /// @throws std::invalid_argument if lag_rows < 0 or not finite
 ThermalData with_features(const ThermalData& data, const ThermalFeatures& features);
 
-/// y counted from the first row of each run: another problem, that of a control which sets its zero
-/// anew at the start of a run.
+/// y counted from the first row of each run: another problem, that of a control which resets its
+/// zero at the start of a run.
 ThermalData zeroed(const ThermalData& data);
 
 }  // namespace abbe::errors::identification

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -12,6 +11,7 @@
 
 #include "errors/coefficients.h"
 #include "errors/identification/design.h"
+#include "errors/identification/step_path.h"
 #include "errors/squareness.h"
 #include "kinematics/least_squares.h"
 #include "kinematics/singular_values.h"
@@ -26,124 +26,11 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 using kinematics::Chain;
-using kinematics::Joint;
 using metrology::Look;
 using metrology::Readings;
 
-constexpr std::array<char, 3> slides = {'X', 'Y', 'Z'};
-constexpr double same_place = 1e-6;  // mm
-
 [[noreturn]] void refuse(const std::string& why) {
   throw std::invalid_argument("step diagonal: " + why);
-}
-
-// ---- the legs
-
-/// One leg: a change of reading against its length, over one interval of one axis.
-struct Leg {
-  int axis = 0;
-  int interval = 0;
-  int diagonal = 0;  ///< set-up
-  Vector3d across;   ///< change of reading per unit of E(upper) - E(lower)
-  Index from = 0;    ///< readings it is the difference of
-  Index to = 0;
-};
-
-/// Steps of the three axes, each from its lower end upwards.
-using Steps = std::array<std::vector<double>, 3>;
-
-Joint slide(const Chain& chain, int axis) {
-  const auto joint = chain.find(slides[std::size_t(axis)]);
-  if (!joint) refuse(fmt::format("expected a slide {}", slides[std::size_t(axis)]));
-  const Joint& j = chain.joints()[std::size_t(*joint)];
-  if (j.motion != kinematics::Motion::Linear ||
-      (j.direction_b - Vector3d::Unit(axis)).norm() > 1e-9)
-    refuse(fmt::format("expected {} along its axis of the bed", slides[std::size_t(axis)]));
-  return j;
-}
-
-int joint_index(const Chain& chain, int axis) { return *chain.find(slides[std::size_t(axis)]); }
-
-/// The slide that moved between two states, -1 if not exactly one did and nothing else.
-int moved(const Chain& chain, const kinematics::AxisVector& a, const kinematics::AxisVector& b) {
-  int which = -1;
-  for (int j = 0; j < chain.size(); ++j) {
-    if (std::abs(b[j] - a[j]) <= same_place) continue;
-    int axis = 0;
-    while (axis < 3 && joint_index(chain, axis) != j) ++axis;
-    if (which >= 0 || axis == 3) return -1;
-    which = axis;
-  }
-  return which;
-}
-
-void add_place(std::vector<double>& places, double q) {
-  const auto at = std::lower_bound(places.begin(), places.end(), q - same_place);
-  if (at == places.end() || *at > q + same_place) places.insert(at, q);
-}
-
-int interval_of(const std::vector<double>& places, double a, double b) {
-  const double low = std::min(a, b);
-  const auto at = std::lower_bound(places.begin(), places.end(), low - same_place);
-  const auto next = at + 1;
-  if (next == places.end() || std::abs(*next - std::max(a, b)) > same_place)
-    refuse("expected the same steps on every diagonal");
-  return int(at - places.begin());
-}
-
-struct Path {
-  Steps steps;
-  std::vector<Leg> legs;
-};
-
-Path path_of(const Readings& readings) {
-  const Chain& chain = readings.nominal;
-  const std::vector<Look>& looks = readings.plan.looks;
-  std::array<Joint, 3> joints = {slide(chain, 0), slide(chain, 1), slide(chain, 2)};
-  std::map<std::pair<int, int>, std::size_t> last;  // of each set-up and run
-  std::vector<std::pair<std::size_t, std::size_t>> pairs;
-  Path path;
-  for (std::size_t i = 0; i < looks.size(); ++i) {
-    for (int axis = 0; axis < 3; ++axis)
-      add_place(path.steps[std::size_t(axis)], looks[i].state.q[joint_index(chain, axis)]);
-    const auto before = last.find({looks[i].set_up, looks[i].run});
-    if (before != last.end()) pairs.emplace_back(before->second, i);
-    last[{looks[i].set_up, looks[i].run}] = i;
-  }
-  for (const auto& [from, to] : pairs) {
-    const auto& q_from = looks[from].state.q;
-    const auto& q_to = looks[to].state.q;
-    const int axis = moved(chain, q_from, q_to);
-    if (axis < 0) refuse("expected readings that are one step of X, Y or Z apart");
-    const int j = joint_index(chain, axis);
-    const metrology::Channel& channel =
-        readings.plan.set_ups[std::size_t(looks[to].set_up)].channels[0];
-    const metrology::ReadingGradient g =
-        metrology::gradient(channel, metrology::nominal_bodies(chain, q_to));
-    const bool primed = joints[std::size_t(axis)].side == kinematics::Side::Workpiece;
-    const Vector3d direction = primed ? g.workpiece.head<3>() : g.tool.head<3>();
-    const double way = q_to[j] > q_from[j] ? 1.0 : -1.0;
-    path.legs.push_back({axis, interval_of(path.steps[std::size_t(axis)], q_from[j], q_to[j]),
-                         looks[to].set_up, way * direction, Index(from), Index(to)});
-  }
-  return path;
-}
-
-void check(const Readings& readings) {
-  const metrology::Plan& plan = readings.plan;
-  if (plan.set_ups.size() != 4)
-    refuse(fmt::format("expected four diagonals, seen {}", plan.set_ups.size()));
-  for (const metrology::SetUp& set_up : plan.set_ups)
-    if (set_up.channels.size() != 1 || set_up.channels[0].is_angle() ||
-        set_up.channels[0].quantity == metrology::Quantity::Length)
-      refuse("expected one beam along each diagonal");
-  if (plan.looks.empty() || readings.value.size() != Index(plan.looks.size()) ||
-      !readings.value.allFinite())
-    refuse("expected one finite reading at every look");
-  for (const Look& look : plan.looks)
-    if (look.set_up < 0 || look.set_up > 3 || look.channel != 0 ||
-        look.state.q.size() != readings.nominal.size())
-      refuse("expected looks along four diagonals");
 }
 
 /// What a machine would read at every look, set up perfectly. (looks)
@@ -170,22 +57,22 @@ struct Linear {
   MatrixXd contrast;    ///< (intervals x readings) zero for errors of translation
 };
 
-Linear linear(const Path& path, Index readings) {
+Linear linear(const StepPath& path, Index readings) {
   std::array<Index, 3> first{};
   Index intervals = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     first[axis] = intervals;
     intervals += Index(path.steps[axis].size()) - 1;
   }
-  std::vector<std::vector<const Leg*>> legs(static_cast<std::size_t>(intervals));
-  for (const Leg& leg : path.legs)
+  std::vector<std::vector<const StepLeg*>> legs(static_cast<std::size_t>(intervals));
+  for (const StepLeg& leg : path.legs)
     legs[std::size_t(first[std::size_t(leg.axis)] + leg.interval)].push_back(&leg);
 
   Linear result{MatrixXd::Zero(3 * intervals, readings), MatrixXd::Zero(intervals, readings)};
   for (Index k = 0; k < intervals; ++k) {
     Eigen::Matrix<double, 4, 3> N = Eigen::Matrix<double, 4, 3>::Zero();
     Eigen::Vector4d count = Eigen::Vector4d::Zero();
-    for (const Leg* leg : legs[std::size_t(k)]) {
+    for (const StepLeg* leg : legs[std::size_t(k)]) {
       N.row(leg->diagonal) = leg->across.transpose();
       count[leg->diagonal] += 1.0;
     }
@@ -195,7 +82,7 @@ Linear linear(const Path& path, Index readings) {
       refuse("expected diagonals that differ in three directions");
     const MatrixXd inverse =
         svd.V * svd.values.cwiseInverse().asDiagonal() * svd.U.leftCols(3).transpose();
-    for (const Leg* leg : legs[std::size_t(k)]) {
+    for (const StepLeg* leg : legs[std::size_t(k)]) {
       const double share = 1.0 / count[leg->diagonal];
       const VectorXd column = share * inverse.col(leg->diagonal);
       result.increments.col(leg->to).segment<3>(3 * k) += column;
@@ -229,7 +116,7 @@ struct Curves {
 const std::array<ElementName, 3> squarenesses = {
     ElementName{'C', 'Y', true}, ElementName{'B', 'Z', true}, ElementName{'A', 'Z', true}};
 
-Curves curves(const Path& path, const Linear& estimator, const Chain& chain) {
+Curves curves(const StepPath& path, const Linear& estimator, const Chain& chain) {
   const Index readings = estimator.increments.cols();
   Curves result;
   result.squareness = MatrixXd::Zero(3, readings);
@@ -365,21 +252,21 @@ std::vector<std::string> warnings_of(const Steps& steps, const MatrixXd& contras
   const Contradiction all = contradiction(contrast, y, sigma);
   const Contradiction steady = contradiction(part.steady * contrast, y, sigma);
   const Contradiction varying = contradiction(part.varying * contrast, y, sigma);
-  const auto told = [](const Contradiction& c) {
+  const auto in_figures = [](const Contradiction& c) {
     return fmt::format("(chi-square {:.4g} of {:.0f}, beyond chance)", c.chi_square, c.freedom);
   };
   std::vector<std::string> result;
   if (varying.is_rare())
     result.push_back("the four diagonals contradict each other differently from step to step " +
-                     told(varying) +
+                     in_figures(varying) +
                      ": angular errors of the axes are likely, and the 12 elements are wrong");
   if (steady.is_rare())
     result.push_back("the four diagonals contradict each other alike at every step " +
-                     told(steady) +
+                     in_figures(steady) +
                      ": a mirror or a beam out of line, or a steady angular error, "
                      "is likely, and the 12 elements are wrong");
   if (result.empty() && all.is_rare())
-    result.push_back("the four diagonals contradict each other " + told(all) +
+    result.push_back("the four diagonals contradict each other " + in_figures(all) +
                      ": the 12 elements are doubtful");
   return result;
 }
@@ -402,7 +289,7 @@ double largest_value(const Curves& curves, const VectorXd& y) {
 }
 
 /// Every angular error tried on the nominal machine: those that leave no contradiction.
-std::string caution_of(const Readings& readings, const Path& path, const MatrixXd& contrast,
+std::string caution_of(const Readings& readings, const StepPath& path, const MatrixXd& contrast,
                        const Curves& curves) {
   constexpr double angle = 20.0 * units::urad;
   const VectorXd perfect = read_on(readings, {});
@@ -413,8 +300,9 @@ std::string caution_of(const Readings& readings, const Path& path, const MatrixX
       const ElementName name{about, slides[axis], false};
       const VectorXd y = read_on(readings, turning(name, path.steps[axis], angle)) - perfect;
       const double largest = largest_value(curves, y);
-      const double told = (contrast * y).cwiseAbs().maxCoeff();
-      if (largest < units::nm || told > 1e-2 * largest / double(path.steps[axis].size())) continue;
+      const double contradicts = (contrast * y).cwiseAbs().maxCoeff();
+      if (largest < units::nm || contradicts > 1e-2 * largest / double(path.steps[axis].size()))
+        continue;
       unseen += " " + to_string(name);
       worst = std::max(worst, largest);
     }
@@ -458,8 +346,7 @@ Quantities quantities(const GeometricErrors& belief) {
 }  // namespace
 
 StepDiagonal step_diagonal(const Readings& readings) {
-  check(readings);
-  const Path path = path_of(readings);
+  const StepPath path = step_path(readings);
   const Linear estimator = linear(path, readings.value.size());
   const VectorXd y = readings.value - read_on(readings, {});
   VectorXd sigma(y.size());
@@ -501,7 +388,7 @@ StepDiagonalTrend step_diagonal_trend(std::span<const StepDiagonal> results, con
   const VectorXd norm = A.colwise().norm().cwiseMax(std::numeric_limits<double>::min());
   const MatrixXd scaled = A * norm.cwiseInverse().asDiagonal();
   const auto fit = least_squares(scaled, values, 1e-9);
-  if (fit.rank < k + 1) refuse("the temperatures do not vary enough to tell their slopes apart");
+  if (fit.rank < k + 1) refuse("the temperatures do not vary enough to separate their slopes");
   const MatrixXd solved = norm.cwiseInverse().asDiagonal() * fit.x;
   trend.at_zero = solved.row(0).transpose();
   trend.per_K = solved.bottomRows(k).transpose();

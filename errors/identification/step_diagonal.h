@@ -48,7 +48,7 @@ struct StepDiagonalTrend {
 /// @param results  of one machine with the same steps
 /// @param dT_K     (results x k) changes of temperature that go with them
 /// @throws std::invalid_argument if the results differ in their steps, are fewer than k + 1, or the
-///         temperatures do not tell the slopes apart (columns dependent to 1e-9)
+///         temperatures do not separate the slopes (columns dependent to 1e-9)
 StepDiagonalTrend step_diagonal_trend(std::span<const StepDiagonal> results,
                                       const Eigen::MatrixXd& dT_K);
 

@@ -71,8 +71,8 @@ struct Estimated {
   double u = 0.0;  ///< standard uncertainty, from the residual
 };
 
-/// Causes that the shape of a circular test tells. A cause that the arcs measured cannot tell from
-/// others is left out and named.
+/// Causes that the shape of a circular test shows. A cause that the arcs measured cannot separate
+/// from others is left out and named.
 struct CircularCauses {
   std::optional<Estimated> radius;      ///< mm, mean of both scales and the bar's own length
   std::optional<Estimated> centre_u;    ///< mm, centre of the path along the first axis
@@ -87,7 +87,7 @@ struct CircularCauses {
 };
 
 struct CauseOptions {
-  bool no_lag = false;  ///< slow motion: no lag is looked for, so that one sense tells squareness
+  bool no_lag = false;  ///< slow motion: no lag is looked for, so that one sense shows squareness
 };
 
 /// Places that were read, of each sense apart, whole turns left out.

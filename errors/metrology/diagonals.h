@@ -7,7 +7,7 @@
 
 namespace abbe::errors::metrology {
 
-/// Runs along one diagonal of the work zone, targets counted along it from its start. Signs tell
+/// Runs along one diagonal of the work zone, targets counted along it from its start. Signs give
 /// its direction: {1, 1, 1} goes up in X, Y and Z, {-1, 1, 1} goes down in X; a face diagonal has a
 /// zero. A diagonal and its reverse are one.
 struct DiagonalRuns {

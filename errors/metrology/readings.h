@@ -13,7 +13,7 @@
 
 namespace abbe::errors::metrology {
 
-/// One reading to be taken: which channel, and where the machine is told to be, when, and from
+/// One reading to be taken: which channel, and where the machine is commanded to be, when, and from
 /// which side it came.
 struct Look {
   int set_up = 0;

@@ -11,6 +11,8 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include "errors/metrology/position_csv.h"
+#include "errors/metrology/position_rtl.h"
 #include "kinematics/bad_input.h"
 #include "kinematics/units.h"
 #include "tests/injured.h"

@@ -1,0 +1,98 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "kinematics/axis.h"
+
+namespace abbe::errors {
+
+// Heat is in W, J/K and W/K, temperatures T_C in deg C, changes dT_K in K, time in s.
+
+/// One lump of the machine with one temperature.
+struct ThermalNode {
+  std::string name;
+  double capacity_J_per_K = 1.0;  ///< > 0
+};
+
+/// Heat flows from `a` to `b` in proportion to T_a - T_b.
+struct ThermalLink {
+  int a = 0;
+  int b = 0;
+  double conductance_W_per_K = 0.0;  ///< > 0
+};
+
+/// What surrounds the machine and does not warm by it.
+enum class Surroundings {
+  Room,     ///< always there
+  Coolant,  ///< only while the coolant flows
+};
+struct SurroundingsLink {
+  int node = 0;
+  Surroundings to = Surroundings::Room;
+  double conductance_W_per_K = 0.0;  ///< > 0
+};
+
+/// Bearings and motor of the spindle: power (n / reference)^exponent.
+struct SpindleHeat {
+  double power_W = 0.0;
+  double reference_speed = 1.0;  ///< rad/s, > 0
+  double exponent = 1.0;         ///< >= 0; at rest no heat
+};
+/// Friction of an axis: (coulomb + viscous |v|) |v|.
+struct AxisHeat {
+  int joint = 0;         ///< index in the chain
+  double coulomb = 0.0;  ///< N, or N mm of a rotary axis, >= 0
+  double viscous = 0.0;  ///< N s/mm, or N mm s/rad, >= 0
+};
+/// Motors and cabinets: while the machine is switched on.
+struct PowerOnHeat {
+  double power_W = 0.0;
+};
+/// A share of the cutting power.
+struct CuttingHeat {
+  double share = 0.0;  ///< 0 .. 1
+};
+struct HeatSource {
+  int node = 0;
+  std::variant<SpindleHeat, AxisHeat, PowerOnHeat, CuttingHeat> law;
+};
+
+/// Lumped network. Every node reaches the room over its links.
+struct ThermalNetwork {
+  std::vector<ThermalNode> nodes;
+  std::vector<ThermalLink> links;
+  std::vector<SurroundingsLink> surroundings;
+  std::vector<HeatSource> sources;
+  Eigen::VectorXd start_T_C;  ///< (nodes) when the history begins
+};
+
+/// @throws std::invalid_argument naming the node or source: a capacity or conductance that is not
+///         positive, an index out of range, a node linked to itself, a name twice or empty, a node
+///         from which no heat can reach the room, a number that is not finite, no node at all
+void validate(const ThermalNetwork& network);
+
+/// First node from which no heat can reach the room, if there is one.
+std::optional<int> cut_off_node(const ThermalNetwork& network);
+
+/// What the machine does at an instant. Between two knots the heat flows and the surroundings
+/// change linearly; `coolant` holds until the next knot. Equal instants are a jump.
+struct Activity {
+  double time_s = 0.0;
+  double spindle_speed = 0.0;         ///< rad/s
+  kinematics::AxisVector axis_speed;  ///< (joints) mean |v|, mm/s or rad/s; may be empty: all rest
+  bool powered = true;
+  double cutting_power_W = 0.0;
+  bool coolant = false;
+  double room_T_C = 20.0;
+  double coolant_T_C = 20.0;
+};
+
+/// Heat that a source gives at a state of the machine, W.
+double heat_W(const HeatSource& source, const Activity& activity);
+
+}  // namespace abbe::errors
