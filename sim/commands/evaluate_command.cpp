@@ -1,10 +1,14 @@
 #include "sim/commands/evaluate_command.h"
 
+#include <memory>
+
 #include <fmt/format.h>
 
 #include "sim/calibration/evaluate.h"
+#include "sim/files/one_lined.h"
 #include "sim/files/output.h"
 #include "sim/files/progress.h"
+#include "sim/files/terminal.h"
 #include "sim/report/evaluate_pictures.h"
 
 namespace abbe::sim {
@@ -73,6 +77,31 @@ std::string evaluation_text(const Json& evaluation) {
   for (const Json& picture : evaluation["pictures"])
     text += "\npicture " + picture.get<std::string>();
   return text + (evaluation["pictures"].empty() ? "" : "\n");
+}
+
+namespace {
+
+Exit print_evaluation(const Common& common, const std::filesystem::path& readings) {
+  EvaluateOptions options;
+  options.folder = common.out.empty() ? std::filesystem::path("out") / readings.stem() : common.out;
+  options.permissions = common.permissions;
+  const nlohmann::ordered_json evaluation = evaluate(readings, options);
+  print("{}", Lines(common.json ? json_text(evaluation) : evaluation_text(one_lined(evaluation))));
+  return Exit::Ok;
+}
+
+}  // namespace
+
+Command evaluate_command(Common& common) {
+  const auto readings = std::make_shared<std::filesystem::path>();
+  return {"evaluate",
+          "Evaluate readings by the standards (ISO 230, 25178)",
+          {{"READINGS", readings.get(),
+            "a file that measure wrote, position readings as CSV, or a laser's position file"},
+           json_option(common),
+           {"--out", &common.out, "folder for report and pictures (out/NAME)"},
+           force_option(common)},
+          [readings, &common] { return print_evaluation(common, *readings); }};
 }
 
 }  // namespace abbe::sim

@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "sim/commands/command.h"
 #include "sim/files/permissions.h"
 
 namespace abbe::sim {
@@ -22,5 +23,8 @@ nlohmann::ordered_json evaluate(const std::filesystem::path& readings,
 
 /// The same as a person reads it: a table a test.
 std::string evaluation_text(const nlohmann::ordered_json& evaluation);
+
+/// `abbe evaluate`.
+Command evaluate_command(Common& common);
 
 }  // namespace abbe::sim

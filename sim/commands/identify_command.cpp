@@ -1,7 +1,18 @@
 #include "sim/commands/identify_command.h"
 
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "kinematics/text.h"
+#include "sim/files/one_lined.h"
 #include "sim/files/output.h"
+#include "sim/files/terminal.h"
 #include "sim/report/identify_pictures.h"
+#include "sim/report/identify_text.h"
 
 namespace abbe::sim {
 namespace {
@@ -47,6 +58,107 @@ nlohmann::ordered_json identify(const std::vector<std::filesystem::path>& files,
   for (const auto& file : files) from += (from.empty() ? "" : ", ") + file.string();
   write_curves_picture(out.picture, found.curves, found.nominal, from);
   return found.report;
+}
+
+namespace {
+
+/// What stands on the command line.
+struct IdentifyWords {
+  std::vector<std::filesystem::path> readings;
+  std::string basis = "legendre";
+  std::string method = "chain";
+  std::vector<std::string> pitch;
+  IdentifyOptions options;
+};
+
+/// "X=16": the pitch of an axis's screw.
+std::pair<char, double> parse_pitch(const std::string& text) {
+  const auto period = text.size() > 2 && text[1] == '=' ? number_of(text.substr(2)) : std::nullopt;
+  if (!period || *period <= 0.0)
+    throw BadUsage("--pitch", "expected AXIS=MM such as X=16, seen " + text);
+  return {text[0], *period};
+}
+
+Exit print_identified(const Common& common, IdentifyWords words) {
+  using errors::identification::Basis;
+  words.options.model.slides = words.basis == "polynomial" ? Basis::Polynomial
+                               : words.basis == "spline"   ? Basis::Spline
+                                                           : Basis::Legendre;
+  for (const std::string& one : words.pitch) words.options.model.pitch.insert(parse_pitch(one));
+  words.options.model.placement = words.options.model.constants;
+  words.options.method = words.method == "step_diagonal" ? IdentifyOptions::Method::StepDiagonal
+                         : words.method == "composite"   ? IdentifyOptions::Method::Composite
+                         : words.method == "thermal"     ? IdentifyOptions::Method::Thermal
+                                                         : IdentifyOptions::Method::Chain;
+  const bool thermal = words.options.method == IdentifyOptions::Method::Thermal;
+  words.options.out = common.out.empty() ? std::filesystem::path(thermal ? "out/belief_thermal.txt"
+                                                                         : "out/belief.toml")
+                                         : common.out;
+  for (const char* taken : {".json", ".png", ".csv"})
+    if (words.options.out.extension() == taken)
+      throw BadUsage(
+          "--out",
+          fmt::format("expected a belief file such as belief.toml (report and picture stand "
+                      "beside it), seen {}",
+                      words.options.out.string()));
+  for (const std::filesystem::path& readings : words.readings) {
+    std::error_code ignored;
+    if (std::filesystem::equivalent(readings, words.options.out, ignored))
+      throw BadUsage("--out", "expected another file than the readings");
+  }
+  words.options.permissions = common.permissions;
+  const nlohmann::ordered_json report = identify(words.readings, words.options);
+  print("{}", Lines(common.json ? json_text(report) : identify_text(one_lined(report))));
+  return Exit::Ok;
+}
+
+std::vector<Option> identify_options(Common& common, IdentifyWords& words) {
+  IdentifyOptions& options = words.options;
+  return {
+      {"READINGS", &words.readings, "files that measure wrote"},
+      {"--basis", &words.basis, "curves of the slides (legendre)",
+       OneOf{{"legendre", "polynomial", "spline"}}},
+      {"--order", &options.model.order, "of those curves (4)", Between{0, 60}},
+      {"--harmonics", &options.model.harmonics, "of rotary axes, per turn (3)", Between{0, 60}},
+      {"--choose-orders", &options.choose_orders, "choose every order by cross-validation"},
+      {"--most", &options.orders.most, "highest order that is tried (10)", Between{1, 60}},
+      {"--elements", &options.model.only, "find these alone: EXX,EYX,EC0Y", Commas{}},
+      {"--pitch", &words.pitch, "pitch of screws, mm: X=16,Y=16; two harmonics in the positioning",
+       Commas{}},
+      {"--constants", &options.model.constants,
+       "constants of error motions too, and what only places the workpiece on a table: "
+       "each hides in a zero or a place"},
+      {"--outliers", &options.estimate.outlier_limit,
+       "leave out readings beyond this many standard deviations (0: none)", Between{0, 1000000}},
+      {"--method", &words.method,
+       "chain: any readings, on the exact machine; step_diagonal: the published one; "
+       "composite: positioning from several starts, a cold curve and NAME_thermal.txt; "
+       "thermal: a day of readings, for [belief.thermal]",
+       OneOf{{"chain", "step_diagonal", "composite", "thermal"}}},
+      {"--sensors", &options.sensors,
+       "with step_diagonal, composite or thermal: regress what several starts read on "
+       "these (thermal: a choice)",
+       Commas{}},
+      {"--sensor-count", &options.sensor_count,
+       "with thermal: how many sensors are chosen where none are named (4)", Between{1, 100}},
+      {"--margin", &options.margin,
+       "with thermal or composite: part of its trained range by which a sensor may leave it (0.1)",
+       Between{0, 10}},
+      json_option(common),
+      {"--out", &common.out,
+       "belief file (out/belief.toml; thermal: out/belief_thermal.txt; composite "
+       "writes NAME_thermal.txt beside NAME.toml)"},
+      force_option(common),
+      threads_option(common, "most threads to use")};
+}
+
+}  // namespace
+
+Command identify_command(Common& common) {
+  const auto words = std::make_shared<IdentifyWords>();
+  return {"identify", "Find the errors of a machine from readings; write a belief file",
+          identify_options(common, *words),
+          [words, &common] { return print_identified(common, *words); }};
 }
 
 }  // namespace abbe::sim

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "sim/calibration/identify.h"
+#include "sim/commands/command.h"
 
 namespace abbe::sim {
 
@@ -17,5 +18,8 @@ namespace abbe::sim {
 /// machines
 nlohmann::ordered_json identify(const std::vector<std::filesystem::path>& files,
                                 const IdentifyOptions& options);
+
+/// `abbe identify`.
+Command identify_command(Common& common);
 
 }  // namespace abbe::sim

@@ -1,9 +1,13 @@
 #include "sim/commands/measure_command.h"
 
+#include <memory>
+
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include "sim/cut/reach.h"
 #include "sim/files/output.h"
+#include "sim/files/terminal.h"
 #include "sim/loop/compensate.h"
 #include "sim/readings/readings_file.h"
 #include "sim/scene/read_scene.h"
@@ -95,6 +99,53 @@ std::vector<Measured> measure(const std::filesystem::path& file, const MeasureOp
     write_table(csv, to_text(part.file));
   }
   return written;
+}
+
+namespace {
+
+Exit print_measured(const Common& common, const std::vector<std::string>& instruments) {
+  MeasureOptions options;
+  options.overrides = overrides(common);
+  options.instruments = instruments;
+  options.folder = result_folder(common) / (common.out.empty() ? "readings" : "");
+  options.permissions = common.permissions;
+  const std::vector<Measured> all = measure(common.scene, options);
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  double hours = 0.0;
+  for (const Measured& one : all) {
+    json.push_back({{"file", one.file.string()},
+                    {"readings", one.readings},
+                    {"set_ups", one.set_ups},
+                    {"hours", one.duration_s / 3600.0},
+                    {"warnings", one.warnings}});
+    print_warnings(json.back());
+    hours += one.duration_s / 3600.0;
+  }
+  if (common.json) {
+    print("{}", Lines(json_text(json)));
+    return Exit::Ok;
+  }
+  print("{:>10} {:>9} {:>9}   file\n", "readings", "set-ups", "hours");
+  for (const Measured& one : all)
+    print("{:>10} {:>9} {:>9.2f}   {}\n", one.readings, one.set_ups, one.duration_s / 3600.0,
+          one.file.string());
+  print("\n{:.1f} hours on a real machine, setting up included\n", hours);
+  return Exit::Ok;
+}
+
+}  // namespace
+
+Command measure_command(Common& common) {
+  const auto instruments = std::make_shared<std::vector<std::string>>();
+  return {
+      "measure", "Measure the machine of a scene with virtual instruments",
+      scene_options(common, {{"--out", &common.out, "folder for the readings (out/SCENE/readings)"},
+                             force_option(common),
+                             trust_option(common),
+                             {"--instrument", instruments.get(),
+                              "name of an [[instrument]] of the scene, or a kind such as laser, "
+                              "ball_bar, r_test (repeatable; all of the scene)"}}),
+      [instruments, &common] { return print_measured(common, *instruments); }};
 }
 
 }  // namespace abbe::sim

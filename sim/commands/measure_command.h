@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "sim/commands/command.h"
 #include "sim/files/permissions.h"
 #include "sim/measure/measure.h"
 
@@ -32,5 +33,8 @@ struct Measured {
 /// Measures and writes the readings.
 /// @throws BadScene, BadInput, OutputFailure; BadInput where an instrument would read nothing
 std::vector<Measured> measure(const std::filesystem::path& scene, const MeasureOptions& options);
+
+/// `abbe measure`.
+Command measure_command(Common& common);
 
 }  // namespace abbe::sim

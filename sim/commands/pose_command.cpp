@@ -1,25 +1,43 @@
 #include "sim/commands/pose_command.h"
 
-#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "kinematics/escape.h"
 #include "sim/cut/pose_doubts.h"
+#include "sim/cut/pose_table.h"
 #include "sim/files/one_lined.h"
 #include "sim/files/output.h"
 #include "sim/files/terminal.h"
 #include "sim/report/pose_at.h"
 #include "sim/report/pose_files.h"
 #include "sim/report/volumetric_files.h"
+#include "sim/scene/read_scene.h"
 #include "sim/scene/trust.h"
 
 namespace abbe::sim {
 namespace {
 
 using nlohmann::ordered_json;
+
+/// What `abbe pose` is asked for: one of `at`, `at_file` and `grid`.
+struct PoseCommand {
+  std::string at;                   ///< one pose, "X=100 A=30"
+  std::filesystem::path at_file;    ///< many, CSV
+  std::optional<std::string> grid;  ///< the work space, "X=0:400:9 Y=::5"; may be empty
+  PoseWishes wishes;
+  std::vector<std::string> jacobians;  ///< of the wishes, in words
+  std::filesystem::path out;  ///< of many: a file, else standard output; of the work space: a
+                              ///< folder, else out/SCENE/volumetric
+  bool json = false;
+  Permissions permissions;
+};
 
 constexpr std::size_t worth_a_line = 20000;  // poses from which progress is shown
 
@@ -104,46 +122,7 @@ void print_work_space(const IdleMachine& idle, const PoseCommand& command) {
     print("{}files in {}\n", Lines(to_text(idle, map, s)), folder.path().string());
 }
 
-}  // namespace
-
-void add_pose_options(CLI::App& app, PoseCommand& command) {
-  CLI::Option_group& where = *app.add_option_group("where", "one of these");
-  CLI::Option* at = where.add_option("--at", command.at,
-                                     "one pose in mm and degrees: \"X=100 Y=0 Z=50 A=30 C=90\"");
-  where.add_option("--at-file", command.at_file,
-                   "poses as CSV: X_mm,Y_mm,A_deg,... and time_s; writes CSV, or JSON with --json");
-  where
-      .add_option("--grid", command.grid,
-                  "the work space: from:to:count of axes that run, places of others, such as "
-                  "\"X=-100:100:9 Z=::5 A=30\"; slides left out run over their travel")
-      ->expected(0, 1);
-  where.require_option(1);
-  const std::map<std::string, PoseJacobian> jacobians{{"axis", PoseJacobian::Axis},
-                                                      {"motion", PoseJacobian::Motion},
-                                                      {"location", PoseJacobian::Location}};
-  app.add_option_function<std::vector<std::string>>(
-         "--jacobian",
-         [&command, jacobians](const std::vector<std::string>& words) {
-           for (const std::string& word : words)
-             command.wishes.jacobians.push_back(jacobians.at(word));
-         },
-         "derivatives of the nominal pose by axes, error motions, location errors")
-      ->check(CLI::IsMember({"axis", "motion", "location"}))
-      ->delimiter(',');
-  app.add_option("--elements", command.wishes.elements,
-                 "what these errors alone do: EXX,EC0Y,EXX_heat,tool ... or all")
-      ->delimiter(',');
-  app.add_option("--out", command.out,
-                 "of --at-file a .csv or .json file, of --grid a folder (out/SCENE/volumetric)")
-      ->excludes(at);
-  app.footer(
-      "Examples:\n"
-      "  abbe pose scenes/gantry_dome.toml --at-file poses.csv --elements all --out out.csv\n"
-      "  abbe pose scenes/gantry_dome.toml --grid \"X=-200:200:9 Y=::9 Z=0:300:7 A=30\"\n"
-      "Columns and files are explained in scenes/README.md, Poses.");
-}
-
-void pose_command(const Scene& scene, const PoseCommand& command) {
+void print_poses(const Scene& scene, const PoseCommand& command) {
   if (!command.at.empty() || (command.at_file.empty() && !command.grid))
     return print_one(scene, command);
   const IdleMachine idle = idle_machine(scene);
@@ -151,6 +130,49 @@ void pose_command(const Scene& scene, const PoseCommand& command) {
     print_work_space(idle, command);
   else
     print_many(idle, command);
+}
+
+Exit execute(const Common& common, PoseCommand command) {
+  const std::map<std::string, PoseJacobian> jacobians{{"axis", PoseJacobian::Axis},
+                                                      {"motion", PoseJacobian::Motion},
+                                                      {"location", PoseJacobian::Location}};
+  for (const std::string& word : command.jacobians)
+    command.wishes.jacobians.push_back(jacobians.at(word));
+  command.json = common.json;
+  command.permissions = common.permissions;
+  print_poses(read_scene(common.scene, overrides(common)), command);
+  return Exit::Ok;
+}
+
+}  // namespace
+
+Command pose_command(Common& common) {
+  const auto asked = std::make_shared<PoseCommand>();
+  return {"pose",
+          "Where the tool is and should be: at a pose, many, everywhere",
+          scene_options(
+              common,
+              {force_option(common),
+               {"--jacobian", &asked->jacobians,
+                "derivatives of the nominal pose by axes, error motions, location errors",
+                OneOf{{"axis", "motion", "location"}}, Commas{}},
+               {"--elements", &asked->wishes.elements,
+                "what these errors alone do: EXX,EC0Y,EXX_heat,tool ... or all", Commas{}},
+               {"--out", &asked->out,
+                "of --at-file a .csv or .json file, of --grid a folder (out/SCENE/volumetric)"}}),
+          [asked, &common] { return execute(common, *asked); },
+          "Examples:\n"
+          "  abbe pose scenes/gantry_dome.toml --at-file poses.csv --elements all --out out.csv\n"
+          "  abbe pose scenes/gantry_dome.toml --grid \"X=-200:200:9 Y=::9 Z=0:300:7 A=30\"\n"
+          "Columns and files are explained in scenes/README.md, Poses.",
+          {{"--at", &asked->at, "one pose in mm and degrees: \"X=100 Y=0 Z=50 A=30 C=90\"",
+            Excludes{{"--out"}}},
+           {"--at-file", &asked->at_file,
+            "poses as CSV: X_mm,Y_mm,A_deg,... and time_s; writes CSV, or JSON with --json"},
+           {"--grid", &asked->grid,
+            "the work space: from:to:count of axes that run, places of others, such as "
+            "\"X=-100:100:9 Z=::5 A=30\"; slides left out run over their travel",
+            Bare{}}}};
 }
 
 }  // namespace abbe::sim

@@ -2,13 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 #include <fmt/format.h>
 
 #include "kinematics/units.h"
 #include "sim/cut/reach.h"
+#include "sim/files/one_lined.h"
 #include "sim/files/output.h"
 #include "sim/files/progress.h"
+#include "sim/files/terminal.h"
 #include "sim/loop/program_channel.h"
 #include "sim/scene/read_scene.h"
 #include "sim/scene/trust.h"
@@ -139,6 +142,34 @@ std::string rewrite_text(const ordered_json& report) {
                         number(report["words"]["mm"]), number(report["words"]["deg"]));
   return text + fmt::format("\n{} ({}, {} bytes)\n", report["file"].get<std::string>(),
                             report["case"].get<std::string>(), report["bytes"].get<std::size_t>());
+}
+
+namespace {
+
+Exit print_rewritten(const Common& common, const std::string& case_name) {
+  RewriteCommandOptions options;
+  options.overrides = overrides(common);
+  options.case_name = case_name;
+  options.out = common.out;
+  options.permissions = common.permissions;
+  const nlohmann::ordered_json report = rewrite(common.scene, options);
+  print_warnings(report);
+  print("{}", Lines(common.json ? json_text(report) : rewrite_text(one_lined(report))));
+  return Exit::Ok;
+}
+
+}  // namespace
+
+Command rewrite_command(Common& common) {
+  const auto case_name = std::make_shared<std::string>();
+  return {
+      "rewrite", "Write the program of a scene with a compensator's corrections in it",
+      scene_options(common, {{"--out", &common.out, "file for the program (out/SCENE/rewritten.*)"},
+                             force_option(common),
+                             trust_option(common),
+                             {"--case", case_name.get(),
+                              "belief-strategy-program (the first such case of the scene)"}}),
+      [case_name, &common] { return print_rewritten(common, *case_name); }};
 }
 
 }  // namespace abbe::sim

@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "sim/commands/command.h"
 #include "sim/files/permissions.h"
 #include "sim/loop/compensate.h"
 
@@ -38,5 +39,8 @@ nlohmann::ordered_json rewrite(const std::filesystem::path& scene,
 
 /// The same in words.
 std::string rewrite_text(const nlohmann::ordered_json& report);
+
+/// `abbe rewrite`.
+Command rewrite_command(Common& common);
 
 }  // namespace abbe::sim

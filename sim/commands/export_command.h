@@ -7,6 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "sim/commands/command.h"
 #include "sim/files/permissions.h"
 #include "sim/scene/scene.h"
 
@@ -26,5 +27,8 @@ struct ExportOptions {
 /// @throws BadScene, BadInput, OutputFailure
 nlohmann::ordered_json export_tables(const std::filesystem::path& scene,
                                      const ExportOptions& options);
+
+/// `abbe export`.
+Command export_command(Common& common);
 
 }  // namespace abbe::sim

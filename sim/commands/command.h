@@ -1,0 +1,99 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "sim/commands/exit_code.h"
+#include "sim/files/permissions.h"
+#include "sim/scene/override.h"
+
+/// Commands as values: what each takes, and what runs it. None knows the library that reads the
+/// command line.
+namespace abbe::sim {
+
+/// Where the words of an option go; what is not on the command line stays as it is.
+using Target = std::variant<bool*, int*, double*, std::string*, std::filesystem::path*,
+                            std::optional<std::int64_t>*, std::optional<std::string>*,
+                            std::optional<std::filesystem::path>*, std::vector<std::string>*,
+                            std::vector<std::filesystem::path>*>;
+
+// Rules of an option. Those that it names stand before it in the list.
+struct Between {
+  std::int64_t least, most;
+};
+struct OneOf {
+  std::vector<std::string> values;
+};
+struct Commas {};  ///< a list may be given at once: a,b,c
+struct Bare {};    ///< without a value it is there and empty
+struct Excludes {
+  std::vector<std::string> options;
+};
+struct Needs {
+  std::string option;
+};
+struct Type {
+  std::string name;  ///< of its value in `--help`
+};
+using Rule = std::variant<std::monostate, Between, OneOf, Commas, Bare, Excludes, Needs, Type>;
+
+/// An option as `--help` lists it.
+struct Option {
+  std::string name;  ///< "--seed"; without dashes it is known by its place, and must be there
+  Target target;     ///< a bool is a flag; a list is repeatable
+  std::string help;
+  Rule rule = {};
+  Rule second_rule = {};
+};
+
+struct Command {
+  std::string name, summary;
+  std::vector<Option> options;
+  std::function<Exit()> run;  ///< with its options read
+  std::string footer = {};
+  std::vector<Option> where = {};  ///< besides, exactly one of these
+};
+
+/// What several commands take.
+struct Common {
+  std::filesystem::path scene;
+  std::filesystem::path out;
+  std::vector<std::string> set;
+  std::optional<std::int64_t> seed;
+  int threads = 0;  ///< 0: all
+  bool json = false;
+  Permissions permissions;
+};
+
+// options that several commands have
+Option set_option(Common& common, const std::string& help);
+Option seed_option(Common& common, const std::string& help);
+Option threads_option(Common& common, const std::string& help);
+Option json_option(Common& common);
+Option result_folder_option(Common& common);
+Option force_option(Common& common);
+Option trust_option(Common& common);
+
+/// What every command takes that reads a scene, and then its own.
+std::vector<Option> scene_options(Common& common, const std::vector<Option>& own);
+
+/// What --set and --seed change. @throws BadUsage
+std::vector<Override> overrides(const Common& common);
+
+/// The folder of --out, else out/SCENE.
+std::filesystem::path result_folder(const Common& common);
+
+/// @throws BadUsage for a --case that there cannot be
+void check_case(const std::string& name);
+
+/// The `warnings` of a result, on standard error.
+void print_warnings(const nlohmann::ordered_json& json);
+
+}  // namespace abbe::sim

@@ -1,0 +1,104 @@
+#include "sim/commands/export_command.h"
+
+#include <memory>
+#include <stdexcept>
+
+#include <nlohmann/json.hpp>
+
+#include "sim/files/output.h"
+#include "sim/files/terminal.h"
+#include "sim/loop/compensate.h"
+#include "sim/loop/correctors.h"
+#include "sim/scene/read_scene.h"
+#include "sim/scene/trust.h"
+
+namespace abbe::sim {
+namespace {
+
+using compensation::ControlFormat;
+
+compensation::Export exported(const Job& job, const Learnt& learnt, ControlFormat format) {
+  const kinematics::Chain& control = job.machine.control;
+  try {
+    if (format != ControlFormat::Isg)
+      return compensation::to_control(tables_of(seen_of(job), learnt.corrector), control, format);
+    if (!learnt.geometric)
+      throw std::invalid_argument("expected geometric errors that are identified, seen none");
+    return compensation::to_volumetric(*learnt.geometric, control, table_options(seen_of(job)));
+  } catch (const std::logic_error& fault) {  // also out_of_range: a believed table ends too soon
+    throw BadInput(job.scene.file.string(), 0, 0, "a correction that tables can hold",
+                   fault.what());
+  }
+}
+
+}  // namespace
+
+nlohmann::ordered_json export_tables(const std::filesystem::path& file,
+                                     const ExportOptions& options) {
+  Scene scene = read_trusted_scene(file, options.overrides, options.permissions);
+  const CaseDescription compensator = parse_case(options.case_name);
+  trust(scene, compensator);
+  const ResultFolder folder(options.folder, writer_of(scene, options.permissions));
+  const Job job = prepare(scene);
+  const ControlFormat format =
+      options.format.value_or(scene.compensation.table.format.value_or(ControlFormat::LinuxCnc));
+  const compensation::Export out = exported(job, learnt(job, compensator), format);
+  nlohmann::ordered_json files = nlohmann::ordered_json::array();
+  for (const compensation::ControlFile& one : out.files) {
+    write_file(folder / one.name, one.text);
+    files.push_back((folder / one.name).path().string());
+  }
+  return {{"scene", scene.title},
+          {"case", options.case_name},
+          {"format", compensation::to_string(format)},
+          {"files", files},
+          {"left_out", out.left_out},
+          {"notes", out.notes}};
+}
+
+namespace {
+
+/// What stands on the command line.
+struct ExportWords {
+  std::string format;
+  ExportOptions options;
+};
+
+Exit print_exported(const Common& common, ExportWords words) {
+  words.options.overrides = overrides(common);
+  words.options.folder = result_folder(common) / (common.out.empty() ? "tables" : "");
+  words.options.permissions = common.permissions;
+  using compensation::ControlFormat;
+  for (const ControlFormat one : {ControlFormat::LinuxCnc, ControlFormat::Isg,
+                                  ControlFormat::Siemens, ControlFormat::Heidenhain})
+    if (words.format == compensation::to_string(one)) words.options.format = one;
+  check_case(words.options.case_name);
+  const nlohmann::ordered_json json = export_tables(common.scene, words.options);
+  if (common.json) {
+    print("{}", Lines(json_text(json)));
+    return Exit::Ok;
+  }
+  for (const auto& file : json["files"]) print("{}\n", file.get<std::string>());
+  for (const auto& one : json["notes"]) print("{}\n", one.get<std::string>());
+  for (const auto& one : json["left_out"])
+    print(stderr, "abbe: warning: left out: {}\n", one.get<std::string>());
+  return Exit::Ok;
+}
+
+}  // namespace
+
+Command export_command(Common& common) {
+  const auto words = std::make_shared<ExportWords>();
+  return {"export", "Write the compensation tables of a scene as a control reads them",
+          scene_options(common, {{"--out", &common.out, "folder for the tables (out/SCENE/tables)"},
+                                 force_option(common),
+                                 trust_option(common),
+                                 {"--format", &words->format,
+                                  "of which control (that of [compensation.table], else linuxcnc)",
+                                  OneOf{{"linuxcnc", "isg", "siemens", "heidenhain"}}},
+                                 {"--case", &words->options.case_name,
+                                  "what the tables are made from (identified-position-table)"}}),
+          [words, &common] { return print_exported(common, *words); }};
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <filesystem>
+
+#include "sim/commands/command.h"
+#include "sim/commands/compare.h"
+
+namespace abbe::sim {
+
+/// --compensator of `run` and `compare`.
+Option compensator_option(std::vector<std::filesystem::path>& files);
+
+/// What the options of `run` and `compare` ask for.
+/// @param compensators  files of plug-ins
+/// @throws BadUsage for one that is not there or whose name no folder can have
+RunOptions run_options(const Common& common,
+                       const std::vector<std::filesystem::path>& compensators);
+
+/// Prints the figures of a cut or of a comparison, and what exceeds a limit or failed.
+Exit print_outcome(const Common& common, const RunOptions& options, const Outcome& outcome);
+
+}  // namespace abbe::sim
