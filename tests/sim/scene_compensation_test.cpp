@@ -250,7 +250,7 @@ TEST(SceneCompensation, WordsThatAreNotOnTheListAreRefusedWithTheList) {
   EXPECT_NE(compensation_faults("[loop]\nbandwidth_Hz = 3"), "") << "a loop has an order";
 }
 
-TEST(SceneCompensation, AllFaultsAreToldAtOnce) {
+TEST(SceneCompensation, AllFaultsAreReportedAtOnce) {
   const std::string faults = compensation_faults(
       "rotary_bound_deg = -1\nplug_in = \"iterated\"\n[pulses]\ncount_um = 0\n[opne]\n");
   for (const char* word : {"rotary_bound_deg", "strategy-channel", "count_um", "opne"})
@@ -377,7 +377,7 @@ TEST(SceneBelief, PartAndScaleAreRead) {
   EXPECT_EQ(belief_of("[part]\ninstrument = \"cmm\"").part->passes, 1);
 }
 
-TEST(SceneBelief, FaultsAreToldAtTheirPlace) {
+TEST(SceneBelief, FaultsAreReportedAtTheirPlace) {
   const struct {
     const char *text, *place, *word;
   } cases[] = {

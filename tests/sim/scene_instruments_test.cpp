@@ -106,7 +106,7 @@ TEST(SceneInstruments, WhatMeasuresThePartIsReadToo) {
   EXPECT_DOUBLE_EQ(probe.q[0], pi / 2);
 }
 
-TEST(SceneInstruments, FaultsAreToldWithTheirPlace) {
+TEST(SceneInstruments, FaultsAreReportedWithTheirPlace) {
   expect_fault("[[instrument]]\nkind = \"lasre\"\n", "15:", "did you mean laser?");
   expect_fault("[[instrument]]\nkind = \"laser\"\nnoise_um = -1\n", "16:", "noise_um");
   expect_fault("[[instrument]]\nkind = \"laser\"\nnoise = 1\n", "16:", "noise_um");
@@ -138,7 +138,7 @@ TEST(SceneInstruments, AnInstrumentThatTheMachineCannotCarryIsRefusedAtItsKind) 
   EXPECT_EQ(faults_with("[[instrument]]\nkind = \"ball_bar\"\n", "three_axis_table"), "");
 }
 
-TEST(SceneInstruments, ASensorChoiceIsReadAndItsFaultsAreTold) {
+TEST(SceneInstruments, ASensorChoiceIsReadAndItsFaultsAreReported) {
   using namespace errors::identification;
   const auto packaged_with = [](const std::string& key, const std::string& value) {
     return faults_of(packaged("thermal_protocol.toml"), {{"sensor_choice." + key, value}});
