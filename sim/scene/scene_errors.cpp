@@ -14,6 +14,7 @@
 #include "errors/element_table.h"
 #include "errors/geometric.h"
 #include "errors/squareness.h"
+#include "kinematics/hash.h"
 #include "kinematics/symmetric.h"
 #include "kinematics/units.h"
 #include "sim/scene/scene_sections.h"
@@ -37,12 +38,7 @@ struct Units {
   std::string position;
 };
 
-std::uint64_t mixed(std::uint64_t x) {  // splitmix64, Steele et al. 2014
-  x += 0x9e3779b97f4a7c15u;
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-  return x ^ (x >> 31);
-}
+std::uint64_t mixed(std::uint64_t x) { return split_mix::mixed(x + split_mix::golden); }
 
 errors::Argument read_argument(TableReader& curve) {
   return curve.choice<errors::Argument>(

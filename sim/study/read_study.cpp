@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "errors/coefficients.h"
+#include "kinematics/hash.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/files/versions.h"
@@ -68,10 +69,8 @@ Distribution scaled(Distribution d, double base) {
   return d;
 }
 
-/// FNV-1a of 64 bits.
-std::uint64_t hash_of(std::string_view text, std::uint64_t hash = 0xcbf29ce484222325ULL) {
-  for (const unsigned char byte : text) hash = (hash ^ byte) * 0x100000001b3ULL;
-  return hash;
+std::uint64_t hash_of(std::string_view text, std::uint64_t hash = fnv_1a_basis) {
+  return fnv_1a(text, hash);
 }
 
 std::uint64_t hash_of_file(const std::filesystem::path& file, std::uint64_t hash);
