@@ -7,6 +7,8 @@
 
 #include <fmt/format.h>
 
+#include "kinematics/hash.h"
+
 namespace abbe::errors {
 namespace {
 
@@ -334,21 +336,12 @@ double bend_of(const Other&) {
 
 // ---- chance
 
-constexpr std::uint64_t golden = 0x9e3779b97f4a7c15u;  // 2^64 / golden ratio, odd
-
-/// Finaliser of SplitMix64 (Steele, Lea, Flood 2014): every bit of x stirs every bit of the result.
-std::uint64_t stirred(std::uint64_t x) {
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-  return x ^ (x >> 31);
-}
-
 /// Even in [-1, 1), 53 bits.
 double centred_uniform(std::uint64_t bits) { return double(bits >> 11) * 0x1p-52 - 1.0; }
 
 /// Even in [0, 1).
 double uniform(std::uint64_t seed, std::uint64_t counter) {
-  return double(stirred(stirred(seed + golden) + golden * counter) >> 11) * 0x1p-53;
+  return double(split_mix::stream(seed, counter) >> 11) * 0x1p-53;
 }
 
 /// log by arithmetic alone, as libraries differ in their last bit. 0 < x; error below 1e-15.
@@ -368,10 +361,10 @@ double plain_log(double x) {
 }  // namespace
 
 double normal_deviate(std::uint64_t seed, std::uint64_t counter) {
-  std::uint64_t bits = stirred(stirred(seed + golden) + golden * counter);
+  std::uint64_t bits = split_mix::stream(seed, counter);
   for (;;) {  // polar method: a point of the unit disc; 1.27 tries on average
-    const double u = centred_uniform(stirred(bits += golden));
-    const double v = centred_uniform(stirred(bits += golden));
+    const double u = centred_uniform(split_mix::mixed(bits += split_mix::golden));
+    const double v = centred_uniform(split_mix::mixed(bits += split_mix::golden));
     const double s = u * u + v * v;
     if (s > 0.0 && s < 1.0) return u * std::sqrt(-2.0 * plain_log(s) / s);
   }

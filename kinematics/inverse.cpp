@@ -9,6 +9,7 @@
 
 #include <Eigen/LU>
 
+#include "kinematics/turn_between.h"
 #include "kinematics/units.h"
 
 namespace abbe::kinematics {
@@ -39,10 +40,6 @@ struct Rotary {
 
 // One way to give the direction: a position for each rotary axis, empty where the axis is free.
 using Turns = std::array<std::optional<double>, 2>;
-
-double angle_between(const Vector3d& a, const Vector3d& b) {
-  return std::atan2(a.cross(b).norm(), a.dot(b));
-}
 
 bool parallel(double angle) { return std::min(angle, pi - angle) <= angle_tolerance; }
 

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "kinematics/hash.h"
 #include "sim/compensation/channels.h"
 #include "sim/compensation/pulse_windows.h"
 
@@ -122,14 +123,10 @@ Course course_of(const std::vector<Step>& steps, VectorXd now, const Duration& d
 }  // namespace
 
 double zero_phase(std::uint64_t seed, int joint) {
-  // SplitMix64: two rounds, so that neighbouring seeds and joints have nothing in common.
-  std::uint64_t bits = seed + 0x9e3779b97f4a7c15u * (std::uint64_t(joint) + 1);
-  for (int round = 0; round < 2; ++round) {
-    bits += 0x9e3779b97f4a7c15u;
-    bits = (bits ^ (bits >> 30)) * 0xbf58476d1ce4e5b9u;
-    bits = (bits ^ (bits >> 27)) * 0x94d049bb133111ebu;
-    bits ^= bits >> 31;
-  }
+  using namespace split_mix;
+  // two rounds, so that neighbouring seeds and joints have nothing in common
+  const std::uint64_t once = mixed(seed + golden * (std::uint64_t(joint) + 2));
+  const std::uint64_t bits = mixed(once + golden);
   return double(bits >> 11) * 0x1p-53 - 0.5;
 }
 

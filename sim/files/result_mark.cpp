@@ -6,6 +6,7 @@
 #include <cstring>
 #include <fstream>
 #include <sstream>
+#include <string_view>
 
 #include <fcntl.h>
 #include <sys/file.h>
@@ -15,6 +16,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/escape.h"
+#include "kinematics/hash.h"
 #include "sim/files/output_failure.h"
 #include "sim/files/versions.h"
 
@@ -94,12 +96,12 @@ std::optional<Print> print_of(const fs::path& file) {
   if (!is_plain_file(file)) return std::nullopt;
   std::ifstream in(file, std::ios::binary);
   if (!in) return std::nullopt;
-  Print print{0, 14695981039346656037u};  // Fowler, Noll and Vo's hash 1a of 64 bits
+  Print print{0, fnv_1a_basis};
   std::array<char, 1 << 16> buffer;
   while (in.read(buffer.data(), buffer.size()), in.gcount() > 0) {
-    for (std::streamsize i = 0; i < in.gcount(); ++i)
-      print.sum = (print.sum ^ static_cast<unsigned char>(buffer[std::size_t(i)])) * 1099511628211u;
-    print.size += std::uintmax_t(in.gcount());
+    const std::string_view bytes(buffer.data(), std::size_t(in.gcount()));
+    print.sum = fnv_1a(bytes, print.sum);
+    print.size += bytes.size();
   }
   return in.bad() ? std::nullopt : std::optional(print);
 }

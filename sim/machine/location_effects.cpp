@@ -8,6 +8,7 @@
 
 #include "errors/bound_element.h"
 #include "kinematics/location.h"
+#include "kinematics/turn_between.h"
 #include "kinematics/units.h"
 
 namespace abbe::sim {
@@ -23,7 +24,7 @@ using kinematics::Motion;
 using kinematics::Pose;
 
 constexpr double no_end = 1e8;       // mm or rad: a travel that nobody stated
-constexpr double no_change = 1e-10;  // rad: below what two poses can tell
+constexpr double no_change = 1e-10;  // rad: below what two poses can show
 
 const Joint& joint_at(const Chain& chain, int joint) { return chain.joints()[std::size_t(joint)]; }
 
@@ -48,10 +49,6 @@ Vector3d direction_w(const Chain& chain, const std::vector<JointDeviation>& wron
   return kinematics::rotation_vector(to.linear() * from.linear().transpose()).normalized();
 }
 
-double angle(const Vector3d& a, const Vector3d& b) {
-  return std::atan2(a.cross(b).norm(), a.dot(b));
-}
-
 /// The main slides in the order of the bed axes, then all others as they stand in the chain.
 std::vector<int> in_order(const Chain& chain) {
   std::vector<int> axes;
@@ -69,8 +66,8 @@ std::vector<LocationEffect::Angle> angles(const Chain& chain,
   for (std::size_t b = 1; b < axes.size(); ++b)
     for (std::size_t a = 0; a < b; ++a) {
       const auto between = [&](const std::vector<JointDeviation>& deviations) {
-        return angle(direction_w(chain, deviations, axes[a]),
-                     direction_w(chain, deviations, axes[b]));
+        return kinematics::angle_between(direction_w(chain, deviations, axes[a]),
+                                         direction_w(chain, deviations, axes[b]));
       };
       const double change = between(wrong) - between({});
       if (std::abs(change) > no_change)

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "kinematics/hash.h"
 #include "sim/cut/activity.h"
 #include "sim/cut/datum.h"
 #include "sim/files/progress.h"
@@ -21,13 +22,6 @@ namespace metrology = errors::metrology;
 using kinematics::AxisState;
 using metrology::Bodies;
 using metrology::Readings;
-
-/// A seed for an instrument: the same instrument of the same scene errs the same.
-std::uint64_t seed_of(const Scene& scene, const std::string& name) {
-  std::uint64_t seed = scene.seed;
-  for (const char c : name) seed = (seed ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
-  return seed;
-}
 
 /// The machine of a scene, compiled and with its heat run: what its instruments share.
 struct Subject {
@@ -111,7 +105,7 @@ Readings read_by(const InstrumentDescription& description, const Scene& scene,
           stop_if_interrupted();
           return bodies_of(truth, state);
         },
-        seed_of(scene, name));
+        fnv_1a(name, scene.seed));
     log_temperatures(readings, scene, truth);
     return readings;
   } catch (const std::invalid_argument& fault) {
@@ -204,7 +198,7 @@ PartReadingsFile measured_part(const Job& job, const Cut& cut,
   const Scene& scene = job.scene;
   const metrology::PartSurface part = surface_of(job, cut);
   check_readable(job, cut, part, instrument.name);
-  const std::uint64_t seed = seed_of(scene, instrument.name);
+  const std::uint64_t seed = fnv_1a(instrument.name, scene.seed);
   PartReadingsFile file{instrument.name, "cmm", scene.title, {}};
   if (!instrument.case_name.empty()) file.part += ", " + instrument.case_name;
   try {

@@ -8,17 +8,11 @@
 #include <string_view>
 #include <vector>
 
-#include "kinematics/axis.h"
 #include "kinematics/chain.h"
+#include "sim/program/controlled_axes.h"
 #include "sim/program/path.h"
 
 namespace abbe::sim::program {
-
-/// One controlled axis, in the order of the structural code.
-struct ControlledAxis {
-  char name = 'X';
-  kinematics::Motion motion = kinematics::Motion::Linear;
-};
 
 /// What a control knows before it reads a program. Lengths mm, angles rad, speeds mm/s.
 struct NcOptions {
@@ -36,22 +30,9 @@ struct NcOptions {
   std::size_t max_bytes = std::size_t(1) << 31;  ///< larger programs are refused
 };
 
-/// Where the axes stand at first: zero unless told.
+/// Where the axes stand at first: zero unless stated.
 /// @throws std::invalid_argument if `start` has not one number for every axis
 kinematics::AxisVector start_of(const NcOptions& options);
-
-/// The joint that S and M3 turn: the rotary S that carries the workpiece, else the nose s; -1 for
-/// none.
-int spindle_of(const std::vector<ControlledAxis>& axes);
-
-/// How far a block goes as F counts it: mm of X Y Z, else of U V W, else degrees of turns.
-/// @param arc  in X Y Z, if the block is one
-struct Way {
-  double length = 0.0;
-  bool linear = true;  ///< mm; else degrees
-};
-Way way_of_feed(const std::vector<ControlledAxis>& axes, const kinematics::AxisVector& start,
-                const kinematics::AxisVector& end, const Arc* arc = nullptr);
 
 /// Reads an RS274/NGC program strictly. README of this folder lists the words taken.
 /// @throws BadInput (file:line:column, the word, what was expected) on anything else

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -31,6 +32,11 @@ struct NcPlace {
   const std::string& file;
   int line = 0;
 };
+
+/// Refuses a word; what was seen is the word itself unless stated.
+/// @throws BadInput
+[[noreturn]] void refuse(const NcPlace& place, const NcWord& word, std::string expected,
+                         std::optional<std::string> seen = {});
 
 /// Takes a line apart into `block` of the line before, whose memory is used again.
 /// @throws BadInput on anything but words, comments, blanks, a line number and marks / and %

@@ -5,8 +5,10 @@
 #include <string>
 #include <variant>
 
+#include <Eigen/Core>
+
 #include "kinematics/axis.h"
-#include "sim/program/nc.h"
+#include "sim/program/controlled_axes.h"
 
 namespace abbe::sim::program {
 

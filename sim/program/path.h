@@ -82,7 +82,8 @@ struct ToolCall {
   std::size_t before = 0;  ///< block that it stands before; the number of blocks at the end
 };
 
-/// A program read: what the axes are told, block by block, in time. Memory is linear in the blocks.
+/// A program read: what the axes are commanded, block by block, in time. Memory is linear in the
+/// blocks.
 struct Path {
   std::string file;
   std::vector<Block> blocks;

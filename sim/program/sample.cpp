@@ -10,13 +10,16 @@
 
 #include "kinematics/bad_input.h"
 #include "kinematics/inverse.h"
+#include "kinematics/turn_between.h"
 #include "kinematics/units.h"
 
 namespace abbe::sim::program {
 namespace {
 
+using kinematics::angle_between;
 using kinematics::AxisVector;
 using kinematics::Motion;
+using kinematics::on_great_circle;
 
 // An axis has moved once it is this far from where it last was seen to move: the rounding of a
 // control's arithmetic is no reversal.
@@ -58,19 +61,6 @@ Bends bends(const Path& path, const Block& block, int j) {
           2 * std::abs(v0 - 2 * middle + v1)};
 }
 
-Eigen::Vector3d on_great_circle(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
-                                double part) {
-  const Eigen::Vector3d across = to - from.dot(to) * from;
-  const double sine = across.norm();
-  if (sine < 1e-14) return from;
-  const double angle = part * std::atan2(sine, from.dot(to));
-  return std::cos(angle) * from + std::sin(angle) * (across / sine);
-}
-
-double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  return std::atan2(a.cross(b).norm(), a.dot(b));
-}
-
 /// Real roots of a u^2 + 2 b u + c.
 std::vector<double> roots(double a, double b, double c) {
   const double discriminant = b * b - a * c;
@@ -97,14 +87,12 @@ class Walk {
   int steps(double ua, double ub, const AxisVector& qa, const AxisVector& qb) const;
 
  private:
+  Motion motion(int j) const { return control_.joints()[std::size_t(j)].motion; }
   bool is_spindle(int j) const {
-    return control_.joints()[std::size_t(j)].motion == Motion::Spindle ||
-           options_.workpiece_spindle == j;
+    return motion(j) == Motion::Spindle || options_.workpiece_spindle == j;
   }
-  bool is_rotary(int j) const {
-    return control_.joints()[std::size_t(j)].motion == Motion::Rotary && !is_spindle(j);
-  }
-  bool is_slide(int j) const { return control_.joints()[std::size_t(j)].motion == Motion::Linear; }
+  bool is_rotary(int j) const { return motion(j) == Motion::Rotary && !is_spindle(j); }
+  bool is_slide(int j) const { return motion(j) == Motion::Linear; }
   Eigen::Vector3d programmed_tip(const AxisVector& q) const { return {q[x_], q[y_], q[z_]}; }
   AxisVector slides(const AxisVector& programmed) const;
   Place place(double u) const;
@@ -300,7 +288,7 @@ int Walk::steps(double ua, double ub, const AxisVector& qa, const AxisVector& qb
     const double programmed = bends(path_, block_, j).first * part;
     if (options_.workpiece_spindle == j) {
       n = std::max(n, programmed / options_.max_spindle_turn);
-    } else if (control_.joints()[std::size_t(j)].motion == Motion::Spindle) {
+    } else if (motion(j) == Motion::Spindle) {
       if (options_.max_nose_turn) n = std::max(n, programmed / *options_.max_nose_turn);
     } else if (is_slide(j) && tip_) {
       n = std::max(

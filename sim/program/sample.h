@@ -38,8 +38,8 @@ struct TooManySamples : BadInput {
   using BadInput::BadInput;
 };
 
-/// What the control tells the axes: programmed coordinates, under G43.4 turned into slide positions
-/// by the control's own chain.
+/// What the control commands the axes: programmed coordinates, under G43.4 turned into slide
+/// positions by the control's own chain.
 /// @throws BadInput naming the line if the slides cannot reach a tip or the samples are too many
 Samples sample(const Path& path, const kinematics::Chain& control,
                const SampleOptions& options = {});

@@ -6,6 +6,7 @@
 
 #include "errors/geometric.h"
 #include "errors/squareness.h"
+#include "kinematics/hash.h"
 #include "sim/scene/joined_errors.h"
 #include "sim/scene/scene_covariance.h"
 #include "sim/scene/scene_curves.h"
@@ -22,12 +23,7 @@ using errors::ElementName;
 using kinematics::Joint;
 using kinematics::Motion;
 
-std::uint64_t mixed(std::uint64_t x) {  // splitmix64, Steele et al. 2014
-  x += 0x9e3779b97f4a7c15u;
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-  return x ^ (x >> 31);
-}
+std::uint64_t mixed(std::uint64_t x) { return split_mix::mixed(x + split_mix::golden); }
 
 /// What one errors table says; the tables of the section are joined afterwards.
 struct ErrorsTable {

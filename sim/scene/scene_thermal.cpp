@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "kinematics/hash.h"
 #include "sim/scene/scene_sections.h"
 #include "sim/scene/scene_thermal_day.h"
 #include "sim/scene/scene_thermal_elements.h"
@@ -21,9 +22,7 @@ constexpr Eigen::Index most_curves = 50;
 
 /// FNV-1a of the scene's seed and a name: every sensor has a noise of its own.
 std::uint64_t seed_of(std::uint64_t seed, const std::string& name) {
-  std::uint64_t hash = 0xcbf29ce484222325u ^ seed;
-  for (const char c : name) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
-  return hash;
+  return fnv_1a(name, fnv_1a_basis ^ seed);
 }
 
 // ---- sensors

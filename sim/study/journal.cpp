@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <bit>
 #include <cassert>
-#include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <stdexcept>
@@ -12,16 +10,13 @@
 #include <system_error>
 #include <utility>
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <fmt/format.h>
 #include <sqlite3.h>
 
 #include "kinematics/bad_input.h"
+#include "kinematics/hash.h"
 #include "sim/files/output.h"
+#include "sim/study/journal_lock.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -33,7 +28,7 @@ constexpr const char* tables[] = {
     "check_sum INTEGER NOT NULL)",
     "CREATE TABLE study (identity TEXT NOT NULL)"};
 
-// ---------------------------------------------------------------- bytes
+// ---- bytes
 
 std::string bytes_of(const std::vector<double>& answers) {
   std::string bytes;
@@ -56,99 +51,12 @@ std::vector<double> answers_in(std::string_view bytes) {
   return answers;
 }
 
-/// Fowler, Noll and Vo's hash 1a of 64 bits.
 std::int64_t check_sum(std::uint64_t index, std::string_view answers, std::string_view fault) {
-  std::uint64_t sum = 14695981039346656037u;
-  const auto add = [&](std::string_view bytes) {
-    for (const char byte : bytes) {
-      sum ^= static_cast<unsigned char>(byte);
-      sum *= 1099511628211u;
-    }
-  };
-  add(fmt::format("{} {} ", index, answers.size()));
-  add(answers);
-  add(fault);
-  return std::int64_t(sum);
+  const std::uint64_t begun = fnv_1a(fmt::format("{} {} ", index, answers.size()));
+  return std::int64_t(fnv_1a(fault, fnv_1a(answers, begun)));
 }
 
-// ---------------------------------------------------------------- the lock
-
-[[noreturn]] void not_locked(const std::filesystem::path& file, int reason) {
-  throw OutputFailure(
-      fmt::format("{}: cannot be locked: {}", file.string(), std::strerror(reason)));
-}
-
-/// Who holds the lock, as that process wrote it.
-std::string holder(int descriptor) {
-  char text[200];
-  const ssize_t length = ::pread(descriptor, text, sizeof text, 0);
-  return length > 0 ? std::string(text, std::size_t(length)) : "another process";
-}
-
-/// Whether a lock may be made of a file: an empty one, or what a holder left.
-bool is_lock(int descriptor) {
-  struct stat about {};
-  if (::fstat(descriptor, &about) != 0 || !S_ISREG(about.st_mode)) return false;
-  const std::string who = about.st_size > 0 ? holder(descriptor) : "";
-  return about.st_size == 0 ||
-         (about.st_size < 200 && who.starts_with("process ") && who.find(" on ") != who.npos);
-}
-
-/// A file beside the journal that one process at a time can hold. SQLite's own locks serve reading
-/// and writing; they would not keep a second study from doing the same cases.
-class Lock {
- public:
-  explicit Lock(const std::filesystem::path& journal) : file_(journal.string() + "-lock") {
-    while (descriptor_ < 0) try_once();
-    char host[100] = "";
-    ::gethostname(host, sizeof host - 1);
-    const std::string who = fmt::format("process {} on {}", ::getpid(), host);
-    // only to inform others: on a full disk it may fail
-    if (::ftruncate(descriptor_, 0) == 0) [[maybe_unused]]
-      const ssize_t written = ::pwrite(descriptor_, who.data(), who.size(), 0);
-  }
-  ~Lock() {
-    ::unlink(file_.c_str());
-    ::close(descriptor_);
-  }
-  Lock(const Lock&) = delete;
-  Lock& operator=(const Lock&) = delete;
-
- private:
-  void try_once() {
-    const int descriptor = ::open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
-    if (descriptor < 0) not_locked(file_, errno);
-    if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0) {
-      const int reason = errno;
-      const std::string who = holder(descriptor);
-      ::close(descriptor);
-      if (reason == EINTR) return;
-      if (reason != EWOULDBLOCK) not_locked(file_, reason);
-      throw OutputFailure(fmt::format(
-          "{}: another process works on this study ({}); wait for it, or use another --out",
-          file_.string().substr(0, file_.string().size() - 5), who));
-    }
-    if (!is_lock(descriptor)) {
-      ::close(descriptor);
-      throw OutputFailure(fmt::format(
-          "{}: a file that abbe did not make stands there; move it, or choose another --out",
-          file_.string()));
-    }
-    // its holder may have ended, and the file with it, between the two calls above
-    struct stat held {
-    }, there{};
-    if (::fstat(descriptor, &held) == 0 && ::stat(file_.c_str(), &there) == 0 &&
-        held.st_ino == there.st_ino && held.st_dev == there.st_dev)
-      descriptor_ = descriptor;
-    else
-      ::close(descriptor);
-  }
-
-  std::filesystem::path file_;
-  int descriptor_ = -1;
-};
-
-// ---------------------------------------------------------------- SQLite
+// ---- SQLite
 
 struct CloseDatabase {
   void operator()(sqlite3* database) const { sqlite3_close_v2(database); }
@@ -414,7 +322,7 @@ struct Journal::Connection {
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
 
-  Lock lock;  // outlives the database
+  JournalLock lock;  // outlives the database
   Database database;
 };
 

@@ -6,26 +6,19 @@
 
 #include <boost/random/sobol.hpp>
 
+#include "kinematics/hash.h"
+
 namespace abbe::sim::study {
 namespace {
 
 constexpr int most_dimensions = 3600;
 constexpr std::uint64_t most_points = std::uint64_t(1) << 52;
-constexpr std::uint64_t golden = 0x9e3779b97f4a7c15u;  // 2^64 over the golden ratio, odd
-
-/// SplitMix64's finaliser: every bit of x stirs every bit of the result.
-std::uint64_t stirred(std::uint64_t x) {
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-  return x ^ (x >> 31);
-}
 
 /// Draws of one point, dimension by dimension.
 class Stream {
  public:
-  Stream(std::uint64_t seed, std::uint64_t point)
-      : state_(stirred(stirred(seed + golden) + point * golden)) {}
-  std::uint64_t next() { return stirred(state_ += golden); }
+  Stream(std::uint64_t seed, std::uint64_t point) : state_(split_mix::stream(seed, point)) {}
+  std::uint64_t next() { return split_mix::mixed(state_ += split_mix::golden); }
 
  private:
   std::uint64_t state_;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "kinematics/hash.h"
 #include "kinematics/text.h"
 #include "sim/files/versions.h"
 #include "sim/scene/case_name.h"
@@ -10,12 +11,6 @@
 
 namespace abbe::sim::study {
 namespace {
-
-/// FNV-1a of 64 bits.
-std::uint64_t hash_of(std::string_view text, std::uint64_t hash = 0xcbf29ce484222325ULL) {
-  for (const unsigned char byte : text) hash = (hash ^ byte) * 0x100000001b3ULL;
-  return hash;
-}
 
 std::uint64_t hash_of_file(const std::filesystem::path& file, std::uint64_t hash);
 
@@ -36,11 +31,11 @@ std::uint64_t hash_of_files(const Node& node, std::uint64_t hash) {
 }
 
 std::uint64_t hash_of_file(const std::filesystem::path& file, std::uint64_t hash) {
-  hash = hash_of(read_text(file, std::size_t(1) << 31), hash);
+  hash = fnv_1a(read_text(file, std::size_t(1) << 31), hash);
   if (file.extension() != ".toml") return hash;
   Faults ignored;  // another scene, from which something is learnt: reported when it is used
   const std::optional<Node> tree = read_tree(file, ignored);
-  return tree ? hash_of_files(*tree, hash_of(to_toml(*tree), hash)) : hash;
+  return tree ? hash_of_files(*tree, fnv_1a(to_toml(*tree), hash)) : hash;
 }
 
 /// This very build: another one may give other bits.
@@ -49,7 +44,7 @@ std::string program() {
   std::error_code failure;
   const bool known = std::filesystem::is_regular_file(self, failure);
   return versions().dump() +
-         (known ? std::to_string(hash_of(read_text(self, std::size_t(1) << 31))) : "");
+         (known ? std::to_string(fnv_1a(read_text(self, std::size_t(1) << 31))) : "");
 }
 
 std::string identity_of_scene(const Scene& scene) {
@@ -65,9 +60,9 @@ std::string identity_of(const Study& study, const std::vector<Scene>& scenes) {
   for (const Arm& arm : study.arms) {
     if (arm.case_name == "uncompensated") continue;
     const std::filesystem::path plug_in = parse_case(arm.case_name).plug_in;
-    if (!plug_in.empty()) all += std::to_string(hash_of_file(plug_in, hash_of("")));
+    if (!plug_in.empty()) all += std::to_string(hash_of_file(plug_in, fnv_1a_basis));
   }
-  return fmt::format("{:016x}", hash_of(all));
+  return fmt::format("{:016x}", fnv_1a(all));
 }
 
 }  // namespace abbe::sim::study
