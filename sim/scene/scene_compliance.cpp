@@ -77,7 +77,7 @@ Compliance read_stiffness(TableReader& reader) {
 }
 
 /// What gives way at one place; it is written as its matrix.
-Fields<Compliance> stiffness_fields() {
+Fields<Compliance> made_stiffness_fields() {
   const auto stiffness = [](const char* name, const char* letters, double least) {
     return key_of_numbers(name, 3, fmt::format("{}, each at least {}", letters, least).c_str());
   };
@@ -95,6 +95,11 @@ Fields<Compliance> stiffness_fields() {
           [](const Compliance& C, Node::Table& table) {
             if (!C.isZero(0.0)) put_numbers(table, "matrix", C.reshaped<Eigen::RowMajor>(), 1.0);
           });
+}
+
+const Fields<Compliance>& stiffness_fields() {
+  static const Fields<Compliance> fields = made_stiffness_fields();
+  return fields;
 }
 
 void read_joints(TableReader& compliance, const MachineDescription& machine,

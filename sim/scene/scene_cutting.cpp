@@ -16,6 +16,8 @@ using Blank = CuttingDescription::Blank;
 using OffsetBlank = CuttingDescription::OffsetBlank;
 using TurnedBlank = CuttingDescription::TurnedBlank;
 
+enum class Operation { Milling, Turning };
+
 constexpr int most_corners = 10000;
 constexpr Range helix_range{-90.0, 90.0, true, true};
 constexpr Range spacing_range{0.001, 20.0};
@@ -114,7 +116,7 @@ Fields<TurnedBlank> turned_fields() {
 }
 
 /// The blank, which must be one for the lathe under a turning tool, and only there.
-Fields<CuttingDescription> blank_fields(bool turning) {
+Fields<CuttingDescription> blank_fields(Operation operation) {
   const Fields<CuttingDescription> blank = Fields<CuttingDescription>().kinds(
       must("blank"), &CuttingDescription::blank,
       {alternative<Blank>("box", box_fields(), "along the axes of the part"),
@@ -125,10 +127,11 @@ Fields<CuttingDescription> blank_fields(bool turning) {
       "what is cut, in the part frame");
   return Fields<CuttingDescription>().custom(
       blank.keys(),
-      [blank, turning](TableReader& reader, CuttingDescription& cutting) {
+      [blank, operation](TableReader& reader, CuttingDescription& cutting) {
         const std::size_t before = reader.faults().list().size();
         cutting = blank.read(reader, std::move(cutting));
         if (reader.faults().list().size() != before) return;
+        const bool turning = operation == Operation::Turning;
         const bool turned = std::holds_alternative<TurnedBlank>(cutting.blank);
         if (turning && !turned)
           reader.refuse("blank", "\"turned\" for cutting.blank under a turning tool", "another");
@@ -196,21 +199,25 @@ Fields<CuttingDescription> memory_fields() {
       });
 }
 
-Fields<CuttingDescription> cutting_fields(const ToolDescription& tool) {
-  const bool turning = std::holds_alternative<cutting::Nose>(tool.nominal);
+Fields<CuttingDescription> fields_of(Operation operation) {
   const auto has_dexels = [](const CuttingDescription& cutting) {
     return !std::holds_alternative<TurnedBlank>(cutting.blank);
   };
-  return Fields<CuttingDescription>()
-      .all_of(itself, blank_fields(turning))
-      .number("spacing_mm", &CuttingDescription::spacing, spacing_range,
-              "of dexels; of a turned blank along the spindle line")
-      .where([turning](const CuttingDescription&) { return !turning; }, milling_fields())
-      .where(has_dexels, memory_fields())
+  Fields<CuttingDescription> fields = blank_fields(operation);
+  fields.number("spacing_mm", &CuttingDescription::spacing, spacing_range,
+                "of dexels; of a turned blank along the spindle line");
+  if (operation == Operation::Milling) fields.all_of(itself, milling_fields());
+  return fields.where(has_dexels, memory_fields())
       .number("tolerance_nm", &CuttingDescription::tolerance, positive,
               "to which force and deflection agree at every step")
       .whole("most_iterations", &CuttingDescription::most_iterations, 1, 1000,
              "of one step, after which it is reported as not converged");
+}
+
+const Fields<CuttingDescription>& cutting_fields(const ToolDescription& tool) {
+  static const Fields<CuttingDescription> milling = fields_of(Operation::Milling),
+                                          turning = fields_of(Operation::Turning);
+  return std::holds_alternative<cutting::Nose>(tool.nominal) ? turning : milling;
 }
 
 }  // namespace

@@ -170,32 +170,37 @@ void put_work_offsets(const ProgramDescription& program, const Joints& joints, N
   if (!offsets.empty()) put(table, "work_offset", std::move(offsets));
 }
 
-Fields<ProgramDescription> program_fields(const Joints& joints) {
-  return Fields<ProgramDescription>()
-      .check(choose_source)
-      .where(is_file, file_fields())
-      .where(std::not_fn(is_file), generator_fields())
-      .custom({tool_length_key()}, read_tool_lengths, put_tool_lengths)
-      .custom(
-          {work_offset_key()},
-          [joints](TableReader& reader, ProgramDescription& program) {
-            read_work_offsets(reader, joints, program);
-          },
-          [joints](const ProgramDescription& program, Node::Table& table) {
-            put_work_offsets(program, joints, table);
-          });
+/// All keys but those of work offsets, which the axes of the machine decide.
+const Fields<ProgramDescription>& program_fields() {
+  static const Fields<ProgramDescription> fields =
+      Fields<ProgramDescription>()
+          .check(choose_source)
+          .where(is_file, file_fields())
+          .where(std::not_fn(is_file), generator_fields())
+          .custom({tool_length_key()}, read_tool_lengths, put_tool_lengths);
+  return fields;
 }
 
 }  // namespace
 
 ProgramDescription read_program(const Node& table, const Joints& joints, Faults& faults) {
-  return program_fields(joints).read_table(table, "program", faults);
+  TableReader reader(table, "program", faults);
+  ProgramDescription program = program_fields().read(reader);
+  read_work_offsets(reader, joints, program);
+  reader.close();
+  return program;
 }
 
 Node::Table written_program(const ProgramDescription& program, const Joints& joints) {
-  return program_fields(joints).written(program);
+  Node::Table table = program_fields().written(program);
+  put_work_offsets(program, joints, table);
+  return table;
 }
 
-std::vector<Key> program_keys() { return program_fields({}).keys(); }
+std::vector<Key> program_keys() {
+  std::vector<Key> keys = program_fields().keys();
+  keys.push_back(work_offset_key());
+  return keys;
+}
 
 }  // namespace abbe::sim

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <set>
 
 #include "sim/scene/scene_sections.h"
 
@@ -99,34 +100,59 @@ Fields<ToolDescription> actual_fields(const std::string& kind) {
               "turning: by which it stands off along the tool's y");
 }
 
-Key kind_key() {
-  Key kind = key_of(must("kind"), Key::Kind::Text, "of tool");
-  kind.words = {{"ball", "its end is a hemisphere", {}},
-                {"bull", "a flat end with a round corner", {}},
-                {"flat", "a flat end with a sharp corner", {}},
-                {"nose", "a turning tool", {}}};
-  for (Word& word : kind.words) word.keys = nominal_fields(word.word).keys();
+/// A kind of tool: its word, and the keys of the nominal tool and of the actual one.
+struct ToolKind {
+  Word word;
+  Fields<ToolDescription> nominal, actual;
+};
+
+ToolKind tool_kind(const char* word, const char* sentence) {
+  ToolKind kind{{word, sentence, {}}, nominal_fields(word), actual_fields(word)};
+  kind.word.keys = kind.nominal.keys();
   return kind;
 }
 
-std::string kind_in(TableReader& reader) {
-  return reader.word("kind", words_of(kind_key()), true).value_or("ball");
+const std::vector<ToolKind>& tool_kinds() {
+  static const std::vector<ToolKind> kinds{tool_kind("ball", "its end is a hemisphere"),
+                                           tool_kind("bull", "a flat end with a round corner"),
+                                           tool_kind("flat", "a flat end with a sharp corner"),
+                                           tool_kind("nose", "a turning tool")};
+  return kinds;
+}
+
+/// The first kind where there is no such word.
+const ToolKind& kind_named(const std::string& word) {
+  for (const ToolKind& kind : tool_kinds())
+    if (kind.word.word == word) return kind;
+  return tool_kinds().front();
+}
+
+const ToolKind& kind_in(TableReader& reader) {
+  std::set<std::string> words;
+  for (const ToolKind& kind : tool_kinds()) words.insert(kind.word.word);
+  return kind_named(reader.word("kind", words, true).value_or(""));
 }
 
 /// A kind that can be both what the tool should be and what it is.
-std::string kind_of(const ToolDescription& tool) {
+const ToolKind& kind_of(const ToolDescription& tool) {
   const auto* nominal = std::get_if<Cutter>(&tool.nominal);
-  if (!nominal) return "nose";
+  if (!nominal) return kind_named("nose");
   const Cutter& actual = std::get<Cutter>(tool.actual);
-  if (nominal->corner_radius == 0.0 && actual.corner_radius == 0.0) return "flat";
+  if (nominal->corner_radius == 0.0 && actual.corner_radius == 0.0) return kind_named("flat");
   const bool round =
       nominal->corner_radius == nominal->radius && actual.corner_radius == actual.radius;
-  return round ? "ball" : "bull";
+  return kind_named(round ? "ball" : "bull");
+}
+
+Key kind_key() {
+  Key kind = key_of(must("kind"), Key::Kind::Text, "of tool");
+  for (const ToolKind& one : tool_kinds()) kind.words.push_back(one.word);
+  return kind;
 }
 
 Key actual_key() {
-  std::vector<Key> keys = actual_fields("bull").keys();
-  for (Key& key : actual_fields("nose").keys())
+  std::vector<Key> keys = kind_named("bull").actual.keys();
+  for (Key& key : kind_named("nose").actual.keys())
     if (key.name != "length_mm" && key.name != "radius_mm") keys.push_back(std::move(key));
   return key_of(KeyName("actual").otherwise("as nominal"), Key::Kind::Table,
                 "what the tool really is, where that differs", std::move(keys));
@@ -140,11 +166,11 @@ const Fields<ToolDescription>& tool_fields() {
           .custom(
               {kind_key()},
               [](TableReader& reader, Tool& tool) {
-                tool = nominal_fields(kind_in(reader)).read(reader, std::move(tool));
+                tool = kind_in(reader).nominal.read(reader, std::move(tool));
               },
               [](const Tool& tool, Node::Table& table) {
-                put(table, "kind", kind_of(tool));
-                put_all(table, nominal_fields(kind_of(tool)).written(tool));
+                put(table, "kind", kind_of(tool).word.word);
+                put_all(table, kind_of(tool).nominal.written(tool));
               })
           .number(must("length_mm"), &Tool::length, tool_length,
                   "from the nose of the spindle to the tip; of a turning tool to the centre of its "
@@ -159,12 +185,11 @@ const Fields<ToolDescription>& tool_fields() {
               {actual_key()},
               [](TableReader& reader, Tool& tool) {
                 if (const Node* node = reader.section("actual"))
-                  tool = actual_fields(kind_in(reader))
-                             .read_table(*node, reader.name_of("actual"), reader.faults(),
-                                         std::move(tool));
+                  tool = kind_in(reader).actual.read_table(*node, reader.name_of("actual"),
+                                                           reader.faults(), std::move(tool));
               },
               [](const Tool& tool, Node::Table& table) {
-                put(table, "actual", actual_fields(kind_of(tool)).written(tool));
+                put(table, "actual", kind_of(tool).actual.written(tool));
               });
   return fields;
 }
