@@ -365,21 +365,21 @@ std::vector<std::string> warnings_of(const Steps& steps, const MatrixXd& contras
   const Contradiction all = contradiction(contrast, y, sigma);
   const Contradiction steady = contradiction(part.steady * contrast, y, sigma);
   const Contradiction varying = contradiction(part.varying * contrast, y, sigma);
-  const auto told = [](const Contradiction& c) {
+  const auto figures = [](const Contradiction& c) {
     return fmt::format("(chi-square {:.4g} of {:.0f}, beyond chance)", c.chi_square, c.freedom);
   };
   std::vector<std::string> result;
   if (varying.is_rare())
     result.push_back("the four diagonals contradict each other differently from step to step " +
-                     told(varying) +
+                     figures(varying) +
                      ": angular errors of the axes are likely, and the 12 elements are wrong");
   if (steady.is_rare())
     result.push_back("the four diagonals contradict each other alike at every step " +
-                     told(steady) +
+                     figures(steady) +
                      ": a mirror or a beam out of line, or a steady angular error, "
                      "is likely, and the 12 elements are wrong");
   if (result.empty() && all.is_rare())
-    result.push_back("the four diagonals contradict each other " + told(all) +
+    result.push_back("the four diagonals contradict each other " + figures(all) +
                      ": the 12 elements are doubtful");
   return result;
 }
@@ -413,8 +413,8 @@ std::string caution_of(const Readings& readings, const Path& path, const MatrixX
       const ElementName name{about, slides[axis], false};
       const VectorXd y = read_on(readings, turning(name, path.steps[axis], angle)) - perfect;
       const double largest = largest_value(curves, y);
-      const double told = (contrast * y).cwiseAbs().maxCoeff();
-      if (largest < units::nm || told > 1e-2 * largest / double(path.steps[axis].size())) continue;
+      const double seen = (contrast * y).cwiseAbs().maxCoeff();
+      if (largest < units::nm || seen > 1e-2 * largest / double(path.steps[axis].size())) continue;
       unseen += " " + to_string(name);
       worst = std::max(worst, largest);
     }
@@ -429,6 +429,7 @@ std::string caution_of(const Readings& readings, const Path& path, const MatrixX
 
 struct Quantities {
   std::vector<std::string> names;
+  std::vector<bool> is_length;
   std::vector<double> value;
 };
 
@@ -451,6 +452,8 @@ Quantities quantities(const GeometricErrors& belief) {
         result.value.push_back(table->value[i]);
       }
     }
+    result.is_length.resize(result.names.size(),
+                            !element.name.location && element.name.direction != element.name.axis);
   }
   return result;
 }
@@ -491,6 +494,7 @@ StepDiagonalTrend step_diagonal_trend(std::span<const StepDiagonal> results, con
     const Quantities q = quantities(results[std::size_t(i)].belief);
     if (i == 0) {
       trend.names = q.names;
+      trend.is_length = q.is_length;
       values.resize(m, Index(q.names.size()));
     }
     if (q.names != trend.names) refuse("expected results over the same steps");

@@ -25,6 +25,7 @@
 #include "sim/files/progress.h"
 #include "sim/files/terminal.h"
 #include "sim/report/describe.h"
+#include "sim/report/identify_json.h"
 #include "sim/report/identify_text.h"
 #include "sim/report/pictures.h"
 #include "sim/report/sensor_choices_text.h"
@@ -182,8 +183,8 @@ int finish(const Common& common, const RunOptions& options, const Outcome& outco
           outcome.json["case"].get<std::string>(), figures(outcome.json["residual_um"]),
           left_out(outcome.json), Lines(unreached_line(outcome.json)), options.folder.string());
   }
-  if (!common.json && !outcome.sensors.is_null())
-    print("{}", Lines(sensor_choices_text(one_lined(outcome.sensors))));
+  if (!common.json && outcome.sensors)
+    print("{}", Lines(sensor_choices_text(*outcome.sensors)));
   print_warnings(outcome.json);
   if (!draws_pictures())
     print(stderr, "abbe: warning: this program was built without VTK: no pictures and no .vtp\n");
@@ -337,8 +338,8 @@ int identify_command(const Common& common, IdentifyWords words) {
       throw CLI::ValidationError("--out", "expected another file than the readings");
   }
   words.options.permissions = common.permissions;
-  const nlohmann::ordered_json report = identify(words.readings, words.options);
-  print("{}", Lines(common.json ? json_text(report) : identify_text(one_lined(report))));
+  const Identified found = identify(words.readings, words.options);
+  print("{}", Lines(common.json ? json_text(to_json(found)) : identify_text(found)));
   return ok;
 }
 
