@@ -40,6 +40,7 @@ StepDiagonal step_diagonal(const metrology::Readings& readings);
 /// six straightnesses every row.
 struct StepDiagonalTrend {
   std::vector<std::string> names;  ///< (v) "EXX slope", "EC0Y", "EYX[3]"
+  std::vector<bool> is_length;     ///< (v) mm; else a slope (mm per mm) or an angle (rad)
   Eigen::VectorXd at_zero;         ///< (v) where all temperatures are zero
   Eigen::MatrixXd per_K;           ///< (v x k)
   Eigen::MatrixXd per_K_sigma;     ///< (v x k) from what scatters about the lines; empty where

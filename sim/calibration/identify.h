@@ -1,21 +1,24 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
-
-#include <nlohmann/json.hpp>
 
 #include "errors/identification/curve_readings.h"
 #include "errors/identification/estimate.h"
 #include "errors/identification/model.h"
+#include "errors/identification/step_diagonal.h"
+#include "sim/calibration/identify_composite.h"
+#include "sim/calibration/identify_thermal.h"
 #include "sim/files/permissions.h"
 
 namespace abbe::sim {
 
 struct IdentifyOptions {
-  /// Without what only places the workpiece on a rotary table: no reading tells that.
+  /// Without what only places the workpiece on a rotary table: no reading determines that.
   errors::identification::ModelOptions model = {.placement = false};
   errors::identification::EstimateOptions estimate;
   bool choose_orders = false;  ///< by cross-validation instead of `model.order`
@@ -37,22 +40,71 @@ struct IdentifyOptions {
   Permissions permissions;
 };
 
-/// What was identified, before anything of it is written.
-struct Identified {
-  nlohmann::ordered_json report;
-  std::string belief;          ///< text of the belief file
-  std::string thermal_belief;  ///< text of a composite's thermal half, else empty
-  std::vector<errors::identification::CurveReadings> curves;  ///< of the method chain
-  kinematics::Chain nominal;
+/// What an identification writes, side by side.
+struct BeliefFiles {
+  std::filesystem::path belief;                  ///< as asked for
+  std::filesystem::path report;                  ///< NAME.json
+  std::filesystem::path picture;                 ///< NAME.png
+  std::optional<std::filesystem::path> thermal;  ///< NAME_thermal.txt of a composite
+};
+BeliefFiles belief_files(const IdentifyOptions& options);
+
+/// One file of readings.
+struct ReadingsSource {
+  std::filesystem::path file;
+  std::string instrument;  ///< its name
+  std::string kind;        ///< "laser"
+  std::size_t readings = 0;
+  std::size_t set_ups = 0;
+  double duration_s = 0.0;  ///< on a real machine
 };
 
-/// Identifies a machine from files of readings alone. Says which numbers no reading tells, what
-/// hides them, what was left out, and how long the measurements would take.
+/// Least squares on the exact chain.
+struct ChainFit {
+  std::optional<std::map<std::string, int>> orders;  ///< "EXX" -> order, where they were chosen
+  std::size_t unknowns = 0;                          ///< numbers of the model
+  double reduced_chi_square = 0.0;
+  int degrees_of_freedom = 0;
+  double condition = 0.0;  ///< of the scaled design matrix over what was found
+  /// A reading that was left out.
+  struct Outlier {
+    std::filesystem::path file;
+    std::size_t row = 0;       ///< of the readings in it, from 1
+    double residual_sd = 0.0;  ///< in standard deviations
+  };
+  std::vector<Outlier> outliers;
+  std::vector<errors::identification::CurveReadings> curves;
+};
+
+/// The published evaluation of step diagonals.
+struct StepDiagonalFit {
+  double reduced_chi_square = 0.0;
+  std::vector<std::string> sensors;
+  std::optional<errors::identification::StepDiagonalTrend> trend;  ///< where sensors were named
+};
+
+/// A positioning from several starts.
+struct CompositeFits {
+  std::vector<std::string> sensors;
+  std::vector<CompositeAxis> axes;
+};
+
+/// What was identified, before anything of it is written.
+struct Identified {
+  BeliefFiles files;
+  std::vector<ReadingsSource> sources;
+  kinematics::Chain nominal;
+  errors::GeometricErrors belief;       ///< what was found, with its covariance; empty of a day
+  compensation::ThermalBelief thermal;  ///< of a composite and of a day, else empty
+  std::variant<ChainFit, StepDiagonalFit, CompositeFits, ThermalDay> fit;
+  std::vector<errors::identification::Confounded> confounded;
+  std::vector<std::string> warnings;
+};
+
+/// Identifies a machine from files of readings alone. Says which numbers no reading determines,
+/// what hides them, what was left out, and how long the measurements would take.
 /// @throws BadInput, BadScene; BadInput naming the files if they are of different machines
 Identified identified(const std::vector<std::filesystem::path>& files,
                       const IdentifyOptions& options);
-
-/// The thermal half of a composite: beside the cold one, with a name of its own.
-std::filesystem::path thermal_file(const std::filesystem::path& out);
 
 }  // namespace abbe::sim

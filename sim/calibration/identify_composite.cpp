@@ -7,8 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "errors/identification/composite.h"
-#include "kinematics/units.h"
+#include "errors/identification/epochs.h"
 #include "sim/calibration/evaluate_tests.h"
 
 namespace abbe::sim {
@@ -23,7 +22,6 @@ using identification::CompositeFit;
 using identification::CompositeRun;
 using identification::CompositeStatus;
 using identification::Regression;
-using Json = nlohmann::ordered_json;
 using Sensors = std::vector<std::string>;
 
 constexpr double per_m = 1e-6;  // um/m
@@ -37,17 +35,13 @@ struct AxisRuns {
 
 /// Mean temperatures of some sensors while a set-up stood.
 VectorXd mean_C(const Readings& readings, int set_up, const Sensors& sensors) {
+  const std::vector<Index> columns = identification::sensor_columns(sensors, readings.sensors);
   VectorXd sum = VectorXd::Zero(Index(sensors.size()));
   int count = 0;
   for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
     if (readings.plan.looks[i].set_up != set_up) continue;
     ++count;
-    for (std::size_t k = 0; k < sensors.size(); ++k) {
-      const auto found = std::find(readings.sensors.begin(), readings.sensors.end(), sensors[k]);
-      if (found == readings.sensors.end())
-        throw std::invalid_argument("expected a sensor that was logged, seen " + sensors[k]);
-      sum[Index(k)] += readings.T_C(Index(i), found - readings.sensors.begin());
-    }
+    sum += readings.T_C.row(Index(i))(columns).transpose();
   }
   return sum / count;
 }
@@ -61,15 +55,17 @@ double start_s(const Readings& readings, int set_up) {
 
 std::map<char, AxisRuns> runs_of(const Readings& readings, const Sensors& sensors) {
   std::map<char, AxisRuns> axes;
-  const Tests tests = tests_of(readings);
-  for (const AxisTest& test : tests.axes) {
-    if (test.what != AxisTest::What::Positioning || test.rotary) continue;
-    AxisRuns& axis = axes[test.axis];
-    const bool cold = axis.runs.empty();
-    axis.T_C.push_back(mean_C(readings, test.set_up, sensors));
-    axis.time_s.push_back(start_s(readings, test.set_up));
-    axis.runs.push_back(
-        {test.runs.target, mean_of(test.runs), axis.T_C.back() - axis.T_C.front(), cold});
+  for (const Readings& start : identification::by_start(readings)) {
+    const Tests tests = tests_of(start);
+    for (const AxisTest& test : tests.axes) {
+      if (test.what != AxisTest::What::Positioning || test.rotary) continue;
+      AxisRuns& axis = axes[test.axis];
+      const bool cold = axis.runs.empty();
+      axis.T_C.push_back(mean_C(start, test.set_up, sensors));
+      axis.time_s.push_back(start_s(start, test.set_up));
+      axis.runs.push_back(
+          {test.runs.target, mean_of(test.runs), axis.T_C.back() - axis.T_C.front(), cold});
+    }
   }
   if (axes.empty()) throw std::invalid_argument("expected the positioning of slides");
   return axes;
@@ -148,7 +144,7 @@ identification::ThermalModel slope_model(const AxisRuns& axis, const CompositeFi
   return model;
 }
 
-// ---- report
+// ---- what the law does not say
 
 /// The slopes regressed with a constant as well: what the temperatures leave at dT = 0.
 std::optional<Regression> with_constant(const AxisRuns& axis, const CompositeFit& fit) {
@@ -161,49 +157,21 @@ std::optional<Regression> with_constant(const AxisRuns& axis, const CompositeFit
   return regression;
 }
 
-Json axis_json(char name, const AxisRuns& axis, const CompositeFit& fit, const Sensors& sensors) {
-  Json slopes = Json::array(), per_K = Json::object(), error = Json::object(),
-       cold_C = Json::object();
-  for (Index i = 0; i < fit.slope.size(); ++i)
-    slopes.push_back({{"start", fit.later[std::size_t(i)] + 1},
-                      {"slope_um_per_m", fit.slope[i] / per_m},
-                      {"standard_error", fit.slope_error[i] / per_m},
-                      {"offset_um", fit.offset[i] / units::um}});
-  for (std::size_t k = 0; k < sensors.size(); ++k) {
-    per_K[sensors[k]] = fit.thermal[Index(k)] / per_m;
-    error[sensors[k]] = fit.slope_fit.standard_error[Index(k)] / per_m;
-    cold_C[sensors[k]] = axis.T_C.front()[Index(k)];
-  }
-  Json json{{"axis", std::string(1, name)},
-            {"zero_of_dT", "start 1"},
-            {"zero_of_dT_h", axis.time_s.front() / 3600.0},
-            {"zero_of_dT_C", cold_C},
-            {"slopes", slopes},
-            {"slope_um_per_m_K", per_K},
-            {"standard_error_um_per_m_K", error},
-            {"rms_um", fit.rms / units::um},
-            {"slope_at_zero_of_dT_um_per_m", nullptr}};
-  if (const auto regression = with_constant(axis, fit))
-    json["slope_at_zero_of_dT_um_per_m"] = {
-        {"value", regression->constant / per_m},
-        {"standard_error", regression->standard_error[0] / per_m}};
-  return json;
-}
-
-void add_warnings(std::vector<std::string>& warnings, char name, const AxisRuns& axis,
-                  const CompositeFit& fit, const Sensors& sensors) {
-  for (Index k = 0; k < fit.slope_fit.vif.size(); ++k)
-    if (fit.slope_fit.vif[k] > 10.0)
+void add_warnings(std::vector<std::string>& warnings, const CompositeAxis& axis,
+                  const Sensors& sensors) {
+  const VectorXd& vif = axis.fit.slope_fit.vif;
+  for (Index k = 0; k < vif.size(); ++k)
+    if (vif[k] > 10.0)
       warnings.push_back(fmt::format("{}: {} says nearly what the other sensors say (VIF {:.0f})",
-                                     name, sensors[std::size_t(k)], fit.slope_fit.vif[k]));
-  const auto regression = with_constant(axis, fit);
-  if (!regression || regression->degrees_of_freedom < 1) return;
-  const double constant = regression->constant, error = regression->standard_error[0];
+                                     axis.axis, sensors[std::size_t(k)], vif[k]));
+  if (!axis.with_constant || axis.with_constant->degrees_of_freedom < 1) return;
+  const double constant = axis.with_constant->constant,
+               error = axis.with_constant->standard_error[0];
   if (std::abs(constant) > 4.0 * error && std::abs(constant) > 0.1 * per_m)
     warnings.push_back(fmt::format(
         "{}: by the later starts the slope is {:.3f} ({:.2g}) um/m where these temperatures are "
         "those of start 1, not 0: other temperatures matter, or the machine was not at rest there",
-        name, constant / per_m, error / per_m));
+        axis.axis, constant / per_m, error / per_m));
 }
 
 }  // namespace
@@ -213,7 +181,6 @@ Composite identify_composite(const Readings& readings, const CompositeIdentifica
     throw std::invalid_argument("expected sensors to regress the slopes on");
   Composite result;
   result.thermal.since_start = false;
-  result.axes = Json::array();
   for (const auto& [name, axis] : runs_of(readings, options.sensors)) {
     identification::CompositeOptions how;
     how.degree = options.degree;
@@ -224,8 +191,9 @@ Composite identify_composite(const Readings& readings, const CompositeIdentifica
     add_cold(result.cold, slide, fit);
     result.thermal.terms.push_back(
         {slide.element, true, slope_model(axis, fit, options, slide.of_reading * slide.of_travel)});
-    result.axes.push_back(axis_json(name, axis, fit, options.sensors));
-    add_warnings(result.warnings, name, axis, fit, options.sensors);
+    result.axes.push_back(
+        {name, axis.time_s.front(), axis.T_C.front(), fit, with_constant(axis, fit)});
+    add_warnings(result.warnings, result.axes.back(), options.sensors);
   }
   return result;
 }

@@ -10,8 +10,6 @@
 #include <tbb/parallel_for.h>
 
 #include "errors/bound_element.h"
-#include "kinematics/units.h"
-#include "sim/calibration/thermal_epochs.h"
 
 namespace abbe::sim {
 namespace {
@@ -21,11 +19,11 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using errors::metrology::Readings;
+using identification::DayLog;
 using identification::Estimate;
 using kinematics::Chain;
 using kinematics::Joint;
 using kinematics::Motion;
-using Json = nlohmann::ordered_json;
 
 constexpr double per_metre = 1000.0;  // mm: slopes are numbers of mm or rad over a metre or radian
 
@@ -40,7 +38,7 @@ errors::Element element_of(const errors::ElementName& name, const Chain& nominal
   joint.direction_b.cwiseAbs().maxCoeff(&along);
   const bool positions =
       joint.motion == Motion::Linear && !name.location && name.component() == int(along);
-  if (!positions || !is_moved(logs, at)) return {name, {{errors::Constant{}}}};
+  if (!positions || !identification::is_moved(logs, at)) return {name, {{errors::Constant{}}}};
   errors::Curve curve{errors::Polynomial{VectorXd::Zero(2), 0.0, per_metre}};
   curve.argument = errors::Argument::Carriage;
   return {name, {curve}};
@@ -98,7 +96,7 @@ struct Series {
   MatrixXd sigma;  ///< (epochs x p) 0: not identified at that epoch
   std::vector<identification::Confounded> confounded;  ///< at the last epoch
 
-  bool is_told(Index number) const { return (sigma.col(number).array() > 0.0).all(); }
+  bool is_found(Index number) const { return (sigma.col(number).array() > 0.0).all(); }
   /// RMS over the epochs after the first, in standard uncertainties.
   double signal(Index number) const {
     const Index later = value.rows() - 1;
@@ -151,7 +149,7 @@ Series signals_of(const errors::GeometricErrors& model,
     Series series = series_of(with_held(model, held), changes);
     std::optional<Index> weakest;
     for (Index j = 0; j < series.value.cols(); ++j)
-      if (series.is_told(j) && (!weakest || series.signal(j) < series.signal(*weakest)))
+      if (series.is_found(j) && (!weakest || series.signal(j) < series.signal(*weakest)))
         weakest = j;
     if (!weakest)
       throw std::invalid_argument(
@@ -190,14 +188,14 @@ Number number_of(const errors::Coefficient& coefficient, Index column,
   return number;
 }
 
-std::vector<Number> told(const Series& series, const errors::GeometricErrors& model,
-                         const Chain& nominal) {
+std::vector<Number> found_numbers(const Series& series, const errors::GeometricErrors& model,
+                                  const Chain& nominal) {
   const auto all = errors::coefficients(model.elements);
   std::vector<Number> numbers;
   for (std::size_t j = 0; j < all.size(); ++j)
-    if (series.is_told(Index(j))) numbers.push_back(number_of(all[j], Index(j), model, nominal));
+    if (series.is_found(Index(j))) numbers.push_back(number_of(all[j], Index(j), model, nominal));
   if (numbers.empty())
-    throw std::invalid_argument("expected readings that tell one of the elements, seen none");
+    throw std::invalid_argument("expected readings that determine one of the elements, seen none");
   return numbers;
 }
 
@@ -220,18 +218,6 @@ identification::SensorChoice choice_of(const Series& series, const std::vector<N
   return choice;
 }
 
-std::vector<Index> columns_of(const std::vector<std::string>& wanted,
-                              const std::vector<std::string>& sensors) {
-  std::vector<Index> columns;
-  for (const std::string& name : wanted) {
-    const auto found = std::ranges::find(sensors, name);
-    if (found == sensors.end())
-      throw std::invalid_argument("expected a sensor that was logged, seen " + name);
-    columns.push_back(found - sensors.begin());
-  }
-  return columns;
-}
-
 identification::ThermalFit fit_of(const Number& number, const Series& series,
                                   const identification::ThermalData& warmed, double margin) {
   identification::ThermalModelOptions options;
@@ -249,67 +235,18 @@ identification::ThermalFit fit_of(const Number& number, const Series& series,
   return fitted;
 }
 
-// ---- report
-
-std::string words(const Number& number) {
-  return to_string(number.name) + (number.slope ? " slope" : " offset");
-}
-
-struct Unit {
-  std::string name;
-  double size = 1.0;  ///< mm or rad, or of a slope per mm
-};
-Unit unit_of(const Number& number) {
-  if (number.slope) return {number.name.is_angle() ? "urad/m" : "um/m", 1e-6};
-  return number.name.is_angle() ? Unit{"urad", units::urad} : Unit{"um", units::um};
-}
-
-Json term_json(const Number& number, const Series& series,
-               const identification::ThermalFit& fitted) {
-  const identification::Regression& regression = *fitted.regression;
-  const Unit unit = unit_of(number);
-  const VectorXd value = number.per_unit / unit.size * series.value.col(number.column);
-  const VectorXd sigma = number.per_unit / unit.size * series.sigma.col(number.column);
-  Json per_K = Json::object();
-  for (std::size_t k = 0; k < fitted.model->names.size(); ++k)
-    per_K[fitted.model->names[k]] = {
-        {"value", regression.beta[Index(k)] / unit.size},
-        {"standard_error", regression.standard_error[Index(k) + 1] / unit.size},
-        {"vif", regression.vif[Index(k)]}};
-  return {{"name", words(number)},
-          {"unit", unit.name},
-          {"range", value.maxCoeff() - value.minCoeff()},
-          {"standard_uncertainty_at_an_epoch", sigma.mean()},
-          {"constant", regression.constant / unit.size},
-          {"per_K", per_K},
-          {"r_squared", regression.r_squared},
-          {"residual_sd", regression.residual_sd / unit.size},
-          {"at_epochs", std::vector<double>(value.begin(), value.end())}};
-}
-
-Json choice_json(const identification::SensorChoice& choice,
-                 const std::vector<std::string>& sensors) {
-  Json degree = Json::object(), groups = Json::array();
-  for (const int i : identification::ranking(choice.degree))
-    degree[sensors[std::size_t(i)]] = choice.degree[i];
-  for (const auto& group : choice.groups) {
-    groups.push_back(Json::array());
-    for (const int i : group) groups.back().push_back(sensors[std::size_t(i)]);
-  }
-  return {{"degree", degree}, {"threshold", choice.threshold}, {"groups", groups}};
-}
-
-std::vector<std::string> warnings_of(const Json& terms) {
+std::vector<std::string> warnings_of(const ThermalDay& day) {
   std::vector<std::string> warnings;
-  for (const auto& [sensor, one] : terms.front()["per_K"].items())
-    if (const double vif = one["vif"].get<double>(); vif > 10.0)
-      warnings.push_back(fmt::format(
-          "{} says nearly what the other sensors say on this day (VIF {:.0f})", sensor, vif));
-  for (const Json& term : terms)
-    if (const double r_squared = term["r_squared"].get<double>(); r_squared < 0.9)
+  const VectorXd& vif = day.terms.front().regression.vif;
+  for (Index k = 0; k < vif.size(); ++k)
+    if (vif[k] > 10.0)
+      warnings.push_back(
+          fmt::format("{} says nearly what the other sensors say on this day (VIF {:.0f})",
+                      day.sensors[std::size_t(k)], vif[k]));
+  for (const RegressedTerm& term : day.terms)
+    if (const double r_squared = term.regression.r_squared; r_squared < 0.9)
       warnings.push_back(fmt::format("{}: these temperatures tell {:.0f} % of how it moved",
-                                     term["name"].get<std::string>(),
-                                     100.0 * std::max(0.0, r_squared)));
+                                     name_of(term), 100.0 * std::max(0.0, r_squared)));
   return warnings;
 }
 
@@ -332,47 +269,44 @@ void check(std::span<const Readings> readings) {
 
 }  // namespace
 
+std::string name_of(const RegressedTerm& term) {
+  return to_string(term.name) + (term.slope ? " slope" : " offset");
+}
+
 IdentifiedThermal identify_thermal(std::span<const Readings> readings,
                                    const ThermalIdentification& options) {
   check(readings);
   std::vector<DayLog> logs;
-  for (const Readings& one : readings) logs.push_back(day_log(one));
+  for (const Readings& one : readings) logs.push_back(identification::day_log(one));
   const Chain& nominal = readings.front().nominal;
-  const std::vector<Epoch> epochs = epochs_of(logs);
-  const auto changes = changes_of(logs, epochs);
+  IdentifiedThermal result;
+  ThermalDay& day = result.day;
+  day.epochs = identification::epochs_of(logs);
+  const auto changes = identification::changes_of(logs, day.epochs);
   const errors::GeometricErrors model = model_of(nominal, logs, options.elements);
   const Series series = options.elements.empty() ? signals_of(model, changes, options.least_signal)
                                                  : series_of(model, changes);
-  const std::vector<Number> numbers = told(series, model, nominal);
+  const std::vector<Number> numbers = found_numbers(series, model, nominal);
 
-  const std::vector<std::string> all_sensors = common_sensors(logs);
-  const MatrixXd all_dT_K = warmed_K(logs, epochs, all_sensors);
-  IdentifiedThermal result;
-  std::vector<std::string> sensors = options.sensors;
-  if (sensors.empty()) {
-    const auto choice = choice_of(series, numbers, all_sensors, all_dT_K, options.choice);
-    for (const int i : choice.chosen) sensors.push_back(all_sensors[std::size_t(i)]);
-    result.report["choice"] = choice_json(choice, all_sensors);
+  const std::vector<std::string> logged = identification::common_sensors(logs);
+  const MatrixXd logged_dT_K = identification::warmed_K(logs, day.epochs, logged);
+  day.sensors = options.sensors;
+  if (day.sensors.empty()) {
+    day.chosen = {logged, choice_of(series, numbers, logged, logged_dT_K, options.choice)};
+    for (const int i : day.chosen->choice.chosen) day.sensors.push_back(logged[std::size_t(i)]);
   }
-  const MatrixXd dT_K = all_dT_K(Eigen::all, columns_of(sensors, all_sensors));
-
-  Json terms = Json::array(), trained = Json::object(), hours = Json::array();
-  const identification::ThermalData warmed{sensors, dT_K, {}, std::vector<int>(epochs.size(), 0)};
+  day.dT_K = logged_dT_K(Eigen::all, identification::sensor_columns(day.sensors, logged));
+  day.margin = options.margin;
+  const identification::ThermalData warmed{
+      day.sensors, day.dT_K, {}, std::vector<int>(day.epochs.size(), 0)};
   for (const Number& number : numbers) {
     const identification::ThermalFit fitted = fit_of(number, series, warmed, options.margin);
     result.belief.terms.push_back({number.name, number.slope, *fitted.model});
-    terms.push_back(term_json(number, series, fitted));
+    day.terms.push_back({number.name, number.slope, series.value.col(number.column),
+                         series.sigma.col(number.column), *fitted.regression});
   }
-  for (std::size_t k = 0; k < sensors.size(); ++k)
-    trained[sensors[k]] = {dT_K.col(Index(k)).minCoeff(), dT_K.col(Index(k)).maxCoeff()};
-  for (const Epoch& epoch : epochs) hours.push_back(0.5 * (epoch.from_s + epoch.to_s) / 3600.0);
-  result.report["sensors"] = sensors;
-  result.report["trained_K"] = trained;
-  result.report["margin"] = options.margin;
-  result.report["terms"] = terms;
-  result.report["epochs_h"] = hours;
   result.confounded = series.confounded;
-  result.warnings = warnings_of(terms);
+  result.warnings = warnings_of(day);
   return result;
 }
 

@@ -1,11 +1,13 @@
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
+#include <Eigen/Core>
 
+#include "errors/identification/epochs.h"
 #include "errors/identification/estimate.h"
 #include "errors/identification/sensor_choice.h"
 #include "errors/metrology/readings.h"
@@ -27,19 +29,46 @@ struct ThermalIdentification {
   double margin = 0.1;
 };
 
+/// One number of an element over the epochs, and how it follows the temperatures.
+struct RegressedTerm {
+  errors::ElementName name;
+  bool slope = false;         ///< of the positioning along its slide, else an offset
+  Eigen::VectorXd at_epochs;  ///< (epochs) mm or rad; of a slope over a metre of travel
+  Eigen::VectorXd sigma;      ///< (epochs) its standard uncertainty
+  errors::identification::Regression regression;  ///< on the changes of temperature; mm or rad, of
+                                                  ///< a slope per mm of travel
+};
+std::string name_of(const RegressedTerm& term);  ///< "EXX slope", "EZS offset"
+
+/// The sensors of a belief, and how they were chosen from those that were logged.
+struct ChosenSensors {
+  std::vector<std::string> logged;
+  errors::identification::SensorChoice choice;  ///< indices into `logged`
+};
+
+/// A day, regressed.
+struct ThermalDay {
+  std::vector<errors::identification::Epoch> epochs;
+  std::vector<std::string> sensors;     ///< on which every term is regressed
+  std::optional<ChosenSensors> chosen;  ///< where none were named
+  Eigen::MatrixXd dT_K;  ///< (epochs x sensors) mean change of temperature since the first epoch
+  double margin = 0.0;   ///< part of its trained range by which a sensor may leave it
+  std::vector<RegressedTerm> terms;
+};
+
 /// What heat does to a machine, from readings over a day.
 struct IdentifiedThermal {
   compensation::ThermalBelief belief;  ///< linear in changes of temperature since the first epoch
-  nlohmann::ordered_json report;       ///< epochs, choice of sensors, a model a term
+  ThermalDay day;
   std::vector<errors::identification::Confounded> confounded;
   std::vector<std::string> warnings;
 };
 
-/// Finds the elements at every epoch of a day (thermal_epochs.h) and regresses each on
-/// temperatures. Readings count from those of the first epoch, so that what is wrong with the cold
-/// machine drops out; numbers are then those of `estimate` on the exact chain.
-/// Bound: of a day without noise numbers per K come back to 1e-9 of the largest where the machine
-/// is perfect when cold, to 2e-5 where it is wrong by 60 um and 60 urad then.
+/// Finds the elements at every epoch of a day (errors/identification/epochs.h) and regresses each
+/// on temperatures. Readings count from those of the first epoch, so that what is wrong with the
+/// cold machine drops out; numbers are then those of `estimate` on the exact chain. Bound: of a day
+/// without noise numbers per K come back to 1e-9 of the largest where the machine is perfect when
+/// cold, to 2e-5 where it is wrong by 60 um and 60 urad then.
 /// @param readings  of one machine and one day, each with temperatures
 /// @throws std::invalid_argument in a sentence if the readings, elements or sensors cannot do that
 IdentifiedThermal identify_thermal(std::span<const errors::metrology::Readings> readings,

@@ -1,11 +1,13 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
+#include <Eigen/Core>
 
+#include "errors/identification/thermal_study.h"
 #include "errors/metrology/readings.h"
 #include "sim/scene/instrument_description.h"
 
@@ -29,10 +31,56 @@ struct DriftSeries {
   Eigen::VectorXd predicted;  ///< (n) by the model of the chosen sensors, fitted on the first day
 };
 
+/// What a model leaves of a channel on a day that neither chose nor fitted.
+struct DayGrade {
+  std::string day;
+  errors::identification::Spread left;  ///< mm or rad
+  double drift_range = 0.0;             ///< mm or rad, highest less lowest
+  int rows = 0;
+  int outside = 0;  ///< rows beyond the trained range, graded all the same
+};
+
+/// One channel of the drift by a model of the chosen sensors, fitted on the first day.
+struct ChannelGrade {
+  std::string name;
+  bool angle = false;
+  double training_range = 0.0;                ///< mm or rad, highest less lowest
+  errors::identification::ThermalFit fitted;  ///< what follows is empty where it has no model
+  errors::identification::Spread in_cycle;    ///< mm or rad, left of the first day
+  std::vector<DayGrade> other_days;
+};
+
+/// Where the degree with a displacement began that divides by its first value.
+struct DegreeStart {
+  std::string channel;
+  struct Row {
+    int row = 0;
+    double since_start_s = 0.0;
+    double drift = 0.0;  ///< mm
+  };
+  std::optional<Row> at;  ///< none: it drifts within its noise and takes no part
+};
+
+/// A way to choose, what it chose on the first day, and what that is worth.
+struct GradedWay {
+  SensorChoiceDescription::Way way;
+  bool since_start = false;  ///< its temperatures counted from the start of the day
+  errors::identification::SensorChoice choice;     ///< indices into the sensors logged
+  std::vector<std::string> chosen;                 ///< names, in the order in which it chose them
+  std::optional<std::vector<DegreeStart>> begins;  ///< of a degree that divides by a first value
+  std::vector<ChannelGrade> channels;
+  std::optional<double> rms_over_range;  ///< of all displacements on all other days, if any
+  std::optional<errors::identification::RandomChoices> random;  ///< graded in the same way
+};
+
 /// Which sensors were chosen and what a model of them is good for.
 struct ThermalChoice {
-  nlohmann::ordered_json json;  ///< `thermal.json`; the keys are a promise to scripts
-  std::vector<DriftSeries> series;
+  std::string training_day;
+  Eigen::Index rows = 0;  ///< read on it
+  std::vector<std::string> sensors;
+  std::vector<GradedWay> ways;        ///< the scene's own first, then those beside it
+  std::vector<std::string> warnings;  ///< about the first
+  std::vector<DriftSeries> series;    ///< of the first
 };
 
 /// Chooses sensors and fits a model on what the drift instrument and the sensors read over the

@@ -3,12 +3,10 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/measure/measure.h"
+#include "sim/report/sensor_choices_json.h"
 #include "sim/report/thermal_pictures.h"
 
 namespace abbe::sim {
-
-using Json = nlohmann::ordered_json;
-
 namespace {
 
 /// Instants at which the spindle or an axis starts after a rest, s; the first is that of the day.
@@ -44,12 +42,16 @@ Day measured_day(const std::string& name, const Scene& scene) {
   return {name, scene.file, cycle_starts(*scene.thermal, history), measured(scene, description)};
 }
 
-Json write_thermal_choice(const ResultFolder& folder, const std::vector<Day>& days,
-                          const SensorChoiceDescription& description) {
-  const ThermalChoice choice = thermal_choice(days, description);
-  write_json(folder / "thermal.json", choice.json);
+std::optional<ThermalChoice> choose_sensors(const ResultFolder& folder, const Scene& scene,
+                                            const std::vector<Scene>& variants) {
+  if (!scene.sensor_choice || !scene.thermal) return std::nullopt;
+  std::vector<Day> days{measured_day("its own day", scene)};
+  for (std::size_t i = 0; i < variants.size(); ++i)
+    days.push_back(measured_day(scene.variants[i].name, variants[i]));
+  ThermalChoice choice = thermal_choice(days, *scene.sensor_choice);
+  write_json(folder / "thermal.json", to_json(choice));
   write_thermal_picture(folder / "thermal.png", choice);
-  return {{"choices", choice.json["choices"]}, {"warnings", choice.json["warnings"]}};
+  return choice;
 }
 
 }  // namespace abbe::sim

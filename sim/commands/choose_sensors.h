@@ -1,9 +1,8 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
-
-#include <nlohmann/json_fwd.hpp>
 
 #include "sim/calibration/thermal_choice.h"
 #include "sim/files/output.h"
@@ -15,11 +14,12 @@ namespace abbe::sim {
 /// @throws BadInput naming the scene if its instrument reads no drift or there is no history
 Day measured_day(const std::string& name, const Scene& scene);
 
-/// `thermal.json` and `thermal.png` of a scene that asks for a choice of sensors, else nothing.
-/// @return the `choices` and `warnings` of `thermal.json`, null where there is none
+/// Chooses sensors on the scene's own day, grades them on those of its variants, and writes
+/// `thermal.json` and `thermal.png`.
+/// @param variants  of the scene, in its order
+/// @return none where the scene asks for no choice
 /// @throws BadInput, OutputFailure
-nlohmann::ordered_json write_thermal_choice(const ResultFolder& folder,
-                                            const std::vector<Day>& days,
-                                            const SensorChoiceDescription& description);
+std::optional<ThermalChoice> choose_sensors(const ResultFolder& folder, const Scene& scene,
+                                            const std::vector<Scene>& variants);
 
 }  // namespace abbe::sim

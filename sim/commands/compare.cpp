@@ -101,17 +101,6 @@ std::vector<Scene> read_variants(const Scene& scene, const std::vector<Override>
   return variants;
 }
 
-/// Sensors are chosen on the scene's own day and graded on those of its variants.
-/// @return null where the scene asks for no choice
-nlohmann::ordered_json choose_sensors(const ResultFolder& folder, const Scene& scene,
-                                      const std::vector<Scene>& variants) {
-  if (!scene.sensor_choice || !scene.thermal) return nullptr;
-  std::vector<Day> days{measured_day("its own day", scene)};
-  for (std::size_t i = 0; i < variants.size(); ++i)
-    days.push_back(measured_day(scene.variants[i].name, variants[i]));
-  return write_thermal_choice(folder, days, *scene.sensor_choice);
-}
-
 /// Refuses, before an hour's work, what will not be written over: forced, an input may stand there.
 void check_names(const ResultFolder& folder) {
   for (const char* name : result_names) check_file(folder / name);

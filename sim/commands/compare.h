@@ -1,10 +1,12 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
+#include "sim/calibration/thermal_choice.h"
 #include "sim/files/permissions.h"
 #include "sim/files/progress.h"
 #include "sim/report/report.h"
@@ -26,7 +28,7 @@ struct Outcome {
   nlohmann::ordered_json json;        ///< summary or comparison
   std::vector<std::string> exceeded;  ///< acceptance limits that a judged case breaks
   std::vector<std::string> failed;    ///< plug-ins that failed, in words; the other cases stand
-  nlohmann::ordered_json sensors;  ///< choices of sensors as in thermal.json; null: none asked for
+  std::optional<ThermalChoice> sensors;  ///< chosen where the scene asks for it
 };
 
 /// Cuts one case of a scene and writes every file of it.

@@ -8,56 +8,39 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/text.h"
-#include "sim/files/one_lined.h"
 #include "sim/files/output.h"
 #include "sim/files/terminal.h"
+#include "sim/report/belief_text.h"
+#include "sim/report/identify_json.h"
 #include "sim/report/identify_pictures.h"
 #include "sim/report/identify_text.h"
 
 namespace abbe::sim {
 namespace {
 
-/// What identify leaves: the belief, its report and its picture, side by side.
-struct BeliefFiles {
-  ResultFile belief, report, picture;
-};
-
-/// @param readings  that are read, and never written over
-BeliefFiles files_of(const IdentifyOptions& options,
-                     const std::vector<std::filesystem::path>& readings) {
-  const Writer writer{options.permissions, readings};
-  std::filesystem::path file = options.out;
-  const ResultFile belief = result_file(file, writer);
-  const ResultFile report = result_file(file.replace_extension(".json"), writer);
-  return {belief, report, result_file(file.replace_extension(".png"), writer)};
-}
-
-/// Refuses, before the work, what files_of would refuse; no folder is made yet.
-void check_files(const IdentifyOptions& options,
-                 const std::vector<std::filesystem::path>& readings) {
-  const Writer writer{options.permissions, readings};
-  std::filesystem::path file = options.out;
-  check_file(file, writer);
-  for (const char* beside : {".json", ".png"}) check_file(file.replace_extension(beside), writer);
+std::vector<std::filesystem::path> all_of(const BeliefFiles& files) {
+  std::vector<std::filesystem::path> all{files.belief, files.report, files.picture};
+  if (files.thermal) all.push_back(*files.thermal);
+  return all;
 }
 
 }  // namespace
 
-nlohmann::ordered_json identify(const std::vector<std::filesystem::path>& files,
-                                const IdentifyOptions& options) {
-  check_files(options, files);
-  const Identified found = identified(files, options);
-  const BeliefFiles out = files_of(options, files);
-  write_table(out.belief, found.belief);
-  write_json(out.report, found.report);
-  if (!found.thermal_belief.empty())
-    write_table(result_file(thermal_file(options.out), {options.permissions, files}),
-                found.thermal_belief);
-  if (found.curves.empty()) return found.report;
+Identified identify(const std::vector<std::filesystem::path>& files,
+                    const IdentifyOptions& options) {
+  const Writer writer{options.permissions, files};  // readings are never written over
+  const BeliefFiles out = belief_files(options);
+  for (const std::filesystem::path& file : all_of(out)) check_file(file, writer);
+  Identified found = identified(files, options);
+  write_table(result_file(out.belief, writer), belief_text(found));
+  write_json(result_file(out.report, writer), to_json(found));
+  if (out.thermal) write_table(result_file(*out.thermal, writer), thermal_half_text(found));
+  const auto* fit = std::get_if<ChainFit>(&found.fit);
+  if (!fit || fit->curves.empty()) return found;
   std::string from;
   for (const auto& file : files) from += (from.empty() ? "" : ", ") + file.string();
-  write_curves_picture(out.picture, found.curves, found.nominal, from);
-  return found.report;
+  write_curves_picture(result_file(out.picture, writer), fit->curves, found.nominal, from);
+  return found;
 }
 
 namespace {
@@ -107,8 +90,8 @@ Exit print_identified(const Common& common, IdentifyWords words) {
       throw BadUsage("--out", "expected another file than the readings");
   }
   words.options.permissions = common.permissions;
-  const nlohmann::ordered_json report = identify(words.readings, words.options);
-  print("{}", Lines(common.json ? json_text(report) : identify_text(one_lined(report))));
+  const Identified found = identify(words.readings, words.options);
+  print("{}", Lines(common.json ? json_text(to_json(found)) : identify_text(found)));
   return Exit::Ok;
 }
 

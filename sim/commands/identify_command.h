@@ -1,7 +1,6 @@
 #pragma once
 
 #include <filesystem>
-#include <string>
 #include <vector>
 
 #include "sim/calibration/identify.h"
@@ -10,14 +9,13 @@
 namespace abbe::sim {
 
 /// Identifies a machine from files of readings alone and writes a belief file (an errors file with
-/// covariance), the report of the fit and a sheet of every curve with its readings and 95 % band.
-/// Says which numbers no reading tells, what hides them, what was left out, and how long the
-/// measurements would take.
-/// @return the report
+/// covariance, or a thermal belief), of a composite its thermal half too, the report of the fit and
+/// a sheet of every curve with its readings and 95 % band. What may not be written is refused
+/// before the work.
 /// @throws BadInput, BadScene, OutputFailure; BadInput naming the files if they are of different
 /// machines
-nlohmann::ordered_json identify(const std::vector<std::filesystem::path>& files,
-                                const IdentifyOptions& options);
+Identified identify(const std::vector<std::filesystem::path>& files,
+                    const IdentifyOptions& options);
 
 /// `abbe identify`.
 Command identify_command(Common& common);

@@ -6,8 +6,10 @@
 
 namespace abbe::sim {
 
+std::string version() { return ABBE_VERSION; }
+
 nlohmann::ordered_json versions() {
-  return {{"abbe", ABBE_VERSION},
+  return {{"abbe", version()},
           {"eigen",
            fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
           {"compiler", __VERSION__},

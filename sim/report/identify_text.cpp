@@ -1,19 +1,25 @@
+#include "sim/report/identify_text.h"
+
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <optional>
-#include <string>
+#include <set>
 #include <utility>
 #include <vector>
 
 #include <fmt/format.h>
 
-#include "sim/report/identify_text.h"
+#include "kinematics/escape.h"
+#include "kinematics/units.h"
+#include "sim/report/identified_figures.h"
 
 namespace abbe::sim {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using Eigen::Index;
+
+constexpr double per_m = 1e-6;  // um/m
 
 /// Element of a number: "EXX" of "EXX[2]" and "EXX screw pitch cos 1".
 std::string element_of(const std::string& number) {
@@ -21,93 +27,103 @@ std::string element_of(const std::string& number) {
 }
 
 /// A line an element: every number found with its standard uncertainty.
-std::string numbers_text(const Json& numbers) {
+std::string numbers_text(const errors::GeometricErrors& belief) {
+  if (belief.elements.empty()) return "";
   std::string text = "\nelements in um and urad, with their standard uncertainty", element;
-  for (const Json& one : numbers) {
-    const Json& u = one["standard_uncertainty"];
-    const bool told = u.is_null() ? one["value"].get<double>() != 0.0 : u.get<double>() > 0.0;
-    if (!told) continue;  // or held at its place
-    const std::string name = one["name"].get<std::string>();
-    if (element_of(name) != element) {
-      element = element_of(name);
+  for (const NumberFigure& one : number_figures(belief)) {
+    const std::optional<double>& u = one.standard_uncertainty;
+    if ((u ? *u : std::abs(one.value)) <= 0.0) continue;  // held at its place
+    if (one.element != element) {
+      element = one.element;
       text += fmt::format("\n{:<5}", element);
     }
-    const std::string which = name.size() > element.size() ? name.substr(element.size()) + " " : "";
-    text += fmt::format("  {}{:.3f}", which, one["value"].get<double>());
-    if (!u.is_null()) text += fmt::format(" ({:.2g})", u.get<double>());
+    const std::string which =
+        one.name.size() > element.size() ? one.name.substr(element.size()) + " " : "";
+    text += fmt::format("  {}{:.3f}", which, one.value);
+    if (u) text += fmt::format(" ({:.2g})", *u);
   }
   return text + "\n";
 }
 
-/// Numbers that were not found: those that no reading tells, an element a line, then those that
-/// others hide; the zeros and places of set-ups among these are counted only.
-std::string confounded_text(const Json& confounded) {
-  std::map<std::string, int> untold;
-  std::string text;
-  for (const Json& one : confounded) {
-    const std::string name = one["name"].get<std::string>();
-    if (one["hidden_by"].empty()) {
-      ++untold[element_of(name)];
-      continue;
-    }
-    std::string with;
-    int set_ups = 0;
-    for (const auto& [other, share] : one["hidden_by"].items()) {
-      if (other.find(": ") != std::string::npos)
-        ++set_ups;
-      else
-        with += fmt::format("{}{:.4g} {}", with.empty() ? "" : ", ", share.get<double>(), other);
-    }
-    if (set_ups > 0)
-      with += fmt::format("{}{} unknown{} of set-ups", with.empty() ? "" : " and ", set_ups,
-                          set_ups > 1 ? "s" : "");
-    text += fmt::format("\n{} is left at 0: a unit of it reads the same as {}", name, with);
+/// What hides a number: others by name, the zeros and places of set-ups counted only.
+std::string hiding_text(const errors::identification::Confounded& one) {
+  std::string with;
+  std::set<std::string> set_ups;  // several starts share their names
+  for (const auto& [other, share] : one.with) {
+    if (other.find(": ") != std::string::npos)
+      set_ups.insert(other);
+    else
+      with += fmt::format("{}{:.4g} {}", with.empty() ? "" : ", ", share, escaped(other));
   }
+  if (!set_ups.empty())
+    with += fmt::format("{}{} unknown{} of set-ups", with.empty() ? "" : " and ", set_ups.size(),
+                        set_ups.size() > 1 ? "s" : "");
+  return with;
+}
+
+/// Numbers that were not found: those that others hide, then those that no reading depends on,
+/// counted by element.
+std::string confounded_text(const std::vector<errors::identification::Confounded>& confounded) {
+  std::map<std::string, int> unobservable;
+  std::string text;
+  for (const auto& one : confounded)
+    if (one.with.empty())
+      ++unobservable[element_of(escaped(one.name))];
+    else
+      text += fmt::format("\n{} is left at 0: a unit of it reads the same as {}", escaped(one.name),
+                          hiding_text(one));
   std::string names;
-  for (const auto& [element, count] : untold)
+  for (const auto& [element, count] : unobservable)
     names += fmt::format("{}{} ({})", names.empty() ? "" : ", ", element, count);
   if (!names.empty()) text += "\nunobservable, left out (numbers): " + names;
   return text;
 }
 
-std::string composite_text(const Json& axes) {
-  std::string text;
-  for (const Json& axis : axes) {
-    text += fmt::format("\n{}: cold curve of {} at {:.2f} h, RMS {:.3f} um about the law\n",
-                        axis["axis"].get<std::string>(), axis["zero_of_dT"].get<std::string>(),
-                        axis["zero_of_dT_h"].get<double>(), axis["rms_um"].get<double>());
-    for (const auto& [sensor, T_C] : axis["zero_of_dT_C"].items())
-      text +=
-          fmt::format("  dT = 0 at                    {:>9.2f} C  {}\n", T_C.get<double>(), sensor);
-    for (const Json& slope : axis["slopes"])
-      text += fmt::format("  slope from start {:<11} {:>9.4f} ({:.2g}) um/m\n",
-                          slope["start"].get<int>(), slope["slope_um_per_m"].get<double>(),
-                          slope["standard_error"].get<double>());
-    for (const auto& [sensor, per_K] : axis["slope_um_per_m_K"].items())
-      text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) um/m/K\n", sensor, per_K.get<double>(),
-                          axis["standard_error_um_per_m_K"][sensor].get<double>());
-    if (const Json& zero = axis["slope_at_zero_of_dT_um_per_m"]; !zero.is_null())
-      text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) um/m, by the later starts alone\n",
-                          "slope left at dT = 0", zero["value"].get<double>(),
-                          zero["standard_error"].get<double>());
-  }
+std::string axis_text(const CompositeAxis& axis, const std::vector<std::string>& sensors) {
+  const errors::identification::CompositeFit& fit = axis.fit;
+  std::string text =
+      fmt::format("\n{}: cold curve of start 1 at {:.2f} h, RMS {:.3f} um about the law\n",
+                  axis.axis, axis.cold_s / 3600.0, fit.rms / units::um);
+  for (std::size_t k = 0; k < sensors.size(); ++k)
+    text += fmt::format("  dT = 0 at                    {:>9.2f} C  {}\n", axis.cold_C[Index(k)],
+                        escaped(sensors[k]));
+  for (Index i = 0; i < fit.slope.size(); ++i)
+    text += fmt::format("  slope from start {:<11} {:>9.4f} ({:.2g}) um/m\n",
+                        fit.later[std::size_t(i)] + 1, fit.slope[i] / per_m,
+                        fit.slope_error[i] / per_m);
+  for (std::size_t k = 0; k < sensors.size(); ++k)
+    text +=
+        fmt::format("  {:<28} {:>9.4f} ({:.2g}) um/m/K\n", escaped(sensors[k]),
+                    fit.thermal[Index(k)] / per_m, fit.slope_fit.standard_error[Index(k)] / per_m);
+  if (axis.with_constant)
+    text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) um/m, by the later starts alone\n",
+                        "slope left at dT = 0", axis.with_constant->constant / per_m,
+                        axis.with_constant->standard_error[0] / per_m);
   return text;
 }
 
-std::string thermal_text(const Json& thermal) {
-  std::string text = fmt::format("\nwhat heat adds, from {} epochs\n", thermal["epochs_h"].size());
-  for (const Json& term : thermal["terms"]) {
+std::string text_of(const Identified& identified, const CompositeFits& fit) {
+  std::string text;
+  for (const CompositeAxis& axis : fit.axes) text += axis_text(axis, fit.sensors);
+  return text + fmt::format("[belief] identified: {}\n[belief] thermal: {}\n",
+                            escaped(identified.files.belief.string()),
+                            escaped(identified.files.thermal->string()));
+}
+
+std::string text_of(const Identified&, const ThermalDay& day) {
+  std::string text = fmt::format("\nwhat heat adds, from {} epochs\n", day.epochs.size());
+  for (const RegressedTerm& term : day.terms) {
+    const TermFigures figures = term_figures(term);
     text += fmt::format("{:<12} moved by {:.3f} {}, of which {:.2g} is left (R^2 {:.3f})\n",
-                        term["name"].get<std::string>(), term["range"].get<double>(),
-                        term["unit"].get<std::string>(), term["residual_sd"].get<double>(),
-                        term["r_squared"].get<double>());
-    for (const auto& [sensor, one] : term["per_K"].items())
-      text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) {}/K\n", sensor, one["value"].get<double>(),
-                          one["standard_error"].get<double>(), term["unit"].get<std::string>());
+                        figures.name, figures.range, figures.unit, figures.residual_sd,
+                        term.regression.r_squared);
+    for (std::size_t k = 0; k < day.sensors.size(); ++k)
+      text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) {}/K\n", escaped(day.sensors[k]),
+                          figures.per_K[Index(k)], figures.standard_error[Index(k)], figures.unit);
   }
-  for (const auto& [sensor, range] : thermal["trained_K"].items())
-    text += fmt::format("{:<30} trained from {:.2f} to {:.2f} K\n", sensor, range[0].get<double>(),
-                        range[1].get<double>());
+  for (std::size_t k = 0; k < day.sensors.size(); ++k)
+    text += fmt::format("{:<30} trained from {:.2f} to {:.2f} K\n", escaped(day.sensors[k]),
+                        day.dT_K.col(Index(k)).minCoeff(), day.dT_K.col(Index(k)).maxCoeff());
   return text;
 }
 
@@ -123,21 +139,20 @@ struct Trend {
   }
 };
 
-std::vector<Trend> trends_of(const Json& per_K) {
+std::vector<Trend> trends_of(const StepDiagonalFit& fit) {
   std::vector<Trend> trends;
-  for (const Json& one : per_K)
-    for (const auto& [sensor, value] : one["per_K"].items()) {
-      trends.push_back({one["name"], sensor, one["unit"], value, {}});
-      if (const Json& u = one["standard_uncertainty"]; u.contains(sensor))
-        trends.back().u = u[sensor].get<double>();
+  for (const TrendFigures& one : trend_figures(fit))
+    for (std::size_t k = 0; k < fit.sensors.size(); ++k) {
+      trends.push_back({one.name, escaped(fit.sensors[k]), one.unit, one.per_K[Index(k)], {}});
+      if (one.standard_uncertainty.size() > 0) trends.back().u = one.standard_uncertainty[Index(k)];
     }
   return trends;
 }
 
 /// The trends that stand out most of their uncertainty, all of a few; the others are counted.
-std::string trends_text(const Json& per_K) {
+std::string trends_text(const StepDiagonalFit& fit) {
   constexpr std::size_t most = 12;
-  std::vector<Trend> trends = trends_of(per_K);
+  std::vector<Trend> trends = trends_of(fit);
   const std::size_t count = trends.size(), shown = std::min(count, most);
   if (count > most)
     std::stable_sort(trends.begin(), trends.end(), [](const Trend& a, const Trend& b) {
@@ -159,33 +174,31 @@ std::string trends_text(const Json& per_K) {
                                                 : "");
 }
 
+std::string text_of(const Identified&, const StepDiagonalFit& fit) {
+  return trends_text(fit) + fmt::format("\nreduced chi-square {:.3f}", fit.reduced_chi_square);
+}
+
+std::string text_of(const Identified&, const ChainFit& fit) {
+  std::string text;
+  if (!fit.outliers.empty())
+    text = fmt::format("\n{} readings left out as outliers; they are in the report",
+                       fit.outliers.size());
+  return text + fmt::format("\nreduced chi-square {:.3f}", fit.reduced_chi_square);
+}
+
 }  // namespace
 
-std::string identify_text(const Json& report) {
-  std::string text =
-      fmt::format("machine {}\n\n{:>10} {:>9} {:>9}   file\n", report["machine"].get<std::string>(),
-                  "readings", "set-ups", "hours");
-  for (const Json& one : report["readings"])
-    text += fmt::format("{:>10} {:>9} {:>9.2f}   {}\n", one["readings"].get<std::size_t>(),
-                        one["set_ups"].get<std::size_t>(), one["hours"].get<double>(),
-                        one["file"].get<std::string>());
-  if (!report["numbers"].empty()) text += numbers_text(report["numbers"]);
-  text += confounded_text(report["confounded"]);
-  if (report.contains("per_K")) text += trends_text(report["per_K"]);
-  if (report.contains("thermal")) text += thermal_text(report["thermal"]);
-  if (report.contains("composite")) {
-    text += composite_text(report["composite"]);
-    for (const auto& [key, file] : report["beliefs"].items())
-      text += fmt::format("[belief] {}: {}\n", key, file.get<std::string>());
-  }
-  if (report.contains("outliers") && !report["outliers"].empty())
-    text += fmt::format("\n{} readings left out as outliers; they are in the report",
-                        report["outliers"].size());
-  if (report.contains("reduced_chi_square"))
-    text += fmt::format("\nreduced chi-square {:.3f}", report["reduced_chi_square"].get<double>());
-  text += fmt::format("\n{:.1f} hours on a real machine\n", report["hours"].get<double>());
-  for (const Json& warning : report["warnings"])
-    text += "warning: " + warning.get<std::string>() + "\n";
+std::string identify_text(const Identified& identified) {
+  std::string text = fmt::format("machine {}\n\n{:>10} {:>9} {:>9}   file\n",
+                                 escaped(machine_of(identified)), "readings", "set-ups", "hours");
+  for (const ReadingsSource& one : identified.sources)
+    text += fmt::format("{:>10} {:>9} {:>9.2f}   {}\n", one.readings, one.set_ups,
+                        one.duration_s / 3600.0, escaped(one.file.string()));
+  text += numbers_text(identified.belief) + confounded_text(identified.confounded);
+  text += std::visit([&](const auto& fit) { return text_of(identified, fit); }, identified.fit);
+  text += fmt::format("\n{:.1f} hours on a real machine\n", hours_of(identified));
+  for (const std::string& warning : identified.warnings)
+    text += "warning: " + escaped(warning) + "\n";
   return text;
 }
 

@@ -2,11 +2,11 @@
 
 #include <string>
 
-#include <nlohmann/json_fwd.hpp>
+#include "sim/calibration/identify.h"
 
 namespace abbe::sim {
 
-/// The report as a person reads it.
-std::string identify_text(const nlohmann::ordered_json& report);
+/// What was identified, as a person reads it; foreign text in it stays on its line.
+std::string identify_text(const Identified& identified);
 
 }  // namespace abbe::sim

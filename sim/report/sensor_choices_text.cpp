@@ -1,44 +1,54 @@
 #include "sim/report/sensor_choices_text.h"
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
+
+#include "kinematics/escape.h"
+#include "kinematics/units.h"
+#include "sim/report/sensor_choices_json.h"
 
 namespace abbe::sim {
+namespace {
 
-using Json = nlohmann::ordered_json;
+std::string begin_text(const DegreeStart& begin) {
+  if (!begin.at)
+    return fmt::format("    {} takes no part: it drifts within its noise\n",
+                       escaped(begin.channel));
+  return fmt::format(
+      "    degrees with {} begin at {:.3f} h, its first drift beyond noise, {:.2f} um\n",
+      escaped(begin.channel), begin.at->since_start_s / 3600.0, begin.at->drift / units::um);
+}
 
-std::string sensor_choices_text(const Json& all) {
+/// Empty for a tilt or where no model could be fitted.
+std::string displacement_text(const ChannelGrade& channel) {
+  if (!channel.fitted.model || channel.angle) return "";
+  std::string text = fmt::format("    {}: {:.3f} um on the day that chose", escaped(channel.name),
+                                 channel.in_cycle.rms / units::um);
+  for (const DayGrade& day : channel.other_days)
+    text += fmt::format(", {:.3f} of {:.1f} um on {}", day.left.rms / units::um,
+                        day.drift_range / units::um, escaped(day.day));
+  return text + "\n";
+}
+
+std::string way_text(const GradedWay& way) {
+  std::string chosen;
+  for (const std::string& name : way.chosen) chosen += (chosen.empty() ? "" : ", ") + escaped(name);
+  std::string text = fmt::format("  {}: {}\n", escaped(name_of(way.way)), chosen);
+  if (way.begins)
+    for (const DegreeStart& begin : *way.begins) text += begin_text(begin);
+  for (const ChannelGrade& channel : way.channels) text += displacement_text(channel);
+  if (way.rms_over_range)
+    text += fmt::format("    together {:.1f} % of the range of days unseen\n",
+                        100.0 * *way.rms_over_range);
+  return text;
+}
+
+}  // namespace
+
+std::string sensor_choices_text(const ThermalChoice& choice) {
   std::string text = "\nsensors chosen, and RMS of the drift that their model leaves\n";
-  for (const Json& way : all["choices"]) {
-    std::string chosen;
-    for (const Json& name : way["chosen"])
-      chosen += (chosen.empty() ? "" : ", ") + name.get<std::string>();
-    text += fmt::format("  {}: {}\n", way["name"].get<std::string>(), chosen);
-    if (way["method"].contains("begins"))
-      for (const auto& [name, begin] : way["method"]["begins"].items())
-        text += begin.is_null()
-                    ? fmt::format("    {} takes no part: it drifts within its noise\n", name)
-                    : fmt::format(
-                          "    degrees with {} begin at {:.3f} h, its first drift beyond "
-                          "noise, {:.2f} um\n",
-                          name, begin["h"].get<double>(), begin["drift_um"].get<double>());
-    for (const Json& channel : way["channels"]) {
-      if (!channel.contains("in_cycle") || channel["unit"] != "um") continue;
-      text +=
-          fmt::format("    {}: {:.3f} um on the day that chose", channel["name"].get<std::string>(),
-                      channel["in_cycle"]["rms"].get<double>());
-      for (const Json& day : channel["cross_day"])
-        text +=
-            fmt::format(", {:.3f} of {:.1f} um on {}", day["figures"]["rms"].get<double>(),
-                        day["figures"]["drift_range"].get<double>(), day["day"].get<std::string>());
-      text += "\n";
-    }
-    if (!way["rms_over_range"].is_null())
-      text += fmt::format("    together {:.1f} % of the range of days unseen\n",
-                          100.0 * way["rms_over_range"].get<double>());
-  }
-  for (const Json& warning : all["warnings"])
-    text += "  warning: " + warning.get<std::string>() + "\n";
+  for (const GradedWay& way : choice.ways) text += way_text(way);
+  for (const std::string& warning : choice.warnings)
+    text += "  warning: " + escaped(warning) + "\n";
   return text;
 }
 

@@ -30,8 +30,8 @@ void write_thermal_picture(const ResultFile& file, const ThermalChoice& choice) 
   }
   if (panels.empty()) return;
   std::string chosen;
-  for (const auto& name : choice.json["chosen"])
-    chosen += (chosen.empty() ? "" : ", ") + name.get<std::string>();
+  for (const std::string& name : choice.ways.front().chosen)
+    chosen += (chosen.empty() ? "" : ", ") + name;
   render::CurvesOptions options;
   options.title = "drift predicted from " + chosen;
   options.columns = int(days);

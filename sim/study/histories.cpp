@@ -99,8 +99,8 @@ Lesson lesson_of(const Study& study, const std::string& day) {
                                ", every instrument from the same three or more start_h";
   try {
     IdentifiedThermal found = identify_thermal(readings, as_identify_does());
-    return {day, *scene.thermal, std::move(found.belief),
-            found.report["sensors"].get<std::vector<std::string>>(), std::move(found.warnings)};
+    return {day, *scene.thermal, std::move(found.belief), std::move(found.day.sensors),
+            std::move(found.warnings)};
   } catch (const std::invalid_argument& fault) {
     refuse(scene, expected, fault.what());
   } catch (const std::out_of_range& fault) {
@@ -192,9 +192,9 @@ HistoryResult judged(TestDay& day, const Lesson& lesson, const CaseDescription& 
 }
 
 /// Days learnt and parts cut, reported as one stage.
-class Told {
+class Stage {
  public:
-  Told(const Progress& progress, std::size_t steps) : progress_(progress), steps_(steps) {}
+  Stage(const Progress& progress, std::size_t steps) : progress_(progress), steps_(steps) {}
   void step() {
     ++done_;
     if (progress_) progress_("thermal histories", double(done_) / double(steps_));
@@ -230,20 +230,20 @@ std::vector<HistoryResult> histories(const Study& study, const Progress& progres
   const auto& [train, test, case_name] = *study.histories;
   const CaseDescription compensator = case_of_histories(study);
   for (const std::string& day : test) scene_of_day(study, day);  // refused before anything is cut
-  Told told(progress, train.size() + test.size() * (train.size() + 1));
+  Stage stage(progress, train.size() + test.size() * (train.size() + 1));
   std::vector<Lesson> lessons;
   for (const std::string& day : train) {
     lessons.push_back(lesson_of(study, day));
-    told.step();
+    stage.step();
   }
   Workshop workshop(study);
   std::vector<HistoryResult> results(train.size() * test.size());
   for (std::size_t j = 0; j < test.size(); ++j) {
     TestDay day = test_day(workshop, study, test[j]);
-    told.step();
+    stage.step();
     for (std::size_t i = 0; i < lessons.size(); ++i) {
       results[i * test.size() + j] = judged(day, lessons[i], compensator);
-      told.step();
+      stage.step();
     }
   }
   return results;

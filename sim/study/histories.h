@@ -36,7 +36,7 @@ struct HistoryResult {
 /// into it, and a `[belief.thermal]` of the scene is not used. Chance is drawn from the seed of
 /// each day: days that shall not share their noise set a `seed` of their own. A day is never judged
 /// by its own readings unless it is in both lists, and then `own_day` says so.
-/// @param progress  told of one stage, "thermal histories", by days learnt and parts cut
+/// @param progress  shows one stage, "thermal histories", by days learnt and parts cut
 /// @return train by train, test by test
 /// @throws BadScene for a day that is none, BadInput naming the scene where a day has no heat or
 ///         cannot be measured or learnt from, naming the study where it has no [histories] or its

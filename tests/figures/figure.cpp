@@ -8,6 +8,7 @@
 #include "kinematics/units.h"
 #include "sim/loop/compensate.h"
 #include "sim/report/report.h"
+#include "sim/report/sensor_choices_json.h"
 #include "sim/scene/read_scene.h"
 
 namespace abbe::figures {
@@ -69,7 +70,7 @@ const ordered_json& thermal_choice_of(const std::string& scene,
   std::vector<sim::Day> days{sim::measured_day("its own day", own)};
   for (const sim::Variant& variant : own.variants)
     days.push_back(sim::measured_day(variant.name, scene_of(scene, changes, variant.name)));
-  return all[key] = sim::thermal_choice(days, *own.sensor_choice).json;
+  return all[key] = sim::to_json(sim::thermal_choice(days, *own.sensor_choice));
 }
 
 const ordered_json& choice_of(const ordered_json& thermal, const std::string& name) {

@@ -10,6 +10,7 @@
 #include "sim/commands/identify_command.h"
 #include "sim/commands/measure_command.h"
 #include "sim/readings/readings_file.h"
+#include "sim/report/identify_json.h"
 #include "tests/figures/figure.h"
 #include "tests/sim/scene_folder.h"
 
@@ -30,7 +31,7 @@ ordered_json identified(const std::string& scene, const std::string& instrument,
       folder.write(instrument + ".csv",
                    sim::to_text(sim::measured(measured, sim::instrument_of(measured, instrument))));
   options.out = folder.path() / "belief.toml";
-  return sim::identify({readings}, options);
+  return sim::to_json(sim::identify({readings}, options));
 }
 
 // ---- the composite element

@@ -14,6 +14,7 @@
 #include "sim/compensation/thermal_belief.h"
 #include "sim/files/output.h"
 #include "sim/machine/compile.h"
+#include "sim/report/identify_json.h"
 #include "sim/report/identify_text.h"
 #include "sim/report/report.h"
 #include "sim/scene/read_scene.h"
@@ -48,6 +49,7 @@ const char* curved =
 
 struct Beliefs {
   std::filesystem::path cold, thermal;
+  Identified found;
   Json report;
 };
 
@@ -60,7 +62,8 @@ Beliefs separated(const Scene& scene, const SceneFolder& folder,
   options.sensors = sensors;
   options.margin = margin;
   options.out = folder.path() / "b.toml";
-  Beliefs beliefs{options.out, folder.path() / "b_thermal.txt", identify({readings}, options)};
+  Beliefs beliefs{options.out, folder.path() / "b_thermal.txt", identify({readings}, options), {}};
+  beliefs.report = to_json(beliefs.found);
   return beliefs;
 }
 
@@ -213,7 +216,7 @@ TEST(CompositeBelief, SaysWhereTheLaterStartsDoNotMeetTheColdOne) {
   ASSERT_FALSE(beliefs.report["warnings"].empty());
   EXPECT_NE(beliefs.report["warnings"].dump().find("start 1"), std::string::npos)
       << beliefs.report["warnings"];
-  EXPECT_NE(identify_text(beliefs.report).find("dT = 0"), std::string::npos);
+  EXPECT_NE(identify_text(beliefs.found).find("dT = 0"), std::string::npos);
 }
 
 }  // namespace

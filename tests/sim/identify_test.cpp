@@ -16,6 +16,7 @@
 #include "kinematics/units.h"
 #include "sim/commands/identify_command.h"
 #include "sim/machine/compile.h"
+#include "sim/report/identify_json.h"
 #include "sim/report/identify_text.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
@@ -96,7 +97,7 @@ TEST(Identify, NoiseFreeReadingsReturnTheTruthThroughFiles) {
   options.model.order = 3;
   options.model.only = slides;
   options.out = folder.path() / "belief.toml";
-  const Json report = identify(campaign(scene, instruments, folder), options);
+  const Json report = to_json(identify(campaign(scene, instruments, folder), options));
   EXPECT_TRUE(report["warnings"].empty()) << report["warnings"];
   EXPECT_TRUE(report["confounded"].empty()) << report["confounded"];
   const auto nominal = compile(scene).nominal;
@@ -148,7 +149,9 @@ TEST(Identify, TheLaserAloneNamesWhatItCannotTell) {
   const Scene scene = read_scene(packaged("gantry_dome.toml"));
   IdentifyOptions options;
   options.out = folder.path() / "belief.toml";
-  const Json report = identify(campaign(scene, {instrument_of(scene, "laser")}, folder), options);
+  const Identified found =
+      identify(campaign(scene, {instrument_of(scene, "laser")}, folder), options);
+  const Json report = to_json(found);
   std::vector<std::string> untold;
   bool pitch_hides = false;
   for (const Json& one : report["confounded"]) {
@@ -161,7 +164,7 @@ TEST(Identify, TheLaserAloneNamesWhatItCannotTell) {
                             [&](const std::string& name) { return name.starts_with(roll); }))
         << roll << " is told by no reading of a laser";
   EXPECT_TRUE(pitch_hides) << "pitch of X hides in its positioning over the arm";
-  const std::string text = identify_text(report);
+  const std::string text = identify_text(found);
   EXPECT_NE(text.find("unobservable, left out"), std::string::npos);
   for (const auto& element : belief_in(options.out, "gantry_dome.toml").elements)
     if (to_string(element.name) == "EAX") {
@@ -257,7 +260,7 @@ PlatformResult platform(const PlatformCampaign& how) {
   options.choose_orders = how.choose_orders;
   if (how.level) options.model.only.insert(options.model.only.end(), {"EAX", "ECZ"});
   options.out = folder.path() / "belief.toml";
-  const Json report = identify(campaign(scene, instruments, folder), options);
+  const Json report = to_json(identify(campaign(scene, instruments, folder), options));
   const errors::GeometricErrors belief = belief_in(options.out, "platform_calibration.toml");
   PlatformResult result;
   result.warned = !report["warnings"].empty();
@@ -375,7 +378,7 @@ GantryResult gantry(const char* how, IdentifyOptions options) {
   const Scene scene = read_scene(packaged("gantry_calibration.toml"));
   const auto nominal = compile(scene).nominal;
   options.out = folder.path() / "belief.toml";
-  const Json report = identify(campaign(scene, scene.instruments, folder), options);
+  const Json report = to_json(identify(campaign(scene, scene.instruments, folder), options));
   const auto truth = errors::bind(scene.geometric, nominal);
   const auto belief = errors::bind(belief_in(options.out, "gantry_calibration.toml"), nominal);
   const std::vector<AxisState> poses = random_poses(gantry_seed);

@@ -134,11 +134,16 @@ std::vector<std::string> elements() {
   return names;
 }
 
-/// What a report says of a term per K, in its unit.
-double per_K(const nlohmann::ordered_json& report, const std::string& term,
-             const std::string& sensor) {
-  for (const auto& one : report["terms"])
-    if (one["name"] == term) return one["per_K"][sensor]["value"];
+/// Change of a term per K of a sensor, in um or urad, of a slope in um/m.
+double per_K(const ThermalDay& day, const RegressedTerm& term, const std::string& sensor) {
+  const auto k = std::ranges::find(day.sensors, sensor) - day.sensors.begin();
+  const bool micrometres = !term.slope && !term.name.is_angle();
+  return term.regression.beta[k] / (micrometres ? units::um : 1e-6);
+}
+
+double per_K(const ThermalDay& day, const std::string& term, const std::string& sensor) {
+  for (const RegressedTerm& one : day.terms)
+    if (name_of(one) == term) return per_K(day, one, sensor);
   return 0.0;
 }
 
@@ -146,10 +151,9 @@ double worst_per_K(const IdentifiedThermal& found) {
   double worst = 0.0;
   for (const auto& [name, values] : injected)
     for (int k = 0; k < 2; ++k)
-      worst =
-          std::max(worst, std::abs(per_K(found.report, name, k == 0 ? "nut" : "box") - values[k]));
-  for (const auto& term : found.report["terms"])
-    worst = std::max(worst, std::abs(term["per_K"]["room"]["value"].get<double>()));
+      worst = std::max(worst, std::abs(per_K(found.day, name, k == 0 ? "nut" : "box") - values[k]));
+  for (const RegressedTerm& term : found.day.terms)
+    worst = std::max(worst, std::abs(per_K(found.day, term, "room")));
   return worst;
 }
 
@@ -161,7 +165,7 @@ TEST(IdentifyThermal, ReturnsTheSlopesOfADayWithoutNoise) {
   const double worst = worst_per_K(found);
   std::cout << "worst number per K off by " << worst << " um, urad or um/m\n";
   EXPECT_LT(worst, 1e-9 * 11.7);
-  EXPECT_EQ(found.report["epochs_h"].size(), 12u);
+  EXPECT_EQ(found.day.epochs.size(), 12u);
   // the offsets of EXX, EYY, EZZ come with their slopes; the first hides behind the table's drift
   EXPECT_EQ(found.belief.terms.size(), injected.size() + 2);
 }
@@ -191,7 +195,7 @@ TEST(IdentifyThermal, ChoosesTheSensorsThatMatter) {
   options.choice.count = 2;
   options.choice.groups = 3;
   const IdentifiedThermal found = identify_thermal(made_up_day(12), options);
-  auto sensors = found.report["sensors"].get<std::vector<std::string>>();
+  auto sensors = found.day.sensors;
   std::ranges::sort(sensors);
   EXPECT_EQ(sensors, (std::vector<std::string>{"box", "nut"}));
 }
@@ -204,7 +208,7 @@ TEST(IdentifyThermal, ADriftAloneTellsOffsetsAndNoSlope) {
   const IdentifiedThermal found = identify_thermal(std::span(day).first(1), options);
   EXPECT_EQ(found.belief.terms.size(), 2u);
   for (const auto& term : found.belief.terms) EXPECT_FALSE(term.slope);
-  EXPECT_LE(found.report["epochs_h"].size(), 200u);
+  EXPECT_LE(found.day.epochs.size(), 200u);
 }
 
 std::string refusal_of(std::span<const Readings> readings, const ThermalIdentification& options) {
@@ -253,8 +257,8 @@ TEST(IdentifyThermal, ThePackagedBeliefIsThatOfThePackagedTrainingDay) {
   IdentifyOptions options;
   options.method = IdentifyOptions::Method::Thermal;
   options.out = folder.path() / "belief.txt";
-  const auto report = identify(files, options);
-  EXPECT_FALSE(identify_text(report).empty());
+  const Identified identified = identify(files, options);
+  EXPECT_FALSE(identify_text(identified).empty());
   const auto found =
       compensation::thermal_belief_of_text(read_text(options.out, 1 << 20), "belief.txt");
   const compensation::ThermalBelief packaged = packaged_belief();

@@ -13,6 +13,7 @@
 
 #include "kinematics/units.h"
 #include "sim/commands/choose_sensors.h"
+#include "sim/report/sensor_choices_json.h"
 #include "sim/report/sensor_choices_text.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
@@ -71,7 +72,7 @@ class ThermalChoiceOf : public testing::TestWithParam<std::pair<const char*, int
 
 TEST_P(ThermalChoiceOf, FourSensorsPredictAnotherDay) {
   const auto [name, sensors] = GetParam();
-  const Json json = chosen_on(name).json;
+  const Json json = to_json(chosen_on(name));
   print(name, json);
   EXPECT_EQ(json["sensors"].size(), std::size_t(sensors));
   EXPECT_EQ(json["chosen"].size(), 4u);
@@ -94,11 +95,12 @@ std::pair<double, double> figures(const Json& way, const std::string& channel) {
 
 TEST(ThermalChoice, ThePapersOwnDegreesChooseBesideTheRegression) {
   for (const char* name : {"thermal_protocol.toml", "thermal_protocol_chen.toml"}) {
-    const Json json = chosen_on(name).json;
+    const ThermalChoice found = chosen_on(name);
+    const Json json = to_json(found);
     const Json& choices = json["choices"];
     ASSERT_GE(choices.size(), 2u);
     EXPECT_EQ(choices[0]["chosen"], json["chosen"]) << "the scene's own comes first";
-    std::cout << sensor_choices_text({{"choices", choices}, {"warnings", Json::array()}});
+    std::cout << sensor_choices_text(found);
     const Json& paper = choices[1];
     EXPECT_EQ(paper["chosen"].size(), 4u);
     ASSERT_TRUE(paper["method"].contains("begins"));
@@ -111,7 +113,7 @@ TEST(ThermalChoice, ThePapersOwnDegreesChooseBesideTheRegression) {
 
 // Held against the figures found when the paper was read again.
 TEST(ThermalChoice, ChensDegreeAndHisFourAreThoseOfTheDay) {
-  const Json json = chosen_on("thermal_protocol_chen.toml").json;
+  const Json json = to_json(chosen_on("thermal_protocol_chen.toml"));
   const Json& choices = json["choices"];
   ASSERT_EQ(choices.size(), 3u);
   EXPECT_EQ(choices[1]["chosen"].dump(),
@@ -132,8 +134,7 @@ TEST(ThermalChoice, EveryDegreeRunsInEveryProtocol) {
             {"sensor_choice.image", fmt::format("\"{}\"", image)},
             {"sensor_choice.screening", "\"degree\""},
             {"sensor_choice.beside", "[]"}};
-        const Json json =
-            chosen_on(read_scene(packaged(scene), changes)).json;
+        const Json json = to_json(chosen_on(read_scene(packaged(scene), changes)));
         EXPECT_EQ(json["chosen"].size(), 4u) << scene << " " << likeness << " " << image;
       }
 }
@@ -177,10 +178,9 @@ TEST_P(ThermalChoiceOf, TenOtherDaysAreReportedAndHalfOfThemBeatTheMedian) {
   const Scene scene = read_scene(packaged(GetParam().first));
   int beats = 0, within = 0;
   for (int i = 0; i < 10; ++i) {
-    const Json json = thermal_choice({measured_day("its own day", scene),
-                                      measured_day("drawn", drawn_day(scene, random))},
-                                     *scene.sensor_choice)
-                          .json;
+    const Json json = to_json(thermal_choice(
+        {measured_day("its own day", scene), measured_day("drawn", drawn_day(scene, random))},
+        *scene.sensor_choice));
     const Json& fours = json["random_choices_rms_over_range"];
     const auto across = displacements(json);
     const bool better = fours["chosen"].get<double>() < fours["p50"].get<double>();
@@ -212,7 +212,7 @@ INSTANTIATE_TEST_SUITE_P(Scenes, ThermalChoiceOf,
 
 TEST(ThermalChoice, OneDayAloneHasNoGradeOnDaysUnseen) {
   Scene scene = read_scene(packaged("thermal_protocol.toml"));
-  const Json json = chosen_on(scene).json;
+  const Json json = to_json(chosen_on(scene));
   EXPECT_FALSE(json.contains("random_choices_rms_over_range"));
   EXPECT_EQ(json["chosen"].size(), 4u);
   for (const Json& channel : json["channels"]) EXPECT_TRUE(channel["cross_day"].empty());

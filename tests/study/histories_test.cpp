@@ -232,7 +232,7 @@ TEST_F(HistoriesOfDays, TheBeliefIsThatOfTheFilesOfReadings) {
   IdentifyOptions options;
   options.method = IdentifyOptions::Method::Thermal;
   options.out = folder_.path() / "belief.txt";
-  const auto report = identify(files, options);
+  const Identified found = identify(files, options);
 
   const std::vector<Override> day = set_of("both");
   std::vector<Override> told = day, unmoved = day;
@@ -246,7 +246,7 @@ TEST_F(HistoriesOfDays, TheBeliefIsThatOfTheFilesOfReadings) {
   const HistoryResult result = histories(by_day).front();
   EXPECT_EQ(result.uncompensated_rms, rms(cut(job)));
   EXPECT_EQ(result.compensated_rms, rms(cut(job, parse_case("thermal-iterated-ideal"))));
-  EXPECT_EQ(result.sensors, report["thermal"]["sensors"].get<std::vector<std::string>>());
+  EXPECT_EQ(result.sensors, std::get<ThermalDay>(found.fit).sensors);
 
   Study believing = by_day;  // in what it was not taught
   believing.overrides.emplace_back("belief.thermal.file", "\"" + options.out.string() + "\"");

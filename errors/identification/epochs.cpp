@@ -1,4 +1,4 @@
-#include "sim/calibration/thermal_epochs.h"
+#include "errors/identification/epochs.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,16 +9,16 @@
 
 #include <fmt/format.h>
 
-namespace abbe::sim {
+namespace abbe::errors::identification {
 namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-using errors::metrology::Look;
-using errors::metrology::Readings;
-using errors::metrology::SetUp;
 using kinematics::Motion;
+using metrology::Look;
+using metrology::Readings;
+using metrology::SetUp;
 
 constexpr std::size_t most_epochs = 200;
 
@@ -141,11 +141,10 @@ Readings changed(const DayLog& log, const Epoch& epoch, const Means& first) {
     const auto before = first.find(spot_of(all, look));
     if (before == first.end()) continue;
     const SetUp& set_up = all.plan.set_ups[std::size_t(look.set_up)];
-    const auto bodies = errors::metrology::nominal_bodies(all.nominal, look.state.q);
-    values.push_back(
-        all.value[Index(i)] - before->second.value() +
-        errors::metrology::reading(set_up, look.channel, {}, bodies, bodies,
-                                   errors::metrology::spindle_angle(all.nominal, look.state)));
+    const auto bodies = metrology::nominal_bodies(all.nominal, look.state.q);
+    values.push_back(all.value[Index(i)] - before->second.value() +
+                     metrology::reading(set_up, look.channel, {}, bodies, bodies,
+                                        metrology::spindle_angle(all.nominal, look.state)));
     const auto [at, is_new] = kept.emplace(look.set_up, int(some.plan.set_ups.size()));
     if (is_new) some.plan.set_ups.push_back(of_differences(set_up, log.starts == 1));
     look.set_up = at->second;
@@ -162,13 +161,64 @@ Readings changed(const DayLog& log, const Epoch& epoch, const Means& first) {
 
 }  // namespace
 
-DayLog day_log(const Readings& readings) {
-  DayLog log{&readings, {}, 1};
+std::vector<int> starts_of(const metrology::Plan& plan) {
+  std::vector<int> starts;
   std::map<std::string, int> seen;
-  for (const SetUp& set_up : readings.plan.set_ups) {
-    log.start.push_back(seen[set_up.name]++);
-    log.starts = std::max(log.starts, seen[set_up.name]);
+  for (const SetUp& set_up : plan.set_ups) starts.push_back(seen[set_up.name]++);
+  return starts;
+}
+
+std::vector<Readings> by_start(const Readings& readings) {
+  const std::vector<int> start = starts_of(readings.plan);
+  const metrology::Plan& plan = readings.plan;
+  std::vector<Readings> result;
+  std::vector<int> place;  // of every set-up in its start
+  for (std::size_t s = 0; s < start.size(); ++s) {
+    const auto k = std::size_t(start[s]);
+    if (k == result.size())
+      result.push_back(
+          {{plan.instrument, plan.kind, {}, {}, 0.0}, readings.nominal, {}, readings.sensors, {}});
+    place.push_back(int(result[k].plan.set_ups.size()));
+    result[k].plan.set_ups.push_back(plan.set_ups[s]);
   }
+  std::vector<std::vector<Index>> rows(result.size());
+  for (std::size_t i = 0; i < plan.looks.size(); ++i) {
+    const auto s = std::size_t(plan.looks[i].set_up), k = std::size_t(start[s]);
+    rows[k].push_back(Index(i));
+    result[k].plan.looks.push_back(plan.looks[i]);
+    result[k].plan.looks.back().set_up = place[s];
+  }
+  for (std::size_t k = 0; k < result.size(); ++k) {
+    if (readings.value.size() > 0) result[k].value = readings.value(rows[k]);
+    result[k].T_C = readings.T_C(rows[k], Eigen::all);
+  }
+  return result;
+}
+
+std::vector<Index> sensor_columns(const std::vector<std::string>& sensors,
+                                  const std::vector<std::string>& logged) {
+  std::vector<Index> columns;
+  for (const std::string& name : sensors) {
+    const auto found = std::ranges::find(logged, name);
+    if (found == logged.end())
+      throw std::invalid_argument("expected a sensor that was logged, seen " + name);
+    columns.push_back(found - logged.begin());
+  }
+  return columns;
+}
+
+MatrixXd warmed_K(std::span<const Readings> readings, const std::vector<std::string>& sensors) {
+  const std::vector<Index> columns = sensor_columns(sensors, readings.front().sensors);
+  MatrixXd T_C(Index(readings.size()), Index(sensors.size()));
+  for (Index i = 0; i < T_C.rows(); ++i)
+    for (Index k = 0; k < T_C.cols(); ++k)
+      T_C(i, k) = readings[std::size_t(i)].T_C.col(columns[std::size_t(k)]).mean();
+  return T_C.rowwise() - T_C.row(0).eval();
+}
+
+DayLog day_log(const Readings& readings) {
+  DayLog log{&readings, starts_of(readings.plan), 1};
+  for (const int start : log.start) log.starts = std::max(log.starts, start + 1);
   return log;
 }
 
@@ -213,10 +263,7 @@ MatrixXd warmed_K(const std::vector<DayLog>& logs, const std::vector<Epoch>& epo
   MatrixXd sum = MatrixXd::Zero(Index(epochs.size()), Index(sensors.size()));
   VectorXd count = VectorXd::Zero(Index(epochs.size()));
   for (const DayLog& log : logs) {
-    std::vector<Index> columns;
-    for (const std::string& name : sensors)
-      columns.push_back(std::ranges::find(log.readings->sensors, name) -
-                        log.readings->sensors.begin());
+    const std::vector<Index> columns = sensor_columns(sensors, log.readings->sensors);
     for (std::size_t i = 0; i < log.readings->plan.looks.size(); ++i) {
       const auto epoch =
           std::ranges::find_if(epochs, [&](const Epoch& one) { return one.holds(log.time_s(i)); });
@@ -241,4 +288,4 @@ bool is_moved(const std::vector<DayLog>& logs, int joint) {
   return false;
 }
 
-}  // namespace abbe::sim
+}  // namespace abbe::errors::identification

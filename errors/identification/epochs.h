@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 
@@ -7,13 +8,29 @@
 
 #include "errors/metrology/readings.h"
 
-/// Readings of a day, taken apart into epochs and set against the first of them.
-namespace abbe::sim {
+/// Readings of a day by the starts from which they were read, taken apart into epochs and set
+/// against the first of them.
+namespace abbe::errors::identification {
 
-/// Readings with, for every set-up, how often its name came before: the number of its start. They
-/// must outlive it.
+/// The number of the start of every set-up, from 0: how often its name came before. (set-ups)
+std::vector<int> starts_of(const metrology::Plan& plan);
+
+/// The readings of every start alone; how long one took is not known. (starts)
+std::vector<metrology::Readings> by_start(const metrology::Readings& readings);
+
+/// Columns of some sensors among those that were logged.
+/// @throws std::invalid_argument naming one that was not
+std::vector<Eigen::Index> sensor_columns(const std::vector<std::string>& sensors,
+                                         const std::vector<std::string>& logged);
+
+/// Mean temperatures over each of some readings less those over the first. (readings x sensors)
+/// @throws std::invalid_argument naming a sensor that was not logged
+Eigen::MatrixXd warmed_K(std::span<const metrology::Readings> readings,
+                         const std::vector<std::string>& sensors);
+
+/// Readings with the starts of their set-ups. They must outlive it.
 struct DayLog {
-  const errors::metrology::Readings* readings = nullptr;
+  const metrology::Readings* readings = nullptr;
   std::vector<int> start;  ///< (set-ups)
   int starts = 1;          ///< 1: it stands all day
 
@@ -22,7 +39,7 @@ struct DayLog {
     return start[std::size_t(readings->plan.looks[look].set_up)];
   }
 };
-DayLog day_log(const errors::metrology::Readings& readings);
+DayLog day_log(const metrology::Readings& readings);
 
 /// From the first to the last of some instants.
 struct Epoch {
@@ -43,8 +60,8 @@ std::vector<Epoch> epochs_of(const std::vector<DayLog>& logs);
 /// know of its set-up drops out; what was laid twice errs twice, and its zeros are unknown.
 /// @return (epochs), each (instruments)
 /// @throws std::invalid_argument naming an instrument that does not read in every epoch
-std::vector<std::vector<errors::metrology::Readings>> changes_of(const std::vector<DayLog>& logs,
-                                                                 const std::vector<Epoch>& epochs);
+std::vector<std::vector<metrology::Readings>> changes_of(const std::vector<DayLog>& logs,
+                                                         const std::vector<Epoch>& epochs);
 
 /// Sensors that every file logged. @throws std::invalid_argument if there are none
 std::vector<std::string> common_sensors(const std::vector<DayLog>& logs);
@@ -57,4 +74,4 @@ Eigen::MatrixXd warmed_K(const std::vector<DayLog>& logs, const std::vector<Epoc
 /// Whether an axis was read at more places than one: else no slope along it means anything.
 bool is_moved(const std::vector<DayLog>& logs, int joint);
 
-}  // namespace abbe::sim
+}  // namespace abbe::errors::identification

@@ -1,0 +1,78 @@
+#include "sim/report/belief_text.h"
+
+#include <fmt/format.h>
+
+#include "sim/files/versions.h"
+#include "sim/readings/belief_file.h"
+#include "sim/report/identified_figures.h"
+#include "sim/scene/toml_reader.h"
+
+namespace abbe::sim {
+namespace {
+
+using Eigen::Index;
+using Comments = std::vector<std::string>;
+
+std::string made_by() { return "identified from readings by abbe " + version() + "."; }
+
+std::string basis(const Identified& identified) {
+  return fmt::format("Machine {}, {} readings; {}.", machine_of(identified),
+                     readings_of(identified), method_of(identified));
+}
+
+void add_sources(Comments& comments, const Identified& identified) {
+  for (const ReadingsSource& one : identified.sources)
+    comments.push_back("from " + to_toml_value(one.file.string()));
+}
+
+std::string geometric_text(const Identified& identified) {
+  Comments comments{"Belief about a machine, " + made_by(), basis(identified)};
+  add_sources(comments, identified);
+  for (const auto& one : identified.confounded)
+    comments.push_back("not identified by these readings: " + one.name);
+  return to_errors_file(identified.belief, identified.nominal.joints(), comments);
+}
+
+std::string day_text(const Identified& identified, const ThermalDay& day) {
+  Comments comments{"What heat does to a machine, by temperatures; " + made_by(), basis(identified),
+                    "Changes of temperature count from the first row that a control reads."};
+  add_sources(comments, identified);
+  for (std::size_t k = 0; k < day.sensors.size(); ++k)
+    comments.push_back(fmt::format("trained: {} from {:.2f} to {:.2f} K, held {:.0f} % beyond",
+                                   day.sensors[k], day.dT_K.col(Index(k)).minCoeff(),
+                                   day.dT_K.col(Index(k)).maxCoeff(), 100.0 * day.margin));
+  for (const RegressedTerm& term : day.terms) {
+    const TermFigures figures = term_figures(term);
+    comments.push_back(fmt::format(
+        "{}: moved by {:.3g} {}, of which these temperatures leave {:.2g} (standard deviation)",
+        figures.name, figures.range, figures.unit, figures.residual_sd));
+  }
+  return to_text(identified.thermal, comments);
+}
+
+}  // namespace
+
+std::string belief_text(const Identified& identified) {
+  const auto* day = std::get_if<ThermalDay>(&identified.fit);
+  return day ? day_text(identified, *day) : geometric_text(identified);
+}
+
+std::string thermal_half_text(const Identified& composite) {
+  const auto& fit = std::get<CompositeFits>(composite.fit);
+  Comments comments{
+      "Slopes of positioning by temperatures, the thermal half of a composite belief; " + made_by(),
+      "The cold half is " + composite.files.belief.filename().string() +
+          ", which holds the cold slope; at the temperatures of its start these slopes are zero."};
+  for (const CompositeAxis& axis : fit.axes) {
+    std::string cold;
+    for (std::size_t k = 0; k < fit.sensors.size(); ++k)
+      cold += fmt::format("{}{} {:.2f} C", cold.empty() ? "" : ", ", fit.sensors[k],
+                          axis.cold_C[Index(k)]);
+    comments.push_back(
+        fmt::format("{}: cold at start 1, {:.2f} h: {}", axis.axis, axis.cold_s / 3600.0, cold));
+  }
+  add_sources(comments, composite);
+  return to_text(composite.thermal, comments);
+}
+
+}  // namespace abbe::sim
