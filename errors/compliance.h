@@ -61,6 +61,7 @@ struct WorkpiecePlate {  ///< wall clamped along its foot, long against its heig
 struct WorkpieceField {  ///< from a finite-element program: nodes of the surface, each loaded alone
   Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> points_w;  ///< (n x 3) mm
   std::vector<Eigen::Matrix3d> compliance_w;                           ///< (n) mm/N, symmetric
+  std::string file = {};  ///< that it was read from; empty: none
 };
 using WorkpieceCompliance = std::variant<WorkpieceBar, WorkpiecePlate, WorkpieceField>;
 

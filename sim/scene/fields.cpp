@@ -1,5 +1,9 @@
 #include "sim/scene/fields.h"
 
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+
 #include <fmt/format.h>
 
 namespace abbe::sim {
@@ -21,7 +25,7 @@ KeyName must(KeyName key) {
   return key;
 }
 
-Key key_of(const KeyName& name, Key::Kind kind, const char* sentence) {
+Key key_of(const KeyName& name, Key::Kind kind, const char* sentence, std::vector<Key> keys) {
   Key key;
   key.name = name.name;
   key.sentence = sentence;
@@ -29,6 +33,7 @@ Key key_of(const KeyName& name, Key::Kind kind, const char* sentence) {
   key.required = name.required;
   key.fallback = name.fallback;
   key.either = name.either;
+  key.keys = std::move(keys);
   return key;
 }
 
@@ -44,11 +49,25 @@ std::set<std::string> words_of(const Key& key) {
   return words;
 }
 
+double in_unit(double value, double unit) {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  const double divided = value / unit;
+  const double few = std::strtod(fmt::format("{:.15g}", divided).c_str(), nullptr);
+  for (const double number :
+       {few, divided, std::nextafter(divided, infinity), std::nextafter(divided, -infinity)})
+    if (number * unit == value) return number;
+  return divided;
+}
+
 void put_numbers(Node::Table& table, const std::string& key, const Eigen::VectorXd& values,
                  double unit) {
   Node::Array numbers;
-  for (const double value : values) numbers.push_back(Node{{}, value / unit});
+  for (const double value : values) numbers.push_back(Node{{}, in_unit(value, unit)});
   put(table, key, std::move(numbers));
+}
+
+void put_all(Node::Table& table, Node::Table entries) {
+  for (Node::Entry& entry : entries) table.push_back(std::move(entry));
 }
 
 std::string shown_default(double value) {

@@ -30,14 +30,29 @@ struct KeyName {
 /// A key that must be there.
 KeyName must(KeyName key);
 
+/// The key of a name; `kind` and what belongs to it are set by the caller.
+/// @param keys  of a table
+Key key_of(const KeyName& name, Key::Kind kind, const char* sentence, std::vector<Key> keys = {});
+/// The key of `size` numbers, 0: any
+Key key_of_numbers(const KeyName& name, int size, const char* sentence);
+
 /// Puts `key = value` at the end of a table.
 template <typename V>
 void put(Node::Table& table, const std::string& key, V value) {
   table.push_back({key, {}, Node{{}, std::move(value)}});
 }
-/// Numbers, each divided by the unit of the key.
+/// A value in a unit, such that the number times the unit gives the same bits where one does, and
+/// has few digits where it can.
+double in_unit(double value, double unit);
+/// Numbers, each in the unit of the key.
 void put_numbers(Node::Table& table, const std::string& key, const Eigen::VectorXd& values,
                  double unit);
+
+/// Puts the entries of another table at the end of a table.
+void put_all(Node::Table& table, Node::Table entries);
+
+/// The member of a table whose keys set the value itself.
+inline constexpr auto itself = [](auto& value) -> auto& { return value; };
 
 /// A number of the key's unit as documents show it, 12 digits; empty for one without end.
 std::string shown_default(double value);
@@ -104,6 +119,13 @@ class Fields {
   /// std::string or path, not empty where it is given
   template <typename M>
   Fields& text(const KeyName& key, M member, const char* sentence);
+  /// A text for people alone, which is read and not kept.
+  Fields& remark(const KeyName& key, const char* sentence) {
+    return custom(
+        {key_of(key, Key::Kind::Text, sentence)},
+        [key](TableReader& reader, T&) { reader.text(key.name, ""); },
+        [](const T&, Node::Table&) {});
+  }
   /// A value that a word stands for. The first word is read on where a required one is missing.
   template <typename M>
   struct WordOf {
@@ -146,6 +168,12 @@ class Fields {
   Fields& check(std::function<void(TableReader&, T&)> read) {
     return custom({}, std::move(read), [](const T&, Node::Table&) {});
   }
+  /// Sets what follows from the keys before it.
+  Fields& then(std::function<void(T&)> set) {
+    return check([set = std::move(set)](TableReader&, T& to) { set(to); });
+  }
+  /// Keys that this table has only where the keys before them say so.
+  Fields& where(std::function<bool(const T&)> holds, Fields own);
   /// The last key may be a table in a file of its own.
   Fields& or_file() {
     fields_.back().keys.back().or_file = true;
@@ -197,18 +225,23 @@ Alternative<V> alternative(const char* word, Fields<A> fields, const char* sente
           [fields](const V& value, Node::Table& table) {
             const A* own = std::get_if<A>(&value);
             if (!own) return false;
-            for (Node::Entry& entry : fields.written(*own)) table.push_back(std::move(entry));
+            put_all(table, fields.written(*own));
             return true;
           }};
 }
 
 // ---- definitions
 
-/// The key of a name; `kind` and what belongs to it are set by the caller.
-Key key_of(const KeyName& name, Key::Kind kind, const char* sentence);
-/// The key of `size` numbers, 0: any
-Key key_of_numbers(const KeyName& name, int size, const char* sentence);
 std::set<std::string> words_of(const Key& key);
+
+/// Puts a list of tables, one for each value, unless there is none.
+template <typename U>
+void put_tables(Node::Table& table, const std::string& key, const std::vector<U>& values,
+                const Fields<U>& fields) {
+  Node::Array all;
+  for (const U& one : values) all.push_back(Node{{}, fields.written(one)});
+  if (!all.empty()) put(table, key, std::move(all));
+}
 
 template <typename T>
 template <typename M>
@@ -231,9 +264,9 @@ Fields<T>& Fields<T>::add_number(const KeyName& name, M member, const Range& ran
   };
   const auto write = [key, member, unit](const T& from, Node::Table& to) {
     if constexpr (fields_detail::is_optional<V>::value) {
-      if (std::invoke(member, from)) put(to, key.name, *std::invoke(member, from) / unit);
+      if (std::invoke(member, from)) put(to, key.name, in_unit(*std::invoke(member, from), unit));
     } else {
-      put(to, key.name, std::invoke(member, from) / unit);
+      put(to, key.name, in_unit(std::invoke(member, from), unit));
     }
   };
   return custom({key}, read, write);
@@ -379,8 +412,7 @@ template <typename T>
 template <typename M, typename U>
 Fields<T>& Fields<T>::table(const KeyName& name, M member, Fields<U> fields, const char* sentence) {
   using V = Value<M>;
-  Key key = key_of(name, Key::Kind::Table, sentence);
-  key.keys = fields.keys();
+  const Key key = key_of(name, Key::Kind::Table, sentence, fields.keys());
   return custom(
       {key},
       [key, member, fields](TableReader& reader, T& to) {
@@ -398,8 +430,8 @@ Fields<T>& Fields<T>::table(const KeyName& name, M member, Fields<U> fields, con
         if constexpr (fields_detail::is_optional<V>::value) {
           if (std::invoke(member, from))
             put(to, key.name, fields.written(*std::invoke(member, from)));
-        } else {
-          put(to, key.name, fields.written(std::invoke(member, from)));
+        } else if (Node::Table own = fields.written(std::invoke(member, from)); !own.empty()) {
+          put(to, key.name, std::move(own));
         }
       });
 }
@@ -408,8 +440,7 @@ template <typename T>
 template <typename M, typename U>
 Fields<T>& Fields<T>::tables(const KeyName& name, M member, Fields<U> fields,
                              const char* sentence) {
-  Key key = key_of(name, Key::Kind::Tables, sentence);
-  key.keys = fields.keys();
+  const Key key = key_of(name, Key::Kind::Tables, sentence, fields.keys());
   return custom(
       {key},
       [key, member, fields](TableReader& reader, T& to) {
@@ -419,9 +450,7 @@ Fields<T>& Fields<T>::tables(const KeyName& name, M member, Fields<U> fields,
               .push_back(fields.read_table(*node, reader.name_of(key.name), reader.faults()));
       },
       [key, member, fields](const T& from, Node::Table& to) {
-        Node::Array all;
-        for (const U& one : std::invoke(member, from)) all.push_back(Node{{}, fields.written(one)});
-        if (!all.empty()) put(to, key.name, std::move(all));
+        put_tables(to, key.name, std::invoke(member, from), fields);
       });
 }
 
@@ -434,8 +463,21 @@ Fields<T>& Fields<T>::all_of(M member, Fields<U> fields) {
         std::invoke(member, to) = fields.read(reader, std::invoke(member, to));
       },
       [member, fields](const T& from, Node::Table& to) {
-        for (Node::Entry& entry : fields.written(std::invoke(member, from)))
-          to.push_back(std::move(entry));
+        put_all(to, fields.written(std::invoke(member, from)));
+      });
+}
+
+template <typename T>
+Fields<T>& Fields<T>::where(std::function<bool(const T&)> holds, Fields own) {
+  std::vector<Key> keys = own.keys();
+  for (Key& key : keys) key.required = false;
+  return custom(
+      std::move(keys),
+      [holds, own](TableReader& reader, T& to) {
+        if (holds(to)) to = own.read(reader, std::move(to));
+      },
+      [holds, own](const T& from, Node::Table& to) {
+        if (holds(from)) put_all(to, own.written(from));
       });
 }
 
@@ -458,8 +500,7 @@ Fields<T>& Fields<T>::kinds(const KeyName& name, M member, std::vector<Alternati
           Node::Table own;
           if (!one.write(std::invoke(member, from), own)) continue;
           put(to, key.name, one.word.word);
-          for (Node::Entry& entry : own) to.push_back(std::move(entry));
-          return;
+          return put_all(to, std::move(own));
         }
       });
 }

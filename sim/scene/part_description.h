@@ -24,7 +24,7 @@ struct PartDescription {
       judged_normal_z;  ///< mesh files: vertices whose normal's z is less are left out
   std::optional<double> judged_margin;  ///< mesh files: mm from the rim that are left out
   double tolerance = 0.0;               ///< mm, +- ; 0: none given
-  struct Ring {                         ///< where the radius of a part of revolution is told
+  struct Ring {                         ///< where the radius of a part of revolution is reported
     std::string name;
     double along = 0.0;  ///< mm, z of the part frame
     double width = 0.0;  ///< mm, > 0

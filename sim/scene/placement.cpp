@@ -93,6 +93,4 @@ const Fields<kinematics::Pose>& placement_fields() {
   return fields;
 }
 
-kinematics::Pose read_placement(TableReader& reader) { return placement_fields().read(reader); }
-
 }  // namespace abbe::sim

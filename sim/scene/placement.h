@@ -12,6 +12,5 @@ Eigen::Matrix3d read_turn(TableReader& reader);
 
 /// Place of a thing in its parent: `at_mm` and `turn_deg`.
 const Fields<kinematics::Pose>& placement_fields();
-kinematics::Pose read_placement(TableReader& reader);
 
 }  // namespace abbe::sim

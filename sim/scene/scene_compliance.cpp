@@ -1,26 +1,22 @@
-#include <cmath>
-#include <fstream>
-#include <sstream>
+#include <array>
 #include <stdexcept>
 
 #include <fmt/format.h>
 
-#include "kinematics/units.h"
 #include "sim/scene/scene_sections.h"
-
-#if ABBE_RENDER
-#include "render/read_vtu.h"
-#endif
+#include "sim/scene/scene_workpiece.h"
 
 namespace abbe::sim {
 
 namespace {
 
+using errors::CantileverSection;
 using errors::Compliance;
+using errors::ComplianceErrors;
+using errors::MovingMass;
+using kinematics::Wrench;
 
 constexpr double standard_gravity = 9806.65;  // mm/s^2
-constexpr Range poisson{-1.0, 0.5, true, false};
-constexpr Range thickness{1e-3, 1e5, false, false};  // mm
 constexpr double softest_N_per_um = 1e-6;
 constexpr double softest_Nm_per_urad = 1e-9;
 constexpr double softest_entry = 1e3;  // of a matrix, mm/N as 1e-6 N/um and rad/(N mm) likewise
@@ -80,159 +76,109 @@ Compliance read_stiffness(TableReader& reader) {
   return C + read_matrix(reader);
 }
 
-std::vector<errors::JointCompliance> read_joints(TableReader& compliance,
-                                                 const MachineDescription& machine) {
-  std::vector<errors::JointCompliance> joints;
+/// What gives way at one place; it is written as its matrix.
+Fields<Compliance> stiffness_fields() {
+  const auto stiffness = [](const char* name, const char* letters, double least) {
+    return key_of_numbers(name, 3, fmt::format("{}, each at least {}", letters, least).c_str());
+  };
+  std::vector<Key> keys{
+      stiffness("stiffness_N_per_um", "[kx, ky, kz]", softest_N_per_um),
+      stiffness("turning_stiffness_Nm_per_urad", "[ka, kb, kc]", softest_Nm_per_urad)};
+  for (Key& key : turn_fields().keys()) keys.push_back(std::move(key));
+  keys.push_back(key_of_numbers(
+      "matrix", 36,
+      "instead of stiffnesses: the compliance row by row, rows EX EY EZ EA EB EC in mm and rad, "
+      "columns FX FY FZ MX MY MZ in N and N mm; symmetric, without negative eigenvalue"));
+  return Fields<Compliance>(Compliance::Zero())
+      .custom(
+          std::move(keys), [](TableReader& reader, Compliance& C) { C = read_stiffness(reader); },
+          [](const Compliance& C, Node::Table& table) {
+            if (!C.isZero(0.0)) put_numbers(table, "matrix", C.reshaped<Eigen::RowMajor>(), 1.0);
+          });
+}
+
+void read_joints(TableReader& compliance, const MachineDescription& machine,
+                 ComplianceErrors& errors) {
   const Node* section = compliance.section("axis");
-  if (!section) return joints;
-  TableReader reader(*section, "compliance.axis", compliance.faults());
+  if (!section) return;
+  TableReader reader(*section, compliance.name_of("axis"), compliance.faults());
   for (const kinematics::Joint& joint : machine.joints) {
     const char letter = joint.name == 's' ? 'S' : joint.name;
     const std::string key(1, letter);
     const Node* node = reader.section(key);
-    if (!node) continue;
-    TableReader axis(*node, "compliance.axis." + key, compliance.faults());
-    joints.push_back({letter, read_stiffness(axis)});
-    axis.close();
+    if (node)
+      errors.joints.push_back(
+          {letter, stiffness_fields().read_table(*node, reader.name_of(key), reader.faults())});
   }
   if (!machine.joints.empty()) reader.close();
-  return joints;
 }
 
-Compliance read_tool_compliance(TableReader& compliance) {
+Fields<ComplianceErrors> joints_fields(const MachineDescription& machine) {
+  Key one = key_of("<axis>", Key::Kind::Table,
+                   "at the point of the axis, along the axes of its deviations; S is the spindle",
+                   stiffness_fields().keys());
+  one.pattern = "[A-Z]";
+  const Key axis = key_of(KeyName("axis").otherwise("stiff"), Key::Kind::Table,
+                          "stiffness of the carriages", {one});
+  return Fields<ComplianceErrors>().custom(
+      {axis},
+      [machine](TableReader& reader, ComplianceErrors& errors) {
+        read_joints(reader, machine, errors);
+      },
+      [](const ComplianceErrors& errors, Node::Table& table) {
+        Node::Table joints;
+        for (const errors::JointCompliance& joint : errors.joints)
+          put(joints, std::string(1, joint.axis), stiffness_fields().written(joint.C));
+        if (!joints.empty()) put(table, "axis", std::move(joints));
+      });
+}
+
+Fields<CantileverSection> section_fields() {
+  return Fields<CantileverSection>()
+      .number(must("length_mm"), &CantileverSection::length, positive, "along the tool")
+      .number(must("diameter_mm"), &CantileverSection::diameter, bar_diameter,
+              "of a fluted piece its effective one")
+      .number(must("youngs_modulus_GPa"), &CantileverSection::youngs_modulus, positive,
+              "of the material")
+      .number("poisson_ratio", &CantileverSection::poisson_ratio, poisson_range, "of the material");
+}
+
+void read_tool_compliance(TableReader& compliance, ComplianceErrors& errors) {
   const Node* section = compliance.section("tool");
-  if (!section) return Compliance::Zero();
-  TableReader reader(*section, "compliance.tool", compliance.faults());
+  if (!section) return;
+  TableReader reader(*section, compliance.name_of("tool"), compliance.faults());
   const std::size_t before = reader.faults().list().size();
-  Compliance C = read_stiffness(reader);
-  std::vector<errors::CantileverSection> pieces;
-  for (const Node* node : reader.tables("section")) {
-    TableReader piece(*node, "compliance.tool.section", reader.faults());
-    pieces.push_back({piece.number("length_mm", positive), piece.number("diameter_mm", thickness),
-                      piece.number("youngs_modulus_GPa", positive),
-                      piece.number("poisson_ratio", poisson, 0.3)});
-    piece.close();
-  }
+  errors.tool = stiffness_fields().read(reader);
+  std::vector<CantileverSection> pieces;
+  for (const Node* node : reader.tables("section"))
+    pieces.push_back(
+        section_fields().read_table(*node, reader.name_of("section"), reader.faults()));
   reader.close();
-  if (pieces.empty() || reader.faults().list().size() != before) return C;
+  if (pieces.empty() || reader.faults().list().size() != before) return;
   try {
-    C += errors::stepped_cantilever(pieces);
+    errors.tool += errors::stepped_cantilever(pieces);
   } catch (const std::invalid_argument& fault) {
     reader.refuse("section", "sections that can be", fault.what());
   }
-  return C;
 }
 
-Compliance read_fixture(TableReader& compliance) {
-  const Node* section = compliance.section("fixture");
-  if (!section) return Compliance::Zero();
-  TableReader reader(*section, "compliance.fixture", compliance.faults());
-  const Compliance C = read_stiffness(reader);
-  reader.close();
-  return C;
-}
-
-errors::WorkpieceBar read_bar(TableReader& reader) {
-  errors::WorkpieceBar bar;
-  bar.clamp_w = reader.vector("clamp_mm", Eigen::Vector3d::Zero());
-  bar.direction_w = reader.direction("direction", Eigen::Vector3d::UnitZ());
-  bar.length = reader.number("length_mm", positive);
-  bar.youngs_modulus = reader.number("youngs_modulus_GPa", positive);
-  const auto diameter = reader.maybe_number("diameter_mm", thickness);
-  const auto second_moment = reader.maybe_number("second_moment_mm4", positive);
-  if (diameter && second_moment) {
-    reader.refuse("second_moment_mm4", "diameter_mm or second_moment_mm4", "both");
-  } else if (!reader.has("diameter_mm") && !reader.has("second_moment_mm4")) {
-    reader.missing("diameter_mm", "a number, or second_moment_mm4,");
-  }
-  bar.second_moment = second_moment.value_or(pi * std::pow(diameter.value_or(0.0), 4) / 64.0);
-  return bar;
-}
-
-errors::WorkpiecePlate read_plate(TableReader& reader) {
-  errors::WorkpiecePlate plate;
-  plate.foot_w = reader.vector("foot_mm", Eigen::Vector3d::Zero());
-  plate.up_w = reader.direction("up", Eigen::Vector3d::UnitZ());
-  plate.normal_w = reader.direction("normal");
-  plate.height = reader.number("height_mm", positive);
-  plate.thickness = reader.number("thickness_mm", positive);
-  plate.youngs_modulus = reader.number("youngs_modulus_GPa", positive);
-  plate.poisson_ratio = reader.number("poisson_ratio", poisson, 0.33);
-  return plate;
-}
-
-errors::WorkpieceField read_csv_field(const std::filesystem::path& file) {
-  std::error_code failure;
-  if (!std::filesystem::is_regular_file(file, failure))
-    throw BadInput(file.string(), 0, 0, "a file that can be read", "no such file");
-  const std::uintmax_t size = std::filesystem::file_size(file, failure);
-  if (failure || size > errors::max_field_bytes)
-    throw BadInput(file.string(), 0, 0, "at most 64 MiB", std::to_string(size) + " bytes");
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream text;
-  text << in.rdbuf();
-  if (!in)
-    throw BadInput(file.string(), 0, 0, "a file that can be read", "a failure while reading");
-  return errors::read_compliance_field(text.view(), file.string());
-}
-
-errors::WorkpieceField read_vtu_field([[maybe_unused]] const std::filesystem::path& file) {
-#if ABBE_RENDER
-  render::PointTensors read = render::read_vtu(file, "compliance_um_per_N");
-  for (Eigen::Matrix3d& C : read.tensors) C *= units::um;
-  return {std::move(read.points), std::move(read.tensors)};
-#else
-  throw BadInput(file.string(), 0, 0, "a program built with -DABBE_RENDER=ON, or a .csv file",
-                 "one without VTK");
-#endif
-}
-
-errors::WorkpieceField read_field(TableReader& reader) {
-  const std::filesystem::path file = reader.text("file");
-  if (file.empty()) return {};
-  try {
-    if (file.extension() == ".csv") return read_csv_field(file);
-    if (file.extension() == ".vtu") return read_vtu_field(file);
-    reader.refuse("file", "a field named .csv or .vtu", file.string());
-  } catch (const BadInput& fault) {
-    if (fault.line == 0) {
-      reader.refuse("file", fault.expected, file.string() + ": " + fault.seen);
-    } else {
-      reader.faults().add(fault);
-    }
-  }
-  return {};
-}
-
-std::optional<errors::WorkpieceCompliance> read_workpiece(TableReader& compliance) {
-  const Node* section = compliance.section("workpiece");
-  if (!section) return std::nullopt;
-  TableReader reader(*section, "compliance.workpiece", compliance.faults());
-  const std::size_t before = reader.faults().list().size();
-  enum class Kind { Bar, Plate, Field };
-  const Kind kind = reader.choice<Kind>(
-      "kind", {{"bar", Kind::Bar}, {"plate", Kind::Plate}, {"field", Kind::Field}});
-  errors::WorkpieceCompliance part;
-  if (kind == Kind::Bar) part = read_bar(reader);
-  if (kind == Kind::Plate) part = read_plate(reader);
-  if (kind == Kind::Field) part = read_field(reader);
-  reader.close();
-  if (reader.faults().list().size() != before) return std::nullopt;
-  try {
-    errors::validate(part);
-  } catch (const std::invalid_argument& fault) {
-    reader.refuse(kind == Kind::Field   ? "file"
-                  : kind == Kind::Plate ? "normal"
-                                        : "kind",
-                  "a workpiece that can be", fault.what());
-    return std::nullopt;
-  }
-  return part;
+Fields<ComplianceErrors> tool_fields() {
+  std::vector<Key> keys = stiffness_fields().keys();
+  keys.push_back(key_of("section", Key::Kind::Tables,
+                        "round pieces from the tip to the clamp, which add to the stiffness",
+                        section_fields().keys()));
+  const Key tool = key_of(KeyName("tool").otherwise("stiff"), Key::Kind::Table,
+                          "from the nose of the spindle to the tip, at the tip in the tool's frame",
+                          std::move(keys));
+  return Fields<ComplianceErrors>().custom(
+      {tool}, read_tool_compliance, [](const ComplianceErrors& errors, Node::Table& table) {
+        Node::Table own = stiffness_fields().written(errors.tool);
+        if (!own.empty()) put(table, "tool", std::move(own));
+      });
 }
 
 /// Each mass is bound alone, so that a refusal is reported where it stands.
-void check_mass(TableReader& mass, const errors::MovingMass& read,
-                const MachineDescription& machine) {
+void check_mass(TableReader& mass, const MovingMass& read, const MachineDescription& machine) {
   if (machine.joints.empty()) return;
   std::optional<kinematics::Chain> chain;
   try {
@@ -241,7 +187,7 @@ void check_mass(TableReader& mass, const errors::MovingMass& read,
     return;  // reported with the machine
   }
   try {
-    errors::ComplianceErrors alone;
+    ComplianceErrors alone;
     alone.masses = {read};
     errors::bind(alone, *chain);
   } catch (const std::invalid_argument& fault) {
@@ -249,61 +195,108 @@ void check_mass(TableReader& mass, const errors::MovingMass& read,
   }
 }
 
-std::vector<errors::MovingMass> read_masses(TableReader& compliance,
-                                            const MachineDescription& machine) {
-  std::vector<errors::MovingMass> masses;
+Fields<MovingMass> mass_fields() {
+  const Key axis = key_of(must("axis"), Key::Kind::Text,
+                          "letter of the axis that carries it, \"S\" the spindle, \"t\" the tool "
+                          "or \"w\" the part");
+  return Fields<MovingMass>()
+      .remark("name", "of the mass")
+      .custom(
+          {axis},
+          [](TableReader& reader, MovingMass& mass) {
+            const std::string letter = reader.text("axis");
+            if (!letter.empty()) mass.axis = letter.front();
+          },
+          [](const MovingMass& mass, Node::Table& table) {
+            put(table, "axis", std::string(1, mass.axis));
+          })
+      .number(must("mass_kg"), &MovingMass::mass_kg, non_negative, "as a point")
+      .vector(must("centre_mm"), &MovingMass::centre_b, "in the bed frame, axes at zero");
+}
+
+void read_masses(TableReader& compliance, const MachineDescription& machine,
+                 ComplianceErrors& errors) {
   for (const Node* node : compliance.tables("mass")) {
-    TableReader reader(*node, "compliance.mass", compliance.faults());
+    TableReader reader(*node, compliance.name_of("mass"), compliance.faults());
     const std::size_t before = reader.faults().list().size();
-    errors::MovingMass mass;
-    reader.text("name", "");
-    const std::string axis = reader.text("axis");
-    mass.mass_kg = reader.number("mass_kg", non_negative);
-    mass.centre_b = reader.vector("centre_mm");
+    const MovingMass mass = mass_fields().read(reader);
     reader.close();
     if (reader.faults().list().size() != before) continue;
-    if (axis.size() != 1) {
+    if (const std::string axis = reader.text("axis", ""); axis.size() != 1) {
       reader.refuse("axis", "one letter", axis);
       continue;
     }
-    mass.axis = axis.front();
     check_mass(reader, mass, machine);
-    masses.push_back(mass);
+    errors.masses.push_back(mass);
   }
-  return masses;
 }
 
-kinematics::Wrench read_clamping(TableReader& compliance) {
-  kinematics::Wrench W = kinematics::Wrench::Zero();
-  const Node* section = compliance.section("clamping");
-  if (!section) return W;
-  TableReader reader(*section, "compliance.clamping", compliance.faults());
-  int i = 0;
-  for (const char* key : {"FX_N", "FY_N", "FZ_N", "MX_Nm", "MY_Nm", "MZ_Nm"})
-    W[i++] = reader.number(key, any_number, 0.0);
-  reader.close();
-  return W;
+Fields<ComplianceErrors> masses_fields(const MachineDescription& machine) {
+  return Fields<ComplianceErrors>().custom(
+      {key_of("mass", Key::Kind::Tables, "moving masses, for gravity and inertia",
+              mass_fields().keys())},
+      [machine](TableReader& reader, ComplianceErrors& errors) {
+        read_masses(reader, machine, errors);
+      },
+      [](const ComplianceErrors& errors, Node::Table& table) {
+        put_tables(table, "mass", errors.masses, mass_fields());
+      });
+}
+
+Fields<ComplianceErrors> gravity_fields() {
+  return Fields<ComplianceErrors>()
+      .custom(
+          {key_of_numbers(KeyName("gravity").otherwise("off"), 3,
+                          "direction of 9806.65 mm/s² in the bed frame, such as [0, 0, -1]")},
+          [](TableReader& reader, ComplianceErrors& errors) {
+            if (reader.know("gravity"))
+              errors.gravity_b = standard_gravity * reader.direction("gravity");
+          },
+          [](const ComplianceErrors& errors, Node::Table& table) {
+            if (errors.gravity_b)
+              put_numbers(table, "gravity", *errors.gravity_b, standard_gravity);
+          })
+      .boolean("inertia", &ComplianceErrors::inertia,
+               "the masses push against their acceleration, without terms in speed squared");
+}
+
+Fields<Wrench> clamping_fields() {
+  Fields<Wrench> fields(Wrench::Zero());
+  const std::array keys{"FX_N", "FY_N", "FZ_N", "MX_Nm", "MY_Nm", "MZ_Nm"};
+  for (int i = 0; i < 6; ++i)
+    fields.number(
+        keys[std::size_t(i)], [i](auto& wrench) -> auto& { return wrench[i]; }, any_number,
+        i < 3 ? "force" : "moment");
+  return fields;
+}
+
+Fields<ComplianceErrors> compliance_fields(const MachineDescription& machine) {
+  return Fields<ComplianceErrors>()
+      .remark("name", "of what gives way")
+      .number("scale", &ComplianceErrors::scale, {0.0, 1e6}, "factor of every compliance")
+      .all_of(itself, joints_fields(machine))
+      .all_of(itself, tool_fields())
+      .table(KeyName("fixture").otherwise("stiff"), &ComplianceErrors::fixture, stiffness_fields(),
+             "of the part on its carriage, at the origin of the workpiece frame")
+      .all_of(itself, workpiece_fields())
+      .all_of(itself, masses_fields(machine))
+      .all_of(itself, gravity_fields())
+      .table("clamping", &ComplianceErrors::clamping_w, clamping_fields(),
+             "wrench on the part at the origin of the workpiece frame, which bears on the fixture "
+             "alone");
 }
 
 }  // namespace
 
-errors::ComplianceErrors read_compliance(const Node& table, const MachineDescription& machine,
-                                         Faults& faults) {
-  TableReader reader(table, "compliance", faults);
-  errors::ComplianceErrors errors;
-  reader.text("name", "");
-  errors.scale = reader.number("scale", {0.0, 1e6}, 1.0);
-  errors.joints = read_joints(reader, machine);
-  errors.tool = read_tool_compliance(reader);
-  errors.fixture = read_fixture(reader);
-  errors.workpiece = read_workpiece(reader);
-  errors.masses = read_masses(reader, machine);
-  if (reader.has("gravity")) errors.gravity_b = standard_gravity * reader.direction("gravity");
-  errors.inertia = reader.boolean("inertia", false);
-  errors.clamping_w = read_clamping(reader);
-  reader.know("gravity");
-  reader.close();
-  return errors;
+ComplianceErrors read_compliance(const Node& table, const MachineDescription& machine,
+                                 Faults& faults) {
+  return compliance_fields(machine).read_table(table, "compliance", faults);
 }
+
+Node::Table written_compliance(const ComplianceErrors& errors, const MachineDescription& machine) {
+  return compliance_fields(machine).written(errors);
+}
+
+std::vector<Key> compliance_keys() { return compliance_fields({}).keys(); }
 
 }  // namespace abbe::sim

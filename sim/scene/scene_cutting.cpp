@@ -1,6 +1,4 @@
-#include <filesystem>
 #include <string>
-#include <system_error>
 
 #include <fmt/format.h>
 
@@ -11,13 +9,20 @@ namespace abbe::sim {
 
 namespace {
 
-constexpr Range helix_range{-90.0, 90.0, true, true};
+using cutting::BoxBlank;
+using cutting::CylinderBlank;
+using cutting::Flutes;
+using Blank = CuttingDescription::Blank;
+using OffsetBlank = CuttingDescription::OffsetBlank;
+using TurnedBlank = CuttingDescription::TurnedBlank;
+
 constexpr int most_corners = 10000;
+constexpr Range helix_range{-90.0, 90.0, true, true};
 constexpr Range spacing_range{0.001, 20.0};
 constexpr Range step_range{0.0, 100.0, true, false};
 constexpr Range run_out_range{0.0, 1000.0};
 
-void refuse_flat(TableReader& reader, const cutting::BoxBlank& box) {
+void refuse_flat(TableReader& reader, BoxBlank& box) {
   if (!reader.has("lower_mm") || !reader.has("upper_mm")) return;
   for (int i = 0; i < 3; ++i) {
     if (box.lower_k[i] < box.upper_k[i]) continue;
@@ -28,140 +33,196 @@ void refuse_flat(TableReader& reader, const cutting::BoxBlank& box) {
   }
 }
 
-cutting::CylinderBlank read_cylinder(TableReader& reader) {
-  const cutting::CylinderBlank blank{reader.number("radius_mm", positive),
-                                     reader.number("lower_mm", any_number),
-                                     reader.number("upper_mm", any_number)};
-  if (reader.has("lower_mm") && reader.has("upper_mm") && !(blank.lower < blank.upper)) {
-    reader.refuse("upper_mm", "cutting.upper_mm above cutting.lower_mm",
-                  fmt::format("{} and {}", blank.upper, blank.lower));
-  }
-  return blank;
+Fields<BoxBlank> box_fields() {
+  return Fields<BoxBlank>()
+      .vector(must("lower_mm"), &BoxBlank::lower_k, "its corner of least x, y and z")
+      .vector(must("upper_mm"), &BoxBlank::upper_k, "its corner of greatest x, y and z")
+      .check(refuse_flat);
+}
+
+Fields<CylinderBlank> cylinder_fields() {
+  return Fields<CylinderBlank>()
+      .number(must("radius_mm"), &CylinderBlank::radius, positive, "about z")
+      .number(must("lower_mm"), &CylinderBlank::lower, any_number, "z of its lower end")
+      .number(must("upper_mm"), &CylinderBlank::upper, any_number, "z of its upper end")
+      .check([](TableReader& reader, CylinderBlank& blank) {
+        if (reader.has("lower_mm") && reader.has("upper_mm") && !(blank.lower < blank.upper))
+          reader.refuse("upper_mm", "cutting.upper_mm above cutting.lower_mm",
+                        fmt::format("{} and {}", blank.upper, blank.lower));
+      });
+}
+
+Fields<OffsetBlank> offset_fields() {
+  return Fields<OffsetBlank>()
+      .number(must("allowance_mm"), &OffsetBlank::allowance, positive, "along its normals")
+      .number(must("floor_mm"), &OffsetBlank::floor, any_number, "z of its lower end");
+}
+
+struct Corner {
+  double along = 0.0;
+  double radius = 0.0;
+};
+
+Fields<Corner> corner_fields() {
+  return Fields<Corner>()
+      .number(must("along_mm"), &Corner::along, any_number,
+              "z, at least that of the corner before; two of one place make a step")
+      .number(must("radius_mm"), &Corner::radius, non_negative, "from the spindle line");
 }
 
 /// Corners of the blank over the spindle line, which may step but not go back.
-CuttingDescription::TurnedBlank read_turned(TableReader& reader) {
-  CuttingDescription::TurnedBlank blank;
+void read_profile(TableReader& reader, TurnedBlank& blank) {
   if (!reader.has("profile")) reader.missing("profile", "a list of tables");
   const std::size_t before = reader.faults().list().size();
   const auto corners = reader.tables("profile");
   if (reader.has("profile") && (corners.size() < 2 || corners.size() > most_corners)) {
     reader.refuse("profile", fmt::format("2 to {} corners for cutting.profile", most_corners),
                   fmt::format("{}", corners.size()));
-    return blank;
+    return;
   }
   blank.profile.resize(Eigen::Index(corners.size()), 2);
   for (std::size_t i = 0; i < corners.size(); ++i) {
-    TableReader corner(*corners[i], "cutting.profile", reader.faults());
+    TableReader table(*corners[i], reader.name_of("profile"), reader.faults());
+    const Corner corner = corner_fields().read(table);
     const Eigen::Index k = Eigen::Index(i);
-    blank.profile(k, 0) = corner.number("along_mm", any_number);
-    blank.profile(k, 1) = corner.number("radius_mm", non_negative);
-    const double before_mm = k > 0 ? blank.profile(k - 1, 0) : blank.profile(k, 0);
-    if (corner.has("along_mm") && blank.profile(k, 0) < before_mm) {
-      corner.refuse("along_mm",
-                    fmt::format("along_mm of at least {}, the corner before", before_mm),
-                    fmt::format("{}", blank.profile(k, 0)));
+    blank.profile.row(k) << corner.along, corner.radius;
+    const double before_mm = k > 0 ? blank.profile(k - 1, 0) : corner.along;
+    if (table.has("along_mm") && corner.along < before_mm) {
+      table.refuse("along_mm", fmt::format("along_mm of at least {}, the corner before", before_mm),
+                   fmt::format("{}", corner.along));
     }
-    corner.close();
+    table.close();
   }
   const Eigen::Index last = blank.profile.rows() - 1;
   if (last > 0 && reader.faults().list().size() == before &&
       !(blank.profile(last, 0) > blank.profile(0, 0))) {
     reader.refuse("profile", "corners at two places or more for cutting.profile", "one place");
   }
-  return blank;
 }
 
-CuttingDescription::Blank read_blank(TableReader& reader) {
-  enum class Kind { Box, Cylinder, Offset, Mesh, Turned };
-  const Kind kind = reader.choice<Kind>("blank", {{"box", Kind::Box},
-                                                  {"cylinder", Kind::Cylinder},
-                                                  {"offset", Kind::Offset},
-                                                  {"mesh", Kind::Mesh},
-                                                  {"turned", Kind::Turned}});
-  switch (kind) {
-    case Kind::Box: {
-      const cutting::BoxBlank box{reader.vector("lower_mm"), reader.vector("upper_mm")};
-      refuse_flat(reader, box);
-      return box;
-    }
-    case Kind::Cylinder:
-      return read_cylinder(reader);
-    case Kind::Offset:
-      return CuttingDescription::OffsetBlank{reader.number("allowance_mm", positive),
-                                             reader.number("floor_mm", any_number)};
-    case Kind::Mesh:
-      return read_mesh_file(reader);
-    case Kind::Turned:
-      break;
-  }
-  return read_turned(reader);
+Fields<TurnedBlank> turned_fields() {
+  const Key profile =
+      key_of(must("profile"), Key::Kind::Tables,
+             fmt::format("its corners, 2 to {}", most_corners).c_str(), corner_fields().keys());
+  return Fields<TurnedBlank>().custom({profile}, read_profile,
+                                      [](const TurnedBlank& blank, Node::Table& table) {
+                                        std::vector<Corner> corners;
+                                        for (const auto& row : blank.profile.rowwise())
+                                          corners.push_back({row[0], row[1]});
+                                        put_tables(table, "profile", corners, corner_fields());
+                                      });
 }
 
-cutting::Flutes read_flutes(TableReader& reader) {
-  cutting::Flutes flutes;
-  flutes.count = int(reader.integer("flutes", 1, 100, flutes.count));
-  flutes.helix = reader.number("helix_deg", helix_range, 30.0 * units::deg);
-  flutes.run_out = reader.number("run_out_um", run_out_range, 0.0);
-  flutes.run_out_angle = reader.number("run_out_angle_deg", any_number, 0.0);
-  flutes.clockwise =
-      reader.choice<bool>("rotation", {{"clockwise", true}, {"counter_clockwise", false}}, true);
-  return flutes;
+/// The blank, which must be one for the lathe under a turning tool, and only there.
+Fields<CuttingDescription> blank_fields(bool turning) {
+  const Fields<CuttingDescription> blank = Fields<CuttingDescription>().kinds(
+      must("blank"), &CuttingDescription::blank,
+      {alternative<Blank>("box", box_fields(), "along the axes of the part"),
+       alternative<Blank>("cylinder", cylinder_fields(), "about z of the part"),
+       alternative<Blank>("offset", offset_fields(), "the design, raised"),
+       alternative<Blank>("mesh", mesh_file_fields(must("file")), "a closed one"),
+       alternative<Blank>("turned", turned_fields(), "of a turning tool, and only there")},
+      "what is cut, in the part frame");
+  return Fields<CuttingDescription>().custom(
+      blank.keys(),
+      [blank, turning](TableReader& reader, CuttingDescription& cutting) {
+        const std::size_t before = reader.faults().list().size();
+        cutting = blank.read(reader, std::move(cutting));
+        if (reader.faults().list().size() != before) return;
+        const bool turned = std::holds_alternative<TurnedBlank>(cutting.blank);
+        if (turning && !turned)
+          reader.refuse("blank", "\"turned\" for cutting.blank under a turning tool", "another");
+        if (!turning && turned)
+          reader.refuse("blank", "a blank for a milling cutter for cutting.blank", "\"turned\"");
+      },
+      [blank](const CuttingDescription& cutting, Node::Table& table) {
+        put_all(table, blank.written(cutting));
+      });
 }
 
-bool reads_three_directions(TableReader& reader) {
-  const std::int64_t directions = reader.integer("directions", 1, 3, 3);
-  if (directions == 2) reader.refuse("directions", "1 or 3 for cutting.directions", "2");
-  return directions != 1;
+Fields<Flutes> flutes_fields() {
+  Flutes usual;
+  usual.helix = 30.0 * units::deg;
+  return Fields<Flutes>(usual)
+      .then([usual](Flutes& flutes) { flutes = usual; })
+      .whole("flutes", &Flutes::count, 1, 100, "milling: of the cutter")
+      .number("helix_deg", &Flutes::helix, helix_range, "milling: + right-hand")
+      .number("run_out_um", &Flutes::run_out, run_out_range,
+              "milling: offset of the cutter's axis from the spindle's")
+      .number("run_out_angle_deg", &Flutes::run_out_angle, any_number,
+              "milling: where that points, counter-clockwise from the first flute")
+      .word("rotation", &Flutes::clockwise,
+            {{"clockwise", true, "M3, seen from the spindle"}, {"counter_clockwise", false}},
+            "milling: of the spindle");
 }
 
-/// A blank for the lathe under a cutter, or the other way round.
-void refuse_mismatch(TableReader& reader, bool is_nose, const CuttingDescription& cutting) {
-  const bool turned = std::holds_alternative<CuttingDescription::TurnedBlank>(cutting.blank);
-  if (is_nose && !turned) {
-    reader.refuse("blank", "\"turned\" for cutting.blank under a turning tool", "another");
-  } else if (!is_nose && turned) {
-    reader.refuse("blank", "a blank for a milling cutter for cutting.blank", "\"turned\"");
-  }
+/// What a nose does not have: flutes and dexels.
+Fields<CuttingDescription> milling_fields() {
+  Key directions = key_of(KeyName("directions").otherwise("3"), Key::Kind::Whole,
+                          "milling: of dexels, 1 (along z of the part, where the tool axis keeps "
+                          "to it) or 3");
+  directions.range = {1, 3};
+  return Fields<CuttingDescription>()
+      .custom(
+          {directions},
+          [](TableReader& reader, CuttingDescription& cutting) {
+            const auto seen = reader.maybe_integer("directions", 1, 3);
+            if (seen == 2) reader.refuse("directions", "1 or 3 for cutting.directions", "2");
+            cutting.three_directions = seen != 1;
+          },
+          [](const CuttingDescription& cutting, Node::Table& table) {
+            put(table, "directions", std::int64_t(cutting.three_directions ? 3 : 1));
+          })
+      .all_of(&CuttingDescription::flutes, flutes_fields())
+      .number("step_mm", &CuttingDescription::step, step_range,
+              "milling: tip travel between two looks at the engagement; turning looks once a "
+              "revolution");
+}
+
+Fields<CuttingDescription> memory_fields() {
+  constexpr std::int64_t most_MiB = std::int64_t(1) << 24;
+  Key most =
+      key_of("max_MiB", Key::Kind::Whole, "milling: of dexels; more is refused with the estimate");
+  most.range = {1, double(most_MiB)};
+  most.fallback = std::to_string(CuttingDescription{}.max_bytes >> 20);
+  return Fields<CuttingDescription>().custom(
+      {most},
+      [](TableReader& reader, CuttingDescription& cutting) {
+        if (const auto seen = reader.maybe_integer("max_MiB", 1, most_MiB))
+          cutting.max_bytes = std::size_t(*seen) << 20;
+      },
+      [](const CuttingDescription& cutting, Node::Table& table) {
+        put(table, "max_MiB", std::int64_t(cutting.max_bytes >> 20));
+      });
+}
+
+Fields<CuttingDescription> cutting_fields(const ToolDescription& tool) {
+  const bool turning = std::holds_alternative<cutting::Nose>(tool.nominal);
+  const auto has_dexels = [](const CuttingDescription& cutting) {
+    return !std::holds_alternative<TurnedBlank>(cutting.blank);
+  };
+  return Fields<CuttingDescription>()
+      .all_of(itself, blank_fields(turning))
+      .number("spacing_mm", &CuttingDescription::spacing, spacing_range,
+              "of dexels; of a turned blank along the spindle line")
+      .where([turning](const CuttingDescription&) { return !turning; }, milling_fields())
+      .where(has_dexels, memory_fields())
+      .number("tolerance_nm", &CuttingDescription::tolerance, positive,
+              "to which force and deflection agree at every step")
+      .whole("most_iterations", &CuttingDescription::most_iterations, 1, 1000,
+             "of one step, after which it is reported as not converged");
 }
 
 }  // namespace
 
-cutting::CuttingCoefficients read_material(const Node& table, Faults& faults) {
-  TableReader reader(table, "material", faults);
-  cutting::CuttingCoefficients K;
-  K.name = reader.text("name");
-  K.source = reader.text("source");
-  K.K_tc = reader.number("K_tc_N_per_mm2", positive);
-  K.K_rc = reader.number("K_rc_N_per_mm2", non_negative);
-  K.K_ac = reader.number("K_ac_N_per_mm2", any_number);
-  K.K_te = reader.number("K_te_N_per_mm", non_negative);
-  K.K_re = reader.number("K_re_N_per_mm", non_negative);
-  K.K_ae = reader.number("K_ae_N_per_mm", any_number);
-  reader.close();
-  return K;
+CuttingDescription read_cutting(const Node& table, const ToolDescription& tool, Faults& faults) {
+  return cutting_fields(tool).read_table(table, "cutting", faults);
 }
 
-CuttingDescription read_cutting(const Node& table, const ToolDescription& tool, Faults& faults) {
-  TableReader reader(table, "cutting", faults);
-  CuttingDescription cutting;
-  const bool is_nose = std::holds_alternative<cutting::Nose>(tool.nominal);
-  const std::size_t before = faults.list().size();
-  cutting.blank = read_blank(reader);
-  if (faults.list().size() == before) refuse_mismatch(reader, is_nose, cutting);
-  cutting.spacing = reader.number("spacing_mm", spacing_range, cutting.spacing);
-  if (!is_nose) {  // a nose has no flutes and no dexels
-    cutting.three_directions = reads_three_directions(reader);
-    cutting.flutes = read_flutes(reader);
-    cutting.step = reader.number("step_mm", step_range, cutting.step);
-  }
-  if (!std::holds_alternative<CuttingDescription::TurnedBlank>(cutting.blank))
-    cutting.max_bytes = std::size_t(reader.integer("max_MiB", 1, std::int64_t(1) << 24, 2048))
-                        << 20;
-  cutting.tolerance = reader.number("tolerance_nm", positive, cutting.tolerance);
-  cutting.most_iterations = int(reader.integer("most_iterations", 1, 1000, 30));
-  reader.close();
-  return cutting;
+Node::Table written_cutting(const CuttingDescription& cutting, const ToolDescription& tool) {
+  return cutting_fields(tool).written(cutting);
 }
+
+std::vector<Key> cutting_keys() { return cutting_fields({}).keys(); }
 
 }  // namespace abbe::sim

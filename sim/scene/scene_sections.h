@@ -36,15 +36,23 @@ ErrorsSection read_errors(const Node& section, const MachineDescription& machine
                           std::uint64_t seed, Faults& faults);
 
 ToolDescription read_tool(const Node& table, Faults& faults);
+Node::Table written_tool(const ToolDescription& tool);
+std::vector<Key> tool_keys();
 
 /// `file` and `unit` of a mesh.
-MeshFile read_mesh_file(TableReader& reader);
+/// @param file  name of the key, with what else may stand in its place
+Fields<MeshFile> mesh_file_fields(const KeyName& file);
 
 PartDescription read_part(const Node& table, Faults& faults);
+Node::Table written_part(const PartDescription& part);
+std::vector<Key> part_keys();
 
 /// @param joints  of the machine, for the words of work offsets
 ProgramDescription read_program(const Node& table, const std::vector<kinematics::Joint>& joints,
                                 Faults& faults);
+Node::Table written_program(const ProgramDescription& program,
+                            const std::vector<kinematics::Joint>& joints);
+std::vector<Key> program_keys();
 
 /// `[control]`: what the control believes where it differs.
 /// @param joints  of the machine as it is designed
@@ -60,12 +68,19 @@ ThermalDescription read_thermal(const Node& table, const MachineDescription& mac
 /// `[compliance]`: joints, tool, fixture, workpiece, masses.
 errors::ComplianceErrors read_compliance(const Node& table, const MachineDescription& machine,
                                          Faults& faults);
+Node::Table written_compliance(const errors::ComplianceErrors& errors,
+                               const MachineDescription& machine);
+std::vector<Key> compliance_keys();
 
 /// `[material]`: cutting coefficients with their source.
 cutting::CuttingCoefficients read_material(const Node& table, Faults& faults);
+Node::Table written_material(const cutting::CuttingCoefficients& material);
+std::vector<Key> material_keys();
 
 /// `[cutting]`: blank, flutes, how finely the cut is followed; the material is a section apart.
 CuttingDescription read_cutting(const Node& table, const ToolDescription& tool, Faults& faults);
+Node::Table written_cutting(const CuttingDescription& cutting, const ToolDescription& tool);
+std::vector<Key> cutting_keys();
 
 /// What `[[instrument]]` tables say, sorted into those that measure the machine and those that
 /// measure the part. A kind that is left to itself is a typical one.

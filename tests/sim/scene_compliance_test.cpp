@@ -7,6 +7,7 @@
 #include "kinematics/units.h"
 #include "sim/scene/scene_sections.h"
 #include "tests/sim/scene_folder.h"
+#include "tests/sim/written_section.h"
 
 namespace abbe::sim {
 namespace {
@@ -268,6 +269,86 @@ TEST(SceneCompliance, ReadsAFieldFromCsv) {
   EXPECT_TRUE(
       refused("workpiece = { kind = \"field\", file = \"/nowhere/a.csv\" }", "no such file"));
   EXPECT_TRUE(refused("workpiece = { kind = \"field\" }", "file"));
+}
+
+std::string written(const std::string& text) {
+  const MachineDescription machine = gantry();
+  return written_again(
+      text,
+      [&](const Node& node, Faults& faults) { return read_compliance(node, machine, faults); },
+      [&](const errors::ComplianceErrors& soft) { return written_compliance(soft, machine); });
+}
+
+TEST(SceneCompliance, EveryKeyIsWritten) {
+  const std::string text = R"(scale = 2.0
+gravity = [0.0, 0.0, -1.0]
+inertia = true
+
+[workpiece]
+kind = "bar"
+clamp_mm = [0.0, 0.0, 10.0]
+direction = [1.0, 0.0, 0.0]
+length_mm = 100.0
+youngs_modulus_GPa = 210.0
+second_moment_mm4 = 5.0
+
+[[mass]]
+axis = "Z"
+mass_kg = 120.0
+centre_mm = [0.0, 10.0, 300.0]
+
+[[mass]]
+axis = "w"
+mass_kg = 5.0
+centre_mm = [0.0, 0.0, 0.0]
+
+[clamping]
+FX_N = 1.0
+FY_N = 2.0
+FZ_N = -500.0
+MX_Nm = 2.0
+MY_Nm = 3.0
+MZ_Nm = 4.0
+)";
+  EXPECT_EQ(written(text), text);
+  const std::string plate = R"(kind = "plate"
+foot_mm = [0.0, 0.0, 5.0]
+up = [0.0, 0.0, 1.0]
+normal = [0.0, 1.0, 0.0]
+height_mm = 30.0
+thickness_mm = 3.0
+youngs_modulus_GPa = 70.0
+poisson_ratio = 0.3
+)";
+  EXPECT_NE(written("[workpiece]\n" + plate).find("[workpiece]\n" + plate), std::string::npos);
+  const SceneFolder folder;
+  const std::string field =
+      "kind = \"field\"\nfile = \"" + folder.write("wall.csv", csv).string() + "\"\n";
+  EXPECT_NE(written("[workpiece]\n" + field).find("[workpiece]\n" + field), std::string::npos);
+}
+
+TEST(SceneCompliance, StiffnessesAreWrittenAsTheirMatrix) {
+  const std::string text = R"(
+[axis.X]
+stiffness_N_per_um = [50, 2, 40]
+turning_stiffness_Nm_per_urad = [1, 2, 4]
+turn_deg = [10, 20, 30]
+[axis.S]
+stiffness_N_per_um = [80, 80, 160]
+[fixture]
+turning_stiffness_Nm_per_urad = [0.5, 0.5, 0.5]
+[tool]
+stiffness_N_per_um = [20, 20, 100]
+section = [{ length_mm = 40, diameter_mm = 10, youngs_modulus_GPa = 600 }]
+)";
+  const errors::ComplianceErrors soft = read(text).compliance;
+  const errors::ComplianceErrors again = read(written(text)).compliance;
+  ASSERT_EQ(again.joints.size(), 2u);
+  EXPECT_EQ(again.joints[0].C, soft.joints[0].C);
+  EXPECT_EQ(again.joints[1].C, soft.joints[1].C);
+  EXPECT_EQ(again.joints[1].axis, 'S');
+  EXPECT_EQ(again.fixture, soft.fixture);
+  EXPECT_EQ(again.tool, soft.tool);
 }
 
 const std::string vtu = R"(<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian">

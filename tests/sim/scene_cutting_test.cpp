@@ -7,6 +7,7 @@
 #include "kinematics/units.h"
 #include "sim/scene/scene_sections.h"
 #include "tests/sim/scene_folder.h"
+#include "tests/sim/written_section.h"
 
 namespace abbe::sim {
 namespace {
@@ -95,6 +96,51 @@ TEST(SceneCutting, EveryKeyIsReadInInternalUnits) {
   EXPECT_EQ(cutting.flutes.run_out, 12.0_um);
   EXPECT_EQ(cutting.flutes.run_out_angle, 90.0_deg);
   EXPECT_FALSE(cutting.flutes.clockwise);
+}
+
+std::string written(const std::string& text, const ToolDescription& tool) {
+  return written_again(
+      text, [&](const Node& node, Faults& faults) { return read_cutting(node, tool, faults); },
+      [&](const CuttingDescription& cutting) { return written_cutting(cutting, tool); });
+}
+
+TEST(SceneCutting, EveryKeyIsWritten) {
+  const SceneFolder folder;
+  const std::string stl = folder.write("b.stl", "solid b\nendsolid b\n").string();
+  for (const std::string blank :
+       {"blank = \"box\"\nlower_mm = [0.0, -5.0, -10.0]\nupper_mm = [20.0, 5.0, 0.0]\n",
+        "blank = \"cylinder\"\nradius_mm = 12.0\nlower_mm = -3.0\nupper_mm = 4.0\n",
+        "blank = \"offset\"\nallowance_mm = 0.4\nfloor_mm = -8.0\n",
+        "blank = \"mesh\"\nfile = \"STL\"\nunit = \"inch\"\n"}) {
+    std::string text = blank + R"(spacing_mm = 0.25
+directions = 1
+flutes = 4
+helix_deg = -45.0
+run_out_um = 12.0
+run_out_angle_deg = 90.0
+rotation = "counter_clockwise"
+step_mm = 0.1
+max_MiB = 16
+tolerance_nm = 5.0
+most_iterations = 7
+)";
+    if (const std::size_t at = text.find("STL"); at != std::string::npos) text.replace(at, 3, stl);
+    EXPECT_EQ(written(text, mill()), text);
+  }
+  const std::string turned = R"(blank = "turned"
+spacing_mm = 0.01
+tolerance_nm = 1.0
+most_iterations = 30
+
+[[profile]]
+along_mm = -60.0
+radius_mm = 13.0
+
+[[profile]]
+along_mm = 0.0
+radius_mm = 14.0
+)";
+  EXPECT_EQ(written(turned, diamond()), turned);
 }
 
 TEST(SceneCutting, OffsetMeshAndTurnedBlanksAreRead) {
@@ -220,6 +266,13 @@ TEST(SceneMaterial, Al6082IsAsItsSourceSays) {
   EXPECT_EQ(K.K_te, 13.0);
   EXPECT_EQ(K.K_re, 10.0);
   EXPECT_EQ(K.K_ae, 2.8);
+}
+
+TEST(SceneMaterial, EveryKeyIsWritten) {
+  const std::string text =
+      "name = \"x\"\nsource = \"y\"\nK_tc_N_per_mm2 = 600.0\nK_rc_N_per_mm2 = 100.0\n"
+      "K_ac_N_per_mm2 = -5.0\nK_te_N_per_mm = 10.0\nK_re_N_per_mm = 11.0\nK_ae_N_per_mm = 0.5\n";
+  EXPECT_EQ(written_again(text, read_material, written_material), text);
 }
 
 TEST(SceneMaterial, NonPhysicalCoefficientsAreRefusedByName) {

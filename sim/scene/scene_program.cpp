@@ -1,0 +1,201 @@
+#include <functional>
+#include <system_error>
+
+#include "sim/scene/scene_sections.h"
+
+namespace abbe::sim {
+
+namespace {
+
+using program::Flank;
+using program::NcFormat;
+using program::Raster;
+using program::Spiral;
+using File = ProgramDescription::File;
+using Source = decltype(ProgramDescription::source);
+
+constexpr Range spindle_rpm{0.0, 1e6, true, false};
+constexpr Range lean{-89.0, 89.0, false, false};
+
+Fields<NcFormat> format_fields() {
+  return Fields<NcFormat>()
+      .whole("decimals_mm", &NcFormat::decimals_mm, 0, 15, "digits of lengths in NC")
+      .whole("decimals_deg", &NcFormat::decimals_deg, 0, 15, "digits of angles in NC");
+}
+
+Fields<Raster> raster_fields() {
+  return Fields<Raster>()
+      .number("step_over_mm", &Raster::step_over, positive, "between passes, along the design")
+      .number("step_mm", &Raster::step, positive, "between points of a pass, along the design")
+      .number("lead_deg", &Raster::lead, lean, "of the tool's axis, forward")
+      .number("tilt_deg", &Raster::tilt, lean, "of the tool's axis, about the feed")
+      .number("feed_mm_per_min", &Raster::feed, positive, "of the tip")
+      .number_as_written("speed_rpm", &Raster::speed_rpm, spindle_rpm, "of the spindle")
+      .number("clearance_mm", &Raster::clearance, positive, "of the retract between passes")
+      .word("pattern", &Raster::zigzag,
+            {{"zigzag", true, "to and fro"}, {"one_way", false, "all passes in one direction"}},
+            "of the passes")
+      .number("overrun_mm", &Raster::overrun, non_negative,
+              "by which passes run beyond a declared surface")
+      .all_of(&Raster::format, format_fields());
+}
+
+Fields<Flank> flank_fields() {
+  return Fields<Flank>()
+      .number("step_mm", &Flank::step, positive, "between points, along the base")
+      .number("feed_mm_per_min", &Flank::feed, positive, "of the tip")
+      .number_as_written("speed_rpm", &Flank::speed_rpm, spindle_rpm, "of the spindle")
+      .number("clearance_mm", &Flank::clearance, non_negative, "of approach and retract")
+      .number("tip_below_mm", &Flank::tip_below, non_negative,
+              "by which the tip reaches below the base")
+      .all_of(&Flank::format, format_fields());
+}
+
+Fields<Spiral> spiral_fields() {
+  return Fields<Spiral>()
+      .number(must("speed_rpm"), &Spiral::spindle_speed, spindle_rpm, "of the spindle")
+      .number(must("feed_um_per_rev"), &Spiral::feed_per_revolution, positive, "inwards, per turn")
+      .then([](Spiral& spiral) { spiral.start_beyond_rim = spiral.feed_per_revolution; })
+      .number(KeyName("start_beyond_rim_mm").otherwise("one feed"), &Spiral::start_beyond_rim,
+              non_negative, "where the cut begins")
+      .number("end_radius_mm", &Spiral::end_radius, non_negative,
+              "where it ends; 0: with one turn on the axis")
+      .number("interval_s", &Spiral::interval, positive, "between rows of PVT")
+      .word("format", &Spiral::write_nc, {{"pvt", false}, {"nc", true}}, "of the program")
+      .all_of(&Spiral::format, format_fields());
+}
+
+void check_file(TableReader& reader, File& program) {
+  const std::filesystem::path& file = program.file;
+  const std::string ending = file.extension().string();
+  std::error_code failure;
+  if (ending != ".ngc" && ending != ".nc" && ending != ".tap" && ending != ".csv" &&
+      ending != ".pvt") {
+    reader.refuse("file", "a program named .ngc, .nc, .tap, .csv or .pvt", file.string());
+  } else if (!std::filesystem::is_regular_file(file, failure)) {
+    reader.refuse("file", "a file that can be read", "no file " + file.string());
+  }
+}
+
+Fields<ProgramDescription> file_fields() {
+  return Fields<ProgramDescription>().all_of(
+      [](auto& program) -> auto& { return std::get<File>(program.source); },
+      Fields<File>()
+          .text(must("file").one_of("source"), &File::file,
+                "a program: .ngc, .nc and .tap are NC, .csv and .pvt position-velocity-time")
+          .check(check_file));
+}
+
+Fields<ProgramDescription> generator_fields() {
+  return Fields<ProgramDescription>().kinds(
+      must("generator").one_of("source"), &ProgramDescription::source,
+      {alternative<Source>("raster", raster_fields(), "parallel passes of a milling cutter"),
+       alternative<Source>("flank", flank_fields(), "the flank of a cutter once around a cone"),
+       alternative<Source>("spiral", spiral_fields(), "facing by a turning tool")},
+      "what writes the program, unless there is a `file`");
+}
+
+bool is_file(const ProgramDescription& program) {
+  return std::holds_alternative<File>(program.source);
+}
+
+void choose_source(TableReader& reader, ProgramDescription& program) {
+  if (!reader.has("file")) program.source = Raster{};
+  reader.know("file");
+  reader.know("generator");
+}
+
+Key tool_length_key() {
+  Key length = key_of("<H>", Key::Kind::Number, "of the tool of this H number, 0 to 999");
+  length.pattern = "[0-9]{1,3}";
+  return key_of("tool_length_mm", Key::Kind::Table,
+                "by H number, such as { 2 = 80.0 }; H1 is the tool in use", {length});
+}
+
+void read_tool_lengths(TableReader& program, ProgramDescription& description) {
+  const Node* section = program.section("tool_length_mm");
+  if (!section) return;
+  TableReader reader(*section, program.name_of("tool_length_mm"), program.faults());
+  for (const Node::Entry& entry : *section->table()) {
+    const bool digits =
+        entry.key.size() <= 3 && entry.key.find_first_not_of("0123456789") == std::string::npos;
+    if (!digits) {
+      reader.know(entry.key);
+      program.faults().add(entry.place, "an H number from 0 to 999", entry.key);
+      continue;
+    }
+    description.tool_length[std::stoi(entry.key)] = reader.number(entry.key, any_number);
+  }
+  reader.close();
+}
+
+void put_tool_lengths(const ProgramDescription& program, Node::Table& table) {
+  Node::Table lengths;
+  for (const auto& [h, length] : program.tool_length) put(lengths, std::to_string(h), length);
+  if (!lengths.empty()) put(table, "tool_length_mm", std::move(lengths));
+}
+
+using Joints = std::vector<kinematics::Joint>;
+
+Key work_offset_key() {
+  Key one = key_of("G<54..59>", Key::Kind::Table, "where the words of the program count from",
+                   axis_word_fields({}).keys());
+  one.pattern = "G5[4-9]";
+  return key_of("work_offset", Key::Kind::Table,
+                "by the word that calls it, such as `G54 = { X_mm = 10, C_deg = 90 }`", {one});
+}
+
+std::string work_offset_name(std::size_t i) { return "G" + std::to_string(54 + i); }
+
+void read_work_offsets(TableReader& program, const Joints& joints,
+                       ProgramDescription& description) {
+  const Node* section = program.section("work_offset");
+  if (!section) return;
+  TableReader reader(*section, program.name_of("work_offset"), program.faults());
+  for (std::size_t i = 0; i < description.work_offset.size(); ++i) {
+    const Node* node = reader.section(work_offset_name(i));
+    if (!node) continue;
+    TableReader words(*node, reader.name_of(work_offset_name(i)), program.faults());
+    description.work_offset[i] = read_axis_words(words, joints);
+    if (!joints.empty()) words.close();
+  }
+  reader.close();
+}
+
+void put_work_offsets(const ProgramDescription& program, const Joints& joints, Node::Table& table) {
+  Node::Table offsets;
+  for (std::size_t i = 0; i < program.work_offset.size(); ++i)
+    if (program.work_offset[i].size() > 0)
+      put(offsets, work_offset_name(i), axis_word_fields(joints).written(program.work_offset[i]));
+  if (!offsets.empty()) put(table, "work_offset", std::move(offsets));
+}
+
+Fields<ProgramDescription> program_fields(const Joints& joints) {
+  return Fields<ProgramDescription>()
+      .check(choose_source)
+      .where(is_file, file_fields())
+      .where(std::not_fn(is_file), generator_fields())
+      .custom({tool_length_key()}, read_tool_lengths, put_tool_lengths)
+      .custom(
+          {work_offset_key()},
+          [joints](TableReader& reader, ProgramDescription& program) {
+            read_work_offsets(reader, joints, program);
+          },
+          [joints](const ProgramDescription& program, Node::Table& table) {
+            put_work_offsets(program, joints, table);
+          });
+}
+
+}  // namespace
+
+ProgramDescription read_program(const Node& table, const Joints& joints, Faults& faults) {
+  return program_fields(joints).read_table(table, "program", faults);
+}
+
+Node::Table written_program(const ProgramDescription& program, const Joints& joints) {
+  return program_fields(joints).written(program);
+}
+
+std::vector<Key> program_keys() { return program_fields({}).keys(); }
+
+}  // namespace abbe::sim

@@ -1,0 +1,182 @@
+#include <algorithm>
+
+#include "sim/scene/scene_sections.h"
+
+namespace abbe::sim {
+
+namespace {
+
+using cutting::Cutter;
+using cutting::Nose;
+using cutting::NoseWave;
+
+constexpr Range tool_size{0.0, 10'000.0, true, false};  // mm
+constexpr Range tool_length{-10'000.0, 10'000.0};       // mm
+
+/// How a dimension is asked for: of the nominal tool by `must`, of the actual one by this.
+using Asked = KeyName (*)(KeyName);
+KeyName or_nominal(KeyName key) { return key.otherwise("as nominal"); }
+
+void check_cutter(TableReader& reader, const Cutter& cutter) {
+  if (cutter.corner_radius > cutter.radius) {
+    reader.refuse("corner_radius_mm", "at most the radius for tool.corner_radius_mm", "more");
+  } else if (cutter.flank_length < cutter.corner_radius) {
+    reader.refuse("flank_length_mm", "at least the corner radius for tool.flank_length_mm", "less");
+  }
+}
+
+Fields<Cutter> dimension_fields(const std::string& kind, Asked asked) {
+  Fields<Cutter> fields;
+  fields.number(asked("radius_mm"), &Cutter::radius, tool_size, "of the cutter");
+  if (kind == "ball") fields.then([](Cutter& cutter) { cutter.corner_radius = cutter.radius; });
+  if (kind == "flat") fields.then([](Cutter& cutter) { cutter.corner_radius = 0.0; });
+  if (kind == "bull")
+    fields.number(asked("corner_radius_mm"), &Cutter::corner_radius, positive,
+                  "of a bull nose, at most the radius");
+  return fields.number(asked("flank_length_mm"), &Cutter::flank_length, tool_size,
+                       "of a cutter: its cutting length above the tip; from there its radius goes "
+                       "on as a shank");
+}
+
+/// Dimensions that fit each other, which is looked at where each of them is good.
+Fields<Cutter> cutter_fields(const std::string& kind, Asked asked) {
+  const Fields<Cutter> dimensions = dimension_fields(kind, asked);
+  return Fields<Cutter>().custom(
+      dimensions.keys(),
+      [dimensions](TableReader& reader, Cutter& cutter) {
+        const std::size_t before = reader.faults().list().size();
+        cutter = dimensions.read(reader, cutter);
+        const std::vector<Key> keys = dimensions.keys();
+        const bool whole = std::all_of(keys.begin(), keys.end(), [&](const Key& key) {
+          return !key.required || reader.has(key.name);
+        });
+        if (whole && reader.faults().list().size() == before) check_cutter(reader, cutter);
+      },
+      [dimensions](const Cutter& cutter, Node::Table& table) {
+        put_all(table, dimensions.written(cutter));
+      });
+}
+
+Fields<Nose> nose_fields(Asked asked) {
+  return Fields<Nose>().number(asked("radius_mm"), &Nose::radius, tool_size,
+                               "of the edge of a turning tool");
+}
+
+Fields<NoseWave> wave_fields() {
+  return Fields<NoseWave>()
+      .whole(must("order"), &NoseWave::order, 1, 1000, "waves in a full turn")
+      .number(must("amplitude_um"), &NoseWave::amplitude, any_number, "by which it stands out")
+      .number("phase_deg", &NoseWave::phase, any_number, "of its cosine, from the tool's x to z");
+}
+
+Fields<ToolDescription> nominal_fields(const std::string& kind) {
+  Fields<ToolDescription> fields;
+  if (kind == "nose")
+    return fields.then([](ToolDescription& tool) { tool.nominal = Nose{}; })
+        .all_of(
+            [](auto& tool) -> auto& { return std::get<Nose>(tool.nominal); }, nose_fields(must));
+  return fields.all_of(
+      [](auto& tool) -> auto& { return std::get<Cutter>(tool.nominal); },
+      cutter_fields(kind, must));
+}
+
+Fields<ToolDescription> actual_fields(const std::string& kind) {
+  Fields<ToolDescription> fields;
+  fields.number(or_nominal("length_mm"), &ToolDescription::actual_length, tool_length,
+                "from the nose of the spindle");
+  if (kind != "nose")
+    return fields.all_of(
+        [](auto& tool) -> auto& { return std::get<Cutter>(tool.actual); },
+        cutter_fields(kind, or_nominal));
+  return fields
+      .all_of(
+          [](auto& tool) -> auto& { return std::get<Nose>(tool.actual); },
+          nose_fields(or_nominal)
+              .tables("wave", &Nose::waves, wave_fields(), "turning: waves of the edge"))
+      .number("centring_offset_mm", &ToolDescription::centring_offset, any_number,
+              "turning: by which it stands off along the tool's x")
+      .number("centring_height_mm", &ToolDescription::centring_height, any_number,
+              "turning: by which it stands off along the tool's y");
+}
+
+Key kind_key() {
+  Key kind = key_of(must("kind"), Key::Kind::Text, "of tool");
+  kind.words = {{"ball", "its end is a hemisphere", {}},
+                {"bull", "a flat end with a round corner", {}},
+                {"flat", "a flat end with a sharp corner", {}},
+                {"nose", "a turning tool", {}}};
+  for (Word& word : kind.words) word.keys = nominal_fields(word.word).keys();
+  return kind;
+}
+
+std::string kind_in(TableReader& reader) {
+  return reader.word("kind", words_of(kind_key()), true).value_or("ball");
+}
+
+/// A kind that can be both what the tool should be and what it is.
+std::string kind_of(const ToolDescription& tool) {
+  const auto* nominal = std::get_if<Cutter>(&tool.nominal);
+  if (!nominal) return "nose";
+  const Cutter& actual = std::get<Cutter>(tool.actual);
+  if (nominal->corner_radius == 0.0 && actual.corner_radius == 0.0) return "flat";
+  const bool round =
+      nominal->corner_radius == nominal->radius && actual.corner_radius == actual.radius;
+  return round ? "ball" : "bull";
+}
+
+Key actual_key() {
+  std::vector<Key> keys = actual_fields("bull").keys();
+  for (Key& key : actual_fields("nose").keys())
+    if (key.name != "length_mm" && key.name != "radius_mm") keys.push_back(std::move(key));
+  return key_of(KeyName("actual").otherwise("as nominal"), Key::Kind::Table,
+                "what the tool really is, where that differs", std::move(keys));
+}
+
+const Fields<ToolDescription>& tool_fields() {
+  using Tool = ToolDescription;
+  static const Fields<Tool> fields =
+      Fields<Tool>()
+          .text("name", &Tool::name, "of the tool")
+          .custom(
+              {kind_key()},
+              [](TableReader& reader, Tool& tool) {
+                tool = nominal_fields(kind_in(reader)).read(reader, std::move(tool));
+              },
+              [](const Tool& tool, Node::Table& table) {
+                put(table, "kind", kind_of(tool));
+                put_all(table, nominal_fields(kind_of(tool)).written(tool));
+              })
+          .number(must("length_mm"), &Tool::length, tool_length,
+                  "from the nose of the spindle to the tip; of a turning tool to the centre of its "
+                  "edge")
+          .whole(KeyName("number").otherwise("none: every call is warned of"), &Tool::number, 0,
+                 999'999, "T by which a program calls it: a call of another is refused")
+          .then([](Tool& tool) {
+            tool.actual = tool.nominal;
+            tool.actual_length = tool.length;
+          })
+          .custom(
+              {actual_key()},
+              [](TableReader& reader, Tool& tool) {
+                if (const Node* node = reader.section("actual"))
+                  tool = actual_fields(kind_in(reader))
+                             .read_table(*node, reader.name_of("actual"), reader.faults(),
+                                         std::move(tool));
+              },
+              [](const Tool& tool, Node::Table& table) {
+                put(table, "actual", actual_fields(kind_of(tool)).written(tool));
+              });
+  return fields;
+}
+
+}  // namespace
+
+ToolDescription read_tool(const Node& table, Faults& faults) {
+  return tool_fields().read_table(table, "tool", faults);
+}
+
+Node::Table written_tool(const ToolDescription& tool) { return tool_fields().written(tool); }
+
+std::vector<Key> tool_keys() { return tool_fields().keys(); }
+
+}  // namespace abbe::sim

@@ -1,0 +1,215 @@
+// [part], [tool] and [program]: what is written has every key, and reads as the same.
+
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "sim/scene/scene_sections.h"
+#include "tests/sim/scene_folder.h"
+#include "tests/sim/written_section.h"
+
+namespace abbe::sim {
+namespace {
+
+std::string part(const std::string& text) { return written_again(text, read_part, written_part); }
+std::string tool(const std::string& text) { return written_again(text, read_tool, written_tool); }
+
+TEST(ScenePart, SurfacesAreWrittenWithEveryKey) {
+  const std::string more = R"(vertices = 500
+at_mm = [1.0, 2.0, 3.0]
+turn_deg = [0.0, 90.0, 0.0]
+judged_radius_max_mm = 9.0
+judged_radius_min_mm = 0.5
+tolerance_um = 12.0
+
+[[ring]]
+name = "upper"
+along_mm = 3.0
+width_mm = 0.5
+
+[[ring]]
+name = "lower"
+along_mm = 1.0
+width_mm = 0.5
+)";
+  for (const std::string surface :
+       {"surface = \"rectangle\"\nlength_x_mm = 20.0\nlength_y_mm = 10.0\n",
+        "surface = \"disc\"\nradius_mm = 10.0\ninner_radius_mm = 2.0\n",
+        "surface = \"cylinder\"\nradius_mm = 10.0\nheight_mm = 5.0\n",
+        "surface = \"cone\"\nbase_radius_mm = 10.0\nheight_mm = 5.0\nhalf_apex_deg = 30.0\n",
+        "surface = \"sphere_cap\"\nradius_mm = 20.0\nrim_radius_mm = 10.0\n",
+        "surface = \"torus\"\nradius_mm = 20.0\ntube_radius_mm = 5.0\n"}) {
+    const std::string text = "name = \"p\"\n" + surface + more;
+    EXPECT_EQ(part(text), text);
+  }
+  const std::string revolved = R"(surface = "revolved"
+start_mm = [0.0, 5.0]
+vertices = 20000
+at_mm = [0.0, 0.0, 0.0]
+turn_deg = [0.0, 0.0, 0.0]
+tolerance_um = 0.0
+
+[[profile]]
+to_mm = [3.0, 5.0]
+arc_radius_mm = 0.0
+
+[[profile]]
+to_mm = [6.0, 2.0]
+arc_radius_mm = 3.0
+)";
+  EXPECT_EQ(part(revolved), revolved);
+}
+
+TEST(ScenePart, MeshesAreWrittenWithEveryKey) {
+  const SceneFolder folder;
+  const std::string file = folder.write("part.stl", "").string();
+  const std::string text = "file = \"" + file + R"("
+unit = "inch"
+any_size = true
+open = true
+at_mm = [0.0, 0.0, 1.0]
+turn_deg = [0.0, 0.0, 30.0]
+judged_normal_z = 0.5
+judged_margin_mm = 0.25
+tolerance_um = 0.0
+)";
+  EXPECT_EQ(part(text), text);
+}
+
+TEST(SceneTool, EveryKindIsWrittenWithEveryKey) {
+  const std::string ball = R"(name = "b"
+kind = "ball"
+radius_mm = 5.0
+flank_length_mm = 20.0
+length_mm = 100.0
+number = 7
+
+[actual]
+length_mm = 100.01
+radius_mm = 4.99
+flank_length_mm = 20.0
+)";
+  EXPECT_EQ(tool(ball), ball);
+  const std::string bull = R"(kind = "bull"
+radius_mm = 5.0
+corner_radius_mm = 5.0
+flank_length_mm = 20.0
+length_mm = 100.0
+
+[actual]
+length_mm = 100.0
+radius_mm = 5.0
+corner_radius_mm = 4.5
+flank_length_mm = 20.0
+)";
+  EXPECT_EQ(tool(bull), bull);
+  const std::string flat = R"(kind = "flat"
+radius_mm = 5.0
+flank_length_mm = 20.0
+length_mm = 100.0
+
+[actual]
+length_mm = 100.0
+radius_mm = 4.9
+flank_length_mm = 19.0
+)";
+  EXPECT_EQ(tool(flat), flat);
+  const std::string nose = R"(kind = "nose"
+radius_mm = 0.25
+length_mm = 50.0
+
+[actual]
+length_mm = 50.0
+radius_mm = 0.24
+centring_offset_mm = 0.1
+centring_height_mm = -0.2
+
+[[actual.wave]]
+order = 3
+amplitude_um = 0.5
+phase_deg = 90.0
+)";
+  EXPECT_EQ(tool(nose), nose);
+}
+
+TEST(SceneTool, AnActualCutterIsAsNominalWhereItIsNotStated) {
+  const std::string text = "kind = \"ball\"\nradius_mm = 5\nflank_length_mm = 20\nlength_mm = 90\n";
+  EXPECT_EQ(tool(text + "actual = { length_mm = 90, radius_mm = 5, flank_length_mm = 20 }\n"),
+            tool(text));
+}
+
+std::vector<kinematics::Joint> joints() {
+  kinematics::Joint x, c;
+  x.name = 'X';
+  c.name = 'C';
+  c.motion = kinematics::Motion::Rotary;
+  return {c, x};
+}
+
+std::string program(const std::string& text) {
+  return written_again(
+      text, [](const Node& node, Faults& faults) { return read_program(node, joints(), faults); },
+      [](const ProgramDescription& program) { return written_program(program, joints()); });
+}
+
+TEST(SceneProgram, GeneratorsAreWrittenWithEveryKey) {
+  const std::string raster = R"(generator = "raster"
+step_over_mm = 0.25
+step_mm = 0.5
+lead_deg = 36.0
+tilt_deg = -12.0
+feed_mm_per_min = 600.0
+speed_rpm = 9000.0
+clearance_mm = 4.0
+pattern = "one_way"
+overrun_mm = 1.0
+decimals_mm = 5
+decimals_deg = 6
+
+[tool_length_mm]
+2 = 80.5
+3 = 70.0
+
+[work_offset]
+
+[work_offset.G55]
+C_deg = 90.0
+X_mm = 10.0
+)";
+  EXPECT_EQ(program(raster), raster);
+  const std::string flank = R"(generator = "flank"
+step_mm = 0.25
+feed_mm_per_min = 600.0
+speed_rpm = 9000.0
+clearance_mm = 0.0
+tip_below_mm = 2.0
+decimals_mm = 7
+decimals_deg = 9
+)";
+  EXPECT_EQ(program(flank), flank);
+  const std::string spiral = R"(generator = "spiral"
+speed_rpm = 150.0
+feed_um_per_rev = 20.0
+start_beyond_rim_mm = 0.5
+end_radius_mm = 0.25
+interval_s = 0.05
+format = "nc"
+decimals_mm = 7
+decimals_deg = 9
+)";
+  EXPECT_EQ(program(spiral), spiral);
+}
+
+TEST(SceneProgram, ASpiralBeginsOneFeedBeyondTheRim) {
+  const std::string text = "generator = \"spiral\"\nspeed_rpm = 150\nfeed_um_per_rev = 20\n";
+  EXPECT_EQ(program(text), program(text + "start_beyond_rim_mm = 0.02\n"));
+}
+
+TEST(SceneProgram, AFileIsNamedAgain) {
+  const SceneFolder folder;
+  const std::string text = "file = \"" + folder.write("p.ngc", "M30\n").string() + "\"\n";
+  EXPECT_EQ(program(text), text);
+}
+
+}  // namespace
+}  // namespace abbe::sim
