@@ -59,6 +59,21 @@ double in_unit(double value, double unit) {
   return divided;
 }
 
+std::vector<Key> with_other_unit(std::vector<Key> keys, const std::string& unit,
+                                 const std::string& other) {
+  const std::string either = "_(" + unit + "|" + other + ")_";
+  for (Key& key : keys) {
+    std::string names = "_" + (key.pattern.empty() ? key.name : key.pattern) + "_";
+    if (const std::size_t at = names.find("_" + unit + "_"); at != std::string::npos) {
+      names.replace(at, unit.size() + 2, either);
+      key.pattern = names.substr(1, names.size() - 2);
+    }
+    key.keys = with_other_unit(std::move(key.keys), unit, other);
+    for (Word& word : key.words) word.keys = with_other_unit(std::move(word.keys), unit, other);
+  }
+  return keys;
+}
+
 void put_numbers(Node::Table& table, const std::string& key, const Eigen::VectorXd& values,
                  double unit) {
   Node::Array numbers;

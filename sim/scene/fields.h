@@ -110,6 +110,12 @@ class Fields {
                             const char* sentence) {
     return add_number(key, member, range, sentence, 1.0);
   }
+  /// double, times a unit that is not seen from the key: "um_per_K" is one from end to end
+  template <typename M>
+  Fields& number_in(double unit, const KeyName& key, M member, const Range& range,
+                    const char* sentence) {
+    return add_number(key, member, range, sentence, unit);
+  }
   /// any integer from min to max, or an optional one
   template <typename M>
   Fields& whole(const KeyName& key, M member, std::int64_t min, std::int64_t max,
@@ -150,6 +156,10 @@ class Fields {
   /// std::vector<U>, one for every table of a list
   template <typename M, typename U>
   Fields& tables(const KeyName& key, M member, Fields<U> fields, const char* sentence);
+  /// The same, read by a function of its own: a table may depend on those before it.
+  template <typename M, typename U>
+  Fields& tables(const KeyName& key, M member, Fields<U> fields, const char* sentence,
+                 std::function<void(TableReader&, T&)> read);
   /// A member whose own keys stand in this table.
   template <typename M, typename U>
   Fields& all_of(M member, Fields<U> fields);
@@ -233,6 +243,10 @@ Alternative<V> alternative(const char* word, Fields<A> fields, const char* sente
 // ---- definitions
 
 std::set<std::string> words_of(const Key& key);
+/// The keys, all the way down, whose `unit` may also be another: the pattern of "value_um" becomes
+/// "value_(um|urad)".
+std::vector<Key> with_other_unit(std::vector<Key> keys, const std::string& unit,
+                                 const std::string& other);
 
 /// Puts a list of tables, one for each value, unless there is none.
 template <typename U>
@@ -440,18 +454,24 @@ template <typename T>
 template <typename M, typename U>
 Fields<T>& Fields<T>::tables(const KeyName& name, M member, Fields<U> fields,
                              const char* sentence) {
+  const auto read = [key = name.name, required = name.required, member, fields](TableReader& reader,
+                                                                                T& to) {
+    if (required && !reader.has(key)) reader.missing(key, "a list of tables");
+    for (const Node* node : reader.tables(key))
+      std::invoke(member, to)
+          .push_back(fields.read_table(*node, reader.name_of(key), reader.faults()));
+  };
+  return tables(name, member, fields, sentence, read);
+}
+
+template <typename T>
+template <typename M, typename U>
+Fields<T>& Fields<T>::tables(const KeyName& name, M member, Fields<U> fields, const char* sentence,
+                             std::function<void(TableReader&, T&)> read) {
   const Key key = key_of(name, Key::Kind::Tables, sentence, fields.keys());
-  return custom(
-      {key},
-      [key, member, fields](TableReader& reader, T& to) {
-        if (key.required && !reader.has(key.name)) reader.missing(key.name, "a list of tables");
-        for (const Node* node : reader.tables(key.name))
-          std::invoke(member, to)
-              .push_back(fields.read_table(*node, reader.name_of(key.name), reader.faults()));
-      },
-      [key, member, fields](const T& from, Node::Table& to) {
-        put_tables(to, key.name, std::invoke(member, from), fields);
-      });
+  return custom({key}, std::move(read), [key, member, fields](const T& from, Node::Table& to) {
+    put_tables(to, key.name, std::invoke(member, from), fields);
+  });
 }
 
 template <typename T>

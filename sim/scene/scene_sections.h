@@ -19,10 +19,6 @@ std::vector<Key> machine_keys();
 /// Whether a name may be that of a file or folder: letters, digits, blanks, _ - .
 bool names_a_folder(const std::string& name);
 
-/// How a table is read between its rows and beyond them.
-errors::Between read_between(TableReader& table);
-errors::Outside read_outside(TableReader& table);
-
 struct ErrorsSection {
   errors::GeometricErrors geometric;
   double scale = 1.0;
@@ -34,6 +30,9 @@ struct ErrorsSection {
 /// @param seed     of the scene, from which repeatability without a seed of its own takes one
 ErrorsSection read_errors(const Node& section, const MachineDescription& machine,
                           std::uint64_t seed, Faults& faults);
+/// One table; what came from files stands in it.
+Node::Table written_errors(const ErrorsSection& section, const MachineDescription& machine);
+std::vector<Key> errors_keys();
 
 ToolDescription read_tool(const Node& table, Faults& faults);
 Node::Table written_tool(const ToolDescription& tool);
@@ -64,6 +63,10 @@ std::vector<Key> control_keys();
 /// `[thermal]`: network, thermal elements, sensors, history, room.
 ThermalDescription read_thermal(const Node& table, const MachineDescription& machine,
                                 std::uint64_t seed, Faults& faults);
+/// @param seed  of the scene, for the sensors without one of their own
+Node::Table written_thermal(const ThermalDescription& thermal, const MachineDescription& machine,
+                            std::uint64_t seed);
+std::vector<Key> thermal_keys();
 
 /// `[compliance]`: joints, tool, fixture, workpiece, masses.
 errors::ComplianceErrors read_compliance(const Node& table, const MachineDescription& machine,

@@ -8,6 +8,7 @@
 
 #include "kinematics/units.h"
 #include "sim/scene/scene_sections.h"
+#include "tests/sim/listed_keys.h"
 
 namespace abbe::sim {
 namespace {
@@ -317,6 +318,120 @@ TEST(SceneThermal, EverySensorHasANoiseOfItsOwnFromTheSeedOfTheScene) {
   EXPECT_EQ(seeds(1), seeds(1));
 }
 
+// ---- what is written
+
+std::string written(const std::string& text) {
+  const Node::Table again = written_thermal(read(text), gantry(), 7);
+  EXPECT_EQ(unlisted(again, thermal_keys()), "");
+  EXPECT_EQ(unlisted(*parse_toml(text, "t").table(), thermal_keys()), "");
+  return to_toml(Node{{}, again});
+}
+
+TEST(SceneThermal, WhatIsWrittenReadsBackTheSame) {
+  const std::string once =
+      written("name = \"all\"\nscale = 0.5\npowered = false\n" + small_thermal + R"(
+[[link]]
+between = ["spindle", "coolant"]
+conductance_W_per_K = 30
+[room]
+time_h = [-8, 0, 2]
+T_C = [18, 21, 22.5]
+[[source]]
+node = "spindle"
+kind = "spindle"
+power_W = 900
+at_rpm = 12000
+exponent = 1.5
+[[source]]
+node = "bed"
+kind = "axis"
+axis = "Y"
+coulomb_N = 300
+[[source]]
+node = "bed"
+kind = "axis"
+axis = "A"
+viscous_Nm_s = 3
+[[source]]
+node = "bed"
+kind = "power_on"
+power_W = 150
+[[source]]
+node = "spindle"
+kind = "cutting"
+share = 0.25
+[[element]]
+name = "EYX"
+offset_um = 2
+offset = [{ node = "bed", um_per_K = 0.5 }, { node = "bed", minus = "spindle", um_per_K = 4 }]
+slope_um_per_m = -2.5
+slope = { node = "bed", dT_K = [-5, 5], value_um_per_m = [-50, 60], between = "spline" }
+fixed_mm = -400
+[[element]]
+name = "EAS"
+offset = { node = "spindle", urad_per_K = 4 }
+[[element]]
+name = "EAX"
+slope = { node = "spindle", urad_per_m_K = 8 }
+[axis.X]
+feedback = "scale"
+screw = { node = "bed", um_per_m_K = 12, fixed_mm = -300 }
+scale = { node = "spindle", um_per_m_K = 8 }
+[workpiece]
+node = "bed"
+um_per_m_K = 24
+fixed_mm = [1, 2, 3]
+[[sensor]]
+name = "T1"
+node = "bed"
+noise_K = 0.5
+sampling_s = 5
+[[sensor]]
+name = "T2"
+node = "bed"
+seed = 42
+[[history]]
+name = "warm-up"
+duration_h = 3
+speed_rpm = 12000
+axis_speed_mm_per_min = { X = 6000 }
+axis_speed_deg_per_min = { A = 180 }
+[[history]]
+duration_min = 30
+coolant = true
+[[plot]]
+element = "EXX"
+at_h = [-1, 0]
+range_mm = [-100, 100]
+[[plot]]
+element = "EAA"
+at_s = [0]
+range_deg = [-90, 90]
+)");
+  EXPECT_EQ(written(once), once);
+  for (const char* part :
+       {"scale = 0.5", "powered = false", "start_C = 19.5", "between = [\"spindle\", \"coolant\"]",
+        "time_s = [-28800.0, 0.0, 7200.0]", "exponent = 1.5", "coulomb_N = 300.0",
+        "viscous_Nm_s = 3.0", "share = 0.25", "minus = \"spindle\"", "value_um_per_m = [",
+        "feedback = \"scale\"", "um_per_m_K = 24", "sampling_s = 5.0",
+        "seed = ", "duration_s = 10800.0", "A = 180", "range_deg = [-90"}) {
+    EXPECT_NE(once.find(part), std::string::npos) << part << " in\n" << once;
+  }
+}
+
+TEST(SceneThermal, KeysOfAnElementAreListedInEitherUnit) {
+  const std::vector<Key> keys = thermal_keys();
+  const Key* element = listed("element", keys);
+  ASSERT_TRUE(element);
+  for (const char* name : {"offset_urad", "slope_urad_per_m", "slope_um_per_m", "fixed_mm"})
+    EXPECT_TRUE(listed(name, element->keys)) << name;
+  const Key* slope = listed("slope", element->keys);
+  ASSERT_TRUE(slope);
+  for (const char* name : {"um_per_m_K", "urad_per_m_K", "value_urad_per_m", "minus", "between"})
+    EXPECT_TRUE(listed(name, slope->keys)) << name;
+  EXPECT_FALSE(listed("um_per_K", slope->keys));
+}
+
 // ---- what is refused
 
 TEST(SceneThermal, ANonsenseNetworkIsRefusedWhereItStands) {
@@ -516,17 +631,17 @@ TEST(SceneThermal, PlotsAreReadAndRefusedWhereTheyStand) {
   ASSERT_EQ(thermal.plots.size(), 1u);
   EXPECT_EQ(errors::to_string(thermal.plots[0].element), "EXX");
   EXPECT_EQ(thermal.plots[0].time_s, Eigen::Vector2d(-14400, 0));
-  const auto told = [](const std::string& text, const std::string& what) {
+  const auto refused = [](const std::string& text, const std::string& what) {
     const std::string all = faults_with("[[plot]]\n" + text);
     EXPECT_NE(all.find(what), std::string::npos) << all;
   };
-  told("element = \"EXB\"\nat_h = [0]\n", "t:17:11: expected thermal errors that fit");
-  told("element = \"EZS\"\nat_h = [0]\n", "t:17:11: expected an error motion of an axis");
-  told("element = \"EXX\"\n", "one of at_h, at_min, at_s");
-  told("element = \"EXX\"\nat_s = []\n", "t:18:8: expected an array of numbers");
-  told("at_s = [0]\n", "expected a text for thermal.plot.element");
-  told("element = \"EXX\"\nat_s = [0]\n[[plot]]\nelement = \"EXX\"\nat_s = [1]\n",
-       "t:20:11: expected one plot an element, seen EXX again");
+  refused("element = \"EXB\"\nat_h = [0]\n", "t:17:11: expected thermal errors that fit");
+  refused("element = \"EZS\"\nat_h = [0]\n", "t:17:11: expected an error motion of an axis");
+  refused("element = \"EXX\"\n", "one of at_h, at_min, at_s");
+  refused("element = \"EXX\"\nat_s = []\n", "t:18:8: expected an array of numbers");
+  refused("at_s = [0]\n", "expected a text for thermal.plot.element");
+  refused("element = \"EXX\"\nat_s = [0]\n[[plot]]\nelement = \"EXX\"\nat_s = [1]\n",
+          "t:20:11: expected one plot an element, seen EXX again");
 }
 
 TEST(SceneThermal, PlotsAreDrawnOverARangeWithinTheTravel) {
@@ -535,45 +650,45 @@ TEST(SceneThermal, PlotsAreDrawnOverARangeWithinTheTravel) {
     if (joint.name == 'X') std::tie(joint.min, joint.max) = std::pair(-500.0, 500.0);
     if (joint.name == 'A') std::tie(joint.min, joint.max) = std::pair(-2.0, 2.0);
   }
-  const auto plot = [&](const std::string& text, std::string& told) {
+  const auto plot = [&](const std::string& text, std::string& refused) {
     Faults faults;
     const auto thermal = read(small_thermal + "[[plot]]\nat_h = [0]\n" + text, faults, machine);
-    for (const BadInput& fault : faults.list()) told += fault.what();
+    for (const BadInput& fault : faults.list()) refused += fault.what();
     return thermal.plots.empty() ? ThermalDescription::Plot() : thermal.plots[0];
   };
-  std::string told;
-  const auto slide = plot("element = \"EXX\"\nrange_mm = [-400, 500]\n", told).range;
-  ASSERT_TRUE(slide) << told;
+  std::string refused;
+  const auto slide = plot("element = \"EXX\"\nrange_mm = [-400, 500]\n", refused).range;
+  ASSERT_TRUE(slide) << refused;
   EXPECT_EQ(*slide, (std::array{-400.0, 500.0}));
-  const auto turn = plot("element = \"EXA\"\nrange_deg = [-90, 45]\n", told).range;
-  ASSERT_TRUE(turn) << told;
+  const auto turn = plot("element = \"EXA\"\nrange_deg = [-90, 45]\n", refused).range;
+  ASSERT_TRUE(turn) << refused;
   EXPECT_DOUBLE_EQ(turn->back(), pi / 4);
-  EXPECT_FALSE(plot("element = \"EXX\"\n", told).range);
-  EXPECT_EQ(told, "");
+  EXPECT_FALSE(plot("element = \"EXX\"\n", refused).range);
+  EXPECT_EQ(refused, "");
   for (const char* wrong : {"[-400, 501]", "[400, -400]", "[7, 7]"}) {
-    told.clear();
-    plot(std::string("element = \"EXX\"\nrange_mm = ") + wrong, told);
-    EXPECT_EQ(told.find("t:19:12: expected a rising range within the travel, -500 .. 500"), 0u)
-        << told;
+    refused.clear();
+    plot(std::string("element = \"EXX\"\nrange_mm = ") + wrong, refused);
+    EXPECT_EQ(refused.find("t:19:12: expected a rising range within the travel, -500 .. 500"), 0u)
+        << refused;
   }
   for (const char* wrong :
        {"element = \"EXX\"\nrange_deg = [0, 1]", "element = \"EXX\"\nrange_mm = 4",
         "element = \"EXA\"\nrange_mm = [0, 1]", "element = \"EXX\"\nrange_mm = [nan, 4]"}) {
-    told.clear();
-    plot(wrong, told);
-    EXPECT_EQ(told.find("t:19:"), 0u) << wrong << ": " << told;
+    refused.clear();
+    plot(wrong, refused);
+    EXPECT_EQ(refused.find("t:19:"), 0u) << wrong << ": " << refused;
   }
 }
 
 TEST(SceneThermal, AbsurdNumbersAreRefusedWhereTheyStand) {
-  const auto told = [](const std::string& text, const std::string& what) {
+  const auto refused = [](const std::string& text, const std::string& what) {
     const std::string all = faults_with(text);
     EXPECT_NE(all.find(what), std::string::npos) << all;
   };
-  told("[[source]]\nnode = \"bed\"\nkind = \"power_on\"\npower_W = 1.1e7\n", "t:19:11: ");
-  told("[[source]]\nnode = \"bed\"\nkind = \"spindle\"\nat_rpm = 1\npower_W = 1e300\n",
-       "t:20:11: ");
-  told("[[history]]\nduration_h = 1\nspeed_rpm = 1.1e6\n", "t:18:13: ");
+  refused("[[source]]\nnode = \"bed\"\nkind = \"power_on\"\npower_W = 1.1e7\n", "t:19:11: ");
+  refused("[[source]]\nnode = \"bed\"\nkind = \"spindle\"\nat_rpm = 1\npower_W = 1e300\n",
+          "t:20:11: ");
+  refused("[[history]]\nduration_h = 1\nspeed_rpm = 1.1e6\n", "t:18:13: ");
   for (const char* scale : {"1.1e6", "-1e300", "nan", "inf"}) {
     const std::string all = faults_of("scale = " + std::string(scale) + "\n" + small_thermal);
     EXPECT_EQ(all.find("t:1:9: "), 0u) << all;
