@@ -299,7 +299,7 @@ Node::Table named(const std::string& kind, const std::string& name, Node::Table 
   Node::Table table;
   put(table, "kind", kind);
   put(table, "name", name);
-  for (Node::Entry& entry : others) table.push_back(std::move(entry));
+  put_all(table, std::move(others));
   return table;
 }
 
