@@ -27,6 +27,7 @@ Fields<AxisVector> axis_word_fields(const std::vector<Joint>& joints) {
           {word_key("mm", "position of a slide, such as Z_mm"),
            word_key("deg", "angle of an axis that turns, such as C_deg")},
           [joints](TableReader& reader, AxisVector& words) {
+            words = AxisVector::Zero(Eigen::Index(joints.size()));
             for (std::size_t j = 0; j < joints.size(); ++j)
               if (joints[j].motion != Motion::Spindle)
                 words[Eigen::Index(j)] = reader.number(word_of(joints[j]), any_number, 0.0);

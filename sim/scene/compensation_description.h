@@ -19,6 +19,7 @@ namespace abbe::sim {
 struct BeliefDescription {
   std::optional<errors::GeometricErrors> identified;
   std::optional<compensation::ThermalBelief> thermal;
+  std::filesystem::path thermal_file;  ///< from which it was read
   struct Force {
     enum class From { Current, Dynamometer, Model } from = From::Model;
     errors::ComplianceErrors compliance;  ///< as it is believed; not from current

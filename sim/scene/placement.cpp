@@ -87,8 +87,7 @@ const Fields<kinematics::Pose>& placement_fields() {
               turn_fields().keys(),
               [](TableReader& reader, Pose& pose) { pose.linear() = read_turn(reader); },
               [](const Pose& pose, Node::Table& table) {
-                for (Node::Entry& entry : turn_fields().written(pose.linear()))
-                  table.push_back(std::move(entry));
+                put_all(table, turn_fields().written(pose.linear()));
               });
   return fields;
 }

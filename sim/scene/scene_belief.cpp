@@ -14,19 +14,27 @@ using From = Force::From;
 
 constexpr std::size_t max_thermal_belief_bytes = std::size_t(16) << 20;
 
-std::optional<compensation::ThermalBelief> read_thermal_belief(TableReader& belief) {
-  const Node* node = belief.section("thermal");
-  if (!node) return std::nullopt;
-  TableReader reader(*node, belief.name_of("thermal"), belief.faults());
-  const std::string file = reader.text("file");
-  reader.close();
-  if (file.empty()) return std::nullopt;
+void read_thermal_belief(TableReader& reader, BeliefDescription& belief) {
+  const Node* node = reader.section("thermal");
+  if (!node) return;
+  TableReader thermal(*node, reader.name_of("thermal"), reader.faults());
+  const std::string file = thermal.text("file");
+  thermal.close();
+  if (file.empty()) return;
+  belief.thermal_file = file;
   try {
-    return compensation::thermal_belief_of_text(read_text(file, max_thermal_belief_bytes), file);
+    belief.thermal =
+        compensation::thermal_belief_of_text(read_text(file, max_thermal_belief_bytes), file);
   } catch (const BadInput& fault) {
-    belief.faults().add(fault);
-    return std::nullopt;
+    reader.faults().add(fault);
   }
+}
+
+void put_thermal_belief(const BeliefDescription& belief, Node::Table& table) {
+  if (!belief.thermal) return;
+  Node::Table thermal;
+  put(thermal, "file", belief.thermal_file.string());
+  put(table, "thermal", std::move(thermal));
 }
 
 Key thermal_key() {
@@ -47,7 +55,6 @@ Fields<Force> training_fields() {
 
 /// The keys that a way to the force brings.
 Fields<Force> fields_from(From from, const MachineDescription& machine) {
-  const auto itself = [](auto& force) -> auto& { return force; };
   Fields<Force> fields;
   if (from != From::Model)
     fields.number("smoothing_ms", &Force::smoothing_s, non_negative,
@@ -58,8 +65,8 @@ Fields<Force> fields_from(From from, const MachineDescription& machine) {
     return fields.table(must("training"), itself, training_fields(),
                         "the part from which a law is fitted, d = c1 x + c2 x², x the current "
                         "above that in air; the tool gives way by d along its own z");
-  Key compliance =
-      key_of(must("compliance"), Key::Kind::Table, "as `[compliance]`, as it is believed");
+  Key compliance = key_of(must("compliance"), Key::Kind::Table,
+                          "as `[compliance]`, as it is believed", compliance_keys());
   compliance.or_file = true;
   return fields.custom(
       {compliance},
@@ -69,7 +76,9 @@ Fields<Force> fields_from(From from, const MachineDescription& machine) {
         else if (!reader.has("compliance"))
           reader.missing("compliance", "a table or a file");
       },
-      [](const Force&, Node::Table&) {});
+      [machine](const Force& force, Node::Table& table) {
+        put(table, "compliance", written_compliance(force.compliance, machine));
+      });
 }
 
 Fields<Force> force_fields(const MachineDescription& machine) {
@@ -95,8 +104,7 @@ Fields<Force> force_fields(const MachineDescription& machine) {
       [from, ways, machine](const Force& force, Node::Table& table) {
         for (std::size_t i = 0; i < ways.size(); ++i)
           if (force.from == ways[i]) put(table, "from", from.words[i].word);
-        for (Node::Entry& entry : fields_from(force.from, machine).written(force))
-          table.push_back(std::move(entry));
+        put_all(table, fields_from(force.from, machine).written(force));
       });
 }
 
@@ -110,8 +118,9 @@ Fields<BeliefDescription::Part> part_fields() {
 
 Fields<BeliefDescription> belief_fields(const MachineDescription& machine) {
   using Description = BeliefDescription;
-  Key identified = key_of("identified", Key::Kind::Tables,
-                          "geometric errors as `errors`; mostly what `abbe identify` wrote");
+  Key identified =
+      key_of("identified", Key::Kind::Tables,
+             "geometric errors as `errors`; mostly what `abbe identify` wrote", errors_keys());
   identified.or_file = true;
   return Fields<Description>()
       .custom(
@@ -120,13 +129,11 @@ Fields<BeliefDescription> belief_fields(const MachineDescription& machine) {
             if (const Node* node = reader.know("identified"))
               belief.identified = read_errors(*node, machine, 0, reader.faults()).geometric;
           },
-          [](const Description&, Node::Table&) {})
-      .custom(
-          {thermal_key()},
-          [](TableReader& reader, Description& belief) {
-            belief.thermal = read_thermal_belief(reader);
-          },
-          [](const Description&, Node::Table&) {})
+          [machine](const Description& belief, Node::Table& table) {
+            if (belief.identified)
+              put(table, "identified", written_errors({*belief.identified, 1.0}, machine));
+          })
+      .custom({thermal_key()}, read_thermal_belief, put_thermal_belief)
       .table("force", &Description::force, force_fields(machine), "how far the cut bends")
       .table("part", &Description::part, part_fields(),
              "what was measured of a part that was cut before; beside other beliefs (`fused`) they "

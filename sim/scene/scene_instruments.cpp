@@ -213,10 +213,14 @@ Fields<CoordinateMachine> cmm_fields() {
       .number("interval_s", &CoordinateMachine::interval_s, non_negative, "between readings");
 }
 
-Fields<TouchProbe> touch_probe_fields(const MachineDescription& machine) {
+TouchProbe usual_probe(const MachineDescription& machine) {
   TouchProbe usual;
   usual.q = kinematics::AxisVector::Zero(Eigen::Index(machine.joints.size()));
-  return Fields<TouchProbe>(usual)
+  return usual;
+}
+
+Fields<TouchProbe> touch_probe_fields(const MachineDescription& machine) {
+  return Fields<TouchProbe>(usual_probe(machine))
       .vector("centre_mm", &TouchProbe::centre_t, "of the ball from the tip")
       .number("ball_radius_mm", &TouchProbe::radius, {1e-3, 1e3}, "of the stylus ball")
       .number("noise_um", &TouchProbe::noise, quality, "standard deviation of one touch")
@@ -233,13 +237,19 @@ Fields<TouchProbe> touch_probe_fields(const MachineDescription& machine) {
 
 /// Every key but kind and name.
 template <typename How>
-Fields<PartInstrument> part_instrument_fields(const Fields<How>& how) {
-  return Fields<PartInstrument>({"", "", How{}})
+Fields<PartInstrument> fields_of_part(const How& usual, const Fields<How>& how) {
+  return Fields<PartInstrument>({"", "", usual})
       .text(KeyName("case").otherwise("uncompensated"), &PartInstrument::case_name,
             "of which case the part is")
       .number("spacing_mm", &PartInstrument::spacing, positive, "between points, about")
       .all_of(
           [](auto& part) -> auto& { return std::get<How>(part.how); }, how);
+}
+
+Fields<PartInstrument> part_instrument_fields(const std::string& kind,
+                                              const MachineDescription& machine) {
+  if (kind == cmm) return fields_of_part(CoordinateMachine{}, cmm_fields());
+  return fields_of_part(usual_probe(machine), touch_probe_fields(machine));
 }
 
 const Key& kind_key() {
@@ -248,10 +258,10 @@ const Key& kind_key() {
     for (const auto& [kind, sentence] : kinds)
       all.words.push_back({metrology::to_string(kind), sentence, instrument_fields(kind).keys()});
     all.words.push_back({cmm, "the part on a coordinate measuring machine; 0.5 µm, lies as thought",
-                         part_instrument_fields(cmm_fields()).keys()});
+                         part_instrument_fields(cmm, {}).keys()});
     all.words.push_back({touch_probe,
                          "the part, still clamped, by a probe in the machine that cut it; 0.5 µm",
-                         part_instrument_fields(touch_probe_fields({})).keys()});
+                         part_instrument_fields(touch_probe, {}).keys()});
     return all;
   }();
   return key;
@@ -287,9 +297,7 @@ InstrumentDescription read_instrument(TableReader& reader, Kind kind, const std:
 
 PartInstrument read_part_instrument(TableReader& reader, const std::string& kind,
                                     const std::string& name, const MachineDescription& machine) {
-  PartInstrument description =
-      kind == cmm ? part_instrument_fields(cmm_fields()).read(reader)
-                  : part_instrument_fields(touch_probe_fields(machine)).read(reader);
+  PartInstrument description = part_instrument_fields(kind, machine).read(reader);
   description.name = name;
   reader.close();
   return description;
@@ -299,7 +307,7 @@ Node::Table named(const std::string& kind, const std::string& name, Node::Table 
   Node::Table table;
   put(table, "kind", kind);
   put(table, "name", name);
-  for (Node::Entry& entry : others) table.push_back(std::move(entry));
+  put_all(table, std::move(others));
   return table;
 }
 
@@ -336,11 +344,8 @@ std::vector<Node::Table> written_instruments(const Instruments& instruments,
     tables.push_back(named(metrology::to_string(one.instrument.kind), one.instrument.name,
                            instrument_fields(one.instrument.kind).written(one)));
   for (const PartInstrument& one : instruments.of_part) {
-    const bool on_cmm = std::holds_alternative<CoordinateMachine>(one.how);
-    tables.push_back(named(on_cmm ? cmm : touch_probe, one.name,
-                           on_cmm
-                               ? part_instrument_fields(cmm_fields()).written(one)
-                               : part_instrument_fields(touch_probe_fields(machine)).written(one)));
+    const char* kind = std::holds_alternative<CoordinateMachine>(one.how) ? cmm : touch_probe;
+    tables.push_back(named(kind, one.name, part_instrument_fields(kind, machine).written(one)));
   }
   return tables;
 }

@@ -216,19 +216,15 @@ Key code_key() {
 
 /// A table of tables, one for every letter of an axis.
 Key axis_key(const char* pattern, const char* sentence, std::vector<Key> keys) {
-  Key letter = key_of("<axis>", Key::Kind::Table, sentence);
+  Key letter = key_of("<axis>", Key::Kind::Table, sentence, std::move(keys));
   letter.pattern = pattern;
-  letter.keys = std::move(keys);
-  Key axis = key_of("axis", Key::Kind::Table, "the axes by their letters");
-  axis.keys = {std::move(letter)};
-  return axis;
+  return key_of("axis", Key::Kind::Table, "the axes by their letters", {std::move(letter)});
 }
 
 Key home_key() {
-  Key home = key_of(KeyName("home").otherwise("all at zero"), Key::Kind::Table,
-                    "where the axes stand when a program begins: { Z_mm = 300, C_deg = 0 }");
-  home.keys = axis_word_fields({}).keys();
-  return home;
+  return key_of(KeyName("home").otherwise("all at zero"), Key::Kind::Table,
+                "where the axes stand when a program begins: { Z_mm = 300, C_deg = 0 }",
+                axis_word_fields({}).keys());
 }
 
 const Fields<MachineDescription>& machine_fields() {

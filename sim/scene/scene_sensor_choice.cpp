@@ -111,8 +111,7 @@ Fields<Way> beside_fields() {
       },
       [](const Way& way, Node::Table& table) {
         if (!way.choice.fixed.empty()) return;
-        for (Node::Entry& entry : way_fields().written(way.choice))
-          table.push_back(std::move(entry));
+        put_all(table, way_fields().written(way.choice));
       });
 }
 

@@ -591,5 +591,23 @@ TEST(SceneBelief, ValuesAreChangedByTheirPaths) {
   EXPECT_NE(faults_of(file, {{"compensation.pulses.count_mm", "1"}}), "");
 }
 
+TEST(SceneBelief, WhatIsWrittenReadsAsTheSame) {
+  const SceneFolder folder;
+  const std::string heat = folder.write("heat.txt", thermal_text()).string();
+  const std::string part = "[part]\ninstrument = \"cmm\"\npasses = 3\n";
+  for (const std::string& text :
+       {std::string(), "scale = 0.5\nidentified = { EXX_um = 3, EC0Y_urad = 30 }\n" + part,
+        "[thermal]\nfile = \"" + heat + "\"\n",
+        std::string("[force]\nfrom = \"current\"\nsmoothing_ms = 5\npasses = 4\n"
+                    "training = { file = \"/t.toml\", instrument = \"cmm\" }\n"),
+        std::string("[force]\nfrom = \"model\"\n[force.compliance.axis.Z]\n"
+                    "stiffness_N_per_um = [80, 60, 100]\n")}) {
+    const std::string written = to_toml(Node{{}, written_belief(belief_of(text), gantry())});
+    EXPECT_EQ(to_toml(Node{{}, written_belief(belief_of(written), gantry())}), written);
+    EXPECT_EQ(belief_of(written).thermal.has_value(), belief_of(text).thermal.has_value());
+    EXPECT_EQ(belief_of(written).force.has_value(), belief_of(text).force.has_value());
+  }
+}
+
 }  // namespace
 }  // namespace abbe::sim
