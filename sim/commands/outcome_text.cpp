@@ -100,8 +100,8 @@ Exit print_outcome(const Common& common, const RunOptions& options, const Outcom
           outcome.json["case"].get<std::string>(), figures(outcome.json["residual_um"]),
           left_out(outcome.json), Lines(unreached_line(outcome.json)), options.folder.string());
   }
-  if (!common.json && !outcome.sensors.is_null())
-    print("{}", Lines(sensor_choices_text(one_lined(outcome.sensors))));
+  if (!common.json && outcome.sensors)
+    print("{}", Lines(sensor_choices_text(*outcome.sensors)));
   print_warnings(outcome.json);
   if (!draws_pictures())
     print(stderr, "abbe: warning: this program was built without VTK: no pictures and no .vtp\n");
