@@ -49,7 +49,7 @@ struct Reading {
   auto order() const { return std::tuple(up, run, target); }
 };
 
-std::string told(const Reading& r) {
+std::string in_words(const Reading& r) {
   return fmt::format("run {} {} at target {}", r.run, r.up ? "up" : "down", r.target);
 }
 
@@ -64,7 +64,7 @@ Eigen::MatrixXd table(const std::vector<Reading>& all, bool up, const Eigen::Vec
     Reading wanted = mine[i - i % std::size_t(m)];
     wanted.target = target[Index(i) % m];
     if (mine[i].order() != wanted.order())
-      throw BadInput(file, mine[i].line, 1, told(wanted), told(mine[i]));
+      throw BadInput(file, mine[i].line, 1, in_words(wanted), in_words(mine[i]));
   }
   if (mine.size() % std::size_t(m) != 0)
     throw BadInput(file, mine.back().line, 1,
@@ -81,7 +81,7 @@ PositionRuns assembled(std::vector<Reading> all, const std::string& file) {
   std::vector<double> targets;
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (i > 0 && all[i].order() == all[i - 1].order())
-      throw BadInput(file, all[i].line, 1, "every reading once", told(all[i]) + " again");
+      throw BadInput(file, all[i].line, 1, "every reading once", in_words(all[i]) + " again");
     targets.push_back(all[i].target);
   }
   std::sort(targets.begin(), targets.end());

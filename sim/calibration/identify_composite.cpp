@@ -8,8 +8,8 @@
 #include <fmt/format.h>
 
 #include "errors/identification/composite.h"
+#include "errors/metrology/machine_tests.h"
 #include "kinematics/units.h"
-#include "sim/calibration/evaluate_tests.h"
 
 namespace abbe::sim {
 namespace {
@@ -61,7 +61,8 @@ double start_s(const Readings& readings, int set_up) {
 
 std::map<char, AxisRuns> runs_of(const Readings& readings, const Sensors& sensors) {
   std::map<char, AxisRuns> axes;
-  const Tests tests = tests_of(readings);
+  const errors::metrology::Tests tests = tests_of(readings);
+  using errors::metrology::AxisTest;
   for (const AxisTest& test : tests.axes) {
     if (test.what != AxisTest::What::Positioning || test.rotary) continue;
     AxisRuns& axis = axes[test.axis];

@@ -24,10 +24,13 @@
 #include "sim/files/output.h"
 #include "sim/files/progress.h"
 #include "sim/files/terminal.h"
-#include "sim/report/describe.h"
+#include "sim/files/versions.h"
+#include "sim/report/description_report.h"
+#include "sim/report/evaluation_report.h"
 #include "sim/report/identify_text.h"
 #include "sim/report/pictures.h"
 #include "sim/report/sensor_choices_text.h"
+#include "sim/report/summary_report.h"
 #include "sim/scene/read_scene.h"
 #include "sim/scene/scene_names.h"
 #include "sim/scene/trust.h"
@@ -117,74 +120,23 @@ void add_common(CLI::App& command, Common& common, bool writes) {
   add_force(command, common);
 }
 
-std::string figures(const nlohmann::ordered_json& s) {
-  const auto um = [](const nlohmann::ordered_json& number) {
-    return number.is_null() ? std::string("-") : fmt::format("{:.4f}", number.get<double>());
-  };
-  return fmt::format("{:>12} {:>12} {:>12} {:>12}", um(s["pv"]), um(s["rms"]), um(s["min"]),
-                     um(s["max"]));
-}
-
-/// How much of the part the figures leave out.
-std::string left_out(const nlohmann::ordered_json& counts) {
-  const auto& uncut = counts["uncut_percent"];
-  return fmt::format(
-      "{:>8} {:>7}",
-      uncut.is_null() ? std::string("-") : fmt::format("{:.2f}", uncut.get<double>()),
-      counts["gouged_vertices"].get<int>());
-}
-
-/// The head of a table of residuals.
-std::string residual_head() {
-  return fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>8} {:>7}", "residual in um", "PV",
-                     "RMS", "min", "max", "uncut %", "gouged");
-}
-
-/// The line below it where the machine does not reach all of a generated program.
-std::string unreached_line(const nlohmann::ordered_json& json) {
-  const auto& u = json["unreached"];
-  if (u.is_null()) return {};
-  return fmt::format("not reached by the machine: {} of {} passes, parts of {}\n",
-                     u["passes"].get<int>(), u["all_passes"].get<int>(),
-                     u["broken_passes"].get<int>());
-}
-
-void print_warnings(const nlohmann::ordered_json& json) {
-  if (!json.contains("warnings")) return;
-  for (const auto& warning : json["warnings"])
-    print(stderr, "abbe: warning: {}\n", warning.get<std::string>());
-}
-
-std::string comparison_text(const nlohmann::ordered_json& json) {
-  std::string text = residual_head() + "   machine's part, RMS\n";
-  for (const auto& one : json["cases"]) {
-    std::string machine;
-    if (!one["machine_um"].is_null() && !one["machine_um"]["rms"].is_null())
-      machine = fmt::format("{:.6f}", one["machine_um"]["rms"].get<double>());
-    if (!one["reduction_percent"].is_null() && !one["reduction_percent"]["machine_rms"].is_null())
-      machine +=
-          fmt::format("  ({:+.2f} %)", -one["reduction_percent"]["machine_rms"].get<double>());
-    text += fmt::format("{:<36} {} {}   {}\n", one["name"].get<std::string>(),
-                        figures(one["residual_um"]), left_out(one), machine);
-  }
-  return text + unreached_line(json);
+void print_warnings(const std::vector<std::string>& warnings) {
+  for (const std::string& warning : warnings) print(stderr, "abbe: warning: {}\n", warning);
 }
 
 int finish(const Common& common, const RunOptions& options, const Outcome& outcome) {
-  if (common.json) {
-    print("{}", Lines(json_text(outcome.json)));
-  } else if (outcome.json.contains("cases")) {
-    print("{}", Lines(comparison_text(one_lined(outcome.json))));
-    print("\nfiles in {}{}\n", options.folder.string(),
-          draws_pictures() ? "; comparison.png shows all cases on one scale" : "");
-  } else {
-    print("{}\n{:<36} {} {}\n{}files in {}\n", residual_head(),
-          outcome.json["case"].get<std::string>(), figures(outcome.json["residual_um"]),
-          left_out(outcome.json), Lines(unreached_line(outcome.json)), options.folder.string());
-  }
+  const bool many = std::holds_alternative<Comparison>(outcome.figures);
+  std::visit(
+      [&](const auto& figures) {
+        print("{}", Lines(common.json ? json_text(to_json(figures)) : to_text(figures)));
+      },
+      outcome.figures);
+  if (!common.json)
+    print("{}files in {}{}\n", Lines(many ? "\n" : ""), options.folder.string(),
+          many && draws_pictures() ? "; comparison.png shows all cases on one scale" : "");
   if (!common.json && !outcome.sensors.is_null())
     print("{}", Lines(sensor_choices_text(one_lined(outcome.sensors))));
-  print_warnings(outcome.json);
+  std::visit([](const auto& figures) { print_warnings(figures.warnings); }, outcome.figures);
   if (!draws_pictures())
     print(stderr, "abbe: warning: this program was built without VTK: no pictures and no .vtp\n");
   for (const std::string& limit : outcome.exceeded) print(stderr, "abbe: {}\n", limit);
@@ -235,30 +187,19 @@ int pose(const Common& common, PoseCommand command) {
   return ok;
 }
 
-/// What a scene would run, and whether it may.
-nlohmann::ordered_json programs_json(const Scene& scene, const Permissions& permissions) {
-  nlohmann::ordered_json all = nlohmann::ordered_json::array();
-  for (const JudgedProgram& one : judged(scene.programs, permissions))
-    all.push_back({{"program", one.named.program.string()},
-                   {"file", one.named.file.string()},
-                   {"line", one.named.line},
-                   {"trusted", one.trusted}});
-  return all;
-}
-
 int check_command(const Common& common, bool picture) {
   const Scene scene = read_scene(common.scene, overrides(common));
   const Job job = prepare(scene);
   check_reaches_part(job);
-  nlohmann::ordered_json description = describe(job);
-  description["programs"] = programs_json(scene, common.permissions);
+  Description description = describe(job);
+  description.programs = judged(scene.programs, common.permissions);
   if (picture) {
     const ResultFolder folder(run_options(common).folder, writer_of(scene, common.permissions));
     write_check_picture(folder / "check.png", job);
     print(stderr, "picture in {}\n", (folder / "check.png").path().string());
   }
-  print("{}", Lines(common.json ? json_text(description) : to_text(one_lined(description))));
-  print_warnings(description);
+  print("{}", Lines(common.json ? json_text(to_json(description)) : to_text(description)));
+  print_warnings(description.warnings);
   return ok;
 }
 
@@ -277,7 +218,7 @@ int measure_command(const Common& common, const std::vector<std::string>& instru
                     {"set_ups", one.set_ups},
                     {"hours", one.duration_s / 3600.0},
                     {"warnings", one.warnings}});
-    print_warnings(json.back());
+    print_warnings(one.warnings);
     hours += one.duration_s / 3600.0;
   }
   if (common.json) {
@@ -380,7 +321,8 @@ int rewrite_command(const Common& common, const std::string& case_name) {
   options.out = common.out;
   options.permissions = common.permissions;
   const nlohmann::ordered_json report = rewrite(common.scene, options);
-  print_warnings(report);
+  for (const auto& warning : report["warnings"])
+    print(stderr, "abbe: warning: {}\n", warning.get<std::string>());
   print("{}", Lines(common.json ? json_text(report) : rewrite_text(one_lined(report))));
   return ok;
 }
@@ -389,8 +331,9 @@ int evaluate_command(const Common& common, const std::filesystem::path& readings
   EvaluateOptions options;
   options.folder = common.out.empty() ? std::filesystem::path("out") / readings.stem() : common.out;
   options.permissions = common.permissions;
-  const nlohmann::ordered_json evaluation = evaluate(readings, options);
-  print("{}", Lines(common.json ? json_text(evaluation) : evaluation_text(one_lined(evaluation))));
+  const Evaluated done = evaluate(readings, options);
+  print("{}", Lines(common.json ? json_text(to_json(done.evaluation, done.pictures))
+                                : to_text(done.evaluation, done.pictures)));
   return ok;
 }
 

@@ -9,7 +9,7 @@
 #include "kinematics/units.h"
 #include "sim/commands/identify_command.h"
 #include "sim/report/identify_text.h"
-#include "sim/report/report.h"
+#include "sim/report/verdict.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
 
