@@ -73,4 +73,11 @@ Positioning positioning(const PositionRuns& runs) {
   return result;
 }
 
+VectorXd mean_of(const PositionRuns& runs) {
+  VectorXd sum = VectorXd::Zero(runs.target.size());
+  if (runs.up.cols() > 0) sum += runs.up.rowwise().sum();
+  if (runs.down.cols() > 0) sum += runs.down.rowwise().sum();
+  return sum / double(runs.up.cols() + runs.down.cols());
+}
+
 }  // namespace abbe::errors::metrology

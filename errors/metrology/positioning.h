@@ -52,4 +52,7 @@ struct Positioning {
 ///         for numbers that are not finite
 Positioning positioning(const PositionRuns& runs);
 
+/// Mean of all runs, of both ways. (m)
+Eigen::VectorXd mean_of(const PositionRuns& runs);
+
 }  // namespace abbe::errors::metrology

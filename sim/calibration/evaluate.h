@@ -2,26 +2,33 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
+#include <vector>
 
-#include <nlohmann/json.hpp>
-
-#include "sim/calibration/evaluate_tests.h"
+#include "errors/metrology/machine_tests.h"
+#include "errors/metrology/test_result.h"
 #include "sim/readings/part_readings_file.h"
 
 namespace abbe::sim {
 
 /// Readings and what the standards make of them.
 struct Evaluation {
-  nlohmann::ordered_json json;  ///< {"file", "kind", "tests": [{"name", "standard", ...}]}; figures
-                                ///< in um and urad
-  Tests tests;                  ///< those of a machine
-  std::optional<PartReadingsFile> part;
+  std::filesystem::path file;  ///< of the readings
+  std::string kind;            ///< of the instrument, or "position file"
+  std::vector<errors::metrology::TestResult> results;
+  struct Temperatures {
+    std::string sensor;
+    double min_C = 0.0, max_C = 0.0;
+  };
+  std::vector<Temperatures> temperatures;  ///< of every sensor while it was read
+  errors::metrology::Tests tests;          ///< of a machine: what was evaluated
+  std::optional<PartReadingsFile> part;    ///< of a part, the same
 };
 
-/// Evaluates readings as the standards prescribe: positioning (ISO 230-2), diagonals (230-6),
-/// circles (230-4), drift (230-3), straightness, angles and squareness (230-1), a probed or
-/// measured part (flatness, circularity, ISO 25178). Takes files of `measure`, position readings as
-/// plain CSV and the position files of laser interferometers (errors/metrology/position_file.h).
+/// Evaluates readings as the standards prescribe: those of a machine (errors/metrology/
+/// machine_results.h), of a probed or measured part (part_results.h). Takes files of `measure`,
+/// position readings as plain CSV and the position files of laser interferometers
+/// (errors/metrology/position_file.h).
 /// @throws BadInput, BadScene
 Evaluation evaluation_of(const std::filesystem::path& readings);
 

@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 
 #include "errors/identification/epochs.h"
-#include "sim/calibration/evaluate_tests.h"
+#include "errors/metrology/machine_tests.h"
 
 namespace abbe::sim {
 namespace {
@@ -55,8 +55,9 @@ double start_s(const Readings& readings, int set_up) {
 
 std::map<char, AxisRuns> runs_of(const Readings& readings, const Sensors& sensors) {
   std::map<char, AxisRuns> axes;
+  using errors::metrology::AxisTest;
   for (const Readings& start : identification::by_start(readings)) {
-    const Tests tests = tests_of(start);
+    const errors::metrology::Tests tests = tests_of(start);
     for (const AxisTest& test : tests.axes) {
       if (test.what != AxisTest::What::Positioning || test.rotary) continue;
       AxisRuns& axis = axes[test.axis];

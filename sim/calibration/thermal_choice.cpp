@@ -6,9 +6,10 @@
 
 #include <fmt/format.h>
 
+#include "errors/identification/thermal_study.h"
+#include "errors/metrology/machine_tests.h"
 #include "kinematics/bad_input.h"
 #include "kinematics/units.h"
-#include "sim/calibration/evaluate_tests.h"
 
 namespace abbe::sim {
 namespace {
@@ -21,7 +22,7 @@ using identification::ThermalData;
 /// What was read on one day: the drift channels and the temperatures beside them.
 struct Log {
   std::string day;
-  DriftTest drift;
+  errors::metrology::DriftTest drift;
   std::vector<double> noise;  ///< (channels) mm or rad, standard deviation of one drift
   std::vector<std::string> sensors;
   Eigen::MatrixXd T_C;     ///< (n x sensors)
@@ -41,7 +42,7 @@ Log log_of(const Day& day) {
   const errors::metrology::Readings& readings = day.readings;
   if (readings.sensors.size() < 2)
     throw BadInput(day.file.string(), 0, 0, "at least 2 temperature sensors", "fewer");
-  Tests tests = tests_of(readings);
+  errors::metrology::Tests tests = tests_of(readings);
   Log log{day.name, std::move(tests.drifts.at(0)), drift_noise(readings), readings.sensors, {}, {}};
   const Index n = log.drift.log.time_s.size(), channels = log.drift.log.values.cols();
   const std::vector<double>& starts = day.cycle_starts_s;

@@ -5,10 +5,9 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/cut/reach.h"
-#include "sim/files/one_lined.h"
 #include "sim/files/output.h"
 #include "sim/files/terminal.h"
-#include "sim/report/describe.h"
+#include "sim/report/description_report.h"
 #include "sim/report/pictures.h"
 #include "sim/scene/read_scene.h"
 #include "sim/scene/trust.h"
@@ -16,30 +15,19 @@
 namespace abbe::sim {
 namespace {
 
-/// What a scene would run, and whether it may.
-nlohmann::ordered_json programs_json(const Scene& scene, const Permissions& permissions) {
-  nlohmann::ordered_json all = nlohmann::ordered_json::array();
-  for (const JudgedProgram& one : judged(scene.programs, permissions))
-    all.push_back({{"program", one.named.program.string()},
-                   {"file", one.named.file.string()},
-                   {"line", one.named.line},
-                   {"trusted", one.trusted}});
-  return all;
-}
-
 Exit check(const Common& common, bool picture) {
   const Scene scene = read_scene(common.scene, overrides(common));
   const Job job = prepare(scene);
   check_reaches_part(job);
-  nlohmann::ordered_json description = describe(job);
-  description["programs"] = programs_json(scene, common.permissions);
+  Description description = describe(job);
+  description.programs = judged(scene.programs, common.permissions);
   if (picture) {
     const ResultFolder folder(result_folder(common), writer_of(scene, common.permissions));
     write_check_picture(folder / "check.png", job);
     print(stderr, "picture in {}\n", (folder / "check.png").path().string());
   }
-  print("{}", Lines(common.json ? json_text(description) : to_text(one_lined(description))));
-  print_warnings(description);
+  print("{}", Lines(common.json ? json_text(to_json(description)) : to_text(description)));
+  print_warnings(description.warnings);
   return Exit::Ok;
 }
 

@@ -2,8 +2,6 @@
 
 #include <limits>
 
-#include <nlohmann/json.hpp>
-
 #include "sim/files/terminal.h"
 #include "sim/scene/case_name.h"
 
@@ -77,10 +75,8 @@ void check_case(const std::string& name) {
   }
 }
 
-void print_warnings(const nlohmann::ordered_json& json) {
-  if (!json.contains("warnings")) return;
-  for (const auto& warning : json["warnings"])
-    print(stderr, "abbe: warning: {}\n", warning.get<std::string>());
+void print_warnings(const std::vector<std::string>& warnings) {
+  for (const std::string& warning : warnings) print(stderr, "abbe: warning: {}\n", warning);
 }
 
 }  // namespace abbe::sim

@@ -8,8 +8,6 @@
 #include <variant>
 #include <vector>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "sim/commands/exit_code.h"
 #include "sim/files/permissions.h"
 #include "sim/scene/override.h"
@@ -93,7 +91,7 @@ std::filesystem::path result_folder(const Common& common);
 /// @throws BadUsage for a --case that there cannot be
 void check_case(const std::string& name);
 
-/// The `warnings` of a result, on standard error.
-void print_warnings(const nlohmann::ordered_json& json);
+/// Warnings of a result, on standard error.
+void print_warnings(const std::vector<std::string>& warnings);
 
 }  // namespace abbe::sim

@@ -9,7 +9,9 @@
 #include "sim/cut/reach.h"
 #include "sim/files/output.h"
 #include "sim/loop/compensate.h"
+#include "sim/report/case_files.h"
 #include "sim/report/pictures.h"
+#include "sim/report/summary_report.h"
 #include "sim/scene/case_folders.h"
 #include "sim/scene/read_scene.h"
 #include "sim/scene/trust.h"
@@ -66,7 +68,7 @@ void collect(std::vector<std::string>& all, const Limits& limits, const Verdict&
   for (std::string& one : exceeded(limits, verdict)) all.push_back(std::move(one));
 }
 
-/// `run` cuts what it is told, else what the scene names, else the uncompensated machine.
+/// `run` cuts the case that is named, else the uncompensated machine.
 Cut cut_one(const Job& job, const std::string& case_name, const Progress& progress) {
   if (case_name == "error_free") return cut_error_free(job, progress);
   if (case_name.empty() || case_name == "uncompensated") return cut(job, std::nullopt, progress);
@@ -173,7 +175,8 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   std::vector<FailedCase> failed;
   for (const Batch& batch : batches) cut_cases(batch, cases, failed, progress);
 
-  Outcome outcome{comparison(batches.front().job, cases, failed), {}, {}, {}};
+  const Comparison compared = comparison(batches.front().job, cases, failed);
+  Outcome outcome{compared, {}, {}, {}};
   for (const FailedCase& one : failed) outcome.failed.push_back(one.name + ": " + one.reason);
   for (const Batch& batch : batches) write_program(folder.inside(batch.prefix), batch.job);
   const bool compensates = std::any_of(cases.begin(), cases.end(), [](const Compared& one) {
@@ -188,7 +191,7 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
       collect(outcome.exceeded, one.job->scene.limits, one.verdict);
   }
   outcome.sensors = choose_sensors(folder, scene, variants);
-  write_json(folder / "comparison.json", outcome.json);
+  write_json(folder / "comparison.json", to_json(compared));
   progress.begin("write comparison");
   write_comparison_picture(folder / "comparison.png", scene, cases);
   return outcome;

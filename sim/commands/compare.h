@@ -2,14 +2,14 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
+#include <variant>
 #include <vector>
-
-#include <nlohmann/json.hpp>
 
 #include "sim/calibration/thermal_choice.h"
 #include "sim/files/permissions.h"
 #include "sim/files/progress.h"
-#include "sim/report/report.h"
+#include "sim/report/summary.h"
 
 namespace abbe::sim {
 
@@ -25,9 +25,9 @@ struct RunOptions {
 
 /// What a command leaves besides its files.
 struct Outcome {
-  nlohmann::ordered_json json;        ///< summary or comparison
-  std::vector<std::string> exceeded;  ///< acceptance limits that a judged case breaks
-  std::vector<std::string> failed;    ///< plug-ins that failed, in words; the other cases stand
+  std::variant<Summary, Comparison> figures;  ///< of `run` the one, of `compare` the other
+  std::vector<std::string> exceeded;          ///< acceptance limits that a judged case breaks
+  std::vector<std::string> failed;       ///< plug-ins that failed, in words; the other cases stand
   std::optional<ThermalChoice> sensors;  ///< chosen where the scene asks for it
 };
 
@@ -37,7 +37,7 @@ Outcome run(const std::filesystem::path& scene, const RunOptions& options);
 
 /// Cuts the error-free machine, the uncompensated one and every compensator of the scene, for every
 /// variant, and writes a folder a case, `comparison.json` and `comparison.png`. The maps of a
-/// variant are measured against an error-free map of its own, which is not told as a case.
+/// variant are measured against an error-free map of its own, which is not reported as a case.
 Outcome compare(const std::filesystem::path& scene, const RunOptions& options);
 
 }  // namespace abbe::sim

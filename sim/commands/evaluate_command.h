@@ -1,10 +1,9 @@
 #pragma once
 
 #include <filesystem>
-#include <string>
+#include <vector>
 
-#include <nlohmann/json.hpp>
-
+#include "sim/calibration/evaluate.h"
 #include "sim/commands/command.h"
 #include "sim/files/permissions.h"
 
@@ -15,14 +14,15 @@ struct EvaluateOptions {
   Permissions permissions = {};
 };
 
-/// Evaluates readings (sim/calibration/evaluate.h) and writes what the options ask for.
-/// @return the JSON of the evaluation with "pictures", the files of them
-/// @throws BadInput, BadScene, OutputFailure
-nlohmann::ordered_json evaluate(const std::filesystem::path& readings,
-                                const EvaluateOptions& options = {});
+/// An evaluation and the pictures that were written of it.
+struct Evaluated {
+  Evaluation evaluation;
+  std::vector<std::filesystem::path> pictures;
+};
 
-/// The same as a person reads it: a table a test.
-std::string evaluation_text(const nlohmann::ordered_json& evaluation);
+/// Evaluates readings (sim/calibration/evaluate.h) and writes what the options ask for.
+/// @throws BadInput, BadScene, OutputFailure
+Evaluated evaluate(const std::filesystem::path& readings, const EvaluateOptions& options = {});
 
 /// `abbe evaluate`.
 Command evaluate_command(Common& common);

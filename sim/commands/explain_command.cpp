@@ -23,7 +23,7 @@ Exit print_explanation(const std::string& question) {
       known.insert(dotted ? row.path : row.path.substr(row.path.rfind('.') + 1));
     const auto meant = nearest(question, known);
     throw BadUsage("KEY", fmt::format("expected a key of a scene or study{}, seen {}",
-                               meant ? " (nearest: " + *meant + ")" : "", question));
+                                      meant ? " (nearest: " + *meant + ")" : "", question));
   }
   print("{}", Lines(to_text(rows)));
   return Exit::Ok;

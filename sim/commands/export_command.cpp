@@ -33,8 +33,7 @@ compensation::Export exported(const Job& job, const Learnt& learnt, ControlForma
 
 }  // namespace
 
-nlohmann::ordered_json export_tables(const std::filesystem::path& file,
-                                     const ExportOptions& options) {
+Exported export_tables(const std::filesystem::path& file, const ExportOptions& options) {
   Scene scene = read_trusted_scene(file, options.overrides, options.permissions);
   const CaseDescription compensator = parse_case(options.case_name);
   trust(scene, compensator);
@@ -43,20 +42,26 @@ nlohmann::ordered_json export_tables(const std::filesystem::path& file,
   const ControlFormat format =
       options.format.value_or(scene.compensation.table.format.value_or(ControlFormat::LinuxCnc));
   const compensation::Export out = exported(job, learnt(job, compensator), format);
-  nlohmann::ordered_json files = nlohmann::ordered_json::array();
+  Exported done{scene.title, options.case_name, format, {}, out.left_out, out.notes};
   for (const compensation::ControlFile& one : out.files) {
     write_file(folder / one.name, one.text);
-    files.push_back((folder / one.name).path().string());
+    done.files.push_back((folder / one.name).path());
   }
-  return {{"scene", scene.title},
-          {"case", options.case_name},
-          {"format", compensation::to_string(format)},
-          {"files", files},
-          {"left_out", out.left_out},
-          {"notes", out.notes}};
+  return done;
 }
 
 namespace {
+
+nlohmann::ordered_json to_json(const Exported& done) {
+  nlohmann::ordered_json files = nlohmann::ordered_json::array();
+  for (const std::filesystem::path& file : done.files) files.push_back(file.string());
+  return {{"scene", done.scene},
+          {"case", done.case_name},
+          {"format", compensation::to_string(done.format)},
+          {"files", files},
+          {"left_out", done.left_out},
+          {"notes", done.notes}};
+}
 
 /// What stands on the command line.
 struct ExportWords {
@@ -73,15 +78,14 @@ Exit print_exported(const Common& common, ExportWords words) {
                                   ControlFormat::Siemens, ControlFormat::Heidenhain})
     if (words.format == compensation::to_string(one)) words.options.format = one;
   check_case(words.options.case_name);
-  const nlohmann::ordered_json json = export_tables(common.scene, words.options);
+  const Exported done = export_tables(common.scene, words.options);
   if (common.json) {
-    print("{}", Lines(json_text(json)));
+    print("{}", Lines(json_text(to_json(done))));
     return Exit::Ok;
   }
-  for (const auto& file : json["files"]) print("{}\n", file.get<std::string>());
-  for (const auto& one : json["notes"]) print("{}\n", one.get<std::string>());
-  for (const auto& one : json["left_out"])
-    print(stderr, "abbe: warning: left out: {}\n", one.get<std::string>());
+  for (const std::filesystem::path& file : done.files) print("{}\n", file.string());
+  for (const std::string& note : done.notes) print("{}\n", note);
+  for (const std::string& one : done.left_out) print(stderr, "abbe: warning: left out: {}\n", one);
   return Exit::Ok;
 }
 

@@ -5,11 +5,9 @@
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "sim/commands/command.h"
+#include "sim/compensation/control_files.h"
 #include "sim/files/permissions.h"
-#include "sim/scene/scene.h"
 
 namespace abbe::sim {
 
@@ -21,12 +19,18 @@ struct ExportOptions {
   Permissions permissions;
 };
 
+/// What was written, and what the format cannot hold.
+struct Exported {
+  std::string scene, case_name;
+  compensation::ControlFormat format{};
+  std::vector<std::filesystem::path> files;
+  std::vector<std::string> left_out, notes;
+};
+
 /// Writes the tables that a compensator of the scene amounts to in the layout of a control. The
 /// channel `table` with the same format runs what these files make a control do.
-/// @return what was written, and what the format cannot hold
 /// @throws BadScene, BadInput, OutputFailure
-nlohmann::ordered_json export_tables(const std::filesystem::path& scene,
-                                     const ExportOptions& options);
+Exported export_tables(const std::filesystem::path& scene, const ExportOptions& options);
 
 /// `abbe export`.
 Command export_command(Common& common);

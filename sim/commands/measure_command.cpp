@@ -118,7 +118,7 @@ Exit print_measured(const Common& common, const std::vector<std::string>& instru
                     {"set_ups", one.set_ups},
                     {"hours", one.duration_s / 3600.0},
                     {"warnings", one.warnings}});
-    print_warnings(json.back());
+    print_warnings(one.warnings);
     hours += one.duration_s / 3600.0;
   }
   if (common.json) {

@@ -10,13 +10,13 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/escape.h"
+#include "sim/cut/pose_at.h"
 #include "sim/cut/pose_doubts.h"
 #include "sim/cut/pose_table.h"
-#include "sim/files/one_lined.h"
 #include "sim/files/output.h"
 #include "sim/files/terminal.h"
-#include "sim/report/pose_at.h"
 #include "sim/report/pose_files.h"
+#include "sim/report/pose_report.h"
 #include "sim/report/volumetric_files.h"
 #include "sim/scene/read_scene.h"
 #include "sim/scene/trust.h"
@@ -46,9 +46,9 @@ void warn(const std::vector<std::string>& warnings) {
 }
 
 void print_one(const Scene& scene, const PoseCommand& command) {
-  const ordered_json pose = pose_at(scene, command.at, command.wishes);
-  print("{}", Lines(command.json ? json_text(pose) : pose_text(one_lined(pose))));
-  warn(pose["warnings"].get<std::vector<std::string>>());
+  const PoseAt pose = pose_at(scene, command.at, command.wishes);
+  print("{}", Lines(command.json ? json_text(to_json(pose)) : to_text(pose)));
+  warn(pose.warnings);
 }
 
 void print_many(const IdleMachine& idle, const PoseCommand& command) {

@@ -5,10 +5,11 @@
 #include <memory>
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
+#include "kinematics/escape.h"
 #include "kinematics/units.h"
 #include "sim/cut/reach.h"
-#include "sim/files/one_lined.h"
 #include "sim/files/output.h"
 #include "sim/files/progress.h"
 #include "sim/files/terminal.h"
@@ -56,10 +57,6 @@ ResultFile out_file(const Job& job, const RewriteCommandOptions& options) {
   return result_file(out, writer_of(job.scene, options.permissions));
 }
 
-ordered_json spread(const Spread& s, double unit) {
-  return {{"rms", s.rms / unit}, {"max", s.max / unit}};
-}
-
 void add(Spread& spread, double value) {
   spread.rms += value * value;
   spread.max = std::max(spread.max, value);
@@ -87,7 +84,7 @@ WordChange word_change(const Job& job, const Commands& commands) {
   return change;
 }
 
-ordered_json rewrite(const std::filesystem::path& file, const RewriteCommandOptions& options) {
+Rewritten rewrite(const std::filesystem::path& file, const RewriteCommandOptions& options) {
   Scene scene = read_trusted_scene(file, options.overrides, options.permissions);
   const CaseDescription compensator = chosen_case(scene, options.case_name);
   if (!options.case_name.empty()) trust(scene, compensator);
@@ -105,9 +102,8 @@ ordered_json rewrite(const std::filesystem::path& file, const RewriteCommandOpti
 
   const WordChange change = word_change(job, commands);
   const CompensationDescription& words = scene.compensation;
-  ordered_json step;
-  if (!is_pvt(job.path))
-    step = {{"mm", words.word_resolution}, {"deg", words.angle_resolution / units::deg}};
+  std::optional<Rewritten::Words> step;
+  if (!is_pvt(job.path)) step = {words.word_resolution, words.angle_resolution / units::deg};
   std::vector<std::string> warnings = job.warnings;
   warnings.insert(warnings.end(), commands.warnings.begin(), commands.warnings.end());
   if (const auto fault = missed_part(job))
@@ -115,36 +111,55 @@ ordered_json rewrite(const std::filesystem::path& file, const RewriteCommandOpti
   if (commands.not_converged > 0)
     warnings.push_back(fmt::format("{} of {} corrections did not converge", commands.not_converged,
                                    job.samples.states.size()));
-  return {{"file", out.path().string()},
-          {"case", compensator.name},
-          {"blocks", {{"before", job.path.motion_blocks}, {"after", commands.path->motion_blocks}}},
-          {"bytes", commands.rewritten_program.size()},
-          {"correction_um", spread(change.tip, units::um)},
-          {"correction_urad", spread(change.direction, units::urad)},
-          {"path_tolerance_um", path_tolerance(scene.compensation, job.path) / units::um},
-          {"words", step},
-          {"left_um", commands.point_left / units::um},
-          {"left_urad", commands.direction_left / units::urad},
-          {"warnings", warnings}};
+  return {out.path(),
+          compensator.name,
+          std::size_t(job.path.motion_blocks),
+          std::size_t(commands.path->motion_blocks),
+          commands.rewritten_program.size(),
+          change,
+          path_tolerance(scene.compensation, job.path),
+          step,
+          commands.point_left,
+          commands.direction_left,
+          std::move(warnings)};
 }
 
-std::string rewrite_text(const ordered_json& report) {
-  const auto number = [](const ordered_json& json) { return json.get<double>(); };
+namespace {
+
+ordered_json spread(const Spread& s, double unit) {
+  return {{"rms", s.rms / unit}, {"max", s.max / unit}};
+}
+
+ordered_json to_json(const Rewritten& done) {
+  ordered_json words;
+  if (done.words) words = {{"mm", done.words->mm}, {"deg", done.words->deg}};
+  return {{"file", done.file.string()},
+          {"case", done.case_name},
+          {"blocks", {{"before", done.blocks_before}, {"after", done.blocks_after}}},
+          {"bytes", done.bytes},
+          {"correction_um", spread(done.correction.tip, units::um)},
+          {"correction_urad", spread(done.correction.direction, units::urad)},
+          {"path_tolerance_um", done.path_tolerance / units::um},
+          {"words", words},
+          {"left_um", done.point_left / units::um},
+          {"left_urad", done.direction_left / units::urad},
+          {"warnings", done.warnings}};
+}
+
+std::string to_text(const Rewritten& done) {
   std::string text = fmt::format(
       "{} blocks became {}\ncorrection of the tip {:.4f} um rms, {:.4f} um at most; of the tool "
       "axis "
       "{:.4f} urad at most\nwithin {:.4g} um of the corrected path",
-      report["blocks"]["before"].get<int>(), report["blocks"]["after"].get<int>(),
-      number(report["correction_um"]["rms"]), number(report["correction_um"]["max"]),
-      number(report["correction_urad"]["max"]), number(report["path_tolerance_um"]));
-  if (!report["words"].is_null())
-    text += fmt::format(", words rounded to {:.4g} mm and {:.4g} deg",
-                        number(report["words"]["mm"]), number(report["words"]["deg"]));
-  return text + fmt::format("\n{} ({}, {} bytes)\n", report["file"].get<std::string>(),
-                            report["case"].get<std::string>(), report["bytes"].get<std::size_t>());
+      done.blocks_before, done.blocks_after, done.correction.tip.rms / units::um,
+      done.correction.tip.max / units::um, done.correction.direction.max / units::urad,
+      done.path_tolerance / units::um);
+  if (done.words)
+    text +=
+        fmt::format(", words rounded to {:.4g} mm and {:.4g} deg", done.words->mm, done.words->deg);
+  return text + fmt::format("\n{} ({}, {} bytes)\n", escaped(done.file.string()),
+                            escaped(done.case_name), done.bytes);
 }
-
-namespace {
 
 Exit print_rewritten(const Common& common, const std::string& case_name) {
   RewriteCommandOptions options;
@@ -152,9 +167,9 @@ Exit print_rewritten(const Common& common, const std::string& case_name) {
   options.case_name = case_name;
   options.out = common.out;
   options.permissions = common.permissions;
-  const nlohmann::ordered_json report = rewrite(common.scene, options);
-  print_warnings(report);
-  print("{}", Lines(common.json ? json_text(report) : rewrite_text(one_lined(report))));
+  const Rewritten done = rewrite(common.scene, options);
+  print_warnings(done.warnings);
+  print("{}", Lines(common.json ? json_text(to_json(done)) : to_text(done)));
   return Exit::Ok;
 }
 

@@ -1,10 +1,9 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
-
-#include <nlohmann/json.hpp>
 
 #include "sim/commands/command.h"
 #include "sim/files/permissions.h"
@@ -29,16 +28,26 @@ struct WordChange {
 };
 WordChange word_change(const Job& job, const Commands& commands);
 
-/// Writes the compensated program of a scene, of the dialect of the original, and cuts nothing that
-/// the belief does not ask for. @return `file`, `case`, `blocks` {`before`, `after`}, `bytes`,
-/// `correction_um` and `correction_urad` {`rms`, `max`}, `path_tolerance_um`, `words` {`mm`, `deg`;
-/// null in PVT}, `left_um`, `left_urad`, `warnings`
-/// @throws BadScene, BadInput (a case through another channel, a scene without one), OutputFailure
-nlohmann::ordered_json rewrite(const std::filesystem::path& scene,
-                               const RewriteCommandOptions& options);
+/// What was written.
+struct Rewritten {
+  std::filesystem::path file;
+  std::string case_name;
+  std::size_t blocks_before = 0, blocks_after = 0, bytes = 0;
+  WordChange correction;
+  double path_tolerance = 0.0;  ///< mm
+  struct Words {
+    double mm = 0.0, deg = 0.0;
+  };
+  std::optional<Words> words;   ///< resolution of the words; none in PVT
+  double point_left = 0.0;      ///< mm, what the corrections leave
+  double direction_left = 0.0;  ///< rad
+  std::vector<std::string> warnings;
+};
 
-/// The same in words.
-std::string rewrite_text(const nlohmann::ordered_json& report);
+/// Writes the compensated program of a scene, of the dialect of the original, and cuts nothing that
+/// the belief does not ask for.
+/// @throws BadScene, BadInput (a case through another channel, a scene without one), OutputFailure
+Rewritten rewrite(const std::filesystem::path& scene, const RewriteCommandOptions& options);
 
 /// `abbe rewrite`.
 Command rewrite_command(Common& common);

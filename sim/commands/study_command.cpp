@@ -54,11 +54,11 @@ Exit execute(const Common& common, const StudyWords& words, int& argc, char**& a
   options.permissions = common.permissions;
   if (!words.shard.empty()) options.shard = parse_shard(words.shard);
   if (words.slurm) return print_slurm_script(common, words, options);
-  const auto print_text = [&](const study::StudyTold& told) {
+  const auto print_text = [&](const study::StudyResult& result) {
     if (common.json)
-      print("{}", Lines(json_text(told.json)));
+      print("{}", Lines(json_text(result.json)));
     else
-      print("{}", Lines(told.text));
+      print("{}", Lines(result.text));
     return Exit::Ok;
   };
   if (words.show) return print_text(study::show_study(common.scene, options));

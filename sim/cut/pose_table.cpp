@@ -139,28 +139,28 @@ PoseTable::PoseTable(const IdleMachine& idle, const PoseWishes& wishes)
   heads_.push_back("deviation_um");
   add_heads(heads_, "direction", "urad");
   heads_.push_back("direction_urad");
-  for (const ErrorSource& source : sources_) {
-    add_heads(heads_, source.name, "um");
-    add_heads(heads_, source.name, "urad");
-  }
-  if (has_shares_) {
-    add_heads(heads_, "rest", "um");
-    add_heads(heads_, "rest", "urad");
-  }
-  add_jacobian_heads();
+  for (const ErrorSource& source : sources_) add_share(source.name);
+  if (has_shares_) add_share("rest");
+  for (const PoseJacobian one : jacobians_) add_jacobian(one);
 }
 
-void PoseTable::add_jacobian_heads() {
+void PoseTable::add_share(const std::string& source) {
+  add_heads(heads_, source, "um");
+  add_heads(heads_, source, "urad");
+  wished_.push_back({source, false});
+}
+
+void PoseTable::add_jacobian(PoseJacobian which) {
   const kinematics::Chain& chain = idle_.machine.nominal;
-  for (const PoseJacobian one : jacobians_) {
-    std::vector<std::string> names;
-    if (one == PoseJacobian::Motion) motions_ = meaningful(chain, false, names);
-    if (one == PoseJacobian::Location) locations_ = meaningful(chain, true, names);
-    if (one == PoseJacobian::Axis)
-      for (const int j : positioned(chain))
-        names.push_back(std::string(1, chain.joints()[std::size_t(j)].name));
-    for (const std::string& name : names)
-      for (const char* row : rows_of_jacobian) heads_.push_back(fmt::format("{}_d{}", row, name));
+  std::vector<std::string> names;
+  if (which == PoseJacobian::Motion) motions_ = meaningful(chain, false, names);
+  if (which == PoseJacobian::Location) locations_ = meaningful(chain, true, names);
+  if (which == PoseJacobian::Axis)
+    for (const int j : positioned(chain))
+      names.push_back(std::string(1, chain.joints()[std::size_t(j)].name));
+  for (const std::string& name : names) {
+    for (const char* row : rows_of_jacobian) heads_.push_back(fmt::format("{}_d{}", row, name));
+    wished_.push_back({name, true});
   }
 }
 

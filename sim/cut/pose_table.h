@@ -41,6 +41,13 @@ class PoseTable {
   const std::vector<std::string>& heads() const { return heads_; }
   static constexpr std::size_t always = 11;  ///< heads before those that are wished
 
+  /// What is wished, each with six of the heads.
+  struct Six {
+    std::string name;         ///< of the source, of what is left, or of what is varied
+    bool derivative = false;  ///< by what is varied; else um and urad
+  };
+  const std::vector<Six>& wished() const { return wished_; }
+
   struct Row {
     Eigen::Vector3d deviation;    ///< mm, workpiece frame
     Eigen::Vector3d direction;    ///< rad
@@ -50,7 +57,8 @@ class PoseTable {
   Row row(const kinematics::AxisState& state) const;
 
  private:
-  void add_jacobian_heads();
+  void add_share(const std::string& source);
+  void add_jacobian(PoseJacobian which);
 
   const IdleMachine& idle_;
   std::vector<ErrorSource> sources_;
@@ -58,6 +66,7 @@ class PoseTable {
   std::vector<PoseJacobian> jacobians_;
   std::vector<int> motions_, locations_;  ///< columns of the Jacobians that mean something
   std::vector<std::string> heads_;
+  std::vector<Six> wished_;
 };
 
 /// How large deviations are over many poses.

@@ -5,7 +5,7 @@
 #include "sim/files/versions.h"
 #include "sim/readings/belief_file.h"
 #include "sim/report/identified_figures.h"
-#include "sim/scene/toml_reader.h"
+#include "sim/scene/toml_text.h"
 
 namespace abbe::sim {
 namespace {

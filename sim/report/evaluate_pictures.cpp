@@ -13,10 +13,11 @@
 
 namespace abbe::sim {
 
+namespace metrology = errors::metrology;
+
 #if ABBE_RENDER
 namespace {
 
-namespace metrology = errors::metrology;
 using Eigen::Index;
 using Eigen::VectorXd;
 
@@ -63,21 +64,22 @@ render::Panel panel_of(const std::string& name, const metrology::PositionRuns& r
 }
 
 /// Name of a test with what was taken out of it.
-std::string name_of(const AxisTest& test) {
-  if (test.what == AxisTest::What::Straightness) return test.name + ", less its line";
-  if (test.what == AxisTest::What::ErrorMotion && !test.axial && !hides_in_centring(test))
+std::string name_of(const metrology::AxisTest& test) {
+  if (test.what == metrology::AxisTest::What::Straightness) return test.name + ", less its line";
+  if (test.what == metrology::AxisTest::What::ErrorMotion && !test.axial &&
+      !hides_in_centring(test))
     return test.name + ", less order 1";
   return test.name;
 }
 
-std::vector<render::Panel> line_panels(const Tests& tests) {
+std::vector<render::Panel> line_panels(const metrology::Tests& tests) {
   std::vector<render::Panel> panels;
-  for (const AxisTest& test : tests.axes)
+  for (const metrology::AxisTest& test : tests.axes)
     panels.push_back(panel_of(name_of(test), form_of(test), test.angle,
-                              test.what == AxisTest::What::Positioning,
+                              test.what == metrology::AxisTest::What::Positioning,
                               fmt::format("{} / {}", test.axis, test.rotary ? "deg" : "mm"),
                               test.rotary ? units::deg : 1.0));
-  for (const DiagonalTest& test : tests.diagonals)
+  for (const metrology::DiagonalTest& test : tests.diagonals)
     panels.push_back(
         panel_of(test.name, test.runs.runs, false, true, "along the diagonal / mm", 1.0));
   return panels;
@@ -99,7 +101,7 @@ render::PolarTrace trace_of(const char* name, const metrology::CircularTrace& tr
   return {name, angle, deviation / units::um};
 }
 
-void write_circle(const std::filesystem::path& file, const CircleTest& test,
+void write_circle(const std::filesystem::path& file, const metrology::CircleTest& test,
                   const std::string& from) {
   const metrology::Circular circle = metrology::circular(test.runs);
   std::vector<render::PolarTrace> traces;
@@ -127,7 +129,7 @@ void write_circle(const std::filesystem::path& file, const CircleTest& test,
   render::write_polar(file, traces, options);
 }
 
-void write_drift(const std::filesystem::path& file, const DriftTest& test,
+void write_drift(const std::filesystem::path& file, const metrology::DriftTest& test,
                  const std::string& from) {
   std::vector<render::Panel> panels;
   const VectorXd& time_s = test.log.time_s;
@@ -161,7 +163,7 @@ std::string in_a_file_name(std::string name) {
 }  // namespace
 
 std::vector<std::filesystem::path> write_test_pictures(const ResultFolder& folder,
-                                                       const Tests& tests,
+                                                       const metrology::Tests& tests,
                                                        const std::string& from) {
   std::vector<std::filesystem::path> files;
   const auto add = [&](const std::string& name, const auto& draw) {
@@ -184,10 +186,10 @@ std::vector<std::filesystem::path> write_test_pictures(const ResultFolder& folde
       render::write_curves(file, {begin, begin + std::ptrdiff_t(count)}, options);
     });
   }
-  for (const CircleTest& test : tests.circles)
+  for (const metrology::CircleTest& test : tests.circles)
     add(in_a_file_name(test.name),
         [&](const std::filesystem::path& file) { write_circle(file, test, from); });
-  for (const DriftTest& test : tests.drifts)
+  for (const metrology::DriftTest& test : tests.drifts)
     add(in_a_file_name(test.name),
         [&](const std::filesystem::path& file) { write_drift(file, test, from); });
   return files;
@@ -210,7 +212,7 @@ std::vector<std::filesystem::path> write_part_picture(const ResultFolder&, const
                                                       const std::string&) {
   return {};
 }
-std::vector<std::filesystem::path> write_test_pictures(const ResultFolder&, const Tests&,
+std::vector<std::filesystem::path> write_test_pictures(const ResultFolder&, const metrology::Tests&,
                                                        const std::string&) {
   return {};
 }

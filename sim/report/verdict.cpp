@@ -1,5 +1,6 @@
 #include "sim/report/verdict.h"
 
+#include <algorithm>
 #include <string>
 #include <utility>
 
@@ -89,6 +90,33 @@ Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
         *primitive, cutting::transformed(job.design_w, job.scene.part.T_wm.inverse()), cut.surface);
   verdict.cut = std::move(cut);
   return verdict;
+}
+
+std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict) {
+  std::vector<std::string> all;
+  const auto look = [&](const char* what, const std::optional<double>& limit_um,
+                        std::optional<double> value) {
+    if (limit_um && !value)
+      all.push_back(fmt::format(
+          "{}: {} is unknown, since nothing was cut within the band; the scene allows {:.4f} um",
+          verdict.cut.name, what, *limit_um));
+    if (limit_um && value && *value / units::um > *limit_um)
+      all.push_back(fmt::format("{}: {} is {:.4f} um, the scene allows {:.4f} um", verdict.cut.name,
+                                what, *value / units::um, *limit_um));
+  };
+  const cutting::Statistics& s = verdict.residual;
+  const bool limited = limits.pv_um || limits.rms_um || limits.max_abs_um;
+  if (limited && s.deepest)
+    all.push_back(fmt::format(
+        "{}: {} vertices are gouged deeper than the search allows, the deepest by {}{:.1f} um, "
+        "which no limit allows",
+        verdict.cut.name, s.gouged_vertices, s.deepest->deeper ? "more than " : "",
+        s.deepest->depth / units::um));
+  look("PV", limits.pv_um, s.pv);
+  look("RMS", limits.rms_um, s.rms);
+  look("largest deviation", limits.max_abs_um,
+       s.min && s.max ? std::optional(std::max(-*s.min, *s.max)) : std::nullopt);
+  return all;
 }
 
 }  // namespace abbe::sim

@@ -28,8 +28,11 @@ struct Verdict {
 };
 
 /// @param error_free  the map that is taken away for the machine's own part; null for that case
-/// itself
+///                    itself
 Verdict judge(const Job& job, Cut cut, const Verdict* error_free);
+
+/// Names the acceptance limits of the scene that a case exceeds; empty if none.
+std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict);
 
 /// A case beside others.
 struct Compared {

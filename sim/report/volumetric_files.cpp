@@ -10,6 +10,7 @@
 #include "kinematics/escape.h"
 #include "kinematics/units.h"
 #include "sim/files/output.h"
+#include "sim/report/json_numbers.h"
 #include "sim/report/pose_files.h"
 
 #if ABBE_RENDER
@@ -25,8 +26,6 @@ namespace {
 
 using Eigen::Vector3d;
 using nlohmann::ordered_json;
-
-ordered_json numbers(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 Vector3d row(const cutting::Points& points, std::size_t i, double unit) {
   return points.row(Eigen::Index(i)).transpose() / unit;

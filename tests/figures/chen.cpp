@@ -8,8 +8,8 @@
 #include "errors/identification/grey.h"
 #include "errors/identification/sensor_choice.h"
 #include "errors/identification/thermal_model.h"
+#include "errors/metrology/machine_tests.h"
 #include "kinematics/units.h"
-#include "sim/calibration/evaluate_tests.h"
 #include "sim/commands/measure_command.h"
 #include "tests/figures/figure.h"
 
@@ -49,7 +49,7 @@ identification::ThermalData readings_of_the_day() {
   drift.starts_s = {-history};
   drift.instrument.duration_s = history;
   const auto readings = sim::measured(day, drift);
-  const sim::DriftTest test = sim::tests_of(readings).drifts.at(0);
+  const errors::metrology::DriftTest test = tests_of(readings).drifts.at(0);
   const auto z = std::find(test.log.names.begin(), test.log.names.end(), "Z");
   if (z == test.log.names.end()) throw std::invalid_argument("no drift along Z");
   const Eigen::Index n = test.log.values.rows(), channels = test.log.values.cols();

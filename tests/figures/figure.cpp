@@ -7,8 +7,8 @@
 
 #include "kinematics/units.h"
 #include "sim/loop/compensate.h"
-#include "sim/report/report.h"
 #include "sim/report/sensor_choices_json.h"
+#include "sim/report/summary_report.h"
 #include "sim/scene/read_scene.h"
 
 namespace abbe::figures {
@@ -50,7 +50,7 @@ const ordered_json& summary_of(const SceneCase& one) {
   const sim::Job job = sim::prepare(scene_of(one.scene, one.set, one.variant));
   sim::Cut made =
       one.case_name.empty() ? sim::cut(job) : sim::cut(job, sim::parse_case(one.case_name));
-  return all[key] = sim::summary(job, sim::judge(job, std::move(made), nullptr));
+  return all[key] = to_json(sim::summary(job, sim::judge(job, std::move(made), nullptr)));
 }
 
 double machine_um(const SceneCase& one) {

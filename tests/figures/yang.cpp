@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/units.h"
-#include "sim/report/report.h"
+#include "sim/report/verdict.h"
 #include "tests/figures/figure.h"
 
 namespace abbe::figures {

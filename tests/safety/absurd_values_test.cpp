@@ -22,7 +22,8 @@
 #include "sim/cut/work.h"
 #include "sim/loop/compensate.h"
 #include "sim/report/describe.h"
-#include "sim/report/report.h"
+#include "sim/report/description_report.h"
+#include "sim/report/summary_report.h"
 #include "sim/scene/read_scene.h"
 #include "sim/scene/table_reader.h"
 #include "tests/safety/program_run.h"
@@ -153,7 +154,7 @@ void do_everything(const Trial& trial) {
   const bool of_a_case = trial.key.starts_with("compensation") || trial.key.starts_with("belief");
   if (of_a_case && !scene.cases.empty()) compensator = scene.cases.front();
   const sim::Verdict verdict = sim::judge(job, sim::cut(job, compensator), nullptr);
-  (void)sim::summary(job, verdict).dump();
+  (void)to_json(sim::summary(job, verdict)).dump();
 }
 
 struct Ended {

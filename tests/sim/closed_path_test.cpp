@@ -8,10 +8,11 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "errors/metrology/machine_tests.h"
+#include "errors/metrology/part_results.h"
 #include "kinematics/units.h"
-#include "sim/calibration/evaluate_part.h"
-#include "sim/calibration/evaluate_tests.h"
 #include "sim/commands/evaluate_command.h"
+#include "sim/report/evaluation_report.h"
 #include "tests/sim/measured_scene.h"
 
 namespace abbe::sim {
@@ -20,6 +21,7 @@ namespace {
 using namespace abbe::literals;
 using Json = nlohmann::ordered_json;
 using errors::metrology::Readings;
+using errors::metrology::TestResult;
 
 /// A gantry whose X scale is 50 um/m long.
 const char* long_scale =
@@ -63,9 +65,9 @@ Readings read_again(const Readings& once) {
   return again;
 }
 
-Json evaluated(const Readings& readings) {
+Evaluation evaluated(const Readings& readings) {
   const SceneFolder folder;
-  return evaluate(folder.write("readings.csv", to_text(readings)));
+  return evaluate(folder.write("readings.csv", to_text(readings))).evaluation;
 }
 
 TEST(ClosedPath, ABallBarOfAnyNumberOfTargetsTellsCentreRadiusAndForm) {
@@ -78,7 +80,8 @@ TEST(ClosedPath, ABallBarOfAnyNumberOfTargetsTellsCentreRadiusAndForm) {
     }
     const Readings once = read_with(long_scale, "ball_bar", n);
     for (const Readings& readings : {once, read_again(once)}) {
-      const Json e = evaluated(readings);
+      const Evaluation evaluation = evaluated(readings);
+      const Json e = to_json(evaluation);
       ASSERT_EQ(e["tests"].size(), 3u) << n;
       const Json& test = e["tests"][0];
       ASSERT_EQ(test["standard"], "ISO 230-4:2005 circular test") << n;
@@ -98,7 +101,7 @@ TEST(ClosedPath, ABallBarOfAnyNumberOfTargetsTellsCentreRadiusAndForm) {
           "reversal_Y, lag cannot be determined: 8 causes take readings at 9 different "
           "places or more, each sense counted apart, seen {}\n",
           2 * n);
-      EXPECT_EQ(evaluation_text(e).find(said) != std::string::npos, few) << n;
+      EXPECT_EQ(to_text(evaluation).find(said) != std::string::npos, few) << n;
     }
   }
 }
@@ -107,7 +110,7 @@ TEST(ClosedPath, CausesThatReadAlikeAreNamedWithTheirAxes) {
   const Scene scene = scene_of(measured_scene(long_scale));
   InstrumentDescription bar = faultless(scene, "ball_bar");
   bar.instrument.both_ways = false;
-  const Json causes = evaluated(measured(scene, bar))["tests"][0]["causes"];
+  const Json causes = to_json(evaluated(measured(scene, bar)))["tests"][0]["causes"];
   EXPECT_EQ(causes["undetermined"], Json({"squareness", "lag"}));
   EXPECT_EQ(causes["undetermined_because"],
             "squareness, lag cannot be determined: they read alike at the 72 places that were "
@@ -118,7 +121,7 @@ TEST(ClosedPath, AnArcTakesFFromTheCentreAsSetUp) {
   const Scene scene = scene_of(measured_scene(long_scale));
   InstrumentDescription bar = faultless(scene, "ball_bar");
   bar.instrument.to_rad = 220.0 * units::deg;
-  const Json e = evaluated(measured(scene, bar));
+  const Json e = to_json(evaluated(measured(scene, bar)));
   const Json& test = e["tests"][0];
   EXPECT_NE(test["F_from"].get<std::string>().find("as set up"), std::string::npos);
   EXPECT_NEAR(test["F_max_both_um"].get<double>(), 5.0, 1e-3);
@@ -132,11 +135,13 @@ TEST(ClosedPath, AnRTestHasTheSameRmsWithItsFirstPlaceReadAgain) {
         "[errors]\nEX0C_um = 10\n[errors.EZC]\nkind = \"fourier\"\nperiod_deg = 360\n"
         "a_um = [3]\nb_um = [0]\n",
         "r_test", n);
-    const Tests a = tests_of(once), b = tests_of(read_again(once));
+    const errors::metrology::Tests a = tests_of(once), b = tests_of(read_again(once));
     ASSERT_EQ(a.others.size(), b.others.size());
     ASSERT_FALSE(a.others.empty());
     for (std::size_t k = 0; k < a.others.size(); ++k) {
-      const auto square = [](const OtherTest& t) { return t.share.dot(t.deviation.cwiseAbs2()); };
+      const auto square = [](const errors::metrology::OtherTest& t) {
+        return t.share.dot(t.deviation.cwiseAbs2());
+      };
       const double scale = std::max(square(a.others[k]), 1e-12);
       EXPECT_NEAR(square(b.others[k]) / scale, square(a.others[k]) / scale, 1e-6)
           << a.others[k].name << ", " << n;
@@ -163,6 +168,14 @@ PartReadingsFile ring(int n, bool again, double radius, double centre_um) {
   return part;
 }
 
+/// The value of a figure of a test.
+template <typename Value>
+Value value_of(const TestResult& test, const std::string& figure) {
+  for (const auto& one : test.figures)
+    if (one.name == figure) return std::get<Value>(one.value);
+  throw std::out_of_range(figure);
+}
+
 TEST(ClosedPath, ARingOfAPartHasACircularityACentreAndARadius) {
   for (int n = 4; n <= 200; ++n) {
     double low = 1.0, high = -1.0, square = 0.0;
@@ -173,21 +186,22 @@ TEST(ClosedPath, ARingOfAPartHasACircularityACentreAndARadius) {
       square += c * c / n;
     }
     for (const bool again : {false, true}) {
-      const Json tests = part_tests(ring(n, again, 20.0, 3.0));
+      const auto tests = results_of(ring(n, again, 20.0, 3.0).readings);
       ASSERT_EQ(tests.size(), 2u) << n;
-      const Json& test = tests[0];
-      ASSERT_EQ(test["name"], "circularity");
+      const TestResult& test = tests[0];
+      ASSERT_EQ(test.name, "circularity");
       const double second = 1e-3;  // um: 5 um squared on 20 mm
-      EXPECT_NEAR(test["circularity_lsq_um"].get<double>(), 2.0 * (high - low), 2 * second) << n;
-      EXPECT_NEAR(test["radius_mm"].get<double>(), 20.001, 1e-6) << n;
-      EXPECT_NEAR(test["centre_mm"][0].get<double>(), 30.003, 1e-6) << n;
-      EXPECT_NEAR(test["centre_mm"][1].get<double>(), -7.0, 1e-12) << n;
-      EXPECT_NEAR(test["centre_mm"][2].get<double>(), 5.0, 1e-6) << n;
-      EXPECT_NEAR(tests[1]["mean_um"].get<double>(), 1.0, 1e-9) << n;
-      EXPECT_NEAR(tests[1]["Sq_um"].get<double>(), std::sqrt(4.0 * square + 4.5), 1e-9) << n;
+      EXPECT_NEAR(value_of<double>(test, "circularity_lsq"), 2.0 * (high - low), 2 * second) << n;
+      EXPECT_NEAR(value_of<double>(test, "radius"), 20.001, 1e-6) << n;
+      const auto centre = value_of<Eigen::Vector3d>(test, "centre");
+      EXPECT_NEAR(centre.x(), 30.003, 1e-6) << n;
+      EXPECT_NEAR(centre.y(), -7.0, 1e-12) << n;
+      EXPECT_NEAR(centre.z(), 5.0, 1e-6) << n;
+      EXPECT_NEAR(value_of<double>(tests[1], "mean"), 1.0, 1e-9) << n;
+      EXPECT_NEAR(value_of<double>(tests[1], "Sq"), std::sqrt(4.0 * square + 4.5), 1e-9) << n;
     }
   }
-  EXPECT_EQ(part_tests(ring(3, true, 20.0, 0.0))[0]["name"], "circularity");
+  EXPECT_EQ(results_of(ring(3, true, 20.0, 0.0).readings)[0].name, "circularity");
 }
 
 }  // namespace

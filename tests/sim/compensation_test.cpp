@@ -12,7 +12,7 @@
 #include "kinematics/units.h"
 #include "sim/cut/part.h"
 #include "sim/program/pvt.h"
-#include "sim/report/report.h"
+#include "sim/report/verdict.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/small_scene.h"
 

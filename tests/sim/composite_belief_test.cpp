@@ -16,7 +16,7 @@
 #include "sim/machine/compile.h"
 #include "sim/report/identify_json.h"
 #include "sim/report/identify_text.h"
-#include "sim/report/report.h"
+#include "sim/report/verdict.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
 

@@ -10,6 +10,7 @@
 #include "kinematics/units.h"
 #include "sim/commands/evaluate_command.h"
 #include "sim/readings/part_readings_file.h"
+#include "sim/report/evaluation_report.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
 
@@ -19,10 +20,12 @@ namespace {
 using namespace abbe::literals;
 using Json = nlohmann::ordered_json;
 
-Json evaluated(const std::string& text) {
+Evaluation evaluation(const std::string& text) {
   const SceneFolder folder;
-  return evaluate(folder.write("readings.csv", text));
+  return evaluate(folder.write("readings.csv", text)).evaluation;
 }
+
+Json evaluated(const std::string& text) { return to_json(evaluation(text)); }
 
 /// Evaluation of what a faultless instrument reads on a gantry with the errors given.
 Json evaluated(const std::string& errors, const std::string& kind) {
@@ -61,14 +64,15 @@ TEST(Evaluate, PositionReadingsComeOutAsOnASheetOfPaper) {
 }
 
 TEST(Evaluate, OneWayReadingsLeaveOutWhatNeedsTwoWays) {
-  const Json e =
-      evaluated("target_mm,direction,run,deviation_um\n0,up,1,0\n10,up,1,2\n0,up,2,0\n10,up,2,4\n");
+  const Evaluation one_way = evaluation(
+      "target_mm,direction,run,deviation_um\n0,up,1,0\n10,up,1,2\n0,up,2,0\n10,up,2,4\n");
+  const Json e = to_json(one_way);
   const Json& test = e["tests"][0];
   EXPECT_NEAR(test["E_up_um"].get<double>(), 3.0, 1e-12);
   EXPECT_TRUE(test["B_um"].is_null());
   EXPECT_TRUE(test["A_um"].is_null());
   EXPECT_FALSE(test.contains("E_down_um"));
-  EXPECT_NO_THROW(evaluation_text(e));
+  EXPECT_NO_THROW(to_text(one_way));
 }
 
 TEST(Evaluate, TheLaserTellsScaleAndBacklash) {
@@ -200,7 +204,8 @@ TEST(Evaluate, WritesWhatItPromises) {
   for (const char* kind : {"laser", "ball_bar", "diagonals", "straightness", "r_test", "spindle"}) {
     const auto file = folder.write(std::string(kind) + ".csv",
                                    to_text(measured(scene, instrument_of(scene, kind))));
-    const Json e = evaluate(file, {folder.path() / kind});
+    const Evaluated made = evaluate(file, {folder.path() / kind});
+    const Json e = to_json(made.evaluation, made.pictures);
     EXPECT_EQ(e["file"], file.string());
     EXPECT_EQ(e["kind"], kind);
     ASSERT_FALSE(e["tests"].empty());
@@ -216,7 +221,7 @@ TEST(Evaluate, WritesWhatItPromises) {
       EXPECT_FALSE(e["pictures"].empty()) << kind;
     }
 #endif
-    EXPECT_GT(evaluation_text(e).size(), 100u);
+    EXPECT_GT(to_text(made.evaluation, made.pictures).size(), 100u);
   }
 }
 

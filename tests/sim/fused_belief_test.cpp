@@ -5,7 +5,7 @@
 
 #include "kinematics/units.h"
 #include "sim/loop/compensate.h"
-#include "sim/report/report.h"
+#include "sim/report/verdict.h"
 #include "sim/scene/read_scene.h"
 
 namespace abbe::sim {

@@ -18,6 +18,8 @@
 #include "sim/machine/compile.h"
 #include "sim/machine/machine.h"
 #include "sim/report/describe.h"
+#include "sim/report/description_report.h"
+#include "sim/report/evaluation_report.h"
 #include "sim/scene/read_scene.h"
 #include "tests/errors/location_net.h"
 #include "tests/sim/measured_scene.h"
@@ -67,7 +69,8 @@ const char* const of_three_slides[] = {"gantry_cxyza", "three_axis_table", "trun
 
 Json evaluated(const Scene& scene, const std::string& instrument) {
   const SceneFolder folder;
-  return evaluate(folder.write("r.csv", to_text(measured(scene, faultless(scene, instrument)))));
+  const auto file = folder.write("r.csv", to_text(measured(scene, faultless(scene, instrument))));
+  return to_json(evaluate(file).evaluation);
 }
 
 /// What an evaluation says of the squareness in a plane, urad.
@@ -180,8 +183,9 @@ Json element_in(const Json& description, const std::string& name) {
 }
 
 TEST(LocationMachines, CheckSaysWhatALocationElementDoes) {
-  const Json table = describe(prepare(
+  const Description description = describe(prepare(
       scene_on("three_axis_table", "[errors]\nEC0Y_urad = 40\nEB0Z_urad = 10\nEXX_um = 1\n")));
+  const Json table = to_json(description);
   const Json y = element_in(table, "EC0Y")["location"];
   EXPECT_EQ(y["meaning"], "squareness of Y to X");
   EXPECT_EQ(y["displaces"], "carried");
@@ -201,7 +205,7 @@ TEST(LocationMachines, CheckSaysWhatALocationElementDoes) {
   EXPECT_EQ(z["bodies"], Json({"Z", "s", "tool"}));
   EXPECT_NEAR(z["angle_change_urad"]["X-Z"].get<double>(), -10.0, 1e-6);
   EXPECT_FALSE(element_in(table, "EXX").contains("location"));
-  const std::string text = to_text(table);
+  const std::string text = to_text(description);
   EXPECT_NE(text.find("EC0Y     turns X workpiece, which it carries, by -40 urad about Z; angle "
                       "X-Y +40 urad"),
             std::string::npos)
@@ -211,7 +215,7 @@ TEST(LocationMachines, CheckSaysWhatALocationElementDoes) {
 /// Angles that change by an element of 40 urad alone, as `check` lists them.
 std::map<std::string, double> angles_by(const std::string& machine, const std::string& element) {
   const std::string errors = fmt::format("[errors]\n{}_urad = 40\n", element);
-  const Json description = describe(prepare(scene_on(machine, errors)));
+  const Json description = to_json(describe(prepare(scene_on(machine, errors))));
   std::map<std::string, double> result;
   const Json location = element_in(description, element)["location"];
   for (const auto& [between, change] : location["angle_change_urad"].items())

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/cut/reach.h"
-#include "sim/report/report.h"
+#include "sim/report/verdict.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/odd_scenes.h"
 

@@ -8,7 +8,7 @@
 
 #include "kinematics/jacobian.h"
 #include "kinematics/units.h"
-#include "sim/report/pose_at.h"
+#include "sim/cut/pose_at.h"
 #include "sim/report/pose_files.h"
 #include "sim/scene/read_scene.h"
 #include "tests/oracles/paper_chain.h"
@@ -44,14 +44,15 @@ void expect_the_digits_of_at(const Scene& scene, unsigned seed) {
     const auto cell = [&](std::size_t k) { return rows[i + 1].at(first + k); };
     ASSERT_EQ(rows[i + 1].size(), first + table.heads().size());
     for (std::size_t k = 0; k < 3; ++k) {
-      EXPECT_EQ(cell(k), fmt::format("{}", at["T_wt_nominal"][k][3].get<double>() + 0.0));
-      EXPECT_EQ(cell(3 + k),
-                fmt::format("{}", at["deviation_mm"][k].get<double>() / units::um + 0.0));
-      EXPECT_EQ(cell(7 + k),
-                fmt::format("{}", at["direction_rad"][k].get<double>() / units::urad + 0.0));
+      const auto c = Eigen::Index(k);
+      EXPECT_EQ(cell(k), fmt::format("{}", at.pose.nominal.translation()[c] + 0.0));
+      EXPECT_EQ(cell(3 + k), fmt::format("{}", at.pose.deviation()[c] / units::um + 0.0));
+      EXPECT_EQ(cell(7 + k), fmt::format("{}", at.pose.direction()[c] / units::urad + 0.0));
     }
-    for (std::size_t k = PoseTable::always; k < table.heads().size(); ++k)
-      EXPECT_EQ(cell(k), fmt::format("{}", at["columns"][table.heads()[k]].get<double>()));
+    for (std::size_t k = PoseTable::always; k < table.heads().size(); ++k) {
+      EXPECT_EQ(at.heads[k - PoseTable::always], table.heads()[k]);
+      EXPECT_EQ(cell(k), fmt::format("{}", at.numbers[k - PoseTable::always]));
+    }
   }
 }
 

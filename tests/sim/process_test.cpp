@@ -15,7 +15,7 @@
 #include "cutting/turned_mesh.h"
 #include "kinematics/units.h"
 #include "sim/cut/revolution_swing.h"
-#include "sim/report/report.h"
+#include "sim/report/summary_report.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/scene_folder.h"
 #include "tests/sim/small_scene.h"
@@ -287,7 +287,8 @@ TEST(Shafts, RadiiAreThoseOfTheTableOfYangBeforeCompensation) {
       {"cone_shaft.toml", {"R3", "R4", "R5"}, {12488.7, 12485.3, 12482.6}}};
   for (const auto& [scene, names, measured_um] : parts) {
     const Job job = job_of(scene, {{"part.vertices", "6000"}});
-    const nlohmann::ordered_json radii = summary(job, judge(job, cut(job), nullptr)).at("radii_um");
+    const nlohmann::ordered_json radii =
+        to_json(summary(job, judge(job, cut(job), nullptr))).at("radii_um");
     const auto at = [&](int k) { return radii.at(names[std::size_t(k)]).get<double>(); };
     std::cout << scene << ": " << at(0) << " " << at(1) << " " << at(2) << " um, measured "
               << measured_um.transpose() << " um\n";
@@ -299,7 +300,7 @@ TEST(Shafts, RadiiAreThoseOfTheTableOfYangBeforeCompensation) {
 TEST(Shafts, ARingThatNothingLiesOnIsTold) {
   const Job job = job_of("stepped_shaft.toml", with(coarse, {"part.ring.R2.along_mm", "45"}));
   const Verdict verdict = judge(job, cut(job), nullptr);
-  EXPECT_TRUE(summary(job, verdict).at("radii_um").at("R2").is_null());
+  EXPECT_TRUE(to_json(summary(job, verdict)).at("radii_um").at("R2").is_null());
   ASSERT_EQ(verdict.cut.warnings.size(), 1u);
   EXPECT_NE(verdict.cut.warnings[0].find("R2"), std::string::npos);
 }

@@ -160,16 +160,15 @@ TEST(RewriteCommand, WritesAProgramThatItsReaderTakesAndSaysWhatItIs) {
   options.case_name = "perfect-iterated-program";
   options.overrides = {{"compensation.path_tolerance_um", "0.5"}};
   options.out = folder.path() / "made" / "again.ngc";
-  const nlohmann::ordered_json report = rewrite(file, options);
-  std::cout << rewrite_text(report);
+  const Rewritten done = rewrite(file, options);
   const Job job = prepare(read_scene(file, options.overrides));
   const program::Path path = program::read_nc_file(options.out, nc_options(job.scene, job.machine));
-  EXPECT_EQ(report["blocks"]["before"], job.path.motion_blocks);
-  EXPECT_EQ(report["blocks"]["after"], path.motion_blocks);
-  EXPECT_EQ(report["bytes"], std::filesystem::file_size(options.out));
-  EXPECT_EQ(report["path_tolerance_um"], 0.5);
-  EXPECT_EQ(report["words"]["mm"], 1e-4);
-  const double most = report["correction_um"]["max"], rms = report["correction_um"]["rms"];
+  EXPECT_EQ(int(done.blocks_before), job.path.motion_blocks);
+  EXPECT_EQ(int(done.blocks_after), path.motion_blocks);
+  EXPECT_EQ(done.bytes, std::filesystem::file_size(options.out));
+  EXPECT_EQ(done.path_tolerance / units::um, 0.5);
+  EXPECT_EQ(done.words->mm, 1e-4);
+  const double most = done.correction.tip.max / units::um, rms = done.correction.tip.rms / units::um;
   EXPECT_GT(rms, 1.0);
   EXPECT_GT(most, rms);
   EXPECT_LT(most, 200.0);
@@ -183,9 +182,9 @@ TEST(RewriteCommand, OfAProgramThatMissesThePartIsWrittenWithAWarning) {
   options.case_name = "perfect-iterated-program";
   options.overrides = {{"part.at_mm", "[0, 0, 0]"}, {"part.vertices", "2000"}};
   options.out = folder.path() / "in_the_air.ngc";
-  const nlohmann::ordered_json report = rewrite(long_moves(folder, tip_program), options);
-  ASSERT_EQ(report["warnings"].size(), 1u) << report["warnings"];
-  EXPECT_NE(report["warnings"][0].get<std::string>().find("nothing of the part is cut"),
+  const Rewritten done = rewrite(long_moves(folder, tip_program), options);
+  ASSERT_EQ(done.warnings.size(), 1u);
+  EXPECT_NE(done.warnings[0].find("nothing of the part is cut"),
             std::string::npos);
   EXPECT_TRUE(std::filesystem::exists(options.out));
 }

@@ -15,7 +15,7 @@
 
 #include "kinematics/least_squares.h"
 #include "sim/loop/compensate.h"
-#include "sim/report/report.h"
+#include "sim/report/summary_report.h"
 #include "sim/scene/read_scene.h"
 
 namespace abbe::sim {
@@ -45,7 +45,8 @@ double gain(const Vector3d& before, const Vector3d& after) {
 double spread(const Vector3d& r) { return r.maxCoeff() - r.minCoeff(); }
 
 Vector3d radii(const Job& job, const std::optional<CaseDescription>& compensator) {
-  const nlohmann::ordered_json json = summary(job, judge(job, cut(job, compensator), nullptr));
+  const nlohmann::ordered_json json =
+      to_json(summary(job, judge(job, cut(job, compensator), nullptr)));
   Vector3d r;
   int i = 0;
   for (const auto& [name, value] : json["radii_um"].items()) r[i++] = value.get<double>() - 12480.0;

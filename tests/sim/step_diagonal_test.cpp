@@ -10,7 +10,7 @@
 #include "sim/commands/identify_command.h"
 #include "sim/report/identify_json.h"
 #include "sim/report/identify_text.h"
-#include "sim/report/report.h"
+#include "sim/report/verdict.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/measured_scene.h"
 

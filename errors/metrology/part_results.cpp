@@ -1,30 +1,25 @@
-#include "sim/calibration/evaluate_part.h"
+#include "errors/metrology/part_results.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <optional>
 
-#include <fmt/format.h>
 #include <Eigen/Geometry>
 
 #include "errors/metrology/areal.h"
 #include "errors/metrology/form.h"
 #include "errors/metrology/shares.h"
 #include "kinematics/singular_values.h"
-#include "sim/calibration/evaluate_figures.h"
 
-namespace abbe::sim {
+namespace abbe::errors::metrology {
 namespace {
 
-namespace metrology = errors::metrology;
 using Eigen::Index;
 using Eigen::MatrixX2d;
 using Eigen::MatrixX3d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-using Json = nlohmann::ordered_json;
-using metrology::PartReadings;
 
 constexpr double one_place = 1e-6;  // mm: points of a design closer than this are one
 
@@ -40,16 +35,15 @@ MatrixX3d machined(const PartReadings& r) {
   return r.points_w + (r.normals_w.array().colwise() * r.deviation.array()).matrix();
 }
 
-Json flatness_json(const PartReadings& r, const VectorXd& share) {
+TestResult flatness_result(const PartReadings& r, const VectorXd& share) {
   const MatrixX3d points = machined(r);
-  const metrology::MinimumZonePlanes zone = metrology::minimum_zone_planes(points);
-  Json test = test_json("flatness", "ISO 12781-1:2011");
-  test["points"] = points.rows();
-  Figures f(test, false);
-  f.put("flatness_lsq", metrology::least_squares_plane(points, share).flatness);
-  f.put("flatness_minimum_zone", zone.flatness);
-  test["minimum_zone_proven"] = zone.proven;
-  return test;
+  const MinimumZonePlanes zone = minimum_zone_planes(points);
+  return {"flatness",
+          "ISO 12781-1:2011",
+          {{"points", "", points.rows()},
+           figure("flatness_lsq", least_squares_plane(points, share).flatness),
+           figure("flatness_minimum_zone", zone.flatness),
+           {"minimum_zone_proven", "", zone.proven}}};
 }
 
 /// The direction that no normal has a part of, where the normals have every other: of a cylinder or
@@ -89,66 +83,69 @@ VectorXd angles_about(const MatrixX2d& points, const Eigen::Vector2d& centre) {
 
 /// Circularity of the points at one height; nothing where the design is no circle there or the
 /// points do not go round it.
-std::optional<Json> circularity_json(const PartReadings& r, const std::vector<Index>& rows,
-                                     const Vector3d& axis) {
+std::optional<TestResult> circularity_result(const PartReadings& r, const std::vector<Index>& rows,
+                                             const Vector3d& axis) {
   const Eigen::Matrix<double, 3, 2> plane = across(axis);
   const MatrixX2d design = r.points_w(rows, Eigen::all) * plane;
   const Eigen::Vector2d middle = design.colwise().mean();
-  if (!metrology::goes_round(angles_about(design, middle))) return std::nullopt;  // nor on a line
-  const metrology::LeastSquaresCircle nominal = metrology::least_squares_circle(design);
+  if (!goes_round(angles_about(design, middle))) return std::nullopt;  // nor on a line
+  const LeastSquaresCircle nominal = least_squares_circle(design);
   const VectorXd angle = angles_about(design, nominal.centre);
-  if (nominal.circularity > one_place || !metrology::goes_round(angle)) return std::nullopt;
+  if (nominal.circularity > one_place || !goes_round(angle)) return std::nullopt;
   const MatrixX2d points = machined(r)(rows, Eigen::all) * plane;
-  const auto circle = metrology::least_squares_circle(points, metrology::arc_shares(angle));
-  const auto zone = metrology::minimum_zone_circles(points);
+  const auto circle = least_squares_circle(points, arc_shares(angle));
+  const auto zone = minimum_zone_circles(points);
   const double height = r.points_w.row(rows.front()).dot(axis);
   const Vector3d centre = plane * circle.centre + height * axis;
-  Json test = test_json("circularity", "ISO 12181-1:2011");
-  test["points"] = rows.size();
-  test["centre_mm"] = {centre.x(), centre.y(), centre.z()};
-  test["radius_mm"] = circle.radius;
-  Figures f(test, false);
-  f.put("circularity_lsq", circle.circularity);
-  f.put("circularity_minimum_zone", zone.circularity);
-  test["minimum_zone_proven"] = zone.proven;
-  return test;
+  return TestResult{"circularity",
+                    "ISO 12181-1:2011",
+                    {{"points", "", Index(rows.size())},
+                     {"centre", "mm", centre},
+                     {"radius", "mm", circle.radius},
+                     figure("circularity_lsq", circle.circularity),
+                     figure("circularity_minimum_zone", zone.circularity),
+                     {"minimum_zone_proven", "", zone.proven}}};
+}
+
+Figure shape(const char* name, const std::optional<double>& value) {
+  Figure figure{name, "", {}};
+  if (value) figure.value = *value;
+  return figure;
 }
 
 // Heights of a part that is no plane are counted from their mean, along the design's normals.
-Json heights_json(const PartReadings& r, const VectorXd& share, bool flat) {
-  metrology::ArealOptions options;
-  options.reference = flat ? metrology::ArealReference::Plane : metrology::ArealReference::Mean;
-  const metrology::Areal areal = metrology::areal(r.points_w * across(Vector3d(r.normals_w.row(0))),
-                                                  r.deviation, share, options);
-  Json test = test_json("heights", "ISO 25178-2:2021 height parameters, unfiltered");
-  test["reference"] = flat ? "least-squares plane" : "mean, along the design's normals";
-  test["points"] = r.deviation.size();
-  Figures f(test, false);
-  f.put("Sa", areal.Sa);
-  f.put("Sq", areal.Sq);
-  f.put("Sz", areal.Sz);
-  f.put("Sp", areal.Sp);
-  f.put("Sv", areal.Sv);
-  test["Ssk"] = areal.Ssk ? Json(*areal.Ssk) : Json(nullptr);
-  test["Sku"] = areal.Sku ? Json(*areal.Sku) : Json(nullptr);
-  f.put("mean", share.dot(r.deviation) / share.sum());
-  f.put("pv", r.deviation.maxCoeff() - r.deviation.minCoeff());
-  return test;
+TestResult heights_result(const PartReadings& r, const VectorXd& share, bool flat) {
+  ArealOptions options;
+  options.reference = flat ? ArealReference::Plane : ArealReference::Mean;
+  const Areal heights =
+      areal(r.points_w * across(Vector3d(r.normals_w.row(0))), r.deviation, share, options);
+  return {"heights",
+          "ISO 25178-2:2021 height parameters, unfiltered",
+          {{"reference", "", flat ? "least-squares plane" : "mean, along the design's normals"},
+           {"points", "", r.deviation.size()},
+           figure("Sa", heights.Sa),
+           figure("Sq", heights.Sq),
+           figure("Sz", heights.Sz),
+           figure("Sp", heights.Sp),
+           figure("Sv", heights.Sv),
+           shape("Ssk", heights.Ssk),
+           shape("Sku", heights.Sku),
+           figure("mean", share.dot(r.deviation) / share.sum()),
+           figure("pv", r.deviation.maxCoeff() - r.deviation.minCoeff())}};
 }
 
 }  // namespace
 
-Json part_tests(const PartReadingsFile& part) {
-  const PartReadings& r = part.readings;
-  const VectorXd share = metrology::place_shares(r.points_w, one_place);
+std::vector<TestResult> results_of(const PartReadings& r) {
+  const VectorXd share = place_shares(r.points_w, one_place);
   const bool flat = (r.normals_w * r.normals_w.row(0).transpose()).minCoeff() > 1.0 - 1e-12;
-  Json list = Json::array();
-  if (flat) list.push_back(flatness_json(r, share));
+  std::vector<TestResult> results;
+  if (flat) results.push_back(flatness_result(r, share));
   if (const auto axis = axis_of(r))
     for (const std::vector<Index>& rows : heights_of(r.points_w, *axis))
-      if (auto test = circularity_json(r, rows, *axis)) list.push_back(std::move(*test));
-  list.push_back(heights_json(r, share, flat));
-  return list;
+      if (auto ring = circularity_result(r, rows, *axis)) results.push_back(std::move(*ring));
+  results.push_back(heights_result(r, share, flat));
+  return results;
 }
 
-}  // namespace abbe::sim
+}  // namespace abbe::errors::metrology

@@ -9,6 +9,6 @@ namespace abbe::sim {
 /// through the program, carriages as plain bodies stacked from the tool and from the part to the
 /// bed (the description has no shapes), the path where it should run and where it runs, errors
 /// magnified.
-render::MachinePicture check_scene(const Job& job);
+render::MachinePicture machine_picture(const Job& job);
 
 }  // namespace abbe::sim

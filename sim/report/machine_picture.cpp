@@ -1,6 +1,6 @@
 #if ABBE_RENDER
 
-#include "sim/report/check_scene.h"
+#include "sim/report/machine_picture.h"
 
 #include <algorithm>
 #include <cmath>
@@ -171,7 +171,7 @@ double magnification(double part_size, double largest_error) {
 
 }  // namespace
 
-render::MachinePicture check_scene(const Job& job) {
+render::MachinePicture machine_picture(const Job& job) {
   const AxisVector q = job.samples.states[job.samples.states.size() / 2].q;
   const Pose T_bw = job.machine.nominal.workpiece_in_bed(q);
   const auto& vertices = job.design_w.vertices;

@@ -1,0 +1,43 @@
+#include "sim/report/case_files.h"
+
+#include <nlohmann/json.hpp>
+
+#include "kinematics/escape.h"
+#include "sim/report/pictures.h"
+#include "sim/report/summary_report.h"
+#include "sim/scene/toml_text.h"
+
+namespace abbe::sim {
+namespace {
+
+/// A file that only some cases have: where there is none, one of an earlier run goes.
+void write_or_remove(const ResultFile& file, const std::string& text) {
+  if (text.empty())
+    remove_file(file);
+  else
+    write_file(file, text);
+}
+
+}  // namespace
+
+void write_program(const ResultFolder& folder, const Job& job) {
+  if (job.program_text.empty()) return;
+  write_file(folder / job.path.file, job.program_text);
+}
+
+void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
+  write_case_pictures(folder, job, verdict);
+  write_source_pictures(folder, job, verdict);
+  write_or_remove(folder / "signals.csv", verdict.cut.signals.columns.empty()
+                                              ? ""
+                                              : escaped_lines(to_csv(verdict.cut.signals)));
+  write_file(folder / "scene.toml",
+             "case = " + to_toml_value(verdict.cut.case_name) + "\n" + job.scene.resolved);
+  const ResultFile rewritten =
+      folder / ("rewritten" + std::filesystem::path(job.path.file).extension().string());
+  write_or_remove(rewritten, verdict.cut.rewritten_program);
+  // last, so that a summary stands for a finished case
+  write_json(folder / "summary.json", to_json(summary(job, verdict)));
+}
+
+}  // namespace abbe::sim

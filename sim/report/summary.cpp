@@ -1,0 +1,103 @@
+#include "sim/report/summary.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace abbe::sim {
+namespace {
+
+CaseFigures figures_of(const Verdict& verdict) {
+  return {verdict.cut.name,
+          verdict.residual,
+          verdict.machine,
+          verdict.cut.tip_error,
+          verdict.cut.direction_error,
+          std::nullopt,
+          std::nullopt};
+}
+
+std::optional<double> fall(const std::optional<double>& before,
+                           const std::optional<double>& after) {
+  if (!before || !after || *before == 0.0) return std::nullopt;
+  return 100.0 * (1.0 - *after / *before);
+}
+
+CaseFigures::Reduction reduction(const cutting::Statistics& before,
+                                 const cutting::Statistics& after) {
+  return {fall(before.pv, after.pv), fall(before.rms, after.rms)};
+}
+
+std::optional<Spread> facet_error(const cutting::Design& design) {
+  if (design.facet_error.size() == 0 || design.facet_error.maxCoeff() <= 0.0) return std::nullopt;
+  return Spread{std::sqrt(design.facet_error.squaredNorm() / double(design.facet_error.size())),
+                design.facet_error.maxCoeff()};
+}
+
+std::vector<Summary::NodeTemperature> temperatures_of(const errors::ThermalRun& run) {
+  const Eigen::VectorXd start = errors::temperatures(run, 0.0);
+  const Eigen::VectorXd end = errors::temperatures(run, run.knots.back().time_s);
+  std::vector<Summary::NodeTemperature> nodes;
+  for (std::size_t k = 0; k < run.network.nodes.size(); ++k)
+    nodes.push_back({run.network.nodes[k].name, start[Eigen::Index(k)], end[Eigen::Index(k)]});
+  return nodes;
+}
+
+}  // namespace
+
+Summary summary(const Job& job, const Verdict& verdict) {
+  const Cut& cut = verdict.cut;
+  Summary s;
+  s.scene = job.scene.title;
+  s.seed = job.scene.seed;
+  s.moves = job.path.motion_blocks;
+  s.samples = job.samples.states.size();
+  s.unreached = job.unreached;
+  s.figures = figures_of(verdict);
+  s.point_left = cut.point_left;
+  s.direction_left = cut.direction_left;
+  s.facet_error = facet_error(job.design_w);
+  s.datum = job.scene.datum.kind;
+  s.alignment = job.scene.alignment;
+  if (s.alignment != Alignment::None)
+    s.taken_out = {verdict.aligned.displacement, verdict.aligned.undetermined};
+  s.form = verdict.form;
+  s.rings = verdict.rings;
+  if (job.truth.heat) s.temperatures = temperatures_of(job.truth.heat->run);
+  if (!cut.process.steps.empty())
+    s.cut = {cut.process.steps.size(), totals(cut.process), cut.process.crash_lines};
+  s.timing_s.assign(job.timing_s.begin(), job.timing_s.end());
+  s.timing_s.insert(s.timing_s.end(), cut.timing_s.begin(), cut.timing_s.end());
+  s.warnings = warnings_of(job, cut);
+  return s;
+}
+
+Comparison comparison(const Job& job, const std::vector<Compared>& cases,
+                      const std::vector<FailedCase>& failed) {
+  Comparison all{job.scene.title,
+                 job.scene.seed,
+                 job.design_w.vertices.rows(),
+                 job.path.motion_blocks,
+                 job.unreached,
+                 job.scene.datum.kind,
+                 job.scene.alignment,
+                 {},
+                 failed,
+                 {}};
+  for (const Compared& one : cases) {
+    const Verdict& verdict = one.verdict;
+    for (const std::string& warning : one.job->warnings)  // of a scene and all its variants once
+      if (std::find(all.warnings.begin(), all.warnings.end(), warning) == all.warnings.end())
+        all.warnings.push_back(warning);
+    for (const std::string& warning : verdict.cut.warnings)
+      all.warnings.push_back(verdict.cut.name + ": " + warning);
+    all.cases.push_back(figures_of(verdict));
+    if (!one.uncompensated) continue;
+    const Verdict& before = cases[*one.uncompensated].verdict;
+    all.cases.back().residual_reduction = reduction(before.residual, verdict.residual);
+    if (before.machine && verdict.machine)
+      all.cases.back().machine_reduction = reduction(*before.machine, *verdict.machine);
+  }
+  return all;
+}
+
+}  // namespace abbe::sim

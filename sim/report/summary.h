@@ -1,0 +1,87 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "sim/report/verdict.h"
+
+namespace abbe::sim {
+
+/// What a case left on the part, and how far a compensator brought it down.
+struct CaseFigures {
+  std::string name;
+  cutting::Statistics residual;
+  std::optional<cutting::Statistics> machine;  ///< of it minus the error-free map
+  Spread tip_error;                            ///< mm
+  Spread direction_error;                      ///< rad
+  /// Percent by which a figure fell; none where there is nothing to fall from.
+  struct Reduction {
+    std::optional<double> pv, rms;
+  };
+  std::optional<Reduction> residual_reduction, machine_reduction;  ///< of a compensator's case
+};
+
+/// The cut of a case in figures.
+struct CutFigures {
+  std::size_t steps = 0;
+  ProcessTotals totals;
+  std::vector<int> crash_lines;  ///< of the program
+};
+
+/// One case in figures.
+struct Summary {
+  std::string scene;
+  std::uint64_t seed = 0;
+  int moves = 0;
+  std::size_t samples = 0;
+  program::Unreached unreached;
+  CaseFigures figures;
+  double point_left = 0.0;            ///< mm, most that the compensator knew it could not restore
+  double direction_left = 0.0;        ///< rad, the same of the direction
+  std::optional<Spread> facet_error;  ///< mm, of the design's own mesh; none where there is none
+  DatumDescription::Kind datum = {};
+  Alignment alignment = {};
+  /// What the alignment took out of the map.
+  struct TakenOut {
+    kinematics::Deviation displacement = kinematics::Deviation::Zero();  ///< mm and rad
+    std::vector<std::string> undetermined;  ///< components that were left out
+  };
+  std::optional<TakenOut> taken_out;  ///< of a scene with an alignment
+  std::vector<cutting::FormNumber> form;
+  std::vector<Verdict::Ring> rings;
+  struct NodeTemperature {
+    std::string node;
+    double start_C = 0.0, end_C = 0.0;  ///< when the program starts and ends
+  };
+  std::optional<std::vector<NodeTemperature>> temperatures;  ///< of a machine with heat
+  std::optional<CutFigures> cut;                             ///< of a scene with [cutting]
+  std::vector<std::pair<std::string, double>> timing_s;      ///< stages; the last of a name counts
+  std::vector<std::string> warnings;
+};
+Summary summary(const Job& job, const Verdict& verdict);
+
+/// A case whose plug-in failed.
+struct FailedCase {
+  std::string name;
+  std::string reason;
+};
+
+/// Every case against the uncompensated one of its variant.
+struct Comparison {
+  std::string scene;
+  std::uint64_t seed = 0;
+  Eigen::Index vertices = 0;
+  int moves = 0;
+  program::Unreached unreached;
+  DatumDescription::Kind datum = {};
+  Alignment alignment = {};
+  std::vector<CaseFigures> cases;
+  std::vector<FailedCase> failed;
+  std::vector<std::string> warnings;  ///< of the scene, its variants and all cases
+};
+Comparison comparison(const Job& job, const std::vector<Compared>& cases,
+                      const std::vector<FailedCase>& failed = {});
+
+}  // namespace abbe::sim
