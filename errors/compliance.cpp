@@ -89,8 +89,8 @@ Branch branch(const Chain& chain, const ComplianceModel::Mass& mass,
   for (std::size_t n = 0; n < mass.joints.size(); ++n) {
     const int i = mass.joints[n];
     const Joint& joint = chain.joints()[std::size_t(i)];
-    const Pose T_after = T * kinematics::carriage_displacement(
-                                 joint, kinematics::carriage_travel(joint.side, q[i]));
+    const Pose T_after =
+        T * kinematics::carriage_displacement(joint, kinematics::carriage_travel(joint.side, q[i]));
     const bool before =
         joint.motion == Motion::Rotary && joint.deviation_axes == kinematics::DeviationAxes::Fixed;
     result.places[n] = {T, before ? T : T_after};
@@ -198,6 +198,15 @@ ComplianceModel bind(const ComplianceErrors& errors, const Chain& nominal) {
   if (errors.workpiece) model.workpiece = prepare(*errors.workpiece);
   for (const MovingMass& mass : errors.masses) model.masses.push_back(bind(mass, nominal));
   return scaled(model, errors.scale);
+}
+
+Pose tool_in_workpiece(const Chain& chain, const kinematics::AxisVector& q,
+                       const ForceDeviations& all) {
+  Pose T_wt = chain.tool_in_workpiece(q, all.joints);
+  if (!all.workpiece_w.isZero(0.0))
+    T_wt = kinematics::motion(all.workpiece_w, Vector3d::Zero()).inverse() * T_wt;
+  if (!all.tool_t.isZero(0.0)) T_wt = T_wt * kinematics::motion(all.tool_t, Vector3d::Zero());
+  return T_wt;
 }
 
 ForceDeviations deviations(const ComplianceModel& model, const kinematics::AxisState& state,

@@ -188,6 +188,10 @@ struct ForceDeviations {
                                                                       ///< and wall at the contact
 };
 
+/// Where a chain brings the tool in the part, T_wt, under deviations of joints, part and tool.
+kinematics::Pose tool_in_workpiece(const kinematics::Chain& chain, const kinematics::AxisVector& q,
+                                   const ForceDeviations& all);
+
 /// Every joint gives way by C J^T W, J the motion Jacobian of the nominal chain, so the workpiece
 /// side bears the reaction and moves the other way; of second order in the deviations are left out
 /// the changes of arm (20 um on 200 mm: 1e-4 of the force part). A mass bears by its weight and by

@@ -34,8 +34,7 @@ Day measured_day(const std::string& name, const Scene& scene) {
   if (description.instrument.kind != errors::metrology::Kind::Drift)
     refuse("an instrument of kind drift for sensor_choice",
            errors::metrology::to_string(description.instrument.kind));
-  double history = 0.0;
-  for (const ThermalPhase& phase : scene.thermal->history) history += phase.duration;
+  const double history = history_s(*scene.thermal);
   if (history <= 0.0) refuse("a [[history]] over which sensors are chosen", "none");
   description.starts_s = {-history};
   description.instrument.duration_s = history;

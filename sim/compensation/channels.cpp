@@ -14,7 +14,7 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double most_cycles = 2e8;
-constexpr double most_counts = 1e15;  // whole numbers and halves are still told apart
+constexpr double most_counts = 1e15;  // whole numbers and halves are still distinct
 
 void need(bool holds, const std::string& what) {
   if (!holds) throw std::invalid_argument("a channel expects " + what);

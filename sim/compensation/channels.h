@@ -82,7 +82,7 @@ struct Piezo {
 };
 /// Stroke over time for the part of a wanted tool displacement that lies along its direction. The
 /// range bounds its set-points; a loop with damping below 1 may swing past it.
-/// @param wanted_t  (3 columns) mm, displacement of the tip in frame t that would mend it
+/// @param wanted_t  (3 columns) mm, displacement of the tip in frame t that would correct it
 /// @return one column, mm along the direction
 Course through(const Course& wanted_t, const Piezo& piezo);
 

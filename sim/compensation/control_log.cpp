@@ -23,8 +23,12 @@ Eigen::Index row_at(const ControlLog& log, double time_s) {
   if (log.time_s.size() == 0)
     throw std::invalid_argument("a control log without rows was asked what it knows");
   if (std::isnan(time_s)) throw std::invalid_argument("row_at: the instant is not a number");
-  const double* first = log.time_s.data();
-  const double* after = std::upper_bound(first, first + log.time_s.size(), time_s);
+  return row_at(log.time_s, time_s);
+}
+
+Eigen::Index row_at(const Eigen::VectorXd& time_s, double instant_s) {
+  const double* first = time_s.data();
+  const double* after = std::upper_bound(first, first + time_s.size(), instant_s);
   return after == first ? 0 : after - first - 1;
 }
 

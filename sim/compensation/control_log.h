@@ -25,4 +25,7 @@ Eigen::VectorXd column(const ControlLog& log, const std::string& name);
 /// @throws std::invalid_argument for a log without rows or an instant that is no number
 Eigen::Index row_at(const ControlLog& log, double time_s);
 
+/// The same of rising instants, at least one.
+Eigen::Index row_at(const Eigen::VectorXd& time_s, double instant_s);
+
 }  // namespace abbe::sim::compensation

@@ -181,10 +181,10 @@ Place place(const Pose& T_wt, double height) {
 
 /// What is done next about the errors that are left.
 struct Step {
-  TurnVector turns;           ///< total, rad
-  TurnVector turned;          ///< the part that is new
-  Vector3d wanted_w;          ///< mm that the slides should move the point
-  bool mends_little = false;  ///< below 0.01 nm and 1e-12 rad
+  TurnVector turns;       ///< total, rad
+  TurnVector turned;      ///< the part that is new
+  Vector3d wanted_w;      ///< mm that the slides should move the point
+  bool is_small = false;  ///< below 0.01 nm and 1e-12 rad
 };
 
 Step next_step(const Reach& reach, const Place& error, const TurnVector& now,
@@ -195,11 +195,10 @@ Step next_step(const Reach& reach, const Place& error, const TurnVector& now,
   step.wanted_w = -error.point_w;
   for (int k = 0; k < reach.turns.count; ++k)
     step.wanted_w -= step.turned[k] * reach.turns.all[std::size_t(k)].point_w;
-  Vector3d mended = Vector3d::Zero();
+  Vector3d moved_w = Vector3d::Zero();
   for (const Slide& slide : reach.slides)
-    mended += slide.reply.dot(error.point_w) * slide.direction_w;
-  step.mends_little =
-      mended.norm() < point_step && step.turned.cwiseAbs().maxCoeff() < direction_step;
+    moved_w += slide.reply.dot(error.point_w) * slide.direction_w;
+  step.is_small = moved_w.norm() < point_step && step.turned.cwiseAbs().maxCoeff() < direction_step;
   return step;
 }
 
@@ -238,7 +237,7 @@ Correction correct(const Chain& control, const Belief& belief, const Pose& T_wt,
     if (!std::isfinite(here.point_left + here.direction_left)) return nothing_known(command.q);
     if (!iterated && steps == most_steps) return here;
     const Step step = next_step(reach, error, turns, options);
-    if (iterated) here.converged = step.mends_little;
+    if (iterated) here.converged = step.is_small;
     if (iterated && (here.converged || steps >= most_steps)) return here;
     state.q = taken(step, reach, command.q, state.q);
     turns = step.turns;

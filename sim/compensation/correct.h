@@ -37,7 +37,7 @@ struct Correction {
   kinematics::AxisVector q;     ///< (joints)
   double point_left = 0.0;      ///< mm between the functional point and where it should be
   double direction_left = 0.0;  ///< rad between the tool axis and where it should point
-  bool converged = true;        ///< iterated: the axes could mend less than 0.01 nm and 1e-12 rad
+  bool converged = true;  ///< iterated: the axes could correct less than 0.01 nm and 1e-12 rad
 };
 
 /// Command that brings the tool, as believed, to where the nominal machine would have it. The turns

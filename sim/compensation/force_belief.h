@@ -38,7 +38,7 @@ struct CurrentTraining {
 
 /// @param log  of the training cut; `current_A`, `spindle_rpm`
 /// @throws std::invalid_argument without those columns, without rows in air at the speed of the
-///         cut, or where the places do not tell two coefficients
+///         cut, or where the places do not determine two coefficients
 CurrentLaw fitted_law(const ControlLog& log, const CurrentTraining& part, double smoothing_s = 0.0);
 
 /// What the law says of a log. @return one column, mm

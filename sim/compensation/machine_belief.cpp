@@ -33,15 +33,10 @@ Pose tool_in_workpiece(const MachineBelief& belief, const AxisState& state,
   if (belief.geometric) joints = errors::deviations(*belief.geometric, state);
   if (belief.thermal)
     joints = kinematics::sum(std::move(joints), deviations(*belief.thermal, state));
-  errors::ForceDeviations bent;
-  if (belief.force) {
-    bent = errors::deviations(belief.force->compliance, state, load);
-    joints = kinematics::sum(std::move(joints), bent.joints);
-  }
-  Pose T_wt = belief.chain.tool_in_workpiece(state.q, joints);
-  if (!bent.workpiece_w.isZero(0.0))
-    T_wt = kinematics::motion(bent.workpiece_w, Vector3d::Zero()).inverse() * T_wt;
-  if (!bent.tool_t.isZero(0.0)) T_wt = T_wt * kinematics::motion(bent.tool_t, Vector3d::Zero());
+  errors::ForceDeviations all;
+  if (belief.force) all = errors::deviations(belief.force->compliance, state, load);
+  all.joints = belief.force ? kinematics::sum(std::move(joints), all.joints) : std::move(joints);
+  Pose T_wt = errors::tool_in_workpiece(belief.chain, state.q, all);
   if (belief.bending)
     T_wt.translation() += value_at(*belief.bending, state.time_s)[0] * T_wt.linear().col(2);
   if (belief.part) T_wt.translation() += turned(belief, state, move_at(*belief.part, state.time_s));

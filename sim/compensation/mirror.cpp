@@ -67,7 +67,7 @@ struct Group {
   std::size_t first = 0, last = 0;
 };
 
-/// What a part tells, in the order of time.
+/// What a part says, in the order of time.
 struct Sorted {
   MatrixX3d normals;
   VectorXd deviation;

@@ -2,7 +2,7 @@
 
 #include <Eigen/Core>
 
-/// The deviation of a part that was cut and measured, told back to the program that cut it.
+/// The deviation of a part that was cut and measured, fed back to the program that cut it.
 namespace abbe::sim::compensation {
 
 /// Deviations between the places where they were read: at every point that of a plane through its

@@ -17,7 +17,7 @@ struct PlugInFailure : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// What a plug-in is told once, before it is asked.
+/// What a plug-in is given once, before it is asked.
 struct PlugInTask {
   std::string structure;  ///< "w C' b X Y Z A s t"
   std::vector<kinematics::Joint> joints;
@@ -36,7 +36,7 @@ struct PlugInOptions {
   double start_s = 10.0;   ///< deadline of the handshake
   double answer_s = 30.0;  ///< deadline of one batch, and of its end when there is no more to ask
   int batch = 1000;        ///< samples a batch
-  double most_mm = 10.0;   ///< an answer beyond is a slip of units and refused
+  double most_mm = 10.0;   ///< an answer beyond is a mistake of units and refused
   double most_rad = 0.5;   ///< the same of angles
   /// Program that a shared library is loaded by: one whose main begins with plug_in_host.
   std::filesystem::path host = "/proc/self/exe";

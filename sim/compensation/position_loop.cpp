@@ -74,7 +74,7 @@ struct Loop {
       const VectorXd fast = (now.rate + slow * now.off) / (2.0 * spread);
       if (fast.cwiseAbs().maxCoeff() <= options.tolerance) constant = 1.0 / slow;
     }
-    // Not below what a time of that size can tell apart.
+    // Not below what a time of that size can resolve.
     return std::max(constant / options.per_constant,
                     4.0 * std::numeric_limits<double>::epsilon() * std::abs(time_s));
   }

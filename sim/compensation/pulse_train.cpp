@@ -9,7 +9,7 @@
 namespace abbe::sim::compensation {
 namespace {
 
-constexpr double most_periods = 1e15;  // a quarter of a period is still told apart
+constexpr double most_periods = 1e15;  // a quarter of a period is still resolved
 constexpr std::size_t most_edges = 100'000'000;
 constexpr double never = std::numeric_limits<double>::infinity();
 

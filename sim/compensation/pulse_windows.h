@@ -6,7 +6,7 @@
 
 namespace abbe::sim::compensation {
 
-inline constexpr double most_counts = 1e15;  ///< a quarter of a count is still told apart
+inline constexpr double most_counts = 1e15;  ///< a quarter of a count is still resolved
 
 /// Times at which an inserted pair can begin, `windows` many of equal length, `spacing_s` apart.
 struct PulseWindows {

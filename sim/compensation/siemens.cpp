@@ -311,7 +311,7 @@ class Finisher {
       table.position[k] = (*draft.min + double(k) * *draft.step) * of_unit;
       table.upward[k] = sign * *value * unit;
       if (k > 0 && !(table.position[k] > table.position[k - 1]))
-        refuse(draft, "a STEP that tells its points apart", fmt::format("{}", *draft.step));
+        refuse(draft, "a STEP that keeps its points apart", fmt::format("{}", *draft.step));
     }
     table.downward = table.upward;
     return table;

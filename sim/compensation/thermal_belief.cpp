@@ -215,9 +215,7 @@ std::vector<JointDeviation> deviations(const ThermalCourse& course,
                                        const kinematics::AxisState& state) {
   std::vector<JointDeviation> result(std::size_t(state.q.size()));
   if (course.terms.empty()) return result;
-  const double* first = course.time_s.data();
-  const double* after = std::upper_bound(first, first + course.time_s.size(), state.time_s);
-  const Index row = std::max<Index>(0, after - first - 1);
+  const Index row = row_at(course.time_s, state.time_s);
   for (std::size_t k = 0; k < course.terms.size(); ++k) {
     const ThermalCourse::Term& term = course.terms[k];
     JointDeviation& joint = result[std::size_t(term.joint)];

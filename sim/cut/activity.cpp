@@ -108,9 +108,7 @@ std::vector<Activity> activity(const Scene& scene, const Machine& machine,
   std::vector<Activity> knots;
   if (!scene.thermal) return knots;
   const ThermalDescription& thermal = *scene.thermal;
-  double before = 0.0;
-  for (const ThermalPhase& phase : thermal.history) before += phase.duration;
-  double time_s = -before;
+  double time_s = -history_s(thermal);
   for (const ThermalPhase& phase : thermal.history) {
     // the sum of the durations is not exact: the last phase ends at the start of the program
     const double end = &phase == &thermal.history.back() ? 0.0 : time_s + phase.duration;

@@ -6,6 +6,7 @@
 #include "sim/cut/process.h"
 #include "sim/machine/machine.h"
 #include "sim/program/sample.h"
+#include "sim/scene/scene.h"
 
 namespace abbe::sim {
 

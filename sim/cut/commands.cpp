@@ -41,4 +41,12 @@ std::vector<AxisState> commanded(const kinematics::Chain& control, const program
   return states;
 }
 
+Commands as_programmed(const Machine& machine, const program::Path& path,
+                       const program::Samples& samples, const Eigen::Vector3d& offset_w) {
+  Commands result;
+  result.samples = samples;
+  result.samples.states = commanded(machine.control, path, samples, machine.nominal, offset_w);
+  return result;
+}
+
 }  // namespace abbe::sim

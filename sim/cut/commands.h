@@ -44,4 +44,10 @@ std::vector<kinematics::AxisState> commanded(const kinematics::Chain& control,
                                              const kinematics::Chain& sampled_by,
                                              const Eigen::Vector3d& offset_w);
 
+/// The commands of a program that was sampled on the nominal machine, without a compensator.
+/// @param offset_w  mm, shift of the datum that the control found
+/// @throws as `commanded`
+Commands as_programmed(const Machine& machine, const program::Path& path,
+                       const program::Samples& samples, const Eigen::Vector3d& offset_w);
+
 }  // namespace abbe::sim

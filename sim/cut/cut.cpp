@@ -9,7 +9,10 @@
 #include <Eigen/Geometry>
 
 #include "cutting/stock.h"
+#include "kinematics/turn_between.h"
 #include "kinematics/units.h"
+#include "sim/cut/accelerations.h"
+#include "sim/cut/follow.h"
 #include "sim/cut/revolution_swing.h"
 #include "sim/cut/stopwatch.h"
 #include "sim/cut/surface_warnings.h"
@@ -103,7 +106,7 @@ PoseErrors pose_errors(const std::vector<Pose>& T_wt, const std::vector<Pose>& T
   for (std::size_t i = 0; i < T_wt.size(); ++i) {
     const double tip = (T_wt[i].translation() - T_wt_nominal[i].translation()).norm();
     const Eigen::Vector3d u = T_wt[i].linear().col(2), v = T_wt_nominal[i].linear().col(2);
-    const double direction = std::atan2(u.cross(v).norm(), u.dot(v));
+    const double direction = kinematics::angle_between(u, v);
     errors.tip.rms += tip * tip;
     errors.tip.max = std::max(errors.tip.max, tip);
     errors.direction.rms += direction * direction;
@@ -286,8 +289,9 @@ std::string swing_text(const RevolutionSwing& swing) {
 }
 
 /// What went wrong with the cut itself, in words.
-void tell_process(const Scene& scene, const Process& process, std::vector<std::string>& warnings) {
-  if (process.steps.empty()) return;
+std::vector<std::string> process_warnings(const Scene& scene, const Process& process) {
+  std::vector<std::string> warnings;
+  if (process.steps.empty()) return warnings;
   const ProcessTotals all = totals(process);
   if (all.open > 0)
     warnings.push_back(
@@ -300,6 +304,7 @@ void tell_process(const Scene& scene, const Process& process, std::vector<std::s
   if (!process.crash_lines.empty())
     warnings.push_back(fmt::format("a rapid or the shank met material on {} lines, first line {}",
                                    process.crash_lines.size(), process.crash_lines.front()));
+  return warnings;
 }
 
 void add(std::vector<std::string> more, std::vector<std::string>& warnings) {
@@ -317,7 +322,7 @@ Cut cut_error_free(const Job& job, const Progress& progress) {
                {job.machine.nominal, job.scene.tool.nominal, job.path, job.samples, 0.0}, progress);
   result.surface = std::move(made.surface);
   result.process = job.nominal_process;
-  tell_process(job.scene, result.process, result.warnings);
+  add(process_warnings(job.scene, result.process), result.warnings);
   add(std::move(made.warnings), result.warnings);
   result.timing_s["surface"] = watch.lap();
   return result;
@@ -362,7 +367,7 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress) {
     return poses_of(run, loads, {});
   });
   inside_tables(job, [&] { check_tips(run, T_wt); });
-  tell_process(job.scene, result.process, result.warnings);
+  add(process_warnings(job.scene, result.process), result.warnings);
   for (const std::string& warning : idle(job.scene)) result.warnings.push_back(warning);
   const PoseErrors off = pose_errors(T_wt, T_wt_wanted);
   result.tip_error = off.tip;

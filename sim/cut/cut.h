@@ -19,8 +19,8 @@ struct Spread {
 
 /// One case cut.
 struct Cut {
-  std::string name;       ///< as it is told: of a variant, with its name in front
-  std::string case_name;  ///< what `run --case` would be told
+  std::string name;       ///< as it is reported: of a variant, with its name in front
+  std::string case_name;  ///< what `run --case` takes
   cutting::Surface surface;
   Spread tip_error;               ///< mm, tip where it is against where it should be
   Spread direction_error;         ///< rad

@@ -46,7 +46,8 @@ Vector3d found_offset(const DatumDescription& datum, const TipDeviation& deviati
   if (datum.kind == Kind::None) return Vector3d::Zero();
   if (datum.kind == Kind::Ideal) {
     Vector3d offset = Vector3d::Zero();
-    // the deviation itself depends on where the tip is sent, so the last step only mends nanometres
+    // the deviation itself depends on where the tip is sent, so the last step only corrects
+    // nanometres
     for (int i = 0; i < 3; ++i) offset = -deviation(datum.point_w + offset);
     return offset;
   }

@@ -7,8 +7,10 @@
 #include <tbb/parallel_for.h>
 
 #include "kinematics/units.h"
+#include "sim/cut/accelerations.h"
 #include "sim/cut/activity.h"
 #include "sim/cut/datum.h"
+#include "sim/cut/follow.h"
 #include "sim/cut/part.h"
 #include "sim/cut/program_warnings.h"
 #include "sim/cut/stopwatch.h"
@@ -200,11 +202,7 @@ Eigen::Vector3d found_datum(const Job& job, const Corrector& corrector) {
 }
 
 Commands as_programmed(const Job& job) {
-  Commands result;
-  result.samples = job.samples;
-  result.samples.states =
-      commanded(job.machine.control, job.path, job.samples, job.machine.nominal, found_datum(job));
-  return result;
+  return as_programmed(job.machine, job.path, job.samples, found_datum(job));
 }
 
 }  // namespace abbe::sim

@@ -126,8 +126,8 @@ VectorXd filtered(const VectorXd& input, const VectorXd& time_s, double bandwidt
 }
 
 /// Every sensor has its own stream of noise, by its place.
-std::uint64_t stream(const Scene& scene, std::uint64_t sensor) {
-  return scene.seed * 0x9e3779b97f4a7c15u + 0x5151u * (sensor + 1);
+std::uint64_t stream(std::uint64_t seed, std::uint64_t sensor) {
+  return seed * 0x9e3779b97f4a7c15u + 0x5151u * (sensor + 1);
 }
 
 void add_axes(Table& table, const Scene& scene, const Machine& machine,
@@ -146,7 +146,7 @@ void add_axes(Table& table, const Scene& scene, const Machine& machine,
     if (is_spindle(machine, j)) continue;
     const VectorXd reading = read(q, slide ? wanted.encoder_noise : wanted.encoder_noise_rad,
                                   slide ? wanted.encoder_resolution : wanted.encoder_resolution_rad,
-                                  stream(scene, std::uint64_t(j)));
+                                  stream(scene.seed, std::uint64_t(j)));
     encoders.emplace_back(joint.name + std::string("_encoder") + suffix, reading / unit);
   }
   for (auto& [name, reading] : encoders) table.add(name, std::move(reading));
@@ -230,14 +230,14 @@ void add_process(Table& table, const Scene& scene, const Process& process, const
     for (Eigen::Index i = 0; i < torque.size(); ++i)
       if (spindle_speed[i] > 0.0) torque[i] += motor.idle_torque;
     const VectorXd current = filtered(torque / motor.torque_per_current, time_s, motor.bandwidth);
-    table.add("current_A", read(current, motor.noise_A, 0.0, stream(scene, 100)));
+    table.add("current_A", read(current, motor.noise_A, 0.0, stream(scene.seed, 100)));
   }
   if (wanted.dynamometer && !process.steps.empty())
     for (int k = 0; k < 3; ++k)
       table.add(fmt::format("F{}_dynamometer_N", "XYZ"[k]),
                 read(filtered(rows.force.col(k), time_s, wanted.dynamometer->bandwidth),
                      wanted.dynamometer->noise, wanted.dynamometer->resolution,
-                     stream(scene, 101 + std::uint64_t(k))));
+                     stream(scene.seed, 101 + std::uint64_t(k))));
 }
 
 /// One row of all deviations: motion and location of every joint, tool, part, tip.

@@ -8,6 +8,7 @@
 
 #include "sim/cut/process.h"
 #include "sim/machine/truth.h"
+#include "sim/program/sample.h"
 
 namespace abbe::sim {
 
@@ -23,7 +24,7 @@ struct Recorded {
   const std::vector<kinematics::Pose>& T_wt_wanted;  ///< (samples)
   const Process& process;
   const std::vector<errors::Load>& loads;  ///< (samples) or empty
-  /// (samples) command as told less as programmed, where a channel brings it; else empty
+  /// (samples) what a channel adds to the commands; else empty
   std::span<const kinematics::AxisVector> correction = {};
   std::span<const double> stroke = {};  ///< (samples) mm, of a piezo; else empty
 };

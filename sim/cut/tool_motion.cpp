@@ -1,5 +1,7 @@
 #include "sim/cut/tool_motion.h"
 
+#include <algorithm>
+
 namespace abbe::sim {
 
 SpindleLine spindle_line(const kinematics::Chain& chain, int joint) {
@@ -32,6 +34,14 @@ cutting::CutterMotion cutter_motion(const std::vector<kinematics::Pose>& T_wt,
     motion.time_s[i] = samples.states[std::size_t(i)].time_s;
   }
   return motion;
+}
+
+std::size_t sample_at(const program::Samples& samples, double time_s) {
+  const auto& states = samples.states;
+  const auto after = std::lower_bound(
+      states.begin(), states.end(), time_s,
+      [](const kinematics::AxisState& state, double time) { return state.time_s < time; });
+  return std::min(std::size_t(after - states.begin()), states.size() - 1);
 }
 
 std::vector<std::size_t> distinct_instants(const program::Samples& samples) {

@@ -23,6 +23,9 @@ kinematics::Pose slow_pose(const SpindleLine& line, double spindle_angle,
 cutting::CutterMotion cutter_motion(const std::vector<kinematics::Pose>& T_wt,
                                     const program::Samples& samples);
 
+/// Number of the first sample at or after an instant; the last where there is none.
+std::size_t sample_at(const program::Samples& samples, double time_s);
+
 /// Samples at instants of their own: a reversal is sampled twice, and a turning tool takes the
 /// first. (motion) numbers of samples, ascending
 std::vector<std::size_t> distinct_instants(const program::Samples& samples);

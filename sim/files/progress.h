@@ -24,8 +24,8 @@ void stop_if_interrupted();
 /// text is a remark, which is for a line of its own.
 using Progress = std::function<void(const std::string& stage, double fraction)>;
 
-/// Tells on stderr how far long work has come: one line with the time left, redrawn, on a terminal;
-/// a plain line for every finished stage otherwise. Safe from any thread.
+/// Reports on stderr how far long work has come: one line with the time left, redrawn, on a
+/// terminal; a plain line for every finished stage otherwise. Safe from any thread.
 class ProgressLine {
  public:
   /// @param parts  how many parts of about equal work there are, for the time left

@@ -6,12 +6,13 @@
 
 #include <fmt/format.h>
 
+#include "sim/cut/tool_motion.h"
+
 namespace abbe::sim {
 namespace {
 
 using Eigen::Index;
 using Eigen::VectorXd;
-using kinematics::AxisState;
 using Kind = CaseDescription::Belief;
 
 [[noreturn]] void refuse(const Seen& seen, const std::string& expected, const std::string& found) {
@@ -48,13 +49,6 @@ void add_force(compensation::MachineBelief& belief, const Seen& seen, const Evid
   belief.force = {errors::bind(force.compliance, seen.machine.control), std::move(load)};
 }
 
-/// Row of the vertex nearest to a point.
-Index nearest(const cutting::Points& vertices, const Eigen::RowVector3d& point) {
-  Index row = 0;
-  (vertices.rowwise() - point).rowwise().squaredNorm().minCoeff(&row);
-  return row;
-}
-
 /// Number of rapids before each instant: what was cut between two of them is one pass.
 Eigen::VectorXi passes_at(const program::Path& path, const VectorXd& time_s) {
   std::vector<double> rapids_s;
@@ -69,10 +63,7 @@ Eigen::VectorXi passes_at(const program::Path& path, const VectorXd& time_s) {
 Eigen::Matrix3d turned_by_spindle(const Seen& seen, double time_s) {
   const int spindle = *seen.machine.workpiece_spindle;
   const auto& states = seen.samples.states;
-  const auto after =
-      std::lower_bound(states.begin(), states.end(), time_s,
-                       [](const AxisState& state, double time) { return state.time_s < time; });
-  const std::size_t i = std::min(std::size_t(after - states.begin()), states.size() - 1);
+  const std::size_t i = sample_at(seen.samples, time_s);
   kinematics::AxisVector q = states[i].q;
   if (i > 0 && states[i].time_s > states[i - 1].time_s) {
     const double u = (time_s - states[i - 1].time_s) / (states[i].time_s - states[i - 1].time_s);
@@ -122,11 +113,17 @@ compensation::MachineBelief machine_belief(const Seen& seen, const CaseDescripti
   return belief;
 }
 
+Index nearest_vertex(const cutting::Points& vertices, const Eigen::RowVector3d& point) {
+  Index row = 0;
+  (vertices.rowwise() - point).rowwise().squaredNorm().minCoeff(&row);
+  return row;
+}
+
 Eigen::VectorXd left_by_program(const Seen& seen, const cutting::Surface& error_free,
                                 const Eigen::MatrixX3d& points_w) {
   VectorXd left(points_w.rows());
   for (Index i = 0; i < left.size(); ++i) {
-    const Index vertex = nearest(seen.design_w.vertices, points_w.row(i));
+    const Index vertex = nearest_vertex(seen.design_w.vertices, points_w.row(i));
     const bool is_cut = error_free.status[std::size_t(vertex)] == cutting::VertexStatus::Cut;
     left[i] = is_cut ? error_free.residual[vertex] : 0.0;
   }

@@ -20,12 +20,15 @@ struct Evidence {
 compensation::MachineBelief machine_belief(const Seen& seen, const CaseDescription& compensator,
                                            const Evidence& evidence);
 
+/// Row of the vertex nearest to a point.
+Eigen::Index nearest_vertex(const cutting::Points& vertices, const Eigen::RowVector3d& point);
+
 /// What the program leaves at points of the part on a machine without errors, cusps above all: by
 /// the vertex nearest to each, 0 where nothing is cut. @return (points) mm
 Eigen::VectorXd left_by_program(const Seen& seen, const cutting::Surface& error_free,
                                 const Eigen::MatrixX3d& points_w);
 
-/// What the readings of a part tell of the tool, by the instants at which the nominal program
+/// What the readings of a part say of the tool, by the instants at which the nominal program
 /// shapes the part.
 /// @param total  (vertices) mm, deviation by all that was read so far
 compensation::PartCourse course_of_part(const Seen& seen, const cutting::Surface& error_free,

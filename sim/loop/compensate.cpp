@@ -4,8 +4,10 @@
 
 #include <fmt/format.h>
 
+#include "sim/cut/follow.h"
 #include "sim/cut/part.h"
 #include "sim/cut/stopwatch.h"
+#include "sim/loop/beliefs.h"
 #include "sim/loop/perfect.h"
 #include "sim/measure/measure.h"
 #include "sim/scene/read_scene.h"
@@ -29,13 +31,6 @@ bool readable(const Scene& scene, const std::string& column) {
   const auto& sensors = scene.thermal->sensors;
   return std::any_of(sensors.begin(), sensors.end(),
                      [&](const auto& sensor) { return column == sensor.name + "_C"; });
-}
-
-/// Row of the vertex nearest to a point.
-Index nearest(const cutting::Points& vertices, const Eigen::RowVector3d& point) {
-  Index row = 0;
-  (vertices.rowwise() - point).rowwise().squaredNorm().minCoeff(&row);
-  return row;
 }
 
 PartInstrumentDescription part_instrument(const Scene& scene, const std::string& name) {
@@ -62,7 +57,7 @@ TrainingRun training_run(const BeliefDescription::Force& force,
   const errors::metrology::PartReadings part = measured_part(job, made, instrument).readings;
   compensation::CurrentTraining training{VectorXd(part.deviation.size()), part.deviation};
   for (Index i = 0; i < part.deviation.size(); ++i)
-    training.time_s[i] = cut_time_s[nearest(job.design_w.vertices, part.points_w.row(i))];
+    training.time_s[i] = cut_time_s[nearest_vertex(job.design_w.vertices, part.points_w.row(i))];
   return {control_log(job, as_programmed(job), made.process), std::move(training)};
 }
 
@@ -117,8 +112,8 @@ Workshop workshop_of(const Job& job) {
   workshop.computed_load = [&job](const Commands& commands, const BelievedPose& pose) {
     return computed_load(job, commands, pose);
   };
-  workshop.perfect = [&job](const CaseDescription& compensator) {
-    return perfect_corrector(job, seen_of(job), compensator);
+  workshop.perfect = [&job](const Seen& seen, const CaseDescription& compensator) {
+    return perfect_corrector(job, seen, compensator);
   };
   workshop.check_trusted = [&job](const std::filesystem::path& program) {
     check_trusted(job.scene, program);

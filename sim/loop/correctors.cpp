@@ -75,7 +75,8 @@ Extent extent_of(const program::Samples& samples) {
   return extent;
 }
 
-/// Where the axes that a table does not look up stand: as told, else in the middle of the program.
+/// Where the axes that a table does not look up stand: as stated, else in the middle of the
+/// program.
 AxisVector reference_of(const Seen& seen) {
   if (seen.compensation.table.reference) return *seen.compensation.table.reference;
   const Extent extent = extent_of(seen.samples);

@@ -24,13 +24,6 @@ std::vector<AxisState> uncorrected(const Seen& seen, const Eigen::Vector3d& offs
   return commanded(seen.machine.control, seen.path, seen.samples, seen.machine.nominal, offset_w);
 }
 
-Commands as_programmed(const Seen& seen, const Workshop& workshop) {
-  Commands result;
-  result.samples = seen.samples;
-  result.samples.states = uncorrected(seen, workshop.touch_off({}));
-  return result;
-}
-
 /// What a corrector is asked: commands, and where each should bring the tool.
 struct Aim {
   std::vector<AxisState> commanded;
@@ -205,7 +198,7 @@ Learnt corrector_of(const Seen& seen, const Workshop& workshop, const CaseDescri
     workshop.check_trusted(compensator.plug_in);
     return {plug_in_corrector(seen, compensator, evidence.log), {}, {}, {}};
   }
-  if (compensator.belief == Kind::Perfect) return {workshop.perfect(compensator), {}, {}, {}};
+  if (compensator.belief == Kind::Perfect) return {workshop.perfect(seen, compensator), {}, {}, {}};
   compensation::MachineBelief belief = machine_belief(seen, compensator, evidence);
   Learnt learnt{{}, {}, belief.geometric, {}};
   if (belief.thermal && belief.thermal->held > 0)
@@ -244,7 +237,7 @@ Learnt learnt(const Seen& seen, const Workshop& workshop, const CaseDescription&
     return corrector_of(seen, workshop, compensator, learning.evidence());
   };
   if (learning.passes() == 0) return so_far();
-  Commands commands = as_programmed(seen, workshop);
+  Commands commands = as_programmed(seen.machine, seen.path, seen.samples, workshop.touch_off({}));
   for (int pass = 0; pass < learning.passes(); ++pass) {
     if (progress) progress("learn", double(pass) / learning.passes());
     if (pass > 0) commands = delivered(seen, workshop, compensator, so_far());

@@ -1,7 +1,7 @@
 #include "sim/loop/perfect.h"
 
-#include <algorithm>
-
+#include "sim/cut/accelerations.h"
+#include "sim/cut/tool_motion.h"
 #include "sim/loop/correctors.h"
 
 namespace abbe::sim {
@@ -9,15 +9,10 @@ namespace {
 
 using kinematics::AxisState;
 
-errors::Load foreseen_load(const Job& job, const Foreseen& run, double time_s) {
+errors::Load foreseen_load(const program::Samples& samples, const Foreseen& run, double time_s) {
   errors::Load load = load_at(run.process, time_s);
   if (run.accelerations.empty()) return load;
-  const auto& states = job.samples.states;
-  const auto after =
-      std::lower_bound(states.begin(), states.end(), time_s,
-                       [](const AxisState& state, double time) { return state.time_s < time; });
-  load.acceleration =
-      run.accelerations[std::min(std::size_t(after - states.begin()), states.size() - 1)];
+  load.acceleration = run.accelerations[sample_at(samples, time_s)];
   return load;
 }
 
@@ -28,7 +23,7 @@ Process steps_of(const Process& process) { return {process.steps, {}, {}, {}}; }
 
 compensation::Belief perfect_belief(const Job& job, Foreseen run) {
   return [known = without_random(job.truth), &job, run = std::move(run)](const AxisState& state) {
-    return tool_in_workpiece(known, state, foreseen_load(job, run, state.time_s));
+    return tool_in_workpiece(known, state, foreseen_load(job.samples, run, state.time_s));
   };
 }
 

@@ -7,8 +7,8 @@ namespace abbe::sim {
 /// The correction written into a program of the same dialect, which the control then reads and
 /// runs. The corrected path is known at the samples of the program; of them the program keeps so
 /// many points that its blocks pass all others, tip and tool axis up to the shaping height, within
-/// the scene's path tolerance (none told: a word's step, of a PVT program 1 nm), its words rounded
-/// besides.
+/// the scene's path tolerance (none stated: a word's step, of a PVT program 1 nm), its words
+/// rounded besides.
 /// @param expected_w  mm, shift of the datum that the corrector expects the control to find and add
 /// @param found_w     mm, the shift that it finds
 Commands through_program(const Seen& seen, const Corrector& corrector,

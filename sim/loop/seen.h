@@ -82,7 +82,7 @@ struct Workshop {
   /// The load of the cut computed on a machine as it is believed to be.
   std::function<compensation::LoadCourse(const Commands&, const BelievedPose&)> computed_load;
   /// Corrects by the truth without its random parts: the one belief that knows the machine.
-  std::function<Corrector(const CaseDescription&)> perfect;
+  std::function<Corrector(const Seen&, const CaseDescription&)> perfect;
   /// @throws BadInput unless the user lets this program run
   std::function<void(const std::filesystem::path& program)> check_trusted;
 };

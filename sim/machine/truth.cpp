@@ -92,11 +92,7 @@ errors::ForceDeviations deviations(const Truth& truth, const AxisState& state,
 Pose tool_in_workpiece(const Truth& truth, const AxisState& state, const errors::Load& load) {
   const Eigen::VectorXd T_C = temperatures(truth, state.time_s);
   const errors::ForceDeviations all = sum_of_sources(truth, state, load, T_C);
-  Pose T_wt = truth.actual.tool_in_workpiece(state.q, all.joints);
-  if (!all.workpiece_w.isZero(0.0))
-    T_wt = kinematics::motion(all.workpiece_w, Eigen::Vector3d::Zero()).inverse() * T_wt;
-  if (!all.tool_t.isZero(0.0))
-    T_wt = T_wt * kinematics::motion(all.tool_t, Eigen::Vector3d::Zero());
+  Pose T_wt = errors::tool_in_workpiece(truth.actual, state.q, all);
   if (truth.heat && truth.heat->model.workpiece)
     T_wt.translation() = errors::at_20_C(truth.heat->model, T_C, T_wt.translation());
   return T_wt;

@@ -42,4 +42,7 @@ struct ThermalDescription {
   std::vector<Plot> plots;
 };
 
+/// How long the history lasted, s.
+double history_s(const ThermalDescription& thermal);
+
 }  // namespace abbe::sim

@@ -1,0 +1,347 @@
+#include "sim/cut/follow.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "cutting/engagement.h"
+#include "cutting/read_mesh.h"
+#include "kinematics/turn_between.h"
+#include "kinematics/units.h"
+#include "sim/cut/tool_motion.h"
+
+namespace abbe::sim {
+namespace {
+
+using errors::Load;
+using kinematics::angle_between;
+using kinematics::AxisState;
+using kinematics::Pose;
+
+cutting::Blank blank_of(const CuttingDescription& description, const cutting::Design& design_m) {
+  return std::visit(
+      [&](const auto& blank) -> cutting::Blank {
+        using Shape = std::decay_t<decltype(blank)>;
+        if constexpr (std::is_same_v<Shape, CuttingDescription::OffsetBlank>) {
+          return cutting::offset_blank(design_m, blank.allowance, blank.floor);
+        } else if constexpr (std::is_same_v<Shape, MeshFile>) {
+          cutting::ReadMeshOptions options;
+          options.unit_mm = blank.unit;
+          const cutting::Design mesh = cutting::read_mesh(blank.file, options);
+          return cutting::MeshBlank{mesh.vertices, mesh.triangles};
+        } else if constexpr (std::is_same_v<Shape, CuttingDescription::TurnedBlank>) {
+          throw std::invalid_argument("a blank that is milled, not a turned one");
+        } else {
+          return blank;
+        }
+      },
+      description.blank);
+}
+
+Look looked(const cutting::CuttingLoad& cut) {
+  Look look;
+  look.cut = cut;
+  look.load.on_tool_t = cut.on_tool_t;
+  look.load.contact_t = cut.contact_t;
+  return look;
+}
+
+/// Whether the block that runs at a sample is a rapid.
+bool is_rapid(const FollowedProgram& program, std::size_t sample) {
+  return program.path.blocks[std::size_t(program.samples.block[sample])].interpolation ==
+         program::Interpolation::Rapid;
+}
+
+/// Samples at which milling looks.
+std::vector<std::size_t> looks(const FollowedProgram& program, double step, double reach) {
+  constexpr double sharp = 0.1;  // rad
+  const auto tip = [&](std::size_t i) -> Eigen::Vector3d { return program.T_wt[i].translation(); };
+  const auto axis = [&](std::size_t i) -> Eigen::Vector3d {
+    return program.T_wt[i].linear().col(2);
+  };
+  std::vector<std::size_t> at{0};
+  double travel = 0.0;
+  const std::size_t n = program.samples.states.size();
+  for (std::size_t i = 1; i < n; ++i) {
+    travel += (tip(i) - tip(i - 1)).norm() + reach * angle_between(axis(i), axis(i - 1));
+    const bool last = i + 1 == n;
+    if (travel < step && !last && is_rapid(program, i) == is_rapid(program, i + 1)) {
+      const Eigen::Vector3d come = tip(i) - tip(at.back()), goes = tip(i + 1) - tip(i);
+      if (angle_between(come, goes) < sharp) continue;
+    }
+    at.push_back(i);
+    travel = 0.0;
+  }
+  return at;
+}
+
+/// Height above the tip whose motion is the feed.
+double feed_height(const cutting::Cutter& cutter) {
+  return cutter.corner_radius > 0.0 ? cutter.corner_radius : 0.5 * cutter.flank_length;
+}
+
+/// Edge in material and largest chip of an engagement.
+void note_engagement(const cutting::Engagement& met, int flutes, double feed_per_tooth,
+                     Look& look) {
+  const double feed_across = met.feed_t.head<2>().norm(), feed_along = -met.feed_t.z();
+  const double towards = std::atan2(met.feed_t.y(), met.feed_t.x());
+  for (const cutting::EngagedArc& arc : met.arcs) {
+    const cutting::EdgeSlice& slice = met.slices[std::size_t(arc.slice)];
+    look.engaged += slice.length * (arc.to - arc.from) / (2 * pi) * flutes;
+    // nearest that the arc comes to the feed's direction
+    const double middle = 0.5 * (arc.from + arc.to), half = 0.5 * (arc.to - arc.from);
+    const double off = std::max(0.0, std::abs(std::remainder(middle - towards, 2 * pi)) - half);
+    const double facing =
+        feed_across * std::sin(slice.kappa) * std::cos(off) + feed_along * std::cos(slice.kappa);
+    look.chip = std::max(look.chip, feed_per_tooth * facing);
+  }
+}
+
+void note_crash(std::vector<int>& lines, int line) {
+  if (std::find(lines.begin(), lines.end(), line) == lines.end() && lines.size() < 1000)
+    lines.push_back(line);
+}
+
+/// How the spindle of a cut turns: refuses one that does not, or turns against the flutes.
+void check_spindle(const FollowedProgram& program, std::size_t sample, bool turns_as_it_should,
+                   const char* expected) {
+  const double speed = program.samples.states[sample].spindle_speed;
+  if (speed > 0.0 && turns_as_it_should) return;
+  throw BadInput(program.path.file, program.samples.line[sample], 0, expected,
+                 speed > 0.0 ? "a cut with the spindle turning the other way"
+                             : "a cut with the spindle at rest");
+}
+
+/// What milling has at hand at one look.
+struct MillingLook {
+  const CuttingDescription& description;
+  const FollowedProgram& program;
+  const cutting::Cutter& cutter;
+  const cutting::Stock& stock;
+  std::size_t before, sample;
+  int spindle;  ///< joint
+
+  Eigen::Vector3d feed_w() const {
+    const Eigen::Vector3d p_t(0, 0, feed_height(cutter));
+    return program.T_wt[sample] * p_t - program.T_wt[before] * p_t;
+  }
+  double duration() const {
+    return program.samples.states[sample].time_s - program.samples.states[before].time_s;
+  }
+  /// M3 counts up; seen from the spindle it turns clockwise.
+  bool is_clockwise() const {
+    return program.samples.states[sample].q[spindle] > program.samples.states[before].q[spindle];
+  }
+  Look at(const Pose& T_wt) const;
+};
+
+Look MillingLook::at(const Pose& T_wt) const {
+  const cutting::Engagement met = cutting::engagement(stock, cutter, T_wt, feed_w());
+  if (met.arcs.empty()) return {};
+  check_spindle(program, sample, is_clockwise() == description.flutes.clockwise,
+                description.flutes.clockwise
+                    ? "a spindle that turns clockwise (S and M3) where it cuts"
+                    : "a spindle that turns counter-clockwise (S and M4) where it cuts");
+  const double per_tooth =
+      feed_w().norm() / duration() * 2 * pi /
+      (program.samples.states[sample].spindle_speed * description.flutes.count);
+  if (per_tooth > cutter.radius)
+    throw BadInput(program.path.file, program.samples.line[sample], 0,
+                   "a feed per tooth within the cutter's radius",
+                   fmt::format("{:.3g} mm", per_tooth));
+  Look look =
+      looked(cutting::mean_force(met, *description.material, description.flutes, per_tooth));
+  note_engagement(met, description.flutes.count, per_tooth, look);
+  return look;
+}
+
+/// The step at a sample: closed under a force that the cut makes, unloaded where there is none.
+ProcessStep step_at(const CuttingDescription& description, const FollowedProgram& program,
+                    std::size_t sample, const std::function<Look(const Pose&)>& force,
+                    const Process& before) {
+  const Load guess = before.steps.empty() ? Load{} : before.steps.back().load;
+  ProcessStep step;
+  if (force) step = closed_step(description, program.pose, sample, force, guess);
+  const AxisState& state = program.samples.states[sample];
+  step.time_s = state.time_s;
+  step.line = program.samples.line[sample];
+  step.power_W = step.torque * state.spindle_speed * 1e-3;  // N mm rad/s
+  return step;
+}
+
+Process follow_milling(const Scene& scene, const Machine& machine, const cutting::Design& design_m,
+                       const FollowedProgram& program,
+                       const std::function<void(double)>& progress) {
+  const CuttingDescription& description = *scene.cutting;
+  const auto& cutter = std::get<cutting::Cutter>(program.tool);
+  Process process;
+  process.stock = cutting::make_stock(
+      blank_of(description, design_m), scene.part.T_wm,
+      {description.spacing, description.three_directions, description.max_bytes});
+  const auto spindle = spindle_of(machine);
+  if (description.material && !spindle)
+    throw std::invalid_argument("a machine with a spindle nose s for a cut with forces");
+  Pose before = program.pose(0, {});
+  const std::vector<std::size_t> at = looks(program, description.step, cutter.flank_length);
+  for (std::size_t k = 1; k < at.size(); ++k) {
+    const MillingLook look{description,        program, cutter, *process.stock, at[k - 1], at[k],
+                           spindle.value_or(0)};
+    const bool rapid = is_rapid(program, at[k]);
+    std::function<Look(const Pose&)> force;
+    if (!rapid && description.material && look.duration() > 0.0 && look.feed_w().norm() > 0.0)
+      force = [&](const Pose& T_wt) { return look.at(T_wt); };
+    ProcessStep step = step_at(description, program, at[k], force, process);
+    const Pose after = program.pose(at[k], step.load);
+    const cutting::Removed taken =
+        cutting::remove(*process.stock, cutter, {before, after, step.line, rapid});
+    step.removed = taken.volume;
+    if (taken.crashed) note_crash(process.crash_lines, step.line);
+    process.steps.push_back(step);
+    before = after;
+    if (progress && k % 256 == 0) progress(double(k) / double(at.size()));
+  }
+  return process;
+}
+
+/// A blank's profile over the part's z as one over the spindle line, in rising order.
+Eigen::Matrix<double, Eigen::Dynamic, 2> profile_along(
+    const SpindleLine& line, const Pose& T_wm,
+    const Eigen::Matrix<double, Eigen::Dynamic, 2>& profile_m) {
+  Eigen::Matrix<double, Eigen::Dynamic, 2> profile = profile_m;
+  if (line.direction_w.dot(T_wm.linear().col(2)) < 0.0) {
+    profile = profile_m.colwise().reverse().eval();
+    profile.col(0) *= -1.0;
+  }
+  profile.col(0).array() += line.direction_w.dot(T_wm.translation() - line.point_w);
+  return profile;
+}
+
+/// Radius of the work where the edge is in it, the mean over the chip.
+double work_radius(const SpindleLine& line, const Pose& T_slow, const cutting::Nose& nose,
+                   const std::vector<cutting::EngagedEdge>& edges) {
+  double weighted = 0.0, area = 0.0;
+  for (const cutting::EngagedEdge& edge : edges) {
+    const Eigen::Vector3d p_t(nose.radius * std::cos(edge.psi), 0.0,
+                              nose.radius * std::sin(edge.psi));
+    const double r = (T_slow * p_t - line.point_w).cross(line.direction_w).norm();
+    weighted += r * edge.chip * edge.length;
+    area += edge.chip * edge.length;
+  }
+  return area > 0.0 ? weighted / area : 0.0;
+}
+
+/// Whether the work comes down on the rake face, along -y of frame t, as the spindle angle grows.
+bool comes_down(const SpindleLine& line, const Pose& T_slow) {
+  const Eigen::Vector3d arm = T_slow.translation() - line.point_w;
+  return line.direction_w.cross(arm).dot(T_slow.linear().col(1)) > 0.0;
+}
+
+/// What turning has at hand at one look.
+struct TurningLook {
+  const CuttingDescription& description;
+  const FollowedProgram& program;
+  const cutting::Nose& nose;
+  const cutting::TurnedStock& stock;
+  const SpindleLine& line;
+  std::size_t before, sample;
+  int spindle;  ///< joint
+
+  Pose slow(const Pose& T_wt) const {
+    return slow_pose(line, program.samples.states[sample].q[spindle], T_wt);
+  }
+  Look at(const Pose& T_wt) const;
+};
+
+Look TurningLook::at(const Pose& T_wt) const {
+  const Pose T_slow = slow(T_wt);
+  const auto edges = cutting::engagement(stock, nose, T_slow);
+  if (edges.empty()) return {};
+  const auto& states = program.samples.states;
+  const bool grows = states[sample].q[spindle] > states[before].q[spindle];
+  check_spindle(program, sample, grows == comes_down(line, T_slow),
+                "a spindle that brings the work down on the rake face where it cuts");
+  Look look = looked(cutting::turning_force(edges, nose, *description.material,
+                                            work_radius(line, T_slow, nose, edges)));
+  for (const cutting::EngagedEdge& edge : edges) {
+    look.engaged += edge.length;
+    look.chip = std::max(look.chip, edge.chip);
+  }
+  return look;
+}
+
+/// Samples at which turning looks: once a revolution, where rapid and feed meet, and after every
+/// `step` of travel of a rapid or with the spindle at rest.
+std::vector<std::size_t> revolutions(const FollowedProgram& program, int spindle,
+                                     const SpindleLine& line) {
+  constexpr double step = 0.1;  // mm
+  const auto& states = program.samples.states;
+  const auto place = [&](std::size_t i) -> Eigen::Vector3d {
+    return slow_pose(line, states[i].q[spindle], program.T_wt[i]).translation();
+  };
+  std::vector<std::size_t> at{0};
+  double turned = 0.0, travel = 0.0;
+  for (std::size_t i = 1; i < states.size(); ++i) {
+    turned += std::abs(states[i].q[spindle] - states[i - 1].q[spindle]);
+    travel += (place(i) - place(i - 1)).norm();
+    const bool last = i + 1 == states.size();
+    const bool by_travel = is_rapid(program, i) || !(states[i].spindle_speed > 0.0);
+    const bool due = by_travel ? travel >= step : turned >= 2 * pi * (1 - 1e-9);
+    if (!due && !last && is_rapid(program, i) == is_rapid(program, i + 1)) continue;
+    at.push_back(i);
+    turned = travel = 0.0;
+  }
+  return at;
+}
+
+Process follow_turning(const Scene& scene, const Machine& machine, const FollowedProgram& program,
+                       const std::function<void(double)>& progress) {
+  const CuttingDescription& description = *scene.cutting;
+  constexpr double scratch = 1e-3;  // mm^3, less is no crash
+  const auto* blank = std::get_if<CuttingDescription::TurnedBlank>(&description.blank);
+  if (blank == nullptr) throw std::invalid_argument("a turned blank for a turning tool");
+  const auto& nose = std::get<cutting::Nose>(program.tool);
+  const auto& states = program.samples.states;
+  const int spindle = *machine.workpiece_spindle;
+  const SpindleLine line = spindle_line(program.chain, spindle);
+  Process process;
+  process.turned = cutting::make_turned_stock(profile_along(line, scene.part.T_wm, blank->profile),
+                                              description.spacing, line.point_w, line.direction_w);
+  const std::vector<std::size_t> at = revolutions(program, spindle, line);
+  Pose before = slow_pose(line, states.front().q[spindle], program.pose(0, {}));
+  for (std::size_t k = 1; k < at.size(); ++k) {
+    const TurningLook look{description, program,   nose,  *process.turned,
+                           line,        at[k - 1], at[k], spindle};
+    const bool rapid = is_rapid(program, at[k]);
+    std::function<Look(const Pose&)> force;
+    if (!rapid && description.material) force = [&](const Pose& T_wt) { return look.at(T_wt); };
+    ProcessStep step = step_at(description, program, at[k], force, process);
+    const Pose after = look.slow(program.pose(at[k], step.load));
+    step.removed =
+        cutting::remove(*process.turned, nose, before, after, rapid ? -step.line : step.line);
+    if (rapid && step.removed > scratch) note_crash(process.crash_lines, step.line);
+    process.steps.push_back(step);
+    before = after;
+    if (progress && k % 64 == 0) progress(double(k) / double(at.size()));
+  }
+  return process;
+}
+
+}  // namespace
+
+Process follow(const Scene& scene, const Machine& machine, const cutting::Design& design_m,
+               const FollowedProgram& program, const std::function<void(double)>& progress) {
+  if (!scene.cutting || program.samples.states.empty()) return {};
+  try {
+    if (std::holds_alternative<cutting::Cutter>(program.tool))
+      return follow_milling(scene, machine, design_m, program, progress);
+    return follow_turning(scene, machine, program, progress);
+  } catch (const std::invalid_argument& fault) {
+    throw BadInput(scene.file.string(), 0, 0, "a blank that can be", fault.what());
+  } catch (const std::length_error& fault) {
+    throw BadInput(scene.file.string(), 0, 0, "a blank that fits in [cutting] max_MiB",
+                   fault.what());
+  }
+}
+
+}  // namespace abbe::sim
