@@ -78,6 +78,45 @@ std::string joined(const std::string& path, const std::string& name) {
   return path.empty() ? name : path + "." + name;
 }
 
+/// Words that bring the same keys.
+struct WordGroup {
+  std::vector<std::string> words;
+  std::vector<Key> keys;
+};
+
+bool are_alike(const std::vector<Key>& a, const std::vector<Key>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const Key& x, const Key& y) {
+    return x.name == y.name && x.sentence == y.sentence && x.fallback == y.fallback;
+  });
+}
+
+std::vector<WordGroup> groups_of(const Key& key) {
+  std::vector<WordGroup> groups;
+  for (const Word& word : key.words) {
+    const auto like = std::find_if(groups.begin(), groups.end(), [&](const WordGroup& group) {
+      return are_alike(group.keys, word.keys);
+    });
+    if (like == groups.end())
+      groups.push_back({{word.word}, word.keys});
+    else
+      like->words.push_back(word.word);
+  }
+  return groups;
+}
+
+/// `kind = "a" or "b"`, or which it is not where these are fewer.
+std::string when_of(const Key& key, const WordGroup& group) {
+  std::vector<Word> own, others;
+  for (const Word& word : key.words) {
+    const bool in =
+        std::find(group.words.begin(), group.words.end(), word.word) != group.words.end();
+    (in ? own : others).push_back({word.word, "", {}});
+  }
+  if (others.empty()) return "";
+  return own.size() <= others.size() ? key.name + " = " + or_list(own)
+                                     : key.name + " other than " + or_list(others);
+}
+
 class Rows {
  public:
   void add(const std::vector<Key>& keys, const std::string& path, const std::string& when) {
@@ -86,16 +125,21 @@ class Rows {
   std::vector<KeyRow> rows;
 
  private:
+  static constexpr std::size_t most_in_a_row = 7;  // words; more have rows of their own
+
   void add(const Key& key, const std::string& path, const std::string& when) {
     const std::string own = joined(path, key.name);
-    const std::string words = words_text(key);
+    const bool apart = key.words.size() > most_in_a_row;
+    const std::string words = apart ? "" : words_text(key);
     std::string sentence = key.sentence;
     if (!words.empty()) sentence += (sentence.empty() ? "" : ": ") + words;
-    rows.push_back(
-        {own, when, key.required, unit_of_key(key), value_of(key), key.fallback, sentence});
-    add(key.keys, own, "");
+    rows.push_back({own, when, key.required, unit_of_key(key), apart ? "a word" : value_of(key),
+                    key.fallback, sentence});
     for (const Word& word : key.words)
-      add(word.keys, path, fmt::format("{} = \"{}\"", key.name, word.word));
+      if (apart)
+        rows.push_back({own + " = \"" + word.word + "\"", when, false, "", "", "", word.sentence});
+    add(key.keys, own, "");
+    for (const WordGroup& group : groups_of(key)) add(group.keys, path, when_of(key, group));
   }
 };
 
