@@ -49,7 +49,7 @@ for scene in scenes/*.toml; do
 done
 for study in scenes/studies/*.toml; do
   name=$(basename "$study" .toml)
-  run "study-$name" study "$study" --set study.cases=64 --out "$out"
+  run "study-$name" study "$study" --set monte_carlo.cases=64 --set set.part.vertices=400 --out "$out"
 done
 for scene in gantry_calibration platform_calibration yang_axis step_diagonal; do
   run "measure-$scene" measure "scenes/$scene.toml" --out "$out"

@@ -5,6 +5,7 @@
 #include "sim/commands/command_line.h"
 #include "sim/commands/compare_command.h"
 #include "sim/commands/evaluate_command.h"
+#include "sim/commands/explain_command.h"
 #include "sim/commands/export_command.h"
 #include "sim/commands/identify_command.h"
 #include "sim/commands/measure_command.h"
@@ -12,6 +13,7 @@
 #include "sim/commands/render_command.h"
 #include "sim/commands/rewrite_command.h"
 #include "sim/commands/run_command.h"
+#include "sim/commands/schema_command.h"
 #include "sim/commands/study_command.h"
 #include "sim/compensation/plug_in.h"
 #include "sim/files/progress.h"
@@ -44,7 +46,9 @@ int main(int argc, char** argv) {
                                       evaluate_command(common),
                                       rewrite_command(common),
                                       export_command(common),
-                                      study_command(common, argc, argv)};
+                                      study_command(common, argc, argv),
+                                      schema_command(),
+                                      explain_command()};
   const Exit code = exit_code([&] { return run_command_line(commands, common, argc, argv); });
   study::leave_ranks(int(code));
   return int(code);
