@@ -108,7 +108,7 @@ ChannelGrade channel_of(const std::vector<Log>& days, Index c, const std::vector
   const ThermalData training =
       identification::only_inputs(data_of(days, 0, 1, c, since_start), chosen);
   const ThermalData seen = identification::with_features(training, recipe.features);
-  const DriftTest& drift = days.front().drift;
+  const errors::metrology::DriftTest& drift = days.front().drift;
   ChannelGrade channel{drift.log.names[std::size_t(c)],
                        bool(drift.angle[std::size_t(c)]),
                        range_of(training.y),

@@ -19,7 +19,7 @@
 #include "render/map.h"
 #include "render/plot.h"
 #include "sim/files/output.h"
-#include "sim/report/check_scene.h"
+#include "sim/report/machine_picture.h"
 
 namespace abbe::sim {
 namespace {
@@ -266,20 +266,20 @@ struct About {
 };
 
 About about(const std::filesystem::path& result) {
-  About found{result.parent_path().filename().string()};
+  About known{result.parent_path().filename().string()};
   std::ifstream in(result.parent_path() / "summary.json");
   const auto json = nlohmann::json::parse(in, nullptr, false);
-  if (!json.is_object()) return found;
+  if (!json.is_object()) return known;
   const auto text = [&](const char* key, std::string& into) {
     if (json.contains(key) && json[key].is_string()) into = json[key].get<std::string>();
   };
-  std::string scene, name = found.title;
+  std::string scene, name = known.title;
   text("scene", scene);
   text("case", name);
-  text("datum", found.datum);
-  text("alignment", found.alignment);
-  found.title = scene.empty() ? name : scene + ": " + name;
-  return found;
+  text("datum", known.datum);
+  text("alignment", known.alignment);
+  known.title = scene.empty() ? name : scene + ": " + name;
+  return known;
 }
 
 }  // namespace
@@ -361,18 +361,18 @@ void write_check_picture(const ResultFile& file, const Job& job) {
     render::MachineOptions options;
     // a turned part is looked in the face
     if (job.machine.workpiece_spindle) options.from = Eigen::Vector3d(1.0, -0.8, 0.6);
-    render::write_machine(temporary, check_scene(job), options);
+    render::write_machine(temporary, machine_picture(job), options);
   });
 }
 
 std::filesystem::path render_result(const RenderOptions& options) {
   const std::filesystem::path source = result_file(options.result);
   render::Field field = render::read_residual(source);
-  About shown = about(source);
+  About known = about(source);
   if (options.minus) {
     const std::filesystem::path other = result_file(*options.minus);
     field = difference(std::move(field), render::read_residual(other), other);
-    shown.title += ", minus " + about(other).title;
+    known.title += ", minus " + about(other).title;
   }
   const render::Figures numbers = render::figures(field.deviation_um, field.design.area);
   Writer writer{options.permissions, {source, source.parent_path() / "summary.json"}, true};
@@ -380,11 +380,11 @@ std::filesystem::path render_result(const RenderOptions& options) {
   const ResultFolder folder(options.out.empty() ? source.parent_path() : options.out, writer);
   if (options.line) {
     render::ProfileOptions plot;
-    plot.title = shown.title;
+    plot.title = known.title;
     plot.x_label = *options.line + " / mm";
     plot.caption = {"+ material left, − gouged; along the outward design normal",
                     fmt::format("whole map: PV {:.4g} µm, RMS {:.4g} µm; datum {}, alignment {}",
-                                numbers.pv_um, numbers.rms_um, shown.datum, shown.alignment)};
+                                numbers.pv_um, numbers.rms_um, known.datum, known.alignment)};
     const ResultFile drawn = folder / ("profile-" + *options.line + ".png");
     write_file(drawn, [&](const std::filesystem::path& file) {
       render::write_profile(file, profile(field, *options.line), plot);
@@ -392,10 +392,10 @@ std::filesystem::path render_result(const RenderOptions& options) {
     return drawn.path();
   }
   render::MapPicture picture;
-  picture.title = shown.title;
+  picture.title = known.title;
   picture.figures = numbers;
-  picture.datum = shown.datum;
-  picture.alignment = shown.alignment;
+  picture.datum = known.datum;
+  picture.alignment = known.alignment;
   picture.field = std::move(field);
   // never the name of a picture that a run left there
   const ResultFile drawn = folder / (options.minus ? "difference.png" : "rendered.png");

@@ -8,6 +8,7 @@
 
 #include "errors/coefficients.h"
 #include "kinematics/units.h"
+#include "sim/scene/scene.h"
 #include "sim/study/study_fields.h"
 
 namespace abbe::sim::study {
