@@ -15,7 +15,7 @@ namespace {
 
 Exit print_schema(const std::string& section) {
   const std::vector<Key> keys = section == "scene" ? scene_keys() : keys_of(section);
-  print("{}", json_text(schema(keys, "abbe: " + section)));
+  print("{}", Lines(json_text(schema(keys, "abbe: " + section))));
   return Exit::Ok;
 }
 

@@ -2,6 +2,7 @@
 
 #include <map>
 #include <set>
+#include <sstream>
 
 #include <nlohmann/json.hpp>
 
@@ -113,6 +114,26 @@ void add_property(Json& properties, const std::string& name, Json property) {
       had = Json{{"anyOf", Json::array({had})}, {"x-alternatives", true}};
     had["anyOf"].push_back(std::move(property));
   }
+}
+
+/// Names that a pattern such as "(um|urad)_per_K" has; the pattern itself if it has others.
+std::vector<std::string> names_of(const std::string& pattern) {
+  const std::size_t open = pattern.find('('), close = pattern.find(')');
+  if (open == std::string::npos || close < open) return {pattern};
+  std::vector<std::string> names;
+  std::istringstream words(pattern.substr(open + 1, close - open - 1));
+  for (std::string word; std::getline(words, word, '|');)
+    for (const std::string& rest : names_of(pattern.substr(close + 1)))
+      names.push_back(pattern.substr(0, open) + word + rest);
+  return names;
+}
+
+/// That a key is there.
+Json presence_of(const Key& key) {
+  Json any = Json::array();
+  for (const std::string& name : names_of(key.pattern.empty() ? key.name : key.pattern))
+    any.push_back({{"required", {name}}});
+  return any.size() == 1 ? any.front() : Json{{"anyOf", any}};
 }
 
 /// Required keys, exactly one of those that exclude each other, and what words ask.

@@ -15,6 +15,7 @@
 #include "kinematics/jacobian.h"
 #include "kinematics/turn_between.h"
 #include "kinematics/units.h"
+#include "sim/cut/accelerations.h"
 #include "sim/loop/compensate.h"
 #include "sim/loop/perfect.h"
 #include "sim/scene/read_scene.h"

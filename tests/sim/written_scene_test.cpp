@@ -23,19 +23,20 @@ std::vector<fs::path> packaged_scenes() {
   return files;
 }
 
+struct Round {
+  void operator()(double& v) const { v = std::stod(fmt::format("{:.12e}", v)); }
+  void operator()(Node::Array& v) const {
+    for (Node& one : v) std::visit(*this, one.value);
+  }
+  void operator()(Node::Table& v) const {
+    for (Node::Entry& one : v) std::visit(*this, one.node.value);
+  }
+  void operator()(auto&) const {}
+};
+
 /// Numbers are written in the unit of their key: read again they may differ in the last digit.
 std::string rounded(const Node& node) {
   Node copy = node;
-  struct Round {
-    void operator()(double& v) const { v = std::stod(fmt::format("{:.12e}", v)); }
-    void operator()(Node::Array& v) const {
-      for (Node& one : v) std::visit(*this, one.value);
-    }
-    void operator()(Node::Table& v) const {
-      for (Node::Entry& one : v) std::visit(*this, one.node.value);
-    }
-    void operator()(auto&) const {}
-  };
   std::visit(Round{}, copy.value);
   return to_toml(copy);
 }
@@ -54,7 +55,8 @@ TEST_P(WrittenScene, IsReadAsTheSameScene) {
 }
 
 /// Every leaf of a tree that may be changed alone, first numbers of lists only.
-void leaves(Node& node, const std::string& path, std::vector<std::pair<std::string, Node*>>& found) {
+void leaves(Node& node, const std::string& path,
+            std::vector<std::pair<std::string, Node*>>& found) {
   if (Node::Table* table = node.table()) {
     for (Node::Entry& entry : *table) leaves(entry.node, path + "." + entry.key, found);
   } else if (Node::Array* array = node.array()) {
