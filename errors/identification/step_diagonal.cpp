@@ -317,6 +317,7 @@ std::string caution_of(const Readings& readings, const StepPath& path, const Mat
 
 struct Quantities {
   std::vector<std::string> names;
+  std::vector<bool> is_length;
   std::vector<double> value;
 };
 
@@ -339,6 +340,8 @@ Quantities quantities(const GeometricErrors& belief) {
         result.value.push_back(table->value[i]);
       }
     }
+    result.is_length.resize(result.names.size(),
+                            !element.name.location && element.name.direction != element.name.axis);
   }
   return result;
 }
@@ -378,6 +381,7 @@ StepDiagonalTrend step_diagonal_trend(std::span<const StepDiagonal> results, con
     const Quantities q = quantities(results[std::size_t(i)].belief);
     if (i == 0) {
       trend.names = q.names;
+      trend.is_length = q.is_length;
       values.resize(m, Index(q.names.size()));
     }
     if (q.names != trend.names) refuse("expected results over the same steps");

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "cutting/stock.h"
+#include "cutting/engagement.h"
 #include "errors/compliance.h"
 
 namespace abbe::sim {

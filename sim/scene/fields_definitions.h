@@ -1,8 +1,6 @@
 #pragma once
 
-#include "sim/scene/fields.h"
-
-/// What the templates of `Fields` do; only `fields.h` includes it.
+/// What the templates of `Fields` do. Only `fields.h` includes this, at its end.
 namespace abbe::sim {
 
 std::set<std::string> words_of(const Key& key);

@@ -58,6 +58,11 @@ bool stands_elsewhere(const std::string& path, const std::string& section,
   return false;
 }
 
+/// Keys that stand in a table of their own under another name.
+bool stands_as_another_section(const std::string& path) {
+  return path.starts_with("belief.identified.") || path.starts_with("belief.force.compliance.");
+}
+
 std::string table_of(const std::string& section, const std::set<std::string>& sections,
                      const std::vector<Key>& all) {
   const bool top = section == "scene" || section == "study";
@@ -66,7 +71,8 @@ std::string table_of(const std::string& section, const std::set<std::string>& se
   EXPECT_FALSE(keys.empty()) << section;
   std::string rows;
   for (const KeyRow& row : key_rows(keys, prefix)) {
-    if (stands_elsewhere(row.path, section, sections)) continue;
+    if (stands_elsewhere(row.path, section, sections) || stands_as_another_section(row.path))
+      continue;
     if (section == "scene" && row.path.find('.') != std::string::npos) continue;
     const std::string name = prefix.empty() ? row.path : row.path.substr(prefix.size() + 1);
     std::string key = "`" + name + "`";
