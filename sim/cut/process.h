@@ -3,8 +3,8 @@
 #include <optional>
 #include <vector>
 
-#include "cutting/stock.h"
 #include "cutting/engagement.h"
+#include "cutting/stock.h"
 #include "errors/compliance.h"
 
 namespace abbe::sim {
