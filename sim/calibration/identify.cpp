@@ -220,13 +220,7 @@ Identified by_composite(const Files& files, const std::vector<Readings>& reading
 
 Identified by_thermal(const Files& files, const std::vector<Readings>& readings,
                       const IdentifyOptions& options) {
-  ThermalIdentification day;
-  day.elements = options.model.only;
-  day.sensors = options.sensors;
-  day.choice.count = options.sensor_count;
-  day.choice.groups = 3 * options.sensor_count;  // as the packaged protocols choose
-  day.margin = options.margin;
-  IdentifiedThermal found = identify_thermal(readings, day);
+  IdentifiedThermal found = identify_thermal(readings, thermal_identification(options));
   Identified result = common(files, readings, options);
   result.thermal = std::move(found.belief);
   result.fit = std::move(found.day);
@@ -236,6 +230,16 @@ Identified by_thermal(const Files& files, const std::vector<Readings>& readings,
 }
 
 }  // namespace
+
+ThermalIdentification thermal_identification(const IdentifyOptions& options) {
+  ThermalIdentification day;
+  day.elements = options.model.only;
+  day.sensors = options.sensors;
+  day.choice.count = options.sensor_count;
+  day.choice.groups = 3 * options.sensor_count;  // as the packaged protocols choose
+  day.margin = options.margin;
+  return day;
+}
 
 BeliefFiles belief_files(const IdentifyOptions& options) {
   const std::filesystem::path& out = options.out;

@@ -40,6 +40,9 @@ struct IdentifyOptions {
   Permissions permissions;
 };
 
+/// The options of a day.
+ThermalIdentification thermal_identification(const IdentifyOptions& options);
+
 /// What an identification writes, side by side.
 struct BeliefFiles {
   std::filesystem::path belief;                  ///< as asked for

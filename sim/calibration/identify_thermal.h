@@ -40,7 +40,7 @@ struct RegressedTerm {
 };
 std::string name_of(const RegressedTerm& term);  ///< "EXX slope", "EZS offset"
 
-/// The sensors of a belief, and how they were chosen from those that were logged.
+/// How sensors were chosen from those that were logged.
 struct ChosenSensors {
   std::vector<std::string> logged;
   errors::identification::SensorChoice choice;  ///< indices into `logged`

@@ -14,7 +14,6 @@ namespace {
 
 using Eigen::Index;
 
-constexpr double per_m = 1e-6;        // um/m or urad/m
 constexpr double per_metre = 1000.0;  // mm: slopes of a day are numbers over a metre
 
 }  // namespace
@@ -69,7 +68,7 @@ std::vector<NumberFigure> number_figures(const errors::GeometricErrors& belief) 
 
 TermFigures term_figures(const RegressedTerm& term) {
   const bool angle = term.name.is_angle();
-  const double unit = term.slope ? per_m : angle ? units::urad : units::um;
+  const double unit = term.slope ? um_per_m : angle ? units::urad : units::um;
   const double of_number = (term.slope ? 1.0 / per_metre : 1.0) / unit;
   const errors::identification::Regression& regression = term.regression;
   TermFigures figures;
@@ -91,7 +90,7 @@ std::vector<TrendFigures> trend_figures(const StepDiagonalFit& fit) {
   if (!fit.trend) return figures;
   for (std::size_t v = 0; v < fit.trend->names.size(); ++v) {
     const bool is_length = fit.trend->is_length[v];
-    const double unit = is_length ? units::um : per_m;  // slopes are um/m, squareness urad
+    const double unit = is_length ? units::um : um_per_m;  // slopes are um/m, squareness urad
     figures.push_back({fit.trend->names[v],
                        is_length ? "um/K" : "um/m/K or urad/K",
                        fit.trend->per_K.row(Index(v)) / unit,

@@ -11,6 +11,8 @@
 /// What was identified in the units in which report, text and belief file state it.
 namespace abbe::sim {
 
+inline constexpr double um_per_m = 1e-6;  ///< of a slope, mm per mm
+
 std::string machine_of(const Identified& identified);  ///< "w b X Y Z C A s t"
 std::string method_of(const Identified& identified);   ///< in a few words
 std::size_t readings_of(const Identified& identified);

@@ -12,8 +12,6 @@ namespace {
 using Eigen::Index;
 using Json = nlohmann::ordered_json;
 
-constexpr double per_m = 1e-6;  // um/m
-
 Json optional_json(const std::optional<double>& value) {
   return value ? Json(*value) : Json(nullptr);
 }
@@ -90,12 +88,12 @@ Json axis_json(const CompositeAxis& axis, const std::vector<std::string>& sensor
        cold_C = Json::object();
   for (Index i = 0; i < fit.slope.size(); ++i)
     slopes.push_back({{"start", fit.later[std::size_t(i)] + 1},
-                      {"slope_um_per_m", fit.slope[i] / per_m},
-                      {"standard_error", fit.slope_error[i] / per_m},
+                      {"slope_um_per_m", fit.slope[i] / um_per_m},
+                      {"standard_error", fit.slope_error[i] / um_per_m},
                       {"offset_um", fit.offset[i] / units::um}});
   for (std::size_t k = 0; k < sensors.size(); ++k) {
-    per_K[sensors[k]] = fit.thermal[Index(k)] / per_m;
-    error[sensors[k]] = fit.slope_fit.standard_error[Index(k)] / per_m;
+    per_K[sensors[k]] = fit.thermal[Index(k)] / um_per_m;
+    error[sensors[k]] = fit.slope_fit.standard_error[Index(k)] / um_per_m;
     cold_C[sensors[k]] = axis.cold_C[Index(k)];
   }
   Json json{{"axis", std::string(1, axis.axis)},
@@ -109,8 +107,8 @@ Json axis_json(const CompositeAxis& axis, const std::vector<std::string>& sensor
             {"slope_at_zero_of_dT_um_per_m", nullptr}};
   if (axis.with_constant)
     json["slope_at_zero_of_dT_um_per_m"] = {
-        {"value", axis.with_constant->constant / per_m},
-        {"standard_error", axis.with_constant->standard_error[0] / per_m}};
+        {"value", axis.with_constant->constant / um_per_m},
+        {"standard_error", axis.with_constant->standard_error[0] / um_per_m}};
   return json;
 }
 

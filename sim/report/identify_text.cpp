@@ -19,8 +19,6 @@ namespace {
 
 using Eigen::Index;
 
-constexpr double per_m = 1e-6;  // um/m
-
 /// Element of a number: "EXX" of "EXX[2]" and "EXX screw pitch cos 1".
 std::string element_of(const std::string& number) {
   return number.substr(0, number.find_first_of("[ "));
@@ -89,16 +87,16 @@ std::string axis_text(const CompositeAxis& axis, const std::vector<std::string>&
                         escaped(sensors[k]));
   for (Index i = 0; i < fit.slope.size(); ++i)
     text += fmt::format("  slope from start {:<11} {:>9.4f} ({:.2g}) um/m\n",
-                        fit.later[std::size_t(i)] + 1, fit.slope[i] / per_m,
-                        fit.slope_error[i] / per_m);
+                        fit.later[std::size_t(i)] + 1, fit.slope[i] / um_per_m,
+                        fit.slope_error[i] / um_per_m);
   for (std::size_t k = 0; k < sensors.size(); ++k)
-    text +=
-        fmt::format("  {:<28} {:>9.4f} ({:.2g}) um/m/K\n", escaped(sensors[k]),
-                    fit.thermal[Index(k)] / per_m, fit.slope_fit.standard_error[Index(k)] / per_m);
+    text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) um/m/K\n", escaped(sensors[k]),
+                        fit.thermal[Index(k)] / um_per_m,
+                        fit.slope_fit.standard_error[Index(k)] / um_per_m);
   if (axis.with_constant)
     text += fmt::format("  {:<28} {:>9.4f} ({:.2g}) um/m, by the later starts alone\n",
-                        "slope left at dT = 0", axis.with_constant->constant / per_m,
-                        axis.with_constant->standard_error[0] / per_m);
+                        "slope left at dT = 0", axis.with_constant->constant / um_per_m,
+                        axis.with_constant->standard_error[0] / um_per_m);
   return text;
 }
 

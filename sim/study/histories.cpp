@@ -10,7 +10,6 @@
 #include "cutting/residual.h"
 #include "kinematics/units.h"
 #include "sim/calibration/identify.h"
-#include "sim/calibration/identify_thermal.h"
 #include "sim/files/progress.h"
 #include "sim/measure/measure.h"
 #include "sim/readings/readings_file.h"
@@ -83,22 +82,13 @@ std::vector<Readings> readings_of(const Scene& scene, const std::string& day) {
   return all;
 }
 
-ThermalIdentification as_identify_does() {
-  const IdentifyOptions defaults;
-  ThermalIdentification options;
-  options.choice.count = defaults.sensor_count;
-  options.choice.groups = 3 * defaults.sensor_count;
-  options.margin = defaults.margin;
-  return options;
-}
-
 Lesson lesson_of(const Study& study, const std::string& day) {
   const Scene scene = scene_of_day(study, day);
   const std::vector<Readings> readings = readings_of(scene, day);
   const std::string expected = "readings from which heat can be learnt on " + name_of_day(day) +
                                ", every instrument from the same three or more start_h";
   try {
-    IdentifiedThermal found = identify_thermal(readings, as_identify_does());
+    IdentifiedThermal found = identify_thermal(readings, thermal_identification({}));
     return {day, *scene.thermal, std::move(found.belief), std::move(found.day.sensors),
             std::move(found.warnings)};
   } catch (const std::invalid_argument& fault) {

@@ -195,6 +195,15 @@ TEST(CompositeBelief, YangsAxisIsSeparatedAndCorrectedOnDaysThatNobodyMeasured) 
   }
 }
 
+TEST(CompositeBelief, AThermalHalfThatMayNotBeWrittenIsRefusedBeforeTheWork) {
+  const SceneFolder folder;
+  folder.write("b_thermal.txt", "somebody's own");
+  const Scene scene = scene_of(measured_scene(stretching(curved)));
+  EXPECT_THROW(separated(scene, folder, {"no such sensor"}), OutputFailure);
+  EXPECT_FALSE(fs::exists(folder.path() / "b.toml"));
+  EXPECT_EQ(read_text(folder.path() / "b_thermal.txt", 100), "somebody's own");
+}
+
 TEST(CompositeBelief, SaysWhereTheLaterStartsDoNotMeetTheColdOne) {
   const SceneFolder folder;
   // the first start is not cold: a node that no sensor sees has warmed by then and cools
