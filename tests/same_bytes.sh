@@ -11,30 +11,30 @@ few="--set part.vertices=400"
 
 # run NAME ARGUMENTS...: both programs write to one and the same folder, one after the other
 run() {
-  name=$1
+  item=$1
   shift
   for side in old new; do
     [ "$side" = old ] && program=$old || program=$new
     rm -rf "$work/out"
     code=0
     (cd "$root" && "$program" "$@") >"$work/text" 2>"$work/errors" </dev/null || code=$?
-    mkdir -p "$work/$side/$name"
+    mkdir -p "$work/$side/$item"
     { echo "exit $code"; cat "$work/text"; grep -v '\[[0-9]*/[0-9]*\]' "$work/errors" || true; } \
-      >"$work/$side/$name/said"
-    [ -e "$work/out" ] && mv "$work/out" "$work/$side/$name/out"
+      >"$work/$side/$item/said"
+    [ -e "$work/out" ] && mv "$work/out" "$work/$side/$item/out"
     # figures of the run itself
-    find "$work/$side/$name" -name .abbe-result -delete
-    find "$work/$side/$name" \( -name '*.json' -o -name said \) -exec sed -i \
+    find "$work/$side/$item" -name .abbe-result -delete
+    find "$work/$side/$item" \( -name '*.json' -o -name said \) -exec sed -i \
       -e '/"timing_s": {/,/}/d' -e '/"versions": {/,/}/d' -e '/"seconds":/d' -e '/_s": [0-9.e-]*,\{0,1\}$/d' {} +
   done
-  if diff -r "$work/old/$name" "$work/new/$name" >"$work/difference" 2>&1; then
-    printf 'same    %s\n' "$name"
+  if diff -r "$work/old/$item" "$work/new/$item" >"$work/difference" 2>&1; then
+    printf 'same    %s\n' "$item"
   else
-    printf 'DIFFERS %s\n' "$name"
+    printf 'DIFFERS %s\n' "$item"
     head -n 5 "$work/difference" | cut -c 1-160
     differs=1
   fi
-  keep=$work/old/$name/out
+  keep=$work/old/$item/out
 }
 
 root=$(pwd)

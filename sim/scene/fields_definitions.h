@@ -167,7 +167,8 @@ Fields<T>& Fields<T>::direction(const KeyName& name, M member, const char* sente
                                       : reader.direction(key.name, std::invoke(member, to));
       },
       [key, member](const T& from, Node::Table& to) {
-        put_numbers(to, key.name, std::invoke(member, from), 1.0);
+        const Eigen::Vector3d direction = std::invoke(member, from);
+        put_numbers(to, key.name, direction.normalized(), 1.0);
       });
 }
 

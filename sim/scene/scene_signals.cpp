@@ -24,7 +24,7 @@ Fields<SignalsDescription::Current> current_fields() {
       .custom({viscous}, per_rpm,
               [](const Current& current, Node::Table& table) {
                 put(table, "viscous_torque_Nm_per_rpm",
-                    current.viscous_torque * units::rpm / unit_of("_Nm"));
+                    current.viscous_torque * units::rpm / unit_of("viscous_torque_Nm_per_rpm"));
               })
       .number("noise_A", &Current::noise_A, non_negative, "standard deviation of a reading")
       .number("bandwidth_Hz", &Current::bandwidth, non_negative,

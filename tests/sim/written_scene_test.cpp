@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <iostream>
 #include <set>
 
@@ -41,11 +42,18 @@ std::string rounded(const Node& node) {
   return to_toml(copy);
 }
 
+/// Without variants: their changes are those of the scene as its file has it.
+Node written_alone(const Scene& scene) {
+  Node table = written(scene);
+  std::erase_if(*table.table(), [](const Node::Entry& one) { return one.key == "variant"; });
+  return table;
+}
+
 class WrittenScene : public testing::TestWithParam<fs::path> {};
 
 TEST_P(WrittenScene, IsReadAsTheSameScene) {
   const Scene scene = read_scene(GetParam());
-  const Node table = written(scene);
+  const Node table = written_alone(scene);
   Faults faults;
   try {
     EXPECT_EQ(rounded(written(scene_of_tree(table, GetParam(), {}))), rounded(table));
@@ -81,13 +89,16 @@ bool change(Node& leaf) {
 
 TEST_P(WrittenScene, ChangesWithEveryNumberOfIt) {
   const Scene scene = read_scene(GetParam());
-  Node table = written(scene);
+  Node table = written_alone(scene);
   std::vector<std::pair<std::string, Node*>> found;
   leaves(table, "", found);
-  const std::string before = to_toml(written(scene));
+  const std::string before = to_toml(written(scene_of_tree(table, GetParam(), {})));
+  // all of them take minutes
+  const std::size_t stride = std::getenv("ABBE_LONG") ? 1 : 1 + found.size() / 30;
   std::set<std::string> without_effect;
   int tried = 0, refused = 0;
-  for (const auto& [path, leaf] : found) {
+  for (std::size_t i = 0; i < found.size(); i += stride) {
+    const auto& [path, leaf] = found[i];
     const Node kept = *leaf;
     if (!change(*leaf)) continue;
     ++tried;
@@ -100,7 +111,7 @@ TEST_P(WrittenScene, ChangesWithEveryNumberOfIt) {
     *leaf = kept;
   }
   std::cout << tried << " numbers changed, " << refused << " refused\n";
-  EXPECT_GT(tried - refused, 20);
+  EXPECT_GT(tried - refused, 10);
   for (const std::string& path : without_effect) ADD_FAILURE() << path << " changes nothing";
 }
 
