@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <iostream>
 #include <set>
@@ -24,22 +25,29 @@ std::vector<fs::path> packaged_scenes() {
   return files;
 }
 
-struct Round {
-  void operator()(double& v) const { v = std::stod(fmt::format("{:.12e}", v)); }
-  void operator()(Node::Array& v) const {
-    for (Node& one : v) std::visit(*this, one.value);
+/// Where two trees differ by more than the last digits: numbers are written in the unit of their
+/// key.
+std::string difference(const Node& a, const Node& b, const std::string& path = "") {
+  const auto* x = std::get_if<double>(&a.value);
+  const auto* y = std::get_if<double>(&b.value);
+  if (x && y) {
+    const bool near = *x == *y || std::abs(*x - *y) <= 1e-12 + 1e-9 * std::abs(*x);
+    return near ? "" : path + ": " + to_toml_value(*x) + " and " + to_toml_value(*y);
   }
-  void operator()(Node::Table& v) const {
-    for (Node::Entry& one : v) std::visit(*this, one.node.value);
+  std::string all;
+  if (a.table() && b.table() && a.table()->size() == b.table()->size()) {
+    for (std::size_t i = 0; i < a.table()->size(); ++i) {
+      const Node::Entry &of_a = (*a.table())[i], &of_b = (*b.table())[i];
+      all += of_a.key == of_b.key ? difference(of_a.node, of_b.node, path + "." + of_a.key)
+                                  : path + ": keys " + of_a.key + " and " + of_b.key;
+    }
+  } else if (a.array() && b.array() && a.array()->size() == b.array()->size()) {
+    for (std::size_t i = 0; i < a.array()->size(); ++i)
+      all += difference((*a.array())[i], (*b.array())[i], path + "[]");
+  } else if (to_toml_value(a) != to_toml_value(b)) {
+    return path + ": another value";
   }
-  void operator()(auto&) const {}
-};
-
-/// Numbers are written in the unit of their key: read again they may differ in the last digit.
-std::string rounded(const Node& node) {
-  Node copy = node;
-  std::visit(Round{}, copy.value);
-  return to_toml(copy);
+  return all;
 }
 
 /// Without variants: their changes are those of the scene as its file has it.
@@ -56,7 +64,7 @@ TEST_P(WrittenScene, IsReadAsTheSameScene) {
   const Node table = written_alone(scene);
   Faults faults;
   try {
-    EXPECT_EQ(rounded(written(scene_of_tree(table, GetParam(), {}))), rounded(table));
+    EXPECT_EQ(difference(written_alone(scene_of_tree(table, GetParam(), {})), table), "");
   } catch (const BadScene& bad) {
     for (const BadInput& fault : bad.faults) ADD_FAILURE() << fault.what();
   }
@@ -68,7 +76,12 @@ void leaves(Node& node, const std::string& path,
   if (Node::Table* table = node.table()) {
     for (Node::Entry& entry : *table) leaves(entry.node, path + "." + entry.key, found);
   } else if (Node::Array* array = node.array()) {
-    if (!array->empty()) leaves(array->front(), path + "[0]", found);
+    // of a direction the one that is zero: a longer one is the same direction
+    std::size_t one = 0;
+    for (std::size_t i = array->size(); i-- > 0;)
+      if (const auto* number = std::get_if<double>(&(*array)[i].value); number && *number == 0.0)
+        one = i;
+    if (!array->empty()) leaves((*array)[one], path + "[" + std::to_string(one) + "]", found);
   } else {
     found.emplace_back(path, &node);
   }
@@ -99,6 +112,7 @@ TEST_P(WrittenScene, ChangesWithEveryNumberOfIt) {
   int tried = 0, refused = 0;
   for (std::size_t i = 0; i < found.size(); i += stride) {
     const auto& [path, leaf] = found[i];
+    if (path.starts_with(".machine.nose.x[")) continue;  // made square to the axis of the nose
     const Node kept = *leaf;
     if (!change(*leaf)) continue;
     ++tried;
