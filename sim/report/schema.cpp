@@ -143,8 +143,7 @@ void add_demands(Json& to, const std::vector<Key>& keys, const std::set<std::str
   for (const Key& key : keys) {
     if (key.required && key.pattern.empty()) required.push_back(key.name);
     if (!key.either.empty())
-      either.try_emplace(key.either, Json::array())
-          .first->second.push_back(Json{{"required", {key.name}}});
+      either.try_emplace(key.either, Json::array()).first->second.push_back(presence_of(key));
     std::set<std::string> brought;
     for (const Word& word : key.words)
       for (const Key* one : collected(word.keys))
