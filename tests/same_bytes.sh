@@ -22,8 +22,8 @@ run() {
     { echo "exit $code"; cat "$work/text"; grep -v '\[[0-9]*/[0-9]*\]' "$work/errors" || true; } \
       >"$work/$side/$item/said"
     [ -e "$work/out" ] && mv "$work/out" "$work/$side/$item/out"
-    # figures of the run itself
-    find "$work/$side/$item" -name .abbe-result -delete
+    # figures of the run itself, and of the very program
+    find "$work/$side/$item" \( -name .abbe-result -o -name journal.sqlite \) -delete
     find "$work/$side/$item" \( -name '*.json' -o -name said \) -exec sed -i \
       -e '/"timing_s": {/,/}/d' -e '/"versions": {/,/}/d' -e '/"seconds":/d' -e '/_s": [0-9.e-]*,\{0,1\}$/d' {} +
   done
