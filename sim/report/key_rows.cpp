@@ -237,7 +237,14 @@ std::vector<KeyRow> explained(const std::vector<Key>& keys, std::string_view que
   for (const Found& one : found) {
     std::vector<KeyRow> own = key_rows({one.key}, one.path);
     own.front().when = one.when;
-    rows.insert(rows.end(), own.begin(), own.end());
+    const auto like = std::find_if(rows.begin(), rows.end(), [&](const KeyRow& row) {
+      return row.path == own.front().path && row.value == own.front().value &&
+             row.fallback == own.front().fallback && row.sentence == own.front().sentence;
+    });
+    if (like == rows.end())
+      rows.insert(rows.end(), own.begin(), own.end());
+    else if (!one.when.empty())
+      like->when += ", " + one.when.substr(one.when.find('"'));
   }
   return rows;
 }
