@@ -280,17 +280,19 @@ Stock make_stock(const Blank& blank, const Eigen::Isometry3d& T_wk, const StockO
 
 namespace {
 
-using Place = std::tuple<double, double, double>;
+using Coordinates = std::tuple<double, double, double>;
 
-Place place_of(const Points& points, int i) { return {points(i, 0), points(i, 1), points(i, 2)}; }
+Coordinates coordinates_of(const Points& points, int i) {
+  return {points(i, 0), points(i, 1), points(i, 2)};
+}
 
 /// Quadrilaterals between raised rims that lay on one another: a kink of the design has its
 /// vertices twice, one for each normal, and opens when it is raised.
 void bridge_kinks(const Points& before, const std::map<Edge, int>& rim,
                   std::vector<std::array<int, 3>>& triangles) {
-  std::map<std::pair<Place, Place>, Edge> by_place;
+  std::map<std::pair<Coordinates, Coordinates>, Edge> by_place;
   for (const auto& [edge, count] : rim)
-    by_place[{place_of(before, edge.first), place_of(before, edge.second)}] = edge;
+    by_place[{coordinates_of(before, edge.first), coordinates_of(before, edge.second)}] = edge;
   for (const auto& [places, edge] : by_place) {
     const auto other = by_place.find({places.second, places.first});
     if (other == by_place.end() || !(edge < other->second)) continue;

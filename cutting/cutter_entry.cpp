@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <Eigen/Geometry>
 
 #include "cutting/ball_entry.h"
 #include "cutting/cutter_position.h"
 #include "cutting/nearly_convex.h"
+#include "kinematics/numbers.h"
 
 namespace abbe::cutting {
 
@@ -16,11 +16,10 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double straight_tolerance = 1e-9;  // mm, where the search is convex
 constexpr double turning_tolerance = 2e-8;   // mm, where the axis turns
 constexpr double depth_tolerance = 1e-10;    // mm, of a touch that may be missed
-constexpr double least_facing = 1e-15;       // below, the sine between ray and skin is rounding
+constexpr double least_sine = 1e-15;         // below, the sine between ray and skin is rounding
 
 // ---- the cutter at one instant ------------------------------------------------------------------
 
@@ -133,12 +132,12 @@ std::optional<Hit> entry_at(const Cutter& cutter, const Position& at, const Vect
 }
 
 /// Convex function of the place: distance from the cutter, negative inside.
-struct Depth {
+struct SignedDistance {
   double value;
   Vector3d gradient;
 };
 
-Depth depth(const Cutter& cutter, const Position& at, const Vector3d& point) {
+SignedDistance signed_distance(const Cutter& cutter, const Position& at, const Vector3d& point) {
   const Vector3d p = point - at.tip;
   const double h = p.dot(at.axis);
   const Vector3d lateral = p - h * at.axis;
@@ -146,7 +145,7 @@ Depth depth(const Cutter& cutter, const Position& at, const Vector3d& point) {
   const Vector3d radial = rho > 0 ? Vector3d(lateral / rho) : Vector3d::Zero();
   const double a = rho - (cutter.radius - cutter.corner_radius);
   const double b = cutter.corner_radius - h;
-  Depth body;
+  SignedDistance body;
   if (a > 0 && b > 0) {
     const double length = std::hypot(a, b);
     body = {length - cutter.corner_radius, (a * radial - b * at.axis) / length};
@@ -161,7 +160,7 @@ Depth depth(const Cutter& cutter, const Position& at, const Vector3d& point) {
     const double length = std::hypot(beside, above);
     return {length, (beside * radial + above * at.axis) / length};
   }
-  return above > body.value ? Depth{above, at.axis} : body;
+  return above > body.value ? SignedDistance{above, at.axis} : body;
 }
 
 // ---- the cutter over a move ---------------------------------------------------------------------
@@ -184,13 +183,14 @@ class Sweep {
     const std::optional<Hit> hit = entry_at(cutter_, at, ray_.point, ray_.normal);
     if (!hit) return sample;
     if (hit->s <= -ray_.band) {
-      sample.defined = depth(cutter_, at, ray_.point - ray_.band * ray_.normal).value <= 0;
+      sample.defined =
+          signed_distance(cutter_, at, ray_.point - ray_.band * ray_.normal).value <= 0;
       sample.value = sample.defined ? -ray_.band : infinity;
       return sample;
     }
     sample.defined = true;
     sample.value = hit->s;
-    const double facing = std::max(-hit->outward.dot(ray_.normal), least_facing);
+    const double facing = std::max(-hit->outward.dot(ray_.normal), least_sine);
     const Vector3d arm = ray_.point + hit->s * ray_.normal - at.tip;
     sample.slope = -hit->outward.dot(velocity(arm)) / facing;
     sample.dip = dip(hit->outward, arm, sample.slope * ray_.normal) / facing;
@@ -249,7 +249,7 @@ class Sweep {
       Vector3d outward;
     };
     const auto along = [&](double s) {
-      const Depth d = depth(cutter_, at, ray_.point + s * ray_.normal);
+      const SignedDistance d = signed_distance(cutter_, at, ray_.point + s * ray_.normal);
       return Along{s, d.value, d.gradient.dot(ray_.normal), d.gradient};
     };
     Along a = along(-ray_.band);
@@ -300,7 +300,7 @@ class Sweep {
   /// counts up to the end of the band.
   Promise entry_floor(const Piece& piece) const {
     const auto line = [&](const Sample& end) {
-      if (end.facing <= least_facing) return Line{-1e300, -1e300};
+      if (end.facing <= least_sine) return Line{-1e300, -1e300};
       const Line clear = clearance(end.outward, piece);
       const double lower = 4e-16 * ray_.band;
       return Line{(clear.at_a - lower) / end.facing, (clear.at_b - lower) / end.facing};

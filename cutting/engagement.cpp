@@ -15,29 +15,25 @@ namespace abbe::cutting {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
+using std::numbers::pi;
 
 namespace {
 
-constexpr double pi = std::numbers::pi;
 constexpr int fewest_in_corner = 6;
 constexpr double no_feed = 1e-9;    // part of the feed, below which it is rounding
 constexpr double end_angle = 1e-7;  // rad, to which ends of arcs are found
 
 void check(const Cutter& cutter, const EngagementOptions& options) {
-  if (!(std::isfinite(cutter.radius) && cutter.radius > 0.0 && cutter.corner_radius >= 0.0 &&
-        cutter.corner_radius <= cutter.radius && std::isfinite(cutter.flank_length) &&
-        cutter.flank_length >= cutter.corner_radius))
-    throw std::invalid_argument(
-        "cutter: expected radius > 0, corner radius from 0 to radius, flank at least as long");
+  check_cutter(cutter);
   if (options.slices_per_radius < 1 || options.angles < 4 || !(options.max_slice > 0.0))
     throw std::invalid_argument(
         "engagement: expected 1 or more slices a radius, 4 or more angles, slices above 0 mm");
 }
 
 /// The outline of a cutter by the length along it from the middle of its bottom.
-class Outline {
+class CutterOutline {
  public:
-  explicit Outline(const Cutter& cutter)
+  explicit CutterOutline(const Cutter& cutter)
       : cutter_(cutter),
         flat_(cutter.radius - cutter.corner_radius),
         corner_end_(flat_ + 0.5 * pi * cutter.corner_radius),
@@ -69,7 +65,7 @@ class Outline {
 
 /// Places along the outline between slices. A flat, a corner and a flank each begin a slice.
 std::vector<double> borders(const Cutter& cutter, const EngagementOptions& options) {
-  const Outline outline(cutter);
+  const CutterOutline outline(cutter);
   const double fine = 0.5 * pi * cutter.radius / options.slices_per_radius;
   std::vector<double> at{0.0};
   const auto slice = [&](double end, double longest) {
@@ -84,7 +80,7 @@ std::vector<double> borders(const Cutter& cutter, const EngagementOptions& optio
   return at;
 }
 
-EdgeSlice slice_between(const Outline& outline, double from, double to) {
+EdgeSlice slice_between(const CutterOutline& outline, double from, double to) {
   const double middle = 0.5 * (from + to);
   const Vector2d place = outline.place(middle);
   return {place.y(), place.x(), to - from, outline.kappa(middle)};
@@ -305,7 +301,7 @@ class Look {
   }
 
   DepthProbe probe_;
-  Outline outline_;
+  CutterOutline outline_;
   std::vector<double> borders_;
   int bins_;
   double bin_;  // rad
@@ -318,7 +314,7 @@ class Look {
 
 std::vector<EdgeSlice> slices(const Cutter& cutter, const EngagementOptions& options) {
   check(cutter, options);
-  const Outline outline(cutter);
+  const CutterOutline outline(cutter);
   const std::vector<double> at = borders(cutter, options);
   std::vector<EdgeSlice> result;
   for (std::size_t i = 0; i + 1 < at.size(); ++i)

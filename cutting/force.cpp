@@ -14,7 +14,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double turn = 2.0 * pi;
+constexpr double full_turn = 2.0 * pi;
 constexpr double no_chip = 1e-12;    // of the feed: a side along the feed, by rounding
 constexpr double no_extent = 1e-12;  // rad: an edge that stands upright
 
@@ -37,7 +37,7 @@ Harmonic feed_part(const EdgeSlice& slice, const Vector3d& feed_t, double feed) 
   return {-feed * std::cos(slice.kappa) * feed_t.z(), flank * feed_t.x(), flank * feed_t.y()};
 }
 
-struct Stretch {
+struct ChipArc {
   double from = 0.0, to = 0.0;  ///< rad
   Harmonic chip;
 };
@@ -48,13 +48,13 @@ void add_zeros(const Harmonic& h, double from, double to, std::vector<double>& z
   const double middle = std::atan2(h.sin, h.cos);
   const double half = std::acos(-h.mean / amplitude);
   for (const double zero : {middle - half, middle + half}) {
-    double phi = zero + turn * std::ceil((from - zero) / turn);
-    for (; phi < to; phi += turn) zeros.push_back(phi);
+    double phi = zero + full_turn * std::ceil((from - zero) / full_turn);
+    for (; phi < to; phi += full_turn) zeros.push_back(phi);
   }
 }
 
 /// Where the least of some thicknesses is a chip, and which of them it is.
-std::vector<Stretch> chips(const std::vector<Harmonic>& thicknesses, double from, double to,
+std::vector<ChipArc> chips(const std::vector<Harmonic>& thicknesses, double from, double to,
                            double feed) {
   std::vector<double> ends{from};
   for (std::size_t m = 0; m < thicknesses.size(); ++m) {
@@ -63,7 +63,7 @@ std::vector<Stretch> chips(const std::vector<Harmonic>& thicknesses, double from
   }
   ends.push_back(to);
   std::sort(ends.begin(), ends.end());
-  std::vector<Stretch> result;
+  std::vector<ChipArc> result;
   for (std::size_t i = 0; i + 1 < ends.size(); ++i) {
     const double middle = 0.5 * (ends[i] + ends[i + 1]);
     const Harmonic least = *std::min_element(
@@ -92,7 +92,7 @@ Along along(const Harmonic& h, double one, const Eigen::Vector4d& of) {
 }
 
 /// By middle and half width, so that a narrow stretch loses no digits.
-Along along(const Stretch& stretch) {
+Along along(const ChipArc& stretch) {
   const double middle = 0.5 * (stretch.from + stretch.to);
   const double half = 0.5 * (stretch.to - stretch.from);
   const double one = half > 0.0 ? std::sin(half) / half : 1.0;
@@ -112,7 +112,7 @@ double bow(double x) {
 }
 
 /// The same means, each times the angle from the middle.
-Along leaning(const Stretch& stretch) {
+Along leaning(const ChipArc& stretch) {
   const double middle = 0.5 * (stretch.from + stretch.to);
   const double half = 0.5 * (stretch.to - stretch.from);
   const double one = half * bow(half), two = half * bow(2.0 * half);
@@ -127,8 +127,8 @@ Vector3d turned(const Vector3d& radial, const Vector3d& around, double axial) {
 }
 
 /// An edge of a slice in material.
-struct Piece {
-  Stretch stretch;
+struct CuttingEdge {
+  ChipArc stretch;
   double length = 0.0;  ///< mm
   double height = 0.0;  ///< mm above the tip, at the stretch's middle
   double rise = 0.0;    ///< mm of height per rad
@@ -138,13 +138,13 @@ class LoadSum {
  public:
   LoadSum(const CuttingCoefficients& K, bool clockwise) : K_(K), turning_(clockwise ? 1.0 : -1.0) {}
 
-  void add(const EdgeSlice& slice, const Piece& piece) {
+  void add(const EdgeSlice& slice, const CuttingEdge& piece) {
     const Forces F = forces(slice, piece.length, along(piece.stretch));
     const double r = slice.radius, z = piece.height;
     load_.on_tool_t.head<3>() += turned(F.radial, F.around, F.axial[0]);
     load_.on_tool_t.tail<3>() += turned(-z * F.around, z * F.radial - r * F.axial, r * F.around[0]);
     load_.torque += turning_ * r * F.around[0];
-    load_.chip_volume += turn * r * F.chip;
+    load_.chip_volume += full_turn * r * F.chip;
     load_.contact_t += Vector3d(r * F.amounts[1], r * F.amounts[2], z * F.amounts[0]);
     amount_ += F.amounts[0];
     if (piece.rise == 0.0) return;
@@ -196,7 +196,7 @@ const EdgeSlice& slice_of(const Engagement& engagement, const EngagedArc& arc) {
 // ---- at an angle
 
 /// The edge of one flute on one slice.
-struct Edge {
+struct FluteEdge {
   double middle = 0.0;       ///< rad about z
   double half_extent = 0.0;  ///< rad, of its upper end from its middle
   double half_height = 0.0;  ///< mm
@@ -213,7 +213,7 @@ std::vector<Harmonic> thicknesses(const EdgeSlice& slice, const Vector3d& feed_t
   const double now = spindle_angle + flutes.run_out_angle;
   std::vector<Harmonic> result;
   for (int m = 1; m <= flutes.count; ++m) {
-    const double then = now + (flutes.clockwise ? turn : -turn) * m / flutes.count;
+    const double then = now + (flutes.clockwise ? full_turn : -full_turn) * m / flutes.count;
     const bool itself = m == flutes.count;
     result.push_back({m * part.mean,
                       m * part.cos + (itself ? 0.0 : out * (std::cos(now) - std::cos(then))),
@@ -222,17 +222,17 @@ std::vector<Harmonic> thicknesses(const EdgeSlice& slice, const Vector3d& feed_t
   return result;
 }
 
-void add_edge(const Edge& edge, const EdgeSlice& slice, const EngagedArc& arc,
+void add_edge(const FluteEdge& edge, const EdgeSlice& slice, const EngagedArc& arc,
               const std::vector<Harmonic>& thicknesses, double feed, LoadSum& sum) {
   const double low = edge.middle - std::abs(edge.half_extent);
   const double high = edge.middle + std::abs(edge.half_extent);
   const bool upright = edge.is_upright();
   const double rise = upright ? 0.0 : edge.half_height / edge.half_extent;
-  double shift = turn * std::ceil((low - arc.to) / turn);
-  for (; arc.from + shift <= high; shift += turn) {
+  double shift = full_turn * std::ceil((low - arc.to) / full_turn);
+  for (; arc.from + shift <= high; shift += full_turn) {
     const double from = std::max(low, arc.from + shift), to = std::min(high, arc.to + shift);
     if (upright ? !(edge.middle < arc.to + shift) : !(from < to)) continue;
-    for (const Stretch& one : chips(thicknesses, from, upright ? from : to, feed)) {
+    for (const ChipArc& one : chips(thicknesses, from, upright ? from : to, feed)) {
       const double off = 0.5 * (one.from + one.to) - edge.middle;
       const double share = upright ? 1.0 : (one.to - one.from) / (high - low);
       sum.add(slice, {one, slice.length * share, slice.height + rise * off, rise});
@@ -272,8 +272,8 @@ CuttingLoad mean_force(const Engagement& engagement, const CuttingCoefficients& 
   for (const EngagedArc& arc : engagement.arcs) {
     const EdgeSlice& slice = slice_of(engagement, arc);
     const Harmonic chip = feed_part(slice, engagement.feed_t, feed_per_tooth);
-    for (const Stretch& one : chips({chip}, arc.from, arc.to, feed_per_tooth)) {
-      const double teeth = flutes.count * (one.to - one.from) / turn;  // on it, on average
+    for (const ChipArc& one : chips({chip}, arc.from, arc.to, feed_per_tooth)) {
+      const double teeth = flutes.count * (one.to - one.from) / full_turn;  // on it, on average
       sum.add(slice, {one, teeth * slice.length, slice.height, 0.0});
     }
   }
@@ -287,7 +287,8 @@ CuttingLoad force_at(const Engagement& engagement, const CuttingCoefficients& co
   double radius = 0.0;
   for (const EdgeSlice& slice : engagement.slices) radius = std::max(radius, slice.radius);
   const double lag = radius > 0.0 ? std::tan(flutes.helix) / radius : 0.0;
-  const double pitch = (flutes.clockwise ? turn : -turn) / flutes.count;  // to the tooth behind
+  const double pitch =
+      (flutes.clockwise ? full_turn : -full_turn) / flutes.count;  // to the tooth behind
   LoadSum sum(coefficients, flutes.clockwise);
   for (const EngagedArc& arc : engagement.arcs) {
     const EdgeSlice& slice = slice_of(engagement, arc);
@@ -295,8 +296,8 @@ CuttingLoad force_at(const Engagement& engagement, const CuttingCoefficients& co
         thicknesses(slice, engagement.feed_t, feed_per_tooth, flutes, spindle_angle);
     const double half_height = 0.5 * slice.length * std::sin(slice.kappa);
     for (int flute = 0; flute < flutes.count; ++flute) {
-      const Edge edge{spindle_angle + flute * pitch + lag * slice.height, lag * half_height,
-                      half_height};
+      const FluteEdge edge{spindle_angle + flute * pitch + lag * slice.height, lag * half_height,
+                           half_height};
       add_edge(edge, slice, arc, chip, feed_per_tooth, sum);
     }
   }
@@ -326,7 +327,7 @@ CuttingLoad turning_force(const std::vector<EngagedEdge>& edges, const Nose& nos
     load.on_tool_t.head<3>() += force;
     load.on_tool_t.tail<3>() += (radius * outward).cross(force);
     load.torque += tangential * work_radius;
-    load.chip_volume += turn * work_radius * edge.chip * edge.length;
+    load.chip_volume += full_turn * work_radius * edge.chip * edge.length;
     load.contact_t += (tangential + normal) * radius * outward;
     amount += tangential + normal;
   }

@@ -58,7 +58,9 @@ std::optional<Eigen::VectorXd> form_residual(const Design& design, const Surface
   return Eigen::VectorXd(r - A * solution);
 }
 
-double spread(const Eigen::VectorXd& values) { return values.maxCoeff() - values.minCoeff(); }
+double peak_to_valley(const Eigen::VectorXd& values) {
+  return values.maxCoeff() - values.minCoeff();
+}
 
 // --- minimum zone of a plane --------------------------------------------------------------------
 
@@ -211,7 +213,7 @@ std::vector<FormNumber> form(const Primitive& primitive, const Design& design_m,
   const auto residual = form_residual(design_m, surface, cut);
   if (!residual) return {};
   const Wanted what = wanted(primitive);
-  std::vector<FormNumber> numbers{{what.name, spread(*residual)}};
+  std::vector<FormNumber> numbers{{what.name, peak_to_valley(*residual)}};
   if (what.flat)
     if (const auto zone = minimum_zone(over_plane(design_m, cut, *residual)))
       numbers.push_back({"flatness_minimum_zone", *zone});
@@ -253,7 +255,7 @@ Circle fit_circle(const Eigen::Matrix<double, Eigen::Dynamic, 2>& points) {
     if (step.norm() < 1e-15 * scale) break;
   }
   const Eigen::VectorXd distance = (q.rowwise() - centre.transpose()).rowwise().norm();
-  return {centre + middle.transpose(), radius, spread(distance)};
+  return {centre + middle.transpose(), radius, peak_to_valley(distance)};
 }
 
 }  // namespace abbe::cutting

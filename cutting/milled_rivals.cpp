@@ -20,7 +20,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr int block_size = 64;       // vertices that share their hints
+constexpr int rival_block = 64;      // vertices that share their hints
 constexpr double least_rise = 1e-6;  // mm, that parts two passes
 constexpr double no_rise = 1e-7;     // mm, more than the error of first_entry
 constexpr int patience = 8;          // parts on which a walk may stay level
@@ -157,7 +157,7 @@ std::vector<Rival> milled_rivals(const Design& design_w, const Cutter& cutter,
   const ThinRays thin_rays(design_w, options.band);
   std::vector<std::vector<Rival>> of_vertex(std::size_t(design_w.vertices.rows()));
   std::atomic<std::size_t> finished = 0;
-  const auto range_of_all = tbb::blocked_range<std::size_t>(0, order.size(), block_size);
+  const auto range_of_all = tbb::blocked_range<std::size_t>(0, order.size(), rival_block);
   tbb::parallel_for(range_of_all, [&](const auto& range) {
     SweepTree::Hint hint;
     for (std::size_t k = range.begin(); k < range.end(); ++k) {

@@ -16,7 +16,7 @@ using Eigen::Index;
 
 namespace {
 
-constexpr int block_size = 512;  // vertices that share their hints
+constexpr int first_cut_block = 512;  // vertices that share their hints
 
 FirstCut cut_of(const Removal& removal, const CutterMotion& motion) {
   const Index next = std::min<Index>(removal.move + 1, motion.tip.rows() - 1);
@@ -48,7 +48,7 @@ Surface milled_surface(const Design& design_w, const Cutter& cutter, const Cutte
 
   const SweepTree tree(cutter, motion);
   std::atomic<std::size_t> finished = 0;
-  const auto range_of_all = tbb::blocked_range<std::size_t>(0, order.size(), block_size);
+  const auto range_of_all = tbb::blocked_range<std::size_t>(0, order.size(), first_cut_block);
   tbb::parallel_for(range_of_all, [&](const auto& range) {
     SweepTree::Hint hint;
     for (std::size_t k = range.begin(); k < range.end(); ++k) {

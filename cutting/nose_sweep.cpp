@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <stdexcept>
 
 #include "kinematics/pose.h"
+#include "kinematics/require.h"
 
 namespace abbe::cutting {
 namespace {
@@ -17,34 +17,30 @@ using std::numbers::pi;
 
 constexpr double most_revolutions = 20e6;
 
-void expect(bool holds, const char* what) {
-  if (!holds) throw std::invalid_argument(what);
-}
-
 void check(const NoseMotion& motion) {
   const auto n = Eigen::Index(motion.T_slow.size());
-  expect(motion.spindle.size() == n && motion.time_s.size() == n &&
-             Eigen::Index(motion.line.size()) == n,
-         "nose motion: expected as many spindle angles, times and lines as poses");
-  expect(
+  require(motion.spindle.size() == n && motion.time_s.size() == n &&
+              Eigen::Index(motion.line.size()) == n,
+          "nose motion: expected as many spindle angles, times and lines as poses");
+  require(
       motion.spindle.allFinite() && motion.time_s.allFinite() && motion.spindle_point.allFinite(),
       "nose motion: expected finite numbers");
-  expect(std::abs(motion.spindle_direction.norm() - 1.0) <= 1e-9,
-         "nose motion: expected a unit spindle direction");
+  require(std::abs(motion.spindle_direction.norm() - 1.0) <= 1e-9,
+          "nose motion: expected a unit spindle direction");
   for (Eigen::Index i = 0; i < n; ++i) {
     const Eigen::Isometry3d& T = motion.T_slow[std::size_t(i)];
-    expect(T.matrix().allFinite(), "nose motion: expected finite poses");
-    expect((T.linear().transpose() * T.linear() - Matrix3d::Identity()).norm() <= 1e-9 &&
-               T.linear().determinant() > 0.0,
-           "nose motion: expected rotations");
-    expect(i == 0 || motion.time_s[i] > motion.time_s[i - 1],
-           "nose motion: expected strictly increasing times");
+    require(T.matrix().allFinite(), "nose motion: expected finite poses");
+    require((T.linear().transpose() * T.linear() - Matrix3d::Identity()).norm() <= 1e-9 &&
+                T.linear().determinant() > 0.0,
+            "nose motion: expected rotations");
+    require(i == 0 || motion.time_s[i] > motion.time_s[i - 1],
+            "nose motion: expected strictly increasing times");
   }
   double turned = 0.0;
   for (Eigen::Index i = 1; i < n; ++i) {
     turned += std::abs(motion.spindle[i] - motion.spindle[i - 1]);
   }
-  expect(turned <= most_revolutions * 2.0 * pi, "nose motion: expected at most 20e6 revolutions");
+  require(turned <= most_revolutions * 2.0 * pi, "nose motion: expected at most 20e6 revolutions");
 }
 
 Matrix3d spindle_axes(const Vector3d& direction) {

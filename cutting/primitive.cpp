@@ -16,7 +16,7 @@ namespace {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-using Piece = RevolvedProfile::Piece;
+using ProfilePiece = RevolvedProfile::Piece;
 using std::numbers::pi;
 
 constexpr double join_tolerance = 1e-9;    // mm: pieces that meet better than 1 pm are connected
@@ -24,12 +24,12 @@ constexpr double smooth_tolerance = 1e-9;  // rad: below it two normals at a joi
 
 // --- dimensions -------------------------------------------------------------------------------
 
-void require(bool holds, const std::string& what, double seen) {
+void demand(bool holds, const std::string& what, double seen) {
   if (!holds) throw std::invalid_argument(fmt::format("{}, seen {}", what, seen));
 }
 
 void require_positive(double value, const std::string& name) {
-  require(std::isfinite(value) && value > 0.0, name + " must be positive and finite", value);
+  demand(std::isfinite(value) && value > 0.0, name + " must be positive and finite", value);
 }
 
 double top_radius(const Cone& cone) {
@@ -43,8 +43,8 @@ void validate(const RectanglePlane& p) {
 }
 void validate(const Disc& p) {
   require_positive(p.radius, "radius of the disc");
-  require(p.inner_radius >= 0.0 && p.inner_radius < p.radius,
-          "inner_radius of the disc must be from 0 to below its radius", p.inner_radius);
+  demand(p.inner_radius >= 0.0 && p.inner_radius < p.radius,
+         "inner_radius of the disc must be from 0 to below its radius", p.inner_radius);
 }
 void validate(const Cylinder& p) {
   require_positive(p.radius, "radius of the cylinder");
@@ -53,45 +53,45 @@ void validate(const Cylinder& p) {
 void validate(const Cone& p) {
   require_positive(p.base_radius, "base_radius of the cone");
   require_positive(p.height, "height of the cone");
-  require(p.half_apex_angle > 0.0 && p.half_apex_angle < pi / 2,
-          "half_apex_angle of the cone must be between 0 and pi/2", p.half_apex_angle);
-  require(top_radius(p) >= 0.0, "height of the cone must end at or below its apex", p.height);
+  demand(p.half_apex_angle > 0.0 && p.half_apex_angle < pi / 2,
+         "half_apex_angle of the cone must be between 0 and pi/2", p.half_apex_angle);
+  demand(top_radius(p) >= 0.0, "height of the cone must end at or below its apex", p.height);
 }
 void validate(const SphereCap& p) {
   require_positive(p.radius, "radius of the sphere");
-  require(p.rim_radius > 0.0 && p.rim_radius <= p.radius,
-          "rim_radius of the sphere must be above 0 and at most its radius", p.rim_radius);
+  demand(p.rim_radius > 0.0 && p.rim_radius <= p.radius,
+         "rim_radius of the sphere must be above 0 and at most its radius", p.rim_radius);
 }
 void validate(const Torus& p) {
   require_positive(p.radius, "radius of the torus");
   require_positive(p.tube_radius, "tube_radius of the torus");
-  require(p.tube_radius <= p.radius, "tube_radius of the torus must be at most its radius",
-          p.tube_radius);
+  demand(p.tube_radius <= p.radius, "tube_radius of the torus must be at most its radius",
+         p.tube_radius);
 }
 void validate(const RevolvedProfile& p) {
   if (p.pieces.empty()) throw std::invalid_argument("profile must have at least one piece");
   for (std::size_t i = 0; i < p.pieces.size(); ++i) {
-    const Piece& piece = p.pieces[i];
+    const ProfilePiece& piece = p.pieces[i];
     const std::string name = fmt::format("piece {} of the profile", i);
     if (!piece.from.allFinite() || !piece.to.allFinite() || !std::isfinite(piece.arc_radius))
       throw std::invalid_argument(name + " must have finite numbers only");
     const double chord = (piece.to - piece.from).norm();
-    require(piece.from.x() >= 0.0, name + " must not start below r = 0", piece.from.x());
-    require(piece.to.x() > 0.0, name + " must end above r = 0", piece.to.x());
-    require(piece.to.x() >= piece.from.x(), name + " must not come back to the axis: r at its end",
-            piece.to.x());
-    require(chord > join_tolerance, name + " must have a length", chord);
-    require(piece.arc_radius == 0.0 || 2.0 * std::abs(piece.arc_radius) >= chord * (1.0 - 1e-12),
-            name + fmt::format(" must have an arc radius of at least half its chord {}", chord),
-            piece.arc_radius);
+    demand(piece.from.x() >= 0.0, name + " must not start below r = 0", piece.from.x());
+    demand(piece.to.x() > 0.0, name + " must end above r = 0", piece.to.x());
+    demand(piece.to.x() >= piece.from.x(), name + " must not come back to the axis: r at its end",
+           piece.to.x());
+    demand(chord > join_tolerance, name + " must have a length", chord);
+    demand(piece.arc_radius == 0.0 || 2.0 * std::abs(piece.arc_radius) >= chord * (1.0 - 1e-12),
+           name + fmt::format(" must have an arc radius of at least half its chord {}", chord),
+           piece.arc_radius);
     const Section s = section(piece);
     const double least = std::min(s.tangent.x(), at(s, s.length).normal.y());
-    require(least >= -1e-9, name + " must not bulge beyond its ends: cosine of its steepest slope",
-            least);
+    demand(least >= -1e-9, name + " must not bulge beyond its ends: cosine of its steepest slope",
+           least);
     if (i > 0)
-      require((piece.from - p.pieces[i - 1].to).norm() <= join_tolerance,
-              name + " must start where the one before ends: gap in mm",
-              (piece.from - p.pieces[i - 1].to).norm());
+      demand((piece.from - p.pieces[i - 1].to).norm() <= join_tolerance,
+             name + " must start where the one before ends: gap in mm",
+             (piece.from - p.pieces[i - 1].to).norm());
   }
 }
 
@@ -191,7 +191,7 @@ std::vector<Ring> rings_for(const std::vector<Section>& sections, int wanted) {
   return best;
 }
 
-double azimuth(const Ring& ring, int k) {
+double vertex_azimuth(const Ring& ring, int k) {
   return 2.0 * pi * (k + fraction(ring.phase * 0.6180339887498949)) / ring.count;
 }
 
@@ -206,12 +206,12 @@ void zip(const Ring& inner, int first_inner, const Ring& outer, int first_outer,
     return;
   }
   // start the inner walk at the vertex next to the outer ring's first one
-  const int start = static_cast<int>(
-      std::lround(azimuth(outer, 0) / (2.0 * pi) * n - fraction(inner.phase * 0.6180339887498949)));
+  const int start = static_cast<int>(std::lround(vertex_azimuth(outer, 0) / (2.0 * pi) * n -
+                                                 fraction(inner.phase * 0.6180339887498949)));
   int i = 0, j = 0;
   while (i < n || j < m) {
-    const double next_i = azimuth(inner, start + i) + azimuth(inner, start + i + 1);
-    const double next_j = azimuth(outer, j) + azimuth(outer, j + 1);
+    const double next_i = vertex_azimuth(inner, start + i) + vertex_azimuth(inner, start + i + 1);
+    const double next_j = vertex_azimuth(outer, j) + vertex_azimuth(outer, j + 1);
     if (j < m && (i >= n || next_j <= next_i)) {
       triangles.push_back({inside(start + i), outside(j), outside(j + 1)});
       ++j;
@@ -237,7 +237,7 @@ Design finished(Points vertices, Points normals, const std::vector<Eigen::Vector
 
 Design tessellated(const RevolvedProfile& outline, int wanted) {
   std::vector<Section> sections;
-  for (const Piece& piece : outline.pieces) sections.push_back(section(piece));
+  for (const ProfilePiece& piece : outline.pieces) sections.push_back(section(piece));
   const std::vector<Ring> all = rings_for(sections, wanted);
 
   Points vertices(total(all), 3);
@@ -248,7 +248,7 @@ Design tessellated(const RevolvedProfile& outline, int wanted) {
     const Ring& ring = all[k];
     const Station& s = ring.station;
     for (int i = 0; i < ring.count; ++i) {
-      const double c = std::cos(azimuth(ring, i)), sine = std::sin(azimuth(ring, i));
+      const double c = std::cos(vertex_azimuth(ring, i)), sine = std::sin(vertex_azimuth(ring, i));
       vertices.row(first + i) << s.point.x() * c, s.point.x() * sine, s.point.y();
       normals.row(first + i) << s.normal.x() * c, s.normal.x() * sine, s.normal.y();
     }
@@ -331,8 +331,8 @@ RevolvedProfile continued(RevolvedProfile outline, double margin) {
 
 Design tessellate(const Primitive& primitive, const TessellateOptions& options) {
   validate_any(primitive);
-  require(options.vertices >= 100 && options.vertices <= 50'000'000,
-          "number of vertices must be from 100 to 50 million", options.vertices);
+  demand(options.vertices >= 100 && options.vertices <= 50'000'000,
+         "number of vertices must be from 100 to 50 million", options.vertices);
   if (const auto* plane = std::get_if<RectanglePlane>(&primitive))
     return tessellated(*plane, options.vertices);
   return tessellated(profile(primitive), options.vertices);
@@ -348,7 +348,7 @@ std::optional<Contact> contact_above(const Primitive& primitive, double x, doubl
   }
   const double r = std::hypot(x, y);
   std::optional<Station> highest;
-  for (const Piece& piece : profile(primitive).pieces) {
+  for (const ProfilePiece& piece : profile(primitive).pieces) {
     const bool upright = piece.to.x() == piece.from.x();
     if (upright || !(r >= piece.from.x() && r <= piece.to.x())) continue;
     const Station here = at_radius(section(piece), r);
@@ -361,7 +361,7 @@ std::optional<Contact> contact_above(const Primitive& primitive, double x, doubl
 }
 
 Primitive enlarged(const Primitive& primitive, double margin) {
-  require(std::isfinite(margin) && margin >= 0.0, "margin must be finite and not negative", margin);
+  demand(std::isfinite(margin) && margin >= 0.0, "margin must be finite and not negative", margin);
   validate_any(primitive);
   return std::visit(
       [&](const auto& p) -> Primitive {

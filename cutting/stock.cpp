@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "cutting/depth_probe.h"
 #include "cutting/sum.h"
+#include "kinematics/numbers.h"
 
 namespace abbe::cutting {
 
@@ -13,13 +13,11 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
 // In spacings. Beyond these a depth says no more than its side.
 // A node of a cell that a plane cuts is at most 3 spacings from it along the steepest line.
-constexpr float farthest = 3.0F;     // of three directions
-constexpr float off_edge = 1.0F;     // the same, of a node whose lines have no skin
-constexpr double farthest_up = 4.0;  // of one direction
+constexpr float farthest_seen = 3.0F;  // of three directions
+constexpr float off_edge = 1.0F;       // the same, of a node whose lines have no skin
+constexpr double farthest_up = 4.0;    // of one direction
 constexpr float nowhere = 1e6F;
 
 const DexelLine& line_of(const DexelField& field, int first, int second) {
@@ -114,7 +112,7 @@ double DepthProbe::along_three(const Vector3d& place, const int* cell) const {
     const float b = y * side >= 0.0F ? y * side : nowhere;
     const float c = z * side >= 0.0F ? z * side : nowhere;
     const float nearest = std::min(a, std::min(b, c));
-    depths[node] = side * (nearest < nowhere ? std::min(nearest, farthest) : off_edge);
+    depths[node] = side * (nearest < nowhere ? std::min(nearest, farthest_seen) : off_edge);
   }
   const double u = place.x() - cell[0], v = place.y() - cell[1], w = place.z() - cell[2];
   double plane[2];

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -10,6 +9,7 @@
 #include "cutting/stock.h"
 #include "cutting/swept_cutter.h"
 #include "cutting/tool_path.h"
+#include "kinematics/numbers.h"
 
 namespace abbe::cutting {
 
@@ -17,23 +17,11 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double part_sag = 1e-3;      // mm, by which a part of a move leaves a translation
 constexpr double frozen_twist = 5e-4;  // mm, the same along one line
 constexpr double settled_end = 1e-3;   // mm, the next end then moves by a hundredth of it
 constexpr double crash_length = 1e-6;  // mm of a line
 constexpr double most_parts = 1e5;     // of a move
-
-void check(const Cutter& cutter) {
-  const bool possible = std::isfinite(cutter.radius) && cutter.radius > 0.0 &&
-                        cutter.corner_radius >= 0.0 && cutter.corner_radius <= cutter.radius &&
-                        std::isfinite(cutter.flank_length) &&
-                        cutter.flank_length >= cutter.corner_radius;
-  if (!possible) {
-    throw std::invalid_argument(
-        "cutter: expected radius > 0, corner radius from 0 to radius, flank at least as long");
-  }
-}
 
 /// A cutter with all of its surface moved inwards, its tip staying where the bottom then is; or
 /// outwards for a negative margin.
@@ -372,7 +360,7 @@ void sweep_field(DexelField& field, const Places& footprint, double spacing, con
 }  // namespace
 
 Removed remove(Stock& stock, const Cutter& cutter, const StockMove& move, Dexels dexels) {
-  check(cutter);
+  check_cutter(cutter);
   const ToolPath path(stock, move);
   const double arm = cutter.flank_length + cutter.radius;
   const double bow = 0.125 * path.angle() * (path.angle() * arm + 2.0 * path.length());

@@ -11,6 +11,7 @@
 #include <tbb/parallel_sort.h>
 
 #include "cutting/hilbert.h"
+#include "kinematics/require.h"
 
 namespace abbe::cutting {
 
@@ -21,11 +22,7 @@ namespace {
 
 constexpr double unit_tolerance = 1e-9;  // 0.5 nm on a cutter of 500 mm
 
-void expect(bool holds, const char* what) {
-  if (!holds) throw std::invalid_argument(what);
-}
-
-void require(bool holds, const std::string& what) {
+void require_milled(bool holds, const std::string& what) {
   if (!holds) throw std::invalid_argument("milled surface: " + what);
 }
 
@@ -35,37 +32,42 @@ bool is_unit(const Vector3d& v) { return std::abs(v.norm() - 1) <= unit_toleranc
 
 void check(const Cutter& cutter) {
   const auto& [radius, corner, flank] = cutter;
-  require(std::isfinite(radius) && radius > 0, "the cutter's radius is not positive and finite");
-  require(corner >= 0 && corner <= radius, "the corner radius is not between 0 and the radius");
-  require(std::isfinite(flank) && flank >= corner && flank > 0,
-          "the flank length is not positive, finite and at least the corner radius");
+  require_milled(std::isfinite(radius) && radius > 0,
+                 "the cutter's radius is not positive and finite");
+  require_milled(corner >= 0 && corner <= radius,
+                 "the corner radius is not between 0 and the radius");
+  require_milled(std::isfinite(flank) && flank >= corner && flank > 0,
+                 "the flank length is not positive, finite and at least the corner radius");
 }
 
 void check(const CutterMotion& motion) {
   const Index n = motion.tip.rows();
-  require(motion.axis.rows() == n && motion.time_s.size() == n && Index(motion.line.size()) == n,
-          "the arrays of the motion differ in size");
+  require_milled(
+      motion.axis.rows() == n && motion.time_s.size() == n && Index(motion.line.size()) == n,
+      "the arrays of the motion differ in size");
   for (Index i = 0; i < n; ++i) {
-    require(motion.tip.row(i).allFinite() && std::isfinite(motion.time_s[i]),
-            "tip or time" + sample(i) + " is not finite");
-    require(is_unit(motion.axis.row(i)), "axis" + sample(i) + " is not a unit vector");
+    require_milled(motion.tip.row(i).allFinite() && std::isfinite(motion.time_s[i]),
+                   "tip or time" + sample(i) + " is not finite");
+    require_milled(is_unit(motion.axis.row(i)), "axis" + sample(i) + " is not a unit vector");
     if (i == 0) continue;
-    require(motion.time_s[i] >= motion.time_s[i - 1], "time" + sample(i) + " goes back");
-    require((motion.axis.row(i) + motion.axis.row(i - 1)).norm() > 1e-6,
-            "axis" + sample(i) + " is opposite to the one before, so its way is not defined");
+    require_milled(motion.time_s[i] >= motion.time_s[i - 1], "time" + sample(i) + " goes back");
+    require_milled(
+        (motion.axis.row(i) + motion.axis.row(i - 1)).norm() > 1e-6,
+        "axis" + sample(i) + " is opposite to the one before, so its way is not defined");
   }
 }
 
 void check(const Design& design) {
   const Index n = design.vertices.rows();
-  require(design.normals.rows() == n, "the design has not one normal a vertex");
-  require(design.judged.empty() || Index(design.judged.size()) == n,
-          "the design has not one judgement a vertex");
+  require_milled(design.normals.rows() == n, "the design has not one normal a vertex");
+  require_milled(design.judged.empty() || Index(design.judged.size()) == n,
+                 "the design has not one judgement a vertex");
   for (Index i = 0; i < n; ++i) {
     if (!is_judged(design, i)) continue;
-    require(design.vertices.row(i).allFinite(), "vertex " + std::to_string(i) + " is not finite");
-    require(is_unit(design.normals.row(i)),
-            "the normal of vertex " + std::to_string(i) + " is not a unit vector");
+    require_milled(design.vertices.row(i).allFinite(),
+                   "vertex " + std::to_string(i) + " is not finite");
+    require_milled(is_unit(design.normals.row(i)),
+                   "the normal of vertex " + std::to_string(i) + " is not a unit vector");
   }
 }
 
@@ -73,7 +75,7 @@ void check(const Design& design) {
 
 void check_milled(const Design& design, const Cutter& cutter, const CutterMotion& motion,
                   double band) {
-  require(std::isfinite(band) && band > 0, "the band is not positive and finite");
+  require_milled(std::isfinite(band) && band > 0, "the band is not positive and finite");
   check(cutter);
   check(motion);
   check(design);
@@ -81,20 +83,20 @@ void check_milled(const Design& design, const Cutter& cutter, const CutterMotion
 
 void check_turned(const Design& design, double band) {
   const Index n = design.vertices.rows();
-  expect(design.normals.rows() == n, "design: expected as many normals as vertices");
-  expect(design.judged.empty() || Index(design.judged.size()) == n,
-         "design: expected as many judged flags as vertices, or none");
-  expect(design.vertices.allFinite() && design.normals.allFinite(),
-         "design: expected finite vertices and normals");
-  expect(std::isfinite(band) && band > 0.0, "band: expected a positive length");
+  require(design.normals.rows() == n, "design: expected as many normals as vertices");
+  require(design.judged.empty() || Index(design.judged.size()) == n,
+          "design: expected as many judged flags as vertices, or none");
+  require(design.vertices.allFinite() && design.normals.allFinite(),
+          "design: expected finite vertices and normals");
+  require(std::isfinite(band) && band > 0.0, "band: expected a positive length");
 }
 
 void check_rivals(const RivalOptions& options) {
-  expect(std::isfinite(options.reach) && options.reach >= 0,
-         "rivals: expected a reach of 0 or more");
-  expect(options.most >= 1, "rivals: expected one or more of a vertex");
-  expect(std::isfinite(options.stencil) && options.stencil > 0,
-         "rivals: expected a positive length of the stencil");
+  require(std::isfinite(options.reach) && options.reach >= 0,
+          "rivals: expected a reach of 0 or more");
+  require(options.most >= 1, "rivals: expected one or more of a vertex");
+  require(std::isfinite(options.stencil) && options.stencil > 0,
+          "rivals: expected a positive length of the stencil");
 }
 
 bool is_judged(const Design& design, Index vertex) {

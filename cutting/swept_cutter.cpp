@@ -4,13 +4,14 @@
 #include <cmath>
 #include <utility>
 
+#include "kinematics/numbers.h"
+
 namespace abbe::cutting {
 
 using Eigen::Vector3d;
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double no_travel = 1e-12;   // mm
 constexpr double along_axis = 1e-13;  // of a direction, where it counts as lying in a plane
 

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <tuple>
 
 #include "cutting/nose_bound.h"
+#include "kinematics/numbers.h"
 
 namespace abbe::cutting {
 namespace {
@@ -14,12 +14,10 @@ namespace {
 using Eigen::Vector3d;
 using std::numbers::pi;
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
 // rad: at 1 mm of travel per radian across the feed this is 1e-10 mm of surface.
 constexpr double angle_tolerance = 1e-10;
 // rad: a join of two intervals belongs to both.
-constexpr double join_tolerance = 1e-9;
+constexpr double join_angle = 1e-9;
 // mm: nearer to the spindle line than this a point has no azimuth worth solving for by Newton.
 constexpr double near_axis = 1e-3;
 // mm: the rake plane that passes a point on the spindle line so near contains it.
@@ -78,9 +76,9 @@ struct All {
 
 /// One ray against one sweep; what it finds goes to `Taken`.
 template <class Taken>
-class Cut {
+class RaySearch {
  public:
-  Cut(const NoseSweep& sweep, const NoseEdge& edge, const NoseStretch& ray, Taken& taken)
+  RaySearch(const NoseSweep& sweep, const NoseEdge& edge, const NoseStretch& ray, Taken& taken)
       : sweep_(sweep), edge_(edge), ray_(ray), taken_(taken) {}
 
   void search() {
@@ -121,7 +119,7 @@ class Cut {
 };
 
 template <class Taken>
-void Cut<Taken>::visit(int index, double node_bound) {
+void RaySearch<Taken>::visit(int index, double node_bound) {
   if (node_bound > taken_.limit() || node_bound == infinity) return;
   if (taken_.done(ray_.from)) return;
   const NoseNode& node = sweep_.nodes[std::size_t(index)];
@@ -137,7 +135,7 @@ void Cut<Taken>::visit(int index, double node_bound) {
 }
 
 template <class Taken>
-void Cut<Taken>::offer(const NosePiece& piece, double u, double s) {
+void RaySearch<Taken>::offer(const NosePiece& piece, double u, double s) {
   const NoseInterval& i = interval(piece);
   const double within = std::clamp(u, 0.0, 1.0);
   if (s > ray_.to) return;
@@ -147,7 +145,7 @@ void Cut<Taken>::offer(const NosePiece& piece, double u, double s) {
 /// Every instant of a piece at which the rake plane contains the point where the ray meets the
 /// edge.
 template <class Taken>
-void Cut<Taken>::try_piece(const NosePiece& piece, double s_start) {
+void RaySearch<Taken>::try_piece(const NosePiece& piece, double s_start) {
   const Vector3d p = ray_.at(s_start);
   const double r = radius(p);
   const double turn = piece.angle1 - piece.angle0;
@@ -177,7 +175,7 @@ void Cut<Taken>::try_piece(const NosePiece& piece, double s_start) {
 /// ray misses the edge, its nearest point stands for the contact.
 /// @return false if it did not settle; the piece is then searched densely
 template <class Taken>
-bool Cut<Taken>::refine(const NosePiece& piece, double u) {
+bool RaySearch<Taken>::refine(const NosePiece& piece, double u) {
   const NoseInterval& i = interval(piece);
   double last_u = 0.0, last_y = 0.0;
   for (int step = 0; step < 12; ++step) {
@@ -212,15 +210,16 @@ bool Cut<Taken>::refine(const NosePiece& piece, double u) {
     if (off > angle_tolerance) continue;
     const double before = (piece.u0 - u) * std::abs(i.angle_step);
     const double after = (u - piece.u1) * std::abs(i.angle_step);
-    if (hit && before <= join_tolerance && after <= join_tolerance) offer(piece, u, s);
+    if (hit && before <= join_angle && after <= join_angle) offer(piece, u, s);
     return true;
   }
   return false;
 }
 
 template <class Taken>
-std::optional<typename Cut<Taken>::Contact> Cut<Taken>::contact(const NosePiece& piece, double u,
-                                                                End end) const {
+std::optional<typename RaySearch<Taken>::Contact> RaySearch<Taken>::contact(const NosePiece& piece,
+                                                                            double u,
+                                                                            End end) const {
   const RayInTool ray = ray_in_tool(interval(piece), u, ray_.q, ray_.n);
   std::optional<double> s = edge_.entry(ray.point, ray.step, ray_.from);
   if (!s) return std::nullopt;
@@ -236,7 +235,7 @@ std::optional<typename Cut<Taken>::Contact> Cut<Taken>::contact(const NosePiece&
 /// The dense search of a piece, for the few rays that pass so near the spindle line, or a spindle
 /// that turns so little, that the azimuth does not give the instant.
 template <class Taken>
-void Cut<Taken>::scan(const NosePiece& piece) {
+void RaySearch<Taken>::scan(const NosePiece& piece) {
   const double turn = std::abs(interval(piece).angle_step) * (piece.u1 - piece.u0);
   const int parts = std::max(4, int(std::ceil(128.0 * turn / (2.0 * pi))));
   for (const End end : {End::Entry, End::Exit}) {
@@ -255,7 +254,7 @@ void Cut<Taken>::scan(const NosePiece& piece) {
 
 /// Where the ray pierces the face of the disc at u; infinity if nowhere on this stretch.
 template <class Taken>
-double Cut<Taken>::pierced(const NosePiece& piece, double u) const {
+double RaySearch<Taken>::pierced(const NosePiece& piece, double u) const {
   const RayInTool ray = ray_in_tool(interval(piece), u, ray_.q, ray_.n);
   const double s = -ray.y / ray.y_step;
   if (!(s >= ray_.from && s <= ray_.to)) return infinity;
@@ -265,7 +264,7 @@ double Cut<Taken>::pierced(const NosePiece& piece, double u) const {
 /// A nose off the centre height leaves a pip, whose wall the rake plane envelops: there the pierced
 /// place is earliest without being on the edge.
 template <class Taken>
-void Cut<Taken>::touch(const NosePiece& piece, double u, double step) {
+void RaySearch<Taken>::touch(const NosePiece& piece, double u, double step) {
   const double s = pierced(piece, u);
   double low = std::max(piece.u0, u - step);
   double high = std::min(piece.u1, u + step);
@@ -279,7 +278,7 @@ void Cut<Taken>::touch(const NosePiece& piece, double u, double step) {
 /// A contact in the rake plane between two near instants: bisection on the sign of y, after drawing
 /// in an end at which the ray's trace misses the edge.
 template <class Taken>
-void Cut<Taken>::solve(const NosePiece& piece, double u0, double u1, End end) {
+void RaySearch<Taken>::solve(const NosePiece& piece, double u0, double u1, End end) {
   std::optional<Contact> c0 = contact(piece, u0, end);
   std::optional<Contact> c1 = contact(piece, u1, end);
   if (!c0 && !c1) return;
@@ -314,7 +313,7 @@ void Cut<Taken>::solve(const NosePiece& piece, double u0, double u1, End end) {
 /// On the spindle line every instant serves whose rake plane passes through it; the contact is
 /// convex over a short time.
 template <class Taken>
-void Cut<Taken>::lowest_on_axis(const NosePiece& piece, double u0, double u1) {
+void RaySearch<Taken>::lowest_on_axis(const NosePiece& piece, double u0, double u1) {
   const auto s_at = [&](double u) {
     const std::optional<Contact> c = contact(piece, u, End::Entry);
     return c && std::abs(c->y) <= in_plane_on_axis ? c->s : infinity;
@@ -327,7 +326,7 @@ void Cut<Taken>::lowest_on_axis(const NosePiece& piece, double u0, double u1) {
 
 /// Where the sweep begins, ends or turns back, the whole disc is part of its skin.
 template <class Taken>
-void Cut<Taken>::try_face(const NoseSweep::Face& face) {
+void RaySearch<Taken>::try_face(const NoseSweep::Face& face) {
   const NoseInterval& i = sweep_.intervals[std::size_t(face.interval)];
   const RayInTool ray = ray_in_tool(i, face.u, ray_.q, ray_.n);
   if (std::abs(ray.y_step) < 1e-9) return;  // it lies in the plane: its contact is at the edge
@@ -362,16 +361,16 @@ void SweptNose::each_stretch(const Ray& ray_w, const Use& use) const {
 
 std::optional<NoseCut> SweptNose::first(const Ray& ray_w) const {
   Best best;
-  each_stretch(ray_w,
-               [&](const NoseStretch& stretch) { Cut(sweep_, edge_, stretch, best).search(); });
+  each_stretch(
+      ray_w, [&](const NoseStretch& stretch) { RaySearch(sweep_, edge_, stretch, best).search(); });
   if (best.cut.s == infinity) return std::nullopt;
   return best.cut;
 }
 
 std::vector<NoseCut> SweptNose::within(const Ray& ray_w, double limit) const {
   All all{limit, {}};
-  each_stretch(ray_w,
-               [&](const NoseStretch& stretch) { Cut(sweep_, edge_, stretch, all).search(); });
+  each_stretch(
+      ray_w, [&](const NoseStretch& stretch) { RaySearch(sweep_, edge_, stretch, all).search(); });
   std::sort(all.cuts.begin(), all.cuts.end(), [](const NoseCut& a, const NoseCut& b) {
     return std::tie(a.time_s, a.s) < std::tie(b.time_s, b.s);
   });
@@ -405,11 +404,11 @@ std::optional<NoseCut> SweptNose::near(const Ray& ray_w, const NoseCut& other,
   while (end < int(sweep_.pieces.size()) && off(piece(end).interval, piece(end).u0) < window) ++end;
   All all{infinity, {}};
   each_stretch(ray_w, [&](const NoseStretch& stretch) {
-    Cut cut(sweep_, edge_, stretch, all);
+    RaySearch search(sweep_, edge_, stretch, all);
     const double s = std::clamp(other.s, stretch.from, stretch.to);
-    for (int i = begin; i < end; ++i) cut.try_piece(piece(i), s);
+    for (int i = begin; i < end; ++i) search.try_piece(piece(i), s);
     for (const NoseSweep::Face& face : sweep_.faces)
-      if (std::abs(off(face.interval, face.u)) <= window) cut.try_face(face);
+      if (std::abs(off(face.interval, face.u)) <= window) search.try_face(face);
   });
   Best best;
   for (const NoseCut& cut : all.cuts)

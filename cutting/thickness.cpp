@@ -14,7 +14,7 @@ using Eigen::Vector3d;
 namespace {
 
 constexpr int leaf_size = 8;
-constexpr double edge_slack = 1e-9;  // of a triangle, so that no line slips between two
+constexpr double triangle_slack = 1e-9;  // of a triangle, so that no line slips between two
 
 /// Whether the line from `start` along `direction` meets the box within `most`.
 bool meets(const AlignedBox3d& box, const Vector3d& start, const Vector3d& direction, double most) {
@@ -83,7 +83,8 @@ std::optional<double> Thickness::leaves_through(int triangle, Index vertex) cons
   if (!(out > 0.0)) return std::nullopt;  // it enters there, or runs along
   const Vector3d turned = (start - a).cross(direction);
   const double u = -ac.dot(turned) / out, v = ab.dot(turned) / out;
-  if (u < -edge_slack || v < -edge_slack || u + v > 1.0 + edge_slack) return std::nullopt;
+  if (u < -triangle_slack || v < -triangle_slack || u + v > 1.0 + triangle_slack)
+    return std::nullopt;
   const double distance = (a - start).dot(ab.cross(ac)) / out;
   return distance > 0.0 ? std::optional(distance) : std::nullopt;
 }

@@ -14,6 +14,9 @@ struct Cutter {
   double flank_length = 20.0;  ///< mm above the tip, >= corner_radius
 };
 
+/// @throws std::invalid_argument for a cutter out of those ranges
+void check_cutter(const Cutter& cutter);
+
 /// One wave on the nose of a turning tool: the edge stands out by amplitude cos(order psi + phase).
 struct NoseWave {
   int order = 1;

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <limits>
 #include <numbers>
 #include <stdexcept>
 
@@ -10,6 +9,7 @@
 #include "cutting/engagement.h"
 #include "cutting/nose_edge.h"
 #include "cutting/sum.h"
+#include "kinematics/numbers.h"
 
 namespace abbe::cutting {
 
@@ -19,8 +19,6 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double turn = 2.0 * std::numbers::pi;
 constexpr double most_nodes = 50e6;
 
 double frustum(double a, double b, double height) {
@@ -218,7 +216,7 @@ std::vector<EngagedEdge> engagement(const TurnedStock& stock, const Nose& nose,
   std::vector<EngagedEdge> result;
   if (stock.radius.size() < 2) return result;
   const EdgeInStock edge(stock, nose, T_slow);
-  const double step = turn / pieces;
+  const double step = 2.0 * std::numbers::pi / pieces;
   double before = edge.inside_by(0.0);
   for (int i = 0; i < pieces; ++i) {
     double from = i * step, to = (i + 1) * step;

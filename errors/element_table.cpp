@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <fstream>
-#include <iterator>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -158,9 +157,9 @@ std::string write_element_table(const ElementTable& table, char separator) {
   // the nearest number of degrees: if any reads back exactly, this one does
   const double unit = is_rotary(table.axis) ? units::deg : 1.0;
   for (Eigen::Index i = 0; i < table.q.size(); ++i) {
-    fmt::format_to(std::back_inserter(text), "\n{}", table.q[i] / unit);
+    text += fmt::format("\n{}", table.q[i] / unit);
     for (Eigen::Index k = 0; k < table.values.cols(); ++k)
-      fmt::format_to(std::back_inserter(text), "{}{}", separator, table.values(i, k));
+      text += fmt::format("{}{}", separator, table.values(i, k));
   }
   return text + "\n";
 }

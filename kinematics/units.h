@@ -10,6 +10,7 @@ inline constexpr double pi = std::numbers::pi;
 namespace units {
 inline constexpr double um = 1e-3;                ///< mm
 inline constexpr double nm = 1e-6;                ///< mm
+inline constexpr double inch = 25.4;              ///< mm
 inline constexpr double urad = 1e-6;              ///< rad
 inline constexpr double deg = pi / 180.0;         ///< rad
 inline constexpr double rpm = pi / 30.0;          ///< rad/s

@@ -40,15 +40,6 @@
 #include "render/window.h"
 
 namespace abbe::render {
-namespace {
-
-using Eigen::Vector2d;
-
-constexpr int dots_per_inch = 72;  // a point of the font is then a pixel
-constexpr int samples = 8;         // a pixel
-
-std::recursive_mutex
-    one_canvas_at_a_time;  // VTK's font cache and OpenGL state belong to the whole process
 
 /// Everything flat, painted in the order it was drawn.
 class FlatItem : public vtkContextItem {
@@ -64,6 +55,16 @@ class FlatItem : public vtkContextItem {
   std::vector<std::function<void(vtkContext2D&)>> strokes;
 };
 vtkStandardNewMacro(FlatItem);
+
+namespace {
+
+using Eigen::Vector2d;
+
+constexpr int dots_per_inch = 72;  // a point of the font is then a pixel
+constexpr int samples = 8;         // a pixel
+
+std::recursive_mutex
+    one_canvas_at_a_time;  // VTK's font cache and OpenGL state belong to the whole process
 
 unsigned char byte(double part) {
   return static_cast<unsigned char>(std::lround(255.0 * std::clamp(part, 0.0, 1.0)));
@@ -226,7 +227,7 @@ Canvas::Sheet::Sheet(int width_px, int height_px) : width(width_px), height(heig
 }
 
 Canvas::Canvas(int width, int height) {
-  const auto possible = [](int size) { return size >= 64 && size <= 16384; };
+  const auto possible = [](int size) { return size >= 64 && size <= longest_side; };
   if (!possible(width) || !possible(height)) {
     throw std::invalid_argument("a picture is 64 to 16384 pixels wide and high");
   }

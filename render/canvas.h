@@ -14,6 +14,8 @@
 
 namespace abbe::render {
 
+inline constexpr int longest_side = 16384;  ///< px, of a picture
+
 struct TextStyle {
   double size_px = 24.0;  ///< height of the font's em
   bool bold = false;
@@ -51,7 +53,7 @@ struct Wire {
 /// Only one canvas lives at a time: a second one waits for the first, so do not nest them.
 class Canvas {
  public:
-  /// @throws std::invalid_argument unless both sizes are in 64 .. 16384
+  /// @throws std::invalid_argument unless both sizes are in 64 .. longest_side
   /// @throws std::runtime_error if there is no software or hardware OpenGL to draw with
   Canvas(int width, int height);
   ~Canvas();

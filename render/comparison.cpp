@@ -70,8 +70,7 @@ std::vector<std::string> common_text(const std::vector<MapPicture>& cases,
   std::string line = same_setting(cases) ? fmt::format("datum {}  ·  alignment {}  ·  ",
                                                        cases.front().datum, cases.front().alignment)
                                          : std::string();
-  line += fmt::format("view {}  ·  {} vertices", view_name(view),
-                      grouped(first.vertices()));
+  line += fmt::format("view {}  ·  {} vertices", view_name(view), grouped(first.vertices()));
   lines.push_back(line);
   const bool beyond =
       std::any_of(counts.begin(), counts.end(), [](const Tally& t) { return t.beyond > 0; });
@@ -111,7 +110,7 @@ struct Plan {
 const TextStyle head_style{.size_px = 36.0, .bold = true};
 const TextStyle title_style{.size_px = 23.0, .bold = true};
 const TextStyle body_style{.size_px = 21.0};
-constexpr double margin = 36.0;
+constexpr double margin_px = 36.0;
 
 Plan plan(const std::vector<MapPicture>& cases, const ComparisonOptions& options) {
   Plan p;
@@ -124,7 +123,7 @@ Plan plan(const std::vector<MapPicture>& cases, const ComparisonOptions& options
   }
   for (const MapPicture& c : cases) p.counts.push_back(tally(c.field, p.range));
 
-  const double width = options.width - 2.0 * margin - side_px;
+  const double width = options.width - 2.0 * margin_px - side_px;
   double shape = 0.0;
   for (const MapPicture& c : cases)
     shape = std::max(shape, aspect(c.field.design.vertices, options.from, options.up));
@@ -147,7 +146,7 @@ View draw_cell(Canvas& canvas, const Plan& p, std::size_t i, const MapPicture& c
                const ComparisonOptions& options, double top) {
   const int column = static_cast<int>(i) % p.cells.columns;
   const int row = static_cast<int>(i) / p.cells.columns;
-  const double x = margin + column * (p.cells.cell_width + gap_px);
+  const double x = margin_px + column * (p.cells.cell_width + gap_px);
   const double y = top - row * (p.text_height + p.cells.map_height + gap_px);
   const double titles = static_cast<double>(p.title_lines) * line_height(title_style);
   const Rectangle box{x, y - titles - 8.0 - p.cells.map_height, p.cells.cell_width,
@@ -169,18 +168,19 @@ void write_comparison(const std::filesystem::path& path, const std::vector<MapPi
   for (const MapPicture& c : cases) check(c.field);
   const Plan p = plan(cases, options);
 
-  const double text_width = options.width - 2.0 * margin;
+  const double text_width = options.width - 2.0 * margin_px;
   std::vector<std::string> lines;
   for (const std::string& text : common_text(cases, p.counts, options, p.range)) {
     for (const std::string& line : wrapped(text, body_style, text_width)) lines.push_back(line);
   }
-  const double foot = static_cast<double>(lines.size()) * line_height(body_style) + 56.0 + margin;
-  const double head = line_height(head_style) + margin;
+  const double foot =
+      static_cast<double>(lines.size()) * line_height(body_style) + 56.0 + margin_px;
+  const double head = line_height(head_style) + margin_px;
   const double cells = p.cells.rows * (p.text_height + p.cells.map_height + gap_px);
   const int height = static_cast<int>(std::ceil(std::max(head + cells, 640.0) + foot));
 
   Canvas canvas(options.width, height);
-  paragraph(canvas, {margin, height - 0.7 * margin},
+  paragraph(canvas, {margin_px, height - 0.7 * margin_px},
             wrapped(options.title, head_style, text_width, 1), head_style);
   const double top = height - head;
   View view;
@@ -192,12 +192,12 @@ void write_comparison(const std::filesystem::path& path, const std::vector<MapPi
     bar.low_end = bar.low_end || t.lowest_um < -p.range;
     bar.high_end = bar.high_end || t.highest_um > p.range;
   }
-  const double bar_x = options.width - margin - side_px + 40.0;
+  const double bar_x = options.width - margin_px - side_px + 40.0;
   const double bar_height = std::min(620.0, top - foot - 270.0);
   colour_bar(canvas, {bar_x, top - 80.0 - bar_height, 38.0, bar_height}, bar, body_style);
   triad(canvas, view, {bar_x + 45.0, foot + 60.0}, 44.0, body_style);
-  scale_bar(canvas, view, {margin, foot - 26.0}, 0.4 * p.cells.cell_width, body_style);
-  paragraph(canvas, {margin, foot - 56.0}, lines, body_style);
+  scale_bar(canvas, view, {margin_px, foot - 26.0}, 0.4 * p.cells.cell_width, body_style);
+  paragraph(canvas, {margin_px, foot - 56.0}, lines, body_style);
   canvas.write_png(path);
 }
 

@@ -13,8 +13,6 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector2d;
 
-constexpr int highest_picture = 16384;
-
 void check(const Series& s) {
   const bool banded = s.lower.size() > 0 || s.upper.size() > 0;
   if (s.x.size() != s.y.size() ||
@@ -260,7 +258,7 @@ Rectangle cell(const Rectangle& inner, int columns, int rows, std::size_t i) {
 int rows_of(std::size_t panels, int columns) { return (int(panels) + columns - 1) / columns; }
 
 int page_height(double height) {
-  if (!(height <= highest_picture))
+  if (!(height <= longest_side))
     throw std::invalid_argument("curves: the picture would be higher than 16384 px");
   return int(std::lround(height));
 }

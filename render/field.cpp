@@ -2,26 +2,22 @@
 
 #include <cstdlib>
 #include <span>
-#include <stdexcept>
 #include <string>
 
+#include "kinematics/require.h"
 #include "kinematics/units.h"
 #include "render/point_data.h"
 
 namespace abbe::render {
 namespace {
 
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(std::string("residual: ") + what);
-}
-
 void check_sizes(const Field& field) {
   const Eigen::Index n = field.design.vertices.rows();
   const auto count = static_cast<std::size_t>(n);
-  require(field.deviation_um.size() == n, "one deviation a vertex is needed");
-  require(field.cut_time_s.size() == n, "one cut time a vertex is needed");
-  require(field.status.size() == count, "one status a vertex is needed");
-  require(field.cut_line.size() == count, "one program line a vertex is needed");
+  require(field.deviation_um.size() == n, "residual: one deviation a vertex is needed");
+  require(field.cut_time_s.size() == n, "residual: one cut time a vertex is needed");
+  require(field.status.size() == count, "residual: one status a vertex is needed");
+  require(field.cut_line.size() == count, "residual: one program line a vertex is needed");
 }
 
 }  // namespace

@@ -19,21 +19,21 @@ constexpr int most_rows = 256;
 constexpr int most_columns = 64;
 constexpr double row_px = 36.0;  // of a picture 1600 px wide
 
-struct Scale {
+struct ColourRange {
   double range = 1.0;
   bool one_sided = false;
   bool low_end = false;
   bool high_end = false;
 };
 
-Scale scale(const HeatMap& map, const HeatMapOptions& options) {
+ColourRange colour_range(const HeatMap& map, const HeatMapOptions& options) {
   double low = 0.0, high = 0.0;
   for (const double value : map.values.reshaped()) {
     if (!std::isfinite(value)) continue;
     low = std::min(low, value);
     high = std::max(high, value);
   }
-  Scale s;
+  ColourRange s;
   s.range = options.range.value_or(std::max(-low, high));
   if (!options.range && s.range == 0.0) s.range = 1.0;
   if (!(s.range > 0.0) || !std::isfinite(s.range))
@@ -44,7 +44,7 @@ Scale scale(const HeatMap& map, const HeatMapOptions& options) {
   return s;
 }
 
-Colour colour_of(double value, const Scale& s) {
+Colour colour_of(double value, const ColourRange& s) {
   static const std::vector<Colour> table = diverging(511);
   if (value > s.range) return colours::beyond_high;
   if (value < -s.range) return colours::beyond_low;
@@ -65,7 +65,7 @@ double widest(const std::vector<std::string>& texts, const TextStyle& style) {
 }
 
 /// Sizes in px.
-struct Layout {
+struct TableSizes {
   double unit = 1.0;
   TextStyle body;
   double names = 0.0;  ///< width of the names of rows, with their gap
@@ -76,8 +76,8 @@ struct Layout {
   int width = 0;  ///< of the picture
 };
 
-Layout layout(const HeatMap& map, const HeatMapOptions& options) {
-  Layout l;
+TableSizes table_sizes(const HeatMap& map, const HeatMapOptions& options) {
+  TableSizes l;
   l.unit = options.width / 1600.0;
   l.body = {.size_px = 22.0 * l.unit};
   const double em = l.body.size_px, margins = 120.0 * l.unit;
@@ -99,8 +99,8 @@ Layout layout(const HeatMap& map, const HeatMapOptions& options) {
   return l;
 }
 
-void draw_names(Canvas& canvas, const HeatMap& map, const HeatMapOptions& options, const Layout& l,
-                const Rectangle& box) {
+void draw_names(Canvas& canvas, const HeatMap& map, const HeatMapOptions& options,
+                const TableSizes& l, const Rectangle& box) {
   const double em = l.body.size_px;
   TextStyle style = l.body;
   style.upward = 0.5;
@@ -124,9 +124,9 @@ void draw_names(Canvas& canvas, const HeatMap& map, const HeatMapOptions& option
   canvas.text({box.x - l.names, box.y + box.height}, options.row_label, head);
 }
 
-void draw_cells(Canvas& canvas, const HeatMap& map, const HeatMapOptions& options, const Layout& l,
-                const Rectangle& box) {
-  const Scale s = scale(map, options);
+void draw_cells(Canvas& canvas, const HeatMap& map, const HeatMapOptions& options,
+                const TableSizes& l, const Rectangle& box) {
+  const ColourRange s = colour_range(map, options);
   TextStyle style = l.body;
   style.across = style.upward = 0.5;
   for (Index i = 0; i < map.values.rows(); ++i)
@@ -160,8 +160,8 @@ void check(const HeatMap& map) {
 void write_heat_map(const std::filesystem::path& path, const HeatMap& map,
                     const HeatMapOptions& options) {
   check(map);
-  const Scale s = scale(map, options);
-  const Layout l = layout(map, options);
+  const ColourRange s = colour_range(map, options);
+  const TableSizes l = table_sizes(map, options);
   const double em = l.body.size_px, foot = 2.6 * em;
   const double cells = l.row * double(map.rows.size());
   const double margins = page_margins(l.width, options.title, options.caption, l.unit);

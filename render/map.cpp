@@ -18,7 +18,7 @@ namespace {
 using Eigen::Vector2d;
 
 /// What stands where, from the lower left corner.
-struct Page {
+struct MapPage {
   double margin;
   double title_top;
   Rectangle map;
@@ -27,9 +27,9 @@ struct Page {
   Vector2d triad;
 };
 
-Page page(const MapOptions& options, const TypeSizes& type, double text_height) {
+MapPage map_page(const MapOptions& options, const TypeSizes& type, double text_height) {
   const double u = type.unit;
-  Page p{};
+  MapPage p{};
   p.margin = 40.0 * u;
   p.title_top = options.height - 30.0 * u;
   const double head = 30.0 * u + 1.38 * (type.title + type.figures) + 22.0 * u;
@@ -45,7 +45,7 @@ Page page(const MapOptions& options, const TypeSizes& type, double text_height) 
   return p;
 }
 
-void draw_head(Canvas& canvas, const Page& p, const MapPicture& picture, const TypeSizes& type,
+void draw_head(Canvas& canvas, const MapPage& p, const MapPicture& picture, const TypeSizes& type,
                double width) {
   const TextStyle title{.size_px = type.title, .bold = true};
   const double used =
@@ -54,15 +54,14 @@ void draw_head(Canvas& canvas, const Page& p, const MapPicture& picture, const T
             {.size_px = type.figures});
 }
 
-void draw_strip(Canvas& canvas, const Page& p, const View& view, const Tally& counts,
+void draw_strip(Canvas& canvas, const MapPage& p, const View& view, const Tally& counts,
                 const TextStyle& body) {
   const double y = p.strip.y + 0.5 * p.strip.height;
   scale_bar(canvas, view, {p.strip.x, y}, 0.22 * p.map.width, body);
   double x = p.strip.x + 0.42 * p.map.width;
   const double gap = 1.6 * body.size_px;
   if (counts.uncut > 0) x += swatch(canvas, {x, y}, colours::uncut, "uncut", body) + gap;
-  if (counts.gouged > 0)
-    x += swatch(canvas, {x, y}, colours::gouged, "gouged deeper", body) + gap;
+  if (counts.gouged > 0) x += swatch(canvas, {x, y}, colours::gouged, "gouged deeper", body) + gap;
   if (counts.outside > 0) {
     swatch(canvas, {x, y}, colours::outside, "outside the judged region", body);
   }
@@ -102,7 +101,7 @@ void write_map(const std::filesystem::path& path, const MapPicture& picture,
     for (const std::string& line : wrapped(text, body, width)) lines.push_back(line);
   }
   const double text_height = static_cast<double>(lines.size()) * line_height(body);
-  const Page p = page(options, type, text_height);
+  const MapPage p = map_page(options, type, text_height);
   const View view = fitted_view(picture.field.design.vertices, options.from, options.up, p.map);
   const SurfaceScene scene = surface_scene(picture.field, range);
 

@@ -124,19 +124,19 @@ double quantile(const Sorted& data, double share) {
   return data.value.back();
 }
 
-struct Bins {
+struct AreaShares {
   double first = 0.0;  ///< lower edge
   double width = 1.0;
   std::vector<double> percent;
   double beyond_percent = 0.0;
 };
 
-Bins bins(const Sorted& data) {
+AreaShares area_shares(const Sorted& data) {
   Span span{data.value.front(), data.value.back()};
   const Span most{quantile(data, 0.0005), quantile(data, 0.9995)};
   if (span.upper - span.lower > 2.0 * (most.upper - most.lower) && most.upper > most.lower)
     span = most;
-  Bins result;
+  AreaShares result;
   const double range = span.upper - span.lower;
   const double largest = std::max(std::abs(span.lower), std::abs(span.upper));
   // a map without any spread still gets a few bins about its value
@@ -173,7 +173,7 @@ void draw_upright(Canvas& canvas, const Sheet& s, double x, const Colour& colour
   canvas.text({low.x() + (near_left ? 6.0 : -6.0) * u, high.y() - 8.0 * u}, label, style);
 }
 
-void draw_bars(Canvas& canvas, const Sheet& s, const Bins& b, double per_um) {
+void draw_bars(Canvas& canvas, const Sheet& s, const AreaShares& b, double per_um) {
   for (std::size_t i = 0; i < b.percent.size(); ++i) {
     if (b.percent[i] <= 0.0) continue;
     const double left = (b.first + static_cast<double>(i) * b.width) * per_um;
@@ -192,7 +192,7 @@ void write_histogram(const std::filesystem::path& path, const Eigen::VectorXd& d
   const Figures shown = figures(deviation_um, weights);
   const Sorted data = sorted(deviation_um, weights);
   const bool any = !data.value.empty();
-  const Bins b = any ? bins(data) : Bins{0.0, 1.0, {0.0}, 0.0};
+  const AreaShares b = any ? area_shares(data) : AreaShares{0.0, 1.0, {0.0}, 0.0};
   const double end = b.first + b.width * static_cast<double>(b.percent.size());
   Span x{b.first, end};
   if (options.tolerance_um && *options.tolerance_um < 3.0 * std::max(-b.first, end)) {

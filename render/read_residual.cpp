@@ -51,15 +51,15 @@ std::size_t count(const VtkFile& source, const VtkTag& tag, std::string_view nam
   return value;
 }
 
-struct Layout {
+struct FileParts {
   std::size_t points = 0;
   std::size_t triangles = 0;
   std::map<std::string, Block> blocks;  ///< "PointData/deviation_um"
 };
 
 /// @param head  the text up to the data
-Layout layout(const VtkFile& source, std::string_view head) {
-  Layout result;
+FileParts file_parts(const VtkFile& source, std::string_view head) {
+  FileParts result;
   int pieces = 0;
   bool vtk_file = false;
   std::string section;
@@ -138,14 +138,14 @@ std::optional<std::string> decoded(std::string_view text, std::size_t size) {
 
 class Data {
  public:
-  Data(const VtkFile& source, std::string_view text, const Layout& layout)
-      : source_(source), text_(text), layout_(layout) {}
+  Data(const VtkFile& source, std::string_view text, const FileParts& parts)
+      : source_(source), text_(text), parts_(parts) {}
 
   /// The `n` numbers of a named array, which the file must state to be of VTK type `type`.
   template <class T>
   std::vector<T> array(const std::string& name, std::string_view type, std::size_t n) const {
-    const auto found = layout_.blocks.find(name);
-    if (found == layout_.blocks.end()) source_.refuse_file("array " + name, "none");
+    const auto found = parts_.blocks.find(name);
+    if (found == parts_.blocks.end()) source_.refuse_file("array " + name, "none");
     const Block& block = found->second;
     if (block.type != type) {
       source_.refuse(block.at, fmt::format("{} of type {}", name, type), shown(block.type));
@@ -169,7 +169,7 @@ class Data {
  private:
   const VtkFile& source_;
   std::string_view text_;
-  const Layout& layout_;
+  const FileParts& parts_;
 };
 
 /// What stands between the underscore and the closing tags.
@@ -204,14 +204,14 @@ cutting::Points vertices(const VtkFile& source, const Data& data, std::size_t n)
   return Eigen::Map<const cutting::Points>(xyz.data(), static_cast<Eigen::Index>(n), 3);
 }
 
-cutting::Triangles triangles(const VtkFile& source, const Data& data, const Layout& layout) {
-  const std::size_t m = layout.triangles;
+cutting::Triangles triangles(const VtkFile& source, const Data& data, const FileParts& parts) {
+  const std::size_t m = parts.triangles;
   const auto corner = data.array<std::int64_t>("Polys/connectivity", "Int64", 3 * m);
   const auto end = data.array<std::int64_t>("Polys/offsets", "Int64", m);
   cutting::Triangles result(static_cast<Eigen::Index>(m), 3);
   for (std::size_t i = 0; i < 3 * m; ++i) {
-    if (corner[i] < 0 || static_cast<std::uint64_t>(corner[i]) >= layout.points) {
-      source.refuse_file(fmt::format("vertex numbers below {}", layout.points),
+    if (corner[i] < 0 || static_cast<std::uint64_t>(corner[i]) >= parts.points) {
+      source.refuse_file(fmt::format("vertex numbers below {}", parts.points),
                          fmt::format("{} in triangle {}", corner[i], i / 3));
     }
     if (i < m && end[i] != static_cast<std::int64_t>(3 * (i + 1))) {
@@ -259,7 +259,7 @@ Field read_residual(const std::filesystem::path& path) {
   if (head_end == std::string_view::npos) {
     source.refuse_file("a residual.vtp with appended base64 data", shown(source.text()));
   }
-  const Layout parts = layout(source, source.text().substr(0, head_end));
+  const FileParts parts = file_parts(source, source.text().substr(0, head_end));
   const Data data(source, data_text(source, source.text().substr(head_end + appended.size())),
                   parts);
 

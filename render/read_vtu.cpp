@@ -28,7 +28,7 @@ static_assert(std::endian::native == std::endian::little);
 constexpr std::size_t most_deflation = 1100;  // neither zlib nor lz4 packs tighter
 
 /// Where the two arrays are and how the file writes them.
-struct Layout {
+struct FileLayout {
   std::size_t header_bytes = 4;  ///< of one number before binary data
   enum class Packing { None, ZLib, Lz4 } packing = Packing::None;
   std::size_t nodes = 0;
@@ -37,7 +37,7 @@ struct Layout {
   bool appended_raw = false;
 };
 
-void read_file_tag(const VtkFile& source, const VtkTag& tag, Layout& layout) {
+void read_file_tag(const VtkFile& source, const VtkTag& tag, FileLayout& layout) {
   const auto expect = [&](std::string_view name, std::string_view value) {
     const std::string_view seen = attribute(tag, name, value);
     if (seen != value) source.refuse(tag.at, fmt::format("{}=\"{}\"", name, value), shown(seen));
@@ -51,16 +51,16 @@ void read_file_tag(const VtkFile& source, const VtkTag& tag, Layout& layout) {
   layout.header_bytes = header == "UInt64" ? 8 : 4;
   const std::string_view packing = attribute(tag, "compressor", "");
   if (packing == "vtkZLibDataCompressor") {
-    layout.packing = Layout::Packing::ZLib;
+    layout.packing = FileLayout::Packing::ZLib;
   } else if (packing == "vtkLZ4DataCompressor") {
-    layout.packing = Layout::Packing::Lz4;
+    layout.packing = FileLayout::Packing::Lz4;
   } else if (!packing.empty()) {
     source.refuse(tag.at, "no compressor, vtkZLibDataCompressor or vtkLZ4DataCompressor",
                   shown(packing));
   }
 }
 
-void read_appended(const VtkFile& source, const VtkTag& tag, Layout& layout) {
+void read_appended(const VtkFile& source, const VtkTag& tag, FileLayout& layout) {
   const std::string_view encoding = attribute(tag, "encoding", "");
   if (encoding != "base64" && encoding != "raw")
     source.refuse(tag.at, "appended data as base64 or raw", shown(encoding));
@@ -73,8 +73,8 @@ void read_appended(const VtkFile& source, const VtkTag& tag, Layout& layout) {
       source.text().substr(std::size_t(tag.inner.data() - source.text().data()) + start + 1);
 }
 
-Layout read_layout(const VtkFile& source, const std::string& array) {
-  Layout layout;
+FileLayout read_layout(const VtkFile& source, const std::string& array) {
+  FileLayout layout;
   VtkTags tags(source, source.text());
   std::string_view section;
   std::string seen;
@@ -114,7 +114,7 @@ std::size_t base64_length(std::size_t bytes) { return (bytes + 2) / 3 * 4; }
 /// Binary data of one array, in whatever encoding: bytes from a place on.
 class Stream {
  public:
-  Stream(const VtkFile& source, const VtkTag& tag, const Layout& layout)
+  Stream(const VtkFile& source, const VtkTag& tag, const FileLayout& layout)
       : source_(source), tag_(tag), raw_(false) {
     if (attribute(tag, "format", "") == "binary") {
       text_ = tag.inner.substr(std::min(tag.inner.find_first_not_of(xml_blank), tag.inner.size()));
@@ -165,7 +165,7 @@ std::uint64_t header_number(const std::string& bytes, std::size_t index, std::si
   return value;
 }
 
-std::string plain_bytes(const VtkFile& source, const VtkTag& tag, const Layout& layout,
+std::string plain_bytes(const VtkFile& source, const VtkTag& tag, const FileLayout& layout,
                         std::size_t bytes) {
   Stream stream(source, tag, layout);
   const std::size_t width = layout.header_bytes;
@@ -175,7 +175,7 @@ std::string plain_bytes(const VtkFile& source, const VtkTag& tag, const Layout& 
   return stream.take(width + bytes).substr(width);
 }
 
-bool unpack(Layout::Packing packing, const std::string& from, char* to, std::size_t bytes) {
+bool unpack(FileLayout::Packing packing, const std::string& from, char* to, std::size_t bytes) {
   // with an observer VTK does not print what it thinks of the data
   vtkNew<vtkCallbackCommand> quiet;
   const auto run = [&](vtkDataCompressor& compressor) {
@@ -183,13 +183,13 @@ bool unpack(Layout::Packing packing, const std::string& from, char* to, std::siz
     return compressor.Uncompress(reinterpret_cast<const unsigned char*>(from.data()), from.size(),
                                  reinterpret_cast<unsigned char*>(to), bytes);
   };
-  if (packing == Layout::Packing::ZLib) return run(*vtkNew<vtkZLibDataCompressor>()) == bytes;
+  if (packing == FileLayout::Packing::ZLib) return run(*vtkNew<vtkZLibDataCompressor>()) == bytes;
   return run(*vtkNew<vtkLZ4DataCompressor>()) == bytes;
 }
 
 /// Blocks: their number, the size of a full one and of a last one that is not full (else 0), the
 /// packed size of each; then the blocks.
-std::string packed_bytes(const VtkFile& source, const VtkTag& tag, const Layout& layout,
+std::string packed_bytes(const VtkFile& source, const VtkTag& tag, const FileLayout& layout,
                          std::size_t bytes) {
   Stream stream(source, tag, layout);
   const std::size_t width = layout.header_bytes;
@@ -253,7 +253,7 @@ std::vector<double> numbers_of(const std::string& bytes) {
 }
 
 /// All numbers of an array, `components` at each node.
-std::vector<double> numbers(const VtkFile& source, const VtkTag& tag, const Layout& layout,
+std::vector<double> numbers(const VtkFile& source, const VtkTag& tag, const FileLayout& layout,
                             std::size_t components) {
   const std::string_view type = attribute(tag, "type", "");
   if (type != "Float32" && type != "Float64")
@@ -268,7 +268,7 @@ std::vector<double> numbers(const VtkFile& source, const VtkTag& tag, const Layo
   if (format != "binary" && format != "appended")
     source.refuse(tag.at, "a format ascii, binary or appended", shown(format));
   const std::size_t bytes = n * (type == "Float32" ? 4 : 8);
-  const std::string data = layout.packing == Layout::Packing::None
+  const std::string data = layout.packing == FileLayout::Packing::None
                                ? plain_bytes(source, tag, layout, bytes)
                                : packed_bytes(source, tag, layout, bytes);
   return type == "Float32" ? numbers_of<float>(data) : numbers_of<double>(data);
@@ -297,7 +297,7 @@ Eigen::Matrix3d tensor(const double* v, std::size_t components) {
 
 PointTensors read_vtu(const std::filesystem::path& path, const std::string& array) {
   const VtkFile source(path, "a .vtu file", max_vtu_bytes);
-  const Layout layout = read_layout(source, array);
+  const FileLayout layout = read_layout(source, array);
   const VtkTag& points = *layout.points;
   const VtkTag& tensors = *layout.tensors;
   if (whole_number(source, points, "NumberOfComponents") != 3)

@@ -20,7 +20,6 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr double highest_picture = 16384.0;
 constexpr Eigen::Index most_drawn = 3000000;  // vertices of all maps, each about 350 bytes
 
 /// Some vertices of a design, and the triangles that are left between them.
@@ -71,13 +70,13 @@ Drawn drawn(const cutting::Design& whole, std::size_t maps) {
 }
 
 /// The scale of a map.
-struct Scale {
+struct MapScale {
   double range_um = 1.0;
   Tally counts;
   bool one_sided = false;  ///< no value is negative
 };
 
-Field field(const cutting::Design& design, const SheetMap& map) {
+Field field_of(const cutting::Design& design, const SheetMap& map) {
   Field f;
   f.design = design;
   f.deviation_um = map.values_um;
@@ -90,21 +89,21 @@ Field field(const cutting::Design& design, const SheetMap& map) {
   return f;
 }
 
-std::vector<Scale> scales(const cutting::Design& design, const std::vector<SheetMap>& maps,
-                          bool one_range) {
-  std::vector<Scale> all;
+std::vector<MapScale> scales(const cutting::Design& design, const std::vector<SheetMap>& maps,
+                             bool one_range) {
+  std::vector<MapScale> all;
   double largest = 0.0;
   for (const SheetMap& map : maps) {
-    const double range = map.range_um.value_or(fitted_range_um(field(design, map)));
+    const double range = map.range_um.value_or(fitted_range_um(field_of(design, map)));
     if (!(range > 0.0) || !std::isfinite(range))
       throw std::invalid_argument("sheet: a range must be positive");
     all.push_back({range, {}, false});
     largest = std::max(largest, range);
   }
   for (std::size_t i = 0; i < all.size(); ++i) {
-    Scale& s = all[i];
+    MapScale& s = all[i];
     if (one_range) s.range_um = largest;
-    s.counts = tally(field(design, maps[i]), s.range_um);
+    s.counts = tally(field_of(design, maps[i]), s.range_um);
     s.one_sided = s.counts.lowest_um >= 0.0 && s.counts.highest_um > 0.0;
   }
   return all;
@@ -162,7 +161,7 @@ Layout layout(const std::vector<SheetMap>& maps, const SheetOptions& options, do
 struct Cell {
   const Field& field;
   const SheetMap& map;
-  const Scale& scale;
+  const MapScale& scale;
   Vector2d corner;  ///< the lower left one
 };
 
@@ -181,7 +180,7 @@ View draw_cell(Canvas& canvas, const Layout& l, const Cell& cell, const SheetOpt
   const View view = fitted_view(cell.field.design.vertices, options.from, options.up, box);
   const SurfaceScene scene = surface_scene(cell.field, cell.scale.range_um);
   canvas.scene(view, scene.solids, scene.wires);
-  const Scale& s = cell.scale;
+  const MapScale& s = cell.scale;
   const LengthUnit unit = unit_for(s.range_um);
   lying_colour_bar(canvas,
                    {box.x, box.y - 0.2 * em - line_height(l.body), width, line_height(l.body)},
@@ -191,7 +190,7 @@ View draw_cell(Canvas& canvas, const Layout& l, const Cell& cell, const SheetOpt
   return view;
 }
 
-std::vector<std::string> common_text(const std::vector<Scale>& maps, const SheetOptions& options,
+std::vector<std::string> common_text(const std::vector<MapScale>& maps, const SheetOptions& options,
                                      std::size_t vertices, std::size_t drawn_vertices) {
   const View view = fitted_view({}, options.from, options.up, {});
   std::vector<std::string> lines;
@@ -205,7 +204,7 @@ std::vector<std::string> common_text(const std::vector<Scale>& maps, const Sheet
   if (drawn_vertices < vertices)
     lines.back() += fmt::format(", drawn on {} of them", grouped(drawn_vertices));
   const bool beyond =
-      std::any_of(maps.begin(), maps.end(), [](const Scale& s) { return s.counts.beyond > 0; });
+      std::any_of(maps.begin(), maps.end(), [](const MapScale& s) { return s.counts.beyond > 0; });
   if (beyond) lines.back() += "  ·  arrow colours: beyond the scale of the map";
   lines.insert(lines.end(), options.caption.begin(), options.caption.end());
   return lines;
@@ -213,7 +212,7 @@ std::vector<std::string> common_text(const std::vector<Scale>& maps, const Sheet
 
 /// Scale bar, swatches and axes below the maps.
 void draw_foot(Canvas& canvas, const Page& p, double height, const View& view,
-               const std::vector<Scale>& maps) {
+               const std::vector<MapScale>& maps) {
   const double em = p.body.size_px;
   Vector2d at(p.inner.x + 4.2 * em, p.inner.y + 0.5 * height);
   triad(canvas, view, {p.inner.x + 2.0 * em, at.y() - 0.2 * em}, 1.6 * em, p.body);
@@ -222,7 +221,7 @@ void draw_foot(Canvas& canvas, const Page& p, double height, const View& view,
   at.x() += 0.7 * view.area.width + 8.0 * em;
   const auto any = [&](std::size_t Tally::*kind) {
     return std::any_of(maps.begin(), maps.end(),
-                       [&](const Scale& s) { return s.counts.*kind > 0; });
+                       [&](const MapScale& s) { return s.counts.*kind > 0; });
   };
   if (any(&Tally::uncut)) at.x() += swatch(canvas, at, colours::uncut, "no value", p.body) + em;
   if (any(&Tally::outside))
@@ -235,7 +234,7 @@ void write_sheet(const std::filesystem::path& path, const cutting::Design& desig
                  const std::vector<SheetMap>& maps, const SheetOptions& options) {
   if (maps.empty() || maps.size() > most_sheet_maps)
     throw std::invalid_argument("sheet: expected 1 to 256 maps");
-  const std::vector<Scale> shown = scales(design, maps, options.one_range);
+  const std::vector<MapScale> shown = scales(design, maps, options.one_range);
   const double unit = options.width / 2400.0, foot = 110.0 * unit;
   const Drawn d = drawn(design, maps.size());
   const std::vector<std::string> caption =
@@ -244,7 +243,7 @@ void write_sheet(const std::filesystem::path& path, const cutting::Design& desig
   const double width = page(options.width, 1000, options.title, caption, unit).inner.width;
   const Layout l = layout(maps, options, width, aspect(design.vertices, options.from, options.up));
   const double height = std::ceil(l.rows * l.height + foot + margins + 0.6 * l.title.size_px);
-  if (!(height <= highest_picture))
+  if (!(height <= longest_side))
     throw std::invalid_argument("sheet: the picture would be higher than 16384 px");
   const Page p = page(options.width, int(height), options.title, caption, unit);
 
@@ -255,7 +254,7 @@ void write_sheet(const std::filesystem::path& path, const cutting::Design& desig
     const Vector2d corner(p.inner.x + column * l.width,
                           p.inner.y + foot + (l.rows - 1 - row) * l.height);
     const SheetMap map{maps[i].title, maps[i].figures, maps[i].values_um(d.vertices), {}};
-    view = draw_cell(canvas, l, {field(d.design, map), map, shown[i], corner}, options);
+    view = draw_cell(canvas, l, {field_of(d.design, map), map, shown[i], corner}, options);
   }
   draw_foot(canvas, p, foot, view, shown);
   draw_page(canvas, p);

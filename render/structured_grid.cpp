@@ -18,22 +18,22 @@
 namespace abbe::render {
 namespace {
 
-void require(bool good, const std::string& what) {
+void require_grid(bool good, const std::string& what) {
   if (!good) throw std::invalid_argument("structured grid: " + what);
 }
 
 void check(const cutting::Points& points, const std::array<int, 3>& size,
            const std::vector<GridArray>& arrays) {
-  require(size[0] > 0 && size[1] > 0 && size[2] > 0, "every size must be positive");
-  require(Eigen::Index(size[0]) * size[1] * size[2] == points.rows(),
-          "sizes must say how many points there are");
+  require_grid(size[0] > 0 && size[1] > 0 && size[2] > 0, "every size must be positive");
+  require_grid(Eigen::Index(size[0]) * size[1] * size[2] == points.rows(),
+               "sizes must say how many points there are");
   std::set<std::string> names;
   for (const GridArray& one : arrays) {
-    require(one.values.rows() == points.rows() && one.values.cols() > 0,
-            "one row a point is needed in " + one.name);
-    require(names.insert(one.name).second, "two arrays are called " + one.name);
-    require(!one.name.empty() && one.name.find_first_of("\"'<>&") == std::string::npos,
-            "a name that XML can hold is needed");
+    require_grid(one.values.rows() == points.rows() && one.values.cols() > 0,
+                 "one row a point is needed in " + one.name);
+    require_grid(names.insert(one.name).second, "two arrays are called " + one.name);
+    require_grid(!one.name.empty() && one.name.find_first_of("\"'<>&") == std::string::npos,
+                 "a name that XML can hold is needed");
   }
 }
 

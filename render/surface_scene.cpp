@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
 #include <Eigen/Geometry>
 
+#include "kinematics/require.h"
 #include "render/label.h"
 
 namespace abbe::render {
@@ -60,7 +60,8 @@ Wire rims(const cutting::Points& points, const cutting::Triangles& triangles) {
   return wire;
 }
 
-/// Which look a triangle has: 0 by deviation, 1 outside, 2 uncut, 3 gouged; the worst of its corners.
+/// Which look a triangle has: 0 by deviation, 1 outside, 2 uncut, 3 gouged; the worst of its
+/// corners.
 std::size_t look(const Field& field, const Eigen::RowVector3i& t) {
   std::size_t worst = 0;
   for (const int corner : t) {
@@ -74,23 +75,19 @@ std::size_t look(const Field& field, const Eigen::RowVector3i& t) {
   return worst;
 }
 
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(std::string("map: ") + what);
-}
-
 }  // namespace
 
 void check(const Field& field) {
   const Eigen::Index n = field.design.vertices.rows();
-  require(field.deviation_um.size() == n, "one deviation a vertex is needed");
-  require(field.status.size() == static_cast<std::size_t>(n), "one status a vertex is needed");
-  require(field.design.vertices.allFinite(), "vertices must be finite");
+  require(field.deviation_um.size() == n, "map: one deviation a vertex is needed");
+  require(field.status.size() == static_cast<std::size_t>(n), "map: one status a vertex is needed");
+  require(field.design.vertices.allFinite(), "map: vertices must be finite");
   require(field.design.triangles.size() == 0 ||
               (field.design.triangles.minCoeff() >= 0 && field.design.triangles.maxCoeff() < n),
-          "a triangle names a vertex that is not there");
+          "map: a triangle names a vertex that is not there");
   for (Eigen::Index i = 0; i < n; ++i) {
     require(field.status[i] != status_cut || std::isfinite(field.deviation_um[i]),
-            "a cut vertex has a finite deviation");
+            "map: a cut vertex has a finite deviation");
   }
 }
 

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
 #include <fmt/format.h>
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
+#include "kinematics/require.h"
 #include "render/canvas.h"
 #include "render/label.h"
 #include "render/layout.h"
@@ -25,21 +25,18 @@ constexpr double mm_per_um = 1e-3;
 constexpr int most_lines = 24;  // of the grid that are drawn along each run
 constexpr Colour outline_colour{0.30, 0.45, 0.62};
 
-void require(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(std::string("volume map: ") + what);
-}
-
 void check(const VolumePicture& picture, double magnification) {
   const Size& s = picture.size;
-  require(s[0] > 0 && s[1] > 0 && s[2] > 0, "every size must be positive");
-  require(int(s[0] > 1) + int(s[1] > 1) + int(s[2] > 1) >= 2, "two sizes must be above 1");
+  require(s[0] > 0 && s[1] > 0 && s[2] > 0, "volume map: every size must be positive");
+  require(int(s[0] > 1) + int(s[1] > 1) + int(s[2] > 1) >= 2,
+          "volume map: two sizes must be above 1");
   require(Eigen::Index(s[0]) * s[1] * s[2] == picture.points.rows() &&
               picture.points.rows() == picture.displacement_um.rows(),
-          "sizes must say how many points there are");
+          "volume map: sizes must say how many points there are");
   require(picture.points.allFinite() && picture.displacement_um.allFinite(),
-          "every number must be finite");
+          "volume map: every number must be finite");
   require(magnification > 0.0 && std::isfinite(magnification),
-          "the magnification must be positive");
+          "volume map: the magnification must be positive");
 }
 
 int index(const Size& size, const Size& at) { return at[0] + size[0] * (at[1] + size[1] * at[2]); }

@@ -30,7 +30,7 @@ struct HeadlessContext::Handles {
 
 namespace {
 
-void require(bool done, const char* step) {
+void require_step(bool done, const char* step) {
   if (!done) {
     throw std::runtime_error(fmt::format("no picture can be drawn: {} failed (EGL error 0x{:x})",
                                          step, static_cast<unsigned>(eglGetError())));
@@ -42,9 +42,9 @@ void require(bool done, const char* step) {
 HeadlessContext::HeadlessContext() : handles_(std::make_unique<Handles>()) {
   Handles& h = *handles_;
   h.display = eglGetPlatformDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr);
-  require(h.display != EGL_NO_DISPLAY, "the EGL surfaceless display");
-  require(eglInitialize(h.display, nullptr, nullptr) == EGL_TRUE, "eglInitialize");
-  require(eglBindAPI(EGL_OPENGL_API) == EGL_TRUE, "binding desktop OpenGL");
+  require_step(h.display != EGL_NO_DISPLAY, "the EGL surfaceless display");
+  require_step(eglInitialize(h.display, nullptr, nullptr) == EGL_TRUE, "eglInitialize");
+  require_step(eglBindAPI(EGL_OPENGL_API) == EGL_TRUE, "binding desktop OpenGL");
 
   constexpr std::array<EGLint, 11> wanted{EGL_SURFACE_TYPE,
                                           EGL_PBUFFER_BIT,
@@ -59,12 +59,13 @@ HeadlessContext::HeadlessContext() : handles_(std::make_unique<Handles>()) {
                                           EGL_NONE};
   EGLConfig config = nullptr;
   EGLint found = 0;
-  require(eglChooseConfig(h.display, wanted.data(), &config, 1, &found) == EGL_TRUE && found == 1,
-          "eglChooseConfig");
+  require_step(
+      eglChooseConfig(h.display, wanted.data(), &config, 1, &found) == EGL_TRUE && found == 1,
+      "eglChooseConfig");
 
   constexpr std::array<EGLint, 5> one_pixel{EGL_WIDTH, 1, EGL_HEIGHT, 1, EGL_NONE};
   h.surface = eglCreatePbufferSurface(h.display, config, one_pixel.data());
-  require(h.surface != EGL_NO_SURFACE, "eglCreatePbufferSurface");
+  require_step(h.surface != EGL_NO_SURFACE, "eglCreatePbufferSurface");
 
   constexpr std::array<EGLint, 7> version{EGL_CONTEXT_MAJOR_VERSION,
                                           3,
@@ -74,8 +75,9 @@ HeadlessContext::HeadlessContext() : handles_(std::make_unique<Handles>()) {
                                           EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
                                           EGL_NONE};
   h.context = eglCreateContext(h.display, config, EGL_NO_CONTEXT, version.data());
-  require(h.context != EGL_NO_CONTEXT, "an OpenGL 3.2 context");
-  require(eglMakeCurrent(h.display, h.surface, h.surface, h.context) == EGL_TRUE, "eglMakeCurrent");
+  require_step(h.context != EGL_NO_CONTEXT, "an OpenGL 3.2 context");
+  require_step(eglMakeCurrent(h.display, h.surface, h.surface, h.context) == EGL_TRUE,
+               "eglMakeCurrent");
 }
 
 HeadlessContext::~HeadlessContext() = default;

@@ -253,8 +253,12 @@ TEST(Architecture, FclStaysInOneSourceOfCuttingAndVtkInRender) {
   std::set<std::string> fcl;
   for_every_include([&](const std::string& file, int line, const std::string& target) {
     if (target.find("<fcl") == 0) fcl.insert(file);
-    if (target.find("<vtk") == 0) EXPECT_EQ(module_of(file), "render") << file << ":" << line;
-    if (target.find("<OpenMesh") == 0) EXPECT_EQ(module_of(file), "cutting") << file << ":" << line;
+    if (target.find("<vtk") == 0) {
+      EXPECT_EQ(module_of(file), "render") << file << ":" << line;
+    }
+    if (target.find("<OpenMesh") == 0) {
+      EXPECT_EQ(module_of(file), "cutting") << file << ":" << line;
+    }
   });
   EXPECT_LE(fcl.size(), 1u);
 }

@@ -19,8 +19,6 @@ using metrology::Readings;
 
 namespace {
 
-[[noreturn]] void refuse(const std::string& why) { throw std::invalid_argument(why); }
-
 bool near(double a, double b) { return a == b || std::abs(a - b) <= 1e-9; }
 
 bool same(const Joint& a, const Joint& b) {
@@ -42,14 +40,15 @@ bool same(const Chain& a, const Chain& b) {
   return true;
 }
 
-void check(const Readings& readings) {
+void check_measured(const Readings& readings) {
   const metrology::Plan& plan = readings.plan;
   const auto fault = [&](Index i, const std::string& what) {
-    refuse(fmt::format("reading {} of {}: {}", i + 1, plan.instrument, what));
+    throw std::invalid_argument(fmt::format("reading {} of {}: {}", i + 1, plan.instrument, what));
   };
   if (readings.value.size() != 0 && readings.value.size() != Index(plan.looks.size()))
-    refuse(fmt::format("readings of {}: expected {} values, seen {}", plan.instrument,
-                       plan.looks.size(), readings.value.size()));
+    throw std::invalid_argument(fmt::format("readings of {}: expected {} values, seen {}",
+                                            plan.instrument, plan.looks.size(),
+                                            readings.value.size()));
   for (Index i = 0; i < readings.value.size(); ++i) {
     const Look& look = plan.looks[std::size_t(i)];
     if (look.set_up < 0 || look.set_up >= int(plan.set_ups.size()))
@@ -70,17 +69,19 @@ void check(const Readings& readings) {
 }  // namespace
 
 void check_readings(const GeometricErrors& model, std::span<const Readings> readings) {
-  if (readings.empty()) refuse("there are no readings");
+  if (readings.empty()) throw std::invalid_argument("there are no readings");
   for (const Readings& r : readings) {
-    check(r);
+    check_measured(r);
     if (!same(r.nominal, readings.front().nominal))
-      refuse(fmt::format("readings of {} and of {} are of different machines",
-                         readings.front().plan.instrument, r.plan.instrument));
+      throw std::invalid_argument(fmt::format("readings of {} and of {} are of different machines",
+                                              readings.front().plan.instrument, r.plan.instrument));
   }
-  if (!values(model.elements).allFinite()) refuse("a starting value is not finite");
+  if (!values(model.elements).allFinite())
+    throw std::invalid_argument("a starting value is not finite");
   for (const Element& element : model.elements)
     for (const Curve& curve : element.curves)
-      if (is_random(curve)) refuse(to_string(element.name) + ": chance cannot be identified");
+      if (is_random(curve))
+        throw std::invalid_argument(to_string(element.name) + ": chance cannot be identified");
 }
 
 }  // namespace abbe::errors::identification

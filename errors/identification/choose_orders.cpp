@@ -38,7 +38,7 @@ int order_of(const Coefficient& coefficient, const GeometricErrors& model) {
 }
 
 /// Sought columns of unit norm, right-hand side, and the fold of every row.
-struct Problem {
+struct OrderProblem {
   MatrixXd A;
   VectorXd b;
   MatrixXd prior;
@@ -81,10 +81,11 @@ std::vector<int> folds_of(const Design& design, std::span<const Readings> readin
   return result;
 }
 
-Problem problem_of(const GeometricErrors& model, std::span<const Readings> readings, int folds) {
+OrderProblem problem_of(const GeometricErrors& model, std::span<const Readings> readings,
+                        int folds) {
   const Design d = design(model, readings);
   const VectorXd at_start = predicted(model, readings, d, start(model, d.unknowns));
-  Problem problem;
+  OrderProblem problem;
   std::vector<Index> columns;
   for (Index j = 0; j < d.unknowns.size(); ++j) {
     if (!d.sought[std::size_t(j)]) continue;
@@ -109,7 +110,7 @@ Problem problem_of(const GeometricErrors& model, std::span<const Readings> readi
   return problem;
 }
 
-std::vector<Index> rows_where(const Problem& problem, int fold, bool inside) {
+std::vector<Index> rows_where(const OrderProblem& problem, int fold, bool inside) {
   std::vector<Index> rows;
   for (std::size_t i = 0; i < problem.fold.size(); ++i)
     if ((problem.fold[i] == fold) == inside) rows.push_back(Index(i));
@@ -118,7 +119,7 @@ std::vector<Index> rows_where(const Problem& problem, int fold, bool inside) {
 
 /// The columns of one element last and its orders rising, so that every lower order is a leading
 /// block of the highest; those of the others up to their orders.
-std::vector<Index> element_last(const Problem& problem, int element,
+std::vector<Index> element_last(const OrderProblem& problem, int element,
                                 const std::vector<int>& orders) {
   std::vector<Index> columns;
   for (std::size_t j = 0; j < problem.order.size(); ++j) {
@@ -149,7 +150,7 @@ struct Training {
   std::vector<Index> left_out;
 };
 
-Training training(const Problem& problem, int fold) {
+Training training(const OrderProblem& problem, int fold) {
   const std::vector<Index> in = rows_where(problem, fold, false);
   const MatrixXd A = problem.A(in, Eigen::all);
   MatrixXd G = MatrixXd::Zero(A.cols(), A.cols());
@@ -160,7 +161,7 @@ Training training(const Problem& problem, int fold) {
           rows_where(problem, fold, true)};
 }
 
-Score score(const Problem& problem, const Training& fold, int element,
+Score score(const OrderProblem& problem, const Training& fold, int element,
             const std::vector<int>& orders, int most) {
   const std::vector<Index> columns = element_last(problem, element, orders);
   const MatrixXd L = cholesky(fold.G(columns, columns)).L;
@@ -236,7 +237,7 @@ OrderChoice choose_orders(std::span<const Readings> readings, const ModelOptions
   if (readings.empty()) throw std::invalid_argument("there are no readings");
   const GeometricErrors highest =
       model_of(readings.front().nominal, at_highest(model, readings.front().nominal, options.most));
-  const Problem problem = problem_of(highest, readings, options.folds);
+  const OrderProblem problem = problem_of(highest, readings, options.folds);
   std::vector<Training> folds;
   for (int f = 0; f < options.folds; ++f) folds.push_back(training(problem, f));
   std::vector<int> orders(std::size_t(problem.elements), options.most);

@@ -3,16 +3,14 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "kinematics/require.h"
+
 namespace abbe::errors::identification {
 namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-void require(bool holds, const char* what) {
-  if (!holds) throw std::invalid_argument(what);
-}
 
 void validate(const std::vector<CompositeRun>& runs, const CompositeOptions& options) {
   require(!runs.empty(), "a composite needs runs");

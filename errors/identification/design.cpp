@@ -29,8 +29,6 @@ using metrology::Readings;
 
 constexpr double dust = 1e-12;  // of what a column would be without cancellation
 
-[[noreturn]] void refuse(const std::string& why) { throw std::invalid_argument(why); }
-
 std::vector<Row> rows_of(std::span<const Readings> readings) {
   std::vector<Row> rows;
   for (std::size_t r = 0; r < readings.size(); ++r)
@@ -146,14 +144,17 @@ Prior prior_of(const GeometricErrors& model, Design& design) {
   const Covariance& covariance = model.covariance;
   const auto m = Index(covariance.of.size());
   if (covariance.matrix.rows() != m || covariance.matrix.cols() != m)
-    refuse("the covariance of the model does not fit its numbers");
-  if (!covariance.matrix.allFinite()) refuse("the covariance of the model is not finite");
+    throw std::invalid_argument("the covariance of the model does not fit its numbers");
+  if (!covariance.matrix.allFinite())
+    throw std::invalid_argument("the covariance of the model is not finite");
   Prior prior;
   std::vector<Index> kept;
   for (Index i = 0; i < m; ++i) {
     const auto& all = design.unknowns.coefficients;
     const auto at = std::find(all.begin(), all.end(), covariance.of[std::size_t(i)]);
-    if (at == all.end()) refuse("the covariance of the model speaks of a number it does not have");
+    if (at == all.end())
+      throw std::invalid_argument(
+          "the covariance of the model speaks of a number it does not have");
     if (covariance.matrix(i, i) == 0.0) {
       design.sought[std::size_t(at - all.begin())] = 0;
     } else {
@@ -167,7 +168,7 @@ Prior prior_of(const GeometricErrors& model, Design& design) {
   const VectorXd inverse = deviation.cwiseInverse();
   const Cholesky root = cholesky(inverse.asDiagonal() * known * inverse.asDiagonal());
   if (!deviation.allFinite() || !root.positive_definite)
-    refuse("the covariance of the model is not positive definite");
+    throw std::invalid_argument("the covariance of the model is not positive definite");
   prior.root = solve_lower(root.L, inverse.asDiagonal());
   return prior;
 }

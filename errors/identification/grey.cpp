@@ -3,6 +3,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "kinematics/require.h"
+
 namespace abbe::errors::identification {
 namespace {
 
@@ -10,11 +12,7 @@ using Eigen::ArrayXd;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-void require(bool holds, const char* what) {
-  if (!holds) throw std::invalid_argument(what);
-}
-
-void validate(const MatrixXd& series, const GreyOptions& options) {
+void validate_series(const MatrixXd& series, const GreyOptions& options) {
   require(series.rows() >= 2, "a grey degree needs two instants or more");
   require(series.cols() >= 1, "a grey degree needs a series");
   require(series.allFinite(), "a grey degree needs finite numbers");
@@ -102,7 +100,7 @@ GreyDegrees grey_degrees(const VectorXd& reference, const MatrixXd& series,
   const auto m = series.cols();
   MatrixXd all(series.rows(), m + 1);
   all << reference, series;
-  validate(all, options);
+  validate_series(all, options);
   require(m >= 1, "a grey degree needs a series");
   if (options.kind != GreyKind::Deng) {
     const MutualDegrees mutual = liu_degrees(all, options);
@@ -120,7 +118,7 @@ GreyDegrees grey_degrees(const VectorXd& reference, const MatrixXd& series,
 }
 
 MutualDegrees mutual_degrees(const MatrixXd& series, const GreyOptions& options) {
-  validate(series, options);
+  validate_series(series, options);
   if (options.kind != GreyKind::Deng) return liu_degrees(series, options);
   const Images made = images(series, options.image);
   if (made.status != GreyStatus::Ok) return {made.status, made.series, {}};

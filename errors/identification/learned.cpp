@@ -16,6 +16,8 @@
 #include <dlib/optimization.h>
 #include <dlib/svm.h>
 
+#include "kinematics/require.h"
+
 namespace abbe::errors::identification {
 namespace {
 
@@ -25,11 +27,7 @@ using Eigen::VectorXd;
 using Sample = dlib::matrix<double, 0, 1>;
 using Kernel = dlib::radial_basis_kernel<Sample>;
 
-void require(bool holds, const char* what) {
-  if (!holds) throw std::invalid_argument(what);
-}
-
-void validate(const MatrixXd& Z, const VectorXd& y) {
+void validate_training(const MatrixXd& Z, const VectorXd& y) {
   require(Z.rows() >= 1 && Z.cols() >= 1, "a learned model needs a row and an input");
   require(Z.rows() == y.size(), "inputs and readings differ in rows");
   require(Z.allFinite() && y.allFinite(), "a learned model needs finite numbers");
@@ -47,7 +45,7 @@ VectorXd to_eigen(const Sample& sample) {
   return v;
 }
 
-std::vector<Sample> samples(const MatrixXd& Z) {
+std::vector<Sample> samples_of(const MatrixXd& Z) {
   std::vector<Sample> result;
   for (Index row = 0; row < Z.rows(); ++row) result.push_back(to_dlib(Z.row(row)));
   return result;
@@ -66,7 +64,7 @@ KernelSum to_sum(const dlib::decision_function<Kernel>& f) {
 
 template <typename Trainer>
 KernelSum trained(const Trainer& trainer, const MatrixXd& Z, const VectorXd& y) {
-  return to_sum(trainer.train(samples(Z), std::vector<double>(y.data(), y.data() + y.size())));
+  return to_sum(trainer.train(samples_of(Z), std::vector<double>(y.data(), y.data() + y.size())));
 }
 
 /// Loss and its gradient with respect to all weights in one vector: in, in_bias, out, out_bias.
@@ -132,7 +130,7 @@ double value(const KernelSum& sum, const VectorXd& z) {
 
 KernelSum fit_support_vectors(const MatrixXd& Z, const VectorXd& y,
                               const SupportVectorOptions& options) {
-  validate(Z, y);
+  validate_training(Z, y);
   require(options.gamma > 0 && options.cost > 0 && options.epsilon > 0 && options.accuracy > 0,
           "an option of support vectors is not positive");
   dlib::svr_trainer<Kernel> trainer;
@@ -145,7 +143,7 @@ KernelSum fit_support_vectors(const MatrixXd& Z, const VectorXd& y,
 
 KernelSum fit_kernel_ridge(const MatrixXd& Z, const VectorXd& y,
                            const KernelRidgeOptions& options) {
-  validate(Z, y);
+  validate_training(Z, y);
   require(options.gamma > 0 && options.penalty > 0 && options.most_support > 0,
           "an option of kernel ridge is not positive");
   dlib::krr_trainer<Kernel> trainer;
@@ -163,7 +161,7 @@ double value(const Network& network, const VectorXd& z) {
 }
 
 Network fit_network(const MatrixXd& Z, const VectorXd& y, const NetworkOptions& options) {
-  validate(Z, y);
+  validate_training(Z, y);
   require(options.hidden >= 1 && options.hidden <= 1000 && options.decay >= 0 &&
               std::isfinite(options.decay) && options.starts >= 1 && options.most_iterations >= 1,
           "an option of a network is out of range");

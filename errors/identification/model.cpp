@@ -23,8 +23,6 @@ using kinematics::Motion;
 constexpr int most_order = 60;
 constexpr double endless = 1e8;  // mm: no travel that anyone stated
 
-[[noreturn]] void refuse(const std::string& why) { throw std::invalid_argument(why); }
-
 Index along(const Joint& joint) {
   Index k = 0;
   joint.direction_b.cwiseAbs().maxCoeff(&k);
@@ -39,7 +37,8 @@ struct Parameterised {
 
 void check_order(const std::string& name, int order) {
   if (order < 0 || order > most_order)
-    refuse(fmt::format("{}: expected an order from 0 to {}, seen {}", name, most_order, order));
+    throw std::invalid_argument(
+        fmt::format("{}: expected an order from 0 to {}, seen {}", name, most_order, order));
 }
 
 int order_of(const ElementName& name, int usual, const ModelOptions& options) {
@@ -78,8 +77,10 @@ void add_fourier(Parameterised& p, int order, double period) {
 
 void add_slide_curves(Parameterised& p, const Joint& joint, const ModelOptions& options) {
   const std::string who = to_string(p.element.name);
-  if (!(joint.max - joint.min < endless)) refuse(fmt::format("{}: its travel is not stated", who));
-  if (!(joint.max > joint.min)) refuse(fmt::format("{}: its travel is nothing", who));
+  if (!(joint.max - joint.min < endless))
+    throw std::invalid_argument(fmt::format("{}: its travel is not stated", who));
+  if (!(joint.max > joint.min))
+    throw std::invalid_argument(fmt::format("{}: its travel is nothing", who));
   const int order = order_of(p.element.name, options.order, options);
   check_order(who, order);
   const bool is_angle = p.element.name.is_angle();
@@ -209,7 +210,8 @@ std::vector<Parameterised> everything(const Chain& chain, const ModelOptions& op
 void check_known(const std::string& name, const std::vector<Parameterised>& all) {
   for (const Parameterised& p : all)
     if (to_string(p.element.name) == name) return;
-  refuse(fmt::format("expected an element that means something on this machine, seen {}", name));
+  throw std::invalid_argument(
+      fmt::format("expected an element that means something on this machine, seen {}", name));
 }
 
 }  // namespace
@@ -221,9 +223,11 @@ GeometricErrors model_of(const Chain& nominal, const ModelOptions& options) {
   for (const auto& [axis, period] : options.pitch) {
     const auto joint = nominal.find(axis);
     if (!joint || nominal.joints()[std::size_t(*joint)].motion != Motion::Linear)
-      refuse(fmt::format("pitch: expected a slide of this machine, seen {}", axis));
+      throw std::invalid_argument(
+          fmt::format("pitch: expected a slide of this machine, seen {}", axis));
     if (!(period > 0.0 && period < endless))
-      refuse(fmt::format("pitch of {}: expected mm above 0, seen {}", axis, period));
+      throw std::invalid_argument(
+          fmt::format("pitch of {}: expected mm above 0, seen {}", axis, period));
   }
   const std::vector<Parameterised> all = everything(nominal, options);
   for (const std::string& name : options.only) check_known(name, all);

@@ -8,6 +8,7 @@
 #include <Eigen/QR>
 #include <Eigen/SVD>
 
+#include "kinematics/require.h"
 #include "kinematics/symmetric.h"
 
 namespace abbe::errors::identification {
@@ -21,10 +22,6 @@ using Eigen::VectorXd;
 using Real = long double;
 using RealMatrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
 using RealVector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
-
-void require(bool holds, const char* what) {
-  if (!holds) throw std::invalid_argument(what);
-}
 
 void validate(const MatrixXd& A, const VectorXd& y) {
   require(A.rows() == y.size(), "design and readings differ in rows");
@@ -41,14 +38,14 @@ RealVector row_scale(const VectorXd& weight, Index n) {
 
 /// [1 A], each row times the root of its weight, each column scaled to a length near 1 by a power
 /// of two, which rounds nothing.
-struct Design {
+struct ExtendedDesign {
   RealMatrix scaled;
   RealVector unit;  ///< what each column was divided by
 };
 
-Design make_design(const MatrixXd& A, bool constant, const RealVector& row) {
+ExtendedDesign make_design(const MatrixXd& A, bool constant, const RealVector& row) {
   const Index q = A.cols() + (constant ? 1 : 0);
-  Design design{RealMatrix(A.rows(), q), RealVector::Ones(q)};
+  ExtendedDesign design{RealMatrix(A.rows(), q), RealVector::Ones(q)};
   if (constant) design.scaled.col(0).setOnes();
   design.scaled.rightCols(A.cols()) = A.cast<Real>();
   design.scaled = row.asDiagonal() * design.scaled;
@@ -85,7 +82,8 @@ struct TwofoldSum {
 
 /// b and what the normal equations still ask for, their right side summed twofold: plain QR
 /// leaves an error of condition^2 times the residual, which matters where the fit is bad.
-RealVector refined(const Design& design, const RealVector& y, const Qr& qr, const RealVector& b) {
+RealVector refined(const ExtendedDesign& design, const RealVector& y, const Qr& qr,
+                   const RealVector& b) {
   const Index n = design.scaled.rows(), q = design.scaled.cols();
   std::vector<TwofoldSum> gradient(static_cast<std::size_t>(q));
   for (Index i = 0; i < n; ++i) {
@@ -106,7 +104,8 @@ RealVector refined(const Design& design, const RealVector& y, const Qr& qr, cons
 }
 
 /// The columns past `rank` as combinations of those before.
-std::vector<Dependence> confounded(const Qr& qr, const Design& design, Index rank, bool constant) {
+std::vector<Dependence> confounded(const Qr& qr, const ExtendedDesign& design, Index rank,
+                                   bool constant) {
   const Index q = design.scaled.cols();
   const auto& order = qr.colsPermutation().indices();
   const RealMatrix R = qr.matrixR().topRows(std::min(q, design.scaled.rows()));
@@ -166,7 +165,7 @@ Real total_squares(const RealVector& y, const RealVector& row, bool about_mean) 
 
 /// VIF of a column is its diagonal of the inverse normal matrix times its sum of squares about the
 /// mean (about 0 where there is no constant).
-VectorXd inflation(const MatrixXd& A, const Design& design, const RealMatrix& inverse,
+VectorXd inflation(const MatrixXd& A, const ExtendedDesign& design, const RealMatrix& inverse,
                    const RealVector& row) {
   const Index p = A.cols(), shift = inverse.cols() - p;
   VectorXd vif(p);
@@ -251,7 +250,7 @@ Regression fit_regression(const MatrixXd& A, const VectorXd& y, const Regression
     fit.status = RegressionStatus::TooFewRows;
     return fit;
   }
-  const Design design = make_design(A, options.constant, row);
+  const ExtendedDesign design = make_design(A, options.constant, row);
   const Qr qr(design.scaled);
   const Index rank = rank_of(qr, options.rank_tolerance);
   if (rank < q) {

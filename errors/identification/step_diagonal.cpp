@@ -29,10 +29,6 @@ using kinematics::Chain;
 using metrology::Look;
 using metrology::Readings;
 
-[[noreturn]] void refuse(const std::string& why) {
-  throw std::invalid_argument("step diagonal: " + why);
-}
-
 /// What a machine would read at every look, set up perfectly. (looks)
 VectorXd read_on(const Readings& readings, const GeometricErrors& errors) {
   const Chain& chain = readings.nominal;
@@ -76,10 +72,10 @@ Linear linear(const StepPath& path, Index readings) {
       N.row(leg->diagonal) = leg->across.transpose();
       count[leg->diagonal] += 1.0;
     }
-    if (count.minCoeff() == 0.0) refuse("expected the same steps on every diagonal");
+    if (count.minCoeff() == 0.0) refuse_diagonals("expected the same steps on every diagonal");
     const SingularValues svd = singular_values(N, Eigen::ComputeFullU | Eigen::ComputeThinV);
     if (svd.values[2] < 1e-3 * svd.values[0])
-      refuse("expected diagonals that differ in three directions");
+      refuse_diagonals("expected diagonals that differ in three directions");
     const MatrixXd inverse =
         svd.V * svd.values.cwiseInverse().asDiagonal() * svd.U.leftCols(3).transpose();
     for (const StepLeg* leg : legs[std::size_t(k)]) {
@@ -113,7 +109,7 @@ struct Curves {
   MatrixXd squareness;                          ///< (3 x readings)
 };
 
-const std::array<ElementName, 3> squarenesses = {
+const std::array<ElementName, 3> identified_squarenesses = {
     ElementName{'C', 'Y', true}, ElementName{'B', 'Z', true}, ElementName{'A', 'Z', true}};
 
 Curves curves(const StepPath& path, const Linear& estimator, const Chain& chain) {
@@ -139,7 +135,7 @@ Curves curves(const StepPath& path, const Linear& estimator, const Chain& chain)
         for (const SquarenessShare& share :
              squareness_shares(element_of(component, axis), 1.0, chain.joints()))
           for (std::size_t s = 0; s < 3; ++s)
-            if (squarenesses[s] == share.name)
+            if (identified_squarenesses[s] == share.name)
               result.squareness.row(Index(s)) += share.value * travel * slope;
       }
       result.rows[std::size_t(axis)][std::size_t(component)] = rows;
@@ -186,7 +182,7 @@ GeometricErrors belief_of(const Curves& curves, const VectorXd& y, const VectorX
   }
   for (std::size_t s = 0; s < 3; ++s) {
     const double value = slope[Index(s)] * turn[s == 0 ? 1 : 2].angle_per_slope;
-    belief.elements.push_back({squarenesses[s], {Curve{Constant{value}}}});
+    belief.elements.push_back({identified_squarenesses[s], {Curve{Constant{value}}}});
     rows.push_back(curves.squareness.row(Index(s)));
   }
   belief.covariance.of = coefficients(belief.elements);
@@ -372,9 +368,10 @@ StepDiagonalTrend step_diagonal_trend(std::span<const StepDiagonal> results, con
   const auto m = Index(results.size());
   const Index k = dT_K.cols();
   if (dT_K.rows() != m || !dT_K.allFinite())
-    refuse("expected one row of finite temperatures for each result");
+    refuse_diagonals("expected one row of finite temperatures for each result");
   if (m < k + 1)
-    refuse(fmt::format("expected at least {} results for {} temperatures, seen {}", k + 1, k, m));
+    refuse_diagonals(
+        fmt::format("expected at least {} results for {} temperatures, seen {}", k + 1, k, m));
   StepDiagonalTrend trend;
   MatrixXd values;
   for (Index i = 0; i < m; ++i) {
@@ -384,7 +381,7 @@ StepDiagonalTrend step_diagonal_trend(std::span<const StepDiagonal> results, con
       trend.is_length = q.is_length;
       values.resize(m, Index(q.names.size()));
     }
-    if (q.names != trend.names) refuse("expected results over the same steps");
+    if (q.names != trend.names) refuse_diagonals("expected results over the same steps");
     values.row(i) = VectorXd::Map(q.value.data(), Index(q.value.size())).transpose();
   }
   MatrixXd A(m, k + 1);
@@ -392,7 +389,8 @@ StepDiagonalTrend step_diagonal_trend(std::span<const StepDiagonal> results, con
   const VectorXd norm = A.colwise().norm().cwiseMax(std::numeric_limits<double>::min());
   const MatrixXd scaled = A * norm.cwiseInverse().asDiagonal();
   const auto fit = least_squares(scaled, values, 1e-9);
-  if (fit.rank < k + 1) refuse("the temperatures do not vary enough to separate their slopes");
+  if (fit.rank < k + 1)
+    refuse_diagonals("the temperatures do not vary enough to separate their slopes");
   const MatrixXd solved = norm.cwiseInverse().asDiagonal() * fit.x;
   trend.at_zero = solved.row(0).transpose();
   trend.per_K = solved.bottomRows(k).transpose();

@@ -22,25 +22,21 @@ namespace {
 
 constexpr double same_place = 1e-6;  // mm
 
-[[noreturn]] void refuse(const std::string& why) {
-  throw std::invalid_argument("step diagonal: " + why);
-}
-
-void check(const Readings& readings) {
+void check_diagonals(const Readings& readings) {
   const metrology::Plan& plan = readings.plan;
   if (plan.set_ups.size() != 4)
-    refuse(fmt::format("expected four diagonals, seen {}", plan.set_ups.size()));
+    refuse_diagonals(fmt::format("expected four diagonals, seen {}", plan.set_ups.size()));
   for (const metrology::SetUp& set_up : plan.set_ups)
     if (set_up.channels.size() != 1 || set_up.channels[0].is_angle() ||
         set_up.channels[0].quantity == metrology::Quantity::Length)
-      refuse("expected one beam along each diagonal");
+      refuse_diagonals("expected one beam along each diagonal");
   if (plan.looks.empty() || readings.value.size() != Index(plan.looks.size()) ||
       !readings.value.allFinite())
-    refuse("expected one finite reading at every look");
+    refuse_diagonals("expected one finite reading at every look");
   for (const Look& look : plan.looks)
     if (look.set_up < 0 || look.set_up > 3 || look.channel != 0 ||
         look.state.q.size() != readings.nominal.size())
-      refuse("expected looks along four diagonals");
+      refuse_diagonals("expected looks along four diagonals");
 }
 
 int joint_index(const Chain& chain, int axis) { return *chain.find(slides[std::size_t(axis)]); }
@@ -68,24 +64,29 @@ int interval_of(const std::vector<double>& places, double a, double b) {
   const auto at = std::lower_bound(places.begin(), places.end(), low - same_place);
   const auto next = at + 1;
   if (next == places.end() || std::abs(*next - std::max(a, b)) > same_place)
-    refuse("expected the same steps on every diagonal");
+    refuse_diagonals("expected the same steps on every diagonal");
   return int(at - places.begin());
 }
 
 }  // namespace
 
+void refuse_diagonals(const std::string& why) {
+  throw std::invalid_argument("step diagonal: " + why);
+}
+
 Joint slide(const Chain& chain, int axis) {
   const auto joint = chain.find(slides[std::size_t(axis)]);
-  if (!joint) refuse(fmt::format("expected a slide {}", slides[std::size_t(axis)]));
+  if (!joint) refuse_diagonals(fmt::format("expected a slide {}", slides[std::size_t(axis)]));
   const Joint& j = chain.joints()[std::size_t(*joint)];
   if (j.motion != kinematics::Motion::Linear ||
       (j.direction_b - Vector3d::Unit(axis)).norm() > 1e-9)
-    refuse(fmt::format("expected {} along its axis of the bed", slides[std::size_t(axis)]));
+    refuse_diagonals(
+        fmt::format("expected {} along its axis of the bed", slides[std::size_t(axis)]));
   return j;
 }
 
 StepPath step_path(const Readings& readings) {
-  check(readings);
+  check_diagonals(readings);
   const Chain& chain = readings.nominal;
   const std::vector<Look>& looks = readings.plan.looks;
   std::array<Joint, 3> joints = {slide(chain, 0), slide(chain, 1), slide(chain, 2)};
@@ -103,7 +104,7 @@ StepPath step_path(const Readings& readings) {
     const auto& q_from = looks[from].state.q;
     const auto& q_to = looks[to].state.q;
     const int axis = moved(chain, q_from, q_to);
-    if (axis < 0) refuse("expected readings that are one step of X, Y or Z apart");
+    if (axis < 0) refuse_diagonals("expected readings that are one step of X, Y or Z apart");
     const int j = joint_index(chain, axis);
     const metrology::Channel& channel =
         readings.plan.set_ups[std::size_t(looks[to].set_up)].channels[0];

@@ -39,4 +39,7 @@ struct StepPath {
 ///         step of X, Y or Z from the one before, with the same steps on every diagonal
 StepPath step_path(const metrology::Readings& readings);
 
+/// @throws std::invalid_argument, always: "step diagonal: " and why
+[[noreturn]] void refuse_diagonals(const std::string& why);
+
 }  // namespace abbe::errors::identification

@@ -10,16 +10,13 @@
 #include <fmt/format.h>
 
 #include "kinematics/bad_input.h"
+#include "kinematics/require.h"
 #include "kinematics/text.h"
 
 namespace abbe::errors::identification {
 namespace {
 
 using Eigen::Index;
-
-void require(bool holds, const char* what) {
-  if (!holds) throw std::invalid_argument(what);
-}
 
 ThermalData only_rows(const ThermalData& data, const std::vector<Index>& rows) {
   ThermalData result{data.names, data.T(rows, Eigen::all), data.y(rows), {}};

@@ -20,7 +20,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int most_inputs = 1000;
+constexpr int largest_model = 1000;
 constexpr int most_rows = 100'000;
 
 constexpr ModelKind kinds[] = {ModelKind::Linear,      ModelKind::Ridge,
@@ -194,10 +194,10 @@ KernelLaw read_kernel(Reader& reader, Index m) {
 NetworkLaw read_network(Reader& reader, Index m) {
   NetworkLaw law{read_scaling(reader, m), {}};
   law.network.out_bias = reader.number("out_bias");
-  const int hidden = reader.whole("hidden", 1, most_inputs);
+  const int hidden = reader.whole("hidden", 1, largest_model);
   law.network.out = reader.vector("out", hidden);
   law.network.in_bias = reader.vector("in_bias", hidden);
-  law.network.in = reader.matrix("in", m, most_inputs);
+  law.network.in = reader.matrix("in", m, largest_model);
   if (law.network.in.rows() != hidden)
     reader.refuse(fmt::format("{} rows", hidden), fmt::format("{}", law.network.in.rows()));
   return law;
@@ -237,7 +237,7 @@ ThermalModel thermal_model_of_text(std::string_view text, const std::string& fil
     reader.refuse("a first line \"abbe thermal model 1\"", in_quotes(head));
   ThermalModel model;
   model.kind = read_kind(reader);
-  const int m = reader.whole("inputs", 1, most_inputs);
+  const int m = reader.whole("inputs", 1, largest_model);
   model.names = read_names(reader, m);
   model.lowest = reader.vector("lowest", m);
   model.highest = reader.vector("highest", m);

@@ -30,7 +30,7 @@ double scatter(std::uint64_t k) {
 }
 
 /// Twice the area of a triangle, positive if it turns left.
-double turn(const Vector2d& a, const Vector2d& b, const Vector2d& c) {
+double orientation(const Vector2d& a, const Vector2d& b, const Vector2d& c) {
   return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
 }
 
@@ -39,7 +39,8 @@ double turn(const Vector2d& a, const Vector2d& b, const Vector2d& c) {
 Vector4d balance(const Eigen::MatrixX2d& terms, const Reference& r) {
   const Vector2d p0 = terms.row(r[0]), p1 = terms.row(r[1]), p2 = terms.row(r[2]),
                  p3 = terms.row(r[3]);
-  Vector4d weight(turn(p1, p2, p3), -turn(p0, p2, p3), turn(p0, p1, p3), -turn(p0, p1, p2));
+  Vector4d weight(orientation(p1, p2, p3), -orientation(p0, p2, p3), orientation(p0, p1, p3),
+                  -orientation(p0, p1, p2));
   const double sum = weight.lpNorm<1>();
   if (!(sum > 0.0)) return Vector4d::Zero();
   return weight / sum;
@@ -126,7 +127,7 @@ std::vector<Vector2d> hull(const Eigen::MatrixX2d& points) {
     const std::size_t start = corners.size();
     for (auto p = begin; p != end; ++p) {
       while (corners.size() >= start + 2 &&
-             turn(corners[corners.size() - 2], corners.back(), *p) <= 0.0)
+             orientation(corners[corners.size() - 2], corners.back(), *p) <= 0.0)
         corners.pop_back();
       corners.push_back(*p);
     }

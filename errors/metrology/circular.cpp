@@ -146,15 +146,15 @@ Eigen::Matrix<double, 1, Causes> effect(double angle, double sense, double R) {
   return row;
 }
 
-struct Readings {
+struct Deviations {
   Eigen::MatrixXd effect;  ///< (n x Causes)
   VectorXd deviation;      ///< (n) mm
   VectorXd share;          ///< (n) of arc
 };
 
-Readings readings(const CircularRuns& runs) {
+Deviations deviations(const CircularRuns& runs) {
   const Index n = runs.anticlockwise.radius.size(), k = runs.clockwise.radius.size();
-  Readings all{Eigen::MatrixXd(n + k, Index(Causes)), VectorXd(n + k), VectorXd(n + k)};
+  Deviations all{Eigen::MatrixXd(n + k, Index(Causes)), VectorXd(n + k), VectorXd(n + k)};
   all.share << arc_shares(runs.anticlockwise.angle), arc_shares(runs.clockwise.angle);
   all.deviation << runs.anticlockwise.radius, runs.clockwise.radius;
   all.deviation.array() -= runs.nominal_radius;
@@ -175,7 +175,7 @@ struct Solution {
 // With w the shares, x = (A'WA)^-1 A'W y has the covariance s^2 (A'WA)^-1 A'W^2A (A'WA)^-1 where
 // all readings have the noise s, and the sum of w r^2 expects s^2 times the sum of w less the trace
 // below.
-Solution solution(const Readings& all, Index causes) {
+Solution solution(const Deviations& all, Index causes) {
   constexpr double without_effect = 1e-8;  // of the largest, columns scaled to length 1
   const VectorXd share = all.share / all.share.maxCoeff(), root = share.cwiseSqrt();
   const Eigen::MatrixXd weighted = root.asDiagonal() * all.effect.leftCols(causes);
@@ -243,7 +243,7 @@ int place_count(const CircularRuns& runs) {
 CircularCauses circular_causes(const CircularRuns& runs, const CauseOptions& options) {
   check(runs);
   static_assert(Causes == circular_cause_count);
-  const Readings all = readings(runs);
+  const Deviations all = deviations(runs);
   const Index causes = options.no_lag ? Lag : Causes;
   if (place_count(runs) <= causes)
     throw std::invalid_argument("circular: expected more readings than causes");

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "errors/metrology/circle_result.h"
+#include "errors/metrology/positioning.h"
 #include "kinematics/units.h"
 
 namespace abbe::errors::metrology {
@@ -35,8 +36,6 @@ TestResult positioning_result(const std::string& name, const PositionRuns& runs,
   f.push_back(figure("B_mean", p.B_mean, angle));
   return result;
 }
-
-double range(const VectorXd& v) { return v.maxCoeff() - v.minCoeff(); }
 
 /// Slope of the least-squares line through the mean of all runs.
 double slope_of(const PositionRuns& runs) {

@@ -26,14 +26,6 @@ Vector3d turned(const Eigen::Vector2d& eccentricity, double angle) {
           0.0};
 }
 
-/// Two unit vectors across a normal: the turns of a mirror that matter.
-Eigen::Matrix<double, 3, 2> across(const Vector3d& normal) {
-  Eigen::Matrix<double, 3, 2> basis;
-  basis.col(0) = normal.unitOrthogonal();
-  basis.col(1) = normal.cross(basis.col(0));
-  return basis;
-}
-
 Eigen::Matrix<double, 3, 2> mirror_turns(const SetUp& set_up) {
   for (const Channel& channel : set_up.channels)
     if (channel.quantity == Quantity::Mirror) return across(channel.normal_of);
@@ -139,6 +131,13 @@ Vector3d turn_against_nominal(const Channel& channel, const Bodies& actual, cons
 }
 
 }  // namespace
+
+Eigen::Matrix<double, 3, 2> across(const Vector3d& normal) {
+  Eigen::Matrix<double, 3, 2> basis;
+  basis.col(0) = normal.unitOrthogonal();
+  basis.col(1) = normal.cross(basis.col(0));
+  return basis;
+}
 
 double reading(const SetUp& set_up, int channel, const Misalignment& misalignment,
                const Bodies& actual, const Bodies& nominal, double spindle_angle, double since_s) {

@@ -106,6 +106,9 @@ std::vector<SetUpUnknown> unknowns(const SetUp& set_up);
 Misalignment misalignment(const SetUp& set_up, const Eigen::VectorXd& values);
 Eigen::VectorXd values(const SetUp& set_up, const Misalignment& misalignment);
 
+/// Two unit vectors square to a normal and to each other.
+Eigen::Matrix<double, 3, 2> across(const Eigen::Vector3d& normal);
+
 /// Change of a reading per unit of each unknown of its set-up, at a perfect one. (unknowns)
 Eigen::VectorXd unknowns_gradient(const SetUp& set_up, int channel, const Bodies& nominal,
                                   double spindle_angle = 0.0, double since_s = 0.0);

@@ -12,6 +12,7 @@
 #include <Eigen/Geometry>
 
 #include "errors/curve.h"
+#include "errors/metrology/readings.h"
 #include "errors/metrology/walk.h"
 #include "kinematics/least_squares.h"
 
@@ -46,10 +47,6 @@ void check(const PartSurface& part) {
       refuse(fmt::format("expected a unit normal at point {}, seen one of length {}", i + 1,
                          part.normals_w.row(i).norm()));
   }
-}
-
-double rounded(double value, double resolution) {
-  return resolution > 0.0 ? std::round(value / resolution) * resolution : value;
 }
 
 PartReadings blank(const PartSurface& part, const std::vector<Index>& chosen, double noise,

@@ -9,6 +9,7 @@
 
 #include "errors/metrology/areal.h"
 #include "errors/metrology/form.h"
+#include "errors/metrology/observable.h"
 #include "errors/metrology/shares.h"
 #include "kinematics/singular_values.h"
 
@@ -21,15 +22,7 @@ using Eigen::MatrixX3d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double one_place = 1e-6;  // mm: points of a design closer than this are one
-
-/// Two unit vectors across a direction, for the place of a point in a plane.
-Eigen::Matrix<double, 3, 2> across(const Vector3d& normal) {
-  Eigen::Matrix<double, 3, 2> basis;
-  basis.col(0) = normal.unitOrthogonal();
-  basis.col(1) = normal.cross(basis.col(0));
-  return basis;
-}
+constexpr double one_point = 1e-6;  // mm: points of a design closer than this are one
 
 MatrixX3d machined(const PartReadings& r) {
   return r.points_w + (r.normals_w.array().colwise() * r.deviation.array()).matrix();
@@ -67,7 +60,7 @@ std::vector<std::vector<Index>> heights_of(const MatrixX3d& points, const Vector
                    [&](Index a, Index b) { return height[a] < height[b]; });
   std::vector<std::vector<Index>> rings;
   for (const Index i : order) {
-    if (rings.empty() || height[i] - height[rings.back().front()] > one_place) rings.emplace_back();
+    if (rings.empty() || height[i] - height[rings.back().front()] > one_point) rings.emplace_back();
     rings.back().push_back(i);
   }
   return rings;
@@ -91,7 +84,7 @@ std::optional<TestResult> circularity_result(const PartReadings& r, const std::v
   if (!goes_round(angles_about(design, middle))) return std::nullopt;  // nor on a line
   const LeastSquaresCircle nominal = least_squares_circle(design);
   const VectorXd angle = angles_about(design, nominal.centre);
-  if (nominal.circularity > one_place || !goes_round(angle)) return std::nullopt;
+  if (nominal.circularity > one_point || !goes_round(angle)) return std::nullopt;
   const MatrixX2d points = machined(r)(rows, Eigen::all) * plane;
   const auto circle = least_squares_circle(points, arc_shares(angle));
   const auto zone = minimum_zone_circles(points);
@@ -137,7 +130,7 @@ TestResult heights_result(const PartReadings& r, const VectorXd& share, bool fla
 }  // namespace
 
 std::vector<TestResult> results_of(const PartReadings& r) {
-  const VectorXd share = place_shares(r.points_w, one_place);
+  const VectorXd share = place_shares(r.points_w, one_point);
   const bool flat = (r.normals_w * r.normals_w.row(0).transpose()).minCoeff() > 1.0 - 1e-12;
   std::vector<TestResult> results;
   if (flat) results.push_back(flatness_result(r, share));

@@ -25,8 +25,6 @@ void check(const PositionRuns& runs) {
       throw std::invalid_argument("positioning: expected a row of deviations for every target");
 }
 
-double range(const VectorXd& values) { return values.maxCoeff() - values.minCoeff(); }
-
 std::optional<OneWayPositioning> one_way(const MatrixXd& x) {
   if (x.cols() == 0) return std::nullopt;
   OneWayPositioning result;
@@ -53,6 +51,8 @@ void add_repeatability(const OneWayPositioning& up, const OneWayPositioning& dow
 }
 
 }  // namespace
+
+double range(const VectorXd& values) { return values.maxCoeff() - values.minCoeff(); }
 
 Positioning positioning(const PositionRuns& runs) {
   check(runs);

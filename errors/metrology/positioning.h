@@ -52,6 +52,9 @@ struct Positioning {
 ///         for numbers that are not finite
 Positioning positioning(const PositionRuns& runs);
 
+/// Largest less smallest.
+double range(const Eigen::VectorXd& values);
+
 /// Mean of all runs, of both ways. (m)
 Eigen::VectorXd mean_of(const PositionRuns& runs);
 

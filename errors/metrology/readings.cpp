@@ -92,11 +92,11 @@ double shown(Standing& standing, const SetUp& set_up, int channel, const Instant
   return now(standing.misalignment);
 }
 
+}  // namespace
+
 double rounded(double value, double resolution) {
   return resolution > 0.0 ? std::round(value / resolution) * resolution : value;
 }
-
-}  // namespace
 
 Readings measure(const Plan& plan, const kinematics::Chain& nominal,
                  const MachineUnderTest& machine, std::uint64_t seed) {

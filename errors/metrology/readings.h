@@ -59,6 +59,9 @@ Bodies nominal_bodies(const kinematics::Chain& nominal, const kinematics::AxisVe
 /// Standard deviation of one reading: noise and rounding. mm or rad
 double standard_deviation(const Channel& channel);
 
+/// A reading as it is shown in steps of a resolution; 0 shows it all.
+double rounded(double value, double resolution);
+
 /// The angle that an eccentric ball turns by at a state: that of the nose `s`, else 0.
 double spindle_angle(const kinematics::Chain& nominal, const kinematics::AxisState& state);
 

@@ -13,7 +13,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double turn = 2.0 * pi;
+constexpr double full_turn = 2.0 * pi;
 constexpr double one_place = 1e-9;  // rad: rounding of an angle that was made of two coordinates
 
 /// The places of readings around a circle and the gap that follows each.
@@ -33,8 +33,8 @@ Ring ring_of(const VectorXd& angle) {
   std::vector<Index> order(static_cast<std::size_t>(angle.size()));
   std::iota(order.begin(), order.end(), 0);
   const VectorXd within = angle.unaryExpr([](double a) {
-    const double rest = a - turn * std::floor(a / turn);
-    return rest > turn - one_place ? 0.0 : rest;
+    const double rest = a - full_turn * std::floor(a / full_turn);
+    return rest > full_turn - one_place ? 0.0 : rest;
   });
   std::stable_sort(order.begin(), order.end(),
                    [&](Index a, Index b) { return within[a] < within[b]; });
@@ -50,7 +50,7 @@ Ring ring_of(const VectorXd& angle) {
   }
   for (std::size_t k = 0; k + 1 < ring.size(); ++k)
     ring.gap.push_back(ring.place[k + 1] - ring.place[k]);
-  if (ring.size() > 0) ring.gap.push_back(turn - (ring.place.back() - ring.place.front()));
+  if (ring.size() > 0) ring.gap.push_back(full_turn - (ring.place.back() - ring.place.front()));
   return ring;
 }
 

@@ -32,7 +32,7 @@ double waiting_place(const Joint& joint) {
   return 0.5 * (joint.min + joint.max);
 }
 
-void check_axes(const Instrument& instrument, const Chain& nominal) {
+void check_chosen(const Instrument& instrument, const Chain& nominal) {
   for (const char axis : instrument.axes)
     if (!nominal.find(axis))
       refuse(instrument, fmt::format("expected axes of the machine, seen {}", axis));
@@ -52,7 +52,7 @@ bool chosen(const Instrument& instrument, char axis) {
 }  // namespace
 
 Stand stand(const Instrument& instrument, const Chain& nominal) {
-  check_axes(instrument, nominal);
+  check_chosen(instrument, nominal);
   Stand result;
   result.q.resize(nominal.size());
   for (int j = 0; j < nominal.size(); ++j) {

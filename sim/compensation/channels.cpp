@@ -13,10 +13,10 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double most_cycles = 2e8;
-constexpr double most_counts = 1e15;  // whole numbers and halves are still distinct
+constexpr double longest_course = 2e8;
+constexpr double largest_count = 1e15;  // whole numbers and halves are still distinct
 
-void need(bool holds, const std::string& what) {
+void channel_expects(bool holds, const std::string& what) {
   if (!holds) throw std::invalid_argument("a channel expects " + what);
 }
 
@@ -26,13 +26,13 @@ bool not_negative(double value) { return value >= 0.0 && std::isfinite(value); }
 double rounded(double value, double increment) {
   if (increment == 0.0) return value;
   const double whole = std::round(value / increment);
-  return std::abs(whole) < most_counts ? whole * increment : value;
+  return std::abs(whole) < largest_count ? whole * increment : value;
 }
 
 /// Number of the first cycle that does not begin before an instant.
 long cycles_until(double end_s, double start_s, double cycle_s) {
   const double cycles = std::ceil((end_s - start_s) / cycle_s);
-  need(cycles <= most_cycles, "at most 2e8 cycles in a course");
+  channel_expects(cycles <= longest_course, "at most 2e8 cycles in a course");
   return long(cycles);
 }
 
@@ -40,8 +40,8 @@ long cycles_until(double end_s, double start_s, double cycle_s) {
 template <typename Shaped>
 Course held(const Course& wanted, double cycle_s, double delay_s, const Shaped& shaped) {
   validate(wanted, "channel");
-  need(positive(cycle_s), "a cycle above 0");
-  need(not_negative(delay_s), "a delay that is not negative");
+  channel_expects(positive(cycle_s), "a cycle above 0");
+  channel_expects(not_negative(delay_s), "a delay that is not negative");
   const double start_s = wanted.time_s[0];
   const long cycles = cycles_until(wanted.time_s[wanted.time_s.size() - 1], start_s, cycle_s);
   CourseWalk walk(wanted);
@@ -105,9 +105,9 @@ Course through(const Course& wanted, const OpenControl& open) {
 
 Course through(const Course& wanted, const OriginShift& origin,
                std::span<const kinematics::Joint> joints) {
-  need(Index(joints.size()) == wanted.value.cols(), "a joint for each column");
-  need(not_negative(origin.increment), "an increment that is not negative");
-  need(not_negative(origin.rate), "a rate that is not negative");
+  channel_expects(Index(joints.size()) == wanted.value.cols(), "a joint for each column");
+  channel_expects(not_negative(origin.increment), "an increment that is not negative");
+  channel_expects(not_negative(origin.rate), "a rate that is not negative");
   const Course steps = held(wanted, origin.cycle_s, origin.delay_s, [&](VectorXd row) {
     for (Index j = 0; j < row.size(); ++j) {
       const bool slide = joints[std::size_t(j)].motion == kinematics::Motion::Linear;
@@ -119,10 +119,11 @@ Course through(const Course& wanted, const OriginShift& origin,
 }
 
 Course through(const Course& wanted_t, const Piezo& piezo) {
-  need(wanted_t.value.cols() == 3, "three columns for a piezo");
-  need(std::abs(piezo.direction_t.norm() - 1.0) <= 1e-9, "a unit direction of the piezo");
-  need(positive(piezo.range), "a range of the piezo above 0");
-  need(not_negative(piezo.resolution), "a resolution that is not negative");
+  channel_expects(wanted_t.value.cols() == 3, "three columns for a piezo");
+  channel_expects(std::abs(piezo.direction_t.norm() - 1.0) <= 1e-9,
+                  "a unit direction of the piezo");
+  channel_expects(positive(piezo.range), "a range of the piezo above 0");
+  channel_expects(not_negative(piezo.resolution), "a resolution that is not negative");
   const Course along{wanted_t.time_s, wanted_t.value * piezo.direction_t};
   const double most = 0.5 * piezo.range;
   const Course set_points = held(along, piezo.cycle_s, 0.0, [&](VectorXd row) {
@@ -133,7 +134,7 @@ Course through(const Course& wanted_t, const Piezo& piezo) {
 }
 
 double yielding(const Piezo& piezo, double force_along) {
-  need(positive(piezo.stiffness), "a stiffness of the piezo above 0");
+  channel_expects(positive(piezo.stiffness), "a stiffness of the piezo above 0");
   return force_along / piezo.stiffness;
 }
 

@@ -26,8 +26,6 @@ bool is_slide(const Chain& chain, int joint) {
   return chain.joints()[std::size_t(joint)].motion == Motion::Linear;
 }
 
-char letter(const Chain& chain, int joint) { return chain.joints()[std::size_t(joint)].name; }
-
 /// "0.12 um" or "3.4 urad".
 std::string small(double value, const Chain& chain, int joint) {
   return is_slide(chain, joint) ? fmt::format("{:.4g} um", value / units::um)
@@ -58,6 +56,8 @@ AxisTable at_equidistant(const AxisTable& table, Eigen::Index points) {
 }
 
 }  // namespace
+
+char letter(const Chain& chain, int joint) { return chain.joints()[std::size_t(joint)].name; }
 
 double unit_of(const Chain& chain, int joint) { return is_slide(chain, joint) ? 1.0 : units::deg; }
 

@@ -12,20 +12,18 @@ namespace {
 using kinematics::Chain;
 
 constexpr Capacity capacity{256, 1e-3};
-constexpr int decimals = 4;
+constexpr int text_decimals = 4;
 constexpr int width = 14;  // of a column as written
 constexpr std::size_t most_columns = 16;
 constexpr double error_sign = -1.0;  // columns hold errors, which the control takes off
 
-char letter(const Chain& chain, int joint) { return chain.joints()[std::size_t(joint)].name; }
-
 /// A table of the control: text cells under names.
-struct Grid {
+struct TextTable {
   std::vector<std::string> names;
   std::vector<std::vector<std::string>> rows;
 };
 
-std::string text_of(const std::string& name, const Grid& grid) {
+std::string text_of(const std::string& name, const TextTable& grid) {
   const auto line = [](const std::vector<std::string>& cells) {
     std::string text;
     for (const std::string& cell : cells) text += fmt::format("{:<{}}", cell, width);
@@ -56,9 +54,9 @@ std::vector<AxisTable> together(const std::vector<AxisTable>& sums, int of, cons
   return all;
 }
 
-Grid com_grid(const std::vector<AxisTable>& tables, const Chain& chain) {
+TextTable com_grid(const std::vector<AxisTable>& tables, const Chain& chain) {
   const int of = tables.front().of;
-  Grid grid{{"NR", "AXISPOS"}, {}};
+  TextTable grid{{"NR", "AXISPOS"}, {}};
   const auto own = std::find_if(tables.begin(), tables.end(),
                                 [of](const AxisTable& table) { return table.moves == of; });
   const bool has_backlash = own != tables.end() && !same_both_ways(*own);
@@ -66,14 +64,15 @@ Grid com_grid(const std::vector<AxisTable>& tables, const Chain& chain) {
   if (has_backlash) grid.names.push_back("BACKLASH");
   for (Eigen::Index k = 0; k < tables.front().position.size(); ++k) {
     std::vector<std::string> row{
-        fmt::format("{}", k), decimal(tables.front().position[k] / unit_of(chain, of), decimals)};
+        fmt::format("{}", k),
+        decimal(tables.front().position[k] / unit_of(chain, of), text_decimals)};
     for (const AxisTable& table : tables) {
       const double value =
           table.moves == of ? table.upward[k] : 0.5 * (table.upward[k] + table.downward[k]);
-      row.push_back(decimal(error_sign * value / unit_of(chain, table.moves), decimals));
+      row.push_back(decimal(error_sign * value / unit_of(chain, table.moves), text_decimals));
     }
     if (has_backlash)
-      row.push_back(decimal(error_sign * own->downward[k] / unit_of(chain, of), decimals));
+      row.push_back(decimal(error_sign * own->downward[k] / unit_of(chain, of), text_decimals));
     grid.rows.push_back(std::move(row));
   }
   return grid;
@@ -254,7 +253,7 @@ Export to_heidenhain(const ParameterTables& tables, const Chain& chain) {
   Export out;
   out.left_out = offsets_left_out(tables, chain);
   const std::vector<AxisTable> sums = summed(tables.tables);
-  Grid cma{{"NR"}, {{"0"}}};
+  TextTable cma{{"NR"}, {{"0"}}};
   for (int of = 0; of < chain.size(); ++of) {
     const std::vector<AxisTable> over = together(sums, of, chain, out);
     if (over.empty()) continue;

@@ -11,8 +11,8 @@ namespace {
 
 using kinematics::Chain;
 
-constexpr int most_points = 256;
-constexpr int decimals = 8;
+constexpr int most_lines = 256;
+constexpr int line_decimals = 8;
 constexpr std::size_t most_line = 254;  // bytes that it reads of a line
 constexpr std::string_view letters = "XYZABCUVW";
 
@@ -28,9 +28,9 @@ std::string rows(const AxisTable& table, const Chain& chain) {
   const double unit = unit_of(chain, table.of);
   std::string text;
   for (Eigen::Index k = 0; k < table.position.size(); ++k)
-    text += fmt::format("{} {} {}\n", decimal(table.position[k] / unit, decimals),
-                        decimal(table.upward[k] / unit, decimals),
-                        decimal(table.downward[k] / unit, decimals));
+    text += fmt::format("{} {} {}\n", decimal(table.position[k] / unit, line_decimals),
+                        decimal(table.upward[k] / unit, line_decimals),
+                        decimal(table.downward[k] / unit, line_decimals));
   return text;
 }
 
@@ -132,8 +132,8 @@ AxisTable read_comp(const ControlFile& file, int joint, int type, const Chain& c
     last_line = line->number;
     if (line->text.size() > most_line)
       lines.refuse(int(most_line) + 1, fmt::format("at most {} bytes a line", most_line), "more");
-    if (numbers.size() == 3 * std::size_t(most_points))
-      lines.refuse(1, fmt::format("at most {} lines", most_points), "more");
+    if (numbers.size() == 3 * std::size_t(most_lines))
+      lines.refuse(1, fmt::format("at most {} lines", most_lines), "more");
     const std::vector<Cell> cells = cells_of(line->text, ' ', 3);
     for (std::size_t i = 0; i < std::min<std::size_t>(cells.size(), 3); ++i)
       numbers.push_back(lines.number_in(cells[i]));
@@ -211,7 +211,7 @@ Export to_linuxcnc(const ParameterTables& tables, const Chain& chain) {
                                                     : ": a COMP_FILE holds the own axis only"));
       continue;
     }
-    const Shortened held_table = shortened(table, chain, {most_points, 1e-6});
+    const Shortened held_table = shortened(table, chain, {most_lines, 1e-6});
     if (held_table.left_out) out.left_out.push_back(*held_table.left_out);
     const std::string name = std::string(1, chain.joints()[std::size_t(table.of)].name) + ".comp";
     out.files.push_back({name, rows(held_table.table, chain)});

@@ -6,12 +6,13 @@
 #include <stdexcept>
 #include <string>
 
+#include "kinematics/numbers.h"
+
 namespace abbe::sim::compensation {
 namespace {
 
 constexpr double most_periods = 1e15;  // a quarter of a period is still resolved
 constexpr std::size_t most_edges = 100'000'000;
-constexpr double never = std::numeric_limits<double>::infinity();
 
 /// Quarter of its signal period, 0..3: low-low, A, both, B.
 int quarter_of(const QuadratureState& state) {
@@ -51,13 +52,13 @@ struct Stay {
 std::vector<Stay> stays_low(const Feedback& feedback) {
   std::vector<Stay> stays;
   QuadratureState state = feedback.start;
-  double begin_s = -never;
+  double begin_s = -infinity;
   for (const Edge& edge : feedback.edges) {
     if (quarter_of(state) == 0) stays.push_back({begin_s, edge.time_s});
     state = after(state, edge);
     begin_s = edge.time_s;
   }
-  if (quarter_of(state) == 0) stays.push_back({begin_s, never});
+  if (quarter_of(state) == 0) stays.push_back({begin_s, infinity});
   return stays;
 }
 

@@ -5,12 +5,12 @@
 #include <optional>
 #include <stdexcept>
 
+#include "kinematics/numbers.h"
+
 namespace abbe::sim::compensation {
 namespace {
 
 using Eigen::Index;
-
-constexpr double never = std::numeric_limits<double>::infinity();
 
 /// One line of the motion in quarters of a count; boundary j lies between quarters j - 1 and j.
 struct QuarterLine {
@@ -26,7 +26,7 @@ bool is_low(double quarter) { return std::fmod(quarter, 4.0) == 0.0; }
 class Stays {
  public:
   Stays(double pulse_s, bool low_before) : pulse_s_(pulse_s) {
-    if (low_before) open(-never);
+    if (low_before) open(-infinity);
   }
 
   void open(double begin_s) { open_s_ = begin_s; }
@@ -79,7 +79,7 @@ std::vector<PulseWindows> pulse_windows(const Course& motion, Index column, doub
       pass({motion.time_s[i - 1], motion.time_s[i], g0, g1}, stays);
     g0 = g1;
   }
-  stays.close(never);
+  stays.close(infinity);
   return std::move(stays).windows();
 }
 

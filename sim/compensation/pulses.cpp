@@ -18,7 +18,7 @@ using Eigen::VectorXd;
 constexpr double most_cycles = 2e8;
 constexpr std::size_t most_steps = 25'000'000;
 
-void need(bool holds, const std::string& what) {
+void insertion_expects(bool holds, const std::string& what) {
   if (!holds) throw std::invalid_argument("pulse insertion expects " + what);
 }
 
@@ -46,7 +46,7 @@ class Openings {
 };
 
 /// From an instant on, the correction of one joint.
-struct Step {
+struct TimedStep {
   double time_s;
   int joint;
   double value;
@@ -60,7 +60,7 @@ struct Counter {
   double value(double whole) const { return count * (whole + phase); }
   double wanted(double correction) const {
     const double counts = correction / count;
-    need(std::abs(counts) <= most_counts, "corrections of at most 1e15 counts");
+    insertion_expects(std::abs(counts) <= most_counts, "corrections of at most 1e15 counts");
     return std::round(counts - phase);
   }
 };
@@ -71,7 +71,7 @@ struct Duration {
 
 /// Appends the steps of one joint in time. @return the correction that it starts with
 double pass(const Course& wanted, const Pulses& pulses, const Course& motion, int joint,
-            const Duration& duration, std::vector<Step>& steps) {
+            const Duration& duration, std::vector<TimedStep>& steps) {
   const Counter counter{pulses.count[joint], zero_phase(pulses.phase_seed, joint)};
   Openings openings(pulse_windows(motion, joint, counter.count, counter.phase, pulses.pulse_s));
   CourseWalk walk(wanted);
@@ -88,7 +88,7 @@ double pass(const Course& wanted, const Pulses& pulses, const Course& motion, in
     whole += left > 0.0 ? 1.0 : -1.0;
     busy_s = begin_s + pulses.pulse_s;
     steps.push_back({busy_s, joint, counter.value(whole)});
-    need(steps.size() <= most_steps, "at most 2.5e7 pairs in a course");
+    insertion_expects(steps.size() <= most_steps, "at most 2.5e7 pairs in a course");
   }
   return counter.value(at_start);
 }
@@ -97,16 +97,16 @@ void validate(const Course& wanted, const Pulses& pulses, const Course& motion) 
   validate(wanted, "pulse insertion");
   validate(motion, "pulse insertion");
   const Index joints = wanted.value.cols();
-  need(motion.value.cols() == joints && pulses.count.size() == joints,
-       "a correction, a position and a count for each joint");
-  need(pulses.count.allFinite() && (pulses.count.array() >= 0.0).all(),
-       "counts that are not negative");
-  need(pulses.cycle_s > 0.0 && std::isfinite(pulses.cycle_s), "a cycle above 0");
-  need(pulses.pulse_s > 0.0 && std::isfinite(pulses.pulse_s), "a pulse above 0");
+  insertion_expects(motion.value.cols() == joints && pulses.count.size() == joints,
+                    "a correction, a position and a count for each joint");
+  insertion_expects(pulses.count.allFinite() && (pulses.count.array() >= 0.0).all(),
+                    "counts that are not negative");
+  insertion_expects(pulses.cycle_s > 0.0 && std::isfinite(pulses.cycle_s), "a cycle above 0");
+  insertion_expects(pulses.pulse_s > 0.0 && std::isfinite(pulses.pulse_s), "a pulse above 0");
 }
 
 /// Steps of several joints, sorted by time, as one course.
-Course course_of(const std::vector<Step>& steps, VectorXd now, const Duration& duration) {
+Course course_of(const std::vector<TimedStep>& steps, VectorXd now, const Duration& duration) {
   Knots knots(now.size());
   knots.add(duration.start_s, now);
   for (std::size_t i = 0; i < steps.size();) {
@@ -134,15 +134,15 @@ Course through(const Course& wanted, const Pulses& pulses, const Course& motion)
   validate(wanted, pulses, motion);
   const auto last = [](const Course& course) { return course.time_s[course.time_s.size() - 1]; };
   const Duration duration{wanted.time_s[0], std::max(last(wanted), last(motion))};
-  need((duration.end_s - duration.start_s) / pulses.cycle_s <= most_cycles,
-       "at most 2e8 cycles in a course");
-  std::vector<Step> steps;
+  insertion_expects((duration.end_s - duration.start_s) / pulses.cycle_s <= most_cycles,
+                    "at most 2e8 cycles in a course");
+  std::vector<TimedStep> steps;
   VectorXd at_start = VectorXd::Zero(wanted.value.cols());
   for (Index joint = 0; joint < at_start.size(); ++joint)
     if (pulses.count[joint] > 0.0)
       at_start[joint] = pass(wanted, pulses, motion, int(joint), duration, steps);
   std::stable_sort(steps.begin(), steps.end(),
-                   [](const Step& a, const Step& b) { return a.time_s < b.time_s; });
+                   [](const TimedStep& a, const TimedStep& b) { return a.time_s < b.time_s; });
   return course_of(steps, at_start, duration);
 }
 

@@ -12,9 +12,9 @@ namespace {
 
 using kinematics::Chain;
 
-constexpr int most_points = 5000;  // of a table; how many a control has room for is machine data
+constexpr int most_rows = 5000;  // of a table; how many a control has room for is machine data
 constexpr int most_tables = 200;
-constexpr int decimals = 8;
+constexpr int value_decimals = 8;
 constexpr int step_decimals = 12;  // a step is added up thousands of times
 
 // $AA_ENC_COMP holds what a positive value takes off the axis, $AN_CEC what it adds to the
@@ -26,18 +26,18 @@ std::string axis_name(const Chain& chain, int joint) {
   return std::string(1, chain.joints()[std::size_t(joint)].name) + "1";
 }
 
-struct Grid {
+struct EvenGrid {
   double min = 0.0;
   double max = 0.0;
   double step = 0.0;
 };
 
 /// Range and step in the units of the file, the step such that the points end at the printed end.
-Grid grid_of(const AxisTable& table, double unit) {
+EvenGrid grid_of(const AxisTable& table, double unit) {
   const Eigen::Index last = table.position.size() - 1;
-  const double digit = std::pow(10.0, decimals);
-  Grid grid{std::round(table.position[0] / unit * digit) / digit,
-            std::round(table.position[last] / unit * digit) / digit, 0.0};
+  const double digit = std::pow(10.0, value_decimals);
+  EvenGrid grid{std::round(table.position[0] / unit * digit) / digit,
+                std::round(table.position[last] / unit * digit) / digit, 0.0};
   grid.step = (grid.max - grid.min) / double(last);
   return grid;
 }
@@ -45,14 +45,14 @@ Grid grid_of(const AxisTable& table, double unit) {
 std::string encoder_table(const AxisTable& table, const Chain& chain) {
   const double unit = unit_of(chain, table.of);
   const std::string name = axis_name(chain, table.of);
-  const Grid grid = grid_of(table, unit);
+  const EvenGrid grid = grid_of(table, unit);
   std::string text;
   for (Eigen::Index k = 0; k < table.position.size(); ++k)
     text += fmt::format("$AA_ENC_COMP[0,{},{}]={}\n", k, name,
-                        decimal(encoder_sign * table.upward[k] / unit, decimals));
+                        decimal(encoder_sign * table.upward[k] / unit, value_decimals));
   text += fmt::format("$AA_ENC_COMP_STEP[0,{}]={}\n", name, decimal(grid.step, step_decimals));
-  text += fmt::format("$AA_ENC_COMP_MIN[0,{}]={}\n", name, decimal(grid.min, decimals));
-  text += fmt::format("$AA_ENC_COMP_MAX[0,{}]={}\n", name, decimal(grid.max, decimals));
+  text += fmt::format("$AA_ENC_COMP_MIN[0,{}]={}\n", name, decimal(grid.min, value_decimals));
+  text += fmt::format("$AA_ENC_COMP_MAX[0,{}]={}\n", name, decimal(grid.max, value_decimals));
   text += fmt::format("$AA_ENC_COMP_IS_MODULO[0,{}]=0\n", name);
   return text;
 }
@@ -60,17 +60,17 @@ std::string encoder_table(const AxisTable& table, const Chain& chain) {
 /// @param direction  0 both, 1 up, -1 down
 std::string cross_table(const AxisTable& table, const Chain& chain, int index, int direction) {
   const double unit = unit_of(chain, table.moves);
-  const Grid grid = grid_of(table, unit_of(chain, table.of));
+  const EvenGrid grid = grid_of(table, unit_of(chain, table.of));
   const Eigen::VectorXd& value = direction < 0 ? table.downward : table.upward;
   std::string text;
   for (Eigen::Index k = 0; k < table.position.size(); ++k)
     text += fmt::format("$AN_CEC[{},{}]={}\n", index, k,
-                        decimal(cross_sign * value[k] / unit, decimals));
+                        decimal(cross_sign * value[k] / unit, value_decimals));
   text += fmt::format("$AN_CEC_INPUT_AXIS[{}]=({})\n", index, axis_name(chain, table.of));
   text += fmt::format("$AN_CEC_OUTPUT_AXIS[{}]=({})\n", index, axis_name(chain, table.moves));
   text += fmt::format("$AN_CEC_STEP[{}]={}\n", index, decimal(grid.step, step_decimals));
-  text += fmt::format("$AN_CEC_MIN[{}]={}\n", index, decimal(grid.min, decimals));
-  text += fmt::format("$AN_CEC_MAX[{}]={}\n", index, decimal(grid.max, decimals));
+  text += fmt::format("$AN_CEC_MIN[{}]={}\n", index, decimal(grid.min, value_decimals));
+  text += fmt::format("$AN_CEC_MAX[{}]={}\n", index, decimal(grid.max, value_decimals));
   text += fmt::format("$AN_CEC_DIRECTION[{}]={}\n", index, direction);
   text += fmt::format("$AN_CEC_MULT_BY_TABLE[{}]=0\n", index);
   text += fmt::format("$AN_CEC_IS_MODULO[{}]=0\n", index);
@@ -222,7 +222,7 @@ class ProgramReader {
   }
 
   void set_value(Draft& draft, const Cell& index, const Cell& value) const {
-    const auto k = std::size_t(lines_.count_in(index, 0, most_points - 1));
+    const auto k = std::size_t(lines_.count_in(index, 0, most_rows - 1));
     if (draft.values.size() <= k) draft.values.resize(k + 1);
     if (draft.values[k]) lines_.refuse(index, "every point once");
     draft.values[k] = lines_.number_in(value);
@@ -293,8 +293,8 @@ class Finisher {
              fmt::format("{} and {} to {}", *draft.step, *draft.min, *draft.max));
     const double steps = (*draft.max - *draft.min) / *draft.step;
     const double last = std::round(steps);
-    if (!(last >= 1.0) || last > most_points - 1 || std::abs(steps - last) > 1e-4)
-      refuse(draft, fmt::format("1 to {} whole steps from MIN to MAX", most_points - 1),
+    if (!(last >= 1.0) || last > most_rows - 1 || std::abs(steps - last) > 1e-4)
+      refuse(draft, fmt::format("1 to {} whole steps from MIN to MAX", most_rows - 1),
              fmt::format("{:.6g}", steps));
     if (draft.values.size() != std::size_t(last) + 1)
       refuse(draft, fmt::format("points 0 to {}, as MIN, MAX and STEP say", last),
@@ -343,7 +343,7 @@ Export to_siemens(const ParameterTables& tables, const Chain& chain) {
   std::string encoder, cross;
   int index = 0;
   for (const AxisTable& sum : summed(tables.tables)) {
-    const Shortened fitting = shortened(sum, chain, {most_points, 1e-6});
+    const Shortened fitting = shortened(sum, chain, {most_rows, 1e-6});
     if (fitting.left_out) out.left_out.push_back(*fitting.left_out);
     const Shortened even = equidistant(fitting.table, chain);
     if (even.left_out) out.left_out.push_back(*even.left_out);

@@ -1,7 +1,6 @@
 #include "sim/cut/pose_list.h"
 
 #include <algorithm>
-#include <iterator>
 
 #include <fmt/format.h>
 
@@ -145,8 +144,8 @@ kinematics::AxisState PoseList::state(std::size_t pose) const {
 std::string PoseList::text(std::size_t pose) const {
   std::string text;
   for (std::size_t i = 0; i < columns.size(); ++i)
-    fmt::format_to(std::back_inserter(text), "{}{} = {:.9g}", i > 0 ? ", " : "", columns[i].head,
-                   numbers[pose * columns.size() + i]);
+    text += fmt::format("{}{} = {:.9g}", i > 0 ? ", " : "", columns[i].head,
+                        numbers[pose * columns.size() + i]);
   return text;
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -66,23 +65,21 @@ std::vector<int> positioned(const kinematics::Chain& chain) {
 
 void append_csv(std::string& text, const PoseList& poses, std::size_t i,
                 const std::vector<double>& numbers) {
-  const auto out = std::back_inserter(text);
-  fmt::format_to(out, "{}", i + 1);
+  text += fmt::format("{}", i + 1);
   const std::size_t width = poses.columns.size();
-  for (std::size_t k = 0; k < width; ++k) fmt::format_to(out, ",{}", poses.numbers[i * width + k]);
-  for (const double x : numbers) fmt::format_to(out, ",{}", x);
+  for (std::size_t k = 0; k < width; ++k) text += fmt::format(",{}", poses.numbers[i * width + k]);
+  for (const double x : numbers) text += fmt::format(",{}", x);
   text += '\n';
 }
 
 void append_json(std::string& text, const PoseList& poses, std::size_t i,
                  const std::vector<double>& numbers, const std::vector<std::string>& heads) {
-  const auto out = std::back_inserter(text);
-  fmt::format_to(out, "{}    {{\"pose\": {}", i > 0 ? ",\n" : "", i + 1);
+  text += fmt::format("{}    {{\"pose\": {}", i > 0 ? ",\n" : "", i + 1);
   const std::size_t width = poses.columns.size();
   for (std::size_t k = 0; k < width; ++k)
-    fmt::format_to(out, ", \"{}\": {}", poses.columns[k].head, poses.numbers[i * width + k]);
+    text += fmt::format(", \"{}\": {}", poses.columns[k].head, poses.numbers[i * width + k]);
   for (std::size_t k = 0; k < numbers.size(); ++k)
-    fmt::format_to(out, ", \"{}\": {}", heads[k], numbers[k]);
+    text += fmt::format(", \"{}\": {}", heads[k], numbers[k]);
   text += '}';
 }
 

@@ -81,10 +81,7 @@ std::string sparse_text(const Scene& scene, const cutting::Design& design_w) {
 }
 
 std::string no_feed_text(const program::Path& path) {
-  const bool feeds = std::any_of(path.blocks.begin(), path.blocks.end(), [](const auto& block) {
-    return block.interpolation != program::Interpolation::Rapid &&
-           block.interpolation != program::Interpolation::Dwell;
-  });
+  const bool feeds = std::any_of(path.blocks.begin(), path.blocks.end(), program::is_feed);
   if (feeds || path.motion_blocks == 0) return {};
   return fmt::format("no block of the program feeds: all {} that move are rapids",
                      path.motion_blocks);

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "kinematics/numbers.h"
 #include "sim/cut/tool_motion.h"
 
 namespace abbe::sim {
@@ -14,8 +15,6 @@ namespace {
 
 using Eigen::Vector3d;
 using kinematics::Pose;
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// What lies between two values of a coordinate, and the program lines that reach them.
 struct Span {
@@ -82,11 +81,6 @@ double reach_along(const cutting::Cutter& cutter, const Pose& T, const Vector3d&
   return corner + cutter.corner_radius + (cutter.radius - cutter.corner_radius) * across;
 }
 
-bool feeds(const program::Block& block) {
-  return block.interpolation != program::Interpolation::Rapid &&
-         block.interpolation != program::Interpolation::Dwell;
-}
-
 /// Spans of all the tool's poses, and of those in feed.
 struct Swept {
   Spans all, feed;
@@ -102,7 +96,7 @@ Swept swept_by_cutter(const Job& job, const cutting::Cutter& cutter) {
   Swept swept;
   for (std::size_t i = 0; i < job.T_wt_nominal.size(); ++i) {
     const Pose T_mt = T_mw * job.T_wt_nominal[i];
-    const bool feed = feeds(job.path.blocks[std::size_t(job.samples.block[i])]);
+    const bool feed = program::is_feed(job.path.blocks[std::size_t(job.samples.block[i])]);
     for (int k = 0; k < 3; ++k)
       swept.extend(std::size_t(k), -reach_along(cutter, T_mt, -Vector3d::Unit(k)),
                    reach_along(cutter, T_mt, Vector3d::Unit(k)), job.samples.line[i], feed);
@@ -131,7 +125,7 @@ Swept swept_by_nose(const Job& job, const cutting::Nose& nose, const SpindleLine
   Swept swept;
   for (std::size_t i = 0; i < job.T_wt_nominal.size(); ++i) {
     const auto at = round_spindle(line, job.T_wt_nominal[i].translation());
-    const bool feed = feeds(job.path.blocks[std::size_t(job.samples.block[i])]);
+    const bool feed = program::is_feed(job.path.blocks[std::size_t(job.samples.block[i])]);
     for (std::size_t k = 0; k < 2; ++k)
       swept.extend(k, at[k] - nose.radius, at[k] + nose.radius, job.samples.line[i], feed);
   }

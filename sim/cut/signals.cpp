@@ -330,10 +330,9 @@ std::string to_csv(const Signals& signals) {
   for (std::size_t k = 0; k < signals.columns.size(); ++k)
     text += (k ? "," : "") + signals.columns[k];
   text += "\n";
-  auto out = std::back_inserter(text);
   for (Eigen::Index i = 0; i < signals.rows.rows(); ++i) {
     for (Eigen::Index k = 0; k < signals.rows.cols(); ++k)
-      fmt::format_to(out, "{}{:.9g}", k ? "," : "", signals.rows(i, k));
+      text += fmt::format("{}{:.9g}", k ? "," : "", signals.rows(i, k));
     text += "\n";
   }
   return text;

@@ -7,11 +7,6 @@
 namespace abbe::sim {
 namespace {
 
-bool feeds(const program::Block& block) {
-  return block.interpolation != program::Interpolation::Rapid &&
-         block.interpolation != program::Interpolation::Dwell;
-}
-
 /// The calls that put a tool into the spindle: M6, or T where no M6 is in the program.
 std::vector<program::ToolCall> changes_of(const program::Path& path) {
   const bool with_m6 = std::any_of(path.tool_calls.begin(), path.tool_calls.end(),
@@ -31,7 +26,7 @@ std::vector<program::ToolCall> cutting_calls(const program::Path& path,
     const auto last = i + 1 < calls.size()
                           ? path.blocks.begin() + std::ptrdiff_t(calls[i + 1].before)
                           : path.blocks.end();
-    if (std::any_of(first, last, feeds)) cutting.push_back(calls[i]);
+    if (std::any_of(first, last, program::is_feed)) cutting.push_back(calls[i]);
   }
   return cutting;
 }
@@ -45,7 +40,7 @@ std::vector<std::string> early_feed_warnings(const program::Path& path,
                                              const std::vector<program::ToolCall>& calls) {
   if (calls.empty()) return {};
   const auto called = path.blocks.begin() + std::ptrdiff_t(calls.front().before);
-  const auto early = std::find_if(path.blocks.begin(), called, feeds);
+  const auto early = std::find_if(path.blocks.begin(), called, program::is_feed);
   if (early == called) return {};
   return {
       fmt::format("line {} feeds before the first tool is called, {} on line {}: it is cut with "

@@ -12,6 +12,8 @@
 
 namespace abbe::sim::program {
 
+inline constexpr double most_points = 2e7;  ///< of a generated program
+
 /// The design as a generator sees it: the surface point above (x, y) of the part frame, if any.
 using ContactField = std::function<std::optional<cutting::Contact>(double x, double y)>;
 

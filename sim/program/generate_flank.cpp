@@ -9,8 +9,6 @@ namespace abbe::sim::program {
 namespace {
 
 constexpr int overlap = 2;  // steps beyond the full turn
-constexpr double most_points = 2e7;
-
 /// The flank of the cutter along the generator at one azimuth of the cone.
 Posture posture(const Flank& flank, const cutting::Cone& cone, const cutting::Cutter& cutter,
                 double azimuth) {

@@ -10,8 +10,6 @@
 namespace abbe::sim::program {
 namespace {
 
-constexpr double most_points = 2e7;
-
 /// A line of the design above a line of the part's x-y plane.
 struct Section {
   const ContactField& design;

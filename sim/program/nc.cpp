@@ -20,7 +20,6 @@ namespace {
 using kinematics::AxisVector;
 using kinematics::Motion;
 
-constexpr double mm_per_inch = 25.4;
 constexpr double largest_mm = 1e6;
 constexpr double largest_rad = 1e7;
 constexpr double largest_dwell_s = 1e6;
@@ -229,7 +228,7 @@ void Control::set_tool_length(const NcBlock& block, const Codes& codes) {
 }
 
 void Control::set_modes(const NcBlock& block, const Codes& codes) {
-  if (const auto& code = codes[CodeGroup::Units]) unit_ = code.tenths == 200 ? mm_per_inch : 1.0;
+  if (const auto& code = codes[CodeGroup::Units]) unit_ = code.tenths == 200 ? units::inch : 1.0;
   set_feed(block, codes);
   set_spindle(block, codes);
   if (const auto& code = codes[CodeGroup::Plane]) plane_ = code.tenths;

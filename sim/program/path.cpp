@@ -6,6 +6,10 @@
 
 namespace abbe::sim::program {
 
+bool is_feed(const Block& block) {
+  return block.interpolation != Interpolation::Rapid && block.interpolation != Interpolation::Dwell;
+}
+
 using kinematics::AxisVector;
 
 Eigen::Vector2d position(const Arc& arc, double u) {

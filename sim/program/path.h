@@ -68,6 +68,9 @@ struct Block {
   bool inverse_time = false;  ///< under G93
 };
 
+/// Neither rapid nor dwell.
+bool is_feed(const Block& block);
+
 /// Words of an NC program that move nothing: T, M0 M1 M6 M7 M8 M9.
 struct Aside {
   std::size_t before = 0;  ///< block that they stand before; the number of blocks at the end

@@ -18,7 +18,7 @@ namespace {
 using kinematics::AxisVector;
 using kinematics::Motion;
 
-constexpr double largest_number = 1e12;  // mm, rad, s and their rates
+constexpr double largest_value = 1e12;  // mm, rad, s and their rates
 
 /// What a column holds: one number of one axis, in some unit.
 struct Column {
@@ -110,7 +110,7 @@ double Reader::number(const Cell& cell) const {
   const char* end = cell.text.data() + cell.text.size();
   const auto read = std::from_chars(cell.text.data(), end, value);
   if (cell.text.empty() || read.ec != std::errc() || read.ptr != end) refuse(cell, "a number");
-  if (!(std::abs(value) <= largest_number)) refuse(cell, "a number of at most 1e12");
+  if (!(std::abs(value) <= largest_value)) refuse(cell, "a number of at most 1e12");
   return value;
 }
 

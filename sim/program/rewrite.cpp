@@ -21,7 +21,7 @@ using kinematics::Motion;
 
 bool is_cubic(const Block& block) { return block.interpolation == Interpolation::Cubic; }
 
-void check(const Path& path, std::span<const std::vector<CorrectedPoint>> corrected) {
+void check_corrected(const Path& path, std::span<const std::vector<CorrectedPoint>> corrected) {
   if (corrected.size() != path.blocks.size())
     throw std::invalid_argument("expected one list of corrected points for every block");
   for (std::size_t i = 0; i < corrected.size(); ++i) {
@@ -83,7 +83,6 @@ RewrittenProgram rewritten_pvt(const Path& path,
   return program;
 }
 
-constexpr double mm_per_inch = 25.4;
 constexpr double jump_s = 1e-3;
 constexpr double least_feed = 1e-9;   // that a control takes
 constexpr double unknown_way = 0.01;  // mm or deg
@@ -188,8 +187,8 @@ void NcRewriter::wait(double seconds, const Stretch& stretch) {
 double NcRewriter::step(int joint) const {
   if (control_.axes[std::size_t(joint)].motion != Motion::Linear) return options_.word_rad;
   if (inch_ != true) return options_.word_mm;
-  return std::pow(10.0, std::floor(std::log10(options_.word_mm / mm_per_inch) + 1e-9)) *
-         mm_per_inch;
+  return std::pow(10.0, std::floor(std::log10(options_.word_mm / units::inch) + 1e-9)) *
+         units::inch;
 }
 
 AxisVector NcRewriter::words(const AxisVector& at) const {
@@ -207,7 +206,7 @@ AxisVector NcRewriter::words(const AxisVector& at) const {
 AxisVector NcRewriter::in_units(AxisVector words) const {
   if (inch_ == true)
     for (int j = 0; j < int(words.size()); ++j)
-      if (control_.axes[std::size_t(j)].motion == Motion::Linear) words[j] /= mm_per_inch;
+      if (control_.axes[std::size_t(j)].motion == Motion::Linear) words[j] /= units::inch;
   return words;
 }
 
@@ -222,7 +221,7 @@ bool NcRewriter::stands_at(const AxisVector& words) const {
 
 double NcRewriter::feed(const Way& way, double seconds) const {
   if (inverse_time_ == true) return std::max(least_feed, 60.0 / seconds);
-  const double unit = way.linear && inch_ == true ? mm_per_inch : 1.0;
+  const double unit = way.linear && inch_ == true ? units::inch : 1.0;
   return std::max(least_feed, way.length / unit / seconds * 60.0);
 }
 
@@ -266,7 +265,7 @@ void NcRewriter::move(const Block& block, const Point& to, double seconds, const
     plane(letters);
     const Vector2d start((*stands_)[round->first], (*stands_)[round->second]);
     move.round = {round->sweep < 0.0, letters,
-                  (round->centre - start) / (inch_ == true ? mm_per_inch : 1.0)};
+                  (round->centre - start) / (inch_ == true ? units::inch : 1.0)};
   }
   if (!move.rapid) {
     Way way = way_of_feed(control_.axes, stands_ ? *stands_ : words(block.start), to.words,
@@ -345,7 +344,7 @@ RewrittenProgram NcRewriter::program() {
 
 RewrittenProgram rewritten(const Path& path, std::span<const std::vector<CorrectedPoint>> corrected,
                            const NcOptions& control, const RewriteOptions& options) {
-  check(path, corrected);
+  check_corrected(path, corrected);
   if (!(options.word_mm >= 1e-9) || !(options.word_rad >= 1e-9 * units::deg))
     throw std::invalid_argument("expected steps of words of at least 1e-9");
   if (!path.blocks.empty() && std::all_of(path.blocks.begin(), path.blocks.end(), is_cubic))

@@ -23,7 +23,7 @@ constexpr double most_sweep = 0.9 * pi;
 constexpr double least_radius_words = 50.0;
 constexpr double least_chord_words = 20.0;
 
-void check(const Path& path, std::span<const Points> dense) {
+void check_dense(const Path& path, std::span<const Points> dense) {
   if (dense.size() != path.blocks.size())
     throw std::invalid_argument("expected one list of corrected points for every block");
   for (std::size_t i = 0; i < dense.size(); ++i) {
@@ -194,14 +194,14 @@ class BlockThinner {
 };
 
 /// A place in a path.
-struct Place {
+struct LinePoint {
   std::size_t block = 0;
   double u = 0.0;
 };
 
 /// Corrections of cubics, as rows at their times.
 struct Changes {
-  std::vector<Place> places;
+  std::vector<LinePoint> places;
   std::vector<PvtRow> rows;
 };
 
@@ -271,7 +271,7 @@ CorrectedPath thinned_cubics(const Path& path, std::span<const Points> dense,
 
 CorrectedPath thinned(const Path& path, std::span<const Points> dense, const NcOptions& control,
                       const ThinOptions& options) {
-  check(path, dense);
+  check_dense(path, dense);
   if (!(options.tolerance >= 0.0) || !(options.word_mm >= 0.0))
     throw std::invalid_argument("expected a tolerance and words of at least zero");
   const std::array<Measure, 2> measures = {Measure(control.axes, options.lever[0]),

@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cmath>
-#include <iterator>
 #include <vector>
 
 #include <fmt/format.h>
@@ -15,7 +14,7 @@
 namespace abbe::sim {
 namespace {
 
-constexpr std::string_view first_line = "# abbe_part_readings = 1";
+constexpr std::string_view first_part_line = "# abbe_part_readings = 1";
 constexpr std::string_view columns = "x_mm,y_mm,z_mm,nx,ny,nz,deviation_um,time_s";
 constexpr std::size_t width = 8;
 
@@ -45,18 +44,17 @@ std::string to_text(const PartReadingsFile& file) {
   const errors::metrology::PartReadings& r = file.readings;
   std::string text =
       fmt::format("{}\n# instrument = {}\n# kind = {}\n# part = {}\n# sigma_um = {}\n{}\n",
-                  first_line, to_toml_value(file.instrument), to_toml_value(file.kind),
+                  first_part_line, to_toml_value(file.instrument), to_toml_value(file.kind),
                   to_toml_value(file.part), r.sigma / units::um, columns);
-  const auto out = std::back_inserter(text);
   for (Eigen::Index i = 0; i < r.deviation.size(); ++i) {
-    for (int k = 0; k < 3; ++k) fmt::format_to(out, "{},", r.points_w(i, k));
-    for (int k = 0; k < 3; ++k) fmt::format_to(out, "{},", r.normals_w(i, k));
-    fmt::format_to(out, "{},{}\n", r.deviation[i] / units::um, r.time_s[i]);
+    for (int k = 0; k < 3; ++k) text += fmt::format("{},", r.points_w(i, k));
+    for (int k = 0; k < 3; ++k) text += fmt::format("{},", r.normals_w(i, k));
+    text += fmt::format("{},{}\n", r.deviation[i] / units::um, r.time_s[i]);
   }
   return text;
 }
 
-bool holds_part_readings(std::string_view text) { return text.starts_with(first_line); }
+bool holds_part_readings(std::string_view text) { return text.starts_with(first_part_line); }
 
 PartReadingsFile read_part_readings(std::string_view text, const std::string& file) {
   if (!holds_part_readings(text))

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <iterator>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -58,7 +57,7 @@ class Head {
   template <typename... Args>
   void line(fmt::format_string<Args...> format, Args&&... args) {
     text_ += "# ";
-    fmt::format_to(std::back_inserter(text_), format, std::forward<Args>(args)...);
+    text_ += fmt::format(format, std::forward<Args>(args)...);
     text_ += '\n';
   }
   void number(const char* key, double value) { line("{} = {}", key, value); }
@@ -402,21 +401,20 @@ std::string to_text(const Readings& readings) {
   std::string text = head_of(readings);
   const auto& joints = readings.nominal.joints();
   text += columns_of(joints, readings.sensors) + "\n";
-  const auto out = std::back_inserter(text);
   for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
     const Look& look = readings.plan.looks[i];
-    fmt::format_to(out, "{},{},{},{},{}", look.set_up, look.channel, look.run, look.target,
-                   look.state.time_s);
+    text += fmt::format("{},{},{},{},{}", look.set_up, look.channel, look.run, look.target,
+                        look.state.time_s);
     for (std::size_t j = 0; j < joints.size(); ++j)
-      fmt::format_to(out, ",{},{},{}", look.state.q[Eigen::Index(j)] / position_unit(joints[j]),
-                     int(look.state.direction[j]), look.state.stroke[j]);
-    fmt::format_to(out, ",{},", look.state.spindle_speed);
-    if (readings.value.size() > 0) fmt::format_to(out, "{}", readings.value[Eigen::Index(i)]);
+      text += fmt::format(",{},{},{}", look.state.q[Eigen::Index(j)] / position_unit(joints[j]),
+                          int(look.state.direction[j]), look.state.stroke[j]);
+    text += fmt::format(",{},", look.state.spindle_speed);
+    if (readings.value.size() > 0) text += fmt::format("{}", readings.value[Eigen::Index(i)]);
     const SetUp& set_up = readings.plan.set_ups[std::size_t(look.set_up)];
     text += ',';
     if (look.channel >= 0) text += reading_unit(set_up.channels[std::size_t(look.channel)]);
     for (Eigen::Index k = 0; k < readings.T_C.cols(); ++k)
-      fmt::format_to(out, ",{}", readings.T_C(Eigen::Index(i), k));
+      text += fmt::format(",{}", readings.T_C(Eigen::Index(i), k));
     text += '\n';
   }
   return text;

@@ -64,7 +64,7 @@ render::Panel panel_of(const std::string& name, const metrology::PositionRuns& r
 }
 
 /// Name of a test with what was taken out of it.
-std::string name_of(const metrology::AxisTest& test) {
+std::string title_of(const metrology::AxisTest& test) {
   if (test.what == metrology::AxisTest::What::Straightness) return test.name + ", less its line";
   if (test.what == metrology::AxisTest::What::ErrorMotion && !test.axial &&
       !hides_in_centring(test))
@@ -75,7 +75,7 @@ std::string name_of(const metrology::AxisTest& test) {
 std::vector<render::Panel> line_panels(const metrology::Tests& tests) {
   std::vector<render::Panel> panels;
   for (const metrology::AxisTest& test : tests.axes)
-    panels.push_back(panel_of(name_of(test), form_of(test), test.angle,
+    panels.push_back(panel_of(title_of(test), form_of(test), test.angle,
                               test.what == metrology::AxisTest::What::Positioning,
                               fmt::format("{} / {}", test.axis, test.rotary ? "deg" : "mm"),
                               test.rotary ? units::deg : 1.0));

@@ -1,9 +1,10 @@
 #include "sim/report/key_rows.h"
 
 #include <algorithm>
-#include <regex>
 
 #include <fmt/format.h>
+
+#include "sim/files/matches.h"
 
 namespace abbe::sim {
 
@@ -145,7 +146,7 @@ class Rows {
 
 bool is_called(const Key& key, const std::string& name) {
   if (key.name == name) return true;
-  return !key.pattern.empty() && std::regex_match(name, std::regex(key.pattern));
+  return !key.pattern.empty() && matches(name, key.pattern);
 }
 
 std::vector<std::string> parts_of(std::string_view path) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <iterator>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -256,7 +255,7 @@ ordered_json to_json(const IdleMachine& idle, const VolumetricMap& map,
 std::string to_text(const IdleMachine& idle, const VolumetricMap& map, const VolumetricSummary& s) {
   std::string text;
   const auto line = [&](const char* what, const std::string& value) {
-    fmt::format_to(std::back_inserter(text), "{:<22}{}\n", what, value);
+    text += fmt::format("{:<22}{}\n", what, value);
   };
   const PoseList& poses = map.grid.poses;
   line("machine", escaped(idle.scene.machine.name));

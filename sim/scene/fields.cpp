@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include "kinematics/numbers.h"
+
 namespace abbe::sim {
 
 KeyName KeyName::otherwise(std::string text) const {
@@ -50,7 +52,6 @@ std::set<std::string> words_of(const Key& key) {
 }
 
 double in_unit(double value, double unit) {
-  constexpr double infinity = std::numeric_limits<double>::infinity();
   const double divided = value / unit;
   const double few = std::strtod(fmt::format("{:.15g}", divided).c_str(), nullptr);
   for (const double number :

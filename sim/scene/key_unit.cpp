@@ -46,7 +46,7 @@ constexpr std::array known_units{
     Unit{"_MPa", 1.0},
     Unit{"_deg", units::deg},
     Unit{"_rpm", units::rpm},
-    Unit{"_inch", 25.4},
+    Unit{"_inch", units::inch},
     Unit{"_min", 60.0},
     Unit{"_um", units::um},
     Unit{"_nm", units::nm},

@@ -31,6 +31,14 @@ struct Node;
 
 /// A scene as read: description only, nothing compiled.
 struct Scene {
+  // compiled once, not in every source that copies or moves one
+  Scene();
+  Scene(const Scene&);
+  Scene(Scene&&) noexcept;
+  Scene& operator=(const Scene&);
+  Scene& operator=(Scene&&) noexcept;
+  ~Scene();
+
   std::filesystem::path file;
   std::string title;
   std::uint64_t seed = 1;

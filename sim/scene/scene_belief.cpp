@@ -108,7 +108,7 @@ Fields<Force> force_fields(const MachineDescription& machine) {
       });
 }
 
-Fields<BeliefDescription::Part> part_fields() {
+Fields<BeliefDescription::Part> believed_part_fields() {
   using Part = BeliefDescription::Part;
   return Fields<Part>()
       .text(must("instrument"), &Part::instrument,
@@ -135,7 +135,7 @@ Fields<BeliefDescription> belief_fields(const MachineDescription& machine) {
           })
       .custom({thermal_key()}, read_thermal_belief, put_thermal_belief)
       .table("force", &Description::force, force_fields(machine), "how far the cut bends")
-      .table("part", &Description::part, part_fields(),
+      .table("part", &Description::part, believed_part_fields(),
              "what was measured of a part that was cut before; beside other beliefs (`fused`) they "
              "act while the first part is cut, and it wants a `cmm`: a probe on a machine that "
              "nothing corrects would undo them")

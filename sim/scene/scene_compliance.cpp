@@ -102,8 +102,8 @@ const Fields<Compliance>& stiffness_fields() {
   return fields;
 }
 
-void read_joints(TableReader& compliance, const MachineDescription& machine,
-                 ComplianceErrors& errors) {
+void read_joint_stiffness(TableReader& compliance, const MachineDescription& machine,
+                          ComplianceErrors& errors) {
   const Node* section = compliance.section("axis");
   if (!section) return;
   TableReader reader(*section, compliance.name_of("axis"), compliance.faults());
@@ -128,7 +128,7 @@ Fields<ComplianceErrors> joints_fields(const MachineDescription& machine) {
   return Fields<ComplianceErrors>().custom(
       {axis},
       [machine](TableReader& reader, ComplianceErrors& errors) {
-        read_joints(reader, machine, errors);
+        read_joint_stiffness(reader, machine, errors);
       },
       [](const ComplianceErrors& errors, Node::Table& table) {
         Node::Table joints;
@@ -167,7 +167,7 @@ void read_tool_compliance(TableReader& compliance, ComplianceErrors& errors) {
   }
 }
 
-Fields<ComplianceErrors> tool_fields() {
+Fields<ComplianceErrors> tool_compliance_fields() {
   std::vector<Key> keys = stiffness_fields().keys();
   keys.push_back(key_of("section", Key::Kind::Tables,
                         "round pieces from the tip to the clamp, which add to the stiffness",
@@ -280,7 +280,7 @@ Fields<ComplianceErrors> compliance_fields(const MachineDescription& machine) {
       .remark("name", "of what gives way")
       .number("scale", &ComplianceErrors::scale, {0.0, 1e6}, "factor of every compliance")
       .all_of(itself, joints_fields(machine))
-      .all_of(itself, tool_fields())
+      .all_of(itself, tool_compliance_fields())
       .table(KeyName("fixture").otherwise("stiff"), &ComplianceErrors::fixture, stiffness_fields(),
              "of the part on its carriage, at the origin of the workpiece frame")
       .all_of(itself, workpiece_fields())

@@ -62,8 +62,6 @@ void add_list(Fields<Scene>& fields, Key key, Read read, Write write) {
   });
 }
 
-using Written = std::optional<Node::Table>;
-
 void add_errors(Fields<Scene>& fields) {
   Key key =
       with_file(list_key("errors", errors_keys(),
@@ -88,23 +86,25 @@ void add_machine_to_program(Fields<Scene>& fields) {
       [](const Node& node, Scene& scene, Faults& faults) {
         scene.machine = read_machine(node, faults);
       },
-      [](const Scene& scene) { return Written(written_machine(scene.machine)); });
+      [](const Scene& scene) {
+        return std::optional<Node::Table>(written_machine(scene.machine));
+      });
   add_errors(fields);
   add_section(
       fields, table_key(must("tool"), tool_keys(), "cutter or turning tool"),
       [](const Node& node, Scene& scene, Faults& faults) { scene.tool = read_tool(node, faults); },
-      [](const Scene& scene) { return Written(written_tool(scene.tool)); });
+      [](const Scene& scene) { return std::optional<Node::Table>(written_tool(scene.tool)); });
   add_section(
       fields, table_key(must("part"), part_keys(), "the design, where it is judged"),
       [](const Node& node, Scene& scene, Faults& faults) { scene.part = read_part(node, faults); },
-      [](const Scene& scene) { return Written(written_part(scene.part)); });
+      [](const Scene& scene) { return std::optional<Node::Table>(written_part(scene.part)); });
   add_section(
       fields, table_key(must("program"), program_keys(), "NC, PVT, or what writes it"),
       [](const Node& node, Scene& scene, Faults& faults) {
         scene.program = read_program(node, scene.machine.joints, faults);
       },
       [](const Scene& scene) {
-        return Written(written_program(scene.program, scene.machine.joints));
+        return std::optional<Node::Table>(written_program(scene.program, scene.machine.joints));
       });
 }
 
@@ -148,7 +148,8 @@ void add_thermal(Fields<Scene>& fields) {
         scene.thermal = read_heat(reader, thermal, scene);
       },
       [](const Scene& scene, Node::Table& table) {
-        if (scene.thermal) put(table, "thermal", written_thermal(*scene.thermal, scene.machine, scene.seed));
+        if (scene.thermal)
+          put(table, "thermal", written_thermal(*scene.thermal, scene.machine, scene.seed));
       });
 }
 
@@ -158,7 +159,7 @@ void add_force(Fields<Scene>& fields) {
       [](const Node& node, Scene& scene, Faults& faults) {
         scene.compliance = read_compliance(node, scene.machine, faults);
       },
-      [](const Scene& scene) -> Written {
+      [](const Scene& scene) -> std::optional<Node::Table> {
         if (!scene.compliance) return {};
         return written_compliance(*scene.compliance, scene.machine);
       });

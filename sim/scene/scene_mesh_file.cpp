@@ -9,7 +9,7 @@ Fields<MeshFile> mesh_file_fields(const KeyName& file) {
   return Fields<MeshFile>()
       .text(file, &MeshFile::file, "a mesh; faces of more than three corners are split")
       .word("unit", &MeshFile::unit,
-            {{"mm", 1.0}, {"inch", 25.4}, {"cm", 10.0}, {"m", 1000.0}, {"um", units::um}},
+            {{"mm", 1.0}, {"inch", units::inch}, {"cm", 10.0}, {"m", 1000.0}, {"um", units::um}},
             "of the numbers in the mesh")
       .check([](TableReader& reader, MeshFile& mesh) {
         std::error_code failure;

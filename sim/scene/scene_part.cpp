@@ -67,7 +67,7 @@ Fields<Disc> disc_fields() {
       .number("inner_radius_mm", &Disc::inner_radius, non_negative, "of the hole of a ring");
 }
 
-Fields<Cylinder> cylinder_fields() {
+Fields<Cylinder> cylinder_surface_fields() {
   return Fields<Cylinder>()
       .number(must("radius_mm"), &Cylinder::radius, part_size, "of the wall")
       .number(must("height_mm"), &Cylinder::height, part_size, "from z = 0 upwards");
@@ -97,16 +97,17 @@ Fields<Torus> torus_fields() {
 
 Fields<PartDescription> declared_fields() {
   return Fields<PartDescription>()
-      .kinds(must("surface").one_of("shape"), declared,
-             {alternative<Primitive>("rectangle", rectangle_fields(), "z = 0 about the origin"),
-              alternative<Primitive>("disc", disc_fields(), "a disc or ring at z = 0"),
-              alternative<Primitive>("cylinder", cylinder_fields(), "the outer wall about z"),
-              alternative<Primitive>("cone", cone_fields(),
-                                     "the outer wall of a frustum, narrower upwards"),
-              alternative<Primitive>("sphere_cap", sphere_cap_fields(), "a dome, its top at z = 0"),
-              alternative<Primitive>("torus", torus_fields(), "the half above z = 0"),
-              alternative<Primitive>("revolved", profile_fields(), "a profile turned about z")},
-             "an exact surface, unless there is a `file`")
+      .kinds(
+          must("surface").one_of("shape"), declared,
+          {alternative<Primitive>("rectangle", rectangle_fields(), "z = 0 about the origin"),
+           alternative<Primitive>("disc", disc_fields(), "a disc or ring at z = 0"),
+           alternative<Primitive>("cylinder", cylinder_surface_fields(), "the outer wall about z"),
+           alternative<Primitive>("cone", cone_fields(),
+                                  "the outer wall of a frustum, narrower upwards"),
+           alternative<Primitive>("sphere_cap", sphere_cap_fields(), "a dome, its top at z = 0"),
+           alternative<Primitive>("torus", torus_fields(), "the half above z = 0"),
+           alternative<Primitive>("revolved", profile_fields(), "a profile turned about z")},
+          "an exact surface, unless there is a `file`")
       .whole("vertices", &PartDescription::vertices, 100, 50'000'000,
              "wanted on a `surface`; a mesh has its own");
 }

@@ -5,7 +5,6 @@ namespace abbe::sim {
 namespace {
 
 using kinematics::Deviation;
-using Kind = DatumDescription::Kind;
 
 Fields<DatumDescription::Touch> touch_fields() {
   using Touch = DatumDescription::Touch;
@@ -31,15 +30,13 @@ Fields<DatumDescription> time_fields() {
           [](const DatumDescription&, Node::Table&) {});
 }
 
-Fields<DatumDescription> fields_of(Kind kind) {
+Fields<DatumDescription> datum_fields_of(DatumDescription::Kind kind) {
   Fields<DatumDescription> fields;
-  if (kind == Kind::Ideal)
+  if (kind == DatumDescription::Kind::Ideal)
     fields.vector("point_mm", &DatumDescription::point_w,
                   "where the tip is set exactly, in the workpiece frame");
-  if (kind != Kind::None)
-    fields.all_of(
-        itself, time_fields());
-  if (kind == Kind::TouchOff)
+  if (kind != DatumDescription::Kind::None) fields.all_of(itself, time_fields());
+  if (kind == DatumDescription::Kind::TouchOff)
     fields.tables(must("touch"), &DatumDescription::touches, touch_fields(),
                   "touches of the probe");
   return fields;
@@ -66,12 +63,13 @@ const Fields<Deviation>& setup_fields() {
 const Fields<DatumDescription>& datum_fields() {
   static const Fields<DatumDescription> fields = [] {
     Key kind = key_of(must("kind"), Key::Kind::Text, "how the control finds the part");
-    const std::vector<std::pair<Kind, Word>> kinds{
-        {Kind::None, {"none", "not at all: where it should be", {}}},
-        {Kind::Ideal, {"ideal", "the tip is set exactly at one point", {}}},
-        {Kind::TouchOff, {"touch_off", "by a probe with the machine's errors", {}}}};
+    const std::vector<std::pair<DatumDescription::Kind, Word>> kinds{
+        {DatumDescription::Kind::None, {"none", "not at all: where it should be", {}}},
+        {DatumDescription::Kind::Ideal, {"ideal", "the tip is set exactly at one point", {}}},
+        {DatumDescription::Kind::TouchOff,
+         {"touch_off", "by a probe with the machine's errors", {}}}};
     for (auto [one, word] : kinds) {
-      word.keys = fields_of(one).keys();
+      word.keys = datum_fields_of(one).keys();
       kind.words.push_back(std::move(word));
     }
     return Fields<DatumDescription>().custom(
@@ -80,12 +78,12 @@ const Fields<DatumDescription>& datum_fields() {
           const auto word = reader.word("kind", words_of(kind), true);
           for (const auto& [one, named] : kinds)
             if (word == named.word) datum.kind = one;
-          datum = fields_of(datum.kind).read(reader, datum);
+          datum = datum_fields_of(datum.kind).read(reader, datum);
         },
         [kinds](const DatumDescription& datum, Node::Table& table) {
           for (const auto& [one, named] : kinds)
             if (datum.kind == one) put(table, "kind", named.word);
-          for (Node::Entry& entry : fields_of(datum.kind).written(datum))
+          for (Node::Entry& entry : datum_fields_of(datum.kind).written(datum))
             table.push_back(std::move(entry));
         });
   }();

@@ -12,7 +12,7 @@ using Eigen::VectorXd;
 using kinematics::Joint;
 using kinematics::Motion;
 
-constexpr Range spindle_rpm{0.0, 1e6};
+constexpr Range phase_spindle_rpm{0.0, 1e6};
 constexpr Range axis_speed{0.0, 1e6};  // mm or deg a minute
 constexpr std::size_t most_rows = 10'000;
 
@@ -137,7 +137,7 @@ Fields<ThermalPhase> phase_fields(const ThermalSetting& setting) {
               phase.duration = reader.number(*key, duration_range(*key));
           },
           [](const ThermalPhase& from, Node::Table& to) { put(to, "duration_s", from.duration); })
-      .number("speed_rpm", &ThermalPhase::spindle_speed, spindle_rpm, "of the spindle")
+      .number("speed_rpm", &ThermalPhase::spindle_speed, phase_spindle_rpm, "of the spindle")
       .custom(
           axis_speed_keys(),
           [&setting](TableReader& reader, ThermalPhase& phase) {

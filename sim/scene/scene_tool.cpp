@@ -144,7 +144,7 @@ const ToolKind& kind_of(const ToolDescription& tool) {
   return kind_named(round ? "ball" : "bull");
 }
 
-Key kind_key() {
+Key tool_kind_key() {
   Key kind = key_of(must("kind"), Key::Kind::Text, "of tool");
   for (const ToolKind& one : tool_kinds()) kind.words.push_back(one.word);
   return kind;
@@ -164,7 +164,7 @@ const Fields<ToolDescription>& tool_fields() {
       Fields<Tool>()
           .text("name", &Tool::name, "of the tool")
           .custom(
-              {kind_key()},
+              {tool_kind_key()},
               [](TableReader& reader, Tool& tool) {
                 tool = kind_in(reader).nominal.read(reader, std::move(tool));
               },

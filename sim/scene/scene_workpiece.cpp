@@ -134,7 +134,7 @@ const char* key_to_blame(const WorkpieceCompliance& part) {
   return std::holds_alternative<WorkpiecePlate>(part) ? "normal" : "kind";
 }
 
-void read_workpiece(TableReader& compliance, errors::ComplianceErrors& errors) {
+void read_workpiece_stiffness(TableReader& compliance, errors::ComplianceErrors& errors) {
   const Node* section = compliance.section("workpiece");
   if (!section) return;
   TableReader reader(*section, compliance.name_of("workpiece"), compliance.faults());
@@ -156,7 +156,7 @@ Fields<errors::ComplianceErrors> workpiece_fields() {
   return Fields<errors::ComplianceErrors>().custom(
       {key_of(KeyName("workpiece").otherwise("stiff"), Key::Kind::Table,
               "the part where it is touched, in the workpiece frame", kind_fields().keys())},
-      read_workpiece, [](const errors::ComplianceErrors& errors, Node::Table& table) {
+      read_workpiece_stiffness, [](const errors::ComplianceErrors& errors, Node::Table& table) {
         if (errors.workpiece) put(table, "workpiece", kind_fields().written(*errors.workpiece));
       });
 }

@@ -6,6 +6,7 @@
 
 #include "cutting/alignment.h"
 #include "cutting/residual.h"
+#include "kinematics/numbers.h"
 #include "sim/cut/reach.h"
 #include "sim/machine/compile.h"
 #include "sim/machine/run_out.h"
@@ -81,7 +82,6 @@ Job prepared(const Study& study, const Arm& arm, const Scene& base, const Progre
 }
 
 double value_of(const cutting::Statistics& s, Response response) {
-  constexpr double none = std::numeric_limits<double>::quiet_NaN();
   switch (response) {
     case Response::Pv:
       return s.pv.value_or(none);
@@ -116,7 +116,8 @@ ReadyArm ready_arm(const Study& study, const Arm& arm, const Progress& progress)
   const bool for_each = depend_on_inputs(study, arm, scene);
   cutting::Surface error_free;
   if (study.machine_part) error_free = cut_error_free(job, progress).surface;
-  return {arm, std::move(scene), std::move(job), std::move(commanded), for_each, std::move(error_free)};
+  return {arm,      std::move(scene),     std::move(job), std::move(commanded),
+          for_each, std::move(error_free)};
 }
 
 Tried cut_at(const Study& study, const ReadyArm& ready, Job job, const Eigen::VectorXd& x) {
@@ -130,7 +131,8 @@ Tried cut_at(const Study& study, const ReadyArm& ready, Job job, const Eigen::Ve
     return {std::move(job), std::move(made.surface), std::move(values)};
   }
   job = with_errors(std::move(job), scene);
-  Cut made = ready.commanded_for_each ? cut(job, commands(ready.arm, job)) : cut(job, ready.commanded);
+  Cut made =
+      ready.commanded_for_each ? cut(job, commands(ready.arm, job)) : cut(job, ready.commanded);
   Eigen::VectorXd values = responses(study, job, made.surface, ready.error_free);
   return {std::move(job), std::move(made.surface), std::move(values)};
 }

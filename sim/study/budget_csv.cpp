@@ -8,24 +8,24 @@
 namespace abbe::sim::study {
 namespace {
 
-using Fields = std::vector<std::string>;
+using Cells = std::vector<std::string>;
 
 /// A value of a response goes into the column of micrometres or into that of percents.
-Fields fields(Response response, const std::optional<double>& value) {
+Cells fields(Response response, const std::optional<double>& value) {
   const std::string text = value ? csv_field(in_unit(response, *value)) : "";
-  return response == Response::InTolerance ? Fields{"", text} : Fields{text, ""};
+  return response == Response::InTolerance ? Cells{"", text} : Cells{text, ""};
 }
 
-Fields fields(const Banded& b) { return {csv_field(b.value), csv_field(b.low), csv_field(b.high)}; }
+Cells fields(const Banded& b) { return {csv_field(b.value), csv_field(b.low), csv_field(b.high)}; }
 
-Fields fields(const std::optional<SobolIndex>& index) {
-  Fields all = index ? fields(index->first) : Fields(3);
-  const Fields total = index ? fields(index->total) : Fields(3);
+Cells fields(const std::optional<SobolIndex>& index) {
+  Cells all = index ? fields(index->first) : Cells(3);
+  const Cells total = index ? fields(index->total) : Cells(3);
   all.insert(all.end(), total.begin(), total.end());
   return all;
 }
 
-constexpr const char* head =
+constexpr const char* csv_head =
     "arm,response,input,input_unit,centre,standard_deviation,cost,"
     "low_um,low_percent,high_um,high_percent,share_of_squares_percent,"
     "sobol_first,sobol_first_low,sobol_first_high,sobol_total,sobol_total_low,sobol_total_high,"
@@ -42,7 +42,7 @@ std::string field_of(const Eigen::VectorXd& values, Eigen::Index i) {
 std::string to_csv(const Budget& budget) {
   const Study& study = budget.study;
   const Eigen::VectorXd centres = centre(study), deviations = spreads(study);
-  std::string text = head;
+  std::string text = csv_head;
   for (const ArmBudget& arm : budget.arms) {
     const Eigen::VectorXd none;
     const Eigen::VectorXd& equal = arm.allocation ? arm.allocation->equal : none;
@@ -54,11 +54,11 @@ std::string to_csv(const Budget& budget) {
         const Input& input = study.inputs[i];
         const std::optional<MapContribution> map =
             i < arm.maps.size() ? std::optional(arm.maps[i]) : std::nullopt;
-        Fields row{csv_field(arm.arm.name),     name_of(r.response),
-                   csv_field(input.name),       csv_field(input.unit),
-                   csv_field(centres[c.input]), csv_field(deviations[c.input]),
-                   csv_field(input.cost)};
-        const auto add = [&](const Fields& more) {
+        Cells row{csv_field(arm.arm.name),     name_of(r.response),
+                  csv_field(input.name),       csv_field(input.unit),
+                  csv_field(centres[c.input]), csv_field(deviations[c.input]),
+                  csv_field(input.cost)};
+        const auto add = [&](const Cells& more) {
           row.insert(row.end(), more.begin(), more.end());
         };
         add(fields(r.response, c.low));
@@ -66,9 +66,9 @@ std::string to_csv(const Budget& budget) {
         add({larger_change(c) ? csv_field(100.0 * squares.shares[c.input]) : ""});
         add(fields(c.sobol));
         add({csv_field(c.correlation), csv_field(c.rank_correlation)});
-        add(map ? Fields{csv_field(map->rms / units::um), csv_field(map->pv / units::um),
-                         csv_field(100.0 * map->share)}
-                : Fields(3));
+        add(map ? Cells{csv_field(map->rms / units::um), csv_field(map->pv / units::um),
+                        csv_field(100.0 * map->share)}
+                : Cells(3));
         add({field_of(equal, c.input), field_of(cheapest, c.input)});
         text += fmt::format("{}\n", fmt::join(row, ","));
       }

@@ -93,7 +93,7 @@ ordered_json inputs(const Study& study) {
 }
 
 /// Pairs of inputs that vary together.
-ordered_json correlations(const Study& study) {
+ordered_json correlation_rows(const Study& study) {
   ordered_json pairs = ordered_json::array();
   for (const Copula::Group& group : study.copula.groups()) {
     const Eigen::MatrixXd rho = group.factor * group.factor.transpose();
@@ -252,7 +252,7 @@ ordered_json to_json(const Budget& budget) {
           {"step_standard_deviations",
            study.one_at_a_time ? number(study.one_at_a_time->step) : ordered_json()},
           {"inputs", inputs(study)},
-          {"correlations", correlations(study)},
+          {"correlations", correlation_rows(study)},
           {"arms", arms},
           {"proofs", proofs},
           {"sweeps", sweeps},

@@ -68,13 +68,13 @@ std::string with_unit(Response response, double value) {
 }
 
 /// A table whose empty columns are left out.
-struct Table {
+struct MarkdownTable {
   std::vector<std::string> heads;
   std::vector<std::vector<std::string>> rows{};
   std::size_t text_columns = 1;  ///< the first ones, aligned left
 };
 
-std::string to_text(const Table& table) {
+std::string lines_of(const MarkdownTable& table) {
   std::vector<std::size_t> kept;
   for (std::size_t j = 0; j < table.heads.size(); ++j)
     if (std::any_of(table.rows.begin(), table.rows.end(),
@@ -98,8 +98,8 @@ std::string in_band(Response response, const Banded& b) {
 }
 
 std::string totals(const ArmBudget& arm) {
-  Table t{{"response", "base", "RSS", "sum", "worst found", "at most", "mean", "std. dev.", "P95",
-           "P99", "limit", "within the limit", "Cpk"}};
+  MarkdownTable t{{"response", "base", "RSS", "sum", "worst found", "at most", "mean", "std. dev.",
+                   "P95", "P99", "limit", "within the limit", "Cpk"}};
   for (const ResponseBudget& r : arm.responses) {
     const auto shown = [&](const std::optional<double>& v) {
       return v ? figure(in_unit(r.response, *v)) : std::string();
@@ -114,7 +114,7 @@ std::string totals(const ArmBudget& arm) {
                       r.share_within ? machines(*r.share_within) : "",
                       r.capability ? hundredths(*r.capability) : ""});
   }
-  return to_text(t);
+  return lines_of(t);
 }
 
 /// What the letters of `totals` mean, as far as they are there.
@@ -197,8 +197,8 @@ std::string index_text(const Banded& b) {
 
 constexpr std::size_t most_changes = 3;  // responses whose changes have room in one table
 
-Table input_table(const ArmBudget& arm, const Ranking& order) {
-  Table t;
+MarkdownTable input_table(const ArmBudget& arm, const Ranking& order) {
+  MarkdownTable t;
   t.heads = {"input", "centre", "std. dev.", "unit"};
   t.text_columns = 1;
   for (std::size_t r = 0; r < std::min(arm.responses.size(), most_changes); ++r) {
@@ -238,7 +238,7 @@ std::string inputs(const Study& study, const ArmBudget& arm) {
   if (!arm.responses.empty()) order = ranking(arm.responses.front(), study.inputs.size());
   if (order.basis == Ranking::Basis::None) order = map_ranking(arm, study.inputs.size());
   if (order.basis == Ranking::Basis::None) return "";
-  Table t = input_table(arm, order);
+  MarkdownTable t = input_table(arm, order);
   double rest = 0.0;
   for (std::size_t k = 0; k < order.order.size(); ++k) {
     const int i = order.order[k];
@@ -247,7 +247,7 @@ std::string inputs(const Study& study, const ArmBudget& arm) {
     else
       rest += order.shares[i];
   }
-  std::string text = to_text(t);
+  std::string text = lines_of(t);
   if (order.order.size() > most_rows)
     text +=
         fmt::format("and {} others, together {}.\n", order.order.size() - most_rows, percent(rest));
@@ -305,7 +305,8 @@ std::vector<int> tightest_first(const Eigen::VectorXd& factors) {
 std::string tightening(const Study& study, const Eigen::VectorXd& factors) {
   const Eigen::VectorXd now = spreads(study);
   const std::vector<int> order = tightest_first(factors);
-  Table t{{"tighten", "std. dev. now", "to", "unit", "by the factor", "cost now", "then", "more"}};
+  MarkdownTable t{
+      {"tighten", "std. dev. now", "to", "unit", "by the factor", "cost now", "then", "more"}};
   double rest = 0.0;
   for (std::size_t k = 0; k < order.size(); ++k) {
     const int i = order[k];
@@ -320,7 +321,7 @@ std::string tightening(const Study& study, const Eigen::VectorXd& factors) {
                       figure(then), figure(then - input.cost)});
   }
   if (order.empty()) return "All spreads may stay as they are.\n\n";
-  std::string text = to_text(t);
+  std::string text = lines_of(t);
   if (order.size() > most_rows)
     text += fmt::format("and {} others for {} more. ", order.size() - most_rows, figure(rest));
   const std::size_t kept = std::size_t(factors.size()) - order.size();
@@ -393,12 +394,12 @@ std::string head(const Budget& budget) {
 
 std::string proofs(const Budget& budget) {
   if (budget.proofs.empty()) return "";
-  Table t{{"influence against full cuts", "response", "cases", "differs at most by, %"}};
+  MarkdownTable t{{"influence against full cuts", "response", "cases", "differs at most by, %"}};
   t.text_columns = 2;
   for (const Proof& p : budget.proofs)
     t.rows.push_back({plain(p.arm), title_of(p.response), fmt::format("{}", p.compared),
                       p.percent ? figure(*p.percent) : "–"});
-  return "## Proof\n\n" + to_text(t);
+  return "## Proof\n\n" + lines_of(t);
 }
 
 std::string without_trailing_spaces(const std::string& text) {

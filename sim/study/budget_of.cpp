@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "kinematics/numbers.h"
 #include "sim/scene/bad_scene.h"
 #include "sim/study/tolerance.h"
 #include "sim/study/uncertainty.h"
@@ -17,13 +18,12 @@ namespace {
 
 using Eigen::Index;
 
-constexpr double none = std::numeric_limits<double>::quiet_NaN();
 constexpr std::uint64_t bootstrap_stream = 0x9e3779b97f4a7c15ULL;
 
 /// Finished rows by their analyses.
-class Finished {
+class RowsByAnalysis {
  public:
-  Finished(const Plan& plan, const std::vector<Row>& rows) : plan_(plan), rows_(rows) {}
+  RowsByAnalysis(const Plan& plan, const std::vector<Row>& rows) : plan_(plan), rows_(rows) {}
 
   /// Answers of a block in a column; NaN where a case is not finished. (block.count)
   Eigen::VectorXd column(const Block& block, std::size_t column) const {
@@ -114,7 +114,7 @@ Drawn drawn_with_answers(const Study& study, const Plan& plan, const Block& bloc
   return drawn;
 }
 
-ResponseBudget response_budget(const Study& study, const Plan& plan, const Finished& finished,
+ResponseBudget response_budget(const Study& study, const Plan& plan, const RowsByAnalysis& finished,
                                std::size_t column, Response response) {
   ResponseBudget budget;
   budget.response = response;
@@ -151,7 +151,7 @@ Proof proof_of(const Eigen::VectorXd& full, const Eigen::VectorXd& linear, Proof
   return proof;
 }
 
-std::vector<Proof> proofs(const Study& study, const Finished& finished) {
+std::vector<Proof> proofs(const Study& study, const RowsByAnalysis& finished) {
   const Block* cut = finished.find(Block::Kind::Proof);
   const Block* estimated = finished.find(Block::Kind::MonteCarlo);
   std::vector<Proof> all;
@@ -168,7 +168,8 @@ std::vector<Proof> proofs(const Study& study, const Finished& finished) {
   return all;
 }
 
-std::vector<Sweeping> sweepings(const Study& study, const Plan& plan, const Finished& finished) {
+std::vector<Sweeping> sweepings(const Study& study, const Plan& plan,
+                                const RowsByAnalysis& finished) {
   std::vector<Sweeping> all;
   for (const Block& block : plan.blocks) {
     if (block.kind != Block::Kind::Sweep) continue;
@@ -322,7 +323,7 @@ Budget budget_of(const Study& study, const Plan& plan, const std::vector<Row>& r
   budget.study = study;
   budget.cases = rows.size();
   add_faults(rows, budget);
-  const Finished finished(plan, rows);
+  const RowsByAnalysis finished(plan, rows);
   for (std::size_t arm = 0; arm < study.arms.size(); ++arm) {
     ArmBudget one;
     one.arm = study.arms[arm];

@@ -52,7 +52,7 @@ std::string name_of_input(const Budget& budget, int i, std::size_t most = most_l
 }
 std::string name_of_arm(const ArmBudget& arm) { return short_line(arm.arm.name, most_letters); }
 
-std::string percent(double share) {
+std::string shown_percent(double share) {
   return share > 0.0 && share < 0.0005 ? "< 0.1 %" : render::fixed(100.0 * share, 1) + " %";
 }
 
@@ -74,7 +74,7 @@ void write_pareto(Album& album, const Budget& budget, const ArmBudget& arm) {
       continue;
     }
     render::Bar bar{name_of_input(budget, i), 100.0 * r.shares[i]};
-    bar.text = percent(r.shares[i]);
+    bar.text = shown_percent(r.shares[i]);
     if (r.basis == Ranking::Basis::Map)
       bar.text +=
           fmt::format("   RMS {} µm", render::figure(arm.maps[std::size_t(i)].rms / units::um));
@@ -82,7 +82,7 @@ void write_pareto(Album& album, const Budget& budget, const ArmBudget& arm) {
   }
   if (r.order.size() > most_bars) {
     bars.push_back({fmt::format("{} others", r.order.size() - most_bars), 100.0 * rest});
-    bars.back().text = percent(rest);
+    bars.back().text = shown_percent(rest);
   }
   render::BarsOptions options;
   options.title = fmt::format("{}: what makes the {}", name_of_arm(arm), of);

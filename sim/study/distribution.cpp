@@ -7,16 +7,17 @@
 #include <boost/math/quadrature/gauss.hpp>
 #include <boost/math/special_functions/erf.hpp>
 
+#include "kinematics/numbers.h"
+
 namespace abbe::sim::study {
 namespace {
 
-using Kind = Distribution::Kind;
+using Shape = Distribution::Kind;
 
 /// Everything in double: what long double would add is far below the bounds, at five times the
 /// time.
 using Plain = boost::math::policies::policy<boost::math::policies::promote_double<false>>;
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double least_share = 1e-300;  // below it doubles lose their digits
 constexpr double most_log_spread = 10.0;
 
@@ -39,11 +40,11 @@ double normal_score(const Shares& shares) {
 }
 
 /// Shares of the kind itself: a score, or a place of -1 .. 1 for those that end.
-Shares shares_at(Kind kind, double z) {
+Shares shares_at(Shape kind, double z) {
   switch (kind) {
-    case Kind::Uniform:
+    case Shape::Uniform:
       return {0.5 * (1.0 + z), 0.5 * (1.0 - z)};
-    case Kind::Triangular: {
+    case Shape::Triangular: {
       const double tail = 0.5 * (1.0 - std::abs(z)) * (1.0 - std::abs(z));
       return z < 0.0 ? Shares{tail, 1.0 - tail} : Shares{1.0 - tail, tail};
     }
@@ -52,13 +53,13 @@ Shares shares_at(Kind kind, double z) {
   }
 }
 
-double place_of(Kind kind, const Shares& shares) {
+double place_of(Shape kind, const Shares& shares) {
   const double tail = std::min(shares.below, shares.above);
   const double side = shares.below < shares.above ? -1.0 : 1.0;
   switch (kind) {
-    case Kind::Uniform:
+    case Shape::Uniform:
       return side * (1.0 - 2.0 * tail);
-    case Kind::Triangular:
+    case Shape::Triangular:
       return side * (1.0 - std::sqrt(2.0 * tail));
     default:
       return normal_score(shares);
@@ -66,15 +67,15 @@ double place_of(Kind kind, const Shares& shares) {
 }
 
 double place_of_value(const Distribution& d, double value) {
-  if (d.kind != Kind::LogNormal) return (value - d.centre) / d.spread;
+  if (d.kind != Shape::LogNormal) return (value - d.centre) / d.spread;
   return value > 0.0 ? std::log(value / d.centre) / d.spread : -infinity;
 }
 
 double value_at(const Distribution& d, double z) {
-  return d.kind == Kind::LogNormal ? d.centre * std::exp(d.spread * z) : d.centre + d.spread * z;
+  return d.kind == Shape::LogNormal ? d.centre * std::exp(d.spread * z) : d.centre + d.spread * z;
 }
 
-bool ends(Kind kind) { return kind == Kind::Uniform || kind == Kind::Triangular; }
+bool ends(Shape kind) { return kind == Shape::Uniform || kind == Shape::Triangular; }
 
 /// What the cut leaves.
 struct Window {
@@ -113,15 +114,15 @@ double quantile_in(const Distribution& d, const Window& w, double p) {
 }
 
 bool is_cut(const Distribution& d) {
-  return d.high < infinity || d.low > (d.kind == Kind::LogNormal ? 0.0 : -infinity);
+  return d.high < infinity || d.low > (d.kind == Shape::LogNormal ? 0.0 : -infinity);
 }
 
 /// Density of the kind at z over that at the likeliest place z0 of its window.
-double log_density(Kind kind, double z0, double z) {
+double log_density(Shape kind, double z0, double z) {
   switch (kind) {
-    case Kind::Uniform:
+    case Shape::Uniform:
       return 0.0;
-    case Kind::Triangular:
+    case Shape::Triangular:
       return std::log((1.0 - std::abs(z)) / (1.0 - std::abs(z0)));
     default:
       return -0.5 * (z - z0) * (z + z0);
@@ -137,7 +138,7 @@ double farthest(double z0, double tilt) {
 /// By Gauss-Legendre rules, as the closed forms lose all digits in narrow windows and far out. All
 /// is relative to the likeliest place z0, so nothing cancels.
 Moments moments_in(const Distribution& d, const Window& w) {
-  const bool logarithm = d.kind == Kind::LogNormal;
+  const bool logarithm = d.kind == Shape::LogNormal;
   const double z0 = std::clamp(0.0, w.from, w.to);
   const double v0 = value_at(d, z0);
   const auto deviation = [&](double t) {
@@ -178,7 +179,7 @@ Moments moments_in(const Distribution& d, const Window& w) {
 const char* fault_of(const Distribution& d) {
   if (!std::isfinite(d.centre)) return "a finite centre";
   if (!(d.spread > 0.0) || !std::isfinite(d.spread)) return "a spread above 0";
-  if (d.kind == Kind::LogNormal) {
+  if (d.kind == Shape::LogNormal) {
     if (d.centre <= 0.0) return "a median above 0, as the distribution is log-normal";
     if (d.spread > most_log_spread) return "a spread of the logarithm of at most 10";
   }
@@ -225,7 +226,7 @@ double cumulative(const Distribution& d, double value) {
 
 Moments moments(const Distribution& d) {
   if (is_cut(d) || ends(d.kind)) return moments_in(d, window_of(d));
-  if (d.kind == Kind::Normal) return {d.centre, d.spread};
+  if (d.kind == Shape::Normal) return {d.centre, d.spread};
   const double variance = d.spread * d.spread;
   const double mean = d.centre * std::exp(0.5 * variance);
   return {mean, mean * std::sqrt(std::expm1(variance))};

@@ -36,8 +36,8 @@ errors::GeometricErrors only(const errors::GeometricErrors& all,
   return some;
 }
 
-/// Whether nothing but elements can distinguish two scenes of the same input apart: their run-out is in
-/// the tools.
+/// Whether nothing but elements can distinguish two scenes of the same input: their run-out
+/// is in the tools.
 bool same_tools(const ToolDescription& a, const ToolDescription& b) {
   if (a.actual_length != b.actual_length) return false;
   const auto* x = std::get_if<cutting::Cutter>(&a.actual);

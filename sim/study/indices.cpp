@@ -17,7 +17,7 @@ constexpr Eigen::Index least_base_points = 8;
 constexpr int draws = 1000;
 // Base points taken together: few enough that Eigen never splits the sums of a product, which would
 // make bits depend on the size of the processor's caches.
-constexpr Eigen::Index block = 128;
+constexpr Eigen::Index row_block = 128;
 
 /// Moments of which every index and its standard error are made: means over base points of
 /// numerator n, of q = (a^2 + b^2)/2, of s = (a + b)/2 and of their products, columns in this
@@ -110,8 +110,8 @@ double poisson_1(double u) {
 Eigen::MatrixXd weighted_sums(const Eigen::MatrixXd& answers, std::uint64_t seed) {
   const Terms at{2 * (answers.cols() - 2)};
   Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(at.columns() + 1, draws + 1);
-  for (Eigen::Index first = 0; first < answers.rows(); first += block) {
-    const Eigen::Index count = std::min(block, answers.rows() - first);
+  for (Eigen::Index first = 0; first < answers.rows(); first += row_block) {
+    const Eigen::Index count = std::min(row_block, answers.rows() - first);
     Eigen::MatrixXd weights = Eigen::MatrixXd::Ones(draws + 1, count);
     weights.bottomRows(draws) =
         points({Sampling::Random, draws, seed}, std::uint64_t(first), count).unaryExpr(&poisson_1);

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "kinematics/numbers.h"
+
 namespace abbe::sim::study {
 namespace {
 
@@ -16,8 +18,6 @@ constexpr Index tile = 512;  // rivals: their products stay in the cache
 
 using Lot = Eigen::Array<double, lot, 1>;
 using LotMatrix = Eigen::Matrix<double, lot, Eigen::Dynamic>;
-
-constexpr double none = std::numeric_limits<double>::quiet_NaN();
 
 /// Offsets from the base run of machines from .. from + lot - 1, a row each; beyond the last one
 /// the base run itself.

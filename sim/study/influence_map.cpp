@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "kinematics/numbers.h"
 #include "sim/scene/bad_scene.h"
 #include "sim/study/influence_columns.h"
 #include "sim/study/plan.h"
@@ -17,8 +18,6 @@ using cutting::Rival;
 using Eigen::Index;
 
 constexpr std::uint64_t check_stream = 0x2545f4914f6cdd1dULL;
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
 Columns columns_of_inputs(const BaseRun& run, const Progress& progress) {
   const Index p = Index(run.study.inputs.size()), m = Index(run.rivals.size());
   Columns all{Eigen::MatrixXd(p, m), Eigen::MatrixXd(p, m)};

@@ -5,13 +5,13 @@
 
 #include <tbb/parallel_for.h>
 
+#include "kinematics/numbers.h"
+
 namespace abbe::sim::study {
 namespace {
 
 using Eigen::Index;
 using Eigen::VectorXd;
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 double weighted_magnitude(const auto& slope, const VectorXd& half) {
   double sum = 0.0;
@@ -19,7 +19,7 @@ double weighted_magnitude(const auto& slope, const VectorXd& half) {
   return sum;
 }
 
-Range lift_of(double half_curvature, double middle, double magnitude) {
+HeightRange lift_of(double half_curvature, double middle, double magnitude) {
   const double most = std::abs(middle) + magnitude;
   const double least = std::max(0.0, std::abs(middle) - magnitude);
   const double a = half_curvature * least * least, b = half_curvature * most * most;
@@ -27,10 +27,10 @@ Range lift_of(double half_curvature, double middle, double magnitude) {
 }
 
 /// Where a vertex can be in the box.
-Range height(const Passes& passes, Index v) {
-  Range range{infinity, infinity};
+HeightRange height(const Passes& passes, Index v) {
+  HeightRange range{infinity, infinity};
   for (Index r = passes.begin(v); r < passes.end(v); ++r) {
-    const Range lift = passes.lift[std::size_t(r)];
+    const HeightRange lift = passes.lift[std::size_t(r)];
     range.low = std::min(range.low, passes.middle[r] - passes.magnitude[r] + lift.low);
     range.high = std::min(range.high, passes.middle[r] + passes.magnitude[r] + lift.high);
   }
@@ -41,8 +41,12 @@ Range height(const Passes& passes, Index v) {
 
 Passes passes_over(const InfluenceMap& influence, const Box& box, const VectorXd& common) {
   const Index m = influence.distance.size();
-  Passes passes{influence,   0.5 * (box.high - box.low),         VectorXd(m),
-                VectorXd(m), std::vector<Range>(std::size_t(m)), {}};
+  Passes passes{influence,
+                0.5 * (box.high - box.low),
+                VectorXd(m),
+                VectorXd(m),
+                std::vector<HeightRange>(std::size_t(m)),
+                {}};
   const VectorXd middle = 0.5 * (box.high + box.low) - influence.centre;
   tbb::parallel_for(Index(0), m, [&](Index r) {
     const VectorXd slope = influence.slope.col(r) - common;
@@ -71,8 +75,8 @@ VectorXd common_slope(const InfluenceMap& influence) {
   return 0.5 * (influence.slope.rowwise().minCoeff() + influence.slope.rowwise().maxCoeff());
 }
 
-std::vector<Range> heights(const Passes& passes) {
-  std::vector<Range> all(passes.influence.first.size() - 1);
+std::vector<HeightRange> heights(const Passes& passes) {
+  std::vector<HeightRange> all(passes.influence.first.size() - 1);
   for (const Index v : passes.cut) all[std::size_t(v)] = height(passes, v);
   return all;
 }

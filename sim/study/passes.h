@@ -8,7 +8,7 @@
 
 namespace abbe::sim::study {
 
-struct Range {
+struct HeightRange {
   double low = 0.0;
   double high = 0.0;
 };
@@ -19,7 +19,7 @@ struct Passes {
   Eigen::VectorXd half;           ///< (p) half widths of the box
   Eigen::VectorXd middle;         ///< (m) mm, linear part at its middle, less the error-free map
   Eigen::VectorXd magnitude;      ///< (m) mm, most by which the linear part differs from that
-  std::vector<Range> lift;        ///< (m) mm, of the curvature
+  std::vector<HeightRange> lift;  ///< (m) mm, of the curvature
   std::vector<Eigen::Index> cut;  ///< vertices that have a pass
 
   Eigen::Index begin(Eigen::Index v) const { return influence.first[std::size_t(v)]; }
@@ -34,7 +34,7 @@ Eigen::VectorXd no_slope(const InfluenceMap& influence);
 Eigen::VectorXd common_slope(const InfluenceMap& influence);
 
 /// Where each vertex can be in the box, mm; zero where it is not cut. (n)
-std::vector<Range> heights(const Passes& passes);
+std::vector<HeightRange> heights(const Passes& passes);
 
 /// Most by which a vertex can stand above another, mm: below any pass of the first, and above the
 /// least of the other's.

@@ -37,7 +37,7 @@ Index farthest(const Passes& passes, Index from, bool above) {
 /// one of them.
 std::vector<VectorXd> slopes_of_pairs(const InfluenceMap& influence, const Box& box) {
   const Passes passes = passes_over(influence, box, common_slope(influence));
-  const std::vector<Range> range = heights(passes);
+  const std::vector<HeightRange> range = heights(passes);
   const auto high = ordered(passes, [&](Index v) { return range[std::size_t(v)].high; });
   std::vector<VectorXd> slopes;
   std::vector<std::pair<Index, Index>> known;
@@ -62,7 +62,7 @@ std::vector<VectorXd> slopes_of_pairs(const InfluenceMap& influence, const Box& 
 /// Slopes of the highest vertices, and of the lowest downwards.
 std::vector<VectorXd> slopes_of_farthest(const InfluenceMap& influence, const Box& box) {
   const Passes passes = passes_over(influence, box, no_slope(influence));
-  const std::vector<Range> range = heights(passes);
+  const std::vector<HeightRange> range = heights(passes);
   const auto high = ordered(passes, [&](Index v) { return range[std::size_t(v)].high; });
   const auto low = ordered(passes, [&](Index v) { return -range[std::size_t(v)].low; });
   std::vector<VectorXd> slopes;

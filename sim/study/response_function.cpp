@@ -11,9 +11,9 @@ namespace {
 
 using Eigen::Index;
 
-constexpr Index lot = 8;       // machines whose passes are looked at together
-constexpr Index block = 64;    // machines that are answered together
-constexpr double step = 0.01;  // of the spread
+constexpr Index pass_lot = 8;       // machines whose passes are looked at together
+constexpr Index answer_block = 64;  // machines that are answered together
+constexpr double step = 0.01;       // of the spread
 
 /// The surface of one machine.
 struct Made {
@@ -129,7 +129,7 @@ ResponseFunction response_function(const Study& study, const ReadyArm& ready,
   ResponseFunction function;
   function.values = [of_one, &ready, &influence](const Eigen::MatrixXd& x) {
     Eigen::VectorXd values(x.cols());
-    for_stretches(x.cols(), block, [&](Index first, Index count) {
+    for_stretches(x.cols(), answer_block, [&](Index first, Index count) {
       values.segment(first, count) =
           responses(of_one, ready, influence, x.middleCols(first, count)).row(0).transpose();
     });
@@ -151,7 +151,7 @@ Eigen::MatrixXd gradients(const InfluenceMap& influence, Response response,
   if (is_counted(response))
     throw std::invalid_argument("a response that is counted has no gradient");
   Eigen::MatrixXd result(x.rows(), x.cols());
-  for_stretches(x.cols(), lot, [&](Index first, Index count) {
+  for_stretches(x.cols(), pass_lot, [&](Index first, Index count) {
     const Eigen::MatrixXd offset = x.middleCols(first, count).colwise() - influence.centre;
     const Eigen::MatrixXd moved = influence.slope.transpose() * offset;
     const Eigen::MatrixXd shifted = influence.shift.transpose() * offset;

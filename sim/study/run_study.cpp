@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <iterator>
 
 #include <fmt/format.h>
 
@@ -270,9 +269,8 @@ StudyResult show_study(const path& file, const StudyOptions& options) {
 
 std::string cases_csv(const Study& study, const Plan& plan, const std::vector<Row>& rows) {
   const bool with_inputs = rows.size() * study.inputs.size() <= most_input_cells;
-  fmt::memory_buffer text;
-  const auto out = std::back_inserter(text);
-  fmt::format_to(out, "{}", table_head(study, with_inputs));
+  std::string text;
+  text += table_head(study, with_inputs);
   Eigen::MatrixXd x;  // of the cases from .. to - 1
   std::uint64_t from = 0, to = 0;
   for (const Row& row : rows) {
@@ -282,18 +280,17 @@ std::string cases_csv(const Study& study, const Plan& plan, const std::vector<Ro
       x = inputs_of(study, plan, from, to);
     }
     const Block& block = block_of(plan, row.index);
-    fmt::format_to(out, "{},{},{}", row.index, name_of(block.kind),
-                   block.full ? "full" : "influence");
+    text +=
+        fmt::format("{},{},{}", row.index, name_of(block.kind), block.full ? "full" : "influence");
     if (with_inputs)
       for (const double value : x.col(Eigen::Index(row.index - from)))
-        fmt::format_to(out, ",{}", value);
+        text += fmt::format(",{}", value);
     for (std::size_t i = 0; i < row.answers.size(); ++i)
-      fmt::format_to(
-          out, ",{}",
-          csv_field(in_unit(study.responses[i % study.responses.size()], row.answers[i])));
-    fmt::format_to(out, ",{}\n", csv_field(row.fault));
+      text += fmt::format(
+          ",{}", csv_field(in_unit(study.responses[i % study.responses.size()], row.answers[i])));
+    text += fmt::format(",{}\n", csv_field(row.fault));
   }
-  return fmt::to_string(text);
+  return text;
 }
 
 }  // namespace abbe::sim::study

@@ -1,18 +1,18 @@
 #include "sim/study/slurm.h"
 
 #include <cctype>
-#include <regex>
 #include <stdexcept>
 
 #include <fmt/format.h>
+
+#include "sim/files/matches.h"
 
 namespace abbe::sim::study {
 namespace {
 
 /// As one word of the shell.
 std::string quoted(const std::string& text) {
-  static const std::regex plain("[A-Za-z0-9_./+:,@-]+");
-  if (std::regex_match(text, plain)) return text;
+  if (matches(text, "[A-Za-z0-9_./+:,@-]+")) return text;
   std::string word = "'";
   for (const char letter : text) word += letter == '\'' ? "'\\''" : std::string(1, letter);
   return word + "'";
@@ -46,10 +46,9 @@ std::string log_name(const SlurmOptions& options, const std::string& name) {
 }
 
 void check(const SlurmOptions& options) {
-  static const std::regex time("[0-9]+(:[0-9]+){0,2}|[0-9]+-[0-9]+(:[0-9]+){0,2}");
   if (options.shards < 1 || options.cpus < 1)
     throw std::invalid_argument("a job array needs at least one shard and one cpu");
-  if (!std::regex_match(options.time, time))
+  if (!matches(options.time, "[0-9]+(:[0-9]+){0,2}|[0-9]+-[0-9]+(:[0-9]+){0,2}"))
     throw std::invalid_argument(fmt::format(
         "expected a time as Slurm reads it (90, 12:00:00, 2-00), seen {}", options.time));
 }

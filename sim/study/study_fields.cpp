@@ -11,7 +11,7 @@ namespace abbe::sim::study {
 namespace {
 
 constexpr double most_spread = 1e12;  // of anything in any unit: beyond, sums lose their digits
-constexpr Range share{0.5, 0.999};    // of a confidence
+constexpr Range confidence_range{0.5, 0.999};  // of a confidence
 constexpr std::array all_responses{Response::Pv,         Response::Rms,    Response::Mean,
                                    Response::Std,        Response::MaxAbs, Response::P95Abs,
                                    Response::InTolerance};
@@ -67,7 +67,8 @@ Fields<Tolerance> tolerance_fields() {
       .word("response", &Tolerance::response, {{"pv", Response::Pv}, {"rms", Response::Rms}},
             "figure of the map that is limited")
       .number(must("limit_um"), &Tolerance::limit, positive, "of that figure")
-      .number("confidence", &Tolerance::confidence, share, "share of the machines within it")
+      .number("confidence", &Tolerance::confidence, confidence_range,
+              "share of the machines within it")
       .whole("machines", &Tolerance::machines, 200, 1'000'000,
              "drawn to find the spreads; as many fresh ones verify them");
 }
@@ -282,7 +283,7 @@ const Fields<Study>& question_fields() {
             "random machines")
         .table("uncertainty", &Study::uncertainty,
                Fields<Uncertainty>()
-                   .number("confidence", &Uncertainty::confidence, share, "of the band")
+                   .number("confidence", &Uncertainty::confidence, confidence_range, "of the band")
                    .whole("machines", &Uncertainty::machines, 100, 100'000, "drawn"),
                "standard deviation and band of the map, vertex by vertex")
         .table("influence", &Study::influence, influence_fields(),

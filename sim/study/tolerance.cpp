@@ -7,6 +7,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include "kinematics/numbers.h"
 #include "sim/study/plan.h"
 #include "sim/study/uncertainty.h"
 
@@ -22,13 +23,11 @@ constexpr std::uint64_t shape_stream = 0x3c6ef372fe94f82bULL;
 constexpr std::uint64_t scale_stream = 0xa54ff53a5f1d36f1ULL;
 constexpr std::uint64_t fresh_stream = 0x510e527fade682d1ULL;
 
-constexpr Index block = 256;  // machines that are drawn and answered together
+constexpr Index draw_block = 256;  // machines that are drawn and answered together
 constexpr std::uint64_t least_shaping = 4000, most_shaping = 20000;  // machines
 constexpr int most_rounds = 12;
 constexpr double settled = 1e-3;              // relative change of the cost that ends the rounds
 constexpr double fine = 1e-5, coarse = 1e-3;  // relative, of factors
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
 /// Random machines, drawn again whenever they are needed.
 struct Machines {
   const Study& study;
@@ -52,8 +51,8 @@ Machines machines(const Study& study, const ResponseFunction& response, Sampling
 /// One that has no answer is beyond every limit.
 VectorXd answers_of(const Machines& all, const VectorXd& factors) {
   VectorXd values(Index(all.count));
-  tbb::parallel_for(Index(0), (values.size() + block - 1) / block, [&](Index i) {
-    const Index first = i * block, number = std::min(block, values.size() - first);
+  tbb::parallel_for(Index(0), (values.size() + draw_block - 1) / draw_block, [&](Index i) {
+    const Index first = i * draw_block, number = std::min(draw_block, values.size() - first);
     values.segment(first, number) =
         all.response.values(all.scaled(factors, all.deviations(std::uint64_t(first), number)));
   });

@@ -7,6 +7,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include "kinematics/numbers.h"
 #include "kinematics/units.h"
 #include "sim/study/answers.h"
 #include "sim/study/plan.h"
@@ -18,8 +19,6 @@ using Eigen::Index;
 
 constexpr std::uint64_t uncertainty_stream = 0x8c1f3b5ad96e7043ULL;
 constexpr Index numbers_at_once = Index(1) << 21;  // of a map of many machines: 16 MB a thread
-constexpr double none = std::numeric_limits<double>::quiet_NaN();
-
 /// The vertices first .. first + count - 1 alone, as far as maps need them.
 InfluenceMap stretch(const InfluenceMap& whole, Index first, Index count) {
   InfluenceMap part;

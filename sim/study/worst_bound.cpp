@@ -14,12 +14,12 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double most_products = 1e9;  // of the pairs that are looked at
-constexpr Index lot = 64;              // vertices whose pairs are looked at together
+constexpr Index vertex_lot = 64;       // vertices whose pairs are looked at together
 
 /// Pairs in the order of their upper vertices; each of those with ever higher lower ones, until
 /// their own heights say that no pair is farther apart than what is known.
 double farthest_apart(const Passes& passes, double known) {
-  const std::vector<Range> range = heights(passes);
+  const std::vector<HeightRange> range = heights(passes);
   const auto upper = ordered(passes, [&](Index v) { return range[std::size_t(v)].high; });
   const auto lower = ordered(passes, [&](Index v) { return -range[std::size_t(v)].low; });
   if (upper.empty()) return known;
@@ -28,10 +28,10 @@ double farthest_apart(const Passes& passes, double known) {
   };
   const double rivals = double(passes.influence.distance.size()) / double(passes.cut.size());
   double pairs = most_products / (double(passes.half.size()) * rivals * rivals);
-  for (Index first = 0; first < Index(upper.size()); first += lot) {
+  for (Index first = 0; first < Index(upper.size()); first += vertex_lot) {
     if (coarse(upper[std::size_t(first)], lower.front()) <= known) return known;
     if (pairs <= 0.0) return coarse(upper[std::size_t(first)], lower.front());
-    const Index count = std::min(lot, Index(upper.size()) - first);
+    const Index count = std::min(vertex_lot, Index(upper.size()) - first);
     std::vector<double> most(std::size_t(count), known), looked(std::size_t(count), 0.0);
     const double each = pairs / double(count);
     tbb::parallel_for(Index(0), count, [&](Index i) {
@@ -70,15 +70,15 @@ double norm_bound(const LinearHeights& all, const VectorXd& half) {
 
 double farthest_height(const Passes& passes) {
   double most = 0.0;
-  for (const Range& range : heights(passes)) most = std::max({most, range.high, -range.low});
+  for (const HeightRange& range : heights(passes)) most = std::max({most, range.high, -range.low});
   return most;
 }
 
 double rms_of_farthest(const Passes& passes, const VectorXd& weight) {
-  const std::vector<Range> all = heights(passes);
+  const std::vector<HeightRange> all = heights(passes);
   double square = 0.0;
   for (Index k = 0; k < weight.size(); ++k) {
-    const Range range = all[std::size_t(passes.cut[std::size_t(k)])];
+    const HeightRange range = all[std::size_t(passes.cut[std::size_t(k)])];
     square += weight[k] * std::pow(std::max(range.high, -range.low), 2);
   }
   return std::sqrt(square);

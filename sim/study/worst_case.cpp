@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "kinematics/numbers.h"
 #include "sim/study/promising_corners.h"
 #include "sim/study/sequence.h"
 #include "sim/study/worst_bound.h"
@@ -19,9 +20,9 @@ using Eigen::VectorXd;
 
 constexpr Index few = 12;  // inputs of which all corners are tried
 constexpr int random_starts = 64;
-constexpr Index finalists = 8;   // climbs that go on input by input
-constexpr int most_steps = 50;   // of a climb along gradients
-constexpr int most_rounds = 20;  // of single inputs put to their other end
+constexpr Index finalists = 8;  // climbs that go on input by input
+constexpr int most_steps = 50;  // of a climb along gradients
+constexpr int most_flips = 20;  // of single inputs put to their other end
 constexpr std::uint64_t start_seed = 0x243f6a8885a308d3ULL;
 
 /// Corners and what they come to, the sign such that more is worse.
@@ -58,7 +59,7 @@ class Climb {
   }
 
   Places input_by_input(Places place) const {
-    for (int i = 0; i < most_rounds; ++i) {
+    for (int i = 0; i < most_flips; ++i) {
       const Places next = best(at(one_flipped(place.x)), 1);
       if (!(next.value[0] > place.value[0])) break;
       place = along_gradients(next);
@@ -105,7 +106,7 @@ Eigen::MatrixXd all_corners(const Box& box) {
 }
 
 /// Promising corners, their opposites, and random ones.
-Eigen::MatrixXd starts(const Box& box, const InfluenceMap& influence, Response response) {
+Eigen::MatrixXd starting_corners(const Box& box, const InfluenceMap& influence, Response response) {
   const Eigen::MatrixXd promising = promising_corners(influence, box, response);
   const Index count = promising.cols();
   const auto of = [&](const Eigen::VectorXd& end, Index n) { return end.replicate(1, n).eval(); };
@@ -127,8 +128,8 @@ Corner climbed(const Box& box, const InfluenceMap& influence, Response response,
     const Places worst = Climb::best(climb.at(all_corners(box)), 1);
     return {worst.x, sign * worst.value[0], 0.0};
   }
-  const Places first =
-      Climb::best(climb.along_gradients(climb.at(starts(box, influence, response))), finalists);
+  const Places first = Climb::best(
+      climb.along_gradients(climb.at(starting_corners(box, influence, response))), finalists);
   Places last = first;
   for (Index k = 0; k < first.value.size(); ++k) {
     const Places one = climb.input_by_input({first.x.col(k), first.value.segment(k, 1)});
@@ -155,7 +156,7 @@ Corner worst_corner(const Study& study, const ReadyArm& ready, const InfluenceMa
   if (ready.job.scene.alignment == Alignment::None)
     return worst_corner(box, influence, response, function);
   Corner corner = climbed(box, influence, response, function);
-  corner.bound = response == Response::InTolerance ? 0.0 : std::numeric_limits<double>::infinity();
+  corner.bound = response == Response::InTolerance ? 0.0 : infinity;
   return corner;
 }
 

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <ctime>
 #include <iostream>
-#include <limits>
 #include <numbers>
 #include <random>
 #include <stdexcept>
@@ -11,7 +10,9 @@
 
 #include <gtest/gtest.h>
 
+#include "kinematics/numbers.h"
 #include "tests/compensation/courses.h"
+#include "tests/kinematics/nan.h"
 
 namespace abbe::sim::compensation {
 namespace {
@@ -21,13 +22,10 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 using kinematics::Joint;
 using kinematics::Motion;
+using std::numbers::pi;
 using testing_courses::before;
 using testing_courses::course;
 using testing_courses::rms;
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double pi = std::numbers::pi;
 
 std::vector<Joint> joints(std::initializer_list<Motion> motions) {
   std::vector<Joint> result;

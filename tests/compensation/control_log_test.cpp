@@ -5,6 +5,8 @@
 
 #include <gtest/gtest.h>
 
+#include "kinematics/numbers.h"
+
 namespace abbe::sim::compensation {
 namespace {
 
@@ -38,7 +40,6 @@ TEST(ControlLog, AColumnThatIsNotThereIsNamedWithThoseThatAre) {
 
 TEST(ControlLog, TheControlKnowsTheLastRowThatWasRead) {
   const ControlLog log = log_of_two();
-  const double infinity = std::numeric_limits<double>::infinity();
   EXPECT_EQ(row_at(log, -infinity), 0);
   EXPECT_EQ(row_at(log, -11.0), 0);
   EXPECT_EQ(row_at(log, -10.0), 0);

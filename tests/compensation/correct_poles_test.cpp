@@ -53,7 +53,7 @@ const double near[] = {0.0,
                        -0.021,
                        0.05};
 
-AxisState at(const Pole& pole, double from_pole) {
+AxisState command_at(const Pole& pole, double from_pole) {
   AxisState command;
   command.q = kinematics::AxisVector::Zero(pole.chain.size());
   for (int i = 0; i < pole.chain.size(); ++i)
@@ -81,7 +81,7 @@ TEST(CorrectAtPoles, TurnsStayBoundedAndTheBallCentreIsServed) {
       for (const double from_pole : near) {
         SCOPED_TRACE(testing::Message()
                      << pole.name << " " << from_pole << " off, machine " << machine);
-        const AxisState command = at(pole, from_pole);
+        const AxisState command = command_at(pole, from_pole);
         const Pose wanted = pole.chain.tool_in_workpiece(command.q);
         const Correction correction = correct(pole.chain, belief, wanted, command, options);
         ASSERT_TRUE(correction.q.allFinite());
@@ -155,7 +155,7 @@ TEST(CorrectAtPoles, WithoutDampingTheBoundAloneHolds) {
         believed(pole.chain, errors::bind(typical_errors(pole.chain, seed), pole.chain));
     for (const double from_pole : near) {
       SCOPED_TRACE(testing::Message() << pole.name << " " << from_pole << " off");
-      const AxisState command = at(pole, from_pole);
+      const AxisState command = command_at(pole, from_pole);
       const Pose wanted = pole.chain.tool_in_workpiece(command.q);
       const Correction correction = correct(pole.chain, belief, wanted, command, options);
       ASSERT_TRUE(correction.q.allFinite());

@@ -24,10 +24,10 @@ using kinematics::Chain;
 using kinematics::Motion;
 using kinematics::Pose;
 
-using Place = Eigen::Matrix<double, 6, 1>;  // [functional point, mm | tool axis, rad], in w
+using PointAndAxis = Eigen::Matrix<double, 6, 1>;  // [functional point, mm | tool axis, rad], in w
 
-Place place(const Pose& T, double height) {
-  Place both;
+PointAndAxis point_and_axis(const Pose& T, double height) {
+  PointAndAxis both;
   both << T * Vector3d(0, 0, height), T.linear().col(2);
   return both;
 }
@@ -41,11 +41,11 @@ std::vector<int> movable(const Chain& chain, const CorrectOptions& options, Moti
 }
 
 /// Columns of those joints at q by differences, steps 1e-3 and 2e-3 extrapolated: good to 1e-9.
-MatrixXd columns(const std::function<Place(const AxisVector&)>& f, const AxisVector& q,
+MatrixXd columns(const std::function<PointAndAxis(const AxisVector&)>& f, const AxisVector& q,
                  const std::vector<int>& joints) {
   MatrixXd J(6, Eigen::Index(joints.size()));
   for (std::size_t k = 0; k < joints.size(); ++k) {
-    const auto central = [&](double h) -> Place {
+    const auto central = [&](double h) -> PointAndAxis {
       AxisVector up = q, down = q;
       up[joints[k]] += h;
       down[joints[k]] -= h;
@@ -67,20 +67,20 @@ VectorXd solved(const MatrixXd& J, const VectorXd& wanted, double least) {
   return x;
 }
 
-struct Left {
+struct LeastLeft {
   double point = 0.0;
   double direction = 0.0;
 };
 
 /// Turns for the direction, slides for the point: Gauss and Newton on the believed machine itself.
-Left least_left(const Chain& chain, const Belief& belief, const AxisState& command,
-                const CorrectOptions& options) {
+LeastLeft least_left(const Chain& chain, const Belief& belief, const AxisState& command,
+                     const CorrectOptions& options) {
   const double height = options.functional_height;
-  const Place target = place(chain.tool_in_workpiece(command.q), height);
-  const auto error = [&](const AxisVector& q) -> Place {
+  const PointAndAxis target = point_and_axis(chain.tool_in_workpiece(command.q), height);
+  const auto error = [&](const AxisVector& q) -> PointAndAxis {
     AxisState state = command;
     state.q = q;
-    return place(belief(state), height) - target;
+    return point_and_axis(belief(state), height) - target;
   };
   const std::vector<int> turns = movable(chain, options, Motion::Rotary);
   const std::vector<int> slides = movable(chain, options, Motion::Linear);
@@ -94,11 +94,11 @@ Left least_left(const Chain& chain, const Belief& belief, const AxisState& comma
     correct_with(turns, 3, options.singular_sine);
     correct_with(slides, 0, 1e-6);
   }
-  const Place rest = error(q);
+  const PointAndAxis rest = error(q);
   return {rest.head<3>().norm(), rest.tail<3>().norm()};
 }
 
-struct Case {
+struct ProjectionCase {
   const char* name;
   Chain chain;
   CorrectOptions options;
@@ -106,7 +106,7 @@ struct Case {
   double lever = 0.0;  ///< mm, of turns that shift the point where the slides cannot follow
 };
 
-std::vector<Case> cases() {
+std::vector<ProjectionCase> projection_cases() {
   CorrectOptions plain, still_S, still_Z, slides_only, still_all_but_Y;
   plain.functional_height = slides_only.functional_height = 6.0;
   still_S.still.set(0);
@@ -128,7 +128,7 @@ TEST(CorrectProjection, WhatIteratedLeavesIsWhatALeastSquaresSolutionLeaves) {
   constexpr std::uint64_t seed = 20260108;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937_64 random(seed);
-  for (const Case& one : cases()) {
+  for (const ProjectionCase& one : projection_cases()) {
     double worst_point = 0.0, worst_direction = 0.0, most_point = 0.0, most_direction = 0.0;
     for (int i = 0; i < 100; ++i) {
       const Belief belief = believed(
@@ -141,7 +141,7 @@ TEST(CorrectProjection, WhatIteratedLeavesIsWhatALeastSquaresSolutionLeaves) {
       const Correction correction =
           correct(one.chain, belief, one.chain.tool_in_workpiece(command.q), command, one.options);
       ASSERT_TRUE(correction.converged) << one.name;
-      const Left left = least_left(one.chain, belief, command, one.options);
+      const LeastLeft left = least_left(one.chain, belief, command, one.options);
       most_point = std::max(most_point, left.point);
       most_direction = std::max(most_direction, left.direction);
       worst_point = std::max(worst_point, std::abs(correction.point_left - left.point));
@@ -167,7 +167,7 @@ TEST(CorrectProjection, ShiftedCarriagesLeaveTheProjectionOfTheTwistItself) {
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
-  for (const Case& one : cases()) {
+  for (const ProjectionCase& one : projection_cases()) {
     double worst = 0.0, most = 0.0;
     for (int i = 0; i < 100; ++i) {
       errors::GeometricErrors wrong;
@@ -184,7 +184,7 @@ TEST(CorrectProjection, ShiftedCarriagesLeaveTheProjectionOfTheTwistItself) {
       const Pose wanted = one.chain.tool_in_workpiece(command.q);
       const Correction correction = correct(one.chain, belief, wanted, command, one.options);
       const auto nominal = [&](const AxisVector& q) {
-        return place(one.chain.tool_in_workpiece(q), 0.0);
+        return point_and_axis(one.chain.tool_in_workpiece(q), 0.0);
       };
       const Vector3d e = belief(command).translation() - wanted.translation();
       const MatrixXd J =

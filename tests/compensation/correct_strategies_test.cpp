@@ -50,19 +50,19 @@ Pose reached(const Belief& belief, AxisState command, const Correction& correcti
   return belief(command);
 }
 
-struct Left {
+struct MeanLeft {
   double tip = 0.0;        ///< mm, root mean square
   double direction = 0.0;  ///< rad
 };
 
-Left left_by(Strategy strategy, const FiveAxes& machine, double scale, std::uint64_t seed) {
+MeanLeft left_by(Strategy strategy, const FiveAxes& machine, double scale, std::uint64_t seed) {
   const Belief belief = believed(
       machine.chain, errors::bind(typical_errors(machine.chain, seed, scale), machine.chain));
   std::mt19937_64 random(seed);
   CorrectOptions options;
   options.strategy = strategy;
   options.rotary_bound = 1.0;  // the bound is not what is looked at here
-  Left left;
+  MeanLeft left;
   constexpr int count = 500;
   for (int i = 0; i < count; ++i) {
     const AxisState command = away_from_pole(machine, random);
@@ -80,9 +80,9 @@ TEST(Correct, HalvingTheErrorsQuartersWhatOneStepLeaves) {
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   for (const FiveAxes& machine : five_axes()) {
     for (const Strategy strategy : {Strategy::Position, Strategy::Decoupled}) {
-      const Left four = left_by(strategy, machine, 4.0, seed);
-      const Left two = left_by(strategy, machine, 2.0, seed);
-      const Left one = left_by(strategy, machine, 1.0, seed);
+      const MeanLeft four = left_by(strategy, machine, 4.0, seed);
+      const MeanLeft two = left_by(strategy, machine, 2.0, seed);
+      const MeanLeft one = left_by(strategy, machine, 1.0, seed);
       const double first = std::log2(four.tip / two.tip), second = std::log2(two.tip / one.tip);
       std::cout << machine.name << (strategy == Strategy::Position ? ", position" : ", decoupled")
                 << ": tip left, errors x 4, 2, 1: " << four.tip / units::um << " "

@@ -4,13 +4,14 @@
 #include <cmath>
 #include <ctime>
 #include <iostream>
-#include <limits>
 #include <random>
 #include <stdexcept>
 
 #include <gtest/gtest.h>
 
+#include "kinematics/numbers.h"
 #include "tests/compensation/courses.h"
+#include "tests/kinematics/nan.h"
 
 namespace abbe::sim::compensation {
 namespace {
@@ -19,9 +20,6 @@ using Eigen::Index;
 using Eigen::VectorXd;
 using testing_courses::before;
 using testing_courses::course;
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// Steps, rests, jumps and ramps of all sizes; times repeat.
 Course any_course(std::mt19937& random, int knots, int columns) {

@@ -11,7 +11,7 @@ namespace {
 
 using namespace cases;
 
-ParameterTables read(const std::vector<ControlFile>& files) {
+ParameterTables heidenhain_tables(const std::vector<ControlFile>& files) {
   return tables_of_control(files, gantry(), ControlFormat::Heidenhain);
 }
 
@@ -30,7 +30,7 @@ const std::string cma =
     "[END]\n";
 
 TEST(Heidenhain, ColumnsHoldErrorsThatTheControlTakesOff) {
-  const ParameterTables tables = read({{"Y.COM", com}, {"CONFIG.CMA", cma}});
+  const ParameterTables tables = heidenhain_tables({{"Y.COM", com}, {"CONFIG.CMA", cma}});
   ASSERT_EQ(tables.tables.size(), 2u);
   const AxisTable& own = tables.tables[0];
   EXPECT_EQ(own.of, Y);
@@ -80,7 +80,7 @@ TEST(Heidenhain, RandomTablesComeBackToItsDigits) {
       if (table.of != table.moves) table.downward = table.upward;
     const Export made = to_control(tables, chain, ControlFormat::Heidenhain);
     EXPECT_TRUE(made.left_out.empty());
-    const Difference d = difference(tables, read(made.files), chain, random);
+    const Difference d = difference(tables, heidenhain_tables(made.files), chain, random);
     largest.mm = std::max(largest.mm, d.mm);
     largest.rad = std::max(largest.rad, d.rad);
   }
@@ -97,12 +97,12 @@ TEST(Heidenhain, MoreThan256RowsAreReadOffAndSaid) {
   tables.tables = {table};
   const Export made = to_control(tables, gantry(), ControlFormat::Heidenhain);
   EXPECT_TRUE(says(made.left_out, "X: 300 points, of which the control holds 256"));
-  EXPECT_EQ(read(made.files).tables.at(0).position.size(), 256);
+  EXPECT_EQ(heidenhain_tables(made.files).tables.at(0).position.size(), 256);
 }
 
 TEST(Heidenhain, RefusesByLineAndColumn) {
   const auto of_com = [](const std::string& from, const std::string& to) {
-    return refusal([&] { read({{"Y.COM", with(com, from, to)}}); });
+    return refusal([&] { heidenhain_tables({{"Y.COM", with(com, from, to)}}); });
   };
   EXPECT_EQ(of_com("NR", "NR"), Place{});
   EXPECT_EQ(of_com("BEGIN", "START"), (Place{1, 1}));
@@ -119,10 +119,10 @@ TEST(Heidenhain, RefusesByLineAndColumn) {
   EXPECT_EQ(of_com("[END]\n", "").line, 4);
   EXPECT_EQ(of_com("[END]\n", "[END]\nx"), (Place{6, 1}));
   EXPECT_EQ(of_com("1     10.5      -0.03     0         0.04\n", "").line, 4) << "one row";
-  EXPECT_EQ(refusal([] { read({{"pitch.com", com}}); }), (Place{0, 0}));
-  EXPECT_EQ(refusal([] { read({{"Y.COM", ""}}); }).line, 0);
+  EXPECT_EQ(refusal([] { heidenhain_tables({{"pitch.com", com}}); }), (Place{0, 0}));
+  EXPECT_EQ(refusal([] { heidenhain_tables({{"Y.COM", ""}}); }).line, 0);
   const auto of_cma = [](const std::string& from, const std::string& to) {
-    return refusal([&] { read({{"Y.COM", com}, {"C.CMA", with(cma, from, to)}}); });
+    return refusal([&] { heidenhain_tables({{"Y.COM", com}, {"C.CMA", with(cma, from, to)}}); });
   };
   EXPECT_EQ(of_cma("NR", "NR"), Place{});
   EXPECT_EQ(of_cma("y.com", "z.com"), (Place{4, 17}));

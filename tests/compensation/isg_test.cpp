@@ -17,7 +17,7 @@ using errors::Constant;
 using errors::Element;
 using errors::GeometricErrors;
 
-GeometricErrors read(const std::string& text) {
+GeometricErrors volumetric_errors(const std::string& text) {
   return deviations_of_volumetric(std::vector<ControlFile>{{"X.csv", text}}, gantry());
 }
 
@@ -43,7 +43,7 @@ double value(const GeometricErrors& errors, const std::string& name, double comm
 }
 
 TEST(Isg, ComponentAndPositionErrorsAreRead) {
-  const GeometricErrors errors = read(example);
+  const GeometricErrors errors = volumetric_errors(example);
   ASSERT_EQ(errors.elements.size(), 8u) << "a position error of zero says nothing";
   EXPECT_EQ(value(errors, "EYX", 10.0), -0.1);
   EXPECT_DOUBLE_EQ(value(errors, "EBX", 5.0), 0.5 * (0.0042 + 0.0011));
@@ -54,11 +54,11 @@ TEST(Isg, ComponentAndPositionErrorsAreRead) {
 }
 
 TEST(Isg, RotaryArgumentsAreDegrees) {
-  const GeometricErrors errors = read("A EAA\n0 1e-5\n90 3e-5\n");
+  const GeometricErrors errors = volumetric_errors("A EAA\n0 1e-5\n90 3e-5\n");
   EXPECT_DOUBLE_EQ(value(errors, "EAA", 0.25 * pi), 2e-5);
 }
 
-GeometricErrors believed() {
+GeometricErrors believed_waves() {
   const auto wave = [](double amplitude, double period) {
     return errors::Curve{errors::Fourier{Eigen::VectorXd::Constant(1, amplitude),
                                          Eigen::VectorXd::Constant(1, -0.4 * amplitude), period}};
@@ -81,7 +81,7 @@ GeometricErrors believed() {
 
 TEST(Isg, WhatIsBelievedComesBackAtItsPoints) {
   const Chain chain = gantry();
-  const errors::GeometricModel model = errors::bind(believed(), chain);
+  const errors::GeometricModel model = errors::bind(believed_waves(), chain);
   TableOptions options;
   options.spacing = 10.0;
   const Export made = to_volumetric(model, chain, options);
@@ -116,7 +116,7 @@ TEST(Isg, WhatIsBelievedComesBackAtItsPoints) {
 
 TEST(Isg, SaysWhatItCannotHold) {
   const Chain chain = gantry();
-  GeometricErrors errors = believed();
+  GeometricErrors errors = believed_waves();
   errors.elements[1].curves.push_back({errors::Backlash{1e-3}});
   errors.elements[3].curves.push_back({errors::Repeatability{1e-3, 5}});
   errors.elements.push_back({errors::parse_element_name("EXS"), {{Constant{1e-3}}}});
@@ -135,7 +135,7 @@ TEST(Isg, HoldsDeviationsAndNoCorrections) {
 
 TEST(Isg, RefusesByLineAndColumn) {
   const auto at = [](const std::string& from, const std::string& to) {
-    return refusal([&] { read(with(example, from, to)); });
+    return refusal([&] { volumetric_errors(with(example, from, to)); });
   };
   EXPECT_EQ(at("X ", "X "), Place{});
   EXPECT_EQ(at("X      EXX", "Z      X"), (Place{2, 8})) << "two arguments";
@@ -157,9 +157,9 @@ TEST(Isg, RefusesByLineAndColumn) {
   EXPECT_EQ(at("// the last row\n", "\n#\nX EYX\n0 0\n1 0\n"), (Place{6, 1})) << "EYX twice";
   std::string heads;
   for (int k = 0; k < 100; ++k) heads += "#\n";
-  EXPECT_EQ(refusal([&] { read(heads); }), (Place{64, 1}));
-  EXPECT_TRUE(read("").elements.empty());
-  EXPECT_TRUE(read("\xEF\xBB\xBF\xEF\xBB\xBF// nothing\n").elements.empty());
+  EXPECT_EQ(refusal([&] { volumetric_errors(heads); }), (Place{64, 1}));
+  EXPECT_TRUE(volumetric_errors("").elements.empty());
+  EXPECT_TRUE(volumetric_errors("\xEF\xBB\xBF\xEF\xBB\xBF// nothing\n").elements.empty());
 }
 
 }  // namespace

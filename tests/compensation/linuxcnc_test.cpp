@@ -18,7 +18,7 @@ namespace {
 
 using namespace cases;
 
-ParameterTables read(const std::vector<ControlFile>& files) {
+ParameterTables linuxcnc_tables(const std::vector<ControlFile>& files) {
   return tables_of_control(files, gantry(), ControlFormat::LinuxCnc);
 }
 
@@ -40,7 +40,7 @@ TEST(LinuxCnc, WritesTrimsAndTheIniLinesThatLoadThem) {
 }
 
 TEST(LinuxCnc, ATrimIsAddedToTheCommand) {
-  const ParameterTables tables = read({{"Y.comp", "-10 0.001 0\n20 -0.002 0.005\n"}});
+  const ParameterTables tables = linuxcnc_tables({{"Y.comp", "-10 0.001 0\n20 -0.002 0.005\n"}});
   AxisState state;
   state.q = AxisVector::Zero(6);
   state.q[Y] = 5.0;
@@ -53,8 +53,8 @@ TEST(LinuxCnc, ATrimIsAddedToTheCommand) {
 TEST(LinuxCnc, ActualPositionsBecomeTrims) {
   const std::string ini = "[JOINT_0]\nCOMP_FILE = x.comp\nCOMP_FILE_TYPE = 0\n";
   // the second row of the example in its manual: it went 2 um too far up, 3 um not far enough down
-  const ParameterTables tables =
-      read({{"x.comp", "-1 -1.005 -0.995\n0 0.002 -0.003\n1 1.003 0.998\n"}, {"m.ini", ini}});
+  const ParameterTables tables = linuxcnc_tables(
+      {{"x.comp", "-1 -1.005 -0.995\n0 0.002 -0.003\n1 1.003 0.998\n"}, {"m.ini", ini}});
   ASSERT_EQ(tables.tables.size(), 1u);
   EXPECT_EQ(tables.tables[0].of, X);
   EXPECT_NEAR(tables.tables[0].upward[1], -0.002, 1e-9);
@@ -63,7 +63,7 @@ TEST(LinuxCnc, ActualPositionsBecomeTrims) {
 }
 
 TEST(LinuxCnc, AnglesAreDegrees) {
-  const ParameterTables tables = read({{"A.comp", "0 0.1 0.2\n90 0 0"}});
+  const ParameterTables tables = linuxcnc_tables({{"A.comp", "0 0.1 0.2\n90 0 0"}});
   EXPECT_DOUBLE_EQ(tables.tables[0].position[1], 0.5 * pi);
   EXPECT_NEAR(tables.tables[0].upward[0], 0.1 * units::deg, 1e-10);
 }
@@ -73,7 +73,7 @@ TEST(LinuxCnc, OneLineIsAConstant) {
     const std::string ini =
         "[JOINT_0]\nCOMP_FILE=X.comp\nCOMP_FILE_TYPE=" + std::to_string(type) + "\n";
     const ParameterTables tables =
-        read({{"X.comp", type == 0 ? "7 7.5 6.5\n" : "7 -0.5 0.5"}, {"m.ini", ini}});
+        linuxcnc_tables({{"X.comp", type == 0 ? "7 7.5 6.5\n" : "7 -0.5 0.5"}, {"m.ini", ini}});
     for (const double q : {-100.0, 7.0, 7.5, 8.0, 100.0}) {
       EXPECT_EQ(correction(tables.tables[0], q, 1), -0.5) << type << " at " << q;
       EXPECT_EQ(correction(tables.tables[0], q, -1), 0.5);
@@ -86,7 +86,7 @@ TEST(LinuxCnc, AWholeIniIsReadForItsCompFilesOnly) {
       "# machine\n[EMC]\nMACHINE = mill\n; remark\n[JOINT_2]\r\nTYPE = LINEAR\r\n"
       "COMP_FILE = tables/Up.comp \r\n\tCOMP_FILE_TYPE=1\n[JOINT_3]\nMAX = 1\n[HAL]\nCOMP_FILE = "
       "q\n";
-  const ParameterTables tables = read({{"m.ini", ini}, {"up.comp", "0 1 2\n1 2 3\n"}});
+  const ParameterTables tables = linuxcnc_tables({{"m.ini", ini}, {"up.comp", "0 1 2\n1 2 3\n"}});
   ASSERT_EQ(tables.tables.size(), 1u);
   EXPECT_EQ(tables.tables[0].of, Z);
 }
@@ -121,7 +121,7 @@ TEST(LinuxCnc, SeveralTablesOfAnAxisAreAddedUp) {
   tables.tables = {two_points(), other};
   std::mt19937 random(7);
   const Export made = to_control(tables, gantry(), ControlFormat::LinuxCnc);
-  const Difference d = difference(tables, read(made.files), gantry(), random);
+  const Difference d = difference(tables, linuxcnc_tables(made.files), gantry(), random);
   EXPECT_LT(d.mm, 1e-8);
   EXPECT_TRUE(made.left_out.empty());
 }
@@ -164,7 +164,7 @@ TEST(LinuxCnc, WhatIsReadIsWhatItsMotionControllerDoes) {
     const ParameterTables tables = any_tables(chain, random, {false, true, run % 2 == 0, 256});
     for (const ControlFile& f : to_control(tables, chain, ControlFormat::LinuxCnc).files) {
       if (f.name == "compensation.ini") continue;
-      const ParameterTables back = read({f});
+      const ParameterTables back = linuxcnc_tables({f});
       const AxisTable& table = back.tables.at(0);
       const double unit = table.of == A ? units::deg : 1.0;
       std::uniform_real_distribution<double> anywhere(-450.0, 300.0);
@@ -190,7 +190,7 @@ TEST(LinuxCnc, RandomTablesComeBack) {
     const ParameterTables tables = any_tables(chain, random, {false, true, run % 2 == 0, 256});
     const Export made = to_control(tables, chain, ControlFormat::LinuxCnc);
     EXPECT_TRUE(made.left_out.empty());
-    const ParameterTables back = read(made.files);
+    const ParameterTables back = linuxcnc_tables(made.files);
     ASSERT_EQ(back.tables.size(), tables.tables.size());
     for (std::size_t k = 0; k < tables.tables.size(); ++k)
       EXPECT_EQ(back.tables[k].moves, tables.tables[k].moves);
@@ -206,7 +206,7 @@ TEST(LinuxCnc, RandomTablesComeBack) {
 
 TEST(LinuxCnc, RefusesByLineAndColumn) {
   const auto at = [](const std::string& text) {
-    return refusal([&] { read({{"X.comp", text}}); });
+    return refusal([&] { linuxcnc_tables({{"X.comp", text}}); });
   };
   EXPECT_EQ(at("0 0 0\n1 0 0\n"), Place{});
   EXPECT_EQ(at("0 0 0\n1 0 zero\n"), (Place{2, 5}));
@@ -230,7 +230,9 @@ TEST(LinuxCnc, RefusesByLineAndColumn) {
 TEST(LinuxCnc, RefusesAnIniByLineAndColumn) {
   const std::string ini = "[JOINT_0]\nCOMP_FILE = X.comp\nCOMP_FILE_TYPE = 1\n";
   const auto at = [&](const std::string& from, const std::string& to) {
-    return refusal([&] { read({{"m.ini", with(ini, from, to)}, {"X.comp", "0 0 0\n1 0 0"}}); });
+    return refusal([&] {
+      linuxcnc_tables({{"m.ini", with(ini, from, to)}, {"X.comp", "0 0 0\n1 0 0"}});
+    });
   };
   EXPECT_EQ(at("_0", "_0"), Place{});
   EXPECT_EQ(at("_0", "_5"), (Place{1, 8})) << "the machine has joints 0 to 4";
@@ -248,7 +250,7 @@ TEST(LinuxCnc, RefusesAnIniByLineAndColumn) {
 TEST(LinuxCnc, AFileIsNamedAfterItsAxis) {
   const std::string text = "0 0 0\n1 0 0\n";
   const auto refused = [&](const std::vector<ControlFile>& files) {
-    return refusal([&] { read(files); }) != Place{};
+    return refusal([&] { linuxcnc_tables(files); }) != Place{};
   };
   EXPECT_FALSE(refused({{"tables/x.comp", text}}));
   EXPECT_TRUE(refused({{"B.comp", text}})) << "the machine has none";
@@ -257,7 +259,7 @@ TEST(LinuxCnc, AFileIsNamedAfterItsAxis) {
   EXPECT_TRUE(refused({{"", text}}));
   EXPECT_TRUE(refused({{"X.comp", text}, {"x.COMP", text}}));
   EXPECT_TRUE(refused({{"X.comp", text}, {"X.txt", text}}));
-  EXPECT_TRUE(read({}).tables.empty());
+  EXPECT_TRUE(linuxcnc_tables({}).tables.empty());
 }
 
 /// Loaded before LinuxCNC's own task controller, which then does nothing but load one file: it gets
@@ -351,10 +353,11 @@ TEST(LinuxCnc, ItselfLoadsTheFilesAsTheyAreRead) {
     for (const int type : {0, 1}) {
       const std::vector<Triplet> theirs = loaded_by_linuxcnc(linuxcnc, folder, f.text, type);
       const std::string joint = std::to_string(std::string("XYZA").find(f.name[0]));
-      const AxisTable ours = read({f,
-                                   {"m.ini", "[JOINT_" + joint + "]\nCOMP_FILE = " + f.name +
-                                                 "\nCOMP_FILE_TYPE = " + std::to_string(type)}})
-                                 .tables.at(0);
+      const AxisTable ours =
+          linuxcnc_tables({f,
+                           {"m.ini", "[JOINT_" + joint + "]\nCOMP_FILE = " + f.name +
+                                         "\nCOMP_FILE_TYPE = " + std::to_string(type)}})
+              .tables.at(0);
       const double unit = f.name == "A.comp" ? units::deg : 1.0;
       ASSERT_EQ(Eigen::Index(theirs.size()), ours.position.size()) << f.name;
       for (std::size_t k = 0; k < theirs.size(); ++k) {

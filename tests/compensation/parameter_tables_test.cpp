@@ -9,6 +9,7 @@
 
 #include "kinematics/units.h"
 #include "tests/compensation/control_cases.h"
+#include "tests/kinematics/nan.h"
 
 namespace abbe::sim::compensation {
 namespace {
@@ -200,7 +201,6 @@ TEST(ParameterTables, WhatCannotBeTabulatedIsRefused) {
     change(options);
     EXPECT_THROW(tabulated(zero, chain, AxisVector::Zero(6), options), std::invalid_argument);
   };
-  const double nan = std::numeric_limits<double>::quiet_NaN();
   refused([](TableOptions& o) { o.most_points = 1; });
   refused([](TableOptions& o) { o.spacing = 0.0; });
   refused([&](TableOptions& o) { o.spacing_rad = nan; });

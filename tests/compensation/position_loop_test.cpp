@@ -4,14 +4,15 @@
 #include <array>
 #include <cmath>
 #include <iostream>
-#include <limits>
 #include <numbers>
 #include <random>
 #include <stdexcept>
 
 #include <gtest/gtest.h>
 
+#include "kinematics/numbers.h"
 #include "tests/compensation/courses.h"
+#include "tests/kinematics/nan.h"
 
 namespace abbe::sim::compensation {
 namespace {
@@ -179,8 +180,6 @@ TEST(PositionLoop, StaysPutOnAConstantCourse) {
 }
 
 TEST(PositionLoop, RefusesWhatItCannotBe) {
-  const double nan = std::numeric_limits<double>::quiet_NaN();
-  const double infinity = std::numeric_limits<double>::infinity();
   const Course step = course({{0.0, 0.0}, {0.0, 1.0}});
   for (const double bad : {0.0, -1.0, nan, infinity})
     EXPECT_THROW(followed_by(step, {Order::First, bad, 0.7}), std::invalid_argument);

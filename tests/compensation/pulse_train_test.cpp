@@ -11,6 +11,7 @@
 
 #include "sim/compensation/channels.h"
 #include "tests/compensation/courses.h"
+#include "tests/kinematics/nan.h"
 
 namespace abbe::sim::compensation {
 namespace {
@@ -19,14 +20,16 @@ using Eigen::VectorXd;
 using testing_courses::course;
 using testing_courses::Knot;
 
-constexpr double period = 1e-3;  // mm
+constexpr double signal_period = 1e-3;  // mm
 
 bool same(const Edge& a, const Edge& b) {
   return a.time_s == b.time_s && a.is_a == b.is_a && a.level == b.level;
 }
 
 /// Whole signal periods by the position alone.
-long periods(double position, double phase) { return long(std::floor(position / period - phase)); }
+long periods(double position, double phase) {
+  return long(std::floor(position / signal_period - phase));
+}
 
 /// Rests, crawls, runs and reversals, with many knots or few.
 Course any_motion(std::mt19937& random, double duration_s, int knots) {
@@ -36,7 +39,7 @@ Course any_motion(std::mt19937& random, double duration_s, int knots) {
     const double t = duration_s * i / (knots - 1), dt = duration_s / (knots - 1);
     double speed = 0.0;  // periods a second
     if (unit(random) > -0.4) speed = unit(random) * std::pow(10.0, 1.5 + 1.7 * unit(random));
-    result.push_back({t, result.back().value + speed * dt * period});
+    result.push_back({t, result.back().value + speed * dt * signal_period});
   }
   return course(result);
 }
@@ -60,7 +63,7 @@ Course carried(const Course& motion, const std::vector<Insertion>& pairs, double
       const double since = t - (pair.time_s + pulse_s + hair_s);
       double done = since > travel_s || (after && since >= travel_s) ? 1.0 : 0.0;
       if (travel_s > 0.0) done = std::clamp(since / travel_s, 0.0, 1.0);
-      x -= done * pair.direction * period;
+      x -= done * pair.direction * signal_period;
     }
     return x;
   };
@@ -85,13 +88,13 @@ SignalLevel ring(const Course& wanted, const Course& motion, const Pulses& pulse
                  double travel_s) {
   const double phase = zero_phase(pulses.phase_seed, 0), start = wanted.time_s[0];
   const auto whole = [&](double correction) {
-    return long(std::round(correction / period - phase));
+    return long(std::round(correction / signal_period - phase));
   };
   const InsertionBox box{false, pulses.pulse_s};
   SignalLevel level;
   for (;;) {
     level.axis = carried(motion, level.pairs, pulses.pulse_s, travel_s);
-    const Feedback encoder = feedback(level.axis, period, phase);
+    const Feedback encoder = feedback(level.axis, signal_period, phase);
     std::vector<Request> requests;
     const double end = motion.time_s.tail<1>()[0];
     for (int k = 0; start + k * pulses.cycle_s < end; ++k) {
@@ -119,7 +122,7 @@ SignalLevel ring(const Course& wanted, const Course& motion, const Pulses& pulse
 
 TEST(Quadrature, PassesLowLowThenAThenBothThenB) {
   const auto state = [](double x) {
-    const QuadratureState s = quadrature(x * period, period, 0.0);
+    const QuadratureState s = quadrature(x * signal_period, signal_period, 0.0);
     return 10 * s.a + s.b;
   };
   for (const double whole : {-3.0, 0.0, 1000.0}) {
@@ -130,12 +133,12 @@ TEST(Quadrature, PassesLowLowThenAThenBothThenB) {
   }
   EXPECT_EQ(state(0.0), 0);
   EXPECT_EQ(state(-1e-12), 1);
-  const QuadratureState shifted = quadrature(0.4 * period, period, 0.3);
+  const QuadratureState shifted = quadrature(0.4 * signal_period, signal_period, 0.3);
   EXPECT_FALSE(shifted.a || shifted.b);
 }
 
 TEST(EncoderFeedback, HasItsEdgesAtTheExactInstants) {
-  const Feedback up = feedback(course({{1.0, 0.0}, {2.0, period}}), period, 0.0);
+  const Feedback up = feedback(course({{1.0, 0.0}, {2.0, signal_period}}), signal_period, 0.0);
   const std::vector<Edge> expected = {
       {1.25, true, true}, {1.5, false, true}, {1.75, true, false}, {2.0, false, false}};
   ASSERT_EQ(up.edges.size(), 4u);
@@ -144,7 +147,7 @@ TEST(EncoderFeedback, HasItsEdgesAtTheExactInstants) {
     EXPECT_EQ(up.edges[i].is_a, expected[i].is_a);
     EXPECT_EQ(up.edges[i].level, expected[i].level);
   }
-  const Feedback down = feedback(course({{0.0, period}, {1.0, 0.0}}), period, 0.0);
+  const Feedback down = feedback(course({{0.0, signal_period}, {1.0, 0.0}}), signal_period, 0.0);
   ASSERT_EQ(down.edges.size(), 4u);
   EXPECT_FALSE(down.edges[0].is_a) << "B leads down";
   EXPECT_EQ(down.edges[0].time_s, 0.0) << "from the very edge it leaves at once";
@@ -158,46 +161,45 @@ TEST(EncoderFeedback, StandsAtEveryInstantAsThePositionSays) {
   for (int trial = 0; trial < 200; ++trial) {
     const Course motion = any_motion(random, 1.0, 2 + trial % 20);
     const double phase = unit(random) - 0.5;
-    const Feedback f = feedback(motion, period, phase);
+    const Feedback f = feedback(motion, signal_period, phase);
     const std::vector<Count> x1 = counts(f), x4 = counts(f, Evaluation::X4);
     const double start = motion.value(0, 0);
     for (int i = 0; i < 50; ++i) {
       const double t = unit(random), x = value_at(motion, t)[0];
-      const double quarters = 4.0 * (x / period - phase);
+      const double quarters = 4.0 * (x / signal_period - phase);
       if (std::abs(quarters - std::round(quarters)) < 1e-6) continue;
       QuadratureState state = f.start;
       for (const Edge& edge : f.edges)
         if (edge.time_s <= t) (edge.is_a ? state.a : state.b) = edge.level;
-      const QuadratureState expected = quadrature(x, period, phase);
+      const QuadratureState expected = quadrature(x, signal_period, phase);
       ASSERT_EQ(state.a, expected.a);
       ASSERT_EQ(state.b, expected.b);
       ASSERT_EQ(count_at(x1, t), periods(x, phase) - periods(start, phase));
-      ASSERT_EQ(count_at(x4, t),
-                long(std::floor(quarters)) - long(std::floor(4.0 * (start / period - phase))));
+      ASSERT_EQ(count_at(x4, t), long(std::floor(quarters)) -
+                                     long(std::floor(4.0 * (start / signal_period - phase))));
     }
   }
 }
 
 TEST(EncoderFeedback, OfAnAxisAtRestHasNoEdges) {
   for (const Course& rest : {course({{0.0, 0.3}}), course({{0.0, 0.3}, {0.0, 0.3}, {9.0, 0.3}})})
-    EXPECT_TRUE(feedback(rest, period, 0.1).edges.empty());
+    EXPECT_TRUE(feedback(rest, signal_period, 0.1).edges.empty());
 }
 
 TEST(EncoderFeedback, RefusesWhatHasNoSignals) {
-  const double nan = std::numeric_limits<double>::quiet_NaN();
   const Course motion = course({{0.0, 0.0}, {1.0, 1.0}});
   for (const double bad : {0.0, -1.0, nan})
     EXPECT_THROW(feedback(motion, bad, 0.0), std::invalid_argument);
-  EXPECT_THROW(feedback(motion, period, nan), std::invalid_argument);
-  EXPECT_THROW(feedback(motion, period, 0.0, 1), std::invalid_argument);
-  EXPECT_THROW(feedback(motion, period, 0.0, -1), std::invalid_argument);
+  EXPECT_THROW(feedback(motion, signal_period, nan), std::invalid_argument);
+  EXPECT_THROW(feedback(motion, signal_period, 0.0, 1), std::invalid_argument);
+  EXPECT_THROW(feedback(motion, signal_period, 0.0, -1), std::invalid_argument);
   EXPECT_THROW(feedback(motion, 1e-9, 0.0), std::invalid_argument) << "too many edges";
   EXPECT_THROW(feedback(motion, 1e-300, 0.0), std::invalid_argument);
   EXPECT_THROW(counts({{}, {{0.0, true, false}}}), std::invalid_argument);
 }
 
 TEST(InsertionBox, InsertsOnePairOfTheSameShape) {
-  const Feedback rest = feedback(course({{0.0, 0.1 * period}}), period, 0.0);
+  const Feedback rest = feedback(course({{0.0, 0.1 * signal_period}}), signal_period, 0.0);
   const double p = 3e-6;
   for (const long direction : {1L, -1L}) {
     const Feedback out = inserted(rest, {{2.0, direction}}, {false, p});
@@ -219,7 +221,7 @@ TEST(InsertionBox, BypassLeavesTheFeedbackUntouchedBitForBit) {
   const unsigned seed = 20250311;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
-  const Feedback in = feedback(any_motion(random, 1.0, 30), period, 0.2);
+  const Feedback in = feedback(any_motion(random, 1.0, 30), signal_period, 0.2);
   ASSERT_GT(in.edges.size(), 100u);
   const Feedback out = inserted(in, {{0.0, 5}, {0.5, -5}}, {true, 2e-6});
   ASSERT_EQ(out.edges.size(), in.edges.size());
@@ -229,17 +231,20 @@ TEST(InsertionBox, BypassLeavesTheFeedbackUntouchedBitForBit) {
 
 TEST(InsertionBox, AtRestWithAOrBHighInsertsNothing) {
   for (const double x : {0.25, 0.3, 0.5, 0.6, 0.75, 0.9, 0.999}) {
-    const Feedback rest = feedback(course({{0.0, x * period}, {9.0, x * period}}), period, 0.0);
+    const Feedback rest =
+        feedback(course({{0.0, x * signal_period}, {9.0, x * signal_period}}), signal_period, 0.0);
     EXPECT_TRUE(insertions(rest, {{1.0, 7}}).empty()) << x;
   }
   for (const double x : {0.0, 0.1, 0.249, 1.0, -1.0}) {
-    const Feedback rest = feedback(course({{0.0, x * period}, {9.0, x * period}}), period, 0.0);
+    const Feedback rest =
+        feedback(course({{0.0, x * signal_period}, {9.0, x * signal_period}}), signal_period, 0.0);
     EXPECT_EQ(insertions(rest, {{1.0, 7}}).size(), 1u) << "one in a signal period, at " << x;
   }
 }
 
 TEST(InsertionBox, InsertsOnePairInEachSignalPeriodThatTheAxisPasses) {
-  const Feedback run = feedback(course({{0.0, 0.5 * period}, {1.0, 10.5 * period}}), period, 0.0);
+  const Feedback run = feedback(course({{0.0, 0.5 * signal_period}, {1.0, 10.5 * signal_period}}),
+                                signal_period, 0.0);
   const std::vector<Insertion> pairs = insertions(run, {{0.0, -100}});
   ASSERT_EQ(pairs.size(), 10u);
   for (std::size_t i = 0; i < pairs.size(); ++i) {
@@ -251,8 +256,9 @@ TEST(InsertionBox, InsertsOnePairInEachSignalPeriodThatTheAxisPasses) {
 TEST(InsertionBox, LetsNoPairThroughWhereTheAxisIsTooQuick) {
   const double p = 2e-6;
   const auto pairs_at = [&](double speed) {  // periods a second
-    const Course run = course({{0.0, 0.5 * period}, {1e-3, (0.5 + speed * 1e-3) * period}});
-    return insertions(feedback(run, period, 0.0), {{0.0, 1000}}, {false, p}).size();
+    const Course run =
+        course({{0.0, 0.5 * signal_period}, {1e-3, (0.5 + speed * 1e-3) * signal_period}});
+    return insertions(feedback(run, signal_period, 0.0), {{0.0, 1000}}, {false, p}).size();
   };
   const double limit = 1.0 / (4.0 * p);
   EXPECT_EQ(pairs_at(1.001 * limit), 0u);
@@ -260,8 +266,8 @@ TEST(InsertionBox, LetsNoPairThroughWhereTheAxisIsTooQuick) {
 }
 
 TEST(InsertionBox, DropsWhatIsNoLongerWanted) {
-  const Course run = course({{0.0, 0.5 * period}, {1.0, 1.4 * period}});
-  const Feedback f = feedback(run, period, 0.0);  // low-low from 0.5556 s to 0.8333 s
+  const Course run = course({{0.0, 0.5 * signal_period}, {1.0, 1.4 * signal_period}});
+  const Feedback f = feedback(run, signal_period, 0.0);  // low-low from 0.5556 s to 0.8333 s
   EXPECT_TRUE(insertions(f, {{0.1, 1}, {0.4, 0}}).empty());
   EXPECT_EQ(insertions(f, {{0.1, 1}, {0.6, 0}}).size(), 1u);
   const std::vector<Insertion> late = insertions(f, {{0.1, 1}, {0.4, 0}, {0.7, -1}});
@@ -272,7 +278,7 @@ TEST(InsertionBox, DropsWhatIsNoLongerWanted) {
 }
 
 TEST(InsertionBox, RefusesRequestsOutOfOrder) {
-  const Feedback rest = feedback(course({{0.0, 0.0}}), period, 0.0);
+  const Feedback rest = feedback(course({{0.0, 0.0}}), signal_period, 0.0);
   EXPECT_THROW(insertions(rest, {{1.0, 1}, {0.0, 2}}), std::invalid_argument);
   EXPECT_THROW(insertions(rest, {{1.0, 1}, {1.0, 2}}), std::invalid_argument);
   for (const double bad : {0.0, -1.0, std::numeric_limits<double>::quiet_NaN()})
@@ -291,9 +297,10 @@ TEST(SignalLevel, CounterLessTrueMotionIsWhatTheFastModelInsertsInstantByInstant
     const double duration = 0.3;
     const Course motion = any_motion(random, duration, 3 + trial % 25);
     std::vector<Knot> bends;
-    for (int i = 0; i <= 6; ++i) bends.push_back({duration * i / 6.0, 8.0 * unit(random) * period});
+    for (int i = 0; i <= 6; ++i)
+      bends.push_back({duration * i / 6.0, 8.0 * unit(random) * signal_period});
     const Course wanted = course(bends);
-    Pulses pulses{VectorXd::Constant(1, period), 1e-3, 2e-6, std::uint64_t(trial)};
+    Pulses pulses{VectorXd::Constant(1, signal_period), 1e-3, 2e-6, std::uint64_t(trial)};
     const double phase = zero_phase(pulses.phase_seed, 0);
 
     const Course fast = through(wanted, pulses, motion);
@@ -302,19 +309,20 @@ TEST(SignalLevel, CounterLessTrueMotionIsWhatTheFastModelInsertsInstantByInstant
     for (int i = 0; i < 400; ++i) {
       const double t = duration * (0.5 + 0.5 * unit(random));
       // Counts of the fast model, and those that the control sees beyond the encoder's own.
-      const double fast_counts = (value_at(fast, t)[0] - fast.value(0, 0)) / period;
+      const double fast_counts = (value_at(fast, t)[0] - fast.value(0, 0)) / signal_period;
       const long seen = count_at(level.control, t) - count_at(level.encoder, t);
-      const double travelled = (value_at(level.axis, t)[0] - value_at(motion, t)[0]) / period;
+      const double travelled =
+          (value_at(level.axis, t)[0] - value_at(motion, t)[0]) / signal_period;
       bool during_a_pair = false;
       for (const Insertion& pair : level.pairs)
         if (t >= pair.time_s - 1e-9 && t <= pair.time_s + pulses.pulse_s + 1e-9)
           during_a_pair = true;
       if (during_a_pair) continue;
-      waiting += std::abs(value_at(fast, t)[0] - value_at(wanted, t)[0]) > 1.5 * period;
+      waiting += std::abs(value_at(fast, t)[0] - value_at(wanted, t)[0]) > 1.5 * signal_period;
       ASSERT_NEAR(fast_counts, -double(seen), 1e-6) << "trial " << trial << ", " << t << " s";
       ASSERT_NEAR(travelled, -double(seen), 1e-6);
       // The control holds its own count: it sees no more than the programmed motion.
-      const double position = value_at(motion, t)[0] / period - phase;
+      const double position = value_at(motion, t)[0] / signal_period - phase;
       if (std::abs(position - std::round(position)) > 1e-6) {
         ASSERT_EQ(count_at(level.control, t),
                   periods(value_at(motion, t)[0], phase) - periods(motion.value(0, 0), phase));
@@ -346,21 +354,23 @@ TEST(SignalLevel, ALoopThatTakesItsTimeMakesTheAxisTravelAsFar) {
     // The axis runs to and fro all the time; the correction comes to rest for the last third.
     std::vector<Knot> run;
     for (int i = 0; i <= 8; ++i)
-      run.push_back({0.05 * i, (i % 2 == 0 ? 0.0 : 20.0 + 5.0 * unit(random)) * period});
+      run.push_back({0.05 * i, (i % 2 == 0 ? 0.0 : 20.0 + 5.0 * unit(random)) * signal_period});
     const Course motion = course(run);
-    const double last = 9.0 * unit(random) * period;
-    const Course wanted = course({{0.0, 0.0}, {0.1, 4.0 * unit(random) * period}, {0.25, last}});
-    const Pulses pulses{VectorXd::Constant(1, period), 1e-3, 2e-6, std::uint64_t(100 + trial)};
+    const double last = 9.0 * unit(random) * signal_period;
+    const Course wanted =
+        course({{0.0, 0.0}, {0.1, 4.0 * unit(random) * signal_period}, {0.25, last}});
+    const Pulses pulses{VectorXd::Constant(1, signal_period), 1e-3, 2e-6,
+                        std::uint64_t(100 + trial)};
     const Course fast = through(wanted, pulses, motion);
     const SignalLevel level = ring(wanted, motion, pulses, 0.7e-3);
     long sum = 0;
     for (const Insertion& pair : level.pairs) sum += pair.direction;
     const double end = motion.time_s.tail<1>()[0];
     const double travelled = value_at(level.axis, end)[0] - value_at(motion, end)[0];
-    EXPECT_NEAR(travelled, -double(sum) * period, 1e-12);
+    EXPECT_NEAR(travelled, -double(sum) * signal_period, 1e-12);
     EXPECT_NEAR(travelled, value_at(fast, end)[0] - fast.value(0, 0), 1e-12);
-    EXPECT_LE(std::abs(value_at(fast, end)[0] - last), 0.5 * period * (1.0 + 1e-9));
-    largest = std::max(largest, std::abs(travelled) / period);
+    EXPECT_LE(std::abs(value_at(fast, end)[0] - last), 0.5 * signal_period * (1.0 + 1e-9));
+    largest = std::max(largest, std::abs(travelled) / signal_period);
   }
   EXPECT_GT(largest, 4.0);
 }

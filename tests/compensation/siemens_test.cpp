@@ -11,13 +11,13 @@ namespace {
 
 using namespace cases;
 
-ParameterTables read(const std::string& text) {
+ParameterTables siemens_tables(const std::string& text) {
   return tables_of_control(std::vector<ControlFile>{{"A.INI", text}}, gantry(),
                            ControlFormat::Siemens);
 }
 
 // laid out as the example of the function manual
-const std::string encoder =
+const std::string encoder_ini =
     "%_N_AX_EEC_INI\n"
     "CHANDATA(1)\n"
     "$AA_ENC_COMP[0,0,X1]=0.003   ; 1st value: +3 um\n"
@@ -29,7 +29,7 @@ const std::string encoder =
     "$AA_ENC_COMP_IS_MODULO[0,X1]=0\n"
     "M17\n";
 
-const std::string cross =
+const std::string cross_ini =
     "%_N_NC_CEC_INI\r\n"
     "CHANDATA(1)\r\n"
     "$AN_CEC[3,0] = 0\r\n"
@@ -45,7 +45,7 @@ const std::string cross =
     "M17\r\n";
 
 TEST(Siemens, APositiveEncoderValueMovesTheAxisInTheNegativeDirection) {
-  const ParameterTables tables = read(encoder);
+  const ParameterTables tables = siemens_tables(encoder_ini);
   ASSERT_EQ(tables.tables.size(), 1u);
   const AxisTable& table = tables.tables[0];
   EXPECT_EQ(table.of, X);
@@ -57,7 +57,7 @@ TEST(Siemens, APositiveEncoderValueMovesTheAxisInTheNegativeDirection) {
 }
 
 TEST(Siemens, ATableOfOneDirectionIsForThatDirectionOnly) {
-  const ParameterTables tables = read(cross);
+  const ParameterTables tables = siemens_tables(cross_ini);
   ASSERT_EQ(tables.tables.size(), 1u);
   EXPECT_EQ(tables.tables[0].of, Y);
   EXPECT_EQ(tables.tables[0].moves, Z);
@@ -135,14 +135,14 @@ TEST(Siemens, ASecondProgramMayNotWriteTheSameTable) {
                         ControlFormat::Siemens);
     });
   };
-  EXPECT_EQ(both(encoder, cross), Place{});
-  EXPECT_EQ(both(encoder, encoder), (Place{3, 1}));
-  EXPECT_EQ(both(cross, cross), (Place{3, 1}));
+  EXPECT_EQ(both(encoder_ini, cross_ini), Place{});
+  EXPECT_EQ(both(encoder_ini, encoder_ini), (Place{3, 1}));
+  EXPECT_EQ(both(cross_ini, cross_ini), (Place{3, 1}));
 }
 
 TEST(Siemens, RefusesByLineAndColumn) {
   const auto of_encoder = [](const std::string& from, const std::string& to) {
-    return refusal([&] { read(with(encoder, from, to)); });
+    return refusal([&] { siemens_tables(with(encoder_ini, from, to)); });
   };
   EXPECT_EQ(of_encoder("M17", "M17"), Place{});
   EXPECT_EQ(of_encoder("M17", "M30"), (Place{10, 1}));
@@ -176,7 +176,7 @@ TEST(Siemens, RefusesByLineAndColumn) {
                                                         {"$AA_ENC_COMP[0,2,X1]=-0.0\n", ""}})
     EXPECT_EQ(of_encoder(from, to), (Place{3, 1})) << from << " -> " << to;
   const auto of_cross = [](const std::string& from, const std::string& to) {
-    return refusal([&] { read(with(cross, from, to)); });
+    return refusal([&] { siemens_tables(with(cross_ini, from, to)); });
   };
   EXPECT_EQ(of_cross("[3,0]", "[3,0]"), Place{});
   EXPECT_EQ(of_cross("[3,0]", "[3.0]"), (Place{3, 9})) << "one index";

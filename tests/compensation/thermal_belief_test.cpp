@@ -214,7 +214,7 @@ TEST(ThermalCourse, NamesWhatIsMissing) {
 
 // ---------------------------------------------------------------- on the chain
 
-kinematics::AxisState at(const kinematics::AxisVector& q, double time_s) {
+kinematics::AxisState state_at(const kinematics::AxisVector& q, double time_s) {
   kinematics::AxisState state;
   state.q = q;
   state.time_s = time_s;
@@ -238,7 +238,7 @@ TEST(ThermalDeviations, StandAsReadUntilTheNextReading) {
   const kinematics::AxisVector q = kinematics::AxisVector::Zero(chain.size());
   for (const auto& [time_s, value] :
        {std::pair{-1.0, 0.0}, {0.0, 0.0}, {59.999, 0.0}, {60.0, 2.0_um}, {1e9, 2.0_um}})
-    EXPECT_EQ(deviations(course, at(q, time_s))[std::size_t(z)].motion[2], value) << time_s;
+    EXPECT_EQ(deviations(course, state_at(q, time_s))[std::size_t(z)].motion[2], value) << time_s;
 }
 
 // By hand: a screw that has grown by 50 um/m carries a table that is told to go +100 mm in X, hence
@@ -252,7 +252,7 @@ TEST(ThermalDeviations, SlopeCountsTheTravelOfThePrimedCarriageItself) {
                 log_of({"screw_C"}, {0.0, 1.0}, Eigen::Vector2d(20.0, 25.0)), chain);
   kinematics::AxisVector q = kinematics::AxisVector::Zero(chain.size());
   q[x] = 100.0;
-  const auto joints = deviations(course, at(q, 1.0));
+  const auto joints = deviations(course, state_at(q, 1.0));
   EXPECT_NEAR(joints[std::size_t(x)].motion[0], -5.0_um, 1e-15);
   const Vector3d moved = moved_b(chain, q, joints);
   EXPECT_LT((moved - Vector3d(5.0_um, 0, 0)).norm(), 1e-12);
@@ -267,7 +267,7 @@ TEST(ThermalDeviations, SpindleGrowthGoesAlongTheTurnedTool) {
                 log_of({"box_C"}, {0.0, 1.0}, Eigen::Vector2d(20.0, 25.0)), chain);
   kinematics::AxisVector q = kinematics::AxisVector::Zero(chain.size());
   q[*chain.find('A')] = 30.0_deg;
-  const Vector3d moved = moved_b(chain, q, deviations(course, at(q, 1.0)));
+  const Vector3d moved = moved_b(chain, q, deviations(course, state_at(q, 1.0)));
   EXPECT_LT((moved - 10.0_um * Vector3d(0, 0.5, -std::sqrt(0.75))).norm(), 1e-12);
 }
 
@@ -282,7 +282,7 @@ TEST(ThermalDeviations, TermsOfOneElementAddUp) {
   kinematics::AxisVector q = kinematics::AxisVector::Zero(chain.size());
   const int y = *chain.find('Y'), c = *chain.find('C');
   q[y] = -50.0;
-  const auto joints = deviations(course, at(q, 5.0));
+  const auto joints = deviations(course, state_at(q, 5.0));
   EXPECT_NEAR(joints[std::size_t(y)].motion[1], 3.0_um - 50.0 * 20e-6, 1e-15);
   EXPECT_NEAR(joints[std::size_t(c)].location[0], 2.0_um, 1e-15);
   EXPECT_EQ(joints[std::size_t(c)].motion.norm(), 0.0);

@@ -1,14 +1,13 @@
 #include <atomic>
 #include <cmath>
-#include <cstdlib>
 #include <iostream>
 #include <numbers>
-#include <random>
 
 #include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
 
 #include "cutting/sweep_tree.h"
+#include "tests/cutting/random.h"
 
 // The tree against every move tried on its own, bit for bit: neither the rays nor the cutters nor
 // the motions are what anybody would call reasonable.
@@ -17,29 +16,6 @@ namespace {
 
 using Eigen::Vector3d;
 using std::numbers::pi;
-
-class Random {
- public:
-  explicit Random(std::uint64_t seed) : engine_(seed) {}
-  double in(double low, double high) {
-    return std::uniform_real_distribution<double>(low, high)(engine_);
-  }
-  /// 10 to the power of something between.
-  double decades(double low, double high) { return std::pow(10.0, in(low, high)); }
-  int below(int n) { return std::uniform_int_distribution<int>(0, n - 1)(engine_); }
-  bool once_in(int n) { return below(n) == 0; }
-  Vector3d direction() {
-    std::normal_distribution<double> normal;
-    return Vector3d(normal(engine_), normal(engine_), normal(engine_)).normalized();
-  }
-  Vector3d turned(const Vector3d& v, double angle) {
-    const Vector3d across = v.cross(direction()).normalized();
-    return (std::cos(angle) * v + std::sin(angle) * across).normalized();
-  }
-
- private:
-  std::mt19937_64 engine_;
-};
 
 Cutter any_cutter(Random& random) {
   const double R = random.decades(-1, 2);
@@ -83,7 +59,7 @@ CutterMotion any_motion(Random& random, const Cutter& cutter, int moves) {
   const Vector3d aside = up.cross(feed);
   const int row = 1 + int(std::sqrt(double(moves)));
   Vector3d tip = random.once_in(3) ? Vector3d(1000 * random.direction()) : random.direction();
-  Vector3d axis = lean == 0.0 ? up : random.turned(up, lean);
+  Vector3d axis = lean == 0.0 ? up : random.turned_evenly(up, lean);
   CutterMotion motion{Points(moves + 1, 3), Points(moves + 1, 3), Eigen::VectorXd(moves + 1),
                       std::vector<int>(std::size_t(moves) + 1, 1)};
   for (int i = 0; i <= moves; ++i) {
@@ -95,8 +71,8 @@ CutterMotion any_motion(Random& random, const Cutter& cutter, int moves) {
     if (shape == 0 || (shape == 1 && !jump)) tip += step * (i / row % 2 == 0 ? 1 : -1) * feed;
     if (jump) tip += cutter.radius * 0.1 * aside;
     if (shape >= 2) tip += step * random.direction() - 0.01 * step * up;
-    if (turn > 0) axis = random.turned(axis, turn);
-    if (random.once_in(200)) axis = random.turned(axis, pi - 1e-5);  // all but opposite
+    if (turn > 0) axis = random.turned_evenly(axis, turn);
+    if (random.once_in(200)) axis = random.turned_evenly(axis, pi - 1e-5);  // all but opposite
   }
   return motion;
 }
@@ -134,7 +110,7 @@ Ray any_ray(Random& random, const Cutter& cutter, const CutterMotion& motion) {
   const Vector3d at = whole.tip + t * whole.step + in_w(place);
   Vector3d normal = -in_w(outward);
   if (random.once_in(4)) normal = Vector3d::UnitZ();
-  if (random.once_in(2)) normal = random.turned(normal, random.decades(-9, 0.3));
+  if (random.once_in(2)) normal = random.turned_evenly(normal, random.decades(-9, 0.3));
   normal.normalize();
   const double edges[] = {0.0,
                           band,
@@ -208,8 +184,6 @@ void expect_same(std::uint64_t seed, int moves, int rays, Count& count) {
     count.different += !good;
   }
 }
-
-int longer(int factor) { return std::getenv("ABBE_LONG") ? factor : 1; }
 
 void run(const char* name, std::uint64_t seed, int cases, int most_moves, int rays) {
   Count count;

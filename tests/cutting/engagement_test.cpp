@@ -1,5 +1,6 @@
 #include "cutting/engagement.h"
-#include "kinematics/turn_between.h"
+#include "tests/cutting/stock_parts.h"
+#include "tests/kinematics/nan.h"
 
 #include <algorithm>
 #include <cmath>
@@ -17,19 +18,7 @@ namespace {
 
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
-
-constexpr double pi = std::numbers::pi;
-
-Isometry3d pose(const Vector3d& tip, const Vector3d& axis = Vector3d::UnitZ()) {
-  Isometry3d T = Isometry3d::Identity();
-  T.translation() = tip;
-  T.linear() = kinematics::turn_between(Vector3d::UnitZ(), axis).toRotationMatrix();
-  return T;
-}
-
-Stock box(const Vector3d& lower, const Vector3d& upper, double spacing, bool three = true) {
-  return make_stock(BoxBlank{lower, upper}, Isometry3d::Identity(), {spacing, three});
-}
+using std::numbers::pi;
 
 /// mm^2 of the engaged surface seen along the feed: what the cut's cross-section is, if the tool
 /// has just come into material everywhere it faces the feed.
@@ -244,7 +233,6 @@ TEST(Engagement, InAirAndFarAwayThereIsNone) {
 }
 
 TEST(Engagement, BadInputIsRefused) {
-  const double nan = std::numeric_limits<double>::quiet_NaN();
   const Stock stock = box({0, 0, 0}, {5, 5, 5}, 0.5);
   const Cutter flat{5.0, 0.0, 20.0};
   EXPECT_THROW(engagement(stock, flat, pose({nan, 0, 0}), Vector3d::UnitX()),
@@ -419,7 +407,6 @@ TEST(TurnedStock, AwkwardPosesAreHarmless) {
   remove(stock, nose, nose_at(21, 0.3), nose_at(-1, -0.3));  // past the middle
   EXPECT_GE(stock.radius.minCoeff(), 0.0);
   EXPECT_TRUE(stock.radius.allFinite());
-  const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW(remove(stock, nose, nose_at(nan, 0), nose_at(0, 0)), std::invalid_argument);
   EXPECT_THROW(engagement(stock, nose, nose_at(nan, 0)), std::invalid_argument);
   EXPECT_THROW(engagement(stock, {-1.0, {}}, nose_at(0, 0)), std::invalid_argument);

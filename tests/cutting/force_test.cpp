@@ -18,6 +18,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
+#include "tests/kinematics/nan.h"
 #include "tests/oracles/milling_force.h"
 
 namespace abbe::cutting {
@@ -26,7 +27,7 @@ namespace {
 using namespace abbe::literals;
 using Eigen::Vector3d;
 
-constexpr double turn = 2 * pi;
+constexpr double full_turn = 2 * pi;
 double of_textbook(double phi) { return 0.5 * pi - phi; }
 
 /// A cylinder of so many slices up to `depth`, in material from entry to exit of the textbook.
@@ -41,7 +42,7 @@ Engagement flank(double radius, double depth, double entry, double exit, int sli
 }
 
 /// A ball end in material up to its equator.
-Engagement ball(double radius, double entry, double exit, int slices) {
+Engagement ball_end(double radius, double entry, double exit, int slices) {
   Engagement e;
   for (int i = 0; i < slices; ++i) {
     const double kappa = (i + 0.5) * 0.5 * pi / slices;
@@ -57,7 +58,7 @@ Engagement bottom(double radius, int slices) {
   Engagement e;
   for (int i = 0; i < slices; ++i) {
     e.slices.push_back({0.0, (i + 0.5) * radius / slices, radius / slices, 0.0});
-    e.arcs.push_back({i, 0.0, turn});
+    e.arcs.push_back({i, 0.0, full_turn});
   }
   e.feed_t = -Vector3d::UnitZ();
   return e;
@@ -159,7 +160,7 @@ struct Extremes {
 Extremes extremes(const std::function<Vector3d(double angle)>& force) {
   Extremes found;
   for (int i = 0; i < 7200; ++i) {
-    const Vector3d F = force(of_textbook((i + 0.5) * turn / 7200));
+    const Vector3d F = force(of_textbook((i + 0.5) * full_turn / 7200));
     found.most = found.most.cwiseMax(F);
     found.least = found.least.cwiseMin(F);
   }
@@ -233,14 +234,14 @@ TEST(Force, CuttingEnergyIsThatOfTheChip) {
   std::uniform_real_distribution<double> unit(0, 1);
   double worst = 0.0;
   for (int i = 0; i < 200; ++i) {
-    Engagement e = ball(1 + 9 * unit(random), 0.0, turn * unit(random), 5);
+    Engagement e = ball_end(1 + 9 * unit(random), 0.0, full_turn * unit(random), 5);
     e.feed_t = Vector3d(unit(random) - 0.5, unit(random) - 0.5, unit(random) - 0.5).normalized();
     const CuttingCoefficients K{"", "", 1000 * unit(random), 200, -100, 0, 0, 0};
     const Flutes flutes{1 + i % 5, unit(random), i % 2 * 0.02, 6 * unit(random), i % 3 != 0};
     const CuttingLoad mean = mean_force(e, K, flutes, 0.1);
     const CuttingLoad now = force_at(e, K, flutes, 0.1, 100 * unit(random));
     for (const CuttingLoad& load : {mean, now}) {  // work per turn
-      const double off = std::abs(turn * load.torque - K.K_tc * load.chip_volume);
+      const double off = std::abs(full_turn * load.torque - K.K_tc * load.chip_volume);
       worst = std::max(worst, off / (1 + K.K_tc * load.chip_volume));
     }
   }
@@ -288,7 +289,7 @@ TEST(Force, NothingEngagedIsNoLoad) {
 
 TEST(Force, SidesBehindTheFeedAreLeftOut) {
   Engagement whole = flank(5, 2, 0, pi, 2), half = whole;
-  for (EngagedArc& arc : whole.arcs) arc.from = -2.5, arc.to = -2.5 + turn;
+  for (EngagedArc& arc : whole.arcs) arc.from = -2.5, arc.to = -2.5 + full_turn;
   const CuttingLoad a = mean_force(whole, al6082, {}, 0.1), b = mean_force(half, al6082, {}, 0.1);
   EXPECT_LT((a.on_tool_t - b.on_tool_t).norm(), 1e-12 * b.on_tool_t.norm());
   for (const double angle : {0.0, 1.0, 2.0, -7.0}) {
@@ -303,8 +304,8 @@ TEST(Force, SplitArcsAndTurnsMoreAreTheSame) {
   Engagement other = one;
   other.arcs.clear();
   for (const EngagedArc& arc : one.arcs) {
-    other.arcs.push_back({arc.slice, arc.from - 3 * turn, -3 * turn + 0.4});
-    other.arcs.push_back({arc.slice, 0.4 + turn, arc.to + turn});
+    other.arcs.push_back({arc.slice, arc.from - 3 * full_turn, -3 * full_turn + 0.4});
+    other.arcs.push_back({arc.slice, 0.4 + full_turn, arc.to + full_turn});
   }
   for (const double helix : {0.0, 1e-13, 0.5, 1.4, -0.5}) {
     const Flutes flutes{3, helix, 0.01, 0.5};
@@ -376,7 +377,7 @@ TEST(Force, HelixAgreesWithBruteForceAtAnyAngle) {
     oracles::MillingCut cut = brute(al6082, flutes, 0.1);
     cut.radius = R, cut.top = depth, cut.entry = entry, cut.exit = exit, cut.discs = 4000;
     const Engagement e = flank(R, depth, entry, exit, 20);
-    const double phi = turn * unit(random);
+    const double phi = full_turn * unit(random);
     const oracles::MillingForce expected = milling_force_at(cut, phi);
     const CuttingLoad load = force_at(e, al6082, flutes, 0.1, of_textbook(phi));
     const double scale = 50.0 * depth;  // N, a tooth in full cut
@@ -395,7 +396,7 @@ TEST(Force, BallEndAgreesWithBruteForceAtSecondOrder) {
   const oracles::MillingForce expected = mean_milling_force(cut, 2000);
   double before = 0.0;
   for (const int slices : {6, 12, 24, 48}) {
-    const Engagement e = ball(cut.radius, cut.entry, cut.exit, slices);
+    const Engagement e = ball_end(cut.radius, cut.entry, cut.exit, slices);
     const double off = apart(mean_force(e, al6082, {2, 30.0_deg}, 0.1), expected);
     std::cout << "ball, " << slices << " slices: off brute force by " << off << "\n";
     if (before > 0.0) {
@@ -409,7 +410,7 @@ TEST(Force, BallEndAgreesWithBruteForceAtSecondOrder) {
 TEST(Force, BallEndAgreesWithBruteForceAtAnyAngle) {
   oracles::MillingCut cut = brute(al6082, {3, 30.0_deg, 0.01, 0.8}, 0.1);
   cut.ball = true, cut.top = cut.radius, cut.entry = 0.2, cut.exit = 2.4, cut.discs = 4000;
-  const Engagement e = ball(cut.radius, cut.entry, cut.exit, 400);
+  const Engagement e = ball_end(cut.radius, cut.entry, cut.exit, 400);
   for (const double phi : {0.3, 0.9, 1.7, 2.6, 4.0}) {
     const double off = apart(force_at(e, al6082, {3, 30.0_deg, 0.01, 0.8}, 0.1, of_textbook(phi)),
                              milling_force_at(cut, phi));
@@ -420,7 +421,7 @@ TEST(Force, BallEndAgreesWithBruteForceAtAnyAngle) {
 
 TEST(Force, MeanOverAllAnglesIsTheMean) {
   for (const double run_out : {0.0, 0.01}) {
-    Engagement e = ball(6, 0.4, 2.6, 9);
+    Engagement e = ball_end(6, 0.4, 2.6, 9);
     e.feed_t = Vector3d(3, 0.5, -1).normalized();
     for (EngagedArc& arc : e.arcs) arc.from = -0.9, arc.to = 0.8;  // in front of that feed
     const Flutes flutes{4, 40.0_deg, run_out, 0.3};
@@ -429,7 +430,7 @@ TEST(Force, MeanOverAllAnglesIsTheMean) {
     double torque = 0.0, volume = 0.0;
     const int n = 40000;
     for (int i = 0; i < n; ++i) {
-      const CuttingLoad now = force_at(e, al6082, flutes, 0.1, -(i + 0.5) * turn / n);
+      const CuttingLoad now = force_at(e, al6082, flutes, 0.1, -(i + 0.5) * full_turn / n);
       sum += now.on_tool_t / n;
       torque += now.torque / n;
       volume += now.chip_volume / n;
@@ -460,7 +461,7 @@ kinematics::Wrench by_simpson(const EdgeSlice& slice, const EngagedArc& arc, con
     sum.head<3>() += weight * force;
     sum.tail<3>() += weight * (slice.radius * out + slice.height * Vector3d::UnitZ()).cross(force);
   }
-  return sum * slice.length / turn;
+  return sum * slice.length / full_turn;
 }
 
 TEST(Force, MeanIsExactForAnyArcAndFeed) {
@@ -489,7 +490,7 @@ TEST(Force, MeanIsExactForAnyArcAndFeed) {
     ++tried;
     const kinematics::Wrench got = mean_force(e, al6082, {1}, 0.1).on_tool_t;
     const kinematics::Wrench expected = by_simpson(e.slices[0], e.arcs[0], 0.1 * e.feed_t);
-    const double amounts = width / turn * e.slices[0].length * (100.3 + 25.8) *
+    const double amounts = width / full_turn * e.slices[0].length * (100.3 + 25.8) *
                            (1 + e.slices[0].radius + e.slices[0].height);
     worst = std::max(worst, (got - expected).norm() / amounts);
   }
@@ -520,7 +521,7 @@ TEST(Force, RunOutMovesChipFromToothToToothButNotTheirSum) {
     const Vector3d F = mean_force(e, K, flutes, c).on_tool_t.head<3>();
     Vector3d mean = Vector3d::Zero();
     for (int i = 0; i < 7200; ++i)
-      mean += force_at(e, K, flutes, c, -(i + 0.5) * turn / 7200).on_tool_t.head<3>() / 7200;
+      mean += force_at(e, K, flutes, c, -(i + 0.5) * full_turn / 7200).on_tool_t.head<3>() / 7200;
     EXPECT_LT((mean - F).norm(), 1e-5 * F.norm());
   }
 }
@@ -549,7 +550,7 @@ TEST(Force, TurningIsTheChipSectionAndTheEdge) {
   const CuttingLoad load = turning_force(edges, nose, K, r);
   EXPECT_NEAR(load.on_tool_t[1], -(2000 * section + 30 * length), 1e-10);
   EXPECT_NEAR(load.torque, r * (2000 * section + 30 * length), 1e-9);
-  EXPECT_NEAR(load.chip_volume, turn * r * section, 1e-10);
+  EXPECT_NEAR(load.chip_volume, full_turn * r * section, 1e-10);
   Vector3d radial = Vector3d::Zero();
   for (const EngagedEdge& edge : edges)
     if (edge.chip > 0)
@@ -564,7 +565,7 @@ TEST(Force, TurningIsTheChipSectionAndTheEdge) {
   // the radial forces pass through the centre of the edge: the moment is the tangential force's
   EXPECT_NEAR(load.on_tool_t[4], 0.0, 1e-10);
   const CuttingLoad without = turning_force(edges, nose, {"", "", 2000, 800, 0, 0, 0, 0}, r);
-  EXPECT_NEAR(turn * without.torque, 2000 * without.chip_volume, 1e-9);  // energy
+  EXPECT_NEAR(full_turn * without.torque, 2000 * without.chip_volume, 1e-9);  // energy
 }
 
 // ---- refusals
@@ -579,7 +580,7 @@ std::string refusal(const std::function<void()>& act) {
 }
 
 TEST(Force, NonPhysicalNumbersAreRefusedByName) {
-  const double nan = std::nan(""), inf = std::numeric_limits<double>::infinity();
+  const double inf = std::numeric_limits<double>::infinity();
   const auto has = [](const std::string& text, const std::string& part) {
     return text.find(part) != std::string::npos;
   };

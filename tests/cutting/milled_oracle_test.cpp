@@ -1,13 +1,14 @@
 #include <cmath>
 #include <iostream>
 #include <numbers>
-#include <random>
 #include <string>
 
 #include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
 
 #include "cutting/surface.h"
+#include "tests/cutting/milled_parts.h"
+#include "tests/cutting/random.h"
 #include "tests/oracles/brute_surface.h"
 
 // The reference is proved to lie within its own bound of the truth, so an answer outside [s -
@@ -21,22 +22,7 @@ namespace {
 using Eigen::Vector3d;
 using std::numbers::pi;
 
-constexpr double promise = 1e-6;  // mm, 1 nm
-
-class Random {
- public:
-  explicit Random(unsigned seed) : engine_(seed) {}
-  double in(double low, double high) {
-    return std::uniform_real_distribution<double>(low, high)(engine_);
-  }
-  Vector3d any() { return {in(-1, 1), in(-1, 1), in(-1, 1)}; }
-  Vector3d near(const Vector3d& direction, double spread) {
-    return (direction + spread * any()).normalized();
-  }
-
- private:
-  std::mt19937 engine_;
-};
+constexpr double agreement = 1e-6;  // mm, 1 nm
 
 struct Motion {
   CutterMotion moves;
@@ -115,7 +101,7 @@ void expect_agreement(const Case& c) {
     outside = std::max(outside, off);
     // The place that the reference found is near the truth long before it can prove so: where its
     // bound is wide, two independent searches must still have found the same.
-    EXPECT_LE(std::max(off, std::abs(s - hit.s)), promise)
+    EXPECT_LE(std::max(off, std::abs(s - hit.s)), agreement)
         << "ray " << i << ": " << s << " at " << surface.cut_time_s[Eigen::Index(i)]
         << " s, reference " << hit.s << " at " << hit.time_s << " s, bound " << hit.bound << ", q "
         << c.rays[i].origin.transpose() << ", n " << c.rays[i].direction.transpose();
@@ -127,14 +113,12 @@ void expect_agreement(const Case& c) {
   EXPECT_LE(undecided, int(hits.size()) / 20);
 }
 
-const Cutter ball{5.0, 5.0, 20.0};
-const Cutter flat{5.0, 0.0, 20.0};
-const Cutter bull{5.0, 1.0, 20.0};
-const std::vector<std::pair<std::string, Cutter>> cutters{
-    {"ball", ball}, {"flat", flat}, {"bull-nose", bull}};
+const std::vector<std::pair<std::string, Cutter>> named_cutters{
+    {"ball", ball_mill}, {"flat", {5.0, 0.0, 20.0}}, {"bull-nose", {5.0, 1.0, 20.0}}};
 
 /// Passes over about z = 0 with an axis that wanders by `spread`.
-std::vector<oracles::BrutePose> random_passes(int moves, double length, double spread, Random& r) {
+std::vector<oracles::BrutePose> random_passes(int moves, double length, double spread,
+                                              OracleRandom& r) {
   std::vector<oracles::BrutePose> poses;
   Vector3d tip(-6, r.in(-3, 3), r.in(-0.3, 0.3));
   for (int i = 0; i <= moves; ++i) {
@@ -146,7 +130,7 @@ std::vector<oracles::BrutePose> random_passes(int moves, double length, double s
   return poses;
 }
 
-std::vector<oracles::Ray> random_rays(int n, double spread, Random& r) {
+std::vector<oracles::Ray> random_rays(int n, double spread, OracleRandom& r) {
   std::vector<oracles::Ray> rays;
   for (int i = 0; i < n; ++i) {
     rays.push_back(
@@ -156,20 +140,20 @@ std::vector<oracles::Ray> random_rays(int n, double spread, Random& r) {
 }
 
 TEST(MilledOracle, FixedAxisAgrees) {
-  for (const auto& [name, cutter] : cutters) {
+  for (const auto& [name, cutter] : named_cutters) {
     const unsigned seed = 101;
     SCOPED_TRACE(testing::Message() << name << ", seed " << seed);
-    Random r(seed);
+    OracleRandom r(seed);
     std::vector<oracles::BrutePose> poses = random_passes(30, 2.0, 0.0, r);
     expect_agreement({name + ", fixed axis", cutter, poses, random_rays(60, 0.5, r)});
   }
 }
 
 TEST(MilledOracle, RandomFiveAxisMotionAgrees) {
-  for (const auto& [name, cutter] : cutters) {
+  for (const auto& [name, cutter] : named_cutters) {
     for (const unsigned seed : {201u, 202u}) {
       SCOPED_TRACE(testing::Message() << name << ", seed " << seed);
-      Random r(seed);
+      OracleRandom r(seed);
       std::vector<oracles::BrutePose> poses = random_passes(30, 1.5, 0.4, r);
       expect_agreement({name + ", five axes", cutter, poses, random_rays(40, 0.7, r)});
     }
@@ -177,18 +161,18 @@ TEST(MilledOracle, RandomFiveAxisMotionAgrees) {
 }
 
 TEST(MilledOracle, LargeRotationsAgree) {
-  for (const auto& [name, cutter] : cutters) {
+  for (const auto& [name, cutter] : named_cutters) {
     const unsigned seed = 301;
     SCOPED_TRACE(testing::Message() << name << ", seed " << seed);
-    Random r(seed);
+    OracleRandom r(seed);
     std::vector<oracles::BrutePose> poses = random_passes(5, 3.0, 3.0, r);
     expect_agreement({name + ", large rotations", cutter, poses, random_rays(60, 3.0, r)});
   }
 }
 
 TEST(MilledOracle, TurningOnTheSpotAgrees) {
-  for (const auto& [name, cutter] : cutters) {
-    Random r(311);
+  for (const auto& [name, cutter] : named_cutters) {
+    OracleRandom r(311);
     const Vector3d tip(0.3, -0.2, 0.1);
     const std::vector<oracles::BrutePose> poses{{tip, Vector3d(0, 0.1, 1).normalized(), 0},
                                                 {tip, Vector3d(1, 0, 1).normalized(), 1},
@@ -199,8 +183,8 @@ TEST(MilledOracle, TurningOnTheSpotAgrees) {
 
 // The tool misses the ray at both ends of the move and cuts it in the middle.
 TEST(MilledOracle, LongMovesThatMissAtBothEndsAgree) {
-  for (const auto& [name, cutter] : cutters) {
-    Random r(321);
+  for (const auto& [name, cutter] : named_cutters) {
+    OracleRandom r(321);
     std::vector<oracles::BrutePose> poses;
     for (int i = 0; i < 6; ++i) {
       const double side = i % 2 == 0 ? -60.0 : 60.0;
@@ -212,8 +196,8 @@ TEST(MilledOracle, LongMovesThatMissAtBothEndsAgree) {
 }
 
 TEST(MilledOracle, FlankOfATiltedCutterAgrees) {
-  for (const auto& [name, cutter] : cutters) {
-    Random r(331);
+  for (const auto& [name, cutter] : named_cutters) {
+    OracleRandom r(331);
     std::vector<oracles::BrutePose> poses;  // along x, the flank faces -y where the wall stands
     for (int i = 0; i <= 8; ++i) {
       poses.push_back(
@@ -254,7 +238,7 @@ TEST(MilledOracle, AwkwardMovesAgree) {
     rays.push_back({{0.1, y, 0.7}, Vector3d::UnitY()});
     rays.push_back({{y, 0.1, 0.7}, Vector3d::UnitX()});
   }
-  for (const auto& [name, cutter] : cutters) {
+  for (const auto& [name, cutter] : named_cutters) {
     for (const auto& [what, poses] : motions) {
       SCOPED_TRACE(name + ", " + what);
       expect_agreement({name + ", " + what, cutter, poses, rays, 2.0, 10000});
@@ -263,10 +247,10 @@ TEST(MilledOracle, AwkwardMovesAgree) {
 }
 
 TEST(MilledOracle, ManySmallMovesAgree) {
-  for (const auto& [name, cutter] : cutters) {
+  for (const auto& [name, cutter] : named_cutters) {
     const unsigned seed = 401;
     SCOPED_TRACE(testing::Message() << name << ", seed " << seed);
-    Random r(seed);
+    OracleRandom r(seed);
     std::vector<oracles::BrutePose> poses;  // a raster with a lead of 10 degrees on a wavy face
     for (double y = -3; y <= 3; y += 0.5) {
       for (double x = -7; x <= 7; x += 0.5) {

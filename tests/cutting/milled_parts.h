@@ -11,6 +11,9 @@
 /// Small designs and motions by hand for the tests of the milled surface.
 namespace abbe::cutting {
 
+inline constexpr double no_difference = 1e-9;  // mm; the promise is 1e-7
+inline const Cutter ball_mill{5.0, 5.0, 20.0};
+
 struct Site {
   Eigen::Vector3d point;
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();
@@ -48,8 +51,8 @@ inline CutterMotion motion_of(const std::vector<Stop>& stops) {
 
 inline bool same_bits(const Surface& a, const Surface& b) {
   const auto same = [](double x, double y) { return x == y || (std::isnan(x) && std::isnan(y)); };
-  bool all = a.residual.size() == b.residual.size() && a.cut_line == b.cut_line &&
-             a.status == b.status;
+  bool all =
+      a.residual.size() == b.residual.size() && a.cut_line == b.cut_line && a.status == b.status;
   for (Eigen::Index i = 0; all && i < a.residual.size(); ++i)
     all = same(a.residual[i], b.residual[i]) && same(a.cut_time_s[i], b.cut_time_s[i]);
   return all;

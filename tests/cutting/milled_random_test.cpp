@@ -8,8 +8,8 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include "tests/cutting/milled_parts.h"
 #include "cutting/surface.h"
+#include "tests/cutting/milled_parts.h"
 
 namespace abbe::cutting {
 namespace {
@@ -18,7 +18,7 @@ using Eigen::Vector3d;
 using Real = long double;
 using Vector = Eigen::Matrix<Real, 3, 1>;
 
-constexpr double promise = 1e-7;  // mm
+constexpr double milled_promise = 1e-7;  // mm
 
 // ---- dense scan in long double, sharing nothing with the module ---------------------------------
 
@@ -120,14 +120,14 @@ struct Kind {
   double tilt;  // rad, of the first axis
 };
 
-struct Case {
+struct RandomCase {
   Cutter cutter;
   CutterMotion motion;
   std::vector<Site> sites;
 };
 
-Case random_case(std::mt19937& random, const Cutter& cutter, const Kind& kind, int moves,
-                 int vertices) {
+RandomCase random_case(std::mt19937& random, const Cutter& cutter, const Kind& kind, int moves,
+                       int vertices) {
   std::uniform_real_distribution<double> unit(-1, 1);
   const auto any = [&] { return Vector3d(unit(random), unit(random), unit(random)); };
   std::vector<Stop> stops;
@@ -141,7 +141,7 @@ Case random_case(std::mt19937& random, const Cutter& cutter, const Kind& kind, i
     tip.y() = std::clamp(tip.y(), -8.0, 8.0);
     axis = (axis + kind.turn * any()).normalized();
   }
-  Case result{cutter, motion_of(stops), {}};
+  RandomCase result{cutter, motion_of(stops), {}};
   for (int i = 0; i < vertices; ++i) {
     const Vector3d normal = (Vector3d::UnitZ() + 0.8 * any()).normalized();
     result.sites.push_back({Vector3d(9 * unit(random), 9 * unit(random), unit(random)), normal});
@@ -149,12 +149,10 @@ Case random_case(std::mt19937& random, const Cutter& cutter, const Kind& kind, i
   return result;
 }
 
-const Kind kinds[] = {{"small steps, small turns", 0.5, 0.01, 0.3},
-                      {"long steps, no turn", 10.0, 0.0, 0.3},
-                      {"long steps, large turns", 8.0, 0.5, 0.5},
-                      {"turns in place", 0.0, 0.3, 0.2},
-                      {"tiny steps, tiny turns", 1e-3, 1e-4, 0.0},
-                      {"lying tool", 2.0, 0.05, 1.4}};
+const Kind kinds[] = {
+    {"small steps, small turns", 0.5, 0.01, 0.3}, {"long steps, no turn", 10.0, 0.0, 0.3},
+    {"long steps, large turns", 8.0, 0.5, 0.5},   {"turns in place", 0.0, 0.3, 0.2},
+    {"tiny steps, tiny turns", 1e-3, 1e-4, 0.0},  {"lying tool", 2.0, 0.05, 1.4}};
 const Cutter cutters[] = {{5, 5, 20}, {5, 1, 20}, {5, 0, 20}, {3, 2.9, 4}, {1, 0.01, 8}, {5, 5, 5}};
 
 TEST(MilledRandom, AgreesWithADenseScanOfRandomMotions) {
@@ -164,7 +162,7 @@ TEST(MilledRandom, AgreesWithADenseScanOfRandomMotions) {
   const double band = 2.0;
   for (const Kind& kind : kinds)
     for (const Cutter& cutter : cutters) {
-      const Case c = random_case(random, cutter, kind, 6, 24);
+      const RandomCase c = random_case(random, cutter, kind, 6, 24);
       const SurfaceOptions options{.band = band, .progress = {}};
       const Surface surface = milled_surface(design_of(c.sites), cutter, c.motion, options);
       double late = 0.0;
@@ -174,7 +172,7 @@ TEST(MilledRandom, AgreesWithADenseScanOfRandomMotions) {
         const Real scanned = scanned_entry(cutter, c.motion, c.sites[i], band, 48);
         const Eigen::Index v = Eigen::Index(i);
         if (surface.status[i] != VertexStatus::Cut) {
-          EXPECT_TRUE(scanned <= -band + promise || scanned > band - promise)
+          EXPECT_TRUE(scanned <= -band + milled_promise || scanned > band - milled_promise)
               << kind.name << ", vertex " << i << ": " << double(scanned);
           continue;
         }
@@ -192,8 +190,8 @@ TEST(MilledRandom, AgreesWithADenseScanOfRandomMotions) {
       std::cout << "  " << kind.name << ", r " << cutter.corner_radius << " of " << cutter.radius
                 << ": " << cut << " cut, late by " << late * 1e6 << " nm, early by " << early * 1e6
                 << " nm\n";
-      EXPECT_LE(late, promise);
-      EXPECT_LE(early, promise);
+      EXPECT_LE(late, milled_promise);
+      EXPECT_LE(early, milled_promise);
     }
 }
 
@@ -203,7 +201,7 @@ TEST(MilledRandom, BitsDoNotDependOnThreadsOrTheOrderOfVertices) {
   std::mt19937 random(seed);
   for (const Kind& kind : kinds)
     for (const Cutter& cutter : cutters) {
-      const Case c = random_case(random, cutter, kind, 400, 2000);
+      const RandomCase c = random_case(random, cutter, kind, 400, 2000);
       const auto told = [&](std::size_t threads, const std::vector<Site>& sites) {
         const tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
         return milled_surface(design_of(sites), cutter, c.motion);
@@ -232,7 +230,7 @@ TEST(MilledRandom, BitsDoNotDependOnThreadsOrTheOrderOfVertices) {
 
 TEST(MilledRandom, ProgressRisesToOne) {
   std::mt19937 random(3);
-  const Case c = random_case(random, {5, 5, 20}, kinds[0], 50, 5000);
+  const RandomCase c = random_case(random, {5, 5, 20}, kinds[0], 50, 5000);
   std::atomic<int> calls = 0;
   std::atomic<bool> finished = false;
   const auto progress = [&](double fraction) {

@@ -11,9 +11,9 @@ namespace abbe::cutting {
 namespace {
 
 using Eigen::Vector3d;
-using Polygon = std::vector<Vector3d>;
+using Corners = std::vector<Vector3d>;
 
-double area(const Polygon& corners, const std::vector<std::array<int, 3>>& triangles,
+double area(const Corners& corners, const std::vector<std::array<int, 3>>& triangles,
             const Vector3d& normal) {
   double sum = 0.0;
   for (const auto& [a, b, c] : triangles) {
@@ -26,7 +26,7 @@ double area(const Polygon& corners, const std::vector<std::array<int, 3>>& trian
 }
 
 TEST(Polygon, AQuadrilateralIsSplitAlongItsShorterDiagonal) {
-  const Polygon kite = {{0, 0, 0}, {3, -1, 0}, {8, 0, 0}, {3, 1, 0}};
+  const Corners kite = {{0, 0, 0}, {3, -1, 0}, {8, 0, 0}, {3, 1, 0}};
   const auto triangles = triangulated(kite);
   ASSERT_EQ(triangles.size(), 2u);
   for (const auto& t : triangles) {
@@ -36,7 +36,7 @@ TEST(Polygon, AQuadrilateralIsSplitAlongItsShorterDiagonal) {
 }
 
 TEST(Polygon, AHollowCornerKeepsTheDiagonalInside) {
-  const Polygon dart = {{0, 0, 0}, {4, 1, 0}, {0, 2, 0}, {1, 1, 0}};
+  const Corners dart = {{0, 0, 0}, {4, 1, 0}, {0, 2, 0}, {1, 1, 0}};
   const auto triangles = triangulated(dart);
   ASSERT_EQ(triangles.size(), 2u);
   EXPECT_NEAR(area(dart, triangles, Vector3d::UnitZ()), 3.0, 1e-12);
@@ -53,7 +53,7 @@ TEST(Polygon, RandomStarsAreFilledExactly) {
     const Eigen::Matrix3d turn = (Eigen::AngleAxisd(angle(random), Vector3d::UnitX()) *
                                   Eigen::AngleAxisd(angle(random), Vector3d::UnitY()))
                                      .toRotationMatrix();
-    Polygon star;
+    Corners star;
     for (int k = 0; k < n; ++k) {
       const double phi = 2 * std::numbers::pi * k / n, r = radius(random);
       star.push_back(turn * Vector3d(r * std::cos(phi), r * std::sin(phi), 0));

@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "cutting/primitive.h"
+#include "tests/kinematics/nan.h"
 
 namespace abbe::cutting {
 namespace {
@@ -308,7 +309,6 @@ TEST(Enlarged, ReachesTheMarginWhereItCan) {
 }
 
 TEST(Primitive, ImpossibleDimensionsAreRefusedByName) {
-  const double nan = std::numeric_limits<double>::quiet_NaN();
   const double inf = std::numeric_limits<double>::infinity();
   const std::vector<std::pair<Primitive, std::string>> bad = {
       {RectanglePlane{0, 5}, "length_x"},

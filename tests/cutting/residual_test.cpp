@@ -1,16 +1,14 @@
 #include <cmath>
 #include <iostream>
-#include <limits>
 #include <random>
 
 #include <gtest/gtest.h>
 
 #include "cutting/residual.h"
+#include "tests/kinematics/nan.h"
 
 namespace abbe::cutting {
 namespace {
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 /// A design that is nothing but weights, and a map over it.
 Design weights(const Eigen::VectorXd& area) {

@@ -15,6 +15,7 @@
 #include "cutting/surface.h"
 #include "tests/cutting/milled_parts.h"
 #include "tests/cutting/turned_parts.h"
+#include "tests/kinematics/nan.h"
 
 // The reference for what rivals foretell is the exact surface of the displaced motion, which has
 // oracles of its own; closed forms for a ball and a nose on planes.
@@ -24,7 +25,6 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double um = 1e-3;
-const Cutter ball{5.0, 5.0, 20.0};
 
 /// mm, of a circle of radius R over its lowest point, `aside` from it.
 double lift(double R, double aside) { return R - std::sqrt(R * R - aside * aside); }
@@ -248,7 +248,7 @@ TEST(MilledRivals, OfABallRasterOnAPlaneAreCirclesAside) {
   std::vector<Site> sites;
   for (const double a : aside) sites.push_back({{0.2, 5 * pitch + a, 0}});
   const std::vector<Rival> rivals =
-      milled_rivals(design_of(sites), ball, motion, {.reach = 0.03, .most = 20});
+      milled_rivals(design_of(sites), ball_mill, motion, {.reach = 0.03, .most = 20});
   double worst[3] = {0, 0, 0};
   std::size_t k = 0;
   for (int v = 0; v < int(sites.size()); ++v) {
@@ -284,18 +284,19 @@ TEST(MilledRivals, OfABallRasterOnAPlaneAreCirclesAside) {
 
 TEST(MilledRivals, ForetellADisplacedBallOnAPlane) {
   const Plane part;
-  expect_foretold(sites_on(part, 3.0, 2000, 1), ball, raster(part, ball, {}), {});
+  expect_foretold(sites_on(part, 3.0, 2000, 1), ball_mill, raster(part, ball_mill, {}), {});
 }
 
 TEST(MilledRivals, ForetellADisplacedBallOnADome) {
   const Dome part;
-  expect_foretold(sites_on(part, 3.0, 2000, 2), ball, raster(part, ball, {.lead = 0.2}),
+  expect_foretold(sites_on(part, 3.0, 2000, 2), ball_mill, raster(part, ball_mill, {.lead = 0.2}),
                   {.along = 100, .turn = 1.05e-3, .axis_turns = true});
 }
 
 TEST(MilledRivals, ForetellADisplacedBallInABowl) {
   const Bowl part;
-  expect_foretold(sites_on(part, 3.0, 2000, 5), ball, raster(part, ball, {.spacing = 0.02}),
+  expect_foretold(sites_on(part, 3.0, 2000, 5), ball_mill,
+                  raster(part, ball_mill, {.spacing = 0.02}),
                   {.along = 20, .turn = 1.1e-3, .axis_turns = true});
 }
 
@@ -332,7 +333,7 @@ TEST(MilledRivals, OfPassesJoinedByTheirTurnAreThePassesAndTheTurn) {
   for (int i = 1; i <= 5; ++i) stops.push_back({{0, 0.1 * i, 0}});
   for (int i = 1; i <= 40; ++i) stops.push_back({{-0.1 * i, 0.5, 0}});
   const Design design = design_of({Site{{-0.3, 0.2, 0}}, Site{{-2, 0.2, 0}}});
-  const std::vector<Rival> rivals = milled_rivals(design, ball, motion_of(stops));
+  const std::vector<Rival> rivals = milled_rivals(design, ball_mill, motion_of(stops));
   ASSERT_EQ(rivals.size(), 5u);
   const std::vector<Vector3d> aside{
       {0, 0.2, 0}, {-0.3, 0, 0}, {0, -0.3, 0}, {0, 0.2, 0}, {0, -0.3, 0}};
@@ -349,7 +350,7 @@ TEST(MilledRivals, OfPassesJoinedByTheirTurnAreThePassesAndTheTurn) {
 
 TEST(MilledRivals, OfAPoseThatStandsHaveTheCurvatureOfTheTool) {
   const Design design = design_of({Site{{0.3, 0.1, 0}}, Site{{-0.2, 0.6, 0}}});
-  const std::vector<Rival> rivals = milled_rivals(design, ball, motion_of({Stop{{0, 0, 0}}}));
+  const std::vector<Rival> rivals = milled_rivals(design, ball_mill, motion_of({Stop{{0, 0, 0}}}));
   ASSERT_EQ(rivals.size(), 2u);
   for (int v = 0; v < 2; ++v) {
     const Rival& rival = rivals[std::size_t(v)];
@@ -405,17 +406,16 @@ TEST(MilledRivals, DoNotDependOnTheNumberOfThreads) {
 TEST(MilledRivals, RefuseOptionsThatMeanNothing) {
   const Design design = design_of({Site{{0, 0, 0}}});
   const CutterMotion motion = motion_of({Stop{{0, 0, 0}}});
-  const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto refused = [&](const RivalOptions& options) {
-    EXPECT_THROW(milled_rivals(design, ball, motion, options), std::invalid_argument);
+    EXPECT_THROW(milled_rivals(design, ball_mill, motion, options), std::invalid_argument);
   };
   for (const double bad : {-1e-9, nan}) refused({.reach = bad});
   for (const int bad : {0, -1}) refused({.most = bad});
   for (const double bad : {0.0, -0.01, nan}) refused({.stencil = bad});
   for (const double bad : {0.0, nan}) refused({.band = bad});
-  EXPECT_TRUE(milled_rivals(design_of(std::vector<Site>{}), ball, motion).empty());
-  EXPECT_TRUE(milled_rivals(design, ball, motion_of(std::vector<Stop>{})).empty());
-  EXPECT_EQ(milled_rivals(design, ball, motion, {.reach = 0.0, .most = 1}).size(), 1u);
+  EXPECT_TRUE(milled_rivals(design_of(std::vector<Site>{}), ball_mill, motion).empty());
+  EXPECT_TRUE(milled_rivals(design, ball_mill, motion_of(std::vector<Stop>{})).empty());
+  EXPECT_EQ(milled_rivals(design, ball_mill, motion, {.reach = 0.0, .most = 1}).size(), 1u);
 }
 
 // ---- turning ------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
+#include "tests/kinematics/nan.h"
 
 namespace abbe::cutting {
 namespace {
@@ -104,7 +105,6 @@ TEST(RunOut, SynchronousRunOutEnlargesTheEffectiveRadius) {
 }
 
 TEST(RunOut, AmountsThatCannotBeAreRefusedByName) {
-  const double nan = std::nan("");
   EXPECT_THROW(with_run_out({}, -1e-3, 0), std::invalid_argument);
   EXPECT_THROW(with_run_out({}, nan, 0), std::invalid_argument);
   try {

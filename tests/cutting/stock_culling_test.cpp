@@ -1,15 +1,14 @@
 #include <atomic>
 #include <cmath>
-#include <cstdlib>
 #include <iostream>
 #include <numbers>
-#include <random>
 
 #include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
 
 #include "cutting/engagement.h"
-#include "kinematics/turn_between.h"
+#include "tests/cutting/random.h"
+#include "tests/cutting/stock_parts.h"
 
 // The sweep through a stock against the same with every line tried, bit for bit, and engagement
 // against counting: cutters of every kind, leans from 1e-9 rad on.
@@ -19,33 +18,6 @@ namespace {
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
 using std::numbers::pi;
-
-class Random {
- public:
-  explicit Random(std::uint64_t seed) : engine_(seed) {}
-  double in(double low, double high) {
-    return std::uniform_real_distribution<double>(low, high)(engine_);
-  }
-  double decades(double low, double high) { return std::pow(10.0, in(low, high)); }
-  int below(int n) { return std::uniform_int_distribution<int>(0, n - 1)(engine_); }
-  bool once_in(int n) { return below(n) == 0; }
-  Vector3d any() { return {in(-1, 1), in(-1, 1), in(-1, 1)}; }
-  Vector3d turned(const Vector3d& v, double angle) {
-    return (std::cos(angle) * v + std::sin(angle) * v.cross(any()).normalized()).normalized();
-  }
-
- private:
-  std::mt19937_64 engine_;
-};
-
-int longer(int factor) { return std::getenv("ABBE_LONG") ? factor : 1; }
-
-Isometry3d pose(const Vector3d& tip, const Vector3d& axis) {
-  Isometry3d T = Isometry3d::Identity();
-  T.translation() = tip;
-  T.linear() = kinematics::turn_between(Vector3d::UnitZ(), axis).toRotationMatrix();
-  return T;
-}
 
 Cutter any_cutter(Random& random, double least, double most) {
   const double R = random.decades(std::log10(least), std::log10(most));

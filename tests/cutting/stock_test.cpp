@@ -16,7 +16,8 @@
 
 #include <gtest/gtest.h>
 
-#include "kinematics/turn_between.h"
+#include "tests/cutting/stock_parts.h"
+#include "tests/kinematics/nan.h"
 #include "tests/oracles/voxel_stock.h"
 
 namespace abbe::cutting {
@@ -24,22 +25,10 @@ namespace {
 
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
-
-constexpr double pi = std::numbers::pi;
-
-Isometry3d pose(const Vector3d& tip, const Vector3d& axis = Vector3d::UnitZ()) {
-  Isometry3d T = Isometry3d::Identity();
-  T.translation() = tip;
-  T.linear() = kinematics::turn_between(Vector3d::UnitZ(), axis).toRotationMatrix();
-  return T;
-}
+using std::numbers::pi;
 
 StockMove straight(const Vector3d& from, const Vector3d& to, int line = 1, bool rapid = false) {
   return {pose(from), pose(to), line, rapid};
-}
-
-Stock box(const Vector3d& lower, const Vector3d& upper, double spacing, bool three = true) {
-  return make_stock(BoxBlank{lower, upper}, Isometry3d::Identity(), {spacing, three});
 }
 
 /// A box of twelve triangles, turned by R about the origin.
@@ -80,18 +69,18 @@ bool is_closed(const StockMesh& mesh) {
 
 // ---- removal against its definition -------------------------------------------------------------
 
-struct Worst {
+struct WorstPlaces {
   double kept = 0.0;   // mm, deepest place within the sweep that is left
   double taken = 0.0;  // mm, farthest place outside the sweep that is gone
 };
 
 /// Random places on the lines of a block after one move, held against the sweep.
-Worst worst_of(const Stock& before, const Stock& after, const Cutter& cutter, const StockMove& move,
-               std::mt19937& random) {
+WorstPlaces worst_of(const Stock& before, const Stock& after, const Cutter& cutter,
+                     const StockMove& move, std::mt19937& random) {
   const oracles::VoxelCutter brute{cutter.radius, cutter.corner_radius};
   const oracles::VoxelPose from{move.from_T_wt.translation(), move.from_T_wt.linear().col(2)};
   const oracles::VoxelPose to{move.to_T_wt.translation(), move.to_T_wt.linear().col(2)};
-  Worst worst;
+  WorstPlaces worst;
   std::uniform_real_distribution<double> unit(0, 1);
   for (std::size_t f = 0; f < after.fields.size(); ++f) {
     const DexelField& field = after.fields[f];
@@ -125,11 +114,11 @@ Worst worst_of(const Stock& before, const Stock& after, const Cutter& cutter, co
   return worst;
 }
 
-Worst worst_of_moves(double turn, int moves, unsigned seed) {
+WorstPlaces worst_of_moves(double turn, int moves, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> unit(-1, 1);
   const auto any = [&] { return Vector3d(unit(random), unit(random), unit(random)); };
-  Worst worst;
+  WorstPlaces worst;
   for (int i = 0; i < moves; ++i) {
     const double corner = i % 3 == 0 ? 0.0 : i % 3 == 1 ? 4.0 : 1.3;
     const Cutter cutter{4.0, corner, 12.0};
@@ -146,7 +135,7 @@ Worst worst_of_moves(double turn, int moves, unsigned seed) {
     const StockMove move{pose(tip, axis), pose(tip + step, target), 1, false};
     const Removed removed = remove(stock, cutter, move);
     EXPECT_NEAR(removed.volume, volume(before) - volume(stock), 1e-6);
-    const Worst one = worst_of(before, stock, cutter, move, random);
+    const WorstPlaces one = worst_of(before, stock, cutter, move, random);
     worst.kept = std::max(worst.kept, one.kept);
     worst.taken = std::max(worst.taken, one.taken);
   }
@@ -156,7 +145,7 @@ Worst worst_of_moves(double turn, int moves, unsigned seed) {
 TEST(Stock, RemovalWithAStandingAxisIsTheSweepToRounding) {
   const unsigned seed = 20240711;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
-  const Worst worst = worst_of_moves(0.0, 120, seed);
+  const WorstPlaces worst = worst_of_moves(0.0, 120, seed);
   std::cout << "left within the sweep by " << worst.kept << " mm, taken outside it by "
             << worst.taken << " mm\n";
   EXPECT_LT(worst.kept, 1e-9);  // places are tried 2e-9 mm from the ends
@@ -167,7 +156,7 @@ TEST(Stock, RemovalWithATurningAxisIsWithinTwoMicrometresOfTheSweep) {
   const unsigned seed = 20240712;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   for (const double turn : {1e-6, 1e-3, 0.02, 0.3}) {
-    const Worst worst = worst_of_moves(turn, 70, seed);
+    const WorstPlaces worst = worst_of_moves(turn, 70, seed);
     std::cout << "axis turns by about " << turn << " rad: left within the sweep by " << worst.kept
               << " mm, taken outside it by " << worst.taken << " mm\n";
     EXPECT_LT(worst.kept, 2e-3);
@@ -388,7 +377,6 @@ TEST(Stock, ABlankThinnerThanTheSpacingIsStillThere) {
 }
 
 TEST(Stock, BadInputIsRefusedByName) {
-  const double nan = std::numeric_limits<double>::quiet_NaN();
   Stock stock = box({0, 0, 0}, {5, 5, 5}, 0.5);
   const Cutter cutter{3.0, 1.0, 40.0};
   EXPECT_THROW(remove(stock, cutter, straight({nan, 0, 0}, {1, 1, 1})), std::invalid_argument);

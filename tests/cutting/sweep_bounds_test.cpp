@@ -1,8 +1,8 @@
 #include "cutting/sweep_bounds.h"
+#include "tests/cutting/random.h"
 
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <iostream>
 #include <mutex>
 #include <numbers>
@@ -115,8 +115,6 @@ Worst climb(std::uint64_t seed, int climbs, int steps, const Error& error) {
   });
   return worst;
 }
-
-int longer(int factor) { return std::getenv("ABBE_LONG") ? factor : 1; }
 
 // ---- the tree's bounds --------------------------------------------------------------------------
 

@@ -1,13 +1,12 @@
 #include <atomic>
 #include <cmath>
-#include <cstdlib>
 #include <iostream>
-#include <random>
 
 #include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
 
 #include "cutting/swept_nose.h"
+#include "tests/cutting/random.h"
 #include "tests/cutting/turned_parts.h"
 
 // The tree over the revolutions of a turning tool against every revolution tried: a window that
@@ -18,17 +17,6 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double no_turn_is_farther = 1e9;  // rad
-
-struct Random {
-  std::mt19937_64 engine;
-  double in(double low, double high) {
-    return std::uniform_real_distribution<double>(low, high)(engine);
-  }
-  double decades(double low, double high) { return std::pow(10.0, in(low, high)); }
-  /// Now and then nothing, or 1e-9 up to the most there may be.
-  double some(double most) { return in(0, 4) < 1 ? 0.0 : most * decades(-8, 0); }
-  Vector3d any() { return {in(-1, 1), in(-1, 1), in(-1, 1)}; }
-};
 
 NosePath any_path(Random& random, double feed) {
   NosePath path;
@@ -52,10 +40,10 @@ NosePath any_path(Random& random, double feed) {
 
 TEST(TurnedCulling, LosesNothing) {
   const std::uint64_t seed = 701000;
-  const int cases = 40 * (std::getenv("ABBE_LONG") ? 15 : 1);
+  const int cases = 40 * longer(15);
   std::atomic<int> rays = 0, cut = 0, late = 0;
   tbb::parallel_for(0, cases, [&](int i) {
-    Random random{std::mt19937_64(seed + std::uint64_t(i))};
+    Random random(seed + std::uint64_t(i));
     const Nose nose{random.decades(-1.3, 0.7), {}};
     const double feed = nose.radius * random.decades(-1.5, -0.3);
     const NosePath path = any_path(random, feed);

@@ -1,11 +1,11 @@
 #include <cmath>
 #include <iostream>
-#include <random>
 
 #include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
 
 #include "cutting/surface.h"
+#include "tests/cutting/random.h"
 #include "tests/cutting/turned_parts.h"
 #include "tests/oracles/brute_surface.h"
 
@@ -72,22 +72,6 @@ Comparison compare(const Design& design, const Nose& nose, const NoseMotion& mot
   return result;
 }
 
-class Random {
- public:
-  explicit Random(unsigned seed) : engine_(seed) {}
-  double in(double low, double high) {
-    return std::uniform_real_distribution<double>(low, high)(engine_);
-  }
-  Vector3d any() { return {in(-1, 1), in(-1, 1), in(-1, 1)}; }
-  Eigen::Matrix3d rotation(double largest) {
-    const Vector3d v = any() * largest;
-    return Eigen::AngleAxisd(v.norm(), v.stableNormalized()).toRotationMatrix();
-  }
-
- private:
-  std::mt19937 engine_;
-};
-
 /// How wrong a random lathe is.
 struct Wrong {
   double height = 0.0;          // mm
@@ -100,7 +84,7 @@ struct Wrong {
   double turns_a_sample = 0.37;
 };
 
-NosePath random_path(const Wrong& wrong, Random& random) {
+NosePath random_path(const Wrong& wrong, OracleRandom& random) {
   NosePath path;
   const Eigen::Matrix3d tilt = random.rotation(wrong.tilt);
   const double height = random.in(-1, 1) * wrong.height;
@@ -116,7 +100,7 @@ NosePath random_path(const Wrong& wrong, Random& random) {
   return path;
 }
 
-Design random_rays(int n, const Wrong& wrong, double r_low, double r_high, Random& random) {
+Design random_rays(int n, const Wrong& wrong, double r_low, double r_high, OracleRandom& random) {
   std::vector<MeridianVertex> vertices;
   for (int i = 0; i < n; ++i) {
     const double lean = random.in(-0.3, 0.6);
@@ -134,7 +118,7 @@ Design random_rays(int n, const Wrong& wrong, double r_low, double r_high, Rando
 
 void expect_agreement(const char* what, const Wrong& wrong, unsigned seed, int rays) {
   SCOPED_TRACE(testing::Message() << what << ", seed " << seed);
-  Random random(seed);
+  OracleRandom random(seed);
   const Nose nose{0.249, {}};
   const NoseMotion motion = motion_of(random_path(wrong, random));
   const Design design = random_rays(rays, wrong, std::max(0.0, wrong.to - 0.1), wrong.from, random);

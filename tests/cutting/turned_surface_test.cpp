@@ -9,7 +9,9 @@
 #include <tbb/global_control.h>
 
 #include "cutting/surface.h"
+#include "tests/cutting/largest_difference.h"
 #include "tests/cutting/turned_parts.h"
+#include "tests/kinematics/nan.h"
 #include "tests/oracles/closed_forms.h"
 
 namespace abbe::cutting {
@@ -18,9 +20,9 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double R = 0.249;       // mm, the diamond of the platform
-constexpr double f = 0.02;        // mm a revolution
-constexpr double promise = 1e-7;  // mm, 0.1 nm
+constexpr double R = 0.249;              // mm, the diamond of the platform
+constexpr double f = 0.02;               // mm a revolution
+constexpr double turned_promise = 1e-7;  // mm, 0.1 nm
 
 /// A facing spiral: radius from `start` to 0 by f a revolution, then one revolution at 0. `x_of`
 /// tells the nose centre for a radius of its centre.
@@ -72,15 +74,6 @@ struct Facing {
   }
 };
 
-double largest_difference(const Surface& surface, const std::vector<double>& expected) {
-  double worst = 0.0;
-  for (std::size_t i = 0; i < expected.size(); ++i) {
-    const double d = std::abs(surface.residual[Eigen::Index(i)] - expected[i]);
-    if (!(d <= worst)) worst = d;
-  }
-  return worst;
-}
-
 std::vector<double> left_on_all(const Facing& facing, const std::vector<MeridianVertex>& vertices) {
   std::vector<double> left;
   for (const MeridianVertex& v : vertices) left.push_back(facing.left_on(v));
@@ -123,7 +116,7 @@ TEST(TurnedSurface, FacedPlaneHasTheCuspOfItsFeed) {
   std::cout << "largest residual " << highest * 1e3 << " um, closed form "
             << oracles::cusp(R, f) * 1e3 << " um\n";
   EXPECT_NEAR(oracles::cusp(R, f), 0.200884e-3, 1e-9);
-  EXPECT_NEAR(highest, oracles::cusp(R, f), promise);
+  EXPECT_NEAR(highest, oracles::cusp(R, f), turned_promise);
   EXPECT_GE(surface.residual.minCoeff(), -1e-12);
 }
 
@@ -197,7 +190,7 @@ TEST(TurnedSurface, ConeHasTheCuspOfTheFeedAlongItsGenerator) {
   const double worst = largest_difference(surface, left_on_all(facing, vertices));
   print("cone, largest difference", worst);
   EXPECT_LE(worst, 1e-9);
-  EXPECT_NEAR(surface.residual.maxCoeff(), oracles::cusp(R, f / c), promise);
+  EXPECT_NEAR(surface.residual.maxCoeff(), oracles::cusp(R, f / c), turned_promise);
 }
 
 constexpr double rho = 125.2;
@@ -221,8 +214,9 @@ TEST(TurnedSurface, SphereHasTheCuspOfPassesOnAnArc) {
   // Passes lie f apart in the radius of the nose centre, hence a little wider on the arc at the
   // rim.
   const double angle = std::asin(10.7 / reach) - std::asin((10.7 - f) / reach);
-  EXPECT_LE(surface.residual.maxCoeff(), oracles::dome_cusp(R, rho, angle * rho) + promise);
-  EXPECT_GE(surface.residual.maxCoeff(), oracles::dome_cusp(R, rho, f * rho / reach) - promise);
+  EXPECT_LE(surface.residual.maxCoeff(), oracles::dome_cusp(R, rho, angle * rho) + turned_promise);
+  EXPECT_GE(surface.residual.maxCoeff(),
+            oracles::dome_cusp(R, rho, f * rho / reach) - turned_promise);
 }
 
 TEST(TurnedSurface, RadialOffsetOfTheNoseLiftsASphereByItsSlope) {
@@ -244,7 +238,7 @@ TEST(TurnedSurface, RadialOffsetOfTheNoseLiftsASphereByItsSlope) {
       const double first = e * r / std::sqrt(rho * rho - r * r);
       const double exact = std::sqrt(rho * rho - (r - e) * (r - e)) - std::sqrt(rho * rho - r * r);
       const double s = surface.residual[Eigen::Index(i)];
-      EXPECT_NEAR(s, first, 0.6 * e * e / rho + promise) << "e " << e << " r " << r;
+      EXPECT_NEAR(s, first, 0.6 * e * e / rho + turned_promise) << "e " << e << " r " << r;
       EXPECT_NEAR(s, exact, 1e-8) << "e " << e << " r " << r;
       std::cout << "offset " << e << " mm at r " << r << ": " << s * 1e3 << " um, e r / sqrt "
                 << first * 1e3 << " um\n";
@@ -387,7 +381,6 @@ TEST(TurnedSurface, BadNumbersAreRefused) {
   const auto refused = [&](const Design& d, const Nose& n, const NoseMotion& m, double band = 2) {
     EXPECT_THROW(turned_surface(d, n, m, within(band)), std::invalid_argument);
   };
-  const double nan = std::numeric_limits<double>::quiet_NaN();
   NoseMotion motion = good;
   motion.spindle[1] = nan;
   refused(design, nose, motion);

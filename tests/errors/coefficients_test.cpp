@@ -9,15 +9,12 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
+#include "tests/errors/numbers.h"
 
 namespace abbe::errors {
 namespace {
 
 using Eigen::VectorXd;
-
-VectorXd numbers(std::initializer_list<double> list) {
-  return VectorXd::Map(list.begin(), Eigen::Index(list.size()));
-}
 
 /// Every shape once.
 std::vector<Element> all_shapes() {

@@ -10,6 +10,7 @@
 #include <Eigen/Geometry>
 
 #include "tests/errors/machines.h"
+#include "tests/errors/refusal.h"
 #include "tests/oracles/beam.h"
 
 namespace abbe::errors {
@@ -47,19 +48,6 @@ Load cut(const Wrench& on_tool_t) {
   Load load;
   load.on_tool_t = on_tool_t;
   return load;
-}
-
-std::string refusal(const std::function<void()>& act) {
-  try {
-    act();
-  } catch (const std::invalid_argument& fault) {
-    return fault.what();
-  }
-  return {};
-}
-
-bool contains(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
 }
 
 /// "w b X Y Z C A s t": both turns at the head, C carries A.

@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
+#include "tests/errors/numbers.h"
 
 namespace abbe::errors {
 namespace {
@@ -18,18 +19,12 @@ namespace {
 using Eigen::VectorXd;
 using namespace abbe::literals;
 
-VectorXd numbers(std::initializer_list<double> list) {
-  VectorXd v{Eigen::Index(list.size())};
-  std::copy(list.begin(), list.end(), v.data());
-  return v;
-}
-
-CurveState at(double q, int direction = 0) { return {q, q, direction, 0, false}; }
+CurveState standing_at(double q, int direction = 0) { return {q, q, direction, 0, false}; }
 double value(const Shape& shape, double q, int direction = 0) {
-  return value(Curve{shape}, at(q, direction));
+  return value(Curve{shape}, standing_at(q, direction));
 }
 double slope(const Shape& shape, double q, int direction = 0) {
-  return slope(Curve{shape}, at(q, direction));
+  return slope(Curve{shape}, standing_at(q, direction));
 }
 
 // ---- values against closed forms
@@ -264,8 +259,8 @@ TEST(Curve, OnAPrimedAxisTheCarriagesOwnArgumentAndWayAreTurned) {
 
 TEST(Curve, NegateAndScaleMultiplyValueAndSlope) {
   const Curve curve{Polynomial{numbers({1, 2}), 0, 1}, "", Argument::Command, true, 3.0};
-  EXPECT_EQ(value(curve, at(5)), -33.0);
-  EXPECT_EQ(slope(curve, at(5)), -6.0);
+  EXPECT_EQ(value(curve, standing_at(5)), -33.0);
+  EXPECT_EQ(slope(curve, standing_at(5)), -6.0);
 }
 
 // ---- slope
@@ -510,7 +505,7 @@ TEST(Curve, MostBendHoldsWhatLinesBetweenSamplesMiss) {
   double missed = 0.0;
   for (int i = 0; i < 20000; ++i) {
     const double q = i * step;
-    const auto v = [&](double x) { return value(curve, at(x)); };
+    const auto v = [&](double x) { return value(curve, standing_at(x)); };
     missed = std::max(missed, std::abs(v(q + step / 2) - 0.5 * (v(q) + v(q + step))));
   }
   std::cout << "sampled every " << step << " rad: lines miss by " << missed / units::nm << " nm\n";

@@ -16,7 +16,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using namespace abbe::literals;
 
-ElementTable read(std::string_view text) { return read_element_table(text, "x.csv"); }
+ElementTable read_table(std::string_view text) { return read_element_table(text, "x.csv"); }
 
 std::vector<std::string> names(const ElementTable& table) {
   std::vector<std::string> result;
@@ -37,7 +37,7 @@ TEST(ElementTable, AVendorsTableIsReadInEverySeparator) {
         "250.5,0.0045,0,0.0,0,-0,15e-6\n";
     for (std::size_t i = 0; (i = text.find(',', i)) != std::string::npos; i += s.size())
       text.replace(i, 1, s);
-    const ElementTable table = read(text);
+    const ElementTable table = read_table(text);
     EXPECT_EQ(table.axis, 'X');
     EXPECT_EQ(names(table), (std::vector<std::string>{"EXX", "EYX", "EZX", "EAX", "EBX", "ECX"}));
     EXPECT_EQ(table.q, (VectorXd(3) << -100, 0, 250.5).finished());
@@ -47,7 +47,7 @@ TEST(ElementTable, AVendorsTableIsReadInEverySeparator) {
 
 TEST(ElementTable, RotaryPositionsAreDegrees) {
   for (const std::string axis : {"A", "B", "C", "S"}) {
-    const ElementTable table = read(axis + " EX" + axis + "\n0 0.001\n90 0.002\n360 0.001\n");
+    const ElementTable table = read_table(axis + " EX" + axis + "\n0 0.001\n90 0.002\n360 0.001\n");
     EXPECT_NEAR(table.q[1], 90.0_deg, 1e-16);
     EXPECT_NEAR(table.q[2], 360.0_deg, 1e-15);
     EXPECT_EQ(table.values(1, 0), 0.002);
@@ -56,23 +56,23 @@ TEST(ElementTable, RotaryPositionsAreDegrees) {
 
 TEST(ElementTable, UnitsInTheHeadAreConverted) {
   const ElementTable slide =
-      read("Y_mm;EXY_um;EYY_mm;ECY_urad;EAY_rad\n0;1;1;1;1\n1;2.5;2.5;2.5;2.5\n");
+      read_table("Y_mm;EXY_um;EYY_mm;ECY_urad;EAY_rad\n0;1;1;1;1\n1;2.5;2.5;2.5;2.5\n");
   EXPECT_EQ(slide.q[1], 1.0);
   EXPECT_DOUBLE_EQ(slide.values(1, 0), 2.5_um);
   EXPECT_DOUBLE_EQ(slide.values(1, 1), 2.5);
   EXPECT_DOUBLE_EQ(slide.values(1, 2), 2.5_urad);
   EXPECT_DOUBLE_EQ(slide.values(1, 3), 2.5);
-  EXPECT_DOUBLE_EQ(read("C_deg EXC\n0 0\n180 0\n").q[1], 180.0_deg);
-  EXPECT_DOUBLE_EQ(read("C_rad EXC\n0 0\n3 0\n").q[1], 3.0);
+  EXPECT_DOUBLE_EQ(read_table("C_deg EXC\n0 0\n180 0\n").q[1], 180.0_deg);
+  EXPECT_DOUBLE_EQ(read_table("C_rad EXC\n0 0\n3 0\n").q[1], 3.0);
 }
 
 TEST(ElementTable, MarksCommentsAndLineEndsOfOtherSystemsArePassedOver) {
-  const ElementTable plain = read("X EXX\n0 0.001\n1 0.002\n");
+  const ElementTable plain = read_table("X EXX\n0 0.001\n1 0.002\n");
   for (const std::string_view text : {"\xef\xbb\xbfX EXX\r\n0 0.001\r\n1 0.002\r\n",
                                       "# laser, 20.1 \xc2\xb0"
                                       "C\nX EXX\n\n0 0.001\n  # half\n1 0.002",
                                       "\r\n\r\n  X  EXX \r\n 0\t0.001 \r\n\t1 0.002\t"}) {
-    const ElementTable table = read(text);
+    const ElementTable table = read_table(text);
     EXPECT_EQ(table.q, plain.q) << text;
     EXPECT_EQ(table.values, plain.values) << text;
   }
@@ -151,7 +151,7 @@ TEST(ElementTable, EveryFaultIsRefusedAtItsPlace) {
   };
   for (const Refused& c : cases) {
     try {
-      read(c.text);
+      read_table(c.text);
       ADD_FAILURE() << "accepted: " << c.text;
     } catch (const BadInput& fault) {
       EXPECT_EQ(fault.file, "x.csv");
@@ -169,8 +169,8 @@ TEST(ElementTable, ATextOverTheCapIsRefusedUnread) {
 }
 
 TEST(ElementTable, ALineOfManyMillionSeparatorsIsRefused) {
-  EXPECT_THROW(read("X,EXX\n" + std::string(std::size_t(32) << 20, ',')), BadInput);
-  EXPECT_THROW(read(std::string(std::size_t(32) << 20, ';')), BadInput);
+  EXPECT_THROW(read_table("X,EXX\n" + std::string(std::size_t(32) << 20, ',')), BadInput);
+  EXPECT_THROW(read_table(std::string(std::size_t(32) << 20, ';')), BadInput);
 }
 
 // Every text, however spoilt, is either refused as bad input or gives a table that keeps its
@@ -201,7 +201,7 @@ TEST(ElementTable, SpoiltTextsAreRefusedOrGiveASoundTable) {
     if (i % 7 == 0)
       for (char& c : text) c = char(random());
     try {
-      const ElementTable table = read(text);
+      const ElementTable table = read_table(text);
       ++accepted;
       ASSERT_GE(table.q.size(), 2);
       ASSERT_EQ(table.values.rows(), table.q.size());
@@ -253,9 +253,9 @@ TEST_F(ElementTableFile, WhatIsNoFileIsRefused) {
 // ---- writing
 
 TEST(ElementTable, WhatIsWrittenIsTheVendorsForm) {
-  EXPECT_EQ(write_element_table(read("X EXX EAX_urad\n-0.5 0.001 2\n1e3 -0.25 -0\n")),
+  EXPECT_EQ(write_element_table(read_table("X EXX EAX_urad\n-0.5 0.001 2\n1e3 -0.25 -0\n")),
             "X,EXX,EAX\n-0.5,0.001,2e-06\n1000,-0.25,-0\n");
-  EXPECT_EQ(write_element_table(read("C EXC\n0 0.001\n90 0\n359.9 1\n"), ';'),
+  EXPECT_EQ(write_element_table(read_table("C EXC\n0 0.001\n90 0\n359.9 1\n"), ';'),
             "C;EXC\n0;0.001\n90;0\n359.9;1\n");
   EXPECT_THROW(write_element_table({'X', VectorXd(2), {{'X', 'X'}}, MatrixXd(3, 1)}),
                std::invalid_argument);
@@ -276,7 +276,7 @@ TEST(ElementTable, WrittenAndReadBackItIsTheSameBits) {
       table.q[i] = q += 0.003 * (1.01 + unit(random));
       table.values.row(i) << 0.02 * unit(random), 1e-4 * unit(random);
     }
-    const ElementTable back = read(write_element_table(table));
+    const ElementTable back = read_table(write_element_table(table));
     EXPECT_EQ(back.elements, table.elements);
     EXPECT_EQ(back.values, table.values);
     EXPECT_TRUE(axis == 'C' || back.q == table.q);
@@ -285,7 +285,7 @@ TEST(ElementTable, WrittenAndReadBackItIsTheSameBits) {
       worst_ulp = std::max(worst_ulp, std::abs(back.q[i] - table.q[i]) / ulp);
     }
     // what once came from a file is exact, degrees too
-    EXPECT_EQ(read(write_element_table(back)).q, back.q);
+    EXPECT_EQ(read_table(write_element_table(back)).q, back.q);
   }
   std::cout << "rotary positions read back within " << worst_ulp << " ulp\n";
   EXPECT_LE(worst_ulp, 1.0);
@@ -294,7 +294,7 @@ TEST(ElementTable, WrittenAndReadBackItIsTheSameBits) {
 // ---- use
 
 TEST(ElementTable, ItsColumnsBecomeElements) {
-  const ElementTable table = read("Y EYY EXY\n0 0.001 0.01\n10 0.003 0.02\n");
+  const ElementTable table = read_table("Y EYY EXY\n0 0.001 0.01\n10 0.003 0.02\n");
   const std::vector<Element> elements = elements_of(table, {.between = Between::Spline,
                                                             .outside = Outside::Hold,
                                                             .argument = Argument::Carriage,

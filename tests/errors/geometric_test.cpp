@@ -26,7 +26,7 @@ using enum kinematics::Motion;
 
 Polynomial line(double slope) { return {(VectorXd(2) << 0, slope).finished(), 0, 1}; }
 
-std::string refusal(const GeometricErrors& errors, const Chain& chain) {
+std::string refusal_of_errors(const GeometricErrors& errors, const Chain& chain) {
   try {
     bind(errors, chain);
   } catch (const std::invalid_argument& fault) {
@@ -72,43 +72,53 @@ TEST(Bind, WhatMeansNothingIsRefusedByName) {
   const auto one = [](const std::string& name, Shape shape = Constant{1e-6}) {
     return GeometricErrors{{element(name, std::move(shape))}, {}};
   };
-  EXPECT_EQ(refusal(one("EXB"), chain),
+  EXPECT_EQ(refusal_of_errors(one("EXB"), chain),
             "EXB: expected an axis of the machine (C X Y Z A s), seen B");
-  EXPECT_EQ(refusal(one("EC0Y", line(1e-6)), chain), "EC0Y: a location error is one constant");
-  EXPECT_EQ(refusal(one("EC0Y", Repeatability{1e-6, 1}), chain),
+  EXPECT_EQ(refusal_of_errors(one("EC0Y", line(1e-6)), chain),
+            "EC0Y: a location error is one constant");
+  EXPECT_EQ(refusal_of_errors(one("EC0Y", Repeatability{1e-6, 1}), chain),
             "EC0Y: a location error is one constant");
   for (const std::string name : {"EA0X", "EB0Y", "EC0Z", "EA0A", "EC0C", "EC0S"})
-    EXPECT_NE(refusal(one(name), chain).find(name + ": an axis has no squareness about itself"),
-              std::string::npos)
-        << refusal(one(name), chain);
+    EXPECT_NE(
+        refusal_of_errors(one(name), chain).find(name + ": an axis has no squareness about itself"),
+        std::string::npos)
+        << refusal_of_errors(one(name), chain);
   for (const std::string name : {"EX0X", "EY0X", "EZ0Y"})
-    EXPECT_NE(refusal(one(name), chain).find(name + ": a slide has a direction but no place"),
-              std::string::npos);
+    EXPECT_NE(
+        refusal_of_errors(one(name), chain).find(name + ": a slide has a direction but no place"),
+        std::string::npos);
   for (const std::string name : {"EX0A", "EZ0C"})
-    EXPECT_NE(refusal(one(name), chain).find(name + ": a rotation axis has no place along itself"),
+    EXPECT_NE(refusal_of_errors(one(name), chain)
+                  .find(name + ": a rotation axis has no place along itself"),
               std::string::npos);
-  EXPECT_EQ(refusal(one("ECS"), chain), "ECS: a spindle has no element about its own axis");
-  EXPECT_EQ(refusal(one("EAS"), platform()), "EAS: a spindle has no element about its own axis");
-  EXPECT_EQ(refusal(one("ECS"), platform()), "");
-  EXPECT_EQ(refusal(one("EXX", Constant{std::numeric_limits<double>::quiet_NaN()}), chain),
-            "EXX: expected a finite value");
+  EXPECT_EQ(refusal_of_errors(one("ECS"), chain),
+            "ECS: a spindle has no element about its own axis");
+  EXPECT_EQ(refusal_of_errors(one("EAS"), platform()),
+            "EAS: a spindle has no element about its own axis");
+  EXPECT_EQ(refusal_of_errors(one("ECS"), platform()), "");
   EXPECT_EQ(
-      refusal({{element("EXX", Constant{}), element("EYX", Constant{}), element("EXX", Constant{})},
-               {}},
-              chain),
-      "EXX: comes twice");
-  EXPECT_EQ(refusal({}, chain), "");
+      refusal_of_errors(one("EXX", Constant{std::numeric_limits<double>::quiet_NaN()}), chain),
+      "EXX: expected a finite value");
+  EXPECT_EQ(refusal_of_errors({{element("EXX", Constant{}), element("EYX", Constant{}),
+                                element("EXX", Constant{})},
+                               {}},
+                              chain),
+            "EXX: comes twice");
+  EXPECT_EQ(refusal_of_errors({}, chain), "");
 }
 
 TEST(Bind, AMeasuringLineNeedsASlideOfTheMachineOnce) {
   const Chain chain = gantry();
-  EXPECT_EQ(refusal({{}, {{'C', {0, 0, 0}}}}, chain), "measuring line of C: expected a slide");
-  EXPECT_EQ(refusal({{}, {{'S', {0, 0, 0}}}}, chain), "measuring line of S: expected a slide");
-  EXPECT_EQ(refusal({{}, {{'X', {0, 0, 0}}, {'Y', {0, 0, 0}}, {'X', {0, 0, 1}}}}, chain),
+  EXPECT_EQ(refusal_of_errors({{}, {{'C', {0, 0, 0}}}}, chain),
+            "measuring line of C: expected a slide");
+  EXPECT_EQ(refusal_of_errors({{}, {{'S', {0, 0, 0}}}}, chain),
+            "measuring line of S: expected a slide");
+  EXPECT_EQ(refusal_of_errors({{}, {{'X', {0, 0, 0}}, {'Y', {0, 0, 0}}, {'X', {0, 0, 1}}}}, chain),
             "measuring line of X: comes twice");
-  EXPECT_EQ(refusal({{}, {{'X', {0, std::numeric_limits<double>::infinity(), 0}}}}, chain),
-            "measuring line of X: expected a finite point");
-  EXPECT_NE(refusal({{}, {{'W', {0, 0, 0}}}}, chain), "");
+  EXPECT_EQ(
+      refusal_of_errors({{}, {{'X', {0, std::numeric_limits<double>::infinity(), 0}}}}, chain),
+      "measuring line of X: expected a finite point");
+  EXPECT_NE(refusal_of_errors({{}, {{'W', {0, 0, 0}}}}, chain), "");
 }
 
 TEST(Deviations, ATableLeftNamesElementPartAndPosition) {

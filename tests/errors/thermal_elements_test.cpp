@@ -308,7 +308,8 @@ TEST(ThermalElements, ScalingScalesEveryValue) {
   EXPECT_EQ(twice.workpiece->per_K, 2 * steel);
 }
 
-std::string refusal(const ThermalErrors& errors, const Chain& chain = gantry(), int nodes = 2) {
+std::string refusal_of_thermal(const ThermalErrors& errors, const Chain& chain = gantry(),
+                               int nodes = 2) {
   try {
     bind(errors, chain, nodes);
   } catch (const std::invalid_argument& fault) {
@@ -317,45 +318,50 @@ std::string refusal(const ThermalErrors& errors, const Chain& chain = gantry(), 
   return "";
 }
 
-std::string refusal(const ThermalElement& element, const Chain& chain = gantry()) {
+std::string refusal_of_thermal(const ThermalElement& element, const Chain& chain = gantry()) {
   ThermalErrors errors;
   errors.elements = {element};
-  return refusal(errors, chain);
+  return refusal_of_thermal(errors, chain);
 }
 
 TEST(ThermalElements, AnElementThatCannotBeIsRefusedByName) {
   const auto any = per_K(0, 1e-6);
-  EXPECT_EQ(refusal(drift("EZS", any)), "");
-  EXPECT_EQ(refusal(drift("EXB", any)),
+  EXPECT_EQ(refusal_of_thermal(drift("EZS", any)), "");
+  EXPECT_EQ(refusal_of_thermal(drift("EXB", any)),
             "EXB: expected an axis of the machine (C X Y Z A s), seen B");
-  EXPECT_EQ(refusal(drift("ECS", any)), "ECS: a spindle has no element about its own axis");
-  EXPECT_NE(refusal(drift("EA0X", any)).find("EA0X: an axis has no squareness about itself"),
-            std::string::npos);
-  EXPECT_NE(refusal(drift("EX0X", any)).find("EX0X: a slide has a direction but no place"),
-            std::string::npos);
+  EXPECT_EQ(refusal_of_thermal(drift("ECS", any)),
+            "ECS: a spindle has no element about its own axis");
+  EXPECT_NE(
+      refusal_of_thermal(drift("EA0X", any)).find("EA0X: an axis has no squareness about itself"),
+      std::string::npos);
+  EXPECT_NE(
+      refusal_of_thermal(drift("EX0X", any)).find("EX0X: a slide has a direction but no place"),
+      std::string::npos);
   for (const char* name : {"EC0Y", "EZS", "EY0A"})
-    EXPECT_EQ(refusal({parse_element_name(name), {}, any, 0.0}),
+    EXPECT_EQ(refusal_of_thermal({parse_element_name(name), {}, any, 0.0}),
               std::string(name) + ": a location or spindle element has no slope along an axis");
-  EXPECT_EQ(refusal({parse_element_name("EXS"), {}, any, 0.0}, platform()),
+  EXPECT_EQ(refusal_of_thermal({parse_element_name("EXS"), {}, any, 0.0}, platform()),
             "EXS: a location or spindle element has no slope along an axis");
-  EXPECT_EQ(refusal(drift("EZS", per_K(2, 1e-6))), "EZS: expected a node 0 .. 1, seen 2");
-  EXPECT_EQ(refusal(drift("EZS", {0.0, {{0, -1, 1e-6, std::nullopt}}})),
+  EXPECT_EQ(refusal_of_thermal(drift("EZS", per_K(2, 1e-6))),
+            "EZS: expected a node 0 .. 1, seen 2");
+  EXPECT_EQ(refusal_of_thermal(drift("EZS", {0.0, {{0, -1, 1e-6, std::nullopt}}})),
             "EZS: expected a node 0 .. 1, seen -1");
-  EXPECT_EQ(refusal(drift("EZS", per_K(0, std::nan("")))),
+  EXPECT_EQ(refusal_of_thermal(drift("EZS", per_K(0, std::nan("")))),
             "EZS: expected a finite value per K, seen nan");
   Table falling{warm({0, 10, 5}), warm({0, 0, 0}), Between::Linear, Outside::Refuse, {}};
-  EXPECT_NE(refusal(drift("EZS", {0.0, {{0, std::nullopt, 0.0, falling}}})).find("EZS: row 3"),
-            std::string::npos);
+  EXPECT_NE(
+      refusal_of_thermal(drift("EZS", {0.0, {{0, std::nullopt, 0.0, falling}}})).find("EZS: row 3"),
+      std::string::npos);
   ThermalErrors twice;
   twice.elements = {drift("EZS", any), drift("EZS", any)};
-  EXPECT_EQ(refusal(twice), "EZS: comes twice");
+  EXPECT_EQ(refusal_of_thermal(twice), "EZS: comes twice");
 }
 
 TEST(ThermalElements, AnExpansionThatCannotBeIsRefusedByName) {
   const auto one = [](AxisExpansion axis) {
     ThermalErrors errors;
     errors.expansions = {axis};
-    return refusal(errors);
+    return refusal_of_thermal(errors);
   };
   const Expansion growth{0, steel, 0.0};
   EXPECT_EQ(one(screw('X')), "");
@@ -373,14 +379,14 @@ TEST(ThermalElements, AnExpansionThatCannotBeIsRefusedByName) {
             "expansion of X, screw: expected a finite growth per K, seen inf");
   ThermalErrors errors;
   errors.expansions = {screw('X'), screw('X')};
-  EXPECT_EQ(refusal(errors), "expansion of X: comes twice");
+  EXPECT_EQ(refusal_of_thermal(errors), "expansion of X: comes twice");
 }
 
 TEST(ThermalElements, AWorkpieceThatCannotBeIsRefused) {
   const auto one = [](WorkpieceExpansion workpiece) {
     ThermalErrors errors;
     errors.workpiece = workpiece;
-    return refusal(errors);
+    return refusal_of_thermal(errors);
   };
   EXPECT_EQ(one({0, steel, Vector3d::Zero()}), "");
   EXPECT_EQ(one({2, steel, Vector3d::Zero()}), "workpiece: expected a node 0 .. 1, seen 2");

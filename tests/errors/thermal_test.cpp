@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <iostream>
-#include <limits>
 #include <numbers>
 #include <random>
 #include <stdexcept>
 
 #include <gtest/gtest.h>
 
+#include "kinematics/numbers.h"
 #include "kinematics/units.h"
 #include "tests/oracles/thermal_oracle.h"
 
@@ -20,8 +20,6 @@ using Eigen::Index;
 using Eigen::VectorXd;
 using std::numbers::pi;
 
-constexpr double inf = std::numeric_limits<double>::infinity();
-
 /// One node, tau = capacity / conductance, at 20 deg C.
 ThermalNetwork one_node(double capacity, double conductance) {
   return {{{"block", capacity}},
@@ -31,7 +29,7 @@ ThermalNetwork one_node(double capacity, double conductance) {
           VectorXd::Constant(1, 20.0)};
 }
 
-Activity at(double time_s, double room_T_C = 20.0) {
+Activity activity_at(double time_s, double room_T_C = 20.0) {
   Activity activity;
   activity.time_s = time_s;
   activity.room_T_C = room_T_C;
@@ -56,7 +54,7 @@ ThermalNetwork small_machine() {
 }
 
 Activity working(double time_s) {
-  Activity activity = at(time_s);
+  Activity activity = activity_at(time_s);
   activity.spindle_speed = 9000 * units::rpm;
   activity.axis_speed = kinematics::AxisVector::Constant(1, 80.0);
   activity.cutting_power_W = 700.0;
@@ -67,7 +65,7 @@ Activity working(double time_s) {
 
 TEST(Thermal, AFirstOrderNodeReaches1Minus1OverEAtTau) {
   for (const double tau : {1e-3, 1.0, 300.0, 1e6}) {
-    const ThermalRun run = simulate(one_node(5.0 * tau, 5.0), std::vector{at(0, 30.0)});
+    const ThermalRun run = simulate(one_node(5.0 * tau, 5.0), std::vector{activity_at(0, 30.0)});
     const double reached = (temperatures(run, tau)[0] - 20.0) / 10.0;
     const double off = reached - (1.0 - std::exp(-1.0));
     std::cout << "tau " << tau << " s: off by " << off << "\n";
@@ -79,9 +77,9 @@ TEST(Thermal, ARampOfHeatIsMetExactly) {
   // C T' = -G (T - 20) + r t: T - 20 = (r / G) (t - tau (1 - e^(-t / tau)))
   ThermalNetwork network = one_node(1000.0, 4.0);
   network.sources = {{0, CuttingHeat{1.0}}};
-  Activity end = at(500.0);
+  Activity end = activity_at(500.0);
   end.cutting_power_W = 600.0;
-  const ThermalRun run = simulate(network, std::vector{at(0), end});
+  const ThermalRun run = simulate(network, std::vector{activity_at(0), end});
   const double tau = 250.0, per_s = 600.0 / 500.0;
   for (const double t : {0.0, 1e-9, 1.0, 250.0, 499.0, 500.0}) {
     const double expected = per_s / 4.0 * (t + tau * std::expm1(-t / tau));
@@ -97,7 +95,7 @@ std::vector<Activity> swinging_room(double omega, int periods, int per_period) {
   std::vector<Activity> knots;
   for (int i = 0; i <= periods * per_period; ++i) {
     const double angle = 2 * pi * i / per_period;
-    knots.push_back(at(angle / omega, 20.0 + 5.0 * std::sin(angle)));
+    knots.push_back(activity_at(angle / omega, 20.0 + 5.0 * std::sin(angle)));
   }
   return knots;
 }
@@ -165,7 +163,7 @@ TEST(Thermal, AKnotASecondForElevenDaysAddsNoError) {
   ThermalNetwork network = one_node(1e5 * 3.0, 3.0);  // tau 1e5 s
   network.sources = {{0, PowerOnHeat{60.0}}};
   std::vector<Activity> knots;
-  for (int i = 0; i <= 1'000'000; ++i) knots.push_back(at(i));
+  for (int i = 0; i <= 1'000'000; ++i) knots.push_back(activity_at(i));
   const ThermalRun run = simulate(network, knots);
   double worst = 0.0;
   for (const int i : {1, 10, 1000, 10'800, 100'000, 300'000, 1'000'000})
@@ -256,7 +254,7 @@ std::vector<Activity> random_knots(Draw& draw, int n) {
   std::vector<Activity> knots;
   double time_s = -5000.0;
   for (int i = 0; i < n; ++i) {
-    Activity knot = at(time_s, draw.even(10, 30));
+    Activity knot = activity_at(time_s, draw.even(10, 30));
     knot.coolant_T_C = draw.even(15, 20);
     knot.coolant = draw.below(3) == 0;
     knot.cutting_power_W = draw.even(0, 500);
@@ -327,7 +325,7 @@ TEST(Thermal, RatesFrom1eMinus6To1e3AreMet) {
   const ThermalNetwork network = stiff_network();
   std::vector<Activity> knots;
   for (const double t : {0.0, 1e-7, 1e-3, 2e-3, 1.0, 1.0, 60.0, 1e4, 1e6, 1e6 + 1e-3, 3e6})
-    knots.push_back(at(t, 20.0 + std::cos(t)));
+    knots.push_back(activity_at(t, 20.0 + std::cos(t)));
   knots[4].cutting_power_W = 30.0;
   knots[6].coolant = true;
   const ThermalRun run = simulate(network, knots);
@@ -390,7 +388,8 @@ TEST(Thermal, TheHeatBalanceClosesTo1eMinus10) {
   std::cout << "random networks: " << worst << "\n";
   EXPECT_LT(worst, 1e-10);
   std::vector<Activity> knots;
-  for (const double t : {0.0, 1e-3, 1.0, 1e4, 3e6}) knots.push_back(at(t, 15.0 + t * 1e-6));
+  for (const double t : {0.0, 1e-3, 1.0, 1e4, 3e6})
+    knots.push_back(activity_at(t, 15.0 + t * 1e-6));
   const double stiff = imbalance(simulate(stiff_network(), knots), 0, 4);
   std::cout << "rates 1e9 apart: " << stiff << "\n";
   EXPECT_LT(stiff, 1e-10);
@@ -400,7 +399,8 @@ TEST(Thermal, EachTermOfTheBalanceIsRight) {
   // a block of tau = 100 s under 50 W from 20 deg C: T - 20 = 12.5 (1 - e^(-t / tau))
   ThermalNetwork network = one_node(400.0, 4.0);
   network.sources = {{0, PowerOnHeat{50.0}}};
-  const ThermalRun run = simulate(network, std::vector{at(0), at(30), at(200)});
+  const ThermalRun run =
+      simulate(network, std::vector{activity_at(0), activity_at(30), activity_at(200)});
   const HeatBalance balance = heat_balance(run, 0, 2);
   EXPECT_NEAR(balance.generated_J, 50.0 * 200, 1e-9);
   EXPECT_NEAR(balance.stored_J, -400.0 * 12.5 * std::expm1(-2.0), 1e-9);
@@ -443,7 +443,7 @@ TEST(Thermal, TheSteadyStateHoldsForConductancesFarApart) {
   network.surroundings = {{2, Surroundings::Room, 1e-6}};
   network.sources = {{0, PowerOnHeat{1e-3}}};
   network.start_T_C = VectorXd::Constant(3, 0.0);
-  const VectorXd steady = steady_state(network, at(0, 0.0));
+  const VectorXd steady = steady_state(network, activity_at(0, 0.0));
   EXPECT_NEAR(steady[2], 1000.0, 1e-12 * 1000);
   EXPECT_NEAR(steady[0], 1000.0, 1e-12 * 1000);
 }
@@ -453,7 +453,7 @@ TEST(Thermal, TheSteadyStateHoldsForConductancesFarApart) {
 TEST(Thermal, AMachineAtTheTemperatureOfItsRoomStaysThereToTheLastBit) {
   ThermalNetwork network = small_machine();
   network.start_T_C.setConstant(21.7);
-  Activity idle = at(0, 21.7);
+  Activity idle = activity_at(0, 21.7);
   idle.powered = false;
   std::vector<Activity> knots;
   for (int i = 0; i < 1000; ++i) {
@@ -489,7 +489,7 @@ TEST(Thermal, HeatFollowsItsLaw) {
 TEST(Thermal, TheCoolantCoolsWhileItFlowsAndHoldsUntilTheNextKnot) {
   ThermalNetwork network = one_node(1000.0, 1e-9);
   network.surroundings.push_back({0, Surroundings::Coolant, 10.0});
-  std::vector knots{at(0), at(100), at(200)};
+  std::vector knots{activity_at(0), activity_at(100), activity_at(200)};
   for (Activity& knot : knots) knot.coolant_T_C = 10.0;
   knots[1].coolant = true;
   const ThermalRun run = simulate(network, knots);
@@ -502,9 +502,9 @@ TEST(Thermal, TheCoolantCoolsWhileItFlowsAndHoldsUntilTheNextKnot) {
 TEST(Thermal, EqualInstantsAreAJump) {
   ThermalNetwork network = one_node(1000.0, 10.0);
   network.sources = {{0, CuttingHeat{1.0}}};
-  Activity before = at(100), after = at(100);
+  Activity before = activity_at(100), after = activity_at(100);
   after.cutting_power_W = 80.0;
-  const ThermalRun run = simulate(network, std::vector{at(0), before, before, after});
+  const ThermalRun run = simulate(network, std::vector{activity_at(0), before, before, after});
   EXPECT_EQ(temperatures(run, 100)[0], 20.0) << "no heat before the jump";
   EXPECT_NEAR(temperatures(run, 200)[0], 20.0 - 8.0 * std::expm1(-1.0), 1e-13);
   EXPECT_EQ(heat_balance(run, 1, 3).generated_J, 0.0);
@@ -523,7 +523,7 @@ TEST(Thermal, BeforeTheFirstKnotItIsTheStartAndAfterTheLastItGoesOn) {
 }
 
 TEST(Thermal, ASingleKnotIsEnough) {
-  const ThermalRun run = simulate(one_node(100.0, 1.0), std::vector{at(5, 30.0)});
+  const ThermalRun run = simulate(one_node(100.0, 1.0), std::vector{activity_at(5, 30.0)});
   EXPECT_EQ(run.T_C.rows(), 1);
   EXPECT_EQ(temperatures(run, 5)[0], 20.0);
   EXPECT_NEAR(temperatures(run, 105)[0], 30.0 - 10.0 * std::exp(-1.0), 1e-13);
@@ -532,7 +532,8 @@ TEST(Thermal, ASingleKnotIsEnough) {
 
 // ---- refusals
 
-std::string refusal(const ThermalNetwork& network, std::vector<Activity> knots = {at(0)}) {
+std::string refusal_to_simulate(const ThermalNetwork& network,
+                                std::vector<Activity> knots = {activity_at(0)}) {
   try {
     simulate(network, knots);
   } catch (const std::invalid_argument& fault) {
@@ -545,13 +546,13 @@ template <typename Change>
 std::string refusal_of_changed(Change change) {
   ThermalNetwork network = small_machine();
   change(network);
-  return refusal(network);
+  return refusal_to_simulate(network);
 }
 
 TEST(Thermal, ANetworkThatCannotBeIsRefusedByName) {
-  EXPECT_EQ(refusal(small_machine()), "");
+  EXPECT_EQ(refusal_to_simulate(small_machine()), "");
   using Network = ThermalNetwork;
-  for (const double capacity : {-5.0, 0.0, inf, std::nan("")}) {
+  for (const double capacity : {-5.0, 0.0, infinity, std::nan("")}) {
     const std::string told =
         refusal_of_changed([&](Network& n) { n.nodes[1].capacity_J_per_K = capacity; });
     EXPECT_NE(told.find("node column: expected a heat capacity above 0"), std::string::npos)
@@ -581,10 +582,10 @@ TEST(Thermal, ANetworkThatCannotBeIsRefusedByName) {
   EXPECT_EQ(
       refusal_of_changed([](Network& n) { n.sources[3].law = CuttingHeat{1.5}; }),
       "heat source 4 at node spindle: expected a share of the cutting power, 0 .. 1, seen 1.5");
-  EXPECT_EQ(refusal_of_changed([](Network& n) { n.start_T_C[1] = inf; }),
+  EXPECT_EQ(refusal_of_changed([](Network& n) { n.start_T_C[1] = infinity; }),
             "node column: expected a finite start temperature, seen inf");
   EXPECT_NE(refusal_of_changed([](Network& n) { n.start_T_C.resize(2); }), "");
-  EXPECT_EQ(refusal({}), "thermal network: expected at least one node");
+  EXPECT_EQ(refusal_to_simulate({}), "thermal network: expected at least one node");
   EXPECT_NE(refusal_of_changed([](Network& n) {
               n.nodes[0].capacity_J_per_K = 5e-324, n.links[0].conductance_W_per_K = 1e308;
             }).find("beyond what numbers can hold"),
@@ -592,13 +593,14 @@ TEST(Thermal, ANetworkThatCannotBeIsRefusedByName) {
 }
 
 TEST(Thermal, AnActivityThatCannotBeIsRefused) {
-  EXPECT_EQ(refusal(small_machine(), {}), "activity: expected at least one knot");
-  EXPECT_EQ(refusal(small_machine(), {at(1), at(0)}), "activity: time goes back from 1 s to 0 s");
-  EXPECT_NE(refusal(small_machine(), {at(std::nan(""))}), "");
-  EXPECT_NE(refusal(small_machine(), {at(0, inf)}), "");
+  EXPECT_EQ(refusal_to_simulate(small_machine(), {}), "activity: expected at least one knot");
+  EXPECT_EQ(refusal_to_simulate(small_machine(), {activity_at(1), activity_at(0)}),
+            "activity: time goes back from 1 s to 0 s");
+  EXPECT_NE(refusal_to_simulate(small_machine(), {activity_at(std::nan(""))}), "");
+  EXPECT_NE(refusal_to_simulate(small_machine(), {activity_at(0, infinity)}), "");
   ThermalNetwork network = small_machine();
   network.sources[1].law = AxisHeat{2, 1.0, 1.0};
-  EXPECT_EQ(refusal(network, {working(0)}),
+  EXPECT_EQ(refusal_to_simulate(network, {working(0)}),
             "activity at 0 s: expected the speed of joint 2, seen 1 speeds");
   EXPECT_THROW(steady_state(network, working(0)), std::invalid_argument);
 }
@@ -642,7 +644,7 @@ TEST(TemperatureSensor, ResolutionRounds) {
 
 TEST(TemperatureSensor, NoiseHasItsDeviationAndTheSameTimeGivesTheSameReading) {
   ThermalNetwork network = one_node(1.0, 1.0);
-  const ThermalRun run = simulate(network, std::vector{at(-20000)});
+  const ThermalRun run = simulate(network, std::vector{activity_at(-20000)});
   const TemperatureSensor sensor{.name = "T1", .noise_K = 0.1, .sampling_s = 1.0, .seed = 99};
   const VectorXd seen = readings(sensor, run, every(1, 20000, -10000));
   const double mean = seen.mean();
@@ -661,7 +663,7 @@ TEST(TemperatureSensor, LagIsASecondFirstOrderNode) {
   // behind a node of tau: 1 - (tau e^(-t/tau) - lag e^(-t/lag)) / (tau - lag), where they are
   // equal 1 - (1 + t/tau) e^(-t/tau)
   const double tau = 100.0;
-  const ThermalRun run = simulate(one_node(500.0, 5.0), std::vector{at(0, 30.0)});
+  const ThermalRun run = simulate(one_node(500.0, 5.0), std::vector{activity_at(0, 30.0)});
   for (const double lag : {1e-300, 1e-3, 20.0, 100.0 - 1e-6, 100.0, 100.0 + 1e-12, 5000.0}) {
     const TemperatureSensor sensor{.name = "T1", .lag_s = lag, .sampling_s = 1.0};
     const VectorXd seen = readings(sensor, run, every(1, 400));
@@ -705,7 +707,7 @@ TEST(TemperatureSensor, LagAgreesWithTheMatrixExponential) {
 }
 
 TEST(TemperatureSensor, NonsenseIsRefusedByName) {
-  const ThermalRun run = simulate(small_machine(), std::vector{at(0)});
+  const ThermalRun run = simulate(small_machine(), std::vector{activity_at(0)});
   const auto refused = [&](const TemperatureSensor& sensor) -> std::string {
     try {
       readings(sensor, run, every(1, 3));
@@ -720,7 +722,7 @@ TEST(TemperatureSensor, NonsenseIsRefusedByName) {
             "sensor nut: expected a noise of 0 or more, seen -1");
   EXPECT_EQ(refused({.name = "nut", .resolution_K = -1}),
             "sensor nut: expected a resolution of 0 or more, seen -1");
-  EXPECT_EQ(refused({.name = "nut", .lag_s = inf}),
+  EXPECT_EQ(refused({.name = "nut", .lag_s = infinity}),
             "sensor nut: expected a lag of 0 or more, seen inf");
   EXPECT_EQ(refused({.name = "nut", .sampling_s = 0}),
             "sensor nut: expected a sampling time above 0, seen 0");
@@ -729,7 +731,7 @@ TEST(TemperatureSensor, NonsenseIsRefusedByName) {
   EXPECT_NE(refused({.name = "nut", .sampling_s = 1e-300}), "") << "samples that cannot be counted";
   const TemperatureSensor good{.name = "nut"};
   EXPECT_THROW(readings(good, run, (VectorXd(2) << 1, 0).finished()), std::invalid_argument);
-  EXPECT_THROW(readings(good, run, VectorXd::Constant(1, inf)), std::invalid_argument);
+  EXPECT_THROW(readings(good, run, VectorXd::Constant(1, infinity)), std::invalid_argument);
   EXPECT_EQ(readings(good, run, VectorXd()).size(), 0);
 }
 

@@ -22,7 +22,8 @@ Vibration of(const std::string& name, double amplitude, double order = 1.0) {
   return v;
 }
 
-std::string refusal(const Vibration& vibration, const kinematics::Chain& chain = gantry()) {
+std::string refusal_of_vibration(const Vibration& vibration,
+                                 const kinematics::Chain& chain = gantry()) {
   try {
     bind({vibration}, chain);
   } catch (const std::invalid_argument& fault) {
@@ -58,8 +59,9 @@ TEST(Vibration, SpindleThatCarriesTheWorkpieceIsTheJointS) {
   const kinematics::Chain chain = platform();
   const auto d = deviations(bind({of("EYS", 1.0_um)}, chain), 10.0, 0.0);
   EXPECT_EQ(d[std::size_t(*chain.find('S'))].motion[1], 1.0_um);
-  EXPECT_NE(refusal(of("EAS", 1.0_urad), chain).find("about its own axis"), std::string::npos);
-  EXPECT_EQ(refusal(of("EBS", 1.0_urad), chain), "none");
+  EXPECT_NE(refusal_of_vibration(of("EAS", 1.0_urad), chain).find("about its own axis"),
+            std::string::npos);
+  EXPECT_EQ(refusal_of_vibration(of("EBS", 1.0_urad), chain), "none");
 }
 
 TEST(Vibration, UnbalanceGrowsWithTheSquareOfSpeed) {
@@ -94,7 +96,7 @@ TEST(Vibration, WhatMeansNothingIsRefusedByName) {
   const auto with = [](double Vibration::*which, double value) {
     Vibration v = of("EXS", 1.0_um);
     v.*which = value;
-    return refusal(v);
+    return refusal_of_vibration(v);
   };
   EXPECT_PRED2(has, with(&Vibration::order, 0.0), "order");
   EXPECT_PRED2(has, with(&Vibration::order, nan), "order");
@@ -105,10 +107,11 @@ TEST(Vibration, WhatMeansNothingIsRefusedByName) {
   EXPECT_PRED2(has, with(&Vibration::damping, 0.0), "damping");
   Vibration v = of("EXS", 1.0_um);
   v.resonance = 0.0;
-  EXPECT_PRED2(has, refusal(v), "resonance");
-  EXPECT_NE(refusal(of("EXB", 1.0)).find("EXB"), std::string::npos);  // an axis it lacks
-  EXPECT_NE(refusal(of("EC0Y", 1.0)).find("location"), std::string::npos);
-  EXPECT_NE(refusal(of("ECS", 1.0)).find("about its own axis"), std::string::npos);
+  EXPECT_PRED2(has, refusal_of_vibration(v), "resonance");
+  EXPECT_NE(refusal_of_vibration(of("EXB", 1.0)).find("EXB"),
+            std::string::npos);  // an axis it lacks
+  EXPECT_NE(refusal_of_vibration(of("EC0Y", 1.0)).find("location"), std::string::npos);
+  EXPECT_NE(refusal_of_vibration(of("ECS", 1.0)).find("about its own axis"), std::string::npos);
   const VibrationModel none = errors::bind(std::vector<Vibration>{}, gantry());
   EXPECT_TRUE(none.harmonics.empty());
   EXPECT_EQ(deviations(none, 1.0, 1.0).size(), 6u);

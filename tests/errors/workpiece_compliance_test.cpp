@@ -10,8 +10,8 @@
 #include <Eigen/Geometry>
 
 #include "errors/compliance_field.h"
-#include "kinematics/bad_input.h"
 #include "kinematics/units.h"
+#include "tests/errors/refusal.h"
 #include "tests/oracles/beam.h"
 
 namespace abbe::errors {
@@ -21,21 +21,6 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 using Points = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
-
-std::string refusal(const std::function<void()>& act) {
-  try {
-    act();
-  } catch (const std::invalid_argument& fault) {
-    return fault.what();
-  } catch (const BadInput& fault) {
-    return fault.what();
-  }
-  return {};
-}
-
-bool contains(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
 
 // Bar
 
@@ -144,19 +129,19 @@ TEST(CantileverPlate, GrowsTowardsTheFreeEdgeWithoutAStep) {
   }
 }
 
-const WorkpiecePlate wall{{10, 0, 5}, {0, 0, 1}, {1, 0, 0}, 30.0, 3.0, 7e4, 0.33};
+const WorkpiecePlate thin_wall{{10, 0, 5}, {0, 0, 1}, {1, 0, 0}, 30.0, 3.0, 7e4, 0.33};
 
 TEST(WorkpiecePlate, GivesWayAlongItsNormalByTheFormula) {
   const double D = 7e4 * 27.0 / (12.0 * (1 - 0.33 * 0.33));
-  const Matrix3d C = local_compliance(WorkpieceCompliance(wall), Vector3d(11.5, 77, 35));
+  const Matrix3d C = local_compliance(WorkpieceCompliance(thin_wall), Vector3d(11.5, 77, 35));
   EXPECT_NEAR(C(0, 0), at_free_edge(0.33) * 900.0 / D, 1e-9 * C(0, 0));
   EXPECT_TRUE((C - Matrix3d(Vector3d(C(0, 0), 0, 0).asDiagonal())).isZero(0.0));
-  EXPECT_TRUE(local_compliance(WorkpieceCompliance(wall), Vector3d(11.5, 0, 4)).isZero(0.0));
+  EXPECT_TRUE(local_compliance(WorkpieceCompliance(thin_wall), Vector3d(11.5, 0, 4)).isZero(0.0));
 }
 
 TEST(WorkpiecePlate, AsATableIsWithinItsBound) {
   for (const double nu : {0.0, 0.33, 0.5}) {
-    WorkpiecePlate plate = wall;
+    WorkpiecePlate plate = thin_wall;
     plate.poisson_ratio = nu;
     const PreparedWorkpiece table = prepare(plate);
     double worst = 0.0;
@@ -187,7 +172,7 @@ TEST(Workpiece, ThatIsNotPhysicalIsRefusedByName) {
     return refusal([&] { prepare(b); });
   };
   const auto plate = [](const std::function<void(WorkpiecePlate&)>& spoil) {
-    WorkpiecePlate p = wall;
+    WorkpiecePlate p = thin_wall;
     spoil(p);
     return refusal([&] { prepare(p); });
   };
@@ -349,13 +334,15 @@ TEST(WorkpieceField, RefusesANodeByItsNumber) {
 
 const std::string head = "x_mm,y_mm,z_mm,Cxx_um_per_N,Cyy_um_per_N,Czz_um_per_N";
 
-WorkpieceField read(const std::string& text) { return read_compliance_field(text, "wall.csv"); }
+WorkpieceField read_field(const std::string& text) {
+  return read_compliance_field(text, "wall.csv");
+}
 std::string why(const std::string& text) {
-  return refusal([&] { read(text); });
+  return refusal([&] { read_field(text); });
 }
 
 TEST(ComplianceCsv, ReadsColumnsInAnyOrderAndUnit) {
-  const WorkpieceField field = read(
+  const WorkpieceField field = read_field(
       "\xef\xbb\xbf# a wall\r\n\r\nCxz_um_per_N; z_mm;y_mm;x_mm;Czz_um_per_N;Cyy_um_per_N;"
       "Cxx_um_per_N\r\n0.5;3;2;1;5;6;7\r\n\r\n# more\r\n-0.5;+6;5;4e0;1;1;1\r\n");
   ASSERT_EQ(field.points_w.rows(), 2);

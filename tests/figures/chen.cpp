@@ -19,7 +19,7 @@ namespace {
 namespace identification = errors::identification;
 using nlohmann::ordered_json;
 
-const std::string scene = "thermal_protocol_chen";
+const std::string day_scene = "thermal_protocol_chen";
 
 /// Number of a sensor as the paper counts them: the order in which the scene names them.
 std::string number(const ordered_json& thermal, const std::string& name) {
@@ -34,7 +34,7 @@ std::string ranking(const ordered_json& thermal) {
   return joined(order, " > ");
 }
 
-std::string chosen(const ordered_json& thermal) {
+std::string chosen_numbers(const ordered_json& thermal) {
   std::vector<std::string> order;
   for (const ordered_json& name : thermal["chosen"]) order.push_back(number(thermal, name));
   return joined(order, ", ");
@@ -42,7 +42,7 @@ std::string chosen(const ordered_json& thermal) {
 
 /// Drift along Z and all temperatures over the scene's own day.
 identification::ThermalData readings_of_the_day() {
-  const sim::Scene day = scene_of(scene);
+  const sim::Scene day = scene_of(day_scene);
   sim::InstrumentDescription drift = sim::instrument_of(day, "drift");
   double history = 0.0;
   for (const sim::ThermalPhase& phase : day.thermal->history) history += phase.duration;
@@ -87,9 +87,11 @@ std::string by_initial_image() {
   return joined(order, ", ");
 }
 
-const ordered_json& choice(const char* name) { return choice_of(thermal_choice_of(scene), name); }
+const ordered_json& choice(const char* name) {
+  return choice_of(thermal_choice_of(day_scene), name);
+}
 
-const char* const regression = "deng, regression screening";
+const char* const scenes_four = "deng, regression screening";
 const char* const initial = "Deng's degree, Chen and Wang 2013";
 const char* const papers = "the paper's four, Chen and Wang 2013";
 
@@ -114,7 +116,7 @@ std::vector<Figure> other_day() {
   std::vector<Figure> rows;
   for (const auto& [four, name] : {std::pair{"Deng's four, initial image", initial},
                                    {"the paper's four", papers},
-                                   {"the scene's four", regression}}) {
+                                   {"the scene's four", scenes_four}}) {
     rows.push_back({paper, fmt::format("Z on another day by {}, µm RMS", four), none,
                     [name] { return z_missed_on_another_day(choice(name)); }, command, day});
     rows.push_back({paper,
@@ -135,17 +137,18 @@ std::vector<Figure> chen() {
   std::vector<Figure> rows{
       {paper, "sensors by Deng's degree with the spindle's drift, interval image",
        "8 > 13 > 12 > 10 > 3 > 5 > 7 > 1 > 6 > 9 > 2 > 11 > 4",
-       [] { return ranking(thermal_choice_of(scene)); }, compare,
+       [] { return ranking(thermal_choice_of(day_scene)); }, compare,
        day + "; the drift starts at zero, where the paper's image divides by it"},
       {paper, "four of 13 by Deng's degree, interval image", "8, 13, 12, 10",
        [] {
-         return chosen(thermal_choice_of(scene, {{"sensor_choice.screening", "degree"}}));
+         return chosen_numbers(
+             thermal_choice_of(day_scene, {{"sensor_choice.screening", "degree"}}));
        },
        by_degree, day},
       {paper, "four of 13 by Deng's degree, initial image from the first drift on", "8, 13, 12, 10",
        by_initial_image, "`abbe test -R '^Figures'`", day},
       {paper, "four of 13 as the scene chooses", "8, 13, 12, 10",
-       [] { return chosen(thermal_choice_of(scene)); }, compare,
+       [] { return chosen_numbers(thermal_choice_of(day_scene)); }, compare,
        "screened by regression, which takes what lowers the residual most"},
       {paper, "Z on the day that is fitted by the paper's four, µm RMS", none,
        [] {
@@ -153,7 +156,7 @@ std::vector<Figure> chen() {
        },
        "`abbe test -R '^Figures'`", "the paper's readings are not printed"},
       {paper, "Z on the day that is fitted by the scene's four, µm RMS", none,
-       [] { return z_of_choice(regression); }, compare,
+       [] { return z_of_choice(scenes_four); }, compare,
        "chosen for X, Y and Z together, not for Z alone"},
       {paper, "Z on the day that is fitted by Deng's four, initial image, µm RMS", none,
        [] { return z_of_choice(initial); }, compare + ", `choices`",

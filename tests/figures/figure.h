@@ -61,6 +61,8 @@ std::string z_missed_on_another_day(const nlohmann::ordered_json& choice);
 /// The words of a list with a sign between them.
 std::string joined(const std::vector<std::string>& words, const std::string& between);
 
+inline const char* const yang_2012 = "Yang 2012";  ///< as the rows name it
+
 std::vector<Figure> guo();
 std::vector<Figure> yang();
 std::vector<Figure> yang_readings();

@@ -14,8 +14,9 @@
 namespace abbe::figures {
 namespace {
 
-const std::string paper = "Peng et al. 2017";
-const std::string inferred = "two numbers inferred", identified = "identified-position-program";
+const std::string peng_2017 = "Peng et al. 2017";
+const std::string inferred = "two numbers inferred",
+                  identified_case = "identified-position-program";
 
 struct Part {
   std::string name, published;
@@ -47,7 +48,7 @@ double range(const std::string& element) {
 Figure range_figure(const std::string& what, const std::string& published,
                     const std::string& element) {
   const bool angle = errors::parse_element_name(element).is_angle();
-  return {paper,
+  return {peng_2017,
           what + " over 100 mm, " + (angle ? "mrad" : "µm"),
           published,
           [element, angle] {
@@ -69,7 +70,7 @@ std::vector<Figure> ranges() {
                            range_figure("X: straightness in Z", "5.56", "EZX"),
                            range_figure("X: yaw", "0.4244", "EBX"),
                            range_figure("X: pitch", "0.6725", "ECX")};
-  rows.push_back({paper, "squareness of X and Z, mrad", "0.0942",
+  rows.push_back({peng_2017, "squareness of X and Z, mrad", "0.0942",
                   [] {
                     const sim::Scene scene = scene_of("platform_plane");
                     for (const errors::Element& element : scene.geometric.elements)
@@ -95,7 +96,7 @@ void add_parts(std::vector<Figure>& rows, const std::string& what, SceneCase bef
                SceneCase after, const std::string& why) {
   for (const Part& part : parts) {
     before.scene = after.scene = "platform_" + part.name;
-    rows.push_back({paper, fmt::format("{}: PV before → after, µm, {}", part.name, what),
+    rows.push_back({peng_2017, fmt::format("{}: PV before → after, µm, {}", part.name, what),
                     part.published, [before, after] { return pv(before, after); }, command(after),
                     why, what != inferred});
   }
@@ -105,7 +106,7 @@ void add_parts(std::vector<Figure>& rows, const std::string& what, SceneCase bef
 Figure centring(const std::string& part, const std::string& published) {
   const SceneCase one{"platform_" + part, {{"errors.scale", "0"}}};
   return {
-      paper,
+      peng_2017,
       part + ": PV by a tool 0.1 mm off centre alone, µm",
       published,
       [one] { return fmt::format("{:.2f}", summary_of(one)["residual_um"]["pv"].get<double>()); },
@@ -119,7 +120,7 @@ Figure centring(const std::string& part, const std::string& published) {
 std::vector<Figure> peng() {
   std::vector<Figure> rows = ranges();
   rows.push_back(
-      {paper, "spindle, feed, nose, radius of the part", "150 rpm, 20 µm, 249 µm, 10.8 mm",
+      {peng_2017, "spindle, feed, nose, radius of the part", "150 rpm, 20 µm, 249 µm, 10.8 mm",
        [] {
          const sim::Scene scene = scene_of("platform_plane");
          const auto& spiral = std::get<sim::program::Spiral>(scene.program.source);
@@ -131,25 +132,26 @@ std::vector<Figure> peng() {
        },
        "`abbe check scenes/platform_plane.toml`", ""});
   const SceneCase perfect{"platform_perfect"};
-  rows.push_back({paper, "cusp of the feed, R − sqrt(R² − f²/4), µm", "0.200884",
+  rows.push_back({peng_2017, "cusp of the feed, R − sqrt(R² − f²/4), µm", "0.200884",
                   [perfect] {
                     return fmt::format("{:.6f}",
                                        summary_of(perfect)["residual_um"]["pv"].get<double>());
                   },
                   command(perfect), ""});
   add_parts(
-      rows, "two numbers inferred", {"", {}, "", inferred}, {"", {}, identified, inferred},
+      rows, "two numbers inferred", {"", {}, "", inferred}, {"", {}, identified_case, inferred},
       "a fit: axial motion of the spindle and the side of the tool are inferred from these six "
       "values; on the cone 2 to 3 µm stay open");
-  add_parts(rows, "spindle and tool chosen", {}, {"", {}, identified},
+  add_parts(rows, "spindle and tool chosen", {}, {"", {}, identified_case},
             "spindle and place of the tool were not published; chosen before any part was cut");
   const sim::Override centred{"tool", "tools/diamond_r249um.toml"};
-  add_parts(rows, "spindle chosen, tool centred", {"", {centred}}, {"", {centred}, identified},
+  add_parts(rows, "spindle chosen, tool centred", {"", {centred}}, {"", {centred}, identified_case},
             "the same without the tool's place");
   const sim::Override elements{"errors", "errors/platform_peng.toml"};
   add_parts(rows, "13 elements alone", {"", {elements, centred}},
-            {"", {elements, centred}, identified}, "curves in the published ranges make no more");
-  const SceneCase nothing{"", {}, identified, "believing nothing"};
+            {"", {elements, centred}, identified_case},
+            "curves in the published ranges make no more");
+  const SceneCase nothing{"", {}, identified_case, "believing nothing"};
   add_parts(rows, "believing nothing", {}, nothing, "nothing is believed, so nothing is gained");
   rows.push_back(centring("plane", "0"));
   rows.push_back(centring("cone", "4"));

@@ -13,8 +13,6 @@ namespace {
 
 using nlohmann::ordered_json;
 
-const std::string paper = "Yang 2012";
-
 /// His law as printed, um, x in cm.
 double law(double x, double dT7, double dT8) {
   return 1.1192e-6 * std::pow(x, 4) + 8.9455e-5 * std::pow(x, 3) + 9.0575e-4 * x * x -
@@ -44,9 +42,9 @@ Ends ends(double time_h) {
   return {positioning(-400), positioning(400), law(-40, dT[0], dT[1]), law(40, dT[0], dT[1])};
 }
 
-Figure composite(const std::string& when, double time_h) {
+Figure row_by_law(const std::string& when, double time_h) {
   const Ends e = ends(time_h);
-  return {paper,
+  return {yang_2012,
           "EXX at X = −400 and 400 mm, µm, " + when,
           fmt::format("{:.3f}, {:.3f}", e.law_least, e.law_most),
           [e] { return fmt::format("{:.3f}, {:.3f}", e.least, e.most); },
@@ -73,11 +71,11 @@ const ordered_json& comprehensive() {
   return choice_of(protocol_choice(), "comprehensive degree, Yang 2012");
 }
 
-const ordered_json& regression() {
+const ordered_json& regression_choice() {
   return choice_of(protocol_choice(), "deng, regression screening");
 }
 
-std::string chosen(const ordered_json& choice) {
+std::string chosen_names(const ordered_json& choice) {
   std::vector<std::string> names;
   for (const auto& name : choice["chosen"]) {
     std::string words = name.get<std::string>();
@@ -101,28 +99,29 @@ std::vector<Figure> sensor_rows() {
   const std::string four = "Y nut, X nut, Z nut, spindle box front right", none = "no figure";
   const std::string grey = "the degree looks for likeness, not for what four sensors tell together";
   return {
-      {paper, "four of 18 sensors", four, [] { return chosen(protocol_choice()); }, compare,
-       pictures + "; screened by regression"},
-      {paper, "four of 18 sensors by Deng's degree, interval image", four,
+      {yang_2012, "four of 18 sensors", four, [] { return chosen_names(protocol_choice()); },
+       compare, pictures + "; screened by regression"},
+      {yang_2012, "four of 18 sensors by Deng's degree, interval image", four,
        [] {
-         return chosen(
+         return chosen_names(
              thermal_choice_of("thermal_protocol", {{"sensor_choice.screening", "degree"}}));
        },
        "the same with `--set sensor_choice.screening=degree`", pictures},
-      {paper, "four of 18 sensors by the comprehensive degree", four,
-       [] { return chosen(comprehensive()); }, choices, pictures},
-      {paper, "X, Y and Z missed by a regression on the four of the comprehensive degree, µm RMS",
-       none, [] { return missed_on_its_day(comprehensive()); }, choices, grey},
-      {paper,
+      {yang_2012, "four of 18 sensors by the comprehensive degree", four,
+       [] { return chosen_names(comprehensive()); }, choices, pictures},
+      {yang_2012,
+       "X, Y and Z missed by a regression on the four of the comprehensive degree, µm RMS", none,
+       [] { return missed_on_its_day(comprehensive()); }, choices, grey},
+      {yang_2012,
        "X, Y and Z missed on another day by the four of the comprehensive degree, µm RMS; "
        "together, of the ranges",
        none, [] { return missed_on_another_day(comprehensive()); }, choices, grey},
-      {paper, "X, Y and Z missed by the four of the regression, µm RMS", none,
-       [] { return missed_on_its_day(regression()); }, choices, pictures},
-      {paper,
+      {yang_2012, "X, Y and Z missed by the four of the regression, µm RMS", none,
+       [] { return missed_on_its_day(regression_choice()); }, choices, pictures},
+      {yang_2012,
        "X, Y and Z missed on another day by the four of the regression, µm RMS; together, of the "
        "ranges",
-       none, [] { return missed_on_another_day(regression()); }, choices, pictures},
+       none, [] { return missed_on_another_day(regression_choice()); }, choices, pictures},
   };
 }
 
@@ -130,14 +129,14 @@ std::vector<Figure> sensor_rows() {
 
 std::vector<Figure> yang() {
   std::vector<Figure> rows{
-      composite("cold", -5),
-      composite("after 3 h", -1),
-      {paper, "air cutting", "25 °C, 12000 rpm, 3 h on, 1 h off, 3 h on, 1 h off", protocol,
+      row_by_law("cold", -5),
+      row_by_law("after 3 h", -1),
+      {yang_2012, "air cutting", "25 °C, 12000 rpm, 3 h on, 1 h off, 3 h on, 1 h off", protocol,
        "`abbe check scenes/thermal_protocol.toml`", ""},
   };
   for (Figure& row : sensor_rows()) rows.push_back(std::move(row));
   rows.push_back(
-      {paper, "decoupled: what one linear step leaves at half the errors, part of 1", "0.25",
+      {yang_2012, "decoupled: what one linear step leaves at half the errors, part of 1", "0.25",
        [] { return fmt::format("{:.3f}", decoupled_rest("0.5") / decoupled_rest("1")); },
        "`abbe compare scenes/gantry_tilted_flat.toml --set errors.scale=0.5`, `machine_um`", "",
        true});

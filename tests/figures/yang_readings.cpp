@@ -19,7 +19,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-const std::string paper = "Yang 2012", none = "no figure";
+const std::string no_figure = "no figure";
 const std::string ours = "the machine and its heat are chosen";
 
 /// What `abbe identify` reports of one instrument of a scene, without places of a user's disk.
@@ -62,10 +62,10 @@ std::string slope_at_zero() {
 }
 
 Figure composite_rest(const std::string& variant, const std::string& when) {
-  return {paper,
+  return {yang_2012,
           "flat under the composite element, " + when +
               ": machine's part uncompensated, by the cold curve, by both, µm RMS",
-          none,
+          no_figure,
           [variant] {
             const auto rest = [&](const char* name) {
               return machine_um({"yang_composite", {}, name, variant});
@@ -123,9 +123,9 @@ std::string positionings_per_K() {
 
 Figure step_rest(const std::string& variant, const std::string& when, const std::string& why) {
   return {
-      paper,
+      yang_2012,
       "flat corrected by the step diagonal, " + when + ": machine's part before → after, µm RMS",
-      none,
+      no_figure,
       [variant] {
         return fmt::format("{:.2f} → {:.2f}", machine_um({"step_diagonal", {}, "", variant}),
                            machine_um({"step_diagonal", {}, "identified-position-ideal", variant}));
@@ -141,10 +141,10 @@ std::vector<Figure> composite_rows() {
       "--method composite --sensors T7_screw,T8_nut --margin 0.5 --out out/yang.toml`";
   const std::string noise = "read by a laser with noise; the published law is what is injected";
   return {
-      {paper, "composite element separated: slope by screw and nut, µm/m/K", "-0.496, 3.360",
+      {yang_2012, "composite element separated: slope by screw and nut, µm/m/K", "-0.496, 3.360",
        slopes_per_K, identify, noise},
-      {paper, "composite element separated: slope that later starts leave at ΔT = 0, µm/m", none,
-       slope_at_zero, identify, "zero by the law; read by a laser with noise"},
+      {yang_2012, "composite element separated: slope that later starts leave at ΔT = 0, µm/m",
+       no_figure, slope_at_zero, identify, "zero by the law; read by a laser with noise"},
       composite_rest("cold", "cold"),
       composite_rest("", "an hour after work"),
       composite_rest("3 h", "after 3 h"),
@@ -163,16 +163,16 @@ std::vector<Figure> step_rows() {
       ours + ": 32, −26 and 21 µrad with the slopes of the straightnesses are injected";
   const std::string spoilt = "angles take the tool off the beam, which reads as a length";
   return {
-      {paper, "step diagonal, translations alone: EC0Y, EB0Z, EA0Z, µrad", none,
+      {yang_2012, "step diagonal, translations alone: EC0Y, EB0Z, EA0Z, µrad", no_figure,
        [] { return squarenesses(false); }, by(false), injected},
-      {paper, "step diagonal, with angles: EC0Y, EB0Z, EA0Z, µrad", none,
+      {yang_2012, "step diagonal, with angles: EC0Y, EB0Z, EA0Z, µrad", no_figure,
        [] { return squarenesses(true); }, by(true), injected + "; " + spoilt},
-      {paper, "step diagonal, translations alone: reduced chi-square", none,
+      {yang_2012, "step diagonal, translations alone: reduced chi-square", no_figure,
        [] { return chi_square(false); }, by(false), ours},
-      {paper, "step diagonal, with angles: reduced chi-square", none,
+      {yang_2012, "step diagonal, with angles: reduced chi-square", no_figure,
        [] { return chi_square(true); }, by(true), spoilt},
-      {paper, "step diagonal, translations alone: EXX, EYY, EZZ by their nuts, µm/m/K", none,
-       positionings_per_K, by(false), ours + ": 4, 5 and 6 are injected"},
+      {yang_2012, "step diagonal, translations alone: EXX, EYY, EZZ by their nuts, µm/m/K",
+       no_figure, positionings_per_K, by(false), ours + ": 4, 5 and 6 are injected"},
       step_rest("translations alone", "translations alone", ours),
       step_rest("", "with angles", ours + "; " + spoilt),
   };

@@ -17,7 +17,7 @@ namespace {
 
 using Eigen::Vector3d;  // three radii, mm
 
-const std::string paper = "Yang 2012, table 1";
+const std::string yang_table_1 = "Yang 2012, table 1";
 const std::string open = "force-position-open";
 const std::string fit =
     "a fit: compliance, length of the tool and blank are set to these six radii";
@@ -70,11 +70,11 @@ double gain(const Vector3d& from, const Vector3d& to) {
 }
 
 void add_radii(std::vector<Figure>& rows, const Shaft& shaft) {
-  rows.push_back({paper, shaft.name + ": radii before compensation, mm", text(shaft.before),
+  rows.push_back({yang_table_1, shaft.name + ": radii before compensation, mm", text(shaft.before),
                   [shaft] { return text(radii(before(shaft))); }, command(before(shaft)), fit,
                   true});
   for (int trial = 1; trial <= 2; ++trial)
-    rows.push_back({paper, fmt::format("{}: radii after, trial {}, mm", shaft.name, trial),
+    rows.push_back({yang_table_1, fmt::format("{}: radii after, trial {}, mm", shaft.name, trial),
                     text(shaft.after[std::size_t(trial - 1)]),
                     [shaft, trial] { return text(radii(after(shaft, trial))); },
                     command(after(shaft, trial)), trial_fit, true});
@@ -91,18 +91,19 @@ void add_derived(std::vector<Figure>& rows, const Shaft& shaft) {
     return fmt::format(fmt::runtime(form), what(shaft.before, shaft.after[0]),
                        what(shaft.before, shaft.after[1]));
   };
-  rows.push_back({paper, shaft.name + ": mean radius rises by, trials 1 and 2, µm",
+  rows.push_back({yang_table_1, shaft.name + ": mean radius rises by, trials 1 and 2, µm",
                   of_table(rise_um, "{:.1f}, {:.1f}"),
                   [of_trials] { return of_trials(rise_um, "{:.1f}, {:.1f}"); }, both, trial_fit,
                   true});
-  rows.push_back({paper, shaft.name + ": gain on the varying part, trials 1 and 2",
+  rows.push_back({yang_table_1, shaft.name + ": gain on the varying part, trials 1 and 2",
                   of_table(gain, "{:.2f}, {:.2f}"),
                   [of_trials] { return of_trials(gain, "{:.2f}, {:.2f}"); }, both, trial_fit,
                   true});
   const auto reduction = [](const Vector3d& from, const Vector3d& to) {
     return 100 * (1 - spread_um(to) / spread_um(from));
   };
-  rows.push_back({paper, shaft.name + ": spread before → after in three trials, µm", shaft.spreads,
+  rows.push_back({yang_table_1, shaft.name + ": spread before → after in three trials, µm",
+                  shaft.spreads,
                   [shaft, of_trials] {
                     const auto after_spread = [](const Vector3d&, const Vector3d& to) {
                       return spread_um(to);
@@ -111,7 +112,7 @@ void add_derived(std::vector<Figure>& rows, const Shaft& shaft) {
                                        of_trials(after_spread, "{:.1f}, {:.1f}"));
                   },
                   both, "the radii of one trial are lost, so that there are two", true});
-  rows.push_back({paper, shaft.name + ": spread reduced by, %", shaft.reductions,
+  rows.push_back({yang_table_1, shaft.name + ": spread reduced by, %", shaft.reductions,
                   [of_trials, reduction] { return of_trials(reduction, "{:.0f}, {:.0f}"); }, both,
                   "one gain for both shafts; the second trial's differ by more than that", true});
 }
@@ -119,20 +120,20 @@ void add_derived(std::vector<Figure>& rows, const Shaft& shaft) {
 /// By the law in the state in which it was learnt: what a current that says the force could do.
 void add_law(std::vector<Figure>& rows, const Shaft& shaft) {
   const auto row = [&](const std::string& what, const SceneCase& one) {
-    rows.push_back({paper, fmt::format("{}: spread by the law as learnt, {}, µm", shaft.name, what),
-                    shaft.spreads,
-                    [shaft, one] {
-                      return fmt::format("{:.2f} → {:.2f}", spread_um(radii(before(shaft))),
-                                         spread_um(radii(one)));
-                    },
-                    command(one), "the current is worth in the trials what it was in training",
-                    true});
+    rows.push_back(
+        {yang_table_1, fmt::format("{}: spread by the law as learnt, {}, µm", shaft.name, what),
+         shaft.spreads,
+         [shaft, one] {
+           return fmt::format("{:.2f} → {:.2f}", spread_um(radii(before(shaft))),
+                              spread_um(radii(one)));
+         },
+         command(one), "the current is worth in the trials what it was in training", true});
   };
   row("open control", {shaft.scene, {}, open});
   row("open control, no noise", {shaft.scene, {{"signals.current.noise_A", "0"}}, open});
   row("shift of the origin", {shaft.scene, {}, "force-position-origin"});
   const SceneCase law{shaft.scene, {}, open};
-  rows.push_back({paper, shaft.name + ": mean radius by the law as learnt, mm", "12.4914",
+  rows.push_back({yang_table_1, shaft.name + ": mean radius by the law as learnt, mm", "12.4914",
                   [law] { return fmt::format("{:.4f}", radii(law).mean()); }, command(law),
                   "0.09 µm of the difference lie where no slide goes, the rest is the law of the "
                   "training part",
@@ -173,12 +174,12 @@ std::string cutting_conditions() {
 }  // namespace
 
 std::vector<Figure> yang_shafts() {
-  std::vector<Figure> rows{{paper, "speed and feed", "2500 rpm, 100 mm/min", cutting_conditions,
-                            "`abbe check scenes/stepped_shaft.toml`", ""}};
+  std::vector<Figure> rows{{yang_table_1, "speed and feed", "2500 rpm, 100 mm/min",
+                            cutting_conditions, "`abbe check scenes/stepped_shaft.toml`", ""}};
   for (const Shaft& shaft : shafts) add_radii(rows, shaft);
   for (const Shaft& shaft : shafts) add_derived(rows, shaft);
   rows.push_back(
-      {paper, "mean of the four means after compensation and their scatter, mm",
+      {yang_table_1, "mean of the four means after compensation and their scatter, mm",
        level({shafts[0].after[0], shafts[0].after[1], shafts[1].after[0], shafts[1].after[1]}),
        [] {
          return level({radii(after(shafts[0], 1)), radii(after(shafts[0], 2)),
@@ -186,7 +187,7 @@ std::vector<Figure> yang_shafts() {
        },
        "the four trials above", "a tool 8.6 µm long, inferred from this figure", true});
   for (const Shaft& shaft : shafts) add_law(rows, shaft);
-  rows.push_back({paper, "expected range of three readings, in σ", "1.69",
+  rows.push_back({yang_table_1, "expected range of three readings, in σ", "1.69",
                   [] { return fmt::format("{:.4f}", expected_range_of_three()); },
                   "`abbe test -R '^Figures'`", ""});
   return rows;

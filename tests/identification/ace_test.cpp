@@ -1,7 +1,7 @@
 // Eighteen days of a real lathe: six temperatures and one displacement, unit and sampling interval
 // unstated. The data are not part of the project; these tests skip without them. No figure below
-// comes from a day that chose or trained its model; the list of candidates, however, was drawn up by
-// people who had looked at all eighteen days.
+// comes from a day that chose or trained its model; the list of candidates, however, was drawn up
+// by people who had looked at all eighteen days.
 
 #include <cmath>
 #include <cstdlib>
@@ -14,6 +14,8 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+
+#include "tests/identification/thermal_options.h"
 
 #include "errors/identification/cross_validation.h"
 #include "kinematics/text.h"
@@ -43,16 +45,8 @@ std::vector<int> days(int first, int last) {
   return result;
 }
 
-ThermalModelOptions of(ModelKind kind, double penalty = 1e-2) {
-  ThermalModelOptions options;
-  options.kind = kind;
-  options.penalty = penalty;
-  options.sigma_from_runs = false;
-  return options;
-}
-
 ThermalModelOptions support_vectors(double gamma) {
-  ThermalModelOptions options = of(ModelKind::SupportVectors);
+  ThermalModelOptions options = options_of(ModelKind::SupportVectors);
   options.support.gamma = gamma;
   options.most_rows = 260;
   return options;
@@ -63,11 +57,11 @@ ThermalModelOptions support_vectors(double gamma) {
 std::vector<Recipe> recipes() {
   std::vector<Recipe> result;
   for (const bool since_start : {false, true}) {
-    result.push_back({{since_start, 0}, of(ModelKind::Linear)});
+    result.push_back({{since_start, 0}, options_of(ModelKind::Linear)});
     for (const double lag : {0.0, 80.0}) {
       for (const double penalty : {1e-2, 0.1})
-        result.push_back({{since_start, lag}, of(ModelKind::Ridge, penalty)});
-      result.push_back({{since_start, lag}, of(ModelKind::Lasso, 5e-2)});
+        result.push_back({{since_start, lag}, options_of(ModelKind::Ridge, penalty)});
+      result.push_back({{since_start, lag}, options_of(ModelKind::Lasso, 5e-2)});
     }
   }
   for (const double gamma : {0.03, 0.1, 0.3})
@@ -97,10 +91,10 @@ std::vector<Recipe> untuned() {
   std::vector<Recipe> result;
   for (const ModelKind kind :
        {ModelKind::Linear, ModelKind::SupportVectors, ModelKind::KernelRidge, ModelKind::Network}) {
-    result.push_back({{false, 0}, of(kind)});
+    result.push_back({{false, 0}, options_of(kind)});
     result.back().model.most_rows = 260;
   }
-  result.push_back({{true, 0}, of(ModelKind::Linear)});
+  result.push_back({{true, 0}, options_of(ModelKind::Linear)});
   return result;
 }
 
@@ -171,7 +165,7 @@ TEST(Ace, PlainRegressionHasThePublishedCoefficients) {
     if (line.starts_with("days13-18 test RMSE")) {
       const Validation late =
           validate_on(only_runs(*data, days(1, 12)), only_runs(*data, days(13, 18)),
-                      {{}, of(ModelKind::Linear)});
+                      {{}, options_of(ModelKind::Linear)});
       EXPECT_NEAR(late.overall.rms, expected, 1e-9);
     }
   }
@@ -191,7 +185,7 @@ TEST(Ace, DisplacementAsItIs) {
   const double later = table_of_later_days(*data);
   EXPECT_LT(later, 0.65 * 26.0) << "the plain regression scores 26.0 there";
   EXPECT_LT(nested.validation.overall.rms,
-            0.5 * cross_validate(*data, of(ModelKind::Linear)).overall.rms);
+            0.5 * cross_validate(*data, options_of(ModelKind::Linear)).overall.rms);
 }
 
 TEST(Ace, ZeroSetEveryMorningIsAnotherProblem) {
@@ -206,7 +200,8 @@ TEST(Ace, ZeroSetEveryMorningIsAnotherProblem) {
   std::cout << "Days 1-12 train, 13-18 test\n";
   table_of_later_days(zero);
   // The figures to beat, 15.4 -> 8.0, are these: the mean of the days.
-  const Validation plain = cross_validate(with_features(zero, {true, 0}), of(ModelKind::Linear));
+  const Validation plain =
+      cross_validate(with_features(zero, {true, 0}), options_of(ModelKind::Linear));
   EXPECT_NEAR(untouched, 15.4391, 1e-4);
   EXPECT_NEAR(plain.mean_rms, 7.9754, 1e-4);
   std::cout << fmt::format("Reduction of the mean of days: plain {:.1f} %, chosen {:.1f} %\n",

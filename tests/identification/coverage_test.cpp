@@ -24,7 +24,7 @@ using metrology::Instrument;
 using metrology::Kind;
 using metrology::Readings;
 
-const int repeats = std::getenv("ABBE_LONG") ? 500 : 150;
+const int coverage_repeats = std::getenv("ABBE_LONG") ? 500 : 150;
 constexpr double of_95_percent = 1.959963985;
 constexpr std::uint64_t seeds[] = {20261121, 20261122};  // fixed before the first run
 
@@ -61,7 +61,7 @@ TEST(Band, IsThatOfTheBinomial) {
 /// Runs both halves of the repeats at once; `one(i)` is repeat i.
 void each_repeat(const std::function<void(int)>& one) {
   const auto part = [&](int first) {
-    for (int i = first; i < repeats; i += 2) one(i);
+    for (int i = first; i < coverage_repeats; i += 2) one(i);
   };
   std::thread other(part, 1);
   part(0);
@@ -122,7 +122,7 @@ std::vector<Case> few_numbers() {
           {"spindle analyser", Kind::Spindle, {"EXS", "EYS", "EZS", "EAS", "EBS"}, targets(8)}};
 }
 
-/// Hits of every number found, in `repeats`. (numbers)
+/// Hits of every number found, in `coverage_repeats`. (numbers)
 struct Coverage {
   std::vector<std::string> names;
   std::vector<int> hits;
@@ -142,8 +142,8 @@ Coverage coverage_of(const Case& one, std::uint64_t seed) {
   one.adapt(instrument);
   const metrology::Plan plan = metrology::plan(instrument, chain);
   const VectorXd expected = values(truth.elements);
-  std::vector<std::vector<char>> held(static_cast<std::size_t>(repeats));
-  std::vector<double> chi_square(static_cast<std::size_t>(repeats));
+  std::vector<std::vector<char>> held(static_cast<std::size_t>(coverage_repeats));
+  std::vector<double> chi_square(static_cast<std::size_t>(coverage_repeats));
   std::vector<Index> numbers;
   {
     const Readings readings = metrology::measure(plan, chain, machine, seed);
@@ -167,7 +167,7 @@ Coverage coverage_of(const Case& one, std::uint64_t seed) {
   result.hits.assign(numbers.size(), 0);
   for (std::size_t i = 0; i < held.size(); ++i) {
     for (std::size_t k = 0; k < numbers.size(); ++k) result.hits[k] += held[i][k];
-    result.reduced_chi_square += chi_square[i] / repeats;
+    result.reduced_chi_square += chi_square[i] / coverage_repeats;
   }
   return result;
 }
@@ -175,7 +175,7 @@ Coverage coverage_of(const Case& one, std::uint64_t seed) {
 /// Numbers outside their own band in one seed, and how many that may be by chance.
 std::vector<std::string> outside(const std::vector<std::string>& names,
                                  const std::vector<int>& hits) {
-  const Band each = band(repeats);
+  const Band each = band(coverage_repeats);
   std::vector<std::string> result;
   for (std::size_t k = 0; k < names.size(); ++k)
     if (!each.holds(hits[k])) result.push_back(names[k]);
@@ -191,10 +191,10 @@ void judge(const std::vector<std::string>& names, const std::vector<int> (&hits)
     int sum = 0;
     for (const int h : hits[s]) sum += h;
     const int n = int(names.size());
-    const Band pooled = band(n * repeats);
+    const Band pooled = band(n * coverage_repeats);
     const int by_chance = binomial_quantile(n, 0.01, 0.99);
-    std::cout << "seed " << seeds[s] << ": " << sum << " of " << n * repeats << " ("
-              << 100.0 * sum / (n * repeats) << " %) pooled, band " << pooled.low << " to "
+    std::cout << "seed " << seeds[s] << ": " << sum << " of " << n * coverage_repeats << " ("
+              << 100.0 * sum / (n * coverage_repeats) << " %) pooled, band " << pooled.low << " to "
               << pooled.high << "; " << out[s].size() << " of " << n
               << " numbers outside their own band, expected " << 0.01 * n << ":";
     for (const std::string& name : out[s])
@@ -224,7 +224,8 @@ TEST(Coverage, IntervalsOfFewNumbersHoldTheTruthAsOftenAsTheySay) {
         hits[s].push_back(coverage.hits[k]);
       }
       std::cout << "\n";
-      EXPECT_NEAR(coverage.reduced_chi_square, 1.0, 0.03 * std::sqrt(500.0 / repeats)) << one.name;
+      EXPECT_NEAR(coverage.reduced_chi_square, 1.0, 0.03 * std::sqrt(500.0 / coverage_repeats))
+          << one.name;
     }
   }
   judge(names, hits);
@@ -239,14 +240,14 @@ TEST(Coverage, ProductsOfMisalignmentsThatNothingTellsAreNotInTheCovariance) {
     int hits = 0;
     for (const std::uint64_t seed : seeds)
       for (const int h : coverage_of(one, seed).hits) hits += h;
-    return double(hits) / (6 * repeats);
+    return double(hits) / (6 * coverage_repeats);
   };
   const double loose = covered(500e-6), close = covered(100e-6);
   std::cout << "a square laid to 500 urad: " << 100.0 * loose
             << " %, to 100 urad: " << 100.0 * close << " %\n";
   EXPECT_GT(loose, 0.90);
   EXPECT_LT(loose, close);
-  EXPECT_TRUE(band(6 * repeats).holds(int(std::lround(close * 6 * repeats))));
+  EXPECT_TRUE(band(6 * coverage_repeats).holds(int(std::lround(close * 6 * coverage_repeats))));
 }
 
 // ---- a whole machine
@@ -304,7 +305,7 @@ TEST(Coverage, IntervalsOfAWholeMachineHoldTheTruthAsOftenAsTheySay) {
 
   std::vector<int> hits[2];
   for (int s = 0; s < 2; ++s) {
-    std::vector<std::vector<char>> held(static_cast<std::size_t>(repeats));
+    std::vector<std::vector<char>> held(static_cast<std::size_t>(coverage_repeats));
     each_repeat([&](int i) {
       std::vector<Readings> readings;
       const std::uint64_t seed = (seeds[s] << 24) + 256 * std::uint64_t(i);

@@ -8,17 +8,16 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/errors/numbers.h"
+
 namespace {
 
 using namespace abbe::errors::identification;
+using abbe::errors::numbers;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-VectorXd vector(std::initializer_list<double> values) {
-  return Eigen::Map<const VectorXd>(values.begin(), Eigen::Index(values.size()));
-}
-
-GreyOptions of(GreyKind kind, Image image = Image::Initial) {
+GreyOptions grey_options(GreyKind kind, Image image = Image::Initial) {
   GreyOptions options;
   options.kind = kind;
   options.image = image;
@@ -58,9 +57,9 @@ std::vector<double> validation_row(const std::string& file, const std::string& r
 TEST(Grey, DengOfTheWorkedExampleIsWhatWasPublished) {
   const MatrixXd data = economy();
   const GreyDegrees degrees =
-      grey_degrees(data.col(0), data.rightCols(3), of(GreyKind::Deng, Image::Mean));
+      grey_degrees(data.col(0), data.rightCols(3), grey_options(GreyKind::Deng, Image::Mean));
   ASSERT_EQ(degrees.status, GreyStatus::Ok);
-  const VectorXd published = vector({0.5084, 0.6243, 0.7573});
+  const VectorXd published = numbers({0.5084, 0.6243, 0.7573});
   EXPECT_LT((degrees.degree - published).cwiseAbs().maxCoeff(), 0.5e-4) << degrees.degree;
 }
 
@@ -71,7 +70,7 @@ TEST(Grey, AcceptanceCasesAgreeToTheirLastDigit) {
   if (mean.size() < 3 || initial.size() < 3) GTEST_SKIP() << "no validation data";
   for (const auto& [expected, image] : {std::pair(mean, Image::Mean), {initial, Image::Initial}}) {
     const GreyDegrees degrees =
-        grey_degrees(data.col(0), data.rightCols(3), of(GreyKind::Deng, image));
+        grey_degrees(data.col(0), data.rightCols(3), grey_options(GreyKind::Deng, image));
     for (int i = 0; i < 3; ++i) {
       const double off = degrees.degree(i) - expected[std::size_t(i)];
       std::cout << "degree " << degrees.degree(i) << ", off by " << off << '\n';
@@ -81,16 +80,18 @@ TEST(Grey, AcceptanceCasesAgreeToTheirLastDigit) {
 }
 
 TEST(Grey, LiusDegreesTakeAreasAndNotFirstDifferences) {
-  const VectorXd x1 = vector({30.5, 34.7, 35.9, 38.2, 41});
-  const VectorXd x2 = vector({22.1, 25.4, 27.1, 28.3, 31.5});
-  const auto degree = [&](GreyKind kind) { return grey_degrees(x1, x2, of(kind)).degree(0); };
+  const VectorXd x1 = numbers({30.5, 34.7, 35.9, 38.2, 41});
+  const VectorXd x2 = numbers({22.1, 25.4, 27.1, 28.3, 31.5});
+  const auto degree = [&](GreyKind kind) {
+    return grey_degrees(x1, x2, grey_options(kind)).degree(0);
+  };
   // By hand: areas from the start 4.2 + 5.4 + 7.7 + 10.5 / 2 = 22.55 and 3.3 + 5 + 6.2 + 9.4 / 2 =
   // 19.2, so (1 + 41.75) / (1 + 41.75 + 3.35).
   EXPECT_NEAR(degree(GreyKind::Absolute), 42.75 / 46.1, 1e-14);
   EXPECT_NEAR(degree(GreyKind::Absolute), 0.927332, 0.5e-6);
   EXPECT_NEAR(degree(GreyKind::Relative), 0.952719, 0.5e-6);
   EXPECT_NEAR(degree(GreyKind::Comprehensive), 0.940026, 0.5e-6);
-  GreyOptions options = of(GreyKind::Comprehensive);
+  GreyOptions options = grey_options(GreyKind::Comprehensive);
   options.theta = 0.25;
   EXPECT_NEAR(grey_degrees(x1, x2, options).degree(0),
               0.25 * degree(GreyKind::Absolute) + 0.75 * degree(GreyKind::Relative), 1e-15);
@@ -99,35 +100,39 @@ TEST(Grey, LiusDegreesTakeAreasAndNotFirstDifferences) {
 TEST(Grey, ASeriesWithoutAnImageIsNamed) {
   MatrixXd series(3, 2);
   series << 1, 0, 2, 1, 3, -1;
-  const VectorXd reference = vector({1, 2, 4});
-  const GreyDegrees start = grey_degrees(reference, series, of(GreyKind::Deng));
+  const VectorXd reference = numbers({1, 2, 4});
+  const GreyDegrees start = grey_degrees(reference, series, grey_options(GreyKind::Deng));
   EXPECT_EQ(start.status, GreyStatus::StartsAtZero);
   EXPECT_EQ(start.series, 1);
   EXPECT_EQ(start.degree.size(), 0);
-  EXPECT_EQ(grey_degrees(reference, series, of(GreyKind::Relative)).series, 1);
-  EXPECT_EQ(grey_degrees(reference, series, of(GreyKind::Absolute)).status, GreyStatus::Ok);
-  const GreyDegrees mean = grey_degrees(reference, series, of(GreyKind::Deng, Image::Mean));
+  EXPECT_EQ(grey_degrees(reference, series, grey_options(GreyKind::Relative)).series, 1);
+  EXPECT_EQ(grey_degrees(reference, series, grey_options(GreyKind::Absolute)).status,
+            GreyStatus::Ok);
+  const GreyDegrees mean =
+      grey_degrees(reference, series, grey_options(GreyKind::Deng, Image::Mean));
   EXPECT_EQ(mean.status, GreyStatus::MeanIsZero);
   EXPECT_EQ(mean.series, 1);
-  const GreyDegrees error = grey_degrees(vector({0, 1, 2}), series.leftCols(1), of(GreyKind::Deng));
+  const GreyDegrees error =
+      grey_degrees(numbers({0, 1, 2}), series.leftCols(1), grey_options(GreyKind::Deng));
   EXPECT_EQ(error.status, GreyStatus::StartsAtZero);
   EXPECT_EQ(error.series, -1) << "the reference";
   const GreyDegrees still =
-      grey_degrees(vector({5, 5, 5}), series, of(GreyKind::Deng, Image::Interval));
+      grey_degrees(numbers({5, 5, 5}), series, grey_options(GreyKind::Deng, Image::Interval));
   EXPECT_EQ(still.status, GreyStatus::StandsStill);
   EXPECT_EQ(still.series, -1);
-  EXPECT_EQ(mutual_degrees(series, of(GreyKind::Deng)).series, 1);
+  EXPECT_EQ(mutual_degrees(series, grey_options(GreyKind::Deng)).series, 1);
 }
 
 TEST(Grey, SeriesLikeTheReferenceHaveDegreeOne) {
-  const VectorXd x = vector({1, 2, 5});
+  const VectorXd x = numbers({1, 2, 5});
   MatrixXd twins(3, 2);
   twins << x, 3 * x;
   for (const Image image : {Image::Initial, Image::Mean, Image::Interval}) {
-    const GreyDegrees degrees = grey_degrees(x, twins, of(GreyKind::Deng, image));
+    const GreyDegrees degrees = grey_degrees(x, twins, grey_options(GreyKind::Deng, image));
     EXPECT_NEAR(degrees.degree.minCoeff(), 1, 1e-12);
   }
-  const GreyDegrees same = grey_degrees(x, twins.leftCols(1), of(GreyKind::Deng, Image::None));
+  const GreyDegrees same =
+      grey_degrees(x, twins.leftCols(1), grey_options(GreyKind::Deng, Image::None));
   EXPECT_EQ(same.degree(0), 1);
 }
 
@@ -162,24 +167,24 @@ TEST(Grey, TheMutualMatrixIsSymmetricWithOnesOnItsDiagonal) {
   const MatrixXd data = economy();
   for (const GreyKind kind :
        {GreyKind::Deng, GreyKind::Absolute, GreyKind::Relative, GreyKind::Comprehensive}) {
-    const MutualDegrees mutual = mutual_degrees(data, of(kind));
+    const MutualDegrees mutual = mutual_degrees(data, grey_options(kind));
     ASSERT_EQ(mutual.status, GreyStatus::Ok);
     EXPECT_EQ(mutual.degree, mutual.degree.transpose());
     EXPECT_EQ(mutual.degree.diagonal(), VectorXd::Ones(4));
     EXPECT_GT(mutual.degree.minCoeff(), 0);
     EXPECT_LE(mutual.degree.maxCoeff(), 1);
   }
-  const MutualDegrees liu = mutual_degrees(data, of(GreyKind::Absolute));
+  const MutualDegrees liu = mutual_degrees(data, grey_options(GreyKind::Absolute));
   EXPECT_EQ(liu.degree.col(0).tail(3),
-            grey_degrees(data.col(0), data.rightCols(3), of(GreyKind::Absolute)).degree);
+            grey_degrees(data.col(0), data.rightCols(3), grey_options(GreyKind::Absolute)).degree);
 }
 
 TEST(Grey, RefusesWhatHasNoMeaning) {
-  const VectorXd x = vector({1, 2, 3});
+  const VectorXd x = numbers({1, 2, 3});
   EXPECT_THROW((void)grey_degrees(x, MatrixXd::Ones(2, 1)), std::invalid_argument);
   EXPECT_THROW((void)grey_degrees(x.head(1), MatrixXd::Ones(1, 1)), std::invalid_argument);
   EXPECT_THROW((void)grey_degrees(x, MatrixXd(3, 0)), std::invalid_argument);
-  EXPECT_THROW((void)grey_degrees(vector({1, NAN, 3}), x), std::invalid_argument);
+  EXPECT_THROW((void)grey_degrees(numbers({1, NAN, 3}), x), std::invalid_argument);
   GreyOptions options;
   options.rho = 0;
   EXPECT_THROW((void)grey_degrees(x, x, options), std::invalid_argument);

@@ -9,6 +9,7 @@
 #include "errors/identification/cross_validation.h"
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
+#include "tests/identification/thermal_options.h"
 
 namespace {
 
@@ -50,13 +51,6 @@ ThermalData warmup(const Warmup& of) {
   return data;
 }
 
-ThermalModelOptions of(ModelKind kind) {
-  ThermalModelOptions options;
-  options.kind = kind;
-  options.sigma_from_runs = false;
-  return options;
-}
-
 /// What the reader says of a text.
 std::string refusal(std::string_view text) {
   try {
@@ -73,7 +67,7 @@ TEST(ThermalModel, EveryKindLearnsAWarmUpAndPredictsADayThatItNeverSaw) {
   const ThermalData data = warmup({.days = 16});
   const double untouched = spread(data.y.array() - data.y.mean()).rms;
   for (const ModelKind kind : all_kinds) {
-    const Validation left_out = cross_validate(data, of(kind));
+    const Validation left_out = cross_validate(data, options_of(kind));
     ASSERT_EQ(left_out.status, FitStatus::Ok) << to_string(kind);
     std::cout << to_string(kind) << ": rms " << left_out.overall.rms << " of " << untouched
               << " on days left out, " << left_out.outside << " of " << left_out.rows
@@ -87,7 +81,7 @@ TEST(ThermalModel, EveryKindLearnsAWarmUpAndPredictsADayThatItNeverSaw) {
 TEST(ThermalModel, TextReadsBackAsTheSameBits) {
   const ThermalData data = warmup({.noise = 0.3});
   for (const ModelKind kind : all_kinds) {
-    ThermalModelOptions options = of(kind);
+    ThermalModelOptions options = options_of(kind);
     options.sigma_from_runs = kind == ModelKind::Linear;
     const ThermalFit fitted = fit(data, options);
     ASSERT_TRUE(fitted.model) << to_string(kind);
@@ -107,7 +101,7 @@ TEST(ThermalModel, TextReadsBackAsTheSameBits) {
 
 TEST(ThermalModel, LeavingTheTrainedRangeIsRefusedByName) {
   const ThermalData data = warmup({});
-  ThermalModelOptions options = of(ModelKind::Ridge);
+  ThermalModelOptions options = options_of(ModelKind::Ridge);
   options.margin = 0.2;
   const ThermalModel model = *fit(data, options).model;
   const VectorXd middle = (model.lowest + model.highest) / 2;
@@ -134,12 +128,12 @@ TEST(ThermalModel, LeavingTheTrainedRangeIsRefusedByName) {
 TEST(ThermalModel, AnInputThatStoodStillInTrainingMayNotMove) {
   ThermalData data = warmup({});
   data.T.col(2).setConstant(21.5);
-  const ThermalModel model = *fit(data, of(ModelKind::Ridge)).model;
+  const ThermalModel model = *fit(data, options_of(ModelKind::Ridge)).model;
   VectorXd T = (model.lowest + model.highest) / 2;
   EXPECT_EQ(predict(model, T).status, PredictionStatus::Ok);
   T(2) += 1e-6;
   EXPECT_EQ(predict(model, T).input, 2);
-  const ThermalFit linear = fit(data, of(ModelKind::Linear));
+  const ThermalFit linear = fit(data, options_of(ModelKind::Linear));
   EXPECT_EQ(linear.status, FitStatus::RankDeficient);
   EXPECT_FALSE(linear.model);
   EXPECT_FALSE(linear.confounded.empty());
@@ -178,7 +172,7 @@ TEST(ThermalModel, TextThatIsNoModelIsRefusedWithItsLine) {
   const ThermalData data = warmup({});
   EXPECT_EQ(refusal(""), "model.txt: expected a line \"abbe ...\", seen the end");
   for (const ModelKind kind : {ModelKind::Linear, ModelKind::KernelRidge, ModelKind::Network}) {
-    const std::string text = to_text(*fit(data, of(kind)).model);
+    const std::string text = to_text(*fit(data, options_of(kind)).model);
     EXPECT_EQ(refusal(text), "accepted");
     EXPECT_NE(refusal(text + "more\n"), "accepted");
     // Cut short after every line, and every number of every line spoiled in turn.
@@ -194,7 +188,7 @@ TEST(ThermalModel, TextThatIsNoModelIsRefusedWithItsLine) {
       EXPECT_NE(refusal(spoiled), "accepted") << bad;
     }
   }
-  const std::string text = to_text(*fit(data, of(ModelKind::KernelRidge)).model);
+  const std::string text = to_text(*fit(data, options_of(ModelKind::KernelRidge)).model);
   std::string huge = text;
   const std::size_t at = huge.find("supports ") + 9;
   huge.replace(at, huge.find('\n', at) - at, "99999");
@@ -210,7 +204,7 @@ TEST(ThermalModel, RandomDamageToATextIsRefusedOrHarmless) {
   const ThermalData data = warmup({.days = 2, .rows = 10});
   int refused = 0;
   for (const ModelKind kind : all_kinds) {
-    ThermalModelOptions options = of(kind);
+    ThermalModelOptions options = options_of(kind);
     options.network.hidden = 2;
     const std::string text = to_text(*fit(data, options).model);
     for (int i = 0; i < 500; ++i) {
@@ -239,7 +233,7 @@ TEST(ThermalModel, LinearHasItsDiagnosticsAndNoMoreRowsThanNeededIsAnOutcome) {
   ThermalData few = thinned(only_runs(data, {0}), 30);
   EXPECT_EQ(few.y.size(), 2);
   EXPECT_EQ(fit(few).status, FitStatus::TooFewRows);
-  EXPECT_TRUE(fit(few, of(ModelKind::Ridge)).model);
+  EXPECT_TRUE(fit(few, options_of(ModelKind::Ridge)).model);
 }
 
 TEST(CrossValidation, NeverSeesTheRunThatItPredicts) {
@@ -250,7 +244,7 @@ TEST(CrossValidation, NeverSeesTheRunThatItPredicts) {
   ASSERT_EQ(v.run, (std::vector<int>{0, 1, 2, 3, 4}));
   EXPECT_GT(v.of_run[2].rms, 90);
   // The same by hand.
-  const ThermalFit others = fit(without_run(data, 2), of(ModelKind::Linear));
+  const ThermalFit others = fit(without_run(data, 2), options_of(ModelKind::Linear));
   const ThermalData day = only_runs(data, {2});
   EXPECT_EQ(v.of_run[2].rms, spread(day.y - values(*others.model, day.T)).rms);
   EXPECT_EQ(v.rows, 300);
@@ -260,7 +254,7 @@ TEST(CrossValidation, NeverSeesTheRunThatItPredicts) {
 TEST(CrossValidation, ForwardTrainsOnThePastOnly) {
   ThermalData data = warmup({.days = 6});
   for (int i = 0; i < 60; ++i) data.y(5 * 60 + i) += 100;  // the last day is never trained on
-  const Validation v = cross_validate(data, of(ModelKind::Linear), Split::Forward);
+  const Validation v = cross_validate(data, options_of(ModelKind::Linear), Split::Forward);
   ASSERT_EQ(v.run, (std::vector<int>{2, 3, 4}));
   EXPECT_NEAR(v.of_run[2].rms, 100, 1e-9);
   EXPECT_NEAR(v.of_run[0].rms, 100 / std::sqrt(3.0), 1e-9);
@@ -273,7 +267,7 @@ TEST(CrossValidation, TheNestedChoiceFindsTheLagThatMadeTheData) {
   data.y = with_features(data, {false, 12}).T.col(3) * 2;
   std::vector<Recipe> recipes;
   for (const double lag : {0.0, 4.0, 12.0, 40.0})
-    recipes.push_back({{false, lag}, of(ModelKind::Linear)});
+    recipes.push_back({{false, lag}, options_of(ModelKind::Linear)});
   const NestedValidation nested = nested_validation(data, recipes);
   EXPECT_EQ(nested.chosen, std::vector<int>(7, 2));
   EXPECT_LT(nested.validation.overall.rms, 1e-9);

@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <iostream>
-#include <limits>
 #include <random>
 #include <stdexcept>
 #include <vector>
@@ -10,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/kinematics/machines.h"
+#include "tests/kinematics/nan.h"
 
 namespace abbe::kinematics {
 namespace {
@@ -21,8 +21,6 @@ using machines::turn;
 using machines::x;
 using machines::y;
 using machines::z;
-
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 AxisVector axes(std::initializer_list<double> values) {
   AxisVector q(Eigen::Index(values.size()));
@@ -93,8 +91,10 @@ TEST(Chain, AtZeroIsTheHomePoses) {
 TEST(Chain, PositiveCTurnsTheToolCounterClockwiseInTheWorkpieceOnEitherSide) {
   const double quarter = 90.0_deg;
   const Chain table = table_C();
-  EXPECT_LT((table.tool_in_workpiece(axes({quarter, 100, 0, 0})).translation() -
-             Vector3d(0, 100, 0)).norm(), 1e-13);
+  EXPECT_LT(
+      (table.tool_in_workpiece(axes({quarter, 100, 0, 0})).translation() - Vector3d(0, 100, 0))
+          .norm(),
+      1e-13);
   const Chain head({turn('C', Side::Tool, z)}, Pose::Identity(), machines::placed({100, 0, 0}));
   EXPECT_LT((head.tool_in_workpiece(axes({quarter})).translation() - Vector3d(0, 100, 0)).norm(),
             1e-13);
@@ -119,10 +119,10 @@ TEST(Chain, APrimedCarriageItselfMovesAgainstItsCommand) {
 TEST(Chain, OfTheGantryFollowsAHandComputedPose) {
   // C = 90, A = -90 deg, table centre and pivot known: the tool axis z turns to +y by A, then to -x
   // by C; the tip hangs 200 mm below the pivot.
-  const Chain machine({turn('C', Side::Workpiece, z, {10, 0, 0}), slide('X', Side::Tool, x),
-                       slide('Y', Side::Tool, y), slide('Z', Side::Tool, z),
-                       turn('A', Side::Tool, x, {0, 0, 200})},
-                      Pose::Identity(), Pose::Identity());
+  const Chain machine(
+      {turn('C', Side::Workpiece, z, {10, 0, 0}), slide('X', Side::Tool, x),
+       slide('Y', Side::Tool, y), slide('Z', Side::Tool, z), turn('A', Side::Tool, x, {0, 0, 200})},
+      Pose::Identity(), Pose::Identity());
   const Pose T_wt = machine.tool_in_workpiece(axes({90.0_deg, 15, 20, 30, -90.0_deg}));
   // In the bed the tip stands at (15, 20 - 200, 30 + 200); about (10, 0) by 90 deg: (10 + 180, 5).
   EXPECT_LT((T_wt.translation() - Vector3d(190, 5, 230)).norm(), 1e-12);
@@ -133,8 +133,8 @@ TEST(Chain, TableOffsetEX0CMovesTheToolOnACircleInTheWorkpiece) {
   const double ex = 10.0_um;
   const Chain machine = table_C();
   for (const double c : {0.0, 0.3, 1.7, 3.1, -2.2}) {
-    const Vector3d d = tip_shift(machine, axes({c, 80, -40, 15}),
-                                 location_of(machine, 'C', EX, ex));
+    const Vector3d d =
+        tip_shift(machine, axes({c, 80, -40, 15}), location_of(machine, 'C', EX, ex));
     // by hand: the table has moved by +ex in the bed, the tool by -ex; the workpiece sees it turned
     const Vector3d expected(-ex * std::cos(c), -ex * std::sin(c), 0);
     EXPECT_LT((d - expected).norm(), 1e-13) << "C = " << c;
@@ -235,8 +235,8 @@ TEST(Chain, TranslationsOfACarriageMoveTheToolAlongOnItsOwnSideAndAgainstOnTheOt
     for (const Side side : {Side::Tool, Side::Workpiece}) {
       const Chain machine = cross_slides(side);
       for (const char name : {'X', 'Y'}) {
-        const Vector3d d = tip_shift(machine, axes({12, -9}),
-                                     motion_of(machine, name, component, 5.0_um));
+        const Vector3d d =
+            tip_shift(machine, axes({12, -9}), motion_of(machine, name, component, 5.0_um));
         Vector3d expected = Vector3d::Zero();
         expected[component] = side == Side::Tool ? 5.0_um : -5.0_um;
         EXPECT_LT((d - expected).norm(), 1e-14);
@@ -249,8 +249,8 @@ TEST(Chain, ErrorMotionOfARotaryAxisIsAlongAxesThatDoNotTurn) {
   for (const double q : {0.0, 0.4, 90.0_deg, 180.0_deg, -2.0}) {
     const Vector3d head = tip_shift(head_A(), axes({q}), motion_of(head_A(), 'A', EZ, e));
     EXPECT_LT((head - Vector3d(0, 0, e)).norm(), 1e-13) << q;
-    const Vector3d table = tip_shift(table_C(), axes({q, 80, 0, 0}),
-                                     motion_of(table_C(), 'C', EX, e));
+    const Vector3d table =
+        tip_shift(table_C(), axes({q, 80, 0, 0}), motion_of(table_C(), 'C', EX, e));
     EXPECT_LT((table - Vector3d(-e * std::cos(q), -e * std::sin(q), 0)).norm(), 1e-13) << q;
   }
 }

@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/kinematics/machines.h"
+#include "tests/kinematics/nan.h"
 
 namespace abbe::kinematics {
 namespace {
@@ -88,7 +89,7 @@ Chain with_limits(const Chain& chain, char name, double min, double max) {
 }
 
 // Angles at which inverses break: home, multiples of 45 degrees, and those a little off.
-std::vector<double> awkward_angles() {
+std::vector<double> angles_near_eighths() {
   std::vector<double> angles;
   for (int eighth = -4; eighth <= 4; ++eighth)
     for (const double off : {0.0, 1e-15, -1e-15, 1e-13, -1e-13, 3e-13, 1e-12, -1e-12, 1e-10, 1e-9,
@@ -123,8 +124,8 @@ TEST(Inverse, BringsSingularAndNearlySingularPosesBack) {
     SCOPED_TRACE(name);
     Worst worst;
     const std::vector<int> rotary = rotary_joints(chain);
-    for (const double first : awkward_angles())
-      for (const double second : awkward_angles()) {
+    for (const double first : angles_near_eighths())
+      for (const double second : angles_near_eighths()) {
         AxisVector q = machines::anywhere(chain, random);
         q[rotary[0]] = first;
         q[rotary[1]] = second;
@@ -151,10 +152,9 @@ TEST(Inverse, BringsPosesAtAnyDistanceFromASingularOneBack) {
     for (int i = 0; i < 20000; ++i) {
       const double distance = std::pow(10.0, decade(random));
       const double azimuth = pi * decade(random);
-      const Vector3d direction =
-          (i % 2 ? 1 : -1) * std::cos(distance) * pole_w +
-          std::sin(distance) * (std::cos(azimuth) * across +
-                                std::sin(azimuth) * pole_w.cross(across));
+      const Vector3d direction = (i % 2 ? 1 : -1) * std::cos(distance) * pole_w +
+                                 std::sin(distance) * (std::cos(azimuth) * across +
+                                                       std::sin(azimuth) * pole_w.cross(across));
       const AxisVector previous = machines::anywhere(chain, random);
       const TipTarget target{previous.head<3>(), direction};
       const InverseResult result = inverse(chain, target, previous);
@@ -189,8 +189,8 @@ TEST(Inverse, HoldsItsPromiseOnRandomMachines) {
     const Eigen::Matrix3d frame = Eigen::AngleAxisd(pi * unit(random), direction()).matrix();
     std::vector<Joint> joints;
     for (int k = 0; k < 3; ++k)
-      joints.push_back(slide("XYZ"[k], Side::Tool,
-                             (frame.col(k) + 0.1 * direction()).normalized(), point()));
+      joints.push_back(
+          slide("XYZ"[k], Side::Tool, (frame.col(k) + 0.1 * direction()).normalized(), point()));
     joints.push_back(turn('A', Side::Tool, direction(), point()));
     joints.push_back(turn('B', Side::Tool, direction(), point()));
     std::shuffle(joints.begin(), joints.end(), random);
@@ -207,8 +207,8 @@ TEST(Inverse, HoldsItsPromiseOnRandomMachines) {
         AxisVector there = q;
         there[k] += 1.0;
         columns.conservativeResize(3, columns.cols() + 1);
-        columns.rightCols(1) = chain.tool_in_workpiece(there).translation() -
-                               chain.tool_in_workpiece(q).translation();
+        columns.rightCols(1) =
+            chain.tool_in_workpiece(there).translation() - chain.tool_in_workpiece(q).translation();
       }
       return columns;
     }();
@@ -261,8 +261,8 @@ TEST(Inverse, BranchesAreAllThereAre) {
       const Joint& outer = chain.joints()[std::size_t(rotary[0])];
       const Joint& inner = chain.joints()[std::size_t(rotary[1])];
       const Vector3d tool = chain.T_bt_home().linear().col(2);
-      const double height = outer.direction_b.dot(
-          chain.T_bw_home().linear() * chain.tool_in_workpiece(q).linear().col(2));
+      const double height = outer.direction_b.dot(chain.T_bw_home().linear() *
+                                                  chain.tool_in_workpiece(q).linear().col(2));
       // every root of height(inner turn) = height is a branch
       int roots = 0;
       double before = 0;
@@ -336,14 +336,18 @@ TEST(Inverse, ThroughThePoleDoesNotSwingC) {
   const Chain gantry = machines::gantry();
   AxisVector previous = AxisVector::Zero(6);
   // a plane through the pole, so that one C serves the whole path
-  const Vector3d side_w = gantry.tool_in_workpiece([] {
-    AxisVector q = AxisVector::Zero(6);
-    q[0] = 0.6;
-    q[4] = 0.5 * pi;
-    return q;
-  }()).linear().col(2);
-  previous = inverse(gantry, {Vector3d::Zero(), -std::sin(0.3) * side_w + std::cos(0.3) * z},
-                     previous).branches.at(0);
+  const Vector3d side_w = gantry
+                              .tool_in_workpiece([] {
+                                AxisVector q = AxisVector::Zero(6);
+                                q[0] = 0.6;
+                                q[4] = 0.5 * pi;
+                                return q;
+                              }())
+                              .linear()
+                              .col(2);
+  previous =
+      inverse(gantry, {Vector3d::Zero(), -std::sin(0.3) * side_w + std::cos(0.3) * z}, previous)
+          .branches.at(0);
   double largest_step = 0;
   for (int i = -300; i <= 300; ++i) {
     const double tilt = 1e-3 * i;
@@ -416,8 +420,7 @@ TEST(Inverse, ReachesALimitItself) {
     AxisVector q = machines::anywhere(gantry, random);
     q[4] = 120.0_deg;
     q[3] = -250.0;
-    const Chain limited =
-        with_limits(with_limits(gantry, 'A', 0.0, 120.0_deg), 'Z', -250.0, 300.0);
+    const Chain limited = with_limits(with_limits(gantry, 'A', 0.0, 120.0_deg), 'Z', -250.0, 300.0);
     const InverseResult result = inverse(limited, target_at(gantry, q), q);
     ASSERT_EQ(result.branches.size(), 1u);
     EXPECT_LE(result.branches[0][4], 120.0_deg);
@@ -450,7 +453,8 @@ TEST(Inverse, DoesNotStretchALimitWhereTheDirectionWouldShowIt) {
   q[4] = 0.5;
   q[0] = 90.0_deg + 1e-7;
   EXPECT_EQ(inverse(with_limits(gantry, 'C', -90.0_deg, 90.0_deg), target_at(gantry, q),
-                    AxisVector::Zero(6)).reach,
+                    AxisVector::Zero(6))
+                .reach,
             Reach::OutOfLimits);
   // nearest to previous lies 5e-7 beyond the limit, one turn away is within
   q[0] = -pi + 5e-7;
@@ -528,10 +532,10 @@ TEST(Inverse, OfParallelRotaryAxesKeepsTheOuterAndTurnsTheInner) {
 }
 
 TEST(Inverse, KeepsAnInnerAxisThatTurnsTheToolAboutItself) {
-  const Chain chain({turn('A', Side::Workpiece, x, {0, 6, 8}), slide('X', Side::Tool, x),
-                     slide('Y', Side::Tool, y), slide('Z', Side::Tool, z),
-                     turn('C', Side::Tool, z, {3, 1, 100})},
-                    Pose::Identity(), machines::placed({4, 5, 0}));
+  const Chain chain(
+      {turn('A', Side::Workpiece, x, {0, 6, 8}), slide('X', Side::Tool, x),
+       slide('Y', Side::Tool, y), slide('Z', Side::Tool, z), turn('C', Side::Tool, z, {3, 1, 100})},
+      Pose::Identity(), machines::placed({4, 5, 0}));
   AxisVector previous = AxisVector::Zero(5);
   previous[4] = 0.9;
   const TipTarget target{Vector3d(1, 2, 3), Vector3d(0, std::sin(0.2), std::cos(0.2))};
@@ -664,7 +668,6 @@ TEST(SlidesForTip, IsEmptyWhereThereAreNoThreeIndependentSlides) {
   EXPECT_FALSE(slides_for_tip(chain, q, Vector3d::Zero()));
   EXPECT_EQ(inverse(chain, {Vector3d(1, 2, 3), x}, AxisVector::Zero(4)).reach, Reach::Unreachable);
   q[2] = 0.0;
-  const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_FALSE(slides_for_tip(chain, q, Vector3d(nan, 0, 0)));
 }
 

@@ -31,7 +31,7 @@ Vector6 derivative(const std::function<Pose(double)>& pose) {
 }
 
 // Largest difference, rotations weighed with a lever of 1 m.
-double difference(const Vector6& a, const Vector6& b) {
+double weighed_difference(const Vector6& a, const Vector6& b) {
   return std::max((a - b).head<3>().cwiseAbs().maxCoeff(),
                   1000.0 * (a - b).tail<3>().cwiseAbs().maxCoeff());
 }
@@ -62,7 +62,7 @@ TEST(AxisJacobian, EqualsCentralDifferences) {
           there[i] += h;
           return machine.tool_in_workpiece(there);
         });
-        const double error = difference(J.col(i), expected);
+        const double error = weighed_difference(J.col(i), expected);
         ASSERT_LE(error, tolerance) << name << " axis " << i << " at " << q.transpose();
         worst = std::max(worst, error);
       }
@@ -93,9 +93,9 @@ void expect_derivatives(
                 part(wrong[std::size_t(i)])[k] = h;
                 return chain.tool_in_workpiece(q, wrong);
               });
-              const double error = difference(J.col(6 * i + k), expected);
-              ASSERT_LE(error, tolerance) << name << " joint " << i << " component " << k << " at "
-                                          << q.transpose();
+              const double error = weighed_difference(J.col(6 * i + k), expected);
+              ASSERT_LE(error, tolerance)
+                  << name << " joint " << i << " component " << k << " at " << q.transpose();
               worst = std::max(worst, error);
             }
         }

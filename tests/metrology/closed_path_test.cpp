@@ -42,7 +42,7 @@ CircularTrace trace(VectorXd angle, double sense, const Radius& radius) {
 }
 
 template <typename Radius>
-CircularRuns runs(double R, const VectorXd& angle, const Radius& radius) {
+CircularRuns circular_runs(double R, const VectorXd& angle, const Radius& radius) {
   return {R, trace(angle, 1.0, radius), trace(angle, -1.0, radius)};
 }
 
@@ -168,7 +168,7 @@ TEST(ClosedCircle, FiguresAreTheClosedFormsOfAnEllipseForEveryNumberOfPlaces) {
   for (Index n = 3; n <= 200; ++n)
     for (const bool again : {false, true}) {
       const VectorXd angle = around(n, again);
-      const Circular c = circular(runs(R, angle, ellipse));
+      const Circular c = circular(circular_runs(R, angle, ellipse));
       // 5 um cos^2 = 2.5 um + 2.5 um cos 2a: no first order but for n = 3, where cos 2a is cos a
       const double most = R * mismatch;
       double low = 1.0, high = 0.0;
@@ -201,7 +201,7 @@ TEST(ClosedCircle, FiguresAreTheClosedFormsOfAnEllipseForEveryNumberOfPlaces) {
 
 TEST(ClosedCircle, SeventyTwoTargetsThatEndWhereTheyBeganGiveFiveMicrometres) {
   // as a bar of abbe 0.1.0 read them: 0 and 360 degrees are two of the 72
-  const Circular c = circular(runs(R, VectorXd::LinSpaced(72, 0.0, 2.0 * pi), ellipse));
+  const Circular c = circular(circular_runs(R, VectorXd::LinSpaced(72, 0.0, 2.0 * pi), ellipse));
   std::cout << "G " << c.both->G_lsq * 1e3 << " um\n";
   // 71 places, of which the nearest to 90 degrees is a quarter of a step away; 5.0538 um where 0
   // degrees counts twice
@@ -276,8 +276,8 @@ TEST(ClosedCircle, CausesAreTheSameWithTheFirstPlaceReadAgain) {
            3.0_um * std::cos(a);
   };
   for (Index n = 9; n <= 200; ++n) {
-    const CircularCauses once = circular_causes(runs(R, around(n, false), radius));
-    const CircularCauses again = circular_causes(runs(R, around(n, true), radius));
+    const CircularCauses once = circular_causes(circular_runs(R, around(n, false), radius));
+    const CircularCauses again = circular_causes(circular_runs(R, around(n, true), radius));
     ASSERT_EQ(once.undetermined, again.undetermined) << n;
     const auto same = [&](const std::optional<Estimated>& a, const std::optional<Estimated>& b) {
       ASSERT_EQ(a.has_value(), b.has_value()) << n;
@@ -295,10 +295,10 @@ TEST(ClosedCircle, CausesAreTheSameWithTheFirstPlaceReadAgain) {
 }
 
 TEST(ClosedCircle, PlacesCountAndNotReadings) {
-  EXPECT_EQ(place_count(runs(R, around(4, true), ellipse)), 8);
-  EXPECT_THROW(circular_causes(runs(R, around(4, true), ellipse)), std::invalid_argument)
+  EXPECT_EQ(place_count(circular_runs(R, around(4, true), ellipse)), 8);
+  EXPECT_THROW(circular_causes(circular_runs(R, around(4, true), ellipse)), std::invalid_argument)
       << "ten readings at eight places do not tell eight causes";
-  EXPECT_NO_THROW(circular(runs(R, around(3, true), ellipse)));
+  EXPECT_NO_THROW(circular(circular_runs(R, around(3, true), ellipse)));
 }
 
 // ---- plans

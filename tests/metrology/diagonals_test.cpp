@@ -90,7 +90,7 @@ TEST(FaceDiagonals, TellTheSquarenessOfTheirFace) {
   EXPECT_NEAR(face(1, 2), 15e-6, 4e-9);
 }
 
-DiagonalRuns runs(std::array<int, 3> signs, double slope, double reversal) {
+DiagonalRuns diagonal_runs(std::array<int, 3> signs, double slope, double reversal) {
   DiagonalRuns d{signs, {}};
   d.runs.target = Eigen::VectorXd::LinSpaced(11, 0.0, 700.0);
   d.runs.up = (slope * d.runs.target) * Eigen::RowVector3d::Ones();
@@ -99,24 +99,26 @@ DiagonalRuns runs(std::array<int, 3> signs, double slope, double reversal) {
 }
 
 TEST(Diagonals, TheWorstOfTheSetIsTheSetsFigure) {
-  const Diagonals d = diagonals({runs({1, 1, 1}, 10e-6, 1.0_um), runs({-1, 1, 1}, -30e-6, 2.0_um)});
+  const Diagonals d = diagonals(
+      {diagonal_runs({1, 1, 1}, 10e-6, 1.0_um), diagonal_runs({-1, 1, 1}, -30e-6, 2.0_um)});
   ASSERT_EQ(d.each.size(), 2u);
   EXPECT_NEAR(d.E_d, 21.0_um + 2.0_um, 1e-12);
   EXPECT_NEAR(*d.B_d, 2.0_um, 1e-15);
   EXPECT_NEAR(*d.each[0].E, 7.0_um + 1.0_um, 1e-12);
-  DiagonalRuns up = runs({1, -1, 1}, 50e-6, 0.0);
+  DiagonalRuns up = diagonal_runs({1, -1, 1}, 50e-6, 0.0);
   up.runs.down.resize(0, 0);
-  const Diagonals mixed = diagonals({runs({1, 1, 1}, 10e-6, 1.0_um), up});
+  const Diagonals mixed = diagonals({diagonal_runs({1, 1, 1}, 10e-6, 1.0_um), up});
   EXPECT_NEAR(mixed.E_d, 35.0_um, 1e-12);
   EXPECT_FALSE(mixed.B_d);
 }
 
 TEST(Diagonals, RefusesWhatIsNoSetOfDiagonals) {
   EXPECT_THROW(diagonals({}), std::invalid_argument);
-  EXPECT_THROW(diagonals({runs({1, 0, 0}, 0, 0)}), std::invalid_argument);
-  EXPECT_THROW(diagonals({runs({2, 1, 1}, 0, 0)}), std::invalid_argument);
-  EXPECT_THROW(diagonals({runs({1, 1, -1}, 0, 0), runs({-1, -1, 1}, 0, 0)}), std::invalid_argument);
-  EXPECT_NO_THROW(diagonals({runs({1, 1, 0}, 0, 0), runs({-1, 1, 0}, 0, 0)}));
+  EXPECT_THROW(diagonals({diagonal_runs({1, 0, 0}, 0, 0)}), std::invalid_argument);
+  EXPECT_THROW(diagonals({diagonal_runs({2, 1, 1}, 0, 0)}), std::invalid_argument);
+  EXPECT_THROW(diagonals({diagonal_runs({1, 1, -1}, 0, 0), diagonal_runs({-1, -1, 1}, 0, 0)}),
+               std::invalid_argument);
+  EXPECT_NO_THROW(diagonals({diagonal_runs({1, 1, 0}, 0, 0), diagonal_runs({-1, 1, 0}, 0, 0)}));
   EXPECT_THROW(squareness_from_body_diagonals({1, 0, 1}, {0, 0, 0, 0}), std::invalid_argument);
   EXPECT_THROW(squareness_from_face_diagonals(1, 1, std::nan(""), 0), std::invalid_argument);
 }

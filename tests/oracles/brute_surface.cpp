@@ -26,7 +26,7 @@ Real norm(Vector a) { return std::sqrt(dot(a, a)); }
 Vector unit(Vector a) { return (1 / norm(a)) * a; }
 Vector vector(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
-struct Line {
+struct RayLine {
   Vector o, d;
   Vector at(Real s) const { return o + s * d; }
 };
@@ -38,7 +38,7 @@ struct Span {
 
 /// Where the line lies in |p - c| <= r for the part of p across `axis` (or all of p for a zero
 /// axis).
-Span inside_round(const Line& line, Vector axis, Real r) {
+Span inside_round(const RayLine& line, Vector axis, Real r) {
   const Vector o = line.o - dot(line.o, axis) * axis;
   const Vector d = line.d - dot(line.d, axis) * axis;
   const Real dd = dot(d, d);
@@ -51,7 +51,7 @@ Span inside_round(const Line& line, Vector axis, Real r) {
   return {middle - half, middle + half};
 }
 
-Span inside_slab(const Line& line, Vector normal, Real low, Real high) {
+Span inside_slab(const RayLine& line, Vector normal, Real low, Real high) {
   const Real o = dot(line.o, normal);
   const Real d = dot(line.d, normal);
   if (std::abs(d) < 1e-25L) return o >= low && o <= high ? Span{-infinity, infinity} : Span{1, 0};
@@ -67,7 +67,7 @@ Span common(Span a, Span b) { return {std::max(a.low, b.low), std::min(a.high, b
 struct Convex {
   Real value, slope;
 };
-Convex corner_distance(const Line& line, Vector axis, Real core_radius, Real corner, Real s) {
+Convex corner_distance(const RayLine& line, Vector axis, Real core_radius, Real corner, Real s) {
   const Vector p = line.at(s);
   const Real z = dot(p, axis);
   const Vector across = p - z * axis;
@@ -82,7 +82,7 @@ Convex corner_distance(const Line& line, Vector axis, Real core_radius, Real cor
 }
 
 /// First s >= from at which a convex function falls to 0: Newton from the left never passes it.
-std::optional<Real> first_inside(const Line& line, Vector axis, Real core_radius, Real corner,
+std::optional<Real> first_inside(const RayLine& line, Vector axis, Real core_radius, Real corner,
                                  Real from) {
   Real s = from;
   for (int i = 0; i < 2000; ++i) {
@@ -102,12 +102,12 @@ struct Cutter {
 
 /// First s >= from at which the line, told from the tip, is inside the cutter; infinity if none to
 /// +band.
-Real cutter_entry(const Line& line, Vector axis, const Cutter& cutter, Real from, Real to) {
+Real cutter_entry(const RayLine& line, Vector axis, const Cutter& cutter, Real from, Real to) {
   Span span = common({from, to}, inside_round(line, axis, cutter.radius));
   span = common(span, inside_slab(line, axis, cutter.bottom, cutter.top));
   if (!(span.low <= span.high)) return infinity;
   if (cutter.corner == 0) return span.low;
-  const Line lifted{line.o - cutter.bottom * axis, line.d};
+  const RayLine lifted{line.o - cutter.bottom * axis, line.d};
   const std::optional<Real> s =
       first_inside(lifted, axis, cutter.radius - cutter.corner, cutter.corner, span.low);
   return s && *s <= span.high ? *s : infinity;
@@ -226,11 +226,11 @@ BruteHit brute_milled(const Ray& ray, const BruteCutter& cutter,
   }
   for (const BrutePose& pose : motion) times.push_back(pose.time_s);
   const Real band = options.band;
-  const Line line{vector(ray.origin), unit(vector(ray.direction))};
+  const RayLine line{vector(ray.origin), unit(vector(ray.direction))};
   const Real farthest = std::hypot(Real(cutter.radius), Real(cutter.flank_length));
   const auto entry = [&](std::size_t m, Real u, Real thicker) {
     const MillMove& move = moves[m];
-    const Line seen{line.o - (move.tip + u * move.tip_step), line.d};
+    const RayLine seen{line.o - (move.tip + u * move.tip_step), line.d};
     // The corner radius grows with the tool, the flat keeps its radius: this holds the thickened
     // tool.
     const Cutter thick{cutter.radius + thicker, cutter.corner_radius + thicker, -thicker,
@@ -254,7 +254,7 @@ BruteHit brute_milled(const Ray& ray, const BruteCutter& cutter,
 BruteHit brute_turned(const Ray& ray, const BruteTurning& turning, const BruteOptions& options) {
   const Vector origin = vector(turning.spindle_point);
   const Vector spindle = unit(vector(turning.spindle_direction));
-  const Line line{vector(ray.origin) - origin, unit(vector(ray.direction))};
+  const RayLine line{vector(ray.origin) - origin, unit(vector(ray.direction))};
   std::vector<TurnMove> moves;
   std::vector<double> times;
   for (std::size_t i = 0; i + 1 < turning.poses.size(); ++i) {
@@ -268,7 +268,7 @@ BruteHit brute_turned(const Ray& ray, const BruteTurning& turning, const BruteOp
   };
   const auto seen_at = [&](const TurnMove& move, Real u) {
     const Real angle = move.spindle + u * move.spindle_step;
-    return Line{line.o - turned(move.centre + u * move.centre_step, spindle, angle), line.d};
+    return RayLine{line.o - turned(move.centre + u * move.centre_step, spindle, angle), line.d};
   };
   const auto earliest = [&](std::size_t m, Real u0, Real u1) {
     const TurnMove& move = moves[m];
@@ -280,7 +280,7 @@ BruteHit brute_turned(const Ray& ray, const BruteTurning& turning, const BruteOp
             (u1 - u0) / 2 +
         1e-16L;
     const Real u = (u0 + u1) / 2;
-    const Line seen = seen_at(move, u);
+    const RayLine seen = seen_at(move, u);
     const Vector y = plane_normal(move, u);
     Span span = common({-band, band}, inside_slab(seen, y, -reach, reach));
     span = common(span, inside_round(seen, y, turning.radius + reach));
@@ -293,7 +293,7 @@ BruteHit brute_turned(const Ray& ray, const BruteTurning& turning, const BruteOp
     Real s, y;
   };
   const auto side = [&](const TurnMove& move, Real u) -> std::optional<Side> {
-    const Line seen = seen_at(move, u);
+    const RayLine seen = seen_at(move, u);
     const Vector y = plane_normal(move, u);
     const Span span = common({-band, infinity}, inside_round(seen, y, turning.radius));
     if (!(span.low <= span.high) || span.low > 2 * band) return std::nullopt;
@@ -301,7 +301,7 @@ BruteHit brute_turned(const Ray& ray, const BruteTurning& turning, const BruteOp
   };
   // Where the line goes through the disc at one instant, which is a place for certain too.
   const auto face = [&](const TurnMove& move, Real u) {
-    const Line seen = seen_at(move, u);
+    const RayLine seen = seen_at(move, u);
     const Vector y = plane_normal(move, u);
     const Real s = -dot(seen.o, y) / dot(seen.d, y);
     return s >= -band && s <= band && norm(seen.at(s)) <= turning.radius ? s : infinity;

@@ -12,7 +12,7 @@
 namespace abbe::sim::program {
 namespace {
 
-constexpr unsigned seed = 20250314;
+constexpr unsigned fuzz_seed = 20250314;
 
 const std::string valid_nc =
     "%\nN10 G21 G90 G94 G54 (head)\nG43.4 H1\nS1000 M3\nG0 X1 Y2 Z30 A5 C10\nG1 X2.5 F600\n"
@@ -81,8 +81,8 @@ void try_one(const Reader& reader, const std::string& text, Count& count) {
 }
 
 TEST(Fuzz, NcReaderReadsOrRefusesWithAPlace) {
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SCOPED_TRACE(testing::Message() << "seed " << fuzz_seed);
+  std::mt19937 random(fuzz_seed);
   const NcOptions options = test::options_for(test::gantry());
   const auto reader = [&](const std::string& text) { return read_nc(text, "fuzz", options); };
   const std::string_view letters = "GMXYZACIJKRFSTHPNO0123456789.-+()%;/#[]= \n\r\te";
@@ -93,14 +93,15 @@ TEST(Fuzz, NcReaderReadsOrRefusesWithAPlace) {
                                           : damaged(random, valid_nc, letters);
     ASSERT_NO_FATAL_FAILURE(try_one(reader, text, count)) << text;
   }
-  std::cout << "seed " << seed << ": " << count.read << " read, " << count.refused << " refused\n";
+  std::cout << "seed " << fuzz_seed << ": " << count.read << " read, " << count.refused
+            << " refused\n";
   EXPECT_GT(count.read, 1000);
   EXPECT_GT(count.refused, 1000);
 }
 
 TEST(Fuzz, PvtReaderReadsOrRefusesWithAPlace) {
-  SCOPED_TRACE(testing::Message() << "seed " << seed);
-  std::mt19937 random(seed);
+  SCOPED_TRACE(testing::Message() << "seed " << fuzz_seed);
+  std::mt19937 random(fuzz_seed);
   const NcOptions options = test::options_for(test::platform());
   const auto reader = [&](const std::string& text) { return read_pvt(text, "fuzz", options); };
   const std::string_view letters = "time_s,XZS_mm_per_deg0123456789.-+e\n\r#";
@@ -111,7 +112,8 @@ TEST(Fuzz, PvtReaderReadsOrRefusesWithAPlace) {
                                           : damaged(random, valid_pvt, "0123456789.-+e ,");
     ASSERT_NO_FATAL_FAILURE(try_one(reader, text, count)) << text;
   }
-  std::cout << "seed " << seed << ": " << count.read << " read, " << count.refused << " refused\n";
+  std::cout << "seed " << fuzz_seed << ": " << count.read << " read, " << count.refused
+            << " refused\n";
   EXPECT_GT(count.read, 1000);
   EXPECT_GT(count.refused, 1000);
 }

@@ -107,7 +107,7 @@ ThinOptions thin(double tolerance, int axes, double lever) {
   return options;
 }
 
-constexpr RewriteOptions fine = {.word_mm = 1e-7, .word_rad = 1e-9};
+constexpr RewriteOptions fine_words = {.word_mm = 1e-7, .word_rad = 1e-9};
 
 const char* const five_axis =
     "S500 M3\nG43.4 H1\nG0 X10 Z5 A10\nG1 X20 C30 F600\nG17 G3 X0 Y20 R30\nG4 P1.5\nG2 X0 Y-20 Z-3 "
@@ -168,7 +168,7 @@ TEST(Rewrite, NoCorrectionAtManyPointsGivesTheBlocksOfTheOriginalBackArcsToo) {
   const Path path = read_nc(five_axis, "t", options);
   const ThinOptions tight = thin(1e-5, 6, 100.0);
   const CorrectedPath points = thinned(path, dense(path, 400, none), options, tight);
-  const RewrittenProgram program = rewritten(path, points, options, fine);
+  const RewrittenProgram program = rewritten(path, points, options, fine_words);
   const Path again = read_nc(program.text, "again", options);
   const Off off = off_wanted(path, program, again, options.axes, 100.0, none);
   std::cout << path.motion_blocks << " blocks become " << off.blocks << ", off by " << off.most
@@ -200,7 +200,7 @@ TEST(Rewrite, EveryGoldenProgramComesBackWithItsMotion) {
     const Path path = read_nc_file(file, options);
     if (path.blocks.empty()) continue;
     const RewrittenProgram program =
-        rewritten(path, CorrectedPath(path.blocks.size()), options, fine);
+        rewritten(path, CorrectedPath(path.blocks.size()), options, fine_words);
     const Path again = read_nc(program.text, "again", options);
     const Off off = off_wanted(path, program, again, options.axes, 1.0, none);
     // the tool of a spiralling arc (unlike radii) is where the reader of the original put it
@@ -274,7 +274,7 @@ TEST_P(ThinnedNc, StaysWithinItsToleranceOfTheCorrectedPathAtEveryInstant) {
     const int parts = 4000;
     const CorrectedPath all = dense(path, parts, change);
     const CorrectedPath points = thinned(path, all, options, thin(tolerance, n, lever));
-    const RewrittenProgram program = rewritten(path, points, options, fine);
+    const RewrittenProgram program = rewritten(path, points, options, fine_words);
     const Path again = read_nc(program.text, "again", options);
     const Off off = off_wanted(path, program, again, options.axes, lever, change);
     std::cout << one.name << ", tolerance " << tolerance << " mm: off by " << off.most << " mm in "
@@ -328,7 +328,7 @@ TEST(Thinned, RandomProgramsStayWithinTheirTolerance) {
     const double tolerance = std::pow(10.0, -3 + unit(random));
     const CorrectedPath points =
         thinned(path, dense(path, 2000, change), options, thin(tolerance, 6, 10.0));
-    const RewrittenProgram program = rewritten(path, points, options, fine);
+    const RewrittenProgram program = rewritten(path, points, options, fine_words);
     const Path again = read_nc(program.text, "again", options);
     const Off off = off_wanted(path, program, again, options.axes, 10.0, change);
     ASSERT_LE(off.most, tolerance + 2e-6) << text << program.text;
@@ -346,7 +346,7 @@ TEST(Thinned, ConstantCorrectionKeepsEveryBlock) {
     return AxisVector::Constant(block.end.size(), 0.01);
   };
   const CorrectedPath points = thinned(path, dense(path, 500, change), options, thin(1e-5, 3, 0));
-  const Path again = read_nc(rewritten(path, points, options, fine).text, "t", options);
+  const Path again = read_nc(rewritten(path, points, options, fine_words).text, "t", options);
   EXPECT_EQ(again.motion_blocks, 1 + 4 + 3);  // a jump at the start, circle and three quarters cut
   EXPECT_EQ(again.arcs.size(), 5u);
   EXPECT_NEAR(again.arcs.back().radius, 10.0, 1e-4);

@@ -1,7 +1,7 @@
 #include <iostream>
-#include <limits>
 
 #include "render/plot.h"
+#include "tests/kinematics/nan.h"
 #include "tests/render/picture.h"
 
 namespace abbe::render {
@@ -14,7 +14,7 @@ using test::Pixel;
 class Bars : public test::Folder {};
 
 /// Pixels of a bar in a series colour, over white.
-int body(const Image& image, int colour) {
+int bar_pixels(const Image& image, int colour) {
   const Colour c = series_colour(colour);
   const auto paled = [](double part) { return 1.0 - 0.85 * (1.0 - part); };
   const Colour pale{paled(c.r), paled(c.g), paled(c.b)};
@@ -30,7 +30,7 @@ Bar two_sided(double low, double high) {
 TEST_F(Bars, OfATornadoAreAsLongAsTheirChanges) {
   write_bars(file("a.png"), {two_sided(-1.0, 3.0)});
   const Image image(file("a.png"));
-  const int low = body(image, 0), high = body(image, 1);
+  const int low = bar_pixels(image, 0), high = bar_pixels(image, 1);
   std::cout << "bars of " << low << " and " << high << " px\n";
   ASSERT_GT(low, 1000);
   EXPECT_NEAR(high / double(low), 3.0, 0.05);
@@ -39,7 +39,7 @@ TEST_F(Bars, OfATornadoAreAsLongAsTheirChanges) {
 TEST_F(Bars, OfATornadoThatPointOneWayShareTheirRow) {
   write_bars(file("a.png"), {two_sided(2.0, 4.0)});
   const Image image(file("a.png"));
-  const int low = body(image, 0), high = body(image, 1);
+  const int low = bar_pixels(image, 0), high = bar_pixels(image, 1);
   std::cout << "bars of " << low << " and " << high << " px\n";
   ASSERT_GT(low, 1000);                       // the shorter one is not hidden
   EXPECT_NEAR(high / double(low), 2.0, 0.2);  // a row of pixels at the seam
@@ -69,7 +69,6 @@ TEST_F(Bars, RunningSumReachesTheSumOfAllBars) {
 }
 
 TEST_F(Bars, OfAwkwardChangesAreDrawn) {
-  const double nan = std::numeric_limits<double>::quiet_NaN();
   BarsOptions options;
   options.legend = {std::string(300, 'l'), ""};
   options.running_sum = std::string(300, 'r');

@@ -1,11 +1,11 @@
 #include "render/distribution.h"
 
 #include <iostream>
-#include <limits>
 #include <random>
 #include <stdexcept>
 #include <system_error>
 
+#include "tests/kinematics/nan.h"
 #include "tests/render/picture.h"
 
 namespace abbe::render {
@@ -17,8 +17,6 @@ using test::Pixel;
 
 class Distribution : public test::Folder {};
 
-const double nan = std::numeric_limits<double>::quiet_NaN();
-
 Eigen::VectorXd drawn(int count, double mean, double spread) {
   std::mt19937_64 random(7);
   std::normal_distribution<double> normal(mean, spread);
@@ -26,7 +24,7 @@ Eigen::VectorXd drawn(int count, double mean, double spread) {
 }
 
 /// Pixels of a body in a series colour, over white.
-int body(const Image& image, int colour) {
+int body_pixels(const Image& image, int colour) {
   const Colour c = series_colour(colour);
   const auto paled = [](double part) { return 1.0 - 0.22 * (1.0 - part); };
   const Colour pale{paled(c.r), paled(c.g), paled(c.b)};
@@ -38,7 +36,7 @@ TEST_F(Distribution, BodiesOfOneBinWidthHaveOneArea) {
   write_distribution(file("a.png"), {{"many", drawn(20000, 10.0, 1.0), {}, {}, {}},
                                      {"few", drawn(500, 30.0, 1.0), {}, {}, {}}});
   const Image image(file("a.png"));
-  const int many = body(image, 0), few = body(image, 1);
+  const int many = body_pixels(image, 0), few = body_pixels(image, 1);
   std::cout << "bodies of " << many << " and " << few << " px\n";
   EXPECT_GT(many, 5000);
   EXPECT_NEAR(few / double(many), 1.0, 0.1);
@@ -49,7 +47,8 @@ TEST_F(Distribution, OneFarValueDoesNotSqueezeTheRest) {
   write_distribution(file("a.png"), {{"", values, {}, {}, {}}});
   values[77] = 1e9;
   write_distribution(file("b.png"), {{"", values, {}, {}, {}}});
-  const int without = body(Image(file("a.png")), 0), with = body(Image(file("b.png")), 0);
+  const int without = body_pixels(Image(file("a.png")), 0),
+            with = body_pixels(Image(file("b.png")), 0);
   std::cout << "bodies of " << without << " and " << with << " px\n";
   EXPECT_GT(with, 0.5 * without);
 }

@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "tests/kinematics/nan.h"
 #include "tests/render/picture.h"
 
 namespace abbe::render {
@@ -15,8 +16,6 @@ using test::Image;
 using test::Pixel;
 
 class Heat : public test::Folder {};
-
-const double nan = std::numeric_limits<double>::quiet_NaN();
 
 HeatMap matrix(int rows, int columns) {
   HeatMap map;

@@ -8,6 +8,7 @@
 
 #include "render/figures.h"
 #include "render/machine.h"
+#include "tests/kinematics/nan.h"
 #include "tests/render/picture.h"
 
 namespace abbe::render {
@@ -24,7 +25,6 @@ Eigen::VectorXd values(const std::vector<double>& list) {
 }
 
 TEST(Figures, AreThoseOfTheWeightedValues) {
-  const double nan = std::nan("");
   const Figures f = figures(values({1.0, -2.0, nan, 5.0}), values({1.0, 2.0, 100.0, 1.0}));
   EXPECT_DOUBLE_EQ(f.pv_um, 7.0);
   EXPECT_DOUBLE_EQ(f.mean_um, 0.5);
@@ -62,7 +62,6 @@ TEST_F(Plot, HistogramWeighsByArea) {
 }
 
 TEST_F(Plot, HistogramOfAwkwardDataIsDrawn) {
-  const double nan = std::nan("");
   write_histogram(file("none.png"), Eigen::VectorXd(0), Eigen::VectorXd(0));
   write_histogram(file("nan.png"), Eigen::VectorXd::Constant(3, nan), Eigen::VectorXd::Ones(3));
   write_histogram(file("zero.png"), Eigen::VectorXd::Zero(3), Eigen::VectorXd::Ones(3));
@@ -231,7 +230,6 @@ TEST_F(Plot, BarsAreAsLongAsTheirValues) {
 }
 
 TEST_F(Plot, AwkwardSeriesAreDrawn) {
-  const double nan = std::nan("");
   Panel p = wave(5);
   p.series[0].y.setConstant(nan);
   p.series[0].lower[2] = nan;

@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "tests/kinematics/nan.h"
 #include "tests/render/picture.h"
 
 namespace abbe::render {
@@ -16,8 +17,6 @@ using test::Image;
 using test::Pixel;
 
 class Sheet : public test::Folder {};
-
-const double nan = std::numeric_limits<double>::quiet_NaN();
 
 /// Maps of a dome, each a tilt of its own size.
 std::vector<SheetMap> tilts(const cutting::Design& design, int count) {

@@ -53,7 +53,7 @@ int expect_calm_files(const fs::path& folder, const std::string& door) {
     ++files;
     EXPECT_EQ(act_in(bytes(entry.path())), "") << door << ": " << entry.path().filename();
     if (ending == ".json") {
-      EXPECT_NO_THROW((void)nlohmann::json::parse(bytes(entry.path()))) << entry.path();
+      EXPECT_TRUE(nlohmann::json::accept(bytes(entry.path()))) << entry.path();
     }
   }
   return files;

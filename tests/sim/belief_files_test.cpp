@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // um or urad: rounding of another processor, through a fit with directions that are hardly known
-constexpr double same = 1e-4;
+constexpr double rounding = 1e-4;
 
 /// A belief file without its comments and covariance.
 std::string bare(const fs::path& file) {
@@ -33,7 +33,7 @@ std::string bare(const fs::path& file) {
 
 /// Largest difference of two texts whose words are the same, number by number; infinite if the
 /// words differ.
-double difference(const std::string& a, const std::string& b) {
+double largest_difference(const std::string& a, const std::string& b) {
   const char *p = a.c_str(), *q = b.c_str();
   double largest = 0.0;
   while (*p != 0 && *q != 0) {
@@ -53,9 +53,9 @@ double difference(const std::string& a, const std::string& b) {
 }
 
 /// What measuring a scene and identifying its machine give, as the head of a belief file says.
-std::string identified(const char* scene, IdentifyOptions options, const char* out,
-                       const std::vector<Override>& changes = {},
-                       const std::vector<std::string>& instruments = {}) {
+std::string identified_bare(const char* scene, IdentifyOptions options, const char* out,
+                            const std::vector<Override>& changes = {},
+                            const std::vector<std::string>& instruments = {}) {
   const SceneFolder folder;
   const fs::path file = fs::path(ABBE_SOURCE_DIR) / "scenes" / (std::string(scene) + ".toml");
   MeasureOptions measuring;
@@ -70,7 +70,7 @@ std::string identified(const char* scene, IdentifyOptions options, const char* o
   return bare(options.out);
 }
 
-std::string packaged(const char* belief) {
+std::string packaged_bare(const char* belief) {
   return bare(fs::path(ABBE_SOURCE_DIR) / "scenes" / "beliefs" / belief);
 }
 
@@ -79,27 +79,29 @@ TEST(BeliefFiles, PlatformIsWhatItsCalibrationGives) {
   options.model.order = 16;
   options.model.only = {"EXX", "EYX", "EZX", "EAX", "EBX", "ECX", "EXZ",
                         "EYZ", "EZZ", "EAZ", "EBZ", "ECZ", "EB0Z"};
-  const double off = difference(identified("platform_calibration", options, "belief.toml"),
-                                packaged("platform.toml"));
+  const double off =
+      largest_difference(identified_bare("platform_calibration", options, "belief.toml"),
+                         packaged_bare("platform.toml"));
   std::cout << "platform: largest difference " << off << " um or urad\n";
-  EXPECT_LT(off, same);
+  EXPECT_LT(off, rounding);
 }
 
 TEST(BeliefFiles, GantryIsWhatItsCalibrationGives) {
   IdentifyOptions options;
   options.choose_orders = true;
   options.model.pitch = {{'X', 16.0}, {'Y', 16.0}, {'Z', 12.0}};
-  const double off =
-      difference(identified("gantry_calibration", options, "belief.toml"), packaged("gantry.toml"));
+  const double off = largest_difference(
+      identified_bare("gantry_calibration", options, "belief.toml"), packaged_bare("gantry.toml"));
   std::cout << "gantry: largest difference " << off << " um or urad\n";
-  EXPECT_LT(off, same);
+  EXPECT_LT(off, rounding);
 }
 
 TEST(BeliefFiles, HeatOfTheGantryIsWhatItsTrainingDayGives) {
   IdentifyOptions options;
   options.method = IdentifyOptions::Method::Thermal;
-  const double off = difference(identified("gantry_warmup_training", options, "belief.txt"),
-                                packaged("gantry_warmup_thermal.txt"));
+  const double off =
+      largest_difference(identified_bare("gantry_warmup_training", options, "belief.txt"),
+                         packaged_bare("gantry_warmup_thermal.txt"));
   std::cout << "gantry, heat: largest difference " << off << "\n";
   EXPECT_LT(off, 1e-6);
 }
@@ -108,15 +110,15 @@ TEST(BeliefFiles, StepDiagonalIsWhatItsReadingsGiveWithAnglesAndWithout) {
   IdentifyOptions options;
   options.method = IdentifyOptions::Method::StepDiagonal;
   options.sensors = {"X_nut", "Y_nut", "Z_nut"};
-  const double with = difference(identified("step_diagonal", options, "belief.toml"),
-                                 packaged("step_diagonal.toml"));
-  const double without =
-      difference(identified("step_diagonal", options, "belief.toml", {{"errors.1.scale", "0"}}),
-                 packaged("step_diagonal_translations.toml"));
+  const double with = largest_difference(identified_bare("step_diagonal", options, "belief.toml"),
+                                         packaged_bare("step_diagonal.toml"));
+  const double without = largest_difference(
+      identified_bare("step_diagonal", options, "belief.toml", {{"errors.1.scale", "0"}}),
+      packaged_bare("step_diagonal_translations.toml"));
   std::cout << "step diagonal: largest difference " << with << ", without angles " << without
             << " um or urad\n";
-  EXPECT_LT(with, same);
-  EXPECT_LT(without, same);
+  EXPECT_LT(with, rounding);
+  EXPECT_LT(without, rounding);
 }
 
 TEST(BeliefFiles, GrowthOfTheSpindleIsWhatItsDayGives) {
@@ -124,11 +126,11 @@ TEST(BeliefFiles, GrowthOfTheSpindleIsWhatItsDayGives) {
   options.method = IdentifyOptions::Method::Thermal;
   options.model.only = {"EZS"};
   options.margin = 1.5;
-  const double off = difference(
-      identified("thermal_protocol_chen", options, "belief.txt",
-                 {{"instrument.drift.start_h", "-8"}, {"instrument.drift.duration_h", "8"}},
-                 {"drift"}),
-      packaged("thermal_protocol_chen.txt"));
+  const double off = largest_difference(
+      identified_bare("thermal_protocol_chen", options, "belief.txt",
+                      {{"instrument.drift.start_h", "-8"}, {"instrument.drift.duration_h", "8"}},
+                      {"drift"}),
+      packaged_bare("thermal_protocol_chen.txt"));
   std::cout << "growth of the spindle: largest difference " << off << "\n";
   EXPECT_LT(off, 1e-6);
 }

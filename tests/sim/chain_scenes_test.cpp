@@ -14,21 +14,21 @@ namespace {
 
 using namespace abbe::literals;
 
-struct Kind {
+struct MachineKind {
   const char* machine;
   const char* slides;
   const char* turns;
   double lead;  ///< deg
 };
 
-const Kind gantry{"gantry_cxyza", "XYZ", "CA", 25.0};
-const Kind others[] = {{"trunnion_ca", "XYZ", "CA", 25.0},
-                       {"head_head", "XYZ", "CA", 25.0},
-                       {"three_axis_table", "XYZ", "", 0.0}};
+const MachineKind gantry_kind{"gantry_cxyza", "XYZ", "CA", 25.0};
+const MachineKind other_machines[] = {{"trunnion_ca", "XYZ", "CA", 25.0},
+                                      {"head_head", "XYZ", "CA", 25.0},
+                                      {"three_axis_table", "XYZ", "", 0.0}};
 
 /// A small dome whose chords (0.1 nm) and turns between points are too short to tell machines
 /// apart.
-BallRaster dome(const Kind& kind, const std::string& errors = {}) {
+BallRaster dome_on(const MachineKind& kind, const std::string& errors = {}) {
   return {.part =
               "surface = \"sphere_cap\"\nradius_mm = 100.0\nrim_radius_mm = 2.0\n"
               "at_mm = [40, 25, 80]\nvertices = 4000",
@@ -40,7 +40,7 @@ BallRaster dome(const Kind& kind, const std::string& errors = {}) {
 }
 
 /// Every element that the machine can have: 20 um and 30 urad, error motions as cubics.
-std::string random_errors(const Kind& kind, unsigned seed) {
+std::string random_errors(const MachineKind& kind, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   const std::string linear = "XYZ", all = "XYZABC";
@@ -69,9 +69,9 @@ std::string random_errors(const Kind& kind, unsigned seed) {
 }
 
 TEST(ChainScenes, EveryMachineCutsTheMapOfTheGantry) {
-  const Cut reference = cut_error_free(job_of(dome(gantry)));
-  for (const Kind& kind : others) {
-    const Job job = job_of(dome(kind));
+  const Cut reference = cut_error_free(job_of(dome_on(gantry_kind)));
+  for (const MachineKind& kind : other_machines) {
+    const Job job = job_of(dome_on(kind));
     const Apart d = apart(cut_error_free(job).surface, reference.surface);
     std::cout << kind.machine << " against the gantry: rms " << d.rms / units::nm << " nm, max "
               << d.max / units::nm << " nm over " << d.vertices << " vertices, "
@@ -83,10 +83,11 @@ TEST(ChainScenes, EveryMachineCutsTheMapOfTheGantry) {
 }
 
 TEST(ChainScenes, PerfectIteratedIdealMendsEveryMachine) {
-  for (const Kind& kind : {gantry, others[0], others[1], others[2]}) {
+  for (const MachineKind& kind :
+       {gantry_kind, other_machines[0], other_machines[1], other_machines[2]}) {
     for (const unsigned seed : {20260401u, 20260402u}) {
       SCOPED_TRACE(testing::Message() << kind.machine << " seed " << seed);
-      BallRaster scene = dome(kind, random_errors(kind, seed));
+      BallRaster scene = dome_on(kind, random_errors(kind, seed));
       scene.step = 0.2;
       // at home Z stands at the end of its travel, where no correction has room
       const Job job = job_of(scene, {{"machine.home.Z_mm", "280"}});

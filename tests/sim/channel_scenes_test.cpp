@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <iostream>
-#include <map>
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -18,6 +17,7 @@
 #include "sim/loop/beliefs.h"
 #include "sim/loop/compensate.h"
 #include "sim/scene/read_scene.h"
+#include "tests/sim/signal_columns.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {
@@ -27,11 +27,11 @@ using namespace abbe::literals;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double feed = 50.0;  // mm/s, along X on the flat
+constexpr double flat_feed = 50.0;  // mm/s, along X on the flat
 
 /// A flat under a ball end mill, passes along its own x far enough apart that each vertex has one.
 /// @param more  TOML sections, the errors first
-BallRaster flat(const std::string& turn_deg, const std::string& more) {
+BallRaster turned_flat(const std::string& turn_deg, const std::string& more) {
   return {fmt::format("surface = \"rectangle\"\nlength_x_mm = 40\nlength_y_mm = 8\n"
                       "at_mm = [0, 0, 80]\nturn_deg = {}\nvertices = 3000\n",
                       turn_deg),
@@ -46,7 +46,7 @@ Job job_of_flat(const std::string& turn_deg, const std::string& more,
                 const std::vector<Override>& changes = {}) {
   std::vector<Override> all = {{"program.feed_mm_per_min", "3000"}, {"program.overrun_mm", "20"}};
   all.insert(all.end(), changes.begin(), changes.end());
-  return job_of(flat(turn_deg, more), all);
+  return job_of(turned_flat(turn_deg, more), all);
 }
 
 /// Straightness that lifts the tool by so many um for every mm of X.
@@ -57,7 +57,7 @@ std::string lift(double um_per_mm) {
 }
 
 /// Map of a case less that of the ideal channel, vertex by vertex, NaN where either is uncut.
-struct Left {
+struct BeyondIdeal {
   VectorXd by;      ///< (vertices) mm
   VectorXd time_s;  ///< (vertices) of the cut
   Cut cut;
@@ -83,8 +83,8 @@ struct Left {
   }
 };
 
-Left left_of(const Job& job, const std::string& name, const cutting::Surface& ideal) {
-  Left left{{}, {}, cut(job, parse_case(name))};
+BeyondIdeal beyond_ideal(const Job& job, const std::string& name, const cutting::Surface& ideal) {
+  BeyondIdeal left{{}, {}, cut(job, parse_case(name))};
   left.by = cutting::minus(left.cut.surface, ideal).residual;
   for (Eigen::Index i = 0; i < left.by.size(); ++i)
     if (left.cut.surface.status[std::size_t(i)] != cutting::VertexStatus::Cut ||
@@ -117,13 +117,6 @@ Vector3d normal_by_axis(const Job& job) {
   return by_axis(job, job.design_w.normals.row(0).transpose());
 }
 
-std::map<std::string, VectorXd> columns(const Signals& signals) {
-  std::map<std::string, VectorXd> all;
-  for (std::size_t k = 0; k < signals.columns.size(); ++k)
-    all[signals.columns[k]] = signals.rows.col(Eigen::Index(k));
-  return all;
-}
-
 /// What a ball takes off the mean of a saw tooth that falls by `step` every `length` of the feed,
 /// mm: where the tool drops it cuts back into what it left, as far as sqrt(2 R step).
 double taken_by_the_ball(double step, double length) {
@@ -131,14 +124,14 @@ double taken_by_the_ball(double step, double length) {
   return 2.0 / 3.0 * step * std::sqrt(2 * R * step) / length;
 }
 
-void print(const std::string& what, double measured, double formula) {
+void print_ratio(const std::string& what, double measured, double formula) {
   std::cout << fmt::format("{}: {:.4f} nm, by its formula {:.4f} nm, ratio {:.4f}\n", what,
                            measured / units::nm, formula / units::nm, measured / formula);
 }
 
 // --- pulses
 
-constexpr double count = 0.25e-3;  // mm
+constexpr double quantum = 0.25e-3;  // mm
 
 /// Three errors along X, seen on a flat that leans in two directions, so that all slides move.
 Job leaning_flat() {
@@ -154,7 +147,7 @@ Job leaning_flat() {
 }
 
 /// Counts over which the correction of each slide runs while the flat is cut.
-Vector3d counts_run(const Job& job, const Left& left) {
+Vector3d counts_run(const Job& job, const BeyondIdeal& left) {
   const auto signals = columns(left.cut.signals);
   const VectorXd& time_s = signals.at("time_s");
   Vector3d run;
@@ -176,12 +169,12 @@ TEST(ChannelScenes, PulsesLeaveTheQuantumOfTheirCount) {
   const cutting::Surface ideal = ideal_map(job);
   const Vector3d n = normal_by_axis(job);
   EXPECT_NEAR(n.norm(), 1.0, 1e-9);
-  const double formula = n.norm() * count / std::sqrt(12.0);
+  const double formula = n.norm() * quantum / std::sqrt(12.0);
   double sum = 0.0, squares = 0.0, least = 1.0, most = 0.0;
   const int phases = 20;
   for (int seed = 1; seed <= phases; ++seed) {
     job.scene.seed = std::uint64_t(seed);
-    const Left left = left_of(job, "perfect-position-pulses", ideal);
+    const BeyondIdeal left = beyond_ideal(job, "perfect-position-pulses", ideal);
     const double rms = left.rms();
     sum += rms;
     squares += rms * rms;
@@ -193,8 +186,8 @@ TEST(ChannelScenes, PulsesLeaveTheQuantumOfTheirCount) {
               << run.transpose() << " counts\n";
     EXPECT_GE(run.minCoeff(), 20.0);
   }
-  print("quantum of 0.25 um, mean of 20 phases", sum / phases, formula);
-  print("  root of the mean square", std::sqrt(squares / phases), formula);
+  print_ratio("quantum of 0.25 um, mean of 20 phases", sum / phases, formula);
+  print_ratio("  root of the mean square", std::sqrt(squares / phases), formula);
   std::cout << "  single phases " << least / formula << " .. " << most / formula << "\n";
   EXPECT_NEAR(sum / phases / formula, 1.0, 0.1);
   EXPECT_NEAR(std::sqrt(squares / phases) / formula, 1.0, 0.1);
@@ -214,11 +207,11 @@ TEST(ChannelScenes, PulsesLeaveAnAxisAloneOfWhichNothingIsWanted) {
 // --- open control and the position loop
 
 TEST(ChannelScenes, APositionLoopLagsByTheSlopeOverItsBandwidth) {
-  const double um_per_mm = 0.1, slope = feed * um_per_mm * units::um;  // mm/s
+  const double um_per_mm = 0.1, slope = flat_feed * um_per_mm * units::um;  // mm/s
   const auto mean_left = [&](double rises, const std::string& loop) {
     const Job job =
         job_of_flat("[0, 0, 0]", lift(rises) + "[compensation.open]\ncycle_ms = 2\n" + loop);
-    return left_of(job, "perfect-position-open", ideal_map(job)).mean();
+    return beyond_ideal(job, "perfect-position-open", ideal_map(job)).mean();
   };
   const double w = 2 * pi * 10.0, half_cycle = 1e-3;
   const std::string first = "[compensation.loop]\norder = \"first\"\nbandwidth_Hz = 10\n";
@@ -226,14 +219,14 @@ TEST(ChannelScenes, APositionLoopLagsByTheSlopeOverItsBandwidth) {
       "[compensation.loop]\norder = \"second\"\nbandwidth_Hz = 10\ndamping = 0.7\n";
   const double held = mean_left(um_per_mm, "");
   const double bare =
-      slope * half_cycle - taken_by_the_ball(2 * slope * half_cycle, 2 * feed * half_cycle);
-  print("open control of 2 ms, no loop", held, bare);
+      slope * half_cycle - taken_by_the_ball(2 * slope * half_cycle, 2 * flat_feed * half_cycle);
+  print_ratio("open control of 2 ms, no loop", held, bare);
   const double lag1 = mean_left(um_per_mm, first);
-  print("first-order loop of 10 Hz", lag1, slope * (1 / w + half_cycle));
+  print_ratio("first-order loop of 10 Hz", lag1, slope * (1 / w + half_cycle));
   const double lag2 = mean_left(um_per_mm, second);
-  print("second-order loop of 10 Hz, damping 0.7", lag2, slope * (1.4 / w + half_cycle));
+  print_ratio("second-order loop of 10 Hz, damping 0.7", lag2, slope * (1.4 / w + half_cycle));
   const double down = mean_left(-um_per_mm, first);
-  print("first-order loop, the tool sinks", down, -slope * (1 / w + half_cycle));
+  print_ratio("first-order loop, the tool sinks", down, -slope * (1 / w + half_cycle));
   // the tool rises along the feed and the correction that lowers it comes late: material is left
   EXPECT_NEAR(held, bare, 0.1_nm);
   EXPECT_NEAR(lag1 / (slope * (1 / w + half_cycle)), 1.0, 0.01);
@@ -244,7 +237,7 @@ TEST(ChannelScenes, APositionLoopLagsByTheSlopeOverItsBandwidth) {
 // --- origin shift
 
 TEST(ChannelScenes, OriginShiftLeavesWhatItsCycleAndDelayMiss) {
-  const double um_per_mm = 0.1037, slope = feed * um_per_mm * units::um;
+  const double um_per_mm = 0.1037, slope = flat_feed * um_per_mm * units::um;
   struct Setting {
     double T, D, increment;
   };
@@ -254,15 +247,15 @@ TEST(ChannelScenes, OriginShiftLeavesWhatItsCycleAndDelayMiss) {
         "[0, 0, 0]", lift(um_per_mm) + fmt::format("[compensation.origin]\ncycle_ms = {}\n"
                                                    "delay_ms = {}\nincrement_um = {}\n",
                                                    1e3 * s.T, 1e3 * s.D, s.increment / units::um));
-    const Left left = left_of(job, "perfect-position-origin", ideal_map(job));
+    const BeyondIdeal left = beyond_ideal(job, "perfect-position-origin", ideal_map(job));
     const double lag = slope * std::sqrt(s.T * s.T / 3 + s.T * s.D + s.D * s.D);
     const double formula = std::hypot(lag, s.increment / std::sqrt(12.0));
-    print(fmt::format("origin shift, cycle {} ms, delay {} ms, increment {} um, RMS", 1e3 * s.T,
-                      1e3 * s.D, s.increment / units::um),
-          left.rms(), formula);
+    print_ratio(fmt::format("origin shift, cycle {} ms, delay {} ms, increment {} um, RMS",
+                            1e3 * s.T, 1e3 * s.D, s.increment / units::um),
+                left.rms(), formula);
     const double step = std::max(slope * s.T, s.increment);
     const double mean = slope * (s.T / 2 + s.D) - taken_by_the_ball(step, step / um_per_mm / 1e-3);
-    print("  mean", left.mean(), mean);
+    print_ratio("  mean", left.mean(), mean);
     EXPECT_NEAR(left.rms() / formula, 1.0, 0.05);
     EXPECT_NEAR(left.mean() / mean, 1.0, 0.03);
   }
@@ -290,9 +283,9 @@ TEST(ChannelScenes, ATableLeavesNoMoreThanAnEighthOfSpacingSquaredTimesCurvature
           "[0, 0, 0]",
           curve.toml +
               fmt::format("[compensation.table]\nspacing_mm = {}\nmost_points = 1000\n", h));
-      const Left left = left_of(job, "perfect-position-table", ideal_map(job));
+      const BeyondIdeal left = beyond_ideal(job, "perfect-position-table", ideal_map(job));
       const double bound = h * h / 8 * curve.bend;
-      print(fmt::format("table of {} mm, {}", h, curve.what), left.most(), bound);
+      print_ratio(fmt::format("table of {} mm, {}", h, curve.what), left.most(), bound);
       EXPECT_LE(left.most(), bound + 0.01_nm);
       EXPECT_GE(left.most(), 0.8 * bound) << "somewhere it comes near";
       if (last > 0.0) {
@@ -311,7 +304,7 @@ TEST(ChannelScenes, APiezoStopsAtTheEndOfItsStroke) {
       job_of_flat("[0, 0, 0]", lift(um_per_mm) +
                                    "[compensation.piezo]\nrange_um = 2\ncycle_ms = 0.2\n"
                                    "stiffness_N_per_um = 50\n");
-  const Left left = left_of(job, "perfect-position-piezo", ideal_map(job));
+  const BeyondIdeal left = beyond_ideal(job, "perfect-position-piezo", ideal_map(job));
   const VectorXd stroke = columns(left.cut.signals).at("piezo_um");
   double worst = 0.0, beyond = 0.0;
   for (Eigen::Index i = 0; i < left.by.size(); ++i) {
@@ -328,7 +321,7 @@ TEST(ChannelScenes, APiezoStopsAtTheEndOfItsStroke) {
             << stroke.maxCoeff() << " um\n";
   EXPECT_GT(beyond, 0.8_um);
   // in its range it lags, 2 d / w and half a cycle late
-  const double lag = feed * um_per_mm * units::um * (1.4 / (2 * pi * 100.0) + 0.1e-3);
+  const double lag = flat_feed * um_per_mm * units::um * (1.4 / (2 * pi * 100.0) + 0.1e-3);
   std::cout << "  its lag by the formula " << lag / units::nm << " nm\n";
   EXPECT_LT(worst, 1.2 * lag);
   EXPECT_NEAR(stroke.minCoeff(), -1.0, 0.1);
@@ -349,7 +342,7 @@ TEST(ChannelScenes, APiezoYieldsUnderTheForceOfTheCut) {
   };
   const Job stiff = made(1e9), soft = made(20.0);
   const Cut rigid = cut(stiff, parse_case("perfect-position-piezo"));
-  const Left left = left_of(soft, "perfect-position-piezo", rigid.surface);
+  const BeyondIdeal left = beyond_ideal(soft, "perfect-position-piezo", rigid.surface);
   double worst = 0.0, most = 0.0, sum = 0.0;
   for (Eigen::Index i = 0; i < left.by.size(); ++i) {
     if (std::isnan(left.by[i])) continue;
@@ -388,7 +381,7 @@ struct OnThePart {
   double value = 0.0;
   double rate = 0.0;
 };
-OnThePart on_the_part(const Job& job, const VectorXd& of_sample, const Left& left) {
+OnThePart on_the_part(const Job& job, const VectorXd& of_sample, const BeyondIdeal& left) {
   const auto& states = job.samples.states;
   OnThePart part;
   for (Eigen::Index v = 0; v < left.by.size(); ++v) {
@@ -460,14 +453,14 @@ TEST(ChannelScenes, EachChannelOfThePackagedSceneLeavesWhatItsFormulaSays) {
   const auto missed = [](double T, double D) { return std::sqrt(T * T / 3 + T * D + D * D); };
   const double lag = late(limits.loop);
   const auto held = [&](const char* channel, double measured, double formula, double within) {
-    print(channel, measured, formula);
+    print_ratio(channel, measured, formula);
     EXPECT_NEAR(measured / formula, 1.0, within) << channel;
   };
   const auto left = [&](const char* channel) {
-    return left_of(job, std::string("perfect-position-") + channel, ideal);
+    return beyond_ideal(job, std::string("perfect-position-") + channel, ideal);
   };
 
-  const Left pulses = left("pulses");
+  const BeyondIdeal pulses = left("pulses");
   const double rate = on_the_part(job, wanted, pulses).rate;
   std::cout << "normal " << n.transpose() << ", what is wanted along it changes by "
             << rate / units::um << " um/s RMS\n";
@@ -484,7 +477,7 @@ TEST(ChannelScenes, EachChannelOfThePackagedSceneLeavesWhatItsFormulaSays) {
   // a block joins two rounded ends: on average over it 2/3 of their variance is left
   held("program", left("program").rms(), normal * limits.word_resolution / std::sqrt(18.0), 0.15);
   // a piezo leaves the passes where they are, aside: there the cusps slope by y / R of their middle
-  const Left piezo = left("piezo");
+  const BeyondIdeal piezo = left("piezo");
   const Vector3d aside = by_axis(job, job.scene.part.T_wm.linear().col(1));
   const double slope =
       std::get<program::Raster>(job.scene.program.source).step_over / (2 * std::sqrt(3.0) * 5.0);
@@ -492,7 +485,7 @@ TEST(ChannelScenes, EachChannelOfThePackagedSceneLeavesWhatItsFormulaSays) {
        std::hypot(rate * missed(limits.piezo.cycle_s, late(limits.piezo.loop)),
                   slope * on_the_part(job, along(job, aside, told), piezo).value),
        0.15);
-  const Left table = left("table");
+  const BeyondIdeal table = left("table");
   const VectorXd tabulated =
       along(job, n, compensate(job, parse_case("perfect-position-table")).samples.states);
   held("table", table.rms(), on_the_part(job, tabulated - wanted, table).value, 0.02);
@@ -509,8 +502,8 @@ TEST(ChannelScenes, TheTablesOfThePackagedSceneStayWithinTheBoundOfTheirSpacing)
     fine.scene.compensation.table.options.spacing /= 16;
     fine.scene.compensation.table.options.spacing_rad = 0.5 * units::deg;
     fine.scene.compensation.table.options.most_points = 200000;
-    const Left table = left_of(job, "perfect-position-table", ideal);
-    const Left finer = left_of(fine, "perfect-position-table", ideal);
+    const BeyondIdeal table = beyond_ideal(job, "perfect-position-table", ideal);
+    const BeyondIdeal finer = beyond_ideal(fine, "perfect-position-table", ideal);
     const double added = (table.by - finer.by).cwiseAbs().maxCoeff();
     const double bound = spacing_bound(job, normal_by_axis(job));
     std::cout << "C in " << travel_deg << " deg: tables leave " << table.rms() / units::nm
@@ -616,7 +609,8 @@ Minute minute_of(const Course& wanted, Eigen::Index row, double phase) {
 
 /// Encoder, computer, box and loop in a ring over one minute, closed pair by pair.
 /// @param done  counts corrected before it. @return those after it
-long ring(const Course& motion, Eigen::Index row, const Minute& minute, long done, double phase) {
+long counts_closed(const Course& motion, Eigen::Index row, const Minute& minute, long done,
+                   double phase) {
   std::vector<Insertion> pairs;
   for (;;) {
     const Course axis = carried(motion, 3 * row, double(done) * period, pairs);
@@ -680,7 +674,7 @@ TEST(ChannelScenes, PulsesCarryTheSpindleBackOverADayAtSignalLevel) {
   double apart = 0.0;
   long done = start, pairs = 0;
   for (Eigen::Index row = 0; row + 1 < n; ++row) {
-    const long next = ring(motion, row, minute_of(wanted, row, phase), done, phase);
+    const long next = counts_closed(motion, row, minute_of(wanted, row, phase), done, phase);
     pairs += std::abs(next - done);
     done = next;
     const double end_s = wanted.time_s[row + 1], travelled = double(done - start) * period;

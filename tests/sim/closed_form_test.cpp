@@ -118,8 +118,8 @@ TEST(ClosedForm, ChordsGougeADomeLessWithTheAxisTurningAlong) {
   }
 }
 
-constexpr double ring = 50.0;  // mm, radius of the path of the tool's axis
-constexpr double flat = 8.0;   // mm, radius of the flat end mill, which works with its flank
+constexpr double path_radius = 50.0;  // mm, radius of the path of the tool's axis
+constexpr double mill_radius = 8.0;   // mm, radius of the flat end mill, which works with its flank
 
 /// A ring of 42 mm on the gantry, cut by the program with these errors. The tip stands at
 /// Z = 55 at z = -5 below it.
@@ -156,9 +156,10 @@ TEST(ClosedForm, RingCutByCAloneHasTheRadiusOfTheOffsetAndIsConcentric) {
     const SceneFolder folder;
     const Job job = ring_job(folder, "EX0C_um = 16.0\nEY0C_um = 12.0\n", by_C(at));
     const cutting::Circle circle = circle_of(job, cut(job));
-    const double expected = oracles::ring_radius(ring, at / ring, d) - flat;
-    std::cout << "ring by C at " << at.transpose() << ": radius " << circle.radius - (ring - flat)
-              << " mm off 42, closed form " << expected - (ring - flat) << "; centre off by "
+    const double expected = oracles::ring_radius(path_radius, at / path_radius, d) - mill_radius;
+    std::cout << "ring by C at " << at.transpose() << ": radius "
+              << circle.radius - (path_radius - mill_radius) << " mm off 42, closed form "
+              << expected - (path_radius - mill_radius) << "; centre off by "
               << circle.centre.norm() / units::nm << " nm, roundness "
               << circle.roundness / units::nm << " nm\n";
     EXPECT_NEAR(circle.radius, expected, 1.0_nm);
@@ -175,10 +176,10 @@ TEST(ClosedForm, RingCutByXAndYIsShiftedByTheNegativeOffset) {
   const Job turned = ring_job(folder, "EX0C_um = 16.0\nEY0C_um = 12.0\n", by_C({50, 0}));
   const double between = (circle.centre - circle_of(turned, cut(turned)).centre).norm();
   std::cout << "ring by X and Y: centre " << circle.centre.transpose() / units::um
-            << " um, radius off by " << (circle.radius - (ring - flat)) / units::nm
+            << " um, radius off by " << (circle.radius - (path_radius - mill_radius)) / units::nm
             << " nm; between the centres " << between / units::um << " um\n";
   EXPECT_LT((circle.centre + d).norm(), 1.0_nm);
-  EXPECT_NEAR(circle.radius, ring - flat, 1.0_nm);
+  EXPECT_NEAR(circle.radius, path_radius - mill_radius, 1.0_nm);
   EXPECT_NEAR(between, d.norm(), 1.0_nm);
 }
 
@@ -187,7 +188,7 @@ TEST(ClosedForm, SquarenessMakesARingOvalByRadiusTimesAngle) {
     const SceneFolder folder;
     const Job job = ring_job(folder, "EC0Y_urad = " + std::to_string(S) + "\n", by_arcs);
     const cutting::Circle circle = circle_of(job, cut(job));
-    const double expected = oracles::squareness_circularity(ring, std::abs(S) * units::urad);
+    const double expected = oracles::squareness_circularity(path_radius, std::abs(S) * units::urad);
     std::cout << "squareness " << S << " urad: circularity " << circle.roundness / units::um
               << " um, closed form " << expected / units::um << " um\n";
     EXPECT_NEAR(circle.roundness, expected, 1.5_nm);  // a second order of 0.5 nm is not in the form

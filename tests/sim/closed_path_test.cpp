@@ -27,7 +27,7 @@ using errors::metrology::TestResult;
 const char* long_scale =
     "[errors.EXX]\nkind = \"polynomial\"\ncoefficients_um = [0, 50]\nhalf_range_mm = 1000\n";
 
-Readings read_with(const std::string& errors, const std::string& kind, int targets) {
+Readings read_to_targets(const std::string& errors, const std::string& kind, int targets) {
   const Scene scene = scene_of(measured_scene(errors));
   InstrumentDescription instrument = faultless(scene, kind);
   instrument.instrument.targets = targets;
@@ -78,7 +78,7 @@ TEST(ClosedPath, ABallBarOfAnyNumberOfTargetsTellsCentreRadiusAndForm) {
       low = std::min(low, c * c);
       high = std::max(high, c * c);
     }
-    const Readings once = read_with(long_scale, "ball_bar", n);
+    const Readings once = read_to_targets(long_scale, "ball_bar", n);
     for (const Readings& readings : {once, read_again(once)}) {
       const Evaluation evaluation = evaluated(readings);
       const Json e = to_json(evaluation);
@@ -131,7 +131,7 @@ TEST(ClosedPath, AnArcTakesFFromTheCentreAsSetUp) {
 // X of the ball while C turns, centre of the table 10 um off: sums of squares over places.
 TEST(ClosedPath, AnRTestHasTheSameRmsWithItsFirstPlaceReadAgain) {
   for (const int n : {3, 4, 8, 36, 199}) {
-    const Readings once = read_with(
+    const Readings once = read_to_targets(
         "[errors]\nEX0C_um = 10\n[errors.EZC]\nkind = \"fourier\"\nperiod_deg = 360\n"
         "a_um = [3]\nb_um = [0]\n",
         "r_test", n);
@@ -151,7 +151,7 @@ TEST(ClosedPath, AnRTestHasTheSameRmsWithItsFirstPlaceReadAgain) {
 
 /// A ring of n points on a cylinder that is out of round by order 2, the first touched again or
 /// not.
-PartReadingsFile ring(int n, bool again, double radius, double centre_um) {
+PartReadingsFile touched_ring(int n, bool again, double radius, double centre_um) {
   PartReadingsFile part{"cmm", "cmm", "a ring", {}};
   auto& r = part.readings;
   const int m = n + (again ? 1 : 0);
@@ -186,7 +186,7 @@ TEST(ClosedPath, ARingOfAPartHasACircularityACentreAndARadius) {
       square += c * c / n;
     }
     for (const bool again : {false, true}) {
-      const auto tests = results_of(ring(n, again, 20.0, 3.0).readings);
+      const auto tests = results_of(touched_ring(n, again, 20.0, 3.0).readings);
       ASSERT_EQ(tests.size(), 2u) << n;
       const TestResult& test = tests[0];
       ASSERT_EQ(test.name, "circularity");
@@ -201,7 +201,7 @@ TEST(ClosedPath, ARingOfAPartHasACircularityACentreAndARadius) {
       EXPECT_NEAR(value_of<double>(tests[1], "Sq"), std::sqrt(4.0 * square + 4.5), 1e-9) << n;
     }
   }
-  EXPECT_EQ(results_of(ring(3, true, 20.0, 0.0).readings)[0].name, "circularity");
+  EXPECT_EQ(results_of(touched_ring(3, true, 20.0, 0.0).readings)[0].name, "circularity");
 }
 
 }  // namespace

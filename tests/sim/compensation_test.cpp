@@ -36,7 +36,7 @@ const std::vector<Override> coarse_mesh = {{"program.step_over_mm", "2.0"},
 const std::vector<Override> coarse_spiral = {{"program.feed_um_per_rev", "60"},
                                              {"part.vertices", "4000"}};
 
-std::vector<Override> with(std::vector<Override> changes, const std::vector<Override>& more) {
+std::vector<Override> and_more(std::vector<Override> changes, const std::vector<Override>& more) {
   changes.insert(changes.end(), more.begin(), more.end());
   return changes;
 }
@@ -45,7 +45,7 @@ double weighted_rms(const cutting::Surface& a, const cutting::Surface& b, const 
   return cutting::statistics(cutting::minus(a, b), job.design_w).rms.value();
 }
 
-void print(const std::string& what, const Apart& d) {
+void print_apart(const std::string& what, const Apart& d) {
   std::cout << what << ": rms " << d.rms / units::nm << " nm, max " << d.max / units::nm
             << " nm over " << d.vertices << " vertices, cut in one only: " << d.unlike << "\n";
 }
@@ -59,8 +59,8 @@ TEST_P(GantryScene, PerfectIteratedIdealGivesTheErrorFreeMapBack) {
   const Cut mended = cut(job, parse_case("perfect-iterated-ideal"));
   const Apart before = apart(wrong.surface, error_free.surface);
   const Apart after = apart(mended.surface, error_free.surface);
-  print(std::string(GetParam().file) + " uncompensated", before);
-  print(std::string(GetParam().file) + " iterated", after);
+  print_apart(std::string(GetParam().file) + " uncompensated", before);
+  print_apart(std::string(GetParam().file) + " iterated", after);
   std::cout << "  weighted by area "
             << weighted_rms(mended.surface, error_free.surface, job) / units::nm << " nm; tip left "
             << mended.tip_error.max / units::nm << " nm\n";
@@ -127,11 +127,11 @@ TEST_P(PlatformScene, PerfectIteratedIdealLeavesWhatItsTwoSlidesCannotMend) {
   const Cut mended = cut(job, parse_case("perfect-iterated-ideal"));
   const cutting::Surface apart_from_it = uncorrectable(job);
   const std::string name = GetParam();
-  print(name + " uncompensated", apart(wrong.surface, error_free.surface));
-  print(name + " left over", apart(mended.surface, error_free.surface));
-  print(name + " uncorrectable, computed apart", apart(apart_from_it, error_free.surface));
+  print_apart(name + " uncompensated", apart(wrong.surface, error_free.surface));
+  print_apart(name + " left over", apart(mended.surface, error_free.surface));
+  print_apart(name + " uncorrectable, computed apart", apart(apart_from_it, error_free.surface));
   const Apart d = apart(mended.surface, apart_from_it);
-  print(name + " left over less uncorrectable", d);
+  print_apart(name + " left over less uncorrectable", d);
   EXPECT_TRUE(mended.warnings.empty());
   EXPECT_GT(apart(wrong.surface, error_free.surface).rms, 0.3_um);
   EXPECT_GT(d.vertices, 2000);
@@ -189,7 +189,7 @@ TEST(Compensation, OneDecoupledStepLeavesATipErrorOfSecondOrder) {
                                             : std::string(file) == "gantry_mesh.toml"
                                                 ? coarse_mesh
                                                 : coarse_raster;
-      left[k] = decoupled_tip_rms(job_of(file, with(coarse, {{"errors.scale", scale[k]}})));
+      left[k] = decoupled_tip_rms(job_of(file, and_more(coarse, {{"errors.scale", scale[k]}})));
     }
     const double first = std::log2(left[0] / left[1]), second = std::log2(left[1] / left[2]);
     std::cout << file
@@ -206,12 +206,12 @@ TEST(Compensation, RewrittenProgramDiffersFromTheIdealChannelByItsWords) {
     // as many degrees as millimetres, like the defaults (1e-4 of both)
     const std::string words = fmt::format("{:.9f}", q);
     const Job job = job_of("gantry_dome.toml",
-                           with(coarse_raster, {{"compensation.word_resolution_mm", words},
-                                                {"compensation.angle_resolution_deg", words}}));
+                           and_more(coarse_raster, {{"compensation.word_resolution_mm", words},
+                                                    {"compensation.angle_resolution_deg", words}}));
     const Cut ideal = cut(job, parse_case("perfect-iterated-ideal"));
     const Cut program = cut(job, parse_case("perfect-iterated-program"));
     const Apart d = apart(program.surface, ideal.surface);
-    print(fmt::format("words of {0} mm and {0} deg", q), d);
+    print_apart(fmt::format("words of {0} mm and {0} deg", q), d);
     EXPECT_EQ(d.unlike, 0);
     EXPECT_LE(d.rms, q);
     EXPECT_GT(d.rms, 0.01 * q);  // it is rounded
@@ -235,7 +235,7 @@ double words_off(const Job& job, const program::Block& block, const kinematics::
 }
 
 TEST(Compensation, RewrittenNcIsAcceptedAndKeepsToTheCorrectedPointsWithinAWord) {
-  const Job job = job_of("gantry_dome.toml", with(coarse_raster, {{"part.vertices", "200"}}));
+  const Job job = job_of("gantry_dome.toml", and_more(coarse_raster, {{"part.vertices", "200"}}));
   const Commands ideal = compensate(job, parse_case("perfect-iterated-ideal"));
   const Commands told = compensate(job, parse_case("perfect-iterated-program"));
   const program::Path path =
@@ -284,7 +284,7 @@ TEST(Compensation, RewrittenPvtReadsBackAndFollowsTheIdealChannel) {
   EXPECT_EQ(program::write_pvt(rows, control.axes, columns), program.rewritten_program);
   EXPECT_GE(rows.size(), job.path.blocks.size());
   const Apart d = apart(program.surface, ideal.surface);
-  print(fmt::format("PVT of {} rows", rows.size()), d);
+  print_apart(fmt::format("PVT of {} rows", rows.size()), d);
   EXPECT_EQ(d.unlike, 0);
   EXPECT_LT(d.rms, 1.0_nm);  // its words are not rounded
 }

@@ -140,13 +140,6 @@ TEST(CompositeBelief, BothHalvesAreThoseOfTheCarriageOnEitherSide) {
   }
 }
 
-/// Machine's part of the map of a case, um RMS.
-double machine_um(const Job& job, const std::string& name) {
-  const Verdict error_free = judge(job, cut_error_free(job), nullptr);
-  const auto compensator = name.empty() ? std::nullopt : std::optional(parse_case(name));
-  return judge(job, cut(job, compensator), &error_free).machine->rms.value() / units::um;
-}
-
 /// The packaged scene, coarse, on one of its days, believing in the files given.
 Job packaged_day(const std::string& day, const Beliefs& beliefs) {
   std::vector<Override> changes{{"part.vertices", "400"},
@@ -183,8 +176,9 @@ TEST(CompositeBelief, YangsAxisIsSeparatedAndCorrectedOnDaysThatNobodyMeasured) 
   EXPECT_EQ(text(beliefs.thermal), text(packaged("beliefs/yang_composite_thermal.txt")));
   for (const char* day : {"cold", "3 h", "another day"}) {
     const Job job = packaged_day(day, beliefs);
-    const double before = machine_um(job, ""), cold = machine_um(job, "identified-position-ideal"),
-                 both = machine_um(job, "composite-position-ideal");
+    const double before = machine_um(job),
+                 cold = machine_um(job, parse_case("identified-position-ideal")),
+                 both = machine_um(job, parse_case("composite-position-ideal"));
     std::cout << fmt::format("{:12} {:.3f} um RMS, cold curve alone {:.3f}, composite {:.3f}\n",
                              day, before, cold, both);
     EXPECT_LT(both, 0.7) << day;

@@ -17,7 +17,7 @@ double machine_rms(const Job& job, const std::optional<CaseDescription>& compens
   return judge(job, cut(job, compensator), &error_free).machine->rms.value();
 }
 
-Job coarse(const std::vector<Override>& more = {}) {
+Job coarse_job(const std::vector<Override>& more = {}) {
   std::vector<Override> overrides{{"part.vertices", "1500"},
                                   {"program.step_over_mm", "2"},
                                   {"program.step_mm", "2"},
@@ -28,7 +28,7 @@ Job coarse(const std::vector<Override>& more = {}) {
 }
 
 TEST(FusedBelief, OneCorrectionServesGeometryHeatAndForce) {
-  const Job job = coarse();
+  const Job job = coarse_job();
   const double before = machine_rms(job, std::nullopt);
   const double composite = machine_rms(job, parse_case("composite-iterated-ideal"));
   const double fused = machine_rms(job, parse_case("fused-iterated-ideal"));
@@ -39,7 +39,7 @@ TEST(FusedBelief, OneCorrectionServesGeometryHeatAndForce) {
 }
 
 TEST(FusedBelief, PartThatWasMeasuredIsNotMendedTwice) {
-  const Job job = coarse({{"belief.part", "{instrument = \"cmm\"}"}});
+  const Job job = coarse_job({{"belief.part", "{instrument = \"cmm\"}"}});
   const double before = machine_rms(job, std::nullopt);
   const double composite = machine_rms(job, parse_case("composite-iterated-ideal"));
   const double fused = machine_rms(job, parse_case("fused-iterated-ideal"));

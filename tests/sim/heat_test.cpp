@@ -18,7 +18,7 @@ namespace {
 using namespace abbe::literals;
 using kinematics::AxisState;
 
-const std::string heat = R"(
+const std::string heat_and_part = R"(
 [thermal]
 [[thermal.node]]
 name = "box"
@@ -49,7 +49,7 @@ node = "screw"
 um_per_m_K = 23.1
 )";
 
-Job flat(const std::string& more, const std::vector<Override>& changes = {}) {
+Job flat_job(const std::string& more, const std::vector<Override>& changes = {}) {
   return job_of({.part = "surface = \"rectangle\"\nlength_x_mm = 20\nlength_y_mm = 6\n"
                          "at_mm = [40, 25, 80]\nvertices = 2000",
                  .more = more},
@@ -72,7 +72,8 @@ AxisState at(const Job& job, double x, double y, double z, double time_s) {
 }
 
 TEST(Heat, HalfTheScaleHalvesTheDrift) {
-  const Job whole = flat(heat), half = flat(heat, {{"thermal.scale", "0.5"}});
+  const Job whole = flat_job(heat_and_part),
+            half = flat_job(heat_and_part, {{"thermal.scale", "0.5"}});
   double most = 0.0, left = 0.0;
   for (const double x : {-200.0, 0.0, 150.0})
     for (const double time_s : {0.0, 10.0, 500.0}) {
@@ -88,8 +89,9 @@ TEST(Heat, HalfTheScaleHalvesTheDrift) {
 }
 
 TEST(Heat, AScaleOfOneCostsNoBitAndZeroLeavesNone) {
-  const Job plain = flat(heat), one = flat(heat, {{"thermal.scale", "1"}});
-  const Job none = flat(heat, {{"thermal.scale", "0"}}), cold = flat("");
+  const Job plain = flat_job(heat_and_part),
+            one = flat_job(heat_and_part, {{"thermal.scale", "1"}});
+  const Job none = flat_job(heat_and_part, {{"thermal.scale", "0"}}), cold = flat_job("");
   const AxisState state = at(plain, 120, -40, 60, 77);
   EXPECT_EQ(drift(plain, state), drift(one, state));
   EXPECT_EQ(drift(none, state), drift(cold, state));
@@ -97,11 +99,11 @@ TEST(Heat, AScaleOfOneCostsNoBitAndZeroLeavesNone) {
 }
 
 TEST(Heat, ANetworkHotterThanCanBeIsRefusedWithNodeTemperatureAndTime) {
-  const std::string hot = heat +
+  const std::string hot = heat_and_part +
                           "[[thermal.source]]\nnode = \"box\"\nkind = \"power_on\"\n"
                           "power_W = 1e6\n[[thermal.history]]\nduration_h = 1\n";
   try {
-    flat(hot);
+    flat_job(hot);
     FAIL() << "a machine of 1e5 C";
   } catch (const BadInput& fault) {
     const std::string told = fault.what();
@@ -110,7 +112,7 @@ TEST(Heat, ANetworkHotterThanCanBeIsRefusedWithNodeTemperatureAndTime) {
     EXPECT_NE(told.find("thermal.node.box at "), std::string::npos) << told;
     EXPECT_NE(told.find(" C at 0 s"), std::string::npos) << told;
   }
-  EXPECT_NO_THROW(flat(hot, {{"thermal.source.power_W", "1e4"}}));  // 850 K warmer
+  EXPECT_NO_THROW(flat_job(hot, {{"thermal.source.power_W", "1e4"}}));  // 850 K warmer
 }
 
 TEST(Heat, ALaserOnTheToolReadsTheElementOfYang) {
@@ -137,9 +139,9 @@ TEST(Heat, ALaserOnTheToolReadsTheElementOfYang) {
 #if ABBE_RENDER
 
 TEST(Pictures, OfElementsOfAnEarlierRunAreRemoved) {
-  const Job job = flat(heat +
-                       "[[thermal.plot]]\nelement = \"EXX\"\nat_s = [0, 100]\n"
-                       "range_mm = [-100, 100]\n");
+  const Job job = flat_job(heat_and_part +
+                           "[[thermal.plot]]\nelement = \"EXX\"\nat_s = [0, 100]\n"
+                           "range_mm = [-100, 100]\n");
   const SceneFolder folder;
   const auto there = [&](const char* name) {
     return std::filesystem::exists(folder.path() / name);

@@ -58,9 +58,9 @@ Eigen::Matrix<double, 6, 1> error_at(const kinematics::Chain& nominal,
 
 // ---------------------------------------------------------------- truth in, truth out
 
-const std::vector<std::string> slides = {"EXX", "EYX", "EZX", "EAX", "EBX",  "ECX",  "EXY",
-                                         "EYY", "EZY", "EAY", "EBY", "ECY",  "EXZ",  "EYZ",
-                                         "EZZ", "EAZ", "EBZ", "ECZ", "EC0Y", "EB0Z", "EA0Z"};
+const std::vector<std::string> slide_motions = {"EXX", "EYX", "EZX", "EAX", "EBX",  "ECX",  "EXY",
+                                                "EYY", "EZY", "EAY", "EBY", "ECY",  "EXZ",  "EYZ",
+                                                "EZZ", "EAZ", "EBZ", "ECZ", "EC0Y", "EB0Z", "EA0Z"};
 
 /// Legendre series of order 3 for every error motion of the gantry's slides, drawn, but for
 /// constants and slopes of straightness, and the three squarenesses.
@@ -69,7 +69,7 @@ std::string drawn_truth(std::mt19937& random) {
   const double half[] = {300, 350, 200}, centre[] = {0, 0, 150};
   std::string text = fmt::format("[errors]\nEC0Y_urad = {}\nEB0Z_urad = {}\nEA0Z_urad = {}\n",
                                  40 * any(random), 40 * any(random), 40 * any(random));
-  for (const std::string& name : slides) {
+  for (const std::string& name : slide_motions) {
     if (name.size() > 3) continue;
     const int axis = name[2] - 'X';
     const bool angle = name[1] <= 'C', straightness = !angle && name[1] != name[2];
@@ -95,7 +95,7 @@ TEST(Identify, NoiseFreeReadingsReturnTheTruthThroughFiles) {
   }
   IdentifyOptions options;
   options.model.order = 3;
-  options.model.only = slides;
+  options.model.only = slide_motions;
   options.out = folder.path() / "belief.toml";
   const Json report = to_json(identify(campaign(scene, instruments, folder), options));
   EXPECT_TRUE(report["warnings"].empty()) << report["warnings"];
@@ -129,7 +129,7 @@ TEST(Identify, NoiseFreeReadingsReturnTheTruthThroughFiles) {
 // ---------------------------------------------------------------- what is not identified, and
 // refusals
 
-std::string refusal_of(const Files& files, const SceneFolder& folder) {
+std::string refusal_of_identifying(const Files& files, const SceneFolder& folder) {
   IdentifyOptions options;
   options.out = folder.path() / "refused.toml";
   std::string refusal;
@@ -181,7 +181,7 @@ TEST(Identify, ReadingsOfDifferentMachinesAreRefusedByName) {
   other.instrument.name = "other";
   Files files = campaign(gantry, {instrument_of(gantry, "laser")}, folder);
   files.push_back(campaign(three, {other}, folder).front());
-  const std::string refusal = refusal_of(files, folder);
+  const std::string refusal = refusal_of_identifying(files, folder);
   for (const char* word : {"laser.csv", "other.csv", "machine"})
     EXPECT_NE(refusal.find(word), std::string::npos) << word << " in: " << refusal;
 }
@@ -191,7 +191,7 @@ TEST(Identify, WhatHoldsNoReadingsOfAMachineIsRefusedByName) {
   const Scene scene = read_scene(packaged("gantry_dome.toml"));
   const Files good = campaign(scene, {instrument_of(scene, "laser")}, folder);
   const auto with = [&](const std::filesystem::path& bad) {
-    return refusal_of({good.front(), bad}, folder);
+    return refusal_of_identifying({good.front(), bad}, folder);
   };
   EXPECT_NE(with(folder.path() / "absent.csv").find("absent.csv"), std::string::npos);
   EXPECT_NE(with(folder.write("empty.csv", "")).find("empty.csv"), std::string::npos);
@@ -373,7 +373,7 @@ struct GantryResult {
   double lean = 0.0, lean_left = 0.0;  ///< of the axis, the nose's constant lean taken out, too
 };
 
-GantryResult gantry(const char* how, IdentifyOptions options) {
+GantryResult gantry_result(const char* how, IdentifyOptions options) {
   const SceneFolder folder;
   const Scene scene = read_scene(packaged("gantry_calibration.toml"));
   const auto nominal = compile(scene).nominal;
@@ -427,9 +427,9 @@ TEST(Identify, TheCalibratedGantryIsKnownToATenth) {
   SCOPED_TRACE(testing::Message() << "seed " << gantry_seed);
   IdentifyOptions options;
   options.model.order = 6;
-  const GantryResult smooth = gantry("order 6", options);
+  const GantryResult smooth = gantry_result("order 6", options);
   options.model.pitch = {{'X', 16.0}, {'Y', 16.0}, {'Z', 12.0}};
-  const GantryResult pitched = gantry("order 6 and the screws' pitch", options);
+  const GantryResult pitched = gantry_result("order 6 and the screws' pitch", options);
   for (const GantryResult& r : {smooth, pitched}) {
     EXPECT_LT(r.tip_from_datum_left, 0.1 * r.tip_from_datum);
     EXPECT_LT(r.tip_left, 0.1 * r.tip);

@@ -42,7 +42,7 @@ Eigen::Vector3d warmed_K(int epoch) {
 }
 
 /// um or urad per K, of a slope um/m per K, by nut and box; the room does nothing.
-const std::map<std::string, Eigen::Vector2d> injected = {
+const std::map<std::string, Eigen::Vector2d> injected_trends = {
     {"EXX slope", {11.7, 0.0}},  {"EYY slope", {0.0, 5.0}},  {"EZZ slope", {-3.0, 8.0}},
     {"EZS offset", {0.0, -1.5}}, {"EYS offset", {0.3, 0.0}}, {"EX0C offset", {-0.8, 0.4}},
 };
@@ -51,7 +51,7 @@ const std::map<std::string, Eigen::Vector2d> injected = {
 errors::GeometricErrors warm(int epoch) {
   errors::GeometricErrors errors;
   const Eigen::Vector3d dT_K = warmed_K(epoch);
-  for (const auto& [name, per_K] : injected) {
+  for (const auto& [name, per_K] : injected_trends) {
     const double value = per_K.dot(dT_K.head<2>()) * 1e-3;
     const errors::ElementName element = errors::parse_element_name(name.substr(0, name.find(' ')));
     if (name.ends_with("slope"))
@@ -130,7 +130,7 @@ std::vector<Readings> made_up_day(int epochs, const errors::GeometricErrors& col
 
 std::vector<std::string> elements() {
   std::vector<std::string> names;
-  for (const auto& [name, per_K] : injected) names.push_back(name.substr(0, name.find(' ')));
+  for (const auto& [name, per_K] : injected_trends) names.push_back(name.substr(0, name.find(' ')));
   return names;
 }
 
@@ -149,7 +149,7 @@ double per_K(const ThermalDay& day, const std::string& term, const std::string& 
 
 double worst_per_K(const IdentifiedThermal& found) {
   double worst = 0.0;
-  for (const auto& [name, values] : injected)
+  for (const auto& [name, values] : injected_trends)
     for (int k = 0; k < 2; ++k)
       worst = std::max(worst, std::abs(per_K(found.day, name, k == 0 ? "nut" : "box") - values[k]));
   for (const RegressedTerm& term : found.day.terms)
@@ -167,7 +167,7 @@ TEST(IdentifyThermal, ReturnsTheSlopesOfADayWithoutNoise) {
   EXPECT_LT(worst, 1e-9 * 11.7);
   EXPECT_EQ(found.day.epochs.size(), 12u);
   // the offsets of EXX, EYY, EZZ come with their slopes; the first hides behind the table's drift
-  EXPECT_EQ(found.belief.terms.size(), injected.size() + 2);
+  EXPECT_EQ(found.belief.terms.size(), injected_trends.size() + 2);
 }
 
 TEST(IdentifyThermal, WhatIsWrongWithTheColdMachineDropsOut) {
@@ -211,7 +211,8 @@ TEST(IdentifyThermal, ADriftAloneTellsOffsetsAndNoSlope) {
   EXPECT_LE(found.day.epochs.size(), 200u);
 }
 
-std::string refusal_of(std::span<const Readings> readings, const ThermalIdentification& options) {
+std::string refusal_of_the_fit(std::span<const Readings> readings,
+                               const ThermalIdentification& options) {
   try {
     identify_thermal(readings, options);
     return "";
@@ -224,7 +225,7 @@ TEST(IdentifyThermal, RefusesInASentenceWhatCannotBe) {
   const std::vector<Readings> day = made_up_day(4);
   const auto expect = [&](std::span<const Readings> readings, const ThermalIdentification& options,
                           const std::string& words) {
-    const std::string refusal = refusal_of(readings, options);
+    const std::string refusal = refusal_of_the_fit(readings, options);
     EXPECT_NE(refusal.find(words), std::string::npos) << words << "\nsaid: " << refusal;
   };
   expect({}, {}, "expected readings");
@@ -291,13 +292,13 @@ compensation::ControlLog log_of(const Scene& scene, double history_s) {
 }
 
 /// How far heat moves the tip where the dome is cut, and how far it moves it beyond belief. RMS mm
-struct Left {
+struct HeatLeft {
   double heat = 0.0;
   double left = 0.0;
   int held = 0;
 };
 
-Left left_of(const Variant& variant, double history_s, unsigned seed) {
+HeatLeft heat_left(const Variant& variant, double history_s, unsigned seed) {
   const Scene scene = read_scene(packaged("gantry_warmup.toml"), variant.set);
   const Machine machine = compile(scene);
   const Truth truth = truth_of(scene, machine, activity(scene, machine, {}, {}));
@@ -305,7 +306,7 @@ Left left_of(const Variant& variant, double history_s, unsigned seed) {
       compensation::course_of(packaged_belief(), log_of(scene, history_s), machine.nominal);
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
-  Left result{0.0, 0.0, course.held};
+  HeatLeft result{0.0, 0.0, course.held};
   const int n = 2000;
   for (int i = 0; i < n; ++i) {
     AxisState state;
@@ -337,7 +338,7 @@ TEST(IdentifyThermal, WhatOneDayTaughtTakesFourFifthsOfAnotherDaysDrift) {
   for (const Variant& variant : read_scene(packaged("gantry_warmup.toml")).variants) {
     const double hours = variant.name == "3 h" ? 3.0 : variant.name == "30 min" ? 0.5 : 0.0;
     if (hours == 0.0) continue;
-    const Left one = left_of(variant, 3600.0 * hours, seed);
+    const HeatLeft one = heat_left(variant, 3600.0 * hours, seed);
     std::cout << variant.name << ": heat moves the tip by " << one.heat / units::um << " um RMS, "
               << one.left / units::um << " beyond belief; " << one.held << " rows held\n";
     EXPECT_LT(one.left, 0.2 * one.heat) << variant.name;

@@ -8,6 +8,7 @@
 #include "sim/commands/all_keys.h"
 #include "sim/report/key_rows.h"
 #include "sim/scene/scene_fields.h"
+#include "tests/sim/scene_folder.h"
 
 /// The tables of keys in the documents are what the program reads. ABBE_WRITE_KEYS=1 writes them.
 namespace abbe::sim {
@@ -16,12 +17,6 @@ namespace {
 namespace fs = std::filesystem;
 
 const std::string begin_mark = "<!-- keys: ", end_mark = "<!-- end of keys -->";
-
-std::string text_of(const fs::path& file) {
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
-}
 
 std::vector<std::string> words_of_line(const std::string& line) {
   std::istringstream in(line);
@@ -122,7 +117,7 @@ TEST(KeyTables, OfTheDocumentsAreThoseOfTheProgram) {
   const std::vector<Key> all = all_keys();
   for (const char* name : {"scenes/README.md", "scenes/studies/README.md"}) {
     const fs::path file = fs::path(ABBE_SOURCE_DIR) / name;
-    const std::string document = text_of(file), again = made_again(document, all);
+    const std::string document = bytes(file), again = made_again(document, all);
     EXPECT_GT(sections_of(document).size(), 3u) << name;
     if (std::getenv("ABBE_WRITE_KEYS")) std::ofstream(file) << again;
     EXPECT_EQ(document == again, true)
@@ -132,10 +127,11 @@ TEST(KeyTables, OfTheDocumentsAreThoseOfTheProgram) {
 
 TEST(KeyTables, EverySectionOfASceneHasATable) {
   const std::set<std::string> sections =
-      sections_of(text_of(fs::path(ABBE_SOURCE_DIR) / "scenes/README.md"));
+      sections_of(bytes(fs::path(ABBE_SOURCE_DIR) / "scenes/README.md"));
   for (const Key& key : scene_keys())
-    if (!key.keys.empty() && key.name != "history" && key.name != "room")
+    if (!key.keys.empty() && key.name != "history" && key.name != "room") {
       EXPECT_TRUE(sections.count(key.name)) << key.name;
+    }
 }
 
 TEST(KeyTables, EveryKeyHasASentence) {

@@ -16,7 +16,7 @@ namespace {
 using namespace abbe::literals;
 using Eigen::Vector3d;
 
-const std::string typical = packaged("errors/gantry_typical.toml").string();
+const std::string typical_file = packaged("errors/gantry_typical.toml").string();
 
 /// The gantry goes to a point of the workpiece with A and C at zero, under G43.4 or in axes.
 Job going_to(const Vector3d& point_w, const std::string& more, const std::string& head = "") {
@@ -38,15 +38,15 @@ Vector3d deviation_at_the_end(const Job& job) {
          job.T_wt_nominal.back().translation();
 }
 
-const std::string wrong = "errors = \"" + typical + "\"\n";
+const std::string typical_errors = "errors = \"" + typical_file + "\"\n";
 
 TEST(Datum, IdealBringsTheTipToItsPointExactly) {
   for (const Vector3d& point :
        {Vector3d(40, 25, 80), Vector3d(-120, 60, 20), Vector3d(0, 0, 150)}) {
     const std::string datum = fmt::format("[datum]\nkind = \"ideal\"\npoint_mm = [{}, {}, {}]\n",
                                           point.x(), point.y(), point.z());
-    const Vector3d before = deviation_at_the_end(going_to(point, "", wrong));
-    const Job job = going_to(point, datum, wrong);
+    const Vector3d before = deviation_at_the_end(going_to(point, "", typical_errors));
+    const Job job = going_to(point, datum, typical_errors);
     ASSERT_LT((job.T_wt_nominal.back().translation() - point).norm(), 1e-9);
     const Vector3d after = deviation_at_the_end(job);
     std::cout << "datum at " << point.transpose() << ": tip off by " << before.norm() / units::um
@@ -59,7 +59,7 @@ TEST(Datum, IdealBringsTheTipToItsPointExactly) {
 TEST(Datum, TouchOffTakesOutTheComponentsThatItTouched) {
   const Vector3d point(40, 25, 80);
   const std::string at = "point_mm = [40, 25, 80], direction = ";
-  const Vector3d before = deviation_at_the_end(going_to(point, "", wrong));
+  const Vector3d before = deviation_at_the_end(going_to(point, "", typical_errors));
   struct Touches {
     std::string list;
     Vector3d seen;
@@ -69,8 +69,8 @@ TEST(Datum, TouchOffTakesOutTheComponentsThatItTouched) {
         Touches{"{ " + at + "[1, 0, 0] }, { " + at + "[0, 0, -2] }", {1, 0, 1}},
         Touches{"{ " + at + "[1, 0, 0] }, { " + at + "[0, 1, 0] }, { " + at + "[0, 0, 1] }",
                 {1, 1, 1}}}) {
-    const Vector3d after = deviation_at_the_end(
-        going_to(point, "[datum]\nkind = \"touch_off\"\ntouch = [" + touches.list + "]\n", wrong));
+    const Vector3d after = deviation_at_the_end(going_to(
+        point, "[datum]\nkind = \"touch_off\"\ntouch = [" + touches.list + "]\n", typical_errors));
     std::cout << "touched along " << touches.seen.transpose() << ": tip off by "
               << after.transpose() / units::um << " um, before " << before.transpose() / units::um
               << " um\n";
@@ -88,8 +88,8 @@ TEST(Datum, TouchesAtTwoPlacesHoldAtTheirOwnPlaces) {
   const std::string datum =
       "[datum]\nkind = \"touch_off\"\ntouch = [{ point_mm = [100, 0, 50], direction = [0, 0, 1] }, "
       "{ point_mm = [-100, 0, 50], direction = [1, 0, 0] }]\n";
-  const Vector3d right = deviation_at_the_end(going_to({100, 0, 50}, datum, wrong));
-  const Vector3d left = deviation_at_the_end(going_to({-100, 0, 50}, datum, wrong));
+  const Vector3d right = deviation_at_the_end(going_to({100, 0, 50}, datum, typical_errors));
+  const Vector3d left = deviation_at_the_end(going_to({-100, 0, 50}, datum, typical_errors));
   std::cout << "touched z at x = 100: " << right.transpose() / units::um
             << " um; touched x at x = -100: " << left.transpose() / units::um << " um\n";
   EXPECT_LT(std::abs(right.z()), 0.05_um);
@@ -98,24 +98,25 @@ TEST(Datum, TouchesAtTwoPlacesHoldAtTheirOwnPlaces) {
   EXPECT_GT(std::abs(left.z()), 0.5_um);
 }
 
-constexpr double R = 5.0;        // mm, the ball
-constexpr double s = 0.5;        // mm, step over
-constexpr double height = 80.0;  // mm, of the plane above the workpiece frame
+constexpr double plane_step_over = 0.5;  // mm, step over
+constexpr double plane_height = 80.0;    // mm, of the plane above the workpiece frame
 
-/// A plane at x = 40, y = 25 under the ball, passes at multiples of s from its middle; A stands at
-/// the lead and C at a right angle throughout.
+/// A plane at x = 40, y = 25 under the ball, passes at multiples of the step over from its middle;
+/// A stands at the lead and C at a right angle throughout.
 BallRaster plane(double lead, const std::string& more = {}) {
   return {.part =
               "surface = \"rectangle\"\nlength_x_mm = 12.0\nlength_y_mm = 10.0\n"
               "at_mm = [40, 25, 80]\nvertices = 5000",
-          .step_over = s,
+          .step_over = plane_step_over,
           .lead = lead,
           .more = more};
 }
 
-double ridge(double y, double radius = R) { return oracles::cusp(radius, 2 * off_grid(y, s)); }
+double ridge(double y, double radius = ball_radius) {
+  return oracles::cusp(radius, 2 * off_grid(y, plane_step_over));
+}
 
-void holds(const std::string& what, const Misfit& m) {
+void expect_within_nm(const std::string& what, const Misfit& m) {
   std::cout << what << ": " << m.vertices << " vertices within " << m.magnitude() / units::nm
             << " nm of the closed form\n";
   EXPECT_GT(m.vertices, 4000) << what;
@@ -128,8 +129,8 @@ TEST(ControlBelief, PivotTakenTooHighLowersTheTipByItsVersedSine) {
     const Job job = job_of(plane(lead, "[control]\naxis.A.point_mm = [0, 0, 200.02]\n"));
     const double shift = -off * (1 - std::cos(lead * units::deg));
     std::cout << "pivot 20 um too high, A " << lead << " deg: " << shift / units::um << " um\n";
-    holds("  map", misfit(job, cut(job).surface,
-                          [&](const CutVertex& v) { return ridge(v.p.y()) + shift; }));
+    expect_within_nm("  map", misfit(job, cut(job).surface,
+                                     [&](const CutVertex& v) { return ridge(v.p.y()) + shift; }));
   }
 }
 
@@ -138,8 +139,9 @@ TEST(ControlBelief, ToolLengthTakenTooLongLeavesMaterialAlongTheAxis) {
   const double off = 15.0_um, lead = 30.0;
   const Job job = job_of(plane(lead, "[control]\ntool_length_mm = 100.015\n"));
   const double shift = off * std::cos(lead * units::deg);
-  holds("tool length believed 15 um too long",
-        misfit(job, cut(job).surface, [&](const CutVertex& v) { return ridge(v.p.y()) + shift; }));
+  expect_within_nm(
+      "tool length believed 15 um too long",
+      misfit(job, cut(job).surface, [&](const CutVertex& v) { return ridge(v.p.y()) + shift; }));
 }
 
 TEST(Setup, ClampingMovesThePartUnderTheTool) {
@@ -160,16 +162,18 @@ TEST(Setup, ClampingMovesThePartUnderTheTool) {
     const auto expected = [&](const CutVertex& v) {
       double least = 1e9;
       for (int pass = -22; pass <= 22; ++pass) {
-        const Vector3d centre(v.p.x(), pass * s, R);
-        const Vector3d moved = centre - c.d - c.theta.cross(centre + Vector3d(40, 25, height));
+        const Vector3d centre(v.p.x(), pass * plane_step_over, ball_radius);
+        const Vector3d moved =
+            centre - c.d - c.theta.cross(centre + Vector3d(40, 25, plane_height));
         const double across = v.p.y() - moved.y();
-        if (std::abs(across) < R)
-          least = std::min(least, moved.z() - std::sqrt(R * R - across * across));
+        if (std::abs(across) < ball_radius)
+          least =
+              std::min(least, moved.z() - std::sqrt(ball_radius * ball_radius - across * across));
       }
       return least;
     };
-    holds("clamping " + c.toml.substr(0, c.toml.find('\n')),
-          misfit(job, cut(job).surface, expected));
+    expect_within_nm("clamping " + c.toml.substr(0, c.toml.find('\n')),
+                     misfit(job, cut(job).surface, expected));
   }
 }
 
@@ -177,11 +181,12 @@ TEST(Tool, BallOfAnotherRadiusTouchesTheTipStill) {
   for (const double more : {10.0_um, -25.0_um}) {
     const double lead = 36.0;
     const Job job =
-        job_of(plane(lead), {{"tool.actual.radius_mm", fmt::format("{:.6f}", R + more)}});
+        job_of(plane(lead), {{"tool.actual.radius_mm", fmt::format("{:.6f}", ball_radius + more)}});
     const double shift = -more * (1 - std::cos(lead * units::deg));
-    holds(fmt::format("ball larger by {} mm", more),
-          misfit(job, cut(job).surface,
-                 [&](const CutVertex& v) { return ridge(v.p.y(), R + more) + shift; }));
+    expect_within_nm(fmt::format("ball larger by {} mm", more),
+                     misfit(job, cut(job).surface, [&](const CutVertex& v) {
+                       return ridge(v.p.y(), ball_radius + more) + shift;
+                     }));
   }
 }
 
@@ -190,7 +195,7 @@ TEST(Tool, LongerToolCutsDeeperAlongItsAxis) {
   for (const double lead : {20.0, 50.0}) {
     const Job job = job_of(plane(lead), {{"tool.actual.length_mm", "100.018"}});
     const double shift = -more * std::cos(lead * units::deg);
-    holds(
+    expect_within_nm(
         fmt::format("tool longer by 18 um, lead {} deg", lead),
         misfit(job, cut(job).surface, [&](const CutVertex& v) { return ridge(v.p.y()) + shift; }));
   }

@@ -310,7 +310,7 @@ TEST(Measure, OnlyTheReadingsTellAnythingOfTheTruth) {
 
 // ---------------------------------------------------------------- parts
 
-const std::string flat =
+const std::string flat_part =
     "surface = \"rectangle\"\nlength_x_mm = 60\nlength_y_mm = 60\n"
     "at_mm = [40, 25, 80]\nvertices = 3000";
 const std::string wrong_slides =
@@ -321,19 +321,22 @@ const std::string wrong_slides =
     "EB0Z_urad = 100\nEA0Z_urad = -80\n";
 
 Scene part_scene(const std::string& more) {
-  return scene_of(to_toml(
-      {.part = flat, .step_over = 0.2, .step = 0.5, .lead = 0.0, .more = wrong_slides + more}));
+  return scene_of(to_toml({.part = flat_part,
+                           .step_over = 0.2,
+                           .step = 0.5,
+                           .lead = 0.0,
+                           .more = wrong_slides + more}));
 }
 
-using Place = std::array<double, 3>;
+using VertexPlace = std::array<double, 3>;
 template <typename Row>
-Place key_of(const Row& p) {
+VertexPlace key_of(const Row& p) {
   return {p.x(), p.y(), p.z()};
 }
 
 /// Residual by the place of its vertex.
-std::map<Place, double> map_of(const Job& job, const Cut& cut) {
-  std::map<Place, double> map;
+std::map<VertexPlace, double> map_of(const Job& job, const Cut& cut) {
+  std::map<VertexPlace, double> map;
   for (Eigen::Index i = 0; i < cut.surface.residual.size(); ++i)
     map[key_of(job.design_w.vertices.row(i))] = cut.surface.residual[i];
   return map;
@@ -344,7 +347,7 @@ TEST(Measure, ACoordinateMachineReadsTheMapToItsNoise) {
       "[[instrument]]\nkind = \"cmm\"\nspacing_mm = 2\nnoise_um = 0\n"
       "[[instrument]]\nname = \"noisy\"\nkind = \"cmm\"\nspacing_mm = 2\nnoise_um = 0.5\n");
   const Job job = prepare(scene);
-  const std::map<Place, double> map = map_of(job, cut(job));
+  const std::map<VertexPlace, double> map = map_of(job, cut(job));
   const auto against_map = [&](const PartReadingsFile& file) {
     Eigen::VectorXd apart = file.readings.deviation;
     for (Eigen::Index i = 0; i < apart.size(); ++i) {

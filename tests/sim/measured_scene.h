@@ -1,13 +1,16 @@
 #pragma once
 
 #include <cmath>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <fmt/format.h>
 
+#include "kinematics/units.h"
 #include "sim/commands/measure_command.h"
 #include "sim/readings/readings_file.h"
+#include "sim/report/verdict.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/small_scene.h"
 
@@ -63,6 +66,12 @@ inline std::string refusal_of_measuring(const Scene& scene, const std::string& i
   } catch (const BadInput& fault) {
     return fault.what();
   }
+}
+
+/// Machine's part of the map of a case, um RMS.
+inline double machine_um(const Job& job, const std::optional<CaseDescription>& compensator = {}) {
+  const Verdict error_free = judge(job, cut_error_free(job), nullptr);
+  return judge(job, cut(job, compensator), &error_free).machine->rms.value() / units::um;
 }
 
 inline double rms(const Eigen::VectorXd& v) {

@@ -79,7 +79,7 @@ void write_odd_files(const SceneFolder& folder) {
 
 namespace {
 
-std::string cap(double radius, double rim) {
+std::string small_cap(double radius, double rim) {
   return fmt::format(
       "surface = \"sphere_cap\"\nradius_mm = {}\nrim_radius_mm = {}\nvertices = 400\nat_mm = [0, "
       "0, "
@@ -107,7 +107,7 @@ std::string mesh(const std::string& file, const std::string& more = "") {
 }
 
 const std::string open_sheet = "open = true\n";
-const std::string nose = "kind = \"nose\"\nradius_mm = 0.4\nlength_mm = 30\n";
+const std::string nose_tool = "kind = \"nose\"\nradius_mm = 0.4\nlength_mm = 30\n";
 
 /// A face of radius 10 turned by a spiral on the platform.
 std::string turned(const std::string& spiral, const std::string& part_more = "") {
@@ -180,7 +180,7 @@ std::vector<OddScene> odd_scenes() {
        {.program = "wall.ngc",
         .tool = "kind = \"flat\"\nradius_mm = 5\nflank_length_mm = 3\nlength_mm = 100\n",
         .part = mesh("step.obj", open_sheet + "at_mm = [0, 0, -8]\n")});
-  flat("a nose on a mill", {.tool = nose});
+  flat("a nose on a mill", {.tool = nose_tool});
   const auto add = [&](const std::string& name, const std::string& text) {
     all.push_back({name, text});
   };
@@ -194,8 +194,8 @@ std::vector<OddScene> odd_scenes() {
   add("coarse dome", raster_on(mesh("dome.obj", open_sheet + "at_mm = [0, 0, 80]\n"), 0.5));
   add("coarse dome, tolerance",
       raster_on(mesh("dome.obj", open_sheet + "at_mm = [0, 0, 80]\ntolerance_um = 10\n"), 0.5));
-  add("negative overrun", raster_on(cap(40, 10), 1.0, "overrun_mm = -1\n"));
-  add("no step", raster_on(cap(40, 10), 0.0));
+  add("negative overrun", raster_on(small_cap(40, 10), 1.0, "overrun_mm = -1\n"));
+  add("no step", raster_on(small_cap(40, 10), 0.0));
   add("turned to half its radius", turned("feed_um_per_rev = 100\nend_radius_mm = 5\n"));
   add("turned beside", turned("feed_um_per_rev = 100\n",
                               "judged_radius_min_mm = "
@@ -215,16 +215,17 @@ std::vector<OddScene> sane_scenes() {
                                 "100\nnumber = 7\n"}));
   add("sheet", to_toml(FlatScene{.part = mesh("sheet.obj", open_sheet)}));
   add("fine dome", raster_on(mesh("fine_dome.obj", open_sheet + "at_mm = [0, 0, 80]\n"), 0.5));
-  add("cap", raster(cap(40, 15), 36, "gantry_cxyza"));
-  add("cap on the trunnion", raster(cap(40, 15), 20, "trunnion_ca"));
-  add("cap, three axes", raster(cap(60, 10), 0, "three_axis_table"));
+  add("cap", raster(small_cap(40, 15), 36, "gantry_cxyza"));
+  add("cap on the trunnion", raster(small_cap(40, 15), 20, "trunnion_ca"));
+  add("cap, three axes", raster(small_cap(60, 10), 0, "three_axis_table"));
   add("turned face", turned("feed_um_per_rev = 100\n"));
   add("four axes that reach",
       four_axes(
           "surface = \"rectangle\"\nlength_x_mm = 10\nlength_y_mm = 10\nvertices = 400\nat_mm = "
           "[0, 0, 80]\n",
           10));
-  add("errors", raster(cap(40, 15), 36, "gantry_cxyza", "[errors]\nEXX_um = 50\nEC0Y_urad = 90\n"));
+  add("errors",
+      raster(small_cap(40, 15), 36, "gantry_cxyza", "[errors]\nEXX_um = 50\nEC0Y_urad = 90\n"));
   return all;
 }
 

@@ -32,7 +32,7 @@ PartReadingsFile some_part(unsigned seed, int n) {
   return file;
 }
 
-std::string refusal_of(const std::string& text) {
+std::string refusal_of_part_readings(const std::string& text) {
   return refusal_by([&] { read_part_readings(text, "p.csv"); });
 }
 
@@ -74,29 +74,41 @@ TEST(PartReadingsFile, CarriageReturnsAndBlankLinesAreAccepted) {
 
 TEST(PartReadingsFile, BrokenFilesAreRefusedByPlace) {
   const std::string row = "0,0,0,0,0,1,2.5,1\n";
-  EXPECT_EQ(refusal_of(head + row), "");
-  EXPECT_NE(refusal_of("").find("p.csv:1:1: expected readings of a part"), std::string::npos);
-  EXPECT_NE(refusal_of("x,y\n").find("p.csv:1:1"), std::string::npos);
-  EXPECT_NE(refusal_of("# abbe_part_readings = 2\n" + head.substr(25)).find("p.csv:1"),
+  EXPECT_EQ(refusal_of_part_readings(head + row), "");
+  EXPECT_NE(refusal_of_part_readings("").find("p.csv:1:1: expected readings of a part"),
             std::string::npos);
-  EXPECT_NE(refusal_of("# abbe_part_readings = 1\n").find("the end of the file"),
+  EXPECT_NE(refusal_of_part_readings("x,y\n").find("p.csv:1:1"), std::string::npos);
+  EXPECT_NE(
+      refusal_of_part_readings("# abbe_part_readings = 2\n" + head.substr(25)).find("p.csv:1"),
+      std::string::npos);
+  EXPECT_NE(refusal_of_part_readings("# abbe_part_readings = 1\n").find("the end of the file"),
             std::string::npos);
-  EXPECT_NE(refusal_of(with(head, "x_mm", "u_mm")).find("p.csv:6:1: expected the columns"),
+  EXPECT_NE(
+      refusal_of_part_readings(with(head, "x_mm", "u_mm")).find("p.csv:6:1: expected the columns"),
+      std::string::npos);
+  EXPECT_NE(refusal_of_part_readings(with(head, "# kind", "# kynd")).find("p.csv:3:"),
             std::string::npos);
-  EXPECT_NE(refusal_of(with(head, "# kind", "# kynd")).find("p.csv:3:"), std::string::npos);
-  EXPECT_NE(refusal_of(with(head, "\"cmm\"", "7")).find("p.csv:2:"), std::string::npos);
-  EXPECT_NE(refusal_of(with(head, "0.5", "-0.5")).find("p.csv:5:"), std::string::npos);
-  EXPECT_NE(refusal_of(head + "0,0,0,0,0,1,2.5\n").find("p.csv:7:1: expected 8 cells"),
+  EXPECT_NE(refusal_of_part_readings(with(head, "\"cmm\"", "7")).find("p.csv:2:"),
             std::string::npos);
-  EXPECT_NE(refusal_of(head + row + "0,0,0,0,0,1,2.5,1,9\n").find("p.csv:8:1: expected 8 cells"),
+  EXPECT_NE(refusal_of_part_readings(with(head, "0.5", "-0.5")).find("p.csv:5:"),
             std::string::npos);
-  EXPECT_NE(refusal_of(head + "0,0,0,0,0,1,abc,1\n").find("p.csv:7:13: expected a number"),
+  EXPECT_NE(
+      refusal_of_part_readings(head + "0,0,0,0,0,1,2.5\n").find("p.csv:7:1: expected 8 cells"),
+      std::string::npos);
+  EXPECT_NE(refusal_of_part_readings(head + row + "0,0,0,0,0,1,2.5,1,9\n")
+                .find("p.csv:8:1: expected 8 cells"),
             std::string::npos);
-  EXPECT_NE(refusal_of(head + "0,0,0,0,0,1,nan,1\n").find("p.csv:7:13"), std::string::npos);
-  EXPECT_NE(refusal_of(head + "0,0,0,0,0,1,1e10,1\n").find("p.csv:7:13"), std::string::npos);
-  EXPECT_NE(refusal_of(head + "0,0,0,0,0,0,1,1\n").find("p.csv:7:7: expected a normal of length 1"),
+  EXPECT_NE(
+      refusal_of_part_readings(head + "0,0,0,0,0,1,abc,1\n").find("p.csv:7:13: expected a number"),
+      std::string::npos);
+  EXPECT_NE(refusal_of_part_readings(head + "0,0,0,0,0,1,nan,1\n").find("p.csv:7:13"),
             std::string::npos);
-  EXPECT_NE(refusal_of(head + "0,0,0,0,0,1.00001,1,1\n").find("a normal of length 1"),
+  EXPECT_NE(refusal_of_part_readings(head + "0,0,0,0,0,1,1e10,1\n").find("p.csv:7:13"),
+            std::string::npos);
+  EXPECT_NE(refusal_of_part_readings(head + "0,0,0,0,0,0,1,1\n")
+                .find("p.csv:7:7: expected a normal of length 1"),
+            std::string::npos);
+  EXPECT_NE(refusal_of_part_readings(head + "0,0,0,0,0,1.00001,1,1\n").find("a normal of length 1"),
             std::string::npos);
 }
 
@@ -124,7 +136,7 @@ TEST(PartReadingsFile, AnyMutationIsReadOrRefusedWithAPlace) {
         broken.resize(at + 1);
         break;
     }
-    const std::string refusal = refusal_of(broken);
+    const std::string refusal = refusal_of_part_readings(broken);
     ++(refusal.empty() ? read : refused);
     if (!refusal.empty()) {
       ASSERT_EQ(refusal.find("p.csv:"), 0u) << refusal;

@@ -47,16 +47,8 @@ const std::set<std::string> cannot_be_mended = {"platform_calibration",
                                                 "stepped_shaft",
                                                 "on_machine_measurement, worn ball"};
 
-std::vector<std::string> packaged_scenes() {
-  std::vector<std::string> names;
-  for (const auto& entry : std::filesystem::directory_iterator(packaged("")))
-    if (entry.path().extension() == ".toml") names.push_back(entry.path().filename().string());
-  std::sort(names.begin(), names.end());
-  return names;
-}
-
 /// Fewer vertices and, where a program is generated, longer steps: the machine is the scene's own.
-std::vector<Override> coarse(const Scene& scene) {
+std::vector<Override> coarse_changes(const Scene& scene) {
   std::vector<Override> changes;
   if (!std::holds_alternative<MeshFile>(scene.part.shape))
     changes.push_back({"part.vertices", "1500"});
@@ -115,11 +107,11 @@ Outside outside(const cutting::Nose& nose, const Vector3d& p_t) {
 // --- the machine at an instant
 
 /// Last sample before an instant, and how far the instant is on the way to the next.
-struct Between {
+struct Instant {
   std::size_t before;
   double fraction;
 };
-Between between(const std::vector<AxisState>& states, double time_s) {
+Instant between(const std::vector<AxisState>& states, double time_s) {
   const auto after =
       std::lower_bound(states.begin() + 1, states.end() - 1, time_s,
                        [](const AxisState& state, double time) { return state.time_s < time; });
@@ -212,7 +204,7 @@ Kept::Kept(const Scene& scene)
 }
 
 /// Axes between two samples.
-AxisState state_at(const std::vector<AxisState>& states, const Between& at) {
+AxisState state_at(const std::vector<AxisState>& states, const Instant& at) {
   AxisState state = states[at.before + 1];
   const AxisState& before = states[at.before];
   state.q = before.q + at.fraction * (state.q - before.q);
@@ -228,14 +220,14 @@ Pose Kept::actual(std::size_t sample) const {
 }
 
 Pose Kept::actual(double time_s) const {
-  const Between at = between(told.samples.states, time_s);
+  const Instant at = between(told.samples.states, time_s);
   if (!turning()) return on_the_way(actual(at.before), actual(at.before + 1), at.fraction);
   const AxisState state = state_at(told.samples.states, at);
   return tool_in_workpiece(job.truth, state, load_at(mended.process, state.time_s));
 }
 
 Pose Kept::nominal(double time_s) const {
-  const Between at = between(job.samples.states, time_s);
+  const Instant at = between(job.samples.states, time_s);
   if (!turning())
     return on_the_way(job.T_wt_nominal[at.before], job.T_wt_nominal[at.before + 1], at.fraction);
   return job.machine.nominal.tool_in_workpiece(state_at(job.samples.states, at).q);
@@ -352,7 +344,7 @@ void hold(const std::string& name, const Scene& scene) {
 TEST_P(PerfectBelief, LeavesTheErrorFreeMapOrWhatTheAxesCannotMend) {
   const auto file = packaged(GetParam());
   const Scene scene = read_scene(file);
-  const std::vector<Override> small = coarse(scene);
+  const std::vector<Override> small = coarse_changes(scene);
   const std::string stem = file.stem().string();
   hold(stem, read_scene(file, small));
   for (const Variant& variant : scene.variants) {

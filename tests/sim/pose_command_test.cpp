@@ -12,6 +12,7 @@
 
 #include "sim/files/output.h"
 #include "tests/sim/pose_scene.h"
+#include "tests/sim/scene_folder.h"
 
 #ifndef ABBE_RENDER
 #define ABBE_RENDER 0
@@ -22,24 +23,19 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Ran {
+struct PoseRun {
   int code = 0;
   std::string out, err;
 };
 
-std::string bytes(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
 class PoseCommandLine : public testing::Test {
  protected:
-  Ran run(const std::string& arguments, const std::string& before = {}) const {
+  PoseRun run(const std::string& arguments, const std::string& before = {}) const {
     const fs::path err = folder_.path() / "stderr.txt";
     const std::string command = "cd " + folder_.path().string() + " && " + before + ABBE_PROGRAM +
                                 " pose " + arguments + " 2>" + err.string();
     std::FILE* pipe = ::popen(command.c_str(), "r");
-    Ran ran;
+    PoseRun ran;
     std::array<char, 4096> buffer;
     while (const std::size_t n = std::fread(buffer.data(), 1, buffer.size(), pipe))
       ran.out.append(buffer.data(), n);
@@ -65,7 +61,7 @@ TEST_F(PoseCommandLine, ATableIsPrintedOrWrittenWithTheSameBytesForAnyThreads) {
   const IdleMachine idle = idle_of(scenes() / "gantry_dome.toml");
   folder_.write("poses.csv", csv_of(idle, any_states(idle, 3000, 20261128)));
   const std::string what = dome + " --at-file poses.csv --elements all --jacobian axis,motion ";
-  const Ran one = run(what + "--threads 1"), two = run(what + "--threads 2");
+  const PoseRun one = run(what + "--threads 1"), two = run(what + "--threads 2");
   ASSERT_EQ(one.code, 0) << one.err;
   EXPECT_EQ(one.err, "");
   EXPECT_EQ(one.out, two.out);
@@ -73,7 +69,7 @@ TEST_F(PoseCommandLine, ATableIsPrintedOrWrittenWithTheSameBytesForAnyThreads) {
   ASSERT_EQ(rows.size(), 3001u);
   EXPECT_EQ(rows[3000][0], "3000");
   for (const auto& row : rows) ASSERT_EQ(row.size(), rows.front().size());
-  const Ran written = run(what + "--out deep/table.csv");
+  const PoseRun written = run(what + "--out deep/table.csv");
   EXPECT_EQ(written.code, 0) << written.err;
   EXPECT_EQ(bytes(folder_.path() / "deep/table.csv"), one.out);
   EXPECT_NE(written.out.find("3000 poses"), std::string::npos) << written.out;
@@ -90,7 +86,7 @@ TEST_F(PoseCommandLine, ManyPosesTakeLittleMemory) {
   };
   folder_.write("poses.csv", csv_of(idle, any_states(idle, is_long ? 200000 : 20000, 20261129)));
   const int most_kb = is_long ? 120000 : 65000;
-  const Ran ran = run_within(most_kb, "--elements all --threads 2 --out shares.csv");
+  const PoseRun ran = run_within(most_kb, "--elements all --threads 2 --out shares.csv");
   ASSERT_EQ(ran.code, 0) << ran.err;
   const auto written_kb = long(fs::file_size(folder_.path() / "shares.csv") >> 10);
   std::cout << written_kb << " KB written within " << most_kb << " KB\n";
@@ -107,8 +103,8 @@ TEST_F(PoseCommandLine, ManyPosesTakeLittleMemory) {
 
 TEST_F(PoseCommandLine, JsonHasTheNumbersOfTheTable) {
   folder_.write("poses.csv", "X_mm,A_deg\n0,0\n100,30\n-100,-30\n");
-  const Ran csv = run(dome + " --at-file poses.csv --elements EXX,EC0Y");
-  const Ran json = run(dome + " --at-file poses.csv --elements EXX,EC0Y --json");
+  const PoseRun csv = run(dome + " --at-file poses.csv --elements EXX,EC0Y");
+  const PoseRun json = run(dome + " --at-file poses.csv --elements EXX,EC0Y --json");
   ASSERT_EQ(json.code, 0) << json.err;
   const auto read = nlohmann::json::parse(json.out);
   const auto rows = cells_of_csv(csv.out);
@@ -128,7 +124,7 @@ TEST_F(PoseCommandLine, NothingOfTheUsersIsOverwritten) {
   folder_.write("mine.csv", "x,y\n1,2\n");
   folder_.write("mine.json", "{}\n");
   for (const char* out : {"poses.csv", "mine.csv", "mine.json", ".", "mine.txt", "folder"}) {
-    const Ran ran = run(dome + " --at-file poses.csv --out " + out);
+    const PoseRun ran = run(dome + " --at-file poses.csv --out " + out);
     EXPECT_EQ(ran.code, 5) << out << ran.err;
     EXPECT_EQ(ran.out, "") << out;
   }
@@ -141,7 +137,7 @@ TEST_F(PoseCommandLine, NothingOfTheUsersIsOverwritten) {
 TEST_F(PoseCommandLine, ARefusedTableWritesNothing) {
   folder_.write("poses.csv", "X_mm,Y_mm\n0,0\n400,0\n0,word\n");
   for (const char* out : {"", " --out table.csv"}) {
-    const Ran ran = run(dome + " --at-file poses.csv" + out);
+    const PoseRun ran = run(dome + " --at-file poses.csv" + out);
     EXPECT_EQ(ran.code, 3);
     EXPECT_EQ(ran.out, "");
     EXPECT_NE(ran.err.find("poses.csv:3:1: expected X between -300 and 300 mm"), std::string::npos)
@@ -157,7 +153,7 @@ TEST_F(PoseCommandLine, ARefusedTableWritesNothing) {
                             "5]\n"))
           .string();
   folder_.write("poses.csv", "X_mm\n0\n101\n");
-  const Ran left = run(table + " --at-file poses.csv --out table.csv");
+  const PoseRun left = run(table + " --at-file poses.csv --out table.csv");
   EXPECT_EQ(left.code, 3);
   EXPECT_NE(left.err.find("poses.csv:3: "), std::string::npos) << left.err;
   EXPECT_EQ(files(), 2) << "nothing unfinished is left";
@@ -177,11 +173,11 @@ TEST_F(PoseCommandLine, OneKindOfPlaceIsAskedForAtATime) {
 
 TEST_F(PoseCommandLine, WhatStandingStillLeavesOutIsSaid) {
   folder_.write("poses.csv", "X_mm,time_h\n0,0\n0,1\n");
-  const Ran cold = run(dome + " --at-file poses.csv");
+  const PoseRun cold = run(dome + " --at-file poses.csv");
   EXPECT_EQ(cold.code, 0);
   EXPECT_NE(cold.err.find("time changes nothing"), std::string::npos) << cold.err;
   const std::string warm = (scenes() / "thermal_protocol.toml").string();
-  const Ran after = run(warm + " --at-file poses.csv --json");
+  const PoseRun after = run(warm + " --at-file poses.csv --json");
   EXPECT_NE(after.err.find("1 of 2 poses come after time 0"), std::string::npos) << after.err;
   EXPECT_EQ(nlohmann::json::parse(after.out)["warnings"].size(), 1u);
   const std::string lost =
@@ -191,13 +187,13 @@ TEST_F(PoseCommandLine, WhatStandingStillLeavesOutIsSaid) {
                             "[[errors.EXX]]\nkind = \"backlash\"\nhalf_um = -1.5\n[[errors.EXX]]\n"
                             "kind = \"repeatability\"\nsigma_um = 0.25\n"))
           .string();
-  const Ran rest = run(lost + " --at X=10");
+  const PoseRun rest = run(lost + " --at X=10");
   EXPECT_NE(rest.err.find("reversal adds or takes: EXX 1.5 um"), std::string::npos) << rest.err;
   EXPECT_NE(rest.err.find("EXX 0.25 um"), std::string::npos) << rest.err;
 }
 
 TEST_F(PoseCommandLine, TheWorkSpaceGivesItsFilesAndFigures) {
-  const Ran text = run(dome + " --grid \"X=::3 Y=::4 Z=::5\" --out map --elements EC0Y");
+  const PoseRun text = run(dome + " --grid \"X=::3 Y=::4 Z=::5\" --out map --elements EC0Y");
   ASSERT_EQ(text.code, 0) << text.err;
   EXPECT_NE(text.out.find("volumetric error"), std::string::npos) << text.out;
   std::vector<std::string> names{"volumetric.csv", "volumetric.json"};
@@ -215,7 +211,7 @@ TEST_F(PoseCommandLine, TheWorkSpaceGivesItsFilesAndFigures) {
   while (rows[0].at(column) != "deviation_um") ++column;
   for (std::size_t i = 1; i < rows.size(); ++i) most = std::max(most, std::stod(rows[i][column]));
   EXPECT_DOUBLE_EQ(json["deviation_um"]["max"].get<double>(), most);
-  const Ran again =
+  const PoseRun again =
       run(dome + " --grid \"X=::3 Y=::4 Z=::5\" --out again --elements EC0Y --threads 1");
   for (const std::string& name : names)
     EXPECT_EQ(bytes(folder_.path() / "again" / name), bytes(folder_.path() / "map" / name)) << name;

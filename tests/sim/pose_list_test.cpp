@@ -14,15 +14,12 @@
 namespace abbe::sim {
 namespace {
 
-const kinematics::Chain& gantry() {
-  static const IdleMachine idle = idle_of(scenes() / "gantry_dome.toml");
-  return idle.machine.nominal;
-}
+const kinematics::Chain& gantry_chain() { return idle_gantry().machine.nominal; }
 
-PoseList read(const std::string& text) { return read_poses(text, "poses.csv", gantry()); }
+PoseList poses_in(const std::string& text) { return read_poses(text, "poses.csv", gantry_chain()); }
 
 TEST(PoseList, ReadsAxesInAnyOrderAndTimeWithTheirUnits) {
-  const PoseList poses = read(
+  const PoseList poses = poses_in(
       "\xEF\xBB\xBF# made by hand\r\nA_deg; time_min ;X_mm;C_rad\r\n\r\n30;-2;1.5e2;+0.25\r\n"
       "# one more\n-30;0;-1;-1e-12\n");
   ASSERT_EQ(poses.size(), 2u);
@@ -30,16 +27,16 @@ TEST(PoseList, ReadsAxesInAnyOrderAndTimeWithTheirUnits) {
   EXPECT_EQ(poses.line, (std::vector<int>{4, 6}));
   const kinematics::AxisState first = poses.state(0), second = poses.state(1);
   EXPECT_EQ(first.time_s, -120.0);
-  EXPECT_EQ(first.q[*gantry().find('A')], 30 * units::deg);
-  EXPECT_EQ(first.q[*gantry().find('X')], 150.0);
-  EXPECT_EQ(first.q[*gantry().find('C')], 0.25);
-  EXPECT_EQ(first.q[*gantry().find('Y')], 0.0);
-  EXPECT_EQ(second.q[*gantry().find('C')], -1e-12);
+  EXPECT_EQ(first.q[*gantry_chain().find('A')], 30 * units::deg);
+  EXPECT_EQ(first.q[*gantry_chain().find('X')], 150.0);
+  EXPECT_EQ(first.q[*gantry_chain().find('C')], 0.25);
+  EXPECT_EQ(first.q[*gantry_chain().find('Y')], 0.0);
+  EXPECT_EQ(second.q[*gantry_chain().find('C')], -1e-12);
   EXPECT_EQ(poses.text(0), "A_deg = 30, time_min = -2, X_mm = 150, C_rad = 0.25");
 }
 
 TEST(PoseList, BothEndsOfTheTravelAreWithinIt) {
-  EXPECT_EQ(read("X_mm,A_deg\n-300,-110\n300,110\n").size(), 2u);
+  EXPECT_EQ(poses_in("X_mm,A_deg\n-300,-110\n300,110\n").size(), 2u);
 }
 
 TEST(PoseList, RefusesWithLineAndColumn) {
@@ -77,7 +74,7 @@ TEST(PoseList, RefusesWithLineAndColumn) {
            Bad{"A_deg,X_mm\n0,0\n-110.001,0\n", "poses.csv:3:1", "A between -110 and 110 deg"},
            Bad{"X_mm\n1\n\x01\n", "poses.csv:3:1", "plain text"},
        }) {
-    const std::string refusal = refusal_by([&] { read(bad.text); });
+    const std::string refusal = refusal_by([&] { poses_in(bad.text); });
     EXPECT_EQ(refusal.rfind(bad.place, 0), 0u) << bad.text << "\n" << refusal;
     EXPECT_NE(refusal.find(bad.expected), std::string::npos) << bad.text << "\n" << refusal;
   }
@@ -87,7 +84,7 @@ TEST(PoseList, TellsTheFaultsOfUpToTwentyRowsAtOnce) {
   std::string text = "X_mm\n";
   for (int i = 0; i < 30; ++i) text += i % 2 == 0 ? "999\n" : "word\n";
   try {
-    read(text);
+    poses_in(text);
     FAIL() << "was read";
   } catch (const BadScene& faults) {
     EXPECT_EQ(faults.faults.size(), 20u);
@@ -107,14 +104,14 @@ TEST(PoseList, InjuredTextsAreReadOrRefusedAndNothingElse) {
   for (int i = 0; i < 20000; ++i) {
     const std::string text = injured(good, ",;. \t\n\r#-+eE0123456789_XYZACmdegrtinf\"", 2, random);
     try {
-      const PoseList poses = read(text);
+      const PoseList poses = poses_in(text);
       ++read_well;
       ASSERT_EQ(poses.numbers.size(), poses.size() * poses.columns.size());
       ASSERT_EQ(poses.line.size(), poses.size());
       for (std::size_t k = 0; k < poses.size(); ++k) {
         const kinematics::AxisState state = poses.state(k);
-        for (int j = 0; j < gantry().size(); ++j) {
-          const kinematics::Joint& joint = gantry().joints()[std::size_t(j)];
+        for (int j = 0; j < gantry_chain().size(); ++j) {
+          const kinematics::Joint& joint = gantry_chain().joints()[std::size_t(j)];
           ASSERT_TRUE(state.q[j] >= joint.min && state.q[j] <= joint.max) << text;
         }
       }

@@ -39,6 +39,11 @@ inline IdleMachine idle_of(const std::filesystem::path& scene,
   return idle_machine(read_scene(scene, changes));
 }
 
+inline const IdleMachine& idle_gantry() {
+  static const IdleMachine idle = idle_of(scenes() / "gantry_dome.toml");
+  return idle;
+}
+
 /// Poses anywhere within the travel (turns without limits: within a turn), and at its ends.
 inline std::vector<kinematics::AxisState> any_states(const IdleMachine& idle, int count,
                                                      unsigned seed) {

@@ -26,7 +26,7 @@ namespace {
 using namespace abbe::literals;
 
 constexpr double K_tc = 2000, K_rc = 800, K_te = 30, K_re = 40;  // steel_c45_typical
-constexpr double feed = 0.04, insert = 3.0;                      // mm
+constexpr double feed_per_turn = 0.04, insert = 3.0;             // mm
 
 /// Radial and tangential force of a round insert at a depth of cut, the feed small against both.
 struct RoundInsertForce {
@@ -36,9 +36,9 @@ struct RoundInsertForce {
 RoundInsertForce round_insert(double depth) {
   const double psi = std::acos(1 - depth / insert);
   // behind the lowest point the edge is in the cusp of the turn before for half a feed
-  return {K_rc * feed * (depth - depth * depth / (2 * insert)) +
-              K_re * (insert * std::sin(psi) + feed / 2),
-          K_tc * feed * depth + K_te * (insert * psi + feed / 2)};
+  return {K_rc * feed_per_turn * (depth - depth * depth / (2 * insert)) +
+              K_re * (insert * std::sin(psi) + feed_per_turn / 2),
+          K_tc * feed_per_turn * depth + K_te * (insert * psi + feed_per_turn / 2)};
 }
 
 /// Mean deviation of the radius between two places along the part.
@@ -53,9 +53,9 @@ double radius_deviation(const Job& job, const cutting::Surface& surface, double 
   return sum / n;
 }
 
-const std::vector<Override> coarse{{"part.vertices", "2000"}};
+const std::vector<Override> few_vertices{{"part.vertices", "2000"}};
 
-std::vector<Override> with(std::vector<Override> all, const Override& one) {
+std::vector<Override> and_one(std::vector<Override> all, const Override& one) {
   all.push_back(one);
   return all;
 }
@@ -83,7 +83,7 @@ Yield turret_yield(double depth) {
 }
 
 TEST(SteppedShaft, RadiiFollowTheForceOfEachStep) {
-  const Job job = job_of("stepped_shaft.toml", coarse);
+  const Job job = job_of("stepped_shaft.toml", few_vertices);
   const Cut made = cut(job);
   const Cut error_free = cut_error_free(job);
   const double R = 12.5, too_long = 8.6_um;
@@ -104,13 +104,13 @@ TEST(SteppedShaft, RadiiFollowTheForceOfEachStep) {
               << expected / units::um << " um\n";
     EXPECT_LT(yield.radial, 0.0) << "the cut draws the tool in";
   }
-  EXPECT_LT(worst, feed / (2 * insert));  // of first order in the chip over the nose
+  EXPECT_LT(worst, feed_per_turn / (2 * insert));  // of first order in the chip over the nose
 }
 
 TEST(SteppedShaft, TorqueAndRemovedVolumeAreThoseOfTheCut) {
   const Job job =
       job_of("stepped_shaft.toml",
-             with(straight, {"compliance.axis.X.stiffness_N_per_um", "[1e6, 1e6, 1e6]"}));
+             and_one(straight, {"compliance.axis.X.stiffness_N_per_um", "[1e6, 1e6, 1e6]"}));
   const Process process = cut(job).process;
   double removed = 0.0, at_one = 0.0;
   for (const ProcessStep& step : process.steps) {
@@ -134,8 +134,8 @@ TEST(SteppedShaft, TorqueAndRemovedVolumeAreThoseOfTheCut) {
 TEST(SteppedShaft, TwiceTheComplianceIsTwiceTheDeflectionToFirstOrder) {
   const auto deflection = [](double stiffness) {
     const Job job =
-        job_of("stepped_shaft.toml", with(straight, {"compliance.axis.X.stiffness_N_per_um",
-                                                     fmt::format("[{}, 1e9, 1e9]", stiffness)}));
+        job_of("stepped_shaft.toml", and_one(straight, {"compliance.axis.X.stiffness_N_per_um",
+                                                        fmt::format("[{}, 1e9, 1e9]", stiffness)}));
     return radius_deviation(job, cut(job).surface, 14, 16) -
            radius_deviation(job, cut_error_free(job).surface, 14, 16);
   };
@@ -159,8 +159,8 @@ TEST(SteppedShaft, TheLoopContractsAndAgreesToItsTolerance) {
   double last = 0.0;
   for (const double stiffness : {9.06, 1.0, 0.1, 0.03, 0.001}) {
     const Job job =
-        job_of("stepped_shaft.toml", with(straight, {"compliance.axis.X.stiffness_N_per_um",
-                                                     fmt::format("[{}, 60, 60]", stiffness)}));
+        job_of("stepped_shaft.toml", and_one(straight, {"compliance.axis.X.stiffness_N_per_um",
+                                                        fmt::format("[{}, 60, 60]", stiffness)}));
     const Cut made = cut(job);
     int most = 0, open = 0;
     for (const ProcessStep& step : made.process.steps) {
@@ -229,12 +229,12 @@ TEST(RevolutionSwing, ErrorMotionsOfASpindleAreNoChatterOfAStiffMachine) {
   folder.write("bearing.toml",
                "name = \"bearing\"\n[[EXS]]\nkind = \"asynchronous\"\nrms_um = 0.5\n"
                "[[EYS]]\nkind = \"asynchronous\"\nrms_um = 0.5\n");
-  const Job job =
-      job_of("stepped_shaft.toml",
-             with(with(with(coarse, {"errors", (folder.path() / "bearing.toml").string()}),
-                       {"compliance.axis.X.stiffness_N_per_um", "[200, 200, 200]"}),
-                  {"cutting.profile",
-                   "[{along_mm = -6, radius_mm = 12.55}, {along_mm = 30, radius_mm = 12.55}]"}));
+  const Job job = job_of(
+      "stepped_shaft.toml",
+      and_one(and_one(and_one(few_vertices, {"errors", (folder.path() / "bearing.toml").string()}),
+                      {"compliance.axis.X.stiffness_N_per_um", "[200, 200, 200]"}),
+              {"cutting.profile",
+               "[{along_mm = -6, radius_mm = 12.55}, {along_mm = 30, radius_mm = 12.55}]"}));
   for (const std::string& warning : cut(job).warnings)
     EXPECT_EQ(warning.find("does not settle"), std::string::npos) << warning;
 }
@@ -266,15 +266,15 @@ TEST(RevolutionSwing, ALeapOutOfTheWorkCountsWhereTheLoopHasAGainOfOne) {
 /// way along X alone, however soft, is pushed out and settles.
 TEST(SteppedShaft, ATurretThatTheCutDrawsInTooFarIsWarnedOf) {
   const auto warning = [](const std::string& stiffness, const std::vector<Override>& base) {
-    const Cut made = cut(job_of("stepped_shaft.toml",
-                                with(base, {"compliance.axis.X.stiffness_N_per_um", stiffness})));
+    const Cut made = cut(job_of(
+        "stepped_shaft.toml", and_one(base, {"compliance.axis.X.stiffness_N_per_um", stiffness})));
     for (const std::string& one : made.warnings)
       if (one.starts_with("the cut does not settle")) return one;
     return std::string();
   };
-  EXPECT_EQ(warning("[60, 2.55, 60]", coarse), "");
+  EXPECT_EQ(warning("[60, 2.55, 60]", few_vertices), "");
   for (const char* soft : {"[60, 2.3, 60]", "[60, 1.0, 60]", "[60, 0.02, 60]"}) {
-    const std::string seen = warning(soft, coarse);
+    const std::string seen = warning(soft, few_vertices);
     EXPECT_NE(seen, "") << soft;
     std::cout << soft << ": " << seen << "\n";
   }
@@ -298,7 +298,8 @@ TEST(Shafts, RadiiAreThoseOfTheTableOfYangBeforeCompensation) {
 }
 
 TEST(Shafts, ARingThatNothingLiesOnIsTold) {
-  const Job job = job_of("stepped_shaft.toml", with(coarse, {"part.ring.R2.along_mm", "45"}));
+  const Job job =
+      job_of("stepped_shaft.toml", and_one(few_vertices, {"part.ring.R2.along_mm", "45"}));
   const Verdict verdict = judge(job, cut(job), nullptr);
   EXPECT_TRUE(to_json(summary(job, verdict)).at("radii_um").at("R2").is_null());
   ASSERT_EQ(verdict.cut.warnings.size(), 1u);
@@ -317,7 +318,7 @@ TEST(SteppedShaft, APerfectBeliefTakesTheForceOut) {
 }
 
 TEST(SteppedShaft, WhatPressesTheToolDownIsLeftAsNoSlideGoesThere) {
-  const Job job = job_of("stepped_shaft.toml", coarse);
+  const Job job = job_of("stepped_shaft.toml", few_vertices);
   const Cut error_free = cut_error_free(job);
   const Cut made = cut(job, parse_case("perfect-iterated-ideal"));
   for (const auto& [z, depth] : std::map<double, double>{{25, 1.363}, {15, 1.0}, {5, 0.637}}) {
@@ -520,7 +521,8 @@ TEST(Process, TheSenseOfTheSpindleIsThatOfTheFlutes) {
 Job shaft(const std::string& nc) {
   const SceneFolder folder;
   const auto file = folder.write("shaft.ngc", "G18 G21 G90 G94\n" + nc + "M2\n");
-  return job_of("stepped_shaft.toml", with(coarse, {"program.file", "\"" + file.string() + "\""}));
+  return job_of("stepped_shaft.toml",
+                and_one(few_vertices, {"program.file", "\"" + file.string() + "\""}));
 }
 
 TEST(Process, TurningKnowsRapidsAndASpindleAtRestOrBackwards) {

@@ -24,7 +24,7 @@ Readings laser_readings(const std::string& scene = "gantry_dome.toml") {
   return measured(read, laser);
 }
 
-std::string refusal_of(const std::string& text) {
+std::string refusal_of_readings(const std::string& text) {
   return refusal_by([&] { read_readings(text, "r.csv"); });
 }
 
@@ -60,19 +60,23 @@ TEST(ReadingsFile, TellsNothingOfTheTruth) {
 
 TEST(ReadingsFile, BrokenFilesAreRefusedByPlace) {
   const std::string text = to_text(laser_readings());
-  EXPECT_NE(refusal_of("x,y\n1,2\n").find("r.csv:1:1: expected readings"), std::string::npos);
-  EXPECT_NE(refusal_of(with(text, "# kind =", "# kynd =")).find("kynd"), std::string::npos);
-  EXPECT_NE(refusal_of(with(text, "set_up,channel", "setup,channel")).find("set_up,channel,run"),
+  EXPECT_NE(refusal_of_readings("x,y\n1,2\n").find("r.csv:1:1: expected readings"),
             std::string::npos);
-  EXPECT_NE(refusal_of(with(text, "\n0,0,0,", "\n0,9,0,")).find("a whole number from 0 to 0"),
+  EXPECT_NE(refusal_of_readings(with(text, "# kind =", "# kynd =")).find("kynd"),
             std::string::npos);
-  EXPECT_NE(refusal_of(with(text, ",mm\n", ",um\n")).find("mm, the unit of its channel"),
-            std::string::npos);
-  EXPECT_NE(refusal_of(with(text, ",mm\n", ",mm,3\n")).find("cells"), std::string::npos);
   EXPECT_NE(
-      refusal_of(with(text, "quantity = \"displacement\"", "quantity = \"weight\"")).find("r.csv:"),
+      refusal_of_readings(with(text, "set_up,channel", "setup,channel")).find("set_up,channel,run"),
       std::string::npos);
-  EXPECT_NE(refusal_of(with(text, "direction = [1, 0, 0]", "direction = [2, 0, 0]")), "");
+  EXPECT_NE(
+      refusal_of_readings(with(text, "\n0,0,0,", "\n0,9,0,")).find("a whole number from 0 to 0"),
+      std::string::npos);
+  EXPECT_NE(refusal_of_readings(with(text, ",mm\n", ",um\n")).find("mm, the unit of its channel"),
+            std::string::npos);
+  EXPECT_NE(refusal_of_readings(with(text, ",mm\n", ",mm,3\n")).find("cells"), std::string::npos);
+  EXPECT_NE(refusal_of_readings(with(text, "quantity = \"displacement\"", "quantity = \"weight\""))
+                .find("r.csv:"),
+            std::string::npos);
+  EXPECT_NE(refusal_of_readings(with(text, "direction = [1, 0, 0]", "direction = [2, 0, 0]")), "");
 }
 
 TEST(ReadingsFile, AnyMutationIsReadOrRefusedWithAPlace) {

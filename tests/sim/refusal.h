@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/scene/bad_scene.h"
+#include "sim/scene/faults.h"
 #include "sim/scene/scene.h"
 
 namespace abbe::sim {
@@ -20,6 +21,13 @@ std::string refusal_by(const Read& read) {
   } catch (const BadScene& fault) {
     return fault.what();
   }
+}
+
+/// Faults as one text, each on its line; empty if there are none.
+inline std::string text_of(const Faults& faults) {
+  std::string text;
+  for (const BadInput& fault : faults.list()) text += std::string(fault.what()) + "\n";
+  return text;
 }
 
 /// A text with its first `from`, which it must have, replaced.

@@ -23,26 +23,20 @@ namespace {
 
 using namespace abbe::literals;
 
-constexpr double R = 5.0;         // mm, the ball
 constexpr double length = 100.0;  // mm, of the tool
-constexpr double step_over = 0.5;
+constexpr double flat_step_over = 0.5;
 
 /// A flat under the ball, passes along x at whole multiples of the step-over.
-BallRaster flat(double lead_deg, const std::string& errors) {
+BallRaster flat_under_ball(double lead_deg, const std::string& errors) {
   return {.part =
               "surface = \"rectangle\"\nlength_x_mm = 10.0\nlength_y_mm = 10.0\n"
               "at_mm = [40, 25, 60]\nvertices = 4000",
-          .step_over = step_over,
+          .step_over = flat_step_over,
           .lead = lead_deg,
           .more = errors.empty() ? "" : "[errors]\n" + errors};
 }
 
-Scene scene_of(const BallRaster& raster, const std::vector<Override>& changes = {}) {
-  const SceneFolder folder;
-  return read_scene(folder.write("ball.toml", to_toml(raster)), changes);
-}
-
-Scene gantry_with(const std::string& errors) { return scene_of(flat(0.0, errors)); }
+Scene gantry_with(const std::string& errors) { return scene_of(flat_under_ball(0.0, errors)); }
 
 std::string once(const std::string& element, double cosine, double sine) {
   const std::string unit = element[1] <= 'C' ? "urad" : "um";
@@ -66,11 +60,12 @@ double axial(const Scene& scene) { return scene.tool.actual_length - scene.tool.
 
 /// What a ball whose axis goes round at `radial` leaves of a flat at `across` from its pass, the
 /// axis leaning by `lead` in the feed plane: below the middle of the ball the body reaches
-/// H(mu) = R + radial sin(angle to the axis) in the direction mu off the vertical across the feed.
+/// H(mu) = radius + radial sin(angle to the axis) in the direction mu off the vertical across the
+/// feed.
 double left_of_flat(double across, double radial, double lead) {
   const auto reach = [&](double mu) {
     const double along = std::cos(mu) * std::cos(lead);
-    const double H = R + radial * std::sqrt(std::max(0.0, 1.0 - along * along));
+    const double H = ball_radius + radial * std::sqrt(std::max(0.0, 1.0 - along * along));
     return (H - across * std::sin(mu)) / std::cos(mu);
   };
   double low = -0.2, high = 0.2;
@@ -78,10 +73,10 @@ double left_of_flat(double across, double radial, double lead) {
     const double a = low + (high - low) / 3, b = high - (high - low) / 3;
     (reach(a) < reach(b) ? high : low) = reach(a) < reach(b) ? b : a;
   }
-  return R - reach(0.5 * (low + high));
+  return ball_radius - reach(0.5 * (low + high));
 }
 
-void holds(const std::string& what, const Misfit& m) {
+void expect_closed_form(const std::string& what, const Misfit& m) {
   std::cout << what << ": residual less closed form from " << m.least / units::nm << " to "
             << m.most / units::nm << " nm over " << m.vertices << " vertices\n";
   EXPECT_GT(m.vertices, 1000) << what;
@@ -91,23 +86,25 @@ void holds(const std::string& what, const Misfit& m) {
 TEST(SpindleRunOut, RadialOnceATurnCutsAFlatDeeperByItsShareAcrossTheAxis) {
   for (const double lead : {5.0, 36.0, 60.0}) {
     const double a = 4.0_um;
-    const Job job = job_of(flat(lead, round_and_round(4.0)));
-    holds(fmt::format("radial 1x of 4 um, lead {} deg", lead),
-          misfit(job, cut(job).surface, [&](const CutVertex& v) {
-            return left_of_flat(off_grid(v.p.y(), step_over), a, lead * units::deg);
-          }));
+    const Job job = job_of(flat_under_ball(lead, round_and_round(4.0)));
+    expect_closed_form(fmt::format("radial 1x of 4 um, lead {} deg", lead),
+                       misfit(job, cut(job).surface, [&](const CutVertex& v) {
+                         return left_of_flat(off_grid(v.p.y(), flat_step_over), a,
+                                             lead * units::deg);
+                       }));
     EXPECT_NEAR(left_of_flat(0, a, lead * units::deg), -a * std::sin(lead * units::deg), 1e-9);
   }
 }
 
 TEST(SpindleRunOut, AxialOnceATurnLowersAFlatByItsAmplitude) {
   for (const double lead : {0.0, 36.0}) {
-    const Job job = job_of(flat(lead, once("EZS", 3.0, 0)));
-    holds(fmt::format("axial 1x of 3 um, lead {} deg", lead),
-          misfit(job, cut(job).surface, [&](const CutVertex& v) {
-            return left_of_flat(off_grid(v.p.y(), step_over), 0, lead * units::deg) -
-                   3.0_um * std::cos(lead * units::deg);
-          }));
+    const Job job = job_of(flat_under_ball(lead, once("EZS", 3.0, 0)));
+    expect_closed_form(fmt::format("axial 1x of 3 um, lead {} deg", lead),
+                       misfit(job, cut(job).surface, [&](const CutVertex& v) {
+                         return left_of_flat(off_grid(v.p.y(), flat_step_over), 0,
+                                             lead * units::deg) -
+                                3.0_um * std::cos(lead * units::deg);
+                       }));
   }
 }
 
@@ -132,7 +129,7 @@ TEST(SpindleRunOut, RadialOnceATurnCutsAWallDeeperByItsAmplitude) {
     m.most = std::max(m.most, by);
     ++m.vertices;
   }
-  holds("radial 1x of 2.5 um on a wall, less the error-free map", m);
+  expect_closed_form("radial 1x of 2.5 um on a wall, less the error-free map", m);
 }
 
 // ---- how much it is
@@ -228,9 +225,10 @@ TEST(SpindleRunOut, SceneWithoutSuchCurvesIsTheSameToTheBit) {
     const Scene scene = read_scene(packaged(name));
     EXPECT_EQ(fingerprint(with_run_out(scene)), fingerprint(scene)) << name;
   }
-  const cutting::Surface none = cut(job_of(flat(36.0, "EXX_um = 5.0"))).surface;
+  const cutting::Surface none = cut(job_of(flat_under_ball(36.0, "EXX_um = 5.0"))).surface;
   const cutting::Surface zero =
-      cut(job_of(flat(36.0, "EXX_um = 5.0\n" + once("EXS", 0, 0) + once("EBS", 0, 0)))).surface;
+      cut(job_of(flat_under_ball(36.0, "EXX_um = 5.0\n" + once("EXS", 0, 0) + once("EBS", 0, 0))))
+          .surface;
   ASSERT_EQ(none.residual.size(), zero.residual.size());
   for (Eigen::Index i = 0; i < none.residual.size(); ++i)
     ASSERT_EQ(std::bit_cast<std::uint64_t>(none.residual[i]),
@@ -250,8 +248,8 @@ TEST(SpindleRunOut, OtherCurvesOfTheSpindleStay) {
 }
 
 TEST(SpindleRunOut, IsNotSampledAlongTheProgram) {
-  const Job still = job_of(flat(36.0, ""));
-  const Job runs_out = job_of(flat(36.0, round_and_round(4.0) + once("EBS", 20, 0)));
+  const Job still = job_of(flat_under_ball(36.0, ""));
+  const Job runs_out = job_of(flat_under_ball(36.0, round_and_round(4.0) + once("EBS", 20, 0)));
   EXPECT_EQ(still.samples.states.size(), runs_out.samples.states.size());
   EXPECT_TRUE(runs_out.truth.geometric.terms.empty());
 }

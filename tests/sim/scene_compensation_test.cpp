@@ -6,6 +6,7 @@
 #include "kinematics/units.h"
 #include "sim/scene/read_scene.h"
 #include "sim/scene/scene_sections.h"
+#include "tests/sim/refusal.h"
 #include "tests/sim/scene_fingerprint.h"
 #include "tests/sim/small_scene.h"
 
@@ -19,42 +20,35 @@ using Channel = CaseDescription::Channel;
 using compensation::PositionLoop;
 using compensation::Strategy;
 
-const MachineDescription& gantry() {
+const MachineDescription& perfect_gantry() {
   static const MachineDescription machine = read_scene(packaged("gantry_perfect.toml")).machine;
   return machine;
 }
 
-/// Faults as one text, each on its line; empty if it reads.
-std::string text_of(const Faults& faults) {
-  std::string text;
-  for (const BadInput& fault : faults.list()) text += std::string(fault.what()) + "\n";
-  return text;
-}
-
 BeliefDescription belief_of(const std::string& text) {
   Faults faults;
-  BeliefDescription belief = read_belief(parse_toml(text, "s.toml"), gantry(), faults);
+  BeliefDescription belief = read_belief(parse_toml(text, "s.toml"), perfect_gantry(), faults);
   EXPECT_EQ(text_of(faults), "");
   return belief;
 }
 
 std::string belief_faults(const std::string& text) {
   Faults faults;
-  read_belief(parse_toml(text, "s.toml"), gantry(), faults);
+  read_belief(parse_toml(text, "s.toml"), perfect_gantry(), faults);
   return text_of(faults);
 }
 
 CompensationDescription compensation_of(const std::string& text) {
   Faults faults;
   CompensationDescription result =
-      read_compensation(parse_toml(text, "s.toml"), gantry().joints, faults);
+      read_compensation(parse_toml(text, "s.toml"), perfect_gantry().joints, faults);
   EXPECT_EQ(text_of(faults), "");
   return result;
 }
 
 std::string compensation_faults(const std::string& text) {
   Faults faults;
-  read_compensation(parse_toml(text, "s.toml"), gantry().joints, faults);
+  read_compensation(parse_toml(text, "s.toml"), perfect_gantry().joints, faults);
   return text_of(faults);
 }
 
@@ -326,9 +320,10 @@ TEST(CaseName, ADotOrASlashMakesItAPlugInCalledByItsFileName) {
 
 TEST(SceneCompensation, WhatIsWrittenReadsAsTheSame) {
   for (const char* text : {every_key, ""}) {
-    const Node written{{}, written_compensation(compensation_of(text), gantry().joints)};
+    const Node written{{}, written_compensation(compensation_of(text), perfect_gantry().joints)};
     const CompensationDescription again = compensation_of(to_toml(written));
-    EXPECT_EQ(to_toml(Node{{}, written_compensation(again, gantry().joints)}), to_toml(written));
+    EXPECT_EQ(to_toml(Node{{}, written_compensation(again, perfect_gantry().joints)}),
+              to_toml(written));
     EXPECT_EQ(again.table.format, compensation_of(text).table.format);
     EXPECT_EQ(again.plug_in.channel, compensation_of(text).plug_in.channel);
   }
@@ -602,8 +597,9 @@ TEST(SceneBelief, WhatIsWrittenReadsAsTheSame) {
                     "training = { file = \"/t.toml\", instrument = \"cmm\" }\n"),
         std::string("[force]\nfrom = \"model\"\n[force.compliance.axis.Z]\n"
                     "stiffness_N_per_um = [80, 60, 100]\n")}) {
-    const std::string written = to_toml(Node{{}, written_belief(belief_of(text), gantry())});
-    EXPECT_EQ(to_toml(Node{{}, written_belief(belief_of(written), gantry())}), written);
+    const std::string written =
+        to_toml(Node{{}, written_belief(belief_of(text), perfect_gantry())});
+    EXPECT_EQ(to_toml(Node{{}, written_belief(belief_of(written), perfect_gantry())}), written);
     EXPECT_EQ(belief_of(written).thermal.has_value(), belief_of(text).thermal.has_value());
     EXPECT_EQ(belief_of(written).force.has_value(), belief_of(text).force.has_value());
   }

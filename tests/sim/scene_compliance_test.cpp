@@ -6,50 +6,35 @@
 
 #include "kinematics/units.h"
 #include "sim/scene/scene_sections.h"
+#include "tests/sim/gantry.h"
+#include "tests/sim/refusal.h"
 #include "tests/sim/scene_folder.h"
 #include "tests/sim/written_section.h"
 
 namespace abbe::sim {
 namespace {
 
-MachineDescription gantry() {
-  Faults faults;
-  const MachineDescription machine = read_machine(parse_toml(R"(
-code = "w C' b X Y Z A s t"
-axis.C = { point_mm = [0, 0, 0] }
-axis.X = {}
-axis.Y = {}
-axis.Z = {}
-axis.A = { point_mm = [0, 0, 200] }
-nose = { at_mm = [0, 0, 50] }
-)",
-                                                             "machine.toml"),
-                                                  faults);
-  EXPECT_TRUE(faults.empty());
-  return machine;
-}
-
-struct Read {
+struct ReadCompliance {
   errors::ComplianceErrors compliance;
   std::string faults;
 };
 
-Read read(const std::string& text) {
+ReadCompliance read_with_faults(const std::string& text) {
   Faults faults;
-  Read result;
+  ReadCompliance result;
   result.compliance = read_compliance(parse_toml(text, "c.toml"), gantry(), faults);
-  for (const BadInput& fault : faults.list()) result.faults += std::string(fault.what()) + "\n";
+  result.faults = text_of(faults);
   return result;
 }
 
 testing::AssertionResult refused(const std::string& text, const std::string& part) {
-  const std::string faults = read(text).faults;
+  const std::string faults = read_with_faults(text).faults;
   if (faults.find(part) != std::string::npos) return testing::AssertionSuccess();
   return testing::AssertionFailure() << "\"" << faults << "\" has no \"" << part << "\"";
 }
 
 TEST(SceneCompliance, ReadsStiffnessesAsTheirInverse) {
-  const Read r = read(R"(
+  const ReadCompliance r = read_with_faults(R"(
 name = "soft"
 scale = 2
 [axis.X]
@@ -79,7 +64,7 @@ turning_stiffness_Nm_per_urad = [0.5, 0.5, 0.5]
 }
 
 TEST(SceneCompliance, PrincipalAxesOfAStiffnessMayBeTurned) {
-  const Read r = read(R"(
+  const ReadCompliance r = read_with_faults(R"(
 [axis.X]
 stiffness_N_per_um = [50, 2, 40]
 turning_stiffness_Nm_per_urad = [1, 2, 4]
@@ -113,7 +98,7 @@ TEST(SceneCompliance, ReadsAMatrixRowByRow) {
     numbers += std::string(i ? ", " : "") + (i % 7 == 0          ? "1e-5"
                                              : i == 4 || i == 24 ? "-2e-6"
                                                                  : "0");
-  const Read r = read("[axis.Z]\n" + numbers + "]\n");
+  const ReadCompliance r = read_with_faults("[axis.Z]\n" + numbers + "]\n");
   ASSERT_EQ(r.faults, "");
   EXPECT_EQ(r.compliance.joints[0].C(0, 0), 1e-5);
   EXPECT_EQ(r.compliance.joints[0].C(0, 4), -2e-6);
@@ -122,7 +107,7 @@ TEST(SceneCompliance, ReadsAMatrixRowByRow) {
 }
 
 TEST(SceneCompliance, AddsHolderAndSectionsOfTheTool) {
-  const Read r = read(R"(
+  const ReadCompliance r = read_with_faults(R"(
 [tool]
 stiffness_N_per_um = [20, 20, 100]
 section = [{ length_mm = 40, diameter_mm = 10, youngs_modulus_GPa = 600, poisson_ratio = 0.22 },
@@ -133,7 +118,7 @@ section = [{ length_mm = 40, diameter_mm = 10, youngs_modulus_GPa = 600, poisson
 }
 
 TEST(SceneCompliance, ReadsBarsAndPlates) {
-  const Read bar = read(R"(
+  const ReadCompliance bar = read_with_faults(R"(
 [workpiece]
 kind = "bar"
 clamp_mm = [0, 0, 10]
@@ -147,7 +132,7 @@ youngs_modulus_GPa = 210
   EXPECT_EQ(b.direction_w, Eigen::Vector3d::UnitX());
   EXPECT_NEAR(b.second_moment, pi * 390625.0 / 64.0, 1e-9);
   EXPECT_EQ(b.youngs_modulus, 210e3);
-  const Read plate = read(R"(
+  const ReadCompliance plate = read_with_faults(R"(
 [workpiece]
 kind = "plate"
 foot_mm = [0, 0, 5]
@@ -160,7 +145,7 @@ youngs_modulus_GPa = 70
   const auto& p = std::get<errors::WorkpiecePlate>(*plate.compliance.workpiece);
   EXPECT_EQ(p.up_w, Eigen::Vector3d::UnitZ());
   EXPECT_EQ(p.poisson_ratio, 0.33);
-  const Read moment = read(
+  const ReadCompliance moment = read_with_faults(
       "workpiece = { kind = \"bar\", length_mm = 10, second_moment_mm4 = 5, "
       "youngs_modulus_GPa = 1 }");
   ASSERT_EQ(moment.faults, "");
@@ -168,7 +153,7 @@ youngs_modulus_GPa = 70
 }
 
 TEST(SceneCompliance, ReadsMassesGravityAndClamping) {
-  const Read r = read(R"(
+  const ReadCompliance r = read_with_faults(R"(
 gravity = [0, 0, -3]
 inertia = true
 [[mass]]
@@ -238,8 +223,8 @@ TEST(SceneCompliance, RefusesWhatIsNotPhysicalWhereItStands) {
   EXPECT_TRUE(refused("axis.X = { stiffness_N_per_um = [1, 1, 0.9e-6] }", "at least 1e-06"));
   EXPECT_TRUE(
       refused("axis.X = { turning_stiffness_Nm_per_urad = [1, 1, 0.9e-9] }", "at least 1e-09"));
-  EXPECT_EQ(read("scale = 1e6\n[axis.X]\nstiffness_N_per_um = [1e-6, 1, 1]\n"
-                 "turning_stiffness_Nm_per_urad = [1, 1e-9, 1]")
+  EXPECT_EQ(read_with_faults("scale = 1e6\n[axis.X]\nstiffness_N_per_um = [1e-6, 1, 1]\n"
+                             "turning_stiffness_Nm_per_urad = [1, 1e-9, 1]")
                 .faults,
             "");
   std::string soft = "[axis.X]\nmatrix = [1001";
@@ -249,19 +234,20 @@ TEST(SceneCompliance, RefusesWhatIsNotPhysicalWhereItStands) {
   EXPECT_TRUE(refused("stiffnes = 1", "stiffnes"));
 }
 
-const std::string csv =
+const std::string field_csv =
     "x_mm,y_mm,z_mm,Cxx_um_per_N,Cyy_um_per_N,Czz_um_per_N\n0,0,0,1,2,3\n10,0,0,4,5,6\n";
 
 TEST(SceneCompliance, ReadsAFieldFromCsv) {
   const SceneFolder folder;
-  const std::string file = folder.write("wall.csv", csv).string();
-  const Read r = read("workpiece = { kind = \"field\", file = \"" + file + "\" }");
+  const std::string file = folder.write("wall.csv", field_csv).string();
+  const ReadCompliance r =
+      read_with_faults("workpiece = { kind = \"field\", file = \"" + file + "\" }");
   ASSERT_EQ(r.faults, "");
   const auto& field = std::get<errors::WorkpieceField>(*r.compliance.workpiece);
   ASSERT_EQ(field.points_w.rows(), 2);
   EXPECT_EQ(field.compliance_w[1](2, 2), 6e-3);
 
-  const std::string bad = folder.write("bad.csv", csv + "1,2,3,4,5,-6\n").string();
+  const std::string bad = folder.write("bad.csv", field_csv + "1,2,3,4,5,-6\n").string();
   EXPECT_TRUE(refused("workpiece = { kind = \"field\", file = \"" + bad + "\" }",
                       "bad.csv:4:1: expected a compliance without negative eigenvalue"));
   EXPECT_TRUE(
@@ -271,7 +257,7 @@ TEST(SceneCompliance, ReadsAFieldFromCsv) {
   EXPECT_TRUE(refused("workpiece = { kind = \"field\" }", "file"));
 }
 
-std::string written(const std::string& text) {
+std::string compliance_again(const std::string& text) {
   const MachineDescription machine = gantry();
   return written_again(
       text,
@@ -310,7 +296,7 @@ MX_Nm = 2.0
 MY_Nm = 3.0
 MZ_Nm = 4.0
 )";
-  EXPECT_EQ(written(text), text);
+  EXPECT_EQ(compliance_again(text), text);
   const std::string plate = R"(kind = "plate"
 foot_mm = [0.0, 0.0, 5.0]
 up = [0.0, 0.0, 1.0]
@@ -320,11 +306,13 @@ thickness_mm = 3.0
 youngs_modulus_GPa = 70.0
 poisson_ratio = 0.3
 )";
-  EXPECT_NE(written("[workpiece]\n" + plate).find("[workpiece]\n" + plate), std::string::npos);
+  EXPECT_NE(compliance_again("[workpiece]\n" + plate).find("[workpiece]\n" + plate),
+            std::string::npos);
   const SceneFolder folder;
   const std::string field =
-      "kind = \"field\"\nfile = \"" + folder.write("wall.csv", csv).string() + "\"\n";
-  EXPECT_NE(written("[workpiece]\n" + field).find("[workpiece]\n" + field), std::string::npos);
+      "kind = \"field\"\nfile = \"" + folder.write("wall.csv", field_csv).string() + "\"\n";
+  EXPECT_NE(compliance_again("[workpiece]\n" + field).find("[workpiece]\n" + field),
+            std::string::npos);
 }
 
 TEST(SceneCompliance, StiffnessesAreWrittenAsTheirMatrix) {
@@ -341,8 +329,8 @@ turning_stiffness_Nm_per_urad = [0.5, 0.5, 0.5]
 stiffness_N_per_um = [20, 20, 100]
 section = [{ length_mm = 40, diameter_mm = 10, youngs_modulus_GPa = 600 }]
 )";
-  const errors::ComplianceErrors soft = read(text).compliance;
-  const errors::ComplianceErrors again = read(written(text)).compliance;
+  const errors::ComplianceErrors soft = read_with_faults(text).compliance;
+  const errors::ComplianceErrors again = read_with_faults(compliance_again(text)).compliance;
   ASSERT_EQ(again.joints.size(), 2u);
   EXPECT_EQ(again.joints[0].C, soft.joints[0].C);
   EXPECT_EQ(again.joints[1].C, soft.joints[1].C);
@@ -364,7 +352,7 @@ TEST(SceneCompliance, ReadsAFieldFromVtuWhereItCan) {
   const std::string file = folder.write("wall.vtu", vtu).string();
   const std::string text = "workpiece = { kind = \"field\", file = \"" + file + "\" }";
 #if ABBE_RENDER
-  const Read r = read(text);
+  const ReadCompliance r = read_with_faults(text);
   ASSERT_EQ(r.faults, "");
   const auto& field = std::get<errors::WorkpieceField>(*r.compliance.workpiece);
   EXPECT_NEAR(field.compliance_w[0](0, 1), 1e-4, 1e-19);

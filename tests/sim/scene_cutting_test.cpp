@@ -6,6 +6,7 @@
 
 #include "kinematics/units.h"
 #include "sim/scene/scene_sections.h"
+#include "tests/sim/refusal.h"
 #include "tests/sim/scene_folder.h"
 #include "tests/sim/written_section.h"
 
@@ -26,20 +27,14 @@ ToolDescription diamond() {
   return tool;
 }
 
-CuttingDescription read(const std::string& text, const ToolDescription& tool, Faults& faults) {
+CuttingDescription cutting_of(const std::string& text, const ToolDescription& tool,
+                              Faults& faults) {
   return read_cutting(parse_toml(text, "s.toml"), tool, faults);
-}
-
-/// Faults as one text, each on its line; empty if it reads.
-std::string text_of(const Faults& faults) {
-  std::string text;
-  for (const BadInput& fault : faults.list()) text += std::string(fault.what()) + "\n";
-  return text;
 }
 
 std::string faults_in(const std::string& text, const ToolDescription& tool = mill()) {
   Faults faults;
-  read(text, tool, faults);
+  cutting_of(text, tool, faults);
   return text_of(faults);
 }
 
@@ -53,7 +48,7 @@ const std::string box = "blank = \"box\"\nlower_mm = [0, -5, -10]\nupper_mm = [2
 
 TEST(SceneCutting, BoxIsReadWithItsDefaults) {
   Faults faults;
-  const CuttingDescription cutting = read(box, mill(), faults);
+  const CuttingDescription cutting = cutting_of(box, mill(), faults);
   EXPECT_EQ(text_of(faults), "");
   const auto& blank = std::get<cutting::BoxBlank>(cutting.blank);
   EXPECT_EQ(blank.lower_k, Vector3d(0, -5, -10));
@@ -74,7 +69,7 @@ TEST(SceneCutting, BoxIsReadWithItsDefaults) {
 
 TEST(SceneCutting, EveryKeyIsReadInInternalUnits) {
   Faults faults;
-  const CuttingDescription cutting = read(
+  const CuttingDescription cutting = cutting_of(
       "blank = \"cylinder\"\nradius_mm = 12\nlower_mm = -3\nupper_mm = 4\nspacing_mm = 0.25\n"
       "directions = 1\nmax_MiB = 16\nstep_mm = 0.1\ntolerance_nm = 5\nmost_iterations = 7\n"
       "flutes = 4\nhelix_deg = -45\nrun_out_um = 12\nrun_out_angle_deg = 90\n"
@@ -98,7 +93,7 @@ TEST(SceneCutting, EveryKeyIsReadInInternalUnits) {
   EXPECT_FALSE(cutting.flutes.clockwise);
 }
 
-std::string written(const std::string& text, const ToolDescription& tool) {
+std::string cutting_again(const std::string& text, const ToolDescription& tool) {
   return written_again(
       text, [&](const Node& node, Faults& faults) { return read_cutting(node, tool, faults); },
       [&](const CuttingDescription& cutting) { return written_cutting(cutting, tool); });
@@ -125,7 +120,7 @@ tolerance_nm = 5.0
 most_iterations = 7
 )";
     if (const std::size_t at = text.find("STL"); at != std::string::npos) text.replace(at, 3, stl);
-    EXPECT_EQ(written(text, mill()), text);
+    EXPECT_EQ(cutting_again(text, mill()), text);
   }
   const std::string turned = R"(blank = "turned"
 spacing_mm = 0.01
@@ -140,22 +135,22 @@ radius_mm = 13.0
 along_mm = 0.0
 radius_mm = 14.0
 )";
-  EXPECT_EQ(written(turned, diamond()), turned);
+  EXPECT_EQ(cutting_again(turned, diamond()), turned);
 }
 
 TEST(SceneCutting, OffsetMeshAndTurnedBlanksAreRead) {
   Faults faults;
   const CuttingDescription offset =
-      read("blank = \"offset\"\nallowance_mm = 0.4\nfloor_mm = -8\n", mill(), faults);
+      cutting_of("blank = \"offset\"\nallowance_mm = 0.4\nfloor_mm = -8\n", mill(), faults);
   EXPECT_EQ(std::get<CuttingDescription::OffsetBlank>(offset.blank).allowance, 0.4);
   EXPECT_EQ(std::get<CuttingDescription::OffsetBlank>(offset.blank).floor, -8.0);
   const SceneFolder folder;
   const std::string stl = folder.write("b.stl", "solid b\nendsolid b\n").string();
   const CuttingDescription mesh =
-      read("blank = \"mesh\"\nfile = \"" + stl + "\"\nunit = \"inch\"\n", mill(), faults);
+      cutting_of("blank = \"mesh\"\nfile = \"" + stl + "\"\nunit = \"inch\"\n", mill(), faults);
   EXPECT_EQ(std::get<MeshFile>(mesh.blank).file, stl);
   EXPECT_EQ(std::get<MeshFile>(mesh.blank).unit, 25.4);
-  const CuttingDescription turned = read(
+  const CuttingDescription turned = cutting_of(
       "blank = \"turned\"\nspacing_mm = 0.01\nprofile = [{ along_mm = -60, radius_mm = 13 }, "
       "{ along_mm = -30, radius_mm = 13 }, { along_mm = -30, radius_mm = 14 }, "
       "{ along_mm = 0, radius_mm = 14 }]\n",

@@ -3,30 +3,15 @@
 #include <gtest/gtest.h>
 
 #include "sim/scene/scene_sections.h"
+#include "tests/sim/gantry.h"
 #include "tests/sim/listed_keys.h"
 #include "tests/sim/scene_folder.h"
 
 namespace abbe::sim {
 namespace {
 
-MachineDescription gantry() {
-  Faults faults;
-  const Node table = parse_toml(R"(code = "w C' b X Y Z A s t"
-axis.C = { point_mm = [0, 0, 0] }
-axis.X = {}
-axis.Y = {}
-axis.Z = {}
-axis.A = { point_mm = [0, 0, 200] }
-nose = { at_mm = [0, 0, 50] }
-)",
-                                "machine.toml");
-  MachineDescription machine = read_machine(table, faults);
-  EXPECT_TRUE(faults.empty());
-  return machine;
-}
-
 /// What is written of the errors that a text gives.
-std::string written(const std::string& text) {
+std::string errors_again(const std::string& text) {
   Faults faults;
   const Node table = parse_toml(text, "e");
   const Node* list = table.find("list");
@@ -39,7 +24,7 @@ std::string written(const std::string& text) {
 }
 
 TEST(SceneErrors, WhatIsWrittenReadsBackTheSame) {
-  const std::string once = written(R"(name = "all"
+  const std::string once = errors_again(R"(name = "all"
 scale = 2.0
 EXX_um = 5.0
 C0Y_urad = 30.0
@@ -64,7 +49,7 @@ of = ["EXX", "EYX pitch sin 2", "EC0Y"]
 standard_uncertainty_um_urad = [1, 2, 4]
 correlation = [0.5, 0, -0.25]
 )");
-  EXPECT_EQ(written(once), once);
+  EXPECT_EQ(errors_again(once), once);
   for (const char* part :
        {"scale = 2.0", "EXX_um = 5.0", "name = \"slope of EXY\"", "kind = \"legendre\"",
         "a_um = [0.5, 0.0]", "between = \"spline\"", "sigma_um = 0.25", "seed = 7",
@@ -76,9 +61,9 @@ correlation = [0.5, 0, -0.25]
 TEST(SceneErrors, TablesFromFilesAreWrittenAsTheirElements) {
   const SceneFolder folder;
   const auto file = folder.write("run.csv", "X EXX EYX\n-300 0 0\n0 0.001 0.002\n300 0 0\n");
-  const std::string once = written("list = [{ tables = { file = \"" + file.string() +
-                                   "\", name = \"run 3\", scale = 2.0 } }, { EXX_um = 3.0 }]");
-  EXPECT_EQ(written(once), once);
+  const std::string once = errors_again("list = [{ tables = { file = \"" + file.string() +
+                                        "\", name = \"run 3\", scale = 2.0 } }, { EXX_um = 3.0 }]");
+  EXPECT_EQ(errors_again(once), once);
   EXPECT_NE(once.find("value_um = [0.0, 2.0, 0.0]"), std::string::npos) << once;
 }
 

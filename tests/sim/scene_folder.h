@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <random>
 #include <string>
 
@@ -37,6 +38,12 @@ class SceneFolder {
  private:
   std::filesystem::path path_;
 };
+
+/// What is in a file; empty if there is none.
+inline std::string bytes(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
 
 /// Faults of a scene as one text; empty if it reads.
 inline std::string faults_of(const std::filesystem::path& file,

@@ -15,22 +15,23 @@ namespace {
 using namespace abbe::literals;
 using errors::metrology::Kind;
 
-Scene with(const std::string& sections) { return scene_of(measured_scene(sections)); }
+Scene scene_with(const std::string& sections) { return scene_of(measured_scene(sections)); }
 
 /// Faults of a scene whose first instrument line is line 13.
-std::string faults_with(const std::string& sections, const std::string& machine = "gantry_cxyza") {
+std::string faults_of_measured(const std::string& sections,
+                               const std::string& machine = "gantry_cxyza") {
   const SceneFolder folder;
   return faults_of(folder.write("m.toml", measured_scene(sections, machine)));
 }
 
 void expect_fault(const std::string& sections, const std::string& place, const std::string& said) {
-  const std::string faults = faults_with(sections);
+  const std::string faults = faults_of_measured(sections);
   EXPECT_NE(faults.find("m.toml:" + place), std::string::npos) << place << " in: " << faults;
   EXPECT_NE(faults.find(said), std::string::npos) << said << " in: " << faults;
 }
 
 TEST(SceneInstruments, AKindAloneIsTheInstrumentAsItIsBought) {
-  const Scene scene = with("[[instrument]]\nkind = \"laser\"\n");
+  const Scene scene = scene_with("[[instrument]]\nkind = \"laser\"\n");
   ASSERT_EQ(scene.instruments.size(), 1u);
   const auto& one = scene.instruments[0];
   const auto typical = errors::metrology::typical(Kind::Laser);
@@ -42,7 +43,7 @@ TEST(SceneInstruments, AKindAloneIsTheInstrumentAsItIsBought) {
 }
 
 TEST(SceneInstruments, EveryKeyIsReadInInternalUnits) {
-  const Scene scene = with(
+  const Scene scene = scene_with(
       "[[instrument]]\nname = \"mine\"\nkind = \"r_test\"\nnoise_um = 2\nnoise_urad = 3\n"
       "resolution_um = 0.5\nresolution_urad = 0.25\nalignment_urad = 7\nposition_um = 9\n"
       "scale_um_per_m = 4\ndrift_um_per_h = 3.6\naxes = [\"C\"]\nruns = 3\ntargets = 13\n"
@@ -81,13 +82,13 @@ TEST(SceneInstruments, EveryKeyIsReadInInternalUnits) {
 }
 
 TEST(SceneInstruments, UpIsADirection) {
-  const Scene scene = with("[[instrument]]\nkind = \"level\"\nup = [0, 2, 0]\n");
+  const Scene scene = scene_with("[[instrument]]\nkind = \"level\"\nup = [0, 2, 0]\n");
   EXPECT_EQ(scene.instruments.at(0).instrument.up_b, Eigen::Vector3d(0, 1, 0));
-  EXPECT_NE(faults_with("[[instrument]]\nkind = \"level\"\nup = [0, 0, 0]\n"), "");
+  EXPECT_NE(faults_of_measured("[[instrument]]\nkind = \"level\"\nup = [0, 0, 0]\n"), "");
 }
 
 TEST(SceneInstruments, WhatMeasuresThePartIsReadToo) {
-  const Scene scene = with(
+  const Scene scene = scene_with(
       "[[instrument]]\nkind = \"cmm\"\nspacing_mm = 2\nnoise_um = 0.3\nalignment_urad = 10\n"
       "best_fit = true\ncase = \"perfect-iterated-ideal\"\n"
       "[[instrument]]\nkind = \"touch_probe\"\nball_radius_mm = 2\nstart_h = 0.5\n"
@@ -130,12 +131,12 @@ TEST(SceneInstruments, FaultsAreReportedWithTheirPlace) {
 TEST(SceneInstruments, AnInstrumentThatTheMachineCannotCarryIsRefusedAtItsKind) {
   for (const std::string kind : {"r_test", "sphere", "ball_bar_rotary"}) {
     const std::string faults =
-        faults_with("[[instrument]]\nkind = \"" + kind + "\"\n", "three_axis_table");
+        faults_of_measured("[[instrument]]\nkind = \"" + kind + "\"\n", "three_axis_table");
     EXPECT_NE(faults.find("m.toml:15:"), std::string::npos) << faults;
     EXPECT_NE(faults.find("an instrument that can measure this machine"), std::string::npos)
         << faults;
   }
-  EXPECT_EQ(faults_with("[[instrument]]\nkind = \"ball_bar\"\n", "three_axis_table"), "");
+  EXPECT_EQ(faults_of_measured("[[instrument]]\nkind = \"ball_bar\"\n", "three_axis_table"), "");
 }
 
 TEST(SceneInstruments, ASensorChoiceIsReadAndItsFaultsAreReported) {
@@ -201,8 +202,8 @@ TEST(SceneInstruments, WhatIsWrittenReadsAsTheSame) {
       "[[instrument]]\nkind = \"touch_probe\"\nstart_h = 0.5\npose = { C_deg = 90 }\n";
   for (const Kind kind : errors::metrology::all_kinds())
     sections += "[[instrument]]\nkind = \"" + to_string(kind) + "\"\n";
-  const Scene scene = with(sections);
-  const Scene again = with(written_text(scene));
+  const Scene scene = scene_with(sections);
+  const Scene again = scene_with(written_text(scene));
   EXPECT_EQ(written_text(again), written_text(scene));
   EXPECT_EQ(again.instruments[0].starts_s, scene.instruments[0].starts_s);
   EXPECT_EQ(again.instruments[0].instrument.axes, std::vector<char>{'C'});

@@ -18,7 +18,7 @@ MachineDescription machine_of(const std::string& text) {
   return machine;
 }
 
-std::string text_of(Node::Table table) { return to_toml(Node{{}, std::move(table)}); }
+std::string toml_of(Node::Table table) { return to_toml(Node{{}, std::move(table)}); }
 
 constexpr const char* rich_machine = R"(
 name = "rich"
@@ -47,9 +47,9 @@ deviation_axes = "turning"
 
 TEST(SceneMachine, WhatIsWrittenReadsAsTheSame) {
   const MachineDescription machine = machine_of(rich_machine);
-  const std::string written = text_of(written_machine(machine));
+  const std::string written = toml_of(written_machine(machine));
   const MachineDescription again = machine_of(written);
-  EXPECT_EQ(text_of(written_machine(again)), written);
+  EXPECT_EQ(toml_of(written_machine(again)), written);
   EXPECT_EQ(again.T_bs.matrix(), machine.T_bs.matrix());
   EXPECT_EQ(again.T_bw.matrix(), machine.T_bw.matrix());
   EXPECT_EQ(again.home, machine.home);
@@ -73,8 +73,8 @@ TEST(SceneMachine, PackagedMachinesAreWrittenAndReadAsTheSame) {
     const std::string file = std::string("machines/") + name + ".toml";
     const MachineDescription machine =
         read_scene(packaged("gantry_perfect.toml"), {{"machine", file}}).machine;
-    const std::string written = text_of(written_machine(machine));
-    EXPECT_EQ(text_of(written_machine(machine_of(written))), written) << name;
+    const std::string written = toml_of(written_machine(machine));
+    EXPECT_EQ(toml_of(written_machine(machine_of(written))), written) << name;
   }
 }
 
@@ -84,7 +84,7 @@ TEST(SceneMachine, ATurnIsWrittenAsItWasGiven) {
     Faults faults;
     const Node given = parse_toml("turn_deg = " + std::string(turn), "t.toml");
     const Node::Table written = turn_fields().written(turn_fields().read_table(given, "", faults));
-    EXPECT_EQ(text_of(written), to_toml(given));
+    EXPECT_EQ(toml_of(written), to_toml(given));
   }
 }
 
@@ -100,9 +100,9 @@ TEST(SceneMachine, WhatTheControlBelievesIsWrittenAndReadAsTheSame) {
        {"", "tool_length_mm = 100.02",
         "[axis.C]\npoint_mm = [0.01, 0, 0]\n[axis.A]\ndirection = [1, 1e-4, 0]"}) {
     const ControlDescription control = control_of(text);
-    const std::string written = text_of(written_control(control));
+    const std::string written = toml_of(written_control(control));
     const ControlDescription again = control_of(written);
-    EXPECT_EQ(text_of(written_control(again)), written);
+    EXPECT_EQ(toml_of(written_control(again)), written);
     EXPECT_EQ(again.tool_length, control.tool_length);
     EXPECT_EQ(again.joints.size(), control.joints.size());
   }

@@ -11,8 +11,12 @@
 namespace abbe::sim {
 namespace {
 
-std::string part(const std::string& text) { return written_again(text, read_part, written_part); }
-std::string tool(const std::string& text) { return written_again(text, read_tool, written_tool); }
+std::string part_again(const std::string& text) {
+  return written_again(text, read_part, written_part);
+}
+std::string tool_again(const std::string& text) {
+  return written_again(text, read_tool, written_tool);
+}
 
 TEST(ScenePart, SurfacesAreWrittenWithEveryKey) {
   const std::string more = R"(vertices = 500
@@ -40,7 +44,7 @@ width_mm = 0.5
         "surface = \"sphere_cap\"\nradius_mm = 20.0\nrim_radius_mm = 10.0\n",
         "surface = \"torus\"\nradius_mm = 20.0\ntube_radius_mm = 5.0\n"}) {
     const std::string text = "name = \"p\"\n" + surface + more;
-    EXPECT_EQ(part(text), text);
+    EXPECT_EQ(part_again(text), text);
   }
   const std::string revolved = R"(surface = "revolved"
 start_mm = [0.0, 5.0]
@@ -57,7 +61,7 @@ arc_radius_mm = 0.0
 to_mm = [6.0, 2.0]
 arc_radius_mm = 3.0
 )";
-  EXPECT_EQ(part(revolved), revolved);
+  EXPECT_EQ(part_again(revolved), revolved);
 }
 
 TEST(ScenePart, MeshesAreWrittenWithEveryKey) {
@@ -73,7 +77,7 @@ judged_normal_z = 0.5
 judged_margin_mm = 0.25
 tolerance_um = 0.0
 )";
-  EXPECT_EQ(part(text), text);
+  EXPECT_EQ(part_again(text), text);
 }
 
 TEST(SceneTool, EveryKindIsWrittenWithEveryKey) {
@@ -89,7 +93,7 @@ length_mm = 100.01
 radius_mm = 4.99
 flank_length_mm = 20.0
 )";
-  EXPECT_EQ(tool(ball), ball);
+  EXPECT_EQ(tool_again(ball), ball);
   const std::string bull = R"(kind = "bull"
 radius_mm = 5.0
 corner_radius_mm = 5.0
@@ -102,7 +106,7 @@ radius_mm = 5.0
 corner_radius_mm = 4.5
 flank_length_mm = 20.0
 )";
-  EXPECT_EQ(tool(bull), bull);
+  EXPECT_EQ(tool_again(bull), bull);
   const std::string flat = R"(kind = "flat"
 radius_mm = 5.0
 flank_length_mm = 20.0
@@ -113,7 +117,7 @@ length_mm = 100.0
 radius_mm = 4.9
 flank_length_mm = 19.0
 )";
-  EXPECT_EQ(tool(flat), flat);
+  EXPECT_EQ(tool_again(flat), flat);
   const std::string nose = R"(kind = "nose"
 radius_mm = 0.25
 length_mm = 50.0
@@ -129,13 +133,13 @@ order = 3
 amplitude_um = 0.5
 phase_deg = 90.0
 )";
-  EXPECT_EQ(tool(nose), nose);
+  EXPECT_EQ(tool_again(nose), nose);
 }
 
 TEST(SceneTool, AnActualCutterIsAsNominalWhereItIsNotStated) {
   const std::string text = "kind = \"ball\"\nradius_mm = 5\nflank_length_mm = 20\nlength_mm = 90\n";
-  EXPECT_EQ(tool(text + "actual = { length_mm = 90, radius_mm = 5, flank_length_mm = 20 }\n"),
-            tool(text));
+  EXPECT_EQ(tool_again(text + "actual = { length_mm = 90, radius_mm = 5, flank_length_mm = 20 }\n"),
+            tool_again(text));
 }
 
 std::vector<kinematics::Joint> joints() {
@@ -146,7 +150,7 @@ std::vector<kinematics::Joint> joints() {
   return {c, x};
 }
 
-std::string program(const std::string& text) {
+std::string program_again(const std::string& text) {
   return written_again(
       text, [](const Node& node, Faults& faults) { return read_program(node, joints(), faults); },
       [](const ProgramDescription& program) { return written_program(program, joints()); });
@@ -176,7 +180,7 @@ decimals_deg = 6
 C_deg = 90.0
 X_mm = 10.0
 )";
-  EXPECT_EQ(program(raster), raster);
+  EXPECT_EQ(program_again(raster), raster);
   const std::string flank = R"(generator = "flank"
 step_mm = 0.25
 feed_mm_per_min = 600.0
@@ -186,7 +190,7 @@ tip_below_mm = 2.0
 decimals_mm = 7
 decimals_deg = 9
 )";
-  EXPECT_EQ(program(flank), flank);
+  EXPECT_EQ(program_again(flank), flank);
   const std::string spiral = R"(generator = "spiral"
 speed_rpm = 150.0
 feed_um_per_rev = 20.0
@@ -197,18 +201,18 @@ format = "nc"
 decimals_mm = 7
 decimals_deg = 9
 )";
-  EXPECT_EQ(program(spiral), spiral);
+  EXPECT_EQ(program_again(spiral), spiral);
 }
 
 TEST(SceneProgram, ASpiralBeginsOneFeedBeyondTheRim) {
   const std::string text = "generator = \"spiral\"\nspeed_rpm = 150\nfeed_um_per_rev = 20\n";
-  EXPECT_EQ(program(text), program(text + "start_beyond_rim_mm = 0.02\n"));
+  EXPECT_EQ(program_again(text), program_again(text + "start_beyond_rim_mm = 0.02\n"));
 }
 
 TEST(SceneProgram, AFileIsNamedAgain) {
   const SceneFolder folder;
   const std::string text = "file = \"" + folder.write("p.ngc", "M30\n").string() + "\"\n";
-  EXPECT_EQ(program(text), text);
+  EXPECT_EQ(program_again(text), text);
 }
 
 }  // namespace

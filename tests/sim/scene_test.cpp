@@ -8,16 +8,16 @@
 
 #include "kinematics/units.h"
 #include "tests/errors/location_net.h"
+#include "tests/sim/refusal.h"
 #include "tests/sim/scene_fingerprint.h"
 #include "tests/sim/scene_folder.h"
+#include "tests/sim/small_scene.h"
 
 namespace abbe::sim {
 namespace {
 
 using namespace literals;
 namespace fs = std::filesystem;
-
-const fs::path scenes = fs::path(ABBE_SOURCE_DIR) / "scenes";
 
 /// The smallest whole scene: line numbers of the tests below count here.
 const std::string small_scene = R"([machine]
@@ -42,14 +42,6 @@ radius_mm = 10
 [program]
 generator = "raster"
 )";
-
-std::string with(const std::string& text, const std::string& old_part,
-                 const std::string& new_part) {
-  const std::size_t at = text.find(old_part);
-  EXPECT_NE(at, std::string::npos) << old_part;
-  std::string changed = text;
-  return at == std::string::npos ? changed : changed.replace(at, old_part.size(), new_part);
-}
 
 /// Reads the small scene with one part of its text replaced.
 Scene read_with(const std::string& old_part, const std::string& new_part) {
@@ -627,7 +619,7 @@ TEST(Scene, CaseNamesAreReadTokenByToken) {
 class PackagedScene : public testing::TestWithParam<std::string> {};
 
 TEST_P(PackagedScene, IsReadAndItsResolvedTextGivesTheSameScene) {
-  const Scene scene = read_scene(scenes / GetParam());
+  const Scene scene = read_scene(packaged(GetParam()));
   const SceneFolder folder;
   const Scene again = read_scene(folder.write("scene.toml", scene.resolved));
   EXPECT_EQ(fingerprint(scene), fingerprint(again));
@@ -635,18 +627,10 @@ TEST_P(PackagedScene, IsReadAndItsResolvedTextGivesTheSameScene) {
   // With values changed, too.
   const std::vector<Override> overrides{
       {"errors.scale", "0.1"}, {"seed", "12"}, {"tool.length_mm", "99.1"}};
-  const Scene changed = read_scene(scenes / GetParam(), overrides);
+  const Scene changed = read_scene(packaged(GetParam()), overrides);
   EXPECT_NE(fingerprint(changed), fingerprint(scene));
   EXPECT_EQ(fingerprint(read_scene(folder.write("changed.toml", changed.resolved))),
             fingerprint(changed));
-}
-
-std::vector<std::string> packaged_scenes() {
-  std::vector<std::string> names;
-  for (const auto& entry : fs::directory_iterator(scenes))
-    if (entry.path().extension() == ".toml") names.push_back(entry.path().filename().string());
-  std::sort(names.begin(), names.end());
-  return names;
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, PackagedScene, testing::ValuesIn(packaged_scenes()),
@@ -658,7 +642,7 @@ TEST(Scene, EveryPackagedMachineIsReadInTheOrderOfItsCode) {
   const auto code = [](const std::string& machine) {
     std::string letters;
     for (const auto& joint :
-         read_scene(scenes / "gantry_perfect.toml", {{"machine", "machines/" + machine}})
+         read_scene(packaged("gantry_perfect.toml"), {{"machine", "machines/" + machine}})
              .machine.joints) {
       letters += joint.name;
     }

@@ -8,7 +8,9 @@
 
 #include "kinematics/units.h"
 #include "sim/scene/scene_sections.h"
+#include "tests/sim/gantry.h"
 #include "tests/sim/listed_keys.h"
+#include "tests/sim/refusal.h"
 
 namespace abbe::sim {
 namespace {
@@ -33,57 +35,38 @@ between = ["room", "bed"]
 conductance_W_per_K = 12
 )";
 
-MachineDescription gantry() {
-  Faults faults;
-  const Node table = parse_toml(R"(code = "w C' b X Y Z A s t"
-axis.C = { point_mm = [0, 0, 0] }
-axis.X = {}
-axis.Y = {}
-axis.Z = {}
-axis.A = { point_mm = [0, 0, 200] }
-nose = { at_mm = [0, 0, 50] }
-)",
-                                "machine.toml");
-  MachineDescription machine = read_machine(table, faults);
-  EXPECT_TRUE(faults.empty());
-  return machine;
-}
-
-ThermalDescription read(const std::string& text, Faults& faults,
-                        const MachineDescription& machine = gantry()) {
+ThermalDescription thermal_of(const std::string& text, Faults& faults,
+                              const MachineDescription& machine = gantry()) {
   const Node table = parse_toml(text, "t");
   return read_thermal(table, machine, 7, faults);
 }
 
-ThermalDescription read(const std::string& text) {
+ThermalDescription thermal_of(const std::string& text) {
   Faults faults;
-  ThermalDescription thermal = read(text, faults);
+  ThermalDescription thermal = thermal_of(text, faults);
   for (const BadInput& fault : faults.list()) ADD_FAILURE() << fault.what();
   return thermal;
 }
 
 /// All faults, a line each.
-std::string faults_of(const std::string& text) {
+std::string thermal_faults(const std::string& text) {
   Faults faults;
-  read(text, faults);
-  std::string all;
-  for (const BadInput& fault : faults.list()) all += std::string(fault.what()) + "\n";
-  return all;
+  thermal_of(text, faults);
+  return text_of(faults);
 }
 
-std::string faults_with(const std::string& more) { return faults_of(small_thermal + more); }
+std::string faults_with_more(const std::string& more) {
+  return thermal_faults(small_thermal + more);
+}
 
-std::string with(const std::string& old_part, const std::string& new_part) {
-  std::string text = small_thermal;
-  const std::size_t at = text.find(old_part);
-  EXPECT_NE(at, std::string::npos) << old_part;
-  return text.replace(at, old_part.size(), new_part);
+std::string thermal_with(const std::string& old_part, const std::string& new_part) {
+  return with(small_thermal, old_part, new_part);
 }
 
 // ---- what is read
 
 TEST(SceneThermal, NetworkIsReadInItsUnits) {
-  const ThermalDescription thermal = read(small_thermal + R"(
+  const ThermalDescription thermal = thermal_of(small_thermal + R"(
 [[link]]
 between = ["spindle", "coolant"]
 conductance_W_per_K = 30
@@ -147,7 +130,7 @@ share = 0.1
 }
 
 TEST(SceneThermal, ElementsAreReadInMmAndRad) {
-  const ThermalDescription thermal = read(small_thermal + R"(
+  const ThermalDescription thermal = thermal_of(small_thermal + R"(
 [[element]]
 name = "EXX"
 offset_um = 2
@@ -203,7 +186,7 @@ slope = { node = "bed", dT_K = [-5, 5], value_um_per_m = [-50, 60] }
 }
 
 TEST(SceneThermal, GrowthIsReadPerAxisAndOfTheWorkpiece) {
-  const ThermalDescription thermal = read(small_thermal + R"(
+  const ThermalDescription thermal = thermal_of(small_thermal + R"(
 [axis.X]
 feedback = "motor"
 screw = { node = "bed", um_per_m_K = 11.7, fixed_mm = -300 }
@@ -231,7 +214,7 @@ fixed_mm = [1, 2, 3]
 }
 
 TEST(SceneThermal, HistoryRoomAndSensorsAreRead) {
-  const ThermalDescription thermal = read(small_thermal + R"(
+  const ThermalDescription thermal = thermal_of(small_thermal + R"(
 [room]
 time_h = [-8, 0, 2]
 T_C = [18, 21, 22.5]
@@ -289,7 +272,7 @@ seed = 42
 }
 
 TEST(SceneThermal, DefaultsAreAColdMachineInARoomOf20C) {
-  const ThermalDescription thermal = read(
+  const ThermalDescription thermal = thermal_of(
       "[[node]]\nname = \"a\"\ncapacity_J_per_K = 1\n[[link]]\nbetween = [\"a\", \"room\"]\n"
       "conductance_W_per_K = 1\n");
   EXPECT_EQ(thermal.network.start_T_C[0], 20.0);
@@ -320,8 +303,8 @@ TEST(SceneThermal, EverySensorHasANoiseOfItsOwnFromTheSeedOfTheScene) {
 
 // ---- what is written
 
-std::string written(const std::string& text) {
-  const Node::Table again = written_thermal(read(text), gantry(), 7);
+std::string thermal_again(const std::string& text) {
+  const Node::Table again = written_thermal(thermal_of(text), gantry(), 7);
   EXPECT_EQ(unlisted(again, thermal_keys()), "");
   EXPECT_EQ(unlisted(*parse_toml(text, "t").table(), thermal_keys()), "");
   return to_toml(Node{{}, again});
@@ -329,7 +312,7 @@ std::string written(const std::string& text) {
 
 TEST(SceneThermal, WhatIsWrittenReadsBackTheSame) {
   const std::string once =
-      written("name = \"all\"\nscale = 0.5\npowered = false\n" + small_thermal + R"(
+      thermal_again("name = \"all\"\nscale = 0.5\npowered = false\n" + small_thermal + R"(
 [[link]]
 between = ["spindle", "coolant"]
 conductance_W_per_K = 30
@@ -408,7 +391,7 @@ element = "EAA"
 at_s = [0]
 range_deg = [-90, 90]
 )");
-  EXPECT_EQ(written(once), once);
+  EXPECT_EQ(thermal_again(once), once);
   for (const char* part :
        {"scale = 0.5", "powered = false", "start_C = 19.5", "between = [\"spindle\", \"coolant\"]",
         "time_s = [-28800.0, 0.0, 7200.0]", "exponent = 1.5", "coulomb_N = 300.0",
@@ -435,52 +418,55 @@ TEST(SceneThermal, KeysOfAnElementAreListedInEitherUnit) {
 // ---- what is refused
 
 TEST(SceneThermal, ANonsenseNetworkIsRefusedWhereItStands) {
-  EXPECT_EQ(faults_of(with("8000", "-8000")),
+  EXPECT_EQ(thermal_faults(thermal_with("8000", "-8000")),
             "t:5:20: expected thermal.node.spindle.capacity_J_per_K > 0, seen -8000\n");
-  EXPECT_EQ(faults_of(with("[\"room\", \"bed\"]", "[\"coolant\", \"bed\"]")),
+  EXPECT_EQ(thermal_faults(thermal_with("[\"room\", \"bed\"]", "[\"coolant\", \"bed\"]")),
             "t:3:1: expected links over which heat reaches the room from thermal.node.spindle, "
             "seen none\n");
-  EXPECT_EQ(faults_with("[[node]]\nname = \"column\"\ncapacity_J_per_K = 1\n"),
+  EXPECT_EQ(faults_with_more("[[node]]\nname = \"column\"\ncapacity_J_per_K = 1\n"),
             "t:16:1: expected links over which heat reaches the room from thermal.node.column, "
             "seen none\n");
-  EXPECT_EQ(faults_of(with("\"spindle\", \"bed\"", "\"spindle\", \"bad\"")),
+  EXPECT_EQ(thermal_faults(thermal_with("\"spindle\", \"bed\"", "\"spindle\", \"bad\"")),
             "t:11:23: expected a node of the thermal network, \"room\" or \"coolant\", seen "
             "\"bad\" (nearest: \"bed\")\n");
-  EXPECT_EQ(faults_of(with("\"spindle\", \"bed\"", "\"bed\", \"bed\"")),
+  EXPECT_EQ(thermal_faults(thermal_with("\"spindle\", \"bed\"", "\"bed\", \"bed\"")),
             "t:11:11: expected two different nodes, or a node and its surroundings, seen bed and "
             "bed\n");
-  EXPECT_EQ(faults_with("[[link]]\nbetween = [\"room\", \"coolant\"]\nconductance_W_per_K = 1\n"),
-            "t:17:11: expected two different nodes, or a node and its surroundings, seen room and "
-            "coolant\n");
-  EXPECT_EQ(faults_of(with("\"spindle\", \"bed\"", "\"spindle\"")),
+  EXPECT_EQ(
+      faults_with_more("[[link]]\nbetween = [\"room\", \"coolant\"]\nconductance_W_per_K = 1\n"),
+      "t:17:11: expected two different nodes, or a node and its surroundings, seen room and "
+      "coolant\n");
+  EXPECT_EQ(thermal_faults(thermal_with("\"spindle\", \"bed\"", "\"spindle\"")),
             "t:11:11: expected two names for thermal.link.between, seen an array of 1\n");
-  EXPECT_NE(faults_of(with("= 25", "= 0")).find("thermal.link.conductance_W_per_K > 0, seen 0"),
+  EXPECT_NE(thermal_faults(thermal_with("= 25", "= 0"))
+                .find("thermal.link.conductance_W_per_K > 0, seen 0"),
             std::string::npos);
-  EXPECT_NE(
-      faults_of(with("\"bed\"\ncap", "\"spindle\"\ncap")).find("t:7:8: expected every node once"),
-      std::string::npos);
-  EXPECT_NE(faults_of(with("name = \"bed\"", "name = \"room\""))
+  EXPECT_NE(thermal_faults(thermal_with("\"bed\"\ncap", "\"spindle\"\ncap"))
+                .find("t:7:8: expected every node once"),
+            std::string::npos);
+  EXPECT_NE(thermal_faults(thermal_with("name = \"bed\"", "name = \"room\""))
                 .find("t:7:8: expected a node not named room or coolant"),
             std::string::npos);
-  EXPECT_EQ(faults_of("start_C = 20\n"),
+  EXPECT_EQ(thermal_faults("start_C = 20\n"),
             "t:1:1: expected a list of tables for thermal.node, seen nothing\n");
-  EXPECT_NE(faults_of(with("8000", "5e-324")).find("capacity_J_per_K of at least 1e-12"),
-            std::string::npos);
+  EXPECT_NE(
+      thermal_faults(thermal_with("8000", "5e-324")).find("capacity_J_per_K of at least 1e-12"),
+      std::string::npos);
 }
 
 TEST(SceneThermal, ManyNodesAreRefusedAtOnce) {
   std::string many;
   for (int i = 0; i < 201; ++i)
     many += fmt::format("[[node]]\nname = \"n{}\"\ncapacity_J_per_K = 1\n", i);
-  EXPECT_NE(faults_of(many).find("expected at most 200 nodes, seen 201"), std::string::npos);
+  EXPECT_NE(thermal_faults(many).find("expected at most 200 nodes, seen 201"), std::string::npos);
 }
 
 TEST(SceneThermal, SourcesAreRefusedWhereTheyStand) {
   const auto source = [](const std::string& text) {
-    return faults_with("[[source]]\nnode = \"bed\"\n" + text);
+    return faults_with_more("[[source]]\nnode = \"bed\"\n" + text);
   };
   EXPECT_EQ(source("kind = \"power_on\"\npower_W = 3\n"), "");
-  EXPECT_EQ(faults_with("[[source]]\nnode = \"nut\"\nkind = \"power_on\"\npower_W = 3\n"),
+  EXPECT_EQ(faults_with_more("[[source]]\nnode = \"nut\"\nkind = \"power_on\"\npower_W = 3\n"),
             "t:17:8: expected a node of the thermal network for node, seen \"nut\"\n");
   EXPECT_EQ(source("power_W = 3\n"),
             "t:16:1: expected a kind of heat for thermal.source.kind, seen nothing\n");
@@ -504,7 +490,9 @@ TEST(SceneThermal, SourcesAreRefusedWhereTheyStand) {
 }
 
 TEST(SceneThermal, ElementsAreRefusedWhereTheyStand) {
-  const auto element = [](const std::string& text) { return faults_with("[[element]]\n" + text); };
+  const auto element = [](const std::string& text) {
+    return faults_with_more("[[element]]\n" + text);
+  };
   EXPECT_EQ(element("name = \"EZS\"\noffset_um = 3\n"), "");
   EXPECT_NE(element("name = \"EZB\"\noffset_um = 3\n")
                 .find("t:17:8: expected thermal errors that fit "
@@ -550,89 +538,89 @@ TEST(SceneThermal, ElementsAreRefusedWhereTheyStand) {
 
 TEST(SceneThermal, GrowthIsRefusedWhereItStands) {
   const std::string screw = "screw = { node = \"bed\", um_per_m_K = 11.7 }\n";
-  EXPECT_EQ(faults_with("[axis.X]\nfeedback = \"motor\"\n" + screw), "");
-  EXPECT_NE(faults_with("[axis.X]\nfeedback = \"scale\"\n" + screw)
+  EXPECT_EQ(faults_with_more("[axis.X]\nfeedback = \"motor\"\n" + screw), "");
+  EXPECT_NE(faults_with_more("[axis.X]\nfeedback = \"scale\"\n" + screw)
                 .find("t:16:1: expected thermal errors that fit the machine, seen expansion of X: "
                       "feedback from a scale needs a scale"),
             std::string::npos);
-  EXPECT_NE(
-      faults_with("[axis.A]\nfeedback = \"motor\"\n" + screw).find("t:16:7: expected a known key"),
-      std::string::npos);
-  EXPECT_NE(faults_with("[axis.X]\n" + screw)
+  EXPECT_NE(faults_with_more("[axis.A]\nfeedback = \"motor\"\n" + screw)
+                .find("t:16:7: expected a known key"),
+            std::string::npos);
+  EXPECT_NE(faults_with_more("[axis.X]\n" + screw)
                 .find("\"motor\", \"scale\" for thermal.axis.X.feedback, seen nothing"),
             std::string::npos);
-  EXPECT_NE(
-      faults_with("[axis.X]\nfeedback = \"motor\"\nscrew = { node = \"bed\", um_per_K = 11.7 }\n")
-          .find("thermal.axis.X.screw.um_per_m_K"),
-      std::string::npos);
-  EXPECT_NE(faults_with("[workpiece]\nnode = \"bed\"\num_per_m_K = 1e4\n")
+  EXPECT_NE(faults_with_more(
+                "[axis.X]\nfeedback = \"motor\"\nscrew = { node = \"bed\", um_per_K = 11.7 }\n")
+                .find("thermal.axis.X.screw.um_per_m_K"),
+            std::string::npos);
+  EXPECT_NE(faults_with_more("[workpiece]\nnode = \"bed\"\num_per_m_K = 1e4\n")
                 .find("workpiece: expected a growth"),
             std::string::npos);
-  EXPECT_NE(
-      faults_with("[workpiece]\nnode = \"part\"\num_per_m_K = 1\n").find("t:17:8: expected a node"),
-      std::string::npos);
+  EXPECT_NE(faults_with_more("[workpiece]\nnode = \"part\"\num_per_m_K = 1\n")
+                .find("t:17:8: expected a node"),
+            std::string::npos);
 }
 
 TEST(SceneThermal, SensorsAreRefusedByName) {
-  EXPECT_EQ(faults_with("[[sensor]]\nname = \"T1\"\nnode = \"spindel\"\n"),
+  EXPECT_EQ(faults_with_more("[[sensor]]\nname = \"T1\"\nnode = \"spindel\"\n"),
             "t:18:8: expected a node of the thermal network for node, seen \"spindel\" (nearest: "
             "\"spindle\")\n");
-  EXPECT_NE(faults_with("[[sensor]]\nname = \"T1\"\nnode = \"bed\"\nsampling_s = 0\n")
+  EXPECT_NE(faults_with_more("[[sensor]]\nname = \"T1\"\nnode = \"bed\"\nsampling_s = 0\n")
                 .find("t:19:14: expected thermal.sensor.T1.sampling_s"),
             std::string::npos);
-  EXPECT_NE(faults_with("[[sensor]]\nname = \"T1\"\nnode = \"bed\"\nnoise_K = -1\n")
+  EXPECT_NE(faults_with_more("[[sensor]]\nname = \"T1\"\nnode = \"bed\"\nnoise_K = -1\n")
                 .find("thermal.sensor.T1.noise_K >= 0"),
             std::string::npos);
-  EXPECT_NE(
-      faults_with("[[sensor]]\nname = \"T1\"\nnode = \"bed\"\n[[sensor]]\nname = \"T1\"\nnode = "
-                  "\"bed\"\n")
-          .find("t:20:8: expected every sensor once, seen T1 again"),
-      std::string::npos);
+  EXPECT_NE(faults_with_more(
+                "[[sensor]]\nname = \"T1\"\nnode = \"bed\"\n[[sensor]]\nname = \"T1\"\nnode = "
+                "\"bed\"\n")
+                .find("t:20:8: expected every sensor once, seen T1 again"),
+            std::string::npos);
 }
 
 TEST(SceneThermal, HistoryAndRoomAreRefusedWhereTheyStand) {
-  EXPECT_NE(faults_with("[[history]]\nspeed_rpm = 100\n")
+  EXPECT_NE(faults_with_more("[[history]]\nspeed_rpm = 100\n")
                 .find("t:16:1: expected one of duration_h, duration_min, duration_s"),
             std::string::npos);
-  EXPECT_NE(faults_with("[[history]]\nduration_h = 1\nduration_s = 1\n")
+  EXPECT_NE(faults_with_more("[[history]]\nduration_h = 1\nduration_s = 1\n")
                 .find("t:18:14: expected only one of duration_h"),
             std::string::npos);
-  EXPECT_NE(faults_with("[[history]]\nduration_h = 0\n")
+  EXPECT_NE(faults_with_more("[[history]]\nduration_h = 0\n")
                 .find("t:17:14: expected thermal.history.duration_h > 0"),
             std::string::npos);
-  EXPECT_NE(faults_with("[[history]]\nduration_h = 1e300\n")
+  EXPECT_NE(faults_with_more("[[history]]\nduration_h = 1e300\n")
                 .find("t:17:14: expected thermal.history.duration_h"),
             std::string::npos);
-  EXPECT_NE(faults_with("[[history]]\nduration_h = 1\naxis_speed_mm_per_min = { A = 3 }\n")
+  EXPECT_NE(faults_with_more("[[history]]\nduration_h = 1\naxis_speed_mm_per_min = { A = 3 }\n")
                 .find("t:18:27: expected a known key"),
             std::string::npos);
-  EXPECT_NE(faults_with("[[history]]\nduration_h = 1\naxis_speed_mm_per_min = { X = -3 }\n")
+  EXPECT_NE(faults_with_more("[[history]]\nduration_h = 1\naxis_speed_mm_per_min = { X = -3 }\n")
                 .find("thermal.history.axis_speed_mm_per_min.X >= 0"),
             std::string::npos);
-  EXPECT_NE(faults_of("room_C = 20\n" + small_thermal + "[room]\ntime_h = [0]\nT_C = [20]\n")
+  EXPECT_NE(thermal_faults("room_C = 20\n" + small_thermal + "[room]\ntime_h = [0]\nT_C = [20]\n")
                 .find("either room_C or a table room"),
             std::string::npos);
-  EXPECT_NE(faults_with("[room]\ntime_h = [0, 0]\nT_C = [20, 21]\n")
+  EXPECT_NE(faults_with_more("[room]\ntime_h = [0, 0]\nT_C = [20, 21]\n")
                 .find("t:17:10: expected rising times"),
             std::string::npos);
-  EXPECT_NE(faults_with("[room]\ntime_h = [0, 1]\nT_C = [20]\n")
+  EXPECT_NE(faults_with_more("[room]\ntime_h = [0, 1]\nT_C = [20]\n")
                 .find("as many temperatures as times, 2, seen 1"),
             std::string::npos);
-  EXPECT_NE(
-      faults_with("[room]\ntime_h = [0]\nT_C = [-300]\n").find("t:18:7: expected temperatures of"),
-      std::string::npos);
-  EXPECT_NE(faults_with("[room]\nT_C = [20]\n").find("one of time_h, time_min, time_s"),
+  EXPECT_NE(faults_with_more("[room]\ntime_h = [0]\nT_C = [-300]\n")
+                .find("t:18:7: expected temperatures of"),
+            std::string::npos);
+  EXPECT_NE(faults_with_more("[room]\nT_C = [20]\n").find("one of time_h, time_min, time_s"),
             std::string::npos);
 }
 
 TEST(SceneThermal, PlotsAreReadAndRefusedWhereTheyStand) {
   const ThermalDescription thermal =
-      read(small_thermal + "[[plot]]\nelement = \"EXX\"\nat_h = [-4, 0]\n");
+      thermal_of(small_thermal + "[[plot]]\nelement = \"EXX\"\nat_h = [-4, 0]\n");
   ASSERT_EQ(thermal.plots.size(), 1u);
   EXPECT_EQ(errors::to_string(thermal.plots[0].element), "EXX");
   EXPECT_EQ(thermal.plots[0].time_s, Eigen::Vector2d(-14400, 0));
   const auto refused = [](const std::string& text, const std::string& what) {
-    const std::string all = faults_with("[[plot]]\n" + text);
+    const std::string all = faults_with_more("[[plot]]\n" + text);
     EXPECT_NE(all.find(what), std::string::npos) << all;
   };
   refused("element = \"EXB\"\nat_h = [0]\n", "t:17:11: expected thermal errors that fit");
@@ -652,7 +640,8 @@ TEST(SceneThermal, PlotsAreDrawnOverARangeWithinTheTravel) {
   }
   const auto plot = [&](const std::string& text, std::string& refused) {
     Faults faults;
-    const auto thermal = read(small_thermal + "[[plot]]\nat_h = [0]\n" + text, faults, machine);
+    const auto thermal =
+        thermal_of(small_thermal + "[[plot]]\nat_h = [0]\n" + text, faults, machine);
     for (const BadInput& fault : faults.list()) refused += fault.what();
     return thermal.plots.empty() ? ThermalDescription::Plot() : thermal.plots[0];
   };
@@ -682,7 +671,7 @@ TEST(SceneThermal, PlotsAreDrawnOverARangeWithinTheTravel) {
 
 TEST(SceneThermal, AbsurdNumbersAreRefusedWhereTheyStand) {
   const auto refused = [](const std::string& text, const std::string& what) {
-    const std::string all = faults_with(text);
+    const std::string all = faults_with_more(text);
     EXPECT_NE(all.find(what), std::string::npos) << all;
   };
   refused("[[source]]\nnode = \"bed\"\nkind = \"power_on\"\npower_W = 1.1e7\n", "t:19:11: ");
@@ -690,27 +679,27 @@ TEST(SceneThermal, AbsurdNumbersAreRefusedWhereTheyStand) {
           "t:20:11: ");
   refused("[[history]]\nduration_h = 1\nspeed_rpm = 1.1e6\n", "t:18:13: ");
   for (const char* scale : {"1.1e6", "-1e300", "nan", "inf"}) {
-    const std::string all = faults_of("scale = " + std::string(scale) + "\n" + small_thermal);
+    const std::string all = thermal_faults("scale = " + std::string(scale) + "\n" + small_thermal);
     EXPECT_EQ(all.find("t:1:9: "), 0u) << all;
   }
-  EXPECT_EQ(read("scale = -0.5\n" + small_thermal).scale, -0.5);
-  EXPECT_EQ(read(small_thermal).scale, 1.0);
+  EXPECT_EQ(thermal_of("scale = -0.5\n" + small_thermal).scale, -0.5);
+  EXPECT_EQ(thermal_of(small_thermal).scale, 1.0);
 }
 
 TEST(SceneThermal, UnknownKeysAreRefusedWithTheNearestKnownOne) {
-  EXPECT_NE(faults_of("start_c = 20\n" + small_thermal)
+  EXPECT_NE(thermal_faults("start_c = 20\n" + small_thermal)
                 .find("t:1:1: expected a known key (nearest: thermal.start_C)"),
             std::string::npos);
-  EXPECT_NE(faults_of(with("start_C = 19.5", "start_K = 292"))
+  EXPECT_NE(thermal_faults(thermal_with("start_C = 19.5", "start_K = 292"))
                 .find("thermal.node.bed.start_C in C, seen start_K in K"),
             std::string::npos);
-  EXPECT_NE(faults_of("interval_s = 0\n" + small_thermal).find("thermal.interval_s"),
+  EXPECT_NE(thermal_faults("interval_s = 0\n" + small_thermal).find("thermal.interval_s"),
             std::string::npos);
 }
 
 TEST(SceneThermal, AMachineWithFaultsOfItsOwnCausesNoOthersHere) {
   Faults faults;
-  read(small_thermal + R"(
+  thermal_of(small_thermal + R"(
 [axis.X]
 feedback = "motor"
 screw = { node = "bed", um_per_m_K = 11.7 }
@@ -726,7 +715,7 @@ coulomb_N = 3
 duration_h = 1
 axis_speed_mm_per_min = { X = 3 }
 )",
-       faults, MachineDescription{});
+             faults, MachineDescription{});
   for (const BadInput& fault : faults.list()) ADD_FAILURE() << fault.what();
 }
 

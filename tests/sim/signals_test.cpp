@@ -11,21 +11,13 @@
 #include "sim/cut/datum.h"
 #include "sim/scene/read_scene.h"
 #include "tests/sim/scene_folder.h"
+#include "tests/sim/signal_columns.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {
 namespace {
 
 using namespace abbe::literals;
-
-/// Columns by name.
-std::map<std::string, Eigen::VectorXd> columns(const Signals& signals) {
-  std::map<std::string, Eigen::VectorXd> all;
-  for (std::size_t k = 0; k < signals.columns.size(); ++k)
-    all[signals.columns[k]] = signals.rows.col(Eigen::Index(k));
-  EXPECT_EQ(all.size(), signals.columns.size()) << "a column twice";
-  return all;
-}
 
 const std::vector<Override> small{{"part.vertices", "500"}, {"program.step_over_mm", "5"}};
 

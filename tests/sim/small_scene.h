@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <functional>
@@ -20,10 +21,21 @@ inline std::filesystem::path packaged(const std::string& name) {
   return std::filesystem::path(ABBE_SOURCE_DIR) / "scenes" / name;
 }
 
+/// File names of all packaged scenes, in their order.
+inline std::vector<std::string> packaged_scenes() {
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(packaged("")))
+    if (entry.path().extension() == ".toml") names.push_back(entry.path().filename().string());
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
 /// A packaged scene with changes, compiled.
 inline Job job_of(const std::string& name, const std::vector<Override>& changes = {}) {
   return prepare(read_scene(packaged(name), changes));
 }
+
+inline constexpr double ball_radius = 5.0;  // mm, of tools/ball_r5.toml
 
 /// A small part under a ball end mill R 5, one way, as a scene of its own.
 struct BallRaster {
@@ -47,9 +59,13 @@ inline std::string to_toml(const BallRaster& scene) {
       scenes, scene.machine, scene.part, scene.step_over, scene.step, scene.lead, scene.more);
 }
 
-inline Job job_of(const BallRaster& scene, const std::vector<Override>& changes = {}) {
+inline Scene scene_of(const BallRaster& raster, const std::vector<Override>& changes = {}) {
   const SceneFolder folder;
-  return prepare(read_scene(folder.write("ball.toml", to_toml(scene)), changes));
+  return read_scene(folder.write("ball.toml", to_toml(raster)), changes);
+}
+
+inline Job job_of(const BallRaster& raster, const std::vector<Override>& changes = {}) {
+  return prepare(scene_of(raster, changes));
 }
 
 /// How far apart maps are, mm, every vertex counting one.

@@ -22,7 +22,7 @@ using kinematics::AxisVector;
 using kinematics::Pose;
 
 /// Heat that drives the spindle by 15 um, a screw by 8 um over the part, and tilts the beam.
-const char* const heat = R"(
+const char* const machine_heat = R"(
 [thermal]
 [[thermal.node]]
 name = "box"
@@ -103,8 +103,8 @@ AxisState any_state(std::mt19937& random) {
 }
 
 TEST(Sources, TipAndAxisDeviationsAddTo2e4OfTheirSum) {
-  const Job all = job_of(dome(geometric + heat + weight));
-  const Job singles[] = {job_of(dome(geometric)), job_of(dome(heat)), job_of(dome(weight))};
+  const Job all = job_of(dome(geometric + machine_heat + weight));
+  const Job singles[] = {job_of(dome(geometric)), job_of(dome(machine_heat)), job_of(dome(weight))};
   const unsigned seed = 7;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
@@ -159,8 +159,8 @@ double rival_shift(const Job& job, double aside) {
 
 TEST(Sources, MapsAddWithinTheBoundOfShiftedCusps) {
   const double R = 5.0, rho = 100.0, step_over = 0.4;
-  const std::string texts[] = {geometric, heat, weight};
-  const Job all = job_of(dome(geometric + heat + weight));
+  const std::string texts[] = {geometric, machine_heat, weight};
+  const Job all = job_of(dome(geometric + machine_heat + weight));
   const Cut error_free = cut_error_free(all);
   Eigen::VectorXd left = cut(all).surface.residual - error_free.surface.residual;
   double t = 0.0, rivals = 0.0, tips = 0.0;
@@ -203,7 +203,7 @@ void expect_same_bits(const cutting::Surface& a, const cutting::Surface& b) {
 TEST(Sources, OneThatIsOffCostsNoBit) {
   const cutting::Surface plain = cut(job_of(dome(geometric))).surface;
   // a network that drives nothing
-  std::string cold = heat;
+  std::string cold = machine_heat;
   cold.erase(cold.find("[[thermal.element]]"));
   expect_same_bits(plain, cut(job_of(dome(geometric + cold))).surface);
   // a compliance that nothing loads

@@ -24,7 +24,7 @@ namespace {
 using namespace abbe::literals;
 using Eigen::Vector3d;
 
-constexpr double nose = 0.249;            // mm, radius of the diamond
+constexpr double nose_radius = 0.249;     // mm, radius of the diamond
 constexpr double floor_of_maps = 0.1_nm;  // promised on a turned part of 25 mm
 
 /// A turned part on the platform as a scene of its own.
@@ -36,7 +36,7 @@ struct Turning {
   std::vector<Override> more = {};
 };
 
-Job job_of(const Turning& turning) {
+Job turning_job(const Turning& turning) {
   const SceneFolder folder;
   const std::string text = fmt::format(
       "machine = \"{0}machines/platform_xz.toml\"\ntool = \"{0}tools/diamond_r249um.toml\"\n"
@@ -68,7 +68,7 @@ double spindle_at(const Job& job, const CutVertex& v) {
 
 double radius(const CutVertex& v) { return v.p.head<2>().norm(); }
 
-void holds(const std::string& what, const Misfit& m, double cusp) {
+void expect_below_cusp(const std::string& what, const Misfit& m, double cusp) {
   std::cout << what << ": residual less closed form from " << m.least / units::nm << " to "
             << m.most / units::nm << " nm over " << m.vertices << " vertices, cusp "
             << cusp / units::nm << " nm\n";
@@ -79,7 +79,7 @@ void holds(const std::string& what, const Misfit& m, double cusp) {
 
 // The feed goes across 45 degrees on a cone: passes are feed sqrt 2 apart along it.
 double cusp_of(const Turning& turning, bool on_cone = false) {
-  return oracles::cusp(nose, turning.feed * (on_cone ? std::sqrt(2.0) : 1.0));
+  return oracles::cusp(nose_radius, turning.feed * (on_cone ? std::sqrt(2.0) : 1.0));
 }
 
 // ---- synchronous motion
@@ -89,14 +89,15 @@ TEST(SpindleErrors, AxialOnceATurnLeavesACosineAtEveryRadiusOfAFace) {
   const Turning facing{.part = disc,
                        .errors = "EXS = { kind = \"fourier\", period_deg = 360, a_um = [2.0] }",
                        .end_radius = 1.0};
-  const Job job = job_of(facing);
+  const Job job = turning_job(facing);
   const cutting::Surface surface = cut(job).surface;
-  holds("axial 1x",
-        misfit(job, surface,
-               [&](const CutVertex& v) {
-                 return radius(v) < 1.3 ? std::nan("") : -a * std::cos(spindle_at(job, v));
-               }),
-        cusp_of(facing));
+  expect_below_cusp("axial 1x",
+                    misfit(job, surface,
+                           [&](const CutVertex& v) {
+                             return radius(v) < 1.3 ? std::nan("")
+                                                    : -a * std::cos(spindle_at(job, v));
+                           }),
+                    cusp_of(facing));
   // The whole cut of a meridian moves along: less the error-free map there is no cusp.
   const cutting::Surface still = cut_error_free(job).surface;
   double worst = 0.0;
@@ -118,15 +119,16 @@ TEST(SpindleErrors, AxialHarmonicsOfAnyOrderAreSeenAtTheirAngle) {
           "EXS = { kind = \"fourier\", period_deg = 360, a_um = [0, 0, 0, 0, 0.3], "
           "b_um = [0, -0.5] }",
       .end_radius = 2.0};
-  const Job job = job_of(facing);
-  holds("axial 2x and 5x",
-        misfit(job, cut(job).surface,
-               [&](const CutVertex& v) {
-                 const double S = spindle_at(job, v);
-                 return radius(v) < 2.3 ? std::nan("")
+  const Job job = turning_job(facing);
+  expect_below_cusp("axial 2x and 5x",
+                    misfit(job, cut(job).surface,
+                           [&](const CutVertex& v) {
+                             const double S = spindle_at(job, v);
+                             return radius(v) < 2.3
+                                        ? std::nan("")
                                         : -0.3_um * std::cos(5 * S) + 0.5_um * std::sin(2 * S);
-               }),
-        cusp_of(facing));
+                           }),
+                    cusp_of(facing));
 }
 
 TEST(SpindleErrors, TiltOnceATurnLeavesACosineThatGrowsWithTheRadius) {
@@ -134,27 +136,29 @@ TEST(SpindleErrors, TiltOnceATurnLeavesACosineThatGrowsWithTheRadius) {
   const Turning facing{.part = disc,
                        .errors = "EBS = { kind = \"fourier\", period_deg = 360, a_urad = [40.0] }",
                        .end_radius = 1.5};
-  const Job job = job_of(facing);
+  const Job job = turning_job(facing);
   const double side = side_of(job);
-  holds("tilt 1x about Y",
-        misfit(job, cut(job).surface,
-               [&](const CutVertex& v) {
-                 // the exact turn: second order is b^2 r
-                 const double tilt = b * std::cos(spindle_at(job, v));
-                 return radius(v) < 1.8 ? std::nan("") : -side * radius(v) * std::tan(tilt);
-               }),
-        cusp_of(facing));
+  expect_below_cusp("tilt 1x about Y",
+                    misfit(job, cut(job).surface,
+                           [&](const CutVertex& v) {
+                             // the exact turn: second order is b^2 r
+                             const double tilt = b * std::cos(spindle_at(job, v));
+                             return radius(v) < 1.8 ? std::nan("")
+                                                    : -side * radius(v) * std::tan(tilt);
+                           }),
+                    cusp_of(facing));
 }
 
 TEST(SpindleErrors, TiltOutOfTheSensitiveDirectionLeavesNothing) {
   const Turning facing{.part = disc,
                        .errors = "ECS = { kind = \"fourier\", period_deg = 360, a_urad = [40.0] }",
                        .end_radius = 1.5};
-  const Job job = job_of(facing);
-  holds("tilt 1x about Z",
-        misfit(job, cut(job).surface,
-               [&](const CutVertex& v) { return radius(v) < 1.8 ? std::nan("") : 0.0; }),
-        cusp_of(facing));
+  const Job job = turning_job(facing);
+  expect_below_cusp(
+      "tilt 1x about Z",
+      misfit(job, cut(job).surface,
+             [&](const CutVertex& v) { return radius(v) < 1.8 ? std::nan("") : 0.0; }),
+      cusp_of(facing));
 }
 
 /// Circle through a ring of the cone at its own height: a point moved by s along the normal is as a
@@ -180,7 +184,7 @@ TEST(SpindleErrors, RadialOnceATurnWithTheSpindleLeavesARoundEccentricPart) {
                             "EYS = { kind = \"fourier\", period_deg = 360, a_um = [2.0] }\n"
                             "EZS = { kind = \"fourier\", period_deg = 360, b_um = [-2.0] }",
                         .end_radius = 2.0};
-  const Job job = job_of(turning);
+  const Job job = turning_job(turning);
   const cutting::Circle circle = ring_of(job, cut(job).surface, 2.6, 0.3);
   std::cout << "radial 1x with the spindle: eccentric by " << circle.centre.norm() / units::um
             << " um, roundness " << circle.roundness / units::nm << " nm\n";
@@ -200,7 +204,7 @@ TEST(SpindleErrors, RadialOnceATurnInTheSensitiveDirectionIsEccentricToo) {
         .part = cone,
         .errors = y + "EZS = { kind = \"fourier\", period_deg = 360, b_um = [2.0] }",
         .end_radius = 2.0};
-    const Job job = job_of(turning);
+    const Job job = turning_job(turning);
     const cutting::Circle circle = ring_of(job, cut(job).surface, r, 0.3);
     const double second = y.empty() ? a * a / (2 * r) : 2 * a * a / r;
     std::cout << "radial 1x " << (y.empty() ? "along z" : "against the spindle")
@@ -235,7 +239,7 @@ TEST(SpindleErrors, AsynchronousMotionLeavesTheLowestOfItsPasses) {
       .errors = "EXS = { kind = \"asynchronous\", rms_um = 0.3, seed = 5, highest_order = 6 }",
       .feed = feed,
       .end_radius = 2.0};
-  Job job = job_of(facing);
+  Job job = turning_job(facing);
   const errors::Curve& curve = job.scene.geometric.elements.at(0).curves.at(0);
   job = resampled(std::move(job), std::sqrt(8 * 0.05_nm / errors::most_bend(curve)));
   const Misfit m = misfit(job, cut(job).surface, [&](const CutVertex& v) {
@@ -247,12 +251,12 @@ TEST(SpindleErrors, AsynchronousMotionLeavesTheLowestOfItsPasses) {
       const double pass = rim + 0.3 - feed * S / (2 * pi), off = radius(v) - pass;
       if (std::abs(off) > 0.1) continue;
       const errors::CurveState state{S, -S, 1, 0, true};
-      least = std::min(least, oracles::cusp(nose, 2 * off) - errors::value(curve, state));
+      least = std::min(least, oracles::cusp(nose_radius, 2 * off) - errors::value(curve, state));
     }
     return least;
   });
   std::cout << job.samples.states.size() << " samples\n";
-  holds("asynchronous axial motion", m, 0.0);
+  expect_below_cusp("asynchronous axial motion", m, 0.0);
 }
 
 TEST(SpindleErrors, AsynchronousMotionIsReadWithItsSeed) {
@@ -262,7 +266,7 @@ TEST(SpindleErrors, AsynchronousMotionIsReadWithItsSeed) {
                             "EBS = { kind = \"asynchronous\", rms_urad = 2, seed = 9, "
                             "lowest_order = 1, highest_order = 4 }",
                         .feed = 100.0_um};
-  const Job job = job_of(turning);
+  const Job job = turning_job(turning);
   const auto& elements = job.scene.geometric.elements;
   ASSERT_EQ(elements.size(), 2u);
   const auto& z = std::get<errors::Asynchronous>(elements[0].curves[0].shape);
@@ -277,7 +281,7 @@ TEST(SpindleErrors, AsynchronousMotionIsReadWithItsSeed) {
   Turning other = turning;
   other.more = {{"seed", "2"}};
   EXPECT_NE(
-      std::get<errors::Asynchronous>(job_of(other).scene.geometric.elements[0].curves[0].shape)
+      std::get<errors::Asynchronous>(turning_job(other).scene.geometric.elements[0].curves[0].shape)
           .seed,
       z.seed);
 }
@@ -285,7 +289,7 @@ TEST(SpindleErrors, AsynchronousMotionIsReadWithItsSeed) {
 TEST(SpindleErrors, AsynchronousMotionThatCannotBeIsRefused) {
   const auto told = [](const std::string& errors) -> std::string {
     try {
-      job_of(Turning{.part = disc, .errors = errors, .feed = 100.0_um});
+      turning_job(Turning{.part = disc, .errors = errors, .feed = 100.0_um});
     } catch (const std::exception& fault) {
       return fault.what();
     }
@@ -311,7 +315,7 @@ TEST(TurningTool, CentringHeightLeavesMaterialByItsSquareOverTheDiameter) {
                           .errors = "",
                           .end_radius = 2.0,
                           .more = {{"tool.actual.centring_height_mm", fmt::format("{}", h)}}};
-    const Job job = job_of(turning);
+    const Job job = turning_job(turning);
     const Misfit m = misfit(job, cut(job).surface, [&](const CutVertex& v) {
       const double r = radius(v);
       if (r < 2.3) return std::nan("");
@@ -320,7 +324,7 @@ TEST(TurningTool, CentringHeightLeavesMaterialByItsSquareOverTheDiameter) {
       // h^2 / 2r exactly.
       return h * h / (2 * r) / std::sqrt(2.0);
     });
-    holds(fmt::format("centring height {} mm on a cone", h), m, cusp_of(turning, true));
+    expect_below_cusp(fmt::format("centring height {} mm on a cone", h), m, cusp_of(turning, true));
   }
 }
 
@@ -329,11 +333,12 @@ TEST(TurningTool, CentringHeightLeavesAFlatFaceFlat) {
                        .errors = "",
                        .feed = 2.0_um,
                        .more = {{"tool.actual.centring_height_mm", "0.05"}}};
-  const Job job = job_of(facing);
-  holds("centring height on a face",
-        misfit(job, cut(job).surface,
-               [&](const CutVertex& v) { return radius(v) < 0.06 ? std::nan("") : 0.0; }),
-        cusp_of(facing));
+  const Job job = turning_job(facing);
+  expect_below_cusp(
+      "centring height on a face",
+      misfit(job, cut(job).surface,
+             [&](const CutVertex& v) { return radius(v) < 0.06 ? std::nan("") : 0.0; }),
+      cusp_of(facing));
 }
 
 TEST(TurningTool, NoseOfAnotherRadiusOffsetsEverySurface) {
@@ -343,12 +348,13 @@ TEST(TurningTool, NoseOfAnotherRadiusOffsetsEverySurface) {
           .part = part,
           .errors = "",
           .end_radius = 2.0,
-          .more = {{"tool.actual.radius_mm", fmt::format("{:.6f}", nose + more)}}};
-      const Job job = job_of(turning);
-      holds(fmt::format("nose larger by {} mm", more),
-            misfit(job, cut(job).surface,
-                   [&](const CutVertex& v) { return radius(v) < 2.3 ? std::nan("") : -more; }),
-            cusp_of(turning, part == cone) * nose / (nose + more));
+          .more = {{"tool.actual.radius_mm", fmt::format("{:.6f}", nose_radius + more)}}};
+      const Job job = turning_job(turning);
+      expect_below_cusp(
+          fmt::format("nose larger by {} mm", more),
+          misfit(job, cut(job).surface,
+                 [&](const CutVertex& v) { return radius(v) < 2.3 ? std::nan("") : -more; }),
+          cusp_of(turning, part == cone) * nose_radius / (nose_radius + more));
     }
   }
 }
@@ -360,12 +366,13 @@ TEST(TurningTool, LongerToolCutsDeeperAlongTheSpindle) {
                           .errors = "",
                           .end_radius = 2.0,
                           .more = {{"tool.actual.length_mm", "60.004"}}};
-    const Job job = job_of(turning);
-    holds("tool longer by 4 um",
-          misfit(
-              job, cut(job).surface,
-              [&](const CutVertex& v) { return radius(v) < 2.3 ? std::nan("") : -more * v.n.z(); }),
-          cusp_of(turning, part == cone));
+    const Job job = turning_job(turning);
+    expect_below_cusp("tool longer by 4 um",
+                      misfit(job, cut(job).surface,
+                             [&](const CutVertex& v) {
+                               return radius(v) < 2.3 ? std::nan("") : -more * v.n.z();
+                             }),
+                      cusp_of(turning, part == cone));
   }
 }
 
@@ -377,7 +384,7 @@ TEST(TurningTool, WavesOfTheNoseAreCopiedOntoASphere) {
       .part = fmt::format("surface = \"sphere_cap\"\nradius_mm = {}\nrim_radius_mm = 4.0", rho),
       .errors = "",
       .more = {{"tool.actual.wave", "[{ order = 12, amplitude_um = 0.1, phase_deg = 40.0 }]"}}};
-  const Job job = job_of(turning);
+  const Job job = turning_job(turning);
   const double side = side_of(job);
   const Misfit m = misfit(job, cut(job).surface, [&](const CutVertex& v) {
     const double r = radius(v);
@@ -389,11 +396,11 @@ TEST(TurningTool, WavesOfTheNoseAreCopiedOntoASphere) {
     const double wave = A * std::cos(order * psi + phase);
     const double slope = -order * A * std::sin(order * psi + phase);
     const double bend = -order * order * wave;
-    return -(wave + slope * slope / (2 * (nose + wave - bend)));
+    return -(wave + slope * slope / (2 * (nose_radius + wave - bend)));
   });
   // passes lie up to 1 / cos 30 of the feed apart along the sphere
-  holds("nose with a wave of order 12", m,
-        oracles::cusp(nose, turning.feed / std::cos(pi / 6)) * 1.2);
+  expect_below_cusp("nose with a wave of order 12", m,
+                    oracles::cusp(nose_radius, turning.feed / std::cos(pi / 6)) * 1.2);
 }
 
 }  // namespace

@@ -19,19 +19,14 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-struct Found {
+struct Corrected {
   Json report;
   std::string text;
   double before_um = 0.0;  ///< machine's part of the map, RMS
   double after_um = 0.0;   ///< corrected by what was found
 };
 
-double machine_um(const Job& job, const std::optional<CaseDescription>& compensator) {
-  const Verdict error_free = judge(job, cut_error_free(job), nullptr);
-  return judge(job, cut(job, compensator), &error_free).machine->rms.value() / units::um;
-}
-
-Found found(double angles) {
+Corrected found(double angles) {
   const SceneFolder folder;
   std::vector<Override> changes{{"variant", "[]"},
                                 {"errors.1.scale", fmt::format("{}", angles)},
@@ -43,7 +38,7 @@ Found found(double angles) {
   options.method = IdentifyOptions::Method::StepDiagonal;
   options.sensors = {"X_nut", "Y_nut", "Z_nut"};
   options.out = folder.path() / "belief.toml";
-  Found result;
+  Corrected result;
   const Identified found = identify(
       {folder.write("d.csv", to_text(measured(scene, instrument_of(scene, "step_diagonal"))))},
       options);
@@ -51,19 +46,19 @@ Found found(double angles) {
   result.text = identify_text(found);
   changes.push_back({"belief.identified", "\"" + options.out.string() + "\""});
   const Job job = job_of("step_diagonal.toml", changes);
-  result.before_um = machine_um(job, std::nullopt);
+  result.before_um = machine_um(job);
   result.after_um = machine_um(job, parse_case("identified-position-ideal"));
   return result;
 }
 
-double number(const Json& report, const std::string& name) {
+double number_found(const Json& report, const std::string& name) {
   for (const Json& one : report["numbers"])
     if (one["name"] == name) return one["value"];
   ADD_FAILURE() << "no number " << name;
   return 0.0;
 }
 
-double per_K(const Json& report, const std::string& name, const std::string& sensor) {
+double trend(const Json& report, const std::string& name, const std::string& sensor) {
   for (const Json& one : report["per_K"])
     if (one["name"] == name) return one["per_K"][sensor];
   ADD_FAILURE() << "no trend of " << name;
@@ -71,26 +66,27 @@ double per_K(const Json& report, const std::string& name, const std::string& sen
 }
 
 TEST(StepDiagonalScene, TellsTranslationsAndTheirHeatAndIsSpoiltByAngles) {
-  const Found alone = found(0.0), with_angles = found(1.0);
-  for (const Found* one : {&alone, &with_angles})
+  const Corrected alone = found(0.0), with_angles = found(1.0);
+  for (const Corrected* one : {&alone, &with_angles})
     std::cout << fmt::format(
         "EC0Y {:.2f} EB0Z {:.2f} EA0Z {:.2f} urad, EXX at the end {:.2f} um, chi-square {:.2f}, "
         "flat "
         "{:.3f} -> {:.3f} um RMS\n",
-        number(one->report, "EC0Y"), number(one->report, "EB0Z"), number(one->report, "EA0Z"),
-        number(one->report, "EXX[10]"), one->report["reduced_chi_square"].get<double>(),
-        one->before_um, one->after_um);
+        number_found(one->report, "EC0Y"), number_found(one->report, "EB0Z"),
+        number_found(one->report, "EA0Z"), number_found(one->report, "EXX[10]"),
+        one->report["reduced_chi_square"].get<double>(), one->before_um, one->after_um);
   // positioning from end to end of the places, by hand: Legendre orders 1 and 3 of EXX at +-0.96
   const double P3 = 0.5 * (5.0 * std::pow(0.96, 3) - 3.0 * 0.96);
-  EXPECT_NEAR(number(alone.report, "EXX[10]"), 2.0 * (-5.43 * 0.96 - 2.67 * P3), 0.6);
+  EXPECT_NEAR(number_found(alone.report, "EXX[10]"), 2.0 * (-5.43 * 0.96 - 2.67 * P3), 0.6);
   EXPECT_LT(alone.report["reduced_chi_square"].get<double>(), 2.0);
   EXPECT_GT(with_angles.report["reduced_chi_square"].get<double>(), 20.0);
-  EXPECT_GT(std::abs(number(with_angles.report, "EA0Z") - number(alone.report, "EA0Z")), 10.0);
+  EXPECT_GT(std::abs(number_found(with_angles.report, "EA0Z") - number_found(alone.report, "EA0Z")),
+            10.0);
   EXPECT_NE(with_angles.report["warnings"].dump().find("angular errors"), std::string::npos);
   for (const auto& [axis, injected] : {std::pair('X', 4.0), {'Y', 5.0}, {'Z', 6.0}}) {
     const std::string name = fmt::format("E{0}{0} slope", axis), nut = fmt::format("{}_nut", axis);
-    EXPECT_NEAR(per_K(alone.report, name, nut), injected, 0.2) << name;
-    EXPECT_NEAR(per_K(with_angles.report, name, nut), injected, 0.2)
+    EXPECT_NEAR(trend(alone.report, name, nut), injected, 0.2) << name;
+    EXPECT_NEAR(trend(with_angles.report, name, nut), injected, 0.2)
         << name << ": angles do not change with heat here";
   }
   // of some two hundred trends a person is shown those that stand out

@@ -49,7 +49,7 @@ std::map<std::string, double> displacements(const Json& json) {
   return result;
 }
 
-void print(const std::string& name, const Json& json) {
+void print_choice(const std::string& name, const Json& json) {
   std::cout << name << ": " << json["sensors"].size() << " -> " << json["chosen"].dump() << "\n";
   for (const Json& channel : json["channels"])
     for (const Json& day : channel["cross_day"])
@@ -73,7 +73,7 @@ class ThermalChoiceOf : public testing::TestWithParam<std::pair<const char*, int
 TEST_P(ThermalChoiceOf, FourSensorsPredictAnotherDay) {
   const auto [name, sensors] = GetParam();
   const Json json = to_json(chosen_on(name));
-  print(name, json);
+  print_choice(name, json);
   EXPECT_EQ(json["sensors"].size(), std::size_t(sensors));
   EXPECT_EQ(json["chosen"].size(), 4u);
   const auto across = displacements(json);

@@ -21,13 +21,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-const IdleMachine& gantry() {
-  static const IdleMachine idle = idle_of(scenes() / "gantry_dome.toml");
-  return idle;
-}
-
 TEST(PoseGrid, WithoutAWordRunsTheSlidesOverTheirTravel) {
-  const PoseGrid grid = pose_grid(gantry(), "");
+  const PoseGrid grid = pose_grid(idle_gantry(), "");
   EXPECT_EQ(grid.size, (std::array{11, 11, 11}));
   ASSERT_EQ(grid.poses.size(), 1331u);
   EXPECT_EQ(grid.poses.text(0), "C_deg = 0, X_mm = -300, Y_mm = -350, Z_mm = -50, A_deg = 0");
@@ -38,16 +33,16 @@ TEST(PoseGrid, WithoutAWordRunsTheSlidesOverTheirTravel) {
 }
 
 TEST(PoseGrid, SaysEndsCountsAndPlaces) {
-  const PoseGrid grid = pose_grid(gantry(), "X=-100:250:3, Y=10 Z=::2 A=30 C=-90");
+  const PoseGrid grid = pose_grid(idle_gantry(), "X=-100:250:3, Y=10 Z=::2 A=30 C=-90");
   EXPECT_EQ(grid.size, (std::array{3, 2, 1}));
   EXPECT_EQ(grid.poses.text(1), "C_deg = -90, X_mm = 75, Y_mm = 10, Z_mm = -50, A_deg = 30");
   EXPECT_EQ(grid.poses.text(5), "C_deg = -90, X_mm = 250, Y_mm = 10, Z_mm = 350, A_deg = 30");
-  const PoseGrid turned = pose_grid(gantry(), "A=-90:90:19 C=0:355:72 X=50 Y=0 Z=100");
+  const PoseGrid turned = pose_grid(idle_gantry(), "A=-90:90:19 C=0:355:72 X=50 Y=0 Z=100");
   EXPECT_EQ(turned.size, (std::array{72, 19, 1}));
-  EXPECT_EQ(pose_grid(gantry(), "X=: Y=0 Z=0").size, (std::array{101, 1, 1}));
-  EXPECT_EQ(pose_grid(gantry(), "Y=::11 X=0 Z=0").poses.text(7),
+  EXPECT_EQ(pose_grid(idle_gantry(), "X=: Y=0 Z=0").size, (std::array{101, 1, 1}));
+  EXPECT_EQ(pose_grid(idle_gantry(), "Y=::11 X=0 Z=0").poses.text(7),
             "C_deg = 0, X_mm = 0, Y_mm = 140, Z_mm = 0, A_deg = 0");
-  EXPECT_EQ(pose_grid(gantry(), "Y=::11 X=0 Z=0").poses.numbers[7 * 5 + 2], 140.0);
+  EXPECT_EQ(pose_grid(idle_gantry(), "Y=::11 X=0 Z=0").poses.numbers[7 * 5 + 2], 140.0);
 }
 
 TEST(PoseGrid, RefusesWithTheColumn) {
@@ -71,7 +66,7 @@ TEST(PoseGrid, RefusesWithTheColumn) {
            {"A=-1:1:2", "--grid:1:1", "one to three axes that run"},
            {"X=::100 Y=::100 Z=::100", "--grid:1:1", "at most 200000 poses"},
        }) {
-    const std::string refusal = refusal_by([&] { pose_grid(gantry(), text); });
+    const std::string refusal = refusal_by([&] { pose_grid(idle_gantry(), text); });
     EXPECT_EQ(refusal.rfind(place, 0), 0u) << text << "\n" << refusal;
     EXPECT_NE(refusal.find(expected), std::string::npos) << text << "\n" << refusal;
   }

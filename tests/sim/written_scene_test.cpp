@@ -8,6 +8,7 @@
 #include "sim/scene/read_scene.h"
 #include "sim/scene/scene_fields.h"
 #include "sim/scene/scene_tree.h"
+#include "tests/sim/small_scene.h"
 
 /// A scene written with every key that it has is the same scene, and no key is without effect.
 namespace abbe::sim {
@@ -15,13 +16,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const fs::path scenes = fs::path(ABBE_SOURCE_DIR) / "scenes";
-
-std::vector<fs::path> packaged_scenes() {
+std::vector<fs::path> packaged_files() {
   std::vector<fs::path> files;
-  for (const auto& entry : fs::directory_iterator(scenes))
-    if (entry.path().extension() == ".toml") files.push_back(entry.path());
-  std::sort(files.begin(), files.end());
+  for (const std::string& name : packaged_scenes()) files.push_back(packaged(name));
   return files;
 }
 
@@ -129,7 +126,7 @@ TEST_P(WrittenScene, ChangesWithEveryNumberOfIt) {
   for (const std::string& path : without_effect) ADD_FAILURE() << path << " changes nothing";
 }
 
-INSTANTIATE_TEST_SUITE_P(Packaged, WrittenScene, testing::ValuesIn(packaged_scenes()),
+INSTANTIATE_TEST_SUITE_P(Packaged, WrittenScene, testing::ValuesIn(packaged_files()),
                          [](const auto& scene) { return scene.param.stem().string(); });
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "kinematics/numbers.h"
 #include "sim/study/distribution.h"
 #include "sim/study/sequence.h"
 
@@ -13,12 +14,10 @@ namespace abbe::sim::study {
 namespace {
 
 using Kind = Distribution::Kind;
-const double nan = std::numeric_limits<double>::quiet_NaN();
-const double inf = std::numeric_limits<double>::infinity();
 
 TEST(Answers, OfFiveByHand) {
   Eigen::VectorXd values(7);
-  values << 4, nan, 1, 2, inf, 10, 3;
+  values << 4, NAN, 1, 2, infinity, 10, 3;
   const Answers seen = answers(values);
   EXPECT_EQ(seen.cases, 5);
   EXPECT_EQ(seen.min, 1.0);
@@ -52,11 +51,11 @@ TEST(Answers, TwoSayLittleAndFewerAreRefused) {
   EXPECT_GT(two.standard_deviation.high, 100.0);
   EXPECT_LT(two.standard_deviation.low, 0.01);
   EXPECT_TRUE(std::isfinite(two.standard_deviation.high));
-  EXPECT_THROW(answers(Eigen::Vector3d(1.0, nan, inf)), std::invalid_argument);
+  EXPECT_THROW(answers(Eigen::Vector3d(1.0, NAN, infinity)), std::invalid_argument);
   EXPECT_THROW(answers(Eigen::VectorXd()), std::invalid_argument);
   EXPECT_THROW(quantile_of(Eigen::VectorXd(), 0.5), std::invalid_argument);
   EXPECT_THROW(quantile_of(Eigen::Vector2d(1, 2), 1.5), std::invalid_argument);
-  EXPECT_THROW(quantile_of(Eigen::Vector2d(1, 2), nan), std::invalid_argument);
+  EXPECT_THROW(quantile_of(Eigen::Vector2d(1, 2), NAN), std::invalid_argument);
   EXPECT_THROW(share_below(Eigen::VectorXd(), 0.5), std::invalid_argument);
   EXPECT_EQ(quantile_of(Eigen::VectorXd::Constant(1, 7.0), 0.3).value, 7.0);
 }
@@ -86,14 +85,14 @@ TEST(Answers, BandsOfSharesAreWilsons) {
   const Banded all = share_below(ten, 10.0);
   EXPECT_EQ(all.high, 1.0);
   EXPECT_NEAR(all.low, 1 - 0.2775328, 1e-6);
-  ten(3) = nan;
+  ten(3) = NAN;
   EXPECT_DOUBLE_EQ(share_below(ten, 8.0).value, 7.0 / 9.0);
 }
 
 TEST(Answers, CapabilityByHand) {
   EXPECT_DOUBLE_EQ(*cpk(Eigen::Vector3d(1, 2, 3), 5.0), 1.0);
   EXPECT_DOUBLE_EQ(*cpk(Eigen::Vector3d(1, 2, 3), -1.0), -1.0);
-  EXPECT_DOUBLE_EQ(*cpk(Eigen::Vector4d(1, 2, 3, nan), 5.0), 1.0);
+  EXPECT_DOUBLE_EQ(*cpk(Eigen::Vector4d(1, 2, 3, NAN), 5.0), 1.0);
 }
 
 TEST(Answers, CorrelationsByHand) {
@@ -125,13 +124,13 @@ TEST(Answers, EqualValuesShareTheirMeanRank) {
 
 TEST(Answers, CorrelationsLeaveOutCasesWithoutAnAnswer) {
   Eigen::MatrixXd inputs(1, 6);
-  inputs << 1, 2, 99, 3, 4, nan;
+  inputs << 1, 2, 99, 3, 4, NAN;
   Eigen::VectorXd values(6);
-  values << 1, 2, nan, 3, 4, -7;
+  values << 1, 2, NAN, 3, 4, -7;
   EXPECT_DOUBLE_EQ(correlations(inputs, values).linear(0), 1.0);
   EXPECT_DOUBLE_EQ(correlations(inputs, values).rank(0), 1.0);
   EXPECT_THROW(correlations(inputs, values.head(5)), std::invalid_argument);
-  EXPECT_EQ(correlations(inputs, Eigen::VectorXd::Constant(6, nan)).linear(0), 0.0);
+  EXPECT_EQ(correlations(inputs, Eigen::VectorXd::Constant(6, NAN)).linear(0), 0.0);
 }
 
 /// Shares of samples of n whose bands hold the truth: mean, standard deviation, median, p95, and

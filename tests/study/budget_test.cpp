@@ -173,7 +173,7 @@ TEST(BudgetCsv, HostileNamesComeBack) {
 
 TEST(BudgetCsv, OfABareBudgetIsItsHead) {
   EXPECT_EQ(read_csv(to_csv(bare())).size(), 1u);
-  EXPECT_EQ(read_csv(to_csv({})).size(), 1u);
+  EXPECT_EQ(read_csv(to_csv(Budget{})).size(), 1u);
 }
 
 TEST(BudgetMarkdown, NamesTheInputsInTheOrderOfWhatTheyContribute) {

@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 
 #include "kinematics/least_squares.h"
+#include "kinematics/units.h"
 #include "sim/study/answers.h"
 #include "sim/study/sequence.h"
 
@@ -155,7 +156,6 @@ TEST(Copula, MarginalsStayWhatTheyAreAndRanksCorrelate) {
   }
   // Spearman's of a Gaussian copula: 6/pi asin(rho/2); its band here is about 2/sqrt(n).
   const Eigen::VectorXd rank = correlations(drawn, drawn.row(2).transpose()).rank;
-  const double pi = std::acos(-1.0);
   EXPECT_NEAR(rank(0), 6 / pi * std::asin(0.4), 3.0 / std::sqrt(double(n)));
   EXPECT_NEAR(rank(1), 6 / pi * std::asin(-0.15), 3.5 / std::sqrt(double(n)));
   EXPECT_NEAR(correlations(drawn, drawn.row(1).transpose()).rank(0), 0.0,

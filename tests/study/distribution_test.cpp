@@ -7,14 +7,13 @@
 
 #include <gtest/gtest.h>
 
+#include "kinematics/numbers.h"
 #include "tests/study/openturns.h"
 
 namespace abbe::sim::study {
 namespace {
 
 using Kind = Distribution::Kind;
-constexpr double inf = std::numeric_limits<double>::infinity();
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 /// Shares of a kind that is not cut off, in long double by the C library.
 struct Shares {
@@ -56,7 +55,7 @@ double fault_of_quantile(const Distribution& d, double p, double value) {
   return double(std::abs(error) / density);
 }
 
-std::string text_of(const Distribution& d) {
+std::string parameters_of(const Distribution& d) {
   std::ostringstream out;
   out.precision(17);
   out << "kind " << int(d.kind) << " centre " << d.centre << " spread " << d.spread << " low "
@@ -121,11 +120,11 @@ TEST(Distribution, QuantilesOfAnyCutDistributionHoldTheirBound) {
     const double middle = any.unit();
     for (const double p : {1e-300, 1e-12, 1e-4 * middle, middle, 1 - 1e-4 * (1 - middle)}) {
       const double value = quantile(d, p);
-      ASSERT_GE(value, before) << text_of(d);
-      ASSERT_LE(value, d.high) << text_of(d);
+      ASSERT_GE(value, before) << parameters_of(d);
+      ASSERT_LE(value, d.high) << parameters_of(d);
       before = value;
       const double fault = fault_of_quantile(d, p, value) - rounding(d, value);
-      ASSERT_LT(fault, 1e-12) << text_of(d) << " p " << p;
+      ASSERT_LT(fault, 1e-12) << parameters_of(d) << " p " << p;
       worst = std::max(worst, fault);
     }
   }
@@ -146,10 +145,10 @@ TEST(Distribution, CumulativeSharesHoldTheirBoundAndUndoQuantiles) {
     const double value = quantile(d, p);
     const double fault =
         std::abs(cumulative(d, value) - double(share_between(d, d.low, value) / all)) * all;
-    ASSERT_LT(fault, 1e-14) << text_of(d);
+    ASSERT_LT(fault, 1e-14) << parameters_of(d);
     // A value rounded to a double moves its share by the density.
     const double rounded = rounding(d, value) / all;
-    ASSERT_NEAR(cumulative(d, value), p, 1e-14 / all + rounded) << text_of(d);
+    ASSERT_NEAR(cumulative(d, value), p, 1e-14 / all + rounded) << parameters_of(d);
     worst = std::max(worst, fault);
     EXPECT_EQ(cumulative(d, d.low), 0.0);
     EXPECT_EQ(cumulative(d, d.high), 1.0);
@@ -158,8 +157,8 @@ TEST(Distribution, CumulativeSharesHoldTheirBoundAndUndoQuantiles) {
 }
 
 TEST(Distribution, SharesOfNothingAndAllAreTheEnds) {
-  EXPECT_EQ(quantile({}, 0.0), -inf);
-  EXPECT_EQ(quantile({}, 1.0), inf);
+  EXPECT_EQ(quantile({}, 0.0), -infinity);
+  EXPECT_EQ(quantile({}, 1.0), infinity);
   EXPECT_EQ(quantile({Kind::Normal, 5, 2, 0, 6}, 0.0), 0.0);
   EXPECT_EQ(quantile({Kind::Normal, 5, 2, 0, 6}, 1.0), 6.0);
   EXPECT_EQ(quantile({Kind::Uniform, 5, 2}, 0.0), 3.0);
@@ -168,7 +167,7 @@ TEST(Distribution, SharesOfNothingAndAllAreTheEnds) {
   EXPECT_EQ(quantile({Kind::Triangular, 5, 2}, 0.5), 5.0);
   EXPECT_EQ(quantile({Kind::LogNormal, 5, 2}, 0.0), 0.0);
   EXPECT_EQ(quantile({Kind::LogNormal, 5, 2}, 0.5), 5.0);
-  EXPECT_EQ(quantile({Kind::LogNormal, 5, 2}, 1.0), inf);
+  EXPECT_EQ(quantile({Kind::LogNormal, 5, 2}, 1.0), infinity);
 }
 
 TEST(Distribution, ACutThirtySevenStandardDeviationsOutStillHasQuantiles) {
@@ -200,8 +199,8 @@ TEST(Distribution, AScoreHasTheSameShareBelowAsItsValue) {
   EXPECT_NEAR(at_score({Kind::Triangular, 0, 1}, 12.0), 1.0, 1e-15);
   EXPECT_EQ(at_score(cut, 50.0), 4.0);
   EXPECT_EQ(normal_score(0.5), 0.0);
-  EXPECT_EQ(normal_score(0.0), -inf);
-  EXPECT_EQ(normal_score(1.0), inf);
+  EXPECT_EQ(normal_score(0.0), -infinity);
+  EXPECT_EQ(normal_score(1.0), infinity);
 }
 
 TEST(Distribution, ManyAtOnceAreTheSameBits) {
@@ -214,8 +213,8 @@ TEST(Distribution, ManyAtOnceAreTheSameBits) {
     const Eigen::VectorXd values = quantiles(d, p);
     const Eigen::VectorXd others = at_scores(d, scores);
     for (Eigen::Index k = 0; k < p.size(); ++k) {
-      ASSERT_EQ(values(k), quantile(d, p(k))) << text_of(d);
-      ASSERT_EQ(others(k), at_score(d, scores(k))) << text_of(d);
+      ASSERT_EQ(values(k), quantile(d, p(k))) << parameters_of(d);
+      ASSERT_EQ(others(k), at_score(d, scores(k))) << parameters_of(d);
     }
   }
 }
@@ -237,14 +236,14 @@ Moments textbook_normal(long double a, long double b) {
 TEST(Distribution, MomentsOfCutNormalsEqualTheClosedForm) {
   double worst = 0.0;
   for (const auto& [a, b] : {std::pair{-1.0, 2.0},
-                             {-inf, 0.0},
-                             {-3.0, inf},
+                             {-infinity, 0.0},
+                             {-3.0, infinity},
                              {1.0, 1.5},
                              {-8.0, 3.0},
-                             {4.0, inf},
-                             {-inf, -5.0},
+                             {4.0, infinity},
+                             {-infinity, -5.0},
                              {-0.01, 0.01},
-                             {-inf, inf},
+                             {-infinity, infinity},
                              {-40.0, 50.0}}) {
     const Moments expected = textbook_normal(a, b);
     const Moments seen = moments({Kind::Normal, 10.0, 3.0, 10 + 3 * a, 10 + 3 * b});
@@ -259,7 +258,8 @@ TEST(Distribution, MomentsOfCutNormalsEqualTheClosedForm) {
 
 TEST(Distribution, MomentsOfCutLogNormalsEqualTheClosedForm) {
   for (const double s : {0.1, 1.0, 3.0})
-    for (const auto& [a, b] : {std::pair{-1.0, 2.0}, {-inf, 0.5}, {-2.0, inf}, {1.0, 1.5}}) {
+    for (const auto& [a, b] :
+         {std::pair{-1.0, 2.0}, {-infinity, 0.5}, {-2.0, infinity}, {1.0, 1.5}}) {
       const Distribution d{Kind::LogNormal, 2.0, s, 2 * std::exp(s * a), 2 * std::exp(s * b)};
       const Distribution standard;
       const auto power = [&](int k) {
@@ -304,7 +304,7 @@ TEST(Distribution, MomentsAreThoseOfTheValuesThatQuantilesGive) {
     const Moments seen = moments(d);
     worst = std::max({worst, std::abs(seen.mean - from - sum) / deviation,
                       std::abs(seen.standard_deviation / deviation - 1)});
-    ASSERT_LT(worst, 1e-6) << text_of(d);
+    ASSERT_LT(worst, 1e-6) << parameters_of(d);
   }
   std::cout << "worst of the midpoint rule " << worst << " standard deviations\n";
 }
@@ -340,21 +340,21 @@ TEST(Distribution, WhatIsNoneIsRefusedInWords) {
   };
   says({Kind::Normal, 0, 0}, "a spread above 0");
   says({Kind::Normal, 0, -1}, "a spread above 0");
-  says({Kind::Normal, 0, nan}, "a spread above 0");
-  says({Kind::Normal, 0, inf}, "a spread above 0");
-  says({Kind::Normal, nan, 1}, "a finite centre");
-  says({Kind::Normal, inf, 1}, "a finite centre");
+  says({Kind::Normal, 0, NAN}, "a spread above 0");
+  says({Kind::Normal, 0, infinity}, "a spread above 0");
+  says({Kind::Normal, NAN, 1}, "a finite centre");
+  says({Kind::Normal, infinity, 1}, "a finite centre");
   says({Kind::LogNormal, 0, 1}, "a median above 0");
   says({Kind::LogNormal, 1, 11}, "at most 10");
   says({Kind::Normal, 0, 1, 2, 1}, "a low limit below");
   says({Kind::Normal, 0, 1, 1, 1}, "a low limit below");
-  says({Kind::Normal, 0, 1, nan, 1}, "a low limit below");
-  says({Kind::Normal, 0, 1, 1, nan}, "a low limit below");
+  says({Kind::Normal, 0, 1, NAN, 1}, "a low limit below");
+  says({Kind::Normal, 0, 1, 1, NAN}, "a low limit below");
   says({Kind::Normal, 0, 1, 40, 41}, "some share");
   says({Kind::Uniform, 0, 1, 1, 2}, "some share");
   says({Kind::Triangular, 0, 1, -3, -2}, "some share");
   says({Kind::LogNormal, 1, 1, -2, 0}, "some share");
-  says({Kind::Normal, 0, 1, inf, inf}, "a low limit below");
+  says({Kind::Normal, 0, 1, infinity, infinity}, "a low limit below");
   says({Kind::Uniform, 1e308, 1e308}, "finite");
   EXPECT_EQ(fault_of({}), nullptr);
   EXPECT_EQ(fault_of({Kind::Normal, 0, 1e-12, 0}), nullptr);
@@ -385,7 +385,7 @@ for base, low, high in (
     for (const double mine :
          {moments(d).mean, moments(d).standard_deviation, cumulative(d, 1.75), quantile(d, 0.001),
           quantile(d, 0.3), quantile(d, 0.5), quantile(d, 0.9)}) {
-      EXPECT_NEAR(mine, *next, 1e-12) << text_of(d);
+      EXPECT_NEAR(mine, *next, 1e-12) << parameters_of(d);
       worst = std::max(worst, std::abs(mine - *next++));
     }
   std::cout << "worst difference " << worst << "\n";

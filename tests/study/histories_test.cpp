@@ -320,8 +320,8 @@ TEST(Histories, TablesReadBackTheSameBits) {
   EXPECT_EQ(compensated, first.compensated_rms / units::um);
   EXPECT_EQ(reduction, *first.reduction_percent);
   EXPECT_NE(csv.find(",\"a,b; say \"\"c\"\"\"\n30 min,,true,0,0,,\n"), std::string::npos) << csv;
-  EXPECT_EQ(to_json({}).dump(), "[]");
-  EXPECT_EQ(to_csv({}), csv.substr(0, head));
+  EXPECT_EQ(to_json(std::vector<HistoryResult>{}).dump(), "[]");
+  EXPECT_EQ(to_csv(std::vector<HistoryResult>{}), csv.substr(0, head));
 }
 
 }  // namespace

@@ -11,13 +11,12 @@
 #include <tbb/parallel_for.h>
 #include <Eigen/Geometry>
 
+#include "kinematics/units.h"
 #include "sim/study/sequence.h"
 #include "tests/study/openturns.h"
 
 namespace abbe::sim::study {
 namespace {
-
-const double pi = std::acos(-1.0);
 
 /// A response of three inputs of the unit interval with its true indices.
 struct Known {

@@ -56,10 +56,6 @@ std::string failure_by(const Act& act) {
   }
 }
 
-bool has(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
-
 int files_in(const fs::path& folder) {
   return int(std::distance(fs::directory_iterator(folder), fs::directory_iterator()));
 }

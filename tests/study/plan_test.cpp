@@ -14,7 +14,7 @@ namespace abbe::sim::study {
 namespace {
 
 using Eigen::Index;
-using Kind = Block::Kind;
+using BlockKind = Block::Kind;
 
 /// Three inputs and every analysis.
 Study whole_study() {
@@ -34,7 +34,7 @@ Eigen::MatrixXd all_inputs(const Study& study, const Plan& plan) {
   return inputs_of(study, plan, 0, plan.cases);
 }
 
-const Block& block(const Plan& plan, Kind kind, int sweep = 0) {
+const Block& block(const Plan& plan, BlockKind kind, int sweep = 0) {
   for (const Block& one : plan.blocks)
     if (one.kind == kind && one.sweep == sweep) return one;
   ADD_FAILURE() << "no block " << name_of(kind);
@@ -45,8 +45,9 @@ const Block& block(const Plan& plan, Kind kind, int sweep = 0) {
 
 TEST(Plan, HasTheAnalysesInTheirOrderWithoutGaps) {
   const Plan plan = plan_of(whole_study());
-  const std::vector<Kind> kinds{Kind::Base,  Kind::OneAtATime, Kind::MonteCarlo, Kind::Sobol,
-                                Kind::Sweep, Kind::Sweep,      Kind::Proof};
+  const std::vector<BlockKind> kinds{BlockKind::Base,  BlockKind::OneAtATime, BlockKind::MonteCarlo,
+                                     BlockKind::Sobol, BlockKind::Sweep,      BlockKind::Sweep,
+                                     BlockKind::Proof};
   const std::vector<std::uint64_t> counts{1, 6, 100, 8 * 5, 3, 2, 3};
   ASSERT_EQ(plan.blocks.size(), kinds.size());
   std::uint64_t first = 0;
@@ -55,7 +56,7 @@ TEST(Plan, HasTheAnalysesInTheirOrderWithoutGaps) {
     EXPECT_EQ(plan.blocks[i].kind, kinds[i]);
     EXPECT_EQ(plan.blocks[i].first, first);
     EXPECT_EQ(plan.blocks[i].count, counts[i]);
-    EXPECT_EQ(plan.blocks[i].full, kinds[i] == Kind::Proof);
+    EXPECT_EQ(plan.blocks[i].full, kinds[i] == BlockKind::Proof);
     EXPECT_EQ(&block_of(plan, first), &plan.blocks[i]);
     EXPECT_EQ(&block_of(plan, first + counts[i] - 1), &plan.blocks[i]);
     first += counts[i];
@@ -82,7 +83,7 @@ TEST(Plan, WithoutInputsIsEmptyAndWithoutQuestionsTheBaseAlone) {
 TEST(Plan, ProvesNoMoreCasesThanMonteCarloHas) {
   Study study = whole_study();
   study.proofs = 1'000'000;
-  EXPECT_EQ(block(plan_of(study), Kind::Proof).count, 100u);
+  EXPECT_EQ(block(plan_of(study), BlockKind::Proof).count, 100u);
 }
 
 // ---------------------------------------------------------------- the points
@@ -130,7 +131,7 @@ TEST(PlanInputs, OfMonteCarloAreTheSequenceThroughTheDistributions) {
     Study study = whole_study();
     study.monte_carlo->sampling = sampling;
     const Plan plan = plan_of(study);
-    const Block& mc = block(plan, Kind::MonteCarlo);
+    const Block& mc = block(plan, BlockKind::MonteCarlo);
     const Eigen::MatrixXd x = inputs_of(study, plan, mc.first, mc.first + mc.count);
     const Eigen::MatrixXd u = points({sampling, 3, study.seed}, 0, 100);
     for (Index k = 0; k < u.cols(); ++k)
@@ -142,7 +143,7 @@ TEST(PlanInputs, OfMonteCarloAreTheSequenceThroughTheDistributions) {
 TEST(PlanInputs, OfProofsAreTheFirstOfMonteCarlo) {
   const Study study = whole_study();
   const Plan plan = plan_of(study);
-  const Block &mc = block(plan, Kind::MonteCarlo), &proof = block(plan, Kind::Proof);
+  const Block &mc = block(plan, BlockKind::MonteCarlo), &proof = block(plan, BlockKind::Proof);
   EXPECT_EQ(inputs_of(study, plan, proof.first, proof.first + proof.count),
             inputs_of(study, plan, mc.first, mc.first + proof.count));
 }
@@ -150,7 +151,7 @@ TEST(PlanInputs, OfProofsAreTheFirstOfMonteCarlo) {
 TEST(PlanInputs, OfSobolAreAAndBAndAWithOneColumnOfB) {
   const Study study = whole_study();
   const Plan plan = plan_of(study);
-  const Block& sobol = block(plan, Kind::Sobol);
+  const Block& sobol = block(plan, BlockKind::Sobol);
   const Eigen::MatrixXd x = inputs_of(study, plan, sobol.first, sobol.first + sobol.count);
   for (Index point = 0; point < 8; ++point) {
     const Eigen::Vector3d a = x.col(5 * point), b = x.col(5 * point + 1);
@@ -161,7 +162,7 @@ TEST(PlanInputs, OfSobolAreAAndBAndAWithOneColumnOfB) {
       EXPECT_EQ(x.col(5 * point + 2 + i), mixed) << point << " " << i;
     }
   }
-  const Block& mc = block(plan, Kind::MonteCarlo);
+  const Block& mc = block(plan, BlockKind::MonteCarlo);
   EXPECT_NE(x.col(0), inputs_of(study, plan, mc.first, mc.first + 1).col(0))
       << "a stream of their own";
 }
@@ -169,7 +170,7 @@ TEST(PlanInputs, OfSobolAreAAndBAndAWithOneColumnOfB) {
 TEST(PlanInputs, OfSweepsMoveOneInputAlone) {
   const Study study = whole_study();
   const Plan plan = plan_of(study);
-  const Block& first = block(plan, Kind::Sweep, 0);
+  const Block& first = block(plan, BlockKind::Sweep, 0);
   const Eigen::MatrixXd x = inputs_of(study, plan, first.first, first.first + 5);
   Eigen::MatrixXd expected(3, 5);
   expected << 2, 2, 2, 5, 6,  //
@@ -181,22 +182,22 @@ TEST(PlanInputs, OfSweepsMoveOneInputAlone) {
 TEST(PlanInputs, DependOnTheSeedAndOnNoOtherAnalysis) {
   const Study study = whole_study();
   const Plan plan = plan_of(study);
-  const auto of = [](const Study& one, Kind kind, std::uint64_t count) {
+  const auto of = [](const Study& one, BlockKind kind, std::uint64_t count) {
     const Plan its = plan_of(one);
     const std::uint64_t first = block(its, kind).first;
     return inputs_of(one, its, first, first + count);
   };
   Study other = study;
   other.seed = study.seed + 1;
-  EXPECT_NE(of(other, Kind::MonteCarlo, 5), of(study, Kind::MonteCarlo, 5));
-  EXPECT_NE(of(other, Kind::Sobol, 5), of(study, Kind::Sobol, 5));
-  EXPECT_EQ(of(other, Kind::OneAtATime, 5), of(study, Kind::OneAtATime, 5));
+  EXPECT_NE(of(other, BlockKind::MonteCarlo, 5), of(study, BlockKind::MonteCarlo, 5));
+  EXPECT_NE(of(other, BlockKind::Sobol, 5), of(study, BlockKind::Sobol, 5));
+  EXPECT_EQ(of(other, BlockKind::OneAtATime, 5), of(study, BlockKind::OneAtATime, 5));
   Study longer = study;
   longer.monte_carlo->cases = 1000;
   longer.sobol->base_points = 64;
-  EXPECT_EQ(of(longer, Kind::MonteCarlo, 100), of(study, Kind::MonteCarlo, 100))
+  EXPECT_EQ(of(longer, BlockKind::MonteCarlo, 100), of(study, BlockKind::MonteCarlo, 100))
       << "more cases add to those that were there";
-  EXPECT_EQ(of(longer, Kind::Sobol, 40), of(study, Kind::Sobol, 40));
+  EXPECT_EQ(of(longer, BlockKind::Sobol, 40), of(study, BlockKind::Sobol, 40));
 }
 
 TEST(PlanInputs, FollowTheCorrelations) {

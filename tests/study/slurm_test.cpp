@@ -20,10 +20,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool has(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
-
 SlurmOptions options_for(const fs::path& folder) {
   return {.study = folder / "study.txt",
           .out = folder / "out",

@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const std::string inputs =
+const std::string small_inputs =
     "scene = \"scene.toml\"\nresponses = [\"rms\"]\ninfluence = { sheet = false, checks = 1 }\n"
     "[[inputs]]\nevery = \"element\"\nof = [\"EXX\", \"EYX\", \"EAX\"]\nspread = 1\nlow = -3\n"
     "high = 3\n[[input]]\npath = \"setup.EA_urad\"\nspread = 20\n";
@@ -31,8 +31,8 @@ const std::string inputs =
 std::string study_with(const std::string& engine) {
   const bool cut = engine == "full", estimated = engine == "influence";
   return "title = \"small " + engine + "\"\nengine = \"" + engine +
-         "\"\ncases = [\"uncompensated\", \"perfect-iterated-ideal\"]\nproofs = 40\n" + inputs +
-         "[monte_carlo]\ncases = " + (cut ? "60" : "1500") + "\n" +
+         "\"\ncases = [\"uncompensated\", \"perfect-iterated-ideal\"]\nproofs = 40\n" +
+         small_inputs + "[monte_carlo]\ncases = " + (cut ? "60" : "1500") + "\n" +
          (cut ? "[one_at_a_time]\n" : "") +
          (estimated ? "[[sweep]]\ninput = \"EXX\"\nfrom = -2\nto = 2\nsteps = 5\n"
                       "[sobol_indices]\nbase_points = 64\n"
@@ -41,7 +41,7 @@ std::string study_with(const std::string& engine) {
 
 /// A study of one machine with many cut cases, so that one can come in between.
 const std::string long_study =
-    "engine = \"full\"\n" + inputs + "[monte_carlo]\ncases = 5000\n";
+    "engine = \"full\"\n" + small_inputs + "[monte_carlo]\ncases = 5000\n";
 
 std::vector<std::string> words(const fs::path& study, const fs::path& out,
                                const std::vector<std::string>& more = {}) {
@@ -141,12 +141,11 @@ TEST_P(StudyKilled, AtRandomAndResumedGivesTheSameBytes) {
   for (int kill = 0; kill < kills; ++kill) {
     // some before they begin anything, most some cases on, the rest while they write tables
     const std::uint64_t left = cases - before;
-    const std::uint64_t more =
-        kill % 4 == 0 ? 0 : std::min(left, 1 + random() % (left / 3 + 1));
+    const std::uint64_t more = kill % 4 == 0 ? 0 : std::min(left, 1 + random() % (left / 3 + 1));
     Process process(words(study, out), folder() / "log");
-    wait_until([&] {
-      return process.has_ended() || finished(out / "journal.sqlite") >= before + more;
-    }, 60);
+    wait_until(
+        [&] { return process.has_ended() || finished(out / "journal.sqlite") >= before + more; },
+        60);
     wait_ms(double(random() % (left == 0 ? 500 : 30)));
     process.signal(SIGKILL);
     hit += process.exit_code() == -SIGKILL;
@@ -252,9 +251,10 @@ TEST_F(StudyProgram, RefusesTheJournalOfAnotherStudyAndLeavesItAlone) {
   fs::create_directories(out);
   { Journal(out / "journal.sqlite", identity_of(study)).add({{0, {1e-3, 1e-3}, ""}}); }
   const std::string before = text_of(out / "journal.sqlite");
-  for (const std::vector<std::string>& more :
-       {std::vector<std::string>{"--seed", "9"}, {"--seed", "9", "--show"},
-        {"--seed", "9", "--merge"}, {"--set", "set={part.vertices=400}"}}) {
+  for (const std::vector<std::string>& more : {std::vector<std::string>{"--seed", "9"},
+                                               {"--seed", "9", "--show"},
+                                               {"--seed", "9", "--merge"},
+                                               {"--set", "set={part.vertices=400}"}}) {
     const Ran one = ran(words(study, out, more));
     EXPECT_EQ(one.code, 3) << more.back() << ": " << one.text;
     EXPECT_NE(one.text.find("journal"), std::string::npos) << one.text;
@@ -330,7 +330,8 @@ TEST_F(StudyProgram, AnArmThatGougesHasNoFiguresWhicheverEngineAndTheBudgetSaysH
         "gouged_study.toml",
         "scene = \"gouged.toml\"\nengine = \"" + engine +
             "\"\nresponses = [\"pv\", \"in_tolerance\"]\nlimits = { pv_um = 100 }\n" +
-            (engine == "full" ? "" : "influence = { sheet = false, checks = 0 }\nworst_case = {}\n") +
+            (engine == "full" ? ""
+                              : "influence = { sheet = false, checks = 0 }\nworst_case = {}\n") +
             "[[input]]\npath = \"setup.EY_um\"\nspread = 1\n[monte_carlo]\ncases = 20\n");
     const Ran one = ran(words(study, out(engine)));
     ASSERT_EQ(one.code, 0) << one.text;
@@ -338,8 +339,10 @@ TEST_F(StudyProgram, AnArmThatGougesHasNoFiguresWhicheverEngineAndTheBudgetSaysH
     EXPECT_EQ(budget["failed_cases"], budget["cases"]) << engine;
     const auto& arm = budget["arms"][0];
     for (const auto& response : arm["responses"])
-      for (const char* figure : {"base", "worst", "worst_bound", "monte_carlo", "within_limit_percent"})
-        EXPECT_TRUE(response[figure].is_null()) << engine << " " << figure << " " << response[figure];
+      for (const char* figure :
+           {"base", "worst", "worst_bound", "monte_carlo", "within_limit_percent"})
+        EXPECT_TRUE(response[figure].is_null())
+            << engine << " " << figure << " " << response[figure];
     EXPECT_TRUE(arm["map"]["rms_um"].is_null()) << engine;
     EXPECT_NEAR(arm["map"]["gouged_percent"].get<double>(), 21.2, 0.1) << engine;
     EXPECT_NEAR(arm["map"]["uncut_percent"].get<double>(), 25.1, 0.1) << engine;
@@ -380,7 +383,7 @@ TEST_F(StudyProgram, TellsAFullDiskAndGoesOnWhenThereIsRoom) {
 
 TEST_F(StudyProgram, RefusesBadInputWithItsPlaceAndLeavesNoFiles) {
   const fs::path out = this->out("");
-  const fs::path study = folder().write("bad.toml", inputs + "[one_at_a_time]\nstep = -1\n");
+  const fs::path study = folder().write("bad.toml", small_inputs + "[one_at_a_time]\nstep = -1\n");
   const Ran one = ran(words(study, out));
   EXPECT_EQ(one.code, 3);
   EXPECT_NE(one.text.find("bad.toml:14:8: expected one_at_a_time.step"), std::string::npos)
@@ -402,22 +405,22 @@ TEST_F(StudyProgram, UnderstandsItsCommandLine) {
        {"--show", "--merge", "--shard", "--slurm", "--resume", "--set", "mpirun"})
     EXPECT_NE(help.text.find(word), std::string::npos) << word;
   EXPECT_EQ(ran({ABBE_PROGRAM, "study"}).code, 2);
-  for (const std::vector<std::string>& more : std::vector<std::vector<std::string>>{
-           {"--nonsense"},
-           {"--shard", "3/3"},
-           {"--shard", "-1/3"},
-           {"--shard", "0/0"},
-           {"--shard", "1"},
-           {"--shard", "0/3x"},
-           {"--shard", "99999999999/3"},
-           {"--shard", "0/3", "--merge"},
-           {"--show", "--merge"},
-           {"--show", "--slurm"},
-           {"--shards", "3"},
-           {"--slurm", "--shards", "0"},
-           {"--set", "nonsense"},
-           {"--threads", "0"},
-           {"--seed", "-1"}}) {
+  for (const std::vector<std::string>& more :
+       std::vector<std::vector<std::string>>{{"--nonsense"},
+                                             {"--shard", "3/3"},
+                                             {"--shard", "-1/3"},
+                                             {"--shard", "0/0"},
+                                             {"--shard", "1"},
+                                             {"--shard", "0/3x"},
+                                             {"--shard", "99999999999/3"},
+                                             {"--shard", "0/3", "--merge"},
+                                             {"--show", "--merge"},
+                                             {"--show", "--slurm"},
+                                             {"--shards", "3"},
+                                             {"--slurm", "--shards", "0"},
+                                             {"--set", "nonsense"},
+                                             {"--threads", "0"},
+                                             {"--seed", "-1"}}) {
     const Ran one = ran(words(study, out, more));
     EXPECT_EQ(one.code, 2) << testing::PrintToString(more) << one.text;
   }
@@ -426,12 +429,12 @@ TEST_F(StudyProgram, UnderstandsItsCommandLine) {
 
 TEST_F(StudyProgram, PrintsAScriptForSlurmThatAShellReads) {
   const fs::path study = study_of("influence"), out = this->out(" with a space");
-  const Ran one = ran(words(
-      study, out, {"--slurm", "--shards", "5", "--cpus", "3", "--time", "1:00:00"}));
+  const Ran one =
+      ran(words(study, out, {"--slurm", "--shards", "5", "--cpus", "3", "--time", "1:00:00"}));
   ASSERT_EQ(one.code, 0) << one.text;
-  for (const std::string& word : {std::string("#!/bin/sh"), study.string(), out.string(),
-                                  std::string("--shard"), std::string("--merge"),
-                                  std::string("1:00:00"), std::string(ABBE_PROGRAM)})
+  for (const std::string& word :
+       {std::string("#!/bin/sh"), study.string(), out.string(), std::string("--shard"),
+        std::string("--merge"), std::string("1:00:00"), std::string(ABBE_PROGRAM)})
     EXPECT_NE(one.text.find(word), std::string::npos) << word << " in:\n" << one.text;
   const fs::path script = folder().write("job.sh", one.text);
   EXPECT_EQ(study::run({"sh", "-n", script}, folder() / "log"), 0);

@@ -1,0 +1,12 @@
+#include "sim/scene/scene.h"
+
+namespace abbe::sim {
+
+Scene::Scene() = default;
+Scene::Scene(const Scene&) = default;
+Scene::Scene(Scene&&) noexcept = default;
+Scene& Scene::operator=(const Scene&) = default;
+Scene& Scene::operator=(Scene&&) noexcept = default;
+Scene::~Scene() = default;
+
+}  // namespace abbe::sim
