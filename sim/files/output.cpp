@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <optional>
@@ -149,10 +150,9 @@ void prove(const fs::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) fail(folder, error.message());
-  // a link of that name, which an unpacked folder may hold, is not followed
-  const fs::path probe = folder / (".unfinished-" + std::to_string(::getpid()));
-  fs::remove(probe, error);
-  const int descriptor = ::open(probe.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW, 0666);
+  // a name that nobody has, not even a link in an unpacked folder: others may prove it meanwhile
+  std::string probe = (folder / ".unfinished-XXXXXX").string();
+  const int descriptor = ::mkstemp(probe.data());
   if (descriptor < 0) fail(folder, std::strerror(errno));
   const bool written = ::write(descriptor, "probe\n", 6) == 6;
   const int reason = errno;
