@@ -185,7 +185,8 @@ void check_folder(const fs::path& folder, const Writer& writer) {
                                "choose another, such as {}, or say --force",
                                input->string(), another(folder)));
   if (read_mark(folder).folder) return;
-  if (const Others others = others_in(folder); others.count > 0)
+  // files of another run that appeared since have its mark before them
+  if (const Others others = others_in(folder); others.count > 0 && !read_mark(folder).folder)
     refuse(folder,
            fmt::format("expected a new or empty folder, or one of results ({}), seen one "
                        "that abbe did not make, with {}{}; choose another, such as {}, or "
@@ -199,7 +200,8 @@ ResultFolder::ResultFolder(const fs::path& folder, const Writer& writer) {
   const fs::path named = folder.empty() ? fs::path(".") : folder;
   check_folder(named, writer);
   // a folder taken by force stays the user's as a whole
-  const bool whole = read_mark(named).folder || others_in(named).count == 0;
+  const bool whole = read_mark(named).folder || others_in(named).count == 0 ||
+                     read_mark(named).folder;  // that of another run may have come between
   prove(named);
   place_ = std::make_shared<ResultFile::Place>(ResultFile::Place{named, writer, whole, false});
 }
