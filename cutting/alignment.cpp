@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 
+#include "cutting/residual.h"
 #include "cutting/sum.h"
 #include "kinematics/symmetric.h"
 
@@ -15,10 +16,16 @@ namespace {
 using Eigen::Vector3d;
 using Row = kinematics::Deviation;
 
+/// A vertex or the middle of a triangle.
 struct CutPoint {
-  Eigen::Index vertex;
+  Vector3d point, normal;
+  double residual;
   double weight;  ///< mm^2
 };
+
+Vector3d mean_of_corners(const Points& rows, const Eigen::RowVector3i& corners) {
+  return (rows.row(corners[0]) + rows.row(corners[1]) + rows.row(corners[2])) / 3.0;
+}
 
 std::vector<CutPoint> cut_points(const Surface& surface, const Design& design) {
   const auto n = static_cast<std::size_t>(design.vertices.rows());
@@ -26,14 +33,21 @@ std::vector<CutPoint> cut_points(const Surface& surface, const Design& design) {
       static_cast<std::size_t>(design.area.size()) != n ||
       static_cast<std::size_t>(design.normals.rows()) != n)
     throw std::invalid_argument("aligned: the map and the design have different sizes");
+  const Weights weights = cutting::weights(surface, design);
   std::vector<CutPoint> points;
   for (std::size_t i = 0; i < n; ++i) {
     if (surface.status[i] != VertexStatus::Cut) continue;
     const auto v = static_cast<Eigen::Index>(i);
     if (!std::isfinite(surface.residual[v]))
       throw std::invalid_argument("aligned: a cut vertex without a residual");
-    points.push_back({v, design.area[v]});
+    points.push_back(
+        {design.vertices.row(v), design.normals.row(v), surface.residual[v], weights.vertex[v]});
   }
+  for (Eigen::Index t = 0; t < weights.middle.size(); ++t)
+    if (weights.middle[t] > 0.0)
+      points.push_back({mean_of_corners(design.vertices, design.triangles.row(t)),
+                        mean_of_corners(design.normals, design.triangles.row(t)), surface.middle[t],
+                        weights.middle[t]});
   return points;
 }
 
@@ -43,32 +57,28 @@ struct Gauge {
   double length = 1.0;
 };
 
-Gauge gauge(const Design& design, const std::vector<CutPoint>& points) {
+Gauge gauge(const std::vector<CutPoint>& points) {
   Sum area;
   std::array<Sum, 3> moment;
   for (const CutPoint& p : points) {
     area.add(p.weight);
-    for (int k = 0; k < 3; ++k)
-      moment[static_cast<std::size_t>(k)].add(p.weight * design.vertices(p.vertex, k));
+    for (int k = 0; k < 3; ++k) moment[static_cast<std::size_t>(k)].add(p.weight * p.point[k]);
   }
   if (!(area.value() > 0.0)) return {};
   Gauge g;
   for (int k = 0; k < 3; ++k)
     g.point[k] = moment[static_cast<std::size_t>(k)].value() / area.value();
   Sum square;
-  for (const CutPoint& p : points)
-    square.add(p.weight * (design.vertices.row(p.vertex).transpose() - g.point).squaredNorm());
+  for (const CutPoint& p : points) square.add(p.weight * (p.point - g.point).squaredNorm());
   const double length = std::sqrt(square.value() / area.value());
   if (length > 0.0) g.length = length;
   return g;
 }
 
-/// What each component of a displacement does along the normal of a vertex, angles at g.length.
-Row row_of(const Design& design, Eigen::Index v, const Gauge& g) {
-  const Vector3d n = design.normals.row(v);
-  const Vector3d arm = design.vertices.row(v).transpose() - g.point;
+/// What each component of a displacement does along a normal, angles at g.length.
+Row row_of(const Vector3d& point, const Vector3d& normal, const Gauge& g) {
   Row row;
-  row << n, arm.cross(n) / g.length;
+  row << normal, (point - g.point).cross(normal) / g.length;
   return row;
 }
 
@@ -77,15 +87,14 @@ struct NormalEquations {
   Eigen::VectorXd b;
 };
 
-NormalEquations normal_equations(const Surface& surface, const Design& design,
-                                 const std::vector<CutPoint>& points, const Gauge& g, int size) {
+NormalEquations normal_equations(const std::vector<CutPoint>& points, const Gauge& g, int size) {
   std::array<Sum, 6> rhs;
   std::array<std::array<Sum, 6>, 6> lhs;
   for (const CutPoint& p : points) {
-    const Row row = row_of(design, p.vertex, g);
+    const Row row = row_of(p.point, p.normal, g);
     for (int i = 0; i < size; ++i) {
       const auto a = static_cast<std::size_t>(i);
-      rhs[a].add(p.weight * row[i] * surface.residual[p.vertex]);
+      rhs[a].add(p.weight * row[i] * p.residual);
       for (int j = 0; j <= i; ++j)
         lhs[a][static_cast<std::size_t>(j)].add(p.weight * row[i] * row[j]);
     }
@@ -131,9 +140,9 @@ Aligned aligned(const Surface& surface, const Design& design, const AlignmentOpt
   if (options.alignment == Alignment::None || points.empty()) return result;
 
   const int size = options.alignment == Alignment::Offset ? 3 : 6;
-  const Gauge g = gauge(design, points);
+  const Gauge g = gauge(points);
   result.point = g.point;
-  const NormalEquations equations = normal_equations(surface, design, points, g, size);
+  const NormalEquations equations = normal_equations(points, g, size);
   const Eigenvectors eigen = eigenvectors(equations.A);
   const double largest = eigen.values[size - 1];
   Eigen::VectorXd solution = Eigen::VectorXd::Zero(size);
@@ -150,8 +159,14 @@ Aligned aligned(const Surface& surface, const Design& design, const AlignmentOpt
   result.undetermined = names(eigen.vectors.leftCols(dropped));
   Row scaled = Row::Zero();
   scaled.head(size) = solution;
-  for (const CutPoint& p : points)
-    result.surface.residual[p.vertex] -= row_of(design, p.vertex, g).dot(scaled);
+  for (Eigen::Index v = 0; v < surface.residual.size(); ++v)
+    if (surface.status[std::size_t(v)] == VertexStatus::Cut)
+      result.surface.residual[v] -=
+          row_of(design.vertices.row(v), design.normals.row(v), g).dot(scaled);
+  for (Eigen::Index t = 0; t < surface.middle.size(); ++t)
+    result.surface.middle[t] -= row_of(mean_of_corners(design.vertices, design.triangles.row(t)),
+                                       mean_of_corners(design.normals, design.triangles.row(t)), g)
+                                    .dot(scaled);
   result.displacement = scaled;
   result.displacement.tail<3>() /= g.length;
   return result;

@@ -1,14 +1,13 @@
 #include "cutting/mesh.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdint>
 #include <map>
 #include <numbers>
 #include <stdexcept>
-#include <unordered_map>
 #include <utility>
+
+#include "cutting/segment_grid.h"
 
 namespace abbe::cutting {
 namespace {
@@ -30,17 +29,6 @@ double sag(const Points& vertices, const Points& normals, int a, int b) {
   return (vertices.row(b) - vertices.row(a)).norm() * angle / 8.0;
 }
 
-struct Segment {
-  Vector3d a, b;
-};
-
-double distance(const Vector3d& p, const Segment& s) {
-  const Vector3d d = s.b - s.a;
-  const double length2 = d.squaredNorm();
-  const double u = length2 > 0.0 ? std::clamp((p - s.a).dot(d) / length2, 0.0, 1.0) : 0.0;
-  return (p - s.a - u * d).norm();
-}
-
 /// Edges that have a triangle of the top on one side only.
 std::vector<Segment> rim(const Design& design, const std::vector<char>& is_top) {
   std::map<std::pair<int, int>, int> sides;
@@ -58,59 +46,6 @@ std::vector<Segment> rim(const Design& design, const std::vector<char>& is_top) 
       segments.push_back({design.vertices.row(edge.first), design.vertices.row(edge.second)});
   return segments;
 }
-
-/// Segments by the cells of a cubic grid that they pass, so that only near ones are tried.
-class SegmentGrid {
- public:
-  SegmentGrid(const std::vector<Segment>& segments, double cell)
-      : segments_(segments), cell_(cell) {
-    for (std::size_t i = 0; i < segments.size(); ++i) {
-      const Segment& s = segments[i];
-      const int steps = static_cast<int>(std::ceil((s.b - s.a).norm() / (0.5 * cell_))) + 1;
-      for (int k = 0; k <= steps; ++k) {
-        auto& list = cells_[cell_of(s.a + (s.b - s.a) * (double(k) / steps))];
-        if (list.empty() || list.back() != i) list.push_back(i);
-      }
-    }
-  }
-
-  // sample points stand at most a quarter cell from any point of a segment, so a segment within one
-  // cell size of p has a sample within 1.25: two cells away at most
-  bool is_within(const Vector3d& p, double radius) const {
-    const Cell c = cell_of(p);
-    for (std::int64_t i = -2; i <= 2; ++i)
-      for (std::int64_t j = -2; j <= 2; ++j)
-        for (std::int64_t k = -2; k <= 2; ++k) {
-          const auto found = cells_.find({c[0] + i, c[1] + j, c[2] + k});
-          if (found == cells_.end()) continue;
-          for (const std::size_t s : found->second)
-            if (distance(p, segments_[s]) < radius) return true;
-        }
-    return false;
-  }
-
- private:
-  using Cell = std::array<std::int64_t, 3>;
-  struct Hash {
-    std::size_t operator()(const Cell& c) const {
-      std::uint64_t h = 0x9e3779b97f4a7c15ull;
-      for (const std::int64_t v : c)
-        h = (h ^ static_cast<std::uint64_t>(v)) * 0xff51afd7ed558ccdull;
-      return static_cast<std::size_t>(h ^ (h >> 32));
-    }
-  };
-
-  Cell cell_of(const Vector3d& p) const {
-    Cell cell;
-    for (int k = 0; k < 3; ++k)
-      cell[static_cast<std::size_t>(k)] = static_cast<std::int64_t>(std::floor(p[k] / cell_));
-    return cell;
-  }
-
-  const std::vector<Segment>& segments_;
-  double cell_;
-  std::unordered_map<Cell, std::vector<std::size_t>, Hash> cells_;
-};
 
 }  // namespace
 
@@ -184,7 +119,8 @@ Coarseness coarseness(const Design& design) {
     for (int k = 0; follows && k < 3; ++k) {
       const int a = design.triangles(t, k), b = design.triangles(t, (k + 1) % 3);
       if (is_judged(a) && is_judged(b))
-        coarse.facet_error = std::max(coarse.facet_error, sag(design.vertices, design.normals, a, b));
+        coarse.facet_error =
+            std::max(coarse.facet_error, sag(design.vertices, design.normals, a, b));
     }
   }
   for (int v = 0; v < static_cast<int>(sharp.size()); ++v) {

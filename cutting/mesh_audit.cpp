@@ -3,12 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 #include <utility>
 
 #include <fmt/format.h>
 #include <Eigen/Geometry>
 #include <OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh>
+
+#include "cutting/disjoint_sets.h"
 
 namespace abbe::cutting {
 
@@ -129,24 +130,15 @@ struct Shell {
 };
 
 std::vector<Shell> shells(const Soup& soup) {
-  std::vector<int> parent(soup.points.size());
-  std::iota(parent.begin(), parent.end(), 0);
-  const auto root = [&](int i) {
-    while (parent[static_cast<std::size_t>(i)] != i) {
-      int& up = parent[static_cast<std::size_t>(i)];
-      up = parent[static_cast<std::size_t>(up)];
-      i = up;
-    }
-    return i;
-  };
+  DisjointSets sets(soup.points.size());
   for (const Soup::Face& f : soup.faces)
-    for (std::size_t k = 1; k < 3; ++k) parent[static_cast<std::size_t>(root(f[k]))] = root(f[0]);
+    for (std::size_t k = 1; k < 3; ++k) sets.join(f[0], f[k]);
 
   const Vector3d origin = soup.points[static_cast<std::size_t>(soup.faces[0][0])];
   std::vector<int> number(soup.points.size(), -1);
   std::vector<Shell> result;
   for (const Soup::Face& f : soup.faces) {
-    int& id = number[static_cast<std::size_t>(root(f[0]))];
+    int& id = number[static_cast<std::size_t>(sets.name_of(f[0]))];
     if (id < 0) {
       id = static_cast<int>(result.size());
       result.emplace_back();

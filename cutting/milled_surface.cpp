@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <atomic>
 #include <limits>
+#include <memory>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -31,12 +32,8 @@ void record(Surface& surface, Index i, const FirstCut& cut) {
   surface.status[i] = VertexStatus::Cut;
 }
 
-}  // namespace
-
-Surface milled_surface(const Design& design_w, const Cutter& cutter, const CutterMotion& motion,
-                       const SurfaceOptions& options) {
-  check_milled(design_w, cutter, motion, options.band);
-
+Surface searched(const SweepTree& tree, const CutterMotion& motion, const Design& design_w,
+                 const SurfaceOptions& options) {
   const Index n = design_w.vertices.rows();
   const double none = std::numeric_limits<double>::quiet_NaN();
   Surface surface{.residual = Eigen::VectorXd::Constant(n, none),
@@ -46,7 +43,6 @@ Surface milled_surface(const Design& design_w, const Cutter& cutter, const Cutte
   const std::vector<Index> order = judged_in_order(design_w);
   for (const Index i : order) surface.status[i] = VertexStatus::Uncut;
 
-  const SweepTree tree(cutter, motion);
   std::atomic<std::size_t> finished = 0;
   const auto range_of_all = tbb::blocked_range<std::size_t>(0, order.size(), first_cut_block);
   tbb::parallel_for(range_of_all, [&](const auto& range) {
@@ -70,6 +66,25 @@ Surface milled_surface(const Design& design_w, const Cutter& cutter, const Cutte
                        const std::optional<Removal> removal = tree.first_removal(ray, hint);
                        return removal ? std::optional(cut_of(*removal, motion)) : std::nullopt;
                      });
+}
+
+}  // namespace
+
+std::function<Surface(const Design& design_w)> milled_search(const Cutter& cutter,
+                                                             const CutterMotion& motion,
+                                                             const SurfaceOptions& options) {
+  check_milled(Design{}, cutter, motion, options.band);
+  const auto tree = std::make_shared<const SweepTree>(cutter, motion);
+  return [tree, &motion, options](const Design& design_w) {
+    check_design(design_w);
+    return searched(*tree, motion, design_w, options);
+  };
+}
+
+Surface milled_surface(const Design& design_w, const Cutter& cutter, const CutterMotion& motion,
+                       const SurfaceOptions& options) {
+  check_milled(design_w, cutter, motion, options.band);
+  return searched(SweepTree(cutter, motion), motion, design_w, options);
 }
 
 }  // namespace abbe::cutting

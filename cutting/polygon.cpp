@@ -65,9 +65,9 @@ std::vector<std::array<int, 3>> triangulated(const std::vector<Vector3d>& corner
     std::size_t best = n;
     double shortest = std::numeric_limits<double>::infinity();
     for (std::size_t i = 0; i < n; ++i) {
-      const double cut = (corners[std::size_t(outline.next(i, n - 1))] -
-                          corners[std::size_t(outline.next(i, 1))])
-                             .norm();
+      const double cut =
+          (corners[std::size_t(outline.next(i, n - 1))] - corners[std::size_t(outline.next(i, 1))])
+              .norm();
       if (cut >= shortest || !outline.is_ear(i)) continue;
       best = i;
       shortest = cut;

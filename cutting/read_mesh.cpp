@@ -83,22 +83,21 @@ void check_size(const MeshSource& source, const Eigen::AlignedBox3d& box,
   if (!options.travel) return;
   const double part = box.sizes().maxCoeff();
   const double travel = options.travel->maxCoeff();
-  const double ratio = part / travel;
-  if (ratio <= options.travel_ratio && ratio >= 1.0 / options.travel_ratio) return;
-
-  static const std::array<std::pair<double, const char*>, 4> units = {
-      {{25.4, "inch"}, {1000.0, "metre"}, {1.0 / 25.4, "25.4 too much"}, {1e-3, "micrometre"}}};
+  if (part <= options.travel_ratio * travel) return;
+  static const std::array<std::pair<double, const char*>, 5> units = {
+      {{1.0, "mm"}, {25.4, "inches"}, {10.0, "cm"}, {1e-3, "um"}, {1000.0, "m"}}};
   std::string guess = "no usual unit explains it";
-  for (const auto& [factor, name] : units)
-    if (ratio * factor <= 1.0 && ratio * factor >= 1.0 / options.travel_ratio) {
-      guess = fmt::format("x {:.6g} ({}) would make it {:.4g} mm", factor, name, part * factor);
+  for (const auto& [unit_mm, name] : units)
+    if (const double other = part / options.unit_mm * unit_mm; other <= travel) {
+      guess = fmt::format("read in {} it would be {:.4g} mm long", name, other);
       break;
     }
-  source.refuse(fmt::format("a part of {:.4g} to {:.4g} mm on a travel of {:.4g} mm (set its unit)",
-                            travel / options.travel_ratio, travel * options.travel_ratio, travel),
-                fmt::format("{:.4g} x {:.4g} x {:.4g} mm, {:.4g} times too {}: {}", box.sizes().x(),
-                            box.sizes().y(), box.sizes().z(), ratio < 1.0 ? 1.0 / ratio : ratio,
-                            ratio < 1.0 ? "small" : "large", guess));
+  source.refuse(
+      fmt::format(
+          "a part of at most {:.4g} mm, {:.4g} times the travel of {:.4g} mm (set its unit)",
+          travel * options.travel_ratio, options.travel_ratio, travel),
+      fmt::format("{:.4g} x {:.4g} x {:.4g} mm: {}", box.sizes().x(), box.sizes().y(),
+                  box.sizes().z(), guess));
 }
 
 }  // namespace

@@ -15,10 +15,9 @@ struct ReadMeshOptions {
   std::int64_t max_triangles = 10'000'000;
   std::uintmax_t max_bytes = std::uintmax_t{1} << 30;
   std::optional<Eigen::Vector3d> travel;  ///< mm, extents of the machine's travel: a part more than
-                                          ///< `travel_ratio` times smaller or larger is refused as
-                                          ///< one in another unit. Leave it out where the unit is
-                                          ///< beyond doubt
-  double travel_ratio = 20.0;
+                                          ///< `travel_ratio` times as large cannot lie there and is
+                                          ///< refused. Leave it out where the size is beyond doubt
+  double travel_ratio = 2.0;              ///< a part may stand out by half its size on either side
 };
 
 /// Design surface from an STL (ascii, binary), PLY (ascii, binary), OBJ or OFF file, its kind known

@@ -199,10 +199,10 @@ Vector3d ply_vertex(PlyValues& values, const PlyElement& vertex) {
   Vector3d point = Vector3d::Zero();
   for (const PlyProperty& p : vertex.properties) {
     const double value = values.next(p.type);
+    const std::size_t axis = p.name.size() == 1 ? std::string_view("xyz").find(p.name) : 3;
+    if (axis > 2) continue;  // a quality that is nan is no fault of the mesh
     if (!std::isfinite(value)) values.refuse("finite numbers", fmt::format("{}", value));
-    if (p.name == "x") point.x() = value;
-    if (p.name == "y") point.y() = value;
-    if (p.name == "z") point.z() = value;
+    point[Eigen::Index(axis)] = value;
   }
   return point;
 }

@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include <Eigen/Geometry>
+
 #include "cutting/sum.h"
 
 namespace abbe::cutting {
@@ -19,12 +21,43 @@ void check_sizes(const Surface& surface, std::size_t n) {
   if (!equal) throw std::invalid_argument("residual map: arrays of different sizes");
 }
 
-double quantile(std::vector<double> values, double q) {
-  std::sort(values.begin(), values.end());
-  const double rank = q * (double(values.size()) - 1.0);
-  const auto below = static_cast<std::size_t>(rank);
-  const std::size_t above = std::min(below + 1, values.size() - 1);
-  return values[below] + (rank - double(below)) * (values[above] - values[below]);
+/// A residual and the area that has it.
+struct Weighted {
+  double residual, area;
+};
+
+/// What is cut: vertices, then middles of triangles.
+std::vector<Weighted> weighted(const Surface& surface, const Weights& weights) {
+  std::vector<Weighted> all;
+  for (std::size_t i = 0; i < surface.status.size(); ++i)
+    if (surface.status[i] == VertexStatus::Cut)
+      all.push_back({surface.residual[Eigen::Index(i)], weights.vertex[Eigen::Index(i)]});
+  for (Eigen::Index t = 0; t < weights.middle.size(); ++t)
+    if (weights.middle[t] > 0.0) all.push_back({surface.middle[t], weights.middle[t]});
+  return all;
+}
+
+/// Mean of a function of the residual by area, which is `area`.
+template <class F>
+double mean_of(const std::vector<Weighted>& values, double area, const F& f) {
+  Sum sum;
+  for (const Weighted& one : values) sum.add(one.area * f(one.residual));
+  return sum.value() / area;
+}
+
+/// Least magnitude such that those of at most it have the share `q` of the area.
+std::optional<double> quantile(std::vector<Weighted> values, double q) {
+  std::stable_sort(values.begin(), values.end(), [](const Weighted& a, const Weighted& b) {
+    return std::abs(a.residual) < std::abs(b.residual);
+  });
+  Sum all, upto;
+  for (const Weighted& one : values) all.add(one.area);
+  if (!(all.value() > 0.0)) return std::nullopt;
+  for (const Weighted& one : values) {
+    upto.add(one.area);
+    if (upto.value() >= q * all.value()) return std::abs(one.residual);
+  }
+  return std::abs(values.back().residual);
 }
 
 /// Those of both at the vertices that are gouged, one a vertex, the first's before the second's.
@@ -42,58 +75,133 @@ std::vector<Gouge> joined(const Surface& a, const Surface& b,
   return both;
 }
 
+using Limits = Eigen::RowVector2d;
+
+bool is_limited(const Limits& limits) {
+  return std::isfinite(limits[0]) || std::isfinite(limits[1]);
+}
+
+/// By how much a residual is over its limits (+) or under (-); 0 within.
+double beyond(double residual, const Limits& limits) {
+  const double high = residual - limits[1], low = limits[0] - residual;
+  return high > 0.0 ? high : low > 0.0 ? -low : 0.0;
+}
+
+/// Empty where no area is judged.
+std::optional<Conformance> conformance(const Surface& surface, const Design& design,
+                                       const Weights& weights, const ToleranceBands& tolerance) {
+  Conformance c;
+  Sum in, over, under, uncut;
+  const auto count = [&](double off, double area) {
+    (off > 0.0 ? over : off < 0.0 ? under : in).add(area);
+  };
+  const auto found_out = [&](std::size_t i, double excess, bool further) {
+    ++c.out_of_tolerance;
+    if (c.vertex >= 0 && excess <= c.excess) return;
+    c.vertex = int(i);
+    c.excess = excess;
+    c.further = further;
+  };
+  for (std::size_t i = 0; i < surface.status.size(); ++i) {
+    const auto v = static_cast<Eigen::Index>(i);
+    if (!is_limited(tolerance.row(v))) continue;
+    if (surface.status[i] == VertexStatus::Uncut) {
+      uncut.add(design.area[v]);
+      ++c.uncut_vertices;
+    }
+    if (surface.status[i] != VertexStatus::Cut) continue;
+    const double off = beyond(surface.residual[v], tolerance.row(v));
+    count(off, weights.vertex[v]);
+    if (off != 0.0) found_out(i, std::abs(off), false);
+  }
+  for (Eigen::Index t = 0; t < weights.middle.size(); ++t) {
+    if (!(weights.middle[t] > 0.0)) continue;
+    const auto corners = design.triangles.row(t);
+    const Limits limits =
+        (tolerance.row(corners[0]) + tolerance.row(corners[1]) + tolerance.row(corners[2])) / 3.0;
+    if (is_limited(limits)) count(beyond(surface.middle[t], limits), weights.middle[t]);
+  }
+  for (const Gouge& gouge : surface.gouges) {
+    if (!is_limited(tolerance.row(gouge.vertex))) continue;
+    under.add(design.area[gouge.vertex]);
+    const double lower = std::max(tolerance(gouge.vertex, 0), -gouge.depth);
+    found_out(std::size_t(gouge.vertex), lower + gouge.depth, gouge.deeper);
+  }
+  const double all = in.value() + over.value() + under.value() + uncut.value();
+  if (!(all > 0.0)) return std::nullopt;
+  c.in = 100.0 * in.value() / all;
+  c.over = 100.0 * over.value() / all;
+  c.under = 100.0 * under.value() / all;
+  c.uncut = 100.0 * uncut.value() / all;
+  return c;
+}
+
 }  // namespace
 
-Statistics statistics(const Surface& surface, const Design& design,
-                      std::optional<double> tolerance) {
+Weights weights(const Surface& surface, const Design& design) {
   const auto n = static_cast<std::size_t>(design.vertices.rows());
   check_sizes(surface, n);
+  const Eigen::Index m = surface.middle.size();
   if (static_cast<std::size_t>(design.area.size()) != n)
     throw std::invalid_argument("statistics: the design has no area for every vertex");
+  if (m != 0 && m != design.triangles.rows())
+    throw std::invalid_argument("statistics: one middle a triangle is needed, or none");
+  Weights w{design.area, Eigen::VectorXd::Zero(m)};
+  for (std::size_t i = 0; i < n; ++i)
+    if (surface.status[i] != VertexStatus::Cut) w.vertex[static_cast<Eigen::Index>(i)] = 0.0;
+  for (Eigen::Index t = 0; t < m; ++t) {
+    if (!std::isfinite(surface.middle[t])) continue;
+    const Eigen::RowVector3i corners = design.triangles.row(t);
+    const Eigen::Vector3d a = design.vertices.row(corners[0]), b = design.vertices.row(corners[1]),
+                          c = design.vertices.row(corners[2]);
+    const double area = 0.5 * (b - a).cross(c - a).norm();
+    w.middle[t] = 0.75 * area;
+    for (const int corner : corners)
+      w.vertex[corner] = std::max(0.0, w.vertex[corner] - 0.25 * area);
+  }
+  return w;
+}
+
+Statistics statistics(const Surface& surface, const Design& design,
+                      const ToleranceBands& tolerance) {
+  const auto n = static_cast<std::size_t>(design.vertices.rows());
+  const Weights weights = cutting::weights(surface, design);
+  if (tolerance.rows() != 0 && static_cast<std::size_t>(tolerance.rows()) != n)
+    throw std::invalid_argument("statistics: one band of tolerance a vertex is needed");
 
   Statistics s;
   s.vertices = static_cast<int>(n);
-  std::vector<double> magnitude;
-  Sum area, first;
   for (std::size_t i = 0; i < n; ++i) {
     if (surface.status[i] == VertexStatus::Uncut) ++s.uncut_vertices;
     if (surface.status[i] == VertexStatus::Outside) ++s.outside_vertices;
+    const auto v = static_cast<Eigen::Index>(i);
     if (surface.status[i] == VertexStatus::Gouged) ++s.gouged_vertices;
     if (surface.status[i] != VertexStatus::Cut) continue;
-    const auto v = static_cast<Eigen::Index>(i);
     const double r = surface.residual[v];
     if (!std::isfinite(r))
       throw std::invalid_argument("statistics: a cut vertex without a residual");
-    magnitude.push_back(std::abs(r));
-    area.add(design.area[v]);
-    first.add(design.area[v] * r);
-    s.min = s.min ? std::min(*s.min, r) : r;
-    s.max = s.max ? std::max(*s.max, r) : r;
+    ++s.cut_vertices;
+    if (!s.lowest || r < s.lowest->value) s.lowest = VertexValue{int(i), r};
+    if (!s.highest || r > s.highest->value) s.highest = VertexValue{int(i), r};
   }
-  s.cut_vertices = static_cast<int>(magnitude.size());
   for (const Gouge& gouge : surface.gouges)
     if (!s.deepest || gouge.depth > s.deepest->depth) s.deepest = gouge;
-  if (tolerance && s.cut_vertices + s.gouged_vertices > 0) {
-    const auto within = std::count_if(magnitude.begin(), magnitude.end(),
-                                      [&](double m) { return m <= *tolerance; });
-    s.in_tolerance_percent = 100.0 * double(within) / double(s.cut_vertices + s.gouged_vertices);
-  }
-  if (magnitude.empty()) return s;
+  if (tolerance.rows() > 0) s.conformance = conformance(surface, design, weights, tolerance);
+  if (s.cut_vertices == 0) return s;
 
+  s.min = s.lowest->value;
+  s.max = s.highest->value;
   s.pv = *s.max - *s.min;
-  s.p95_abs = quantile(magnitude, 0.95);
-  if (!(area.value() > 0.0)) return s;
-  s.mean = first.value() / area.value();
-  Sum square, about;
-  for (std::size_t i = 0; i < n; ++i) {
-    if (surface.status[i] != VertexStatus::Cut) continue;
-    const auto v = static_cast<Eigen::Index>(i);
-    const double r = surface.residual[v];
-    square.add(design.area[v] * r * r);
-    about.add(design.area[v] * (r - *s.mean) * (r - *s.mean));
-  }
-  s.rms = std::sqrt(square.value() / area.value());
-  s.std_dev = std::sqrt(about.value() / area.value());
+  const std::vector<Weighted> cut = weighted(surface, weights);
+  s.p95_abs = quantile(cut, 0.95);
+  Sum all;
+  for (const Weighted& one : cut) all.add(one.area);
+  const double area = all.value();
+  if (!(area > 0.0)) return s;
+  s.mean = mean_of(cut, area, [](double r) { return r; });
+  s.rms = std::sqrt(mean_of(cut, area, [](double r) { return r * r; }));
+  s.std_dev =
+      std::sqrt(mean_of(cut, area, [&](double r) { return (r - *s.mean) * (r - *s.mean); }));
   return s;
 }
 
@@ -121,6 +229,10 @@ Surface minus(const Surface& a, const Surface& b) {
     difference.cut_line[i] = second ? b.cut_line[i] : 0;
   }
   difference.gouges = joined(a, b, difference.status);
+  if (a.middle.size() == b.middle.size())
+    difference.middle = a.middle - b.middle;
+  else
+    difference.middle.resize(0);
   return difference;
 }
 

@@ -7,34 +7,72 @@
 
 namespace abbe::cutting {
 
+/// Bands in which residuals may lie (n x 2), mm: the lower and the upper limit of each vertex, the
+/// limits themselves within; infinite where there is none. Without rows there is no tolerance.
+using ToleranceBands = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
+
+/// A judged surface against its tolerance. The shares are of the judged area that has limits, in
+/// percent, and add up to 100: a gouge is under, and what was not cut is not within.
+struct Conformance {
+  double in = 0.0, over = 0.0, under = 0.0, uncut = 0.0;
+  int vertex = -1;           ///< furthest out of its band, of equal ones the first; -1: none is out
+  double excess = 0.0;       ///< mm, by which it is
+  bool further = false;      ///< by more: it is a gouge that was not followed to its end
+  int out_of_tolerance = 0;  ///< vertices, gouged ones too
+  int uncut_vertices = 0;
+
+  bool passes() const { return out_of_tolerance == 0 && uncut_vertices == 0; }
+};
+
+/// A vertex and what it has, mm.
+struct VertexValue {
+  int vertex = 0;
+  double value = 0.0;
+};
+
+/// What the places of a map stand for in integrals over it, mm^2.
+struct Weights {
+  Eigen::VectorXd vertex;  ///< (n) 0 where not cut
+  Eigen::VectorXd middle;  ///< (m) of triangles, 0 where their middle has no residual; empty
+                           ///< without middles
+};
+
+/// Vertices that were chosen for a cut stand on its crests, and straight lines between them fill
+/// the hollows. Where the middle of a triangle has a residual it stands for three quarters of the
+/// triangle's area and each corner for a twelfth, which is exact for a quadratic residual;
+/// elsewhere a corner stands for a third.
+/// @throws std::invalid_argument if sizes differ
+Weights weights(const Surface& surface, const Design& design);
+
 /// What a residual map comes to. Vertices that are uncut, gouged beyond the band or outside the
-/// judged region are left out of every number and counted; only the share in tolerance counts
-/// gouged ones, as out of it. A number for which no vertex is left (or no area, for the weighted
-/// ones) is empty. Sums are compensated and run in the order of the vertices, so they give the same
-/// bits always; the rounding of a sum is below 4e-16 of the sum of magnitudes.
+/// judged region are left out of every number and counted; only the shares in and out of tolerance
+/// know them. A number for which no vertex is left (or no area, for the weighted ones) is empty.
+/// Middles of triangles, where the map has them, count by their `weights` in all that is weighted
+/// by area; extremes, places and counts are those of vertices.
+/// Sums are compensated and run in the order of the vertices, so they give the same bits always;
+/// the rounding of a sum is below 4e-16 of the sum of magnitudes.
 struct Statistics {
   std::optional<double> pv;       ///< mm, max - min
-  std::optional<double> rms;      ///< mm, weighted by the area of the vertices
+  std::optional<double> rms;      ///< mm, weighted by area
   std::optional<double> mean;     ///< mm, weighted by area
   std::optional<double> std_dev;  ///< mm, about the mean, weighted by area
   std::optional<double> min;      ///< mm
   std::optional<double> max;      ///< mm
-  std::optional<double> p95_abs;  ///< mm, 95 % of the cut vertices (each counting one) have at most
-                                  ///< this magnitude; linear between ranks
-  std::optional<double> in_tolerance_percent;  ///< of the cut and gouged vertices, each counting
-                                               ///< one; empty if no tolerance was given
+  std::optional<double> p95_abs;  ///< mm, least magnitude of a place such that those of at most it
+                                  ///< are 95 % of the cut area
+  std::optional<VertexValue> lowest, highest;  ///< where min and max are, of equal ones the first
+  std::optional<Conformance> conformance;      ///< empty if no tolerance was given
   int vertices = 0;
   int cut_vertices = 0;
-  int uncut_vertices = 0;    ///< judged, but nothing was removed
-  int outside_vertices = 0;  ///< not judged
-  int gouged_vertices = 0;   ///< judged, and removed deeper than the band
+  int uncut_vertices = 0;        ///< judged, but nothing was removed
+  int outside_vertices = 0;      ///< not judged
+  int gouged_vertices = 0;       ///< judged, and removed deeper than the band
   std::optional<Gouge> deepest;  ///< of those, of equal ones the first
 };
 
-/// @param tolerance  mm, half width: |residual| <= tolerance is within
 /// @throws std::invalid_argument if sizes differ, or a vertex called cut has no finite residual
 Statistics statistics(const Surface& surface, const Design& design,
-                      std::optional<double> tolerance = std::nullopt);
+                      const ToleranceBands& tolerance = {});
 
 /// What a vertex is in a difference of two maps: outside if it is outside in either, else gouged,
 /// else uncut, else cut.

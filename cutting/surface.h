@@ -21,7 +21,7 @@ enum class VertexStatus : std::uint8_t {
 inline constexpr double gouge_bands = 10.0;
 
 struct SurfaceOptions {
-  double band = 2.0;  ///< mm, the ray is searched from -band (inside) to +band
+  double band = 2.0;                     ///< mm, the ray is searched from -band (inside) to +band
   std::function<void(double)> progress;  ///< called now and then with the finished fraction, from
                                          ///< any thread
 };
@@ -29,7 +29,7 @@ struct SurfaceOptions {
 /// What was removed below the band at a vertex that is Gouged.
 struct Gouge {
   int vertex = 0;
-  double depth = 0.0;  ///< mm below the design, along the normal: the deepest place removed
+  double depth = 0.0;   ///< mm below the design, along the normal: the deepest place removed
   bool deeper = false;  ///< that is as far as was searched, and removed there too
 };
 
@@ -40,6 +40,8 @@ struct Surface {
   std::vector<int> cut_line;   ///< (n) program line that made it; 0 unless cut or gouged
   std::vector<VertexStatus> status;  ///< (n)
   std::vector<Gouge> gouges = {};    ///< those of status Gouged, in the order of the vertices
+  Eigen::VectorXd middle = {};       ///< (m) mm, residual at the middle of each triangle; NaN where
+                                     ///< it or a corner is not cut; empty where nobody looked
 };
 
 /// Surface left by a milling cutter: along each normal the first point, coming from inside the
@@ -62,9 +64,18 @@ struct Surface {
 Surface milled_surface(const Design& design_w, const Cutter& cutter, const CutterMotion& motion,
                        const SurfaceOptions& options = {});
 
+/// The same for one design after another, the sweep prepared once. The motion outlives it.
+/// @throws as milled_surface, when it is made and when it is asked
+std::function<Surface(const Design& design_w)> milled_search(const Cutter& cutter,
+                                                             const CutterMotion& motion,
+                                                             const SurfaceOptions& options = {});
+
 /// Surface left by a turning tool, the helix of the cut resolved: for every revolution the instant
 /// at which the rake plane passes the ray is solved exactly.
 Surface turned_surface(const Design& design_w, const Nose& nose, const NoseMotion& motion,
                        const SurfaceOptions& options = {});
+std::function<Surface(const Design& design_w)> turned_search(const Nose& nose,
+                                                             const NoseMotion& motion,
+                                                             const SurfaceOptions& options = {});
 
 }  // namespace abbe::cutting

@@ -57,7 +57,9 @@ void check(const CutterMotion& motion) {
   }
 }
 
-void check(const Design& design) {
+}  // namespace
+
+void check_design(const Design& design) {
   const Index n = design.vertices.rows();
   require_milled(design.normals.rows() == n, "the design has not one normal a vertex");
   require_milled(design.judged.empty() || Index(design.judged.size()) == n,
@@ -71,14 +73,12 @@ void check(const Design& design) {
   }
 }
 
-}  // namespace
-
 void check_milled(const Design& design, const Cutter& cutter, const CutterMotion& motion,
                   double band) {
   require_milled(std::isfinite(band) && band > 0, "the band is not positive and finite");
   check(cutter);
   check(motion);
-  check(design);
+  check_design(design);
 }
 
 void check_turned(const Design& design, double band) {

@@ -14,6 +14,10 @@ namespace abbe::cutting {
 void check_milled(const Design& design, const Cutter& cutter, const CutterMotion& motion,
                   double band);
 
+/// The design alone.
+/// @throws std::invalid_argument as milled_surface
+void check_design(const Design& design);
+
 /// The design and the band only: nose and motion are checked where they are taken up.
 /// @throws std::invalid_argument as turned_surface
 void check_turned(const Design& design, double band);

@@ -72,8 +72,9 @@ void Thickness::add_node(int first, int last) {
 
 std::optional<double> Thickness::leaves_through(int triangle, Index vertex) const {
   const auto corners = design_.triangles.row(triangle);
+  // at a sharp edge the faces have vertices of their own at one point
   for (const int corner : corners)
-    if (corner == vertex) return std::nullopt;
+    if (design_.vertices.row(corner) == design_.vertices.row(vertex)) return std::nullopt;
   const Vector3d a = design_.vertices.row(corners[0]);
   const Vector3d ab = design_.vertices.row(corners[1]).transpose() - a;
   const Vector3d ac = design_.vertices.row(corners[2]).transpose() - a;

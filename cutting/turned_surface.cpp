@@ -1,5 +1,6 @@
 #include <atomic>
 #include <limits>
+#include <memory>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -11,10 +12,10 @@
 
 namespace abbe::cutting {
 
-Surface turned_surface(const Design& design_w, const Nose& nose, const NoseMotion& motion,
-                       const SurfaceOptions& options) {
-  check_turned(design_w, options.band);
-  const SweptNose swept(nose, motion);
+namespace {
+
+Surface searched_by_nose(const SweptNose& swept, const Design& design_w,
+                         const SurfaceOptions& options) {
   const Eigen::Index n = design_w.vertices.rows();
   const double nan = std::numeric_limits<double>::quiet_NaN();
   Surface surface{Eigen::VectorXd::Constant(n, nan), Eigen::VectorXd::Constant(n, nan),
@@ -51,6 +52,24 @@ Surface turned_surface(const Design& design_w, const Nose& nose, const NoseMotio
                        if (!cut) return std::nullopt;
                        return FirstCut{cut->s, cut->time_s, cut->line};
                      });
+}
+
+}  // namespace
+
+std::function<Surface(const Design& design_w)> turned_search(const Nose& nose,
+                                                             const NoseMotion& motion,
+                                                             const SurfaceOptions& options) {
+  const auto swept = std::make_shared<const SweptNose>(nose, motion);
+  return [swept, options](const Design& design_w) {
+    check_turned(design_w, options.band);
+    return searched_by_nose(*swept, design_w, options);
+  };
+}
+
+Surface turned_surface(const Design& design_w, const Nose& nose, const NoseMotion& motion,
+                       const SurfaceOptions& options) {
+  check_turned(design_w, options.band);
+  return searched_by_nose(SweptNose(nose, motion), design_w, options);
 }
 
 }  // namespace abbe::cutting

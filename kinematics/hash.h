@@ -32,5 +32,8 @@ constexpr std::uint64_t stream(std::uint64_t seed, std::uint64_t number) {
   return mixed(mixed(seed + golden) + golden * number);
 }
 
+/// 0 to 1, without 1, of the upper 53 bits.
+constexpr double unit(std::uint64_t bits) { return double(bits >> 11) * 0x1p-53; }
+
 }  // namespace split_mix
 }  // namespace abbe

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include <vtkActor.h>
+#include <vtkAlgorithmOutput.h>
 #include <vtkBrush.h>
 #include <vtkCamera.h>
 #include <vtkCellArray.h>
@@ -19,6 +20,7 @@
 #include <vtkFloatArray.h>
 #include <vtkGenericOpenGLRenderWindow.h>
 #include <vtkIdTypeArray.h>
+#include <vtkImageData.h>
 #include <vtkLookupTable.h>
 #include <vtkNew.h>
 #include <vtkObjectFactory.h>
@@ -37,6 +39,9 @@
 #include <vtkWindowToImageFilter.h>
 
 #include "render/bytes.h"
+#include "render/fonts.h"
+#include "render/text_property.h"
+#include "render/vector_page.h"
 #include "render/window.h"
 
 namespace abbe::render {
@@ -60,22 +65,13 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr int dots_per_inch = 72;  // a point of the font is then a pixel
-constexpr int samples = 8;         // a pixel
+constexpr int samples = 8;  // a pixel
 
 std::recursive_mutex
     one_canvas_at_a_time;  // VTK's font cache and OpenGL state belong to the whole process
 
 unsigned char byte(double part) {
   return static_cast<unsigned char>(std::lround(255.0 * std::clamp(part, 0.0, 1.0)));
-}
-
-void apply(const TextStyle& style, vtkTextProperty& property) {
-  property.SetFontFamilyToArial();
-  property.SetFontSize(static_cast<int>(std::lround(style.size_px)));
-  property.SetBold(style.bold);
-  property.SetColor(style.colour.r, style.colour.g, style.colour.b);
-  property.SetOrientation(0.0);
 }
 
 /// Lower left corner of a text of `size` so that the wanted part of it stands at `at`; whole
@@ -111,17 +107,14 @@ vtkSmartPointer<vtkCellArray> cells(const int* indices, Eigen::Index count, int 
   return array;
 }
 
-vtkSmartPointer<vtkLookupTable> lookup_table(double range) {
-  constexpr int entries = 1024;
-  auto table = vtkSmartPointer<vtkLookupTable>::New();
-  table->SetNumberOfTableValues(entries);
-  table->SetTableRange(-range, range);
-  const std::vector<Colour> scale = diverging(entries);
-  for (int i = 0; i < entries; ++i) table->SetTableValue(i, scale[i].r, scale[i].g, scale[i].b);
-  const Colour low = colours::beyond_low;
-  const Colour high = colours::beyond_high;
-  table->SetBelowRangeColor(low.r, low.g, low.b, 1.0);
-  table->SetAboveRangeColor(high.r, high.g, high.b, 1.0);
+vtkSmartPointer<vtkLookupTable> lookup_table(const ColourScale& scale) {
+  const auto table = vtkSmartPointer<vtkLookupTable>::New();
+  table->SetNumberOfTableValues(static_cast<vtkIdType>(scale.colours.size()));
+  table->SetTableRange(scale.low, scale.high);
+  vtkIdType i = 0;
+  for (const Colour& c : scale.colours) table->SetTableValue(i++, c.r, c.g, c.b);
+  table->SetBelowRangeColor(scale.below.r, scale.below.g, scale.below.b, 1.0);
+  table->SetAboveRangeColor(scale.above.r, scale.above.g, scale.above.b, 1.0);
   table->UseBelowRangeColorOn();
   table->UseAboveRangeColorOn();
   return table;
@@ -148,7 +141,7 @@ vtkSmartPointer<vtkActor> actor(const Solid& solid) {
     std::copy(solid.values.data(), solid.values.data() + solid.values.size(),
               values->GetPointer(0));
     data->GetPointData()->SetScalars(values);
-    mapper->SetLookupTable(lookup_table(solid.range));
+    mapper->SetLookupTable(lookup_table(solid.scale));
     mapper->UseLookupTableScalarRangeOn();
     // values are interpolated, not colours: between blue and red lies grey, never purple
     mapper->InterpolateScalarsBeforeMappingOn();
@@ -160,7 +153,7 @@ vtkSmartPointer<vtkActor> actor(const Solid& solid) {
   vtkProperty& look = *result->GetProperty();
   look.SetColor(solid.colour.r, solid.colour.g, solid.colour.b);
   look.SetOpacity(solid.opacity);
-  // mostly ambient: shape shows, and colours stay those of the colour bar
+  // without shade a colour is that of the colour bar wherever its face looks
   look.SetAmbient(1.0 - solid.shade);
   look.SetDiffuse(solid.shade);
   look.SetSpecular(0.0);
@@ -184,7 +177,43 @@ vtkSmartPointer<vtkActor> actor(const Wire& wire) {
   return result;
 }
 
+std::string png_of(vtkAlgorithmOutput* image, const std::string& name) {
+  vtkNew<vtkPNGWriter> writer;
+  writer->SetInputConnection(image);
+  writer->WriteToMemoryOn();
+  writer->Write();
+  vtkUnsignedCharArray* png = writer->GetResult();
+  if (png == nullptr || png->GetNumberOfValues() == 0)
+    throw std::runtime_error(name + ": the picture could not be encoded");
+  return {reinterpret_cast<const char*>(png->GetPointer(0)),
+          static_cast<std::size_t>(png->GetNumberOfValues())};
+}
+
+/// Three bytes a pixel, the upper row first.
+std::string rgb_of(vtkImageData& image) {
+  int size[3];
+  image.GetDimensions(size);
+  std::string rgb;
+  for (int y = size[1] - 1; y >= 0; --y)
+    rgb.append(static_cast<const char*>(image.GetScalarPointer(0, y, 0)), 3 * std::size_t(size[0]));
+  return rgb;
+}
+
 }  // namespace
+
+void apply_style(const TextStyle& style, const std::string& text, vtkTextProperty& property) {
+  const std::string file = font_file(text, style.bold);
+  if (file.empty()) {
+    property.SetFontFamilyToArial();
+  } else {
+    property.SetFontFamily(VTK_FONT_FILE);
+    property.SetFontFile(file.c_str());
+  }
+  property.SetFontSize(static_cast<int>(std::lround(style.size_px)));
+  property.SetBold(style.bold && file.empty());
+  property.SetColor(style.colour.r, style.colour.g, style.colour.b);
+  property.SetOrientation(0.0);
+}
 
 struct Canvas::Sheet {
   std::unique_lock<std::recursive_mutex> alone{one_canvas_at_a_time};
@@ -193,6 +222,8 @@ struct Canvas::Sheet {
   int height;
   vtkNew<vtkGenericOpenGLRenderWindow> window;
   vtkNew<FlatItem> flat;
+  std::vector<FlatMark> marks;  ///< what is flat, for formats that keep it so
+  bool has_scene = false;
 
   Sheet(int width_px, int height_px);
   ~Sheet() { window->Finalize(); }
@@ -239,7 +270,7 @@ Canvas::~Canvas() = default;
 Vector2d text_size(const std::string& text, const TextStyle& style) {
   const std::lock_guard<std::recursive_mutex> alone(one_canvas_at_a_time);
   vtkNew<vtkTextProperty> property;
-  apply(style, *property);
+  apply_style(style, text, *property);
   int box[4] = {0, -1, 0, -1};
   vtkTextRenderer::GetInstance()->GetBoundingBox(property, text, box, dots_per_inch);
   return {box[1] - box[0] + 1.0, box[3] - box[2] + 1.0};
@@ -248,8 +279,9 @@ Vector2d text_size(const std::string& text, const TextStyle& style) {
 void Canvas::text(const Vector2d& at, const std::string& text, const TextStyle& style) {
   if (text.empty()) return;
   const Vector2d position = corner(at, text_size(text, style), style);
+  sheet_->marks.emplace_back(FlatText{position, text, style});
   sheet_->flat->strokes.emplace_back([=](vtkContext2D& painter) {
-    apply(style, *painter.GetTextProp());
+    apply_style(style, text, *painter.GetTextProp());
     painter.GetTextProp()->SetOrientation(style.turned_left ? 90.0 : 0.0);
     painter.GetTextProp()->SetJustificationToLeft();
     painter.GetTextProp()->SetVerticalJustificationToBottom();
@@ -272,6 +304,7 @@ void Canvas::line(const std::vector<Vector2d>& points, const Colour& colour, dou
 }
 
 void Canvas::fill(const std::vector<Vector2d>& corners, const Colour& colour, double opacity) {
+  sheet_->marks.emplace_back(FlatPolygon{corners, colour, opacity});
   std::vector<float> xy;
   for (const Vector2d& c : corners) {
     xy.push_back(static_cast<float>(c.x()));
@@ -302,6 +335,7 @@ void Canvas::frame(const Rectangle& box, const Colour& colour, double width_px) 
 
 void Canvas::scene(const View& view, const std::vector<Solid>& solids,
                    const std::vector<Wire>& wires) {
+  sheet_->has_scene = true;
   vtkNew<vtkRenderer> renderer;
   const Rectangle& area = view.area;
   renderer->SetViewport(area.x / sheet_->width, area.y / sheet_->height,
@@ -328,23 +362,26 @@ void Canvas::scene(const View& view, const std::vector<Solid>& solids,
   sheet_->window->AddRenderer(renderer);
 }
 
-void Canvas::write_png(const std::filesystem::path& path) {
-  sheet_->window->Render();
+void Canvas::write_png(const std::filesystem::path& path) { write(path, PictureFormat::Png); }
+
+void Canvas::write(const std::filesystem::path& path, PictureFormat format) {
+  const bool flat_apart = format != PictureFormat::Png;
+  if (flat_apart) sheet_->flat->strokes.clear();
   vtkNew<vtkWindowToImageFilter> grab;
-  grab->SetInput(sheet_->window);
-  grab->SetInputBufferTypeToRGB();
-  grab->ReadFrontBufferOff();
-  grab->ShouldRerenderOff();
-  vtkNew<vtkPNGWriter> writer;
-  writer->SetInputConnection(grab->GetOutputPort());
-  writer->WriteToMemoryOn();
-  writer->Write();
-  vtkUnsignedCharArray* png = writer->GetResult();
-  if (png == nullptr || png->GetNumberOfValues() == 0) {
-    throw std::runtime_error(path.string() + ": the picture could not be encoded");
+  Raster raster;
+  if (!flat_apart || sheet_->has_scene) {
+    sheet_->window->Render();
+    grab->SetInput(sheet_->window);
+    grab->SetInputBufferTypeToRGB();
+    grab->ReadFrontBufferOff();
+    grab->ShouldRerenderOff();
+    raster.png = png_of(grab->GetOutputPort(), path.string());
+    if (format == PictureFormat::Pdf) raster.rgb = rgb_of(*grab->GetOutput());
   }
-  write_bytes(path, {reinterpret_cast<const char*>(png->GetPointer(0)),
-                     static_cast<std::size_t>(png->GetNumberOfValues())});
+  const auto& [width, height] = std::pair(sheet_->width, sheet_->height);
+  write_bytes(path, format == PictureFormat::Png   ? raster.png
+                    : format == PictureFormat::Svg ? svg_of(width, height, sheet_->marks, raster)
+                                                   : pdf_of(width, height, sheet_->marks, raster));
 }
 
 }  // namespace abbe::render

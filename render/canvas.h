@@ -25,6 +25,12 @@ struct TextStyle {
   bool turned_left = false;  ///< reads upwards; across and upward turn with it
 };
 
+enum class PictureFormat {
+  Png,
+  Svg,  ///< lines, areas and letters as such, scenes in space as a raster behind them
+  Pdf,  ///< the same
+};
+
 /// Width and height in pixels that a text takes, before it is turned.
 Eigen::Vector2d text_size(const std::string& text, const TextStyle& style);
 
@@ -34,7 +40,7 @@ struct Solid {
   cutting::Points normals;  ///< (n x 3) unit; empty: the triangles look flat
   cutting::Triangles triangles;
   Eigen::VectorXd values;  ///< (n) or empty
-  double range = 1.0;  ///< values -range .. +range span the diverging scale; beyond: own colours
+  ColourScale scale;       ///< of the values
   Colour colour = colours::uncut;
   double opacity = 1.0;
   double shade = 0.18;  ///< how much darker a face is that looks aside, 0 .. 1
@@ -72,6 +78,7 @@ class Canvas {
 
   /// @throws std::system_error with the path if the file cannot be written
   void write_png(const std::filesystem::path& path);
+  void write(const std::filesystem::path& path, PictureFormat format);
 
  private:
   struct Sheet;

@@ -21,12 +21,34 @@ inline constexpr Colour outside{0.70, 0.70, 0.70};     ///< status 2
 inline constexpr Colour gouged{0.55, 0.10, 0.60};      ///< status 3
 inline constexpr Colour beyond_high{0.30, 0.0, 0.07};  ///< above the scale
 inline constexpr Colour beyond_low{0.04, 0.07, 0.33};  ///< below the scale
+inline constexpr Colour over{0.85, 0.37, 0.13};        ///< above the tolerance
+inline constexpr Colour in{0.84, 0.89, 0.80};          ///< within it
+inline constexpr Colour under{0.16, 0.36, 0.68};       ///< below it
 }  // namespace colours
 
 /// The diverging scale as `n` colours from -1 (blue) over 0 (light grey) to +1 (red): perceptually
 /// even and symmetric in lightness.
 /// Source: Moreland 2009, the cool to warm map.
 std::vector<Colour> diverging(int n);
+
+enum class Palette {
+  Diverging,  ///< blue to red about zero; of values of one sign its light to dark half, lengthened
+  Cividis,    ///< dark blue to yellow; Nuñez, Anderton, Renslow 2018: for the colour blind too
+};
+
+/// What colour a value has.
+struct ColourScale {
+  double low = -1.0;  ///< value of the first colour
+  double high = 1.0;  ///< of the last, above `low`
+  std::vector<Colour> colours = diverging(1024);
+  Colour below = colours::beyond_low;
+  Colour above = colours::beyond_high;
+};
+/// @param low, high  of a diverging scale about zero the end that is nearer to it only cuts off
+ColourScale colour_scale(double low, double high, Palette palette = Palette::Diverging);
+
+/// Values of 0 .. 1 are within a tolerance.
+ColourScale tolerance_scale();
 
 inline constexpr int series_colours = 6;
 /// Distinct colours for the series of a plot, repeated after `series_colours`; readable for the

@@ -18,8 +18,9 @@ struct ComparisonOptions {
   std::vector<std::string> caption;  ///< further lines below all
 };
 
-/// Draws every case on one colour scale and one length scale, its title above and its figures and
-/// caption lines ("−92 % RMS") below.
+/// Draws every case on one colour scale and one length scale, its title above and its figures,
+/// share in tolerance and caption lines ("−92 % RMS") below; a case whose own scale ends below 40 %
+/// of the common one a second time beside it on its own. Each panel has its colour bar.
 /// @throws std::invalid_argument if there is no case, sizes do not fit, or the range is not
 /// positive
 /// @throws std::system_error with the path if the file cannot be written

@@ -6,7 +6,6 @@
 
 #include "kinematics/require.h"
 #include "kinematics/units.h"
-#include "render/point_data.h"
 
 namespace abbe::render {
 namespace {
@@ -17,6 +16,11 @@ void check_sizes(const Field& field) {
   require(field.deviation_um.size() == n, "residual: one deviation a vertex is needed");
   require(field.cut_time_s.size() == n, "residual: one cut time a vertex is needed");
   require(field.status.size() == count, "residual: one status a vertex is needed");
+  require(field.design.area.size() == n, "residual: one area a vertex is needed");
+  require(field.middle_um.size() == 0 || field.middle_um.size() == field.design.triangles.rows(),
+          "residual: one middle a triangle is needed, or none");
+  require(field.form_um.size() == 0 || field.form_um.size() == n,
+          "residual: one form a vertex is needed, or none");
   require(field.cut_line.size() == count, "residual: one program line a vertex is needed");
 }
 
@@ -28,19 +32,46 @@ Field field(const cutting::Design& design, const cutting::Surface& surface) {
   for (const cutting::VertexStatus s : surface.status) {
     result.status.push_back(static_cast<std::uint8_t>(s));
   }
+  result.middle_um = surface.middle / units::um;
   check_sizes(result);
   return result;
 }
 
-void write_residual(const std::filesystem::path& path, const Field& field) {
+cutting::Statistics statistics(const Field& field) {
+  cutting::Surface surface{field.deviation_um * units::um, field.cut_time_s, field.cut_line, {}};
+  for (const std::uint8_t status : field.status)
+    surface.status.push_back(cutting::VertexStatus(status));
+  surface.middle = field.middle_um * units::um;
+  return cutting::statistics(surface, field.design);
+}
+
+void write_residual(const std::filesystem::path& path, const Field& field, const Facts& facts) {
   check_sizes(field);
-  const Eigen::VectorXd& deviation = field.deviation_um;
-  const Eigen::VectorXd& time = field.cut_time_s;
-  write_point_data(path, field.design.vertices, field.design.triangles,
-                   {{"deviation_um", std::span(deviation.data(), std::size_t(deviation.size()))},
-                    {"status", std::span(field.status)},
-                    {"cut_time_s", std::span(time.data(), std::size_t(time.size()))},
-                    {"cut_line", std::span(field.cut_line)}});
+  const auto view = [](const auto& values) {
+    return std::span<const double>(values.data(), std::size_t(values.size()));
+  };
+  std::vector<PointArray> arrays = {{"deviation_um", view(field.deviation_um)},
+                                    {"status", std::span(field.status)},
+                                    {"cut_time_s", view(field.cut_time_s)},
+                                    {"cut_line", std::span(field.cut_line)},
+                                    {"area_mm2", view(field.design.area)}};
+  // what the other arrays give exactly is there to be looked at: seven digits will do
+  Eigen::VectorXf texture_um;
+  if (field.form_um.size() > 0) {
+    texture_um = (field.deviation_um - field.form_um).cast<float>();
+    arrays.push_back({"form_um", view(field.form_um)});
+    arrays.push_back(
+        {"texture_um", std::span<const float>(texture_um.data(), std::size_t(texture_um.size()))});
+  }
+  const Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor> normals =
+      field.design.normals.cast<float>();
+  if (normals.rows() == field.design.vertices.rows())
+    arrays.push_back(
+        {"Normals", std::span<const float>(normals.data(), std::size_t(normals.size())), 3});
+  std::vector<PointArray> of_triangles;
+  if (field.middle_um.size() > 0) of_triangles.push_back({"middle_um", view(field.middle_um)});
+  write_point_data(path, field.design.vertices, field.design.triangles, arrays, facts,
+                   of_triangles);
 }
 
 void write_stock(const std::filesystem::path& path, const cutting::StockMesh& stock) {

@@ -7,8 +7,10 @@
 #include <Eigen/Core>
 
 #include "cutting/mesh.h"
+#include "cutting/residual.h"
 #include "cutting/stock.h"
 #include "cutting/surface.h"
+#include "render/point_data.h"
 
 /// Pictures of results and the files that ParaView opens, made without a display. VTK stays in the
 /// .cpp files.
@@ -22,17 +24,28 @@ struct Field {
                                      ///< deeper than the band
   Eigen::VectorXd cut_time_s;        ///< (n) NaN where not cut or gouged
   std::vector<int> cut_line;         ///< (n) program line; 0 where not cut or gouged
+  Eigen::VectorXd middle_um = {};    ///< (m) the deviation at the middles of the triangles, NaN
+                                     ///< where not cut; empty where nobody looked
+  Eigen::VectorXd form_um = {};      ///< (n) the deviation through the areal filter, NaN where not
+                                     ///< cut; empty where it was not filtered
 };
 
 /// @throws std::invalid_argument if the sizes do not fit
 Field field(const cutting::Design& design, const cutting::Surface& surface);
 
-/// Writes `residual.vtp`: VTK XML PolyData, little endian, appended base64 without compression; the
+/// What a field comes to, mm.
+/// @throws std::invalid_argument if the sizes do not fit
+cutting::Statistics statistics(const Field& field);
+
+/// Writes `residual.vtp`: VTK XML PolyData, little endian, appended bytes, compressed by zlib; the
 /// design mesh in mm (float64) with point data `deviation_um` (float64, NaN unless cut), `status`
-/// (uint8), `cut_time_s` (float64), `cut_line` (int32). The same field gives the same bytes.
+/// (uint8), `cut_time_s` (float64), `cut_line` (int32), `area_mm2` (float64) and,
+/// where the field has them, `form_um` (float64), `texture_um` (float32), `Normals` (float32,
+/// three) and, of triangles, `middle_um` (float64). Facts are field data of the file. The same
+/// field gives the same bytes.
 /// @throws std::invalid_argument if the sizes do not fit
 /// @throws std::system_error with the path if the file cannot be written
-void write_residual(const std::filesystem::path& path, const Field& field);
+void write_residual(const std::filesystem::path& path, const Field& field, const Facts& facts = {});
 void write_residual(const std::filesystem::path& path, const cutting::Design& design,
                     const cutting::Surface& surface);
 
@@ -41,8 +54,9 @@ void write_residual(const std::filesystem::path& path, const cutting::Design& de
 /// @throws std::system_error with the path if the file cannot be written
 void write_stock(const std::filesystem::path& path, const cutting::StockMesh& stock);
 
-/// Reads what `write_residual` wrote, bit for bit; vertex areas are computed from the triangles.
-/// Memory stays within a few times the file's size whatever the file claims.
+/// Reads what `write_residual` wrote, compressed or not, bit for bit; vertex areas are computed
+/// from the triangles, normals, texture and field data are left out. Memory stays within a few
+/// times the file's size whatever the file claims.
 /// @throws BadInput for anything else: not there, truncated, another layout, arrays missing or of
 ///         another type or length, vertices not finite, indices out of range, a status beyond 3, a
 ///         deviation that is not finite where the status is 0 or a number where it is 1 or 3

@@ -5,9 +5,9 @@
 #include <stdexcept>
 
 #include "render/canvas.h"
+#include "render/colour_bar.h"
 #include "render/label.h"
 #include "render/page.h"
-#include "render/surface_scene.h"
 
 namespace abbe::render {
 namespace {
@@ -17,6 +17,7 @@ using Eigen::Vector2d;
 
 constexpr int most_rows = 256;
 constexpr int most_columns = 64;
+constexpr std::size_t few_rows = 6, few_columns = 8;
 constexpr double row_px = 36.0;  // of a picture 1600 px wide
 
 struct ColourRange {
@@ -53,9 +54,17 @@ Colour colour_of(double value, const ColourRange& s) {
 
 bool is_dark(const Colour& c) { return 0.3 * c.r + 0.59 * c.g + 0.11 * c.b < 0.5; }
 
-std::string number(double value, const HeatMapOptions& options) {
-  if (!std::isfinite(value)) return {};
-  return options.decimals < 0 ? figure(value) : fixed(value, options.decimals);
+/// Decimals of all numbers: such that the largest has three digits.
+int decimals(const HeatMap& map, const HeatMapOptions& options) {
+  if (options.decimals >= 0) return options.decimals;
+  double largest = 0.0;
+  for (const double value : map.values.reshaped())
+    if (std::isfinite(value)) largest = std::max(largest, std::abs(value));
+  return figure_decimals(largest);
+}
+
+std::string number(double value, int digits) {
+  return std::isfinite(value) ? fixed(value, digits) : "";
 }
 
 double widest(const std::vector<std::string>& texts, const TextStyle& style) {
@@ -81,20 +90,24 @@ TableSizes table_sizes(const HeatMap& map, const HeatMapOptions& options) {
   l.unit = options.width / 1600.0;
   l.body = {.size_px = 22.0 * l.unit};
   const double em = l.body.size_px, margins = 120.0 * l.unit;
-  const double row_label = options.row_label.empty() ? 0.0 : 1.6 * em;
-  l.names = std::min(widest(map.rows, l.body), 0.4 * options.width) + 0.8 * em + row_label;
-  l.row = row_px * l.unit;
+  const int digits = decimals(map, options);
+  const double names = std::max(widest(map.rows, l.body), text_size(options.row_label, l.body).x());
+  l.names = std::min(names, 0.4 * options.width) + 0.8 * em;
+  // a table of few rows is not a strip
+  l.row = row_px * l.unit * (map.rows.size() <= few_rows ? 2.0 : 1.0);
   double number_px = 2.0 * em;
   for (const double value : map.values.reshaped())
-    number_px = std::max(number_px, text_size(number(value, options), l.body).x());
+    number_px = std::max(number_px, text_size(number(value, digits), l.body).x());
   const double room = (options.width - margins - l.names) / double(map.columns.size());
   const double heads = widest(map.columns, l.body);
   // upright names where their place is wide enough, else turned
   l.turned = heads + em > std::min(room, 9.0 * em);
-  l.cell = std::min(room, std::max(number_px, l.turned ? 0.0 : heads) + 1.2 * em);
+  const double least = map.columns.size() <= few_columns ? 7.0 * em : 0.0;
+  l.cell = std::min(room, std::max({number_px, l.turned ? 0.0 : heads, least}) + 1.2 * em);
   l.heads = (l.turned ? std::min(heads, 16.0 * em) : line_height(l.body)) + 0.5 * em +
             (options.column_label.empty() ? 0.0 : 1.4 * em);
-  const double all = l.names + l.cell * double(map.columns.size()) + margins;
+  const double legend = text_size(options.value_label, l.body).x() + 20.0 * em;
+  const double all = std::max(l.names + l.cell * double(map.columns.size()), legend) + margins;
   l.width = int(std::lround(std::clamp(all, 0.6 * options.width, double(options.width))));
   return l;
 }
@@ -105,7 +118,7 @@ void draw_names(Canvas& canvas, const HeatMap& map, const HeatMapOptions& option
   TextStyle style = l.body;
   style.upward = 0.5;
   style.across = 1.0;
-  const double room = l.names - 0.7 * em - (options.row_label.empty() ? 0.0 : 1.6 * em);
+  const double room = l.names - 0.7 * em;
   for (std::size_t i = 0; i < map.rows.size(); ++i)
     canvas.text({box.x - 0.5 * em, box.y + box.height - (double(i) + 0.5) * l.row},
                 wrapped(map.rows[i], style, room, 1).front(), style);
@@ -118,15 +131,15 @@ void draw_names(Canvas& canvas, const HeatMap& map, const HeatMapOptions& option
   TextStyle head = l.body;
   head.colour = colours::faint_ink;
   canvas.text({box.x, box.y + box.height + l.heads - 1.2 * em}, options.column_label, head);
-  head.turned_left = true;
   head.across = 1.0;
-  head.upward = 1.0;
-  canvas.text({box.x - l.names, box.y + box.height}, options.row_label, head);
+  canvas.text({box.x - 0.5 * em, box.y + box.height + 0.3 * em},
+              wrapped(options.row_label, head, room, 1).front(), head);
 }
 
 void draw_cells(Canvas& canvas, const HeatMap& map, const HeatMapOptions& options,
                 const TableSizes& l, const Rectangle& box) {
   const ColourRange s = colour_range(map, options);
+  const int digits = decimals(map, options);
   TextStyle style = l.body;
   style.across = style.upward = 0.5;
   for (Index i = 0; i < map.values.rows(); ++i)
@@ -143,7 +156,7 @@ void draw_cells(Canvas& canvas, const HeatMap& map, const HeatMapOptions& option
       const Colour colour = colour_of(value, s);
       canvas.fill({cell.x + 1.0, cell.y + 1.0, cell.width - 2.0, cell.height - 2.0}, colour);
       style.colour = is_dark(colour) ? colours::white : colours::ink;
-      const std::string text = number(value, options);
+      const std::string text = number(value, digits);
       if (text_size(text, style).x() < cell.width - 4.0) canvas.text(middle, text, style);
     }
 }
@@ -172,8 +185,14 @@ void write_heat_map(const std::filesystem::path& path, const HeatMap& map,
   Canvas canvas(p.width, p.height);
   draw_cells(canvas, map, options, l, box);
   draw_names(canvas, map, options, l, box);
-  lying_colour_bar(canvas, {p.inner.x + 0.5 * em, p.inner.y + 0.5 * em, 18.0 * em, 1.4 * em},
-                   {s.range, options.value_label, s.one_sided, s.low_end, s.high_end}, p.body);
+  const Vector2d legend(p.inner.x + 0.5 * em, p.inner.y + 1.2 * em);
+  TextStyle name = p.body;
+  name.upward = 0.5;
+  canvas.text(legend, options.value_label, name);
+  const double beside =
+      options.value_label.empty() ? 0.0 : text_size(options.value_label, name).x() + 1.2 * em;
+  lying_colour_bar(canvas, {legend.x() + beside, legend.y() - 0.7 * em, 16.0 * em, 1.4 * em},
+                   {s.range, "", s.one_sided, s.low_end, s.high_end}, p.body);
   draw_page(canvas, p);
   canvas.write_png(path);
 }

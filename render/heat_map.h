@@ -22,8 +22,8 @@ struct HeatMapOptions {
   std::string column_label{};     ///< "tested on"
   std::string value_label{};      ///< what a number is: "RMS / µm"
   std::optional<double> range{};  ///< end of the scale; else the largest value. 1 for correlations
-  int decimals = -1;              ///< of the numbers; -1: as many as three digits need
-  int width = 1600;               ///< px, at most: a small matrix gives a smaller picture
+  int decimals = -1;  ///< of the numbers; -1: as many as three digits of the largest need
+  int width = 1600;   ///< px, at most: a small matrix gives a smaller picture
   std::vector<std::string> caption{};
 };
 

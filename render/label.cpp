@@ -61,6 +61,23 @@ Ticks round_ticks(double lower, double upper, int wanted) {
   return ticks;
 }
 
+std::string signed_figure(double value) {
+  std::string text = signed_fixed(value, figure_decimals(value));
+  if (text.find('.') == std::string::npos) return text;
+  text.erase(text.find_last_not_of('0') + 1);
+  if (text.back() == '.') text.pop_back();
+  return text;
+}
+
+std::string percent_text(double percent) {
+  if (percent > 0.0 && percent < 0.01) return "< 0.01 %";
+  if (percent < 100.0 && percent > 99.99) return "> 99.99 %";
+  return fixed(percent, percent == 0.0 || percent == 100.0 ? 0
+                        : percent < 10.0 || percent > 99.9 ? 2
+                                                           : 1) +
+         " %";
+}
+
 LengthUnit unit_for(double largest_um) {
   return largest_um < 0.1 ? LengthUnit{"nm", 1000.0} : LengthUnit{};
 }

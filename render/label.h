@@ -17,6 +17,12 @@ std::string signed_fixed(double value, int decimals);
 std::string figure(double value);
 int figure_decimals(double value);
 
+/// "12.3 %"; what is not quite nothing or all says so.
+std::string percent_text(double percent);
+
+/// The same with a sign and without zeros at its end: a number that somebody gave, "+2.5", "−8".
+std::string signed_figure(double value);
+
 /// Decimals that a round number 1, 2 or 5 x 10^k needs.
 int round_decimals(double value);
 

@@ -104,10 +104,23 @@ void add(Stage& stage, const Body& body) {
   hold(stage, points);
 }
 
+/// Without points that are nearer to each other than can be seen: pieces shorter than a pixel leave
+/// gaps in a line.
+cutting::Points apart(const cutting::Points& points) {
+  const Eigen::RowVector3d size = points.colwise().maxCoeff() - points.colwise().minCoeff();
+  const double least = size.norm() / 200.0;
+  std::vector<Eigen::Index> kept;
+  for (Eigen::Index i = 0; i < points.rows(); ++i)
+    if (kept.empty() || i + 1 == points.rows() ||
+        (points.row(i) - points.row(kept.back())).norm() >= least)
+      kept.push_back(i);
+  return points(kept, Eigen::all);
+}
+
 void add(Stage& stage, const Polyline& path) {
   if (path.points.rows() == 0) return;
-  Wire wire{path.points, {}, path.colour, path.width_px};
-  for (int i = 1; i < static_cast<int>(path.points.rows()); ++i)
+  Wire wire{apart(path.points), {}, path.colour, path.width_px};
+  for (int i = 1; i < static_cast<int>(wire.points.rows()); ++i)
     wire.segments.push_back({i - 1, i});
   stage.wires.push_back(std::move(wire));
   hold(stage, path.points);

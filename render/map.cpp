@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include <fmt/format.h>
 
 #include "render/canvas.h"
+#include "render/colour_bar.h"
+#include "render/flags.h"
 #include "render/label.h"
 #include "render/layout.h"
 #include "render/map_text.h"
@@ -27,30 +30,31 @@ struct MapPage {
   Vector2d triad;
 };
 
-MapPage map_page(const MapOptions& options, const TypeSizes& type, double text_height) {
+MapPage map_page(const MapOptions& options, const TypeSizes& type, std::size_t title_lines,
+                 double text_height) {
   const double u = type.unit;
   MapPage p{};
   p.margin = 40.0 * u;
   p.title_top = options.height - 30.0 * u;
-  const double head = 30.0 * u + 1.38 * (type.title + type.figures) + 22.0 * u;
-  const double side = 190.0 * u;
+  const double head =
+      30.0 * u + 1.38 * (double(title_lines) * type.title + type.figures) + 22.0 * u;
+  const double side = 270.0 * u;
   p.strip = {p.margin, p.margin * 0.7 + text_height, options.width - 2.0 * p.margin, 64.0 * u};
   const double map_bottom = p.strip.y + p.strip.height;
   p.map = {p.margin, map_bottom, options.width - 2.0 * p.margin - side,
            options.height - head - map_bottom};
   const double bar_bottom = map_bottom + 190.0 * u;
-  p.bar = {options.width - p.margin - side + 40.0 * u, bar_bottom, 38.0 * u,
+  p.bar = {options.width - p.margin - side + 116.0 * u, bar_bottom, 38.0 * u,
            p.map.y + p.map.height - 72.0 * u - bar_bottom};
-  p.triad = {options.width - p.margin - 0.5 * side + 8.0 * u, map_bottom + 62.0 * u};
+  p.triad = {options.width - p.margin - 0.5 * side + 30.0 * u, map_bottom + 62.0 * u};
   return p;
 }
 
-void draw_head(Canvas& canvas, const MapPage& p, const MapPicture& picture, const TypeSizes& type,
-               double width) {
-  const TextStyle title{.size_px = type.title, .bold = true};
+void draw_head(Canvas& canvas, const MapPage& p, const std::vector<std::string>& title,
+               const Figures& figures, const TypeSizes& type) {
   const double used =
-      paragraph(canvas, {p.margin, p.title_top}, wrapped(picture.title, title, width, 1), title);
-  paragraph(canvas, {p.margin, p.title_top - used}, {figures_text(picture.figures)},
+      paragraph(canvas, {p.margin, p.title_top}, title, {.size_px = type.title, .bold = true});
+  paragraph(canvas, {p.margin, p.title_top - used}, {figures_text(figures)},
             {.size_px = type.figures});
 }
 
@@ -67,29 +71,177 @@ void draw_strip(Canvas& canvas, const MapPage& p, const View& view, const Tally&
   }
 }
 
-}  // namespace
+/// What of a field is coloured, and how.
+struct Coloured {
+  Eigen::VectorXd values;
+  ColourScale scale;
+  Span ends_um;                ///< on which a vertex is not beyond the scale
+  std::vector<double> levels;  ///< of isolines
+};
 
-double fitted_range_um(const Field& field) {
+/// Deviations such that the limits of a vertex become 0 and 1.
+Eigen::VectorXd within_band(const Field& field, const cutting::ToleranceBands& bands) {
+  Eigen::VectorXd values(field.deviation_um.size());
+  for (Eigen::Index i = 0; i < values.size(); ++i) {
+    const double width = bands(i, 1) - bands(i, 0);
+    values[i] = std::isfinite(width) ? (field.deviation_um[i] - bands(i, 0)) / width : 0.5;
+  }
+  return values;
+}
+
+Coloured coloured(const MapPicture& picture, const MapOptions& options) {
+  const Field& field = picture.field;
+  if (options.range_um && (!(*options.range_um > 0.0) || !std::isfinite(*options.range_um)))
+    throw std::invalid_argument("map: the range must be positive");
+  if (picture.tolerance_um.rows() != 0 && picture.tolerance_um.rows() != field.deviation_um.size())
+    throw std::invalid_argument("map: one band of tolerance a vertex is needed");
+  if (options.colours == MapColours::Tolerance) {
+    if (picture.tolerance_um.rows() == 0)
+      throw std::invalid_argument("map: colours of a tolerance need one");
+    const double huge = std::numeric_limits<double>::max();
+    return {within_band(field, picture.tolerance_um), tolerance_scale(), {-huge, huge}, {0.0, 1.0}};
+  }
+  const Span ends =
+      options.range_um ? Span{-*options.range_um, *options.range_um} : fitted_ends_um(field);
+  const Palette palette =
+      options.colours == MapColours::Cividis ? Palette::Cividis : Palette::Diverging;
+  return {field.deviation_um, colour_scale(ends.lower, ends.upper, palette), ends,
+          round_ticks(ends.lower, ends.upper, 11).values};
+}
+
+/// The highest and the lowest vertex that is cut.
+std::vector<Flag> flags(const View& view, const Field& field) {
+  Eigen::Index low = -1, high = -1;
+  for (Eigen::Index i = 0; i < field.deviation_um.size(); ++i) {
+    if (!std::isfinite(field.deviation_um[i]) || field.status[std::size_t(i)] != 0) continue;
+    if (low < 0 || field.deviation_um[i] < field.deviation_um[low]) low = i;
+    if (high < 0 || field.deviation_um[i] > field.deviation_um[high]) high = i;
+  }
+  if (low < 0 || field.deviation_um[low] == field.deviation_um[high]) return {};
+  const double pv = field.deviation_um[high] - field.deviation_um[low];
+  const LengthUnit unit = unit_for(pv);
+  std::vector<Flag> both;
+  for (const Eigen::Index vertex : {high, low}) {
+    const double value = field.deviation_um[vertex] * unit.per_um;
+    const Eigen::Vector3d p = field.design.vertices.row(vertex);
+    const bool hidden = is_hidden(view, field.design, p);
+    both.push_back({projected(view, p),
+                    signed_fixed(value, figure_decimals(pv * unit.per_um)) + " " + unit.name +
+                        (hidden ? ", behind" : ""),
+                    hidden});
+  }
+  return both;
+}
+
+void draw_scale(Canvas& canvas, const MapPage& p, const MapPicture& picture,
+                const MapOptions& options, const Coloured& what, const Tally& counts,
+                const TextStyle& body) {
+  const int bins = std::max(8, int(p.bar.height / 7.0));
+  const double histogram = 74.0 / 38.0 * p.bar.width;
+  const Field& field = picture.field;
+  if (options.colours == MapColours::Tolerance) {
+    const ToleranceShares s =
+        picture.shares.value_or(tolerance_shares(field, picture.tolerance_um));
+    tolerance_bar(canvas, p.bar,
+                  {s.over, s.in, s.under, common_limits(picture.tolerance_um),
+                   bar_shares(what.values, field.design.area, {-0.5, 1.5}, bins), histogram},
+                  body);
+    return;
+  }
+  ColourBar bar{what.scale,
+                counts.lowest_um<what.ends_um.lower, counts.highest_um> what.ends_um.upper};
+  if (const auto limits = common_limits(picture.tolerance_um))
+    bar.marks = {limits->lower, limits->upper};
+  bar.shares = bar_shares(what.values, field.design.area, what.ends_um, bins);
+  bar.histogram_px = histogram;
+  colour_bar(canvas, p.bar, bar, body);
+}
+
+/// Largest magnitude below which a share of the cut vertices lies; none without any.
+std::optional<double> magnitude_um(const Field& field, double share) {
   std::vector<double> size;
   for (Eigen::Index i = 0; i < field.deviation_um.size(); ++i) {
     if (std::isfinite(field.deviation_um[i])) size.push_back(std::abs(field.deviation_um[i]));
   }
-  constexpr double least_um = 1e-5;
-  if (size.empty()) return 1.0;
+  if (size.empty()) return std::nullopt;
   const auto rank =
-      static_cast<std::ptrdiff_t>(std::ceil(0.995 * static_cast<double>(size.size()))) - 1;
+      static_cast<std::ptrdiff_t>(std::ceil(share * static_cast<double>(size.size()))) - 1;
   std::nth_element(size.begin(), size.begin() + rank, size.end());
-  return std::max(round_up_range(size[rank]), least_um);
+  return size[std::size_t(rank)];
+}
+
+/// A scale about zero without most of a side that has nearly nothing.
+Span cut_short(const Span& ends, double largest_below, double largest_above) {
+  constexpr double nearly_nothing = 0.25;
+  const double range = ends.upper, step = round_up_125(range / 12.0);
+  const auto end = [&](double largest) {
+    return largest < nearly_nothing * range ? step * std::ceil(largest / step) : range;
+  };
+  return {-end(largest_below), end(largest_above)};
+}
+
+constexpr double on_scale = 0.995;  // of the cut vertices
+
+}  // namespace
+
+double fitted_range_um(const Field& field) {
+  constexpr double least_um = 1e-5;
+  const std::optional<double> size = magnitude_um(field, on_scale);
+  return size ? std::max(round_up_range(*size), least_um) : 1.0;
+}
+
+Span fitted_ends_um(const Field& field) {
+  const double range = fitted_range_um(field);
+  const Tally all = tally(field, range);
+  if (all.cut == 0 || (all.lowest_um == 0.0 && all.highest_um == 0.0)) return {-range, range};
+  if (all.lowest_um < 0.0 && all.highest_um > 0.0)
+    return cut_short({-range, range}, -all.lowest_um, all.highest_um);
+  const bool positive = all.lowest_um >= 0.0;
+  const double least = positive ? all.lowest_um : -all.highest_um;
+  const double most = *magnitude_um(field, on_scale);
+  Span ends{0.0, range};
+  if (least > 0.4 * most && most - least > 1e-3 * most) {
+    const double step = round_up_125((most - least) / 10.0);
+    ends = {step * std::floor(least / step), step * std::ceil(most / step)};
+  }
+  return positive ? ends : Span{-ends.upper, -ends.lower};
+}
+
+Span common_ends(const std::vector<Span>& ends_um) {
+  Span all{0.0, 0.0};
+  for (const Span& one : ends_um) {
+    widen(all, one.lower);
+    widen(all, one.upper);
+  }
+  const double range = std::max(-all.lower, all.upper);
+  return all.lower == 0.0 || all.upper == 0.0 ? all
+                                              : cut_short({-range, range}, -all.lower, all.upper);
+}
+
+ToleranceShares tolerance_shares(const Field& field, const cutting::ToleranceBands& tolerance_um) {
+  ToleranceShares s;
+  double all = 0.0;
+  for (Eigen::Index i = 0; i < field.deviation_um.size(); ++i) {
+    const auto status = cutting::VertexStatus(field.status[std::size_t(i)]);
+    if (status == cutting::VertexStatus::Outside) continue;
+    const double area = field.design.area.size() > 0 ? field.design.area[i] : 1.0;
+    const double d = field.deviation_um[i];
+    all += area;
+    (status == cutting::VertexStatus::Uncut    ? s.uncut
+     : status == cutting::VertexStatus::Gouged ? s.under
+     : d > tolerance_um(i, 1)                  ? s.over
+     : d < tolerance_um(i, 0)                  ? s.under
+                                               : s.in) += area;
+  }
+  const double percent = all > 0.0 ? 100.0 / all : 0.0;
+  return {percent * s.in, percent * s.over, percent * s.under, percent * s.uncut};
 }
 
 void write_map(const std::filesystem::path& path, const MapPicture& picture,
                const MapOptions& options) {
   check(picture.field);
-  const double range = options.range_um.value_or(fitted_range_um(picture.field));
-  if (!(range > 0.0) || !std::isfinite(range)) {
-    throw std::invalid_argument("map: the range must be positive");
-  }
-  const Tally counts = tally(picture.field, range);
+  const Coloured what = coloured(picture, options);
+  const Tally counts = tally(picture.field, what.ends_um);
   const TypeSizes type = type_sizes(options.width, options.height);
   const TextStyle body{.size_px = type.body};
   Canvas canvas(options.width, options.height);
@@ -97,21 +249,26 @@ void write_map(const std::filesystem::path& path, const MapPicture& picture,
   const View named = fitted_view({}, options.from, options.up, {});
   std::vector<std::string> lines;
   const double width = options.width - 80.0 * type.unit;
-  for (const std::string& text : map_text(picture, counts, range, view_name(named))) {
+  const double size = std::max(std::abs(counts.lowest_um), std::abs(counts.highest_um));
+  for (const std::string& text : map_text(picture, counts, size, view_name(named))) {
     for (const std::string& line : wrapped(text, body, width)) lines.push_back(line);
   }
   const double text_height = static_cast<double>(lines.size()) * line_height(body);
-  const MapPage p = map_page(options, type, text_height);
+  const std::vector<std::string> title =
+      wrapped(picture.title, {.size_px = type.title, .bold = true}, width, 2);
+  const MapPage p = map_page(options, type, title.size(), text_height);
   const View view = fitted_view(picture.field.design.vertices, options.from, options.up, p.map);
-  const SurfaceScene scene = surface_scene(picture.field, range);
+  SurfaceScene scene = surface_scene(picture.field, what.values, what.scale, view.toward);
+  if (options.isolines) scene.wires.push_back(isolines(picture.field, what.values, what.levels));
 
   canvas.scene(view, scene.solids, scene.wires);
-  draw_head(canvas, p, picture, type, width);
+  draw_head(canvas, p, title, picture.figures, type);
   draw_strip(canvas, p, view, counts, body);
-  colour_bar(canvas, p.bar, {range, counts.lowest_um<-range, counts.highest_um> range}, body);
+  draw_scale(canvas, p, picture, options, what, counts, body);
   triad(canvas, view, p.triad, 46.0 * type.unit, body);
+  draw_flags(canvas, flags(view, picture.field), p.map, body);
   paragraph(canvas, {p.margin, p.strip.y}, lines, body);
-  canvas.write_png(path);
+  canvas.write(path, options.format);
 }
 
 }  // namespace abbe::render

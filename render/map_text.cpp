@@ -49,9 +49,45 @@ std::vector<std::string> left_out_text(const Tally& counts) {
   return parts;
 }
 
+std::optional<Span> common_limits(const cutting::ToleranceBands& tolerance_um) {
+  if (tolerance_um.rows() == 0) return std::nullopt;
+  const Eigen::RowVector2d first = tolerance_um.row(0);
+  if (!first.allFinite() || (tolerance_um.rowwise() - first).cwiseAbs().maxCoeff() > 0.0)
+    return std::nullopt;
+  return Span{first[0], first[1]};
+}
+
+std::string limits_text(const cutting::ToleranceBands& tolerance_um) {
+  const auto common = common_limits(tolerance_um);
+  if (!common) return "by region";
+  const LengthUnit unit = unit_for(std::max(std::abs(common->lower), std::abs(common->upper)));
+  const auto end = [&](double um) {
+    return fmt::format("{}{:.4g}",
+                       um < 0.0   ? "−"
+                       : um > 0.0 ? "+"
+                                  : "",
+                       std::abs(um * unit.per_um));
+  };
+  return fmt::format("{} to {} {}", end(common->lower), end(common->upper), unit.name);
+}
+
+std::string verdict_text(const MapPicture& picture) {
+  const ToleranceShares s =
+      picture.shares.value_or(tolerance_shares(picture.field, picture.tolerance_um));
+  std::string text = picture.verdict.empty() ? "" : picture.verdict + "  ·  ";
+  text += percent_text(s.in) + " of the area in tolerance";
+  for (const auto& [name, percent] :
+       {std::pair{"over", s.over}, {"under", s.under}, {"uncut", s.uncut}})
+    if (percent > 0.0) text += fmt::format(", {} {}", name, percent_text(percent));
+  return text;
+}
+
 std::vector<std::string> map_text(const MapPicture& picture, const Tally& counts, double range_um,
                                   const std::string& view) {
   std::vector<std::string> lines{sign_convention};
+  if (picture.tolerance_um.rows() > 0)
+    lines.push_back(fmt::format("tolerance {}  ·  {}", limits_text(picture.tolerance_um),
+                                verdict_text(picture)));
   std::string numbers = fmt::format("{} vertices, ", grouped(counts.vertices()));
   const std::vector<std::string> left_out = left_out_text(counts);
   numbers += left_out.empty() ? "0 uncut" : fmt::format("{}", fmt::join(left_out, ", "));

@@ -24,6 +24,16 @@ std::string beyond_text(const Tally& counts, double range_um);
 /// leave out.
 std::vector<std::string> left_out_text(const Tally& counts);
 
+/// "−2 to +8 µm", or "by region" where vertices have different ones.
+std::string limits_text(const cutting::ToleranceBands& tolerance_um);
+
+/// "FAIL by 3.2 µm at ...  ·  92.1 % of the area in tolerance, over 5.2 %, under 2.7 %", of the
+/// judged area.
+std::string verdict_text(const MapPicture& picture);
+
+/// The limits that are the same for all vertices; none where they differ, or without a tolerance.
+std::optional<Span> common_limits(const cutting::ToleranceBands& tolerance_um);
+
 /// The lines below a map.
 std::vector<std::string> map_text(const MapPicture& picture, const Tally& counts, double range_um,
                                   const std::string& view);

@@ -139,8 +139,9 @@ AreaShares area_shares(const Sorted& data) {
   AreaShares result;
   const double range = span.upper - span.lower;
   const double largest = std::max(std::abs(span.lower), std::abs(span.upper));
+  constexpr double least_bin_um = 1e-4;  // what is computed is not better than 0.1 nm
   // a map without any spread still gets a few bins about its value
-  result.width = round_up_125(std::max({range / 80.0, 1e-7 * largest, 1e-6}));
+  result.width = round_up_125(std::max({range / 80.0, 1e-7 * largest, least_bin_um}));
   const double first = std::floor(span.lower / result.width);
   const double last = std::floor(span.upper / result.width);
   const double margin = range / result.width < 10.0 ? 5.0 : 1.0;
@@ -189,15 +190,17 @@ void draw_bars(Canvas& canvas, const Sheet& s, const AreaShares& b, double per_u
 
 void write_histogram(const std::filesystem::path& path, const Eigen::VectorXd& deviation_um,
                      const Eigen::VectorXd& weights, const HistogramOptions& options) {
-  const Figures shown = figures(deviation_um, weights);
+  const Figures shown = options.figures ? *options.figures : figures(deviation_um, weights);
   const Sorted data = sorted(deviation_um, weights);
   const bool any = !data.value.empty();
   const AreaShares b = any ? area_shares(data) : AreaShares{0.0, 1.0, {0.0}, 0.0};
   const double end = b.first + b.width * static_cast<double>(b.percent.size());
   Span x{b.first, end};
-  if (options.tolerance_um && *options.tolerance_um < 3.0 * std::max(-b.first, end)) {
-    widen(x, -1.05 * *options.tolerance_um);
-    widen(x, 1.05 * *options.tolerance_um);
+  if (options.tolerance_um) {
+    const auto [lower, upper] = *options.tolerance_um;
+    const double seen = std::max(std::abs(b.first), std::abs(end)), margin = 0.05 * (upper - lower);
+    if (std::abs(lower) < 3.0 * seen) widen(x, lower - margin);
+    if (std::abs(upper) < 3.0 * seen) widen(x, upper + margin);
   }
   const LengthUnit unit = unit_for(std::max(std::abs(x.lower), std::abs(x.upper)));
   const double peak = *std::max_element(b.percent.begin(), b.percent.end());
@@ -229,10 +232,9 @@ void write_histogram(const std::filesystem::path& path, const Eigen::VectorXd& d
     draw_upright(canvas, s, shown.mean_um * unit.per_um, {0.75, 0.25, 0.05}, "mean");
   }
   if (options.tolerance_um) {
-    for (const double sign : {-1.0, 1.0}) {
-      const double value = sign * *options.tolerance_um * unit.per_um;
-      draw_upright(canvas, s, value, {0.2, 0.45, 0.2},
-                   "tolerance " + signed_fixed(value, figure_decimals(value)));
+    for (const double limit : *options.tolerance_um) {
+      const double value = limit * unit.per_um;
+      draw_upright(canvas, s, value, {0.2, 0.45, 0.2}, "tolerance " + signed_figure(value));
     }
   }
   draw_text(canvas, s, labels, options.width, options.height);
@@ -310,7 +312,7 @@ void write_profile(const std::filesystem::path& path, const std::vector<ProfileS
   }
   draw_legend(canvas, s, names, s.axes.box.x + s.axes.box.width + 30.0 * s.type.unit);
   draw_text(canvas, s, labels, options.width, options.height);
-  canvas.write_png(path);
+  canvas.write(path, options.format);
 }
 
 }  // namespace abbe::render

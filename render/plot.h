@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -7,14 +8,18 @@
 
 #include <Eigen/Core>
 
+#include "render/canvas.h"
+#include "render/figures.h"
+
 namespace abbe::render {
 
 struct HistogramOptions {
   std::string title;
-  int width = 1600;                    ///< px
-  int height = 900;                    ///< px
-  std::optional<double> tolerance_um;  ///< half width; two lines are drawn
-  std::vector<std::string> caption;    ///< further lines
+  int width = 1600;                                   ///< px
+  int height = 900;                                   ///< px
+  std::optional<std::array<double, 2>> tolerance_um;  ///< limits; two lines are drawn
+  std::vector<std::string> caption;                   ///< further lines
+  std::optional<Figures> figures = {};                ///< in words, if not those of the values
 };
 
 /// Draws how much of the area has which deviation: shares of bins of a round width, the mean as a
@@ -42,6 +47,7 @@ struct ProfileOptions {
   int width = 1600;  ///< px
   int height = 900;  ///< px
   std::vector<std::string> caption;
+  PictureFormat format = PictureFormat::Png;
 };
 
 /// Draws curves over a common abscissa with axes and legend.

@@ -7,14 +7,19 @@
 
 #include <fmt/format.h>
 #include <vtkCellArray.h>
+#include <vtkCellData.h>
+#include <vtkDataSetAttributes.h>
 #include <vtkDoubleArray.h>
 #include <vtkErrorCode.h>
+#include <vtkFieldData.h>
+#include <vtkFloatArray.h>
 #include <vtkIdTypeArray.h>
 #include <vtkIntArray.h>
 #include <vtkNew.h>
 #include <vtkPointData.h>
 #include <vtkPoints.h>
 #include <vtkPolyData.h>
+#include <vtkStringArray.h>
 #include <vtkUnsignedCharArray.h>
 #include <vtkXMLPolyDataWriter.h>
 
@@ -24,22 +29,26 @@ namespace abbe::render {
 namespace {
 
 template <class Array, class Data>
-void add_array(vtkPolyData& mesh, const std::string& name, const Data& data) {
+void add_array(vtkDataSetAttributes& to, const PointArray& named, const Data& data) {
   vtkNew<Array> array;
-  array->SetName(name.c_str());
+  array->SetName(named.name.c_str());
+  array->SetNumberOfComponents(named.components);
   array->SetNumberOfValues(static_cast<vtkIdType>(data.size()));
   std::copy(data.begin(), data.end(), array->GetPointer(0));
-  mesh.GetPointData()->AddArray(array);
+  to.AddArray(array);
 }
 
-void add(vtkPolyData& mesh, const std::string& name, std::span<const double> values) {
-  add_array<vtkDoubleArray>(mesh, name, values);
+void add(vtkDataSetAttributes& to, const PointArray& named, std::span<const double> values) {
+  add_array<vtkDoubleArray>(to, named, values);
 }
-void add(vtkPolyData& mesh, const std::string& name, std::span<const std::uint8_t> values) {
-  add_array<vtkUnsignedCharArray>(mesh, name, values);
+void add(vtkDataSetAttributes& to, const PointArray& named, std::span<const float> values) {
+  add_array<vtkFloatArray>(to, named, values);
 }
-void add(vtkPolyData& mesh, const std::string& name, std::span<const int> values) {
-  add_array<vtkIntArray>(mesh, name, values);
+void add(vtkDataSetAttributes& to, const PointArray& named, std::span<const std::uint8_t> values) {
+  add_array<vtkUnsignedCharArray>(to, named, values);
+}
+void add(vtkDataSetAttributes& to, const PointArray& named, std::span<const int> values) {
+  add_array<vtkIntArray>(to, named, values);
 }
 
 void add_mesh(vtkPolyData& mesh, const cutting::Points& vertices, const cutting::Triangles& faces) {
@@ -70,8 +79,8 @@ void write_poly_data(const std::filesystem::path& path, vtkPolyData& mesh) {
   writer->SetHeaderTypeToUInt64();
   writer->SetIdTypeToInt64();
   writer->SetDataModeToAppended();
-  writer->EncodeAppendedDataOn();
-  writer->SetCompressorTypeToNone();
+  writer->EncodeAppendedDataOff();
+  writer->SetCompressorTypeToZLib();
   // VTK calls it success when the disk is full, so it only fills a string and the file is written
   // here
   writer->WriteToOutputStringOn();
@@ -92,15 +101,24 @@ std::string in_xml(std::string name) {
   return name.empty() ? "_" : name;
 }
 
+void add_facts(vtkPolyData& mesh, const Facts& facts) {
+  for (const auto& [name, text] : facts) {
+    vtkNew<vtkStringArray> array;
+    array->SetName(in_xml(name).c_str());
+    array->InsertNextValue(text);
+    mesh.GetFieldData()->AddArray(array);
+  }
+}
+
 /// The arrays under names that can be written.
-std::vector<PointArray> checked(std::vector<PointArray> arrays, Eigen::Index vertices) {
+std::vector<PointArray> checked(std::vector<PointArray> arrays, Eigen::Index count) {
   std::set<std::string> names;
   for (PointArray& one : arrays) {
     const std::size_t size =
         std::visit([](const auto& values) { return values.size(); }, one.values);
-    if (size != static_cast<std::size_t>(vertices))
-      throw std::invalid_argument(
-          fmt::format("point data: one value a vertex is needed in {}", one.name));
+    if (size != static_cast<std::size_t>(count) * std::size_t(one.components))
+      throw std::invalid_argument(fmt::format("point data: {} values each of {} are needed in {}",
+                                              one.components, count, one.name));
     one.name = in_xml(one.name);
     if (!names.insert(one.name).second)
       throw std::invalid_argument(fmt::format("point data: two arrays are called {}", one.name));
@@ -111,13 +129,17 @@ std::vector<PointArray> checked(std::vector<PointArray> arrays, Eigen::Index ver
 }  // namespace
 
 void write_point_data(const std::filesystem::path& path, const cutting::Points& vertices,
-                      const cutting::Triangles& triangles, const std::vector<PointArray>& arrays) {
+                      const cutting::Triangles& triangles, const std::vector<PointArray>& arrays,
+                      const Facts& facts, const std::vector<PointArray>& of_triangles) {
   const std::vector<PointArray> named = checked(arrays, vertices.rows());
   vtkNew<vtkPolyData> mesh;
   add_mesh(*mesh, vertices, triangles);
   for (const PointArray& one : named)
-    std::visit([&](const auto& values) { add(*mesh, one.name, values); }, one.values);
+    std::visit([&](const auto& values) { add(*mesh->GetPointData(), one, values); }, one.values);
+  for (const PointArray& one : checked(of_triangles, triangles.rows()))
+    std::visit([&](const auto& values) { add(*mesh->GetCellData(), one, values); }, one.values);
   if (!named.empty()) mesh->GetPointData()->SetActiveScalars(named.front().name.c_str());
+  add_facts(*mesh, facts);
   write_poly_data(path, *mesh);
 }
 

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include <fmt/format.h>
+#include <zlib.h>
 #include <Eigen/Geometry>
 
 #include "render/field.h"
@@ -19,7 +20,10 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little);
 
-constexpr std::string_view appended = "<AppendedData encoding=\"base64\">";
+constexpr std::string_view appended = "<AppendedData encoding=\"";
+
+/// What stands in the data's place: bytes, or bytes as base64.
+enum class Encoding { Raw, Base64 };
 
 struct Block {
   std::string_view type;
@@ -41,10 +45,10 @@ void expect(const VtkFile& source, const VtkTag& tag, std::string_view name,
   }
 }
 
-/// A number of things of which each has at least one byte in the file.
+/// A number of things of which each has at least a bit in the file, compressed ones too.
 std::size_t count(const VtkFile& source, const VtkTag& tag, std::string_view name) {
   const std::size_t value = whole_number(source, tag, name);
-  if (value > source.text().size()) {
+  if (value / 8 > source.text().size()) {
     source.refuse(tag.at, fmt::format("{} that the file has room for", name),
                   fmt::format("{}", value));
   }
@@ -54,6 +58,7 @@ std::size_t count(const VtkFile& source, const VtkTag& tag, std::string_view nam
 struct FileParts {
   std::size_t points = 0;
   std::size_t triangles = 0;
+  bool compressed = false;              ///< by zlib
   std::map<std::string, Block> blocks;  ///< "PointData/deviation_um"
 };
 
@@ -75,7 +80,8 @@ FileParts file_parts(const VtkFile& source, std::string_view head) {
       expect(source, *tag, "byte_order", "LittleEndian");
       expect(source, *tag, "header_type", "UInt64");
       if (tag->attributes.contains("compressor")) {
-        source.refuse(tag->at, "data without compression", shown(tag->attributes.at("compressor")));
+        expect(source, *tag, "compressor", "vtkZLibDataCompressor");
+        result.compressed = true;
       }
     } else if (tag->name == "Piece") {
       ++pieces;
@@ -138,8 +144,8 @@ std::optional<std::string> decoded(std::string_view text, std::size_t size) {
 
 class Data {
  public:
-  Data(const VtkFile& source, std::string_view text, const FileParts& parts)
-      : source_(source), text_(text), parts_(parts) {}
+  Data(const VtkFile& source, std::string_view text, Encoding encoding, const FileParts& parts)
+      : source_(source), text_(text), encoding_(encoding), parts_(parts) {}
 
   /// The `n` numbers of a named array, which the file must state to be of VTK type `type`.
   template <class T>
@@ -151,35 +157,105 @@ class Data {
       source_.refuse(block.at, fmt::format("{} of type {}", name, type), shown(block.type));
     }
     const std::uint64_t size = n * sizeof(T);
-    const std::size_t length = (sizeof size + size + 2) / 3 * 4;
-    const std::string expected = fmt::format("{} with {} bytes of data", name, size);
-    if (block.offset > text_.size() || length > text_.size() - block.offset) {
-      source_.refuse(block.at, expected, "the end of the data");
-    }
-    const auto bytes = decoded(text_.substr(block.offset, length), sizeof size + size);
-    if (!bytes) source_.refuse(block.at, expected, "data of another length or not base64");
+    if (parts_.compressed) return values<T>(inflated(name, block, size), n);
+    const std::string bytes = bytes_at(name, block, block.offset, sizeof size + size);
     std::uint64_t stated = 0;
-    std::memcpy(&stated, bytes->data(), sizeof stated);
-    if (stated != size) source_.refuse(block.at, expected, fmt::format("{} bytes", stated));
+    std::memcpy(&stated, bytes.data(), sizeof stated);
+    if (stated != size)
+      source_.refuse(block.at, fmt::format("{} with {} bytes of data", name, size),
+                     fmt::format("{} bytes", stated));
+    return values<T>(bytes.substr(sizeof stated), n);
+  }
+
+  bool has(const std::string& name) const { return parts_.blocks.contains(name); }
+
+ private:
+  template <class T>
+  static std::vector<T> values(const std::string& bytes, std::size_t n) {
     std::vector<T> values(n);
-    if (n > 0) std::memcpy(values.data(), bytes->data() + sizeof stated, size);
+    if (n > 0) std::memcpy(values.data(), bytes.data(), n * sizeof(T));
     return values;
   }
 
- private:
+  /// What so many bytes take in the file.
+  std::size_t room_of(std::size_t size) const {
+    return encoding_ == Encoding::Raw ? size : (size + 2) / 3 * 4;
+  }
+
+  /// The bytes that stand at a place of the data.
+  std::string bytes_at(const std::string& name, const Block& block, std::size_t at,
+                       std::size_t size) const {
+    const std::size_t length = room_of(size);
+    const std::string expected = fmt::format("{} with {} bytes of data", name, size);
+    if (at > text_.size() || length > text_.size() - at)
+      source_.refuse(block.at, expected, "the end of the data");
+    if (encoding_ == Encoding::Raw) return std::string(text_.substr(at, length));
+    std::optional<std::string> bytes = decoded(text_.substr(at, length), size);
+    if (!bytes) source_.refuse(block.at, expected, "data of another length or not base64");
+    return *std::move(bytes);
+  }
+
+  /// An array that zlib compressed in blocks: their number, the size of one and of the last, unless
+  /// that is whole, the compressed size of each; then the blocks.
+  std::string inflated(const std::string& name, const Block& block, std::uint64_t size) const {
+    const auto refuse = [&](const char* seen) {
+      source_.refuse(block.at,
+                     fmt::format("{} with {} bytes of data in blocks of zlib", name, size), seen);
+    };
+    constexpr std::size_t word = sizeof(std::uint64_t);
+    if (size == 0) return {};
+    std::array<std::uint64_t, 3> head{};
+    // three words are sixteen groups of base64 without padding, however many follow
+    std::memcpy(head.data(), bytes_at(name, block, block.offset, 3 * word).data(), 3 * word);
+    const auto [blocks, whole, last] = head;
+    if (blocks == 0 || blocks > text_.size() || whole == 0 || last >= whole)
+      refuse("another head of them");
+    if (whole > size && blocks > 1) refuse("blocks larger than that");
+    const std::uint64_t of_last = last == 0 ? whole : last;
+    if ((blocks - 1) > size / whole || (blocks - 1) * whole + of_last != size)
+      refuse("blocks of another size together");
+    const std::size_t head_size = (3 + blocks) * word;
+    const std::string sizes = bytes_at(name, block, block.offset, head_size);
+    std::vector<std::uint64_t> packed(blocks);
+    std::memcpy(packed.data(), sizes.data() + 3 * word, blocks * word);
+    std::uint64_t sum = 0;
+    for (const std::uint64_t one : packed) {
+      if (one > text_.size() - sum) refuse("the end of the data");
+      sum += one;
+    }
+    const std::string data =
+        bytes_at(name, block, block.offset + room_of(head_size), std::size_t(sum));
+    std::string all(size, '\0');
+    std::uint64_t from = 0, to = 0;
+    for (std::size_t i = 0; i < blocks; ++i) {
+      uLongf room = uLongf(i + 1 < blocks ? whole : of_last);
+      const uLongf wanted = room;
+      const int failed =
+          ::uncompress(reinterpret_cast<Bytef*>(all.data() + to), &room,
+                       reinterpret_cast<const Bytef*>(data.data() + from), uLong(packed[i]));
+      if (failed != Z_OK || room != wanted) refuse("a block that is none");
+      from += packed[i];
+      to += wanted;
+    }
+    return all;
+  }
+
   const VtkFile& source_;
   std::string_view text_;
+  Encoding encoding_;
   const FileParts& parts_;
 };
 
 /// What stands between the underscore and the closing tags.
-std::string_view data_text(const VtkFile& source, std::string_view tail) {
+std::string_view data_text(const VtkFile& source, std::string_view tail, Encoding encoding) {
   const std::size_t start = tail.find_first_not_of(xml_blank);
   if (start == std::string_view::npos || tail[start] != '_') {
     source.refuse_file("an underscore before the data", shown(tail));
   }
   tail.remove_prefix(start + 1);
-  const std::size_t end = std::min(tail.find_first_of(" \t\r\n<"), tail.size());
+  const std::size_t found =
+      encoding == Encoding::Raw ? tail.rfind("</AppendedData>") : tail.find_first_of(" \t\r\n<");
+  const std::size_t end = std::min(found, tail.size());
   std::string closing;
   for (const char c : tail.substr(end, 200)) {
     if (xml_blank.find(c) == std::string_view::npos) closing += c;
@@ -257,11 +333,16 @@ Field read_residual(const std::filesystem::path& path) {
   const VtkFile source(path, "a residual file");
   const std::size_t head_end = source.text().find(appended);
   if (head_end == std::string_view::npos) {
-    source.refuse_file("a residual.vtp with appended base64 data", shown(source.text()));
+    source.refuse_file("a residual.vtp with appended data", shown(source.text()));
   }
   const FileParts parts = file_parts(source, source.text().substr(0, head_end));
-  const Data data(source, data_text(source, source.text().substr(head_end + appended.size())),
-                  parts);
+  std::string_view tail = source.text().substr(head_end + appended.size());
+  const Encoding encoding = tail.starts_with("raw\">") ? Encoding::Raw : Encoding::Base64;
+  const std::string_view named = encoding == Encoding::Raw ? "raw\">" : "base64\">";
+  if (!tail.starts_with(named))
+    source.refuse(head_end, "data encoded as raw or base64", shown(tail));
+  tail.remove_prefix(named.size());
+  const Data data(source, data_text(source, tail, encoding), encoding, parts);
 
   Field field;
   const std::size_t n = parts.points;
@@ -272,6 +353,10 @@ Field read_residual(const std::filesystem::path& path) {
   field.cut_time_s = vector(data.array<double>("PointData/cut_time_s", "Float64", n));
   field.cut_line = data.array<int>("PointData/cut_line", "Int32", n);
   check_values(source, field);
+  if (data.has("PointData/form_um"))
+    field.form_um = vector(data.array<double>("PointData/form_um", "Float64", n));
+  if (data.has("CellData/middle_um"))
+    field.middle_um = vector(data.array<double>("CellData/middle_um", "Float64", parts.triangles));
 
   field.design.normals.resize(0, 3);
   field.design.area = vertex_area(field.design.vertices, field.design.triangles);

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "render/canvas.h"
+#include "render/colour_bar.h"
 #include "render/label.h"
 #include "render/map.h"
 #include "render/map_text.h"
@@ -71,9 +72,8 @@ Drawn drawn(const cutting::Design& whole, std::size_t maps) {
 
 /// The scale of a map.
 struct MapScale {
-  double range_um = 1.0;
+  Span ends_um;
   Tally counts;
-  bool one_sided = false;  ///< no value is negative
 };
 
 Field field_of(const cutting::Design& design, const SheetMap& map) {
@@ -89,22 +89,25 @@ Field field_of(const cutting::Design& design, const SheetMap& map) {
   return f;
 }
 
+Span ends_of_all(const std::vector<MapScale>& maps) {
+  std::vector<Span> ends;
+  for (const MapScale& map : maps) ends.push_back(map.ends_um);
+  return common_ends(ends);
+}
+
 std::vector<MapScale> scales(const cutting::Design& design, const std::vector<SheetMap>& maps,
                              bool one_range) {
   std::vector<MapScale> all;
-  double largest = 0.0;
   for (const SheetMap& map : maps) {
-    const double range = map.range_um.value_or(fitted_range_um(field_of(design, map)));
-    if (!(range > 0.0) || !std::isfinite(range))
+    if (map.range_um && (!(*map.range_um > 0.0) || !std::isfinite(*map.range_um)))
       throw std::invalid_argument("sheet: a range must be positive");
-    all.push_back({range, {}, false});
-    largest = std::max(largest, range);
+    const Field field = field_of(design, map);
+    all.push_back({map.range_um ? Span{-*map.range_um, *map.range_um} : fitted_ends_um(field), {}});
   }
+  const Span common = ends_of_all(all);
   for (std::size_t i = 0; i < all.size(); ++i) {
-    MapScale& s = all[i];
-    if (one_range) s.range_um = largest;
-    s.counts = tally(field_of(design, maps[i]), s.range_um);
-    s.one_sided = s.counts.lowest_um >= 0.0 && s.counts.highest_um > 0.0;
+    if (one_range) all[i].ends_um = common;
+    all[i].counts = tally(field_of(design, maps[i]), all[i].ends_um);
   }
   return all;
 }
@@ -178,15 +181,15 @@ View draw_cell(Canvas& canvas, const Layout& l, const Cell& cell, const SheetOpt
                       std::round(y - line_height(l.body) - 0.3 * em - l.map_height), width,
                       l.map_height};
   const View view = fitted_view(cell.field.design.vertices, options.from, options.up, box);
-  const SurfaceScene scene = surface_scene(cell.field, cell.scale.range_um);
-  canvas.scene(view, scene.solids, scene.wires);
   const MapScale& s = cell.scale;
-  const LengthUnit unit = unit_for(s.range_um);
-  lying_colour_bar(canvas,
-                   {box.x, box.y - 0.2 * em - line_height(l.body), width, line_height(l.body)},
-                   {s.range_um * unit.per_um, unit.name, s.one_sided,
-                    s.counts.lowest_um<-s.range_um, s.counts.highest_um> s.range_um},
-                   l.body);
+  const ColourScale colours = colour_scale(s.ends_um.lower, s.ends_um.upper);
+  const SurfaceScene scene =
+      surface_scene(cell.field, cell.field.deviation_um, colours, view.toward);
+  canvas.scene(view, scene.solids, scene.wires);
+  lying_colour_bar(
+      canvas, {box.x, box.y - 0.2 * em - line_height(l.body), width, line_height(l.body)},
+      ColourBar{colours, s.counts.lowest_um<s.ends_um.lower, s.counts.highest_um> s.ends_um.upper},
+      l.body);
   return view;
 }
 

@@ -36,28 +36,67 @@ cutting::Points normals(const cutting::Design& design) {
   return sum;
 }
 
-/// Edges that belong to one triangle only.
-Wire rims(const cutting::Points& points, const cutting::Triangles& triangles) {
-  std::vector<std::array<int, 2>> edges;
+/// An edge, and the triangles that share it.
+struct SharedEdge {
+  std::array<int, 2> ends;
+  int triangle;
+};
+
+std::vector<SharedEdge> sorted_edges(const cutting::Triangles& triangles) {
+  std::vector<SharedEdge> edges;
   edges.reserve(3 * triangles.rows());
-  for (const auto& t : triangles.rowwise()) {
+  for (int k = 0; k < triangles.rows(); ++k) {
     for (int i = 0; i < 3; ++i) {
-      const int a = t[i];
-      const int b = t[(i + 1) % 3];
-      edges.push_back({std::min(a, b), std::max(a, b)});
+      const int a = triangles(k, i);
+      const int b = triangles(k, (i + 1) % 3);
+      edges.push_back({{std::min(a, b), std::max(a, b)}, k});
     }
   }
-  std::sort(edges.begin(), edges.end());
-  std::vector<int> ends;
-  for (std::size_t i = 0; i < edges.size();) {
-    std::size_t next = i + 1;
-    while (next < edges.size() && edges[next] == edges[i]) ++next;
-    if (next == i + 1) ends.insert(ends.end(), edges[i].begin(), edges[i].end());
-    i = next;
+  std::sort(edges.begin(), edges.end(), [](const SharedEdge& a, const SharedEdge& b) {
+    return a.ends != b.ends ? a.ends < b.ends : a.triangle < b.triangle;
+  });
+  return edges;
+}
+
+/// Rims, and in a lighter line sharp edges and where the surface turns away from the eye.
+struct MapOutline {
+  std::vector<int> rims, folds;  ///< two vertices each
+};
+
+MapOutline map_outline(const cutting::Design& design, const Vector3d& toward) {
+  constexpr double sharp = 0.866;  // cosine of 30 degrees
+  constexpr double thin = 0.05;    // height by length: what leans little leans a lot there
+  const cutting::Points smooth = normals(design);
+  const auto normal = [&](int triangle) -> Vector3d {
+    const auto t = design.triangles.row(triangle);
+    const Vector3d a = design.vertices.row(t[0]);
+    const Vector3d b = design.vertices.row(t[1]);
+    const Vector3d c = design.vertices.row(t[2]);
+    const Vector3d twice_area = (b - a).cross(c - a);
+    const double longest =
+        std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
+    if (twice_area.norm() > thin * longest) return twice_area.normalized();
+    return (smooth.row(t[0]) + smooth.row(t[1]) + smooth.row(t[2])).normalized();
+  };
+  const std::vector<SharedEdge> edges = sorted_edges(design.triangles);
+  MapOutline found;
+  for (std::size_t i = 0, next = 0; i < edges.size(); i = next) {
+    for (next = i + 1; next < edges.size() && edges[next].ends == edges[i].ends;) ++next;
+    if (next == i + 1)
+      found.rims.insert(found.rims.end(), edges[i].ends.begin(), edges[i].ends.end());
+    if (next != i + 2) continue;
+    const Vector3d a = normal(edges[i].triangle), b = normal(edges[i + 1].triangle);
+    if (a.dot(b) < sharp || a.dot(toward) * b.dot(toward) < 0.0)
+      found.folds.insert(found.folds.end(), edges[i].ends.begin(), edges[i].ends.end());
   }
-  Wire wire{points(ends, Eigen::all), {}, {0.3, 0.31, 0.33}, 2.0};
-  for (int i = 0; i < static_cast<int>(ends.size()); i += 2) wire.segments.push_back({i, i + 1});
-  return wire;
+  return found;
+}
+
+Wire wire_of(const cutting::Points& points, const std::vector<int>& ends, const Colour& colour,
+             double width_px) {
+  Wire w{points(ends, Eigen::all), {}, colour, width_px};
+  for (int i = 0; i < static_cast<int>(ends.size()); i += 2) w.segments.push_back({i, i + 1});
+  return w;
 }
 
 /// Which look a triangle has: 0 by deviation, 1 outside, 2 uncut, 3 gouged; the worst of its
@@ -91,7 +130,8 @@ void check(const Field& field) {
   }
 }
 
-SurfaceScene surface_scene(const Field& field, double range_um) {
+SurfaceScene surface_scene(const Field& field, const Eigen::VectorXd& values,
+                           const ColourScale& scale, const Eigen::Vector3d& toward) {
   std::array<std::vector<int>, 4> corners;
   for (const auto& t : field.design.triangles.rowwise()) {
     auto& list = corners[look(field, t)];
@@ -110,16 +150,43 @@ SurfaceScene surface_scene(const Field& field, double range_um) {
         corners[kind].data(), static_cast<Eigen::Index>(corners[kind].size() / 3), 3);
     solid.colour = colour[kind];
     if (kind == 0) {
-      solid.range = range_um;
-      solid.values = field.deviation_um.array().isFinite().select(field.deviation_um, 0.0);
+      solid.scale = scale;
+      solid.shade = 0.0;
+      solid.values = values.array().isFinite().select(values, scale.low);
     }
     scene.solids.push_back(std::move(solid));
   }
-  scene.wires.push_back(rims(field.design.vertices, field.design.triangles));
+  const MapOutline lines = map_outline(field.design, toward);
+  scene.wires.push_back(wire_of(field.design.vertices, lines.folds, {0.55, 0.56, 0.58}, 1.2));
+  scene.wires.push_back(wire_of(field.design.vertices, lines.rims, {0.3, 0.31, 0.33}, 2.0));
   return scene;
 }
 
-Tally tally(const Field& field, double range_um) {
+Wire isolines(const Field& field, const Eigen::VectorXd& values,
+              const std::vector<double>& levels) {
+  std::vector<Vector3d> points;
+  for (const auto& t : field.design.triangles.rowwise()) {
+    if (look(field, t) != 0) continue;
+    for (const double level : levels) {
+      for (int i = 0; i < 3; ++i) {
+        const int a = t[i], b = t[(i + 1) % 3];
+        if ((values[a] < level) == (values[b] < level)) continue;
+        const double part = (level - values[a]) / (values[b] - values[a]);
+        points.emplace_back((1.0 - part) * field.design.vertices.row(a) +
+                            part * field.design.vertices.row(b));
+      }
+    }
+  }
+  Wire w{cutting::Points(static_cast<Eigen::Index>(points.size()), 3), {}, {0.25, 0.26, 0.28}, 1.2};
+  for (std::size_t i = 0; i < points.size(); ++i)
+    w.points.row(static_cast<Eigen::Index>(i)) = points[i].transpose();
+  for (int i = 0; i + 1 < static_cast<int>(points.size()); i += 2) w.segments.push_back({i, i + 1});
+  return w;
+}
+
+Tally tally(const Field& field, double range_um) { return tally(field, Span{-range_um, range_um}); }
+
+Tally tally(const Field& field, const Span& ends_um) {
   Tally result;
   for (Eigen::Index i = 0; i < field.deviation_um.size(); ++i) {
     if (field.status[i] == status_uncut) ++result.uncut;
@@ -132,71 +199,9 @@ Tally tally(const Field& field, double range_um) {
     result.lowest_um = result.cut == 0 ? d : std::min(result.lowest_um, d);
     result.highest_um = result.cut == 0 ? d : std::max(result.highest_um, d);
     ++result.cut;
-    if (std::abs(d) > range_um) ++result.beyond;
+    if (d < ends_um.lower || d > ends_um.upper) ++result.beyond;
   }
   return result;
-}
-
-void colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar,
-                const TextStyle& style) {
-  const double bottom = std::round(box.y);
-  const double rows = std::round(box.height);
-  const std::vector<Colour> scale = diverging(static_cast<int>(rows));
-  for (std::size_t i = 0; i < scale.size(); ++i) {
-    canvas.fill({box.x, bottom + static_cast<double>(i), box.width, 1.0}, scale[i]);
-  }
-  const double top = bottom + rows;
-  const double middle = box.x + 0.5 * box.width;
-  const double arrow = 0.8 * box.width;
-  if (bar.high_end) {
-    canvas.fill({{box.x, top}, {box.x + box.width, top}, {middle, top + arrow}},
-                colours::beyond_high);
-  }
-  if (bar.low_end) {
-    canvas.fill({{box.x, bottom}, {middle, bottom - arrow}, {box.x + box.width, bottom}},
-                colours::beyond_low);
-  }
-  const LengthUnit unit = unit_for(bar.range_um);
-  const double range = bar.range_um * unit.per_um;
-  TextStyle label = style;
-  label.across = 0.0;
-  label.upward = 0.5;
-  const Ticks ticks = round_ticks(-range, range, 11);
-  const double right = box.x + box.width;
-  for (const double value : ticks.values) {
-    const double y = bottom + 0.5 * rows * (1.0 + value / range);
-    canvas.line({{right, y}, {right + 0.35 * style.size_px, y}}, style.colour, 2.0);
-    canvas.text({right + 0.65 * style.size_px, y}, signed_fixed(value, ticks.decimals), label);
-  }
-  TextStyle head = style;
-  head.bold = true;
-  canvas.text({box.x, top + arrow + 0.5 * style.size_px}, unit.name, head);
-}
-
-void lying_colour_bar(Canvas& canvas, const Rectangle& box, const LyingBar& bar,
-                      const TextStyle& style) {
-  const int digits = std::max(0, figure_decimals(bar.range) - 1);  // ranges have two digits
-  const std::string low = bar.one_sided ? "0" : fixed(-bar.range, digits);
-  std::string high = bar.one_sided ? fixed(bar.range, digits) : signed_fixed(bar.range, digits);
-  if (!bar.unit.empty()) high += " " + bar.unit;
-  TextStyle label = style;
-  label.across = 0.0;
-  label.upward = 0.5;
-  const double gap = 0.9 * style.size_px, y = box.y + 0.5 * box.height;
-  const double first = std::round(box.x + text_size(low, label).x() + gap);
-  const double room = box.x + box.width - text_size(high, label).x() - gap - first;
-  const int steps = std::max(1, int(room));
-  canvas.text({box.x, y}, low, label);
-  canvas.text({first + steps + gap, y}, high, label);
-  const std::vector<Colour> scale = diverging(bar.one_sided ? 2 * steps : steps);
-  const double half = 0.36 * style.size_px, arrow = 0.6 * style.size_px, last = first + steps;
-  for (int i = 0; i < steps; ++i)
-    canvas.fill({first + i, y - half, 1.0, 2.0 * half},
-                scale[std::size_t(bar.one_sided ? steps + i : i)]);
-  if (bar.high_end)
-    canvas.fill({{last, y - half}, {last + arrow, y}, {last, y + half}}, colours::beyond_high);
-  if (bar.low_end)
-    canvas.fill({{first, y - half}, {first, y + half}, {first - arrow, y}}, colours::beyond_low);
 }
 
 }  // namespace abbe::render

@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "render/axes.h"
 #include "render/canvas.h"
 #include "render/field.h"
 
@@ -12,13 +13,20 @@ namespace abbe::render {
 /// @throws std::invalid_argument if arrays do not fit or a triangle names no vertex
 void check(const Field& field);
 
-/// The design coloured by deviation, grey where a corner of the triangle is not cut, with its rims
-/// drawn; one surface and not its facets, also where the field has no normals.
+/// The design coloured by a value, grey where a corner of the triangle is not cut, with its rims,
+/// sharp edges and outline drawn; one surface and not its facets, also where the field has no
+/// normals. Equal values have equal colours: no light falls on what is coloured.
 struct SurfaceScene {
   std::vector<Solid> solids;
   std::vector<Wire> wires;
 };
-SurfaceScene surface_scene(const Field& field, double range_um);
+/// @param values  (n) what is coloured, in the unit of the scale; where not cut it does not matter
+/// @param toward  unit, to the eye: where the surface turns away a light line is drawn
+SurfaceScene surface_scene(const Field& field, const Eigen::VectorXd& values,
+                           const ColourScale& scale, const Eigen::Vector3d& toward);
+
+/// Lines of equal value across the triangles that are cut.
+Wire isolines(const Field& field, const Eigen::VectorXd& values, const std::vector<double>& levels);
 
 /// How many vertices are what.
 struct Tally {
@@ -33,27 +41,8 @@ struct Tally {
   std::size_t vertices() const { return cut + uncut + outside + gouged; }
   std::size_t judged() const { return cut + uncut + gouged; }
 };
+/// @param ends  of the scale
+Tally tally(const Field& field, const Span& ends_um);
 Tally tally(const Field& field, double range_um);
-
-struct ColourBar {
-  double range_um = 1.0;
-  bool low_end = false;   ///< an end in the colour of what lies below the scale
-  bool high_end = false;  ///< and above it
-};
-
-/// A vertical colour bar with its ticks; it takes `box`, labels to the right of it go beyond.
-void colour_bar(Canvas& canvas, const Rectangle& box, const ColourBar& bar, const TextStyle& style);
-
-/// A lying colour bar, the ends of its scale written beside it: -range .. +range, or 0 .. range.
-/// All of it is within `box`.
-struct LyingBar {
-  double range = 1.0;      ///< in the unit that is written
-  std::string unit{};      ///< behind the upper end
-  bool one_sided = false;  ///< from 0
-  bool low_end = false;    ///< as of ColourBar
-  bool high_end = false;
-};
-void lying_colour_bar(Canvas& canvas, const Rectangle& box, const LyingBar& bar,
-                      const TextStyle& style);
 
 }  // namespace abbe::render

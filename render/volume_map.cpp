@@ -9,10 +9,10 @@
 
 #include "kinematics/require.h"
 #include "render/canvas.h"
+#include "render/colour_bar.h"
 #include "render/label.h"
 #include "render/layout.h"
 #include "render/page.h"
-#include "render/surface_scene.h"
 
 namespace abbe::render {
 namespace {
@@ -149,13 +149,13 @@ std::optional<Vector3d> normal(const VolumePicture& picture) {
 double scale_end(double largest_um) { return std::max(round_up_range(largest_um), 1e-3); }
 
 Solid solid(const cutting::Points& points, const cutting::Triangles& triangles,
-            const Eigen::VectorXd& values, double range) {
+            const Eigen::VectorXd& values, const ColourScale& scale) {
   Solid result;
   result.points = points;
   result.triangles = triangles;
   result.values = values;
-  result.range = range;
-  result.shade = 0.25;
+  result.scale = scale;
+  result.shade = 0.0;
   return result;
 }
 
@@ -192,7 +192,8 @@ View draw_main(Canvas& canvas, const VolumePicture& picture, double magnificatio
   const View view = fitted_view(both, from, Vector3d::UnitZ(), area);
   const Wire lines{moved, hull_lines(picture.size), {0.25, 0.26, 0.28}, 1.0};
   canvas.scene(view,
-               {solid(moved, hull(picture.size), picture.displacement_um.rowwise().norm(), range)},
+               {solid(moved, hull(picture.size), picture.displacement_um.rowwise().norm(),
+                      colour_scale(0.0, range))},
                {lines});
   for (const std::vector<int>& edge : edges(picture.size)) {
     std::vector<Vector2d> line;
@@ -205,10 +206,9 @@ View draw_main(Canvas& canvas, const VolumePicture& picture, double magnificatio
 void draw_main_foot(Canvas& canvas, const Rectangle& foot, const View& view, double range,
                     const TextStyle& body) {
   const double em = body.size_px;
-  const LengthUnit unit = unit_for(range);
   lying_colour_bar(
       canvas, {foot.x + 5.0 * em, foot.y + 0.55 * foot.height, foot.width - 5.0 * em, 1.6 * em},
-      {range * unit.per_um, unit.name, true, false, false}, body);
+      ColourBar{colour_scale(0.0, range)}, body);
   triad(canvas, view, {foot.x + 1.9 * em, foot.y + 0.5 * foot.height}, 1.5 * em, body);
   const double y = foot.y + 0.22 * foot.height;
   scale_bar(canvas, view, {foot.x + 5.0 * em, y}, 0.25 * foot.width, body);
@@ -236,7 +236,8 @@ void draw_components(Canvas& canvas, const VolumePicture& picture, const Places&
     for (const std::vector<int>& edge : edges(picture.size))
       for (std::size_t k = 1; k < edge.size(); ++k)
         outline.segments.push_back({edge[k - 1], edge[k]});
-    canvas.scene(view, {solid(picture.points, triangles, values, range)}, {outline});
+    canvas.scene(view, {solid(picture.points, triangles, values, colour_scale(-range, range))},
+                 {outline});
     const double low = values.minCoeff() * unit.per_um, high = values.maxCoeff() * unit.per_um;
     const int digits = figure_decimals(std::max(std::abs(low), std::abs(high)));
     const std::string name = fmt::format("in {}", "XYZ"[i]);
@@ -253,7 +254,7 @@ void draw_components(Canvas& canvas, const VolumePicture& picture, const Places&
   }
   const Rectangle& foot = p.component_foot;
   lying_colour_bar(canvas, {foot.x, foot.y + 0.55 * foot.height, foot.width, 1.6 * body.size_px},
-                   {range * unit.per_um, unit.name, false, false, false}, body);
+                   ColourBar{colour_scale(-range, range)}, body);
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <numeric>
@@ -242,9 +243,16 @@ OrderChoice choose_orders(std::span<const Readings> readings, const ModelOptions
   for (int f = 0; f < options.folds; ++f) folds.push_back(training(problem, f));
   std::vector<int> orders(std::size_t(problem.elements), options.most);
   OrderChoice choice;
+  // the first sweep has all other elements at the highest order
+  constexpr std::array done{0.0, 0.6, 0.8, 0.9, 1.0};
+  static_assert(done.size() == most_sweeps + 1);
   for (int sweep = 0; sweep < most_sweeps; ++sweep) {
     const std::vector<int> before = orders;
     for (int e = 0; e < problem.elements; ++e) {
+      if (options.progress)
+        options.progress(
+            (done[std::size_t(sweep)] * (problem.elements - e) + done[std::size_t(sweep) + 1] * e) /
+            problem.elements);
       if (highest.elements[std::size_t(e)].name.location) continue;
       std::vector<VectorXd> mean_squares;
       Score total{VectorXd::Zero(options.most + 1), 0};

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <map>
 #include <span>
 #include <string>
@@ -52,6 +53,7 @@ struct OrderChoice {
 struct OrderOptions {
   int most = 10;  ///< highest order tried
   int folds = 5;  ///< targets are left out in turn, all their runs together
+  std::function<void(double)> progress = {};  ///< called now and then with the finished fraction
 };
 /// Order of every element whose curve has one and that a reading sees: the smallest whose
 /// prediction of targets that were left out is within one standard error of the best (of the

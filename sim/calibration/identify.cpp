@@ -28,7 +28,7 @@ std::string names_of(const Files& files) {
 }
 
 /// @param logs_too  a log of temperatures alone is a file as well
-std::vector<Readings> read_all(const Files& files, bool logs_too) {
+std::vector<Readings> read_all(const Files& files, bool logs_too, const Progress& progress) {
   std::vector<Readings> all;
   std::set<std::filesystem::path> seen;
   for (const auto& file : files) {
@@ -36,6 +36,7 @@ std::vector<Readings> read_all(const Files& files, bool logs_too) {
     const std::filesystem::path canonical = std::filesystem::canonical(file, ignored);
     if (!canonical.empty() && !seen.insert(canonical).second)
       throw BadInput(file.string(), 0, 0, "each file once", "it again");
+    if (progress) progress("read", double(all.size()) / double(files.size()));
     all.push_back(read_readings_file(file));
     if (all.back().value.size() == 0 && !logs_too)
       throw BadInput(file.string(), 0, 0, "readings of the machine", "a log of temperatures alone");
@@ -153,12 +154,14 @@ std::vector<std::string> warnings_of(const Estimate& estimate, const IdentifyOpt
 }
 
 Identified by_chain(const Files& files, const std::vector<Readings>& readings,
-                    IdentifyOptions options) {
+                    IdentifyOptions options, const Progress& progress) {
   Identified result = common(files, readings, options);
   ChainFit fit;
+  if (progress) options.orders.progress = [&](double fraction) { progress("orders", fraction); };
   if (options.choose_orders)
     fit.orders = options.model.orders =
         identification::choose_orders(readings, options.model, options.orders).orders;
+  if (progress) progress("fit", 0.0);
   Estimate estimate = identification::estimate(
       identification::model_of(result.nominal, options.model), readings, options.estimate);
   // what the model does not follow counts as noise
@@ -251,9 +254,11 @@ BeliefFiles belief_files(const IdentifyOptions& options) {
   return files;
 }
 
-Identified identified(const Files& files, const IdentifyOptions& options) {
+Identified identified(const Files& files, const IdentifyOptions& options,
+                      const Progress& progress) {
   const std::vector<Readings> readings =
-      read_all(files, options.method == IdentifyOptions::Method::Thermal);
+      read_all(files, options.method == IdentifyOptions::Method::Thermal, progress);
+  if (progress && options.method != IdentifyOptions::Method::Chain) progress("fit", 0.0);
   try {
     switch (options.method) {
       case IdentifyOptions::Method::StepDiagonal:
@@ -265,7 +270,7 @@ Identified identified(const Files& files, const IdentifyOptions& options) {
       case IdentifyOptions::Method::Chain:
         break;
     }
-    return by_chain(files, readings, options);
+    return by_chain(files, readings, options, progress);
   } catch (const std::invalid_argument& fault) {
     throw BadInput(names_of(files), 0, 0, "readings from which a machine can be identified",
                    fault.what());

@@ -14,6 +14,7 @@
 #include "sim/calibration/identify_composite.h"
 #include "sim/calibration/identify_thermal.h"
 #include "sim/files/permissions.h"
+#include "sim/files/progress.h"
 
 namespace abbe::sim {
 
@@ -106,8 +107,9 @@ struct Identified {
 
 /// Identifies a machine from files of readings alone. Says which numbers no reading determines,
 /// what hides them, what was left out, and how long the measurements would take.
+/// @param progress  shows the stages "read", "orders" where they are chosen, and "fit"
 /// @throws BadInput, BadScene; BadInput naming the files if they are of different machines
 Identified identified(const std::vector<std::filesystem::path>& files,
-                      const IdentifyOptions& options);
+                      const IdentifyOptions& options, const Progress& progress = {});
 
 }  // namespace abbe::sim

@@ -17,8 +17,7 @@ namespace {
 
 Exit check(const Common& common, bool picture) {
   const Scene scene = read_scene(common.scene, overrides(common));
-  const Job job = prepare(scene);
-  check_reaches_part(job);
+  const Job job = placed(prepare(scene));
   Description description = describe(job);
   description.programs = judged(scene.programs, common.permissions);
   if (picture) {
@@ -35,7 +34,10 @@ Exit check(const Common& common, bool picture) {
 
 Command check_command(Common& common) {
   const auto picture = std::make_shared<bool>(false);
-  return {"check", "Validate a scene and say how it was understood; cut nothing",
+  return {"check",
+          "Validate a scene and say how it was understood; cut nothing",
+          {"abbe check scenes/gantry_dome.toml --picture --out out/check",
+           "abbe check scenes/gantry_dome.toml --set tool=library:bull_r6_r1 --json"},
           scene_options(common, {result_folder_option(common),
                                  force_option(common),
                                  trust_option(common),

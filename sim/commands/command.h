@@ -53,6 +53,7 @@ struct Option {
 
 struct Command {
   std::string name, summary;
+  std::vector<std::string> examples;  ///< whole lines: "abbe run scenes/gantry_dome.toml"
   std::vector<Option> options;
   std::function<Exit()> run;  ///< with its options read
   std::string footer = {};
@@ -68,6 +69,7 @@ struct Common {
   int threads = 0;  ///< 0: all
   bool json = false;
   Permissions permissions;
+  std::string commit;  ///< from which the program was built
 };
 
 // options that several commands have

@@ -1,14 +1,18 @@
 #include "sim/commands/command_line.h"
 
+#include <algorithm>
 #include <map>
+#include <set>
 #include <sstream>
 
+#include <fmt/format.h>
 #include <tbb/global_control.h>
 #include <CLI/CLI.hpp>
-#include <nlohmann/json.hpp>
 
+#include "sim/commands/version_text.h"
 #include "sim/files/terminal.h"
-#include "sim/files/versions.h"
+#include "sim/scene/library.h"
+#include "sim/scene/nearest_word.h"
 
 namespace abbe::sim {
 namespace {
@@ -26,6 +30,18 @@ CLI::Option* bound(CLI::App& app, const Option& option) {
       option.target);
 }
 
+/// "expected one of a, b (nearest: b), seen c"
+std::string slip(const std::string& expected, const std::string& seen,
+                 const std::set<std::string>& words) {
+  const auto meant = nearest(seen, words);
+  return fmt::format("expected {}{}, seen {}", expected, meant ? " (nearest: " + *meant + ")" : "",
+                     seen);
+}
+
+std::string joined(const std::vector<std::string>& words) {
+  return fmt::format("{}", fmt::join(words, ", "));
+}
+
 /// Makes a rule hold for an option.
 struct Holding {
   const Option& option;
@@ -39,7 +55,13 @@ struct Holding {
     else
       added.check(CLI::Range(rule.least, rule.most));
   }
-  void operator()(const OneOf& rule) const { added.check(CLI::IsMember(rule.values)); }
+  void operator()(const OneOf& rule) const {
+    const auto fault = [values = rule.values](const std::string& word) -> std::string {
+      if (std::ranges::find(values, word) != values.end()) return {};
+      return slip("one of " + joined(values), word, {values.begin(), values.end()});
+    };
+    added.check(fault, "{" + joined(rule.values) + "}");
+  }
   void operator()(const Commas&) const { added.delimiter(',')->allow_extra_args(); }
   void operator()(const Bare&) const { added.expected(0, 1); }
   void operator()(const Excludes& rule) const {
@@ -70,7 +92,39 @@ void add(CLI::App& app, const Command& command) {
     add(where, command.where, added);
     where.require_option(1);
   }
-  if (!command.footer.empty()) sub.footer(command.footer);
+  std::string footer = "Examples:\n";
+  for (const std::string& line : command.examples) footer += "  " + line + "\n";
+  sub.footer(footer + command.footer);
+}
+
+/// A word that is no command; empty where the command line begins as it should.
+std::string no_command(const std::vector<Command>& commands, int argc, char** argv) {
+  if (argc < 2) return {};
+  const std::string seen = argv[1];
+  const bool option = seen.starts_with('-');
+  std::set<std::string> words;
+  if (option)
+    words = {"-h", "--help", "--version"};
+  else
+    for (const Command& command : commands) words.insert(command.name);
+  if (words.contains(seen)) return {};
+  return slip(option ? "a command, --help or --version" : "a command", seen, words) +
+         "; abbe --help lists them";
+}
+
+/// The first word that looks like an option of a command and is none; empty if there is none.
+std::string no_option(const Command& command, int argc, char** argv) {
+  std::set<std::string> words{"-h", "--help"};
+  for (const std::vector<Option>& options : {command.options, command.where})
+    for (const Option& option : options)
+      if (option.name.starts_with('-')) words.insert(option.name);
+  for (int i = 2; i < argc; ++i) {
+    const std::string word = argv[i], name = word.substr(0, word.find('='));
+    if (name.size() > 1 && name.starts_with('-') && !words.contains(name))
+      return slip("an option of " + command.name, name, words) + "; abbe " + command.name +
+             " --help lists them";
+  }
+  return {};
 }
 
 Exit exit_of(const CLI::App& app, const CLI::ParseError& why) {
@@ -83,33 +137,60 @@ Exit exit_of(const CLI::App& app, const CLI::ParseError& why) {
 
 }  // namespace
 
-Exit run_command_line(const std::vector<Command>& commands, const Common& common, int argc,
-                      char** argv) {
+namespace {
+
+/// Fills the words of a command.
+/// @return it, or the exit where help was asked for or a fault of usage was printed
+std::variant<const Command*, Exit> parsed(const std::vector<Command>& commands,
+                                          const std::string& version, int argc, char** argv) {
   CLI::App app{
       "abbe: a virtual five-axis machine tool that is wrong on purpose.\n"
       "It cuts a part on a machine with errors and shows, in micrometres on the design surface, "
       "what they\ndid, with and without a compensator.\n\n"
-      "Start with:  abbe compare scenes/gantry_dome.toml"};
-  app.set_version_flag("--version", versions()["abbe"].get<std::string>());
+      "Start with:  abbe new gantry first\n"
+      "             abbe compare first/scene.toml"};
+  app.set_version_flag("--version", version);
   app.require_subcommand(1);
   app.footer(
       "Exit codes: 0 ok, 1 an acceptance limit of the scene was exceeded, 2 usage, 3 input,\n"
       "4 numerical, 5 output, 6 plug-in, 130 interrupted.");
   for (const Command& command : commands) add(app, command);
+  const auto refuse = [](const std::string& why) {
+    print(stderr, "abbe: {}\n", why);
+    return Exit::Usage;
+  };
+  if (const std::string why = no_command(commands, argc, argv); !why.empty()) return refuse(why);
+  const auto named =
+      std::ranges::find(commands, std::string(argc > 1 ? argv[1] : ""), &Command::name);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ValidationError& fault) {
-    print(stderr, "abbe: {}\n", fault.what());
-    return Exit::Usage;
+    return refuse(fault.what());
+  } catch (const CLI::Success& help) {
+    return exit_of(app, help);
   } catch (const CLI::ParseError& why) {
-    return exit_of(app, why);
+    const std::string option = named == commands.end() ? "" : no_option(*named, argc, argv);
+    return option.empty() ? exit_of(app, why) : refuse(option);
   }
+  return &*named;
+}
+
+}  // namespace
+
+Exit parse_command_line(const std::vector<Command>& commands, int argc, char** argv) {
+  const auto result = parsed(commands, "", argc, argv);
+  const Exit* exit = std::get_if<Exit>(&result);
+  return exit ? *exit : Exit::Ok;
+}
+
+Exit run_command_line(const std::vector<Command>& commands, Common& common, int argc, char** argv) {
+  const auto result = parsed(commands, version_text(common.commit), argc, argv);
+  if (const Exit* exit = std::get_if<Exit>(&result)) return *exit;
+  if (common.scene.string().starts_with(library_prefix)) common.scene = library_file(common.scene);
   std::optional<tbb::global_control> limit;
   if (common.threads > 0)
     limit.emplace(tbb::global_control::max_allowed_parallelism, std::size_t(common.threads));
-  for (const Command& command : commands)
-    if (app.got_subcommand(command.name)) return command.run();
-  return Exit::Usage;
+  return std::get<const Command*>(result)->run();
 }
 
 }  // namespace abbe::sim

@@ -7,8 +7,11 @@
 namespace abbe::sim {
 
 /// Reads the command line and runs the command that it names; prints help, the version and faults
-/// of usage.
-Exit run_command_line(const std::vector<Command>& commands, const Common& common, int argc,
-                      char** argv);
+/// of usage, with the nearest command or option. A scene may be named `library:gantry_dome`.
+/// @param common  that the commands were made with
+Exit run_command_line(const std::vector<Command>& commands, Common& common, int argc, char** argv);
+
+/// Reads the command line as `run_command_line` does and runs nothing.
+Exit parse_command_line(const std::vector<Command>& commands, int argc, char** argv);
 
 }  // namespace abbe::sim

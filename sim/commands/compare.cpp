@@ -7,6 +7,8 @@
 #include "sim/commands/choose_sensors.h"
 #include "sim/compensation/plug_in.h"
 #include "sim/cut/reach.h"
+#include "sim/cut/sampling.h"
+#include "sim/cut/stages.h"
 #include "sim/files/output.h"
 #include "sim/loop/compensate.h"
 #include "sim/report/case_files.h"
@@ -19,8 +21,9 @@
 namespace abbe::sim {
 namespace {
 
-Progress to(ProgressLine& line) {
-  return [&line](const std::string& stage, double fraction) { line.report(stage, fraction); };
+/// The job with its part sampled, once it is known to lie where the program cuts.
+Job reaching(Job job, ProgressLine& progress) {
+  return sampled(placed(std::move(job)), to(progress));
 }
 
 /// A job with its cases: the scene itself, or one variant of it.
@@ -34,7 +37,7 @@ struct Batch {
 void cut_cases(const Batch& batch, std::vector<Compared>& cases, std::vector<FailedCase>& failed,
                ProgressLine& progress) {
   const auto named = [&](const std::string& name) { return case_folder(batch.prefix, name); };
-  progress.begin(batch.prefix.empty() ? "error_free" : batch.prefix + ", error-free");
+  progress.begin(named("error_free"));
   Cut free = cut_error_free(batch.job, to(progress));
   check_cuts_part(batch.job, free);
   const Verdict error_free = judge(batch.job, std::move(free), nullptr);
@@ -42,7 +45,6 @@ void cut_cases(const Batch& batch, std::vector<Compared>& cases, std::vector<Fai
   const std::size_t uncompensated = cases.size();
   const auto fails = [&](const std::string& name, const char* reason) {
     failed.push_back({named(name), reason});
-    progress.begin("write " + named(name));
   };
   const auto add = [&](const std::optional<CaseDescription>& compensator) {
     progress.begin(named(compensator ? compensator->name : "uncompensated"));
@@ -64,15 +66,62 @@ void cut_cases(const Batch& batch, std::vector<Compared>& cases, std::vector<Fai
   for (const CaseDescription& compensator : batch.job.scene.cases) add(compensator);
 }
 
+/// Cuts of a scene, or of one variant of it.
+std::vector<Stage> stages_of_cuts(const std::string& prefix, const WorkSize& size,
+                                  const Scene& scene) {
+  const auto named = [&](const std::string& name) { return case_folder(prefix, name); };
+  std::vector<Stage> all = stages_of_error_free(named("error_free"), size) +
+                           stages_of_cut(named("uncompensated"), size, scene, std::nullopt);
+  for (const CaseDescription& one : scene.cases)
+    all = std::move(all) + stages_of_cut(named(one.name), size, scene, one);
+  return all;
+}
+
+/// Files of its cases; the error-free map of a variant is not written.
+std::vector<Stage> stages_of_case_files(const std::string& prefix, const WorkSize& size,
+                                        const Scene& scene) {
+  const auto named = [&](const std::string& name) { return "write " + case_folder(prefix, name); };
+  std::vector<Stage> all;
+  if (prefix.empty()) all = stages_of_files(named("error_free"), size);
+  all = std::move(all) + stages_of_files(named("uncompensated"), size);
+  for (const CaseDescription& one : scene.cases)
+    all = std::move(all) + stages_of_files(named(one.name), size);
+  return all;
+}
+
+/// What a comparison will take, its scenes prepared or not.
+/// @param sizes  of the scene and of its variants, in this order
+std::vector<Stage> stages_of_all(const Scene& scene, const std::vector<Scene>& variants,
+                                 const std::vector<WorkSize>& sizes) {
+  std::vector<Stage> cuts = stages_of_cuts("", sizes.front(), scene);
+  std::vector<Stage> files = stages_of_case_files("", sizes.front(), scene);
+  double maps = 2.0 + double(scene.cases.size());
+  for (std::size_t i = 0; i < variants.size(); ++i) {
+    const std::string& name = scene.variants[i].name;
+    cuts = std::move(cuts) + stages_of_cuts(name, sizes[i + 1], variants[i]);
+    files = std::move(files) + stages_of_case_files(name, sizes[i + 1], variants[i]);
+    maps += 1.0 + double(variants[i].cases.size());
+  }
+  std::vector<Stage> sensors;
+  if (scene.sensor_choice) sensors = {{"choose sensors", "sensors", 2.0}};
+  return std::move(cuts) + std::move(files) + std::move(sensors) +
+         stages_of_comparison("write comparison", sizes.front(), maps);
+}
+
 void collect(std::vector<std::string>& all, const Limits& limits, const Verdict& verdict) {
   for (std::string& one : exceeded(limits, verdict)) all.push_back(std::move(one));
+}
+
+/// The compensator of a case that `run` cuts; none where it is cut as programmed.
+std::optional<CaseDescription> compensator_of(const std::string& case_name) {
+  if (case_name == "error_free" || case_name == "uncompensated") return std::nullopt;
+  return parse_case(case_name);
 }
 
 /// `run` cuts the case that is named, else the uncompensated machine.
 Cut cut_one(const Job& job, const std::string& case_name, const Progress& progress) {
   if (case_name == "error_free") return cut_error_free(job, progress);
-  if (case_name.empty() || case_name == "uncompensated") return cut(job, std::nullopt, progress);
-  return cut(job, parse_case(case_name), progress);
+  return cut(job, compensator_of(case_name), progress);
 }
 
 /// The scene with the plug-ins of the command line among its cases, each a folder of its own.
@@ -133,16 +182,26 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   if (!options.case_name.empty() || !options.plug_ins.empty()) trust(scene, name);
   const ResultFolder folder(options.folder, writer_of(scene, options.permissions));
   check_names(folder);
-  ProgressLine progress(2);
+  const std::string shown = name.empty() ? "uncompensated" : name;
+  const auto rest = [&](const WorkSize& size) {
+    return (shown == "error_free" ? stages_of_error_free(shown, size)
+                                  : stages_of_cut(shown, size, scene, compensator_of(shown))) +
+           stages_of_files("write", size);
+  };
+  const WorkSize expected = expected_size(scene);
+  ProgressLine progress(stages_of_preparing("prepare", expected) +
+                        stages_of_sampling("prepare", expected, scene) +
+                        rest(once_sampled(expected, scene)));
   progress.begin("prepare");
-  const Job job = prepare(scene, to(progress));
-  check_reaches_part(job);
-  progress.begin(name.empty() ? "uncompensated" : name);
-  Cut made = cut_one(job, name, to(progress));
+  const Job job = reaching(prepare(scene, to(progress)), progress);
+  progress.replan(rest(size_of(job)));
+  progress.begin(shown);
+  Cut made = cut_one(job, shown, to(progress));
   check_cuts_part(job, made);
+  progress.begin("write");
   const Verdict verdict = judge(job, std::move(made), nullptr);
   write_program(folder, job);
-  write_case(folder, job, verdict);
+  write_case(folder, job, verdict, options.formats, to(progress));
   Outcome outcome{summary(job, verdict), {}, {}, {}};
   if (scene.sensor_choice)
     outcome.sensors = choose_sensors(folder, scene, read_variants(scene, options.overrides));
@@ -159,18 +218,29 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   check_names(folder);
   check_cases(folder, scene, variants, writer_of(scene, options.permissions));
 
-  int parts = 2;  // preparing, and the comparison at the end
-  const auto count = [&](const Scene& one) { parts += 2 * (2 + int(one.cases.size())); };
-  count(scene);
-  for (const Scene& variant : variants) count(variant);
-  ProgressLine progress(parts);
-  progress.begin("prepare");
+  const auto preparing = [&](std::size_t i) {
+    return i == 0 ? std::string("prepare") : "prepare " + scene.variants[i - 1].name;
+  };
+  std::vector<WorkSize> sizes{expected_size(scene)};
+  for (const Scene& variant : variants) sizes.push_back(expected_size(variant));
+  std::vector<Stage> plan;
+  for (std::size_t i = 0; i < sizes.size(); ++i) {
+    const Scene& one = i == 0 ? scene : variants[i - 1];
+    plan = std::move(plan) + stages_of_preparing(preparing(i), sizes[i]) +
+           stages_of_sampling(preparing(i), sizes[i], one);
+    sizes[i] = once_sampled(sizes[i], one);
+  }
+  ProgressLine progress(std::move(plan) + stages_of_all(scene, variants, sizes));
   std::vector<Batch> batches;
   batches.reserve(1 + variants.size());
-  batches.push_back({"", prepare(scene, to(progress))});
-  for (std::size_t i = 0; i < variants.size(); ++i)
-    batches.push_back({scene.variants[i].name, prepare(variants[i], to(progress))});
-  for (const Batch& batch : batches) check_reaches_part(batch.job);
+  for (std::size_t i = 0; i < sizes.size(); ++i) {
+    progress.begin(preparing(i));
+    batches.push_back(
+        {i == 0 ? "" : scene.variants[i - 1].name,
+         reaching(prepare(i == 0 ? scene : variants[i - 1], to(progress)), progress)});
+    sizes[i] = size_of(batches.back().job);
+  }
+  progress.replan(stages_of_all(scene, variants, sizes));
   std::vector<Compared> cases;
   std::vector<FailedCase> failed;
   for (const Batch& batch : batches) cut_cases(batch, cases, failed, progress);
@@ -185,15 +255,17 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   for (std::size_t i = 0; i < cases.size(); ++i) {
     const Compared& one = cases[i];
     progress.begin("write " + one.verdict.cut.name);
-    write_case(folder.inside(one.verdict.cut.name), *one.job, one.verdict);
+    write_case(folder.inside(one.verdict.cut.name), *one.job, one.verdict, options.formats,
+               to(progress));
     // where there are compensators, they are what is accepted or not
     if (compensates ? one.uncompensated.has_value() : i > 0)
       collect(outcome.exceeded, one.job->scene.limits, one.verdict);
   }
+  if (scene.sensor_choice) progress.begin("choose sensors");
   outcome.sensors = choose_sensors(folder, scene, variants);
   write_json(folder / "comparison.json", to_json(compared));
   progress.begin("write comparison");
-  write_comparison_picture(folder / "comparison.png", scene, cases);
+  write_comparison_picture(folder / "comparison.png", scene, cases, to(progress));
   return outcome;
 }
 

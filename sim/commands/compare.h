@@ -9,6 +9,7 @@
 #include "sim/calibration/thermal_choice.h"
 #include "sim/files/permissions.h"
 #include "sim/files/progress.h"
+#include "sim/report/result_files.h"
 #include "sim/report/summary.h"
 
 namespace abbe::sim {
@@ -17,6 +18,7 @@ struct RunOptions {
   std::vector<Override> overrides;
   std::filesystem::path folder;  ///< every file goes there
   Permissions permissions;
+  std::vector<std::string> formats = usual_map_formats();  ///< in which maps are saved
   std::string case_name;  ///< `run`: error_free, uncompensated or a compensator; empty: what
                           ///< the scene names, else uncompensated
   std::vector<std::filesystem::path> plug_ins;  ///< compensators of the user's own; `compare`: more

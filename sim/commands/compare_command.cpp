@@ -6,14 +6,28 @@
 
 namespace abbe::sim {
 
+namespace {
+
+struct CompareWords {
+  std::vector<std::filesystem::path> compensators;
+  std::vector<std::string> formats;
+};
+
+}  // namespace
+
 Command compare_command(Common& common) {
-  using Files = std::vector<std::filesystem::path>;
-  const auto compensators = std::make_shared<Files>();
-  return {"compare", "Cut error-free, uncompensated and every compensator of the scene",
-          scene_options(common, {result_folder_option(common), force_option(common),
-                                 trust_option(common), compensator_option(*compensators)}),
-          [compensators, &common] {
-            const RunOptions options = run_options(common, *compensators);
+  const auto words = std::make_shared<CompareWords>();
+  return {"compare",
+          "Cut error-free, uncompensated and every compensator of the scene",
+          {"abbe compare scenes/gantry_dome.toml --out out/dome",
+           "abbe compare scenes/gantry_dome.toml --compensator scenes/compensators/table.py --out "
+           "out/own",
+           "abbe compare scenes/gantry_dome.toml --save csv,json --out out/tables"},
+          scene_options(common,
+                        {result_folder_option(common), force_option(common), trust_option(common),
+                         compensator_option(words->compensators), save_option(words->formats)}),
+          [words, &common] {
+            const RunOptions options = run_options(common, words->compensators, words->formats);
             return print_outcome(common, options, compare(common.scene, options));
           }};
 }

@@ -45,6 +45,8 @@ Command evaluate_command(Common& common) {
   const auto readings = std::make_shared<std::filesystem::path>();
   return {"evaluate",
           "Evaluate readings by the standards (ISO 230, 25178)",
+          {"abbe evaluate out/calibration/laser.csv --out out/laser",
+           "abbe evaluate out/calibration/ball_bar.csv --json"},
           {{"READINGS", readings.get(),
             "a file that measure wrote, position readings as CSV, or a laser's position file"},
            json_option(common),

@@ -35,6 +35,7 @@ Command explain_command() {
   const auto key = std::make_shared<std::string>();
   return {"explain",
           "Say what a key of a scene or study is: unit, range, default",
+          {"abbe explain part.radius_mm", "abbe explain study.monte_carlo"},
           {{"KEY", key.get(),
             "part.radius_mm, a section such as view, study.monte_carlo, or radius_mm"}},
           [key] { return print_explanation(*key); }};

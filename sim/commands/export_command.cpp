@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "sim/cut/stages.h"
 #include "sim/files/output.h"
 #include "sim/files/terminal.h"
 #include "sim/loop/compensate.h"
@@ -38,10 +39,22 @@ Exported export_tables(const std::filesystem::path& file, const ExportOptions& o
   const CaseDescription compensator = parse_case(options.case_name);
   trust(scene, compensator);
   const ResultFolder folder(options.folder, writer_of(scene, options.permissions));
-  const Job job = prepare(scene);
+  const auto rest = [&](const WorkSize& size) {
+    return stages_of_commands(compensator.name, size, scene, compensator) +
+           std::vector<Stage>{{"write", "tables", 0.5}};
+  };
+  ProgressLine progress(stages_of_preparing("prepare", expected_size(scene)) +
+                        rest(expected_size(scene)));
+  progress.begin("prepare");
+  const Job job = prepare(scene, to(progress));
+  progress.replan(rest(size_of(job)));
+  progress.begin(compensator.name);
   const ControlFormat format =
       options.format.value_or(scene.compensation.table.format.value_or(ControlFormat::LinuxCnc));
-  const compensation::Export out = exported(job, learnt(job, compensator), format);
+  const Learnt known = learnt(job, compensator, to(progress));
+  progress.begin("write");
+  progress.report("tables", 0.0);
+  const compensation::Export out = exported(job, known, format);
   Exported done{scene.title, options.case_name, format, {}, out.left_out, out.notes};
   for (const compensation::ControlFile& one : out.files) {
     write_file(folder / one.name, one.text);
@@ -93,7 +106,11 @@ Exit print_exported(const Common& common, ExportWords words) {
 
 Command export_command(Common& common) {
   const auto words = std::make_shared<ExportWords>();
-  return {"export", "Write the compensation tables of a scene as a control reads them",
+  return {"export",
+          "Write the compensation tables of a scene as a control reads them",
+          {"abbe export scenes/platform_plane.toml --out out/tables",
+           "abbe export scenes/gantry_channels.toml --format siemens --case perfect-position-table "
+           "--out out/siemens"},
           scene_options(common, {{"--out", &common.out, "folder for the tables (out/SCENE/tables)"},
                                  force_option(common),
                                  trust_option(common),

@@ -9,6 +9,7 @@
 
 #include "kinematics/text.h"
 #include "sim/files/output.h"
+#include "sim/files/progress.h"
 #include "sim/files/terminal.h"
 #include "sim/report/belief_text.h"
 #include "sim/report/identify_json.h"
@@ -24,6 +25,24 @@ std::vector<std::filesystem::path> all_of(const BeliefFiles& files) {
   return all;
 }
 
+/// By the bytes of the readings, of which a row has about sixty.
+std::vector<Stage> stages_of(const std::vector<std::filesystem::path>& files,
+                             const IdentifyOptions& options) {
+  constexpr double s_of_row_read = 1e-5, s_of_row_fitted = 4e-4, s_of_order_tried = 2e-4;
+  double rows = 0.0;
+  for (const std::filesystem::path& file : files) {
+    std::error_code failure;
+    const auto bytes = std::filesystem::file_size(file, failure);
+    if (!failure) rows += double(bytes) / 60.0;
+  }
+  std::vector<Stage> stages{{"identify", "read", s_of_row_read * rows}};
+  if (options.choose_orders)
+    stages.push_back({"identify", "orders", s_of_order_tried * options.orders.most * rows});
+  stages.push_back({"identify", "fit", s_of_row_fitted * rows});
+  stages.push_back({"write", "draw", 2.0});
+  return stages;
+}
+
 }  // namespace
 
 Identified identify(const std::vector<std::filesystem::path>& files,
@@ -31,7 +50,11 @@ Identified identify(const std::vector<std::filesystem::path>& files,
   const Writer writer{options.permissions, files};  // readings are never written over
   const BeliefFiles out = belief_files(options);
   for (const std::filesystem::path& file : all_of(out)) check_file(file, writer);
-  Identified found = identified(files, options);
+  ProgressLine progress(stages_of(files, options));
+  progress.begin("identify");
+  Identified found = identified(files, options, to(progress));
+  progress.begin("write");
+  progress.report("draw", 0.0);
   write_table(result_file(out.belief, writer), belief_text(found));
   write_json(result_file(out.report, writer), to_json(found));
   if (out.thermal) write_table(result_file(*out.thermal, writer), thermal_half_text(found));
@@ -139,7 +162,12 @@ std::vector<Option> identify_options(Common& common, IdentifyWords& words) {
 
 Command identify_command(Common& common) {
   const auto words = std::make_shared<IdentifyWords>();
-  return {"identify", "Find the errors of a machine from readings; write a belief file",
+  return {"identify",
+          "Find the errors of a machine from readings; write a belief file",
+          {"abbe identify out/calibration/*.csv --choose-orders --pitch X=16,Y=16,Z=12 --out "
+           "out/belief.toml",
+           "abbe identify out/day/drift.csv --method thermal --sensor-count 4 --out "
+           "out/belief_thermal.txt"},
           identify_options(common, *words),
           [words, &common] { return print_identified(common, *words); }};
 }

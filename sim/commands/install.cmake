@@ -1,7 +1,6 @@
 # What `cmake --install` brings: the program with its man page and scenes (component program), and the
 # headers, libraries and abbeConfig.cmake for programs of others (component development). `cpack -G
 # DEB` makes a package of each.
-include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 install(TARGETS abbe RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)

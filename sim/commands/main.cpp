@@ -1,23 +1,12 @@
 #include <string>
-#include <vector>
 
-#include "sim/commands/check_command.h"
+#include "sim/commands/all_commands.h"
 #include "sim/commands/command_line.h"
-#include "sim/commands/compare_command.h"
-#include "sim/commands/evaluate_command.h"
-#include "sim/commands/explain_command.h"
-#include "sim/commands/export_command.h"
-#include "sim/commands/identify_command.h"
-#include "sim/commands/measure_command.h"
-#include "sim/commands/pose_command.h"
-#include "sim/commands/render_command.h"
-#include "sim/commands/rewrite_command.h"
-#include "sim/commands/run_command.h"
-#include "sim/commands/schema_command.h"
-#include "sim/commands/study_command.h"
 #include "sim/compensation/plug_in.h"
 #include "sim/files/progress.h"
 #include "sim/study/ranks.h"
+
+extern const char* const abbe_commit;  // commit.cmake writes it
 
 namespace {
 
@@ -36,20 +25,9 @@ int main(int argc, char** argv) {
   watch_interrupts();
   Common common;
   common.permissions.command = as_typed(argc, argv);
-  const std::vector<Command> commands{run_command(common),
-                                      compare_command(common),
-                                      check_command(common),
-                                      render_command(common),
-                                      pose_command(common),
-                                      measure_command(common),
-                                      identify_command(common),
-                                      evaluate_command(common),
-                                      rewrite_command(common),
-                                      export_command(common),
-                                      study_command(common, argc, argv),
-                                      schema_command(),
-                                      explain_command()};
-  const Exit code = exit_code([&] { return run_command_line(commands, common, argc, argv); });
+  common.commit = abbe_commit;
+  const Exit code = exit_code(
+      [&] { return run_command_line(all_commands(common, argc, argv), common, argc, argv); });
   study::leave_ranks(int(code));
   return int(code);
 }

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/cut/reach.h"
+#include "sim/cut/stages.h"
 #include "sim/files/output.h"
 #include "sim/files/terminal.h"
 #include "sim/loop/compensate.h"
@@ -18,10 +19,15 @@ namespace {
 
 using errors::metrology::Readings;
 
-Cut cut_case(const Job& job, const std::string& name) {
-  if (name == "error_free") return cut_error_free(job);
-  if (name.empty() || name == "uncompensated") return cut(job);
-  return cut(job, parse_case(name));
+/// None for a case without.
+std::optional<CaseDescription> compensator_of_part(const std::string& name) {
+  if (name.empty() || name == "error_free" || name == "uncompensated") return std::nullopt;
+  return parse_case(name);
+}
+
+Cut cut_case(const Job& job, const std::string& name, const Progress& progress) {
+  if (name == "error_free") return cut_error_free(job, progress);
+  return cut(job, compensator_of_part(name), progress);
 }
 
 /// Instruments to use: those named, or every one of the scene.
@@ -47,12 +53,26 @@ struct CutAndMeasured {
   std::vector<std::string> warnings;  ///< of the cut
 };
 
-CutAndMeasured cut_and_measured(const Scene& scene, const PartInstrumentDescription& instrument) {
-  const Job job = prepare(scene);
-  check_reaches_part(job);
-  const Cut made = cut_case(job, instrument.case_name);
+CutAndMeasured cut_and_measured(const Scene& scene, const PartInstrumentDescription& instrument,
+                                const Progress& progress = {}) {
+  const Job job = placed(prepare(scene, progress));
+  const Cut made = cut_case(job, instrument.case_name, progress);
   check_cuts_part(job, made);
   return {measured_part(job, made, instrument), warnings_of(job, made)};
+}
+
+/// What measuring will take: the machine in a moment, a part as long as it is cut.
+std::vector<Stage> stages_of(const Scene& scene, const Chosen& chosen) {
+  std::vector<Stage> stages;
+  if (!chosen.of_machine.empty())
+    stages = {{"machine", "measure", 0.1 * double(chosen.of_machine.size())}};
+  const WorkSize size = expected_size(scene);
+  for (const PartInstrumentDescription& one : chosen.of_part)
+    stages = std::move(stages) + stages_of_preparing(one.name, size) +
+             (one.case_name == "error_free"
+                  ? stages_of_error_free(one.name, size)
+                  : stages_of_cut(one.name, size, scene, compensator_of_part(one.case_name)));
+  return stages;
 }
 
 /// The file of an instrument, with at least one reading.
@@ -79,6 +99,8 @@ std::vector<Measured> measure(const std::filesystem::path& file, const MeasureOp
   for (const PartInstrumentDescription& one : instruments.of_part)
     check_file(folder / (one.name + ".csv"));
   std::vector<Measured> written;
+  ProgressLine progress(stages_of(scene, instruments));
+  if (!instruments.of_machine.empty()) progress.begin("machine");
   const std::vector<Readings> all = measured(scene, instruments.of_machine);
   for (std::size_t i = 0; i < all.size(); ++i) {
     const Readings& readings = all[i];
@@ -90,7 +112,8 @@ std::vector<Measured> measure(const std::filesystem::path& file, const MeasureOp
     write_table(csv, to_text(readings));
   }
   for (const PartInstrumentDescription& one : instruments.of_part) {
-    const CutAndMeasured part = cut_and_measured(scene, one);
+    progress.begin(one.name);
+    const CutAndMeasured part = cut_and_measured(scene, one, to(progress));
     const ResultFile csv = folder / (one.name + ".csv");
     const Eigen::VectorXd& t = part.file.readings.time_s;
     written.push_back(whole({csv.path(), std::size_t(t.size()), 1,
@@ -138,7 +161,11 @@ Exit print_measured(const Common& common, const std::vector<std::string>& instru
 Command measure_command(Common& common) {
   const auto instruments = std::make_shared<std::vector<std::string>>();
   return {
-      "measure", "Measure the machine of a scene with virtual instruments",
+      "measure",
+      "Measure the machine of a scene with virtual instruments",
+      {"abbe measure scenes/gantry_calibration.toml --out out/calibration",
+       "abbe measure scenes/gantry_calibration.toml --instrument ball_bar --seed 7 --out "
+       "out/ball_bar"},
       scene_options(common, {{"--out", &common.out, "folder for the readings (out/SCENE/readings)"},
                              force_option(common),
                              trust_option(common),

@@ -21,13 +21,21 @@ Option compensator_option(std::vector<std::filesystem::path>& files) {
           Type{"FILE"}};
 }
 
-RunOptions run_options(const Common& common,
-                       const std::vector<std::filesystem::path>& compensators) {
+Option save_option(std::vector<std::string>& formats) {
+  return {"--save", &formats,
+          "files of the map, residual.FORMAT, in place of residual.vtp alone: ply for MeshLab and "
+          "CloudCompare, stl the machined surface, csv, npz for NumPy, json what it is",
+          OneOf{map_formats()}, Commas{}};
+}
+
+RunOptions run_options(const Common& common, const std::vector<std::filesystem::path>& compensators,
+                       const std::vector<std::string>& formats) {
   RunOptions options;
   options.overrides = overrides(common);
   options.folder = result_folder(common);
   options.permissions = common.permissions;
   options.plug_ins = compensators;
+  if (!formats.empty()) options.formats = formats;
   for (const std::filesystem::path& file : compensators) {
     try {
       plug_in_case(file);
@@ -52,6 +60,9 @@ Exit print_outcome(const Common& common, const RunOptions& options, const Outcom
   std::visit([](const auto& figures) { print_warnings(figures.warnings); }, outcome.figures);
   if (!draws_pictures())
     print(stderr, "abbe: warning: this program was built without VTK: no pictures and no .vtp\n");
+  const std::string font =
+      std::visit([](const auto& figures) { return font_warning(figures.scene); }, outcome.figures);
+  if (!font.empty()) print(stderr, "abbe: warning: {}\n", font);
   for (const std::string& limit : outcome.exceeded) print(stderr, "abbe: {}\n", limit);
   for (const std::string& failure : outcome.failed) print(stderr, "abbe: {}\n", Lines(failure));
   if (!outcome.failed.empty()) return Exit::PlugIn;

@@ -10,11 +10,15 @@ namespace abbe::sim {
 /// --compensator of `run` and `compare`.
 Option compensator_option(std::vector<std::filesystem::path>& files);
 
+/// --save of both.
+Option save_option(std::vector<std::string>& formats);
+
 /// What the options of `run` and `compare` ask for.
 /// @param compensators  files of plug-ins
+/// @param formats       of maps; empty: as usual
 /// @throws BadUsage for one that is not there or whose name no folder can have
-RunOptions run_options(const Common& common,
-                       const std::vector<std::filesystem::path>& compensators);
+RunOptions run_options(const Common& common, const std::vector<std::filesystem::path>& compensators,
+                       const std::vector<std::string>& formats);
 
 /// Prints the figures of a cut or of a comparison, and what exceeds a limit or failed.
 Exit print_outcome(const Common& common, const RunOptions& options, const Outcome& outcome);

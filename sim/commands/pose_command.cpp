@@ -65,8 +65,9 @@ void print_many(const IdleMachine& idle, const PoseCommand& command) {
   warn(warnings);
   std::optional<ProgressLine> progress;
   if (poses.size() > worth_a_line) {
-    progress.emplace(1);
-    progress->begin(fmt::format("{} poses", poses.size()));
+    const std::string part = fmt::format("{} poses", poses.size());
+    progress.emplace(std::vector<Stage>{{part, "poses", 1e-5 * double(poses.size())}});
+    progress->begin(part);
   }
   ProgressLine* const shown = progress ? &*progress : nullptr;
   if (!out) {
@@ -150,6 +151,9 @@ Command pose_command(Common& common) {
   const auto asked = std::make_shared<PoseCommand>();
   return {"pose",
           "Where the tool is and should be: at a pose, many, everywhere",
+          {"abbe pose scenes/gantry_dome.toml --at \"X=100 Y=0 Z=50 A=30 C=90\" --elements all",
+           "abbe pose scenes/gantry_dome.toml --grid \"X=-200:200:9 Y=::9 Z=0:300:7 A=30\" --out "
+           "out/volume"},
           scene_options(
               common,
               {force_option(common),
@@ -161,9 +165,6 @@ Command pose_command(Common& common) {
                {"--out", &asked->out,
                 "of --at-file a .csv or .json file, of --grid a folder (out/SCENE/volumetric)"}}),
           [asked, &common] { return execute(common, *asked); },
-          "Examples:\n"
-          "  abbe pose scenes/gantry_dome.toml --at-file poses.csv --elements all --out out.csv\n"
-          "  abbe pose scenes/gantry_dome.toml --grid \"X=-200:200:9 Y=::9 Z=0:300:7 A=30\"\n"
           "Columns and files are explained in scenes/README.md, Poses.",
           {{"--at", &asked->at, "one pose in mm and degrees: \"X=100 Y=0 Z=50 A=30 C=90\"",
             Excludes{{"--out"}}},

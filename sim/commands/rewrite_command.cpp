@@ -10,6 +10,7 @@
 #include "kinematics/escape.h"
 #include "kinematics/units.h"
 #include "sim/cut/reach.h"
+#include "sim/cut/stages.h"
 #include "sim/files/output.h"
 #include "sim/files/progress.h"
 #include "sim/files/terminal.h"
@@ -88,26 +89,33 @@ Rewritten rewrite(const std::filesystem::path& file, const RewriteCommandOptions
   Scene scene = read_trusted_scene(file, options.overrides, options.permissions);
   const CaseDescription compensator = chosen_case(scene, options.case_name);
   if (!options.case_name.empty()) trust(scene, compensator);
-  ProgressLine progress(2);
-  const auto report = [&](const std::string& stage, double fraction) {
-    progress.report(stage, fraction);
+  const auto rest = [&](const WorkSize& size) {
+    return stages_of_commands(compensator.name, size, scene, compensator) +
+           stages_of_words("write", size);
   };
+  ProgressLine progress(stages_of_preparing("prepare", expected_size(scene)) +
+                        rest(expected_size(scene)));
   progress.begin("prepare");
-  const Job job = prepare(scene, report);
+  const Job job = prepare(scene, to(progress));
   const ResultFile out = out_file(job, options);
+  progress.replan(rest(size_of(job)));
   progress.begin(compensator.name);
-  const Commands commands = compensate(job, compensator, report);
+  const Commands commands = compensate(job, compensator, to(progress));
   check_travel(job, commands);
+  progress.begin("write");
+  progress.report("words", 0.0);
+  const WordChange change = word_change(job, commands);
   write_file(out, commands.rewritten_program);
 
-  const WordChange change = word_change(job, commands);
   const CompensationDescription& words = scene.compensation;
   std::optional<Rewritten::Words> step;
   if (!is_pvt(job.path)) step = {words.word_resolution, words.angle_resolution / units::deg};
   std::vector<std::string> warnings = job.warnings;
   warnings.insert(warnings.end(), commands.warnings.begin(), commands.warnings.end());
-  if (const auto fault = missed_part(job))
-    warnings.push_back(fmt::format("nothing of the part is cut: {}", fault->what()));
+  const Placement place = placement(job);
+  warnings.insert(warnings.end(), place.warnings.begin(), place.warnings.end());
+  if (place.fault)
+    warnings.push_back(fmt::format("nothing of the part is cut: {}", place.fault->what()));
   if (commands.not_converged > 0)
     warnings.push_back(fmt::format("{} of {} corrections did not converge", commands.not_converged,
                                    job.samples.states.size()));
@@ -178,7 +186,11 @@ Exit print_rewritten(const Common& common, const std::string& case_name) {
 Command rewrite_command(Common& common) {
   const auto case_name = std::make_shared<std::string>();
   return {
-      "rewrite", "Write the program of a scene with a compensator's corrections in it",
+      "rewrite",
+      "Write the program of a scene with a compensator's corrections in it",
+      {"abbe rewrite scenes/gantry_dome.toml --out out/dome.ngc",
+       "abbe rewrite scenes/platform_plane.toml --case identified-position-program --out "
+       "out/plane.csv"},
       scene_options(common, {{"--out", &common.out, "file for the program (out/SCENE/rewritten.*)"},
                              force_option(common),
                              trust_option(common),

@@ -10,10 +10,11 @@ namespace {
 struct RunWords {
   std::string case_name;
   std::vector<std::filesystem::path> compensators;
+  std::vector<std::string> formats;
 };
 
 Exit run(const Common& common, const RunWords& words) {
-  RunOptions options = run_options(common, words.compensators);
+  RunOptions options = run_options(common, words.compensators, words.formats);
   options.case_name = words.case_name;
   if (options.plug_ins.size() > 1 || (!options.case_name.empty() && !options.plug_ins.empty()))
     throw BadUsage("--compensator", "expected one case, a --case or a --compensator");
@@ -27,13 +28,18 @@ Exit run(const Common& common, const RunWords& words) {
 
 Command run_command(Common& common) {
   const auto words = std::make_shared<RunWords>();
-  return {"run", "Cut one case of a scene (uncompensated unless --case)",
+  return {"run",
+          "Cut one case of a scene (uncompensated unless --case)",
+          {"abbe run scenes/gantry_dome.toml --case perfect-iterated-ideal --out out/best",
+           "abbe run scenes/gantry_dome.toml --set errors.scale=2 --out out/twice",
+           "abbe run scenes/gantry_dome.toml --save vtp,ply,npz --out out/saved"},
           scene_options(common, {result_folder_option(common),
                                  force_option(common),
                                  {"--case", &words->case_name,
                                   "error_free, uncompensated or belief-strategy-channel"},
                                  trust_option(common),
-                                 compensator_option(words->compensators)}),
+                                 compensator_option(words->compensators),
+                                 save_option(words->formats)}),
           [words, &common] { return run(common, *words); }};
 }
 

@@ -25,6 +25,7 @@ Command schema_command() {
   const auto section = std::make_shared<std::string>("scene");
   return {"schema",
           "Print the JSON Schema of a scene or of a file for one of its sections, for editors",
+          {"abbe schema", "abbe schema --of study"},
           {{"--of", section.get(),
             "scene, study, or a section that may be a file: machine, errors, tool, belief.force"}},
           [section] { return print_schema(*section); },

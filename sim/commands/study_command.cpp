@@ -81,6 +81,8 @@ Command study_command(Common& common, int& argc, char**& argv) {
   return {
       "study",
       "Try thousands of machines: error budgets, sensitivities, tolerances (scenes/studies)",
+      {"abbe study scenes/studies/gantry_dome_budget.toml --out out/budget",
+       "abbe study scenes/studies/gantry_dome_budget.toml --out out/budget --show"},
       {{"STUDY", &common.scene, "study file (TOML); its format is in scenes/studies/README.md"},
        set_option(common, "change a value of the study: --set monte_carlo.cases=100 (repeatable)"),
        seed_option(common, "seed of everything that the study draws"),

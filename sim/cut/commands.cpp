@@ -1,5 +1,7 @@
 #include "sim/cut/commands.h"
 
+#include <algorithm>
+
 #include <tbb/parallel_for.h>
 
 #include "kinematics/bad_input.h"
@@ -47,6 +49,27 @@ Commands as_programmed(const Machine& machine, const program::Path& path,
   result.samples = samples;
   result.samples.states = commanded(machine.control, path, samples, machine.nominal, offset_w);
   return result;
+}
+
+Commands joined(std::vector<Commands> parts) {
+  if (parts.size() == 1) return std::move(parts.front());
+  Commands all;
+  for (const Commands& part : parts) {
+    const auto& states = part.samples.states;
+    all.samples.states.insert(all.samples.states.end(), states.begin(), states.end());
+    all.point_left = std::max(all.point_left, part.point_left);
+    all.direction_left = std::max(all.direction_left, part.direction_left);
+    all.not_converged += part.not_converged;
+    for (const std::string& warning : part.warnings)
+      if (std::ranges::find(all.warnings, warning) == all.warnings.end())
+        all.warnings.push_back(warning);
+  }
+  all.stretches = std::move(parts);
+  return all;
+}
+
+const Commands& of_part(const Commands& commands, std::size_t part) {
+  return commands.stretches.empty() ? commands : commands.stretches[part];
 }
 
 }  // namespace abbe::sim

@@ -32,7 +32,16 @@ struct Commands {
   std::size_t not_converged = 0;
   std::string rewritten_program;
   std::vector<std::string> warnings;
+  std::vector<Commands> stretches = {};  ///< of a job with stretches: one for each; of the whole
+                                         ///< then hold the states alone of the samples, what is
+                                         ///< left, and warnings
 };
+
+/// The commands of a job from those of its parts, one for each.
+Commands joined(std::vector<Commands> parts);
+
+/// The commands of a part of a job. @param part  its number among `parts_of`
+const Commands& of_part(const Commands& commands, std::size_t part);
 
 /// Commands of a control for a program that was sampled with `sampled_by`: a tip that is programmed
 /// is reached by the control's own kinematics, and the datum that it found shifts all.

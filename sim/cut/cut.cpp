@@ -2,20 +2,22 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 #include <Eigen/Geometry>
 
+#include "cutting/refine.h"
 #include "cutting/stock.h"
 #include "kinematics/turn_between.h"
 #include "kinematics/units.h"
 #include "sim/cut/accelerations.h"
+#include "sim/cut/cut_warnings.h"
 #include "sim/cut/follow.h"
-#include "sim/cut/revolution_swing.h"
+#include "sim/cut/sampling.h"
 #include "sim/cut/stopwatch.h"
 #include "sim/cut/surface_warnings.h"
+#include "sim/cut/sweep.h"
 #include "sim/cut/tool_motion.h"
 #include "sim/cut/travel.h"
 
@@ -25,15 +27,6 @@ namespace {
 using kinematics::AxisState;
 using kinematics::AxisVector;
 using kinematics::Pose;
-
-/// What does the cutting: the chain whose part turns, the tool in it, and the program it follows.
-struct Cutting {
-  const kinematics::Chain& chain;
-  const std::variant<cutting::Cutter, cutting::Nose>& tool;
-  const program::Path& path;
-  const program::Samples& samples;
-  double explained = 0.0;  ///< mm, of a gouge by the errors
-};
 
 struct PoseErrors {
   Spread tip;
@@ -69,35 +62,89 @@ std::string gouge_text(const ProgramGouge& gouge, int with_flank) {
       cutting::rubbing, gouge.vertices, with_flank, gouge.deepest, gouge.line);
 }
 
-/// A map, and what is to be said of it.
+/// A map, how well it is resolved, and what is to be said of it.
 struct Machined {
   cutting::Surface surface;
+  std::optional<cutting::InterpolationError> interpolation;
   std::vector<std::string> warnings;
 };
 
-Machined machined(const Job& job, const std::vector<Pose>& T_wt, const Cutting& with,
-                  const Progress& progress) {
-  cutting::SurfaceOptions options;
-  options.band = job.scene.band;
-  if (progress) options.progress = [&](double fraction) { progress("surface", fraction); };
-  Machined made;
-  if (const auto* cutter = std::get_if<cutting::Cutter>(&with.tool)) {
-    const cutting::CutterMotion motion = cutter_motion(T_wt, with.samples);
-    made.surface = cutting::milled_surface(job.design_w, *cutter, motion, options);
-    const ProgramGouge gouge = program_gouge(made.surface, with.explained);
-    if (gouge.vertices > 0)
-      made.warnings.push_back(
-          gouge_text(gouge, by_flank(gouge, made.surface, job.design_w, *cutter, motion)));
-  } else {
-    const int spindle = *job.machine.workpiece_spindle;
-    made.surface = cutting::turned_surface(
-        job.design_w, std::get<cutting::Nose>(with.tool),
-        nose_motion(T_wt, with.samples, spindle_line(with.chain, spindle), spindle), options);
-    const ProgramGouge gouge = program_gouge(made.surface, with.explained);
-    if (gouge.vertices > 0) made.warnings.push_back(gouge_text(gouge, 0));
+constexpr double unresolved_warning = 0.02;  // of the surface
+
+/// What a map is asked for: what the vertices were chosen for, or a share of its own range where
+/// that is more.
+double resolution_of(const Job& job, const cutting::Surface& surface) {
+  constexpr double share = 0.02;  // beside a wish of the scene
+  const double sampled = job.sampled->resolution, range = usual_range(surface, job.design_w);
+  const bool wished = job.scene.part.sampling.resolution.has_value();
+  return std::max(sampled, wished ? share * range : cutting::usual_resolution(range));
+}
+
+std::string unresolved_text(const cutting::InterpolationError& error, double resolution,
+                            const cutting::Design& design) {
+  return fmt::format(
+      "the map is too coarse for what the tool left: between its {} vertices, linear interpolation "
+      "misses the surface by more than {:.3g} um at {:.3g} % of it, by {:.3g} um at most: judge by "
+      "form_um, or raise part.points, or part.resolution_um",
+      design.vertices.rows(), resolution / units::um, 100.0 * error.unresolved,
+      error.worst / units::um);
+}
+
+/// How many of the vertices of a gouge the flanks of the sweeps have made.
+int by_flanks(const ProgramGouge& gouge, const cutting::Surface& surface,
+              const cutting::Design& design_w, const std::vector<ToolSweep>& sweeps) {
+  int count = 0;
+  for (const ToolSweep& sweep : sweeps) {
+    const auto* cutter = std::get_if<cutting::Cutter>(&sweep.tool);
+    const auto& states = sweep.samples.states;
+    if (cutter == nullptr || states.empty()) continue;
+    ProgramGouge own = gouge;
+    std::erase_if(own.at, [&](Eigen::Index i) {
+      const double time_s = surface.cut_time_s[i];
+      return !(time_s >= states.front().time_s && time_s <= states.back().time_s);
+    });
+    if (own.at.empty()) continue;
+    count += by_flank(own, surface, design_w, *cutter, cutter_motion(sweep.T_wt, sweep.samples));
   }
-  for (std::string& one : surface_warnings(made.surface, with.path, options.band))
-    made.warnings.push_back(std::move(one));
+  return count;
+}
+
+/// What sweeps the part: the program that is followed, and what the errors explain of a gouge, mm.
+struct Cutting {
+  std::vector<ToolSweep> sweeps;
+  const program::Path& path;
+  double explained = 0.0;
+};
+
+Machined machined(const Job& job, const Cutting& with, const Progress& progress) {
+  if (progress) progress("surface", 0.0);  // the moves are sorted first
+  const Sweep sweep = sweep_of(with.sweeps, options_of(job, progress));
+  Machined made;
+  made.surface = sweep.surface(job.design_w);
+  const ProgramGouge gouge = program_gouge(made.surface, with.explained);
+  if (gouge.vertices > 0)
+    made.warnings.push_back(
+        gouge_text(gouge, by_flanks(gouge, made.surface, job.design_w, with.sweeps)));
+  add_warnings(surface_warnings(made.surface, with.path, job.scene.band), made.warnings);
+  if (job.sampled) {
+    const double wanted = resolution_of(job, made.surface);
+    const cutting::OnSurface between = on_surface(job);
+    const auto cut_at = [&](const cutting::Design& places) {
+      return sweep.surface(in_front_of(job, places));
+    };
+    // vertices that were put on crests do not stand for what is around them
+    if (job.scene.part.sampling.kind == PartSampling::Kind::Adaptive)
+      made.surface.middle = cutting::middle_residuals(job.design_w, made.surface, between, cut_at);
+    made.interpolation =
+        cutting::interpolation_error(job.design_w, made.surface, between, cut_at,
+                                     {.seed = job.scene.seed, .resolution = wanted});
+    if (made.interpolation->places == 0)
+      made.warnings.push_back(
+          "no place between the vertices could be looked at: how well the map "
+          "is resolved is not known");
+    if (made.interpolation->unresolved > unresolved_warning)
+      made.warnings.push_back(unresolved_text(*made.interpolation, wanted, job.design_w));
+  }
   return made;
 }
 
@@ -116,30 +163,6 @@ PoseErrors pose_errors(const std::vector<Pose>& T_wt, const std::vector<Pose>& T
   errors.tip.rms = std::sqrt(errors.tip.rms / n);
   errors.direction.rms = std::sqrt(errors.direction.rms / n);
   return errors;
-}
-
-/// What a scene describes and nothing in it uses, in words.
-std::vector<std::string> idle(const Scene& scene) {
-  std::vector<std::string> warnings;
-  const auto warn = [&](bool is, const char* what) {
-    if (is) warnings.push_back(what);
-  };
-  const bool cuts = scene.cutting && scene.cutting->material;
-  if (scene.compliance) {
-    const errors::ComplianceErrors& soft = *scene.compliance;
-    const bool weighs = (soft.gravity_b || soft.inertia) && !soft.masses.empty();
-    warn(!cuts && !weighs && soft.clamping_w.isZero(0.0),
-         "nothing loads the compliance: it wants [cutting] with a material, masses with gravity or "
-         "inertia, or clamping");
-    warn((soft.gravity_b || soft.inertia) && soft.masses.empty(),
-         "gravity and inertia act on [[compliance.mass]], and there is none");
-    warn(!soft.gravity_b && !soft.inertia && !soft.masses.empty(),
-         "the masses do nothing without gravity or inertia");
-  }
-  warn(scene.signals.dynamometer && !cuts, "the dynamometer reads nothing without cutting forces");
-  warn(scene.signals.current && !cuts && !scene.thermal && !scene.compliance,
-       "signals.csv is written where there is heat, stock or compliance");
-  return warnings;
 }
 
 /// A program as the axes are commanded, on the wrong machine.
@@ -170,8 +193,7 @@ Process followed(const Run& run, const Progress& progress) {
   const auto pose = [&](std::size_t sample, const errors::Load& load) {
     return actual_pose(run, sample, load);
   };
-  return follow(job.scene, job.machine,
-                cutting::transformed(job.design_w, job.scene.part.T_wm.inverse()),
+  return follow(job.scene, job.machine, *job.body_m,
                 {run.commands.samples, run.commands.path ? *run.commands.path : job.path,
                  run.T_wt_wanted, pose, job.truth.actual, job.scene.tool.actual},
                 [&](double fraction) {
@@ -272,43 +294,56 @@ std::span<const double> stroke_of(const Commands& commands) {
   return {commands.piezo->stroke.data(), std::size_t(commands.piezo->stroke.size())};
 }
 
-std::string swing_text(const RevolutionSwing& swing) {
-  const std::string how =
-      swing.leaps > 0
-          ? fmt::format(
-                "on line {} the tool leaps out of the work and back {} times in {} "
-                "revolutions, under up to {:.4g} N, with a gain of force by depth of {:.2f}",
-                swing.line, swing.leaps, swing.revolutions, swing.high, swing.gain)
-          : fmt::format(
-                "for {} revolutions from line {} on the force swings between {:.4g} and "
-                "{:.4g} N from one to the next, a change returns {:.2f} times as large",
-                swing.revolutions, swing.line, swing.low, swing.high, swing.gain);
-  return "the cut does not settle: " + how +
-         ": under the cutting force the tool goes too far into the work, and the surface is one of "
-         "chatter";
-}
-
-/// What went wrong with the cut itself, in words.
-std::vector<std::string> process_warnings(const Scene& scene, const Process& process) {
+/// One part of a job on the wrong machine, its poses found.
+struct Posed {
+  std::vector<Pose> T_wt;
+  Process process;
+  Signals signals;
+  PoseErrors off;
   std::vector<std::string> warnings;
-  if (process.steps.empty()) return warnings;
-  const ProcessTotals all = totals(process);
-  if (all.open > 0)
-    warnings.push_back(
-        fmt::format("force and deflection did not agree to {:.3g} nm at {} of {} steps; they "
-                    "differ by {:.3g} nm at most",
-                    scene.cutting->tolerance / units::nm, all.open, process.steps.size(),
-                    all.disagreement_max / units::nm));
-  if (const auto swing = revolution_swing(process)) warnings.push_back(swing_text(*swing));
-  if (!(all.removed > 0.0)) warnings.push_back("the tool met no material of the blank");
-  if (!process.crash_lines.empty())
-    warnings.push_back(fmt::format("a rapid or the shank met material on {} lines, first line {}",
-                                   process.crash_lines.size(), process.crash_lines.front()));
-  return warnings;
+};
+
+Posed posed(const Job& job, const Commands& commands, const Progress& progress,
+            std::map<std::string, double>& timing_s) {
+  Stopwatch watch;
+  Posed made;
+  const Run run = run_on(job, commands);
+  made.T_wt = inside_tables(job, [&] {
+    made.process = followed(run, progress);
+    timing_s["stock"] += watch.lap();
+    if (progress) progress("poses", 0.0);
+    const std::vector<errors::Load> loads = loads_of(run, made.process);
+    made.signals = signals(job.scene, job.machine, job.truth,
+                           {commands.samples, run.T_wt_wanted, made.process, loads,
+                            commands.correction, stroke_of(commands)});
+    return poses_of(run, loads, {});
+  });
+  inside_tables(job, [&] { check_tips(run, made.T_wt); });
+  add_warnings(process_warnings(job.scene, made.process), made.warnings);
+  made.off = pose_errors(made.T_wt, run.T_wt_wanted);
+  timing_s["poses"] += watch.lap();
+  return made;
 }
 
-void add(std::vector<std::string> more, std::vector<std::string>& warnings) {
-  std::move(more.begin(), more.end(), std::back_inserter(warnings));
+/// The larger maximum, the root mean square of both. @param n  samples of each
+Spread joined(const Spread& a, double n_a, const Spread& b, double n_b) {
+  if (!(n_a > 0.0)) return b;
+  const double n = n_a + n_b;
+  return {std::sqrt((n_a * a.rms * a.rms + n_b * b.rms * b.rms) / n), std::max(a.max, b.max)};
+}
+
+/// Puts what is reported of a part behind what was before it; stock and force are of one tool.
+void add(Posed& part, double samples_before, Cut& result) {
+  const auto n = double(part.T_wt.size());
+  result.tip_error = joined(result.tip_error, samples_before, part.off.tip, n);
+  result.direction_error = joined(result.direction_error, samples_before, part.off.direction, n);
+  result.process = std::move(part.process);
+  result.signals = joined(std::move(result.signals), part.signals);
+  add_warnings(std::move(part.warnings), result.warnings);
+}
+
+const program::Path& path_of(const Job& job, const Commands& commands) {
+  return commands.path ? *commands.path : job.path;
 }
 
 }  // namespace
@@ -317,19 +352,21 @@ Cut cut_error_free(const Job& job, const Progress& progress) {
   Stopwatch watch;
   Cut result;
   result.name = result.case_name = "error_free";
-  Machined made =
-      machined(job, job.T_wt_nominal,
-               {job.machine.nominal, job.scene.tool.nominal, job.path, job.samples, 0.0}, progress);
+  Machined made = machined(job, {error_free_sweeps(job), job.path, 0.0}, progress);
   result.surface = std::move(made.surface);
+  result.interpolation = made.interpolation;
   result.process = job.nominal_process;
-  add(process_warnings(job.scene, result.process), result.warnings);
-  add(std::move(made.warnings), result.warnings);
+  add_warnings(process_warnings(job.scene, result.process), result.warnings);
+  add_warnings(std::move(made.warnings), result.warnings);
   result.timing_s["surface"] = watch.lap();
   return result;
 }
 
 void check_travel(const Job& job, const Commands& commands) {
-  check_travel(job.machine, commands.path ? *commands.path : job.path, commands.samples);
+  const auto parts = parts_of(job);
+  for (std::size_t i = 0; i < parts.size(); ++i)
+    check_travel(parts[i].machine, path_of(parts[i], of_part(commands, i)),
+                 of_part(commands, i).samples);
 }
 
 Process cut_process(const Job& job, const Commands& commands) {
@@ -343,7 +380,6 @@ std::vector<Pose> tool_poses(const Job& job, const Commands& commands, const Pro
 }
 
 Cut cut(const Job& job, const Commands& commands, const Progress& progress) {
-  Stopwatch watch;
   Cut result;
   result.name = result.case_name = "uncompensated";
   result.point_left = commands.point_left;
@@ -354,32 +390,25 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress) {
     result.warnings.push_back(fmt::format("{} of {} corrections did not converge",
                                           commands.not_converged, commands.samples.states.size()));
   check_travel(job, commands);
-
-  const Run run = run_on(job, commands);
-  const std::vector<Pose>& T_wt_wanted = run.T_wt_wanted;
-  const std::vector<Pose> T_wt = inside_tables(job, [&] {
-    result.process = followed(run, progress);
-    result.timing_s["stock"] = watch.lap();
-    const std::vector<errors::Load> loads = loads_of(run, result.process);
-    result.signals = signals(job.scene, job.machine, job.truth,
-                             {commands.samples, T_wt_wanted, result.process, loads,
-                              commands.correction, stroke_of(commands)});
-    return poses_of(run, loads, {});
-  });
-  inside_tables(job, [&] { check_tips(run, T_wt); });
-  add(process_warnings(job.scene, result.process), result.warnings);
-  for (const std::string& warning : idle(job.scene)) result.warnings.push_back(warning);
-  const PoseErrors off = pose_errors(T_wt, T_wt_wanted);
-  result.tip_error = off.tip;
-  result.direction_error = off.direction;
-  result.timing_s["poses"] = watch.lap();
-  Machined made =
-      machined(job, T_wt,
-               {job.truth.actual, job.scene.tool.actual, commands.path ? *commands.path : job.path,
-                commands.samples, explained(job, off)},
-               progress);
+  const auto parts = parts_of(job);
+  std::vector<Posed> all;
+  double samples = 0.0, off = 0.0;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    all.push_back(posed(parts[i], of_part(commands, i), progress, result.timing_s));
+    off = std::max(off, explained(parts[i], all.back().off));
+    add(all.back(), samples, result);
+    samples += double(all.back().T_wt.size());
+  }
+  add_warnings(idle_warnings(job.scene), result.warnings);
+  Stopwatch watch;
+  Cutting with{{}, path_of(job, commands), off};
+  for (std::size_t i = 0; i < parts.size(); ++i)
+    with.sweeps.push_back({parts[i].scene.tool.actual, of_part(commands, i).samples, all[i].T_wt,
+                           parts[i].truth.actual, parts[i].machine.workpiece_spindle});
+  Machined made = machined(job, with, progress);
   result.surface = std::move(made.surface);
-  add(std::move(made.warnings), result.warnings);
+  result.interpolation = made.interpolation;
+  add_warnings(std::move(made.warnings), result.warnings);
   result.timing_s["surface"] = watch.lap();
   return result;
 }

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "cutting/interpolation.h"
 #include "sim/cut/job.h"
 #include "sim/cut/signals.h"
 
@@ -22,6 +23,7 @@ struct Cut {
   std::string name;       ///< as it is reported: of a variant, with its name in front
   std::string case_name;  ///< what `run --case` takes
   cutting::Surface surface;
+  std::optional<cutting::InterpolationError> interpolation;  ///< of a job that was `sampled`
   Spread tip_error;               ///< mm, tip where it is against where it should be
   Spread direction_error;         ///< rad
   double point_left = 0.0;        ///< mm, most that the compensator knew it could not restore

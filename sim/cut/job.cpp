@@ -9,19 +9,24 @@
 #include "kinematics/units.h"
 #include "sim/cut/accelerations.h"
 #include "sim/cut/activity.h"
+#include "sim/cut/cut_warnings.h"
 #include "sim/cut/datum.h"
 #include "sim/cut/follow.h"
 #include "sim/cut/part.h"
 #include "sim/cut/program_warnings.h"
 #include "sim/cut/stopwatch.h"
+#include "sim/cut/tool_calls.h"
 #include "sim/cut/travel.h"
 #include "sim/cut/work.h"
 #include "sim/machine/compile.h"
+#include "sim/machine/odd_elements.h"
 #include "sim/machine/run_out.h"
+#include "sim/scene/scene_tools.h"
 
 namespace abbe::sim {
 namespace {
 
+using kinematics::AxisState;
 using kinematics::Pose;
 
 double shaping_height(const Scene& scene) {
@@ -75,6 +80,18 @@ void check_field(const Scene& scene, const cutting::Design& design_w) {
            fmt::format("nodes over {:.4g} mm", size(field->points_w)));
 }
 
+/// Elements of odd size where the program takes the axes.
+std::vector<std::string> odd_sizes(const errors::GeometricModel& model,
+                                   const program::Samples& samples) {
+  if (samples.states.empty()) return {};
+  kinematics::AxisVector least = samples.states.front().q, most = least;
+  for (const kinematics::AxisState& state : samples.states) {
+    least = least.cwiseMin(state.q);
+    most = most.cwiseMax(state.q);
+  }
+  return odd_elements(model, least, most);
+}
+
 /// Whether samples made with `had` are as dense as `wanted` ones along the turns of spindles, which
 /// is all that errors ask of them.
 bool is_as_dense(const program::SampleOptions& had, const program::SampleOptions& wanted) {
@@ -120,64 +137,174 @@ program::Samples sampled(const Scene& scene, const program::Path& path, const Ma
   }
 }
 
+/// A program, or a stretch of it, as the error-free machine runs it with one tool.
+struct Piece {
+  Scene scene;
+  Machine machine;
+  program::Path path;
+  program::SampleOptions sampling;
+  program::Samples samples;
+  std::vector<Pose> T_wt;
+};
+
+/// @param before  the ways of the axes when it begins
+Piece piece_of(Scene scene, program::Path path, const AxisState& before) {
+  Machine machine = compile(scene);
+  program::SampleOptions sampling = sample_options(scene, machine);
+  sampling.before = before;
+  program::Samples samples = sampled(scene, path, machine, sampling);
+  std::vector<Pose> T_wt(samples.states.size());
+  tbb::parallel_for(std::size_t(0), T_wt.size(), [&](std::size_t i) {
+    T_wt[i] = machine.nominal.tool_in_workpiece(samples.states[i].q);
+  });
+  check_travel(machine, path, samples);
+  return {std::move(scene), std::move(machine), std::move(path),
+          sampling,         std::move(samples), std::move(T_wt)};
+}
+
+/// One piece for each stretch of several tools.
+std::vector<Piece> stretch_pieces(const Scene& described, const program::Path& path,
+                                  const ToolUse& use) {
+  const std::vector<ToolDescription> tools = tools_of(described);
+  std::vector<Piece> pieces;
+  AxisState before;
+  for (const ToolStretch& stretch : use.stretches) {
+    Scene scene = with_run_out(with_tool(described, *tools[stretch.tool].number));
+    if (!pieces.empty()) scene.signals.history_interval = 0.0;  // it stands before the first
+    pieces.push_back(
+        piece_of(std::move(scene), program::stretch_of(path, stretch.first, stretch.last), before));
+    if (!pieces.back().samples.states.empty()) before = pieces.back().samples.states.back();
+  }
+  return pieces;
+}
+
+/// The pieces of several tools as one program, which the first tool of the scene stands for.
+Piece joined(const Scene& scene, program::Path path, const std::vector<Piece>& pieces,
+             const ToolUse& use) {
+  Piece whole{scene, compile(scene), std::move(path), pieces.front().sampling, {}, {}};
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    const program::Samples& from = pieces[i].samples;
+    program::Samples& to = whole.samples;
+    to.states.insert(to.states.end(), from.states.begin(), from.states.end());
+    to.line.insert(to.line.end(), from.line.begin(), from.line.end());
+    for (const int block : from.block) to.block.push_back(block + int(use.stretches[i].first));
+    whole.T_wt.insert(whole.T_wt.end(), pieces[i].T_wt.begin(), pieces[i].T_wt.end());
+  }
+  return whole;
+}
+
+/// The job of a piece, without what is said of it.
+Job job_of(Piece piece, const cutting::Design& design_w,
+           std::shared_ptr<const cutting::Design> body_m, Process process,
+           const std::vector<errors::Activity>& active) {
+  Truth truth = truth_of(piece.scene, piece.machine, active);
+  std::vector<kinematics::AxisVector> acceleration;
+  if (piece.scene.compliance && piece.scene.compliance->inertia)
+    acceleration = accelerations(piece.samples);
+  return {std::move(piece.scene),
+          std::move(piece.machine),
+          std::move(truth),
+          design_w,
+          std::move(body_m),
+          {},
+          0.0,
+          std::nullopt,
+          std::move(piece.path),
+          piece.sampling,
+          std::move(piece.samples),
+          std::move(piece.T_wt),
+          std::move(process),
+          std::move(acceleration),
+          {},
+          {},
+          {},
+          {},
+          {}};
+}
+
+/// A program with its tools on the error-free machine, and what is to be said of them.
+struct Pieces {
+  Piece whole;
+  std::vector<Piece> stretches;  // empty with one tool
+  std::vector<std::string> warnings;
+};
+
+Pieces pieces_of(const Scene& described, const Program& program, const cutting::Design& design_w) {
+  const Scene scene = with_run_out(described);
+  const std::vector<ToolDescription> tools = tools_of(scene);
+  ToolUse use = tool_use(program.path, tools);
+  std::vector<Piece> stretches;
+  if (tools.size() > 1) stretches = stretch_pieces(described, program.path, use);
+  Pieces made{stretches.empty() ? piece_of(scene, program.path, {})
+                                : joined(scene, program.path, stretches, use),
+              std::move(stretches), std::move(use.warnings)};
+  add_warnings(program_warnings(scene, design_w, program.path, program.unreached), made.warnings);
+  for (const Piece& one :
+       made.stretches.empty() ? std::span(&made.whole, 1) : std::span<Piece>(made.stretches))
+    add_warnings(shank_warnings(one.scene, design_w, {one.samples, one.T_wt}), made.warnings);
+  return made;
+}
+
 }  // namespace
+
+std::span<const Job> parts_of(const Job& job) {
+  return job.stretches.empty() ? std::span(&job, 1) : std::span<const Job>(job.stretches);
+}
 
 Job prepare(const Scene& described, const Progress& progress) {
   Stopwatch watch;
+  const auto begins = [&](const char* stage) {
+    if (progress) progress(stage, 0.0);
+  };
+  begins("part");
   const Scene scene = with_run_out(described);
-  Machine machine = compile(scene);
   Part part = load_part(scene);
   const double part_s = watch.lap();
   const Work work = work_of(scene, part);
   check_work(scene, work);
   if (const std::string text = remark(work); progress && !text.empty()) progress(text, -1.0);
-  if (progress) progress("program", 0.0);
-  Program program = load_program(scene, machine, part);
+  begins("program");
+  Program program = load_program(scene, compile(scene), part);
   const double program_s = watch.lap();
-  const program::SampleOptions sampling = sample_options(scene, machine);
-  program::Samples samples = sampled(scene, program.path, machine, sampling);
-  std::vector<Pose> T_wt_nominal(samples.states.size());
-  tbb::parallel_for(std::size_t(0), T_wt_nominal.size(), [&](std::size_t i) {
-    T_wt_nominal[i] = machine.nominal.tool_in_workpiece(samples.states[i].q);
-  });
-  check_travel(machine, program.path, samples);
-  std::vector<std::string> warnings =
-      program_warnings(scene, part.design_w, program, {samples, T_wt_nominal});
+  begins("sample");
+  auto [whole, pieces, warnings] = pieces_of(described, program, part.design_w);
   const double sample_s = watch.lap();
   check_field(scene, part.design_w);
-  const auto rigid = [&](std::size_t i, const errors::Load&) { return T_wt_nominal[i]; };
-  Process process =
-      follow(scene, machine, part.design_m,
-             {samples, program.path, T_wt_nominal, rigid, machine.nominal, scene.tool.nominal},
-             [&](double fraction) {
-               if (progress) progress("stock", fraction);
-             });
+  const auto rigid = [&T_wt = whole.T_wt](std::size_t i, const errors::Load&) { return T_wt[i]; };
+  Process process = follow(
+      scene, whole.machine, part.body_m,
+      {whole.samples, whole.path, whole.T_wt, rigid, whole.machine.nominal, scene.tool.nominal},
+      [&](double fraction) {
+        if (progress) progress("stock", fraction);
+      });
   const double stock_s = watch.lap();
-  Truth truth = truth_of(scene, machine, activity(scene, machine, samples, process));
-  std::vector<kinematics::AxisVector> acceleration;
-  if (scene.compliance && scene.compliance->inertia) acceleration = accelerations(samples);
-  return {scene,
-          std::move(machine),
-          std::move(truth),
-          std::move(part.design_w),
-          std::move(program.path),
-          sampling,
-          std::move(samples),
-          std::move(T_wt_nominal),
-          std::move(process),
-          std::move(acceleration),
-          std::move(program.text),
-          {{"part", part_s},
-           {"program", program_s},
-           {"sample", sample_s},
-           {"stock", stock_s},
-           {"heat", watch.lap()}},
-          program.unreached,
-          std::move(warnings)};
+  begins("heat");
+  const auto body_m = std::make_shared<const cutting::Design>(std::move(part.body_m));
+  const std::vector<errors::Activity> active =
+      activity(scene, whole.machine, whole.samples, process);
+  Job job = job_of(std::move(whole), part.design_w, body_m, std::move(process), active);
+  for (Piece& piece : pieces)
+    job.stretches.push_back(job_of(std::move(piece), part.design_w, body_m, {}, active));
+  add_warnings(std::move(part.warnings), warnings);
+  add_warnings(odd_sizes(job.truth.geometric, job.samples), warnings);
+  job.recognised = std::move(part.recognised);
+  job.recognised_share = part.recognised_share;
+  job.program_text = std::move(program.text);
+  job.unreached = program.unreached;
+  job.warnings = std::move(warnings);
+  job.timing_s = {{"part", part_s},
+                  {"program", program_s},
+                  {"sample", sample_s},
+                  {"stock", stock_s},
+                  {"heat", watch.lap()}};
+  return job;
 }
 
-Job with_errors(Job job, const Scene& described) {
-  Scene scene = with_run_out(described);
+namespace {
+
+/// The job of one tool under other errors.
+/// @param active  of the whole program
+Job changed(Job job, Scene scene, const std::vector<errors::Activity>& active) {
   Machine machine = compile(scene);
   const auto refuse = [&](bool differs, const char* what) {
     if (differs)
@@ -186,12 +313,24 @@ Job with_errors(Job job, const Scene& described) {
   };
   refuse(!same(machine.nominal, job.machine.nominal), "nominal machine");
   refuse(!is_as_dense(job.sampling, sample_options(scene, machine)), "density of samples");
-  Truth truth =
-      truth_of(scene, machine, activity(scene, machine, job.samples, job.nominal_process));
+  Truth truth = truth_of(scene, machine, active);
   job.scene = std::move(scene);
   job.machine = std::move(machine);
   job.truth = std::move(truth);
   return job;
+}
+
+}  // namespace
+
+Job with_errors(Job job, const Scene& described) {
+  const Scene scene = with_run_out(described);
+  const std::vector<errors::Activity> active =
+      activity(scene, compile(scene), job.samples, job.nominal_process);
+  for (Job& stretch : job.stretches) {
+    Scene of_tool = with_run_out(with_tool(described, *stretch.scene.tool.number));
+    stretch = changed(std::move(stretch), std::move(of_tool), active);
+  }
+  return changed(std::move(job), scene, active);
 }
 
 Eigen::Vector3d found_datum(const Job& job, const Corrector& corrector) {
@@ -202,7 +341,10 @@ Eigen::Vector3d found_datum(const Job& job, const Corrector& corrector) {
 }
 
 Commands as_programmed(const Job& job) {
-  return as_programmed(job.machine, job.path, job.samples, found_datum(job));
+  std::vector<Commands> parts;
+  for (const Job& part : parts_of(job))
+    parts.push_back(as_programmed(part.machine, part.path, part.samples, found_datum(part)));
+  return joined(std::move(parts));
 }
 
 }  // namespace abbe::sim

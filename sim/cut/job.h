@@ -2,9 +2,13 @@
 
 #include <functional>
 #include <map>
+#include <memory>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "cutting/recognise.h"
 #include "cutting/surface.h"
 #include "sim/cut/commands.h"
 #include "sim/cut/corrector.h"
@@ -16,13 +20,26 @@
 
 namespace abbe::sim {
 
+/// How the places at which a part is judged were chosen.
+struct SampledSurface {
+  Eigen::Index given = 0;     ///< vertices of the design as it was loaded
+  double resolution = 0.0;    ///< mm, of linear interpolation, wanted
+  double reached = 0.0;       ///< mm, that the points sufficed for; 0 where not looked for
+  double judged_area = 0.0;   ///< mm^2
+  double unmeant_area = 0.0;  ///< mm^2, that the scene would judge and the program does not mean to cut
+};
+
 /// A scene compiled: all that its cases share. Immutable once made.
 struct Job {
   Scene scene;
   Machine machine;
   Truth truth;
-  cutting::Design design_w;  ///< the design in the workpiece frame
-  program::Path path;        ///< as read back from its file
+  cutting::Design design_w;  ///< the design in the workpiece frame, where it is judged
+  std::shared_ptr<const cutting::Design> body_m;  ///< as it was loaded, part frame: a blank's shape
+  std::vector<cutting::RecognisedPatch> recognised;  ///< of a mesh, part frame
+  double recognised_share = 0.0;                     ///< of its area
+  std::optional<SampledSurface> sampled;             ///< how `sampled` chose the vertices
+  program::Path path;                                ///< as read back from its file
   program::SampleOptions sampling;
   program::Samples samples;  ///< of the error-free machine; every case shares their times
   std::vector<kinematics::Pose> T_wt_nominal;  ///< (samples) where the tool should be
@@ -33,7 +50,16 @@ struct Job {
   std::map<std::string, double> timing_s;
   program::Unreached unreached;       ///< what the generator had to leave out
   std::vector<std::string> warnings;  ///< of the scene and its program, before anything is cut
+  /// Of a program that changes between several tools: the jobs of its stretches, one after the
+  /// other, each with its tool, the machine to that tool's tip, and its blocks and samples alone.
+  /// Scene, machine and truth of the whole are those of the scene's first tool. Empty with one
+  /// tool.
+  std::vector<Job> stretches = {};
 };
+
+/// What is cut one after the other: the stretches of a job, or the job itself. It refers to the
+/// job.
+std::span<const Job> parts_of(const Job& job);
 
 /// Compiles a scene: machine, truth, design, program (a generated one is read back from its own
 /// text), samples. Writes nothing.
@@ -53,7 +79,8 @@ Job with_errors(Job job, const Scene& described);
 /// @return mm, workpiece frame
 Eigen::Vector3d found_datum(const Job& job, const Corrector& corrector = {});
 
-/// The commands of the real control: its own kinematics and the datum it found, no compensator.
+/// The commands of the real control: its own kinematics and the datum it found, no compensator. Of
+/// several tools each finds the datum itself.
 Commands as_programmed(const Job& job);
 
 /// How densely a scene wants its program sampled. The chord tolerance holds up to the height to

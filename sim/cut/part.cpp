@@ -1,15 +1,22 @@
 #include "sim/cut/part.h"
 
 #include <algorithm>
+#include <limits>
 #include <memory>
 
 #include <fmt/format.h>
 
 #include "cutting/mesh_contact.h"
 #include "cutting/read_mesh.h"
+#include "cutting/smooth_patches.h"
+#include "cutting/subdivide.h"
+#include "sim/cut/pose.h"
+#include "sim/cut/tolerance_bands.h"
 #include "sim/cut/unreached_text.h"
+#include "sim/machine/compile.h"
 #include "sim/program/milling_text.h"
 #include "sim/program/pvt.h"
+#include "sim/scene/scene_tools.h"
 
 namespace abbe::sim {
 namespace {
@@ -26,16 +33,33 @@ void judge_by_radius(Design& design, const PartDescription& part) {
   }
 }
 
+/// Leaves vertices out of the verdict by the region in which they lie.
+void judge_by_region(Design& design, const PartDescription& part) {
+  const bool only_regions = part.judged == PartDescription::Judged::Regions;
+  if (part.regions.empty() && !only_regions) return;
+  design.judged.resize(std::size_t(design.vertices.rows()), 1);
+  for (Eigen::Index i = 0; i < design.vertices.rows(); ++i) {
+    const PartRegion* region = region_at(part, design.vertices.row(i));
+    if (region != nullptr ? !region->judged : only_regions) design.judged[std::size_t(i)] = 0;
+  }
+}
+
 /// Refuses a part of which nothing is judged.
 void check_judged(const Scene& scene, const Design& design) {
   const auto& judged = design.judged;
   if (judged.empty() || std::any_of(judged.begin(), judged.end(), [](auto one) { return one; }))
     return;
   const auto* mesh = std::get_if<MeshFile>(&scene.part.shape);
+  const Eigen::RowVector3d size =
+      design.vertices.colwise().maxCoeff() - design.vertices.colwise().minCoeff();
+  const Eigen::VectorXd radius = design.vertices.leftCols<2>().rowwise().norm();
   throw BadInput(mesh != nullptr ? mesh->file.string() : scene.file.string(), 0, 0,
                  "a part with vertices to be judged (part.judged_normal_z, judged_margin_mm, "
-                 "judged_radius_min_mm, judged_radius_max_mm)",
-                 fmt::format("{} vertices, all of them left out", judged.size()));
+                 "judged_radius_min_mm, judged_radius_max_mm, region)",
+                 fmt::format("{} vertices, all of them left out, of a part of {:.4g} x {:.4g} x "
+                             "{:.4g} mm that lies {:.4g} to {:.4g} mm from its z axis",
+                             judged.size(), size.x(), size.y(), size.z(), radius.minCoeff(),
+                             radius.maxCoeff()));
 }
 
 double overrun(const Scene& scene) {
@@ -43,22 +67,10 @@ double overrun(const Scene& scene) {
   return raster != nullptr ? raster->overrun : 0.0;
 }
 
-/// Span of the slides: what a part in the right unit could fit into; nothing where travel has no
-/// limits.
-std::optional<Eigen::Vector3d> travel_box(const MachineDescription& machine) {
-  constexpr double unlimited = 1e8;  // mm
-  Eigen::Vector3d box = Eigen::Vector3d::Zero();
-  for (const kinematics::Joint& joint : machine.joints)
-    if (joint.motion == kinematics::Motion::Linear)
-      box += (joint.max - joint.min) * joint.direction_b.cwiseAbs();
-  if (box.maxCoeff() > unlimited) return std::nullopt;
-  return box;
-}
-
 Part load_primitive(const Scene& scene, const cutting::Primitive& primitive) {
   Part part;
   try {
-    part.design_m = cutting::tessellate(primitive, {scene.part.vertices});
+    part.design_m = part.body_m = cutting::tessellate(primitive, {scene.part.vertices});
     const auto beyond =
         std::make_shared<const cutting::Primitive>(cutting::enlarged(primitive, overrun(scene)));
     part.contact = [beyond](double x, double y) { return cutting::contact_above(*beyond, x, y); };
@@ -68,17 +80,81 @@ Part load_primitive(const Scene& scene, const cutting::Primitive& primitive) {
   return part;
 }
 
+/// From sharp edges: where a rounding that nobody drew would be judged.
+double edge_margin(const Scene& scene) {
+  constexpr double share = 0.05;  // of the radius
+  if (scene.part.edge_margin) return *scene.part.edge_margin;
+  if (scene.part.sampling.kind == PartSampling::Kind::Vertices) return 0.0;
+  double least = std::numeric_limits<double>::infinity();
+  for (const ToolDescription& tool : tools_of(scene)) {
+    const auto* cutter = std::get_if<cutting::Cutter>(&tool.nominal);
+    least = std::min(
+        least, cutter != nullptr ? cutter->radius : std::get<cutting::Nose>(tool.nominal).radius);
+  }
+  return share * least;
+}
+
+/// What of a mesh is left out for lying at its sharp edges.
+std::string left_out_text(const Design& before, const Design& after, double margin) {
+  double all = 0.0, left = 0.0;
+  const std::vector<int> face = cutting::patches(after);
+  const int faces = face.empty() ? 0 : 1 + *std::max_element(face.begin(), face.end());
+  std::vector<char> seen(std::size_t(faces), 0);
+  for (Eigen::Index i = 0; i < after.area.size(); ++i) {
+    const auto v = std::size_t(i);
+    if (!before.judged.empty() && !before.judged[v]) continue;
+    all += after.area[i];
+    if (after.judged.empty() || after.judged[v])
+      seen[std::size_t(face[v])] = 1;
+    else
+      left += after.area[i];
+  }
+  const auto unseen = std::count(seen.begin(), seen.end(), 0);
+  if (unseen == 0) return {};
+  return fmt::format(
+      "of {} of the {} faces of the mesh nothing is judged: they lie within {:.3g} mm of sharp "
+      "edges, as {:.3g} of its {:.4g} mm^2 do (part.edge_margin_mm)",
+      unseen, faces, margin, left, all);
+}
+
+/// A mesh as faces of their own, on the surfaces that they are recognised as, its large triangles
+/// divided, so that something of each face lies off its edges.
+Design faces_of(const PartDescription& described, Part& part, double margin) {
+  constexpr double least_vertices = 5000.0;
+  const double none_given = 4.0 * least_vertices;
+  Design faces = cutting::split_at_edges(part.body_m, described.edge_angle);
+  std::vector<cutting::Segment> edges = cutting::sharp_edges(faces);
+  if (!described.flat_facets && described.recognise > 0.0) {
+    cutting::Recognised found = cutting::recognised(faces, described.recognise);
+    faces = std::move(found.design);
+    part.recognised = std::move(found.patches);
+    for (const auto& patch : part.recognised) part.recognised_share += patch.area / found.area;
+  }
+  if (described.sampling.kind != PartSampling::Kind::Vertices) {
+    const double spacing = std::sqrt(faces.area.sum() / least_vertices);
+    const cutting::OnSurface on_surface =
+        between_vertices(described, part.recognised, kinematics::Pose::Identity());
+    faces = cutting::subdivided(faces, on_surface,
+                                {spacing, faces.vertices.rows() + Eigen::Index(none_given)});
+  }
+  Design judged = cutting::judge_off_edges(faces, std::move(edges), margin);
+  if (std::string text = left_out_text(faces, judged, margin); !text.empty())
+    part.warnings.push_back(std::move(text));
+  return judged;
+}
+
 Part load_mesh(const Scene& scene, const MeshFile& mesh) {
   cutting::ReadMeshOptions options;
   options.unit_mm = mesh.unit;
   options.open = mesh.open;
   if (!mesh.any_size) options.travel = travel_box(scene.machine);
   Part part;
-  part.design_m = cutting::read_mesh(mesh.file, options);
+  part.body_m = cutting::read_mesh(mesh.file, options);
+  part.design_m = faces_of(scene.part, part, edge_margin(scene));
   if (scene.part.judged_normal_z || scene.part.judged_margin)
     part.design_m = cutting::judge_top(part.design_m, {scene.part.judged_normal_z.value_or(-1.0),
                                                        scene.part.judged_margin.value_or(0.0)});
-  const auto surface = std::make_shared<const cutting::MeshContact>(part.design_m);
+  const auto surface = std::make_shared<const cutting::MeshContact>(part.body_m);
   part.contact = [surface](double x, double y) { return cutting::contact_above(*surface, x, y); };
   return part;
 }
@@ -90,6 +166,17 @@ bool is_nc(const std::filesystem::path& file) {
 
 program::Path read_program(const std::filesystem::path& file, const program::NcOptions& options) {
   return is_nc(file) ? program::read_nc_file(file, options) : program::read_pvt_file(file, options);
+}
+
+/// "; part.at_mm is [900, 0, 0], and the slides go X between -400 and 400 mm"
+std::string travels_text(const Scene& scene) {
+  const Eigen::Vector3d at = scene.part.T_wm.translation();
+  std::string travels;
+  for (const kinematics::Joint& joint : scene.machine.joints)
+    if (joint.motion == kinematics::Motion::Linear)
+      travels += (travels.empty() ? " " : ", ") + travel_text(joint);
+  return fmt::format("; part.at_mm is [{:.6g}, {:.6g}, {:.6g}], and the slides go{}", at.x(),
+                     at.y(), at.z(), travels);
 }
 
 struct Generated {
@@ -130,13 +217,32 @@ Generated generate(const Scene& scene, const Machine& machine, const Part& part)
   } catch (const program::NothingReached& nothing) {
     const std::string why = unreached_text(nothing.unreached);
     throw BadInput(scene.file.string(), 0, 0, "a program that the machine can run",
-                   why.empty() ? nothing.what() : why);
+                   why.empty() ? nothing.what() : why + travels_text(scene));
   } catch (const std::invalid_argument& fault) {
     throw BadInput(scene.file.string(), 0, 0, "a program that the machine can run", fault.what());
   }
 }
 
 }  // namespace
+
+cutting::OnSurface between_vertices(const PartDescription& part,
+                                    const std::vector<cutting::RecognisedPatch>& recognised,
+                                    const kinematics::Pose& T) {
+  if (const auto* primitive = std::get_if<cutting::Primitive>(&part.shape))
+    return cutting::on_declared(*primitive, T);
+  if (part.flat_facets) return cutting::on_facet;
+  return recognised.empty() ? cutting::on_smooth_facet : cutting::on_recognised(recognised, T);
+}
+
+std::optional<Eigen::Vector3d> travel_box(const MachineDescription& machine) {
+  constexpr double unlimited = 1e8;  // mm
+  Eigen::Vector3d box = Eigen::Vector3d::Zero();
+  for (const kinematics::Joint& joint : machine.joints)
+    if (joint.motion == kinematics::Motion::Linear)
+      box += (joint.max - joint.min) * joint.direction_b.cwiseAbs();
+  if (box.maxCoeff() > unlimited) return std::nullopt;
+  return box;
+}
 
 Part load_part(const Scene& scene) {
   Part part = std::visit(
@@ -148,6 +254,7 @@ Part load_part(const Scene& scene) {
       },
       scene.part.shape);
   judge_by_radius(part.design_m, scene.part);
+  judge_by_region(part.design_m, scene.part);
   check_judged(scene, part.design_m);
   const Eigen::Vector2d margin = Eigen::Vector2d::Constant(overrun(scene));
   part.lower = part.design_m.vertices.leftCols<2>().colwise().minCoeff().transpose() - margin;
@@ -162,8 +269,15 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
     options.axes.push_back({joint.name, joint.motion});
   options.start = scene.machine.home;
   options.tool_length = scene.program.tool_length;
-  options.tool_length.emplace(1, scene.control.tool_length.value_or(scene.tool.length));
   options.control = machine.control;
+  const double length = scene.control.tool_length.value_or(scene.tool.length);
+  if (scene.more_tools.empty()) options.tool_length.emplace(1, length);
+  if (scene.tool.number) options.tool_length.emplace(*scene.tool.number, length);
+  for (const ToolDescription& tool : scene.more_tools)
+    options.tool_length.emplace(*tool.number, tool.length);
+  if (!scene.more_tools.empty())
+    for (const ToolDescription& tool : tools_of(scene))
+      options.control_of_h.emplace(*tool.number, compile(with_tool(scene, *tool.number)).control);
   options.work_offset = scene.program.work_offset;
   options.rapid_speed = scene.machine.rapid_speed;
   options.rapid_turn = scene.machine.rapid_turn;

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <optional>
 #include <string>
+#include <vector>
 
-#include "cutting/mesh.h"
+#include "cutting/recognise.h"
 #include "sim/machine/machine.h"
 #include "sim/program/generate.h"
 #include "sim/program/path.h"
@@ -12,14 +14,27 @@ namespace abbe::sim {
 
 /// The design of a scene, loaded.
 struct Part {
-  cutting::Design design_m;       ///< in the part's own frame
-  cutting::Design design_w;       ///< in the workpiece frame, where it is cut
+  cutting::Design body_m;    ///< as the file or the declared surface gives it, part frame
+  cutting::Design design_m;  ///< the same, its sharp edges parted
+  cutting::Design design_w;  ///< in the workpiece frame, where it is cut
+  std::vector<cutting::RecognisedPatch> recognised;  ///< of a mesh, part frame
+  double recognised_share = 0.0;                     ///< of its area
+  std::vector<std::string> warnings;
   program::ContactField contact;  ///< part frame, continued beyond the rim where a raster asks
   Eigen::Vector2d lower, upper;   ///< mm, x y of the part frame that a raster covers
 };
 
-/// @throws BadInput, also if a mesh seems to be in another unit than the scene says, or no vertex
-///         is left to be judged
+/// mm, extents of the travel of the slides, along the bed's axes; none where one has no limits.
+std::optional<Eigen::Vector3d> travel_box(const MachineDescription& machine);
+
+/// The surface of a part between its vertices, the part standing at T: the declared one, what a
+/// mesh was recognised as, or what its facets show.
+cutting::OnSurface between_vertices(const PartDescription& part,
+                                    const std::vector<cutting::RecognisedPatch>& recognised,
+                                    const kinematics::Pose& T);
+
+/// @throws BadInput, also if a mesh is too large to lie on the machine, or no vertex is left to be
+///         judged
 Part load_part(const Scene& scene);
 
 /// A program read, and its text if a generator wrote it.

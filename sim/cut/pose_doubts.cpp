@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/units.h"
+#include "sim/machine/odd_elements.h"
 
 namespace abbe::sim {
 namespace {
@@ -110,6 +111,11 @@ std::vector<std::string> doubts(const IdleMachine& idle, const AxisVector& least
                                 const AxisVector& most) {
   std::vector<std::string> found;
   const errors::GeometricModel& model = idle.truth.geometric;
+  found = odd_elements(model, least, most);
+  if (!idle.scene.more_tools.empty())
+    found.push_back(fmt::format("poses are of T{}, the first of {} tools",
+                                idle.scene.tool.number.value_or(0),
+                                1 + idle.scene.more_tools.size()));
   if (const std::string halves = figures_of(model, half_reversal); !halves.empty())
     found.push_back("poses are half way between their two approaches; reversal adds or takes: " +
                     halves);

@@ -225,8 +225,7 @@ PoseStatistics write_poses(const PoseTable& table, const PoseList& poses, TableF
   if (format == TableFormat::Csv) sink(csv_head(table, poses));
   std::vector<Block> blocks;
   for (std::size_t first = 0; first < n; first += blocks_at_once * poses_a_block) {
-    if (progress != nullptr)
-      progress->report(fmt::format("{} of {}", first, n), double(first) / double(n));
+    if (progress != nullptr) progress->report("poses", double(first) / double(n));
     stop_if_interrupted();
     const std::size_t count =
         std::min(blocks_at_once, (n - first + poses_a_block - 1) / poses_a_block);

@@ -6,26 +6,25 @@
 
 #include "cutting/shank.h"
 #include "kinematics/units.h"
-#include "sim/cut/tool_calls.h"
+#include "sim/cut/odd_size.h"
+#include "sim/cut/tool_comments.h"
 #include "sim/cut/tool_motion.h"
 #include "sim/cut/unreached_text.h"
+#include "sim/scene/scene_tools.h"
 
 namespace abbe::sim {
 namespace {
 
-std::string shank_text(const Scene& scene, const cutting::Design& design_w, const NominalRun& run) {
-  const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
-  if (cutter == nullptr) return {};
-  const auto contact =
-      cutting::shank_contact(design_w, *cutter, cutter_motion(run.T_wt, run.samples),
-                             {.length = scene.tool.length, .band = scene.band});
-  if (!contact) return {};
-  return fmt::format(
-      "the shank above the flank ({:.4g} mm above the tip) goes into the design at {} vertices, {} "
-      "{:.3f} mm deep (line {}, first line {})",
-      cutter->flank_length, contact->vertices,
-      contact->deepest < scene.band ? "at most" : "at least", contact->deepest, contact->line,
-      contact->first_line);
+/// mm, of the tolerances of a part; none without one.
+std::optional<double> narrowest_half_width(const PartDescription& part) {
+  std::optional<double> half;
+  const auto look = [&](const Tolerance& one) {
+    half = std::min(half.value_or(one.upper - one.lower), 0.5 * (one.upper - one.lower));
+  };
+  if (part.tolerance) look(*part.tolerance);
+  for (const PartRegion& region : part.regions)
+    if (region.tolerance) look(*region.tolerance);
+  return half;
 }
 
 /// A mesh whose facets sag by more than the tolerance, or that has hardly a smooth place.
@@ -38,11 +37,12 @@ std::string coarse_text(const Scene& scene, const cutting::Design& design_w) {
         "30 "
         "degrees, where a normal is a mean of faces",
         coarse.sharp, coarse.judged);
-  if (scene.part.tolerance > 0.0 && coarse.facet_error > scene.part.tolerance)
+  const std::optional<double> half = narrowest_half_width(scene.part);
+  if (half && coarse.facet_error > *half)
     return fmt::format(
         "the mesh is too coarse for the tolerance: between judged vertices its facets sag by up to "
-        "{:.4g} um, the tolerance is {:.4g} um",
-        coarse.facet_error / units::um, scene.part.tolerance / units::um);
+        "{:.4g} um, the tolerance is ±{:.4g} um",
+        coarse.facet_error / units::um, *half / units::um);
   return {};
 }
 
@@ -87,16 +87,54 @@ std::string no_feed_text(const program::Path& path) {
                      path.motion_blocks);
 }
 
+/// A program that counts in two units, or says two.
+std::string unit_change_text(const program::Path& path) {
+  if (path.unit_words.size() < 2) return {};
+  int inches = 0, moves = 0;
+  for (const program::Block& block : path.blocks) {
+    if (block.interpolation == program::Interpolation::Dwell) continue;
+    ++moves;
+    inches += block.inch;
+  }
+  std::string words;
+  for (std::size_t i = 0; i < std::min<std::size_t>(path.unit_words.size(), 4); ++i) {
+    const program::UnitWord& word = path.unit_words[i];
+    words +=
+        fmt::format("{}{} on line {}", i == 0 ? "" : ", ", word.inch ? "G20" : "G21", word.line);
+  }
+  return fmt::format(
+      "the program says two units, {}: {} of its {} moves count in inches, the others in mm; take "
+      "the wrong word out",
+      words, inches, moves);
+}
+
 }  // namespace
 
 std::vector<std::string> program_warnings(const Scene& scene, const cutting::Design& design_w,
-                                          const Program& program, const NominalRun& run) {
-  std::vector<std::string> warnings = tool_call_warnings(program.path, scene.tool);
-  for (std::string text : {unreached_text(program.unreached), no_feed_text(program.path),
-                           shank_text(scene, design_w, run), coarse_text(scene, design_w),
-                           sparse_text(scene, design_w)})
+                                          const program::Path& path,
+                                          const program::Unreached& unreached) {
+  std::vector<std::string> warnings = tool_comment_warnings(path, tools_of(scene));
+  for (std::string text :
+       {unreached_text(unreached), no_feed_text(path), unit_change_text(path),
+        odd_size(scene, design_w), coarse_text(scene, design_w), sparse_text(scene, design_w)})
     if (!text.empty()) warnings.push_back(std::move(text));
   return warnings;
+}
+
+std::vector<std::string> shank_warnings(const Scene& scene, const cutting::Design& design_w,
+                                        const NominalRun& run) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
+  if (cutter == nullptr) return {};
+  const auto contact =
+      cutting::shank_contact(design_w, *cutter, cutter_motion(run.T_wt, run.samples),
+                             {.length = scene.tool.length, .band = scene.band});
+  if (!contact) return {};
+  return {fmt::format(
+      "the shank above the flank ({:.4g} mm above the tip) goes into the design at {} vertices, {} "
+      "{:.3f} mm deep (line {}, first line {})",
+      cutter->flank_length, contact->vertices,
+      contact->deepest < scene.band ? "at most" : "at least", contact->deepest, contact->line,
+      contact->first_line)};
 }
 
 }  // namespace abbe::sim

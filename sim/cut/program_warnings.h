@@ -15,9 +15,14 @@ struct NominalRun {
 };
 
 /// What is to be said of a scene's part and program before anything is cut: poses that the machine
-/// does not reach, tools that are not the scene's, no feed, a shank in the part, a coarse mesh.
-/// @throws BadInput as tool_call_warnings
+/// does not reach, tools in comments that are not the scene's, no feed, two units, a mesh of odd
+/// size or coarse.
 std::vector<std::string> program_warnings(const Scene& scene, const cutting::Design& design_w,
-                                          const Program& program, const NominalRun& run);
+                                          const program::Path& path,
+                                          const program::Unreached& unreached);
+
+/// Where the shank of the scene's tool, above its flank, goes into the design.
+std::vector<std::string> shank_warnings(const Scene& scene, const cutting::Design& design_w,
+                                        const NominalRun& run);
 
 }  // namespace abbe::sim

@@ -1,20 +1,28 @@
 #pragma once
 
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "kinematics/bad_input.h"
 #include "sim/cut/cut.h"
 
 namespace abbe::sim {
 
-/// The fault of a program that cannot cut the part: none that moves, or one whose tool, on the
-/// error-free machine, keeps further from the box around the design than the scene's band. It names
-/// the line that comes nearest, and how far away that runs; empty for a program that can.
-std::optional<BadInput> missed_part(const Job& job);
+/// Below this share of the judged area within reach of the program it is warned of.
+inline constexpr double least_within_reach = 0.99;
 
-/// Refuses a program that cannot cut the part, before anything is searched.
-/// @throws BadInput, the fault of missed_part
-void check_reaches_part(const Job& job);
+/// Where a program cuts on the error-free machine, held against where the part is.
+struct Placement {
+  std::optional<BadInput> fault;  ///< nothing of the part can be cut: the line that comes nearest,
+                                  ///< how far away it runs, and with which offset it would touch
+  std::vector<std::string> warnings;  ///< less than `least_within_reach` can; of some 2000 vertices
+};
+Placement placement(const Job& job);
+
+/// The job with the warnings of `placement` among its own, before anything is searched.
+/// @throws BadInput, its fault
+Job placed(Job job);
 
 /// Refuses a map on which nothing is cut or gouged, saying where the program cuts instead.
 /// @throws BadInput

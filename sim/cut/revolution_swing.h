@@ -24,11 +24,10 @@ struct RevolutionSwing {
 /// revolution before left, a change of depth returns as -c b / (1 - c a) times itself. That grows
 /// where c (a + b) > 1, so a machine that the cut draws in (c > 0) swings from half of the gain on
 /// at which it would run away; one that gives way (c < 0) never does. The gain is read off ten
-/// changes of alternating sign, each above 1 % of the force: the second five against the first, with
-/// c a >= 1/2 among them, as b <= a.
-/// Far beyond, the tool digs in, cuts itself free for some revolutions and digs in again: three
-/// such leaps within forty revolutions of one line, a contraction of the loop of 1 and more among
-/// them.
+/// changes of alternating sign, each above 1 % of the force: the second five against the first,
+/// with c a >= 1/2 among them, as b <= a. Far beyond, the tool digs in, cuts itself free for some
+/// revolutions and digs in again: three such leaps within forty revolutions of one line, a
+/// contraction of the loop of 1 and more among them.
 std::optional<RevolutionSwing> revolution_swing(const Process& process);
 
 }  // namespace abbe::sim

@@ -325,6 +325,23 @@ Signals signals(const Scene& scene, const Machine& machine, const Truth& truth,
   return table.take();
 }
 
+Signals joined(Signals first, const Signals& second) {
+  if (first.columns.empty()) return second;
+  if (second.columns.empty()) return first;
+  std::vector<Eigen::Index> of_second;  // where each of its columns goes
+  for (const std::string& name : second.columns) {
+    auto there = std::ranges::find(first.columns, name);
+    if (there == first.columns.end()) there = first.columns.insert(there, name);
+    of_second.push_back(there - first.columns.begin());
+  }
+  const Eigen::Index n = first.rows.rows();
+  first.rows.conservativeResizeLike(
+      Eigen::MatrixXd::Zero(n + second.rows.rows(), Eigen::Index(first.columns.size())));
+  for (std::size_t k = 0; k < of_second.size(); ++k)
+    first.rows.col(of_second[k]).tail(second.rows.rows()) = second.rows.col(Eigen::Index(k));
+  return first;
+}
+
 std::string to_csv(const Signals& signals) {
   std::string text;
   for (std::size_t k = 0; k < signals.columns.size(); ++k)

@@ -50,6 +50,9 @@ struct Recorded {
 Signals signals(const Scene& scene, const Machine& machine, const Truth& truth,
                 const Recorded& recorded);
 
+/// Rows after rows; a column that only one of them has is zero in the other.
+Signals joined(Signals first, const Signals& second);
+
 /// CSV text, a head and one row a line, numbers with 9 digits.
 std::string to_csv(const Signals& signals);
 

@@ -16,6 +16,9 @@ namespace {
 
 volatile std::sig_atomic_t interrupted = 0;
 
+constexpr double settled_s = 1.0;  // before that the time left is not worth a word
+constexpr std::chrono::milliseconds tick(500), least_between(100);
+
 extern "C" void on_interrupt(int) {
   if (interrupted != 0) ::_exit(130);
   interrupted = 1;
@@ -32,11 +35,23 @@ void stop_if_interrupted() {
   if (interrupted != 0) throw Interrupted();
 }
 
-ProgressLine::ProgressLine(int parts)
-    : parts_(std::max(1, parts)), terminal_(::isatty(STDERR_FILENO) != 0) {}
+ProgressLine::ProgressLine(std::vector<Stage> plan)
+    : time_left_(std::move(plan)), terminal_(::isatty(STDERR_FILENO) != 0) {
+  if (!terminal_) return;
+  ticker_ = std::jthread([this](const std::stop_token& end) {
+    std::unique_lock lock(mutex_);
+    while (!ends_.wait_for(lock, end, tick, [&] { return end.stop_requested(); })) draw_state();
+  });
+}
 
 ProgressLine::~ProgressLine() {
-  if (terminal_) std::fputs("\r\x1b[K", stderr);
+  if (!terminal_) return;
+  ticker_ = {};
+  std::fputs("\r\x1b[K", stderr);
+}
+
+double ProgressLine::now_s() const {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
 }
 
 void ProgressLine::draw(const std::string& text) {
@@ -44,33 +59,50 @@ void ProgressLine::draw(const std::string& text) {
   std::fflush(stderr);
 }
 
+void ProgressLine::replan(std::vector<Stage> rest) {
+  const std::lock_guard lock(mutex_);
+  time_left_.replan(std::move(rest));
+}
+
 void ProgressLine::begin(const std::string& part) {
   if (interrupted != 0) throw Interrupted();
   const std::lock_guard lock(mutex_);
-  ++done_;
+  if (begun_) time_left_.begin(part, now_s());
+  begun_ = true;
   part_ = part;
-  if (!terminal_) print(stderr, "[{}/{}] {}\n", done_ + 1, parts_, part_);
+  stage_.clear();
+  if (!terminal_) print(stderr, "[{}/{}] {}\n", time_left_.part(), time_left_.parts(), part_);
 }
 
 void ProgressLine::report(const std::string& stage, double fraction) {
   if (interrupted != 0) throw Interrupted();
+  const std::lock_guard lock(mutex_);
   if (fraction < 0.0) {
-    const std::lock_guard lock(mutex_);
     if (terminal_) draw("");
     print(stderr, "{}\n", stage);
     return;
   }
-  if (!terminal_) return;
-  const std::lock_guard lock(mutex_);
-  const auto now = std::chrono::steady_clock::now();
-  if (now - drawn_ < std::chrono::milliseconds(100)) return;
-  drawn_ = now;
-  const double done = (std::max(0, done_) + std::clamp(fraction, 0.0, 1.0)) / parts_;
-  const double spent = std::chrono::duration<double>(now - start_).count();
-  const std::string left =
-      done > 0.02 ? fmt::format(", {:.0f} s left", spent * (1.0 - done) / done) : std::string();
-  draw(fmt::format("[{}/{}] {}: {} {:.0f} %{}", done_ + 1, parts_, part_, stage, 100.0 * fraction,
-                   left));
+  time_left_.report(stage, fraction, now_s());
+  const bool next = stage != stage_;
+  stage_ = stage;
+  fraction_ = fraction;
+  if (terminal_ && (next || std::chrono::steady_clock::now() - drawn_ >= least_between))
+    draw_state();
+}
+
+void ProgressLine::draw_state() {
+  if (!begun_ || stage_.empty()) return;
+  drawn_ = std::chrono::steady_clock::now();
+  const double spent = now_s();
+  std::string text =
+      fmt::format("[{}/{}] {}: {}", time_left_.part(), time_left_.parts(), part_, stage_);
+  if (fraction_ > 0.0) text += fmt::format(" {:.0f} %", 100.0 * std::min(fraction_, 1.0));
+  if (spent >= settled_s) text += ", " + duration_text(time_left_.left_s(spent)) + " left";
+  draw(text);
+}
+
+Progress to(ProgressLine& line) {
+  return [&line](const std::string& stage, double fraction) { line.report(stage, fraction); };
 }
 
 }  // namespace abbe::sim

@@ -1,10 +1,15 @@
 #pragma once
 
 #include <chrono>
+#include <condition_variable>
 #include <functional>
 #include <mutex>
 #include <stdexcept>
 #include <string>
+#include <thread>
+#include <vector>
+
+#include "sim/files/time_left.h"
 
 namespace abbe::sim {
 
@@ -24,32 +29,43 @@ void stop_if_interrupted();
 /// text is a remark, which is for a line of its own.
 using Progress = std::function<void(const std::string& stage, double fraction)>;
 
-/// Reports on stderr how far long work has come: one line with the time left, redrawn, on a
-/// terminal; a plain line for every finished stage otherwise. Safe from any thread.
+/// Reports on stderr how far long work has come: one line with the time left
+/// (sim/files/time_left.h), redrawn twice a second and with reports, on a terminal; a plain line
+/// for every part that begins otherwise. Safe from any thread.
 class ProgressLine {
  public:
-  /// @param parts  how many parts of about equal work there are, for the time left
-  explicit ProgressLine(int parts);
+  /// @param plan  stages of the work in their order
+  explicit ProgressLine(std::vector<Stage> plan);
   ~ProgressLine();
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
-  /// The next part begins.
+  /// More is known of the work: what follows the part that runs.
+  void replan(std::vector<Stage> rest);
+  /// The next part begins. @throws Interrupted
   void begin(const std::string& part);
   /// @param fraction  below zero: the text is a remark, which stays on a line of its own
   /// @throws Interrupted
   void report(const std::string& stage, double fraction);
 
  private:
+  double now_s() const;
   void draw(const std::string& text);
+  void draw_state();
 
   std::mutex mutex_;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   std::chrono::steady_clock::time_point drawn_{};
-  std::string part_;
-  int parts_;
-  int done_ = -1;
+  TimeLeft time_left_;
+  std::string part_, stage_;
+  double fraction_ = 0.0;  ///< of the stage, as it was reported
+  bool begun_ = false;
   bool terminal_;
+  std::condition_variable_any ends_;
+  std::jthread ticker_;  ///< draws while nothing is reported; on a terminal only
 };
+
+/// Reports to a line, which must outlive it.
+Progress to(ProgressLine& line);
 
 }  // namespace abbe::sim

@@ -77,6 +77,33 @@ compensation::LoadCourse computed_load(const Job& job, const Commands& commands,
   return course;
 }
 
+/// @param wants  whether the case wants what follows one tool only
+void refuse_several(const Job& job, const CaseDescription& compensator, bool wants,
+                    const char* what) {
+  if (!job.stretches.empty() && wants)
+    throw BadInput(
+        job.scene.file.string(), 0, 0, fmt::format("one tool for {}", what),
+        fmt::format("{} tools and the case {}", 1 + job.scene.more_tools.size(), compensator.name));
+}
+
+/// What of a case follows one tool only.
+void check_several(const Job& job, const CaseDescription& compensator) {
+  using Belief = CaseDescription::Belief;
+  using Channel = CaseDescription::Channel;
+  const BeliefDescription& given = job.scene.belief;
+  const bool own = !compensator.plug_in.empty();
+  const Channel channel = own ? job.scene.compensation.plug_in.channel : compensator.channel;
+  const auto wants = [&](Belief kind) { return !own && believes(given, compensator.belief, kind); };
+  refuse_several(job, compensator, channel == Channel::Program,
+                 "the channel program, which writes the program of one");
+  refuse_several(job, compensator, channel == Channel::Table,
+                 "the channel table, whose tables hold for the tip of one");
+  refuse_several(job, compensator, wants(Belief::Part),
+                 "the belief part, which the tool that cut it is corrected by");
+  refuse_several(job, compensator, wants(Belief::Force),
+                 "the belief force, which follows the cut of one");
+}
+
 }  // namespace
 
 Seen seen_of(const Job& job) {
@@ -151,11 +178,16 @@ compensation::ControlLog control_log(const Job& job, const Commands& commands,
 }
 
 Learnt learnt(const Job& job, const CaseDescription& compensator, const Progress& progress) {
+  refuse_several(job, compensator, true, "what tables hold, for the tip of one tool");
   return learnt(seen_of(job), workshop_of(job), compensator, progress);
 }
 
 Commands compensate(const Job& job, const CaseDescription& compensator, const Progress& progress) {
-  return compensated(seen_of(job), workshop_of(job), compensator, progress);
+  check_several(job, compensator);
+  std::vector<Commands> parts;
+  for (const Job& part : parts_of(job))
+    parts.push_back(compensated(seen_of(part), workshop_of(part), compensator, progress));
+  return joined(std::move(parts));
 }
 
 Cut cut(const Job& job, const std::optional<CaseDescription>& compensator,

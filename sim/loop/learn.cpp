@@ -258,8 +258,9 @@ Commands compensated(const Seen& seen, const Workshop& workshop, const CaseDescr
                    "a compensator that fits this program: " + described.name, found);
   };
   try {
-    return delivered(seen, workshop, resolved(seen, described),
-                     learnt(seen, workshop, described, progress));
+    const Learnt known = learnt(seen, workshop, described, progress);
+    if (progress) progress("correct", 0.0);
+    return delivered(seen, workshop, resolved(seen, described), known);
   } catch (const std::out_of_range& fault) {  // a table of the belief is left
     refuse(fault.what());
   } catch (const std::invalid_argument& fault) {

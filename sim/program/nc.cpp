@@ -13,6 +13,7 @@
 #include "kinematics/units.h"
 #include "sim/program/nc_arc.h"
 #include "sim/program/nc_codes.h"
+#include "sim/program/nc_notes.h"
 
 namespace abbe::sim::program {
 namespace {
@@ -34,6 +35,7 @@ class Control {
 
   /// @return false at the end of the program
   bool execute(const NcBlock& block);
+  void read_comments(const NcBlock& block) { notes_.note_comments(block); }
   Path take() { return std::move(path_); }
 
  private:
@@ -54,8 +56,6 @@ class Control {
   void set_spindle(const NcBlock& block, const Codes& codes);
   void set_feed(const NcBlock& block, const Codes& codes);
   void set_tool_length(const NcBlock& block, const Codes& codes);
-  void note_tool_and_coolant(const NcBlock& block, const Codes& codes);
-  void note_stop(const Codes& codes);
   void dwell(const NcBlock& block, const NcWord& g4);
   void move(const NcBlock& block, const Codes& codes);
   AxisVector target(const NcBlock& block, bool machine_coordinates) const;
@@ -64,6 +64,8 @@ class Control {
   double duration(const Block& block, const NcBlock& words, const NcWord& cause) const;
   void append(Block block, double seconds);
   void go_to(Coordinates coordinates, const NcWord& cause);
+
+  void use_chain(const NcWord& h, const NcWord& cause);
 
   const NcWord& first_axis_word(const NcBlock& block) const;
   /// -1 where the machine has no such axis
@@ -74,6 +76,7 @@ class Control {
 
   const NcOptions& options_;
   Path path_;
+  NcNotes notes_{path_};
   int line_ = 0;
   std::array<int, 26> joint_of_;  ///< by letter
   int spindle_;                   ///< the joint that S and M3 turn
@@ -88,11 +91,12 @@ class Control {
   bool absolute_centre_ = false;
   bool inverse_time_ = false;
   bool tip_mode_ = false;
-  double unit_ = 1.0;         ///< mm per unit of length
-  double tool_length_ = 0.0;  ///< mm added to Z under G43
-  int offset_ = 0;            ///< 0 .. 5, G54 .. G59
+  double unit_ = 1.0;               ///< mm per unit of length
+  const kinematics::Chain* chain_;  ///< that G43.4 counts with; null if there is none
+  int length_number_ = -1;          ///< H in force
+  double tool_length_ = 0.0;        ///< mm added to Z under G43
+  int offset_ = 0;                  ///< 0 .. 5, G54 .. G59
   std::optional<Feed> feed_;
-  int tool_ = -1;  ///< of the last T word
   double spindle_rpm_ = 0.0;
   int spindle_turns_ = 0;  ///< +1 M3, -1 M4, 0 M5
 };
@@ -101,7 +105,8 @@ Control::Control(const std::string& file, const NcOptions& options)
     : options_(options),
       joint_of_(joints_by_letter(options.axes)),
       spindle_(spindle_of(options.axes)),
-      at_(start_of(options)) {
+      at_(start_of(options)),
+      chain_(options.control ? &*options.control : nullptr) {
   path_.file = file;
   for (const AxisVector& offset : options.work_offset)
     if (offset.size() != 0 && offset.size() != at_.size())
@@ -185,15 +190,23 @@ void Control::go_to(Coordinates coordinates, const NcWord& cause) {
   coordinates_ = coordinates;
   const int x = joint_of('X'), y = joint_of('Y'), z = joint_of('Z');
   if (coordinates == Coordinates::Tip) {
-    const Eigen::Vector3d tip_w = options_.control->tool_in_workpiece(at_).translation();
+    const Eigen::Vector3d tip_w = chain_->tool_in_workpiece(at_).translation();
     at_[x] = tip_w.x();
     at_[y] = tip_w.y();
     at_[z] = tip_w.z();
   } else {
-    const auto q = slides_for_tip(*options_.control, at_, {at_[x], at_[y], at_[z]});
+    const auto q = slides_for_tip(*chain_, at_, {at_[x], at_[y], at_[z]});
     if (!q) refuse(cause, "slides that reach the tip", "a tip out of their reach");
     at_ = *q;
   }
+}
+
+/// The chain to the tip of another tool: the axes stay where they are.
+void Control::use_chain(const NcWord& h, const NcWord& cause) {
+  const auto own = options_.control_of_h.find(int(h.value));
+  if (own == options_.control_of_h.end() || chain_ == &own->second) return;
+  go_to(Coordinates::Axis, cause);
+  chain_ = &own->second;
 }
 
 void Control::set_tool_length(const NcBlock& block, const Codes& codes) {
@@ -201,6 +214,7 @@ void Control::set_tool_length(const NcBlock& block, const Codes& codes) {
   if (!code) return;
   tip_mode_ = code.tenths == 434;
   tool_length_ = 0.0;
+  length_number_ = -1;
   if (code.tenths != 490) {
     const NcWord& h = block['H'];
     const auto length = h.value == std::floor(h.value) && h.value >= 0
@@ -212,6 +226,8 @@ void Control::set_tool_length(const NcBlock& block, const Codes& codes) {
       refuse(h,
              "a tool length that is known (" + (known.empty() ? "none is" : known.substr(1)) + ")");
     }
+    length_number_ = length->first;
+    use_chain(h, code.word);
     if (code.tenths == 430) {
       if (joint_of('Z') < 0) refuse(code.word, "a machine with a Z axis");
       tool_length_ = length->second;
@@ -222,7 +238,7 @@ void Control::set_tool_length(const NcBlock& block, const Codes& codes) {
       if (joint_of(letter) < 0)
         refuse(code.word, "a machine with the axes X Y Z beside G43.4",
                "one with " + letters_of(options_.axes));
-    if (!options_.control) refuse(code.word, "a control that knows its kinematics beside G43.4");
+    if (chain_ == nullptr) refuse(code.word, "a control that knows its kinematics beside G43.4");
   }
   go_to(tip_mode_ ? Coordinates::Tip : Coordinates::Axis, code.word);
 }
@@ -239,30 +255,12 @@ void Control::set_modes(const NcBlock& block, const Codes& codes) {
   if (const auto& code = codes[CodeGroup::Motion]) motion_ = code.tenths;
 }
 
-void Control::note_tool_and_coolant(const NcBlock& block, const Codes& codes) {
-  if (block['T']) tool_ = int(std::min(block['T'].value, 1e9));
-  const bool changes = bool(codes[CodeGroup::ToolChange]);
-  if (block['T'] || changes)
-    path_.tool_calls.push_back({line_, tool_, changes, path_.blocks.size()});
-  std::string text = block['T'] ? fmt::format("T{:.0f}", block['T'].value) : "";
-  for (const CodeGroup group : {CodeGroup::ToolChange, CodeGroup::Coolant})
-    if (const Codes::Code& code = codes[group]; code && code.tenths != 90)
-      text += fmt::format("{}M{}", text.empty() ? "" : " ", code.tenths / 10);
-  if (!text.empty()) path_.asides.push_back({path_.blocks.size(), std::move(text)});
-}
-
-/// What a control does after the motion of the block.
-void Control::note_stop(const Codes& codes) {
-  const Codes::Code &stop = codes[CodeGroup::Stop], &coolant = codes[CodeGroup::Coolant];
-  if (coolant && coolant.tenths == 90) path_.asides.push_back({path_.blocks.size(), "M9"});
-  if (stop && stop.tenths <= 10)
-    path_.asides.push_back({path_.blocks.size(), fmt::format("M{}", stop.tenths / 10)});
-}
-
 void Control::append(Block block, double seconds) {
   block.line = line_;
   block.inch = unit_ != 1.0;
   block.inverse_time = inverse_time_;
+  if (block.work_offset >= 0) block.work_offset = offset_;
+  block.tool_length = length_number_;
   block.start_s = time_s_;
   block.end_s = time_s_ + seconds;
   if (spindle_ >= 0) {
@@ -388,6 +386,7 @@ void Control::move(const NcBlock& block, const Codes& codes) {
     straight.coordinates = coordinates_;
     straight.start = at_;
     straight.end = std::move(end);
+    if (machine_coordinates) straight.work_offset = -1;
     const double seconds = duration(straight, block, cause);
     if ((straight.end - straight.start).cwiseAbs().maxCoeff() > least_motion)
       append(std::move(straight), seconds);
@@ -401,14 +400,14 @@ bool Control::execute(const NcBlock& block) {
   check_letters(block);
   check_companions(block, codes);
   set_modes(block, codes);
-  note_tool_and_coolant(block, codes);
+  notes_.note_before_motion(block, codes);
   const Codes::Code& once = codes[CodeGroup::OneBlock];
   if (once && once.tenths == 40)
     dwell(block, once.word);
   else
     move(block, codes);
   const Codes::Code& stop = codes[CodeGroup::Stop];
-  note_stop(codes);
+  notes_.note_after_motion(codes);
   return !(stop && (stop.tenths == 20 || stop.tenths == 300));
 }
 
@@ -434,6 +433,7 @@ Path read_nc(std::string_view text, const std::string& file, const NcOptions& op
     block = parse_block(*line, {file, lines.number()}, std::move(block));
     if (block.percent && ++percents == 2) break;
     if (block.deleted && options.block_delete) continue;
+    if (!block.comments.empty()) control.read_comments(block);
     if (!block.percent && !block.empty() && !control.execute(block)) break;
   }
   return control.take();

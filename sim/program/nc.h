@@ -23,11 +23,13 @@ struct NcOptions {
       work_offset{};                    ///< G54 .. G59, (axes) each; empty means zero
   double rapid_speed = 10000.0 / 60.0;  ///< mm/s along the way
   double rapid_turn = 3600.0 / 60.0 * 0.017453292519943295;  ///< rad/s for a block of turns only
-  std::optional<kinematics::Chain> control;      ///< the control's own chain: G43.4 needs it to
-                                                 ///< know where the tip stands when it is
-                                                 ///< switched on; without it G43.4 is refused
-  bool block_delete = true;                      ///< blocks that start with / are left out
-  std::size_t max_bytes = std::size_t(1) << 31;  ///< larger programs are refused
+  std::optional<kinematics::Chain> control;       ///< the control's own chain: G43.4 needs it to
+                                                  ///< know where the tip stands when it is
+                                                  ///< switched on; without it G43.4 is refused
+  std::map<int, kinematics::Chain> control_of_h;  ///< of several tools: `control` to the tip of
+                                                  ///< each, by H, for G43.4
+  bool block_delete = true;                       ///< blocks that start with / are left out
+  std::size_t max_bytes = std::size_t(1) << 31;   ///< larger programs are refused
 };
 
 /// Where the axes stand at first: zero unless stated.

@@ -27,8 +27,8 @@ class Scanner {
   bool at_end() const { return i_ >= text_.size(); }
   char here() const { return text_[i_]; }
   void skip_blanks();
-  void skip_blanks_and_comments();
-  void skip_comment();
+  void skip_blanks_and_comments(NcBlock& block);
+  std::string_view comment();
   NcWord word();
   double number(std::size_t letter_at);
   void put(NcBlock& block, const NcWord& word);
@@ -56,26 +56,25 @@ void Scanner::skip_blanks() {
   while (!at_end() && is_blank(here())) ++i_;
 }
 
-void Scanner::skip_comment() {
+std::string_view Scanner::comment() {
   const std::size_t open = i_;
   for (++i_; !at_end(); ++i_) {
-    if (here() == ')') {
-      ++i_;
-      return;
-    }
+    if (here() == ')') return text_.substr(open + 1, i_++ - open - 1);
     if (here() == '(') refuse(i_, ") before another ( in a comment", "(");
   }
   refuse(open, ") that ends the comment on its line", "none");
 }
 
-void Scanner::skip_blanks_and_comments() {
+void Scanner::skip_blanks_and_comments(NcBlock& block) {
   for (skip_blanks(); !at_end(); skip_blanks()) {
-    if (here() == '(')
-      skip_comment();
-    else if (here() == ';')
+    if (here() == '(') {
+      block.comments.push_back(comment());
+    } else if (here() == ';') {
+      block.comments.push_back(text_.substr(i_ + 1));
       i_ = text_.size();
-    else
+    } else {
       return;
+    }
   }
 }
 
@@ -150,7 +149,7 @@ void Scanner::fill(NcBlock& block) {
   skip_blanks();
   if (!at_end() && here() == '%') {
     ++i_;
-    skip_blanks_and_comments();
+    skip_blanks_and_comments(block);
     if (!at_end()) refuse(i_, "nothing after %", shown(cell(i_)));
     block.percent = true;
     return;
@@ -159,9 +158,9 @@ void Scanner::fill(NcBlock& block) {
     ++i_;
     block.deleted = true;
   }
-  skip_blanks_and_comments();
+  skip_blanks_and_comments(block);
   bool first = true;
-  for (; !at_end(); skip_blanks_and_comments()) {
+  for (; !at_end(); skip_blanks_and_comments(block)) {
     const NcWord word = this->word();
     if (upper(word.text.front()) == 'N') {
       if (!first)
@@ -196,6 +195,7 @@ NcBlock parse_block(std::string_view text, const NcPlace& place, NcBlock reused)
   block.words.fill({});
   block.g.clear();
   block.m.clear();
+  block.comments.clear();
   if (const std::size_t nul = text.find('\0'); nul != std::string_view::npos)
     throw BadInput(place.file, place.line, int(nul) + 1, "text", "a NUL byte");
   Scanner(text, place).fill(block);

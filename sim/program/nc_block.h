@@ -24,6 +24,7 @@ struct NcBlock {
   std::array<NcWord, 26> words;  ///< by letter; G and M are in `g` and `m`
   std::vector<NcWord> g;
   std::vector<NcWord> m;
+  std::vector<std::string_view> comments;  ///< what stands in ( ) and after ;
   const NcWord& operator[](char letter) const { return words[std::size_t(letter - 'A')]; }
   bool empty() const;
 };

@@ -56,6 +56,19 @@ AxisVector position(const Path& path, const Block& block, double u) {
   return q;
 }
 
+Path stretch_of(const Path& path, std::size_t first, std::size_t last) {
+  Path part{.file = path.file, .arcs = path.arcs, .cubics = path.cubics};
+  part.blocks.assign(path.blocks.begin() + std::ptrdiff_t(first),
+                     path.blocks.begin() + std::ptrdiff_t(last));
+  for (const Aside& aside : path.asides)
+    if (aside.before >= first && (aside.before < last || last == path.blocks.size()))
+      part.asides.push_back({aside.before - first, aside.text});
+  part.unit_words = path.unit_words;
+  for (const Block& block : part.blocks)
+    part.motion_blocks += block.interpolation != Interpolation::Dwell;
+  return part;
+}
+
 AxisVector velocity(const Path& path, const Block& block, double u) {
   const double duration = block.end_s - block.start_s;
   const AxisVector way = block.end - block.start;

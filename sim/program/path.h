@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include "kinematics/axis.h"
+#include "sim/program/tool_comment.h"
 
 namespace abbe::sim::program {
 
@@ -66,6 +67,8 @@ struct Block {
   std::uint32_t shape = 0;    ///< index into Path::arcs or Path::cubics
   bool inch = false;          ///< it stood in inches (G20)
   bool inverse_time = false;  ///< under G93
+  int work_offset = 0;        ///< 0 .. 5, G54 .. G59; -1 for none (G53, PVT)
+  int tool_length = -1;       ///< H of the G43 or G43.4 in force; -1 for none
 };
 
 /// Neither rapid nor dwell.
@@ -85,6 +88,12 @@ struct ToolCall {
   std::size_t before = 0;  ///< block that it stands before; the number of blocks at the end
 };
 
+/// G20 or G21 where another unit was in force, or none yet.
+struct UnitWord {
+  int line = 0;
+  bool inch = false;
+};
+
 /// A program read: what the axes are commanded, block by block, in time. Memory is linear in the
 /// blocks.
 struct Path {
@@ -92,10 +101,16 @@ struct Path {
   std::vector<Block> blocks;
   std::vector<Arc> arcs;
   std::vector<Cubic> cubics;
-  std::vector<Aside> asides;         ///< in the order of the program
-  std::vector<ToolCall> tool_calls;  ///< the same
-  int motion_blocks = 0;             ///< blocks with motion, as `moves` in the summary
+  std::vector<Aside> asides;               ///< in the order of the program
+  std::vector<ToolCall> tool_calls;        ///< the same
+  std::vector<ToolComment> tool_comments;  ///< the same
+  std::vector<UnitWord> unit_words;        ///< the same
+  int motion_blocks = 0;                   ///< blocks with motion, as `moves` in the summary
 };
+
+/// The blocks from `first` to before `last` as a program of their own, with the words that stand
+/// before them.
+Path stretch_of(const Path& path, std::size_t first, std::size_t last);
 
 /// Programmed coordinates at fraction u in [0, 1] of the block's time; the ends are the block's bit
 /// for bit.

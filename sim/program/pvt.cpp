@@ -145,6 +145,7 @@ void Reader::append(PvtRow row) {
     Block block;
     block.line = line_;
     block.interpolation = Interpolation::Cubic;
+    block.work_offset = -1;
     block.start_s = last_->time_s;
     block.end_s = row.time_s;
     block.start = last_->position;

@@ -374,7 +374,7 @@ void Recorder::start(const AxisVector& q, double time_s, int block) {
 void Recorder::go(const AxisVector& q, double time_s, int block) {
   if (samples_.states.empty()) {
     moved_ = q;
-    push({q, time_s, {}, {}, 0.0}, block);
+    push({q, time_s, options_.before.direction, options_.before.stroke, 0.0}, block);
     return;
   }
   kinematics::AxisState state = samples_.states.back();

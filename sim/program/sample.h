@@ -21,6 +21,8 @@ struct SampleOptions {
   std::optional<double> max_nose_turn;   ///< rad of a tool spindle between samples, if its turning
                                          ///< shall be seen
   std::optional<int> workpiece_spindle;  ///< joint whose turning is left out of the chord (turning)
+  kinematics::AxisState before = {};  ///< of a path that goes on from another: the ways and strokes
+                                      ///< of the axes so far
   std::size_t max_samples = 50'000'000;  ///< more is refused before memory is taken
 };
 

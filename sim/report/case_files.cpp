@@ -4,6 +4,7 @@
 
 #include "kinematics/escape.h"
 #include "sim/report/pictures.h"
+#include "sim/report/result_files.h"
 #include "sim/report/summary_report.h"
 #include "sim/scene/toml_text.h"
 
@@ -25,8 +26,10 @@ void write_program(const ResultFolder& folder, const Job& job) {
   write_file(folder / job.path.file, job.program_text);
 }
 
-void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
-  write_case_pictures(folder, job, verdict);
+void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdict,
+                const std::vector<std::string>& formats, const Progress& progress) {
+  write_map_files(folder, job, verdict, formats, progress);
+  write_case_pictures(folder, job, verdict, progress);
   write_source_pictures(folder, job, verdict);
   write_or_remove(folder / "signals.csv", verdict.cut.signals.columns.empty()
                                               ? ""

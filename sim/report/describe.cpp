@@ -5,6 +5,7 @@
 #include "errors/bound_element.h"
 #include "kinematics/units.h"
 #include "sim/cut/unreached_text.h"
+#include "sim/scene/library.h"
 
 namespace abbe::sim {
 namespace {
@@ -123,6 +124,7 @@ Description describe(const Job& job) {
   const auto& states = job.samples.states;
   Description d;
   d.scene = job.scene.title;
+  for (const std::filesystem::path& file : job.scene.files) d.files.push_back(library_name(file));
   d.machine = job.scene.machine.name;
   d.structural_code = kinematics::to_string(topology);
   d.bodies = kinematics::low_order_body_array(topology);
@@ -140,6 +142,10 @@ Description describe(const Job& job) {
             design.facet_error.size() > 0 ? design.facet_error.maxCoeff() : 0.0};
   d.program = {job.path.motion_blocks, states.size(), states.empty() ? 0.0 : states.back().time_s,
                unreached_text(job.unreached)};
+  for (const Job& one : job.stretches)
+    d.stretches.push_back({*one.scene.tool.number, one.scene.tool.name,
+                           one.path.blocks.front().line, one.path.blocks.back().line,
+                           one.path.motion_blocks});
   d.warnings = job.warnings;
   return d;
 }

@@ -74,7 +74,16 @@ struct Description {
     double time_s = 0.0;
     std::string not_reached;  ///< what the machine does not reach of it; or empty
   } program;
+  /// What one of several tools runs, in the order of the program; empty with one tool.
+  struct Stretch {
+    int tool = 0;  ///< its number
+    std::string name;
+    int first_line = 0, last_line = 0;  ///< of blocks that move
+    int moves = 0;
+  };
+  std::vector<Stretch> stretches;
   std::vector<std::string> warnings;
+  std::vector<std::string> files;  ///< that the scene reads; of the library by their name in it
   std::optional<std::vector<JudgedProgram>> programs;  ///< that the scene names, if asked for
 };
 

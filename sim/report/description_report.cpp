@@ -263,6 +263,13 @@ ordered_json to_json(const Description& d) {
                      {"samples", d.program.samples},
                      {"time_s", d.program.time_s},
                      {"not_reached", d.program.not_reached}};
+  for (const Description::Stretch& one : d.stretches)
+    json["program"]["tools"].push_back({{"number", one.tool},
+                                        {"name", one.name},
+                                        {"first_line", one.first_line},
+                                        {"last_line", one.last_line},
+                                        {"moves", one.moves}});
+  json["files"] = d.files;
   json["warnings"] = d.warnings;
   if (d.programs) json["programs"] = programs_json(*d.programs);
   return json;
@@ -289,7 +296,12 @@ std::string to_text(const Description& d) {
       "\npart     {}: {} vertices, {:.4g} mm^2\nprogram  {} moves, {} samples, {:.1f} s\n",
       escaped(d.part.name), d.part.vertices, d.part.area, d.program.moves, d.program.samples,
       d.program.time_s);
+  for (const Description::Stretch& one : d.stretches)
+    text += fmt::format("         T{} {}: {} moves, lines {} to {}\n", one.tool, escaped(one.name),
+                        one.moves, one.first_line, one.last_line);
   if (!d.program.not_reached.empty()) text += "         " + d.program.not_reached + "\n";
+  for (std::size_t i = 0; i < d.files.size(); ++i)
+    text += fmt::format("{}{}\n", i == 0 ? "reads    " : "         ", escaped(d.files[i]));
   return text;
 }
 

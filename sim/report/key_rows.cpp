@@ -49,6 +49,8 @@ std::string value_of(const Key& key) {
       return key.words.empty() ? "text" : or_list(key.words);
     case Kind::Numbers:
       return key.size > 0 ? fmt::format("{} numbers", key.size) : "list of numbers";
+    case Kind::NumberOrNumbers:
+      return (range.empty() ? "number" : range) + fmt::format(", or {} numbers", key.size);
     case Kind::Texts:
       return "list of texts";
     case Kind::Table:
@@ -62,7 +64,8 @@ std::string value_of(const Key& key) {
 }
 
 std::string unit_of_key(const Key& key) {
-  const bool has_one = key.kind == Key::Kind::Number || key.kind == Key::Kind::Numbers;
+  const bool has_one = key.kind == Key::Kind::Number || key.kind == Key::Kind::Numbers ||
+                       key.kind == Key::Kind::NumberOrNumbers;
   return has_one && stem_of(key.name) != key.name ? unit_name(key.name) : "";
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include <fmt/format.h>
 
@@ -65,15 +66,22 @@ int rank(const Chain& chain, int i) {
   return count;
 }
 
-void add_carriages(const Chain& chain, const AxisVector& q, double unit,
-                   render::MachinePicture& picture) {
+/// Middles of the carriages of a side, from the bed outwards.
+struct Sides {
+  std::vector<Vector3d> tool, part;
+};
+
+Sides add_carriages(const Chain& chain, const AxisVector& q, double unit,
+                    render::MachinePicture& picture) {
+  Sides sides;
   Pose T = Pose::Identity();
   for (int i = 0; i < chain.size(); ++i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
     if (joint.side != Side::Tool) continue;
     T = T * carriage_displacement(joint, q[i]);
-    if (joint.motion != Motion::Spindle)
-      picture.bodies.push_back(carriage(joint, T, rank(chain, i) * unit, unit));
+    if (joint.motion == Motion::Spindle) continue;
+    picture.bodies.push_back(carriage(joint, T, rank(chain, i) * unit, unit));
+    sides.tool.push_back(picture.bodies.back().T.translation());
   }
   T = Pose::Identity();
   for (int i = chain.size() - 1; i >= 0; --i) {
@@ -81,7 +89,65 @@ void add_carriages(const Chain& chain, const AxisVector& q, double unit,
     if (joint.side != Side::Workpiece) continue;
     T = T * carriage_displacement(joint, kinematics::carriage_travel(joint.side, q[i]));
     picture.bodies.push_back(carriage(joint, T, -rank(chain, i) * unit, unit));
+    sides.part.push_back(picture.bodies.back().T.translation());
   }
+  return sides;
+}
+
+render::Body bar(const Vector3d& from, const Vector3d& to, double thickness) {
+  render::Body body;
+  const double length = (to - from).norm();
+  body.T = frame(0.5 * (from + to), (to - from) / length);
+  body.shape = render::BlockShape{Vector3d(thickness, thickness, length)};
+  body.colour = {0.72, 0.74, 0.77};
+  body.opacity = 0.45;
+  return body;
+}
+
+/// What holds the carriages, from a bed below all of them to the tool and to the part: so that
+/// nothing hangs in the air.
+void add_structure(Sides sides, const Vector3d& tool, const Vector3d& part, double unit,
+                   render::MachinePicture& picture) {
+  Eigen::AlignedBox3d box;
+  for (const auto& row : picture.part_vertices.rowwise()) box.extend(row.transpose());
+  for (const auto* side : {&sides.tool, &sides.part})
+    for (const Vector3d& p : *side) {
+      box.extend(p + Vector3d::Constant(2.0 * unit));
+      box.extend(p - Vector3d::Constant(2.0 * unit));
+    }
+  render::Body bed;
+  bed.label = "bed";
+  bed.shape = render::BlockShape{Vector3d(box.sizes().x(), box.sizes().y(), 0.3 * unit)};
+  bed.T = Pose::Identity();
+  bed.T.translation() << box.center().x(), box.center().y(), box.min().z() - 0.15 * unit;
+  bed.opacity = 0.6;
+  picture.bodies.push_back(bed);
+  const auto join = [&](const std::vector<Vector3d>& corners, double thickness) {
+    for (std::size_t i = 1; i < corners.size(); ++i)
+      if ((corners[i] - corners[i - 1]).norm() > 0.05 * unit)
+        picture.bodies.push_back(bar(corners[i - 1], corners[i], thickness));
+  };
+  const auto above_bed = [&](const Vector3d& p, double y) {
+    return Vector3d(p.x(), y, box.min().z());
+  };
+  std::vector<Vector3d> to_tool;
+  if (const Vector3d first = sides.tool.empty() ? tool : sides.tool.front(); first.z() > part.z()) {
+    // a column behind, so that the part has its room
+    const double back = box.max().y() - 0.3 * unit;
+    to_tool = {above_bed(first, back), {first.x(), back, first.z()}};
+  } else {
+    to_tool = {above_bed(first, first.y())};
+  }
+  to_tool.insert(to_tool.end(), sides.tool.begin(), sides.tool.end());
+  to_tool.push_back(tool);
+  join(to_tool, 0.22 * unit);
+  if (sides.part.empty()) sides.part.push_back(above_bed(part, part.y()));
+  const Vector3d &first = sides.part.front(), &last = sides.part.back();
+  std::vector<Vector3d> to_part{above_bed(first, first.y())};
+  to_part.insert(to_part.end(), sides.part.begin(), sides.part.end());
+  join(to_part, 0.22 * unit);
+  // what clamps the part stands on its table
+  join({last, {part.x(), part.y(), last.z()}, part}, 0.5 * unit);
 }
 
 /// The spindle from the last axis before it down to the nose, where the machine has a nose.
@@ -137,26 +203,70 @@ std::vector<std::pair<std::size_t, std::size_t>> stretches(const Job& job) {
   return all;
 }
 
-Trace traced(const Job& job) {
+Trace::Point traced_point(const Job& job, std::size_t sample) {
+  kinematics::AxisState state = job.samples.states[sample];
+  // a turned part is drawn as it stands, or the path would only be a disc of turns
+  if (job.machine.workpiece_spindle) state.q[*job.machine.workpiece_spindle] = 0.0;
+  const Vector3d tip_w = job.machine.nominal.tool_in_workpiece(state.q).translation();
+  return {tip_w, tool_in_workpiece(job.truth, state).translation() - tip_w};
+}
+
+using TracePoints = std::vector<Trace::Point>;
+
+/// A path that goes to and fro many times without a rapid would be drawn as a sheet: some stretches
+/// of it, each about as long as the part.
+std::vector<TracePoints> thinned_out(const TracePoints& points) {
+  constexpr double longest = 12.0;  // of what it covers
+  Eigen::AlignedBox3d box;
+  std::vector<double> length(points.size(), 0.0);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    box.extend(points[i].tip_w);
+    if (i > 0) length[i] = length[i - 1] + (points[i].tip_w - points[i - 1].tip_w).norm();
+  }
+  const double size = points.empty() ? 0.0 : box.diagonal().norm();
+  if (points.empty() || length.back() <= longest * size) return {points};
+  std::vector<TracePoints> pieces;
+  for (std::size_t k = 0; k < most_passes; ++k) {
+    const double middle = length.back() * (double(k) + 0.5) / double(most_passes);
+    const auto at = [&](double along) {
+      return points.begin() +
+             (std::lower_bound(length.begin(), length.end(), along) - length.begin());
+    };
+    pieces.emplace_back(at(middle - 0.6 * size), at(middle + 0.6 * size));
+  }
+  return pieces;
+}
+
+/// @param job  a part of one
+Trace traced_part(const Job& job) {
   Trace trace;
   const auto all = stretches(job);
   trace.all_passes = all.size();
   const std::size_t every = (all.size() + most_passes - 1) / most_passes;
+  const std::size_t most = all.size() > 1 ? most_points : 5 * most_points;
   for (std::size_t k = every / 2; k < all.size(); k += std::max<std::size_t>(1, every)) {
     const auto [first, last] = all[k];
-    const std::size_t step = (last - first) / most_points + 1;
-    trace.passes.emplace_back();
-    for (std::size_t i = first; i < last; i += step) {
-      kinematics::AxisState state = job.samples.states[i];
-      // a turned part is drawn as it stands, or the path would only be a disc of turns
-      if (job.machine.workpiece_spindle) state.q[*job.machine.workpiece_spindle] = 0.0;
-      const Vector3d tip_w = job.machine.nominal.tool_in_workpiece(state.q).translation();
-      const Vector3d error_w = tool_in_workpiece(job.truth, state).translation() - tip_w;
-      trace.passes.back().push_back({tip_w, error_w});
-      trace.largest = std::max(trace.largest, error_w.norm());
+    const std::size_t step = (last - first) / most + 1;
+    TracePoints points;
+    for (std::size_t i = first; i < last; i += step) points.push_back(traced_point(job, i));
+    for (TracePoints& piece : thinned_out(points)) {
+      for (const Trace::Point& point : piece)
+        trace.largest = std::max(trace.largest, point.error_w.norm());
+      trace.passes.push_back(std::move(piece));
     }
   }
   return trace;
+}
+
+Trace traced(const Job& job) {
+  Trace all;
+  for (const Job& part : parts_of(job)) {
+    Trace one = traced_part(part);
+    std::move(one.passes.begin(), one.passes.end(), std::back_inserter(all.passes));
+    all.all_passes += one.all_passes;
+    all.largest = std::max(all.largest, one.largest);
+  }
+  return all;
 }
 
 /// Round factor that makes the largest error of the path about a twentieth of the part.
@@ -183,9 +293,13 @@ render::MachinePicture machine_picture(const Job& job) {
   picture.title = job.scene.title + ": " + job.scene.machine.name;
   picture.part_vertices = cutting::transformed(job.design_w, T_bw).vertices;
   picture.part_triangles = job.design_w.triangles;
-  add_carriages(job.machine.nominal, q, 0.35 * part_size, picture);
+  const Sides sides = add_carriages(job.machine.nominal, q, 0.35 * part_size, picture);
   add_spindle(job.machine.nominal, q, 0.35 * part_size, picture);
   add_tool(job, q, picture);
+  const render::Body& tool = picture.bodies.back();
+  const double length = std::get<render::CylinderShape>(tool.shape).height;
+  add_structure(sides, tool.T * Vector3d(0.0, 0.0, length),
+                picture.part_vertices.colwise().mean().transpose(), 0.35 * part_size, picture);
   picture.frames = {{"w", T_bw}, {"b", Pose::Identity()}};
 
   const Trace trace = traced(job);
@@ -207,8 +321,11 @@ render::MachinePicture machine_picture(const Job& job) {
     draw("tip on the wrong machine", picture.magnification, {0.80, 0.25, 0.20});
   picture.caption = {
       "carriages are schematic: the description places them but gives them no shape",
-      fmt::format("{} of {} passes drawn; largest deviation of the tip {:.1f} \u00b5m",
-                  trace.passes.size(), trace.all_passes, trace.largest / units::um)};
+      fmt::format("{} drawn; largest deviation of the tip there {:.1f} \u00b5m",
+                  trace.passes.size() > trace.all_passes
+                      ? fmt::format("{} stretches of the path", trace.passes.size())
+                      : fmt::format("{} of {} passes", trace.passes.size(), trace.all_passes),
+                  trace.largest / units::um)};
   return picture;
 }
 

@@ -2,19 +2,18 @@
 
 #if ABBE_RENDER
 
-#include <algorithm>
+#include <array>
 #include <cmath>
-#include <fstream>
 #include <set>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "cutting/turned_mesh.h"
 #include "kinematics/units.h"
 #include "render/comparison.h"
 #include "render/field.h"
 #include "render/figures.h"
+#include "render/fonts.h"
 #include "render/machine.h"
 #include "render/map.h"
 #include "render/plot.h"
@@ -34,15 +33,83 @@ cutting::Design design_m(const Job& job) {
   return cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
 }
 
+render::Field field_of(const Job& job, const Verdict& verdict) {
+  render::Field field = render::field(design_m(job), verdict.aligned.surface);
+  field.form_um = verdict.filtered / units::um;
+  return field;
+}
+
+/// A length in the unit in which it reads best.
+std::string length_text(double mm) {
+  if (mm >= 0.1 * units::um) return fmt::format("{:.3g} \u00b5m", mm / units::um);
+  return mm >= 1e-3 * units::nm ? fmt::format("{:.3g} nm", mm / units::nm) : "under 0.001 nm";
+}
+
+/// Whether a map is too coarse to show what the tool left between its vertices: then its form is
+/// drawn, which does not depend on them.
+bool draws_form(const Verdict& verdict) {
+  constexpr double most_unresolved = 0.02;
+  return verdict.cut.interpolation && verdict.cut.interpolation->unresolved > most_unresolved;
+}
+
+std::string texture_height(const Verdict& verdict) {
+  return length_text(verdict.texture ? verdict.texture->Sz : 0.0);
+}
+
+/// mm that a pixel of one of several maps covers, about.
+double panel_pixel(const Job& job) {
+  constexpr double panel_px = 350.0;  // wide
+  const auto& vertices = job.design_w.vertices;
+  return (vertices.colwise().maxCoeff() - vertices.colwise().minCoeff()).maxCoeff() / panel_px;
+}
+
+/// Whether the waves that sampling has resolved are finer than pixels.
+bool is_finer(const Job& job, double pixel_mm) {
+  if (!job.sampled || job.design_w.vertices.rows() <= job.sampled->given) return false;
+  const double spacing = std::sqrt(job.design_w.area.sum() / double(job.design_w.vertices.rows()));
+  return 2.0 * spacing < 1.5 * pixel_mm;
+}
+
+std::string form_caption(const Job& job, const Verdict& verdict) {
+  return fmt::format("form: waves beyond {:.3g} mm; texture finer than the points, Sz {} or more",
+                     job.scene.part.form_cutoff, texture_height(verdict));
+}
+
+/// With the signs and units that a picture has.
+std::string shown_verdict(std::string text) {
+  const auto replace = [&](const std::string& from, const std::string& to) {
+    for (auto at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size()))
+      text.replace(at, from.size(), to);
+  };
+  replace(" um", " µm");
+  replace("-", "−");
+  return text;
+}
+
 /// The map in the part frame, so that the camera stands where the scene says, however the part is
 /// clamped.
-render::MapPicture map_picture(const Job& job, const Verdict& verdict) {
+/// @param pixel_mm  about what a pixel covers: waves that are finer would only flicker; 0: drawn
+render::MapPicture map_picture(const Job& job, const Verdict& verdict, double pixel_mm = 0.0) {
   render::MapPicture picture;
-  picture.field = render::field(design_m(job), verdict.aligned.surface);
+  picture.field = field_of(job, verdict);
   picture.title = verdict.cut.name;
   picture.figures = figures(verdict.residual);
+  if (draws_form(verdict)) {
+    picture.field.deviation_um = picture.field.form_um;
+    picture.figures = figures(*verdict.form_part);
+    picture.caption.push_back(form_caption(job, verdict));
+  } else if (is_finer(job, pixel_mm)) {
+    picture.field.deviation_um = picture.field.form_um;
+    picture.caption.push_back(
+        fmt::format("form: waves beyond {:.3g} mm; texture, Sz {}, is finer than a pixel",
+                    job.scene.part.form_cutoff, texture_height(verdict)));
+  }
   picture.datum = name_of(job.scene.datum.kind);
   picture.alignment = name_of(job.scene.alignment);
+  picture.tolerance_um = verdict.tolerance / units::um;
+  if (const auto& c = verdict.residual.conformance)
+    picture.shares = render::ToleranceShares{c->in, c->over, c->under, c->uncut};
+  picture.verdict = shown_verdict(tolerance_verdict(verdict.residual.conformance, verdict.worst));
   if (const program::Unreached& u = job.unreached; u.points > 0)
     picture.caption.push_back(
         fmt::format("not reached by the machine: {} of {} passes, parts of {}", u.passes,
@@ -52,12 +119,6 @@ render::MapPicture map_picture(const Job& job, const Verdict& verdict) {
 
 Eigen::VectorXd deviation_um(const Verdict& verdict) {
   return verdict.aligned.surface.residual / units::um;
-}
-
-/// A length in the unit in which it reads best.
-std::string length_text(double mm) {
-  if (mm >= 0.1 * units::um) return fmt::format("{:.3g} \u00b5m", mm / units::um);
-  return mm >= 1e-3 * units::nm ? fmt::format("{:.3g} nm", mm / units::nm) : "under 0.001 nm";
 }
 
 /// Compared cases say how far they brought the machine's part down.
@@ -70,77 +131,6 @@ std::string reduction_text(const Compared& one, const std::vector<Compared>& cas
   // a true minus: at a hyphen the line might break
   return fmt::format("machine {} RMS, {}{:.2f}%", length_text(*after->rms),
                      change < 0.0 ? "\u2212" : "+", std::abs(change));
-}
-
-std::filesystem::path result_file(const std::filesystem::path& result) {
-  return std::filesystem::is_directory(result) ? result / "residual.vtp" : result;
-}
-
-render::Field difference(render::Field a, const render::Field& b,
-                         const std::filesystem::path& other) {
-  if (a.deviation_um.size() != b.deviation_um.size())
-    throw BadInput(other.string(), 0, 0,
-                   fmt::format("{} vertices, as the first result has", a.deviation_um.size()),
-                   fmt::format("{}", b.deviation_um.size()));
-  if (a.design.vertices != b.design.vertices)
-    throw BadInput(other.string(), 0, 0, "the same design as the first result has",
-                   "other vertices");
-  a.deviation_um -= b.deviation_um;
-  for (std::size_t i = 0; i < a.status.size(); ++i)
-    a.status[i] = std::uint8_t(
-        cutting::worse(cutting::VertexStatus(a.status[i]), cutting::VertexStatus(b.status[i])));
-  for (Eigen::Index i = 0; i < a.deviation_um.size(); ++i)
-    if (a.status[std::size_t(i)] != 0) a.deviation_um[i] = std::numeric_limits<double>::quiet_NaN();
-  return a;
-}
-
-/// Points of a map along a line through the middle of the part: (coordinate, deviation).
-std::vector<std::pair<double, double>> along(const render::Field& field, const std::string& line) {
-  const auto& vertices = field.design.vertices;
-  const Eigen::RowVector3d lower = vertices.colwise().minCoeff(),
-                           upper = vertices.colwise().maxCoeff();
-  const Eigen::RowVector3d middle = 0.5 * (lower + upper);
-  const double width = 1.5 * std::sqrt(field.design.area.sum() / double(vertices.rows()));
-  std::vector<std::pair<double, double>> points;
-  for (Eigen::Index i = 0; i < vertices.rows(); ++i) {
-    if (std::isnan(field.deviation_um[i])) continue;
-    const Eigen::RowVector3d p = vertices.row(i) - middle;
-    if (line == "radius")
-      points.emplace_back(std::hypot(vertices(i, 0), vertices(i, 1)), field.deviation_um[i]);
-    else if (line == "x" && std::abs(p.y()) < width)
-      points.emplace_back(vertices(i, 0), field.deviation_um[i]);
-    else if (line == "y" && std::abs(p.x()) < width)
-      points.emplace_back(vertices(i, 1), field.deviation_um[i]);
-  }
-  return points;
-}
-
-/// Lowest, mean and highest deviation in stretches of a line: cusps make a single trace a scribble.
-std::vector<render::ProfileSeries> profile(const render::Field& field, const std::string& line) {
-  constexpr int stretches = 200;
-  const auto points = along(field, line);
-  std::vector<render::ProfileSeries> all = {
-      {"highest", {}, {}}, {"mean", {}, {}}, {"lowest", {}, {}}};
-  const double none = std::numeric_limits<double>::quiet_NaN();
-  for (render::ProfileSeries& series : all)
-    series.x = series.y = Eigen::VectorXd::Constant(stretches, none);
-  if (points.empty()) return all;
-  const auto [first, last] = std::minmax_element(points.begin(), points.end());
-  const double from = first->first, step = (last->first - from) / stretches;
-  std::vector<int> count(stretches, 0);
-  for (const auto& [x, y] : points) {
-    const int k = step > 0.0 ? std::min(stretches - 1, int((x - from) / step)) : 0;
-    for (render::ProfileSeries& series : all) series.x[k] = from + (k + 0.5) * step;
-    if (count[std::size_t(k)]++ == 0) {
-      for (render::ProfileSeries& series : all) series.y[k] = y;
-      continue;
-    }
-    all[0].y[k] = std::max(all[0].y[k], y);
-    all[1].y[k] += y;
-    all[2].y[k] = std::min(all[2].y[k], y);
-  }
-  for (int k = 0; k < stretches; ++k) all[1].y[k] /= std::max(1, count[std::size_t(k)]);
-  return all;
 }
 
 /// A time as people say it: hours where it is long.
@@ -258,57 +248,55 @@ void remove_older(const ResultFolder& folder, const std::set<std::string>& drawn
   for (const std::string& name : older) remove_file(folder / name);
 }
 
-/// What the summary beside a result says of it, if there is one.
-struct About {
-  std::string title;
-  std::string datum = "not known";
-  std::string alignment = "not known";
-};
-
-About about(const std::filesystem::path& result) {
-  About known{result.parent_path().filename().string()};
-  std::ifstream in(result.parent_path() / "summary.json");
-  const auto json = nlohmann::json::parse(in, nullptr, false);
-  if (!json.is_object()) return known;
-  const auto text = [&](const char* key, std::string& into) {
-    if (json.contains(key) && json[key].is_string()) into = json[key].get<std::string>();
-  };
-  std::string scene, name = known.title;
-  text("scene", scene);
-  text("case", name);
-  text("datum", known.datum);
-  text("alignment", known.alignment);
-  known.title = scene.empty() ? name : scene + ": " + name;
-  return known;
-}
-
 }  // namespace
 
 bool draws_pictures() { return true; }
 
-void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
-  write_file(folder / "residual.vtp", [&](const std::filesystem::path& file) {
-    render::write_residual(file, design_m(job), verdict.aligned.surface);
-  });
-  write_file(folder / "residual.png", [&](const std::filesystem::path& file) {
-    render::MapPicture picture = map_picture(job, verdict);
-    picture.title = job.scene.title + ": " + verdict.cut.name;
-    render::MapOptions options;
-    options.range_um = job.scene.view.range_um;
-    options.from = job.scene.view.from;
-    options.up = job.scene.view.up;
-    render::write_map(file, picture, options);
-  });
+std::string font_warning(const std::string& text) {
+  const std::string package = render::missing_font_package(text);
+  return package.empty()
+             ? ""
+             : "letters of the pictures are VTK's own, which are few: install " + package;
+}
+
+void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict,
+                         const Progress& progress) {
+  const auto shows = [&](const char* stage, double fraction) {
+    if (progress) progress(stage, fraction);
+  };
+  shows("draw", 0.0);
+  render::MapPicture picture = map_picture(job, verdict);
+  picture.title = job.scene.title + ": " + verdict.cut.name;
+  render::MapOptions map;
+  map.range_um = job.scene.view.range_um;
+  map.from = job.scene.view.from;
+  map.up = job.scene.view.up;
+  write_file(folder / "residual.png",
+             [&](const std::filesystem::path& file) { render::write_map(file, picture, map); });
+  map.colours = render::MapColours::Tolerance;
+  if (picture.tolerance_um.rows() > 0)
+    write_file(folder / "tolerance.png",
+               [&](const std::filesystem::path& file) { render::write_map(file, picture, map); });
+  else
+    remove_file(folder / "tolerance.png");
+  shows("draw", 0.6);
   write_file(folder / "histogram.png", [&](const std::filesystem::path& file) {
     render::HistogramOptions options;
     options.title = job.scene.title + ": " + verdict.cut.name;
-    if (job.scene.part.tolerance > 0.0) options.tolerance_um = job.scene.part.tolerance / units::um;
+    if (const auto& tolerance = job.scene.part.tolerance)
+      options.tolerance_um = std::array{tolerance->lower / units::um, tolerance->upper / units::um};
     if (const cutting::Statistics& s = verdict.residual; s.uncut_vertices + s.gouged_vertices > 0)
       options.caption.push_back(
           fmt::format("left out: {} of {} judged vertices uncut, {} gouged deeper than the band",
                       s.uncut_vertices, s.cut_vertices + s.uncut_vertices + s.gouged_vertices,
                       s.gouged_vertices));
-    render::write_histogram(file, deviation_um(verdict), job.design_w.area, options);
+    options.figures = figures(verdict.residual);
+    const cutting::Surface& surface = verdict.aligned.surface;
+    const cutting::Weights weights = cutting::weights(surface, job.design_w);
+    Eigen::VectorXd values(surface.residual.size() + surface.middle.size()), areas(values.size());
+    values << surface.residual / units::um, surface.middle / units::um;
+    areas << weights.vertex, weights.middle;
+    render::write_histogram(file, values, areas, options);
   });
 }
 
@@ -339,10 +327,11 @@ void write_source_pictures(const ResultFolder& folder, const Job& job, const Ver
 }
 
 void write_comparison_picture(const ResultFile& file, const Scene& scene,
-                              const std::vector<Compared>& cases) {
+                              const std::vector<Compared>& cases, const Progress& progress) {
+  if (progress) progress("compare", 0.0);
   std::vector<render::MapPicture> pictures;
   for (const Compared& one : cases) {
-    pictures.push_back(map_picture(*one.job, one.verdict));
+    pictures.push_back(map_picture(*one.job, one.verdict, panel_pixel(*one.job)));
     const std::string text = reduction_text(one, cases);
     if (!text.empty()) pictures.back().caption.push_back(text);
   }
@@ -365,49 +354,6 @@ void write_check_picture(const ResultFile& file, const Job& job) {
   });
 }
 
-std::filesystem::path render_result(const RenderOptions& options) {
-  const std::filesystem::path source = result_file(options.result);
-  render::Field field = render::read_residual(source);
-  About known = about(source);
-  if (options.minus) {
-    const std::filesystem::path other = result_file(*options.minus);
-    field = difference(std::move(field), render::read_residual(other), other);
-    known.title += ", minus " + about(other).title;
-  }
-  const render::Figures numbers = render::figures(field.deviation_um, field.design.area);
-  Writer writer{options.permissions, {source, source.parent_path() / "summary.json"}, true};
-  if (options.minus) writer.inputs.push_back(result_file(*options.minus));
-  const ResultFolder folder(options.out.empty() ? source.parent_path() : options.out, writer);
-  if (options.line) {
-    render::ProfileOptions plot;
-    plot.title = known.title;
-    plot.x_label = *options.line + " / mm";
-    plot.caption = {"+ material left, − gouged; along the outward design normal",
-                    fmt::format("whole map: PV {:.4g} µm, RMS {:.4g} µm; datum {}, alignment {}",
-                                numbers.pv_um, numbers.rms_um, known.datum, known.alignment)};
-    const ResultFile drawn = folder / ("profile-" + *options.line + ".png");
-    write_file(drawn, [&](const std::filesystem::path& file) {
-      render::write_profile(file, profile(field, *options.line), plot);
-    });
-    return drawn.path();
-  }
-  render::MapPicture picture;
-  picture.title = known.title;
-  picture.figures = numbers;
-  picture.datum = known.datum;
-  picture.alignment = known.alignment;
-  picture.field = std::move(field);
-  // never the name of a picture that a run left there
-  const ResultFile drawn = folder / (options.minus ? "difference.png" : "rendered.png");
-  write_file(drawn,
-             [&](const std::filesystem::path& file) { render::write_map(file, picture, {}); });
-  if (options.minus)
-    write_file(folder / "difference.vtp", [&](const std::filesystem::path& file) {
-      render::write_residual(file, picture.field);
-    });
-  return drawn.path();
-}
-
 }  // namespace abbe::sim
 
 #else
@@ -415,19 +361,16 @@ std::filesystem::path render_result(const RenderOptions& options) {
 namespace abbe::sim {
 
 bool draws_pictures() { return false; }
+std::string font_warning(const std::string&) { return ""; }
 
-void write_case_pictures(const ResultFolder&, const Job&, const Verdict&) {}
+void write_case_pictures(const ResultFolder&, const Job&, const Verdict&, const Progress&) {}
 void write_source_pictures(const ResultFolder&, const Job&, const Verdict&) {}
-void write_comparison_picture(const ResultFile&, const Scene&, const std::vector<Compared>&) {}
+void write_comparison_picture(const ResultFile&, const Scene&, const std::vector<Compared>&,
+                              const Progress&) {}
 void write_check_picture(const ResultFile& file, const Job&) {
   throw BadInput(file.path().string(), 0, 0, "a program built with -DABBE_RENDER=ON",
                  "one without VTK");
 }
-std::filesystem::path render_result(const RenderOptions& options) {
-  throw BadInput(options.result.string(), 0, 0, "a program built with -DABBE_RENDER=ON",
-                 "one without VTK");
-}
-
 }  // namespace abbe::sim
 
 #endif

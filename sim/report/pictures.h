@@ -13,9 +13,14 @@ namespace abbe::sim {
 /// Whether this program was built with VTK.
 bool draws_pictures();
 
-/// `residual.vtp`, `residual.png` and `histogram.png` of a case.
-/// @throws OutputFailure
-void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict);
+/// What is missing to draw a text as it is; empty where nothing is, or nothing is drawn.
+std::string font_warning(const std::string& text);
+
+/// `residual.png` and `histogram.png` of a case, `tolerance.png` of one with a tolerance.
+/// @param progress  shows one stage, "draw"
+/// @throws OutputFailure, Interrupted
+void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict,
+                         const Progress& progress = {});
 
 /// `stock.vtp` of a case whose stock was cut, `temperatures.png` of one with heat and a picture
 /// `EXX-temperatures.png` of every element that the scene plots; older ones are removed where the
@@ -23,24 +28,12 @@ void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdi
 void write_source_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict);
 
 /// All cases on one symmetric colour scale with their figures.
+/// @param progress  shows one stage, "compare"
 void write_comparison_picture(const ResultFile& file, const Scene& scene,
-                              const std::vector<Compared>& cases);
+                              const std::vector<Compared>& cases, const Progress& progress = {});
 
 /// Machine, part and path, the errors of the path magnified; what `abbe check --picture` draws.
 /// @throws BadInput, OutputFailure
 void write_check_picture(const ResultFile& file, const Job& job);
-
-struct RenderOptions {
-  std::filesystem::path result;                ///< a residual.vtp, or the folder that has one
-  std::optional<std::filesystem::path> minus;  ///< another, taken away vertex by vertex
-  std::optional<std::string> line;  ///< profile along "x", "y" or "radius" instead of a map
-  std::filesystem::path out;        ///< folder
-  Permissions permissions;
-};
-
-/// Pictures of a finished result, or of a difference of two.
-/// @return the picture
-/// @throws BadInput, OutputFailure
-std::filesystem::path render_result(const RenderOptions& options);
 
 }  // namespace abbe::sim

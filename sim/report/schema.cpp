@@ -72,6 +72,8 @@ Json type_of(const Key& key) {
       return key.words.empty() ? text : words_of_text(key);
     case Kind::Numbers:
       return numbers_of(key);
+    case Kind::NumberOrNumbers:
+      return {{"anyOf", {number_of(key, "number"), numbers_of(key)}}};
     case Kind::Texts:
       return {{"anyOf", {text, {{"type", "array"}, {"items", text}}}}};
     case Kind::Table:

@@ -7,12 +7,12 @@ namespace abbe::sim {
 namespace {
 
 CaseFigures figures_of(const Verdict& verdict) {
-  return {verdict.cut.name,
-          verdict.residual,
-          verdict.machine,
-          verdict.cut.tip_error,
-          verdict.cut.direction_error,
-          std::nullopt,
+  return {verdict.cut.name,      verdict.residual,
+          verdict.machine,       verdict.form_part,
+          verdict.texture,       verdict.cut.interpolation,
+          verdict.cut.tip_error, verdict.cut.direction_error,
+          verdict.highest,       verdict.lowest,
+          verdict.worst,         std::nullopt,
           std::nullopt};
 }
 
@@ -53,11 +53,16 @@ Summary summary(const Job& job, const Verdict& verdict) {
   s.samples = job.samples.states.size();
   s.unreached = job.unreached;
   s.figures = figures_of(verdict);
+  s.tolerance = job.scene.part.tolerance;
+  s.form_cutoff = job.scene.part.form_cutoff;
+  s.sampling = job.sampled;
+  s.recognised = job.recognised;
   s.point_left = cut.point_left;
   s.direction_left = cut.direction_left;
   s.facet_error = facet_error(job.design_w);
   s.datum = job.scene.datum.kind;
   s.alignment = job.scene.alignment;
+  s.view = job.scene.view;
   if (s.alignment != Alignment::None)
     s.taken_out = {verdict.aligned.displacement, verdict.aligned.undetermined};
   s.form = verdict.form;
@@ -80,6 +85,7 @@ Comparison comparison(const Job& job, const std::vector<Compared>& cases,
                  job.unreached,
                  job.scene.datum.kind,
                  job.scene.alignment,
+                 job.scene.part.tolerance,
                  {},
                  failed,
                  {}};

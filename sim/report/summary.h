@@ -13,9 +13,13 @@ namespace abbe::sim {
 struct CaseFigures {
   std::string name;
   cutting::Statistics residual;
-  std::optional<cutting::Statistics> machine;  ///< of it minus the error-free map
-  Spread tip_error;                            ///< mm
-  Spread direction_error;                      ///< rad
+  std::optional<cutting::Statistics> machine;       ///< of it minus the error-free map
+  std::optional<cutting::Statistics> form;          ///< of it through the areal filter
+  std::optional<errors::metrology::Areal> texture;  ///< of what the filter leaves out
+  std::optional<cutting::InterpolationError> interpolation;
+  Spread tip_error;                                      ///< mm
+  Spread direction_error;                                ///< rad
+  std::optional<Verdict::Place> highest, lowest, worst;  ///< as of a verdict
   /// Percent by which a figure fell; none where there is nothing to fall from.
   struct Reduction {
     std::optional<double> pv, rms;
@@ -38,11 +42,16 @@ struct Summary {
   std::size_t samples = 0;
   program::Unreached unreached;
   CaseFigures figures;
+  std::optional<Tolerance> tolerance;                ///< of the part, where no region has another
+  double form_cutoff = 0.0;                          ///< mm
+  std::vector<cutting::RecognisedPatch> recognised;  ///< faces of a mesh
+  std::optional<SampledSurface> sampling;            ///< how the judged places were chosen
   double point_left = 0.0;            ///< mm, most that the compensator knew it could not restore
   double direction_left = 0.0;        ///< rad, the same of the direction
   std::optional<Spread> facet_error;  ///< mm, of the design's own mesh; none where there is none
   DatumDescription::Kind datum = {};
   Alignment alignment = {};
+  ViewDescription view;  ///< of the pictures
   /// What the alignment took out of the map.
   struct TakenOut {
     kinematics::Deviation displacement = kinematics::Deviation::Zero();  ///< mm and rad
@@ -77,6 +86,7 @@ struct Comparison {
   program::Unreached unreached;
   DatumDescription::Kind datum = {};
   Alignment alignment = {};
+  std::optional<Tolerance> tolerance;
   std::vector<CaseFigures> cases;
   std::vector<FailedCase> failed;
   std::vector<std::string> warnings;  ///< of the scene, its variants and all cases

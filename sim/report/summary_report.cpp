@@ -1,5 +1,7 @@
 #include "sim/report/summary_report.h"
 
+#include <cmath>
+
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -16,18 +18,48 @@ using nlohmann::ordered_json;
 // ---- JSON
 
 ordered_json statistics_um(const cutting::Statistics& s) {
-  return {{"pv", number(s.pv, units::um)},
-          {"rms", number(s.rms, units::um)},
-          {"mean", number(s.mean, units::um)},
-          {"std", number(s.std_dev, units::um)},
-          {"min", number(s.min, units::um)},
-          {"max", number(s.max, units::um)},
-          {"p95_abs", number(s.p95_abs, units::um)},
-          {"in_tolerance_percent", number(s.in_tolerance_percent)}};
+  return {
+      {"pv", number(s.pv, units::um)},
+      {"rms", number(s.rms, units::um)},
+      {"mean", number(s.mean, units::um)},
+      {"std", number(s.std_dev, units::um)},
+      {"min", number(s.min, units::um)},
+      {"max", number(s.max, units::um)},
+      {"p95_abs", number(s.p95_abs, units::um)},
+      {"in_tolerance_percent", s.conformance ? ordered_json(s.conformance->in) : ordered_json()}};
 }
 
 ordered_json statistics_um(const std::optional<cutting::Statistics>& s) {
   return s ? statistics_um(*s) : ordered_json();
+}
+
+ordered_json tolerance_um(const std::optional<Tolerance>& tolerance) {
+  if (!tolerance) return {};
+  return {tolerance->lower / units::um, tolerance->upper / units::um};
+}
+
+/// Null where nothing is there.
+ordered_json place(const std::optional<Verdict::Place>& one) {
+  if (!one) return {};
+  return {{"residual_um", one->residual / units::um},
+          {"is_bound", one->bound},
+          {"at_mm", numbers(one->at_m)},
+          {"line", one->line}};
+}
+
+/// Against the tolerance, shares of the judged area; null without one.
+ordered_json conformance(const CaseFigures& one) {
+  const auto& c = one.residual.conformance;
+  if (!c) return {};
+  ordered_json json = {{"verdict", tolerance_verdict(c, one.worst)},
+                       {"passes", c->passes()},
+                       {"in_percent", c->in},
+                       {"over_percent", c->over},
+                       {"under_percent", c->under},
+                       {"uncut_percent", c->uncut}};
+  json["excess_um"] = one.worst ? ordered_json(c->excess / units::um) : ordered_json();
+  json["worst"] = place(one.worst);
+  return json;
 }
 
 /// Of the judged vertices.
@@ -85,6 +117,46 @@ ordered_json aligned_by(const Summary::TakenOut& alignment) {
           {"undetermined", alignment.undetermined}};
 }
 
+/// Height parameters of ISO 25178-2 of what is shorter than the cut-off.
+ordered_json texture_um(const std::optional<errors::metrology::Areal>& t) {
+  if (!t) return {};
+  return {{"Sa", t->Sa / units::um}, {"Sq", t->Sq / units::um}, {"Sz", t->Sz / units::um},
+          {"Sp", t->Sp / units::um}, {"Sv", t->Sv / units::um}, {"Ssk", number(t->Ssk)},
+          {"Sku", number(t->Sku)}};
+}
+
+/// How far linear interpolation between the vertices is off the map.
+ordered_json interpolation(const std::optional<cutting::InterpolationError>& error) {
+  if (!error) return {};
+  return {{"probes", error->places},
+          {"resolution_um", error->resolution / units::um},
+          {"worst_um", error->worst / units::um},
+          {"rms_um", error->rms / units::um},
+          {"mean_um", error->mean / units::um},
+          {"unresolved_percent", 100.0 * error->unresolved}};
+}
+
+ordered_json sampling(const SampledSurface& sampled) {
+  return {{"given_vertices", sampled.given},
+          {"resolution_um", sampled.resolution / units::um},
+          {"reached_um", sampled.reached > 0.0 && std::isfinite(sampled.reached)
+                             ? ordered_json(sampled.reached / units::um)
+                             : ordered_json()},
+          {"judged_area_mm2", sampled.judged_area},
+          {"unmeant_area_mm2", sampled.unmeant_area}};
+}
+
+/// What the faces of a mesh were taken for.
+ordered_json recognised(const std::vector<cutting::RecognisedPatch>& patches) {
+  constexpr const char* names[] = {"plane", "sphere", "cylinder", "cone", "torus"};
+  ordered_json list = ordered_json::array();
+  for (const cutting::RecognisedPatch& one : patches)
+    list.push_back({{"form", names[std::size_t(one.form)]},
+                    {"area_mm2", one.area},
+                    {"off_um", one.off / units::um}});
+  return list;
+}
+
 ordered_json reduction_percent(const CaseFigures& one) {
   if (!one.residual_reduction) return nullptr;
   ordered_json json{{"pv", number(one.residual_reduction->pv)},
@@ -99,9 +171,15 @@ ordered_json case_json(const CaseFigures& one) {
   ordered_json json = {{"name", one.name},
                        {"residual_um", statistics_um(one.residual)},
                        {"machine_um", statistics_um(one.machine)},
+                       {"form_um", statistics_um(one.form)},
+                       {"texture_um", texture_um(one.texture)},
+                       {"interpolation", interpolation(one.interpolation)},
                        {"reduction_percent", reduction_percent(one)},
                        {"tip_error_um", spread(one.tip_error, units::um)},
-                       {"direction_error_urad", spread(one.direction_error, units::urad)}};
+                       {"direction_error_urad", spread(one.direction_error, units::urad)},
+                       {"highest", place(one.highest)},
+                       {"lowest", place(one.lowest)},
+                       {"conformance", conformance(one)}};
   json.update(vertex_counts(one.residual));
   return json;
 }
@@ -141,6 +219,20 @@ std::string machine_text(const CaseFigures& one) {
   return text;
 }
 
+/// A line a case with its verdict, empty without a tolerance.
+std::string verdict_line(const CaseFigures& one) {
+  const auto& c = one.residual.conformance;
+  if (!c) return {};
+  std::string shares = fmt::format("{:.2f} % of the area in tolerance", c->in);
+  const auto add = [&](double percent, const char* what) {
+    if (percent > 0.0) shares += fmt::format(", {:.2f} % {}", percent, what);
+  };
+  add(c->over, "over");
+  add(c->under, "under");
+  add(c->uncut, "not cut");
+  return fmt::format("{:<36} {}; {}\n", escaped(one.name), tolerance_verdict(c, one.worst), shares);
+}
+
 }  // namespace
 
 ordered_json to_json(const Summary& s) {
@@ -156,13 +248,24 @@ ordered_json to_json(const Summary& s) {
       {"unreached", unreached(s.unreached)},
       {"residual_um", statistics_um(s.figures.residual)},
       {"machine_um", statistics_um(s.figures.machine)},
+      {"form_cutoff_mm", s.form_cutoff},
+      {"form_um", statistics_um(s.figures.form)},
+      {"texture_um", texture_um(s.figures.texture)},
+      {"sampling", s.sampling ? sampling(*s.sampling) : ordered_json()},
+      {"recognised", recognised(s.recognised)},
+      {"interpolation", interpolation(s.figures.interpolation)},
       {"tip_error_um", spread(s.figures.tip_error, units::um)},
       {"direction_error_urad", spread(s.figures.direction_error, units::urad)},
+      {"highest", place(s.figures.highest)},
+      {"lowest", place(s.figures.lowest)},
+      {"tolerance_um", tolerance_um(s.tolerance)},
+      {"conformance", conformance(s.figures)},
       {"point_left_um", s.point_left / units::um},
       {"direction_left_urad", s.direction_left / units::urad},
       {"facet_error_um", s.facet_error ? spread(*s.facet_error, units::um) : ordered_json()},
       {"datum", name_of(s.datum)},
       {"alignment", name_of(s.alignment)},
+      {"view", {{"from", numbers(s.view.from)}, {"up", numbers(s.view.up)}}},
       {"form", form},
       {"timing_s", timing},
       {"warnings", s.warnings},
@@ -190,6 +293,7 @@ ordered_json to_json(const Comparison& c) {
                        {"unreached", unreached(c.unreached)},
                        {"datum", name_of(c.datum)},
                        {"alignment", name_of(c.alignment)},
+                       {"tolerance_um", tolerance_um(c.tolerance)},
                        {"cases", all}};
   for (const FailedCase& one : c.failed)
     json["failed"].push_back({{"name", one.name}, {"reason", one.reason}});
@@ -199,13 +303,15 @@ ordered_json to_json(const Comparison& c) {
 }
 
 std::string to_text(const Summary& s) {
-  return residual_head() + "\n" + residual_line(s.figures) + "\n" + unreached_line(s.unreached);
+  return residual_head() + "\n" + residual_line(s.figures) + "\n" + verdict_line(s.figures) +
+         unreached_line(s.unreached);
 }
 
 std::string to_text(const Comparison& c) {
   std::string text = residual_head() + "   machine's part, RMS\n";
   for (const CaseFigures& one : c.cases)
     text += residual_line(one) + "   " + machine_text(one) + "\n";
+  for (const CaseFigures& one : c.cases) text += verdict_line(one);
   return text + unreached_line(c.unreached);
 }
 

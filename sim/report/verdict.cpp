@@ -6,13 +6,36 @@
 
 #include <fmt/format.h>
 
+#include "cutting/areal_filter.h"
 #include "kinematics/units.h"
+#include "sim/cut/tolerance_bands.h"
 
 namespace abbe::sim {
 namespace {
 
-std::optional<double> tolerance(const Job& job) {
-  return job.scene.part.tolerance > 0.0 ? std::optional(job.scene.part.tolerance) : std::nullopt;
+/// The vertex in the part frame, gouged there or cut.
+Verdict::Place place_of(const Job& job, const cutting::Surface& surface, int vertex) {
+  const Eigen::Vector3d p_w = job.design_w.vertices.row(vertex);
+  Verdict::Place place{surface.residual[vertex], job.scene.part.T_wm.inverse() * p_w,
+                       surface.cut_line[std::size_t(vertex)], false};
+  for (const cutting::Gouge& gouge : surface.gouges) {
+    if (gouge.vertex != vertex) continue;
+    place.residual = -gouge.depth;
+    place.bound = gouge.deeper;
+  }
+  return place;
+}
+
+void find_places(const Job& job, Verdict& verdict) {
+  const cutting::Surface& surface = verdict.aligned.surface;
+  const cutting::Statistics& s = verdict.residual;
+  if (s.highest) verdict.highest = place_of(job, surface, s.highest->vertex);
+  if (s.deepest)
+    verdict.lowest = place_of(job, surface, s.deepest->vertex);
+  else if (s.lowest)
+    verdict.lowest = place_of(job, surface, s.lowest->vertex);
+  if (s.conformance && s.conformance->vertex >= 0)
+    verdict.worst = place_of(job, surface, s.conformance->vertex);
 }
 
 /// A mesh whose facets sag by more than all that is found on it.
@@ -28,17 +51,28 @@ std::string coarse_warning(const Job& job, const cutting::Statistics& residual) 
 
 /// Mean radius of each ring of the part by area.
 std::vector<Verdict::Ring> rings_of(const Job& job, const cutting::Surface& surface) {
+  const cutting::Design part = cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
+  const cutting::Weights weights = cutting::weights(surface, part);
+  const auto radius = [&](Eigen::Index v, double residual) {
+    return (part.vertices.row(v) + residual * part.normals.row(v)).head<2>().norm();
+  };
   std::vector<Verdict::Ring> rings;
-  const kinematics::Pose T_mw = job.scene.part.T_wm.inverse();
   for (const PartDescription::Ring& ring : job.scene.part.rings) {
     double weighted = 0.0, area = 0.0;
-    for (Eigen::Index i = 0; i < job.design_w.vertices.rows(); ++i) {
-      if (surface.status[std::size_t(i)] != cutting::VertexStatus::Cut) continue;
-      const Eigen::Vector3d p_m = T_mw * job.design_w.vertices.row(i).transpose();
-      if (std::abs(p_m.z() - ring.along) > 0.5 * ring.width) continue;
-      const Eigen::Vector3d n_m = T_mw.linear() * job.design_w.normals.row(i).transpose();
-      weighted += job.design_w.area[i] * (p_m + surface.residual[i] * n_m).head<2>().norm();
-      area += job.design_w.area[i];
+    const auto add = [&](double along, double weight, double radius) {
+      if (!(weight > 0.0) || std::abs(along - ring.along) > 0.5 * ring.width) return;
+      weighted += weight * radius;
+      area += weight;
+    };
+    for (Eigen::Index v = 0; v < weights.vertex.size(); ++v)
+      add(part.vertices(v, 2), weights.vertex[v], radius(v, surface.residual[v]));
+    for (Eigen::Index t = 0; t < weights.middle.size(); ++t) {
+      double along = 0.0, mean = 0.0;
+      for (const int v : part.triangles.row(t)) {
+        along += part.vertices(v, 2) / 3.0;
+        mean += radius(v, surface.middle[t]) / 3.0;
+      }
+      add(along, weights.middle[t], mean);
     }
     rings.push_back({ring.name, std::nullopt});
     if (area > 0.0) rings.back().radius = weighted / area;
@@ -72,10 +106,48 @@ const char* name_of(Alignment alignment) {
   return "";
 }
 
+namespace {
+
+/// Parts the aligned map into form and texture.
+void part_form(const Job& job, Verdict& verdict) {
+  const cutting::Surface& surface = verdict.aligned.surface;
+  verdict.filtered = cutting::gaussian_form(job.design_w, surface, job.scene.part.form_cutoff);
+  cutting::Surface form = surface;
+  form.residual = verdict.filtered;
+  form.middle.resize(0);  // smooth: its vertices stand for what is around them
+  verdict.form_part = cutting::statistics(form, job.design_w, verdict.tolerance);
+  const cutting::Weights weights = cutting::weights(surface, job.design_w);
+  std::vector<double> texture, area;
+  for (Eigen::Index i = 0; i < verdict.filtered.size(); ++i) {
+    if (!std::isfinite(verdict.filtered[i])) continue;
+    texture.push_back(surface.residual[i] - verdict.filtered[i]);
+    area.push_back(weights.vertex[i]);
+  }
+  for (Eigen::Index t = 0; t < weights.middle.size(); ++t) {
+    if (!(weights.middle[t] > 0.0)) continue;
+    const auto corners = job.design_w.triangles.row(t);
+    const double filtered =
+        verdict.filtered[corners[0]] + verdict.filtered[corners[1]] + verdict.filtered[corners[2]];
+    texture.push_back(surface.middle[t] - filtered / 3.0);
+    area.push_back(weights.middle[t]);
+  }
+  const auto n = Eigen::Index(texture.size());
+  const Eigen::Map<const Eigen::VectorXd> heights(texture.data(), n), parts(area.data(), n);
+  if (!(parts.sum() > 0.0)) return;
+  verdict.texture =
+      errors::metrology::areal(Eigen::MatrixX2d::Zero(n, 2), heights, parts,
+                               {.reference = errors::metrology::ArealReference::Mean});
+}
+
+}  // namespace
+
 Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
   Verdict verdict;
   verdict.aligned = cutting::aligned(cut.surface, job.design_w, {job.scene.alignment});
-  verdict.residual = cutting::statistics(verdict.aligned.surface, job.design_w, tolerance(job));
+  verdict.tolerance = tolerance_bands(job.scene.part, job.design_w.vertices);
+  verdict.residual = cutting::statistics(verdict.aligned.surface, job.design_w, verdict.tolerance);
+  find_places(job, verdict);
+  part_form(job, verdict);
   if (error_free != nullptr) {
     verdict.machine = cutting::statistics(
         cutting::minus(verdict.aligned.surface, error_free->aligned.surface), job.design_w);
@@ -90,6 +162,17 @@ Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
         *primitive, cutting::transformed(job.design_w, job.scene.part.T_wm.inverse()), cut.surface);
   verdict.cut = std::move(cut);
   return verdict;
+}
+
+std::string tolerance_verdict(const std::optional<cutting::Conformance>& conformance,
+                              const std::optional<Verdict::Place>& worst) {
+  if (!conformance) return {};
+  if (conformance->passes()) return "PASS";
+  if (!worst)
+    return fmt::format("FAIL: {:.2g} % of the judged area is not cut", conformance->uncut);
+  return fmt::format("FAIL by {}{:.4g} um at ({:.1f}, {:.1f}, {:.1f}), line {}",
+                     worst->bound ? "more than " : "", conformance->excess / units::um,
+                     worst->at_m.x(), worst->at_m.y(), worst->at_m.z(), worst->line);
 }
 
 std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict) {

@@ -8,6 +8,7 @@
 #include "cutting/alignment.h"
 #include "cutting/form.h"
 #include "cutting/residual.h"
+#include "errors/metrology/areal.h"
 #include "sim/cut/cut.h"
 
 namespace abbe::sim {
@@ -17,19 +18,39 @@ struct Verdict {
   Cut cut;
   cutting::Aligned aligned;      ///< the map without what the alignment of the scene takes out
   cutting::Statistics residual;  ///< of the aligned map
-  std::vector<cutting::FormNumber> form;       ///< where the design is a known surface
-  std::optional<cutting::Statistics> machine;  ///< of it minus the error-free map
+  std::vector<cutting::FormNumber> form;  ///< where the design is a known surface
+  Eigen::VectorXd
+      filtered;  ///< (n) mm, the aligned map through the areal filter; NaN where not cut
+  std::optional<cutting::Statistics> form_part;     ///< of that
+  std::optional<errors::metrology::Areal> texture;  ///< of the map minus it, about its mean
+  std::optional<cutting::Statistics> machine;       ///< of it minus the error-free map
   /// A ring of the part, and its mean radius, mm; none where nothing of it is cut.
   struct Ring {
     std::string name;
     std::optional<double> radius;
   };
   std::vector<Ring> rings;
+  cutting::ToleranceBands tolerance;  ///< mm, of each vertex; no rows where there is none
+  /// A place of the part.
+  struct Place {
+    double residual = 0.0;  ///< mm
+    Eigen::Vector3d at_m = Eigen::Vector3d::Zero();
+    int line = 0;        ///< of the program, that made it
+    bool bound = false;  ///< a gouge, that goes deeper than was searched
+  };
+  std::optional<Place> highest, lowest;  ///< gouges too
+  std::optional<Place> worst;            ///< furthest out of its tolerance
 };
 
 /// @param error_free  the map that is taken away for the machine's own part; null for that case
 ///                    itself
 Verdict judge(const Job& job, Cut cut, const Verdict* error_free);
+
+/// "PASS", "FAIL by 3.2 um at (12.1, -4.0, 80.2), line 18231" or, where nothing else is amiss,
+/// "FAIL: 2.1 % of the judged area is not cut"; empty where the part has no tolerance or nothing of
+/// it is judged.
+std::string tolerance_verdict(const std::optional<cutting::Conformance>& conformance,
+                              const std::optional<Verdict::Place>& worst);
 
 /// Names the acceptance limits of the scene that a case exceeds; empty if none.
 std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict);

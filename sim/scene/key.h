@@ -12,7 +12,18 @@ struct Word;
 /// What a key of a table takes, as people and editors read it: the one statement from which come
 /// the tables of keys in the documents, `abbe schema` and `abbe explain`.
 struct Key {
-  enum class Kind { Number, Whole, Boolean, Text, Numbers, Texts, Table, Tables, Any };
+  enum class Kind {
+    Number,
+    Whole,
+    Boolean,
+    Text,
+    Numbers,
+    NumberOrNumbers,
+    Texts,
+    Table,
+    Tables,
+    Any
+  };
   std::string name;      ///< "radius_mm"; of keys that are many how they look: "<axis>_mm"
   std::string sentence;  ///< what it is
   Kind kind = Kind::Any;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <numbers>
 #include <optional>
 #include <string>
 #include <variant>
@@ -12,19 +13,60 @@
 
 namespace abbe::sim {
 
+/// At which places of the part's surface the residual is looked at.
+struct PartSampling {
+  enum class Kind {
+    Adaptive,  ///< where the cut needs it, until the residual is linear between vertices
+    Spacing,   ///< no edge longer than a spacing
+    Vertices,  ///< those of the mesh, or as many as `vertices` asks for
+  };
+  Kind kind = Kind::Adaptive;
+  std::optional<double> resolution;  ///< mm, wanted of linear interpolation; none: of PV
+  double spacing = 0.1;              ///< mm
+  double finest = 2e-3;              ///< mm, no edge is made shorter
+  int points = 1'000'000;            ///< at most
+};
+
+/// Limits of the residual, mm: lower < upper.
+struct Tolerance {
+  double lower = 0.0, upper = 0.0;
+};
+
+/// A stretch of the part that is judged, or not, or has a tolerance of its own.
+struct PartRegion {
+  std::string name;
+  std::optional<Eigen::VectorXd> z, radius;  ///< (2) mm, from and to, of the part frame
+  std::optional<Eigen::VectorXd> box;        ///< (6) mm, least x, y, z and greatest
+  std::optional<Tolerance> tolerance;
+  bool judged = true;
+};
+
 struct PartDescription {
   std::string name;
   std::variant<cutting::Primitive, MeshFile> shape;
   kinematics::Pose T_wm = kinematics::Pose::Identity();  ///< part frame in the workpiece
   int vertices = 20000;                                  ///< wanted; not for mesh files
+  PartSampling sampling;
+  /// What is judged, of what the regions and the numbers below leave.
+  enum class Judged { Cut, All, Regions };  ///< Cut: what the program means to cut
+  Judged judged = Judged::Cut;
+  bool flat_facets = false;  ///< mesh files: the facets are the surface, not a smooth one
+  double recognise = 1e-4;   ///< mesh files: mm, within which a face is a plane, sphere, cylinder,
+                             ///< cone or torus; 0: never
+  double edge_angle =
+      30.0 * std::numbers::pi / 180.0;  ///< mesh files: rad, sharper edges part faces
+  std::optional<double> edge_margin;  ///< mesh files: mm from sharp edges that are left out; none:
+                                      ///< a share of the tool's radius
+  double form_cutoff = 2.5;           ///< mm, wave that passes by half into the form
   std::optional<double>
       judged_radius_max;  ///< mm from the part's z axis; vertices beyond are left out
   std::optional<double> judged_radius_min;
   std::optional<double>
       judged_normal_z;  ///< mesh files: vertices whose normal's z is less are left out
   std::optional<double> judged_margin;  ///< mesh files: mm from the rim that are left out
-  double tolerance = 0.0;               ///< mm, +- ; 0: none given
-  struct Ring {                         ///< where the radius of a part of revolution is reported
+  std::optional<Tolerance> tolerance;
+  std::vector<PartRegion> regions;  ///< the last that holds a place decides there
+  struct Ring {                     ///< where the radius of a part of revolution is reported
     std::string name;
     double along = 0.0;  ///< mm, z of the part frame
     double width = 0.0;  ///< mm, > 0

@@ -19,7 +19,25 @@ namespace abbe::sim {
 
 namespace {
 
-// What tool, part and program ask of each other; the loop could report it too, but not where it stands.
+// What several tools do not go with.
+void check_several_tools(TableReader& scene, const Scene& result) {
+  if (result.more_tools.empty()) return;
+  const auto refuse = [&](const Node* section, const char* key, const std::string& expected) {
+    const Node* node = section && key ? section->find(key) : section;
+    if (node)
+      scene.faults().add(node->place, expected,
+                         fmt::format("{} tools", 1 + result.more_tools.size()));
+  };
+  refuse(scene.know("cutting"), nullptr,
+         "one tool beside [cutting], which follows the stock and the force of one");
+  refuse(scene.know("program"), "generator",
+         "one tool for a generator; several want a program file");
+  refuse(scene.know("control"), "tool_length_mm",
+         "one tool beside it; of several, actual.length_mm says what each is wrong by");
+}
+
+// What tool, part and program ask of each other; the loop could report it too, but not where it
+// stands.
 void check_together(TableReader& scene, const Scene& result) {
   const Node* program = scene.know("program");
   const Node* generator = program ? program->find("generator") : nullptr;
@@ -31,6 +49,7 @@ void check_together(TableReader& scene, const Scene& result) {
     scene.faults().add(tool->place, "a milling cutter, or a machine with the spindle S' next to w",
                        "a turning tool");
   }
+  check_several_tools(scene, result);
   if (!generator) return;
   const auto* primitive = std::get_if<cutting::Primitive>(&result.part.shape);
   const auto wants = [&](bool fits, const char* expected) {

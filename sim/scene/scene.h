@@ -55,6 +55,7 @@ struct Scene {
   std::optional<SensorChoiceDescription> sensor_choice;
   kinematics::Deviation setup = kinematics::Deviation::Zero();  ///< clamping of the part, at w
   ToolDescription tool;
+  std::vector<ToolDescription> more_tools;  ///< of several; then each has a number of its own
   PartDescription part;
   ProgramDescription program;
   ControlDescription control;

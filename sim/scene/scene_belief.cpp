@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/text.h"
+#include "sim/scene/joined_errors.h"
 #include "sim/scene/scene_sections.h"
 
 namespace abbe::sim {
@@ -127,7 +128,8 @@ Fields<BeliefDescription> belief_fields(const MachineDescription& machine) {
           {identified},
           [machine](TableReader& reader, Description& belief) {
             if (const Node* node = reader.know("identified"))
-              belief.identified = read_errors(*node, machine, 0, reader.faults()).geometric;
+              belief.identified =
+                  joined({read_errors(*node, machine, 0, reader.faults())}, machine);
           },
           [machine](const Description& belief, Node::Table& table) {
             if (belief.identified)

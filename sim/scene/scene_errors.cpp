@@ -2,6 +2,7 @@
 #include <string_view>
 #include <utility>
 
+#include <fmt/format.h>
 #include <Eigen/Core>
 
 #include "errors/geometric.h"
@@ -122,6 +123,18 @@ void read_curves(TableReader& reader, ErrorsTable& table, const Node::Entry& ent
   add(table, std::move(element), {entry.place});
 }
 
+/// ", which is EXX_um = 5": a number of the same dimension in the unit of a key, else nothing.
+std::string converted(const Node::Entry& entry, const std::string& key) {
+  const auto is_angle = [](const std::string& name) {
+    return name.ends_with("rad") || name.ends_with("deg") || name.ends_with("arcsec");
+  };
+  const auto* real = std::get_if<double>(&entry.node.value);
+  const auto* whole = std::get_if<std::int64_t>(&entry.node.value);
+  if ((!real && !whole) || is_angle(entry.key) != is_angle(key)) return {};
+  const double value = (real ? *real : double(*whole)) * unit_of(entry.key) / unit_of(key);
+  return fmt::format(", which is {} = {:.6g}", key, value);
+}
+
 void read_element(TableReader& reader, ErrorsTable& table, const Node::Entry& entry,
                   const Setting& setting) {
   const std::string stem(stem_of(entry.key));
@@ -138,7 +151,8 @@ void read_element(TableReader& reader, ErrorsTable& table, const Node::Entry& en
   } else if (entry.key == in_unit) {
     add(table, constant(name, reader.number(entry.key, any_number, 0.0)), {entry.place});
   } else {
-    reader.faults().add(entry.place, in_unit + " for the element " + stem, entry.key);
+    reader.faults().add(entry.place, in_unit + " for the element " + stem,
+                        entry.key + converted(entry, in_unit));
   }
 }
 

@@ -4,6 +4,7 @@
 
 #include "sim/scene/case_name.h"
 #include "sim/scene/scene_sections.h"
+#include "sim/scene/scene_tools.h"
 
 namespace abbe::sim {
 
@@ -80,6 +81,29 @@ void add_errors(Fields<Scene>& fields) {
       });
 }
 
+void add_tools(Fields<Scene>& fields) {
+  Key key = with_file(list_key(must("tool"), tool_keys(),
+                               "cutter or turning tool: a table, a file, or a list of them, each "
+                               "with its `number`, for a program that changes tools"));
+  fields.custom(
+      {key},
+      [](TableReader& reader, Scene& scene) {
+        const Node* node = reader.know("tool");
+        if (!node) reader.missing("tool", "a table or a file");
+        if (!node || node->text()) return;  // a file that was refused
+        std::vector<ToolDescription> tools = read_tools(*node, reader.faults());
+        scene.tool = std::move(tools.front());
+        scene.more_tools.assign(tools.begin() + 1, tools.end());
+      },
+      [](const Scene& scene, Node::Table& table) {
+        if (scene.more_tools.empty()) return put(table, "tool", written_tool(scene.tool));
+        Node::Array all;
+        for (const ToolDescription& tool : tools_of(scene))
+          all.push_back(Node{{}, written_tool(tool)});
+        put(table, "tool", std::move(all));
+      });
+}
+
 void add_machine_to_program(Fields<Scene>& fields) {
   add_section(
       fields, table_key(must("machine"), machine_keys(), "axes, their order and where they are"),
@@ -90,10 +114,7 @@ void add_machine_to_program(Fields<Scene>& fields) {
         return std::optional<Node::Table>(written_machine(scene.machine));
       });
   add_errors(fields);
-  add_section(
-      fields, table_key(must("tool"), tool_keys(), "cutter or turning tool"),
-      [](const Node& node, Scene& scene, Faults& faults) { scene.tool = read_tool(node, faults); },
-      [](const Scene& scene) { return std::optional<Node::Table>(written_tool(scene.tool)); });
+  add_tools(fields);
   add_section(
       fields, table_key(must("part"), part_keys(), "the design, where it is judged"),
       [](const Node& node, Scene& scene, Faults& faults) { scene.part = read_part(node, faults); },

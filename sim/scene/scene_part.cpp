@@ -114,11 +114,33 @@ Fields<PartDescription> declared_fields() {
 
 Fields<PartDescription> mesh_fields() {
   return Fields<PartDescription>().all_of(
-      mesh, mesh_file_fields(must("file").one_of("shape"))
-                .boolean("any_size", &MeshFile::any_size,
-                         "of a mesh: one far smaller or larger than the machine's travel is meant, "
-                         "else its unit is doubted")
-                .boolean("open", &MeshFile::open, "of a mesh: a rim is meant"));
+      mesh,
+      mesh_file_fields(must("file").one_of("shape"))
+          .boolean("any_size", &MeshFile::any_size,
+                   "of a mesh: its size is meant, however small or large; else one that does not "
+                   "fit the travel or the program is doubted")
+          .boolean("open", &MeshFile::open, "of a mesh: a rim is meant"));
+}
+
+Fields<PartSampling> part_sampling_fields() {
+  using Kind = PartSampling::Kind;
+  return Fields<PartSampling>()
+      .word(KeyName("sampling").otherwise("adaptive; with `vertices` these"), &PartSampling::kind,
+            {{"adaptive", Kind::Adaptive,
+              "vertices are added where the residual is not linear between them, on crests between "
+              "passes"},
+             {"spacing", Kind::Spacing, "no judged edge is longer than `spacing_mm`"},
+             {"vertices", Kind::Vertices, "those of the mesh, or `vertices`"}},
+            "where on the part `run` and `compare` look at the residual; studies take the vertices")
+      .number(KeyName("resolution_um").otherwise("10 % of the error-free PV, at least 0.05"),
+              &PartSampling::resolution, positive,
+              "how far linear interpolation between vertices may be off: adaptive sampling sees to "
+              "it, and any is warned of that misses it")
+      .number("spacing_mm", &PartSampling::spacing, positive, "of sampling by spacing")
+      .number("finest_mm", &PartSampling::finest, {1e-6, 1e3, false, false},
+              "of adaptive sampling: no edge is made shorter")
+      .whole("points", &PartSampling::points, 100, 50'000'000,
+             "that sampling may come to; what it does not suffice for is warned of");
 }
 
 bool is_mesh(const PartDescription& part) { return std::holds_alternative<MeshFile>(part.shape); }
@@ -140,13 +162,37 @@ Fields<PartDescription> judged_fields() {
             !(*part.judged_radius_min < *part.judged_radius_max))
           reader.refuse("judged_radius_min_mm", "less than judged_radius_max_mm", "not less");
       })
-      .where(is_mesh, Fields<PartDescription>()
-                          .number(KeyName("judged_normal_z").otherwise("all"),
-                                  &PartDescription::judged_normal_z, {-1.0, 1.0, false, false},
-                                  "of a mesh: least z of the normal of a vertex that is judged")
-                          .number(KeyName("judged_margin_mm").otherwise("all"),
-                                  &PartDescription::judged_margin, non_negative,
-                                  "of a mesh: from the rim; vertices nearer are not judged"));
+      .word("judged", &PartDescription::judged,
+            {{"cut", PartDescription::Judged::Cut,
+              "what the program means to cut: the error-free tool comes within the "
+              "search band there"},
+             {"all", PartDescription::Judged::All, "the whole surface"},
+             {"regions", PartDescription::Judged::Regions,
+              "what lies in a `[[part.region]]`, cut or not"}},
+            "which vertices have a verdict, of those that the keys below leave")
+      .where(
+          is_mesh,
+          Fields<PartDescription>()
+              .word("facets", &PartDescription::flat_facets,
+                    {{"smooth", false,
+                      "the surface between vertices is the smooth one that vertices and their "
+                      "normals show, up to sharp edges"},
+                     {"flat", true, "the facets themselves are the surface"}},
+                    "of a mesh: what is judged between its vertices")
+              .number("recognise_um", &PartDescription::recognise, non_negative,
+                      "of a mesh: a face whose vertices lie this near a plane, sphere, cylinder, "
+                      "cone or torus is that surface, so that its facets do not show; 0: never")
+              .number("edge_angle_deg", &PartDescription::edge_angle, {1.0, 179.0, false, false},
+                      "of a mesh: triangles that meet at a sharper angle are faces of "
+                      "their own, each judged along its own normal")
+              .number(KeyName("edge_margin_mm").otherwise("a twentieth of the tool's radius"),
+                      &PartDescription::edge_margin, non_negative,
+                      "of a mesh: from sharp edges; vertices nearer are not judged")
+              .number(KeyName("judged_normal_z").otherwise("all"),
+                      &PartDescription::judged_normal_z, {-1.0, 1.0, false, false},
+                      "of a mesh: least z of the normal of a vertex that is judged")
+              .number(KeyName("judged_margin_mm").otherwise("all"), &PartDescription::judged_margin,
+                      non_negative, "of a mesh: from the rim; vertices nearer are not judged"));
 }
 
 Fields<Ring> ring_fields() {
@@ -168,6 +214,89 @@ void read_rings(TableReader& reader, PartDescription& part) {
   }
 }
 
+constexpr const char* tolerance_key = "tolerance_um";
+
+/// A half width, of which 0 is none, or the two limits.
+std::optional<Tolerance> read_tolerance(TableReader& reader) {
+  const Node* node = reader.know(tolerance_key);
+  if (!node) return std::nullopt;
+  if (!node->array()) {
+    const double half = reader.number(tolerance_key, non_negative);
+    return half > 0.0 ? std::optional(Tolerance{-half, half}) : std::nullopt;
+  }
+  const Eigen::VectorXd limits = reader.numbers(tolerance_key, 2);
+  if (limits.size() == 2 && limits[0] < limits[1]) return Tolerance{limits[0], limits[1]};
+  if (limits.size() == 2)
+    reader.refuse(tolerance_key, "[lower, upper], the lower limit first", "not less");
+  return std::nullopt;
+}
+
+void put_tolerance(const std::optional<Tolerance>& tolerance, Node::Table& table) {
+  const double unit = unit_of(tolerance_key);
+  const Tolerance limits = tolerance.value_or(Tolerance{});
+  if (limits.lower == -limits.upper)
+    put(table, tolerance_key, in_unit(limits.upper, unit));
+  else
+    put_numbers(table, tolerance_key, Eigen::Vector2d(limits.lower, limits.upper), unit);
+}
+
+Key tolerance_key_of(KeyName name, const char* sentence) {
+  Key key = key_of(name, Key::Kind::NumberOrNumbers, sentence);
+  key.range = non_negative;
+  key.size = 2;
+  return key;
+}
+
+Fields<PartRegion> region_fields() {
+  using Region = PartRegion;
+  return Fields<Region>()
+      .text(must("name"), &Region::name, "of the region, for people")
+      .custom(
+          {tolerance_key_of(KeyName(tolerance_key).otherwise("that of the part"),
+                            "as `part.tolerance_um`, above 0")},
+          [](TableReader& reader, Region& region) {
+            const std::size_t before = reader.faults().list().size();
+            region.tolerance = read_tolerance(reader);
+            const bool good = region.tolerance || !reader.has(tolerance_key);
+            if (!good && reader.faults().list().size() == before)
+              reader.refuse(tolerance_key, "above 0", "0");
+          },
+          [](const Region& region, Node::Table& table) {
+            if (region.tolerance) put_tolerance(region.tolerance, table);
+          })
+      .boolean("judged", &Region::judged, "whether what lies in it has a verdict")
+      .numbers("z_mm", &Region::z, 2, "`[from, to]`, z of the part")
+      .numbers("radius_mm", &Region::radius, 2, "`[from, to]`, from the part's z axis")
+      .numbers("box_mm", &Region::box, 6, "least x, y, z, then greatest, of the part")
+      .check([](TableReader& reader, Region& region) {
+        const auto ordered = [&](const char* key, const std::optional<Eigen::VectorXd>& limits) {
+          const Eigen::Index half = limits ? limits->size() / 2 : 0;
+          if (half > 0 && !(limits->head(half).array() <= limits->tail(half).array()).all())
+            reader.refuse(key, "the least first", "not less");
+        };
+        ordered("z_mm", region.z);
+        ordered("radius_mm", region.radius);
+        ordered("box_mm", region.box);
+      });
+}
+
+Fields<PartDescription> tolerance_fields() {
+  return Fields<PartDescription>()
+      .custom(
+          {tolerance_key_of(KeyName(tolerance_key).otherwise("none"),
+                            "how far the residual may lie to either side of the design, or "
+                            "`[lower, upper]`: + is material left; with it a case has a "
+                            "verdict, PASS or FAIL, and a map of bands, `tolerance.png`")},
+          [](TableReader& reader, PartDescription& part) {
+            part.tolerance = read_tolerance(reader);
+          },
+          [](const PartDescription& part, Node::Table& table) {
+            put_tolerance(part.tolerance, table);
+          })
+      .tables("region", &PartDescription::regions, region_fields(),
+              "where another tolerance holds, or what is judged; of regions that overlap the last");
+}
+
 const Fields<PartDescription>& part_fields() {
   static const Fields<PartDescription> fields =
       Fields<PartDescription>()
@@ -176,9 +305,16 @@ const Fields<PartDescription>& part_fields() {
           .where(is_mesh, mesh_fields())
           .where(std::not_fn(is_mesh), declared_fields())
           .all_of(&PartDescription::T_wm, placement_fields())
+          .all_of(&PartDescription::sampling, part_sampling_fields())
+          .check([](TableReader& reader, PartDescription& part) {
+            // whoever says how many vertices means them
+            if (reader.has("vertices") && !reader.has("sampling"))
+              part.sampling.kind = PartSampling::Kind::Vertices;
+          })
           .all_of(itself, judged_fields())
-          .number(KeyName("tolerance_um").otherwise("none"), &PartDescription::tolerance,
-                  non_negative, "to either side of the design")
+          .number("form_cutoff_mm", &PartDescription::form_cutoff, positive,
+                  "of the areal Gaussian filter (ISO 16610-61) that parts form from texture")
+          .all_of(itself, tolerance_fields())
           .custom(
               {key_of("ring", Key::Kind::Tables,
                       "where the radius of a part of revolution is reported: `radii_um` in "

@@ -34,7 +34,9 @@ ErrorsSection read_errors(const Node& section, const MachineDescription& machine
 Node::Table written_errors(const ErrorsSection& section, const MachineDescription& machine);
 std::vector<Key> errors_keys();
 
-ToolDescription read_tool(const Node& table, Faults& faults);
+/// One tool, or several of which each has its number.
+/// @param section  a table or a list of them @return one at least
+std::vector<ToolDescription> read_tools(const Node& section, Faults& faults);
 Node::Table written_tool(const ToolDescription& tool);
 std::vector<Key> tool_keys();
 

@@ -194,10 +194,54 @@ const Fields<ToolDescription>& tool_fields() {
   return fields;
 }
 
-}  // namespace
-
 ToolDescription read_tool(const Node& table, Faults& faults) {
   return tool_fields().read_table(table, "tool", faults);
+}
+
+bool turns_workpiece(const ToolDescription& tool) {
+  return std::holds_alternative<Nose>(tool.nominal);
+}
+
+/// What several tools ask of each other. @param tools  those before it
+void check_among(const std::vector<ToolDescription>& tools, const ToolDescription& tool,
+                 const Place& place, Faults& faults) {
+  if (!tool.number) {
+    faults.add(place, "tool.number of each of several tools", "a tool without");
+    return;
+  }
+  for (const ToolDescription& other : tools) {
+    if (other.number == tool.number)
+      faults.add(place, "a tool.number that no other tool has",
+                 std::to_string(*tool.number) + " again");
+    if (turns_workpiece(other) != turns_workpiece(tool))
+      faults.add(place, "tools that all mill, or all turn", "one of either kind");
+  }
+}
+
+}  // namespace
+
+std::vector<ToolDescription> read_tools(const Node& section, Faults& faults) {
+  if (section.table()) return {read_tool(section, faults)};
+  const Node::Array* list = section.array();
+  if (!list || list->empty()) {
+    faults.add(section.place, "a table, a file or a list of them for tool", shown(section));
+    return {ToolDescription{}};
+  }
+  std::vector<ToolDescription> tools;
+  for (const Node& one : *list) {
+    if (one.text()) continue;  // a file that was refused
+    const std::size_t before = faults.list().size();
+    if (!one.table()) {
+      faults.add(one.place, "a table or a file for tool", shown(one));
+      continue;
+    }
+    ToolDescription tool = read_tool(one, faults);
+    if (list->size() > 1 && faults.list().size() == before)
+      check_among(tools, tool, one.place, faults);
+    tools.push_back(std::move(tool));
+  }
+  if (tools.empty()) tools.emplace_back();
+  return tools;
 }
 
 Node::Table written_tool(const ToolDescription& tool) { return tool_fields().written(tool); }

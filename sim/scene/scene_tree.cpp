@@ -6,23 +6,30 @@
 
 #include <fmt/format.h>
 
+#include "sim/scene/library.h"
+
 namespace abbe::sim {
 
 namespace {
 
 using std::filesystem::path;
 
-// Sections that may be the path of a file instead of a table, by their dotted paths.
-constexpr std::array sections_in_files{"machine",
-                                       "errors",
-                                       "tool",
-                                       "part",
-                                       "program",
-                                       "thermal",
-                                       "compliance",
-                                       "material",
-                                       "belief.identified",
-                                       "belief.force.compliance"};
+// A section that may be the name of a file instead of a table: its dotted path, and the folder of
+// the library in which its own kind is.
+struct SectionFile {
+  const char* dotted;
+  const char* kind;
+};
+constexpr std::array sections_in_files{SectionFile{"machine", "machines"},
+                                       SectionFile{"errors", "errors"},
+                                       SectionFile{"tool", "tools"},
+                                       SectionFile{"part", "parts"},
+                                       SectionFile{"program", "programs"},
+                                       SectionFile{"thermal", "errors"},
+                                       SectionFile{"compliance", "errors"},
+                                       SectionFile{"material", "materials"},
+                                       SectionFile{"belief.identified", "beliefs"},
+                                       SectionFile{"belief.force.compliance", "errors"}};
 
 // What stands at a dotted path below a table, its keys themselves dotted or not; null if nothing.
 Node* at_path(Node& node, std::string_view dotted) {
@@ -41,61 +48,70 @@ std::string_view last_part(std::string_view dotted) {
   return dotted.substr(dotted.rfind('.') + 1);  // npos + 1 is 0
 }
 
+// The name of a file becomes its absolute path; anything but a text stays.
+void make_absolute(Node& node, const char* kind, const path& folder, Faults& faults) {
+  if (const std::string* name = node.text())
+    node.value = absolute(located({*name, node.place, kind}, folder, faults).string(), "");
+}
+
 // Every key `file` of the format names a data file.
-void make_data_files_absolute(Node& node, const path& folder) {
+void make_data_files_absolute(Node& node, const path& folder, Faults& faults) {
   if (Node::Array* array = node.array()) {
-    for (Node& element : *array) make_data_files_absolute(element, folder);
+    for (Node& element : *array) make_data_files_absolute(element, folder, faults);
   }
   if (Node::Table* table = node.table()) {
     for (auto& [key, place, value] : *table) {
-      if (std::string* name = std::get_if<std::string>(&value.value)) {
-        if (last_part(key) == "file") *name = absolute(*name, folder);
+      if (value.text()) {
+        if (last_part(key) == "file") make_absolute(value, "", folder, faults);
       } else {
-        make_data_files_absolute(value, folder);
+        make_data_files_absolute(value, folder, faults);
       }
     }
   }
 }
 
 // A variant is applied later and from elsewhere, so the files it names are made absolute, not read.
-void make_section_files_absolute(Node& set, const path& folder) {
-  for (const char* dotted : sections_in_files) {
+void make_section_files_absolute(Node& set, const path& folder, Faults& faults) {
+  for (const auto& [dotted, kind] : sections_in_files) {
     Node* section = at_path(set, dotted);
     if (!section) continue;
-    if (std::string* name = std::get_if<std::string>(&section->value))
-      *name = absolute(*name, folder);
+    make_absolute(*section, kind, folder, faults);
     if (Node::Array* list = section->array()) {
-      for (Node& element : *list) {
-        if (std::string* name = std::get_if<std::string>(&element.value)) {
-          *name = absolute(*name, folder);
-        }
-      }
+      for (Node& element : *list) make_absolute(element, kind, folder, faults);
     }
   }
 }
 
-// The path as the scene's reader would type it: beside the scene, not from the root.
-path beside(const path& folder, const std::string& name) {
-  return (folder / name).lexically_normal();
+void refuse_missing(const Node& section, const path& file, const char* kind, const path& folder,
+                    Faults& faults) {
+  const std::string known = library_names(kind, file.string());
+  faults.add(
+      section.place,
+      "a file that can be read" + (known.empty() ? "" : ", or one of the library: " + known),
+      fmt::format("no file {}: a name counts from the folder of the file that has it, here {}",
+                  file.string(), absolute(".", folder)));
 }
 
-void read_section_file(Node& section, const path& folder, Faults& faults) {
-  const path file = beside(folder, *section.text());
+void read_section_file(Node& section, const char* kind, const path& folder, Faults& faults) {
+  const std::size_t before = faults.list().size();
+  // as the reader of the scene would type it: beside the scene, not from the root
+  const path file = located({*section.text(), section.place, kind}, folder, faults);
+  if (faults.list().size() > before) return;
   std::error_code failure;
   if (!std::filesystem::is_regular_file(file, failure)) {
-    faults.add(section.place, "a file that can be read", fmt::format("no file {}", file.string()));
+    refuse_missing(section, file, kind, folder, faults);
     return;
   }
   if (file.extension() != ".toml") {  // a program or a mesh itself
     Node named;
     named.place = section.place;
-    named.value = absolute(*section.text(), folder);
+    named.value = absolute(file.string(), "");
     section.value = Node::Table{{"file", section.place, named}};
     return;
   }
   try {
     Node content = read_toml_file(file);
-    make_data_files_absolute(content, file.parent_path());
+    make_data_files_absolute(content, file.parent_path(), faults);
     section = std::move(content);
   } catch (const BadInput& fault) {
     faults.add(fault);
@@ -103,14 +119,14 @@ void read_section_file(Node& section, const path& folder, Faults& faults) {
 }
 
 void read_section_files(Node& tree, const path& folder, Faults& faults) {
-  for (const char* dotted : sections_in_files) {
+  for (const auto& [dotted, kind] : sections_in_files) {
     Node* section = at_path(tree, dotted);
     if (!section) continue;
-    if (section->text()) read_section_file(*section, folder, faults);
+    if (section->text()) read_section_file(*section, kind, folder, faults);
     const std::string_view last = last_part(dotted);
-    if (section->array() && (last == "errors" || last == "identified")) {
+    if (section->array() && (last == "errors" || last == "identified" || last == "tool")) {
       for (Node& part : *section->array()) {
-        if (part.text()) read_section_file(part, folder, faults);
+        if (part.text()) read_section_file(part, kind, folder, faults);
       }
     }
   }
@@ -125,12 +141,12 @@ void make_plug_ins_absolute(Node& tree, const path& folder) {
       if (name->find_first_of("./") != std::string::npos) *name = absolute(*name, folder);
 }
 
-void make_variant_files_absolute(Node& tree, const path& folder) {
+void make_variant_files_absolute(Node& tree, const path& folder, Faults& faults) {
   Node* variants = tree.find("variant");
   if (!variants || !variants->array()) return;
   for (Node& variant : *variants->array()) {
     if (Node* set = variant.find("set"); set && set->table()) {
-      make_section_files_absolute(*set, folder);
+      make_section_files_absolute(*set, folder, faults);
       make_plug_ins_absolute(*set, folder);
     }
   }
@@ -305,6 +321,28 @@ Override override_of(const Change& change) {
           std::make_shared<const Place>(change.value.place)};
 }
 
+std::vector<SectionInFile> sections_in_files_of(const Node& as_written, const path& folder,
+                                                Faults& faults) {
+  std::vector<SectionInFile> found;
+  const auto add = [&](const SectionFile& one, const Node& name) {
+    if (name.text())
+      found.push_back(
+          {one.dotted, name.place, located({*name.text(), name.place, one.kind}, folder, faults)});
+  };
+  Node tree = as_written;
+  for (const SectionFile& one : sections_in_files) {
+    const Node* section = at_path(tree, one.dotted);
+    if (!section) continue;
+    add(one, *section);
+    if (section->array())
+      for (const Node& part : *section->array()) add(one, part);
+  }
+  for (const SectionFile& one :
+       {SectionFile{"part.file", "parts"}, SectionFile{"program.file", "programs"}})
+    if (const Node* name = at_path(tree, one.dotted)) add(one, *name);
+  return found;
+}
+
 std::vector<Change> changes_of_set(const Node& set) {
   std::vector<Change> changes;
   if (set.table()) collect(set, "", changes);
@@ -314,8 +352,8 @@ std::vector<Change> changes_of_set(const Node& set) {
 std::optional<Node> read_tree(const path& file, Faults& faults) {
   try {
     Node tree = read_toml_file(file);
-    make_data_files_absolute(tree, file.parent_path());
-    make_variant_files_absolute(tree, file.parent_path());
+    make_data_files_absolute(tree, file.parent_path(), faults);
+    make_variant_files_absolute(tree, file.parent_path(), faults);
     make_plug_ins_absolute(tree, file.parent_path());
     read_section_files(tree, file.parent_path(), faults);
     return tree;
@@ -328,10 +366,8 @@ std::optional<Node> read_tree(const path& file, Faults& faults) {
 Node changed(Node tree, const std::vector<Change>& changes, const path& folder, Faults& faults) {
   for (const Change& change : changes) {
     Change one = change;
-    make_data_files_absolute(one.value, folder);
-    if (std::string* name = std::get_if<std::string>(&one.value.value)) {
-      if (last_part(one.path) == "file") *name = absolute(*name, folder);
-    }
+    make_data_files_absolute(one.value, folder, faults);
+    if (last_part(one.path) == "file") make_absolute(one.value, "", folder, faults);
     Changer(one, faults).apply(tree);
     make_plug_ins_absolute(tree, folder);
     read_section_files(tree, folder, faults);

@@ -24,6 +24,19 @@ Override override_of(const Change& change);
 /// the name of that file. Empty if the scene file itself was refused.
 std::optional<Node> read_tree(const std::filesystem::path& file, Faults& faults);
 
+/// A section of a scene that is a file of its own.
+struct SectionInFile {
+  std::string section;  ///< dotted: "belief.identified"; "part.file" of a mesh or a program
+  Place place;          ///< where its name stands
+  std::filesystem::path file;
+};
+
+/// The sections, mesh and program that a scene as it is written leaves to files.
+/// @param folder  of the scene
+std::vector<SectionInFile> sections_in_files_of(const Node& as_written,
+                                                const std::filesystem::path& folder,
+                                                Faults& faults);
+
 /// The tree with the changes made in their order, and the sub-files that they name read in. In a
 /// path a list takes an index, the `name` of one of its tables, or neither: then each table is
 /// changed.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <optional>
 #include <sstream>
 #include <system_error>
 
@@ -48,6 +49,43 @@ void refuse_deep_keys(std::string_view text, const std::string& file) {
       name_since_dot = false;
     }
   }
+}
+
+/// Column, from 1, of a quote that its line opens and does not close; none where there is none.
+std::optional<int> open_quote(std::string_view line) {
+  std::optional<int> opened;
+  char quote = 0;
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    const char c = line[i];
+    if (quote == 0 && c == '#') return std::nullopt;
+    if (quote == '"' && c == '\\') {
+      ++i;
+    } else if (quote != 0 && c == quote) {
+      quote = 0;
+    } else if (quote == 0 && (c == '"' || c == '\'')) {
+      quote = c;
+      opened = int(i) + 1;
+    }
+  }
+  return quote == 0 ? std::nullopt : opened;
+}
+
+std::string_view line_of(std::string_view text, int number) {
+  for (; number > 1 && !text.empty(); --number)
+    text.remove_prefix(std::min(text.find('\n'), text.size() - 1) + 1);
+  return text.substr(0, text.find_first_of("\r\n"));
+}
+
+/// A text of one line that the line does not close is named where it opens: what follows it is no
+/// control character for the user.
+void refuse_open_quote(std::string_view text, const std::string& file, int number) {
+  const std::string_view line = line_of(text, number);
+  const auto column = open_quote(line);
+  if (!column || line.find("\"\"\"") != std::string_view::npos ||
+      line.find("'''") != std::string_view::npos)
+    return;
+  throw BadInput(file, number, *column, std::string("a text that ends with ") + line[*column - 1u],
+                 "one that its line does not close");
 }
 
 class Converter {
@@ -131,6 +169,7 @@ Node parse_toml(std::string_view text, const std::string& file) {
     return node;
   } catch (const ::toml::parse_error& e) {
     const auto where = e.source().begin;
+    refuse_open_quote(text, file, int(where.line));
     std::string seen(e.description());  // "Error while parsing value: what it is about"
     if (const std::size_t colon = seen.find(": ");
         seen.starts_with("Error while") && colon != std::string::npos) {

@@ -8,6 +8,7 @@
 #include "cutting/residual.h"
 #include "kinematics/numbers.h"
 #include "sim/cut/reach.h"
+#include "sim/cut/tolerance_bands.h"
 #include "sim/machine/compile.h"
 #include "sim/machine/run_out.h"
 #include "sim/scene/read_scene.h"
@@ -96,7 +97,7 @@ double value_of(const cutting::Statistics& s, Response response) {
     case Response::P95Abs:
       return s.p95_abs.value_or(none);
     case Response::InTolerance:
-      return s.in_tolerance_percent.value_or(none);
+      return s.conformance ? s.conformance->in : none;
   }
   return none;
 }
@@ -110,8 +111,7 @@ Commands commands(const Arm& arm, const Job& job) {
 
 ReadyArm ready_arm(const Study& study, const Arm& arm, const Progress& progress) {
   Scene scene = scene_of(study, arm);
-  Job job = prepared(study, arm, scene, progress);
-  check_reaches_part(job);
+  Job job = placed(prepared(study, arm, scene, progress));
   Commands commanded = commands(arm, job);
   const bool for_each = depend_on_inputs(study, arm, scene);
   cutting::Surface error_free;
@@ -144,9 +144,8 @@ Eigen::VectorXd responses(const Study& study, const Job& job, const cutting::Sur
   };
   cutting::Surface judged = aligned(surface);
   if (study.machine_part) judged = cutting::minus(judged, aligned(error_free));
-  std::optional<double> tolerance;
-  if (job.scene.part.tolerance > 0.0) tolerance = job.scene.part.tolerance;
-  const cutting::Statistics s = cutting::statistics(judged, job.design_w, tolerance);
+  const cutting::Statistics s = cutting::statistics(
+      judged, job.design_w, tolerance_bands(job.scene.part, job.design_w.vertices));
   Eigen::VectorXd values(Eigen::Index(study.responses.size()));
   for (std::size_t i = 0; i < study.responses.size(); ++i)
     values[Eigen::Index(i)] = value_of(s, study.responses[i]);

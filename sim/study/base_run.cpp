@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include <fmt/format.h>
+
 #include "sim/machine/run_out.h"
 
 namespace abbe::sim::study {
@@ -19,6 +21,10 @@ cutting::Design without_rivals(cutting::Design design, const std::vector<cutting
 
 BaseRun base_run(const Study& study, const ReadyArm& ready, const Progress& progress) {
   const Job& job = ready.job;
+  if (!job.stretches.empty())
+    throw BadInput(job.scene.file.string(), 0, 0,
+                   "one tool for influence maps; engine = \"full\" follows several",
+                   fmt::format("{} tools", 1 + job.scene.more_tools.size()));
   BaseRun run{study, ready, cut_process(job, ready.commanded), {}, {}, std::nullopt, {}};
   run.T_wt = tool_poses(job, ready.commanded, run.process);
   cutting::RivalOptions options;

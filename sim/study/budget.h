@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/files/output.h"
+#include "sim/files/progress.h"
 #include "sim/study/answers.h"
 #include "sim/study/indices.h"
 #include "sim/study/study.h"
@@ -23,6 +24,8 @@ struct Contribution {
   std::optional<SobolIndex> sobol;
   std::optional<double> correlation;  ///< linear, with the answers of Monte-Carlo
   std::optional<double> rank_correlation;
+  std::optional<double> main_effect = {};  ///< share of the variance of Monte-Carlo that it makes
+                                           ///< alone (main_effects.h)
 };
 
 /// The budget of one response.
@@ -104,7 +107,8 @@ struct Budget {
 };
 
 /// `budget.json`; the keys are a promise to scripts. A response says its unit ("um", "%"), all
-/// figures of it are in that; shares in keys that end in _percent. What is not there is null.
+/// figures of it are in that; shares in keys that end in _percent; indices, correlations, factors
+/// and Cpk are pure numbers, as are inputs of unit "1". What is not there is null.
 nlohmann::ordered_json to_json(const Budget& budget);
 /// `budget.csv`: a row for every arm, response and input, units in the heads; a change is in the
 /// column _um or _percent, as its response is. Fields as RFC 4180 has them, numbers read back the
@@ -113,11 +117,15 @@ std::string to_csv(const Budget& budget);
 /// `budget.md`: what a person reads first: a line for every arm, then totals, what dominates, what
 /// to spend on, and the 15 inputs that contribute most. Names lose their mark-up.
 std::string to_markdown(const Budget& budget);
+/// The same for a terminal: no mark-up, columns that stand below each other.
+std::string to_text(const Budget& budget);
 
 /// Whatever the budget has of pareto-ARM, tornado-ARM-RESPONSE, indices-ARM-RESPONSE (convergence),
 /// correlation-ARM, distribution-RESPONSE (all arms) and sweep-INPUT, .png; names as file_part()
 /// makes them. Nothing where the program was built without VTK.
-/// @throws OutputFailure
-void write_pictures(const ResultFolder& folder, const Budget& budget);
+/// @param progress  shows one stage, "budget"
+/// @throws OutputFailure, Interrupted
+void write_pictures(const ResultFolder& folder, const Budget& budget,
+                    const Progress& progress = {});
 
 }  // namespace abbe::sim::study

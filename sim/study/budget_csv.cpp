@@ -4,6 +4,7 @@
 #include "sim/study/budget.h"
 #include "sim/study/csv_field.h"
 #include "sim/study/ranking.h"
+#include "sim/study/words.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -29,7 +30,7 @@ constexpr const char* csv_head =
     "arm,response,input,input_unit,centre,standard_deviation,cost,"
     "low_um,low_percent,high_um,high_percent,share_of_squares_percent,"
     "sobol_first,sobol_first_low,sobol_first_high,sobol_total,sobol_total_low,sobol_total_high,"
-    "correlation,rank_correlation,map_rms_um,map_pv_um,map_share_percent,"
+    "correlation,rank_correlation,main_effect_percent,map_rms_um,map_pv_um,map_share_percent,"
     "equal_factor,cheapest_factor\n";
 
 /// Of an input, if all have one.
@@ -55,7 +56,7 @@ std::string to_csv(const Budget& budget) {
         const std::optional<MapContribution> map =
             i < arm.maps.size() ? std::optional(arm.maps[i]) : std::nullopt;
         Cells row{csv_field(arm.arm.name),     name_of(r.response),
-                  csv_field(input.name),       csv_field(input.unit),
+                  csv_field(input.name),       csv_field(unit_of(input)),
                   csv_field(centres[c.input]), csv_field(deviations[c.input]),
                   csv_field(input.cost)};
         const auto add = [&](const Cells& more) {
@@ -65,7 +66,8 @@ std::string to_csv(const Budget& budget) {
         add(fields(r.response, c.high));
         add({larger_change(c) ? csv_field(100.0 * squares.shares[c.input]) : ""});
         add(fields(c.sobol));
-        add({csv_field(c.correlation), csv_field(c.rank_correlation)});
+        add({csv_field(c.correlation), csv_field(c.rank_correlation),
+             c.main_effect ? csv_field(100.0 * *c.main_effect) : ""});
         add(map ? Cells{csv_field(map->rms / units::um), csv_field(map->pv / units::um),
                         csv_field(100.0 * map->share)}
                 : Cells(3));

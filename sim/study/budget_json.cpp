@@ -2,6 +2,8 @@
 
 #include "kinematics/units.h"
 #include "sim/study/budget.h"
+#include "sim/study/ranking.h"
+#include "sim/study/words.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -75,7 +77,7 @@ ordered_json inputs(const Study& study) {
     for (const Setting& s : input.settings)
       settings.push_back({{"path", s.path}, {"factor", number(s.factor)}});
     list.push_back({{"name", input.name},
-                    {"unit", input.unit},
+                    {"unit", unit_of(input)},
                     {"centre", number(centres[Eigen::Index(i)])},
                     {"standard_deviation", number(deviations[Eigen::Index(i)])},
                     {"cost", number(input.cost)},
@@ -114,7 +116,8 @@ ordered_json contribution(const Study& study, const Contribution& c, const InUni
           {"sobol_first", c.sobol ? banded(c.sobol->first) : ordered_json()},
           {"sobol_total", c.sobol ? banded(c.sobol->total) : ordered_json()},
           {"correlation", number(c.correlation)},
-          {"rank_correlation", number(c.rank_correlation)}};
+          {"rank_correlation", number(c.rank_correlation)},
+          {"main_effect_percent", c.main_effect ? number(100.0 * *c.main_effect) : ordered_json()}};
 }
 
 ordered_json monte_carlo(const Answers& a, const InUnit& figure) {
@@ -142,6 +145,22 @@ ordered_json convergence_of(const IndexConvergence& c) {
   return steps;
 }
 
+/// Whose a response is: shares of the inputs that make the most of it, and what none makes alone.
+ordered_json whose(const Study& study, const ResponseBudget& r) {
+  constexpr std::size_t most = 10;
+  const Ranking ranked = ranking(r, study.inputs.size());
+  if (ranked.basis == Ranking::Basis::None) return {};
+  ordered_json list = ordered_json::array();
+  for (const ParetoBar& bar : pareto(ranked, most))
+    if (bar.kind == ParetoBar::Kind::Input && bar.share > 0.0)
+      list.push_back({{"input", study.inputs[std::size_t(bar.input)].name},
+                      {"share_percent", number(100.0 * bar.share)}});
+  return {{"of", share_of(ranked.basis)},
+          {"dominated", !dominating(ranked).empty()},
+          {"largest", list},
+          {"of_no_input_alone_percent", number(100.0 * ranked.apart)}};
+}
+
 ordered_json response(const Study& study, const ResponseBudget& r) {
   const InUnit figure{r.response};
   ordered_json contributions = ordered_json::array();
@@ -159,6 +178,7 @@ ordered_json response(const Study& study, const ResponseBudget& r) {
       {"limit", figure(r.limit)},
       {"within_limit_percent", r.share_within ? banded(*r.share_within, 100.0) : ordered_json()},
       {"cpk", number(r.capability)},
+      {"whose", whose(study, r)},
       {"contributions", contributions},
       {"convergence", r.convergence ? convergence_of(*r.convergence) : ordered_json()}};
 }
@@ -212,7 +232,8 @@ ordered_json arm(const Study& study, const ArmBudget& a) {
 
 ordered_json sweep_of(const Study& study, const Sweeping& s) {
   const Sweep& sweep = study.sweeps[std::size_t(s.sweep)];
-  ordered_json arms = ordered_json::array();
+  ordered_json arms = ordered_json::array(), units = ordered_json::object();
+  for (const Response one : study.responses) units[name_of(one)] = unit_of(one);
   for (std::size_t a = 0; a < s.answers.size(); ++a) {
     ordered_json one{{"name", study.arms[a].name}};
     for (std::size_t r = 0; r < s.answers[a].size(); ++r) {
@@ -224,8 +245,9 @@ ordered_json sweep_of(const Study& study, const Sweeping& s) {
     arms.push_back(one);
   }
   return {{"input", study.inputs[std::size_t(sweep.input)].name},
-          {"unit", study.inputs[std::size_t(sweep.input)].unit},
+          {"unit", unit_of(study.inputs[std::size_t(sweep.input)])},
           {"values", numbers(sweep.values)},
+          {"units", units},
           {"arms", arms}};
 }
 

@@ -9,6 +9,7 @@
 
 #include "kinematics/numbers.h"
 #include "sim/scene/bad_scene.h"
+#include "sim/study/main_effects.h"
 #include "sim/study/tolerance.h"
 #include "sim/study/uncertainty.h"
 #include "sim/study/worst_case.h"
@@ -81,9 +82,11 @@ void add_monte_carlo(const Study& study, const Eigen::VectorXd& answered,
     budget.share_within = share_below(answered, limit);
   }
   const Correlations all = correlations(inputs, answered);
+  const Eigen::VectorXd alone = main_effects(inputs, answered);
   for (std::size_t i = 0; i < budget.contributions.size(); ++i) {
     budget.contributions[i].correlation = all.linear[Index(i)];
     budget.contributions[i].rank_correlation = all.rank[Index(i)];
+    budget.contributions[i].main_effect = alone[Index(i)];
   }
 }
 

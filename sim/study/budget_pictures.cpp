@@ -56,7 +56,20 @@ std::string shown_percent(double share) {
   return share > 0.0 && share < 0.0005 ? "< 0.1 %" : render::fixed(100.0 * share, 1) + " %";
 }
 
-/// Shares of the inputs with their running sum; what has no room in one last bar.
+std::string name_of_bar(const Budget& budget, const Ranking& r, const ParetoBar& bar) {
+  switch (bar.kind) {
+    case ParetoBar::Kind::Input:
+      return name_of_input(budget, bar.input);
+    case ParetoBar::Kind::Others:
+      return fmt::format("{} others", bar.many);
+    case ParetoBar::Kind::Apart:
+      return apart_of(r.basis);
+  }
+  return "";
+}
+
+/// Shares of the inputs with their running sum, which ends at 100 %: what has no room in one bar,
+/// what no input makes alone in the last.
 void write_pareto(Album& album, const Budget& budget, const ArmBudget& arm) {
   Ranking r = map_ranking(arm, budget.study.inputs.size());
   std::string of = "map";
@@ -66,23 +79,13 @@ void write_pareto(Album& album, const Budget& budget, const ArmBudget& arm) {
   }
   if (r.basis == Ranking::Basis::None || !(r.weights.sum() > 0.0)) return;
   std::vector<render::Bar> bars;
-  double rest = 0.0;
-  for (std::size_t k = 0; k < r.order.size(); ++k) {
-    const int i = r.order[k];
-    if (k >= most_bars) {
-      rest += r.shares[i];
-      continue;
-    }
-    render::Bar bar{name_of_input(budget, i), 100.0 * r.shares[i]};
-    bar.text = shown_percent(r.shares[i]);
-    if (r.basis == Ranking::Basis::Map)
-      bar.text +=
-          fmt::format("   RMS {} µm", render::figure(arm.maps[std::size_t(i)].rms / units::um));
+  for (const ParetoBar& one : pareto(r, most_bars)) {
+    render::Bar bar{name_of_bar(budget, r, one), 100.0 * one.share};
+    bar.text = shown_percent(one.share);
+    if (r.basis == Ranking::Basis::Map && one.kind == ParetoBar::Kind::Input)
+      bar.text += fmt::format("   RMS {} µm",
+                              render::figure(arm.maps[std::size_t(one.input)].rms / units::um));
     bars.push_back(bar);
-  }
-  if (r.order.size() > most_bars) {
-    bars.push_back({fmt::format("{} others", r.order.size() - most_bars), 100.0 * rest});
-    bars.back().text = shown_percent(rest);
   }
   render::BarsOptions options;
   options.title = fmt::format("{}: what makes the {}", name_of_arm(arm), of);
@@ -322,8 +325,7 @@ void write_correlation(Album& album, const Budget& budget, const ArmBudget& arm)
 /// "EXX, factor", "thermal.link.3 / W_per_K"
 std::string axis_text(const Input& input) {
   const std::string name = short_line(input.name, most_letters);
-  if (!input.unit.empty()) return name + " / " + shown_unit(input.unit);
-  return input.element.empty() ? name : name + ", factor";
+  return name + (input.element.empty() ? "" : ", factor") + " / " + shown_unit(unit_of(input));
 }
 
 void write_sweep(Album& album, const Budget& budget, const Sweeping& sweeping) {
@@ -354,9 +356,11 @@ void write_sweep(Album& album, const Budget& budget, const Sweeping& sweeping) {
 
 }  // namespace
 
-void write_pictures(const ResultFolder& folder, const Budget& budget) {
+void write_pictures(const ResultFolder& folder, const Budget& budget, const Progress& progress) {
   Album album(folder);
+  double done = 0.0;
   for (const ArmBudget& arm : budget.arms) {
+    if (progress) progress("budget", done++ / double(budget.arms.size() + 1));
     write_pareto(album, budget, arm);
     for (const ResponseBudget& r : arm.responses) {
       write_tornado(album, budget, arm, r);
@@ -375,7 +379,7 @@ void write_pictures(const ResultFolder& folder, const Budget& budget) {
 
 namespace abbe::sim::study {
 
-void write_pictures(const ResultFolder&, const Budget&) {}
+void write_pictures(const ResultFolder&, const Budget&, const Progress&) {}
 
 }  // namespace abbe::sim::study
 

@@ -15,6 +15,7 @@
 #include "sim/readings/readings_file.h"
 #include "sim/scene/read_scene.h"
 #include "sim/study/csv_field.h"
+#include "sim/study/text_style.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -77,7 +78,7 @@ std::vector<Readings> readings_of(const Scene& scene, const std::string& day) {
   std::vector<Readings> all;
   for (const InstrumentDescription& one : scene.instruments) {
     stop_if_interrupted();
-    all.push_back(read_readings(to_text(measured(scene, one)), one.instrument.name + ".csv"));
+    all.push_back(read_readings(sim::to_text(measured(scene, one)), one.instrument.name + ".csv"));
   }
   return all;
 }
@@ -182,9 +183,9 @@ HistoryResult judged(TestDay& day, const Lesson& lesson, const CaseDescription& 
 }
 
 /// Days learnt and parts cut, reported as one stage.
-class Stage {
+class DaysDone {
  public:
-  Stage(const Progress& progress, std::size_t steps) : progress_(progress), steps_(steps) {}
+  DaysDone(const Progress& progress, std::size_t steps) : progress_(progress), steps_(steps) {}
   void step() {
     ++done_;
     if (progress_) progress_("thermal histories", double(done_) / double(steps_));
@@ -220,7 +221,7 @@ std::vector<HistoryResult> histories(const Study& study, const Progress& progres
   const auto& [train, test, case_name] = *study.histories;
   const CaseDescription compensator = case_of_histories(study);
   for (const std::string& day : test) scene_of_day(study, day);  // refused before anything is cut
-  Stage stage(progress, train.size() + test.size() * (train.size() + 1));
+  DaysDone stage(progress, train.size() + test.size() * (train.size() + 1));
   std::vector<Lesson> lessons;
   for (const std::string& day : train) {
     lessons.push_back(lesson_of(study, day));
@@ -266,6 +267,21 @@ std::string to_csv(const std::vector<HistoryResult>& results) {
                     csv_field(one.compensated_rms / units::um), csv_field(one.reduction_percent),
                     csv_field(fmt::format("{}", fmt::join(one.sensors, "; "))));
   return text;
+}
+
+std::string to_text(const std::vector<HistoryResult>& results) {
+  TextTable rows{{"learnt on", "judged on", "uncompensated, RMS µm", "compensated, RMS µm",
+                  "reduction, %", "sensors"}};
+  rows.text_columns = 2;
+  const auto day = [](const std::string& name) { return name.empty() ? "its own day" : name; };
+  for (const HistoryResult& one : results)
+    rows.rows.push_back(
+        {day(one.train), day(one.test) + (one.own_day ? " (the same)" : ""),
+         fmt::format("{:.3f}", one.uncompensated_rms / units::um),
+         fmt::format("{:.3f}", one.compensated_rms / units::um),
+         one.reduction_percent ? fmt::format("{:.1f}", *one.reduction_percent) : "–",
+         fmt::format("{}", fmt::join(one.sensors, ", "))});
+  return "\n" + table(TextStyle::Terminal, rows);
 }
 
 }  // namespace abbe::sim::study

@@ -51,5 +51,7 @@ CaseDescription case_of_histories(const Study& study);
 nlohmann::ordered_json to_json(const std::vector<HistoryResult>& results);
 /// `histories.csv`: a row a result; sensors parted by "; ".
 std::string to_csv(const std::vector<HistoryResult>& results);
+/// The same as a table for a terminal.
+std::string to_text(const std::vector<HistoryResult>& results);
 
 }  // namespace abbe::sim::study

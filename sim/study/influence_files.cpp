@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 
 #include <fmt/format.h>
@@ -28,7 +29,7 @@ using std::filesystem::path;
 
 #if ABBE_RENDER
 
-constexpr std::size_t most_on_a_sheet = render::most_sheet_maps;
+constexpr std::size_t maps_on_a_page = 30, most_pages = 8;
 
 cutting::Statistics statistics(const cutting::Design& design, const Eigen::VectorXd& map_um) {
   const Index n = map_um.size();
@@ -71,24 +72,58 @@ render::SheetOptions sheet_options(const ReadyStudy& ready, std::size_t arm, std
   return options;
 }
 
+/// Inputs by the RMS of what one standard deviation of them does, the largest first; of equal ones
+/// the first.
+std::vector<Index> by_size(const InfluenceMap& influence, const Eigen::MatrixXd& all,
+                           const Eigen::VectorXd& sd) {
+  std::vector<double> rms;
+  for (Index i = 0; i < all.rows(); ++i)
+    rms.push_back(statistics(influence.design, all.row(i).transpose() * sd[i]).rms.value_or(0.0));
+  std::vector<Index> order(std::size_t(all.rows()));
+  std::iota(order.begin(), order.end(), Index(0));
+  std::stable_sort(order.begin(), order.end(),
+                   [&](Index a, Index b) { return rms[std::size_t(a)] > rms[std::size_t(b)]; });
+  return order;
+}
+
+/// Pages of maps, as many as can be looked at on each; those of an earlier study go.
+void write_pages(const ResultFolder& folder, const ReadyStudy& ready, std::size_t arm,
+                 const Eigen::MatrixXd& all, const Eigen::VectorXd& sd, PictureNames& names) {
+  const InfluenceMap& influence = ready.influences[arm];
+  const std::vector<Index> order = by_size(influence, all, sd);
+  const std::size_t pages = (order.size() + maps_on_a_page - 1) / maps_on_a_page;
+  for (std::size_t page = 0; page < most_pages; ++page) {
+    std::vector<std::string> name{"influence", "sheet"};
+    if (page > 0) name.push_back(std::to_string(page + 1));
+    const ResultFile file = folder / (names.unused(name) + ".png");
+    if (page >= pages) {
+      if (page > 0) remove_file(file);
+      continue;
+    }
+    const std::size_t first = page * maps_on_a_page,
+                      last = std::min(order.size(), first + maps_on_a_page);
+    std::vector<render::SheetMap> maps;
+    for (std::size_t k = first; k < last; ++k)
+      maps.push_back(effect_map(ready, influence, order[k], all, sd));
+    render::SheetOptions options = sheet_options(
+        ready, arm, title_of(ready, arm, "what one standard deviation of each input does"));
+    options.caption.push_back(fmt::format("inputs {} to {} of {} by the RMS of their maps",
+                                          first + 1, last, order.size()));
+    if (pages > most_pages && page + 1 == most_pages)
+      options.caption.back() += "; the smaller ones are in influence.vtp";
+    write_file(file, [&](const path& temporary) {
+      render::write_sheet(temporary, influence.design, maps, options);
+    });
+  }
+}
+
 void write_sheets(const ResultFolder& folder, const ReadyStudy& ready, std::size_t arm) {
   const Study& study = ready.study;
   const InfluenceMap& influence = ready.influences[arm];
   const Eigen::MatrixXd all = effects(influence);
   const Eigen::VectorXd sd = spreads(study);
-  std::vector<render::SheetMap> maps;
-  for (Index i = 0; i < all.rows() && maps.size() < most_on_a_sheet; ++i)
-    maps.push_back(effect_map(ready, influence, i, all, sd));
-  render::SheetOptions options = sheet_options(
-      ready, arm, title_of(ready, arm, "what one standard deviation of each input does"));
-  if (std::size_t(all.rows()) > maps.size())
-    options.caption.push_back(fmt::format("the first {} of {} inputs", maps.size(), all.rows()));
   PictureNames names;
-  const std::string sheet = names.unused({"influence", "sheet"}) + ".png";
-  if (study.influence.sheet)
-    write_file(folder / sheet, [&](const path& file) {
-      render::write_sheet(file, influence.design, maps, options);
-    });
+  if (study.influence.sheet) write_pages(folder, ready, arm, all, sd, names);
   for (const std::string& name : study.influence.pictures)
     for (Index i = 0; i < all.rows(); ++i) {
       if (study.inputs[std::size_t(i)].name != name) continue;

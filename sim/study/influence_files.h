@@ -13,7 +13,8 @@ namespace abbe::sim::study {
 /// `influence.vtp` of an arm: the design with the base map (less the error-free one where the study
 /// asks for the machine's part), what every input does to it (um per unit
 /// of the input) and where the maps are doubted; `influence-sheet.png`, one standard deviation of
-/// every input on one sheet; `influence-NAME.png` of the inputs that the study names;
+/// every input, the largest first, 30 on a sheet, `influence-sheet-2.png` ..., eight at most;
+/// `influence-NAME.png` of the inputs that the study names;
 /// `uncertainty.vtp` and `uncertainty.png` where it asks for them.
 /// @return what `budget.json` says of them: "influence" and "uncertainty"
 /// @throws OutputFailure

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include "sim/scene/library.h"
 #include "sim/scene/read_scene.h"
 #include "sim/scene/scene_names.h"
 #include "sim/scene/scene_tree.h"
@@ -210,8 +211,9 @@ Study read_study(const std::filesystem::path& file, const std::vector<Override>&
   }
   tree = changed(std::move(tree), overrides, file.parent_path(), faults);
   if (Node* scene = tree.find("scene"); scene && scene->text())
-    scene->value =
-        std::filesystem::absolute(file.parent_path() / *scene->text()).lexically_normal().string();
+    scene->value = std::filesystem::absolute(
+                       located({*scene->text(), scene->place, ""}, file.parent_path(), faults))
+                       .string();
   Study study = StudyReader(tree, file, faults).read();
   if (!faults.empty()) throw BadScene(faults.list());
   study.files.push_back(file);

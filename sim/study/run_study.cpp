@@ -7,6 +7,7 @@
 
 #include "kinematics/bad_input.h"
 #include "kinematics/escape.h"
+#include "sim/cut/stages.h"
 #include "sim/files/output.h"
 #include "sim/files/progress.h"
 #include "sim/study/budget_of.h"
@@ -14,6 +15,7 @@
 #include "sim/study/histories.h"
 #include "sim/study/influence_files.h"
 #include "sim/study/picture_names.h"
+#include "sim/study/words.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -93,8 +95,7 @@ std::string response_head(const Study& study, const Arm& arm, Response response)
 std::string table_head(const Study& study, bool with_inputs) {
   std::string head = "case,analysis,engine";
   for (const Input& input : study.inputs)
-    if (with_inputs)
-      head += "," + csv_field(input.unit.empty() ? input.name : input.name + " / " + input.unit);
+    if (with_inputs) head += "," + csv_field(input.name + " / " + unit_of(input));
   for (const Arm& arm : study.arms)
     for (const Response response : study.responses)
       head += "," + csv_field(response_head(study, arm, response));
@@ -139,8 +140,65 @@ std::vector<HistoryResult> one_lined(std::vector<HistoryResult> results) {
   return results;
 }
 
-/// Stages of progress from here on.
-constexpr int stages_of_results = 3;
+// Seconds on two cores, of a vertex of an influence map: its rivals, an input's effect, a check, a
+// case estimated from it, its pictures.
+constexpr double s_of_vertex_rivalled = 6e-5, s_of_vertex_input = 2e-6, s_of_vertex_checked = 4e-5,
+                 s_of_vertex_case = 4e-8, s_of_vertex_drawn = 2e-5;
+
+bool has_maps(const Study& study) { return study.engine != Engine::Full && !study.inputs.empty(); }
+
+/// Of the scenes of a study before they are prepared.
+WorkSize size_of_scene(const Study& study) {
+  return study.arms.empty() ? WorkSize{} : expected_size(scene_of(study, study.arms.front()));
+}
+
+/// Every arm made ready, as `ready_study` reports it.
+std::vector<Stage> stages_of_making_ready(const Study& study) {
+  const std::string part = "prepare " + study.title;
+  const WorkSize size = size_of_scene(study);
+  std::vector<Stage> stages;
+  for (std::size_t i = 0; i < study.arms.size(); ++i) {
+    stages = std::move(stages) + stages_of_preparing(part, size);
+    if (study.machine_part) stages = std::move(stages) + stages_of_error_free(part, size);
+  }
+  const double inputs = double(study.inputs.size());
+  for (std::size_t i = 0; has_maps(study) && i < study.arms.size(); ++i)
+    stages = std::move(stages) +
+             std::vector<Stage>{
+                 {part, "rivals", s_of_vertex_rivalled * size.vertices},
+                 {part, "inputs", s_of_vertex_input * size.vertices * inputs},
+                 {part, "checks", s_of_vertex_checked * size.vertices * study.influence.checks}};
+  return stages;
+}
+
+/// Cases that are left, tables, pictures, days.
+std::vector<Stage> stages_of_cases(const Study& study, const std::string& part,
+                                   const std::vector<Batch>& left, const Plan& plan,
+                                   const WorkSize& size) {
+  double seconds = 0.0;
+  for (const Batch& batch : left) {
+    const double cases = double(batch.last - batch.first) * double(study.arms.size());
+    if (!block_of(plan, batch.first).full)
+      seconds += cases * s_of_vertex_case * size.vertices;
+    else
+      for (const Stage& one : stages_of_cut(part, size)) seconds += cases * one.seconds;
+  }
+  return {{part, "cases", seconds}};
+}
+
+std::vector<Stage> stages_of_results(const Study& study, const WorkSize& size) {
+  std::vector<Stage> stages;
+  if (!study.inputs.empty())
+    stages = {
+        {"budget", "budget", 0.5 * double(study.arms.size())},
+        {"pictures", "budget", 2.0},
+        {"pictures", "maps",
+         has_maps(study) ? s_of_vertex_drawn * size.vertices * double(study.arms.size()) : 0.0}};
+  if (study.histories)
+    stages.push_back({"histories", "thermal histories",
+                      double(study.histories->train.size() * (1 + study.histories->test.size()))});
+  return stages;
+}
 
 /// Tables and pictures of the finished cases.
 class Results {
@@ -153,10 +211,10 @@ class Results {
     if (!study_.inputs.empty()) result = write_budget(ready, rows);
     if (study_.histories) {
       progress_.begin("histories");
-      const auto results = histories(study_, report());
+      const auto results = histories(study_, to(progress_));
       write_histories(folder_, study_, results);
       result.json["histories"] = to_json(results);
-      result.text += to_csv(one_lined(results));
+      result.text += to_text(one_lined(results));
     }
     write_file(folder_ / "study.toml", study_.text);
     write_json(folder_ / "budget.json", result.json);
@@ -165,21 +223,18 @@ class Results {
   }
 
  private:
-  Progress report() {
-    return [this](const std::string& stage, double fraction) { progress_.report(stage, fraction); };
-  }
-
   StudyResult write_budget(const ReadyStudy& ready, const std::vector<Row>& rows) {
     progress_.begin("budget");
-    const Budget budget = budget_of(ready, rows, report());
-    StudyResult result{to_json(budget), to_markdown(budget)};
+    const Budget budget = budget_of(ready, rows, to(progress_));
+    StudyResult result{to_json(budget), to_text(budget)};
     write_table(folder_ / "cases.csv", cases_csv(study_, ready.plan, rows));
     write_table(folder_ / "budget.csv", to_csv(budget));
-    write_table(folder_ / "budget.md", result.text);
+    write_table(folder_ / "budget.md", to_markdown(budget));
     progress_.begin("pictures");
-    write_pictures(folder_, budget);
+    write_pictures(folder_, budget, to(progress_));
     PictureNames names;
     for (std::size_t arm = 0; arm < ready.influences.size(); ++arm) {
+      progress_.report("maps", double(arm) / double(ready.influences.size()));
       const std::string own_name =
           study_.arms.size() == 1 ? "" : names.unused({study_.arms[arm].name});
       const ResultFolder own = folder_.inside(own_name);
@@ -217,15 +272,19 @@ StudyResult run_study(const path& file, const StudyOptions& options, const Ranks
   const std::vector<std::uint64_t> finished = from_rank_0(ranks, journal.finished());
   const std::vector<Batch> left = unfinished(batches, finished);
 
-  ProgressLine progress(2 + stages_of_results);
+  const std::uint64_t all = cases_in(left);
+  const std::string cases = fmt::format("{} of {} cases", all, cases_in(batches));
+  const auto rest = [&](const WorkSize& size) {
+    std::vector<Stage> stages = stages_of_cases(study, cases, left, plan, size);
+    return options.shard ? stages : std::move(stages) + stages_of_results(study, size);
+  };
+  ProgressLine progress(stages_of_making_ready(study) + rest(size_of_scene(study)));
   progress.begin("prepare " + study.title);
   const bool computes = !left.empty() || !options.shard;
   const ReadyStudy ready =
-      computes ? ready_study(study, [&](const std::string& stage,
-                                        double fraction) { progress.report(stage, fraction); })
-               : ReadyStudy{study, plan, {}, {}};
-  const std::uint64_t all = cases_in(left);
-  progress.begin(fmt::format("{} of {} cases", all, cases_in(batches)));
+      computes ? ready_study(study, to(progress)) : ReadyStudy{study, plan, {}, {}};
+  if (!ready.arms.empty()) progress.replan(rest(size_of(ready.arms.front().job)));
+  progress.begin(cases);
   std::uint64_t done = 0;
   farm(left, ranks, compute_of(ready), [&](const Batch&, const std::vector<Row>& rows) {
     journal.add(rows);
@@ -249,10 +308,10 @@ StudyResult merge_study(const path& file, const StudyOptions& options) {
                    fmt::format("{} of them finished", all.rows.size()) +
                        missing_of_shards(plan, all.rows, shards_of(options.folder)));
   const ResultFolder folder(options.folder, {options.permissions, study.files});
-  ProgressLine progress(1 + stages_of_results);
+  ProgressLine progress(stages_of_making_ready(study) +
+                        stages_of_results(study, size_of_scene(study)));
   progress.begin("prepare " + study.title);
-  const ReadyStudy ready = ready_study(
-      study, [&](const std::string& stage, double fraction) { progress.report(stage, fraction); });
+  const ReadyStudy ready = ready_study(study, to(progress));
   return Results(study, folder, progress).write(ready, all.rows);
 }
 
@@ -263,7 +322,7 @@ StudyResult show_study(const path& file, const StudyOptions& options) {
   StudyResult result = state(study, plan, all.rows);
   const Budget budget = budget_of(study, plan, all.rows);
   result.json["budget"] = to_json(budget);
-  result.text += "\n" + to_markdown(budget);
+  result.text += "\n" + to_text(budget);
   return result;
 }
 

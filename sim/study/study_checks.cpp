@@ -35,6 +35,12 @@ void check_engine(const Study& study, const std::vector<Place>& places, TableRea
           study.inputs[i].name);
 }
 
+bool has_tolerance(const PartDescription& part) {
+  return part.tolerance || std::ranges::any_of(part.regions, [](const PartRegion& region) {
+           return region.tolerance.has_value();
+         });
+}
+
 /// Figures that nobody would get.
 void check_judged(const Study& study, const std::vector<Scene>& scenes, TableReader& reader) {
   const auto is_asked = [&](Response response) {
@@ -46,7 +52,7 @@ void check_judged(const Study& study, const std::vector<Scene>& scenes, TableRea
       reader.refuse("limits", "limits of what `responses` asks for",
                     std::string(name_of(response)) + "_um");
   for (std::size_t a = 0; a < scenes.size(); ++a)
-    if (is_asked(Response::InTolerance) && !(scenes[a].part.tolerance > 0.0))
+    if (is_asked(Response::InTolerance) && !has_tolerance(scenes[a].part))
       reader.refuse("responses", "a part with tolerance_um for in_tolerance",
                     "none of " + study.arms[a].name);
 }

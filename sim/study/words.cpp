@@ -33,6 +33,8 @@ std::string shown_unit(const std::string& unit) {
 
 std::string shown_unit(Response response) { return shown_unit(std::string(unit_of(response))); }
 
+std::string unit_of(const Input& input) { return input.unit.empty() ? "1" : input.unit; }
+
 std::string one_line(const std::string& text) {
   std::string line;
   for (const char c : text) {

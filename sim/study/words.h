@@ -15,6 +15,9 @@ std::string shown_unit(Response response);
 /// "um" as "µm", "urad" as "µrad", "deg" as "°"; others as they are.
 std::string shown_unit(const std::string& unit);
 
+/// "um", "W_per_K"; "1" of an input that is a pure number, such as a factor.
+std::string unit_of(const Input& input);
+
 /// The text in one line: whatever ends a line or cannot be seen becomes a space.
 std::string one_line(const std::string& text);
 

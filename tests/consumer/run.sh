@@ -23,6 +23,11 @@ cat "$work/residual"
 for number in $(grep -oE '[0-9]+\.[0-9]{4}' "$work/residual"); do
   grep -q "^uncompensated.* $number " "$work/said" || { echo "abbe does not say $number:"; cat "$work/said"; exit 1; }
 done
+# it finds its scenes where it is installed, from anywhere, and writes a first one that runs
+(cd "$work" && abbe/bin/abbe --version && abbe/bin/abbe new lathe first && abbe/bin/abbe compare first/scene.toml) >"$work/new"
+grep -q "^scenes *$(realpath "$work")/abbe/share/abbe/scenes\$" "$work/new" || { cat "$work/new"; exit 1; }
+[ -s "$work/out/scene/comparison.json" ]
+(cd "$work" && abbe/bin/abbe check library:gantry_dome >"$work/checked")
 "$work/build/compensator" "$2/gantry_dome.toml" >"$work/compensator"
 cat "$work/compensator"
 # mean A -> B, RMS C -> D

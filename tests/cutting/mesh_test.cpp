@@ -322,8 +322,9 @@ TEST(ReadMesh, DigitsBeyondFloatAreKept) {
   EXPECT_EQ(read_mesh(file).vertices(0, 0), 0.1234567890123456);
 }
 
-TEST(ReadMesh, APartInInchesOrMetresIsToldByItsFactor) {
-  // the free-form block of 60 mm, written in inches and in metres, on a machine of 600 mm travel
+TEST(ReadMesh, OnlyAPartThatCannotLieOnTheMachineIsRefusedForItsSize) {
+  // the free-form block of 60 mm, written in inches, metres and so on, on a machine of 600 mm
+  // travel
   const Design part = read_mesh(parts / "freeform.stl");
   const auto obj = [&](double unit) {
     std::string text;
@@ -339,14 +340,16 @@ TEST(ReadMesh, APartInInchesOrMetresIsToldByItsFactor) {
   };
   ReadMeshOptions options;
   options.travel = Vector3d(600, 500, 400);
-  const std::string inch = refusal(written("inch.obj", obj(25.4)), options);
-  const std::string metre = refusal(written("metre.obj", obj(1000.0)), options);
   const std::string micrometre = refusal(written("um.obj", obj(1e-3)), options);
-  std::cout << inch << "\n" << metre << "\n" << micrometre << "\n";
-  EXPECT_NE(inch.find("254 times too small: x 25.4 (inch) would make it 60 mm"), std::string::npos);
-  EXPECT_NE(metre.find("1e+04 times too small: x 1000 (metre) would make it 60 mm"),
+  std::cout << micrometre << "\n";
+  EXPECT_NE(micrometre.find("expected a part of at most 1200 mm, 2 times the travel of 600 mm (set "
+                            "its unit), seen 6e+04 x"),
             std::string::npos);
-  EXPECT_NE(micrometre.find("100 times too large: x 0.001 (micrometre)"), std::string::npos);
+  EXPECT_NE(micrometre.find("mm: read in um it would be 60 mm long"), std::string::npos);
+  // 2.4 mm, 0.06 mm, 600 mm and 1200 mm can lie there
+  for (const double unit : {25.4, 1000.0, 0.1, 0.05})
+    EXPECT_EQ(refusal(written("other.obj", obj(unit)), options), "accepted") << unit;
+  EXPECT_NE(refusal(written("other.obj", obj(0.0499)), options), "accepted");
   EXPECT_EQ(refusal(parts / "freeform.stl", options), "accepted");
 
   options.unit_mm = 25.4;

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "cutting/primitive.h"
 #include "cutting/residual.h"
 #include "tests/kinematics/nan.h"
 
@@ -11,7 +12,7 @@ namespace abbe::cutting {
 namespace {
 
 /// A design that is nothing but weights, and a map over it.
-Design weights(const Eigen::VectorXd& area) {
+Design of_areas(const Eigen::VectorXd& area) {
   Design d;
   d.vertices = Points::Zero(area.size(), 3);
   d.normals = Points::Zero(area.size(), 3);
@@ -28,21 +29,65 @@ Surface map_of(const Eigen::VectorXd& residual) {
   return s;
 }
 
+/// The same band for all vertices.
+ToleranceBands band(Eigen::Index n, double lower, double upper) {
+  return Eigen::RowVector2d(lower, upper).replicate(n, 1);
+}
+
+TEST(Statistics, WithMiddlesAreThoseOfAQuadraticResidualWhateverItsVertices) {
+  // the mean of a quadratic is exact, of its square nearly: a wave of cusps along vertices that
+  // stand on the crests
+  const Design plane = tessellate(RectanglePlane{8.0, 6.0}, {700});
+  const auto bowl = [](const Eigen::Vector3d& p) {
+    return 3.0 + p.x() * p.y() + 2.0 * p.x() * p.x();
+  };
+  Surface s = map_of(Eigen::VectorXd(plane.vertices.rows()));
+  for (Eigen::Index i = 0; i < plane.vertices.rows(); ++i)
+    s.residual[i] = bowl(plane.vertices.row(i));
+  const double exact = 3.0 + 2.0 * 64.0 / 12.0;
+  const double straight = *statistics(s, plane).mean;
+  s.middle.resize(plane.triangles.rows());
+  for (Eigen::Index t = 0; t < plane.triangles.rows(); ++t) {
+    const auto c = plane.triangles.row(t);
+    s.middle[t] = bowl(
+        (plane.vertices.row(c[0]) + plane.vertices.row(c[1]) + plane.vertices.row(c[2])) / 3.0);
+  }
+  const Statistics with = statistics(s, plane);
+  std::cout << "mean of a bowl: " << straight - exact << " off without middles, "
+            << *with.mean - exact << " with them\n";
+  EXPECT_GT(straight - exact, 1e-3);
+  EXPECT_NEAR(*with.mean, exact, 1e-12);
+  EXPECT_NEAR(weights(s, plane).vertex.sum() + weights(s, plane).middle.sum(), 48.0, 1e-11);
+  s.middle.head(100).setConstant(nan);
+  EXPECT_NEAR(weights(s, plane).vertex.sum() + weights(s, plane).middle.sum(), 48.0, 1e-11);
+  EXPECT_EQ(minus(s, s).middle.tail(200).cwiseAbs().maxCoeff(), 0.0);
+  s.middle.resize(3);
+  EXPECT_THROW(weights(s, plane), std::invalid_argument);
+}
+
 TEST(Statistics, AreThoseComputedByHand) {
   // weights 1 2 3 4, residuals 1 -1 2 0; one uncut and one outside must not count
   Surface s = map_of((Eigen::VectorXd(6) << 1, -1, 2, 0, nan, nan).finished());
   s.status[4] = VertexStatus::Uncut;
   s.status[5] = VertexStatus::Outside;
-  const Statistics t =
-      statistics(s, weights((Eigen::VectorXd(6) << 1, 2, 3, 4, 50, 60).finished()), 1.0);
+  const Statistics t = statistics(
+      s, of_areas((Eigen::VectorXd(6) << 1, 2, 3, 4, 50, 60).finished()), band(6, -1, 1));
   EXPECT_DOUBLE_EQ(*t.pv, 3);
   EXPECT_DOUBLE_EQ(*t.min, -1);
   EXPECT_DOUBLE_EQ(*t.max, 2);
   EXPECT_DOUBLE_EQ(*t.mean, (1 - 2 + 6) / 10.0);
   EXPECT_DOUBLE_EQ(*t.rms, std::sqrt((1 + 2 + 12) / 10.0));
   EXPECT_DOUBLE_EQ(*t.std_dev, std::sqrt(1.5 - 0.25));
-  EXPECT_DOUBLE_EQ(*t.p95_abs, 1 + 0.85);  // ranks 0 1 1 2: 0.95 * 3 = 2.85
-  EXPECT_DOUBLE_EQ(*t.in_tolerance_percent, 75);
+  EXPECT_DOUBLE_EQ(*t.p95_abs, 2);  // up to 1 lie 7 of 10
+  ASSERT_TRUE(t.conformance);
+  EXPECT_DOUBLE_EQ(t.conformance->in, 700.0 / 60);  // of what is judged, the uncut 50 among it
+  EXPECT_DOUBLE_EQ(t.conformance->over, 300.0 / 60);
+  EXPECT_EQ(t.conformance->under, 0);
+  EXPECT_DOUBLE_EQ(t.conformance->uncut, 5000.0 / 60);
+  EXPECT_EQ(t.conformance->vertex, 2);
+  EXPECT_EQ(t.conformance->excess, 1);
+  EXPECT_EQ(t.lowest->vertex, 1);
+  EXPECT_EQ(t.highest->vertex, 2);
   EXPECT_EQ(t.vertices, 6);
   EXPECT_EQ(t.cut_vertices, 4);
   EXPECT_EQ(t.uncut_vertices, 1);
@@ -53,9 +98,13 @@ TEST(Statistics, CountGougesBeyondTheBandAsOutOfTolerance) {
   Surface s = map_of((Eigen::VectorXd(4) << 1, -1, nan, nan).finished());
   s.status[2] = s.status[3] = VertexStatus::Gouged;
   s.gouges = {{2, 5.0, false}, {3, 8.0, true}};
-  const Statistics t = statistics(s, weights(Eigen::VectorXd::Ones(4)), 1.0);
+  const Statistics t = statistics(s, of_areas(Eigen::VectorXd::Ones(4)), band(4, -1, 1));
   EXPECT_DOUBLE_EQ(*t.pv, 2);
-  EXPECT_DOUBLE_EQ(*t.in_tolerance_percent, 50);
+  EXPECT_DOUBLE_EQ(t.conformance->in, 50);
+  EXPECT_DOUBLE_EQ(t.conformance->under, 50);
+  EXPECT_EQ(t.conformance->vertex, 3);
+  EXPECT_EQ(t.conformance->excess, 7.0);  // 8 deep at least, 1 is allowed
+  EXPECT_TRUE(t.conformance->further);
   EXPECT_EQ(t.gouged_vertices, 2);
   EXPECT_EQ(t.uncut_vertices + t.outside_vertices, 0);
   ASSERT_TRUE(t.deepest);
@@ -67,25 +116,26 @@ TEST(Statistics, CountGougesBeyondTheBandAsOutOfTolerance) {
 TEST(Statistics, WithoutCutVerticesAreEmpty) {
   Surface s = map_of(Eigen::VectorXd::Constant(3, nan));
   s.status.assign(3, VertexStatus::Uncut);
-  const Statistics t = statistics(s, weights(Eigen::VectorXd::Ones(3)), 1.0);
-  EXPECT_FALSE(t.pv || t.rms || t.mean || t.std_dev || t.min || t.max || t.p95_abs ||
-               t.in_tolerance_percent);
+  const Statistics t = statistics(s, of_areas(Eigen::VectorXd::Ones(3)), band(3, -1, 1));
+  EXPECT_FALSE(t.pv || t.rms || t.mean || t.std_dev || t.min || t.max || t.p95_abs || t.lowest);
+  EXPECT_EQ(t.conformance->uncut, 100);
+  EXPECT_FALSE(t.conformance->passes());
   EXPECT_EQ(t.uncut_vertices, 3);
-  const Statistics none = statistics(Surface{}, weights(Eigen::VectorXd()));
-  EXPECT_FALSE(none.pv || none.in_tolerance_percent);
+  const Statistics none = statistics(Surface{}, of_areas(Eigen::VectorXd()));
+  EXPECT_FALSE(none.pv || none.conformance);
   EXPECT_EQ(none.vertices, 0);
 }
 
 TEST(Statistics, WithoutAreaLackTheWeightedOnesOnly) {
   const Statistics t =
-      statistics(map_of(Eigen::VectorXd::Ones(2)), weights(Eigen::VectorXd::Zero(2)));
+      statistics(map_of(Eigen::VectorXd::Ones(2)), of_areas(Eigen::VectorXd::Zero(2)));
   EXPECT_EQ(*t.pv, 0.0);
-  EXPECT_FALSE(t.rms || t.mean || t.std_dev || t.in_tolerance_percent);
+  EXPECT_FALSE(t.rms || t.mean || t.std_dev || t.conformance);
 }
 
 TEST(Statistics, OfOneVertexAreItsValue) {
   const Statistics t =
-      statistics(map_of(Eigen::VectorXd::Constant(1, -3e-3)), weights(Eigen::VectorXd::Ones(1)));
+      statistics(map_of(Eigen::VectorXd::Constant(1, -3e-3)), of_areas(Eigen::VectorXd::Ones(1)));
   EXPECT_EQ(*t.pv, 0.0);
   EXPECT_EQ(*t.mean, -3e-3);
   EXPECT_EQ(*t.p95_abs, 3e-3);
@@ -97,7 +147,7 @@ TEST(Statistics, LoseNothingToALargeOffset) {
   const int n = 1'000'000;
   Eigen::VectorXd r(n);
   for (int i = 0; i < n; ++i) r[i] = 1.0 + (i % 2 ? 1e-6 : -1e-6);
-  const Statistics t = statistics(map_of(r), weights(Eigen::VectorXd::Constant(n, 0.1)));
+  const Statistics t = statistics(map_of(r), of_areas(Eigen::VectorXd::Constant(n, 0.1)));
   std::cout << "mean - 1 = " << *t.mean - 1.0 << ", std - 1e-6 = " << *t.std_dev - 1e-6 << " mm\n";
   EXPECT_NEAR(*t.mean, 1.0, 3e-16);
   EXPECT_NEAR(*t.std_dev, 1e-6, 1e-16);
@@ -107,18 +157,40 @@ TEST(Statistics, OfASineAreItsClosedForms) {
   const int n = 20000;
   Eigen::VectorXd r(n);
   for (int i = 0; i < n; ++i) r[i] = 5e-3 * std::sin(2 * M_PI * i / n);
-  const Statistics t = statistics(map_of(r), weights(Eigen::VectorXd::Ones(n)), 2.5e-3);
+  const Statistics t =
+      statistics(map_of(r), of_areas(Eigen::VectorXd::Ones(n)), band(n, -2.5e-3, 2.5e-3));
   EXPECT_NEAR(*t.rms, 5e-3 / std::sqrt(2.0), 1e-17);
   EXPECT_NEAR(*t.mean, 0.0, 1e-17);
   EXPECT_NEAR(*t.p95_abs, 5e-3 * std::sin(0.95 * M_PI / 2), 1e-7);
-  EXPECT_NEAR(*t.in_tolerance_percent, 100.0 / 3.0, 0.02);
+  EXPECT_NEAR(t.conformance->in, 100.0 / 3.0, 0.02);
+  // of one side: a quarter of a turn and half of it below zero and above half the peak
+  const Conformance one_sided =
+      *statistics(map_of(r), of_areas(Eigen::VectorXd::Ones(n)), band(n, 0, 2.5e-3)).conformance;
+  EXPECT_NEAR(one_sided.in, 100.0 / 6.0, 0.02);
+  EXPECT_NEAR(one_sided.over, 100.0 / 3.0, 0.02);
+  EXPECT_NEAR(one_sided.under, 50.0, 0.02);
+  EXPECT_NEAR(one_sided.excess, 5e-3, 1e-9);  // the trough
+}
+
+TEST(Statistics, KnowABandForEachVertex) {
+  const double inf = std::numeric_limits<double>::infinity();
+  ToleranceBands bands(3, 2);
+  bands << 0, 1, -inf, inf, -4, 1;
+  const Conformance c =
+      *statistics(map_of(Eigen::Vector3d(-2, -9, -7)), of_areas(Eigen::Vector3d(1, 2, 1)), bands)
+           .conformance;
+  EXPECT_EQ(c.in, 0);  // shares are of what has limits
+  EXPECT_EQ(c.under, 100);
+  EXPECT_EQ(c.vertex, 2);  // -7 is 3 out of its band, -2 is 2 out of its own
+  EXPECT_EQ(c.excess, 3);
+  EXPECT_FALSE(c.passes());
 }
 
 TEST(Statistics, RefuseWhatDoesNotFit) {
-  EXPECT_THROW(statistics(map_of(Eigen::VectorXd::Ones(3)), weights(Eigen::VectorXd::Ones(2))),
+  EXPECT_THROW(statistics(map_of(Eigen::VectorXd::Ones(3)), of_areas(Eigen::VectorXd::Ones(2))),
                std::invalid_argument);
   EXPECT_THROW(
-      statistics(map_of(Eigen::VectorXd::Constant(2, nan)), weights(Eigen::VectorXd::Ones(2))),
+      statistics(map_of(Eigen::VectorXd::Constant(2, nan)), of_areas(Eigen::VectorXd::Ones(2))),
       std::invalid_argument);
 }
 
@@ -139,7 +211,7 @@ TEST(Minus, SubtractsWhereBothAreCut) {
   EXPECT_EQ(d.status[1], VertexStatus::Uncut);
   EXPECT_EQ(d.status[2], VertexStatus::Outside);
   EXPECT_EQ(d.status[3], VertexStatus::Outside);
-  EXPECT_EQ(*statistics(minus(a, a), weights(Eigen::VectorXd::Ones(4))).pv, 0.0);
+  EXPECT_EQ(*statistics(minus(a, a), of_areas(Eigen::VectorXd::Ones(4))).pv, 0.0);
   EXPECT_THROW(minus(a, map_of(Eigen::VectorXd::Ones(3))), std::invalid_argument);
 }
 
@@ -162,7 +234,7 @@ TEST(Minus, KeepsTheGougesOfBoth) {
   EXPECT_EQ(d.gouges[2].depth, 8.0);
   EXPECT_EQ(d.cut_line[1], 7);
   EXPECT_EQ(d.cut_line[2], 9);
-  EXPECT_FALSE(statistics(d, weights(Eigen::VectorXd::Ones(4))).pv);
+  EXPECT_FALSE(statistics(d, of_areas(Eigen::VectorXd::Ones(4))).pv);
 }
 
 }  // namespace

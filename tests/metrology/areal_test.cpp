@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
+#include "tests/oracles/rippled_wave.h"
 
 namespace abbe::errors::metrology {
 namespace {
@@ -46,6 +47,23 @@ TEST(Areal, OfASineAreItsClosedForms) {
   EXPECT_NEAR(*a.Sku, 1.5, 1e-11);
   std::cout << "Sa " << a.Sa / (2.0 * A / pi) - 1.0 << ", Sq " << a.Sq / (A / std::sqrt(2.0)) - 1.0
             << " off, relative\n";
+}
+
+TEST(Areal, OfAPublishedSurfaceAreThoseOfSurfalize) {
+  const test::RippledWave wave = test::rippled_wave();
+  const Areal a =
+      areal(wave.xy, wave.z, Eigen::VectorXd::Ones(wave.z.size()), {ArealReference::Mean});
+  // tests/test_parameters.py there, which holds these to 1e-6
+  EXPECT_NEAR(a.Sa, 0.653132, 1e-6);
+  EXPECT_NEAR(a.Sq, 0.745961, 1e-6);
+  EXPECT_NEAR(a.Sp, 1.854956, 1e-6);
+  EXPECT_NEAR(a.Sv, 1.998661, 1e-6);
+  EXPECT_NEAR(a.Sz, 3.853617, 1e-6);
+  EXPECT_NEAR(*a.Ssk, -0.08144, 1e-6);
+  EXPECT_NEAR(*a.Sku, 1.818014, 1e-6);
+  std::cout.precision(9);
+  std::cout << "Sa " << a.Sa << ", Sq " << a.Sq << ", Sp " << a.Sp << ", Sv " << a.Sv << ", Ssk "
+            << *a.Ssk << ", Sku " << *a.Sku << "\n";
 }
 
 TEST(Areal, OfAnEggBoxAreItsClosedForms) {

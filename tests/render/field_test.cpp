@@ -7,9 +7,11 @@
 
 #include <vtkCellArray.h>
 #include <vtkDataArray.h>
+#include <vtkFieldData.h>
 #include <vtkNew.h>
 #include <vtkPointData.h>
 #include <vtkPolyData.h>
+#include <vtkStringArray.h>
 #include <vtkXMLPolyDataReader.h>
 #include <vtkXMLPolyDataWriter.h>
 
@@ -81,7 +83,7 @@ TEST_F(Residual, OpensInTheReaderThatParaViewUses) {
   ASSERT_EQ(mesh.GetNumberOfPoints(), f.design.vertices.rows());
   ASSERT_EQ(mesh.GetNumberOfPolys(), f.design.triangles.rows());
   vtkPointData& data = *mesh.GetPointData();
-  ASSERT_EQ(data.GetNumberOfArrays(), 4);
+  ASSERT_EQ(data.GetNumberOfArrays(), 5);
   EXPECT_STREQ(data.GetScalars()->GetName(), "deviation_um");
   for (Eigen::Index i = 0; i < f.design.vertices.rows(); ++i) {
     const Eigen::Vector3d p = f.design.vertices.row(i);
@@ -90,6 +92,7 @@ TEST_F(Residual, OpensInTheReaderThatParaViewUses) {
     EXPECT_TRUE(same_bits(&deviation, &f.deviation_um[i], 1));
     EXPECT_EQ(data.GetArray("status")->GetComponent(i, 0), f.status[i]);
     EXPECT_EQ(data.GetArray("cut_line")->GetComponent(i, 0), f.cut_line[i]);
+    EXPECT_EQ(data.GetArray("area_mm2")->GetComponent(i, 0), f.design.area[i]);
   }
   for (Eigen::Index i = 0; i < f.design.triangles.rows(); ++i) {
     vtkIdType size = 0;
@@ -98,6 +101,59 @@ TEST_F(Residual, OpensInTheReaderThatParaViewUses) {
     ASSERT_EQ(size, 3);
     for (int k = 0; k < 3; ++k) EXPECT_EQ(corners[k], f.design.triangles(i, k));
   }
+}
+
+TEST_F(Residual, FactsAreFieldDataThatTheReaderOfResultsPassesOver) {
+  const Field f = awkward();
+  const Facts facts = {{"unit", "mm"}, {"scene", "\"<&>\" \u00b5"}, {"", "of no name"}};
+  write_residual(file("a.vtp"), f, facts);
+  expect_same(f, read_residual(file("a.vtp")));
+  vtkNew<vtkXMLPolyDataReader> reader;
+  reader->SetFileName(file("a.vtp").c_str());
+  reader->Update();
+  vtkFieldData& data = *reader->GetOutput()->GetFieldData();
+  const auto text = [&](const char* name) -> std::string {
+    auto* array = vtkStringArray::SafeDownCast(data.GetAbstractArray(name));
+    return array ? std::string(array->GetValue(0)) : "none";
+  };
+  EXPECT_EQ(text("unit"), "mm");
+  EXPECT_EQ(text("scene"), "\"<&>\" \u00b5");
+  EXPECT_EQ(text("_"), "of no name");
+}
+
+TEST_F(Residual, MiddlesOfTrianglesAreReadAgainAndCountInItsFigures) {
+  Field f = awkward();
+  f.deviation_um[3] = 7.0;
+  f.design.area = cutting::vertex_area(f.design.vertices, f.design.triangles);
+  f.middle_um = f.deviation_um.head(1).replicate(f.design.triangles.rows(), 1);
+  f.middle_um[5] = std::numeric_limits<double>::quiet_NaN();
+  for (Eigen::Index t = 0; t < f.middle_um.size(); ++t)
+    for (const int v : f.design.triangles.row(t))
+      if (f.status[std::size_t(v)] != 0) f.middle_um[t] = std::numeric_limits<double>::quiet_NaN();
+  write_residual(file("a.vtp"), f);
+  const Field again = read_residual(file("a.vtp"));
+  ASSERT_EQ(again.middle_um.size(), f.middle_um.size());
+  EXPECT_TRUE(same_bits(again.middle_um.data(), f.middle_um.data(), f.middle_um.size()));
+  EXPECT_EQ(statistics(again).mean, statistics(f).mean);
+  f.middle_um.array() += 1.0;
+  EXPECT_GT(*statistics(f).mean, *statistics(again).mean);
+}
+
+TEST_F(Residual, IsReadAsBase64Too) {
+  write_residual(file("a.vtp"), awkward());
+  vtkNew<vtkXMLPolyDataReader> reader;
+  reader->SetFileName(file("a.vtp").c_str());
+  reader->Update();
+  vtkNew<vtkXMLPolyDataWriter> writer;
+  writer->SetInputData(reader->GetOutput());
+  writer->SetFileName(file("b.vtp").c_str());
+  writer->SetHeaderTypeToUInt64();
+  writer->SetIdTypeToInt64();
+  writer->EncodeAppendedDataOn();
+  writer->SetCompressorTypeToZLib();
+  ASSERT_EQ(writer->Write(), 1);
+  EXPECT_NE(bytes(file("b.vtp")).find("encoding=\"base64\""), std::string::npos);
+  expect_same(read_residual(file("a.vtp")), read_residual(file("b.vtp")));
 }
 
 TEST_F(Residual, IsTheSameBytesTwice) {
@@ -201,11 +257,12 @@ TEST_F(BadResidual, IsRefusedForEachFaultByItself) {
   expect_refused(with("NumberOfLines=\"0\"", "NumberOfLines=\"1\""), "lines");
   expect_refused(with("LittleEndian", "BigEndian"), "other byte order");
   expect_refused(with("type=\"PolyData\"", "type=\"ImageData\""), "other kind");
-  expect_refused(with("encoding=\"base64\"", "encoding=\"raw\""), "raw data");
+  expect_refused(with("encoding=\"raw\"", "encoding=\"base64\""), "bytes called base64");
+  expect_refused(with("encoding=\"raw\"", "encoding=\"rot13\""), "an encoding of nobody");
   expect_refused(with("offset=\"0\"", "offset=\"4\""), "offset into the data");
   expect_refused(with("offset=\"0\"", "offset=\"99999999\""), "offset beyond the file");
   expect_refused(with("</VTKFile>", "</VTKFile>more"), "something after the end");
-  expect_refused(with("\n   _", "\n   _!"), "not base64");
+  expect_refused(with("\n   _", "\n   _!"), "bytes moved by one");
 }
 
 TEST_F(BadResidual, IsRefusedWhenItsNumbersMakeNoSense) {

@@ -101,5 +101,20 @@ TEST_F(Heat, RefusesWhatCannotBeDrawn) {
   EXPECT_THROW(write_heat_map(file("no/a.png"), matrix(2, 2)), std::system_error);
 }
 
+TEST_F(Heat, OfOneRowKeepsItsLabelsApartAndInThePicture) {
+  HeatMap one{{"the only day"}, {"cold", "3 h"}, Eigen::MatrixXd::Constant(1, 2, 1.5)};
+  one.values(0, 1) = 0.0123;
+  write_heat_map(file("a.png"), one,
+                 {.title = "title", .row_label = "learnt on a day", .value_label = "RMS / µm"});
+  const Image image(file("a.png"));
+  EXPECT_EQ(image.count({0, 0}, {16, image.height()}, [](Pixel p) { return !p.is_white(); }), 0);
+  // a row of cells is high enough to be seen as a table
+  int tallest = 0;
+  for (int x = 0; x < image.width(); ++x)
+    tallest = std::max(tallest, image.count({x, 0}, {x + 1, image.height()},
+                                            [](Pixel p) { return p.is_reddish(); }));
+  EXPECT_GE(tallest, 60);
+}
+
 }  // namespace
 }  // namespace abbe::render

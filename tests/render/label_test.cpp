@@ -25,6 +25,23 @@ TEST(Label, FigureShowsThreeDigits) {
   EXPECT_EQ(figure(std::nan("")), "–");
 }
 
+TEST(Label, OfAGivenNumberHasNoZerosAtItsEnd) {
+  EXPECT_EQ(signed_figure(2.5), "+2.5");
+  EXPECT_EQ(signed_figure(-8.0), "−8");
+  EXPECT_EQ(signed_figure(20.0), "+20");
+  EXPECT_EQ(signed_figure(0.0), "0");
+}
+
+TEST(Label, PercentSaysWhatIsNotQuiteNothingOrAll) {
+  EXPECT_EQ(percent_text(0.0), "0 %");
+  EXPECT_EQ(percent_text(0.001), "< 0.01 %");
+  EXPECT_EQ(percent_text(5.167), "5.17 %");
+  EXPECT_EQ(percent_text(41.34), "41.3 %");
+  EXPECT_EQ(percent_text(99.96), "99.96 %");
+  EXPECT_EQ(percent_text(99.999), "> 99.99 %");
+  EXPECT_EQ(percent_text(100.0), "100 %");
+}
+
 TEST(Label, RoundUpGoesToTheNextOfOneTwoFive) {
   const double pairs[][2] = {{1, 1},    {1.01, 2},      {2, 2},      {2.2, 5},
                              {5.5, 10}, {0.003, 0.005}, {730, 1000}, {1e-9, 1e-9}};

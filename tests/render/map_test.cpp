@@ -7,8 +7,13 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "render/colour_bar.h"
 #include "render/comparison.h"
+#include "render/flags.h"
+#include "render/fonts.h"
 #include "render/map_text.h"
+#include "render/surface_scene.h"
+#include "render/vector_page.h"
 #include "tests/render/picture.h"
 
 namespace abbe::render {
@@ -238,6 +243,184 @@ TEST_F(Map, OfTwoHundredThousandVerticesTakesSeconds) {
             << static_cast<double>(std::clock() - processor) / CLOCKS_PER_SEC << " s\n";
 }
 
+TEST_F(Map, GivesEqualValuesEqualColoursWhereverTheSurfaceLooks) {
+  MapOptions options;
+  options.range_um = 10.0;
+  const Field bowl = sheet(
+      80, 60, 200, 150, [](double x, double y) { return 0.02 * (x * x - y * y); },
+      [](double, double) { return 5.0; });
+  write_map(file("a.png"), picture(bowl), options);
+  const Colour wanted = diverging(1024)[std::lround(1.5 * 511.5)];
+  const Image image(file("a.png"));
+  const int coloured = image.count(map_lower, {1290, 1060}, [](Pixel p) { return p.is_reddish(); });
+  const int equal =
+      image.count(map_lower, {1290, 1060}, [&](Pixel p) { return test::distance(p, wanted) <= 2; });
+  std::cout << equal << " of " << coloured << " coloured pixels have the one colour\n";
+  EXPECT_GT(equal, 100000);
+  EXPECT_GT(equal, 0.98 * coloured);  // the rest lies beside the lines at the rim
+}
+
+TEST_F(Map, UsesTheWholeScaleWhereAllValuesHaveOneSign) {
+  Field f = sheet(1, 1, 100, 100, flat, [](double x, double) { return 5.0 + 9.8 * x; });
+  EXPECT_EQ(fitted_ends_um(f).lower, 0.0);
+  EXPECT_EQ(fitted_ends_um(f).upper, 10.0);
+  f.deviation_um *= -1.0;
+  EXPECT_EQ(fitted_ends_um(f).lower, -10.0);
+  EXPECT_EQ(fitted_ends_um(f).upper, 0.0);
+  // 500.1 to 500.9: a scale from zero would have one colour
+  f.deviation_um = (-f.deviation_um.array()) * 0.08 + 500.1;
+  EXPECT_NEAR(fitted_ends_um(f).lower, 500.1, 0.1);
+  EXPECT_NEAR(fitted_ends_um(f).upper, 500.9, 0.1);
+  // hardly anything below zero: the scale is cut short there, and nothing lies beyond it
+  f = sheet(1, 1, 100, 100, flat, [](double x, double) { return 4.5 + 9.8 * x; });
+  EXPECT_EQ(fitted_ends_um(f).lower, -1.0);
+  EXPECT_EQ(fitted_ends_um(f).upper, 10.0);
+  f.deviation_um.array() -= 4.5;
+  EXPECT_EQ(fitted_ends_um(f).lower, -fitted_ends_um(f).upper);
+  // lighter to darker from nothing to much
+  const ColourScale reds = colour_scale(0.0, 10.0), blues = colour_scale(-10.0, 0.0);
+  const auto light = [](const Colour& c) { return 0.2126 * c.r + 0.7152 * c.g + 0.0722 * c.b; };
+  for (std::size_t i = 1; i < reds.colours.size(); ++i) {
+    EXPECT_LT(light(reds.colours[i]), light(reds.colours[i - 1]));
+    EXPECT_GT(light(blues.colours[i]), light(blues.colours[i - 1]));
+  }
+}
+
+TEST_F(Map, OfATolerancesBandsHasTheirColoursInTheirShares) {
+  // a ramp from -10 to +10 over the width: 30 % below -4, 10 % above +8
+  MapPicture p = picture(sheet(80, 60, 81, 61, flat, [](double x, double) { return x / 4.0; }));
+  p.tolerance_um = Eigen::RowVector2d(-4.0, 8.0).replicate(81 * 61, 1);
+  MapOptions options = from_above();
+  options.colours = MapColours::Tolerance;
+  write_map(file("a.png"), p, options);
+  const Image image(file("a.png"));
+  const auto seen = [&](const Colour& c) {
+    return double(
+        image.count(map_lower, {1290, 1060}, [&](Pixel q) { return test::distance(q, c) <= 2; }));
+  };
+  const double over = seen(colours::over), in = seen(colours::in), under = seen(colours::under);
+  const double all = over + in + under;
+  std::cout << "pixels over " << over / all << ", in " << in / all << ", under " << under / all
+            << "\n";
+  EXPECT_NEAR(over / all, 0.1, 0.01);
+  EXPECT_NEAR(under / all, 0.3, 0.01);
+  const ToleranceShares s = tolerance_shares(p.field, p.tolerance_um);
+  EXPECT_NEAR(s.over, 10.0, 1.5);  // by vertices
+  EXPECT_NEAR(s.under, 30.0, 1.5);
+  EXPECT_NEAR(s.in + s.over + s.under + s.uncut, 100.0, 1e-9);
+  EXPECT_EQ(limits_text(p.tolerance_um), "−4 to +8 µm");
+  p.tolerance_um(3, 1) = 9.0;
+  EXPECT_EQ(limits_text(p.tolerance_um), "by region");
+  p.tolerance_um.resize(0, 2);
+  EXPECT_THROW(write_map(file("b.png"), p, options), std::invalid_argument);
+}
+
+TEST_F(Map, LabelsOfFlagsStayInTheRoomAndApart) {
+  const Rectangle room{100, 100, 600, 400};
+  const auto overlap = [](const Rectangle& a, const Rectangle& b) {
+    return a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + b.height &&
+           b.y < a.y + a.height;
+  };
+  const Eigen::Vector2d size(120, 30);
+  for (int i = 0; i <= 20; ++i) {
+    for (int j = 0; j <= 20; ++j) {
+      const Eigen::Vector2d a(100 + 30 * i, 100 + 20 * j), b = a + Eigen::Vector2d(4, 2);
+      const auto boxes = placed_labels({a, b}, {size, size}, room, 22.0);
+      for (const Rectangle& box : boxes) {
+        EXPECT_GE(box.x, 100.0);
+        EXPECT_GE(box.y, 100.0);
+        EXPECT_LE(box.x + box.width, 700.0);
+        EXPECT_LE(box.y + box.height, 500.0);
+      }
+      EXPECT_FALSE(overlap(boxes[0], boxes[1])) << i << ", " << j;
+    }
+  }
+}
+
+TEST_F(Map, KnowsWhatTheSurfaceHides) {
+  const Field f = sheet(
+      80, 60, 81, 61, [](double x, double) { return 30.0 - std::abs(x); }, flat);
+  const View view = fitted_view(f.design.vertices, Eigen::Vector3d(1, 0, 0.1),
+                                Eigen::Vector3d::UnitZ(), {0, 0, 800, 600});
+  EXPECT_FALSE(is_hidden(view, f.design, {20, 0, 10}));
+  EXPECT_TRUE(is_hidden(view, f.design, {-20, 0, 10}));
+}
+
+TEST_F(Map, HistogramOfTheBarHoldsAllOfTheArea) {
+  const Field f = sheet(1, 1, 300, 100, flat, [](double x, double) { return 10.0 * x; });
+  const std::vector<double> shares =
+      bar_shares(f.deviation_um, f.design.area, {-5.0, 5.0}, 10);  // an even ramp
+  double sum = 0.0;
+  for (const double share : shares) {
+    sum += share;
+    EXPECT_NEAR(share, 0.1, 0.002);
+  }
+  EXPECT_NEAR(sum, f.design.area.sum(), 1e-9);
+}
+
+TEST_F(Map, IsolinesLieAtTheirLevel) {
+  const Field f = sheet(80, 60, 41, 31, flat, [](double x, double y) { return x + 0.3 * y; });
+  const Wire lines = isolines(f, f.deviation_um, {-7.3, 11.1});
+  ASSERT_GT(lines.segments.size(), 40u);
+  for (Eigen::Index i = 0; i < lines.points.rows(); ++i) {
+    const double value = lines.points(i, 0) + 0.3 * lines.points(i, 1);
+    EXPECT_LT(std::min(std::abs(value + 7.3), std::abs(value - 11.1)), 1e-9);
+  }
+}
+
+TEST_F(Map, IsWrittenAsSvgAndPdfToo) {
+  MapPicture p = picture(dome(20, waves));
+  p.title = "title";
+  MapOptions options;
+  options.format = PictureFormat::Svg;
+  write_map(file("a.svg"), p, options);
+  const std::string svg = bytes(file("a.svg"));
+  EXPECT_TRUE(svg.starts_with("<svg "));
+  EXPECT_TRUE(svg.ends_with("</svg>\n"));
+  EXPECT_NE(svg.find("data:image/png;base64,iVBOR"), std::string::npos);
+  options.format = PictureFormat::Pdf;
+  write_map(file("a.pdf"), p, options);
+  const std::string pdf = bytes(file("a.pdf"));
+  EXPECT_TRUE(pdf.starts_with("%PDF-"));
+  EXPECT_TRUE(pdf.ends_with("%%EOF\n"));
+  const std::size_t table = std::stoul(pdf.substr(pdf.rfind("startxref") + 10));
+  EXPECT_EQ(pdf.substr(table, 4), "xref");
+  write_map(file("b.pdf"), p, options);
+  EXPECT_TRUE(pdf == bytes(file("b.pdf")));
+}
+
+TEST_F(Map, WithALongTitleHasRoomForIt) {
+  MapPicture p = picture(dome(20, waves));
+  const auto ink_above_the_map = [&](const std::string& title) {
+    p.title = title;
+    write_map(file("a.png"), p);
+    const Image image(file("a.png"));
+    EXPECT_EQ(image.count({1570, 0}, {1600, 1200}, [](Pixel q) { return !q.is_white(); }), 0);
+    return image.count({40, 1000}, {1560, 1200}, [](Pixel q) { return q.r < 90 && q.b < 90; });
+  };
+  const std::string words = "a scene that somebody gave a long name without a thought: ";
+  EXPECT_GT(ink_above_the_map(words + words + "uncompensated"), 1.5 * ink_above_the_map(words));
+}
+
+TEST_F(Map, DrawsGreekChineseAndSquareBrackets) {
+  for (const char* text : {"αβγ", "五轴机床", "é ø ß", "±µ−"}) {
+    ASSERT_EQ(missing_font_package(text), "") << "the launcher installs it";
+    // a letter that a font lacks is a box, and all boxes are alike
+    const auto svg_of_text = [](const std::string& words) {
+      return svg_of(100, 100, {FlatText{{0, 0}, words, {.size_px = 40.0}}}, {});
+    };
+    EXPECT_NE(svg_of_text(text), svg_of_text("\uE000\uE001\uE002\uE003")) << text;
+    EXPECT_GT(svg_of_text(text).size(), 600u) << text;
+  }
+  // corners: a round bracket has curves, a square one only lines
+  const auto curves = [](const std::string& text) {
+    const std::string svg = svg_of(100, 100, {FlatText{{0, 0}, text, {.size_px = 40.0}}}, {});
+    return std::count(svg.begin() + std::ptrdiff_t(svg.find(" d=")), svg.end(), 'C');
+  };
+  EXPECT_EQ(curves("["), 0);
+  EXPECT_GT(curves("("), 0);
+}
+
 class Comparison : public Map {
  protected:
   static std::vector<MapPicture> cases(int count, int rings) {
@@ -258,21 +441,29 @@ TEST_F(Comparison, OfOneToTwelveCasesIsDrawn) {
     write_comparison(file("a.png"), cases(count, 20));
     const Image image(file("a.png"));
     EXPECT_EQ(image.width(), 1600) << count;
-    EXPECT_LE(image.height(), 2400) << count;
+    EXPECT_LE(image.height(), 3000) << count;
     EXPECT_GT(image.count([](Pixel p) { return p.is_reddish(); }), 3000) << count;
   }
 }
 
-TEST_F(Comparison, PutsAllCasesOnOneScale) {
+TEST_F(Comparison, PutsAllCasesOnOneScaleAndThoseThatItHidesAgainOnTheirOwn) {
   // the second case is a hundred times smaller: on the first one's scale it has no colour
   std::vector<MapPicture> two = cases(2, 40);
   two[1].field.deviation_um = two[0].field.deviation_um / 100.0;
-  write_comparison(file("a.png"), two);
+  ComparisonOptions options;
+  write_comparison(file("a.png"), two, options);
   const Image image(file("a.png"));
-  const int middle = 36 + (1600 - 2 * 36 - 170) / 2;
   const auto coloured = [](Pixel p) { return p.is_reddish() || p.is_blueish(); };
-  EXPECT_GT(image.count({36, 0}, {middle, image.height()}, coloured), 10000);
-  EXPECT_EQ(image.count({middle, 0}, {1600 - 36 - 170, image.height()}, coloured), 0);
+  const auto upper = [&](int x0, int x1, int y0, int y1) {
+    return image.count({x0, y0}, {x1, y1}, coloured);
+  };
+  // two columns: the first case alone above, below it the second, on both scales
+  const int middle = image.width() / 2, half = image.height() / 2;
+  std::cout << "coloured: " << upper(0, middle, half, image.height()) << ", "
+            << upper(0, middle, 0, half) << ", " << upper(middle, 1600, 0, half) << "\n";
+  EXPECT_GT(upper(0, middle, half, image.height()), 10000);
+  EXPECT_LT(upper(0, middle, 0, half), 6000) << "but for its colour bar";
+  EXPECT_GT(upper(middle, 1600, 0, half), 10000);
 }
 
 TEST_F(Comparison, IsTheSameBytesTwice) {

@@ -70,7 +70,7 @@ TEST_F(Plot, HistogramOfAwkwardDataIsDrawn) {
   Eigen::VectorXd far = Eigen::VectorXd::LinSpaced(100000, -1.0, 1.0);
   far[5] = 1e12;
   HistogramOptions options;
-  options.tolerance_um = 0.5;
+  options.tolerance_um = {-0.5, 0.5};
   write_histogram(file("far.png"), far, Eigen::VectorXd::Ones(far.size()), options);
   EXPECT_GT(bar_height(Image(file("far.png")), 800),
             100);  // one far value does not squeeze the rest

@@ -58,7 +58,8 @@ TEST_F(PointData, IsWhatAResidualIsWrittenAs) {
                    {{"deviation_um", view(f.deviation_um)},
                     {"status", std::span<const std::uint8_t>(f.status)},
                     {"cut_time_s", view(f.cut_time_s)},
-                    {"cut_line", std::span<const int>(f.cut_line)}});
+                    {"cut_line", std::span<const int>(f.cut_line)},
+                    {"area_mm2", view(f.design.area)}});
   EXPECT_TRUE(bytes(file("a.vtp")) == bytes(file("b.vtp")));
 }
 

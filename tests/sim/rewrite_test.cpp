@@ -168,7 +168,8 @@ TEST(RewriteCommand, WritesAProgramThatItsReaderTakesAndSaysWhatItIs) {
   EXPECT_EQ(done.bytes, std::filesystem::file_size(options.out));
   EXPECT_EQ(done.path_tolerance / units::um, 0.5);
   EXPECT_EQ(done.words->mm, 1e-4);
-  const double most = done.correction.tip.max / units::um, rms = done.correction.tip.rms / units::um;
+  const double most = done.correction.tip.max / units::um,
+               rms = done.correction.tip.rms / units::um;
   EXPECT_GT(rms, 1.0);
   EXPECT_GT(most, rms);
   EXPECT_LT(most, 200.0);
@@ -184,8 +185,7 @@ TEST(RewriteCommand, OfAProgramThatMissesThePartIsWrittenWithAWarning) {
   options.out = folder.path() / "in_the_air.ngc";
   const Rewritten done = rewrite(long_moves(folder, tip_program), options);
   ASSERT_EQ(done.warnings.size(), 1u);
-  EXPECT_NE(done.warnings[0].find("nothing of the part is cut"),
-            std::string::npos);
+  EXPECT_NE(done.warnings[0].find("nothing of the part is cut"), std::string::npos);
   EXPECT_TRUE(std::filesystem::exists(options.out));
 }
 

@@ -15,6 +15,9 @@ std::string part_again(const std::string& text) {
   return written_again(text, read_part, written_part);
 }
 std::string tool_again(const std::string& text) {
+  const auto read_tool = [](const Node& table, Faults& faults) {
+    return read_tools(table, faults).front();
+  };
   return written_again(text, read_tool, written_tool);
 }
 
@@ -22,9 +25,22 @@ TEST(ScenePart, SurfacesAreWrittenWithEveryKey) {
   const std::string more = R"(vertices = 500
 at_mm = [1.0, 2.0, 3.0]
 turn_deg = [0.0, 90.0, 0.0]
+sampling = "vertices"
+resolution_um = 0.3
+spacing_mm = 0.1
+finest_mm = 0.002
+points = 1000000
 judged_radius_max_mm = 9.0
 judged_radius_min_mm = 0.5
+judged = "cut"
+form_cutoff_mm = 2.5
 tolerance_um = 12.0
+
+[[region]]
+name = "rim"
+tolerance_um = [-2.0, 5.0]
+judged = true
+radius_mm = [8.0, 9.0]
 
 [[ring]]
 name = "upper"
@@ -51,6 +67,12 @@ start_mm = [0.0, 5.0]
 vertices = 20000
 at_mm = [0.0, 0.0, 0.0]
 turn_deg = [0.0, 0.0, 0.0]
+sampling = "vertices"
+spacing_mm = 0.1
+finest_mm = 0.002
+points = 1000000
+judged = "cut"
+form_cutoff_mm = 2.5
 tolerance_um = 0.0
 
 [[profile]]
@@ -73,8 +95,18 @@ any_size = true
 open = true
 at_mm = [0.0, 0.0, 1.0]
 turn_deg = [0.0, 0.0, 30.0]
+sampling = "adaptive"
+spacing_mm = 0.1
+finest_mm = 0.002
+points = 1000000
+judged = "all"
+facets = "smooth"
+recognise_um = 0.1
+edge_angle_deg = 30.0
+edge_margin_mm = 0.0
 judged_normal_z = 0.5
 judged_margin_mm = 0.25
+form_cutoff_mm = 2.5
 tolerance_um = 0.0
 )";
   EXPECT_EQ(part_again(text), text);

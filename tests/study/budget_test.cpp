@@ -4,6 +4,7 @@
 #include <iostream>
 #include <limits>
 #include <set>
+#include <sstream>
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -12,6 +13,8 @@
 #include "sim/files/output.h"
 #include "sim/study/picture_names.h"
 #include "sim/study/ranking.h"
+#include "sim/study/run_study.h"
+#include "sim/study/text_style.h"
 #include "sim/study/words.h"
 #include "tests/study/synthetic_budget.h"
 
@@ -254,12 +257,13 @@ TEST(BudgetRanking, SharesAddToOneAndTheLargestComesFirst) {
   for (const Ranking& r :
        {ranking(b.arms[0].responses[0], 46), change_ranking(b.arms[0].responses[0], 46),
         map_ranking(b.arms[0], 46)}) {
-    EXPECT_NEAR(r.shares.sum(), 1.0, 1e-12);
+    EXPECT_NEAR(r.shares.sum() + r.apart, 1.0, 1e-12);
+    EXPECT_GE(r.apart, 0.0);
     EXPECT_EQ(std::set<int>(r.order.begin(), r.order.end()).size(), 46u);
     for (std::size_t k = 1; k < r.order.size(); ++k)
       EXPECT_GE(r.weights[r.order[k - 1]], r.weights[r.order[k]]);
   }
-  EXPECT_EQ(ranking(b.arms[0].responses[0], 46).basis, Ranking::Basis::Total);
+  EXPECT_EQ(ranking(b.arms[0].responses[0], 46).basis, Ranking::Basis::Sobol);
   EXPECT_EQ(ranking(bare().arms[0].responses[0], 2).basis, Ranking::Basis::None);
 }
 
@@ -270,7 +274,136 @@ TEST(BudgetRanking, NegativeAndMissingFiguresWeighNothing) {
                      {2, {}, {}, SobolIndex{{}, {0.5, 0, 0}}, {}, {}}};
   const Ranking order = ranking(r, 4);
   EXPECT_EQ(order.order, (std::vector<int>{2, 0, 1, 3}));
-  EXPECT_EQ(order.shares, Eigen::Vector4d(0, 0, 1, 0));
+  EXPECT_EQ(order.shares, Eigen::Vector4d(0, 0, 0, 0));
+  EXPECT_EQ(order.apart, 1.0) << "it acts with others alone";
+}
+
+double sum_of(const std::vector<ParetoBar>& bars) {
+  double sum = 0.0;
+  for (const ParetoBar& bar : bars) sum += bar.share;
+  return sum;
+}
+
+TEST(BudgetRanking, ParetoBarsAddUpToTheWholeAndInteractionsStandApart) {
+  const Budget b = budget_of();
+  const ResponseBudget& response = b.arms[0].responses[0];
+  for (const Ranking& r :
+       {ranking(response, 46), change_ranking(response, 46), map_ranking(b.arms[0], 46)})
+    for (const std::size_t most : {0u, 5u, 100u}) {
+      const std::vector<ParetoBar> bars = pareto(r, most);
+      EXPECT_NEAR(sum_of(bars), 1.0, 1e-12) << share_of(r.basis) << " " << most;
+      EXPECT_EQ(bars.back().kind == ParetoBar::Kind::Apart, r.basis == Ranking::Basis::Sobol);
+    }
+  // two inputs that act alone with 0.3 and 0.2, and half together; totals count that half twice
+  ResponseBudget r;
+  r.contributions = {{0, {}, {}, SobolIndex{{0.2, 0, 0}, {0.7, 0, 0}}, {}, {}},
+                     {1, {}, {}, SobolIndex{{0.3, 0, 0}, {0.8, 0, 0}}, {}, {}}};
+  const std::vector<ParetoBar> bars = pareto(ranking(r, 2), 5);
+  ASSERT_EQ(bars.size(), 3u);
+  EXPECT_EQ(bars[0].input, 1);
+  EXPECT_NEAR(bars[2].share, 0.5, 1e-12);
+  // estimates that add up to more than the whole are scaled
+  r.contributions[0].sobol->first.value = 0.9;
+  EXPECT_NEAR(sum_of(pareto(ranking(r, 2), 5)), 1.0, 1e-12);
+}
+
+/// A response of which random machines alone are known.
+ResponseBudget drawn(const std::vector<double>& effects, double correlation) {
+  ResponseBudget r;
+  r.values = Eigen::VectorXd::LinSpaced(1000, 5e-3, 15e-3);
+  r.answers = answers(r.values);
+  for (std::size_t i = 0; i < effects.size(); ++i)
+    r.contributions.push_back({int(i), {}, {}, {}, correlation, correlation, effects[i]});
+  return r;
+}
+
+Budget budget_of_drawn(const std::vector<double>& effects, double correlation) {
+  Budget b = budget_of({.inputs = int(effects.size()), .arms = 1, .prefix = "E"});
+  b.study.responses.resize(1);
+  b.arms[0].responses = {drawn(effects, correlation)};
+  b.arms[0].allocation.reset();
+  return b;
+}
+
+TEST(BudgetRanking, AWeakCorrelationIsNobodysAndAnEvenResponseIsItsInputs) {
+  // beyond chance, and yet nothing: 0.6 % of the variance
+  const Ranking weak = ranking(drawn({0.0, 0.006, 0.0}, -0.08), 3);
+  EXPECT_EQ(weak.basis, Ranking::Basis::MainEffect);
+  EXPECT_EQ(weak.shares.sum(), 0.0);
+  EXPECT_EQ(weak.apart, 1.0);
+  EXPECT_TRUE(dominating(weak).empty());
+  // even in its inputs: no correlation, all of the variance
+  const Ranking even = ranking(drawn({0.2, 0.75, 0.0}, 0.0), 3);
+  EXPECT_EQ(dominating(even), (std::vector<int>{1, 0}));
+  EXPECT_NEAR(even.apart, 0.05, 1e-12);
+  // a large share of what inputs make alone is none of the whole
+  EXPECT_TRUE(dominating(ranking(drawn({0.05, 0.04, 0.03}, 0.2), 3)).empty());
+}
+
+TEST(BudgetRanking, ChangesBelowTheNumericalFloorAreNobodys) {
+  ResponseBudget r;
+  r.contributions = {{0, 1e-9, -2e-9, {}, {}, {}}, {1, 0.0, 1e-12, {}, {}, {}}};
+  EXPECT_EQ(change_ranking(r, 2).shares.sum(), 0.0);
+  EXPECT_TRUE(dominating(change_ranking(r, 2)).empty());
+}
+
+TEST(BudgetHeadline, SaysThatNoInputDominatesOrWhichDo) {
+  Budget none = budget_of_drawn({0.0, 0.006, 0.0}, -0.08);
+  none.arms[0].maps = {{1e-3, 3e-3, 0.4}, {0.65e-6, 2e-6, 0.2}, {1e-3, 3e-3, 0.4}};
+  for (const std::string& text : {to_markdown(none), to_text(none)}) {
+    EXPECT_NE(text.find("no input dominates: none makes more of it alone than chance"),
+              std::string::npos)
+        << text;
+    EXPECT_EQ(text.find("100 %"), std::string::npos) << text;
+    EXPECT_NE(text.find("the map is mostly "), std::string::npos) << text;
+  }
+  const std::string some = to_text(budget_of_drawn({0.05, 0.1, 0.02}, 0.1));
+  EXPECT_NE(some.find("no input dominates: the largest are E1 10 %, E0 5.0 %, E2 2.0 %, of no "
+                      "input alone 83 %"),
+            std::string::npos)
+      << some;
+  const std::string two = to_text(budget_of_drawn({0.2, 0.75, 0.0}, 0.0));
+  EXPECT_NE(two.find("; mostly E1 75 %, E0 20 %, of no input alone 5.0 %"), std::string::npos)
+      << two;
+  EXPECT_NE(
+      to_markdown(budget_of_drawn({0.2, 0.75, 0.0}, 0.0)).find("mostly **E1** 75 %, **E0** 20 %"),
+      std::string::npos);
+}
+
+TEST(BudgetText, OfATerminalHasNoMarkUpAndItsColumnsStandBelowEachOther) {
+  const std::string text = to_text(budget_of({.inputs = 20, .arms = 2}));
+  for (const char* mark : {"**", "|", "##", "---:"})
+    EXPECT_EQ(text.find(mark), std::string::npos) << mark;
+  std::istringstream lines(text);
+  std::size_t tables = 0;
+  for (std::string line; std::getline(lines, line);) {
+    if (!line.starts_with("---") || line.find("  ---") == std::string::npos) continue;
+    ++tables;
+    for (std::string row; std::getline(lines, row) && !row.empty();)
+      EXPECT_LE(columns_of(row), columns_of(line)) << row;
+  }
+  EXPECT_GE(tables, 4u);
+  EXPECT_NE(to_markdown(budget_of()).find("| input |"), std::string::npos)
+      << "the file has Markdown";
+}
+
+TEST(BudgetUnits, EveryFigureSaysItsUnit) {
+  Budget b = budget_of({.inputs = 3, .arms = 1});  // um, urad, and a pure number
+  const auto json = to_json(b);
+  EXPECT_EQ(json["inputs"][2]["unit"], "1");
+  for (const auto& response : json["arms"][0]["responses"])
+    EXPECT_FALSE(response["unit"].get<std::string>().empty());
+  const auto table = read_csv(to_csv(b));
+  for (std::size_t i = 1; i < table.size(); ++i)
+    EXPECT_FALSE(table[i][column(table, "input_unit")].empty());
+  b.study.sweeps = {{0, Eigen::Vector2d(0, 1)}};
+  b.sweeps = {
+      {0, {{Eigen::Vector2d(1e-3, 2e-3), Eigen::Vector2d(1e-3, 2e-3), Eigen::Vector2d(90, 91)}}}};
+  EXPECT_EQ(to_json(b)["sweeps"][0]["units"]["pv"], "um");
+  EXPECT_EQ(to_json(b)["sweeps"][0]["units"]["in_tolerance"], "%");
+  const Plan plan = plan_of(b.study);
+  EXPECT_NE(cases_csv(b.study, plan, {}).find("slide 2 / 1,"), std::string::npos)
+      << cases_csv(b.study, plan, {});
 }
 
 TEST(PictureNames, AreSafeAndNeverTheSame) {
@@ -388,8 +521,9 @@ TEST_F(BudgetPictures, OfCorrelationsLeaveOutWhatChanceMayGive) {
   ASSERT_TRUE(correlated(46));
   std::cout << "2 rows " << of_two << " px, 12 rows " << of_twelve << " px, 25 of 46 rows "
             << height() << " px\n";
-  EXPECT_EQ(of_twelve - of_two, 10 * 36);  // the pixels of a row
-  EXPECT_EQ(height() - of_two, 23 * 36);
+  // the pixels of a row; a picture is as high as four rows at least
+  EXPECT_EQ(of_twelve - of_two, 8 * 36);
+  EXPECT_EQ(height() - of_two, 21 * 36);
 }
 
 TEST_F(BudgetPictures, ThatCannotBeWrittenAreAnOutputFailure) {

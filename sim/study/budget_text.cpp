@@ -6,6 +6,7 @@
 #include "kinematics/units.h"
 #include "sim/study/budget.h"
 #include "sim/study/ranking.h"
+#include "sim/study/text_style.h"
 #include "sim/study/words.h"
 
 namespace abbe::sim::study {
@@ -13,22 +14,16 @@ namespace {
 
 constexpr std::size_t most_rows = 15;
 
-/// Text that stays text in a table: one line, no mark-up.
-std::string plain(const std::string& text) {
-  const std::string line = one_line(text);
-  const auto is_word = [&](std::size_t i) {
-    return i < line.size() && std::isalnum(static_cast<unsigned char>(line[i])) != 0;
-  };
-  std::string result;
-  for (std::size_t i = 0; i < line.size(); ++i) {
-    // an underscore within a word is none of Markdown's
-    const bool emphasis = line[i] == '_' && !(i > 0 && is_word(i - 1) && is_word(i + 1));
-    if (emphasis || std::string_view("\\`*<>[]|&~#$").find(line[i]) != std::string_view::npos)
-      result += '\\';
-    result += line[i];
-  }
-  return result;
-}
+/// A study and how it is said.
+struct Words {
+  const Study& study;
+  TextStyle style;
+
+  std::string name(const std::string& text) const { return plain(style, text); }
+  std::string name(int input) const { return name(study.inputs[std::size_t(input)].name); }
+  std::string bold(const std::string& text) const { return strong(style, text); }
+  std::string lines_of(const TextTable& rows) const { return table(style, rows); }
+};
 
 /// Three significant digits, without an exponent where a reader can do without.
 std::string figure(double value) {
@@ -61,35 +56,12 @@ std::string machines(const Banded& b) {
   return fmt::format("{} % [{}, {}]", machines(b.value), machines(b.low), machines(b.high));
 }
 
-std::string unit_text(const std::string& unit) { return plain(shown_unit(unit)); }
+std::string unit_text(const Words& w, int input) {
+  return w.name(shown_unit(unit_of(w.study.inputs[std::size_t(input)])));
+}
 
 std::string with_unit(Response response, double value) {
   return figure(in_unit(response, value)) + " " + shown_unit(response);
-}
-
-/// A table whose empty columns are left out.
-struct MarkdownTable {
-  std::vector<std::string> heads;
-  std::vector<std::vector<std::string>> rows{};
-  std::size_t text_columns = 1;  ///< the first ones, aligned left
-};
-
-std::string lines_of(const MarkdownTable& table) {
-  std::vector<std::size_t> kept;
-  for (std::size_t j = 0; j < table.heads.size(); ++j)
-    if (std::any_of(table.rows.begin(), table.rows.end(),
-                    [&](const auto& row) { return !row[j].empty(); }))
-      kept.push_back(j);
-  const auto line = [&](const std::vector<std::string>& cells) {
-    std::string text = "|";
-    for (const std::size_t j : kept) text += " " + cells[j] + " |";
-    return text + "\n";
-  };
-  std::string text = line(table.heads) + "|";
-  for (const std::size_t j : kept) text += j < table.text_columns ? "---|" : "---:|";
-  text += "\n";
-  for (const auto& row : table.rows) text += line(row);
-  return text + "\n";
 }
 
 std::string in_band(Response response, const Banded& b) {
@@ -97,9 +69,9 @@ std::string in_band(Response response, const Banded& b) {
                      figure(in_unit(response, b.low)), figure(in_unit(response, b.high)));
 }
 
-std::string totals(const ArmBudget& arm) {
-  MarkdownTable t{{"response", "base", "RSS", "sum", "worst found", "at most", "mean", "std. dev.",
-                   "P95", "P99", "limit", "within the limit", "Cpk"}};
+std::string totals(const Words& w, const ArmBudget& arm) {
+  TextTable t{{"response", "base", "RSS", "sum", "worst found", "at most", "mean", "std. dev.",
+               "P95", "P99", "limit", "within the limit", "Cpk"}};
   for (const ResponseBudget& r : arm.responses) {
     const auto shown = [&](const std::optional<double>& v) {
       return v ? figure(in_unit(r.response, *v)) : std::string();
@@ -114,7 +86,7 @@ std::string totals(const ArmBudget& arm) {
                       r.share_within ? machines(*r.share_within) : "",
                       r.capability ? hundredths(*r.capability) : ""});
   }
-  return lines_of(t);
+  return w.lines_of(t);
 }
 
 /// What the letters of `totals` mean, as far as they are there.
@@ -137,40 +109,65 @@ std::string legend(const Budget& budget, const ArmBudget& arm) {
   return text + "\n\n";
 }
 
-/// "`EXX` 41 %, `EYX` 20 %"
-std::string leaders(const Study& study, const Ranking& r, std::size_t most) {
+/// "EXX 41 %, EYX 20 %"
+std::string leaders(const Words& w, const Ranking& r, const std::vector<int>& inputs) {
   std::string text;
-  for (std::size_t k = 0; k < std::min(most, r.order.size()); ++k) {
-    const int i = r.order[k];
-    if (!(r.weights[i] > 0.0)) break;
-    text += fmt::format("{}**{}** {}", k == 0 ? "" : ", ", plain(study.inputs[std::size_t(i)].name),
-                        percent(r.shares[i]));
-  }
+  for (const int i : inputs)
+    text += (text.empty() ? "" : ", ") + w.bold(w.name(i)) + " " + percent(r.shares[i]);
   return text;
 }
 
-/// How many inputs make so much of everything.
+/// Shares worth a word, whether they dominate or not.
+std::vector<int> largest(const Ranking& r, std::size_t most) {
+  std::vector<int> inputs;
+  for (std::size_t k = 0; k < std::min(most, r.order.size()); ++k)
+    if (r.shares[r.order[k]] > 0.0) inputs.push_back(r.order[k]);
+  return inputs;
+}
+
+std::string apart_text(const Ranking& r) {
+  if (!(r.apart >= 0.005)) return "";
+  return fmt::format(", {} {}", apart_of(r.basis), percent(r.apart));
+}
+
+/// "mostly EXX 41 %, EYX 20 %, interactions of inputs 12 %", or that none dominates; empty without
+/// a basis.
+std::string whose(const Words& w, const Ranking& r) {
+  if (r.basis == Ranking::Basis::None) return "";
+  const std::vector<int> first = dominating(r);
+  if (!first.empty()) return "mostly " + leaders(w, r, first) + apart_text(r);
+  const std::vector<int> some = largest(r, 3);
+  if (!some.empty())
+    return "no input dominates: the largest are " + leaders(w, r, some) + apart_text(r);
+  if (r.basis == Ranking::Basis::MainEffect)
+    return "no input dominates: none makes more of it alone than chance";
+  return r.weights.sum() > 0.0 ? "no input dominates" + apart_text(r) : "no input changes it";
+}
+
+/// How many inputs make so much of what inputs make alone.
 std::size_t needed(const Ranking& r, double share) {
   double sum = 0.0;
   for (std::size_t k = 0; k < r.order.size(); ++k)
-    if ((sum += r.shares[r.order[k]]) >= share) return k + 1;
+    if ((sum += r.shares[r.order[k]]) >= share * r.shares.sum()) return k + 1;
   return r.order.size();
 }
 
-std::string dominance(const Study& study, const std::string& what, const Ranking& r) {
-  if (r.basis == Ranking::Basis::None) return "";
-  const std::string text = leaders(study, r, 3);
-  if (text.empty()) return fmt::format("- {}: no input changes it.\n", what);
-  return fmt::format("- {}: {} of {}; {} of {} inputs make 90 %.\n", what, text, share_of(r.basis),
-                     needed(r, 0.9), study.inputs.size());
+std::string dominance(const Words& w, const std::string& what, const Ranking& r) {
+  const std::string text = whose(w, r);
+  if (text.empty()) return "";
+  std::string line = fmt::format("- {}: {}", what, text);
+  if (!largest(r, 1).empty())
+    line += fmt::format(" (of {}); {} of {} inputs make 90 % of what inputs make alone",
+                        share_of(r.basis), needed(r, 0.9), w.study.inputs.size());
+  return line + ".\n";
 }
 
 /// What every response and the map owe to whom, in a line each.
-std::string dominating(const Study& study, const ArmBudget& arm) {
+std::string dominating_text(const Words& w, const ArmBudget& arm) {
   std::string text;
   for (const ResponseBudget& r : arm.responses)
-    text += dominance(study, title_of(r.response), ranking(r, study.inputs.size()));
-  text += dominance(study, "map", map_ranking(arm, study.inputs.size()));
+    text += dominance(w, title_of(r.response), ranking(r, w.study.inputs.size()));
+  text += dominance(w, "map", map_ranking(arm, w.study.inputs.size()));
   return text.empty() ? text : "What dominates:\n\n" + text + "\n";
 }
 
@@ -197,8 +194,8 @@ std::string index_text(const Banded& b) {
 
 constexpr std::size_t most_changes = 3;  // responses whose changes have room in one table
 
-MarkdownTable input_table(const ArmBudget& arm, const Ranking& order) {
-  MarkdownTable t;
+TextTable input_table(const ArmBudget& arm, const Ranking& order) {
+  TextTable t;
   t.heads = {"input", "centre", "std. dev.", "unit"};
   t.text_columns = 1;
   for (std::size_t r = 0; r < std::min(arm.responses.size(), most_changes); ++r) {
@@ -208,16 +205,15 @@ MarkdownTable input_table(const ArmBudget& arm, const Ranking& order) {
   const std::string first =
       arm.responses.empty() ? "" : title_of(arm.responses.front().response) + ": ";
   t.heads.insert(t.heads.end(), {order.basis == Ranking::Basis::Map ? "share" : first + "share",
-                                 first + "Sobol first", first + "total", first + "rank corr.",
-                                 "map RMS, µm", "of the map"});
+                                 first + "Sobol first", first + "total", first + "alone",
+                                 first + "rank corr.", "map RMS, µm", "of the map"});
   return t;
 }
 
-std::vector<std::string> input_row(const Study& study, const ArmBudget& arm, const Ranking& order,
+std::vector<std::string> input_row(const Words& w, const ArmBudget& arm, const Ranking& order,
                                    int i) {
-  const Input& input = study.inputs[std::size_t(i)];
-  std::vector<std::string> row{plain(input.name), figure(centre(study)[i]),
-                               figure(spreads(study)[i]), unit_text(input.unit)};
+  std::vector<std::string> row{w.name(i), figure(centre(w.study)[i]), figure(spreads(w.study)[i]),
+                               unit_text(w, i)};
   for (std::size_t r = 0; r < std::min(arm.responses.size(), most_changes); ++r)
     row.push_back(change_text(arm.responses[r].response, contribution_of(arm.responses[r], i)));
   const Contribution* c =
@@ -227,31 +223,38 @@ std::vector<std::string> input_row(const Study& study, const ArmBudget& arm, con
   row.insert(row.end(),
              {own ? percent(order.shares[i]) : "", c && c->sobol ? index_text(c->sobol->first) : "",
               c && c->sobol ? index_text(c->sobol->total) : "",
+              c && c->main_effect ? percent(*c->main_effect) : "",
               c && c->rank_correlation ? hundredths(*c->rank_correlation) : "",
               mapped ? figure(arm.maps[std::size_t(i)].rms / units::um) : "",
               mapped ? percent(arm.maps[std::size_t(i)].share) : ""});
   return row;
 }
 
-std::string inputs(const Study& study, const ArmBudget& arm) {
+std::string inputs(const Words& w, const ArmBudget& arm) {
   Ranking order;
-  if (!arm.responses.empty()) order = ranking(arm.responses.front(), study.inputs.size());
-  if (order.basis == Ranking::Basis::None) order = map_ranking(arm, study.inputs.size());
+  if (!arm.responses.empty()) order = ranking(arm.responses.front(), w.study.inputs.size());
+  if (order.basis == Ranking::Basis::None || !(order.weights.sum() > 0.0)) {
+    const Ranking map = map_ranking(arm, w.study.inputs.size());
+    if (map.basis != Ranking::Basis::None) order = map;
+  }
   if (order.basis == Ranking::Basis::None) return "";
-  MarkdownTable t = input_table(arm, order);
+  TextTable t = input_table(arm, order);
   double rest = 0.0;
   for (std::size_t k = 0; k < order.order.size(); ++k) {
     const int i = order.order[k];
     if (k < most_rows)
-      t.rows.push_back(input_row(study, arm, order, i));
+      t.rows.push_back(input_row(w, arm, order, i));
     else
       rest += order.shares[i];
   }
-  std::string text = lines_of(t);
+  std::string text = w.lines_of(t);
   if (order.order.size() > most_rows)
     text +=
         fmt::format("and {} others, together {}.\n", order.order.size() - most_rows, percent(rest));
-  return text + fmt::format("Shares: of {}.\n\n", share_of(order.basis));
+  text += fmt::format("Shares: of {}{}. ", share_of(order.basis), apart_text(order));
+  if (order.basis == Ranking::Basis::MainEffect && !w.study.copula.groups().empty())
+    text += "Inputs are correlated: what two of them make together counts for both. ";
+  return text + "\n\n";
 }
 
 /// The part of the map that no input makes.
@@ -278,16 +281,16 @@ double halved(const Ranking& squares, std::size_t count) {
 }
 
 /// What halving would bring; where no allocation was asked.
-std::string halving(const Study& study, const ArmBudget& arm) {
+std::string halving(const Words& w, const ArmBudget& arm) {
   if (arm.responses.empty()) return "";
   const ResponseBudget& r = arm.responses.front();
-  const Ranking squares = change_ranking(r, study.inputs.size());
+  const Ranking squares = change_ranking(r, w.study.inputs.size());
   if (squares.basis == Ranking::Basis::None || !(squares.weights.sum() > 0.0)) return "";
   std::string text = fmt::format("Halving the spread of {} would take the RSS of {} from {} to {}",
-                                 plain(study.inputs[std::size_t(squares.order.front())].name),
-                                 title_of(r.response), with_unit(r.response, halved(squares, 0)),
+                                 w.name(squares.order.front()), title_of(r.response),
+                                 with_unit(r.response, halved(squares, 0)),
                                  with_unit(r.response, halved(squares, 1)));
-  if (study.inputs.size() > 3)
+  if (w.study.inputs.size() > 3)
     text += fmt::format(", of the first three to {}", with_unit(r.response, halved(squares, 3)));
   return text + fmt::format(", if it is linear. Without any spread {} is {}.\n\n",
                             title_of(r.response), with_unit(r.response, r.base));
@@ -302,26 +305,26 @@ std::vector<int> tightest_first(const Eigen::VectorXd& factors) {
   return order;
 }
 
-std::string tightening(const Study& study, const Eigen::VectorXd& factors) {
-  const Eigen::VectorXd now = spreads(study);
+std::string tightening(const Words& w, const Eigen::VectorXd& factors) {
+  const Eigen::VectorXd now = spreads(w.study);
   const std::vector<int> order = tightest_first(factors);
-  MarkdownTable t{
+  TextTable t{
       {"tighten", "std. dev. now", "to", "unit", "by the factor", "cost now", "then", "more"}};
   double rest = 0.0;
   for (std::size_t k = 0; k < order.size(); ++k) {
     const int i = order[k];
-    const Input& input = study.inputs[std::size_t(i)];
+    const Input& input = w.study.inputs[std::size_t(i)];
     const double then = input.cost / factors[i];
     if (k >= most_rows) {
       rest += then - input.cost;
       continue;
     }
-    t.rows.push_back({plain(input.name), figure(now[i]), figure(now[i] * factors[i]),
-                      unit_text(input.unit), fmt::format("{:.2f}", factors[i]), figure(input.cost),
-                      figure(then), figure(then - input.cost)});
+    t.rows.push_back({w.name(i), figure(now[i]), figure(now[i] * factors[i]), unit_text(w, i),
+                      fmt::format("{:.2f}", factors[i]), figure(input.cost), figure(then),
+                      figure(then - input.cost)});
   }
   if (order.empty()) return "All spreads may stay as they are.\n\n";
-  std::string text = lines_of(t);
+  std::string text = w.lines_of(t);
   if (order.size() > most_rows)
     text += fmt::format("and {} others for {} more. ", order.size() - most_rows, figure(rest));
   const std::size_t kept = std::size_t(factors.size()) - order.size();
@@ -331,75 +334,74 @@ std::string tightening(const Study& study, const Eigen::VectorXd& factors) {
   return text + "\n\n";
 }
 
-std::string allocation(const Study& study, const Allocation& a) {
+std::string allocation(const Words& w, const Allocation& a) {
   const std::string what = title_of(a.asked.response);
   std::string text =
-      fmt::format("**What to spend on**, for {} ≤ {} in {} of the machines. ", what,
+      fmt::format("{}, for {} ≤ {} in {} of the machines. ", w.bold("What to spend on"), what,
                   with_unit(a.asked.response, a.asked.limit), percent(a.asked.confidence));
   text += fmt::format("Without any spread {} is {}, every input at its centre.\n\n", what,
                       with_unit(a.asked.response, a.floor));
-  if (!a.attainable) return text + "**Not attainable**: not even without any spread.\n\n";
+  if (!a.attainable) return text + w.bold("Not attainable") + ": not even without any spread.\n\n";
   double now = 0.0;
-  for (const Input& input : study.inputs) now += input.cost;
+  for (const Input& input : w.study.inputs) now += input.cost;
   text += fmt::format("- cheapest: cost {} (now {}), within the limit {}\n",
                       figure(a.cheapest_cost), figure(now), machines(a.cheapest_share));
   if (a.equal.size() > 0)
     text += fmt::format("- every spread × {:.2f}: cost {}, within the limit {}\n", a.equal[0],
                         figure(a.equal_cost), machines(a.equal_share));
-  return text + "\n" + (a.cheapest.size() > 0 ? tightening(study, a.cheapest) : "");
+  return text + "\n" + (a.cheapest.size() > 0 ? tightening(w, a.cheapest) : "");
 }
 
-std::string arm_text(const Budget& budget, const ArmBudget& arm) {
-  const Study& study = budget.study;
-  return fmt::format("## {}\n\n", plain(arm.arm.name)) + totals(arm) + dominating(study, arm) +
-         (arm.allocation ? allocation(study, *arm.allocation) : halving(study, arm)) +
-         inputs(study, arm) + map_text(arm) + legend(budget, arm);
+std::string arm_text(const Words& w, const Budget& budget, const ArmBudget& arm) {
+  return heading(w.style, 2, w.name(arm.arm.name)) + totals(w, arm) + dominating_text(w, arm) +
+         (arm.allocation ? allocation(w, *arm.allocation) : halving(w, arm)) + inputs(w, arm) +
+         map_text(arm) + legend(budget, arm);
 }
 
 /// A line for an arm: what it gives, whose it is, what to do first.
-std::string in_short(const Study& study, const ArmBudget& arm) {
+std::string in_short(const Words& w, const ArmBudget& arm) {
   if (arm.responses.empty()) return "";
   const ResponseBudget& r = arm.responses.front();
-  std::string text = fmt::format("- **{}**: {}", plain(arm.arm.name), title_of(r.response));
+  std::string text = fmt::format("- {}: {}", w.bold(w.name(arm.arm.name)), title_of(r.response));
   text += r.answers
               ? " ≤ " + with_unit(r.response, r.answers->p95.value) + " in 95 % of the machines"
               : " " + with_unit(r.response, r.base) + " at the centres";
   if (r.limit) text += fmt::format(", limit {}", with_unit(r.response, *r.limit));
   if (r.share_within) text += fmt::format(" kept by {}", percent(r.share_within->value));
-  const Ranking own = ranking(r, study.inputs.size());
-  const bool mapped = own.basis == Ranking::Basis::None;
-  const std::string whose = leaders(study, mapped ? map_ranking(arm, study.inputs.size()) : own, 3);
-  if (!whose.empty()) text += (mapped ? "; the map is mostly " : "; mostly ") + whose;
+  const Ranking own = ranking(r, w.study.inputs.size());
+  const std::string theirs = whose(w, own);
+  if (!theirs.empty()) text += "; " + theirs;
+  const Ranking map = map_ranking(arm, w.study.inputs.size());
+  if (dominating(own).empty() && !dominating(map).empty()) text += "; the map is " + whose(w, map);
   if (arm.allocation && !arm.allocation->attainable) {
     text += "; no spending reaches the limit";
   } else if (arm.allocation) {
     const std::vector<int> order = tightest_first(arm.allocation->cheapest);
     if (!order.empty())
-      text += fmt::format("; tighten first **{}** to {:.2f} of its spread",
-                          plain(study.inputs[std::size_t(order.front())].name),
-                          arm.allocation->cheapest[order.front()]);
+      text += fmt::format("; tighten first {} to {:.2f} of its spread",
+                          w.bold(w.name(order.front())), arm.allocation->cheapest[order.front()]);
   }
   return text + ".\n";
 }
 
-std::string head(const Budget& budget) {
+std::string head(const Words& w, const Budget& budget) {
   const Study& study = budget.study;
-  std::string text = fmt::format("# {}\n\n", plain(study.title));
+  std::string text = heading(w.style, 1, w.name(study.title));
   text += fmt::format("{} inputs, {} cases", study.inputs.size(), budget.cases);
-  if (budget.failed > 0) text += fmt::format(", **{} without an answer**", budget.failed);
+  if (budget.failed > 0) text += ", " + w.bold(fmt::format("{} without an answer", budget.failed));
   text += fmt::format(", seed {}. ", study.seed);
   if (study.machine_part) text += "Figures are of the map minus the error-free one. ";
   return text + "\n\n";
 }
 
-std::string proofs(const Budget& budget) {
+std::string proofs(const Words& w, const Budget& budget) {
   if (budget.proofs.empty()) return "";
-  MarkdownTable t{{"influence against full cuts", "response", "cases", "differs at most by, %"}};
+  TextTable t{{"influence against full cuts", "response", "cases", "differs at most by, %"}};
   t.text_columns = 2;
   for (const Proof& p : budget.proofs)
-    t.rows.push_back({plain(p.arm), title_of(p.response), fmt::format("{}", p.compared),
+    t.rows.push_back({w.name(p.arm), title_of(p.response), fmt::format("{}", p.compared),
                       p.percent ? figure(*p.percent) : "–"});
-  return "## Proof\n\n" + lines_of(t);
+  return heading(w.style, 2, "Proof") + w.lines_of(t);
 }
 
 std::string without_trailing_spaces(const std::string& text) {
@@ -411,15 +413,20 @@ std::string without_trailing_spaces(const std::string& text) {
   return result;
 }
 
+std::string written(const Budget& budget, TextStyle style) {
+  const Words w{budget.study, style};
+  std::string text = head(w, budget);
+  for (const std::string& warning : budget.warnings) text += notice(style, w.name(warning));
+  for (const ArmBudget& arm : budget.arms) text += in_short(w, arm);
+  if (!budget.arms.empty()) text += "\n";
+  for (const ArmBudget& arm : budget.arms) text += arm_text(w, budget, arm);
+  return without_trailing_spaces(text + proofs(w, budget));
+}
+
 }  // namespace
 
-std::string to_markdown(const Budget& budget) {
-  std::string text = head(budget);
-  for (const std::string& warning : budget.warnings) text += "> " + plain(warning) + "\n\n";
-  for (const ArmBudget& arm : budget.arms) text += in_short(budget.study, arm);
-  if (!budget.arms.empty()) text += "\n";
-  for (const ArmBudget& arm : budget.arms) text += arm_text(budget, arm);
-  return without_trailing_spaces(text + proofs(budget));
-}
+std::string to_markdown(const Budget& budget) { return written(budget, TextStyle::Markdown); }
+
+std::string to_text(const Budget& budget) { return written(budget, TextStyle::Terminal); }
 
 }  // namespace abbe::sim::study

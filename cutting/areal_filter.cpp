@@ -1,0 +1,220 @@
+#include "cutting/areal_filter.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <compare>
+#include <cstdint>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <vector>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <Eigen/Geometry>
+
+#include "cutting/residual.h"
+#include "cutting/smooth_patches.h"
+#include "kinematics/require.h"
+
+namespace abbe::cutting {
+namespace {
+
+using Eigen::ArrayXd;
+using Eigen::Index;
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr double cells_a_cutoff = 12.0;
+constexpr double reach_of_cutoff = 0.65;  // beyond it lie 0.25 % of the weight
+
+constexpr double least_area = 1e-12;  // mm^2, of a vertex between triangles without any
+
+using Place = std::array<std::int64_t, 4>;  // patch, then x, y, z
+
+/// A cut vertex, or the middle of a triangle.
+struct SampledPlace {
+  Place place;
+  Index number;  // of the vertex, or n + that of the triangle
+  auto operator<=>(const SampledPlace&) const = default;
+};
+
+/// Cut places that lie together.
+struct FilterCell {
+  Place place;
+  int first = 0, last = 0;  // of the sorted places
+  double area = 0.0;
+  Vector3d middle = Vector3d::Zero(), normal = Vector3d::Zero();
+  double residual = 0.0;  // mean
+  double spread = 0.0;    // mm^2, variance of the places in one direction of the surface
+};
+
+/// Places sorted by cells of a size, and the cells.
+struct Cells {
+  std::vector<SampledPlace> places;
+  std::vector<FilterCell> cells;
+};
+
+Place place_of(const Vector3d& p, int patch, double size) {
+  Place place = {patch, 0, 0, 0};
+  for (int k = 0; k < 3; ++k) place[std::size_t(k) + 1] = std::int64_t(std::floor(p[k] / size));
+  return place;
+}
+
+/// Where a sampled place is, how it looks, what it has and stands for.
+struct SampledValue {
+  Vector3d point, normal;
+  double residual, area;
+};
+
+SampledValue sampled_value(const Design& design, const Surface& surface, const Weights& weights,
+                           Index number) {
+  const Index n = design.vertices.rows();
+  if (number < n)
+    return {design.vertices.row(number), design.normals.row(number), surface.residual[number],
+            std::max(weights.vertex[number], least_area)};
+  const auto c = design.triangles.row(number - n);
+  const auto mean = [&](const Points& rows) -> Vector3d {
+    return (rows.row(c[0]) + rows.row(c[1]) + rows.row(c[2])) / 3.0;
+  };
+  return {mean(design.vertices), mean(design.normals), surface.middle[number - n],
+          weights.middle[number - n]};
+}
+
+Cells cells_of(const Design& design, const Surface& surface, double size) {
+  const std::vector<int> patch = patches(design);
+  const Weights weights = cutting::weights(surface, design);
+  const Index n = design.vertices.rows();
+  Cells all;
+  const auto put = [&](Index number, Index vertex) {
+    const Vector3d p = sampled_value(design, surface, weights, number).point;
+    all.places.push_back({place_of(p, patch[std::size_t(vertex)], size), number});
+  };
+  for (Index i = 0; i < n; ++i)
+    if (surface.status[std::size_t(i)] == VertexStatus::Cut) put(i, i);
+  for (Index t = 0; t < weights.middle.size(); ++t)
+    if (weights.middle[t] > 0.0) put(n + t, design.triangles(t, 0));
+  std::sort(all.places.begin(), all.places.end());
+  for (int here = 0; here < int(all.places.size()); ++here) {
+    const auto& [place, number] = all.places[std::size_t(here)];
+    if (all.cells.empty() || all.cells.back().place != place)
+      all.cells.push_back({.place = place, .first = here, .last = here});
+    FilterCell& cell = all.cells.back();
+    const SampledValue one = sampled_value(design, surface, weights, number);
+    cell.area += one.area;
+    cell.spread += one.area * one.point.squaredNorm();
+    cell.middle += one.area * one.point;
+    cell.normal += one.area * one.normal;
+    cell.residual += one.area * one.residual;
+    ++cell.last;
+  }
+  for (FilterCell& cell : all.cells) {
+    cell.middle /= cell.area;
+    cell.residual /= cell.area;
+    cell.spread = std::max(0.0, 0.5 * (cell.spread / cell.area - cell.middle.squaredNorm()));
+  }
+  return all;
+}
+
+/// Cells by the blocks of the width of the filter in which they lie.
+std::map<Place, std::vector<int>> blocks_of(const std::vector<FilterCell>& cells, double size) {
+  std::map<Place, std::vector<int>> blocks;
+  for (int i = 0; i < int(cells.size()); ++i) {
+    const FilterCell& cell = cells[std::size_t(i)];
+    blocks[place_of(cell.middle, int(cell.place[0]), size)].push_back(i);
+  }
+  return blocks;
+}
+
+/// Cells as columns of numbers, those that a vertex may reach.
+struct Reached {
+  ArrayXd x, y, z, area, residual;
+  double spread = 0.0;  // mm^2, mean
+};
+
+Reached reached(const std::vector<FilterCell>& cells,
+                const std::map<Place, std::vector<int>>& blocks, const FilterCell& from,
+                double reach, double size) {
+  std::vector<int> near;
+  const Place home = place_of(from.middle, int(from.place[0]), reach);
+  for (std::int64_t i = -1; i <= 1; ++i)
+    for (std::int64_t j = -1; j <= 1; ++j)
+      for (std::int64_t k = -1; k <= 1; ++k) {
+        const auto block = blocks.find({home[0], home[1] + i, home[2] + j, home[3] + k});
+        if (block == blocks.end()) continue;
+        for (const int c : block->second) {
+          const FilterCell& cell = cells[std::size_t(c)];
+          const bool close = (cell.middle - from.middle).norm() < reach + 2.0 * size;
+          if (close && (&cell == &from || cell.normal.dot(from.normal) > 0.0)) near.push_back(c);
+        }
+      }
+  const auto n = Index(near.size());
+  Reached all{ArrayXd(n), ArrayXd(n), ArrayXd(n), ArrayXd(n), ArrayXd(n)};
+  double area = 0.0;
+  for (Index i = 0; i < n; ++i) {
+    const FilterCell& cell = cells[std::size_t(near[std::size_t(i)])];
+    all.x[i] = cell.middle.x();
+    all.y[i] = cell.middle.y();
+    all.z[i] = cell.middle.z();
+    all.area[i] = cell.area;
+    all.residual[i] = cell.residual;
+    area += cell.area;
+    all.spread += cell.area * cell.spread;
+  }
+  all.spread /= area;
+  return all;
+}
+
+/// Value at a place of the plane that fits the residual about it with Gaussian weights.
+double form_at(const Reached& cells, const Vector3d& point, const Vector3d& normal,
+               double two_variance) {
+  const Vector3d first = normal.unitOrthogonal(), second = normal.cross(first);
+  const ArrayXd dx = cells.x - point.x(), dy = cells.y - point.y(), dz = cells.z - point.z();
+  const ArrayXd weight =
+      cells.area * (-(dx.square() + dy.square() + dz.square()) / two_variance).exp();
+  const ArrayXd u = first.x() * dx + first.y() * dy + first.z() * dz;
+  const ArrayXd v = second.x() * dx + second.y() * dy + second.z() * dz;
+  const ArrayXd wu = weight * u, wv = weight * v;
+  Matrix3d normal_equations;
+  normal_equations << weight.sum(), wu.sum(), wv.sum(),  //
+      wu.sum(), (wu * u).sum(), (wu * v).sum(),          //
+      wv.sum(), (wu * v).sum(), (wv * v).sum();
+  const double mean = (weight * cells.residual).sum() / normal_equations(0, 0);
+  const ArrayXd about = cells.residual - mean;
+  const Vector3d right((weight * about).sum(), (wu * about).sum(), (wv * about).sum());
+  // along a line of vertices only one slope is known: the other stays zero
+  const double little = 1e-6 * two_variance * normal_equations(0, 0);
+  normal_equations(1, 1) += little;
+  normal_equations(2, 2) += little;
+  return mean + normal_equations.ldlt().solve(right)[0];
+}
+
+}  // namespace
+
+Eigen::VectorXd gaussian_form(const Design& design, const Surface& surface, double cutoff) {
+  const Index n = design.vertices.rows();
+  require(surface.residual.size() == n && design.area.size() == n && design.normals.rows() == n,
+          "gaussian_form: sizes differ");
+  require(std::isfinite(cutoff) && cutoff > 0.0, "gaussian_form: the cut-off must be positive");
+  const double size = cutoff / cells_a_cutoff, reach = reach_of_cutoff * cutoff;
+  const double variance =
+      cutoff * cutoff * std::numbers::ln2 / (2.0 * std::numbers::pi * std::numbers::pi);
+  const Cells all = cells_of(design, surface, size);
+  const auto blocks = blocks_of(all.cells, reach);
+  Eigen::VectorXd form = Eigen::VectorXd::Constant(n, std::numeric_limits<double>::quiet_NaN());
+  tbb::parallel_for(std::size_t(0), all.cells.size(), [&](std::size_t c) {
+    const FilterCell& cell = all.cells[c];
+    const Reached cells = reached(all.cells, blocks, cell, reach, size);
+    // cells add the variance of the places in them to that of the filter
+    const double two_variance = 2.0 * (variance - cells.spread);
+    for (int i = cell.first; i < cell.last; ++i) {
+      const Index v = all.places[std::size_t(i)].number;
+      if (v >= n) break;  // middles stand behind the vertices
+      form[v] = form_at(cells, design.vertices.row(v), design.normals.row(v), two_variance);
+    }
+  });
+  return form;
+}
+
+}  // namespace abbe::cutting

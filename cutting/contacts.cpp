@@ -1,0 +1,136 @@
+#include "cutting/contacts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <Eigen/Geometry>
+
+#include "cutting/cutter_position.h"
+#include "cutting/removal.h"
+#include "kinematics/require.h"
+
+namespace abbe::cutting {
+namespace {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+
+constexpr double rim_width = 1e-7;     // mm about a sharp rim within which a contact is on it
+constexpr double least_facing = 1e-6;  // of the skin's normal along that of the design
+
+/// The interval of samples that holds an instant, and the share of it that has passed.
+struct Instant {
+  int interval;
+  double u;
+};
+
+Instant instant_of(const Eigen::VectorXd& time_s, double at) {
+  const double* begin = time_s.data();
+  const Index after = std::lower_bound(begin, begin + time_s.size(), at) - begin;
+  const Index interval = std::clamp<Index>(after - 1, 0, std::max<Index>(0, time_s.size() - 2));
+  const Index next = std::min<Index>(interval + 1, time_s.size() - 1);
+  const double span = time_s[next] - time_s[interval];
+  return {int(interval), span > 0.0 ? (at - time_s[interval]) / span : 0.0};
+}
+
+/// Normal of the cutter's skin at a contact; of a sharp rim that of the surface which the rim
+/// sweeps with the feed, none where it stands.
+std::optional<Vector3d> skin_normal(const Cutter& cutter, const Position& at, const Vector3d& feed,
+                                    const Vector3d& contact) {
+  const Vector3d from = contact - at.tip;
+  const double height = from.dot(at.axis);
+  const Vector3d across = from - height * at.axis;
+  const double radial = across.norm();
+  const Vector3d outward = radial > 0.0 ? Vector3d(across / radial) : Vector3d::Zero();
+  const double corner = cutter.corner_radius, ring = cutter.radius - corner;
+  const bool on_rim =
+      corner == 0.0 && std::abs(height) < rim_width && std::abs(radial - cutter.radius) < rim_width;
+  if (on_rim) {
+    const Vector3d swept = at.axis.cross(outward).cross(feed);
+    return swept.norm() > 1e-6 * feed.norm() ? std::optional(swept) : std::nullopt;
+  }
+  if (height >= corner) return outward;
+  if (radial <= ring) return -at.axis;
+  return Vector3d(contact - (at.tip + corner * at.axis + ring * outward));
+}
+
+/// gradient . normal = 1; NaN where the skin is seen edge on.
+Vector3d gradient_of(const std::optional<Vector3d>& skin, const Vector3d& normal) {
+  const double facing = skin ? std::abs(skin->dot(normal)) : 0.0;
+  if (!(facing > least_facing * (skin ? skin->norm() : 1.0)))
+    return Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  return *skin / skin->dot(normal);
+}
+
+/// The contacts of all cut vertices, each found by `of_vertex(v, contact)` as gradient and travel.
+template <class OfVertex>
+Contacts each_contact(const Design& design, const Surface& surface, const OfVertex& of_vertex) {
+  const Index n = design.vertices.rows();
+  require(surface.residual.size() == n && design.normals.rows() == n,
+          "contacts: the surface is not that of the design");
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  Contacts contacts{Points::Constant(n, 3, nan), Eigen::VectorXd::Constant(n, nan)};
+  tbb::parallel_for(tbb::blocked_range<Index>(0, n, 1024), [&](const auto& range) {
+    for (Index v = range.begin(); v < range.end(); ++v) {
+      if (surface.status[std::size_t(v)] != VertexStatus::Cut) continue;
+      const Vector3d contact =
+          (design.vertices.row(v) + surface.residual[v] * design.normals.row(v));
+      const auto [gradient, travel] = of_vertex(v, contact);
+      contacts.gradient.row(v) = gradient;
+      contacts.travel[v] = travel;
+    }
+  });
+  return contacts;
+}
+
+}  // namespace
+
+Contacts milled_contacts(const Design& design_w, const Surface& surface, const Cutter& cutter,
+                         const CutterMotion& motion) {
+  const Index n = motion.tip.rows();
+  Eigen::VectorXd way = Eigen::VectorXd::Zero(n);
+  for (Index i = 1; i < n; ++i)
+    way[i] = way[i - 1] + (motion.tip.row(i) - motion.tip.row(i - 1)).norm();
+  return each_contact(design_w, surface, [&](Index v, const Vector3d& contact) {
+    const auto [interval, u] = instant_of(motion.time_s, surface.cut_time_s[v]);
+    const Move move = move_after(motion, interval);
+    const Position at = position(move, u);
+    const Vector3d turn = move.angle * move.axis.cross(move.side);
+    const Vector3d feed = move.step + turn.cross(contact - at.tip);
+    const Vector3d normal = design_w.normals.row(v);
+    const Index next = std::min<Index>(interval + 1, n - 1);
+    return std::pair(gradient_of(skin_normal(cutter, at, feed, contact), normal),
+                     way[interval] + u * (way[next] - way[interval]));
+  });
+}
+
+Contacts turned_contacts(const Design& design_w, const Surface& surface, const Nose&,
+                         const NoseMotion& motion) {
+  const Vector3d line = motion.spindle_direction;
+  return each_contact(design_w, surface, [&](Index v, const Vector3d& contact) {
+    const auto [interval, u] = instant_of(motion.time_s, surface.cut_time_s[v]);
+    const Index next = std::min<Index>(interval + 1, motion.time_s.size() - 1);
+    const double angle =
+        motion.spindle[interval] + u * (motion.spindle[next] - motion.spindle[interval]);
+    const Eigen::Isometry3d &before = motion.T_slow[std::size_t(interval)],
+                            &after = motion.T_slow[std::size_t(next)];
+    const Eigen::AngleAxisd turn(angle, line);
+    const Vector3d centre =
+        motion.spindle_point +
+        turn * ((1.0 - u) * before.translation() + u * after.translation() - motion.spindle_point);
+    const Vector3d rake = turn * Vector3d(before.linear().col(1));
+    const Vector3d arm = contact - centre;
+    const Vector3d around = line.cross(contact - motion.spindle_point);
+    // the edge runs across the arm within the rake plane, and the work passes it around the line
+    const Vector3d skin = rake.cross(arm).cross(around);
+    const Vector3d normal = design_w.normals.row(v);
+    const std::optional<Vector3d> defined = skin.norm() > 0.0 ? std::optional(skin) : std::nullopt;
+    return std::pair(gradient_of(defined, normal), std::abs(angle) * around.norm());
+  });
+}
+
+}  // namespace abbe::cutting

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <optional>
+
+#include "cutting/nearest.h"
+
+/// The residual along an edge of a design, from what is known at its ends.
+namespace abbe::cutting {
+
+/// A vertex and what was found there.
+struct Knot {
+  Eigen::Vector3d point, normal, gradient;  ///< gradient: of `Contacts`
+  double residual = 0.0, travel = 0.0;
+  bool cut = false;  ///< judged, and cut
+};
+
+/// An edge with its residual as a function of u from 0 to 1: values, slopes, passes at both ends.
+struct Span {
+  double r_a, r_b, slope_a, slope_b;  ///< mm, mm a unit of u; NaN where not known
+  bool one_pass;
+
+  /// Where the tangents at the ends meet: of a parabola half way, of two lines at their corner.
+  double tangents_meet() const { return (r_b - r_a - slope_b) / (slope_a - slope_b); }
+  /// Of a cubic with these ends at its middle, against the line.
+  double bend() const { return std::abs(slope_a - slope_b) / 8.0; }
+  /// Most that it is off the line anywhere, within a few hundredths of it.
+  double most() const {
+    const double rise = r_b - r_a;
+    return 0.15 * std::max(std::abs(slope_a - rise), std::abs(slope_b - rise));
+  }
+};
+Span span_of(const OnSurface& on_surface, const Knot& a, const Knot& b);
+
+/// Whether the tool has gone no farther between the cuts of two places of an edge than along one
+/// pass. @param length  mm, of the edge
+bool is_one_pass(const Knot& a, const Knot& b, double length);
+
+/// The residual at a share of the way, by the straight line between two knots.
+inline double on_line(const Knot& a, const Knot& b, double u) {
+  return a.residual + u * (b.residual - a.residual);
+}
+
+/// The place at a share of the way from one knot to another.
+Contact between(const OnSurface& on_surface, const Knot& a, const Knot& b, double u);
+
+/// An edge looked at.
+struct Look {
+  double u = 0.0;      ///< share of the way where it was looked at; 0: nowhere
+  Knot knot = {};      ///< what was found there
+  double error = 0.0;  ///< mm, of the line
+};
+
+/// The place of a crest between the middle that was looked at and the end that another pass cut;
+/// none where the middle belongs to neither pass, or they do not cross there.
+std::optional<double> crest_of(const OnSurface& on_surface, const Knot& a, const Knot& b,
+                               const Look& look);
+
+}  // namespace abbe::cutting

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <functional>
+
+#include "cutting/contacts.h"
+#include "cutting/mesh.h"
+#include "cutting/nearest.h"
+#include "cutting/surface.h"
+
+namespace abbe::cutting {
+
+/// The machined surface at places of the design, and how it goes on around them.
+struct Sounding {
+  Surface surface;
+  Contacts contacts;
+};
+
+/// Sounds a design at its vertices; triangles are not asked for.
+using Sound = std::function<Sounding(const Design& design)>;
+
+struct RefineOptions {
+  double resolution = 5e-5;         ///< mm, wanted bound of linear interpolation
+  double floor = 2e-3;              ///< mm, no edge is made shorter
+  Eigen::Index points = 1'000'000;  ///< vertices at most, unless more are given
+  bool may_flip = false;  ///< edges may be turned: vertices lie on a surface that is not that of
+                          ///< the triangles. Triangles then follow the feed, and fewer are needed
+  std::function<void(double)> progress = {};  ///< now and then, with a finished fraction
+};
+
+/// The bound that a map of this PV is asked for where nobody says: a tenth of it, 0.05 um at
+/// least; mm.
+double usual_resolution(double pv);
+
+/// A design whose triangles resolve a residual.
+struct Refined {
+  Design design;             ///< the vertices given, then those added
+  double reached = 0.0;      ///< mm, the bound that all edges meet: that of the options, or more if
+                             ///< the points did not suffice; infinite where passes are not parted
+  Eigen::Index sounded = 0;  ///< places that were looked at
+  Eigen::Index left = 0;     ///< edges that miss the bound of the options
+};
+
+/// Adds vertices to a design where linear interpolation misses its residual by more than the bound:
+/// on edges between judged vertices that are cut. Where two passes meet within an edge the vertex
+/// is put on their crest, else near the middle, off it by a little that no feed is commensurable
+/// with. The result depends on nothing else than what is given; the number of threads changes no
+/// bit.
+/// Every edge is looked at near its middle; near its quarters too where slopes or passes at its
+/// ends leave a doubt, and at the crest where two passes cross; then every triangle within. What
+/// all of them miss, an independent set of places must show (`interpolation_error`). About 250
+/// bytes a vertex.
+/// @throws std::invalid_argument if an option is out of range or sizes differ
+Refined refined(const Design& design, const OnSurface& on_surface, const Sound& sound,
+                const RefineOptions& options = {});
+
+}  // namespace abbe::cutting

@@ -1,0 +1,231 @@
+#include "cutting/refinement.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "kinematics/hash.h"
+
+namespace abbe::cutting {
+namespace {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+
+constexpr std::array<double, 2> turned_at = {0.31, 0.67};  // of an edge that is tried across
+constexpr double much_longer = 1.5;  // than an edge to be split, which then waits
+constexpr double beside = 0.05;      // of the length of an edge: what lies nearer speaks for it
+constexpr double thinnest = 0.05;    // triangle that a turned edge may make: height by length
+
+/// Where a face is looked at in its turns: near the middle, then towards each side.
+std::array<double, 3> place_in(const std::array<int, 3>& corners, int turn) {
+  const std::uint64_t bits = split_mix::mixed(std::uint64_t(corners[0]) << 32 | corners[1]);
+  const double first = split_mix::unit(bits), second = split_mix::unit(split_mix::mixed(bits));
+  if (turn == 0) {
+    const double a = 0.3 + 0.1 * first, b = 0.3 + 0.1 * second;
+    return {a, b, 1.0 - a - b};
+  }
+  std::array<double, 3> weights{};
+  const double off = 0.02 + 0.16 * first, along = (1.0 - off) * (0.2 + 0.6 * second);
+  weights[std::size_t(turn) % 3] = off;
+  weights[std::size_t(turn + 1) % 3] = along;
+  weights[std::size_t(turn + 2) % 3] = 1.0 - off - along;
+  return weights;
+}
+
+}  // namespace
+
+/// The waiting edges that miss by more than a level, and with each of them the longer ones of its
+/// triangles: left whole, a long edge would get ever thinner triangles at its sides. A longer edge
+/// that seemed to be met, but crosses passes, waits from now on, and the shorter one with it.
+std::vector<char> Refinement::ready(double level) {
+  place_.resize(mesh_.edges(), -1);
+  std::vector<int> open;
+  std::vector<char> is_ready(waiting_.size(), 0);
+  std::vector<int> longer;
+  for (int i = 0; i < int(waiting_.size()); ++i) {
+    place_[std::size_t(waiting_[std::size_t(i)].edge)] = i;
+    if (!(waiting_[std::size_t(i)].look.error > level)) continue;
+    is_ready[std::size_t(i)] = 1;
+    open.push_back(i);
+  }
+  while (!open.empty()) {
+    const int i = open.back();
+    open.pop_back();
+    const double own = length(waiting_[std::size_t(i)].ends);
+    for (const int edge : mesh_.sides(waiting_[std::size_t(i)].edge)) {
+      const int k = place_[std::size_t(edge)];
+      if (k >= 0 && is_ready[std::size_t(k)]) continue;
+      const double long_by = length(mesh_.ends(edge)) / own;
+      if (!is_open(edge) || !(long_by > 1.0)) continue;
+      if (!(long_by > much_longer && is_doubtful(edge, level)) &&
+          !is_missed_beside(edge, waiting_[std::size_t(i)].look.knot, level))
+        continue;
+      if (k >= 0) {
+        is_ready[std::size_t(k)] = 1;
+        open.push_back(k);
+      } else {
+        longer.push_back(edge);
+        is_ready[std::size_t(i)] = 0;
+      }
+    }
+  }
+  for (const Waiting& one : waiting_) place_[std::size_t(one.edge)] = -1;
+  force(std::move(longer));
+  is_ready.resize(waiting_.size(), 1);
+  return is_ready;
+}
+
+/// Splits the edges that are ready, as many as may be, the longest first. @return the
+/// edges that came of it
+std::vector<int> Refinement::split(double level, Index most) {
+  // an edge that was turned since has other ends, and is looked at again
+  std::erase_if(waiting_, [&](const Waiting& one) { return one.ends != mesh_.ends(one.edge); });
+  const std::vector<char> is_ready = ready(level);
+  std::vector<std::size_t> order;
+  for (std::size_t i = 0; i < waiting_.size(); ++i)
+    if (is_ready[i]) order.push_back(i);
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t i, std::size_t j) {
+    return length(waiting_[i].ends) > length(waiting_[j].ends);
+  });
+  const Index room = std::max<Index>(0, most - Index(knots_.size()));
+  if (Index(order.size()) > room) order.resize(std::size_t(room));
+  std::vector<int> made;
+  // one edge of a triangle at a time: its others may be turned out of the way, and need none
+  std::vector<char> taken(options_.may_flip ? mesh_.faces() : 0, 0);
+  const auto takes = [&](int edge) {
+    if (taken.empty()) return true;
+    const std::array<int, 2> faces = mesh_.faces_at(edge);
+    for (const int face : faces)
+      if (face >= 0 && face < int(taken.size()) && taken[std::size_t(face)]) return false;
+    for (const int face : faces)
+      if (face >= 0 && face < int(taken.size())) taken[std::size_t(face)] = 1;
+    return true;
+  };
+  for (const std::size_t i : order) {
+    if (waiting_[i].ends != mesh_.ends(waiting_[i].edge)) continue;  // it waited twice
+    if (!takes(waiting_[i].edge)) continue;
+    knots_.push_back(std::move(waiting_[i].look.knot));
+    for (const int edge : mesh_.split_edge(waiting_[i].edge)) made.push_back(edge);
+    waiting_[i].ends = {-1, -1};
+  }
+  std::erase_if(waiting_, [](const Waiting& one) { return one.ends[0] < 0; });
+  return made;
+}
+
+/// Whether a place close to an edge shows that the edge misses more than a level, although the
+/// places at which it was looked at did not.
+bool Refinement::is_missed_beside(int edge, const Knot& place, double level) const {
+  if (!place.cut) return false;
+  const auto [a, b] = mesh_.ends(edge);
+  const Vector3d along = knot(b).point - knot(a).point, from = place.point - knot(a).point;
+  const double u = along.dot(from) / along.squaredNorm();
+  if ((from - u * along).norm() > beside * along.norm()) return false;
+  return u > 0.0 && u < 1.0 && std::abs(place.residual - on_line(knot(a), knot(b), u)) > level;
+}
+
+/// The corners of the two triangles at an edge that are not its ends; -1 at a rim.
+std::array<int, 2> Refinement::across(int edge) const {
+  const std::array<int, 4> quad = mesh_.quad(edge);
+  return {quad[2], quad[3]};
+}
+
+/// Whether the edge across the two triangles at this one can take its place.
+bool Refinement::may_turn(int edge) const {
+  if (!mesh_.may_turn(edge)) return false;
+  const auto [a, b, c, d] = mesh_.quad(edge);
+  for (const int v : {a, b, c, d})
+    if (!knot(v).cut) return false;
+  const Vector3d normal = (knot(a).normal + knot(b).normal + knot(c).normal + knot(d).normal);
+  const auto thickness = [&](int p, int q, int r) {  // signed height by the longest side
+    const Vector3d pq = knot(q).point - knot(p).point, pr = knot(r).point - knot(p).point;
+    return pq.cross(pr).dot(normal.normalized()) /
+           std::max({pq.squaredNorm(), pr.squaredNorm(), (pq - pr).squaredNorm()});
+  };
+  return thickness(c, d, b) > thinnest && thickness(d, c, a) > thinnest;
+}
+
+/// What the edge across a waiting one misses at two places; none where it is longer and leaves its
+/// pass, so that two places say too little.
+std::optional<Look> Refinement::across_look(const Waiting& one, std::span<Knot> found) const {
+  const Knot &c = knot(one.across[0]), &d = knot(one.across[1]);
+  const double length = this->length(one.across);
+  bool one_pass = true;
+  Look worst;
+  for (std::size_t k = 0; k < turned_at.size(); ++k) {
+    const double u = turned_at[k];
+    if (!found[k].cut) return std::nullopt;
+    for (const Knot* end : {&c, &d}) one_pass = one_pass && is_one_pass(*end, found[k], length);
+    const double error = std::abs(found[k].residual - on_line(c, d, u));
+    if (worst.u == 0.0 || error > worst.error) worst = {u, found[k], error};
+  }
+  if (!one_pass && !(length < this->length(one.ends))) return std::nullopt;
+  return worst;
+}
+
+/// Waiting edges that miss by more than a level give way to the edge across where that misses by
+/// less than half as much, so that triangles stretch along the feed. What is missed halves each
+/// time, so that it ends.
+void Refinement::turn_edges(double level) {
+  std::vector<std::size_t> tried;
+  std::vector<Contact> places;
+  for (std::size_t i = 0; i < waiting_.size(); ++i) {
+    Waiting& one = waiting_[i];
+    if (!(one.look.error > level) || one.ends != mesh_.ends(one.edge)) continue;
+    const std::array<int, 2> corners = across(one.edge);
+    if (corners == one.across) continue;
+    one.across = corners;
+    if (!may_turn(one.edge)) continue;
+    tried.push_back(i);
+    for (const double u : turned_at)
+      places.push_back(between(on_surface_, knot(corners[0]), knot(corners[1]), u));
+  }
+  std::vector<Knot> found = sounded(places);
+  for (std::size_t k = 0; k < tried.size(); ++k) {
+    Waiting& one = waiting_[tried[k]];
+    if (across(one.edge) != one.across || !may_turn(one.edge)) continue;
+    std::optional<Look> turned = across_look(one, std::span(found).subspan(2 * k, 2));
+    if (!turned || !(turned->error < 0.5 * one.look.error)) continue;
+    mesh_.turn(one.edge);
+    one = {one.edge, mesh_.ends(one.edge), std::move(*turned), across(one.edge)};
+  }
+  std::erase_if(waiting_, [&](const Waiting& one) { return !(one.look.error > tolerance()); });
+}
+
+/// Faces that miss too much within get a vertex there. @return the edges that came of it
+std::vector<int> Refinement::split_faces(Index most, int turn) {
+  looked_into_.resize(mesh_.faces(), {-1, -1, -1});
+  std::vector<int> faces;
+  std::vector<Contact> places;
+  std::vector<double> plane;
+  for (int face = 0; face < mesh_.faces(); ++face) {
+    const std::array<int, 3> corners = mesh_.corners(face);
+    std::array<Contact, 3> at;
+    std::array<int, 3>& known = looked_into_[std::size_t(face)];
+    if (known == corners) continue;
+    known = corners;
+    bool wide = true;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Knot &a = knot(corners[k]), &b = knot(corners[(k + 1) % 3]);
+      wide = wide && a.cut && (a.point - b.point).norm() > 2.0 * options_.floor;
+      at[k] = {a.point, a.normal};
+    }
+    if (!wide) continue;
+    const std::array<double, 3> weights = place_in(corners, turn);
+    faces.push_back(face);
+    places.push_back(on_surface_(at, weights));
+    plane.push_back(0.0);
+    for (std::size_t k = 0; k < 3; ++k) plane.back() += weights[k] * knot(corners[k]).residual;
+  }
+  std::vector<Knot> found = sounded(places);
+  std::vector<int> made;
+  for (std::size_t i = 0; i < faces.size(); ++i) {
+    if (!found[i].cut || !(std::abs(found[i].residual - plane[i]) > tolerance())) continue;
+    if (Index(knots_.size()) >= most) break;
+    knots_.push_back(std::move(found[i]));
+    for (const int edge : mesh_.split_face(faces[i])) made.push_back(edge);
+  }
+  return made;
+}
+
+}  // namespace abbe::cutting

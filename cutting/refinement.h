@@ -1,0 +1,78 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "cutting/edge_residual.h"
+#include "cutting/refine.h"
+#include "cutting/triangle_mesh.h"
+
+namespace abbe::cutting {
+
+/// The work of `refined`: rounds in which edges are looked at, turned and split.
+class Refinement {
+ public:
+  Refinement(const Design& design, const OnSurface& on_surface, const Sound& sound,
+             const RefineOptions& options);
+  Refined run();
+
+ private:
+  /// An edge that misses too much to stay, with its ends when it was looked at.
+  struct Waiting {
+    int edge;
+    std::array<int, 2> ends;
+    Look look;
+    std::array<int, 2> across = {-1, -1};  ///< corners between which it was tried to turn it
+  };
+  /// A place of an edge to be looked at.
+  struct Asked {
+    std::size_t edge;
+    double u;
+    bool is_crest = false;  ///< of two passes: that is where it is best split
+  };
+
+  std::vector<Knot> sounded(const std::vector<Contact>& places,
+                            std::vector<std::uint8_t> judged = {});
+  void look(const std::vector<int>& edges, const std::vector<Asked>& asked,
+            std::vector<Look>& looks);
+  std::vector<Look> looked_at(const std::vector<int>& open);
+  void put_off(const std::vector<int>& edges, std::vector<Look> looks);
+  void force(std::vector<int> edges);
+  std::vector<char> ready(double level);
+  std::vector<int> split(double level, Eigen::Index most);
+  void turn_edges(double level);
+  std::optional<Look> across_look(const Waiting& one, std::span<Knot> found) const;
+  std::vector<int> split_faces(Eigen::Index most, int turn);
+  double lower(double level) const;
+  Design design() const;
+
+  bool is_open(int edge) const;
+  bool is_doubtful(int edge, double level) const;
+  bool is_missed_beside(int edge, const Knot& place, double level) const;
+  bool crosses_passes(const Knot& a, const Knot& b) const;
+  bool may_turn(int edge) const;
+  double jitter(int edge) const;
+  double share_of(int edge) const;
+  std::array<int, 2> across(int edge) const;
+  Span span(int edge) const;
+  double length(const std::array<int, 2>& ends) const;
+  double tolerance() const;
+  const Knot& knot(int i) const { return knots_[std::size_t(i)]; }
+
+  const Design& given_;
+  const OnSurface& on_surface_;
+  const Sound& sound_;
+  const RefineOptions& options_;
+  TriangleMesh mesh_;
+  std::vector<Knot> knots_;
+  std::vector<Waiting> waiting_;
+  std::vector<int>
+      place_;  // (edges) among those that wait while it is found which are ready; or -1
+  std::vector<std::array<int, 3>> looked_into_;  // (faces) corners when it was looked at within
+  Eigen::Index looked_ = 0;
+};
+
+}  // namespace abbe::cutting

@@ -1,0 +1,177 @@
+#include "cutting/smooth_patches.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <numeric>
+#include <stdexcept>
+#include <utility>
+
+#include <Eigen/Geometry>
+
+#include "cutting/disjoint_sets.h"
+#include "cutting/segment_grid.h"
+
+namespace abbe::cutting {
+namespace {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+
+/// The side of a triangle between two of its corners.
+struct Side {
+  int low, high;  ///< vertices
+  int triangle, corner;
+  bool same_edge(const Side& other) const { return low == other.low && high == other.high; }
+};
+
+std::vector<Side> sides_of(const Triangles& triangles) {
+  std::vector<Side> sides;
+  sides.reserve(3 * std::size_t(triangles.rows()));
+  for (int t = 0; t < int(triangles.rows()); ++t)
+    for (int k = 0; k < 3; ++k) {
+      const auto [low, high] = std::minmax(triangles(t, k), triangles(t, (k + 1) % 3));
+      sides.push_back({low, high, t, k});
+    }
+  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
+    return std::tie(a.low, a.high, a.triangle) < std::tie(b.low, b.high, b.triangle);
+  });
+  return sides;
+}
+
+Vector3d normal_of(const Design& design, int triangle) {
+  const auto corner = [&](int k) -> Vector3d {
+    return design.vertices.row(design.triangles(triangle, k));
+  };
+  return (corner(1) - corner(0)).cross(corner(2) - corner(0));
+}
+
+int corner_at(const Triangles& triangles, int triangle, int vertex) {
+  for (int k = 0; k < 3; ++k)
+    if (triangles(triangle, k) == vertex) return 3 * triangle + k;
+  return -1;
+}
+
+/// Corners of triangles, numbered 3 t + k, that belong to one smooth patch at a vertex.
+DisjointSets smooth_corners(const Design& design, double angle) {
+  DisjointSets corners(3 * std::size_t(design.triangles.rows()));
+  const std::vector<Side> sides = sides_of(design.triangles);
+  for (std::size_t i = 0; i + 1 < sides.size(); ++i) {
+    const Side &one = sides[i], &other = sides[i + 1];
+    if (!one.same_edge(other)) continue;
+    const Vector3d a = normal_of(design, one.triangle), b = normal_of(design, other.triangle);
+    if (std::atan2(a.cross(b).norm(), a.dot(b)) > angle) continue;
+    for (const int vertex : {one.low, one.high})
+      corners.join(corner_at(design.triangles, one.triangle, vertex),
+                   corner_at(design.triangles, other.triangle, vertex));
+  }
+  return corners;
+}
+
+/// A design with these triangles, its vertices taken from those of another.
+Design taken(const Design& design, const std::vector<int>& from, Triangles triangles) {
+  Design made;
+  const auto n = Index(from.size());
+  made.vertices.resize(n, 3);
+  for (Index i = 0; i < n; ++i) made.vertices.row(i) = design.vertices.row(from[std::size_t(i)]);
+  made.triangles = std::move(triangles);
+  made.normals = vertex_normals(made.vertices, made.triangles);
+  made.area = vertex_area(made.vertices, made.triangles);
+  made.facet_error = facet_error(made.vertices, made.normals, made.triangles);
+  if (!design.judged.empty())
+    for (const int old : from) made.judged.push_back(design.judged[std::size_t(old)]);
+  return made;
+}
+
+/// (n) the first vertex that stands at the same point.
+std::vector<int> first_at_point(const Points& vertices) {
+  std::map<std::array<double, 3>, int> first;
+  std::vector<int> found;
+  for (int i = 0; i < int(vertices.rows()); ++i) {
+    const std::array<double, 3> point = {vertices(i, 0), vertices(i, 1), vertices(i, 2)};
+    found.push_back(first.emplace(point, i).first->second);
+  }
+  return found;
+}
+
+}  // namespace
+
+Design split_at_edges(const Design& design, double angle) {
+  if (!(angle > 0.0 && angle < std::numbers::pi))
+    throw std::invalid_argument("split_at_edges: the angle must be between 0 and pi");
+  DisjointSets corners = smooth_corners(design, angle);
+  const auto n = std::size_t(design.vertices.rows());
+  std::vector<int> from(n);
+  std::iota(from.begin(), from.end(), 0);
+  std::vector<int> taker(n, -1);  // set of corners that keeps the vertex
+  std::map<int, int> added;       // vertex of the other sets
+  Triangles triangles = design.triangles;
+  for (int t = 0; t < int(triangles.rows()); ++t)
+    for (int k = 0; k < 3; ++k) {
+      const int vertex = design.triangles(t, k), set = corners.name_of(3 * t + k);
+      int& keeps = taker[std::size_t(vertex)];
+      if (keeps < 0) keeps = set;
+      if (keeps == set) continue;
+      const auto [place, is_new] = added.emplace(set, int(from.size()));
+      if (is_new) from.push_back(vertex);
+      triangles(t, k) = place->second;
+    }
+  if (added.empty()) return design;
+  return taken(design, from, std::move(triangles));
+}
+
+std::vector<int> patches(const Design& design) {
+  DisjointSets sets(std::size_t(design.vertices.rows()));
+  for (const auto& triangle : design.triangles.rowwise()) {
+    sets.join(triangle[0], triangle[1]);
+    sets.join(triangle[0], triangle[2]);
+  }
+  std::vector<int> patch(std::size_t(design.vertices.rows()));
+  int count = 0;
+  for (int i = 0; i < int(patch.size()); ++i) {
+    const int name = sets.name_of(i);  // the least vertex of the set, so it has its number
+    patch[std::size_t(i)] = name == i ? count++ : patch[std::size_t(name)];
+  }
+  return patch;
+}
+
+std::vector<Segment> sharp_edges(const Design& design) {
+  const std::vector<int> first = first_at_point(design.vertices);
+  std::map<std::pair<int, int>, int> open;
+  const std::vector<Side> sides = sides_of(design.triangles);
+  for (std::size_t i = 0; i < sides.size(); ++i) {
+    const bool shared = (i > 0 && sides[i].same_edge(sides[i - 1])) ||
+                        (i + 1 < sides.size() && sides[i].same_edge(sides[i + 1]));
+    if (shared) continue;
+    const auto ends =
+        std::minmax(first[std::size_t(sides[i].low)], first[std::size_t(sides[i].high)]);
+    ++open[ends];
+  }
+  std::vector<Segment> edges;
+  for (const auto& [ends, count] : open)
+    if (count > 1)
+      edges.push_back({design.vertices.row(ends.first), design.vertices.row(ends.second)});
+  return edges;
+}
+
+Design judge_off_edges(const Design& design, std::vector<Segment> edges, double margin) {
+  if (!std::isfinite(margin) || margin < 0.0)
+    throw std::invalid_argument("judge_off_edges: the margin must be finite and not negative");
+  if (margin == 0.0 || edges.empty()) return design;
+  // cells much smaller than the edges would be more than can be listed
+  double length = 0.0;
+  for (const Segment& edge : edges) length += (edge.b - edge.a).norm();
+  const double cell = std::max(margin, length / double(edges.size()));
+  const SegmentGrid near_edge(std::move(edges), cell);
+  Design judged = design;
+  judged.judged.resize(std::size_t(design.vertices.rows()), 1);
+  for (Index i = 0; i < design.vertices.rows(); ++i) {
+    auto& flag = judged.judged[std::size_t(i)];
+    if (flag && near_edge.is_within(design.vertices.row(i), margin)) flag = 0;
+  }
+  return judged;
+}
+
+}  // namespace abbe::cutting

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <vector>
+
+#include "cutting/mesh.h"
+#include "cutting/segment_grid.h"
+
+namespace abbe::cutting {
+
+/// The design with a vertex of its own, and a normal of its own, for every smooth patch that meets
+/// at a point: triangles belong to one patch across an edge if their normals differ by at most
+/// `angle`. The first patch at a point keeps the vertex; those of the others follow at the end, in
+/// the order of the triangles. Normals, areas and facet errors are those of the split design;
+/// `judged` goes with the vertex.
+/// @param angle  rad, in (0, pi)
+/// @throws std::invalid_argument if the angle is out of range
+Design split_at_edges(const Design& design, double angle);
+
+/// (n) number of the connected patch of triangles to which each vertex belongs, from 0 in the order
+/// of their first vertices.
+std::vector<int> patches(const Design& design);
+
+/// The sharp edges of a split design: those that two triangles share by their points and not by
+/// their vertices.
+std::vector<Segment> sharp_edges(const Design& design);
+
+/// The same design with `judged` = 0 at every vertex nearer than `margin` mm to an edge. 0 leaves
+/// all as it is.
+/// @throws std::invalid_argument if the margin is negative or not finite
+Design judge_off_edges(const Design& design, std::vector<Segment> edges, double margin);
+
+}  // namespace abbe::cutting

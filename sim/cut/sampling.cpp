@@ -1,0 +1,157 @@
+#include "sim/cut/sampling.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cutting/refine.h"
+#include "cutting/residual.h"
+#include "cutting/subdivide.h"
+#include "sim/cut/part.h"
+#include "sim/cut/stopwatch.h"
+#include "sim/cut/sweep.h"
+
+namespace abbe::sim {
+namespace {
+
+using cutting::Design;
+using cutting::VertexStatus;
+
+/// Leaves out what the error-free cut does not reach; nothing if it reaches nothing, which is
+/// refused where it is cut.
+void judge_what_is_meant(Job& job, const cutting::Surface& nominal) {
+  Design& design = job.design_w;
+  const double unmeant_before = job.sampled->unmeant_area;
+  job.sampled->judged_area = 0.0;
+  const bool all = job.scene.part.judged != PartDescription::Judged::Cut;
+  std::vector<std::size_t> unmeant;
+  for (std::size_t i = 0; i < nominal.status.size(); ++i) {
+    if (nominal.status[i] == VertexStatus::Outside) continue;
+    const bool meant = all || nominal.status[i] != VertexStatus::Uncut;
+    if (!meant) unmeant.push_back(i);
+    (meant ? job.sampled->judged_area : job.sampled->unmeant_area) += design.area[Eigen::Index(i)];
+  }
+  if (!(job.sampled->judged_area > 0.0)) {
+    job.sampled->unmeant_area = unmeant_before;
+    return;
+  }
+  for (const std::size_t i : unmeant) design.judged[i] = 0;
+}
+
+std::string unmeant_text(const SampledSurface& sampled) {
+  const double all = sampled.judged_area + sampled.unmeant_area;
+  return fmt::format(
+      "the program means to cut {:.4g} % of the part's {:.4g} mm^2: the rest, {:.4g} mm^2, is not "
+      "judged (part.judged = \"all\" judges it)",
+      100.0 * sampled.judged_area / all, all, sampled.unmeant_area);
+}
+
+Design refined_for(const Job& job, const Sweep& sweep, SampledSurface& sampled,
+                   const Progress& progress) {
+  const PartSampling& wanted = job.scene.part.sampling;
+  cutting::RefineOptions options;
+  options.resolution = sampled.resolution;
+  options.floor = wanted.finest;
+  options.points = wanted.points;
+  constexpr double nearly_all = 0.999;
+  options.may_flip = std::holds_alternative<cutting::Primitive>(job.scene.part.shape) ||
+                     job.recognised_share > nearly_all;
+  if (progress) options.progress = [&](double fraction) { progress("sampling", fraction); };
+  cutting::Refined refined = cutting::refined(
+      job.design_w, on_surface(job),
+      [&](const Design& places) {
+        const Design on_body = in_front_of(job, places);
+        cutting::Surface surface = sweep.surface(on_body);
+        cutting::Contacts contacts = sweep.contacts(on_body, surface);
+        return cutting::Sounding{std::move(surface), std::move(contacts)};
+      },
+      options);
+  sampled.reached = refined.reached;
+  return std::move(refined.design);
+}
+
+std::string spacing_text(const Design& design, const PartSampling& wanted) {
+  double longest = 0.0;
+  for (const auto& t : design.triangles.rowwise())
+    for (int k = 0; k < 3; ++k) {
+      const int a = t[k], b = t[(k + 1) % 3];
+      if (design.judged[std::size_t(a)] && design.judged[std::size_t(b)])
+        longest = std::max(longest, (design.vertices.row(a) - design.vertices.row(b)).norm());
+    }
+  if (!(longest > wanted.spacing)) return {};
+  return fmt::format(
+      "part.points = {} do not suffice for part.spacing_mm = {:.4g}: {:.4g} mm reached",
+      wanted.points, wanted.spacing, longest);
+}
+
+}  // namespace
+
+Design in_front_of(const Job& job, Design places) {
+  const Design& body = job.design_w;
+  if (!std::holds_alternative<MeshFile>(job.scene.part.shape)) return places;
+  const Eigen::Index n = places.vertices.rows(), m = body.vertices.rows();
+  places.judged.resize(std::size_t(n), 1);
+  places.judged.resize(std::size_t(n + m), 0);
+  places.vertices.conservativeResize(n + m, 3);
+  places.vertices.bottomRows(m) = body.vertices;
+  places.normals.conservativeResize(n + m, 3);
+  places.normals.bottomRows(m) = body.normals;
+  places.triangles = body.triangles.array() + int(n);
+  return places;
+}
+
+double usual_range(const cutting::Surface& surface, const Design& design) {
+  constexpr double outer = 0.01;
+  std::vector<std::pair<double, double>> values;  // residual, area
+  double all = 0.0;
+  for (std::size_t i = 0; i < surface.status.size(); ++i) {
+    if (surface.status[i] != VertexStatus::Cut) continue;
+    values.emplace_back(surface.residual[Eigen::Index(i)], design.area[Eigen::Index(i)]);
+    all += values.back().second;
+  }
+  if (values.empty()) return 0.0;
+  std::sort(values.begin(), values.end());
+  double upto = 0.0, low = values.front().first, high = values.back().first;
+  for (const auto& [value, area] : values) {
+    if (upto <= outer * all) low = value;
+    if (upto <= (1.0 - outer) * all) high = value;
+    upto += area;
+  }
+  return high - low;
+}
+
+cutting::OnSurface on_surface(const Job& job) {
+  return between_vertices(job.scene.part, job.recognised, job.scene.part.T_wm);
+}
+
+Job sampled(Job job, const Progress& progress) {
+  Stopwatch watch;
+  const Sweep sweep = sweep_of(error_free_sweeps(job), options_of(job, {}));
+  job.sampled = SampledSurface{.given = job.design_w.vertices.rows()};
+  if (job.design_w.judged.empty())
+    job.design_w.judged.assign(std::size_t(job.design_w.vertices.rows()), 1);
+  const cutting::Surface nominal = sweep.surface(job.design_w);
+  judge_what_is_meant(job, nominal);
+  const PartSampling& wanted = job.scene.part.sampling;
+  job.sampled->resolution =
+      wanted.resolution.value_or(cutting::usual_resolution(usual_range(nominal, job.design_w)));
+  if (wanted.kind == PartSampling::Kind::Adaptive)
+    job.design_w = refined_for(job, sweep, *job.sampled, progress);
+  if (wanted.kind == PartSampling::Kind::Spacing) {
+    job.design_w =
+        cutting::subdivided(job.design_w, on_surface(job), {wanted.spacing, wanted.points});
+    if (std::string text = spacing_text(job.design_w, wanted); !text.empty())
+      job.warnings.push_back(std::move(text));
+  }
+  if (wanted.kind != PartSampling::Kind::Vertices)  // also of what was added between
+    judge_what_is_meant(job, sweep.surface(job.design_w));
+  if (job.sampled->unmeant_area > 0.0 && job.sampled->judged_area > 0.0)
+    job.warnings.push_back(unmeant_text(*job.sampled));
+  job.timing_s["sampling"] = watch.lap();
+  return job;
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,24 @@
+#pragma once
+
+#include "cutting/nearest.h"
+#include "sim/cut/job.h"
+
+namespace abbe::sim {
+
+/// The surface of the part between its vertices, workpiece frame: the declared one, or the facets
+/// of a mesh.
+cutting::OnSurface on_surface(const Job& job);
+
+/// The range of a map without the hundredth of its area at either end, so that a corner that no
+/// tool enters says nothing of the rest; mm.
+double usual_range(const cutting::Surface& surface, const cutting::Design& design);
+
+/// Places with the body of a mesh behind them, after them and not judged, so that a thin wall is
+/// seen to be thin.
+cutting::Design in_front_of(const Job& job, cutting::Design places);
+
+/// The job with its part sampled as the scene asks, for the error-free cut, which every case then
+/// shares; and, unless the scene judges all, only what that cut reaches judged.
+Job sampled(Job job, const Progress& progress = {});
+
+}  // namespace abbe::sim

@@ -1,0 +1,146 @@
+#include "sim/cut/spans.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "sim/cut/tool_motion.h"
+
+namespace abbe::sim {
+namespace {
+
+using Eigen::Vector3d;
+using kinematics::Pose;
+
+/// A coordinate with its two ways to miss.
+struct Coordinate {
+  const char* below;
+  const char* above;
+};
+using Coordinates = std::array<Coordinate, 3>;
+
+constexpr Coordinates milled = {{{"the nearest cut lies {:.1f} mm beside the part, towards its -x",
+                                  "the nearest cut lies {:.1f} mm beside the part, towards its +x"},
+                                 {"the nearest cut lies {:.1f} mm beside the part, towards its -y",
+                                  "the nearest cut lies {:.1f} mm beside the part, towards its +y"},
+                                 {"the highest cut lies {:.1f} mm below the part",
+                                  "the lowest cut lies {:.1f} mm above the part"}}};
+constexpr Coordinates turned = {
+    {{"the nearest cut lies {:.1f} mm before the part along the spindle",
+      "the nearest cut lies {:.1f} mm beyond the part along the spindle"},
+     {"the largest radius cut lies {:.1f} mm inside the part's smallest",
+      "the smallest radius cut lies {:.1f} mm outside the part's largest"},
+     {"", ""}}};
+
+bool is_milled(const Job& job) {
+  return std::holds_alternative<cutting::Cutter>(job.scene.tool.nominal);
+}
+
+/// How far the cutter reaches along a direction. @param T  tool in the frame of the direction
+double reach_along(const cutting::Cutter& cutter, const Pose& T, const Vector3d& direction) {
+  const Vector3d axis = T.linear().col(2);
+  const double along = direction.dot(axis);
+  const double across = direction.cross(axis).norm();
+  const double corner = direction.dot(T.translation() + cutter.corner_radius * axis);
+  if (along > 0.0)
+    return corner + (cutter.flank_length - cutter.corner_radius) * along + cutter.radius * across;
+  return corner + cutter.corner_radius + (cutter.radius - cutter.corner_radius) * across;
+}
+
+/// Low and high end of what one pose of the tool takes in a coordinate, and the tip's place in it.
+struct Taken {
+  double low, high, tip;
+};
+
+Taken taken_by(const cutting::Cutter& cutter, const Pose& T_mt, int k) {
+  return {-reach_along(cutter, T_mt, -Vector3d::Unit(k)),
+          reach_along(cutter, T_mt, Vector3d::Unit(k)), T_mt.translation()[k]};
+}
+
+void extend(SweptSpans& swept, std::size_t k, const Taken& taken, int line, bool in_feed) {
+  swept.all[k].extend(taken.low, taken.high, line);
+  if (!in_feed) return;
+  swept.feed[k].extend(taken.low, taken.high, line);
+  swept.tip[k].extend(taken.tip, taken.tip, line);
+}
+
+}  // namespace
+
+void Span::extend(double least, double most, int line) {
+  if (least < low) low_line = line;
+  if (most > high) high_line = line;
+  low = std::min(low, least);
+  high = std::max(high, most);
+}
+
+std::array<double, 2> round_spindle(const Job& job, const Vector3d& p_w) {
+  const SpindleLine line = spindle_line(job.machine.nominal, *job.machine.workpiece_spindle);
+  const double along = line.direction_w.dot(p_w - line.point_w);
+  return {along, (p_w - line.point_w - along * line.direction_w).norm()};
+}
+
+namespace {
+
+void extend_by(SweptSpans& swept, const Job& job, bool feeds) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.nominal);
+  const auto* nose = std::get_if<cutting::Nose>(&job.scene.tool.nominal);
+  const Pose T_mw = job.scene.part.T_wm.inverse();
+  for (std::size_t i = 0; i < job.T_wt_nominal.size(); ++i) {
+    const bool in_feed =
+        !feeds || program::is_feed(job.path.blocks[std::size_t(job.samples.block[i])]);
+    const int line = job.samples.line[i];
+    if (cutter != nullptr) {
+      const Pose T_mt = T_mw * job.T_wt_nominal[i];
+      for (int k = 0; k < 3; ++k)
+        extend(swept, std::size_t(k), taken_by(*cutter, T_mt, k), line, in_feed);
+    } else {
+      const auto at = round_spindle(job, job.T_wt_nominal[i].translation());
+      for (std::size_t k = 0; k < 2; ++k)
+        extend(swept, k, {at[k] - nose->radius, at[k] + nose->radius, at[k]}, line, in_feed);
+    }
+  }
+}
+
+}  // namespace
+
+SweptSpans swept_spans(const Job& job) {
+  const bool feeds = std::any_of(job.path.blocks.begin(), job.path.blocks.end(), program::is_feed);
+  SweptSpans swept;
+  for (const Job& part : parts_of(job)) extend_by(swept, part, feeds);
+  return swept;
+}
+
+Spans part_spans(const Job& job) {
+  const Pose T_mw = job.scene.part.T_wm.inverse();
+  const cutting::Design& design_w = job.design_w;
+  Spans spans;
+  for (Eigen::Index i = 0; i < design_w.vertices.rows(); ++i) {
+    if (!design_w.judged.empty() && !design_w.judged[std::size_t(i)]) continue;
+    const Vector3d p_w = design_w.vertices.row(i);
+    if (is_milled(job)) {
+      const Vector3d p_m = T_mw * p_w;
+      for (int k = 0; k < 3; ++k) spans[std::size_t(k)].extend(p_m[k], p_m[k], 0);
+    } else {
+      const auto at = round_spindle(job, p_w);
+      for (std::size_t k = 0; k < 2; ++k) spans[k].extend(at[k], at[k], 0);
+    }
+  }
+  return spans;
+}
+
+Miss miss(const Job& job, const Spans& part, const Spans& tool) {
+  const Coordinates& names = is_milled(job) ? milled : turned;
+  Miss worst;
+  for (std::size_t k = 0; k < part.size(); ++k) {
+    const double above = tool[k].low - part[k].high, below = part[k].low - tool[k].high;
+    const bool is_above = above > below;
+    const double gap = std::max(above, below);
+    if (!(gap > worst.gap) || !std::isfinite(gap)) continue;
+    worst = {gap, is_above ? tool[k].low_line : tool[k].high_line,
+             fmt::format(fmt::runtime(is_above ? names[k].above : names[k].below), gap)};
+  }
+  return worst;
+}
+
+}  // namespace abbe::sim

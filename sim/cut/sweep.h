@@ -1,0 +1,47 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <variant>
+#include <vector>
+
+#include "cutting/contacts.h"
+#include "cutting/surface.h"
+#include "kinematics/chain.h"
+#include "sim/cut/job.h"
+
+namespace abbe::sim {
+
+/// A tool, where a program takes it, and the chain whose part turns under a turning tool.
+struct ToolSweep {
+  const std::variant<cutting::Cutter, cutting::Nose>& tool;
+  const program::Samples& samples;
+  const std::vector<kinematics::Pose>& T_wt;  ///< (samples)
+  const kinematics::Chain& chain;
+  std::optional<int> workpiece_spindle;  ///< joint; of a turning tool
+};
+
+/// The sweeps of one or several tools through the workpiece, made once and asked for the surface
+/// that they leave of any design: the least of all, as `cutting::united`.
+struct Sweep {
+  std::function<cutting::Surface(const cutting::Design& design_w)> surface;
+  std::function<cutting::Contacts(const cutting::Design& design_w, const cutting::Surface& surface)>
+      contacts;
+};
+
+/// @param sweeps  one at least, one after the other in time; what they refer to outlives the result
+Sweep sweep_of(std::vector<ToolSweep> sweeps, const cutting::SurfaceOptions& options);
+
+/// The surface that sweeps leave of one design.
+cutting::Surface machined_surface(const cutting::Design& design_w,
+                                  const std::vector<ToolSweep>& sweeps,
+                                  const cutting::SurfaceOptions& options);
+
+/// The program of a job on the error-free machine, a sweep for each of its parts. They refer to the
+/// job.
+std::vector<ToolSweep> error_free_sweeps(const Job& job);
+
+/// The band of the scene, and progress under the name of the stage "surface".
+cutting::SurfaceOptions options_of(const Job& job, const Progress& progress);
+
+}  // namespace abbe::sim

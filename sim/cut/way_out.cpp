@@ -1,0 +1,261 @@
+#include "sim/cut/way_out.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include <fmt/format.h>
+
+#include "kinematics/jacobian.h"
+#include "kinematics/least_squares.h"
+#include "sim/cut/tool_motion.h"
+
+namespace abbe::sim {
+namespace {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+using kinematics::AxisVector;
+using kinematics::Pose;
+
+bool overlap(const Span& a, const Span& b) { return a.low <= b.high && b.low <= a.high; }
+
+bool is_feed_sample(const Job& job, std::size_t sample) {
+  return program::is_feed(job.path.blocks[std::size_t(job.samples.block[sample])]);
+}
+
+/// The feed of a milling cutter alone. Between two stretches of it the cutter leaves upwards and
+/// goes over far above the part, where nothing is near, its axis turned upwards on the way.
+cutting::CutterMotion feed_motion(const Job& job) {
+  constexpr double far = 1e4;  // mm
+  const cutting::CutterMotion all = cutter_motion(job.T_wt_nominal, job.samples);
+  const Eigen::Matrix3d R_wm = job.scene.part.T_wm.linear();
+  std::vector<Vector3d> tip, axis;
+  std::vector<Index> from;
+  const auto add = [&](Index i) {
+    tip.push_back(all.tip.row(i));
+    axis.push_back(all.axis.row(i));
+    from.push_back(i);
+  };
+  const auto add_far_above = [&](Index i) {
+    add(i);
+    tip.back() += far * R_wm.col(2);
+    axis.back() = (axis.back() + R_wm.col(2)).norm() > 0.1 ? R_wm.col(2) : R_wm.col(0);
+  };
+  for (Index i = 1; i < all.tip.rows(); ++i) {
+    if (!is_feed_sample(job, std::size_t(i))) continue;
+    if (from.empty() || from.back() != i - 1) {
+      if (!from.empty()) add_far_above(from.back());
+      if (!from.empty()) add_far_above(i - 1);
+      add(i - 1);
+    }
+    add(i);
+  }
+  cutting::CutterMotion feed;
+  const Index n = Index(from.size());
+  feed.tip.resize(n, 3);
+  feed.axis.resize(n, 3);
+  feed.time_s.resize(n);
+  for (Index k = 0; k < n; ++k) {
+    feed.tip.row(k) = tip[std::size_t(k)];
+    feed.axis.row(k) = axis[std::size_t(k)];
+    feed.time_s[k] = all.time_s[from[std::size_t(k)]];
+    feed.line.push_back(all.line[std::size_t(from[std::size_t(k)])]);
+  }
+  return feed;
+}
+
+/// mm by which the feed lies above the part, moved by `by_w`, along the part's z: the least over
+/// the judged vertices, negative where it lies below. None where no vertex has it over or under it.
+std::optional<double> height_above(const Job& job, const cutting::Design& few_w,
+                                   const Vector3d& by_w, double most) {
+  const bool feeds = std::any_of(job.path.blocks.begin(), job.path.blocks.end(), program::is_feed);
+  cutting::Design rays = few_w;
+  rays.triangles.resize(0, 3);
+  rays.vertices.rowwise() += by_w.transpose();
+  rays.normals.rowwise() = job.scene.part.T_wm.linear().col(2).transpose();
+  std::optional<double> least;
+  for (const Job& part : parts_of(job)) {
+    const cutting::CutterMotion motion =
+        feeds ? feed_motion(part) : cutter_motion(part.T_wt_nominal, part.samples);
+    if (motion.tip.rows() == 0) continue;
+    const cutting::Surface surface =
+        cutting::milled_surface(rays, std::get<cutting::Cutter>(part.scene.tool.nominal), motion,
+                                {.band = most, .progress = {}});
+    for (Index i = 0; i < surface.residual.size(); ++i)
+      if (surface.status[std::size_t(i)] == cutting::VertexStatus::Cut)
+        least = std::min(least.value_or(infinity), surface.residual[i]);
+  }
+  return least;
+}
+
+/// By which the program of a milled part has to be moved, mm, workpiece frame.
+Vector3d milled_shift(const Job& job, const cutting::Design& few_w) {
+  const SweptSpans swept = swept_spans(job);
+  const Spans part = part_spans(job);
+  Vector3d by_m = Vector3d::Zero();
+  for (std::size_t k = 0; k < 2; ++k)
+    if (!overlap(part[k], swept.feed[k])) by_m[Index(k)] = part[k].middle() - swept.tip[k].middle();
+  const Eigen::Matrix3d R_wm = job.scene.part.T_wm.linear();
+  const double most = std::max(std::abs(swept.all[2].high - part[2].low),
+                               std::abs(part[2].high - swept.all[2].low)) +
+                      job.scene.band;
+  const auto above = height_above(job, few_w, -(R_wm * by_m), most);
+  if (above)
+    by_m.z() = -*above;
+  else if (!overlap(part[2], swept.feed[2]))
+    by_m.z() = part[2].high - swept.feed[2].low;
+  return R_wm * by_m;
+}
+
+/// The first sample in feed; the first of all where nothing feeds.
+std::size_t first_feed(const Job& job) {
+  for (std::size_t i = 0; i < job.samples.block.size(); ++i)
+    if (is_feed_sample(job, i)) return i;
+  return 0;
+}
+
+/// The same of a turned part: along the spindle as above, and to the radius that is nearest.
+Vector3d turned_shift(const Job& job) {
+  const SweptSpans swept = swept_spans(job);
+  const Spans part = part_spans(job);
+  const SpindleLine line = spindle_line(job.machine.nominal, *job.machine.workpiece_spindle);
+  Vector3d shift = Vector3d::Zero();
+  if (!overlap(part[0], swept.feed[0]))
+    shift += (part[0].middle() - swept.tip[0].middle()) * line.direction_w;
+  const Vector3d arm = job.T_wt_nominal[first_feed(job)].translation() - line.point_w;
+  const Vector3d out = arm - arm.dot(line.direction_w) * line.direction_w;
+  if (!overlap(part[1], swept.feed[1]) && out.norm() > 0.0)
+    shift += (swept.feed[1].low > part[1].high ? part[1].high - swept.feed[1].low
+                                               : part[1].low - swept.feed[1].high) *
+             out.normalized();
+  return shift;
+}
+
+double rounded(double mm) { return std::round(mm * 1e3) / 1e3 + 0.0; }
+
+/// Positions of axes by which the words of a block have to change for a shift of the tip; none
+/// where the slides cannot make it.
+std::optional<AxisVector> change_of_words(const Job& job, std::size_t sample,
+                                          const Vector3d& shift_w) {
+  const kinematics::Chain& chain = job.machine.nominal;
+  AxisVector change = AxisVector::Zero(chain.size());
+  const program::Block& block = job.path.blocks[std::size_t(job.samples.block[sample])];
+  if (block.coordinates == program::Coordinates::Tip) {
+    for (const char name : {'X', 'Y', 'Z'}) change[*chain.find(name)] = shift_w[name - 'X'];
+  } else {
+    const auto J = kinematics::axis_jacobian(chain, job.samples.states[sample].q);
+    Eigen::MatrixXd by_slide = Eigen::MatrixXd::Zero(3, chain.size());
+    for (int j = 0; j < chain.size(); ++j)
+      if (chain.joints()[std::size_t(j)].motion == kinematics::Motion::Linear)
+        by_slide.col(j) = J.col(j).head<3>();
+    change = shortest_least_squares(by_slide, shift_w);
+    if ((by_slide * change - shift_w).norm() > 1e-6 * shift_w.norm()) return std::nullopt;
+  }
+  for (int j = 0; j < change.size(); ++j) change[j] = rounded(change[j]);
+  return change;
+}
+
+/// The scene with its work offsets changed, and the change in words; none where the program has
+/// none that help.
+struct Shifted {
+  Scene scene;
+  std::string words;
+};
+
+std::optional<Shifted> with_offsets(const Job& job, const Vector3d& shift_w) {
+  if (!std::holds_alternative<ProgramDescription::File>(job.scene.program.source))
+    return std::nullopt;
+  Shifted shifted{job.scene, ""};
+  std::set<int> done;
+  for (std::size_t i = 0; i < job.samples.block.size(); ++i) {
+    const int used = job.path.blocks[std::size_t(job.samples.block[i])].work_offset;
+    if (!is_feed_sample(job, i) || !done.insert(used).second) continue;
+    if (used < 0) return std::nullopt;
+    const auto change = change_of_words(job, i, shift_w);
+    if (!change) return std::nullopt;
+    AxisVector& offset = shifted.scene.program.work_offset[std::size_t(used)];
+    if (offset.size() == 0) offset = AxisVector::Zero(change->size());
+    std::string words;
+    for (int j = 0; j < change->size(); ++j) {
+      if ((*change)[j] == 0.0) continue;
+      const double now = offset[j];
+      offset[j] += (*change)[j];
+      words += fmt::format(" {} = {:.6g}", job.machine.nominal.joints()[std::size_t(j)].name,
+                           rounded(offset[j]));
+      if (now != 0.0) words += fmt::format(" (now {:.6g})", now);
+    }
+    shifted.words += fmt::format("{}G{}{}", shifted.words.empty() ? "" : ", ", 54 + used, words);
+  }
+  if (shifted.words.empty()) return std::nullopt;
+  return shifted;
+}
+
+/// How much of the part the program of a changed scene cuts, read and run again; none where the
+/// axes cannot run it.
+std::optional<WithinReach> tried(Scene scene, const cutting::Design& few_w) {
+  scene.geometric = {};
+  scene.thermal.reset();
+  scene.compliance.reset();
+  scene.vibrations.clear();
+  scene.cutting.reset();
+  try {
+    const Job job = prepare(scene);
+    return within_reach(few_w, error_free_sweeps(job), scene.band);
+  } catch (const BadInput&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace
+
+WithinReach within_reach(const cutting::Design& design_w, const std::vector<ToolSweep>& sweeps,
+                         double band) {
+  using cutting::VertexStatus;
+  const cutting::Surface surface =
+      machined_surface(design_w, sweeps, {.band = band, .progress = {}});
+  WithinReach reach;
+  double judged = 0.0, reached = 0.0;
+  for (Index i = 0; i < design_w.vertices.rows(); ++i) {
+    const VertexStatus status = surface.status[std::size_t(i)];
+    if (status == VertexStatus::Outside) continue;
+    ++reach.tried;
+    judged += design_w.area[i];
+    if (status != VertexStatus::Uncut) reached += design_w.area[i];
+    if (status == VertexStatus::Cut) reach.cut += design_w.area[i];
+  }
+  if (judged > 0.0) {
+    reach.share = reached / judged;
+    reach.cut /= judged;
+  }
+  return reach;
+}
+
+cutting::Design thinned(cutting::Design design) {
+  constexpr std::ptrdiff_t most = 2000;
+  design.judged.resize(std::size_t(design.vertices.rows()), 1);
+  const auto every = 1 + std::count(design.judged.begin(), design.judged.end(), 1) / most;
+  std::ptrdiff_t number = 0;
+  for (std::uint8_t& judged : design.judged) judged = judged && number++ % every == 0;
+  return design;
+}
+
+std::optional<WayOut> way_out(const Job& job) {
+  const cutting::Design few_w = thinned(job.design_w);
+  const bool milled = std::holds_alternative<cutting::Cutter>(job.scene.tool.nominal);
+  const Vector3d shift_w = milled ? milled_shift(job, few_w) : turned_shift(job);
+  if (!(shift_w.norm() > 0.0)) return std::nullopt;
+  if (const auto shifted = with_offsets(job, shift_w))
+    if (const auto reach = tried(shifted->scene, few_w); reach && reach->share > 0.0)
+      return WayOut{fmt::format("with {} it touches", shifted->words), *reach};
+  cutting::Design moved = few_w;
+  moved.vertices.rowwise() -= shift_w.transpose();
+  const WithinReach reach = within_reach(moved, error_free_sweeps(job), job.scene.band);
+  if (!(reach.share > 0.0)) return std::nullopt;
+  const Vector3d at = job.scene.part.T_wm.translation() - shift_w;
+  return WayOut{fmt::format("with part.at_mm = [{:.6g}, {:.6g}, {:.6g}] it touches",
+                            rounded(at.x()), rounded(at.y()), rounded(at.z())),
+                reach};
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "sim/cut/spans.h"
+#include "sim/cut/sweep.h"
+
+namespace abbe::sim {
+
+/// How much of the judged area the error-free machine comes to.
+struct WithinReach {
+  double share = 0.0;  ///< 0 .. 1, that it cuts or gouges
+  double cut = 0.0;    ///< the same, that it cuts within the band
+  int tried = 0;       ///< judged vertices
+};
+WithinReach within_reach(const cutting::Design& design_w, const std::vector<ToolSweep>& sweeps,
+                         double band);
+
+/// The design with at most some 2000 of its vertices judged, for a look at where it is cut.
+cutting::Design thinned(cutting::Design design);
+
+/// A change of the scene with which its program cuts its part, tried out.
+struct WayOut {
+  std::string words;  ///< "with G54 Z = -80 it touches"
+  WithinReach reach;  ///< of the thinned design, with that change
+};
+
+/// Where a program that misses the part would have to stand. Coordinates in which the tool keeps
+/// clear of the part bring the middle of its feed over the middle of the part; the height is then
+/// that at which the sweep of the feed first touches a judged vertex along the part's z. Said as
+/// work offsets that the program uses, to 1 um, where the program read with them cuts the part
+/// within the travel of the axes; else as part.at_mm; none where neither does.
+std::optional<WayOut> way_out(const Job& job);
+
+}  // namespace abbe::sim

@@ -1,0 +1,111 @@
+#include "sim/report/result_files.h"
+
+#include <algorithm>
+#include <map>
+
+#include <nlohmann/json.hpp>
+
+#include "sim/report/result_map.h"
+#include "sim/report/result_meshes.h"
+#include "sim/report/result_tables.h"
+#include "sim/report/summary_report.h"
+
+#if ABBE_RENDER
+#include "render/field.h"
+#endif
+
+namespace abbe::sim {
+namespace {
+
+/// What is to be written.
+struct ToSave {
+  const Job& job;
+  const Verdict& verdict;
+  const std::vector<std::string>& formats;
+  ResultMap map;
+};
+
+std::string name_of_map(const std::string& format) { return "residual." + format; }
+
+/// The facts, the figures of the map and which files hold it.
+nlohmann::ordered_json about_map(const ToSave& all) {
+  nlohmann::ordered_json json = to_json(all.map.facts);
+  const nlohmann::ordered_json figures = to_json(summary(all.job, all.verdict));
+  for (const char* key : {"residual_um", "machine_um", "form_um", "texture_um", "vertices",
+                          "cut_vertices", "uncut_vertices", "uncut_percent", "gouged_vertices",
+                          "deepest_gouge_um", "deepest_gouge_is_bound", "outside_vertices"})
+    json[key] = figures.at(key);
+  json["triangles"] = all.map.design.triangles.rows();
+  json["fields"] = {{"area_mm2", "a third of the triangles around a vertex"},
+                    {"middle_um",
+                     "deviation at the middle of a triangle (vtp, npz): it stands for three "
+                     "quarters of the triangle in the statistics and a corner for a twelfth; where "
+                     "it is nan, or there are none, a corner stands for a third"},
+                    {"residual_um", "deviation along the normal, nan where not cut"},
+                    {"form_um", "the residual through the areal Gaussian filter"},
+                    {"texture_um", "the residual minus the form"},
+                    {"status", json["status"]},
+                    {"cut_time_s", "when the surface was made there"},
+                    {"cut_line", "line of the program that made it, 0 where none did"}};
+  json["files"] = nlohmann::ordered_json::array();
+  for (const std::string& format : map_formats())
+    if (std::ranges::find(all.formats, format) != all.formats.end())
+      json["files"].push_back(name_of_map(format));
+  return json;
+}
+
+using Save = void (*)(const ResultFile&, const ToSave&);
+
+/// How each format is written; texts keep their bytes.
+const std::map<std::string, Save>& savers() {
+  static const std::map<std::string, Save> all = {
+#if ABBE_RENDER
+    {"vtp",
+     [](const ResultFile& file, const ToSave& what) {
+       const ResultMap& map = what.map;
+       write_file(file, [&](const std::filesystem::path& path) {
+         render::write_residual(path,
+                                {map.design, map.residual_um, map.status, map.cut_time_s,
+                                 map.cut_line, map.middle_um, map.form_um},
+                                fact_texts(map.facts));
+       });
+     }},
+#endif
+    {"ply", [](const ResultFile& file, const ToSave& what) { write_file(file, to_ply(what.map)); }},
+    {"stl", [](const ResultFile& file, const ToSave& what) { write_file(file, to_stl(what.map)); }},
+    {"csv", [](const ResultFile& file, const ToSave& what) { write_file(file, to_csv(what.map)); }},
+    {"npz", [](const ResultFile& file, const ToSave& what) { write_file(file, to_npz(what.map)); }},
+    {"json", [](const ResultFile& file, const ToSave& what) { write_json(file, about_map(what)); }},
+  };
+  return all;
+}
+
+}  // namespace
+
+std::vector<std::string> map_formats() {
+  std::vector<std::string> names;
+  for (const char* name : {"vtp", "ply", "stl", "csv", "npz", "json"})
+    if (savers().contains(name)) names.emplace_back(name);
+  return names;
+}
+
+std::vector<std::string> usual_map_formats() {
+  return savers().contains("vtp") ? std::vector<std::string>{"vtp"} : std::vector<std::string>{};
+}
+
+void write_map_files(const ResultFolder& folder, const Job& job, const Verdict& verdict,
+                     const std::vector<std::string>& formats, const Progress& progress) {
+  const ToSave all{job, verdict, formats, result_map(job, verdict)};
+  double done = 0.0;
+  for (const auto& [format, save] : savers()) {
+    if (progress) progress("write", done / double(savers().size()));
+    done += 1.0;
+    const ResultFile file = folder / name_of_map(format);
+    if (std::ranges::find(formats, format) != formats.end())
+      save(file, all);
+    else
+      remove_file(file);
+  }
+}
+
+}  // namespace abbe::sim

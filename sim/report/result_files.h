@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "sim/files/output.h"
+#include "sim/files/progress.h"
+#include "sim/report/verdict.h"
+
+namespace abbe::sim {
+
+/// Endings of the files in which a map can be saved, as `--save` names them; "vtp" where the
+/// program was built with VTK.
+std::vector<std::string> map_formats();
+
+/// Those that are saved where nothing else is asked for.
+std::vector<std::string> usual_map_formats();
+
+/// Writes `residual.FORMAT` for each of the formats, and removes those of the others that an
+/// earlier run left.
+/// @param progress  shows one stage, "write"
+/// @throws OutputFailure, Interrupted
+void write_map_files(const ResultFolder& folder, const Job& job, const Verdict& verdict,
+                     const std::vector<std::string>& formats, const Progress& progress = {});
+
+}  // namespace abbe::sim

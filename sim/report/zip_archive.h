@@ -1,0 +1,19 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace abbe::sim {
+
+struct ZipEntry {
+  std::string name;  ///< ASCII
+  std::string bytes;
+};
+
+/// A zip archive of these, compressed by deflate, dated 1980-01-01: the same entries give the same
+/// bytes.
+/// @throws std::length_error for an entry or an archive of 4 GiB or more
+/// Source: PKWARE's APPNOTE.TXT, 4.3.
+std::string zip_archive(const std::vector<ZipEntry>& entries);
+
+}  // namespace abbe::sim

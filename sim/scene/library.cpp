@@ -1,0 +1,158 @@
+#include "sim/scene/library.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "sim/scene/bad_scene.h"
+#include "sim/scene/nearest_word.h"
+
+namespace abbe::sim {
+namespace {
+
+using std::filesystem::path;
+
+constexpr std::array endings{".toml", ".csv", ".ngc", ".nc",  ".tap", ".pvt",
+                             ".stl",  ".obj", ".off", ".ply", ".txt", ".vtu"};
+constexpr std::size_t names_listed = 12;
+
+bool is_file(const path& file) {
+  std::error_code failure;
+  return std::filesystem::is_regular_file(file, failure);
+}
+
+bool is_library(const path& folder) {
+  std::error_code failure;
+  return std::filesystem::is_directory(folder / "machines", failure);
+}
+
+/// Files of the library below one of its folders, as paths in the library, sorted.
+std::vector<path> files_of(const path& library, std::string_view kind) {
+  std::vector<path> files;
+  std::error_code failure;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(library / kind, failure)) {
+    const bool known = std::ranges::find(endings, entry.path().extension()) != endings.end();
+    if (known && is_file(entry.path())) files.push_back(entry.path().lexically_relative(library));
+  }
+  std::ranges::sort(files);
+  return files;
+}
+
+path without_ending(path file) { return file.replace_extension(); }
+
+/// The shortest that means one file alone.
+std::string shortest(const path& file, const std::vector<path>& files, std::string_view kind) {
+  const auto same = [&](const path& other) {
+    return without_ending(other) == without_ending(file);
+  };
+  const path name = std::ranges::count_if(files, same) > 1 ? file : without_ending(file);
+  return std::string(library_prefix) +
+         (kind.empty() ? name : name.lexically_relative(kind)).generic_string();
+}
+
+/// Files that a name may mean: by its path in the library or in the folder of its kind.
+std::vector<path> meant(const path& name, const std::vector<path>& files, std::string_view kind) {
+  std::vector<path> found;
+  for (const path& file : files)
+    for (const path& in : {path(), path(kind)})
+      if (in / name == file || in / name == without_ending(file)) {
+        found.push_back(file);
+        break;
+      }
+  return found;
+}
+
+std::string listed(std::vector<path> files, std::string_view kind, std::string_view name) {
+  const std::vector<path> all = files;
+  const auto far = [&](const path& file) {
+    return edit_distance(path(name).stem().string(), file.stem().string());
+  };
+  std::ranges::stable_sort(files, {}, far);
+  std::string text;
+  for (std::size_t i = 0; i < std::min(files.size(), names_listed); ++i)
+    text += (i == 0 ? "" : ", ") + shortest(files[i], all, kind);
+  if (files.size() > names_listed) text += fmt::format(" and {} more", files.size() - names_listed);
+  return text;
+}
+
+path in_library(const FileName& wanted, Faults& faults) {
+  const path name = path(wanted.name.substr(library_prefix.size())).lexically_normal();
+  const path library = library_folder();
+  std::vector<path> found = meant(name, files_of(library, ""), wanted.kind);
+  if (found.size() == 1) return library / found.front();
+  if (found.size() > 1) {
+    faults.add(wanted.place, "one of " + listed(found, "", name.string()),
+               fmt::format("\"{}\", which may mean each of them", wanted.name));
+  } else {
+    const std::vector<path> files = files_of(library, wanted.kind);
+    faults.add(wanted.place, "a name of the library: " + listed(files, wanted.kind, name.string()),
+               fmt::format("\"{}\"", wanted.name));
+  }
+  return name;
+}
+
+}  // namespace
+
+path library_folder() {
+  if (const char* named = std::getenv("ABBE_LIBRARY")) {
+    if (is_library(named)) return std::filesystem::canonical(named);
+    throw BadInput("ABBE_LIBRARY", 0, 0, "a folder that has abbe's machines/", named);
+  }
+  std::error_code failure;
+  const path program = std::filesystem::read_symlink("/proc/self/exe", failure).parent_path();
+  for (const path& folder : {program / "scenes", program / ABBE_LIBRARY_FROM_PROGRAM})
+    if (is_library(folder)) return std::filesystem::canonical(folder);
+  throw BadInput("library:", 0, 0,
+                 fmt::format("the library of abbe in {} (or ABBE_LIBRARY=FOLDER)",
+                             (program / ABBE_LIBRARY_FROM_PROGRAM).lexically_normal().string()),
+                 "no such folder");
+}
+
+path located(const FileName& name, const path& folder, Faults& faults) {
+  const path beside = (folder / name.name).lexically_normal();
+  try {
+    if (name.name.starts_with(library_prefix)) return in_library(name, faults);
+    const path inside = path(name.name).lexically_normal();
+    if (is_file(beside) || inside.is_absolute() || *inside.begin() == "..") return beside;
+    const path file = library_folder() / inside;
+    return is_file(file) ? file : beside;
+  } catch (const BadInput& fault) {  // no library: only a name that asks for it minds
+    if (name.name.starts_with(library_prefix)) faults.add(name.place, fault.expected, fault.seen);
+    return beside;
+  }
+}
+
+path library_file(const path& name) {
+  Faults faults;
+  const std::string text = name.string();
+  const Place place{std::make_shared<const std::string>(text), 0, 0, true};
+  const path file = located({text, place, ""}, "", faults);
+  if (!faults.empty()) throw BadScene(faults.list());
+  return file;
+}
+
+std::string library_name(const path& file) {
+  try {
+    const path inside = file.lexically_relative(library_folder());
+    if (!inside.empty() && *inside.begin() != "..")
+      return std::string(library_prefix) + inside.generic_string();
+  } catch (const BadInput&) {
+    // no library: no file is in it
+  }
+  return file.string();
+}
+
+std::string library_names(std::string_view kind, std::string_view name) {
+  try {
+    return listed(files_of(library_folder(), kind), kind, name);
+  } catch (const BadInput&) {
+    return {};
+  }
+}
+
+}  // namespace abbe::sim

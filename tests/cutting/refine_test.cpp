@@ -1,0 +1,201 @@
+#include "cutting/refine.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <numbers>
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include "cutting/interpolation.h"
+#include "cutting/primitive.h"
+#include "cutting/subdivide.h"
+#include "cutting/surface.h"
+#include "tests/cutting/milled_parts.h"
+#include "tests/cutting/turned_parts.h"
+
+namespace abbe::cutting {
+namespace {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+
+constexpr double micron = 1e-3;
+
+/// A ball of 5 mm along x in passes `pitch` apart, turned by `angle` about z, over a square of
+/// `side`; z wavers along the passes by a micrometre over 20 mm.
+CutterMotion passes(double pitch, double side, double angle) {
+  std::vector<Stop> stops;
+  const Eigen::AngleAxisd turn(angle, Vector3d::UnitZ());
+  const double reach = 0.8 * side;
+  for (double y = -reach; y <= reach; y += pitch) {
+    stops.push_back({turn * Vector3d(-reach, y, 5.0)});
+    for (double x = -reach; x <= reach; x += 1.0)
+      stops.push_back(
+          {turn * Vector3d(x, y, micron * std::sin(2.0 * std::numbers::pi * x / 20.0))});
+    stops.push_back({turn * Vector3d(reach, y, 5.0)});
+  }
+  return motion_of(stops);
+}
+
+struct Milled {
+  CutterMotion motion;
+  Cutter cutter = ball_mill;
+  std::function<Surface(const Design&)> search = milled_search(cutter, motion);
+  Sounding operator()(const Design& design) const {
+    Surface surface = search(design);
+    Contacts contacts = milled_contacts(design, surface, cutter, motion);
+    return {std::move(surface), std::move(contacts)};
+  }
+};
+
+OnSurface on(const Primitive& primitive) {
+  return on_declared(primitive, Eigen::Isometry3d::Identity());
+}
+
+TEST(Refine, APlaneOfCuspsIsResolvedToTheBoundHoweverItsVerticesStand) {
+  for (const double angle : {0.0, 0.3, std::numbers::pi / 2}) {
+    for (const int vertices : {150, 900, 4000}) {
+      const Primitive plane = RectanglePlane{10.0, 10.0};
+      const Milled mill{passes(0.5, 10.0, angle)};
+      const RefineOptions options{.resolution = 0.15 * micron, .may_flip = true};
+      const Refined fine =
+          refined(tessellate(plane, {vertices}), on(plane), std::cref(mill), options);
+      const Surface surface = mill.search(fine.design);
+      const InterpolationError error =
+          interpolation_error(fine.design, surface, on(plane), mill.search,
+                              {.places = 10000, .resolution = options.resolution});
+      std::cout << "passes at " << angle << ", " << vertices
+                << " vertices: " << fine.design.vertices.rows() << ", " << fine.sounded
+                << " looked at, worst " << error.worst / micron << " um, "
+                << 100.0 * error.unresolved << " % beyond 0.15\n";
+      EXPECT_EQ(fine.left, 0);
+      EXPECT_GT(error.places, 9000);
+      EXPECT_LT(error.unresolved, 0.002);
+      EXPECT_LT(error.worst, 2.0 * options.resolution);
+    }
+  }
+}
+
+TEST(Refine, ADomeOfCusps) {
+  const Primitive dome = SphereCap{60.0, 8.0};
+  std::vector<Stop> stops;
+  for (double y = -9.0; y <= 9.0; y += 0.35) {
+    stops.push_back({{-9.0, y, 8.0}});
+    for (double x = -9.0; x <= 9.0; x += 0.5)
+      stops.push_back({{x, y, std::sqrt(65.0 * 65.0 - x * x - y * y) - 60.0 - 5.0}});
+    stops.push_back({{9.0, y, 8.0}});
+  }
+  const Milled mill{motion_of(stops)};
+  const Refined fine = refined(tessellate(dome, {2000}), on(dome), std::cref(mill),
+                               {.resolution = 0.1 * micron, .may_flip = true});
+  const Surface surface = mill.search(fine.design);
+  const InterpolationError error = interpolation_error(
+      fine.design, surface, on(dome), mill.search, {.places = 10000, .resolution = 0.1 * micron});
+  std::cout << fine.design.vertices.rows() << " vertices, " << fine.sounded << " looked at, worst "
+            << error.worst / micron << " um, " << 100.0 * error.unresolved << " % beyond 0.1\n";
+  EXPECT_LT(error.unresolved, 0.002);
+  for (Index i = 0; i < fine.design.vertices.rows(); ++i) {
+    const Vector3d from = fine.design.vertices.row(i).transpose() + Vector3d(0, 0, 60.0);
+    ASSERT_NEAR(from.norm(), 60.0, 1e-12);
+  }
+}
+
+TEST(Refine, NothingIsAddedWhereTheResidualIsLinear) {
+  const Primitive plane = RectanglePlane{10.0, 10.0};
+  std::vector<Stop> stops;
+  for (double y = -20.0; y <= 20.0; y += 5.0)
+    for (const double x : {-20.0, 20.0}) stops.push_back({{x, y, 1e-3}});
+  Milled mill{motion_of(stops), {8.0, 0.0, 20.0}};
+  const Design design = tessellate(plane, {400});
+  const Refined fine = refined(design, on(plane), std::cref(mill), {.resolution = 5e-5});
+  EXPECT_EQ(fine.design.vertices.rows(), design.vertices.rows());
+}
+
+TEST(Refine, StopsAtItsBudgetEvenlyAndSaysSo) {
+  const Primitive plane = RectanglePlane{10.0, 10.0};
+  const Milled mill{passes(0.5, 10.0, 0.1)};
+  const Refined fine = refined(tessellate(plane, {200}), on(plane), std::cref(mill),
+                               {.resolution = 1e-5, .points = 3000, .may_flip = true});
+  EXPECT_EQ(fine.design.vertices.rows(), 3000);
+  EXPECT_GT(fine.left, 100);
+  EXPECT_GT(fine.reached, 1e-4);
+  const InterpolationError error =
+      interpolation_error(fine.design, mill.search(fine.design), on(plane), mill.search,
+                          {.places = 10000, .resolution = fine.reached});
+  std::cout << "reached " << fine.reached / micron << " um, worst " << error.worst / micron
+            << " um, " << 100.0 * error.unresolved << " % beyond\n";
+  EXPECT_LT(error.unresolved, 0.05);
+}
+
+TEST(Refine, IsTheSameForAnyNumberOfThreads) {
+  const Primitive plane = RectanglePlane{6.0, 6.0};
+  const Milled mill{passes(0.5, 6.0, 0.2)};
+  const auto made = [&](int threads) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    return refined(tessellate(plane, {200}), on(plane), std::cref(mill),
+                   {.resolution = 2e-4, .may_flip = true})
+        .design;
+  };
+  const Design one = made(1), two = made(2);
+  EXPECT_EQ(one.vertices, two.vertices);
+  EXPECT_EQ(one.triangles, two.triangles);
+}
+
+TEST(Refine, CoversTheSameAreaAndKeepsWhatWasGiven) {
+  const Primitive plane = RectanglePlane{6.0, 6.0};
+  const Milled mill{passes(0.5, 6.0, 0.2)};
+  const Design design = tessellate(plane, {200});
+  const Design fine =
+      refined(design, on(plane), std::cref(mill), {.resolution = 2e-4, .may_flip = true}).design;
+  EXPECT_NEAR(fine.area.sum(), 36.0, 1e-9);
+  EXPECT_EQ(fine.vertices.topRows(design.vertices.rows()), design.vertices);
+  for (const auto& t : fine.triangles.rowwise()) {
+    const Vector3d a = fine.vertices.row(t[0]), b = fine.vertices.row(t[1]),
+                   c = fine.vertices.row(t[2]);
+    ASSERT_GT((b - a).cross(c - a).z(), 0.0);
+  }
+}
+
+TEST(Contacts, GradientsAreTheDifferencesOfTheResidual) {
+  const Milled mills[] = {{passes(0.5, 10.0, 0.3), ball_mill},
+                          {passes(0.5, 10.0, 0.3), {5.0, 1.0, 20.0}}};
+  for (const Milled& mill : mills) {
+    std::vector<Site> sites, moved;
+    constexpr double step = 1e-4;
+    for (int i = 0; i < 200; ++i) {
+      const double x = 0.041 * (i % 17) - 0.3, y = 0.037 * (i / 17) - 0.2;
+      sites.push_back({{x, y, 0.0}, Vector3d(0.05, -0.03, 1.0).normalized()});
+      for (const Vector3d& d : {Vector3d(step, 0, 0), Vector3d(0, step, 0)})
+        moved.push_back({sites.back().point + d, sites.back().normal});
+    }
+    const Sounding here = mill(design_of(sites)), there = mill(design_of(moved));
+    int compared = 0;
+    for (Index i = 0; i < 200; ++i)
+      for (Index k = 0; k < 2; ++k) {
+        const Index j = 2 * i + k;
+        // a crest or a join of moves between the two is no slope
+        if (std::abs(there.contacts.travel[j] - here.contacts.travel[i]) > 20.0 * step) continue;
+        const double change = there.surface.residual[j] - here.surface.residual[i];
+        EXPECT_NEAR(change, -here.contacts.gradient(i, k) * step, 0.2 * step * step + 2e-9);
+        ++compared;
+      }
+    EXPECT_GT(compared, 300);
+  }
+}
+
+TEST(Subdivide, LeavesNoJudgedEdgeLonger) {
+  const Primitive dome = SphereCap{30.0, 10.0};
+  const Design fine = subdivided(tessellate(dome, {300}), on(dome), {0.5, 100000});
+  double longest = 0.0;
+  for (const auto& t : fine.triangles.rowwise())
+    for (int k = 0; k < 3; ++k)
+      longest =
+          std::max(longest, (fine.vertices.row(t[k]) - fine.vertices.row(t[(k + 1) % 3])).norm());
+  EXPECT_LE(longest, 0.5);
+  EXPECT_GT(longest, 0.25);
+}
+
+}  // namespace
+}  // namespace abbe::cutting

@@ -1,0 +1,77 @@
+// The picture of `abbe check`: nothing hangs in the air, and a raster is lines.
+
+#if ABBE_RENDER
+
+#include "sim/report/machine_picture.h"
+
+#include <algorithm>
+#include <iostream>
+
+#include <gtest/gtest.h>
+
+#include "tests/sim/small_scene.h"
+
+namespace abbe::sim {
+namespace {
+
+/// 60 passes to and fro of 20 mm, 0.33 apart, without a rapid between them.
+std::string zigzag() {
+  std::string text = "%\nG21 G90 G94 G17\nG54\nG43.4 H1\nG0 X-10 Y-10 Z95 A0 C0\nG1 Z80 F1000\n";
+  for (int i = 0; i < 60; ++i)
+    text += fmt::format("G1 Y{:.3f}\nG1 X{}\n", -10.0 + i / 3.0, i % 2 == 0 ? 10 : -10);
+  return text + "G0 Z95\nM2\n%\n";
+}
+
+render::MachinePicture zigzag_picture() {
+  const SceneFolder folder;
+  const std::string program = folder.write("p.ngc", zigzag()).string();
+  const std::string scenes = packaged("").string();
+  const auto scene = folder.write(
+      "s.toml",
+      "machine = \"" + scenes + "machines/gantry_cxyza.toml\"\ntool = \"" + scenes +
+          "tools/ball_r5.toml\"\n[part]\nsurface = \"rectangle\"\nlength_x_mm = "
+          "20\nlength_y_mm = 20\nat_mm = [0, 0, 80]\nvertices = 200\n[program]\nfile = \"" +
+          program + "\"\n");
+  return machine_picture(prepare(read_scene(scene)));
+}
+
+TEST(MachinePicture, DrawsStretchesOfALongPathAndNoSheet) {
+  const render::MachinePicture picture = zigzag_picture();
+  double all = 0.0, longest = 0.0;
+  for (const render::Polyline& path : picture.paths) {
+    double length = 0.0;
+    for (Eigen::Index i = 1; i < path.points.rows(); ++i)
+      length += (path.points.row(i) - path.points.row(i - 1)).norm();
+    longest = std::max(longest, length);
+    all += length;
+  }
+  std::cout << picture.paths.size() << " stretches of " << longest << " mm at most, " << all
+            << " mm of 1220\n";
+  EXPECT_GE(picture.paths.size(), 5u);
+  EXPECT_LT(longest, 60.0);  // about the part and the way down to it
+  EXPECT_LT(all, 0.4 * 1220.0);
+}
+
+TEST(MachinePicture, StandsOnABed) {
+  const render::MachinePicture picture = zigzag_picture();
+  const auto bed = std::find_if(picture.bodies.begin(), picture.bodies.end(),
+                                [](const render::Body& body) { return body.label == "bed"; });
+  ASSERT_NE(bed, picture.bodies.end());
+  const double top =
+      bed->T.translation().z() + 0.5 * std::get<render::BlockShape>(bed->shape).size.z();
+  int standing = 0;
+  for (const render::Body& body : picture.bodies) {
+    const auto* block = std::get_if<render::BlockShape>(&body.shape);
+    if (!block || &body == &*bed) continue;
+    const Eigen::Vector3d half = 0.5 * block->size.z() * body.T.linear().col(2);
+    const double low = body.T.translation().z() - std::abs(half.z());
+    EXPECT_GE(low, top - 1e-6);
+    standing += std::abs(low - top) < 1e-6;
+  }
+  EXPECT_EQ(standing, 2) << "a column of the tool's side and one of the part's";
+}
+
+}  // namespace
+}  // namespace abbe::sim
+
+#endif

@@ -1,0 +1,136 @@
+#include <gtest/gtest.h>
+
+#include "sim/cut/reach.h"
+#include "sim/cut/way_out.h"
+#include "tests/sim/odd_scenes.h"
+
+namespace abbe::sim {
+namespace {
+
+/// The fault of a placement, empty for none.
+std::string fault_of(const Job& job) {
+  const Placement found = placement(job);
+  return found.fault ? found.fault->what() : "";
+}
+
+bool says(const std::string& text, const std::string& words) {
+  return text.find(words) != std::string::npos;
+}
+
+/// A dome cut by a program of its own, which is then a file.
+class Moved : public testing::Test {
+ protected:
+  Moved() {
+    const Job job = job_of(BallRaster{.part = dome, .step_over = 1.0, .step = 1.0});
+    folder_.write("p.ngc", job.program_text);
+  }
+  Job moved(const std::string& more, const std::string& at = "[0, 0, 80]") const {
+    std::string text = to_toml(BallRaster{.part = dome, .more = more});
+    text.replace(text.find("[0, 0, 80]"), 10, at);
+    const std::size_t program = text.find("generator"), end = text.find("lead_deg");
+    text.replace(program, text.find('\n', end) - program, "file = \"p.ngc\"");
+    return prepare(read_scene(folder_.write("s.toml", text)));
+  }
+  const std::string dome =
+      "surface = \"sphere_cap\"\nradius_mm = 60\nrim_radius_mm = 25\nvertices = 400\nat_mm = [0, "
+      "0, "
+      "80]\n";
+  SceneFolder folder_;
+};
+
+TEST_F(Moved, AProgramThatFitsIsNotSpokenOf) {
+  const Placement found = placement(moved(""));
+  EXPECT_FALSE(found.fault);
+  EXPECT_TRUE(found.warnings.empty()) << found.warnings.front();
+}
+
+TEST_F(Moved, TheGapOfADomeIsThatOfItsSurfaceNotOfItsBox) {
+  // the cap is 5.5 mm high, so the box of a program 15 mm above overlaps nothing only just
+  for (const double gap : {4.0, 15.0, 80.0}) {
+    const Job job = moved(fmt::format("work_offset.G54 = {{ Z_mm = {} }}\n", gap));
+    const std::string text = fault_of(job);
+    EXPECT_TRUE(says(text, "; with G54 Z = ")) << text;
+    const auto out = way_out(job);
+    ASSERT_TRUE(out);
+    const std::size_t at = out->words.find("Z = ");
+    const double z = std::stod(out->words.substr(at + 4));
+    std::cout << gap << " mm above: " << out->words << ", " << 100.0 * out->reach.share
+              << " % within reach\n";
+    EXPECT_NEAR(z, 0.0, 0.01) << "the offset at which it was programmed";
+    EXPECT_TRUE(says(out->words, fmt::format("(now {:.6g})", gap))) << out->words;
+    EXPECT_GT(out->reach.share, 0.99);
+  }
+}
+
+TEST_F(Moved, AProgramBelowIsRaisedUntilItsTipTouches) {
+  const auto out = way_out(moved("work_offset.G54 = { Z_mm = -35 }\n"));
+  ASSERT_TRUE(out);
+  EXPECT_GT(out->reach.share, 0.99);
+  EXPECT_NEAR(std::stod(out->words.substr(out->words.find("Z = ") + 4)), 0.0, 0.01) << out->words;
+}
+
+TEST_F(Moved, AProgramBesideIsBroughtOverTheMiddle) {
+  const Job job = moved("work_offset.G54 = { X_mm = 90, Y_mm = 0, Z_mm = 30 }\n");
+  EXPECT_TRUE(says(fault_of(job), "mm beside the part, towards its +x; with G54 X = "))
+      << fault_of(job);
+  const auto out = way_out(job);
+  ASSERT_TRUE(out);
+  std::cout << out->words << ", " << 100.0 * out->reach.share << " %\n";
+  EXPECT_GT(out->reach.share, 0.95);  // the middle of its feed, run-ins with it, is 2.6 mm off
+}
+
+TEST_F(Moved, WhereTheOffsetLeavesTheTravelThePartIsMovedInstead) {
+  const Job job = moved("", "[0, 0, -900]");
+  const auto out = way_out(job);
+  ASSERT_TRUE(out);
+  EXPECT_TRUE(says(out->words, "with part.at_mm = [0, 0, 79.998] it touches")) << out->words;
+  EXPECT_GT(out->reach.share, 0.9);
+}
+
+TEST_F(Moved, APartThatIsCutInPlacesIsWarnedOfWithTheShare) {
+  const Job job = moved("work_offset.G54 = { X_mm = 15 }\n");
+  const Placement found = placement(job);
+  ASSERT_EQ(found.warnings.size(), 1u);
+  EXPECT_TRUE(says(found.warnings.front(), "the program comes within 2 mm of "))
+      << found.warnings.front();
+  EXPECT_TRUE(says(found.warnings.front(),
+                   "% of the judged area (403 vertices tried): its feed takes "
+                   "the tip over x "))
+      << found.warnings.front();
+  // of the same vertices as they are cut
+  const cutting::Surface surface = cut_error_free(job).surface;
+  double cut = 0.0;
+  for (std::size_t i = 0; i < surface.status.size(); ++i)
+    if (surface.status[i] != cutting::VertexStatus::Uncut)
+      cut += job.design_w.area[Eigen::Index(i)];
+  const double share = cut / job.design_w.area.sum();
+  EXPECT_LT(share, 0.9);
+  EXPECT_TRUE(says(found.warnings.front(), fmt::format("of {:.3g} %", 100.0 * share)))
+      << found.warnings.front() << "\n"
+      << share;
+}
+
+TEST_F(Moved, AProgramOfPositionsAndTimesNamesWhereThePartWouldHaveToStand) {
+  std::string rows = "time_s,X_mm,Y_mm,Z_mm,X_mm_per_s,Y_mm_per_s,Z_mm_per_s\n";
+  for (int i = 0; i <= 14; ++i) rows += fmt::format("{},{},0,50,1,0,0\n", i, i - 7);
+  folder_.write("p.csv", rows);
+  const Job job =
+      prepare(read_scene(folder_.write("s.toml", to_toml(FlatScene{.program = "p.csv"}))));
+  const std::string words = "the lowest cut lies 50.0 mm above the part; with part.at_mm = [0, 0, ";
+  const std::string text = fault_of(job);
+  ASSERT_TRUE(says(text, words)) << text;
+  EXPECT_NEAR(std::stod(text.substr(text.find(words) + words.size())), 50.0, 0.01) << text;
+}
+
+TEST(Placement, EveryOffsetThatTheProgramUsesIsNamed) {
+  SceneFolder folder;
+  folder.write("p.ngc", to_nc({.z = 80, .middle = "G55\n"}));
+  const Job job = prepare(read_scene(folder.write(
+      "s.toml",
+      to_toml(FlatScene{.program = "p.ngc", .more = "work_offset.G55 = { Z_mm = 5 }\n"}))));
+  EXPECT_TRUE(says(fault_of(job), "; with G54 Z = -80, G55 Z = -75 (now 5) it touches"))
+      << fault_of(job);
+}
+
+}  // namespace
+}  // namespace abbe::sim

@@ -1,0 +1,304 @@
+#include <algorithm>
+
+#include <gtest/gtest.h>
+
+#include "kinematics/numbers.h"
+#include "sim/cut/reach.h"
+#include "tests/sim/odd_scenes.h"
+
+namespace abbe::sim {
+namespace {
+
+const std::string t1 =
+    "name = \"finisher\"\nkind = \"ball\"\nradius_mm = 5\nflank_length_mm = 25\nlength_mm = 100\n"
+    "number = 1\n";
+const std::string t2 =
+    "name = \"bull\"\nkind = \"bull\"\nradius_mm = 4\ncorner_radius_mm = 1\nflank_length_mm = "
+    "20\nlength_mm = 80\nnumber = 2\n";
+const std::string flat_part =
+    "surface = \"rectangle\"\nlength_x_mm = 10\nlength_y_mm = 10\nvertices = 900\n";
+const std::string crooked =
+    "[errors]\nEXX_um = 4\nEZX = { kind = \"polynomial\", coefficients_um = [3, 20], half_range_mm "
+    "= 100 }\nEBX_urad = 150\nEAY_urad = -120\nEBZ_urad = 90\nEC0Y_urad = 60\n";
+
+std::string listed(const std::vector<std::string>& tools) {
+  std::string text;
+  for (const std::string& tool : tools) text += "[[tool]]\n" + tool;
+  return text;
+}
+
+/// Passes of one tool along x at heights that fall a little from pass to pass.
+std::string passes(int tool, double from, double to, double z) {
+  std::string text = fmt::format("T{0} M6\nS9000 M3\nG43 H{0}\n", tool);
+  for (double y = from; y <= to + 1e-9; y += 0.5)
+    text += fmt::format("G0 X-9 Y{0}\nG0 Z5\nG1 Z{1} F500\nG1 X9 F1000\nG0 Z60\n", y, z - 0.01 * y);
+  return text;
+}
+
+/// Passes of one tool with its axis tilted and turning a little, by G43.4.
+std::string tilted(int tool, double from, double to, double feed) {
+  std::string text = fmt::format("T{0} M6\nS12000 M3\nG43.4 H{0}\n", tool);
+  for (double y = from; y <= to + 1e-9; y += 0.5)
+    text += fmt::format("G0 X-9 Y{0} A{1} C{1}\nG0 Z85\nG1 Z80 F500\nG1 X9 F{3} A{2}\nG0 Z95\n", y,
+                        10 + y, 12 + y, feed);
+  return text;
+}
+
+/// A flat on the three-axis machine whose words are those of the tip, by G43 and G54.
+class SeveralTools : public testing::Test {
+ protected:
+  std::string scene(const std::string& tools, const std::string& program,
+                    const std::string& more = "") const {
+    folder_.write("p.ngc", "G21 G90 G17 G94\nG54\n" + program + "M30\n");
+    return fmt::format(
+        "machine = \"{}machines/three_axis_table.toml\"\n{}[part]\n{}[program]\nfile = "
+        "\"p.ngc\"\nwork_offset.G54 = {{ Z_mm = -100 }}\n{}",
+        packaged("").string(), tools, flat_part, more);
+  }
+  Job job(const std::string& tools, const std::string& program,
+          const std::string& more = "") const {
+    return prepare(read_scene(folder_.write("s.toml", scene(tools, program, more))));
+  }
+  Job on_gantry(const std::string& tools, const std::string& program, const std::string& top = "",
+                const std::string& more = "") const {
+    folder_.write("p.ngc", "G21 G90 G17 G94\n" + program + "M30\n");
+    return prepare(read_scene(folder_.write(
+        "s.toml",
+        fmt::format("machine = \"{0}machines/gantry_cxyza.toml\"\n{1}{2}[part]\n{3}at_mm = "
+                    "[0, 0, 80]\n[program]\nfile = \"p.ngc\"\n{4}",
+                    packaged("").string(), top, tools, flat_part, more))));
+  }
+  std::string refusal(const std::string& text) const {
+    try {
+      prepare(read_scene(folder_.write("s.toml", text)));
+      return "";
+    } catch (const BadScene& faults) {
+      return faults.what();
+    } catch (const BadInput& fault) {
+      return fault.what();
+    }
+  }
+  void expect_refused(const std::string& text, const std::string& words) const {
+    const std::string said = refusal(text);
+    EXPECT_NE(said.find(words), std::string::npos) << "wanted " << words << " in " << said;
+  }
+  SceneFolder folder_;
+};
+
+/// The least residual of maps of one design, vertex by vertex; NaN where none cuts.
+Eigen::VectorXd least_of(const std::vector<cutting::Surface>& surfaces) {
+  Eigen::VectorXd least = Eigen::VectorXd::Constant(surfaces.front().residual.size(), none);
+  for (const cutting::Surface& one : surfaces)
+    for (Eigen::Index i = 0; i < least.size(); ++i)
+      if (one.status[std::size_t(i)] == cutting::VertexStatus::Cut &&
+          !(least[i] <= one.residual[i]))
+        least[i] = one.residual[i];
+  return least;
+}
+
+TEST_F(SeveralTools, EachMoveIsCutWithItsToolAndTheLeastIsLeft) {
+  const std::string first = passes(1, -7, 1, 0.0), second = passes(2, -1, 7, 0.02);
+  const Job both = job(listed({t1, t2}), first + second, crooked);
+  EXPECT_TRUE(both.warnings.empty()) << both.warnings.front();
+  ASSERT_EQ(both.stretches.size(), 2u);
+  // the second has another lever to the errors of angle, and is another cutter
+  for (const bool error_free : {true, false}) {
+    const auto surface = [&](const Job& one) {
+      return (error_free ? cut_error_free(one) : cut(one)).surface;
+    };
+    const cutting::Surface together = surface(both);
+    const cutting::Surface alone_1 = surface(job("[tool]\n" + t1, first, crooked));
+    const cutting::Surface alone_2 = surface(job("[tool]\n" + t2, second, crooked));
+    const Eigen::VectorXd expected = least_of({alone_1, alone_2});
+    int by_first = 0, by_second = 0;
+    double largest = 0.0;
+    const int second_line = 2 + int(std::ranges::count(first, '\n'));
+    for (Eigen::Index i = 0; i < expected.size(); ++i) {
+      ASSERT_EQ(together.status[std::size_t(i)], cutting::VertexStatus::Cut) << i;
+      largest = std::max(largest, std::abs(together.residual[i] - expected[i]));
+      const bool is_first = alone_1.residual[i] <= expected[i];
+      EXPECT_EQ(together.cut_line[std::size_t(i)] <= second_line, is_first) << i;
+      ++(is_first ? by_first : by_second);
+    }
+    std::cout << by_first << " vertices by T1, " << by_second << " by T2, at most " << largest
+              << " mm from the least of each alone\n";
+    EXPECT_LT(largest, 1e-9);
+    EXPECT_GT(by_first, 50);
+    EXPECT_GT(by_second, 200);
+  }
+}
+
+TEST_F(SeveralTools, ALongerToolIsSeenWhereTheMachineLeans) {
+  // the same passes with the same cutter, 60 mm longer: EBZ turns the ram about Y, so it shifts
+  // along x
+  const std::string longer =
+      "kind = \"ball\"\nradius_mm = 5\nflank_length_mm = 25\nlength_mm = "
+      "160\nnumber = 2\n";
+  const std::string lean = "[errors]\nEBZ_urad = 100\n";
+  const Job both = job(listed({t1, longer}), passes(1, -7, 0, 0.0) + passes(2, 0, 7, 0.0), lean);
+  const Cut made = cut(both);
+  ASSERT_EQ(both.stretches.size(), 2u);
+  const auto tip_error = [&](const Job& part) {
+    const Commands commands = as_programmed(part);
+    const std::vector<kinematics::Pose> T_wt = tool_poses(part, commands, {});
+    return (T_wt.back().translation() - part.T_wt_nominal.back().translation()).norm();
+  };
+  const double difference = std::abs(tip_error(both.stretches[1]) - tip_error(both.stretches[0]));
+  EXPECT_NEAR(difference, 100e-6 * 60.0, 1e-6);  // mm
+  EXPECT_GT(made.tip_error.max, 0.0);
+}
+
+TEST_F(SeveralTools, ACompensatorCorrectsEachByItsOwnLength) {
+  const std::string bull =
+      "kind = \"bull\"\nradius_mm = 4\ncorner_radius_mm = 1\nflank_length_mm = "
+      "20\nlength_mm = 58\nnumber = 2\n";
+  const std::string program = tilted(1, -7, 1, 1000) + tilted(2, -1, 7, 1000);
+  const Job both =
+      on_gantry(listed({t1, bull}), program,
+                fmt::format("errors = \"{}errors/gantry_typical.toml\"\n", packaged("").string()));
+  const cutting::Surface wanted = cut_error_free(both).surface;
+  const Apart before = apart(cut(both).surface, wanted);
+  const Apart after = apart(cut(both, parse_case("perfect-iterated-ideal")).surface, wanted);
+  std::cout << "uncompensated " << before.rms << " mm RMS, compensated " << after.rms
+            << " mm from the error-free map\n";
+  EXPECT_GT(before.rms, 5e-3);
+  EXPECT_LT(after.rms, 1e-6);  // by the length of the other, 20 urad would leave 1 um
+  EXPECT_EQ(after.unlike, 0);
+}
+
+TEST_F(SeveralTools, ToolsThatAreAlikeAreOne) {
+  const std::string alike =
+      "kind = \"ball\"\nradius_mm = 5\nflank_length_mm = 25\nlength_mm = 100\n";
+  const std::string play = crooked + "EYY = { kind = \"backlash\", half_um = 6 }\n";
+  const std::string first = passes(1, -7, -2, 0.0), second = passes(2, -1.5, 3, 0.0),
+                    third = passes(1, 3.5, 7, 0.0);
+  const Job three =
+      job(listed({alike + "number = 1\n", alike + "number = 2\n"}), first + second + third, play);
+  ASSERT_EQ(three.stretches.size(), 3u);
+  std::string program = first + second + third;
+  for (std::size_t at; (at = program.find("T2 M6")) != std::string::npos;) program[at + 1] = '1';
+  for (std::size_t at; (at = program.find("H2")) != std::string::npos;) program[at + 1] = '1';
+  const Job one = job("[tool]\n" + alike + "number = 1\n", program, play);
+  for (const bool error_free : {true, false}) {
+    const cutting::Surface a = error_free ? cut_error_free(three).surface : cut(three).surface;
+    const cutting::Surface b = error_free ? cut_error_free(one).surface : cut(one).surface;
+    const Apart by = apart(a, b);
+    EXPECT_EQ(by.vertices, 900);
+    EXPECT_LT(by.max, 1e-9);
+    EXPECT_EQ(a.cut_line, b.cut_line);
+  }
+}
+
+TEST_F(SeveralTools, TheTipOfEachIsCountedByItsOwnChain) {
+  // under G43.4 the words are the tip of whatever tool runs
+  const std::string ball = "kind = \"ball\"\nradius_mm = 5\nflank_length_mm = 25\n";
+  const Job two = on_gantry(
+      listed({ball + "length_mm = 100\nnumber = 1\n", ball + "length_mm = 63\nnumber = 2\n"}),
+      tilted(1, -7, 0, 1000) + tilted(2, 0.5, 7, 1000));
+  const Job one = on_gantry("[tool]\n" + ball + "length_mm = 100\nnumber = 1\n",
+                            tilted(1, -7, 0, 1000) + tilted(1, 0.5, 7, 1000));
+  const Apart by = apart(cut_error_free(two).surface, cut_error_free(one).surface);
+  std::cout << by.vertices << " vertices, at most " << by.max << " mm apart\n";
+  EXPECT_EQ(by.vertices, 900);
+  EXPECT_LT(by.max, 1e-6);  // turning moves are sampled for either length
+  EXPECT_EQ(by.unlike, 0);
+}
+
+TEST_F(SeveralTools, HeatAndSignalsGoOnFromOneToTheNext) {
+  const std::string ball =
+      "kind = \"ball\"\nradius_mm = 5\nflank_length_mm = 25\nlength_mm = 100\n";
+  const std::string heat = fmt::format(
+      "thermal = \"{}errors/gantry_heat.toml\"\nhistory = [{{ duration_min = 5, speed_rpm = 9000 "
+      "}}]\n",
+      packaged("").string());
+  const std::string rows = "[signals]\ninterval_s = 5\nhistory_interval_s = 60\n";
+  const Job two = on_gantry(listed({ball + "number = 1\n", ball + "number = 2\n"}),
+                            tilted(1, -7, 0, 100) + tilted(2, 0.5, 7, 100), heat, rows);
+  const Job one = on_gantry("[tool]\n" + ball + "number = 1\n",
+                            tilted(1, -7, 0, 100) + tilted(1, 0.5, 7, 100), heat, rows);
+  const Cut a = cut(two), b = cut(one);
+  EXPECT_GT(apart(b.surface, cut_error_free(one).surface).max, 1e-3) << "heat shows";
+  EXPECT_LT(apart(a.surface, b.surface).max, 1e-9);
+  EXPECT_NEAR(a.tip_error.rms, b.tip_error.rms, 1e-3 * b.tip_error.rms);
+  EXPECT_EQ(a.signals.columns, b.signals.columns);
+  // rows every 5 s; the second tool begins with one of its own
+  EXPECT_NEAR(double(a.signals.rows.rows()), double(b.signals.rows.rows()), 2.0);
+  for (Eigen::Index i = 1; i < a.signals.rows.rows(); ++i)
+    EXPECT_LE(a.signals.rows(i - 1, 0), a.signals.rows(i, 0)) << "time";
+}
+
+TEST_F(SeveralTools, WhatTheyDoNotGoWithIsRefused) {
+  const std::string both = listed({t1, t2});
+  const std::string program = passes(1, -7, 0, 0.0) + passes(2, 0, 7, 0.0);
+  const auto with_length = [](std::string words, const std::string& from, const std::string& to) {
+    return words.replace(words.find(from), from.size(), to);
+  };
+  expect_refused(
+      scene(both, passes(1, -7, 0, 0.0) + with_length(passes(3, 0, 7, 0.0), "H3", "H1")),
+      "p.ngc:81: expected a tool that a [[tool]] of the scene describes (T1, T2), seen T3");
+  expect_refused(
+      scene("[tool]\n" + t1, with_length(program, "H2", "H1")),
+      "expected T1, which is the scene's tool.number, seen T2: describe it in a [[tool]] "
+      "of its own, or give tool.number = 2 if the scene's is that");
+  expect_refused(scene(listed({t1, t1}), program),
+                 "expected a tool.number that no other tool has, seen 1 again");
+  expect_refused(scene(listed({t1,
+                               "kind = \"ball\"\nradius_mm = 5\nflank_length_mm = 25\nlength_mm = "
+                               "100\n"}),
+                       program),
+                 "expected tool.number of each of several tools, seen a tool without");
+  expect_refused(
+      scene(listed({t1, "kind = \"nose\"\nradius_mm = 1\nlength_mm = 30\nnumber = 2\n"}), program),
+      "expected tools that all mill, or all turn, seen one of either kind");
+  expect_refused(
+      scene(both, program,
+            "[cutting]\nblank = \"box\"\nlower_mm = [-10, -10, -5]\nupper_mm = [10, 10, 1]\n"),
+      "expected one tool beside [cutting]");
+  expect_refused(scene(both, program, "[control]\ntool_length_mm = 99\n"),
+                 "expected one tool beside it");
+  expect_refused(fmt::format("machine = \"{}machines/gantry_cxyza.toml\"\n{}[part]\n{}[program]\n"
+                             "generator = \"raster\"\n",
+                             packaged("").string(), both, flat_part),
+                 "expected one tool for a generator; several want a program file, seen 2 tools");
+  const Job ready = job(both, program, crooked);
+  for (const char* name : {"perfect-iterated-program", "perfect-iterated-table"})
+    EXPECT_THROW(compensate(ready, parse_case(name)), BadInput) << name;
+}
+
+TEST_F(SeveralTools, ALengthThatIsNotTheToolsIsSaid) {
+  std::string program = passes(1, -7, 0, 0.0) + passes(2, 0, 7, 20.0);
+  program.replace(program.find("H2"), 2, "H1");
+  const Job wrong = job(listed({t1, t2}), program);
+  ASSERT_FALSE(wrong.warnings.empty());
+  EXPECT_NE(wrong.warnings.front().find("T2 runs with the length H1 of G43, not its own"),
+            std::string::npos)
+      << wrong.warnings.front();
+  // the tip then stands 20 mm off
+  EXPECT_NEAR(wrong.stretches[1].T_wt_nominal.back().translation().z(), 60.0 + 20.0, 1e-9);
+}
+
+TEST_F(SeveralTools, AProgramAboveThePartIsHeldAgainstItWithEveryTool) {
+  // the plunges begin at Z5; beside the part it is the corner of T2 that would touch it first
+  const std::string high = passes(1, -7, 0, 40.0) + passes(2, 0, 7, 30.0);
+  const Placement found = placement(job(listed({t1, t2}), high));
+  ASSERT_TRUE(found.fault);
+  EXPECT_NE(std::string(found.fault->what())
+                .find("seen the lowest cut lies 5.0 mm above the part; with G54 Z = -106 (now "
+                      "-100) it touches"),
+            std::string::npos)
+      << found.fault->what();
+}
+
+TEST_F(SeveralTools, TheSceneIsWrittenWithAllOfThem) {
+  const Scene read = read_scene(folder_.write(
+      "s.toml", scene(listed({t1, t2}), passes(1, -7, 0, 0.0) + passes(2, 0, 7, 0.0))));
+  ASSERT_EQ(read.more_tools.size(), 1u);
+  EXPECT_EQ(read.more_tools.front().number, 2);
+  EXPECT_EQ(read.more_tools.front().name, "bull");
+  const Scene again = read_scene(folder_.write("again.toml", read.resolved));
+  ASSERT_EQ(again.more_tools.size(), 1u);
+  EXPECT_EQ(again.more_tools.front().length, 80.0);
+}
+
+}  // namespace
+}  // namespace abbe::sim
