@@ -16,16 +16,12 @@ namespace {
 using Eigen::Vector3d;
 using Row = kinematics::Deviation;
 
-/// A vertex or the middle of a triangle.
+/// A vertex or the place within a triangle.
 struct CutPoint {
   Vector3d point, normal;
   double residual;
   double weight;  ///< mm^2
 };
-
-Vector3d mean_of_corners(const Points& rows, const Eigen::RowVector3i& corners) {
-  return (rows.row(corners[0]) + rows.row(corners[1]) + rows.row(corners[2])) / 3.0;
-}
 
 std::vector<CutPoint> cut_points(const Surface& surface, const Design& design) {
   const auto n = static_cast<std::size_t>(design.vertices.rows());
@@ -43,11 +39,12 @@ std::vector<CutPoint> cut_points(const Surface& surface, const Design& design) {
     points.push_back(
         {design.vertices.row(v), design.normals.row(v), surface.residual[v], weights.vertex[v]});
   }
-  for (Eigen::Index t = 0; t < weights.middle.size(); ++t)
-    if (weights.middle[t] > 0.0)
-      points.push_back({mean_of_corners(design.vertices, design.triangles.row(t)),
-                        mean_of_corners(design.normals, design.triangles.row(t)), surface.middle[t],
-                        weights.middle[t]});
+  for (Eigen::Index t = 0; t < weights.within.size(); ++t)
+    if (weights.within[t] > 0.0)
+      points.push_back(
+          {at_place_within(surface.looked_within, design.vertices, design.triangles, t),
+           at_place_within(surface.looked_within, design.normals, design.triangles, t),
+           surface.within[t], weights.within[t]});
   return points;
 }
 
@@ -163,10 +160,11 @@ Aligned aligned(const Surface& surface, const Design& design, const AlignmentOpt
     if (surface.status[std::size_t(v)] == VertexStatus::Cut)
       result.surface.residual[v] -=
           row_of(design.vertices.row(v), design.normals.row(v), g).dot(scaled);
-  for (Eigen::Index t = 0; t < surface.middle.size(); ++t)
-    result.surface.middle[t] -= row_of(mean_of_corners(design.vertices, design.triangles.row(t)),
-                                       mean_of_corners(design.normals, design.triangles.row(t)), g)
-                                    .dot(scaled);
+  for (Eigen::Index t = 0; t < surface.within.size(); ++t)
+    result.surface.within[t] -=
+        row_of(at_place_within(surface.looked_within, design.vertices, design.triangles, t),
+               at_place_within(surface.looked_within, design.normals, design.triangles, t), g)
+            .dot(scaled);
   result.displacement = scaled;
   result.displacement.tail<3>() /= g.length;
   return result;

@@ -35,11 +35,11 @@ struct Aligned {
 };
 
 /// Takes out the displacement D that fits r = n . (d + theta x (p - point)) best over the cut
-/// vertices and middles of triangles, least squares with their `weights`, truncated as the options
-/// say (the shortest solution, angles counted at the root-mean-square distance from the point).
-/// First order: a rotation |theta| over a distance L from the point leaves out |theta|^2 L / 2 (100
-/// urad, 100 mm: 0.5 nm) and what the shift does along a curved surface, t^2 / 2R (50 um on R 50
-/// mm: 25 nm).
+/// vertices and places within triangles, least squares with their `weights`, truncated as the
+/// options say (the shortest solution, angles counted at the root-mean-square distance from the
+/// point). First order: a rotation |theta| over a distance L from the point leaves out |theta|^2 L
+/// / 2 (100 urad, 100 mm: 0.5 nm) and what the shift does along a curved surface, t^2 / 2R (50 um
+/// on R 50 mm: 25 nm).
 /// @throws std::invalid_argument if sizes differ, or a vertex called cut has no finite residual
 Aligned aligned(const Surface& surface, const Design& design, const AlignmentOptions& options);
 

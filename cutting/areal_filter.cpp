@@ -33,7 +33,7 @@ constexpr double least_area = 1e-12;  // mm^2, of a vertex between triangles wit
 
 using Place = std::array<std::int64_t, 4>;  // patch, then x, y, z
 
-/// A cut vertex, or the middle of a triangle.
+/// A cut vertex, or the place within a triangle.
 struct SampledPlace {
   Place place;
   Index number;  // of the vertex, or n + that of the triangle
@@ -74,12 +74,11 @@ SampledValue sampled_value(const Design& design, const Surface& surface, const W
   if (number < n)
     return {design.vertices.row(number), design.normals.row(number), surface.residual[number],
             std::max(weights.vertex[number], least_area)};
-  const auto c = design.triangles.row(number - n);
-  const auto mean = [&](const Points& rows) -> Vector3d {
-    return (rows.row(c[0]) + rows.row(c[1]) + rows.row(c[2])) / 3.0;
+  const auto there = [&](const Points& rows) {
+    return at_place_within(surface.looked_within, rows, design.triangles, number - n);
   };
-  return {mean(design.vertices), mean(design.normals), surface.middle[number - n],
-          weights.middle[number - n]};
+  return {there(design.vertices), there(design.normals), surface.within[number - n],
+          weights.within[number - n]};
 }
 
 Cells cells_of(const Design& design, const Surface& surface, double size) {
@@ -93,8 +92,8 @@ Cells cells_of(const Design& design, const Surface& surface, double size) {
   };
   for (Index i = 0; i < n; ++i)
     if (surface.status[std::size_t(i)] == VertexStatus::Cut) put(i, i);
-  for (Index t = 0; t < weights.middle.size(); ++t)
-    if (weights.middle[t] > 0.0) put(n + t, design.triangles(t, 0));
+  for (Index t = 0; t < weights.within.size(); ++t)
+    if (weights.within[t] > 0.0) put(n + t, design.triangles(t, 0));
   std::sort(all.places.begin(), all.places.end());
   for (int here = 0; here < int(all.places.size()); ++here) {
     const auto& [place, number] = all.places[std::size_t(here)];
@@ -210,7 +209,7 @@ Eigen::VectorXd gaussian_form(const Design& design, const Surface& surface, doub
     const double two_variance = 2.0 * (variance - cells.spread);
     for (int i = cell.first; i < cell.last; ++i) {
       const Index v = all.places[std::size_t(i)].number;
-      if (v >= n) break;  // middles stand behind the vertices
+      if (v >= n) break;  // places within triangles stand behind the vertices
       form[v] = form_at(cells, design.vertices.row(v), design.normals.row(v), two_variance);
     }
   });

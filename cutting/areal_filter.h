@@ -7,8 +7,8 @@ namespace abbe::cutting {
 
 /// (n) mm: the residual through an areal Gaussian filter on the surface (ISO 16610-61), its form;
 /// NaN where not cut. A wave of the length of the cut-off passes by half, one of half that length
-/// by 6.25 %, one of twice by 84 %. The weight of a vertex, and of the middle of
-/// a triangle where the map has them, is its area (`weights`) times exp(-pi (d / (alpha
+/// by 6.25 %, one of twice by 84 %. The weight of a vertex, and of a place
+/// within a triangle where the map has them, is its area (`weights`) times exp(-pi (d / (alpha
 /// cutoff))^2), alpha^2 = ln 2 / pi, d the straight distance (over an arc of radius R short of the
 /// way along it by d^2 / 24 R^2 of d), up to 0.65 cut-offs. Only vertices of the same smooth patch
 /// that look the same way count. At a rim a plane is fitted with these weights (Gaussian regression

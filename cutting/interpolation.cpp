@@ -8,6 +8,7 @@
 
 #include <Eigen/Geometry>
 
+#include "cutting/residual.h"
 #include "kinematics/hash.h"
 #include "kinematics/require.h"
 
@@ -25,11 +26,13 @@ bool all_cut(const Surface& surface, const Eigen::RowVector3i& corners) {
 
 }  // namespace
 
-Eigen::VectorXd middle_residuals(const Design& design, const Surface& surface,
-                                 const OnSurface& on_surface,
-                                 const std::function<Surface(const Design&)>& cut) {
-  require(surface.residual.size() == design.vertices.rows(), "middle_residuals: sizes differ");
-  constexpr std::array<double, 3> thirds = {1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0};
+Surface with_places_within(Surface surface, const Design& design, Surface::Within within,
+                           const OnSurface& on_surface,
+                           const std::function<Surface(const Design&)>& cut) {
+  require(surface.residual.size() == design.vertices.rows(), "with_places_within: sizes differ");
+  surface.looked_within = within;
+  surface.within.resize(0);
+  if (within == Surface::Within::None) return surface;
   std::vector<Index> triangles;
   std::vector<Contact> places;
   for (Index t = 0; t < design.triangles.rows(); ++t) {
@@ -39,15 +42,16 @@ Eigen::VectorXd middle_residuals(const Design& design, const Surface& surface,
     for (Index k = 0; k < 3; ++k)
       at[std::size_t(k)] = {design.vertices.row(corners[k]), design.normals.row(corners[k])};
     triangles.push_back(t);
-    places.push_back(on_surface(at, thirds));
+    places.push_back(on_surface(at, place_within(within, t)));
   }
-  Eigen::VectorXd middle =
+  surface.within =
       Eigen::VectorXd::Constant(design.triangles.rows(), std::numeric_limits<double>::quiet_NaN());
-  if (places.empty()) return middle;
+  if (places.empty()) return surface;
   const Surface there = cut(design_of_places(places));
   for (std::size_t i = 0; i < places.size(); ++i)
-    if (there.status[i] == VertexStatus::Cut) middle[triangles[i]] = there.residual[Index(i)];
-  return middle;
+    if (there.status[i] == VertexStatus::Cut)
+      surface.within[triangles[i]] = there.residual[Index(i)];
+  return surface;
 }
 
 InterpolationError interpolation_error(const Design& design, const Surface& surface,

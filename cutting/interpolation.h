@@ -8,10 +8,10 @@
 
 namespace abbe::cutting {
 
-/// (m) mm: the residual at the middle of every triangle whose corners are cut; NaN elsewhere.
-Eigen::VectorXd middle_residuals(const Design& design, const Surface& surface,
-                                 const OnSurface& on_surface,
-                                 const std::function<Surface(const Design&)>& cut);
+/// The map with what was looked at within every triangle whose corners are cut (`place_within`).
+Surface with_places_within(Surface surface, const Design& design, Surface::Within within,
+                           const OnSurface& on_surface,
+                           const std::function<Surface(const Design&)>& cut);
 
 /// How well linear interpolation between the vertices of a design meets its residual, found at
 /// places of their own: random in area over the triangles whose three vertices are judged and cut.

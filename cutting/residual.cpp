@@ -10,6 +10,7 @@
 #include <Eigen/Geometry>
 
 #include "cutting/sum.h"
+#include "kinematics/hash.h"
 
 namespace abbe::cutting {
 namespace {
@@ -26,14 +27,14 @@ struct Weighted {
   double residual, area;
 };
 
-/// What is cut: vertices, then middles of triangles.
+/// What is cut: vertices, then places within triangles.
 std::vector<Weighted> weighted(const Surface& surface, const Weights& weights) {
   std::vector<Weighted> all;
   for (std::size_t i = 0; i < surface.status.size(); ++i)
     if (surface.status[i] == VertexStatus::Cut)
       all.push_back({surface.residual[Eigen::Index(i)], weights.vertex[Eigen::Index(i)]});
-  for (Eigen::Index t = 0; t < weights.middle.size(); ++t)
-    if (weights.middle[t] > 0.0) all.push_back({surface.middle[t], weights.middle[t]});
+  for (Eigen::Index t = 0; t < weights.within.size(); ++t)
+    if (weights.within[t] > 0.0) all.push_back({surface.within[t], weights.within[t]});
   return all;
 }
 
@@ -114,12 +115,12 @@ std::optional<Conformance> conformance(const Surface& surface, const Design& des
     count(off, weights.vertex[v]);
     if (off != 0.0) found_out(i, std::abs(off), false);
   }
-  for (Eigen::Index t = 0; t < weights.middle.size(); ++t) {
-    if (!(weights.middle[t] > 0.0)) continue;
+  for (Eigen::Index t = 0; t < weights.within.size(); ++t) {
+    if (!(weights.within[t] > 0.0)) continue;
     const auto corners = design.triangles.row(t);
     const Limits limits =
         (tolerance.row(corners[0]) + tolerance.row(corners[1]) + tolerance.row(corners[2])) / 3.0;
-    if (is_limited(limits)) count(beyond(surface.middle[t], limits), weights.middle[t]);
+    if (is_limited(limits)) count(beyond(surface.within[t], limits), weights.within[t]);
   }
   for (const Gouge& gouge : surface.gouges) {
     if (!is_limited(tolerance.row(gouge.vertex))) continue;
@@ -138,26 +139,45 @@ std::optional<Conformance> conformance(const Surface& surface, const Design& des
 
 }  // namespace
 
+std::array<double, 3> place_within(Surface::Within within, Eigen::Index t) {
+  if (within != Surface::Within::Random) return {1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0};
+  const auto chance = [&](std::uint64_t k) {
+    return split_mix::unit(split_mix::stream(k, std::uint64_t(t)));
+  };
+  const double root = std::sqrt(chance(0)), share = chance(1);
+  return {1.0 - root, root * (1.0 - share), root * share};
+}
+
+Eigen::Vector3d at_place_within(Surface::Within within, const Points& rows,
+                                const Triangles& triangles, Eigen::Index t) {
+  const std::array<double, 3> share = place_within(within, t);
+  Eigen::Vector3d blend = Eigen::Vector3d::Zero();
+  for (Eigen::Index k = 0; k < 3; ++k)
+    blend += share[std::size_t(k)] * rows.row(triangles(t, k)).transpose();
+  return blend;
+}
+
 Weights weights(const Surface& surface, const Design& design) {
   const auto n = static_cast<std::size_t>(design.vertices.rows());
   check_sizes(surface, n);
-  const Eigen::Index m = surface.middle.size();
+  const Eigen::Index m = surface.within.size();
   if (static_cast<std::size_t>(design.area.size()) != n)
     throw std::invalid_argument("statistics: the design has no area for every vertex");
   if (m != 0 && m != design.triangles.rows())
-    throw std::invalid_argument("statistics: one middle a triangle is needed, or none");
+    throw std::invalid_argument("statistics: one place within a triangle is needed, or none");
+  const double share = surface.looked_within == Surface::Within::Random ? 1.0 : 0.75;
   Weights w{design.area, Eigen::VectorXd::Zero(m)};
   for (std::size_t i = 0; i < n; ++i)
     if (surface.status[i] != VertexStatus::Cut) w.vertex[static_cast<Eigen::Index>(i)] = 0.0;
   for (Eigen::Index t = 0; t < m; ++t) {
-    if (!std::isfinite(surface.middle[t])) continue;
+    if (!std::isfinite(surface.within[t])) continue;
     const Eigen::RowVector3i corners = design.triangles.row(t);
     const Eigen::Vector3d a = design.vertices.row(corners[0]), b = design.vertices.row(corners[1]),
                           c = design.vertices.row(corners[2]);
     const double area = 0.5 * (b - a).cross(c - a).norm();
-    w.middle[t] = 0.75 * area;
+    w.within[t] = share * area;
     for (const int corner : corners)
-      w.vertex[corner] = std::max(0.0, w.vertex[corner] - 0.25 * area);
+      w.vertex[corner] = std::max(0.0, w.vertex[corner] - share / 3.0 * area);
   }
   return w;
 }
@@ -205,6 +225,18 @@ Statistics statistics(const Surface& surface, const Design& design,
   return s;
 }
 
+const char* name_of_values(Surface::Within within) {
+  switch (within) {
+    case Surface::Within::None:
+      return "";
+    case Surface::Within::Middle:
+      return "middle_um";
+    case Surface::Within::Random:
+      return "random_um";
+  }
+  return "";
+}
+
 VertexStatus worse(VertexStatus a, VertexStatus b) {
   for (const VertexStatus one : {VertexStatus::Outside, VertexStatus::Gouged, VertexStatus::Uncut})
     if (a == one || b == one) return one;
@@ -229,10 +261,12 @@ Surface minus(const Surface& a, const Surface& b) {
     difference.cut_line[i] = second ? b.cut_line[i] : 0;
   }
   difference.gouges = joined(a, b, difference.status);
-  if (a.middle.size() == b.middle.size())
-    difference.middle = a.middle - b.middle;
-  else
-    difference.middle.resize(0);
+  if (a.looked_within == b.looked_within && a.within.size() == b.within.size()) {
+    difference.within = a.within - b.within;
+  } else {
+    difference.looked_within = Surface::Within::None;
+    difference.within.resize(0);
+  }
   return difference;
 }
 

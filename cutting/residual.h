@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <optional>
 
 #include "cutting/mesh.h"
@@ -33,22 +34,34 @@ struct VertexValue {
 /// What the places of a map stand for in integrals over it, mm^2.
 struct Weights {
   Eigen::VectorXd vertex;  ///< (n) 0 where not cut
-  Eigen::VectorXd middle;  ///< (m) of triangles, 0 where their middle has no residual; empty
-                           ///< without middles
+  Eigen::VectorXd within;  ///< (m) of the place within each triangle, 0 where it has no residual;
+                           ///< empty where nobody looked there
 };
 
 /// Vertices that were chosen for a cut stand on its crests, and straight lines between them fill
-/// the hollows. Where the middle of a triangle has a residual it stands for three quarters of the
-/// triangle's area and each corner for a twelfth, which is exact for a quadratic residual;
-/// elsewhere a corner stands for a third.
+/// the hollows: where the middle of a triangle has a residual it stands for three quarters of the
+/// triangle's area and each corner for a twelfth, which is exact for a quadratic residual. A place
+/// at random stands for all of its triangle, so that waves which the vertices do not resolve
+/// average out in any mean. Elsewhere a corner stands for a third.
 /// @throws std::invalid_argument if sizes differ
 Weights weights(const Surface& surface, const Design& design);
+
+/// What files call the residuals within triangles, um; empty without.
+const char* name_of_values(Surface::Within within);
+
+/// What the corners of triangle t have to do with the place within it that is looked at; they add
+/// up to 1. Of `Random` the same always, even in area.
+std::array<double, 3> place_within(Surface::Within within, Eigen::Index t);
+
+/// Rows of vertices, points or normals, blended there.
+Eigen::Vector3d at_place_within(Surface::Within within, const Points& rows,
+                                const Triangles& triangles, Eigen::Index t);
 
 /// What a residual map comes to. Vertices that are uncut, gouged beyond the band or outside the
 /// judged region are left out of every number and counted; only the shares in and out of tolerance
 /// know them. A number for which no vertex is left (or no area, for the weighted ones) is empty.
-/// Middles of triangles, where the map has them, count by their `weights` in all that is weighted
-/// by area; extremes, places and counts are those of vertices.
+/// Places within triangles, where the map has them, count by their `weights` in all that is
+/// weighted by area; extremes and counts are those of vertices.
 /// Sums are compensated and run in the order of the vertices, so they give the same bits always;
 /// the rounding of a sum is below 4e-16 of the sum of magnitudes.
 struct Statistics {

@@ -35,13 +35,20 @@ struct Gouge {
 
 /// The machined surface against the design: where the part ends along every outward normal.
 struct Surface {
+  /// Where within its triangles a map was looked at besides its vertices.
+  enum class Within : std::uint8_t {
+    None,
+    Middle,  ///< for a map that its vertices resolve
+    Random,  ///< at a place of their own: waves finer than the triangles average out
+  };
   Eigen::VectorXd residual;    ///< (n) mm; + material left, - gouged; NaN where not cut
   Eigen::VectorXd cut_time_s;  ///< (n) instant that made the surface there; NaN unless cut, gouged
   std::vector<int> cut_line;   ///< (n) program line that made it; 0 unless cut or gouged
   std::vector<VertexStatus> status;  ///< (n)
   std::vector<Gouge> gouges = {};    ///< those of status Gouged, in the order of the vertices
-  Eigen::VectorXd middle = {};       ///< (m) mm, residual at the middle of each triangle; NaN where
-                                     ///< it or a corner is not cut; empty where nobody looked
+  Within looked_within = Within::None;
+  Eigen::VectorXd within = {};  ///< (m) mm, residual at that place of each triangle; NaN where it
+                                ///< or a corner is not cut; empty without
 };
 
 /// Surface left by a milling cutter: along each normal the first point, coming from inside the

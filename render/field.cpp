@@ -17,8 +17,8 @@ void check_sizes(const Field& field) {
   require(field.cut_time_s.size() == n, "residual: one cut time a vertex is needed");
   require(field.status.size() == count, "residual: one status a vertex is needed");
   require(field.design.area.size() == n, "residual: one area a vertex is needed");
-  require(field.middle_um.size() == 0 || field.middle_um.size() == field.design.triangles.rows(),
-          "residual: one middle a triangle is needed, or none");
+  require(field.within_um.size() == 0 || field.within_um.size() == field.design.triangles.rows(),
+          "residual: one value within a triangle is needed, or none");
   require(field.form_um.size() == 0 || field.form_um.size() == n,
           "residual: one form a vertex is needed, or none");
   require(field.cut_line.size() == count, "residual: one program line a vertex is needed");
@@ -32,17 +32,23 @@ Field field(const cutting::Design& design, const cutting::Surface& surface) {
   for (const cutting::VertexStatus s : surface.status) {
     result.status.push_back(static_cast<std::uint8_t>(s));
   }
-  result.middle_um = surface.middle / units::um;
+  result.looked_within = surface.looked_within;
+  result.within_um = surface.within / units::um;
   check_sizes(result);
   return result;
 }
 
-cutting::Statistics statistics(const Field& field) {
+cutting::Statistics statistics(const Field& field, const cutting::ToleranceBands& tolerance) {
   cutting::Surface surface{field.deviation_um * units::um, field.cut_time_s, field.cut_line, {}};
-  for (const std::uint8_t status : field.status)
+  for (const std::uint8_t status : field.status) {
+    const auto vertex = int(surface.status.size());
     surface.status.push_back(cutting::VertexStatus(status));
-  surface.middle = field.middle_um * units::um;
-  return cutting::statistics(surface, field.design);
+    if (surface.status.back() == cutting::VertexStatus::Gouged)
+      surface.gouges.push_back({vertex, 0.0, true});  // how deep is not in the file
+  }
+  surface.looked_within = field.looked_within;
+  surface.within = field.within_um * units::um;
+  return cutting::statistics(surface, field.design, tolerance);
 }
 
 void write_residual(const std::filesystem::path& path, const Field& field, const Facts& facts) {
@@ -69,7 +75,8 @@ void write_residual(const std::filesystem::path& path, const Field& field, const
     arrays.push_back(
         {"Normals", std::span<const float>(normals.data(), std::size_t(normals.size())), 3});
   std::vector<PointArray> of_triangles;
-  if (field.middle_um.size() > 0) of_triangles.push_back({"middle_um", view(field.middle_um)});
+  if (field.within_um.size() > 0)
+    of_triangles.push_back({cutting::name_of_values(field.looked_within), view(field.within_um)});
   write_point_data(path, field.design.vertices, field.design.triangles, arrays, facts,
                    of_triangles);
 }

@@ -18,16 +18,17 @@ namespace abbe::render {
 
 /// A residual in micrometres on the vertices of its design.
 struct Field {
-  cutting::Design design;        ///< mm; a field that was read has no normals and no facet error
-  Eigen::VectorXd deviation_um;  ///< (n) + material left, - gouged; NaN where not cut
+  cutting::Design design;            ///< mm; a field that was read has no facet error
+  Eigen::VectorXd deviation_um;      ///< (n) + material left, - gouged; NaN where not cut
   std::vector<std::uint8_t> status;  ///< (n) 0 cut, 1 uncut, 2 outside the judged region, 3 gouged
                                      ///< deeper than the band
   Eigen::VectorXd cut_time_s;        ///< (n) NaN where not cut or gouged
   std::vector<int> cut_line;         ///< (n) program line; 0 where not cut or gouged
-  Eigen::VectorXd middle_um = {};    ///< (m) the deviation at the middles of the triangles, NaN
-                                     ///< where not cut; empty where nobody looked
-  Eigen::VectorXd form_um = {};      ///< (n) the deviation through the areal filter, NaN where not
-                                     ///< cut; empty where it was not filtered
+  cutting::Surface::Within looked_within = cutting::Surface::Within::None;
+  Eigen::VectorXd within_um = {};  ///< (m) the deviation at that place of every triangle, NaN
+                                   ///< where not cut; empty where nobody looked
+  Eigen::VectorXd form_um = {};    ///< (n) the deviation through the areal filter, NaN where not
+                                   ///< cut; empty where it was not filtered
 };
 
 /// @throws std::invalid_argument if the sizes do not fit
@@ -35,13 +36,13 @@ Field field(const cutting::Design& design, const cutting::Surface& surface);
 
 /// What a field comes to, mm.
 /// @throws std::invalid_argument if the sizes do not fit
-cutting::Statistics statistics(const Field& field);
+cutting::Statistics statistics(const Field& field, const cutting::ToleranceBands& tolerance = {});
 
 /// Writes `residual.vtp`: VTK XML PolyData, little endian, appended bytes, compressed by zlib; the
 /// design mesh in mm (float64) with point data `deviation_um` (float64, NaN unless cut), `status`
 /// (uint8), `cut_time_s` (float64), `cut_line` (int32), `area_mm2` (float64) and,
 /// where the field has them, `form_um` (float64), `texture_um` (float32), `Normals` (float32,
-/// three) and, of triangles, `middle_um` (float64). Facts are field data of the file. The same
+/// three) and, of triangles, `within_um` (float64). Facts are field data of the file. The same
 /// field gives the same bytes.
 /// @throws std::invalid_argument if the sizes do not fit
 /// @throws std::system_error with the path if the file cannot be written
@@ -55,11 +56,12 @@ void write_residual(const std::filesystem::path& path, const cutting::Design& de
 void write_stock(const std::filesystem::path& path, const cutting::StockMesh& stock);
 
 /// Reads what `write_residual` wrote, compressed or not, bit for bit; vertex areas are computed
-/// from the triangles, normals, texture and field data are left out. Memory stays within a few
-/// times the file's size whatever the file claims.
+/// from the triangles, normals made unit again, texture and field data left out. Memory stays
+/// within a few times the file's size whatever the file claims.
 /// @throws BadInput for anything else: not there, truncated, another layout, arrays missing or of
 ///         another type or length, vertices not finite, indices out of range, a status beyond 3, a
-///         deviation that is not finite where the status is 0 or a number where it is 1 or 3
+///         deviation that is not finite where the status is 0 or a number where it is 1 or 3, a
+///         normal of another length than 1
 Field read_residual(const std::filesystem::path& path);
 
 }  // namespace abbe::render

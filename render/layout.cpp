@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
+#include <string_view>
 
 #include "render/label.h"
 
@@ -24,6 +26,12 @@ std::string shortened(std::string text, const TextStyle& style, double width) {
   return {};
 }
 
+/// Whether a unit stands there, which stays with its number.
+bool unit_at(std::string_view text) {
+  constexpr std::array units = {"%", "µm", "nm", "mm"};
+  return std::ranges::any_of(units, [&](const char* unit) { return text.starts_with(unit); });
+}
+
 /// Pieces of text that stay together: up to and including a space, or a hyphen between letters.
 std::vector<std::string> words(const std::string& text) {
   std::vector<std::string> found(1);
@@ -31,7 +39,9 @@ std::vector<std::string> words(const std::string& text) {
     found.back() += text[i];
     const bool inner = i > 0 && i + 1 < text.size();
     const bool hyphen = text[i] == '-' && inner && text[i - 1] != ' ' && text[i + 1] != ' ';
-    if (text[i] == ' ' || hyphen || (text[i] == '_' && inner)) found.emplace_back();
+    const bool number = inner && std::isdigit(static_cast<unsigned char>(text[i - 1]));
+    const bool space = text[i] == ' ' && !(number && unit_at(std::string_view(text).substr(i + 1)));
+    if (space || hyphen || (text[i] == '_' && inner)) found.emplace_back();
   }
   return found;
 }

@@ -280,6 +280,20 @@ cutting::Points vertices(const VtkFile& source, const Data& data, std::size_t n)
   return Eigen::Map<const cutting::Points>(xyz.data(), static_cast<Eigen::Index>(n), 3);
 }
 
+/// No rows where the file has none.
+cutting::Points normals(const VtkFile& source, const Data& data, std::size_t n) {
+  if (!data.has("PointData/Normals")) return cutting::Points(0, 3);
+  const auto xyz = data.array<float>("PointData/Normals", "Float32", 3 * n);
+  cutting::Points result(static_cast<Eigen::Index>(n), 3);
+  for (std::size_t i = 0; i < n; ++i) {
+    const Eigen::RowVector3d normal(xyz[3 * i], xyz[3 * i + 1], xyz[3 * i + 2]);
+    if (!(std::abs(normal.norm() - 1.0) < 1e-3))
+      source.refuse_file("normals of length 1", fmt::format("{} at vertex {}", normal.norm(), i));
+    result.row(static_cast<Eigen::Index>(i)) = normal.normalized();
+  }
+  return result;
+}
+
 cutting::Triangles triangles(const VtkFile& source, const Data& data, const FileParts& parts) {
   const std::size_t m = parts.triangles;
   const auto corner = data.array<std::int64_t>("Polys/connectivity", "Int64", 3 * m);
@@ -355,10 +369,14 @@ Field read_residual(const std::filesystem::path& path) {
   check_values(source, field);
   if (data.has("PointData/form_um"))
     field.form_um = vector(data.array<double>("PointData/form_um", "Float64", n));
-  if (data.has("CellData/middle_um"))
-    field.middle_um = vector(data.array<double>("CellData/middle_um", "Float64", parts.triangles));
+  for (const auto within : {cutting::Surface::Within::Middle, cutting::Surface::Within::Random}) {
+    const std::string name = std::string("CellData/") + cutting::name_of_values(within);
+    if (!data.has(name)) continue;
+    field.looked_within = within;
+    field.within_um = vector(data.array<double>(name, "Float64", parts.triangles));
+  }
 
-  field.design.normals.resize(0, 3);
+  field.design.normals = normals(source, data, n);
   field.design.area = vertex_area(field.design.vertices, field.design.triangles);
   field.design.facet_error = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(n));
   for (const std::uint8_t status : field.status) field.design.judged.push_back(status != 2);

@@ -132,9 +132,8 @@ Machined machined(const Job& job, const Cutting& with, const Progress& progress)
     const auto cut_at = [&](const cutting::Design& places) {
       return sweep.surface(in_front_of(job, places));
     };
-    // vertices that were put on crests do not stand for what is around them
-    if (job.scene.part.sampling.kind == PartSampling::Kind::Adaptive)
-      made.surface.middle = cutting::middle_residuals(job.design_w, made.surface, between, cut_at);
+    made.surface = cutting::with_places_within(std::move(made.surface), job.design_w,
+                                               job.sampled->within, between, cut_at);
     made.interpolation =
         cutting::interpolation_error(job.design_w, made.surface, between, cut_at,
                                      {.seed = job.scene.seed, .resolution = wanted});

@@ -22,11 +22,14 @@ namespace abbe::sim {
 
 /// How the places at which a part is judged were chosen.
 struct SampledSurface {
-  Eigen::Index given = 0;     ///< vertices of the design as it was loaded
-  double resolution = 0.0;    ///< mm, of linear interpolation, wanted
-  double reached = 0.0;       ///< mm, that the points sufficed for; 0 where not looked for
-  double judged_area = 0.0;   ///< mm^2
-  double unmeant_area = 0.0;  ///< mm^2, that the scene would judge and the program does not mean to cut
+  Eigen::Index given = 0;   ///< vertices of the design as it was loaded
+  double resolution = 0.0;  ///< mm, of linear interpolation, wanted
+  double reached = 0.0;     ///< mm, that the points sufficed for; 0 where not looked for
+  cutting::Surface::Within within =
+      cutting::Surface::Within::None;  ///< where every case is looked at besides
+  double judged_area = 0.0;            ///< mm^2
+  double unmeant_area =
+      0.0;  ///< mm^2, that the scene would judge and the program does not mean to cut
 };
 
 /// A scene compiled: all that its cases share. Immutable once made.

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "cutting/interpolation.h"
 #include "cutting/refine.h"
 #include "cutting/residual.h"
 #include "cutting/subdivide.h"
@@ -47,6 +48,21 @@ std::string unmeant_text(const SampledSurface& sampled) {
       "the program means to cut {:.4g} % of the part's {:.4g} mm^2: the rest, {:.4g} mm^2, is not "
       "judged (part.judged = \"all\" judges it)",
       100.0 * sampled.judged_area / all, all, sampled.unmeant_area);
+}
+
+/// Vertices that were put on crests do not stand for what is around them, and those of a map that
+/// they do not resolve make waves of their own.
+cutting::Surface::Within where_within(const Job& job, const Sweep& sweep,
+                                      const cutting::Surface& nominal) {
+  constexpr double unresolved = 0.02;  // of the surface
+  const cutting::InterpolationError error = cutting::interpolation_error(
+      job.design_w, nominal, on_surface(job),
+      [&](const Design& places) { return sweep.surface(in_front_of(job, places)); },
+      {.seed = job.scene.seed, .resolution = job.sampled->resolution});
+  if (error.unresolved > unresolved) return cutting::Surface::Within::Random;
+  return job.scene.part.sampling.kind == PartSampling::Kind::Adaptive
+             ? cutting::Surface::Within::Middle
+             : cutting::Surface::Within::None;
 }
 
 Design refined_for(const Job& job, const Sweep& sweep, SampledSurface& sampled,
@@ -133,7 +149,7 @@ Job sampled(Job job, const Progress& progress) {
   job.sampled = SampledSurface{.given = job.design_w.vertices.rows()};
   if (job.design_w.judged.empty())
     job.design_w.judged.assign(std::size_t(job.design_w.vertices.rows()), 1);
-  const cutting::Surface nominal = sweep.surface(job.design_w);
+  cutting::Surface nominal = sweep.surface(job.design_w);
   judge_what_is_meant(job, nominal);
   const PartSampling& wanted = job.scene.part.sampling;
   job.sampled->resolution =
@@ -146,8 +162,11 @@ Job sampled(Job job, const Progress& progress) {
     if (std::string text = spacing_text(job.design_w, wanted); !text.empty())
       job.warnings.push_back(std::move(text));
   }
-  if (wanted.kind != PartSampling::Kind::Vertices)  // also of what was added between
-    judge_what_is_meant(job, sweep.surface(job.design_w));
+  if (wanted.kind != PartSampling::Kind::Vertices) {  // also of what was added between
+    nominal = sweep.surface(job.design_w);
+    judge_what_is_meant(job, nominal);
+  }
+  job.sampled->within = where_within(job, sweep, nominal);
   if (job.sampled->unmeant_area > 0.0 && job.sampled->judged_area > 0.0)
     job.warnings.push_back(unmeant_text(*job.sampled));
   job.timing_s["sampling"] = watch.lap();

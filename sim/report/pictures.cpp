@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <set>
 
 #include <fmt/format.h>
@@ -70,9 +71,22 @@ bool is_finer(const Job& job, double pixel_mm) {
   return 2.0 * spacing < 1.5 * pixel_mm;
 }
 
+/// By how much a filtered map is off by chance where its places are at random, mm: the filter is a
+/// mean over so many of them.
+double form_noise(const Job& job, const Verdict& verdict) {
+  const cutting::Surface& surface = verdict.aligned.surface;
+  if (surface.looked_within != cutting::Surface::Within::Random || !verdict.texture) return 0.0;
+  const double cutoff = job.scene.part.form_cutoff;
+  const double variance = cutoff * cutoff * std::numbers::ln2 / (2.0 * pi * pi);
+  const double density = double(job.design_w.triangles.rows()) / job.design_w.area.sum();
+  return verdict.texture->Sq / std::sqrt(4.0 * pi * variance * density);
+}
+
 std::string form_caption(const Job& job, const Verdict& verdict) {
-  return fmt::format("form: waves beyond {:.3g} mm; texture finer than the points, Sz {} or more",
-                     job.scene.part.form_cutoff, texture_height(verdict));
+  const double noise = form_noise(job, verdict);
+  const std::string by_chance = noise > 0.0 ? ", ± " + length_text(noise) + " by chance" : "";
+  return fmt::format("form: waves beyond {:.3g} mm{}; texture finer than the points, Sz {} or more",
+                     job.scene.part.form_cutoff, by_chance, texture_height(verdict));
 }
 
 /// With the signs and units that a picture has.
@@ -293,9 +307,9 @@ void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdi
     options.figures = figures(verdict.residual);
     const cutting::Surface& surface = verdict.aligned.surface;
     const cutting::Weights weights = cutting::weights(surface, job.design_w);
-    Eigen::VectorXd values(surface.residual.size() + surface.middle.size()), areas(values.size());
-    values << surface.residual / units::um, surface.middle / units::um;
-    areas << weights.vertex, weights.middle;
+    Eigen::VectorXd values(surface.residual.size() + surface.within.size()), areas(values.size());
+    values << surface.residual / units::um, surface.within / units::um;
+    areas << weights.vertex, weights.within;
     render::write_histogram(file, values, areas, options);
   });
 }

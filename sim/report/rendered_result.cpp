@@ -39,68 +39,110 @@ render::Field difference(render::Field a, const render::Field& b,
   for (std::size_t i = 0; i < a.status.size(); ++i)
     a.status[i] = std::uint8_t(
         cutting::worse(cutting::VertexStatus(a.status[i]), cutting::VertexStatus(b.status[i])));
-  if (a.middle_um.size() == b.middle_um.size())
-    a.middle_um -= b.middle_um;
-  else
-    a.middle_um.resize(0);
+  if (a.looked_within == b.looked_within && a.within_um.size() == b.within_um.size()) {
+    a.within_um -= b.within_um;
+  } else {
+    a.looked_within = cutting::Surface::Within::None;
+    a.within_um.resize(0);
+  }
   for (Eigen::Index i = 0; i < a.deviation_um.size(); ++i)
     if (a.status[std::size_t(i)] != 0) a.deviation_um[i] = std::numeric_limits<double>::quiet_NaN();
   return a;
 }
 
-/// Points of a map along a line through the middle of the part: (coordinate, deviation).
-std::vector<std::pair<double, double>> along(const render::Field& field, const std::string& line) {
+/// A stretch of a profile, as long as one triangle: where, between which deviations, how long.
+struct Stretch {
+  double from, to;     ///< mm, along the line
+  double first, last;  ///< um
+  double weight = 0.0;
+};
+
+Eigen::RowVector3d middle_of(const render::Field& field) {
   const auto& vertices = field.design.vertices;
-  const Eigen::RowVector3d lower = vertices.colwise().minCoeff(),
-                           upper = vertices.colwise().maxCoeff();
-  const Eigen::RowVector3d middle = 0.5 * (lower + upper);
-  const double width = 1.5 * std::sqrt(field.design.area.sum() / double(vertices.rows()));
-  std::vector<std::pair<double, double>> points;
-  for (Eigen::Index i = 0; i < vertices.rows(); ++i) {
-    if (std::isnan(field.deviation_um[i])) continue;
-    const Eigen::RowVector3d p = vertices.row(i) - middle;
-    if (line == "radius")
-      points.emplace_back(std::hypot(vertices(i, 0), vertices(i, 1)), field.deviation_um[i]);
-    else if (line == "x" && std::abs(p.y()) < width)
-      points.emplace_back(vertices(i, 0), field.deviation_um[i]);
-    else if (line == "y" && std::abs(p.x()) < width)
-      points.emplace_back(vertices(i, 1), field.deviation_um[i]);
+  return 0.5 * (vertices.colwise().minCoeff() + vertices.colwise().maxCoeff());
+}
+
+/// The triangles of a map that a plane through the middle of the part cuts, in order of the file.
+/// @param across  axis to which the plane is square: 0 or 1
+std::vector<Stretch> cut_across(const render::Field& field, int across) {
+  const double level = middle_of(field)[across];
+  const auto& vertices = field.design.vertices;
+  std::vector<Stretch> all;
+  for (const auto& t : field.design.triangles.rowwise()) {
+    std::vector<std::pair<double, double>> ends;  // coordinate, deviation
+    for (int k = 0; k < 3; ++k) {
+      const int a = t[k], b = t[(k + 1) % 3];
+      const double p = vertices(a, across) - level, q = vertices(b, across) - level;
+      if ((p < 0.0) == (q < 0.0)) continue;
+      const double u = p / (p - q);
+      ends.emplace_back((1.0 - u) * vertices(a, 1 - across) + u * vertices(b, 1 - across),
+                        (1.0 - u) * field.deviation_um[a] + u * field.deviation_um[b]);
+    }
+    if (ends.size() != 2) continue;
+    std::sort(ends.begin(), ends.end());
+    const auto& [from, first] = ends[0];
+    const auto& [to, last] = ends[1];
+    if (std::isfinite(first) && std::isfinite(last))
+      all.push_back({from, to, first, last, to - from});
   }
-  return points;
+  return all;
+}
+
+std::vector<Stretch> stretches_of(const render::Field& field, const std::string& line) {
+  if (line == "x") return cut_across(field, 1);
+  if (line == "y") return cut_across(field, 0);
+  std::vector<Stretch> all;
+  for (Eigen::Index i = 0; i < field.deviation_um.size(); ++i) {
+    const double r = field.design.vertices.row(i).head<2>().norm(), d = field.deviation_um[i];
+    if (std::isfinite(d)) all.push_back({r, r, d, d, field.design.area[i]});
+  }
+  return all;
 }
 
 /// The line of a profile, in words.
-std::string where_runs(const std::string& line) {
+std::string where_runs(const render::Field& field, const std::string& line) {
   if (line == "radius") return "the distance from the part's z axis, all around it";
-  return line + " through the middle of the part, a strip of about one and a half vertices to " +
-         "either side";
+  return line == "x"
+             ? fmt::format("x through the middle of the part, y = {:.3f} mm", middle_of(field).y())
+             : fmt::format("y through the middle of the part, x = {:.3f} mm", middle_of(field).x());
 }
 
-/// Lowest, mean and highest deviation in stretches of a line: cusps make a single trace a scribble.
+/// Lowest, mean and highest deviation in bins of a line: cusps make a single trace a scribble.
 std::vector<render::ProfileSeries> profile(const render::Field& field, const std::string& line) {
-  constexpr int stretches = 200;
-  const auto points = along(field, line);
+  constexpr int bins = 200;
+  const std::vector<Stretch> stretches = stretches_of(field, line);
+  const double none = std::numeric_limits<double>::quiet_NaN();
   std::vector<render::ProfileSeries> all = {
       {"highest", {}, {}}, {"mean", {}, {}}, {"lowest", {}, {}}};
-  const double none = std::numeric_limits<double>::quiet_NaN();
   for (render::ProfileSeries& series : all)
-    series.x = series.y = Eigen::VectorXd::Constant(stretches, none);
-  if (points.empty()) return all;
-  const auto [first, last] = std::minmax_element(points.begin(), points.end());
-  const double from = first->first, step = (last->first - from) / stretches;
-  std::vector<int> count(stretches, 0);
-  for (const auto& [x, y] : points) {
-    const int k = step > 0.0 ? std::min(stretches - 1, int((x - from) / step)) : 0;
-    for (render::ProfileSeries& series : all) series.x[k] = from + (k + 0.5) * step;
-    if (count[std::size_t(k)]++ == 0) {
-      for (render::ProfileSeries& series : all) series.y[k] = y;
-      continue;
+    series.x = series.y = Eigen::VectorXd::Constant(bins, none);
+  if (stretches.empty()) return all;
+  double from = stretches.front().from, to = stretches.front().to;
+  for (const Stretch& one : stretches) {
+    from = std::min(from, one.from);
+    to = std::max(to, one.to);
+  }
+  const double step = (to - from) / bins;
+  Eigen::VectorXd weight = Eigen::VectorXd::Zero(bins);
+  const auto put = [&](double x, double y, double share) {
+    const int k = step > 0.0 ? std::clamp(int((x - from) / step), 0, bins - 1) : 0;
+    for (render::ProfileSeries& series : all) {
+      series.x[k] = from + (k + 0.5) * step;
+      if (std::isnan(series.y[k])) series.y[k] = &series == &all[1] ? 0.0 : y;
     }
     all[0].y[k] = std::max(all[0].y[k], y);
-    all[1].y[k] += y;
+    all[1].y[k] += share * y;
     all[2].y[k] = std::min(all[2].y[k], y);
+    weight[k] += share;
+  };
+  for (const Stretch& one : stretches) {
+    const int parts = step > 0.0 ? 1 + int(4.0 * (one.to - one.from) / step) : 1;
+    for (int i = 0; i < parts; ++i) {
+      const double u = (i + 0.5) / parts;
+      put(std::lerp(one.from, one.to, u), std::lerp(one.first, one.last, u), one.weight / parts);
+    }
   }
-  for (int k = 0; k < stretches; ++k) all[1].y[k] /= std::max(1, count[std::size_t(k)]);
+  for (int k = 0; k < bins; ++k) all[1].y[k] = weight[k] > 0.0 ? all[1].y[k] / weight[k] : none;
   return all;
 }
 
@@ -195,7 +237,7 @@ std::filesystem::path render_profile(const RenderOptions& options, const ResultF
   plot.title = known.title;
   plot.x_label = *options.line + " / mm";
   plot.caption = {"+ material left, − gouged; along the outward design normal",
-                  "along " + where_runs(*options.line),
+                  "along " + where_runs(field, *options.line),
                   fmt::format("whole map: PV {:.4g} µm, RMS {:.4g} µm; datum {}, alignment {}",
                               numbers.pv_um, numbers.rms_um, known.datum, known.alignment)};
   plot.format = format_of(options.format);
@@ -217,7 +259,14 @@ std::filesystem::path render_result(const RenderOptions& options) {
   if (options.minus) {
     const std::filesystem::path other = result_file(*options.minus);
     field = difference(std::move(field), render::read_residual(other), other);
-    known.title += ", minus " + about(other).title;
+    const std::string taken = about(other).title;
+    const auto folder = [](const std::filesystem::path& file) {
+      return file.parent_path().filename().string();
+    };
+    if (taken == known.title && folder(source) != folder(other))
+      known.title += fmt::format(", {} minus {}", folder(source), folder(other));
+    else
+      known.title += ", minus " + taken;
     known.tolerance.reset();  // it is not a difference that is tolerated
   }
   Writer writer{options.permissions, {source, source.parent_path() / "summary.json"}, true};
@@ -232,6 +281,12 @@ std::filesystem::path render_result(const RenderOptions& options) {
   if (const auto bands = options.bands ? options.bands : known.tolerance)
     picture.tolerance_um = Eigen::RowVector2d(bands->lower / units::um, bands->upper / units::um)
                                .replicate(field.deviation_um.size(), 1);
+  if (picture.tolerance_um.rows() > 0) {
+    const auto judged = render::statistics(field, picture.tolerance_um * units::um).conformance;
+    if (judged)
+      picture.shares =
+          render::ToleranceShares{judged->in, judged->over, judged->under, judged->uncut};
+  }
   picture.field = std::move(field);
   const render::MapOptions map = map_options(options, known, picture.tolerance_um.rows() > 0);
   // never the name of a picture that a run left there

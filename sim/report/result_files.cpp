@@ -41,6 +41,9 @@ nlohmann::ordered_json about_map(const ToSave& all) {
                      "deviation at the middle of a triangle (vtp, npz): it stands for three "
                      "quarters of the triangle in the statistics and a corner for a twelfth; where "
                      "it is nan, or there are none, a corner stands for a third"},
+                    {"random_um",
+                     "deviation at a place of a triangle at random, of maps that their vertices do "
+                     "not resolve: it stands for the whole triangle"},
                     {"residual_um", "deviation along the normal, nan where not cut"},
                     {"form_um", "the residual through the areal Gaussian filter"},
                     {"texture_um", "the residual minus the form"},
@@ -66,7 +69,7 @@ const std::map<std::string, Save>& savers() {
        write_file(file, [&](const std::filesystem::path& path) {
          render::write_residual(path,
                                 {map.design, map.residual_um, map.status, map.cut_time_s,
-                                 map.cut_line, map.middle_um, map.form_um},
+                                 map.cut_line, map.looked_within, map.within_um, map.form_um},
                                 fact_texts(map.facts));
        });
      }},

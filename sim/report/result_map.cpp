@@ -15,7 +15,8 @@ ResultMap result_map(const Job& job, const Verdict& verdict) {
   map.facts.tolerance = job.scene.part.tolerance;
   map.design = cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
   map.residual_um = surface.residual / units::um;
-  map.middle_um = surface.middle / units::um;
+  map.looked_within = surface.looked_within;
+  map.within_um = surface.within / units::um;
   map.form_um = verdict.filtered / units::um;
   map.texture_um = map.residual_um - map.form_um;
   for (const cutting::VertexStatus one : surface.status) map.status.push_back(std::uint8_t(one));

@@ -26,10 +26,8 @@ struct ResultMap {
   MapFacts facts;
   cutting::Design design;       ///< mm
   Eigen::VectorXd residual_um;  ///< (n) + material left, - gouged; NaN where not cut
-  Eigen::VectorXd middle_um;    ///< (triangles) the same at their middles, NaN where not cut; empty
-                                ///< without middles. Of its area a triangle that has one gives it
-                              ///< three quarters, a corner a twelfth, else a corner a third: these
-                              ///< are the weights of the statistics
+  cutting::Surface::Within looked_within = cutting::Surface::Within::None;
+  Eigen::VectorXd within_um;         ///< (m) the same at that place of every triangle
   Eigen::VectorXd form_um;           ///< (n) through the areal filter; NaN where not cut
   Eigen::VectorXd texture_um;        ///< (n) the residual minus it
   std::vector<std::uint8_t> status;  ///< (n) as cutting::VertexStatus

@@ -92,8 +92,9 @@ std::string to_npz(const ResultMap& map) {
                                   {"cut_time_s.npy", npy_column("<f8", map.cut_time_s)},
                                   {"cut_line.npy", npy_column("<i4", map.cut_line)},
                                   {"meta.npy", npy_text(meta)}};
-  if (map.middle_um.size() > 0)
-    arrays.push_back({"middle_um.npy", npy_column("<f8", map.middle_um)});
+  if (map.within_um.size() > 0)
+    arrays.push_back({std::string(cutting::name_of_values(map.looked_within)) + ".npy",
+                      npy_column("<f8", map.within_um)});
   return zip_archive(arrays);
 }
 

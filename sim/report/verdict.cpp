@@ -66,13 +66,13 @@ std::vector<Verdict::Ring> rings_of(const Job& job, const cutting::Surface& surf
     };
     for (Eigen::Index v = 0; v < weights.vertex.size(); ++v)
       add(part.vertices(v, 2), weights.vertex[v], radius(v, surface.residual[v]));
-    for (Eigen::Index t = 0; t < weights.middle.size(); ++t) {
+    for (Eigen::Index t = 0; t < weights.within.size(); ++t) {
       double along = 0.0, mean = 0.0;
       for (const int v : part.triangles.row(t)) {
         along += part.vertices(v, 2) / 3.0;
-        mean += radius(v, surface.middle[t]) / 3.0;
+        mean += radius(v, surface.within[t]) / 3.0;
       }
-      add(along, weights.middle[t], mean);
+      add(along, weights.within[t], mean);
     }
     rings.push_back({ring.name, std::nullopt});
     if (area > 0.0) rings.back().radius = weighted / area;
@@ -114,7 +114,8 @@ void part_form(const Job& job, Verdict& verdict) {
   verdict.filtered = cutting::gaussian_form(job.design_w, surface, job.scene.part.form_cutoff);
   cutting::Surface form = surface;
   form.residual = verdict.filtered;
-  form.middle.resize(0);  // smooth: its vertices stand for what is around them
+  form.looked_within = cutting::Surface::Within::None;
+  form.within.resize(0);  // smooth: its vertices stand for what is around them
   verdict.form_part = cutting::statistics(form, job.design_w, verdict.tolerance);
   const cutting::Weights weights = cutting::weights(surface, job.design_w);
   std::vector<double> texture, area;
@@ -123,13 +124,13 @@ void part_form(const Job& job, Verdict& verdict) {
     texture.push_back(surface.residual[i] - verdict.filtered[i]);
     area.push_back(weights.vertex[i]);
   }
-  for (Eigen::Index t = 0; t < weights.middle.size(); ++t) {
-    if (!(weights.middle[t] > 0.0)) continue;
+  for (Eigen::Index t = 0; t < weights.within.size(); ++t) {
+    if (!(weights.within[t] > 0.0)) continue;
     const auto corners = job.design_w.triangles.row(t);
     const double filtered =
         verdict.filtered[corners[0]] + verdict.filtered[corners[1]] + verdict.filtered[corners[2]];
-    texture.push_back(surface.middle[t] - filtered / 3.0);
-    area.push_back(weights.middle[t]);
+    texture.push_back(surface.within[t] - filtered / 3.0);
+    area.push_back(weights.within[t]);
   }
   const auto n = Eigen::Index(texture.size());
   const Eigen::Map<const Eigen::VectorXd> heights(texture.data(), n), parts(area.data(), n);

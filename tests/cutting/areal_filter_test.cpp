@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "cutting/primitive.h"
+#include "cutting/residual.h"
 #include "cutting/smooth_patches.h"
 
 namespace abbe::cutting {
@@ -108,6 +109,27 @@ TEST(GaussianForm, IsTheSumOverAllVerticesWrittenOut) {
   const double pv = surface.residual.maxCoeff() - surface.residual.minCoeff();
   std::cout << "cells against all vertices: " << 100 * worst / pv << " % of PV\n";
   EXPECT_LT(worst, 0.01 * pv);
+}
+
+TEST(GaussianForm, AWaveFinerThanTheVerticesLeavesNoWaveOfItsOwn) {
+  const Design plane = tessellate(RectanglePlane{24.0, 24.0}, {30000});
+  const double spacing = std::sqrt(2.0 * 24.0 * 24.0 / double(plane.triangles.rows()));
+  const auto wave = [&](const Vector3d& p) { return std::sin(2 * pi * p.x() / (0.97 * spacing)); };
+  const auto spread = [](const Eigen::VectorXd& v) {
+    return std::sqrt((v.array() - v.mean()).square().mean());
+  };
+  Surface surface = surface_of(plane, wave);
+  const double at_vertices = spread(gaussian_form(plane, surface, 2.5));
+  surface.looked_within = Surface::Within::Random;
+  surface.within.resize(plane.triangles.rows());
+  for (Index t = 0; t < plane.triangles.rows(); ++t)
+    surface.within[t] =
+        wave(at_place_within(surface.looked_within, plane.vertices, plane.triangles, t));
+  const double at_random = spread(gaussian_form(plane, surface, 2.5));
+  std::cout << "wave of RMS 0.707 and " << 0.97 * spacing << " mm at vertices every " << spacing
+            << " mm: form " << at_vertices << " RMS, with places at random " << at_random << "\n";
+  EXPECT_GT(at_vertices, 0.4);
+  EXPECT_LT(at_random, 0.15 * at_vertices);
 }
 
 TEST(GaussianForm, ASlopePassesWholeToTheRim) {

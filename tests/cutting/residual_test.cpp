@@ -46,10 +46,11 @@ TEST(Statistics, WithMiddlesAreThoseOfAQuadraticResidualWhateverItsVertices) {
     s.residual[i] = bowl(plane.vertices.row(i));
   const double exact = 3.0 + 2.0 * 64.0 / 12.0;
   const double straight = *statistics(s, plane).mean;
-  s.middle.resize(plane.triangles.rows());
+  s.looked_within = Surface::Within::Middle;
+  s.within.resize(plane.triangles.rows());
   for (Eigen::Index t = 0; t < plane.triangles.rows(); ++t) {
     const auto c = plane.triangles.row(t);
-    s.middle[t] = bowl(
+    s.within[t] = bowl(
         (plane.vertices.row(c[0]) + plane.vertices.row(c[1]) + plane.vertices.row(c[2])) / 3.0);
   }
   const Statistics with = statistics(s, plane);
@@ -57,12 +58,31 @@ TEST(Statistics, WithMiddlesAreThoseOfAQuadraticResidualWhateverItsVertices) {
             << *with.mean - exact << " with them\n";
   EXPECT_GT(straight - exact, 1e-3);
   EXPECT_NEAR(*with.mean, exact, 1e-12);
-  EXPECT_NEAR(weights(s, plane).vertex.sum() + weights(s, plane).middle.sum(), 48.0, 1e-11);
-  s.middle.head(100).setConstant(nan);
-  EXPECT_NEAR(weights(s, plane).vertex.sum() + weights(s, plane).middle.sum(), 48.0, 1e-11);
-  EXPECT_EQ(minus(s, s).middle.tail(200).cwiseAbs().maxCoeff(), 0.0);
-  s.middle.resize(3);
+  EXPECT_NEAR(weights(s, plane).vertex.sum() + weights(s, plane).within.sum(), 48.0, 1e-11);
+  s.within.head(100).setConstant(nan);
+  EXPECT_NEAR(weights(s, plane).vertex.sum() + weights(s, plane).within.sum(), 48.0, 1e-11);
+  EXPECT_EQ(minus(s, s).within.tail(200).cwiseAbs().maxCoeff(), 0.0);
+  s.within.resize(3);
   EXPECT_THROW(weights(s, plane), std::invalid_argument);
+}
+
+TEST(Statistics, PlacesAtRandomAreEvenOverEveryTriangle) {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d square = Eigen::Matrix3d::Zero();
+  constexpr int n = 200000;
+  for (int t = 0; t < n; ++t) {
+    const std::array<double, 3> at = place_within(Surface::Within::Random, t);
+    const Eigen::Vector3d p(at[0], at[1], at[2]);
+    ASSERT_GE(p.minCoeff(), 0.0);
+    ASSERT_NEAR(p.sum(), 1.0, 1e-15);
+    mean += p / n;
+    square += p * p.transpose() / n;
+  }
+  // of an even density: means 1/3, squares 1/6, products 1/12; four standard deviations of them
+  EXPECT_LT((mean.array() - 1.0 / 3.0).abs().maxCoeff(), 4 * 0.236 / std::sqrt(n));
+  const Eigen::Matrix3d even = (Eigen::Matrix3d::Ones() + Eigen::Matrix3d::Identity()) / 12.0;
+  EXPECT_LT((square - even).cwiseAbs().maxCoeff(), 4 * 0.2 / std::sqrt(n));
+  EXPECT_EQ(place_within(Surface::Within::Middle, 7)[1], 1.0 / 3.0);
 }
 
 TEST(Statistics, AreThoseComputedByHand) {

@@ -67,9 +67,16 @@ def samples(values, middles, fields):
     triangles = fields["triangles"][has]
     a, b, c = (fields["vertices"][triangles[:, k]] for k in range(3))
     whole = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    np.subtract.at(area, triangles.ravel(), np.repeat(whole / 4, 3))
-    expect((area[cut] > -1e-15).all(), "vertices that stand for less than nothing")
-    return np.concatenate([values[cut], middles[has]]), np.concatenate([area[cut], 0.75 * whole])
+    share = 1 if "random_um" in fields else 0.75
+    np.subtract.at(area, triangles.ravel(), np.repeat(share * whole / 3, 3))
+    expect((area[cut] > -1e-12).all(), "vertices that stand for less than nothing")
+    area = np.maximum(area, 0)
+    return np.concatenate([values[cut], middles[has]]), np.concatenate([area[cut], share * whole])
+
+
+def within(fields):
+    """What was looked at within triangles, None where nobody did."""
+    return fields.get("middle_um", fields.get("random_um"))
 
 
 def statistics(values, middles, fields, tolerance):
@@ -105,13 +112,13 @@ def heights(texture, w):
 
 
 def expect_figures(fields, free, summary, tolerance, name):
-    status, middles, form = fields["status"], fields.get("middle_um"), fields["form_um"]
+    status, middles, form = fields["status"], within(fields), fields["form_um"]
     found = {"residual_um": statistics(fields["residual_um"], middles, fields, tolerance),
              "form_um": statistics(form, None, fields, tolerance)}
     if free is not None:
         both = dict(fields, status=np.where((status == 0) & (free["status"] == 0), 0, 1))
         found["machine_um"] = statistics(fields["residual_um"] - free["residual_um"],
-                                         None if middles is None else middles - free["middle_um"], both, None)
+                                         None if middles is None else middles - within(free), both, None)
     for key, figures in found.items():
         for one, value in figures.items():
             expect_near(value, summary[key][one], f"{name}: {one} of {key}")
@@ -135,11 +142,13 @@ def expect_npz(fields, name):
     n, m = len(fields["vertices"]), len(fields["triangles"])
     shapes = {"vertices": ("<f8", (n, 3)), "normals": ("<f8", (n, 3)), "triangles": ("<i4", (m, 3)),
               "status": ("|u1", (n,)), "cut_line": ("<i4", (n,))}
-    if "middle_um" in fields:
-        shapes["middle_um"] = ("<f8", (m,))
-        has = np.isfinite(fields["middle_um"])
+    for key in ("middle_um", "random_um"):
+        if key not in fields:
+            continue
+        shapes[key] = ("<f8", (m,))
+        has = np.isfinite(fields[key])
         expect(not (has & (fields["status"][fields["triangles"]] != 0).any(axis=1)).any(),
-               f"{name}: a middle between vertices that are not cut")
+               f"{name}: {key} between vertices that are not cut")
     for key in ("area_mm2", "residual_um", "form_um", "texture_um", "cut_time_s"):
         shapes[key] = ("<f8", (n,))
     for key, (kind, shape) in shapes.items():

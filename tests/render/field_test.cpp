@@ -125,17 +125,19 @@ TEST_F(Residual, MiddlesOfTrianglesAreReadAgainAndCountInItsFigures) {
   Field f = awkward();
   f.deviation_um[3] = 7.0;
   f.design.area = cutting::vertex_area(f.design.vertices, f.design.triangles);
-  f.middle_um = f.deviation_um.head(1).replicate(f.design.triangles.rows(), 1);
-  f.middle_um[5] = std::numeric_limits<double>::quiet_NaN();
-  for (Eigen::Index t = 0; t < f.middle_um.size(); ++t)
+  f.within_um = f.deviation_um.head(1).replicate(f.design.triangles.rows(), 1);
+  f.within_um[5] = std::numeric_limits<double>::quiet_NaN();
+  for (Eigen::Index t = 0; t < f.within_um.size(); ++t)
     for (const int v : f.design.triangles.row(t))
-      if (f.status[std::size_t(v)] != 0) f.middle_um[t] = std::numeric_limits<double>::quiet_NaN();
+      if (f.status[std::size_t(v)] != 0) f.within_um[t] = std::numeric_limits<double>::quiet_NaN();
+  f.looked_within = cutting::Surface::Within::Random;
   write_residual(file("a.vtp"), f);
   const Field again = read_residual(file("a.vtp"));
-  ASSERT_EQ(again.middle_um.size(), f.middle_um.size());
-  EXPECT_TRUE(same_bits(again.middle_um.data(), f.middle_um.data(), f.middle_um.size()));
+  ASSERT_EQ(again.within_um.size(), f.within_um.size());
+  EXPECT_TRUE(same_bits(again.within_um.data(), f.within_um.data(), f.within_um.size()));
+  EXPECT_EQ(again.looked_within, f.looked_within);
   EXPECT_EQ(statistics(again).mean, statistics(f).mean);
-  f.middle_um.array() += 1.0;
+  f.within_um.array() += 1.0;
   EXPECT_GT(*statistics(f).mean, *statistics(again).mean);
 }
 
