@@ -191,14 +191,17 @@ double form_at(const Reached& cells, const Vector3d& point, const Vector3d& norm
 
 }  // namespace
 
+double gaussian_variance(double cutoff) {
+  return cutoff * cutoff * std::numbers::ln2 / (2.0 * std::numbers::pi * std::numbers::pi);
+}
+
 Eigen::VectorXd gaussian_form(const Design& design, const Surface& surface, double cutoff) {
   const Index n = design.vertices.rows();
   require(surface.residual.size() == n && design.area.size() == n && design.normals.rows() == n,
           "gaussian_form: sizes differ");
   require(std::isfinite(cutoff) && cutoff > 0.0, "gaussian_form: the cut-off must be positive");
   const double size = cutoff / cells_a_cutoff, reach = reach_of_cutoff * cutoff;
-  const double variance =
-      cutoff * cutoff * std::numbers::ln2 / (2.0 * std::numbers::pi * std::numbers::pi);
+  const double variance = gaussian_variance(cutoff);
   const Cells all = cells_of(design, surface, size);
   const auto blocks = blocks_of(all.cells, reach);
   Eigen::VectorXd form = Eigen::VectorXd::Constant(n, std::numeric_limits<double>::quiet_NaN());

@@ -5,6 +5,9 @@
 
 namespace abbe::cutting {
 
+/// mm^2: variance, in one direction, of the weights of the filter of a cut-off.
+double gaussian_variance(double cutoff);
+
 /// (n) mm: the residual through an areal Gaussian filter on the surface (ISO 16610-61), its form;
 /// NaN where not cut. A wave of the length of the cut-off passes by half, one of half that length
 /// by 6.25 %, one of twice by 84 %. The weight of a vertex, and of a place

@@ -69,8 +69,6 @@ struct Machined {
   std::vector<std::string> warnings;
 };
 
-constexpr double unresolved_warning = 0.02;  // of the surface
-
 /// What a map is asked for: what the vertices were chosen for, or a share of its own range where
 /// that is more.
 double resolution_of(const Job& job, const cutting::Surface& surface) {
@@ -141,7 +139,7 @@ Machined machined(const Job& job, const Cutting& with, const Progress& progress)
       made.warnings.push_back(
           "no place between the vertices could be looked at: how well the map "
           "is resolved is not known");
-    if (made.interpolation->unresolved > unresolved_warning)
+    if (made.interpolation->unresolved > unresolved_most)
       made.warnings.push_back(unresolved_text(*made.interpolation, wanted, job.design_w));
   }
   return made;

@@ -54,12 +54,11 @@ std::string unmeant_text(const SampledSurface& sampled) {
 /// they do not resolve make waves of their own.
 cutting::Surface::Within where_within(const Job& job, const Sweep& sweep,
                                       const cutting::Surface& nominal) {
-  constexpr double unresolved = 0.02;  // of the surface
   const cutting::InterpolationError error = cutting::interpolation_error(
       job.design_w, nominal, on_surface(job),
       [&](const Design& places) { return sweep.surface(in_front_of(job, places)); },
       {.seed = job.scene.seed, .resolution = job.sampled->resolution});
-  if (error.unresolved > unresolved) return cutting::Surface::Within::Random;
+  if (error.unresolved > unresolved_most) return cutting::Surface::Within::Random;
   return job.scene.part.sampling.kind == PartSampling::Kind::Adaptive
              ? cutting::Surface::Within::Middle
              : cutting::Surface::Within::None;

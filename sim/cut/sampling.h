@@ -5,6 +5,9 @@
 
 namespace abbe::sim {
 
+/// Of the surface: where more of it misses the resolution, a map is too coarse.
+inline constexpr double unresolved_most = 0.02;
+
 /// The surface of the part between its vertices, workpiece frame: the declared one, or the facets
 /// of a mesh.
 cutting::OnSurface on_surface(const Job& job);

@@ -4,11 +4,11 @@
 
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <set>
 
 #include <fmt/format.h>
 
+#include "cutting/areal_filter.h"
 #include "cutting/turned_mesh.h"
 #include "kinematics/units.h"
 #include "render/comparison.h"
@@ -20,15 +20,10 @@
 #include "render/plot.h"
 #include "sim/files/output.h"
 #include "sim/report/machine_picture.h"
+#include "sim/report/map_figures.h"
 
 namespace abbe::sim {
 namespace {
-
-double um(const std::optional<double>& value) {
-  return value ? *value / units::um : std::numeric_limits<double>::quiet_NaN();
-}
-
-render::Figures figures(const cutting::Statistics& s) { return {um(s.pv), um(s.rms), um(s.mean)}; }
 
 cutting::Design design_m(const Job& job) {
   return cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
@@ -76,8 +71,7 @@ bool is_finer(const Job& job, double pixel_mm) {
 double form_noise(const Job& job, const Verdict& verdict) {
   const cutting::Surface& surface = verdict.aligned.surface;
   if (surface.looked_within != cutting::Surface::Within::Random || !verdict.texture) return 0.0;
-  const double cutoff = job.scene.part.form_cutoff;
-  const double variance = cutoff * cutoff * std::numbers::ln2 / (2.0 * pi * pi);
+  const double variance = cutting::gaussian_variance(job.scene.part.form_cutoff);
   const double density = double(job.design_w.triangles.rows()) / job.design_w.area.sum();
   return verdict.texture->Sq / std::sqrt(4.0 * pi * variance * density);
 }
@@ -121,18 +115,13 @@ render::MapPicture map_picture(const Job& job, const Verdict& verdict, double pi
   picture.datum = name_of(job.scene.datum.kind);
   picture.alignment = name_of(job.scene.alignment);
   picture.tolerance_um = verdict.tolerance / units::um;
-  if (const auto& c = verdict.residual.conformance)
-    picture.shares = render::ToleranceShares{c->in, c->over, c->under, c->uncut};
+  if (const auto& c = verdict.residual.conformance) picture.shares = shares(*c);
   picture.verdict = shown_verdict(tolerance_verdict(verdict.residual.conformance, verdict.worst));
   if (const program::Unreached& u = job.unreached; u.points > 0)
     picture.caption.push_back(
         fmt::format("not reached by the machine: {} of {} passes, parts of {}", u.passes,
                     u.all_passes, u.broken_passes));
   return picture;
-}
-
-Eigen::VectorXd deviation_um(const Verdict& verdict) {
-  return verdict.aligned.surface.residual / units::um;
 }
 
 /// Compared cases say how far they brought the machine's part down.

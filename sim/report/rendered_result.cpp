@@ -14,10 +14,10 @@
 
 #include "kinematics/units.h"
 #include "render/field.h"
-#include "render/figures.h"
 #include "render/map.h"
 #include "render/plot.h"
 #include "sim/files/output.h"
+#include "sim/report/map_figures.h"
 
 namespace abbe::sim {
 namespace {
@@ -221,18 +221,10 @@ render::MapOptions map_options(const RenderOptions& options, const About& known,
   return map;
 }
 
-render::Figures figures_of(const render::Field& field) {
-  const cutting::Statistics s = render::statistics(field);
-  const auto um = [](const std::optional<double>& mm) {
-    return mm ? *mm / units::um : std::numeric_limits<double>::quiet_NaN();
-  };
-  return {um(s.pv), um(s.rms), um(s.mean)};
-}
-
 /// A profile along a line instead of a map.
 std::filesystem::path render_profile(const RenderOptions& options, const ResultFolder& folder,
                                      const render::Field& field, const About& known) {
-  const render::Figures numbers = figures_of(field);
+  const render::Figures numbers = figures(render::statistics(field));
   render::ProfileOptions plot;
   plot.title = known.title;
   plot.x_label = *options.line + " / mm";
@@ -275,7 +267,7 @@ std::filesystem::path render_result(const RenderOptions& options) {
   if (options.line) return render_profile(options, folder, field, known);
   render::MapPicture picture;
   picture.title = known.title;
-  picture.figures = figures_of(field);
+  picture.figures = figures(render::statistics(field));
   picture.datum = known.datum;
   picture.alignment = known.alignment;
   if (const auto bands = options.bands ? options.bands : known.tolerance)
@@ -283,9 +275,7 @@ std::filesystem::path render_result(const RenderOptions& options) {
                                .replicate(field.deviation_um.size(), 1);
   if (picture.tolerance_um.rows() > 0) {
     const auto judged = render::statistics(field, picture.tolerance_um * units::um).conformance;
-    if (judged)
-      picture.shares =
-          render::ToleranceShares{judged->in, judged->over, judged->under, judged->uncut};
+    if (judged) picture.shares = shares(*judged);
   }
   picture.field = std::move(field);
   const render::MapOptions map = map_options(options, known, picture.tolerance_um.rows() > 0);

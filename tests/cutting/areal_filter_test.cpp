@@ -10,6 +10,7 @@
 #include "cutting/primitive.h"
 #include "cutting/residual.h"
 #include "cutting/smooth_patches.h"
+#include "tests/cutting/map_over.h"
 
 namespace abbe::cutting {
 namespace {
@@ -20,11 +21,7 @@ using std::numbers::pi;
 
 template <class Height>
 Surface surface_of(const Design& design, const Height& height) {
-  const Index n = design.vertices.rows();
-  Surface surface{Eigen::VectorXd(n), Eigen::VectorXd::Zero(n), std::vector<int>(std::size_t(n), 1),
-                  std::vector<VertexStatus>(std::size_t(n), VertexStatus::Cut)};
-  for (Index i = 0; i < n; ++i) surface.residual[i] = height(Vector3d(design.vertices.row(i)));
-  return surface;
+  return map_over(design, [&](const Vector3d& p, const Vector3d&) { return height(p); });
 }
 
 /// Amplitude of the form of a wave over places whose distance from the rim is beyond a cut-off.

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "cutting/form.h"
+#include "tests/cutting/map_over.h"
 
 namespace abbe::cutting {
 namespace {
@@ -15,16 +16,6 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using std::numbers::pi;
-
-template <class F>
-Surface map_over(const Design& d, const F& residual) {
-  const auto n = static_cast<std::size_t>(d.vertices.rows());
-  Surface s{Eigen::VectorXd(d.vertices.rows()), Eigen::VectorXd::Zero(d.vertices.rows()),
-            std::vector<int>(n, 1), std::vector<VertexStatus>(n, VertexStatus::Cut)};
-  for (Eigen::Index i = 0; i < d.vertices.rows(); ++i)
-    s.residual[i] = residual(Vector3d(d.vertices.row(i)), Vector3d(d.normals.row(i)));
-  return s;
-}
 
 std::map<std::string, double> numbers(const Primitive& p, const Design& d, const Surface& s) {
   std::map<std::string, double> result;
@@ -213,8 +204,10 @@ TEST(Form, OfALargeMapNeedsNoLuckWithMemory) {
   // used to crash: temporaries beyond the stack's share come from malloc, aligned to 16 bytes only
   const Primitive sphere = SphereCap{100.0, 50.0};
   const Design d = tessellate(sphere, {120000});
-  const auto form = numbers(sphere, d, map_over(d, [](const Vector3d&, const Vector3d&) { return 0.01; }));
-  std::cout << "120 000 vertices, allowance 0.01 mm: sphericity " << form.at("sphericity_lsq") << " mm\n";
+  const auto form =
+      numbers(sphere, d, map_over(d, [](const Vector3d&, const Vector3d&) { return 0.01; }));
+  std::cout << "120 000 vertices, allowance 0.01 mm: sphericity " << form.at("sphericity_lsq")
+            << " mm\n";
   EXPECT_LT(form.at("sphericity_lsq"), 1e-12);
 }
 
