@@ -1,6 +1,7 @@
 #include "cutting/gouge.h"
 
 #include <algorithm>
+#include <memory>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -39,7 +40,8 @@ std::optional<FirstCut> cut_within(const Design& design, Index vertex, double fr
 Second second_look(const Design& design, const Thickness& thickness, Index vertex, double band,
                    bool buried, const FirstCutAlong& first_cut) {
   const double most = gouge_bands * band;
-  const auto behind = thickness.behind(vertex, 2.0 * most);
+  const auto behind =
+      thickness.behind(design.vertices.row(vertex), design.normals.row(vertex), 2.0 * most);
   const double deepest = behind ? 0.5 * *behind : most;
   const bool thin = deepest <= band;
   if (thin && !buried) return {};
@@ -55,25 +57,26 @@ Second second_look(const Design& design, const Thickness& thickness, Index verte
 
 std::optional<ShiftedRay> ThinRays::of(Index vertex) const {
   std::call_once(once_, [&] { thickness_.emplace(design_); });
-  const auto behind = thickness_->behind(vertex, 2.0 * band_);
+  const auto behind =
+      thickness_->behind(design_.vertices.row(vertex), design_.normals.row(vertex), 2.0 * band_);
   if (!behind) return std::nullopt;
   return stretch(design_, vertex, -0.5 * *behind, band_);
 }
 
-Surface with_gouges(Surface surface, const Design& design, double band,
+Surface with_gouges(Surface surface, const Design& design, const SurfaceOptions& options,
                     const FirstCutAlong& first_cut) {
   std::vector<Index> doubtful;
   for (std::size_t i = 0; i < surface.status.size(); ++i)
     if (surface.status[i] == VertexStatus::Uncut || surface.status[i] == VertexStatus::Gouged)
       doubtful.push_back(Index(i));
   if (doubtful.empty()) return surface;
-  const Thickness thickness(design);
+  const auto body = options.body ? options.body : std::make_shared<const Thickness>(design);
   std::vector<Second> looks(doubtful.size());
   const auto range_of_all = tbb::blocked_range<std::size_t>(0, doubtful.size(), 64);
   tbb::parallel_for(range_of_all, [&](const auto& range) {
     for (std::size_t k = range.begin(); k < range.end(); ++k) {
       const bool buried = surface.status[std::size_t(doubtful[k])] == VertexStatus::Gouged;
-      looks[k] = second_look(design, thickness, doubtful[k], band, buried, first_cut);
+      looks[k] = second_look(design, *body, doubtful[k], options.band, buried, first_cut);
     }
   });
   for (std::size_t k = 0; k < doubtful.size(); ++k) {

@@ -45,7 +45,7 @@ class ThinRays {
 /// The map with its gouges: every vertex that it calls Gouged (its ray starts in removed material)
 /// or Uncut is followed inwards as milled_surface says, and called Gouged, Uncut or, where the part
 /// is thinner than two bands, Cut.
-Surface with_gouges(Surface surface, const Design& design, double band,
+Surface with_gouges(Surface surface, const Design& design, const SurfaceOptions& options,
                     const FirstCutAlong& first_cut);
 
 }  // namespace abbe::cutting

@@ -60,7 +60,7 @@ Surface searched(const SweepTree& tree, const CutterMotion& motion, const Design
     const std::size_t done = finished += range.size();
     if (options.progress) options.progress(double(done) / double(order.size()));
   });
-  return with_gouges(std::move(surface), design_w, options.band,
+  return with_gouges(std::move(surface), design_w, options,
                      [&](const Ray& ray) -> std::optional<FirstCut> {
                        SweepTree::Hint hint;
                        const std::optional<Removal> removal = tree.first_removal(ray, hint);

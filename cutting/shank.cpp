@@ -181,7 +181,8 @@ std::optional<ShankContact> shank_contact(const Design& design_w, const Cutter& 
   for (std::size_t v = 0; v < depths.size(); ++v) {
     if (depths[v].depth <= 0.0) continue;
     // a thin part is not met by what passes behind it
-    const auto behind = thickness.behind(Index(v), 2.0 * options.band);
+    const auto behind = thickness.behind(design_w.vertices.row(Index(v)),
+                                         design_w.normals.row(Index(v)), 2.0 * options.band);
     if (!behind || depths[v].depth <= 0.5 * *behind) continue;
     depths[v] = 0.5 * *behind > least ? depth_of(Index(v), 0.5 * *behind) : Depth{};
   }

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <vector>
 
 #include "cutting/mesh.h"
@@ -9,6 +10,8 @@
 #include "cutting/tool.h"
 
 namespace abbe::cutting {
+
+class Thickness;
 
 enum class VertexStatus : std::uint8_t {
   Cut = 0,
@@ -24,6 +27,8 @@ struct SurfaceOptions {
   double band = 2.0;                     ///< mm, the ray is searched from -band (inside) to +band
   std::function<void(double)> progress;  ///< called now and then with the finished fraction, from
                                          ///< any thread
+  std::shared_ptr<const Thickness> body = {};  ///< the part behind the design; without one the
+                                               ///< design itself
 };
 
 /// What was removed below the band at a vertex that is Gouged.

@@ -203,6 +203,11 @@ void RayEnd::cut_off(const Ray& ray, double s, const Vector3d& centre) {
   doubt = node_rounding * (std::abs(p[0]) + std::abs(p[1]) + std::abs(p[2]) + reach);
 }
 
+RayStretch::RayStretch(const Cutter& cutter, const Ray& ray, double s, const Vector3d& centre,
+                       double reach_of_nodes)
+    : end(cutter, ray, s, centre, reach_of_nodes),
+      start(cutter, {ray.point, -ray.normal, ray.band}, ray.band, centre, reach_of_nodes) {}
+
 // ---- holding them against a ray -----------------------------------------------------------------
 //
 // With q the point where the ray is cut off, a plane through q with normal m, m n <= 0, has the
@@ -212,6 +217,10 @@ void RayEnd::cut_off(const Ray& ray, double s, const Vector3d& centre) {
 //   h = r |m| + ring |m x u| if m u <= 0, (flank - r) m u + R |m x u| if m u > 0.
 // m is the direction to q from the nearest point of the tool's core, turned across n if need be.
 // Any m will do: what is rounded on the way to it costs nothing.
+//
+// Such a plane has all of the line before q on its outer side, cutters far behind the start of the
+// ray included. Where the nearest place lies behind q, the same is tried from the start, of the ray
+// that runs the other way.
 //
 // Rounding of the test itself. Let e = 2^-24, D = |q| + |k| + R + flank about the bound's origin,
 // m0 the direction before it is turned across n, |m0| <= |m| + turned. In units of e D |m0|:
@@ -233,8 +242,11 @@ namespace {
 struct Plane {
   Vector8 m;
   Eight gap;
-  Eight doubt;  // by which gap may be too large
+  Eight doubt;   // by which gap may be too large
+  Eight behind;  // above zero where the nearest place of the core lies behind q
 };
+
+unsigned open_of(const Plane& plane) { return bits(!(plane.gap - plane.doubt > 0.0f)); }
 
 /// From the nearest place of the cutters' cores to the end of the ray, nearly.
 template <bool ball>
@@ -308,7 +320,7 @@ template <bool ball>
   Eight support = end.corner * length;
   if constexpr (!ball) support += end.ring * (beside * cos_spread - along * sin_spread);
   stdx::where(upward > 0.0f, support) = end.radius * length + (end.flank - end.corner) * upward;
-  return {m, apart - support, end.doubt * (length + turned)};
+  return {m, apart - support, end.doubt * (length + turned), turned};
 }
 
 /// The same of moves, the end of the ray being p about their origin.
@@ -388,7 +400,7 @@ template <bool ball>
   Eight arm(end.radius);
   stdx::where(upward > 0.0f, arm) = Eight(end.radius + end.flank);
   const Eight sag = arm * (0.13f * dot(turn, turn)) * length;
-  return {m, dot(m, p) - most - sag, doubt * (length + turned)};
+  return {m, dot(m, p) - most - sag, doubt * (length + turned), turned};
 }
 
 template <std::size_t n>
@@ -402,29 +414,33 @@ std::array<Clearance, n> clearances_of(const Plane& plane) {
 bool is_ball(const RayEnd& end) { return end.ring == 0.0f; }
 
 template <bool ball>
-unsigned open_children_of(const SweepNode& node, const RayEnd& end, float* separation) {
-  const Plane plane = plane_before<ball>(end, node);
+unsigned open_children_of(const SweepNode& node, const RayStretch& ray, float* separation) {
+  const Plane plane = plane_before<ball>(ray.end, node);
   const Eight room = plane.gap - plane.doubt;
   room.copy_to(separation, stdx::element_aligned);
-  return bits(!(room > 0.0f));
+  const unsigned open = open_of(plane);
+  if ((open & bits(plane.behind > 0.0f)) == 0) return open;
+  return open & open_of(plane_before<ball>(ray.start, node));
 }
 
 template <bool ball>
-unsigned open_moves_of(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayEnd& end) {
-  const Plane plane = plane_before<ball>(end, leaf, place);
-  return bits(!(plane.gap - plane.doubt > 0.0f)) & ((1u << place.count) - 1u);
+unsigned open_moves_of(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayStretch& ray) {
+  const Plane plane = plane_before<ball>(ray.end, leaf, place);
+  const unsigned open = open_of(plane) & ((1u << place.count) - 1u);
+  if ((open & bits(plane.behind > 0.0f)) == 0) return open;
+  return open & open_of(plane_before<ball>(ray.start, leaf, place));
 }
 
 }  // namespace
 
-unsigned open_children(const SweepNode& node, const RayEnd& end, float* separation) {
-  return is_ball(end) ? open_children_of<true>(node, end, separation)
-                      : open_children_of<false>(node, end, separation);
+unsigned open_children(const SweepNode& node, const RayStretch& ray, float* separation) {
+  return is_ball(ray.end) ? open_children_of<true>(node, ray, separation)
+                          : open_children_of<false>(node, ray, separation);
 }
 
-unsigned open_moves(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayEnd& end) {
-  return is_ball(end) ? open_moves_of<true>(leaf, place, end)
-                      : open_moves_of<false>(leaf, place, end);
+unsigned open_moves(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayStretch& ray) {
+  return is_ball(ray.end) ? open_moves_of<true>(leaf, place, ray)
+                          : open_moves_of<false>(leaf, place, ray);
 }
 
 std::array<Clearance, SweepNode::width> clearances(const SweepNode& node, const RayEnd& end) {

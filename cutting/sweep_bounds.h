@@ -13,7 +13,7 @@
 #include "cutting/tool.h"
 
 /// Bounds in single precision that rule out eight moves, or eight groups of moves, at a time. None
-/// that meets the ray before its end is ever ruled out; the proof stands in sweep_bounds.cpp.
+/// that meets the ray between its ends is ever ruled out; the proof stands in sweep_bounds.cpp.
 namespace abbe::cutting {
 
 /// Eight moves by the centre k of the corner circle's plane and the axis u at both ends, in float
@@ -86,10 +86,19 @@ struct RayEnd {
   void cut_off(const Ray& ray, double s, const Eigen::Vector3d& centre);
 };
 
+/// A ray between where it starts and where it is cut off.
+struct RayStretch {
+  RayEnd end;
+  RayEnd start;  ///< as the end of the ray that runs the other way
+
+  RayStretch(const Cutter& cutter, const Ray& ray, double s, const Eigen::Vector3d& centre,
+             double reach_of_nodes);
+};
+
 /// Bit i is set unless group i is ruled out. `separation` (8) becomes large for what is far away.
-unsigned open_children(const SweepNode& node, const RayEnd& end, float* separation);
+unsigned open_children(const SweepNode& node, const RayStretch& ray, float* separation);
 /// Bit i is set unless move i is ruled out.
-unsigned open_moves(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayEnd& end);
+unsigned open_moves(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayStretch& ray);
 
 /// What is behind a bound: all cutters of a group lie `gap` / |direction| (mm) or more behind the
 /// plane through the end of the ray across `direction`, save for an error of `doubt` / |direction|.

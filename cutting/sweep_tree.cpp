@@ -15,10 +15,10 @@ namespace abbe::cutting {
 
 using Eigen::Vector3d;
 
-/// What a walk through the tree is for, whose ray ends at `end`.
+/// What a walk through the tree is for, along as much of its ray as is open.
 struct SweepTree::Aim {
   const Ray& ray;
-  RayEnd end;
+  RayStretch open;
   int done_leaf = -1;
   int done_item = -1;
   bool buried = false;
@@ -151,7 +151,7 @@ void SweepTree::try_item(int item, Search& search) const {
   search.best = Removal{entry->s, entry->t, it.move, it.part};
   search.best_item = item;
   search.buried = entry->s <= -search.ray.band;
-  search.end.cut_off(search.ray, std::min(entry->s + entry_margin, search.ray.band), centre_);
+  search.open.end.cut_off(search.ray, std::min(entry->s + entry_margin, search.ray.band), centre_);
 }
 
 void SweepTree::try_item(int item, Collection& collection) const {
@@ -163,7 +163,7 @@ void SweepTree::try_item(int item, Collection& collection) const {
 
 template <class Wanted>
 void SweepTree::search_leaf(int leaf, Wanted& wanted) const {
-  unsigned open = open_moves(leaves_.moves[leaf], leaves_.places[leaf], wanted.end);
+  unsigned open = open_moves(leaves_.moves[leaf], leaves_.places[leaf], wanted.open);
   while (open != 0 && !wanted.buried) {
     const int item = leaf * width + std::countr_zero(open);
     open &= open - 1;
@@ -188,7 +188,7 @@ void SweepTree::descend(Wanted& wanted) const {
     }
     alignas(32) float separation[width];
     const SweepNode& node = levels_[visit.level][visit.index];
-    unsigned open = open_children(node, wanted.end, separation);
+    unsigned open = open_children(node, wanted.open, separation);
     open &= (1u << children(visit.level, visit.index)) - 1u;
     // The nearest child comes last, to be visited first.
     const int bottom = size;
@@ -202,13 +202,13 @@ void SweepTree::descend(Wanted& wanted) const {
   }
 }
 
-RayEnd SweepTree::end_of(const Ray& ray, double cut_off) const {
+RayStretch SweepTree::stretch_of(const Ray& ray, double cut_off) const {
   return {cutter_, ray, cut_off, centre_, reach_};
 }
 
 std::optional<Removal> SweepTree::first_removal(const Ray& ray, Hint& hint) const {
   if (items_.empty()) return std::nullopt;
-  Search search{{.ray = ray, .end = end_of(ray, ray.band)}, std::nullopt};
+  Search search{{.ray = ray, .open = stretch_of(ray, ray.band)}, std::nullopt};
   if (hint.item >= 0) {
     try_item(hint.item, search);
     search.done_item = hint.item;
@@ -226,7 +226,7 @@ std::vector<Removal> SweepTree::removals_within(const Ray& ray, double reach, Hi
   if (!first || first->s <= -ray.band) return {};
   const double limit = std::min(first->s + reach, ray.band);
   const double cut_off = std::min(limit + entry_margin, ray.band);
-  Collection collection{{.ray = ray, .end = end_of(ray, cut_off)}, limit, {}};
+  Collection collection{{.ray = ray, .open = stretch_of(ray, cut_off)}, limit, {}};
   descend(collection);
   std::vector<Removal>& found = collection.found;
   std::sort(found.begin(), found.end(), [](const Removal& a, const Removal& b) {

@@ -57,7 +57,7 @@ class SweepTree {
   void search_leaf(int leaf, Wanted& wanted) const;
   void try_item(int item, Search& search) const;
   void try_item(int item, Collection& collection) const;
-  RayEnd end_of(const Ray& ray, double cut_off) const;
+  RayStretch stretch_of(const Ray& ray, double cut_off) const;
   Move move_of(const Item& item) const;
 
   Cutter cutter_;

@@ -9,15 +9,17 @@
 
 namespace abbe::cutting {
 
-/// How thick the part is behind the vertices of its design. Immutable; about 60 bytes a triangle.
+/// How thick a part is behind places of its surface. Immutable; about 50 bytes a triangle and 24 a
+/// vertex.
 class Thickness {
  public:
-  /// @param design  outlives it
   explicit Thickness(const Design& design);
 
-  /// mm from a vertex against its normal to the first triangle through which that line leaves the
-  /// part; none within `most`, as behind an open surface. Triangles at the vertex do not count.
-  std::optional<double> behind(Eigen::Index vertex, double most) const;
+  /// mm from a place against its outward normal to the first triangle through which that line
+  /// leaves the part; none within `most`, as behind an open surface. Triangles in whose plane
+  /// the place lies, to 1e-9 mm, do not count.
+  std::optional<double> behind(const Eigen::Vector3d& place, const Eigen::Vector3d& normal,
+                               double most) const;
 
  private:
   struct Node {
@@ -27,10 +29,12 @@ class Thickness {
     int second = 0;  ///< the other child, the first is the next node
   };
   Eigen::AlignedBox3d box_of(int triangle) const;
-  void add_node(int first, int last);
-  std::optional<double> leaves_through(int triangle, Eigen::Index vertex) const;
+  void add_node(int first, int last, const Points& middles);
+  std::optional<double> leaves_through(int triangle, const Eigen::Vector3d& place,
+                                       const Eigen::Vector3d& direction) const;
 
-  const Design& design_;
+  Points vertices_;
+  Triangles corners_;
   std::vector<int> triangles_;  ///< sorted so that every node has a run of them
   std::vector<Node> nodes_;
 };

@@ -46,7 +46,7 @@ Surface searched_by_nose(const SweptNose& swept, const Design& design_w,
                       done += range.size();
                       if (options.progress) options.progress(double(done) / double(n));
                     });
-  return with_gouges(std::move(surface), design_w, options.band,
+  return with_gouges(std::move(surface), design_w, options,
                      [&](const Ray& ray) -> std::optional<FirstCut> {
                        const std::optional<NoseCut> cut = swept.first(ray);
                        if (!cut) return std::nullopt;

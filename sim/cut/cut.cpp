@@ -127,13 +127,10 @@ Machined machined(const Job& job, const Cutting& with, const Progress& progress)
   if (job.sampled) {
     const double wanted = resolution_of(job, made.surface);
     const cutting::OnSurface between = on_surface(job);
-    const auto cut_at = [&](const cutting::Design& places) {
-      return sweep.surface(in_front_of(job, places));
-    };
     made.surface = cutting::with_places_within(std::move(made.surface), job.design_w,
-                                               job.sampled->within, between, cut_at);
+                                               job.sampled->within, between, sweep.surface);
     made.interpolation =
-        cutting::interpolation_error(job.design_w, made.surface, between, cut_at,
+        cutting::interpolation_error(job.design_w, made.surface, between, sweep.surface,
                                      {.seed = job.scene.seed, .resolution = wanted});
     if (made.interpolation->places == 0)
       made.warnings.push_back(

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
+#include "cutting/thickness.h"
 #include "kinematics/units.h"
 #include "sim/cut/accelerations.h"
 #include "sim/cut/activity.h"
@@ -207,6 +208,7 @@ Job job_of(Piece piece, const cutting::Design& design_w,
           design_w,
           std::move(body_m),
           {},
+          {},
           0.0,
           std::nullopt,
           std::move(piece.path),
@@ -285,6 +287,8 @@ Job prepare(const Scene& described, const Progress& progress) {
   Job job = job_of(std::move(whole), part.design_w, body_m, std::move(process), active);
   for (Piece& piece : pieces)
     job.stretches.push_back(job_of(std::move(piece), part.design_w, body_m, {}, active));
+  if (std::holds_alternative<MeshFile>(scene.part.shape))
+    job.body_w = std::make_shared<const cutting::Thickness>(part.design_w);
   add_warnings(std::move(part.warnings), warnings);
   add_warnings(odd_sizes(job.truth.geometric, job.samples), warnings);
   job.recognised = std::move(part.recognised);

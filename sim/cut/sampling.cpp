@@ -54,10 +54,9 @@ std::string unmeant_text(const SampledSurface& sampled) {
 /// they do not resolve make waves of their own.
 cutting::Surface::Within where_within(const Job& job, const Sweep& sweep,
                                       const cutting::Surface& nominal) {
-  const cutting::InterpolationError error = cutting::interpolation_error(
-      job.design_w, nominal, on_surface(job),
-      [&](const Design& places) { return sweep.surface(in_front_of(job, places)); },
-      {.seed = job.scene.seed, .resolution = job.sampled->resolution});
+  const cutting::InterpolationError error =
+      cutting::interpolation_error(job.design_w, nominal, on_surface(job), sweep.surface,
+                                   {.seed = job.scene.seed, .resolution = job.sampled->resolution});
   if (error.unresolved > unresolved_most) return cutting::Surface::Within::Random;
   return job.scene.part.sampling.kind == PartSampling::Kind::Adaptive
              ? cutting::Surface::Within::Middle
@@ -78,9 +77,8 @@ Design refined_for(const Job& job, const Sweep& sweep, SampledSurface& sampled,
   cutting::Refined refined = cutting::refined(
       job.design_w, on_surface(job),
       [&](const Design& places) {
-        const Design on_body = in_front_of(job, places);
-        cutting::Surface surface = sweep.surface(on_body);
-        cutting::Contacts contacts = sweep.contacts(on_body, surface);
+        cutting::Surface surface = sweep.surface(places);
+        cutting::Contacts contacts = sweep.contacts(places, surface);
         return cutting::Sounding{std::move(surface), std::move(contacts)};
       },
       options);
@@ -103,20 +101,6 @@ std::string spacing_text(const Design& design, const PartSampling& wanted) {
 }
 
 }  // namespace
-
-Design in_front_of(const Job& job, Design places) {
-  const Design& body = job.design_w;
-  if (!std::holds_alternative<MeshFile>(job.scene.part.shape)) return places;
-  const Eigen::Index n = places.vertices.rows(), m = body.vertices.rows();
-  places.judged.resize(std::size_t(n), 1);
-  places.judged.resize(std::size_t(n + m), 0);
-  places.vertices.conservativeResize(n + m, 3);
-  places.vertices.bottomRows(m) = body.vertices;
-  places.normals.conservativeResize(n + m, 3);
-  places.normals.bottomRows(m) = body.normals;
-  places.triangles = body.triangles.array() + int(n);
-  return places;
-}
 
 double usual_range(const cutting::Surface& surface, const Design& design) {
   constexpr double outer = 0.01;

@@ -16,10 +16,6 @@ cutting::OnSurface on_surface(const Job& job);
 /// tool enters says nothing of the rest; mm.
 double usual_range(const cutting::Surface& surface, const cutting::Design& design);
 
-/// Places with the body of a mesh behind them, after them and not judged, so that a thin wall is
-/// seen to be thin.
-cutting::Design in_front_of(const Job& job, cutting::Design places);
-
 /// The job with its part sampled as the scene asks, for the error-free cut, which every case then
 /// shares; and, unless the scene judges all, only what that cut reaches judged.
 Job sampled(Job job, const Progress& progress = {});

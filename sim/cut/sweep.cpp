@@ -81,7 +81,7 @@ Sweep sweep_of(std::vector<ToolSweep> sweeps, const SurfaceOptions& options) {
   if (sweeps.size() == 1) return sweep_of_one(sweeps.front(), options);
   std::vector<Sweep> ones;
   for (std::size_t i = 0; i < sweeps.size(); ++i) {
-    SurfaceOptions own{.band = options.band, .progress = {}};
+    SurfaceOptions own{.band = options.band, .progress = {}, .body = options.body};
     if (options.progress)
       own.progress = [progress = options.progress, i, n = sweeps.size()](double fraction) {
         progress((double(i) + fraction) / double(n));
@@ -117,7 +117,7 @@ std::vector<ToolSweep> error_free_sweeps(const Job& job) {
 }
 
 SurfaceOptions options_of(const Job& job, const Progress& progress) {
-  SurfaceOptions options{.band = job.scene.band, .progress = {}};
+  SurfaceOptions options{.band = job.scene.band, .progress = {}, .body = job.body_w};
   if (progress) options.progress = [progress](double fraction) { progress("surface", fraction); };
   return options;
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <functional>
 #include <limits>
 #include <string>
 
@@ -26,9 +27,7 @@ Vector3d wave_normal(double x, double y) {
 }
 
 /// z = 2 sin(x/10) cos(y/10), 100 x 100 mm.
-Vector3d wave_point(double x, double y) {
-  return {x, y, 2 * std::sin(x / 10) * std::cos(y / 10)};
-}
+Vector3d wave_point(double x, double y) { return {x, y, 2 * std::sin(x / 10) * std::cos(y / 10)}; }
 
 Design wave(int per_side) {
   Design design;
@@ -45,11 +44,21 @@ Design wave(int per_side) {
   return design;
 }
 
+/// The underside of a plate below the wave, which no move reaches.
+Design underside(int per_side) {
+  Design design = wave(per_side);
+  design.vertices.col(2).setConstant(-10.0);
+  design.normals.rowwise() = -Eigen::RowVector3d::UnitZ();
+  return design;
+}
+
 /// Serpentine raster with the corner circle touching the wave; the axis is upright, or leads by
 /// `lead` rad from the normal along x.
 CutterMotion raster(const Cutter& cutter, int passes, bool upright, double lead) {
   const int n = passes * passes;
-  CutterMotion motion{.tip = Points(n, 3), .axis = Points(n, 3), .time_s = Eigen::VectorXd(n),
+  CutterMotion motion{.tip = Points(n, 3),
+                      .axis = Points(n, 3),
+                      .time_s = Eigen::VectorXd(n),
                       .line = std::vector<int>(n)};
   for (int j = 0; j < passes; ++j)
     for (int i = 0; i < passes; ++i) {
@@ -86,18 +95,23 @@ double seconds(const Design& design, const Cutter& cutter, const CutterMotion& m
 }
 
 void report(const char* name, const Cutter& cutter, bool upright, int per_side, int passes,
-            int repetitions) {
-  const Design design = wave(per_side);
+            int repetitions, const std::function<Design(int)>& made = wave) {
+  const Design design = made(per_side);
   const CutterMotion motion = raster(cutter, passes, upright, 10 * 3.14159265358979 / 180);
-  const Design none{.vertices = Points(0, 3), .normals = Points(0, 3), .triangles = {}, .area = {},
-                    .facet_error = {}, .judged = {}};
+  const Design none{.vertices = Points(0, 3),
+                    .normals = Points(0, 3),
+                    .triangles = {},
+                    .area = {},
+                    .facet_error = {},
+                    .judged = {}};
   const double build = seconds(none, cutter, motion, repetitions);
   const double all = seconds(design, cutter, motion, repetitions);
   const double vertices = double(per_side) * per_side;
   const double moves = double(passes) * passes;
-  std::printf("%-22s %9.0f vertices %9.0f moves  build %7.1f ms (%5.0f ns/move)  all %7.3f s"
-              " (%6.0f ns/vertex)\n", name, vertices, moves, 1e3 * build, 1e9 * build / moves, all,
-              1e9 * (all - build) / vertices);
+  std::printf(
+      "%-22s %9.0f vertices %9.0f moves  build %7.1f ms (%5.0f ns/move)  all %7.3f s"
+      " (%6.0f ns/vertex)\n",
+      name, vertices, moves, 1e3 * build, 1e9 * build / moves, all, 1e9 * (all - build) / vertices);
 }
 
 }  // namespace
@@ -122,5 +136,8 @@ int main(int argc, char** argv) {
     report("ball, few vertices", ball, false, 141, 224, repetitions);
     report("ball, many moves", ball, true, n / 2, 1001, repetitions);
     report("bull-nose, many moves", bull_nose, false, n / 4, 1001, repetitions);
+    report("ball, underside", ball, false, n / 4, 201, repetitions, underside);
+    report("ball, its many moves", ball, false, n / 4, 1001, repetitions, underside);
+    report("bull-nose, underside", bull_nose, false, n / 4, 201, repetitions, underside);
   }
 }

@@ -91,7 +91,8 @@ std::pair<Vector3d, Vector3d> any_surface_point(Random& random, const Cutter& cu
   return {ring * e + r * Vector3d::UnitZ() + r * outward, outward};
 }
 
-/// A ray that touches, enters or just misses some tool of the motion, or runs through its middle.
+/// A ray that touches, enters, leaves or just misses some tool of the motion, or runs through its
+/// middle.
 Ray any_ray(Random& random, const Cutter& cutter, const CutterMotion& motion) {
   const double bands[] = {2.0, 0.05, 50.0, random.decades(-3, 2)};
   const double band = bands[random.below(4)];
@@ -111,6 +112,7 @@ Ray any_ray(Random& random, const Cutter& cutter, const CutterMotion& motion) {
   Vector3d normal = -in_w(outward);
   if (random.once_in(4)) normal = Vector3d::UnitZ();
   if (random.once_in(2)) normal = random.turned_evenly(normal, random.decades(-9, 0.3));
+  if (random.once_in(4)) normal = -normal;  // it leaves the tool there, or starts beyond it
   normal.normalize();
   const double edges[] = {0.0,
                           band,

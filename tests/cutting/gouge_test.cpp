@@ -62,10 +62,10 @@ TEST(Thickness, IsTheDistanceToTheOtherSide) {
   const Design design = plate(7.5);
   const Thickness thickness(design);
   for (Eigen::Index v = 0; v < design.vertices.rows(); ++v) {
-    const auto behind = thickness.behind(v, 20.0);
+    const auto behind = thickness.behind(design.vertices.row(v), design.normals.row(v), 20.0);
     ASSERT_TRUE(behind) << "vertex " << v;
     EXPECT_NEAR(*behind, 7.5, 1e-12);
-    EXPECT_FALSE(thickness.behind(v, 7.4));
+    EXPECT_FALSE(thickness.behind(design.vertices.row(v), design.normals.row(v), 7.4));
   }
 }
 
@@ -99,7 +99,7 @@ TEST(Thickness, AgreesWithEveryTriangleTried) {
                           n.dot((a - c).cross(q - c)) >= 0;
       if (inside) nearest = s;
     }
-    const auto behind = thickness.behind(v, 30.0);
+    const auto behind = thickness.behind(design.vertices.row(v), design.normals.row(v), 30.0);
     EXPECT_EQ(behind.has_value(), nearest < 30.0) << "vertex " << v;
     if (!behind) continue;
     ++found;

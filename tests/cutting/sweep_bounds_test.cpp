@@ -236,10 +236,10 @@ TEST(SweepBounds, OfABallThatTheRayRunsThroughAreOpen) {
     put(leaves, 0, ball, {&move, 1});
     SweepNode node;
     for (int child = 0; child < 8; ++child) put(node, child, bounds_of(leaves, 0), move.tip);
-    const RayEnd end(ball, ray, ray.band, move.tip, 5.0);
+    const RayStretch stretch(ball, ray, ray.band, move.tip, 5.0);
     float separation[8];
-    closed += open_moves(leaves.moves[0], leaves.places[0], end) == 0 ||
-              open_children(node, end, separation) == 0;
+    closed += open_moves(leaves.moves[0], leaves.places[0], stretch) == 0 ||
+              open_children(node, stretch, separation) == 0;
   }
   EXPECT_EQ(closed, 0);
 }

@@ -1,11 +1,13 @@
 #include "sim/cut/sampling.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <fstream>
 #include <iostream>
 #include <numbers>
+#include <random>
 #include <set>
 
 #include "cutting/areal_filter.h"
@@ -122,6 +124,36 @@ std::string wavy_stl(double side, double spacing) {
   return text + "endsolid\n";
 }
 
+/// Range of the error-free cut over its vertices as given and at so many places at random of every
+/// triangle whose corners are cut.
+double range_of_many_places(const Job& job, const cutting::Surface& surface, int a_triangle) {
+  const Sweep sweep = sweep_of(error_free_sweeps(job), options_of(job, {}));
+  const cutting::OnSurface between = on_surface(job);
+  std::mt19937_64 random(71);
+  std::uniform_real_distribution<double> unit(0.0, 1.0);
+  std::vector<cutting::Contact> places;
+  for (const auto& t : job.design_w.triangles.rowwise()) {
+    std::array<cutting::Contact, 3> corners;
+    bool is_cut = true;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const int v = t[Index(k)];
+      corners[k] = {job.design_w.vertices.row(v), job.design_w.normals.row(v)};
+      is_cut = is_cut && surface.status[std::size_t(v)] == cutting::VertexStatus::Cut;
+    }
+    for (int i = 0; is_cut && i < a_triangle; ++i) {
+      const double root = std::sqrt(unit(random)), share = unit(random);
+      const std::array<double, 3> weights = {1.0 - root, root * share, root * (1.0 - share)};
+      places.push_back(between(corners, weights));
+    }
+  }
+  double low = 1.0, high = -1.0;
+  for (const double r : sweep.surface(cutting::design_of_places(places)).residual) {
+    low = std::fmin(low, r);
+    high = std::fmax(high, r);
+  }
+  return high - low;
+}
+
 TEST(Sampling, TheMapOfAForeignMeshShowsItsPassesAndNothingElse) {
   const SceneFolder folder;
   folder.write("wavy.stl", wavy_stl(14.0, 0.444));
@@ -135,6 +167,10 @@ TEST(Sampling, TheMapOfAForeignMeshShowsItsPassesAndNothingElse) {
             << free.interpolation->worst / units::um << " um at most, "
             << 100 * free.interpolation->unresolved << " % beyond\n";
   EXPECT_LT(free.interpolation->unresolved, 0.01);
+  const double pv = *cutting::statistics(free.surface, job.design_w).pv;
+  const double brute = range_of_many_places(job, free.surface, 10);
+  std::cout << "PV " << pv / units::um << " um, of many places " << brute / units::um << " um\n";
+  EXPECT_NEAR(pv / brute, 1.0, 0.02);
   constexpr double length = 8.0;  // mm, 16 passes
   const std::vector<double> line =
       along_y(design_m, free.surface.residual, 0.3, -0.5 * length, 0.5 * length, 1601);
@@ -207,11 +243,8 @@ TEST(Sampling, TenThousandPlacesOfTheFirstScenesAreWithinTheirBound) {
        {std::pair("gantry_dome", 0.0), {"gantry_calibration", 0.0}, {"gantry_mesh", 0.001}}) {
     const Job job = sampled(job_of(std::string(name) + ".toml"));
     const Sweep sweep = sweep_of(error_free_sweeps(job), options_of(job, {}));
-    const auto cut_at = [&](const cutting::Design& places) {
-      return sweep.surface(in_front_of(job, places));
-    };
     const auto error = cutting::interpolation_error(
-        job.design_w, sweep.surface(job.design_w), on_surface(job), cut_at,
+        job.design_w, sweep.surface(job.design_w), on_surface(job), sweep.surface,
         {.places = 10000, .seed = 77, .resolution = job.sampled->resolution});
     std::cout << name << ": " << job.design_w.vertices.rows() << " vertices, bound "
               << error.resolution / units::um << " um; of " << error.places << " places the worst "
