@@ -12,6 +12,7 @@
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
 #include <Eigen/Geometry>
 
 #include "cutting/residual.h"
@@ -94,7 +95,7 @@ Cells cells_of(const Design& design, const Surface& surface, double size) {
     if (surface.status[std::size_t(i)] == VertexStatus::Cut) put(i, i);
   for (Index t = 0; t < weights.within.size(); ++t)
     if (weights.within[t] > 0.0) put(n + t, design.triangles(t, 0));
-  std::sort(all.places.begin(), all.places.end());
+  tbb::parallel_sort(all.places.begin(), all.places.end());
   for (int here = 0; here < int(all.places.size()); ++here) {
     const auto& [place, number] = all.places[std::size_t(here)];
     if (all.cells.empty() || all.cells.back().place != place)

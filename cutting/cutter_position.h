@@ -18,6 +18,7 @@ struct Position {
 /// Of a move at its instant t, 0 .. 1.
 inline Position position(const Move& move, double t) {
   const double x = move.angle * t;
+  if (x == 0.0) return {move.tip + t * move.step, move.axis};
   double sine = 0.0;
   double cosine = 1.0;
   if (std::abs(x) < 0.06) {  // the series is exact to rounding here

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "cutting/nearest.h"
+#include "cutting/surface.h"
 
 /// The residual along an edge of a design, from what is known at its ends.
 namespace abbe::cutting {
@@ -14,6 +15,9 @@ struct Knot {
   Eigen::Vector3d point, normal, gradient;  ///< gradient: of `Contacts`
   double residual = 0.0, travel = 0.0;
   bool cut = false;  ///< judged, and cut
+  double cut_time_s = 0.0;
+  int cut_line = 0;
+  VertexStatus status = VertexStatus::Outside;
 };
 
 /// An edge with its residual as a function of u from 0 to 1: values, slopes, passes at both ends.

@@ -6,6 +6,7 @@
 #include <limits>
 #include <vector>
 
+#include <tbb/parallel_for.h>
 #include <Eigen/Geometry>
 
 #include "cutting/residual.h"
@@ -34,16 +35,16 @@ Surface with_places_within(Surface surface, const Design& design, Surface::Withi
   surface.within.resize(0);
   if (within == Surface::Within::None) return surface;
   std::vector<Index> triangles;
-  std::vector<Contact> places;
-  for (Index t = 0; t < design.triangles.rows(); ++t) {
-    const Eigen::RowVector3i corners = design.triangles.row(t);
-    if (!all_cut(surface, corners)) continue;
+  for (Index t = 0; t < design.triangles.rows(); ++t)
+    if (all_cut(surface, design.triangles.row(t))) triangles.push_back(t);
+  std::vector<Contact> places(triangles.size());
+  tbb::parallel_for(std::size_t(0), triangles.size(), [&](std::size_t i) {
+    const Eigen::RowVector3i corners = design.triangles.row(triangles[i]);
     std::array<Contact, 3> at;
     for (Index k = 0; k < 3; ++k)
       at[std::size_t(k)] = {design.vertices.row(corners[k]), design.normals.row(corners[k])};
-    triangles.push_back(t);
-    places.push_back(on_surface(at, place_within(within, t)));
-  }
+    places[i] = on_surface(at, place_within(within, triangles[i]));
+  });
   surface.within =
       Eigen::VectorXd::Constant(design.triangles.rows(), std::numeric_limits<double>::quiet_NaN());
   if (places.empty()) return surface;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 #include <tbb/parallel_for.h>
 
@@ -20,7 +21,8 @@ constexpr std::size_t few_share =
     200;  // of the vertices: so few new ones are left to the next level
 constexpr std::size_t hardly_share =
     2000;                        // of the vertices: so few, and faces are looked at elsewhere
-constexpr int turns = 4;         // in which a face is looked at
+constexpr int turns = 4;         // in which a face is looked at, at most
+constexpr double hardly_missed = 1e-3;  // of the faces in a turn: no other follows
 constexpr int last_rounds = 60;  // at the bound itself; what then misses it is reported
 constexpr double inner = 0.7;  // of the bound is allowed where it is looked at, for places between
 
@@ -84,14 +86,20 @@ std::vector<Knot> Refinement::sounded(const std::vector<Contact>& places,
   at.judged = std::move(judged);
   looked_ += at.vertices.rows();
   const Sounding found = sound_(at);
-  std::vector<Knot> knots;
-  knots.reserve(places.size());
-  for (std::size_t i = 0; i < places.size(); ++i) {
+  std::vector<Knot> knots(places.size());
+  tbb::parallel_for(std::size_t(0), places.size(), [&](std::size_t i) {
     const auto v = Index(i);
-    knots.push_back({places[i].point, places[i].normal, found.contacts.gradient.row(v),
-                     found.surface.residual[v], found.contacts.travel[v],
-                     found.surface.status[i] == VertexStatus::Cut});
-  }
+    const VertexStatus status = found.surface.status[i];
+    knots[i] = {places[i].point,
+                places[i].normal,
+                found.contacts.gradient.row(v),
+                found.surface.residual[v],
+                found.contacts.travel[v],
+                status == VertexStatus::Cut,
+                found.surface.cut_time_s[v],
+                found.surface.cut_line[i],
+                status};
+  });
   return knots;
 }
 
@@ -166,6 +174,24 @@ void Refinement::put_off(const std::vector<int>& edges, std::vector<Look> looks)
       waiting_.push_back({edges[i], mesh_.ends(edges[i]), std::move(looks[i]), {-1, -1}});
 }
 
+/// Those of the edges that are to be looked at: open, and not such that the slopes at their ends
+/// leave no doubt, unless all are asked for.
+std::vector<int> Refinement::doubtful(const std::vector<int>& edges, bool all) const {
+  std::vector<char> is_asked(edges.size());
+  tbb::parallel_for(std::size_t(0), edges.size(), [&](std::size_t i) {
+    is_asked[i] = is_open(edges[i]) && (all || !is_surely_met(edges[i]));
+  });
+  std::vector<int> asked;
+  for (std::size_t i = 0; i < edges.size(); ++i)
+    if (is_asked[i]) asked.push_back(edges[i]);
+  return asked;
+}
+
+bool Refinement::is_surely_met(int edge) const {
+  const Span span = this->span(edge);
+  return span.one_pass && span.most() < 0.5 * tolerance();
+}
+
 /// Edges that wait whatever they miss.
 void Refinement::force(std::vector<int> edges) {
   edges = each_once(std::move(edges));
@@ -180,6 +206,19 @@ Design Refinement::design() const {
   std::vector<std::uint8_t> judged = given_.judged;
   judged.resize(places.size(), 1);  // added between judged ones
   return design_on(given_, places, mesh_.triangles(), std::move(judged));
+}
+
+Surface Refinement::surface() const {
+  const auto n = Index(knots_.size());
+  Surface surface{Eigen::VectorXd(n), Eigen::VectorXd(n), {}, {}};
+  for (Index i = 0; i < n; ++i) {
+    const Knot& one = knots_[std::size_t(i)];
+    surface.residual[i] = one.residual;
+    surface.cut_time_s[i] = one.cut_time_s;
+    surface.cut_line.push_back(one.cut_line);
+    surface.status.push_back(one.status);
+  }
+  return surface;
 }
 
 /// The level down to which all edges are brought before the next: half the last one, or what the
@@ -198,8 +237,10 @@ Refined Refinement::run() {
   const Index most = std::max(options_.points, given_.vertices.rows());
   double level = std::numeric_limits<double>::max();
   int rounds_left = last_rounds, turn = 0;
+  double missed = 1.0;  // share of the faces, when all of them were looked into last
+  bool first = true;  // the edges given may be longer than anything that slopes speak for
   while (true) {
-    std::erase_if(open, [&](int edge) { return !is_open(edge); });
+    open = doubtful(open, std::exchange(first, false));
     put_off(open, looked_at(open));
     if (rounds_left == 0 || Index(knots_.size()) >= most) break;
     if (options_.may_flip) turn_edges(level);
@@ -209,10 +250,14 @@ Refined Refinement::run() {
       if (few) level = lower(level);
     } else {
       --rounds_left;
-      if (few)
-        for (const int edge : split_faces(most, turn)) made.push_back(edge);
-      if (hardly_share * made.size() <= knots_.size()) {
-        if (++turn == turns) break;
+      if (few) {
+        const bool of_all = looked_into_.empty();
+        const SplitFaces faces = split_faces(most, turn);
+        made.insert(made.end(), faces.made.begin(), faces.made.end());
+        if (of_all) missed = faces.missed;
+      }
+      if (waiting_.empty() && hardly_share * made.size() <= knots_.size()) {
+        if (++turn == turns || (turn > 1 && missed < hardly_missed)) break;
         looked_into_.clear();
       }
     }
@@ -225,7 +270,7 @@ Refined Refinement::run() {
     reached = std::max(reached, one.look.error);
     if (one.look.error > options_.resolution) ++left;
   }
-  return {design(), reached, looked_, left};
+  return {design(), surface(), reached, looked_, left};
 }
 
 double usual_resolution(double pv) {

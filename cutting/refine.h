@@ -34,6 +34,7 @@ double usual_resolution(double pv);
 /// A design whose triangles resolve a residual.
 struct Refined {
   Design design;             ///< the vertices given, then those added
+  Surface surface;           ///< of the design, as it was sounded; gouges are not listed
   double reached = 0.0;      ///< mm, the bound that all edges meet: that of the options, or more if
                              ///< the points did not suffice; infinite where passes are not parted
   Eigen::Index sounded = 0;  ///< places that were looked at

@@ -3,6 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
+
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
 
 #include "kinematics/hash.h"
 
@@ -16,6 +20,7 @@ constexpr std::array<double, 2> turned_at = {0.31, 0.67};  // of an edge that is
 constexpr double much_longer = 1.5;  // than an edge to be split, which then waits
 constexpr double beside = 0.05;      // of the length of an edge: what lies nearer speaks for it
 constexpr double thinnest = 0.05;    // triangle that a turned edge may make: height by length
+constexpr double tangent_share = 0.5;  // of what the tangents at its corners miss, a parabola does
 
 /// Where a face is looked at in its turns: near the middle, then towards each side.
 std::array<double, 3> place_in(const std::array<int, 3>& corners, int turn) {
@@ -35,10 +40,28 @@ std::array<double, 3> place_in(const std::array<int, 3>& corners, int turn) {
 
 }  // namespace
 
+/// The longer edges of the triangles at a waiting one that miss a level too.
+std::vector<int> Refinement::split_first(const Waiting& one, double level) const {
+  std::vector<int> found;
+  const double own = length(one.ends);
+  for (const int edge : mesh_.sides(one.edge)) {
+    const double long_by = length(mesh_.ends(edge)) / own;
+    if (!is_open(edge) || !(long_by > 1.0)) continue;
+    if (is_missed_beside(edge, one.look.knot, level) ||
+        (long_by > much_longer && is_doubtful(edge, level)))
+      found.push_back(edge);
+  }
+  return found;
+}
+
 /// The waiting edges that miss by more than a level, and with each of them the longer ones of its
 /// triangles: left whole, a long edge would get ever thinner triangles at its sides. A longer edge
 /// that seemed to be met, but crosses passes, waits from now on, and the shorter one with it.
 std::vector<char> Refinement::ready(double level) {
+  std::vector<std::vector<int>> first(waiting_.size());
+  tbb::parallel_for(std::size_t(0), waiting_.size(), [&](std::size_t i) {
+    if (waiting_[i].look.error > level) first[i] = split_first(waiting_[i], level);
+  });
   place_.resize(mesh_.edges(), -1);
   std::vector<int> open;
   std::vector<char> is_ready(waiting_.size(), 0);
@@ -52,17 +75,12 @@ std::vector<char> Refinement::ready(double level) {
   while (!open.empty()) {
     const int i = open.back();
     open.pop_back();
-    const double own = length(waiting_[std::size_t(i)].ends);
-    for (const int edge : mesh_.sides(waiting_[std::size_t(i)].edge)) {
+    for (const int edge : first[std::size_t(i)]) {
       const int k = place_[std::size_t(edge)];
       if (k >= 0 && is_ready[std::size_t(k)]) continue;
-      const double long_by = length(mesh_.ends(edge)) / own;
-      if (!is_open(edge) || !(long_by > 1.0)) continue;
-      if (!(long_by > much_longer && is_doubtful(edge, level)) &&
-          !is_missed_beside(edge, waiting_[std::size_t(i)].look.knot, level))
-        continue;
       if (k >= 0) {
         is_ready[std::size_t(k)] = 1;
+        first[std::size_t(k)] = split_first(waiting_[std::size_t(k)], level);
         open.push_back(k);
       } else {
         longer.push_back(edge);
@@ -82,11 +100,15 @@ std::vector<int> Refinement::split(double level, Index most) {
   // an edge that was turned since has other ends, and is looked at again
   std::erase_if(waiting_, [&](const Waiting& one) { return one.ends != mesh_.ends(one.edge); });
   const std::vector<char> is_ready = ready(level);
-  std::vector<std::size_t> order;
+  struct Next {
+    double length;
+    std::size_t waiting;
+  };
+  std::vector<Next> order;
   for (std::size_t i = 0; i < waiting_.size(); ++i)
-    if (is_ready[i]) order.push_back(i);
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t i, std::size_t j) {
-    return length(waiting_[i].ends) > length(waiting_[j].ends);
+    if (is_ready[i]) order.push_back({length(waiting_[i].ends), i});
+  tbb::parallel_sort(order.begin(), order.end(), [](const Next& a, const Next& b) {
+    return a.length != b.length ? a.length > b.length : a.waiting < b.waiting;
   });
   const Index room = std::max<Index>(0, most - Index(knots_.size()));
   if (Index(order.size()) > room) order.resize(std::size_t(room));
@@ -102,7 +124,7 @@ std::vector<int> Refinement::split(double level, Index most) {
       if (face >= 0 && face < int(taken.size())) taken[std::size_t(face)] = 1;
     return true;
   };
-  for (const std::size_t i : order) {
+  for (const auto& [length, i] : order) {
     if (waiting_[i].ends != mesh_.ends(waiting_[i].edge)) continue;  // it waited twice
     if (!takes(waiting_[i].edge)) continue;
     knots_.push_back(std::move(waiting_[i].look.knot));
@@ -192,40 +214,74 @@ void Refinement::turn_edges(double level) {
   std::erase_if(waiting_, [&](const Waiting& one) { return !(one.look.error > tolerance()); });
 }
 
-/// Faces that miss too much within get a vertex there. @return the edges that came of it
-std::vector<int> Refinement::split_faces(Index most, int turn) {
+/// The faces that were not looked into as they are, and are wide enough to be.
+std::vector<int> Refinement::faces_to_look_into() {
   looked_into_.resize(mesh_.faces(), {-1, -1, -1});
+  std::vector<char> is_asked(looked_into_.size(), 0);
+  tbb::parallel_for(std::size_t(0), looked_into_.size(), [&](std::size_t face) {
+    const std::array<int, 3> corners = mesh_.corners(int(face));
+    if (std::exchange(looked_into_[face], corners) == corners) return;
+    is_asked[face] = 1;
+    for (std::size_t k = 0; k < 3; ++k)
+      if (!knot(corners[k]).cut ||
+          !(length({corners[k], corners[(k + 1) % 3]}) > 2.0 * options_.floor))
+        is_asked[face] = 0;
+  });
   std::vector<int> faces;
+  for (std::size_t face = 0; face < is_asked.size(); ++face)
+    if (is_asked[face]) faces.push_back(int(face));
+  return faces;
+}
+
+/// Where a face is looked at in one of its turns.
+Refinement::Within Refinement::within(int face, int turn) const {
+  const std::array<int, 3> corners = mesh_.corners(face);
+  const std::array<double, 3> weights = place_in(corners, turn);
+  std::array<Contact, 3> at;
+  for (std::size_t k = 0; k < 3; ++k) at[k] = {knot(corners[k]).point, knot(corners[k]).normal};
+  Within found{face, on_surface_(at, weights)};
+  for (std::size_t k = 0; k < 3; ++k) found.plane += weights[k] * knot(corners[k]).residual;
+  for (const int corner : corners) {
+    const double tangent =
+        knot(corner).residual - knot(corner).gradient.dot(found.place.point - knot(corner).point);
+    const bool is_met = tangent_share * std::abs(tangent - found.plane) < tolerance();
+    found.is_doubtful = found.is_doubtful || !is_met;
+  }
+  return found;
+}
+
+/// Faces that miss too much within get a vertex there; where it would lie on a side that misses as
+/// much, the side waits instead.
+Refinement::SplitFaces Refinement::split_faces(Index most, int turn) {
+  const std::vector<int> faces = faces_to_look_into();
+  std::vector<Within> looks(faces.size());
+  tbb::parallel_for(std::size_t(0), faces.size(),
+                    [&](std::size_t i) { looks[i] = within(faces[i], turn); });
+  std::erase_if(looks, [](const Within& one) { return !one.is_doubtful; });
   std::vector<Contact> places;
-  std::vector<double> plane;
-  for (int face = 0; face < mesh_.faces(); ++face) {
-    const std::array<int, 3> corners = mesh_.corners(face);
-    std::array<Contact, 3> at;
-    std::array<int, 3>& known = looked_into_[std::size_t(face)];
-    if (known == corners) continue;
-    known = corners;
-    bool wide = true;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const Knot &a = knot(corners[k]), &b = knot(corners[(k + 1) % 3]);
-      wide = wide && a.cut && (a.point - b.point).norm() > 2.0 * options_.floor;
-      at[k] = {a.point, a.normal};
-    }
-    if (!wide) continue;
-    const std::array<double, 3> weights = place_in(corners, turn);
-    faces.push_back(face);
-    places.push_back(on_surface_(at, weights));
-    plane.push_back(0.0);
-    for (std::size_t k = 0; k < 3; ++k) plane.back() += weights[k] * knot(corners[k]).residual;
-  }
+  for (const Within& one : looks) places.push_back(one.place);
   std::vector<Knot> found = sounded(places);
-  std::vector<int> made;
-  for (std::size_t i = 0; i < faces.size(); ++i) {
-    if (!found[i].cut || !(std::abs(found[i].residual - plane[i]) > tolerance())) continue;
+  SplitFaces split;
+  std::vector<int> missed;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < looks.size(); ++i) {
+    if (!found[i].cut || !(std::abs(found[i].residual - looks[i].plane) > tolerance())) continue;
+    ++count;
     if (Index(knots_.size()) >= most) break;
+    const std::array<int, 3> sides = mesh_.sides_of(looks[i].face);
+    const auto side = std::find_if(sides.begin(), sides.end(), [&](int edge) {
+      return is_open(edge) && is_missed_beside(edge, found[i], tolerance());
+    });
+    if (side != sides.end()) {
+      missed.push_back(*side);
+      continue;
+    }
     knots_.push_back(std::move(found[i]));
-    for (const int edge : mesh_.split_face(faces[i])) made.push_back(edge);
+    for (const int edge : mesh_.split_face(looks[i].face)) split.made.push_back(edge);
   }
-  return made;
+  force(std::move(missed));
+  split.missed = double(count) / std::max<double>(1.0, double(faces.size()));
+  return split;
 }
 
 }  // namespace abbe::cutting

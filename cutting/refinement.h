@@ -34,24 +34,43 @@ class Refinement {
     bool is_crest = false;  ///< of two passes: that is where it is best split
   };
 
+  /// A place of a face to be looked at.
+  struct Within {
+    int face = -1;
+    Contact place;
+    double plane = 0.0;        ///< mm, of the face there
+    bool is_doubtful = false;  ///< the slopes at its corners do not rule out that it is missed
+  };
+  /// What came of a look into faces.
+  struct SplitFaces {
+    std::vector<int> made;  ///< edges
+    double missed = 0.0;    ///< share of the faces, split or not
+  };
+
   std::vector<Knot> sounded(const std::vector<Contact>& places,
                             std::vector<std::uint8_t> judged = {});
   void look(const std::vector<int>& edges, const std::vector<Asked>& asked,
             std::vector<Look>& looks);
   std::vector<Look> looked_at(const std::vector<int>& open);
+  std::vector<int> doubtful(const std::vector<int>& edges, bool all) const;
   void put_off(const std::vector<int>& edges, std::vector<Look> looks);
   void force(std::vector<int> edges);
+  std::vector<int> split_first(const Waiting& one, double level) const;
   std::vector<char> ready(double level);
   std::vector<int> split(double level, Eigen::Index most);
   void turn_edges(double level);
   std::optional<Look> across_look(const Waiting& one, std::span<Knot> found) const;
-  std::vector<int> split_faces(Eigen::Index most, int turn);
+  std::vector<int> faces_to_look_into();
+  Within within(int face, int turn) const;
+  SplitFaces split_faces(Eigen::Index most, int turn);
   double lower(double level) const;
   Design design() const;
+  Surface surface() const;
 
   bool is_open(int edge) const;
   bool is_doubtful(int edge, double level) const;
   bool is_missed_beside(int edge, const Knot& place, double level) const;
+  bool is_surely_met(int edge) const;
   bool crosses_passes(const Knot& a, const Knot& b) const;
   bool may_turn(int edge) const;
   double jitter(int edge) const;

@@ -64,13 +64,15 @@ void check_design(const Design& design) {
   require_milled(design.normals.rows() == n, "the design has not one normal a vertex");
   require_milled(design.judged.empty() || Index(design.judged.size()) == n,
                  "the design has not one judgement a vertex");
-  for (Index i = 0; i < n; ++i) {
-    if (!is_judged(design, i)) continue;
-    require_milled(design.vertices.row(i).allFinite(),
-                   "vertex " + std::to_string(i) + " is not finite");
-    require_milled(is_unit(design.normals.row(i)),
-                   "the normal of vertex " + std::to_string(i) + " is not a unit vector");
-  }
+  tbb::parallel_for(tbb::blocked_range<Index>(0, n, 4096), [&](const auto& range) {
+    for (Index i = range.begin(); i < range.end(); ++i) {
+      if (!is_judged(design, i)) continue;
+      if (!design.vertices.row(i).allFinite())
+        require_milled(false, "vertex " + std::to_string(i) + " is not finite");
+      if (!is_unit(design.normals.row(i)))
+        require_milled(false, "the normal of vertex " + std::to_string(i) + " is not a unit vector");
+    }
+  });
 }
 
 void check_milled(const Design& design, const Cutter& cutter, const CutterMotion& motion,

@@ -19,6 +19,7 @@ using Eigen::Vector3d;
 struct SweepTree::Aim {
   const Ray& ray;
   RayStretch open;
+  Hint& hint;
   int done_leaf = -1;
   int done_item = -1;
   bool buried = false;
@@ -90,6 +91,12 @@ Move SweepTree::move_of(const Item& item) const {
   return part_of(motion_, item.move, item.part, item.parts);
 }
 
+const Move& SweepTree::move_of(int item, Hint& hint) const {
+  Hint::Tried& known = hint.tried[std::size_t(item) % hint.tried.size()];
+  if (known.item != item) known = {item, move_of(items_[item])};
+  return known.move;
+}
+
 void SweepTree::make_leaves() {
   const std::size_t count = (items_.size() + width - 1) / width;
   leaves_.moves.resize(count);
@@ -142,7 +149,7 @@ void SweepTree::try_item(int item, Search& search) const {
   const Item& it = items_[item];
   const double best = search.best ? search.best->s : search.ray.band;
   const double limit = std::min(best + entry_margin, search.ray.band);
-  const std::optional<Entry> entry = first_entry(cutter_, move_of(it), search.ray, limit);
+  const std::optional<Entry> entry = first_entry(cutter_, move_of(item, search.hint), search.ray, limit);
   if (!entry || entry->s > search.ray.band) return;
   const auto order = [](double s, int move, int part) { return std::tuple(s, move, part); };
   if (search.best && order(search.best->s, search.best->move, search.best->part) <=
@@ -157,7 +164,7 @@ void SweepTree::try_item(int item, Search& search) const {
 void SweepTree::try_item(int item, Collection& collection) const {
   const Item& it = items_[item];
   const std::optional<Entry> entry =
-      first_entry(cutter_, move_of(it), collection.ray, collection.limit);
+      first_entry(cutter_, move_of(item, collection.hint), collection.ray, collection.limit);
   if (entry) collection.found.push_back({entry->s, entry->t, it.move, it.part});
 }
 
@@ -208,7 +215,7 @@ RayStretch SweepTree::stretch_of(const Ray& ray, double cut_off) const {
 
 std::optional<Removal> SweepTree::first_removal(const Ray& ray, Hint& hint) const {
   if (items_.empty()) return std::nullopt;
-  Search search{{.ray = ray, .open = stretch_of(ray, ray.band)}, std::nullopt};
+  Search search{{.ray = ray, .open = stretch_of(ray, ray.band), .hint = hint}, std::nullopt};
   if (hint.item >= 0) {
     try_item(hint.item, search);
     search.done_item = hint.item;
@@ -226,7 +233,7 @@ std::vector<Removal> SweepTree::removals_within(const Ray& ray, double reach, Hi
   if (!first || first->s <= -ray.band) return {};
   const double limit = std::min(first->s + reach, ray.band);
   const double cut_off = std::min(limit + entry_margin, ray.band);
-  Collection collection{{.ray = ray, .open = stretch_of(ray, cut_off)}, limit, {}};
+  Collection collection{{.ray = ray, .open = stretch_of(ray, cut_off), .hint = hint}, limit, {}};
   descend(collection);
   std::vector<Removal>& found = collection.found;
   std::sort(found.begin(), found.end(), [](const Removal& a, const Removal& b) {

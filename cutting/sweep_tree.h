@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -18,9 +19,15 @@ class SweepTree {
   /// @param motion  outlives the tree, as the tree refers to it
   SweepTree(const Cutter& cutter, const CutterMotion& motion);
 
-  /// A place in the tree to start from: that of the removal found for a ray nearby.
+  /// What is known from rays nearby: a place in the tree to start from, that of the removal found
+  /// for the last, and moves that were tried of late.
   struct Hint {
+    struct Tried {
+      int item = -1;
+      Move move;
+    };
     int item = -1;
+    std::array<Tried, 64> tried = {};  ///< at the item's number modulo their count
   };
 
   /// First removal along the ray: smallest s, of equal ones the earliest move; if the ray starts in
@@ -59,6 +66,7 @@ class SweepTree {
   void try_item(int item, Collection& collection) const;
   RayStretch stretch_of(const Ray& ray, double cut_off) const;
   Move move_of(const Item& item) const;
+  const Move& move_of(int item, Hint& hint) const;
 
   Cutter cutter_;
   const CutterMotion& motion_;

@@ -50,6 +50,13 @@ std::array<int, 3> TriangleMesh::corners(int face) const {
           mesh_->opposite_vh(half).idx()};
 }
 
+std::array<int, 3> TriangleMesh::sides_of(int face) const {
+  const auto half = mesh_->halfedge_handle(FaceHandle(face));
+  const auto next = mesh_->next_halfedge_handle(half);
+  return {mesh_->edge_handle(half).idx(), mesh_->edge_handle(next).idx(),
+          mesh_->edge_handle(mesh_->next_halfedge_handle(next)).idx()};
+}
+
 std::array<int, 4> TriangleMesh::quad(int edge) const {
   const auto half = mesh_->halfedge_handle(EdgeHandle(edge), 0),
              other = mesh_->halfedge_handle(EdgeHandle(edge), 1);

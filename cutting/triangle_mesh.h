@@ -24,6 +24,7 @@ class TriangleMesh {
   std::array<int, 2> ends(int edge) const;      ///< the lower number first
   std::array<int, 2> faces_at(int edge) const;  ///< -1 beyond a rim
   std::array<int, 3> corners(int face) const;   ///< counter-clockwise
+  std::array<int, 3> sides_of(int face) const;  ///< its edges
   /// From one end to the other, then the corner at the left and that at the right; -1 beyond a rim.
   std::array<int, 4> quad(int edge) const;
   /// The other edges of the faces at an edge.

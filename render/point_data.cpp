@@ -77,10 +77,11 @@ void write_poly_data(const std::filesystem::path& path, vtkPolyData& mesh) {
   writer->SetInputData(&mesh);
   writer->SetByteOrderToLittleEndian();
   writer->SetHeaderTypeToUInt64();
-  writer->SetIdTypeToInt64();
+  writer->SetIdTypeToInt32();
   writer->SetDataModeToAppended();
   writer->EncodeAppendedDataOff();
   writer->SetCompressorTypeToZLib();
+  writer->SetCompressionLevel(1);  // half the time of VTK's 5, and hardly larger
   // VTK calls it success when the disk is full, so it only fills a string and the file is written
   // here
   writer->WriteToOutputStringOn();

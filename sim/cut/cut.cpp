@@ -112,13 +112,18 @@ struct Cutting {
   std::vector<ToolSweep> sweeps;
   const program::Path& path;
   double explained = 0.0;
+  std::shared_ptr<const cutting::Surface> known = {};  ///< where it was cut before
 };
+
+std::shared_ptr<const cutting::Surface> error_free_surface(const Job& job) {
+  return job.sampled ? job.sampled->error_free : nullptr;
+}
 
 Machined machined(const Job& job, const Cutting& with, const Progress& progress) {
   if (progress) progress("surface", 0.0);  // the moves are sorted first
   const Sweep sweep = sweep_of(with.sweeps, options_of(job, progress));
   Machined made;
-  made.surface = sweep.surface(job.design_w);
+  made.surface = with.known ? *with.known : sweep.surface(job.design_w);
   const ProgramGouge gouge = program_gouge(made.surface, with.explained);
   if (gouge.vertices > 0)
     made.warnings.push_back(
@@ -346,7 +351,7 @@ Cut cut_error_free(const Job& job, const Progress& progress) {
   Stopwatch watch;
   Cut result;
   result.name = result.case_name = "error_free";
-  Machined made = machined(job, {error_free_sweeps(job), job.path, 0.0}, progress);
+  Machined made = machined(job, {error_free_sweeps(job), job.path, 0.0, error_free_surface(job)}, progress);
   result.surface = std::move(made.surface);
   result.interpolation = made.interpolation;
   result.process = job.nominal_process;

@@ -27,7 +27,8 @@ struct SampledSurface {
   double reached = 0.0;     ///< mm, that the points sufficed for; 0 where not looked for
   cutting::Surface::Within within =
       cutting::Surface::Within::None;  ///< where every case is looked at besides
-  double judged_area = 0.0;            ///< mm^2
+  std::shared_ptr<const cutting::Surface> error_free = {};  ///< as it was cut to choose them
+  double judged_area = 0.0;                                 ///< mm^2
   double unmeant_area =
       0.0;  ///< mm^2, that the scene would judge and the program does not mean to cut
 };

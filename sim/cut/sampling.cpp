@@ -23,7 +23,7 @@ using cutting::VertexStatus;
 
 /// Leaves out what the error-free cut does not reach; nothing if it reaches nothing, which is
 /// refused where it is cut.
-void judge_what_is_meant(Job& job, const cutting::Surface& nominal) {
+void judge_what_is_meant(Job& job, cutting::Surface& nominal) {
   Design& design = job.design_w;
   const double unmeant_before = job.sampled->unmeant_area;
   job.sampled->judged_area = 0.0;
@@ -39,7 +39,10 @@ void judge_what_is_meant(Job& job, const cutting::Surface& nominal) {
     job.sampled->unmeant_area = unmeant_before;
     return;
   }
-  for (const std::size_t i : unmeant) design.judged[i] = 0;
+  for (const std::size_t i : unmeant) {
+    design.judged[i] = 0;
+    nominal.status[i] = VertexStatus::Outside;
+  }
 }
 
 std::string unmeant_text(const SampledSurface& sampled) {
@@ -63,8 +66,19 @@ cutting::Surface::Within where_within(const Job& job, const Sweep& sweep,
              : cutting::Surface::Within::None;
 }
 
-Design refined_for(const Job& job, const Sweep& sweep, SampledSurface& sampled,
-                   const Progress& progress) {
+/// The gouges of a surface of which the statuses are known.
+std::vector<cutting::Gouge> gouges_of(Design design, const cutting::Surface& surface,
+                                      const Sweep& sweep) {
+  bool any = false;
+  for (std::size_t i = 0; i < surface.status.size(); ++i) {
+    design.judged[i] = surface.status[i] == VertexStatus::Gouged;
+    any = any || design.judged[i];
+  }
+  return any ? sweep.surface(design).gouges : std::vector<cutting::Gouge>{};
+}
+
+cutting::Refined refined_for(const Job& job, const Sweep& sweep, SampledSurface& sampled,
+                             const Progress& progress) {
   const PartSampling& wanted = job.scene.part.sampling;
   cutting::RefineOptions options;
   options.resolution = sampled.resolution;
@@ -83,7 +97,8 @@ Design refined_for(const Job& job, const Sweep& sweep, SampledSurface& sampled,
       },
       options);
   sampled.reached = refined.reached;
-  return std::move(refined.design);
+  refined.surface.gouges = gouges_of(refined.design, refined.surface, sweep);
+  return refined;
 }
 
 std::string spacing_text(const Design& design, const PartSampling& wanted) {
@@ -137,19 +152,22 @@ Job sampled(Job job, const Progress& progress) {
   const PartSampling& wanted = job.scene.part.sampling;
   job.sampled->resolution =
       wanted.resolution.value_or(cutting::usual_resolution(usual_range(nominal, job.design_w)));
-  if (wanted.kind == PartSampling::Kind::Adaptive)
-    job.design_w = refined_for(job, sweep, *job.sampled, progress);
+  if (wanted.kind == PartSampling::Kind::Adaptive) {
+    cutting::Refined refined = refined_for(job, sweep, *job.sampled, progress);
+    job.design_w = std::move(refined.design);
+    nominal = std::move(refined.surface);
+  }
   if (wanted.kind == PartSampling::Kind::Spacing) {
     job.design_w =
         cutting::subdivided(job.design_w, on_surface(job), {wanted.spacing, wanted.points});
     if (std::string text = spacing_text(job.design_w, wanted); !text.empty())
       job.warnings.push_back(std::move(text));
-  }
-  if (wanted.kind != PartSampling::Kind::Vertices) {  // also of what was added between
     nominal = sweep.surface(job.design_w);
-    judge_what_is_meant(job, nominal);
   }
+  if (wanted.kind != PartSampling::Kind::Vertices)  // also of what was added between
+    judge_what_is_meant(job, nominal);
   job.sampled->within = where_within(job, sweep, nominal);
+  job.sampled->error_free = std::make_shared<const cutting::Surface>(std::move(nominal));
   if (job.sampled->unmeant_area > 0.0 && job.sampled->judged_area > 0.0)
     job.warnings.push_back(unmeant_text(*job.sampled));
   job.timing_s["sampling"] = watch.lap();

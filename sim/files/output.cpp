@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
+#include <mutex>
 #include <optional>
 #include <system_error>
 
@@ -255,6 +256,8 @@ void check_file(const ResultFile& file) {
 }
 
 void ResultFile::note(const std::optional<Print>& print) const {
+  static std::mutex noting;  // files of a folder are written by several threads
+  const std::lock_guard lock(noting);
   const std::string& command_line = place_->writer.permissions.command;
   const Written written{name_, command_of(command_line), print};
   const bool known = says(read_mark(place_->folder), written);

@@ -1,5 +1,7 @@
 #include "sim/report/case_files.h"
 
+#include <future>
+
 #include <nlohmann/json.hpp>
 
 #include "kinematics/escape.h"
@@ -28,7 +30,9 @@ void write_program(const ResultFolder& folder, const Job& job) {
 
 void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdict,
                 const std::vector<std::string>& formats, const Progress& progress) {
-  write_map_files(folder, job, verdict, formats, progress);
+  // what is written and what is drawn share nothing that changes
+  std::future<void> files = std::async(
+      std::launch::async, [&] { write_map_files(folder, job, verdict, formats, {}); });
   write_case_pictures(folder, job, verdict, progress);
   write_source_pictures(folder, job, verdict);
   write_or_remove(folder / "signals.csv", verdict.cut.signals.columns.empty()
@@ -39,6 +43,7 @@ void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdi
   const ResultFile rewritten =
       folder / ("rewritten" + std::filesystem::path(job.path.file).extension().string());
   write_or_remove(rewritten, verdict.cut.rewritten_program);
+  files.get();
   // last, so that a summary stands for a finished case
   write_json(folder / "summary.json", to_json(summary(job, verdict)));
 }

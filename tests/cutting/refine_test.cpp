@@ -71,6 +71,10 @@ TEST(Refine, APlaneOfCuspsIsResolvedToTheBoundHoweverItsVerticesStand) {
                 << " looked at, worst " << error.worst / micron << " um, "
                 << 100.0 * error.unresolved << " % beyond 0.15\n";
       EXPECT_EQ(fine.left, 0);
+      EXPECT_EQ(fine.surface.residual, surface.residual);
+      EXPECT_EQ(fine.surface.cut_time_s, surface.cut_time_s);
+      EXPECT_EQ(fine.surface.cut_line, surface.cut_line);
+      EXPECT_EQ(fine.surface.status, surface.status);
       EXPECT_GT(error.places, 9000);
       EXPECT_LT(error.unresolved, 0.002);
       EXPECT_LT(error.worst, 2.0 * options.resolution);

@@ -291,6 +291,37 @@ TEST(Sampling, ACaseWithErrorsIsCutOnTheSameVertices) {
   EXPECT_EQ(warned("the map is too coarse"), cut_wrong.interpolation->unresolved > 0.02);
 }
 
+/// Equal to the bit, where one is not a number the other is none either.
+void expect_same(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (Eigen::Index i = 0; i < a.size(); ++i)
+    ASSERT_TRUE(a[i] == b[i] || (std::isnan(a[i]) && std::isnan(b[i]))) << a[i] << " " << b[i];
+}
+
+TEST(Sampling, TheErrorFreeSurfaceThatIsKeptIsThatOfTheCut) {
+  // a pocket of the raster's own, 3 mm too deep on one side, leaves gouges and uncut walls
+  for (const std::string kind : {"adaptive", "spacing", "vertices"}) {
+    const Job job = sampled(job_of(BallRaster{
+        .part = fmt::format("{}vertices = 600\nsampling = \"{}\"\njudged_normal_z = -1.0\n{}",
+                            small_dome, kind, kind == "spacing" ? "spacing_mm = 0.5\n" : "")}));
+    const cutting::Surface& kept = *job.sampled->error_free;
+    const cutting::Surface fresh =
+        machined_surface(job.design_w, error_free_sweeps(job), options_of(job, {}));
+    std::cout << kind << ": " << kept.residual.size() << " vertices, " << kept.gouges.size()
+              << " gouges\n";
+    expect_same(kept.residual, fresh.residual);
+    expect_same(kept.cut_time_s, fresh.cut_time_s);
+    EXPECT_EQ(kept.cut_line, fresh.cut_line);
+    EXPECT_EQ(kept.status, fresh.status);
+    ASSERT_EQ(kept.gouges.size(), fresh.gouges.size());
+    for (std::size_t i = 0; i < fresh.gouges.size(); ++i) {
+      EXPECT_EQ(kept.gouges[i].vertex, fresh.gouges[i].vertex);
+      EXPECT_EQ(kept.gouges[i].depth, fresh.gouges[i].depth);
+      EXPECT_EQ(kept.gouges[i].deeper, fresh.gouges[i].deeper);
+    }
+  }
+}
+
 TEST(Sampling, BySpacingAndByVertices) {
   const std::string part = std::string(small_dome) + "vertices = 300\n";
   const Job spaced =
