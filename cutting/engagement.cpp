@@ -97,9 +97,9 @@ double facing(double kappa, const Vector3d& feed_t, double lateral) {
 }
 
 /// A field of depths over the cutter's surface, by angle from the feed and length of outline.
-class Look {
+class EngagedSlices {
  public:
-  Look(const Stock& stock, const Cutter& cutter, const Eigen::Isometry3d& T_wt,
+  EngagedSlices(const Stock& stock, const Cutter& cutter, const Eigen::Isometry3d& T_wt,
        const EngagementOptions& options)
       : probe_(stock, T_wt),
         outline_(cutter),
@@ -330,7 +330,7 @@ Engagement engagement(const Stock& stock, const Cutter& cutter, const Eigen::Iso
     throw std::invalid_argument("engagement: expected a finite pose and feed");
   if (!(feed > 0.0)) throw std::invalid_argument("engagement: expected a feed that is not zero");
   const Vector3d feed_t = T_wt.linear().transpose() * (feed_w / feed);
-  return Look(stock, cutter, T_wt, options).engaged(feed_t);
+  return EngagedSlices(stock, cutter, T_wt, options).engaged(feed_t);
 }
 
 }  // namespace abbe::cutting

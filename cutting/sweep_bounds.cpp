@@ -1,6 +1,7 @@
 #include "cutting/sweep_bounds.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include <Eigen/Eigenvalues>
@@ -17,6 +18,7 @@ namespace {
 
 constexpr std::size_t max_slab_leaves = 512;  // of a child; more of a surface is not flat
 constexpr int core_steps = 4;                 // towards the nearest point of a tool
+constexpr int shaft_steps = 2;                // the same of a ball on its shaft
 constexpr float move_rounding = 3e-6f;        // of a distance; proved below to be enough
 constexpr float node_rounding = 4e-6f;
 
@@ -264,7 +266,13 @@ template <bool ball>
     return point - clamp(point + lift * flat, low, high);
   };
   Vector8 m = from_nearest(p);
-  if constexpr (!ball) {
+  if constexpr (ball) {
+    Eight rise = stdx::max(dot(m, cone), Eight(0.0f));
+    for (int i = 0; i < shaft_steps; ++i) {
+      m = from_nearest(p - rise * cone);
+      rise = stdx::max(dot(m, cone) + rise, Eight(0.0f));
+    }
+  } else {
     Vector8 w = m;  // to p from the nearest place of k
     Vector8 last_step = m;
     for (int i = 0; i < core_steps; ++i) {
@@ -341,7 +349,12 @@ template <bool ball>
   };
   Eight t;
   Vector8 m = from_nearest(p, t);
-  if constexpr (!ball) {
+  if constexpr (ball) {
+    for (int i = 0; i < shaft_steps; ++i) {
+      const Vector8 u = u0 + t * turn;
+      m = from_nearest(p - stdx::max(dot(p - k0 - t * step, u), Eight(0.0f)) * u, t);
+    }
+  } else {
     Eight t0 = t;
     Eight t1 = t;
     for (int i = 0; i < core_steps; ++i) {
@@ -414,31 +427,42 @@ std::array<Clearance, n> clearances_of(const Plane& plane) {
 bool is_ball(const RayEnd& end) { return end.ring == 0.0f; }
 
 template <bool ball>
-unsigned open_children_of(const SweepNode& node, const RayStretch& ray, float* separation) {
+OpenEight open_children_of(const SweepNode& node, const RayStretch& ray) {
   const Plane plane = plane_before<ball>(ray.end, node);
+  OpenEight open{open_of(plane)};
   const Eight room = plane.gap - plane.doubt;
-  room.copy_to(separation, stdx::element_aligned);
-  const unsigned open = open_of(plane);
-  if ((open & bits(plane.behind > 0.0f)) == 0) return open;
-  return open & open_of(plane_before<ball>(ray.start, node));
+  room.copy_to(open.separation, stdx::vector_aligned);
+  if ((open.bits & bits(plane.behind > 0.0f)) != 0)
+    open.bits &= open_of(plane_before<ball>(ray.start, node));
+  return open;
 }
 
 template <bool ball>
-unsigned open_moves_of(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayStretch& ray) {
+OpenEight open_moves_of(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayStretch& ray) {
   const Plane plane = plane_before<ball>(ray.end, leaf, place);
-  const unsigned open = open_of(plane) & ((1u << place.count) - 1u);
-  if ((open & bits(plane.behind > 0.0f)) == 0) return open;
-  return open & open_of(plane_before<ball>(ray.start, leaf, place));
+  OpenEight open{open_of(plane) & ((1u << place.count) - 1u)};
+  plane.gap.copy_to(open.separation, stdx::vector_aligned);
+  if ((open.bits & bits(plane.behind > 0.0f)) != 0)
+    open.bits &= open_of(plane_before<ball>(ray.start, leaf, place));
+  return open;
 }
 
 }  // namespace
 
-unsigned open_children(const SweepNode& node, const RayStretch& ray, float* separation) {
-  return is_ball(ray.end) ? open_children_of<true>(node, ray, separation)
-                          : open_children_of<false>(node, ray, separation);
+int OpenEight::nearest() const {
+  int best = std::countr_zero(bits);
+  for (unsigned left = bits & (bits - 1); left != 0; left &= left - 1) {
+    const int i = std::countr_zero(left);
+    if (separation[i] < separation[best]) best = i;
+  }
+  return best;
 }
 
-unsigned open_moves(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayStretch& ray) {
+OpenEight open_children(const SweepNode& node, const RayStretch& ray) {
+  return is_ball(ray.end) ? open_children_of<true>(node, ray) : open_children_of<false>(node, ray);
+}
+
+OpenEight open_moves(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayStretch& ray) {
   return is_ball(ray.end) ? open_moves_of<true>(leaf, place, ray)
                           : open_moves_of<false>(leaf, place, ray);
 }

@@ -95,10 +95,16 @@ struct RayStretch {
              double reach_of_nodes);
 };
 
-/// Bit i is set unless group i is ruled out. `separation` (8) becomes large for what is far away.
-unsigned open_children(const SweepNode& node, const RayStretch& ray, float* separation);
-/// Bit i is set unless move i is ruled out.
-unsigned open_moves(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayStretch& ray);
+/// What eight bounds leave open.
+struct OpenEight {
+  unsigned bits = 0;                     ///< bit i is set unless i is ruled out
+  alignas(32) float separation[8] = {};  ///< large for what is far from the end of the ray
+
+  /// The nearest of those open; some must be.
+  int nearest() const;
+};
+OpenEight open_children(const SweepNode& node, const RayStretch& ray);
+OpenEight open_moves(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayStretch& ray);
 
 /// What is behind a bound: all cutters of a group lie `gap` / |direction| (mm) or more behind the
 /// plane through the end of the ray across `direction`, save for an error of `doubt` / |direction|.

@@ -7,9 +7,7 @@
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
-#include <tbb/parallel_sort.h>
-
-#include "cutting/hilbert.h"
+#include <tbb/parallel_invoke.h>
 
 namespace abbe::cutting {
 
@@ -22,6 +20,7 @@ struct SweepTree::Aim {
   Hint& hint;
   int done_leaf = -1;
   int done_item = -1;
+  int cuts = 0;  // that made the ray shorter
   bool buried = false;
 };
 
@@ -51,20 +50,11 @@ std::vector<SweepTree::Item> SweepTree::sorted_items() {
   const Vector3d low = motion_.tip.colwise().minCoeff();
   const Vector3d high = motion_.tip.colwise().maxCoeff();
   centre_ = 0.5 * (low + high);
-  const double size = (high - low).maxCoeff() + 4 * cutter_.radius;
   reach_ = 0.5 * (high - low).lpNorm<1>() + 4 * cutter_.radius + cutter_.flank_length;
 
   std::vector<int> first(std::size_t(moves) + 1, 0);
   for (int i = 0; i < moves; ++i) first[i + 1] = first[i] + parts_of(motion_, i);
-  struct Key {
-    std::uint64_t code;
-    Item item;
-  };
   std::vector<Key> keys(first.back());
-  const Vector3d corner = centre_ - Vector3d::Constant(0.5 * size);
-  const auto cell = [&](double x) {
-    return std::uint32_t(std::clamp(x / size, 0.0, 1.0) * 65535.0);
-  };
   tbb::parallel_for(tbb::blocked_range<int>(0, moves, 4096), [&](const auto& range) {
     for (int i = range.begin(); i < range.end(); ++i) {
       const int next = std::min(i + 1, samples - 1);
@@ -73,18 +63,53 @@ std::vector<SweepTree::Item> SweepTree::sorted_items() {
         const double t = (part + 0.5) / parts;
         const Vector3d tip = (1 - t) * motion_.tip.row(i) + t * motion_.tip.row(next);
         const Vector3d axis = motion_.axis.row(i) + motion_.axis.row(next);
-        const Vector3d k = tip + 0.5 * cutter_.corner_radius * axis - corner;
-        keys[first[i] + part] = {hilbert_code(cell(k.x()), cell(k.y()), cell(k.z())),
+        const Vector3d k = tip + 0.5 * cutter_.corner_radius * axis - centre_;
+        keys[first[i] + part] = {{float(k.x()), float(k.y()), float(k.z())},
                                  {i, std::uint16_t(part), std::uint16_t(parts)}};
       }
     }
   });
-  tbb::parallel_sort(keys.begin(), keys.end(), [](const Key& a, const Key& b) {
-    return std::tie(a.code, a.item.move, a.item.part) < std::tie(b.code, b.item.move, b.item.part);
-  });
+  gather(keys);
   std::vector<Item> items(keys.size());
   for (std::size_t i = 0; i < keys.size(); ++i) items[i] = keys[i].item;
   return items;
+}
+
+/// Orders items so that each run of 8, 64, 512 ... of them, counted from the first, keeps close
+/// together: ranges are halved across their longest side, at a whole number of runs.
+void SweepTree::gather(std::span<Key> keys) {
+  const auto order = [](const Item& item) { return std::tuple(item.move, item.part); };
+  if (keys.size() <= width) {
+    std::sort(keys.begin(), keys.end(),
+              [&](const Key& a, const Key& b) { return order(a.item) < order(b.item); });
+    return;
+  }
+  std::size_t run = width;
+  while (run * width < keys.size()) run *= width;
+  const std::size_t runs = (keys.size() + run - 1) / run;
+  std::array<float, 3> low = keys.front().k, high = low;
+  for (const Key& key : keys)
+    for (int d = 0; d < 3; ++d) {
+      low[d] = std::min(low[d], key.k[d]);
+      high[d] = std::max(high[d], key.k[d]);
+    }
+  int d = 0;
+  for (const int other : {1, 2})
+    if (high[other] - low[other] > high[d] - low[d]) d = other;
+  const std::size_t half = runs / 2 * run;
+  std::nth_element(keys.begin(), keys.begin() + std::ptrdiff_t(half), keys.end(),
+                   [&](const Key& a, const Key& b) {
+                     return a.k[d] != b.k[d] ? a.k[d] < b.k[d] : order(a.item) < order(b.item);
+                   });
+  constexpr std::size_t worth_a_thread = 4096;
+  const auto first = [&] { gather(keys.first(half)); };
+  const auto rest = [&] { gather(keys.subspan(half)); };
+  if (keys.size() > worth_a_thread) {
+    tbb::parallel_invoke(first, rest);
+  } else {
+    first();
+    rest();
+  }
 }
 
 Move SweepTree::move_of(const Item& item) const {
@@ -149,7 +174,8 @@ void SweepTree::try_item(int item, Search& search) const {
   const Item& it = items_[item];
   const double best = search.best ? search.best->s : search.ray.band;
   const double limit = std::min(best + entry_margin, search.ray.band);
-  const std::optional<Entry> entry = first_entry(cutter_, move_of(item, search.hint), search.ray, limit);
+  const std::optional<Entry> entry =
+      first_entry(cutter_, move_of(item, search.hint), search.ray, limit);
   if (!entry || entry->s > search.ray.band) return;
   const auto order = [](double s, int move, int part) { return std::tuple(s, move, part); };
   if (search.best && order(search.best->s, search.best->move, search.best->part) <=
@@ -158,6 +184,7 @@ void SweepTree::try_item(int item, Search& search) const {
   search.best = Removal{entry->s, entry->t, it.move, it.part};
   search.best_item = item;
   search.buried = entry->s <= -search.ray.band;
+  ++search.cuts;
   search.open.end.cut_off(search.ray, std::min(entry->s + entry_margin, search.ray.band), centre_);
 }
 
@@ -168,44 +195,57 @@ void SweepTree::try_item(int item, Collection& collection) const {
   if (entry) collection.found.push_back({entry->s, entry->t, it.move, it.part});
 }
 
+// The nearest of what is open comes first, as what it cuts off rules out most of the rest: whenever
+// the ray has become shorter, what waits is held against it again, eight at a time.
+
 template <class Wanted>
 void SweepTree::search_leaf(int leaf, Wanted& wanted) const {
-  unsigned open = open_moves(leaves_.moves[leaf], leaves_.places[leaf], wanted.open);
-  while (open != 0 && !wanted.buried) {
-    const int item = leaf * width + std::countr_zero(open);
-    open &= open - 1;
-    if (item != wanted.done_item) try_item(item, wanted);
+  const auto open_now = [&] {
+    return open_moves(leaves_.moves[leaf], leaves_.places[leaf], wanted.open);
+  };
+  OpenEight open = open_now();
+  while (open.bits != 0 && !wanted.buried) {
+    const int i = open.nearest();
+    open.bits &= ~(1u << i);
+    const int cuts = wanted.cuts;
+    if (leaf * width + i != wanted.done_item) try_item(leaf * width + i, wanted);
+    if (wanted.cuts != cuts && open.bits != 0) open.bits &= open_now().bits;
   }
 }
 
 template <class Wanted>
 void SweepTree::descend(Wanted& wanted) const {
   struct Visit {
-    int level;  // -1: a leaf
+    int level;
     int index;
+    int cuts;  // of the ray when it was held against
+    OpenEight open;
   };
-  std::array<Visit, 8 * 12> stack;
-  int size = 0;
-  stack[size++] = {int(levels_.size()) - 1, 0};
-  while (size > 0 && !wanted.buried) {
-    const Visit visit = stack[--size];
-    if (visit.level < 0) {
-      if (visit.index != wanted.done_leaf) search_leaf(visit.index, wanted);
+  std::array<Visit, 12> path;
+  int depth = 0;
+  const auto visit = [&](int level, int index) {
+    path[depth] = {level, index, wanted.cuts, open_children(levels_[level][index], wanted.open)};
+    path[depth].open.bits &= (1u << children(level, index)) - 1u;
+    ++depth;
+  };
+  visit(int(levels_.size()) - 1, 0);
+  while (depth > 0 && !wanted.buried) {
+    Visit& last = path[depth - 1];
+    if (last.open.bits != 0 && last.cuts != wanted.cuts) {
+      last.open.bits &= open_children(levels_[last.level][last.index], wanted.open).bits;
+      last.cuts = wanted.cuts;
+    }
+    if (last.open.bits == 0) {
+      --depth;
       continue;
     }
-    alignas(32) float separation[width];
-    const SweepNode& node = levels_[visit.level][visit.index];
-    unsigned open = open_children(node, wanted.open, separation);
-    open &= (1u << children(visit.level, visit.index)) - 1u;
-    // The nearest child comes last, to be visited first.
-    const int bottom = size;
-    for (; open != 0; open &= open - 1) {
-      const int child = std::countr_zero(open);
-      int at = size++;
-      for (; at > bottom && separation[stack[at - 1].index % width] < separation[child]; --at)
-        stack[at] = stack[at - 1];
-      stack[at] = {visit.level - 1, visit.index * width + child};
-    }
+    const int child = last.open.nearest();
+    last.open.bits &= ~(1u << child);
+    const int index = last.index * width + child;
+    if (last.level > 0)
+      visit(last.level - 1, index);
+    else if (index != wanted.done_leaf)
+      search_leaf(index, wanted);
   }
 }
 

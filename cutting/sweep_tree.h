@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "cutting/removal.h"
@@ -53,7 +54,13 @@ class SweepTree {
   struct Search;
   struct Collection;
 
+  struct Key {
+    std::array<float, 3> k;  // mm, about the centre
+    Item item;
+  };
+
   std::vector<Item> sorted_items();
+  static void gather(std::span<Key> keys);
   void make_leaves();
   void make_nodes();
   int children(std::size_t level, int node) const;

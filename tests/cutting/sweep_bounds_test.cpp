@@ -237,9 +237,8 @@ TEST(SweepBounds, OfABallThatTheRayRunsThroughAreOpen) {
     SweepNode node;
     for (int child = 0; child < 8; ++child) put(node, child, bounds_of(leaves, 0), move.tip);
     const RayStretch stretch(ball, ray, ray.band, move.tip, 5.0);
-    float separation[8];
-    closed += open_moves(leaves.moves[0], leaves.places[0], stretch) == 0 ||
-              open_children(node, stretch, separation) == 0;
+    closed += open_moves(leaves.moves[0], leaves.places[0], stretch).bits == 0 ||
+              open_children(node, stretch).bits == 0;
   }
   EXPECT_EQ(closed, 0);
 }
