@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <optional>
 #include <utility>
 
@@ -231,6 +232,83 @@ Points few_of(const Points& points) {
   return few;
 }
 
+constexpr double apart = 1e-3;  // of the size of a patch
+
+/// Whether at least so many of the places are apart from one another.
+bool are_apart(const std::vector<Vector2d>& places, std::size_t wanted) {
+  std::vector<Vector2d> found;
+  for (const Vector2d& place : places) {
+    const auto is_near = [&](const Vector2d& one) { return (one - place).norm() < apart; };
+    if (std::none_of(found.begin(), found.end(), is_near)) found.push_back(place);
+    if (found.size() == wanted) return true;
+  }
+  return false;
+}
+
+/// Whether more facets look the same way than the halves of a few quadrangles: a flat.
+bool has_flat(const Patch& patch) {
+  constexpr double same = 1e-5;
+  constexpr int halves = 4;
+  std::map<std::array<long, 3>, int> facing;
+  for (const auto& normal : patch.normals.rowwise()) {
+    const Eigen::RowVector3d at = normal / same;
+    if (++facing[{std::lround(at[0]), std::lround(at[1]), std::lround(at[2])}] > halves)
+      return true;
+  }
+  return false;
+}
+
+/// Whether no facet closes a cylinder or cone across its axis: that is a cap.
+bool is_uncapped(const Fitted& f, const Patch& patch) {
+  const double growth = f.form == Form::Cone ? f.shape[1] : 0.0;
+  for (const auto& centre : patch.centres.rowwise()) {
+    const Vector2d at = radius_height(f, centre);
+    if (at.x() < 0.5 * (f.shape[0] + growth * at.y())) return false;
+  }
+  return true;
+}
+
+/// Lines of vertices along an axis as directions, and their rings as radius and height.
+struct LinesAndRings {
+  std::vector<Vector2d> lines, rings;
+};
+
+LinesAndRings lines_and_rings(const Fitted& f, const Points& points) {
+  LinesAndRings found;
+  for (const auto& p : points.rowwise()) {
+    const Vector3d from = f.frame.transpose() * (p.transpose() - f.origin);
+    found.lines.push_back(from.head<2>().normalized());
+    found.rings.push_back({from.head<2>().norm(), from.z()});
+  }
+  return found;
+}
+
+/// A sphere shows about every axis that those of other surfaces may be.
+bool is_evident_sphere(Fitted f, const Fitted& turned, const Patch& patch) {
+  if (has_flat(patch)) return false;
+  const Eigen::MatrixXd covariance = patch.points.transpose() * patch.points;
+  const Matrix3d main = eigenvectors(covariance).vectors;
+  for (const Vector3d& axis : {Vector3d(turned.frame.col(2)), Vector3d(main.col(0)),
+                               Vector3d(main.col(1)), Vector3d(main.col(2))}) {
+    f.frame = frame_along(axis);
+    if (!are_apart(lines_and_rings(f, patch.points).rings, 3)) return false;
+  }
+  return true;
+}
+
+/// Whether the vertices stand on enough lines along a surface, or rings around it, to show it.
+/// Three lines of a bend lie on a cylinder, and four of a symmetric one; two rings on a sphere, as
+/// those of any cylinder or cone; three rings of a chamfered shaft on a torus, and four of a
+/// symmetric one: that these fit says nothing of what lies between them. A torus about a point is a
+/// sphere that was refused.
+bool is_evident(const Fitted& f, const Fitted& turned, const Patch& patch) {
+  if (f.form == Form::Sphere) return is_evident_sphere(f, turned, patch);
+  const LinesAndRings found = lines_and_rings(f, patch.points);
+  if (f.form == Form::Torus) return f.shape[0] > apart && are_apart(found.rings, 5);
+  return are_apart(found.lines, 5) && is_uncapped(f, patch);
+}
+
+/// Planes first, and what is curved in one direction before what is in two.
 std::optional<Fitted> form_of(const Patch& patch, double tolerance) {
   const Points few = few_of(patch.points);
   const auto lies_on = [&](const Fitted& f) {
@@ -240,11 +318,11 @@ std::optional<Fitted> form_of(const Patch& patch, double tolerance) {
            facing(f, patch);
   };
   if (const Fitted plane = plane_of(patch); lies_on(plane)) return plane;
-  if (const Fitted sphere = adjusted(sphere_of(few), few); lies_on(sphere)) return sphere;
   const Fitted axis = turned_about_normals(patch);
-  for (const Form form : {Form::Cylinder, Form::Cone, Form::Torus}) {
-    const Fitted found = adjusted(profiled(axis, form, few), few);
-    if (lies_on(found)) return found;
+  for (const Form form : {Form::Cylinder, Form::Cone, Form::Sphere, Form::Torus}) {
+    const Fitted near = form == Form::Sphere ? sphere_of(few) : profiled(axis, form, few);
+    const Fitted found = adjusted(near, few);
+    if (lies_on(found) && is_evident(found, axis, patch)) return found;
   }
   return std::nullopt;
 }

@@ -30,13 +30,15 @@ struct Recognised {
   double area = 0.0;  ///< mm^2, of all patches, recognised or not
 };
 
-/// Tries each patch of `patches` as a plane, sphere, cylinder, cone and torus, in this order: the
+/// Tries each patch of `patches` as a plane, cylinder, cone, sphere and torus, in this order: the
 /// first from which no vertex is farther off than the tolerance, and no facet leans by more than 30
-/// degrees, is it. But for planes a patch has twice as many vertices as the surface has numbers, or
-/// is left as it is. The axis of a surface of revolution is the line that all normals meet
-/// (Pottmann and Wallner 2001, Computational Line Geometry, 4.1), then the distances are brought to
-/// their least squares by Gauss and Newton, of some 2000 vertices evenly chosen. Exact vertices
-/// come back within 1e-11 of the size of the patch.
+/// degrees, is it. A patch with too few vertices to show a surface is left as it is: but for planes
+/// with less than twice as many as the surface has numbers; on less than five lines of a cylinder
+/// or cone, three rings of a sphere, about any axis, or five rings of a torus; a sphere with a
+/// flat, a cylinder or cone with a cap. The axis of a surface of revolution is the line that all
+/// normals meet (Pottmann and Wallner 2001, Computational Line Geometry, 4.1), then the distances
+/// are brought to their least squares by Gauss and Newton, of some 2000 vertices evenly chosen.
+/// Exact vertices come back within 1e-11 of the size of the patch.
 /// @param tolerance  mm, > 0: the rounding of the file, and what its maker called exact
 /// @throws std::invalid_argument if the tolerance is not positive
 Recognised recognised(const Design& design, double tolerance);

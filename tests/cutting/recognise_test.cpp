@@ -3,6 +3,8 @@
 #include <cmath>
 #include <iostream>
 #include <numbers>
+#include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -44,6 +46,98 @@ const KnownForm known_forms[] = {{"plane", RectanglePlane{30.0, 20.0}, Form::Pla
                                  {"cylinder", Cylinder{12.0, 30.0}, Form::Cylinder},
                                  {"cone", Cone{20.0, 15.0, 0.4}, Form::Cone},
                                  {"torus", Torus{30.0, 8.0}, Form::Torus}};
+
+/// A mesh of rows of vertices, all of one length. @param closed  each row ends where it begins
+Design of_rows(const std::vector<std::vector<Vector3d>>& rows, bool closed) {
+  const int n = int(rows.front().size()), m = closed ? n : n - 1;
+  Design mesh;
+  mesh.vertices.resize(Index(rows.size()) * n, 3);
+  mesh.triangles.resize(2 * Index(rows.size() - 1) * m, 3);
+  Index triangle = 0;
+  for (int i = 0; i < int(rows.size()); ++i)
+    for (int k = 0; k < n; ++k) {
+      mesh.vertices.row(i * n + k) = rows[std::size_t(i)][std::size_t(k)];
+      if (i + 1 == int(rows.size()) || k >= m) continue;
+      const int a = i * n + k, b = i * n + (k + 1) % n;
+      mesh.triangles.row(triangle++) << a, b, a + n;
+      mesh.triangles.row(triangle++) << b, b + n, a + n;
+    }
+  mesh.normals = vertex_normals(mesh.vertices, mesh.triangles);
+  mesh.area = vertex_area(mesh.vertices, mesh.triangles);
+  mesh.facet_error = facet_error(mesh.vertices, mesh.normals, mesh.triangles);
+  return mesh;
+}
+
+/// Rings (r, z) of 60 vertices about z, as an STL has them.
+Design of_rings(const std::vector<Eigen::Vector2d>& rings) {
+  std::vector<std::vector<Vector3d>> rows;
+  for (const Eigen::Vector2d& ring : rings) {
+    rows.emplace_back();
+    for (int k = 0; k < 60; ++k) {
+      const double angle = 2.0 * pi * k / 60.0;
+      rows.back().push_back({ring[0] * std::cos(angle), ring[0] * std::sin(angle), ring[1]});
+    }
+  }
+  return of_rows(rows, true);
+}
+
+/// Lines along y at (x, z).
+Design of_lines(const std::vector<Eigen::Vector2d>& lines) {
+  std::vector<std::vector<Vector3d>> rows;
+  for (int i = 0; i < 12; ++i) {
+    rows.emplace_back();
+    for (const Eigen::Vector2d& line : lines) rows.back().push_back({line[0], 3.0 * i, line[1]});
+  }
+  return of_rows(rows, false);
+}
+
+std::string forms_of(const Design& mesh) {
+  constexpr const char* names[] = {"plane", "sphere", "cylinder", "cone", "torus"};
+  std::string all;
+  for (const RecognisedPatch& one : recognised(mesh, 0.1 * micron).patches)
+    all += names[std::size_t(one.form)];
+  return all;
+}
+
+TEST(Recognised, TwoRingsAreACylinderOrACone) {
+  // they lie on a sphere too, which is 1.2 mm off the first of them
+  EXPECT_EQ(forms_of(of_rings({{10, 0}, {10, 10}})), "cylinder");
+  EXPECT_EQ(forms_of(of_rings({{10, 0}, {8, 10}})), "cone");
+}
+
+TEST(Recognised, NothingByVerticesThatLieOnItWhateverTheyAre) {
+  const double chamfer = std::tan(20.0 * pi / 180.0);
+  // a shaft with a chamfer, with one at both ends: on a torus
+  EXPECT_EQ(forms_of(of_rings({{10, 0}, {10, 50}, {10 - chamfer, 51}})), "");
+  EXPECT_EQ(forms_of(of_rings({{10 - chamfer, -1}, {10, 0}, {10, 50}, {10 - chamfer, 51}})), "");
+  // a flat ring with a chamfer: on a torus; a bend, a symmetric one: on a cylinder
+  EXPECT_EQ(forms_of(of_rings({{20, 0}, {10, 10 * chamfer}, {5, 10 * chamfer}})), "");
+  EXPECT_EQ(forms_of(of_lines({{10, -10 * chamfer}, {0, 0}, {-10, -10 * chamfer}})), "");
+  EXPECT_EQ(forms_of(of_lines({{15, -5 * chamfer}, {10, 0}, {-10, 0}, {-15, -5 * chamfer}})), "");
+}
+
+/// Rings about z, the last of which is closed by a flat fanned from its first vertex.
+Design of_capped_rings(const std::vector<Eigen::Vector2d>& rings) {
+  Design mesh = of_rings(rings);
+  const Index walls = mesh.triangles.rows();
+  const int first = int(mesh.vertices.rows()) - 60;
+  mesh.triangles.conservativeResize(walls + 58, 3);
+  for (int k = 0; k < 58; ++k) mesh.triangles.row(walls + k) << first, first + 1 + k, first + 2 + k;
+  mesh.normals = vertex_normals(mesh.vertices, mesh.triangles);
+  mesh.area = vertex_area(mesh.vertices, mesh.triangles);
+  return mesh;
+}
+
+TEST(Recognised, NoSphereOrConeWhoseTopIsFlat) {
+  for (const double degrees : {5.0, 10.0, 20.0, 28.0})
+    EXPECT_EQ(forms_of(of_capped_rings({{20, 0}, {10, 10 * std::tan(degrees * pi / 180.0)}})), "")
+        << degrees;
+  std::vector<Eigen::Vector2d> dome;  // R 30
+  for (const double degrees : {40.0, 30.0, 20.0, 12.0})
+    dome.push_back({30.0 * std::sin(degrees * pi / 180.0), 30.0 * std::cos(degrees * pi / 180.0)});
+  EXPECT_EQ(forms_of(of_rings(dome)), "sphere");
+  EXPECT_EQ(forms_of(of_capped_rings(dome)), "");
+}
 
 TEST(Recognised, EverySurfaceFromItsFile) {
   for (const KnownForm& one : known_forms)
