@@ -287,8 +287,7 @@ Job prepare(const Scene& described, const Progress& progress) {
   Job job = job_of(std::move(whole), part.design_w, body_m, std::move(process), active);
   for (Piece& piece : pieces)
     job.stretches.push_back(job_of(std::move(piece), part.design_w, body_m, {}, active));
-  if (std::holds_alternative<MeshFile>(scene.part.shape))
-    job.body_w = std::make_shared<const cutting::Thickness>(part.design_w);
+  job.body_w = std::make_shared<const cutting::Thickness>(part.design_w);
   add_warnings(std::move(part.warnings), warnings);
   add_warnings(odd_sizes(job.truth.geometric, job.samples), warnings);
   job.recognised = std::move(part.recognised);

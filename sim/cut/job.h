@@ -40,7 +40,7 @@ struct Job {
   Truth truth;
   cutting::Design design_w;  ///< the design in the workpiece frame, where it is judged
   std::shared_ptr<const cutting::Design> body_m;  ///< as it was loaded, part frame: a blank's shape
-  std::shared_ptr<const cutting::Thickness> body_w;  ///< of a mesh: where rays through it end
+  std::shared_ptr<const cutting::Thickness> body_w;  ///< of the part, where rays through it end
   std::vector<cutting::RecognisedPatch> recognised;  ///< of a mesh, part frame
   double recognised_share = 0.0;                     ///< of its area
   std::optional<SampledSurface> sampled;             ///< how `sampled` chose the vertices
