@@ -82,6 +82,13 @@ bool is_limited(const Limits& limits) {
   return std::isfinite(limits[0]) || std::isfinite(limits[1]);
 }
 
+Limits widest_limits(const ToleranceBands& tolerance, const Eigen::RowVector3i& corners) {
+  Limits widest = tolerance.row(corners[0]);
+  for (const int corner : corners)
+    widest = {std::min(widest[0], tolerance(corner, 0)), std::max(widest[1], tolerance(corner, 1))};
+  return widest;
+}
+
 /// By how much a residual is over its limits (+) or under (-); 0 within.
 double beyond(double residual, const Limits& limits) {
   const double high = residual - limits[1], low = limits[0] - residual;
@@ -96,10 +103,13 @@ std::optional<Conformance> conformance(const Surface& surface, const Design& des
   const auto count = [&](double off, double area) {
     (off > 0.0 ? over : off < 0.0 ? under : in).add(area);
   };
-  const auto found_out = [&](std::size_t i, double excess, bool further) {
-    ++c.out_of_tolerance;
-    if (c.vertex >= 0 && excess <= c.excess) return;
-    c.vertex = int(i);
+  struct Where {
+    int vertex = -1, triangle = -1;
+  };
+  const auto found_out = [&](const Where& at, double excess, bool further) {
+    if (++c.out_of_tolerance > 1 && excess <= c.excess) return;
+    c.vertex = at.vertex;
+    c.triangle = at.triangle;
     c.excess = excess;
     c.further = further;
   };
@@ -113,20 +123,21 @@ std::optional<Conformance> conformance(const Surface& surface, const Design& des
     if (surface.status[i] != VertexStatus::Cut) continue;
     const double off = beyond(surface.residual[v], tolerance.row(v));
     count(off, weights.vertex[v]);
-    if (off != 0.0) found_out(i, std::abs(off), false);
+    if (off != 0.0) found_out({.vertex = int(i)}, std::abs(off), false);
   }
   for (Eigen::Index t = 0; t < weights.within.size(); ++t) {
     if (!(weights.within[t] > 0.0)) continue;
-    const auto corners = design.triangles.row(t);
-    const Limits limits =
-        (tolerance.row(corners[0]) + tolerance.row(corners[1]) + tolerance.row(corners[2])) / 3.0;
-    if (is_limited(limits)) count(beyond(surface.within[t], limits), weights.within[t]);
+    const Limits limits = widest_limits(tolerance, design.triangles.row(t));
+    if (!is_limited(limits)) continue;
+    const double off = beyond(surface.within[t], limits);
+    count(off, weights.within[t]);
+    if (off != 0.0) found_out({.triangle = int(t)}, std::abs(off), false);
   }
   for (const Gouge& gouge : surface.gouges) {
     if (!is_limited(tolerance.row(gouge.vertex))) continue;
     under.add(design.area[gouge.vertex]);
     const double lower = std::max(tolerance(gouge.vertex, 0), -gouge.depth);
-    found_out(std::size_t(gouge.vertex), lower + gouge.depth, gouge.deeper);
+    found_out({.vertex = gouge.vertex}, lower + gouge.depth, gouge.deeper);
   }
   const double all = in.value() + over.value() + under.value() + uncut.value();
   if (!(all > 0.0)) return std::nullopt;
@@ -154,6 +165,14 @@ Eigen::Vector3d at_place_within(Surface::Within within, const Points& rows,
   Eigen::Vector3d blend = Eigen::Vector3d::Zero();
   for (Eigen::Index k = 0; k < 3; ++k)
     blend += share[std::size_t(k)] * rows.row(triangles(t, k)).transpose();
+  return blend;
+}
+
+double at_place_within(Surface::Within within, const Eigen::VectorXd& values,
+                       const Triangles& triangles, Eigen::Index t) {
+  const std::array<double, 3> share = place_within(within, t);
+  double blend = 0.0;
+  for (Eigen::Index k = 0; k < 3; ++k) blend += share[std::size_t(k)] * values[triangles(t, k)];
   return blend;
 }
 

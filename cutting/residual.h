@@ -13,13 +13,16 @@ namespace abbe::cutting {
 using ToleranceBands = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
 
 /// A judged surface against its tolerance. The shares are of the judged area that has limits, in
-/// percent, and add up to 100: a gouge is under, and what was not cut is not within.
+/// percent, and add up to 100: a gouge is under, and what was not cut is not within. In a triangle
+/// across a border of bands the widest of its corners' limits hold.
 struct Conformance {
   double in = 0.0, over = 0.0, under = 0.0, uncut = 0.0;
-  int vertex = -1;           ///< furthest out of its band, of equal ones the first; -1: none is out
-  double excess = 0.0;       ///< mm, by which it is
-  bool further = false;      ///< by more: it is a gouge that was not followed to its end
-  int out_of_tolerance = 0;  ///< vertices, gouged ones too
+  int vertex = -1;       ///< furthest out of its band, of equal ones the first; -1: none is out,
+                         ///< or a place within a triangle is further out
+  int triangle = -1;     ///< with the place furthest out; -1: a vertex is further out, or none
+  double excess = 0.0;   ///< mm, by which it is
+  bool further = false;  ///< by more: it is a gouge that was not followed to its end
+  int out_of_tolerance = 0;  ///< vertices, gouged ones too, and places within triangles
   int uncut_vertices = 0;
 
   bool passes() const { return out_of_tolerance == 0 && uncut_vertices == 0; }
@@ -53,9 +56,11 @@ const char* name_of_values(Surface::Within within);
 /// up to 1. Of `Random` the same always, even in area.
 std::array<double, 3> place_within(Surface::Within within, Eigen::Index t);
 
-/// Rows of vertices, points or normals, blended there.
+/// Rows or values of vertices, interpolated there.
 Eigen::Vector3d at_place_within(Surface::Within within, const Points& rows,
                                 const Triangles& triangles, Eigen::Index t);
+double at_place_within(Surface::Within within, const Eigen::VectorXd& values,
+                       const Triangles& triangles, Eigen::Index t);
 
 /// What a residual map comes to. Vertices that are uncut, gouged beyond the band or outside the
 /// judged region are left out of every number and counted; only the shares in and out of tolerance

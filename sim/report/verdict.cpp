@@ -1,6 +1,7 @@
 #include "sim/report/verdict.h"
 
 #include <algorithm>
+#include <array>
 #include <string>
 #include <utility>
 
@@ -26,6 +27,18 @@ Verdict::Place place_of(const Job& job, const cutting::Surface& surface, int ver
   return place;
 }
 
+/// The place within a triangle; its line is that of the nearest corner.
+Verdict::Place place_in_triangle(const Job& job, const cutting::Surface& surface, int triangle) {
+  const cutting::Triangles& triangles = job.design_w.triangles;
+  const Eigen::Vector3d p_w =
+      cutting::at_place_within(surface.looked_within, job.design_w.vertices, triangles, triangle);
+  const auto share = cutting::place_within(surface.looked_within, triangle);
+  const auto nearest = std::max_element(share.begin(), share.end()) - share.begin();
+  const int corner = triangles(triangle, nearest);
+  return {surface.within[triangle], job.scene.part.T_wm.inverse() * p_w,
+          surface.cut_line[std::size_t(corner)], false};
+}
+
 void find_places(const Job& job, Verdict& verdict) {
   const cutting::Surface& surface = verdict.aligned.surface;
   const cutting::Statistics& s = verdict.residual;
@@ -36,6 +49,8 @@ void find_places(const Job& job, Verdict& verdict) {
     verdict.lowest = place_of(job, surface, s.lowest->vertex);
   if (s.conformance && s.conformance->vertex >= 0)
     verdict.worst = place_of(job, surface, s.conformance->vertex);
+  if (s.conformance && s.conformance->triangle >= 0)
+    verdict.worst = place_in_triangle(job, surface, s.conformance->triangle);
 }
 
 /// A mesh whose facets sag by more than all that is found on it.
@@ -67,10 +82,13 @@ std::vector<Verdict::Ring> rings_of(const Job& job, const cutting::Surface& surf
     for (Eigen::Index v = 0; v < weights.vertex.size(); ++v)
       add(part.vertices(v, 2), weights.vertex[v], radius(v, surface.residual[v]));
     for (Eigen::Index t = 0; t < weights.within.size(); ++t) {
+      if (!(weights.within[t] > 0.0)) continue;
+      const std::array<double, 3> share = cutting::place_within(surface.looked_within, t);
       double along = 0.0, mean = 0.0;
-      for (const int v : part.triangles.row(t)) {
-        along += part.vertices(v, 2) / 3.0;
-        mean += radius(v, surface.within[t]) / 3.0;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const Eigen::Index v = part.triangles(t, Eigen::Index(k));
+        along += share[k] * part.vertices(v, 2);
+        mean += share[k] * radius(v, surface.within[t]);
       }
       add(along, weights.within[t], mean);
     }
@@ -126,10 +144,9 @@ void part_form(const Job& job, Verdict& verdict) {
   }
   for (Eigen::Index t = 0; t < weights.within.size(); ++t) {
     if (!(weights.within[t] > 0.0)) continue;
-    const auto corners = job.design_w.triangles.row(t);
-    const double filtered =
-        verdict.filtered[corners[0]] + verdict.filtered[corners[1]] + verdict.filtered[corners[2]];
-    texture.push_back(surface.within[t] - filtered / 3.0);
+    texture.push_back(surface.within[t] - cutting::at_place_within(surface.looked_within,
+                                                                   verdict.filtered,
+                                                                   job.design_w.triangles, t));
     area.push_back(weights.within[t]);
   }
   const auto n = Eigen::Index(texture.size());

@@ -206,6 +206,32 @@ TEST(Statistics, KnowABandForEachVertex) {
   EXPECT_FALSE(c.passes());
 }
 
+TEST(Statistics, OfAPlaceOutOfToleranceBetweenGoodVerticesFail) {
+  const Design plane = tessellate(RectanglePlane{8.0, 6.0}, {700});
+  Surface s = map_of(Eigen::VectorXd::Zero(plane.vertices.rows()));
+  s.looked_within = Surface::Within::Middle;
+  s.within = Eigen::VectorXd::Zero(plane.triangles.rows());
+  s.within[20] = 3.0;
+  s.within[30] = -5.0;
+  ToleranceBands bands = band(plane.vertices.rows(), -1, 1);
+  const Conformance c = *statistics(s, plane, bands).conformance;
+  EXPECT_GT(c.over, 0.0);
+  EXPECT_GT(c.under, 0.0);
+  EXPECT_FALSE(c.passes());
+  EXPECT_EQ(c.out_of_tolerance, 2);
+  EXPECT_EQ(c.triangle, 30);
+  EXPECT_EQ(c.vertex, -1);
+  EXPECT_EQ(c.excess, 4.0);
+  s.residual[7] = 9.0;
+  EXPECT_EQ(statistics(s, plane, bands).conformance->vertex, 7);
+  EXPECT_EQ(statistics(s, plane, bands).conformance->triangle, -1);
+  s.residual[7] = 0.0;
+  // across a border of bands it is not known in which of them a place lies
+  bands.row(plane.triangles(20, 1)) << -1, 4;
+  bands.row(plane.triangles(30, 2)) << -6, 1;
+  EXPECT_TRUE(statistics(s, plane, bands).conformance->passes());
+}
+
 TEST(Statistics, RefuseWhatDoesNotFit) {
   EXPECT_THROW(statistics(map_of(Eigen::VectorXd::Ones(3)), of_areas(Eigen::VectorXd::Ones(2))),
                std::invalid_argument);
