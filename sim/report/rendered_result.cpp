@@ -45,6 +45,10 @@ render::Field difference(render::Field a, const render::Field& b,
     a.looked_within = cutting::Surface::Within::None;
     a.within_um.resize(0);
   }
+  if (a.form_um.size() == b.form_um.size())
+    a.form_um -= b.form_um;
+  else
+    a.form_um.resize(0);
   for (Eigen::Index i = 0; i < a.deviation_um.size(); ++i)
     if (a.status[std::size_t(i)] != 0) a.deviation_um[i] = std::numeric_limits<double>::quiet_NaN();
   return a;
