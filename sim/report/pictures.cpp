@@ -18,6 +18,7 @@
 #include "render/machine.h"
 #include "render/map.h"
 #include "render/plot.h"
+#include "sim/cut/sampling.h"
 #include "sim/files/output.h"
 #include "sim/report/machine_picture.h"
 #include "sim/report/map_figures.h"
@@ -44,8 +45,7 @@ std::string length_text(double mm) {
 /// Whether a map is too coarse to show what the tool left between its vertices: then its form is
 /// drawn, which does not depend on them.
 bool draws_form(const Verdict& verdict) {
-  constexpr double most_unresolved = 0.02;
-  return verdict.cut.interpolation && verdict.cut.interpolation->unresolved > most_unresolved;
+  return verdict.cut.interpolation && verdict.cut.interpolation->unresolved > unresolved_most;
 }
 
 std::string texture_height(const Verdict& verdict) {
