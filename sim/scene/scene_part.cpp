@@ -312,7 +312,7 @@ const Fields<PartDescription>& part_fields() {
               part.sampling.kind = PartSampling::Kind::Vertices;
           })
           .all_of(itself, judged_fields())
-          .number("form_cutoff_mm", &PartDescription::form_cutoff, positive,
+          .number("form_cutoff_mm", &PartDescription::form_cutoff, part_size,
                   "of the areal Gaussian filter (ISO 16610-61) that parts form from texture")
           .all_of(itself, tolerance_fields())
           .custom(
