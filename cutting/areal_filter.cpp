@@ -63,7 +63,7 @@ Place place_of(const Vector3d& p, int patch, double size) {
   return place;
 }
 
-/// Where a sampled place is, how it looks, what it has and stands for.
+/// A sampled place: point and normal, residual, and the area that it stands for.
 struct SampledValue {
   Vector3d point, normal;
   double residual, area;
@@ -117,7 +117,10 @@ Cells cells_of(const Design& design, const Surface& surface, double size) {
   return all;
 }
 
-/// Cells by the blocks of the width of the filter in which they lie.
+/// Farthest from the middle of one cell that the middle of another may lie and count, mm.
+double widest(double reach, double size) { return reach + 2.0 * size; }
+
+/// Cells by the blocks in which they lie.
 std::map<Place, std::vector<int>> blocks_of(const std::vector<FilterCell>& cells, double size) {
   std::map<Place, std::vector<int>> blocks;
   for (int i = 0; i < int(cells.size()); ++i) {
@@ -137,7 +140,8 @@ Reached reached(const std::vector<FilterCell>& cells,
                 const std::map<Place, std::vector<int>>& blocks, const FilterCell& from,
                 double reach, double size) {
   std::vector<int> near;
-  const Place home = place_of(from.middle, int(from.place[0]), reach);
+  const double width = widest(reach, size);  // of blocks: the next ones hold all within it
+  const Place home = place_of(from.middle, int(from.place[0]), width);
   for (std::int64_t i = -1; i <= 1; ++i)
     for (std::int64_t j = -1; j <= 1; ++j)
       for (std::int64_t k = -1; k <= 1; ++k) {
@@ -145,7 +149,7 @@ Reached reached(const std::vector<FilterCell>& cells,
         if (block == blocks.end()) continue;
         for (const int c : block->second) {
           const FilterCell& cell = cells[std::size_t(c)];
-          const bool close = (cell.middle - from.middle).norm() < reach + 2.0 * size;
+          const bool close = (cell.middle - from.middle).norm() < width;
           if (close && (&cell == &from || cell.normal.dot(from.normal) > 0.0)) near.push_back(c);
         }
       }
@@ -204,7 +208,7 @@ Eigen::VectorXd gaussian_form(const Design& design, const Surface& surface, doub
   const double size = cutoff / cells_a_cutoff, reach = reach_of_cutoff * cutoff;
   const double variance = gaussian_variance(cutoff);
   const Cells all = cells_of(design, surface, size);
-  const auto blocks = blocks_of(all.cells, reach);
+  const auto blocks = blocks_of(all.cells, widest(reach, size));
   Eigen::VectorXd form = Eigen::VectorXd::Constant(n, std::numeric_limits<double>::quiet_NaN());
   tbb::parallel_for(std::size_t(0), all.cells.size(), [&](std::size_t c) {
     const FilterCell& cell = all.cells[c];

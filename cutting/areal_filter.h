@@ -13,11 +13,11 @@ double gaussian_variance(double cutoff);
 /// by 6.25 %, one of twice by 84 %. The weight of a vertex, and of a place
 /// within a triangle where the map has them, is its area (`weights`) times exp(-pi (d / (alpha
 /// cutoff))^2), alpha^2 = ln 2 / pi, d the straight distance (over an arc of radius R short of the
-/// way along it by d^2 / 24 R^2 of d), up to 0.65 cut-offs. Only vertices of the same smooth patch
-/// that look the same way count. At a rim a plane is fitted with these weights (Gaussian regression
-/// of first order, ISO/TS 16610-28), so a slope passes whole there too.
-/// Vertices are put together in cells of a twelfth of the cut-off: transmission is within 0.5 %
-/// of the exact one for waves longer than half the cut-off.
+/// way along it by d^2 / 24 R^2 of d), to 0.65 cut-offs at least. Only vertices of the same smooth
+/// patch whose normals do not oppose count. At a rim a plane is fitted with these weights (Gaussian
+/// regression of first order, ISO/TS 16610-28), so a slope passes whole there too. Vertices are put
+/// together in cells of a twelfth of the cut-off: transmission is within 0.5 % of the exact one for
+/// waves longer than half the cut-off.
 /// @param cutoff  mm, > 0
 /// @throws std::invalid_argument if sizes differ or the cut-off is not positive and finite
 Eigen::VectorXd gaussian_form(const Design& design, const Surface& surface, double cutoff);
