@@ -8,7 +8,7 @@
 
 namespace abbe::cutting {
 
-/// The map with what was looked at within every triangle whose corners are cut (`place_within`).
+/// The map sampled within every triangle whose corners are cut, at its `place_within`.
 Surface with_places_within(Surface surface, const Design& design, Surface::Within within,
                            const OnSurface& on_surface,
                            const std::function<Surface(const Design&)>& cut);

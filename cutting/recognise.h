@@ -16,7 +16,7 @@ struct RecognisedPatch {
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();     ///< mm, on the axis, or in the plane
   Eigen::VectorXd shape;  ///< mm: radius; cone: radius at the origin, then its growth by the
                           ///< height; torus: radius of the ring, then of its section; plane: none
-  double sign = 1.0;      ///< -1 where the part looks towards the axis
+  double sign = 1.0;      ///< -1 where the outward normal of the part points to the axis
   double area = 0.0;      ///< mm^2, of its triangles
   double off = 0.0;       ///< mm, the vertex farthest from the surface
   Eigen::AlignedBox3d box;

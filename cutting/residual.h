@@ -38,7 +38,7 @@ struct VertexValue {
 struct Weights {
   Eigen::VectorXd vertex;  ///< (n) 0 where not cut
   Eigen::VectorXd within;  ///< (m) of the place within each triangle, 0 where it has no residual;
-                           ///< empty where nobody looked there
+                           ///< empty if none was sampled
 };
 
 /// Vertices that were chosen for a cut stand on its crests, and straight lines between them fill
@@ -52,8 +52,8 @@ Weights weights(const Surface& surface, const Design& design);
 /// What files call the residuals within triangles, um; empty without.
 const char* name_of_values(Surface::Within within);
 
-/// What the corners of triangle t have to do with the place within it that is looked at; they add
-/// up to 1. Of `Random` the same always, even in area.
+/// Barycentric coordinates of the place within triangle t that is sampled. Of `Random` they are
+/// the same always, and even in area.
 std::array<double, 3> place_within(Surface::Within within, Eigen::Index t);
 
 /// Rows or values of vertices, interpolated there.

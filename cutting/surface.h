@@ -40,7 +40,7 @@ struct Gouge {
 
 /// The machined surface against the design: where the part ends along every outward normal.
 struct Surface {
-  /// Where within its triangles a map was looked at besides its vertices.
+  /// Where a map was sampled within its triangles, besides its vertices.
   enum class Within : std::uint8_t {
     None,
     Middle,  ///< for a map that its vertices resolve

@@ -21,7 +21,8 @@ class SweepTree {
   SweepTree(const Cutter& cutter, const CutterMotion& motion);
 
   /// What is known from rays nearby: a place in the tree to start from, that of the removal found
-  /// for the last, and moves that were tried of late.
+  /// for the last, and the moves that were tried most recently. Of one tree only: the moves of
+  /// another would be taken for its own. 8 kB, so a run of rays shares one.
   struct Hint {
     struct Tried {
       int item = -1;

@@ -26,7 +26,7 @@ struct Field {
   std::vector<int> cut_line;         ///< (n) program line; 0 where not cut or gouged
   cutting::Surface::Within looked_within = cutting::Surface::Within::None;
   Eigen::VectorXd within_um = {};  ///< (m) the deviation at that place of every triangle, NaN
-                                   ///< where not cut; empty where nobody looked
+                                   ///< where not cut; empty without them
   Eigen::VectorXd form_um = {};    ///< (n) the deviation through the areal filter, NaN where not
                                    ///< cut; empty where it was not filtered
 };
@@ -42,8 +42,8 @@ cutting::Statistics statistics(const Field& field, const cutting::ToleranceBands
 /// design mesh in mm (float64) with point data `deviation_um` (float64, NaN unless cut), `status`
 /// (uint8), `cut_time_s` (float64), `cut_line` (int32), `area_mm2` (float64) and,
 /// where the field has them, `form_um` (float64), `texture_um` (float32), `Normals` (float32,
-/// three) and, of triangles, `within_um` (float64). Facts are field data of the file. The same
-/// field gives the same bytes.
+/// three) and, of triangles, `middle_um` or `random_um` (float64). Facts are field data of the
+/// file. The same field gives the same bytes.
 /// @throws std::invalid_argument if the sizes do not fit
 /// @throws std::system_error with the path if the file cannot be written
 void write_residual(const std::filesystem::path& path, const Field& field, const Facts& facts = {});

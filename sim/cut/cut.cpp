@@ -139,8 +139,8 @@ Machined machined(const Job& job, const Cutting& with, const Progress& progress)
                                      {.seed = job.scene.seed, .resolution = wanted});
     if (made.interpolation->places == 0)
       made.warnings.push_back(
-          "no place between the vertices could be looked at: how well the map "
-          "is resolved is not known");
+          "no place between the vertices could be sampled: how well the map is resolved is not "
+          "known");
     if (made.interpolation->unresolved > unresolved_most)
       made.warnings.push_back(unresolved_text(*made.interpolation, wanted, job.design_w));
   }
@@ -351,7 +351,8 @@ Cut cut_error_free(const Job& job, const Progress& progress) {
   Stopwatch watch;
   Cut result;
   result.name = result.case_name = "error_free";
-  Machined made = machined(job, {error_free_sweeps(job), job.path, 0.0, error_free_surface(job)}, progress);
+  Machined made =
+      machined(job, {error_free_sweeps(job), job.path, 0.0, error_free_surface(job)}, progress);
   result.surface = std::move(made.surface);
   result.interpolation = made.interpolation;
   result.process = job.nominal_process;

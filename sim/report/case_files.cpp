@@ -30,9 +30,9 @@ void write_program(const ResultFolder& folder, const Job& job) {
 
 void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdict,
                 const std::vector<std::string>& formats, const Progress& progress) {
-  // what is written and what is drawn share nothing that changes
-  std::future<void> files = std::async(
-      std::launch::async, [&] { write_map_files(folder, job, verdict, formats, {}); });
+  // what is written and what is drawn share only the mark of the folder, which has a lock
+  std::future<void> files =
+      std::async(std::launch::async, [&] { write_map_files(folder, job, verdict, formats, {}); });
   write_case_pictures(folder, job, verdict, progress);
   write_source_pictures(folder, job, verdict);
   write_or_remove(folder / "signals.csv", verdict.cut.signals.columns.empty()
