@@ -20,7 +20,7 @@ using Eigen::Index;
 using Eigen::Vector3d;
 
 constexpr double rim_width = 1e-7;     // mm about a sharp rim within which a contact is on it
-constexpr double least_facing = 1e-6;  // of the skin's normal along that of the design
+constexpr double least_cosine = 1e-6;  // of the skin's normal along that of the design
 
 /// The interval of samples that holds an instant, and the share of it that has passed.
 struct Instant {
@@ -61,7 +61,7 @@ std::optional<Vector3d> skin_normal(const Cutter& cutter, const Position& at, co
 /// gradient . normal = 1; NaN where the skin is seen edge on.
 Vector3d gradient_of(const std::optional<Vector3d>& skin, const Vector3d& normal) {
   const double facing = skin ? std::abs(skin->dot(normal)) : 0.0;
-  if (!(facing > least_facing * (skin ? skin->norm() : 1.0)))
+  if (!(facing > least_cosine * (skin ? skin->norm() : 1.0)))
     return Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
   return *skin / skin->dot(normal);
 }

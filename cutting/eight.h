@@ -32,16 +32,15 @@ inline Vector8 cross(const Vector8& a, const Vector8& b) {
 }
 /// Never zero, for the squares of tiny parts may vanish: then too large.
 inline Eight length_of(const Vector8& a) { return stdx::sqrt(dot(a, a) + tiny); }
-inline Vector8 clamp(const Vector8& p, const Vector8& low, const Vector8& high) {
+[[gnu::always_inline]] inline Vector8 clamp(const Vector8& p, const Vector8& low,
+                                            const Vector8& high) {
   return {stdx::min(stdx::max(p.x, low.x), high.x), stdx::min(stdx::max(p.y, low.y), high.y),
           stdx::min(stdx::max(p.z, low.z), high.z)};
 }
 
 /// Lane i of the mask as bit i.
 [[gnu::always_inline]] inline unsigned bits(const Mask8& mask) {
-  Eight weight([](int i) { return float(1 << i); });
-  stdx::where(!mask, weight) = 0.0f;
-  return unsigned(stdx::reduce(weight));
+  return unsigned(mask.__to_bitset().to_ulong());  // libstdc++'s own: one instruction
 }
 
 }  // namespace abbe::cutting

@@ -100,7 +100,7 @@ double facing(double kappa, const Vector3d& feed_t, double lateral) {
 class EngagedSlices {
  public:
   EngagedSlices(const Stock& stock, const Cutter& cutter, const Eigen::Isometry3d& T_wt,
-       const EngagementOptions& options)
+                const EngagementOptions& options)
       : probe_(stock, T_wt),
         outline_(cutter),
         borders_(borders(cutter, options)),

@@ -391,23 +391,31 @@ Recognised recognised(const Design& design, double tolerance) {
 }
 
 OnSurface on_recognised(const std::vector<RecognisedPatch>& patches, const Eigen::Isometry3d& T) {
-  return [patches, T, back = T.inverse()](std::span<const Contact> corners,
-                                          std::span<const double> weights) {
+  struct Near {
+    RecognisedPatch surface;
+    double margin2;  // mm^2: what was moved onto a convex surface may stand out of the box of its
+                     // vertices
+    double rounding;
+  };
+  const Eigen::Isometry3d back = T.inverse();
+  std::vector<Near> all;
+  for (const RecognisedPatch& one : patches) {
+    const double size = one.box.diagonal().norm();
+    all.push_back({one, 0.25 * size * size, 1e-9 * (size + back.translation().norm())});
+  }
+  return [all, T, back](std::span<const Contact> corners, std::span<const double> weights) {
     std::array<Contact, 3> at;
-    Contact flat{Vector3d::Zero(), Vector3d::Zero()};
+    Vector3d flat = Vector3d::Zero();
     for (std::size_t i = 0; i < corners.size(); ++i) {
       at[i] = {back * corners[i].point, back.linear() * corners[i].normal};
-      flat.point += weights[i] * at[i].point;
+      flat += weights[i] * at[i].point;
     }
-    for (const RecognisedPatch& one : patches) {
-      const double rounding = 1e-9 * (one.box.diagonal().norm() + back.translation().norm());
-      // what was moved onto a convex surface may stand out of the box of its vertices
-      const double margin = 0.5 * one.box.diagonal().norm();
-      if (one.box.exteriorDistance(flat.point) > margin) continue;
+    for (const Near& one : all) {
+      if (one.surface.box.squaredExteriorDistance(flat) > one.margin2) continue;
       if (!std::all_of(at.begin(), at.begin() + std::ptrdiff_t(corners.size()),
-                       [&](const Contact& c) { return lies_on(one, c, rounding); }))
+                       [&](const Contact& c) { return lies_on(one.surface, c, one.rounding); }))
         continue;
-      const Contact found = dropped(one, flat.point);
+      const Contact found = dropped(one.surface, flat);
       return Contact{T * found.point, T.linear() * found.normal};
     }
     return on_smooth_facet(corners, weights);

@@ -20,10 +20,10 @@ using Eigen::Vector3d;
 constexpr std::size_t few_share =
     200;  // of the vertices: so few new ones are left to the next level
 constexpr std::size_t hardly_share =
-    2000;                        // of the vertices: so few, and faces are looked at elsewhere
-constexpr int turns = 4;         // in which a face is looked at, at most
+    2000;                 // of the vertices: so few, and faces are looked at elsewhere
+constexpr int turns = 4;  // in which a face is looked at, at most
 constexpr double hardly_missed = 1e-3;  // of the faces in a turn: no other follows
-constexpr int last_rounds = 60;  // at the bound itself; what then misses it is reported
+constexpr int last_rounds = 60;         // at the bound itself; what then misses it is reported
 constexpr double inner = 0.7;  // of the bound is allowed where it is looked at, for places between
 
 std::vector<int> each_once(std::vector<int> edges) {
@@ -238,7 +238,7 @@ Refined Refinement::run() {
   double level = std::numeric_limits<double>::max();
   int rounds_left = last_rounds, turn = 0;
   double missed = 1.0;  // share of the faces, when all of them were looked into last
-  bool first = true;  // the edges given may be longer than anything that slopes speak for
+  bool first = true;    // the edges given may be longer than anything that slopes speak for
   while (true) {
     open = doubtful(open, std::exchange(first, false));
     put_off(open, looked_at(open));

@@ -17,9 +17,9 @@ using Eigen::Index;
 using Eigen::Vector3d;
 
 constexpr std::array<double, 2> turned_at = {0.31, 0.67};  // of an edge that is tried across
-constexpr double much_longer = 1.5;  // than an edge to be split, which then waits
-constexpr double beside = 0.05;      // of the length of an edge: what lies nearer speaks for it
-constexpr double thinnest = 0.05;    // triangle that a turned edge may make: height by length
+constexpr double much_longer = 1.5;    // than an edge to be split, which then waits
+constexpr double beside = 0.05;        // of the length of an edge: what lies nearer speaks for it
+constexpr double thinnest = 0.05;      // triangle that a turned edge may make: height by length
 constexpr double tangent_share = 0.5;  // of what the tangents at its corners miss, a parabola does
 
 /// Where a face is looked at in its turns: near the middle, then towards each side.

@@ -28,9 +28,9 @@ namespace abbe::cutting {
 /// its curvature in the other direction, D^2 / 2R, is left out.
 struct Rival {
   int vertex = 0;
-  double distance = 0.0;  ///< mm along the vertex normal
-  int move = 0;           ///< the move from sample `move` to the next
-  double t = 0.0;         ///< instant within it, 0 .. 1
+  double distance = 0.0;                               ///< mm along the vertex normal
+  int move = 0;                                        ///< the move from sample `move` to the next
+  double t = 0.0;                                      ///< instant within it, 0 .. 1
   Eigen::Vector3d contact = Eigen::Vector3d::Zero();   ///< mm
   Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  ///< gradient . normal is 1
   Eigen::Vector3d across = Eigen::Vector3d::Zero();    ///< unit, in the tangent plane, across the

@@ -70,7 +70,8 @@ void check_design(const Design& design) {
       if (!design.vertices.row(i).allFinite())
         require_milled(false, "vertex " + std::to_string(i) + " is not finite");
       if (!is_unit(design.normals.row(i)))
-        require_milled(false, "the normal of vertex " + std::to_string(i) + " is not a unit vector");
+        require_milled(false,
+                       "the normal of vertex " + std::to_string(i) + " is not a unit vector");
     }
   });
 }

@@ -248,7 +248,9 @@ struct Plane {
   Eight behind;  // above zero where the nearest place of the core lies behind q
 };
 
-unsigned open_of(const Plane& plane) { return bits(!(plane.gap - plane.doubt > 0.0f)); }
+[[gnu::always_inline]] inline unsigned open_of(const Plane& plane) {
+  return bits(!(plane.gap - plane.doubt > 0.0f));
+}
 
 /// From the nearest place of the cutters' cores to the end of the ray, nearly.
 template <bool ball>
@@ -268,7 +270,7 @@ template <bool ball>
   Vector8 m = from_nearest(p);
   if constexpr (ball) {
     Eight rise = stdx::max(dot(m, cone), Eight(0.0f));
-    for (int i = 0; i < shaft_steps; ++i) {
+    for (int i = 0; i < shaft_steps && stdx::any_of(rise > 0.0f); ++i) {
       m = from_nearest(p - rise * cone);
       rise = stdx::max(dot(m, cone) + rise, Eight(0.0f));
     }

@@ -1,7 +1,9 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <iostream>
 #include <map>
+#include <regex>
 #include <set>
 #include <string>
 
@@ -62,27 +64,39 @@ std::string module_of(const std::string& path) {
   return may_know.count(folder) ? folder : path.substr(0, path.find('/'));
 }
 
-/// Calls `visit(file, line number, text between the quotes)` for every quoted include of the
-/// program.
+/// Calls `visit(file, line number, line)` for every line of the program.
 template <typename Visit>
-int for_every_include(const Visit& visit) {
+int for_every_line(const Visit& visit) {
   int files = 0;
   for (const char* folder : {"kinematics", "errors", "cutting", "render", "sim"}) {
     for (const auto& entry : fs::recursive_directory_iterator(fs::path(ABBE_SOURCE_DIR) / folder)) {
       const std::string ending = entry.path().extension().string();
       if (ending != ".h" && ending != ".cpp") continue;
       ++files;
+      const std::string file = fs::relative(entry.path(), ABBE_SOURCE_DIR).string();
       std::ifstream in(entry.path());
       std::string line;
-      for (int number = 1; std::getline(in, line); ++number) {
-        const std::string mark = "#include ";
-        if (line.rfind(mark, 0) == 0)
-          visit(fs::relative(entry.path(), ABBE_SOURCE_DIR).string(), number,
-                line.substr(mark.size()));
-      }
+      for (int number = 1; std::getline(in, line); ++number) visit(file, number, line);
     }
   }
   return files;
+}
+
+/// Calls `visit(file, line number, text after the word)` for every include of the program.
+template <typename Visit>
+int for_every_include(const Visit& visit) {
+  return for_every_line([&](const std::string& file, int number, const std::string& line) {
+    const std::string mark = "#include ";
+    if (line.rfind(mark, 0) == 0) visit(file, number, line.substr(mark.size()));
+  });
+}
+
+/// The name of a constant that a line defines outside of any function; empty if it defines none.
+std::string constant_of(const std::string& line) {
+  static const std::regex constant(
+      R"((?:inline )?constexpr (?:const )?[\w:<>, ]+? \*?(\w+)(?: =|\[|\{).*)");
+  std::smatch match;
+  return std::regex_match(line, match, constant) ? match[1].str() : "";
 }
 
 }  // namespace
@@ -261,4 +275,35 @@ TEST(Architecture, FclStaysInOneSourceOfCuttingAndVtkInRender) {
     }
   });
   EXPECT_LE(fcl.size(), 1u);
+}
+
+TEST(Architecture, NoConstantOfASourceHidesOneOfAHeader) {
+  // sources are compiled several at a time, so a name of one source's anonymous namespace would
+  // hide that of a header from the sources that follow, without a word from the compiler
+  std::map<std::string, std::string> of_headers;  // namespace::name, file
+  std::map<std::string, std::string> namespaces;  // of each file, the innermost that has a name
+  int constants = 0;
+  const auto each = [&](const std::string& ending, const auto& use) {
+    for_every_line([&](const std::string& file, int number, const std::string& line) {
+      if (file.size() < ending.size() || file.substr(file.size() - ending.size()) != ending) return;
+      if (line.rfind("namespace abbe", 0) == 0)
+        namespaces[file] = line.substr(10, line.find(' ', 10) - 10);
+      if (const std::string name = constant_of(line); !name.empty()) use(file, number, name);
+    });
+  };
+  each(".h", [&](const std::string& file, int, const std::string& name) {
+    of_headers[namespaces[file] + "::" + name] = file;
+  });
+  each(".cpp", [&](const std::string& file, int number, const std::string& name) {
+    ++constants;
+    const auto found = of_headers.find(namespaces[file] + "::" + name);
+    if (found == of_headers.end()) return;
+    ADD_FAILURE() << file << ":" << number << ": " << name << " hides that of " << found->second;
+  });
+  std::cout << of_headers.size() << " constants of headers, " << constants << " of sources\n";
+  EXPECT_GT(of_headers.size(), 50u);
+  EXPECT_GT(constants, 200);
+  EXPECT_EQ(constant_of("constexpr double least_facing = 1e-6;  // of"), "least_facing");
+  EXPECT_EQ(constant_of("inline constexpr int width = 8;"), "width");
+  EXPECT_EQ(constant_of("  constexpr int width = 8;"), "");
 }
