@@ -2,9 +2,14 @@
 
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <memory>
 
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
 #include "kinematics/units.h"
+#include "sim/files/output.h"
 #include "sim/files/terminal.h"
 #include "sim/report/rendered_result.h"
 
@@ -14,7 +19,8 @@ namespace {
 /// Options whose words are still to be read.
 struct RenderWords {
   RenderOptions options;
-  std::optional<std::string> view, range, bands, size;
+  std::optional<std::string> view, range, bands, size, Nic, Nis;
+  std::optional<std::int64_t> sections;
 };
 
 /// Numbers between separators; none if it is anything else.
@@ -48,12 +54,6 @@ Eigen::Vector3d direction_of(const std::string& text) {
                  "expected +x, -x, +y, -y, +z, -z, iso or a direction as 1,-1,0.5, seen " + text);
 }
 
-double range_of(const std::string& text) {
-  const auto v = numbers_of(text, ',');
-  if (v && v->size() == 1 && v->front() > 0.0) return v->front();
-  throw BadUsage("--range", "expected micrometres above 0, seen " + text);
-}
-
 Tolerance bands_of(const std::string& text) {
   const auto v = numbers_of(text, ',');
   if (v && v->size() == 1 && v->front() > 0.0)
@@ -71,13 +71,36 @@ std::array<int, 2> size_of(const std::string& text) {
   throw BadUsage("--size", "expected pixels as 1600x1200, each from 320 to 16384, seen " + text);
 }
 
+double positive_of(const char* option, const char* unit, const std::string& text) {
+  const auto v = numbers_of(text, ',');
+  if (v && v->size() == 1 && v->front() > 0.0) return v->front();
+  throw BadUsage(option, fmt::format("expected {} above 0, seen {}", unit, text));
+}
+
 RenderOptions read(const RenderWords& words) {
   RenderOptions options = words.options;
+  if (words.Nic) options.texture.Nic = positive_of("--nic", "millimetres", *words.Nic);
+  if (words.Nis) options.texture.Nis = units::um * positive_of("--nis", "micrometres", *words.Nis);
+  if (words.sections) options.texture.sections = int(*words.sections);
   if (words.view) options.from = direction_of(*words.view);
-  if (words.range) options.range_um = range_of(*words.range);
+  if (words.range) options.range_um = positive_of("--range", "micrometres", *words.range);
   if (words.bands) options.bands = bands_of(*words.bands);
   if (words.size) options.size = size_of(*words.size);
   return options;
+}
+
+void print_rendered(const Rendered& rendered, bool json) {
+  if (json) {
+    nlohmann::ordered_json all = {{"picture", rendered.picture.string()}};
+    for (const std::filesystem::path& file : rendered.files) all["files"].push_back(file.string());
+    if (rendered.texture) all["profile"] = to_json(*rendered.texture);
+    print("{}", Lines(json_text(all)));
+  } else {
+    if (rendered.texture) print("{}\n", Lines(to_text(*rendered.texture)));
+    print("picture in {}\n", rendered.picture.string());
+    for (const std::filesystem::path& file : rendered.files) print("file in {}\n", file.string());
+  }
+  if (rendered.texture) print_warnings(rendered.texture->warnings);
 }
 
 }  // namespace
@@ -93,8 +116,19 @@ Command render_command(Common& common) {
        "abbe render out/dome/uncompensated --bands -2,8 --view +z --format pdf"},
       {{"RESULT", &options.result, "residual.vtp or a folder that has one"},
        {"--minus", &options.minus, "another result, taken away vertex by vertex"},
-       {"--line", &options.line, "profile along x, y or radius instead of the map",
+       {"--line", &options.line,
+        "profile along x, y or radius instead of the map, with its parameters by ISO 21920",
         OneOf{{"x", "y", "radius"}}},
+       {"--nic", &words->Nic,
+        "nesting index Nic of that line, between waviness and roughness (the part's "
+        "form_cutoff_mm)",
+        Type{"MM"}, Needs{"--line"}},
+       {"--nis", &words->Nis,
+        "nesting index Nis of that line, below which all is smoothed (that of the setting class)",
+        Type{"UM"}, Needs{"--line"}},
+       {"--sections", &words->sections,
+        "section lengths of Nic over which roughness is evaluated (5)", Between{1, 1000},
+        Needs{"--line"}},
        {"--view", &words->view, "where the eye is: +x ... -z, iso or a direction 1,-1,0.5",
         Type{"FROM"}},
        {"--range", &words->range, "the colour scale runs from -UM to UM micrometres", Type{"UM"}},
@@ -109,11 +143,12 @@ Command render_command(Common& common) {
         "of the picture; in svg and pdf the map itself is a raster, all else sharp",
         OneOf{{"png", "svg", "pdf"}}},
        {"--out", &options.out, "folder for the pictures (that of RESULT)"},
+       json_option(common),
        force_option(common),
        threads_option(common, "most threads to use")},
       [words, &common] {
         words->options.permissions = common.permissions;
-        print("picture in {}\n", render_result(read(*words)).string());
+        print_rendered(render_result(read(*words)), common.json);
         return Exit::Ok;
       }};
 }

@@ -136,6 +136,13 @@ std::string reduction_text(const Compared& one, const std::vector<Compared>& cas
                      change < 0.0 ? "\u2212" : "+", std::abs(change));
 }
 
+/// Form and texture of a case in a line.
+std::string parted_line(const Verdict& verdict) {
+  if (!verdict.form_part || !verdict.form_part->pv || !verdict.texture) return "";
+  return fmt::format("form PV {}, texture Sz {}", length_text(*verdict.form_part->pv),
+                     texture_height(verdict));
+}
+
 /// A time as people say it: hours where it is long.
 std::string time_text(double time_s) {
   return std::abs(time_s) >= 600.0 ? fmt::format("{:.4g} h", time_s / 3600.0)
@@ -337,6 +344,8 @@ void write_comparison_picture(const ResultFile& file, const Scene& scene,
     pictures.push_back(map_picture(*one.job, one.verdict, panel_pixel(*one.job)));
     const std::string text = reduction_text(one, cases);
     if (!text.empty()) pictures.back().caption.push_back(text);
+    const std::string parted = parted_line(one.verdict);
+    if (!parted.empty()) pictures.back().caption.push_back(parted);
   }
   render::ComparisonOptions options;
   options.title = scene.title;

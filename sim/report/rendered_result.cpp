@@ -156,6 +156,7 @@ struct About {
   std::string datum = "not known";
   std::string alignment = "not known";
   std::optional<Tolerance> tolerance;  ///< mm
+  std::optional<double> form_cutoff;   ///< mm
   std::optional<Eigen::Vector3d> from, up;
 };
 
@@ -185,6 +186,10 @@ About about(const std::filesystem::path& result) {
   known.title = scene.empty() ? name : scene + ": " + name;
   if (const auto limits = numbers_in(json, "tolerance_um"); limits && limits->size() == 2)
     known.tolerance = Tolerance{(*limits)[0] * units::um, (*limits)[1] * units::um};
+  if (json.contains("form_cutoff_mm") && json["form_cutoff_mm"].is_number()) {
+    const double cutoff = json["form_cutoff_mm"].get<double>();
+    if (std::isfinite(cutoff) && cutoff > 0.0) known.form_cutoff = cutoff;
+  }
   if (!json.contains("view")) return known;
   const auto from = numbers_in(json["view"], "from"), up = numbers_in(json["view"], "up");
   if (from && up && from->size() == 3 && up->size() == 3) {
@@ -225,30 +230,78 @@ render::MapOptions map_options(const RenderOptions& options, const About& known,
   return map;
 }
 
-/// A profile along a line instead of a map.
-std::filesystem::path render_profile(const RenderOptions& options, const ResultFolder& folder,
-                                     const render::Field& field, const About& known) {
+/// The line's profiles by ISO 21920.
+LineTexture texture_of(const RenderOptions& options, const std::filesystem::path& source,
+                       const render::Field& field, const About& known) {
+  const TracedMap map{field.design, field.deviation_um, field.looked_within, field.within_um};
+  std::optional<LineTrace> trace = line_trace(map, traced_line(*options.line));
+  if (!trace)
+    throw BadInput(source.string(), 0, 0, "a part that is cut along " + *options.line,
+                   "nothing cut along " + where_runs(field, *options.line));
+  trace->residual *= units::um;
+  if (trace->between) {
+    trace->between->rms *= units::um;
+    trace->between->worst *= units::um;
+  }
+  LineTexture texture = line_texture(std::move(*trace), known.form_cutoff, options.texture);
+  texture.line = *options.line;
+  texture.where = *options.line == "radius" ? "the radius from the part's z axis towards +x"
+                                            : where_runs(field, *options.line);
+  return texture;
+}
+
+/// Waviness and the line that was taken away as form, over the line's coordinate.
+render::ProfileSeries waviness_series(const LineTexture& texture) {
+  constexpr Eigen::Index most = 2000;  // points of a curve
+  const Eigen::VectorXd along = at_places(texture, texture.trace.along);
+  const Eigen::VectorXd drawn = texture.texture.waviness + texture.texture.line;
+  const Eigen::Index n = std::min(most, along.size());
+  render::ProfileSeries series{"mean line of Nic", Eigen::VectorXd(n), Eigen::VectorXd(n)};
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Eigen::Index k = i * (along.size() - 1) / (n - 1);
+    series.x[i] = along[k];
+    series.y[i] = drawn[k] / units::um;
+  }
+  return series;
+}
+
+/// A profile along a line instead of a map, and its parameters.
+Rendered render_profile(const RenderOptions& options, const std::filesystem::path& source,
+                        const ResultFolder& folder, const render::Field& field,
+                        const About& known) {
   const render::Figures numbers = figures(render::statistics(field));
+  Rendered done;
+  done.texture = texture_of(options, source, field, known);
+  const LineTexture& texture = *done.texture;
   render::ProfileOptions plot;
   plot.title = known.title;
   plot.x_label = *options.line + " / mm";
   plot.caption = {"+ material left, − gouged; along the outward design normal",
                   "along " + where_runs(field, *options.line),
                   fmt::format("whole map: PV {:.4g} µm, RMS {:.4g} µm; datum {}, alignment {}",
-                              numbers.pv_um, numbers.rms_um, known.datum, known.alignment)};
+                              numbers.pv_um, numbers.rms_um, known.datum, known.alignment),
+                  chief_settings(texture), chief_parameters(texture)};
+  if (const std::string doubt = chief_doubt(texture); !doubt.empty()) plot.caption.push_back(doubt);
   plot.format = format_of(options.format);
   if (options.size)
     std::tie(plot.width, plot.height) = std::pair((*options.size)[0], (*options.size)[1]);
-  const ResultFile drawn = folder / ("profile-" + *options.line + "." + options.format);
-  write_file(drawn, [&](const std::filesystem::path& file) {
-    render::write_profile(file, profile(field, *options.line), plot);
-  });
-  return drawn.path();
+  std::vector<render::ProfileSeries> series = profile(field, *options.line);
+  series.push_back(waviness_series(texture));
+  const std::string name = "profile-" + *options.line;
+  const ResultFile drawn = folder / (name + "." + options.format);
+  write_file(drawn,
+             [&](const std::filesystem::path& file) { render::write_profile(file, series, plot); });
+  done.picture = drawn.path();
+  const ResultFile json = folder / (name + ".json"), csv = folder / (name + ".csv");
+  write_json(json, to_json(texture));
+  write_table(csv, to_csv(texture));
+  done.files = {json.path(), csv.path()};
+  return done;
 }
 
 }  // namespace
 
-std::filesystem::path render_result(const RenderOptions& options) {
+Rendered render_result(const RenderOptions& options) {
   const std::filesystem::path source = result_file(options.result);
   render::Field field = render::read_residual(source);
   About known = about(source);
@@ -268,7 +321,7 @@ std::filesystem::path render_result(const RenderOptions& options) {
   Writer writer{options.permissions, {source, source.parent_path() / "summary.json"}, true};
   if (options.minus) writer.inputs.push_back(result_file(*options.minus));
   const ResultFolder folder(options.out.empty() ? source.parent_path() : options.out, writer);
-  if (options.line) return render_profile(options, folder, field, known);
+  if (options.line) return render_profile(options, source, folder, field, known);
   render::MapPicture picture;
   picture.title = known.title;
   picture.figures = figures(render::statistics(field));
@@ -292,7 +345,9 @@ std::filesystem::path render_result(const RenderOptions& options) {
     write_file(folder / "difference.vtp", [&](const std::filesystem::path& file) {
       render::write_residual(file, picture.field);
     });
-  return drawn.path();
+  Rendered done{drawn.path(), {}, {}};
+  if (options.minus) done.files.push_back((folder / "difference.vtp").path());
+  return done;
 }
 
 }  // namespace abbe::sim
@@ -301,7 +356,7 @@ std::filesystem::path render_result(const RenderOptions& options) {
 
 namespace abbe::sim {
 
-std::filesystem::path render_result(const RenderOptions& options) {
+Rendered render_result(const RenderOptions& options) {
   throw BadInput(options.result.string(), 0, 0, "a program built with -DABBE_RENDER=ON",
                  "one without VTK");
 }

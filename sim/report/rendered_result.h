@@ -4,10 +4,12 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <Eigen/Core>
 
 #include "sim/files/permissions.h"
+#include "sim/report/line_texture.h"
 #include "sim/scene/part_description.h"
 
 namespace abbe::sim {
@@ -16,6 +18,7 @@ struct RenderOptions {
   std::filesystem::path result;                ///< a residual.vtp, or the folder that has one
   std::optional<std::filesystem::path> minus;  ///< another, taken away vertex by vertex
   std::optional<std::string> line;         ///< profile along "x", "y" or "radius" instead of a map
+  LineTextureOptions texture;              ///< of that line
   std::filesystem::path out;               ///< folder
   std::optional<Eigen::Vector3d> from;     ///< direction to the eye; else that of the result
   std::optional<double> range_um;          ///< else fitted
@@ -27,9 +30,16 @@ struct RenderOptions {
   Permissions permissions;
 };
 
-/// Pictures of a finished result, or of a difference of two.
-/// @return the picture
-/// @throws BadInput, OutputFailure
-std::filesystem::path render_result(const RenderOptions& options);
+/// What was drawn.
+struct Rendered {
+  std::filesystem::path picture;
+  std::vector<std::filesystem::path> files;  ///< beside it
+  std::optional<LineTexture> texture;        ///< of a line
+};
+
+/// Pictures of a finished result, or of a difference of two; of a line its profiles as well, as
+/// profile-LINE.json and .csv.
+/// @throws BadInput, also where nothing of a line is cut; OutputFailure
+Rendered render_result(const RenderOptions& options);
 
 }  // namespace abbe::sim

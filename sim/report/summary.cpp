@@ -6,14 +6,21 @@
 namespace abbe::sim {
 namespace {
 
-CaseFigures figures_of(const Verdict& verdict) {
-  return {verdict.cut.name,      verdict.residual,
-          verdict.machine,       verdict.form_part,
-          verdict.texture,       verdict.cut.interpolation,
-          verdict.cut.tip_error, verdict.cut.direction_error,
-          verdict.highest,       verdict.lowest,
-          verdict.worst,         std::nullopt,
-          std::nullopt};
+CaseFigures figures_of(const Job& job, const Verdict& verdict) {
+  CaseFigures figures;
+  figures.name = verdict.cut.name;
+  figures.residual = verdict.residual;
+  figures.machine = verdict.machine;
+  figures.form = verdict.form_part;
+  figures.texture = verdict.texture;
+  figures.form_cutoff = job.scene.part.form_cutoff;
+  figures.interpolation = verdict.cut.interpolation;
+  figures.tip_error = verdict.cut.tip_error;
+  figures.direction_error = verdict.cut.direction_error;
+  figures.highest = verdict.highest;
+  figures.lowest = verdict.lowest;
+  figures.worst = verdict.worst;
+  return figures;
 }
 
 std::optional<double> fall(const std::optional<double>& before,
@@ -25,6 +32,20 @@ std::optional<double> fall(const std::optional<double>& before,
 CaseFigures::Reduction reduction(const cutting::Statistics& before,
                                  const cutting::Statistics& after) {
   return {fall(before.pv, after.pv), fall(before.rms, after.rms)};
+}
+
+std::optional<CaseFigures::Reduction> reduction(const std::optional<cutting::Statistics>& before,
+                                                const std::optional<cutting::Statistics>& after) {
+  if (!before || !after) return std::nullopt;
+  return reduction(*before, *after);
+}
+
+std::optional<CaseFigures::TextureReduction> texture_reduction(const Verdict& before,
+                                                               const Verdict& after) {
+  if (!before.texture || !after.texture) return std::nullopt;
+  return CaseFigures::TextureReduction{fall(before.texture->Sa, after.texture->Sa),
+                                       fall(before.texture->Sq, after.texture->Sq),
+                                       fall(before.texture->Sz, after.texture->Sz)};
 }
 
 std::optional<Spread> facet_error(const cutting::Design& design) {
@@ -52,9 +73,8 @@ Summary summary(const Job& job, const Verdict& verdict) {
   s.moves = job.path.motion_blocks;
   s.samples = job.samples.states.size();
   s.unreached = job.unreached;
-  s.figures = figures_of(verdict);
+  s.figures = figures_of(job, verdict);
   s.tolerance = job.scene.part.tolerance;
-  s.form_cutoff = job.scene.part.form_cutoff;
   s.sampling = job.sampled;
   s.recognised = job.recognised;
   s.point_left = cut.point_left;
@@ -96,12 +116,14 @@ Comparison comparison(const Job& job, const std::vector<Compared>& cases,
         all.warnings.push_back(warning);
     for (const std::string& warning : verdict.cut.warnings)
       all.warnings.push_back(verdict.cut.name + ": " + warning);
-    all.cases.push_back(figures_of(verdict));
+    all.cases.push_back(figures_of(*one.job, verdict));
     if (!one.uncompensated) continue;
     const Verdict& before = cases[*one.uncompensated].verdict;
-    all.cases.back().residual_reduction = reduction(before.residual, verdict.residual);
-    if (before.machine && verdict.machine)
-      all.cases.back().machine_reduction = reduction(*before.machine, *verdict.machine);
+    CaseFigures& figures = all.cases.back();
+    figures.residual_reduction = reduction(before.residual, verdict.residual);
+    figures.machine_reduction = reduction(before.machine, verdict.machine);
+    figures.form_reduction = reduction(before.form_part, verdict.form_part);
+    figures.texture_reduction = texture_reduction(before, verdict);
   }
   return all;
 }

@@ -16,6 +16,7 @@ struct CaseFigures {
   std::optional<cutting::Statistics> machine;       ///< of it minus the error-free map
   std::optional<cutting::Statistics> form;          ///< of it through the areal filter
   std::optional<errors::metrology::Areal> texture;  ///< of what the filter leaves out
+  double form_cutoff = 0.0;                         ///< mm, of that filter
   std::optional<cutting::InterpolationError> interpolation;
   Spread tip_error;                                      ///< mm
   Spread direction_error;                                ///< rad
@@ -24,7 +25,12 @@ struct CaseFigures {
   struct Reduction {
     std::optional<double> pv, rms;
   };
+  struct TextureReduction {
+    std::optional<double> Sa, Sq, Sz;
+  };
   std::optional<Reduction> residual_reduction, machine_reduction;  ///< of a compensator's case
+  std::optional<Reduction> form_reduction;                         ///< the same
+  std::optional<TextureReduction> texture_reduction;               ///< the same
 };
 
 /// The cut of a case in figures.
@@ -43,7 +49,6 @@ struct Summary {
   program::Unreached unreached;
   CaseFigures figures;
   std::optional<Tolerance> tolerance;                ///< of the part, where no region has another
-  double form_cutoff = 0.0;                          ///< mm
   std::vector<cutting::RecognisedPatch> recognised;  ///< faces of a mesh
   std::optional<SampledSurface> sampling;            ///< how the judged places were chosen
   double point_left = 0.0;            ///< mm, most that the compensator knew it could not restore

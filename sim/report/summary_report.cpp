@@ -1,5 +1,6 @@
 #include "sim/report/summary_report.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -161,9 +162,17 @@ ordered_json reduction_percent(const CaseFigures& one) {
   if (!one.residual_reduction) return nullptr;
   ordered_json json{{"pv", number(one.residual_reduction->pv)},
                     {"rms", number(one.residual_reduction->rms)}};
-  if (!one.machine_reduction) return json;
-  json["machine_pv"] = number(one.machine_reduction->pv);
-  json["machine_rms"] = number(one.machine_reduction->rms);
+  const auto put = [&](const std::string& of, const std::optional<CaseFigures::Reduction>& fall) {
+    if (!fall) return;
+    json[of + "_pv"] = number(fall->pv);
+    json[of + "_rms"] = number(fall->rms);
+  };
+  put("machine", one.machine_reduction);
+  put("form", one.form_reduction);
+  if (!one.texture_reduction) return json;
+  json["texture_sa"] = number(one.texture_reduction->Sa);
+  json["texture_sq"] = number(one.texture_reduction->Sq);
+  json["texture_sz"] = number(one.texture_reduction->Sz);
   return json;
 }
 
@@ -171,6 +180,7 @@ ordered_json case_json(const CaseFigures& one) {
   ordered_json json = {{"name", one.name},
                        {"residual_um", statistics_um(one.residual)},
                        {"machine_um", statistics_um(one.machine)},
+                       {"form_cutoff_mm", one.form_cutoff},
                        {"form_um", statistics_um(one.form)},
                        {"texture_um", texture_um(one.texture)},
                        {"interpolation", interpolation(one.interpolation)},
@@ -202,6 +212,34 @@ std::string residual_line(const CaseFigures& one) {
   return fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>8} {:>7}", escaped(one.name), um(s.pv),
                      um(s.rms), um(s.min), um(s.max), uncut ? fmt::format("{:.2f}", *uncut) : "-",
                      s.gouged_vertices);
+}
+
+/// A table of form and texture; the last column says how far a compensator brought the form down.
+std::string parted_text(const std::vector<CaseFigures>& cases) {
+  if (std::none_of(cases.begin(), cases.end(),
+                   [](const CaseFigures& one) { return one.form && one.form->rms; }))
+    return {};
+  std::string text =
+      fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>12} {:>10}\n", "form and texture in um",
+                  "form PV", "form RMS", "texture Sa", "Sq", "Sz", "cut-off mm");
+  for (const CaseFigures& one : cases) {
+    const auto um = [](const std::optional<double>& mm) {
+      return mm ? fmt::format("{:.4f}", *mm / units::um) : "-";
+    };
+    const auto of = [&](double errors::metrology::Areal::*figure) {
+      return one.texture ? um((*one.texture).*figure) : "-";
+    };
+    using errors::metrology::Areal;
+    text += fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>12} {:>10.4g}", escaped(one.name),
+                        one.form ? um(one.form->pv) : "-", one.form ? um(one.form->rms) : "-",
+                        of(&Areal::Sa), of(&Areal::Sq), of(&Areal::Sz), one.form_cutoff);
+    if (one.form_reduction && one.form_reduction->rms)
+      text += fmt::format("   form RMS {:+.2f} %", -*one.form_reduction->rms);
+    if (one.texture_reduction && one.texture_reduction->Sq)
+      text += fmt::format(", Sq {:+.2f} %", -*one.texture_reduction->Sq);
+    text += "\n";
+  }
+  return text;
 }
 
 /// The line below the table where the machine does not reach all of a generated program.
@@ -248,7 +286,7 @@ ordered_json to_json(const Summary& s) {
       {"unreached", unreached(s.unreached)},
       {"residual_um", statistics_um(s.figures.residual)},
       {"machine_um", statistics_um(s.figures.machine)},
-      {"form_cutoff_mm", s.form_cutoff},
+      {"form_cutoff_mm", s.figures.form_cutoff},
       {"form_um", statistics_um(s.figures.form)},
       {"texture_um", texture_um(s.figures.texture)},
       {"sampling", s.sampling ? sampling(*s.sampling) : ordered_json()},
@@ -303,14 +341,15 @@ ordered_json to_json(const Comparison& c) {
 }
 
 std::string to_text(const Summary& s) {
-  return residual_head() + "\n" + residual_line(s.figures) + "\n" + verdict_line(s.figures) +
-         unreached_line(s.unreached);
+  return residual_head() + "\n" + residual_line(s.figures) + "\n" + parted_text({s.figures}) +
+         verdict_line(s.figures) + unreached_line(s.unreached);
 }
 
 std::string to_text(const Comparison& c) {
   std::string text = residual_head() + "   machine's part, RMS\n";
   for (const CaseFigures& one : c.cases)
     text += residual_line(one) + "   " + machine_text(one) + "\n";
+  text += "\n" + parted_text(c.cases);
   for (const CaseFigures& one : c.cases) text += verdict_line(one);
   return text + unreached_line(c.unreached);
 }

@@ -7,9 +7,9 @@
 
 #include <fmt/format.h>
 
-#include "cutting/areal_filter.h"
 #include "kinematics/units.h"
 #include "sim/cut/tolerance_bands.h"
+#include "sim/report/form_texture.h"
 
 namespace abbe::sim {
 namespace {
@@ -124,48 +124,16 @@ const char* name_of(Alignment alignment) {
   return "";
 }
 
-namespace {
-
-/// Parts the aligned map into form and texture.
-void part_form(const Job& job, Verdict& verdict) {
-  const cutting::Surface& surface = verdict.aligned.surface;
-  verdict.filtered = cutting::gaussian_form(job.design_w, surface, job.scene.part.form_cutoff);
-  cutting::Surface form = surface;
-  form.residual = verdict.filtered;
-  form.looked_within = cutting::Surface::Within::None;
-  form.within.resize(0);  // smooth: its vertices stand for what is around them
-  verdict.form_part = cutting::statistics(form, job.design_w, verdict.tolerance);
-  const cutting::Weights weights = cutting::weights(surface, job.design_w);
-  std::vector<double> texture, area;
-  for (Eigen::Index i = 0; i < verdict.filtered.size(); ++i) {
-    if (!std::isfinite(verdict.filtered[i])) continue;
-    texture.push_back(surface.residual[i] - verdict.filtered[i]);
-    area.push_back(weights.vertex[i]);
-  }
-  for (Eigen::Index t = 0; t < weights.within.size(); ++t) {
-    if (!(weights.within[t] > 0.0)) continue;
-    texture.push_back(surface.within[t] - cutting::at_place_within(surface.looked_within,
-                                                                   verdict.filtered,
-                                                                   job.design_w.triangles, t));
-    area.push_back(weights.within[t]);
-  }
-  const auto n = Eigen::Index(texture.size());
-  const Eigen::Map<const Eigen::VectorXd> heights(texture.data(), n), parts(area.data(), n);
-  if (!(parts.sum() > 0.0)) return;
-  verdict.texture =
-      errors::metrology::areal(Eigen::MatrixX2d::Zero(n, 2), heights, parts,
-                               {.reference = errors::metrology::ArealReference::Mean});
-}
-
-}  // namespace
-
 Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
   Verdict verdict;
   verdict.aligned = cutting::aligned(cut.surface, job.design_w, {job.scene.alignment});
   verdict.tolerance = tolerance_bands(job.scene.part, job.design_w.vertices);
   verdict.residual = cutting::statistics(verdict.aligned.surface, job.design_w, verdict.tolerance);
   find_places(job, verdict);
-  part_form(job, verdict);
+  FormAndTexture parted = form_and_texture(job, verdict.aligned.surface, verdict.tolerance);
+  verdict.filtered = std::move(parted.filtered);
+  verdict.form_part = std::move(parted.form);
+  verdict.texture = parted.texture;
   if (error_free != nullptr) {
     verdict.machine = cutting::statistics(
         cutting::minus(verdict.aligned.surface, error_free->aligned.surface), job.design_w);
@@ -206,7 +174,9 @@ std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict) 
                                 what, *value / units::um, *limit_um));
   };
   const cutting::Statistics& s = verdict.residual;
-  const bool limited = limits.pv_um || limits.rms_um || limits.max_abs_um;
+  const bool limited = limits.pv_um || limits.rms_um || limits.max_abs_um || limits.form_pv_um ||
+                       limits.form_rms_um || limits.texture_sa_um || limits.texture_sq_um ||
+                       limits.texture_sz_um;
   if (limited && s.deepest)
     all.push_back(fmt::format(
         "{}: {} vertices are gouged deeper than the search allows, the deepest by {}{:.1f} um, "
@@ -217,6 +187,16 @@ std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict) 
   look("RMS", limits.rms_um, s.rms);
   look("largest deviation", limits.max_abs_um,
        s.min && s.max ? std::optional(std::max(-*s.min, *s.max)) : std::nullopt);
+  using errors::metrology::Areal;
+  const auto texture = [&](double Areal::*figure) {
+    return verdict.texture ? std::optional((*verdict.texture).*figure) : std::nullopt;
+  };
+  const cutting::Statistics form = verdict.form_part.value_or(cutting::Statistics{});
+  look("PV of form", limits.form_pv_um, form.pv);
+  look("RMS of form", limits.form_rms_um, form.rms);
+  look("Sa of texture", limits.texture_sa_um, texture(&Areal::Sa));
+  look("Sq of texture", limits.texture_sq_um, texture(&Areal::Sq));
+  look("Sz of texture", limits.texture_sz_um, texture(&Areal::Sz));
   return all;
 }
 

@@ -41,7 +41,14 @@ const Fields<Limits>& limits_fields() {
                              "of the residual; exceeded, `abbe` exits with 1, and a gouge deeper "
                              "than the band exceeds each limit")
           .number_as_written("rms_um", &Limits::rms_um, non_negative, "the same")
-          .number_as_written("max_abs_um", &Limits::max_abs_um, non_negative, "the same");
+          .number_as_written("max_abs_um", &Limits::max_abs_um, non_negative, "the same")
+          .number_as_written("form_pv_um", &Limits::form_pv_um, non_negative,
+                             "the same of `form_um`, the residual through the areal filter")
+          .number_as_written("form_rms_um", &Limits::form_rms_um, non_negative, "the same")
+          .number_as_written("texture_sa_um", &Limits::texture_sa_um, non_negative,
+                             "the same of `texture_um`, what that filter leaves out")
+          .number_as_written("texture_sq_um", &Limits::texture_sq_um, non_negative, "the same")
+          .number_as_written("texture_sz_um", &Limits::texture_sz_um, non_negative, "the same");
   return fields;
 }
 

@@ -4,13 +4,18 @@
 #include <cmath>
 #include <limits>
 
+#include <fmt/format.h>
+
 #include "cutting/alignment.h"
+#include "cutting/areal_filter.h"
 #include "cutting/residual.h"
 #include "kinematics/numbers.h"
+#include "kinematics/units.h"
 #include "sim/cut/reach.h"
 #include "sim/cut/tolerance_bands.h"
 #include "sim/machine/compile.h"
 #include "sim/machine/run_out.h"
+#include "sim/report/form_texture.h"
 #include "sim/scene/read_scene.h"
 
 namespace abbe::sim::study {
@@ -82,7 +87,21 @@ Job prepared(const Study& study, const Arm& arm, const Scene& base, const Progre
   return denser ? with_errors(prepare(*wild, progress), scene) : prepare(scene, progress);
 }
 
-double value_of(const cutting::Statistics& s, Response response) {
+/// What a map comes to, in figures.
+struct MapFigures {
+  cutting::Statistics residual;
+  std::optional<FormAndTexture> parted;  ///< where a response asks for it
+};
+
+double value_of(const MapFigures& figures, Response response) {
+  const cutting::Statistics& s = figures.residual;
+  const auto of_form = [&](std::optional<double> cutting::Statistics::*figure) {
+    return figures.parted ? (figures.parted->form.*figure).value_or(none) : none;
+  };
+  const auto of_texture = [&](double errors::metrology::Areal::*figure) {
+    const bool has = figures.parted && figures.parted->texture;
+    return has ? (*figures.parted->texture).*figure : none;
+  };
   switch (response) {
     case Response::Pv:
       return s.pv.value_or(none);
@@ -98,6 +117,16 @@ double value_of(const cutting::Statistics& s, Response response) {
       return s.p95_abs.value_or(none);
     case Response::InTolerance:
       return s.conformance ? s.conformance->in : none;
+    case Response::FormPv:
+      return of_form(&cutting::Statistics::pv);
+    case Response::FormRms:
+      return of_form(&cutting::Statistics::rms);
+    case Response::TextureSa:
+      return of_texture(&errors::metrology::Areal::Sa);
+    case Response::TextureSq:
+      return of_texture(&errors::metrology::Areal::Sq);
+    case Response::TextureSz:
+      return of_texture(&errors::metrology::Areal::Sz);
   }
   return none;
 }
@@ -109,6 +138,39 @@ Commands commands(const Arm& arm, const Job& job) {
                                           : compensate(job, parse_case(arm.case_name));
 }
 
+namespace {
+
+bool asks_to_filter(const Study& study) {
+  return std::any_of(study.responses.begin(), study.responses.end(), is_filtered);
+}
+
+/// What is to be said where form and texture are asked of vertices that do not resolve the map with
+/// every input at its centre; empty where they do.
+std::string unresolved_texture(const ReadyArm& ready) {
+  constexpr double resolved = 0.05;  // of Sq that interpolation may miss
+  Job looked = ready.job;
+  looked.sampled = SampledSurface{};  // so that the cut is looked at between the vertices
+  looked.sampled->given = looked.design_w.vertices.rows();
+  const Cut made = cut(looked, ready.commanded);
+  const FormAndTexture parted = form_and_texture(ready.job, made.surface, {});
+  if (!made.interpolation || made.interpolation->places == 0 || !parted.texture) return {};
+  const double missed = made.interpolation->rms, Sq = parted.texture->Sq;
+  if (missed <= resolved * Sq) return {};
+  const auto n = double(ready.job.design_w.vertices.rows());
+  const double area = ready.job.design_w.area.sum(), spacing = std::sqrt(area / n);
+  const double variance = cutting::gaussian_variance(ready.job.scene.part.form_cutoff);
+  const double by_chance = missed / std::sqrt(4.0 * pi * variance * n / area);
+  return fmt::format(
+      "form and texture are judged at the part's {} vertices as loaded, about {:.3g} mm apart: "
+      "between them the surface of {} is {:.3g} um RMS off a straight line ({:.3g} um at most), "
+      "where texture has Sq {:.3g} um: texture figures are not resolved, and form figures are off "
+      "by about {:.2g} um by chance; raise part.vertices",
+      ready.job.design_w.vertices.rows(), spacing, ready.arm.name, missed / units::um,
+      made.interpolation->worst / units::um, Sq / units::um, by_chance / units::um);
+}
+
+}  // namespace
+
 ReadyArm ready_arm(const Study& study, const Arm& arm, const Progress& progress) {
   Scene scene = scene_of(study, arm);
   Job job = placed(prepared(study, arm, scene, progress));
@@ -116,8 +178,12 @@ ReadyArm ready_arm(const Study& study, const Arm& arm, const Progress& progress)
   const bool for_each = depend_on_inputs(study, arm, scene);
   cutting::Surface error_free;
   if (study.machine_part) error_free = cut_error_free(job, progress).surface;
-  return {arm,      std::move(scene),     std::move(job), std::move(commanded),
-          for_each, std::move(error_free)};
+  ReadyArm ready{arm,      std::move(scene),     std::move(job), std::move(commanded),
+                 for_each, std::move(error_free)};
+  if (asks_to_filter(study))
+    if (const std::string text = unresolved_texture(ready); !text.empty())
+      ready.job.warnings.push_back(text);
+  return ready;
 }
 
 Tried cut_at(const Study& study, const ReadyArm& ready, Job job, const Eigen::VectorXd& x) {
@@ -144,11 +210,13 @@ Eigen::VectorXd responses(const Study& study, const Job& job, const cutting::Sur
   };
   cutting::Surface judged = aligned(surface);
   if (study.machine_part) judged = cutting::minus(judged, aligned(error_free));
-  const cutting::Statistics s = cutting::statistics(
-      judged, job.design_w, tolerance_bands(job.scene.part, job.design_w.vertices));
+  MapFigures figures{cutting::statistics(judged, job.design_w,
+                                         tolerance_bands(job.scene.part, job.design_w.vertices)),
+                     {}};
+  if (asks_to_filter(study)) figures.parted = form_and_texture(job, judged, {});
   Eigen::VectorXd values(Eigen::Index(study.responses.size()));
   for (std::size_t i = 0; i < study.responses.size(); ++i)
-    values[Eigen::Index(i)] = value_of(s, study.responses[i]);
+    values[Eigen::Index(i)] = value_of(figures, study.responses[i]);
   return values;
 }
 

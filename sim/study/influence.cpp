@@ -122,7 +122,7 @@ Eigen::MatrixXd maps(const InfluenceMap& influence, const Eigen::MatrixXd& x) {
 }
 
 bool is_counted(Response response) {
-  return response == Response::P95Abs || response == Response::InTolerance;
+  return response == Response::P95Abs || response == Response::InTolerance || is_filtered(response);
 }
 
 Eigen::MatrixXd responses(const Study& study, const ReadyArm& ready, const InfluenceMap& influence,

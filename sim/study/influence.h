@@ -49,8 +49,8 @@ inline constexpr int machines_at_once = 72;
 /// The bits of a case do not depend on which others are computed with it.
 Eigen::MatrixXd maps(const InfluenceMap& influence, const Eigen::MatrixXd& x);
 
-/// Whether a response is counted over the vertices in their order: it needs the maps themselves and
-/// has no gradient.
+/// Whether a response is counted over the vertices in their order or of the filtered map: it needs
+/// the maps themselves and has no gradient in closed form.
 bool is_counted(Response response);
 
 /// The responses of many machines, as `responses` of their maps; without an alignment, and of

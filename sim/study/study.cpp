@@ -24,7 +24,12 @@ constexpr std::array names{Named{Response::Pv, "pv"},
                            Named{Response::Std, "std"},
                            Named{Response::MaxAbs, "max_abs"},
                            Named{Response::P95Abs, "p95_abs"},
-                           Named{Response::InTolerance, "in_tolerance"}};
+                           Named{Response::InTolerance, "in_tolerance"},
+                           Named{Response::FormPv, "form_pv"},
+                           Named{Response::FormRms, "form_rms"},
+                           Named{Response::TextureSa, "texture_sa"},
+                           Named{Response::TextureSq, "texture_sq"},
+                           Named{Response::TextureSz, "texture_sz"}};
 
 std::string top_key(const std::string& path) { return path.substr(0, path.find('.')); }
 
@@ -72,6 +77,12 @@ const char* name_of(Response response) {
 }
 
 const char* unit_of(Response response) { return response == Response::InTolerance ? "%" : "um"; }
+
+bool is_filtered(Response response) {
+  return response == Response::FormPv || response == Response::FormRms ||
+         response == Response::TextureSa || response == Response::TextureSq ||
+         response == Response::TextureSz;
+}
 
 double in_unit(Response response, double value) {
   return response == Response::InTolerance ? value : value / units::um;

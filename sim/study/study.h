@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -51,11 +52,30 @@ struct Arm {
 };
 
 /// A figure of a map; lengths in mm.
-enum class Response { Pv, Rms, Mean, Std, MaxAbs, P95Abs, InTolerance };
+enum class Response {
+  Pv,
+  Rms,
+  Mean,
+  Std,
+  MaxAbs,
+  P95Abs,
+  InTolerance,
+  FormPv,  ///< of the map through the areal filter
+  FormRms,
+  TextureSa,  ///< of what the filter leaves out, ISO 25178-2
+  TextureSq,
+  TextureSz,
+};
+inline constexpr std::array all_responses{
+    Response::Pv,      Response::Rms,       Response::Mean,        Response::Std,
+    Response::MaxAbs,  Response::P95Abs,    Response::InTolerance, Response::FormPv,
+    Response::FormRms, Response::TextureSa, Response::TextureSq,   Response::TextureSz};
 const char* name_of(Response response);  ///< "pv" ...
 /// "um" or "%", and the factor from mm (or percent) to it.
 const char* unit_of(Response response);
 double in_unit(Response response, double value);
+/// Whether a response is one of form or texture, for which the map is filtered.
+bool is_filtered(Response response);
 
 enum class Engine {
   Influence,  ///< every case from influence maps

@@ -12,12 +12,27 @@ namespace {
 
 constexpr double most_spread = 1e12;  // of anything in any unit: beyond, sums lose their digits
 constexpr Range confidence_range{0.5, 0.999};  // of a confidence
-constexpr std::array all_responses{Response::Pv,         Response::Rms,    Response::Mean,
-                                   Response::Std,        Response::MaxAbs, Response::P95Abs,
-                                   Response::InTolerance};
+
+/// The names of all responses, for messages.
+std::string plain_names() {
+  std::string text;
+  for (const Response one : all_responses) {
+    if (one != all_responses.front()) text += one == all_responses.back() ? " or " : ", ";
+    text += name_of(one);
+  }
+  return text;
+}
 
 std::string shown(const Distribution& d) {
   return fmt::format("centre {}, spread {}, from {} to {}", d.centre, d.spread, d.low, d.high);
+}
+
+/// The same as a document lists them.
+std::string quoted_names() {
+  std::string text;
+  for (const Response one : all_responses)
+    text += fmt::format("{}`\"{}\"`", text.empty() ? "" : ", ", name_of(one));
+  return text;
 }
 
 void read_responses(TableReader& reader, Study& study) {
@@ -26,7 +41,7 @@ void read_responses(TableReader& reader, Study& study) {
                                     [&](Response one) { return name == name_of(one); });
     auto& had = study.responses;
     if (found == all_responses.end())
-      reader.refuse("responses", "pv, rms, mean, std, max_abs, p95_abs or in_tolerance", name);
+      reader.refuse("responses", plain_names(), name);
     else if (std::find(had.begin(), had.end(), *found) == had.end())
       had.push_back(*found);
   }
@@ -43,8 +58,8 @@ using ResponseLimits = std::vector<std::pair<Response, double>>;
 
 Fields<ResponseLimits> limit_fields() {
   Fields<ResponseLimits> fields;
-  for (const Response response :
-       {Response::Pv, Response::Rms, Response::Std, Response::MaxAbs, Response::P95Abs}) {
+  for (const Response response : all_responses) {
+    if (response == Response::Mean || response == Response::InTolerance) continue;
     Key key = key_of(std::string(name_of(response)) + "_um", Key::Kind::Number,
                      "upper limit: share of the machines within, Cpk");
     key.range = positive;
@@ -237,8 +252,9 @@ const Fields<Study>& response_fields() {
   static const Fields<Study> fields =
       Fields<Study>()
           .custom({key_of(KeyName("responses").otherwise("[\"pv\", \"rms\"]"), Key::Kind::Texts,
-                          "figures of a map: `\"pv\"`, `\"rms\"`, `\"mean\"`, `\"std\"`, "
-                          "`\"max_abs\"`, `\"p95_abs\"`, `\"in_tolerance\"`")},
+                          "figures of a map: " + quoted_names() +
+                              "; form and texture as the areal filter of `form_cutoff_mm` parts "
+                              "them, of the part's own vertices")},
                   read_responses, write_responses)
           .word("of", &Study::machine_part,
                 {{"residual", false, "the map as `summary.json` judges it"},

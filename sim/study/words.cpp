@@ -20,6 +20,16 @@ std::string title_of(Response response) {
       return "P95 of the deviation's size";
     case Response::InTolerance:
       return "area in tolerance";
+    case Response::FormPv:
+      return "PV of form";
+    case Response::FormRms:
+      return "RMS of form";
+    case Response::TextureSa:
+      return "Sa of texture";
+    case Response::TextureSq:
+      return "Sq of texture";
+    case Response::TextureSz:
+      return "Sz of texture";
   }
   return "";
 }

@@ -88,6 +88,8 @@ double rms_of_farthest(const Passes& passes, const VectorXd& weight) {
 
 double bound_over(const InfluenceMap& influence, const Box& box, Response response, double found) {
   if (response == Response::InTolerance) return 0.0;
+  // at a rim the filter's plane may lie beyond all that it is fitted to
+  if (is_filtered(response)) return infinity;
   if (response == Response::Pv)
     return farthest_apart(passes_over(influence, box, common_slope(influence)), found);
   const Passes passes = passes_over(influence, box, no_slope(influence));

@@ -138,6 +138,67 @@ def read_npz(file):
         return {key: archive[key] for key in archive.files}
 
 
+# ---- profiles along a line
+
+
+def mean_line(z, step, index):
+    """Gaussian profile filter of ISO 16610-21 with lines fitted at the ends, by sparse brute force."""
+    reach = int(index / step * (1 + 1e-12))
+    d = np.arange(-reach, reach + 1)
+    w = np.exp(-math.pi * (d * step / index) ** 2 / (math.log(2) / math.pi))
+    padded, there = np.pad(z, reach), np.pad(np.ones(z.size), reach)
+    moments = [np.convolve(there, (w * d ** k)[::-1], "valid") for k in range(3)]
+    first = [np.convolve(padded, (w * d ** k)[::-1], "valid") for k in range(2)]
+    return (moments[2] * first[0] - moments[1] * first[1]) / (moments[0] * moments[2] - moments[1] ** 2)
+
+
+def expect_profile(folder, line):
+    """What `render --line` writes: from the residual of the table everything else."""
+    about = json.loads((folder / f"profile-{line}.json").read_text())
+    table = np.loadtxt(folder / f"profile-{line}.csv", delimiter=",", skiprows=1)
+    step, z = about["step_um"] * 1e-3, table[:, 4]
+    expect(about["places"] == len(table) and np.allclose(np.diff(table[:, 0]), step, atol=2e-6),
+           f"{folder}: places of profile-{line}.csv")
+    through = mean_line(z, step, about["Nis_um"] * 1e-3)
+    primary = through - np.polyval(np.polyfit(np.arange(z.size), through, 1), np.arange(z.size))
+    waviness = mean_line(primary, step, about["Nic_mm"])
+    for column, one in ((5, primary), (6, waviness), (7, primary - waviness)):
+        expect(np.abs(table[:, column] - one).max() < 5e-6, f"{folder}: column {column} of profile-{line}.csv")
+    for letter, one in (("P", primary), ("W", waviness), ("R", primary - waviness)):
+        has, of = about[letter], about["evaluation"][letter]
+        at = [of["from_mm"] + k * of["section_mm"] for k in range(of["sections"] + 1)]
+        bounds = [min(one.size, math.ceil(x / step - 1e-6)) for x in at]
+        if letter != "R":
+            bounds[-1] = one.size
+        h = one[bounds[0]:bounds[-1]]
+        q = math.sqrt(np.mean(h * h))
+        sections = [one[a:b] for a, b in zip(bounds, bounds[1:])]
+        for name, value in (("a_um", np.mean(np.abs(h))), ("q_um", q), ("t_um", np.ptp(h)),
+                            ("sk", np.mean((h / q) ** 3)), ("ku", np.mean((h / q) ** 4)),
+                            ("p_um", np.mean([s.max() for s in sections])),
+                            ("v_um", -np.mean([s.min() for s in sections])),
+                            ("zx_um", max(np.ptp(s) for s in sections))):
+            apart = abs(value - has[letter + name]) / max(1.0, abs(value))
+            expect(apart < 5e-5, f"{folder}: {letter}{name} is {value}, profile-{line}.json has {has[letter + name]}")
+
+
+def expect_reductions(folder):
+    """Of comparison.json, from the figures beside them."""
+    cases = {c["name"]: c for c in json.loads((folder / "comparison.json").read_text())["cases"]}
+    before, count = cases["uncompensated"], 0
+    for name, case in cases.items():
+        own = json.loads((folder / name / "summary.json").read_text())
+        for key in ("form_um", "texture_um", "form_cutoff_mm"):
+            expect(case[key] == own[key], f"{folder}: {key} of {name}")
+        for key, reduction in (case["reduction_percent"] or {}).items():
+            of, one = key.split("_") if "_" in key else ("residual", key)
+            one = one.capitalize() if of == "texture" else one
+            wanted = 100 * (1 - case[f"{of}_um"][one] / before[f"{of}_um"][one])
+            expect_near(wanted, reduction, f"{folder}: {key} of {name}")
+            count += 1
+    expect(count == 9 * (len(cases) - 2), f"{folder}: {count} reductions")
+
+
 def expect_npz(fields, name):
     n, m = len(fields["vertices"]), len(fields["triangles"])
     shapes = {"vertices": ("<f8", (n, 3)), "normals": ("<f8", (n, 3)), "triangles": ("<i4", (m, 3)),
@@ -304,6 +365,7 @@ with tempfile.TemporaryDirectory() as temporary:
     free = expect_folder(out / "dome" / "error_free", None)
     for case in ("uncompensated", "perfect-position-ideal", "perfect-iterated-ideal"):
         expect_folder(out / "dome" / case, free)
+    expect_reductions(out / "dome")
     # in a band narrower than the errors, to either side of the design
     seen = set()
     for name, scale, band in (("proud", 1, 0.012), ("gouged", -0.5, 0.012)):
@@ -317,6 +379,12 @@ with tempfile.TemporaryDirectory() as temporary:
     free = expect_folder(out / "sampled" / "error_free", None)
     expect(np.isfinite(free["middle_um"]).any(), "middles of an adaptive map")
     expect_folder(out / "sampled" / "uncompensated", free)
+    if "vtp" in formats:
+        for line in ("x", "y", "radius"):
+            abbe("render", out / "dome" / "uncompensated", "--line", line, "--nis", 500)
+            expect_profile(out / "dome" / "uncompensated", line)
+        abbe("render", out / "sampled" / "uncompensated", "--line", "y", "--nic", 0.8, "--sections", 9)
+        expect_profile(out / "sampled" / "uncompensated", "y")
     abbe("run", scenes / "gantry_mesh.toml", "--set", 'part.sampling="vertices"', "--save", formats, "--out", out / "mesh")
     expect_folder(out / "mesh", None)
 print(f"{compared} figures compared, the farthest {worst:.1e} apart")

@@ -177,6 +177,28 @@ TEST_F(CommandLine, AToleranceGivesAVerdictAndAMapOfBands) {
   EXPECT_FALSE(fs::exists(out / "tolerance.png")) << "of the run before";
 }
 
+TEST_F(CommandLine, ALineHasItsProfilesByISO21920) {
+  if (!ABBE_RENDER) GTEST_SKIP();
+  const fs::path scene = plane_scene(write("p.ngc", good_program).string());
+  const fs::path out = folder_ / "out";
+  ASSERT_EQ(run_abbe("run " + scene.string() + " --out " + out.string()).code, 0);
+  const std::string render = "render " + out.string() + " --line x --nic 0.8 --nis 50";
+  const Ran text = run_abbe(render);
+  EXPECT_EQ(text.code, 0) << text.text;
+  for (const char* expected :
+       {"profile along x", "Nis 50 um, Nic 0.8 mm (--nic, setting class Sc3)", "ISO 21920-2",
+        "q   root mean square height", "um/mm", "profile-x.png", "profile-x.json", "profile-x.csv"})
+    EXPECT_NE(text.text.find(expected), std::string::npos) << expected << " in\n" << text.text;
+  const auto json = nlohmann::json::parse(bytes(out / "profile-x.json"));
+  EXPECT_EQ(json["Nic_mm"], 0.8);
+  EXPECT_GE(json["P"]["Pt_um"].get<double>(), json["P"]["Pq_um"].get<double>());
+  EXPECT_TRUE(json["R"].contains("Rsm_mm") && json["W"].contains("Wsk"));
+  const Ran printed = run_abbe(render + " --json --format svg");
+  EXPECT_EQ(printed.code, 0) << printed.text;
+  EXPECT_NE(printed.text.find("\"profile\": {"), std::string::npos) << printed.text;
+  EXPECT_NE(printed.text.find("profile-x.svg"), std::string::npos) << printed.text;
+}
+
 TEST_F(CommandLine, AResultIsDrawnAgainAsItIsAsked) {
   if (!ABBE_RENDER) GTEST_SKIP();
   const fs::path scene = plane_scene(write("p.ngc", good_program).string());
@@ -192,6 +214,10 @@ TEST_F(CommandLine, AResultIsDrawnAgainAsItIsAsked) {
   const struct {
     const char *options, *expected;
   } slips[] = {{"--view up", "--view: expected +x, -x"},
+               {"--line x --nic 0", "--nic: expected millimetres above 0"},
+               {"--line x --nis small", "--nis: expected micrometres above 0"},
+               {"--line x --sections 0", "--sections"},
+               {"--nic 2", "--line"},
                {"--view 0,0,0", "--view: expected +x, -x"},
                {"--bands 8,2", "--bands: expected micrometres, 5 or -2,8"},
                {"--bands x", "--bands: expected micrometres"},

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include "kinematics/numbers.h"
 #include "sim/study/worst_bound.h"
 #include "tests/study/flat_machine.h"
 
@@ -155,6 +156,11 @@ TEST(WorstCase, GradientsAreDifferencesOfTheResponse) {
 
 TEST(WorstCase, CountedResponsesHaveNoGradient) {
   const FlatMachine machine = flat(study_of(normals(1)), Eigen::MatrixXd::Ones(1, 3));
+  for (const Response filtered : {Response::FormPv, Response::TextureSq}) {
+    EXPECT_THROW(gradients(machine.influence, filtered, VectorXd::Zero(1)), std::invalid_argument);
+    EXPECT_EQ(bound_over(machine.influence, box_of(machine.study, 3.0), filtered, 1.0), infinity)
+        << "nothing is promised of a filtered map";
+  }
   EXPECT_THROW(gradients(machine.influence, Response::P95Abs, VectorXd::Zero(1)),
                std::invalid_argument);
 }

@@ -1,0 +1,295 @@
+#include "sim/report/line_texture.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iterator>
+#include <utility>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "kinematics/units.h"
+#include "sim/report/json_numbers.h"
+
+namespace abbe::sim {
+namespace {
+
+using Eigen::Index;
+using errors::metrology::Evaluation;
+using errors::metrology::ProfileParameters;
+using errors::metrology::ProfileTexture;
+using errors::metrology::SettingClass;
+using nlohmann::ordered_json;
+
+constexpr double resolved_share = 0.05;  // of Rq that interpolation may miss
+
+/// What the standard's table has for Nic; null where it has another.
+const SettingClass* class_of(double Nic) {
+  const SettingClass& nearest = errors::metrology::setting_class(Nic);
+  return std::abs(nearest.Nic - Nic) < 1e-9 * Nic ? &nearest : nullptr;
+}
+
+std::string short_warning(const LineTexture& t, int wanted) {
+  const Evaluation& e = t.texture.sections;
+  if (t.texture.length < t.Nic)
+    return fmt::format(
+        "the line is {:.4g} mm long, less than one section length of {:.4g} mm (Nic): R is of all "
+        "of it, and waves near Nic are in W or R by chance",
+        t.texture.length, t.Nic);
+  if (e.sections < wanted)
+    return fmt::format(
+        "R is of {} section{} of {:.4g} mm, not of {}: the line is {:.4g} mm long, so R figures "
+        "scatter more",
+        e.sections, e.sections == 1 ? "" : "s", e.section, wanted, t.texture.length);
+  if (t.texture.run_in < 0.5 * t.Nic)
+    return fmt::format(
+        "the line has {:.3g} mm before and after the evaluation length of R, less than half of "
+        "Nic: {:.3g} mm; the mean line there is fitted to one side",
+        t.texture.run_in, 0.5 * t.Nic);
+  return {};
+}
+
+/// Whether the places within triangles that were looked at show that straight lines suffice.
+bool is_resolved(const LineTexture& t) {
+  return t.trace.between && t.trace.between->rms <= resolved_share * t.texture.R.q;
+}
+
+std::string coarse_warning(const LineTexture& t) {
+  const double Rq = t.texture.R.q;
+  const LineTrace& trace = t.trace;
+  if (is_resolved(t)) return {};
+  if (trace.between) {
+    return fmt::format(
+        "the map does not resolve the profile: at {} places within the triangles of the line it is "
+        "{:.3g} um RMS ({:.3g} um at most) off the straight line between their corners, Rq is "
+        "{:.3g} um: what is finer than the triangles ({:.3g} mm from one to the next, {:.3g} mm at "
+        "most) is missing from R or shows as longer waves",
+        trace.between->places, trace.between->rms / units::um, trace.between->worst / units::um,
+        Rq / units::um, trace.mean_spacing, trace.widest_spacing);
+  }
+  const double widest = errors::metrology::setting_class(t.Nic).widest_step;
+  if (trace.widest_spacing <= widest) return {};
+  return fmt::format(
+      "whether the map resolves the profile is not known: from triangle to triangle it is {:.3g} "
+      "mm ({:.3g} mm at most), Nis {:.3g} um needs a place every {:.3g} um, and nobody looked "
+      "between the vertices (part.sampling = \"adaptive\" does)",
+      trace.mean_spacing, trace.widest_spacing, t.texture.Nis_wanted / units::um,
+      widest / units::um);
+}
+
+std::vector<std::string> texture_warnings(const LineTexture& t, int sections) {
+  std::vector<std::string> warnings;
+  const auto add = [&](std::string text) {
+    if (!text.empty()) warnings.push_back(std::move(text));
+  };
+  add(short_warning(t, sections));
+  if (t.trace.left_out > 0.0)
+    add(
+        fmt::format("the line is cut in {} stretches; the longest, {:.4g} mm, is evaluated, {:.4g} "
+                    "mm are left out",
+                    t.trace.stretches, t.texture.length, t.trace.left_out));
+  if (t.texture.Nis > t.texture.Nis_wanted * (1.0 + 1e-6))
+    add(
+        fmt::format("Nis is {:.4g} um, not {:.4g} um: the line has {} places at most, {:.4g} um "
+                    "apart",
+                    t.texture.Nis / units::um, t.texture.Nis_wanted / units::um,
+                    t.texture.primary.z.size(), t.texture.primary.step / units::um));
+  add(coarse_warning(t));
+  return warnings;
+}
+
+/// A parameter: its name without the letter of the profile, what it is, its unit.
+struct ParameterRow {
+  const char* name;
+  const char* is;
+  const char* unit;  ///< as keys end; empty for a pure number
+  std::optional<double> (*value)(const ProfileParameters&);
+};
+
+constexpr std::array parameter_rows = {
+    ParameterRow{"a", "arithmetic mean height", "um",
+                 [](const ProfileParameters& p) { return std::optional(p.a / units::um); }},
+    ParameterRow{"q", "root mean square height", "um",
+                 [](const ProfileParameters& p) { return std::optional(p.q / units::um); }},
+    ParameterRow{"t", "total height", "um",
+                 [](const ProfileParameters& p) { return std::optional(p.t / units::um); }},
+    ParameterRow{"z", "maximum height, mean of the sections", "um",
+                 [](const ProfileParameters& p) { return std::optional(p.z / units::um); }},
+    ParameterRow{"zx", "largest maximum height of a section", "um",
+                 [](const ProfileParameters& p) { return std::optional(p.zx / units::um); }},
+    ParameterRow{"p", "mean peak height of the sections", "um",
+                 [](const ProfileParameters& p) { return std::optional(p.p / units::um); }},
+    ParameterRow{"v", "mean pit depth of the sections", "um",
+                 [](const ProfileParameters& p) { return std::optional(p.v / units::um); }},
+    ParameterRow{"sk", "skewness", "", [](const ProfileParameters& p) { return p.sk; }},
+    ParameterRow{"ku", "kurtosis", "", [](const ProfileParameters& p) { return p.ku; }},
+    ParameterRow{"sm", "mean profile element spacing", "mm",
+                 [](const ProfileParameters& p) { return p.sm; }},
+    ParameterRow{"dq", "root mean square gradient", "um_per_mm",
+                 [](const ProfileParameters& p) { return std::optional(p.dq / units::um); }}};
+
+std::string shown_row_unit(const ParameterRow& row) {
+  const std::string unit = row.unit;
+  return unit == "um_per_mm" ? "um/mm" : unit.empty() ? "1" : unit;
+}
+
+ordered_json parameters_json(char letter, const ProfileParameters& p) {
+  ordered_json json;
+  for (const ParameterRow& row : parameter_rows) {
+    const std::string unit = row.unit;
+    json[letter + std::string(row.name) + (unit.empty() ? "" : "_" + unit)] = number(row.value(p));
+  }
+  return json;
+}
+
+ordered_json evaluation_json(const ProfileTexture& t, const Evaluation& e) {
+  const double length = std::min(e.section * e.sections, t.length);
+  return {{"from_mm", e.from},
+          {"length_mm", length},
+          {"sections", e.sections},
+          {"section_mm", std::min(e.section, t.length)}};
+}
+
+std::string class_text(double Nic) {
+  const SettingClass* one = class_of(Nic);
+  return one != nullptr ? fmt::format(", setting class {}", one->name) : "";
+}
+
+}  // namespace
+
+LineTexture line_texture(LineTrace trace, const std::optional<double>& form_cutoff,
+                         const LineTextureOptions& options) {
+  constexpr double usual = 2.5;  // mm, of a part that says nothing
+  LineTexture t;
+  t.Nic = options.Nic.value_or(form_cutoff.value_or(usual));
+  t.Nic_of = options.Nic ? "--nic" : form_cutoff ? "form_cutoff_mm of the part" : "assumed";
+  errors::metrology::TextureOptions asked;
+  asked.Nic = t.Nic;
+  asked.Nis = options.Nis;
+  asked.sections = options.sections;
+  t.texture = errors::metrology::profile_texture(trace.s, trace.residual, asked);
+  t.trace = std::move(trace);
+  t.warnings = texture_warnings(t, options.sections);
+  return t;
+}
+
+Eigen::VectorXd at_places(const LineTexture& t, const Eigen::VectorXd& values) {
+  const Eigen::VectorXd& s = t.trace.s;
+  Eigen::VectorXd all(t.texture.primary.z.size());
+  Index k = 0;
+  for (Index i = 0; i < all.size(); ++i) {
+    const double at = double(i) * t.texture.primary.step;
+    while (k + 2 < s.size() && s[k + 1] < at) ++k;
+    all[i] =
+        std::lerp(values[k], values[k + 1], std::clamp((at - s[k]) / (s[k + 1] - s[k]), 0.0, 1.0));
+  }
+  return all;
+}
+
+std::string to_text(const LineTexture& t) {
+  const ProfileTexture& texture = t.texture;
+  const Evaluation& e = texture.sections;
+  std::string text = fmt::format(
+      "profile along {}\n"
+      "{:.4g} mm along the surface; Nis {:.4g} um, Nic {:.4g} mm ({}{}); Gaussian filters "
+      "(ISO 16610-21), lines fitted at the ends (ISO 16610-28)\n"
+      "P and W: {:.4g} mm, less the least-squares line; R: {} section{} of {:.4g} mm from {:.4g} "
+      "mm\n",
+      t.where, texture.length, texture.Nis / units::um, t.Nic, t.Nic_of, class_text(t.Nic),
+      texture.length, e.sections, e.sections == 1 ? "" : "s", std::min(e.section, texture.length),
+      e.from);
+  if (t.trace.between)
+    text += fmt::format(
+        "between its corners the map is {:.3g} um RMS off a straight line, {:.3g} "
+        "um at most, at {} places\n",
+        t.trace.between->rms / units::um, t.trace.between->worst / units::um,
+        t.trace.between->places);
+  text += fmt::format("\n{:<40} {:>12} {:>12} {:>12}  {}\n", "ISO 21920-2", "P", "W", "R", "unit");
+  for (const ParameterRow& row : parameter_rows) {
+    text += fmt::format("{:<3} {:<36}", row.name, row.is);
+    for (const ProfileParameters* p : {&texture.P, &texture.W, &texture.R}) {
+      const std::optional<double> value = row.value(*p);
+      text += fmt::format(" {:>12}", value ? fmt::format("{:.5g}", *value) : "-");
+    }
+    text += "  " + shown_row_unit(row) + "\n";
+  }
+  return text;
+}
+
+ordered_json to_json(const LineTexture& t) {
+  const ProfileTexture& texture = t.texture;
+  const SettingClass* one = class_of(t.Nic);
+  ordered_json json = {
+      {"line", t.line},
+      {"where", t.where},
+      {"length_mm", texture.length},
+      {"stretches", t.trace.stretches},
+      {"left_out_mm", t.trace.left_out},
+      {"filter", "Gaussian, ISO 16610-21"},
+      {"ends", "first moment retained, ISO 16610-28"},
+      {"form_removed", "the design, then the least-squares line"},
+      {"Nic_mm", t.Nic},
+      {"Nic_of", t.Nic_of},
+      {"Nis_um", texture.Nis / units::um},
+      {"setting_class", one != nullptr ? ordered_json(one->name) : ordered_json()},
+      {"step_um", texture.primary.step / units::um},
+      {"places", texture.primary.z.size()},
+      {"spacing_mm", {{"mean", t.trace.mean_spacing}, {"max", t.trace.widest_spacing}}}};
+  json["interpolation"] = t.trace.between
+                              ? ordered_json{{"places", t.trace.between->places},
+                                             {"rms_um", t.trace.between->rms / units::um},
+                                             {"worst_um", t.trace.between->worst / units::um}}
+                              : ordered_json();
+  json["evaluation"] = {{"P", evaluation_json(texture, texture.whole)},
+                        {"W", evaluation_json(texture, texture.whole)},
+                        {"R", evaluation_json(texture, texture.sections)}};
+  json["P"] = parameters_json('P', texture.P);
+  json["W"] = parameters_json('W', texture.W);
+  json["R"] = parameters_json('R', texture.R);
+  json["warnings"] = t.warnings;
+  return json;
+}
+
+std::string to_csv(const LineTexture& t) {
+  const ProfileTexture& texture = t.texture;
+  const Eigen::VectorXd x = at_places(t, t.trace.points.col(0));
+  const Eigen::VectorXd y = at_places(t, t.trace.points.col(1));
+  const Eigen::VectorXd z = at_places(t, t.trace.points.col(2));
+  const Eigen::VectorXd residual = at_places(t, t.trace.residual);
+  std::string text = "s_mm,x_mm,y_mm,z_mm,residual_um,primary_um,waviness_um,roughness_um\n";
+  for (Index i = 0; i < residual.size(); ++i)
+    fmt::format_to(std::back_inserter(text),
+                   "{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f}\n",
+                   double(i) * texture.primary.step, x[i], y[i], z[i], residual[i] / units::um,
+                   texture.primary.z[i] / units::um, texture.waviness[i] / units::um,
+                   texture.roughness[i] / units::um);
+  return text;
+}
+
+std::string chief_parameters(const LineTexture& t) {
+  const auto um = [](double mm) { return fmt::format("{:.3g} µm", mm / units::um); };
+  const ProfileTexture& texture = t.texture;
+  return fmt::format("Ra {}, Rq {}, Rz {}, Rsm {}; Wa {}, Wt {}; Pt {}", um(texture.R.a),
+                     um(texture.R.q), um(texture.R.z),
+                     texture.R.sm ? fmt::format("{:.3g} mm", *texture.R.sm) : "none",
+                     um(texture.W.a), um(texture.W.t), um(texture.P.t));
+}
+
+std::string chief_settings(const LineTexture& t) {
+  const Evaluation& e = t.texture.sections;
+  return fmt::format(
+      "ISO 21920: Nis {:.4g} µm, Nic {:.4g} mm, R over {} × {:.4g} mm, P and W over "
+      "{:.4g} mm",
+      t.texture.Nis / units::um, t.Nic, e.sections, std::min(e.section, t.texture.length),
+      t.texture.length);
+}
+
+std::string chief_doubt(const LineTexture& t) {
+  if (!t.trace.between || is_resolved(t)) return {};
+  return fmt::format(
+      "not resolved: between its corners the map is {:.3g} µm RMS off straight lines",
+      t.trace.between->rms / units::um);
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,233 @@
+#include "errors/metrology/profile.h"
+
+#include <cmath>
+#include <iostream>
+#include <random>
+#include <stdexcept>
+
+#include <gtest/gtest.h>
+
+#include "kinematics/numbers.h"
+#include "kinematics/units.h"
+#include "tests/oracles/profile_oracle.h"
+
+namespace abbe::errors::metrology {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double A = 0.001;  // mm
+
+Profile wave_of(double wave, double step, Index n) {
+  Profile profile{step, VectorXd(n)};
+  for (Index i = 0; i < n; ++i) profile.z[i] = A * std::sin(2.0 * pi * double(i) * step / wave);
+  return profile;
+}
+
+/// The share of a wave that passes in the middle of a long profile, where that is highest.
+double transmission(double wave, double step, double index) {
+  const Profile in = wave_of(wave, step, Index(3.0 * index / step) + Index(4.0 * wave / step));
+  const VectorXd out = mean_line(in, index);
+  const Index reach = Index(index / step) + 1;
+  Index highest = 0;
+  in.z.segment(reach, in.z.size() - 2 * reach).maxCoeff(&highest);
+  return out[reach + highest] / in.z[reach + highest];
+}
+
+std::vector<double> plain(const VectorXd& v) { return {v.begin(), v.end()}; }
+
+/// Heights without any order, on a wave and a slope.
+Profile rough(Index n, double step, unsigned seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal(0.0, 0.3 * A);
+  Profile profile = wave_of(17.3 * step, step, n);
+  for (Index i = 0; i < n; ++i) profile.z[i] += normal(random) + 1e-5 * double(i);
+  return profile;
+}
+
+TEST(MeanLine, PassesWavesAsTheGaussianDoes) {
+  double worst = 0.0;
+  for (const double n : {5.0, 6.0, 10.0, 50.0})
+    for (const double r : {2.2, 2.0, 1.0, 0.5, 0.125}) {
+      const double exact = std::exp2(-r * r), got = transmission(0.8 / r, 0.8 / n, 0.8);
+      EXPECT_NEAR(got, exact, std::exp2(-(n - r) * (n - r)) + 2e-7) << n << " steps, N / " << r;
+      if (n > 5.0 && r < 2.0) worst = std::max(worst, std::abs(got - exact));
+    }
+  std::cout << "transmission " << worst << " off at most, of N and longer at 6 steps and more\n";
+  EXPECT_NEAR(transmission(0.8, 0.016, 0.8), 0.5, 1e-6);
+  EXPECT_NEAR(transmission(0.4, 0.016, 0.8), 0.0625, 1e-6);
+  EXPECT_NEAR(transmission(1.6, 0.016, 0.8), 0.8409, 1e-4);
+}
+
+TEST(MeanLine, LeavesAStraightLineAsItIs) {
+  for (const double index : {0.03, 0.5, 1.3, 80.0}) {
+    const Profile line{0.02, VectorXd::LinSpaced(100, -0.01, 0.03)};
+    EXPECT_LT((mean_line(line, index) - line.z).cwiseAbs().maxCoeff(), 1e-15) << index;
+  }
+}
+
+TEST(MeanLine, IsThatOfBruteForceUpToTheEnds) {
+  double worst = 0.0;
+  for (const Index n : {1, 2, 3, 40, 301})
+    for (const double index : {0.004, 0.02, 0.2, 3.0, 500.0}) {
+      const Profile profile = rough(n, 0.01, 20240611);
+      const VectorXd line = mean_line(profile, index);
+      const auto brute = test::brute_mean_line(plain(profile.z), profile.step, index);
+      for (Index i = 0; i < n; ++i) {
+        const double off = std::abs(line[i] - brute[std::size_t(i)]);
+        worst = std::max(worst, off);
+        EXPECT_LT(off, 1e-15) << n << " places, N " << index << ", place " << i;  // 1 am a mm: ulp
+      }
+    }
+  std::cout << "mean line " << worst << " mm off brute force at most\n";
+}
+
+TEST(MeanLine, RefusesWhatIsNoProfile) {
+  const Profile good = wave_of(1.0, 0.1, 20);
+  EXPECT_THROW(mean_line(good, 0.0), std::invalid_argument);
+  EXPECT_THROW(mean_line(good, infinity), std::invalid_argument);
+  EXPECT_THROW(mean_line({0.0, good.z}, 1.0), std::invalid_argument);
+  EXPECT_THROW(mean_line({0.1, VectorXd()}, 1.0), std::invalid_argument);
+  Profile holed = good;
+  holed.z[3] = none;
+  EXPECT_THROW(mean_line(holed, 1.0), std::invalid_argument);
+}
+
+TEST(ProfileParametersOf, ASineAreTheClosedForms) {
+  for (const int m : {10, 40, 400}) {
+    const double wave = 0.5, step = wave / m;
+    const Profile sine = wave_of(wave, step, 22 * m);
+    const ProfileParameters p = parameters(sine, {wave, 4.0 * wave, 5});
+    const double loss = 0.4 * std::pow(pi / m, 2);
+    EXPECT_NEAR(p.a / (2.0 * A / pi), 1.0, loss);
+    EXPECT_NEAR(p.q / (A / std::sqrt(2.0)), 1.0, 1e-12);
+    EXPECT_NEAR(*p.sk, 0.0, 1e-12);
+    EXPECT_NEAR(*p.ku, 1.5, 1e-12);
+    for (const double height : {p.t, p.z, p.zx, 2.0 * p.p, 2.0 * p.v})
+      EXPECT_NEAR(height / (2.0 * A), 1.0, 0.5 * std::pow(pi / m, 2));
+    EXPECT_NEAR(*p.sm, wave, step / 18.0);
+    const double exact = std::sqrt(2.0) * pi * A / wave;
+    EXPECT_NEAR(p.dq / exact, 1.0, std::pow(2.0 * pi / m, 6) / 140.0 + 1e-12);
+    std::cout << m << " places a wave: a " << p.a / (2.0 * A / pi) - 1.0 << ", sm "
+              << *p.sm / wave - 1.0 << ", dq " << p.dq / exact - 1.0 << " off, relative\n";
+  }
+}
+
+TEST(ProfileParametersOf, AnythingAreThoseOfBruteForce) {
+  double worst = 0.0;
+  for (unsigned seed = 1; seed <= 40; ++seed) {
+    const int sections = 1 + int(seed % 5), a_section = 60;
+    Profile profile = rough(sections * a_section + 20, 0.01, seed);
+    profile.z -= straight_line(profile);
+    const int first = 10, last = first + sections * a_section;
+    const ProfileParameters p = parameters(profile, {0.1, 0.6, sections});
+    const test::BruteProfile b =
+        test::brute_parameters(plain(profile.z), profile.step, first, last, sections);
+    const std::array<std::array<double, 2>, 11> pairs = {{{p.a, b.a},
+                                                          {p.q, b.q},
+                                                          {*p.sk, b.sk},
+                                                          {*p.ku, b.ku},
+                                                          {p.t, b.t},
+                                                          {p.p, b.p},
+                                                          {p.v, b.v},
+                                                          {p.z, b.z},
+                                                          {p.zx, b.zx},
+                                                          {p.sm.value_or(none), b.sm},
+                                                          {p.dq, b.dq}}};
+    for (std::size_t k = 0; k < pairs.size(); ++k) {
+      const double off = std::abs(pairs[k][0] - pairs[k][1]) / (1e-9 + std::abs(pairs[k][1]));
+      worst = std::max(worst, off);
+      EXPECT_LT(off, 1e-10) << "seed " << seed << ", parameter " << k;
+    }
+  }
+  std::cout << "parameters " << worst << " off brute force at most, relative\n";
+}
+
+TEST(ProfileParametersOf, SmallHillsCountWithTheirNeighbours) {
+  // twenty waves, each with a ripple of a hundredth that crosses the mean line several times
+  const int m = 400;
+  Profile profile = wave_of(1.0, 1.0 / m, 20 * m);
+  for (Index i = 0; i < profile.z.size(); ++i)
+    profile.z[i] += 0.02 * A * std::sin(2.0 * pi * 50.0 * double(i) / m + 1.0);
+  const ProfileParameters p = parameters(profile, {0.0, 20.0, 1});
+  EXPECT_NEAR(*p.sm, 1.0, 1e-3);
+}
+
+TEST(ProfileParametersOf, ALevelProfileHaveNoShape) {
+  const ProfileParameters p = parameters({0.1, VectorXd::Zero(50)}, {0.0, 5.0, 1});
+  EXPECT_EQ(p.q, 0.0);
+  EXPECT_FALSE(p.sk || p.ku || p.sm);
+  EXPECT_THROW(parameters({0.1, VectorXd::Zero(50)}, {7.0, 5.0, 1}), std::invalid_argument);
+}
+
+/// A wave along a line whose places lie irregularly.
+ProfileTexture texture_of(double length, double wave, const TextureOptions& options) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> part(0.2, 1.0);
+  std::vector<double> at = {3.0};
+  while (at.back() < 3.0 + length)
+    at.push_back(std::min(3.0 + length, at.back() + 2e-3 * part(random)));
+  const Eigen::Map<const VectorXd> s(at.data(), Index(at.size()));
+  const VectorXd z = s.unaryExpr([&](double x) {
+    return A * std::sin(2.0 * pi * x / wave) + 1e-3 * x +
+           0.5 * A * std::sin(2.0 * pi * (x - 3.0) / 20.0);
+  });
+  return profile_texture(s, z, options);
+}
+
+TEST(ProfileTextureOf, AWaveOnAWaveAreThatOfEach) {
+  const double wave = 0.2;
+  const ProfileTexture t = texture_of(40.0, wave, {.Nic = 0.8, .sections = 5});
+  EXPECT_DOUBLE_EQ(t.Nis, 2.5e-3);  // of Sc3
+  EXPECT_EQ(t.sections.sections, 5);
+  EXPECT_NEAR(t.sections.from, 18.0, 1e-9);
+  const double passes = std::exp2(-std::pow(2.5e-3 / wave, 2)) - std::exp2(-16.0);
+  EXPECT_NEAR(t.R.a / (2.0 * A / pi * passes), 1.0, 2e-3);
+  EXPECT_NEAR(t.R.q / (A / std::sqrt(2.0) * passes), 1.0, 2e-3);
+  EXPECT_NEAR(t.R.z / (2.0 * A * passes), 1.0, 2e-3);
+  EXPECT_NEAR(*t.R.sm, wave, 1e-3);
+  // two whole waves of 20 mm: the least-squares line takes 3 / (2 pi)^2 of their mean square 1 / 2
+  const double left = std::sqrt(0.5 - 3.0 / std::pow(2.0 * pi, 2));
+  EXPECT_NEAR(t.W.q / (0.5 * A * left), 1.0, 5e-3);
+  EXPECT_LT((t.primary.z - t.waviness - t.roughness).cwiseAbs().maxCoeff(), 1e-18);
+}
+
+TEST(ProfileTextureOf, AShortLineHasFewerSections) {
+  EXPECT_EQ(texture_of(3.0, 0.2, {.Nic = 0.8, .sections = 5}).sections.sections, 3);
+  const ProfileTexture one = texture_of(0.5, 0.2, {.Nic = 0.8, .sections = 5});
+  EXPECT_EQ(one.sections.sections, 1);
+  EXPECT_NEAR(one.sections.section, 0.5, 1e-9);
+}
+
+TEST(ProfileTextureOf, ALongLineHasItsNisRaised) {
+  const ProfileTexture t =
+      texture_of(10.0, 0.2, {.Nic = 0.8, .Nis = 2.5e-3, .sections = 5, .places = 1001});
+  EXPECT_EQ(t.primary.z.size(), 1001);
+  EXPECT_NEAR(t.Nis, 0.05, 1e-9);
+  EXPECT_DOUBLE_EQ(t.Nis_wanted, 2.5e-3);
+}
+
+TEST(ProfileTextureOf, RefusesWhatIsNoLine) {
+  const VectorXd two = VectorXd::LinSpaced(2, 0.0, 1.0);
+  EXPECT_THROW(profile_texture(two, VectorXd::Zero(3), {}), std::invalid_argument);
+  EXPECT_THROW(profile_texture(-two, two, {}), std::invalid_argument);
+  EXPECT_THROW(profile_texture(0.0 * two, two, {}), std::invalid_argument);
+  EXPECT_THROW(profile_texture(two, two, {.Nic = -1.0}), std::invalid_argument);
+  EXPECT_THROW(profile_texture(two, two, {.Nis = none}), std::invalid_argument);
+  EXPECT_THROW(profile_texture(two, two, {.sections = 0}), std::invalid_argument);
+}
+
+TEST(SettingClasses, AreThoseOfTheStandard) {
+  EXPECT_STREQ(setting_class(0.8).name, "Sc3");
+  EXPECT_STREQ(setting_class(2.5).name, "Sc4");
+  EXPECT_STREQ(setting_class(1e-9).name, "Sc1");
+  EXPECT_STREQ(setting_class(1e9).name, "Sc5");
+  for (const SettingClass& one : setting_classes()) {
+    EXPECT_DOUBLE_EQ(one.section, one.Nic);
+    EXPECT_DOUBLE_EQ(one.evaluation, 5.0 * one.section);
+  }
+}
+
+}  // namespace
+}  // namespace abbe::errors::metrology
