@@ -51,7 +51,9 @@ struct Evaluation {
 };
 
 /// Parameters of ISO 21920-2 of one profile (the letter P, W or R goes before each name), mm but
-/// for shapes and gradient.
+/// for shapes and gradient. The formulas are those of ISO 4287:1997, 4.1.1 (p), 4.1.2 (v), 4.1.3
+/// (z), 4.1.5 (t), 4.2.1 to 4.2.4 (a, q, sk, ku), 4.3.1 (sm) and 4.4.1 (dq); ISO 21920-2 takes all
+/// but p, v, z and zx over the evaluation length at once, where those were means over sections.
 struct ProfileParameters {
   double a = 0.0;            ///< arithmetic mean height: mean of |z| over the evaluation length
   double q = 0.0;            ///< root mean square height, over the evaluation length
