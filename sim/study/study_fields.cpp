@@ -27,14 +27,6 @@ std::string shown(const Distribution& d) {
   return fmt::format("centre {}, spread {}, from {} to {}", d.centre, d.spread, d.low, d.high);
 }
 
-/// The same as a document lists them.
-std::string quoted_names() {
-  std::string text;
-  for (const Response one : all_responses)
-    text += fmt::format("{}`\"{}\"`", text.empty() ? "" : ", ", name_of(one));
-  return text;
-}
-
 void read_responses(TableReader& reader, Study& study) {
   for (const std::string& name : reader.texts("responses")) {
     const auto found = std::find_if(all_responses.begin(), all_responses.end(),
@@ -251,11 +243,14 @@ const Fields<Distribution>& distribution_fields() {
 const Fields<Study>& response_fields() {
   static const Fields<Study> fields =
       Fields<Study>()
-          .custom({key_of(KeyName("responses").otherwise("[\"pv\", \"rms\"]"), Key::Kind::Texts,
-                          "figures of a map: " + quoted_names() +
-                              "; form and texture as the areal filter of `form_cutoff_mm` parts "
-                              "them, of the part's own vertices")},
-                  read_responses, write_responses)
+          .custom(
+              {key_of(KeyName("responses").otherwise("[\"pv\", \"rms\"]"), Key::Kind::Texts,
+                      "figures of a map: `\"pv\"`, `\"rms\"`, `\"mean\"`, `\"std\"`, "
+                      "`\"max_abs\"`, `\"p95_abs\"`, `\"in_tolerance\"`, `\"form_pv\"`, "
+                      "`\"form_rms\"`, `\"texture_sa\"`, `\"texture_sq\"`, `\"texture_sz\"`; form "
+                      "and texture as the areal filter of `form_cutoff_mm` parts them, of the "
+                      "part's own vertices")},
+              read_responses, write_responses)
           .word("of", &Study::machine_part,
                 {{"residual", false, "the map as `summary.json` judges it"},
                  {"machine", true, "less the error-free map"}},
