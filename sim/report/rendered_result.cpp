@@ -171,7 +171,8 @@ std::optional<Eigen::VectorXd> numbers_in(const nlohmann::json& json, const char
 }
 
 About about(const std::filesystem::path& result) {
-  About known{result.parent_path().filename().string()};
+  About known;
+  known.title = result.parent_path().filename().string();
   std::ifstream in(result.parent_path() / "summary.json");
   const auto json = nlohmann::json::parse(in, nullptr, false);
   if (!json.is_object()) return known;
