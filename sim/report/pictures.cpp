@@ -136,11 +136,12 @@ std::string reduction_text(const Compared& one, const std::vector<Compared>& cas
                      change < 0.0 ? "\u2212" : "+", std::abs(change));
 }
 
-/// Form and texture of a case in a line.
-std::string parted_line(const Verdict& verdict) {
-  if (!verdict.form_part || !verdict.form_part->pv || !verdict.texture) return "";
-  return fmt::format("form PV {}, texture Sz {}", length_text(*verdict.form_part->pv),
-                     texture_height(verdict));
+/// Form and texture of a case, without what its caption says of them already.
+std::string parted_line(const Job& job, const Verdict& verdict) {
+  if (draws_form(verdict) || !verdict.form_part || !verdict.form_part->pv || !verdict.texture)
+    return "";
+  const std::string form = "form PV " + length_text(*verdict.form_part->pv);
+  return is_finer(job, panel_pixel(job)) ? form : form + ", texture Sz " + texture_height(verdict);
 }
 
 /// A time as people say it: hours where it is long.
@@ -344,7 +345,7 @@ void write_comparison_picture(const ResultFile& file, const Scene& scene,
     pictures.push_back(map_picture(*one.job, one.verdict, panel_pixel(*one.job)));
     const std::string text = reduction_text(one, cases);
     if (!text.empty()) pictures.back().caption.push_back(text);
-    const std::string parted = parted_line(one.verdict);
+    const std::string parted = parted_line(*one.job, one.verdict);
     if (!parted.empty()) pictures.back().caption.push_back(parted);
   }
   render::ComparisonOptions options;
