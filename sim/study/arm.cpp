@@ -159,7 +159,8 @@ std::string unresolved_texture(const ReadyArm& ready) {
   const auto n = double(ready.job.design_w.vertices.rows());
   const double area = ready.job.design_w.area.sum(), spacing = std::sqrt(area / n);
   const double variance = cutting::gaussian_variance(ready.job.scene.part.form_cutoff);
-  const double by_chance = missed / std::sqrt(4.0 * pi * variance * n / area);
+  // of at least the vertex itself
+  const double by_chance = missed / std::sqrt(std::max(1.0, 4.0 * pi * variance * n / area));
   return fmt::format(
       "form and texture are judged at the part's {} vertices as loaded, about {:.3g} mm apart: "
       "between them the surface of {} is {:.3g} um RMS off a straight line ({:.3g} um at most), "
