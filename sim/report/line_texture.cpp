@@ -279,10 +279,10 @@ std::string chief_parameters(const LineTexture& t) {
 std::string chief_settings(const LineTexture& t) {
   const Evaluation& e = t.texture.sections;
   return fmt::format(
-      "ISO 21920: Nis {:.4g} µm, Nic {:.4g} mm, R over {} × {:.4g} mm, P and W over "
+      "ISO 21920{}: Nis {:.4g} µm, Nic {:.4g} mm, R over {} × {:.4g} mm, P and W over "
       "{:.4g} mm",
-      t.texture.Nis / units::um, t.Nic, e.sections, std::min(e.section, t.texture.length),
-      t.texture.length);
+      t.line == "radius" ? " towards +x" : "", t.texture.Nis / units::um, t.Nic, e.sections,
+      std::min(e.section, t.texture.length), t.texture.length);
 }
 
 std::string chief_doubt(const LineTexture& t) {

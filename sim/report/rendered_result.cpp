@@ -111,6 +111,30 @@ std::string where_runs(const render::Field& field, const std::string& line) {
              : fmt::format("y through the middle of the part, x = {:.3f} mm", middle_of(field).x());
 }
 
+/// A profile over the radius without the bins that no vertex is in: rings of vertices leave some
+/// empty, which is no gap of the part. Those that only uncut vertices are in stay.
+std::vector<render::ProfileSeries> without_empty_bins(const render::Field& field,
+                                                      std::vector<render::ProfileSeries> all) {
+  const Eigen::Index bins = all.front().x.size();
+  const double first = all.front().x.minCoeff<Eigen::PropagateNumbers>();
+  const double last = all.front().x.maxCoeff<Eigen::PropagateNumbers>();
+  std::vector<Eigen::Index> kept;
+  std::vector<char> uncut(std::size_t(bins), 0);
+  for (Eigen::Index v = 0; v < field.deviation_um.size(); ++v) {
+    const double r = field.design.vertices.row(v).head<2>().norm();
+    if (std::isfinite(field.deviation_um[v]) || !(r >= first && r <= last && last > first))
+      continue;
+    uncut[std::size_t(std::lround((r - first) / (last - first) * double(bins - 1)))] = 1;
+  }
+  for (Eigen::Index k = 0; k < bins; ++k)
+    if (uncut[std::size_t(k)] != 0 || std::isfinite(all.front().x[k])) kept.push_back(k);
+  for (render::ProfileSeries& series : all) {
+    series.x = Eigen::VectorXd(series.x(kept));
+    series.y = Eigen::VectorXd(series.y(kept));
+  }
+  return all;
+}
+
 /// Lowest, mean and highest deviation in bins of a line: cusps make a single trace a scribble.
 std::vector<render::ProfileSeries> profile(const render::Field& field, const std::string& line) {
   constexpr int bins = 200;
@@ -147,7 +171,7 @@ std::vector<render::ProfileSeries> profile(const render::Field& field, const std
     }
   }
   for (int k = 0; k < bins; ++k) all[1].y[k] = weight[k] > 0.0 ? all[1].y[k] / weight[k] : none;
-  return all;
+  return line == "radius" ? without_empty_bins(field, all) : all;
 }
 
 /// What the summary beside a result says of it, if there is one.
