@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <numeric>
 #include <stdexcept>
 #include <utility>
 
@@ -31,12 +32,16 @@ double sag(const Points& vertices, const Points& normals, int a, int b) {
 
 /// Edges that have a triangle of the top on one side only.
 std::vector<Segment> rim(const Design& design, const std::vector<char>& is_top) {
+  // a border between groups is no rim
+  std::vector<int> at(std::size_t(design.vertices.rows()));
+  std::iota(at.begin(), at.end(), 0);
+  for (const auto& [kept, added] : design.seams) at[std::size_t(added)] = kept;
   std::map<std::pair<int, int>, int> sides;
   for (Eigen::Index t = 0; t < design.triangles.rows(); ++t) {
     if (!is_top[static_cast<std::size_t>(t)]) continue;
     for (int k = 0; k < 3; ++k) {
-      const int a = design.triangles(t, k);
-      const int b = design.triangles(t, (k + 1) % 3);
+      const int a = at[std::size_t(design.triangles(t, k))];
+      const int b = at[std::size_t(design.triangles(t, (k + 1) % 3))];
       ++sides[{std::min(a, b), std::max(a, b)}];
     }
   }

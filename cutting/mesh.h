@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -22,6 +23,9 @@ struct Design {
   Eigen::VectorXd facet_error;  ///< (n) mm, estimated sag between mesh and smooth surface; 0 for
                                 ///< declared analytic surfaces, whose vertices are exact
   std::vector<std::uint8_t> judged;  ///< (n) 0 where the scene leaves the vertex out (status 2)
+  std::vector<int> group;  ///< (n) the group of all triangles at the vertex; empty: no groups
+  /// Vertices at one place, with one normal, that a border between groups parts.
+  std::vector<std::array<int, 2>> seams;
 };
 
 /// The design moved: vertices and normals by T.

@@ -39,6 +39,14 @@ Word Words::next_in_line() {
   return take();
 }
 
+Word Words::rest_of_line() {
+  Word rest = next_in_line();
+  for (Word word = rest; !word.text.empty(); word = next_in_line())
+    rest.text = {rest.text.data(),
+                 std::size_t(word.text.data() + word.text.size() - rest.text.data())};
+  return rest;
+}
+
 void Words::skip_line() {
   while (at_ < text_.size() && text_[at_] != '\n') ++at_;
 }

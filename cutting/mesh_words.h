@@ -32,6 +32,8 @@ class Words {
   Word next();
   /// The next word of this line; empty at its end.
   Word next_in_line();
+  /// From the next word of this line to its last, with the blanks between them.
+  Word rest_of_line();
   void skip_line();
   bool at_end();
   std::size_t offset() const { return at_; }

@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 
+#include "cutting/disjoint_sets.h"
 #include "cutting/profile_section.h"
 
 namespace abbe::cutting {
@@ -33,6 +34,21 @@ Contact turned_to(const Station& station, const Vector2d& azimuth) {
   const Vector2d& n = station.normal;
   return {{station.point.x() * azimuth.x(), station.point.x() * azimuth.y(), station.point.y()},
           Vector3d(n.x() * azimuth.x(), n.x() * azimuth.y(), n.y()).normalized()};
+}
+
+/// (vertices) of a design whose vertices are those of another, then more between them. No triangle
+/// joins two groups, so vertices that triangles join are of the group of the first of them.
+std::vector<int> groups_on(const Design& from, const Design& made) {
+  if (from.group.empty()) return {};
+  DisjointSets joined(std::size_t(made.vertices.rows()));
+  for (const auto& triangle : made.triangles.rowwise()) {
+    joined.join(triangle[0], triangle[1]);
+    joined.join(triangle[0], triangle[2]);
+  }
+  std::vector<int> group = from.group;
+  for (int i = int(group.size()); i < int(made.vertices.rows()); ++i)
+    group.push_back(group[std::size_t(joined.name_of(i))]);
+  return group;
 }
 
 }  // namespace
@@ -111,6 +127,8 @@ Design design_on(const Design& from, const std::vector<Contact>& places, Triangl
   made.facet_error = Eigen::VectorXd::Zero(n);
   made.facet_error.head(from.facet_error.size()) = from.facet_error;
   made.judged = std::move(judged);
+  made.group = groups_on(from, made);
+  made.seams = from.seams;
   return made;
 }
 

@@ -33,7 +33,8 @@ OnSurface on_declared(const Primitive& primitive, const Eigen::Isometry3d& T);
 Contact nearest(const Primitive& primitive, const Eigen::Vector3d& point,
                 const Eigen::Vector3d& normal);
 
-/// A design of other vertices, those of the one it is made from first, with their facet error.
+/// A design of other vertices, those of the one it is made from first, with their facet error,
+/// their groups and seams. The others are of the group of the triangles at them.
 /// @param triangles  (m x 3) of the places
 /// @param judged     (places)
 Design design_on(const Design& from, const std::vector<Contact>& places, Triangles triangles,

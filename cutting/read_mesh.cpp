@@ -31,11 +31,11 @@ void check_options(const ReadMeshOptions& options) {
     throw std::invalid_argument("read_mesh: travel must be positive and finite");
 }
 
-Soup read_soup(const MeshSource& source, const std::string& kind) {
-  if (kind == "stl") return read_stl(source);
-  if (kind == "obj") return read_obj(source);
-  if (kind == "ply") return read_ply(source);
-  if (kind == "off") return read_off(source);
+Soup read_soup(const MeshSource& source, const std::string& kind, const WantedMarks& wanted) {
+  if (kind == "stl") return read_stl(source, wanted);
+  if (kind == "obj") return read_obj(source, wanted);
+  if (kind == "ply") return read_ply(source, wanted);
+  if (kind == "off") return read_off(source, wanted);
   source.refuse("a mesh file ending in .stl, .obj, .ply or .off", in_quotes("." + kind));
 }
 
@@ -103,20 +103,27 @@ void check_size(const MeshSource& source, const Eigen::AlignedBox3d& box,
 }  // namespace
 
 Design read_mesh(const std::filesystem::path& file, const ReadMeshOptions& options) {
+  return read_marked_mesh(file, options, {}).design;
+}
+
+MarkedMesh read_marked_mesh(const std::filesystem::path& file, const ReadMeshOptions& options,
+                            const WantedMarks& wanted) {
   check_options(options);
   const std::string ending = lower(file.extension().string());
   const std::string kind = ending.empty() ? ending : ending.substr(1);
   // corners are counted in int
   const MeshSource source = mesh_source(file, options.max_bytes,
                                         std::min<std::int64_t>(options.max_triangles, 700'000'000));
-  const auto [soup, edges] = indexed(read_soup(source, kind), kind);
+  Soup as_written = read_soup(source, kind, wanted);
+  FaceMarks marks = std::exchange(as_written.marks, {});
+  const auto [soup, edges] = indexed(as_written, kind);
   audit(source, soup, edges, options.open);
   Design design = design_of(source, soup, options.unit_mm);
   Eigen::AlignedBox3d box;
   for (Eigen::Index i = 0; i < design.vertices.rows(); ++i)
     box.extend(design.vertices.row(i).transpose());
   check_size(source, box, options);
-  return design;
+  return {std::move(design), std::move(marks)};
 }
 
 }  // namespace abbe::cutting

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "cutting/face_marks.h"
 #include "cutting/mesh.h"
 #include "kinematics/bad_input.h"
 
@@ -33,5 +34,18 @@ struct ReadMeshOptions {
 /// @throws BadInput with file, line and column where it is text; expected and seen
 /// @throws std::invalid_argument if an option is not positive and finite
 Design read_mesh(const std::filesystem::path& file, const ReadMeshOptions& options = {});
+
+/// A design surface, and what its file says of its triangles.
+struct MarkedMesh {
+  Design design;
+  FaceMarks marks;
+};
+
+/// The same with the marks that are asked for: groups by name are `g`, `o` and `usemtl` of an OBJ,
+/// the solids of an ascii STL and whole numbers at the faces of a PLY; colours are in PLY, OFF,
+/// binary STL and the library of materials of an OBJ (`read_obj.h` and so on).
+/// @throws BadInput, std::invalid_argument as `read_mesh`, and for a mark that is none
+MarkedMesh read_marked_mesh(const std::filesystem::path& file, const ReadMeshOptions& options,
+                            const WantedMarks& wanted);
 
 }  // namespace abbe::cutting

@@ -13,6 +13,7 @@
 
 #include <fmt/format.h>
 
+#include "cutting/face_marker.h"
 #include "cutting/mesh_words.h"
 #include "kinematics/text.h"
 
@@ -33,12 +34,26 @@ struct PlyProperty {
   std::string name;
   PlyType type;
   std::optional<PlyType> list_count;
+
+  /// 0, 1, 2 for red, green, blue; none of another.
+  std::optional<std::size_t> channel() const {
+    constexpr std::array<std::string_view, 3> names = {"red", "green", "blue"};
+    const auto found = std::ranges::find(names, name);
+    if (found == names.end() || list_count) return std::nullopt;
+    return std::size_t(found - names.begin());
+  }
+  bool is_group() const { return !list_count && type.kind != 'f' && !channel() && name != "alpha"; }
 };
 
 struct PlyElement {
   std::int64_t count = 0;
   std::vector<PlyProperty> properties;
   int line = 0;
+
+  bool has_colour() const {
+    return std::ranges::any_of(properties,
+                               [](const PlyProperty& p) { return p.channel().has_value(); });
+  }
 };
 
 struct PlyHeader {
@@ -104,6 +119,23 @@ void check_properties(const MeshSource& source, const PlyHeader& header) {
   if (lists != 1)
     source.refuse("faces with one list vertex_indices", fmt::format("{}", lists), header.face.line,
                   1);
+}
+
+/// Refuses half a colour.
+void check_colour(const MeshSource& source, const PlyElement& element) {
+  std::array<int, 3> count{};
+  int fractions = 0;
+  for (const PlyProperty& p : element.properties) {
+    if (!p.channel()) continue;
+    ++count[*p.channel()];
+    fractions += p.type.kind == 'f';
+  }
+  const std::string expected = "one property each of red, green and blue, of one kind of number";
+  if (element.has_colour() && count != std::array{1, 1, 1})
+    source.refuse(expected, fmt::format("{}, {} and {}", count[0], count[1], count[2]),
+                  element.line, 1);
+  if (fractions % 3 != 0)
+    source.refuse(expected, "whole numbers beside fractions", element.line, 1);
 }
 
 PlyHeader ply_header(const MeshSource& source) {
@@ -195,57 +227,123 @@ class PlyValues {
   std::size_t at_;
 };
 
-Vector3d ply_vertex(PlyValues& values, const PlyElement& vertex) {
-  Vector3d point = Vector3d::Zero();
-  for (const PlyProperty& p : vertex.properties) {
-    const double value = values.next(p.type);
-    const std::size_t axis = p.name.size() == 1 ? std::string_view("xyz").find(p.name) : 3;
-    if (axis > 2) continue;  // a quality that is nan is no fault of the mesh
-    if (!std::isfinite(value)) values.refuse("finite numbers", fmt::format("{}", value));
-    point[Eigen::Index(axis)] = value;
-  }
-  return point;
-}
+/// Takes the values of a colour one after the other, in any order.
+struct PlyColour {
+  std::optional<FaceColour> colour;
 
-Polygon ply_face(PlyValues& values, const PlyHeader& header) {
-  Polygon face;
-  for (const PlyProperty& p : header.face.properties) {
-    if (!p.list_count) {
-      values.next(p.type);
-      continue;
+  void take(const PlyValues& values, const PlyProperty& p, double value) {
+    if (!colour) colour = FaceColour{};
+    const bool fraction = p.type.kind == 'f';
+    if (!(value >= 0.0 && value <= (fraction ? 1.0 : 255.0)) ||
+        (!fraction && value != std::floor(value)))
+      values.refuse(fraction ? "a channel from 0 to 1" : "a channel, 0 .. 255",
+                    fmt::format("{} as {}", value, p.name));
+    colour->digits = fraction ? FaceColour::Digits::Fraction : FaceColour::Digits::EightBits;
+    colour->channels[*p.channel()] = int(std::lround(fraction ? 255.0 * value : value));
+  }
+};
+
+/// A file as it is read, with the marks that are asked for.
+class PlyReader {
+ public:
+  PlyReader(const MeshSource& source, const WantedMarks& wanted)
+      : source_(source),
+        wanted_(wanted),
+        header_(ply_header(source)),
+        values_(source, header_),
+        marker_(source) {
+    if (!wanted_.colours) return;
+    check_colour(source, header_.face);
+    if (!header_.face.has_colour()) check_colour(source, header_.vertex);
+  }
+
+  Soup read() {
+    for (std::int64_t i = 0; i < header_.vertex.count; ++i) add_vertex();
+    for (std::int64_t i = 0; i < header_.face.count; ++i) add_face();
+    if (!values_.at_end())
+      values_.refuse("the end of the file after the elements of its header", "more");
+    soup_.marks = marker_.marks();
+    return std::move(soup_);
+  }
+
+ private:
+  void add_vertex() {
+    const bool wants_colour =
+        wanted_.colours && !header_.face.has_colour() && header_.vertex.has_colour();
+    Vector3d point = Vector3d::Zero();
+    PlyColour colour;
+    for (const PlyProperty& p : header_.vertex.properties) {
+      const double value = values_.next(p.type);
+      if (wants_colour && p.channel()) colour.take(values_, p, value);
+      const std::size_t axis = p.name.size() == 1 ? std::string_view("xyz").find(p.name) : 3;
+      if (axis > 2) continue;  // a quality that is nan is no fault of the mesh
+      if (!std::isfinite(value)) values_.refuse("finite numbers", fmt::format("{}", value));
+      point[Eigen::Index(axis)] = value;
     }
-    const double corners = values.next(*p.list_count);
-    if (!(corners >= 3.0 && corners <= most_corners))
-      values.refuse(fmt::format("faces of 3 to {} corners", most_corners),
-                    fmt::format("one of {}", corners));
-    face.corners.resize(std::size_t(corners));
-    for (int& corner : face.corners) {
-      const double i = values.next(p.type);
-      if (!(i >= 0.0 && i < double(header.vertex.count)) || i != std::floor(i))
-        values.refuse(fmt::format("number of a vertex (0 .. {})", header.vertex.count - 1),
-                      fmt::format("{}", i));
+    soup_.points.push_back(point);
+    if (wants_colour) colours_.push_back(colour.colour);
+  }
+
+  void add_face() {
+    Polygon face;
+    PlyColour colour;
+    FaceMark mark;
+    const auto& properties = header_.face.properties;
+    for (std::size_t k = 0; k < properties.size(); ++k) {
+      const PlyProperty& p = properties[k];
+      if (p.list_count) {
+        face.corners = corners(p);
+        continue;
+      }
+      const double value = values_.next(p.type);
+      if (wanted_.colours && p.channel()) colour.take(values_, p, value);
+      if (wanted_.groups && p.is_group()) mark.names.push_back(group(k, value));
+    }
+    if (header_.form == PlyForm::Ascii) face.line = values_.line();
+    soup_ = with_face(std::move(soup_), face, source_);
+    if (!wanted_.any()) return;
+    mark.colour = colour.colour ? colour.colour : colour_of_corners(colours_, face.corners);
+    marker_.mark(soup_.faces.size(), mark);
+  }
+
+  std::vector<int> corners(const PlyProperty& p) {
+    const double count = values_.next(*p.list_count);
+    if (!(count >= 3.0 && count <= most_corners))
+      values_.refuse(fmt::format("faces of 3 to {} corners", most_corners),
+                     fmt::format("one of {}", count));
+    std::vector<int> corners(static_cast<std::size_t>(count));
+    for (int& corner : corners) {
+      const double i = values_.next(p.type);
+      if (!(i >= 0.0 && i < double(header_.vertex.count)) || i != std::floor(i))
+        values_.refuse(fmt::format("number of a vertex (0 .. {})", header_.vertex.count - 1),
+                       fmt::format("{}", i));
       corner = static_cast<int>(i);
     }
+    return corners;
   }
-  return face;
-}
+
+  /// The set of names of a value of a property.
+  int group(std::size_t property, double value) {
+    const auto [place, is_new] = groups_.emplace(std::pair(property, value), -1);
+    const std::string& name = header_.face.properties[property].name;
+    if (is_new) place->second = marker_.set_of({fmt::format("{} {}", name, value)});
+    return place->second;
+  }
+
+  const MeshSource& source_;
+  WantedMarks wanted_;
+  PlyHeader header_;
+  PlyValues values_;
+  FaceMarker marker_;
+  Soup soup_;
+  std::vector<std::optional<FaceColour>> colours_;  // of the vertices, if faces have none
+  std::map<std::pair<std::size_t, double>, int> groups_;
+};
 
 }  // namespace
 
-Soup read_ply(const MeshSource& source) {
-  const PlyHeader header = ply_header(source);
-  PlyValues values(source, header);
-  Soup soup;
-  for (std::int64_t i = 0; i < header.vertex.count; ++i)
-    soup.points.push_back(ply_vertex(values, header.vertex));
-  for (std::int64_t i = 0; i < header.face.count; ++i) {
-    Polygon face = ply_face(values, header);
-    if (header.form == PlyForm::Ascii) face.line = values.line();
-    soup = with_face(std::move(soup), face, source);
-  }
-  if (!values.at_end())
-    values.refuse("the end of the file after the elements of its header", "more");
-  return soup;
+Soup read_ply(const MeshSource& source, const WantedMarks& wanted) {
+  return PlyReader(source, wanted).read();
 }
 
 }  // namespace abbe::cutting

@@ -54,15 +54,15 @@ int corner_at(const Triangles& triangles, int triangle, int vertex) {
   return -1;
 }
 
-/// Corners of triangles, numbered 3 t + k, that belong to one smooth patch at a vertex.
-DisjointSets smooth_corners(const Design& design, double angle) {
+/// Corners of triangles, numbered 3 t + k, that stay together at a vertex: those of triangles that
+/// are joined across an edge.
+template <typename Joined>
+DisjointSets joined_corners(const Design& design, const Joined& joined) {
   DisjointSets corners(3 * std::size_t(design.triangles.rows()));
   const std::vector<Side> sides = sides_of(design.triangles);
   for (std::size_t i = 0; i + 1 < sides.size(); ++i) {
     const Side &one = sides[i], &other = sides[i + 1];
-    if (!one.same_edge(other)) continue;
-    const Vector3d a = normal_of(design, one.triangle), b = normal_of(design, other.triangle);
-    if (std::atan2(a.cross(b).norm(), a.dot(b)) > angle) continue;
+    if (!one.same_edge(other) || !joined(one.triangle, other.triangle)) continue;
     for (const int vertex : {one.low, one.high})
       corners.join(corner_at(design.triangles, one.triangle, vertex),
                    corner_at(design.triangles, other.triangle, vertex));
@@ -85,6 +85,31 @@ Design taken(const Design& design, const std::vector<int>& from, Triangles trian
   return made;
 }
 
+/// Triangles whose sets of corners have vertices of their own.
+struct Parted {
+  std::vector<int> from;  ///< the old vertex of each: all of them, then those added
+  Triangles triangles;
+};
+
+Parted parted_at(const Design& design, DisjointSets corners) {
+  const auto n = std::size_t(design.vertices.rows());
+  Parted parted{std::vector<int>(n), design.triangles};
+  std::iota(parted.from.begin(), parted.from.end(), 0);
+  std::vector<int> taker(n, -1);  // set of corners that keeps the vertex
+  std::map<int, int> added;       // vertex of the other sets
+  for (int t = 0; t < int(design.triangles.rows()); ++t)
+    for (int k = 0; k < 3; ++k) {
+      const int vertex = design.triangles(t, k), set = corners.name_of(3 * t + k);
+      int& keeps = taker[std::size_t(vertex)];
+      if (keeps < 0) keeps = set;
+      if (keeps == set) continue;
+      const auto [place, is_new] = added.emplace(set, int(parted.from.size()));
+      if (is_new) parted.from.push_back(vertex);
+      parted.triangles(t, k) = place->second;
+    }
+  return parted;
+}
+
 /// (n) the first vertex that stands at the same point.
 std::vector<int> first_at_point(const Points& vertices) {
   std::map<std::array<double, 3>, int> first;
@@ -101,25 +126,35 @@ std::vector<int> first_at_point(const Points& vertices) {
 Design split_at_edges(const Design& design, double angle) {
   if (!(angle > 0.0 && angle < std::numbers::pi))
     throw std::invalid_argument("split_at_edges: the angle must be between 0 and pi");
-  DisjointSets corners = smooth_corners(design, angle);
-  const auto n = std::size_t(design.vertices.rows());
-  std::vector<int> from(n);
-  std::iota(from.begin(), from.end(), 0);
-  std::vector<int> taker(n, -1);  // set of corners that keeps the vertex
-  std::map<int, int> added;       // vertex of the other sets
-  Triangles triangles = design.triangles;
-  for (int t = 0; t < int(triangles.rows()); ++t)
-    for (int k = 0; k < 3; ++k) {
-      const int vertex = design.triangles(t, k), set = corners.name_of(3 * t + k);
-      int& keeps = taker[std::size_t(vertex)];
-      if (keeps < 0) keeps = set;
-      if (keeps == set) continue;
-      const auto [place, is_new] = added.emplace(set, int(from.size()));
-      if (is_new) from.push_back(vertex);
-      triangles(t, k) = place->second;
-    }
-  if (added.empty()) return design;
-  return taken(design, from, std::move(triangles));
+  const auto is_smooth = [&](int one, int other) {
+    const Vector3d a = normal_of(design, one), b = normal_of(design, other);
+    return !(std::atan2(a.cross(b).norm(), a.dot(b)) > angle);
+  };
+  Parted parted = parted_at(design, joined_corners(design, is_smooth));
+  if (parted.from.size() == std::size_t(design.vertices.rows())) return design;
+  return taken(design, parted.from, std::move(parted.triangles));
+}
+
+Design split_at_groups(const Design& design, const std::vector<int>& group) {
+  if (Index(group.size()) != design.triangles.rows())
+    throw std::invalid_argument("split_at_groups: one group a triangle");
+  const auto same = [&](int one, int other) {
+    return group[std::size_t(one)] == group[std::size_t(other)];
+  };
+  Parted parted = parted_at(design, joined_corners(design, same));
+  Design made = taken(design, parted.from, std::move(parted.triangles));
+  made.group.assign(parted.from.size(), -1);
+  for (Index t = 0; t < made.triangles.rows(); ++t)
+    for (const int vertex : made.triangles.row(t))
+      made.group[std::size_t(vertex)] = group[std::size_t(t)];
+  for (auto i = std::size_t(design.vertices.rows()); i < parted.from.size(); ++i)
+    made.seams.push_back({parted.from[i], int(i)});
+  for (Index i = 0; i < made.vertices.rows(); ++i) {
+    const int old = parted.from[std::size_t(i)];
+    made.normals.row(i) = design.normals.row(old);
+    made.facet_error[i] = design.facet_error[old];
+  }
+  return made;
 }
 
 std::vector<int> patches(const Design& design) {
@@ -128,6 +163,7 @@ std::vector<int> patches(const Design& design) {
     sets.join(triangle[0], triangle[1]);
     sets.join(triangle[0], triangle[2]);
   }
+  for (const auto& [kept, added] : design.seams) sets.join(kept, added);
   std::vector<int> patch(std::size_t(design.vertices.rows()));
   int count = 0;
   for (int i = 0; i < int(patch.size()); ++i) {

@@ -16,8 +16,17 @@ namespace abbe::cutting {
 /// @throws std::invalid_argument if the angle is out of range
 Design split_at_edges(const Design& design, double angle);
 
+/// The design with a vertex of its own for every group of triangles that meets at a point, so that
+/// no vertex is of two: at the same place and with the same normal, since a border between groups
+/// is no edge of the part. `group` and `seams` say which; areas are those of the triangles of the
+/// group alone, and vertices are numbered as by `split_at_edges`. What is made of the design
+/// afterwards keeps the groups (`design_on`): a triangle within another is of its group.
+/// @param group  (triangles) from 0
+/// @throws std::invalid_argument unless there is one group a triangle
+Design split_at_groups(const Design& design, const std::vector<int>& group);
+
 /// (n) number of the connected patch of triangles to which each vertex belongs, from 0 in the order
-/// of their first vertices.
+/// of their first vertices; groups of triangles are connected by their seams.
 std::vector<int> patches(const Design& design);
 
 /// The sharp edges of a split design: those that two triangles share by their points and not by

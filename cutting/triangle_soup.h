@@ -6,16 +6,19 @@
 
 #include <Eigen/Core>
 
+#include "cutting/face_marks.h"
 #include "cutting/mesh_source.h"
 
 namespace abbe::cutting {
 
-/// Triangles as a file has them.
+/// Triangles as a file has them. What is done to a soup keeps their order, so that its marks, which
+/// `merged` and `without_unused` leave behind, stand for theirs.
 struct Soup {
   using Face = std::array<int, 3>;
   std::vector<Eigen::Vector3d> points;
   std::vector<Face> faces;
   std::vector<int> line;  ///< of every face, empty if the file is binary
+  FaceMarks marks;        ///< those that were asked for
 };
 
 /// A face of a file: its corners, and the line on which it stands, 0 in a binary file.

@@ -10,6 +10,7 @@
 
 #include "cutting/primitive.h"
 #include "cutting/smooth_patches.h"
+#include "kinematics/units.h"
 
 namespace abbe::cutting {
 namespace {
@@ -17,8 +18,6 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector3d;
 using std::numbers::pi;
-
-constexpr double micron = 1e-3;
 
 /// Somewhere in the machine, every axis at work.
 Eigen::Isometry3d away() {
@@ -143,7 +142,7 @@ TEST(Recognised, EverySurfaceFromItsFile) {
   for (const KnownForm& one : known_forms)
     for (const int vertices : {100, 400, 5000}) {
       const Design mesh = from_file(one.primitive, vertices);
-      const Recognised found = recognised(mesh, 0.1 * micron);
+      const Recognised found = recognised(mesh, 0.1 * units::um);
       ASSERT_EQ(found.patches.size(), 1u) << one.name << ", " << vertices;
       EXPECT_EQ(found.patches[0].form, one.form) << one.name;
       EXPECT_NEAR(found.patches[0].area, found.area, 1e-9 * found.area);
@@ -155,10 +154,10 @@ TEST(Recognised, EverySurfaceFromItsFile) {
         off = std::max(off, std::abs((p - exact.point).dot(exact.normal)));
         lean = std::max(lean, (n - exact.normal).norm());
       }
-      std::cout << one.name << " of " << mesh.vertices.rows() << " vertices: " << off / micron
-                << " um and " << lean << " rad off, rounding " << found.patches[0].off / micron
+      std::cout << one.name << " of " << mesh.vertices.rows() << " vertices: " << off / units::um
+                << " um and " << lean << " rad off, rounding " << found.patches[0].off / units::um
                 << " um\n";
-      EXPECT_LT(off, 0.05 * micron);
+      EXPECT_LT(off, 0.05 * units::um);
       EXPECT_LT(lean, 1e-5);
     }
 }
@@ -204,10 +203,10 @@ TEST(Recognised, WhatIsNoneOfThemStaysAsItIs) {
   Design wave = tessellate(RectanglePlane{30.0, 30.0}, {900});
   for (Index i = 0; i < wave.vertices.rows(); ++i)
     wave.vertices(i, 2) =
-        0.5 * micron * std::sin(wave.vertices(i, 0)) * std::cos(wave.vertices(i, 1));
-  EXPECT_TRUE(recognised(wave, 0.1 * micron).patches.empty());
-  EXPECT_EQ(recognised(wave, 0.1 * micron).design.vertices, wave.vertices);
-  EXPECT_EQ(recognised(wave, 1.0 * micron).patches.size(), 1u)
+        0.5 * units::um * std::sin(wave.vertices(i, 0)) * std::cos(wave.vertices(i, 1));
+  EXPECT_TRUE(recognised(wave, 0.1 * units::um).patches.empty());
+  EXPECT_EQ(recognised(wave, 0.1 * units::um).design.vertices, wave.vertices);
+  EXPECT_EQ(recognised(wave, 1.0 * units::um).patches.size(), 1u)
       << "within a micrometre it is a plane";
   EXPECT_THROW(recognised(wave, 0.0), std::invalid_argument);
 }
@@ -217,7 +216,7 @@ TEST(Recognised, FacesOfABodyEachForItself) {
   const Primitive cup = RevolvedProfile{{{{0.0, 10.0}, {8.0, 10.0}}, {{8.0, 10.0}, {8.0, 0.0}}}};
   const Design mesh = from_file(cup, 800);
   const Design faces = split_at_edges(mesh, pi / 6);
-  const Recognised found = recognised(faces, 0.1 * micron);
+  const Recognised found = recognised(faces, 0.1 * units::um);
   ASSERT_EQ(found.patches.size(), 2u);
   EXPECT_EQ(found.patches[0].form, Form::Plane);
   EXPECT_EQ(found.patches[1].form, Form::Cylinder);
