@@ -292,6 +292,7 @@ Job prepare(const Scene& described, const Progress& progress) {
   add_warnings(odd_sizes(job.truth.geometric, job.samples), warnings);
   job.recognised = std::move(part.recognised);
   job.recognised_share = part.recognised_share;
+  job.face_groups = std::move(part.face_groups);
   job.program_text = std::move(program.text);
   job.unreached = program.unreached;
   job.warnings = std::move(warnings);

@@ -13,6 +13,7 @@
 #include "sim/cut/commands.h"
 #include "sim/cut/corrector.h"
 #include "sim/cut/process.h"
+#include "sim/cut/regions.h"
 #include "sim/files/progress.h"
 #include "sim/machine/truth.h"
 #include "sim/program/sample.h"
@@ -43,6 +44,7 @@ struct Job {
   std::shared_ptr<const cutting::Thickness> body_w;  ///< of the part, where rays through it end
   std::vector<cutting::RecognisedPatch> recognised;  ///< of a mesh, part frame
   double recognised_share = 0.0;                     ///< of its area
+  FaceGroups face_groups;                            ///< of a mesh, for the regions of the part
   std::optional<SampledSurface> sampled;             ///< how `sampled` chose the vertices
   program::Path path;                                ///< as read back from its file
   program::SampleOptions sampling;

@@ -11,7 +11,6 @@
 #include "cutting/smooth_patches.h"
 #include "cutting/subdivide.h"
 #include "sim/cut/pose.h"
-#include "sim/cut/tolerance_bands.h"
 #include "sim/cut/unreached_text.h"
 #include "sim/machine/compile.h"
 #include "sim/program/milling_text.h"
@@ -34,12 +33,12 @@ void judge_by_radius(Design& design, const PartDescription& part) {
 }
 
 /// Leaves vertices out of the verdict by the region in which they lie.
-void judge_by_region(Design& design, const PartDescription& part) {
+void judge_by_region(Design& design, const PartDescription& part, const FaceGroups& groups) {
   const bool only_regions = part.judged == PartDescription::Judged::Regions;
   if (part.regions.empty() && !only_regions) return;
   design.judged.resize(std::size_t(design.vertices.rows()), 1);
   for (Eigen::Index i = 0; i < design.vertices.rows(); ++i) {
-    const PartRegion* region = region_at(part, design.vertices.row(i));
+    const PartRegion* region = region_at(part, groups, region_place(design, i));
     if (region != nullptr ? !region->judged : only_regions) design.judged[std::size_t(i)] = 0;
   }
 }
@@ -117,9 +116,12 @@ std::string left_out_text(const Design& before, const Design& after, double marg
       unseen, faces, margin, left, all);
 }
 
-/// A mesh as faces of their own, on the surfaces that they are recognised as, its large triangles
-/// divided, so that something of each face lies off its edges.
-Design faces_of(const PartDescription& described, Part& part, double margin) {
+/// A mesh as faces of their own, on the surfaces that they are recognised as, parted where groups
+/// of triangles meet, its large triangles divided, so that something of each face lies off its
+/// edges.
+/// @param group  of the triangles; empty: none
+Design faces_of(const PartDescription& described, Part& part, const std::vector<int>& group,
+                double margin) {
   constexpr double least_vertices = 5000.0;
   const double none_given = 4.0 * least_vertices;
   Design faces = cutting::split_at_edges(part.body_m, described.edge_angle);
@@ -130,6 +132,8 @@ Design faces_of(const PartDescription& described, Part& part, double margin) {
     part.recognised = std::move(found.patches);
     for (const auto& patch : part.recognised) part.recognised_share += patch.area / found.area;
   }
+  // smooth patches were recognised whole before
+  if (!group.empty()) faces = cutting::split_at_groups(faces, group);
   if (described.sampling.kind != PartSampling::Kind::Vertices) {
     const double spacing = std::sqrt(faces.area.sum() / least_vertices);
     const cutting::OnSurface on_surface =
@@ -149,8 +153,13 @@ Part load_mesh(const Scene& scene, const MeshFile& mesh) {
   options.open = mesh.open;
   if (!mesh.any_size) options.travel = travel_box(scene.machine);
   Part part;
-  part.body_m = cutting::read_mesh(mesh.file, options);
-  part.design_m = faces_of(scene.part, part, edge_margin(scene));
+  const cutting::WantedMarks wanted = wanted_marks(scene.part);
+  cutting::MarkedMesh read = cutting::read_marked_mesh(mesh.file, options, wanted);
+  part.body_m = std::move(read.design);
+  GroupedFaces grouped;
+  if (wanted.any()) grouped = grouped_faces(scene.part, read.marks);
+  part.face_groups = std::move(grouped.groups);
+  part.design_m = faces_of(scene.part, part, grouped.of_triangle, edge_margin(scene));
   if (scene.part.judged_normal_z || scene.part.judged_margin)
     part.design_m = cutting::judge_top(part.design_m, {scene.part.judged_normal_z.value_or(-1.0),
                                                        scene.part.judged_margin.value_or(0.0)});
@@ -254,7 +263,10 @@ Part load_part(const Scene& scene) {
       },
       scene.part.shape);
   judge_by_radius(part.design_m, scene.part);
-  judge_by_region(part.design_m, scene.part);
+  judge_by_region(part.design_m, scene.part, part.face_groups);
+  for (std::string& text :
+       region_warnings(region_shares(scene.part, part.face_groups, part.design_m)))
+    part.warnings.push_back(std::move(text));
   check_judged(scene, part.design_m);
   const Eigen::Vector2d margin = Eigen::Vector2d::Constant(overrun(scene));
   part.lower = part.design_m.vertices.leftCols<2>().colwise().minCoeff().transpose() - margin;

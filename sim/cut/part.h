@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "cutting/recognise.h"
+#include "sim/cut/regions.h"
 #include "sim/machine/machine.h"
 #include "sim/program/generate.h"
 #include "sim/program/path.h"
@@ -19,6 +20,7 @@ struct Part {
   cutting::Design design_w;  ///< in the workpiece frame, where it is cut
   std::vector<cutting::RecognisedPatch> recognised;  ///< of a mesh, part frame
   double recognised_share = 0.0;                     ///< of its area
+  FaceGroups face_groups;                            ///< of a mesh, for its regions
   std::vector<std::string> warnings;
   program::ContactField contact;  ///< part frame, continued beyond the rim where a raster asks
   Eigen::Vector2d lower, upper;   ///< mm, x y of the part frame that a raster covers

@@ -138,8 +138,13 @@ Description describe(const Job& job) {
              job.nominal_process.steps.size(), totals(job.nominal_process),
              job.nominal_process.crash_lines};
   const cutting::Design& design = job.design_w;
-  d.part = {job.scene.part.name, design.vertices.rows(), design.triangles.rows(), design.area.sum(),
-            design.facet_error.size() > 0 ? design.facet_error.maxCoeff() : 0.0};
+  d.part = {job.scene.part.name,
+            design.vertices.rows(),
+            design.triangles.rows(),
+            design.area.sum(),
+            design.facet_error.size() > 0 ? design.facet_error.maxCoeff() : 0.0,
+            region_shares(job.scene.part, job.face_groups,
+                          cutting::transformed(design, job.scene.part.T_wm.inverse()))};
   d.program = {job.path.motion_blocks, states.size(), states.empty() ? 0.0 : states.back().time_s,
                unreached_text(job.unreached)};
   for (const Job& one : job.stretches)

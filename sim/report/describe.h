@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "sim/cut/cut.h"
+#include "sim/cut/regions.h"
 #include "sim/machine/location_effects.h"
 #include "sim/scene/trust.h"
 
@@ -67,6 +68,7 @@ struct Description {
     Eigen::Index vertices = 0, triangles = 0;
     double area = 0.0;         ///< mm^2
     double facet_error = 0.0;  ///< mm, the largest
+    std::vector<RegionShare> regions;
   } part;
   struct Program {
     int moves = 0;

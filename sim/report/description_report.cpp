@@ -227,6 +227,19 @@ std::string cut_text(const Description::NominalCut& cut) {
   return text;
 }
 
+std::string part_text(const Description::Part& part) {
+  std::string text = fmt::format("\npart     {}: {} vertices, {:.4g} mm^2\n", escaped(part.name),
+                                 part.vertices, part.area);
+  for (const RegionShare& one : part.regions) {
+    text += fmt::format("         region {}: {:.4g} mm^2, {:.4g} % of it", escaped(one.name),
+                        one.area, 100.0 * one.share);
+    if (one.decides < one.share)
+      text += fmt::format(", {:.4g} % where no later region holds", 100.0 * one.decides);
+    text += "\n";
+  }
+  return text;
+}
+
 std::string programs_text(const std::vector<JudgedProgram>& programs) {
   if (programs.empty()) return {};
   std::string text = "\nruns     programs that its files name; check ran none\n";
@@ -259,6 +272,11 @@ ordered_json to_json(const Description& d) {
                   {"triangles", d.part.triangles},
                   {"area_mm2", d.part.area},
                   {"facet_error_max_um", d.part.facet_error / units::um}};
+  for (const RegionShare& one : d.part.regions)
+    json["part"]["regions"].push_back({{"name", one.name},
+                                       {"area_mm2", one.area},
+                                       {"area_percent", 100.0 * one.share},
+                                       {"decides_percent", 100.0 * one.decides}});
   json["program"] = {{"moves", d.program.moves},
                      {"samples", d.program.samples},
                      {"time_s", d.program.time_s},
@@ -292,10 +310,9 @@ std::string to_text(const Description& d) {
   if (d.stiffness_N_per_um) text += stiffness_text(*d.stiffness_N_per_um);
   if (d.cut) text += cut_text(*d.cut);
   if (d.programs) text += programs_text(*d.programs);
-  text += fmt::format(
-      "\npart     {}: {} vertices, {:.4g} mm^2\nprogram  {} moves, {} samples, {:.1f} s\n",
-      escaped(d.part.name), d.part.vertices, d.part.area, d.program.moves, d.program.samples,
-      d.program.time_s);
+  text += part_text(d.part);
+  text += fmt::format("program  {} moves, {} samples, {:.1f} s\n", d.program.moves,
+                      d.program.samples, d.program.time_s);
   for (const Description::Stretch& one : d.stretches)
     text += fmt::format("         T{} {}: {} moves, lines {} to {}\n", one.tool, escaped(one.name),
                         one.moves, one.first_line, one.last_line);

@@ -127,7 +127,7 @@ const char* name_of(Alignment alignment) {
 Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
   Verdict verdict;
   verdict.aligned = cutting::aligned(cut.surface, job.design_w, {job.scene.alignment});
-  verdict.tolerance = tolerance_bands(job.scene.part, job.design_w.vertices);
+  verdict.tolerance = tolerance_bands(job.scene.part, job.face_groups, job.design_w);
   verdict.residual = cutting::statistics(verdict.aligned.surface, job.design_w, verdict.tolerance);
   find_places(job, verdict);
   FormAndTexture parted = form_and_texture(job, verdict.aligned.surface, verdict.tolerance);

@@ -7,9 +7,11 @@
 #include <vector>
 
 #include "cutting/alignment.h"
+#include "cutting/face_marks.h"
 #include "cutting/primitive.h"
 #include "kinematics/chain.h"
 #include "sim/scene/mesh_file.h"
+#include "sim/scene/toml_tree.h"
 
 namespace abbe::sim {
 
@@ -37,8 +39,11 @@ struct PartRegion {
   std::string name;
   std::optional<Eigen::VectorXd> z, radius;  ///< (2) mm, from and to, of the part frame
   std::optional<Eigen::VectorXd> box;        ///< (6) mm, least x, y, z and greatest
+  std::string group;                         ///< mesh files: of its faces; empty: all
+  std::optional<cutting::Rgb> colour;        ///< mesh files: of its faces
   std::optional<Tolerance> tolerance;
   bool judged = true;
+  Place place;  ///< in the scene, for what its mesh does not have
 };
 
 struct PartDescription {

@@ -10,6 +10,7 @@
 #include "kinematics/escape.h"
 #include "kinematics/units.h"
 #include "sim/scene/case_folders.h"
+#include "sim/scene/part_materials.h"
 #include "sim/scene/scene_fields.h"
 #include "sim/scene/scene_names.h"
 #include "sim/scene/scene_sections.h"
@@ -116,6 +117,8 @@ Scene read_scene(const std::filesystem::path& file, const std::vector<Override>&
   Scene scene = scene_of_tree(*as_written, file, overrides, std::move(faults));
   Named named = named_by(*scene.tree, file);
   scene.files = std::move(named.files);
+  for (std::filesystem::path& file : material_files(scene.part))
+    scene.files.push_back(std::filesystem::absolute(file).lexically_normal());
   scene.programs = std::move(named.programs);
   return scene;
 }

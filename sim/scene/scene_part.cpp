@@ -247,6 +247,13 @@ Key tolerance_key_of(KeyName name, const char* sentence) {
   return key;
 }
 
+void read_colour(TableReader& reader, PartRegion& region) {
+  const std::string text = reader.text("colour", "");
+  if (text.empty()) return;
+  region.colour = cutting::colour_of(text);
+  if (!region.colour) reader.refuse("colour", "\"#rrggbb\", as \"#ff8000\"", "\"" + text + "\"");
+}
+
 Fields<PartRegion> region_fields() {
   using Region = PartRegion;
   return Fields<Region>()
@@ -268,6 +275,18 @@ Fields<PartRegion> region_fields() {
       .numbers("z_mm", &Region::z, 2, "`[from, to]`, z of the part")
       .numbers("radius_mm", &Region::radius, 2, "`[from, to]`, from the part's z axis")
       .numbers("box_mm", &Region::box, 6, "least x, y, z, then greatest, of the part")
+      .text(
+          "group", &Region::group,
+          "of a mesh: faces that its file calls so: by `g`, `o` or `usemtl` (OBJ), `solid` (ascii "
+          "STL), or by name and value of a whole number that faces have (PLY), as \"label 3\"")
+      .custom({key_of("colour", Key::Kind::Text,
+                      "of a mesh: \"#rrggbb\", faces of this colour: PLY, OFF, binary STL (5 bits: "
+                      "those to which the 8 are cut or rounded), OBJ (Kd of its .mtl); fractions "
+                      "count within 1 / 255")},
+              read_colour,
+              [](const Region& region, Node::Table& table) {
+                if (region.colour) put(table, "colour", cutting::hex_text(*region.colour));
+              })
       .check([](TableReader& reader, Region& region) {
         const auto ordered = [&](const char* key, const std::optional<Eigen::VectorXd>& limits) {
           const Eigen::Index half = limits ? limits->size() / 2 : 0;
@@ -278,6 +297,18 @@ Fields<PartRegion> region_fields() {
         ordered("radius_mm", region.radius);
         ordered("box_mm", region.box);
       });
+}
+
+void read_regions(TableReader& reader, PartDescription& part) {
+  for (const Node* node : reader.tables("region")) {
+    TableReader region(*node, reader.name_of("region"), reader.faults());
+    part.regions.push_back(region_fields().read(region));
+    part.regions.back().place = node->place;
+    for (const char* key : {"group", "colour"})
+      if (region.has(key) && !is_mesh(part))
+        region.refuse(key, "a part from a mesh `file`", "a declared surface, which has no faces");
+    region.close();
+  }
 }
 
 Fields<PartDescription> tolerance_fields() {
@@ -293,8 +324,11 @@ Fields<PartDescription> tolerance_fields() {
           [](const PartDescription& part, Node::Table& table) {
             put_tolerance(part.tolerance, table);
           })
-      .tables("region", &PartDescription::regions, region_fields(),
-              "where another tolerance holds, or what is judged; of regions that overlap the last");
+      .tables(
+          "region", &PartDescription::regions, region_fields(),
+          "where another tolerance holds, or what is judged: what all of its keys hold; of regions "
+          "that overlap the last",
+          read_regions);
 }
 
 const Fields<PartDescription>& part_fields() {

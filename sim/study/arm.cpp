@@ -211,9 +211,10 @@ Eigen::VectorXd responses(const Study& study, const Job& job, const cutting::Sur
   };
   cutting::Surface judged = aligned(surface);
   if (study.machine_part) judged = cutting::minus(judged, aligned(error_free));
-  MapFigures figures{cutting::statistics(judged, job.design_w,
-                                         tolerance_bands(job.scene.part, job.design_w.vertices)),
-                     {}};
+  MapFigures figures{
+      cutting::statistics(judged, job.design_w,
+                          tolerance_bands(job.scene.part, job.face_groups, job.design_w)),
+      {}};
   if (asks_to_filter(study)) figures.parted = form_and_texture(job, judged, {});
   Eigen::VectorXd values(Eigen::Index(study.responses.size()));
   for (std::size_t i = 0; i < study.responses.size(); ++i)

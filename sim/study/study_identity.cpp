@@ -7,6 +7,7 @@
 #include "kinematics/text.h"
 #include "sim/files/versions.h"
 #include "sim/scene/case_name.h"
+#include "sim/scene/part_materials.h"
 #include "sim/scene/scene_tree.h"
 
 namespace abbe::sim::study {
@@ -48,7 +49,9 @@ std::string program() {
 }
 
 std::string identity_of_scene(const Scene& scene) {
-  const std::uint64_t files = hash_of_files(parse_toml(scene.resolved, "scene"), 0);
+  std::uint64_t files = hash_of_files(parse_toml(scene.resolved, "scene"), 0);
+  for (const std::filesystem::path& file : material_files(scene.part))
+    files = hash_of_file(file, files);
   return scene.resolved + std::to_string(files);
 }
 

@@ -64,19 +64,20 @@ TEST(Tolerance, OfARegionHoldsThereAndTheLastDecides) {
       "[[region]]\nname = \"rim\"\nradius_mm = [8, 10]\ntolerance_um = [-20, 1]\n"
       "[[region]]\nname = \"corner\"\nbox_mm = [7, -1, -1, 20, 1, 1]\ntolerance_um = 3\n"
       "[[region]]\nname = \"above\"\nz_mm = [1, 2]\ntolerance_um = 7\n");
-  cutting::Points at(5, 3);
-  at << 0, 0, 0, 0, 9, 0, 9, 0, 0, 7.5, 0, 0, 0, 0, 1;
-  at.col(0).array() += 100.0;  // the part stands there
-  const cutting::ToleranceBands bands = tolerance_bands(part, at) / units::um;
+  cutting::Design at;
+  at.vertices.resize(5, 3);
+  at.vertices << 0, 0, 0, 0, 9, 0, 9, 0, 0, 7.5, 0, 0, 0, 0, 1;
+  at.vertices.col(0).array() += 100.0;  // the part stands there
+  const cutting::ToleranceBands bands = tolerance_bands(part, {}, at) / units::um;
   const double wanted[][2] = {{-5, 5}, {-20, 1}, {-3, 3}, {-3, 3}, {-7, 7}};
   for (int i = 0; i < 5; ++i) {
     EXPECT_NEAR(bands(i, 0), wanted[i][0], 1e-12) << i;
     EXPECT_NEAR(bands(i, 1), wanted[i][1], 1e-12) << i;
   }
   part.tolerance.reset();
-  EXPECT_EQ(tolerance_bands(part, at)(0, 1), std::numeric_limits<double>::infinity());
+  EXPECT_EQ(tolerance_bands(part, {}, at)(0, 1), std::numeric_limits<double>::infinity());
   part.regions.clear();
-  EXPECT_EQ(tolerance_bands(part, at).rows(), 0);
+  EXPECT_EQ(tolerance_bands(part, {}, at).rows(), 0);
 }
 
 TEST(Tolerance, RegionsSayWhatIsJudged) {
@@ -88,7 +89,7 @@ TEST(Tolerance, RegionsSayWhatIsJudged) {
     std::string judged;
     for (const Eigen::Vector3d& p :
          {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(0, 9, 0), Eigen::Vector3d(9, 0, 0)}) {
-      const PartRegion* region = region_at(part, p);
+      const PartRegion* region = region_at(part, {}, {p});
       judged += region == nullptr ? '-' : region->judged ? 'y' : 'n';
     }
     return judged;

@@ -242,6 +242,20 @@ TEST_F(ReadStudy, AnyChangeOfStudySceneOrItsFilesIsAnotherIdentity) {
   };
   EXPECT_NE(with_program("G1 X1 F100"), with_program("G1 X2 F100"))
       << "another program under the old name";
+  const auto with_paint = [&](const std::string& kd) {
+    folder_.write("b.mtl", "newmtl paint\nKd " + kd + "\n");
+    folder_.write("b.obj",
+                  "mtllib b.mtl\nusemtl paint\nv 0 0 0\nv 10 0 0\nv 0 10 0\nv 0 0 10\nf 1 3 2\nf 1 "
+                  "2 4\nf 2 3 4\nf 1 4 3\n");
+    std::string scene = with(small_scene(), "overrun_mm = 1.0\n", "");
+    scene =
+        with(scene, "vertices = 300\n", "[[part.region]]\nname = \"a\"\ncolour = \"#ff0000\"\n");
+    scene = with(scene, "surface = \"sphere_cap\"\nradius_mm = 20\nrim_radius_mm = 6\n",
+                 "file = \"b.obj\"\n");
+    folder_.write("scene.toml", scene);
+    return read(text).identity;
+  };
+  EXPECT_NE(with_paint("1 0 0"), with_paint("0 1 0")) << "no key names the materials of an OBJ";
 }
 
 // ---------------------------------------------------------------- what is refused, and where

@@ -1,0 +1,225 @@
+#include "sim/cut/regions.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <functional>
+#include <map>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "sim/scene/nearest_word.h"
+
+namespace abbe::sim {
+namespace {
+
+using cutting::FaceMark;
+using cutting::FaceMarks;
+
+constexpr std::size_t most_listed = 20;
+
+/// "a", "b" and so on, at most so many.
+std::string listed_names(const std::set<std::string>& words) {
+  std::vector<std::string> shown;
+  for (const std::string& word : words) {
+    if (shown.size() == most_listed) break;
+    shown.push_back("\"" + word + "\"");
+  }
+  std::string text = fmt::format("{}", fmt::join(shown, ", "));
+  if (words.size() > shown.size()) text += fmt::format(" and {} more", words.size() - shown.size());
+  return text;
+}
+
+[[noreturn]] void refuse_region(const PartRegion& region, const std::string& expected,
+                                const std::string& seen) {
+  throw BadInput(region.place.file ? *region.place.file : "", region.place.line,
+                 region.place.column, expected, seen);
+}
+
+[[noreturn]] void refuse_group(const PartRegion& region, const FaceMarks& marks) {
+  constexpr std::size_t most_compared = 10'000, longest_compared = 200;
+  std::set<std::string> names, compared;
+  for (const auto& set : marks.names) names.insert(set.begin(), set.end());
+  if (names.empty())
+    refuse_region(
+        region,
+        "part.region.group of a mesh with groups (g, o, usemtl of OBJ, solids of an ascii STL, "
+        "whole numbers at the faces of PLY)",
+        fmt::format("\"{}\" of a mesh without any", region.group));
+  for (const std::string& name : names)
+    if (name.size() <= longest_compared && compared.size() < most_compared) compared.insert(name);
+  std::string seen = fmt::format("\"{}\"", region.group);
+  if (const auto meant = nearest(region.group, compared))
+    seen += fmt::format(" (nearest: \"{}\")", *meant);
+  refuse_region(region, "part.region.group that the mesh has: " + listed_names(names), seen);
+}
+
+int farthest_channel(const cutting::Rgb& a, const cutting::Rgb& b) {
+  int farthest = 0;
+  for (std::size_t k = 0; k < 3; ++k) farthest = std::max(farthest, std::abs(a[k] - b[k]));
+  return farthest;
+}
+
+[[noreturn]] void refuse_colour(const PartRegion& region, const FaceMarks& marks) {
+  constexpr int near = 48;  // of 255: as far off a colour may still be meant
+  std::set<std::string> colours;
+  std::optional<cutting::Rgb> nearest;
+  for (const FaceMark& mark : marks.marks) {
+    if (!mark.colour) continue;
+    const cutting::Rgb colour = cutting::spread(*mark.colour);
+    colours.insert(cutting::hex_text(colour));
+    const int off = farthest_channel(colour, *region.colour);
+    if (off <= near && (!nearest || off < farthest_channel(*nearest, *region.colour)))
+      nearest = colour;
+  }
+  std::string seen = fmt::format("\"{}\"", cutting::hex_text(*region.colour));
+  if (colours.empty())
+    refuse_region(
+        region,
+        "part.region.colour of a mesh with colours of faces (PLY, OFF, binary STL, OBJ with its "
+        ".mtl)",
+        seen + " of a mesh without any");
+  if (nearest) seen += fmt::format(" (nearest: \"{}\")", cutting::hex_text(*nearest));
+  refuse_region(region, "part.region.colour that the mesh has: " + listed_names(colours), seen);
+}
+
+/// (marks) 1 where a face of the mark is of the group of a region.
+std::vector<std::uint8_t> of_group(const PartRegion& region, const FaceMarks& marks) {
+  std::vector<std::uint8_t> has_name;  // (sets of names)
+  for (const auto& set : marks.names)
+    has_name.push_back(std::ranges::find(set, region.group) != set.end());
+  std::vector<std::uint8_t> is;
+  for (const FaceMark& mark : marks.marks)
+    is.push_back(
+        std::ranges::any_of(mark.names, [&](int set) { return has_name[std::size_t(set)] != 0; }));
+  return is;
+}
+
+std::vector<std::uint8_t> of_colour(const PartRegion& region, const FaceMarks& marks) {
+  std::vector<std::uint8_t> is;
+  for (const FaceMark& mark : marks.marks)
+    is.push_back(mark.colour && cutting::may_be(*mark.colour, *region.colour));
+  return is;
+}
+
+bool any_set(const std::vector<std::uint8_t>& flags) {
+  return std::ranges::any_of(flags, [](std::uint8_t one) { return one != 0; });
+}
+
+/// (marks) 1 where a face of the mark may lie in a region.
+std::vector<std::uint8_t> marks_of(const PartRegion& region, const FaceMarks& marks) {
+  std::vector<std::uint8_t> may(marks.marks.size(), 1);
+  const auto narrow = [&](const std::vector<std::uint8_t>& is) {
+    for (std::size_t m = 0; m < may.size(); ++m) may[m] = may[m] && is[m];
+  };
+  if (!region.group.empty()) {
+    const auto is = of_group(region, marks);
+    if (!any_set(is)) refuse_group(region, marks);
+    narrow(is);
+  }
+  if (region.colour) {
+    const auto is = of_colour(region, marks);
+    if (!any_set(is)) refuse_colour(region, marks);
+    narrow(is);
+  }
+  return may;
+}
+
+}  // namespace
+
+cutting::WantedMarks wanted_marks(const PartDescription& part) {
+  cutting::WantedMarks wanted;
+  for (const PartRegion& region : part.regions) {
+    wanted.groups = wanted.groups || !region.group.empty();
+    wanted.colours = wanted.colours || region.colour.has_value();
+  }
+  return wanted;
+}
+
+GroupedFaces grouped_faces(const PartDescription& part, const FaceMarks& marks) {
+  std::vector<std::vector<std::uint8_t>> may;  // (regions)(marks)
+  for (const PartRegion& region : part.regions) may.push_back(marks_of(region, marks));
+  GroupedFaces grouped;
+  std::map<std::vector<std::uint8_t>, int> numbers;
+  std::vector<int> group_of_mark;
+  for (std::size_t mark = 0; mark < marks.marks.size(); ++mark) {
+    std::vector<std::uint8_t> regions;
+    for (const auto& of_region : may) regions.push_back(of_region[mark]);
+    const auto [place, is_new] = numbers.emplace(regions, int(grouped.groups.may_lie.size()));
+    if (is_new) grouped.groups.may_lie.push_back(std::move(regions));
+    group_of_mark.push_back(place->second);
+  }
+  for (const int mark : marks.of_face)
+    grouped.of_triangle.push_back(group_of_mark[std::size_t(mark)]);
+  return grouped;
+}
+
+RegionPlace region_place(const cutting::Design& design_m, Eigen::Index vertex) {
+  const auto v = std::size_t(vertex);
+  return {design_m.vertices.row(vertex), design_m.group.empty() ? -1 : design_m.group[v]};
+}
+
+bool holds(const PartDescription& part, std::size_t region, const FaceGroups& groups,
+           const RegionPlace& place) {
+  constexpr double rounding = 1e-6;  // mm, of a place that was moved with the part and back
+  const PartRegion& one = part.regions[region];
+  if (!one.group.empty() || one.colour) {
+    if (place.group < 0 || !groups.may_lie[std::size_t(place.group)][region]) return false;
+  }
+  const Eigen::Vector3d& p_m = place.p_m;
+  const auto within = [](const std::optional<Eigen::VectorXd>& limits, double value) {
+    return !limits || ((*limits)[0] - rounding <= value && value <= (*limits)[1] + rounding);
+  };
+  const auto& box = one.box;
+  return within(one.z, p_m.z()) && within(one.radius, p_m.head<2>().norm()) &&
+         (!box || ((box->head<3>().array() - rounding <= p_m.array()).all() &&
+                   (p_m.array() <= box->tail<3>().array() + rounding).all()));
+}
+
+const PartRegion* region_at(const PartDescription& part, const FaceGroups& groups,
+                            const RegionPlace& place) {
+  const PartRegion* found = nullptr;
+  for (std::size_t r = 0; r < part.regions.size(); ++r)
+    if (holds(part, r, groups, place)) found = &part.regions[r];
+  return found;
+}
+
+std::vector<RegionShare> region_shares(const PartDescription& part, const FaceGroups& groups,
+                                       const cutting::Design& design_m) {
+  std::vector<RegionShare> shares;
+  for (const PartRegion& region : part.regions) shares.push_back({.name = region.name});
+  const double all = design_m.area.sum();
+  for (Eigen::Index i = 0; i < design_m.vertices.rows(); ++i) {
+    const RegionPlace place = region_place(design_m, i);
+    bool is_decided = false;
+    for (std::size_t r = shares.size(); r-- > 0;) {
+      if (!holds(part, r, groups, place)) continue;
+      shares[r].area += design_m.area[i];
+      if (!std::exchange(is_decided, true)) shares[r].decides += design_m.area[i];
+    }
+  }
+  for (RegionShare& one : shares) {
+    one.share = one.area / all;
+    one.decides /= all;
+  }
+  return shares;
+}
+
+std::vector<std::string> region_warnings(const std::vector<RegionShare>& shares) {
+  std::vector<std::string> warnings;
+  for (const RegionShare& one : shares) {
+    if (!(one.area > 0.0))
+      warnings.push_back(fmt::format(
+          "the region \"{}\" holds nothing: no vertex of the part lies in it", one.name));
+    else if (!(one.decides > 0.0))
+      warnings.push_back(fmt::format(
+          "the region \"{}\" decides nothing: regions after it hold all of its {:.4g} mm^2",
+          one.name, one.area));
+  }
+  return warnings;
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,325 @@
+// Regions of a part by what its mesh file says of its faces: groups and colours.
+
+#include "sim/cut/regions.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <map>
+#include <set>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "kinematics/units.h"
+#include "sim/cut/sampling.h"
+#include "sim/cut/tolerance_bands.h"
+#include "sim/report/description_report.h"
+#include "sim/report/verdict.h"
+#include "sim/scene/scene_sections.h"
+#include "tests/sim/small_scene.h"
+#include "tests/sim/written_section.h"
+
+namespace abbe::sim {
+namespace {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+
+/// A block of 8 x 6 x 4, its top at z = 0 in two halves: "left" with x < 0, red, and "right", blue;
+/// its walls and bottom are green, each a group.
+std::string two_coloured_obj() {
+  std::string text = "mtllib paint.mtl\n";
+  for (const double z : {0.0, -4.0})
+    for (const double y : {-3.0, 3.0})
+      for (const double x : {-4.0, 0.0, 4.0}) text += fmt::format("v {} {} {}\n", x, y, z);
+  return text +
+         "g top left\nusemtl red\nf 1 2 5 4\ng top right\nusemtl blue\nf 2 3 6 5\n"
+         "usemtl green\ng bottom\nf 7 10 11 8\nf 8 11 12 9\n"
+         "g wall_y-\nf 1 7 8 2\nf 2 8 9 3\ng wall_y+\nf 4 5 11 10\nf 5 6 12 11\n"
+         "g wall_x-\nf 1 4 10 7\ng wall_x+\nf 3 9 12 6\n";
+}
+
+const std::string paint =
+    "newmtl red\nKd 0.8 0.1 0.1\nnewmtl blue\nKd 0 0 1\nnewmtl green\nKd 0.2 0.6 0.2\n";
+
+/// The block under a raster, its part with more keys and regions.
+struct BlockScene {
+  SceneFolder folder = {};
+  std::string keys = "sampling = \"vertices\"\n";
+  std::string regions = {};
+  std::string more = {};
+  std::filesystem::path file() const {
+    folder.write("block.obj", two_coloured_obj());
+    folder.write("paint.mtl", paint);
+    return folder.write(
+        "block.toml", to_toml(BallRaster{.part = "name = \"block\"\nfile = \"block.obj\"\nat_mm = "
+                                                 "[40, 25, 80]\n" +
+                                                 keys + regions,
+                                         .lead = 0.0,
+                                         .more = more}));
+  }
+};
+
+std::string region_text(const std::string& name, const std::string& keys) {
+  return "[[part.region]]\nname = \"" + name + "\"\n" + keys + "\n";
+}
+
+std::string refusal_of_job(const std::filesystem::path& file) {
+  try {
+    prepare(read_scene(file));
+  } catch (const BadInput& bad) {
+    return bad.what();
+  }
+  return "accepted";
+}
+
+bool has_warning(const Job& job, const std::string& text) {
+  return std::ranges::any_of(job.warnings,
+                             [&](const auto& one) { return one.find(text) != std::string::npos; });
+}
+
+TEST(Regions, KeysOfFacesAreReadAndWritten) {
+  const SceneFolder folder;
+  const std::string file = folder.write("a.stl", "").string();
+  const std::string text = "file = \"" + file +
+                           "\"\n[[region]]\nname = \"bore\"\nz_mm = [0.0, 1.0]\ngroup = \"Fläche "
+                           "1\"\ncolour = \"#FF8000\"\n";
+  const PartDescription part = read_section(text, read_part);
+  EXPECT_EQ(part.regions.at(0).group, "Fläche 1");
+  EXPECT_EQ(part.regions.at(0).colour, (cutting::Rgb{255, 128, 0}));
+  EXPECT_EQ(part.regions.at(0).place.line, 2);
+  const std::string again = written_again(text, read_part, written_part);
+  EXPECT_NE(again.find("group = \"Fläche 1\"\ncolour = \"#ff8000\"\n"), std::string::npos) << again;
+  EXPECT_TRUE(wanted_marks(part).groups && wanted_marks(part).colours);
+  EXPECT_FALSE(wanted_marks(read_section("file = \"" + file + "\"\n", read_part)).any());
+}
+
+TEST(Regions, KeysThatCannotBeAreRefusedAtTheirPlace) {
+  const auto faults = [](const std::string& text) {
+    Faults found;
+    read_part(parse_toml(text, "s.toml"), found);
+    std::string all;
+    for (const BadInput& fault : found.list()) all += std::string(fault.what()) + "\n";
+    return all;
+  };
+  const std::string disc = "surface = \"disc\"\nradius_mm = 10.0\n[[region]]\nname = \"a\"\n";
+  EXPECT_NE(faults(disc + "group = \"b\"\n")
+                .find("s.toml:5:9: expected part.region.group: a part from a mesh `file`, seen a "
+                      "declared surface"),
+            std::string::npos)
+      << faults(disc + "group = \"b\"\n");
+  EXPECT_NE(faults(disc + "colour = \"#ffffff\"\n").find("a part from a mesh `file`"),
+            std::string::npos);
+  for (const char* colour :
+       {"\"red\"", "\"#fff\"", "\"#gggggg\"", "\"ff00ff\"", "\"\"", "16711680", "[1, 2, 3]"})
+    EXPECT_NE(faults(disc + "colour = " + colour + "\n").find("s.toml:5:10"), std::string::npos)
+        << colour << faults(disc + "colour = " + colour + "\n");
+  EXPECT_NE(faults(disc + "group = \"\"\n").find("s.toml:5:9"), std::string::npos);
+  EXPECT_NE(faults(disc + "color = \"#ffffff\"\n").find("nearest: part.region.colour"),
+            std::string::npos);
+}
+
+TEST(Regions, WhatTheMeshDoesNotHaveIsRefusedWithWhatItHas) {
+  EXPECT_NE(refusal_of_job(BlockScene{.regions = region_text("a", "group = \"lefft\"")}.file())
+                .find("expected part.region.group that the mesh has: \"blue\", \"bottom\", "
+                      "\"green\", \"left\", \"red\", \"right\", \"top\", \"top left\", \"top "
+                      "right\", \"wall_x+\", \"wall_x-\", \"wall_y+\", \"wall_y-\", seen \"lefft\" "
+                      "(nearest: \"left\")"),
+            std::string::npos);
+  const BlockScene colour{.regions = region_text("a", "colour = \"#0000f0\"")};
+  const std::string said = refusal_of_job(colour.file());
+  EXPECT_NE(said.find("expected part.region.colour that the mesh has: \"#0000ff\", \"#339933\", "
+                      "\"#cc1a1a\", seen \"#0000f0\" (nearest: \"#0000ff\")"),
+            std::string::npos)
+      << said;
+  EXPECT_NE(said.find("block.toml:"), std::string::npos);
+  const SceneFolder folder;
+  const std::string plain = "solid\nendsolid\n";
+  folder.write("paint.mtl", paint);
+  std::string obj = two_coloured_obj();
+  for (const char* word : {"\ng ", "\nusemtl ", "mtllib "})
+    for (std::size_t at = 0; (at = obj.find(word, at)) != std::string::npos; ++at)
+      obj.insert(obj[at] == '\n' ? at + 1 : at, "#");
+  folder.write("block.obj", obj);
+  const auto file = [&](const std::string& region) {
+    return folder.write("a.toml", to_toml(BallRaster{.part = "file = \"block.obj\"\n" + region}));
+  };
+  EXPECT_NE(refusal_of_job(file(region_text("a", "group = \"b\"")))
+                .find("seen \"b\" of a mesh without any"),
+            std::string::npos);
+  EXPECT_NE(refusal_of_job(file(region_text("a", "colour = \"#0000ff\"")))
+                .find("seen \"#0000ff\" of a mesh without any"),
+            std::string::npos);
+}
+
+TEST(Regions, MissingLibraryOfMaterialsIsSaidOnlyWhereAColourIsAskedFor) {
+  const BlockScene with_group{.regions = region_text("a", "group = \"left\"")};
+  const auto file = with_group.file();
+  std::filesystem::remove(with_group.folder.path() / "paint.mtl");
+  EXPECT_EQ(refusal_of_job(file), "accepted");
+  const BlockScene with_colour{.regions = region_text("a", "colour = \"#0000ff\"")};
+  const auto other = with_colour.file();
+  EXPECT_EQ(read_scene(other).files.back().filename(), "paint.mtl") << "no result may replace it";
+  std::filesystem::remove(with_colour.folder.path() / "paint.mtl");
+  EXPECT_NE(refusal_of_job(other).find("block.obj:1:8: expected the file paint.mtl beside the OBJ"),
+            std::string::npos);
+}
+
+TEST(Regions, SharesOfABlockAreItsExactAreas) {
+  const BlockScene scene{
+      .regions = region_text("left", "group = \"left\"") + region_text("top", "group = \"top\"") +
+                 region_text("walls x", "colour = \"#339933\"\nz_mm = [-3.9, 0.1]") +
+                 region_text("bottom", "group = \"bottom\"") +
+                 region_text("paint", "colour = \"#0000ff\"") +
+                 region_text("nothing", "colour = \"#0000ff\"\ngroup = \"left\"") +
+                 region_text("y+", "group = \"wall_y+\"") +
+                 region_text("high", "group = \"wall_y+\"\nz_mm = [2, 3]")};
+  const Job job = prepare(read_scene(scene.file()));
+  const nlohmann::ordered_json json = to_json(describe(job));
+  std::map<std::string, double> area, decides;
+  for (const auto& one : json["part"]["regions"]) {
+    area[one["name"]] = one["area_mm2"];
+    decides[one["name"]] = one["decides_percent"];
+    EXPECT_NEAR(one["area_percent"].get<double>(), area[one["name"]] / 208.0 * 100.0, 1e-9);
+  }
+  EXPECT_NEAR(area["left"], 24.0, 1e-11);
+  EXPECT_NEAR(area["top"], 48.0, 1e-11);
+  EXPECT_NEAR(area["bottom"], 48.0, 1e-11);
+  EXPECT_NEAR(area["paint"], 24.0, 1e-11);
+  EXPECT_NEAR(area["y+"], 32.0, 1e-11);
+  EXPECT_EQ(area["nothing"], 0.0);
+  EXPECT_EQ(area["high"], 0.0);
+  EXPECT_EQ(decides["left"], 0.0);
+  EXPECT_NEAR(decides["top"], 2400.0 / 208.0, 1e-9);
+  EXPECT_TRUE(has_warning(job, "the region \"nothing\" holds nothing"));
+  EXPECT_TRUE(has_warning(job, "the region \"high\" holds nothing"));
+  EXPECT_TRUE(has_warning(job,
+                          "the region \"left\" decides nothing: regions after it hold all of "
+                          "its 24 mm^2"));
+  EXPECT_FALSE(has_warning(job, "the region \"top\""));
+  EXPECT_NE(to_text(describe(job)).find("region left: 24 mm^2, 11.54 % of it, 0 % where no later"),
+            std::string::npos)
+      << to_text(describe(job));
+}
+
+/// Vertices of the triangles of the design whose middle lies in a half of the top, and the thirds
+/// of the areas of these triangles.
+std::map<int, double> half_of_the_top(const cutting::Design& design_m, double sign) {
+  std::map<int, double> area;
+  for (const auto& t : design_m.triangles.rowwise()) {
+    const Vector3d a = design_m.vertices.row(t[0]), b = design_m.vertices.row(t[1]),
+                   c = design_m.vertices.row(t[2]);
+    const Vector3d cross = (b - a).cross(c - a);
+    const bool is_top = cross.z() > 0.99 * cross.norm() && a.z() > -1e-6;
+    if (is_top && sign * (a + b + c).x() > 0.0)
+      for (const int v : t) area[v] += cross.norm() / 6.0;
+  }
+  return area;
+}
+
+TEST(Regions, JudgedByColourAreTheStatisticsOfTheseFacesAlone) {
+  constexpr double margin = 0.3;
+  for (const bool is_red : {true, false}) {
+    const BlockScene scene{
+        .keys =
+            "sampling = \"spacing\"\nspacing_mm = 0.2\njudged = \"regions\"\nedge_margin_mm = "
+            "0.3\n",
+        .regions = region_text("half", is_red ? "colour = \"#cc1a1a\"" : "colour = \"#0000ff\""),
+        .more = "[errors]\nEYX_um = 6\nEBX_urad = 50\nEZY_um = 3\n"};
+    const Job job = sampled(prepare(read_scene(scene.file())));
+    const Verdict verdict = judge(job, cut(job), nullptr);
+    const cutting::Design design_m =
+        cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
+    const cutting::Surface& surface = verdict.aligned.surface;
+    const std::map<int, double> half = half_of_the_top(design_m, is_red ? -1.0 : 1.0);
+    double sum = 0.0, mean = 0.0, square = 0.0, low = 1.0, high = -1.0;
+    int judged = 0;
+    for (Index v = 0; v < design_m.vertices.rows(); ++v) {
+      const Vector3d p = design_m.vertices.row(v);
+      const double rim = std::min(
+          {is_red ? p.x() + 4.0 : 4.0 - p.x(), 3.0 - p.y(), p.y() + 3.0});  // not the border x = 0
+      const bool wanted = half.contains(int(v)) && !(rim < margin);
+      const bool seen = surface.status[std::size_t(v)] != cutting::VertexStatus::Outside;
+      if (std::abs(rim - margin) > 1e-9) {
+        EXPECT_EQ(seen, wanted) << p.transpose();
+      }
+      if (!seen) continue;
+      ++judged;
+      ASSERT_EQ(surface.status[std::size_t(v)], cutting::VertexStatus::Cut);
+      const double w = half.at(int(v)), r = surface.residual[v];
+      sum += w;
+      mean += w * r;
+      square += w * r * r;
+      low = std::min(low, r);
+      high = std::max(high, r);
+    }
+    EXPECT_EQ(judged, verdict.residual.vertices);
+    EXPECT_NEAR(*verdict.residual.mean, mean / sum, 1e-12);
+    EXPECT_NEAR(*verdict.residual.rms, std::sqrt(square / sum), 1e-12);
+    EXPECT_NEAR(*verdict.residual.pv, high - low, 1e-15);
+    EXPECT_NEAR(job.sampled->judged_area, sum, 1e-9);
+    std::cout << (is_red ? "red: " : "blue: ") << judged << " vertices, mean "
+              << mean / sum / units::um << " um, rms " << std::sqrt(square / sum) / units::um
+              << " um, pv " << (high - low) / units::um << " um\n";
+  }
+}
+
+TEST(Regions, TolerancesFollowGroupsThroughAdaptiveSampling) {
+  const BlockScene scene{
+      .keys = "tolerance_um = 50\nresolution_um = 0.5\npoints = 20000\n",
+      .regions = region_text("left", "group = \"left\"\ntolerance_um = [-1, 2]") +
+                 region_text("blue below",
+                             "colour = \"#0000ff\"\nbox_mm = [-9, -9, -9, 9, 0, 9]\n"
+                             "tolerance_um = 3")};
+  const Job job = sampled(prepare(read_scene(scene.file())));
+  ASSERT_GT(job.design_w.vertices.rows(), job.sampled->given);
+  const cutting::Design design_m =
+      cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
+  const cutting::ToleranceBands bands =
+      tolerance_bands(job.scene.part, job.face_groups, job.design_w) / units::um;
+  const std::map<int, double> left = half_of_the_top(design_m, -1.0),
+                              right = half_of_the_top(design_m, 1.0);
+  double area_left = 0.0, area_right = 0.0;
+  for (const auto& [v, area] : left) area_left += area;
+  for (const auto& [v, area] : right) area_right += area;
+  EXPECT_NEAR(area_left, 24.0, 24e-12);
+  EXPECT_NEAR(area_right, 24.0, 24e-12);
+  std::map<double, int> count;
+  for (Index v = 0; v < bands.rows(); ++v) {
+    const double y = design_m.vertices(v, 1);
+    if (std::abs(y) < 2e-6) continue;  // the rim of the box
+    const double wanted = left.contains(int(v))               ? 2.0
+                          : right.contains(int(v)) && y < 0.0 ? 3.0
+                                                              : 50.0;
+    EXPECT_NEAR(bands(v, 1), wanted, 1e-9) << design_m.vertices.row(v);
+    ++count[wanted];
+  }
+  std::cout << count[2.0] << " vertices left, " << count[3.0] << " right and below, " << count[50.0]
+            << " elsewhere\n";
+  EXPECT_GT(count[2.0], 100);
+  EXPECT_GT(count[3.0], 100);
+}
+
+TEST(Regions, ABorderBetweenGroupsChangesNoFigureOfASmoothFace) {
+  // one part, its top one face: with a border through it that decides nothing
+  const std::string errors = "[errors]\nEYX_um = 6\nEZY_um = 3\n";
+  const std::string keys = "sampling = \"spacing\"\nspacing_mm = 0.2\njudged = \"cut\"\n";
+  const BlockScene without{.keys = keys, .more = errors};
+  const BlockScene with{.keys = keys,
+                        .regions = region_text("left", "group = \"left\"\ntolerance_um = 9"),
+                        .more = errors};
+  const Job plain = sampled(prepare(read_scene(without.file())));
+  const Job parted = sampled(prepare(read_scene(with.file())));
+  EXPECT_GT(parted.design_w.vertices.rows(), plain.design_w.vertices.rows());
+  EXPECT_TRUE(plain.design_w.group.empty());
+  const Verdict a = judge(plain, cut(plain), nullptr), b = judge(parted, cut(parted), nullptr);
+  EXPECT_NEAR(*a.residual.mean, *b.residual.mean, 1e-12);
+  EXPECT_NEAR(*a.residual.rms, *b.residual.rms, 1e-12);
+  EXPECT_NEAR(*a.residual.pv, *b.residual.pv, 1e-12);
+  EXPECT_NEAR(*a.form_part->rms, *b.form_part->rms, 1e-9) << "the filter passes the border";
+  EXPECT_NEAR(*a.form_part->pv, *b.form_part->pv, 1e-9);
+}
+
+}  // namespace
+}  // namespace abbe::sim
