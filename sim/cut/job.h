@@ -44,7 +44,6 @@ struct Job {
   std::shared_ptr<const cutting::Thickness> body_w;  ///< of the part, where rays through it end
   std::vector<cutting::RecognisedPatch> recognised;  ///< of a mesh, part frame
   double recognised_share = 0.0;                     ///< of its area
-  FaceGroups face_groups;                            ///< of a mesh, for the regions of the part
   std::optional<SampledSurface> sampled;             ///< how `sampled` chose the vertices
   program::Path path;                                ///< as read back from its file
   program::SampleOptions sampling;
@@ -62,6 +61,7 @@ struct Job {
   /// Scene, machine and truth of the whole are those of the scene's first tool. Empty with one
   /// tool.
   std::vector<Job> stretches = {};
+  FaceGroups face_groups = {};  ///< of a mesh, for the regions of the part
 };
 
 /// What is cut one after the other: the stretches of a job, or the job itself. It refers to the

@@ -86,33 +86,33 @@ int farthest_channel(const cutting::Rgb& a, const cutting::Rgb& b) {
   refuse_region(region, "part.region.colour that the mesh has: " + listed_names(colours), seen);
 }
 
-/// (marks) 1 where a face of the mark is of the group of a region.
-std::vector<std::uint8_t> of_group(const PartRegion& region, const FaceMarks& marks) {
-  std::vector<std::uint8_t> has_name;  // (sets of names)
+/// (marks) where a face of the mark is of the group of a region.
+std::vector<bool> of_group(const PartRegion& region, const FaceMarks& marks) {
+  std::vector<bool> has_name;  // (sets of names)
   for (const auto& set : marks.names)
     has_name.push_back(std::ranges::find(set, region.group) != set.end());
-  std::vector<std::uint8_t> is;
+  std::vector<bool> is;
   for (const FaceMark& mark : marks.marks)
     is.push_back(
-        std::ranges::any_of(mark.names, [&](int set) { return has_name[std::size_t(set)] != 0; }));
+        std::ranges::any_of(mark.names, [&](int set) { return has_name[std::size_t(set)]; }));
   return is;
 }
 
-std::vector<std::uint8_t> of_colour(const PartRegion& region, const FaceMarks& marks) {
-  std::vector<std::uint8_t> is;
+std::vector<bool> of_colour(const PartRegion& region, const FaceMarks& marks) {
+  std::vector<bool> is;
   for (const FaceMark& mark : marks.marks)
     is.push_back(mark.colour && cutting::may_be(*mark.colour, *region.colour));
   return is;
 }
 
-bool any_set(const std::vector<std::uint8_t>& flags) {
-  return std::ranges::any_of(flags, [](std::uint8_t one) { return one != 0; });
+bool any_set(const std::vector<bool>& flags) {
+  return std::ranges::any_of(flags, [](bool one) { return one; });
 }
 
-/// (marks) 1 where a face of the mark may lie in a region.
-std::vector<std::uint8_t> marks_of(const PartRegion& region, const FaceMarks& marks) {
-  std::vector<std::uint8_t> may(marks.marks.size(), 1);
-  const auto narrow = [&](const std::vector<std::uint8_t>& is) {
+/// (marks) where a face of the mark may lie in a region.
+std::vector<bool> marks_of(const PartRegion& region, const FaceMarks& marks) {
+  std::vector<bool> may(marks.marks.size(), true);
+  const auto narrow = [&](const std::vector<bool>& is) {
     for (std::size_t m = 0; m < may.size(); ++m) may[m] = may[m] && is[m];
   };
   if (!region.group.empty()) {
@@ -140,13 +140,13 @@ cutting::WantedMarks wanted_marks(const PartDescription& part) {
 }
 
 GroupedFaces grouped_faces(const PartDescription& part, const FaceMarks& marks) {
-  std::vector<std::vector<std::uint8_t>> may;  // (regions)(marks)
+  std::vector<std::vector<bool>> may;  // (regions)(marks)
   for (const PartRegion& region : part.regions) may.push_back(marks_of(region, marks));
   GroupedFaces grouped;
-  std::map<std::vector<std::uint8_t>, int> numbers;
+  std::map<std::vector<bool>, int> numbers;
   std::vector<int> group_of_mark;
   for (std::size_t mark = 0; mark < marks.marks.size(); ++mark) {
-    std::vector<std::uint8_t> regions;
+    std::vector<bool> regions;
     for (const auto& of_region : may) regions.push_back(of_region[mark]);
     const auto [place, is_new] = numbers.emplace(regions, int(grouped.groups.may_lie.size()));
     if (is_new) grouped.groups.may_lie.push_back(std::move(regions));

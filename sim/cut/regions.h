@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -13,8 +12,8 @@ namespace abbe::sim {
 /// In which regions the faces of a mesh may lie, by what its file says of them. Faces of which the
 /// regions of a part say the same are one group.
 struct FaceGroups {
-  std::vector<std::vector<std::uint8_t>> may_lie;  ///< (groups)(regions) 0: not by `group` and
-                                                   ///< `colour`; no groups: no region asks for them
+  std::vector<std::vector<bool>> may_lie;  ///< (groups)(regions) false: `group` and `colour` of the
+                                           ///< region say no. Empty: no region has either
 };
 
 /// What the regions of a part ask its mesh file for.

@@ -21,6 +21,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include "cutting/areal_filter.h"
 #include "cutting/primitive.h"
 #include "cutting/read_mesh.h"
 #include "cutting/read_obj.h"
@@ -773,6 +774,33 @@ TEST(SplitAtGroups, ABorderIsNoRimOfTheTop) {
     is[{sheet.vertices(i, 0), sheet.vertices(i, 1)}] = wanted.judged[std::size_t(i)];
   for (Index i = 0; i < split.vertices.rows(); ++i)
     EXPECT_EQ(judged.judged[std::size_t(i)], (is[{split.vertices(i, 0), split.vertices(i, 1)}]));
+}
+
+TEST(SplitAtGroups, TheFilterPassesABorder) {
+  Random random(11);
+  const Design sheet = bumpy_sheet(random, 40, 0.1);
+  const Design split = split_at_groups(sheet, any_groups(random, sheet, 3));
+  const auto form = [](const Design& design) {
+    const Index n = design.vertices.rows();
+    Surface surface{Eigen::VectorXd(n), Eigen::VectorXd::Zero(n), std::vector<int>(std::size_t(n)),
+                    std::vector<VertexStatus>(std::size_t(n), VertexStatus::Cut)};
+    for (Index i = 0; i < n; ++i)
+      surface.residual[i] =
+          std::sin(9.0 * design.vertices(i, 0)) * std::cos(7.0 * design.vertices(i, 1));
+    return gaussian_form(design, surface, 0.47);  // no border of its blocks lies on the grid
+  };
+  const Eigen::VectorXd whole = form(sheet), parted = form(split);
+  double worst = 0.0, least = 1.0, most = -1.0;
+  for (Index t = 0; t < sheet.triangles.rows(); ++t)
+    for (int k = 0; k < 3; ++k) {
+      const double wanted = whole[sheet.triangles(t, k)];
+      worst = std::max(worst, std::abs(parted[split.triangles(t, k)] - wanted));
+      least = std::min(least, wanted);
+      most = std::max(most, wanted);
+    }
+  std::cout << "form from " << least << " to " << most << ", off by " << worst << " at most\n";
+  EXPECT_GT(most - least, 0.1);
+  EXPECT_LT(worst, 1e-12);
 }
 
 TEST(SplitAtGroups, SubdivisionKeepsTheAreaOfEveryGroup) {
