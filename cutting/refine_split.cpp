@@ -17,10 +17,9 @@ using Eigen::Index;
 using Eigen::Vector3d;
 
 constexpr std::array<double, 2> turned_at = {0.31, 0.67};  // of an edge that is tried across
-constexpr double much_longer = 1.5;    // than an edge to be split, which then waits
-constexpr double beside = 0.05;        // of the length of an edge: what lies nearer speaks for it
-constexpr double thinnest = 0.05;      // triangle that a turned edge may make: height by length
-constexpr double tangent_share = 0.5;  // of what the tangents at its corners miss, a parabola does
+constexpr double much_longer = 1.5;  // than an edge to be split, which then waits
+constexpr double beside = 0.05;      // of the length of an edge: what lies nearer speaks for it
+constexpr double thinnest = 0.05;    // triangle that a turned edge may make: height by length
 
 /// Where a face is looked at in its turns: near the middle, then towards each side.
 std::array<double, 3> place_in(const std::array<int, 3>& corners, int turn) {
@@ -244,7 +243,7 @@ Refinement::Within Refinement::within(int face, int turn) const {
   for (const int corner : corners) {
     const double tangent =
         knot(corner).residual - knot(corner).gradient.dot(found.place.point - knot(corner).point);
-    const bool is_met = tangent_share * std::abs(tangent - found.plane) < tolerance();
+    const bool is_met = std::abs(tangent - found.plane) < tolerance();
     found.is_doubtful = found.is_doubtful || !is_met;
   }
   return found;
