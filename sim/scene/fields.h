@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
@@ -223,6 +224,10 @@ class Fields {
   }
 
  private:
+  Fields& add(const std::shared_ptr<Key>& key, std::function<void(TableReader&, T&)> read,
+              std::function<void(const T&, Node::Table&)> write) {
+    return custom(std::vector<Key>(1, *key), std::move(read), std::move(write));
+  }
   template <typename M>
   Fields& add_number(const KeyName& key, M member, const Range& range, const char* sentence,
                      double unit);
@@ -235,11 +240,12 @@ class Fields {
 template <typename V, typename A>
 Alternative<V> alternative(const char* word, Fields<A> fields, const char* sentence = "") {
   Word named{word, sentence, fields.keys()};
-  return {std::move(named), [fields](TableReader& reader) -> V { return fields.read(reader); },
-          [fields](const V& value, Node::Table& table) {
+  const auto all = std::make_shared<const Fields<A>>(std::move(fields));
+  return {std::move(named), [all](TableReader& reader) -> V { return all->read(reader); },
+          [all](const V& value, Node::Table& table) {
             const A* own = std::get_if<A>(&value);
             if (!own) return false;
-            put_all(table, fields.written(*own));
+            put_all(table, all->written(*own));
             return true;
           }};
 }

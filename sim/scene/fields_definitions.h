@@ -4,6 +4,13 @@
 namespace abbe::sim {
 
 std::set<std::string> words_of(const Key& key);
+
+/// What the functions of a field hold in common: a copy of the field is a copy of a pointer, not of
+/// every list below it.
+template <typename V>
+std::shared_ptr<const V> shared(V value) {
+  return std::make_shared<const V>(std::move(value));
+}
 /// The keys, all the way down, whose `unit` may also be another: the pattern of "value_um" becomes
 /// "value_(um|urad)".
 std::vector<Key> with_other_unit(std::vector<Key> keys, const std::string& unit,
@@ -23,28 +30,28 @@ template <typename M>
 Fields<T>& Fields<T>::add_number(const KeyName& name, M member, const Range& range,
                                  const char* sentence, double unit) {
   using V = Value<M>;
-  Key key = key_of(name, Key::Kind::Number, sentence);
-  key.range = range;
+  const auto key = std::make_shared<Key>(key_of(name, Key::Kind::Number, sentence));
+  key->range = range;
   if constexpr (!fields_detail::is_optional<V>::value) {
-    if (!key.required && key.fallback.empty())
-      key.fallback = shown_default(std::invoke(member, usual_) / unit);
+    if (!key->required && key->fallback.empty())
+      key->fallback = shown_default(std::invoke(member, usual_) / unit);
   }
   const auto read = [key, member, unit](TableReader& reader, T& to) {
-    const auto written = reader.number_as_written(key.name, key.range);
-    if (key.required && !reader.has(key.name)) reader.missing(key.name, "a number");
+    const auto written = reader.number_as_written(key->name, key->range);
+    if (key->required && !reader.has(key->name)) reader.missing(key->name, "a number");
     if (written)
       std::invoke(member, to) = *written * unit;
-    else if (key.required)
+    else if (key->required)
       std::invoke(member, to) = 1.0;  // harmless, so that reading goes on to the next fault
   };
   const auto write = [key, member, unit](const T& from, Node::Table& to) {
     if constexpr (fields_detail::is_optional<V>::value) {
-      if (std::invoke(member, from)) put(to, key.name, in_unit(*std::invoke(member, from), unit));
+      if (std::invoke(member, from)) put(to, key->name, in_unit(*std::invoke(member, from), unit));
     } else if (std::isfinite(std::invoke(member, from))) {
-      put(to, key.name, in_unit(std::invoke(member, from), unit));
+      put(to, key->name, in_unit(std::invoke(member, from), unit));
     }
   };
-  return custom({key}, read, write);
+  return add(key, read, write);
 }
 
 template <typename T>
@@ -53,72 +60,72 @@ Fields<T>& Fields<T>::whole(const KeyName& name, M member, std::int64_t min, std
                             const char* sentence) {
   using V = Value<M>;
   using Bare = typename fields_detail::bare<V>::type;
-  Key key = key_of(name, Key::Kind::Whole, sentence);
-  key.range = {double(min), double(max)};
+  const auto key = std::make_shared<Key>(key_of(name, Key::Kind::Whole, sentence));
+  key->range = {double(min), double(max)};
   if constexpr (!fields_detail::is_optional<V>::value) {
-    if (!key.required && key.fallback.empty())
-      key.fallback = std::to_string(std::invoke(member, usual_));
+    if (!key->required && key->fallback.empty())
+      key->fallback = std::to_string(std::invoke(member, usual_));
   }
   const auto read = [key, member, min, max](TableReader& reader, T& to) {
-    if (key.required && !reader.has(key.name)) reader.missing(key.name, "a whole number");
-    if (const auto value = reader.maybe_integer(key.name, min, max))
+    if (key->required && !reader.has(key->name)) reader.missing(key->name, "a whole number");
+    if (const auto value = reader.maybe_integer(key->name, min, max))
       std::invoke(member, to) = Bare(*value);
   };
   const auto write = [key, member](const T& from, Node::Table& to) {
     if constexpr (fields_detail::is_optional<V>::value) {
-      if (std::invoke(member, from)) put(to, key.name, std::int64_t(*std::invoke(member, from)));
+      if (std::invoke(member, from)) put(to, key->name, std::int64_t(*std::invoke(member, from)));
     } else {
-      put(to, key.name, std::int64_t(std::invoke(member, from)));
+      put(to, key->name, std::int64_t(std::invoke(member, from)));
     }
   };
-  return custom({key}, read, write);
+  return add(key, read, write);
 }
 
 template <typename T>
 template <typename M>
 Fields<T>& Fields<T>::boolean(const KeyName& name, M member, const char* sentence) {
-  Key key = key_of(name, Key::Kind::Boolean, sentence);
-  if (key.fallback.empty()) key.fallback = std::invoke(member, usual_) ? "true" : "false";
-  return custom(
-      {key},
+  const auto key = std::make_shared<Key>(key_of(name, Key::Kind::Boolean, sentence));
+  if (key->fallback.empty()) key->fallback = std::invoke(member, usual_) ? "true" : "false";
+  return add(
+      key,
       [key, member](TableReader& reader, T& to) {
-        std::invoke(member, to) = reader.boolean(key.name, std::invoke(member, to));
+        std::invoke(member, to) = reader.boolean(key->name, std::invoke(member, to));
       },
       [key, member](const T& from, Node::Table& to) {
-        put(to, key.name, bool(std::invoke(member, from)));
+        put(to, key->name, bool(std::invoke(member, from)));
       });
 }
 
 template <typename T>
 template <typename M>
 Fields<T>& Fields<T>::text(const KeyName& name, M member, const char* sentence) {
-  Key key = key_of(name, Key::Kind::Text, sentence);
-  if (key.fallback.empty()) key.fallback = std::string(std::invoke(member, usual_));
-  return custom(
-      {key},
+  const auto key = std::make_shared<Key>(key_of(name, Key::Kind::Text, sentence));
+  if (key->fallback.empty()) key->fallback = std::string(std::invoke(member, usual_));
+  return add(
+      key,
       [key, member](TableReader& reader, T& to) {
-        if (key.required && !reader.has(key.name)) reader.missing(key.name, "a text");
-        std::invoke(member, to) = reader.text(key.name, std::string(std::invoke(member, to)));
+        if (key->required && !reader.has(key->name)) reader.missing(key->name, "a text");
+        std::invoke(member, to) = reader.text(key->name, std::string(std::invoke(member, to)));
       },
       [key, member](const T& from, Node::Table& to) {
         const std::string text(std::invoke(member, from));
-        if (!text.empty()) put(to, key.name, text);
+        if (!text.empty()) put(to, key->name, text);
       });
 }
 
 template <typename T>
 template <typename M>
 Fields<T>& Fields<T>::texts(const KeyName& name, M member, const char* sentence) {
-  const Key key = key_of(name, Key::Kind::Texts, sentence);
-  return custom(
-      {key},
+  const auto key = std::make_shared<Key>(key_of(name, Key::Kind::Texts, sentence));
+  return add(
+      key,
       [key, member](TableReader& reader, T& to) {
-        if (reader.know(key.name)) std::invoke(member, to) = reader.texts(key.name);
+        if (reader.know(key->name)) std::invoke(member, to) = reader.texts(key->name);
       },
       [key, member](const T& from, Node::Table& to) {
         Node::Array all;
         for (const std::string& one : std::invoke(member, from)) all.push_back(Node{{}, one});
-        if (!all.empty()) put(to, key.name, std::move(all));
+        if (!all.empty()) put(to, key->name, std::move(all));
       });
 }
 
@@ -126,24 +133,25 @@ template <typename T>
 template <typename M>
 Fields<T>& Fields<T>::word(const KeyName& name, M member, std::vector<WordOf<M>> words,
                            const char* sentence) {
-  Key key = key_of(name, Key::Kind::Text, sentence);
+  const auto key = std::make_shared<Key>(key_of(name, Key::Kind::Text, sentence));
   for (const WordOf<M>& one : words) {
-    key.words.push_back({one.word, one.sentence, {}});
-    if (!key.required && key.fallback.empty() && one.value == std::invoke(member, usual_))
-      key.fallback = one.word;
+    key->words.push_back({one.word, one.sentence, {}});
+    if (!key->required && key->fallback.empty() && one.value == std::invoke(member, usual_))
+      key->fallback = one.word;
   }
-  return custom(
-      {key},
+  return add(
+      key,
       [key, member, words](TableReader& reader, T& to) {
-        const std::optional<std::string> seen = reader.word(key.name, words_of(key), key.required);
-        if (!seen && key.required) std::invoke(member, to) = words.front().value;
+        const std::optional<std::string> seen =
+            reader.word(key->name, words_of(*key), key->required);
+        if (!seen && key->required) std::invoke(member, to) = words.front().value;
         for (const WordOf<M>& one : words)
           if (seen == one.word) std::invoke(member, to) = one.value;
       },
       [key, member, words](const T& from, Node::Table& to) {
         for (const WordOf<M>& one : words)
           if (one.value == std::invoke(member, from))
-            return put(to, key.name, std::string(one.word));
+            return put(to, key->name, std::string(one.word));
       });
 }
 
@@ -156,19 +164,19 @@ Fields<T>& Fields<T>::vector(const KeyName& name, M member, const char* sentence
 template <typename T>
 template <typename M>
 Fields<T>& Fields<T>::direction(const KeyName& name, M member, const char* sentence) {
-  Key key = key_of_numbers(name, 3, sentence);
-  if (!key.required && key.fallback.empty())
-    key.fallback = shown_default(Eigen::VectorXd(std::invoke(member, usual_)));
-  return custom(
-      {key},
+  const auto key = std::make_shared<Key>(key_of_numbers(name, 3, sentence));
+  if (!key->required && key->fallback.empty())
+    key->fallback = shown_default(Eigen::VectorXd(std::invoke(member, usual_)));
+  return add(
+      key,
       [key, member](TableReader& reader, T& to) {
-        std::invoke(member, to) = key.required
-                                      ? reader.direction(key.name)
-                                      : reader.direction(key.name, std::invoke(member, to));
+        std::invoke(member, to) = key->required
+                                      ? reader.direction(key->name)
+                                      : reader.direction(key->name, std::invoke(member, to));
       },
       [key, member](const T& from, Node::Table& to) {
         const Eigen::Vector3d direction = std::invoke(member, from);
-        put_numbers(to, key.name, direction.normalized(), 1.0);
+        put_numbers(to, key->name, direction.normalized(), 1.0);
       });
 }
 
@@ -176,26 +184,26 @@ template <typename T>
 template <typename M>
 Fields<T>& Fields<T>::numbers(const KeyName& name, M member, int size, const char* sentence) {
   using V = Value<M>;
-  Key key = key_of_numbers(name, size, sentence);
+  const auto key = std::make_shared<Key>(key_of_numbers(name, size, sentence));
   if constexpr (!fields_detail::is_optional<V>::value) {
-    if (!key.required && key.fallback.empty())
-      key.fallback =
+    if (!key->required && key->fallback.empty())
+      key->fallback =
           shown_default(Eigen::VectorXd(std::invoke(member, usual_)) / unit_of(name.name));
   }
-  return custom(
-      {key},
+  return add(
+      key,
       [key, member](TableReader& reader, T& to) {
-        if (key.required)
-          std::invoke(member, to) = reader.numbers(key.name, key.size);
-        else if (const auto values = reader.maybe_numbers(key.name, key.size))
+        if (key->required)
+          std::invoke(member, to) = reader.numbers(key->name, key->size);
+        else if (const auto values = reader.maybe_numbers(key->name, key->size))
           std::invoke(member, to) = *values;
       },
       [key, member](const T& from, Node::Table& to) {
         if constexpr (fields_detail::is_optional<V>::value) {
           if (std::invoke(member, from))
-            put_numbers(to, key.name, *std::invoke(member, from), unit_of(key.name));
+            put_numbers(to, key->name, *std::invoke(member, from), unit_of(key->name));
         } else {
-          put_numbers(to, key.name, std::invoke(member, from), unit_of(key.name));
+          put_numbers(to, key->name, std::invoke(member, from), unit_of(key->name));
         }
       });
 }
@@ -204,26 +212,28 @@ template <typename T>
 template <typename M, typename U>
 Fields<T>& Fields<T>::table(const KeyName& name, M member, Fields<U> fields, const char* sentence) {
   using V = Value<M>;
-  const Key key = key_of(name, Key::Kind::Table, sentence, fields.keys());
-  return custom(
-      {key},
-      [key, member, fields](TableReader& reader, T& to) {
-        const Node* node = reader.section(key.name);
-        if (!node && key.required && !reader.has(key.name)) reader.missing(key.name, "a table");
+  const auto own = shared(std::move(fields));
+  const auto key = std::make_shared<Key>(key_of(name, Key::Kind::Table, sentence, own->keys()));
+  return add(
+      key,
+      [key, member, own](TableReader& reader, T& to) {
+        const Node* node = reader.section(key->name);
+        if (!node && key->required && !reader.has(key->name)) reader.missing(key->name, "a table");
         if (!node) return;
-        const std::string where = reader.name_of(key.name);
+        const std::string where = reader.name_of(key->name);
         if constexpr (fields_detail::is_optional<V>::value)
-          std::invoke(member, to) = fields.read_table(*node, where, reader.faults());
+          std::invoke(member, to) = own->read_table(*node, where, reader.faults());
         else
           std::invoke(member, to) =
-              fields.read_table(*node, where, reader.faults(), std::invoke(member, to));
+              own->read_table(*node, where, reader.faults(), std::invoke(member, to));
       },
-      [key, member, fields](const T& from, Node::Table& to) {
+      [key, member, own](const T& from, Node::Table& to) {
         if constexpr (fields_detail::is_optional<V>::value) {
           if (std::invoke(member, from))
-            put(to, key.name, fields.written(*std::invoke(member, from)));
-        } else if (Node::Table own = fields.written(std::invoke(member, from)); !own.empty()) {
-          put(to, key.name, std::move(own));
+            put(to, key->name, own->written(*std::invoke(member, from)));
+        } else if (Node::Table entries = own->written(std::invoke(member, from));
+                   !entries.empty()) {
+          put(to, key->name, std::move(entries));
         }
       });
 }
@@ -232,50 +242,54 @@ template <typename T>
 template <typename M, typename U>
 Fields<T>& Fields<T>::tables(const KeyName& name, M member, Fields<U> fields,
                              const char* sentence) {
-  const auto read = [key = name.name, required = name.required, member, fields](TableReader& reader,
-                                                                                T& to) {
+  const auto own = shared(fields);
+  const auto read = [key = name.name, required = name.required, member, own](TableReader& reader,
+                                                                             T& to) {
     if (required && !reader.has(key)) reader.missing(key, "a list of tables");
     for (const Node* node : reader.tables(key))
       std::invoke(member, to)
-          .push_back(fields.read_table(*node, reader.name_of(key), reader.faults()));
+          .push_back(own->read_table(*node, reader.name_of(key), reader.faults()));
   };
-  return tables(name, member, fields, sentence, read);
+  return tables(name, member, std::move(fields), sentence, read);
 }
 
 template <typename T>
 template <typename M, typename U>
 Fields<T>& Fields<T>::tables(const KeyName& name, M member, Fields<U> fields, const char* sentence,
                              std::function<void(TableReader&, T&)> read) {
-  const Key key = key_of(name, Key::Kind::Tables, sentence, fields.keys());
-  return custom({key}, std::move(read), [key, member, fields](const T& from, Node::Table& to) {
-    put_tables(to, key.name, std::invoke(member, from), fields);
+  const auto own = shared(std::move(fields));
+  const auto key = std::make_shared<Key>(key_of(name, Key::Kind::Tables, sentence, own->keys()));
+  return add(key, std::move(read), [key, member, own](const T& from, Node::Table& to) {
+    put_tables(to, key->name, std::invoke(member, from), *own);
   });
 }
 
 template <typename T>
 template <typename M, typename U>
 Fields<T>& Fields<T>::all_of(M member, Fields<U> fields) {
+  const auto own = shared(std::move(fields));
   return custom(
-      fields.keys(),
-      [member, fields](TableReader& reader, T& to) {
-        std::invoke(member, to) = fields.read(reader, std::invoke(member, to));
+      own->keys(),
+      [member, own](TableReader& reader, T& to) {
+        std::invoke(member, to) = own->read(reader, std::invoke(member, to));
       },
-      [member, fields](const T& from, Node::Table& to) {
-        put_all(to, fields.written(std::invoke(member, from)));
+      [member, own](const T& from, Node::Table& to) {
+        put_all(to, own->written(std::invoke(member, from)));
       });
 }
 
 template <typename T>
-Fields<T>& Fields<T>::where(std::function<bool(const T&)> holds, Fields own) {
-  std::vector<Key> keys = own.keys();
+Fields<T>& Fields<T>::where(std::function<bool(const T&)> holds, Fields fields) {
+  const auto own = shared(std::move(fields));
+  std::vector<Key> keys = own->keys();
   for (Key& key : keys) key.required = false;
   return custom(
       std::move(keys),
       [holds, own](TableReader& reader, T& to) {
-        if (holds(to)) to = own.read(reader, std::move(to));
+        if (holds(to)) to = own->read(reader, std::move(to));
       },
       [holds, own](const T& from, Node::Table& to) {
-        if (holds(from)) put_all(to, own.written(from));
+        if (holds(from)) put_all(to, own->written(from));
       });
 }
 
@@ -283,21 +297,22 @@ template <typename T>
 template <typename M>
 Fields<T>& Fields<T>::kinds(const KeyName& name, M member, std::vector<Alternative<Value<M>>> kinds,
                             const char* sentence) {
-  Key key = key_of(name, Key::Kind::Text, sentence);
-  for (const auto& one : kinds) key.words.push_back(one.word);
-  return custom(
-      {key},
-      [key, member, kinds](TableReader& reader, T& to) {
+  const auto key = std::make_shared<Key>(key_of(name, Key::Kind::Text, sentence));
+  for (const auto& one : kinds) key->words.push_back(one.word);
+  const auto all = shared(std::move(kinds));
+  return add(
+      key,
+      [key, member, all](TableReader& reader, T& to) {
         const std::string word =
-            reader.word(key.name, words_of(key), key.required).value_or(key.words.front().word);
-        for (const auto& one : kinds)
+            reader.word(key->name, words_of(*key), key->required).value_or(key->words.front().word);
+        for (const auto& one : *all)
           if (one.word.word == word) std::invoke(member, to) = one.read(reader);
       },
-      [key, member, kinds](const T& from, Node::Table& to) {
-        for (const auto& one : kinds) {
+      [key, member, all](const T& from, Node::Table& to) {
+        for (const auto& one : *all) {
           Node::Table own;
           if (!one.write(std::invoke(member, from), own)) continue;
-          put(to, key.name, one.word.word);
+          put(to, key->name, one.word.word);
           return put_all(to, std::move(own));
         }
       });
