@@ -49,7 +49,8 @@ Thickness::Thickness(const Design& design)
 AlignedBox3d Thickness::box_of(int triangle) const {
   AlignedBox3d box;
   for (const int corner : corners_.row(triangle)) box.extend(Vector3d(vertices_.row(corner)));
-  return box;
+  // A place at the rim lies beyond it by rounding, and its line runs along a side of the box.
+  return {box.min().array() - touch, box.max().array() + touch};
 }
 
 void Thickness::add_node(int first, int last, const Points& middles) {

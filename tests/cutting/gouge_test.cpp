@@ -69,6 +69,23 @@ TEST(Thickness, IsTheDistanceToTheOtherSide) {
   }
 }
 
+TEST(Thickness, IsSeenFromARimThatRoundingPutBesideTheOtherSide) {
+  // a place within the rim of an open mesh comes out at 30.000000000000004 where its corners have
+  // 30
+  const Design design = plate(1.5);
+  const Thickness thickness(design);
+  const double rim = std::nextafter(20.0, 21.0);
+  for (const double x : {-19.3, 0.0, 7.7, rim}) {
+    const auto behind = thickness.behind({x, rim, 0.0}, {2.2e-16, 0.0, 1.0}, 20.0);
+    ASSERT_TRUE(behind) << "x " << x;
+    EXPECT_NEAR(*behind, 1.5, 1e-12);
+    const auto along = thickness.behind({x, -rim, 0.0}, Vector3d::UnitZ(), 20.0);
+    ASSERT_TRUE(along) << "x " << x;
+    EXPECT_NEAR(*along, 1.5, 1e-12);
+  }
+  EXPECT_FALSE(thickness.behind({0.0, 20.001, 0.0}, Vector3d::UnitZ(), 20.0));
+}
+
 TEST(Thickness, AgreesWithEveryTriangleTried) {
   const unsigned seed = 20261122;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
