@@ -66,9 +66,7 @@ Watched on_a_terminal(const std::string& arguments) {
 TEST(Waiting, OnATerminalThePartTheStageAndTheTimeLeftAreDrawn) {
   const safety::Folder folder;
   const std::string scene = (safety::source / "scenes/new/gantry.toml").string();
-  // its own vertices alone: the parts and stages are those of a map that is refined
-  const Watched watched = on_a_terminal(
-      "compare " + scene + " --set part.sampling=vertices --out " + (folder / "out").string());
+  const Watched watched = on_a_terminal("compare " + scene + " --out " + (folder / "out").string());
   ASSERT_EQ(watched.code, 0);
   const std::regex state(R"(\[(\d+)/(\d+)\] (.+): (\w+)( \d+ %)?(, (\d+) (s|min) left)?)");
   std::set<std::string> parts, stages;
