@@ -24,15 +24,16 @@ const std::map<std::string, std::set<std::string>> may_know = {
     {"render", {"kinematics", "cutting"}},
     {"sim/files", {"kinematics"}},
     {"sim/program", {"kinematics", "cutting"}},
+    {"sim/dialects", {"kinematics", "sim/program"}},
     {"sim/compensation", {"kinematics", "errors", "errors/identification", "sim/program"}},
-    {"sim/scene", {"sim/program", "sim/compensation", "render"}},
+    {"sim/scene", {"sim/program", "sim/dialects", "sim/compensation", "render"}},
     {"sim/readings", {"sim/scene"}},
     {"sim/machine", {"sim/scene"}},
-    {"sim/cut", {"sim/machine", "sim/scene", "sim/program", "sim/compensation"}},
+    {"sim/cut", {"sim/machine", "sim/scene", "sim/program", "sim/dialects", "sim/compensation"}},
     {"sim/measure", {"sim/cut", "sim/machine", "sim/scene", "sim/readings"}},
     {"sim/loop",
      {"sim/measure", "sim/cut", "sim/machine", "sim/scene", "sim/readings", "sim/program",
-      "sim/compensation"}},
+      "sim/dialects", "sim/compensation"}},
     {"sim/calibration", {"sim/readings", "sim/scene", "sim/compensation"}},
     {"sim/report",
      {"sim/loop", "sim/cut", "sim/calibration", "sim/machine", "sim/scene", "sim/readings",
@@ -51,7 +52,7 @@ const std::set<std::string> common = {
 
 bool is_upper(const std::string& room) {
   return room.rfind("sim/", 0) == 0 && room != "sim/files" && room != "sim/program" &&
-         room != "sim/compensation";
+         room != "sim/dialects" && room != "sim/compensation";
 }
 
 bool may(const std::string& mine, const std::string& theirs) {

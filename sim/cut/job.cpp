@@ -240,6 +240,7 @@ Pieces pieces_of(const Scene& described, const Program& program, const cutting::
   Pieces made{stretches.empty() ? piece_of(scene, program.path, {})
                                 : joined(scene, program.path, stretches, use),
               std::move(stretches), std::move(use.warnings)};
+  add_warnings(program.warnings, made.warnings);
   add_warnings(program_warnings(scene, design_w, program.path, program.unreached), made.warnings);
   for (const Piece& one :
        made.stretches.empty() ? std::span(&made.whole, 1) : std::span<Piece>(made.stretches))

@@ -12,6 +12,7 @@
 #include "cutting/subdivide.h"
 #include "sim/cut/pose.h"
 #include "sim/cut/unreached_text.h"
+#include "sim/dialects/read_program.h"
 #include "sim/machine/compile.h"
 #include "sim/program/milling_text.h"
 #include "sim/program/pvt.h"
@@ -168,13 +169,33 @@ Part load_mesh(const Scene& scene, const MeshFile& mesh) {
   return part;
 }
 
-bool is_nc(const std::filesystem::path& file) {
-  const std::string ending = file.extension().string();
-  return ending == ".ngc" || ending == ".nc" || ending == ".tap";
+bool is_pvt(const ProgramDescription::File& given) {
+  const std::string ending = given.file.extension().string();
+  return given.dialect != dialects::Dialect::Cl && (ending == ".csv" || ending == ".pvt");
 }
 
-program::Path read_program(const std::filesystem::path& file, const program::NcOptions& options) {
-  return is_nc(file) ? program::read_nc_file(file, options) : program::read_pvt_file(file, options);
+std::string skipped_text(const dialects::ReadProgram& read) {
+  std::size_t count = 0;
+  std::string words;
+  for (const dialects::Skipped& one : read.skipped) {
+    count += one.count;
+    words += fmt::format("{}{} ({} times, first in line {})", words.empty() ? " " : ", ", one.word,
+                         one.count, one.line);
+  }
+  return fmt::format("{} words of the program were skipped as unknown to {}:{}", count,
+                     name_of(read.dialect), words);
+}
+
+Program read_file(const ProgramDescription::File& given, const program::NcOptions& options) {
+  if (is_pvt(given)) return {program::read_pvt_file(given.file, options), {}, {}};
+  dialects::ReadProgram read = dialects::read_program_file(
+      given.file, {.control = options, .dialect = given.dialect, .on_unknown = given.on_unknown});
+  Program program{std::move(read.path), {}, {}};
+  program.warnings = std::move(read.warnings);
+  if (!read.skipped.empty()) program.warnings.push_back(skipped_text(read));
+  program.path.read_as = std::string(name_of(read.dialect));
+  if (!read.sign.empty()) program.path.read_as += ", as " + read.sign;
+  return program;
 }
 
 /// "; part.at_mm is [900, 0, 0], and the slides go X between -400 and 400 mm"
@@ -285,6 +306,13 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
   const double length = scene.control.tool_length.value_or(scene.tool.length);
   if (scene.more_tools.empty()) options.tool_length.emplace(1, length);
   if (scene.tool.number) options.tool_length.emplace(*scene.tool.number, length);
+  const auto believe_radius = [&](int number, const ToolDescription& tool) {
+    if (const auto* cutter = std::get_if<cutting::Cutter>(&tool.nominal))
+      options.tool_radius.emplace(number, cutter->radius);
+  };
+  if (scene.more_tools.empty()) believe_radius(1, scene.tool);
+  if (scene.tool.number) believe_radius(*scene.tool.number, scene.tool);
+  for (const ToolDescription& tool : scene.more_tools) believe_radius(*tool.number, tool);
   for (const ToolDescription& tool : scene.more_tools)
     options.tool_length.emplace(*tool.number, tool.length);
   if (!scene.more_tools.empty())
@@ -299,7 +327,7 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
 Program load_program(const Scene& scene, const Machine& machine, const Part& part) {
   const program::NcOptions options = nc_options(scene, machine);
   if (const auto* given = std::get_if<ProgramDescription::File>(&scene.program.source))
-    return {read_program(given->file, options), {}, {}};
+    return read_file(*given, options);
   Generated generated = generate(scene, machine, part);
   const std::string name = "program" + generated.ending;
   program::Path path = generated.ending == ".ngc"

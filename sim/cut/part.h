@@ -43,7 +43,8 @@ Part load_part(const Scene& scene);
 struct Program {
   program::Path path;
   std::string text;
-  program::Unreached unreached;  ///< what a generator had to leave out
+  program::Unreached unreached;            ///< what a generator had to leave out
+  std::vector<std::string> warnings = {};  ///< of its reader
 };
 
 /// Reads the program of a scene; a generated one is read back from its own text, under the name

@@ -4,50 +4,37 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 #include <utility>
 
 #include "kinematics/bad_input.h"
-#include "kinematics/inverse.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
-#include "sim/program/nc_arc.h"
+#include "sim/program/arc_move.h"
+#include "sim/program/canon.h"
+#include "sim/program/nc_block.h"
 #include "sim/program/nc_codes.h"
-#include "sim/program/nc_notes.h"
 
 namespace abbe::sim::program {
 namespace {
 
 using kinematics::AxisVector;
-using kinematics::Motion;
 
-constexpr double largest_mm = 1e6;
-constexpr double largest_rad = 1e7;
 constexpr double largest_dwell_s = 1e6;
 constexpr double smallest_feed = 1e-9;  // per minute; keeps every duration finite
-// mm or rad, less is the rounding of a change of coordinates
-constexpr double least_motion = 1e-11;
 
-/// The control while it reads: its modes, and where the axes stand.
-class Control {
+/// The words of a plain NC program while they are read: the modes of the language.
+class Words {
  public:
-  Control(const std::string& file, const NcOptions& options);
+  explicit Words(Canon& canon) : canon_(canon) {}
 
   /// @return false at the end of the program
   bool execute(const NcBlock& block);
-  void read_comments(const NcBlock& block) { notes_.note_comments(block); }
-  Path take() { return std::move(path_); }
+  void read_comments(const NcBlock& block);
 
  private:
-  struct Feed {
-    double word = 0.0;  ///< as programmed
-    double unit = 1.0;  ///< mm per unit of length in it
-  };
-
-  NcPlace place() const { return {path_.file, line_}; }
-  [[noreturn]] void refuse(const NcWord& word, std::string expected,
+  [[noreturn]] void refuse(const Cause& word, std::string expected,
                            std::optional<std::string> seen = {}) const {
-    program::refuse(place(), word, std::move(expected), std::move(seen));
+    canon_.refuse(word, std::move(expected), std::move(seen));
   }
 
   void check_letters(const NcBlock& block) const;
@@ -56,88 +43,54 @@ class Control {
   void set_spindle(const NcBlock& block, const Codes& codes);
   void set_feed(const NcBlock& block, const Codes& codes);
   void set_tool_length(const NcBlock& block, const Codes& codes);
+  void note_before_motion(const NcBlock& block, const Codes& codes);
+  void note_after_motion(const Codes& codes);
   void dwell(const NcBlock& block, const NcWord& g4);
   void move(const NcBlock& block, const Codes& codes);
-  AxisVector target(const NcBlock& block, bool machine_coordinates) const;
-  double axis_value(int joint, const NcWord& word) const;
+  Target target(const NcBlock& block, bool machine_coordinates) const;
   void arc(const NcBlock& block, const NcWord& cause, AxisVector end);
-  double duration(const Block& block, const NcBlock& words, const NcWord& cause) const;
-  void append(Block block, double seconds);
-  void go_to(Coordinates coordinates, const NcWord& cause);
-
-  void use_chain(const NcWord& h, const NcWord& cause);
+  Eigen::Vector2d centre(const NcBlock& block, const NcWord& cause, const ArcMove& arc) const;
 
   const NcWord& first_axis_word(const NcBlock& block) const;
-  /// -1 where the machine has no such axis
-  int joint_of(char letter) const { return joint_of_[std::size_t(letter - 'A')]; }
-  bool is_linear(int joint) const {
-    return options_.axes[std::size_t(joint)].motion == Motion::Linear;
-  }
+  double unit() const { return canon_.inch() ? units::inch : 1.0; }
 
-  const NcOptions& options_;
-  Path path_;
-  NcNotes notes_{path_};
-  int line_ = 0;
-  std::array<int, 26> joint_of_;  ///< by letter
-  int spindle_;                   ///< the joint that S and M3 turn
-
-  AxisVector at_;  ///< where the axes are, in `coordinates_`, offsets in
-  Coordinates coordinates_ = Coordinates::Axis;
-  double time_s_ = 0.0;
-
+  Canon& canon_;
   int motion_ = -1;  ///< tenths of the G code; -1 none
   int plane_ = 170;
   bool incremental_ = false;
   bool absolute_centre_ = false;
-  bool inverse_time_ = false;
-  bool tip_mode_ = false;
-  double unit_ = 1.0;               ///< mm per unit of length
-  const kinematics::Chain* chain_;  ///< that G43.4 counts with; null if there is none
-  int length_number_ = -1;          ///< H in force
-  double tool_length_ = 0.0;        ///< mm added to Z under G43
-  int offset_ = 0;                  ///< 0 .. 5, G54 .. G59
-  std::optional<Feed> feed_;
-  double spindle_rpm_ = 0.0;
-  int spindle_turns_ = 0;  ///< +1 M3, -1 M4, 0 M5
 };
 
-Control::Control(const std::string& file, const NcOptions& options)
-    : options_(options),
-      joint_of_(joints_by_letter(options.axes)),
-      spindle_(spindle_of(options.axes)),
-      at_(start_of(options)),
-      chain_(options.control ? &*options.control : nullptr) {
-  path_.file = file;
-  for (const AxisVector& offset : options.work_offset)
-    if (offset.size() != 0 && offset.size() != at_.size())
-      throw std::invalid_argument("expected one work offset for every axis");
+void Words::read_comments(const NcBlock& block) {
+  canon_.stand_at(block.line);
+  for (const std::string_view text : block.comments) canon_.comment(text);
 }
 
-void Control::check_letters(const NcBlock& block) const {
+void Words::check_letters(const NcBlock& block) const {
   static constexpr std::string_view others = "NFSTPHIJKR", axes = "XYZABCUVW";
   for (char letter = 'A'; letter <= 'Z'; ++letter) {
     const NcWord& word = block[letter];
     if (!word || others.find(letter) != std::string_view::npos) continue;
-    if (joint_of(letter) >= 0) continue;
+    if (canon_.joint_of(letter) >= 0) continue;
     if (axes.find(letter) != std::string_view::npos)
-      refuse(word, "an axis of this machine (" + letters_of(options_.axes) + ")");
-    refuse(word,
-           "a word of this control (N G " + letters_of(options_.axes) + " I J K R F S T M H P)");
+      refuse(word, "an axis of this machine (" + canon_.letters() + ")");
+    refuse(word, "a word of this control (N G " + canon_.letters() + " I J K R F S T M H P)");
   }
 }
 
-const NcWord& Control::first_axis_word(const NcBlock& block) const {
+const NcWord& Words::first_axis_word(const NcBlock& block) const {
   static const NcWord none;
   const NcWord* first = &none;
   for (char letter = 'A'; letter <= 'Z'; ++letter) {
     const NcWord& word = block[letter];
-    if (word && joint_of(letter) >= 0 && (!*first || word.column < first->column)) first = &word;
+    if (word && canon_.joint_of(letter) >= 0 && (!*first || word.column < first->column))
+      first = &word;
   }
   return *first;
 }
 
 /// Words that make sense only beside others.
-void Control::check_companions(const NcBlock& block, const Codes& codes) const {
+void Words::check_companions(const NcBlock& block, const Codes& codes) const {
   const Codes::Code& once = codes[CodeGroup::OneBlock];
   const NcWord& axis = first_axis_word(block);
   const int motion = codes[CodeGroup::Motion] ? codes[CodeGroup::Motion].tenths : motion_;
@@ -163,206 +116,156 @@ void Control::check_companions(const NcBlock& block, const Codes& codes) const {
     refuse(tool, "a whole tool number");
 }
 
-void Control::set_spindle(const NcBlock& block, const Codes& codes) {
+void Words::set_spindle(const NcBlock& block, const Codes& codes) {
   if (const NcWord& s = block['S']) {
     if (s.value < 0 || s.value > 1e7) refuse(s, "a spindle speed of 0 to 1e7 rpm");
-    spindle_rpm_ = s.value;
+    canon_.set_spindle_speed(s.value);
   }
   if (const Codes::Code& code = codes[CodeGroup::Spindle])
-    spindle_turns_ = code.tenths == 30 ? 1 : code.tenths == 40 ? -1 : 0;
+    canon_.turn_spindle(code.tenths == 30 ? 1 : code.tenths == 40 ? -1 : 0);
 }
 
-void Control::set_feed(const NcBlock& block, const Codes& codes) {
+void Words::set_feed(const NcBlock& block, const Codes& codes) {
   if (const Codes::Code& code = codes[CodeGroup::FeedMode]) {
-    const bool inverse = code.tenths == 930;
-    if (inverse != inverse_time_) feed_.reset();
-    inverse_time_ = inverse;
+    const FeedMode mode = code.tenths == 930 ? FeedMode::InverseTime : FeedMode::PerMinute;
+    if (mode != canon_.feed_mode()) canon_.set_feed({});
+    canon_.set_feed_mode(mode);
   }
-  if (inverse_time_) feed_.reset();
+  if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
   if (const NcWord& f = block['F']) {
     if (!(f.value >= smallest_feed)) refuse(f, "a feed above zero");
-    feed_ = Feed{f.value, unit_};
+    canon_.set_feed(Feed{f.value, unit()});
   }
 }
 
-void Control::go_to(Coordinates coordinates, const NcWord& cause) {
-  if (coordinates == coordinates_) return;
-  coordinates_ = coordinates;
-  const int x = joint_of('X'), y = joint_of('Y'), z = joint_of('Z');
-  if (coordinates == Coordinates::Tip) {
-    const Eigen::Vector3d tip_w = chain_->tool_in_workpiece(at_).translation();
-    at_[x] = tip_w.x();
-    at_[y] = tip_w.y();
-    at_[z] = tip_w.z();
-  } else {
-    const auto q = slides_for_tip(*chain_, at_, {at_[x], at_[y], at_[z]});
-    if (!q) refuse(cause, "slides that reach the tip", "a tip out of their reach");
-    at_ = *q;
-  }
-}
-
-/// The chain to the tip of another tool: the axes stay where they are.
-void Control::use_chain(const NcWord& h, const NcWord& cause) {
-  const auto own = options_.control_of_h.find(int(h.value));
-  if (own == options_.control_of_h.end() || chain_ == &own->second) return;
-  go_to(Coordinates::Axis, cause);
-  chain_ = &own->second;
-}
-
-void Control::set_tool_length(const NcBlock& block, const Codes& codes) {
+void Words::set_tool_length(const NcBlock& block, const Codes& codes) {
   const Codes::Code& code = codes[CodeGroup::ToolLength];
   if (!code) return;
-  tip_mode_ = code.tenths == 434;
-  tool_length_ = 0.0;
-  length_number_ = -1;
-  if (code.tenths != 490) {
-    const NcWord& h = block['H'];
-    const auto length = h.value == std::floor(h.value) && h.value >= 0
-                            ? options_.tool_length.find(int(h.value))
-                            : options_.tool_length.end();
-    if (length == options_.tool_length.end()) {
-      std::string known;
-      for (const auto& [number, mm] : options_.tool_length) known += fmt::format(" H{}", number);
-      refuse(h,
-             "a tool length that is known (" + (known.empty() ? "none is" : known.substr(1)) + ")");
-    }
-    length_number_ = length->first;
-    use_chain(h, code.word);
-    if (code.tenths == 430) {
-      if (joint_of('Z') < 0) refuse(code.word, "a machine with a Z axis");
-      tool_length_ = length->second;
-    }
+  if (code.tenths == 490) {
+    canon_.set_tool_shift({});
+    canon_.call_length(-1, code.word);
+    return canon_.set_tip_mode(false, code.word);
   }
-  if (tip_mode_) {
-    for (const char letter : {'X', 'Y', 'Z'})
-      if (joint_of(letter) < 0)
-        refuse(code.word, "a machine with the axes X Y Z beside G43.4",
-               "one with " + letters_of(options_.axes));
-    if (chain_ == nullptr) refuse(code.word, "a control that knows its kinematics beside G43.4");
+  const std::map<int, double>& lengths = canon_.options().tool_length;
+  const NcWord& h = block['H'];
+  const auto length =
+      h.value == std::floor(h.value) && h.value >= 0 ? lengths.find(int(h.value)) : lengths.end();
+  if (length == lengths.end()) {
+    std::string known;
+    for (const auto& [number, mm] : lengths) known += fmt::format(" H{}", number);
+    refuse(h,
+           "a tool length that is known (" + (known.empty() ? "none is" : known.substr(1)) + ")");
   }
-  go_to(tip_mode_ ? Coordinates::Tip : Coordinates::Axis, code.word);
+  canon_.call_length(length->first, code.word);
+  AxisVector shift;
+  if (code.tenths == 430) {
+    const int z = canon_.joint_of('Z');
+    if (z < 0) refuse(code.word, "a machine with a Z axis");
+    shift = AxisVector::Zero(canon_.position().size());
+    shift[z] = length->second;
+  }
+  canon_.set_tool_shift(std::move(shift));
+  canon_.set_tip_mode(code.tenths == 434, code.word);
 }
 
-void Control::set_modes(const NcBlock& block, const Codes& codes) {
-  if (const auto& code = codes[CodeGroup::Units]) unit_ = code.tenths == 200 ? units::inch : 1.0;
+void Words::set_modes(const NcBlock& block, const Codes& codes) {
+  if (const auto& code = codes[CodeGroup::Units]) canon_.set_inch(code.tenths == 200);
   set_feed(block, codes);
   set_spindle(block, codes);
   if (const auto& code = codes[CodeGroup::Plane]) plane_ = code.tenths;
   set_tool_length(block, codes);
-  if (const auto& code = codes[CodeGroup::WorkOffset]) offset_ = (code.tenths - 540) / 10;
+  if (const auto& code = codes[CodeGroup::WorkOffset]) {
+    const int number = (code.tenths - 540) / 10;
+    canon_.set_frame(number, {canon_.options().work_offset[std::size_t(number)]});
+  }
   if (const auto& code = codes[CodeGroup::Distance]) incremental_ = code.tenths == 910;
   if (const auto& code = codes[CodeGroup::ArcDistance]) absolute_centre_ = code.tenths == 901;
   if (const auto& code = codes[CodeGroup::Motion]) motion_ = code.tenths;
 }
 
-void Control::append(Block block, double seconds) {
-  block.line = line_;
-  block.inch = unit_ != 1.0;
-  block.inverse_time = inverse_time_;
-  if (block.work_offset >= 0) block.work_offset = offset_;
-  block.tool_length = length_number_;
-  block.start_s = time_s_;
-  block.end_s = time_s_ + seconds;
-  if (spindle_ >= 0) {
-    const double speed = spindle_turns_ * spindle_rpm_ * units::rpm;
-    block.start[spindle_] = at_[spindle_];
-    block.end[spindle_] = at_[spindle_] + speed * seconds;
-  }
-  time_s_ = block.end_s;
-  at_ = block.end;
-  if (block.interpolation != Interpolation::Dwell) ++path_.motion_blocks;
-  path_.blocks.push_back(std::move(block));
+void Words::note_before_motion(const NcBlock& block, const Codes& codes) {
+  const bool changes = bool(codes[CodeGroup::ToolChange]);
+  const NcWord& tool = block['T'];
+  if (tool || changes) canon_.call_tool(tool ? tool.value : -1.0, changes);
+  std::string text = tool ? fmt::format("T{:.0f}", tool.value) : "";
+  for (const CodeGroup group : {CodeGroup::ToolChange, CodeGroup::Coolant})
+    if (const Codes::Code& code = codes[group]; code && code.tenths != 90)
+      text += fmt::format("{}M{}", text.empty() ? "" : " ", code.tenths / 10);
+  if (!text.empty()) canon_.aside(std::move(text));
 }
 
-void Control::dwell(const NcBlock& block, const NcWord& g4) {
+/// What a control does after the motion of the block: M0 M1 M9.
+void Words::note_after_motion(const Codes& codes) {
+  const Codes::Code &stop = codes[CodeGroup::Stop], &coolant = codes[CodeGroup::Coolant];
+  if (coolant && coolant.tenths == 90) canon_.aside("M9");
+  if (stop && stop.tenths <= 10) canon_.aside(fmt::format("M{}", stop.tenths / 10));
+}
+
+void Words::dwell(const NcBlock& block, const NcWord& g4) {
   const NcWord& p = block['P'];
   if (p.value < 0 || p.value > largest_dwell_s)
     refuse(p, "0 to 1e6 seconds beside " + shown(g4.text));
-  if (p.value == 0.0) return;
-  Block still;
-  still.interpolation = Interpolation::Dwell;
-  still.coordinates = coordinates_;
-  still.start = still.end = at_;
-  append(std::move(still), p.value);
+  canon_.dwell(p.value, p);
 }
 
-double Control::axis_value(int joint, const NcWord& word) const {
-  return word.value * (is_linear(joint) ? unit_ : units::deg);
-}
-
-AxisVector Control::target(const NcBlock& block, bool machine_coordinates) const {
-  AxisVector end = at_;
-  const AxisVector& offset = options_.work_offset[std::size_t(offset_)];
+Target Words::target(const NcBlock& block, bool machine_coordinates) const {
+  Target target;
   for (char letter = 'A'; letter <= 'Z'; ++letter) {
     const NcWord& word = block[letter];
-    const int j = joint_of(letter);
+    const int j = canon_.joint_of(letter);
     if (!word || j < 0) continue;
-    const double value = axis_value(j, word);
-    if (machine_coordinates) {
-      end[j] = value;
-    } else if (incremental_) {
-      end[j] += value;
-    } else {
-      end[j] = value + (offset.size() > 0 ? offset[j] : 0.0) + (letter == 'Z' ? tool_length_ : 0.0);
-    }
-    if (!(std::abs(end[j]) <= (is_linear(j) ? largest_mm : largest_rad)))
-      refuse(word, is_linear(j) ? "a position within 1e6 mm" : "a position within 1e7 rad");
+    const double value = word.value * (canon_.is_linear(j) ? unit() : units::deg);
+    if (incremental_ && !machine_coordinates)
+      target.by(j, value, word);
+    else
+      target.to(j, value, word);
   }
-  return end;
+  return target;
 }
 
-double Control::duration(const Block& block, const NcBlock& words, const NcWord& cause) const {
-  if (block.interpolation == Interpolation::Rapid) {
-    const SquaredWay way = squared_way(options_.axes, block.start, block.end);
-    const double mm = std::sqrt(way.xyz + way.uvw);
-    return mm > 0.0 ? mm / options_.rapid_speed : std::sqrt(way.turns) / options_.rapid_turn;
-  }
-  if (!feed_)
-    refuse(words['F'] ? words['F'] : cause,
-           inverse_time_ ? "F in every block of motion under G93"
-                         : "F before or in the first block of feed",
-           "none");
-  if (inverse_time_) return 60.0 / feed_->word;
-  const Way way =
-      way_of_feed(options_.axes, block.start, block.end,
-                  block.interpolation == Interpolation::Arc ? &path_.arcs[block.shape] : nullptr);
-  return way.length * 60.0 / (feed_->word * (way.linear ? feed_->unit : 1.0));
-}
-
-void Control::arc(const NcBlock& block, const NcWord& cause, AxisVector end) {
-  const std::string_view plane = plane_ == 170 ? "XY" : plane_ == 180 ? "ZX" : "YZ";
-  const int first = joint_of(plane[0]);
-  const int second = joint_of(plane[1]);
-  if (first < 0 || second < 0)
-    refuse(cause, fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
-  const AxisVector& offset = options_.work_offset[std::size_t(offset_)];
-  const auto zero = [&](int joint, char letter) {
-    return (offset.size() > 0 ? offset[joint] : 0.0) + (letter == 'Z' ? tool_length_ : 0.0);
+Eigen::Vector2d Words::centre(const NcBlock& block, const NcWord& cause, const ArcMove& arc) const {
+  const std::string_view letters = plane_ == 170 ? "IJK" : plane_ == 180 ? "KIJ" : "JKI";
+  const std::string pair = plane_ == 170 ? "I J" : plane_ == 180 ? "I K" : "J K";
+  const NcWord& first = block[letters[0]];
+  const NcWord& second = block[letters[1]];
+  if (const NcWord& outside = block[letters[2]])
+    refuse(outside, fmt::format("{} in the plane of G{}", pair, plane_ / 10));
+  if (!first && !second)
+    refuse(cause, fmt::format("{} or R beside {}", pair, arc.clockwise ? "G2" : "G3"), "none");
+  const Eigen::Vector2d words(first.value * unit(), second.value * unit());
+  const AxisVector& at = canon_.position();
+  if (!absolute_centre_) return Eigen::Vector2d(at[arc.first], at[arc.second]) + words;
+  if (!first || !second) refuse(cause, "both " + pair + " under G90.1", "one");
+  const auto zero = [&](int joint) {
+    const AxisVector &offset = canon_.frame().shift, &tool = canon_.tool_shift();
+    return (offset.size() > 0 ? offset[joint] : 0.0) + (tool.size() > 0 ? tool[joint] : 0.0);
   };
-  Arc arc = arc_of({block,
-                    cause,
-                    place(),
-                    plane_,
-                    motion_ == 20,
-                    absolute_centre_,
-                    unit_,
-                    {at_[first], at_[second]},
-                    {end[first], end[second]},
-                    {zero(first, plane[0]), zero(second, plane[1])}});
-  arc.first = first;
-  arc.second = second;
-  Block round;
-  round.interpolation = Interpolation::Arc;
-  round.coordinates = coordinates_;
-  round.shape = std::uint32_t(path_.arcs.size());
-  round.start = at_;
-  round.end = std::move(end);
-  path_.arcs.push_back(arc);
-  const double seconds = duration(round, block, cause);
-  append(std::move(round), seconds);
+  return words + Eigen::Vector2d(zero(arc.first), zero(arc.second));
 }
 
-void Control::move(const NcBlock& block, const Codes& codes) {
+void Words::arc(const NcBlock& block, const NcWord& cause, AxisVector end) {
+  const std::string_view plane = plane_ == 170 ? "XY" : plane_ == 180 ? "ZX" : "YZ";
+  ArcMove arc{.first = canon_.joint_of(plane[0]),
+              .second = canon_.joint_of(plane[1]),
+              .end = std::move(end),
+              .centre = {0, 0},
+              .clockwise = motion_ == 20,
+              .cause = cause,
+              .named = cause};
+  if (arc.first < 0 || arc.second < 0)
+    refuse(cause, fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
+  if (const NcWord& radius = block['R']) {
+    for (const char letter : {'I', 'J', 'K'})
+      if (block[letter]) refuse(block[letter], "either R or I J K");
+    arc.centre = canon_.centre_of_radius(arc, radius.value * unit(), radius);
+    arc.named = radius;
+  } else {
+    arc.centre = centre(block, cause, arc);
+  }
+  canon_.arc(std::move(arc));
+}
+
+void Words::move(const NcBlock& block, const Codes& codes) {
   const Codes::Code& code = codes[CodeGroup::Motion];
   const NcWord& axis = first_axis_word(block);
   const bool is_arc = motion_ == 20 || motion_ == 30;
@@ -376,67 +279,58 @@ void Control::move(const NcBlock& block, const Codes& codes) {
                                      : block['K'];
   const bool machine_coordinates =
       codes[CodeGroup::OneBlock] && codes[CodeGroup::OneBlock].tenths == 530;
-  if (machine_coordinates) go_to(Coordinates::Axis, cause);
-  AxisVector end = target(block, machine_coordinates);
-  if (is_arc) {
+  if (machine_coordinates) canon_.go_to(Coordinates::Axis, cause);
+  AxisVector end = canon_.end_of(target(block, machine_coordinates), machine_coordinates);
+  if (is_arc)
     arc(block, cause, std::move(end));
-  } else {
-    Block straight;
-    straight.interpolation = motion_ == 0 ? Interpolation::Rapid : Interpolation::Line;
-    straight.coordinates = coordinates_;
-    straight.start = at_;
-    straight.end = std::move(end);
-    if (machine_coordinates) straight.work_offset = -1;
-    const double seconds = duration(straight, block, cause);
-    if ((straight.end - straight.start).cwiseAbs().maxCoeff() > least_motion)
-      append(std::move(straight), seconds);
-  }
-  if (machine_coordinates && tip_mode_) go_to(Coordinates::Tip, cause);
+  else if (motion_ == 0)
+    canon_.traverse({std::move(end), cause, machine_coordinates});
+  else
+    canon_.straight_feed({std::move(end), cause, machine_coordinates});
+  if (machine_coordinates && canon_.tip_mode()) canon_.go_to(Coordinates::Tip, cause);
 }
 
-bool Control::execute(const NcBlock& block) {
-  line_ = block.line;
-  const Codes codes = codes_of(block, place());
+bool Words::execute(const NcBlock& block) {
+  canon_.stand_at(block.line);
+  const Codes codes = codes_of(block, canon_.place());
   check_letters(block);
   check_companions(block, codes);
   set_modes(block, codes);
-  notes_.note_before_motion(block, codes);
+  note_before_motion(block, codes);
   const Codes::Code& once = codes[CodeGroup::OneBlock];
   if (once && once.tenths == 40)
     dwell(block, once.word);
   else
     move(block, codes);
   const Codes::Code& stop = codes[CodeGroup::Stop];
-  notes_.note_after_motion(codes);
+  note_after_motion(codes);
   return !(stop && (stop.tenths == 20 || stop.tenths == 300));
 }
 
 }  // namespace
 
-AxisVector start_of(const NcOptions& options) {
-  const Eigen::Index n = Eigen::Index(options.axes.size());
-  if (options.start.size() == 0) return AxisVector::Zero(n);
-  if (options.start.size() != n)
-    throw std::invalid_argument("expected one start position for every axis");
-  return options.start;
-}
-
 Path read_nc(std::string_view text, const std::string& file, const NcOptions& options) {
   if (text.size() > options.max_bytes)
     throw BadInput(file, 0, 0, fmt::format("at most {} bytes", options.max_bytes),
                    fmt::format("{}", text.size()));
-  Control control(file, options);
+  Canon canon(file, options);
+  read_nc(text, canon);
+  return canon.take();
+}
+
+void read_nc(std::string_view text, Canon& canon) {
+  Words words(canon);
   Lines lines(text);
   NcBlock block;
   int percents = 0;
   while (const auto line = lines.next()) {
-    block = parse_block(*line, {file, lines.number()}, std::move(block));
+    canon.stand_at(lines.number());
+    block = parse_block(*line, canon.place(), std::move(block));
     if (block.percent && ++percents == 2) break;
-    if (block.deleted && options.block_delete) continue;
-    if (!block.comments.empty()) control.read_comments(block);
-    if (!block.percent && !block.empty() && !control.execute(block)) break;
+    if (block.deleted && canon.options().block_delete) continue;
+    if (!block.comments.empty()) words.read_comments(block);
+    if (!block.percent && !block.empty() && !words.execute(block)) break;
   }
-  return control.take();
 }
 
 Path read_nc_file(const std::filesystem::path& file, const NcOptions& options) {

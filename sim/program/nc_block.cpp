@@ -182,12 +182,6 @@ bool NcBlock::empty() const {
   return true;
 }
 
-void refuse(const NcPlace& place, const NcWord& word, std::string expected,
-            std::optional<std::string> seen) {
-  throw BadInput(place.file, place.line, word.column, std::move(expected),
-                 seen ? *std::move(seen) : shown(word.text));
-}
-
 NcBlock parse_block(std::string_view text, const NcPlace& place, NcBlock reused) {
   NcBlock block = std::move(reused);
   block.line = place.line;

@@ -1,10 +1,11 @@
 #pragma once
 
 #include <array>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "sim/program/place.h"
 
 namespace abbe::sim::program {
 
@@ -14,6 +15,7 @@ struct NcWord {
   int column = 0;         ///< of its letter, from 1; 0 where the block has no such word
   std::string_view text;  ///< points into the program
   explicit operator bool() const { return column > 0; }
+  operator Cause() const { return {column, text}; }
 };
 
 /// One line of an RS274/NGC program taken apart, its words not yet understood.
@@ -28,16 +30,6 @@ struct NcBlock {
   const NcWord& operator[](char letter) const { return words[std::size_t(letter - 'A')]; }
   bool empty() const;
 };
-
-struct NcPlace {
-  const std::string& file;
-  int line = 0;
-};
-
-/// Refuses a word; what was seen is the word itself unless stated.
-/// @throws BadInput
-[[noreturn]] void refuse(const NcPlace& place, const NcWord& word, std::string expected,
-                         std::optional<std::string> seen = {});
 
 /// Takes a line apart into `block` of the line before, whose memory is used again.
 /// @throws BadInput on anything but words, comments, blanks, a line number and marks / and %

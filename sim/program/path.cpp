@@ -57,7 +57,11 @@ AxisVector position(const Path& path, const Block& block, double u) {
 }
 
 Path stretch_of(const Path& path, std::size_t first, std::size_t last) {
-  Path part{.file = path.file, .arcs = path.arcs, .cubics = path.cubics};
+  Path part;
+  part.file = path.file;
+  part.more_files = path.more_files;
+  part.arcs = path.arcs;
+  part.cubics = path.cubics;
   part.blocks.assign(path.blocks.begin() + std::ptrdiff_t(first),
                      path.blocks.begin() + std::ptrdiff_t(last));
   for (const Aside& aside : path.asides)

@@ -64,11 +64,12 @@ struct Block {
   double end_s = 0.0;
   kinematics::AxisVector start;
   kinematics::AxisVector end;
-  std::uint32_t shape = 0;    ///< index into Path::arcs or Path::cubics
-  bool inch = false;          ///< it stood in inches (G20)
-  bool inverse_time = false;  ///< under G93
-  int work_offset = 0;        ///< 0 .. 5, G54 .. G59; -1 for none (G53, PVT)
-  int tool_length = -1;       ///< H of the G43 or G43.4 in force; -1 for none
+  std::uint32_t shape = 0;       ///< index into Path::arcs or Path::cubics
+  bool inch = false;             ///< it stood in inches (G20)
+  bool inverse_time = false;     ///< under G93
+  std::int16_t work_offset = 0;  ///< 0 .. 5, G54 .. G59, more for others; -1 for none (G53, PVT)
+  std::uint16_t file = 0;        ///< 0 that of the path, else counted from 1 in Path::more_files
+  int tool_length = -1;          ///< H of the G43 or G43.4 in force; -1 for none
 };
 
 /// Neither rapid nor dwell.
@@ -98,6 +99,8 @@ struct UnitWord {
 /// blocks.
 struct Path {
   std::string file;
+  std::string read_as = {};                  ///< its dialect and by which sign; empty: none to say
+  std::vector<std::string> more_files = {};  ///< of subprograms that stand in files of their own
   std::vector<Block> blocks;
   std::vector<Arc> arcs;
   std::vector<Cubic> cubics;

@@ -146,7 +146,7 @@ Description describe(const Job& job) {
             region_shares(job.scene.part, job.face_groups,
                           cutting::transformed(design, job.scene.part.T_wm.inverse()))};
   d.program = {job.path.motion_blocks, states.size(), states.empty() ? 0.0 : states.back().time_s,
-               unreached_text(job.unreached)};
+               unreached_text(job.unreached), job.path.read_as};
   for (const Job& one : job.stretches)
     d.stretches.push_back({*one.scene.tool.number, one.scene.tool.name,
                            one.path.blocks.front().line, one.path.blocks.back().line,

@@ -75,6 +75,7 @@ struct Description {
     std::size_t samples = 0;
     double time_s = 0.0;
     std::string not_reached;  ///< what the machine does not reach of it; or empty
+    std::string read_as;      ///< dialect of a file, and by which sign
   } program;
   /// What one of several tools runs, in the order of the program; empty with one tool.
   struct Stretch {

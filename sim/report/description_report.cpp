@@ -280,7 +280,8 @@ ordered_json to_json(const Description& d) {
   json["program"] = {{"moves", d.program.moves},
                      {"samples", d.program.samples},
                      {"time_s", d.program.time_s},
-                     {"not_reached", d.program.not_reached}};
+                     {"not_reached", d.program.not_reached},
+                     {"read_as", d.program.read_as}};
   for (const Description::Stretch& one : d.stretches)
     json["program"]["tools"].push_back({{"number", one.tool},
                                         {"name", one.name},
@@ -313,6 +314,7 @@ std::string to_text(const Description& d) {
   text += part_text(d.part);
   text += fmt::format("program  {} moves, {} samples, {:.1f} s\n", d.program.moves,
                       d.program.samples, d.program.time_s);
+  if (!d.program.read_as.empty()) text += "         read as " + escaped(d.program.read_as) + "\n";
   for (const Description::Stretch& one : d.stretches)
     text += fmt::format("         T{} {}: {} moves, lines {} to {}\n", one.tool, escaped(one.name),
                         one.moves, one.first_line, one.last_line);

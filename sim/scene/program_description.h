@@ -6,16 +6,23 @@
 #include <variant>
 
 #include "kinematics/chain.h"
+#include "sim/dialects/read_options.h"
 #include "sim/program/generate.h"
 #include "sim/program/nc.h"
 
 namespace abbe::sim {
 
+/// A program in a file.
+struct ProgramFile {
+  std::filesystem::path file;  ///< .csv .pvt are PVT unless `dialect` is Cl, others machining
+                               ///< programs
+  dialects::Dialect dialect = dialects::Dialect::Auto;
+  dialects::OnUnknown on_unknown = dialects::OnUnknown::Refuse;
+};
+
 /// A program: a file, or a generator that writes one.
 struct ProgramDescription {
-  struct File {
-    std::filesystem::path file;  ///< .ngc .nc .tap are NC, .csv .pvt are PVT
-  };
+  using File = ProgramFile;
   std::variant<File, program::Raster, program::Flank, program::Spiral> source;
   std::map<int, double> tool_length;  ///< mm by H number; H of the tool in use is there already
   std::array<kinematics::AxisVector, 6> work_offset{};

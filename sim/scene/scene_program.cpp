@@ -1,4 +1,7 @@
+#include <algorithm>
+#include <array>
 #include <functional>
+#include <string_view>
 #include <system_error>
 
 #include "sim/scene/scene_sections.h"
@@ -7,6 +10,8 @@ namespace abbe::sim {
 
 namespace {
 
+using dialects::Dialect;
+using dialects::OnUnknown;
 using program::Flank;
 using program::NcFormat;
 using program::Raster;
@@ -69,9 +74,14 @@ void check_file(TableReader& reader, File& program) {
   const std::filesystem::path& file = program.file;
   const std::string ending = file.extension().string();
   std::error_code failure;
-  if (ending != ".ngc" && ending != ".nc" && ending != ".tap" && ending != ".csv" &&
-      ending != ".pvt") {
-    reader.refuse("file", "a program named .ngc, .nc, .tap, .csv or .pvt", file.string());
+  constexpr std::array<std::string_view, 17> endings = {
+      ".ngc", ".nc",  ".tap", ".cnc", ".gcode", ".eia", ".mpf", ".spf", ".h",
+      ".cl",  ".cls", ".apt", ".txt", ".min",   ".iso", ".csv", ".pvt"};
+  if (std::find(endings.begin(), endings.end(), ending) == endings.end()) {
+    reader.refuse("file",
+                  "a program named .ngc, .nc, .tap, .cnc, .gcode, .eia, .mpf, .spf, .h, .cl, .cls, "
+                  ".apt, .txt, .min, .iso, .csv or .pvt",
+                  file.string());
   } else if (!std::filesystem::is_regular_file(file, failure)) {
     reader.refuse("file", "a file that can be read", "no file " + file.string());
   }
@@ -82,7 +92,20 @@ Fields<ProgramDescription> file_fields() {
       [](auto& program) -> auto& { return std::get<File>(program.source); },
       Fields<File>()
           .text(must("file").one_of("source"), &File::file,
-                "a program: .ngc, .nc and .tap are NC, .csv and .pvt position-velocity-time")
+                "a program: .csv and .pvt position-velocity-time, others such as .ngc, .nc, .mpf, "
+                ".h, .apt machining programs")
+          .word("dialect", &File::dialect,
+                {{"auto", Dialect::Auto, "by its signs"},
+                 {"linuxcnc", Dialect::LinuxCnc, "RS274/NGC"},
+                 {"fanuc", Dialect::Fanuc, "Fanuc and alike"},
+                 {"siemens", Dialect::Siemens, "840D"},
+                 {"heidenhain", Dialect::Heidenhain, "Klartext"},
+                 {"cl", Dialect::Cl, "cutter locations, APT or CSV"}},
+                "in which the program is written")
+          .word("on_unknown", &File::on_unknown,
+                {{"refuse", OnUnknown::Refuse, "all of them at once"},
+                 {"warn", OnUnknown::Warn, "they are skipped, and counted"}},
+                "words that the dialect has not")
           .check(check_file));
 }
 

@@ -1,0 +1,98 @@
+#include "sim/dialects/cursor.h"
+
+#include <charconv>
+#include <utility>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+
+namespace abbe::sim::dialects {
+
+namespace {
+constexpr double largest_number = 1e9;
+constexpr std::size_t most_digits = 200;
+}  // namespace
+
+char upper(char c) { return c >= 'a' && c <= 'z' ? char(c - 'a' + 'A') : c; }
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+bool is_letter(char c) { return upper(c) >= 'A' && upper(c) <= 'Z'; }
+bool is_blank(char c) { return c == ' ' || c == '\t'; }
+
+bool Cursor::take(std::string_view wanted) {
+  const std::size_t before = at;
+  skip_blanks();
+  for (const char c : wanted) {
+    if (upper(here()) != c || at_end()) {
+      at = before;
+      return false;
+    }
+    ++at;
+  }
+  return true;
+}
+
+bool Cursor::take_word(std::string_view wanted) {
+  const std::size_t before = at;
+  if (take(wanted) && !is_letter(here()) && !is_digit(here()) && here() != '_') return true;
+  at = before;
+  return false;
+}
+
+std::string_view Cursor::cell(std::size_t from) const {
+  std::size_t end = from;
+  while (end < text.size() && !is_blank(text[end])) ++end;
+  return text.substr(from, end - from);
+}
+
+void Cursor::refuse(std::size_t from, std::string expected, std::string seen) const {
+  throw BadInput(place.file, place.line, int(from) + 1, std::move(expected), std::move(seen));
+}
+
+void Cursor::refuse(std::size_t from, std::string expected) const {
+  refuse(from, std::move(expected),
+         from < text.size() ? shown(cell(from)) : std::string("the end of the line"));
+}
+
+std::optional<double> Cursor::number(bool sign, bool blanks_within) {
+  const std::size_t before = at;
+  skip_blanks();
+  const std::size_t from = at;
+  bool negative = false;
+  if (sign && (here() == '+' || here() == '-')) negative = text[at++] == '-';
+  if (blanks_within) skip_blanks();
+  const std::size_t digits = at;
+  int n_digits = 0, n_points = 0;
+  bool blanks = false;
+  for (; !at_end(); ++at) {
+    const char c = here();
+    if (is_digit(c)) {
+      ++n_digits;
+    } else if (c == '.' && n_points == 0) {
+      ++n_points;
+    } else if (blanks_within && is_blank(c) && (is_digit(next()) || next() == '.')) {
+      blanks = true;
+    } else {
+      break;
+    }
+  }
+  if (n_digits == 0) {
+    at = before;
+    return std::nullopt;
+  }
+  std::string together;
+  std::string_view all = text.substr(digits, at - digits);
+  if (all.size() > most_digits) refuse(from, "a number of at most 200 digits");
+  if (blanks) {
+    for (const char c : all)
+      if (!is_blank(c)) together += c;
+    all = together;
+  }
+  double value = 0.0;
+  const auto read =
+      std::from_chars(all.data(), all.data() + all.size(), value, std::chars_format::fixed);
+  if (read.ec != std::errc() || read.ptr != all.data() + all.size() || !(value <= largest_number))
+    refuse(from, "a number of at most 1e9");
+  return negative ? -value : value;
+}
+
+}  // namespace abbe::sim::dialects

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string_view>
+
+#include "sim/dialects/cursor.h"
+
+/// Expressions of numbers as the dialects have them; what differs between them is a table.
+namespace abbe::sim::dialects {
+
+/// An operator between two numbers. Of equal level they are taken from the left.
+struct Operator {
+  std::string_view text;  ///< upper case; of letters it is a word, but digits may follow: "MOD2"
+  int level = 0;          ///< a higher one binds more
+  double (*apply)(double left, double right) = nullptr;
+  /// What is wrong with the right side, null if nothing; left null where nothing can be.
+  const char* (*fault)(double left, double right) = nullptr;
+};
+
+/// A function of one number.
+struct Function {
+  std::string_view name;  ///< upper case
+  double (*apply)(double) = nullptr;
+  const char* (*fault)(double) = nullptr;  ///< as that of an operator
+};
+
+/// A function of several numbers, of a name that is in no list: the front end reads it whole.
+struct ExpressionGrammar {
+  std::span<const Operator> operators;  ///< where one begins another, the longer first
+  std::span<const Function> functions;
+  char open = '[', close = ']';
+  bool blanks_within_numbers = false;
+};
+
+/// What a dialect alone knows: variables, and functions of several arguments.
+class Operands {
+ public:
+  virtual ~Operands() = default;
+  /// The value that begins at the cursor, which is moved behind it; none if nothing of the dialect
+  /// begins there.
+  virtual std::optional<double> operand(Cursor& cursor) = 0;
+};
+
+/// One value without operators around it: a number, a variable, a function, something in brackets,
+/// each with signs before it, which bind most.
+/// @throws BadInput where none begins
+double value(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands, int depth = 0);
+
+/// Values with operators between them, up to where no operator follows.
+/// @throws BadInput for what is no expression, 100 brackets within each other, a result that is not
+///         finite, what an operator or function refuses
+double expression(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands,
+                  int depth = 0);
+
+/// The same in the brackets of the grammar.
+double bracketed(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands,
+                 int depth = 0);
+
+}  // namespace abbe::sim::dialects

@@ -1,0 +1,16 @@
+#include "sim/dialects/front_ends.h"
+
+#include <array>
+
+#include "sim/dialects/linuxcnc.h"
+
+namespace abbe::sim::dialects {
+
+std::span<const FrontEnd> front_ends() {
+  static constexpr std::array all = {
+      FrontEnd{Dialect::LinuxCnc, "LinuxCNC (RS274/NGC)", read_linuxcnc, linuxcnc_words},
+  };
+  return all;
+}
+
+}  // namespace abbe::sim::dialects

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+
+#include "sim/dialects/dialect.h"
+#include "sim/program/canon.h"
+
+namespace abbe::sim::dialects {
+
+enum class OnUnknown {
+  Refuse,  ///< a word that the dialect has not is a fault
+  Warn,    ///< it is skipped, and counted
+};
+
+/// How far a program may go. Each ends in a refusal that names the line.
+struct Limits {
+  std::size_t blocks = 20'000'000;  ///< executed, those of loops and calls each time
+  int depth = 50;                   ///< of calls within calls
+  std::size_t variables = 1'000'000;
+};
+
+struct ReadOptions {
+  program::NcOptions control;  ///< what the control knows before it reads
+  Dialect dialect = Dialect::Auto;
+  OnUnknown on_unknown = OnUnknown::Refuse;
+  Limits limits;
+  std::filesystem::path folder;  ///< where subprograms in files of their own stand; empty: none do
+};
+
+/// A word that was skipped.
+struct Skipped {
+  std::string word;  ///< "G187"
+  std::size_t count = 0;
+  int line = 0;  ///< of the first
+};
+
+}  // namespace abbe::sim::dialects

@@ -1,0 +1,53 @@
+#include "sim/dialects/read_program.h"
+
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "kinematics/text.h"
+#include "sim/dialects/bad_program.h"
+#include "sim/dialects/front_ends.h"
+
+namespace abbe::sim::dialects {
+namespace {
+
+const FrontEnd& front_end_of(Dialect dialect, const std::string& file) {
+  std::string known;
+  for (const FrontEnd& one : front_ends()) {
+    if (one.dialect == dialect) return one;
+    known += (known.empty() ? "" : ", ") + std::string(name_of(one.dialect));
+  }
+  throw BadInput(file, 0, 0, "a dialect that is read (" + known + ")",
+                 std::string(name_of(dialect)));
+}
+
+}  // namespace
+
+ReadProgram read_program(std::string_view text, const std::string& file,
+                         const ReadOptions& options) {
+  if (text.size() > options.control.max_bytes)
+    throw BadInput(file, 0, 0, fmt::format("at most {} bytes", options.control.max_bytes),
+                   fmt::format("{}", text.size()));
+  ReadProgram read;
+  read.dialect = options.dialect;
+  if (options.dialect == Dialect::Auto) {
+    Recognised found = recognised(text, file);
+    read.dialect = found.dialect;
+    read.sign = std::move(found.sign);
+  }
+  ProgramRun run(file, options);
+  front_end_of(read.dialect, file).read(text, run);
+  if (!run.faults().empty()) throw BadProgram(run.faults().list());
+  read.skipped = run.skipped();
+  read.warnings = std::move(run.warnings);
+  read.path = run.canon.take();
+  return read;
+}
+
+ReadProgram read_program_file(const std::filesystem::path& file, ReadOptions options) {
+  if (options.folder.empty())
+    options.folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
+  return read_program(read_text(file, options.control.max_bytes), file.string(), options);
+}
+
+}  // namespace abbe::sim::dialects

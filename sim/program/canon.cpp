@@ -1,0 +1,283 @@
+#include "sim/program/canon.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/inverse.h"
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/program/arc_move.h"
+
+namespace abbe::sim::program {
+namespace {
+
+using kinematics::AxisVector;
+
+constexpr double largest_mm = 1e6;
+constexpr double largest_rad = 1e7;
+constexpr double largest_dwell_s = 1e6;
+// mm or rad, less is the rounding of a change of coordinates
+constexpr double least_motion = 1e-11;
+
+}  // namespace
+
+AxisVector start_of(const NcOptions& options) {
+  const Eigen::Index n = Eigen::Index(options.axes.size());
+  if (options.start.size() == 0) return AxisVector::Zero(n);
+  if (options.start.size() != n)
+    throw std::invalid_argument("expected one start position for every axis");
+  return options.start;
+}
+
+void Target::put(int joint, double value, const Cause& cause, bool step) {
+  const std::uint32_t bit = 1u << joint;
+  given_ |= bit;
+  step_ = step ? step_ | bit : step_ & ~bit;
+  value_[std::size_t(joint)] = value;
+  cause_[std::size_t(joint)] = cause;
+}
+
+Canon::Canon(const std::string& file, const NcOptions& options)
+    : options_(options),
+      joint_of_(joints_by_letter(options.axes)),
+      spindle_(spindle_of(options.axes)),
+      xyz_{joint_of('X'), joint_of('Y'), joint_of('Z')},
+      at_(start_of(options)),
+      chain_(options.control ? &*options.control : nullptr) {
+  path_.file = file;
+  for (const AxisVector& offset : options.work_offset)
+    if (offset.size() != 0 && offset.size() != at_.size())
+      throw std::invalid_argument("expected one work offset for every axis");
+  frame_.shift = options.work_offset[0];
+}
+
+int Canon::add_file(const std::string& file) {
+  path_.more_files.push_back(file);
+  return int(path_.more_files.size());
+}
+
+void Canon::stand_at(int line, int file) {
+  line_ = line;
+  file_ = file;
+}
+
+void Canon::set_frame(int number, Frame frame) {
+  offset_number_ = number;
+  frame_ = std::move(frame);
+}
+
+void Canon::set_tool_shift(AxisVector shift) { tool_shift_ = std::move(shift); }
+
+void Canon::go_to(Coordinates coordinates, const Cause& cause) {
+  if (coordinates == coordinates_) return;
+  coordinates_ = coordinates;
+  const auto [x, y, z] = xyz_;
+  if (coordinates == Coordinates::Tip) {
+    const Eigen::Vector3d tip_w = chain_->tool_in_workpiece(at_).translation();
+    at_[x] = tip_w.x();
+    at_[y] = tip_w.y();
+    at_[z] = tip_w.z();
+  } else {
+    const auto q = slides_for_tip(*chain_, at_, {at_[x], at_[y], at_[z]});
+    if (!q) refuse(cause, "slides that reach the tip", "a tip out of their reach");
+    at_ = *q;
+  }
+}
+
+// The axes stay where they are, so the tip of another tool is elsewhere.
+void Canon::call_length(int number, const Cause& cause) {
+  length_number_ = number;
+  const auto own = options_.control_of_h.find(number);
+  if (own == options_.control_of_h.end() || chain_ == &own->second) return;
+  go_to(Coordinates::Axis, cause);
+  chain_ = &own->second;
+}
+
+void Canon::set_tip_mode(bool on, const Cause& cause) {
+  if (on) {
+    const std::string word = std::string(cause.text.empty() ? "the tip mode" : shown(cause.text));
+    for (const int joint : xyz_)
+      if (joint < 0)
+        refuse(cause, "a machine with the axes X Y Z beside " + word, "one with " + letters());
+    if (chain_ == nullptr) refuse(cause, "a control that knows its kinematics beside " + word);
+  }
+  tip_mode_ = on;
+  go_to(on ? Coordinates::Tip : Coordinates::Axis, cause);
+}
+
+AxisVector Canon::unplaced(AxisVector p) const {
+  if (tool_shift_.size() > 0) p -= tool_shift_;
+  if (frame_.shift.size() > 0) p -= frame_.shift;
+  if (!frame_.rotation) return p;
+  const auto [x, y, z] = xyz_;
+  const Eigen::Vector3d turned = frame_.rotation->transpose() * Eigen::Vector3d(p[x], p[y], p[z]);
+  p[x] = turned.x();
+  p[y] = turned.y();
+  p[z] = turned.z();
+  return p;
+}
+
+AxisVector Canon::placed(AxisVector p) const {
+  if (frame_.rotation) {
+    const auto [x, y, z] = xyz_;
+    const Eigen::Vector3d turned = *frame_.rotation * Eigen::Vector3d(p[x], p[y], p[z]);
+    p[x] = turned.x();
+    p[y] = turned.y();
+    p[z] = turned.z();
+  }
+  if (frame_.shift.size() > 0) p += frame_.shift;
+  if (tool_shift_.size() > 0) p += tool_shift_;
+  return p;
+}
+
+// Joints that are neither named nor turned keep their bits, and a sum of offsets is formed in one
+// order, or programs would differ in the last place.
+AxisVector Canon::end_from(const AxisVector& start, const Target& target, bool machine) const {
+  AxisVector end = start;
+  const bool turned = frame_.rotation && !machine &&
+                      (target.has(xyz_[0]) || target.has(xyz_[1]) || target.has(xyz_[2]));
+  if (turned) {
+    AxisVector p = unplaced(start);
+    for (const int j : xyz_)
+      if (target.has(j)) p[j] = target.is_step(j) ? p[j] + target.value(j) : target.value(j);
+    p = placed(std::move(p));
+    for (const int j : xyz_) end[j] = p[j];
+  }
+  for (int j = 0; j < int(end.size()); ++j) {
+    if (!target.has(j)) continue;
+    const double value = target.value(j);
+    if (turned && (j == xyz_[0] || j == xyz_[1] || j == xyz_[2])) {
+    } else if (machine) {
+      end[j] = value;
+    } else if (target.is_step(j)) {
+      end[j] += value;
+    } else {
+      end[j] = value + (frame_.shift.size() > 0 ? frame_.shift[j] : 0.0) +
+               (tool_shift_.size() > 0 ? tool_shift_[j] : 0.0);
+    }
+    if (!(std::abs(end[j]) <= (is_linear(j) ? largest_mm : largest_rad)))
+      refuse(target.cause(j),
+             is_linear(j) ? "a position within 1e6 mm" : "a position within 1e7 rad");
+  }
+  return end;
+}
+
+void Canon::append(Block block, double seconds) {
+  block.line = line_;
+  block.file = std::uint16_t(file_);
+  block.inch = inch_;
+  block.inverse_time = feed_mode_ == FeedMode::InverseTime;
+  if (block.work_offset >= 0) block.work_offset = std::int16_t(offset_number_);
+  block.tool_length = length_number_;
+  block.start_s = time_s_;
+  block.end_s = time_s_ + seconds;
+  if (spindle_ >= 0) {
+    const double speed = spindle_turns_ * spindle_rpm_ * units::rpm;
+    block.start[spindle_] = at_[spindle_];
+    block.end[spindle_] = at_[spindle_] + speed * seconds;
+  }
+  time_s_ = block.end_s;
+  at_ = block.end;
+  if (block.interpolation != Interpolation::Dwell) ++path_.motion_blocks;
+  path_.blocks.push_back(std::move(block));
+}
+
+void Canon::dwell(double seconds, const Cause& cause) {
+  if (!(seconds >= 0.0 && seconds <= largest_dwell_s)) refuse(cause, "0 to 1e6 seconds");
+  if (seconds == 0.0) return;
+  Block still;
+  still.interpolation = Interpolation::Dwell;
+  still.coordinates = coordinates_;
+  still.start = still.end = at_;
+  append(std::move(still), seconds);
+}
+
+double Canon::duration(const Block& block, const Cause& cause) const {
+  if (block.interpolation == Interpolation::Rapid) {
+    const SquaredWay way = squared_way(options_.axes, block.start, block.end);
+    const double mm = std::sqrt(way.xyz + way.uvw);
+    return mm > 0.0 ? mm / options_.rapid_speed : std::sqrt(way.turns) / options_.rapid_turn;
+  }
+  if (!feed_)
+    refuse(cause,
+           feed_mode_ == FeedMode::InverseTime ? "F in every block of motion under G93"
+                                               : "F before or in the first block of feed",
+           "none");
+  if (feed_mode_ == FeedMode::InverseTime) return 60.0 / feed_->word;
+  const Way way =
+      way_of_feed(options_.axes, block.start, block.end,
+                  block.interpolation == Interpolation::Arc ? &path_.arcs[block.shape] : nullptr);
+  const double unit = way.linear ? feed_->unit : 1.0;
+  if (feed_mode_ == FeedMode::PerMinute) return way.length * 60.0 / (feed_->word * unit);
+  if (spindle_turns_ == 0 || !(spindle_rpm_ > 0.0))
+    refuse(cause, "a spindle that turns under a feed per turn", "one that stands");
+  return way.length * 60.0 / (feed_->word * unit * spindle_rpm_);
+}
+
+template <typename Make>
+auto Canon::made(const AxisVector& end, const Make& make) {
+  try {
+    return make();
+  } catch (BadGeometry& fault) {
+    fault.in_doubt = doubt_ != 0;
+    at_ = end;
+    throw;
+  } catch (const BadInput&) {
+    at_ = end;
+    throw;
+  }
+}
+
+void Canon::straight(Straight move, Interpolation interpolation) {
+  Block straight;
+  straight.interpolation = interpolation;
+  straight.coordinates = coordinates_;
+  straight.start = at_;
+  straight.end = std::move(move.end);
+  if (move.without_offset) straight.work_offset = -1;
+  doubt_ &= ~move.stated;
+  const double seconds = made(straight.end, [&] { return duration(straight, move.cause); });
+  if ((straight.end - straight.start).cwiseAbs().maxCoeff() > least_motion)
+    append(std::move(straight), seconds);
+}
+
+void Canon::traverse(Straight move) { straight(std::move(move), Interpolation::Rapid); }
+
+void Canon::straight_feed(Straight move) { straight(std::move(move), Interpolation::Line); }
+
+Eigen::Vector2d Canon::centre_of_radius(const ArcMove& move, double r, const Cause& cause) {
+  const ArcWords ends{{at_[move.first], at_[move.second]},
+                      {move.end[move.first], move.end[move.second]},
+                      {},
+                      move.clockwise};
+  return made(move.end, [&] { return centre_by_radius(ends, r, place(), cause); });
+}
+
+void Canon::arc(ArcMove move) {
+  const ArcWords words{{at_[move.first], at_[move.second]},
+                       {move.end[move.first], move.end[move.second]},
+                       move.centre,
+                       move.clockwise};
+  Block round;
+  round.interpolation = Interpolation::Arc;
+  round.coordinates = coordinates_;
+  round.shape = std::uint32_t(path_.arcs.size());
+  round.start = at_;
+  round.end = std::move(move.end);
+  const double seconds = made(round.end, [&] {
+    Arc arc = checked_arc(words, move.turns, place(), move.named);
+    arc.first = move.first;
+    arc.second = move.second;
+    path_.arcs.push_back(arc);
+    return duration(round, move.cause);
+  });
+  doubt_ &= ~move.stated;
+  append(std::move(round), seconds);
+}
+
+}  // namespace abbe::sim::program

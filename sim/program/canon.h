@@ -1,0 +1,240 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+
+#include "kinematics/chain.h"
+#include "sim/program/controlled_axes.h"
+#include "sim/program/path.h"
+#include "sim/program/place.h"
+
+/// Canonical moves, the vocabulary of NIST RS274/NGC: what every front end turns its text into.
+namespace abbe::sim::program {
+
+/// What a control knows before it reads a program. Lengths mm, angles rad, speeds mm/s.
+struct NcOptions {
+  std::vector<ControlledAxis> axes;   ///< every joint of the machine
+  kinematics::AxisVector start;       ///< (axes) where the axes stand at first
+  std::map<int, double> tool_length;  ///< mm by H number; an unknown H is refused
+  std::map<int, double> tool_radius;  ///< mm by D number, for cutter compensation
+  std::array<kinematics::AxisVector, 6>
+      work_offset{};                    ///< G54 .. G59, (axes) each; empty means zero
+  double rapid_speed = 10000.0 / 60.0;  ///< mm/s along the way
+  double rapid_turn = 3600.0 / 60.0 * 0.017453292519943295;  ///< rad/s for a block of turns only
+  std::optional<kinematics::Chain> control;       ///< the control's own chain: G43.4 needs it to
+                                                  ///< know where the tip stands when it is
+                                                  ///< switched on; without it G43.4 is refused
+  std::map<int, kinematics::Chain> control_of_h;  ///< of several tools: `control` to the tip of
+                                                  ///< each, by H, for G43.4
+  bool block_delete = true;                       ///< blocks that start with / are left out
+  std::size_t max_bytes = std::size_t(1) << 31;   ///< larger programs are refused
+};
+
+/// Where the axes stand at first: zero unless stated.
+/// @throws std::invalid_argument if `start` has not one number for every axis
+kinematics::AxisVector start_of(const NcOptions& options);
+
+/// Where a move is to end, joint by joint, as words say it. Joints without a word stay.
+class Target {
+ public:
+  void to(int joint, double value, const Cause& cause) { put(joint, value, cause, false); }
+  void by(int joint, double value, const Cause& cause) { put(joint, value, cause, true); }
+  bool has(int joint) const { return (given_ >> joint) & 1u; }
+  bool empty() const { return given_ == 0; }
+  bool is_step(int joint) const { return (step_ >> joint) & 1u; }
+  double value(int joint) const { return value_[std::size_t(joint)]; }
+  const Cause& cause(int joint) const { return cause_[std::size_t(joint)]; }
+  /// Joints whose end does not depend on where they stood, bits by joint.
+  std::uint32_t stated() const { return given_ & ~step_; }
+
+ private:
+  void put(int joint, double value, const Cause& cause, bool step);
+
+  std::uint32_t given_ = 0, step_ = 0;  ///< bits by joint
+  std::array<double, kinematics::max_joints> value_;
+  std::array<Cause, kinematics::max_joints> cause_;
+};
+
+/// From program coordinates to those of the axes or the tip: turned, then shifted, then longer by
+/// the tool. X Y Z are turned; every joint is shifted.
+struct Frame {
+  kinematics::AxisVector shift;                  ///< (axes) mm, rad; empty means zero
+  std::optional<Eigen::Matrix3d> rotation = {};  ///< of X Y Z
+};
+
+enum class FeedMode { PerMinute, InverseTime, PerRevolution };
+
+/// An F word and what it counts.
+struct Feed {
+  double word = 0.0;  ///< per minute, 1/min or per turn, as programmed
+  double unit = 1.0;  ///< mm per unit of length in it
+};
+
+/// A straight move in the coordinates that are in force.
+struct Straight {
+  kinematics::AxisVector end;   ///< (axes), offsets already in
+  Cause cause = {};             ///< where a refusal points
+  bool without_offset = false;  ///< of G53: recorded as a block that no work offset moves
+  std::uint32_t stated = 0;     ///< `Target::stated`: ends the doubt about those joints
+};
+
+/// A circular or helical move, its plane two joints that make a positive turn from the first to
+/// the second.
+struct ArcMove {
+  int first = 0, second = 1;
+  kinematics::AxisVector end;  ///< (axes), offsets already in
+  Eigen::Vector2d centre;      ///< mm, offsets already in
+  bool clockwise = false;
+  int turns = 1;             ///< begun: 1 is at most a whole turn, 2 one more
+  Cause cause = {};          ///< of the block
+  Cause named = {};          ///< where a refusal of the radii points
+  std::uint32_t stated = 0;  ///< as that of a straight move
+};
+
+/// Takes canonical moves as a control executes them, numbers in mm, rad and seconds, and writes
+/// them down as a `Path`: geometry, time, the limits of positions, the record that rewriting needs.
+/// A front end says where each stands (`stand_at`) and reads back where the axes are; it keeps
+/// modes of its own language itself.
+class Canon {
+ public:
+  /// @param options  outlive it
+  /// @throws std::invalid_argument if offsets or start do not fit the axes
+  Canon(const std::string& file, const NcOptions& options);
+
+  const NcOptions& options() const { return options_; }
+
+  /// Another file of the program, as of a subprogram. @return its number; the first file is 0
+  int add_file(const std::string& file);
+  /// What follows stands there.
+  void stand_at(int line, int file = 0);
+  int line() const { return line_; }
+  NcPlace place() const { return {file_name(), line_}; }
+  [[noreturn]] void refuse(const Cause& cause, std::string expected,
+                           std::optional<std::string> seen = {}) const {
+    program::refuse(place(), cause, std::move(expected), std::move(seen));
+  }
+
+  /// -1 where the machine has no such axis, or a spindle of that name
+  int joint_of(char letter) const {
+    return letter >= 'A' && letter <= 'Z' ? joint_of_[std::size_t(letter - 'A')] : -1;
+  }
+  bool is_linear(int joint) const {
+    return options_.axes[std::size_t(joint)].motion == kinematics::Motion::Linear;
+  }
+  /// "X Y Z A C"
+  std::string letters() const { return letters_of(options_.axes); }
+
+  /// G20 or G21: for the record and for comments; numbers given here are mm all the same.
+  void set_inch(bool inch);
+  bool inch() const { return inch_; }
+  void set_feed_mode(FeedMode mode) { feed_mode_ = mode; }
+  FeedMode feed_mode() const { return feed_mode_; }
+  /// None: a feed move without one is refused.
+  void set_feed(std::optional<Feed> feed) { feed_ = feed; }
+  const std::optional<Feed>& feed() const { return feed_; }
+  void set_spindle_speed(double rpm) { spindle_rpm_ = rpm; }
+  double spindle_speed() const { return spindle_rpm_; }             ///< rpm
+  void turn_spindle(int direction) { spindle_turns_ = direction; }  ///< +1 M3, -1 M4, 0 M5
+  int spindle_direction() const { return spindle_turns_; }
+
+  /// @param number  for the record: 0 .. 5, G54 .. G59; more for others
+  void set_frame(int number, Frame frame);
+  const Frame& frame() const { return frame_; }
+  /// Shift of a tool's length, (axes) mm and rad, on top of the frame; empty for none.
+  void set_tool_shift(kinematics::AxisVector shift);
+  const kinematics::AxisVector& tool_shift() const { return tool_shift_; }
+  /// The tool whose length counts (H), -1 for none; its chain is the one that the tip mode uses.
+  /// @throws BadInput if the slides do not reach the tip where they stand
+  void call_length(int number, const Cause& cause);
+  /// X Y Z are the tip in the workpiece from here (G43.4, TRAORI, M128), or axes again.
+  /// @throws BadInput on a machine without X Y Z or without known kinematics
+  void set_tip_mode(bool on, const Cause& cause);
+  bool tip_mode() const { return tip_mode_; }
+  /// What X Y Z mean for the next move: axes for one block beside a tip mode, as G53 does.
+  void go_to(Coordinates coordinates, const Cause& cause);
+  Coordinates coordinates() const { return coordinates_; }
+
+  /// Where the axes stand, (axes) in the coordinates in force; spindles included.
+  const kinematics::AxisVector& position() const { return at_; }
+  /// The same in program coordinates: frame and tool taken off.
+  kinematics::AxisVector programmed() const { return unplaced(at_); }
+  kinematics::AxisVector unplaced(kinematics::AxisVector position) const;
+  /// Program coordinates to those of the axes or the tip.
+  kinematics::AxisVector placed(kinematics::AxisVector programmed) const;
+  /// Where the words lead: through the frame and the tool.
+  /// @param machine  the words are positions of the axes themselves
+  /// @throws BadInput at a word that leads beyond 1e6 mm or 1e7 rad
+  kinematics::AxisVector end_of(const Target& target, bool machine = false) const {
+    return end_from(at_, target, machine);
+  }
+  /// The same from elsewhere than where the axes stand.
+  kinematics::AxisVector end_from(const kinematics::AxisVector& start, const Target& target,
+                                  bool machine) const;
+  double time_s() const { return time_s_; }
+
+  void traverse(Straight move);
+  /// @throws BadInput without a feed, or per turn of a spindle that stands
+  void straight_feed(Straight move);
+  /// @throws BadInput the same; and for radii that differ as the README of this folder says
+  void arc(ArcMove move);
+  /// The centre of an arc of radius |r| to `move.end`, as `centre_by_radius`.
+  /// @throws BadGeometry
+  Eigen::Vector2d centre_of_radius(const ArcMove& move, double r, const Cause& cause);
+  /// @throws BadInput beyond 0 to 1e6 s
+  void dwell(double seconds, const Cause& cause);
+
+  /// Words that move nothing, kept for rewriting: T, M0 M1 M6 M7 M8 M9.
+  void aside(std::string text);
+  /// A T word with or without M6, or M6 alone (number -1: that of the last T word).
+  void call_tool(double number, bool changes);
+  /// A comment; if it gives the diameter of a tool it is noted, what it leaves unsaid of its unit
+  /// is that of the program.
+  void comment(std::string_view text);
+
+  /// A fault in what comes from outside kept the axes from where they should be: until each is
+  /// stated again, arcs that do not close only follow from it.
+  void doubt_position() { doubt_ = ~std::uint32_t(0); }
+
+  std::size_t blocks() const { return path_.blocks.size(); }
+  Path take() { return std::move(path_); }
+
+ private:
+  const std::string& file_name() const {
+    return file_ == 0 ? path_.file : path_.more_files[std::size_t(file_ - 1)];
+  }
+  void straight(Straight move, Interpolation interpolation);
+  double duration(const Block& block, const Cause& cause) const;
+  void append(Block block, double seconds);
+  /// A move that cannot be made leaves the axes where it would have ended, so that the next one is
+  /// judged by itself.
+  template <typename Make>
+  auto made(const kinematics::AxisVector& end, const Make& make);
+
+  const NcOptions& options_;
+  Path path_;
+  int line_ = 0, file_ = 0;
+  const std::array<int, 26> joint_of_;
+  const int spindle_;
+  std::array<int, 3> xyz_;     ///< joints; -1 where the machine lacks one
+  kinematics::AxisVector at_;  ///< where the axes are, in `coordinates_`, offsets in
+  Coordinates coordinates_ = Coordinates::Axis;
+  double time_s_ = 0.0;
+  bool tip_mode_ = false;
+  bool inch_ = false;
+  const kinematics::Chain* chain_;  ///< that the tip mode counts with; null if there is none
+  int length_number_ = -1;
+  int offset_number_ = 0;
+  Frame frame_;
+  kinematics::AxisVector tool_shift_;
+  FeedMode feed_mode_ = FeedMode::PerMinute;
+  std::optional<Feed> feed_;
+  double spindle_rpm_ = 0.0;
+  int spindle_turns_ = 0;
+  int tool_ = -1;            ///< of the last T word
+  std::uint32_t doubt_ = 0;  ///< bits by joint
+};
+
+}  // namespace abbe::sim::program

@@ -1,0 +1,48 @@
+#include <algorithm>
+#include <utility>
+
+#include "kinematics/units.h"
+#include "sim/program/canon.h"
+
+namespace abbe::sim::program {
+namespace {
+
+ToolWords in_mm(ToolWords words, double unit_mm) {
+  words.diameter *= unit_mm;
+  if (words.corner_radius) *words.corner_radius *= unit_mm;
+  words.unit_mm = unit_mm;
+  return words;
+}
+
+double unit_of(const UnitWord& word) { return word.inch ? units::inch : 1.0; }
+
+}  // namespace
+
+void Canon::comment(std::string_view text) {
+  auto words = tool_words(text);
+  if (!words) return;
+  if (!words->unit_mm && !path_.unit_words.empty())
+    words->unit_mm = unit_of(path_.unit_words.back());
+  if (words->unit_mm) words = in_mm(*words, *words->unit_mm);
+  path_.tool_comments.push_back({line_, std::string(text), *words, path_.blocks.size()});
+}
+
+void Canon::set_inch(bool inch) {
+  inch_ = inch;
+  if (!path_.unit_words.empty() && path_.unit_words.back().inch == inch) return;
+  const UnitWord word{line_, inch};
+  path_.unit_words.push_back(word);
+  for (ToolComment& comment : path_.tool_comments)
+    if (!comment.words.unit_mm) comment.words = in_mm(comment.words, unit_of(word));
+}
+
+void Canon::call_tool(double number, bool changes) {
+  if (number >= 0) tool_ = int(std::min(number, 1e9));
+  path_.tool_calls.push_back({line_, tool_, changes, path_.blocks.size()});
+}
+
+void Canon::aside(std::string text) {
+  path_.asides.push_back({path_.blocks.size(), std::move(text)});
+}
+
+}  // namespace abbe::sim::program

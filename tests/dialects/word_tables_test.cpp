@@ -1,0 +1,50 @@
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <set>
+#include <sstream>
+
+#include "sim/dialects/front_ends.h"
+
+/// The tables of words in the document are those of the front ends. ABBE_WRITE_WORDS=1 writes them.
+namespace abbe::sim::dialects {
+namespace {
+
+const std::string file = std::string(ABBE_SOURCE_DIR) + "/sim/dialects/README.md";
+const std::string begin_mark = "<!-- words -->\n", end_mark = "<!-- end of words -->";
+
+std::string made_again(const std::string& document) {
+  const std::size_t begin = document.find(begin_mark), end = document.find(end_mark);
+  if (begin == std::string::npos || end == std::string::npos) return "no marks";
+  std::string tables;
+  for (const FrontEnd& one : front_ends())
+    tables += "### " + std::string(one.title) + "\n\n" + markdown_table(one.words()) + "\n";
+  return document.substr(0, begin + begin_mark.size()) + tables + document.substr(end);
+}
+
+TEST(WordTables, OfTheDocumentAreThoseOfTheFrontEnds) {
+  std::ifstream in(file, std::ios::binary);
+  const std::string document{std::istreambuf_iterator<char>(in), {}};
+  const std::string again = made_again(document);
+  if (std::getenv("ABBE_WRITE_WORDS") != nullptr)
+    std::ofstream(file, std::ios::binary) << again;
+  else
+    EXPECT_EQ(document, again) << "ABBE_WRITE_WORDS=1 writes it";
+}
+
+TEST(WordTables, SayEveryWordOnceWithASentence) {
+  for (const FrontEnd& one : front_ends()) {
+    std::set<std::string> seen;
+    for (const WordUse& line : one.words()) {
+      EXPECT_GT(line.sentence.size(), 3u) << line.word;
+      std::istringstream words{std::string(line.word)};
+      for (std::string word; words >> word;)
+        EXPECT_TRUE(seen.insert(word).second) << one.title << " has " << word << " twice";
+    }
+  }
+}
+
+}  // namespace
+}  // namespace abbe::sim::dialects
