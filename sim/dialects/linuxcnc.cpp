@@ -1,18 +1,9 @@
 #include "sim/dialects/linuxcnc.h"
 
-#include "sim/program/nc.h"
+#include "sim/dialects/linuxcnc_flow.h"
 
 namespace abbe::sim::dialects {
 
-void read_linuxcnc(std::string_view text, ProgramRun& run) {
-  run.attempt([&] { program::read_nc(text, run.canon); });
-}
-
-std::span<const WordUse> linuxcnc_words() {
-  static constexpr WordUse words[] = {
-      {"G0", Use::Read, "rapid"},
-  };
-  return words;
-}
+void read_linuxcnc(std::string_view text, ProgramRun& run) { linuxcnc::Flow(text, run).run(); }
 
 }  // namespace abbe::sim::dialects

@@ -1,0 +1,200 @@
+#include "sim/dialects/linuxcnc_block.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+
+namespace abbe::sim::dialects::linuxcnc {
+namespace {
+
+constexpr std::size_t longest_name = 100;
+constexpr std::size_t most_settings = 50;  // of parameters in a block
+
+std::string_view comment_at(Cursor& cursor) {
+  const std::size_t open = cursor.at;
+  for (++cursor.at; !cursor.at_end(); ++cursor.at) {
+    if (cursor.here() == ')') return cursor.text.substr(open + 1, cursor.at++ - open - 1);
+    if (cursor.here() == '(') cursor.refuse(cursor.at, ") before another ( in a comment", "(");
+  }
+  cursor.refuse(open, ") that ends the comment on its line", "none");
+}
+
+}  // namespace
+
+bool Block::empty() const { return used_words_ == 0 && used_codes_ == 0 && !mist && !flood; }
+
+void Block::clear() {
+  for (std::size_t i = 0; used_words_ >> i; ++i)
+    if ((used_words_ >> i) & 1u) words[i] = {};
+  for (std::size_t i = 0; used_codes_ >> i; ++i)
+    if ((used_codes_ >> i) & 1u) codes[i] = {};
+  used_words_ = used_codes_ = 0;
+  mist = flood = deleted = percent = false;
+  comments.clear();
+  numbers.clear();
+  names.clear();
+}
+
+int whole(const Cursor& cursor, std::size_t from, double value, int most) {
+  const double near = std::round(value);
+  if (!(std::abs(value - near) < 1e-4) || near < 0 || near > most)
+    cursor.refuse(from, fmt::format("a whole number of 0 to {}", most), fmt::format("{}", value));
+  return int(near);
+}
+
+std::string name_in_brackets(Cursor& cursor) {
+  const std::size_t from = cursor.at;
+  std::string name;
+  for (++cursor.at; cursor.here() != '>'; ++cursor.at) {
+    if (cursor.at_end()) cursor.refuse(from, "> after a name", "the end of the line");
+    const char c = cursor.here();
+    if (!is_blank(c)) name += c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c;
+    if (name.size() > longest_name) cursor.refuse(from, "a name of at most 100 letters");
+  }
+  ++cursor.at;
+  if (name.empty()) cursor.refuse(from, "a name between < and >");
+  return name;
+}
+
+class BlockReader {
+ public:
+  BlockReader(Cursor& cursor, ProgramRun& run, Operands& operands, Block& block)
+      : cursor_(cursor), run_(run), operands_(operands), block_(block) {}
+
+  void fill();
+
+ private:
+  void skip_blanks_and_comments();
+  void item(bool first);
+  void setting();
+  void word(bool first);
+  void put_code(char letter, const NcWord& word);
+
+  Cursor& cursor_;
+  ProgramRun& run_;
+  Operands& operands_;
+  Block& block_;
+};
+
+void BlockReader::skip_blanks_and_comments() {
+  for (cursor_.skip_blanks(); !cursor_.at_end(); cursor_.skip_blanks()) {
+    if (cursor_.here() == '(') {
+      block_.comments.push_back(comment_at(cursor_));
+    } else if (cursor_.here() == ';') {
+      block_.comments.push_back(cursor_.text.substr(cursor_.at + 1));
+      cursor_.at = cursor_.text.size();
+    } else {
+      return;
+    }
+  }
+}
+
+void BlockReader::setting() {
+  const std::size_t from = cursor_.at++;
+  cursor_.skip_blanks();
+  std::string name;
+  int number = 0;
+  if (cursor_.here() == '<')
+    name = name_in_brackets(cursor_);
+  else
+    number = whole(cursor_, from, value(cursor_, grammar(), operands_), 5601);
+  if (!cursor_.take("=")) cursor_.refuse(cursor_.at, "= after a parameter that begins a word");
+  const double result = value(cursor_, grammar(), operands_);
+  if (block_.numbers.size() + block_.names.size() == most_settings)
+    cursor_.refuse(from, "at most 50 parameters set in a block");
+  if (name.empty())
+    block_.numbers.emplace_back(number, result);
+  else
+    block_.names.emplace_back(std::move(name), result);
+}
+
+void BlockReader::put_code(char letter, const NcWord& word) {
+  const double scaled = word.value * 10;
+  const double tenths = std::round(scaled);
+  const bool is_code = tenths >= 0 && tenths < 1e4 && std::abs(scaled - tenths) < 1e-3;
+  const int code = is_code ? int(tenths) : -1;
+  const CodeFact& fact = fact_of(letter, code);
+  if (!fact.known) return run_.unknown(word, fmt::format("a {} code of LinuxCNC", letter));
+  if (fact.use == Use::Refused) run_.canon.refuse(word, std::string(fact.sentence));
+  const Group group = fact.group;
+  if (group == Group::None) return;
+  if (group == Group::Coolant && (code == 70 || code == 80)) {
+    (code == 70 ? block_.mist : block_.flood) = true;
+    return;
+  }
+  Code& place = block_.codes[std::size_t(group)];
+  if (place)
+    run_.canon.refuse(word, "one code of a modal group in a block",
+                      fmt::format("{} after {}", shown(word.text), shown(place.word.text)));
+  place = {code, word};
+  block_.used_codes_ |= 1u << std::uint32_t(group);
+}
+
+void BlockReader::word(bool first) {
+  const std::size_t from = cursor_.at;
+  const char letter = upper(cursor_.here());
+  const bool polar = letter == '@' || letter == '^';
+  if (!is_letter(letter) && !polar) {
+    const char c = cursor_.here();
+    cursor_.refuse(from, "a word (letter and number)",
+                   c == ')'   ? ") without ("
+                   : c == '[' ? "an expression ([)"
+                              : shown(cursor_.cell(from)));
+  }
+  ++cursor_.at;
+  NcWord word;
+  word.column = int(from) + 1;
+  cursor_.skip_blanks();
+  if (cursor_.at_end())
+    cursor_.refuse(from, std::string("a number after ") + letter, "the end of the line");
+  word.value = value(cursor_, grammar(), operands_);
+  word.text = cursor_.text.substr(from, cursor_.at - from);
+  if (letter == 'G' || letter == 'M') return put_code(letter, word);
+  if (letter == 'N' && !first) run_.canon.refuse(word, "a line number first in its block");
+  const std::size_t index = letter == '@' ? 26 : letter == '^' ? 27 : std::size_t(letter - 'A');
+  NcWord& place = block_.words[index];
+  if (place)
+    run_.canon.refuse(word, std::string("one ") + letter + " in a block",
+                      fmt::format("{} after {}", shown(word.text), shown(place.text)));
+  static constexpr std::string_view known = "ABCDEFHIJKLNPQRSTUVWXYZ@^";
+  if (known.find(letter) == std::string_view::npos) return run_.unknown(word, "a word of LinuxCNC");
+  if (letter == 'N') return;
+  place = word;
+  block_.used_words_ |= 1u << std::uint32_t(index);
+}
+
+void BlockReader::fill() {
+  cursor_.skip_blanks();
+  if (cursor_.here() == '%') {
+    ++cursor_.at;
+    skip_blanks_and_comments();
+    if (!cursor_.at_end()) cursor_.refuse(cursor_.at, "nothing after %");
+    block_.percent = true;
+    return;
+  }
+  if (cursor_.here() == '/') {
+    ++cursor_.at;
+    block_.deleted = true;
+    if (run_.canon.options().block_delete) return;
+  }
+  bool first = true;
+  for (skip_blanks_and_comments(); !cursor_.at_end(); skip_blanks_and_comments()) {
+    if (cursor_.here() == '#')
+      setting();
+    else
+      word(first);
+    first = false;
+  }
+}
+
+void read_block(Cursor cursor, ProgramRun& run, Operands& operands, Block& block) {
+  block.clear();
+  if (const std::size_t nul = cursor.text.find('\0'); nul != std::string_view::npos)
+    cursor.refuse(nul, "text", "a NUL byte");
+  BlockReader(cursor, run, operands, block).fill();
+}
+
+}  // namespace abbe::sim::dialects::linuxcnc

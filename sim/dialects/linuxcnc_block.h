@@ -1,0 +1,100 @@
+#pragma once
+
+#include <array>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "sim/dialects/expression.h"
+#include "sim/dialects/program_run.h"
+#include "sim/dialects/word_table.h"
+#include "sim/program/nc_block.h"
+
+/// One line of RS274/NGC with its values worked out.
+namespace abbe::sim::dialects::linuxcnc {
+
+using program::Cause;
+using program::NcWord;
+using program::Target;
+
+/// Groups of G and M codes of which a block has at most one each, those of coolant excepted.
+enum class Group {
+  None,  ///< a code that is refused or skipped
+  OneBlock,
+  Motion,
+  Plane,
+  Distance,
+  ArcDistance,
+  FeedMode,
+  Units,
+  CutterRadius,
+  ToolLength,
+  ReturnLevel,
+  WorkOffset,
+  PathMode,
+  SpeedMode,
+  LatheDiameter,
+  Stop,
+  ToolChange,
+  Spindle,
+  Coolant,
+  Override,
+  Kinematics,
+  Count
+};
+
+struct Code {
+  int tenths = -1;  ///< of the number: G43.4 is 434; -1 where the block has none
+  NcWord word;
+  explicit operator bool() const { return tenths >= 0; }
+};
+
+struct Block {
+  std::array<NcWord, 28> words;  ///< by letter, then @ and ^; G and M are in `codes`
+  std::array<Code, std::size_t(Group::Count)> codes;
+  bool mist = false, flood = false;
+  std::vector<std::string_view> comments;
+  std::vector<std::pair<int, double>> numbers;        ///< #n = value, set when the block is read
+  std::vector<std::pair<std::string, double>> names;  ///< #<name> = value
+  bool deleted = false, percent = false;
+
+  const NcWord& operator[](char letter) const { return words[std::size_t(letter - 'A')]; }
+  const NcWord& radius() const { return words[26]; }  ///< @
+  const NcWord& angle() const { return words[27]; }   ///< ^
+  bool is_polar() const { return radius() || angle(); }
+  const Code& operator[](Group group) const { return codes[std::size_t(group)]; }
+  int tenths(Group group) const { return codes[std::size_t(group)].tenths; }
+  bool empty() const;
+  void clear();
+
+ private:
+  friend class BlockReader;
+  std::uint32_t used_words_ = 0, used_codes_ = 0;
+};
+
+/// The operators and functions of RS274/NGC.
+const ExpressionGrammar& grammar();
+
+/// What the table of words says of a code.
+struct CodeFact {
+  bool known = false;
+  Group group = Group::None;
+  Use use = Use::Read;
+  std::string_view sentence;
+};
+/// @param letter  G or M
+const CodeFact& fact_of(char letter, int tenths);
+
+/// Reads a line that has no O word into `block`, whose memory is used again.
+/// @param operands  parameters and functions
+/// @throws BadInput
+void read_block(Cursor cursor, ProgramRun& run, Operands& operands, Block& block);
+
+/// The whole number that an index or a code is. @throws BadInput
+int whole(const Cursor& cursor, std::size_t from, double value, int most);
+
+/// The name in < >, lower case without blanks, at the cursor. @throws BadInput
+std::string name_in_brackets(Cursor& cursor);
+
+}  // namespace abbe::sim::dialects::linuxcnc

@@ -1,0 +1,83 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "sim/dialects/program_run.h"
+#include "sim/program/canon.h"
+
+namespace abbe::sim::dialects::linuxcnc {
+
+/// Cutter compensation in a plane: the path beside the programmed one by the radius of the tool.
+/// Each move waits for the next, which decides its end: an inside corner is cut where the two paths
+/// beside meet, around an outside corner goes an arc of the radius about it. Corners of less than
+/// 0.05 rad count as none, as those of LinuxCNC do (2.5 um at 2 mm of radius).
+class Compensation {
+ public:
+  explicit Compensation(ProgramRun& run) : run_(run), canon_(run.canon) {}
+
+  bool on() const { return on_; }
+  bool left() const { return left_; }
+  /// What follows is left or right of the programmed path. @param first, second  joints of the
+  /// plane
+  void begin(bool left, double radius, std::array<int, 2> plane);
+  /// The move that waits is made; the next one leads from where the tool stands to its programmed
+  /// end.
+  void end();
+  /// The program ends.
+  void finish() { end(); }
+
+  /// Where the program is, which the tool is beside.
+  const kinematics::AxisVector& programmed() const;
+  kinematics::AxisVector end_of(const program::Target& target) const;
+  Eigen::Vector2d centre_of_radius(const program::ArcMove& move, double r,
+                                   const program::Cause& cause) const;
+  /// The first move after `end` has been made.
+  bool leaving() const { return leaving_; }
+  void left_behind() { leaving_ = false; }
+
+  /// @throws BadInput for an entry shorter than the radius, a corner that the tool does not reach
+  void straight(program::Straight move, bool rapid);
+  void arc(program::ArcMove move);
+  /// Done now, or behind the move that waits.
+  void after(std::function<void()> action);
+
+ private:
+  using Vector2d = Eigen::Vector2d;
+
+  /// A piece of the path beside, in the plane.
+  struct Piece {
+    bool rapid = false, round = false, clockwise = false, entry = false;
+    Vector2d start, end;  ///< beside the programmed ones
+    Vector2d centre;      ///< of an arc
+    double radius = 0.0;  ///< of the arc beside
+    int turns = 1;
+    Vector2d leaves, arrives;   ///< unit, direction at start and end
+    kinematics::AxisVector to;  ///< programmed end of all axes
+    program::Cause cause;
+    std::optional<program::Feed> feed;
+    int line = 0;
+  };
+
+  Vector2d in_plane(const kinematics::AxisVector& q) const { return {q[plane_[0]], q[plane_[1]]}; }
+  /// To the side of a direction on which the tool is.
+  Vector2d beside(const Vector2d& direction) const;
+  void join(Piece piece);
+  void enter_by_arc(Piece& piece, const Vector2d& outwards, const program::Cause& cause) const;
+  void concave(Piece& next, const Vector2d& corner);
+  void round_corner(const Piece& next, const Vector2d& corner);
+  void put_out();
+  void check_feed(const program::Cause& cause) const;
+
+  ProgramRun& run_;
+  program::Canon& canon_;
+  bool on_ = false, left_ = false, leaving_ = false, entered_ = false;
+  double radius_ = 0.0;
+  std::array<int, 2> plane_{0, 1};
+  kinematics::AxisVector programmed_;
+  std::optional<Piece> waits_;
+  std::vector<std::function<void()>> after_;
+};
+
+}  // namespace abbe::sim::dialects::linuxcnc

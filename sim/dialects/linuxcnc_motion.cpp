@@ -1,0 +1,213 @@
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/units.h"
+#include "sim/dialects/linuxcnc_machine.h"
+
+namespace abbe::sim::dialects::linuxcnc {
+
+using program::ArcMove;
+using program::Coordinates;
+using program::Feed;
+using program::FeedMode;
+using program::Straight;
+
+Eigen::Vector2d Machine::polar_end(const Block& block, const Eigen::Vector2d& from) const {
+  const NcWord &r = block.radius(), &a = block.angle();
+  double radius = from.norm(), angle = std::atan2(from.y(), from.x()) / units::deg;
+  if (r) radius = r.value * unit() + (incremental_ ? radius : 0.0);
+  if (a) angle = a.value + (incremental_ ? angle : 0.0);
+  return {radius * std::cos(angle * units::deg), radius * std::sin(angle * units::deg)};
+}
+
+Target Machine::target_of(const Block& block, bool machine) const {
+  Target target;
+  for (int k = 0; k < 9; ++k) {
+    const NcWord& word = block[axis_letters[std::size_t(k)]];
+    if (!word) continue;
+    const int j = joint(k);
+    const double value = axis_word(k, word) * (canon_.is_linear(j) ? 1.0 : units::deg);
+    if (incremental_ && !machine)
+      target.by(j, value, word);
+    else
+      target.to(j, value, word);
+  }
+  if (block.is_polar()) {
+    const bool beside = compensation_.on() || compensation_.leaving();
+    const AxisVector p = canon_.unplaced(beside ? compensation_.programmed() : canon_.position());
+    const Eigen::Vector2d end = polar_end(block, {p[joint(0)], p[joint(1)]});
+    const NcWord& word = block.radius() ? block.radius() : block.angle();
+    target.to(joint(0), end.x(), word);
+    target.to(joint(1), end.y(), word);
+  }
+  return target;
+}
+
+/// Under G96 a block runs at the speed that belongs to its middle.
+void Machine::set_surface_speed(double x_from, double x_to) {
+  if (!surface_speed_) return;
+  const double radius = std::abs(0.5 * (x_from + x_to));
+  const double rpm = radius > 0 ? speed_ * 1000.0 / (2 * pi * radius) : most_rpm_;
+  canon_.set_spindle_speed(std::min(rpm, most_rpm_));
+}
+
+void Machine::put_straight(Straight move, bool rapid) {
+  if (surface_speed_) {
+    const int x = joint(0);
+    set_surface_speed(canon_.programmed()[x],
+                      canon_.programmed()[x] + move.end[x] - canon_.position()[x]);
+  }
+  if (rapid)
+    canon_.traverse(std::move(move));
+  else
+    canon_.straight_feed(std::move(move));
+}
+
+void Machine::straight(const Block& block, AxisVector end, std::uint32_t stated, bool machine) {
+  Straight move{std::move(end), cause_of(block), machine, stated};
+  if (compensation_.on()) {
+    if (machine) refuse(move.cause, "G40 before G53");
+    return compensation_.straight(std::move(move), motion_ == 0);
+  }
+  put_straight(std::move(move), motion_ == 0);
+}
+
+Eigen::Vector2d Machine::centre_by_words(const Block& block, const ArcMove& arc) const {
+  const std::string_view letters = plane_ == 170 ? "IJK" : plane_ == 180 ? "KIJ" : "JKI";
+  const std::string pair = plane_ == 170 ? "I J" : plane_ == 180 ? "I K" : "J K";
+  const NcWord &first = block[letters[0]], &second = block[letters[1]];
+  if (const NcWord& outside = block[letters[2]])
+    refuse(outside, fmt::format("{} in the plane of G{}", pair, plane_ / 10));
+  if (!first && !second)
+    refuse(arc.cause, fmt::format("{} or R beside {}", pair, arc.clockwise ? "G2" : "G3"), "none");
+  const Eigen::Vector2d words(first.value * unit(), second.value * unit());
+  if (absolute_centre_ && (!first || !second))
+    refuse(arc.cause, "both " + pair + " under G90.1", "one");
+  const AxisVector at = compensation_.on() ? compensation_.programmed() : canon_.position();
+  if (!canon_.frame().rotation) {
+    if (!absolute_centre_) return Eigen::Vector2d(at[arc.first], at[arc.second]) + words;
+    const auto zero = [&](int j) {
+      const AxisVector &offset = canon_.frame().shift, &tool = canon_.tool_shift();
+      return (offset.size() > 0 ? offset[j] : 0.0) + (tool.size() > 0 ? tool[j] : 0.0);
+    };
+    return words + Eigen::Vector2d(zero(arc.first), zero(arc.second));
+  }
+  // only G17 turns in its own plane
+  AxisVector p = canon_.unplaced(at);
+  p[arc.first] = (absolute_centre_ ? 0.0 : p[arc.first]) + words.x();
+  p[arc.second] = (absolute_centre_ ? 0.0 : p[arc.second]) + words.y();
+  const AxisVector centre = canon_.placed(std::move(p));
+  return {centre[arc.first], centre[arc.second]};
+}
+
+void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
+  const std::string_view plane = plane_ == 170 ? "XY" : plane_ == 180 ? "ZX" : "YZ";
+  const Cause cause = cause_of(block);
+  ArcMove arc{.first = canon_.joint_of(plane[0]),
+              .second = canon_.joint_of(plane[1]),
+              .end = std::move(end),
+              .centre = {0, 0},
+              .clockwise = motion_ == 20,
+              .cause = cause,
+              .named = cause,
+              .stated = stated};
+  if (arc.first < 0 || arc.second < 0)
+    refuse(cause, fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
+  if (plane_ != 170 && canon_.frame().rotation)
+    refuse(cause, "G17 beside arcs in a coordinate system that is turned");
+  if (const NcWord& turns = block['P']) {
+    if (!(turns.value >= 1 && turns.value <= 1e6) || turns.value != std::floor(turns.value))
+      refuse(turns, "whole turns of 1 to 1e6 after P");
+    arc.turns = int(turns.value);
+  }
+  if (const NcWord& radius = block['R']) {
+    for (const char letter : {'I', 'J', 'K'})
+      if (block[letter]) refuse(block[letter], "either R or I J K");
+    const double r = radius.value * unit();
+    arc.centre = compensation_.on() ? compensation_.centre_of_radius(arc, r, radius)
+                                    : canon_.centre_of_radius(arc, r, radius);
+    arc.named = radius;
+  } else {
+    arc.centre = centre_by_words(block, arc);
+  }
+  if (compensation_.on()) return compensation_.arc(std::move(arc));
+  if (surface_speed_) {
+    const int x = joint(0);
+    const double from = canon_.programmed()[x];
+    set_surface_speed(from, from + arc.end[x] - canon_.position()[x]);
+  }
+  canon_.arc(std::move(arc));
+}
+
+/// A line at so much per turn of the spindle, whatever F says.
+void Machine::feed_per_turn(const NcWord& pitch, const Straight& move) {
+  const FeedMode mode = canon_.feed_mode();
+  const auto feed = canon_.feed();
+  canon_.set_feed_mode(FeedMode::PerRevolution);
+  canon_.set_feed(Feed{std::abs(pitch.value), unit()});
+  const auto again = [&] {
+    canon_.set_feed_mode(mode);
+    canon_.set_feed(feed);
+  };
+  try {
+    put_straight(move, false);
+  } catch (const BadInput&) {
+    again();
+    throw;
+  }
+  again();
+}
+
+void Machine::spindle_synchronised(const Block& block, AxisVector end) {
+  const Cause cause = cause_of(block);
+  const NcWord& k = block['K'];
+  if (!k || k.value == 0) refuse(k ? Cause(k) : cause, "K (pitch) beside G33", k ? "0" : "none");
+  if (block['I']) refuse(block['I'], "no I beside G33.1: the way back is as fast");
+  const AxisVector start = canon_.position();
+  feed_per_turn(k, {.end = std::move(end), .cause = cause});
+  if (motion_ != 331) return;
+  const int direction = canon_.spindle_direction();
+  canon_.turn_spindle(-direction);
+  AxisVector back = canon_.position();
+  for (int k9 = 0; k9 < 9; ++k9)
+    if (const int j = joint(k9); j >= 0) back[j] = start[j];
+  feed_per_turn(k, {.end = std::move(back), .cause = cause});
+  canon_.turn_spindle(direction);
+}
+
+void Machine::move(const Block& block) {
+  const NcWord& axis = first_axis_word(block);
+  const bool is_arc = motion_ == 20 || motion_ == 30;
+  const bool centre = block['I'] || block['J'] || block['K'] || block['R'];
+  if (motion_ == 52 || motion_ == 53 || motion_ == 50 || motion_ == 51) {
+    if (axis || block[Group::Motion]) spline(block);
+    return;
+  }
+  if (motion_ == 760) {
+    if (block[Group::Motion]) thread(block);
+    return;
+  }
+  if (!axis && !(is_arc && centre)) return;
+  if (motion_ == 730 || motion_ == 740 || (motion_ >= 810 && motion_ <= 890)) return cycle(block);
+  const Cause cause = cause_of(block);
+  const bool machine = block.tenths(Group::OneBlock) == 530;
+  if (machine) canon_.go_to(Coordinates::Axis, cause);
+  const Target target = target_of(block, machine);
+  const bool beside = compensation_.on() || compensation_.leaving();
+  AxisVector end =
+      beside && !machine ? compensation_.end_of(target) : canon_.end_of(target, machine);
+  if (compensation_.leaving() && is_arc) refuse(cause, "a line as the first move after G40");
+  compensation_.left_behind();
+  if (is_arc)
+    arc(block, std::move(end), target.stated());
+  else if (motion_ == 330 || motion_ == 331)
+    spindle_synchronised(block, std::move(end));
+  else
+    straight(block, std::move(end), target.stated(), machine);
+  if (machine && canon_.tip_mode()) canon_.go_to(Coordinates::Tip, cause);
+}
+
+}  // namespace abbe::sim::dialects::linuxcnc

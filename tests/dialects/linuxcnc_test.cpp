@@ -1,0 +1,173 @@
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+#include "sim/dialects/bad_program.h"
+#include "sim/dialects/read_program.h"
+#include "sim/program/nc.h"
+#include "tests/program/machines.h"
+
+namespace abbe::sim::dialects {
+namespace {
+
+namespace fs = std::filesystem;
+namespace machines = program::test;
+
+ReadOptions options() {
+  ReadOptions options;
+  options.control = machines::options_for(machines::gantry());
+  options.control.tool_radius = {{1, 3.0}, {2, 0.5}};
+  options.dialect = Dialect::LinuxCnc;
+  return options;
+}
+
+program::Path read(const std::string& text) {
+  return read_program(text, "part.ngc", options()).path;
+}
+
+std::string refusal(const std::string& text, const ReadOptions& with = options()) {
+  try {
+    read_program(text, "part.ngc", with);
+  } catch (const BadInput& fault) {
+    return fault.what();
+  }
+  return "accepted";
+}
+
+bool same_bits(const program::Block& a, const program::Block& b) {
+  const auto same = [](const auto& p, const auto& q) {
+    return p.size() == q.size() &&
+           std::memcmp(p.data(), q.data(), sizeof(double) * std::size_t(p.size())) == 0;
+  };
+  return a.line == b.line && a.interpolation == b.interpolation && a.coordinates == b.coordinates &&
+         a.start_s == b.start_s && a.end_s == b.end_s && same(a.start, b.start) &&
+         same(a.end, b.end) && a.shape == b.shape && a.inch == b.inch &&
+         a.inverse_time == b.inverse_time && a.work_offset == b.work_offset &&
+         a.tool_length == b.tool_length;
+}
+
+TEST(LinuxCnc, PlainProgramsGiveTheBitsOfThePlainReader) {
+  std::vector<fs::path> files;
+  for (const char* folder : {"/tests/golden", "/scenes"})
+    for (const auto& entry :
+         fs::recursive_directory_iterator(ABBE_SOURCE_DIR + std::string(folder)))
+      if (entry.path().extension() == ".ngc") files.push_back(entry.path());
+  int programs = 0;
+  std::size_t blocks = 0;
+  for (const fs::path& file : files) {
+    SCOPED_TRACE(file.string());
+    ReadOptions with = options();
+    with.control.work_offset[1] = machines::AxisVector::Zero(6);
+    with.control.work_offset[1] << 10 * units::deg, 1, 2, 3, 0, 0;
+    program::Path plain;
+    try {
+      plain = program::read_nc_file(file, with.control);
+    } catch (const BadInput&) {
+      continue;  // it is of another machine
+    }
+    const program::Path path = read_program_file(file, with).path;
+    ASSERT_EQ(path.blocks.size(), plain.blocks.size());
+    for (std::size_t i = 0; i < path.blocks.size(); ++i)
+      ASSERT_TRUE(same_bits(path.blocks[i], plain.blocks[i])) << "block " << i;
+    ASSERT_EQ(path.arcs.size(), plain.arcs.size());
+    for (std::size_t i = 0; i < path.arcs.size(); ++i) {
+      ASSERT_EQ(path.arcs[i].centre, plain.arcs[i].centre);
+      ASSERT_EQ(path.arcs[i].sweep, plain.arcs[i].sweep);
+    }
+    ASSERT_EQ(path.asides.size(), plain.asides.size());
+    for (std::size_t i = 0; i < path.asides.size(); ++i)
+      ASSERT_EQ(path.asides[i].text, plain.asides[i].text);
+    ++programs;
+    blocks += path.blocks.size();
+  }
+  std::cout << programs << " programs, " << blocks << " blocks the same to the bit\n";
+  EXPECT_GE(programs, 15);
+}
+
+TEST(LinuxCnc, AllFaultsAreReportedTogetherAndNoneThatOnlyFollows) {
+  EXPECT_EQ(refusal("G1 X1 F100\nG12.1 X5\nX[1 / 0]\nG38.2 Z1\nY#<none>\nG2 X9 Y9 I1 J0\nX3\n"),
+            "part.ngc:2:1: expected a G code of LinuxCNC, seen G12.1\n"
+            "part.ngc:3:5: expected a divisor that is not zero, seen /\n"
+            "part.ngc:4:1: expected no probing: a virtual part is read by instruments (abbe "
+            "measure), seen G38.2\n"
+            "part.ngc:5:2: expected a named parameter that has been set, seen #<none>");
+  std::string many;
+  for (int i = 0; i < 1000; ++i) many += "G12." + std::to_string(i % 10) + "\n";
+  try {
+    read(many);
+    ADD_FAILURE();
+  } catch (const BadProgram& bad) {
+    EXPECT_EQ(bad.faults.size(), 201u);
+    EXPECT_EQ(bad.line, 1);
+  }
+}
+
+TEST(LinuxCnc, UnknownWordsAreSkippedAndCountedOnDemand) {
+  ReadOptions with = options();
+  with.on_unknown = OnUnknown::Warn;
+  const ReadProgram read = read_program("G187 G1 X1 F100\nM123\nG187 X2\n", "t", with);
+  ASSERT_EQ(read.skipped.size(), 2u);
+  EXPECT_EQ(read.skipped[0].word, "G187");
+  EXPECT_EQ(read.skipped[0].count, 2u);
+  EXPECT_EQ(read.skipped[0].line, 1);
+  EXPECT_EQ(read.skipped[1].word, "M123");
+  EXPECT_EQ(read.path.motion_blocks, 2);
+  EXPECT_NE(refusal("G187\nG38.2 Z1\n", with).find("no probing"), std::string::npos)
+      << "what is refused by name is not unknown";
+}
+
+TEST(LinuxCnc, WhatNeverEndsIsRefusedInBoundedTime) {
+  ReadOptions with = options();
+  with.limits.blocks = 100000;
+  EXPECT_NE(refusal("o1 while [1]\no1 endwhile\n", with).find("100000 blocks"), std::string::npos);
+  EXPECT_NE(refusal("o1 do\no1 while [1]\n", with).find("100000 blocks"), std::string::npos);
+  EXPECT_NE(
+      refusal("o1 repeat [1000000000]\nG91 G0 X1\nX-1\no1 endrepeat\n", with).find("100000 blocks"),
+      std::string::npos);
+  EXPECT_NE(refusal("o<a> sub\no<a> call\no<a> endsub\no<a> call\n", with).find("50 calls"),
+            std::string::npos);
+  EXPECT_NE(refusal("G91 G81 X1 Z-1 R1 L1000000 F100\n", with).find("100000 blocks"),
+            std::string::npos);
+  EXPECT_NE(refusal("G83 X1 Z-10 R1 Q0.00001 F100\n", with).find("1e5 pecks"), std::string::npos);
+  with.limits.variables = 10;
+  std::string names;
+  for (int i = 0; i < 20; ++i) names += "#<v" + std::to_string(i) + "> = 1\n";
+  EXPECT_NE(refusal(names, with).find("at most 10 parameters"), std::string::npos);
+  EXPECT_NE(refusal("X" + std::string(100000, '[') + "\n").find("100 brackets"), std::string::npos);
+}
+
+TEST(LinuxCnc, BrokenFlowIsRefusedWithItsPlace) {
+  EXPECT_EQ(refusal("o1 if [1]\n"), "accepted");
+  EXPECT_EQ(refusal("o1 if [0]\n"), "part.ngc:1:1: expected o1 endif behind it, seen none");
+  EXPECT_EQ(refusal("o1 endwhile\n"), "part.ngc:1:1: expected o1 while before endwhile, seen none");
+  EXPECT_EQ(refusal("o1 break\n"),
+            "part.ngc:1:1: expected a loop of this label around break, seen none");
+  EXPECT_EQ(refusal("o<nothing> call\n"),
+            "part.ngc:1:1: expected a subprogram o<nothing> in the program, or nothing.ngc beside "
+            "it, seen none");
+  EXPECT_EQ(refusal("o<../x> call\n").substr(0, 30), "part.ngc:1:1: expected a subpr");
+  EXPECT_EQ(refusal("o1 return\n"), "part.ngc:1:1: expected a call before return, seen none");
+}
+
+TEST(LinuxCnc, SubprogramsInFilesAreNamedInRefusals) {
+  const fs::path folder = fs::temp_directory_path() / "abbe_linuxcnc_subs";
+  fs::create_directories(folder);
+  std::ofstream(folder / "drill.ngc") << "o<drill> sub\nG0 X#1\nG38.2 Z1\no<drill> endsub\n";
+  ReadOptions with = options();
+  with.folder = folder;
+  EXPECT_NE(refusal("o<drill> call [5]\n", with).find("drill.ngc:3:1: expected no probing"),
+            std::string::npos);
+  std::ofstream(folder / "drill.ngc") << "o<drill> sub\nG0 X#1\no<drill> endsub [#1 + 1]\n";
+  const program::Path path =
+      read_program("o<drill> call [5]\nG0 Y#<_value>\n", "part.ngc", with).path;
+  ASSERT_EQ(path.blocks.size(), 2u);
+  EXPECT_EQ(path.blocks[0].file, 1);
+  EXPECT_EQ(path.blocks[0].line, 2);
+  EXPECT_EQ(path.blocks[1].end[2], 6.0);
+  fs::remove_all(folder);
+}
+
+}  // namespace
+}  // namespace abbe::sim::dialects
