@@ -93,7 +93,7 @@ Design of_lines(const std::vector<Eigen::Vector2d>& lines) {
 std::string forms_of(const Design& mesh) {
   constexpr const char* names[] = {"plane", "sphere", "cylinder", "cone", "torus"};
   std::string all;
-  for (const RecognisedPatch& one : recognised(mesh, 0.1 * micron).patches)
+  for (const RecognisedPatch& one : recognised(mesh, 0.1 * units::um).patches)
     all += names[std::size_t(one.form)];
   return all;
 }
