@@ -67,7 +67,7 @@ TEST_F(ReadStudy, EveryKeyArrives) {
       "cases = [\"uncompensated\", \"perfect-iterated-ideal\"]\nvariants = [\"\", \"leaning\"]\n"
       "responses = [\"p95_abs\", \"in_tolerance\", \"mean\", \"std\", \"max_abs\", \"rms\", "
       "\"form_pv\", \"form_rms\", \"texture_sa\", \"texture_sq\", \"texture_sz\"]\n"
-      "of = \"machine\"\nlimits = { rms_um = 4, p95_abs_um = 30, form_pv_um = 9, texture_sz_um = 2 "
+      "of = \"machine\"\nlimits = { rms_um = 4, p95_abs_um = 30, form_pv_um = 8, texture_sz_um = 2 "
       "}\n"
       "[[input]]\nelement = \"EXX\"\nname = \"scale of X\"\nspread = 0.5\nlow = 0.1\nhigh = 3\n"
       "[[input]]\npath = [\"setup.EX_um\", \"setup.EY_um\"]\nfactor = -2\nspread = 3\n"
@@ -96,7 +96,7 @@ TEST_F(ReadStudy, EveryKeyArrives) {
   EXPECT_TRUE(study.machine_part);
   EXPECT_EQ(study.limits, (std::vector<std::pair<Response, double>>{{Response::Rms, 0.004},
                                                                     {Response::P95Abs, 0.03},
-                                                                    {Response::FormPv, 0.009},
+                                                                    {Response::FormPv, 0.008},
                                                                     {Response::TextureSz, 0.002}}));
   ASSERT_EQ(study.inputs.size(), 3u);
   EXPECT_EQ(study.inputs[0].name, "scale of X");
