@@ -10,6 +10,7 @@
 #include <sstream>
 #include <string>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -175,6 +176,35 @@ TEST_F(CommandLine, AToleranceGivesAVerdictAndAMapOfBands) {
   EXPECT_EQ(none.text.find("FAIL"), std::string::npos) << none.text;
   EXPECT_TRUE(nlohmann::json::parse(bytes(out / "summary.json"))["conformance"].is_null());
   EXPECT_FALSE(fs::exists(out / "tolerance.png")) << "of the run before";
+}
+
+TEST_F(CommandLine, FormAndTextureHaveLimits) {
+  const std::string program = write("p.ngc", good_program).string();
+  const fs::path out = folder_ / "out";
+  const std::string run = "run " +
+                          plane_scene(program, "[errors]\nEXX_um = 5\nEZX_um = 5\n").string() +
+                          " --out " + out.string();
+  ASSERT_EQ(run_abbe(run).code, 0);
+  const auto summary = nlohmann::json::parse(bytes(out / "summary.json"));
+  const auto allowed = [&](const char* key, double limit) {
+    const Ran ran = run_abbe(fmt::format("{} --set limits.{}={}", run, key, limit));
+    EXPECT_TRUE(ran.code == 0 || ran.code == 1) << ran.text;
+    EXPECT_EQ(ran.code == 1, ran.text.find("the scene allows") != std::string::npos) << ran.text;
+    return ran.code == 0;
+  };
+  const struct {
+    const char *limit, *of, *figure;
+  } limits[] = {{"form_pv_um", "form_um", "pv"},
+                {"form_rms_um", "form_um", "rms"},
+                {"texture_sa_um", "texture_um", "Sa"},
+                {"texture_sq_um", "texture_um", "Sq"},
+                {"texture_sz_um", "texture_um", "Sz"}};
+  for (const auto& [limit, of, figure] : limits) {
+    const double value = summary[of][figure];
+    ASSERT_GT(value, 0.0) << limit;
+    EXPECT_TRUE(allowed(limit, 1.01 * value)) << limit;
+    EXPECT_FALSE(allowed(limit, 0.99 * value)) << limit;
+  }
 }
 
 TEST_F(CommandLine, ALineHasItsProfilesByISO21920) {
