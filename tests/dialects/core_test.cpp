@@ -40,7 +40,7 @@ double evaluated(std::string_view text) {
   return result;
 }
 
-std::string refusal(std::string_view text) {
+std::string core_refusal(std::string_view text) {
   try {
     evaluated(text);
   } catch (const BadInput& fault) {
@@ -62,15 +62,15 @@ TEST(Expression, BindsByLevelAndFromTheLeft) {
 }
 
 TEST(Expression, RefusesWhatIsNone) {
-  EXPECT_EQ(refusal("[1 / 0]"), "t:3:4: expected a divisor that is not zero, seen /");
-  EXPECT_EQ(refusal("[1 + ]"), "t:3:6: expected a number, seen ]");
-  EXPECT_EQ(refusal("[1"), "t:3:3: expected ] or an operator, seen the end of the line");
-  EXPECT_NE(refusal(std::string(200, '[') + "1").find("100 brackets"), std::string::npos);
-  EXPECT_NE(refusal("[" + std::string(100000, '-') + "#1]").find("100 brackets"),
+  EXPECT_EQ(core_refusal("[1 / 0]"), "t:3:4: expected a divisor that is not zero, seen /");
+  EXPECT_EQ(core_refusal("[1 + ]"), "t:3:6: expected a number, seen ]");
+  EXPECT_EQ(core_refusal("[1"), "t:3:3: expected ] or an operator, seen the end of the line");
+  EXPECT_NE(core_refusal(std::string(200, '[') + "1").find("100 brackets"), std::string::npos);
+  EXPECT_NE(core_refusal("[" + std::string(100000, '-') + "#1]").find("100 brackets"),
             std::string::npos);
-  EXPECT_NE(refusal("[10 ** 400]").find("finite"), std::string::npos);
-  EXPECT_NE(refusal("[sqrt[-1]]").find("not below zero"), std::string::npos);
-  EXPECT_NE(refusal("[99999999999]").find("1e9"), std::string::npos);
+  EXPECT_NE(core_refusal("[10 ** 400]").find("finite"), std::string::npos);
+  EXPECT_NE(core_refusal("[sqrt[-1]]").find("not below zero"), std::string::npos);
+  EXPECT_NE(core_refusal("[99999999999]").find("1e9"), std::string::npos);
 }
 
 TEST(Variables, OfACallEndWithItAndTheirNumberIsLimited) {

@@ -20,7 +20,7 @@ using test::Move;
 
 constexpr std::string_view letters = "XYZABC";
 
-ReadOptions options() {
+ReadOptions oracle_options() {
   ReadOptions options;
   for (const char letter : letters)
     options.control.axes.push_back({letter, letter < 'X' ? Motion::Rotary : Motion::Linear});
@@ -141,7 +141,7 @@ TEST(LinuxCncOracle, SamplesGiveTheSameMoves) {
     ++accepted;
     std::string difference;
     try {
-      const ReadProgram ours = read_program_file(file, options());
+      const ReadProgram ours = read_program_file(file, oracle_options());
       const Comparison result = compared(theirs, moves_of(ours.path), tolerance);
       difference = result.difference;
       if (difference.empty()) off = std::max(off, result.off);
@@ -326,7 +326,7 @@ TEST(LinuxCncOracle, RandomProgramsGiveTheSameMoves) {
     std::string refusal;
     std::vector<Move> ours;
     try {
-      ours = moves_of(read_program(text, "random.ngc", options()).path);
+      ours = moves_of(read_program(text, "random.ngc", oracle_options()).path);
     } catch (const BadInput& fault) {
       refusal = first_line(fault.what());
     }
