@@ -79,6 +79,29 @@ def within(fields):
     return fields.get("middle_um", fields.get("random_um"))
 
 
+def mixed(state):
+    """SplitMix64."""
+    state = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    state = (state ^ (state >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return state ^ (state >> np.uint64(31))
+
+
+def chance(seed, count):
+    """Numbers from 0 to 1, one a triangle, of a stream of its own."""
+    golden = np.uint64(0x9E3779B97F4A7C15)
+    start = mixed(np.array([seed], dtype=np.uint64) + golden)
+    return (mixed(start + golden * np.arange(count, dtype=np.uint64)) >> np.uint64(11)) * 2.0**-53
+
+
+def blended(values, fields):
+    """Values of vertices at the place within every triangle."""
+    corners = values[fields["triangles"]]
+    if "random_um" not in fields:
+        return corners.mean(axis=1)
+    root, share = np.sqrt(chance(0, len(corners))), chance(1, len(corners))
+    return (np.stack([1 - root, root * (1 - share), root * share], axis=1) * corners).sum(axis=1)
+
+
 def statistics(values, middles, fields, tolerance):
     area, status = fields["area_mm2"], fields["status"]
     r, w = samples(values, middles, fields)
@@ -122,7 +145,7 @@ def expect_figures(fields, free, summary, tolerance, name):
     for key, figures in found.items():
         for one, value in figures.items():
             expect_near(value, summary[key][one], f"{name}: {one} of {key}")
-    texture_middles = None if middles is None else middles - form[fields["triangles"]].mean(axis=1)
+    texture_middles = None if middles is None else middles - blended(form, fields)
     for one, value in (heights(*samples(fields["texture_um"], texture_middles, fields)) or {}).items():
         expect_near(value, summary["texture_um"][one], f"{name}: {one} of texture_um")
     for key, value in (("cut", 0), ("uncut", 1), ("outside", 2), ("gouged", 3)):

@@ -244,7 +244,9 @@ TEST(SceneProgram, ASpiralBeginsOneFeedBeyondTheRim) {
 TEST(SceneProgram, AFileIsNamedAgain) {
   const SceneFolder folder;
   const std::string text = "file = \"" + folder.write("p.ngc", "M30\n").string() + "\"\n";
-  EXPECT_EQ(program_again(text), text);
+  EXPECT_EQ(program_again(text), text + "dialect = \"auto\"\non_unknown = \"refuse\"\n");
+  const std::string stated = text + "dialect = \"linuxcnc\"\non_unknown = \"warn\"\n";
+  EXPECT_EQ(program_again(stated), stated);
 }
 
 }  // namespace
