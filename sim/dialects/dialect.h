@@ -22,6 +22,7 @@ std::string_view name_of(Dialect dialect);
 struct Recognised {
   Dialect dialect = Dialect::LinuxCnc;
   std::string sign;
+  int line = 0;  ///< of the sign; 0: it is the name of the file, or there is none
 };
 
 /// The dialect of a program by its signs, listed in the README of this folder: what its file is

@@ -11,14 +11,16 @@
 namespace abbe::sim::dialects {
 namespace {
 
-const FrontEnd& front_end_of(Dialect dialect, const std::string& file) {
+const FrontEnd& front_end_of(const Recognised& found, const std::string& file) {
   std::string known;
   for (const FrontEnd& one : front_ends()) {
-    if (one.dialect == dialect) return one;
+    if (one.dialect == found.dialect) return one;
     known += (known.empty() ? "" : ", ") + std::string(name_of(one.dialect));
   }
-  throw BadInput(file, 0, 0, "a dialect that is read (" + known + ")",
-                 std::string(name_of(dialect)));
+  std::string seen(name_of(found.dialect));
+  if (!found.sign.empty()) seen += ", as " + found.sign;
+  throw BadInput(file, found.line, found.line > 0 ? 1 : 0, "a dialect that is read (" + known + ")",
+                 std::move(seen));
 }
 
 }  // namespace
@@ -29,14 +31,12 @@ ReadProgram read_program(std::string_view text, const std::string& file,
     throw BadInput(file, 0, 0, fmt::format("at most {} bytes", options.control.max_bytes),
                    fmt::format("{}", text.size()));
   ReadProgram read;
-  read.dialect = options.dialect;
-  if (options.dialect == Dialect::Auto) {
-    Recognised found = recognised(text, file);
-    read.dialect = found.dialect;
-    read.sign = std::move(found.sign);
-  }
+  const Recognised found =
+      options.dialect == Dialect::Auto ? recognised(text, file) : Recognised{options.dialect, {}};
+  read.dialect = found.dialect;
+  read.sign = found.sign;
   ProgramRun run(file, options);
-  front_end_of(read.dialect, file).read(text, run);
+  front_end_of(found, file).read(text, run);
   if (!run.faults().empty()) throw BadProgram(run.faults().list());
   read.skipped = run.skipped();
   read.warnings = std::move(run.warnings);

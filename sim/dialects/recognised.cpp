@@ -182,7 +182,8 @@ Recognised recognised(std::string_view text, std::string_view file) {
     const auto line = lines.next();
     if (!line) break;
     if (const auto sign = sign_of(bare(*line), seen))
-      return {sign->dialect, fmt::format("line {} has {}", lines.number(), sign->text)};
+      return {sign->dialect, fmt::format("line {} has {}", lines.number(), sign->text),
+              lines.number()};
   }
   return {Dialect::LinuxCnc, "nothing in it is of another dialect"};
 }

@@ -282,7 +282,7 @@ TEST_F(CommandLine, BadProgramsAreRefusedAtTheirPlace) {
     std::string line, column, expected;
   } cases[] = {
       {"G5 X1", "5:1", "G5"},
-      {"G1 X1e20 F100", "5:", "X"},
+      {"G1 X1e20 F100", "5:6", "e20"},
       {"G1 X1 Q5 F100", "5:7", "Q"},
       {"G1 X1 F0", "5:", "F"},
       {"G2 X1 Y0 I0 J0 F100", "5:", ""},
