@@ -87,7 +87,7 @@ TEST(LinuxCnc, PlainProgramsGiveTheBitsOfThePlainReader) {
 }
 
 TEST(LinuxCnc, AllFaultsAreReportedTogetherAndNoneThatOnlyFollows) {
-  EXPECT_EQ(refusal("G1 X1 F100\nG12.1 X5\nX[1 / 0]\nG38.2 Z1\nY#<none>\nG2 X9 Y9 I1 J0\nX3\n"),
+  EXPECT_EQ(refusal("G1 X1 F100\nG12.1 X5\nX[1 / 0]\nG38.2 Z1\nY#<none>\nG2 X9 Y9 I1 J0\nG1 X3\n"),
             "part.ngc:2:1: expected a G code of LinuxCNC, seen G12.1\n"
             "part.ngc:3:5: expected a divisor that is not zero, seen /\n"
             "part.ngc:4:1: expected no probing: a virtual part is read by instruments (abbe "
