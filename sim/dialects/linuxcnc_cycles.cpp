@@ -61,19 +61,18 @@ void Machine::cycle_holes(const Block& block) {
   const int d = joint(deep);
   AxisVector at = canon_.programmed();
   if (!cycle_.initial) cycle_.initial = at[d];
-  double level = *cycle_.initial;
-  const double r = incremental_ ? cycle_.r + level : cycle_.r;
+  const double initial = *cycle_.initial;
+  const double r = incremental_ ? cycle_.r + initial : cycle_.r;
   const double bottom = incremental_ ? r + cycle_.z : cycle_.z;
   if (r < bottom)
     refuse(block['R'] ? Cause(block['R']) : cause_of(block), "R above the bottom of the hole",
            fmt::format("R at {} mm, the bottom at {} mm", r, bottom));
-  if (at[d] < r) {
+  if (initial < r) {
     at[d] = r;
     go(at, true);
   }
-  level = std::max(level, r);
-  const double clear = to_r_ ? r : level;
-  level = std::max(at[d], r);
+  const double clear = to_r_ ? r : std::max(initial, r);
+  double level = to_r_ ? std::max(at[d], r) : clear;
   const int repeats = block['L'] ? int(block['L'].value) : 1;
   for (int n = 0; n < repeats; ++n) {
     run_.count_block();
@@ -133,7 +132,8 @@ void Machine::hole(const Hole& hole) {
       wait();
       return to(hole.clear, true);
     case 850:
-      return to(hole.clear, false);
+      to(hole.r, false);
+      return to(hole.clear, true);
     case 890:
       wait();
       return to(hole.clear, false);

@@ -193,6 +193,7 @@ void Machine::call_tools(const Block& block) {
   const bool changes = change.tenths == 60;
   if (t) selected_ = int(std::min(t.value, 1e9));
   if (changes && selected_ >= 0) tool_ = selected_;
+  if (changes) compensation_.left_behind();  // a control looks again where its axes stand
   if (t || changes) canon_.call_tool(t ? t.value : -1.0, changes);
   if (change.tenths == 610) {
     const NcWord& q = block['Q'];
@@ -272,7 +273,10 @@ bool Machine::execute(const Block& block) {
   set_modes(block);
   const Code& once = block[Group::OneBlock];
   if (const Code& code = block[Group::Motion]) {
-    if (code.tenths != motion_) cycle_ = {};
+    if (!is_drilling(code.tenths))
+      cycle_ = {};
+    else if (code.tenths != motion_)
+      cycle_ = {.initial = cycle_.initial};
     if (code.tenths != 52 && code.tenths != 53) poles_.clear();
     if (code.tenths != 50) spline_arm_.reset();
     motion_ = code.tenths;

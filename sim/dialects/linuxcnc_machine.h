@@ -78,7 +78,7 @@ class Machine {
   Eigen::Vector2d polar_end(const Block& block, const Eigen::Vector2d& from) const;
   void straight(const Block& block, AxisVector end, std::uint32_t stated, bool machine);
   void arc(const Block& block, AxisVector end, std::uint32_t stated);
-  Eigen::Vector2d centre_by_words(const Block& block, const program::ArcMove& arc) const;
+  void find_centre(const Block& block, program::ArcMove& arc) const;
   void put_straight(program::Straight move, bool rapid);
   void feed_per_turn(const NcWord& pitch, const program::Straight& move);
   void spindle_synchronised(const Block& block, AxisVector end);

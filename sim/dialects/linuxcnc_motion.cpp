@@ -75,7 +75,7 @@ void Machine::straight(const Block& block, AxisVector end, std::uint32_t stated,
   put_straight(std::move(move), motion_ == 0);
 }
 
-Eigen::Vector2d Machine::centre_by_words(const Block& block, const ArcMove& arc) const {
+void Machine::find_centre(const Block& block, ArcMove& arc) const {
   const std::string_view letters = plane_ == 170 ? "IJK" : plane_ == 180 ? "KIJ" : "JKI";
   const std::string pair = plane_ == 170 ? "I J" : plane_ == 180 ? "I K" : "J K";
   const NcWord &first = block[letters[0]], &second = block[letters[1]];
@@ -88,19 +88,23 @@ Eigen::Vector2d Machine::centre_by_words(const Block& block, const ArcMove& arc)
     refuse(arc.cause, "both " + pair + " under G90.1", "one");
   const AxisVector at = compensation_.on() ? compensation_.programmed() : canon_.position();
   if (!canon_.frame().rotation) {
-    if (!absolute_centre_) return Eigen::Vector2d(at[arc.first], at[arc.second]) + words;
+    arc.centre = words;
+    if (!absolute_centre_) {
+      arc.centre += Eigen::Vector2d(at[arc.first], at[arc.second]);
+      return;
+    }
     const auto zero = [&](int j) {
       const AxisVector &offset = canon_.frame().shift, &tool = canon_.tool_shift();
       return (offset.size() > 0 ? offset[j] : 0.0) + (tool.size() > 0 ? tool[j] : 0.0);
     };
-    return words + Eigen::Vector2d(zero(arc.first), zero(arc.second));
+    arc.centre += Eigen::Vector2d(zero(arc.first), zero(arc.second));
+    return;
   }
-  // only G17 turns in its own plane
   AxisVector p = canon_.unplaced(at);
   p[arc.first] = (absolute_centre_ ? 0.0 : p[arc.first]) + words.x();
   p[arc.second] = (absolute_centre_ ? 0.0 : p[arc.second]) + words.y();
-  const AxisVector centre = canon_.placed(std::move(p));
-  return {centre[arc.first], centre[arc.second]};
+  arc.placed_centre = canon_.placed(std::move(p));
+  arc.centre = {arc.placed_centre[arc.first], arc.placed_centre[arc.second]};
 }
 
 void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
@@ -116,8 +120,6 @@ void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
               .stated = stated};
   if (arc.first < 0 || arc.second < 0)
     refuse(cause, fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
-  if (plane_ != 170 && canon_.frame().rotation)
-    refuse(cause, "G17 beside arcs in a coordinate system that is turned");
   if (const NcWord& turns = block['P']) {
     if (!(turns.value >= 1 && turns.value <= 1e6) || turns.value != std::floor(turns.value))
       refuse(turns, "whole turns of 1 to 1e6 after P");
@@ -127,11 +129,13 @@ void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
     for (const char letter : {'I', 'J', 'K'})
       if (block[letter]) refuse(block[letter], "either R or I J K");
     const double r = radius.value * unit();
-    arc.centre = compensation_.on() ? compensation_.centre_of_radius(arc, r, radius)
-                                    : canon_.centre_of_radius(arc, r, radius);
+    if (compensation_.on())
+      arc.centre = compensation_.centre_of_radius(arc, r, radius);
+    else
+      arc.radius = r;
     arc.named = radius;
   } else {
-    arc.centre = centre_by_words(block, arc);
+    find_centre(block, arc);
   }
   if (compensation_.on()) return compensation_.arc(std::move(arc));
   if (surface_speed_) {

@@ -243,6 +243,8 @@ void Machine::set_compensation(const Block& block) {
   if (first < 0 || second < 0)
     refuse(code.word,
            fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
+  if (plane_ == 180 && canon_.frame().rotation)
+    refuse(code.word, "G17 beside cutter compensation in a coordinate system that is turned");
   if (plane_ == 190) refuse(code.word, "G17 or G18 beside cutter compensation");
   const NcWord& d = block['D'];
   if (const NcWord& l = block['L']; l && l.value != 0)

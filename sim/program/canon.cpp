@@ -209,9 +209,10 @@ double Canon::duration(const Block& block, const Cause& cause) const {
                                                : "F before or in the first block of feed",
            "none");
   if (feed_mode_ == FeedMode::InverseTime) return 60.0 / feed_->word;
-  const Way way =
-      way_of_feed(options_.axes, block.start, block.end,
-                  block.interpolation == Interpolation::Arc ? &path_.arcs[block.shape] : nullptr);
+  const Arc* arc = block.interpolation == Interpolation::Arc ? &path_.arcs[block.shape] : nullptr;
+  const bool turned = arc != nullptr && arc->turned >= 0;
+  const Way way = way_of_feed(options_.axes, block.start, block.end, arc,
+                              turned ? &path_.turns[std::size_t(arc->turned)] : nullptr);
   const double unit = way.linear ? feed_->unit : 1.0;
   if (feed_mode_ == FeedMode::PerMinute) return way.length * 60.0 / (feed_->word * unit);
   if (spindle_turns_ == 0 || !(spindle_rpm_ > 0.0))
@@ -258,22 +259,54 @@ Eigen::Vector2d Canon::centre_of_radius(const ArcMove& move, double r, const Cau
   return made(move.end, [&] { return centre_by_radius(ends, r, place(), cause); });
 }
 
+std::optional<Eigen::Matrix3d> Canon::turn_of(const ArcMove& move, int third) const {
+  const bool turns = move.radius || move.placed_centre.size() > 0;
+  if (!frame_.rotation || !turns) return std::nullopt;
+  const std::array<int, 3> order{move.first, move.second, third};
+  Eigen::Matrix3d R;
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto at = [&](int joint) {
+        return std::find(xyz_.begin(), xyz_.end(), joint) - xyz_.begin();
+      };
+      R(Eigen::Index(i), Eigen::Index(k)) = (*frame_.rotation)(at(order[i]), at(order[k]));
+    }
+  constexpr double one_plane = 1e-14;  // rad^2 / 2: turned about what is across it alone
+  if (R(2, 2) > 1.0 - one_plane) return std::nullopt;
+  return R;
+}
+
+Arc Canon::arc_of(const ArcMove& move) {
+  const int third = xyz_[0] + xyz_[1] + xyz_[2] - move.first - move.second;
+  const auto turn = turn_of(move, third);
+  const auto in_plane = [&](const AxisVector& q) -> Eigen::Vector2d {
+    if (!turn) return {q[move.first], q[move.second]};
+    return (turn->transpose() * Eigen::Vector3d(q[move.first], q[move.second], q[third])).head<2>();
+  };
+  ArcWords words{in_plane(at_), in_plane(move.end), move.centre, move.clockwise};
+  if (move.radius)
+    words.centre = centre_by_radius(words, *move.radius, place(), move.named);
+  else if (move.placed_centre.size() > 0)
+    words.centre = in_plane(move.placed_centre);
+  Arc arc = checked_arc(words, move.turns, place(), move.named);
+  arc.first = move.first;
+  arc.second = move.second;
+  if (!turn) return arc;
+  arc.third = third;
+  if (path_.turns.empty() || path_.turns.back() != *turn) path_.turns.push_back(*turn);
+  arc.turned = int(path_.turns.size()) - 1;
+  return arc;
+}
+
 void Canon::arc(ArcMove move) {
-  const ArcWords words{{at_[move.first], at_[move.second]},
-                       {move.end[move.first], move.end[move.second]},
-                       move.centre,
-                       move.clockwise};
   Block round;
   round.interpolation = Interpolation::Arc;
   round.coordinates = coordinates_;
   round.shape = std::uint32_t(path_.arcs.size());
   round.start = at_;
-  round.end = std::move(move.end);
+  round.end = move.end;
   const double seconds = made(round.end, [&] {
-    Arc arc = checked_arc(words, move.turns, place(), move.named);
-    arc.first = move.first;
-    arc.second = move.second;
-    path_.arcs.push_back(arc);
+    path_.arcs.push_back(arc_of(move));
     return duration(round, move.cause);
   });
   doubt_ &= ~move.stated;

@@ -85,8 +85,12 @@ struct Straight {
 /// the second.
 struct ArcMove {
   int first = 0, second = 1;
-  kinematics::AxisVector end;  ///< (axes), offsets already in
-  Eigen::Vector2d centre;      ///< mm, offsets already in
+  kinematics::AxisVector end;       ///< (axes), offsets already in
+  Eigen::Vector2d centre = {0, 0};  ///< mm, offsets already in, in the plane of the joints
+  /// Instead, as `Canon::placed` gives it: the plane is then turned as the frame turns.
+  kinematics::AxisVector placed_centre = {};
+  /// Instead, mm: above zero at most half a turn, below zero more; the plane is turned likewise.
+  std::optional<double> radius = {};
   bool clockwise = false;
   int turns = 1;             ///< begun: 1 is at most a whole turn, 2 one more
   Cause cause = {};          ///< of the block
@@ -180,7 +184,7 @@ class Canon {
   void straight_feed(Straight move);
   /// @throws BadInput the same; and for radii that differ as the README of this folder says
   void arc(ArcMove move);
-  /// The centre of an arc of radius |r| to `move.end`, as `centre_by_radius`.
+  /// The centre of an arc of radius |r| to `move.end` in the plane of the joints.
   /// @throws BadGeometry
   Eigen::Vector2d centre_of_radius(const ArcMove& move, double r, const Cause& cause);
   /// @throws BadInput beyond 0 to 1e6 s
@@ -210,6 +214,9 @@ class Canon {
   void append(Block block, double seconds);
   /// A move that cannot be made leaves the axes where it would have ended, so that the next one is
   /// judged by itself.
+  Arc arc_of(const ArcMove& move);
+  /// How the plane of an arc is turned, in the order of its joints; none where it is theirs.
+  std::optional<Eigen::Matrix3d> turn_of(const ArcMove& move, int third) const;
   template <typename Make>
   auto made(const kinematics::AxisVector& end, const Make& make);
 

@@ -64,9 +64,15 @@ SquaredWay squared_way(const std::vector<ControlledAxis>& axes, const AxisVector
 }
 
 Way way_of_feed(const std::vector<ControlledAxis>& axes, const AxisVector& start,
-                const AxisVector& end, const Arc* arc) {
+                const AxisVector& end, const Arc* arc, const Eigen::Matrix3d* turn) {
   SquaredWay squared = squared_way(axes, start, end);
-  if (arc != nullptr) {
+  if (arc != nullptr && turn != nullptr) {
+    const Eigen::Vector3d way(end[arc->first] - start[arc->first],
+                              end[arc->second] - start[arc->second],
+                              end[arc->third] - start[arc->third]);
+    const double round = (arc->radius + 0.5 * arc->growth) * arc->sweep;
+    squared.xyz = squared.xyz - (turn->transpose() * way).head<2>().squaredNorm() + round * round;
+  } else if (arc != nullptr) {
     const double chord =
         (end[arc->first] - start[arc->first]) * (end[arc->first] - start[arc->first]) +
         (end[arc->second] - start[arc->second]) * (end[arc->second] - start[arc->second]);

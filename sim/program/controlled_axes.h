@@ -32,12 +32,14 @@ SquaredWay squared_way(const std::vector<ControlledAxis>& axes, const kinematics
                        const kinematics::AxisVector& end);
 
 /// How far a block goes as F counts it: mm of X Y Z, else of U V W, else degrees of turns.
-/// @param arc  in X Y Z, if the block is one
+/// @param arc   in X Y Z, if the block is one
+/// @param turn  of its plane, if that is turned
 struct Way {
   double length = 0.0;
   bool linear = true;  ///< mm; else degrees
 };
 Way way_of_feed(const std::vector<ControlledAxis>& axes, const kinematics::AxisVector& start,
-                const kinematics::AxisVector& end, const Arc* arc = nullptr);
+                const kinematics::AxisVector& end, const Arc* arc = nullptr,
+                const Eigen::Matrix3d* turn = nullptr);
 
 }  // namespace abbe::sim::program

@@ -34,6 +34,29 @@ Arc arc_through(const ArcWords& words) {
   return arc;
 }
 
+namespace {
+
+/// The coordinates of an arc in its plane and across it, changed by `change`.
+template <typename Vector, typename Change>
+void in_its_plane(const Path& path, const Arc& arc, Vector& q, const Change& change) {
+  if (arc.turned < 0) {
+    Eigen::Vector3d p(q[arc.first], q[arc.second], 0.0);
+    change(p);
+    q[arc.first] = p.x();
+    q[arc.second] = p.y();
+    return;
+  }
+  const Eigen::Matrix3d& R = path.turns[std::size_t(arc.turned)];
+  Eigen::Vector3d p = R.transpose() * Eigen::Vector3d(q[arc.first], q[arc.second], q[arc.third]);
+  change(p);
+  p = R * p;
+  q[arc.first] = p.x();
+  q[arc.second] = p.y();
+  q[arc.third] = p.z();
+}
+
+}  // namespace
+
 // The cubics are written as the line plus what bends it, so that a motion at constant speed stays
 // straight to the last bit but one.
 AxisVector position(const Path& path, const Block& block, double u) {
@@ -43,9 +66,7 @@ AxisVector position(const Path& path, const Block& block, double u) {
   AxisVector q = block.start + u * way;
   if (block.interpolation == Interpolation::Arc) {
     const Arc& arc = path.arcs[block.shape];
-    const Eigen::Vector2d p = position(arc, u);
-    q[arc.first] = p.x();
-    q[arc.second] = p.y();
+    in_its_plane(path, arc, q, [&](Eigen::Vector3d& p) { p.head<2>() = position(arc, u); });
   } else if (block.interpolation == Interpolation::Cubic) {
     const Cubic& cubic = path.cubics[block.shape];
     const double duration = block.end_s - block.start_s;
@@ -61,6 +82,7 @@ Path stretch_of(const Path& path, std::size_t first, std::size_t last) {
   part.file = path.file;
   part.more_files = path.more_files;
   part.arcs = path.arcs;
+  part.turns = path.turns;
   part.cubics = path.cubics;
   part.blocks.assign(path.blocks.begin() + std::ptrdiff_t(first),
                      path.blocks.begin() + std::ptrdiff_t(last));
@@ -83,8 +105,10 @@ AxisVector velocity(const Path& path, const Block& block, double u) {
     const double angle = arc.start_angle + u * arc.sweep;
     const double radius = arc.radius + u * arc.growth;
     const double c = std::cos(angle), s = std::sin(angle);
-    rate[arc.first] = (arc.growth * c - radius * arc.sweep * s) / duration;
-    rate[arc.second] = (arc.growth * s + radius * arc.sweep * c) / duration;
+    in_its_plane(path, arc, rate, [&](Eigen::Vector3d& v) {
+      v.x() = (arc.growth * c - radius * arc.sweep * s) / duration;
+      v.y() = (arc.growth * s + radius * arc.sweep * c) / duration;
+    });
   } else if (block.interpolation == Interpolation::Cubic) {
     const Cubic& cubic = path.cubics[block.shape];
     if (u <= 0.0) return cubic.start_velocity;

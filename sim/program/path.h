@@ -34,6 +34,9 @@ struct Arc {
                              ///< tolerates, spread evenly over the arc
   double start_angle = 0.0;  ///< rad
   double sweep = 0.0;        ///< rad, signed: + from first to second axis (G3)
+  int third = -1;            ///< joint across the plane, of a turned arc
+  int turned = -1;  ///< index into Path::turns: first, second and third are X Y Z in some order,
+                    ///< and the plane is that of the first two of these turned; -1: of the joints
 };
 
 /// A place on the arc at fraction u of it, in the plane. @return mm
@@ -103,6 +106,7 @@ struct Path {
   std::vector<std::string> more_files = {};  ///< of subprograms that stand in files of their own
   std::vector<Block> blocks;
   std::vector<Arc> arcs;
+  std::vector<Eigen::Matrix3d> turns = {};  ///< of planes that no two joints span
   std::vector<Cubic> cubics;
   std::vector<Aside> asides;               ///< in the order of the program
   std::vector<ToolCall> tool_calls;        ///< the same

@@ -112,6 +112,7 @@ class NcRewriter {
   void pieces(int index, const std::vector<CorrectedPoint>& points);
   void move(const Block& block, const Point& to, double seconds, const Stretch& stretch);
   std::optional<Arc> round(const Block& block, const Point& to) const;
+  std::vector<CorrectedPoint> chords(const Block& block) const;
   void plane(std::string_view letters);
   double feed(const Way& way, double seconds) const;
   double step(int joint) const;
@@ -308,6 +309,18 @@ void NcRewriter::pieces(int index, const std::vector<CorrectedPoint>& points) {
   }
 }
 
+/// Of an arc in a plane for which there is no word: half a step of a word from it at most.
+std::vector<CorrectedPoint> NcRewriter::chords(const Block& block) const {
+  const Arc& arc = path_.arcs[block.shape];
+  const double radius = arc.radius + std::max(0.0, arc.growth);
+  const double step = 2 * std::acos(1.0 - std::min(1.0, 0.5 * options_.word_mm / radius));
+  const int n = std::max(2, int(std::ceil(std::min(1e6, std::abs(arc.sweep) / step))));
+  std::vector<CorrectedPoint> points;
+  for (int k = 1; k <= n; ++k)
+    points.push_back({double(k) / n, position(path_, block, double(k) / n), {}, {}});
+  return points;
+}
+
 void NcRewriter::block(int index, const std::vector<CorrectedPoint>& points) {
   const Block& block = path_.blocks[std::size_t(index)];
   if (is_cubic(block)) throw std::invalid_argument("expected a path of cubics only, or of none");
@@ -318,6 +331,8 @@ void NcRewriter::block(int index, const std::vector<CorrectedPoint>& points) {
   if (block.interpolation == Interpolation::Dwell)
     return wait(block.end_s - block.start_s, {index, 0.0, 1.0});
   if (!points.empty()) return pieces(index, points);
+  if (block.interpolation == Interpolation::Arc && path_.arcs[block.shape].turned >= 0)
+    return pieces(index, chords(block));
   CorrectedPoint end{1.0, block.end, {}, {}};
   if (block.interpolation == Interpolation::Arc) end.centre = path_.arcs[block.shape].centre;
   // Onto whole words first, or what rounding moves would count as the way of a block that turns.

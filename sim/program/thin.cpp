@@ -297,7 +297,8 @@ CorrectedPath thinned(const Path& path, std::span<const Points> dense, const NcO
     } else {
       Points points = dense[i];
       if (stands) points.insert(points.begin(), {0.0, *stands, {}, {}});
-      const bool is_arc = block.interpolation == Interpolation::Arc;
+      const bool is_arc =
+          block.interpolation == Interpolation::Arc && path.arcs[block.shape].turned < 0;
       kept[i] = BlockThinner(points, is_arc ? &path.arcs[block.shape] : nullptr,
                              measures[std::size_t(block.coordinates)], options)
                     .run();

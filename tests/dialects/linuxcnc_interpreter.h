@@ -124,7 +124,7 @@ class Interpreter {
 struct Move {
   enum class Kind { Rapid, Feed, Arc, Spline } kind = Kind::Feed;
   std::array<double, 6> end{};
-  std::array<double, 2> centre{};  ///< of an arc, first and second axis of its plane
+  std::array<double, 2> centre{};  ///< of an arc, in its plane
   double sweep = 0.0;              ///< rad, + from the first to the second axis
 };
 
@@ -167,7 +167,17 @@ inline Move arc_of(const std::vector<double>& n, CanonicalMachine& machine) {
   centre = end;
   centre[std::size_t(first)] = n[2];
   centre[std::size_t(second)] = n[3];
-  const std::array<double, 6> from = machine.at, to = machine.axes(end), mid = machine.axes(centre);
+  const std::array<double, 6> reached = machine.axes(end);
+  const auto in_plane = [&](std::array<double, 6> p) {
+    if (third == 2) return p;  // turned about what is across the plane
+    const double c = std::cos(machine.angle), s = std::sin(machine.angle);
+    const double x = c * p[0] + s * p[1], y = c * p[1] - s * p[0];
+    p[0] = x;
+    p[1] = y;
+    return p;
+  };
+  const auto from = in_plane(machine.at), to = in_plane(reached);
+  const auto mid = in_plane(machine.axes(centre));
   const auto angle = [&](const std::array<double, 6>& p) {
     return std::atan2(p[std::size_t(second)] - mid[std::size_t(second)],
                       p[std::size_t(first)] - mid[std::size_t(first)]);
@@ -185,7 +195,7 @@ inline Move arc_of(const std::vector<double>& n, CanonicalMachine& machine) {
     while (sweep < -2 * pi - 1e-12) sweep += 2 * pi;
   }
   sweep += (turns > 0 ? turns - 1 : turns + 1) * 2 * pi;
-  return {Move::Kind::Arc, to, {mid[std::size_t(first)], mid[std::size_t(second)]}, sweep};
+  return {Move::Kind::Arc, reached, {mid[std::size_t(first)], mid[std::size_t(second)]}, sweep};
 }
 
 /// What the commands move, offsets applied; moves of nothing left out.

@@ -15,7 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 namespace machines = program::test;
 
-ReadOptions options() {
+ReadOptions test_options() {
   ReadOptions options;
   options.control = machines::options_for(machines::gantry());
   options.control.tool_radius = {{1, 3.0}, {2, 0.5}};
@@ -24,10 +24,10 @@ ReadOptions options() {
 }
 
 program::Path read(const std::string& text) {
-  return read_program(text, "part.ngc", options()).path;
+  return read_program(text, "part.ngc", test_options()).path;
 }
 
-std::string refusal(const std::string& text, const ReadOptions& with = options()) {
+std::string refused_as(const std::string& text, const ReadOptions& with = test_options()) {
   try {
     read_program(text, "part.ngc", with);
   } catch (const BadInput& fault) {
@@ -58,7 +58,7 @@ TEST(LinuxCnc, PlainProgramsGiveTheBitsOfThePlainReader) {
   std::size_t blocks = 0;
   for (const fs::path& file : files) {
     SCOPED_TRACE(file.string());
-    ReadOptions with = options();
+    ReadOptions with = test_options();
     with.control.work_offset[1] = machines::AxisVector::Zero(6);
     with.control.work_offset[1] << 10 * units::deg, 1, 2, 3, 0, 0;
     program::Path plain;
@@ -87,12 +87,13 @@ TEST(LinuxCnc, PlainProgramsGiveTheBitsOfThePlainReader) {
 }
 
 TEST(LinuxCnc, AllFaultsAreReportedTogetherAndNoneThatOnlyFollows) {
-  EXPECT_EQ(refusal("G1 X1 F100\nG12.1 X5\nX[1 / 0]\nG38.2 Z1\nY#<none>\nG2 X9 Y9 I1 J0\nG1 X3\n"),
-            "part.ngc:2:1: expected a G code of LinuxCNC, seen G12.1\n"
-            "part.ngc:3:5: expected a divisor that is not zero, seen /\n"
-            "part.ngc:4:1: expected no probing: a virtual part is read by instruments (abbe "
-            "measure), seen G38.2\n"
-            "part.ngc:5:2: expected a named parameter that has been set, seen #<none>");
+  EXPECT_EQ(
+      refused_as("G1 X1 F100\nG12.1 X5\nX[1 / 0]\nG38.2 Z1\nY#<none>\nG2 X9 Y9 I1 J0\nG1 X3\n"),
+      "part.ngc:2:1: expected a G code of LinuxCNC, seen G12.1\n"
+      "part.ngc:3:5: expected a divisor that is not zero, seen /\n"
+      "part.ngc:4:1: expected no probing: a virtual part is read by instruments (abbe "
+      "measure), seen G38.2\n"
+      "part.ngc:5:2: expected a named parameter that has been set, seen #<none>");
   std::string many;
   for (int i = 0; i < 1000; ++i) many += "G12." + std::to_string(i % 10) + "\n";
   try {
@@ -105,7 +106,7 @@ TEST(LinuxCnc, AllFaultsAreReportedTogetherAndNoneThatOnlyFollows) {
 }
 
 TEST(LinuxCnc, UnknownWordsAreSkippedAndCountedOnDemand) {
-  ReadOptions with = options();
+  ReadOptions with = test_options();
   with.on_unknown = OnUnknown::Warn;
   const ReadProgram read = read_program("G187 G1 X1 F100\nM123\nG187 X2\n", "t", with);
   ASSERT_EQ(read.skipped.size(), 2u);
@@ -114,50 +115,54 @@ TEST(LinuxCnc, UnknownWordsAreSkippedAndCountedOnDemand) {
   EXPECT_EQ(read.skipped[0].line, 1);
   EXPECT_EQ(read.skipped[1].word, "M123");
   EXPECT_EQ(read.path.motion_blocks, 2);
-  EXPECT_NE(refusal("G187\nG38.2 Z1\n", with).find("no probing"), std::string::npos)
+  EXPECT_NE(refused_as("G187\nG38.2 Z1\n", with).find("no probing"), std::string::npos)
       << "what is refused by name is not unknown";
 }
 
 TEST(LinuxCnc, WhatNeverEndsIsRefusedInBoundedTime) {
-  ReadOptions with = options();
+  ReadOptions with = test_options();
   with.limits.blocks = 100000;
-  EXPECT_NE(refusal("o1 while [1]\no1 endwhile\n", with).find("100000 blocks"), std::string::npos);
-  EXPECT_NE(refusal("o1 do\no1 while [1]\n", with).find("100000 blocks"), std::string::npos);
-  EXPECT_NE(
-      refusal("o1 repeat [1000000000]\nG91 G0 X1\nX-1\no1 endrepeat\n", with).find("100000 blocks"),
-      std::string::npos);
-  EXPECT_NE(refusal("o<a> sub\no<a> call\no<a> endsub\no<a> call\n", with).find("50 calls"),
+  EXPECT_NE(refused_as("o1 while [1]\no1 endwhile\n", with).find("100000 blocks"),
             std::string::npos);
-  EXPECT_NE(refusal("G91 G81 X1 Z-1 R1 L1000000 F100\n", with).find("100000 blocks"),
+  EXPECT_NE(refused_as("o1 do\no1 while [1]\n", with).find("100000 blocks"), std::string::npos);
+  EXPECT_NE(refused_as("o1 repeat [1000000000]\nG91 G0 X1\nX-1\no1 endrepeat\n", with)
+                .find("100000 blocks"),
             std::string::npos);
-  EXPECT_NE(refusal("G83 X1 Z-10 R1 Q0.00001 F100\n", with).find("1e5 pecks"), std::string::npos);
+  EXPECT_NE(refused_as("o<a> sub\no<a> call\no<a> endsub\no<a> call\n", with).find("50 calls"),
+            std::string::npos);
+  EXPECT_NE(refused_as("G91 G81 X1 Z-1 R1 L1000000 F100\n", with).find("100000 blocks"),
+            std::string::npos);
+  EXPECT_NE(refused_as("G83 X1 Z-10 R1 Q0.00001 F100\n", with).find("1e5 pecks"),
+            std::string::npos);
   with.limits.variables = 10;
   std::string names;
   for (int i = 0; i < 20; ++i) names += "#<v" + std::to_string(i) + "> = 1\n";
-  EXPECT_NE(refusal(names, with).find("at most 10 parameters"), std::string::npos);
-  EXPECT_NE(refusal("X" + std::string(100000, '[') + "\n").find("100 brackets"), std::string::npos);
+  EXPECT_NE(refused_as(names, with).find("at most 10 parameters"), std::string::npos);
+  EXPECT_NE(refused_as("X" + std::string(100000, '[') + "\n").find("100 brackets"),
+            std::string::npos);
 }
 
 TEST(LinuxCnc, BrokenFlowIsRefusedWithItsPlace) {
-  EXPECT_EQ(refusal("o1 if [1]\n"), "accepted");
-  EXPECT_EQ(refusal("o1 if [0]\n"), "part.ngc:1:1: expected o1 endif behind it, seen none");
-  EXPECT_EQ(refusal("o1 endwhile\n"), "part.ngc:1:1: expected o1 while before endwhile, seen none");
-  EXPECT_EQ(refusal("o1 break\n"),
+  EXPECT_EQ(refused_as("o1 if [1]\n"), "accepted");
+  EXPECT_EQ(refused_as("o1 if [0]\n"), "part.ngc:1:1: expected o1 endif behind it, seen none");
+  EXPECT_EQ(refused_as("o1 endwhile\n"),
+            "part.ngc:1:1: expected o1 while before endwhile, seen none");
+  EXPECT_EQ(refused_as("o1 break\n"),
             "part.ngc:1:1: expected a loop of this label around break, seen none");
-  EXPECT_EQ(refusal("o<nothing> call\n"),
+  EXPECT_EQ(refused_as("o<nothing> call\n"),
             "part.ngc:1:1: expected a subprogram o<nothing> in the program, or nothing.ngc beside "
             "it, seen none");
-  EXPECT_EQ(refusal("o<../x> call\n").substr(0, 30), "part.ngc:1:1: expected a subpr");
-  EXPECT_EQ(refusal("o1 return\n"), "part.ngc:1:1: expected a call before return, seen none");
+  EXPECT_EQ(refused_as("o<../x> call\n").substr(0, 30), "part.ngc:1:1: expected a subpr");
+  EXPECT_EQ(refused_as("o1 return\n"), "part.ngc:1:1: expected a call before return, seen none");
 }
 
 TEST(LinuxCnc, SubprogramsInFilesAreNamedInRefusals) {
   const fs::path folder = fs::temp_directory_path() / "abbe_linuxcnc_subs";
   fs::create_directories(folder);
   std::ofstream(folder / "drill.ngc") << "o<drill> sub\nG0 X#1\nG38.2 Z1\no<drill> endsub\n";
-  ReadOptions with = options();
+  ReadOptions with = test_options();
   with.folder = folder;
-  EXPECT_NE(refusal("o<drill> call [5]\n", with).find("drill.ngc:3:1: expected no probing"),
+  EXPECT_NE(refused_as("o<drill> call [5]\n", with).find("drill.ngc:3:1: expected no probing"),
             std::string::npos);
   std::ofstream(folder / "drill.ngc") << "o<drill> sub\nG0 X#1\no<drill> endsub [#1 + 1]\n";
   const program::Path path =
