@@ -189,7 +189,9 @@ void Compensation::join(Piece piece) {
     const double turn =
         std::atan2(cross(waits_->arrives, piece.leaves), waits_->arrives.dot(piece.leaves));
     const double outwards = left_ ? -turn : turn;
-    if (outwards < -no_corner && outwards > no_corner - pi) {
+    // a way straight back is outside, by as much as a corner may be none
+    const bool round = waits_->round || piece.round;
+    if (outwards < -no_corner && (round || outwards > no_corner - pi)) {
       concave(piece, corner);
       put_out();
     } else if (std::abs(outwards) > no_corner) {
@@ -201,6 +203,19 @@ void Compensation::join(Piece piece) {
   waits_ = std::move(piece);
 }
 
+/// What of a piece is left between two places on it runs as the piece does, and is no longer.
+bool Compensation::leaves_something(const Piece& piece, const Vector2d& from, const Vector2d& to) {
+  if (!piece.round) return piece.entry || (to - from).dot(piece.arrives) >= -free_length;
+  const auto sweep = [&](const Vector2d& a, const Vector2d& b) {
+    const Vector2d p = a - piece.centre, q = b - piece.centre;
+    double turn = std::atan2(cross(p, q), p.dot(q));
+    if (piece.clockwise) turn = -turn;
+    return turn * piece.radius > free_length ? turn : turn + 2 * pi;
+  };
+  return piece.turns > 1 || sweep(from, to) * piece.radius <=
+                                sweep(piece.start, piece.end) * piece.radius + free_length;
+}
+
 void Compensation::concave(Piece& next, const Vector2d& corner) {
   const auto curve = [](const Piece& piece) {
     return piece.round ? Curve{true, piece.centre, {}, piece.radius}
@@ -210,23 +225,26 @@ void Compensation::concave(Piece& next, const Vector2d& corner) {
   const std::vector<Vector2d> points = shared(curve(*waits_), curve(next));
   for (const Vector2d& point : points)
     if (meet == nullptr || (point - corner).norm() < (*meet - corner).norm()) meet = &point;
-  const auto backwards = [&](const Piece& piece) {
-    return !piece.round && !piece.entry &&
-           (piece.end - piece.start).dot(piece.arrives) < -free_length;
-  };
-  if (meet != nullptr) {
+  const bool reached = meet != nullptr && leaves_something(*waits_, waits_->start, *meet) &&
+                       leaves_something(next, *meet, next.end);
+  if (reached) {
     waits_->end = *meet;
     next.start = *meet;
-  }
-  if (meet == nullptr || backwards(*waits_) || backwards(next))
+  } else {
     canon_.refuse(next.cause,
                   fmt::format("an inside corner that a tool of {} mm of radius reaches", radius_),
                   "one too narrow");
+  }
 }
 
 void Compensation::round_corner(const Piece& next, const Vector2d& corner) {
-  const AxisVector at_corner = waits_->to;
   put_out();
+  if (next.rapid) {
+    AxisVector beside = canon_.position();
+    for (int k = 0; k < 2; ++k) beside[plane_[std::size_t(k)]] = next.start[k];
+    return canon_.traverse({.end = std::move(beside), .cause = next.cause});
+  }
+  const AxisVector at_corner = canon_.position();
   ArcMove around{.first = plane_[0],
                  .second = plane_[1],
                  .end = at_corner,

@@ -65,6 +65,7 @@ class Compensation {
   Vector2d beside(const Vector2d& direction) const;
   void join(Piece piece);
   void enter_by_arc(Piece& piece, const Vector2d& outwards, const program::Cause& cause) const;
+  static bool leaves_something(const Piece& piece, const Vector2d& from, const Vector2d& to);
   void concave(Piece& next, const Vector2d& corner);
   void round_corner(const Piece& next, const Vector2d& corner);
   void put_out();

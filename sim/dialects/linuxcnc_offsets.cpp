@@ -139,8 +139,10 @@ void Machine::store_system(const Block& block, int number, bool by_position) {
     origin[1] = absolute(1) - tool[1] - (s * p_x + c * p_y);
     for (std::size_t k = 2; k < 9; ++k) origin[k] = absolute(int(k)) - tool[k] - g92_[k] - words[k];
   }
+  // where the system is turned X and Y depend on each other
+  const bool both = by_position && parameters_[at + 9] != 0.0 && (block['X'] || block['Y']);
   for (int k = 0; k < 9; ++k)
-    if (block[axis_letters[std::size_t(k)]])
+    if (block[axis_letters[std::size_t(k)]] || (both && k < 2 && joint(k) >= 0))
       parameters_[at + std::size_t(k)] = origin[std::size_t(k)];
   if (number == system_) apply_frame();
 }

@@ -1,0 +1,20 @@
+(a coordinate system that is turned, arcs in two planes in it, G92 and G52)
+G21 G90 G17 F600
+G10 L2 P1 X10 Y20 Z-5 R30
+G0 X0 Y0 Z0
+G1 X10
+G2 X20 Y0 I5 J0
+G18 G3 X30 Z0 I5 K0
+G17 G92.1
+G10 L2 P1 R0
+G92 X0 Y0
+G1 X5 Y5
+G92.1
+G52 X3 Y4
+X1 Y1
+G52 X0 Y0
+G59.1 X1 Y1
+G10 L20 P7 X0
+X2
+G53 G0 X0 Y0
+M2
