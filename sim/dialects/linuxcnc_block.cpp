@@ -33,6 +33,7 @@ void Block::clear() {
     if ((used_codes_ >> i) & 1u) codes[i] = {};
   used_words_ = used_codes_ = 0;
   mist = flood = deleted = percent = false;
+  skipped = {};
   comments.clear();
   numbers.clear();
   names.clear();
@@ -117,7 +118,11 @@ void BlockReader::put_code(char letter, const NcWord& word) {
   const bool is_code = tenths >= 0 && tenths < 1e4 && std::abs(scaled - tenths) < 1e-3;
   const int code = is_code ? int(tenths) : -1;
   const CodeFact& fact = fact_of(letter, code);
-  if (!fact.known) return run_.unknown(word, fmt::format("a {} code of LinuxCNC", letter));
+  if (!fact.known) {
+    run_.unknown(word, fmt::format("a {} code of LinuxCNC", letter));
+    block_.skipped = word;
+    return;
+  }
   if (fact.use == Use::Refused) run_.canon.refuse(word, std::string(fact.sentence));
   const Group group = fact.group;
   if (group == Group::None) return;

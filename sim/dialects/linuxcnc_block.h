@@ -54,6 +54,7 @@ struct Block {
   std::array<NcWord, 28> words;  ///< by letter, then @ and ^; G and M are in `codes`
   std::array<Code, std::size_t(Group::Count)> codes;
   bool mist = false, flood = false;
+  NcWord skipped;  ///< a code that the dialect has not, passed over
   std::vector<std::string_view> comments;
   std::vector<std::pair<int, double>> numbers;        ///< #n = value, set when the block is read
   std::vector<std::pair<std::string, double>> names;  ///< #<name> = value

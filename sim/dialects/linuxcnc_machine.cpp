@@ -122,7 +122,10 @@ void Machine::check_words(const Block& block) const {
   if (block[Group::Override]) taken += "PEQL";
   if (block.tenths(Group::ToolChange) == 610) taken += 'Q';
   for (const char letter : {'D', 'E', 'H', 'I', 'J', 'K', 'L', 'P', 'Q', 'R'}) {
-    if (block[letter] && taken.find(letter) == std::string::npos)
+    if (!block[letter] || taken.find(letter) != std::string::npos) continue;
+    if (block.skipped)
+      run_.unknown(block[letter], "a word of LinuxCNC");
+    else
       refuse(block[letter], letter == 'P'   ? "G4 beside P"
                             : letter == 'H' ? "G43 or G43.4 beside H"
                             : std::string_view("IJKR").find(letter) != std::string_view::npos
@@ -130,6 +133,9 @@ void Machine::check_words(const Block& block) const {
                                 : fmt::format("a code that takes {}", letter));
   }
   const NcWord& axis = first_axis_word(block);
+  if (axis && upper(block.skipped.text.empty() ? 'M' : block.skipped.text.front()) == 'G')
+    refuse(axis, "no axis words beside a code that is skipped: what it makes of them is not known",
+           fmt::format("{} beside {}", shown(axis.text), shown(block.skipped.text)));
   if (block.is_polar()) {
     const NcWord& word = block.radius() ? block.radius() : block.angle();
     if (block['X'] || block['Y']) refuse(word, "either X Y or @ ^");

@@ -1,5 +1,6 @@
 #include "sim/program/path.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "kinematics/units.h"
@@ -55,6 +56,25 @@ void in_its_plane(const Path& path, const Arc& arc, Vector& q, const Change& cha
   q[arc.third] = p.z();
 }
 
+/// Angles at which one of X Y Z turns back on an arc in a plane that is turned.
+std::vector<double> turning_angles(const Path& path, const Block& block, const Arc& arc) {
+  const Eigen::Matrix3d& R = path.turns[std::size_t(arc.turned)];
+  const Eigen::Vector3d way(block.end[arc.first] - block.start[arc.first],
+                            block.end[arc.second] - block.start[arc.second],
+                            block.end[arc.third] - block.start[arc.third]);
+  const double across = R.col(2).dot(way) / arc.sweep;  // per rad
+  std::vector<double> found;
+  for (int i = 0; i < 3; ++i) {
+    const double reach = arc.radius * std::hypot(R(i, 0), R(i, 1));
+    if (!(std::abs(R(i, 2) * across) < reach)) continue;
+    const double phase = std::atan2(R(i, 1), R(i, 0));
+    const double lag = std::asin(R(i, 2) * across / reach);
+    found.push_back(phase + lag);
+    found.push_back(phase + pi - lag);
+  }
+  return found;
+}
+
 }  // namespace
 
 // The cubics are written as the line plus what bends it, so that a motion at constant speed stays
@@ -75,6 +95,22 @@ AxisVector position(const Path& path, const Block& block, double u) {
           u * (duration * cubic.end_velocity - way));
   }
   return q;
+}
+
+std::vector<double> turning_points(const Path& path, const Block& block) {
+  const Arc& arc = path.arcs[block.shape];
+  const double quarter = 0.5 * pi;
+  const double low = std::min(arc.start_angle, arc.start_angle + arc.sweep);
+  const double high = std::max(arc.start_angle, arc.start_angle + arc.sweep);
+  std::vector<double> u;
+  if (arc.turned < 0)
+    for (double k = std::ceil(low / quarter); k * quarter < high; ++k)
+      u.push_back((k * quarter - arc.start_angle) / arc.sweep);
+  else
+    for (const double angle : turning_angles(path, block, arc))
+      for (double k = std::ceil((low - angle) / (2 * pi)); angle + 2 * pi * k < high; ++k)
+        u.push_back((angle + 2 * pi * k - arc.start_angle) / arc.sweep);
+  return u;
 }
 
 Path stretch_of(const Path& path, std::size_t first, std::size_t last) {

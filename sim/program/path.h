@@ -123,6 +123,9 @@ Path stretch_of(const Path& path, std::size_t first, std::size_t last);
 /// for bit.
 kinematics::AxisVector position(const Path& path, const Block& block, double u);
 
+/// Fractions of an arc block at which one of its axes turns back, in no order.
+std::vector<double> turning_points(const Path& path, const Block& block);
+
 /// Their rate there, mm/s and rad/s; zero for a dwell but for a turning spindle.
 kinematics::AxisVector velocity(const Path& path, const Block& block, double u);
 

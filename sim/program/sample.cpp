@@ -72,25 +72,6 @@ std::vector<double> roots(double a, double b, double c) {
   return found;
 }
 
-/// Angles at which one of X Y Z turns back on an arc in a plane that is turned.
-std::vector<double> turning_angles(const Path& path, const Block& block, const Arc& arc) {
-  const Eigen::Matrix3d& R = path.turns[std::size_t(arc.turned)];
-  const Eigen::Vector3d way(block.end[arc.first] - block.start[arc.first],
-                            block.end[arc.second] - block.start[arc.second],
-                            block.end[arc.third] - block.start[arc.third]);
-  const double across = R.col(2).dot(way) / arc.sweep;  // per rad
-  std::vector<double> found;
-  for (int i = 0; i < 3; ++i) {
-    const double reach = arc.radius * std::hypot(R(i, 0), R(i, 1));
-    if (!(std::abs(R(i, 2) * across) < reach)) continue;
-    const double phase = std::atan2(R(i, 1), R(i, 0));
-    const double lag = std::asin(R(i, 2) * across / reach);
-    found.push_back(phase + lag);
-    found.push_back(phase + pi - lag);
-  }
-  return found;
-}
-
 int whole_parts(double parts) { return int(std::ceil(std::clamp(parts - 1e-9, 1.0, 1e9))); }
 
 /// One block as the control runs it.
@@ -232,19 +213,8 @@ std::vector<double> Walk::breakpoints() const {
   const auto add = [&](double at) {
     if (at > 1e-9 && at < 1 - 1e-9) u.push_back(at);
   };
-  if (block_.interpolation == Interpolation::Arc) {
-    const Arc& arc = path_.arcs[block_.shape];
-    const double quarter = 0.5 * pi;
-    const double low = std::min(arc.start_angle, arc.start_angle + arc.sweep);
-    const double high = std::max(arc.start_angle, arc.start_angle + arc.sweep);
-    if (arc.turned < 0)
-      for (double k = std::ceil(low / quarter); k * quarter < high; ++k)
-        add((k * quarter - arc.start_angle) / arc.sweep);
-    else
-      for (const double angle : turning_angles(path_, block_, arc))
-        for (double k = std::ceil((low - angle) / (2 * pi)); angle + 2 * pi * k < high; ++k)
-          add((angle + 2 * pi * k - arc.start_angle) / arc.sweep);
-  }
+  if (block_.interpolation == Interpolation::Arc)
+    for (const double at : turning_points(path_, block_)) add(at);
   if (block_.interpolation == Interpolation::Cubic) {
     const double duration = block_.end_s - block_.start_s;
     const Cubic& cubic = path_.cubics[block_.shape];

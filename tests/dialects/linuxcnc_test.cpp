@@ -108,13 +108,17 @@ TEST(LinuxCnc, AllFaultsAreReportedTogetherAndNoneThatOnlyFollows) {
 TEST(LinuxCnc, UnknownWordsAreSkippedAndCountedOnDemand) {
   ReadOptions with = test_options();
   with.on_unknown = OnUnknown::Warn;
-  const ReadProgram read = read_program("G187 G1 X1 F100\nM123\nG187 X2\n", "t", with);
-  ASSERT_EQ(read.skipped.size(), 2u);
+  const ReadProgram read = read_program("G1 X1 F100\nG187 P1\nM123 P2 X2\nG187\n", "t", with);
+  ASSERT_EQ(read.skipped.size(), 4u);  // G187 P1 M123 P2
   EXPECT_EQ(read.skipped[0].word, "G187");
   EXPECT_EQ(read.skipped[0].count, 2u);
-  EXPECT_EQ(read.skipped[0].line, 1);
-  EXPECT_EQ(read.skipped[1].word, "M123");
+  EXPECT_EQ(read.skipped[0].line, 2);
+  EXPECT_EQ(read.skipped[1].word, "P1");
+  EXPECT_EQ(read.skipped[2].word, "M123");
   EXPECT_EQ(read.path.motion_blocks, 2);
+  EXPECT_EQ(refused_as("G0 X1\nG12.1 X5\n", with),
+            "part.ngc:2:7: expected no axis words beside a code that is skipped: what it makes of "
+            "them is not known, seen X5 beside G12.1");
   EXPECT_NE(refused_as("G187\nG38.2 Z1\n", with).find("no probing"), std::string::npos)
       << "what is refused by name is not unknown";
 }
