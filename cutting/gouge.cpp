@@ -20,6 +20,14 @@ ShiftedRay stretch(const Design& design, Index vertex, double from, double to) {
           shift};
 }
 
+/// Whether a place that was removed below an intact skin is nearer to another place of the part by
+/// a tenth: then it was cut from there.
+bool is_of_another(const Design& design, const Thickness& thickness, Index vertex, double s) {
+  constexpr double share = 0.9;
+  const Eigen::Vector3d place = design.vertices.row(vertex) + s * design.normals.row(vertex);
+  return thickness.comes_within(place, share * std::abs(s));
+}
+
 struct Second {
   VertexStatus status = VertexStatus::Uncut;
   FirstCut cut;
@@ -49,6 +57,7 @@ Second second_look(const Design& design, const Thickness& thickness, Index verte
   if (!cut && buried && !thin)  // it begins at -band, to rounding
     return {VertexStatus::Gouged, {-band, 0.0, 0}, {int(vertex), band, false}};
   if (!cut) return {};
+  if (!buried && is_of_another(design, thickness, vertex, cut->s)) return {};
   if (thin && cut->s > -deepest) return {VertexStatus::Cut, *cut, {}};
   return {VertexStatus::Gouged, *cut, {int(vertex), -cut->s, cut->s <= -deepest}};
 }

@@ -9,8 +9,8 @@
 
 namespace abbe::cutting {
 
-/// How thick a part is behind places of its surface. Immutable; about 50 bytes a triangle and 24 a
-/// vertex.
+/// A part as places see it: how thick it is behind them, whether it comes near. Immutable; about 50
+/// bytes a triangle and 24 a vertex.
 class Thickness {
  public:
   explicit Thickness(const Design& design);
@@ -21,6 +21,9 @@ class Thickness {
   std::optional<double> behind(const Eigen::Vector3d& place, const Eigen::Vector3d& normal,
                                double most) const;
 
+  /// Whether a triangle comes as near to a place as `distance` mm.
+  bool comes_within(const Eigen::Vector3d& place, double distance) const;
+
  private:
   struct Node {
     Eigen::AlignedBox3d box;
@@ -30,6 +33,7 @@ class Thickness {
   };
   Eigen::AlignedBox3d box_of(int triangle) const;
   void add_node(int first, int last, const Points& middles);
+  double square_distance(int triangle, const Eigen::Vector3d& place) const;
   std::optional<double> leaves_through(int triangle, const Eigen::Vector3d& place,
                                        const Eigen::Vector3d& direction) const;
 

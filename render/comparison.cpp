@@ -156,7 +156,8 @@ std::vector<MapPanel> panels_of(const std::vector<MapPicture>& cases,
   for (std::size_t i = 0; i < cases.size(); ++i) {
     panels.push_back({i, false, common});
     const bool any = tally(cases[i].field, common).cut > 0;
-    if (any && size_of(own[i]) < hidden_below * size_of(common))
+    const double size = size_of(own[i]);
+    if (any && size > least_range_um && size < hidden_below * size_of(common))
       panels.push_back({i, true, own[i]});
   }
   return panels;

@@ -21,6 +21,8 @@ void check_sizes(const Field& field) {
           "residual: one value within a triangle is needed, or none");
   require(field.form_um.size() == 0 || field.form_um.size() == n,
           "residual: one form a vertex is needed, or none");
+  require(field.tolerance_um.rows() == 0 || field.tolerance_um.rows() == n,
+          "residual: limits of every vertex are needed, or of none");
   require(field.cut_line.size() == count, "residual: one program line a vertex is needed");
 }
 
@@ -68,6 +70,13 @@ void write_residual(const std::filesystem::path& path, const Field& field, const
     arrays.push_back({"form_um", view(field.form_um)});
     arrays.push_back(
         {"texture_um", std::span<const float>(texture_um.data(), std::size_t(texture_um.size()))});
+  }
+  Eigen::VectorXd lower_um, upper_um;
+  if (field.tolerance_um.rows() > 0) {
+    lower_um = field.tolerance_um.col(0);
+    upper_um = field.tolerance_um.col(1);
+    arrays.push_back({"lower_um", view(lower_um)});
+    arrays.push_back({"upper_um", view(upper_um)});
   }
   const Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor> normals =
       field.design.normals.cast<float>();

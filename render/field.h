@@ -29,6 +29,7 @@ struct Field {
                                    ///< where not cut; empty without them
   Eigen::VectorXd form_um = {};    ///< (n) the deviation through the areal filter, NaN where not
                                    ///< cut; empty where it was not filtered
+  cutting::ToleranceBands tolerance_um = {};  ///< of each vertex, where they differ; else no rows
 };
 
 /// @throws std::invalid_argument if the sizes do not fit
@@ -42,8 +43,8 @@ cutting::Statistics statistics(const Field& field, const cutting::ToleranceBands
 /// design mesh in mm (float64) with point data `deviation_um` (float64, NaN unless cut), `status`
 /// (uint8), `cut_time_s` (float64), `cut_line` (int32), `area_mm2` (float64) and,
 /// where the field has them, `form_um` (float64), `texture_um` (float32), `Normals` (float32,
-/// three) and, of triangles, `middle_um` or `random_um` (float64). Facts are field data of the
-/// file. The same field gives the same bytes.
+/// three), `lower_um` and `upper_um` (float64) and, of triangles, `middle_um` or `random_um`
+/// (float64). Facts are field data of the file. The same field gives the same bytes.
 /// @throws std::invalid_argument if the sizes do not fit
 /// @throws std::system_error with the path if the file cannot be written
 void write_residual(const std::filesystem::path& path, const Field& field, const Facts& facts = {});

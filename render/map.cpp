@@ -117,8 +117,9 @@ std::vector<Flag> flags(const View& view, const Field& field) {
     if (low < 0 || field.deviation_um[i] < field.deviation_um[low]) low = i;
     if (high < 0 || field.deviation_um[i] > field.deviation_um[high]) high = i;
   }
-  if (low < 0 || field.deviation_um[low] == field.deviation_um[high]) return {};
+  if (low < 0) return {};
   const double pv = field.deviation_um[high] - field.deviation_um[low];
+  if (!(pv > numerical_floor_um)) return {};
   const LengthUnit unit = unit_for(pv);
   std::vector<Flag> both;
   for (const Eigen::Index vertex : {high, low}) {
@@ -185,9 +186,8 @@ constexpr double on_scale = 0.995;  // of the cut vertices
 }  // namespace
 
 double fitted_range_um(const Field& field) {
-  constexpr double least_um = 1e-5;
   const std::optional<double> size = magnitude_um(field, on_scale);
-  return size ? std::max(round_up_range(*size), least_um) : 1.0;
+  return size ? std::max(round_up_range(*size), least_range_um) : 1.0;
 }
 
 Span fitted_ends_um(const Field& field) {

@@ -52,8 +52,14 @@ struct MapOptions {
   Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
 };
 
+/// Below it a residual is rounding: the surface engine's bound. No flag says more of it.
+inline constexpr double numerical_floor_um = 1e-4;
+
+/// The finest half range of a scale that is fitted: on it the floor is nearly white.
+inline constexpr double least_range_um = 1e-3;
+
 /// Half range of the symmetric scale on which 99.5 % of the cut vertices lie, rounded up to
-/// 1, 1.5, 2, 3, 4, 5, 6 or 8 x 10^k, at least 0.01 nm; micrometres.
+/// 1, 1.5, 2, 3, 4, 5, 6 or 8 x 10^k, at least `least_range_um`; micrometres.
 double fitted_range_um(const Field& field);
 
 /// Ends of a scale fitted in the same way: -range .. +range where values have both signs, without

@@ -369,6 +369,11 @@ Field read_residual(const std::filesystem::path& path) {
   check_values(source, field);
   if (data.has("PointData/form_um"))
     field.form_um = vector(data.array<double>("PointData/form_um", "Float64", n));
+  if (data.has("PointData/lower_um")) {
+    field.tolerance_um.resize(Eigen::Index(n), 2);
+    field.tolerance_um.col(0) = vector(data.array<double>("PointData/lower_um", "Float64", n));
+    field.tolerance_um.col(1) = vector(data.array<double>("PointData/upper_um", "Float64", n));
+  }
   for (const auto within : {cutting::Surface::Within::Middle, cutting::Surface::Within::Random}) {
     const std::string name = std::string("CellData/") + cutting::name_of_values(within);
     if (!data.has(name)) continue;

@@ -170,7 +170,9 @@ std::variant<const Command*, Exit> parsed(const std::vector<Command>& commands,
     return exit_of(app, help);
   } catch (const CLI::ParseError& why) {
     const std::string option = named == commands.end() ? "" : no_option(*named, argc, argv);
-    return option.empty() ? exit_of(app, why) : refuse(option);
+    if (!option.empty() || named == commands.end())
+      return refuse(option.empty() ? why.what() : option);
+    return refuse(std::string(why.what()) + "; abbe " + named->name + " --help says what it takes");
   }
   return &*named;
 }

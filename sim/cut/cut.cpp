@@ -69,13 +69,12 @@ struct Machined {
   std::vector<std::string> warnings;
 };
 
-/// What a map is asked for: what the vertices were chosen for, or a share of its own range where
-/// that is more.
+/// What a map is asked for: the wish of the scene; without one what the vertices were chosen for,
+/// or the usual share of its own range where that is more.
 double resolution_of(const Job& job, const cutting::Surface& surface) {
-  constexpr double share = 0.02;  // beside a wish of the scene
-  const double sampled = job.sampled->resolution, range = usual_range(surface, job.design_w);
-  const bool wished = job.scene.part.sampling.resolution.has_value();
-  return std::max(sampled, wished ? share * range : cutting::usual_resolution(range));
+  const double sampled = job.sampled->resolution;
+  if (job.scene.part.sampling.resolution) return sampled;
+  return std::max(sampled, cutting::usual_resolution(usual_range(surface, job.design_w)));
 }
 
 std::string unresolved_text(const cutting::InterpolationError& error, double resolution,

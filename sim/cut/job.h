@@ -21,6 +21,16 @@
 
 namespace abbe::sim {
 
+/// What the scene would judge and the program does not mean to cut, mm^2, by the reason.
+struct Unmeant {
+  double unreached = 0.0;  ///< the error-free tool does not come within the band
+  double corner = 0.0;     ///< its corner does not fit into the design
+  double run_out = 0.0;    ///< its sweep runs out beside the two
+  double most_left = 0.0;  ///< mm, that it leaves there, of corner and run-out
+  double radius = 0.0;     ///< mm, of the corner
+  double area() const { return unreached + corner + run_out; }
+};
+
 /// How the places at which a part is judged were chosen.
 struct SampledSurface {
   Eigen::Index given = 0;   ///< vertices of the design as it was loaded
@@ -30,8 +40,7 @@ struct SampledSurface {
       cutting::Surface::Within::None;  ///< where every case is looked at besides
   std::shared_ptr<const cutting::Surface> error_free = {};  ///< as it was cut to choose them
   double judged_area = 0.0;                                 ///< mm^2
-  double unmeant_area =
-      0.0;  ///< mm^2, that the scene would judge and the program does not mean to cut
+  Unmeant unmeant = {};
 };
 
 /// A scene compiled: all that its cases share. Immutable once made.

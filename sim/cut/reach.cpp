@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -83,6 +84,17 @@ std::string partly(const Job& job, const WithinReach& reach) {
       job.scene.band, 100.0 * reach.share, reach.tried, where);
 }
 
+/// What is said of a part of which the program leaves next to nothing; none else.
+std::optional<std::string> too_deep(const Job& job, const WithinReach& reach) {
+  constexpr double most_gouged = 0.5;  // of what the program comes to
+  const double gouged = reach.share - reach.cut;
+  if (!(gouged > most_gouged * reach.share)) return std::nullopt;
+  return fmt::format(
+      "the program takes away {:.3g} % of the judged area, more than {} mm below the design, and "
+      "cuts {:.3g} % within it ({} vertices tried){}",
+      100.0 * gouged, job.scene.band, 100.0 * reach.cut, reach.tried, next_step(job));
+}
+
 }  // namespace
 
 Placement placement(const Job& job) {
@@ -92,6 +104,7 @@ Placement placement(const Job& job) {
   if (auto fault = missed_box(job)) return {std::move(fault), {}};
   const WithinReach reach =
       within_reach(thinned(job.design_w), error_free_sweeps(job), job.scene.band);
+  if (auto text = too_deep(job, reach)) return {std::nullopt, {std::move(*text)}};
   if (reach.share >= least_within_reach) return {};
   if (reach.share > 0.0 ||
       within_reach(job.design_w, error_free_sweeps(job), job.scene.band).share > 0.0)

@@ -16,7 +16,8 @@ inline constexpr double least_within_reach = 0.99;
 struct Placement {
   std::optional<BadInput> fault;  ///< nothing of the part can be cut: the line that comes nearest,
                                   ///< how far away it runs, and with which offset it would touch
-  std::vector<std::string> warnings;  ///< less than `least_within_reach` can; of some 2000 vertices
+  std::vector<std::string> warnings;  ///< less than `least_within_reach` can, or most of what it
+                                      ///< reaches is gouged; of some 2000 vertices
 };
 Placement placement(const Job& job);
 

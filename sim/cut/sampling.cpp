@@ -11,6 +11,7 @@
 #include "cutting/refine.h"
 #include "cutting/residual.h"
 #include "cutting/subdivide.h"
+#include "sim/cut/meant.h"
 #include "sim/cut/part.h"
 #include "sim/cut/stopwatch.h"
 #include "sim/cut/sweep.h"
@@ -20,38 +21,6 @@ namespace {
 
 using cutting::Design;
 using cutting::VertexStatus;
-
-/// Leaves out what the error-free cut does not reach; nothing if it reaches nothing, which is
-/// refused where it is cut.
-void judge_what_is_meant(Job& job, cutting::Surface& nominal) {
-  Design& design = job.design_w;
-  const double unmeant_before = job.sampled->unmeant_area;
-  job.sampled->judged_area = 0.0;
-  const bool all = job.scene.part.judged != PartDescription::Judged::Cut;
-  std::vector<std::size_t> unmeant;
-  for (std::size_t i = 0; i < nominal.status.size(); ++i) {
-    if (nominal.status[i] == VertexStatus::Outside) continue;
-    const bool meant = all || nominal.status[i] != VertexStatus::Uncut;
-    if (!meant) unmeant.push_back(i);
-    (meant ? job.sampled->judged_area : job.sampled->unmeant_area) += design.area[Eigen::Index(i)];
-  }
-  if (!(job.sampled->judged_area > 0.0)) {
-    job.sampled->unmeant_area = unmeant_before;
-    return;
-  }
-  for (const std::size_t i : unmeant) {
-    design.judged[i] = 0;
-    nominal.status[i] = VertexStatus::Outside;
-  }
-}
-
-std::string unmeant_text(const SampledSurface& sampled) {
-  const double all = sampled.judged_area + sampled.unmeant_area;
-  return fmt::format(
-      "the program means to cut {:.4g} % of the part's {:.4g} mm^2: the rest, {:.4g} mm^2, is not "
-      "judged (part.judged = \"all\" judges it)",
-      100.0 * sampled.judged_area / all, all, sampled.unmeant_area);
-}
 
 /// Vertices that were put on crests do not stand for what is around them, and those of a map that
 /// they do not resolve make waves of their own.
@@ -148,7 +117,7 @@ Job sampled(Job job, const Progress& progress) {
   if (job.design_w.judged.empty())
     job.design_w.judged.assign(std::size_t(job.design_w.vertices.rows()), 1);
   cutting::Surface nominal = sweep.surface(job.design_w);
-  judge_what_is_meant(job, nominal);
+  std::vector<WhyUnmeant> why = leave_out_unmeant(job, nominal, {});
   const PartSampling& wanted = job.scene.part.sampling;
   job.sampled->resolution =
       wanted.resolution.value_or(cutting::usual_resolution(usual_range(nominal, job.design_w)));
@@ -165,10 +134,13 @@ Job sampled(Job job, const Progress& progress) {
     nominal = sweep.surface(job.design_w);
   }
   if (wanted.kind != PartSampling::Kind::Vertices)  // also of what was added between
-    judge_what_is_meant(job, nominal);
+    why = leave_out_unmeant(job, nominal, std::move(why));
+  const MeantAreas areas = meant_areas(job, nominal, why);
+  job.sampled->judged_area = areas.judged;
+  job.sampled->unmeant = areas.unmeant;
   job.sampled->within = where_within(job, sweep, nominal);
   job.sampled->error_free = std::make_shared<const cutting::Surface>(std::move(nominal));
-  if (job.sampled->unmeant_area > 0.0 && job.sampled->judged_area > 0.0)
+  if (job.sampled->unmeant.area() > 0.0)
     job.warnings.push_back(unmeant_text(*job.sampled));
   job.timing_s["sampling"] = watch.lap();
   return job;

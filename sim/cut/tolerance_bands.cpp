@@ -19,8 +19,10 @@ cutting::ToleranceBands tolerance_bands(const PartDescription& part, const FaceG
     place.p_m = T_mw * place.p_m;
     bands.row(i) << usual.lower, usual.upper;
     for (std::size_t r = 0; r < part.regions.size(); ++r)
-      if (const auto& own = part.regions[r].tolerance; own && holds(part, r, groups, place))
-        bands.row(i) << own->lower, own->upper;
+      if (holds(part, r, groups, place)) {
+        const Tolerance own = part.regions[r].tolerance.value_or(usual);
+        bands.row(i) << own.lower, own.upper;
+      }
   }
   return bands;
 }

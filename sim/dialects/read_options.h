@@ -25,8 +25,9 @@ struct ReadOptions {
   program::NcOptions control;  ///< what the control knows before it reads
   Dialect dialect = Dialect::Auto;
   OnUnknown on_unknown = OnUnknown::Refuse;
-  Limits limits;
-  std::filesystem::path folder;  ///< where subprograms in files of their own stand; empty: none do
+  Limits limits = {};
+  std::filesystem::path folder =
+      {};  ///< where subprograms in files of their own stand; empty: none do
 };
 
 /// A word that was skipped.

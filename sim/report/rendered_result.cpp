@@ -49,6 +49,7 @@ render::Field difference(render::Field a, const render::Field& b,
     a.form_um -= b.form_um;
   else
     a.form_um.resize(0);
+  a.tolerance_um.resize(0, 2);  // of the one, not of a difference
   for (Eigen::Index i = 0; i < a.deviation_um.size(); ++i)
     if (a.status[std::size_t(i)] != 0) a.deviation_um[i] = std::numeric_limits<double>::quiet_NaN();
   return a;
@@ -355,6 +356,7 @@ Rendered render_result(const RenderOptions& options) {
   if (const auto bands = options.bands ? options.bands : known.tolerance)
     picture.tolerance_um = Eigen::RowVector2d(bands->lower / units::um, bands->upper / units::um)
                                .replicate(field.deviation_um.size(), 1);
+  if (!options.bands && field.tolerance_um.rows() > 0) picture.tolerance_um = field.tolerance_um;
   if (picture.tolerance_um.rows() > 0) {
     const auto judged = render::statistics(field, picture.tolerance_um * units::um).conformance;
     if (judged) picture.shares = shares(*judged);

@@ -67,10 +67,11 @@ const std::map<std::string, Save>& savers() {
      [](const ResultFile& file, const ToSave& what) {
        const ResultMap& map = what.map;
        write_file(file, [&](const std::filesystem::path& path) {
-         render::write_residual(path,
-                                {map.design, map.residual_um, map.status, map.cut_time_s,
-                                 map.cut_line, map.looked_within, map.within_um, map.form_um},
-                                fact_texts(map.facts));
+         render::write_residual(
+             path,
+             {map.design, map.residual_um, map.status, map.cut_time_s, map.cut_line,
+              map.looked_within, map.within_um, map.form_um, map.tolerance_um},
+             fact_texts(map.facts));
        });
      }},
 #endif

@@ -1,5 +1,7 @@
 #include "sim/report/result_map.h"
 
+#include <algorithm>
+
 #include <nlohmann/json.hpp>
 
 #include "kinematics/escape.h"
@@ -19,6 +21,9 @@ ResultMap result_map(const Job& job, const Verdict& verdict) {
   map.within_um = surface.within / units::um;
   map.form_um = verdict.filtered / units::um;
   map.texture_um = map.residual_um - map.form_um;
+  if (std::ranges::any_of(job.scene.part.regions,
+                          [](const PartRegion& region) { return region.tolerance.has_value(); }))
+    map.tolerance_um = verdict.tolerance / units::um;
   for (const cutting::VertexStatus one : surface.status) map.status.push_back(std::uint8_t(one));
   map.cut_time_s = surface.cut_time_s;
   map.cut_line = surface.cut_line;

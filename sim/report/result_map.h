@@ -27,12 +27,13 @@ struct ResultMap {
   cutting::Design design;       ///< mm
   Eigen::VectorXd residual_um;  ///< (n) + material left, - gouged; NaN where not cut
   cutting::Surface::Within looked_within = cutting::Surface::Within::None;
-  Eigen::VectorXd within_um;         ///< (m) the same at that place of every triangle
-  Eigen::VectorXd form_um;           ///< (n) through the areal filter; NaN where not cut
-  Eigen::VectorXd texture_um;        ///< (n) the residual minus it
-  std::vector<std::uint8_t> status;  ///< (n) as cutting::VertexStatus
-  Eigen::VectorXd cut_time_s;        ///< (n) NaN where nothing was removed
-  std::vector<int> cut_line;         ///< (n) 0 where nothing was removed
+  Eigen::VectorXd within_um;                  ///< (m) the same at that place of every triangle
+  Eigen::VectorXd form_um;                    ///< (n) through the areal filter; NaN where not cut
+  Eigen::VectorXd texture_um;                 ///< (n) the residual minus it
+  cutting::ToleranceBands tolerance_um = {};  ///< of each vertex where regions have their own
+  std::vector<std::uint8_t> status;           ///< (n) as cutting::VertexStatus
+  Eigen::VectorXd cut_time_s;                 ///< (n) NaN where nothing was removed
+  std::vector<int> cut_line;                  ///< (n) 0 where nothing was removed
 };
 ResultMap result_map(const Job& job, const Verdict& verdict);
 

@@ -95,6 +95,10 @@ std::string to_npz(const ResultMap& map) {
   if (map.within_um.size() > 0)
     arrays.push_back({std::string(cutting::name_of_values(map.looked_within)) + ".npy",
                       npy_column("<f8", map.within_um)});
+  if (map.tolerance_um.rows() > 0) {
+    arrays.push_back({"lower_um.npy", npy_column("<f8", Eigen::VectorXd(map.tolerance_um.col(0)))});
+    arrays.push_back({"upper_um.npy", npy_column("<f8", Eigen::VectorXd(map.tolerance_um.col(1)))});
+  }
   return zip_archive(arrays);
 }
 

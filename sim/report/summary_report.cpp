@@ -144,7 +144,10 @@ ordered_json sampling(const SampledSurface& sampled) {
                              ? ordered_json(sampled.reached / units::um)
                              : ordered_json()},
           {"judged_area_mm2", sampled.judged_area},
-          {"unmeant_area_mm2", sampled.unmeant_area}};
+          {"unmeant_area_mm2", sampled.unmeant.area()},
+          {"unreached_area_mm2", sampled.unmeant.unreached},
+          {"corner_area_mm2", sampled.unmeant.corner},
+          {"run_out_area_mm2", sampled.unmeant.run_out}};
 }
 
 /// What the faces of a mesh were taken for.

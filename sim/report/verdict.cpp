@@ -197,6 +197,10 @@ std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict) 
   look("Sa of texture", limits.texture_sa_um, texture(&Areal::Sa));
   look("Sq of texture", limits.texture_sq_um, texture(&Areal::Sq));
   look("Sz of texture", limits.texture_sz_um, texture(&Areal::Sz));
+  const std::string tolerated = tolerance_verdict(s.conformance, verdict.worst);
+  if (limits.tolerance && !(s.conformance && s.conformance->passes()))
+    all.push_back(verdict.cut.name + ": " +
+                  (tolerated.empty() ? "no verdict, since nothing of it is judged" : tolerated));
   return all;
 }
 

@@ -1,11 +1,13 @@
 #include "sim/scene/case_name.h"
 
 #include <array>
+#include <set>
 #include <stdexcept>
 #include <vector>
 
 #include <fmt/format.h>
 
+#include "sim/scene/nearest_word.h"
 #include "sim/scene/scene_sections.h"
 
 namespace abbe::sim {
@@ -41,11 +43,15 @@ constexpr Words<Channel, 7> channels{{{"ideal", Channel::Ideal},
 template <typename T, std::size_t n>
 T chosen(const Words<T, n>& words, const std::string& token, const char* what) {
   std::string list;
+  std::set<std::string> known;
   for (const auto& [word, value] : words) {
     if (token == word) return value;
     list += (list.empty() ? "" : ", ") + std::string(word);
+    known.insert(word);
   }
-  throw std::invalid_argument(fmt::format("expected a {} ({}), seen \"{}\"", what, list, token));
+  const auto meant = nearest(token, known);
+  throw std::invalid_argument(fmt::format("expected a {} ({}), seen \"{}\"{}", what, list, token,
+                                          meant ? " (nearest: \"" + *meant + "\")" : ""));
 }
 
 std::vector<std::string> tokens_of(const std::string& name) {

@@ -1,6 +1,7 @@
 #include "sim/scene/nearest_word.h"
 
 #include <algorithm>
+#include <system_error>
 #include <vector>
 
 namespace abbe::sim {
@@ -22,6 +23,10 @@ int edit_distance(std::string_view a, std::string_view b) {
 
 std::optional<std::string> nearest(std::string_view word, const std::set<std::string>& candidates) {
   if (word.size() > 80) return std::nullopt;
+  constexpr std::size_t abbreviation = 2;
+  if (word.size() >= abbreviation)
+    for (const std::string& candidate : candidates)
+      if (candidate.starts_with(word)) return candidate;
   std::optional<std::string> best;
   int best_distance = std::max(2, int(word.size()) / 2) + 1;
   for (const std::string& candidate : candidates) {
@@ -32,6 +37,21 @@ std::optional<std::string> nearest(std::string_view word, const std::set<std::st
     }
   }
   return best;
+}
+
+std::string no_file(const std::filesystem::path& file) {
+  constexpr std::size_t most_compared = 1000;
+  namespace fs = std::filesystem;
+  std::set<std::string> names;
+  std::error_code failure;
+  const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+  for (fs::directory_iterator at(folder, failure), end; !failure && at != end;
+       at.increment(failure)) {
+    if (at->is_regular_file(failure)) names.insert(at->path().filename().string());
+    if (names.size() == most_compared) break;
+  }
+  const auto meant = nearest(file.filename().string(), names);
+  return "no file " + file.string() + (meant ? " (nearest: \"" + *meant + "\")" : "");
 }
 
 }  // namespace abbe::sim

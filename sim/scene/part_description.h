@@ -85,6 +85,7 @@ struct Limits {
   std::optional<double> pv_um, rms_um, max_abs_um;  ///< exceeded: exit 1
   std::optional<double> form_pv_um, form_rms_um;    ///< of the map through the areal filter
   std::optional<double> texture_sa_um, texture_sq_um, texture_sz_um;  ///< of the rest
+  bool tolerance = false;  ///< a verdict of FAIL exceeds it
 };
 
 }  // namespace abbe::sim

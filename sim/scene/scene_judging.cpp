@@ -48,7 +48,9 @@ const Fields<Limits>& limits_fields() {
           .number_as_written("texture_sa_um", &Limits::texture_sa_um, non_negative,
                              "the same of `texture_um`, what that filter leaves out")
           .number_as_written("texture_sq_um", &Limits::texture_sq_um, non_negative, "the same")
-          .number_as_written("texture_sz_um", &Limits::texture_sz_um, non_negative, "the same");
+          .number_as_written("texture_sz_um", &Limits::texture_sz_um, non_negative, "the same")
+          .boolean("tolerance", &Limits::tolerance,
+                   "whether a verdict of FAIL (`part.tolerance_um`) makes `abbe` exit with 1, too");
   return fields;
 }
 

@@ -1,6 +1,7 @@
 #include <system_error>
 
 #include "kinematics/units.h"
+#include "sim/scene/nearest_word.h"
 #include "sim/scene/scene_sections.h"
 
 namespace abbe::sim {
@@ -14,7 +15,7 @@ Fields<MeshFile> mesh_file_fields(const KeyName& file) {
       .check([](TableReader& reader, MeshFile& mesh) {
         std::error_code failure;
         if (!mesh.file.empty() && !std::filesystem::is_regular_file(mesh.file, failure))
-          reader.refuse("file", "a file that can be read", "no file " + mesh.file.string());
+          reader.refuse("file", "a file that can be read", no_file(mesh.file));
       });
 }
 

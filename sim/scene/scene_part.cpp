@@ -1,6 +1,8 @@
 #include <functional>
 #include <stdexcept>
 
+#include <fmt/format.h>
+
 #include "cutting/primitive.h"
 #include "sim/scene/scene_sections.h"
 
@@ -160,12 +162,15 @@ Fields<PartDescription> judged_fields() {
       .check([](TableReader& reader, PartDescription& part) {
         if (part.judged_radius_min && part.judged_radius_max &&
             !(*part.judged_radius_min < *part.judged_radius_max))
-          reader.refuse("judged_radius_min_mm", "less than judged_radius_max_mm", "not less");
+          reader.refuse("judged_radius_min_mm", "less than judged_radius_max_mm",
+                        fmt::format("{:.6g} and {:.6g} mm", *part.judged_radius_min,
+                                    *part.judged_radius_max));
       })
       .word("judged", &PartDescription::judged,
             {{"cut", PartDescription::Judged::Cut,
-              "what the program means to cut: the error-free tool comes within the "
-              "search band there"},
+              "what the program means to cut: the error-free tool comes within the search band "
+              "there, its round corner fits into the design, and the sweep does not run out beside "
+              "what is not cut"},
              {"all", PartDescription::Judged::All, "the whole surface"},
              {"regions", PartDescription::Judged::Regions,
               "what lies in a `[[part.region]]`, cut or not"}},
@@ -227,7 +232,9 @@ std::optional<Tolerance> read_tolerance(TableReader& reader) {
   const Eigen::VectorXd limits = reader.numbers(tolerance_key, 2);
   if (limits.size() == 2 && limits[0] < limits[1]) return Tolerance{limits[0], limits[1]};
   if (limits.size() == 2)
-    reader.refuse(tolerance_key, "[lower, upper], the lower limit first", "not less");
+    reader.refuse(tolerance_key, "[lower, upper], the lower limit first",
+                  fmt::format("[{:.6g}, {:.6g}]", in_unit(limits[0], unit_of(tolerance_key)),
+                              in_unit(limits[1], unit_of(tolerance_key))));
   return std::nullopt;
 }
 
@@ -314,10 +321,12 @@ void read_regions(TableReader& reader, PartDescription& part) {
 Fields<PartDescription> tolerance_fields() {
   return Fields<PartDescription>()
       .custom(
-          {tolerance_key_of(KeyName(tolerance_key).otherwise("none"),
-                            "how far the residual may lie to either side of the design, or "
-                            "`[lower, upper]`: + is material left; with it a case has a "
-                            "verdict, PASS or FAIL, and a map of bands, `tolerance.png`")},
+          {tolerance_key_of(
+              KeyName(tolerance_key).otherwise("none"),
+              "how far the residual may lie to either side of the design, or "
+              "`[lower, upper]`: + is material left; with it a case has a "
+              "verdict, PASS or FAIL (which `limits.tolerance` makes an exit code), and a "
+              "map of bands, `tolerance.png`; 0: none")},
           [](TableReader& reader, PartDescription& part) {
             part.tolerance = read_tolerance(reader);
           },

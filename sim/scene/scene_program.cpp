@@ -4,6 +4,7 @@
 #include <string_view>
 #include <system_error>
 
+#include "sim/scene/nearest_word.h"
 #include "sim/scene/scene_sections.h"
 
 namespace abbe::sim {
@@ -83,7 +84,7 @@ void check_file(TableReader& reader, File& program) {
                   ".apt, .txt, .min, .iso, .csv or .pvt",
                   file.string());
   } else if (!std::filesystem::is_regular_file(file, failure)) {
-    reader.refuse("file", "a file that can be read", "no file " + file.string());
+    reader.refuse("file", "a file that can be read", no_file(file));
   }
 }
 

@@ -209,6 +209,9 @@ Study read_study(const std::filesystem::path& file, const std::vector<Override>&
   } catch (const BadInput& fault) {
     throw BadScene({fault});
   }
+  if (!tree.find("scene") && tree.find("machine") && tree.find("part"))
+    throw BadScene({BadInput(file.string(), 0, 0, "a study, which names its scene in `scene`",
+                             "a scene, which abbe run and abbe compare take")});
   tree = changed(std::move(tree), overrides, file.parent_path(), faults);
   if (Node* scene = tree.find("scene"); scene && scene->text())
     scene->value = std::filesystem::absolute(

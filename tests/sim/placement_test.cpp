@@ -69,6 +69,17 @@ TEST_F(Moved, AProgramBelowIsRaisedUntilItsTipTouches) {
   EXPECT_NEAR(std::stod(out->words.substr(out->words.find("Z = ") + 4)), 0.0, 0.01) << out->words;
 }
 
+TEST_F(Moved, AProgramThatTakesThePartAwayIsWarnedOfWithItsOffset) {
+  const Placement found = placement(moved("work_offset.G54 = { Z_mm = -3 }\n"));
+  ASSERT_EQ(found.warnings.size(), 1u);
+  const std::string& text = found.warnings.front();
+  EXPECT_TRUE(says(text, "the program takes away 100 % of the judged area, more than 2 mm below"))
+      << text;
+  const std::string words = "; with G54 Z = ";
+  ASSERT_TRUE(says(text, words)) << text;
+  EXPECT_NEAR(std::stod(text.substr(text.find(words) + words.size())), 0.0, 0.01) << text;
+}
+
 TEST_F(Moved, AProgramBesideIsBroughtOverTheMiddle) {
   const Job job = moved("work_offset.G54 = { X_mm = 90, Y_mm = 0, Z_mm = 30 }\n");
   EXPECT_TRUE(says(fault_of(job), "mm beside the part, towards its +x; with G54 X = "))

@@ -269,7 +269,13 @@ TEST(Sampling, JudgesWhatTheProgramMeansToCut) {
   EXPECT_EQ(of_meant.residual.uncut_vertices, 0);
   EXPECT_GT(of_all.residual.uncut_vertices, 100);
   EXPECT_NEAR(*of_meant.residual.pv, *of_all.residual.pv, 1e-12);
-  EXPECT_NEAR(meant.sampled->judged_area + meant.sampled->unmeant_area, meant.design_w.area.sum(),
+  const cutting::Surface &left = of_meant.cut.surface, &whole = of_all.cut.surface;
+  for (std::size_t i = 0; i < left.status.size(); ++i) {
+    if (left.status[i] != cutting::VertexStatus::Cut) continue;
+    EXPECT_EQ(left.residual[Eigen::Index(i)], whole.residual[Eigen::Index(i)]);
+  }
+  EXPECT_GT(meant.sampled->unmeant.unreached, 0.0);
+  EXPECT_NEAR(meant.sampled->judged_area + meant.sampled->unmeant.area(), meant.design_w.area.sum(),
               1e-9);
   EXPECT_GT(meant.sampled->judged_area, 90.0);
   EXPECT_LT(meant.sampled->judged_area, 0.8 * all.sampled->judged_area);
