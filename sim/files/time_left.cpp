@@ -12,7 +12,7 @@ namespace {
 
 constexpr double trust_in_plan_s = 0.5;  // of the computer's speed, before anything is measured
 constexpr double own_kind = 0.1;         // of a stage: what other kinds say of its own
-constexpr double told_by_itself = 0.3;   // of a stage that is over, from where it says its own time
+constexpr double known_by_itself = 0.3;  // of a stage that is over, from where it says its own time
 constexpr double worth_learning = 0.02;  // of a stage, before which it says nothing of its kind
 
 }  // namespace
@@ -86,7 +86,7 @@ double TimeLeft::left_of_running(double now_s) const {
   // a stage that says nothing and is overdue takes a little longer than it has
   if (fraction_ <= 0.0) return std::max(planned - elapsed, 0.1 * std::min(planned, elapsed));
   const double by_itself = elapsed * (1.0 - fraction_) / fraction_;
-  const double weight = std::min(1.0, fraction_ / told_by_itself);
+  const double weight = std::min(1.0, fraction_ / known_by_itself);
   return weight * by_itself + (1.0 - weight) * (1.0 - fraction_) * planned;
 }
 

@@ -109,6 +109,7 @@ void Scanner::refuse_no_word() const {
   const std::string expected = "a word (letter and number)";
   if (c == '#') refuse(i_, expected, "a parameter (#)");
   if (c == '[' || c == ']') refuse(i_, expected, "an expression ([)");
+  if (c == ',') refuse(i_, "a decimal point, as in 10.5", shown(cell(i_)));
   if (c == '\0') refuse(i_, "text", "a NUL byte");
   if (c == ')') refuse(i_, expected, ") without (");
   refuse(i_, expected, shown(cell(i_)));

@@ -24,8 +24,8 @@ class Collector {
     for (const Node* variant : tables(tree.find("variant"))) {
       const Node* set = variant->find("set");
       if (!set || !set->table()) continue;
-      Faults told_already;
-      add_tree(changed(tree, changes_of_set(*set), file.parent_path(), told_already));
+      Faults reported_already;
+      add_tree(changed(tree, changes_of_set(*set), file.parent_path(), reported_already));
     }
   }
 
@@ -80,8 +80,8 @@ class Collector {
 
   void add_training(const path& file) {
     if (!trainings_.insert(file).second) return;
-    Faults told_when_used;
-    if (const auto tree = read_tree(file, told_when_used)) add_scene(*tree, file);
+    Faults reported_when_used;
+    if (const auto tree = read_tree(file, reported_when_used)) add_scene(*tree, file);
   }
 
   void add_file(const path& file) {

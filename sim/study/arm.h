@@ -12,11 +12,11 @@ namespace abbe::sim::study {
 /// An arm made ready, so that its machines can be tried one after the other. Immutable once made.
 struct ReadyArm {
   Arm arm;
-  Scene scene;    ///< before any input
-  Job job;        ///< with all inputs at their centres; sampled densely enough for all their values
+  Scene scene;  ///< before any input
+  Job job;      ///< with all inputs at their centres; sampled densely enough for all their values
   Commands commanded;
   bool commanded_for_each = false;  ///< the commands depend on the inputs
-  cutting::Surface error_free;  ///< empty unless the study asks for the machine's part
+  cutting::Surface error_free;      ///< empty unless the study asks for the machine's part
 };
 /// @throws BadScene, BadInput
 ReadyArm ready_arm(const Study& study, const Arm& arm, const Progress& progress = {});

@@ -269,7 +269,7 @@ void add_influence(const ReadyStudy& ready, std::size_t arm, ArmBudget& one) {
 
 /// Cases without an answer, by what was expected of them: what was seen differs from case to case.
 void add_faults(const std::vector<Row>& rows, Budget& budget) {
-  constexpr std::size_t most_told = 10;
+  constexpr std::size_t most_listed = 10;
   std::map<std::string, std::pair<std::uint64_t, std::string>> faults;
   for (const Row& row : rows) {
     if (row.fault.empty()) continue;
@@ -277,11 +277,11 @@ void add_faults(const std::vector<Row>& rows, Budget& budget) {
     if (count++ == 0) example = row.fault;
     ++budget.failed;
   }
-  std::size_t told = 0;
+  std::size_t listed = 0;
   for (const auto& [kind, fault] : faults) {
-    if (told++ == most_told) {
+    if (listed++ == most_listed) {
       budget.warnings.push_back(
-          fmt::format("{} more kinds of faults: cases.csv has them", faults.size() - most_told));
+          fmt::format("{} more kinds of faults: cases.csv has them", faults.size() - most_listed));
       break;
     }
     budget.warnings.push_back(fmt::format("{} case{} without an answer: {}", fault.first,

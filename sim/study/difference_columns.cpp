@@ -24,15 +24,16 @@ struct Machined {
 Machined machined(const BaseRun& run, const Scene& scene, const std::vector<std::size_t>& needed) {
   const Job job = with_errors(run.ready.job, scene);
   const Commands own = run.ready.commanded_for_each ? commands(run.ready.arm, job) : Commands{};
-  const Commands& told = run.ready.commanded_for_each ? own : run.ready.commanded;
-  if (told.samples.states.size() != run.T_wt.size())
+  const Commands& commanded = run.ready.commanded_for_each ? own : run.ready.commanded;
+  if (commanded.samples.states.size() != run.T_wt.size())
     throw BadInput(run.study.file.string(), 0, 0,
                    "engine = \"full\" for a case whose samples depend on the machine",
                    run.ready.arm.name);
   // what gives way less takes more off, which loads it more
   const bool bends = job.truth.compliance && !run.process.steps.empty();
-  Machined made{tool_poses(job, told, bends ? cut_process(job, told) : run.process, needed),
-                std::nullopt};
+  Machined made{
+      tool_poses(job, commanded, bends ? cut_process(job, commanded) : run.process, needed),
+      std::nullopt};
   if (run.spindle) made.spindle = spindle_line(job.truth.actual, *job.machine.workpiece_spindle);
   return made;
 }

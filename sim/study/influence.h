@@ -69,7 +69,7 @@ Eigen::MatrixXd effects(const InfluenceMap& influence);
 /// geometric elements changes the cutting force (under compliance, by the share that it changes the
 /// depth of cut); of a turned part the square of a displacement D along the cut, slope D^2 / 2r, so
 /// that vertices nearer to the spindle line than some D are flagged. An input that is not linear
-/// has the mean slope between its values of one standard deviation, and is told as if it were.
+/// has the mean slope between its values of one standard deviation, and is reported as if it were.
 /// @throws BadInput naming an input that changes part, program, nominal machine or stock: the maps
 ///         cannot follow those, the full engine can; where no checked machine can cut the program;
 ///         where the base run leaves all of the part uncut or gouged

@@ -25,8 +25,8 @@ struct GeometricInput {
   double per_unit = 1.0;
 };
 
-/// An input that acts through elements of the geometric errors only, on axes that are told the same
-/// whatever it is; none of any other kind.
+/// An input that acts through elements of the geometric errors only, on axes that are commanded the
+/// same whatever it is; none of any other kind.
 /// @param scenes  scenes_around it
 std::optional<GeometricInput> geometric_input(const BaseRun& run, Eigen::Index input,
                                               const std::array<Scene, 2>& scenes);

@@ -58,8 +58,8 @@ render::SheetMap effect_map(const ReadyStudy& ready, const InfluenceMap& influen
                   ? one.name
                   : fmt::format("{}, {:.3g} {}", one.name, sd[input], shown_unit(one.unit));
   map.values_um = all.row(input).transpose() * (sd[input] / units::um);
-  const cutting::Statistics told = statistics(influence.design, map.values_um);
-  map.figures = figures("PV", told.rms, told.pv);
+  const cutting::Statistics found = statistics(influence.design, map.values_um);
+  map.figures = figures("PV", found.rms, found.pv);
   return map;
 }
 
@@ -170,8 +170,8 @@ void write_uncertainty(const ResultFolder& folder, const ReadyStudy& ready, std:
                               uncertainty.drawn / units::um});
   });
   const auto shown = [&](std::string title, const Eigen::VectorXd& values) {
-    const cutting::Statistics told = statistics(influence.design, values);
-    return render::SheetMap{std::move(title), figures("largest", told.rms, told.max), values, {}};
+    const cutting::Statistics found = statistics(influence.design, values);
+    return render::SheetMap{std::move(title), figures("largest", found.rms, found.max), values, {}};
   };
   render::SheetOptions options =
       sheet_options(ready, arm, title_of(ready, arm, "how far the map is unknown"));

@@ -33,7 +33,7 @@ struct StudyResult {
 /// @return `budget.json` and `budget.md`, of a shard what `show` tells; on ranks but 0 nothing
 /// @throws BadScene, BadInput, OutputFailure, Interrupted
 StudyResult run_study(const std::filesystem::path& file, const StudyOptions& options,
-                    const Ranks& ranks);
+                      const Ranks& ranks);
 
 /// Tables and pictures from the journals of all shards.
 /// @throws BadInput also if cases are missing, saying how many of which shard

@@ -100,7 +100,7 @@ struct Cutter {
   Real radius, corner, bottom, top;  // the tool lies between bottom and top along its axis
 };
 
-/// First s >= from at which the line, told from the tip, is inside the cutter; infinity if none to
+/// First s >= from at which the line, seen from the tip, is inside the cutter; infinity if none to
 /// +band.
 Real cutter_entry(const RayLine& line, Vector axis, const Cutter& cutter, Real from, Real to) {
   Span span = common({from, to}, inside_round(line, axis, cutter.radius));

@@ -22,7 +22,7 @@ struct Ray {
 struct BruteOptions {
   double band = 2.0;           ///< mm, the ray is searched from -band to +band
   double tolerance = 1e-8;     ///< mm, wanted bound
-  std::size_t most = 4000000;  ///< stretches looked at before the bound is told as it is
+  std::size_t most = 4000000;  ///< stretches looked at before the bound is reported as it is
 };
 
 struct BruteHit {

@@ -93,12 +93,13 @@ TEST(ChainScenes, PerfectIteratedIdealMendsEveryMachine) {
       const Job job = job_of(scene, {{"machine.home.Z_mm", "280"}});
       const Cut error_free = cut_error_free(job);
       const Apart before = apart(cut(job).surface, error_free.surface);
-      const Cut mended = cut(job, parse_case("perfect-iterated-ideal"));
-      const Apart after = apart(mended.surface, error_free.surface);
+      const Cut compensated = cut(job, parse_case("perfect-iterated-ideal"));
+      const Apart after = apart(compensated.surface, error_free.surface);
       std::cout << kind.machine << ", seed " << seed << ": uncompensated rms "
                 << before.rms / units::um << " um, iterated " << after.rms / units::nm
-                << " nm, worst direction left " << mended.direction_left / units::urad << " urad\n";
-      EXPECT_TRUE(mended.warnings.empty());
+                << " nm, worst direction left " << compensated.direction_left / units::urad
+                << " urad\n";
+      EXPECT_TRUE(compensated.warnings.empty());
       EXPECT_GT(before.rms, 1.0_um);
       EXPECT_GT(after.vertices, 3000);
       EXPECT_EQ(after.unlike, 0);

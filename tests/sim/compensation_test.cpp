@@ -56,20 +56,20 @@ TEST_P(GantryScene, PerfectIteratedIdealGivesTheErrorFreeMapBack) {
   const Job job = job_of(GetParam().file, GetParam().changes);
   const Cut error_free = cut_error_free(job);
   const Cut wrong = cut(job);
-  const Cut mended = cut(job, parse_case("perfect-iterated-ideal"));
+  const Cut compensated = cut(job, parse_case("perfect-iterated-ideal"));
   const Apart before = apart(wrong.surface, error_free.surface);
-  const Apart after = apart(mended.surface, error_free.surface);
+  const Apart after = apart(compensated.surface, error_free.surface);
   print_apart(std::string(GetParam().file) + " uncompensated", before);
   print_apart(std::string(GetParam().file) + " iterated", after);
   std::cout << "  weighted by area "
-            << weighted_rms(mended.surface, error_free.surface, job) / units::nm << " nm; tip left "
-            << mended.tip_error.max / units::nm << " nm\n";
-  EXPECT_TRUE(mended.warnings.empty());
+            << weighted_rms(compensated.surface, error_free.surface, job) / units::nm
+            << " nm; tip left " << compensated.tip_error.max / units::nm << " nm\n";
+  EXPECT_TRUE(compensated.warnings.empty());
   EXPECT_GT(before.rms, 1.0_um);
   EXPECT_GT(after.vertices, 1000);
   EXPECT_EQ(after.unlike, 0);
   EXPECT_LT(after.rms, 1.0_nm);
-  EXPECT_LT(weighted_rms(mended.surface, error_free.surface, job), 1.0_nm);
+  EXPECT_LT(weighted_rms(compensated.surface, error_free.surface, job), 1.0_nm);
 }
 
 INSTANTIATE_TEST_SUITE_P(Compensation, GantryScene,
@@ -124,20 +124,20 @@ TEST_P(PlatformScene, PerfectIteratedIdealLeavesWhatItsTwoSlidesCannotMend) {
   ASSERT_TRUE(job.machine.nominal.T_bw_home().isApprox(Pose::Identity()));
   const Cut error_free = cut_error_free(job);
   const Cut wrong = cut(job);
-  const Cut mended = cut(job, parse_case("perfect-iterated-ideal"));
+  const Cut compensated = cut(job, parse_case("perfect-iterated-ideal"));
   const cutting::Surface apart_from_it = uncorrectable(job);
   const std::string name = GetParam();
   print_apart(name + " uncompensated", apart(wrong.surface, error_free.surface));
-  print_apart(name + " left over", apart(mended.surface, error_free.surface));
+  print_apart(name + " left over", apart(compensated.surface, error_free.surface));
   print_apart(name + " uncorrectable, computed apart", apart(apart_from_it, error_free.surface));
-  const Apart d = apart(mended.surface, apart_from_it);
+  const Apart d = apart(compensated.surface, apart_from_it);
   print_apart(name + " left over less uncorrectable", d);
-  EXPECT_TRUE(mended.warnings.empty());
+  EXPECT_TRUE(compensated.warnings.empty());
   EXPECT_GT(apart(wrong.surface, error_free.surface).rms, 0.3_um);
   EXPECT_GT(d.vertices, 2000);
   EXPECT_EQ(d.unlike, 0);
   EXPECT_LT(d.rms, 1.0_nm);
-  EXPECT_LT(weighted_rms(mended.surface, apart_from_it, job), 1.0_nm);
+  EXPECT_LT(weighted_rms(compensated.surface, apart_from_it, job), 1.0_nm);
 }
 
 INSTANTIATE_TEST_SUITE_P(Compensation, PlatformScene,
@@ -166,16 +166,16 @@ TEST(Compensation, PositionOnlyLeavesTenTimesWhatDecoupledLeavesOnTheTiltedFlat)
 /// Tip error along the program after one decoupled step, where A is above 5 degrees.
 double decoupled_tip_rms(const Job& job) {
   const int A = job.machine.nominal.find('A').value();
-  const Commands told = compensate(job, parse_case("perfect-decoupled-ideal"));
+  const Commands commanded = compensate(job, parse_case("perfect-decoupled-ideal"));
   double sum = 0.0;
   int n = 0;
-  for (std::size_t i = 0; i < told.samples.states.size(); ++i) {
+  for (std::size_t i = 0; i < commanded.samples.states.size(); ++i) {
     if (std::abs(job.samples.states[i].q[A]) < 5.0 * units::deg) continue;
-    const Pose reached = tool_in_workpiece(job.truth, told.samples.states[i]);
+    const Pose reached = tool_in_workpiece(job.truth, commanded.samples.states[i]);
     sum += (reached.translation() - job.T_wt_nominal[i].translation()).squaredNorm();
     ++n;
   }
-  EXPECT_GT(n, int(0.9 * double(told.samples.states.size())));
+  EXPECT_GT(n, int(0.9 * double(commanded.samples.states.size())));
   return std::sqrt(sum / n);
 }
 
@@ -237,9 +237,9 @@ double words_off(const Job& job, const program::Block& block, const kinematics::
 TEST(Compensation, RewrittenNcIsAcceptedAndKeepsToTheCorrectedPointsWithinAWord) {
   const Job job = job_of("gantry_dome.toml", and_more(coarse_raster, {{"part.vertices", "200"}}));
   const Commands ideal = compensate(job, parse_case("perfect-iterated-ideal"));
-  const Commands told = compensate(job, parse_case("perfect-iterated-program"));
-  const program::Path path =
-      program::read_nc(told.rewritten_program, "again.ngc", nc_options(job.scene, job.machine));
+  const Commands commanded = compensate(job, parse_case("perfect-iterated-program"));
+  const program::Path path = program::read_nc(commanded.rewritten_program, "again.ngc",
+                                              nc_options(job.scene, job.machine));
   EXPECT_GE(path.motion_blocks, job.path.motion_blocks);
   const auto cuts = [](const program::Block& block) {
     return block.coordinates == program::Coordinates::Tip &&

@@ -32,7 +32,7 @@ TEST(FusedBelief, OneCorrectionServesGeometryHeatAndForce) {
   const double before = machine_rms(job, std::nullopt);
   const double composite = machine_rms(job, parse_case("composite-iterated-ideal"));
   const double fused = machine_rms(job, parse_case("fused-iterated-ideal"));
-  std::cout << "machine's part " << before / units::um << " um RMS, geometry and heat mended "
+  std::cout << "machine's part " << before / units::um << " um RMS, geometry and heat compensated "
             << composite / units::um << ", force too " << fused / units::um << "\n";
   EXPECT_LT(fused, 0.05 * before);
   EXPECT_LT(fused, composite);
@@ -43,7 +43,7 @@ TEST(FusedBelief, PartThatWasMeasuredIsNotMendedTwice) {
   const double before = machine_rms(job, std::nullopt);
   const double composite = machine_rms(job, parse_case("composite-iterated-ideal"));
   const double fused = machine_rms(job, parse_case("fused-iterated-ideal"));
-  std::cout << "machine's part " << before / units::um << " um RMS, geometry and heat mended "
+  std::cout << "machine's part " << before / units::um << " um RMS, geometry and heat compensated "
             << composite / units::um << ", force and part too " << fused / units::um << "\n";
   EXPECT_LT(fused, 0.05 * before);
 }

@@ -106,11 +106,11 @@ TEST(Heat, ANetworkHotterThanCanBeIsRefusedWithNodeTemperatureAndTime) {
     flat_job(hot);
     FAIL() << "a machine of 1e5 C";
   } catch (const BadInput& fault) {
-    const std::string told = fault.what();
-    std::cout << told << "\n";
-    EXPECT_NE(told.find("ball.toml: expected"), std::string::npos) << told;
-    EXPECT_NE(told.find("thermal.node.box at "), std::string::npos) << told;
-    EXPECT_NE(told.find(" C at 0 s"), std::string::npos) << told;
+    const std::string text = fault.what();
+    std::cout << text << "\n";
+    EXPECT_NE(text.find("ball.toml: expected"), std::string::npos) << text;
+    EXPECT_NE(text.find("thermal.node.box at "), std::string::npos) << text;
+    EXPECT_NE(text.find(" C at 0 s"), std::string::npos) << text;
   }
   EXPECT_NO_THROW(flat_job(hot, {{"thermal.source.power_W", "1e4"}}));  // 850 K warmer
 }

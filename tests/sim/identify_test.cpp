@@ -109,10 +109,10 @@ TEST(Identify, NoiseFreeReadingsReturnTheTruthThroughFiles) {
     state.q = kinematics::AxisVector::Zero(6);
     state.q.segment<3>(1) << -300 + 30 * i, -350 + 35 * i, -50 + 20 * i;
     state.direction.fill(1);
-    const auto is = errors::deviations(truth, state), told = errors::deviations(belief, state);
+    const auto is = errors::deviations(truth, state), believed = errors::deviations(belief, state);
     for (std::size_t j = 0; j < is.size(); ++j) {
-      const kinematics::Deviation motion = is[j].motion - told[j].motion;
-      const kinematics::Deviation place = is[j].location - told[j].location;
+      const kinematics::Deviation motion = is[j].motion - believed[j].motion;
+      const kinematics::Deviation place = is[j].location - believed[j].location;
       for (const kinematics::Deviation& apart : {motion, place}) {
         length = std::max(length, apart.head<3>().cwiseAbs().maxCoeff());
         angle = std::max(angle, apart.tail<3>().cwiseAbs().maxCoeff());
@@ -162,7 +162,7 @@ TEST(Identify, TheLaserAloneNamesWhatItCannotTell) {
   for (const std::string roll : {"EAX", "EBY", "ECZ", "EYX", "EC0Y"})
     EXPECT_TRUE(std::any_of(untold.begin(), untold.end(),
                             [&](const std::string& name) { return name.starts_with(roll); }))
-        << roll << " is told by no reading of a laser";
+        << roll << " is seen by no reading of a laser";
   EXPECT_TRUE(pitch_hides) << "pitch of X hides in its positioning over the arm";
   const std::string text = identify_text(found);
   EXPECT_NE(text.find("unobservable, left out"), std::string::npos);
@@ -266,11 +266,11 @@ PlatformResult platform(const PlatformCampaign& how) {
   result.warned = !report["warnings"].empty();
   for (const char* part : {"platform_plane.toml", "platform_cone.toml", "platform_sphere.toml"}) {
     const auto poses = poses_of_part(part);
-    const VectorXd is = axial_error(scene.geometric, poses), told = axial_error(belief, poses);
+    const VectorXd is = axial_error(scene.geometric, poses), believed = axial_error(belief, poses);
     std::cout << fmt::format("  {:22} e_x {:.3f} um RMS, identified minus true {:.4f} um\n", part,
-                             rms(is) / 1.0_um, rms(told - is) / 1.0_um);
+                             rms(is) / 1.0_um, rms(believed - is) / 1.0_um);
     result.worst_truth = std::max(result.worst_truth, rms(is));
-    result.worst_left = std::max(result.worst_left, rms(told - is));
+    result.worst_left = std::max(result.worst_left, rms(believed - is));
   }
   std::cout << fmt::format("  {:.1f} hours, chi-square {:.3f}, {} confounded\n",
                            report["hours"].get<double>(),

@@ -269,7 +269,7 @@ TEST(Measure, EveryStartIsASetUpOfItsOwn) {
   ASSERT_EQ(twice.value.size(), 2 * once.value.size());
   EXPECT_DOUBLE_EQ(twice.plan.duration_s, 2 * once.plan.duration_s);
   EXPECT_EQ(twice.value.head(once.value.size()), once.value);
-  double apart = 0.0;  // the beam was laid anew, and the air is another
+  double apart = 0.0;  // the beam was laid again, and the air is another
   for (Eigen::Index i = 0; i < once.value.size(); ++i)
     apart = std::max(apart, std::abs(twice.value[i + once.value.size()] - once.value[i]));
   std::cout << "two set-ups differ by up to " << apart / 1.0_um << " um\n";

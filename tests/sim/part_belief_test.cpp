@@ -1,5 +1,5 @@
-// The part told back to the program that cut it: probed on the machine itself, read on another one,
-// or bent as computed.
+// The part reported back to the program that cut it: probed on the machine itself, read on another
+// one, or bent as computed.
 
 #include <algorithm>
 #include <cmath>

@@ -190,17 +190,17 @@ struct Kept {
   bool turning() const { return std::holds_alternative<cutting::Nose>(job.scene.tool.actual); }
 
   Job job;
-  Commands told;
-  Cut error_free, mended;
+  Commands commanded;
+  Cut error_free, compensated;
   std::vector<AxisVector> acceleration;
 };
 
 Kept::Kept(const Scene& scene)
     : job(prepare(scene)),
-      told(compensate(job, parse_case("perfect-iterated-ideal"))),
+      commanded(compensate(job, parse_case("perfect-iterated-ideal"))),
       error_free(cut_error_free(job)),
-      mended(cut(job, told)) {
-  if (!job.accelerations.empty()) acceleration = accelerations(told.samples);
+      compensated(cut(job, commanded)) {
+  if (!job.accelerations.empty()) acceleration = accelerations(commanded.samples);
 }
 
 /// Axes between two samples.
@@ -213,17 +213,17 @@ AxisState state_at(const std::vector<AxisState>& states, const Instant& at) {
 }
 
 Pose Kept::actual(std::size_t sample) const {
-  const AxisState& state = told.samples.states[sample];
-  errors::Load load = load_at(mended.process, state.time_s);
+  const AxisState& state = commanded.samples.states[sample];
+  errors::Load load = load_at(compensated.process, state.time_s);
   if (!acceleration.empty()) load.acceleration = acceleration[sample];
   return tool_in_workpiece(job.truth, state, load);
 }
 
 Pose Kept::actual(double time_s) const {
-  const Instant at = between(told.samples.states, time_s);
+  const Instant at = between(commanded.samples.states, time_s);
   if (!turning()) return on_the_way(actual(at.before), actual(at.before + 1), at.fraction);
-  const AxisState state = state_at(told.samples.states, at);
-  return tool_in_workpiece(job.truth, state, load_at(mended.process, state.time_s));
+  const AxisState state = state_at(commanded.samples.states, at);
+  return tool_in_workpiece(job.truth, state, load_at(compensated.process, state.time_s));
 }
 
 Pose Kept::nominal(double time_s) const {
@@ -252,21 +252,21 @@ Balance balance(const Kept& kept) {
                           kept.turning()};
   const MovingTool real{[&](double t) { return kept.actual(t); }, kept.job.scene.tool.actual,
                         kept.turning()};
-  const cutting::Surface &free = kept.error_free.surface, &mended = kept.mended.surface;
+  const cutting::Surface &free = kept.error_free.surface, &compensated = kept.compensated.surface;
   for (std::size_t i = 0; i < free.status.size(); ++i) {
     const Index k = Index(i);
     const bool in_free = free.status[i] == cutting::VertexStatus::Cut;
-    const bool in_mended = mended.status[i] == cutting::VertexStatus::Cut;
-    if (in_free != in_mended) ++sum.unlike;
-    if (!in_free || !in_mended) continue;
+    const bool in_compensated = compensated.status[i] == cutting::VertexStatus::Cut;
+    if (in_free != in_compensated) ++sum.unlike;
+    if (!in_free || !in_compensated) continue;
     const Ray ray{kept.job.design_w.vertices.row(k), kept.job.design_w.normals.row(k)};
-    const double t_free = free.cut_time_s[k], t_mended = mended.cut_time_s[k];
-    const double left = mended.residual[k] - free.residual[k];
+    const double t_free = free.cut_time_s[k], t_compensated = compensated.cut_time_s[k];
+    const double left = compensated.residual[k] - free.residual[k];
     sum.left += left * left;
     ++sum.vertices;
     const auto should = reach(wanted, ray, t_free, free.residual[k]);
-    const auto is = reach(real, ray, t_mended, free.residual[k]);
-    const auto should_now = reach(wanted, ray, t_mended, free.residual[k]);
+    const auto is = reach(real, ray, t_compensated, free.residual[k]);
+    const auto should_now = reach(wanted, ray, t_compensated, free.residual[k]);
     const auto was = reach(real, ray, t_free, free.residual[k]);
     if (!should || !is || !should_now || !was) {
       ++sum.unknown;
@@ -293,15 +293,15 @@ Balance balance(const Kept& kept) {
 /// slide that could mend it, mm; of the slide with most.
 double left_along_slides(const Kept& kept) {
   Foreseen run{{}, kept.acceleration};
-  run.process.steps = kept.mended.process.steps;
+  run.process.steps = kept.compensated.process.steps;
   const compensation::Belief belief = perfect_belief(kept.job, std::move(run));
   const kinematics::Chain& chain = kept.job.machine.nominal;
   const auto* cutter = std::get_if<cutting::Cutter>(&kept.job.scene.tool.nominal);
   const Vector3d point_t(0, 0, cutter ? cutter->corner_radius : 0.0);
   Eigen::VectorXd sum = Eigen::VectorXd::Zero(chain.size());
   double count = 0.0;
-  for (std::size_t i = 0; i < kept.told.samples.states.size(); i += 7) {
-    const AxisState& state = kept.told.samples.states[i];
+  for (std::size_t i = 0; i < kept.commanded.samples.states.size(); i += 7) {
+    const AxisState& state = kept.commanded.samples.states[i];
     const Vector3d off_w = belief(state) * point_t - kept.job.T_wt_nominal[i] * point_t;
     const auto J = kinematics::axis_jacobian(chain, state.q);
     for (int k = 0; k < chain.size(); ++k)
@@ -331,12 +331,12 @@ void hold(const std::string& name, const Scene& scene) {
   if (cannot_be_mended.count(name) == 0)
     EXPECT_LT(b.left, 1.0_nm);
   else
-    EXPECT_GT(b.left, 1.0_nm) << "it can be mended after all";
+    EXPECT_GT(b.left, 1.0_nm) << "it can be compensated after all";
   EXPECT_LT(b.rest, 1.0_nm);
   EXPECT_LT(b.beyond, 1.0_nm);
   // where the cut bends, the belief goes by the load of the run before, which jumps elsewhere where
   // the tool enters; the map holds for that
-  if (kept.mended.process.steps.empty()) {
+  if (kept.compensated.process.steps.empty()) {
     EXPECT_LT(slides, kept.acceleration.empty() ? 0.02_nm : 1.0_nm);
   }
 }

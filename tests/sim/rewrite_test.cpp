@@ -55,9 +55,9 @@ std::vector<Override> with_tolerance(std::vector<Override> changes, double um) {
   return changes;
 }
 
-/// Largest distance, tip or tool at `reach`, between what the axes are told and a perfect iterated
-/// correction made at that sample, jumps and rapids left out.
-double off_corrected(const Job& job, const Commands& told, double reach) {
+/// Largest distance, tip or tool at `reach`, between what the axes are commanded and a perfect
+/// iterated correction made at that sample, jumps and rapids left out.
+double off_corrected(const Job& job, const Commands& commanded, double reach) {
   const Truth truth = without_random(job.truth);
   compensation::CorrectOptions options;
   options.rotary_bound = job.scene.compensation.rotary_bound;
@@ -65,13 +65,13 @@ double off_corrected(const Job& job, const Commands& told, double reach) {
     options.functional_height = cutter->corner_radius;
   if (const auto spindle = job.machine.workpiece_spindle) options.still.set(std::size_t(*spindle));
   double most = 0.0;
-  for (std::size_t i = 0; i < told.samples.states.size(); ++i) {
-    const program::Block& block = told.path->blocks[std::size_t(told.samples.block[i])];
+  for (std::size_t i = 0; i < commanded.samples.states.size(); ++i) {
+    const program::Block& block = commanded.path->blocks[std::size_t(commanded.samples.block[i])];
     if (block.interpolation == program::Interpolation::Rapid) continue;
-    const kinematics::AxisState& state = told.samples.states[i];
+    const kinematics::AxisState& state = commanded.samples.states[i];
     const auto ideal = compensation::correct(
         job.machine.control, [&](const auto& at) { return tool_in_workpiece(truth, at); },
-        told.T_wt_nominal[i], state, options);
+        commanded.T_wt_nominal[i], state, options);
     const Pose a = job.machine.control.tool_in_workpiece(state.q);
     const Pose b = job.machine.control.tool_in_workpiece(ideal.q);
     const Eigen::Vector3d tip = a.translation() - b.translation();
@@ -88,15 +88,15 @@ TEST(RewrittenProgram, KeepsWithinItsToleranceOfTheCorrectedPath) {
     int blocks = std::numeric_limits<int>::max();
     for (const double um : {0.05, 0.5, 5.0}) {
       const Job job = prepare(read_scene(file, with_tolerance(fine_words, um)));
-      const Commands told = compensate(job, parse_case("perfect-iterated-program"));
+      const Commands commanded = compensate(job, parse_case("perfect-iterated-program"));
       const double reach = sample_options(job.scene, job.machine).reach;
-      const double off = off_corrected(job, told, reach);
+      const double off = off_corrected(job, commanded, reach);
       std::cout << job.path.motion_blocks << " blocks, tolerance " << um << " um: off by at most "
-                << off / units::um << " um in " << told.path->motion_blocks << " blocks\n";
+                << off / units::um << " um in " << commanded.path->motion_blocks << " blocks\n";
       // words of a nanometre and 1e-6 deg at 0.5 m, what the samples leave between them
       EXPECT_LE(off, um * units::um + 0.02_um);
-      EXPECT_LT(told.path->motion_blocks, blocks);
-      blocks = told.path->motion_blocks;
+      EXPECT_LT(commanded.path->motion_blocks, blocks);
+      blocks = commanded.path->motion_blocks;
     }
   }
 }
@@ -107,14 +107,15 @@ TEST(RewrittenProgram, WithNothingToCorrectIsTheOriginal) {
     std::vector<Override> changes = fine_words;
     changes.emplace_back("errors.scale", "0.0");
     const Job job = prepare(read_scene(long_moves(folder, program), changes));
-    const Commands told = compensate(job, parse_case("perfect-iterated-program"));
-    const WordChange change = word_change(job, told);
-    std::cout << job.path.motion_blocks << " blocks became " << told.path->motion_blocks
+    const Commands commanded = compensate(job, parse_case("perfect-iterated-program"));
+    const WordChange change = word_change(job, commanded);
+    std::cout << job.path.motion_blocks << " blocks became " << commanded.path->motion_blocks
               << ", tip off by " << change.tip.max / units::nm << " nm\n";
-    EXPECT_LE(told.path->motion_blocks, job.path.motion_blocks + 1);
-    EXPECT_LE(told.path->arcs.size(), job.path.arcs.size() + 1);  // half a circle becomes two arcs
+    EXPECT_LE(commanded.path->motion_blocks, job.path.motion_blocks + 1);
+    EXPECT_LE(commanded.path->arcs.size(),
+              job.path.arcs.size() + 1);        // half a circle becomes two arcs
     EXPECT_LE(change.tip.max, 1e-6 + 20.0_nm);  // the tolerance is a word, angles are words too
-    EXPECT_EQ(told.rewritten_program.find("G43.4") != std::string::npos,
+    EXPECT_EQ(commanded.rewritten_program.find("G43.4") != std::string::npos,
               program.find("G43.4") != std::string::npos);
   }
 }
@@ -125,16 +126,16 @@ TEST(RewrittenProgram, PvtHasFewerRowsTheMoreItsPathMayDiffer) {
   std::size_t rows = 0;
   for (const double um : {1.0, 0.1, 0.01, 0.0}) {
     const Job job = job_of("platform_sphere.toml", with_tolerance(spiral, um));
-    const Commands told = compensate(job, parse_case("perfect-iterated-program"));
-    const double off = off_corrected(job, told, 0.0);
-    std::cout << "tolerance " << um << " um: " << told.path->blocks.size() << " rows, "
-              << told.rewritten_program.size() << " bytes, of " << job.path.blocks.size()
+    const Commands commanded = compensate(job, parse_case("perfect-iterated-program"));
+    const double off = off_corrected(job, commanded, 0.0);
+    std::cout << "tolerance " << um << " um: " << commanded.path->blocks.size() << " rows, "
+              << commanded.rewritten_program.size() << " bytes, of " << job.path.blocks.size()
               << " rows and " << job.samples.states.size() << " samples, off by at most "
               << off / units::nm << " nm\n";
     EXPECT_LE(off, (um > 0.0 ? um * units::um : 1.0_nm) + 2.0_nm);  // 2 nm: the scene's chords
-    EXPECT_GE(told.path->blocks.size(), rows);
-    EXPECT_LT(10 * told.path->blocks.size(), job.samples.states.size());
-    rows = told.path->blocks.size();
+    EXPECT_GE(commanded.path->blocks.size(), rows);
+    EXPECT_LT(10 * commanded.path->blocks.size(), job.samples.states.size());
+    rows = commanded.path->blocks.size();
     if (um == 1.0) {
       EXPECT_EQ(rows, job.path.blocks.size());  // those that were there suffice
     }
@@ -143,9 +144,9 @@ TEST(RewrittenProgram, PvtHasFewerRowsTheMoreItsPathMayDiffer) {
 
 TEST(RewrittenProgram, OfAShaftTurnsNothingButWhereTheToolStands) {
   const Job job = job_of("stepped_shaft.toml", {{"part.vertices", "1000"}});
-  const Commands told = compensate(job, parse_case("perfect-iterated-program"));
-  const WordChange change = word_change(job, told);
-  std::cout << job.path.motion_blocks << " blocks became " << told.path->motion_blocks
+  const Commands commanded = compensate(job, parse_case("perfect-iterated-program"));
+  const WordChange change = word_change(job, commanded);
+  std::cout << job.path.motion_blocks << " blocks became " << commanded.path->motion_blocks
             << ", tip moved by " << change.tip.max / units::um << " um, tool axis by "
             << change.direction.max << " rad\n";
   EXPECT_GT(change.tip.max, 1.0_um);

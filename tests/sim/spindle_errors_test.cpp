@@ -287,7 +287,7 @@ TEST(SpindleErrors, AsynchronousMotionIsReadWithItsSeed) {
 }
 
 TEST(SpindleErrors, AsynchronousMotionThatCannotBeIsRefused) {
-  const auto told = [](const std::string& errors) -> std::string {
+  const auto faults = [](const std::string& errors) -> std::string {
     try {
       turning_job(Turning{.part = disc, .errors = errors, .feed = 100.0_um});
     } catch (const std::exception& fault) {
@@ -298,13 +298,13 @@ TEST(SpindleErrors, AsynchronousMotionThatCannotBeIsRefused) {
   const auto has = [](const std::string& text, const std::string& part) {
     return text.find(part) != std::string::npos;
   };
-  EXPECT_PRED2(has, told("EZS = { kind = \"asynchronous\" }"), "rms_um");
-  EXPECT_PRED2(has, told("EZS = { kind = \"asynchronous\", rms_um = -1 }"), "rms_um");
-  EXPECT_PRED2(has, told("EZS = { kind = \"asynchronous\", rms_um = 1, lowest_order = 30 }"),
+  EXPECT_PRED2(has, faults("EZS = { kind = \"asynchronous\" }"), "rms_um");
+  EXPECT_PRED2(has, faults("EZS = { kind = \"asynchronous\", rms_um = -1 }"), "rms_um");
+  EXPECT_PRED2(has, faults("EZS = { kind = \"asynchronous\", rms_um = 1, lowest_order = 30 }"),
                "highest order");
-  EXPECT_PRED2(has, told("EZS = { kind = \"asynchronous\", rms_um = 1, lowest_order = 0 }"),
+  EXPECT_PRED2(has, faults("EZS = { kind = \"asynchronous\", rms_um = 1, lowest_order = 0 }"),
                "lowest_order");
-  EXPECT_PRED2(has, told("EXX = { kind = \"asynchronous\", rms_um = 1 }"), "axis that turns");
+  EXPECT_PRED2(has, faults("EXX = { kind = \"asynchronous\", rms_um = 1 }"), "axis that turns");
 }
 
 // ---- the tool
