@@ -157,6 +157,8 @@ class Canon {
   /// @throws BadInput on a machine without X Y Z or without known kinematics
   void set_tip_mode(bool on, const Cause& cause);
   bool tip_mode() const { return tip_mode_; }
+  /// That the tip mode counts with; there must be one.
+  const kinematics::Chain& chain() const { return *chain_; }
   /// What X Y Z mean for the next move: axes for one block beside a tip mode, as G53 does.
   void go_to(Coordinates coordinates, const Cause& cause);
   Coordinates coordinates() const { return coordinates_; }
@@ -197,6 +199,8 @@ class Canon {
   /// A comment; if it gives the diameter of a tool it is noted, what it leaves unsaid of its unit
   /// is that of the program.
   void comment(std::string_view text);
+  /// A cutter that a word of the program describes, in mm.
+  void cutter(std::string_view word, const ToolWords& words);
 
   /// A fault in what comes from outside kept the axes from where they should be: until each is
   /// stated again, arcs that do not close only follow from it.

@@ -27,6 +27,10 @@ void Canon::comment(std::string_view text) {
   path_.tool_comments.push_back({line_, std::string(text), *words, path_.blocks.size()});
 }
 
+void Canon::cutter(std::string_view word, const ToolWords& words) {
+  path_.tool_comments.push_back({line_, std::string(word), words, path_.blocks.size()});
+}
+
 void Canon::set_inch(bool inch) {
   inch_ = inch;
   if (!path_.unit_words.empty() && path_.unit_words.back().inch == inch) return;
