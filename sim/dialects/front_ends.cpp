@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "sim/dialects/cl.h"
 #include "sim/dialects/linuxcnc.h"
 
 namespace abbe::sim::dialects {
@@ -9,6 +10,7 @@ namespace abbe::sim::dialects {
 std::span<const FrontEnd> front_ends() {
   static constexpr std::array all = {
       FrontEnd{Dialect::LinuxCnc, "LinuxCNC (RS274/NGC)", read_linuxcnc, linuxcnc_words},
+      FrontEnd{Dialect::Cl, "CL (APT cutter locations, CSV)", read_cl, cl_words},
   };
   return all;
 }

@@ -56,7 +56,13 @@ constexpr Sign first_signs[] = {
     {Dialect::Cl, "UNITS/"},
     {Dialect::Cl, "UNITS /"},
     {Dialect::Cl, "$$"},
+    {Dialect::Cl, "TOOL PATH/"},
+    {Dialect::Cl, "TLDATA/"},
+    {Dialect::Cl, "SPINDL/"},
+    {Dialect::Cl, "SPINDL /"},
+    {Dialect::Cl, "PPRINT"},
     {Dialect::Cl, "X,Y,Z"},
+    {Dialect::Cl, "X;Y;Z"},
     {Dialect::Cl, "X_MM,Y_MM,Z_MM"},
     {Dialect::LinuxCnc, "O<"},
 };
@@ -148,7 +154,8 @@ std::optional<Dialect> by_ending(std::string_view file) {
   for (const char c : file.substr(dot + 1)) ending += upper(c);
   if (ending == "MPF" || ending == "SPF") return Dialect::Siemens;
   if (ending == "H" || ending == "HH") return Dialect::Heidenhain;
-  if (ending == "CL" || ending == "CLS" || ending == "APT" || ending == "CLD") return Dialect::Cl;
+  if (ending == "CL" || ending == "CLS" || ending == "APT" || ending == "CLD" || ending == "NCL")
+    return Dialect::Cl;
   if (ending == "EIA" || ending == "FNC") return Dialect::Fanuc;
   return std::nullopt;
 }

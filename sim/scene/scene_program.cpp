@@ -75,13 +75,13 @@ void check_file(TableReader& reader, File& program) {
   const std::filesystem::path& file = program.file;
   const std::string ending = file.extension().string();
   std::error_code failure;
-  constexpr std::array<std::string_view, 17> endings = {
+  constexpr std::array<std::string_view, 18> endings = {
       ".ngc", ".nc",  ".tap", ".cnc", ".gcode", ".eia", ".mpf", ".spf", ".h",
-      ".cl",  ".cls", ".apt", ".txt", ".min",   ".iso", ".csv", ".pvt"};
+      ".cl",  ".cls", ".apt", ".ncl", ".txt",   ".min", ".iso", ".csv", ".pvt"};
   if (std::find(endings.begin(), endings.end(), ending) == endings.end()) {
     reader.refuse("file",
                   "a program named .ngc, .nc, .tap, .cnc, .gcode, .eia, .mpf, .spf, .h, .cl, .cls, "
-                  ".apt, .txt, .min, .iso, .csv or .pvt",
+                  ".apt, .ncl, .txt, .min, .iso, .csv or .pvt",
                   file.string());
   } else if (!std::filesystem::is_regular_file(file, failure)) {
     reader.refuse("file", "a file that can be read", no_file(file));
