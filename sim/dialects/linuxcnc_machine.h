@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
+#include "sim/dialects/cutter_compensation.h"
 #include "sim/dialects/linuxcnc_block.h"
-#include "sim/dialects/linuxcnc_compensation.h"
 #include "sim/dialects/program_run.h"
 
 namespace abbe::sim::dialects::linuxcnc {
@@ -99,7 +99,7 @@ class Machine {
   void go(const AxisVector& end, bool rapid);
   void thread(const Block& block);
 
-  // linuxcnc_compensation.cpp
+  // linuxcnc_offsets.cpp
   void set_compensation(const Block& block);
 
   friend class ThreadPasses;

@@ -115,6 +115,7 @@ class Canon {
   /// What follows stands there.
   void stand_at(int line, int file = 0);
   int line() const { return line_; }
+  int file() const { return file_; }
   NcPlace place() const { return {file_name(), line_}; }
   [[noreturn]] void refuse(const Cause& cause, std::string expected,
                            std::optional<std::string> seen = {}) const {

@@ -1,4 +1,4 @@
-#include "sim/dialects/linuxcnc_compensation.h"
+#include "sim/dialects/cutter_compensation.h"
 
 #include <cmath>
 #include <utility>
@@ -9,7 +9,7 @@
 #include "kinematics/units.h"
 #include "sim/program/arc_move.h"
 
-namespace abbe::sim::dialects::linuxcnc {
+namespace abbe::sim::dialects {
 
 using Eigen::Vector2d;
 using kinematics::AxisVector;
@@ -183,6 +183,7 @@ void Compensation::join(Piece piece) {
   const Vector2d corner = in_plane(programmed_);
   piece.feed = canon_.feed();
   piece.line = canon_.line();
+  piece.file = canon_.file();
   programmed_ = piece.to;
   entered_ = true;
   if (waits_) {
@@ -261,9 +262,9 @@ void Compensation::put_out() {
   if (waits_) {
     const Piece piece = *std::exchange(waits_, std::nullopt);
     const auto feed = canon_.feed();
-    const int line = canon_.line();
+    const int line = canon_.line(), file = canon_.file();
     canon_.set_feed(piece.feed);
-    canon_.stand_at(piece.line);
+    canon_.stand_at(piece.line, piece.file);
     AxisVector end = piece.to;
     for (int k = 0; k < 2; ++k) end[plane_[std::size_t(k)]] = piece.end[k];
     const Cause cause{piece.cause.column, {}};
@@ -281,7 +282,7 @@ void Compensation::put_out() {
     else
       canon_.straight_feed({.end = std::move(end), .cause = cause});
     canon_.set_feed(feed);
-    canon_.stand_at(line);
+    canon_.stand_at(line, file);
   }
   for (const auto& action : std::exchange(after_, {})) action();
 }
@@ -293,4 +294,4 @@ void Compensation::after(std::function<void()> action) {
     action();
 }
 
-}  // namespace abbe::sim::dialects::linuxcnc
+}  // namespace abbe::sim::dialects

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <functional>
 #include <optional>
 #include <vector>
@@ -7,7 +8,7 @@
 #include "sim/dialects/program_run.h"
 #include "sim/program/canon.h"
 
-namespace abbe::sim::dialects::linuxcnc {
+namespace abbe::sim::dialects {
 
 /// Cutter compensation in a plane: the path beside the programmed one by the radius of the tool.
 /// Each move waits for the next, which decides its end: an inside corner is cut where the two paths
@@ -57,7 +58,7 @@ class Compensation {
     kinematics::AxisVector to;  ///< programmed end of all axes
     program::Cause cause;
     std::optional<program::Feed> feed;
-    int line = 0;
+    int line = 0, file = 0;
   };
 
   Vector2d in_plane(const kinematics::AxisVector& q) const { return {q[plane_[0]], q[plane_[1]]}; }
@@ -81,4 +82,4 @@ class Compensation {
   std::vector<std::function<void()>> after_;
 };
 
-}  // namespace abbe::sim::dialects::linuxcnc
+}  // namespace abbe::sim::dialects
