@@ -44,6 +44,7 @@ machines::Chain machine_of(const fs::path& folder) {
   const std::string name = machines::file_text((folder / "machine.txt").string());
   if (name.starts_with("three_axis")) return machines::three_axis();
   if (name.starts_with("platform")) return machines::platform();
+  if (name.starts_with("trunnion")) return machines::trunnion();
   return machines::gantry();
 }
 

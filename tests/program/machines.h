@@ -47,6 +47,18 @@ inline Chain gantry() {
       Pose::Identity(), Pose::Identity());
 }
 
+/// w C' A' b X Y Z t: a table on a trunnion, both axes through the origin; at zero the nose stands
+/// there, and a tool of 100 mm reaches below.
+inline Chain trunnion() {
+  Pose T_bt = Pose::Identity();
+  T_bt.translation() = Eigen::Vector3d(0, 0, -100);
+  return Chain(
+      {joint('C', Side::Workpiece, Motion::Rotary, ez),
+       joint('A', Side::Workpiece, Motion::Rotary, ex), joint('X', Side::Tool, Motion::Linear, ex),
+       joint('Y', Side::Tool, Motion::Linear, ey), joint('Z', Side::Tool, Motion::Linear, ez)},
+      Pose::Identity(), T_bt);
+}
+
 inline Chain three_axis() {
   return Chain(
       {joint('X', Side::Workpiece, Motion::Linear, ex), joint('Y', Side::Tool, Motion::Linear, ey),

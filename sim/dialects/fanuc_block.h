@@ -1,0 +1,116 @@
+#pragma once
+
+#include <array>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "sim/dialects/expression.h"
+#include "sim/dialects/program_run.h"
+#include "sim/dialects/word_table.h"
+#include "sim/program/nc_block.h"
+
+/// One block of a Fanuc program with its values worked out.
+namespace abbe::sim::dialects::fanuc {
+
+using program::Cause;
+using program::Target;
+
+/// A letter and its number.
+struct Word : program::NcWord {
+  char letter = '\0';
+  bool pointed = false;  ///< with a decimal point, or worked out: taken as it is
+};
+
+/// Groups of G and M codes. Of a modal group the last code of a block counts, as the control has
+/// it; of OneShot a block has at most one.
+enum class Group {
+  None,   ///< a code that is refused or without effect
+  Alone,  ///< without effect, with all the words of its block
+  OneShot,
+  Motion,
+  Plane,
+  Distance,
+  FeedMode,
+  Units,
+  CutterRadius,
+  ToolLength,
+  Cycle,
+  ReturnLevel,
+  Macro,
+  SpeedMode,
+  WorkOffset,
+  Rotation,
+  Polar,
+  Stop,
+  ToolChange,
+  Spindle,
+  Coolant,
+  Call,
+  RigidTap,
+  Count
+};
+
+struct Code {
+  int tenths = -1;  ///< of the number: G43.4 is 434; -1 where the block has none
+  Word word;
+  explicit operator bool() const { return tenths >= 0; }
+};
+
+struct Block {
+  std::array<Word, 26> words;  ///< by letter; G and M are in `codes`
+  std::array<Code, std::size_t(Group::Count)> codes;
+  std::vector<Word> arguments;  ///< of G65 and G66, in their order
+  Word skipped;                 ///< a code that the dialect has not, passed over
+  std::vector<std::string_view> comments;
+  bool percent = false;
+
+  const Word& operator[](char letter) const { return words[std::size_t(letter - 'A')]; }
+  const Code& operator[](Group group) const { return codes[std::size_t(group)]; }
+  int tenths(Group group) const { return codes[std::size_t(group)].tenths; }
+  bool empty() const { return used_words_ == 0 && used_codes_ == 0; }
+  void clear();
+
+ private:
+  friend class BlockReader;
+  std::uint32_t used_words_ = 0, used_codes_ = 0;
+};
+
+/// What variables hold that nothing has been set to: a number that counts as zero wherever it is
+/// worked with, but is not EQ zero.
+inline constexpr double vacant = 4.9406564584124654e-324;  // the least double above zero
+inline bool is_vacant(double value) { return value == vacant || value == -vacant; }
+
+/// Variables and functions; where ROUND stands in a word it rounds to what its address resolves.
+class MacroOperands : public Operands {
+ public:
+  double resolution = 1.0;  ///< that ROUND rounds to
+};
+
+/// The operators and functions of custom macro B.
+const ExpressionGrammar& grammar();
+
+/// What the table of words says of a code.
+struct CodeFact {
+  bool known = false;
+  Group group = Group::None;
+  Use use = Use::Read;
+  std::string_view sentence;
+};
+/// @param letter  G or M
+const CodeFact& fact_of(char letter, int tenths);
+
+/// Least input increment of an address, system IS-B: 0.001 mm or degree, 0.0001 inch.
+double least_increment(char letter, bool inch);
+
+/// Reads a block into `block`, whose memory is used again. Words of vacant variables are left out.
+/// @throws BadInput
+void read_block(Cursor cursor, ProgramRun& run, MacroOperands& operands, Block& block);
+
+/// Blanks and comments, which are kept.
+void pass_comments(Cursor& cursor, std::vector<std::string_view>& comments);
+
+/// A whole number from 0, as rounded from an expression. @throws BadInput
+int whole(const program::Canon& canon, const Word& word, int most);
+
+}  // namespace abbe::sim::dialects::fanuc

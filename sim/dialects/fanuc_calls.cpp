@@ -1,0 +1,360 @@
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "sim/dialects/fanuc_flow.h"
+
+namespace abbe::sim::dialects::fanuc {
+
+namespace {
+
+constexpr std::size_t most_file = std::size_t(1) << 26;  // bytes of a subprogram
+constexpr std::size_t most_sources = 1000;
+constexpr int most_repeats = 99'999'999;
+constexpr int most_loops = 3;  // DO 1 to DO 3
+
+/// A line without blanks before it, its block delete and its sequence number, with that number.
+struct Head {
+  int sequence = -1;
+  std::size_t at = 0;  ///< byte behind it
+};
+
+std::size_t skip(std::string_view text, std::size_t at) {
+  while (at < text.size() && (is_blank(text[at]) || text[at] == '(')) {
+    if (text[at] == '(') at = std::min(text.find(')', at), text.size() - 1);
+    ++at;
+  }
+  return at;
+}
+
+int digits(std::string_view text, std::size_t& at) {
+  long long number = -1;
+  for (; at < text.size() && is_digit(text[at]); ++at)
+    number = std::min(10 * std::max(number, 0LL) + (text[at] - '0'), 100'000'000LL);
+  return int(number);
+}
+
+Head head_of(std::string_view text) {
+  Head head{-1, skip(text, 0)};
+  if (head.at < text.size() && text[head.at] == '/') {
+    ++head.at;
+    if (head.at < text.size() && is_digit(text[head.at])) ++head.at;
+    head.at = skip(text, head.at);
+  }
+  if (head.at >= text.size() || upper(text[head.at]) != 'N') return head;
+  const std::size_t from = head.at++;
+  head.at = skip(text, head.at);
+  head.sequence = digits(text, head.at);
+  if (head.sequence < 0) head.at = from;
+  head.at = skip(text, head.at);
+  return head;
+}
+
+/// The number of the program that a line begins; none if it begins none.
+std::optional<int> program_of(std::string_view text) {
+  std::size_t at = skip(text, 0);
+  if (at >= text.size() || (upper(text[at]) != 'O' && text[at] != ':')) return std::nullopt;
+  const int number = digits(text, ++at);
+  return number < 0 ? std::nullopt : std::optional(number);
+}
+
+/// What of a line matters to loops: DO n (above zero) or END n (below), 0 if neither.
+int loop_mark(std::string_view text) {
+  static const std::string nowhere;
+  Cursor cursor{text, {nowhere, 0}, head_of(text).at};
+  const bool ends = cursor.take("END");
+  if (!ends && cursor.take("WHILE")) {
+    const std::size_t close = text.substr(0, text.find('(', cursor.at)).rfind(']');
+    if (close == std::string_view::npos || close < cursor.at) return 0;
+    cursor.at = close + 1;
+  }
+  if (!ends && !cursor.take("DO")) return 0;
+  cursor.skip_blanks();
+  const int number = digits(text, cursor.at);
+  return number < 1 ? 0 : ends ? -number : number;
+}
+
+}  // namespace
+
+/// The programs of a file, which ends at its second %.
+void Flow::add_programs(std::size_t source) {
+  Source& file = *sources_[source];
+  std::size_t end = file.lines.size();
+  int percents = 0;
+  std::vector<Program> programs{{.source = source}};
+  bool numbered = false;
+  for (std::size_t i = 0; i < end; ++i) {
+    const std::size_t at = skip(file.lines[i], 0);
+    if (at < file.lines[i].size() && file.lines[i][at] == '%' && ++percents == 2) end = i;
+    const auto number = program_of(file.lines[i]);
+    if (!number) continue;
+    if (numbered) {
+      programs.back().end = i;
+      programs.push_back({.source = source, .first = i});
+    }
+    programs.back().number = *number;
+    numbered = true;
+  }
+  programs.back().end = end;
+  file.programs = std::move(programs);
+}
+
+void Flow::branch(Cursor& cursor) {
+  const bool holds = [&] {
+    const double result = bracketed(cursor, grammar(), *this);
+    return !is_vacant(result) && result != 0.0;
+  }();
+  const std::size_t from = cursor.at;
+  if (cursor.take("GOTO")) {
+    const int number = whole_value(cursor, 99'999'999, "a sequence number");
+    ends(cursor);
+    if (holds) return jump(number, cursor.cause(from));
+    ++at_;
+    return;
+  }
+  if (!cursor.take("THEN")) cursor.refuse(cursor.at, "GOTO or THEN after a condition");
+  cursor.skip_blanks();
+  if (cursor.here() != '#') cursor.refuse(cursor.at, "a variable that is set after THEN");
+  ++at_;
+  if (holds) assign(cursor);
+}
+
+/// Lines of DO with those of their END, and back.
+const std::unordered_map<std::size_t, std::size_t>& Flow::loops() {
+  Program& program = *calls_.back().program;
+  if (program.loops) return *program.loops;
+  program.loops.emplace();
+  std::vector<std::pair<int, std::size_t>> open;
+  for (std::size_t i = program.first; i < program.end; ++i) {
+    const int mark = loop_mark(source().lines[i]);
+    if (mark > 0) open.emplace_back(mark, i);
+    if (mark >= 0) continue;
+    const auto begin = std::find_if(open.rbegin(), open.rend(),
+                                    [&](const auto& one) { return one.first == -mark; });
+    if (begin == open.rend()) continue;
+    program.loops->emplace(begin->second, i);
+    program.loops->emplace(i, begin->second);
+    open.erase(std::prev(begin.base()), open.end());
+  }
+  return *program.loops;
+}
+
+void Flow::begin_loop(Cursor& cursor, std::size_t from, bool conditional) {
+  bool again = true;
+  if (conditional) {
+    const double result = bracketed(cursor, grammar(), *this);
+    again = !is_vacant(result) && result != 0.0;
+    if (!cursor.take("DO")) cursor.refuse(cursor.at, "DO after the condition of a loop");
+  }
+  const int number = whole_value(cursor, most_loops, "a loop");
+  if (number < 1) cursor.refuse(from, "DO1, DO2 or DO3");
+  ends(cursor);
+  const auto end = loops().find(at_);
+  if (end == loops().end())
+    run_.canon.refuse(cursor.cause(from), fmt::format("END{} behind it", number), "none");
+  at_ = again ? at_ + 1 : end->second + 1;
+}
+
+void Flow::end_loop(Cursor& cursor, std::size_t from) {
+  const int number = whole_value(cursor, most_loops, "a loop");
+  ends(cursor);
+  const auto begin = loops().find(at_);
+  if (begin == loops().end())
+    run_.canon.refuse(cursor.cause(from), fmt::format("DO{} before it", number), "none");
+  at_ = begin->second;
+}
+
+/// To the sequence number: the next one of the program, else from its beginning.
+void Flow::jump(int number, const Cause& cause) {
+  Program& program = *calls_.back().program;
+  if (!program.sequence) {
+    program.sequence.emplace();
+    for (std::size_t i = program.first; i < program.end; ++i)
+      if (const Head head = head_of(source().lines[i]); head.sequence >= 0)
+        program.sequence->emplace_back(head.sequence, i);
+    std::sort(program.sequence->begin(), program.sequence->end());
+  }
+  const auto& all = *program.sequence;
+  auto found = std::upper_bound(all.begin(), all.end(), std::pair(number, at_));
+  if (found == all.end() || found->first != number)
+    found = std::lower_bound(all.begin(), all.end(), std::pair(number, std::size_t(0)));
+  if (found == all.end() || found->first != number)
+    run_.canon.refuse(cause, fmt::format("N{} in the program", number), "none");
+  at_ = found->second;
+}
+
+/// In a file of its own in the folder of the program.
+Program* Flow::program_in_file(int number) {
+  const std::filesystem::path& folder = run_.options().folder;
+  if (folder.empty()) return nullptr;
+  for (const std::string& stem : {fmt::format("O{:04}", number), fmt::format("O{}", number)})
+    for (const char* ending : {"", ".nc", ".NC"}) {
+      std::error_code failure;
+      const std::filesystem::path file = folder / (stem + ending);
+      if (!std::filesystem::is_regular_file(file, failure)) continue;
+      if (sources_.size() == most_sources)
+        run_.canon.refuse({1, {}}, "at most 1000 files of subprograms", "more");
+      auto source = std::make_unique<Source>();
+      source->text = read_text(file, most_file);
+      Lines all(source->text);
+      while (const auto one = all.next()) source->lines.push_back(*one);
+      source->file = run_.canon.add_file(file.string());
+      sources_.push_back(std::move(source));
+      add_programs(sources_.size() - 1);
+      std::vector<Program>& programs = sources_.back()->programs;
+      const auto own = std::find_if(programs.begin(), programs.end(),
+                                    [&](const Program& p) { return p.number == number; });
+      return own != programs.end()          ? &*own
+             : programs.front().number == 0 ? &programs.front()
+                                            : nullptr;
+    }
+  return nullptr;
+}
+
+/// In the file of the main program, else in a file of its name.
+Program* Flow::find_program(int number, const Cause& cause) {
+  if (const auto known = found_.find(number); known != found_.end()) return known->second;
+  Program* program = nullptr;
+  for (Program& one : sources_[0]->programs)
+    if (one.number == number && number != 0 && program == nullptr) program = &one;
+  if (program == nullptr) program = program_in_file(number);
+  if (program == nullptr)
+    run_.canon.refuse(
+        cause, fmt::format("a program O{:04} in the file, or O{:04}.nc beside it", number, number),
+        "none");
+  found_.emplace(number, program);
+  return program;
+}
+
+void Flow::enter(Program* program, Call call, const Cause& cause) {
+  run_.check_depth(int(calls_.size()), cause);
+  call.program = program;
+  if (call.macro) {
+    variables_.enter();
+    for (const auto& [number, value] : call.arguments)
+      if (!variables_.set(number, value, Variables::Of::Call))
+        run_.canon.refuse(cause, "fewer variables", "too many");
+  }
+  calls_.push_back(std::move(call));
+  at_ = program->first;
+}
+
+/// M98 and M99.
+void Flow::call_subprogram() {
+  const Code& code = block_[Group::Call];
+  const Word &p = block_['P'], &l = block_['L'];
+  if (code.tenths == 990) {
+    const std::optional<int> to =
+        p ? std::optional(whole(run_.canon, p, 99'999'999)) : std::nullopt;
+    return leave(to, code.word);
+  }
+  if (!p) run_.canon.refuse(code.word, "P (program) beside M98", "none");
+  int number = whole(run_.canon, p, 99'999'999);
+  int repeats = l ? whole(run_.canon, l, most_repeats) : 1;
+  if (number > 9999 && !l) {
+    repeats = number / 10000;
+    number %= 10000;
+  }
+  if (repeats < 1) return;
+  enter(find_program(number, p), {.back = at_, .left = repeats - 1}, p);
+}
+
+/// A B C D ... as the control assigns them to local variables; I J K up to ten times.
+std::vector<std::pair<int, double>> Flow::arguments_of(const Block& block) {
+  static constexpr int local_of[26] = {1, 2, 3, 7,  8,  9,  0,  11, 4,  5,  6,  0,  13,
+                                       0, 0, 0, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26};
+  std::vector<std::pair<int, double>> values;
+  int set = 0, last = -1;
+  for (const Word& word : block.arguments) {
+    int local = local_of[word.letter - 'A'];
+    if (local == 0) run_.canon.refuse(word, "an argument of A to F, H to K, M, Q to Z");
+    if (word.letter >= 'I' && word.letter <= 'K') {
+      const int index = word.letter - 'I';
+      if (index <= last) ++set;
+      last = index;
+      local = 4 + 3 * set + index;
+      if (set > 9) run_.canon.refuse(word, "I J K at most ten times");
+    }
+    const bool counts = std::string_view("DHMST").find(word.letter) != std::string_view::npos;
+    if ((word.letter == 'E' || word.letter == 'F') && !word.pointed && word.value != 0.0)
+      run_.canon.refuse(word, "a decimal point in an argument E or F");
+    values.emplace_back(local, counts ? word.value : machine_.argument(word));
+  }
+  return values;
+}
+
+/// G65 and G66.
+void Flow::call_macro() {
+  const Code& code = block_[Group::Macro];
+  const Word &p = block_['P'], &l = block_['L'];
+  if (!p) run_.canon.refuse(code.word, "P (program) beside " + shown(code.word.text), "none");
+  for (const Code& other : block_.codes)
+    if (other && &other != &code)
+      run_.canon.refuse(other.word, "a block of its own for " + shown(code.word.text));
+  const int number = whole(run_.canon, p, 99'999'999);
+  const int repeats = l ? whole(run_.canon, l, most_repeats) : 1;
+  Program* program = find_program(number, p);
+  auto arguments = arguments_of(block_);
+  if (code.tenths == 660) {
+    if (modal_) run_.canon.refuse(code.word, "G67 before another G66");
+    modal_ = Modal{number, repeats, std::move(arguments), p};
+    return;
+  }
+  if (repeats < 1) return;
+  enter(program,
+        {.back = at_, .left = repeats - 1, .macro = true, .arguments = std::move(arguments)}, p);
+}
+
+/// The arguments of G66 are set once: a call finds what the one before it left.
+void Flow::keep_locals() {
+  modal_->arguments.clear();
+  for (int number = 1; number <= 33; ++number)
+    if (const auto value = variables_.number(number, Variables::Of::Call))
+      modal_->arguments.emplace_back(number, *value);
+}
+
+/// M99, with or without the sequence number to go on with in the caller.
+void Flow::leave(std::optional<int> to, const Cause& cause) {
+  if (calls_.size() == 1) {
+    if (to) return jump(*to, cause);
+    run_.warn_once("M99 ends the main program, which a control would begin once more");
+    ended_ = true;
+    return;
+  }
+  Call& call = calls_.back();
+  if (call.left > 0 && !to) {
+    --call.left;
+    at_ = call.program->first;
+    if (!call.macro) return;
+    Call again = std::move(call);
+    if (again.modal && modal_) {
+      keep_locals();
+      again.arguments = modal_->arguments;
+    }
+    calls_.pop_back();
+    variables_.leave();
+    Program* program = again.program;
+    return enter(program, std::move(again), cause);
+  }
+  at_ = call.back;
+  if (call.modal && modal_) keep_locals();
+  if (call.macro) variables_.leave();
+  calls_.pop_back();
+  if (to) jump(*to, cause);
+}
+
+void Flow::end_of_program() {
+  const Call ended = calls_.back();
+  at_ = ended.back;
+  calls_.pop_back();
+  if (ended.macro) variables_.leave();
+  const program::NcPlace place = run_.canon.place();
+  throw BadInput(place.file, place.line, 0, fmt::format("M99 of O{:04}", ended.program->number),
+                 "its end");
+}
+
+}  // namespace abbe::sim::dialects::fanuc

@@ -1,0 +1,178 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string_view>
+
+#include "sim/dialects/cutter_compensation.h"
+#include "sim/dialects/fanuc_block.h"
+#include "sim/dialects/program_run.h"
+
+namespace abbe::sim::dialects::fanuc {
+
+inline constexpr std::string_view axis_letters = "XYZABCUVW";
+
+/// A Fanuc control as its words command it: modes, coordinate systems, tools, and the moves that
+/// they make on the canon.
+class Machine {
+ public:
+  explicit Machine(ProgramRun& run);
+
+  /// @return false at the end of the program
+  bool execute(const Block& block);
+  /// The block executed last moved axes, as G66 asks.
+  bool moved() const { return moved_; }
+  /// What is still to be put out, at the end of the program.
+  void finish() { compensation_.finish(); }
+
+  /// A number of an address in program units, the decimal point in place.
+  double argument(const Word& word);
+  /// System variables. @return none where the control has no such variable that can be read
+  std::optional<double> variable(int number);
+  /// @return false where there is none that can be set
+  bool set_variable(int number, double value);
+  /// Sequence and program number, for variables that say them.
+  void note_numbers(int sequence, int program);
+
+ private:
+  using AxisVector = kinematics::AxisVector;
+  using Words = std::vector<std::pair<int, const Word*>>;
+  struct Geometry {
+    std::optional<double> value;  ///< mm; none where nobody has said it
+    double wear = 0.0;            ///< mm
+  };
+  using Offsets = std::map<int, Geometry>;
+
+  // fanuc_machine.cpp
+  [[noreturn]] void refuse(const Cause& cause, std::string expected,
+                           std::optional<std::string> seen = {}) const {
+    canon_.refuse(cause, std::move(expected), std::move(seen));
+  }
+  void check_words(const Block& block) const;
+  std::string letters_taken(const Block& block) const;
+  void set_modes(const Block& block);
+  void set_feed(const Block& block);
+  void set_spindle(const Block& block);
+  void call_tools(const Block& block);
+  void end_cycle();
+  void set_motion(const Block& block);
+  void check_alone(const Block& block) const;
+  void one_shot(const Block& block);
+  void dwell(const Block& block);
+  const Word* first_axis_word(const Block& block) const;
+  Cause cause_of(const Block& block) const;
+  double unit() const;
+  double counted(const Word& word, double increment);
+  int joint(int k) const { return canon_.joint_of(axis_letters[std::size_t(k)]); }
+  /// mm, of an address that is a length; degrees, of one that is an angle.
+  double length(const Word& word) { return argument(word) * unit(); }
+  double angle_of(const Word& word);
+  /// mm or rad of an axis word.
+  double axis_word(int j, const Word& word);
+  /// The axis words of a block with their joints.
+  Words axis_words(const Block& block) const;
+
+  // fanuc_offsets.cpp
+  const AxisVector& system(int number) const;
+  AxisVector base() const;
+  void apply_frame();
+  void choose_system(const Block& block);
+  void set_rotation(const Block& block);
+  void store_data(const Block& block);
+  void store_origin(const Block& block, bool additional);
+  void store_tool(const Block& block, int kind);
+  void shift_origin(const Block& block);
+  void set_tool_length(const Block& block);
+  void apply_length(const Cause& cause);
+  void compare_zeros(const Cause& cause);
+  double length_of(int h, const Cause& cause) const;
+  void set_compensation(const Block& block);
+  void check_free(const Cause& cause) const;
+
+  // fanuc_tilted.cpp
+  void tilt(const Block& block);
+  void turn_to_plane(const Block& block);
+  const kinematics::Chain& chain(const Cause& cause) const;
+  /// Positions of the rotary axes, (axes), that give the direction, by Fanuc's rule of two.
+  AxisVector rotary_positions(const Eigen::Vector3d& direction_w, const Cause& cause);
+  AxisVector by_direction(const Block& block, AxisVector end);
+  void check_tilted(const Target& target, const Cause& cause) const;
+  bool tip_words() const { return length_mode_ == 434 || length_mode_ == 435; }
+
+  // fanuc_motion.cpp
+  void move(const Block& block);
+  Target target_of(const Block& block, bool machine);
+  void polar_words(const Block& block, Target& target);
+  void straight(const Block& block, AxisVector end, std::uint32_t stated);
+  void arc(const Block& block, AxisVector end, std::uint32_t stated);
+  void find_centre(const Block& block, program::ArcMove& arc);
+  void put_straight(program::Straight move, bool rapid);
+  void reference(const Block& block);
+  void to_axes(const Block& block);
+  void set_surface_speed(double x_from, double x_to);
+  std::string_view plane_letters() const {
+    return plane_ == 170 ? "XY" : plane_ == 180 ? "ZX" : "YZ";
+  }
+
+  // fanuc_cycles.cpp
+  void cycle(const Block& block);
+  void take_cycle_words(const Block& block);
+  void cycle_holes(const Block& block);
+  void hole(const AxisVector& place);
+  void bottom_of_hole();
+  void pecks();
+  void bore_from_behind();
+  void turn_for_tap(int direction);
+  void to_level(double level, bool rapid);
+  void shift_tool(double by);
+
+  // fanuc_variables.cpp
+  std::optional<double> mode(int group) const;
+  std::optional<double> modal_word(int number) const;
+  struct OffsetVariable {
+    Offsets* of = nullptr;
+    int number = 0;
+    bool wear = false;
+  };
+  OffsetVariable offset(int number);
+  AxisVector* origin(int number, int& k);
+  int axis_of(int k) const;
+  double shown_value(int j, const AxisVector& q) const;
+
+  ProgramRun& run_;
+  program::Canon& canon_;
+  Compensation compensation_;
+  bool moved_ = false, warned_of_point_ = false;
+
+  int motion_ = 0, plane_ = 170, cycle_code_ = 800, length_mode_ = 490, cutter_ = 400;
+  bool incremental_ = false, to_r_ = false, surface_speed_ = false, rigid_ = false;
+  double speed_ = 0.0, most_rpm_ = 1e6;  ///< S as it stands; of G96 m/min
+  int tool_ = 0, selected_ = -1, h_ = 0, d_ = 0, last_m_ = 0, sequence_ = 0, program_ = 0;
+
+  Offsets lengths_, radii_;
+  int system_ = 1;                     ///< 1 to 6: G54 to G59; 100 + P: G54.1
+  std::map<int, AxisVector> systems_;  ///< (axes)
+  AxisVector external_, g92_, g52_, zero_;
+  std::optional<Eigen::Matrix3d> rotation_;  ///< of G68 or G68.2
+  Eigen::Vector3d centre_{0, 0, 0};          ///< of G68: what stays; of G68.2: the origin
+  bool tilted_ = false;
+  bool seen_axis_length_ = false, seen_tip_length_ = false;
+  std::optional<kinematics::Chain> free_slides_;  ///< of the chain in use
+  const kinematics::Chain* free_slides_of_ = nullptr;
+  std::vector<int> ranks_;  ///< its rotary joints
+
+  struct Polar {
+    bool on = false;
+    double radius = 0.0, angle = 0.0;  ///< mm, degrees
+    Eigen::Vector2d centre{0, 0};
+  } polar_;
+
+  struct Cycle {
+    double r = 0.0, bottom = 0.0, initial = 0.0, q = 0.0, dwell_s = 0.0;  ///< levels: program
+    bool begun = false;
+    AxisVector at;  ///< where the tool is, in program coordinates
+    Cause cause;
+  } cycle_;
+};
+
+}  // namespace abbe::sim::dialects::fanuc

@@ -1,0 +1,203 @@
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/dialects/fanuc_machine.h"
+
+namespace abbe::sim::dialects::fanuc {
+
+using kinematics::AxisVector;
+using program::ArcMove;
+using program::Coordinates;
+using program::Straight;
+
+/// The words of G16: of the axes of the plane the first is a radius about the origin, under G91
+/// about where the tool stands, the second an angle, under G91 from the one before.
+void Machine::polar_words(const Block& block, Target& target) {
+  const std::string_view plane = plane_letters();
+  const Word &r = block[plane[0]], &a = block[plane[1]];
+  if (!r && !a) return;
+  const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
+  const AxisVector p =
+      canon_.unplaced(compensation_.on() || compensation_.leaving() ? compensation_.programmed()
+                                                                    : canon_.position());
+  if (r) {
+    polar_.radius = length(r);
+    polar_.centre = incremental_ ? Eigen::Vector2d(p[first], p[second]) : Eigen::Vector2d(0, 0);
+  }
+  if (a) polar_.angle = angle_of(a) + (incremental_ ? polar_.angle : 0.0);
+  const double angle = polar_.angle * units::deg;
+  const Word& word = r ? r : a;
+  target.to(first, polar_.centre.x() + polar_.radius * std::cos(angle), word);
+  target.to(second, polar_.centre.y() + polar_.radius * std::sin(angle), word);
+}
+
+Target Machine::target_of(const Block& block, bool machine) {
+  Target target;
+  const std::string_view plane = plane_letters();
+  for (const auto& [j, word] : axis_words(block)) {
+    if (polar_.on && !machine && plane.find(word->letter) != std::string_view::npos) continue;
+    const double value = axis_word(j, *word);
+    if (incremental_ && !machine)
+      target.by(j, value, *word);
+    else
+      target.to(j, value, *word);
+  }
+  if (polar_.on && !machine) polar_words(block, target);
+  return target;
+}
+
+/// Under G96 a block runs at the speed that belongs to its middle.
+void Machine::set_surface_speed(double x_from, double x_to) {
+  const double radius = std::abs(0.5 * (x_from + x_to));
+  const double rpm = radius > 0 ? speed_ * 1000.0 / (2 * pi * radius) : most_rpm_;
+  canon_.set_spindle_speed(std::min(rpm, most_rpm_));
+}
+
+void Machine::put_straight(Straight move, bool rapid) {
+  if (surface_speed_) {
+    const double from = canon_.programmed()[joint(0)];
+    set_surface_speed(from, from + move.end[joint(0)] - canon_.position()[joint(0)]);
+  }
+  if (rapid)
+    canon_.traverse(std::move(move));
+  else
+    canon_.straight_feed(std::move(move));
+}
+
+void Machine::straight(const Block& block, AxisVector end, std::uint32_t stated) {
+  Straight move{std::move(end), cause_of(block), false, stated};
+  if (compensation_.on()) return compensation_.straight(std::move(move), motion_ == 0);
+  put_straight(std::move(move), motion_ == 0);
+}
+
+void Machine::find_centre(const Block& block, ArcMove& arc) {
+  const std::string_view letters = plane_ == 170 ? "IJK" : plane_ == 180 ? "KIJ" : "JKI";
+  const std::string pair = plane_ == 170 ? "I J" : plane_ == 180 ? "I K" : "J K";
+  const Word &first = block[letters[0]], &second = block[letters[1]];
+  if (const Word& outside = block[letters[2]])
+    refuse(outside, fmt::format("{} in the plane of G{}", pair, plane_ / 10));
+  if (!first && !second)
+    refuse(arc.cause, fmt::format("{} or R beside {}", pair, arc.clockwise ? "G2" : "G3"), "none");
+  const Eigen::Vector2d words(first ? length(first) : 0.0, second ? length(second) : 0.0);
+  const AxisVector at = compensation_.on() ? compensation_.programmed() : canon_.position();
+  if (!canon_.frame().rotation) {
+    arc.centre = words + Eigen::Vector2d(at[arc.first], at[arc.second]);
+    return;
+  }
+  AxisVector p = canon_.unplaced(at);
+  p[arc.first] += words.x();
+  p[arc.second] += words.y();
+  arc.placed_centre = canon_.placed(std::move(p));
+  arc.centre = {arc.placed_centre[arc.first], arc.placed_centre[arc.second]};
+}
+
+void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
+  const std::string_view plane = plane_letters();
+  const Cause cause = cause_of(block);
+  ArcMove arc{.first = canon_.joint_of(plane[0]),
+              .second = canon_.joint_of(plane[1]),
+              .end = std::move(end),
+              .centre = {0, 0},
+              .clockwise = motion_ == 20,
+              .cause = cause,
+              .named = cause,
+              .stated = stated};
+  if (arc.first < 0 || arc.second < 0)
+    refuse(cause, fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
+  if (length_mode_ == 435) refuse(cause, "G1 under G43.5");
+  if (const Word& radius = block['R']) {
+    for (const char letter : {'I', 'J', 'K'})
+      if (block[letter]) refuse(block[letter], "either R or I J K");
+    if (compensation_.on())
+      arc.centre = compensation_.centre_of_radius(arc, length(radius), radius);
+    else
+      arc.radius = length(radius);
+    arc.named = radius;
+  } else {
+    find_centre(block, arc);
+  }
+  if (compensation_.on()) return compensation_.arc(std::move(arc));
+  if (surface_speed_) {
+    const int x = joint(0);
+    const double from = canon_.programmed()[x];
+    set_surface_speed(from, from + arc.end[x] - canon_.position()[x]);
+  }
+  canon_.arc(std::move(arc));
+}
+
+void Machine::move(const Block& block) {
+  const bool axis = first_axis_word(block) != nullptr;
+  const bool is_arc = motion_ == 20 || motion_ == 30;
+  const bool arc_words = block['I'] || block['J'] || block['K'] || block['R'];
+  if (cycle_code_ != 800) {
+    if (axis || block[Group::Cycle]) cycle(block);
+    return;
+  }
+  const bool turns = length_mode_ == 435 && arc_words && !is_arc;
+  if (!axis && !turns && !(is_arc && arc_words)) return;
+  moved_ = true;
+  const Cause cause = cause_of(block);
+  const Target target = target_of(block, false);
+  check_tilted(target, cause);
+  const bool beside = compensation_.on() || compensation_.leaving();
+  AxisVector end = beside ? compensation_.end_of(target) : canon_.end_of(target);
+  if (compensation_.leaving() && is_arc) refuse(cause, "a line as the first move after G40");
+  compensation_.left_behind();
+  if (length_mode_ == 435) end = by_direction(block, std::move(end));
+  if (is_arc)
+    arc(block, std::move(end), target.stated());
+  else
+    straight(block, std::move(end), target.stated());
+}
+
+/// G53: positions of the axes, at once.
+void Machine::to_axes(const Block& block) {
+  const Code& code = block[Group::OneShot];
+  if (incremental_) refuse(code.word, "G90 beside G53");
+  if (block.tenths(Group::Motion) > 10) refuse(block[Group::Motion].word, "G0 beside G53");
+  const Target target = target_of(block, true);
+  if (target.empty()) refuse(code.word, "an axis word beside G53", "none");
+  moved_ = true;
+  compensation_.left_behind();
+  canon_.go_to(Coordinates::Axis, code.word);
+  put_straight({.end = canon_.end_of(target, true),
+                .cause = code.word,
+                .without_offset = true,
+                .stated = target.stated()},
+               true);
+  if (canon_.tip_mode()) canon_.go_to(Coordinates::Tip, code.word);
+}
+
+/// G28, G30: over the point of the words to the reference position of their axes.
+void Machine::reference(const Block& block) {
+  const Code& code = block[Group::OneShot];
+  if (const Word& p = block['P']; p && whole(canon_, p, 4) < 2) refuse(p, "P2 P3 or P4 beside G30");
+  const Target words = target_of(block, false);
+  if (words.empty()) refuse(code.word, "an axis word beside " + shown(code.word.text), "none");
+  moved_ = true;
+  compensation_.left_behind();
+  put_straight({.end = canon_.end_of(words), .cause = code.word, .stated = words.stated()}, true);
+  const AxisVector stored = program::start_of(canon_.options());
+  std::string where;
+  for (const auto& axis : canon_.options().axes)
+    if (const int j = canon_.joint_of(axis.name); j >= 0)
+      where +=
+          fmt::format(" {}{:g}", axis.name, stored[j] / (canon_.is_linear(j) ? 1.0 : units::deg));
+  run_.warn_once(
+      "G28 and G30 go to the reference position, which is taken to be where the axes "
+      "stand at first:" +
+      where);
+  canon_.go_to(Coordinates::Axis, code.word);
+  AxisVector end = canon_.position();
+  for (int j = 0; j < int(end.size()); ++j)
+    if (words.has(j)) end[j] = stored[j];
+  put_straight({.end = std::move(end), .cause = code.word, .without_offset = true}, true);
+  if (canon_.tip_mode()) canon_.go_to(Coordinates::Tip, code.word);
+}
+
+}  // namespace abbe::sim::dialects::fanuc

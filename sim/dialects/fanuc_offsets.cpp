@@ -1,0 +1,292 @@
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <Eigen/Geometry>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/dialects/fanuc_machine.h"
+
+namespace abbe::sim::dialects::fanuc {
+
+using kinematics::AxisVector;
+
+namespace {
+constexpr int most_additional = 300;  // G54.1 P
+constexpr int most_offsets = 999;     // D and H
+constexpr double same_length = 1e-9;  // mm
+constexpr double same_zero = 1e-6;    // mm
+constexpr double one_plane = 1e-14;   // rad^2 / 2: turned about what is across it alone
+}  // namespace
+
+const AxisVector& Machine::system(int number) const {
+  const auto found = systems_.find(number);
+  return found == systems_.end() ? zero_ : found->second;
+}
+
+AxisVector Machine::base() const { return external_ + system(system_) + g92_ + g52_; }
+
+/// Program to axes: turned about the centre of G68 or to the plane of G68.2, then shifted.
+void Machine::apply_frame() {
+  program::Frame frame{base(), rotation_};
+  if (rotation_) {
+    const Eigen::Vector3d rest =
+        tilted_ ? centre_ : Eigen::Vector3d(centre_ - *rotation_ * centre_);
+    for (int k = 0; k < 3; ++k) frame.shift[joint(k)] += rest[k];
+  }
+  canon_.set_frame(system_ - 1, std::move(frame));
+}
+
+/// Nothing that a change of the coordinate systems would leave in doubt.
+void Machine::check_free(const Cause& cause) const {
+  if (rotation_) refuse(cause, "G69 before " + shown(cause.text));
+  if (compensation_.on()) refuse(cause, "G40 before " + shown(cause.text));
+}
+
+void Machine::choose_system(const Block& block) {
+  const Code& code = block[Group::WorkOffset];
+  const Word& p = block['P'];
+  int number = (code.tenths - 530) / 10;
+  if (code.tenths == 541 || (code.tenths == 540 && p)) {
+    if (!p) refuse(code.word, "P (number of the coordinate system) beside G54.1", "none");
+    number = whole(canon_, p, most_additional);
+    if (number < 1) refuse(p, "a coordinate system of P1 to P300");
+    number += 100;
+  }
+  if (number == system_) return;
+  check_free(code.word);
+  system_ = number;
+  apply_frame();
+}
+
+void Machine::set_rotation(const Block& block) {
+  const Code& code = block[Group::Rotation];
+  if (code.tenths == 690) {
+    rotation_.reset();
+    tilted_ = false;
+    apply_frame();
+    apply_length(code.word);
+    return move(block);
+  }
+  for (int k = 0; k < 3; ++k)
+    if (joint(k) < 0) refuse(code.word, "a machine with X Y Z beside " + shown(code.word.text));
+  if (rotation_) refuse(code.word, "G69 before another " + shown(code.word.text));
+  if (cycle_code_ != 800) refuse(code.word, "G80 before " + shown(code.word.text));
+  if (code.tenths == 682) return tilt(block);
+  for (const char letter : {'I', 'J', 'K'})
+    if (block[letter]) refuse(block[letter], "G68.2 for a coordinate system turned in space");
+  const Word& r = block['R'];
+  if (!r) refuse(code.word, "R (angle) beside G68", "none");
+  const std::string_view plane = plane_letters();
+  const AxisVector here = canon_.programmed();
+  for (int k = 0; k < 3; ++k) {
+    const char letter = axis_letters[std::size_t(k)];
+    const bool inside = plane.find(letter) != std::string_view::npos;
+    if (block[letter] && !inside) refuse(block[letter], "a centre in the plane beside G68");
+    centre_[k] = !inside ? 0.0 : block[letter] ? length(block[letter]) : here[joint(k)];
+  }
+  Eigen::Vector3d across = Eigen::Vector3d::Zero();
+  across[plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0] = 1.0;
+  rotation_ = Eigen::AngleAxisd(angle_of(r) * units::deg, across).toRotationMatrix();
+  apply_frame();
+}
+
+void Machine::store_origin(const Block& block, bool additional) {
+  const Code& code = block[Group::OneShot];
+  const Word& p = block['P'];
+  if (!p) refuse(code.word, "P (coordinate system) beside G10", "none");
+  const int number = whole(canon_, p, additional ? most_additional : 6);
+  if (additional && number < 1) refuse(p, "a coordinate system of P1 to P300");
+  if (block['R']) refuse(block['R'], "axis words beside G10 L2 and L20");
+  check_free(code.word);
+  AxisVector& origin =
+      !additional && number == 0
+          ? external_
+          : systems_.try_emplace(additional ? 100 + number : number, zero_).first->second;
+  for (const auto& [j, word] : axis_words(block))
+    origin[j] = axis_word(j, *word) + (incremental_ ? origin[j] : 0.0);
+  apply_frame();
+}
+
+void Machine::store_tool(const Block& block, int kind) {
+  const Code& code = block[Group::OneShot];
+  const Word &p = block['P'], &r = block['R'];
+  if (!p || !r) refuse(code.word, "P (number) and R (value) beside G10 of a tool", "one of them");
+  if (const Word* axis = first_axis_word(block)) refuse(*axis, "R beside G10 of a tool");
+  const int number = whole(canon_, p, most_offsets);
+  if (number < 1) refuse(p, "an offset of P1 to P999");
+  Geometry& one = kind < 12 ? lengths_[number] : radii_[number];
+  const double before = kind % 2 == 0 ? one.value.value_or(0.0) : one.wear;
+  const double value = length(r) + (incremental_ ? before : 0.0);
+  if (kind % 2 == 0)
+    one.value = value;
+  else
+    one.wear = value;
+}
+
+void Machine::store_data(const Block& block) {
+  const Word& l = block['L'];
+  const int kind = l ? whole(canon_, l, 999) : -1;
+  switch (kind) {
+    case 2:
+    case 20:
+      return store_origin(block, kind == 20);
+    case 10:
+    case 11:
+    case 12:
+    case 13:
+      return store_tool(block, kind);
+    default:
+      refuse(l ? Cause(l) : Cause(block[Group::OneShot].word),
+             "L2 L20 L10 L11 L12 or L13 beside G10", l ? shown(l.text) : "none");
+  }
+}
+
+/// G52, G92 and G92.1.
+void Machine::shift_origin(const Block& block) {
+  const Code& code = block[Group::OneShot];
+  const Words words = axis_words(block);
+  if (words.empty()) {
+    if (code.tenths == 920 && block['S']) return;
+    refuse(code.word, "an axis word beside " + shown(code.word.text), "none");
+  }
+  check_free(code.word);
+  if (code.tenths == 920 && tip_words()) refuse(code.word, "G49 before G92");
+  const AxisVector here = canon_.programmed();
+  for (const auto& [j, word] : words) {
+    if (code.tenths == 920)
+      g92_[j] += here[j] - axis_word(j, *word);
+    else
+      g52_[j] = code.tenths == 520 ? axis_word(j, *word) : 0.0;
+    if (code.tenths == 921) g92_[j] = 0.0;
+  }
+  apply_frame();
+}
+
+double Machine::length_of(int h, const Cause& cause) const {
+  if (h == 0) return 0.0;
+  if (const auto found = lengths_.find(h); found != lengths_.end() && found->second.value)
+    return *found->second.value + found->second.wear;
+  std::string known;
+  for (const auto& [number, one] : lengths_)
+    if (one.value) known += fmt::format(" H{}", number);
+  refuse(cause,
+         "a tool length that is known (" + (known.empty() ? "none is" : known.substr(1)) + ")",
+         fmt::format("H{}", h));
+}
+
+void Machine::set_tool_length(const Block& block) {
+  const Code& code = block[Group::ToolLength];
+  const Word& h = block['H'];
+  if (h) h_ = whole(canon_, h, most_offsets);
+  if (!code && length_mode_ == 490) return;
+  const Cause cause = code ? Cause(code.word) : Cause(h);
+  if (compensation_.on()) refuse(cause, "no other tool length under G41 or G42");
+  if (code) length_mode_ = code.tenths;
+  if (length_mode_ == 490) h_ = 0;
+  const int z = joint(2);
+  if (z < 0) refuse(cause, "a machine with a Z axis");
+  const auto shift_of_z = [&] {
+    const AxisVector& shift = canon_.tool_shift();
+    return shift.size() > 0 ? shift[z] : 0.0;
+  };
+  const double before = shift_of_z();
+  const bool tip_before = canon_.tip_mode();
+  apply_length(cause);
+  const double change = shift_of_z() - before;
+  if (change == 0.0 || tip_before || canon_.tip_mode() || block['Z']) return;
+  const double reference = program::start_of(canon_.options())[z];
+  if (length_mode_ == 490 && canon_.position()[z] == reference) return;
+  run_.warn_once(
+      "a change of the tool length without a Z word moves nothing (parameter 5006.6 TOS = 1); a "
+      "control with TOS = 0 moves Z by it");
+}
+
+/// Puts the length in force: as a shift of Z, or in the chain that the tip is counted with.
+void Machine::apply_length(const Cause& cause) {
+  const bool has = length_mode_ != 490 && h_ != 0;
+  const int h = has ? h_ : -1;
+  const double mm = has ? length_of(h, cause) : 0.0;
+  if (!tilted_ && !tip_words()) {
+    AxisVector shift;
+    if (has) {
+      shift = zero_;
+      shift[joint(2)] = length_mode_ == 440 ? -mm : mm;
+    }
+    canon_.call_length(h, cause);
+    canon_.set_tool_shift(std::move(shift));
+    canon_.set_tip_mode(false, cause);
+    seen_axis_length_ = seen_axis_length_ || has;
+    return compare_zeros(cause);
+  }
+  if (length_mode_ == 440) refuse(cause, "G43 for a tool length in a tilted plane");
+  if (tip_words() && !has) refuse(cause, "H (tool length) beside G43.4 and G43.5", "none");
+  const auto& known = canon_.options().tool_length;
+  const auto own = known.find(h);
+  if (has && (own == known.end() || std::abs(own->second - mm) > same_length))
+    refuse(cause,
+           "the length of the tool as the scene has it: the tip is counted with that chain, and "
+           "G10 does not change it",
+           fmt::format("{} mm", mm));
+  const bool of_tool = canon_.options().control_of_h.contains(tool_);
+  canon_.set_tool_shift({});
+  canon_.call_length(has ? h : of_tool ? tool_ : -1, cause);
+  canon_.set_tip_mode(true, cause);
+  seen_tip_length_ = seen_tip_length_ || has;
+  compare_zeros(cause);
+}
+
+/// A control's words count from one point under G43 and G43.4; here an offset is one of the axes
+/// and one of the tip, which the length of the tool brings together or not.
+void Machine::compare_zeros(const Cause& cause) {
+  if (!seen_axis_length_ || !seen_tip_length_ || length_mode_ == 490 || h_ == 0) return;
+  AxisVector axes = base();
+  const int n = int(axes.size());
+  for (int j = 0; j < n; ++j)
+    if (!canon_.is_linear(j)) axes[j] = 0.0;
+  const Eigen::Vector3d under_tip(axes[joint(0)], axes[joint(1)], axes[joint(2)]);
+  axes[joint(2)] += length_of(h_, cause);
+  const Eigen::Vector3d apart = chain(cause).tool_in_workpiece(axes).translation() - under_tip;
+  if (apart.norm() <= same_zero) return;
+  run_.warn_once(fmt::format(
+      "with the rotary axes at zero X Y Z under G43 H{} lead to a point {:.6g} {:.6g} {:.6g} mm "
+      "from where they lead under G43.4 and G68.2: tool_length_mm of the program, or where the "
+      "nose stands with the axes at zero, does not fit",
+      h_, apart.x(), apart.y(), apart.z()));
+}
+
+void Machine::set_compensation(const Block& block) {
+  const Code& code = block[Group::CutterRadius];
+  if (const Word& d = block['D']) {
+    const int number = whole(canon_, d, most_offsets);
+    if (compensation_.on() && number != d_ && code.tenths != 400) refuse(d, "G40 before another D");
+    d_ = number;
+  }
+  if (!code) return;
+  cutter_ = code.tenths;
+  if (code.tenths == 400) return compensation_.end();
+  if (compensation_.on()) refuse(code.word, "G40 before another G41 or G42");
+  const std::string_view plane = plane_letters();
+  const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
+  if (first < 0 || second < 0)
+    refuse(code.word,
+           fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
+  if (tip_words()) refuse(code.word, "G40 beside G43.4 and G43.5");
+  const int across = plane_ == 170 ? 2 : plane_ == 180 ? 1 : 0;
+  if (rotation_ && (*rotation_)(across, across) < 1.0 - one_plane)
+    refuse(code.word, "contours compensated beforehand in a tilted plane: no G41 and G42 there");
+  const auto known = radii_.find(d_);
+  const bool has = known != radii_.end() && known->second.value;
+  if (!has && d_ != 0)
+    refuse(block['D'] ? Cause(block['D']) : Cause(code.word), "a tool whose radius is known",
+           fmt::format("D{}", d_));
+  const double radius = has ? *known->second.value + known->second.wear : 0.0;
+  run_.warn_once(
+      "cutter compensation arrives beside the end of its first move and goes around outside "
+      "corners in arcs (parameter 19607.2 CCC = 1); with CCC = 0 a control goes around in lines");
+  compensation_.begin(code.tenths == 410, radius, {first, second});
+}
+
+}  // namespace abbe::sim::dialects::fanuc

@@ -1,0 +1,217 @@
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <vector>
+
+#include "sim/dialects/fanuc.h"
+#include "sim/dialects/fanuc_block.h"
+
+namespace abbe::sim::dialects {
+namespace fanuc {
+namespace {
+
+struct Line {
+  std::string_view words;
+  Group group;
+  Use use;
+  std::string_view sentence;
+};
+
+constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
+
+constexpr Line g_lines[] = {
+    {"G0 G1", Group::Motion, read, "rapid, in force at first; line"},
+    {"G2 G3", Group::Motion, read,
+     "arc clockwise, counter-clockwise, helix too; I J K from the start, or R"},
+    {"G2.2 G3.2 G2.3 G3.3 G6.2", Group::None, refused,
+     "lines and arcs: involutes, exponential curves and NURBS are not read"},
+    {"G2.4 G3.4", Group::None, refused,
+     "lines, or arcs in a plane: a circle in space through a middle point is not read"},
+    {"G4", Group::OneShot, read, "dwell, X or U in seconds, P in milliseconds, alone in its block"},
+    {"G5 G5.1 G8", Group::Alone, none,
+     "contour control, smoothing and look-ahead: abbe cuts the exact path"},
+    {"G7.1 G107 G12.1 G112", Group::None, refused,
+     "X Y Z as they are: no interpolation on a cylinder or in polar coordinates"},
+    {"G9 G61 G62 G63 G64", Group::None, none,
+     "exact stop, corner override, tapping and cutting mode: abbe cuts the exact path"},
+    {"G10", Group::OneShot, read,
+     "L2 L20: origin of G54 to G59 (P0: of all) or of G54.1; L10 L11 L12 L13: length, its wear, "
+     "radius, its wear of a tool; adds under G91"},
+    {"G10.6 G27 G29 G30.1", Group::None, refused, "moves to a reference position by G28 or G30"},
+    {"G11 G13.1 G113", Group::None, none, "end of what G10 and G12.1 begin"},
+    {"G15 G16", Group::Polar, read,
+     "end of, and polar coordinates: the first axis of the plane is a radius, the second an angle"},
+    {"G17 G18 G19", Group::Plane, read, "plane X Y, Z X, Y Z"},
+    {"G20 G21", Group::Units, read, "inch, mm"},
+    {"G22 G23 G25 G26", Group::Alone, none, "checks of stored strokes and of spindle speed"},
+    {"G28 G30", Group::OneShot, read,
+     "rapid over the point of the words to the reference position of these axes, which is where "
+     "they stand at first; of G30 too"},
+    {"G31 G37", Group::None, refused,
+     "no probing: a virtual part is read by instruments (abbe measure)"},
+    {"G33", Group::None, refused, "G84 or G1: no thread is cut by a single point on a mill"},
+    {"G40", Group::CutterRadius, read, "cutter compensation off"},
+    {"G41 G42", Group::CutterRadius, read, "cutter compensation left, right, by the radius D"},
+    {"G40.1 G41.1 G42.1 G41.2 G42.2 G41.3 G41.4 G42.4 G41.5 G42.5 G41.6 G42.6", Group::None,
+     refused, "G41 or G42: no compensation in space, no control of a normal direction"},
+    {"G43 G44", Group::ToolLength, read,
+     "tool length H added to Z, subtracted; the axes do not move by it alone (5006.6 TOS = 1)"},
+    {"G43.4", Group::ToolLength, read,
+     "X Y Z are the tip of tool H in the workpiece, rotary words axis positions; the axes do not "
+     "move when it is switched"},
+    {"G43.5", Group::ToolLength, read,
+     "the same, but I J K are the direction of the tool at the end of a block, from the tip to the "
+     "spindle"},
+    {"G43.1 G43.3 G43.7 G45 G46 G47 G48", Group::None, refused,
+     "G43, G43.4 or G43.5 for the length of a tool"},
+    {"G49", Group::ToolLength, read, "no tool length; the end of G43.4 and G43.5"},
+    {"G50 G50.1", Group::None, none,
+     "end of scaling and of mirror images, of which there are none"},
+    {"G51 G51.1", Group::None, refused, "coordinates as they are: no scaling, no mirror images"},
+    {"G52", Group::OneShot, read, "shift on top of all coordinate systems"},
+    {"G53", Group::OneShot, read, "rapid to positions of the axes, without offsets, under G90"},
+    {"G53.1", Group::OneShot, read,
+     "turns the rotary axes so that the tool is along Z of the tilted plane, slides at rest; of "
+     "two "
+     "solutions the one that turns the first axis less (of head and table: the table)"},
+    {"G53.6", Group::OneShot, read, "the same with the tip at rest"},
+    {"G54 G55 G56 G57 G58 G59", Group::WorkOffset, read, "coordinate system, as the scene says it"},
+    {"G54.1", Group::WorkOffset, read,
+     "coordinate system P 1 to 300, at zero first; G54 P the same"},
+    {"G54.2 G54.4", Group::None, refused, "G54 to G59 or G54.1: no dynamic offsets of a fixture"},
+    {"G60", Group::None, refused, "G0: how far it goes beyond its end is a parameter"},
+    {"G65", Group::Macro, read, "calls program P with arguments, L times"},
+    {"G66 G67", Group::Macro, read, "calls it after every block that moves, until G67"},
+    {"G66.1", Group::None, refused, "G66: no call for each block"},
+    {"G68", Group::Rotation, read, "turns the coordinate system in the plane by R about a point"},
+    {"G68.2", Group::Rotation, read,
+     "tilted plane: origin X Y Z, Euler angles I about Z, J about the new X, K about the new Z"},
+    {"G68.3 G68.4", Group::None, refused, "G68.2 with Euler angles"},
+    {"G69", Group::Rotation, read, "end of G68 and G68.2"},
+    {"G70 G71 G72 G75 G77 G78 G79", Group::None, refused,
+     "a milling program: cycles of lathes and grinding machines are not read"},
+    {"G72.1 G72.2", Group::None, refused, "M98: no copies turned or shifted"},
+    {"G73 G83", Group::Cycle, read, "drilling with pecks Q: chips broken; cleared"},
+    {"G74 G84", Group::Cycle, read, "tapping left, right, the spindle reversed at the bottom"},
+    {"G76 G87", Group::Cycle, read,
+     "fine boring, boring from behind: the spindle stands, the tool is shifted by Q along +X"},
+    {"G80", Group::Cycle, read, "end of a cycle"},
+    {"G81 G82", Group::Cycle, read, "drilling; with dwell P"},
+    {"G84.2 G84.3", Group::None, refused, "M29 and G84 or G74 for rigid tapping"},
+    {"G85 G86 G89", Group::Cycle, read,
+     "boring: feed out; spindle stops, rapid out; dwell, feed out"},
+    {"G88", Group::None, refused, "G86 or G89: no operator returns the spindle by hand"},
+    {"G90 G91", Group::Distance, read, "absolute, incremental"},
+    {"G92", Group::OneShot, read,
+     "shift of all coordinate systems, so that the axes stand at the words; with S alone the "
+     "largest speed of G96"},
+    {"G92.1", Group::OneShot, read, "ends what G92 and G52 did to these axes"},
+    {"G93 G94 G95", Group::FeedMode, read,
+     "F: inverse time, in every block; per minute; per turn of the spindle"},
+    {"G96", Group::SpeedMode, read,
+     "S is a surface speed: a block runs at the speed of its middle"},
+    {"G97", Group::SpeedMode, read, "S is a speed in rpm"},
+    {"G98 G99", Group::ReturnLevel, read, "cycles return to the level before; to R"},
+};
+
+constexpr Line m_lines[] = {
+    {"M0 M1", Group::Stop, none, "stops"},
+    {"M2 M30", Group::Stop, read, "end of the program"},
+    {"M3 M4 M5", Group::Spindle, read, "spindle clockwise, counter-clockwise, off"},
+    {"M6", Group::ToolChange, read, "change to the tool of T"},
+    {"M7 M8 M9 M88 M89", Group::Coolant, none, "coolant, M88 M89 through the tool"},
+    {"M10 M11", Group::None, none, "rotary axes clamped, free"},
+    {"M19", Group::None, none, "spindle orientation"},
+    {"M29", Group::RigidTap, read, "rigid tapping: the cycle turns the spindle itself"},
+    {"M48 M49", Group::None, none, "overrides: abbe runs at 100 %"},
+    {"M96 M97", Group::None, refused, "no interrupts: there is no signal"},
+    {"M98", Group::Call, read,
+     "calls program P, L times; P of up to 8 digits: repeats, then program"},
+    {"M99", Group::Call, read, "return, P to this sequence number; of the main program its end"},
+    {"M198", Group::None, refused, "M98: programs stand in the file or beside it"},
+};
+
+constexpr WordUse other_words[] = {
+    {"O : N F S T D H", read,
+     "program, sequence number, feed, speed, tool, radius and length by number"},
+    {"X Y Z A B C U V W", read, "axes of the machine; mm or inch, degrees"},
+    {"1 1.", read,
+     "without a decimal point a length or angle counts in 0.001 mm, 0.001 degrees or 0.0001 inch "
+     "(3401.0 DPI = 0, IS-B); with it as it is, in all its digits"},
+    {"#1...#33 #100...#199 #500...#999", read,
+     "variables of a macro call, of the program; #0 and what is not set are vacant: their words "
+     "are left out"},
+    {"#2001...#2400 #10001...#13999", read,
+     "offsets: wear and length H, wear (#12001...) and radius (#13001...) D"},
+    {"#3000 #3006", read, "alarm, which is a refusal; stop"},
+    {"#3003 #3004", none, "single block and feed hold"},
+    {"#4001...#4130", read, "modes of groups 1 to 10, 12 to 17; D F H M N O S T and P of G54.1"},
+    {"#5001...#5009 #5021...#5029 #5041...#5049", read,
+     "programmed position; of the axes; with the tool's length; X Y Z, then the others by letter"},
+    {"#5081...#5089 #5201...#5329 #7001...#7959", read,
+     "tool length in force; origins of all, G54 to G59 and G54.1 P1 to P48"},
+    {"[ ] + - * / MOD AND OR XOR EQ NE GT GE LT LE", read,
+     "expressions: * / MOD AND first, then + - OR XOR, then comparisons, each from the left"},
+    {"ABS ACOS ASIN ATAN COS EXP FIX FUP LN POW ROUND SIN SQRT TAN", read,
+     "functions, degrees; ATAN[y]/[x] from 0 to 360; ROUND in a word to its least increment"},
+    {"BIN BCD ADP SETVN", refused, "numbers as they are"},
+    {"IF GOTO THEN WHILE DO END", read, "conditions, jumps to N, loops 1 to 3"},
+    {"ELSE ENDIF", refused, "IF with GOTO, or with THEN in one line"},
+    {"( ) ; %", read,
+     "comments, those with the diameter of a tool are noted; end of a block; tape marks. What "
+     "stands behind / is left out"},
+    {"POPEN PCLOS DPRNT BPRNT", none, "output"},
+};
+
+/// Tenths of a code as "G54.1" names it.
+int tenths_of(std::string_view word) {
+  double number = 0.0;
+  std::from_chars(word.data() + 1, word.data() + word.size(), number);
+  return int(std::lround(number * 10));
+}
+
+constexpr int most_tenths = 10000;
+using Facts = std::array<std::vector<CodeFact>, 2>;  // of G and M, by tenths
+
+Facts all_facts() {
+  Facts facts;
+  for (auto& one : facts) one.resize(most_tenths);
+  const auto add = [&](const Line& line) {
+    for (std::size_t at = 0; at < line.words.size();) {
+      const std::size_t end = std::min(line.words.find(' ', at), line.words.size());
+      const std::string_view word = line.words.substr(at, end - at);
+      facts[word[0] == 'M'][std::size_t(tenths_of(word))] = {true, line.group, line.use,
+                                                             line.sentence};
+      at = end + 1;
+    }
+  };
+  for (const Line& line : g_lines) add(line);
+  for (const Line& line : m_lines) add(line);
+  return facts;
+}
+
+}  // namespace
+
+const CodeFact& fact_of(char letter, int tenths) {
+  static const Facts facts = all_facts();
+  static const CodeFact unknown;
+  if (tenths < 0 || tenths >= most_tenths) return unknown;
+  return facts[letter == 'M'][std::size_t(tenths)];
+}
+
+}  // namespace fanuc
+
+std::span<const WordUse> fanuc_words() {
+  static const std::vector<WordUse> all = [] {
+    std::vector<WordUse> words;
+    for (const fanuc::Line& line : fanuc::g_lines)
+      words.push_back({line.words, line.use, line.sentence});
+    for (const fanuc::Line& line : fanuc::m_lines)
+      words.push_back({line.words, line.use, line.sentence});
+    words.insert(words.end(), std::begin(fanuc::other_words), std::end(fanuc::other_words));
+    return words;
+  }();
+  return all;
+}
+
+}  // namespace abbe::sim::dialects

@@ -1,0 +1,315 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <random>
+
+#include "sim/dialects/bad_program.h"
+#include "sim/dialects/read_program.h"
+#include "tests/program/machines.h"
+
+namespace abbe::sim::dialects {
+namespace {
+
+namespace fs = std::filesystem;
+namespace machines = program::test;
+
+constexpr int x = 1, y = 2, z = 3;  // joints of the gantry
+
+ReadOptions fanuc_options() {
+  ReadOptions options;
+  options.control = machines::options_for(machines::gantry());
+  options.control.tool_radius = {{1, 3.0}, {2, 0.5}};
+  options.dialect = Dialect::Fanuc;
+  return options;
+}
+
+ReadProgram fanuc_read(const std::string& text, const ReadOptions& with = fanuc_options()) {
+  return read_program(text, "part.nc", with);
+}
+
+std::string fanuc_refusal(const std::string& text, const ReadOptions& with = fanuc_options()) {
+  try {
+    read_program(text, "part.nc", with);
+  } catch (const BadInput& fault) {
+    return fault.what();
+  }
+  return "accepted";
+}
+
+/// Where the program ends, (axes).
+kinematics::AxisVector end_of_program(const std::string& text) {
+  return fanuc_read(text).path.blocks.back().end;
+}
+
+TEST(Fanuc, NumbersWithoutADecimalPointCountInTheLeastIncrement) {
+  const ReadProgram metric = fanuc_read("G1 X100 Y-2.5 Z0 F300\nX200\n");
+  EXPECT_DOUBLE_EQ(metric.path.blocks[0].end[x], 0.1);
+  EXPECT_EQ(metric.path.blocks[0].end[y], -2.5);
+  EXPECT_DOUBLE_EQ(metric.path.blocks[1].end[x], 0.2);
+  ASSERT_EQ(metric.warnings.size(), 1u) << "once";
+  EXPECT_NE(metric.warnings[0].find("part.nc:1: X100 has no decimal point and is 0.1:"),
+            std::string::npos)
+      << metric.warnings[0];
+  const ReadProgram inch = fanuc_read("G20 G1 X100 F10.\nC90000\n");
+  EXPECT_DOUBLE_EQ(inch.path.blocks[0].end[x], 100 * 0.0001 * 25.4);
+  EXPECT_DOUBLE_EQ(inch.path.blocks[1].end[0], 90 * units::deg) << "angles have no inches";
+  EXPECT_TRUE(fanuc_read("G1 X1. Y0 F300\n").warnings.empty()) << "zero is zero";
+  EXPECT_EQ(fanuc_read("#1=100\nG1 X#1 F300\n").path.blocks[0].end[x], 100.0)
+      << "variables are as they are";
+  EXPECT_NE(fanuc_refusal("G20 G1 X1. F10\n").find("a decimal point in F"), std::string::npos);
+  EXPECT_NE(fanuc_refusal("G4 P1.5\n").find("milliseconds"), std::string::npos);
+  EXPECT_NE(fanuc_refusal("S1000. M3\n").find("without a decimal point"), std::string::npos);
+}
+
+TEST(Fanuc, ArgumentsGoToTheVariablesOfTheManual) {
+  // B-63684EN, custom macro, mixture of argument specifications I and II: of I4.0 and D5.0, both
+  // for #7, the later one is valid
+  const std::string show = "\nM30\nO1\nX#1 Y#2 Z#4\nX#7\nIF[#3EQ#0]GOTO1\nX99.\nN1 M99\n";
+  const program::Path path = fanuc_read("O9\nG65 P1 A1.0 B2.0 I-3.0 I4.0 D5.0" + show).path;
+  ASSERT_EQ(path.blocks.size(), 2u);
+  EXPECT_EQ(path.blocks[0].end[x], 1.0);
+  EXPECT_EQ(path.blocks[0].end[y], 2.0);
+  EXPECT_EQ(path.blocks[0].end[z], -3.0);
+  EXPECT_EQ(path.blocks[1].end[x], 5.0);
+  EXPECT_NE(fanuc_refusal("O9\nG65 P1 N1" + show).find("sequence number first"), std::string::npos);
+  EXPECT_NE(fanuc_refusal("O9\nG65 P1 F1" + show).find("a decimal point in an argument"),
+            std::string::npos);
+  EXPECT_NE(fanuc_refusal("O9\nG65 P1 K1. K1. K1. K1. K1. K1. K1. K1. K1. K1. K1." + show)
+                .find("at most ten times"),
+            std::string::npos);
+}
+
+TEST(Fanuc, LocalVariablesAreOfTheirCallAndThoseOfG66Stay) {
+  EXPECT_EQ(end_of_program("O9\n#1=5.\nG65 P1 A1.\nX#1\nM30\nO1\n#1=7.\nX2.\nM99\n")[x], 5.0);
+  EXPECT_EQ(end_of_program("O9\n#1=5.\nM98 P1\nX#1\nM30\nO1\n#1=7.\nX2.\nM99\n")[x], 7.0)
+      << "M98 has none of its own";
+  EXPECT_EQ(end_of_program("O9\nG66 P1 A1.\nX2.\nX3.\nM30\nO1\nY#1\n#1=#1+1.\nM99\n")[y], 2.0)
+      << "arguments of G66 are set once";
+}
+
+TEST(Fanuc, RefusesByName) {
+  const auto refused = [](const std::string& text, const std::string& sentence) {
+    const std::string seen = fanuc_refusal(text);
+    EXPECT_NE(seen.find(sentence), std::string::npos) << text << seen;
+    EXPECT_EQ(seen.find("part.nc:"), 0u) << text << seen;
+  };
+  refused("G02.4 X1.\n", "a circle in space");
+  refused("G3.4 X1.\n", "a circle in space");
+  refused("G51 X1. P2.\n", "no scaling");
+  refused("G51.1 X0.\n", "no mirror images");
+  refused("G71 U1. R1.\n", "cycles of lathes");
+  refused("G31 Z-1.\n", "no probing");
+  refused("G187\n", "a G code of Fanuc's milling controls");
+  refused("M77\n", "a M code of Fanuc's milling controls");
+  refused("G1 X1. ,R2.\n", "not expanded");
+  refused("X#2500\n", "a variable of #1 to #33");
+  refused("#5001=1\n", "a variable that can be set");
+  refused("#3000=7(NO TOOL)\n", "no alarm of the program, seen #3000 = 7 NO TOOL");
+  refused("G53.1\n", "G68.2 before G53.1");
+  refused("G68.2 X0. Y0. Z0. I0. J30. K0.\nX1.\n", "a tool that leans by 30.000 degrees");
+  refused("G68.2 X0. Y0. Z0. I0. J30. K0.\nG53.1\nZ1.\n", "G43 H before a Z word");
+  refused("G68.2 P1 X0. Y0. Z0. I0. J30. K0.\n", "Euler angles I J K");
+  refused("G43.4 H1\nG68.2 I0. J30. K0.\n", "G49 before G68.2");
+  refused("G43.4\n", "H (tool length)");
+  refused("G43 H9\n", "a tool length that is known (H1 H2), seen H9");
+  refused("G41 D9\n", "a tool whose radius is known, seen D9");
+  refused("G91 G53 X0.\n", "G90 beside G53");
+  refused("G66 P1\n", "a program O0001 in the file, or O0001.nc beside it");
+  refused("G88 Z1. R1.\n", "no operator");
+  refused("IF[1EQ1]\n", "GOTO or THEN");
+  refused("ELSE\n", "IF with GOTO");
+  refused("#1=BIN[2]\n", "numbers as they are");
+  refused("G10 L10 P1 R50.\nG43.4 H1\n", "the length of the tool as the scene has it");
+}
+
+TEST(Fanuc, AllFaultsAreReportedTogether) {
+  EXPECT_EQ(fanuc_refusal("G1 X1. F100.\nG12.3 X5.\nX[1/0]\nG31 Z1.\nY#[-1]\nX3.\n"),
+            "part.nc:2:1: expected a G code of Fanuc's milling controls, seen G12.3\n"
+            "part.nc:3:4: expected a divisor that is not zero, seen /0]\n"
+            "part.nc:4:1: expected no probing: a virtual part is read by instruments (abbe "
+            "measure), seen G31\n"
+            "part.nc:5:2: expected a variable of #0 to #99999, seen #[-1]");
+  ReadOptions with = fanuc_options();
+  with.on_unknown = OnUnknown::Warn;
+  const ReadProgram read = fanuc_read("G1 X1. F100.\nG187 P1\nM77\nG187\n", with);
+  ASSERT_EQ(read.skipped.size(), 3u);  // G187 P1 M77
+  EXPECT_EQ(read.skipped[0].count, 2u);
+  EXPECT_NE(fanuc_refusal("G187 X1.\n", with).find("no axis words beside a code that is skipped"),
+            std::string::npos);
+}
+
+TEST(Fanuc, WhatNeverEndsIsRefusedInBoundedTime) {
+  ReadOptions with = fanuc_options();
+  with.limits.blocks = 100000;
+  for (const char* text :
+       {"N1 GOTO1\n", "WHILE[1EQ1]DO1\nEND1\n", "DO1\nEND1\n",
+        "O1\nM98 P2 L9999999\nM30\nO2\nM99\n", "O1\nG65 P2 L9999999\nM30\nO2\nM99\n",
+        "M99 P1\nN1 M99 P1\n", "G91 G99 G81 X1. Z-1. R1. K1000000 F100.\n"})
+    EXPECT_NE(fanuc_refusal(text, with).find("100000 blocks"), std::string::npos) << text;
+  EXPECT_NE(fanuc_refusal("O1\nM98 P1\nM30\n", with).find("50 calls"), std::string::npos);
+  EXPECT_NE(fanuc_refusal("O1\nG66 P2\nX1.\nM30\nO2\nG65 P2\nM99\n", with).find("50 calls"),
+            std::string::npos);
+  EXPECT_NE(fanuc_refusal("G99 G83 X1. Z-10. R1. Q0.00001 F100.\n", with).find("1e5 pecks"),
+            std::string::npos);
+  EXPECT_NE(fanuc_refusal("X" + std::string(100000, '[') + "\n").find("100 brackets"),
+            std::string::npos);
+  with.limits.variables = 10;
+  std::string many;
+  for (int i = 1; i < 30; ++i) many += "#" + std::to_string(i) + "=1\n";
+  EXPECT_NE(fanuc_refusal(many, with).find("at most 10 variables"), std::string::npos);
+}
+
+TEST(Fanuc, BrokenFlowIsRefusedWithItsPlace) {
+  EXPECT_EQ(fanuc_refusal("GOTO7\n"), "part.nc:1:1: expected N7 in the program, seen none");
+  EXPECT_EQ(fanuc_refusal("WHILE[1EQ1]DO1\n"), "part.nc:1:1: expected END1 behind it, seen none");
+  EXPECT_EQ(fanuc_refusal("END2\n"), "part.nc:1:1: expected DO2 before it, seen none");
+  EXPECT_EQ(fanuc_refusal("DO4\nEND4\n").substr(0, 13), "part.nc:1:3: ");
+  EXPECT_EQ(fanuc_refusal("O1\nM98 P2\nM30\nO2\nX1.\n"),
+            "part.nc:5: expected M99 of O0002, seen its end");
+}
+
+TEST(Fanuc, SubprogramsInTheFolderAreNamedInRefusals) {
+  const fs::path folder = fs::temp_directory_path() / "abbe_fanuc_subs";
+  fs::create_directories(folder);
+  std::ofstream(folder / "O1234.nc") << "%\nO1234 (HOLE)\nG0 X#24\nG31 Z1.\nM99\n%\n";
+  ReadOptions with = fanuc_options();
+  with.folder = folder;
+  EXPECT_NE(fanuc_refusal("G65 P1234 X5.\n", with).find("O1234.nc:4:1: expected no probing"),
+            std::string::npos);
+  std::ofstream(folder / "O1234.nc") << "G0 X#24\nM99\n";
+  const program::Path path = fanuc_read("M98 P1234\nG65 P1234 X5.\nY1.\n", with).path;
+  ASSERT_EQ(path.blocks.size(), 2u);
+  EXPECT_EQ(path.blocks[0].file, 1);
+  EXPECT_EQ(path.blocks[0].line, 1);
+  EXPECT_EQ(path.blocks[0].end[x], 5.0);
+  EXPECT_EQ(path.blocks[1].file, 0);
+  fs::remove_all(folder);
+}
+
+/// Programs of what Fanuc and LinuxCNC have in common.
+std::string common_program(std::mt19937& random) {
+  std::uniform_real_distribution<double> anywhere(-50, 50), angle(0.1, 6.2);
+  const auto number = [&](double v) { return fmt::format("{:.4f}", v); };
+  std::string text = random() % 2 ? "G21" : "G20";
+  text += " G90 G94 G17 G80 F500.\nG0 X1. Y2. Z3.\n";
+  const std::string_view planes[] = {"XY", "ZX", "YZ"}, centres[] = {"IJ", "KI", "JK"};
+  std::size_t plane = 0;
+  for (int i = 0; i < 30; ++i) {
+    switch (random() % 7) {
+      case 0:
+        plane = random() % 3;
+        text += fmt::format("G{}\n", 17 + plane);
+        break;
+      case 1:
+        text += random() % 2 ? "G91\n" : "G90\n";
+        break;
+      case 2:
+        text += fmt::format("G{}\n", 54 + random() % 2);
+        break;
+      case 3: {
+        // an arc by steps: its ends lie on a circle
+        const double r = 5 + std::abs(anywhere(random)), a = angle(random), b = angle(random);
+        const double u = r * (std::cos(b) - std::cos(a)), v = r * (std::sin(b) - std::sin(a));
+        text +=
+            fmt::format("G91 G{} {}{} {}{} {}{} {}{}\nG90\n", 2 + random() % 2, planes[plane][0],
+                        number(u), planes[plane][1], number(v), centres[plane][0],
+                        number(-r * std::cos(a)), centres[plane][1], number(-r * std::sin(a)));
+        break;
+      }
+      default:
+        text += fmt::format("G{} X{} Y{} C{}\n", random() % 2, number(anywhere(random)),
+                            number(anywhere(random)), number(anywhere(random)));
+    }
+  }
+  return text + "M30\n";
+}
+
+TEST(Fanuc, WhatLinuxCncHasAsWellGivesTheSameBits) {
+  const unsigned seed = 20240711;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  ReadOptions with = fanuc_options();
+  with.control.work_offset[1] = machines::AxisVector::Zero(6);
+  with.control.work_offset[1] << 0.3, 1, 2, 3, 0, 0;
+  std::size_t blocks = 0;
+  for (int n = 0; n < 300; ++n) {
+    const std::string text = common_program(random);
+    SCOPED_TRACE(text);
+    const program::Path path = fanuc_read(text, with).path;
+    ReadOptions other = with;
+    other.dialect = Dialect::LinuxCnc;
+    const program::Path expected = read_program(text, "part.nc", other).path;
+    ASSERT_EQ(path.blocks.size(), expected.blocks.size());
+    for (std::size_t i = 0; i < path.blocks.size(); ++i) {
+      const program::Block &a = path.blocks[i], &b = expected.blocks[i];
+      ASSERT_EQ(a.line, b.line);
+      ASSERT_EQ(a.end, b.end) << "line " << a.line;
+      ASSERT_EQ(a.end_s, b.end_s) << "line " << a.line;
+      ASSERT_EQ(int(a.interpolation), int(b.interpolation));
+    }
+    blocks += path.blocks.size();
+  }
+  std::cout << blocks << " blocks the same to the bit\n";
+  EXPECT_GT(blocks, 3000u);
+}
+
+TEST(Fanuc, AttacksEndInAPathOrInARefusalWithItsPlace) {
+  const unsigned seed = 20240712;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  std::vector<std::string> goldens;
+  for (const auto& entry : fs::directory_iterator(ABBE_SOURCE_DIR "/tests/golden"))
+    if (entry.path().filename().string().starts_with("fanuc_"))
+      goldens.push_back(machines::file_text((entry.path() / "program.nc").string()));
+  ASSERT_GE(goldens.size(), 5u);
+  constexpr std::string_view bytes =
+      "GMXYZIJKRPQLFSTHDNO#[]=+-*/.0123456789 \n%();,ABCEDOWHILEIFGOTO";
+  ReadOptions with = fanuc_options();
+  with.limits.blocks = 3000;
+  int read = 0, refused = 0;
+  for (int n = 0; n < 1500; ++n) {
+    std::string text;
+    if (n % 4 == 0) {
+      for (int i = 0; i < 400; ++i) text += bytes[random() % bytes.size()];
+    } else {
+      text = goldens[random() % goldens.size()];
+      for (unsigned i = 0; i <= random() % 3; ++i) {
+        const std::size_t at = random() % text.size();
+        switch (random() % 4) {
+          case 0:
+            text[at] = char(random() % 256);
+            break;
+          case 1:
+            text[at] = bytes[random() % bytes.size()];
+            break;
+          case 2:
+            text.erase(at, random() % 20);
+            break;
+          default:
+            text.insert(at, text.substr(random() % text.size(), random() % 40));
+        }
+        if (text.empty()) text = "X";
+      }
+    }
+    try {
+      const ReadProgram result = read_program(text, "part.nc", with);
+      for (const program::Block& block : result.path.blocks) ASSERT_TRUE(block.end.allFinite());
+      ++read;
+    } catch (const BadProgram& bad) {
+      ++refused;
+      for (const BadInput& fault : bad.faults) {
+        ASSERT_GT(fault.line, 0) << fault.what();
+        ASSERT_EQ(fault.file, "part.nc");
+      }
+    }
+  }
+  std::cout << read << " read, " << refused << " refused\n";
+  EXPECT_GT(read, 100);
+  EXPECT_GT(refused, 500);
+}
+
+}  // namespace
+}  // namespace abbe::sim::dialects
