@@ -315,6 +315,8 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
   for (const ToolDescription& tool : scene.more_tools) believe_radius(*tool.number, tool);
   for (const ToolDescription& tool : scene.more_tools)
     options.tool_length.emplace(*tool.number, tool.length);
+  for (const ToolDescription& tool : tools_of(scene))
+    if (!tool.name.empty()) options.tool_number.emplace(tool.name, tool.number.value_or(1));
   if (!scene.more_tools.empty())
     for (const ToolDescription& tool : tools_of(scene))
       options.control_of_h.emplace(*tool.number, compile(with_tool(scene, *tool.number)).control);

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -20,6 +21,7 @@ struct NcOptions {
   kinematics::AxisVector start;       ///< (axes) where the axes stand at first
   std::map<int, double> tool_length;  ///< mm by H number; an unknown H is refused
   std::map<int, double> tool_radius;  ///< mm by D number, for cutter compensation
+  std::map<std::string, int, std::less<>> tool_number;  ///< by name, of those that have one
   std::array<kinematics::AxisVector, 6>
       work_offset{};                    ///< G54 .. G59, (axes) each; empty means zero
   double rapid_speed = 10000.0 / 60.0;  ///< mm/s along the way
