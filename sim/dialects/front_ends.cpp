@@ -5,6 +5,7 @@
 #include "sim/dialects/cl.h"
 #include "sim/dialects/fanuc.h"
 #include "sim/dialects/linuxcnc.h"
+#include "sim/dialects/siemens.h"
 
 namespace abbe::sim::dialects {
 
@@ -13,6 +14,7 @@ std::span<const FrontEnd> front_ends() {
       FrontEnd{Dialect::LinuxCnc, "LinuxCNC (RS274/NGC)", read_linuxcnc, linuxcnc_words},
       FrontEnd{Dialect::Cl, "CL (APT cutter locations, CSV)", read_cl, cl_words},
       FrontEnd{Dialect::Fanuc, "Fanuc (milling, custom macro B)", read_fanuc, fanuc_words},
+      FrontEnd{Dialect::Siemens, "Siemens 840D", read_siemens, siemens_words},
   };
   return all;
 }

@@ -1,0 +1,358 @@
+#include "sim/dialects/siemens_block.h"
+
+#include <algorithm>
+#include <cmath>
+#include <unordered_map>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+
+namespace abbe::sim::dialects::siemens {
+namespace {
+
+constexpr std::size_t longest_name = 100;
+constexpr std::size_t longest_block = 4096;
+constexpr std::size_t most_arguments = 100;
+
+bool is_name_byte(char c) { return is_letter(c) || is_digit(c) || c == '_'; }
+
+std::optional<Address> address_of(std::string_view name) {
+  using enum Address;
+  static const std::unordered_map<std::string_view, Address> all = {
+      {"X", X},   {"Y", Y},       {"Z", Z},     {"A", A},      {"B", B},   {"C", C},   {"U", U},
+      {"V", V},   {"W", W},       {"I", I},     {"J", J},      {"K", K},   {"I1", I1}, {"J1", J1},
+      {"K1", K1}, {"A3", A3},     {"B3", B3},   {"C3", C3},    {"CR", CR}, {"AR", AR}, {"AP", AP},
+      {"RP", RP}, {"TURN", TURN}, {"RPL", RPL}, {"F", F},      {"S", S},   {"T", T},   {"D", D},
+      {"P", P},   {"OFFN", OFFN}, {"S1", S},    {"LIMS", LIMS}};
+  const auto found = all.find(name);
+  return found == all.end() ? std::nullopt : std::optional(found->second);
+}
+
+/// Moves the cursor behind brackets that close again, texts in quotes passed over.
+void skip_brackets(Cursor& cursor, char open, char close) {
+  const std::size_t from = cursor.at;
+  int depth = 0;
+  for (bool quoted = false; !cursor.at_end(); ++cursor.at) {
+    const char c = cursor.here();
+    if (c == '"') quoted = !quoted;
+    if (quoted) continue;
+    if (c == open) ++depth;
+    if (c == close && --depth == 0) {
+      ++cursor.at;
+      return;
+    }
+  }
+  cursor.refuse(from, fmt::format("{} behind {}", close, open), "the end of the line");
+}
+
+bool at_assignment(const Cursor& cursor) {
+  Cursor ahead = cursor;
+  ahead.skip_blanks();
+  return ahead.here() == '=' && ahead.next() != '=';
+}
+
+}  // namespace
+
+void Block::clear() {
+  values.fill({});
+  codes.fill({});
+  coolant.clear();
+  tool_name.reset();
+  call.reset();
+  modal = false;
+}
+
+std::string name_at(Cursor& cursor) {
+  std::string name;
+  const std::size_t from = cursor.at;
+  if (!is_letter(cursor.here()) && cursor.here() != '_') return name;
+  for (; is_name_byte(cursor.here()); ++cursor.at) name += upper(cursor.here());
+  if (name.size() > longest_name)
+    cursor.refuse(from, "a name of at most 100 letters", "a longer one");
+  return name;
+}
+
+std::string quoted_at(Cursor& cursor) {
+  const std::size_t from = cursor.at++;
+  std::string text;
+  for (; cursor.here() != '"'; ++cursor.at) {
+    if (cursor.at_end()) cursor.refuse(from, "\" that ends the text on its line", "none");
+    text += cursor.here();
+  }
+  ++cursor.at;
+  return text;
+}
+
+std::vector<Argument> arguments_at(Cursor& cursor, Names& names) {
+  std::vector<Argument> all;
+  const std::size_t open = cursor.at++;
+  cursor.skip_blanks();
+  if (cursor.here() == ')') {
+    ++cursor.at;
+    return all;
+  }
+  while (true) {
+    cursor.skip_blanks();
+    const std::size_t from = cursor.at;
+    Argument one;
+    if (cursor.here() == '"')
+      one.text = quoted_at(cursor);
+    else if (auto text = names.text_variable(cursor))
+      one.text = std::move(text);
+    else if (cursor.here() != ',' && cursor.here() != ')')
+      one.number = number_at(cursor, names);
+    one.cause = cursor.cause(from);
+    all.push_back(std::move(one));
+    if (all.size() > most_arguments) cursor.refuse(open, "at most 100 parameters", "more");
+    cursor.skip_blanks();
+    if (cursor.here() == ')') break;
+    if (cursor.here() != ',') cursor.refuse(cursor.at, ", or ) behind a parameter");
+    ++cursor.at;
+  }
+  ++cursor.at;
+  return all;
+}
+
+Uncommented uncommented(std::string_view line) {
+  bool quoted = false;
+  for (std::size_t at = 0; at < line.size(); ++at) {
+    if (line[at] == '"') quoted = !quoted;
+    if (line[at] == ';' && !quoted) return {line.substr(0, at), line.substr(at + 1)};
+  }
+  return {line, std::nullopt};
+}
+
+namespace {
+
+class SiemensBlockReader {
+ public:
+  SiemensBlockReader(Cursor& cursor, ProgramRun& run, Names& names, Block& block)
+      : cursor_(cursor), run_(run), names_(names), block_(block) {}
+
+  void fill() {
+    for (cursor_.skip_blanks(); !cursor_.at_end(); cursor_.skip_blanks()) word();
+  }
+
+ private:
+  void word();
+  void short_word(std::size_t from);
+  void code(std::size_t from, char letter);
+  void put(std::size_t from, Address address, double value, Measure measure);
+  void put_fact(const Fact& fact, const Cause& cause);
+  void assigned(std::size_t from, const std::string& name);
+  void tool(std::size_t from);
+  void long_word(std::size_t from, const std::string& name);
+  void call(std::size_t from, const std::string& name);
+  void skip_value();
+  void unknown(std::size_t from, const std::string& expected);
+  std::optional<Measure> measure();
+
+  Cursor& cursor_;
+  ProgramRun& run_;
+  Names& names_;
+  Block& block_;
+};
+
+/// A word that the control has not, with all that belongs to it.
+void SiemensBlockReader::unknown(std::size_t from, const std::string& expected) {
+  skip_value();
+  run_.unknown(cursor_.cause(from), expected);
+}
+
+/// What may stand behind a word that is passed over: [...], (...), = and a value.
+void SiemensBlockReader::skip_value() {
+  if (cursor_.here() == '[') skip_brackets(cursor_, '[', ']');
+  cursor_.skip_blanks();
+  if (cursor_.here() == '(') skip_brackets(cursor_, '(', ')');
+  if (!at_assignment(cursor_)) return;
+  cursor_.take("=");
+  cursor_.skip_blanks();
+  if (cursor_.here() == '"')
+    quoted_at(cursor_);
+  else if (measure())
+    skip_brackets(cursor_, '(', ')');
+  else
+    number_at(cursor_, names_);
+}
+
+/// AC, IC, DC, ACP or ACN before a bracket, at which the cursor then stands.
+std::optional<Measure> SiemensBlockReader::measure() {
+  static constexpr std::pair<std::string_view, Measure> all[] = {{"ACP", Measure::Upwards},
+                                                                 {"ACN", Measure::Downwards},
+                                                                 {"AC", Measure::Absolute},
+                                                                 {"IC", Measure::Step},
+                                                                 {"DC", Measure::Shortest}};
+  for (const auto& [name, one] : all) {
+    const std::size_t before = cursor_.at;
+    if (!cursor_.take_word(name)) continue;
+    cursor_.skip_blanks();
+    if (cursor_.here() == '(') return one;
+    cursor_.at = before;
+  }
+  return std::nullopt;
+}
+
+void SiemensBlockReader::put(std::size_t from, Address address, double value, Measure measure) {
+  Value& place = block_.values[std::size_t(address)];
+  const Cause cause = cursor_.cause(from);
+  if (place)
+    run_.canon.refuse(cause, "one word of an address in a block",
+                      fmt::format("{} after {}", shown(cause.text), shown(place.cause.text)));
+  place = {value, cause, measure, true};
+}
+
+void SiemensBlockReader::put_fact(const Fact& fact, const Cause& cause) {
+  if (fact.use == Use::Refused) run_.canon.refuse(cause, std::string(fact.sentence));
+  if (fact.word == "MCALL") {
+    block_.modal = true;
+    block_.modal_cause = cause;
+    return;
+  }
+  if (fact.group == Group::None) {
+    if (fact.word == "M7" || fact.word == "M8" || fact.word == "M9")
+      block_.coolant.push_back(fact.word);
+    return;
+  }
+  Code& place = block_.codes[std::size_t(fact.group)];
+  if (place)
+    run_.canon.refuse(cause, "one word of a modal group in a block",
+                      fmt::format("{} after {}", shown(cause.text), shown(place.cause.text)));
+  place = {fact.word, cause};
+}
+
+/// G or M and a number.
+void SiemensBlockReader::code(std::size_t from, char letter) {
+  const auto number = cursor_.number(false);
+  if (!number) cursor_.refuse(from, fmt::format("a number after {}", letter));
+  const Cause cause = cursor_.cause(from);
+  const bool is_code = *number == std::floor(*number) && *number < 10000;
+  const Fact* fact = is_code ? fact_of(fmt::format("{}{}", letter, int(*number))) : nullptr;
+  if (fact == nullptr) return run_.unknown(cause, fmt::format("a {} code of Siemens", letter));
+  put_fact(*fact, cause);
+}
+
+/// Letter and number without =, as X10.5 or G1.
+void SiemensBlockReader::short_word(std::size_t from) {
+  const char letter = upper(cursor_.here());
+  ++cursor_.at;
+  if (letter == 'G' || letter == 'M') return code(from, letter);
+  if (letter == 'L') {
+    std::string name = "L";
+    for (; is_digit(cursor_.here()); ++cursor_.at) name += cursor_.here();
+    if (name.size() > longest_name) cursor_.refuse(from, "a name of at most 100 letters", "longer");
+    return call(from, name);
+  }
+  const auto number = cursor_.number();
+  if (!number) cursor_.refuse(from, fmt::format("a number after {}", letter));
+  const auto address = address_of(std::string_view(&letter, 1));
+  if (letter == 'H') return;
+  if (!address) return run_.unknown(cursor_.cause(from), "a word of Siemens");
+  put(from, *address, *number, Measure::Modal);
+}
+
+void SiemensBlockReader::tool(std::size_t from) {
+  if (block_.tool_name || block_[Address::T])
+    cursor_.refuse(from, "one word of an address in a block");
+  if (cursor_.here() == '"')
+    block_.tool_name = quoted_at(cursor_);
+  else
+    block_.tool_name = names_.text_variable(cursor_);
+  if (block_.tool_name)
+    block_.values[std::size_t(Address::T)] = {0.0, cursor_.cause(from), Measure::Modal, true};
+  else
+    put(from, Address::T, number_at(cursor_, names_), Measure::Modal);
+}
+
+/// A word with = behind its address.
+void SiemensBlockReader::assigned(std::size_t from, const std::string& name) {
+  const auto address = address_of(name);
+  const Fact* fact = fact_of(name);
+  if (!address && fact != nullptr && fact->use != Use::Read) {
+    skip_value();
+    return put_fact(*fact, cursor_.cause(from));
+  }
+  cursor_.take("=");
+  cursor_.skip_blanks();
+  if (name == "M1" || name == "M") {
+    const double value = number_at(cursor_, names_);
+    const Fact* code = fact_of(fmt::format("M{}", value));
+    if (code == nullptr) return run_.unknown(cursor_.cause(from), "an M code of Siemens");
+    return put_fact(*code, cursor_.cause(from));
+  }
+  if (name == "T") return tool(from);
+  const auto how = measure();
+  const double value = how ? bracketed(cursor_, grammar(), names_) : number_at(cursor_, names_);
+  if (name == "H") return;
+  if (!address) return run_.unknown(cursor_.cause(from), "an address or a variable");
+  put(from, *address, value, how.value_or(Measure::Modal));
+}
+
+void SiemensBlockReader::call(std::size_t from, const std::string& name) {
+  ProgramCall call{name, {}, false, cursor_.cause(from)};
+  cursor_.skip_blanks();
+  if (cursor_.here() == '(') {
+    call.arguments = arguments_at(cursor_, names_);
+    call.in_brackets = true;
+  }
+  if (block_.call) run_.canon.refuse(call.cause, "one cycle or subprogram in a block");
+  block_.call = std::move(call);
+}
+
+/// A word of several letters.
+void SiemensBlockReader::long_word(std::size_t from, const std::string& name) {
+  const Fact* fact = fact_of(name);
+  if (fact == nullptr) {
+    if (cursor_.here() == '[') return unknown(from, "a variable that is defined");
+    return call(from, name);
+  }
+  if (fact->use == Use::Read) {
+    if (name == "TRAORI" && cursor_.take("(")) {
+      --cursor_.at;
+      const std::vector<Argument> which = arguments_at(cursor_, names_);
+      if (which.size() > 1 || (which.size() == 1 && which[0].number != 1.0))
+        cursor_.refuse(from, "TRAORI or TRAORI(1): the machine has one transformation");
+    }
+    return put_fact(*fact, cursor_.cause(from));
+  }
+  skip_value();
+  put_fact(*fact, cursor_.cause(from));
+}
+
+void SiemensBlockReader::word() {
+  const std::size_t from = cursor_.at;
+  if (cursor_.here() == '$')
+    cursor_.refuse(from, "words and variables of the program: system data are not written");
+  if (names_.set_variable(cursor_)) return;
+  const char first = cursor_.here(), second = cursor_.next();
+  if (!is_letter(first) && first != '_') cursor_.refuse(from, "a word (letter and number)");
+  Cursor ahead = cursor_;
+  const std::string name = name_at(ahead);
+  if (at_assignment(ahead)) {
+    cursor_.at = ahead.at;
+    return assigned(from, name);
+  }
+  const bool has_number =
+      is_digit(second) || second == '+' || second == '-' || second == '.' || is_blank(second);
+  if (name.size() == 1 || (first != '_' && is_digit(second))) {
+    if (has_number) return short_word(from);
+    cursor_.refuse(from, fmt::format("a number or = after {}", upper(first)));
+  }
+  cursor_.at = ahead.at;
+  long_word(from, name);
+}
+
+}  // namespace
+
+void read_block(Cursor cursor, ProgramRun& run, Names& names, Block& block) {
+  block.clear();
+  if (cursor.text.size() > longest_block)
+    cursor.refuse(0, fmt::format("a block of at most {} characters", longest_block),
+                  fmt::format("{}", cursor.text.size()));
+  if (const std::size_t nul = cursor.text.find('\0'); nul != std::string_view::npos)
+    cursor.refuse(nul, "text", "a NUL byte");
+  SiemensBlockReader(cursor, run, names, block).fill();
+}
+
+}  // namespace abbe::sim::dialects::siemens

@@ -1,0 +1,141 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "sim/dialects/siemens_block.h"
+#include "sim/dialects/siemens_frame.h"
+#include "sim/dialects/siemens_turning.h"
+
+namespace abbe::sim::dialects::siemens {
+
+/// What came of a block.
+struct Executed {
+  bool moved = false;  ///< it had words of motion: a modal call follows
+  bool ends = false;   ///< the end of the program or subprogram
+};
+
+/// The control as its words command it: modes, frames, tools, and the moves that they make on the
+/// canon.
+class Machine {
+ public:
+  /// @param tool_changes_by_m6  M6 puts the tool of T into the spindle; else T does
+  Machine(ProgramRun& run, bool tool_changes_by_m6);
+
+  Executed execute(const Block& block);
+  /// Drilling cycles and CYCLE800. @return false where the control has no cycle of that name
+  bool cycle(const ProgramCall& call);
+  static bool is_cycle(std::string_view name);
+
+  /// Where an axis stands in the workpiece ($AA_IW) or as an axis ($AA_IM), mm or inch and degrees;
+  /// none where the machine has none of that letter.
+  std::optional<double> position(char letter, bool of_the_axis) const;
+
+ private:
+  using AxisVector = kinematics::AxisVector;
+
+  // siemens_machine.cpp
+  [[noreturn]] void refuse(const Cause& cause, std::string expected,
+                           std::optional<std::string> seen = {}) const {
+    canon_.refuse(cause, std::move(expected), std::move(seen));
+  }
+  void check_words(const Block& block) const;
+  void set_modes(const Block& block);
+  void set_feed(const Block& block);
+  void set_spindle(const Block& block);
+  void call_tools(const Block& block);
+  void note_coolant(const Block& block) const;
+  void dwell(const Block& block);
+  double unit() const { return canon_.inch() ? inch_mm : 1.0; }
+  int joint(int xyz) const { return canon_.joint_of("XYZ"[xyz]); }
+  const Value* first_axis_word(const Block& block) const;
+  Cause cause_of(const Block& block) const;
+
+  // siemens_tools.cpp
+  int number_of_tool(const Block& block) const;
+  bool one_length() const;
+  double length_of_tool(const Cause& cause) const;
+  void apply_tool();
+  /// Where the tip stands in the workpiece with all axes at zero, without tool if D0; none where
+  /// slides do not run along the workpiece's axes.
+  std::optional<Eigen::Vector3d> tip_at_zero() const;
+
+  // siemens_frames.cpp
+  bool tip_mode() const { return traori_ || (swivel_ && swivel_->turned); }
+  void apply_frame();
+  void change_transformation(const Code& code);
+  void frame_words(const Block& block);
+  Placement frame_of_words(const Block& block) const;
+  void swivel(const ProgramCall& call);
+  void unswivel();
+  void retract(int manner, double by, const Cause& cause);
+  void turn_to(const Eigen::Vector3d& direction_w, int preference, bool tip_stays,
+               const Cause& cause);
+  Eigen::Matrix3d total_rotation() const;
+
+  // siemens_motion.cpp
+  bool move(const Block& block);
+  Target target_of(const Block& block, bool machine) const;
+  void put_word(Target& target, int j, const Value& word, bool machine) const;
+  void put_polar(Target& target, const Block& block);
+  void set_pole(const Block& block);
+  void check_motion(const Block& block) const;
+  void put_straight(program::Straight move, bool rapid);
+  void to_machine(const Block& block);
+  void thread(const Block& block, AxisVector end);
+  void set_surface_speed(double x_from, double x_to);
+  /// Rotary axes of `end` by A3 B3 C3.
+  void point_tool(const Block& block, AxisVector& end) const;
+  /// A line that turns the tool on a great circle.
+  void great_circle(program::Straight move);
+
+  // siemens_arcs.cpp
+  struct Plane {
+    std::string_view letters;       ///< "XY"
+    std::array<Address, 3> centre;  ///< of the first axis, the second, the one across
+    int first = 0, second = 1;      ///< joints
+    int across = 2;
+  };
+  Plane plane(const Cause& cause) const;
+  void arc(const Block& block, const Target& target);
+  void arc_through(const Block& block, const Target& target);
+  void put_arc(const Block& block, program::ArcMove move);
+  AxisVector centre_of(const Block& block, const Plane& plane, const Cause& cause) const;
+
+  // siemens_cycles.cpp
+  friend class Hole;
+
+  static constexpr double inch_mm = 25.4;
+
+  ProgramRun& run_;
+  program::Canon& canon_;
+  const RotaryTurning turning_;
+  bool changes_by_m6_;
+  std::string_view motion_ = "G1";
+  int plane_ = 17;
+  bool incremental_ = false, inch_feed_ = false;
+  bool surface_speed_ = false;
+  double speed_ = 0.0, most_rpm_ = 1e7;
+  int selected_ = -1, tool_ = -1;  ///< of T; in the spindle
+  bool length_counts_ = true;      ///< D1
+  int system_ = 0;                 ///< of the scene, 0 G54; -1 G500
+  bool traori_ = false;
+  bool workpiece_frame_ = true;          ///< ORIWKS
+  std::optional<bool> on_great_circle_;  ///< of ORIVECT and ORIAXES
+  Placement programmable_;
+  AxisVector programmable_turns_;  ///< (axes) rad, mm of other slides
+  struct Swivel {
+    Placement frame;
+    bool turned = false;  ///< the rotary axes stand so that the tool is along its z
+  };
+  std::optional<Swivel> swivel_;
+  struct Pole {
+    Eigen::Vector2d at = {0, 0};
+    double radius = 0.0, angle_deg = 0.0;
+  } pole_;
+};
+
+}  // namespace abbe::sim::dialects::siemens

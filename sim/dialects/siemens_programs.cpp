@@ -1,0 +1,319 @@
+#include <algorithm>
+#include <array>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "sim/dialects/siemens_flow.h"
+
+namespace abbe::sim::dialects::siemens {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string in_capitals(std::string_view text) {
+  std::string all;
+  for (const char c : text) all += upper(c);
+  return all;
+}
+
+/// NAME of a head %_N_NAME_MPF or _SPF; none if the line is no head.
+std::optional<std::string> name_of_head(std::string_view line) {
+  const std::string text = in_capitals(line.substr(0, line.find_first_of(" \t;")));
+  if (!text.starts_with("%_N_")) return std::nullopt;
+  const std::string name = text.substr(4);
+  const bool ends = name.ends_with("_MPF") || name.ends_with("_SPF");
+  return ends ? name.substr(0, name.size() - 4) : name;
+}
+
+bool says_something(std::string_view line) {
+  return uncommented(line).block.find_first_not_of(" \t") != std::string_view::npos;
+}
+
+/// The programs of a text: at each head begins another. At least one.
+std::vector<std::unique_ptr<Program>> split(std::string_view text) {
+  std::vector<std::unique_ptr<Program>> all;
+  all.push_back(std::make_unique<Program>());
+  Lines lines(text);
+  while (const auto line = lines.next()) {
+    if (const auto name = name_of_head(*line)) {
+      Program& before = *all.back();
+      if (all.size() > 1 || std::any_of(before.lines.begin(), before.lines.end(), says_something))
+        all.push_back(std::make_unique<Program>());
+      else
+        before.lines.clear();
+      all.back()->name = *name;
+      all.back()->first_line = lines.number() + 1;
+      continue;
+    }
+    all.back()->lines.push_back(*line);
+  }
+  return all;
+}
+
+/// M6 or M06 as a word.
+bool has_m6(std::string_view line) {
+  for (std::size_t at = 0; at + 1 < line.size(); ++at) {
+    if (upper(line[at]) != 'M' || (at > 0 && is_letter(line[at - 1]))) continue;
+    std::size_t digit = at + 1;
+    while (digit < line.size() && line[digit] == '0') ++digit;
+    const bool is_six = digit < line.size() && line[digit] == '6';
+    if (is_six && (digit + 1 == line.size() || !is_digit(line[digit + 1]))) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+void Flow::take_programs(std::string_view text) { programs_ = split(text); }
+
+bool Flow::uses_m6() const {
+  return std::any_of(programs_.begin(), programs_.end(), [](const auto& program) {
+    return std::any_of(program->lines.begin(), program->lines.end(),
+                       [](std::string_view line) { return has_m6(uncommented(line).block); });
+  });
+}
+
+Program* Flow::program_of_file(const fs::path& file, const std::string& name) {
+  std::string text = read_text(file, run_.options().control.max_bytes);
+  auto program = std::make_unique<Program>();
+  program->text = std::move(text);
+  auto parts = split(program->text);
+  program->lines = std::move(parts.front()->lines);
+  program->first_line = parts.front()->first_line;
+  program->name = name;
+  program->file = run_.canon.add_file(file.string());
+  programs_.push_back(std::move(program));
+  return programs_.back().get();
+}
+
+/// In the text behind its head, or in a file of its name; null where there is none.
+Program* Flow::find_program(const std::string& name) {
+  if (const auto known = found_.find(name); known != found_.end()) return known->second;
+  Program* found = nullptr;
+  for (const auto& program : programs_)
+    if (!name.empty() && program->name == name) found = program.get();
+  const fs::path& folder = run_.options().folder;
+  if (found == nullptr && !folder.empty()) {
+    std::string small = name;
+    std::transform(small.begin(), small.end(), small.begin(),
+                   [](char c) { return c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c; });
+    for (const std::string& file : {name + ".SPF", name + ".spf", small + ".spf", small + ".SPF"}) {
+      std::error_code none;
+      if (!fs::is_regular_file(folder / file, none)) continue;
+      found = program_of_file(folder / file, name);
+      break;
+    }
+  }
+  found_[name] = found;
+  return found;
+}
+
+void Flow::call(const ProgramCall& called, long long times) {
+  Program* program = find_program(called.name);
+  if (program == nullptr)
+    return run_.unknown(called.cause,
+                        fmt::format("a word of Siemens, or a subprogram {} in the program or in "
+                                    "{}.SPF beside it",
+                                    called.name, called.name));
+  enter(*program, called, times);
+}
+
+void Flow::enter(Program& program, const ProgramCall& called, long long times) {
+  run_.check_depth(int(calls_.size()), called.cause);
+  calls_.push_back(
+      {.program = &program, .back = at_, .left = times - 1, .arguments = called.arguments});
+  variables_.enter();
+  at_ = 0;
+  try {
+    bind(program, called.arguments, called.cause);
+  } catch (const BadInput&) {
+    at_ = calls_.back().back;
+    calls_.pop_back();
+    variables_.leave();
+    throw;
+  }
+}
+
+/// Gives the parameters of PROC their values.
+void Flow::bind(Program& program, const std::vector<Argument>& arguments, const Cause& cause) {
+  std::size_t first = 0;
+  while (first < program.lines.size() && !says_something(program.lines[first])) ++first;
+  const bool has_lines = first < program.lines.size();
+  const std::string_view text = has_lines ? uncommented(program.lines[first]).block : "";
+  const LineHead head = head_of(text);
+  const int line = run_.canon.line();
+  if (head.keyword != "PROC") {
+    if (!arguments.empty()) run_.canon.refuse(cause, "no parameters of a subprogram without PROC");
+    return;
+  }
+  Cursor cursor{text, run_.canon.place(), head.rest};
+  cursor.skip_blanks();
+  name_at(cursor);
+  std::size_t n = 0;
+  if (cursor.take("(")) {
+    for (; !cursor.take(")"); ++n) {
+      cursor.skip_blanks();
+      const std::size_t from = cursor.at;
+      const std::string type = name_at(cursor);
+      static constexpr std::array<std::pair<std::string_view, Kind>, 4> kinds = {
+          {{"REAL", Kind::Real},
+           {"INT", Kind::Integer},
+           {"BOOL", Kind::Truth},
+           {"CHAR", Kind::Integer}}};
+      const auto kind = std::find_if(kinds.begin(), kinds.end(),
+                                     [&](const auto& one) { return one.first == type; });
+      if (kind == kinds.end())
+        cursor.refuse(from, "parameters of REAL, INT, BOOL or CHAR by value in PROC");
+      cursor.skip_blanks();
+      const std::size_t at_name = cursor.at;
+      const std::string name = name_at(cursor);
+      if (name.size() < 2) cursor.refuse(at_name, "a name of two letters or more");
+      calls_.back().variables[name] = {kind->second, {}};
+      double value = 0.0;
+      if (cursor.take("=")) value = number_at(cursor, *this);
+      if (n < arguments.size() && arguments[n].text)
+        run_.canon.refuse(arguments[n].cause, "a number for " + name);
+      if (n < arguments.size() && arguments[n].number) value = *arguments[n].number;
+      store(name, kind->second, value, cursor, at_name);
+      cursor.take(",");
+    }
+  }
+  if (arguments.size() > n)
+    run_.canon.refuse(cause, fmt::format("at most {} parameters of {}", n, program.name),
+                      fmt::format("{}", arguments.size()));
+  for (cursor.skip_blanks(); !cursor.at_end(); cursor.skip_blanks()) {
+    const std::size_t from = cursor.at;
+    const std::string word = name_at(cursor);
+    if (word != "DISPLOF" && word != "DISPLON" && word != "SBLOF" && word != "ACTBLOCNO")
+      cursor.refuse(from, "modes set again by the caller: no SAVE and the like behind PROC");
+  }
+  at_ = first + 1;
+  run_.canon.stand_at(line, calls_[calls_.size() - 2].program->file);
+}
+
+long long Flow::times_at(Cursor& cursor) {
+  cursor.skip_blanks();
+  if (cursor.at_end()) return 1;
+  const std::size_t from = cursor.at;
+  if (!cursor.take("P")) cursor.refuse(from, "P, the number of repeats");
+  cursor.take("=");
+  const double times = number_at(cursor, *this);
+  if (!(times >= 1 && times <= 9999) || times != double((long long)(times)))
+    cursor.refuse(from, "whole repeats P of 1 to 9999");
+  ends(cursor);
+  return (long long)(times);
+}
+
+/// REPEAT A, REPEAT A B, REPEATB A, each with P: lines of this program again.
+void Flow::repeat(Cursor& cursor, bool one_block) {
+  const std::size_t here = at_;
+  std::vector<std::size_t> lines;
+  cursor.skip_blanks();
+  const std::size_t start = cursor.at;
+  while (lines.size() < 2) {
+    cursor.skip_blanks();
+    const std::size_t from = cursor.at;
+    const std::string label = name_at(cursor);
+    const bool is_times = label.empty() || label == "P" ||
+                          (label[0] == 'P' && label.size() > 1 &&
+                           std::all_of(label.begin() + 1, label.end(), is_digit));
+    if (is_times) {
+      cursor.at = from;
+      break;
+    }
+    const Cause cause = cursor.cause(from);
+    std::size_t line = 0;
+    try {
+      line = line_of(label, "GOTOB", cause);
+    } catch (const BadInput&) {
+      line = line_of(label, "GOTO", cause);
+    }
+    lines.push_back(line);
+  }
+  const Cause cause = cursor.cause(start);
+  if (lines.empty() || (one_block && lines.size() > 1))
+    cursor.refuse(start, "a label behind REPEATB");
+  const long long times = times_at(cursor);
+  std::size_t end = here;
+  if (one_block) {
+    end = lines[0] + 1;
+  } else if (lines.size() == 2) {
+    end = lines[1] + 1;
+  } else {
+    const std::vector<std::string_view>& all = calls_.back().program->lines;
+    const std::size_t last = lines[0] < here ? here : all.size();
+    for (std::size_t at = lines[0]; at < last; ++at)
+      if (head_of(uncommented(all[at]).block).label == "ENDLABEL") {
+        end = at + 1;
+        break;
+      }
+  }
+  if (end <= lines[0])
+    run_.canon.refuse(cause, "ENDLABEL: behind a label that stands below REPEAT");
+  run_.check_depth(int(calls_.size()), cause);
+  calls_.push_back({.program = calls_.back().program,
+                    .back = here + 1,
+                    .part = true,
+                    .begin = lines[0],
+                    .end = end,
+                    .left = times - 1});
+  at_ = lines[0];
+}
+
+void Flow::end_of_part() {
+  Call& now = calls_.back();
+  if (now.left-- > 0) {
+    at_ = now.begin;
+    return;
+  }
+  at_ = now.back;
+  calls_.pop_back();
+}
+
+/// The end of a subprogram; that of the main program ends all.
+void Flow::leave() {
+  while (calls_.back().part) calls_.pop_back();
+  if (calls_.size() == 1) {
+    ended_ = true;
+    return;
+  }
+  Call& now = calls_.back();
+  const std::size_t back = now.back;
+  if (now.left-- > 0) {
+    variables_.leave();
+    variables_.enter();
+    now.variables.clear();
+    now.texts.clear();
+    const std::vector<Argument> arguments = now.arguments;
+    at_ = 0;
+    return bind(*now.program, arguments, {1, {}});
+  }
+  at_ = back;
+  calls_.pop_back();
+  variables_.leave();
+  if (calls_.size() < modal_depth_) modal_depth_ = 0;
+}
+
+/// CALL "NAME"
+void Flow::call_by_name(Cursor& cursor) {
+  cursor.skip_blanks();
+  const std::size_t from = cursor.at;
+  std::optional<std::string> name;
+  if (cursor.here() == '"')
+    name = quoted_at(cursor);
+  else
+    name = text_variable(cursor);
+  if (!name) cursor.refuse(from, "the name of a subprogram in quotes behind CALL");
+  const bool plain = std::all_of(name->begin(), name->end(),
+                                 [](char c) { return is_letter(c) || is_digit(c) || c == '_'; });
+  if (!plain || name->empty() || name->size() > 100)
+    cursor.refuse(from, "a name of letters, digits and _, without folders", in_quotes(*name));
+  ProgramCall called{in_capitals(*name), {}, false, cursor.cause(from)};
+  ends(cursor);
+  ++at_;
+  call(called, 1);
+}
+
+}  // namespace abbe::sim::dialects::siemens

@@ -1,0 +1,109 @@
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/dialects/siemens_machine.h"
+
+namespace abbe::sim::dialects::siemens {
+
+using kinematics::AxisVector;
+using kinematics::Chain;
+
+/// A tool of the scene: by its number, by its name, or the only one.
+int Machine::number_of_tool(const Block& block) const {
+  const Value& word = block[Address::T];
+  if (!block.tool_name) return int(word.value);
+  const std::string& name = *block.tool_name;
+  const auto& numbers = canon_.options().tool_number;
+  if (const auto known = numbers.find(name); known != numbers.end()) return known->second;
+  if (!name.empty() && name.size() < 9 && std::all_of(name.begin(), name.end(), is_digit))
+    return std::stoi(name);
+  if (canon_.options().control_of_h.empty() && !canon_.options().tool_length.empty()) {
+    run_.warn_once(
+        fmt::format("T={} is taken for the scene's only tool: give it that name if it "
+                    "is",
+                    in_quotes(name)));
+    return canon_.options().tool_length.begin()->first;
+  }
+  std::string known;
+  for (const auto& [one, number] : numbers) known += (known.empty() ? "" : ", ") + in_quotes(one);
+  refuse(word, "the name of a tool of the scene (" + (known.empty() ? "none has one" : known) + ")",
+         in_quotes(name));
+}
+
+void Machine::call_tools(const Block& block) {
+  const Value &t = block[Address::T], &d = block[Address::D];
+  const Code& change = block[Group::ToolChange];
+  if (t) selected_ = number_of_tool(block);
+  const bool changes = change || (t && !changes_by_m6_);
+  if (changes && selected_ >= 0) tool_ = selected_;
+  if (t || change) canon_.call_tool(t ? double(selected_) : -1.0, bool(change));
+  std::string text = t ? fmt::format("T{}", selected_) : "";
+  if (change) text += text.empty() ? "M6" : " M6";
+  if (!text.empty()) canon_.aside(std::move(text));
+  if (!changes && !d) return;
+  if (changes) length_counts_ = true;
+  if (d) length_counts_ = d.value != 0;
+  if (changes && tool_ == 0) length_counts_ = false;
+  if (tool_ >= 0)
+    canon_.call_length(length_counts_ ? tool_ : -1, t ? t.cause : change ? change.cause : d.cause);
+  apply_tool();
+}
+
+/// Whatever tool is in the spindle, there is one length.
+bool Machine::one_length() const {
+  const auto& lengths = canon_.options().tool_length;
+  return !lengths.empty() && canon_.options().control_of_h.empty() &&
+         std::all_of(lengths.begin(), lengths.end(),
+                     [&](const auto& one) { return one.second == lengths.begin()->second; });
+}
+
+double Machine::length_of_tool(const Cause& cause) const {
+  const auto& lengths = canon_.options().tool_length;
+  const auto own = lengths.find(tool_);
+  if (own != lengths.end()) return own->second;
+  if (one_length()) return lengths.begin()->second;
+  std::string known;
+  for (const auto& [number, mm] : lengths) known += fmt::format(" T{}", number);
+  refuse(cause,
+         "a tool whose length is known (" + (known.empty() ? "none is" : known.substr(1)) +
+             ") in the spindle",
+         tool_ < 0 ? "none called" : fmt::format("T{}", tool_));
+}
+
+std::optional<Eigen::Vector3d> Machine::tip_at_zero() const {
+  const auto& options = canon_.options();
+  if (!turning_.possible()) return std::nullopt;
+  const auto own = options.control_of_h.find(tool_);
+  const Chain& chain = own == options.control_of_h.end() ? *options.control : own->second;
+  const AxisVector zero = AxisVector::Zero(chain.size());
+  const kinematics::Pose T_wt = chain.tool_in_workpiece(zero);
+  for (int k = 0; k < 3; ++k) {
+    AxisVector q = zero;
+    q[joint(k)] = 1.0;
+    const Eigen::Vector3d way = chain.tool_in_workpiece(q).translation() - T_wt.translation();
+    if ((way - Eigen::Vector3d::Unit(k)).norm() > 1e-9) return std::nullopt;
+  }
+  if (length_counts_) return T_wt.translation();
+  return T_wt.translation() + length_of_tool({1, {}}) * T_wt.linear().col(2);
+}
+
+/// On a machine without rotary axes the length of the tool is added to Z; else it is in the place
+/// where the tip stands, which the frame takes in.
+void Machine::apply_tool() {
+  const int z = joint(2);
+  if (z >= 0 && !turning_.possible() && length_counts_ && (tool_ >= 0 || one_length())) {
+    AxisVector shift = AxisVector::Zero(canon_.position().size());
+    shift[z] = length_of_tool({1, {}});
+    canon_.set_tool_shift(std::move(shift));
+  } else {
+    canon_.set_tool_shift({});
+  }
+  apply_frame();
+}
+
+}  // namespace abbe::sim::dialects::siemens

@@ -1,0 +1,215 @@
+#include <string_view>
+#include <unordered_map>
+#include <vector>
+
+#include "sim/dialects/siemens.h"
+#include "sim/dialects/siemens_block.h"
+
+namespace abbe::sim::dialects {
+namespace siemens {
+namespace {
+
+struct WordLine {
+  std::string_view words;
+  Group group;
+  Use use;
+  std::string_view sentence;
+};
+
+constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
+
+constexpr WordLine word_lines[] = {
+    {"G0 G1", Group::Motion, read, "rapid; line"},
+    {"G2 G3", Group::Motion, read,
+     "arc clockwise, counter-clockwise, helix too: I J K from the start or by AC(), CR= (below "
+     "zero: more than half a turn), AR=, about the pole with AP= RP=; TURN= further whole turns"},
+    {"CIP", Group::Motion, read, "arc through I1= J1= K1=, in any plane"},
+    {"CT", Group::None, refused, "G2, G3 or CIP: a circle that joins by its tangent is not made"},
+    {"G4", Group::Dwell, read, "dwell, F seconds or S turns of the spindle"},
+    {"G33", Group::Motion, read, "line at I J K mm per turn of the spindle, by the longest way"},
+    {"G34 G35 G63 G331 G332", Group::None, refused,
+     "G33 for threads, CYCLE84 for tapping: changing pitches and taps on their own are not made"},
+    {"G17 G18 G19", Group::Plane, read, "plane X Y, Z X, Y Z"},
+    {"G40", Group::CutterRadius, read, "cutter compensation off"},
+    {"G41 G42", Group::None, refused,
+     "G40 and a path of the tool's centre: cutter compensation is not made"},
+    {"OFFN", Group::None, refused, "OFFN=0: no allowance on a contour"},
+    {"G53 G153 SUPA", Group::WithoutOffset, read,
+     "for the block: positions of the axes without offsets and frames; a tool length in force (D1) "
+     "still counts"},
+    {"G54 G55 G56 G57 G505 G506", Group::WorkOffset, read,
+     "work offset, G54 to G59 of the scene: where the workpiece is, with rotary axes at zero"},
+    {"G500", Group::WorkOffset, read, "no work offset"},
+    {"G58 G59", Group::None, refused, "TRANS or ATRANS: no shifts axis by axis"},
+    {"TRANS ATRANS", Group::Frame, read, "programmable shift: alone, on top"},
+    {"ROT AROT", Group::Frame, read,
+     "programmable rotation: alone, on top; of several axes Z, then Y, then X, each about the axis "
+     "as turned; RPL= about the axis across the plane"},
+    {"MIRROR AMIRROR SCALE ASCALE ROTS AROTS CROTS", Group::None, refused,
+     "TRANS and ROT: no frame that mirrors or scales, none by solid angles"},
+    {"G60 G601 G602 G603 G9", Group::None, none, "exact stop: what abbe cuts anyway"},
+    {"G64 G641 G642 G643 G644 G645 ADIS ADISPOS", Group::None, none,
+     "continuous path: abbe cuts the exact path, without the roundings of a real control"},
+    {"G70 G700", Group::Units, read, "inch: lengths; lengths and F"},
+    {"G71 G710", Group::Units, read, "mm: lengths; lengths and F"},
+    {"G90 G91", Group::Distance, read, "absolute, incremental"},
+    {"G93 G94 G95", Group::FeedMode, read,
+     "F: inverse time, in every block; per minute; per turn of the spindle"},
+    {"G96", Group::SpeedMode, read,
+     "S is a surface speed, LIMS= the largest rpm, F is per turn: a block runs at the speed of its "
+     "middle"},
+    {"G97", Group::SpeedMode, read, "S is a speed in rpm, F is per turn"},
+    {"G961 G962 G971 G972 G973", Group::None, refused, "G96 or G97 and G94 or G95"},
+    {"G110 G111 G112", Group::Pole, read,
+     "pole of AP= RP=: from where the axes stand, from the origin, from the pole before"},
+    {"G25 G26", Group::Limits, none, "limits of working area and speed"},
+    {"G74 G75", Group::None, refused, "SUPA and positions: reference points are the machine's own"},
+    {"G147 G148 G247 G248 G347 G348 G140 G141 G142 G143", Group::None, refused,
+     "lines and arcs: no approach that a control works out"},
+    {"G290", Group::None, none, "the language of Siemens"},
+    {"G291", Group::None, refused, "G290, or dialect = \"fanuc\": programs in ISO dialect mode"},
+    {"G450 G451 CUT2D CUT2DF KONT NORM CFTCP CFC CFIN", Group::None, none,
+     "manner of a cutter compensation"},
+    {"CUT3DC CUT3DF CUT3DFS CUT3DFF", Group::None, refused,
+     "a path of the tool's centre: no compensation in space"},
+    {"TRAORI", Group::Transformation, read,
+     "X Y Z are the tip in the workpiece, rotary words axis positions"},
+    {"TRAFOOF", Group::Transformation, read, "X Y Z are axes again"},
+    {"TRANSMIT TRACYL TRAANG TRACON", Group::None, refused,
+     "TRAORI, or positions of the axes: no other transformation"},
+    {"ORIWKS ORIMKS", Group::OrientationFrame, read,
+     "a line turns the tool on a great circle, as chords within 1 urad; its rotary axes in "
+     "proportion"},
+    {"ORIVECT ORIPLANE ORIAXES", Group::OrientationWay, read,
+     "the same as words of their own, which rule: great circle; rotary axes in proportion"},
+    {"ORICONCW ORICONCCW ORICONIO ORICONTO ORICURVE ORIPATH ORIPATHS", Group::None, refused,
+     "ORIVECT or ORIAXES: no orientation on cones, curves or along a path"},
+    {"ORIEULER ORIRPY ORIRPY2 ORIVIRT1 ORIVIRT2", Group::None, none,
+     "how A2 B2 C2 count, which are refused"},
+    {"ORISON ORISOF", Group::None, none, "smoothing of orientation: abbe cuts as programmed"},
+    {"TOROT TOFRAME PAROT TCARR TCOABS TCOFR", Group::None, refused,
+     "CYCLE800 or TRAORI: no frames from a tool carrier"},
+    {"TOROTOF PAROTOF", Group::None, none, "no frame from a tool carrier"},
+    {"ASPLINE BSPLINE CSPLINE POLY INVCW INVCCW", Group::None, refused,
+     "lines and arcs: no splines, polynomials and involutes"},
+    {"CHF CHR RND RNDM ANG", Group::None, refused,
+     "the contour as it is: no chamfers, roundings and angles between blocks"},
+    {"COMPCAD COMPCURV COMPON COMPSURF COMPOF CTOL OTOL", Group::None, none,
+     "compressor: abbe cuts the points as programmed"},
+    {"SOFT BRISK DRIVE FFWON FFWOF JERKLIM VELOLIM ACC ACCLIMA CPRECON CPRECOF", Group::None, none,
+     "dynamics of the axes"},
+    {"FIFOCTRL STARTFIFO STOPFIFO STOPRE SBLON SBLOF DISPLON DISPLOF", Group::None, none,
+     "how blocks are prepared and shown"},
+    {"UPATH SPATH RTLION RTLIOF FNORM DIAMOF WALIMON WALIMOF SPOS SPOSA SETMS SPCON SPCOF",
+     Group::None, none, "what is so anyway, and positions of a spindle"},
+    {"FGROUP FGREF FL", Group::None, none,
+     "feed of several axes: abbe counts F along X Y Z, else in degrees of turns"},
+    {"FLIN FCUB FPO FB FZ FRC FRCM", Group::None, refused, "F: no other feed"},
+    {"DIAMON DIAM90", Group::None, refused, "radii: X is no diameter"},
+    {"CYCLE832 GROUP_BEGIN GROUP_END GROUP_ADDEND WORKPIECE MSG EXTERN PROTA PROTS", Group::None,
+     none, "tolerances of fast cutting, groups, blanks, messages, declarations"},
+    {"WAITM WAITMC WAITE WAITP INIT START SETM CLEARM", Group::None, none,
+     "other channels: abbe has one"},
+    {"MEAS MEAW MEASA MEAWA MEAC", Group::None, refused,
+     "no probing: a virtual part is read by instruments (abbe measure)"},
+    {"PCALL EXTCALL CALLPATH ISOCALL", Group::None, refused,
+     "CALL \"NAME\": files in the folder of the program"},
+    {"A2 B2 C2 A4 B4 C4 A5 B5 C5 A6 B6 C6 A7 B7 C7 LEAD TILT THETA", Group::None, refused,
+     "A3= B3= C3=: the direction of the tool as a vector"},
+    {"CYCLE840 CYCLE87 CYCLE88", Group::None, refused,
+     "CYCLE84 to CYCLE86 or CYCLE89: no tapping in a chuck, no stops in a bore"},
+    {"HOLES1 HOLES2 CYCLE801 CYCLE802 CYCLE71 CYCLE72 CYCLE76 CYCLE77 CYCLE78 CYCLE79 CYCLE899 "
+     "CYCLE90 CYCLE60 CYCLE61 CYCLE62 CYCLE63 CYCLE64 CYCLE70 POCKET1 POCKET2 POCKET3 POCKET4 "
+     "SLOT1 "
+     "SLOT2 LONGHOLE CYCLE93 CYCLE94 CYCLE95 CYCLE96 CYCLE97 CYCLE98 CYCLE99 CYCLE951 CYCLE952 "
+     "CYCLE930 CYCLE940 CYCLE92 CYCLE977 CYCLE978 CYCLE996 CYCLE9960",
+     Group::None, refused, "the moves themselves: only drilling cycles are expanded"},
+    {"MCALL", Group::None, read, "calls a cycle or subprogram after every block with motion"},
+    {"M0 M1 M60", Group::Stop, none, "stops"},
+    {"M2 M30 M17", Group::Stop, read, "end of the program or subprogram"},
+    {"M3 M4 M5", Group::Spindle, read, "spindle clockwise, counter-clockwise, off"},
+    {"M6", Group::ToolChange, read, "change to the tool of T; without M6 in the program T changes"},
+    {"M7 M8 M9", Group::None, none, "coolant"},
+    {"M19 M40 M41 M42 M43 M44 M45", Group::None, none, "spindle orientation and gears"},
+    {"M70", Group::None, refused, "M3, M4 or M5: the spindle is no axis"},
+};
+
+constexpr WordUse siemens_other_words[] = {
+    {"F S T N", read,
+     "feed, spindle speed, tool by number or T=\"NAME\" of the scene, line number"},
+    {"D", read, "D0 no tool length, D1 that of the tool, in force after every change"},
+    {"H", none, "outputs of the control"},
+    {"X Y Z A B C U V W", read, "axes of the machine; mm or inch, degrees; X=expression"},
+    {"AC() IC() DC() ACP() ACN()", read,
+     "absolute, incremental, by the shortest way, upwards, downwards"},
+    {"A3 B3 C3", read,
+     "direction of the tool in the workpiece, from the tip to the spindle, under TRAORI: the "
+     "rotary "
+     "axes take the shortest way to it"},
+    {"CR AR TURN I1 J1 K1 AP RP RPL LIMS P", read, "words of arcs, the pole, frames, G96, repeats"},
+    {"CYCLE800", read,
+     "swivelled plane: by angles about axes in any order or by solid angle, X0 Y0 Z0 and X1 Y1 Z1, "
+     "new or additive, swivelled by _DIR or not; () ends it"},
+    {"CYCLE81 CYCLE82 CYCLE83", read, "drilling; with dwell; with pecks, cleared or broken"},
+    {"CYCLE84", read, "rigid tapping at the pitch PIT or MPIT"},
+    {"CYCLE85 CYCLE86 CYCLE89", read,
+     "boring: feed out at RFF; spindle stopped and lifted off; dwell, feed out"},
+    {"R REAL INT BOOL CHAR STRING AXIS DEF", read,
+     "R parameters, DEF of numbers, of fields of them, and of texts as names of tools and "
+     "programs"},
+    {"+ - * / DIV MOD == <> < > <= >= NOT AND OR XOR B_AND B_OR B_XOR", read,
+     "expressions: * / DIV MOD, + -, B_AND, B_XOR, B_OR, AND, XOR, OR, comparisons least"},
+    {"SIN COS TAN ASIN ACOS ATAN2 SQRT ABS POT TRUNC ROUND ROUNDUP LN EXP MINVAL MAXVAL BOUND",
+     read, "functions, degrees"},
+    {"$PI $P_EP $AA_IW $AA_IM TRUE FALSE", read,
+     "pi, where the axes stand in the workpiece and as axes; 1 and 0"},
+    {"IF ELSE ENDIF FOR TO ENDFOR WHILE ENDWHILE LOOP ENDLOOP REPEAT UNTIL", read,
+     "conditions and loops"},
+    {"GOTO GOTOF GOTOB GOTOC CASE OF DEFAULT", read, "jumps to labels and line numbers"},
+    {"GOTOS", refused, "GOTOB and a label: no jump to the beginning"},
+    {"REPEATB ENDLABEL", read, "with REPEAT and labels: parts of a program again, P times"},
+    {"L CALL PROC RET", read,
+     "subprograms L123, NAME, NAME(...), in the program behind %_N_NAME_SPF or in NAME.SPF beside "
+     "it; parameters by value"},
+    {"VAR SAVE", refused, "parameters by value, modes set again by the caller"},
+    {"%_N_ ;", read,
+     "heads of programs; comments, those with the diameter of a tool are noted; a / at the "
+     "beginning "
+     "of a line leaves it out"},
+};
+
+std::unordered_map<std::string_view, Fact> facts_by_word() {
+  std::unordered_map<std::string_view, Fact> facts;
+  for (const WordLine& line : word_lines)
+    for (std::size_t at = 0; at < line.words.size();) {
+      const std::size_t end = std::min(line.words.find(' ', at), line.words.size());
+      const std::string_view word = line.words.substr(at, end - at);
+      facts[word] = {word, line.group, line.use, line.sentence};
+      at = end + 1;
+    }
+  return facts;
+}
+
+}  // namespace
+
+const Fact* fact_of(std::string_view word) {
+  static const std::unordered_map<std::string_view, Fact> facts = facts_by_word();
+  const auto found = facts.find(word);
+  return found == facts.end() ? nullptr : &found->second;
+}
+
+}  // namespace siemens
+
+std::span<const WordUse> siemens_words() {
+  static const std::vector<WordUse> all = [] {
+    std::vector<WordUse> words;
+    for (const siemens::WordLine& line : siemens::word_lines)
+      words.push_back({line.words, line.use, line.sentence});
+    words.insert(words.end(), std::begin(siemens::siemens_other_words),
+                 std::end(siemens::siemens_other_words));
+    return words;
+  }();
+  return all;
+}
+
+}  // namespace abbe::sim::dialects
