@@ -76,6 +76,13 @@ void Compensation::begin(bool left, double radius, std::array<int, 2> plane) {
   leaving_ = entered_ = false;
 }
 
+void Compensation::begin_beside(bool left, double radius, std::array<int, 2> plane,
+                                AxisVector programmed) {
+  begin(left, radius, plane);
+  programmed_ = std::move(programmed);
+  entered_ = true;
+}
+
 void Compensation::end() {
   put_out();
   leaving_ = on_ && entered_;

@@ -23,6 +23,9 @@ class Compensation {
   /// What follows is left or right of the programmed path. @param first, second  joints of the
   /// plane
   void begin(bool left, double radius, std::array<int, 2> plane);
+  /// The same where the tool stands beside the programmed place already, as other controls enter.
+  void begin_beside(bool left, double radius, std::array<int, 2> plane,
+                    kinematics::AxisVector programmed);
   /// The move that waits is made; the next one leads from where the tool stands to its programmed
   /// end.
   void end();
