@@ -4,6 +4,7 @@
 
 #include "sim/dialects/cl.h"
 #include "sim/dialects/fanuc.h"
+#include "sim/dialects/heidenhain.h"
 #include "sim/dialects/linuxcnc.h"
 #include "sim/dialects/siemens.h"
 
@@ -15,6 +16,8 @@ std::span<const FrontEnd> front_ends() {
       FrontEnd{Dialect::Cl, "CL (APT cutter locations, CSV)", read_cl, cl_words},
       FrontEnd{Dialect::Fanuc, "Fanuc (milling, custom macro B)", read_fanuc, fanuc_words},
       FrontEnd{Dialect::Siemens, "Siemens 840D", read_siemens, siemens_words},
+      FrontEnd{Dialect::Heidenhain, "Heidenhain (TNC 640, Klartext)", read_heidenhain,
+               heidenhain_words},
   };
   return all;
 }

@@ -1,0 +1,191 @@
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <Eigen/Geometry>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/dialects/heidenhain.h"
+#include "sim/dialects/heidenhain_machine.h"
+
+/// CYCL DEF of coordinates, and what TRANS and presets do; drilling is elsewhere.
+namespace abbe::sim::dialects::heidenhain {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using kinematics::AxisVector;
+
+namespace {
+
+int digits_at(Cursor& cursor) {
+  int number = 0;
+  for (int n = 0; n < 5 && is_digit(cursor.here()); ++n)
+    number = 10 * number + (cursor.text[cursor.at++] - '0');
+  return number;
+}
+
+}  // namespace
+
+/// CYCL DEF 7.1 X+10, CYCL DEF 200 DRILLING Q200=2 ...
+void Machine::cycle_definition(Words& words) {
+  words.cursor.skip_blanks();
+  const std::size_t from = words.cursor.at;
+  if (!is_digit(words.cursor.here())) words.refuse(from, "the number of a cycle");
+  const int number = digits_at(words.cursor);
+  int part = -1;
+  if (words.cursor.here() == '.') {
+    ++words.cursor.at;
+    part = digits_at(words.cursor);
+  }
+  const Cause cause = words.cause(from);
+  const std::string name = fmt::format("CYCL\u00a0DEF\u00a0{}", number);
+  refuse_if_named(name, cause);
+  const WordUse* use = find_word(heidenhain_words(), name);
+  if (use == nullptr) return run_.unknown(cause, "a cycle that is read");
+  if (use->use == Use::WithoutEffect) return;
+  modal_cycle_ = false;
+  if (part >= 0) return old_cycle(number, part, from, words);
+  new_cycle(number, from, words);
+}
+
+void Machine::old_cycle(int number, int part, std::size_t from, Words& words) {
+  if (part == 0) return;  // its name
+  switch (number) {
+    case 7:
+      return datum_shift(words);
+    case 8:
+      if (!words.at_end()) words.refuse(words.cursor.at, "no axis: nothing is mirrored");
+      return;
+    case 9: {
+      if (!words.cursor.take("DWELL")) words.refuse(words.cursor.at, "DWELL and seconds");
+      const double seconds = words.value();
+      words.ends();
+      return canon_.dwell(seconds, words.cause(from));
+    }
+    case 10:
+      return cycle_rotation(words);
+    case 11: {
+      if (words.at_end()) return;
+      if (!words.cursor.take("SCL")) words.refuse(words.cursor.at, "SCL and a factor");
+      const std::size_t at = words.cursor.at;
+      if (words.value() != 1.0) words.refuse(at, "SCL 1: nothing is scaled");
+      return words.ends();
+    }
+    case 19:
+      return cycle_plane(words);
+    default:
+      words.refuse(from, "CYCL DEF with Q parameters");
+  }
+}
+
+/// X+10 IY-5 of cycle 7 and of TRANS DATUM AXIS.
+void Machine::datum_shift(Words& words) {
+  AxisVector shift = datum_shift_;
+  while (!words.at_end()) {
+    const std::size_t from = words.cursor.at;
+    if (words.cursor.here() == '#')
+      words.refuse(from, "a shift in words: datum tables are not read");
+    const std::string name = words.name();
+    const bool step = name.size() == 2 && name[0] == 'I';
+    if (name.size() != 1 && !step) words.refuse(from, "an axis and its shift");
+    const double number = words.value();
+    const Cause cause = words.cause(from);
+    const int j = joint_of(name.back(), cause);
+    if (plane_ && name.back() >= 'X' && name.back() <= 'Z' && outer_shift_.norm() > 0)
+      refuse(cause,
+             "PLANE RESET before it: a datum shift from before the tilted plane is in force");
+    const double value = number * (canon_.is_linear(j) ? unit() : units::deg);
+    shift[j] = step ? shift[j] + value : value;
+  }
+  datum_shift_ = std::move(shift);
+  apply_frame({1, "CYCL DEF 7"});
+}
+
+void Machine::cycle_rotation(Words& words) {
+  words.cursor.skip_blanks();
+  const std::size_t from = words.cursor.at;
+  const std::string name = words.name();
+  if (name != "ROT" && name != "IROT") words.refuse(from, "ROT and an angle");
+  const double angle = words.value() * units::deg;
+  words.ends();
+  const double before = turn_;
+  turn_ = name == "IROT" ? turn_ + angle : angle;
+  try {
+    apply_frame(words.cause(from));
+  } catch (const BadInput&) {
+    turn_ = before;
+    throw;
+  }
+  tangent_.reset();
+}
+
+/// Cycle 19: spatial angles; the axes are positioned by blocks behind it.
+void Machine::cycle_plane(Words& words) {
+  Positioning how;
+  how.cause = {1, "CYCL DEF 19"};
+  if (words.at_end()) return untilt(how);
+  std::array<double, 3> angles{};
+  while (!words.at_end()) {
+    const std::size_t from = words.cursor.at;
+    const std::string name = words.name();
+    if (name.size() == 1 && name[0] >= 'A' && name[0] <= 'C')
+      angles[std::size_t(name[0] - 'A')] = words.value() * units::deg;
+    else if (name == "F" || name == "DIST" || name == "ABST")
+      words.value();  // of machines whose maker lets the cycle position
+    else
+      words.refuse(from, "A, B and C");
+  }
+  run_.warn_once(
+      "CYCL DEF 19: A B C are taken as spatial angles, and no axis moves by itself; Q120 to Q122 "
+      "are the positions");
+  if (angles == std::array<double, 3>{}) {
+    plane_axes_ = {};
+    return untilt(how);
+  }
+  const Matrix3d R = (Eigen::AngleAxisd(angles[2], Vector3d::UnitZ()) *
+                      Eigen::AngleAxisd(angles[1], Vector3d::UnitY()) *
+                      Eigen::AngleAxisd(angles[0], Vector3d::UnitX()))
+                         .toRotationMatrix();
+  tilt(R, how);
+}
+
+/// TRANS DATUM AXIS X+10, TRANS DATUM RESET
+void Machine::trans(Words& words) {
+  words.cursor.skip_blanks();
+  const std::size_t from = words.cursor.at;
+  if (contour_.beside()) words.refuse(from, "R0 before TRANS");
+  if (words.take("ROTATION")) {
+    if (words.take("RESET")) {
+      turn_ = 0.0;
+      return apply_frame(words.cause(from));
+    }
+    return cycle_rotation(words);
+  }
+  if (!words.take("DATUM")) words.refuse(from, "DATUM or ROTATION after TRANS");
+  if (words.take("AXIS")) return datum_shift(words);
+  if (!words.take("RESET"))
+    words.refuse(words.cursor.at, "AXIS or RESET: datum tables are not read");
+  words.ends();
+  if (plane_ && outer_shift_.norm() > 0)
+    words.refuse(from,
+                 "PLANE RESET before it: a datum shift from before the tilted plane is in force");
+  datum_shift_.setZero();
+  apply_frame(words.cause(from));
+}
+
+/// Presets 1 to 6 are the scene's G54 to G59; shift and rotation end.
+void Machine::choose_preset(int number, const Cause& cause) {
+  if (contour_.beside()) refuse(cause, "R0 before another preset");
+  if (plane_) refuse(cause, "PLANE RESET before another preset");
+  if (number < 1 || number > 6)
+    refuse(cause, "a preset of 1 to 6, which are G54 to G59 of the scene");
+  preset_ = number - 1;
+  datum_shift_.setZero();
+  turn_ = 0.0;
+  tangent_.reset();
+  apply_frame(cause);
+}
+
+}  // namespace abbe::sim::dialects::heidenhain

@@ -1,0 +1,254 @@
+#include "sim/dialects/heidenhain_flow.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/dialects/heidenhain.h"
+#include "sim/program/arc_move.h"
+
+namespace abbe::sim::dialects::heidenhain {
+namespace {
+
+std::vector<std::string_view> lines_of_text(std::string_view text) {
+  std::vector<std::string_view> lines;
+  Lines all(text);
+  while (const auto line = all.next()) lines.push_back(*line);
+  return lines;
+}
+
+/// Letters with which a line begins behind its number, upper case.
+std::string first_word(std::string_view line) {
+  std::size_t at = 0;
+  while (at < line.size() && (is_blank(line[at]) || is_digit(line[at]) || line[at] == '/')) ++at;
+  std::string word;
+  while (at < line.size() && is_letter(line[at]) && word.size() < 8) word += upper(line[at++]);
+  if (word.empty() && at < line.size() && line[at] != ';' && line[at] != '*') word = "?";
+  return word;
+}
+
+}  // namespace
+
+Flow::Flow(std::string_view text, ProgramRun& run)
+    : run_(run), machine_(run), variables_(run.options().limits.variables) {
+  auto main = std::make_unique<Source>();
+  main->lines = lines_of_text(text);
+  sources_.push_back(std::move(main));
+  calls_.push_back({.source = sources_.front().get()});
+  machine_.on_parameter = [this](int number, double value) { set_cycle_parameter(number, value); };
+}
+
+void Flow::run() {
+  while (!ended_ && !run_.hopeless()) {
+    const Call& now = calls_.back();
+    if (at_ >= now.source->lines.size()) {
+      run_.attempt([&] { end_program(); });
+      continue;
+    }
+    run_.canon.stand_at(int(at_) + 1, now.source->file);
+    run_.attempt([&] {
+      read_block(now.source->lines, at_, block_);
+      at_ += block_.lines;
+      try {
+        block();
+      } catch (const Exhausted&) {
+        throw;
+      } catch (const program::BadGeometry&) {
+        throw;
+      } catch (const BadInput& fault) {
+        throw placed_in(block_, fault);
+      }
+    });
+    ended_ = ended_ || machine_.ended();
+  }
+  run_.attempt([&] { machine_.finish(); });
+}
+
+/// The block behind it rounds or bevels the corner at its end.
+bool Flow::before_corner(const Call& now, std::size_t line) const {
+  constexpr std::size_t furthest = 20;  // comments between them
+  for (std::size_t i = line; i < now.source->lines.size() && i < line + furthest; ++i) {
+    const std::string word = first_word(now.source->lines[i]);
+    if (word.empty()) continue;
+    return word == "RND" || word == "CHF";
+  }
+  return false;
+}
+
+void Flow::block() {
+  if (!block_.comment.empty()) run_.canon.comment(block_.comment);
+  Words words({block_.text, run_.canon.place(),
+               block_.pieces.empty() ? 0
+               : block_.lines == 1   ? block_.pieces[0].offset
+                                     : 0},
+              *this);
+  if (words.at_end() || block_.pieces.empty()) return;
+  run_.count_block();
+  functions_ = 0;
+  if (block_.skipped && run_.canon.options().block_delete) return;
+  const std::size_t from = words.cursor.at;
+  if (const auto parameter = parameter_at(words.cursor)) return assign(words, *parameter);
+  words.cursor.at = from;
+  const std::string keyword = words.name();
+  if (flow_block(keyword, words)) return;
+  machine_.execute(keyword, from, words, before_corner(calls_.back(), at_));
+}
+
+bool Flow::flow_block(const std::string& keyword, Words& words) {
+  if (keyword == "LBL") return label(words), true;
+  if (keyword == "CALL") return call(words), true;
+  if (keyword == "FN") return fn(words), true;
+  if (keyword == "IF") return jump_if(words), true;
+  if (keyword == "BEGIN") return begin_program(words), true;
+  if (keyword == "END") {
+    if (!words.take("PGM")) words.refuse(words.cursor.at, "PGM after END");
+    machine_.end_of_program();
+    end_program();
+    return true;
+  }
+  return false;
+}
+
+void Flow::begin_program(Words& words) {
+  if (!words.take("PGM")) words.refuse(words.cursor.at, "PGM after BEGIN");
+  words.cursor.skip_blanks();
+  const std::string_view rest = words.cursor.text.substr(words.cursor.at);
+  const std::size_t end = rest.find_last_not_of(" \t");
+  const std::size_t space = end == std::string_view::npos ? end : rest.find_last_of(" \t", end);
+  std::string unit;
+  if (end != std::string_view::npos)
+    for (const char c : rest.substr(space == std::string_view::npos ? 0 : space + 1,
+                                    space == std::string_view::npos ? end + 1 : end - space))
+      unit += upper(c);
+  if (unit != "MM" && unit != "INCH")
+    words.refuse(words.cursor.at, "the name of the program and MM or INCH after BEGIN PGM");
+  machine_.set_inch(unit == "INCH");
+}
+
+/// Behind the last block of a file.
+void Flow::end_program() {
+  while (!calls_.back().is_program) calls_.pop_back();
+  if (calls_.size() == 1) {
+    ended_ = true;
+    return;
+  }
+  at_ = calls_.back().back;
+  machine_.set_inch(calls_.back().inch);
+  calls_.pop_back();
+  variables_.leave();
+}
+
+std::size_t Flow::line_of(const std::string& label, const Words& words, std::size_t from) {
+  Source& source = *calls_.back().source;
+  if (!source.labels_known) {
+    source.labels_known = true;
+    for (std::size_t i = 0; i < source.lines.size(); ++i) {
+      if (first_word(source.lines[i]) != "LBL") continue;
+      Block block;
+      read_block(source.lines, i, block);
+      Words there({block.text, run_.canon.place(), block.pieces[0].offset}, *this);
+      there.name();
+      if (!there.has_value() && there.cursor.here() != '"')
+        there.cursor.skip_blanks();  // what is no label is refused where it runs
+      try {
+        source.labels[there.label()].push_back(i);
+      } catch (const BadInput&) {
+      }
+    }
+  }
+  const auto found = source.labels.find(label);
+  if (found == source.labels.end() || label == "0")
+    words.cursor.refuse(from, "a label of this program", "LBL " + label);
+  if (found->second.size() > 1)
+    words.cursor.refuse(from, "a label that stands once",
+                        fmt::format("LBL {} in the lines {} and {}", label, found->second[0] + 1,
+                                    found->second[1] + 1));
+  return found->second.front();
+}
+
+void Flow::label(Words& words) {
+  const std::string name = words.label();
+  words.ends();
+  if (name != "0" || calls_.back().is_program) return;
+  at_ = calls_.back().back;
+  calls_.pop_back();
+}
+
+void Flow::call(Words& words) {
+  if (words.take("LBL")) return call_label(words);
+  if (words.take("PGM")) return call_program(words);
+  words.refuse(words.cursor.at, "LBL or PGM after CALL");
+}
+
+void Flow::call_label(Words& words) {
+  words.cursor.skip_blanks();
+  const std::size_t from = words.cursor.at;
+  const std::string name = words.label();
+  const std::size_t line = line_of(name, words, from);
+  if (words.at_end()) {
+    run_.check_depth(int(calls_.size()), words.cause(from));
+    calls_.push_back({.source = calls_.back().source, .back = at_, .is_program = false});
+    at_ = line + 1;
+    return;
+  }
+  if (words.name() != "REP") words.refuse(words.cursor.at, "REP or nothing after CALL LBL");
+  if (words.cursor.here() == '/') ++words.cursor.at;  // REP 2/2 of older controls
+  const int times = words.whole(65534);
+  if (words.cursor.here() == '/') ++words.cursor.at, words.whole(65534);
+  words.ends();
+  if (line >= at_) words.cursor.refuse(from, "a label before CALL LBL REP", "one behind it");
+  auto& left = calls_.back().left;
+  const auto begun = left.emplace(at_, times).first;
+  if (begun->second == 0) {
+    left.erase(begun);
+    return;
+  }
+  --begun->second;
+  at_ = line + 1;
+}
+
+void Flow::call_program(Words& words) {
+  constexpr std::size_t longest = 100;
+  words.cursor.skip_blanks();
+  const std::size_t from = words.cursor.at;
+  std::string name(words.cursor.text.substr(from));
+  while (!name.empty() && is_blank(name.back())) name.pop_back();
+  if (name.size() > 1 && name.front() == '"' && name.back() == '"')
+    name = name.substr(1, name.size() - 2);
+  if (name.empty() || name.size() > longest || name.find_first_of("/\\:\"") != std::string::npos ||
+      name.starts_with('.'))
+    words.refuse(from, "the name of a program beside this one, without a path");
+  run_.check_depth(int(calls_.size()), {int(from) + 1, words.cursor.text.substr(from)});
+  const std::filesystem::path& folder = run_.options().folder;
+  for (const char* ending : {"", ".h", ".H"})
+    if (!folder.empty() && std::filesystem::is_regular_file(folder / (name + ending))) {
+      Source& source = source_of(folder / (name + ending));
+      calls_.push_back({.source = &source, .back = at_, .inch = machine_.inch()});
+      variables_.enter();
+      at_ = 0;
+      return;
+    }
+  words.cursor.refuse(from, fmt::format("a program {} or {}.h beside this one", name, name),
+                      "none");
+}
+
+Source& Flow::source_of(const std::filesystem::path& file) {
+  constexpr std::size_t most_file = std::size_t(1) << 26, most_files = 1000;
+  const auto known = files_.find(file.string());
+  if (known != files_.end()) return *known->second;
+  if (sources_.size() == most_files)
+    run_.canon.refuse({1, {}}, "at most 1000 programs that are called", "more");
+  auto source = std::make_unique<Source>();
+  source->text = read_text(file, most_file);
+  source->lines = lines_of_text(source->text);
+  source->file = run_.canon.add_file(file.filename().string());
+  sources_.push_back(std::move(source));
+  return *(files_[file.string()] = sources_.back().get());
+}
+
+}  // namespace abbe::sim::dialects::heidenhain

@@ -1,0 +1,259 @@
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include <fmt/format.h>
+#include <Eigen/Geometry>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/inverse.h"
+#include "kinematics/units.h"
+#include "sim/dialects/heidenhain_machine.h"
+
+/// Where program coordinates lie: datum, tool and tilted plane, and the rotary axes that belong to
+/// a direction.
+namespace abbe::sim::dialects::heidenhain {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using kinematics::AxisVector;
+using kinematics::Chain;
+using kinematics::Reach;
+using program::Coordinates;
+
+namespace {
+
+constexpr double same_direction = 1e-9;  // rad
+constexpr double unlimited = 1e8;        // mm, travel of a slide that has no limits
+
+bool is_identity(const Matrix3d& R) { return (R - Matrix3d::Identity()).norm() == 0.0; }
+
+}  // namespace
+
+const Chain* Machine::known_chain() const {
+  const auto& options = canon_.options();
+  const auto own = options.control_of_h.find(tool_);
+  if (own != options.control_of_h.end()) return &own->second;
+  return options.control ? &*options.control : nullptr;
+}
+
+const Chain& Machine::chain(const Cause& cause) const {
+  const Chain* known = known_chain();
+  if (known == nullptr) refuse(cause, "a control that knows its kinematics");
+  return *known;
+}
+
+/// The same without limits of the slides, for directions alone.
+const Chain& Machine::free_chain(const Cause& cause) {
+  const auto made = free_chains_.find(tool_);
+  if (made != free_chains_.end()) return made->second;
+  const Chain& limited = chain(cause);
+  std::vector<kinematics::Joint> joints = limited.joints();
+  for (kinematics::Joint& joint : joints)
+    if (joint.motion == kinematics::Motion::Linear) {
+      joint.min = -1e9;
+      joint.max = 1e9;
+    }
+  return free_chains_.emplace(tool_, Chain(joints, limited.T_bw_home(), limited.T_bt_home()))
+      .first->second;
+}
+
+bool Machine::is_rotary(int joint) const {
+  for (const char letter : {'A', 'B', 'C'})
+    if (canon_.joint_of(letter) == joint) return !canon_.is_linear(joint);
+  return false;
+}
+
+Matrix3d Machine::rotation() const {
+  const Matrix3d in_plane = turn_ == 0.0
+                                ? Matrix3d(Matrix3d::Identity())
+                                : Eigen::AngleAxisd(turn_, Vector3d::UnitZ()).toRotationMatrix();
+  return plane_ ? Matrix3d(*plane_ * in_plane) : in_plane;
+}
+
+/// Without tip mode the datum means the same as with it: program coordinates are the tip in the
+/// workpiece while the rotary axes stand at zero.
+AxisVector Machine::axis_shift(const Cause& cause) {
+  AxisVector shift = AxisVector::Zero(canon_.position().size());
+  const int x = canon_.joint_of('X'), y = canon_.joint_of('Y'), z = canon_.joint_of('Z');
+  const Chain* known = known_chain();
+  if (known != nullptr && x >= 0 && y >= 0 && z >= 0) {
+    const auto at_zero = kinematics::slides_for_tip(*known, shift, Vector3d::Zero());
+    const auto beyond = kinematics::slides_for_tip(*known, shift, Vector3d(1, 2, 3));
+    if (at_zero && beyond) {
+      const AxisVector way = *beyond - *at_zero;
+      if ((Vector3d(way[x], way[y], way[z]) - Vector3d(1, 2, 3)).norm() < 1e-9) {
+        for (const int j : {x, y, z}) shift[j] = (*at_zero)[j];
+        shift[z] += delta_;
+        return shift;
+      }
+    }
+  }
+  if (z >= 0 && tool_ >= 0) shift[z] = length_of(tool_, cause) + delta_length_;
+  return shift;
+}
+
+void Machine::apply_frame(const Cause& cause) {
+  if (contour_.beside() || contour_.waits())
+    refuse(cause, "R0, and no corner, where coordinates or tools change");
+  const auto& offset = canon_.options().work_offset[std::size_t(preset_)];
+  const Matrix3d R = rotation();
+  program::Frame frame;
+  frame.shift = datum_shift_ + turns_;
+  const std::array<int, 3> xyz{canon_.joint_of('X'), canon_.joint_of('Y'), canon_.joint_of('Z')};
+  if (!is_identity(R)) {
+    for (const int j : xyz)
+      if (j < 0) refuse(cause, "a machine with X Y Z for coordinates that are turned");
+    frame.rotation = R;
+  }
+  if (plane_) {
+    const Vector3d inner(datum_shift_[xyz[0]], datum_shift_[xyz[1]], datum_shift_[xyz[2]]);
+    const Vector3d shift = outer_shift_ + *plane_ * (inner + delta_ * Vector3d::UnitZ());
+    for (int k = 0; k < 3; ++k) frame.shift[xyz[std::size_t(k)]] = shift[k];
+  }
+  if (offset.size() > 0) frame.shift += offset;
+  canon_.set_frame(preset_, std::move(frame));
+  canon_.set_tool_shift(canon_.tip_mode() ? AxisVector{} : axis_shift(cause));
+}
+
+void Machine::update_tip_mode(const Cause& cause) {
+  if (contour_.beside() || contour_.waits())
+    refuse(cause, "R0, and no corner, where coordinates or tools change");
+  if (tcpm_ && !plane_ && delta_ != 0.0)
+    refuse(cause, "a tool of the length that the scene has, without DL, under M128",
+           fmt::format("one that is {:.6g} mm longer", delta_));
+  canon_.set_tip_mode(tcpm_ || plane_, cause);
+  apply_frame(cause);
+}
+
+void Machine::set_tcpm(bool on, const Cause& cause) {
+  if (tcpm_ == on) return;
+  tcpm_ = on;
+  try {
+    update_tip_mode(cause);
+  } catch (const BadInput&) {
+    tcpm_ = canon_.tip_mode() && !plane_;
+    throw;
+  }
+}
+
+AxisVector Machine::axes_now(const Cause& cause) const {
+  const AxisVector& at = canon_.position();
+  if (canon_.coordinates() == Coordinates::Axis) return at;
+  const int x = canon_.joint_of('X'), y = canon_.joint_of('Y'), z = canon_.joint_of('Z');
+  const auto q = kinematics::slides_for_tip(chain(cause), at, {at[x], at[y], at[z]});
+  if (!q) refuse(cause, "slides that reach the tip", "a tip out of their reach");
+  return *q;
+}
+
+kinematics::InverseResult Machine::solve(const Vector3d& direction, const AxisVector& previous,
+                                         const Cause& cause) {
+  try {
+    auto found = kinematics::inverse(free_chain(cause), {Vector3d::Zero(), direction}, previous);
+    if (!found.branches.empty()) return found;
+    refuse(cause, "a direction of the tool that the rotary axes reach",
+           fmt::format("({:.6g}, {:.6g}, {:.6g}){}", direction.x(), direction.y(), direction.z(),
+                       found.reach == Reach::OutOfLimits ? " beyond their travel" : ""));
+  } catch (const std::invalid_argument& fault) {
+    refuse(cause, "a machine of three slides and at most two rotary axes", fault.what());
+  }
+}
+
+AxisVector Machine::nearest_axes(const Vector3d& direction, const Cause& cause) {
+  return solve(direction, axes_now(cause), cause).branches.front();
+}
+
+/// A rotary axis that turns about the tool's direction goes to zero, or (TABLE ROT) where the
+/// machine's x is that of the plane.
+AxisVector Machine::with_free_axis(AxisVector q, const Matrix3d& R, const Positioning& how) {
+  const Chain& machine = chain(how.cause);
+  const auto pose = [&](const AxisVector& at) { return machine.tool_in_workpiece(at).linear(); };
+  for (int j = 0; j < int(q.size()); ++j) {
+    if (!is_rotary(j)) continue;
+    AxisVector turned = q;
+    turned[j] += 0.3;
+    if ((pose(turned).col(2) - pose(q).col(2)).norm() > same_direction) continue;
+    q[j] = canon_.frame().shift.size() > 0 ? canon_.frame().shift[j] : 0.0;
+    if (!how.table) return q;
+    const Vector3d from = pose(q).col(0), to = R.col(0), about = R.col(2);
+    const double angle = std::atan2(from.cross(to).dot(about), from.dot(to));
+    for (const double way : {angle, -angle}) {
+      turned = q;
+      turned[j] += way;
+      if ((pose(turned).col(0) - to).norm() < same_direction) return turned;
+    }
+    refuse(how.cause, "COORD ROT: the free axis does not reach the plane's x");
+  }
+  return q;
+}
+
+/// The master axis, whose sign SEQ and SYM choose, is the rotary axis nearest to the tool.
+AxisVector Machine::axes_for(const Matrix3d& R, const Positioning& how) {
+  AxisVector previous = axes_now(how.cause);
+  auto found = solve(R.col(2), previous, how.cause);
+  if (found.reach == Reach::Singular) {
+    const AxisVector wanted = with_free_axis(found.branches.front(), R, how);
+    for (int j = 0; j < int(wanted.size()); ++j)
+      if (is_rotary(j)) previous[j] = wanted[j];
+    found = solve(R.col(2), previous, how.cause);
+  }
+  int master = -1;
+  for (int j = 0; j < int(previous.size()); ++j)
+    if (is_rotary(j)) master = j;
+  if (master < 0) return previous;
+  const auto travel = [&](const AxisVector& q) {
+    double sum = 0.0;
+    for (int j = 0; j < int(q.size()); ++j)
+      if (is_rotary(j)) sum += std::abs(q[j] - previous[j]);
+    return sum;
+  };
+  const AxisVector* best = nullptr;
+  for (const AxisVector& q : found.branches) {
+    if (how.sign != 0 && q[master] * how.sign < -same_direction) continue;
+    const double more = best == nullptr ? -1.0 : travel(q) - travel(*best);
+    if (more < -same_direction || (more < same_direction && best != nullptr && q[master] > 0) ||
+        best == nullptr)
+      best = &q;
+  }
+  if (best == nullptr)
+    refuse(how.cause, fmt::format("a solution with SEQ{} within the travel of the rotary axes",
+                                  how.sign > 0 ? "+" : "-"));
+  return *best;
+}
+
+/// Along the tool, by the slides alone.
+void Machine::retract_by(double distance, bool to_end, bool rapid, const Cause& cause) {
+  const int x = joint_of('X', cause), y = joint_of('Y', cause), z = joint_of('Z', cause);
+  const AxisVector q = axes_now(cause);
+  AxisVector way = AxisVector::Zero(q.size());
+  way[z] = 1.0;
+  const Chain& machine = chain(cause);
+  const auto T_wt = machine.tool_in_workpiece(q);
+  const auto next =
+      kinematics::slides_for_tip(machine, q, T_wt.translation() + T_wt.linear().col(2));
+  if (!next) refuse(cause, "slides that follow the tool", "others");
+  const AxisVector along = *next - q;
+  if (!canon_.tip_mode() && (along - way).norm() > 1e-6)
+    refuse(cause, "M128 or PLANE before MB where the tool leans");
+  way = along;
+  if (to_end) {
+    distance = unlimited;
+    for (const int j : {x, y, z}) {
+      const kinematics::Joint& joint = machine.joints()[std::size_t(j)];
+      if (std::abs(way[j]) < 1e-12) continue;
+      const double limit = way[j] > 0 ? joint.max : joint.min;
+      distance = std::min(distance, (limit - q[j]) / way[j]);
+    }
+    if (distance >= unlimited) refuse(cause, "slides with limits beside MB MAX", "none");
+    distance = std::max(distance, 0.0);
+  }
+  canon_.go_to(Coordinates::Axis, cause);
+  program::Straight straight{q + distance * way, cause};
+  if (rapid)
+    canon_.traverse(std::move(straight));
+  else
+    canon_.straight_feed(std::move(straight));
+  if (canon_.tip_mode()) canon_.go_to(Coordinates::Tip, cause);
+}
+
+}  // namespace abbe::sim::dialects::heidenhain

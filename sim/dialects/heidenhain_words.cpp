@@ -1,0 +1,153 @@
+#include "sim/dialects/heidenhain.h"
+
+namespace abbe::sim::dialects {
+namespace heidenhain {
+namespace {
+
+constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
+
+// Parts of one word are held together by no-break spaces.
+constexpr WordUse words[] = {
+    {"BEGIN\u00a0PGM END\u00a0PGM", read,
+     "begin and end of a program, MM or INCH; a called one goes back at END PGM"},
+    {"BLK\u00a0FORM BLK", none, "the blank: that of the scene is cut"},
+    {"; * ~ /", read,
+     "comment, structure of the program, the block goes on in the next line, the block may be "
+     "left out"},
+    {"TOOL\u00a0CALL", read,
+     "tool by number, axis Z, S, F, DL, DR. A name, the axes X and Y are refused. Without M128 and "
+     "PLANE the length counts so that X Y Z are the tip in the workpiece with the rotary axes at "
+     "zero"},
+    {"TOOL\u00a0DEF", read, "length L and radius R of a tool as the control believes them"},
+    {"L", read, "line, X Y Z A B C U V W absolute or with I, R0 RL RR, F, M"},
+    {"LN", read,
+     "line with TX TY TZ, the direction of the tool under M128; NX NY NZ have no effect, as DL and "
+     "DR must be zero. The rotary axes take the shortest way"},
+    {"CC", read, "pole: two of X Y Z, absolute or with I, or where the program stands"},
+    {"C CR CT", read,
+     "arc about the pole; of a radius; that goes on in the direction of the last move"},
+    {"LP CP CTP", read, "line and arcs in polar coordinates PR PA, IPR IPA; CP with Z is a helix"},
+    {"DR PR PA IPR IPA", read, "direction of an arc; polar radius and angle"},
+    {"RND CHF", read,
+     "corner rounded, bevelled, between two lines in X Y; with arcs it is refused"},
+    {"R0 RL RR", read,
+     "on the path, left, right of it by the radius of the tool, in X Y; begins and ends with L. "
+     "Refused in tilted planes and under M128"},
+    {"APPR DEP", refused, "L with RL, RR or R0: APPR and DEP are not read"},
+    {"FK FPOL FL FC FLT FCT FSELECT", refused, "L, C and CR: free contours are not worked out"},
+    {"F FMAX F\u00a0AUTO FU", read,
+     "mm/min, in inches tenths of an inch a minute; rapid, for its block; that of TOOL CALL; per "
+     "turn"},
+    {"FZ", refused, "F or FU: the teeth of a tool are not known"},
+    {"FT FMAXT", refused, "F: feeds are no times"},
+    {"M0 M1", none, "stops"},
+    {"STOP", none, "stop; its M words are read"},
+    {"M2 M30", read, "end of the program"},
+    {"M3 M4 M5 M13 M14", read, "spindle clockwise, counter-clockwise, off; with coolant"},
+    {"M6 M7 M8 M9 M19", none, "tool change by hand, coolant, spindle orientation"},
+    {"M89 M99", read, "a cycle is called after every block with axes; after this one"},
+    {"M91", read, "positions of the axes, without datum and tool"},
+    {"M92", refused, "M91: the maker's own zero is not known"},
+    {"M94", read, "whole turns are taken off the position of one rotary axis or of all"},
+    {"M97 M98", refused, "a contour that the tool reaches: M97 and M98 do without corners"},
+    {"M90 M107 M108 M118 M120 M148 M149 M143", none,
+     "smoothing, messages, handwheel, look-ahead, lift-off, basic rotation: none here"},
+    {"M103 M109 M110 M111", none,
+     "factors of the feed on plunges and arcs: F is the feed of the tool's centre here"},
+    {"M101 M102 M117 M145", none, "a sister tool; the end of what is refused here"},
+    {"M116", refused, "M117: feeds of rotary axes are degrees a minute"},
+    {"M114 M115 M144", refused, "M128 or PLANE"},
+    {"M124 M138 M141 M150 M197", refused, "blocks without it: it changes the path"},
+    {"M126 M127", read, "rotary axes go the short way; as the positions say"},
+    {"M128 M129", read,
+     "X Y Z are the tip in the workpiece, rotary words positions of axes that run in proportion; F "
+     "beside M128 has no effect. M128 from the beginning of its block, M129 from its end"},
+    {"M136 M137", read, "F is mm per turn; per minute"},
+    {"M140", read, "MB: back along the tool, or MB MAX to the end of travel"},
+    {"FUNCTION\u00a0TCPM FUNCTION\u00a0RESET\u00a0TCPM", read,
+     "as M128 and M129, with F TCP, AXIS POS, PATHCTRL AXIS, REFPNT TIP-TIP; F CONT, AXIS SPAT, "
+     "PATHCTRL VECTOR and other points are refused"},
+    {"FUNCTION\u00a0DWELL", read, "TIME, seconds"},
+    {"FUNCTION\u00a0MODE", read, "MILL; others are refused"},
+    {"PLANE\u00a0SPATIAL PLANE\u00a0EULER PLANE\u00a0VECTOR PLANE\u00a0POINTS PLANE\u00a0RELATIV",
+     read,
+     "tilted plane about the datum by SPA SPB SPC about fixed x, y, z; Euler angles; base vector "
+     "and "
+     "normal; three points; one more angle about an axis of the plane in force"},
+    {"PLANE\u00a0RESET", read, "the plane ends; with TURN or MOVE the tool goes upright"},
+    {"STAY TURN MOVE", read,
+     "the rotary axes stay, Q120 to Q122 are where they belong; turn; turn about the tip or a "
+     "point "
+     "DIST in front of it"},
+    {"SEQ SYM", read,
+     "sign of the rotary axis nearest to the tool; without it the shorter way, of equal ones the "
+     "positive. A free axis goes to zero"},
+    {"COORD\u00a0ROT TABLE\u00a0ROT", read,
+     "a free axis goes to zero; turns the plane's x to the machine's"},
+    {"PLANE\u00a0AXIAL PLANE\u00a0PROJECTED", refused,
+     "PLANE SPATIAL: what the axes of its plane are is not known here"},
+    {"CYCL\u00a0DEF\u00a07 TRANS\u00a0DATUM", read, "datum shift; datum tables are refused"},
+    {"CYCL\u00a0DEF\u00a08 CYCL\u00a0DEF\u00a011", read,
+     "end of mirror image and scaling; themselves refused"},
+    {"CYCL\u00a0DEF\u00a09", read, "dwell, seconds"},
+    {"CYCL\u00a0DEF\u00a010 TRANS\u00a0ROTATION", read, "rotation about the datum"},
+    {"CYCL\u00a0DEF\u00a019", read, "as PLANE SPATIAL STAY, of spatial angles"},
+    {"CYCL\u00a0DEF\u00a013", none, "spindle orientation"},
+    {"CYCL\u00a0DEF\u00a032", none, "tolerance: abbe cuts the exact path"},
+    {"CYCL\u00a0DEF\u00a0247 PRESET\u00a0SELECT", read,
+     "presets 1 to 6: G54 to G59 of the scene, places in the workpiece frame with and without "
+     "M128; "
+     "shift and rotation end"},
+    {"CYCL\u00a0DEF\u00a0200 CYCL\u00a0DEF\u00a0203 CYCL\u00a0DEF\u00a0205", read,
+     "drilling with infeeds; universal; deep holes. Q395=0, Q379=0, Q258=Q259"},
+    {"CYCL\u00a0DEF\u00a0201 CYCL\u00a0DEF\u00a0202 CYCL\u00a0DEF\u00a0240", read,
+     "reaming; boring, Q214; centring with Q343=0"},
+    {"CYCL\u00a0DEF\u00a0206 CYCL\u00a0DEF\u00a0207", read,
+     "tapping with a floating holder; rigid"},
+    {"CYCL\u00a0DEF\u00a01 CYCL\u00a0DEF\u00a02 CYCL\u00a0DEF\u00a03 CYCL\u00a0DEF\u00a04 "
+     "CYCL\u00a0DEF\u00a05 CYCL\u00a0DEF\u00a06 CYCL\u00a0DEF\u00a017 CYCL\u00a0DEF\u00a018",
+     refused, "cycles of 200 and more"},
+    {"CYCL\u00a0DEF\u00a012", refused, "CALL PGM"},
+    {"CYCL\u00a0DEF\u00a014 CYCL\u00a0DEF\u00a020 CYCL\u00a0DEF\u00a021 CYCL\u00a0DEF\u00a022 "
+     "CYCL\u00a0DEF\u00a023 CYCL\u00a0DEF\u00a024 CYCL\u00a0DEF\u00a025 CYCL\u00a0DEF\u00a0270",
+     refused, "the moves themselves: contour cycles are not worked out"},
+    {"CYCL\u00a0DEF\u00a026", refused, "coordinates as they are: nothing is scaled"},
+    {"CYCL\u00a0DEF\u00a027 CYCL\u00a0DEF\u00a028 CYCL\u00a0DEF\u00a029 CYCL\u00a0DEF\u00a039",
+     refused, "rotary axes in words: cylinder surfaces are not unrolled"},
+    {"CYCL\u00a0DEF\u00a0204 CYCL\u00a0DEF\u00a0208 CYCL\u00a0DEF\u00a0209 CYCL\u00a0DEF\u00a0241",
+     refused, "cycles 200 to 203, 205 to 207 or 240"},
+    {"CYCL\u00a0DEF\u00a0220 CYCL\u00a0DEF\u00a0221 PATTERN", refused,
+     "CYCL CALL POS or M99 at every place"},
+    {"CYCL\u00a0DEF\u00a0251 CYCL\u00a0DEF\u00a0252 CYCL\u00a0DEF\u00a0253 CYCL\u00a0DEF\u00a0254 "
+     "CYCL\u00a0DEF\u00a0256 CYCL\u00a0DEF\u00a0257 CYCL\u00a0DEF\u00a0230 CYCL\u00a0DEF\u00a0231 "
+     "CYCL\u00a0DEF\u00a0232 CYCL\u00a0DEF\u00a0233 CYCL\u00a0DEF\u00a0262 CYCL\u00a0DEF\u00a0263 "
+     "CYCL\u00a0DEF\u00a0264 CYCL\u00a0DEF\u00a0265 CYCL\u00a0DEF\u00a0267 CYCL\u00a0DEF\u00a0225",
+     refused, "the moves themselves: milling cycles are not worked out"},
+    {"CYCL\u00a0CALL CYCL\u00a0CALL\u00a0POS", read, "calls the cycle; at a place"},
+    {"TCH", refused, "no probing: a virtual part is read by instruments (abbe measure)"},
+    {"LBL CALL\u00a0LBL REP", read,
+     "label, by number or name; a subprogram until LBL 0; repeats of the blocks before"},
+    {"CALL\u00a0PGM", read, "a program beside this one"},
+    {"SEL CONTOUR DECLARE", refused,
+     "blocks in the program: tables, contours and texts are not read"},
+    {"Q QL QR", read,
+     "parameters: of all programs, of one, lasting; formulas with + - * / ^ % SQ SQRT SIN COS TAN "
+     "ASIN ACOS ATAN EXP LN LOG NEG INT ABS FRAC SGN PI. One that was never set is refused"},
+    {"QS", refused, "Q, QL and QR: texts are not kept"},
+    {"Q108 Q109 Q110 Q113 Q114 Q120 Q121 Q122", read,
+     "radius, axis, spindle, unit and length of the tool; positions A B C of the last plane"},
+    {"FN\u00a00 FN\u00a01 FN\u00a02 FN\u00a03 FN\u00a04 FN\u00a05 FN\u00a06 FN\u00a07 FN\u00a08 "
+     "FN\u00a013",
+     read, "assignment, + - * DIV SQRT SIN COS LEN ANG"},
+    {"FN\u00a09 FN\u00a010 FN\u00a011 FN\u00a012 IF", read, "jumps: IF EQU NE GT LT GOTO LBL"},
+    {"FN\u00a014 FN\u00a015 FN\u00a016 FN\u00a017 FN\u00a018 FN\u00a019 FN\u00a020 FN\u00a026 "
+     "FN\u00a027 FN\u00a028 FN\u00a029 FN\u00a037 FN\u00a038",
+     refused, "FN 0 to FN 13: messages and data of the control there are none"},
+};
+
+}  // namespace
+}  // namespace heidenhain
+
+std::span<const WordUse> heidenhain_words() { return heidenhain::words; }
+
+}  // namespace abbe::sim::dialects
