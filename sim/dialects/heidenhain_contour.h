@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "sim/dialects/linuxcnc_compensation.h"
+#include "sim/dialects/cutter_compensation.h"
 #include "sim/dialects/program_run.h"
 #include "sim/program/canon.h"
 
@@ -32,7 +32,7 @@ struct Element {
 ///
 /// RL and RR begin with a straight move, which ends across the beginning of the move in the plane
 /// that follows; R0 ends them across the end of the last one. Corners are those of
-/// `linuxcnc::Compensation`.
+/// `Compensation`.
 class Contour {
  public:
   explicit Contour(ProgramRun& run) : run_(run), canon_(run.canon), beside_(run) {}
@@ -78,7 +78,7 @@ class Contour {
 
   ProgramRun& run_;
   program::Canon& canon_;
-  linuxcnc::Compensation beside_;
+  Compensation beside_;
   std::array<int, 2> plane_{0, 1};
   bool moved_ = false;  ///< the program is not where the axes stand
   kinematics::AxisVector at_;

@@ -14,7 +14,7 @@
 #include "tests/injured.h"
 #include "tests/program/machines.h"
 
-namespace abbe::sim::dialects {
+namespace abbe::sim::dialects::cl_tests {
 namespace {
 
 namespace cl_machines = program::test;
@@ -365,4 +365,4 @@ TEST(CutterLocations, HugeStatementsAreRefusedInBoundedTime) {
 }
 
 }  // namespace
-}  // namespace abbe::sim::dialects
+}  // namespace abbe::sim::dialects::cl_tests

@@ -11,7 +11,7 @@
 #include "sim/dialects/read_program.h"
 #include "tests/program/machines.h"
 
-namespace abbe::sim::dialects {
+namespace abbe::sim::dialects::fanuc_tests {
 namespace {
 
 namespace machines = program::test;
@@ -153,4 +153,4 @@ TEST(FanucPlanes, G68TurnsInThePlaneAboutItsCentre) {
 }
 
 }  // namespace
-}  // namespace abbe::sim::dialects
+}  // namespace abbe::sim::dialects::fanuc_tests

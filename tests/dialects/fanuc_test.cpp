@@ -10,7 +10,7 @@
 #include "sim/dialects/read_program.h"
 #include "tests/program/machines.h"
 
-namespace abbe::sim::dialects {
+namespace abbe::sim::dialects::fanuc_tests {
 namespace {
 
 namespace fs = std::filesystem;
@@ -312,4 +312,4 @@ TEST(Fanuc, AttacksEndInAPathOrInARefusalWithItsPlace) {
 }
 
 }  // namespace
-}  // namespace abbe::sim::dialects
+}  // namespace abbe::sim::dialects::fanuc_tests

@@ -15,7 +15,7 @@
 #include "sim/dialects/read_program.h"
 #include "tests/program/machines.h"
 
-namespace abbe::sim::dialects {
+namespace abbe::sim::dialects::heidenhain_tests {
 namespace {
 
 namespace fs = std::filesystem;
@@ -453,4 +453,4 @@ TEST(Heidenhain, SurvivesWhatIsNoProgram) {
 }
 
 }  // namespace
-}  // namespace abbe::sim::dialects
+}  // namespace abbe::sim::dialects::heidenhain_tests

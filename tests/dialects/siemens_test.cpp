@@ -15,7 +15,7 @@
 #include "sim/dialects/siemens_turning.h"
 #include "tests/program/machines.h"
 
-namespace abbe::sim::dialects {
+namespace abbe::sim::dialects::siemens_tests {
 namespace {
 
 namespace fs = std::filesystem;
@@ -454,4 +454,4 @@ TEST(Siemens, RandomChangesOfProgramsAreReadOrRefusedWithAPlace) {
 }
 
 }  // namespace
-}  // namespace abbe::sim::dialects
+}  // namespace abbe::sim::dialects::siemens_tests
