@@ -5,6 +5,7 @@
 #include "sim/dialects/cl.h"
 #include "sim/dialects/fanuc.h"
 #include "sim/dialects/heidenhain.h"
+#include "sim/dialects/heidenhain_words.h"
 #include "sim/dialects/linuxcnc.h"
 #include "sim/dialects/siemens.h"
 

@@ -49,7 +49,8 @@ std::size_t behind_number(std::string_view line, bool& skipped) {
   blanks();
   const std::size_t digits = at;
   while (at < line.size() && is_digit(line[at])) ++at;
-  if (at > digits && at < line.size() && !is_blank(line[at]) && line[at] != '/' && line[at] != '*')
+  if (at > digits && at < line.size() && !is_blank(line[at]) && line[at] != '/' &&
+      line[at] != '*' && line[at] != ';')
     at = digits;  // no number of a block
   blanks();
   if (at < line.size() && line[at] == '/') skipped = true, ++at;

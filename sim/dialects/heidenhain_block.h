@@ -69,7 +69,9 @@ class Words {
   /// @throws BadInput unless nothing follows
   void ends();
   Cause cause(std::size_t from) const { return cursor.cause(from); }
+  /// Refuses the word there, or behind blanks.
   [[noreturn]] void refuse(std::size_t from, std::string expected) const {
+    while (from < cursor.text.size() && is_blank(cursor.text[from])) ++from;
     cursor.refuse(from, std::move(expected));
   }
 

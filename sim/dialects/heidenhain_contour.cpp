@@ -55,7 +55,7 @@ void Contour::corner(bool round, double size, std::optional<program::Feed> feed,
                      const Cause& cause) {
   if (!held_) canon_.refuse(cause, "a straight move before RND and CHF", "none");
   if (!(size > 0)) canon_.refuse(cause, "a radius or length above zero");
-  corner_ = Corner{round, size, feed, {cause.column, round ? "RND" : "CHF"}};
+  corner_ = Corner{round, size, feed, {cause.column, round ? "RND" : "CHF"}, canon_.line()};
 }
 
 /// Between the straight move that is held and the next one. @return where the corner ends
@@ -65,6 +65,7 @@ AxisVector Contour::cut_corner(const Element& next) {
   const AxisVector corner_end = before.end;
   const auto fail = [&](std::string expected, std::string seen) -> AxisVector {
     pass(std::move(before));
+    canon_.stand_at(corner.line, canon_.file());
     canon_.refuse(corner.cause, std::move(expected), std::move(seen));
   };
   if (before.round || next.round)
@@ -98,7 +99,7 @@ AxisVector Contour::cut_corner(const Element& next) {
   piece.second = plane_[1];
   piece.clockwise = turn < 0;
   piece.feed = corner.feed ? corner.feed : before.feed;
-  piece.line = canon_.line();
+  piece.line = corner.line;
   piece.end = piece.centre = before.end;
   const Vector2d begin = at - cut * a, end = at + cut * b;
   const Vector2d side = turn > 0 ? Vector2d(-a.y(), a.x()) : Vector2d(a.y(), -a.x());

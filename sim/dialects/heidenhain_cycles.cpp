@@ -7,8 +7,8 @@
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
-#include "sim/dialects/heidenhain.h"
 #include "sim/dialects/heidenhain_machine.h"
+#include "sim/dialects/heidenhain_words.h"
 
 /// CYCL DEF of coordinates, and what TRANS and presets do; drilling is elsewhere.
 namespace abbe::sim::dialects::heidenhain {

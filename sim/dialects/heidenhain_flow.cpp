@@ -9,7 +9,6 @@
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
-#include "sim/dialects/heidenhain.h"
 #include "sim/program/arc_move.h"
 
 namespace abbe::sim::dialects::heidenhain {

@@ -5,8 +5,8 @@
 
 #include "kinematics/bad_input.h"
 #include "kinematics/units.h"
-#include "sim/dialects/heidenhain.h"
 #include "sim/dialects/heidenhain_machine.h"
+#include "sim/dialects/heidenhain_words.h"
 
 /// M words: what Machine does with them.
 namespace abbe::sim::dialects::heidenhain {

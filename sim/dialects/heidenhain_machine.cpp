@@ -2,13 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <fmt/format.h>
 
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
-#include "sim/dialects/heidenhain.h"
+#include "sim/dialects/heidenhain_words.h"
 
 namespace abbe::sim::dialects::heidenhain {
 
@@ -97,7 +98,7 @@ bool Machine::execute_motion(const std::string& keyword, std::size_t from, Words
   if (std::find(std::begin(motions), std::end(motions), keyword) != std::end(motions)) {
     Move read = read_move(keyword, from, words);
     read.before_corner = before_corner;
-    move(read);
+    move(std::move(read));
     return true;
   }
   if (keyword == "CC") return pole(words), true;
@@ -129,14 +130,14 @@ bool Machine::execute_definition(const std::string& keyword, std::size_t from, W
 void Machine::lone_function(std::size_t from, Words& words) {
   words.cursor.at = from;
   Move only = read_move("", from, words);
-  move(only);
+  move(std::move(only));
 }
 
 void Machine::stop(Words& words) {
   if (words.at_end()) return canon_.aside("M0");
   Move only = read_move("", words.cursor.at, words);
   canon_.aside("M0");
-  move(only);
+  move(std::move(only));
 }
 
 void Machine::function_block(Words& words) {
@@ -153,6 +154,7 @@ void Machine::function_block(Words& words) {
     if (words.name() != "TIME") words.refuse(at, "TIME and seconds after FUNCTION DWELL");
     const double seconds = words.value();
     words.ends();
+    if (contour_.beside()) words.refuse(from, "R0 before FUNCTION DWELL");
     return canon_.dwell(seconds, words.cause(at));
   }
   if (words.take("MODE")) {

@@ -77,7 +77,7 @@ class Machine {
   /// How rotary axes go to a plane.
   struct Positioning {
     enum class Kind { Stay, Turn, Move } kind = Kind::Stay;
-    bool rapid = true;
+    bool rapid = false;
     double feed = 0.0;  ///< as programmed, where it is not rapid
     std::optional<double> distance, retract;
     bool retract_to_end = false;
@@ -125,7 +125,7 @@ class Machine {
   void set_side(const Move& move);
   Target target_of(const Move& move) const;
   void pole(Words& words);
-  void move(const Move& move);
+  void move(Move move);
   void line(const Move& move, const Target& target);
   void machine_line(const Move& move, const Target& target);
   void turn_in_plane(const Move& move, const Target& target, bool rapid);

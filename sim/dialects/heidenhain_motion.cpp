@@ -36,7 +36,7 @@ void Machine::require_pole(const Cause& cause) const {
 
 /// CC X+10 IY-5, CC Y Z, CC
 void Machine::pole(Words& words) {
-  const Cause cause = words.cause(words.cursor.at);
+  const Cause cause{1, "CC"};
   const AxisVector p = contour_.programmed();
   std::array<double, 3> at{};
   unsigned given = 0;
@@ -68,7 +68,7 @@ double Machine::nearest_turn(int joint, double end, double from) const {
   double near = end + turn * std::round((from - end) / turn);
   if (!limits) return near;
   const kinematics::Joint& axis = limits->joints()[std::size_t(joint)];
-  const double axis_to_end = near + turns_[joint];
+  const double axis_to_end = near + canon_.frame().shift[joint];
   if (axis_to_end >= axis.min - 1e-9 && axis_to_end <= axis.max + 1e-9) return near;
   return end;
 }
@@ -128,8 +128,7 @@ Target Machine::polar_target(const Move& move, double& sweep) const {
 }
 
 /// Everything that moves of a block, and its M words before and behind.
-void Machine::move(const Move& words) {
-  Move move = words;
+void Machine::move(Move move) {
   const bool turns_with_path = canon_.tip_mode();
   set_side(move);
   functions_before(move);
@@ -227,6 +226,7 @@ void Machine::turn_in_plane(const Move& move, const Target& target, bool rapid) 
     canon_.straight_feed(std::move(straight));
   canon_.go_to(Coordinates::Tip, move.cause);
   contour_.finish();
+  tangent_.reset();
 }
 
 /// LN with the direction of the tool, or without.

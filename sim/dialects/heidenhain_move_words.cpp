@@ -5,7 +5,6 @@
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
-#include "sim/dialects/heidenhain.h"
 #include "sim/dialects/heidenhain_machine.h"
 
 /// The words of a block of motion.

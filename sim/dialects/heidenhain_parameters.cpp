@@ -4,8 +4,8 @@
 
 #include "kinematics/bad_input.h"
 #include "kinematics/units.h"
-#include "sim/dialects/heidenhain.h"
 #include "sim/dialects/heidenhain_flow.h"
+#include "sim/dialects/heidenhain_words.h"
 
 /// Q parameters: what Flow does with numbers.
 namespace abbe::sim::dialects::heidenhain {

@@ -6,7 +6,6 @@
 
 #include "kinematics/bad_input.h"
 #include "kinematics/units.h"
-#include "sim/dialects/heidenhain.h"
 #include "sim/dialects/heidenhain_machine.h"
 
 /// Tilted planes and M128.
@@ -131,6 +130,8 @@ Machine::Positioning Machine::read_positioning(Words& words) {
     if (!read_positioning_word(words.name(), words, how))
       words.refuse(at, "F, DIST, MB, SEQ, SYM, TABLE ROT or COORD ROT");
   }
+  if (how.kind != Positioning::Kind::Stay && !how.rapid && !(how.feed > 0))
+    refuse(how.cause, "F or FMAX beside TURN and MOVE", "none");
   return how;
 }
 

@@ -1,4 +1,4 @@
-#include "sim/dialects/heidenhain.h"
+#include "sim/dialects/heidenhain_words.h"
 
 namespace abbe::sim::dialects {
 namespace heidenhain {

@@ -11,7 +11,7 @@
 
 #include "kinematics/inverse.h"
 #include "sim/dialects/bad_program.h"
-#include "sim/dialects/heidenhain.h"
+#include "sim/dialects/heidenhain_words.h"
 #include "sim/dialects/read_program.h"
 #include "tests/program/machines.h"
 

@@ -1,0 +1,3 @@
+LBL 1
+CALL LBL 1
+LBL 0
