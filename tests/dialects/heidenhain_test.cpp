@@ -340,11 +340,12 @@ TEST(Heidenhain, WordsThatAreRefusedSayWhatToDo) {
       ++m_words;
       const std::string seen = klartext_refusal("7 " + text + (fn ? ": " : "") + "\n");
       SCOPED_TRACE(text + ": " + seen);
-      if (line.use == Use::Refused) EXPECT_NE(seen.find("part.h:1:"), std::string::npos);
-      if (line.use == Use::Refused)
+      if (line.use == Use::Refused) {
+        EXPECT_NE(seen.find("part.h:1:"), std::string::npos);
         EXPECT_NE(seen.find(line.sentence), std::string::npos);
-      else
+      } else {
         EXPECT_EQ(seen.find("a TNC"), std::string::npos) << "it is in the table";
+      }
     }
   }
   EXPECT_GT(m_words, 100);
