@@ -22,9 +22,9 @@ constexpr std::size_t few_share =
 constexpr std::size_t hardly_share =
     2000;                 // of the vertices: so few, and faces are looked at elsewhere
 constexpr int turns = 4;  // in which a face is looked at, at most
-constexpr double hardly_missed = 1e-4;  // of the faces in a turn: no other follows
+constexpr double hardly_missed = 1e-3;  // of the faces in a turn: no other follows
 constexpr int last_rounds = 60;         // at the bound itself; what then misses it is reported
-constexpr double inner = 0.7;  // of the bound is allowed where it is looked at, for places between
+constexpr double inner = 0.6;  // of the bound is allowed where it is looked at, for places between
 
 std::vector<int> each_once(std::vector<int> edges) {
   std::sort(edges.begin(), edges.end());
