@@ -293,14 +293,13 @@ bool Machine::execute(const Block& block) {
   if (block[Group::Alone]) return check_alone(block), true;
   check_words(block);
   set_modes(block);
+  set_motion(block);
   if (const Code& code = block[Group::Rotation]) {
     if (compensation_.on()) refuse(code.word, "G40 before " + shown(code.word.text));
     set_rotation(block);
   } else if (block[Group::OneShot]) {
-    set_motion(block);
     one_shot(block);
   } else {
-    set_motion(block);
     move(block);
   }
   if (block.tenths(Group::Coolant) == 90) canon_.aside("M9");
