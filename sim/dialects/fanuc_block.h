@@ -100,6 +100,9 @@ struct CodeFact {
 /// @param letter  G or M
 const CodeFact& fact_of(char letter, int tenths);
 
+/// What the table of words says of a word that is no code, "SETVN"; it has one.
+std::string_view sentence_of(std::string_view word);
+
 /// Least input increment of an address, system IS-B: 0.001 mm or degree, 0.0001 inch.
 double least_increment(char letter, bool inch);
 

@@ -8,7 +8,6 @@
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
-#include "sim/dialects/fanuc.h"
 
 namespace abbe::sim::dialects::fanuc {
 
@@ -109,9 +108,9 @@ bool Flow::statement(Cursor& cursor) {
   } else if (word_and("END", is_digit)) {
     end_loop(cursor, from);
   } else if (cursor.take("ELSE") || cursor.take("ENDIF")) {
-    cursor.refuse(from, std::string(find_word(fanuc_words(), "ELSE")->sentence));
+    cursor.refuse(from, std::string(sentence_of("ELSE")));
   } else if (cursor.take("SETVN")) {
-    cursor.refuse(from, std::string(find_word(fanuc_words(), "SETVN")->sentence));
+    cursor.refuse(from, std::string(sentence_of("SETVN")));
   } else if (cursor.take("POPEN") || cursor.take("PCLOS") || cursor.take("DPRNT") ||
              cursor.take("BPRNT")) {
     ++at_;
@@ -261,8 +260,7 @@ std::optional<double> Flow::operand(Cursor& cursor) {
     return power;
   }
   for (const std::string_view word : {"BIN", "BCD", "ADP"})
-    if (cursor.take(word))
-      cursor.refuse(from, std::string(find_word(fanuc_words(), word)->sentence));
+    if (cursor.take(word)) cursor.refuse(from, std::string(sentence_of(word)));
   return std::nullopt;
 }
 

@@ -199,6 +199,10 @@ const CodeFact& fact_of(char letter, int tenths) {
   return facts[letter == 'M'][std::size_t(tenths)];
 }
 
+std::string_view sentence_of(std::string_view word) {
+  return find_word(other_words, word)->sentence;
+}
+
 }  // namespace fanuc
 
 std::span<const WordUse> fanuc_words() {
