@@ -171,7 +171,8 @@ std::optional<Shifted> with_offsets(const Job& job, const Vector3d& shift_w) {
   for (std::size_t i = 0; i < job.samples.block.size(); ++i) {
     const int used = job.path.blocks[std::size_t(job.samples.block[i])].work_offset;
     if (!is_feed_sample(job, i) || !done.insert(used).second) continue;
-    if (used < 0) return std::nullopt;
+    if (used < 0 || std::size_t(used) >= job.scene.program.work_offset.size())
+      return std::nullopt;  // G59.1 and beyond are of the program alone
     const auto change = change_of_words(job, i, shift_w);
     if (!change) return std::nullopt;
     AxisVector& offset = shifted.scene.program.work_offset[std::size_t(used)];
