@@ -24,7 +24,7 @@ constexpr std::size_t hardly_share =
 constexpr int turns = 4;  // in which a face is looked at, at most
 constexpr double hardly_missed = 1e-3;  // of the faces in a turn: no other follows
 constexpr int last_rounds = 60;         // at the bound itself; what then misses it is reported
-constexpr double inner = 0.6;  // of the bound is allowed where it is looked at, for places between
+constexpr double inner = 0.7;  // of the bound is allowed where it is looked at, for places between
 
 std::vector<int> each_once(std::vector<int> edges) {
   std::sort(edges.begin(), edges.end());

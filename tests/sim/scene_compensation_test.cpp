@@ -294,7 +294,7 @@ TEST(CaseName, EveryTokenIsRead) {
 TEST(CaseName, EachTokenIsRefusedWithWhatItCouldBe) {
   EXPECT_EQ(refusal_of_case("perfekt-iterated-ideal"),
             "expected a belief (perfect, identified, thermal, composite, force, part, fused), seen "
-            "\"perfekt\"");
+            "\"perfekt\" (nearest: \"perfect\")");
   EXPECT_EQ(refusal_of_case("perfect-twice-ideal"),
             "expected a strategy (position, decoupled, iterated), seen \"twice\"");
   EXPECT_EQ(refusal_of_case("perfect-iterated-wire"),

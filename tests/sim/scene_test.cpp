@@ -612,7 +612,7 @@ TEST(Scene, CaseNamesAreReadTokenByToken) {
   } catch (const std::invalid_argument& fault) {
     EXPECT_STREQ(fault.what(),
                  "expected a channel (ideal, program, pulses, open, origin, table, piezo), "
-                 "seen \"pulse\"");
+                 "seen \"pulse\" (nearest: \"pulses\")");
   }
 }
 
