@@ -15,7 +15,6 @@
 #include "sim/report/pictures.h"
 #include "sim/report/summary_report.h"
 #include "sim/scene/case_folders.h"
-#include "sim/scene/nearest_word.h"
 #include "sim/scene/read_scene.h"
 #include "sim/scene/trust.h"
 
@@ -129,9 +128,6 @@ Cut cut_one(const Job& job, const std::string& case_name, const Progress& progre
 Scene with_plug_ins(Scene scene, const std::vector<std::filesystem::path>& plug_ins) {
   for (const std::filesystem::path& file : plug_ins) {
     const CaseDescription added = plug_in_case(file);
-    if (std::error_code failure; !std::filesystem::exists(file, failure))
-      throw BadInput(file.string(), 0, 0, "a compensator: a program or a shared library",
-                     no_file(file));
     const bool taken =
         added.name == "error_free" || added.name == "uncompensated" ||
         std::any_of(scene.cases.begin(), scene.cases.end(),

@@ -289,7 +289,7 @@ TEST_F(CommandLine, BadProgramsAreRefusedAtTheirPlace) {
       {"G2 X5 Y0 R1 F100", "5:", "R"},
       {"G1 X1 X2 F100", "5:7", "X"},
       {"G1 X1 B5 F100", "5:7", "B"},
-      {"M99", "5:1", "M99"},
+      {"M199", "5:1", "M199"},
       {"G1 X- F100", "5:", ""},
   };
   for (const auto& one : cases) {
