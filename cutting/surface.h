@@ -64,12 +64,17 @@ struct Surface {
 /// `gouge_bands` bands is Gouged, unless the deepest place that is removed below an intact skin
 /// lies nearer to another place of the part by a tenth: it is that one's gouge. No ray goes further
 /// than half way through the part, from a vertex to the triangle that it leaves through: where that
-/// is nearer than -band, it starts there. Bound: residual within 1e-7 mm (0.1 nm) of the sweep of
-/// the motion as given, parts of 1 m included. A move whose axis turns is searched in parts of at
-/// most 0.05 rad; only a touch that begins and ends within a part, apart from another by the same
-/// part, and no deeper than (R + flank length) 0.05^2 / 8, can be missed. Memory is linear: about
-/// 75 bytes a move and 40 a vertex besides the arrays given and returned. A single sample is a pose
-/// that cuts. An empty `judged` judges all vertices.
+/// is nearer than -band, it starts there.
+///
+/// Bound: residual within 1e-7 mm (0.1 nm) of the sweep of the motion as given, parts of 1 m
+/// included.
+///
+/// A move whose axis turns is searched in parts of at most 0.05 rad; only a touch that begins and
+/// ends within a part, apart from another by the same part, and no deeper than (R + flank length)
+/// 0.05^2 / 8, can be missed.
+///
+/// Memory is linear: about 75 bytes a move and 40 a vertex besides the arrays given and returned.
+/// A single sample is a pose that cuts. An empty `judged` judges all vertices.
 /// @throws std::invalid_argument if an array has the wrong size, a number is not finite, a
 ///         direction is not unit to 1e-9, time goes back, or the axis turns by half a turn between
 ///         two samples

@@ -5,6 +5,8 @@
 #include <limits>
 #include <numeric>
 
+#include "cutting/segment_grid.h"
+
 namespace abbe::cutting {
 
 using Eigen::AlignedBox3d;
@@ -31,13 +33,6 @@ bool meets(const AlignedBox3d& box, const Vector3d& start, const Vector3d& direc
     to = std::min(to, std::max(a, b));
   }
   return from <= to;
-}
-
-double square_distance_to_side(const Vector3d& p, const Vector3d& a, const Vector3d& b) {
-  const Vector3d ab = b - a;
-  const double length = ab.squaredNorm();
-  const double along = length > 0.0 ? std::clamp((p - a).dot(ab) / length, 0.0, 1.0) : 0.0;
-  return (p - a - along * ab).squaredNorm();
 }
 
 }  // namespace
@@ -126,7 +121,7 @@ std::optional<double> Thickness::behind(const Vector3d& place, const Vector3d& n
   return found ? std::optional(nearest) : std::nullopt;
 }
 
-double Thickness::square_distance(int triangle, const Vector3d& place) const {
+double Thickness::distance_to(int triangle, const Vector3d& place) const {
   const auto corners = corners_.row(triangle);
   const Vector3d a = vertices_.row(corners[0]), b = vertices_.row(corners[1]),
                  c = vertices_.row(corners[2]);
@@ -136,25 +131,23 @@ double Thickness::square_distance(int triangle, const Vector3d& place) const {
   };
   if (normal.squaredNorm() > 0.0 && is_inside(a, b) && is_inside(b, c) && is_inside(c, a)) {
     const double height = normal.dot(place - a);
-    return height * height / normal.squaredNorm();
+    return std::abs(height) / normal.norm();
   }
-  return std::min({square_distance_to_side(place, a, b), square_distance_to_side(place, b, c),
-                   square_distance_to_side(place, c, a)});
+  return std::min({distance(place, {a, b}), distance(place, {b, c}), distance(place, {c, a})});
 }
 
 bool Thickness::comes_within(const Vector3d& place, double distance) const {
-  const double most = distance * distance;
   for (std::vector<int> open(nodes_.empty() ? 0 : 1, 0); !open.empty();) {
     const auto number = static_cast<std::size_t>(open.back());
     const Node& node = nodes_[number];
     open.pop_back();
-    if (node.box.squaredExteriorDistance(place) > most) continue;
+    if (node.box.squaredExteriorDistance(place) > distance * distance) continue;
     if (node.count == 0) {
       open.push_back(node.second);
       open.push_back(static_cast<int>(number) + 1);
     }
     for (int i = node.first; i < node.first + node.count; ++i)
-      if (square_distance(triangles_[static_cast<std::size_t>(i)], place) <= most) return true;
+      if (distance_to(triangles_[static_cast<std::size_t>(i)], place) <= distance) return true;
   }
   return false;
 }

@@ -33,7 +33,7 @@ class Thickness {
   };
   Eigen::AlignedBox3d box_of(int triangle) const;
   void add_node(int first, int last, const Points& middles);
-  double square_distance(int triangle, const Eigen::Vector3d& place) const;
+  double distance_to(int triangle, const Eigen::Vector3d& place) const;
   std::optional<double> leaves_through(int triangle, const Eigen::Vector3d& place,
                                        const Eigen::Vector3d& direction) const;
 

@@ -127,12 +127,12 @@ std::string no_option(const Command& command, int argc, char** argv) {
   return {};
 }
 
-Exit exit_of(const CLI::App& app, const CLI::ParseError& why) {
+/// Prints what was asked for: help, or the version.
+Exit answered(const CLI::App& app, const CLI::Success& help) {
   std::ostringstream out, errors;
-  app.exit(why, out, errors);
+  app.exit(help, out, errors);
   print("{}", Lines(out.str()));
-  print(stderr, "{}", Lines(errors.str()));
-  return dynamic_cast<const CLI::Success*>(&why) ? Exit::Ok : Exit::Usage;
+  return Exit::Ok;
 }
 
 }  // namespace
@@ -167,7 +167,7 @@ std::variant<const Command*, Exit> parsed(const std::vector<Command>& commands,
   } catch (const CLI::ValidationError& fault) {
     return refuse(fault.what());
   } catch (const CLI::Success& help) {
-    return exit_of(app, help);
+    return answered(app, help);
   } catch (const CLI::ParseError& why) {
     const std::string option = named == commands.end() ? "" : no_option(*named, argc, argv);
     if (!option.empty() || named == commands.end())

@@ -18,6 +18,13 @@ bool is_digit(char c) { return c >= '0' && c <= '9'; }
 bool is_letter(char c) { return upper(c) >= 'A' && upper(c) <= 'Z'; }
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
 
+std::vector<std::string_view> lines_of_text(std::string_view text) {
+  std::vector<std::string_view> lines;
+  Lines all(text);
+  while (const auto line = all.next()) lines.push_back(*line);
+  return lines;
+}
+
 bool Cursor::take(std::string_view wanted) {
   const std::size_t before = at;
   skip_blanks();

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "sim/program/place.h"
 
@@ -13,6 +14,9 @@ char upper(char c);
 bool is_digit(char c);
 bool is_letter(char c);
 bool is_blank(char c);
+
+/// All lines of a text, as `Lines` gives them.
+std::vector<std::string_view> lines_of_text(std::string_view text);
 
 /// Where a front end stands in a line.
 struct Cursor {

@@ -5,9 +5,9 @@
 #include <string_view>
 #include <vector>
 
+#include "sim/dialects/code_table.h"
 #include "sim/dialects/expression.h"
 #include "sim/dialects/program_run.h"
-#include "sim/dialects/word_table.h"
 #include "sim/program/nc_block.h"
 
 /// One block of a Fanuc program with its values worked out.
@@ -91,12 +91,7 @@ class MacroOperands : public Operands {
 const ExpressionGrammar& grammar();
 
 /// What the table of words says of a code.
-struct CodeFact {
-  bool known = false;
-  Group group = Group::None;
-  Use use = Use::Read;
-  std::string_view sentence;
-};
+using CodeFact = dialects::CodeFact<Group>;
 /// @param letter  G or M
 const CodeFact& fact_of(char letter, int tenths);
 

@@ -200,8 +200,7 @@ Program* Flow::program_in_file(int number) {
         run_.canon.refuse({1, {}}, "at most 1000 files of subprograms", "more");
       auto source = std::make_unique<Source>();
       source->text = read_text(file, most_file);
-      Lines all(source->text);
-      while (const auto one = all.next()) source->lines.push_back(*one);
+      source->lines = lines_of_text(source->text);
       source->file = run_.canon.add_file(file.string());
       sources_.push_back(std::move(source));
       add_programs(sources_.size() - 1);

@@ -24,8 +24,7 @@ bool is_common(int number) {
 Flow::Flow(std::string_view text, ProgramRun& run)
     : run_(run), machine_(run), variables_(run.options().limits.variables) {
   auto main = std::make_unique<Source>();
-  Lines all(text);
-  while (const auto one = all.next()) main->lines.push_back(*one);
+  main->lines = lines_of_text(text);
   sources_.push_back(std::move(main));
   add_programs(0);
   calls_.push_back({.program = &sources_[0]->programs.front()});

@@ -109,7 +109,6 @@ class Machine {
   void put_straight(program::Straight move, bool rapid);
   void reference(const Block& block);
   void to_axes(const Block& block);
-  void set_surface_speed(double x_from, double x_to);
   std::string_view plane_letters() const {
     return plane_ == 170 ? "XY" : plane_ == 180 ? "ZX" : "YZ";
   }

@@ -7,6 +7,7 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/dialects/fanuc_machine.h"
+#include "sim/dialects/surface_speed.h"
 
 namespace abbe::sim::dialects::fanuc {
 
@@ -51,18 +52,8 @@ Target Machine::target_of(const Block& block, bool machine) {
   return target;
 }
 
-/// Under G96 a block runs at the speed that belongs to its middle.
-void Machine::set_surface_speed(double x_from, double x_to) {
-  const double radius = std::abs(0.5 * (x_from + x_to));
-  const double rpm = radius > 0 ? speed_ * 1000.0 / (2 * pi * radius) : most_rpm_;
-  canon_.set_spindle_speed(std::min(rpm, most_rpm_));
-}
-
 void Machine::put_straight(Straight move, bool rapid) {
-  if (surface_speed_) {
-    const double from = canon_.programmed()[joint(0)];
-    set_surface_speed(from, from + move.end[joint(0)] - canon_.position()[joint(0)]);
-  }
+  if (surface_speed_) turn_at_surface_speed(canon_, speed_, most_rpm_, move.end);
   if (rapid)
     canon_.traverse(std::move(move));
   else
@@ -122,11 +113,7 @@ void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
     find_centre(block, arc);
   }
   if (compensation_.on()) return compensation_.arc(std::move(arc));
-  if (surface_speed_) {
-    const int x = joint(0);
-    const double from = canon_.programmed()[x];
-    set_surface_speed(from, from + arc.end[x] - canon_.position()[x]);
-  }
+  if (surface_speed_) turn_at_surface_speed(canon_, speed_, most_rpm_, arc.end);
   canon_.arc(std::move(arc));
 }
 

@@ -1,6 +1,3 @@
-#include <array>
-#include <charconv>
-#include <cmath>
 #include <vector>
 
 #include "sim/dialects/fanuc.h"
@@ -10,16 +7,11 @@ namespace abbe::sim::dialects {
 namespace fanuc {
 namespace {
 
-struct Line {
-  std::string_view words;
-  Group group;
-  Use use;
-  std::string_view sentence;
-};
+using Line = CodeLine<Group>;
 
 constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
 
-constexpr Line g_lines[] = {
+constexpr Line lines[] = {
     {"G0 G1", Group::Motion, read, "rapid, in force at first; line"},
     {"G2 G3", Group::Motion, read,
      "arc clockwise, counter-clockwise, helix too; I J K from the start, or R"},
@@ -112,9 +104,6 @@ constexpr Line g_lines[] = {
      "S is a surface speed: a block runs at the speed of its middle"},
     {"G97", Group::SpeedMode, read, "S is a speed in rpm"},
     {"G98 G99", Group::ReturnLevel, read, "cycles return to the level before; to R"},
-};
-
-constexpr Line m_lines[] = {
     {"M0 M1", Group::Stop, none, "stops"},
     {"M2 M30", Group::Stop, read, "end of the program"},
     {"M3 M4 M5", Group::Spindle, read, "spindle clockwise, counter-clockwise, off"},
@@ -163,40 +152,11 @@ constexpr WordUse other_words[] = {
     {"POPEN PCLOS DPRNT BPRNT", none, "output"},
 };
 
-/// Tenths of a code as "G54.1" names it.
-int tenths_of(std::string_view word) {
-  double number = 0.0;
-  std::from_chars(word.data() + 1, word.data() + word.size(), number);
-  return int(std::lround(number * 10));
-}
-
-constexpr int most_tenths = 10000;
-using Facts = std::array<std::vector<CodeFact>, 2>;  // of G and M, by tenths
-
-Facts all_facts() {
-  Facts facts;
-  for (auto& one : facts) one.resize(most_tenths);
-  const auto add = [&](const Line& line) {
-    for (std::size_t at = 0; at < line.words.size();) {
-      const std::size_t end = std::min(line.words.find(' ', at), line.words.size());
-      const std::string_view word = line.words.substr(at, end - at);
-      facts[word[0] == 'M'][std::size_t(tenths_of(word))] = {true, line.group, line.use,
-                                                             line.sentence};
-      at = end + 1;
-    }
-  };
-  for (const Line& line : g_lines) add(line);
-  for (const Line& line : m_lines) add(line);
-  return facts;
-}
-
 }  // namespace
 
 const CodeFact& fact_of(char letter, int tenths) {
-  static const Facts facts = all_facts();
-  static const CodeFact unknown;
-  if (tenths < 0 || tenths >= most_tenths) return unknown;
-  return facts[letter == 'M'][std::size_t(tenths)];
+  static const CodeTable<Group> table(lines);
+  return table.fact_of(letter, tenths);
 }
 
 std::string_view sentence_of(std::string_view word) {
@@ -206,15 +166,8 @@ std::string_view sentence_of(std::string_view word) {
 }  // namespace fanuc
 
 std::span<const WordUse> fanuc_words() {
-  static const std::vector<WordUse> all = [] {
-    std::vector<WordUse> words;
-    for (const fanuc::Line& line : fanuc::g_lines)
-      words.push_back({line.words, line.use, line.sentence});
-    for (const fanuc::Line& line : fanuc::m_lines)
-      words.push_back({line.words, line.use, line.sentence});
-    words.insert(words.end(), std::begin(fanuc::other_words), std::end(fanuc::other_words));
-    return words;
-  }();
+  static const std::vector<WordUse> all =
+      joined_words<fanuc::Line>(fanuc::lines, fanuc::other_words);
   return all;
 }
 

@@ -14,13 +14,6 @@
 namespace abbe::sim::dialects::heidenhain {
 namespace {
 
-std::vector<std::string_view> lines_of_text(std::string_view text) {
-  std::vector<std::string_view> lines;
-  Lines all(text);
-  while (const auto line = all.next()) lines.push_back(*line);
-  return lines;
-}
-
 /// Letters with which a line begins behind its number, upper case.
 std::string first_word(std::string_view line) {
   std::size_t at = 0;

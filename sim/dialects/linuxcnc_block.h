@@ -6,9 +6,9 @@
 #include <utility>
 #include <vector>
 
+#include "sim/dialects/code_table.h"
 #include "sim/dialects/expression.h"
 #include "sim/dialects/program_run.h"
-#include "sim/dialects/word_table.h"
 #include "sim/program/nc_block.h"
 
 /// One line of RS274/NGC with its values worked out.
@@ -78,12 +78,7 @@ struct Block {
 const ExpressionGrammar& grammar();
 
 /// What the table of words says of a code.
-struct CodeFact {
-  bool known = false;
-  Group group = Group::None;
-  Use use = Use::Read;
-  std::string_view sentence;
-};
+using CodeFact = dialects::CodeFact<Group>;
 /// @param letter  G or M
 const CodeFact& fact_of(char letter, int tenths);
 

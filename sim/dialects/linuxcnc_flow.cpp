@@ -6,26 +6,14 @@
 #include <fmt/format.h>
 
 #include "kinematics/bad_input.h"
-#include "kinematics/text.h"
 #include "kinematics/units.h"
 
 namespace abbe::sim::dialects::linuxcnc {
 
-namespace {
-
-std::vector<std::string_view> lines_of(std::string_view text) {
-  std::vector<std::string_view> lines;
-  Lines all(text);
-  while (const auto line = all.next()) lines.push_back(*line);
-  return lines;
-}
-
-}  // namespace
-
 Flow::Flow(std::string_view text, ProgramRun& run)
     : run_(run), machine_(run), variables_(run.options().limits.variables) {
   auto main = std::make_unique<Source>();
-  main->lines = lines_of(text);
+  main->lines = lines_of_text(text);
   sources_.push_back(std::move(main));
   calls_.push_back({.source = sources_.front().get()});
 }

@@ -83,7 +83,6 @@ class Machine {
   void feed_per_turn(const NcWord& pitch, const program::Straight& move);
   void spindle_synchronised(const Block& block, AxisVector end);
   void spline(const Block& block);
-  void set_surface_speed(double x_from, double x_to);
 
   // linuxcnc_cycles.cpp
   void cycle(const Block& block);

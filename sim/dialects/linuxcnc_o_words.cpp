@@ -17,13 +17,6 @@ constexpr std::size_t most_file = std::size_t(1) << 26;  // bytes of a subprogra
 constexpr std::size_t most_sources = 1000;
 constexpr double most_repeats = 1e9;
 
-std::vector<std::string_view> lines_in(std::string_view text) {
-  std::vector<std::string_view> lines;
-  Lines all(text);
-  while (const auto line = all.next()) lines.push_back(*line);
-  return lines;
-}
-
 }  // namespace
 
 /// The O word that a line begins with, block delete and line number left out; none if it has none.
@@ -216,7 +209,7 @@ const Source& Flow::source_of(const std::filesystem::path& file) {
     run_.canon.refuse({1, {}}, "at most 1000 files of subprograms", "more");
   auto source = std::make_unique<Source>();
   source->text = read_text(file, most_file);
-  source->lines = lines_in(source->text);
+  source->lines = lines_of_text(source->text);
   source->file = run_.canon.add_file(file.string());
   sources_.push_back(std::move(source));
   return *sources_.back();

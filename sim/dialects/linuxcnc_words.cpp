@@ -1,7 +1,3 @@
-#include <algorithm>
-#include <array>
-#include <charconv>
-#include <cmath>
 #include <vector>
 
 #include "sim/dialects/linuxcnc.h"
@@ -11,12 +7,7 @@ namespace abbe::sim::dialects {
 namespace linuxcnc {
 namespace {
 
-struct Line {
-  std::string_view words;
-  Group group;
-  Use use;
-  std::string_view sentence;
-};
+using Line = CodeLine<Group>;
 
 constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
 
@@ -121,49 +112,18 @@ constexpr WordUse other_words[] = {
     {"(MSG,) (DEBUG,) (PRINT,) (LOG,)", none, "messages"},
 };
 
-/// Tenths of a code as "G59.1" names it.
-int tenths_of(std::string_view word) {
-  double number = 0.0;
-  std::from_chars(word.data() + 1, word.data() + word.size(), number);
-  return int(std::lround(number * 10));
-}
-
-constexpr int most_tenths = 10000;
-using Facts = std::array<std::vector<CodeFact>, 2>;  // of G and M, by tenths
-
-Facts all_facts() {
-  Facts facts;
-  for (auto& one : facts) one.resize(most_tenths);
-  for (const Line& line : lines)
-    for (std::size_t at = 0; at < line.words.size();) {
-      const std::size_t end = std::min(line.words.find(' ', at), line.words.size());
-      const std::string_view word = line.words.substr(at, end - at);
-      facts[word[0] == 'M'][std::size_t(tenths_of(word))] = {true, line.group, line.use,
-                                                             line.sentence};
-      at = end + 1;
-    }
-  return facts;
-}
-
 }  // namespace
 
 const CodeFact& fact_of(char letter, int tenths) {
-  static const Facts facts = all_facts();
-  static const CodeFact unknown;
-  if (tenths < 0 || tenths >= most_tenths) return unknown;
-  return facts[letter == 'M'][std::size_t(tenths)];
+  static const CodeTable<Group> table(lines);
+  return table.fact_of(letter, tenths);
 }
 
 }  // namespace linuxcnc
 
 std::span<const WordUse> linuxcnc_words() {
-  static const std::vector<WordUse> all = [] {
-    std::vector<WordUse> words;
-    for (const linuxcnc::Line& line : linuxcnc::lines)
-      words.push_back({line.words, line.use, line.sentence});
-    words.insert(words.end(), std::begin(linuxcnc::other_words), std::end(linuxcnc::other_words));
-    return words;
-  }();
+  static const std::vector<WordUse> all =
+      joined_words<linuxcnc::Line>(linuxcnc::lines, linuxcnc::other_words);
   return all;
 }
 

@@ -7,6 +7,7 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/dialects/siemens_machine.h"
+#include "sim/dialects/surface_speed.h"
 
 namespace abbe::sim::dialects::siemens {
 
@@ -110,11 +111,7 @@ void Machine::put_arc(const Block& block, ArcMove move) {
   for (const int j : turning_.rotary())
     if (traori_ && move.end[j] != start[j] && on_great_circle_.value_or(workpiece_frame_))
       refuse(move.cause, "ORIAXES before an arc that turns the tool");
-  if (surface_speed_) {
-    const int x = joint(0);
-    const double from = canon_.programmed()[x];
-    set_surface_speed(from, from + move.end[x] - start[x]);
-  }
+  if (surface_speed_) turn_at_surface_speed(canon_, speed_, most_rpm_, move.end);
   canon_.arc(std::move(move));
 }
 

@@ -86,7 +86,6 @@ class Machine {
   void put_straight(program::Straight move, bool rapid);
   void to_machine(const Block& block);
   void thread(const Block& block, AxisVector end);
-  void set_surface_speed(double x_from, double x_to);
   /// Rotary axes of `end` by A3 B3 C3.
   void point_tool(const Block& block, AxisVector& end) const;
   /// A line that turns the tool on a great circle.

@@ -7,6 +7,7 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/dialects/siemens_machine.h"
+#include "sim/dialects/surface_speed.h"
 
 namespace abbe::sim::dialects::siemens {
 
@@ -124,20 +125,8 @@ void Machine::check_motion(const Block& block) const {
     refuse(cause, "a tool (T) before a feed: those of the scene differ in length");
 }
 
-/// Under G96 a block runs at the speed that belongs to its middle.
-void Machine::set_surface_speed(double x_from, double x_to) {
-  if (!surface_speed_) return;
-  const double radius = std::abs(0.5 * (x_from + x_to));
-  const double rpm = radius > 0 ? speed_ * 1000.0 / (2 * pi * radius) : most_rpm_;
-  canon_.set_spindle_speed(std::min(rpm, most_rpm_));
-}
-
 void Machine::put_straight(Straight move, bool rapid) {
-  if (surface_speed_) {
-    const int x = joint(0);
-    const double from = canon_.programmed()[x];
-    set_surface_speed(from, from + move.end[x] - canon_.position()[x]);
-  }
+  if (surface_speed_) turn_at_surface_speed(canon_, speed_, most_rpm_, move.end);
   if (rapid)
     canon_.traverse(std::move(move));
   else

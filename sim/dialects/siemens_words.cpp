@@ -2,6 +2,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "sim/dialects/code_table.h"
 #include "sim/dialects/siemens.h"
 #include "sim/dialects/siemens_block.h"
 
@@ -9,12 +10,7 @@ namespace abbe::sim::dialects {
 namespace siemens {
 namespace {
 
-struct WordLine {
-  std::string_view words;
-  Group group;
-  Use use;
-  std::string_view sentence;
-};
+using WordLine = CodeLine<Group>;
 
 constexpr Use read = Use::Read, none = Use::WithoutEffect, refused = Use::Refused;
 
@@ -181,12 +177,9 @@ constexpr WordUse siemens_other_words[] = {
 std::unordered_map<std::string_view, Fact> facts_by_word() {
   std::unordered_map<std::string_view, Fact> facts;
   for (const WordLine& line : word_lines)
-    for (std::size_t at = 0; at < line.words.size();) {
-      const std::size_t end = std::min(line.words.find(' ', at), line.words.size());
-      const std::string_view word = line.words.substr(at, end - at);
+    each_word(line.words, [&](std::string_view word) {
       facts[word] = {word, line.group, line.use, line.sentence};
-      at = end + 1;
-    }
+    });
   return facts;
 }
 
@@ -201,14 +194,8 @@ const Fact* fact_of(std::string_view word) {
 }  // namespace siemens
 
 std::span<const WordUse> siemens_words() {
-  static const std::vector<WordUse> all = [] {
-    std::vector<WordUse> words;
-    for (const siemens::WordLine& line : siemens::word_lines)
-      words.push_back({line.words, line.use, line.sentence});
-    words.insert(words.end(), std::begin(siemens::siemens_other_words),
-                 std::end(siemens::siemens_other_words));
-    return words;
-  }();
+  static const std::vector<WordUse> all =
+      joined_words<siemens::WordLine>(siemens::word_lines, siemens::siemens_other_words);
   return all;
 }
 

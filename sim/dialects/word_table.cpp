@@ -17,12 +17,11 @@ std::string_view name_of(Use use) {
 }
 
 const WordUse* find_word(std::span<const WordUse> table, std::string_view word) {
-  for (const WordUse& line : table)
-    for (std::size_t at = 0; at < line.word.size();) {
-      const std::size_t end = std::min(line.word.find(' ', at), line.word.size());
-      if (line.word.substr(at, end - at) == word) return &line;
-      at = end + 1;
-    }
+  for (const WordUse& line : table) {
+    bool has = false;
+    each_word(line.word, [&](std::string_view one) { has = has || one == word; });
+    if (has) return &line;
+  }
   return nullptr;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <span>
 #include <string>
 #include <string_view>
@@ -18,6 +19,16 @@ struct WordUse {
 };
 
 std::string_view name_of(Use use);
+
+/// Calls `act(word)` for every word of a line, "G54 G55".
+template <typename Act>
+void each_word(std::string_view words, const Act& act) {
+  for (std::size_t at = 0; at < words.size();) {
+    const std::size_t end = std::min(words.find(' ', at), words.size());
+    act(words.substr(at, end - at));
+    at = end + 1;
+  }
+}
 
 /// The line of a word, null where the dialect has none.
 const WordUse* find_word(std::span<const WordUse> table, std::string_view word);
