@@ -29,7 +29,7 @@ bool is_one_pass(const Knot& a, const Knot& b, double length) {
 }
 
 Contact between(const OnSurface& on_surface, const Knot& a, const Knot& b, double u) {
-  const std::array<Contact, 2> corners = {Contact{a.point, a.normal}, {b.point, b.normal}};
+  const std::array<Contact, 2> corners = {a.place(), b.place()};
   const std::array<double, 2> weights = {1.0 - u, u};
   return on_surface(corners, weights);
 }

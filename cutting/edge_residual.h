@@ -18,6 +18,9 @@ struct Knot {
   double cut_time_s = 0.0;
   int cut_line = 0;
   VertexStatus status = VertexStatus::Outside;
+  int face = -1;  ///< of `Contact`
+
+  Contact place() const { return {point, normal, face}; }
 };
 
 /// An edge with its residual as a function of u from 0 to 1: values, slopes, passes at both ends.

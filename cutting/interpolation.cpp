@@ -41,8 +41,7 @@ Surface with_places_within(Surface surface, const Design& design, Surface::Withi
   tbb::parallel_for(std::size_t(0), triangles.size(), [&](std::size_t i) {
     const Eigen::RowVector3i corners = design.triangles.row(triangles[i]);
     std::array<Contact, 3> at;
-    for (Index k = 0; k < 3; ++k)
-      at[std::size_t(k)] = {design.vertices.row(corners[k]), design.normals.row(corners[k])};
+    for (Index k = 0; k < 3; ++k) at[std::size_t(k)] = place_of(design, corners[k]);
     places[i] = on_surface(at, place_within(within, triangles[i]));
   });
   surface.within =
@@ -90,7 +89,7 @@ InterpolationError interpolation_error(const Design& design, const Surface& surf
     double value = 0.0;
     for (std::size_t k = 0; k < 3; ++k) {
       const int v = corners[Index(k)];
-      at[k] = {design.vertices.row(v), design.normals.row(v)};
+      at[k] = place_of(design, v);
       value += weight[k] * surface.residual[v];
     }
     places.push_back(on_surface(at, weight));

@@ -30,8 +30,20 @@ double sag(const Points& vertices, const Points& normals, int a, int b) {
   return (vertices.row(b) - vertices.row(a)).norm() * angle / 8.0;
 }
 
-/// Edges that have a triangle of the top on one side only.
-std::vector<Segment> rim(const Design& design, const std::vector<char>& is_top) {
+/// (triangles) whether each looks up.
+std::vector<char> top_of(const Design& design, double min_normal_z) {
+  std::vector<char> is_top(std::size_t(design.triangles.rows()), 0);
+  for (Eigen::Index t = 0; t < design.triangles.rows(); ++t) {
+    const Vector3d cross = cross_of(design.vertices, design.triangles, t);
+    is_top[std::size_t(t)] = cross.z() >= min_normal_z * cross.norm();
+  }
+  return is_top;
+}
+
+}  // namespace
+
+std::vector<Segment> rim_of_top(const Design& design, double min_normal_z) {
+  const std::vector<char> is_top = top_of(design, min_normal_z);
   // a border between groups is no rim
   std::vector<int> at(std::size_t(design.vertices.rows()));
   std::iota(at.begin(), at.end(), 0);
@@ -51,8 +63,6 @@ std::vector<Segment> rim(const Design& design, const std::vector<char>& is_top) 
       segments.push_back({design.vertices.row(edge.first), design.vertices.row(edge.second)});
   return segments;
 }
-
-}  // namespace
 
 Design transformed(const Design& design, const Eigen::Isometry3d& T) {
   Design moved = design;
@@ -144,16 +154,17 @@ Design judge_top(const Design& design, const JudgeTopOptions& options) {
 
   Design judged = design;
   judged.judged.resize(static_cast<std::size_t>(design.vertices.rows()), 1);
-  std::vector<char> is_top(static_cast<std::size_t>(design.triangles.rows()), 0);
-  for (Eigen::Index t = 0; t < design.triangles.rows(); ++t) {
-    const Vector3d cross = cross_of(design.vertices, design.triangles, t);
-    const bool top = cross.z() >= options.min_normal_z * cross.norm();
-    is_top[static_cast<std::size_t>(t)] = top;
-    if (!top)
-      for (int k = 0; k < 3; ++k)
-        judged.judged[static_cast<std::size_t>(design.triangles(t, k))] = 0;
-  }
-  const std::vector<Segment> edge = rim(design, is_top);
+  const std::vector<char> is_top = top_of(design, options.min_normal_z);
+  for (Eigen::Index t = 0; t < design.triangles.rows(); ++t)
+    if (!is_top[std::size_t(t)])
+      for (const int v : design.triangles.row(t)) judged.judged[std::size_t(v)] = 0;
+  // a vertex at the rim is out on every side of it
+  for (const auto& [kept, added] : design.seams)
+    if (!judged.judged[std::size_t(added)]) judged.judged[std::size_t(kept)] = 0;
+  for (const auto& [kept, added] : design.seams)
+    if (!judged.judged[std::size_t(kept)]) judged.judged[std::size_t(added)] = 0;
+  const std::vector<Segment> edge =
+      options.rim ? *options.rim : rim_of_top(design, options.min_normal_z);
   for (const Segment& s : edge)
     if (!s.a.allFinite() || !s.b.allFinite())
       throw std::invalid_argument("judge_top: a vertex is not finite");

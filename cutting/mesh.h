@@ -3,11 +3,14 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+
+#include "cutting/segment_grid.h"
 
 namespace abbe::cutting {
 
@@ -23,8 +26,10 @@ struct Design {
   Eigen::VectorXd facet_error;  ///< (n) mm, estimated sag between mesh and smooth surface; 0 for
                                 ///< declared analytic surfaces, whose vertices are exact
   std::vector<std::uint8_t> judged;  ///< (n) 0 where the scene leaves the vertex out (status 2)
+  std::vector<int> face;             ///< (n) the recognised face of each, -1: none; empty: no faces
   std::vector<int> group;  ///< (n) the group of all triangles at the vertex; empty: no groups
-  /// Vertices at one place, with one normal, that a border between groups parts.
+  /// Vertices at one place, within the tolerance of recognition, that a border between groups or
+  /// between faces of a smooth patch parts: no edge of the part.
   std::vector<std::array<int, 2>> seams;
 };
 
@@ -59,7 +64,13 @@ Coarseness coarseness(const Design& design);
 struct JudgeTopOptions {
   double min_normal_z = 0.5;  ///< a triangle is of the top if its normal's z is at least this
   double margin = 0.0;        ///< mm, vertices nearer than this to the edge of the top are left out
+  /// The edge of the top, where it is known from before the design was parted and subdivided.
+  std::optional<std::vector<Segment>> rim = {};
 };
+
+/// The edge of the top: sides that a triangle of the top shares with none other. Borders between
+/// groups or faces are no edge, unless vertices were added on them.
+std::vector<Segment> rim_of_top(const Design& design, double min_normal_z);
 
 /// The same design with `judged` = 0 at every vertex that is not inside the top: one that touches a
 /// triangle which is not of the top (so the rim itself is out) or lies within the margin of the

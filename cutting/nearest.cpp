@@ -128,15 +128,21 @@ Design design_on(const Design& from, const std::vector<Contact>& places, Triangl
   made.facet_error.head(from.facet_error.size()) = from.facet_error;
   made.judged = std::move(judged);
   made.group = groups_on(from, made);
+  if (!from.face.empty())
+    for (const Contact& place : places) made.face.push_back(place.face);
   made.seams = from.seams;
   return made;
+}
+
+Contact place_of(const Design& design, int vertex) {
+  return {design.vertices.row(vertex), design.normals.row(vertex),
+          design.face.empty() ? -1 : design.face[std::size_t(vertex)]};
 }
 
 std::vector<Contact> places_of(const Design& design) {
   std::vector<Contact> places;
   places.reserve(std::size_t(design.vertices.rows()));
-  for (Eigen::Index i = 0; i < design.vertices.rows(); ++i)
-    places.push_back({design.vertices.row(i), design.normals.row(i)});
+  for (int i = 0; i < int(design.vertices.rows()); ++i) places.push_back(place_of(design, i));
   return places;
 }
 

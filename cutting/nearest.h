@@ -34,13 +34,16 @@ Contact nearest(const Primitive& primitive, const Eigen::Vector3d& point,
                 const Eigen::Vector3d& normal);
 
 /// A design of other vertices, those of the one it is made from first, with their facet error,
-/// their groups and seams. The others are of the group of the triangles at them.
+/// their groups, faces and seams. The others are of the group of the triangles at them.
 /// @param triangles  (m x 3) of the places
 /// @param judged     (places)
 Design design_on(const Design& from, const std::vector<Contact>& places, Triangles triangles,
                  std::vector<std::uint8_t> judged);
 
-/// The vertices of a design, with their normals.
+/// A vertex of a design, with its normal and face.
+Contact place_of(const Design& design, int vertex);
+
+/// The vertices of a design, with their normals and faces.
 std::vector<Contact> places_of(const Design& design);
 
 /// Places as a design without triangles, all judged.

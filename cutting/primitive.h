@@ -78,6 +78,7 @@ Design tessellate(const Primitive& primitive, const TessellateOptions& options =
 struct Contact {
   Eigen::Vector3d point;
   Eigen::Vector3d normal;
+  int face = -1;  ///< the recognised face of a mesh on which it lies; -1: none
 };
 
 /// The surface point above (x, y) seen from +z, the rim included; empty where there is none

@@ -98,7 +98,8 @@ std::vector<Knot> Refinement::sounded(const std::vector<Contact>& places,
                 status == VertexStatus::Cut,
                 found.surface.cut_time_s[v],
                 found.surface.cut_line[i],
-                status};
+                status,
+                places[i].face};
   });
   return knots;
 }
@@ -202,7 +203,7 @@ void Refinement::force(std::vector<int> edges) {
 
 Design Refinement::design() const {
   std::vector<Contact> places;
-  for (const Knot& one : knots_) places.push_back({one.point, one.normal});
+  for (const Knot& one : knots_) places.push_back(one.place());
   std::vector<std::uint8_t> judged = given_.judged;
   judged.resize(places.size(), 1);  // added between judged ones
   return design_on(given_, places, mesh_.triangles(), std::move(judged));

@@ -237,7 +237,7 @@ Refinement::Within Refinement::within(int face, int turn) const {
   const std::array<int, 3> corners = mesh_.corners(face);
   const std::array<double, 3> weights = place_in(corners, turn);
   std::array<Contact, 3> at;
-  for (std::size_t k = 0; k < 3; ++k) at[k] = {knot(corners[k]).point, knot(corners[k]).normal};
+  for (std::size_t k = 0; k < 3; ++k) at[k] = knot(corners[k]).place();
   Within found{face, on_surface_(at, weights)};
   for (std::size_t k = 0; k < 3; ++k) found.plane += weights[k] * knot(corners[k]).residual;
   for (const int corner : corners) {

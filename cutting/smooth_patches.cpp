@@ -70,6 +70,20 @@ DisjointSets joined_corners(const Design& design, const Joined& joined) {
   return corners;
 }
 
+/// The seams of a design, and those at which vertices were added to it, all of them to the first
+/// vertex at a place.
+/// @param from  the old vertex of each: all of them, then those added
+std::vector<std::array<int, 2>> seams_of(const Design& design, const std::vector<int>& from) {
+  const auto n = std::size_t(design.vertices.rows());
+  std::vector<int> kept(n);
+  std::iota(kept.begin(), kept.end(), 0);
+  for (const auto& [first, added] : design.seams) kept[std::size_t(added)] = first;
+  std::vector<std::array<int, 2>> seams = design.seams;
+  for (std::size_t i = n; i < from.size(); ++i)
+    seams.push_back({kept[std::size_t(from[i])], int(i)});
+  return seams;
+}
+
 /// A design with these triangles, its vertices taken from those of another.
 Design taken(const Design& design, const std::vector<int>& from, Triangles triangles) {
   Design made;
@@ -82,6 +96,9 @@ Design taken(const Design& design, const std::vector<int>& from, Triangles trian
   made.facet_error = facet_error(made.vertices, made.normals, made.triangles);
   if (!design.judged.empty())
     for (const int old : from) made.judged.push_back(design.judged[std::size_t(old)]);
+  if (!design.face.empty())
+    for (const int old : from) made.face.push_back(design.face[std::size_t(old)]);
+  made.seams = seams_of(design, from);
   return made;
 }
 
@@ -132,7 +149,36 @@ Design split_at_edges(const Design& design, double angle) {
   };
   Parted parted = parted_at(design, joined_corners(design, is_smooth));
   if (parted.from.size() == std::size_t(design.vertices.rows())) return design;
-  return taken(design, parted.from, std::move(parted.triangles));
+  Design made = taken(design, parted.from, std::move(parted.triangles));
+  made.seams = design.seams;
+  return made;
+}
+
+Design split_at_faces(const Design& design, const std::vector<int>& face) {
+  if (Index(face.size()) != design.triangles.rows())
+    throw std::invalid_argument("split_at_faces: one face a triangle");
+  const auto same = [&](int one, int other) {
+    return face[std::size_t(one)] == face[std::size_t(other)];
+  };
+  Parted parted = parted_at(design, joined_corners(design, same));
+  Design made = taken(design, parted.from, std::move(parted.triangles));
+  made.face.assign(parted.from.size(), -1);
+  for (Index t = 0; t < made.triangles.rows(); ++t)
+    for (const int vertex : made.triangles.row(t))
+      made.face[std::size_t(vertex)] = face[std::size_t(t)];
+  return made;
+}
+
+std::vector<std::array<int, 3>> neighbours(const Triangles& triangles) {
+  std::vector<std::array<int, 3>> across(std::size_t(triangles.rows()), {-1, -1, -1});
+  const std::vector<Side> sides = sides_of(triangles);
+  for (std::size_t i = 0; i + 1 < sides.size(); ++i) {
+    const Side &one = sides[i], &other = sides[i + 1];
+    if (!one.same_edge(other)) continue;
+    across[std::size_t(one.triangle)][std::size_t(one.corner)] = other.triangle;
+    across[std::size_t(other.triangle)][std::size_t(other.corner)] = one.triangle;
+  }
+  return across;
 }
 
 Design split_at_groups(const Design& design, const std::vector<int>& group) {
@@ -147,8 +193,6 @@ Design split_at_groups(const Design& design, const std::vector<int>& group) {
   for (Index t = 0; t < made.triangles.rows(); ++t)
     for (const int vertex : made.triangles.row(t))
       made.group[std::size_t(vertex)] = group[std::size_t(t)];
-  for (auto i = std::size_t(design.vertices.rows()); i < parted.from.size(); ++i)
-    made.seams.push_back({parted.from[i], int(i)});
   for (Index i = 0; i < made.vertices.rows(); ++i) {
     const int old = parted.from[std::size_t(i)];
     made.normals.row(i) = design.normals.row(old);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "cutting/mesh.h"
@@ -25,8 +26,18 @@ Design split_at_edges(const Design& design, double angle);
 /// @throws std::invalid_argument unless there is one group a triangle
 Design split_at_groups(const Design& design, const std::vector<int>& group);
 
+/// The design with a vertex of its own for every face of triangles that meets at a point, joined by
+/// `seams`: what is a face says the recognition of surfaces, and where two meet no edge is. `face`
+/// says which; normals, areas and facet errors are those of the triangles of the face.
+/// @param face  (triangles) -1: none, which is a face here as well
+/// @throws std::invalid_argument unless there is one face a triangle
+Design split_at_faces(const Design& design, const std::vector<int>& face);
+
+/// (m) the triangle across the side of each from its corner k to the next; -1 at a rim.
+std::vector<std::array<int, 3>> neighbours(const Triangles& triangles);
+
 /// (n) number of the connected patch of triangles to which each vertex belongs, from 0 in the order
-/// of their first vertices; groups of triangles are connected by their seams.
+/// of their first vertices; groups and faces of triangles are connected by their seams.
 std::vector<int> patches(const Design& design);
 
 /// The sharp edges of a split design: those that two triangles share by their points and not by

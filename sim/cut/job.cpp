@@ -293,6 +293,7 @@ Job prepare(const Scene& described, const Progress& progress) {
   add_warnings(odd_sizes(job.truth.geometric, job.samples), warnings);
   job.recognised = std::move(part.recognised);
   job.recognised_share = part.recognised_share;
+  job.facet_miss = std::move(part.facet_miss);
   job.face_groups = std::move(part.face_groups);
   job.program_text = std::move(program.text);
   job.unreached = program.unreached;

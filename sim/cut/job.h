@@ -53,8 +53,9 @@ struct Job {
   std::shared_ptr<const cutting::Thickness> body_w;  ///< of the part, where rays through it end
   std::vector<cutting::RecognisedPatch> recognised;  ///< of a mesh, part frame
   double recognised_share = 0.0;                     ///< of its area
-  std::optional<SampledSurface> sampled;             ///< how `sampled` chose the vertices
-  program::Path path;                                ///< as read back from its file
+  Eigen::VectorXd facet_miss;  ///< (first vertices of the design) mm, of a mesh: see cutting
+  std::optional<SampledSurface> sampled;  ///< how `sampled` chose the vertices
+  program::Path path;                     ///< as read back from its file
   program::SampleOptions sampling;
   program::Samples samples;  ///< of the error-free machine; every case shares their times
   std::vector<kinematics::Pose> T_wt_nominal;  ///< (samples) where the tool should be

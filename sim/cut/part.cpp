@@ -6,8 +6,10 @@
 
 #include <fmt/format.h>
 
+#include "cutting/facet_miss.h"
 #include "cutting/mesh_contact.h"
 #include "cutting/read_mesh.h"
+#include "cutting/round_borders.h"
 #include "cutting/smooth_patches.h"
 #include "cutting/subdivide.h"
 #include "sim/cut/pose.h"
@@ -117,35 +119,49 @@ std::string left_out_text(const Design& before, const Design& after, double marg
       unseen, faces, margin, left, all);
 }
 
+/// The options of `judge_top`; none where the scene leaves nothing out by them.
+std::optional<cutting::JudgeTopOptions> top_options(const PartDescription& part) {
+  if (!part.judged_normal_z && !part.judged_margin) return std::nullopt;
+  return cutting::JudgeTopOptions{part.judged_normal_z.value_or(-1.0),
+                                  part.judged_margin.value_or(0.0)};
+}
+
 /// A mesh as faces of their own, on the surfaces that they are recognised as, parted where groups
 /// of triangles meet, its large triangles divided, so that something of each face lies off its
-/// edges.
+/// edges. What is left out is found where the faces of the file meet: where recognition or groups
+/// part them is no edge.
 /// @param group  of the triangles; empty: none
 Design faces_of(const PartDescription& described, Part& part, const std::vector<int>& group,
                 double margin) {
-  constexpr double least_vertices = 5000.0;
+  constexpr double least_vertices = 5000.0, border_share = 0.1;
   const double none_given = 4.0 * least_vertices;
   Design faces = cutting::split_at_edges(part.body_m, described.edge_angle);
   std::vector<cutting::Segment> edges = cutting::sharp_edges(faces);
+  std::optional<cutting::JudgeTopOptions> top = top_options(described);
+  if (top) top->rim = cutting::rim_of_top(faces, top->min_normal_z);
   if (!described.flat_facets && described.recognise > 0.0) {
     cutting::Recognised found = cutting::recognised(faces, described.recognise);
     faces = std::move(found.design);
     part.recognised = std::move(found.patches);
     for (const auto& patch : part.recognised) part.recognised_share += patch.area / found.area;
   }
-  // smooth patches were recognised whole before
+  // smooth patches were recognised before
   if (!group.empty()) faces = cutting::split_at_groups(faces, group);
+  if (!described.flat_facets) part.facet_miss = cutting::facet_miss(faces);
   if (described.sampling.kind != PartSampling::Kind::Vertices) {
     const double spacing = std::sqrt(faces.area.sum() / least_vertices);
     const cutting::OnSurface on_surface =
         between_vertices(described, part.recognised, kinematics::Pose::Identity());
+    if (!part.recognised.empty())
+      faces =
+          cutting::with_round_borders(faces, part.recognised, border_share * described.recognise);
     faces = cutting::subdivided(faces, on_surface,
                                 {spacing, faces.vertices.rows() + Eigen::Index(none_given)});
   }
   Design judged = cutting::judge_off_edges(faces, std::move(edges), margin);
   if (std::string text = left_out_text(faces, judged, margin); !text.empty())
     part.warnings.push_back(std::move(text));
-  return judged;
+  return top ? cutting::judge_top(judged, *top) : judged;
 }
 
 Part load_mesh(const Scene& scene, const MeshFile& mesh) {
@@ -161,9 +177,6 @@ Part load_mesh(const Scene& scene, const MeshFile& mesh) {
   if (wanted.any()) grouped = grouped_faces(scene.part, read.marks);
   part.face_groups = std::move(grouped.groups);
   part.design_m = faces_of(scene.part, part, grouped.of_triangle, edge_margin(scene));
-  if (scene.part.judged_normal_z || scene.part.judged_margin)
-    part.design_m = cutting::judge_top(part.design_m, {scene.part.judged_normal_z.value_or(-1.0),
-                                                       scene.part.judged_margin.value_or(0.0)});
   const auto surface = std::make_shared<const cutting::MeshContact>(part.body_m);
   part.contact = [surface](double x, double y) { return cutting::contact_above(*surface, x, y); };
   return part;

@@ -20,6 +20,7 @@ struct Part {
   cutting::Design design_w;  ///< in the workpiece frame, where it is cut
   std::vector<cutting::RecognisedPatch> recognised;  ///< of a mesh, part frame
   double recognised_share = 0.0;                     ///< of its area
+  Eigen::VectorXd facet_miss;                        ///< (vertices given) mm, of a mesh
   FaceGroups face_groups;                            ///< of a mesh, for its regions
   std::vector<std::string> warnings;
   program::ContactField contact;  ///< part frame, continued beyond the rim where a raster asks

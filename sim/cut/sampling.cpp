@@ -11,6 +11,7 @@
 #include "cutting/refine.h"
 #include "cutting/residual.h"
 #include "cutting/subdivide.h"
+#include "kinematics/units.h"
 #include "sim/cut/meant.h"
 #include "sim/cut/part.h"
 #include "sim/cut/stopwatch.h"
@@ -84,6 +85,26 @@ std::string spacing_text(const Design& design, const PartSampling& wanted) {
       wanted.points, wanted.spacing, longest);
 }
 
+/// A mesh that shows less of its surface than the map of it would resolve.
+std::string coarse_facets_text(const Job& job) {
+  const double resolution = job.sampled->resolution;
+  Eigen::Index worst = 0;
+  double most = 0.0;
+  for (Eigen::Index v = 0; v < job.facet_miss.size(); ++v) {
+    if (!job.design_w.judged[std::size_t(v)] || !(job.facet_miss[v] > resolution)) continue;
+    if (job.facet_miss[v] > most) worst = v;
+    most = std::max(most, job.facet_miss[v]);
+  }
+  if (!(most > 0.0)) return {};
+  const Eigen::RowVector3d at = job.design_w.vertices.row(worst);
+  return fmt::format(
+      "where the mesh is no plane, sphere, cylinder, cone or torus its facets leave the surface "
+      "that "
+      "they stand for by up to about {:.3g} um, at ({:.4g}, {:.4g}, {:.4g}): residuals below this "
+      "are the mesh's; export it with finer facets",
+      most / units::um, at.x(), at.y(), at.z());
+}
+
 }  // namespace
 
 double usual_range(const cutting::Surface& surface, const Design& design) {
@@ -138,10 +159,12 @@ Job sampled(Job job, const Progress& progress) {
   const MeantAreas areas = meant_areas(job, nominal, why);
   job.sampled->judged_area = areas.judged;
   job.sampled->unmeant = areas.unmeant;
+  if (wanted.kind != PartSampling::Kind::Vertices)
+    if (std::string text = coarse_facets_text(job); !text.empty())
+      job.warnings.push_back(std::move(text));
   job.sampled->within = where_within(job, sweep, nominal);
   job.sampled->error_free = std::make_shared<const cutting::Surface>(std::move(nominal));
-  if (job.sampled->unmeant.area() > 0.0)
-    job.warnings.push_back(unmeant_text(*job.sampled));
+  if (job.sampled->unmeant.area() > 0.0) job.warnings.push_back(unmeant_text(*job.sampled));
   job.timing_s["sampling"] = watch.lap();
   return job;
 }

@@ -104,13 +104,14 @@ TEST(Recognised, TwoRingsAreACylinderOrACone) {
   EXPECT_EQ(forms_of(of_rings({{10, 0}, {8, 10}})), "cone");
 }
 
-TEST(Recognised, NothingByVerticesThatLieOnItWhateverTheyAre) {
+TEST(Recognised, NoSurfaceByVerticesThatLieOnItWhateverTheyAre) {
   const double chamfer = std::tan(20.0 * pi / 180.0);
-  // a shaft with a chamfer, with one at both ends: on a torus
-  EXPECT_EQ(forms_of(of_rings({{10, 0}, {10, 50}, {10 - chamfer, 51}})), "");
-  EXPECT_EQ(forms_of(of_rings({{10 - chamfer, -1}, {10, 0}, {10, 50}, {10 - chamfer, 51}})), "");
+  // a shaft with a chamfer, with one at both ends: they lie on a torus
+  EXPECT_EQ(forms_of(of_rings({{10, 0}, {10, 50}, {10 - chamfer, 51}})), "cylindercone");
+  EXPECT_EQ(forms_of(of_rings({{10 - chamfer, -1}, {10, 0}, {10, 50}, {10 - chamfer, 51}})),
+            "cylinderconecone");
   // a flat ring with a chamfer: on a torus; a bend, a symmetric one: on a cylinder
-  EXPECT_EQ(forms_of(of_rings({{20, 0}, {10, 10 * chamfer}, {5, 10 * chamfer}})), "");
+  EXPECT_EQ(forms_of(of_rings({{20, 0}, {10, 10 * chamfer}, {5, 10 * chamfer}})), "planecone");
   EXPECT_EQ(forms_of(of_lines({{10, -10 * chamfer}, {0, 0}, {-10, -10 * chamfer}})), "");
   EXPECT_EQ(forms_of(of_lines({{15, -5 * chamfer}, {10, 0}, {-10, 0}, {-15, -5 * chamfer}})), "");
 }
@@ -127,15 +128,16 @@ Design of_capped_rings(const std::vector<Eigen::Vector2d>& rings) {
   return mesh;
 }
 
-TEST(Recognised, NoSphereOrConeWhoseTopIsFlat) {
+TEST(Recognised, AFlatTopIsAPlaneAndNoPartOfASphereOrCone) {
   for (const double degrees : {5.0, 10.0, 20.0, 28.0})
-    EXPECT_EQ(forms_of(of_capped_rings({{20, 0}, {10, 10 * std::tan(degrees * pi / 180.0)}})), "")
+    EXPECT_EQ(forms_of(of_capped_rings({{20, 0}, {10, 10 * std::tan(degrees * pi / 180.0)}})),
+              "planecone")
         << degrees;
   std::vector<Eigen::Vector2d> dome;  // R 30
   for (const double degrees : {40.0, 30.0, 20.0, 12.0})
     dome.push_back({30.0 * std::sin(degrees * pi / 180.0), 30.0 * std::cos(degrees * pi / 180.0)});
   EXPECT_EQ(forms_of(of_rings(dome)), "sphere");
-  EXPECT_EQ(forms_of(of_capped_rings(dome)), "");
+  EXPECT_EQ(forms_of(of_capped_rings(dome)), "planesphere");
 }
 
 TEST(Recognised, EverySurfaceFromItsFile) {
@@ -175,8 +177,7 @@ TEST(Recognised, BetweenTheVerticesItIsTheSurface) {
     double off = 0.0;
     for (const auto& t : placed.triangles.rowwise()) {
       std::array<Contact, 3> corners;
-      for (int k = 0; k < 3; ++k)
-        corners[std::size_t(k)] = {placed.vertices.row(t[k]), placed.normals.row(t[k])};
+      for (int k = 0; k < 3; ++k) corners[std::size_t(k)] = place_of(placed, t[k]);
       const Contact at = on(corners, std::array{0.5, 0.2, 0.3});
       const Vector3d p = back * at.point;
       const Contact exact = nearest(one.primitive, p, back.linear() * at.normal);

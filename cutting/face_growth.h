@@ -1,0 +1,96 @@
+#pragma once
+
+#include <array>
+#include <functional>
+#include <optional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "cutting/grown_faces.h"
+
+namespace abbe::cutting {
+
+/// The work of `grown_faces`: which triangles are on which face, and how one grows.
+class FaceGrowth {
+ public:
+  FaceGrowth(const Design& design, const std::vector<char>& open, double tolerance);
+
+  /// Triangles and their vertices.
+  struct Region {
+    std::vector<int> triangles, vertices;
+  };
+  Region region(std::vector<int> triangles);
+
+  /// The first surface of these forms that fits a region and grows to a face from it is taken.
+  bool grows(std::span<const Form> forms, const Region& region);
+
+  /// What a region covers when it has grown as far as its surface goes, and whether that is a face.
+  struct Grown {
+    GrownFace face;
+    bool is_face = false;
+  };
+  Grown grown(RecognisedPatch surface, Region region);
+
+  void take(GrownFace face);
+  /// Whether the vertices of a flat that is still open show a plane by themselves.
+  std::optional<GrownFace> evident_plane(int flat);
+  /// Whether a curved face runs into a flat without an edge.
+  std::optional<GrownFace> tangent_plane(int flat);
+
+  bool is_open(int t) const { return face_[std::size_t(t)] == none; }
+  /// Triangles in planes: each with all around it that lie in its plane.
+  const std::vector<std::vector<int>>& flats() const { return flats_; }
+  int flat_of(int t) const { return flat_[std::size_t(t)]; }
+  /// The triangle across a side, if it is open; -1.
+  int open_across(int t, int side) const;
+  Eigen::Vector3d normal(int t) const { return normals_.row(t); }
+  double tolerance() const { return tolerance_; }
+  const Design& design() const { return design_; }
+  std::vector<GrownFace> faces() && { return std::move(faces_); }
+
+ private:
+  static constexpr int none = -1, closed = -2;  // of face_
+
+  /// A side of a region that the mesh crosses smoothly.
+  struct Border {
+    int inside, outside;  // triangles
+    int a, b, beyond;     // vertices: of the side, and of the triangle outside
+    double height;        // mm, of the triangle outside over the side
+  };
+  std::vector<Border> borders(const Region& region);
+
+  using May = std::function<bool(int triangle)>;
+  Region spread(const RecognisedPatch& surface, Region region, double reach, const May& may);
+  bool lies_on(const RecognisedPatch& surface, int t, double reach) const;
+  void find_flats(const std::vector<char>& open);
+  void stamp(const Region& region);
+  std::optional<RecognisedPatch> fitted(const FacetPatch& patch, const RecognisedPatch& near) const;
+  RecognisedPatch refitted(const RecognisedPatch& surface, const Region& region) const;
+  bool is_face(const RecognisedPatch& surface, const Region& region);
+  RecognisedPatch with_sizes(RecognisedPatch surface, const Region& region) const;
+  bool bends(const Region& region) const;
+  bool ends_clearly(const RecognisedPatch& surface, const FacetPatch& patch,
+                    const std::vector<Border>& borders) const;
+  bool turns_away(const RecognisedPatch& plane, const std::vector<Border>& borders) const;
+  bool is_tangent(const RecognisedPatch& surface, const Border& border) const;
+  int tangent_lines(const RecognisedPatch& surface, const std::vector<Border>& borders) const;
+  bool is_sector(const RecognisedPatch& surface, const std::vector<Border>& borders) const;
+  double turn_beyond(const Border& border) const;
+  std::optional<RecognisedPatch> plane_of_flat(const Region& region) const;
+  Eigen::Vector3d vertex(int v) const { return design_.vertices.row(v); }
+
+  const Design& design_;
+  double tolerance_;
+  std::vector<std::array<int, 3>> across_;
+  Points normals_;          // (triangles) unit
+  Eigen::VectorXd height_;  // (triangles) mm, the least
+  std::vector<int> face_;   // (triangles)
+  std::vector<int> flat_;   // (triangles)
+  std::vector<std::vector<int>> flats_;
+  std::vector<GrownFace> faces_;
+  std::vector<int> stamp_, vertex_stamp_;  // the last region that they were of
+  int stamped_ = 0;
+};
+
+}  // namespace abbe::cutting

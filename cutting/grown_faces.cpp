@@ -1,0 +1,312 @@
+#include "cutting/grown_faces.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <set>
+#include <span>
+#include <utility>
+
+#include <Eigen/Geometry>
+
+#include "cutting/face_growth.h"
+
+namespace abbe::cutting {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+/// Triangles at each vertex, one after another.
+struct TrianglesAt {
+  std::vector<int> first, triangles;
+  explicit TrianglesAt(const Design& design) : first(std::size_t(design.vertices.rows()) + 1, 0) {
+    for (const auto& t : design.triangles.rowwise())
+      for (const int v : t) ++first[std::size_t(v) + 1];
+    for (std::size_t v = 1; v < first.size(); ++v) first[v] += first[v - 1];
+    triangles.resize(std::size_t(first.back()));
+    std::vector<int> next = first;
+    for (int t = 0; t < int(design.triangles.rows()); ++t)
+      for (const int v : design.triangles.row(t))
+        triangles[std::size_t(next[std::size_t(v)]++)] = t;
+  }
+  std::span<const int> at(int v) const {
+    const auto begin = std::size_t(first[std::size_t(v)]);
+    return {triangles.data() + begin, std::size_t(first[std::size_t(v) + 1]) - begin};
+  }
+};
+
+/// Whether a vertex is within open triangles: they go all around it.
+bool is_within(const FaceGrowth& growth, const TrianglesAt& around, int v) {
+  for (const int t : around.at(v)) {
+    if (!growth.is_open(t)) return false;
+    for (int k = 0; k < 3; ++k)
+      if (growth.design().triangles(t, (k + 2) % 3) != v && growth.open_across(t, k) < 0)
+        return false;
+  }
+  return !around.at(v).empty();
+}
+
+std::vector<int> each_once(std::vector<int> numbers) {
+  std::sort(numbers.begin(), numbers.end());
+  numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
+  return numbers;
+}
+
+/// The triangles at a vertex and at those next to it; none if one of these is not within.
+std::vector<int> two_rings(const FaceGrowth& growth, const TrianglesAt& around, int v) {
+  std::vector<int> triangles;
+  for (const int t : around.at(v))
+    for (const int next : growth.design().triangles.row(t)) {
+      if (!is_within(growth, around, next)) return {};
+      const std::span<const int> more = around.at(next);
+      triangles.insert(triangles.end(), more.begin(), more.end());
+    }
+  return each_once(std::move(triangles));
+}
+
+/// The largest angle between a facet and the first of them.
+double bend_of(const FaceGrowth& growth, std::span<const int> triangles) {
+  double least = 1.0;
+  for (const int t : triangles)
+    least = std::min(least, growth.normal(t).dot(growth.normal(triangles.front())));
+  return std::acos(std::clamp(least, -1.0, 1.0));
+}
+
+/// Grows the surfaces that fit around a vertex, simple ones first.
+class VertexSeeds {
+ public:
+  VertexSeeds(FaceGrowth& growth)
+      : growth_(growth),
+        around_(growth.design()),
+        tried_(std::size_t(growth.design().vertices.rows()), 0) {}
+
+  void try_all() {
+    for (int v = 0; v < int(tried_.size()); ++v) {
+      if (tried_[std::size_t(v)] || !is_within(growth_, around_, v)) continue;
+      if (bend_of(growth_, around_.at(v)) < flat) continue;
+      const std::span<const int> ring = around_.at(v);
+      if (is_round(v) &&
+          growth_.grows(std::array{Form::Sphere}, growth_.region({ring.begin(), ring.end()})))
+        continue;
+      const std::vector<int> triangles = two_rings(growth_, around_, v);
+      if (triangles.empty()) continue;
+      const FaceGrowth::Region seed = growth_.region(triangles);
+      const bool found = growth_.grows(std::array{Form::Cylinder, Form::Cone, Form::Torus}, seed);
+      // where facets are fine, so many are within a face that not each need be tried
+      if (!found && bend_of(growth_, triangles) < fine)
+        for (const int near : seed.vertices)
+          for (const int t : around_.at(near))
+            for (const int next : growth_.design().triangles.row(t)) tried_[std::size_t(next)] = 1;
+    }
+  }
+
+ private:
+  static constexpr double flat = 0.5 * std::numbers::pi / 180.0,
+                          fine = 0.2;  // rad, of the facets around a vertex
+
+  /// Whether a vertex and those around it lie on a sphere, about: of a free form hardly any do.
+  bool is_round(int v) const {
+    constexpr double near = 3.0;  // tolerances
+    const Points& all = growth_.design().vertices;
+    std::vector<Vector3d> from;
+    Matrix3d squares = Matrix3d::Zero();
+    Vector3d right = Vector3d::Zero();
+    for (const int t : around_.at(v))
+      for (const int next : growth_.design().triangles.row(t)) {
+        if (next == v) continue;
+        from.push_back(all.row(next) - all.row(v));
+        squares += from.back() * from.back().transpose();
+        right += 0.5 * from.back().squaredNorm() * from.back();
+      }
+    const Vector3d centre = squares.ldlt().solve(right);
+    const double radius = centre.norm();
+    return std::all_of(from.begin(), from.end(), [&](const Vector3d& p) {
+      return std::abs((p - centre).norm() - radius) < near * growth_.tolerance();
+    });
+  }
+
+  FaceGrowth& growth_;
+  TrianglesAt around_;
+  std::vector<char> tried_;
+};
+
+/// A line along a strip: two points of it.
+struct StripLine {
+  Vector3d from, to;
+  Vector3d direction() const { return (to - from).normalized(); }
+  double length() const { return (to - from).norm(); }
+};
+
+/// Two strips with the line at which they meet, and that at the other side of each.
+struct Fold {
+  StripLine first, middle, last;
+};
+
+/// The farthest two of some points along a line; none of less than two.
+std::optional<StripLine> line_of(const std::vector<Vector3d>& points) {
+  if (points.size() < 2) return std::nullopt;
+  const auto farthest_from = [&](const Vector3d& p) {
+    return *std::max_element(points.begin(), points.end(), [&](const auto& a, const auto& b) {
+      return (a - p).squaredNorm() < (b - p).squaredNorm();
+    });
+  };
+  const Vector3d end = farthest_from(points.front());
+  return StripLine{farthest_from(end), end};
+}
+
+/// The sides of a flat along a line and opposite to it.
+std::optional<std::pair<StripLine, StripLine>> sides_of_strip(const FaceGrowth& growth, int flat,
+                                                              const StripLine& fold) {
+  constexpr double most = 0.1;  // of the height: what still lies on a side
+  std::vector<Vector3d> points;
+  std::vector<double> height;
+  for (const int t : growth.flats()[std::size_t(flat)])
+    for (const int v : growth.design().triangles.row(t)) {
+      points.push_back(growth.design().vertices.row(v));
+      height.push_back((points.back() - fold.from).cross(fold.direction()).norm());
+    }
+  const double highest = *std::max_element(height.begin(), height.end());
+  std::vector<Vector3d> here, there;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (height[i] <= most * highest) here.push_back(points[i]);
+    if (height[i] > most * highest) there.push_back(points[i]);
+  }
+  const auto first = line_of(here), last = line_of(there);
+  if (!first || !last || !(last->length() > 0.0)) return std::nullopt;
+  return std::pair(*first, *last);
+}
+
+/// Turned to run as another line does.
+StripLine along(StripLine line, const StripLine& other) {
+  if (line.direction().dot(other.direction()) < 0.0) std::swap(line.from, line.to);
+  return line;
+}
+
+/// The cylinder through three parallel lines.
+std::optional<RecognisedPatch> cylinder_through(const Fold& fold) {
+  const Vector3d axis = (fold.first.to - fold.first.from + fold.middle.to - fold.middle.from +
+                         fold.last.to - fold.last.from)
+                            .normalized();
+  const auto flat = [&](const Vector3d& p) -> Vector3d { return p - axis * axis.dot(p); };
+  const Vector3d a = flat(fold.first.from - fold.middle.from),
+                 b = flat(fold.last.from - fold.middle.from), across = a.cross(b);
+  if (!(across.squaredNorm() > 0.0)) return std::nullopt;
+  const Vector3d centre =
+      (a.squaredNorm() * b - b.squaredNorm() * a).cross(across) / (2.0 * across.squaredNorm());
+  RecognisedPatch surface;
+  surface.form = Form::Cylinder;
+  surface.frame = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis).toRotationMatrix();
+  surface.origin = fold.middle.from + centre;
+  surface.shape = Eigen::VectorXd::Constant(1, centre.norm());
+  return surface;
+}
+
+/// The cone through three lines that meet at its apex.
+std::optional<RecognisedPatch> cone_through(const Fold& fold) {
+  const std::array<StripLine, 3> lines = {fold.first, fold.middle, fold.last};
+  Matrix3d across = Matrix3d::Zero();
+  Vector3d moved = Vector3d::Zero(), middle = Vector3d::Zero();
+  for (const StripLine& line : lines) {
+    const Vector3d u = line.direction(), from = line.from - fold.middle.from;
+    const Matrix3d off = Matrix3d::Identity() - u * u.transpose();
+    across += off;
+    moved += off * from;
+    middle += (from + 0.5 * (line.to - line.from)) / 3.0;
+  }
+  const Vector3d apex = across.ldlt().solve(moved);
+  Vector3d axis = (lines[0].direction() - lines[1].direction())
+                      .cross(lines[2].direction() - lines[1].direction())
+                      .normalized();
+  if (axis.dot(middle - apex) < 0.0) axis = -axis;
+  const double height = axis.dot(middle - apex), slope = std::abs(axis.dot(lines[1].direction()));
+  if (!apex.allFinite() || !axis.allFinite() || !(height > 0.0) || !(slope > 1e-3))
+    return std::nullopt;
+  const double growth = std::sqrt(std::max(0.0, 1.0 - slope * slope)) / slope;
+  RecognisedPatch surface;
+  surface.form = Form::Cone;
+  surface.frame = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis).toRotationMatrix();
+  surface.origin = fold.middle.from + apex + height * axis;
+  surface.shape = Eigen::Vector2d(height * growth, growth);
+  return surface;
+}
+
+/// What two strips that meet along a side of a triangle may be part of.
+std::optional<RecognisedPatch> through_strips(const FaceGrowth& growth, int t, int side) {
+  const Design& design = growth.design();
+  const int other = growth.open_across(t, side);
+  const StripLine edge{design.vertices.row(design.triangles(t, side)),
+                       design.vertices.row(design.triangles(t, (side + 1) % 3))};
+  const auto one = sides_of_strip(growth, growth.flat_of(t), edge);
+  const auto next = sides_of_strip(growth, growth.flat_of(other), edge);
+  if (!one || !next || !(one->first.length() > 0.0)) return std::nullopt;
+  const Fold fold{along(one->second, edge), along(one->first, edge), along(next->second, edge)};
+  const double least = std::min({fold.first.length(), fold.middle.length(), fold.last.length()});
+  const double parallel = 1e-3 + 4.0 * growth.tolerance() / least;
+  const Vector3d u = fold.middle.direction();
+  const bool is_cylinder = fold.first.direction().cross(u).norm() < parallel &&
+                           fold.last.direction().cross(u).norm() < parallel;
+  std::optional<RecognisedPatch> surface =
+      is_cylinder ? cylinder_through(fold) : cone_through(fold);
+  if (!surface) return surface;
+  const Vector3d n = outward(*surface, 0.5 * (edge.from + edge.to));
+  surface->sign = n.dot(growth.normal(t) + growth.normal(other)) > 0.0 ? 1.0 : -1.0;
+  return surface;
+}
+
+/// Grows cylinders and cones from strips that meet. @return whether there are any
+bool grow_from_strips(FaceGrowth& growth) {
+  bool any = false;
+  constexpr std::size_t largest = 512;  // triangles of a strip
+  std::set<std::pair<int, int>> met;
+  std::vector<char> tried(growth.flats().size(), 0);
+  for (int t = 0; t < int(growth.design().triangles.rows()); ++t)
+    for (int side = 0; side < 3 && growth.is_open(t); ++side) {
+      const int other = growth.open_across(t, side);
+      if (other < 0) continue;
+      const int a = growth.flat_of(t), b = growth.flat_of(other);
+      const std::size_t in_a = growth.flats()[std::size_t(a)].size(),
+                        in_b = growth.flats()[std::size_t(b)].size();
+      if (a >= b || in_a < 2 || in_b < 2 || in_a + in_b > largest ||
+          (tried[std::size_t(a)] && tried[std::size_t(b)]) || !met.emplace(a, b).second)
+        continue;
+      const std::optional<RecognisedPatch> surface = through_strips(growth, t, side);
+      if (!surface) continue;
+      std::vector<int> seed = growth.flats()[std::size_t(a)];
+      seed.insert(seed.end(), growth.flats()[std::size_t(b)].begin(),
+                  growth.flats()[std::size_t(b)].end());
+      if (!std::all_of(seed.begin(), seed.end(), [&](int one) { return growth.is_open(one); }))
+        continue;
+      const std::size_t began = seed.size();
+      FaceGrowth::Grown grown = growth.grown(*surface, growth.region(std::move(seed)));
+      if (grown.is_face) {
+        growth.take(std::move(grown.face));
+        any = true;
+      } else if (grown.face.triangles.size() > began) {
+        for (const int one : grown.face.triangles) tried[std::size_t(growth.flat_of(one))] = 1;
+      }
+    }
+  return any;
+}
+
+}  // namespace
+
+std::vector<GrownFace> grown_faces(const Design& design, const std::vector<char>& open,
+                                   double tolerance) {
+  constexpr int passes = 3;
+  FaceGrowth growth(design, open, tolerance);
+  const int flats = int(growth.flats().size());
+  for (int flat = 0; flat < flats; ++flat)
+    if (auto plane = growth.evident_plane(flat)) growth.take(std::move(*plane));
+  VertexSeeds(growth).try_all();
+  // what ended at another face that was not known yet may be one now
+  for (int pass = 0; pass < passes && grow_from_strips(growth); ++pass) {
+  }
+  for (int flat = 0; flat < flats; ++flat)
+    if (auto plane = growth.tangent_plane(flat)) growth.take(std::move(*plane));
+  return std::move(growth).faces();
+}
+
+}  // namespace abbe::cutting
