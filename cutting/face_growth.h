@@ -51,6 +51,7 @@ class FaceGrowth {
 
  private:
   static constexpr int none = -1, closed = -2;  // of face_
+  static constexpr double sliver = 10.0;  // tolerances: what is lower has no normal of its own
 
   /// A side of a region that the mesh crosses smoothly.
   struct Border {

@@ -131,7 +131,9 @@ Coarseness coarseness(const Design& design) {
         follows = false;
         sharp[static_cast<std::size_t>(v)] = 1;
       }
-    for (int k = 0; follows && k < 3; ++k) {
+    const bool is_known =
+        !design.face.empty() && design.face[std::size_t(design.triangles(t, 0))] >= 0;
+    for (int k = 0; follows && !is_known && k < 3; ++k) {
       const int a = design.triangles(t, k), b = design.triangles(t, (k + 1) % 3);
       if (is_judged(a) && is_judged(b))
         coarse.facet_error =

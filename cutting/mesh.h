@@ -24,7 +24,7 @@ struct Design {
   Triangles triangles;   ///< (m x 3) counter-clockwise seen from outside
   Eigen::VectorXd area;  ///< (n) mm^2, a third of the triangles around (the weight of a vertex)
   Eigen::VectorXd facet_error;  ///< (n) mm, estimated sag between mesh and smooth surface; 0 for
-                                ///< declared analytic surfaces, whose vertices are exact
+                                ///< surfaces that are known, declared or recognised
   std::vector<std::uint8_t> judged;  ///< (n) 0 where the scene leaves the vertex out (status 2)
   std::vector<int> face;             ///< (n) the recognised face of each, -1: none; empty: no faces
   std::vector<int> group;  ///< (n) the group of all triangles at the vertex; empty: no groups
@@ -52,7 +52,8 @@ Eigen::VectorXd facet_error(const Points& vertices, const Points& normals,
                             const Triangles& triangles);
 
 /// How well the triangles of a design follow its surface where it is judged. An edge of the part is
-/// no fault of theirs: triangles that leave a vertex normal by more than 30 degrees are left out.
+/// no fault of theirs: triangles that leave a vertex normal by more than 30 degrees are left out;
+/// on a recognised face the surface is known between the vertices too.
 struct Coarseness {
   double facet_error = 0.0;  ///< mm, the largest L theta / 8 between judged vertices
   int judged = 0;            ///< vertices

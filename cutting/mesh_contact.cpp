@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "cutting/nearest.h"
+
 namespace abbe::cutting {
 namespace {
 
@@ -32,15 +34,15 @@ bool looks_up(const Corners& c) { return c.cross.z() > 1e-9 * c.cross.norm(); }
 
 double area2(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 
-/// Weights of the corners at (x, y) in plan; empty outside.
-std::optional<Vector3d> weights(const Corners& c, const Vector2d& at) {
+/// Weights of the corners at (x, y) in plan; empty farther outside than the gap.
+std::optional<Vector3d> weights(const Corners& c, const Vector2d& at, double gap) {
   Vector3d w;
   for (int k = 0; k < 3; ++k) {
     const Vector2d a = c.p[static_cast<std::size_t>((k + 1) % 3)].head<2>() - at;
     const Vector2d b = c.p[static_cast<std::size_t>((k + 2) % 3)].head<2>() - at;
     w[k] = area2(a, b) / c.cross.z();
+    if (w[k] < -edge_slack - gap * (b - a).norm() / c.cross.z()) return std::nullopt;
   }
-  if (w.minCoeff() < -edge_slack) return std::nullopt;
   return w;
 }
 
@@ -63,9 +65,25 @@ Contact smooth_point(const Design& design, int triangle, const Corners& c, const
           Vector3d(-slope.x(), -slope.y(), 1.0).normalized()};
 }
 
+/// The surface of a face above a place, near a height; empty where it stands upright.
+std::optional<Contact> face_above(const RecognisedPatch& face, Vector3d p) {
+  constexpr int rounds = 20;
+  constexpr double least_z = 1e-3, still = 1e-13;
+  for (int round = 0; round < rounds; ++round) {
+    const Vector3d n = outward(face, p);
+    if (!(std::abs(n.z()) > least_z)) return std::nullopt;
+    const double off = distance_of(face, p) / n.z();
+    p.z() -= off;
+    if (std::abs(off) <= still * std::abs(p.z()) + still) break;
+  }
+  return Contact{p, face.sign * outward(face, p)};
+}
+
 }  // namespace
 
-MeshContact::MeshContact(Design design) : design_(std::move(design)) {
+MeshContact::MeshContact(Design design, std::vector<RecognisedPatch> faces)
+    : design_(std::move(design)), faces_(std::move(faces)) {
+  for (const RecognisedPatch& one : faces_) gap_ = std::max(gap_, 2.0 * one.off);
   if (!design_.vertices.allFinite() || !design_.normals.allFinite())
     throw std::invalid_argument("MeshContact: a vertex or a normal is not finite");
   if (design_.vertices.rows() == 0) return;
@@ -78,14 +96,15 @@ MeshContact::MeshContact(Design design) : design_(std::move(design)) {
   columns_ = static_cast<int>(size.x() / cell_) + 1;
   rows_ = static_cast<int>(size.y() / cell_) + 1;
 
+  const double slack = 1e-9 + 2.0 * gap_;
   const auto each_cell = [&](auto&& visit) {
     for (int t = 0; t < design_.triangles.rows(); ++t) {
       const Corners c = corners(design_, t);
       if (!looks_up(c)) continue;
       const auto [x0, x1] = std::minmax({c.p[0].x(), c.p[1].x(), c.p[2].x()});
       const auto [y0, y1] = std::minmax({c.p[0].y(), c.p[1].y(), c.p[2].y()});
-      for (int j = row(y0 - 1e-9); j <= row(y1 + 1e-9); ++j)
-        for (int i = column(x0 - 1e-9); i <= column(x1 + 1e-9); ++i)
+      for (int j = row(y0 - slack); j <= row(y1 + slack); ++j)
+        for (int i = column(x0 - slack); i <= column(x1 + slack); ++i)
           visit(static_cast<std::size_t>(j) * static_cast<std::size_t>(columns_) +
                     static_cast<std::size_t>(i),
                 t);
@@ -117,9 +136,12 @@ std::optional<Contact> contact_above(const MeshContact& mesh, double x, double y
   for (int k = mesh.first_[cell]; k < mesh.first_[cell + 1]; ++k) {
     const int triangle = mesh.triangles_[static_cast<std::size_t>(k)];
     const Corners c = corners(mesh.design_, triangle);
-    const auto w = weights(c, {x, y});
+    const auto w = weights(c, {x, y}, mesh.gap_);
     if (!w) continue;
-    const Contact here = smooth_point(mesh.design_, triangle, c, {x, y}, *w);
+    Contact here = smooth_point(mesh.design_, triangle, c, {x, y}, *w);
+    const int face = place_of(mesh.design_, mesh.design_.triangles(triangle, 0)).face;
+    if (face >= 0 && !mesh.faces_.empty())
+      here = face_above(mesh.faces_[std::size_t(face)], here.point).value_or(here);
     if (!highest || here.point.z() > highest->point.z()) highest = here;
   }
   return highest;

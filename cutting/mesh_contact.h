@@ -3,6 +3,7 @@
 #include <optional>
 #include <vector>
 
+#include "cutting/fitted_surface.h"
 #include "cutting/mesh.h"
 #include "cutting/primitive.h"
 
@@ -11,8 +12,9 @@ namespace abbe::cutting {
 /// The triangles of a design that look up, sorted into the cells of a grid in x and y. Immutable.
 class MeshContact {
  public:
+  /// @param faces  that `Design::face` numbers
   /// @throws std::invalid_argument if a vertex or a normal is not finite
-  explicit MeshContact(Design design);
+  explicit MeshContact(Design design, std::vector<RecognisedPatch> faces = {});
 
   const Design& design() const { return design_; }
 
@@ -23,6 +25,8 @@ class MeshContact {
   int row(double y) const;
 
   Design design_;
+  std::vector<RecognisedPatch> faces_;
+  double gap_ = 0.0;  ///< mm, that may be between triangles of two faces
   Eigen::Vector2d lower_ = Eigen::Vector2d::Zero();
   double cell_ = 1.0;
   int columns_ = 0, rows_ = 0;
@@ -35,7 +39,9 @@ class MeshContact {
 /// planes at its corners, weighted by the plan coordinates: exact where the height is quadratic in
 /// x and y and the vertex normals are exact (the flat triangle alone errs by the facet error). The
 /// normal goes with the slope, linear in the triangle. Where a vertex normal leaves the triangle's
-/// by more than 30 degrees (a sharp edge) the flat triangle and its own normal serve.
+/// by more than 30 degrees (a sharp edge) the flat triangle and its own normal serve. On a
+/// recognised face it is the surface of that, to 1e-12 mm, unless that stands within 1e-3 rad of
+/// upright there.
 std::optional<Contact> contact_above(const MeshContact& mesh, double x, double y);
 
 }  // namespace abbe::cutting

@@ -1,6 +1,7 @@
 #include "cutting/recognise.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -9,6 +10,7 @@
 #include "cutting/grown_faces.h"
 #include "cutting/smooth_patches.h"
 #include "kinematics/require.h"
+#include "kinematics/turn_between.h"
 
 namespace abbe::cutting {
 namespace {
@@ -56,11 +58,8 @@ Sorted sorted(const Design& design, double tolerance) {
   return by_face;
 }
 
-double angle_of(const Vector3d& a, const Vector3d& b) {
-  return std::atan2(a.cross(b).norm(), a.dot(b));
-}
-
-/// (n) the largest angle between facets of no face that meet at the side of a triangle at a vertex.
+/// (n) the largest angle by which facets on no face turn at each vertex: those at it, and the ones
+/// beside them, which are the other halves of quadrangles.
 Eigen::VectorXd turns_of_unrecognised(const Design& design) {
   const auto normal = [&](int t) {
     const auto corner = [&](int k) -> Vector3d {
@@ -68,13 +67,21 @@ Eigen::VectorXd turns_of_unrecognised(const Design& design) {
     };
     return (corner(1) - corner(0)).cross(corner(2) - corner(0)).eval();
   };
+  const auto count = int(design.triangles.rows());
   const std::vector<std::array<int, 3>> across = neighbours(design.triangles);
+  Eigen::VectorXd of_triangle = Eigen::VectorXd::Zero(count);
   Eigen::VectorXd turn = Eigen::VectorXd::Zero(design.vertices.rows());
-  for (int t = 0; t < int(design.triangles.rows()); ++t) {
-    if (design.face[std::size_t(design.triangles(t, 0))] >= 0) continue;
-    double here = 0.0;
+  const auto is_none = [&](int t) { return design.face[std::size_t(design.triangles(t, 0))] < 0; };
+  for (int t = 0; t < count; ++t)
     for (const int next : across[std::size_t(t)])
-      if (next >= 0) here = std::max(here, angle_of(normal(t), normal(next)));
+      if (next >= 0 && is_none(t))
+        of_triangle[t] =
+            std::max(of_triangle[t], kinematics::angle_between(normal(t), normal(next)));
+  for (int t = 0; t < count; ++t) {
+    if (!is_none(t)) continue;
+    double here = of_triangle[t];
+    for (const int next : across[std::size_t(t)])
+      if (next >= 0) here = std::max(here, of_triangle[next]);
     for (const int v : design.triangles.row(t)) turn[v] = std::max(turn[v], here);
   }
   return turn;
@@ -85,8 +92,7 @@ Eigen::VectorXd turns_of_unrecognised(const Design& design) {
 void lean_on_faces(Design& design, const std::vector<RecognisedPatch>& faces) {
   constexpr double half = 0.75;
   const Eigen::VectorXd turn = turns_of_unrecognised(design);
-  std::vector<int> kept(std::size_t(design.vertices.rows()));
-  std::vector<std::vector<int>> at(kept.size());
+  std::vector<std::vector<int>> at(std::size_t(design.vertices.rows()));  // at one place
   for (const auto& [first, added] : design.seams) {
     if (at[std::size_t(first)].empty()) at[std::size_t(first)].push_back(first);
     at[std::size_t(first)].push_back(added);
@@ -100,8 +106,8 @@ void lean_on_faces(Design& design, const std::vector<RecognisedPatch>& faces) {
         const int face = design.face[std::size_t(other)];
         if (face < 0) continue;
         const Vector3d there = dropped(faces[std::size_t(face)], design.vertices.row(v)).normal;
-        if (!(angle_of(own, there) < least)) continue;
-        least = angle_of(own, there);
+        if (!(kinematics::angle_between(own, there) < least)) continue;
+        least = kinematics::angle_between(own, there);
         design.normals.row(v) = there;
       }
     }
@@ -126,6 +132,8 @@ Recognised recognised(const Design& design, double tolerance) {
     made.normals.row(i) = at.normal;
   }
   made.facet_error = facet_error(made.vertices, made.normals, made.triangles);
+  for (Index i = 0; i < made.facet_error.size(); ++i)
+    if (made.face[std::size_t(i)] >= 0) made.facet_error[i] = 0.0;
   made.area = vertex_area(made.vertices, made.triangles);
   return found;
 }

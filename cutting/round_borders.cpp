@@ -23,6 +23,7 @@ using Eigen::Vector3d;
 /// An edge of a border, once for each of the two faces: its vertices there, in the same direction.
 struct TwoSided {
   std::array<std::array<int, 2>, 2> ends;  // face, end
+  int halvings = 0;
 };
 
 /// The edges of a design at which two recognised faces meet.
@@ -62,11 +63,11 @@ struct Meeting {
   double apart(const Vector3d& p) const {
     return (dropped(one, p).normal - dropped(other, p).normal).dot(way());
   }
-  /// mm, from either surface of what the chord cuts off the other.
-  double off() const {
-    return std::max(std::abs(distance_of(other, dropped(one, middle()).point)),
-                    std::abs(distance_of(one, dropped(other, middle()).point)));
-  }
+  /// mm, between the surfaces beside a place.
+  double between(const Vector3d& p) const { return distance_of(other, dropped(one, p).point); }
+  /// mm, from either surface of what the chord cuts off the other, beyond what is between them at
+  /// its ends: surfaces fitted to rounded vertices do not quite touch.
+  double off() const { return std::abs(between(middle()) - 0.5 * (between(a) + between(b))); }
 };
 
 /// Where the border passes beside the middle of its chord; none where it is not found near it.
@@ -95,6 +96,7 @@ std::optional<Vector3d> on_border(const Meeting& at) {
 Design with_round_borders(const Design& design, const std::vector<RecognisedPatch>& faces,
                           double off) {
   require(std::isfinite(off) && off > 0.0, "with_round_borders: off must be positive");
+  constexpr int most = 8;  // halvings: of a chord of 30 degrees to one of a tenth
   if (design.face.empty()) return design;
   std::vector<TwoSided> waiting = face_borders(design);
   TriangleMesh mesh(design.triangles, design.vertices.rows());
@@ -113,7 +115,7 @@ Design with_round_borders(const Design& design, const std::vector<RecognisedPatc
     };
     const Meeting at{face(0), face(1), places[std::size_t(border.ends[0][0])].point,
                      places[std::size_t(border.ends[0][1])].point};
-    if (!(at.off() > off)) continue;
+    if (!(at.off() > off) || border.halvings == most) continue;
     const std::optional<Vector3d> found = on_border(at);
     if (!found) continue;
     std::array<int, 2> made{};
@@ -128,7 +130,8 @@ Design with_round_borders(const Design& design, const std::vector<RecognisedPatc
     }
     seams.push_back(made);
     for (const std::size_t end : {0u, 1u})
-      waiting.push_back({{{{border.ends[0][end], made[0]}, {border.ends[1][end], made[1]}}}});
+      waiting.push_back({{{{border.ends[0][end], made[0]}, {border.ends[1][end], made[1]}}},
+                         border.halvings + 1});
   }
   Design rounded = design_on(design, places, mesh.triangles(), std::move(judged));
   rounded.seams = std::move(seams);

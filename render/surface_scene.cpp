@@ -1,10 +1,16 @@
 #include "render/surface_scene.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
+#include <map>
+#include <utility>
+#include <vector>
 
 #include <Eigen/Geometry>
 
+#include "cutting/segment_grid.h"
 #include "kinematics/require.h"
 #include "render/label.h"
 
@@ -58,6 +64,69 @@ std::vector<SharedEdge> sorted_edges(const cutting::Triangles& triangles) {
   return edges;
 }
 
+/// Rims by the cells of a grid that they pass.
+class Rims {
+ public:
+  Rims(const cutting::Design& design, const cutting::Points& normals, std::vector<int> ends)
+      : ends_(std::move(ends)), design_(design), normals_(normals) {
+    double length = 0.0;
+    for (std::size_t i = 0; i < ends_.size(); i += 2) length += (at(i) - at(i + 1)).norm();
+    cell_ = std::max(2.0 * length / std::max<double>(1.0, double(ends_.size())), 1e-6);
+    for (std::size_t i = 0; i < ends_.size(); i += 2) {
+      const int steps = 1 + int(std::min(1e4, 2.0 * (at(i) - at(i + 1)).norm() / cell_));
+      for (int k = 0; k <= steps; ++k) {
+        std::vector<std::size_t>& here =
+            cells_[cell_of(at(i) + (double(k) / steps) * (at(i + 1) - at(i)))];
+        if (here.empty() || here.back() != i) here.push_back(i);
+      }
+    }
+  }
+
+  /// Those beside which no other runs with the same normals: there two faces meet without an edge.
+  std::vector<int> without_seams() const {
+    std::vector<int> kept;
+    for (std::size_t i = 0; i < ends_.size(); i += 2)
+      if (!is_seam(i)) kept.insert(kept.end(), {ends_[i], ends_[i + 1]});
+    return kept;
+  }
+
+ private:
+  using Cell = std::array<std::int64_t, 3>;
+
+  bool is_seam(std::size_t i) const {
+    constexpr double near = 1e-3, same = 0.99;  // mm, cosine
+    const Vector3d middle = 0.5 * (at(i) + at(i + 1));
+    const Cell home = cell_of(middle);
+    for (std::int64_t k = 0; k < 27; ++k) {
+      const auto found =
+          cells_.find({home[0] + k % 3 - 1, home[1] + k / 3 % 3 - 1, home[2] + k / 9 - 1});
+      if (found == cells_.end()) continue;
+      for (const std::size_t other : found->second)
+        if (other != i && normal(i).dot(normal(other)) > same &&
+            cutting::distance(middle, {at(other), at(other + 1)}) < near)
+          return true;
+    }
+    return false;
+  }
+  Vector3d at(std::size_t i) const { return design_.vertices.row(ends_[i]); }
+  Vector3d normal(std::size_t i) const {
+    return (normals_.row(ends_[i]) + normals_.row(ends_[i + 1])).transpose().normalized();
+  }
+  Cell cell_of(const Vector3d& p) const {
+    constexpr double most = 1e15;
+    Cell cell{};
+    for (int k = 0; k < 3; ++k)
+      cell[std::size_t(k)] = std::int64_t(std::clamp(std::floor(p[k] / cell_), -most, most));
+    return cell;
+  }
+
+  std::vector<int> ends_;
+  const cutting::Design& design_;
+  const cutting::Points& normals_;
+  double cell_ = 1.0;
+  std::map<Cell, std::vector<std::size_t>> cells_;
+};
+
 /// Rims, and in a lighter line sharp edges and where the surface turns away from the eye.
 struct MapOutline {
   std::vector<int> rims, folds;  ///< two vertices each
@@ -89,6 +158,7 @@ MapOutline map_outline(const cutting::Design& design, const Vector3d& toward) {
     if (a.dot(b) < sharp || a.dot(toward) * b.dot(toward) < 0.0)
       found.folds.insert(found.folds.end(), edges[i].ends.begin(), edges[i].ends.end());
   }
+  found.rims = Rims(design, smooth, std::move(found.rims)).without_seams();
   return found;
 }
 

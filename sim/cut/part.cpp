@@ -126,6 +126,30 @@ std::optional<cutting::JudgeTopOptions> top_options(const PartDescription& part)
                                   part.judged_margin.value_or(0.0)};
 }
 
+/// Faces with vertices on curved borders between two that were recognised.
+Design rounded(const PartDescription& described, const Part& part, const Design& faces) {
+  constexpr double share = 0.1;  // of the tolerance of recognition
+  if (part.recognised.empty()) return faces;
+  return cutting::with_round_borders(faces, part.recognised, share * described.recognise);
+}
+
+program::ContactField contact_on(cutting::MeshContact mesh) {
+  const auto surface = std::make_shared<const cutting::MeshContact>(std::move(mesh));
+  return [surface](double x, double y) { return cutting::contact_above(*surface, x, y); };
+}
+
+/// Faces on the surfaces that they are recognised as; a program that is generated follows these.
+Design recognised_faces(const PartDescription& described, Part& part, const Design& faces) {
+  if (described.flat_facets || !(described.recognise > 0.0)) return faces;
+  cutting::Recognised found = cutting::recognised(faces, described.recognise);
+  part.recognised = std::move(found.patches);
+  for (const auto& patch : part.recognised) part.recognised_share += patch.area / found.area;
+  if (!part.recognised.empty())
+    part.contact =
+        contact_on(cutting::MeshContact(rounded(described, part, found.design), part.recognised));
+  return std::move(found.design);
+}
+
 /// A mesh as faces of their own, on the surfaces that they are recognised as, parted where groups
 /// of triangles meet, its large triangles divided, so that something of each face lies off its
 /// edges. What is left out is found where the faces of the file meet: where recognition or groups
@@ -133,30 +157,22 @@ std::optional<cutting::JudgeTopOptions> top_options(const PartDescription& part)
 /// @param group  of the triangles; empty: none
 Design faces_of(const PartDescription& described, Part& part, const std::vector<int>& group,
                 double margin) {
-  constexpr double least_vertices = 5000.0, border_share = 0.1;
+  constexpr double least_vertices = 5000.0;
   const double none_given = 4.0 * least_vertices;
   Design faces = cutting::split_at_edges(part.body_m, described.edge_angle);
   std::vector<cutting::Segment> edges = cutting::sharp_edges(faces);
   std::optional<cutting::JudgeTopOptions> top = top_options(described);
   if (top) top->rim = cutting::rim_of_top(faces, top->min_normal_z);
-  if (!described.flat_facets && described.recognise > 0.0) {
-    cutting::Recognised found = cutting::recognised(faces, described.recognise);
-    faces = std::move(found.design);
-    part.recognised = std::move(found.patches);
-    for (const auto& patch : part.recognised) part.recognised_share += patch.area / found.area;
-  }
+  faces = recognised_faces(described, part, faces);
   // smooth patches were recognised before
   if (!group.empty()) faces = cutting::split_at_groups(faces, group);
   if (!described.flat_facets) part.facet_miss = cutting::facet_miss(faces);
   if (described.sampling.kind != PartSampling::Kind::Vertices) {
     const double spacing = std::sqrt(faces.area.sum() / least_vertices);
-    const cutting::OnSurface on_surface =
-        between_vertices(described, part.recognised, kinematics::Pose::Identity());
-    if (!part.recognised.empty())
-      faces =
-          cutting::with_round_borders(faces, part.recognised, border_share * described.recognise);
-    faces = cutting::subdivided(faces, on_surface,
-                                {spacing, faces.vertices.rows() + Eigen::Index(none_given)});
+    faces = rounded(described, part, faces);
+    faces = cutting::subdivided(
+        faces, between_vertices(described, part.recognised, kinematics::Pose::Identity()),
+        {spacing, faces.vertices.rows() + Eigen::Index(none_given)});
   }
   Design judged = cutting::judge_off_edges(faces, std::move(edges), margin);
   if (std::string text = left_out_text(faces, judged, margin); !text.empty())
@@ -176,9 +192,8 @@ Part load_mesh(const Scene& scene, const MeshFile& mesh) {
   GroupedFaces grouped;
   if (wanted.any()) grouped = grouped_faces(scene.part, read.marks);
   part.face_groups = std::move(grouped.groups);
+  part.contact = contact_on(cutting::MeshContact(part.body_m));
   part.design_m = faces_of(scene.part, part, grouped.of_triangle, edge_margin(scene));
-  const auto surface = std::make_shared<const cutting::MeshContact>(part.body_m);
-  part.contact = [surface](double x, double y) { return cutting::contact_above(*surface, x, y); };
   return part;
 }
 

@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "cutting/facet_miss.h"
+#include "cutting/mesh_contact.h"
 #include "cutting/primitive.h"
 #include "cutting/recognise.h"
 #include "cutting/round_borders.h"
@@ -119,6 +120,34 @@ TEST(GrownFaces, TangentBordersAreNoEdges) {
   EXPECT_GT(tops, 24) << "the border of the top plane is within the top";
 }
 
+TEST(GrownFaces, AProgramFollowsTheSurfaceAndNotTheFacets) {
+  for (const double degrees : {5.0, 15.0, 22.5}) {
+    const Body body = filleted::boss(8.0, 5.0, 2.0, 20.0, degrees);
+    const Eigen::Isometry3d T(Eigen::Translation3d(300.0, -120.0, 40.0));
+    const Recognised found =
+        recognised(split_at_edges(filleted::as_stl(body, T), pi / 6), tolerance);
+    const MeshContact mesh(with_round_borders(found.design, found.patches, 0.1 * tolerance),
+                           found.patches);
+    double off = 0.0, lean = 0.0;
+    int places = 0;
+    for (double x = -13.0; x <= 13.0; x += 0.0731)
+      for (double y = -13.0; y <= 13.0; y += 0.0817) {
+        const double rho = std::hypot(x, y);
+        if (std::abs(rho - 8.0) < 0.2) continue;  // upright
+        const auto at = contact_above(mesh, 300.0 + x, -120.0 + y);
+        ASSERT_TRUE(at) << "a gap at " << x << ", " << y;
+        const filleted::True there = body.truth(T.inverse() * at->point);
+        off = std::max(off, std::abs(there.distance));
+        lean = std::max(lean, (there.normal - at->normal).norm());
+        ++places;
+      }
+    std::cout << degrees << " deg: contacts " << off / units::um << " um and " << lean
+              << " rad off, of " << places << "\n";
+    EXPECT_LT(off, 0.1 * units::um);
+    EXPECT_LT(lean, 0.01);
+  }
+}
+
 /// Strips along y through points (x, z), each as long as it is cut into.
 Design extruded(const std::vector<Eigen::Vector2d>& profile) {
   filleted::Builder made;
@@ -153,6 +182,31 @@ TEST(GrownFaces, FewLinesShowACylinderOnlyWherePlanesRunIntoIt) {
                                                      : "1cylinder ")
         << steps;
   }
+}
+
+TEST(GrownFaces, AFreeCurveTakesTheNormalOfThePlaneIntoWhichItRuns) {
+  // a plane with corners enough to show it, then a quarter of an ellipse
+  filleted::Builder made;
+  const std::vector<Vector3d> outline = {{0, 0, 0},    {0, 20, 0},  {-9, 20, 0}, {-12, 17, 0},
+                                         {-14, 10, 0}, {-12, 3, 0}, {-9, 0, 0}};
+  made.fan(outline);
+  const auto at = [](int i, double y) {
+    const double a = filleted::radians(9.0 * i);
+    return Vector3d(5.0 * std::sin(a), y, 3.0 * (1.0 - std::cos(a)));
+  };
+  for (int i = 0; i < 8; ++i) made.quad(at(i, 0), at(i + 1, 0), at(i + 1, 20), at(i, 20));
+  const Eigen::Isometry3d T = filleted::any_pose(9, 100.0);
+  const Recognised found = recognised(
+      split_at_edges(filleted::as_stl({"curve", made.points, made.triangles, {}, {}}, T), pi / 6),
+      tolerance);
+  ASSERT_EQ(found.patches.size(), 1u);
+  EXPECT_EQ(found.patches[0].form, Form::Plane);
+  int borders = 0;
+  for (const auto& [kept, added] : found.design.seams) {
+    EXPECT_LT((found.design.normals.row(kept) - found.design.normals.row(added)).norm(), 1e-12);
+    ++borders;
+  }
+  EXPECT_EQ(borders, 2);
 }
 
 TEST(GrownFaces, NoFacesOfStripsOfWhatIsNone) {
