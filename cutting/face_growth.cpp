@@ -15,7 +15,8 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector3d;
 
-constexpr double least_lean = 0.866;   // cos 30 degrees, of a facet along its surface
+constexpr double least_lean = 0.866;  // cos 30 degrees, of a facet along its surface
+constexpr double least_waste = 1e6, waste_a_triangle = 30.0, fit_work = 50.0;  // triangles
 constexpr double growing_reach = 3.0;  // tolerances, while a surface is fitted to few facets yet
 
 }  // namespace
@@ -29,7 +30,8 @@ FaceGrowth::FaceGrowth(const Design& design, const std::vector<char>& open, doub
       face_(open.size(), closed),
       flat_(open.size(), none),
       stamp_(open.size(), 0),
-      vertex_stamp_(std::size_t(design.vertices.rows()), 0) {
+      vertex_stamp_(std::size_t(design.vertices.rows()), 0),
+      waste_(least_waste + waste_a_triangle * double(open.size())) {
   for (Index t = 0; t < design.triangles.rows(); ++t) {
     if (open[std::size_t(t)]) face_[std::size_t(t)] = none;
     const auto corner = [&](int k) { return vertex(design.triangles(t, k)); };
@@ -152,37 +154,45 @@ std::optional<RecognisedPatch> FaceGrowth::fitted(const FacetPatch& patch,
   return surface;
 }
 
-bool FaceGrowth::grows(std::span<const Form> forms, const Region& region) {
+FaceGrowth::Tried FaceGrowth::grow(std::span<const Form> forms, const Region& region) {
   const FacetPatch patch = facet_patch(design_, region.vertices, region.triangles);
   std::optional<RecognisedPatch> axis;
+  Tried tried;
   for (const Form form : forms) {
     const bool is_turned = form != Form::Plane && form != Form::Sphere;
     if (is_turned && !axis) axis = turned_about_normals(patch);
     const auto surface = fitted(patch, first_guess(form, patch, axis.value_or(RecognisedPatch{})));
     if (!surface) continue;
     Grown found = grown(*surface, region);
-    if (!found.is_face) continue;
-    take(std::move(found.face));
-    return true;
+    if (found.is_face) {
+      take(std::move(found.face));
+      return {true, {}};
+    }
+    if (found.reached.size() > tried.reached.size()) tried.reached = std::move(found.reached);
   }
-  return false;
+  return tried;
 }
 
 FaceGrowth::Grown FaceGrowth::grown(RecognisedPatch surface, Region region) {
   const May may = [&](int t) { return is_open(t); };
+  double work = 0.0;
   for (std::size_t before = 0; before < region.triangles.size();) {
     before = region.triangles.size();
     region = spread(surface, std::move(region), growing_reach * tolerance_, may);
     if (region.triangles.size() > before) surface = refitted(surface, region);
+    work += fit_work + double(region.triangles.size() + region.vertices.size());
   }
   // what was taken while the surface was not well known may not lie on it
-  const std::size_t all = region.triangles.size();
+  std::vector<int> reached = region.triangles;
   std::erase_if(region.triangles, [&](int t) { return !lies_on(surface, t, tolerance_); });
-  if (2 * region.triangles.size() < all) return {{surface, std::move(region.triangles)}, false};
-  region = this->region(std::move(region.triangles));
-  surface = with_sizes(refitted(surface, region), region);
-  const bool found = is_face(surface, region);
-  return {{surface, std::move(region.triangles)}, found};
+  bool found = 2 * region.triangles.size() >= reached.size();
+  if (found) {
+    region = this->region(std::move(region.triangles));
+    surface = with_sizes(refitted(surface, region), region);
+    found = is_face(surface, region);
+  }
+  if (!found) wasted_ += work;
+  return {{surface, std::move(region.triangles)}, found, std::move(reached)};
 }
 
 /// The surface with the box of a region, and the vertex of it that is farthest off.

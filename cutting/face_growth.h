@@ -23,14 +23,22 @@ class FaceGrowth {
   Region region(std::vector<int> triangles);
 
   /// The first surface of these forms that fits a region and grows to a face from it is taken.
-  bool grows(std::span<const Form> forms, const Region& region);
+  struct Tried {
+    bool is_taken = false;
+    std::vector<int> reached;  ///< triangles, the most that a surface came to that is no face
+  };
+  Tried grow(std::span<const Form> forms, const Region& region);
 
   /// What a region covers when it has grown as far as its surface goes, and whether that is a face.
   struct Grown {
     GrownFace face;
     bool is_face = false;
+    std::vector<int> reached;  ///< triangles, while the surface was not well known too
   };
   Grown grown(RecognisedPatch surface, Region region);
+  /// Whether there is no more time to grow what is no face: on a surface that is nearly one, but
+  /// not everywhere, from each of its places the same would grow again.
+  bool is_tired() const { return wasted_ > waste_; }
 
   void take(GrownFace face);
   /// Whether the vertices of a flat that is still open show a plane by themselves.
@@ -92,6 +100,7 @@ class FaceGrowth {
   std::vector<GrownFace> faces_;
   std::vector<int> stamp_, vertex_stamp_;  // the last region that they were of
   int stamped_ = 0;
+  double wasted_ = 0.0, waste_;  // triangles and vertices gone over in growing what is no face
 };
 
 }  // namespace abbe::cutting

@@ -84,28 +84,41 @@ class VertexSeeds {
         tried_(std::size_t(growth.design().vertices.rows()), 0) {}
 
   void try_all() {
-    for (int v = 0; v < int(tried_.size()); ++v) {
+    for (int v = 0; v < int(tried_.size()) && !growth_.is_tired(); ++v) {
       if (tried_[std::size_t(v)] || !is_within(growth_, around_, v)) continue;
-      if (bend_of(growth_, around_.at(v)) < flat) continue;
       const std::span<const int> ring = around_.at(v);
-      if (is_round(v) &&
-          growth_.grows(std::array{Form::Sphere}, growth_.region({ring.begin(), ring.end()})))
-        continue;
+      if (bend_of(growth_, ring) < flat) continue;
+      if (is_round(v) && try_forms(std::array{Form::Sphere}, {ring.begin(), ring.end()})) continue;
       const std::vector<int> triangles = two_rings(growth_, around_, v);
-      if (triangles.empty()) continue;
-      const FaceGrowth::Region seed = growth_.region(triangles);
-      const bool found = growth_.grows(std::array{Form::Cylinder, Form::Cone, Form::Torus}, seed);
+      if (triangles.empty() ||
+          try_forms(std::array{Form::Cylinder, Form::Cone, Form::Torus}, triangles))
+        continue;
       // where facets are fine, so many are within a face that not each need be tried
-      if (!found && bend_of(growth_, triangles) < fine)
-        for (const int near : seed.vertices)
-          for (const int t : around_.at(near))
-            for (const int next : growth_.design().triangles.row(t)) tried_[std::size_t(next)] = 1;
+      if (bend_of(growth_, triangles) < fine)
+        for (const int t : triangles)
+          for (const int near : growth_.design().triangles.row(t)) give_up_around(near);
     }
   }
 
  private:
   static constexpr double flat = 0.5 * std::numbers::pi / 180.0,
                           fine = 0.2;  // rad, of the facets around a vertex
+
+  /// A region that has grown and is no face would only grow again from its other vertices.
+  bool try_forms(std::span<const Form> forms, std::vector<int> triangles) {
+    constexpr std::size_t much = 4;
+    const std::size_t began = triangles.size();
+    const FaceGrowth::Tried tried = growth_.grow(forms, growth_.region(std::move(triangles)));
+    if (tried.reached.size() > much * began)
+      for (const int t : tried.reached)
+        for (const int v : growth_.design().triangles.row(t)) tried_[std::size_t(v)] = 1;
+    return tried.is_taken;
+  }
+
+  void give_up_around(int v) {
+    for (const int t : around_.at(v))
+      for (const int next : growth_.design().triangles.row(t)) tried_[std::size_t(next)] = 1;
+  }
 
   /// Whether a vertex and those around it lie on a sphere, about: of a free form hardly any do.
   bool is_round(int v) const {
@@ -262,7 +275,7 @@ bool grow_from_strips(FaceGrowth& growth) {
   constexpr std::size_t largest = 512;  // triangles of a strip
   std::set<std::pair<int, int>> met;
   std::vector<char> tried(growth.flats().size(), 0);
-  for (int t = 0; t < int(growth.design().triangles.rows()); ++t)
+  for (int t = 0; t < int(growth.design().triangles.rows()) && !growth.is_tired(); ++t)
     for (int side = 0; side < 3 && growth.is_open(t); ++side) {
       const int other = growth.open_across(t, side);
       if (other < 0) continue;
@@ -284,8 +297,8 @@ bool grow_from_strips(FaceGrowth& growth) {
       if (grown.is_face) {
         growth.take(std::move(grown.face));
         any = true;
-      } else if (grown.face.triangles.size() > began) {
-        for (const int one : grown.face.triangles) tried[std::size_t(growth.flat_of(one))] = 1;
+      } else if (grown.reached.size() > began) {
+        for (const int one : grown.reached) tried[std::size_t(growth.flat_of(one))] = 1;
       }
     }
   return any;

@@ -26,7 +26,8 @@ struct GrownFace {
 /// away by a degree at least; or if a curved face runs into them without an edge. A cylinder or
 /// cone that runs into planes so needs a line less for each.
 ///
-/// Linear in the triangles: 100 000 of a free form take about a second of one processor.
+/// Linear in the triangles: 100 000 of a free form, or of what is nearly a cylinder, take about a
+/// second of one processor. Growing what is no face ends when 30 times as many were gone over.
 /// @param open       (triangles) those of smooth patches that are to be looked at
 /// @param tolerance  mm
 std::vector<GrownFace> grown_faces(const Design& design, const std::vector<char>& open,

@@ -304,14 +304,37 @@ Design free_form(int n, double waves) {
   return filleted::as_stl(body, filleted::any_pose(7, 100.0));
 }
 
+/// A sector of a cylinder R 30, n by n quadrangles, with waves.
+Design nearly_a_cylinder(int n, double waves) {
+  Body body;
+  for (int i = 0; i <= n; ++i)
+    for (int j = 0; j <= n; ++j) {
+      const double y = 100.0 * i / n, angle = -1.0 + 2.0 * j / n;
+      const double r = 30.0 + waves * std::sin(y / 8.0) * std::cos(4.0 * angle);
+      body.points.emplace_back(r * std::sin(angle), y, r * std::cos(angle));
+      if (i == n || j == n) continue;
+      const int a = i * (n + 1) + j, b = a + n + 1;
+      body.triangles.push_back({a, a + 1, b + 1});
+      body.triangles.push_back({a, b + 1, b});
+    }
+  return filleted::as_stl(body, filleted::any_pose(8, 100.0));
+}
+
+void expect_in_proportion(const std::string& name, const Design& small, const Design& large) {
+  const double few = cpu_seconds_of(small), many = cpu_seconds_of(large);
+  std::cout << name << ": " << few << " s of " << small.triangles.rows() << " triangles, " << many
+            << " s of " << large.triangles.rows() << "\n";
+  EXPECT_LT(many, 8.0 * few + 0.5) << name;
+}
+
 TEST(GrownFaces, AFreeFormHasNoneAndTakesTimeInProportion) {
-  for (const double waves : {0.5, 4.0, 12.0}) {
-    const double few = cpu_seconds_of(free_form(112, waves)),
-                 many = cpu_seconds_of(free_form(224, waves));
-    std::cout << "waves of " << waves << " mm: " << few << " s of 25 088 triangles, " << many
-              << " s of 100 352\n";
-    EXPECT_LT(many, 8.0 * few + 0.5);
-  }
+  for (const double waves : {0.5, 2.0, 4.0, 12.0})
+    expect_in_proportion("waves of " + std::to_string(waves) + " mm", free_form(112, waves),
+                         free_form(224, waves));
+  for (const double waves : {0.2, 0.5, 2.0, 10.0})
+    expect_in_proportion("a cylinder with waves of " + std::to_string(waves) + " um",
+                         nearly_a_cylinder(112, waves * units::um),
+                         nearly_a_cylinder(224, waves * units::um));
 }
 
 }  // namespace
