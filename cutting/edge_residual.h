@@ -32,6 +32,11 @@ struct Span {
   double tangents_meet() const { return (r_b - r_a - slope_b) / (slope_a - slope_b); }
   /// Of a cubic with these ends at its middle, against the line.
   double bend() const { return std::abs(slope_a - slope_b) / 8.0; }
+  /// Most that it is off a parabola with the same ends and mean slope, within a few hundredths of
+  /// it.
+  double most_beside_bend() const {
+    return 0.1 * std::abs(0.5 * (slope_a + slope_b) - (r_b - r_a));
+  }
   /// Most that it is off the line anywhere, within a few hundredths of it.
   double most() const {
     const double rise = r_b - r_a;

@@ -8,6 +8,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include "cutting/each_once.h"
 #include "kinematics/hash.h"
 #include "kinematics/require.h"
 
@@ -25,12 +26,6 @@ constexpr int turns = 4;  // in which a face is looked at, at most
 constexpr double hardly_missed = 1e-3;  // of the faces in a turn: no other follows
 constexpr int last_rounds = 60;         // at the bound itself; what then misses it is reported
 constexpr double inner = 0.7;  // of the bound is allowed where it is looked at, for places between
-
-std::vector<int> each_once(std::vector<int> edges) {
-  std::sort(edges.begin(), edges.end());
-  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
-  return edges;
-}
 
 }  // namespace
 
@@ -197,8 +192,11 @@ bool Refinement::is_surely_met(int edge) const {
 void Refinement::force(std::vector<int> edges) {
   edges = each_once(std::move(edges));
   std::vector<Look> looks = looked_at(edges);
-  for (Look& one : looks) one.error = std::numeric_limits<double>::infinity();
-  put_off(edges, std::move(looks));
+  for (std::size_t i = 0; i < edges.size(); ++i) {
+    looks[i].error = std::numeric_limits<double>::infinity();
+    // as if it had been tried: an edge that was turned would be asked for again
+    waiting_.push_back({edges[i], mesh_.ends(edges[i]), std::move(looks[i]), across(edges[i])});
+  }
 }
 
 Design Refinement::design() const {
@@ -252,14 +250,14 @@ Refined Refinement::run() {
     } else {
       --rounds_left;
       if (few) {
-        const bool of_all = looked_into_.empty();
+        const bool of_all = all_changed_;
         const SplitFaces faces = split_faces(most, turn);
         made.insert(made.end(), faces.made.begin(), faces.made.end());
         if (of_all) missed = faces.missed;
       }
       if (waiting_.empty() && hardly_share * made.size() <= knots_.size()) {
         if (++turn == turns || (turn > 1 && missed < hardly_missed)) break;
-        looked_into_.clear();
+        all_changed_ = true;
       }
     }
     open = each_once(std::move(made));

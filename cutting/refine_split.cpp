@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 
+#include "cutting/each_once.h"
 #include "kinematics/hash.h"
 
 namespace abbe::cutting {
@@ -19,7 +21,9 @@ using Eigen::Vector3d;
 constexpr std::array<double, 2> turned_at = {0.31, 0.67};  // of an edge that is tried across
 constexpr double much_longer = 1.5;  // than an edge to be split, which then waits
 constexpr double beside = 0.05;      // of the length of an edge: what lies nearer speaks for it
-constexpr double thinnest = 0.05;    // triangle that a turned edge may make: height by length
+constexpr double followed = 0.8;     // of the bound that a parabola may be off its triangle
+constexpr double middle_of_three = 4.0 / 9.0;  // of a parabola with three equal bends, of each
+constexpr double thinnest = 0.05;  // triangle that a turned edge may make: height by length
 
 /// Where a face is looked at in its turns: near the middle, then towards each side.
 std::array<double, 3> place_in(const std::array<int, 3>& corners, int turn) {
@@ -127,7 +131,9 @@ std::vector<int> Refinement::split(double level, Index most) {
     if (waiting_[i].ends != mesh_.ends(waiting_[i].edge)) continue;  // it waited twice
     if (!takes(waiting_[i].edge)) continue;
     knots_.push_back(std::move(waiting_[i].look.knot));
-    for (const int edge : mesh_.split_edge(waiting_[i].edge)) made.push_back(edge);
+    const std::vector<int> around = mesh_.split_edge(waiting_[i].edge);
+    note_change(around);
+    made.insert(made.end(), around.begin(), around.end());
     waiting_[i].ends = {-1, -1};
   }
   std::erase_if(waiting_, [](const Waiting& one) { return one.ends[0] < 0; });
@@ -208,33 +214,60 @@ void Refinement::turn_edges(double level) {
     std::optional<Look> turned = across_look(one, std::span(found).subspan(2 * k, 2));
     if (!turned || !(turned->error < 0.5 * one.look.error)) continue;
     mesh_.turn(one.edge);
+    note_change({one.edge});
     one = {one.edge, mesh_.ends(one.edge), std::move(*turned), across(one.edge)};
   }
   std::erase_if(waiting_, [&](const Waiting& one) { return !(one.look.error > tolerance()); });
 }
 
+/// The faces at edges are to be looked into.
+void Refinement::note_change(const std::vector<int>& edges) {
+  if (all_changed_) return;
+  for (const int edge : edges)
+    for (const int face : mesh_.faces_at(edge))
+      if (face >= 0) changed_.push_back(face);
+}
+
 /// The faces that were not looked into as they are, and are wide enough to be.
 std::vector<int> Refinement::faces_to_look_into() {
-  looked_into_.resize(mesh_.faces(), {-1, -1, -1});
-  std::vector<char> is_asked(looked_into_.size(), 0);
-  tbb::parallel_for(std::size_t(0), looked_into_.size(), [&](std::size_t face) {
-    const std::array<int, 3> corners = mesh_.corners(int(face));
-    if (std::exchange(looked_into_[face], corners) == corners) return;
-    is_asked[face] = 1;
+  std::vector<int> changed = each_once(std::exchange(changed_, {}));
+  if (std::exchange(all_changed_, false)) {
+    changed.resize(std::size_t(mesh_.faces()));
+    std::iota(changed.begin(), changed.end(), 0);
+  }
+  std::vector<char> is_asked(changed.size());
+  tbb::parallel_for(std::size_t(0), changed.size(), [&](std::size_t i) {
+    const std::array<int, 3> corners = mesh_.corners(changed[i]);
+    is_asked[i] = 1;
     for (std::size_t k = 0; k < 3; ++k)
       if (!knot(corners[k]).cut ||
           !(length({corners[k], corners[(k + 1) % 3]}) > 2.0 * options_.floor))
-        is_asked[face] = 0;
+        is_asked[i] = 0;
   });
   std::vector<int> faces;
-  for (std::size_t face = 0; face < is_asked.size(); ++face)
-    if (is_asked[face]) faces.push_back(int(face));
+  for (std::size_t i = 0; i < changed.size(); ++i)
+    if (is_asked[i]) faces.push_back(changed[i]);
   return faces;
+}
+
+/// Whether one pass cut the corners of a face, and their slopes and values agree upon a parabola
+/// that the face is near enough to.
+bool Refinement::is_followed(const std::array<int, 3>& corners) const {
+  double off = 0.0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Knot &a = knot(corners[k]), &b = knot(corners[(k + 1) % 3]);
+    const Vector3d chord = b.point - a.point;
+    if (!is_one_pass(a, b, chord.norm())) return false;
+    const Span span{a.residual, b.residual, -a.gradient.dot(chord), -b.gradient.dot(chord), true};
+    off += middle_of_three * span.bend() + span.most_beside_bend();
+  }
+  return off < followed * tolerance();
 }
 
 /// Where a face is looked at in one of its turns.
 Refinement::Within Refinement::within(int face, int turn) const {
   const std::array<int, 3> corners = mesh_.corners(face);
+  if (!options_.look_into_all && is_followed(corners)) return {};
   const std::array<double, 3> weights = place_in(corners, turn);
   std::array<Contact, 3> at;
   for (std::size_t k = 0; k < 3; ++k) at[k] = knot(corners[k]).place();
@@ -276,7 +309,9 @@ Refinement::SplitFaces Refinement::split_faces(Index most, int turn) {
       continue;
     }
     knots_.push_back(std::move(found[i]));
-    for (const int edge : mesh_.split_face(looks[i].face)) split.made.push_back(edge);
+    const std::vector<int> around = mesh_.split_face(looks[i].face);
+    note_change(around);
+    split.made.insert(split.made.end(), around.begin(), around.end());
   }
   force(std::move(missed));
   split.missed = double(count) / std::max<double>(1.0, double(faces.size()));

@@ -60,7 +60,9 @@ class Refinement {
   std::vector<int> split(double level, Eigen::Index most);
   void turn_edges(double level);
   std::optional<Look> across_look(const Waiting& one, std::span<Knot> found) const;
+  void note_change(const std::vector<int>& edges);
   std::vector<int> faces_to_look_into();
+  bool is_followed(const std::array<int, 3>& corners) const;
   Within within(int face, int turn) const;
   SplitFaces split_faces(Eigen::Index most, int turn);
   double lower(double level) const;
@@ -90,7 +92,8 @@ class Refinement {
   std::vector<Waiting> waiting_;
   std::vector<int>
       place_;  // (edges) among those that wait while it is found which are ready; or -1
-  std::vector<std::array<int, 3>> looked_into_;  // (faces) corners when it was looked at within
+  std::vector<int> changed_;  // faces, since they were looked into; with repeats
+  bool all_changed_ = true;   // as at the beginning of every turn
   Eigen::Index looked_ = 0;
 };
 

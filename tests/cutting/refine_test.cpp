@@ -12,6 +12,7 @@
 #include "cutting/primitive.h"
 #include "cutting/subdivide.h"
 #include "cutting/surface.h"
+#include "kinematics/hash.h"
 #include "tests/cutting/milled_parts.h"
 #include "tests/cutting/turned_parts.h"
 
@@ -104,6 +105,41 @@ TEST(Refine, ADomeOfCusps) {
     const Vector3d from = fine.design.vertices.row(i).transpose() + Vector3d(0, 0, 60.0);
     ASSERT_NEAR(from.norm(), 60.0, 1e-12);
   }
+}
+
+TEST(Refine, TrianglesThatAreNotLookedIntoMissNoMore) {
+  constexpr std::uint64_t seed = 20261124;
+  const auto chance = [&](std::uint64_t k) { return split_mix::unit(split_mix::stream(seed, k)); };
+  double most = 0.0, most_all = 0.0;
+  for (std::uint64_t i = 0; i < 6; ++i) {
+    const double pitch = 0.2 + 0.8 * chance(4 * i), angle = std::numbers::pi * chance(4 * i + 1);
+    const double share = 0.03 + 0.17 * chance(4 * i + 2);
+    const double cusp = pitch * pitch / (8.0 * ball_mill.corner_radius);
+    const Primitive plane = RectanglePlane{8.0, 8.0};
+    const Milled mill{passes(pitch, 8.0, angle)};
+    const int vertices = 100 + int(2000.0 * chance(4 * i + 3));
+    const auto refined_with = [&](bool all) {
+      const RefineOptions options{
+          .resolution = share * cusp, .may_flip = true, .look_into_all = all};
+      Refined fine = refined(tessellate(plane, {vertices}), on(plane), std::cref(mill), options);
+      const InterpolationError error =
+          interpolation_error(fine.design, mill.search(fine.design), on(plane), mill.search,
+                              {.places = 40000, .seed = i, .resolution = share * cusp});
+      std::cout << "pitch " << pitch << ", bound " << share * cusp / micron << " um, "
+                << fine.design.vertices.rows() << " vertices, " << fine.sounded
+                << " looked at; worst " << error.worst / error.resolution << " of the bound, "
+                << 100.0 * error.unresolved << " % beyond\n";
+      return std::pair(fine.sounded, error);
+    };
+    const auto [places, error] = refined_with(false);
+    const auto [places_all, error_all] = refined_with(true);
+    EXPECT_LT(places, places_all);
+    EXPECT_LE(error.unresolved, error_all.unresolved + 5e-4) << "seed " << seed << ", case " << i;
+    most = std::max(most, error.worst / error.resolution);
+    most_all = std::max(most_all, error_all.worst / error_all.resolution);
+  }
+  std::cout << "worst " << most << " of the bound, " << most_all << " when all are looked into\n";
+  EXPECT_LT(most, std::max(1.5, 1.25 * most_all));
 }
 
 TEST(Refine, NothingIsAddedWhereTheResidualIsLinear) {
