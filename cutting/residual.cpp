@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include <tbb/parallel_sort.h>
 #include <Eigen/Geometry>
 
 #include "cutting/sum.h"
@@ -48,8 +49,9 @@ double mean_of(const std::vector<Weighted>& values, double area, const F& f) {
 
 /// Least magnitude such that those of at most it have the share `q` of the area.
 std::optional<double> quantile(std::vector<Weighted> values, double q) {
-  std::stable_sort(values.begin(), values.end(), [](const Weighted& a, const Weighted& b) {
-    return std::abs(a.residual) < std::abs(b.residual);
+  tbb::parallel_sort(values.begin(), values.end(), [](const Weighted& a, const Weighted& b) {
+    const double x = std::abs(a.residual), y = std::abs(b.residual);
+    return x != y ? x < y : a.area < b.area;
   });
   Sum all, upto;
   for (const Weighted& one : values) all.add(one.area);

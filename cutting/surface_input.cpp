@@ -107,28 +107,38 @@ bool is_judged(const Design& design, Index vertex) {
 }
 
 std::vector<Index> judged_in_order(const Design& design) {
-  std::vector<Index> order;
+  std::vector<Index> judged;
   Vector3d low = Vector3d::Constant(std::numeric_limits<double>::infinity());
   Vector3d high = -low;
   for (Index i = 0; i < design.vertices.rows(); ++i) {
     if (!is_judged(design, i)) continue;
-    order.push_back(i);
+    judged.push_back(i);
     low = low.cwiseMin(design.vertices.row(i).transpose());
     high = high.cwiseMax(design.vertices.row(i).transpose());
   }
-  const double size = order.empty() ? 1.0 : std::max((high - low).maxCoeff(), 1e-9);
-  std::vector<std::uint64_t> code(design.vertices.rows());
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, order.size(), 4096), [&](const auto& range) {
+  constexpr double last_cell = 65535.0;
+  const double size = judged.empty() ? 1.0 : std::max((high - low).maxCoeff(), 1e-9);
+  struct Coded {
+    std::uint64_t code;
+    Index vertex;
+    bool operator<(const Coded& other) const {
+      return code != other.code ? code < other.code : vertex < other.vertex;
+    }
+  };
+  std::vector<Coded> order(judged.size());
+  const auto blocks = tbb::blocked_range<std::size_t>(0, order.size(), 4096);
+  tbb::parallel_for(blocks, [&](const auto& range) {
     for (std::size_t k = range.begin(); k < range.end(); ++k) {
-      const Vector3d cell = (design.vertices.row(order[k]).transpose() - low) * (65535.0 / size);
-      code[order[k]] =
-          hilbert_code(std::uint32_t(cell.x()), std::uint32_t(cell.y()), std::uint32_t(cell.z()));
+      const Vector3d cell = (design.vertices.row(judged[k]).transpose() - low) * (last_cell / size);
+      order[k] = {
+          hilbert_code(std::uint32_t(cell.x()), std::uint32_t(cell.y()), std::uint32_t(cell.z())),
+          judged[k]};
     }
   });
-  tbb::parallel_sort(order.begin(), order.end(), [&](Index a, Index b) {
-    return code[a] != code[b] ? code[a] < code[b] : a < b;
-  });
-  return order;
+  tbb::parallel_sort(order.begin(), order.end());
+  std::transform(order.begin(), order.end(), judged.begin(),
+                 [](const Coded& one) { return one.vertex; });
+  return judged;
 }
 
 }  // namespace abbe::cutting

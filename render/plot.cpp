@@ -98,16 +98,13 @@ struct Sorted {
 };
 
 Sorted sorted(const Eigen::VectorXd& deviation, const Eigen::VectorXd& weights) {
-  std::vector<Eigen::Index> order;
-  for (Eigen::Index i = 0; i < deviation.size(); ++i) {
-    if (std::isfinite(deviation[i])) order.push_back(i);
-  }
-  std::sort(order.begin(), order.end(), [&](Eigen::Index a, Eigen::Index b) {
-    return deviation[a] != deviation[b] ? deviation[a] < deviation[b] : a < b;
-  });
+  std::vector<std::pair<double, Eigen::Index>> order;
+  for (Eigen::Index i = 0; i < deviation.size(); ++i)
+    if (std::isfinite(deviation[i])) order.emplace_back(deviation[i], i);
+  std::sort(order.begin(), order.end());
   Sorted result;
-  for (const Eigen::Index i : order) {
-    result.value.push_back(deviation[i]);
+  for (const auto& [value, i] : order) {
+    result.value.push_back(value);
     result.weight.push_back(weights[i]);
     result.total += weights[i];
   }
