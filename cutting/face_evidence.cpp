@@ -27,7 +27,13 @@ struct Votes {
     ++all;
   }
   bool nearly_all() const { return yes >= 0.9 * all; }
+  bool most() const { return 2 * yes > all; }
 };
+
+/// The angle between two normals about a line.
+double turn_about(const Vector3d& line, const Vector3d& one, const Vector3d& other) {
+  return std::atan2(std::abs(one.cross(other).dot(line.normalized())), one.dot(other));
+}
 
 /// Whether a point lies on a line within a distance.
 bool is_on(const Vector3d& p, const Vector3d& a, const Vector3d& b, double within) {
@@ -62,6 +68,17 @@ bool are_on_two_lines(const std::vector<Vector3d>& points, double within) {
         if (off_line(off, off[0], *far, within).size() < 2) return true;
       }
   return false;
+}
+
+/// Whether the vertices lie nearer to a surface than they would by accident, one time in 1e9, if
+/// they were anywhere within what they leave a plane by: what noise leaves of few of them.
+bool is_no_accident(const RecognisedPatch& local, const FacetPatch& patch, double tolerance,
+                    int tangents) {
+  constexpr double decades = 9.0, most = 0.3;
+  const double free = double(patch.points.rows() - numbers_of(local.form) + 2 * tangents);
+  const double bent = farthest(patch, first_guess(Form::Plane, patch));
+  const double off = std::min(farthest(patch, local), tolerance);
+  return free > 0.0 && off <= bent * std::min(most, std::pow(10.0, -decades / free));
 }
 
 /// How many times as much as its own vertices those next to them leave the surface that fits a free
@@ -102,9 +119,10 @@ bool FaceGrowth::is_face(const RecognisedPatch& surface, const Region& region) {
   const RecognisedPatch local = scaled_to(patch, surface);
   const int tangents = tangent_lines(surface, around);
   const Index enough = tangents > 0 ? 6 : 2 * numbers_of(surface.form);
-  return patch.points.rows() >= enough && is_evident(local, patch, tangents) &&
+  return patch.points.rows() >= enough && is_no_accident(local, patch, tolerance_, tangents) &&
+         is_evident(local, patch, tangents) &&
          (surface.form != Form::Torus || has_lines(local, patch, 5)) &&
-         ends_clearly(surface, patch, around) && !is_sector(surface, around);
+         ends_clearly(surface, patch, around) && !is_sector(surface, region, around);
 }
 
 /// Whether the facets around a region leave its surface as those of another do, at the borders
@@ -135,25 +153,34 @@ bool FaceGrowth::ends_clearly(const RecognisedPatch& surface, const FacetPatch& 
   return votes[0].nearly_all() && votes[1].nearly_all();
 }
 
-/// Whether the facet across a border runs into the surface without an edge, as a plane does.
+/// Whether the facet across a border runs into the surface without an edge, as a plane does. Where
+/// the surface goes on, its next facet leans by half of the angle by which it turns over one.
 bool FaceGrowth::is_tangent(const RecognisedPatch& surface, const Border& border) const {
+  constexpr double share = 0.1;
   const double unsure = tolerance_ / height_[border.outside];
   if (unsure > tangent_angle) return false;
-  for (const int end : {border.a, border.b}) {
-    const Vector3d n = surface.sign * outward(surface, vertex(end));
-    if (angle_between(n, normals_.row(border.outside)) > tangent_angle + unsure) return false;
-  }
+  const auto normal_at = [&](int v) -> Vector3d {
+    return surface.sign * outward(surface, vertex(v));
+  };
+  double turn = 0.0;
+  for (const int v : design_.triangles.row(border.inside))
+    turn = std::max(turn, angle_between(normal_at(border.a), normal_at(v)));
+  const double most = std::min(tangent_angle + unsure, share * turn);
+  for (const int end : {border.a, border.b})
+    if (angle_between(normal_at(end), normals_.row(border.outside)) > most) return false;
   return true;
 }
 
-/// How many lines a cylinder or cone shares with planes that go on from there.
+/// How many lines a cylinder or cone shares with planes that go on from there: at least for as far
+/// as two of its own facets, for on a scan one facet may well lean as little as that.
 int FaceGrowth::tangent_lines(const RecognisedPatch& surface,
                               const std::vector<Border>& borders) const {
   if (surface.form != Form::Cylinder && surface.form != Form::Cone) return 0;
-  constexpr double apart = 1e-3;
+  constexpr double apart = 1e-3, facets = 2.0;
   std::vector<Vector3d> lines;
   for (const Border& one : borders) {
-    if (!is_tangent(surface, one)) continue;
+    const double own = height_over(one.a, one.b, beyond(one.inside, one.a, one.b));
+    if (one.height < facets * own || !is_tangent(surface, one)) continue;
     const Vector3d n = outward(surface, vertex(one.a));
     if (std::none_of(lines.begin(), lines.end(),
                      [&](const Vector3d& line) { return (line - n).norm() < apart; }))
@@ -162,22 +189,23 @@ int FaceGrowth::tangent_lines(const RecognisedPatch& surface,
   return std::min(int(lines.size()), 2);
 }
 
-/// The largest angle by which the flat beyond a border turns to those after it, across sides that
-/// run as the border does: of its triangles, or, where it is the half of a quadrangle, of the
-/// other.
-double FaceGrowth::turn_beyond(const Border& border) const {
+/// How the flat beyond a border turns to the one after it, across sides that run as the border
+/// does: those of its triangles, or, where it is the half of a quadrangle, of the other. The
+/// largest such angle.
+FaceGrowth::Onward FaceGrowth::onward(const Border& border) const {
   constexpr std::size_t most = 64;
   constexpr double along = 0.8;
   const Vector3d side = vertex(border.b) - vertex(border.a);
-  double turn = 0.0;
+  Onward found;
   const auto look = [&](int t, int k, bool is_last) {
-    const int next = open_across(t, k);
+    const int next = across_[std::size_t(t)][std::size_t(k)];
     if (next < 0 || stamp_[std::size_t(next)] == stamped_) return -1;
-    const Vector3d other =
-        vertex(design_.triangles(t, (k + 1) % 3)) - vertex(design_.triangles(t, k));
+    const int a = design_.triangles(t, k), b = design_.triangles(t, (k + 1) % 3);
+    const Vector3d other = vertex(b) - vertex(a);
     const bool runs_so = std::abs(side.dot(other)) > along * side.norm() * other.norm();
-    if (runs_so && height_[next] > sliver * tolerance_)
-      turn = std::max(turn, angle_between(normals_.row(border.outside), normals_.row(next)));
+    const double turn = turn_about(side, normals_.row(border.outside), normals_.row(next));
+    if (runs_so && height_[next] > sliver * tolerance_ && turn > found.turn)
+      found = {turn, height_over(a, b, beyond(next, a, b))};
     return is_last || runs_so ? -1 : next;
   };
   const std::vector<int>& flat = flats_[std::size_t(flat_of(border.outside))];
@@ -185,29 +213,62 @@ double FaceGrowth::turn_beyond(const Border& border) const {
     for (int k = 0; k < 3; ++k)
       if (const int half = look(flat[i], k, flat.size() > 1); half >= 0)
         for (int m = 0; m < 3; ++m) look(half, m, true);
-  return turn;
+  return found;
 }
 
-/// Whether a cylinder or cone ends at edges by which the next facets turn on as they go on turning:
-/// a strip of a tube. Where a tube begins they turn by half of that, at a chamfer not again.
-bool FaceGrowth::is_sector(const RecognisedPatch& surface,
+/// mm, of the region that was stamped last, across the borders at which it may be a sector: along
+/// the axis, or, of a plane, twice its area by the length of its border.
+double FaceGrowth::width(const RecognisedPatch& surface, const Region& region) const {
+  const Vector3d axis = surface.frame.col(2);
+  if (surface.form != Form::Plane) {
+    double low = 0.0, high = 0.0;
+    for (const int v : region.vertices) {
+      const double at = axis.dot(vertex(v) - vertex(region.vertices.front()));
+      low = std::min(low, at);
+      high = std::max(high, at);
+    }
+    return (high - low) * (surface.form == Form::Cone ? std::hypot(1.0, surface.shape[1]) : 1.0);
+  }
+  double twice_area = 0.0, border = 0.0;
+  for (const int t : region.triangles) {
+    const auto corner = [&](int k) { return vertex(design_.triangles(t, k % 3)); };
+    twice_area += (corner(1) - corner(0)).cross(corner(2) - corner(0)).norm();
+    for (int k = 0; k < 3; ++k) {
+      const int next = across_[std::size_t(t)][std::size_t(k)];
+      if (next < 0 || stamp_[std::size_t(next)] != stamped_)
+        border += (corner(k + 1) - corner(k)).norm();
+    }
+  }
+  return twice_area / border;
+}
+
+/// Whether a cylinder, a cone or the strip of a plane ends at edges by which the next facets turn
+/// on as those of a smooth surface do that is cut into strips: the angle between two of them is in
+/// proportion to the mean of their widths. Where such a surface begins without an edge, the angle
+/// is that of half of its first strip; half way between is where this decides. At the end of a face
+/// that is long for its neighbours, or at a chamfer, there is an edge of the part.
+bool FaceGrowth::is_sector(const RecognisedPatch& surface, const Region& region,
                            const std::vector<Border>& borders) const {
-  if (surface.form != Form::Cylinder && surface.form != Form::Cone) return false;
-  constexpr double along = 0.9, half = 0.75, little = 0.1;
-  int ends = 0, turned = 0;
+  constexpr double along = 0.9, little = 0.1, slender = 0.3;
+  const bool is_plane = surface.form == Form::Plane;
+  if (surface.form == Form::Sphere || surface.form == Form::Torus) return false;
+  const double wide = width(surface, region);
+  if (is_plane && wide > slender * surface.box.diagonal().norm()) return false;
+  std::array<Votes, 2> votes;  // of either end
   for (const Border& one : borders) {
     const Vector3d side = (vertex(one.b) - vertex(one.a)).normalized();
-    const bool is_end = std::abs(side.dot(surface.frame.col(2))) < along;
-    if (!is_end || !is_open(one.outside) || height_[one.outside] < sliver * tolerance_) continue;
+    if (!is_plane && std::abs(side.dot(surface.frame.col(2))) > along) continue;
+    if (!is_open(one.outside) || height_[one.outside] < sliver * tolerance_) continue;
     const Vector3d middle = 0.5 * (vertex(one.a) + vertex(one.b));
-    const double turn =
-        angle_between(surface.sign * outward(surface, middle), normals_.row(one.outside));
-    ++ends;
-    const double beyond = turn_beyond(one);
-    const double unsure = tolerance_ / height_[one.outside];
-    turned += turn > unsure && turn > half * beyond && beyond > little * turn;
+    const Vector3d n = surface.sign * outward(surface, middle);
+    const double turn = turn_about(side, n, normals_.row(one.outside));
+    const Onward after = onward(one);
+    if (!(after.turn > 0.0)) continue;
+    const bool goes_on = turn > tolerance_ / one.height && after.turn > little * turn &&
+                         turn * (one.height + after.width) > after.turn * (0.5 * wide + one.height);
+    votes[!is_plane && side.cross(n).dot(surface.frame.col(2)) > 0.0].add(goes_on);
   }
-  return 2 * turned > ends;
+  return votes[0].most() || votes[1].most();
 }
 
 std::optional<RecognisedPatch> FaceGrowth::plane_of_flat(const Region& region) const {
@@ -219,17 +280,33 @@ std::optional<RecognisedPatch> FaceGrowth::plane_of_flat(const Region& region) c
   return with_sizes(*plane, region);
 }
 
-/// Whether the facets around a plane turn away from it.
-bool FaceGrowth::turns_away(const RecognisedPatch& plane,
+/// Whether the facets around a plane turn away from it, and by more than what its own vertices
+/// leave it by: what is nearly flat within a scan or a free form does not.
+bool FaceGrowth::turns_away(const RecognisedPatch& plane, const Region& region,
                             const std::vector<Border>& borders) const {
-  constexpr double least = std::numbers::pi / 180.0;
+  constexpr double least = 0.2 * std::numbers::pi / 180.0;
+  const FacetPatch patch = facet_patch(design_, region.vertices, {});
+  const double own = next_to_own(plane, patch) * plane.off;
   Votes votes;
   for (const Border& one : borders) {
-    if (!is_open(one.outside) || one.height < sliver * tolerance_) continue;
+    if (!is_open(one.outside)) continue;
     const double leaves = std::abs(distance_of(plane, vertex(one.beyond)));
-    votes.add(leaves > std::max(tolerance_, std::sin(least) * one.height));
+    const double turned = one.height < sliver * tolerance_ ? 0.0 : std::sin(least) * one.height;
+    votes.add(leaves > std::max({tolerance_, own, turned}));
   }
   return votes.nearly_all();
+}
+
+/// Whether less than half of the area of a region is slivers.
+bool FaceGrowth::has_normals(const Region& region) const {
+  double sure = 0.0, all = 0.0;
+  for (const int t : region.triangles) {
+    const auto corner = [&](int k) { return vertex(design_.triangles(t, k)); };
+    const double twice = (corner(1) - corner(0)).cross(corner(2) - corner(0)).norm();
+    all += twice;
+    if (height_[t] >= sliver * tolerance_) sure += twice;
+  }
+  return 2.0 * sure > all;
 }
 
 std::optional<GrownFace> FaceGrowth::evident_plane(int flat) {
@@ -241,7 +318,9 @@ std::optional<GrownFace> FaceGrowth::evident_plane(int flat) {
   for (const int v : all.vertices) points.push_back(vertex(v));
   if (are_on_two_lines(points, sliver * tolerance_)) return std::nullopt;
   const std::optional<RecognisedPatch> plane = plane_of_flat(all);
-  if (!plane || !turns_away(*plane, borders(all))) return std::nullopt;
+  if (!plane || !has_normals(all)) return std::nullopt;
+  const std::vector<Border> around = borders(all);
+  if (!turns_away(*plane, all, around) || is_sector(*plane, all, around)) return std::nullopt;
   return GrownFace{*plane, triangles};
 }
 

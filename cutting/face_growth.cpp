@@ -68,16 +68,27 @@ FaceGrowth::Region FaceGrowth::region(std::vector<int> triangles) {
   return made;
 }
 
-/// Whether a facet lies along the surface, on the side that the part is on. The normal of a sliver
-/// says nothing.
+/// Whether a facet lies along the surface, on the side that the part is on: where the normals of
+/// the surface do not turn between its corners it lies in a plane that touches the surface there,
+/// as a floor does the torus around it. The normal of a sliver says nothing.
 bool FaceGrowth::lies_on(const RecognisedPatch& surface, int t, double reach) const {
+  constexpr double times = 2.0;  // the turn: obtuse triangles lean by more than their share
   Vector3d centre = Vector3d::Zero();
   for (const int v : design_.triangles.row(t)) {
     if (!(std::abs(distance_of(surface, vertex(v))) <= reach)) return false;
     centre += vertex(v) / 3.0;
   }
-  return height_[t] < sliver * tolerance_ ||
-         surface.sign * outward(surface, centre).dot(normals_.row(t)) > least_lean;
+  if (height_[t] < sliver * tolerance_) return true;
+  const double cosine = surface.sign * outward(surface, centre).dot(normals_.row(t));
+  if (!(cosine > least_lean)) return false;
+  double most = 2.0 * reach / height_[t];
+  if (cosine > 1.0 - 0.5 * most * most) return true;
+  const Vector3d first = outward(surface, vertex(design_.triangles(t, 0)));
+  for (const int k : {1, 2})
+    most = std::max(most,
+                    2.0 * reach / height_[t] +
+                        times * (outward(surface, vertex(design_.triangles(t, k))) - first).norm());
+  return cosine > 1.0 - 0.5 * most * most;
 }
 
 /// The region with the triangles around it that lie on the surface and may be taken, up to as many
@@ -205,6 +216,20 @@ RecognisedPatch FaceGrowth::with_sizes(RecognisedPatch surface, const Region& re
   return surface;
 }
 
+/// The vertex of a triangle that is not on one of its sides.
+int FaceGrowth::beyond(int t, int a, int b) const {
+  int found = none;
+  for (const int v : design_.triangles.row(t))
+    if (v != a && v != b) found = v;
+  return found;
+}
+
+/// mm, of a vertex from the line through two others.
+double FaceGrowth::height_over(int a, int b, int beyond) const {
+  const Vector3d side = vertex(b) - vertex(a);
+  return side.cross(vertex(beyond) - vertex(a)).norm() / side.norm();
+}
+
 std::vector<FaceGrowth::Border> FaceGrowth::borders(const Region& region) {
   stamp(region);
   std::vector<Border> all;
@@ -213,10 +238,8 @@ std::vector<FaceGrowth::Border> FaceGrowth::borders(const Region& region) {
       const int outside = across_[std::size_t(t)][std::size_t(k)];
       if (outside < 0 || stamp_[std::size_t(outside)] == stamped_) continue;
       Border one{t, outside, design_.triangles(t, k), design_.triangles(t, (k + 1) % 3), -1, 0.0};
-      for (const int v : design_.triangles.row(outside))
-        if (v != one.a && v != one.b) one.beyond = v;
-      const Vector3d side = vertex(one.b) - vertex(one.a);
-      one.height = side.cross(vertex(one.beyond) - vertex(one.a)).norm() / side.norm();
+      one.beyond = beyond(outside, one.a, one.b);
+      one.height = height_over(one.a, one.b, one.beyond);
       all.push_back(one);
     }
   return all;

@@ -68,6 +68,8 @@ class FaceGrowth {
     double height;        // mm, of the triangle outside over the side
   };
   std::vector<Border> borders(const Region& region);
+  int beyond(int t, int a, int b) const;
+  double height_over(int a, int b, int beyond) const;
 
   using May = std::function<bool(int triangle)>;
   Region spread(const RecognisedPatch& surface, Region region, double reach, const May& may);
@@ -81,11 +83,19 @@ class FaceGrowth {
   bool bends(const Region& region) const;
   bool ends_clearly(const RecognisedPatch& surface, const FacetPatch& patch,
                     const std::vector<Border>& borders) const;
-  bool turns_away(const RecognisedPatch& plane, const std::vector<Border>& borders) const;
+  bool turns_away(const RecognisedPatch& plane, const Region& region,
+                  const std::vector<Border>& borders) const;
+  bool has_normals(const Region& region) const;
   bool is_tangent(const RecognisedPatch& surface, const Border& border) const;
   int tangent_lines(const RecognisedPatch& surface, const std::vector<Border>& borders) const;
-  bool is_sector(const RecognisedPatch& surface, const std::vector<Border>& borders) const;
-  double turn_beyond(const Border& border) const;
+  bool is_sector(const RecognisedPatch& surface, const Region& region,
+                 const std::vector<Border>& borders) const;
+  double width(const RecognisedPatch& surface, const Region& region) const;
+  /// What follows the facet across a border: the angle to it, and how wide it is, in mm.
+  struct Onward {
+    double turn = 0.0, width = 0.0;
+  };
+  Onward onward(const Border& border) const;
   std::optional<RecognisedPatch> plane_of_flat(const Region& region) const;
   Eigen::Vector3d vertex(int v) const { return design_.vertices.row(v); }
 
