@@ -21,17 +21,17 @@ using Eigen::Index;
 using Eigen::Vector3d;
 using std::numbers::pi;
 
-using Surface = std::function<Vector3d(double, double)>;
+using Sampled = std::function<Vector3d(double, double)>;
 
 /// A surface over the unit square.
-struct Patch {
+struct SampledPatch {
   std::string name;
-  Surface at;
+  Sampled at;
   int n, m;
   double noise = 0.0;  ///< mm, of each coordinate
 };
 
-Design mesh_of(const Patch& patch, unsigned seed) {
+Design mesh_of(const SampledPatch& patch, unsigned seed) {
   std::mt19937 random(seed);
   std::normal_distribution<double> unit;
   filleted::Body body;
@@ -53,7 +53,7 @@ struct Missed {
   std::size_t faces = 0;
   double distance = 0.0;  // mm
 };
-Missed missed(const Patch& patch, unsigned seed, double tolerance) {
+Missed missed(const SampledPatch& patch, unsigned seed, double tolerance) {
   const Design mesh = mesh_of(patch, seed);
   const Eigen::Isometry3d T = filleted::any_pose(seed, 100.0);
   const Recognised found = recognised(split_at_edges(mesh, pi / 6), tolerance);
@@ -73,7 +73,7 @@ Missed missed(const Patch& patch, unsigned seed, double tolerance) {
   return worst;
 }
 
-Surface ellipsoid_off(double d) {
+Sampled ellipsoid_off(double d) {
   return [d](double u, double v) {
     const double a = 0.3 + 0.9 * u, b = 1.5 * v;
     return Vector3d(30.0 * std::sin(a) * std::cos(b), (30.0 + d) * std::sin(a) * std::sin(b),
@@ -81,14 +81,14 @@ Surface ellipsoid_off(double d) {
   };
 }
 
-Surface bent_cylinder(double sag) {
+Sampled bent_cylinder(double sag) {
   return [sag](double u, double v) {
     const double y = 2.0 * u - 1.0, a = 2.0 * v - 1.0;
     return Vector3d(30.0 * std::sin(a), 50.0 * y, 30.0 * std::cos(a) + sag * (1.0 - y * y));
   };
 }
 
-Surface widening_torus(double d) {
+Sampled widening_torus(double d) {
   return [d](double u, double v) {
     const double w = 1.5 * u, q = 6.0 + d * w, r = 40.0 + q * std::cos(3.0 * v);
     return Vector3d(r * std::cos(w), r * std::sin(w), q * std::sin(3.0 * v));
@@ -96,7 +96,7 @@ Surface widening_torus(double d) {
 }
 
 /// A tube of 60 mm along a circle of radius R.
-Surface bent_tube(double R) {
+Sampled bent_tube(double R) {
   return [R](double u, double v) {
     const double w = 60.0 * (u - 0.5) / R, r = 6.0 * std::cos(3.0 * v);
     return Vector3d((R + r) * std::cos(w) - R, (R + r) * std::sin(w), 6.0 * std::sin(3.0 * v));
@@ -105,7 +105,7 @@ Surface bent_tube(double R) {
 
 TEST(FalseFaces, WhatIsNearlyASurfaceIsNoneOfItsStrips) {
   constexpr double tolerance = 0.1 * units::um;
-  std::vector<Patch> all;
+  std::vector<SampledPatch> all;
   for (const int n : {6, 10, 16, 40}) {
     for (const double um : {1.0, 5.0, 50.0, 1000.0})
       all.push_back({"ellipsoid", ellipsoid_off(um * units::um), n, n});
@@ -119,7 +119,7 @@ TEST(FalseFaces, WhatIsNearlyASurfaceIsNoneOfItsStrips) {
   }
   unsigned seed = 101;
   double worst = 0.0;
-  for (const Patch& one : all) {
+  for (const SampledPatch& one : all) {
     const Missed off = missed(one, seed, tolerance);
     EXPECT_LT(off.distance, tolerance) << one.name << ", " << one.n << " by " << one.m << ", seed "
                                        << seed << ": " << off.faces << " faces";
@@ -130,16 +130,17 @@ TEST(FalseFaces, WhatIsNearlyASurfaceIsNoneOfItsStrips) {
 }
 
 TEST(FalseFaces, NoiseMakesNone) {
-  const Surface cylinder = [](double u, double v) {
+  const Sampled cylinder = [](double u, double v) {
     return Vector3d(30.0 * std::sin(1.8 * v), 55.0 * u, 30.0 * std::cos(1.8 * v));
   };
-  const Surface flat = [](double u, double v) { return Vector3d(11.0 * u, 11.0 * v, 0.0); };
+  const Sampled flat = [](double u, double v) { return Vector3d(11.0 * u, 11.0 * v, 0.0); };
   for (unsigned seed = 17; seed < 21; ++seed)
     for (const double noise : {0.5, 1.0, 2.0, 5.0})
       for (const double tolerance : {0.1, 1.0}) {
         if (noise < 5.0 * tolerance && tolerance > 0.1) continue;
-        for (const Patch& one : {Patch{"cylinder", cylinder, 110, 110, noise * units::um},
-                                 Patch{"plane", flat, 110, 110, noise * units::um}})
+        for (const SampledPatch& one :
+             {SampledPatch{"cylinder", cylinder, 110, 110, noise * units::um},
+              SampledPatch{"plane", flat, 110, 110, noise * units::um}})
           EXPECT_EQ(missed(one, seed, tolerance * units::um).faces, 0u)
               << one.name << ", noise of " << noise << " um, within " << tolerance << " um, seed "
               << seed;
@@ -150,7 +151,7 @@ TEST(FalseFaces, FacetsOfAFewTolerancesMakeNoPlanes) {
   for (const double sides : {3.0, 8.0, 12.0}) {  // tolerances
     constexpr double tolerance = 5.0 * units::um;
     const double d = 100.0 * sides * tolerance;
-    const Surface wave = [d](double u, double v) {
+    const Sampled wave = [d](double u, double v) {
       return Vector3d(d * u, d * v, 0.05 * d * std::sin(2.0 * pi * u) * std::cos(2.0 * pi * v));
     };
     EXPECT_EQ(missed({"wave", wave, 100, 100}, 7, tolerance).faces, 0u) << sides;
