@@ -21,7 +21,6 @@ using program::Target;
 
 namespace {
 
-constexpr double no_corner = 0.05;    // rad
 constexpr double same_place = 1e-9;   // mm
 constexpr double free_length = 1e-6;  // mm, by which a trimmed piece may seem to run backwards
 
@@ -67,7 +66,9 @@ std::vector<Vector2d> shared(const Curve& a, const Curve& b) {
 
 }  // namespace
 
-void Compensation::begin(bool left, double radius, std::array<int, 2> plane) {
+void Compensation::begin(bool left, double radius, std::array<int, 2> plane,
+                         CompensationManner manner) {
+  manner_ = manner;
   on_ = true;
   left_ = radius >= 0 ? left : !left;
   radius_ = std::abs(radius);
@@ -132,7 +133,7 @@ void Compensation::straight(Straight move, bool rapid) {
   piece.start = from + beside(piece.leaves);
   piece.end = to + beside(piece.leaves);
   piece.entry = !entered_;
-  if (piece.entry && length < radius_)
+  if (piece.entry && !manner_.upright_entry && length < radius_)
     canon_.refuse(move.cause,
                   fmt::format("an entry move of at least the radius of the tool, {} mm", radius_),
                   fmt::format("{} mm", length));
@@ -193,7 +194,11 @@ void Compensation::join(Piece piece) {
   piece.file = canon_.file();
   programmed_ = piece.to;
   entered_ = true;
-  if (waits_) {
+  if (waits_ && waits_->entry && manner_.upright_entry) {
+    waits_->end = piece.start;
+    put_out();
+  } else if (waits_) {
+    const double no_corner = manner_.least_corner;
     const double turn =
         std::atan2(cross(waits_->arrives, piece.leaves), waits_->arrives.dot(piece.leaves));
     const double outwards = left_ ? -turn : turn;

@@ -10,19 +10,28 @@
 
 namespace abbe::sim::dialects {
 
+/// What controls do differently.
+struct CompensationManner {
+  /// The entry ends upright beside the start of the next piece; else it ends beside its own
+  /// direction, is at least as long as the radius, and may be an arc.
+  bool upright_entry = false;
+  double least_corner = 0.05;  ///< rad, a corner of less counts as none
+};
+
 /// Cutter compensation in a plane: the path beside the programmed one by the radius of the tool.
 /// Each move waits for the next, which decides its end: an inside corner is cut where the two paths
 /// beside meet, around an outside corner goes an arc of the radius about it. Corners of less than
-/// 0.05 rad count as none, as those of LinuxCNC do (2.5 um at 2 mm of radius).
+/// 0.05 rad count as none, as those of LinuxCNC do (2.5 um at 2 mm of radius), unless stated.
 class Compensation {
  public:
   explicit Compensation(ProgramRun& run) : run_(run), canon_(run.canon) {}
 
   bool on() const { return on_; }
   bool left() const { return left_; }
+  bool entered() const { return entered_; }  ///< the first move since `begin` has been taken
   /// What follows is left or right of the programmed path. @param first, second  joints of the
   /// plane
-  void begin(bool left, double radius, std::array<int, 2> plane);
+  void begin(bool left, double radius, std::array<int, 2> plane, CompensationManner manner = {});
   /// The same where the tool stands beside the programmed place already, as other controls enter.
   void begin_beside(bool left, double radius, std::array<int, 2> plane,
                     kinematics::AxisVector programmed);
@@ -79,6 +88,7 @@ class Compensation {
   program::Canon& canon_;
   bool on_ = false, left_ = false, leaving_ = false, entered_ = false;
   double radius_ = 0.0;
+  CompensationManner manner_;
   std::array<int, 2> plane_{0, 1};
   kinematics::AxisVector programmed_;
   std::optional<Piece> waits_;

@@ -36,7 +36,7 @@ AxisVector Machine::centre_of(const Block& block, const Plane& in, const Cause& 
     refuse(across, fmt::format("the centre in the plane {} {}", in.letters[0], in.letters[1]));
   if (!first && !second)
     refuse(cause, "I J K, CR=, AR= or a pole beside " + std::string(motion_), "none");
-  AxisVector p = canon_.programmed();
+  AxisVector p = programmed_here();
   const auto put = [&](int j, const Value& word) {
     if (!word) return;
     const double value = word.value * unit();
@@ -70,7 +70,7 @@ void Machine::arc(const Block& block, const Target& words) {
   const double turn = angle.value * units::deg;
   AxisVector p;
   if (polar) {
-    p = canon_.programmed();
+    p = programmed_here();
     p[in.first] = pole_.at.x();
     p[in.second] = pole_.at.y();
   } else if (centre || (!radius && !angle)) {
@@ -79,7 +79,7 @@ void Machine::arc(const Block& block, const Target& words) {
   if (angle && centre) {
     if (target.has(in.first) || target.has(in.second))
       refuse(angle, "AR= beside either the centre or the end");
-    const AxisVector start = canon_.programmed();
+    const AxisVector start = programmed_here();
     const Eigen::Rotation2Dd rotated(move.clockwise ? -turn : turn);
     const Eigen::Vector2d end =
         Eigen::Vector2d(p[in.first], p[in.second]) +
@@ -87,13 +87,13 @@ void Machine::arc(const Block& block, const Target& words) {
     target.to(in.first, end.x(), angle);
     target.to(in.second, end.y(), angle);
   }
-  move.end = canon_.end_of(target);
+  move.end = canon_.end_from(here(), target, false);
   if (p.size() > 0) {
     move.placed_centre = canon_.placed(std::move(p));
   } else if (radius) {
     move.radius = radius.value * unit();
   } else {
-    const AxisVector from = canon_.programmed(), to = canon_.unplaced(move.end);
+    const AxisVector from = programmed_here(), to = canon_.unplaced(move.end);
     const double chord = std::hypot(to[in.first] - from[in.first], to[in.second] - from[in.second]);
     const double r = chord / (2 * std::sin(0.5 * turn));
     move.radius = turn > pi ? -r : r;
@@ -106,6 +106,15 @@ void Machine::arc(const Block& block, const Target& words) {
 }
 
 void Machine::put_arc(const Block& block, ArcMove move) {
+  if (compensation_.leaving()) refuse(move.cause, "a line as the first move after G40");
+  if (compensation_.on()) {
+    if (!compensation_.entered()) refuse(move.cause, "a line as the first move after G41 and G42");
+    if (move.radius)
+      move.centre = compensation_.centre_of_radius(move, *move.radius, move.named);
+    else
+      move.centre = {move.placed_centre[move.first], move.placed_centre[move.second]};
+    return compensation_.arc(std::move(move));
+  }
   const AxisVector start = canon_.position();
   point_tool(block, move.end);
   for (const int j : turning_.rotary())

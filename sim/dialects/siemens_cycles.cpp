@@ -280,6 +280,8 @@ bool Machine::is_cycle(std::string_view name) {
 
 bool Machine::cycle(const ProgramCall& call) {
   if (!is_cycle(call.name)) return false;
+  if (compensation_.on()) refuse(call.cause, "G40 before " + call.name);
+  compensation_.left_behind();
   if (call.name == "CYCLE800") {
     swivel(call);
     return true;

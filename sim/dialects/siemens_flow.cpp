@@ -157,6 +157,7 @@ void Flow::run() {
     const std::size_t before = at_, depth = calls_.size();
     if (!run_.attempt([&] { ended_ = !line(); }) && at_ == before && calls_.size() == depth) ++at_;
   }
+  run_.attempt([&] { machine_->finish(); });
 }
 
 /// @return false at the end of the program
@@ -164,7 +165,10 @@ bool Flow::line() {
   run_.count_block();
   const std::string_view whole = calls_.back().program->lines[at_];
   const Uncommented parts = uncommented(whole);
-  if (parts.comment) run_.canon.comment(*parts.comment);
+  if (parts.comment && calls_.size() == 1 && at_ >= comments_to_) {  // once, not in every loop
+    run_.canon.comment(*parts.comment);
+    comments_to_ = at_ + 1;
+  }
   const LineHead head = head_of(parts.block);
   Cursor cursor{parts.block, run_.canon.place(), head.at};
   if (head.left_out && run_.canon.options().block_delete) {

@@ -124,6 +124,7 @@ class Flow : public Names {
   std::optional<ProgramCall> modal_;
   std::size_t modal_depth_ = 0;  ///< of the subprogram that it called; 0: none
   std::size_t at_ = 0;           ///< line of the running program, from 0
+  std::size_t comments_to_ = 0;  ///< of the main program, whose comment is not noted yet
   bool ended_ = false;
   Block block_;
   std::optional<Machine> machine_;

@@ -52,6 +52,7 @@ void Machine::change_transformation(const Code& code) {
   if (on && !turning_.possible())
     refuse(code.cause, "a machine with X Y Z and one or two rotary axes beside TRAORI",
            "one with " + canon_.letters());
+  compensation_.left_behind();
   traori_ = on;
   apply_tool();
 }

@@ -31,7 +31,8 @@ Machine::Machine(ProgramRun& run, bool tool_changes_by_m6)
       canon_(run.canon),
       turning_(canon_.options().control),
       changes_by_m6_(tool_changes_by_m6),
-      programmable_turns_(AxisVector::Zero(canon_.position().size())) {
+      programmable_turns_(AxisVector::Zero(canon_.position().size())),
+      compensation_(run) {
   apply_tool();
 }
 
@@ -148,9 +149,27 @@ void Machine::dwell(const Block& block) {
   const Code& code = block[Group::Dwell];
   const Value &seconds = block[Address::F], &turns = block[Address::S];
   if (bool(seconds) == bool(turns)) refuse(code.cause, "either F or S beside G4");
-  if (seconds) return canon_.dwell(seconds.value, seconds);
-  if (!(canon_.spindle_speed() > 0)) refuse(turns, "a spindle that turns beside G4 S");
-  canon_.dwell(turns.value * 60.0 / canon_.spindle_speed(), turns);
+  if (turns && !(canon_.spindle_speed() > 0)) refuse(turns, "a spindle that turns beside G4 S");
+  const double time = seconds ? seconds.value : turns.value * 60.0 / canon_.spindle_speed();
+  const Cause cause = seconds ? seconds.cause : turns.cause;
+  if (!(time >= 0 && time <= 1e6)) refuse(cause, "0 to 1e6 seconds");
+  compensation_.after([this, time, cause = Cause{cause.column, {}}] { canon_.dwell(time, cause); });
+}
+
+/// Words that G41 and G42 do not go with.
+void Machine::check_compensation(const Block& block) const {
+  if (!compensation_.on()) return;
+  const Code& side = block[Group::CutterRadius];
+  for (const Group group : {Group::Plane, Group::Units, Group::WorkOffset, Group::WithoutOffset,
+                            Group::Transformation, Group::Pole, Group::Frame, Group::ToolChange})
+    if (const Code& code = block[group]) refuse(code.cause, "G40 before " + shown(code.cause.text));
+  if (side && side.word != "G40" && (side.word == "G41") != compensation_.left())
+    refuse(side.cause, "G40 between G41 and G42");
+  for (const Address address : {Address::T, Address::D, Address::A, Address::B, Address::C,
+                                Address::A3, Address::B3, Address::C3})
+    if (block[address]) refuse(block[address], "G40 before " + shown(block[address].cause.text));
+  if (const Code& code = block[Group::Motion]; code && (code.word == "CIP" || code.word == "G33"))
+    refuse(code.cause, "G40 before " + shown(code.cause.text));
 }
 
 void Machine::set_modes(const Block& block) {
@@ -170,10 +189,12 @@ void Machine::set_modes(const Block& block) {
     apply_frame();
   }
   if (const Code& code = block[Group::Transformation]) change_transformation(code);
+  if (const Code& code = block[Group::CutterRadius]) set_compensation(code);
 }
 
 Executed Machine::execute(const Block& block) {
   check_words(block);
+  check_compensation(block);
   set_modes(block);
   note_coolant(block);
   const Code& stop = block[Group::Stop];
@@ -195,7 +216,7 @@ Executed Machine::execute(const Block& block) {
 std::optional<double> Machine::position(char letter, bool of_the_axis) const {
   const int j = canon_.joint_of(letter);
   if (j < 0) return std::nullopt;
-  const double value = of_the_axis ? canon_.position()[j] : canon_.programmed()[j];
+  const double value = of_the_axis ? here()[j] : programmed_here()[j];
   return canon_.is_linear(j) ? value / unit() : value / units::deg;
 }
 

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "sim/dialects/cutter_compensation.h"
 #include "sim/dialects/siemens_block.h"
 #include "sim/dialects/siemens_frame.h"
 #include "sim/dialects/siemens_turning.h"
@@ -26,6 +27,8 @@ class Machine {
   Machine(ProgramRun& run, bool tool_changes_by_m6);
 
   Executed execute(const Block& block);
+  /// What is still to be put out, at the end of the program.
+  void finish() { compensation_.finish(); }
   /// Drilling cycles and CYCLE800. @return false where the control has no cycle of that name
   bool cycle(const ProgramCall& call);
   static bool is_cycle(std::string_view name);
@@ -54,9 +57,19 @@ class Machine {
   const Value* first_axis_word(const Block& block) const;
   Cause cause_of(const Block& block) const;
 
+  /// Where the program is, beside which the tool may be: as axes, and in program coordinates.
+  AxisVector here() const {
+    return compensation_.on() || compensation_.leaving() ? compensation_.programmed()
+                                                         : canon_.position();
+  }
+  AxisVector programmed_here() const { return canon_.unplaced(here()); }
+  void check_compensation(const Block& block) const;
+
   // siemens_tools.cpp
+  void set_compensation(const Code& code);
   int number_of_tool(const Block& block) const;
   bool one_length() const;
+  bool knows_tool() const { return tool_ >= 0 || one_length(); }
   double length_of_tool(const Cause& cause) const;
   void apply_tool();
   /// Where the tip stands in the workpiece with all axes at zero, without tool if D0; none where
@@ -135,6 +148,7 @@ class Machine {
     Eigen::Vector2d at = {0, 0};
     double radius = 0.0, angle_deg = 0.0;
   } pole_;
+  Compensation compensation_;
 };
 
 }  // namespace abbe::sim::dialects::siemens

@@ -50,7 +50,7 @@ void Machine::put_word(Target& target, int j, const Value& word, bool machine) c
                      word.measure == Measure::Downwards;
   if (turns && linear) refuse(word, "a rotary axis with DC, ACP and ACN");
   if (turns) {
-    const double now = machine ? canon_.position()[j] : canon_.programmed()[j];
+    const double now = machine ? canon_.position()[j] : programmed_here()[j];
     return target.to(j, turned_to(value, now, word.measure), word);
   }
   const bool step =
@@ -120,12 +120,15 @@ void Machine::check_motion(const Block& block) const {
   if (swivel_ && swivel_->turned && !traori_)
     for (const Address address : {Address::A, Address::B, Address::C})
       if (block[address]) refuse(block[address], "TRAORI or CYCLE800() before a rotary axis turns");
-  if (!turning_.possible() && motion_ != "G0" && length_counts_ && tool_ < 0 && joint(2) >= 0 &&
-      !canon_.options().tool_length.empty() && !one_length())
+  const bool length_matters = turning_.possible() ? !length_counts_ : length_counts_;
+  if (length_matters && !knows_tool() && joint(2) >= 0 && !canon_.options().tool_length.empty() &&
+      motion_ != "G0")
     refuse(cause, "a tool (T) before a feed: those of the scene differ in length");
 }
 
 void Machine::put_straight(Straight move, bool rapid) {
+  if (compensation_.on()) return compensation_.straight(std::move(move), rapid);
+  compensation_.left_behind();
   if (surface_speed_) turn_at_surface_speed(canon_, speed_, most_rpm_, move.end);
   if (rapid)
     canon_.traverse(std::move(move));
@@ -183,7 +186,7 @@ void Machine::to_machine(const Block& block) {
     refuse(code.cause, "D0 beside " + shown(code.cause.text) + " in a swivelled plane");
   canon_.go_to(Coordinates::Axis, code.cause);
   Target target = target_of(block, true);
-  if (const Value& z = block[Address::Z]; z && length_counts_ && (tool_ >= 0 || one_length()))
+  if (const Value& z = block[Address::Z]; z && length_counts_ && knows_tool())
     target.to(joint(2), target.value(joint(2)) + length_of_tool(z), z);
   AxisVector end = canon_.end_of(target, true);
   put_straight({std::move(end), code.cause, true, target.stated()}, motion_ == "G0");
@@ -248,7 +251,7 @@ bool Machine::move(const Block& block) {
     arc(block, target);
     return true;
   }
-  AxisVector end = canon_.end_of(target);
+  AxisVector end = canon_.end_from(here(), target, false);
   if (motion_ == "G33") {
     thread(block, std::move(end));
     return true;

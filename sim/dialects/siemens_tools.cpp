@@ -46,6 +46,7 @@ void Machine::call_tools(const Block& block) {
   if (change) text += text.empty() ? "M6" : " M6";
   if (!text.empty()) canon_.aside(std::move(text));
   if (!changes && !d) return;
+  compensation_.left_behind();  // a control looks again where its axes stand
   if (changes) length_counts_ = true;
   if (d) length_counts_ = d.value != 0;
   if (changes && tool_ == 0) length_counts_ = false;
@@ -88,15 +89,38 @@ std::optional<Eigen::Vector3d> Machine::tip_at_zero() const {
     const Eigen::Vector3d way = chain.tool_in_workpiece(q).translation() - T_wt.translation();
     if ((way - Eigen::Vector3d::Unit(k)).norm() > 1e-9) return std::nullopt;
   }
-  if (length_counts_) return T_wt.translation();
+  if (length_counts_ || !knows_tool()) return T_wt.translation();
   return T_wt.translation() + length_of_tool({1, {}}) * T_wt.linear().col(2);
+}
+
+void Machine::set_compensation(const Code& code) {
+  if (code.word == "G40") return compensation_.end();
+  const bool left = code.word == "G41";
+  if (compensation_.on()) return;
+  if (!length_counts_) refuse(code.cause, "D1 before " + shown(code.cause.text));
+  const Plane in = plane(code.cause);
+  const Eigen::Matrix3d R = total_rotation();
+  const int across = plane_ == 17 ? 2 : plane_ == 18 ? 1 : 0;
+  if (std::abs(R(across, across) - 1.0) > 1e-14)
+    refuse(code.cause, "a path of the tool's centre in a plane that is tilted: no " +
+                           std::string(code.word) + " in it");
+  const auto& radii = canon_.options().tool_radius;
+  auto own = radii.find(tool_);
+  if (own == radii.end() && canon_.options().control_of_h.empty() && radii.size() == 1)
+    own = radii.begin();
+  if (own == radii.end())
+    refuse(code.cause, "a tool whose radius is known",
+           tool_ < 0 ? "none called" : fmt::format("T{}", tool_));
+  constexpr double least_corner = 1e-3;  // rad, 1.3 nm at 10 mm of radius
+  compensation_.begin(left, own->second, {in.first, in.second},
+                      {.upright_entry = true, .least_corner = least_corner});
 }
 
 /// On a machine without rotary axes the length of the tool is added to Z; else it is in the place
 /// where the tip stands, which the frame takes in.
 void Machine::apply_tool() {
   const int z = joint(2);
-  if (z >= 0 && !turning_.possible() && length_counts_ && (tool_ >= 0 || one_length())) {
+  if (z >= 0 && !turning_.possible() && length_counts_ && knows_tool()) {
     AxisVector shift = AxisVector::Zero(canon_.position().size());
     shift[z] = length_of_tool({1, {}});
     canon_.set_tool_shift(std::move(shift));

@@ -27,8 +27,10 @@ constexpr WordLine word_lines[] = {
      "G33 for threads, CYCLE84 for tapping: changing pitches and taps on their own are not made"},
     {"G17 G18 G19", Group::Plane, read, "plane X Y, Z X, Y Z"},
     {"G40", Group::CutterRadius, read, "cutter compensation off"},
-    {"G41 G42", Group::None, refused,
-     "G40 and a path of the tool's centre: cutter compensation is not made"},
+    {"G41 G42", Group::CutterRadius, read,
+     "cutter compensation left, right, by lines and arcs in the plane: upright to the contour in "
+     "and "
+     "out (NORM), arcs around outside corners (G450); corners below 0.001 rad count as none"},
     {"OFFN", Group::None, refused, "OFFN=0: no allowance on a contour"},
     {"G53 G153 SUPA", Group::WithoutOffset, read,
      "for the block: positions of the axes without offsets and frames; a tool length in force (D1) "
@@ -64,8 +66,10 @@ constexpr WordLine word_lines[] = {
      "lines and arcs: no approach that a control works out"},
     {"G290", Group::None, none, "the language of Siemens"},
     {"G291", Group::None, refused, "G290, or dialect = \"fanuc\": programs in ISO dialect mode"},
-    {"G450 G451 CUT2D CUT2DF KONT NORM CFTCP CFC CFIN", Group::None, none,
-     "manner of a cutter compensation"},
+    {"G450 CUT2D CUT2DF NORM CFTCP CFC CFIN", Group::None, none,
+     "manner of a cutter compensation as it is made; F is taken as that of the centre of the tool"},
+    {"G451 KONT KONTC KONTT DISC", Group::None, refused,
+     "G450 and NORM: no other way into a contour and around its corners"},
     {"CUT3DC CUT3DF CUT3DFS CUT3DFF", Group::None, refused,
      "a path of the tool's centre: no compensation in space"},
     {"TRAORI", Group::Transformation, read,
