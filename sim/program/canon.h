@@ -17,10 +17,10 @@ namespace abbe::sim::program {
 
 /// What a control knows before it reads a program. Lengths mm, angles rad, speeds mm/s.
 struct NcOptions {
-  std::vector<ControlledAxis> axes;   ///< every joint of the machine
-  kinematics::AxisVector start;       ///< (axes) where the axes stand at first
-  std::map<int, double> tool_length;  ///< mm by H number; an unknown H is refused
-  std::map<int, double> tool_radius;  ///< mm by D number, for cutter compensation
+  std::vector<ControlledAxis> axes;                     ///< every joint of the machine
+  kinematics::AxisVector start;                         ///< (axes) where the axes stand at first
+  std::map<int, double> tool_length;                    ///< mm by H number; an unknown H is refused
+  std::map<int, double> tool_radius;                    ///< mm by D number, for cutter compensation
   std::map<std::string, int, std::less<>> tool_number;  ///< by name, of those that have one
   std::array<kinematics::AxisVector, 6>
       work_offset{};                    ///< G54 .. G59, (axes) each; empty means zero
