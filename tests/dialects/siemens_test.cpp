@@ -139,6 +139,16 @@ TEST(Siemens, ToolsGoByNumberAndByName) {
   EXPECT_NE(siemens_refusal("T=\"OTHER\"\n", with).find("'MILL 8'"), std::string::npos);
 }
 
+TEST(Siemens, BeforeAToolIsCalledOnlyItsLengthIsMissing) {
+  ReadOptions with = siemens_options();
+  with.control.control_of_h = {{1, machines::gantry()}, {2, siemens_test::low_gantry()}};
+  EXPECT_EQ(siemens_refusal("SUPA G0 Z100 D0\nT1 D1\nTRAORI\nG1 X1 F100\n", with), "accepted");
+  EXPECT_NE(siemens_refusal("SUPA G0 Z100 D0\nG1 X1 F100\n", with).find("a tool (T)"),
+            std::string::npos);
+  EXPECT_NE(siemens_refusal("T1 D0\nTRAORI\nG1 X1 F100\n", with).find("D1 before"),
+            std::string::npos);
+}
+
 TEST(Siemens, UnknownWordsAreSkippedAndCountedOnDemand) {
   ReadOptions with = siemens_options();
   with.on_unknown = OnUnknown::Warn;
