@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -202,7 +203,9 @@ TEST(Siemens, RandomChangesOfProgramsAreReadOrRefusedWithAPlace) {
       ++read;
     } catch (const BadProgram& bad) {
       ++refused;
-      for (const BadInput& fault : bad.faults) EXPECT_GE(fault.line, 1) << fault.what();
+      // behind 200 faults stands one that says so, and has no place
+      for (std::size_t i = 0; i < std::min<std::size_t>(bad.faults.size(), 200); ++i)
+        EXPECT_GE(bad.faults[i].line, 1) << bad.faults[i].what();
     }
   }
   std::cout << read << " read, " << refused << " refused\n";
