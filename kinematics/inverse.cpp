@@ -239,41 +239,72 @@ std::optional<AxisVector> slides_for_tip(const Chain& chain, const AxisVector& q
   return result;
 }
 
-InverseResult inverse(const Chain& chain, const TipTarget& target, const AxisVector& previous) {
+namespace {
+
+/// A branch without its slides.
+struct Branch {
+  AxisVector q;
+  bool free = false;  ///< a rotary axis keeps its position
+};
+
+/// The branches that give the direction within the limits of rotary axes, the one of least rotary
+/// travel first; a tie goes to the upper one, whatever rounding says.
+/// @param reach  what is known where there are none
+std::vector<Branch> turned_branches(const Chain& chain, const TipTarget& target,
+                                    const AxisVector& previous, Reach& reach) {
   check(chain, target, previous);
   const std::vector<Rotary> axes = rotary_axes(chain, previous);
   if (axes.size() > 2) throw std::invalid_argument("expected at most two rotary axes");
-
   const Directions directions{
       chain.T_bt_home().linear().col(2).normalized(),
       (chain.T_bw_home().linear() * target.direction_w.stableNormalized()).normalized()};
-  InverseResult result;
-  std::vector<bool> free;
+  std::vector<Branch> branches;
   for (const Turns& turns : turns_to(axes, directions.tool_b, directions.wanted_b)) {
     const auto turned = with_turns(chain, axes, turns, previous);
     if (!turned || !gives_direction(axes, *turned, directions)) {
-      result.reach = Reach::OutOfLimits;
+      reach = Reach::OutOfLimits;
       continue;
     }
-    auto q = slides_for_tip(chain, *turned, target.tip_w);
+    branches.push_back(
+        {*turned, std::any_of(turns.begin(), turns.begin() + std::ptrdiff_t(axes.size()),
+                              [](const auto& turn) { return !turn; })});
+  }
+  if (branches.size() == 2 && rotary_travel(axes, previous, branches[1].q) <
+                                  rotary_travel(axes, previous, branches[0].q) - 1e-9)
+    std::swap(branches[0], branches[1]);
+  return branches;
+}
+
+}  // namespace
+
+InverseResult inverse(const Chain& chain, const TipTarget& target, const AxisVector& previous) {
+  InverseResult result;
+  bool free = false;
+  for (const Branch& branch : turned_branches(chain, target, previous, result.reach)) {
+    auto q = slides_for_tip(chain, branch.q, target.tip_w);
     if (!q) continue;
     if (!slides_within_limits(chain, *q)) {
-      result.reach = Reach::OutOfLimits;
+      if (result.branches.empty()) result.reach = Reach::OutOfLimits;
       continue;
     }
+    if (result.branches.empty()) free = branch.free;
     result.branches.push_back(*q);
-    free.push_back(std::any_of(turns.begin(), turns.begin() + std::ptrdiff_t(axes.size()),
-                               [](const auto& turn) { return !turn; }));
   }
-  if (result.branches.empty()) return result;
-  // A tie goes to the first, whatever rounding says.
-  if (result.branches.size() == 2 && rotary_travel(axes, previous, result.branches[1]) <
-                                         rotary_travel(axes, previous, result.branches[0]) - 1e-9) {
-    std::swap(result.branches[0], result.branches[1]);
-    free = {free[1], free[0]};
-  }
-  result.reach = free[0] ? Reach::Singular : Reach::Reached;
+  if (!result.branches.empty()) result.reach = free ? Reach::Singular : Reach::Reached;
   return result;
+}
+
+NearestPose nearest_inverse(const Chain& chain, const TipTarget& target,
+                            const AxisVector& previous) {
+  NearestPose nearest;
+  for (const Branch& branch : turned_branches(chain, target, previous, nearest.reach)) {
+    auto q = slides_for_tip(chain, branch.q, target.tip_w);
+    if (!q) continue;
+    if (slides_within_limits(chain, *q))
+      return {branch.free ? Reach::Singular : Reach::Reached, *std::move(q)};
+    nearest.reach = Reach::OutOfLimits;
+  }
+  return nearest;
 }
 
 }  // namespace abbe::kinematics

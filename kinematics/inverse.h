@@ -41,6 +41,16 @@ struct InverseResult {
 [[nodiscard]] InverseResult inverse(const Chain& chain, const TipTarget& target,
                                     const AxisVector& previous);
 
+/// What `inverse` puts first, at less than its cost.
+struct NearestPose {
+  Reach reach = Reach::Unreachable;
+  AxisVector q;  ///< empty unless it is reached
+};
+
+/// The first branch of `inverse` alone, bit for bit, for long programs. @throws the same
+[[nodiscard]] NearestPose nearest_inverse(const Chain& chain, const TipTarget& target,
+                                          const AxisVector& previous);
+
 /// Positions of the slides that put the tip at `tip_w` with the rotary axes as in `q`, the rest of
 /// q unchanged and limits not looked at; this is what a control does under G43.4. Empty if there
 /// are not three slides, independent at q, or if a number is not finite.

@@ -159,7 +159,7 @@ void Machine::arc(const Location& to, const Cause& cause, bool stated) {
   program::ArcMove move;
   move.end = axes_at(to, cause);
   direction_ = to.direction;
-  note_turn(move.end);
+  note_turn(move.end, to.direction);
   move.cause = move.named = cause;
   move.stated = stated ? ~std::uint32_t(0) : 0;
   if (circle.sweep) move.turns = 1 + int(std::lround((*circle.sweep - sweep) / (2 * pi)));

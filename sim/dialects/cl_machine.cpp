@@ -14,7 +14,6 @@ using program::FeedMode;
 namespace {
 
 constexpr double smallest_feed = 1e-9;  // per minute; keeps every duration finite
-constexpr double least_bulge = 1e-4;    // rad, 2 um at 20 mm above the tip
 
 /// The statement without what is not its meaning, to compare two of them.
 std::string text_of(const Statement& s) {

@@ -127,7 +127,7 @@ class Machine {
   void be_ready(const Cause& cause);
   AxisVector axes_at(const Location& to, const Cause& cause);
   AxisVector turned_axes(const Location& to, const Eigen::Vector3d& tip_w, const Cause& cause);
-  void note_turn(const AxisVector& end);
+  void note_turn(const AxisVector& end, const Eigen::Vector3d& direction);
   void straight(const Location& to, const Cause& cause, bool stated, bool rapid);
   void check_feed(const Cause& cause) const;
   Eigen::Vector3d shift() const;
@@ -158,6 +158,7 @@ class Machine {
   int tool_ = -1;                      ///< that was loaded
   double speed_rpm_ = 0.0;
   int spindle_turns_ = 1;
+  static constexpr double least_bulge = 1e-4;  ///< rad, 2 um at 20 mm above the tip
   struct Bulge {
     double angle =
         0.0;  ///< rad between the tool axis and the great circle, in the middle of a move

@@ -79,9 +79,9 @@ void Machine::be_ready(const Cause& cause) {
 
 kinematics::AxisVector Machine::turned_axes(const Location& to, const Eigen::Vector3d& tip_w,
                                             const Cause& cause) {
-  kinematics::InverseResult found;
+  kinematics::NearestPose found;
   try {
-    found = kinematics::inverse(canon_.chain(), {tip_w, to.direction}, canon_.position());
+    found = kinematics::nearest_inverse(canon_.chain(), {tip_w, to.direction}, canon_.position());
   } catch (const std::invalid_argument& fault) {
     refuse(cause, "a machine of three slides and at most two rotary axes for cutter locations",
            fault.what());
@@ -89,10 +89,10 @@ kinematics::AxisVector Machine::turned_axes(const Location& to, const Eigen::Vec
   if (found.reach == Reach::Unreachable)
     refuse(cause, "a tool vector that the axes of the machine (" + canon_.letters() + ") reach",
            text_of(to.direction));
-  if (found.branches.empty())
+  if (found.q.size() == 0)
     refuse(cause, "a location within the travel of the axes",
            fmt::format("{} with the tool vector {}", text_of(to.tip), text_of(to.direction)));
-  return found.branches.front();
+  return std::move(found.q);
 }
 
 /// The tip and the rotary axes there. An equal vector leaves the rotary axes where they are.
@@ -113,20 +113,20 @@ void Machine::check_feed(const Cause& cause) const {
   if (!canon_.feed()) refuse(cause, "FEDRAT/ before the first move at feed", "none");
 }
 
-/// How far the tool axis is from the great circle in the middle of the move that is to come.
-void Machine::note_turn(const AxisVector& end) {
-  const AxisVector middle = 0.5 * (canon_.position() + end);
-  bool turns = false;
+/// How far the tool axis is from the great circle in the middle of the move that is to come. Two
+/// turns of t rad in all bend the way of the axis, and the circle, by t^2 at most, so their middles
+/// are within t^2 / 4: most moves are too short to matter.
+void Machine::note_turn(const AxisVector& end, const Eigen::Vector3d& direction) {
+  const AxisVector& start = canon_.position();
+  double turn = 0.0;
   for (int j = 0; j < int(end.size()); ++j)
-    turns = turns || (!canon_.is_linear(j) && end[j] != canon_.position()[j]);
-  if (!turns) return;
-  const auto& chain = canon_.chain();
+    if (!canon_.is_linear(j)) turn += std::abs(end[j] - start[j]);
+  if (0.25 * turn * turn <= std::max(bulge_.angle, least_bulge)) return;
   const auto axis_at = [&](const AxisVector& q) -> Eigen::Vector3d {
-    return chain.tool_in_workpiece(q).linear().col(2);
+    return canon_.chain().tool_in_workpiece(q).linear().col(2);
   };
-  const Eigen::Vector3d on_circle =
-      kinematics::on_great_circle(axis_at(canon_.position()), axis_at(end), 0.5);
-  const double angle = kinematics::angle_between(axis_at(middle), on_circle);
+  const Eigen::Vector3d on_circle = kinematics::on_great_circle(axis_at(start), direction, 0.5);
+  const double angle = kinematics::angle_between(axis_at(0.5 * (start + end)), on_circle);
   if (angle > bulge_.angle) bulge_ = {angle, canon_.line()};
 }
 
@@ -136,7 +136,7 @@ void Machine::straight(const Location& to, const Cause& cause, bool stated, bool
   const std::uint32_t joints = stated ? every_joint : 0;
   if (rapid) return canon_.traverse({.end = std::move(end), .cause = cause, .stated = joints});
   check_feed(cause);
-  note_turn(end);
+  note_turn(end, to.direction);
   canon_.straight_feed({.end = std::move(end), .cause = cause, .stated = joints});
 }
 

@@ -199,7 +199,7 @@ TEST(CutterLocations, ArcsInAnyPlaneAreTheTurnedStart) {
 TEST(CutterLocations, ATableAndStatementsAreTheSameBits) {
   const ReadProgram statements = read_locations(
       "UNITS/MM\nRAPID\nGOTO/1,2,30\nFEDRAT/500\nGOTO/1,2,0,0,0.6,0.8\nGOTO/3.5,2,0\n");
-  for (const std::string& table :
+  for (const std::string table :
        {"x,y,z,i,j,k,feed\n1,2,30,0,0,1,500\n1,2,0,0,.6,.8,500\n3.5,2,0,0,.6,.8,500\n",
         "1 2 30 0 0 1 500\n1 2 0 0 0.6 0.8 500\n3.5 2 0 0 0.6 0.8 500\n",
         "# made\r\nFEED;X_mm;Y_mm;Z_mm;i;j;k\r\n500;1;2;30;0;0;1\r\n;1;2;0;0;6e-1;0.8\r\n"

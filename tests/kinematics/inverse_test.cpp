@@ -1,6 +1,7 @@
 #include "kinematics/inverse.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iostream>
 #include <limits>
@@ -60,6 +61,9 @@ void expect_return(const Chain& chain, const AxisVector& q, const AxisVector& pr
   const InverseResult result = inverse(chain, target, previous);
   ASSERT_FALSE(result.branches.empty()) << q.transpose();
   ASSERT_TRUE(result.reach == Reach::Reached || result.reach == Reach::Singular);
+  const NearestPose nearest = nearest_inverse(chain, target, previous);
+  ASSERT_EQ(nearest.reach, result.reach);
+  ASSERT_EQ(nearest.q, result.branches.front()) << "the same bits";
   for (const AxisVector& branch : result.branches) {
     ASSERT_TRUE(branch.allFinite());
     worst.take(chain, target, branch);
@@ -224,6 +228,38 @@ TEST(Inverse, HoldsItsPromiseOnRandomMachines) {
   }
   std::cout << machines_tried << " machines, within " << worst << "\n";
   EXPECT_GT(machines_tried, 15000);
+}
+
+TEST(Inverse, TheNearestAloneIsTheFirstOfAllWithinLimits) {
+  const unsigned seed = 20251125;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  std::array<int, 4> seen{};
+  for (int i = 0; i < 20000; ++i) {
+    std::vector<Joint> joints = machines::gantry().joints();
+    for (Joint& joint : joints) {
+      const double size = joint.motion == Motion::Linear ? 400.0 : 4.0;
+      joint.min = -size * std::abs(unit(random));
+      joint.max = size * std::abs(unit(random));
+    }
+    const Chain chain(joints, machines::gantry().T_bw_home(), machines::gantry().T_bt_home());
+    AxisVector previous = AxisVector::Zero(chain.size());
+    for (Eigen::Index j = 0; j < previous.size(); ++j) previous[j] = 3 * unit(random);
+    TipTarget target{200 * Vector3d(unit(random), unit(random), unit(random)),
+                     Vector3d(unit(random), unit(random), unit(random))};
+    if (i % 10 == 0) target.direction_w = Vector3d::UnitZ();
+    const InverseResult all = inverse(chain, target, previous);
+    const NearestPose nearest = nearest_inverse(chain, target, previous);
+    ASSERT_EQ(nearest.reach, all.reach);
+    ASSERT_EQ(nearest.q.size() == 0, all.branches.empty());
+    if (!all.branches.empty()) {
+      ASSERT_EQ(nearest.q, all.branches.front());
+    }
+    ++seen[std::size_t(all.reach)];
+  }
+  std::cout << seen[0] << " reached, " << seen[1] << " singular, " << seen[2] << " out of limits\n";
+  for (const int i : {0, 1, 2}) EXPECT_GT(seen[std::size_t(i)], 100);
 }
 
 TEST(Inverse, FindsTheWayItCameFirst) {
