@@ -11,10 +11,17 @@ namespace abbe::sim::dialects {
 
 namespace {
 constexpr std::size_t most_skipped = 1000;  // different words
-}
+constexpr std::size_t blocks_between_reports = 8192;
+}  // namespace
 
-ProgramRun::ProgramRun(const std::string& file, const ReadOptions& options)
-    : canon(file, options.control), options_(options) {}
+ProgramRun::ProgramRun(const std::string& file, const ReadOptions& options, std::size_t lines)
+    : canon(file, options.control), options_(options), lines_(lines) {}
+
+void ProgramRun::hand_over() {
+  if (!options_.each_piece) return;
+  const program::Path piece = canon.hand_over();
+  if (faults_.empty()) options_.each_piece(piece);
+}
 
 bool ProgramRun::attempt(const std::function<void()>& block) {
   try {
@@ -33,6 +40,9 @@ bool ProgramRun::attempt(const std::function<void()>& block) {
 }
 
 void ProgramRun::count_block() {
+  if (canon.kept() >= piece_blocks) hand_over();
+  if (options_.progress && blocks_ % blocks_between_reports == 0 && lines_ > 0)
+    options_.progress(std::min(1.0, double(canon.line()) / double(lines_)));
   if (++blocks_ <= options_.limits.blocks) return;
   const program::NcPlace place = canon.place();
   throw Exhausted(place.file, place.line, 0,

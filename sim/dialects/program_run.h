@@ -21,7 +21,8 @@ struct Exhausted : BadInput {
 class ProgramRun {
  public:
   /// @param options  outlive it
-  ProgramRun(const std::string& file, const ReadOptions& options);
+  /// @param lines  of the file, for progress
+  ProgramRun(const std::string& file, const ReadOptions& options, std::size_t lines = 0);
 
   program::Canon canon;
   std::vector<std::string> warnings;
@@ -43,6 +44,8 @@ class ProgramRun {
   /// @throws Exhausted where `depth` calls are too deep
   void check_depth(int depth, const program::Cause& cause) const;
   std::size_t blocks_executed() const { return blocks_; }
+  /// Gives away the blocks that are kept, where pieces are wanted.
+  void hand_over();
 
   /// A word that the dialect has not: skipped and counted, or a fault.
   /// @throws BadInput unless unknown words are skipped
@@ -56,7 +59,7 @@ class ProgramRun {
   const ReadOptions& options_;
   FaultList faults_;
   std::vector<Skipped> skipped_;
-  std::size_t blocks_ = 0;
+  std::size_t lines_, blocks_ = 0;
   bool hopeless_ = false;
 };
 

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <string>
 
 #include "sim/dialects/dialect.h"
@@ -28,7 +29,15 @@ struct ReadOptions {
   Limits limits = {};
   std::filesystem::path folder =
       {};  ///< where subprograms in files of their own stand; empty: none do
+  /// Takes the blocks as they are made, up to `piece_blocks` at a time, so that none are kept: of a
+  /// program of which only figures are wanted. Not called again after the first fault.
+  std::function<void(const program::Path& piece)> each_piece = {};
+  /// Called now and then with the share of the file that has been read.
+  std::function<void(double fraction)> progress = {};
 };
+
+/// Blocks of a piece.
+inline constexpr std::size_t piece_blocks = 32768;
 
 /// A word that was skipped.
 struct Skipped {

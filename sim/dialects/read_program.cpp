@@ -1,5 +1,6 @@
 #include "sim/dialects/read_program.h"
 
+#include <algorithm>
 #include <utility>
 
 #include <fmt/format.h>
@@ -35,11 +36,13 @@ ReadProgram read_program(std::string_view text, const std::string& file,
       options.dialect == Dialect::Auto ? recognised(text, file) : Recognised{options.dialect, {}};
   read.dialect = found.dialect;
   read.sign = found.sign;
-  ProgramRun run(file, options);
+  ProgramRun run(file, options, std::size_t(std::count(text.begin(), text.end(), '\n')));
   front_end_of(found, file).read(text, run);
+  run.hand_over();
   if (!run.faults().empty()) throw BadProgram(run.faults().list());
   read.skipped = run.skipped();
   read.warnings = std::move(run.warnings);
+  read.blocks = run.blocks_executed();
   read.path = run.canon.take();
   return read;
 }

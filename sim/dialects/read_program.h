@@ -14,6 +14,7 @@ struct ReadProgram {
   program::Path path;
   Dialect dialect = Dialect::LinuxCnc;  ///< the one taken
   std::string sign;                     ///< by which it was taken; empty where it was given
+  std::size_t blocks = 0;               ///< executed, those of loops each time
   std::vector<Skipped> skipped;         ///< in the order of the program
   std::vector<std::string> warnings;    ///< what is assumed or without effect, with figures
 };

@@ -209,7 +209,12 @@ class Canon {
   /// stated again, arcs that do not close only follow from it.
   void doubt_position() { doubt_ = ~std::uint32_t(0); }
 
-  std::size_t blocks() const { return path_.blocks.size(); }
+  std::size_t blocks() const { return handed_over_ + path_.blocks.size(); }
+  /// Blocks that are kept here.
+  std::size_t kept() const { return path_.blocks.size(); }
+  /// Those blocks as a path of their own, with their arcs and the words that move nothing; they are
+  /// kept here no longer. Calls of tools stay, with the numbers of their blocks in the whole.
+  Path hand_over();
   Path take() { return std::move(path_); }
 
  private:
@@ -229,6 +234,7 @@ class Canon {
 
   const NcOptions& options_;
   Path path_;
+  std::size_t handed_over_ = 0;  ///< blocks
   int line_ = 0, file_ = 0;
   const std::array<int, 26> joint_of_;
   const int spindle_;

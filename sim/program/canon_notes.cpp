@@ -24,11 +24,11 @@ void Canon::comment(std::string_view text) {
   if (!words->unit_mm && !path_.unit_words.empty())
     words->unit_mm = unit_of(path_.unit_words.back());
   if (words->unit_mm) words = in_mm(*words, *words->unit_mm);
-  path_.tool_comments.push_back({line_, std::string(text), *words, path_.blocks.size()});
+  path_.tool_comments.push_back({line_, std::string(text), *words, blocks()});
 }
 
 void Canon::cutter(std::string_view word, const ToolWords& words) {
-  path_.tool_comments.push_back({line_, std::string(word), words, path_.blocks.size()});
+  path_.tool_comments.push_back({line_, std::string(word), words, blocks()});
 }
 
 void Canon::set_inch(bool inch) {
@@ -42,11 +42,23 @@ void Canon::set_inch(bool inch) {
 
 void Canon::call_tool(double number, bool changes) {
   if (number >= 0) tool_ = int(std::min(number, 1e9));
-  path_.tool_calls.push_back({line_, tool_, changes, path_.blocks.size()});
+  path_.tool_calls.push_back({line_, tool_, changes, blocks()});
 }
 
-void Canon::aside(std::string text) {
-  path_.asides.push_back({path_.blocks.size(), std::move(text)});
+Path Canon::hand_over() {
+  Path piece;
+  piece.file = path_.file;
+  piece.more_files = path_.more_files;
+  piece.motion_blocks = std::exchange(path_.motion_blocks, 0);
+  piece.asides.swap(path_.asides);
+  for (Aside& aside : piece.asides) aside.before -= handed_over_;
+  handed_over_ += path_.blocks.size();
+  piece.blocks.swap(path_.blocks);
+  piece.arcs.swap(path_.arcs);
+  piece.turns.swap(path_.turns);
+  return piece;
 }
+
+void Canon::aside(std::string text) { path_.asides.push_back({blocks(), std::move(text)}); }
 
 }  // namespace abbe::sim::program
