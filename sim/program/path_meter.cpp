@@ -1,0 +1,230 @@
+#include "sim/program/path_meter.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "kinematics/units.h"
+#include "sim/program/chords.h"
+#include "sim/program/controlled_axes.h"
+
+namespace abbe::sim::program {
+
+using Eigen::Vector3d;
+using kinematics::AxisVector;
+using kinematics::Chain;
+using kinematics::Motion;
+
+namespace {
+
+constexpr double turns_at_all = 1e-9;  // rad
+constexpr double same_place = 1e-9;    // mm or rad, rounding of a change between axes and tip
+constexpr double angle_within = 1e-8;  // of the search, in u times the turn
+
+std::vector<ControlledAxis> axes_named(const Chain& chain) {
+  std::vector<ControlledAxis> axes;
+  for (const auto& joint : chain.joints()) axes.push_back({joint.name, joint.motion});
+  return axes;
+}
+
+/// Least singular value of the change of direction by two rotary axes, as an angle.
+double least_change(const Vector3d& first, const Vector3d& second) {
+  const double a = first.squaredNorm(), b = second.squaredNorm(), c = first.dot(second);
+  const double largest = 0.5 * (a + b + std::hypot(a - b, 2 * c));
+  if (!(largest > 0.0)) return 0.0;
+  return std::asin(std::min(1.0, first.cross(second).norm() / std::sqrt(largest)));
+}
+
+}  // namespace
+
+PathMeter::PathMeter(const Chain& control, const AxisLimits& limits)
+    : control_(control), limits_(limits), spindle_(spindle_of(axes_named(control))) {
+  figures_.axes.resize(std::size_t(control.size()));
+  for (int k = 0; k < 3; ++k) xyz_[std::size_t(k)] = control.find(char('X' + k)).value_or(-1);
+  for (int j = 0; j < control.size(); ++j)
+    if (motion(j) == Motion::Rotary && !is_spindle(j)) rotary_.push_back(j);
+}
+
+double PathMeter::limit(int j) const {
+  return motion(j) == Motion::Linear ? limits_.rapid_speed : limits_.rapid_turn;
+}
+
+void PathMeter::note_position(const Block& block, const AxisVector& q) {
+  for (int j = 0; j < control_.size(); ++j) {
+    if (is_spindle(j)) continue;
+    AxisFigures& axis = figures_.axes[std::size_t(j)];
+    if (!axis.positioned || q[j] < axis.least.value) axis.least = {q[j], block.line, block.file};
+    if (!axis.positioned || q[j] > axis.most.value) axis.most = {q[j], block.line, block.file};
+    axis.positioned = true;
+  }
+}
+
+void PathMeter::note_speeds(const Block& block, const AxisVector& step, double seconds) {
+  if (!(seconds > 0.0)) return;
+  for (int j = 0; j < control_.size(); ++j) {
+    if (is_spindle(j)) continue;
+    const double speed = std::abs(step[j]) / seconds;
+    AxisFigures& axis = figures_.axes[std::size_t(j)];
+    if (speed > axis.fastest.value) axis.fastest = {speed, block.line, block.file};
+    if (speed / limit(j) > fastest_share_) {
+      fastest_share_ = speed / limit(j);
+      figures_.fastest_axis = j;
+    }
+  }
+}
+
+void PathMeter::note_slowed(const Block& block, double factor) {
+  constexpr double rounding = 1e-9;
+  if (!(factor > 1.0 + rounding)) return;
+  ++figures_.slowed;
+  if (factor > figures_.most_slowed.value) figures_.most_slowed = {factor, block.line, block.file};
+}
+
+MoveFigures& PathMeter::kind(const Block& block) {
+  switch (block.interpolation) {
+    case Interpolation::Rapid:
+      return figures_.rapids;
+    case Interpolation::Line:
+      return figures_.lines;
+    case Interpolation::Arc:
+      return figures_.arcs;
+    case Interpolation::Cubic:
+      return figures_.cubics;
+    case Interpolation::Dwell:
+      break;
+  }
+  return figures_.dwells;
+}
+
+/// Under a tip mode as programmed.
+Vector3d PathMeter::tip_of(const Path& path, const Block& block, const AxisVector& q,
+                           double u) const {
+  if (block.coordinates == Coordinates::Axis) return control_.tool_in_workpiece(q).translation();
+  const AxisVector programmed = position(path, block, u);
+  return {programmed[xyz_[0]], programmed[xyz_[1]], programmed[xyz_[2]]};
+}
+
+/// Where a block begins: where the last one ended, unless the coordinates change.
+void PathMeter::begin(const Path& path, const Block& block) {
+  const bool goes_on = figures_.blocks > 0 && block.coordinates == coordinates_ &&
+                       (block.start - programmed_).cwiseAbs().maxCoeff() < same_place;
+  if (!goes_on) {
+    q_ = axes_at(path, block, control_, 0.0);
+    tip_w_ = control_.tool_in_workpiece(q_).translation();
+    note_position(block, q_);
+    if (on_place) on_place(tip_w_, true);
+  }
+  coordinates_ = block.coordinates;
+  programmed_ = block.end;
+}
+
+void PathMeter::move(const Path& path, const Block& block) {
+  const bool rapid = block.interpolation == Interpolation::Rapid;
+  const double turn = turn_in(path, block, control_);
+  const std::size_t n = chords_of(path, block, control_, path_meter_within);
+  const double seconds = (block.end_s - block.start_s) / double(n);
+  MoveFigures& moves = kind(block);
+  double limited = 0.0;
+  figures_.all_w.extend(tip_w_);
+  if (!rapid) figures_.feed_w.extend(tip_w_);
+  for (std::size_t k = 1; k <= n; ++k) {
+    const AxisVector q = axes_at(path, block, control_, k == n ? 1.0 : double(k) / double(n));
+    const AxisVector step = q - q_;
+    double least = 0.0;
+    for (int j = 0; j < control_.size(); ++j)
+      if (!is_spindle(j)) least = std::max(least, std::abs(step[j]) / limit(j));
+    limited += rapid ? least : std::max(least, seconds);
+    if (!rapid) note_speeds(block, step, seconds);
+    q_ = q;
+    const Vector3d at = tip_of(path, block, q, k == n ? 1.0 : double(k) / double(n));
+    moves.way += (at - tip_w_).norm();
+    tip_w_ = at;
+    note_position(block, q);
+    figures_.all_w.extend(at);
+    if (!rapid) figures_.feed_w.extend(at);
+    if (on_place) on_place(at, rapid);
+  }
+  moves.limited_s += limited;
+  if (!rapid && block.end_s > block.start_s)
+    note_slowed(block, limited / (block.end_s - block.start_s));
+  if (!rapid && turn > turns_at_all && rotary_.size() == 2)
+    for (std::size_t k = 0; k < n; ++k)
+      note_singular(path, block, double(k) / double(n), double(k + 1) / double(n),
+                    turn / double(n));
+}
+
+double PathMeter::singular_angle(const Path& path, const Block& block, double u) const {
+  const AxisVector q = position(path, block, u);  // slides turn nothing
+  Vector3d axes[2];
+  Eigen::Matrix3d R = control_.T_bw_home().linear().transpose();
+  std::size_t k = 0;
+  for (int j = 0; j < control_.size(); ++j) {
+    if (motion(j) != Motion::Rotary) continue;
+    const Vector3d& direction = control_.joints()[std::size_t(j)].direction_b;
+    if (!is_spindle(j)) axes[k++] = R * direction;
+    R = R * Eigen::AngleAxisd(q[j], direction);
+  }
+  const Vector3d tool = R * control_.T_bt_home().linear().col(2);
+  return least_change(axes[0].cross(tool), axes[1].cross(tool));
+}
+
+void PathMeter::look_at(const Path& path, const Block& block, double u) {
+  const double angle = singular_angle(path, block, u);
+  if (figures_.singular && angle >= figures_.singular->angle) return;
+  figures_.singular = {angle, axes_at(path, block, control_, u), block.line, block.file};
+}
+
+/// The angle changes by at most twice the turn, so most moves cannot come nearer than what is
+/// known; where one may, it is sought where the angle falls at its beginning and rises at its end.
+void PathMeter::note_singular(const Path& path, const Block& block, double from, double to,
+                              double turn) {
+  const double at_end = singular_angle(path, block, to);
+  if (figures_.singular && at_end - 2 * turn >= figures_.singular->angle) return;
+  if (from == 0.0) look_at(path, block, 0.0);
+  look_at(path, block, to);
+  const double little = 1e-3 * (to - from);
+  const auto at = [&](double u) { return singular_angle(path, block, u); };
+  if (at(from + little) >= at(from) || at(to - little) >= at_end) return;
+  constexpr double golden = 0.6180339887498949;
+  double a = from, b = to;
+  double c = b - golden * (b - a), d = a + golden * (b - a);
+  double at_c = at(c), at_d = at(d);
+  while ((b - a) * turn > angle_within * (to - from)) {
+    if (at_c < at_d) {
+      b = d, d = c, at_d = at_c;
+      at_c = at(c = b - golden * (b - a));
+    } else {
+      a = c, c = d, at_c = at_d;
+      at_d = at(d = a + golden * (b - a));
+    }
+  }
+  look_at(path, block, at_c < at_d ? c : d);
+}
+
+void PathMeter::add(const Path& piece) {
+  for (const Block& block : piece.blocks) {
+    begin(piece, block);
+    MoveFigures& moves = kind(block);
+    ++moves.count;
+    moves.seconds += block.end_s - block.start_s;
+    if (block.interpolation == Interpolation::Dwell)
+      moves.limited_s += block.end_s - block.start_s;
+    else
+      move(piece, block);
+    ++figures_.blocks;
+    ++figures_.offsets[block.work_offset];
+    ++figures_.lengths[block.tool_length];
+    figures_.tip_blocks += block.coordinates == Coordinates::Tip;
+  }
+}
+
+PathFigures PathMeter::figures() const {
+  PathFigures figures = figures_;
+  for (int j = 0; j < control_.size(); ++j) {
+    const kinematics::Joint& joint = control_.joints()[std::size_t(j)];
+    AxisFigures& axis = figures.axes[std::size_t(j)];
+    axis.left = std::min(axis.least.value - joint.min, joint.max - axis.most.value);
+  }
+  return figures;
+}
+
+}  // namespace abbe::sim::program

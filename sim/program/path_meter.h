@@ -1,0 +1,120 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <functional>
+#include <map>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "kinematics/chain.h"
+#include "sim/program/path.h"
+
+namespace abbe::sim::program {
+
+/// How fast an axis may go, and what a control makes of the blocks: speeds alone, since the
+/// description of a machine has no accelerations.
+struct AxisLimits {
+  double rapid_speed = 10000.0 / 60.0;  ///< mm/s of every slide
+  double rapid_turn = 1.0;              ///< rad/s of every rotary axis
+};
+
+/// A line of the program at which a figure is met.
+struct AtLine {
+  double value = 0.0;
+  int line = 0;
+  std::uint16_t file = 0;  ///< as of a block
+};
+
+/// What a program asks of one axis, mm or rad.
+struct AxisFigures {
+  bool positioned = false;  ///< no spindle, and the program has blocks
+  AtLine least, most;       ///< positions
+  AtLine fastest;           ///< mm/s or rad/s, of the moves at feed
+  double left = 0.0;        ///< mm or rad, to the nearer limit of travel; below zero beyond it
+};
+
+/// The pose nearest to a singular one in which a move at feed turns rotary axes.
+struct SingularPose {
+  double angle = 0.0;  ///< rad: the least change of direction that a turn of the rotary axes by
+                       ///< 1 rad makes there, as an angle; 0 where an axis turns nothing
+  kinematics::AxisVector q;
+  int line = 0;
+  std::uint16_t file = 0;
+};
+
+/// Ways and times of the moves of one kind.
+struct MoveFigures {
+  std::size_t count = 0;
+  double seconds = 0.0;    ///< as programmed; of rapids along the way at the rapid speed
+  double limited_s = 0.0;  ///< no axis beyond its limit
+  double way = 0.0;        ///< mm, of the tip in the workpiece
+};
+
+struct PathFigures {
+  std::size_t blocks = 0;
+  MoveFigures rapids, lines, arcs, cubics, dwells;
+  std::vector<AxisFigures> axes;  ///< (joints)
+  std::size_t slowed = 0;         ///< moves at feed in which an axis would be beyond its limit
+  AtLine most_slowed;             ///< by which factor at most
+  int fastest_axis = -1;          ///< the joint that comes nearest to its limit, or goes beyond it
+  Eigen::AlignedBox3d feed_w, all_w;     ///< of the tip in the workpiece
+  std::optional<SingularPose> singular;  ///< none where no move at feed turns two rotary axes' tool
+  std::map<int, std::size_t> offsets;    ///< blocks by `Block::work_offset`
+  std::map<int, std::size_t> lengths;    ///< blocks by `Block::tool_length`
+  std::size_t tip_blocks = 0;            ///< under a tip mode
+};
+
+/// mm, by which positions and extents may be missed between the places that are looked at.
+inline constexpr double path_meter_within = 0.01;
+
+/// Looks at a path block by block, as the axes of a machine run it; keeps no blocks.
+/// Positions and extents are met within 0.01 mm (`path_meter_within`), the singular pose by
+/// minimising along each move that may come nearer, within 1e-7 rad.
+class PathMeter {
+ public:
+  /// @param control  outlives it; its limits are those of travel
+  PathMeter(const kinematics::Chain& control, const AxisLimits& limits);
+
+  /// The next blocks. @throws BadInput naming the line where the slides do not reach a tip
+  void add(const Path& piece);
+  PathFigures figures() const;
+  /// Where the last block ended: axes, and the tip in the workpiece.
+  const kinematics::AxisVector& axes() const { return q_; }
+
+  /// Called with every place of the tip that is looked at, as for a picture.
+  std::function<void(const Eigen::Vector3d& tip_w, bool rapid)> on_place = {};
+
+ private:
+  using AxisVector = kinematics::AxisVector;
+
+  bool is_spindle(int j) const { return j == spindle_ || motion(j) == kinematics::Motion::Spindle; }
+  kinematics::Motion motion(int j) const { return control_.joints()[std::size_t(j)].motion; }
+  double limit(int j) const;
+  Eigen::Vector3d tip_of(const Path& path, const Block& block, const AxisVector& q, double u) const;
+  void begin(const Path& path, const Block& block);
+  void move(const Path& path, const Block& block);
+  void note_position(const Block& block, const AxisVector& q);
+  void note_speeds(const Block& block, const AxisVector& step, double seconds);
+  void note_slowed(const Block& block, double factor);
+  void note_singular(const Path& path, const Block& block, double from, double to, double turn);
+  void look_at(const Path& path, const Block& block, double u);
+  double singular_angle(const Path& path, const Block& block, double u) const;
+  MoveFigures& kind(const Block& block);
+
+  const kinematics::Chain& control_;
+  AxisLimits limits_;
+  int spindle_ = -1;
+  std::array<int, 3> xyz_{-1, -1, -1};  ///< joints; -1 where the machine lacks one
+  std::vector<int> rotary_;
+  PathFigures figures_;
+  AxisVector q_;
+  Eigen::Vector3d tip_w_ = Eigen::Vector3d::Zero();
+  AxisVector programmed_;  ///< where the last block ended, in `coordinates_`
+  Coordinates coordinates_ = Coordinates::Axis;
+  double fastest_share_ = 0.0;
+};
+
+}  // namespace abbe::sim::program

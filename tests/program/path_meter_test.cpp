@@ -1,0 +1,213 @@
+#include "sim/program/path_meter.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/SVD>
+
+#include <iostream>
+#include <random>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/inverse.h"
+#include "machines.h"
+#include "sim/program/chords.h"
+#include "sim/program/nc.h"
+
+namespace abbe::sim::program {
+namespace {
+
+using Eigen::Vector3d;
+using test::AxisVector;
+
+constexpr AxisLimits meter_limits{100.0, 1.0};
+
+PathFigures measured(const Path& path, const test::Chain& chain) {
+  PathMeter meter(chain, meter_limits);
+  meter.add(path);
+  return meter.figures();
+}
+
+Path gantry_path(const std::string& text) {
+  return read_nc(text, "part.ngc", test::options_for(test::gantry()));
+}
+
+TEST(PathMeter, TimesWaysAndExtentsOfASmallProgramByHand) {
+  const Path path = gantry_path(
+      "G21 G90 G94 G17\nG0 X300 Y400\nG1 Z-30 F600\nG4 P2\nG2 X340 Y400 I20 J0\nG1 X940 F60000\n");
+  const PathFigures f = measured(path, test::gantry());
+  EXPECT_EQ(f.blocks, 5u);
+  EXPECT_EQ(f.rapids.count, 1u);
+  EXPECT_EQ(f.lines.count, 2u);
+  EXPECT_EQ(f.arcs.count, 1u);
+  EXPECT_EQ(f.dwells.count, 1u);
+  EXPECT_NEAR(f.rapids.seconds, 5.0, 1e-12);    // 500 mm along the way at 100 mm/s
+  EXPECT_NEAR(f.rapids.limited_s, 4.0, 1e-12);  // Y alone, 400 mm
+  EXPECT_NEAR(f.lines.seconds, 3.0 + 0.6, 1e-12);
+  EXPECT_NEAR(f.lines.limited_s, 3.0 + 6.0, 1e-12);  // X cannot do 1000 mm/s
+  EXPECT_EQ(f.slowed, 1u);
+  EXPECT_NEAR(f.most_slowed.value, 10.0, 1e-9);
+  EXPECT_EQ(f.most_slowed.line, 6);
+  EXPECT_NEAR(f.arcs.seconds, 2 * pi, 1e-9);
+  EXPECT_EQ(f.dwells.seconds, 2.0);
+  EXPECT_NEAR(f.rapids.way, 500.0, 1e-9);
+  EXPECT_NEAR(f.arcs.way, 20 * pi, 0.05);  // by chords within 0.01 mm
+  EXPECT_LE(f.arcs.way, 20 * pi);
+  EXPECT_NEAR(f.all_w.max().y(), 420.0, path_meter_within);
+  EXPECT_NEAR(f.feed_w.min().y(), 400.0, 1e-9);
+  EXPECT_EQ(f.fastest_axis, 1);
+  EXPECT_NEAR(f.axes[1].fastest.value, 1000.0, 1e-6);
+  EXPECT_NEAR(f.axes[1].most.value, 940.0, 1e-12);
+  EXPECT_EQ(f.axes[1].most.line, 6);
+  EXPECT_FALSE(f.singular) << "no rotary axis turns";
+  EXPECT_FALSE(f.axes[5].positioned) << "the nose";
+}
+
+TEST(PathMeter, TravelLeftIsToTheNearerLimitAndBelowZeroBeyondIt) {
+  std::vector<kinematics::Joint> joints = test::gantry().joints();
+  joints[1].min = -50;
+  joints[1].max = 100;
+  const test::Chain chain(joints, test::gantry().T_bw_home(), test::gantry().T_bt_home());
+  EXPECT_NEAR(measured(gantry_path("G0 X80\nX-10\n"), chain).axes[1].left, 20.0, 1e-12);
+  EXPECT_NEAR(measured(gantry_path("G0 X80\nX-45\n"), chain).axes[1].left, 5.0, 1e-12);
+  EXPECT_NEAR(measured(gantry_path("G0 X80\nX-57\n"), chain).axes[1].left, -7.0, 1e-12);
+}
+
+/// Random moves of the tip with rotary axes, in lines and arcs.
+Path random_five_axis(unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  std::string text = "G21 G90 G94 G17\n";
+  bool tip = false;
+  for (int i = 0; i < 120; ++i) {
+    if (i % 15 == 0) text += (tip = !tip) ? "G43.4 H1\n" : "G49\n";
+    const double x = 100 * unit(random), y = 100 * unit(random), turn = i % 3 == 0 ? 60.0 : 2.0;
+    const double a = 10 + 80 * std::abs(unit(random));
+    text += fmt::format("G1 X{:.4f} Y{:.4f} Z{:.4f} A{:.4f} C{:.4f} F3000\n", x, y,
+                        50 * unit(random), i % 10 == 5 ? -a : a, turn * unit(random));
+    if (i % 7 == 3) text += fmt::format("G3 X{:.4f} Y{:.4f} I5 J5\n", x + 10, y + 10);
+  }
+  return gantry_path(text);
+}
+
+/// What 2000 places of every block show.
+struct Brute {
+  AxisVector least, most;
+  Eigen::AlignedBox3d box;
+  double singular = 10.0;
+};
+
+Brute brute_force(const Path& path, const test::Chain& chain) {
+  Brute brute;
+  for (const Block& block : path.blocks)
+    for (int k = 0; k <= 2000; ++k) {
+      const AxisVector q = axes_at(path, block, chain, k / 2000.0);
+      brute.least = brute.least.size() == 0 ? q : AxisVector(brute.least.cwiseMin(q));
+      brute.most = brute.most.size() == 0 ? q : AxisVector(brute.most.cwiseMax(q));
+      brute.box.extend(Vector3d(chain.tool_in_workpiece(q).translation()));
+      // on the gantry C turns the tool by sin A, A by 1, at right angles to each other
+      if ((block.end - block.start)[0] != 0.0 || (block.end - block.start)[4] != 0.0)
+        brute.singular = std::min(brute.singular, std::abs(std::asin(std::sin(q[4]))));
+    }
+  return brute;
+}
+
+TEST(PathMeter, MeetsExtremesAndTheSingularPoseAsBruteForceDoes) {
+  double position = 0.0, box = 0.0, angle = 0.0;
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    const Path path = random_five_axis(seed);
+    const test::Chain chain = test::gantry();
+    const PathFigures f = measured(path, chain);
+    const Brute brute = brute_force(path, chain);
+    for (const int j : {0, 1, 2, 3, 4}) {
+      const double unit = j == 0 || j == 4 ? 100.0 : 1.0;  // mm per rad
+      const AxisFigures& axis = f.axes[std::size_t(j)];
+      position = std::max(position, unit * std::abs(axis.least.value - brute.least[j]));
+      position = std::max(position, unit * std::abs(axis.most.value - brute.most[j]));
+    }
+    box = std::max(box, (f.all_w.min() - brute.box.min()).cwiseAbs().maxCoeff());
+    box = std::max(box, (f.all_w.max() - brute.box.max()).cwiseAbs().maxCoeff());
+    ASSERT_TRUE(f.singular);
+    // brute force sees A at steps of up to 180/2000 deg
+    EXPECT_LE(f.singular->angle, brute.singular + 1e-9);
+    angle = std::max(angle,
+                     std::abs(f.singular->angle - std::abs(std::asin(std::sin(f.singular->q[4])))));
+  }
+  std::cout << "axes within " << position << " mm, tip within " << box
+            << " mm of brute force; singular angle within " << angle << " rad of |A|\n";
+  EXPECT_LT(position, path_meter_within);
+  EXPECT_LT(box, path_meter_within);
+  EXPECT_LT(angle, 1e-12);
+}
+
+TEST(PathMeter, AMoveThroughThePoleIsSeenWhereverItLiesInTheMove) {
+  double worst = 0.0;
+  for (const double from : {-0.013, -7.0, -80.0, -3.3})
+    for (const double to : {0.2, 11.0, 85.0}) {
+      const Path path =
+          gantry_path(fmt::format("G43.4 H1\nG0 A{} C10\nG1 X50 A{} C30 F500\n", from, to));
+      const PathFigures f = measured(path, test::gantry());
+      ASSERT_TRUE(f.singular);
+      worst = std::max(worst, f.singular->angle);
+      EXPECT_EQ(f.singular->line, 3);
+    }
+  std::cout << "poles met within " << worst << " rad\n";
+  EXPECT_LT(worst, 1e-7);
+}
+
+TEST(PathMeter, TheSingularAngleIsTheLeastSingularValueOfTheTurnsOfTheTool) {
+  // both axes in the head, the inner one inclined
+  using namespace test;
+  const Vector3d inclined = Vector3d(0, 1, 1).normalized();
+  const Chain chain(
+      {joint('X', Side::Tool, Motion::Linear, ex), joint('Y', Side::Tool, Motion::Linear, ey),
+       joint('Z', Side::Tool, Motion::Linear, ez),
+       joint('C', Side::Tool, Motion::Rotary, ez, {0, 0, 300}),
+       joint('B', Side::Tool, Motion::Rotary, inclined, {0, 0, 300})},
+      Pose::Identity(), Pose::Identity());
+  double worst = 0.0;
+  for (double b = 3; b < 180; b += 3.5) {
+    Path path;
+    Block block;
+    block.line = 1;
+    block.start = AxisVector::Zero(5);
+    block.start[4] = b * units::deg;
+    block.end = block.start;
+    block.end[3] = 1e-6;  // C turns: the angle does not change
+    block.end_s = 1.0;
+    path.blocks = {block};
+    const PathFigures f = measured(path, chain);
+    ASSERT_TRUE(f.singular);
+    Eigen::Matrix<double, 3, 2> turns;  // by central differences
+    for (int k = 0; k < 2; ++k) {
+      AxisVector up = block.start, down = block.start;
+      up[3 + k] += 1e-5;
+      down[3 + k] -= 1e-5;
+      turns.col(k) = (chain.tool_in_workpiece(up).linear().col(2) -
+                      chain.tool_in_workpiece(down).linear().col(2)) /
+                     2e-5;
+    }
+    const double least = Eigen::JacobiSVD<Eigen::Matrix<double, 3, 2>>(turns).singularValues()[1];
+    worst = std::max(worst, std::abs(std::sin(f.singular->angle) - least));
+  }
+  std::cout << "within " << worst << " of differences\n";
+  EXPECT_LT(worst, 1e-9);
+}
+
+TEST(PathMeter, PiecesGiveTheFiguresOfTheWhole) {
+  const Path path = random_five_axis(9);
+  const test::Chain chain = test::gantry();
+  PathMeter pieces(chain, meter_limits), one(chain, meter_limits);
+  one.add(path);
+  for (std::size_t first = 0; first < path.blocks.size(); first += 7)
+    pieces.add(stretch_of(path, first, std::min(first + 7, path.blocks.size())));
+  const PathFigures a = one.figures(), b = pieces.figures();
+  EXPECT_EQ(a.blocks, b.blocks);
+  EXPECT_EQ(a.lines.limited_s, b.lines.limited_s);
+  EXPECT_EQ(a.lines.way, b.lines.way);
+  EXPECT_EQ(a.all_w.max(), b.all_w.max());
+  EXPECT_EQ(a.singular->angle, b.singular->angle);
+  EXPECT_EQ(a.axes[1].fastest.value, b.axes[1].fastest.value);
+}
+
+}  // namespace
+}  // namespace abbe::sim::program
