@@ -9,12 +9,12 @@
 #include "sim/cut/pose_doubts.h"
 
 namespace abbe::sim {
-namespace {
 
-kinematics::AxisVector parse_positions(const kinematics::Chain& chain, const std::string& at) {
+kinematics::AxisVector positions_in(const std::string& at, const kinematics::Chain& chain,
+                                    const std::string& option, Within within) {
   const auto refuse = [&](std::size_t column, const std::string& expected,
                           const std::string& seen) {
-    throw BadInput("--at", 1, int(column) + 1, expected, seen);
+    throw BadInput(option, 1, int(column) + 1, expected, seen);
   };
   kinematics::AxisVector q = kinematics::AxisVector::Zero(chain.size());
   std::set<char> seen;
@@ -37,18 +37,16 @@ kinematics::AxisVector parse_positions(const kinematics::Chain& chain, const std
     i = std::size_t(end - at.data());
     const kinematics::Joint& axis = chain.joints()[std::size_t(*joint)];
     q[*joint] = value * position_unit(axis);
-    if (q[*joint] < axis.min || q[*joint] > axis.max)
+    if (within == Within::Travel && (q[*joint] < axis.min || q[*joint] > axis.max))
       refuse(start, travel_text(axis), fmt::format("{:.9g}", value));
   }
 }
-
-}  // namespace
 
 PoseAt pose_at(const Scene& scene, const std::string& at, const PoseWishes& wishes) {
   const IdleMachine idle = idle_machine(scene);
   const PoseTable table(idle, wishes);
   kinematics::AxisState state;
-  state.q = parse_positions(idle.machine.nominal, at);
+  state.q = positions_in(at, idle.machine.nominal, "--at", Within::Travel);
   const auto wished = [](const auto& all) {
     return std::vector(all.begin() + std::ptrdiff_t(PoseTable::always), all.end());
   };

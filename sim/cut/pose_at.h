@@ -17,6 +17,15 @@ struct PoseAt {
   std::vector<std::string> warnings;
 };
 
+enum class Within { Travel, Anything };
+
+/// Numbers for axes as words have them, "X=100 A=30" (mm, degrees); zero for axes not named.
+/// @param option  that refusals name
+/// @throws BadInput for an axis that the machine lacks, a number that is none, an axis twice, and
+///         one beyond the travel where that is asked for
+kinematics::AxisVector positions_in(const std::string& words, const kinematics::Chain& chain,
+                                    const std::string& option, Within within);
+
 /// The pose with the axes at "X=100 A=30" (mm, degrees; axes not named stand at zero, moving
 /// nowhere).
 /// @throws BadInput for an axis that the machine lacks, a number that is none or beyond the travel,

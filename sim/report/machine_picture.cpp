@@ -3,8 +3,10 @@
 #include "sim/report/machine_picture.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -14,6 +16,7 @@
 namespace abbe::sim {
 namespace {
 
+using Eigen::Vector2d;
 using Eigen::Vector3d;
 using kinematics::AxisVector;
 using kinematics::Chain;
@@ -167,15 +170,25 @@ void add_spindle(const Chain& chain, const AxisVector& q, double unit,
   picture.bodies.push_back(body);
 }
 
-void add_tool(const Job& job, const AxisVector& q, render::MachinePicture& picture) {
+void add_tool(const Chain& chain, const AxisVector& q, double radius, double length,
+              render::MachinePicture& picture) {
   render::Body tool;
-  tool.T = job.machine.nominal.tool_in_bed(q);
-  const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.nominal);
-  const double radius = cutter != nullptr ? cutter->radius : 1.0;
-  tool.shape = render::CylinderShape{radius, std::max(job.scene.tool.length, 4.0 * radius)};
+  tool.T = chain.tool_in_bed(q);
+  tool.shape = render::CylinderShape{radius, std::max(length, 4.0 * radius)};
   tool.colour = {0.45, 0.50, 0.55};
   tool.label = "tool";
   picture.bodies.push_back(tool);
+}
+
+/// All bodies of a machine, stacked and held by a structure. @param part_b  what it clamps
+void add_bodies(const Chain& chain, const AxisVector& q, const Vector3d& part_b,
+                const Vector2d& tool_size, double unit, render::MachinePicture& picture) {
+  const Sides sides = add_carriages(chain, q, unit, picture);
+  add_spindle(chain, q, unit, picture);
+  add_tool(chain, q, tool_size.x(), tool_size.y(), picture);
+  const render::Body& tool = picture.bodies.back();
+  const double length = std::get<render::CylinderShape>(tool.shape).height;
+  add_structure(sides, tool.T * Vector3d(0.0, 0.0, length), part_b, unit, picture);
 }
 
 /// Some passes of the cut: where the tip should be, and what it is off.
@@ -293,13 +306,10 @@ render::MachinePicture machine_picture(const Job& job) {
   picture.title = job.scene.title + ": " + job.scene.machine.name;
   picture.part_vertices = cutting::transformed(job.design_w, T_bw).vertices;
   picture.part_triangles = job.design_w.triangles;
-  const Sides sides = add_carriages(job.machine.nominal, q, 0.35 * part_size, picture);
-  add_spindle(job.machine.nominal, q, 0.35 * part_size, picture);
-  add_tool(job, q, picture);
-  const render::Body& tool = picture.bodies.back();
-  const double length = std::get<render::CylinderShape>(tool.shape).height;
-  add_structure(sides, tool.T * Vector3d(0.0, 0.0, length),
-                picture.part_vertices.colwise().mean().transpose(), 0.35 * part_size, picture);
+  const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.nominal);
+  add_bodies(job.machine.nominal, q, picture.part_vertices.colwise().mean().transpose(),
+             {cutter != nullptr ? cutter->radius : 1.0, job.scene.tool.length}, 0.35 * part_size,
+             picture);
   picture.frames = {{"w", T_bw}, {"b", Pose::Identity()}};
 
   const Trace trace = traced(job);
@@ -326,6 +336,105 @@ render::MachinePicture machine_picture(const Job& job) {
                       ? fmt::format("{} stretches of the path", trace.passes.size())
                       : fmt::format("{} of {} passes", trace.passes.size(), trace.all_passes),
                   trace.largest / units::um)};
+  return picture;
+}
+
+namespace {
+
+constexpr std::size_t most_runs = 3000;        // of moves of one kind, that are drawn
+constexpr std::size_t most_of_path = 300'000;  // places that are drawn
+
+/// First and one past the last place of every run of moves at feed, or at rapid; a run begins
+/// where the one before it ends.
+std::vector<std::pair<std::size_t, std::size_t>> runs_of(const TipTrace& trace) {
+  std::vector<std::pair<std::size_t, std::size_t>> runs;
+  for (std::size_t i = 1; i < trace.places.size(); ++i) {
+    if (runs.empty() || trace.rapid[i] != trace.rapid[i - 1]) runs.emplace_back(i - 1, i);
+    runs.back().second = i + 1;
+  }
+  return runs;
+}
+
+/// The end of a way that leaves the box, drawn back to where it does; `inside` lies in it.
+Vector3d cut_off(const Vector3d& outside, const Vector3d& inside, const Eigen::AlignedBox3d& box) {
+  double share = 1.0;
+  for (int k = 0; k < 3; ++k) {
+    const double way = outside[k] - inside[k];
+    if (way > 0.0) share = std::min(share, (box.max()[k] - inside[k]) / way);
+    if (way < 0.0) share = std::min(share, (box.min()[k] - inside[k]) / way);
+  }
+  return inside + std::max(share, 0.0) * (outside - inside);
+}
+
+/// The places of a run, of a long path every `step`th; a rapid ends where it leaves the box.
+std::vector<Vector3d> places_of(const TipTrace& trace, std::pair<std::size_t, std::size_t> run,
+                                std::size_t step, const Eigen::AlignedBox3d& box) {
+  const auto at = [&](std::size_t i) -> Vector3d { return trace.places[i].cast<double>(); };
+  const auto [first, last] = run;
+  std::vector<Vector3d> places;
+  for (std::size_t i = first; i + 1 < last; i += step) places.push_back(at(i));
+  places.push_back(at(last - 1));
+  if (trace.rapid[last - 1] == 0) return places;
+  std::vector<Vector3d> kept;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const bool in = box.contains(places[i]);
+    if (in) kept.push_back(places[i]);
+    if (!in && i > 0 && box.contains(places[i - 1]))
+      kept.push_back(cut_off(places[i], places[i - 1], box));
+    if (!in && i + 1 < places.size() && box.contains(places[i + 1]))
+      kept.push_back(cut_off(places[i], places[i + 1], box));
+  }
+  return kept;
+}
+
+}  // namespace
+
+render::MachinePicture machine_picture(const ProgramAlone& alone) {
+  const TipTrace& trace = alone.trace;
+  if (trace.places.size() < 2)
+    throw BadInput(alone.file.string(), 0, 0, "a program that moves, to be drawn", "none");
+  AxisVector q = AxisVector::Zero(alone.machine.control.size());
+  if (alone.description.home.size() == q.size()) q = alone.description.home;
+  const Pose T_bw = alone.machine.control.workpiece_in_bed(q);
+  Eigen::AlignedBox3d box = alone.figures.feed_w;
+  if (box.isEmpty()) box = alone.figures.all_w;
+  const double size = std::max(box.diagonal().norm(), 1.0);
+  const Vector3d below(box.center().x(), box.center().y(), box.min().z());
+
+  render::MachinePicture picture;
+  picture.title = alone.file.filename().string() + ": " + alone.machine_name;
+  add_bodies(alone.machine.control, q, T_bw * below, {0.02 * size, alone.tool_length},
+             std::max(0.25 * size, 40.0), picture);
+  picture.frames = {{"w", T_bw}, {"b", Pose::Identity()}};
+  const Eigen::AlignedBox3d drawn_box(box.min() - Vector3d::Constant(0.3 * size),
+                                      box.max() + Vector3d::Constant(0.3 * size));
+  const auto runs = runs_of(trace);
+  const std::size_t every = (runs.size() + most_runs - 1) / most_runs;
+  const std::size_t step = trace.places.size() / most_of_path + 1;
+  std::array<bool, 2> named{};
+  std::size_t drawn = 0;
+  for (std::size_t k = 0; k < runs.size(); k += every, ++drawn) {
+    const bool rapid = trace.rapid[runs[k].second - 1] != 0;
+    const std::vector<Vector3d> places = places_of(trace, runs[k], step, drawn_box);
+    if (places.size() < 2) continue;
+    render::Polyline line{
+        std::exchange(named[rapid], true) ? ""
+        : rapid                           ? "rapid"
+                                          : "feed",
+        {},
+        rapid ? render::Colour{0.80, 0.45, 0.20} : render::Colour{0.20, 0.35, 0.65},
+        rapid ? 1.2 : 2.0};
+    line.points.resize(Eigen::Index(places.size()), 3);
+    for (std::size_t i = 0; i < places.size(); ++i)
+      line.points.row(Eigen::Index(i)) = (T_bw * places[i]).transpose();
+    picture.paths.push_back(std::move(line));
+  }
+  picture.caption = {
+      "carriages are schematic, the axes stand at home; the way of the tip in the workpiece, "
+      "rapids "
+      "as far as they are near",
+      fmt::format("{} of {} stretches drawn, {} moves", drawn, runs.size(),
+                  alone.figures.blocks - alone.figures.dwells.count)};
   return picture;
 }
 

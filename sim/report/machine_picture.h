@@ -2,6 +2,7 @@
 
 #include "render/machine.h"
 #include "sim/cut/cut.h"
+#include "sim/cut/program_alone.h"
 
 namespace abbe::sim {
 
@@ -11,5 +12,9 @@ namespace abbe::sim {
 /// long one, where it should run and where it runs, errors
 /// magnified.
 render::MachinePicture machine_picture(const Job& job);
+
+/// Machine and path of a program alone: moves at feed and rapids, the axes as they stand at its
+/// end.
+render::MachinePicture machine_picture(const ProgramAlone& alone);
 
 }  // namespace abbe::sim

@@ -367,6 +367,12 @@ void write_check_picture(const ResultFile& file, const Job& job) {
   });
 }
 
+void write_program_picture(const ResultFile& file, const ProgramAlone& alone) {
+  write_file(file, [&](const std::filesystem::path& temporary) {
+    render::write_machine(temporary, machine_picture(alone));
+  });
+}
+
 }  // namespace abbe::sim
 
 #else
@@ -381,6 +387,10 @@ void write_source_pictures(const ResultFolder&, const Job&, const Verdict&) {}
 void write_comparison_picture(const ResultFile&, const Scene&, const std::vector<Compared>&,
                               const Progress&) {}
 void write_check_picture(const ResultFile& file, const Job&) {
+  throw BadInput(file.path().string(), 0, 0, "a program built with -DABBE_RENDER=ON",
+                 "one without VTK");
+}
+void write_program_picture(const ResultFile& file, const ProgramAlone&) {
   throw BadInput(file.path().string(), 0, 0, "a program built with -DABBE_RENDER=ON",
                  "one without VTK");
 }

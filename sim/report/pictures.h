@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <vector>
 
+#include "sim/cut/program_alone.h"
 #include "sim/files/output.h"
 #include "sim/report/verdict.h"
 
@@ -35,5 +36,9 @@ void write_comparison_picture(const ResultFile& file, const Scene& scene,
 /// Machine, part and path, the errors of the path magnified; what `abbe check --picture` draws.
 /// @throws BadInput, OutputFailure
 void write_check_picture(const ResultFile& file, const Job& job);
+
+/// Machine and path of a program alone; what `abbe program --picture` draws.
+/// @throws BadInput, OutputFailure
+void write_program_picture(const ResultFile& file, const ProgramAlone& alone);
 
 }  // namespace abbe::sim

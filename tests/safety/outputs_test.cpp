@@ -190,6 +190,7 @@ TEST(Outputs, EveryCommandTakesTheSameDoor) {
       "run " + dome + small + "--out .",
       "compare " + dome + small + "--out .",
       "check " + dome + small + "--picture --out .",
+      "program " + (source / "scenes/programs/face_milling.ngc").string() + " --picture --out .",
       "measure " + dome + " --instrument laser --out .",
       "evaluate readings/ball_bar.csv --out .",
       "evaluate readings/ball_bar.csv --out readings",

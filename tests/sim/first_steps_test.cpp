@@ -187,8 +187,8 @@ TEST(Help, ExamplesThatTakeAMomentRunAsTheyStand) {
   fs::create_directory_symlink(safety::source / "scenes", folder / "scenes");
   fs::create_symlink(ABBE_PROGRAM, folder / "abbe");
   for (const Command& command : commands()) {
-    if (!std::set<std::string>{"new", "schema", "explain", "pose", "check", "export"}.contains(
-            command.name))
+    if (!std::set<std::string>{"new", "schema", "explain", "pose", "check", "export", "program"}
+             .contains(command.name))
       continue;
     for (const std::string& line : command.examples) {
       const Ran ran = shell("(" + cd + "./" + line + ")");

@@ -1,0 +1,10 @@
+#pragma once
+
+#include "sim/commands/command.h"
+
+namespace abbe::sim {
+
+/// `abbe program FILE`
+Command program_command(Common& common);
+
+}  // namespace abbe::sim

@@ -1,0 +1,309 @@
+#include "sim/cut/program_alone.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "kinematics/text.h"
+#include "kinematics/units.h"
+#include "sim/cut/part.h"
+#include "sim/cut/pose_at.h"
+#include "sim/dialects/read_program.h"
+#include "sim/machine/compile.h"
+#include "sim/program/chords.h"
+#include "sim/program/pvt_of.h"
+#include "sim/program/rewrite.h"
+#include "sim/program/write_locations.h"
+#include "sim/scene/bad_scene.h"
+#include "sim/scene/library.h"
+#include "sim/scene/scene_sections.h"
+
+namespace abbe::sim {
+namespace {
+
+constexpr int most_tools = 999;                // H and D numbers that are known
+constexpr std::size_t most_trace = 2'000'000;  // places of a picture, 14 bytes each
+
+/// A file, or a machine of the library with or without `library:` before its name.
+std::filesystem::path machine_file_of(const std::string& name) {
+  const bool plain = name.find_first_of("/.:") == std::string::npos;
+  std::error_code none;
+  const bool is_file = std::filesystem::is_regular_file(name, none);
+  const std::string full = plain && !is_file ? std::string(library_prefix) + name : name;
+  Faults faults;
+  const Place place{std::make_shared<const std::string>("--machine"), 0, 0, true};
+  std::filesystem::path file = located({full, place, "machines"}, ".", faults);
+  if (!faults.empty()) throw BadScene(faults.list());
+  return file;
+}
+
+/// A scene with nothing but a machine and a tool of that length.
+Scene scene_of(const std::filesystem::path& file, const ProgramAloneOptions& options) {
+  Scene scene;
+  scene.file = file;
+  Faults faults;
+  scene.machine = read_machine(read_toml_file(file), faults);
+  if (!faults.empty()) throw BadScene(faults.list());
+  scene.tool.length = options.tool_length;
+  for (int h = 1; h <= most_tools; ++h) scene.program.tool_length[h] = options.tool_length;
+  return scene;
+}
+
+program::NcOptions control_of(const Scene& scene, const Machine& machine,
+                              const ProgramAloneOptions& options) {
+  program::NcOptions control = nc_options(scene, machine);
+  if (!options.offset.empty())
+    control.work_offset.fill(
+        positions_in(options.offset, machine.control, "--offset", Within::Anything));
+  control.tool_radius.clear();
+  if (options.tool_radius)
+    for (int d = 1; d <= most_tools; ++d) control.tool_radius[d] = *options.tool_radius;
+  return control;
+}
+
+bool is_pvt(const std::filesystem::path& file, std::string_view text,
+            const ProgramAloneOptions& options) {
+  if (options.dialect != dialects::Dialect::Auto) return false;
+  if (file.extension() == ".pvt") return true;
+  Lines lines(text);
+  while (const auto line = lines.next())
+    if (!line->empty() && line->front() != '#') return line->starts_with("time_s");
+  return false;
+}
+
+/// Keeps every place until there are too many, then every second of them, and so on.
+class Tracer {
+ public:
+  explicit Tracer(TipTrace& trace) : trace_(trace) {}
+
+  void add(const Eigen::Vector3d& tip_w, bool rapid) {
+    rapid_since_ = rapid_since_ || rapid;
+    if (count_++ % every_ != 0) return;
+    trace_.places.push_back(tip_w.cast<float>());
+    trace_.rapid.push_back(rapid_since_);
+    rapid_since_ = false;
+    if (trace_.places.size() < most_trace) return;
+    every_ *= 2;
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < trace_.places.size(); i += 2, ++kept) {
+      trace_.places[kept] = trace_.places[i];
+      trace_.rapid[kept] = trace_.rapid[i] || (i > 0 && trace_.rapid[i - 1]);
+    }
+    trace_.places.resize(kept);
+    trace_.rapid.resize(kept);
+  }
+
+ private:
+  TipTrace& trace_;
+  std::size_t count_ = 0, every_ = 1;
+  bool rapid_since_ = false;
+};
+
+/// Tools by their calls: those of M6, or of T where there is no M6.
+std::vector<ToolOfProgram> tools_of(const std::vector<program::ToolCall>& calls,
+                                    std::size_t blocks) {
+  const bool with_m6 = std::any_of(calls.begin(), calls.end(),
+                                   [](const program::ToolCall& call) { return call.changes; });
+  std::vector<ToolOfProgram> tools;
+  std::size_t since = 0;
+  ToolOfProgram* runs = nullptr;
+  const auto until = [&](std::size_t block) {
+    if (runs != nullptr) runs->blocks += block - since;
+    since = block;
+  };
+  tools.reserve(calls.size());
+  for (const program::ToolCall& call : calls) {
+    if (call.changes != with_m6) continue;
+    until(call.before);
+    auto known = std::find_if(tools.begin(), tools.end(),
+                              [&](const ToolOfProgram& one) { return one.number == call.number; });
+    if (known == tools.end()) known = tools.insert(tools.end(), {call.number, call.line, 0, 0});
+    ++known->calls;
+    runs = &*known;
+  }
+  until(blocks);
+  return tools;
+}
+
+/// Axes beyond their travel, and moves that the limits of axes slow down.
+void judge(ProgramAlone& alone) {
+  constexpr double slack = 1e-6;  // mm or rad: words are rounded, limits are not exact
+  for (int j = 0; j < alone.machine.control.size(); ++j) {
+    const kinematics::Joint& joint = alone.machine.control.joints()[std::size_t(j)];
+    const program::AxisFigures& axis = alone.figures.axes[std::size_t(j)];
+    if (!axis.positioned || axis.left >= -slack) continue;
+    alone.beyond_travel = true;
+    const double unit = joint.motion == kinematics::Motion::Rotary ? units::deg : 1.0;
+    const program::AtLine& worst = axis.least.value < joint.min ? axis.least : axis.most;
+    alone.warnings.push_back(
+        fmt::format("{} leaves its travel of {:.6g} to {:.6g} {} by {:.6g}, on line {} with {:.6g}",
+                    joint.name, joint.min / unit, joint.max / unit, unit == 1.0 ? "mm" : "deg",
+                    -axis.left / unit, worst.line, worst.value / unit));
+  }
+  if (alone.figures.slowed > 0)
+    alone.warnings.push_back(fmt::format(
+        "{} moves at feed are beyond the speed of an axis, by {:.3g} times on line {}: "
+        "a control slows them down",
+        alone.figures.slowed, alone.figures.most_slowed.value, alone.figures.most_slowed.line));
+}
+
+/// What a path is written as.
+void convert(const program::Path& path, const program::NcOptions& control,
+             const ProgramAloneOptions& options, ProgramAlone& alone) {
+  if (options.to == ProgramFormat::Pvt) {
+    const program::PvtOf pvt =
+        program::pvt_of(path, alone.machine.control, {.within = options.within});
+    std::vector<int> columns;
+    for (int j = 0; j < alone.machine.control.size(); ++j)
+      if (alone.figures.axes[std::size_t(j)].positioned) columns.push_back(j);
+    alone.converted = program::write_pvt(pvt.rows, control.axes, columns);
+    alone.notes.push_back(
+        fmt::format("{} rows, {:.3g} um from the path at most (a rotary axis "
+                    "counts with 100 mm); the spindle is left out",
+                    pvt.rows.size(), pvt.off * 1e3));
+    return;
+  }
+  std::vector<std::vector<program::CorrectedPoint>> points(path.blocks.size());
+  std::size_t chords = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const program::Block& block = path.blocks[i];
+    if (block.interpolation != program::Interpolation::Arc || path.arcs[block.shape].turned < 0)
+      continue;  // no plane word is wanting
+    const std::size_t n = program::chords_of(path, block, alone.machine.control, options.within);
+    for (std::size_t k = 1; k <= n; ++k) {
+      const double u = double(k) / double(n);
+      points[i].push_back({u, program::position(path, block, u), {}, {}});
+    }
+    chords += n;
+  }
+  alone.converted =
+      program::rewritten(path, points, control, {.word_mm = 1e-6, .word_rad = 1e-6 * units::deg})
+          .text;
+  if (chords > 0)
+    alone.notes.push_back(
+        fmt::format("arcs in planes for which there is no word became {} chords within {:.4g} um",
+                    chords, options.within * 1e3));
+  alone.notes.push_back(
+      "RS274/NGC with all offsets in the words; X Y Z under G43.4 are the tip in the workpiece");
+}
+
+}  // namespace
+
+std::vector<std::filesystem::path> inputs_of(const std::filesystem::path& program,
+                                             const ProgramAloneOptions& options) {
+  return {program, machine_file_of(options.machine)};
+}
+
+namespace {
+
+/// Looks at the blocks of a program as they come.
+class Looking {
+ public:
+  Looking(ProgramAlone& alone, const ProgramAloneOptions& options)
+      : meter_(alone.machine.control,
+               {alone.description.rapid_speed, alone.description.rapid_turn}),
+        tracer_(alone.trace) {
+    if (options.trace)
+      meter_.on_place = [this](const Eigen::Vector3d& tip_w, bool rapid) {
+        tracer_.add(tip_w, rapid);
+      };
+    using Kind = program::LocationOptions::Kind;
+    if (options.to == ProgramFormat::Cl || options.to == ProgramFormat::Csv)
+      writer_.emplace(alone.machine.control,
+                      program::LocationOptions{
+                          .kind = options.to == ProgramFormat::Cl ? Kind::Apt : Kind::Table,
+                          .within = options.within});
+  }
+
+  void add(const program::Path& piece) {
+    meter_.add(piece);
+    if (writer_) writer_->add(piece);
+  }
+
+  void finish(ProgramAlone& alone) {
+    alone.figures = meter_.figures();
+    if (!writer_) return;
+    alone.converted = writer_->take();
+    if (writer_->dwells_left_out() + writer_->words_left_out() > 0)
+      alone.notes.push_back(fmt::format(
+          "{} dwells and {} words of tools, coolant and stops are left out: a table has none",
+          writer_->dwells_left_out(), writer_->words_left_out()));
+  }
+
+ private:
+  program::PathMeter meter_;
+  Tracer tracer_;
+  std::optional<program::LocationWriter> writer_;
+};
+
+/// @param whole  kept: what conversions need
+void read_alone(const std::string& text, const program::NcOptions& control,
+                const ProgramAloneOptions& options, const Progress& progress, ProgramAlone& alone) {
+  Looking looking(alone, options);
+  const bool whole = options.to == ProgramFormat::Nc || options.to == ProgramFormat::Pvt;
+  program::Path path;
+  if (is_pvt(alone.file, text, options)) {
+    path = program::read_pvt(text, alone.file.string(), control);
+    alone.dialect = "pvt";
+    alone.executed = path.blocks.size();
+    looking.add(path);
+  } else {
+    dialects::ReadOptions read{
+        .control = control, .dialect = options.dialect, .on_unknown = options.on_unknown};
+    read.folder = alone.file.has_parent_path() ? alone.file.parent_path() : ".";
+    if (!whole) read.each_piece = [&](const program::Path& piece) { looking.add(piece); };
+    if (progress) read.progress = [&](double fraction) { progress("read", fraction); };
+    dialects::ReadProgram done = dialects::read_program(text, alone.file.string(), read);
+    if (whole) looking.add(done.path);
+    alone.dialect = name_of(done.dialect);
+    alone.sign = done.sign;
+    alone.executed = done.blocks;
+    alone.skipped = std::move(done.skipped);
+    alone.warnings = std::move(done.warnings);
+    if (progress) progress("words", 0.0);
+    alone.words = dialects::used_words(text, done.dialect);
+    path = std::move(done.path);
+  }
+  looking.finish(alone);
+  alone.more_files = path.more_files;
+  alone.tools = tools_of(path.tool_calls, alone.figures.blocks);
+  alone.tool_comments = path.tool_comments;
+  if (whole) convert(path, control, options, alone);
+}
+
+}  // namespace
+
+ProgramAlone program_alone(const std::filesystem::path& program, const ProgramAloneOptions& options,
+                           const Progress& progress) {
+  const std::filesystem::path machine_file = machine_file_of(options.machine);
+  const Scene scene = scene_of(machine_file, options);
+  const Machine machine = compile(scene);
+  const program::NcOptions control = control_of(scene, machine, options);
+  if (progress) progress("read", 0.0);
+  const std::string text = read_text(program, control.max_bytes);
+  ProgramAlone alone{.file = program,
+                     .dialect = {},
+                     .sign = {},
+                     .machine_name = scene.machine.name,
+                     .machine_file = machine_file,
+                     .tool_length = options.tool_length,
+                     .offset = options.offset,
+                     .description = scene.machine,
+                     .machine = machine};
+  alone.lines = std::size_t(std::count(text.begin(), text.end(), '\n'));
+  if (!text.empty() && text.back() != '\n') ++alone.lines;
+  alone.bytes = text.size();
+  const bool points = options.to == ProgramFormat::Cl || options.to == ProgramFormat::Csv;
+  if (const int s = program::spindle_of(control.axes);
+      points && s >= 0 && control.axes[std::size_t(s)].motion == kinematics::Motion::Rotary)
+    throw BadInput(machine_file.string(), 0, 0,
+                   "a machine whose workpiece does not spin, for cutter locations", "one with S");
+  read_alone(text, control, options, progress, alone);
+  judge(alone);
+  return alone;
+}
+
+}  // namespace abbe::sim

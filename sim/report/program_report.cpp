@@ -1,0 +1,307 @@
+#include "sim/report/program_report.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "kinematics/escape.h"
+#include "kinematics/units.h"
+
+namespace abbe::sim {
+namespace {
+
+using dialects::Use;
+using kinematics::Motion;
+using nlohmann::ordered_json;
+using program::AtLine;
+using program::AxisFigures;
+using program::MoveFigures;
+
+const kinematics::Joint& joint_of(const ProgramAlone& alone, int j) {
+  return alone.machine.control.joints()[std::size_t(j)];
+}
+
+double unit_of(const kinematics::Joint& joint) {
+  return joint.motion == Motion::Linear ? 1.0 : units::deg;
+}
+
+const char* unit_name(const kinematics::Joint& joint) {
+  return joint.motion == Motion::Linear ? "mm" : "deg";
+}
+
+/// The highest speed of an axis, mm/s or rad/s.
+double limit_of(const ProgramAlone& alone, const kinematics::Joint& joint) {
+  return joint.motion == Motion::Linear ? alone.description.rapid_speed
+                                        : alone.description.rapid_turn;
+}
+
+bool has_limits(const kinematics::Joint& joint) {
+  constexpr double no_limit = 1e8;
+  return joint.max - joint.min < no_limit;
+}
+
+/// The kinds of moves at feed together.
+MoveFigures feed_of(const program::PathFigures& figures) {
+  MoveFigures sum;
+  for (const MoveFigures* one : {&figures.lines, &figures.arcs, &figures.cubics}) {
+    sum.count += one->count;
+    sum.seconds += one->seconds;
+    sum.limited_s += one->limited_s;
+    sum.way += one->way;
+  }
+  return sum;
+}
+
+std::size_t moves_of(const program::PathFigures& figures) {
+  return figures.blocks - figures.dwells.count;
+}
+
+/// Name of a work offset, "G54"; those beyond are numbered by their dialect.
+std::string offset_name(int number) {
+  if (number < 0) return "none (G53)";
+  if (number < 6) return fmt::format("G{}", 54 + number);
+  return fmt::format("{}", number + 1);
+}
+
+std::string line_of(const ProgramAlone& alone, int line, std::uint16_t file) {
+  if (file == 0) return fmt::format("line {}", line);
+  return fmt::format("line {} of {}", line, alone.more_files[std::size_t(file) - 1]);
+}
+
+std::string place_of(const ProgramAlone& alone, const AtLine& at) {
+  return line_of(alone, at.line, at.file);
+}
+
+std::string times_text(const ProgramAlone& alone) {
+  const program::PathFigures& f = alone.figures;
+  const MoveFigures feed = feed_of(f);
+  const double dwell = f.dwells.seconds;
+  return fmt::format(
+      "time      {:.4g} s as programmed: feed {:.4g}, rapid {:.4g}, dwell {:.4g}\n"
+      "          {:.4g} s with no axis above its limit: feed {:.4g}, rapid {:.4g} (speeds alone: "
+      "the machine states no accelerations)\n"
+      "way       {:.6g} mm at feed, {:.6g} mm at rapid, of the tip in the workpiece\n",
+      feed.seconds + f.rapids.seconds + dwell, feed.seconds, f.rapids.seconds, dwell,
+      feed.limited_s + f.rapids.limited_s + dwell, feed.limited_s, f.rapids.limited_s, feed.way,
+      f.rapids.way);
+}
+
+std::string box_text(const char* name, const Eigen::AlignedBox3d& box) {
+  if (box.isEmpty()) return "";
+  return fmt::format("{:<9} X {:.6g} .. {:.6g}, Y {:.6g} .. {:.6g}, Z {:.6g} .. {:.6g} mm\n", name,
+                     box.min().x() + 0.0, box.max().x(), box.min().y() + 0.0, box.max().y(),
+                     box.min().z() + 0.0, box.max().z());
+}
+
+std::string axes_text(const ProgramAlone& alone) {
+  std::string text =
+      "\naxis  from          to            travel left   fastest at feed, share of its limit\n";
+  for (int j = 0; j < alone.machine.control.size(); ++j) {
+    const AxisFigures& axis = alone.figures.axes[std::size_t(j)];
+    if (!axis.positioned) continue;
+    const kinematics::Joint& joint = joint_of(alone, j);
+    const double unit = unit_of(joint);
+    const std::string left =
+        has_limits(joint) ? fmt::format("{:.5g} {}", axis.left / unit, unit_name(joint)) : "-";
+    text += fmt::format("{:<5} {:<13} {:<13} {:<13} ", joint.name,
+                        fmt::format("{:.7g}", axis.least.value / unit + 0.0),
+                        fmt::format("{:.7g}", axis.most.value / unit + 0.0), left);
+    if (axis.fastest.value > 0)
+      text += fmt::format("{:.5g} {}/min, {:.3g} % on {}", axis.fastest.value / unit * 60,
+                          unit_name(joint), 100 * axis.fastest.value / limit_of(alone, joint),
+                          place_of(alone, axis.fastest));
+    text += '\n';
+  }
+  if (alone.figures.fastest_axis >= 0)
+    text += fmt::format("{} comes nearest to its limit\n",
+                        joint_of(alone, alone.figures.fastest_axis).name);
+  return text;
+}
+
+std::string singular_text(const ProgramAlone& alone) {
+  if (!alone.figures.singular)
+    return "singular  no move at feed turns the tool by two rotary axes\n";
+  const program::SingularPose& pose = *alone.figures.singular;
+  std::string at;
+  for (int j = 0; j < alone.machine.control.size(); ++j)
+    if (joint_of(alone, j).motion == Motion::Rotary)
+      at += fmt::format(" {} {:.5g}", joint_of(alone, j).name, pose.q[j] / units::deg + 0.0);
+  return fmt::format("singular  nearest pose {:.4g} deg away, on {}:{} deg\n",
+                     pose.angle / units::deg, line_of(alone, pose.line, pose.file), at);
+}
+
+std::string tools_text(const ProgramAlone& alone) {
+  std::string text;
+  for (const ToolOfProgram& tool : alone.tools)
+    text += fmt::format("{:<9} {}, called {} on line {}, {} blocks\n", text.empty() ? "tools" : "",
+                        tool.number < 0 ? "M6 without T" : fmt::format("T{}", tool.number),
+                        tool.calls == 1 ? "once" : fmt::format("{} times, first", tool.calls),
+                        tool.line, tool.blocks);
+  if (text.empty()) text = "tools     none called\n";
+  constexpr std::size_t most = 10;
+  for (std::size_t i = 0; i < std::min(most, alone.tool_comments.size()); ++i) {
+    const program::ToolComment& one = alone.tool_comments[i];
+    text += fmt::format("          line {} describes one of {:.6g} mm{}: {}\n", one.line,
+                        one.words.diameter,
+                        one.words.corner_radius
+                            ? fmt::format(" with a corner of {:.6g} mm", *one.words.corner_radius)
+                            : "",
+                        escaped(one.text));
+  }
+  text +=
+      fmt::format("offsets   {}:", alone.offset.empty() ? "zero unless the program sets them"
+                                                        : "at " + escaped(alone.offset) + " each");
+  for (const auto& [number, blocks] : alone.figures.offsets)
+    text += fmt::format(" {} ({} blocks)", offset_name(number), blocks);
+  return text + "\n";
+}
+
+std::string words_text(const ProgramAlone& alone, Use use, const char* name) {
+  std::string text;
+  for (const dialects::UsedWord& word : alone.words)
+    if (word.use == use) text += fmt::format(" {} {}", word.word, word.count);
+  return text.empty() ? "" : fmt::format("{:<9}{}\n", name, text);
+}
+
+std::string skipped_text(const ProgramAlone& alone) {
+  std::string text;
+  for (const dialects::Skipped& word : alone.skipped)
+    text += fmt::format(" {} {}", escaped(word.word), word.count);
+  return text.empty() ? "" : fmt::format("{:<9}{}\n", "skipped", text);
+}
+
+}  // namespace
+
+std::string to_text(const ProgramAlone& alone) {
+  const program::PathFigures& f = alone.figures;
+  return fmt::format("program   {}, {} lines, read as {}{}\n", escaped(alone.file.string()),
+                     alone.lines, alone.dialect,
+                     alone.sign.empty() ? "" : ", as " + escaped(alone.sign)) +
+         fmt::format("machine   {}, tool length {:.6g} mm\n", alone.machine_name,
+                     alone.tool_length) +
+         fmt::format(
+             "blocks    {} executed; {} moves: {} rapids, {} lines, {} arcs{}; {} dwells; "
+             "{} under a tip mode\n",
+             alone.executed, moves_of(f), f.rapids.count, f.lines.count, f.arcs.count,
+             f.cubics.count > 0 ? fmt::format(", {} cubics", f.cubics.count) : "", f.dwells.count,
+             f.tip_blocks) +
+         times_text(alone) + box_text("feed", f.feed_w) + box_text("all", f.all_w) +
+         axes_text(alone) + "\n" + singular_text(alone) + tools_text(alone) +
+         words_text(alone, Use::Read, "words") + words_text(alone, Use::WithoutEffect, "ignored") +
+         skipped_text(alone);
+}
+
+namespace {
+
+ordered_json to_json(const MoveFigures& moves) {
+  return {{"count", moves.count},
+          {"time_s", moves.seconds},
+          {"time_by_axis_limits_s", moves.limited_s},
+          {"way_mm", moves.way}};
+}
+
+ordered_json to_json(const Eigen::AlignedBox3d& box) {
+  if (box.isEmpty()) return nullptr;
+  ordered_json json;
+  for (int k = 0; k < 3; ++k)
+    json[std::string(1, char('X' + k))] = {box.min()[k] + 0.0, box.max()[k] + 0.0};
+  return json;
+}
+
+ordered_json axes_json(const ProgramAlone& alone) {
+  ordered_json axes;
+  for (int j = 0; j < alone.machine.control.size(); ++j) {
+    const AxisFigures& axis = alone.figures.axes[std::size_t(j)];
+    if (!axis.positioned) continue;
+    const kinematics::Joint& joint = joint_of(alone, j);
+    const double unit = unit_of(joint);
+    ordered_json left;
+    if (has_limits(joint)) left = axis.left / unit;
+    axes[std::string(1, joint.name)] = {
+        {"unit", unit_name(joint)},
+        {"from", axis.least.value / unit + 0.0},
+        {"from_line", axis.least.line},
+        {"to", axis.most.value / unit + 0.0},
+        {"to_line", axis.most.line},
+        {"travel_left", left},
+        {"fastest_per_min", axis.fastest.value / unit * 60},
+        {"fastest_line", axis.fastest.line},
+        {"share_of_limit", axis.fastest.value / limit_of(alone, joint)}};
+  }
+  return axes;
+}
+
+ordered_json singular_json(const ProgramAlone& alone) {
+  if (!alone.figures.singular) return nullptr;
+  const program::SingularPose& pose = *alone.figures.singular;
+  ordered_json at;
+  for (int j = 0; j < alone.machine.control.size(); ++j)
+    if (const auto& joint = joint_of(alone, j); joint.motion != Motion::Spindle)
+      at[std::string(1, joint.name)] = pose.q[j] / unit_of(joint) + 0.0;
+  return {{"angle_deg", pose.angle / units::deg}, {"line", pose.line}, {"axes", at}};
+}
+
+ordered_json tools_json(const ProgramAlone& alone) {
+  ordered_json tools = ordered_json::array();
+  for (const ToolOfProgram& tool : alone.tools)
+    tools.push_back({{"number", tool.number},
+                     {"line", tool.line},
+                     {"calls", tool.calls},
+                     {"blocks", tool.blocks}});
+  return tools;
+}
+
+ordered_json words_json(const ProgramAlone& alone) {
+  ordered_json words = ordered_json::array();
+  for (const dialects::UsedWord& word : alone.words)
+    words.push_back({{"word", word.word},
+                     {"use", std::string(dialects::name_of(word.use))},
+                     {"count", word.count},
+                     {"line", word.line},
+                     {"meaning", std::string(word.sentence)}});
+  for (const dialects::Skipped& word : alone.skipped)
+    words.push_back(
+        {{"word", word.word}, {"use", "skipped"}, {"count", word.count}, {"line", word.line}});
+  return words;
+}
+
+}  // namespace
+
+ordered_json to_json(const ProgramAlone& alone) {
+  const program::PathFigures& f = alone.figures;
+  const MoveFigures feed = feed_of(f);
+  ordered_json offsets, fastest;
+  for (const auto& [number, blocks] : f.offsets) offsets[offset_name(number)] = blocks;
+  if (f.fastest_axis >= 0) fastest = std::string(1, joint_of(alone, f.fastest_axis).name);
+  return {{"program", alone.file.string()},
+          {"dialect", alone.dialect},
+          {"sign", alone.sign},
+          {"machine", alone.machine_name},
+          {"tool_length_mm", alone.tool_length},
+          {"lines", alone.lines},
+          {"blocks", alone.executed},
+          {"moves", moves_of(f)},
+          {"rapids", to_json(f.rapids)},
+          {"lines_at_feed", to_json(f.lines)},
+          {"arcs", to_json(f.arcs)},
+          {"cubics", to_json(f.cubics)},
+          {"dwells", {{"count", f.dwells.count}, {"time_s", f.dwells.seconds}}},
+          {"time_s", feed.seconds + f.rapids.seconds + f.dwells.seconds},
+          {"time_by_axis_limits_s", feed.limited_s + f.rapids.limited_s + f.dwells.seconds},
+          {"slowed_moves", f.slowed},
+          {"tip_mode_blocks", f.tip_blocks},
+          {"extent_at_feed_mm", to_json(f.feed_w)},
+          {"extent_mm", to_json(f.all_w)},
+          {"axes", axes_json(alone)},
+          {"fastest_axis", fastest},
+          {"singular", singular_json(alone)},
+          {"tools", tools_json(alone)},
+          {"offset", alone.offset},
+          {"offsets", offsets},
+          {"words", words_json(alone)},
+          {"warnings", alone.warnings}};
+}
+
+}  // namespace abbe::sim

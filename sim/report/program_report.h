@@ -1,0 +1,15 @@
+#pragma once
+
+#include <string>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "sim/cut/program_alone.h"
+
+/// What a program asks of a machine, as text and as JSON.
+namespace abbe::sim {
+
+std::string to_text(const ProgramAlone& alone);
+nlohmann::ordered_json to_json(const ProgramAlone& alone);
+
+}  // namespace abbe::sim
