@@ -148,7 +148,12 @@ TEST(WriteLocations, APathThatComesInPiecesIsWrittenAlike) {
     writer.add(piece);
     meter.add(piece);
   };
+  std::vector<double> fractions;
+  options.progress = [&](double fraction) { fractions.push_back(fraction); };
   const ReadProgram read = read_program(text, "part.cl", options);
+  EXPECT_GE(fractions.size(), 8u);
+  EXPECT_TRUE(std::is_sorted(fractions.begin(), fractions.end()));
+  EXPECT_TRUE(fractions.front() >= 0.0 && fractions.back() > 0.9 && fractions.back() <= 1.0);
   at_once.add(whole.path);
   EXPECT_GE(pieces, 3u);
   EXPECT_LE(most, piece_blocks + 1);
