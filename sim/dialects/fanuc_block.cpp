@@ -23,11 +23,8 @@ std::string_view comment_at(Cursor& cursor) {
 }  // namespace
 
 void Block::clear() {
-  for (std::size_t i = 0; used_words_ >> i; ++i)
-    if ((used_words_ >> i) & 1u) words[i] = {};
-  for (std::size_t i = 0; used_codes_ >> i; ++i)
-    if ((used_codes_ >> i) & 1u) codes[i] = {};
-  used_words_ = used_codes_ = 0;
+  words.clear();
+  codes.clear();
   percent = false;
   skipped = {};
   arguments.clear();
@@ -99,22 +96,20 @@ void BlockReader::put_code(const Word& word) {
   }
   if (fact.use == Use::Refused) run_.canon.refuse(word, std::string(fact.sentence));
   if (fact.group == Group::None) return;
-  Code& place = block_.codes[std::size_t(fact.group)];
+  const Code& place = block_[fact.group];
   const bool one = word.letter == 'M' ? fact.group != Group::Coolant : fact.group == Group::OneShot;
   if (place && one)
     run_.canon.refuse(word, "one such code in a block",
                       fmt::format("{} after {}", shown(word.text), shown(place.word.text)));
-  place = {code, word};
-  block_.used_codes_ |= 1u << std::uint32_t(fact.group);
+  block_.codes.put(std::size_t(fact.group), {code, word});
 }
 
 void BlockReader::put_word(const Word& word) {
-  Word& place = block_.words[std::size_t(word.letter - 'A')];
+  const Word& place = block_[word.letter];
   if (place)
     run_.canon.refuse(word, std::string("one ") + word.letter + " in a block",
                       fmt::format("{} after {}", shown(word.text), shown(place.text)));
-  place = word;
-  block_.used_words_ |= 1u << std::uint32_t(word.letter - 'A');
+  block_.words.put(std::size_t(word.letter - 'A'), word);
 }
 
 void BlockReader::word() {

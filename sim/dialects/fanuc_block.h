@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "sim/dialects/block_slots.h"
 #include "sim/dialects/code_table.h"
 #include "sim/dialects/expression.h"
 #include "sim/dialects/program_run.h"
@@ -51,15 +52,11 @@ enum class Group {
   Count
 };
 
-struct Code {
-  int tenths = -1;  ///< of the number: G43.4 is 434; -1 where the block has none
-  Word word;
-  explicit operator bool() const { return tenths >= 0; }
-};
+using Code = CodeOf<Word>;
 
 struct Block {
-  std::array<Word, 26> words;  ///< by letter; G and M are in `codes`
-  std::array<Code, std::size_t(Group::Count)> codes;
+  Slots<Word, 26> words;  ///< by letter; G and M are in `codes`
+  Slots<Code, std::size_t(Group::Count)> codes;
   std::vector<Word> arguments;  ///< of G65 and G66, in their order
   Word skipped;                 ///< a code that the dialect has not, passed over
   std::vector<std::string_view> comments;
@@ -68,12 +65,8 @@ struct Block {
   const Word& operator[](char letter) const { return words[std::size_t(letter - 'A')]; }
   const Code& operator[](Group group) const { return codes[std::size_t(group)]; }
   int tenths(Group group) const { return codes[std::size_t(group)].tenths; }
-  bool empty() const { return used_words_ == 0 && used_codes_ == 0; }
+  bool empty() const { return words.empty() && codes.empty(); }
   void clear();
-
- private:
-  friend class BlockReader;
-  std::uint32_t used_words_ = 0, used_codes_ = 0;
 };
 
 /// What variables hold that nothing has been set to: a number that counts as zero wherever it is

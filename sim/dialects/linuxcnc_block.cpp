@@ -24,14 +24,11 @@ std::string_view comment_at(Cursor& cursor) {
 
 }  // namespace
 
-bool Block::empty() const { return used_words_ == 0 && used_codes_ == 0 && !mist && !flood; }
+bool Block::empty() const { return words.empty() && codes.empty() && !mist && !flood; }
 
 void Block::clear() {
-  for (std::size_t i = 0; used_words_ >> i; ++i)
-    if ((used_words_ >> i) & 1u) words[i] = {};
-  for (std::size_t i = 0; used_codes_ >> i; ++i)
-    if ((used_codes_ >> i) & 1u) codes[i] = {};
-  used_words_ = used_codes_ = 0;
+  words.clear();
+  codes.clear();
   mist = flood = deleted = percent = false;
   skipped = {};
   comments.clear();
@@ -130,12 +127,11 @@ void BlockReader::put_code(char letter, const NcWord& word) {
     (code == 70 ? block_.mist : block_.flood) = true;
     return;
   }
-  Code& place = block_.codes[std::size_t(group)];
+  const Code& place = block_[group];
   if (place)
     run_.canon.refuse(word, "one code of a modal group in a block",
                       fmt::format("{} after {}", shown(word.text), shown(place.word.text)));
-  place = {code, word};
-  block_.used_codes_ |= 1u << std::uint32_t(group);
+  block_.codes.put(std::size_t(group), {code, word});
 }
 
 void BlockReader::word(bool first) {
@@ -160,15 +156,14 @@ void BlockReader::word(bool first) {
   if (letter == 'G' || letter == 'M') return put_code(letter, word);
   if (letter == 'N' && !first) run_.canon.refuse(word, "a line number first in its block");
   const std::size_t index = letter == '@' ? 26 : letter == '^' ? 27 : std::size_t(letter - 'A');
-  NcWord& place = block_.words[index];
+  const NcWord& place = block_.words[index];
   if (place)
     run_.canon.refuse(word, std::string("one ") + letter + " in a block",
                       fmt::format("{} after {}", shown(word.text), shown(place.text)));
   static constexpr std::string_view known = "ABCDEFHIJKLNPQRSTUVWXYZ@^";
   if (known.find(letter) == std::string_view::npos) return run_.unknown(word, "a word of LinuxCNC");
   if (letter == 'N') return;
-  place = word;
-  block_.used_words_ |= 1u << std::uint32_t(index);
+  block_.words.put(index, word);
 }
 
 void BlockReader::fill() {

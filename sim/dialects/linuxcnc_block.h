@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "sim/dialects/block_slots.h"
 #include "sim/dialects/code_table.h"
 #include "sim/dialects/expression.h"
 #include "sim/dialects/program_run.h"
@@ -44,15 +45,11 @@ enum class Group {
   Count
 };
 
-struct Code {
-  int tenths = -1;  ///< of the number: G43.4 is 434; -1 where the block has none
-  NcWord word;
-  explicit operator bool() const { return tenths >= 0; }
-};
+using Code = CodeOf<NcWord>;
 
 struct Block {
-  std::array<NcWord, 28> words;  ///< by letter, then @ and ^; G and M are in `codes`
-  std::array<Code, std::size_t(Group::Count)> codes;
+  Slots<NcWord, 28> words;  ///< by letter, then @ and ^; G and M are in `codes`
+  Slots<Code, std::size_t(Group::Count)> codes;
   bool mist = false, flood = false;
   NcWord skipped;  ///< a code that the dialect has not, passed over
   std::vector<std::string_view> comments;
@@ -68,10 +65,6 @@ struct Block {
   int tenths(Group group) const { return codes[std::size_t(group)].tenths; }
   bool empty() const;
   void clear();
-
- private:
-  friend class BlockReader;
-  std::uint32_t used_words_ = 0, used_codes_ = 0;
 };
 
 /// The operators and functions of RS274/NGC.
