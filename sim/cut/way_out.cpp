@@ -8,6 +8,7 @@
 
 #include "kinematics/jacobian.h"
 #include "kinematics/least_squares.h"
+#include "sim/cut/part.h"
 #include "sim/cut/tool_motion.h"
 
 namespace abbe::sim {
@@ -167,9 +168,13 @@ std::optional<Shifted> with_offsets(const Job& job, const Vector3d& shift_w) {
   if (!std::holds_alternative<ProgramDescription::File>(job.scene.program.source))
     return std::nullopt;
   Shifted shifted{job.scene, ""};
+  const program::NcOptions control = nc_options(job.scene, job.machine);
+  // an offset that is stated counts from elsewhere than none
+  const auto zero = program::program_zero(control) ? std::nullopt : program::known_zero(control);
   std::set<int> done;
   for (std::size_t i = 0; i < job.samples.block.size(); ++i) {
-    const int used = job.path.blocks[std::size_t(job.samples.block[i])].work_offset;
+    const program::Block& block = job.path.blocks[std::size_t(job.samples.block[i])];
+    const int used = block.work_offset;
     if (!is_feed_sample(job, i) || !done.insert(used).second) continue;
     if (used < 0 || std::size_t(used) >= job.scene.program.work_offset.size())
       return std::nullopt;  // G59.1 and beyond are of the program alone
@@ -177,13 +182,15 @@ std::optional<Shifted> with_offsets(const Job& job, const Vector3d& shift_w) {
     if (!change) return std::nullopt;
     AxisVector& offset = shifted.scene.program.work_offset[std::size_t(used)];
     if (offset.size() == 0) offset = AxisVector::Zero(change->size());
+    const Vector3d more = program::on_top_of_offset(zero, block.coordinates);
     std::string words;
     for (int j = 0; j < change->size(); ++j) {
-      if ((*change)[j] == 0.0) continue;
       const double now = offset[j];
+      const char name = job.machine.nominal.joints()[std::size_t(j)].name;
       offset[j] += (*change)[j];
-      words += fmt::format(" {} = {:.6g}", job.machine.nominal.joints()[std::size_t(j)].name,
-                           rounded(offset[j]));
+      if (name >= 'X' && name <= 'Z') offset[j] -= more[name - 'X'];
+      if (offset[j] == now) continue;
+      words += fmt::format(" {} = {:.6g}", name, rounded(offset[j]));
       if (now != 0.0) words += fmt::format(" (now {:.6g})", now);
     }
     shifted.words += fmt::format("{}G{}{}", shifted.words.empty() ? "" : ", ", 54 + used, words);

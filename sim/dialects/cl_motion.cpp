@@ -34,9 +34,8 @@ Eigen::Vector3d Machine::direction_of(const Item& first, const Eigen::Vector3d& 
 }
 
 Eigen::Vector3d Machine::shift() const {
-  const AxisVector& shift = canon_.frame().shift;
-  if (shift.size() == 0) return Eigen::Vector3d::Zero();
-  return {shift[canon_.joint_of('X')], shift[canon_.joint_of('Y')], shift[canon_.joint_of('Z')]};
+  const AxisVector zero = canon_.placed(AxisVector::Zero(canon_.position().size()));
+  return {zero[canon_.joint_of('X')], zero[canon_.joint_of('Y')], zero[canon_.joint_of('Z')]};
 }
 
 /// x,y,z or x,y,z,i,j,k. Without a vector the last one stays.

@@ -96,9 +96,11 @@ AxisVector Compensation::end_of(const Target& target) const {
   return canon_.end_from(programmed_, target, false);
 }
 
-Vector2d Compensation::centre_of_radius(const ArcMove& move, double r, const Cause& cause) const {
+Vector2d Compensation::centre_of(const ArcMove& move) const {
+  if (!move.radius)
+    return move.placed_centre.size() > 0 ? in_plane(move.placed_centre) : move.centre;
   const program::ArcWords ends{in_plane(programmed_), in_plane(move.end), {}, move.clockwise};
-  return program::centre_by_radius(ends, r, canon_.place(), cause);
+  return program::centre_by_radius(ends, *move.radius, canon_.place(), move.named);
 }
 
 Vector2d Compensation::beside(const Vector2d& direction) const {
@@ -146,6 +148,7 @@ void Compensation::arc(ArcMove move) {
   check_feed(move.cause);
   if (move.first != plane_[0] || move.second != plane_[1])
     canon_.refuse(move.cause, "an arc in the plane of the cutter compensation");
+  move.centre = centre_of(move);
   const program::ArcWords words{in_plane(programmed_), in_plane(move.end), move.centre,
                                 move.clockwise};
   const program::Arc arc = program::checked_arc(words, move.turns, canon_.place(), move.named);
@@ -296,12 +299,20 @@ void Compensation::put_out() {
     canon_.set_feed(feed);
     canon_.stand_at(line, file);
   }
-  for (const auto& action : std::exchange(after_, {})) action();
+  const auto feed = canon_.feed();
+  const int line = canon_.line(), file = canon_.file();
+  for (const Later& later : std::exchange(after_, {})) {
+    canon_.set_feed(later.feed);
+    canon_.stand_at(later.line, later.file);
+    later.action();
+  }
+  canon_.set_feed(feed);
+  canon_.stand_at(line, file);
 }
 
 void Compensation::after(std::function<void()> action) {
   if (waits_)
-    after_.push_back(std::move(action));
+    after_.push_back({std::move(action), canon_.feed(), canon_.line(), canon_.file()});
   else
     action();
 }

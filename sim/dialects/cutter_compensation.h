@@ -44,8 +44,6 @@ class Compensation {
   /// Where the program is, which the tool is beside.
   const kinematics::AxisVector& programmed() const;
   kinematics::AxisVector end_of(const program::Target& target) const;
-  Eigen::Vector2d centre_of_radius(const program::ArcMove& move, double r,
-                                   const program::Cause& cause) const;
   /// The first move after `end` has been made.
   bool leaving() const { return leaving_; }
   void left_behind() { leaving_ = false; }
@@ -73,6 +71,14 @@ class Compensation {
     int line = 0, file = 0;
   };
 
+  /// What is done behind the piece that waits, at its own line and with its own feed.
+  struct Later {
+    std::function<void()> action;
+    std::optional<program::Feed> feed;
+    int line = 0, file = 0;
+  };
+
+  Vector2d centre_of(const program::ArcMove& move) const;
   Vector2d in_plane(const kinematics::AxisVector& q) const { return {q[plane_[0]], q[plane_[1]]}; }
   /// To the side of a direction on which the tool is.
   Vector2d beside(const Vector2d& direction) const;
@@ -92,7 +98,7 @@ class Compensation {
   std::array<int, 2> plane_{0, 1};
   kinematics::AxisVector programmed_;
   std::optional<Piece> waits_;
-  std::vector<std::function<void()>> after_;
+  std::vector<Later> after_;
 };
 
 }  // namespace abbe::sim::dialects

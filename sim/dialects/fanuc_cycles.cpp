@@ -30,7 +30,7 @@ void Machine::to_level(double level, bool rapid) {
   AxisVector end = canon_.position();  // a spindle among the joints goes on
   for (const char letter : axis_letters)
     if (const int j = canon_.joint_of(letter); j >= 0) end[j] = to[j];
-  put_straight({.end = std::move(end), .cause = cycle_.cause}, rapid);
+  canon_.straight({.end = std::move(end), .cause = cycle_.cause}, rapid);
 }
 
 /// What is not said stays as the block before had it; levels stay where they are.
@@ -94,7 +94,7 @@ void Machine::cycle_holes(const Block& block) {
     target.by(z, 0.0, cycle_.cause);
     check_tilted(target, cycle_.cause);
     AxisVector end = canon_.end_of(target);
-    put_straight({.end = end, .cause = cycle_.cause, .stated = target.stated()}, true);
+    canon_.straight({.end = end, .cause = cycle_.cause, .stated = target.stated()}, true);
     hole(canon_.unplaced(end));
   }
 }

@@ -186,6 +186,8 @@ void Machine::set_spindle(const Block& block) {
   if (block[Group::RigidTap]) rigid_ = true;
   if (const Code& code = block[Group::Spindle])
     canon_.turn_spindle(code.tenths == 30 ? 1 : code.tenths == 40 ? -1 : 0);
+  canon_.set_surface_speed(surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, most_rpm_})
+                                          : std::nullopt);
 }
 
 void Machine::call_tools(const Block& block) {

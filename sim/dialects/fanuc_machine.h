@@ -105,8 +105,6 @@ class Machine {
   void polar_words(const Block& block, Target& target);
   void straight(const Block& block, AxisVector end, std::uint32_t stated);
   void arc(const Block& block, AxisVector end, std::uint32_t stated);
-  void find_centre(const Block& block, program::ArcMove& arc);
-  void put_straight(program::Straight move, bool rapid);
   void reference(const Block& block);
   void to_axes(const Block& block);
   std::string_view plane_letters() const {

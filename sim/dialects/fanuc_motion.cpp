@@ -7,7 +7,7 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/dialects/fanuc_machine.h"
-#include "sim/dialects/surface_speed.h"
+#include "sim/program/arc_of_block.h"
 
 namespace abbe::sim::dialects::fanuc {
 
@@ -52,68 +52,29 @@ Target Machine::target_of(const Block& block, bool machine) {
   return target;
 }
 
-void Machine::put_straight(Straight move, bool rapid) {
-  if (surface_speed_) turn_at_surface_speed(canon_, speed_, most_rpm_, move.end);
-  if (rapid)
-    canon_.traverse(std::move(move));
-  else
-    canon_.straight_feed(std::move(move));
-}
-
 void Machine::straight(const Block& block, AxisVector end, std::uint32_t stated) {
   Straight move{std::move(end), cause_of(block), false, stated};
   if (compensation_.on()) return compensation_.straight(std::move(move), motion_ == 0);
-  put_straight(std::move(move), motion_ == 0);
-}
-
-void Machine::find_centre(const Block& block, ArcMove& arc) {
-  const std::string_view letters = plane_ == 170 ? "IJK" : plane_ == 180 ? "KIJ" : "JKI";
-  const std::string pair = plane_ == 170 ? "I J" : plane_ == 180 ? "I K" : "J K";
-  const Word &first = block[letters[0]], &second = block[letters[1]];
-  if (const Word& outside = block[letters[2]])
-    refuse(outside, fmt::format("{} in the plane of G{}", pair, plane_ / 10));
-  if (!first && !second)
-    refuse(arc.cause, fmt::format("{} or R beside {}", pair, arc.clockwise ? "G2" : "G3"), "none");
-  const Eigen::Vector2d words(first ? length(first) : 0.0, second ? length(second) : 0.0);
-  const AxisVector at = compensation_.on() ? compensation_.programmed() : canon_.position();
-  if (!canon_.frame().rotation) {
-    arc.centre = words + Eigen::Vector2d(at[arc.first], at[arc.second]);
-    return;
-  }
-  AxisVector p = canon_.unplaced(at);
-  p[arc.first] += words.x();
-  p[arc.second] += words.y();
-  arc.placed_centre = canon_.placed(std::move(p));
-  arc.centre = {arc.placed_centre[arc.first], arc.placed_centre[arc.second]};
+  canon_.straight(std::move(move), motion_ == 0);
 }
 
 void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
-  const std::string_view plane = plane_letters();
   const Cause cause = cause_of(block);
-  ArcMove arc{.first = canon_.joint_of(plane[0]),
-              .second = canon_.joint_of(plane[1]),
-              .end = std::move(end),
-              .centre = {0, 0},
-              .clockwise = motion_ == 20,
-              .cause = cause,
-              .named = cause,
-              .stated = stated};
-  if (arc.first < 0 || arc.second < 0)
-    refuse(cause, fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
   if (length_mode_ == 435) refuse(cause, "G1 under G43.5");
-  if (const Word& radius = block['R']) {
-    for (const char letter : {'I', 'J', 'K'})
-      if (block[letter]) refuse(block[letter], "either R or I J K");
-    if (compensation_.on())
-      arc.centre = compensation_.centre_of_radius(arc, length(radius), radius);
-    else
-      arc.radius = length(radius);
-    arc.named = radius;
-  } else {
-    find_centre(block, arc);
-  }
-  if (compensation_.on()) return compensation_.arc(std::move(arc));
-  if (surface_speed_) turn_at_surface_speed(canon_, speed_, most_rpm_, arc.end);
+  const bool beside = compensation_.on();
+  ArcMove arc = program::arc_of_block(
+      canon_, {.plane = plane_ / 10,
+               .clockwise = motion_ == 20,
+               .from = beside ? compensation_.programmed() : canon_.position(),
+               .end = std::move(end),
+               .cause = cause,
+               .stated = stated,
+               .word = [&](char letter) -> std::optional<program::LengthWord> {
+                 const Word& word = block[letter];
+                 if (!word) return std::nullopt;
+                 return program::LengthWord{length(word), word};
+               }});
+  if (beside) return compensation_.arc(std::move(arc));
   canon_.arc(std::move(arc));
 }
 
@@ -152,11 +113,11 @@ void Machine::to_axes(const Block& block) {
   moved_ = true;
   compensation_.left_behind();
   canon_.go_to(Coordinates::Axis, code.word);
-  put_straight({.end = canon_.end_of(target, true),
-                .cause = code.word,
-                .without_offset = true,
-                .stated = target.stated()},
-               true);
+  canon_.straight({.end = canon_.end_of(target, true),
+                   .cause = code.word,
+                   .without_offset = true,
+                   .stated = target.stated()},
+                  true);
   if (canon_.tip_mode()) canon_.go_to(Coordinates::Tip, code.word);
 }
 
@@ -168,7 +129,8 @@ void Machine::reference(const Block& block) {
   if (words.empty()) refuse(code.word, "an axis word beside " + shown(code.word.text), "none");
   moved_ = true;
   compensation_.left_behind();
-  put_straight({.end = canon_.end_of(words), .cause = code.word, .stated = words.stated()}, true);
+  canon_.straight({.end = canon_.end_of(words), .cause = code.word, .stated = words.stated()},
+                  true);
   const AxisVector stored = program::start_of(canon_.options());
   std::string where;
   for (const auto& axis : canon_.options().axes)
@@ -183,7 +145,7 @@ void Machine::reference(const Block& block) {
   AxisVector end = canon_.position();
   for (int j = 0; j < int(end.size()); ++j)
     if (words.has(j)) end[j] = stored[j];
-  put_straight({.end = std::move(end), .cause = code.word, .without_offset = true}, true);
+  canon_.straight({.end = std::move(end), .cause = code.word, .without_offset = true}, true);
   if (canon_.tip_mode()) canon_.go_to(Coordinates::Tip, code.word);
 }
 

@@ -238,8 +238,8 @@ void Machine::apply_length(const Cause& cause) {
   compare_zeros(cause);
 }
 
-/// A control's words count from one point under G43 and G43.4; here an offset is one of the axes
-/// and one of the tip, which the length of the tool brings together or not.
+/// A control's words count from one point under G43 and G43.4. Here they do not where the scene
+/// states no offset, or where another length is believed than that of the chain.
 void Machine::compare_zeros(const Cause& cause) {
   if (!seen_axis_length_ || !seen_tip_length_ || length_mode_ == 490 || h_ == 0) return;
   AxisVector axes = base();
@@ -247,6 +247,8 @@ void Machine::compare_zeros(const Cause& cause) {
   for (int j = 0; j < n; ++j)
     if (!canon_.is_linear(j)) axes[j] = 0.0;
   const Eigen::Vector3d under_tip(axes[joint(0)], axes[joint(1)], axes[joint(2)]);
+  const Eigen::Vector3d more = program::on_top_of_offset(canon_.zero(), program::Coordinates::Axis);
+  for (int k = 0; k < 3; ++k) axes[joint(k)] += more[k];
   axes[joint(2)] += length_of(h_, cause);
   const Eigen::Vector3d apart = chain(cause).tool_in_workpiece(axes).translation() - under_tip;
   if (apart.norm() <= same_zero) return;

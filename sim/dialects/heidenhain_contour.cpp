@@ -55,7 +55,8 @@ void Contour::corner(bool round, double size, std::optional<program::Feed> feed,
                      const Cause& cause) {
   if (!held_) canon_.refuse(cause, "a straight move before RND and CHF", "none");
   if (!(size > 0)) canon_.refuse(cause, "a radius or length above zero");
-  corner_ = Corner{round, size, feed, {cause.column, round ? "RND" : "CHF"}, canon_.line()};
+  corner_ = Corner{round,         size,         feed, {cause.column, round ? "RND" : "CHF"},
+                   canon_.line(), canon_.file()};
 }
 
 /// Between the straight move that is held and the next one. @return where the corner ends
@@ -65,7 +66,7 @@ AxisVector Contour::cut_corner(const Element& next) {
   const AxisVector corner_end = before.end;
   const auto fail = [&](std::string expected, std::string seen) -> AxisVector {
     pass(std::move(before));
-    canon_.stand_at(corner.line, canon_.file());
+    canon_.stand_at(corner.line, corner.file);
     canon_.refuse(corner.cause, std::move(expected), std::move(seen));
   };
   if (before.round || next.round)
@@ -100,6 +101,7 @@ AxisVector Contour::cut_corner(const Element& next) {
   piece.clockwise = turn < 0;
   piece.feed = corner.feed ? corner.feed : before.feed;
   piece.line = corner.line;
+  piece.file = corner.file;
   piece.end = piece.centre = before.end;
   const Vector2d begin = at - cut * a, end = at + cut * b;
   const Vector2d side = turn > 0 ? Vector2d(-a.y(), a.x()) : Vector2d(a.y(), -a.x());
@@ -205,12 +207,12 @@ void Contour::go_beside(const Element& element) {
                          .second = element.second,
                          .end = element.end,
                          .centre = {0, 0},
+                         .placed_centre = element.centre,
+                         .radius = element.radius,
                          .clockwise = element.clockwise,
                          .turns = element.turns,
                          .cause = element.cause,
                          .named = element.cause};
-    arc.centre = element.radius ? beside_.centre_of_radius(arc, *element.radius, element.cause)
-                                : Vector2d(element.centre[arc.first], element.centre[arc.second]);
     beside_.arc(std::move(arc));
   }
   canon_.set_feed(feed);

@@ -64,7 +64,7 @@ class Contour {
     double size = 0.0;
     std::optional<program::Feed> feed;
     program::Cause cause;
-    int line = 0;
+    int line = 0, file = 0;
   };
   Eigen::Vector2d in_plane(const kinematics::AxisVector& q) const {
     return {q[plane_[0]], q[plane_[1]]};

@@ -71,25 +71,21 @@ Matrix3d Machine::rotation() const {
   return plane_ ? Matrix3d(*plane_ * in_plane) : in_plane;
 }
 
-/// Without tip mode the datum means the same as with it: program coordinates are the tip in the
-/// workpiece while the rotary axes stand at zero.
+/// Of the tool that the control believes in, where the axes are commanded: on a machine with rotary
+/// axes that of its chain.
 AxisVector Machine::axis_shift(const Cause& cause) {
   AxisVector shift = AxisVector::Zero(canon_.position().size());
-  const int x = canon_.joint_of('X'), y = canon_.joint_of('Y'), z = canon_.joint_of('Z');
+  const auto& zero = canon_.zero();
   const Chain* known = known_chain();
-  if (known != nullptr && x >= 0 && y >= 0 && z >= 0) {
-    const auto at_zero = kinematics::slides_for_tip(*known, shift, Vector3d::Zero());
-    const auto beyond = kinematics::slides_for_tip(*known, shift, Vector3d(1, 2, 3));
-    if (at_zero && beyond) {
-      const AxisVector way = *beyond - *at_zero;
-      if ((Vector3d(way[x], way[y], way[z]) - Vector3d(1, 2, 3)).norm() < 1e-9) {
-        for (const int j : {x, y, z}) shift[j] = (*at_zero)[j];
-        shift[z] += delta_;
-        return shift;
-      }
-    }
+  const auto tip_w =
+      zero && zero->places && known != nullptr ? program::tip_at_zero(*known) : std::nullopt;
+  const int z = canon_.joint_of('Z');
+  if (tip_w) {
+    for (int k = 0; k < 3; ++k) shift[canon_.joint_of("XYZ"[k])] = zero->nose_w[k] - (*tip_w)[k];
+    shift[z] += delta_;
+  } else if (z >= 0 && tool_ >= 0) {
+    shift[z] = length_of(tool_, cause) + delta_length_;
   }
-  if (z >= 0 && tool_ >= 0) shift[z] = length_of(tool_, cause) + delta_length_;
   return shift;
 }
 

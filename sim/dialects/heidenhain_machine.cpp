@@ -22,6 +22,7 @@ Machine::Machine(ProgramRun& run) : run_(run), canon_(run.canon), contour_(run) 
   datum_shift_ = turns_ = AxisVector::Zero(canon_.position().size());
   if (!length_.empty()) tool_ = length_.contains(1) ? 1 : length_.begin()->first;
   canon_.set_inch(false);
+  canon_.count_from_workpiece();
   apply_frame({1, {}});
 }
 

@@ -19,7 +19,7 @@ constexpr double most_pecks = 1e5;
 
 /// To a place in program coordinates.
 void Machine::go(const AxisVector& end, bool rapid) {
-  put_straight({.end = canon_.placed(end), .cause = {1, {}}}, rapid);
+  canon_.straight({.end = canon_.placed(end), .cause = {1, {}}}, rapid);
 }
 
 /// Takes the words of a cycle; what is not said stays as the block before had it.

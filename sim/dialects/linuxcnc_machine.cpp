@@ -191,6 +191,8 @@ void Machine::set_spindle(const Block& block) {
   }
   if (const Code& code = block[Group::Spindle])
     canon_.turn_spindle(code.tenths == 30 ? 1 : code.tenths == 40 ? -1 : 0);
+  canon_.set_surface_speed(surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, most_rpm_})
+                                          : std::nullopt);
 }
 
 void Machine::call_tools(const Block& block) {
@@ -231,8 +233,11 @@ void Machine::set_modes(const Block& block) {
   }
   if (block[Group::CutterRadius]) set_compensation(block);
   if (block[Group::ToolLength]) set_tool_length(block);
-  if (const Code& code = block[Group::Kinematics])
-    canon_.set_tip_mode(code.tenths == 4280, code.word);
+  if (const Code& code = block[Group::Kinematics]) {
+    tip_kinematics_ = code.tenths == 4280;
+    tip_length_ = tip_length_ && tip_kinematics_;
+    apply_length(code.word);
+  }
   if (const Code& code = block[Group::WorkOffset]) {
     if (compensation_.on()) refuse(code.word, "no other coordinate system under G41 or G42");
     choose_system(code.tenths <= 590 ? (code.tenths - 530) / 10 : code.tenths - 590 + 6);

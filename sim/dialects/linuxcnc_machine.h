@@ -70,6 +70,8 @@ class Machine {
   /// Where the axes stand, in program coordinates and in those of the axes.
   double programmed(int k) const;
   double absolute(int k) const;
+  double from_zero(int k) const;
+  void apply_length(const Cause& cause);
 
   // linuxcnc_motion.cpp
   void move(const Block& block);
@@ -78,8 +80,6 @@ class Machine {
   Eigen::Vector2d polar_end(const Block& block, const Eigen::Vector2d& from) const;
   void straight(const Block& block, AxisVector end, std::uint32_t stated, bool machine);
   void arc(const Block& block, AxisVector end, std::uint32_t stated);
-  void find_centre(const Block& block, program::ArcMove& arc) const;
-  void put_straight(program::Straight move, bool rapid);
   void feed_per_turn(const NcWord& pitch, const program::Straight& move);
   void spindle_synchronised(const Block& block, AxisVector end);
   void spline(const Block& block);
@@ -110,16 +110,15 @@ class Machine {
   int system_ = 1;                         ///< 1 .. 9
   Nine g92_{};                             ///< in force
   std::map<int, double> length_, radius_;  ///< mm, of tools
-  std::optional<double> z_length_;
   int motion_ = -1;  ///< tenths; -1 none
   int plane_ = 170;
-  int units_code_ = 210;
+  AxisVector length_shift_;                           ///< (axes) of G43 and its kin; empty for none
+  bool tip_length_ = false, tip_kinematics_ = false;  ///< G43.4; M428
   bool incremental_ = false, absolute_centre_ = false, diameter_ = false;
   bool to_r_ = true;  ///< G99; what LinuxCNC begins with
   bool surface_speed_ = false;
   double speed_ = 0.0, most_rpm_ = 0.0;  ///< S as it stands; of G96 m/min
   int tool_ = 0, selected_ = -1;
-  bool tip_kinematics_ = false;
   struct Cycle {
     double r = 0.0, z = 0.0, q = 0.0, p = 0.0;
     std::optional<double> initial;  ///< level of G98

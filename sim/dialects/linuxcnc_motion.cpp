@@ -6,7 +6,7 @@
 #include "kinematics/bad_input.h"
 #include "kinematics/units.h"
 #include "sim/dialects/linuxcnc_machine.h"
-#include "sim/dialects/surface_speed.h"
+#include "sim/program/arc_of_block.h"
 
 namespace abbe::sim::dialects::linuxcnc {
 
@@ -47,87 +47,36 @@ Target Machine::target_of(const Block& block, bool machine) const {
   return target;
 }
 
-void Machine::put_straight(Straight move, bool rapid) {
-  if (surface_speed_) turn_at_surface_speed(canon_, speed_, most_rpm_, move.end);
-  if (rapid)
-    canon_.traverse(std::move(move));
-  else
-    canon_.straight_feed(std::move(move));
-}
-
 void Machine::straight(const Block& block, AxisVector end, std::uint32_t stated, bool machine) {
   Straight move{std::move(end), cause_of(block), machine, stated};
   if (compensation_.on()) {
     if (machine) refuse(move.cause, "G40 before G53");
     return compensation_.straight(std::move(move), motion_ == 0);
   }
-  put_straight(std::move(move), motion_ == 0);
-}
-
-void Machine::find_centre(const Block& block, ArcMove& arc) const {
-  const std::string_view letters = plane_ == 170 ? "IJK" : plane_ == 180 ? "KIJ" : "JKI";
-  const std::string pair = plane_ == 170 ? "I J" : plane_ == 180 ? "I K" : "J K";
-  const NcWord &first = block[letters[0]], &second = block[letters[1]];
-  if (const NcWord& outside = block[letters[2]])
-    refuse(outside, fmt::format("{} in the plane of G{}", pair, plane_ / 10));
-  if (!first && !second)
-    refuse(arc.cause, fmt::format("{} or R beside {}", pair, arc.clockwise ? "G2" : "G3"), "none");
-  const Eigen::Vector2d words(first.value * unit(), second.value * unit());
-  if (absolute_centre_ && (!first || !second))
-    refuse(arc.cause, "both " + pair + " under G90.1", "one");
-  const AxisVector at = compensation_.on() ? compensation_.programmed() : canon_.position();
-  if (!canon_.frame().rotation) {
-    arc.centre = words;
-    if (!absolute_centre_) {
-      arc.centre += Eigen::Vector2d(at[arc.first], at[arc.second]);
-      return;
-    }
-    const auto zero = [&](int j) {
-      const AxisVector &offset = canon_.frame().shift, &tool = canon_.tool_shift();
-      return (offset.size() > 0 ? offset[j] : 0.0) + (tool.size() > 0 ? tool[j] : 0.0);
-    };
-    arc.centre += Eigen::Vector2d(zero(arc.first), zero(arc.second));
-    return;
-  }
-  AxisVector p = canon_.unplaced(at);
-  p[arc.first] = (absolute_centre_ ? 0.0 : p[arc.first]) + words.x();
-  p[arc.second] = (absolute_centre_ ? 0.0 : p[arc.second]) + words.y();
-  arc.placed_centre = canon_.placed(std::move(p));
-  arc.centre = {arc.placed_centre[arc.first], arc.placed_centre[arc.second]};
+  canon_.straight(std::move(move), motion_ == 0);
 }
 
 void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
-  const std::string_view plane = plane_ == 170 ? "XY" : plane_ == 180 ? "ZX" : "YZ";
-  const Cause cause = cause_of(block);
-  ArcMove arc{.first = canon_.joint_of(plane[0]),
-              .second = canon_.joint_of(plane[1]),
-              .end = std::move(end),
-              .centre = {0, 0},
-              .clockwise = motion_ == 20,
-              .cause = cause,
-              .named = cause,
-              .stated = stated};
-  if (arc.first < 0 || arc.second < 0)
-    refuse(cause, fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
+  const bool beside = compensation_.on();
+  ArcMove arc = program::arc_of_block(
+      canon_, {.plane = plane_ / 10,
+               .clockwise = motion_ == 20,
+               .absolute_centre = absolute_centre_,
+               .from = beside ? compensation_.programmed() : canon_.position(),
+               .end = std::move(end),
+               .cause = cause_of(block),
+               .stated = stated,
+               .word = [&](char letter) -> std::optional<program::LengthWord> {
+                 const NcWord& word = block[letter];
+                 if (!word) return std::nullopt;
+                 return program::LengthWord{word.value * unit(), word};
+               }});
   if (const NcWord& turns = block['P']) {
     if (!(turns.value >= 1 && turns.value <= 1e6) || turns.value != std::floor(turns.value))
       refuse(turns, "whole turns of 1 to 1e6 after P");
     arc.turns = int(turns.value);
   }
-  if (const NcWord& radius = block['R']) {
-    for (const char letter : {'I', 'J', 'K'})
-      if (block[letter]) refuse(block[letter], "either R or I J K");
-    const double r = radius.value * unit();
-    if (compensation_.on())
-      arc.centre = compensation_.centre_of_radius(arc, r, radius);
-    else
-      arc.radius = r;
-    arc.named = radius;
-  } else {
-    find_centre(block, arc);
-  }
-  if (compensation_.on()) return compensation_.arc(std::move(arc));
-  if (surface_speed_) turn_at_surface_speed(canon_, speed_, most_rpm_, arc.end);
+  if (beside) return compensation_.arc(std::move(arc));
   canon_.arc(std::move(arc));
 }
 
@@ -142,7 +91,7 @@ void Machine::feed_per_turn(const NcWord& pitch, const Straight& move) {
     canon_.set_feed(feed);
   };
   try {
-    put_straight(move, false);
+    canon_.straight(move, false);
   } catch (const BadInput&) {
     again();
     throw;

@@ -32,6 +32,11 @@ double Machine::absolute(int k) const {
   return canon_.is_linear(j) ? canon_.position()[j] : canon_.position()[j] / units::deg;
 }
 
+/// The same from what offsets count from.
+double Machine::from_zero(int k) const {
+  return absolute(k) - (k < 3 ? canon_.on_top_of_shift()[k] : 0.0);
+}
+
 /// Program to axes: turned about Z, shifted by the system, and first of all by G92 or G52. Offsets
 /// of the scene that nothing has changed keep their bits.
 void Machine::apply_frame() {
@@ -85,9 +90,10 @@ void Machine::set_tool_length(const Block& block) {
   if (h && (h.value < 0 || h.value != std::floor(h.value) || h.value > 1e9))
     refuse(h, "a whole tool number after H");
   if (code.tenths == 490) {
-    canon_.set_tool_shift({});
+    length_shift_ = {};
+    tip_length_ = false;
     canon_.call_length(-1, code.word);
-    return canon_.set_tip_mode(false, code.word);
+    return apply_length(code.word);
   }
   AxisVector shift = AxisVector::Zero(canon_.position().size());
   if (code.tenths == 431) {
@@ -95,8 +101,9 @@ void Machine::set_tool_length(const Block& block) {
       if (const NcWord& word = block[axis_letters[std::size_t(k)]])
         shift[joint(k)] = axis_word(k, word) * (canon_.is_linear(joint(k)) ? 1.0 : units::deg);
     if (!first_axis_word(block)) refuse(code.word, "axis words beside G43.1", "none");
-    canon_.set_tool_shift(std::move(shift));
-    return canon_.set_tip_mode(false, code.word);
+    length_shift_ = std::move(shift);
+    tip_length_ = false;
+    return apply_length(code.word);
   }
   const int tool = h ? int(h.value) : tool_;
   if (code.tenths == 432 && !h) refuse(code.word, "H (tool length) beside G43.2", "none");
@@ -104,12 +111,35 @@ void Machine::set_tool_length(const Block& block) {
   const int z = joint(2);
   if (code.tenths != 434) {
     if (z < 0) refuse(code.word, "a machine with a Z axis");
-    if (code.tenths == 432 && canon_.tool_shift().size() > 0) shift = canon_.tool_shift();
+    if (code.tenths == 432 && length_shift_.size() > 0) shift = length_shift_;
     shift[z] += length;
   }
   if (code.tenths != 432) canon_.call_length(tool, code.word);
-  canon_.set_tool_shift(code.tenths == 434 ? AxisVector() : std::move(shift));
-  canon_.set_tip_mode(code.tenths == 434, code.word);
+  tip_length_ = code.tenths == 434;
+  length_shift_ = tip_length_ ? AxisVector() : std::move(shift);
+  apply_length(code.word);
+}
+
+/// The length as a shift of the axes, or in the chain to the tip, which must be as long.
+void Machine::apply_length(const Cause& cause) {
+  const bool tip = tip_length_ || tip_kinematics_;
+  if (!tip || length_shift_.size() == 0) {
+    canon_.set_tool_shift(tip ? AxisVector() : length_shift_);
+    return canon_.set_tip_mode(tip, cause);
+  }
+  canon_.set_tip_mode(true, cause);
+  canon_.set_tool_shift({});
+  constexpr double same_length = 1e-9;  // mm
+  const auto zero = program::known_zero(canon_.options());
+  const auto tip_w = program::tip_at_zero(canon_.chain());
+  if (!zero || !tip_w) return;
+  AxisVector beyond = length_shift_;
+  beyond[joint(2)] -= zero->nose_w.z() - tip_w->z();
+  if (beyond.cwiseAbs().maxCoeff() > same_length)
+    refuse(cause,
+           "the length of the tool as the scene has it beside M428, with which the tip is "
+           "counted",
+           fmt::format("one {:.6g} mm longer", beyond[joint(2)]));
 }
 
 void Machine::store_system(const Block& block, int number, bool by_position) {
@@ -123,21 +153,23 @@ void Machine::store_system(const Block& block, int number, bool by_position) {
       words[std::size_t(k)] = axis_word(k, word);
   Nine origin = words;
   if (by_position) {
-    // abs = R (p + g92) + origin + tool, with p as the words say and as it is where they are silent
+    // abs = R (p + g92) + origin + zero + tool, with p as the words say and as it is where they are
+    // silent
     const double angle = parameters_[at + 9] * units::deg;
     const double c = std::cos(angle), s = std::sin(angle);
     Nine tool{}, rest{};
     for (int k = 0; k < 9; ++k) {
       tool[std::size_t(k)] = parameter(5401 + k);
-      rest[std::size_t(k)] = absolute(k) - tool[std::size_t(k)] - parameters_[at + std::size_t(k)];
+      rest[std::size_t(k)] = from_zero(k) - tool[std::size_t(k)] - parameters_[at + std::size_t(k)];
     }
     const double x = c * rest[0] + s * rest[1] - g92_[0];
     const double y = c * rest[1] - s * rest[0] - g92_[1];
     const double p_x = (block['X'] ? words[0] : x) + g92_[0];
     const double p_y = (block['Y'] ? words[1] : y) + g92_[1];
-    origin[0] = absolute(0) - tool[0] - (c * p_x - s * p_y);
-    origin[1] = absolute(1) - tool[1] - (s * p_x + c * p_y);
-    for (std::size_t k = 2; k < 9; ++k) origin[k] = absolute(int(k)) - tool[k] - g92_[k] - words[k];
+    origin[0] = from_zero(0) - tool[0] - (c * p_x - s * p_y);
+    origin[1] = from_zero(1) - tool[1] - (s * p_x + c * p_y);
+    for (std::size_t k = 2; k < 9; ++k)
+      origin[k] = from_zero(int(k)) - tool[k] - g92_[k] - words[k];
   }
   // where the system is turned X and Y depend on each other
   const bool both = by_position && parameters_[at + 9] != 0.0 && (block['X'] || block['Y']);
@@ -158,7 +190,7 @@ void Machine::store_tool(const Block& block, int which) {
     const std::size_t at = system_at(which == 11 ? 9 : system_);
     length_[tool] = which == 1
                         ? word
-                        : absolute(2) - word - parameters_[at + 2] - (which == 10 ? g92_[2] : 0.0);
+                        : from_zero(2) - word - parameters_[at + 2] - (which == 10 ? g92_[2] : 0.0);
   }
   if (const NcWord& r = block['R']) radius_[tool] = r.value * unit();
 }

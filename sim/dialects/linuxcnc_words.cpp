@@ -88,8 +88,9 @@ constexpr Line lines[] = {
     {"M70 M71 M72 M73", Group::None, refused,
      "modal words as they are wanted: states are not saved and restored"},
     {"M98 M99", Group::None, refused, "o call and o return, or dialect = \"fanuc\""},
-    {"M428", Group::Kinematics, read, "kinematics of the tip, as G43.4 with the tool in use"},
-    {"M429", Group::Kinematics, read, "identity kinematics, as G49"},
+    {"M428", Group::Kinematics, read,
+     "kinematics of the tip, as G43.4; the length of G43 must be that of the tool"},
+    {"M429", Group::Kinematics, read, "identity kinematics: G43 as before, the end of G43.4"},
 };
 
 constexpr WordUse other_words[] = {

@@ -7,7 +7,6 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/dialects/siemens_machine.h"
-#include "sim/dialects/surface_speed.h"
 
 namespace abbe::sim::dialects::siemens {
 
@@ -109,10 +108,6 @@ void Machine::put_arc(const Block& block, ArcMove move) {
   if (compensation_.leaving()) refuse(move.cause, "a line as the first move after G40");
   if (compensation_.on()) {
     if (!compensation_.entered()) refuse(move.cause, "a line as the first move after G41 and G42");
-    if (move.radius)
-      move.centre = compensation_.centre_of_radius(move, *move.radius, move.named);
-    else
-      move.centre = {move.placed_centre[move.first], move.placed_centre[move.second]};
     return compensation_.arc(std::move(move));
   }
   const AxisVector start = canon_.position();
@@ -120,7 +115,6 @@ void Machine::put_arc(const Block& block, ArcMove move) {
   for (const int j : turning_.rotary())
     if (traori_ && move.end[j] != start[j] && on_great_circle_.value_or(workpiece_frame_))
       refuse(move.cause, "ORIAXES before an arc that turns the tool");
-  if (surface_speed_) turn_at_surface_speed(canon_, speed_, most_rpm_, move.end);
   canon_.arc(std::move(move));
 }
 

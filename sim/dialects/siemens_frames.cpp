@@ -32,17 +32,15 @@ Matrix3d Machine::total_rotation() const {
 void Machine::apply_frame() {
   canon_.set_tip_mode(tip_mode(), {1, {}});
   const Placement sum = swivel_ ? behind(swivel_->frame, programmable_) : programmable_;
-  const auto at_zero = tip_mode() ? std::nullopt : tip_at_zero();
   program::Frame frame;
   if (system_ >= 0) frame.shift = canon_.options().work_offset[std::size_t(system_)];
   if (!sum.rotation.isIdentity(0.0)) frame.rotation = sum.rotation;
   const bool turns = !programmable_turns_.isZero(0.0);
-  if (!sum.shift.isZero(0.0) || turns || (at_zero && !at_zero->isZero(0.0))) {
+  if (!sum.shift.isZero(0.0) || turns) {
     if (frame.shift.size() == 0) frame.shift = AxisVector::Zero(canon_.position().size());
     if (turns) frame.shift += programmable_turns_;
     for (int k = 0; k < 3; ++k)
-      if (const int j = joint(k); j >= 0)
-        frame.shift[j] += sum.shift[k] - (at_zero ? (*at_zero)[k] : 0.0);
+      if (const int j = joint(k); j >= 0) frame.shift[j] += sum.shift[k];
   }
   canon_.set_frame(system_, std::move(frame));
 }

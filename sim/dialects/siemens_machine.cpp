@@ -33,6 +33,7 @@ Machine::Machine(ProgramRun& run, bool tool_changes_by_m6)
       changes_by_m6_(tool_changes_by_m6),
       programmable_turns_(AxisVector::Zero(canon_.position().size())),
       compensation_(run) {
+  canon_.count_from_workpiece();
   apply_tool();
 }
 
@@ -136,6 +137,8 @@ void Machine::set_spindle(const Block& block) {
   }
   if (const Code& code = block[Group::Spindle])
     canon_.turn_spindle(code.word == "M3" ? 1 : code.word == "M4" ? -1 : 0);
+  canon_.set_surface_speed(surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, most_rpm_})
+                                          : std::nullopt);
 }
 
 void Machine::note_coolant(const Block& block) const {

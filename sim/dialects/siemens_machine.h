@@ -72,9 +72,8 @@ class Machine {
   bool knows_tool() const { return tool_ >= 0 || one_length(); }
   double length_of_tool(const Cause& cause) const;
   void apply_tool();
-  /// Where the tip stands in the workpiece with all axes at zero, without tool if D0; none where
-  /// slides do not run along the workpiece's axes.
-  std::optional<Eigen::Vector3d> tip_at_zero() const;
+  /// (axes) of the length that counts where the axes are commanded; empty for none.
+  AxisVector shift_of_tool() const;
 
   // siemens_frames.cpp
   bool tip_mode() const { return traori_ || (swivel_ && swivel_->turned); }

@@ -7,7 +7,6 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/dialects/siemens_machine.h"
-#include "sim/dialects/surface_speed.h"
 
 namespace abbe::sim::dialects::siemens {
 
@@ -129,11 +128,7 @@ void Machine::check_motion(const Block& block) const {
 void Machine::put_straight(Straight move, bool rapid) {
   if (compensation_.on()) return compensation_.straight(std::move(move), rapid);
   compensation_.left_behind();
-  if (surface_speed_) turn_at_surface_speed(canon_, speed_, most_rpm_, move.end);
-  if (rapid)
-    canon_.traverse(std::move(move));
-  else
-    canon_.straight_feed(std::move(move));
+  canon_.straight(std::move(move), rapid);
 }
 
 void Machine::point_tool(const Block& block, AxisVector& end) const {

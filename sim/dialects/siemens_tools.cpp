@@ -76,23 +76,6 @@ double Machine::length_of_tool(const Cause& cause) const {
          tool_ < 0 ? "none called" : fmt::format("T{}", tool_));
 }
 
-std::optional<Eigen::Vector3d> Machine::tip_at_zero() const {
-  const auto& options = canon_.options();
-  if (!turning_.possible()) return std::nullopt;
-  const auto own = options.control_of_h.find(tool_);
-  const Chain& chain = own == options.control_of_h.end() ? *options.control : own->second;
-  const AxisVector zero = AxisVector::Zero(chain.size());
-  const kinematics::Pose T_wt = chain.tool_in_workpiece(zero);
-  for (int k = 0; k < 3; ++k) {
-    AxisVector q = zero;
-    q[joint(k)] = 1.0;
-    const Eigen::Vector3d way = chain.tool_in_workpiece(q).translation() - T_wt.translation();
-    if ((way - Eigen::Vector3d::Unit(k)).norm() > 1e-9) return std::nullopt;
-  }
-  if (length_counts_ || !knows_tool()) return T_wt.translation();
-  return T_wt.translation() + length_of_tool({1, {}}) * T_wt.linear().col(2);
-}
-
 void Machine::set_compensation(const Code& code) {
   if (code.word == "G40") return compensation_.end();
   const bool left = code.word == "G41";
@@ -116,18 +99,28 @@ void Machine::set_compensation(const Code& code) {
                       {.upright_entry = true, .least_corner = least_corner});
 }
 
-/// On a machine without rotary axes the length of the tool is added to Z; else it is in the place
-/// where the tip stands, which the frame takes in.
+/// On a machine with rotary axes the length of a tool is that of its chain, else it is added to Z.
 void Machine::apply_tool() {
-  const int z = joint(2);
-  if (z >= 0 && !turning_.possible() && length_counts_ && knows_tool()) {
-    AxisVector shift = AxisVector::Zero(canon_.position().size());
-    shift[z] = length_of_tool({1, {}});
-    canon_.set_tool_shift(std::move(shift));
-  } else {
-    canon_.set_tool_shift({});
-  }
+  canon_.set_tool_shift(tip_mode() ? AxisVector() : shift_of_tool());
   apply_frame();
+}
+
+AxisVector Machine::shift_of_tool() const {
+  AxisVector shift = AxisVector::Zero(canon_.position().size());
+  const auto& zero = canon_.zero();
+  if (zero && zero->places && turning_.possible()) {
+    const auto& options = canon_.options();
+    const auto own = options.control_of_h.find(tool_);
+    const Chain& chain = own == options.control_of_h.end() ? *options.control : own->second;
+    const auto tip_w = program::tip_at_zero(chain);
+    if (!tip_w || (!length_counts_ && knows_tool())) return {};
+    for (int k = 0; k < 3; ++k) shift[joint(k)] = zero->nose_w[k] - (*tip_w)[k];
+    return shift;
+  }
+  const int z = joint(2);
+  if (z < 0 || turning_.possible() || !length_counts_ || !knows_tool()) return {};
+  shift[z] = length_of_tool({1, {}});
+  return shift;
 }
 
 }  // namespace abbe::sim::dialects::siemens

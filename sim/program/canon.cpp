@@ -26,14 +26,6 @@ constexpr double least_motion = 1e-11;
 
 }  // namespace
 
-AxisVector start_of(const NcOptions& options) {
-  const Eigen::Index n = Eigen::Index(options.axes.size());
-  if (options.start.size() == 0) return AxisVector::Zero(n);
-  if (options.start.size() != n)
-    throw std::invalid_argument("expected one start position for every axis");
-  return options.start;
-}
-
 void Target::put(int joint, double value, const Cause& cause, bool step) {
   const std::uint32_t bit = 1u << joint;
   given_ |= bit;
@@ -48,7 +40,8 @@ Canon::Canon(const std::string& file, const NcOptions& options)
       spindle_(spindle_of(options.axes)),
       xyz_{joint_of('X'), joint_of('Y'), joint_of('Z')},
       at_(start_of(options)),
-      chain_(options.control ? &*options.control : nullptr) {
+      chain_(options.control ? &*options.control : nullptr),
+      zero_(program_zero(options)) {
   path_.file = file;
   for (const AxisVector& offset : options.work_offset)
     if (offset.size() != 0 && offset.size() != at_.size())
@@ -58,6 +51,7 @@ Canon::Canon(const std::string& file, const NcOptions& options)
 
 int Canon::add_file(const std::string& file) {
   path_.more_files.push_back(file);
+  more_files_.push_back(file);
   return int(path_.more_files.size());
 }
 
@@ -69,6 +63,12 @@ void Canon::stand_at(int line, int file) {
 void Canon::set_frame(int number, Frame frame) {
   offset_number_ = number;
   frame_ = std::move(frame);
+}
+
+void Canon::count_from_workpiece() {
+  if (zero_) return;
+  zero_ = known_zero(options_);
+  if (zero_ && !zero_->places) zero_.reset();
 }
 
 void Canon::set_tool_shift(AxisVector shift) { tool_shift_ = std::move(shift); }
@@ -112,9 +112,13 @@ void Canon::set_tip_mode(bool on, const Cause& cause) {
 
 AxisVector Canon::unplaced(AxisVector p) const {
   if (tool_shift_.size() > 0) p -= tool_shift_;
+  const auto [x, y, z] = xyz_;
+  if (zero_) {
+    const Eigen::Vector3d more = on_top_of_shift();
+    for (int k = 0; k < 3; ++k) p[xyz_[std::size_t(k)]] -= more[k];
+  }
   if (frame_.shift.size() > 0) p -= frame_.shift;
   if (!frame_.rotation) return p;
-  const auto [x, y, z] = xyz_;
   const Eigen::Vector3d turned = frame_.rotation->transpose() * Eigen::Vector3d(p[x], p[y], p[z]);
   p[x] = turned.x();
   p[y] = turned.y();
@@ -131,6 +135,10 @@ AxisVector Canon::placed(AxisVector p) const {
     p[z] = turned.z();
   }
   if (frame_.shift.size() > 0) p += frame_.shift;
+  if (zero_) {
+    const Eigen::Vector3d more = on_top_of_shift();
+    for (int k = 0; k < 3; ++k) p[xyz_[std::size_t(k)]] += more[k];
+  }
   if (tool_shift_.size() > 0) p += tool_shift_;
   return p;
 }
@@ -148,6 +156,10 @@ AxisVector Canon::end_from(const AxisVector& start, const Target& target, bool m
     p = placed(std::move(p));
     for (const int j : xyz_) end[j] = p[j];
   }
+  const Eigen::Vector3d more = on_top_of_shift();
+  const auto zero_of = [&](int j) {
+    return j == xyz_[0] ? more.x() : j == xyz_[1] ? more.y() : j == xyz_[2] ? more.z() : 0.0;
+  };
   for (int j = 0; j < int(end.size()); ++j) {
     if (!target.has(j)) continue;
     const double value = target.value(j);
@@ -157,7 +169,7 @@ AxisVector Canon::end_from(const AxisVector& start, const Target& target, bool m
     } else if (target.is_step(j)) {
       end[j] += value;
     } else {
-      end[j] = value + (frame_.shift.size() > 0 ? frame_.shift[j] : 0.0) +
+      end[j] = value + (frame_.shift.size() > 0 ? frame_.shift[j] : 0.0) + zero_of(j) +
                (tool_shift_.size() > 0 ? tool_shift_[j] : 0.0);
     }
     if (!(std::abs(end[j]) <= (is_linear(j) ? largest_mm : largest_rad)))
@@ -234,7 +246,18 @@ auto Canon::made(const AxisVector& end, const Make& make) {
   }
 }
 
-void Canon::straight(Straight move, Interpolation interpolation) {
+void Canon::turn_at_surface_speed(const AxisVector& end) {
+  if (!surface_speed_) return;
+  const int x = xyz_[0];
+  const double from = programmed()[x], to = from + end[x] - at_[x];
+  const double radius = std::abs(0.5 * (from + to));
+  const auto [m_per_min, most_rpm] = *surface_speed_;
+  const double rpm = radius > 0 ? m_per_min * 1000.0 / (2 * pi * radius) : most_rpm;
+  spindle_rpm_ = std::min(rpm, most_rpm);
+}
+
+void Canon::go(Straight move, Interpolation interpolation) {
+  turn_at_surface_speed(move.end);
   Block straight;
   straight.interpolation = interpolation;
   straight.coordinates = coordinates_;
@@ -247,17 +270,13 @@ void Canon::straight(Straight move, Interpolation interpolation) {
     append(std::move(straight), seconds);
 }
 
-void Canon::traverse(Straight move) { straight(std::move(move), Interpolation::Rapid); }
-
-void Canon::straight_feed(Straight move) { straight(std::move(move), Interpolation::Line); }
-
-Eigen::Vector2d Canon::centre_of_radius(const ArcMove& move, double r, const Cause& cause) {
-  const ArcWords ends{{at_[move.first], at_[move.second]},
-                      {move.end[move.first], move.end[move.second]},
-                      {},
-                      move.clockwise};
-  return made(move.end, [&] { return centre_by_radius(ends, r, place(), cause); });
+void Canon::straight(Straight move, bool rapid) {
+  go(std::move(move), rapid ? Interpolation::Rapid : Interpolation::Line);
 }
+
+void Canon::traverse(Straight move) { go(std::move(move), Interpolation::Rapid); }
+
+void Canon::straight_feed(Straight move) { go(std::move(move), Interpolation::Line); }
 
 std::optional<Eigen::Matrix3d> Canon::turn_of(const ArcMove& move, int third) const {
   const bool turns = move.radius || move.placed_centre.size() > 0;
@@ -299,6 +318,7 @@ Arc Canon::arc_of(const ArcMove& move) {
 }
 
 void Canon::arc(ArcMove move) {
+  turn_at_surface_speed(move.end);
   Block round;
   round.interpolation = Interpolation::Arc;
   round.coordinates = coordinates_;

@@ -2,42 +2,19 @@
 
 #include <array>
 #include <cstdint>
+#include <deque>
 #include <functional>
-#include <map>
 #include <optional>
 #include <string>
 
 #include "kinematics/chain.h"
-#include "sim/program/controlled_axes.h"
+#include "sim/program/nc_options.h"
 #include "sim/program/path.h"
 #include "sim/program/place.h"
+#include "sim/program/program_zero.h"
 
 /// Canonical moves, the vocabulary of NIST RS274/NGC: what every front end turns its text into.
 namespace abbe::sim::program {
-
-/// What a control knows before it reads a program. Lengths mm, angles rad, speeds mm/s.
-struct NcOptions {
-  std::vector<ControlledAxis> axes;                     ///< every joint of the machine
-  kinematics::AxisVector start;                         ///< (axes) where the axes stand at first
-  std::map<int, double> tool_length;                    ///< mm by H number; an unknown H is refused
-  std::map<int, double> tool_radius;                    ///< mm by D number, for cutter compensation
-  std::map<std::string, int, std::less<>> tool_number;  ///< by name, of those that have one
-  std::array<kinematics::AxisVector, 6>
-      work_offset{};                    ///< G54 .. G59, (axes) each; empty means zero
-  double rapid_speed = 10000.0 / 60.0;  ///< mm/s along the way
-  double rapid_turn = 3600.0 / 60.0 * 0.017453292519943295;  ///< rad/s for a block of turns only
-  std::optional<kinematics::Chain> control;       ///< the control's own chain: G43.4 needs it to
-                                                  ///< know where the tip stands when it is
-                                                  ///< switched on; without it G43.4 is refused
-  std::map<int, kinematics::Chain> control_of_h;  ///< of several tools: `control` to the tip of
-                                                  ///< each, by H, for G43.4
-  bool block_delete = true;                       ///< blocks that start with / are left out
-  std::size_t max_bytes = std::size_t(1) << 31;   ///< larger programs are refused
-};
-
-/// Where the axes stand at first: zero unless stated.
-/// @throws std::invalid_argument if `start` has not one number for every axis
-kinematics::AxisVector start_of(const NcOptions& options);
 
 /// Where a move is to end, joint by joint, as words say it. Joints without a word stay.
 class Target {
@@ -60,8 +37,8 @@ class Target {
   std::array<Cause, kinematics::max_joints> cause_;
 };
 
-/// From program coordinates to those of the axes or the tip: turned, then shifted, then longer by
-/// the tool. X Y Z are turned; every joint is shifted.
+/// From program coordinates to those of the axes or the tip: turned, then shifted from where
+/// `Canon::zero` says, then longer by the tool. X Y Z are turned; every joint is shifted.
 struct Frame {
   kinematics::AxisVector shift;                  ///< (axes) mm, rad; empty means zero
   std::optional<Eigen::Matrix3d> rotation = {};  ///< of X Y Z
@@ -73,6 +50,13 @@ enum class FeedMode { PerMinute, InverseTime, PerRevolution };
 struct Feed {
   double word = 0.0;  ///< per minute, 1/min or per turn, as programmed
   double unit = 1.0;  ///< mm per unit of length in it
+};
+
+/// Constant surface speed (G96): a block runs at the speed that belongs to the X of its middle, the
+/// radius of the workpiece in program coordinates.
+struct SurfaceSpeed {
+  double m_per_min = 0.0;
+  double most_rpm = 1e6;  ///< at most, and on the axis
 };
 
 /// A straight move in the coordinates that are in force.
@@ -143,10 +127,18 @@ class Canon {
   void set_feed(std::optional<Feed> feed) { feed_ = feed; }
   const std::optional<Feed>& feed() const { return feed_; }
   void set_spindle_speed(double rpm) { spindle_rpm_ = rpm; }
-  double spindle_speed() const { return spindle_rpm_; }             ///< rpm
+  double spindle_speed() const { return spindle_rpm_; }  ///< rpm
+  /// The blocks that follow set the speed of the spindle; none: it is as it was set. There is an X.
+  void set_surface_speed(std::optional<SurfaceSpeed> speed) { surface_speed_ = speed; }
   void turn_spindle(int direction) { spindle_turns_ = direction; }  ///< +1 M3, -1 M4, 0 M5
   int spindle_direction() const { return spindle_turns_; }
 
+  /// What shifts of frames count from: the rule of `program_zero`.
+  const std::optional<ProgramZero>& zero() const { return zero_; }
+  /// From here on as places, even if the scene states no offset, on a machine with rotary axes.
+  void count_from_workpiece();
+  /// What zero adds to a shift of X Y Z in the coordinates in force, mm.
+  Eigen::Vector3d on_top_of_shift() const { return on_top_of_offset(zero_, coordinates_); }
   /// @param number  for the record: 0 .. 5, G54 .. G59; more for others
   void set_frame(int number, Frame frame);
   const Frame& frame() const { return frame_; }
@@ -184,14 +176,13 @@ class Canon {
                                   bool machine) const;
   double time_s() const { return time_s_; }
 
+  /// A traverse or a straight feed.
+  void straight(Straight move, bool rapid);
   void traverse(Straight move);
   /// @throws BadInput without a feed, or per turn of a spindle that stands
   void straight_feed(Straight move);
   /// @throws BadInput the same; and for radii that differ as the README of this folder says
   void arc(ArcMove move);
-  /// The centre of an arc of radius |r| to `move.end` in the plane of the joints.
-  /// @throws BadGeometry
-  Eigen::Vector2d centre_of_radius(const ArcMove& move, double r, const Cause& cause);
   /// @throws BadInput beyond 0 to 1e6 s
   void dwell(double seconds, const Cause& cause);
 
@@ -219,9 +210,10 @@ class Canon {
 
  private:
   const std::string& file_name() const {
-    return file_ == 0 ? path_.file : path_.more_files[std::size_t(file_ - 1)];
+    return file_ == 0 ? path_.file : more_files_[std::size_t(file_ - 1)];
   }
-  void straight(Straight move, Interpolation interpolation);
+  void go(Straight move, Interpolation interpolation);
+  void turn_at_surface_speed(const kinematics::AxisVector& end);
   double duration(const Block& block, const Cause& cause) const;
   void append(Block block, double seconds);
   /// A move that cannot be made leaves the axes where it would have ended, so that the next one is
@@ -234,7 +226,8 @@ class Canon {
 
   const NcOptions& options_;
   Path path_;
-  std::size_t handed_over_ = 0;  ///< blocks
+  std::deque<std::string> more_files_;  ///< those of the path, for places: they stay where they are
+  std::size_t handed_over_ = 0;         ///< blocks
   int line_ = 0, file_ = 0;
   const std::array<int, 26> joint_of_;
   const int spindle_;
@@ -247,11 +240,13 @@ class Canon {
   const kinematics::Chain* chain_;  ///< that the tip mode counts with; null if there is none
   int length_number_ = -1;
   int offset_number_ = 0;
+  std::optional<ProgramZero> zero_;
   Frame frame_;
   kinematics::AxisVector tool_shift_;
   FeedMode feed_mode_ = FeedMode::PerMinute;
   std::optional<Feed> feed_;
   double spindle_rpm_ = 0.0;
+  std::optional<SurfaceSpeed> surface_speed_;
   int spindle_turns_ = 0;
   int tool_ = -1;            ///< of the last T word
   std::uint32_t doubt_ = 0;  ///< bits by joint

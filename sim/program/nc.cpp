@@ -9,7 +9,7 @@
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
-#include "sim/program/arc_move.h"
+#include "sim/program/arc_of_block.h"
 #include "sim/program/canon.h"
 #include "sim/program/nc_block.h"
 #include "sim/program/nc_codes.h"
@@ -49,7 +49,6 @@ class Words {
   void move(const NcBlock& block, const Codes& codes);
   Target target(const NcBlock& block, bool machine_coordinates) const;
   void arc(const NcBlock& block, const NcWord& cause, AxisVector end);
-  Eigen::Vector2d centre(const NcBlock& block, const NcWord& cause, const ArcMove& arc) const;
 
   const NcWord& first_axis_word(const NcBlock& block) const;
   double unit() const { return canon_.inch() ? units::inch : 1.0; }
@@ -223,46 +222,18 @@ Target Words::target(const NcBlock& block, bool machine_coordinates) const {
   return target;
 }
 
-Eigen::Vector2d Words::centre(const NcBlock& block, const NcWord& cause, const ArcMove& arc) const {
-  const std::string_view letters = plane_ == 170 ? "IJK" : plane_ == 180 ? "KIJ" : "JKI";
-  const std::string pair = plane_ == 170 ? "I J" : plane_ == 180 ? "I K" : "J K";
-  const NcWord& first = block[letters[0]];
-  const NcWord& second = block[letters[1]];
-  if (const NcWord& outside = block[letters[2]])
-    refuse(outside, fmt::format("{} in the plane of G{}", pair, plane_ / 10));
-  if (!first && !second)
-    refuse(cause, fmt::format("{} or R beside {}", pair, arc.clockwise ? "G2" : "G3"), "none");
-  const Eigen::Vector2d words(first.value * unit(), second.value * unit());
-  const AxisVector& at = canon_.position();
-  if (!absolute_centre_) return Eigen::Vector2d(at[arc.first], at[arc.second]) + words;
-  if (!first || !second) refuse(cause, "both " + pair + " under G90.1", "one");
-  const auto zero = [&](int joint) {
-    const AxisVector &offset = canon_.frame().shift, &tool = canon_.tool_shift();
-    return (offset.size() > 0 ? offset[joint] : 0.0) + (tool.size() > 0 ? tool[joint] : 0.0);
-  };
-  return words + Eigen::Vector2d(zero(arc.first), zero(arc.second));
-}
-
 void Words::arc(const NcBlock& block, const NcWord& cause, AxisVector end) {
-  const std::string_view plane = plane_ == 170 ? "XY" : plane_ == 180 ? "ZX" : "YZ";
-  ArcMove arc{.first = canon_.joint_of(plane[0]),
-              .second = canon_.joint_of(plane[1]),
-              .end = std::move(end),
-              .centre = {0, 0},
-              .clockwise = motion_ == 20,
-              .cause = cause,
-              .named = cause};
-  if (arc.first < 0 || arc.second < 0)
-    refuse(cause, fmt::format("a machine with the axes {} {} of the plane", plane[0], plane[1]));
-  if (const NcWord& radius = block['R']) {
-    for (const char letter : {'I', 'J', 'K'})
-      if (block[letter]) refuse(block[letter], "either R or I J K");
-    arc.centre = canon_.centre_of_radius(arc, radius.value * unit(), radius);
-    arc.named = radius;
-  } else {
-    arc.centre = centre(block, cause, arc);
-  }
-  canon_.arc(std::move(arc));
+  canon_.arc(arc_of_block(canon_, {.plane = plane_ / 10,
+                                   .clockwise = motion_ == 20,
+                                   .absolute_centre = absolute_centre_,
+                                   .from = canon_.position(),
+                                   .end = std::move(end),
+                                   .cause = cause,
+                                   .word = [&](char letter) -> std::optional<LengthWord> {
+                                     const NcWord& word = block[letter];
+                                     if (!word) return std::nullopt;
+                                     return LengthWord{word.value * unit(), word};
+                                   }}));
 }
 
 void Words::move(const NcBlock& block, const Codes& codes) {

@@ -17,7 +17,7 @@ using kinematics::Motion;
 namespace {
 
 constexpr double turns_at_all = 1e-9;  // rad
-constexpr double same_place = 1e-9;    // mm or rad, rounding of a change between axes and tip
+constexpr double one_place = 1e-9;     // mm or rad, rounding of a change between axes and tip
 constexpr double angle_within = 1e-8;  // of the search, in u times the turn
 
 std::vector<ControlledAxis> axes_named(const Chain& chain) {
@@ -106,7 +106,7 @@ Vector3d PathMeter::tip_of(const Path& path, const Block& block, const AxisVecto
 /// Where a block begins: where the last one ended, unless the coordinates change.
 void PathMeter::begin(const Path& path, const Block& block) {
   const bool goes_on = figures_.blocks > 0 && block.coordinates == coordinates_ &&
-                       (block.start - programmed_).cwiseAbs().maxCoeff() < same_place;
+                       (block.start - programmed_).cwiseAbs().maxCoeff() < one_place;
   if (!goes_on) {
     q_ = axes_at(path, block, control_, 0.0);
     tip_w_ = control_.tool_in_workpiece(q_).translation();

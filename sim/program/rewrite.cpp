@@ -116,6 +116,7 @@ class NcRewriter {
   void plane(std::string_view letters);
   double feed(const Way& way, double seconds) const;
   double step(int joint) const;
+  double offset(int joint) const;
   bool stands_at(const AxisVector& words) const;
   AxisVector words(const AxisVector& at) const;
   AxisVector in_units(AxisVector words) const;
@@ -125,6 +126,7 @@ class NcRewriter {
   const RewriteOptions& options_;
   RewrittenProgram program_;
   std::vector<NcItem> items_;
+  const std::optional<ProgramZero> zero_;
   std::optional<Coordinates> mode_;
   std::optional<AxisVector> stands_;  ///< words of where the tool stands, if they are known
   std::optional<bool> inch_, inverse_time_;
@@ -135,7 +137,11 @@ class NcRewriter {
 };
 
 NcRewriter::NcRewriter(const Path& path, const NcOptions& control, const RewriteOptions& options)
-    : path_(path), control_(control), options_(options), spindle_(spindle_of(control.axes)) {
+    : path_(path),
+      control_(control),
+      options_(options),
+      zero_(program_zero(control)),
+      spindle_(spindle_of(control.axes)) {
   say("(corrected program)");
   say("G17 G90 G91.1 G54");
   if (path.blocks.empty()) say("G49");
@@ -160,8 +166,9 @@ void NcRewriter::dialect(const Block& block) {
 
 void NcRewriter::coordinates(const Block& block) {
   if (mode_ == block.coordinates) return;
-  stands_ = mode_ ? std::nullopt : std::optional(words(block.start));
+  const bool first = !mode_;
   mode_ = block.coordinates;
+  stands_ = first ? std::optional(words(block.start)) : std::nullopt;
   if (mode_ == Coordinates::Axis) return say("G49");
   if (control_.tool_length.empty())
     throw std::invalid_argument("expected a tool length for G43.4 H");
@@ -192,13 +199,21 @@ double NcRewriter::step(int joint) const {
          units::inch;
 }
 
+/// What G54 adds to a word in the coordinates in force.
+double NcRewriter::offset(int joint) const {
+  const AxisVector& g54 = control_.work_offset[0];
+  const char name = control_.axes[std::size_t(joint)].name;
+  const double more =
+      name >= 'X' && name <= 'Z' ? on_top_of_offset(zero_, *mode_)[name - 'X'] : 0.0;
+  return (g54.size() > 0 ? g54[joint] : 0.0) + more;
+}
+
 AxisVector NcRewriter::words(const AxisVector& at) const {
   AxisVector words = at;
-  const AxisVector& offset = control_.work_offset[0];
   for (int j = 0; j < int(words.size()); ++j) {
     const double unit = control_.axes[std::size_t(j)].motion == Motion::Linear ? 1.0 : units::deg;
     const double word = step(j) / unit;
-    const double value = (words[j] - (offset.size() > 0 ? offset[j] : 0.0)) / unit;
+    const double value = (words[j] - offset(j)) / unit;
     words[j] = std::round(value / word) * word * unit;
   }
   return words;
@@ -237,14 +252,13 @@ std::optional<Arc> NcRewriter::round(const Block& block, const Point& to) const 
   if (!to.centre || !stands_) return std::nullopt;
   const Arc& arc = path_.arcs[block.shape];
   const double word = step(arc.first);
-  const AxisVector& offset = control_.work_offset[0];
   ArcWords words;
   words.clockwise = arc.sweep < 0.0;
   for (int k = 0; k < 2; ++k) {
     const int j = k == 0 ? arc.first : arc.second;
     words.start[k] = (*stands_)[j];
     words.end[k] = to.words[j];
-    const double centre = (*to.centre)[k] - (offset.size() > 0 ? offset[j] : 0.0);
+    const double centre = (*to.centre)[k] - offset(j);
     words.centre[k] = words.start[k] + std::round((centre - words.start[k]) / word) * word;
   }
   constexpr double least = 5.0;  // words: what is smaller has lost its sense of turning

@@ -162,7 +162,9 @@ void put_tool_lengths(const ProgramDescription& program, Node::Table& table) {
 using Joints = std::vector<kinematics::Joint>;
 
 Key work_offset_key() {
-  Key one = key_of("G<54..59>", Key::Kind::Table, "where the words of the program count from",
+  Key one = key_of("G<54..59>", Key::Kind::Table,
+                   "where the words of the program count from: with rotary axes a place in the "
+                   "workpiece, else positions of the slides",
                    axis_word_fields({}).keys());
   one.pattern = "G5[4-9]";
   return key_of("work_offset", Key::Kind::Table,

@@ -178,5 +178,26 @@ TEST(LinuxCnc, SubprogramsInFilesAreNamedInRefusals) {
   fs::remove_all(folder);
 }
 
+TEST(LinuxCnc, WhatWaitsUnderCompensationKeepsItsFeedAndItsLine) {
+  const program::Path path =
+      read("G21 G90 G94 G17\nG41.1 D4\nG1 X10 F100\nX20\nZ-5 F50\nG4 P3\nX30 F200\nG40\nX40\nM2\n");
+  std::vector<int> lines;
+  for (const program::Block& block : path.blocks) lines.push_back(block.line);
+  EXPECT_EQ(lines, (std::vector<int>{3, 4, 5, 6, 7, 9}));
+  const program::Block &plunge = path.blocks[2], &dwell = path.blocks[3];
+  EXPECT_EQ(plunge.end[3], -5.0);
+  EXPECT_NEAR(plunge.end_s - plunge.start_s, 5.0 / 50 * 60, 1e-9);
+  EXPECT_NEAR(dwell.end_s - dwell.start_s, 3.0, 1e-9);
+}
+
+TEST(LinuxCnc, APlaceStaysWhereFilesAreAdded) {
+  const ReadOptions with = test_options();
+  program::Canon canon("part.ngc", with.control);
+  canon.stand_at(4, canon.add_file("first.ngc"));
+  const program::NcPlace place = canon.place();
+  for (int n = 0; n < 1000; ++n) canon.add_file("another file with a long name.ngc");
+  EXPECT_EQ(place.file, "first.ngc");
+}
+
 }  // namespace
 }  // namespace abbe::sim::dialects

@@ -51,7 +51,7 @@ std::string pocket_stl() {
 
 /// Passes of the ball over the floor, 0.25 mm apart, as near to the walls as they let it.
 std::string pocket_program(double z) {
-  std::string text = fmt::format("G21 G90 G94\nG0 X0 Y0 Z30\nF1000\nG1 Z{}\n", z);
+  std::string text = fmt::format("G21 G90 G94\nG43 H1\nG0 X0 Y0 Z30\nF1000\nG1 Z{}\n", z);
   for (int i = 0; i <= 48; ++i) {
     const double x = i % 2 == 0 ? 11.0 : -11.0;
     text += fmt::format("G1 X{} Y{}\nG1 X{}\n", -x, -6.0 + 0.25 * i, x);
@@ -127,7 +127,8 @@ TEST_F(Pocket, ALaterRegionWithoutAToleranceHasThatOfThePart) {
   int right = 0, left = 0;
   for (Eigen::Index i = 0; i < bands.rows(); ++i) {
     const Vector3d p = made.design_w.vertices.row(i).transpose() - Vector3d(40, 25, 80);
-    const bool in_pocket = std::abs(p.x()) < 14.000001 && std::abs(p.y()) < 9.000001 && p.z() > -6.000001;
+    const bool in_pocket =
+        std::abs(p.x()) < 14.000001 && std::abs(p.y()) < 9.000001 && p.z() > -6.000001;
     const bool is_left = p.x() < 1e-6;
     EXPECT_EQ(bands(i, 1), in_pocket && !is_left ? 5e-3 : 50e-3) << p.transpose();
     (is_left ? left : right) += in_pocket;

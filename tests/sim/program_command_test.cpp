@@ -91,12 +91,13 @@ TEST(ProgramCommand, WorkOffsetsAndTheToolShiftWhatTheAxesDo) {
   folder.write("p.ngc", "G21 G90 G94 G54\nG43 H1\nG0 X10 Z60\nG1 X20 F1000\n");
   const std::string file = (folder.path() / "p.ngc").string();
   const json plain = json_of(file);
-  const json moved = json_of(file + " --offset \"X=5 Z=-50\" --tool-length 80");
+  const json moved = json_of(file + " --offset \"X=5 Z=10\" --tool-length 80");
   EXPECT_EQ(plain["axes"]["Z"]["from"], 160.0);
-  EXPECT_EQ(moved["axes"]["Z"]["from"], 90.0);
+  // the nose stands 50 mm above the table with Z at zero
+  EXPECT_EQ(moved["axes"]["Z"]["from"], 60.0 + 10.0 - 50.0 + 80.0);
   EXPECT_EQ(moved["axes"]["X"]["to"], 25.0);
-  // the nose stands 50 mm above the table with Z at zero: words are the tip above it then
-  EXPECT_NEAR(moved["extent_at_feed_mm"]["Z"][0].get<double>(), 60.0, 1e-12);
+  // an offset is a place in the workpiece
+  EXPECT_NEAR(moved["extent_at_feed_mm"]["Z"][0].get<double>(), 70.0, 1e-12);
   EXPECT_EQ(run("program " + file + " --offset Q=5").code, 3);
 }
 

@@ -1,0 +1,17 @@
+#include "sim/program/nc_options.h"
+
+#include <stdexcept>
+
+namespace abbe::sim::program {
+
+using kinematics::AxisVector;
+
+AxisVector start_of(const NcOptions& options) {
+  const Eigen::Index n = Eigen::Index(options.axes.size());
+  if (options.start.size() == 0) return AxisVector::Zero(n);
+  if (options.start.size() != n)
+    throw std::invalid_argument("expected one start position for every axis");
+  return options.start;
+}
+
+}  // namespace abbe::sim::program

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "kinematics/chain.h"
+#include "sim/program/controlled_axes.h"
+
+namespace abbe::sim::program {
+
+/// What a control knows before it reads a program. Lengths mm, angles rad, speeds mm/s.
+struct NcOptions {
+  std::vector<ControlledAxis> axes;                     ///< every joint of the machine
+  kinematics::AxisVector start;                         ///< (axes) where the axes stand at first
+  std::map<int, double> tool_length;                    ///< mm by H number; an unknown H is refused
+  std::map<int, double> tool_radius;                    ///< mm by D number, for cutter compensation
+  std::map<std::string, int, std::less<>> tool_number;  ///< by name, of those that have one
+  std::array<kinematics::AxisVector, 6>
+      work_offset{};                    ///< G54 .. G59, (axes) each, as `program_zero` has it;
+                                        ///< empty means none is stated
+  double rapid_speed = 10000.0 / 60.0;  ///< mm/s along the way
+  double rapid_turn = 3600.0 / 60.0 * 0.017453292519943295;  ///< rad/s for a block of turns only
+  std::optional<kinematics::Chain> control;       ///< the control's own chain: G43.4 needs it to
+                                                  ///< know where the tip stands when it is
+                                                  ///< switched on; without it G43.4 is refused
+  std::map<int, kinematics::Chain> control_of_h;  ///< of several tools: `control` to the tip of
+                                                  ///< each, by H, for G43.4
+  bool block_delete = true;                       ///< blocks that start with / are left out
+  std::size_t max_bytes = std::size_t(1) << 31;   ///< larger programs are refused
+};
+
+/// Where the axes stand at first: zero unless stated.
+/// @throws std::invalid_argument if `start` has not one number for every axis
+kinematics::AxisVector start_of(const NcOptions& options);
+
+}  // namespace abbe::sim::program

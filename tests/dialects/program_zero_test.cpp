@@ -1,0 +1,161 @@
+// What a work offset means: the rule of sim/program/README.md, held against the forward chain.
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+
+#include <cmath>
+#include <iostream>
+#include <random>
+
+#include <fmt/format.h>
+
+#include "kinematics/units.h"
+#include "sim/dialects/read_program.h"
+#include "sim/program/chords.h"
+#include "sim/program/rewrite.h"
+#include "tests/program/machines.h"
+
+namespace abbe::sim::dialects::zero_tests {
+namespace {
+
+namespace machines = program::test;
+using Eigen::Vector3d;
+using machines::AxisVector;
+using machines::Chain;
+
+/// The chain with its workpiece and its nose somewhere else.
+Chain elsewhere(const Chain& chain, const Vector3d& workpiece, const Vector3d& tip) {
+  kinematics::Pose T_bw = chain.T_bw_home(), T_bt = chain.T_bt_home();
+  T_bw.translation() += workpiece;
+  T_bt.translation() += tip;
+  return Chain(chain.joints(), T_bw, T_bt);
+}
+
+AxisVector offset_of(const Chain& chain, const Vector3d& xyz) {
+  AxisVector offset = AxisVector::Zero(chain.size());
+  for (int j = 0; j < chain.size(); ++j)
+    if (const char name = chain.joints()[std::size_t(j)].name; name >= 'X' && name <= 'Z')
+      offset[j] = xyz[name - 'X'];
+  return offset;
+}
+
+program::Path path_of(const std::string& text, Dialect dialect, const program::NcOptions& control) {
+  ReadOptions options;
+  options.control = control;
+  options.dialect = dialect;
+  return read_program(text, "part.nc", options).path;
+}
+
+Vector3d tip_at_end(const program::Path& path, const Chain& chain) {
+  return chain.tool_in_workpiece(program::axes_at(path, path.blocks.back(), chain, 1.0))
+      .translation();
+}
+
+TEST(ProgramZero, IsOnePlaceOnTheAxesAndOnTheTip) {
+  std::mt19937 random(16);
+  std::uniform_real_distribution<double> any(-60, 60);
+  const auto point = [&] { return Vector3d(any(random), any(random), any(random)); };
+  double worst = 0.0;
+  for (int n = 0; n < 200; ++n) {
+    const Chain chain =
+        elsewhere(n % 2 == 0 ? machines::gantry() : machines::trunnion(), point(), point());
+    program::NcOptions control = machines::options_for(chain);
+    const Vector3d zero_w = point(), p = point();
+    control.work_offset[1] = offset_of(chain, zero_w);
+    const std::string to = fmt::format("X{:.9f} Y{:.9f} Z{:.9f}", p.x(), p.y(), p.z());
+    const auto lead = [&](const std::string& how, Dialect dialect) {
+      const program::Path path = path_of(how + to + "\n", dialect, control);
+      worst = std::max(worst, (tip_at_end(path, chain) - zero_w - p).norm());
+    };
+    for (const Dialect dialect : {Dialect::LinuxCnc, Dialect::Fanuc}) {
+      lead("G90 G55 G43 H1 G0 ", dialect);
+      lead("G90 G43 H1 G0 X1.\nG55 ", dialect);
+      lead("G90 G55 G43.4 H1 G0 ", dialect);
+      lead("G90 G55 G43.4 H1 G0 X1. A20. C30.\n", dialect);
+      lead("G90 G55 G43.4 H1 G0 X1. A20. C30.\nG49\nG43 H1 G0 A0. C0. ", dialect);
+    }
+    lead("G90 G55 G43 H1\nM428\nG0 ", Dialect::LinuxCnc);
+    lead("G90 G55 G43 H1\nM428\nG0 A20 C30\nM429\nG0 A0 C0\n", Dialect::LinuxCnc);
+    lead("T1 D1 G90 G55 G0 ", Dialect::Siemens);
+    lead("T1 D1 G90 G55\nTRAORI\nG0 ", Dialect::Siemens);
+    const std::string preset =
+        "TOOL CALL 1 Z S100\nCYCL DEF 247 PRESET SELECT ~\n Q339=+2 ;PRESET\n";
+    const std::string klartext =
+        fmt::format("L X{:+.9f} Y{:+.9f} Z{:+.9f} FMAX", p.x(), p.y(), p.z());
+    for (const char* mode : {"", "M128\nL A+20 C+30 FMAX\n"})
+      worst = std::max(
+          worst, (tip_at_end(path_of(preset + mode + klartext + "\n", Dialect::Heidenhain, control),
+                             chain) -
+                  zero_w - p)
+                     .norm());
+  }
+  std::cout << fmt::format("tip within {:.2e} mm of where the offset says\n", worst);
+  EXPECT_LT(worst, 1e-9);
+}
+
+TEST(ProgramZero, WithoutALengthTheNoseGoesThere) {
+  const Chain chain = elsewhere(machines::trunnion(), Vector3d(7, -4, -30), Vector3d(1, 2, 3));
+  program::NcOptions control = machines::options_for(chain);
+  control.work_offset[0] = offset_of(chain, Vector3d(10, 20, 30));
+  for (const Dialect dialect : {Dialect::LinuxCnc, Dialect::Fanuc}) {
+    const program::Path path = path_of("G90 G54 G49 G0 X1. Y2. Z3.\n", dialect, control);
+    EXPECT_LT((tip_at_end(path, chain) - Vector3d(11, 22, 33 - 100)).norm(), 1e-12);
+  }
+  // and no offset is zero of the axes
+  control.work_offset[0] = {};
+  const program::Path path = path_of("G90 G54 G0 X1 Y2 Z3\n", Dialect::LinuxCnc, control);
+  EXPECT_EQ(path.blocks.back().end, offset_of(chain, Vector3d(1, 2, 3)));
+}
+
+TEST(ProgramZero, IsThePositionsOfTheSlidesWithoutRotaryAxes) {
+  const Chain chain = elsewhere(machines::three_axis(), Vector3d(7, -4, -30), Vector3d(1, 2, 3));
+  program::NcOptions control = machines::options_for(chain);
+  control.work_offset[0] = offset_of(chain, Vector3d(10, 20, -130));
+  const AxisVector expected = offset_of(chain, Vector3d(11, 22, -27));
+  const auto expect_there = [&](const program::Path& path) {
+    const AxisVector q = program::axes_at(path, path.blocks.back(), chain, 1.0);
+    EXPECT_LT((q - expected).cwiseAbs().maxCoeff(), 1e-12) << q.transpose();
+  };
+  for (const Dialect dialect : {Dialect::LinuxCnc, Dialect::Fanuc})
+    for (const char* how : {"G43 H1", "G43.4 H1"})
+      expect_there(path_of(fmt::format("G90 G54 {} G0 X1. Y2. Z3.\n", how), dialect, control));
+  expect_there(path_of("T1 D1 G90 G54 G0 X1 Y2 Z3\n", Dialect::Siemens, control));
+  expect_there(path_of("TOOL CALL 1 Z S100\nL X+1 Y+2 Z+3 FMAX\n", Dialect::Heidenhain, control));
+  expect_there(path_of("UNITS/MM\nRAPID\nGOTO/1,2,3\n", Dialect::Cl, control));
+}
+
+TEST(ProgramZero, OriginsThatAreSetByPositionAreThere) {
+  const Chain chain = elsewhere(machines::gantry(), Vector3d(7, -4, -30), Vector3d(1, 2, 3));
+  program::NcOptions control = machines::options_for(chain);
+  control.work_offset[0] = offset_of(chain, Vector3d(10, 20, 30));
+  for (const char* how :
+       {"G10 L20 P1 X4 Y5 Z6\n", "G92 X4 Y5 Z6\n", "G10 L2 P1 R30\nG10 L20 P1 X4 Y5 Z6\n"}) {
+    SCOPED_TRACE(how);
+    const program::Path path =
+        path_of(fmt::format("G90 G54 G43 H1\nG0 X11 Y12 Z13\n{}G0 X4 Y5 Z6.5\n", how),
+                Dialect::LinuxCnc, control);
+    ASSERT_EQ(path.blocks.size(), 2u);
+    const AxisVector way = path.blocks[1].end - path.blocks[0].end;
+    EXPECT_LT((way - offset_of(chain, Vector3d(0, 0, 0.5))).cwiseAbs().maxCoeff(), 1e-12);
+  }
+}
+
+TEST(ProgramZero, OfAProgramWrittenAgainIsTheSame) {
+  const Chain chain = elsewhere(machines::gantry(), Vector3d(7, -4, -30), Vector3d(1, 2, 3));
+  program::NcOptions control = machines::options_for(chain);
+  control.work_offset[0] = offset_of(chain, Vector3d(10, 20, 30));
+  const program::Path path = path_of(
+      "G21 G90 G94 G54\nG43 H1\nG0 X1 Y2 Z3\nG1 X5 F600\nG2 X7 Y2 I1 J0\nG43.4 H1\nG1 X8 A10 C20\n",
+      Dialect::LinuxCnc, control);
+  const std::vector<std::vector<program::CorrectedPoint>> as_it_was(path.blocks.size());
+  const program::RewrittenProgram again = program::rewritten(path, as_it_was, control, {});
+  const program::Path read = path_of(again.text, Dialect::LinuxCnc, control);
+  const auto ends = [&](const program::Path& one) {
+    return program::axes_at(one, one.blocks.back(), chain, 1.0);
+  };
+  EXPECT_LT((ends(read) - ends(path)).cwiseAbs().maxCoeff(), 1e-6) << again.text;
+}
+
+}  // namespace
+}  // namespace abbe::sim::dialects::zero_tests
