@@ -110,7 +110,7 @@ class Machine {
   int system_ = 1;                         ///< 1 .. 9
   Nine g92_{};                             ///< in force
   std::map<int, double> length_, radius_;  ///< mm, of tools
-  int motion_ = -1;  ///< tenths; -1 none
+  int motion_ = -1;                        ///< tenths; -1 none
   int plane_ = 170;
   AxisVector length_shift_;                           ///< (axes) of G43 and its kin; empty for none
   bool tip_length_ = false, tip_kinematics_ = false;  ///< G43.4; M428

@@ -139,7 +139,7 @@ void Machine::apply_length(const Cause& cause) {
     refuse(cause,
            "the length of the tool as the scene has it beside M428, with which the tip is "
            "counted",
-           fmt::format("one {:.6g} mm longer", beyond[joint(2)]));
+           fmt::format("{:.6g} mm", length_shift_[joint(2)]));
 }
 
 void Machine::store_system(const Block& block, int number, bool by_position) {

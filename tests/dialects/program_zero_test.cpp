@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include "kinematics/bad_input.h"
 #include "kinematics/units.h"
 #include "sim/dialects/read_program.h"
 #include "sim/program/chords.h"
@@ -123,6 +124,26 @@ TEST(ProgramZero, IsThePositionsOfTheSlidesWithoutRotaryAxes) {
   expect_there(path_of("T1 D1 G90 G54 G0 X1 Y2 Z3\n", Dialect::Siemens, control));
   expect_there(path_of("TOOL CALL 1 Z S100\nL X+1 Y+2 Z+3 FMAX\n", Dialect::Heidenhain, control));
   expect_there(path_of("UNITS/MM\nRAPID\nGOTO/1,2,3\n", Dialect::Cl, control));
+}
+
+TEST(ProgramZero, UnderTipKinematicsTheLengthIsThatOfTheTool) {
+  const Chain chain = machines::gantry();
+  const program::NcOptions control = machines::options_for(chain);
+  for (const char* how : {"G43 H1\nM428\n", "M428\nG43 H1\n", "G43.4 H1\n", "M428\n"}) {
+    SCOPED_TRACE(how);
+    const program::Path path =
+        path_of(std::string(how) + "G0 X1 Y2 Z3 A10\n", Dialect::LinuxCnc, control);
+    EXPECT_EQ(path.blocks.back().coordinates, program::Coordinates::Tip);
+    EXPECT_LT((tip_at_end(path, chain) - Vector3d(1, 2, 3)).norm(), 1e-12);
+  }
+  try {
+    path_of("G43 H2\nM428\n", Dialect::LinuxCnc, control);
+    FAIL() << "a length of 50 mm for a tool of 100";
+  } catch (const BadInput& fault) {
+    EXPECT_EQ(std::string(fault.what()),
+              "part.nc:2:1: expected the length of the tool as the scene has it beside M428, with "
+              "which the tip is counted, seen 50 mm");
+  }
 }
 
 TEST(ProgramZero, OriginsThatAreSetByPositionAreThere) {

@@ -133,6 +133,21 @@ TEST_F(Moved, AProgramOfPositionsAndTimesNamesWhereThePartWouldHaveToStand) {
   EXPECT_NEAR(std::stod(text.substr(text.find(words) + words.size())), 50.0, 0.01) << text;
 }
 
+/// On a machine with rotary axes an offset that is stated is a place in the workpiece; without one
+/// the program counts from the zero of the axes, with the nose 50 mm above the table.
+TEST(Placement, AnOffsetOfAMachineWithRotaryAxesIsAPlace) {
+  SceneFolder folder;
+  folder.write("p.ngc", to_nc({.z = 80}));
+  std::string text = to_toml(FlatScene{.program = "p.ngc"});
+  const std::string machine = "three_axis_table";
+  text.replace(text.find(machine), machine.size(), "gantry_cxyza");
+  const Job above = prepare(read_scene(folder.write("s.toml", text)));
+  EXPECT_TRUE(says(fault_of(above), "; with G54 Z = 20 it touches")) << fault_of(above);
+  const Job there =
+      prepare(read_scene(folder.write("t.toml", text + "work_offset.G54 = { Z_mm = 20 }\n")));
+  EXPECT_EQ(fault_of(there), "");
+}
+
 TEST(Placement, EveryOffsetThatTheProgramUsesIsNamed) {
   SceneFolder folder;
   folder.write("p.ngc", to_nc({.z = 80, .middle = "G55\n"}));
