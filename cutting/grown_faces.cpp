@@ -11,6 +11,7 @@
 
 #include <Eigen/Geometry>
 
+#include "cutting/each_once.h"
 #include "cutting/face_growth.h"
 
 namespace abbe::cutting {
@@ -47,12 +48,6 @@ bool is_within(const FaceGrowth& growth, const TrianglesAt& around, int v) {
         return false;
   }
   return !around.at(v).empty();
-}
-
-std::vector<int> each_once(std::vector<int> numbers) {
-  std::sort(numbers.begin(), numbers.end());
-  numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
-  return numbers;
 }
 
 /// The triangles at a vertex and at those next to it; none if one of these is not within.

@@ -48,6 +48,12 @@ Vector3d normal_of(const Design& design, int triangle) {
   return (corner(1) - corner(0)).cross(corner(2) - corner(0));
 }
 
+/// rad, between the normals of two triangles
+double fold(const Design& design, int one, int other) {
+  const Vector3d a = normal_of(design, one), b = normal_of(design, other);
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
+
 int corner_at(const Triangles& triangles, int triangle, int vertex) {
   for (int k = 0; k < 3; ++k)
     if (triangles(triangle, k) == vertex) return 3 * triangle + k;
@@ -143,15 +149,21 @@ std::vector<int> first_at_point(const Points& vertices) {
 Design split_at_edges(const Design& design, double angle) {
   if (!(angle > 0.0 && angle < std::numbers::pi))
     throw std::invalid_argument("split_at_edges: the angle must be between 0 and pi");
-  const auto is_smooth = [&](int one, int other) {
-    const Vector3d a = normal_of(design, one), b = normal_of(design, other);
-    return !(std::atan2(a.cross(b).norm(), a.dot(b)) > angle);
-  };
+  const auto is_smooth = [&](int one, int other) { return !(fold(design, one, other) > angle); };
   Parted parted = parted_at(design, joined_corners(design, is_smooth));
   if (parted.from.size() == std::size_t(design.vertices.rows())) return design;
   Design made = taken(design, parted.from, std::move(parted.triangles));
   made.seams = design.seams;
   return made;
+}
+
+int edges_about(const Design& design, double angle, double within) {
+  const std::vector<Side> sides = sides_of(design.triangles);
+  int count = 0;
+  for (std::size_t i = 0; i + 1 < sides.size(); ++i)
+    if (sides[i].same_edge(sides[i + 1]))
+      count += std::abs(fold(design, sides[i].triangle, sides[i + 1].triangle) - angle) < within;
+  return count;
 }
 
 Design split_at_faces(const Design& design, const std::vector<int>& face) {

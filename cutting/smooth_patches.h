@@ -44,6 +44,10 @@ std::vector<int> patches(const Design& design);
 /// their vertices.
 std::vector<Segment> sharp_edges(const Design& design);
 
+/// How many edges fold by `angle` within `within`, both in rad: whether `split_at_edges` takes them
+/// for sharp is up to the rounding of their corners.
+int edges_about(const Design& design, double angle, double within);
+
 /// The same design with `judged` = 0 at every vertex nearer than `margin` mm to an edge. 0 leaves
 /// all as it is.
 /// @throws std::invalid_argument if the margin is negative or not finite

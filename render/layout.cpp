@@ -4,6 +4,7 @@
 #include <array>
 #include <cctype>
 #include <cmath>
+#include <numeric>
 #include <string_view>
 
 #include "render/label.h"
@@ -32,16 +33,20 @@ bool unit_at(std::string_view text) {
   return std::ranges::any_of(units, [&](const char* unit) { return text.starts_with(unit); });
 }
 
-/// Pieces of text that stay together: up to and including a space, or a hyphen between letters.
-std::vector<std::string> words(const std::string& text) {
-  std::vector<std::string> found(1);
+/// Words of text, each up to and including a space, in pieces that end at a hyphen or an
+/// underscore: there a word is parted that is longer than a line.
+std::vector<std::vector<std::string>> words(const std::string& text) {
+  std::vector<std::vector<std::string>> found(1, std::vector<std::string>(1));
   for (std::size_t i = 0; i < text.size(); ++i) {
-    found.back() += text[i];
+    found.back().back() += text[i];
     const bool inner = i > 0 && i + 1 < text.size();
     const bool hyphen = text[i] == '-' && inner && text[i - 1] != ' ' && text[i + 1] != ' ';
     const bool number = inner && std::isdigit(static_cast<unsigned char>(text[i - 1]));
     const bool space = text[i] == ' ' && !(number && unit_at(std::string_view(text).substr(i + 1)));
-    if (space || hyphen || (text[i] == '_' && inner)) found.emplace_back();
+    if (space)
+      found.emplace_back(1);
+    else if (hyphen || (text[i] == '_' && inner))
+      found.back().emplace_back();
   }
   return found;
 }
@@ -58,16 +63,20 @@ std::vector<std::string> wrapped(const std::string& text, const TextStyle& style
   const auto fits = [&](const std::string& line) { return text_size(line, style).x() <= width; };
   if (fits(text)) return {text};
   std::vector<std::string> lines(1);
-  const std::vector<std::string> pieces = words(text);
-  for (std::size_t i = 0; i < pieces.size(); ++i) {
-    if (!lines.back().empty() && !fits(lines.back() + pieces[i])) {
-      if (lines.size() == most) {
-        for (; i < pieces.size(); ++i) lines.back() += pieces[i];
-        break;
-      }
-      lines.emplace_back();
+  bool is_full = false;
+  const auto append = [&](const std::string& piece) {
+    if (!is_full && !lines.back().empty() && !fits(lines.back() + piece)) {
+      is_full = lines.size() == most;
+      if (!is_full) lines.emplace_back();
     }
-    lines.back() += pieces[i];
+    lines.back() += piece;
+  };
+  for (const std::vector<std::string>& pieces : words(text)) {
+    const std::string word = std::accumulate(pieces.begin(), pieces.end(), std::string());
+    if (fits(word) && lines.size() < most)
+      append(word);
+    else
+      for (const std::string& piece : pieces) append(piece);
   }
   for (std::string& line : lines) {
     if (!fits(line)) line = shortened(line, style, width);

@@ -150,6 +150,22 @@ Design recognised_faces(const PartDescription& described, Part& part, const Desi
   return std::move(found.design);
 }
 
+/// Of edges that another program, or another position of the part, may part otherwise.
+std::string edge_angle_text(const PartDescription& described, const Design& body) {
+  constexpr double within = 0.05 * units::deg, off = 5.0 * units::deg;
+  const int edges = cutting::edges_about(body, described.edge_angle, within);
+  if (edges == 0) return {};
+  return fmt::format(
+      "{} edges of the mesh fold by {:.4g} degrees within {:.2g}, just where part.edge_angle_deg "
+      "parts "
+      "smooth from sharp: rounding decides which they are; set it to {:.4g} for sharp or {:.4g} "
+      "for "
+      "smooth",
+      edges, described.edge_angle / units::deg, within / units::deg,
+      std::max(0.5 * described.edge_angle, described.edge_angle - off) / units::deg,
+      (described.edge_angle + off) / units::deg);
+}
+
 /// A mesh as faces of their own, on the surfaces that they are recognised as, parted where groups
 /// of triangles meet, its large triangles divided, so that something of each face lies off its
 /// edges. What is left out is found where the faces of the file meet: where recognition or groups
@@ -159,6 +175,8 @@ Design faces_of(const PartDescription& described, Part& part, const std::vector<
                 double margin) {
   constexpr double least_vertices = 5000.0;
   const double none_given = 4.0 * least_vertices;
+  if (std::string text = edge_angle_text(described, part.body_m); !text.empty())
+    part.warnings.push_back(std::move(text));
   Design faces = cutting::split_at_edges(part.body_m, described.edge_angle);
   std::vector<cutting::Segment> edges = cutting::sharp_edges(faces);
   std::optional<cutting::JudgeTopOptions> top = top_options(described);

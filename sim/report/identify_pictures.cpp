@@ -49,7 +49,7 @@ void write_curves_picture(const ResultFile& file, const std::vector<CurveReading
   for (const CurveReadings& curve : curves) panels.push_back(panel_of(curve, nominal));
   if (panels.empty()) return;
   render::GridOptions options;
-  options.title = "identified elements over the readings that tell of them";
+  options.title = "identified elements and the readings behind them";
   options.caption = {from.size() > 160 ? from.substr(0, 157) + "..." : from};
   write_file(file, [&](const std::filesystem::path& temporary) {
     render::write_grid(temporary, panels, options);

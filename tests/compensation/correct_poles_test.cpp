@@ -93,9 +93,9 @@ TEST(CorrectAtPoles, TurnsStayBoundedAndTheBallCentreIsServed) {
           worst_turn = std::max(worst_turn, turn);
         }
         EXPECT_LT(correction.point_left, 1e-8);
-        AxisState told = command;
-        told.q = correction.q;
-        const Pose reached = belief(told);
+        AxisState corrected = command;
+        corrected.q = correction.q;
+        const Pose reached = belief(corrected);
         const Vector3d centre(0, 0, 5);
         EXPECT_LT((reached * centre - wanted * centre).norm(), 1e-8);
         EXPECT_NEAR(correction.direction_left, leaning(reached, wanted), 1e-12);

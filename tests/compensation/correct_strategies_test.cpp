@@ -241,7 +241,7 @@ TEST(Correct, NoJointThatMayMoveLeavesAllAndSaysSo) {
   options.still.set();
   const Correction correction = correct(gantry, belief, wanted, command, options);
   EXPECT_EQ(correction.q, command.q);
-  EXPECT_TRUE(correction.converged);  // there is nothing that could be mended
+  EXPECT_TRUE(correction.converged);  // there is nothing that could be corrected
   EXPECT_EQ(correction.point_left, (belief(command).translation() - wanted.translation()).norm());
 }
 

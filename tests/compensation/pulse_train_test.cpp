@@ -79,7 +79,7 @@ struct SignalLevel {
   Course axis;  ///< where it really goes
   std::vector<Insertion> pairs;
   std::vector<Count> control;  ///< what the control counts
-  std::vector<Count> encoder;  ///< what the encoder alone would have told it
+  std::vector<Count> encoder;  ///< what the encoder alone would have reported
 };
 
 /// Encoder, box, computer and loop in a ring. What goes in at one instant depends only on what went

@@ -241,8 +241,8 @@ TEST(ThermalDeviations, StandAsReadUntilTheNextReading) {
     EXPECT_EQ(deviations(course, state_at(q, time_s))[std::size_t(z)].motion[2], value) << time_s;
 }
 
-// By hand: a screw that has grown by 50 um/m carries a table that is told to go +100 mm in X, hence
-// itself -100 mm, by 5 um farther; the tool then stands 5 um farther in +X on the table.
+// By hand: a screw that has grown by 50 um/m carries a table that is commanded to go +100 mm in X,
+// hence itself -100 mm, by 5 um farther; the tool then stands 5 um farther in +X on the table.
 TEST(ThermalDeviations, SlopeCountsTheTravelOfThePrimedCarriageItself) {
   const auto chain = machines::moving_table();
   const int x = *chain.find('X');

@@ -270,7 +270,7 @@ TEST(FacetMiss, IsAboutWhatTheFacetsMiss) {
     for (Index i = 0; i < between.vertices.rows(); ++i)
       off = std::max(off, std::abs(body.truth(between.vertices.row(i)).distance));
     const double said = facet_miss(mesh).maxCoeff();
-    std::cout << name << ": " << said / units::um << " um foretold, " << off / units::um
+    std::cout << name << ": " << said / units::um << " um predicted, " << off / units::um
               << " um found\n";
     EXPECT_GT(said, off / 2.0) << name;
     EXPECT_LT(said, 2.0 * off) << name;

@@ -177,9 +177,9 @@ TEST(MilledRandom, AgreesWithADenseScanOfRandomMotions) {
           continue;
         }
         ++cut;
-        // Nothing that the scan saw was removed before the told surface ...
+        // Nothing that the scan saw was removed before the reported surface ...
         late = std::max(late, double(surface.residual[v] - scanned));
-        // ... and at the told instant the cutter stands there.
+        // ... and at the reported instant the cutter stands there.
         const double time = surface.cut_time_s[v];
         const Eigen::Index last = c.motion.tip.rows() - 2;
         const Eigen::Index move = std::min<Eigen::Index>(Eigen::Index(time), last);
@@ -202,19 +202,19 @@ TEST(MilledRandom, BitsDoNotDependOnThreadsOrTheOrderOfVertices) {
   for (const Kind& kind : kinds)
     for (const Cutter& cutter : cutters) {
       const RandomCase c = random_case(random, cutter, kind, 400, 2000);
-      const auto told = [&](std::size_t threads, const std::vector<Site>& sites) {
+      const auto found_by = [&](std::size_t threads, const std::vector<Site>& sites) {
         const tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
         return milled_surface(design_of(sites), cutter, c.motion);
       };
-      const Surface one = told(1, c.sites);
-      EXPECT_TRUE(same_bits(one, told(2, c.sites))) << kind.name;
+      const Surface one = found_by(1, c.sites);
+      EXPECT_TRUE(same_bits(one, found_by(2, c.sites))) << kind.name;
 
       std::vector<std::size_t> order(c.sites.size());
       std::iota(order.begin(), order.end(), std::size_t(0));
       std::shuffle(order.begin(), order.end(), random);
       std::vector<Site> shuffled;
       for (const std::size_t i : order) shuffled.push_back(c.sites[i]);
-      const Surface other = told(2, shuffled);
+      const Surface other = found_by(2, shuffled);
       int different = 0;
       for (std::size_t k = 0; k < order.size(); ++k) {
         const Eigen::Index i = Eigen::Index(order[k]);

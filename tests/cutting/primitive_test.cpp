@@ -21,7 +21,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using std::numbers::pi;
 
-/// A primitive with its surface told a second time: how far a point is off it, the outward normal
+/// A primitive with its surface stated a second time: how far a point is off it, the outward normal
 /// there, the whole area.
 struct Known {
   std::string name;

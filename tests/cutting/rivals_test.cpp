@@ -29,7 +29,7 @@ constexpr double um = 1e-3;
 /// mm, of a circle of radius R over its lowest point, `aside` from it.
 double lift(double R, double aside) { return R - std::sqrt(R * R - aside * aside); }
 
-double foretold(const Rival& rival, const Vector3d& d) {
+double predicted(const Rival& rival, const Vector3d& d) {
   const double t = rival.across.dot(d);
   return rival.distance + rival.gradient.dot(d) + 0.5 * rival.curvature * t * t;
 }
@@ -54,11 +54,11 @@ Vector3d at_rival(const NoseMotion& motion, const Rival& rival, const Vector3d& 
 }
 
 template <class Motion>
-Eigen::VectorXd foretold(const std::vector<Rival>& rivals, const Motion& motion, const Vector3d& d,
-                         Eigen::Index vertices) {
+Eigen::VectorXd predicted(const std::vector<Rival>& rivals, const Motion& motion, const Vector3d& d,
+                          Eigen::Index vertices) {
   Eigen::VectorXd s = Eigen::VectorXd::Constant(vertices, std::numeric_limits<double>::infinity());
   for (const Rival& rival : rivals)
-    s[rival.vertex] = std::min(s[rival.vertex], foretold(rival, at_rival(motion, rival, d)));
+    s[rival.vertex] = std::min(s[rival.vertex], predicted(rival, at_rival(motion, rival, d)));
   return s;
 }
 
@@ -96,7 +96,7 @@ double largest_miss(const Design& design, const Tool& tool, const Motion& motion
         Vector3d(normal(random), normal(random), normal(random)).normalized();
     const Vector3d d = study.size * direction;
     const Surface cut = surface_of(design, tool, displaced(motion, d));
-    const Eigen::VectorXd s = foretold(rivals, motion, d, design.vertices.rows());
+    const Eigen::VectorXd s = predicted(rivals, motion, d, design.vertices.rows());
     for (Eigen::Index v = 0; v < s.size(); ++v) {
       EXPECT_EQ(cut.status[std::size_t(v)], VertexStatus::Cut) << "vertex " << v;
       largest = std::max(largest, std::abs(s[v] - cut.residual[v]));
@@ -126,8 +126,8 @@ struct Bound {
 
 /// Holds the bound for displacements of 1, 10 and 50 um, and prints the figures.
 template <class Tool, class Motion>
-void expect_foretold(const Design& design, const Tool& tool, const Motion& motion,
-                     const Bound& bound) {
+void expect_predicted(const Design& design, const Tool& tool, const Motion& motion,
+                      const Bound& bound) {
   for (const int size : {1, 10, 50}) {
     const Study study{.seed = 20 + size, .size = size * um};
     SCOPED_TRACE("seed " + std::to_string(study.seed));
@@ -284,34 +284,34 @@ TEST(MilledRivals, OfABallRasterOnAPlaneAreCirclesAside) {
 
 TEST(MilledRivals, ForetellADisplacedBallOnAPlane) {
   const Plane part;
-  expect_foretold(sites_on(part, 3.0, 2000, 1), ball_mill, raster(part, ball_mill, {}), {});
+  expect_predicted(sites_on(part, 3.0, 2000, 1), ball_mill, raster(part, ball_mill, {}), {});
 }
 
 TEST(MilledRivals, ForetellADisplacedBallOnADome) {
   const Dome part;
-  expect_foretold(sites_on(part, 3.0, 2000, 2), ball_mill, raster(part, ball_mill, {.lead = 0.2}),
-                  {.along = 100, .turn = 1.05e-3, .axis_turns = true});
+  expect_predicted(sites_on(part, 3.0, 2000, 2), ball_mill, raster(part, ball_mill, {.lead = 0.2}),
+                   {.along = 100, .turn = 1.05e-3, .axis_turns = true});
 }
 
 TEST(MilledRivals, ForetellADisplacedBallInABowl) {
   const Bowl part;
-  expect_foretold(sites_on(part, 3.0, 2000, 5), ball_mill,
-                  raster(part, ball_mill, {.spacing = 0.02}),
-                  {.along = 20, .turn = 1.1e-3, .axis_turns = true});
+  expect_predicted(sites_on(part, 3.0, 2000, 5), ball_mill,
+                   raster(part, ball_mill, {.spacing = 0.02}),
+                   {.along = 20, .turn = 1.1e-3, .axis_turns = true});
 }
 
 TEST(MilledRivals, ForetellADisplacedBullNoseThatLeans) {
   const Dome part;
   const Cutter bull{5.0, 1.0, 20.0};
-  expect_foretold(sites_on(part, 3.0, 2000, 3), bull, raster(part, bull, {.lead = 0.1745}),
-                  {.along = 100, .turn = 1.05e-3, .axis_turns = true});
+  expect_predicted(sites_on(part, 3.0, 2000, 3), bull, raster(part, bull, {.lead = 0.1745}),
+                   {.along = 100, .turn = 1.05e-3, .axis_turns = true});
 }
 
 TEST(MilledRivals, ForetellADisplacedFlatEndThatLeans) {
   const Dome part;
   const Cutter flat{5.0, 0.0, 20.0};
-  expect_foretold(sites_on(part, 3.0, 2000, 4), flat, raster(part, flat, {.lead = 0.0873}),
-                  {.along = 100, .turn = 1.05e-3, .axis_turns = true});
+  expect_predicted(sites_on(part, 3.0, 2000, 4), flat, raster(part, flat, {.lead = 0.0873}),
+                   {.along = 100, .turn = 1.05e-3, .axis_turns = true});
 }
 
 TEST(MilledRivals, OfAnUprightFlatEndFollowTheNormalAlone) {
@@ -323,7 +323,7 @@ TEST(MilledRivals, OfAnUprightFlatEndFollowTheNormalAlone) {
     EXPECT_LT((rival.gradient - Vector3d::UnitZ()).norm(), 1e-9);
     EXPECT_LT(std::abs(rival.curvature), 1e-6);
   }
-  expect_foretold(design, flat, motion, {});
+  expect_predicted(design, flat, motion, {});
 }
 
 TEST(MilledRivals, OfPassesJoinedByTheirTurnAreThePassesAndTheTurn) {
@@ -512,8 +512,8 @@ TEST(TurnedRivals, ForetellADisplacedNose) {
       const double least_r = 6 - 4.5 * std::cos(half_angle);
       const double along = least_r / std::min(1.0, std::sin(half_angle) + 0.25);
       std::cout << "cone of " << half_angle << " rad, " << samples << " samples a turn\n";
-      expect_foretold(turned_sites(turning, 500, 9), nose, motion_of(path_of(turning)),
-                      {.cross_section = nose_radius, .pitch = turning.feed, .along = along});
+      expect_predicted(turned_sites(turning, 500, 9), nose, motion_of(path_of(turning)),
+                       {.cross_section = nose_radius, .pitch = turning.feed, .along = along});
     }
 }
 

@@ -67,6 +67,14 @@ TEST(SmoothPatches, TheAngleDecides) {
   EXPECT_THROW(split_at_edges(cube(), pi), std::invalid_argument);
 }
 
+TEST(SmoothPatches, EdgesAtTheAngleAreCounted) {
+  constexpr double right = std::numbers::pi / 2.0;
+  const Design body = cube();
+  EXPECT_EQ(edges_about(body, right, 1e-3), 12);
+  EXPECT_EQ(edges_about(body, right + 2e-3, 1e-3), 0);
+  EXPECT_EQ(edges_about(body, 0.0, 1e-3), 6);  // across the squares
+}
+
 TEST(SmoothPatches, AnEdgeThatEndsWithinAFaceSplitsItsVerticesUpToItsEnd) {
   // a roof along y over x = -1, 0, 1 that rises out of a plane: 10 degrees to either side at first,
   // 40 at the end

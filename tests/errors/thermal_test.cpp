@@ -553,10 +553,10 @@ TEST(Thermal, ANetworkThatCannotBeIsRefusedByName) {
   EXPECT_EQ(refusal_to_simulate(small_machine()), "");
   using Network = ThermalNetwork;
   for (const double capacity : {-5.0, 0.0, infinity, std::nan("")}) {
-    const std::string told =
+    const std::string message =
         refusal_of_changed([&](Network& n) { n.nodes[1].capacity_J_per_K = capacity; });
-    EXPECT_NE(told.find("node column: expected a heat capacity above 0"), std::string::npos)
-        << told;
+    EXPECT_NE(message.find("node column: expected a heat capacity above 0"), std::string::npos)
+        << message;
   }
   EXPECT_EQ(refusal_of_changed([](Network& n) {
               n.links.pop_back(), n.surroundings.erase(n.surroundings.begin() + 1);

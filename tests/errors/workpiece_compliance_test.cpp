@@ -292,7 +292,7 @@ TEST(WorkpieceField, OfAHundredThousandNodesIsQuick) {
   EXPECT_LT(asked.count(), 2.0);
 }
 
-TEST(WorkpieceField, CoverageTellsAFieldOfAnotherMesh) {
+TEST(WorkpieceField, CoverageReportsAFieldOfAnotherMesh) {
   std::mt19937 random(8);
   const WorkpieceField field = some_field(5000, random);
   Points same = field.points_w;

@@ -14,7 +14,7 @@
 #include "tests/identification/measured.h"
 
 /// Whether the 95 % intervals of an estimate hold the truth in 95 % of repeats: set-ups, noise and
-/// rounding drawn anew each time from seeds fixed beforehand.
+/// rounding drawn again each time from seeds fixed beforehand.
 namespace abbe::errors::identification {
 namespace {
 
@@ -233,7 +233,7 @@ TEST(Coverage, IntervalsOfFewNumbersHoldTheTruthAsOftenAsTheySay) {
 
 // A square tilted about two axes by amounts that no reading tells turns its lines by their product,
 // (500 urad)^2 or 0.25 urad: to first order nothing. With a squareness found to 0.6 urad it shows.
-TEST(Coverage, ProductsOfMisalignmentsThatNothingTellsAreNotInTheCovariance) {
+TEST(Coverage, ProductsOfMisalignmentsThatNothingDeterminesAreNotInTheCovariance) {
   const auto covered = [](double rotation_sigma) {
     const Case one{
         "square", Kind::Square, {"EC0Y", "EB0Z", "EA0Z"}, square_laid_to(rotation_sigma)};

@@ -58,9 +58,9 @@ std::set<std::string> confounded_names(const Estimate& estimate) {
   return names;
 }
 
-/// The model with every confounded number at its true value: told by other means.
-GeometricErrors told(const GeometricErrors& model, const GeometricErrors& truth,
-                     const Estimate& estimate) {
+/// The model with every confounded number at its true value: known by other means.
+GeometricErrors with_known(const GeometricErrors& model, const GeometricErrors& truth,
+                           const Estimate& estimate) {
   VectorXd v = values(model.elements);
   for (const Confounded& c : estimate.confounded)
     if (const Index i = place_of(estimate, c.name); i >= 0) v[i] = values(truth.elements)[i];
@@ -152,8 +152,8 @@ TEST(Design, HoldsForPrimedSlidesMeasuringLinesAndTurningAxes) {
 // ---- without noise
 
 // A number with a standard deviation above the largest of its kind (millimetres of positioning,
-// from a step diagonal) is told by what was known of the set-ups beforehand, not by the readings:
-// rounding moves it by parts of that deviation.
+// from a step diagonal) is settled by what was known of the set-ups beforehand, not by the
+// readings: rounding moves it by parts of that deviation.
 TEST(Estimate, EveryInstrumentReturnsWhatItCanSeeAndNamesTheRest) {
   const std::uint64_t seed = 20261121;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
@@ -163,7 +163,7 @@ TEST(Estimate, EveryInstrumentReturnsWhatItCanSeeAndNamesTheRest) {
     const GeometricErrors truth = drawn_truth(model, seed);
     const Readings readings = noise_free(plan_of(kind, chain), chain, truth);
     const Estimate first = estimate(model, {&readings, 1});
-    const Estimate second = estimate(told(model, truth, first), {&readings, 1});
+    const Estimate second = estimate(with_known(model, truth, first), {&readings, 1});
     const VectorXd sigma = standard_deviations(second);
     const double worst = relative_difference(second.value, truth, sigma);
     double worst_of_sigma = 0.0;
@@ -175,7 +175,7 @@ TEST(Estimate, EveryInstrumentReturnsWhatItCanSeeAndNamesTheRest) {
                                   std::abs(second.value[k] - values(truth.elements)[k]) / sigma[k]);
       }
     std::cout << to_string(kind) << ": " << found << " numbers found, " << first.confounded.size()
-              << " named as confounded, condition " << first.condition << "; once those are told, "
+              << " named as confounded, condition " << first.condition << "; once those are known, "
               << worst << " of the largest of its kind, " << worst_of_sigma
               << " of its own standard deviation\n";
     EXPECT_TRUE(first.converged && second.converged) << to_string(kind);
@@ -329,12 +329,12 @@ TEST(Campaign, FindsTheFortyTwoAndFourLessEightNumbersThatNothingCanTell) {
     readings.push_back(noise_free(plan, chain, truth));
 
   const Estimate found = estimate(model, readings);
-  const Estimate known = estimate(told(model, truth, found), readings);
+  const Estimate known = estimate(with_known(model, truth, found), readings);
   const double worst = relative_difference(known.value, truth);
   const double second_order = relative_difference(freed(found, truth), truth);
   std::cout << "campaign of " << campaign.hours << " h, " << found.fit_residual.size()
             << " readings, " << found.names.size() - model.covariance.of.size()
-            << " numbers sought, condition " << found.condition << "; told the confounded, "
+            << " numbers sought, condition " << found.condition << "; with the confounded known, "
             << worst << " of the largest; freed of them, " << second_order << "; not found:\n";
   for (const Confounded& c : found.confounded) {
     std::cout << "  " << c.name << " =";
@@ -435,10 +435,11 @@ TEST(Estimate, LeavesOutReadingsThatCannotBeTrueAndThoseAlone) {
   EXPECT_EQ(clean.degrees_of_freedom, spoilt.degrees_of_freedom - 4);
   EXPECT_GT(spoilt.reduced_chi_square, 100.0);
   EXPECT_NEAR(clean.reduced_chi_square, 1.0, 0.6);
-  EXPECT_GT(std::abs(clean.fit_residual[3]), 50.0) << "outliers are told how far off they are";
+  EXPECT_GT(std::abs(clean.fit_residual[3]), 50.0)
+      << "outliers are listed with how far off they are";
 }
 
-TEST(Estimate, NeverLeavesOutWhatAloneTellsANumber) {
+TEST(Estimate, NeverLeavesOutWhatAloneDeterminesANumber) {
   const kinematics::Chain chain = tool_side_axes();
   GeometricErrors model{
       {element("EXX", Table(make_table(VectorXd::LinSpaced(2, 0, 400), VectorXd::Zero(2),

@@ -128,9 +128,9 @@ inline Eigen::VectorXd standard_deviations(const Estimate& estimate) {
 }
 
 /// Largest difference of two sets of values over the largest value of their kind (mm, rad), over
-/// the numbers whose standard deviation is below `told` of that (all, if sigma is empty).
+/// the numbers whose standard deviation is below `known` of that (all, if sigma is empty).
 inline double relative_difference(const Eigen::VectorXd& value, const GeometricErrors& truth,
-                                  const Eigen::VectorXd& sigma = {}, double told = 1.0) {
+                                  const Eigen::VectorXd& sigma = {}, double known = 1.0) {
   const std::vector<Coefficient> all = coefficients(truth.elements);
   const Eigen::VectorXd expected = values(truth.elements);
   const auto kind = [&](std::size_t i) { return is_angle(all[i], truth) ? 1 : 0; };
@@ -141,7 +141,7 @@ inline double relative_difference(const Eigen::VectorXd& value, const GeometricE
   for (std::size_t i = 0; i < all.size(); ++i) {
     const auto k = Eigen::Index(i);
     const double off = std::abs(value[k] - expected[k]);
-    if (off == 0.0 || (sigma.size() > 0 && sigma[k] > told * largest[kind(i)])) continue;
+    if (off == 0.0 || (sigma.size() > 0 && sigma[k] > known * largest[kind(i)])) continue;
     result = std::max(result, off / largest[kind(i)]);
   }
   return result;

@@ -358,9 +358,9 @@ TEST(Observable, GradientIsThatOfTheReading) {
       const double scale = k < 3 || c.is_angle() ? 1.0 : 1000.0;
       for (const Body which : {Body::Tool, Body::Workpiece}) {
         const double by_hand = change([&](double s) { return read(which, s); }, step);
-        const double told = (which == Body::Tool ? g.tool : g.workpiece)[k];
-        worst = std::max(worst, std::abs(by_hand - told) / scale);
-        ASSERT_NEAR(by_hand / scale, told / scale, 2e-7) << "quantity " << i % 4 << " of " << k;
+        const double reported = (which == Body::Tool ? g.tool : g.workpiece)[k];
+        worst = std::max(worst, std::abs(by_hand - reported) / scale);
+        ASSERT_NEAR(by_hand / scale, reported / scale, 2e-7) << "quantity " << i % 4 << " of " << k;
       }
     }
   }

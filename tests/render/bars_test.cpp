@@ -72,10 +72,10 @@ TEST_F(Bars, OfAwkwardChangesAreDrawn) {
   BarsOptions options;
   options.legend = {std::string(300, 'l'), ""};
   options.running_sum = std::string(300, 'r');
-  Bar told = two_sided(nan, 0.0);
-  told.text = std::string(300, 't');
+  Bar labelled = two_sided(nan, 0.0);
+  labelled.text = std::string(300, 't');
   write_bars(file("a.png"),
-             {two_sided(nan, nan), two_sided(0.0, 0.0), two_sided(-1e300, nan), told}, options);
+             {two_sided(nan, nan), two_sided(0.0, 0.0), two_sided(-1e300, nan), labelled}, options);
   EXPECT_EQ(Image(file("a.png")).width(), 1600);
 }
 

@@ -1,5 +1,6 @@
 #include "render/label.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -87,6 +88,17 @@ TEST(Layout, WrappedTextStaysWithinItsWidth) {
       for (const std::string& line : lines) EXPECT_LE(text_size(line, style).x(), width) << line;
     }
   }
+}
+
+TEST(Layout, AWordIsPartedOnlyWhereItIsLongerThanALine) {
+  const TextStyle style{.size_px = 23.0};
+  const double line = text_size("a dome minus error_", style).x() + 1.0;
+  EXPECT_EQ(wrapped("a dome minus error_free", style, line, 2),
+            (std::vector<std::string>{"a dome minus ", "error_free"}));
+  const double narrow =
+      std::max(text_size("perfect-", style).x(), text_size("program", style).x()) + 1.0;
+  EXPECT_EQ(wrapped("a perfect-program", style, narrow, 3),
+            (std::vector<std::string>{"a ", "perfect-", "program"}));
 }
 
 }  // namespace

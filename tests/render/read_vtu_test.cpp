@@ -51,7 +51,7 @@ class Vtu {
   fs::path path_;
 };
 
-/// How VTK is told to write.
+/// How VTK is asked to write.
 struct Style {
   int mode = vtkXMLWriter::Ascii;
   int compressor = vtkXMLWriter::NONE;

@@ -316,7 +316,7 @@ TEST(ChannelScenes, APiezoStopsAtTheEndOfItsStroke) {
     worst = std::max(worst, std::abs(left.by[i] - expected));
     beyond = std::max(beyond, std::abs(expected));
   }
-  std::cout << "piezo of 2 um: up to " << beyond / units::um << " um beyond it, told to "
+  std::cout << "piezo of 2 um: up to " << beyond / units::um << " um beyond it, known to "
             << worst / units::nm << " nm; stroke " << stroke.minCoeff() << " .. "
             << stroke.maxCoeff() << " um\n";
   EXPECT_GT(beyond, 0.8_um);
@@ -353,23 +353,23 @@ TEST(ChannelScenes, APiezoYieldsUnderTheForceOfTheCut) {
   }
   std::cout << "yields by up to " << most / units::um << " um, mean "
             << sum / left.count() / units::um << " um (map " << left.mean() / units::um
-            << " um), told to " << worst / units::nm << " nm\n";
+            << " um), known to " << worst / units::nm << " nm\n";
   EXPECT_GT(most, 0.2_um);
   EXPECT_NEAR(left.mean(), sum / left.count(), 0.02 * most);
 }
 
 // --- the packaged scene
 
-/// What the axes are told beyond the program along a direction of the slides, (samples) mm.
+/// What the axes are commanded beyond the program along a direction of the slides, (samples) mm.
 VectorXd along(const Job& job, const Vector3d& direction,
-               const std::vector<kinematics::AxisState>& told) {
+               const std::vector<kinematics::AxisState>& corrected) {
   const auto commanded = as_programmed(job).samples.states;
-  VectorXd result(Eigen::Index(told.size()));
-  for (std::size_t i = 0; i < told.size(); ++i) {
+  VectorXd result(Eigen::Index(corrected.size()));
+  for (std::size_t i = 0; i < corrected.size(); ++i) {
     double sum = 0.0;
     for (int k = 0; k < 3; ++k) {
       const int joint = job.machine.control.find("XYZ"[k]).value();
-      sum += direction[k] * (told[i].q[joint] - commanded[i].q[joint]);
+      sum += direction[k] * (corrected[i].q[joint] - commanded[i].q[joint]);
     }
     result[Eigen::Index(i)] = sum;
   }
@@ -444,8 +444,8 @@ TEST(ChannelScenes, EachChannelOfThePackagedSceneLeavesWhatItsFormulaSays) {
   const CompensationDescription& limits = job.scene.compensation;
   const cutting::Surface ideal = ideal_map(job);
   const Vector3d n = normal_by_axis(job);
-  const auto told = compensate(job, parse_case("perfect-position-ideal")).samples.states;
-  const VectorXd wanted = along(job, n, told);
+  const auto corrected = compensate(job, parse_case("perfect-position-ideal")).samples.states;
+  const VectorXd wanted = along(job, n, corrected);
   const double normal = n.norm();
   const auto late = [](const compensation::PositionLoop& loop) {
     return 2 * loop.damping / (2 * pi * loop.bandwidth);
@@ -483,7 +483,7 @@ TEST(ChannelScenes, EachChannelOfThePackagedSceneLeavesWhatItsFormulaSays) {
       std::get<program::Raster>(job.scene.program.source).step_over / (2 * std::sqrt(3.0) * 5.0);
   held("piezo", piezo.rms(),
        std::hypot(rate * missed(limits.piezo.cycle_s, late(limits.piezo.loop)),
-                  slope * on_the_part(job, along(job, aside, told), piezo).value),
+                  slope * on_the_part(job, along(job, aside, corrected), piezo).value),
        0.15);
   const BeyondIdeal table = left("table");
   const VectorXd tabulated =

@@ -119,7 +119,7 @@ cutting::Surface uncorrectable(const Job& job) {
 
 class PlatformScene : public testing::TestWithParam<const char*> {};
 
-TEST_P(PlatformScene, PerfectIteratedIdealLeavesWhatItsTwoSlidesCannotMend) {
+TEST_P(PlatformScene, PerfectIteratedIdealLeavesWhatItsTwoSlidesCannotCorrect) {
   const Job job = job_of(GetParam(), coarse_spiral);
   ASSERT_TRUE(job.machine.nominal.T_bw_home().isApprox(Pose::Identity()));
   const Cut error_free = cut_error_free(job);

@@ -38,7 +38,7 @@ TEST(FusedBelief, OneCorrectionServesGeometryHeatAndForce) {
   EXPECT_LT(fused, composite);
 }
 
-TEST(FusedBelief, PartThatWasMeasuredIsNotMendedTwice) {
+TEST(FusedBelief, PartThatWasMeasuredIsNotCorrectedTwice) {
   const Job job = coarse_job({{"belief.part", "{instrument = \"cmm\"}"}});
   const double before = machine_rms(job, std::nullopt);
   const double composite = machine_rms(job, parse_case("composite-iterated-ideal"));

@@ -152,15 +152,15 @@ TEST(Identify, TheLaserAloneNamesWhatItCannotTell) {
   const Identified found =
       identify(campaign(scene, {instrument_of(scene, "laser")}, folder), options);
   const Json report = to_json(found);
-  std::vector<std::string> untold;
+  std::vector<std::string> unhidden;
   bool pitch_hides = false;
   for (const Json& one : report["confounded"]) {
     const std::string name = one["name"];
-    if (one["hidden_by"].empty()) untold.push_back(name);
+    if (one["hidden_by"].empty()) unhidden.push_back(name);
     pitch_hides = pitch_hides || (name.starts_with("EBX") && !one["hidden_by"].empty());
   }
   for (const std::string roll : {"EAX", "EBY", "ECZ", "EYX", "EC0Y"})
-    EXPECT_TRUE(std::any_of(untold.begin(), untold.end(),
+    EXPECT_TRUE(std::any_of(unhidden.begin(), unhidden.end(),
                             [&](const std::string& name) { return name.starts_with(roll); }))
         << roll << " is seen by no reading of a laser";
   EXPECT_TRUE(pitch_hides) << "pitch of X hides in its positioning over the arm";

@@ -258,7 +258,7 @@ TEST(FarmProgram, KilledTwentyTimesAtRandomItEndsWithTheSameBytes) {
   const fs::path study = folder.write("study.txt", farm_study(8000));
   fs::path out = folder.folder("0");
   int killed = 0, studies = 0;
-  std::size_t most_at_once = 0, before = 0, not_told = 0;
+  std::size_t most_at_once = 0, before = 0, unreported = 0;
   while (killed < 20) {
     Process process(command(study, out), folder / "log");
     wait_ms(moment_ms(random));
@@ -266,17 +266,19 @@ TEST(FarmProgram, KilledTwentyTimesAtRandomItEndsWithTheSameBytes) {
     if (process.exit_code() == 0) {
       EXPECT_EQ(text_of(out / "table.txt"), undisturbed_table());
       out = folder.folder(std::to_string(++studies));
-      before = not_told = 0;
+      before = unreported = 0;
       continue;
     }
     ++killed;
     if (!has_rows(out)) continue;
-    const std::vector<std::uint64_t> told = added(out), kept = in_journal(out / "journal.db");
-    EXPECT_TRUE(std::includes(kept.begin(), kept.end(), told.begin(), told.end()))
+    const std::vector<std::uint64_t> reported = added(out), kept = in_journal(out / "journal.db");
+    EXPECT_TRUE(std::includes(kept.begin(), kept.end(), reported.begin(), reported.end()))
         << "a row that was added is gone";
-    EXPECT_EQ(std::adjacent_find(told.begin(), told.end()), told.end()) << "a case is done twice";
-    EXPECT_LE(kept.size() - told.size(), not_told + 3) << "but for the batch it was killed in";
-    not_told = kept.size() - told.size();
+    EXPECT_EQ(std::adjacent_find(reported.begin(), reported.end()), reported.end())
+        << "a case is done twice";
+    EXPECT_LE(kept.size() - reported.size(), unreported + 3)
+        << "but for the batch it was killed in";
+    unreported = kept.size() - reported.size();
     most_at_once = std::max(most_at_once, kept.size() - before);
     before = kept.size();
   }
@@ -300,8 +302,8 @@ TEST(FarmProgram, AKilledWorkerEndsTheJobAndAResumeGivesTheSameBytes) {
     ::kill(std::stoi(text_of(out / worker)), SIGKILL);
     EXPECT_NE(process.exit_code(), 0) << text_of(folder / "log");
     EXPECT_FALSE(fs::exists(out / "table.txt"));
-    const std::vector<std::uint64_t> told = added(out), kept = in_journal(out / "journal.db");
-    EXPECT_TRUE(std::includes(kept.begin(), kept.end(), told.begin(), told.end()));
+    const std::vector<std::uint64_t> reported = added(out), kept = in_journal(out / "journal.db");
+    EXPECT_TRUE(std::includes(kept.begin(), kept.end(), reported.begin(), reported.end()));
     std::cout << kept.size() << " of 200 cases when " << worker << " was killed\n";
   }
   folder.write("study.txt", farm_study());

@@ -95,7 +95,7 @@ inline FlatMachine random_machine(Study study, Eigen::Index n, unsigned seed) {
   return {std::move(study), std::move(map)};
 }
 
-/// Figures of a map, written anew. @param map  (n) mm, NaN where not cut
+/// Figures of a map, written again. @param map  (n) mm, NaN where not cut
 inline double figure(const InfluenceMap& influence, Response response, const Eigen::VectorXd& map) {
   double area = 0.0, first = 0.0, square = 0.0, low = INFINITY, high = -INFINITY;
   for (Eigen::Index v = 0; v < map.size(); ++v) {

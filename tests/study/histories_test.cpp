@@ -235,10 +235,10 @@ TEST_F(HistoriesOfDays, TheBeliefIsThatOfTheFilesOfReadings) {
   const Identified found = identify(files, options);
 
   const std::vector<Override> day = set_of("both");
-  std::vector<Override> told = day, unmoved = day;
-  told.emplace_back("belief.thermal.file", "\"" + options.out.string() + "\"");
+  std::vector<Override> informed = day, unmoved = day;
+  informed.emplace_back("belief.thermal.file", "\"" + options.out.string() + "\"");
   unmoved.emplace_back("thermal.scale", "0.0");
-  const Job job = prepare(read_scene(scene_, told));
+  const Job job = prepare(read_scene(scene_, informed));
   const auto without = cut(prepare(read_scene(scene_, unmoved))).surface;
   const auto rms = [&](const Cut& one) {
     return *cutting::statistics(cutting::minus(one.surface, without), job.design_w).rms;

@@ -45,12 +45,12 @@ Agreement agreement(const Study& study, const ReadyArm& ready, const InfluenceMa
     double off = 0.0, size = 0.0;
     for (Index v = 0; v < estimated.rows(); ++v) {
       const bool cut = tried.surface.status[std::size_t(v)] == cutting::VertexStatus::Cut;
-      const bool told = map.status[std::size_t(v)] == cutting::VertexStatus::Cut;
+      const bool cut_there = map.status[std::size_t(v)] == cutting::VertexStatus::Cut;
       const double a = map.design.area[v];
-      const double by = cut && told ? estimated(v, i) - tried.surface.residual[v] : 0.0;
+      const double by = cut && cut_there ? estimated(v, i) - tried.surface.residual[v] : 0.0;
       off += a * by * by;
       size += cut ? a * std::pow(tried.surface.residual[v] - map.error_free[v], 2) : 0.0;
-      if (cut == told && std::abs(by) <= study.influence.flag) continue;
+      if (cut == cut_there && std::abs(by) <= study.influence.flag) continue;
       all.failed += 100 * a / area / double(x.cols());
       if (!(map.doubt[v] > study.influence.flag)) all.unseen += 100 * a / area / double(x.cols());
     }

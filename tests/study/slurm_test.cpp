@@ -171,7 +171,7 @@ class OneNodeSlurm {
     return text_of(file);
   }
   fs::path log() const { return folder_ / "log"; }
-  std::string told() const { return text_of(folder_ / "daemons"); }
+  std::string messages() const { return text_of(folder_ / "daemons"); }
 
  private:
   std::string at(const std::string& name) const { return (folder_ / name).string(); }
@@ -226,7 +226,7 @@ TEST(Slurm, AnArrayAndItsMergeGiveTheSameBytesAlsoAfterACancelledTask) {
   const fs::path out = folder / "out", table = out / "table.txt";
   const auto start = std::chrono::steady_clock::now();
   const OneNodeSlurm slurm;
-  ASSERT_TRUE(slurm.is_ready()) << slurm.told();
+  ASSERT_TRUE(slurm.is_ready()) << slurm.messages();
 
   ASSERT_EQ(run({"sh", script}, slurm.log()), 0) << text_of(slurm.log());
   ASSERT_TRUE(wait_until([&] { return !text_of(out / "added.log").empty(); }, 20)) << slurm.jobs();

@@ -137,7 +137,7 @@ TEST_P(StudyKilled, AtRandomAndResumedGivesTheSameBytes) {
   const std::uint64_t cases = plan_of(read_study(study)).cases;
   int hit = 0;
   std::uint64_t before = 0;
-  std::string told;
+  std::string reported;
   for (int kill = 0; kill < kills; ++kill) {
     // some before they begin anything, most some cases on, the rest while they write tables
     const std::uint64_t left = cases - before;
@@ -152,10 +152,10 @@ TEST_P(StudyKilled, AtRandomAndResumedGivesTheSameBytes) {
     const std::uint64_t now = finished(out / "journal.sqlite");
     EXPECT_GE(now, before + more) << "nothing that was finished is lost";
     before = now;
-    told += " " + std::to_string(now);
+    reported += " " + std::to_string(now);
   }
   std::cout << "seed " << seed << ", " << hit << " of " << kills << " killed at work, of " << cases
-            << " cases finished then:" << told << "\n";
+            << " cases finished then:" << reported << "\n";
   EXPECT_GT(hit, kills / 2);
   const Ran last = ran(words(study, out));
   EXPECT_EQ(last.code, 0) << last.text;
@@ -364,7 +364,7 @@ TEST_F(StudyProgram, ByInfluenceMapsOfAPartThatIsAllGougedSaysSo) {
       << one.text;
 }
 
-TEST_F(StudyProgram, TellsAFullDiskAndGoesOnWhenThereIsRoom) {
+TEST_F(StudyProgram, ReportsAFullDiskAndGoesOnWhenThereIsRoom) {
   const fs::path out = this->out("");
   fs::create_directories(out);
   const SmallDisk disk(out, "120k");
@@ -389,7 +389,7 @@ TEST_F(StudyProgram, RefusesBadInputWithItsPlaceAndLeavesNoFiles) {
   EXPECT_NE(one.text.find("bad.toml:14:8: expected one_at_a_time.step"), std::string::npos)
       << one.text;
   EXPECT_EQ(ran(words(study, out, {"--show"})).code, 3);
-  EXPECT_EQ(ran(words(study, out, {"--slurm"})).code, 3) << "told now, not by every shard";
+  EXPECT_EQ(ran(words(study, out, {"--slurm"})).code, 3) << "reported now, not by every shard";
   EXPECT_EQ(ran(words(folder() / "none.toml", out)).code, 3);
   EXPECT_FALSE(fs::exists(out));
   const fs::path good = study_of("influence");
