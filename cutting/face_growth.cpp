@@ -56,15 +56,19 @@ void FaceGrowth::stamp(const Region& region) {
   for (const int v : region.vertices) vertex_stamp_[std::size_t(v)] = stamped_;
 }
 
+/// Those corners of a triangle that the region, which was stamped last, does not have.
+void FaceGrowth::add_corners(Region& region, int t) {
+  for (const int v : design_.triangles.row(t)) {
+    int& last = vertex_stamp_[std::size_t(v)];
+    if (last != stamped_) region.vertices.push_back(v);
+    last = stamped_;
+  }
+}
+
 FaceGrowth::Region FaceGrowth::region(std::vector<int> triangles) {
   Region made{std::move(triangles), {}};
   ++stamped_;
-  for (const int t : made.triangles)
-    for (const int v : design_.triangles.row(t)) {
-      int& last = vertex_stamp_[std::size_t(v)];
-      if (last != stamped_) made.vertices.push_back(v);
-      last = stamped_;
-    }
+  for (const int t : made.triangles) add_corners(made, t);
   return made;
 }
 
@@ -105,11 +109,7 @@ FaceGrowth::Region FaceGrowth::spread(const RecognisedPatch& surface, Region reg
         continue;
       stamp_[std::size_t(next)] = stamped_;
       region.triangles.push_back(next);
-      for (const int v : design_.triangles.row(next)) {
-        int& last = vertex_stamp_[std::size_t(v)];
-        if (last != stamped_) region.vertices.push_back(v);
-        last = stamped_;
-      }
+      add_corners(region, next);
     }
   return region;
 }

@@ -76,6 +76,7 @@ class FaceGrowth {
   bool lies_on(const RecognisedPatch& surface, int t, double reach) const;
   void find_flats(const std::vector<char>& open);
   void stamp(const Region& region);
+  void add_corners(Region& region, int t);
   std::optional<RecognisedPatch> fitted(const FacetPatch& patch, const RecognisedPatch& near) const;
   RecognisedPatch refitted(const RecognisedPatch& surface, const Region& region) const;
   bool is_face(const RecognisedPatch& surface, const Region& region);

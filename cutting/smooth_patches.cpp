@@ -13,33 +13,14 @@
 
 #include "cutting/disjoint_sets.h"
 #include "cutting/segment_grid.h"
+#include "cutting/triangle_sides.h"
+#include "kinematics/turn_between.h"
 
 namespace abbe::cutting {
 namespace {
 
 using Eigen::Index;
 using Eigen::Vector3d;
-
-/// The side of a triangle between two of its corners.
-struct Side {
-  int low, high;  ///< vertices
-  int triangle, corner;
-  bool same_edge(const Side& other) const { return low == other.low && high == other.high; }
-};
-
-std::vector<Side> sides_of(const Triangles& triangles) {
-  std::vector<Side> sides;
-  sides.reserve(3 * std::size_t(triangles.rows()));
-  for (int t = 0; t < int(triangles.rows()); ++t)
-    for (int k = 0; k < 3; ++k) {
-      const auto [low, high] = std::minmax(triangles(t, k), triangles(t, (k + 1) % 3));
-      sides.push_back({low, high, t, k});
-    }
-  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
-    return std::tie(a.low, a.high, a.triangle) < std::tie(b.low, b.high, b.triangle);
-  });
-  return sides;
-}
 
 Vector3d normal_of(const Design& design, int triangle) {
   const auto corner = [&](int k) -> Vector3d {
@@ -48,10 +29,9 @@ Vector3d normal_of(const Design& design, int triangle) {
   return (corner(1) - corner(0)).cross(corner(2) - corner(0));
 }
 
-/// rad, between the normals of two triangles
+/// rad, by which the design turns from one triangle to another
 double fold(const Design& design, int one, int other) {
-  const Vector3d a = normal_of(design, one), b = normal_of(design, other);
-  return std::atan2(a.cross(b).norm(), a.dot(b));
+  return kinematics::angle_between(normal_of(design, one), normal_of(design, other));
 }
 
 int corner_at(const Triangles& triangles, int triangle, int vertex) {
@@ -65,9 +45,9 @@ int corner_at(const Triangles& triangles, int triangle, int vertex) {
 template <typename Joined>
 DisjointSets joined_corners(const Design& design, const Joined& joined) {
   DisjointSets corners(3 * std::size_t(design.triangles.rows()));
-  const std::vector<Side> sides = sides_of(design.triangles);
+  const std::vector<TriangleSide> sides = sides_of(design.triangles);
   for (std::size_t i = 0; i + 1 < sides.size(); ++i) {
-    const Side &one = sides[i], &other = sides[i + 1];
+    const TriangleSide &one = sides[i], &other = sides[i + 1];
     if (!one.same_edge(other) || !joined(one.triangle, other.triangle)) continue;
     for (const int vertex : {one.low, one.high})
       corners.join(corner_at(design.triangles, one.triangle, vertex),
@@ -133,6 +113,22 @@ Parted parted_at(const Design& design, DisjointSets corners) {
   return parted;
 }
 
+/// The vertices parted where triangles of different labels meet.
+Parted parted_by(const Design& design, const std::vector<int>& label) {
+  return parted_at(design, joined_corners(design, [&](int one, int other) {
+                     return label[std::size_t(one)] == label[std::size_t(other)];
+                   }));
+}
+
+/// (n) the label of the triangles of each vertex, which are of one; -1 where it has none.
+std::vector<int> labels_of(const Design& design, const std::vector<int>& label) {
+  std::vector<int> found(std::size_t(design.vertices.rows()), -1);
+  for (Index t = 0; t < design.triangles.rows(); ++t)
+    for (const int vertex : design.triangles.row(t))
+      found[std::size_t(vertex)] = label[std::size_t(t)];
+  return found;
+}
+
 /// (n) the first vertex that stands at the same point.
 std::vector<int> first_at_point(const Points& vertices) {
   std::map<std::array<double, 3>, int> first;
@@ -158,7 +154,7 @@ Design split_at_edges(const Design& design, double angle) {
 }
 
 int edges_about(const Design& design, double angle, double within) {
-  const std::vector<Side> sides = sides_of(design.triangles);
+  const std::vector<TriangleSide> sides = sides_of(design.triangles);
   int count = 0;
   for (std::size_t i = 0; i + 1 < sides.size(); ++i)
     if (sides[i].same_edge(sides[i + 1]))
@@ -169,23 +165,17 @@ int edges_about(const Design& design, double angle, double within) {
 Design split_at_faces(const Design& design, const std::vector<int>& face) {
   if (Index(face.size()) != design.triangles.rows())
     throw std::invalid_argument("split_at_faces: one face a triangle");
-  const auto same = [&](int one, int other) {
-    return face[std::size_t(one)] == face[std::size_t(other)];
-  };
-  Parted parted = parted_at(design, joined_corners(design, same));
+  Parted parted = parted_by(design, face);
   Design made = taken(design, parted.from, std::move(parted.triangles));
-  made.face.assign(parted.from.size(), -1);
-  for (Index t = 0; t < made.triangles.rows(); ++t)
-    for (const int vertex : made.triangles.row(t))
-      made.face[std::size_t(vertex)] = face[std::size_t(t)];
+  made.face = labels_of(made, face);
   return made;
 }
 
 std::vector<std::array<int, 3>> neighbours(const Triangles& triangles) {
   std::vector<std::array<int, 3>> across(std::size_t(triangles.rows()), {-1, -1, -1});
-  const std::vector<Side> sides = sides_of(triangles);
+  const std::vector<TriangleSide> sides = sides_of(triangles);
   for (std::size_t i = 0; i + 1 < sides.size(); ++i) {
-    const Side &one = sides[i], &other = sides[i + 1];
+    const TriangleSide &one = sides[i], &other = sides[i + 1];
     if (!one.same_edge(other)) continue;
     across[std::size_t(one.triangle)][std::size_t(one.corner)] = other.triangle;
     across[std::size_t(other.triangle)][std::size_t(other.corner)] = one.triangle;
@@ -196,15 +186,9 @@ std::vector<std::array<int, 3>> neighbours(const Triangles& triangles) {
 Design split_at_groups(const Design& design, const std::vector<int>& group) {
   if (Index(group.size()) != design.triangles.rows())
     throw std::invalid_argument("split_at_groups: one group a triangle");
-  const auto same = [&](int one, int other) {
-    return group[std::size_t(one)] == group[std::size_t(other)];
-  };
-  Parted parted = parted_at(design, joined_corners(design, same));
+  Parted parted = parted_by(design, group);
   Design made = taken(design, parted.from, std::move(parted.triangles));
-  made.group.assign(parted.from.size(), -1);
-  for (Index t = 0; t < made.triangles.rows(); ++t)
-    for (const int vertex : made.triangles.row(t))
-      made.group[std::size_t(vertex)] = group[std::size_t(t)];
+  made.group = labels_of(made, group);
   for (Index i = 0; i < made.vertices.rows(); ++i) {
     const int old = parted.from[std::size_t(i)];
     made.normals.row(i) = design.normals.row(old);
@@ -232,7 +216,7 @@ std::vector<int> patches(const Design& design) {
 std::vector<Segment> sharp_edges(const Design& design) {
   const std::vector<int> first = first_at_point(design.vertices);
   std::map<std::pair<int, int>, int> open;
-  const std::vector<Side> sides = sides_of(design.triangles);
+  const std::vector<TriangleSide> sides = sides_of(design.triangles);
   for (std::size_t i = 0; i < sides.size(); ++i) {
     const bool shared = (i > 0 && sides[i].same_edge(sides[i - 1])) ||
                         (i + 1 < sides.size() && sides[i].same_edge(sides[i + 1]));

@@ -5,13 +5,13 @@
 #include <cmath>
 #include <cstdint>
 #include <map>
-#include <numeric>
 #include <utility>
 #include <vector>
 
 #include <Eigen/Geometry>
 
 #include "cutting/segment_grid.h"
+#include "cutting/triangle_sides.h"
 #include "kinematics/require.h"
 #include "render/label.h"
 
@@ -41,34 +41,6 @@ cutting::Points normals(const cutting::Design& design) {
     row = length > 0.0 ? Eigen::RowVector3d(row / length) : Eigen::RowVector3d(0.0, 0.0, 1.0);
   }
   return sum;
-}
-
-/// An edge, and the triangles that share it.
-struct SharedEdge {
-  std::array<int, 2> ends;
-  int triangle;
-};
-
-/// By their ends; a bucket for each lower end first, which takes a third of the time of a sort.
-std::vector<SharedEdge> sorted_edges(const cutting::Triangles& triangles, Eigen::Index vertices) {
-  const auto ends = [&](int k, int i) -> std::array<int, 2> {
-    const auto [low, high] = std::minmax(triangles(k, i), triangles(k, (i + 1) % 3));
-    return {low, high};
-  };
-  std::vector<std::size_t> from(std::size_t(vertices) + 1, 0);
-  for (int k = 0; k < triangles.rows(); ++k)
-    for (int i = 0; i < 3; ++i) ++from[std::size_t(ends(k, i)[0]) + 1];
-  std::partial_sum(from.begin(), from.end(), from.begin());
-  std::vector<SharedEdge> edges(3 * std::size_t(triangles.rows()));
-  std::vector<std::size_t> next = from;
-  for (int k = 0; k < triangles.rows(); ++k)
-    for (int i = 0; i < 3; ++i) edges[next[std::size_t(ends(k, i)[0])]++] = {ends(k, i), k};
-  for (std::size_t v = 0; v < std::size_t(vertices); ++v)
-    std::sort(edges.begin() + std::ptrdiff_t(from[v]), edges.begin() + std::ptrdiff_t(from[v + 1]),
-              [](const SharedEdge& a, const SharedEdge& b) {
-                return a.ends != b.ends ? a.ends < b.ends : a.triangle < b.triangle;
-              });
-  return edges;
 }
 
 /// Rims by the cells of a grid that they pass.
@@ -154,16 +126,16 @@ MapOutline map_outline(const cutting::Design& design, const Vector3d& toward) {
     if (twice_area.norm() > thin * longest) return twice_area.normalized();
     return (smooth.row(t[0]) + smooth.row(t[1]) + smooth.row(t[2])).normalized();
   };
-  const std::vector<SharedEdge> edges = sorted_edges(design.triangles, design.vertices.rows());
+  const std::vector<cutting::TriangleSide> sides = cutting::sides_of(design.triangles);
   MapOutline found;
-  for (std::size_t i = 0, next = 0; i < edges.size(); i = next) {
-    for (next = i + 1; next < edges.size() && edges[next].ends == edges[i].ends;) ++next;
-    if (next == i + 1)
-      found.rims.insert(found.rims.end(), edges[i].ends.begin(), edges[i].ends.end());
+  for (std::size_t i = 0, next = 0; i < sides.size(); i = next) {
+    for (next = i + 1; next < sides.size() && sides[next].same_edge(sides[i]);) ++next;
+    const auto [low, high, triangle, corner] = sides[i];
+    if (next == i + 1) found.rims.insert(found.rims.end(), {low, high});
     if (next != i + 2) continue;
-    const Vector3d a = normal(edges[i].triangle), b = normal(edges[i + 1].triangle);
+    const Vector3d a = normal(triangle), b = normal(sides[i + 1].triangle);
     if (a.dot(b) < sharp || a.dot(toward) * b.dot(toward) < 0.0)
-      found.folds.insert(found.folds.end(), edges[i].ends.begin(), edges[i].ends.end());
+      found.folds.insert(found.folds.end(), {low, high});
   }
   found.rims = Rims(design, smooth, std::move(found.rims)).without_seams();
   return found;
