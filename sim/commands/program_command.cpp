@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/escape.h"
+#include "kinematics/units.h"
 #include "sim/cut/program_alone.h"
 #include "sim/files/output.h"
 #include "sim/files/progress.h"
@@ -106,7 +107,7 @@ Exit look_at(const Common& common, ProgramWords words) {
   if (words.skip_unknown) words.options.on_unknown = dialects::OnUnknown::Warn;
   if (words.tool_radius > 0.0) words.options.tool_radius = words.tool_radius;
   if (!(words.tolerance_um > 0.0)) throw BadUsage("--tolerance-um", "expected more than 0");
-  words.options.within = words.tolerance_um * 1e-3;
+  words.options.within = words.tolerance_um * units::um;
   words.options.trace = words.picture;
   const bool writes = words.picture || words.options.to;
   const std::filesystem::path folder = folder_of(common, words);

@@ -7,12 +7,6 @@
 
 namespace abbe::sim::program {
 
-/// Axis positions at fraction u of a block; under a tip mode the slides are those that bring the
-/// tip there.
-/// @throws BadInput naming the line where they do not reach it
-kinematics::AxisVector axes_at(const Path& path, const Block& block,
-                               const kinematics::Chain& control, double u);
-
 /// Sum of the turns of the positioned rotary axes in a block, rad; of a cubic at most.
 double turn_in(const Path& path, const Block& block, const kinematics::Chain& control);
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "kinematics/units.h"
+#include "sim/program/block_axes.h"
 #include "sim/program/chords.h"
 #include "sim/program/controlled_axes.h"
 

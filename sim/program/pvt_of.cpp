@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/bad_input.h"
+#include "sim/program/block_axes.h"
 #include "sim/program/chords.h"
 
 namespace abbe::sim::program {

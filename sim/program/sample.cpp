@@ -12,6 +12,7 @@
 #include "kinematics/inverse.h"
 #include "kinematics/turn_between.h"
 #include "kinematics/units.h"
+#include "sim/program/block_axes.h"
 
 namespace abbe::sim::program {
 namespace {
@@ -43,23 +44,6 @@ struct Rates {
   double fifth = 0.0;   ///< mm, fifth derivative of any point of the tool axis up to `reach`
   double lever = 0.0;   ///< mm, sum of the distances of the tip from the rotary axes
 };
-
-/// Largest first, second and third derivative of one coordinate over u in [0, 1].
-struct Bends {
-  double first = 0.0, second = 0.0, third = 0.0;
-};
-
-Bends bends(const Path& path, const Block& block, int j) {
-  const double way = block.end[j] - block.start[j];
-  if (block.interpolation != Interpolation::Cubic) return {std::abs(way), 0.0, 0.0};
-  const double duration = block.end_s - block.start_s;
-  const Cubic& cubic = path.cubics[block.shape];
-  const double v0 = cubic.start_velocity[j] * duration, v1 = cubic.end_velocity[j] * duration;
-  const double middle = 3 * way - v0 - v1;  // Bezier coefficients of the first derivative
-  return {std::max({std::abs(v0), std::abs(middle), std::abs(v1)}),
-          2 * std::max(std::abs(middle - v0), std::abs(v1 - middle)),
-          2 * std::abs(v0 - 2 * middle + v1)};
-}
 
 /// Real roots of a u^2 + 2 b u + c.
 std::vector<double> roots(double a, double b, double c) {
@@ -184,11 +168,7 @@ void Walk::set_rates() {
 }
 
 AxisVector Walk::slides(const AxisVector& programmed) const {
-  const auto q = slides_for_tip(control_, programmed, programmed_tip(programmed));
-  if (!q)
-    throw BadInput(path_.file, block_.line, 0, "slides that reach the tip",
-                   "a tip out of their reach");
-  return *q;
+  return with_slides_for(path_, block_, control_, programmed, programmed_tip(programmed));
 }
 
 AxisVector Walk::axes(double u) const {

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/units.h"
+#include "sim/program/block_axes.h"
 #include "sim/program/chords.h"
 #include "sim/program/nc_write.h"
 

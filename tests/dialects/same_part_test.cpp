@@ -11,6 +11,7 @@
 
 #include "sim/cut/cut.h"
 #include "sim/cut/job.h"
+#include "sim/program/block_axes.h"
 #include "sim/program/sample.h"
 #include "tests/dialects/five_posts.h"
 #include "tests/sim/scene_folder.h"

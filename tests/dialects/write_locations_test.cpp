@@ -7,6 +7,7 @@
 #include <random>
 
 #include "sim/dialects/read_program.h"
+#include "sim/program/block_axes.h"
 #include "sim/program/chords.h"
 #include "sim/program/path_meter.h"
 #include "tests/program/machines.h"

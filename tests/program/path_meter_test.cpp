@@ -10,6 +10,7 @@
 #include "kinematics/bad_input.h"
 #include "kinematics/inverse.h"
 #include "machines.h"
+#include "sim/program/block_axes.h"
 #include "sim/program/chords.h"
 #include "sim/program/nc.h"
 

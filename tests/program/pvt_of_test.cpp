@@ -7,6 +7,7 @@
 
 #include "kinematics/bad_input.h"
 #include "machines.h"
+#include "sim/program/block_axes.h"
 #include "sim/program/chords.h"
 #include "sim/program/nc.h"
 
