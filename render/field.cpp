@@ -26,6 +26,19 @@ void check_sizes(const Field& field) {
   require(field.cut_line.size() == count, "residual: one program line a vertex is needed");
 }
 
+cutting::Surface surface_of(const Field& field) {
+  cutting::Surface surface{field.deviation_um * units::um, field.cut_time_s, field.cut_line, {}};
+  for (const std::uint8_t status : field.status) {
+    const auto vertex = int(surface.status.size());
+    surface.status.push_back(cutting::VertexStatus(status));
+    if (surface.status.back() == cutting::VertexStatus::Gouged)
+      surface.gouges.push_back({vertex, 0.0, true});  // how deep is not in the file
+  }
+  surface.looked_within = field.looked_within;
+  surface.within = field.within_um * units::um;
+  return surface;
+}
+
 }  // namespace
 
 Field field(const cutting::Design& design, const cutting::Surface& surface) {
@@ -41,16 +54,11 @@ Field field(const cutting::Design& design, const cutting::Surface& surface) {
 }
 
 cutting::Statistics statistics(const Field& field, const cutting::ToleranceBands& tolerance) {
-  cutting::Surface surface{field.deviation_um * units::um, field.cut_time_s, field.cut_line, {}};
-  for (const std::uint8_t status : field.status) {
-    const auto vertex = int(surface.status.size());
-    surface.status.push_back(cutting::VertexStatus(status));
-    if (surface.status.back() == cutting::VertexStatus::Gouged)
-      surface.gouges.push_back({vertex, 0.0, true});  // how deep is not in the file
-  }
-  surface.looked_within = field.looked_within;
-  surface.within = field.within_um * units::um;
-  return cutting::statistics(surface, field.design, tolerance);
+  return cutting::statistics(surface_of(field), field.design, tolerance);
+}
+
+cutting::Weights weights(const Field& field) {
+  return cutting::weights(surface_of(field), field.design);
 }
 
 void write_residual(const std::filesystem::path& path, const Field& field, const Facts& facts) {

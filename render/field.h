@@ -39,6 +39,10 @@ Field field(const cutting::Design& design, const cutting::Surface& surface);
 /// @throws std::invalid_argument if the sizes do not fit
 cutting::Statistics statistics(const Field& field, const cutting::ToleranceBands& tolerance = {});
 
+/// The areas, mm^2, that vertices and places within triangles stand for: those of `statistics`.
+/// @throws std::invalid_argument if the sizes do not fit
+cutting::Weights weights(const Field& field);
+
 /// Writes `residual.vtp`: VTK XML PolyData, little endian, appended bytes, compressed by zlib; the
 /// design mesh in mm (float64) with point data `deviation_um` (float64, NaN unless cut), `status`
 /// (uint8), `cut_time_s` (float64), `cut_line` (int32), `area_mm2` (float64) and,

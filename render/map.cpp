@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <stdexcept>
 
@@ -74,19 +75,31 @@ void draw_strip(Canvas& canvas, const MapPage& p, const View& view, const Tally&
 /// What of a field is coloured, and how.
 struct Coloured {
   Eigen::VectorXd values;
+  Eigen::VectorXd within;  ///< the same at the places within triangles; empty without
   ColourScale scale;
   Span ends_um;                ///< on which a vertex is not beyond the scale
   std::vector<double> levels;  ///< of isolines
 };
 
-/// Deviations such that the limits of a vertex become 0 and 1.
-Eigen::VectorXd within_band(const Field& field, const cutting::ToleranceBands& bands) {
-  Eigen::VectorXd values(field.deviation_um.size());
+/// Deviations such that their limits, a row each, become 0 and 1.
+Eigen::VectorXd within_band(const Eigen::VectorXd& deviation_um,
+                            const cutting::ToleranceBands& bands) {
+  Eigen::VectorXd values(deviation_um.size());
   for (Eigen::Index i = 0; i < values.size(); ++i) {
     const double width = bands(i, 1) - bands(i, 0);
-    values[i] = std::isfinite(width) ? (field.deviation_um[i] - bands(i, 0)) / width : 0.5;
+    values[i] = std::isfinite(width) ? (deviation_um[i] - bands(i, 0)) / width : 0.5;
   }
   return values;
+}
+
+/// The limits of the places within triangles: the mean of those of their corners.
+cutting::ToleranceBands bands_within(const Field& field, const cutting::ToleranceBands& bands) {
+  cutting::ToleranceBands found(field.within_um.size(), 2);
+  for (Eigen::Index t = 0; t < found.rows(); ++t) {
+    const Eigen::RowVector3i corners = field.design.triangles.row(t);
+    found.row(t) = (bands.row(corners[0]) + bands.row(corners[1]) + bands.row(corners[2])) / 3.0;
+  }
+  return found;
 }
 
 Coloured coloured(const MapPicture& picture, const MapOptions& options) {
@@ -99,13 +112,18 @@ Coloured coloured(const MapPicture& picture, const MapOptions& options) {
     if (picture.tolerance_um.rows() == 0)
       throw std::invalid_argument("map: colours of a tolerance need one");
     const double huge = std::numeric_limits<double>::max();
-    return {within_band(field, picture.tolerance_um), tolerance_scale(), {-huge, huge}, {0.0, 1.0}};
+    const cutting::ToleranceBands& bands = picture.tolerance_um;
+    return {within_band(field.deviation_um, bands),
+            within_band(field.within_um, bands_within(field, bands)),
+            tolerance_scale(),
+            {-huge, huge},
+            {0.0, 1.0}};
   }
   const Span ends =
       options.range_um ? Span{-*options.range_um, *options.range_um} : fitted_ends_um(field);
   const Palette palette =
       options.colours == MapColours::Cividis ? Palette::Cividis : Palette::Diverging;
-  return {field.deviation_um, colour_scale(ends.lower, ends.upper, palette), ends,
+  return {field.deviation_um, field.within_um, colour_scale(ends.lower, ends.upper, palette), ends,
           round_ticks(ends.lower, ends.upper, 11).values};
 }
 
@@ -134,6 +152,17 @@ std::vector<Flag> flags(const View& view, const Field& field) {
   return both;
 }
 
+/// The histogram of what is coloured, by the areas of the statistics.
+std::vector<double> shares_of(const Field& field, const Coloured& what, const Span& ends,
+                              int bins) {
+  if (field.design.area.size() == 0) return bar_shares(what.values, {}, ends, bins);
+  const cutting::Weights w = weights(field);
+  std::vector<double> shares = bar_shares(what.values, w.vertex, ends, bins);
+  const std::vector<double> within = bar_shares(what.within, w.within, ends, bins);
+  std::transform(shares.begin(), shares.end(), within.begin(), shares.begin(), std::plus<>());
+  return shares;
+}
+
 void draw_scale(Canvas& canvas, const MapPage& p, const MapPicture& picture,
                 const MapOptions& options, const Coloured& what, const Tally& counts,
                 const TextStyle& body) {
@@ -145,7 +174,7 @@ void draw_scale(Canvas& canvas, const MapPage& p, const MapPicture& picture,
         picture.shares.value_or(tolerance_shares(field, picture.tolerance_um));
     tolerance_bar(canvas, p.bar,
                   {s.over, s.in, s.under, common_limits(picture.tolerance_um),
-                   bar_shares(what.values, field.design.area, {-0.5, 1.5}, bins), histogram},
+                   shares_of(field, what, {-0.5, 1.5}, bins), histogram},
                   body);
     return;
   }
@@ -153,7 +182,7 @@ void draw_scale(Canvas& canvas, const MapPage& p, const MapPicture& picture,
                 counts.lowest_um<what.ends_um.lower, counts.highest_um> what.ends_um.upper};
   if (const auto limits = common_limits(picture.tolerance_um))
     bar.marks = {limits->lower, limits->upper};
-  bar.shares = bar_shares(what.values, field.design.area, what.ends_um, bins);
+  bar.shares = shares_of(field, what, what.ends_um, bins);
   bar.histogram_px = histogram;
   colour_bar(canvas, p.bar, bar, body);
 }

@@ -94,6 +94,12 @@ std::string shown_verdict(std::string text) {
   return text;
 }
 
+/// Form is known at the vertices alone.
+void draw_form(render::Field& field) {
+  field.deviation_um = field.form_um;
+  field.within_um.resize(0);
+}
+
 /// The map in the part frame, so that the camera stands where the scene says, however the part is
 /// clamped.
 /// @param pixel_mm  about what a pixel covers: waves that are finer would only flicker; 0: drawn
@@ -103,11 +109,11 @@ render::MapPicture map_picture(const Job& job, const Verdict& verdict, double pi
   picture.title = verdict.cut.name;
   picture.figures = figures(verdict.residual);
   if (draws_form(verdict)) {
-    picture.field.deviation_um = picture.field.form_um;
+    draw_form(picture.field);
     picture.figures = figures(*verdict.form_part);
     picture.caption.push_back(form_caption(job, verdict));
   } else if (is_finer(job, pixel_mm)) {
-    picture.field.deviation_um = picture.field.form_um;
+    draw_form(picture.field);
     picture.caption.push_back(
         fmt::format("form: waves beyond {:.3g} mm; texture, Sz {}, is finer than a pixel",
                     job.scene.part.form_cutoff, texture_height(verdict)));

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "kinematics/units.h"
 #include "render/colour_bar.h"
 #include "render/comparison.h"
 #include "render/flags.h"
@@ -356,6 +357,21 @@ TEST_F(Map, HistogramOfTheBarHoldsAllOfTheArea) {
     EXPECT_NEAR(share, 0.1, 0.002);
   }
   EXPECT_NEAR(sum, f.design.area.sum(), 1e-9);
+}
+
+TEST_F(Map, AreasOfAFieldAreThoseOfItsStatistics) {
+  Field f = sheet(1, 1, 30, 10, flat, [](double x, double) { return 10.0 * x * x; });
+  f.looked_within = cutting::Surface::Within::Middle;
+  f.within_um.resize(f.design.triangles.rows());
+  for (Eigen::Index t = 0; t < f.within_um.size(); ++t) {
+    double x = 0.0;
+    for (const int corner : f.design.triangles.row(t)) x += f.design.vertices(corner, 0) / 3.0;
+    f.within_um[t] = 10.0 * x * x;
+  }
+  const cutting::Weights w = weights(f);
+  EXPECT_NEAR(w.vertex.sum() + w.within.sum(), f.design.area.sum(), 1e-12);
+  const double mean = (w.vertex.dot(f.deviation_um) + w.within.dot(f.within_um)) * units::um;
+  EXPECT_NEAR(mean / f.design.area.sum(), *statistics(f).mean, 1e-15);
 }
 
 TEST_F(Map, IsolinesLieAtTheirLevel) {
