@@ -20,10 +20,10 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr int rival_block = 64;      // vertices that share their hints
-constexpr double least_rise = 1e-6;  // mm, that parts two passes
-constexpr double no_rise = 1e-7;     // mm, more than the error of first_entry
-constexpr int patience = 8;          // parts on which a walk may stay level
+constexpr int rival_block = 64;        // vertices that share their hints
+constexpr double parting_rise = 1e-6;  // mm, that parts two passes
+constexpr double no_rise = 1e-7;       // mm, more than the error of first_entry
+constexpr int patience = 8;            // parts on which a walk may stay level
 
 /// A place in the order of the motion: one part of one move.
 struct Place {
@@ -67,10 +67,10 @@ std::vector<Pass> passes_of_run(std::span<const Removal> run) {
   for (const Removal& next : run) {
     Pass& last = passes.back();
     if (next.s < last.nearest.s) last.nearest = next;
-    if (falls ? next.s > last.nearest.s + least_rise : next.s > crest->s) {
+    if (falls ? next.s > last.nearest.s + parting_rise : next.s > crest->s) {
       crest = &next;
       falls = false;
-    } else if (!falls && next.s < crest->s - least_rise) {
+    } else if (!falls && next.s < crest->s - parting_rise) {
       last.to = place(*crest);
       passes.push_back({.nearest = next, .from = last.to});
       falls = true;

@@ -33,6 +33,12 @@ bool unit_at(std::string_view text) {
   return std::ranges::any_of(units, [&](const char* unit) { return text.starts_with(unit); });
 }
 
+/// Whether a sign ends there, which stays with the number that follows.
+bool sign_before(std::string_view text) {
+  constexpr std::array signs = {" ±", " <", " >"};
+  return std::ranges::any_of(signs, [&](const char* sign) { return text.ends_with(sign); });
+}
+
 /// Words of text, each up to and including a space, in pieces that end at a hyphen or an
 /// underscore: there a word is parted that is longer than a line.
 std::vector<std::vector<std::string>> words(const std::string& text) {
@@ -42,7 +48,9 @@ std::vector<std::vector<std::string>> words(const std::string& text) {
     const bool inner = i > 0 && i + 1 < text.size();
     const bool hyphen = text[i] == '-' && inner && text[i - 1] != ' ' && text[i + 1] != ' ';
     const bool number = inner && std::isdigit(static_cast<unsigned char>(text[i - 1]));
-    const bool space = text[i] == ' ' && !(number && unit_at(std::string_view(text).substr(i + 1)));
+    const std::string_view all = text;
+    const bool space = text[i] == ' ' && !(number && unit_at(all.substr(i + 1))) &&
+                       !(inner && sign_before(all.substr(0, i)));
     if (space)
       found.emplace_back(1);
     else if (hyphen || (text[i] == '_' && inner))

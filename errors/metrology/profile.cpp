@@ -63,7 +63,7 @@ struct Places {
 };
 
 /// Section k of an evaluation, or with k = -1 all of it.
-Places places_of(const Profile& profile, const Evaluation& e, int k) {
+Places places_of(const Profile& profile, const EvaluationLength& e, int k) {
   const double from = e.from + std::max(k, 0) * e.section;
   const double to = k < 0 ? e.from + e.sections * e.section : from + e.section;
   // a place exactly at a boundary belongs to the section that begins there
@@ -157,7 +157,7 @@ void check_line(const VectorXd& s, const VectorXd& z, const TextureOptions& opti
           "profile_texture: expected sections, and at least 16 places");
 }
 
-Evaluation in_the_middle(double length, double section, int wanted) {
+EvaluationLength in_the_middle(double length, double section, int wanted) {
   const int fit = int(std::min(1e6, std::floor(length / section * (1.0 + 1e-9))));
   if (fit < 1) return {0.0, length, 1};
   const int sections = std::min(wanted, fit);
@@ -218,7 +218,7 @@ const SettingClass& setting_class(double Nic) {
       [&](const SettingClass& a, const SettingClass& b) { return ratio(a) < ratio(b); });
 }
 
-ProfileParameters parameters(const Profile& profile, const Evaluation& evaluation) {
+ProfileParameters parameters(const Profile& profile, const EvaluationLength& evaluation) {
   require(evaluation.sections >= 1 && evaluation.section > 0.0 && evaluation.from >= 0.0,
           "profile: expected a section or more within the profile");
   const Places all = places_of(profile, evaluation, -1);

@@ -44,7 +44,7 @@ std::span<const SettingClass> setting_classes();
 const SettingClass& setting_class(double Nic);
 
 /// What of a profile is evaluated.
-struct Evaluation {
+struct EvaluationLength {
   double from = 0.0;     ///< mm from the first place
   double section = 0.0;  ///< mm, section length lsc
   int sections = 1;      ///< nsc
@@ -78,7 +78,7 @@ struct ProfileParameters {
 /// rounding, a within 0.4 (pi / m)^2 of 2 A / pi, relative; sm within a step / number of
 /// elements, dq within (2 pi / m)^6 / 140 of sqrt(2) pi A / wave, relative.
 /// @throws std::invalid_argument if less than a place or anything beyond the profile is evaluated
-ProfileParameters parameters(const Profile& profile, const Evaluation& evaluation);
+ProfileParameters parameters(const Profile& profile, const EvaluationLength& evaluation);
 
 struct TextureOptions {
   double Nic = 0.8;                ///< mm, between waviness and roughness
@@ -96,8 +96,8 @@ struct ProfileTexture {
   Eigen::VectorXd line;       ///< (n) mm, that was taken away as form
   Eigen::VectorXd waviness;   ///< (n) mm, the primary profile's mean line of Nic
   Eigen::VectorXd roughness;  ///< (n) mm, the primary profile less it
-  Evaluation whole;           ///< of P and W: the length that was traced as one section
-  Evaluation sections;        ///< of R: in the middle of it, so that ends tell least
+  EvaluationLength whole;     ///< of P and W: the length that was traced as one section
+  EvaluationLength sections;  ///< of R: in the middle of it, so that ends tell least
   double run_in = 0.0;        ///< mm, of the trace before and after that
   ProfileParameters P, W, R;
 };

@@ -60,9 +60,7 @@ Identified identify(const std::vector<std::filesystem::path>& files,
   if (out.thermal) write_table(result_file(*out.thermal, writer), thermal_half_text(found));
   const auto* fit = std::get_if<ChainFit>(&found.fit);
   if (!fit || fit->curves.empty()) return found;
-  std::string from;
-  for (const auto& file : files) from += (from.empty() ? "" : ", ") + file.string();
-  write_curves_picture(result_file(out.picture, writer), fit->curves, found.nominal, from);
+  write_curves_picture(result_file(out.picture, writer), fit->curves, found.nominal, files);
   return found;
 }
 

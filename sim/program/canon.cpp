@@ -20,7 +20,6 @@ using kinematics::AxisVector;
 
 constexpr double largest_mm = 1e6;
 constexpr double largest_rad = 1e7;
-constexpr double largest_dwell_s = 1e6;
 // mm or rad, less is the rounding of a change of coordinates
 constexpr double least_motion = 1e-11;
 

@@ -16,6 +16,8 @@
 /// Canonical moves, the vocabulary of NIST RS274/NGC: what every front end turns its text into.
 namespace abbe::sim::program {
 
+inline constexpr double largest_dwell_s = 1e6;
+
 /// Where a move is to end, joint by joint, as words say it. Joints without a word stay.
 class Target {
  public:

@@ -19,7 +19,6 @@ namespace {
 
 using kinematics::AxisVector;
 
-constexpr double largest_dwell_s = 1e6;
 constexpr double smallest_feed = 1e-9;  // per minute; keeps every duration finite
 
 /// The words of a plain NC program while they are read: the modes of the language.

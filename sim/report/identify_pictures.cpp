@@ -41,16 +41,29 @@ render::Panel panel_of(const CurveReadings& curve, const kinematics::Chain& nomi
   return panel;
 }
 
+/// The names of these files without their folders, as many as a line of the picture holds.
+std::string names_of(const std::vector<std::filesystem::path>& files) {
+  std::string names;
+  for (std::size_t k = 0; k < files.size(); ++k) {
+    const std::string name = files[k].filename().string();
+    if (k > 0 && names.size() + name.size() > 140)
+      return fmt::format("{} and {} more", names, files.size() - k);
+    names += (k > 0 ? ", " : "") + name;
+  }
+  return names;
+}
+
 }  // namespace
 
 void write_curves_picture(const ResultFile& file, const std::vector<CurveReadings>& curves,
-                          const kinematics::Chain& nominal, const std::string& from) {
+                          const kinematics::Chain& nominal,
+                          const std::vector<std::filesystem::path>& readings) {
   std::vector<render::Panel> panels;
   for (const CurveReadings& curve : curves) panels.push_back(panel_of(curve, nominal));
   if (panels.empty()) return;
   render::GridOptions options;
   options.title = "identified elements and the readings behind them";
-  options.caption = {from.size() > 160 ? from.substr(0, 157) + "..." : from};
+  options.caption = {names_of(readings)};
   write_file(file, [&](const std::filesystem::path& temporary) {
     render::write_grid(temporary, panels, options);
   });
@@ -58,7 +71,7 @@ void write_curves_picture(const ResultFile& file, const std::vector<CurveReading
 #else
 void write_curves_picture(const ResultFile&,
                           const std::vector<errors::identification::CurveReadings>&,
-                          const kinematics::Chain&, const std::string&) {}
+                          const kinematics::Chain&, const std::vector<std::filesystem::path>&) {}
 #endif
 
 }  // namespace abbe::sim

@@ -16,7 +16,7 @@ namespace abbe::sim {
 namespace {
 
 using Eigen::Index;
-using errors::metrology::Evaluation;
+using errors::metrology::EvaluationLength;
 using errors::metrology::ProfileParameters;
 using errors::metrology::ProfileTexture;
 using errors::metrology::SettingClass;
@@ -31,7 +31,7 @@ const SettingClass* class_of(double Nic) {
 }
 
 std::string short_warning(const LineTexture& t, int wanted) {
-  const Evaluation& e = t.texture.sections;
+  const EvaluationLength& e = t.texture.sections;
   if (t.texture.length < t.Nic)
     return fmt::format(
         "the line is {:.4g} mm long, less than one section length of {:.4g} mm (Nic): R is of all "
@@ -143,7 +143,7 @@ ordered_json parameters_json(char letter, const ProfileParameters& p) {
   return json;
 }
 
-ordered_json evaluation_json(const ProfileTexture& t, const Evaluation& e) {
+ordered_json evaluation_json(const ProfileTexture& t, const EvaluationLength& e) {
   const double length = std::min(e.section * e.sections, t.length);
   return {{"from_mm", e.from},
           {"length_mm", length},
@@ -189,7 +189,7 @@ Eigen::VectorXd at_places(const LineTexture& t, const Eigen::VectorXd& values) {
 
 std::string to_text(const LineTexture& t) {
   const ProfileTexture& texture = t.texture;
-  const Evaluation& e = texture.sections;
+  const EvaluationLength& e = texture.sections;
   std::string text = fmt::format(
       "profile along {}\n"
       "{:.4g} mm along the surface; Nis {:.4g} um, Nic {:.4g} mm ({}{}); Gaussian filters "
@@ -277,7 +277,7 @@ std::string chief_parameters(const LineTexture& t) {
 }
 
 std::string chief_settings(const LineTexture& t) {
-  const Evaluation& e = t.texture.sections;
+  const EvaluationLength& e = t.texture.sections;
   return fmt::format(
       "ISO 21920{}: Nis {:.4g} µm, Nic {:.4g} mm, R over {} × {:.4g} mm, P and W over "
       "{:.4g} mm",

@@ -138,7 +138,7 @@ std::string reduction_text(const Compared& one, const std::vector<Compared>& cas
   if (!before || !after || !before->rms || !after->rms || *before->rms == 0.0) return "";
   const double change = 100.0 * (*after->rms / *before->rms - 1.0);
   // a true minus: at a hyphen the line might break
-  return fmt::format("machine {} RMS, {}{:.2f}%", length_text(*after->rms),
+  return fmt::format("machine {} RMS, {}{:.1f} %", length_text(*after->rms),
                      change < 0.0 ? "\u2212" : "+", std::abs(change));
 }
 

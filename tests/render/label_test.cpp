@@ -101,5 +101,16 @@ TEST(Layout, AWordIsPartedOnlyWhereItIsLongerThanALine) {
             (std::vector<std::string>{"a ", "perfect-", "program"}));
 }
 
+TEST(Layout, ASignAndAUnitStayWithTheirNumber) {
+  const TextStyle style{.size_px = 23.0};
+  for (const std::string figure : {"± 0.243", "< 0.01 %", "> 99.99 %", "12.3 µm"}) {
+    const std::string before = figure.substr(0, figure.rfind(' ') + 1);
+    const double line =
+        std::max(text_size("form " + before, style).x(), text_size(figure, style).x()) + 1.0;
+    EXPECT_EQ(wrapped("form " + figure, style, line, 2),
+              (std::vector<std::string>{"form ", figure}));
+  }
+}
+
 }  // namespace
 }  // namespace abbe::render
