@@ -40,18 +40,18 @@ Span span_of(const OnSurface& on_surface, const Knot& a, const Knot& b) {
 }
 
 std::optional<double> crest_of(const OnSurface& on_surface, const Knot& a, const Knot& b,
-                               const Look& look) {
-  if (!look.knot.cut) return std::nullopt;
-  const Span from_a = span_of(on_surface, a, look.knot), to_b = span_of(on_surface, look.knot, b);
+                               const EdgeProbe& probe) {
+  if (!probe.knot.cut) return std::nullopt;
+  const Span from_a = span_of(on_surface, a, probe.knot), to_b = span_of(on_surface, probe.knot, b);
   if (from_a.one_pass == to_b.one_pass) return std::nullopt;
-  const double u = look.u, rest = 1.0 - u;
+  const double u = probe.u, rest = 1.0 - u;
   // slopes by u of the whole edge
   const double s_a = from_a.slope_a / u, s_m = from_a.slope_b / u, s_b = to_b.slope_b / rest;
   const double m_b = to_b.slope_a / rest;
   const double crest =
       from_a.one_pass
-          ? u + crossing(look.knot.residual, m_b, b.residual, s_b, rest, (s_m - s_a) / u)
-          : crossing(a.residual, s_a, look.knot.residual, s_m, u, (s_b - m_b) / rest);
+          ? u + crossing(probe.knot.residual, m_b, b.residual, s_b, rest, (s_m - s_a) / u)
+          : crossing(a.residual, s_a, probe.knot.residual, s_m, u, (s_b - m_b) / rest);
   const bool inside = crest > crest_margin && crest < 1.0 - crest_margin;
   return inside ? std::optional(crest) : std::nullopt;
 }

@@ -57,16 +57,16 @@ inline double on_line(const Knot& a, const Knot& b, double u) {
 /// The place at a share of the way from one knot to another.
 Contact between(const OnSurface& on_surface, const Knot& a, const Knot& b, double u);
 
-/// An edge looked at.
-struct Look {
-  double u = 0.0;      ///< share of the way where it was looked at; 0: nowhere
+/// An edge probed.
+struct EdgeProbe {
+  double u = 0.0;      ///< share of the way where it was probed; 0: nowhere
   Knot knot = {};      ///< what was found there
   double error = 0.0;  ///< mm, of the line
 };
 
-/// The place of a crest between the middle that was looked at and the end that another pass cut;
+/// The place of a crest between the middle that was probed and the end that another pass cut;
 /// none where the middle belongs to neither pass, or they do not cross there.
 std::optional<double> crest_of(const OnSurface& on_surface, const Knot& a, const Knot& b,
-                               const Look& look);
+                               const EdgeProbe& probe);
 
 }  // namespace abbe::cutting

@@ -21,11 +21,11 @@ using Eigen::Vector3d;
 constexpr std::size_t few_share =
     200;  // of the vertices: so few new ones are left to the next level
 constexpr std::size_t hardly_share =
-    2000;                 // of the vertices: so few, and faces are looked at elsewhere
-constexpr int turns = 4;  // in which a face is looked at, at most
+    2000;                               // of the vertices: so few, and faces are probed elsewhere
+constexpr int turns = 4;                // in which a face is probed, at most
 constexpr double hardly_missed = 1e-3;  // of the faces in a turn: no other follows
 constexpr int last_rounds = 60;         // at the bound itself; what then misses it is reported
-constexpr double inner = 0.7;  // of the bound is allowed where it is looked at, for places between
+constexpr double inner = 0.7;  // of the bound is allowed where it is probed, for places between
 
 }  // namespace
 
@@ -59,7 +59,7 @@ double Refinement::jitter(int edge) const {
   return split_mix::unit(split_mix::mixed(std::uint64_t(a) << 32 | std::uint64_t(b))) - 0.5;
 }
 
-/// Where an edge is looked at, and split: at a corner between two blocks, else so that the pieces
+/// Where an edge is probed, and split: at a corner between two blocks, else so that the pieces
 /// that it is expected to need are of one length.
 double Refinement::share_of(int edge) const {
   constexpr int most_pieces = 7;
@@ -79,7 +79,7 @@ std::vector<Knot> Refinement::sounded(const std::vector<Contact>& places,
                                       std::vector<std::uint8_t> judged) {
   Design at = design_of_places(places);
   at.judged = std::move(judged);
-  looked_ += at.vertices.rows();
+  probed_ += at.vertices.rows();
   const Sounding found = sound_(at);
   std::vector<Knot> knots(places.size());
   tbb::parallel_for(std::size_t(0), places.size(), [&](std::size_t i) {
@@ -99,22 +99,22 @@ std::vector<Knot> Refinement::sounded(const std::vector<Contact>& places,
   return knots;
 }
 
-/// The edges looked at, each at the share `u` of its length that is asked for it.
-void Refinement::look(const std::vector<int>& edges, const std::vector<Asked>& asked,
-                      std::vector<Look>& looks) {
-  std::vector<Contact> places(asked.size());
-  tbb::parallel_for(std::size_t(0), asked.size(), [&](std::size_t k) {
-    const auto [a, b] = mesh_.ends(edges[asked[k].edge]);
-    places[k] = between(on_surface_, knot(a), knot(b), asked[k].u);
+/// The edges probed, each at the share `u` of its length that is stated for it.
+void Refinement::probe(const std::vector<int>& edges, const std::vector<ProbePlace>& at,
+                       std::vector<EdgeProbe>& probes) {
+  std::vector<Contact> places(at.size());
+  tbb::parallel_for(std::size_t(0), at.size(), [&](std::size_t k) {
+    const auto [a, b] = mesh_.ends(edges[at[k].edge]);
+    places[k] = between(on_surface_, knot(a), knot(b), at[k].u);
   });
   std::vector<Knot> found = sounded(places);
-  for (std::size_t k = 0; k < asked.size(); ++k) {
-    const auto [a, b] = mesh_.ends(edges[asked[k].edge]);
-    const double u = asked[k].u;
+  for (std::size_t k = 0; k < at.size(); ++k) {
+    const auto [a, b] = mesh_.ends(edges[at[k].edge]);
+    const double u = at[k].u;
     const double error = found[k].cut ? std::abs(found[k].residual - on_line(knot(a), knot(b), u))
                                       : std::numeric_limits<double>::infinity();
-    Look& known = looks[asked[k].edge];
-    const bool crest = asked[k].is_crest && found[k].cut && error > tolerance();
+    EdgeProbe& known = probes[at[k].edge];
+    const bool crest = at[k].is_crest && found[k].cut && error > tolerance();
     if (crest || known.u == 0.0 || error > known.error)
       known = {u, std::move(found[k]), std::max(error, known.error)};
   }
@@ -126,7 +126,7 @@ bool Refinement::crosses_passes(const Knot& a, const Knot& b) const {
   return !span.one_pass && span.most() > 0.5 * tolerance();
 }
 
-/// Whether slopes at the ends of an edge say more than the few places at which it was looked at.
+/// Whether slopes at the ends of an edge say more than the few places at which it was probed.
 bool Refinement::is_doubtful(int edge, double level) const {
   const Span span = this->span(edge);
   return span.most() > (span.one_pass ? level : 0.5 * tolerance());
@@ -134,11 +134,11 @@ bool Refinement::is_doubtful(int edge, double level) const {
 
 /// What the edges miss: near their middle; where that shows nothing, but the slopes at the ends or
 /// the passes do, near their quarters; and where two passes cross.
-std::vector<Look> Refinement::looked_at(const std::vector<int>& open) {
-  std::vector<Look> all(open.size());
-  std::vector<Asked> middles, quarters, crests;
+std::vector<EdgeProbe> Refinement::probed(const std::vector<int>& open) {
+  std::vector<EdgeProbe> all(open.size());
+  std::vector<ProbePlace> middles, quarters, crests;
   for (std::size_t i = 0; i < open.size(); ++i) middles.push_back({i, share_of(open[i])});
-  look(open, middles, all);
+  probe(open, middles, all);
   std::vector<std::optional<double>> crest(open.size());
   std::vector<char> doubtful(open.size(), 0), many(open.size(), 0);
   tbb::parallel_for(std::size_t(0), open.size(), [&](std::size_t i) {
@@ -155,8 +155,8 @@ std::vector<Look> Refinement::looked_at(const std::vector<int>& open) {
     if (doubtful[i])
       for (const double u : {0.26, 0.74}) quarters.push_back({i, u + 0.1 * jitter(open[i])});
   }
-  look(open, quarters, all);
-  look(open, crests, all);
+  probe(open, quarters, all);
+  probe(open, crests, all);
   // over several passes a few places say that there is texture, and not how much
   for (std::size_t i = 0; i < open.size(); ++i)
     if (many[i]) all[i].error = std::numeric_limits<double>::infinity();
@@ -164,13 +164,13 @@ std::vector<Look> Refinement::looked_at(const std::vector<int>& open) {
 }
 
 /// Edges that miss by more than the tolerance go to those that wait.
-void Refinement::put_off(const std::vector<int>& edges, std::vector<Look> looks) {
+void Refinement::defer(const std::vector<int>& edges, std::vector<EdgeProbe> probes) {
   for (std::size_t i = 0; i < edges.size(); ++i)
-    if (looks[i].error > tolerance())
-      waiting_.push_back({edges[i], mesh_.ends(edges[i]), std::move(looks[i]), {-1, -1}});
+    if (probes[i].error > tolerance())
+      waiting_.push_back({edges[i], mesh_.ends(edges[i]), std::move(probes[i]), {-1, -1}});
 }
 
-/// Those of the edges that are to be looked at: open, and not such that the slopes at their ends
+/// Those of the edges that are to be probed: open, and not such that the slopes at their ends
 /// leave no doubt, unless all are asked for.
 std::vector<int> Refinement::doubtful(const std::vector<int>& edges, bool all) const {
   std::vector<char> is_asked(edges.size());
@@ -189,13 +189,13 @@ bool Refinement::is_surely_met(int edge) const {
 }
 
 /// Edges that wait whatever they miss.
-void Refinement::force(std::vector<int> edges) {
+void Refinement::demand_split(std::vector<int> edges) {
   edges = each_once(std::move(edges));
-  std::vector<Look> looks = looked_at(edges);
+  std::vector<EdgeProbe> probes = probed(edges);
   for (std::size_t i = 0; i < edges.size(); ++i) {
-    looks[i].error = std::numeric_limits<double>::infinity();
+    probes[i].error = std::numeric_limits<double>::infinity();
     // as if it had been tried: an edge that was turned would be asked for again
-    waiting_.push_back({edges[i], mesh_.ends(edges[i]), std::move(looks[i]), across(edges[i])});
+    waiting_.push_back({edges[i], mesh_.ends(edges[i]), std::move(probes[i]), across(edges[i])});
   }
 }
 
@@ -225,7 +225,7 @@ Surface Refinement::surface() const {
 double Refinement::lower(double level) const {
   double most = 0.0;
   for (const Waiting& one : waiting_)
-    if (std::isfinite(one.look.error)) most = std::max(most, one.look.error);
+    if (std::isfinite(one.probe.error)) most = std::max(most, one.probe.error);
   return std::max(tolerance(), 0.5 * std::min(level, most));
 }
 
@@ -236,11 +236,11 @@ Refined Refinement::run() {
   const Index most = std::max(options_.points, given_.vertices.rows());
   double level = std::numeric_limits<double>::max();
   int rounds_left = last_rounds, turn = 0;
-  double missed = 1.0;  // share of the faces, when all of them were looked into last
+  double missed = 1.0;  // share of the faces, when all of them were probed last
   bool first = true;    // the edges given may be longer than anything that slopes speak for
   while (true) {
     open = doubtful(open, std::exchange(first, false));
-    put_off(open, looked_at(open));
+    defer(open, probed(open));
     if (rounds_left == 0 || Index(knots_.size()) >= most) break;
     if (options_.may_flip) turn_edges(level);
     std::vector<int> made = split(level, most);
@@ -266,10 +266,10 @@ Refined Refinement::run() {
   double reached = options_.resolution;
   Index left = 0;
   for (const Waiting& one : waiting_) {
-    reached = std::max(reached, one.look.error);
-    if (one.look.error > options_.resolution) ++left;
+    reached = std::max(reached, one.probe.error);
+    if (one.probe.error > options_.resolution) ++left;
   }
-  return {design(), surface(), reached, looked_, left};
+  return {design(), surface(), reached, probed_, left};
 }
 
 double usual_resolution(double pv) {

@@ -39,7 +39,7 @@ struct Refined {
   Surface surface;           ///< of the design, as it was sounded; gouges are not listed
   double reached = 0.0;      ///< mm, the bound that all edges meet: that of the options, or more if
                              ///< the points did not suffice; infinite where passes are not parted
-  Eigen::Index sounded = 0;  ///< places that were looked at
+  Eigen::Index sounded = 0;  ///< places that were probed
   Eigen::Index left = 0;     ///< edges that miss the bound of the options
 };
 
@@ -48,8 +48,8 @@ struct Refined {
 /// is put on their crest, else near the middle, off it by a little that no feed is commensurable
 /// with. The result depends on nothing else than what is given; the number of threads changes no
 /// bit.
-/// Every edge is looked at near its middle; near its quarters too where slopes or passes at its
-/// ends leave a doubt, and at the crest where two passes cross; then triangles are looked into, in
+/// Every edge is probed near its middle; near its quarters too where slopes or passes at its
+/// ends leave a doubt, and at the crest where two passes cross; then triangles are probed, in
 /// up to four turns, where their corners do not lie on one pass whose parabola stays within 0.56 of
 /// the bound (it is seen to miss up to 0.97 of it there). What all of them miss, an independent set
 /// of places must show (`interpolation_error`). About 250 bytes a vertex.

@@ -25,7 +25,7 @@ constexpr double followed = 0.8;     // of the bound that a parabola may be off 
 constexpr double middle_of_three = 4.0 / 9.0;  // of a parabola with three equal bends, of each
 constexpr double thinnest = 0.05;  // triangle that a turned edge may make: height by length
 
-/// Where a face is looked at in its turns: near the middle, then towards each side.
+/// Where a face is probed in its turns: near the middle, then towards each side.
 std::array<double, 3> place_in(const std::array<int, 3>& corners, int turn) {
   const std::uint64_t bits = split_mix::mixed(std::uint64_t(corners[0]) << 32 | corners[1]);
   const double first = split_mix::unit(bits), second = split_mix::unit(split_mix::mixed(bits));
@@ -50,7 +50,7 @@ std::vector<int> Refinement::split_first(const Waiting& one, double level) const
   for (const int edge : mesh_.sides(one.edge)) {
     const double long_by = length(mesh_.ends(edge)) / own;
     if (!is_open(edge) || !(long_by > 1.0)) continue;
-    if (is_missed_beside(edge, one.look.knot, level) ||
+    if (is_missed_beside(edge, one.probe.knot, level) ||
         (long_by > much_longer && is_doubtful(edge, level)))
       found.push_back(edge);
   }
@@ -63,7 +63,7 @@ std::vector<int> Refinement::split_first(const Waiting& one, double level) const
 std::vector<char> Refinement::ready(double level) {
   std::vector<std::vector<int>> first(waiting_.size());
   tbb::parallel_for(std::size_t(0), waiting_.size(), [&](std::size_t i) {
-    if (waiting_[i].look.error > level) first[i] = split_first(waiting_[i], level);
+    if (waiting_[i].probe.error > level) first[i] = split_first(waiting_[i], level);
   });
   place_.resize(mesh_.edges(), -1);
   std::vector<int> open;
@@ -71,7 +71,7 @@ std::vector<char> Refinement::ready(double level) {
   std::vector<int> longer;
   for (int i = 0; i < int(waiting_.size()); ++i) {
     place_[std::size_t(waiting_[std::size_t(i)].edge)] = i;
-    if (!(waiting_[std::size_t(i)].look.error > level)) continue;
+    if (!(waiting_[std::size_t(i)].probe.error > level)) continue;
     is_ready[std::size_t(i)] = 1;
     open.push_back(i);
   }
@@ -92,7 +92,7 @@ std::vector<char> Refinement::ready(double level) {
     }
   }
   for (const Waiting& one : waiting_) place_[std::size_t(one.edge)] = -1;
-  force(std::move(longer));
+  demand_split(std::move(longer));
   is_ready.resize(waiting_.size(), 1);
   return is_ready;
 }
@@ -100,7 +100,7 @@ std::vector<char> Refinement::ready(double level) {
 /// Splits the edges that are ready, as many as may be, the longest first. @return the
 /// edges that came of it
 std::vector<int> Refinement::split(double level, Index most) {
-  // an edge that was turned since has other ends, and is looked at again
+  // an edge that was turned since has other ends, and is probed again
   std::erase_if(waiting_, [&](const Waiting& one) { return one.ends != mesh_.ends(one.edge); });
   const std::vector<char> is_ready = ready(level);
   struct Next {
@@ -130,7 +130,7 @@ std::vector<int> Refinement::split(double level, Index most) {
   for (const auto& [length, i] : order) {
     if (waiting_[i].ends != mesh_.ends(waiting_[i].edge)) continue;  // it waited twice
     if (!takes(waiting_[i].edge)) continue;
-    knots_.push_back(std::move(waiting_[i].look.knot));
+    knots_.push_back(std::move(waiting_[i].probe.knot));
     const std::vector<int> around = mesh_.split_edge(waiting_[i].edge);
     note_change(around);
     made.insert(made.end(), around.begin(), around.end());
@@ -141,7 +141,7 @@ std::vector<int> Refinement::split(double level, Index most) {
 }
 
 /// Whether a place close to an edge shows that the edge misses more than a level, although the
-/// places at which it was looked at did not.
+/// places at which it was probed did not.
 bool Refinement::is_missed_beside(int edge, const Knot& place, double level) const {
   if (!place.cut) return false;
   const auto [a, b] = mesh_.ends(edge);
@@ -174,11 +174,11 @@ bool Refinement::may_turn(int edge) const {
 
 /// What the edge across a waiting one misses at two places; none where it is longer and leaves its
 /// pass, so that two places say too little.
-std::optional<Look> Refinement::across_look(const Waiting& one, std::span<Knot> found) const {
+std::optional<EdgeProbe> Refinement::across_probe(const Waiting& one, std::span<Knot> found) const {
   const Knot &c = knot(one.across[0]), &d = knot(one.across[1]);
   const double length = this->length(one.across);
   bool one_pass = true;
-  Look worst;
+  EdgeProbe worst;
   for (std::size_t k = 0; k < turned_at.size(); ++k) {
     const double u = turned_at[k];
     if (!found[k].cut) return std::nullopt;
@@ -198,7 +198,7 @@ void Refinement::turn_edges(double level) {
   std::vector<Contact> places;
   for (std::size_t i = 0; i < waiting_.size(); ++i) {
     Waiting& one = waiting_[i];
-    if (!(one.look.error > level) || one.ends != mesh_.ends(one.edge)) continue;
+    if (!(one.probe.error > level) || one.ends != mesh_.ends(one.edge)) continue;
     const std::array<int, 2> corners = across(one.edge);
     if (corners == one.across) continue;
     one.across = corners;
@@ -211,16 +211,16 @@ void Refinement::turn_edges(double level) {
   for (std::size_t k = 0; k < tried.size(); ++k) {
     Waiting& one = waiting_[tried[k]];
     if (across(one.edge) != one.across || !may_turn(one.edge)) continue;
-    std::optional<Look> turned = across_look(one, std::span(found).subspan(2 * k, 2));
-    if (!turned || !(turned->error < 0.5 * one.look.error)) continue;
+    std::optional<EdgeProbe> turned = across_probe(one, std::span(found).subspan(2 * k, 2));
+    if (!turned || !(turned->error < 0.5 * one.probe.error)) continue;
     mesh_.turn(one.edge);
     note_change({one.edge});
     one = {one.edge, mesh_.ends(one.edge), std::move(*turned), across(one.edge)};
   }
-  std::erase_if(waiting_, [&](const Waiting& one) { return !(one.look.error > tolerance()); });
+  std::erase_if(waiting_, [&](const Waiting& one) { return !(one.probe.error > tolerance()); });
 }
 
-/// The faces at edges are to be looked into.
+/// The faces at edges are to be probed.
 void Refinement::note_change(const std::vector<int>& edges) {
   if (all_changed_) return;
   for (const int edge : edges)
@@ -228,8 +228,8 @@ void Refinement::note_change(const std::vector<int>& edges) {
       if (face >= 0) changed_.push_back(face);
 }
 
-/// The faces that were not looked into as they are, and are wide enough to be.
-std::vector<int> Refinement::faces_to_look_into() {
+/// The faces that were not probed as they are, and are wide enough to be.
+std::vector<int> Refinement::faces_to_probe() {
   std::vector<int> changed = each_once(std::exchange(changed_, {}));
   if (std::exchange(all_changed_, false)) {
     changed.resize(std::size_t(mesh_.faces()));
@@ -264,7 +264,7 @@ bool Refinement::is_followed(const std::array<int, 3>& corners) const {
   return off < followed * tolerance();
 }
 
-/// Where a face is looked at in one of its turns.
+/// Where a face is probed in one of its turns.
 Refinement::Within Refinement::within(int face, int turn) const {
   const std::array<int, 3> corners = mesh_.corners(face);
   if (!options_.look_into_all && is_followed(corners)) return {};
@@ -285,22 +285,22 @@ Refinement::Within Refinement::within(int face, int turn) const {
 /// Faces that miss too much within get a vertex there; where it would lie on a side that misses as
 /// much, the side waits instead.
 Refinement::SplitFaces Refinement::split_faces(Index most, int turn) {
-  const std::vector<int> faces = faces_to_look_into();
-  std::vector<Within> looks(faces.size());
+  const std::vector<int> faces = faces_to_probe();
+  std::vector<Within> probes(faces.size());
   tbb::parallel_for(std::size_t(0), faces.size(),
-                    [&](std::size_t i) { looks[i] = within(faces[i], turn); });
-  std::erase_if(looks, [](const Within& one) { return !one.is_doubtful; });
+                    [&](std::size_t i) { probes[i] = within(faces[i], turn); });
+  std::erase_if(probes, [](const Within& one) { return !one.is_doubtful; });
   std::vector<Contact> places;
-  for (const Within& one : looks) places.push_back(one.place);
+  for (const Within& one : probes) places.push_back(one.place);
   std::vector<Knot> found = sounded(places);
   SplitFaces split;
   std::vector<int> missed;
   std::size_t count = 0;
-  for (std::size_t i = 0; i < looks.size(); ++i) {
-    if (!found[i].cut || !(std::abs(found[i].residual - looks[i].plane) > tolerance())) continue;
+  for (std::size_t i = 0; i < probes.size(); ++i) {
+    if (!found[i].cut || !(std::abs(found[i].residual - probes[i].plane) > tolerance())) continue;
     ++count;
     if (Index(knots_.size()) >= most) break;
-    const std::array<int, 3> sides = mesh_.sides_of(looks[i].face);
+    const std::array<int, 3> sides = mesh_.sides_of(probes[i].face);
     const auto side = std::find_if(sides.begin(), sides.end(), [&](int edge) {
       return is_open(edge) && is_missed_beside(edge, found[i], tolerance());
     });
@@ -309,11 +309,11 @@ Refinement::SplitFaces Refinement::split_faces(Index most, int turn) {
       continue;
     }
     knots_.push_back(std::move(found[i]));
-    const std::vector<int> around = mesh_.split_face(looks[i].face);
+    const std::vector<int> around = mesh_.split_face(probes[i].face);
     note_change(around);
     split.made.insert(split.made.end(), around.begin(), around.end());
   }
-  force(std::move(missed));
+  demand_split(std::move(missed));
   split.missed = double(count) / std::max<double>(1.0, double(faces.size()));
   return split;
 }
