@@ -1,0 +1,223 @@
+// Tool tables and work offsets of four controls: the same figures from each, refusals with a place,
+// and damaged files.
+
+#include "sim/dialects/control_tables.h"
+
+#include <chrono>
+#include <iostream>
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "kinematics/units.h"
+#include "sim/dialects/bad_program.h"
+
+namespace abbe::sim::dialects {
+namespace {
+
+const std::string tbl =
+    "; the tools of a mill\n"
+    "T1 P1 Z+80.005 D10.01 ;ball\n"
+    "T20 P3 Z-5.5 D6 I45 Q2\n";
+const std::string fanuc_tools =
+    "%\nO9000 (TOOLS)\nG21\nG10 L10 P1 R80.0\nG10 L11 P1 R0.005\nG10 L12 P1 R5.\n"
+    "N5 G90 G10L13P1R.005\nG10 L10 P20 R-5.5\nG10 L12 P20 R3.0\nG11\nM30\n%\n";
+const std::string toa =
+    "%_N_TO1_TOA\n;$PATH=/_N_COM_DIR\nCHANDATA(1)\n$TC_TP2[1]=\"BALL 10\"\n"
+    "$TC_DP1[1,1]=120 $TC_DP3[1,1]=80.0\nN40 $TC_DP6[1,1]=5\n$TC_DP12[1,1]=0.003\n"
+    "$TC_DP21[1,1]=0.002\n$TC_DP15[1,1]=0.005\n$TC_DP24[1,1]=7\n$TC_MPP1[1,1]=2\n"
+    "$TC_DP1[20,1]=200\n$TC_DP3[20,1]=-5.5\n$TC_DP6[20,1]=3.\nM17\n";
+const std::string tool_t =
+    "BEGIN TOOL    .T MM\n"
+    "T     NAME            L           R         R2        DL      DR      CUT\n"
+    "1     BALL 10         +80         +5        +5        +0.005  +.005   2\n"
+    "5.1   INDEX           +10         +1\n"
+    "20                    -5.5        3\n"
+    "[END]\n";
+
+ControlTable tools(const std::string& text, std::optional<double> unit = {}) {
+  return read_control_table(text, "tools", TableKind::Tools, unit);
+}
+ControlTable offsets(const std::string& text, std::optional<double> unit = {}) {
+  return read_control_table(text, "offsets", TableKind::Offsets, unit);
+}
+
+TEST(ControlTables, FourControlsSayTheSameOfTheirTools) {
+  const std::pair<ControlTable, Dialect> all[] = {{tools(tbl, 1.0), Dialect::LinuxCnc},
+                                                  {tools(fanuc_tools), Dialect::Fanuc},
+                                                  {tools(toa, 1.0), Dialect::Siemens},
+                                                  {tools(tool_t), Dialect::Heidenhain}};
+  for (const auto& [table, control] : all) {
+    SCOPED_TRACE(name_of(control));
+    EXPECT_EQ(table.control, control);
+    ASSERT_EQ(table.tools.size(), 2u);
+    EXPECT_NEAR(*table.tools.at(1).length, 80.005, 1e-13);
+    EXPECT_NEAR(*table.tools.at(1).radius, 5.005, 1e-14);
+    EXPECT_NEAR(*table.tools.at(20).length, -5.5, 1e-14);
+    EXPECT_NEAR(*table.tools.at(20).radius, 3.0, 1e-14);
+  }
+  EXPECT_EQ(all[2].first.tools.at(1).name, "BALL 10");
+  EXPECT_EQ(all[3].first.tools.at(1).name, "BALL 10");
+  EXPECT_EQ(all[1].first.tools.at(1).radius_wear, 0.005);
+}
+
+TEST(ControlTables, WhatHasNoEffectIsCounted) {
+  const auto note = [](const ControlTable& table) {
+    return table.notes.empty() ? std::string() : table.notes.front();
+  };
+  EXPECT_EQ(note(tools(tbl, 1.0)),
+            "tools has values without effect, other than zero: I (1), Q (1)");
+  EXPECT_EQ(note(tools(toa, 1.0)),
+            "tools has values without effect, other than zero: $TC_DP24 (1), $TC_MPP1 (1)");
+  EXPECT_EQ(note(tools(tool_t)),
+            "tools has values without effect, other than zero: CUT (1), R2 (1), tools with an "
+            "index, as 5.1 (1)");
+}
+
+TEST(ControlTables, InchesAreStatedOnce) {
+  EXPECT_EQ(*tools("T1 Z1 D0.5\n", units::inch).tools.at(1).length, 25.4);
+  EXPECT_EQ(*tools("T1 Z1 D0.5\n", units::inch).tools.at(1).radius, 6.35);
+  EXPECT_EQ(*tools("G20\nG10 L10 P2 R1.\n").tools.at(2).length, 25.4);
+  EXPECT_EQ(*tools("BEGIN TOOL.T INCH\nT L R\n7 2 1\n[END]\n").tools.at(7).length, 50.8);
+}
+
+const std::string var =
+    "5161\t0.0\n5181\t2.0\n5210\t0\n5211\t3.0\n5220\t1.0\n5221\t-100.5\n5222\t20\n5223\t-300.25\n"
+    "5224\t1.5\n5230\t0\n5381\t7.25\n";
+const std::string fanuc_offsets =
+    "G21 G10 L2 P1 X-100.5 Y20. Z-300.25 A1.5\nG10 L20 P2 X1.\nG10 L2 P0 Z-1.\n";
+const std::string ufr =
+    "%_N_UFR1_INI\n$P_UIFR[1,X,TR]=-100.0\n$P_UIFR[1,X,FI]=-.5\n$P_UIFR[1,X,SC]=1\n"
+    "$P_UIFR[1,X,MI]=0\n$P_UIFR[0,X,TR]=0\n"
+    "$P_UIFR[1]=CTRANS(Y,20,Z,-300):CFINE(Z,-0.25,A,1.5)\n";
+const std::string preset =
+    "BEGIN PRESET .PR MM\n"
+    "NR   DOC          ROT     X         Y       Z         A      C\n"
+    "0                 0       5\n"
+    "1    PART A       0       -100.5    20      -300.25   1.5    -\n"
+    "[END]\n";
+
+TEST(ControlTables, FourControlsSayTheSameOfAnOffset) {
+  for (const ControlTable& table :
+       {offsets(var, 1.0), offsets(fanuc_offsets), offsets(ufr, 1.0), offsets(preset)}) {
+    SCOPED_TRACE(name_of(table.control));
+    const auto& axes = table.offsets.at(1).axes;
+    EXPECT_NEAR(axes.at('X').value, -100.5, 1e-13);
+    EXPECT_NEAR(axes.at('Y').value, 20.0, 1e-13);
+    EXPECT_NEAR(axes.at('Z').value, -300.25, 1e-13);
+    EXPECT_NEAR(axes.at('A').value, 1.5, 1e-13);
+  }
+  EXPECT_EQ(offsets(var, 1.0).offsets.at(9).axes.at('X').value, 7.25);
+  EXPECT_EQ(offsets(fanuc_offsets).offsets.at(102).axes.at('X').value, 1.0);
+  EXPECT_EQ(offsets(fanuc_offsets).offsets.at(0).axes.at('Z').value, -1.0);
+}
+
+void refuses(const std::string& text, TableKind kind, const std::string& message,
+             std::optional<double> unit = 1.0) {
+  try {
+    read_control_table(text, "f", kind, unit);
+    ADD_FAILURE() << "read: " << text;
+  } catch (const BadProgram& bad) {
+    EXPECT_NE(bad.text.find(message), std::string::npos) << bad.text;
+  }
+}
+
+TEST(ControlTables, RefusalsNameThePlace) {
+  constexpr auto of_tools = TableKind::Tools, of_offsets = TableKind::Offsets;
+  refuses("T1 P1 Z80\n", of_tools, "f:1:7: expected a unit", {});
+  refuses("T1 P1 X2 Z80\n", of_tools, "f:1:7: expected 0 for X");
+  refuses("T1 Z1\nT1 Z2\n", of_tools, "f:2:1: expected a tool that the table does not have");
+  refuses("T1 Z1 E3\n", of_tools, "f:1:7: expected a word T P D");
+  refuses("G10 L10 P1 R80000\n", of_tools, "f:1:12: expected a value with a decimal point");
+  refuses("G10 L1 P1 R8.\n", of_tools, "f:1:5: expected L2 L10 L11 L12 L13 or L20");
+  refuses("G91 G10 L10 P1 R8.\n", of_tools, "f:1:1: expected G10 G11 G20 G21 or G90");
+  refuses("G20\nG10 L10 P1 R8.\n", of_tools, "f:1:1: expected a table in mm");
+  refuses("$TC_DP1[1,1]=500\n", of_tools, "f:1:14: expected a milling cutter or drill");
+  refuses("$TC_DP4[1,1]=2.5\n", of_tools, "f:1:14: expected 0 for length 2 and 3");
+  refuses("$P_UIFR[1,X,RT]=2.5\n", of_offsets, "f:1:17: expected a work offset that is neither");
+  refuses("$P_UIFR[1]=CTRANS(X,1):CROT(Z,5)\n", of_offsets, "f:1:24: expected CTRANS or CFINE");
+  refuses("$P_UIFR[0,X,TR]=2.5\n", of_offsets, "f:1:17: expected 0 for $P_UIFR[0]");
+  refuses("BEGIN TOOL.T MM\nT   L   R\n1   80  5\n", of_tools, "f:3:1: expected [END]");
+  refuses("BEGIN TOOL.T MM\nT   L   R\n1   80.0005\n[END]\n", of_tools,
+          "f:3:9: expected a blank before the column R");
+  refuses("BEGIN TOOL.T MM\nT   NAME\n[END]\n", of_tools, "f:2:1: expected columns named T, L");
+  refuses("BEGIN A.PR MM\nNR ROT X\n1  5   1\n[END]\n", of_offsets, "f:3:4: expected 0 for ROT");
+  refuses("5210 1\n5211 3\n5221 1\n", of_offsets, "f:2:6: expected 0 for a shift of G92");
+  refuses("5230 3\n", of_offsets, "f:1:6: expected 0 for the rotation");
+  refuses("hello\n", of_tools, "f:1:1: expected a tool table");
+  refuses("", of_offsets, "f:1:1: expected work offsets");
+}
+
+std::string damaged_table(std::mt19937& random, std::string text) {
+  std::uniform_int_distribution<int> any(0, 1 << 20);
+  const int edits = 1 + any(random) % 5;
+  for (int i = 0; i < edits && !text.empty(); ++i) {
+    const std::size_t at = std::size_t(any(random)) % text.size();
+    const auto c = char(any(random) % 4 == 0 ? any(random) % 256 : 32 + any(random) % 95);
+    switch (any(random) % 5) {
+      case 0:
+        text[at] = c;
+        break;
+      case 1:
+        text.insert(at, 1, c);
+        break;
+      case 2:
+        text.erase(at, 1 + std::size_t(any(random)) % 9);
+        break;
+      case 3:
+        text.insert(at, text.substr(std::size_t(any(random)) % text.size(), 12));
+        break;
+      default:
+        text.resize(at);
+    }
+  }
+  return text;
+}
+
+TEST(ControlTables, DamagedFilesAreReadOrRefusedWithAPlace) {
+  constexpr unsigned seed = 20260314;
+  std::mt19937 random(seed);
+  int read = 0, refused = 0;
+  const auto begin = std::chrono::steady_clock::now();
+  for (int i = 0; i < 24'000; ++i) {
+    const std::string* whole[] = {&tbl, &fanuc_tools,   &toa, &tool_t,
+                                  &var, &fanuc_offsets, &ufr, &preset};
+    const std::size_t k = std::size_t(i) % 8;
+    const std::string text = damaged_table(random, *whole[k]);
+    const bool says_unit = k == 1 || k == 3 || k == 5 || k == 7;
+    try {
+      read_control_table(text, "f", k < 4 ? TableKind::Tools : TableKind::Offsets,
+                         says_unit ? std::nullopt : std::optional(1.0));
+      ++read;
+    } catch (const BadProgram& bad) {
+      ++refused;
+      for (const BadInput& fault : bad.faults) {
+        ASSERT_EQ(fault.file, "f");
+        ASSERT_GT(fault.line, 0) << bad.text << "\n" << text;
+        ASSERT_GT(fault.column, 0) << bad.text << "\n" << text;
+        ASSERT_FALSE(fault.expected.empty());
+      }
+    }
+  }
+  const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
+  std::cout << "[ measured ] seed " << seed << ": 24000 damaged tables, " << read << " read, "
+            << refused << " refused, " << spent.count() << " s\n";
+  EXPECT_GT(read, 500);
+  EXPECT_GT(refused, 5000);
+}
+
+TEST(ControlTables, LargeFilesTakeBoundedTime) {
+  std::string many;
+  for (int i = 0; i < 100'000; ++i) many += "T" + std::to_string(i) + " Z1.5 D2\n";
+  EXPECT_EQ(tools(many, 1.0).tools.size(), 100'000u);
+  std::string bad = "T1 Z1\n";
+  for (int i = 0; i < 300'000; ++i) bad += "T1 Z1\n";
+  refuses(bad, TableKind::Tools, "f:2:1");
+  refuses("BEGIN TOOL.T MM\n" + std::string(2'000'000, 'x') + "\n", TableKind::Tools, "f:2:1");
+  std::string columns = "BEGIN TOOL.T MM\n";
+  for (int i = 0; i < 200'000; ++i) columns += "C" + std::to_string(i) + " ";
+  refuses(columns, TableKind::Tools, "at most 256 columns");
+}
+
+}  // namespace
+}  // namespace abbe::sim::dialects
