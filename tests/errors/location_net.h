@@ -81,7 +81,7 @@ inline std::set<std::string> location_elements(const Chain& chain) {
     if (std::string("XYZ").find(joint.name) != std::string::npos) continue;
     if (joint.motion == Motion::Spindle && has('S')) continue;
     for (int k = 0; k < 3; ++k) {
-      if (k == bed_axis(joint)) continue;
+      if (std::abs(joint.direction_b[k]) > 1.0 - 1e-12) continue;  // along it there is neither
       result.insert({'E', char('A' + k), '0', element_letter(joint)});
       if (!is_slide(joint)) result.insert({'E', char('X' + k), '0', element_letter(joint)});
     }
