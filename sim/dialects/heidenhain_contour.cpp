@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/bad_input.h"
+#include "kinematics/units.h"
 #include "sim/program/arc_move.h"
 
 namespace abbe::sim::dialects::heidenhain {
@@ -16,7 +17,7 @@ using program::Cause;
 
 namespace {
 
-constexpr double same_place = 1e-9;  // mm
+constexpr double same_point = 1e-9;  // mm
 constexpr double rounding = 1e-6;    // mm by which a corner may be too long
 constexpr std::size_t most_waiting = 100;
 
@@ -74,10 +75,10 @@ AxisVector Contour::cut_corner(const Element& next) {
   const Vector2d from = in_plane(held_from_), at = in_plane(before.end), to = in_plane(next.end);
   const auto flat = [&](AxisVector way) {
     for (const int j : plane_) way[j] = 0.0;
-    return way.cwiseAbs().maxCoeff() < same_place;
+    return way.cwiseAbs().maxCoeff() < same_point;
   };
   const double in = (at - from).norm(), out = (to - at).norm();
-  if (in < same_place || out < same_place || !flat(before.end - held_from_) ||
+  if (in < same_point || out < same_point || !flat(before.end - held_from_) ||
       !flat(next.end - before.end))
     return fail("moves in the working plane on both sides of RND and CHF", "others");
   const Vector2d a = (at - from) / in, b = (to - at) / out;
@@ -159,7 +160,7 @@ void Contour::pass(Element element) {
     entry_.push_back(lasting(std::move(element)));
     return;
   }
-  if (!element.round && (in_plane(element.end) - in_plane(entry_.back().end)).norm() < same_place) {
+  if (!element.round && (in_plane(element.end) - in_plane(entry_.back().end)).norm() < same_point) {
     if (entry_.size() == most_waiting)
       canon_.refuse(element.cause,
                     "at most 100 moves of other axes behind that which begins RL or RR", "more");
