@@ -21,7 +21,7 @@ namespace {
 /// What stands on the command line.
 struct ProgramWords {
   std::filesystem::path file;
-  std::string to, dialect = "auto";
+  std::string to, dialect = "auto", unit = "as_stated";
   bool picture = false, skip_unknown = false;
   double tool_radius = 0.0, tolerance_um = 1.0;
   ProgramAloneOptions options;
@@ -106,6 +106,11 @@ Exit look_at(const Common& common, ProgramWords words) {
   words.options.dialect = dialect_of(words.dialect);
   if (words.skip_unknown) words.options.on_unknown = dialects::OnUnknown::Warn;
   if (words.tool_radius > 0.0) words.options.tool_radius = words.tool_radius;
+  if (words.unit != "as_stated") words.options.table_unit = words.unit == "mm" ? 1.0 : units::inch;
+  if (!words.options.tools.empty() && words.options.to)
+    throw BadUsage("--to", "expected no --tools: what is written counts with one tool length");
+  if (!words.options.offsets.empty() && !words.options.offset.empty())
+    throw BadUsage("--offsets", "expected no --offset beside it");
   if (!(words.tolerance_um > 0.0)) throw BadUsage("--tolerance-um", "expected more than 0");
   words.options.within = words.tolerance_um * units::um;
   words.options.trace = words.picture;
@@ -147,6 +152,11 @@ Command program_command(Common& common) {
         Between{0, 10000}},
        {"--offset", &words->options.offset,
         "of every work offset, mm and degrees: \"X=10 Z=-50\" (zero)", Type{"WORDS"}},
+       {"--tools", &words->options.tools,
+        "the control's tool table (LinuxCNC, Fanuc, Siemens, Heidenhain), instead of the two"},
+       {"--offsets", &words->options.offsets, "its work offsets in a file, instead of --offset"},
+       {"--unit", &words->unit, "of lengths in both files; must be given where they do not say it",
+        OneOf{{"as_stated", "mm", "inch"}}},
        {"--dialect", &words->dialect, "in which it is written",
         OneOf{{"auto", "linuxcnc", "fanuc", "siemens", "heidenhain", "cl"}}},
        {"--skip-unknown", &words->skip_unknown, "words that the dialect has not: skip and count"},

@@ -169,11 +169,14 @@ struct Run {
   const Commands& commands;
   const std::vector<Pose>& T_wt_wanted;
   std::vector<AxisVector> acceleration;  ///< (samples) empty without inertia
+  std::vector<double> wear = {};         ///< (samples) shares of it; empty without
 };
 
 Pose actual_pose(const Run& run, std::size_t sample, errors::Load load) {
   if (!run.acceleration.empty()) load.acceleration = run.acceleration[sample];
   Pose T_wt = tool_in_workpiece(run.job.truth, run.commands.samples.states[sample], load);
+  if (!run.wear.empty())
+    T_wt.translation() += run.wear[sample] * run.job.scene.tool.wear->length * T_wt.linear().col(2);
   if (const auto& piezo = run.commands.piezo) {
     const Eigen::Vector3d& along_t = piezo->piezo.direction_t;
     const double force = along_t.dot(load.on_tool_t.head<3>());
@@ -216,6 +219,7 @@ Run run_on(const Job& job, const Commands& commands) {
   Run run{
       job, commands, commands.T_wt_nominal.empty() ? job.T_wt_nominal : commands.T_wt_nominal, {}};
   if (!job.accelerations.empty()) run.acceleration = accelerations(commands.samples);
+  run.wear = wear_shares(job, commands.samples);
   return run;
 }
 
@@ -295,6 +299,7 @@ std::span<const double> stroke_of(const Commands& commands) {
 /// One part of a job on the wrong machine, its poses found.
 struct Posed {
   std::vector<Pose> T_wt;
+  std::deque<WornPiece> worn;  ///< of a tool whose radius wears: what sweeps instead
   Process process;
   Signals signals;
   PoseErrors off;
@@ -319,8 +324,21 @@ Posed posed(const Job& job, const Commands& commands, const Progress& progress,
   inside_tables(job, [&] { check_tips(run, made.T_wt); });
   add_warnings(process_warnings(job.scene, made.process), made.warnings);
   made.off = pose_errors(made.T_wt, run.T_wt_wanted);
+  if (!run.wear.empty() && job.scene.tool.wear->radius > 0.0)
+    made.worn = worn_pieces(job.scene.tool, run.wear, commands.samples, made.T_wt);
   timing_s["poses"] += watch.lap();
   return made;
+}
+
+/// The sweep of a part, or those of its pieces where its radius wears; they refer to all of them.
+void add_sweeps(const Job& part, const program::Samples& samples, const Posed& posed,
+                std::vector<ToolSweep>& sweeps) {
+  const auto& chain = part.truth.actual;
+  const std::optional<int> spindle = part.machine.workpiece_spindle;
+  for (const WornPiece& piece : posed.worn)
+    sweeps.push_back({piece.tool, piece.samples, piece.T_wt, chain, spindle});
+  if (posed.worn.empty())
+    sweeps.push_back({part.scene.tool.actual, samples, posed.T_wt, chain, spindle});
 }
 
 /// The larger maximum, the root mean square of both. @param n  samples of each
@@ -402,8 +420,8 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress) {
   Stopwatch watch;
   Cutting with{{}, path_of(job, commands), off};
   for (std::size_t i = 0; i < parts.size(); ++i)
-    with.sweeps.push_back({parts[i].scene.tool.actual, of_part(commands, i).samples, all[i].T_wt,
-                           parts[i].truth.actual, parts[i].machine.workpiece_spindle});
+    add_sweeps(parts[i], of_part(commands, i).samples, all[i], with.sweeps);
+  result.wear = worn_tools(job);
   Machined made = machined(job, with, progress);
   result.surface = std::move(made.surface);
   result.interpolation = made.interpolation;

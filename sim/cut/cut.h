@@ -9,6 +9,7 @@
 #include "cutting/interpolation.h"
 #include "sim/cut/job.h"
 #include "sim/cut/signals.h"
+#include "sim/cut/wear.h"
 
 namespace abbe::sim {
 
@@ -30,6 +31,7 @@ struct Cut {
   double direction_left = 0.0;    ///< rad, the same of the direction
   Process process;                ///< the cut as it went; empty without [cutting]
   Signals signals;                ///< empty without heat, force or channels
+  std::vector<WornTool> wear;     ///< of the tools that wear, at the end
   std::string rewritten_program;  ///< text of the program channel, else empty
   std::vector<std::string> warnings;
   std::map<std::string, double> timing_s;

@@ -18,6 +18,7 @@
 #include "sim/cut/stopwatch.h"
 #include "sim/cut/tool_calls.h"
 #include "sim/cut/travel.h"
+#include "sim/cut/wear.h"
 #include "sim/cut/work.h"
 #include "sim/machine/compile.h"
 #include "sim/machine/odd_elements.h"
@@ -241,6 +242,10 @@ Pieces pieces_of(const Scene& described, const Program& program, const cutting::
   Pieces made{stretches.empty() ? piece_of(scene, program.path, {})
                                 : joined(scene, program.path, stretches, use),
               std::move(stretches), std::move(use.warnings)};
+  if (tools.size() == 1 && scene.program.tools)
+    add_warnings(
+        length_warnings(program.path, {0, 0, program.path.blocks.size()}, *scene.tool.number),
+        made.warnings);
   add_warnings(program.warnings, made.warnings);
   add_warnings(program_warnings(scene, design_w, program.path, program.unreached), made.warnings);
   for (const Piece& one :
@@ -289,6 +294,7 @@ Job prepare(const Scene& described, const Progress& progress) {
   Job job = job_of(std::move(whole), part.design_w, body_m, std::move(process), active);
   for (Piece& piece : pieces)
     job.stretches.push_back(job_of(std::move(piece), part.design_w, body_m, {}, active));
+  count_use(job.stretches);
   job.body_w = std::make_shared<const cutting::Thickness>(part.design_w);
   add_warnings(std::move(part.warnings), warnings);
   add_warnings(odd_sizes(job.truth.geometric, job.samples), warnings);
@@ -298,6 +304,7 @@ Job prepare(const Scene& described, const Progress& progress) {
   job.face_groups = std::move(part.face_groups);
   job.program_text = std::move(program.text);
   job.unreached = program.unreached;
+  add_warnings(wear_warnings(worn_tools(job)), warnings);
   job.warnings = std::move(warnings);
   job.timing_s = {{"part", part_s},
                   {"program", program_s},

@@ -43,6 +43,12 @@ struct SampledSurface {
   Unmeant unmeant = {};
 };
 
+/// What a tool has done: time and way of its tip in the workpiece, at feed.
+struct FeedUse {
+  double time_s = 0.0;
+  double way = 0.0;  ///< mm
+};
+
 /// A scene compiled: all that its cases share. Immutable once made.
 struct Job {
   Scene scene;
@@ -72,6 +78,7 @@ struct Job {
   /// tool.
   std::vector<Job> stretches = {};
   FaceGroups face_groups = {};  ///< of a mesh, for the regions of the part
+  FeedUse cut_before = {};      ///< of a stretch: what its tool has cut in those before
 };
 
 /// What is cut one after the other: the stretches of a job, or the job itself. It refers to the

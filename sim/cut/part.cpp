@@ -12,6 +12,8 @@
 #include "cutting/round_borders.h"
 #include "cutting/smooth_patches.h"
 #include "cutting/subdivide.h"
+#include "kinematics/units.h"
+#include "sim/cut/cut_warnings.h"
 #include "sim/cut/pose.h"
 #include "sim/cut/unreached_text.h"
 #include "sim/dialects/read_program.h"
@@ -244,6 +246,26 @@ Program read_file(const ProgramDescription::File& given, const program::NcOption
   return program;
 }
 
+/// What is to be said of the control's tables.
+std::vector<std::string> table_warnings(const Scene& scene, const program::Path& path) {
+  std::vector<std::string> warnings = tool_table_warnings(scene);
+  for (const auto* table : {&scene.program.tools, &scene.program.offsets}) {
+    if (!*table) continue;
+    const dialects::ControlTable& read = (*table)->table;
+    warnings.insert(warnings.end(), read.notes.begin(), read.notes.end());
+    const std::string control(name_of(read.control));
+    if (path.read_as.empty())
+      warnings.push_back(
+          fmt::format("{} is without effect: a table of times has no tools and "
+                      "offsets",
+                      read.file));
+    else if (!path.read_as.starts_with(control))
+      warnings.push_back(fmt::format("{} is a table of {}, and the program is read as {}",
+                                     read.file, control, path.read_as));
+  }
+  return warnings;
+}
+
 /// "; part.at_mm is [900, 0, 0], and the slides go X between -400 and 400 mm"
 std::string travels_text(const Scene& scene) {
   const Eigen::Vector3d at = scene.part.T_wm.translation();
@@ -342,6 +364,46 @@ Part load_part(const Scene& scene) {
   return part;
 }
 
+namespace {
+
+/// Tools as the control's table has them, and its chain to the tip of each that the scene has.
+void take_tool_table(program::NcOptions& options, const Scene& scene) {
+  const auto& table = scene.program.tools->table.tools;
+  options.tool_table = true;
+  if (scene.tool.number && table.contains(*scene.tool.number))
+    options.control_tool = *scene.tool.number;
+  options.tool_length.clear();
+  options.tool_radius.clear();
+  for (const auto& [number, tool] : table) {
+    if (tool.length) options.tool_length.emplace(number, *tool.length);
+    if (tool.radius) options.tool_radius.emplace(number, *tool.radius);
+    if (tool.length_wear != 0.0) options.length_wear.emplace(number, tool.length_wear);
+    if (tool.radius_wear != 0.0) options.radius_wear.emplace(number, tool.radius_wear);
+    if (!tool.name.empty()) options.tool_number.emplace(tool.name, number);
+  }
+  options.control_of_h.clear();
+  for (const ToolDescription& tool : tools_of(scene))
+    if (tool.number && options.tool_length.contains(*tool.number))
+      options.control_of_h.emplace(*tool.number, compile(with_tool(scene, *tool.number)).control);
+}
+
+void take_offset_table(program::NcOptions& options, const dialects::ControlTable& table) {
+  for (const auto& [number, offset] : table.offsets) {
+    kinematics::AxisVector shift = kinematics::AxisVector::Zero(Eigen::Index(options.axes.size()));
+    for (std::size_t j = 0; j < options.axes.size(); ++j)
+      if (const auto found = offset.axes.find(options.axes[j].name); found != offset.axes.end())
+        shift[Eigen::Index(j)] =
+            found->second.value *
+            (options.axes[j].motion == kinematics::Motion::Linear ? 1.0 : units::deg);
+    if (number >= 1 && number <= 6)
+      options.work_offset[std::size_t(number - 1)] = std::move(shift);
+    else
+      options.more_offset.emplace(number, std::move(shift));
+  }
+}
+
+}  // namespace
+
 program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
   program::NcOptions options;
   for (const kinematics::Joint& joint : machine.nominal.joints())
@@ -366,7 +428,9 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
   if (!scene.more_tools.empty())
     for (const ToolDescription& tool : tools_of(scene))
       options.control_of_h.emplace(*tool.number, compile(with_tool(scene, *tool.number)).control);
+  if (scene.program.tools) take_tool_table(options, scene);
   options.work_offset = scene.program.work_offset;
+  if (scene.program.offsets) take_offset_table(options, scene.program.offsets->table);
   options.rapid_speed = scene.machine.rapid_speed;
   options.rapid_turn = scene.machine.rapid_turn;
   return options;
@@ -374,8 +438,11 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
 
 Program load_program(const Scene& scene, const Machine& machine, const Part& part) {
   const program::NcOptions options = nc_options(scene, machine);
-  if (const auto* given = std::get_if<ProgramDescription::File>(&scene.program.source))
-    return read_file(*given, options);
+  if (const auto* given = std::get_if<ProgramDescription::File>(&scene.program.source)) {
+    Program program = read_file(*given, options);
+    add_warnings(table_warnings(scene, program.path), program.warnings);
+    return program;
+  }
   Generated generated = generate(scene, machine, part);
   const std::string name = "program" + generated.ending;
   program::Path path = generated.ending == ".ngc"

@@ -48,6 +48,17 @@ Scene scene_of(const std::filesystem::path& file, const ProgramAloneOptions& opt
   scene.machine = read_machine(read_toml_file(file), faults);
   if (!faults.empty()) throw BadScene(faults.list());
   scene.tool.length = options.tool_length;
+  const auto table_of = [&](const std::filesystem::path& file, dialects::TableKind kind) {
+    return ControlTableFile{file, options.table_unit,
+                            dialects::read_control_table_file(file, kind, options.table_unit)};
+  };
+  if (!options.tools.empty())
+    scene.program.tools = table_of(options.tools, dialects::TableKind::Tools);
+  if (!options.offsets.empty()) {
+    scene.program.offsets = table_of(options.offsets, dialects::TableKind::Offsets);
+    check_axes(scene.program.offsets->table, scene.machine.joints, faults);
+    if (!faults.empty()) throw BadScene(faults.list());
+  }
   for (int h = 1; h <= most_tools; ++h) scene.program.tool_length[h] = options.tool_length;
   return scene;
 }
@@ -58,6 +69,14 @@ program::NcOptions control_of(const Scene& scene, const Machine& machine,
   if (!options.offset.empty())
     control.work_offset.fill(
         positions_in(options.offset, machine.control, "--offset", Within::Anything));
+  if (scene.program.tools) {
+    for (const auto& [number, length] : control.tool_length) {
+      Scene with_tool = scene;
+      with_tool.tool.number = number;
+      control.control_of_h.emplace(number, compile(with_tool).control);
+    }
+    return control;
+  }
   control.tool_radius.clear();
   if (options.tool_radius)
     for (int d = 1; d <= most_tools; ++d) control.tool_radius[d] = *options.tool_radius;
@@ -194,7 +213,10 @@ void convert(const program::Path& path, const program::NcOptions& control,
 
 std::vector<std::filesystem::path> inputs_of(const std::filesystem::path& program,
                                              const ProgramAloneOptions& options) {
-  return {program, machine_file_of(options.machine)};
+  std::vector<std::filesystem::path> files{program, machine_file_of(options.machine)};
+  for (const std::filesystem::path& table : {options.tools, options.offsets})
+    if (!table.empty()) files.push_back(table);
+  return files;
 }
 
 namespace {
@@ -202,9 +224,10 @@ namespace {
 /// Looks at the blocks of a program as they come.
 class Looking {
  public:
-  Looking(ProgramAlone& alone, const ProgramAloneOptions& options)
-      : meter_(alone.machine.control,
-               {alone.description.rapid_speed, alone.description.rapid_turn}),
+  Looking(ProgramAlone& alone, const program::NcOptions& control,
+          const ProgramAloneOptions& options)
+      : meter_(alone.machine.control, {alone.description.rapid_speed, alone.description.rapid_turn},
+               &control.control_of_h),
         tracer_(alone.trace) {
     if (options.trace)
       meter_.on_place = [this](const Eigen::Vector3d& tip_w, bool rapid) {
@@ -242,7 +265,7 @@ class Looking {
 /// @param whole  kept: what conversions need
 void read_alone(const std::string& text, const program::NcOptions& control,
                 const ProgramAloneOptions& options, const Progress& progress, ProgramAlone& alone) {
-  Looking looking(alone, options);
+  Looking looking(alone, control, options);
   const bool whole = options.to == ProgramFormat::Nc || options.to == ProgramFormat::Pvt;
   program::Path path;
   if (is_pvt(alone.file, text, options)) {
@@ -290,6 +313,8 @@ ProgramAlone program_alone(const std::filesystem::path& program, const ProgramAl
                      .machine_name = scene.machine.name,
                      .machine_file = machine_file,
                      .tool_length = options.tool_length,
+                     .tool_table = options.tools,
+                     .offset_table = options.offsets,
                      .offset = options.offset,
                      .description = scene.machine,
                      .machine = machine};
@@ -302,6 +327,10 @@ ProgramAlone program_alone(const std::filesystem::path& program, const ProgramAl
     throw BadInput(machine_file.string(), 0, 0,
                    "a machine whose workpiece does not spin, for cutter locations", "one with S");
   read_alone(text, control, options, progress, alone);
+  for (const auto* table : {&scene.program.tools, &scene.program.offsets})
+    if (*table)
+      alone.warnings.insert(alone.warnings.end(), (*table)->table.notes.begin(),
+                            (*table)->table.notes.end());
   judge(alone);
   return alone;
 }

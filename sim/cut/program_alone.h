@@ -22,7 +22,10 @@ struct ProgramAloneOptions {
   std::string machine = "library:gantry_cxyza";  ///< a file, or a name of the library
   double tool_length = 100.0;                    ///< mm, of every tool
   std::optional<double> tool_radius;             ///< mm, for cutter compensation
-  std::string offset;  ///< of every work offset, "X=10 Z=-50"; empty: zero
+  std::string offset;                ///< of every work offset, "X=10 Z=-50"; empty: zero
+  std::filesystem::path tools;       ///< the control's tool table; empty: none
+  std::filesystem::path offsets;     ///< its work offsets; empty: none
+  std::optional<double> table_unit;  ///< mm per unit of length in both
   dialects::Dialect dialect = dialects::Dialect::Auto;
   dialects::OnUnknown on_unknown = dialects::OnUnknown::Refuse;
   std::optional<ProgramFormat> to;  ///< what it is written again as
@@ -49,8 +52,9 @@ struct ProgramAlone {
   std::string dialect, sign;  ///< and by which sign it was taken; "pvt" for tables of times
   std::string machine_name;
   std::filesystem::path machine_file;
-  double tool_length = 0.0;
-  std::string offset;  ///< as it was stated
+  double tool_length = 0.0;                        ///< mm, of every tool unless there is a table
+  std::filesystem::path tool_table, offset_table;  ///< empty: none
+  std::string offset;                              ///< as it was stated
   MachineDescription description;
   Machine machine;
   std::size_t lines = 0, bytes = 0;

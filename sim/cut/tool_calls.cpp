@@ -102,23 +102,6 @@ void add(std::vector<ToolStretch>& stretches, const ToolStretch& next) {
     stretches.push_back(next);
 }
 
-/// Lengths of other tools than the one that runs: refused where the control counts the tip by them.
-std::vector<std::string> check_lengths(const program::Path& path, const ToolStretch& stretch,
-                                       int number) {
-  for (std::size_t i = stretch.first; i < stretch.last; ++i) {
-    const program::Block& block = path.blocks[i];
-    if (block.tool_length < 0 || block.tool_length == number) continue;
-    if (block.coordinates == program::Coordinates::Tip)
-      throw BadInput(path.file, block.line, 0,
-                     fmt::format("G43.4 H{}, the length of T{}, which runs here", number, number),
-                     fmt::format("H{}", block.tool_length));
-    if (program::is_feed(block))
-      return {fmt::format("from line {} on T{} runs with the length H{} of G43, not its own",
-                          block.line, number, block.tool_length)};
-  }
-  return {};
-}
-
 ToolUse use_of_several(const program::Path& path, std::span<const ToolDescription> tools) {
   const std::vector<program::ToolCall> calls = cutting_calls(path);
   ToolUse use{
@@ -137,7 +120,7 @@ ToolUse use_of_several(const program::Path& path, std::span<const ToolDescriptio
   }
   add(use.stretches, {tool, first, path.blocks.size()});
   for (const ToolStretch& stretch : use.stretches)
-    for (std::string& one : check_lengths(path, stretch, *tools[stretch.tool].number))
+    for (std::string& one : length_warnings(path, stretch, *tools[stretch.tool].number))
       use.warnings.push_back(std::move(one));
   if (calls.empty())
     use.warnings.push_back(
@@ -151,6 +134,22 @@ ToolUse use_of_several(const program::Path& path, std::span<const ToolDescriptio
 }
 
 }  // namespace
+
+std::vector<std::string> length_warnings(const program::Path& path, const ToolStretch& stretch,
+                                         int number) {
+  for (std::size_t i = stretch.first; i < stretch.last; ++i) {
+    const program::Block& block = path.blocks[i];
+    if (block.tool_length < 0 || block.tool_length == number) continue;
+    if (block.coordinates == program::Coordinates::Tip)
+      throw BadInput(path.file, block.line, 0,
+                     fmt::format("G43.4 H{}, the length of T{}, which runs here", number, number),
+                     fmt::format("H{}", block.tool_length));
+    if (program::is_feed(block))
+      return {fmt::format("from line {} on T{} runs with the length H{} of G43, not its own",
+                          block.line, number, block.tool_length)};
+  }
+  return {};
+}
 
 ToolUse tool_use(const program::Path& path, std::span<const ToolDescription> tools) {
   return tools.size() == 1 ? use_of_one(path, tools.front()) : use_of_several(path, tools);

@@ -33,4 +33,10 @@ struct ToolUse {
 ///         tool of several than runs it
 ToolUse tool_use(const program::Path& path, std::span<const ToolDescription> tools);
 
+/// Lengths (H) of other tools than the one that runs a stretch, as warnings.
+/// @param number  of that tool
+/// @throws BadInput on the line of a block under G43.4 with such a length
+std::vector<std::string> length_warnings(const program::Path& path, const ToolStretch& stretch,
+                                         int number);
+
 }  // namespace abbe::sim

@@ -44,9 +44,22 @@ Machine::Machine(ProgramRun& run)
   const program::NcOptions& options = canon_.options();
   for (const auto& [h, mm] : options.tool_length) lengths_[h].value = mm;
   for (const auto& [d, mm] : options.tool_radius) radii_[d].value = mm;
+  const auto take_wear = [](Offsets& offsets, const std::map<int, double>& wear) {
+    for (const auto& [number, mm] : wear) {
+      Geometry& one = offsets[number];
+      if (one.value) one.value = *one.value - mm;
+      one.wear = mm;
+    }
+  };
+  take_wear(lengths_, options.length_wear);
+  take_wear(radii_, options.radius_wear);
   for (std::size_t i = 0; i < options.work_offset.size(); ++i)
     systems_[int(i) + 1] = options.work_offset[i].size() > 0 ? options.work_offset[i] : zero_;
   external_ = g92_ = g52_ = zero_;
+  for (const auto& [number, offset] : options.more_offset) {
+    if (number == 0) external_ = offset;
+    if (number > 100) systems_[number] = offset;
+  }
   apply_frame();
 }
 

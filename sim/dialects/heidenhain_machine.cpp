@@ -20,7 +20,10 @@ Machine::Machine(ProgramRun& run) : run_(run), canon_(run.canon), contour_(run) 
   length_ = canon_.options().tool_length;
   radius_ = canon_.options().tool_radius;
   datum_shift_ = turns_ = AxisVector::Zero(canon_.position().size());
-  if (!length_.empty()) tool_ = length_.contains(1) ? 1 : length_.begin()->first;
+  if (canon_.options().tool_table)
+    tool_ = canon_.options().control_tool;
+  else if (!length_.empty())
+    tool_ = length_.contains(1) ? 1 : length_.begin()->first;
   canon_.set_inch(false);
   canon_.count_from_workpiece();
   apply_frame({1, {}});
@@ -182,7 +185,8 @@ double Machine::length_of(int number, const Cause& cause) {
   const auto known = length_.find(number);
   if (known != length_.end()) return known->second;
   if (number == 0) return 0.0;
-  if (canon_.options().tool_length.size() == 1 && canon_.options().control_of_h.empty()) {
+  if (canon_.options().tool_length.size() == 1 && canon_.options().control_of_h.empty() &&
+      !canon_.options().tool_table) {
     const double length = canon_.options().tool_length.begin()->second;
     run_.warn_once(fmt::format("TOOL CALL {} takes the length of the scene's tool, {:.6g} mm",
                                number, length));
@@ -205,6 +209,8 @@ void Machine::select_tool(int number, const Cause& cause) {
   if (const auto own = known.find(number);
       own != known.end() && canon_.options().control_of_h.contains(number))
     of_chain = own->second;
+  else if (canon_.options().tool_table)
+    of_chain = length_of(canon_.options().control_tool, cause);
   else if (!known.empty())
     of_chain = known.contains(1) ? known.at(1) : known.begin()->second;
   tool_ = number;
@@ -213,14 +219,29 @@ void Machine::select_tool(int number, const Cause& cause) {
   update_tip_mode(cause);
 }
 
+/// TOOL CALL "BALL 10": a tool of the control's table or of the scene.
+int Machine::tool_of_name(Words& words) {
+  Cursor& cursor = words.cursor;
+  const std::size_t from = cursor.at, close = cursor.text.find('"', from + 1);
+  const auto& numbers = canon_.options().tool_number;
+  const auto known = close == std::string_view::npos
+                         ? numbers.end()
+                         : numbers.find(cursor.text.substr(from + 1, close - from - 1));
+  if (known == numbers.end())
+    words.refuse(from, "a tool by its number: the scene has no tools of that name");
+  cursor.at = close + 1;
+  return known->second;
+}
+
 void Machine::tool_call(Words& words) {
   words.cursor.skip_blanks();
   const std::size_t from = words.cursor.at;
   if (contour_.beside()) words.refuse(from, "R0 before TOOL CALL");
-  if (words.cursor.here() == '"')
-    words.refuse(from, "a tool by its number: the scene has no tools of that name");
   std::optional<int> number;
-  if (words.has_value()) number = words.whole(32767);
+  if (words.cursor.here() == '"')
+    number = tool_of_name(words);
+  else if (words.has_value())
+    number = words.whole(32767);
   const Cause cause = words.cause(from);
   if (number) delta_length_ = delta_radius_ = 0.0;
   while (!words.at_end()) {

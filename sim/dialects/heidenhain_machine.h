@@ -98,6 +98,7 @@ class Machine {
                       bool before_corner);
   bool execute_definition(const std::string& keyword, std::size_t from, Words& words);
   void lone_function(std::size_t from, Words& words);
+  int tool_of_name(Words& words);
   void tool_call(Words& words);
   void tool_def(Words& words);
   void select_tool(int number, const Cause& cause);

@@ -72,6 +72,14 @@ Machine::Machine(ProgramRun& run)
         parameters_[5221 + 20 * i + std::size_t(k)] =
             canon_.is_linear(j) ? offset[j] : offset[j] / units::deg;
   }
+  for (const auto& [number, offset] : canon_.options().more_offset) {
+    if (number < 7 || number > 9) continue;
+    system_changed_[std::size_t(number - 1)] = true;
+    for (int k = 0; k < 9; ++k)
+      if (const int j = joint(k); j >= 0)
+        parameters_[5221 + 20 * std::size_t(number - 1) + std::size_t(k)] =
+            canon_.is_linear(j) ? offset[j] : offset[j] / units::deg;
+  }
   parameters_[5220] = 1;
 }
 
@@ -200,6 +208,7 @@ void Machine::call_tools(const Block& block) {
   const NcWord& t = block['T'];
   const bool changes = change.tenths == 60;
   if (t) selected_ = int(std::min(t.value, 1e9));
+  if (t && !program::knows_tool(canon_.options(), selected_)) refuse(t, "a tool of the tool table");
   if (changes && selected_ >= 0) tool_ = selected_;
   if (changes) compensation_.left_behind();  // a control looks again where its axes stand
   if (t || changes) canon_.call_tool(t ? t.value : -1.0, changes);
@@ -208,6 +217,7 @@ void Machine::call_tools(const Block& block) {
     if (!q || q.value < 0 || q.value != std::floor(q.value))
       refuse(q ? Cause(q) : Cause(change.word), "Q, a whole tool number, beside M61");
     selected_ = tool_ = int(std::min(q.value, 1e9));
+    if (!program::knows_tool(canon_.options(), tool_)) refuse(q, "a tool of the tool table");
     canon_.call_tool(q.value, true);
   }
   std::string text = t ? fmt::format("T{:.0f}", t.value) : "";

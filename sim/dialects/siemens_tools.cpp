@@ -22,7 +22,8 @@ int Machine::number_of_tool(const Block& block) const {
   if (const auto known = numbers.find(name); known != numbers.end()) return known->second;
   if (!name.empty() && name.size() < 9 && std::all_of(name.begin(), name.end(), is_digit))
     return std::stoi(name);
-  if (canon_.options().control_of_h.empty() && !canon_.options().tool_length.empty()) {
+  if (canon_.options().control_of_h.empty() && !canon_.options().tool_length.empty() &&
+      !canon_.options().tool_table) {
     run_.warn_once(
         fmt::format("T={} is taken for the scene's only tool: give it that name if it "
                     "is",
@@ -39,6 +40,8 @@ void Machine::call_tools(const Block& block) {
   const Value &t = block[Address::T], &d = block[Address::D];
   const Code& change = block[Group::ToolChange];
   if (t) selected_ = number_of_tool(block);
+  if (t && !program::knows_tool(canon_.options(), selected_))
+    refuse(t.cause, "a tool of the tool table");
   const bool changes = change || (t && !changes_by_m6_);
   if (changes && selected_ >= 0) tool_ = selected_;
   if (t || change) canon_.call_tool(t ? double(selected_) : -1.0, bool(change));
@@ -59,6 +62,7 @@ void Machine::call_tools(const Block& block) {
 bool Machine::one_length() const {
   const auto& lengths = canon_.options().tool_length;
   return !lengths.empty() && canon_.options().control_of_h.empty() &&
+         !canon_.options().tool_table &&
          std::all_of(lengths.begin(), lengths.end(),
                      [&](const auto& one) { return one.second == lengths.begin()->second; });
 }
@@ -89,7 +93,8 @@ void Machine::set_compensation(const Code& code) {
                            std::string(code.word) + " in it");
   const auto& radii = canon_.options().tool_radius;
   auto own = radii.find(tool_);
-  if (own == radii.end() && canon_.options().control_of_h.empty() && radii.size() == 1)
+  if (own == radii.end() && canon_.options().control_of_h.empty() && radii.size() == 1 &&
+      !canon_.options().tool_table)
     own = radii.begin();
   if (own == radii.end())
     refuse(code.cause, "a tool whose radius is known",

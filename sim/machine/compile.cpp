@@ -1,5 +1,7 @@
 #include "sim/machine/compile.h"
 
+#include "sim/scene/scene_tools.h"
+
 namespace abbe::sim {
 namespace {
 
@@ -36,7 +38,7 @@ Machine compile(const Scene& scene) {
   const double length = scene.tool.length;
   const auto& believed = scene.control.joints.empty() ? machine.joints : scene.control.joints;
   const Pose T_st = tool_on_nose(length, {0.0, 0.0});
-  const Pose T_st_believed = tool_on_nose(scene.control.tool_length.value_or(length), {0.0, 0.0});
+  const Pose T_st_believed = tool_on_nose(believed_length(scene, scene.tool), {0.0, 0.0});
   Machine compiled{chain_of(scene, machine.joints, machine.T_bw, T_st),
                    chain_of(scene, believed, machine.T_bw, T_st_believed), std::nullopt};
   if (std::holds_alternative<cutting::Nose>(scene.tool.nominal)) {

@@ -6,6 +6,10 @@ namespace abbe::sim::program {
 
 using kinematics::AxisVector;
 
+bool knows_tool(const NcOptions& options, int number) {
+  return !options.tool_table || number == 0 || options.tool_length.contains(number);
+}
+
 AxisVector start_of(const NcOptions& options) {
   const Eigen::Index n = Eigen::Index(options.axes.size());
   if (options.start.size() == 0) return AxisVector::Zero(n);

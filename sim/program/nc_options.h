@@ -20,10 +20,16 @@ struct NcOptions {
   std::map<int, double> tool_length;                    ///< mm by H number; an unknown H is refused
   std::map<int, double> tool_radius;                    ///< mm by D number, for cutter compensation
   std::map<std::string, int, std::less<>> tool_number;  ///< by name, of those that have one
+  std::map<int, double> length_wear, radius_wear;       ///< mm, what of those above is wear
+  bool tool_table = false;  ///< they are all that the control knows: a call of another is refused
+  int control_tool = 0;     ///< with such a table: the tool that `control` ends with; 0: in none
   std::array<kinematics::AxisVector, 6>
-      work_offset{};                    ///< G54 .. G59, (axes) each, as `program_zero` has it;
-                                        ///< empty means none is stated
-  double rapid_speed = 10000.0 / 60.0;  ///< mm/s along the way
+      work_offset{};  ///< G54 .. G59, (axes) each, as `program_zero` has it;
+                      ///< empty means none is stated
+  std::map<int, kinematics::AxisVector>
+      more_offset;  ///< likewise, of a control's table: LinuxCNC 7 to 9 G59.1 to G59.3, Fanuc 0 the
+                    ///< external one and 100 + n G54.1 Pn
+  double rapid_speed = 10000.0 / 60.0;                       ///< mm/s along the way
   double rapid_turn = 3600.0 / 60.0 * 0.017453292519943295;  ///< rad/s for a block of turns only
   std::optional<kinematics::Chain> control;       ///< the control's own chain: G43.4 needs it to
                                                   ///< know where the tip stands when it is
@@ -33,6 +39,9 @@ struct NcOptions {
   bool block_delete = true;                       ///< blocks that start with / are left out
   std::size_t max_bytes = std::size_t(1) << 31;   ///< larger programs are refused
 };
+
+/// Whether a tool can be called: T0, or one of the control's table where it has one.
+bool knows_tool(const NcOptions& options, int number);
 
 /// Where the axes stand at first: zero unless stated.
 /// @throws std::invalid_argument if `start` has not one number for every axis

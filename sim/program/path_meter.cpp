@@ -37,8 +37,12 @@ double least_change(const Vector3d& first, const Vector3d& second) {
 
 }  // namespace
 
-PathMeter::PathMeter(const Chain& control, const AxisLimits& limits)
-    : control_(control), limits_(limits), spindle_(spindle_of(axes_named(control))) {
+PathMeter::PathMeter(const Chain& control, const AxisLimits& limits,
+                     const std::map<int, Chain>* control_of_h)
+    : control_(&control),
+      control_of_h_(control_of_h),
+      limits_(limits),
+      spindle_(spindle_of(axes_named(control))) {
   figures_.axes.resize(std::size_t(control.size()));
   for (int k = 0; k < 3; ++k) xyz_[std::size_t(k)] = control.find(char('X' + k)).value_or(-1);
   for (int j = 0; j < control.size(); ++j)
@@ -50,7 +54,7 @@ double PathMeter::limit(int j) const {
 }
 
 void PathMeter::note_position(const Block& block, const AxisVector& q) {
-  for (int j = 0; j < control_.size(); ++j) {
+  for (int j = 0; j < control_->size(); ++j) {
     if (is_spindle(j)) continue;
     AxisFigures& axis = figures_.axes[std::size_t(j)];
     if (!axis.positioned || q[j] < axis.least.value) axis.least = {q[j], block.line, block.file};
@@ -61,7 +65,7 @@ void PathMeter::note_position(const Block& block, const AxisVector& q) {
 
 void PathMeter::note_speeds(const Block& block, const AxisVector& step, double seconds) {
   if (!(seconds > 0.0)) return;
-  for (int j = 0; j < control_.size(); ++j) {
+  for (int j = 0; j < control_->size(); ++j) {
     if (is_spindle(j)) continue;
     const double speed = std::abs(step[j]) / seconds;
     AxisFigures& axis = figures_.axes[std::size_t(j)];
@@ -99,18 +103,29 @@ MoveFigures& PathMeter::kind(const Block& block) {
 /// Under a tip mode as programmed.
 Vector3d PathMeter::tip_of(const Path& path, const Block& block, const AxisVector& q,
                            double u) const {
-  if (block.coordinates == Coordinates::Axis) return control_.tool_in_workpiece(q).translation();
+  if (block.coordinates == Coordinates::Axis) return control_->tool_in_workpiece(q).translation();
   const AxisVector programmed = position(path, block, u);
   return {programmed[xyz_[0]], programmed[xyz_[1]], programmed[xyz_[2]]};
 }
 
+/// The chain to the tip of the tool whose length counts, where it has one of its own.
+/// @return it is another one than before
+bool PathMeter::take_chain_of(const Block& block) {
+  if (control_of_h_ == nullptr) return false;
+  const auto own = control_of_h_->find(block.tool_length);
+  if (own == control_of_h_->end() || control_ == &own->second) return false;
+  control_ = &own->second;
+  return true;
+}
+
 /// Where a block begins: where the last one ended, unless the coordinates change.
 void PathMeter::begin(const Path& path, const Block& block) {
-  const bool goes_on = figures_.blocks > 0 && block.coordinates == coordinates_ &&
+  const bool same_tool = !take_chain_of(block);
+  const bool goes_on = same_tool && figures_.blocks > 0 && block.coordinates == coordinates_ &&
                        (block.start - programmed_).cwiseAbs().maxCoeff() < one_place;
   if (!goes_on) {
-    q_ = axes_at(path, block, control_, 0.0);
-    tip_w_ = control_.tool_in_workpiece(q_).translation();
+    q_ = axes_at(path, block, *control_, 0.0);
+    tip_w_ = control_->tool_in_workpiece(q_).translation();
     note_position(block, q_);
     if (on_place) on_place(tip_w_, true);
   }
@@ -120,18 +135,18 @@ void PathMeter::begin(const Path& path, const Block& block) {
 
 void PathMeter::move(const Path& path, const Block& block) {
   const bool rapid = block.interpolation == Interpolation::Rapid;
-  const double turn = turn_in(path, block, control_);
-  const std::size_t n = chords_of(path, block, control_, path_meter_within);
+  const double turn = turn_in(path, block, *control_);
+  const std::size_t n = chords_of(path, block, *control_, path_meter_within);
   const double seconds = (block.end_s - block.start_s) / double(n);
   MoveFigures& moves = kind(block);
   double limited = 0.0;
   figures_.all_w.extend(tip_w_);
   if (!rapid) figures_.feed_w.extend(tip_w_);
   for (std::size_t k = 1; k <= n; ++k) {
-    const AxisVector q = axes_at(path, block, control_, k == n ? 1.0 : double(k) / double(n));
+    const AxisVector q = axes_at(path, block, *control_, k == n ? 1.0 : double(k) / double(n));
     const AxisVector step = q - q_;
     double least = 0.0;
-    for (int j = 0; j < control_.size(); ++j)
+    for (int j = 0; j < control_->size(); ++j)
       if (!is_spindle(j)) least = std::max(least, std::abs(step[j]) / limit(j));
     limited += rapid ? least : std::max(least, seconds);
     if (!rapid) note_speeds(block, step, seconds);
@@ -156,22 +171,22 @@ void PathMeter::move(const Path& path, const Block& block) {
 double PathMeter::singular_angle(const Path& path, const Block& block, double u) const {
   const AxisVector q = position(path, block, u);  // slides turn nothing
   Vector3d axes[2];
-  Eigen::Matrix3d R = control_.T_bw_home().linear().transpose();
+  Eigen::Matrix3d R = control_->T_bw_home().linear().transpose();
   std::size_t k = 0;
-  for (int j = 0; j < control_.size(); ++j) {
+  for (int j = 0; j < control_->size(); ++j) {
     if (motion(j) != Motion::Rotary) continue;
-    const Vector3d& direction = control_.joints()[std::size_t(j)].direction_b;
+    const Vector3d& direction = control_->joints()[std::size_t(j)].direction_b;
     if (!is_spindle(j)) axes[k++] = R * direction;
     R = R * Eigen::AngleAxisd(q[j], direction);
   }
-  const Vector3d tool = R * control_.T_bt_home().linear().col(2);
+  const Vector3d tool = R * control_->T_bt_home().linear().col(2);
   return least_change(axes[0].cross(tool), axes[1].cross(tool));
 }
 
 void PathMeter::look_at(const Path& path, const Block& block, double u) {
   const double angle = singular_angle(path, block, u);
   if (figures_.singular && angle >= figures_.singular->angle) return;
-  figures_.singular = {angle, axes_at(path, block, control_, u), block.line, block.file};
+  figures_.singular = {angle, axes_at(path, block, *control_, u), block.line, block.file};
 }
 
 /// The angle changes by at most twice the turn, so most moves cannot come nearer than what is
@@ -220,8 +235,8 @@ void PathMeter::add(const Path& piece) {
 
 PathFigures PathMeter::figures() const {
   PathFigures figures = figures_;
-  for (int j = 0; j < control_.size(); ++j) {
-    const kinematics::Joint& joint = control_.joints()[std::size_t(j)];
+  for (int j = 0; j < control_->size(); ++j) {
+    const kinematics::Joint& joint = control_->joints()[std::size_t(j)];
     AxisFigures& axis = figures.axes[std::size_t(j)];
     axis.left = std::min(axis.least.value - joint.min, joint.max - axis.most.value);
   }

@@ -75,8 +75,10 @@ inline constexpr double path_meter_within = 0.01;
 /// minimising along each move that may come nearer, within 1e-7 rad.
 class PathMeter {
  public:
-  /// @param control  outlives it; its limits are those of travel
-  PathMeter(const kinematics::Chain& control, const AxisLimits& limits);
+  /// @param control       outlives it; its limits are those of travel
+  /// @param control_of_h  outlives it; chains to the tip of tools of other lengths, by H
+  PathMeter(const kinematics::Chain& control, const AxisLimits& limits,
+            const std::map<int, kinematics::Chain>* control_of_h = nullptr);
 
   /// The next blocks. @throws BadInput naming the line where the slides do not reach a tip
   void add(const Path& piece);
@@ -91,9 +93,10 @@ class PathMeter {
   using AxisVector = kinematics::AxisVector;
 
   bool is_spindle(int j) const { return j == spindle_ || motion(j) == kinematics::Motion::Spindle; }
-  kinematics::Motion motion(int j) const { return control_.joints()[std::size_t(j)].motion; }
+  kinematics::Motion motion(int j) const { return control_->joints()[std::size_t(j)].motion; }
   double limit(int j) const;
   Eigen::Vector3d tip_of(const Path& path, const Block& block, const AxisVector& q, double u) const;
+  bool take_chain_of(const Block& block);
   void begin(const Path& path, const Block& block);
   void move(const Path& path, const Block& block);
   void note_position(const Block& block, const AxisVector& q);
@@ -104,7 +107,8 @@ class PathMeter {
   double singular_angle(const Path& path, const Block& block, double u) const;
   MoveFigures& kind(const Block& block);
 
-  const kinematics::Chain& control_;
+  const kinematics::Chain* control_;
+  const std::map<int, kinematics::Chain>* control_of_h_;
   AxisLimits limits_;
   int spindle_ = -1;
   std::array<int, 3> xyz_{-1, -1, -1};  ///< joints; -1 where the machine lacks one

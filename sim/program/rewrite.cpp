@@ -172,7 +172,9 @@ void NcRewriter::coordinates(const Block& block) {
   if (mode_ == Coordinates::Axis) return say("G49");
   if (control_.tool_length.empty())
     throw std::invalid_argument("expected a tool length for G43.4 H");
-  say(fmt::format("G43.4 H{}", control_.tool_length.begin()->first));
+  const bool one = control_.control_of_h.size() == 1;  // of a tool table that has many
+  say(fmt::format("G43.4 H{}", one ? control_.control_of_h.begin()->first
+                                   : control_.tool_length.begin()->first));
 }
 
 void NcRewriter::spindle(const Block& block) {

@@ -179,8 +179,10 @@ std::string to_text(const ProgramAlone& alone) {
   return fmt::format("program   {}, {} lines, read as {}{}\n", escaped(alone.file.string()),
                      alone.lines, alone.dialect,
                      alone.sign.empty() ? "" : ", as " + escaped(alone.sign)) +
-         fmt::format("machine   {}, tool length {:.6g} mm\n", alone.machine_name,
-                     alone.tool_length) +
+         (alone.tool_table.empty() ? fmt::format("machine   {}, tool length {:.6g} mm\n",
+                                                 alone.machine_name, alone.tool_length)
+                                   : fmt::format("machine   {}, tools of {}\n", alone.machine_name,
+                                                 escaped(alone.tool_table.string()))) +
          fmt::format(
              "blocks    {} executed; {} moves: {} rapids, {} lines, {} arcs{}; {} dwells; "
              "{} under a tip mode\n",
@@ -280,6 +282,8 @@ ordered_json to_json(const ProgramAlone& alone) {
           {"sign", alone.sign},
           {"machine", alone.machine_name},
           {"tool_length_mm", alone.tool_length},
+          {"tool_table", alone.tool_table.string()},
+          {"offset_table", alone.offset_table.string()},
           {"lines", alone.lines},
           {"blocks", alone.executed},
           {"moves", moves_of(f)},

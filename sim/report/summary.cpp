@@ -92,6 +92,7 @@ Summary summary(const Job& job, const Verdict& verdict) {
     s.cut = {cut.process.steps.size(), totals(cut.process), cut.process.crash_lines};
   s.timing_s.assign(job.timing_s.begin(), job.timing_s.end());
   s.timing_s.insert(s.timing_s.end(), cut.timing_s.begin(), cut.timing_s.end());
+  s.wear = cut.wear;
   s.warnings = warnings_of(job, cut);
   return s;
 }

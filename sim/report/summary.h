@@ -72,6 +72,7 @@ struct Summary {
   std::optional<std::vector<NodeTemperature>> temperatures;  ///< of a machine with heat
   std::optional<CutFigures> cut;                             ///< of a scene with [cutting]
   std::vector<std::pair<std::string, double>> timing_s;      ///< stages; the last of a name counts
+  std::vector<WornTool> wear;  ///< of the tools that are assumed to wear, at the end
   std::vector<std::string> warnings;
 };
 Summary summary(const Job& job, const Verdict& verdict);

@@ -274,6 +274,20 @@ std::string verdict_line(const CaseFigures& one) {
   return fmt::format("{:<36} {}; {}\n", escaped(one.name), tolerance_verdict(c, one.worst), shares);
 }
 
+/// What is assumed of wear, and what it came to.
+ordered_json wear_json(const std::vector<WornTool>& tools) {
+  ordered_json all = ordered_json::array();
+  for (const WornTool& one : tools)
+    all.push_back({{"tool", one.tool},
+                   {"assumed", "linear in what it cuts at feed; stock and force of a fresh cutter"},
+                   {"cut_min", one.use.time_s / 60.0},
+                   {"way_mm", one.use.way},
+                   {"radius_lost_um", one.radius / units::um},
+                   {"length_lost_um", one.length / units::um},
+                   {"followed_within_nm", one.within / units::nm}});
+  return all;
+}
+
 }  // namespace
 
 ordered_json to_json(const Summary& s) {
@@ -320,6 +334,7 @@ ordered_json to_json(const Summary& s) {
   if (s.cut) json["cut"] = cut_json(*s.cut);
   for (const Verdict::Ring& ring : s.rings)
     json["radii_um"][ring.name] = number(ring.radius, units::um);
+  if (!s.wear.empty()) json["tool_wear"] = wear_json(s.wear);
   if (s.taken_out) json["aligned_by"] = aligned_by(*s.taken_out);
   return json;
 }

@@ -3,9 +3,11 @@
 #include <array>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <variant>
 
 #include "kinematics/chain.h"
+#include "sim/dialects/control_tables.h"
 #include "sim/dialects/read_options.h"
 #include "sim/program/generate.h"
 #include "sim/program/nc.h"
@@ -20,12 +22,21 @@ struct ProgramFile {
   dialects::OnUnknown on_unknown = dialects::OnUnknown::Refuse;
 };
 
+/// A table of the control in a file, as it was read with the scene.
+struct ControlTableFile {
+  std::filesystem::path file;
+  std::optional<double> unit;  ///< mm per unit of length; none where the file says it
+  dialects::ControlTable table;
+};
+
 /// A program: a file, or a generator that writes one.
 struct ProgramDescription {
   using File = ProgramFile;
   std::variant<File, program::Raster, program::Flank, program::Spiral> source;
   std::map<int, double> tool_length;  ///< mm by H number; H of the tool in use is there already
   std::array<kinematics::AxisVector, 6> work_offset{};
+  std::optional<ControlTableFile> tools;    ///< instead of `tool_length` and the scene's tools
+  std::optional<ControlTableFile> offsets;  ///< instead of `work_offset`
 };
 
 }  // namespace abbe::sim

@@ -14,6 +14,7 @@
 #include "sim/scene/scene_fields.h"
 #include "sim/scene/scene_names.h"
 #include "sim/scene/scene_sections.h"
+#include "sim/scene/scene_tools.h"
 #include "sim/scene/scene_tree.h"
 
 namespace abbe::sim {
@@ -37,6 +38,21 @@ void check_several_tools(TableReader& scene, const Scene& result) {
          "one tool beside it; of several, actual.length_mm says what each is wrong by");
 }
 
+// A tool table has tools by their numbers, and the length that the control believes.
+void check_tool_table(TableReader& scene, const Scene& result) {
+  const Node* program = scene.know("program");
+  const Node* tools = program ? program->find("tools") : nullptr;
+  if (!tools || !result.program.tools) return;
+  for (const ToolDescription& tool : tools_of(result))
+    if (!tool.number)
+      scene.faults().add(tools->place, "tool.number of every tool, by which a tool table has it",
+                         "a tool without");
+  const Node* control = scene.know("control");
+  const Node* length = control ? control->find("tool_length_mm") : nullptr;
+  if (length)
+    scene.faults().add(length->place, "either it or program.tools, which has every length", "both");
+}
+
 // What tool, part and program ask of each other; the loop could report it too, but not where it
 // stands.
 void check_together(TableReader& scene, const Scene& result) {
@@ -51,6 +67,7 @@ void check_together(TableReader& scene, const Scene& result) {
                        "a turning tool");
   }
   check_several_tools(scene, result);
+  check_tool_table(scene, result);
   if (!generator) return;
   const auto* primitive = std::get_if<cutting::Primitive>(&result.part.shape);
   const auto wants = [&](bool fits, const char* expected) {

@@ -4,6 +4,8 @@
 #include <string_view>
 #include <system_error>
 
+#include "kinematics/units.h"
+#include "sim/dialects/bad_program.h"
 #include "sim/scene/nearest_word.h"
 #include "sim/scene/scene_sections.h"
 
@@ -86,6 +88,52 @@ void check_file(TableReader& reader, File& program) {
   } else if (!std::filesystem::is_regular_file(file, failure)) {
     reader.refuse("file", "a file that can be read", no_file(file));
   }
+}
+
+void read_table(TableReader& reader, ControlTableFile& table, dialects::TableKind kind) {
+  if (table.file.empty()) return;
+  try {
+    table.table = dialects::read_control_table_file(table.file, kind, table.unit);
+  } catch (const dialects::BadProgram& bad) {
+    for (const BadInput& fault : bad.faults) reader.faults().add(fault);
+  } catch (const BadInput&) {
+    reader.refuse("file", "a file that can be read", no_file(table.file));
+  }
+}
+
+Fields<ControlTableFile> table_fields(dialects::TableKind kind) {
+  const bool tools = kind == dialects::TableKind::Tools;
+  return Fields<ControlTableFile>()
+      .text(must("file"), &ControlTableFile::file,
+            tools
+                ? "a tool table: LinuxCNC .tbl, a listing of Fanuc's G10 L10 to L13, Siemens TOA, "
+                  "Heidenhain .t"
+                : "work offsets: LinuxCNC .var, a listing of Fanuc's G10 L2 and L20, Siemens "
+                  "UFR, Heidenhain .pr")
+      .word("unit", &ControlTableFile::unit,
+            {{"as_stated", std::nullopt, "the file says it"},
+             {"mm", 1.0, "millimetres"},
+             {"inch", units::inch, "inches"}},
+            "of lengths in it; must be given where the file does not say it")
+      .check([kind](TableReader& reader, ControlTableFile& table) {
+        read_table(reader, table, kind);
+      });
+}
+
+void check_tables(TableReader& reader, ProgramDescription& program) {
+  if (program.tools && reader.has("tool_length_mm"))
+    reader.refuse("tool_length_mm", "either it or tools, which has every length", "both");
+  if (program.offsets && reader.has("work_offset"))
+    reader.refuse("work_offset", "either it or offsets, which has all of them", "both");
+}
+
+Fields<ProgramDescription> control_table_fields() {
+  return Fields<ProgramDescription>()
+      .table("tools", &ProgramDescription::tools, table_fields(dialects::TableKind::Tools),
+             "what the control believes of its tools; what they are stands in [[tool]], by number")
+      .table("offsets", &ProgramDescription::offsets, table_fields(dialects::TableKind::Offsets),
+             "the work offsets of the control, instead of work_offset")
+      .check(check_tables);
 }
 
 Fields<ProgramDescription> file_fields() {
@@ -202,6 +250,7 @@ const Fields<ProgramDescription>& program_fields() {
       Fields<ProgramDescription>()
           .check(choose_source)
           .where(is_file, file_fields())
+          .where(is_file, control_table_fields())
           .where(std::not_fn(is_file), generator_fields())
           .custom({tool_length_key()}, read_tool_lengths, put_tool_lengths);
   return fields;
@@ -209,10 +258,23 @@ const Fields<ProgramDescription>& program_fields() {
 
 }  // namespace
 
+void check_axes(const dialects::ControlTable& offsets, const Joints& joints, Faults& faults) {
+  if (joints.empty()) return;
+  std::string letters;
+  for (const kinematics::Joint& joint : joints) letters += joint.name;
+  for (const auto& [number, offset] : offsets.offsets)
+    for (const auto& [axis, value] : offset.axes)
+      if (value.value != 0.0 && letters.find(axis) == std::string::npos)
+        faults.add(BadInput(offsets.file, value.line, value.column,
+                            "an offset of an axis of this machine (" + letters + ")",
+                            std::string(1, axis)));
+}
+
 ProgramDescription read_program(const Node& table, const Joints& joints, Faults& faults) {
   TableReader reader(table, "program", faults);
   ProgramDescription program = program_fields().read(reader);
   read_work_offsets(reader, joints, program);
+  if (program.offsets) check_axes(program.offsets->table, joints, faults);
   reader.close();
   return program;
 }

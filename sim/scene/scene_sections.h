@@ -51,6 +51,9 @@ std::vector<Key> part_keys();
 /// @param joints  of the machine, for the words of work offsets
 ProgramDescription read_program(const Node& table, const std::vector<kinematics::Joint>& joints,
                                 Faults& faults);
+/// Refuses offsets of axes that a machine has not. @param joints  none: nothing is looked at
+void check_axes(const dialects::ControlTable& offsets, const std::vector<kinematics::Joint>& joints,
+                Faults& faults);
 Node::Table written_program(const ProgramDescription& program,
                             const std::vector<kinematics::Joint>& joints);
 std::vector<Key> program_keys();

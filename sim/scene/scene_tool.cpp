@@ -100,6 +100,21 @@ Fields<ToolDescription> actual_fields(const std::string& kind) {
               "turning: by which it stands off along the tool's y");
 }
 
+Fields<ToolWear> wear_fields() {
+  return Fields<ToolWear>()
+      .number(KeyName("time_min").one_of("use"), &ToolWear::time_s, positive,
+              "of cutting at feed, after which the cutter has lost what follows")
+      .number(KeyName("way_mm").one_of("use"), &ToolWear::way, positive,
+              "of the tip in the workpiece at feed, likewise")
+      .number("radius_um", &ToolWear::radius, non_negative, "lost then; the tip stays in its place")
+      .number("length_um", &ToolWear::length, non_negative, "lost then, at the tip")
+      .check([](TableReader& reader, ToolWear& wear) {
+        if (!wear.time_s && !wear.way) reader.missing("time_min", "a time, or a way_mm,");
+        if (wear.time_s && wear.way)
+          reader.refuse("way_mm", "either it or time_min, by which the cutter wears", "both");
+      });
+}
+
 /// A kind of tool: its word, and the keys of the nominal tool and of the actual one.
 struct ToolKind {
   Word word;
@@ -142,6 +157,16 @@ const ToolKind& kind_of(const ToolDescription& tool) {
   const bool round =
       nominal->corner_radius == nominal->radius && actual.corner_radius == actual.radius;
   return kind_named(round ? "ball" : "bull");
+}
+
+/// A cutter wears, and by far less than its size.
+void check_wear(TableReader& reader, ToolDescription& tool) {
+  const auto* cutter = std::get_if<Cutter>(&tool.actual);
+  if (!tool.wear) return;
+  if (cutter == nullptr)
+    reader.refuse("wear", "a milling cutter beside wear", "a turning tool");
+  else if (!(tool.wear->radius < 0.5 * cutter->radius))
+    reader.refuse("wear", "a wear of less than half the radius", "more");
 }
 
 Key tool_kind_key() {
@@ -190,7 +215,10 @@ const Fields<ToolDescription>& tool_fields() {
               },
               [](const Tool& tool, Node::Table& table) {
                 put(table, "actual", kind_of(tool).actual.written(tool));
-              });
+              })
+          .table(KeyName("wear").otherwise("none"), &Tool::wear, wear_fields(),
+                 "what the true cutter loses while it cuts, in proportion")
+          .check(check_wear);
   return fields;
 }
 

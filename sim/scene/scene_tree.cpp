@@ -338,7 +338,9 @@ std::vector<SectionInFile> sections_in_files_of(const Node& as_written, const pa
       for (const Node& part : *section->array()) add(one, part);
   }
   for (const SectionFile& one :
-       {SectionFile{"part.file", "parts"}, SectionFile{"program.file", "programs"}})
+       {SectionFile{"part.file", "parts"}, SectionFile{"program.file", "programs"},
+        SectionFile{"program.tools.file", "programs"},
+        SectionFile{"program.offsets.file", "programs"}})
     if (const Node* name = at_path(tree, one.dotted)) add(one, *name);
   return found;
 }

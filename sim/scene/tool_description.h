@@ -8,6 +8,15 @@
 
 namespace abbe::sim {
 
+/// What the true cutter loses while it cuts, in proportion to the time or the way of its tip at
+/// feed.
+struct ToolWear {
+  std::optional<double> time_s;  ///< after which it has lost the two
+  std::optional<double> way;     ///< mm, likewise; one of the two is there
+  double radius = 0.0;           ///< mm, the tip stays where it is; a ball stays a ball
+  double length = 0.0;           ///< mm, the tip goes back along the axis of the tool
+};
+
 /// A tool, what the control believes of it, and what it really is.
 struct ToolDescription {
   std::string name;
@@ -16,8 +25,9 @@ struct ToolDescription {
   std::variant<cutting::Cutter, cutting::Nose> actual;  ///< same alternative as nominal
   double length = 0.0;                                  ///< mm from the nose s to the tip t
   double actual_length = 0.0;                           ///< mm
-  double centring_offset = 0.0;  ///< mm, turning: the tip stands this much along t's x really
-  double centring_height = 0.0;  ///< mm, turning: and this much along t's y
+  double centring_offset = 0.0;       ///< mm, turning: the tip stands this much along t's x really
+  double centring_height = 0.0;       ///< mm, turning: and this much along t's y
+  std::optional<ToolWear> wear = {};  ///< of a milling cutter
 };
 
 }  // namespace abbe::sim

@@ -25,6 +25,11 @@ BaseRun base_run(const Study& study, const ReadyArm& ready, const Progress& prog
     throw BadInput(job.scene.file.string(), 0, 0,
                    "one tool for influence maps; engine = \"full\" follows several",
                    fmt::format("{} tools", 1 + job.scene.more_tools.size()));
+  if (job.scene.tool.wear && job.scene.tool.wear->radius > 0.0)
+    throw BadInput(job.scene.file.string(), 0, 0,
+                   "a tool that keeps its radius for influence maps; engine = \"full\" follows its "
+                   "wear",
+                   "tool.wear.radius_um");
   BaseRun run{study, ready, cut_process(job, ready.commanded), {}, {}, std::nullopt, {}};
   run.T_wt = tool_poses(job, ready.commanded, run.process);
   cutting::RivalOptions options;

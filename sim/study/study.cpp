@@ -144,7 +144,7 @@ bool reshapes(const Input& input) {
                                   "room_C",     "datum",        "control", "vibration", "belief",
                                   "compliance", "compensation", "signals"};
   return std::any_of(input.settings.begin(), input.settings.end(), [&](const Setting& one) {
-    if (one.path.starts_with("tool.actual.")) return false;
+    if (one.path.starts_with("tool.actual.") || one.path.starts_with("tool.wear.")) return false;
     return std::find(only_wrong.begin(), only_wrong.end(), top_key(one.path)) == only_wrong.end();
   });
 }

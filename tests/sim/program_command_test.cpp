@@ -134,6 +134,33 @@ TEST(ProgramCommand, FaultsOfUsageAndInputLeaveNoFiles) {
       << skipped.text;
 }
 
+TEST(ProgramCommand, CountsWithTheTablesOfAControl) {
+  const Folder folder;
+  folder.write("p.ngc", "G21 G90 G94 G55\nT1 M6\nG43 H1\nG0 Z5\nT2 M6\nG43 H2\nG0 Z7\nG49\nM2\n");
+  folder.write("t.tbl", "T1 Z80 D10\nT2 Z120.5 D6\n");
+  folder.write("o.var", "5221 0\n5243 -250\n");
+  const std::string at = "cd " + folder.path().string() + " && ";
+  const std::string words = "p.ngc --machine three_axis_table --offsets o.var --unit mm";
+  const json all = json_of(words + " --tools t.tbl", at);
+  ASSERT_TRUE(all.is_object());
+  // the slide stands at offset + length + word, from home at 390 mm
+  EXPECT_NEAR(all["axes"]["Z"]["most"]["mm"].get<double>(), 390.0, 1e-9) << all["axes"]["Z"];
+  EXPECT_NEAR(all["axes"]["Z"]["least"]["mm"].get<double>(), -250 + 80 + 5, 1e-9);
+  EXPECT_EQ(all["tool_table"], "t.tbl");
+  const Ran text = run("program " + words + " --tools t.tbl", at);
+  EXPECT_NE(text.text.find("tools of t.tbl"), std::string::npos) << text.text;
+  EXPECT_EQ(run("program " + words + " --tools t.tbl --to cl", at).code, 2);
+  EXPECT_EQ(run("program " + words + " --offset X=1", at).code, 2);
+  folder.write("t.tbl", "T1 Z80 D10\n");
+  const Ran missing = run("program " + words + " --tools t.tbl", at);
+  EXPECT_EQ(missing.code, 3);
+  EXPECT_NE(missing.text.find("p.ngc:5:1: expected a tool of the tool table"), std::string::npos)
+      << missing.text;
+  folder.write("t.tbl", "T1 Z80 Q\n");
+  EXPECT_NE(run("program " + words + " --tools t.tbl", at).text.find("t.tbl:1:9: expected"),
+            std::string::npos);
+}
+
 #if ABBE_RENDER
 TEST(ProgramCommand, DrawsMachineAndPath) {
   const Folder folder;
