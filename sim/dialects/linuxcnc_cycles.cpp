@@ -72,7 +72,7 @@ void Machine::cycle_holes(const Block& block) {
     go(at, true);
   }
   const double clear = to_r_ ? r : std::max(initial, r);
-  double level = to_r_ ? std::max(at[d], r) : clear;
+  double level = std::max(at[d], r);  // the first hole is reached where the axes stand, G98 or not
   const int repeats = block['L'] ? int(block['L'].value) : 1;
   for (int n = 0; n < repeats; ++n) {
     run_.count_block();
@@ -231,11 +231,12 @@ void Machine::thread(const Block& block) {
     if (!(block[letter].value > 0)) refuse(block[letter], fmt::format("{} above zero", letter));
     return block[letter].value * unit();
   };
+  const double across = diameter_ ? 0.5 : 1.0;  // I J K are diameters under G7
   Thread thread;
   thread.pitch = positive('P');
-  thread.first = positive('J');
-  thread.height = positive('K');
-  thread.peak = block['I'].value * unit();
+  thread.first = across * positive('J');
+  thread.height = across * positive('K');
+  thread.peak = across * block['I'].value * unit();
   thread.z_end = axis_word(2, block['Z']) + (incremental_ ? programmed(2) : 0.0);
   if (const NcWord& r = block['R']) thread.degression = r.value;
   if (thread.degression < 1 || thread.degression > 100) refuse(block['R'], "R of 1 to 100");

@@ -297,7 +297,7 @@ bool Machine::execute(const Block& block) {
     if (!is_drilling(code.tenths))
       cycle_ = {};
     else if (code.tenths != motion_)
-      cycle_ = {.initial = cycle_.initial};
+      cycle_ = {.p = cycle_.p, .initial = cycle_.initial};  // a dwell stays, as LinuxCNC has it
     if (code.tenths != 52 && code.tenths != 53) poles_.clear();
     if (code.tenths != 50) spline_arm_.reset();
     motion_ = code.tenths;
