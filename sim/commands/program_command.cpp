@@ -21,7 +21,7 @@ namespace {
 /// What stands on the command line.
 struct ProgramWords {
   std::filesystem::path file;
-  std::string to, dialect = "auto", unit = "as_stated";
+  std::string to, dialect = "auto", unit = "as_stated", interpreter = "abbe";
   bool picture = false, skip_unknown = false;
   double tool_radius = 0.0, tolerance_um = 1.0;
   ProgramAloneOptions options;
@@ -104,6 +104,7 @@ void print_result(const Common& common, const ProgramAlone& alone, const Written
 Exit look_at(const Common& common, ProgramWords words) {
   words.options.to = format_of(words.to);
   words.options.dialect = dialect_of(words.dialect);
+  if (words.interpreter == "linuxcnc") words.options.interpreter = dialects::Interpreter::LinuxCnc;
   if (words.skip_unknown) words.options.on_unknown = dialects::OnUnknown::Warn;
   if (words.tool_radius > 0.0) words.options.tool_radius = words.tool_radius;
   if (words.unit != "as_stated") words.options.table_unit = words.unit == "mm" ? 1.0 : units::inch;
@@ -159,6 +160,13 @@ Command program_command(Common& common) {
         OneOf{{"as_stated", "mm", "inch"}}},
        {"--dialect", &words->dialect, "in which it is written",
         OneOf{{"auto", "linuxcnc", "fanuc", "siemens", "heidenhain", "cl"}}},
+       {"--interpreter", &words->interpreter,
+        "what reads a program of LinuxCNC: abbe, or LinuxCNC's own rs274 (./abbe setup --linuxcnc)",
+        OneOf{{"abbe", "linuxcnc"}}},
+       {"--interpreter-seconds", &words->options.interpreter_limits.seconds,
+        "after which LinuxCNC's own interpreter is ended (120)", Between{1, 1000000}},
+       {"--interpreter-mb", &words->options.interpreter_limits.megabytes,
+        "of its commands, about 120 bytes a move (4000)", Between{1, 1000000}},
        {"--skip-unknown", &words->skip_unknown, "words that the dialect has not: skip and count"},
        {"--picture", &words->picture, "draw machine and path"},
        {"--to", &words->to,

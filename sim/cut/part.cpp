@@ -236,13 +236,19 @@ std::string skipped_text(const dialects::ReadProgram& read) {
 
 Program read_file(const ProgramDescription::File& given, const program::NcOptions& options) {
   if (is_pvt(given)) return {program::read_pvt_file(given.file, options), {}, {}};
-  dialects::ReadProgram read = dialects::read_program_file(
-      given.file, {.control = options, .dialect = given.dialect, .on_unknown = given.on_unknown});
+  dialects::ReadProgram read =
+      dialects::read_program_file(given.file, {.control = options,
+                                               .dialect = given.dialect,
+                                               .on_unknown = given.on_unknown,
+                                               .interpreter = given.interpreter,
+                                               .interpreter_limits = given.interpreter_limits});
   Program program{std::move(read.path), {}, {}};
   program.warnings = std::move(read.warnings);
   if (!read.skipped.empty()) program.warnings.push_back(skipped_text(read));
   program.path.read_as = std::string(name_of(read.dialect));
   if (!read.sign.empty()) program.path.read_as += ", as " + read.sign;
+  if (given.interpreter == dialects::Interpreter::LinuxCnc)
+    program.path.read_as += ", by LinuxCNC's own interpreter";
   return program;
 }
 

@@ -269,13 +269,19 @@ void read_alone(const std::string& text, const program::NcOptions& control,
   const bool whole = options.to == ProgramFormat::Nc || options.to == ProgramFormat::Pvt;
   program::Path path;
   if (is_pvt(alone.file, text, options)) {
+    if (options.interpreter == dialects::Interpreter::LinuxCnc)
+      throw BadInput(alone.file.string(), 0, 0,
+                     "a program of LinuxCNC beside --interpreter linuxcnc", "a table of times");
     path = program::read_pvt(text, alone.file.string(), control);
     alone.dialect = "pvt";
     alone.executed = path.blocks.size();
     looking.add(path);
   } else {
-    dialects::ReadOptions read{
-        .control = control, .dialect = options.dialect, .on_unknown = options.on_unknown};
+    dialects::ReadOptions read{.control = control,
+                               .dialect = options.dialect,
+                               .on_unknown = options.on_unknown,
+                               .interpreter = options.interpreter,
+                               .interpreter_limits = options.interpreter_limits};
     read.folder = alone.file.has_parent_path() ? alone.file.parent_path() : ".";
     if (!whole) read.each_piece = [&](const program::Path& piece) { looking.add(piece); };
     if (progress) read.progress = [&](double fraction) { progress("read", fraction); };
@@ -310,6 +316,7 @@ ProgramAlone program_alone(const std::filesystem::path& program, const ProgramAl
   ProgramAlone alone{.file = program,
                      .dialect = {},
                      .sign = {},
+                     .interpreter = options.interpreter,
                      .machine_name = scene.machine.name,
                      .machine_file = machine_file,
                      .tool_length = options.tool_length,

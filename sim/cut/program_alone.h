@@ -28,6 +28,8 @@ struct ProgramAloneOptions {
   std::optional<double> table_unit;  ///< mm per unit of length in both
   dialects::Dialect dialect = dialects::Dialect::Auto;
   dialects::OnUnknown on_unknown = dialects::OnUnknown::Refuse;
+  dialects::Interpreter interpreter = dialects::Interpreter::Abbe;
+  dialects::InterpreterLimits interpreter_limits = {};
   std::optional<ProgramFormat> to;  ///< what it is written again as
   double within = 0.001;            ///< mm, between what the format has no word for and its points
   bool trace = false;               ///< the way of the tip, for a picture
@@ -50,6 +52,7 @@ struct TipTrace {
 struct ProgramAlone {
   std::filesystem::path file;
   std::string dialect, sign;  ///< and by which sign it was taken; "pvt" for tables of times
+  dialects::Interpreter interpreter = dialects::Interpreter::Abbe;
   std::string machine_name;
   std::filesystem::path machine_file;
   double tool_length = 0.0;                        ///< mm, of every tool unless there is a table

@@ -22,6 +22,18 @@ struct Limits {
   std::size_t variables = 1'000'000;
 };
 
+/// What reads a program of LinuxCNC.
+enum class Interpreter {
+  Abbe,      ///< the front end of this folder
+  LinuxCnc,  ///< LinuxCNC's own rs274, as a process of its own
+};
+
+/// How far LinuxCNC's own interpreter may go. Each ends in a refusal that names the line.
+struct InterpreterLimits {
+  double seconds = 120.0;     ///< until its end
+  double megabytes = 4000.0;  ///< of commands, about 120 bytes a move
+};
+
 struct ReadOptions {
   program::NcOptions control;  ///< what the control knows before it reads
   Dialect dialect = Dialect::Auto;
@@ -34,6 +46,8 @@ struct ReadOptions {
   std::function<void(const program::Path& piece)> each_piece = {};
   /// Called now and then with the share of the file that has been read.
   std::function<void(double fraction)> progress = {};
+  Interpreter interpreter = Interpreter::Abbe;
+  InterpreterLimits interpreter_limits = {};
 };
 
 /// Blocks of a piece.

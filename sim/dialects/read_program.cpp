@@ -8,6 +8,7 @@
 #include "kinematics/text.h"
 #include "sim/dialects/bad_program.h"
 #include "sim/dialects/front_ends.h"
+#include "sim/dialects/linuxcnc_interpreter.h"
 
 namespace abbe::sim::dialects {
 namespace {
@@ -37,7 +38,10 @@ ReadProgram read_program(std::string_view text, const std::string& file,
   read.dialect = found.dialect;
   read.sign = found.sign;
   ProgramRun run(file, options, std::size_t(std::count(text.begin(), text.end(), '\n')));
-  front_end_of(found, file).read(text, run);
+  if (options.interpreter == Interpreter::LinuxCnc)
+    read_by_linuxcnc(text, found, run);
+  else
+    front_end_of(found, file).read(text, run);
   run.hand_over();
   if (!run.faults().empty()) throw BadProgram(run.faults().list());
   read.skipped = run.skipped();

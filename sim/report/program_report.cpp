@@ -176,9 +176,11 @@ std::string skipped_text(const ProgramAlone& alone) {
 
 std::string to_text(const ProgramAlone& alone) {
   const program::PathFigures& f = alone.figures;
-  return fmt::format("program   {}, {} lines, read as {}{}\n", escaped(alone.file.string()),
+  const bool by_linuxcnc = alone.interpreter == dialects::Interpreter::LinuxCnc;
+  return fmt::format("program   {}, {} lines, read as {}{}{}\n", escaped(alone.file.string()),
                      alone.lines, alone.dialect,
-                     alone.sign.empty() ? "" : ", as " + escaped(alone.sign)) +
+                     alone.sign.empty() ? "" : ", as " + escaped(alone.sign),
+                     by_linuxcnc ? ", by LinuxCNC's own interpreter" : "") +
          (alone.tool_table.empty() ? fmt::format("machine   {}, tool length {:.6g} mm\n",
                                                  alone.machine_name, alone.tool_length)
                                    : fmt::format("machine   {}, tools of {}\n", alone.machine_name,
@@ -277,35 +279,37 @@ ordered_json to_json(const ProgramAlone& alone) {
   ordered_json offsets, fastest;
   for (const auto& [number, blocks] : f.offsets) offsets[offset_name(number)] = blocks;
   if (f.fastest_axis >= 0) fastest = std::string(1, joint_of(alone, f.fastest_axis).name);
-  return {{"program", alone.file.string()},
-          {"dialect", alone.dialect},
-          {"sign", alone.sign},
-          {"machine", alone.machine_name},
-          {"tool_length_mm", alone.tool_length},
-          {"tool_table", alone.tool_table.string()},
-          {"offset_table", alone.offset_table.string()},
-          {"lines", alone.lines},
-          {"blocks", alone.executed},
-          {"moves", moves_of(f)},
-          {"rapids", to_json(f.rapids)},
-          {"lines_at_feed", to_json(f.lines)},
-          {"arcs", to_json(f.arcs)},
-          {"cubics", to_json(f.cubics)},
-          {"dwells", {{"count", f.dwells.count}, {"time_s", f.dwells.seconds}}},
-          {"time_s", feed.seconds + f.rapids.seconds + f.dwells.seconds},
-          {"time_by_axis_limits_s", feed.limited_s + f.rapids.limited_s + f.dwells.seconds},
-          {"slowed_moves", f.slowed},
-          {"tip_mode_blocks", f.tip_blocks},
-          {"extent_at_feed_mm", to_json(f.feed_w)},
-          {"extent_mm", to_json(f.all_w)},
-          {"axes", axes_json(alone)},
-          {"fastest_axis", fastest},
-          {"singular", singular_json(alone)},
-          {"tools", tools_json(alone)},
-          {"offset", alone.offset},
-          {"offsets", offsets},
-          {"words", words_json(alone)},
-          {"warnings", alone.warnings}};
+  return {
+      {"program", alone.file.string()},
+      {"dialect", alone.dialect},
+      {"sign", alone.sign},
+      {"interpreter", alone.interpreter == dialects::Interpreter::LinuxCnc ? "linuxcnc" : "abbe"},
+      {"machine", alone.machine_name},
+      {"tool_length_mm", alone.tool_length},
+      {"tool_table", alone.tool_table.string()},
+      {"offset_table", alone.offset_table.string()},
+      {"lines", alone.lines},
+      {"blocks", alone.executed},
+      {"moves", moves_of(f)},
+      {"rapids", to_json(f.rapids)},
+      {"lines_at_feed", to_json(f.lines)},
+      {"arcs", to_json(f.arcs)},
+      {"cubics", to_json(f.cubics)},
+      {"dwells", {{"count", f.dwells.count}, {"time_s", f.dwells.seconds}}},
+      {"time_s", feed.seconds + f.rapids.seconds + f.dwells.seconds},
+      {"time_by_axis_limits_s", feed.limited_s + f.rapids.limited_s + f.dwells.seconds},
+      {"slowed_moves", f.slowed},
+      {"tip_mode_blocks", f.tip_blocks},
+      {"extent_at_feed_mm", to_json(f.feed_w)},
+      {"extent_mm", to_json(f.all_w)},
+      {"axes", axes_json(alone)},
+      {"fastest_axis", fastest},
+      {"singular", singular_json(alone)},
+      {"tools", tools_json(alone)},
+      {"offset", alone.offset},
+      {"offsets", offsets},
+      {"words", words_json(alone)},
+      {"warnings", alone.warnings}};
 }
 
 }  // namespace abbe::sim

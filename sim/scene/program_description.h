@@ -20,6 +20,8 @@ struct ProgramFile {
                                ///< programs
   dialects::Dialect dialect = dialects::Dialect::Auto;
   dialects::OnUnknown on_unknown = dialects::OnUnknown::Refuse;
+  dialects::Interpreter interpreter = dialects::Interpreter::Abbe;
+  dialects::InterpreterLimits interpreter_limits = {};
 };
 
 /// A table of the control in a file, as it was read with the scene.

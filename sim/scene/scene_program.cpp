@@ -14,6 +14,8 @@ namespace abbe::sim {
 namespace {
 
 using dialects::Dialect;
+using dialects::Interpreter;
+using dialects::InterpreterLimits;
 using dialects::OnUnknown;
 using program::Flank;
 using program::NcFormat;
@@ -88,6 +90,19 @@ void check_file(TableReader& reader, File& program) {
   } else if (!std::filesystem::is_regular_file(file, failure)) {
     reader.refuse("file", "a file that can be read", no_file(file));
   }
+  if (program.interpreter != Interpreter::LinuxCnc) return;
+  const bool pvt = ending == ".csv" || ending == ".pvt";
+  if (pvt || (program.dialect != Dialect::Auto && program.dialect != Dialect::LinuxCnc))
+    reader.refuse("interpreter", "\"abbe\" beside a program that is not one of LinuxCNC",
+                  "\"linuxcnc\"");
+}
+
+Fields<InterpreterLimits> interpreter_fields() {
+  return Fields<InterpreterLimits>()
+      .number("interpreter_limit_s", &InterpreterLimits::seconds, positive,
+              "after which LinuxCNC's own interpreter is ended")
+      .number("interpreter_limit_MB", &InterpreterLimits::megabytes, positive,
+              "of its commands, about 120 bytes a move");
 }
 
 void read_table(TableReader& reader, ControlTableFile& table, dialects::TableKind kind) {
@@ -155,6 +170,13 @@ Fields<ProgramDescription> file_fields() {
                 {{"refuse", OnUnknown::Refuse, "all of them at once"},
                  {"warn", OnUnknown::Warn, "they are skipped, and counted"}},
                 "words that the dialect has not")
+          .word(
+              "interpreter", &File::interpreter,
+              {{"abbe", Interpreter::Abbe, "abbe's own"},
+               {"linuxcnc", Interpreter::LinuxCnc,
+                "LinuxCNC's rs274 as a separate process, which `./abbe setup --linuxcnc` unpacks"}},
+              "what reads a program of LinuxCNC")
+          .all_of(&File::interpreter_limits, interpreter_fields())
           .check(check_file));
 }
 

@@ -16,30 +16,28 @@
 
 #include <fmt/format.h>
 
-/// LinuxCNC's own interpreter as an oracle: a separate process that shares no code. The environment
-/// variable ABBE_LINUXCNC names the folder that holds its unpacked packages (usr/bin/rs274 below
-/// it).
+#include "sim/dialects/linuxcnc_packages.h"
+
+/// LinuxCNC's own interpreter as an oracle: a separate process, started and read without what
+/// `read_by_linuxcnc` does it with. Only where it is (`./abbe setup --linuxcnc`, or what the
+/// environment variable ABBE_LINUXCNC names) and the library for its digits are shared.
 namespace abbe::sim::dialects::test {
 
 namespace fs = std::filesystem;
 
-inline std::optional<fs::path> packages() {
-  const char* folder = std::getenv("ABBE_LINUXCNC");
-  if (folder == nullptr || *folder == '\0') return std::nullopt;
-  return fs::absolute(folder);
-}
+inline std::optional<fs::path> packages() { return linuxcnc_packages(); }
 
 /// A folder that goes with its name.
-class PrivateFolder {
+class TestFolder {
  public:
-  PrivateFolder() {
+  TestFolder() {
     std::string name = (fs::temp_directory_path() / "abbe_rs274_XXXXXX").string();
     if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("no temporary folder");
     path_ = name;
   }
-  ~PrivateFolder() { fs::remove_all(path_); }
-  PrivateFolder(const PrivateFolder&) = delete;
-  PrivateFolder& operator=(const PrivateFolder&) = delete;
+  ~TestFolder() { fs::remove_all(path_); }
+  TestFolder(const TestFolder&) = delete;
+  TestFolder& operator=(const TestFolder&) = delete;
   void write(const std::string& name, const std::string& text) const {
     std::ofstream(path_ / name, std::ios::binary) << text;
   }
@@ -74,10 +72,7 @@ struct Interpreted {
 class Interpreter {
  public:
   explicit Interpreter(fs::path packages) : packages_(std::move(packages)) {
-    const std::string source = std::string(ABBE_SOURCE_DIR) + "/tests/dialects/all_digits.c";
-    const std::string command = fmt::format("cc -O1 -shared -fPIC -w -o {} {} 2>/dev/null",
-                                            shell_quoted(shim()), shell_quoted(source));
-    all_digits_ = std::system(command.c_str()) == 0;
+    fs::create_symlink(all_digits_library(), shim());
     std::string table;
     // the table of the program alone counts in inches
     for (int n = 1; n <= tools; ++n)
@@ -85,7 +80,6 @@ class Interpreter {
                            2 * tool_radius(n) / 25.4);
     table_ = table;
   }
-  bool all_digits() const { return all_digits_; }
 
   Interpreted run(const fs::path& program, const fs::path& subprograms) const {
     home_.write(
@@ -100,8 +94,7 @@ class Interpreter {
         "cd {} && ulimit -f 400000 && HOME=\"$PWD\" LD_LIBRARY_PATH={}:{} {} timeout 20 {} -i "
         "machine.ini -t tool.tbl -v numbers.var -g {} out.txt > said.txt 2>&1 < /dev/null",
         shell_quoted(home_.path()), shell_quoted(usr / "lib"),
-        shell_quoted(usr / "lib" / "x86_64-linux-gnu"),
-        all_digits_ ? "LD_PRELOAD=" + shell_quoted(shim()) : std::string(),
+        shell_quoted(usr / "lib" / "x86_64-linux-gnu"), "LD_PRELOAD=" + shell_quoted(shim()),
         shell_quoted(usr / "bin" / "rs274"), shell_quoted(program));
     const int status = std::system(command.c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, home_.read("out.txt"),
@@ -115,8 +108,7 @@ class Interpreter {
  private:
   fs::path shim() const { return home_.path() / "all_digits.so"; }
   fs::path packages_;
-  PrivateFolder home_;
-  bool all_digits_ = false;
+  TestFolder home_;
   std::string table_;
 };
 
