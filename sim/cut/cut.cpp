@@ -219,7 +219,7 @@ Run run_on(const Job& job, const Commands& commands) {
   Run run{
       job, commands, commands.T_wt_nominal.empty() ? job.T_wt_nominal : commands.T_wt_nominal, {}};
   if (!job.accelerations.empty()) run.acceleration = accelerations(commands.samples);
-  run.wear = wear_shares(job, commands.samples);
+  run.wear = wear_shares(cut_part(job), commands.samples);
   return run;
 }
 
@@ -421,7 +421,7 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress) {
   Cutting with{{}, path_of(job, commands), off};
   for (std::size_t i = 0; i < parts.size(); ++i)
     add_sweeps(parts[i], of_part(commands, i).samples, all[i], with.sweeps);
-  result.wear = worn_tools(job);
+  result.wear = worn_tools(cut_parts(job));
   Machined made = machined(job, with, progress);
   result.surface = std::move(made.surface);
   result.interpolation = made.interpolation;

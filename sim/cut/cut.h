@@ -9,7 +9,6 @@
 #include "cutting/interpolation.h"
 #include "sim/cut/job.h"
 #include "sim/cut/signals.h"
-#include "sim/cut/wear.h"
 
 namespace abbe::sim {
 

@@ -18,7 +18,6 @@
 #include "sim/cut/stopwatch.h"
 #include "sim/cut/tool_calls.h"
 #include "sim/cut/travel.h"
-#include "sim/cut/wear.h"
 #include "sim/cut/work.h"
 #include "sim/machine/compile.h"
 #include "sim/machine/odd_elements.h"
@@ -260,6 +259,16 @@ std::span<const Job> parts_of(const Job& job) {
   return job.stretches.empty() ? std::span(&job, 1) : std::span<const Job>(job.stretches);
 }
 
+CutPart cut_part(const Job& part) {
+  return {part.scene.tool, part.path, part.samples, part.T_wt_nominal, part.cut_before};
+}
+
+std::vector<CutPart> cut_parts(const Job& job) {
+  std::vector<CutPart> parts;
+  for (const Job& part : parts_of(job)) parts.push_back(cut_part(part));
+  return parts;
+}
+
 Job prepare(const Scene& described, const Progress& progress) {
   Stopwatch watch;
   const auto begins = [&](const char* stage) {
@@ -294,7 +303,8 @@ Job prepare(const Scene& described, const Progress& progress) {
   Job job = job_of(std::move(whole), part.design_w, body_m, std::move(process), active);
   for (Piece& piece : pieces)
     job.stretches.push_back(job_of(std::move(piece), part.design_w, body_m, {}, active));
-  count_use(job.stretches);
+  const std::vector<FeedUse> before = uses_before(cut_parts(job));
+  for (std::size_t i = 0; i < job.stretches.size(); ++i) job.stretches[i].cut_before = before[i];
   job.body_w = std::make_shared<const cutting::Thickness>(part.design_w);
   add_warnings(std::move(part.warnings), warnings);
   add_warnings(odd_sizes(job.truth.geometric, job.samples), warnings);
@@ -304,7 +314,7 @@ Job prepare(const Scene& described, const Progress& progress) {
   job.face_groups = std::move(part.face_groups);
   job.program_text = std::move(program.text);
   job.unreached = program.unreached;
-  add_warnings(wear_warnings(worn_tools(job)), warnings);
+  add_warnings(wear_warnings(worn_tools(cut_parts(job))), warnings);
   job.warnings = std::move(warnings);
   job.timing_s = {{"part", part_s},
                   {"program", program_s},

@@ -14,6 +14,7 @@
 #include "sim/cut/corrector.h"
 #include "sim/cut/process.h"
 #include "sim/cut/regions.h"
+#include "sim/cut/wear.h"
 #include "sim/files/progress.h"
 #include "sim/machine/truth.h"
 #include "sim/program/sample.h"
@@ -41,12 +42,6 @@ struct SampledSurface {
   std::shared_ptr<const cutting::Surface> error_free = {};  ///< as it was cut to choose them
   double judged_area = 0.0;                                 ///< mm^2
   Unmeant unmeant = {};
-};
-
-/// What a tool has done: time and way of its tip in the workpiece, at feed.
-struct FeedUse {
-  double time_s = 0.0;
-  double way = 0.0;  ///< mm
 };
 
 /// A scene compiled: all that its cases share. Immutable once made.
@@ -84,6 +79,10 @@ struct Job {
 /// What is cut one after the other: the stretches of a job, or the job itself. It refers to the
 /// job.
 std::span<const Job> parts_of(const Job& job);
+
+/// What the parts of a job cut, for the wear of their tools. They refer to the job.
+CutPart cut_part(const Job& part);
+std::vector<CutPart> cut_parts(const Job& job);
 
 /// Compiles a scene: machine, truth, design, program (a generated one is read back from its own
 /// text), samples. Writes nothing.

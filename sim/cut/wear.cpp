@@ -8,7 +8,6 @@
 #include <Eigen/Geometry>
 
 #include "kinematics/units.h"
-#include "sim/scene/scene_tools.h"
 
 namespace abbe::sim {
 namespace {
@@ -86,32 +85,34 @@ std::string label_of(const ToolDescription& tool) {
 
 }  // namespace
 
-std::vector<FeedUse> feed_use(const Job& part) {
-  std::vector<FeedUse> uses(part.samples.states.size(), part.cut_before);
-  FeedUse use = part.cut_before;
+std::vector<FeedUse> feed_use(const CutPart& part) {
+  std::vector<FeedUse> uses(part.samples.states.size(), part.before);
+  FeedUse use = part.before;
   for (std::size_t i = 1; i < uses.size(); ++i) {
     if (program::is_feed(part.path.blocks[std::size_t(part.samples.block[i])])) {
       use.time_s += part.samples.states[i].time_s - part.samples.states[i - 1].time_s;
-      use.way +=
-          (part.T_wt_nominal[i].translation() - part.T_wt_nominal[i - 1].translation()).norm();
+      use.way += (part.T_wt[i].translation() - part.T_wt[i - 1].translation()).norm();
     }
     uses[i] = use;
   }
   return uses;
 }
 
-void count_use(std::vector<Job>& stretches) {
-  std::map<int, FeedUse> before;
-  for (Job& stretch : stretches) {
-    FeedUse& use = before[stretch.scene.tool.number.value_or(0)];
-    stretch.cut_before = use;
-    const std::vector<FeedUse> uses = feed_use(stretch);
+std::vector<FeedUse> uses_before(std::span<const CutPart> parts) {
+  std::map<int, FeedUse> done;
+  std::vector<FeedUse> before;
+  for (CutPart part : parts) {
+    FeedUse& use = done[part.tool.number.value_or(0)];
+    before.push_back(use);
+    part.before = use;
+    const std::vector<FeedUse> uses = feed_use(part);
     if (!uses.empty()) use = uses.back();
   }
+  return before;
 }
 
-std::vector<double> wear_shares(const Job& part, const program::Samples& samples) {
-  const auto& wear = part.scene.tool.wear;
+std::vector<double> wear_shares(const CutPart& part, const program::Samples& samples) {
+  const auto& wear = part.tool.wear;
   if (!wear) return {};
   const std::vector<FeedUse> uses = feed_use(part);
   const auto& own = part.samples.states;
@@ -152,11 +153,11 @@ std::deque<WornPiece> worn_pieces(const ToolDescription& tool, const std::vector
   return cutter.take();
 }
 
-std::vector<WornTool> worn_tools(const Job& job) {
+std::vector<WornTool> worn_tools(std::span<const CutPart> parts) {
   std::vector<WornTool> tools;
-  for (const Job& part : parts_of(job)) {
+  for (const CutPart& part : parts) {
     const std::vector<FeedUse> uses = feed_use(part);
-    const ToolDescription& tool = part.scene.tool;
+    const ToolDescription& tool = part.tool;
     if (!tool.wear || uses.empty()) continue;
     const double share = share_of(*tool.wear, uses.back());
     const double in_part = share - share_of(*tool.wear, uses.front());

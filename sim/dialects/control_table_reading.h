@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "kinematics/fault_list.h"
-#include "sim/dialects/control_tables.h"
+#include "sim/dialects/control_table.h"
 #include "sim/dialects/cursor.h"
 
 /// What the readers of the controls' tables share.
@@ -38,10 +38,5 @@ void each_line(TableReading& reading, const std::function<bool(Cursor&)>& read);
 double table_number(Cursor& cursor, std::string_view what);
 /// A whole number from `least` to `most`; what stands behind it is left.
 int table_whole(Cursor& cursor, int least, int most, std::string_view what);
-
-void read_linuxcnc_table(TableReading& reading);
-void read_fanuc_table(TableReading& reading);
-void read_siemens_table(TableReading& reading);
-void read_heidenhain_table(TableReading& reading);
 
 }  // namespace abbe::sim::dialects

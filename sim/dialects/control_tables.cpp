@@ -1,14 +1,15 @@
 #include "sim/dialects/control_tables.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include <fmt/format.h>
 
 #include "kinematics/text.h"
-#include "kinematics/units.h"
 #include "sim/dialects/bad_program.h"
-#include "sim/dialects/control_table_reading.h"
+#include "sim/dialects/fanuc_tables.h"
+#include "sim/dialects/heidenhain_tables.h"
+#include "sim/dialects/linuxcnc_tables.h"
+#include "sim/dialects/siemens_tables.h"
 
 namespace abbe::sim::dialects {
 
@@ -16,7 +17,6 @@ namespace {
 
 constexpr std::size_t most_table_bytes = std::size_t(64) << 20;
 constexpr int most_lines_for_sign = 2000;
-constexpr std::size_t most_unused_names = 200;
 
 bool has_number_behind(std::string_view line, char letter) {
   return line.size() > 1 && upper(line[0]) == letter && is_digit(line[1]);
@@ -69,65 +69,6 @@ void read_as(Dialect control, TableReading& reading) {
 }
 
 }  // namespace
-
-void TableReading::leave_out(const std::string& name) {
-  const bool known = unused.contains(name) || unused.size() < most_unused_names;
-  ++unused[known ? name : "others"];
-}
-
-double TableReading::unit_at(const Cursor& cursor, std::size_t from) const {
-  if (!unit)
-    cursor.refuse(from, "a unit beside the name of the file, which does not say it", "none");
-  return *unit;
-}
-
-void TableReading::state_unit(double mm, const Cursor& cursor, std::size_t from) {
-  const auto named = [](double length) { return length == 1.0 ? "mm" : "inch"; };
-  if (unit && *unit != mm)
-    cursor.refuse(from, fmt::format("a table in {}, as is stated beside its name", named(*unit)),
-                  named(mm));
-  unit = mm;
-}
-
-void each_line(TableReading& reading, const std::function<bool(Cursor&)>& read) {
-  Lines lines(reading.text);
-  while (const auto line = lines.next()) {
-    Cursor cursor{*line, {reading.table.file, lines.number()}};
-    try {
-      for (std::size_t i = 0; i < line->size(); ++i) {
-        const auto c = static_cast<unsigned char>((*line)[i]);
-        if ((c < ' ' && c != '\t') || c == 0x7f)
-          cursor.refuse(i, "plain text", fmt::format("a byte 0x{:02x}", c));
-      }
-      if (!read(cursor)) return;
-    } catch (const BadInput& fault) {
-      reading.faults.add(fault);
-      if (reading.faults.full()) return;
-    }
-  }
-}
-
-double table_number(Cursor& cursor, std::string_view what) {
-  constexpr double most = 1e6;
-  cursor.skip_blanks();
-  const std::size_t from = cursor.at;
-  const auto value = cursor.number();
-  if (!value || !(std::abs(*value) <= most))
-    cursor.refuse(from, fmt::format("a number within 1e6 for {}", what));
-  const bool ends = cursor.at_end() || is_blank(cursor.here()) || cursor.here() == ';' ||
-                    cursor.here() == ',' || cursor.here() == ')';
-  if (!ends) cursor.refuse(from, fmt::format("a number for {}", what));
-  return *value;
-}
-
-int table_whole(Cursor& cursor, int least, int most, std::string_view what) {
-  cursor.skip_blanks();
-  const std::size_t from = cursor.at;
-  const auto value = cursor.number();
-  if (!value || *value != std::floor(*value) || *value < least || *value > most)
-    cursor.refuse(from, fmt::format("a whole number from {} to {} for {}", least, most, what));
-  return int(*value);
-}
 
 ControlTable read_control_table(std::string_view text, const std::string& file, TableKind kind,
                                 std::optional<double> unit) {

@@ -1,13 +1,11 @@
 #pragma once
 
 #include <filesystem>
-#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
-#include <vector>
 
-#include "sim/dialects/dialect.h"
+#include "sim/dialects/control_table.h"
 
 /// Tool tables and work offsets as controls keep them in files.
 ///
@@ -31,36 +29,6 @@
 ///   `[END]`: T NAME L R DL DR of a tool table (TNC7 User's Manual, "Tool table tool.t"). Of a
 ///   preset table NR X Y Z A B C U V W, whose names and `-` for a value not set are assumed.
 namespace abbe::sim::dialects {
-
-enum class TableKind { Tools, Offsets };
-
-/// A tool as a control's table has it, mm. Length and radius are with the wear that stands beside
-/// them; none where the table has no line for it.
-struct TableTool {
-  std::optional<double> length, radius;
-  double length_wear = 0.0, radius_wear = 0.0;
-  std::string name;
-  int line = 0;  ///< of the first of its values
-};
-
-/// A work offset by axis letter, mm and degrees.
-struct TableOffset {
-  struct Value {
-    double value = 0.0;
-    int line = 0, column = 0;
-  };
-  std::map<char, Value> axes;
-};
-
-struct ControlTable {
-  std::string file;
-  Dialect control = Dialect::LinuxCnc;  ///< whose format it is
-  std::map<int, TableTool> tools;       ///< by T, or by H and D of Fanuc
-  /// 1 to 6: G54 to G59, Heidenhain's presets 1 to 6, Siemens' G54 to G57, G505, G506. 7 to 9:
-  /// LinuxCNC's G59.1 to G59.3. Fanuc: 0 the external one, 100 + n that of G54.1 Pn.
-  std::map<int, TableOffset> offsets;
-  std::vector<std::string> notes;  ///< what of it is without effect, with counts
-};
 
 /// Reads a table in time and memory proportional to its text; beyond 64 MiB it is refused.
 /// @param unit  mm per unit of length; must be given where the file does not say, and agree where

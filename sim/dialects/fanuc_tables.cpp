@@ -1,10 +1,11 @@
+#include "sim/dialects/fanuc_tables.h"
+
 #include <string_view>
 #include <vector>
 
 #include <fmt/format.h>
 
 #include "kinematics/units.h"
-#include "sim/dialects/control_table_reading.h"
 
 namespace abbe::sim::dialects {
 

@@ -1,3 +1,5 @@
+#include "sim/dialects/heidenhain_tables.h"
+
 #include <algorithm>
 #include <string_view>
 #include <vector>
@@ -5,7 +7,6 @@
 #include <fmt/format.h>
 
 #include "kinematics/units.h"
-#include "sim/dialects/control_table_reading.h"
 
 namespace abbe::sim::dialects {
 

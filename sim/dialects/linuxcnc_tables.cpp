@@ -1,9 +1,9 @@
+#include "sim/dialects/linuxcnc_tables.h"
+
 #include <array>
 #include <string_view>
 
 #include <fmt/format.h>
-
-#include "sim/dialects/control_table_reading.h"
 
 namespace abbe::sim::dialects {
 

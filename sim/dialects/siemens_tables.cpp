@@ -1,11 +1,11 @@
+#include "sim/dialects/siemens_tables.h"
+
 #include <array>
 #include <map>
 #include <string_view>
 #include <vector>
 
 #include <fmt/format.h>
-
-#include "sim/dialects/control_table_reading.h"
 
 namespace abbe::sim::dialects {
 

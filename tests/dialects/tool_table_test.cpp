@@ -336,7 +336,7 @@ TEST_F(ToolTable, PiecesOfAWornSweepFollowTheCutter) {
   const Job job = prepare(scene(tool(7, "ball", "wear = { way_mm = 45, radius_um = 100 }\n"), floor,
                                 "file = \"p.ngc\"\nwork_offset.G54 = { Z_mm = -100 }\n"));
   EXPECT_TRUE(says(job.warnings, "its sweep follows the worn radius within 0.125 um"));
-  const std::vector<double> shares = wear_shares(job, job.samples);
+  const std::vector<double> shares = wear_shares(cut_part(job), job.samples);
   EXPECT_DOUBLE_EQ(shares.front(), 0.0);
   EXPECT_NEAR(shares.back(), 1.0, 1e-12);
   EXPECT_TRUE(std::is_sorted(shares.begin(), shares.end()));
@@ -364,7 +364,7 @@ TEST_F(ToolTable, WearGoesOnWhenAToolComesBack) {
   EXPECT_NEAR(job.stretches[0].cut_before.way, 0.0, 1e-12);
   EXPECT_NEAR(job.stretches[1].cut_before.way, 0.0, 1e-12);
   EXPECT_NEAR(job.stretches[2].cut_before.way, 45.0, 1e-9);
-  const std::vector<WornTool> worn = worn_tools(job);
+  const std::vector<WornTool> worn = worn_tools(cut_parts(job));
   ASSERT_EQ(worn.size(), 1u);
   EXPECT_NEAR(worn[0].length, 0.01, 1e-12);
 }

@@ -144,8 +144,8 @@ TEST(ProgramCommand, CountsWithTheTablesOfAControl) {
   const json all = json_of(words + " --tools t.tbl", at);
   ASSERT_TRUE(all.is_object());
   // the slide stands at offset + length + word, from home at 390 mm
-  EXPECT_NEAR(all["axes"]["Z"]["most"]["mm"].get<double>(), 390.0, 1e-9) << all["axes"]["Z"];
-  EXPECT_NEAR(all["axes"]["Z"]["least"]["mm"].get<double>(), -250 + 80 + 5, 1e-9);
+  EXPECT_NEAR(all["axes"]["Z"]["to"].get<double>(), 390.0, 1e-9) << all["axes"]["Z"];
+  EXPECT_NEAR(all["axes"]["Z"]["from"].get<double>(), -250 + 80 + 5, 1e-9);
   EXPECT_EQ(all["tool_table"], "t.tbl");
   const Ran text = run("program " + words + " --tools t.tbl", at);
   EXPECT_NE(text.text.find("tools of t.tbl"), std::string::npos) << text.text;
