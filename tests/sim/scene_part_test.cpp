@@ -244,8 +244,18 @@ TEST(SceneProgram, ASpiralBeginsOneFeedBeyondTheRim) {
 TEST(SceneProgram, AFileIsNamedAgain) {
   const SceneFolder folder;
   const std::string text = "file = \"" + folder.write("p.ngc", "M30\n").string() + "\"\n";
-  EXPECT_EQ(program_again(text), text + "dialect = \"auto\"\non_unknown = \"refuse\"\n");
-  const std::string stated = text + "dialect = \"linuxcnc\"\non_unknown = \"warn\"\n";
+  EXPECT_EQ(program_again(text), text + R"(dialect = "auto"
+on_unknown = "refuse"
+interpreter = "abbe"
+interpreter_limit_s = 120.0
+interpreter_limit_MB = 4000.0
+)");
+  const std::string stated = text + R"(dialect = "linuxcnc"
+on_unknown = "warn"
+interpreter = "linuxcnc"
+interpreter_limit_s = 5.0
+interpreter_limit_MB = 64.0
+)";
   EXPECT_EQ(program_again(stated), stated);
 }
 
