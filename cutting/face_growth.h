@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <functional>
 #include <optional>
@@ -47,6 +48,7 @@ class FaceGrowth {
   std::optional<GrownFace> tangent_plane(int flat);
 
   bool is_open(int t) const { return face_[std::size_t(t)] == none; }
+  int open_triangles() const { return int(std::count(face_.begin(), face_.end(), none)); }
   /// Triangles in planes: each with all around it that lie in its plane.
   const std::vector<std::vector<int>>& flats() const { return flats_; }
   int flat_of(int t) const { return flat_[std::size_t(t)]; }

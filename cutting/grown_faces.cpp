@@ -301,8 +301,7 @@ bool grow_from_strips(FaceGrowth& growth) {
 
 }  // namespace
 
-std::vector<GrownFace> grown_faces(const Design& design, const std::vector<char>& open,
-                                   double tolerance) {
+GrownFaces grown_faces(const Design& design, const std::vector<char>& open, double tolerance) {
   constexpr int passes = 3;
   FaceGrowth growth(design, open, tolerance);
   const int flats = int(growth.flats().size());
@@ -314,7 +313,8 @@ std::vector<GrownFace> grown_faces(const Design& design, const std::vector<char>
   }
   for (int flat = 0; flat < flats; ++flat)
     if (auto plane = growth.tangent_plane(flat)) growth.take(std::move(*plane));
-  return std::move(growth).faces();
+  const int untried = growth.is_tired() ? growth.open_triangles() : 0;
+  return {std::move(growth).faces(), untried};
 }
 
 }  // namespace abbe::cutting

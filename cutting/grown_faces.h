@@ -12,6 +12,11 @@ struct GrownFace {
   std::vector<int> triangles;
 };
 
+struct GrownFaces {
+  std::vector<GrownFace> faces;
+  int untried = 0;  ///< triangles on no face when the work ended before all were tried
+};
+
 /// Faces within smooth patches, each the plane, sphere, cylinder, cone or torus from which none of
 /// its vertices is farther off than the tolerance: a plane between two fillets, each of these, the
 /// corner where they meet. From a few facets that show a surface the face grows over those next to
@@ -35,10 +40,11 @@ struct GrownFace {
 /// is made.
 ///
 /// Linear in the triangles: 100 000 of a free form, or of what is nearly a cylinder, take about a
-/// second of one processor. Growing what is no face ends when 30 times as many were gone over.
+/// second of one processor. Growing what is no face ends when 30 times as many were gone over:
+/// `untried` counts what may lie on a face that was not looked for.
 /// @param open       (triangles) those of smooth patches that are to be looked at
 /// @param tolerance  mm
-std::vector<GrownFace> grown_faces(const Design& design, const std::vector<char>& open,
-                                   double tolerance);
+GrownFaces grown_faces(const Design& design, const std::vector<char>& open,
+                       double tolerance);
 
 }  // namespace abbe::cutting

@@ -22,6 +22,7 @@ using Eigen::Vector3d;
 struct Sorted {
   std::vector<int> face;  // (triangles)
   std::vector<RecognisedPatch> faces;
+  int untried = 0;  // triangles
 };
 
 /// Vertices and triangles of each patch.
@@ -49,8 +50,9 @@ Sorted sorted(const Design& design, double tolerance) {
   std::vector<char> open(std::size_t(design.triangles.rows()), 1);
   for (const GrownFace& one : all)
     for (const int t : one.triangles) open[std::size_t(t)] = 0;
-  for (GrownFace& one : grown_faces(design, open, tolerance)) all.push_back(std::move(one));
-  Sorted by_face{std::vector<int>(open.size(), -1), {}};
+  GrownFaces grown = grown_faces(design, open, tolerance);
+  for (GrownFace& one : grown.faces) all.push_back(std::move(one));
+  Sorted by_face{std::vector<int>(open.size(), -1), {}, grown.untried};
   for (GrownFace& one : all) {
     for (const int t : one.triangles) by_face.face[std::size_t(t)] = int(by_face.faces.size());
     by_face.faces.push_back(std::move(one.surface));
@@ -118,7 +120,7 @@ void lean_on_faces(Design& design, const std::vector<RecognisedPatch>& faces) {
 Recognised recognised(const Design& design, double tolerance) {
   require(std::isfinite(tolerance) && tolerance > 0.0, "recognised: tolerance must be positive");
   Sorted by_face = sorted(design, tolerance);
-  Recognised found{design, std::move(by_face.faces), design.area.sum()};
+  Recognised found{design, std::move(by_face.faces), design.area.sum(), by_face.untried};
   if (found.patches.empty()) return found;
   found.design = split_at_faces(design, by_face.face);
   Design& made = found.design;

@@ -13,6 +13,7 @@ struct Recognised {
   Design design;
   std::vector<RecognisedPatch> patches;
   double area = 0.0;  ///< mm^2, of all patches, recognised or not
+  int untried = 0;    ///< triangles that may lie on a face, as `grown_faces` says
 };
 
 /// Tries each patch of `patches` as a plane, cylinder, cone, sphere and torus, in this order: the

@@ -233,7 +233,7 @@ double legend(Canvas& canvas, const MachinePicture& picture, Vector2d at, const 
     at.y() -= line_height(style);
     swatch(canvas, at, colour, name, style);
   };
-  if (picture.part_triangles.rows() > 0) entry(part_colour, "part");
+  if (picture.part_triangles.rows() > 0) entry(part_colour, picture.part_name);
   for (const Polyline& path : picture.paths) entry(path.colour, path.name);
   return top - at.y();
 }

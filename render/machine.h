@@ -50,7 +50,8 @@ struct Frame {
 struct MachinePicture {
   std::string title;
   std::vector<Body> bodies;
-  cutting::Points part_vertices;  ///< (n x 3), may be empty
+  std::string part_name = "part";  ///< for the legend
+  cutting::Points part_vertices;   ///< (n x 3), may be empty
   cutting::Triangles part_triangles;
   std::vector<Polyline> paths;
   std::vector<Frame> frames;

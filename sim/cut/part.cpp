@@ -140,12 +140,24 @@ program::ContactField contact_on(cutting::MeshContact mesh) {
   return [surface](double x, double y) { return cutting::contact_above(*surface, x, y); };
 }
 
+/// Of a mesh that is nearly a plane, sphere, cylinder, cone or torus in many places.
+std::string untried_text(const PartDescription& described, const cutting::Recognised& found) {
+  return fmt::format(
+      "looking for planes, spheres, cylinders, cones and tori within {:.3g} um on the mesh was "
+      "given "
+      "up: too many places are nearly one. {} of its {} triangles are on no surface, and judged as "
+      "the mesh shows them; planes or cylinders may be among them. Set part.recognise_um to the "
+      "accuracy of the mesh, or to 0 if it is a free form",
+      described.recognise / units::um, found.untried, found.design.triangles.rows());
+}
+
 /// Faces on the surfaces that they are recognised as; a program that is generated follows these.
 Design recognised_faces(const PartDescription& described, Part& part, const Design& faces) {
   if (described.flat_facets || !(described.recognise > 0.0)) return faces;
   cutting::Recognised found = cutting::recognised(faces, described.recognise);
   part.recognised = std::move(found.patches);
   for (const auto& patch : part.recognised) part.recognised_share += patch.area / found.area;
+  if (found.untried > 0) part.warnings.push_back(untried_text(described, found));
   if (!part.recognised.empty())
     part.contact =
         contact_on(cutting::MeshContact(rounded(described, part, found.design), part.recognised));

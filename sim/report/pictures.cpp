@@ -317,15 +317,41 @@ void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdi
   });
 }
 
-void write_source_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
+/// What is left of the blank, in the part frame as the map is.
+void draw_stock(const std::filesystem::path& file, const Job& job, const Verdict& verdict,
+                const cutting::StockMesh& stock) {
+  render::MachinePicture picture;
+  picture.title = job.scene.title + ": what " + verdict.cut.name + " leaves of the blank";
+  picture.part_name = "stock";
+  const Eigen::Isometry3d T_mw = job.scene.part.T_wm.inverse();
+  picture.part_vertices =
+      ((stock.vertices_w * T_mw.linear().transpose()).rowwise() + T_mw.translation().transpose());
+  picture.part_triangles = stock.triangles;
+  picture.caption = {fmt::format(
+      "{:.5g} mm^3 were removed; dexels every {:.3g} mm: edges are cut off by less than that",
+      totals(verdict.cut.process).removed, job.scene.cutting->spacing)};
+  render::MachineOptions options;
+  options.from = job.scene.view.from;
+  options.up = job.scene.view.up;
+  render::write_machine(file, picture, options);
+}
+
+void write_stock(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
   const Process& process = verdict.cut.process;
-  if (process.stock || process.turned)
-    write_file(folder / "stock.vtp", [&](const std::filesystem::path& file) {
-      render::write_stock(file, process.stock ? cutting::stock_mesh(*process.stock)
-                                              : cutting::stock_mesh(*process.turned));
-    });
-  else
-    remove_file(folder / "stock.vtp");
+  if (!process.stock && !process.turned) {
+    for (const char* name : {"stock.vtp", "stock.png"}) remove_file(folder / name);
+    return;
+  }
+  const cutting::StockMesh stock =
+      process.stock ? cutting::stock_mesh(*process.stock) : cutting::stock_mesh(*process.turned);
+  write_file(folder / "stock.vtp",
+             [&](const std::filesystem::path& file) { render::write_stock(file, stock); });
+  write_file(folder / "stock.png",
+             [&](const std::filesystem::path& file) { draw_stock(file, job, verdict, stock); });
+}
+
+void write_source_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
+  write_stock(folder, job, verdict);
   const bool heat = job.truth.heat && verdict.cut.case_name != "error_free";
   if (heat)
     write_file(folder / "temperatures.png",

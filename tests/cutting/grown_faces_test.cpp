@@ -337,5 +337,16 @@ TEST(GrownFaces, AFreeFormHasNoneAndTakesTimeInProportion) {
                          nearly_a_cylinder(224, waves * units::um));
 }
 
+TEST(GrownFaces, WhatWasNotLookedForIsCounted) {
+  const auto untried = [](const Design& design) {
+    const Recognised found = recognised(split_at_edges(design, pi / 6), 0.1 * units::um);
+    std::cout << found.untried << " of " << design.triangles.rows() << " triangles\n";
+    return found.untried;
+  };
+  EXPECT_EQ(untried(nearly_a_cylinder(112, 0.2 * units::um)), 0);
+  EXPECT_GT(untried(nearly_a_cylinder(112, 2.0 * units::um)), 20000);
+  for (const double waves : {0.5, 2.0, 4.0, 12.0}) EXPECT_EQ(untried(free_form(112, waves)), 0);
+}
+
 }  // namespace
 }  // namespace abbe::cutting

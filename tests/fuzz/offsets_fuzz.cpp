@@ -1,0 +1,6 @@
+#include "sim/dialects/control_tables.h"
+#include "tests/fuzz/reader.h"
+
+void abbe::fuzz::read(std::string_view text) {
+  sim::dialects::read_control_table(text, "fuzz", sim::dialects::TableKind::Offsets, 1.0);
+}
