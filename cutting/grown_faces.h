@@ -44,7 +44,6 @@ struct GrownFaces {
 /// `untried` counts what may lie on a face that was not looked for.
 /// @param open       (triangles) those of smooth patches that are to be looked at
 /// @param tolerance  mm
-GrownFaces grown_faces(const Design& design, const std::vector<char>& open,
-                       double tolerance);
+GrownFaces grown_faces(const Design& design, const std::vector<char>& open, double tolerance);
 
 }  // namespace abbe::cutting

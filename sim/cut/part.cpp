@@ -144,10 +144,9 @@ program::ContactField contact_on(cutting::MeshContact mesh) {
 std::string untried_text(const PartDescription& described, const cutting::Recognised& found) {
   return fmt::format(
       "looking for planes, spheres, cylinders, cones and tori within {:.3g} um on the mesh was "
-      "given "
-      "up: too many places are nearly one. {} of its {} triangles are on no surface, and judged as "
-      "the mesh shows them; planes or cylinders may be among them. Set part.recognise_um to the "
-      "accuracy of the mesh, or to 0 if it is a free form",
+      "given up: too many places are nearly one. {} of its {} triangles are on no surface, and "
+      "judged as the mesh shows them; planes or cylinders may be among them. Set "
+      "part.recognise_um to the accuracy of the mesh, or to 0 if it is a free form",
       described.recognise / units::um, found.untried, found.design.triangles.rows());
 }
 

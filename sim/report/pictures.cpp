@@ -327,9 +327,8 @@ void draw_stock(const std::filesystem::path& file, const Job& job, const Verdict
   picture.part_vertices =
       ((stock.vertices_w * T_mw.linear().transpose()).rowwise() + T_mw.translation().transpose());
   picture.part_triangles = stock.triangles;
-  picture.caption = {fmt::format(
-      "{:.5g} mm^3 were removed; dexels every {:.3g} mm: edges are cut off by less than that",
-      totals(verdict.cut.process).removed, job.scene.cutting->spacing)};
+  picture.caption = {fmt::format("{:.5g} mm^3 were removed; stock followed every {:.3g} mm",
+                                 totals(verdict.cut.process).removed, job.scene.cutting->spacing)};
   render::MachineOptions options;
   options.from = job.scene.view.from;
   options.up = job.scene.view.up;
@@ -346,8 +345,12 @@ void write_stock(const ResultFolder& folder, const Job& job, const Verdict& verd
       process.stock ? cutting::stock_mesh(*process.stock) : cutting::stock_mesh(*process.turned);
   write_file(folder / "stock.vtp",
              [&](const std::filesystem::path& file) { render::write_stock(file, stock); });
-  write_file(folder / "stock.png",
-             [&](const std::filesystem::path& file) { draw_stock(file, job, verdict, stock); });
+  // of a blank that was cut away as a whole there is nothing to draw
+  if (stock.triangles.rows() == 0)
+    remove_file(folder / "stock.png");
+  else
+    write_file(folder / "stock.png",
+               [&](const std::filesystem::path& file) { draw_stock(file, job, verdict, stock); });
 }
 
 void write_source_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict) {

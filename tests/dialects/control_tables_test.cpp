@@ -11,29 +11,19 @@
 
 #include "kinematics/units.h"
 #include "sim/dialects/bad_program.h"
+#include "tests/program/machines.h"
 
 namespace abbe::sim::dialects {
 namespace {
 
-const std::string tbl =
-    "; the tools of a mill\n"
-    "T1 P1 Z+80.005 D10.01 ;ball\n"
-    "T20 P3 Z-5.5 D6 I45 Q2\n";
-const std::string fanuc_tools =
-    "%\nO9000 (TOOLS)\nG21\nG10 L10 P1 R80.0\nG10 L11 P1 R0.005\nG10 L12 P1 R5.\n"
-    "N5 G90 G10L13P1R.005\nG10 L10 P20 R-5.5\nG10 L12 P20 R3.0\nG11\nM30\n%\n";
-const std::string toa =
-    "%_N_TO1_TOA\n;$PATH=/_N_COM_DIR\nCHANDATA(1)\n$TC_TP2[1]=\"BALL 10\"\n"
-    "$TC_DP1[1,1]=120 $TC_DP3[1,1]=80.0\nN40 $TC_DP6[1,1]=5\n$TC_DP12[1,1]=0.003\n"
-    "$TC_DP21[1,1]=0.002\n$TC_DP15[1,1]=0.005\n$TC_DP24[1,1]=7\n$TC_MPP1[1,1]=2\n"
-    "$TC_DP1[20,1]=200\n$TC_DP3[20,1]=-5.5\n$TC_DP6[20,1]=3.\nM17\n";
-const std::string tool_t =
-    "BEGIN TOOL    .T MM\n"
-    "T     NAME            L           R         R2        DL      DR      CUT\n"
-    "1     BALL 10         +80         +5        +5        +0.005  +.005   2\n"
-    "5.1   INDEX           +10         +1\n"
-    "20                    -5.5        3\n"
-    "[END]\n";
+std::string corpus_table(const std::string& name) {
+  return program::test::file_text(ABBE_SOURCE_DIR "/tests/corpus/tables/" + name);
+}
+
+const std::string tbl = corpus_table("tools_linuxcnc.tbl");
+const std::string fanuc_tools = corpus_table("tools_fanuc.nc");
+const std::string toa = corpus_table("tools_siemens.toa");
+const std::string tool_t = corpus_table("tools_heidenhain.t");
 
 ControlTable tools(const std::string& text, std::optional<double> unit = {}) {
   return read_control_table(text, "tools", TableKind::Tools, unit);
@@ -81,21 +71,10 @@ TEST(ControlTables, InchesAreStatedOnce) {
   EXPECT_EQ(*tools("BEGIN TOOL.T INCH\nT L R\n7 2 1\n[END]\n").tools.at(7).length, 50.8);
 }
 
-const std::string var =
-    "5161\t0.0\n5181\t2.0\n5210\t0\n5211\t3.0\n5220\t1.0\n5221\t-100.5\n5222\t20\n5223\t-300.25\n"
-    "5224\t1.5\n5230\t0\n5381\t7.25\n";
-const std::string fanuc_offsets =
-    "G21 G10 L2 P1 X-100.5 Y20. Z-300.25 A1.5\nG10 L20 P2 X1.\nG10 L2 P0 Z-1.\n";
-const std::string ufr =
-    "%_N_UFR1_INI\n$P_UIFR[1,X,TR]=-100.0\n$P_UIFR[1,X,FI]=-.5\n$P_UIFR[1,X,SC]=1\n"
-    "$P_UIFR[1,X,MI]=0\n$P_UIFR[0,X,TR]=0\n"
-    "$P_UIFR[1]=CTRANS(Y,20,Z,-300):CFINE(Z,-0.25,A,1.5)\n";
-const std::string preset =
-    "BEGIN PRESET .PR MM\n"
-    "NR   DOC          ROT     X         Y       Z         A      C\n"
-    "0                 0       5\n"
-    "1    PART A       0       -100.5    20      -300.25   1.5    -\n"
-    "[END]\n";
+const std::string var = corpus_table("offsets_linuxcnc.var");
+const std::string fanuc_offsets = corpus_table("offsets_fanuc.nc");
+const std::string ufr = corpus_table("offsets_siemens.ufr");
+const std::string preset = corpus_table("offsets_heidenhain.pr");
 
 TEST(ControlTables, FourControlsSayTheSameOfAnOffset) {
   for (const ControlTable& table :

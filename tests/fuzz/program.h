@@ -1,13 +1,14 @@
 #pragma once
 
 #include <stdexcept>
+#include <string_view>
 
 #include "sim/dialects/read_program.h"
 #include "tests/program/machines.h"
 
 namespace abbe::fuzz {
 
-/// Reads a program in a dialect on a five-axis gantry, so long as a person would wait for it.
+/// Reads a program in a dialect on a five-axis gantry, 20 000 blocks of it at most.
 /// @throws std::logic_error if a block is no motion: not finite, or back in time
 inline void read_as(sim::dialects::Dialect dialect, std::string_view text) {
   sim::dialects::ReadOptions options;

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Runs each reader under libFuzzer for so many seconds (default 900): tests/fuzz/run.sh [SECONDS] [READER...]
-# What it starts from are the packaged programs and the files of tests/corpus; what crashes a reader,
+# What it starts from are the files of tests/golden and tests/corpus; what crashes a reader,
 # or takes it longer than 20 s, is left in build/fuzz/found and ends the run with 1. A finding that is
 # repaired moves to tests/corpus.
 set -eu

@@ -164,6 +164,19 @@ TEST(Pictures, OfElementsOfAnEarlierRunAreRemoved) {
   EXPECT_TRUE(there("EZZ-temperatures.png")) << "abbe did not make it";
 }
 
+TEST(Pictures, OfABlankThatWasCutAwayThereIsNone) {
+  const Job job = flat_job(heat_and_part);
+  const SceneFolder folder;
+  const ResultFolder results(folder.path(), {});
+  write_file(results / "stock.png", "old");
+  Verdict verdict;
+  verdict.cut.case_name = "error_free";
+  verdict.cut.process.stock = cutting::Stock{};
+  write_source_pictures(results, job, verdict);
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "stock.png"));
+  EXPECT_TRUE(std::filesystem::exists(folder.path() / "stock.vtp"));
+}
+
 #endif
 
 }  // namespace
