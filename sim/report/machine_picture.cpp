@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <set>
 #include <utility>
 
 #include <fmt/format.h>
@@ -180,15 +181,59 @@ void add_tool(const Chain& chain, const AxisVector& q, double radius, double len
   picture.bodies.push_back(tool);
 }
 
-/// All bodies of a machine, stacked and held by a structure. @param part_b  what it clamps
-void add_bodies(const Chain& chain, const AxisVector& q, const Vector3d& part_b,
-                const Vector2d& tool_size, double unit, render::MachinePicture& picture) {
+/// Where the carriage of a joint is in the bed, which at zero lies as the bed frame does.
+Pose carriage_in_bed(const Chain& chain, const AxisVector& q, int joint) {
+  const auto& joints = chain.joints();
+  const Side side = joints[std::size_t(joint)].side;
+  const int step = side == Side::Tool ? -1 : 1;
+  Pose T = Pose::Identity();
+  for (int j = joint; j >= 0 && j < chain.size() && joints[std::size_t(j)].side == side; j += step)
+    T = carriage_displacement(joints[std::size_t(j)], kinematics::carriage_travel(side, q[j])) * T;
+  return T;
+}
+
+/// The blocks that the description gives the machine; the first of an axis bears its letter.
+void add_blocks(const MachineDescription& machine, const Chain& chain, const AxisVector& q,
+                render::MachinePicture& picture) {
+  std::set<std::string> named;
+  for (const MachineBody& block : machine.bodies) {
+    render::Body body;
+    const Joint* joint = block.joint ? &chain.joints()[std::size_t(*block.joint)] : nullptr;
+    const std::string label =
+        joint == nullptr ? "bed"
+                         : joint->name + std::string(joint->side == Side::Workpiece ? "'" : "");
+    if (named.insert(label).second) body.label = label;
+    body.T = block.joint ? Pose(carriage_in_bed(chain, q, *block.joint) * block.T_b) : block.T_b;
+    body.shape = render::BlockShape{block.size};
+    if (joint != nullptr)
+      body.colour = joint->motion == Motion::Linear ? render::Colour{0.78, 0.82, 0.88}
+                                                    : render::Colour{0.93, 0.84, 0.66};
+    body.opacity = 0.55;
+    picture.bodies.push_back(body);
+  }
+}
+
+/// All bodies of a machine: its blocks, or else carriages stacked and held by a structure. @param
+/// part_b  what it clamps
+void add_bodies(const MachineDescription& machine, const Chain& chain, const AxisVector& q,
+                const Vector3d& part_b, const Vector2d& tool_size, double unit,
+                render::MachinePicture& picture) {
+  if (!machine.bodies.empty()) {
+    add_blocks(machine, chain, q, picture);
+    return add_tool(chain, q, tool_size.x(), tool_size.y(), picture);
+  }
   const Sides sides = add_carriages(chain, q, unit, picture);
   add_spindle(chain, q, unit, picture);
   add_tool(chain, q, tool_size.x(), tool_size.y(), picture);
   const render::Body& tool = picture.bodies.back();
   const double length = std::get<render::CylinderShape>(tool.shape).height;
   add_structure(sides, tool.T * Vector3d(0.0, 0.0, length), part_b, unit, picture);
+}
+
+std::string blocks_text(const MachineDescription& machine) {
+  return machine.bodies.empty()
+             ? "carriages are schematic: the description places them but gives them no shape"
+             : "the machine as the blocks of its description, [[body]]";
 }
 
 /// Some passes of the cut: where the tip should be, and what it is off.
@@ -307,9 +352,9 @@ render::MachinePicture machine_picture(const Job& job) {
   picture.part_vertices = cutting::transformed(job.design_w, T_bw).vertices;
   picture.part_triangles = job.design_w.triangles;
   const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.nominal);
-  add_bodies(job.machine.nominal, q, picture.part_vertices.colwise().mean().transpose(),
-             {cutter != nullptr ? cutter->radius : 1.0, job.scene.tool.length}, 0.35 * part_size,
-             picture);
+  add_bodies(
+      job.scene.machine, job.machine.nominal, q, picture.part_vertices.colwise().mean().transpose(),
+      {cutter != nullptr ? cutter->radius : 1.0, job.scene.tool.length}, 0.35 * part_size, picture);
   picture.frames = {{"w", T_bw}, {"b", Pose::Identity()}};
 
   const Trace trace = traced(job);
@@ -330,7 +375,7 @@ render::MachinePicture machine_picture(const Job& job) {
   if (trace.largest > 0.0)
     draw("tip on the wrong machine", picture.magnification, {0.80, 0.25, 0.20});
   picture.caption = {
-      "carriages are schematic: the description places them but gives them no shape",
+      blocks_text(job.scene.machine),
       fmt::format("{} drawn; largest deviation of the tip there {:.1f} \u00b5m",
                   trace.passes.size() > trace.all_passes
                       ? fmt::format("{} stretches of the path", trace.passes.size())
@@ -403,8 +448,8 @@ render::MachinePicture machine_picture(const ProgramAlone& alone) {
 
   render::MachinePicture picture;
   picture.title = alone.file.filename().string() + ": " + alone.machine_name;
-  add_bodies(alone.machine.control, q, T_bw * below, {0.02 * size, alone.tool_length},
-             std::max(0.25 * size, 40.0), picture);
+  add_bodies(alone.description, alone.machine.control, q, T_bw * below,
+             {0.02 * size, alone.tool_length}, std::max(0.25 * size, 40.0), picture);
   picture.frames = {{"w", T_bw}, {"b", Pose::Identity()}};
   const Eigen::AlignedBox3d drawn_box(box.min() - Vector3d::Constant(0.3 * size),
                                       box.max() + Vector3d::Constant(0.3 * size));
@@ -429,12 +474,12 @@ render::MachinePicture machine_picture(const ProgramAlone& alone) {
       line.points.row(Eigen::Index(i)) = (T_bw * places[i]).transpose();
     picture.paths.push_back(std::move(line));
   }
-  picture.caption = {
-      "carriages are schematic, the axes stand at home; the way of the tip in the workpiece, "
-      "rapids "
-      "as far as they are near",
-      fmt::format("{} of {} stretches drawn, {} moves", drawn, runs.size(),
-                  alone.figures.blocks - alone.figures.dwells.count)};
+  picture.caption = {blocks_text(alone.description) +
+                         "; the axes stand at home; the way of the tip in the workpiece, rapids as "
+                         "far as they are "
+                         "near",
+                     fmt::format("{} of {} stretches drawn, {} moves", drawn, runs.size(),
+                                 alone.figures.blocks - alone.figures.dwells.count)};
   return picture;
 }
 

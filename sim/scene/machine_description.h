@@ -9,6 +9,15 @@
 /// A machine as it is designed, and what its control believes and finds.
 namespace abbe::sim {
 
+/// A block that stands for a part of the machine, such as its ram or its table: for pictures, and
+/// for whoever asks what meets what.
+struct MachineBody {
+  std::string name;
+  std::optional<int> joint;                             ///< that carries it; none: the bed
+  Eigen::Vector3d size = Eigen::Vector3d::Zero();       ///< mm, along its own x y z
+  kinematics::Pose T_b = kinematics::Pose::Identity();  ///< its middle, axes at zero
+};
+
 /// A machine as its file describes it; every length mm, every angle rad, in the bed frame at zero.
 struct MachineDescription {
   std::string name;
@@ -19,6 +28,8 @@ struct MachineDescription {
   kinematics::AxisVector home;          ///< (joints) where the axes stand when a program begins
   double rapid_speed = 10000.0 / 60.0;  ///< mm/s
   double rapid_turn = 1.0;              ///< rad/s
+  std::string summary;                  ///< one line, for lists of machines
+  std::vector<MachineBody> bodies;
 };
 
 /// What the control believes, where it differs from the nominal machine.

@@ -208,6 +208,63 @@ void read_home(TableReader& reader, MachineDescription& machine) {
     machine.home = fields.read_table(*home, reader.name_of("home"), reader.faults());
 }
 
+/// Joint that a letter of the code names; none for b, the bed.
+void read_carrier(TableReader& reader, const std::vector<Joint>& joints, MachineBody& body) {
+  const std::string letter = reader.text("carried_by", "b");
+  std::string known = "b";
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    known += std::string(" ") + joints[j].name;
+    if (letter == std::string(1, joints[j].name)) body.joint = int(j);
+  }
+  if (!body.joint && letter != "b" && !joints.empty())
+    reader.refuse("carried_by", "a letter of the machine's code: " + known, letter);
+}
+
+void read_size(TableReader& reader, MachineBody& body) {
+  const std::size_t before = reader.faults().list().size();
+  body.size = reader.vector("size_mm");
+  const bool read = reader.has("size_mm") && reader.faults().list().size() == before;
+  if (read && !(body.size.minCoeff() > 0.0))
+    reader.refuse("size_mm", "three sizes above 0 mm for size_mm", "one that is not");
+}
+
+/// @param joints  of the machine
+Fields<MachineBody> body_fields(const std::vector<Joint>& joints) {
+  return Fields<MachineBody>()
+      .text("name", &MachineBody::name, "of the block, for people")
+      .custom(
+          {key_of(KeyName("carried_by").otherwise("b"), Key::Kind::Text,
+                  "letter of the axis that it moves with, s of the nose, b of the bed")},
+          [joints](TableReader& reader, MachineBody& body) { read_carrier(reader, joints, body); },
+          [joints](const MachineBody& body, Node::Table& table) {
+            if (body.joint)
+              put(table, "carried_by", std::string(1, joints[std::size_t(*body.joint)].name));
+          })
+      .custom({key_of_numbers(must("size_mm"), 3, "of the block, along its own x y z, above 0")},
+              read_size,
+              [](const MachineBody& body, Node::Table& table) {
+                put_numbers(table, "size_mm", body.size, 1.0);
+              })
+      .all_of(&MachineBody::T_b, placement_fields());
+}
+
+void read_bodies(TableReader& reader, MachineDescription& machine) {
+  const auto fields = body_fields(machine.joints);
+  for (const Node* node : reader.tables("body"))
+    machine.bodies.push_back(fields.read_table(*node, reader.name_of("body"), reader.faults()));
+}
+
+void put_bodies(const MachineDescription& machine, Node::Table& table) {
+  put_tables(table, "body", machine.bodies, body_fields(machine.joints));
+}
+
+Key body_key() {
+  return key_of(KeyName("body").otherwise("none"), Key::Kind::Tables,
+                "blocks of the machine's size, drawn in its picture; at_mm is the middle of one, "
+                "with all axes at zero",
+                body_fields({}).keys());
+}
+
 Key code_key() {
   return key_of(must("code"), Key::Kind::Text,
                 "structural code, workpiece to tool: \"w C' b X Y Z A s t\"; primed axes carry the "
@@ -232,6 +289,8 @@ const Fields<MachineDescription>& machine_fields() {
   static const Fields<Machine> fields =
       Fields<Machine>()
           .text("name", &Machine::name, "of the machine")
+          .text("summary", &Machine::summary,
+                "of what it is, one line, as `abbe new --list` has it")
           .table(must("nose"), &Machine::T_bs, nose_fields(), "where the tool is mounted")
           .table(KeyName("workpiece").otherwise("the bed frame"), &Machine::T_bw,
                  placement_fields(), "frame w of the workpiece")
@@ -241,9 +300,11 @@ const Fields<MachineDescription>& machine_fields() {
           .custom({code_key(), axis_key("[A-Z]", "every letter of the code but `s`",
                                         axis_fields(axis_of({})).keys())},
                   read_joints, put_joints)
-          .custom({home_key()}, read_home, [](const Machine& machine, Node::Table& table) {
-            put(table, "home", axis_word_fields(machine.joints).written(machine.home));
-          });
+          .custom({home_key()}, read_home,
+                  [](const Machine& machine, Node::Table& table) {
+                    put(table, "home", axis_word_fields(machine.joints).written(machine.home));
+                  })
+          .custom({body_key()}, read_bodies, put_bodies);
   return fields;
 }
 

@@ -85,8 +85,9 @@ std::string replaced(std::string text, const std::string& from, const std::strin
 /// The gantry with a slide U where X was, which is all that is said of it.
 fs::path gantry_of_u(const SceneFolder& folder) {
   const std::string gantry = read_text(packaged("machines/gantry_cxyza.toml"), 1 << 20);
-  return folder.write("gantry_u.toml",
-                      replaced(replaced(gantry, " X Y Z A", " U Y Z A"), "axis.X", "axis.U"));
+  return folder.write("gantry_u.toml", replaced(replaced(replaced(gantry, " X Y Z A", " U Y Z A"),
+                                                         "axis.X", "axis.U"),
+                                                "carried_by = \"X\"", "carried_by = \"U\""));
 }
 
 // Of a tool-side X, of a table X', whose carriage goes the other way, and of a U along X.

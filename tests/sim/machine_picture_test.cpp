@@ -22,7 +22,7 @@ std::string zigzag() {
   return text + "G0 Z95\nM2\n%\n";
 }
 
-render::MachinePicture zigzag_picture() {
+render::MachinePicture zigzag_picture(bool without_blocks = false) {
   const SceneFolder folder;
   const std::string program = folder.write("p.ngc", zigzag()).string();
   const std::string scenes = packaged("").string();
@@ -32,7 +32,9 @@ render::MachinePicture zigzag_picture() {
           "tools/ball_r5.toml\"\n[part]\nsurface = \"rectangle\"\nlength_x_mm = "
           "20\nlength_y_mm = 20\nat_mm = [0, 0, 80]\nvertices = 200\n[program]\nfile = \"" +
           program + "\"\n");
-  return machine_picture(prepare(read_scene(scene)));
+  Scene read = read_scene(scene);
+  if (without_blocks) read.machine.bodies.clear();
+  return machine_picture(prepare(read));
 }
 
 TEST(MachinePicture, DrawsStretchesOfALongPathAndNoSheet) {
@@ -52,8 +54,8 @@ TEST(MachinePicture, DrawsStretchesOfALongPathAndNoSheet) {
   EXPECT_LT(all, 0.4 * 1220.0);
 }
 
-TEST(MachinePicture, StandsOnABed) {
-  const render::MachinePicture picture = zigzag_picture();
+TEST(MachinePicture, OfAMachineWithoutBlocksStandsOnABed) {
+  const render::MachinePicture picture = zigzag_picture(true);
   const auto bed = std::find_if(picture.bodies.begin(), picture.bodies.end(),
                                 [](const render::Body& body) { return body.label == "bed"; });
   ASSERT_NE(bed, picture.bodies.end());
@@ -69,6 +71,29 @@ TEST(MachinePicture, StandsOnABed) {
     standing += std::abs(low - top) < 1e-6;
   }
   EXPECT_EQ(standing, 2) << "a column of the tool's side and one of the part's";
+}
+
+// Half way through the program the axes stand at Z 80 and more, X Y within 10 mm, A and C at zero.
+TEST(MachinePicture, DrawsTheBlocksOfTheMachineWhereItsAxesStand) {
+  const render::MachinePicture picture = zigzag_picture();
+  const auto labelled = [&](const std::string& label) -> const render::Body* {
+    for (const render::Body& body : picture.bodies)
+      if (body.label == label) return &body;
+    return nullptr;
+  };
+  for (const char* label : {"bed", "C'", "X", "Y", "Z", "A", "s", "tool"})
+    EXPECT_NE(labelled(label), nullptr) << label;
+  EXPECT_EQ(picture.bodies.size(), 8u);
+  const render::Body *table = labelled("C'"), *ram = labelled("Z"), *spindle = labelled("s"),
+                     *tool = labelled("tool");
+  ASSERT_TRUE(table && ram && spindle && tool);
+  EXPECT_EQ(std::get<render::BlockShape>(table->shape).size, Eigen::Vector3d(500, 500, 60));
+  EXPECT_EQ(table->T.translation(), Eigen::Vector3d(0, 0, -30));
+  // ram and spindle go with the tool: the nose is at 50 mm, the ram's middle at 500, the spindle's
+  // at 100 with the axes at zero
+  const Eigen::Vector3d nose = tool->T * Eigen::Vector3d(0, 0, 100);
+  EXPECT_NEAR((spindle->T.translation() - nose - Eigen::Vector3d(0, 0, 50)).norm(), 0.0, 1e-9);
+  EXPECT_NEAR((ram->T.translation() - nose - Eigen::Vector3d(0, 0, 450)).norm(), 0.0, 1e-9);
 }
 
 }  // namespace
