@@ -19,7 +19,7 @@
 namespace abbe::sim {
 
 std::vector<Command> all_commands(Common& common, int& argc, char**& argv) {
-  return {new_command(),
+  return {new_command(common),
           run_command(common),
           compare_command(common),
           check_command(common),

@@ -40,11 +40,14 @@ struct Needs {
 struct Type {
   std::string name;  ///< of its value in `--help`
 };
-using Rule = std::variant<std::monostate, Between, OneOf, Commas, Bare, Excludes, Needs, Type>;
+struct MayBeLeftOut {};  ///< of an option that is known by its place
+using Rule =
+    std::variant<std::monostate, Between, OneOf, Commas, Bare, Excludes, Needs, Type, MayBeLeftOut>;
 
 /// An option as `--help` lists it.
 struct Option {
   std::string name;  ///< "--seed"; without dashes it is known by its place, and must be there
+                     ///< unless a rule says otherwise
   Target target;     ///< a bool is a flag; a list is repeatable
   std::string help;
   Rule rule = {};

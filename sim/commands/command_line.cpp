@@ -69,6 +69,7 @@ struct Holding {
   }
   void operator()(const Needs& rule) const { added.needs(others.at(rule.option)); }
   void operator()(const Type& rule) const { added.type_name(rule.name); }
+  void operator()(const MayBeLeftOut&) const { added.required(false); }
 };
 
 void add(CLI::App& app, const std::vector<Option>& options, Added& added) {

@@ -4,7 +4,9 @@
 #include <memory>
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
+#include "sim/commands/library_list.h"
 #include "sim/files/new_folder.h"
 #include "sim/files/terminal.h"
 #include "sim/scene/library.h"
@@ -13,8 +15,8 @@
 namespace abbe::sim {
 
 const std::vector<std::string>& new_kinds() {
-  static const std::vector<std::string> kinds{"gantry", "trunnion",  "three_axis",
-                                              "lathe",  "head_head", "platform"};
+  static const std::vector<std::string> kinds{"gantry",    "trunnion", "three_axis", "lathe",
+                                              "head_head", "platform", "cam"};
   return kinds;
 }
 
@@ -33,9 +35,19 @@ namespace {
 struct NewWords {
   std::string kind;
   std::filesystem::path folder;
+  bool list = false;
 };
 
+Exit print_list(const Common& common) {
+  const LibraryList list = library_list(new_kinds());
+  print("{}", Lines(common.json ? json_text(to_json(list)) : to_text(list)));
+  return Exit::Ok;
+}
+
 Exit print_new_scene(const NewWords& words) {
+  if (words.kind.empty() || words.folder.empty())
+    throw BadUsage(words.kind.empty() ? "KIND" : "DIR",
+                   "expected a kind and a folder, such as abbe new gantry first, or --list");
   const std::filesystem::path library = library_folder();
   for (const CopiedFile& one : new_scene(words.kind, words.folder))
     print("{:<16} from {}\n", one.name, one.from.lexically_relative(library).generic_string());
@@ -48,16 +60,21 @@ Exit print_new_scene(const NewWords& words) {
 
 }  // namespace
 
-Command new_command() {
+Command new_command(Common& common) {
   const auto words = std::make_shared<NewWords>();
   return {.name = "new",
           .summary = "Write a first scene with its machine, errors, tool, part and program",
-          .examples = {"abbe new gantry first", "abbe new lathe parts/shaft"},
+          .examples = {"abbe new gantry first", "abbe new lathe parts/shaft", "abbe new --list"},
           .options = {{"KIND", &words->kind,
-                       "of machine: gantry, trunnion, three_axis, lathe, head_head or platform",
-                       OneOf{new_kinds()}},
-                      {"DIR", &words->folder, "folder for the files: new or empty"}},
-          .run = [words] { return print_new_scene(*words); }};
+                       "of machine, gantry, trunnion, three_axis, lathe, head_head or platform; or "
+                       "cam, for a program of a CAM",
+                       OneOf{new_kinds()}, MayBeLeftOut{}},
+                      {"DIR", &words->folder, "folder for the files: new or empty", MayBeLeftOut{}},
+                      {"--list", &words->list, "print the kinds, and the machines of the library"},
+                      json_option(common)},
+          .run = [words, &common] {
+            return words->list ? print_list(common) : print_new_scene(*words);
+          }};
 }
 
 }  // namespace abbe::sim

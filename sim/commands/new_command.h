@@ -17,6 +17,6 @@ const std::vector<std::string>& new_kinds();
 std::vector<CopiedFile> new_scene(const std::string& kind, const std::filesystem::path& folder);
 
 /// `abbe new`.
-Command new_command();
+Command new_command(Common& common);
 
 }  // namespace abbe::sim

@@ -76,7 +76,7 @@ TEST_P(NewScene, RunsAsItIsAndItsMapMakesSense) {
   for (const std::string& name : names_in(first)) {
     sections.push_back(fs::path(name).stem().string());
     const std::string text = bytes(fs::path(first) / name);
-    EXPECT_TRUE(text.starts_with("#") || text.starts_with("("))
+    EXPECT_TRUE(text.starts_with("#") || text.starts_with("(") || text.starts_with("$$"))
         << name << " has a comment at its head";
     EXPECT_TRUE(says(made.text, name)) << made.text;
   }
@@ -210,7 +210,7 @@ TEST(Slip, TheNearestCommandOptionOrWordIsNamed) {
       {"run s.toml --treads=2", "(nearest: --threads), seen --treads"},
       {"pose s.toml --gird", "(nearest: --grid)"},
       {"new gantri first",
-       "expected one of gantry, trunnion, three_axis, lathe, head_head, platform "
+       "expected one of gantry, trunnion, three_axis, lathe, head_head, platform, cam "
        "(nearest: gantry), seen gantri"},
       {"render r --line radios", "(nearest: radius)"},
       {"explain part.raduis_mm", "nearest: part.radius_mm"},

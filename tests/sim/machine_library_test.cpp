@@ -1,17 +1,22 @@
-// Every machine of the library: it reads, its forward and inverse agree, `check` takes it. Their
-// location elements are in location_machines_test.cpp.
+// Every machine of the library: it reads, its forward and inverse agree, `check` takes it; what is
+// listed of all of them. Their location elements are in location_machines_test.cpp.
 
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <iostream>
 #include <random>
 #include <set>
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "kinematics/inverse.h"
 #include "kinematics/turn_between.h"
 #include "kinematics/units.h"
+#include "sim/commands/library_list.h"
+#include "sim/commands/new_command.h"
 #include "sim/scene/read_scene.h"
 #include "sim/scene/scene_sections.h"
 #include "tests/safety/program_run.h"
@@ -20,6 +25,7 @@
 namespace abbe::sim {
 namespace {
 
+namespace fs = std::filesystem;
 using Eigen::Vector3d;
 using kinematics::AxisVector;
 using kinematics::Chain;
@@ -233,6 +239,62 @@ TEST(MachineBodies, AreRefusedWhereTheyAreWrong) {
   EXPECT_NE(refusal_of_body("at_mm = [1, 2, 3]\n").find("size_mm"), std::string::npos);
   EXPECT_NE(refusal_of_body("size_mm = [1, 2, 3]\nshape = \"box\"\n").find("shape"),
             std::string::npos);
+}
+
+// ---- abbe new --list, and the table of the document
+
+TEST(LibraryList, NamesKindsAndMachinesWithAxesAndTravels) {
+  const safety::Ran ran = run("new --list");
+  EXPECT_EQ(ran.code, 0) << ran.text;
+  for (const std::string& kind : new_kinds())
+    EXPECT_NE(ran.text.find("\n  " + kind + " "), std::string::npos) << kind;
+  for (const std::string& machine : library_machines())
+    EXPECT_NE(ran.text.find("\n  " + machine + " "), std::string::npos) << machine;
+  EXPECT_NE(ran.text.find("w C' B' b X Y Z s t; X 400, Y 200, Z 240 mm; B -50 .. 100, C any deg"),
+            std::string::npos)
+      << ran.text;
+  const auto json = nlohmann::json::parse(run("new --list --json").text);
+  EXPECT_EQ(json["kinds"].size(), new_kinds().size());
+  EXPECT_EQ(json["machines"].size(), library_machines().size());
+  for (const auto& machine : json["machines"])
+    if (machine["name"] == "trunnion_cb") {
+      EXPECT_EQ(machine["axes"]["B"]["travel"][0], -50.0);
+      EXPECT_TRUE(machine["axes"]["C"]["travel"].is_null());
+      EXPECT_EQ(machine["axes"]["X"]["unit"], "mm");
+    }
+}
+
+TEST(LibraryList, NewWithoutKindOrFolderSaysWhatItWants) {
+  for (const char* line : {"new", "new gantry"}) {
+    const safety::Ran ran = run(line);
+    EXPECT_EQ(ran.code, 2) << line;
+    EXPECT_NE(ran.text.find("expected a kind and a folder, such as abbe new gantry first, or "
+                            "--list"),
+              std::string::npos)
+        << ran.text;
+  }
+}
+
+std::string machine_table() {
+  std::string rows = "| machine | what it is | structural code | travel |\n|---|---|---|---|\n";
+  for (const ListedMachine& machine : library_list(new_kinds()).machines)
+    rows += fmt::format("| `{}` | {} | `{}` | {} |\n", machine.name, machine.summary, machine.code,
+                        travel_text(machine));
+  return rows;
+}
+
+// ABBE_WRITE_KEYS=1 writes it, as it does the tables of keys.
+TEST(KeyTablesOfMachines, OfTheDocumentIsThatOfTheLibrary) {
+  const fs::path file = fs::path(ABBE_SOURCE_DIR) / "scenes/README.md";
+  const std::string document = bytes(file), begin = "<!-- machines -->\n",
+                    end = "<!-- end of machines -->";
+  const std::size_t from = document.find(begin), to = document.find(end);
+  ASSERT_TRUE(from != std::string::npos && to != std::string::npos && from < to);
+  const std::string again =
+      document.substr(0, from + begin.size()) + machine_table() + document.substr(to);
+  if (std::getenv("ABBE_WRITE_KEYS")) std::ofstream(file) << again;
+  EXPECT_EQ(document == again, true) << "scenes/README.md is stale; ABBE_WRITE_KEYS=1 sim_test "
+                                        "--gtest_filter=KeyTables* writes it";
 }
 
 }  // namespace
