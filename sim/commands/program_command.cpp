@@ -24,6 +24,8 @@ struct ProgramWords {
   std::string to, dialect = "auto", unit = "as_stated", interpreter = "abbe";
   bool picture = false, skip_unknown = false;
   double tool_radius = 0.0, tolerance_um = 1.0;
+  std::string pole = "as_programmed";
+  double pole_near_deg = 0.0, pole_change_deg = 0.0, pole_warning_deg = 2.0;
   ProgramAloneOptions options;
 };
 
@@ -43,6 +45,20 @@ dialects::Dialect dialect_of(const std::string& word) {
        {Dialect::LinuxCnc, Dialect::Fanuc, Dialect::Siemens, Dialect::Heidenhain, Dialect::Cl})
     if (word == dialects::name_of(one)) return one;
   return Dialect::Auto;
+}
+
+dialects::PoleOptions pole_of(const ProgramWords& words) {
+  using dialects::PoleRule;
+  const bool fanuc = words.pole == "fanuc";
+  if (fanuc && !(words.pole_near_deg > 0.0))
+    throw BadUsage("--pole", "expected --pole-near and --pole-change beside fanuc");
+  if (!fanuc && (words.pole_near_deg != 0.0 || words.pole_change_deg != 0.0))
+    throw BadUsage("--pole-near", "expected --pole fanuc beside it and --pole-change");
+  const PoleRule rule = fanuc                      ? PoleRule::Fanuc
+                        : words.pole == "linuxcnc" ? PoleRule::LinuxCnc
+                        : words.pole == "siemens"  ? PoleRule::Siemens
+                                                   : PoleRule::AsProgrammed;
+  return {rule, words.pole_near_deg * units::deg, words.pole_change_deg * units::deg};
 }
 
 const char* ending_of(ProgramFormat format) {
@@ -114,6 +130,8 @@ Exit look_at(const Common& common, ProgramWords words) {
     throw BadUsage("--offsets", "expected no --offset beside it");
   if (!(words.tolerance_um > 0.0)) throw BadUsage("--tolerance-um", "expected more than 0");
   words.options.within = words.tolerance_um * units::um;
+  words.options.pole = pole_of(words);
+  words.options.pole_warning = words.pole_warning_deg * units::deg;
   words.options.trace = words.picture;
   const bool writes = words.picture || words.options.to;
   const std::filesystem::path folder = folder_of(common, words);
@@ -167,6 +185,14 @@ Command program_command(Common& common) {
         "after which LinuxCNC's own interpreter is ended (120)", Between{1, 1000000}},
        {"--interpreter-mb", &words->options.interpreter_limits.megabytes,
         "of its commands, about 120 bytes a move (4000)", Between{1, 1000000}},
+       {"--pole", &words->pole, "the control's rule for vectors of the tool and near a pole",
+        OneOf{{"as_programmed", "linuxcnc", "fanuc", "siemens"}}},
+       {"--pole-near", &words->pole_near_deg, "deg, parameter 19738, of --pole fanuc",
+        Between{0, 45}},
+       {"--pole-change", &words->pole_change_deg, "deg, parameter 19739, of --pole fanuc",
+        Between{0, 90}},
+       {"--pole-warning", &words->pole_warning_deg,
+        "deg from a pole: nearer is warned of (2; 0: never)", Between{0, 45}},
        {"--skip-unknown", &words->skip_unknown, "words that the dialect has not: skip and count"},
        {"--picture", &words->picture, "draw machine and path"},
        {"--to", &words->to,

@@ -14,6 +14,7 @@
 #include "sim/cut/datum.h"
 #include "sim/cut/follow.h"
 #include "sim/cut/part.h"
+#include "sim/cut/pole_warnings.h"
 #include "sim/cut/program_warnings.h"
 #include "sim/cut/stopwatch.h"
 #include "sim/cut/tool_calls.h"
@@ -247,6 +248,7 @@ Pieces pieces_of(const Scene& described, const Program& program, const cutting::
         made.warnings);
   add_warnings(program.warnings, made.warnings);
   add_warnings(program_warnings(scene, design_w, program.path, program.unreached), made.warnings);
+  add_warnings(pole_warnings(scene, program.path), made.warnings);
   for (const Piece& one :
        made.stretches.empty() ? std::span(&made.whole, 1) : std::span<Piece>(made.stretches))
     add_warnings(shank_warnings(one.scene, design_w, {one.samples, one.T_wt}), made.warnings);

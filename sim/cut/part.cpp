@@ -252,7 +252,8 @@ Program read_file(const ProgramDescription::File& given, const program::NcOption
                                                .dialect = given.dialect,
                                                .on_unknown = given.on_unknown,
                                                .interpreter = given.interpreter,
-                                               .interpreter_limits = given.interpreter_limits});
+                                               .interpreter_limits = given.interpreter_limits,
+                                               .pole = given.pole});
   Program program{std::move(read.path), {}, {}};
   program.warnings = std::move(read.warnings);
   if (!read.skipped.empty()) program.warnings.push_back(skipped_text(read));

@@ -10,6 +10,7 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/cut/part.h"
+#include "sim/cut/pole_warnings.h"
 #include "sim/cut/pose_at.h"
 #include "sim/dialects/read_program.h"
 #include "sim/machine/compile.h"
@@ -22,6 +23,12 @@
 #include "sim/scene/scene_sections.h"
 
 namespace abbe::sim {
+
+std::string line_of(const ProgramAlone& alone, int line, std::uint16_t file) {
+  if (file == 0) return fmt::format("line {}", line);
+  return fmt::format("line {} of {}", line, alone.more_files[std::size_t(file) - 1]);
+}
+
 namespace {
 
 constexpr int most_tools = 999;                // H and D numbers that are known
@@ -147,8 +154,8 @@ std::vector<ToolOfProgram> tools_of(const std::vector<program::ToolCall>& calls,
   return tools;
 }
 
-/// Axes beyond their travel, and moves that the limits of axes slow down.
-void judge(ProgramAlone& alone) {
+/// Axes beyond their travel, poles that are passed, and moves that the limits of axes slow down.
+void judge(const ProgramAloneOptions& options, ProgramAlone& alone) {
   constexpr double slack = 1e-6;  // mm or rad: words are rounded, limits are not exact
   for (int j = 0; j < alone.machine.control.size(); ++j) {
     const kinematics::Joint& joint = alone.machine.control.joints()[std::size_t(j)];
@@ -162,6 +169,11 @@ void judge(ProgramAlone& alone) {
                     joint.name, joint.min / unit, joint.max / unit, unit == 1.0 ? "mm" : "deg",
                     -axis.left / unit, worst.line, worst.value / unit));
   }
+  if (const auto& pole = alone.figures.pole)
+    if (std::string text = pole_text(*pole, alone.machine.control, options.pole_warning,
+                                     line_of(alone, pole->line, pole->file));
+        !text.empty())
+      alone.warnings.push_back(std::move(text));
   if (alone.figures.slowed > 0)
     alone.warnings.push_back(fmt::format(
         "{} moves at feed are beyond the speed of an axis, by {:.3g} times on line {}: "
@@ -226,7 +238,8 @@ class Looking {
  public:
   Looking(ProgramAlone& alone, const program::NcOptions& control,
           const ProgramAloneOptions& options)
-      : meter_(alone.machine.control, {alone.description.rapid_speed, alone.description.rapid_turn},
+      : meter_(alone.machine.control,
+               {alone.description.rapid_speed, alone.description.rapid_turn, options.pole_warning},
                &control.control_of_h),
         tracer_(alone.trace) {
     if (options.trace)
@@ -281,7 +294,8 @@ void read_alone(const std::string& text, const program::NcOptions& control,
                                .dialect = options.dialect,
                                .on_unknown = options.on_unknown,
                                .interpreter = options.interpreter,
-                               .interpreter_limits = options.interpreter_limits};
+                               .interpreter_limits = options.interpreter_limits,
+                               .pole = options.pole};
     read.folder = alone.file.has_parent_path() ? alone.file.parent_path() : ".";
     if (!whole) read.each_piece = [&](const program::Path& piece) { looking.add(piece); };
     if (progress) read.progress = [&](double fraction) { progress("read", fraction); };
@@ -338,7 +352,7 @@ ProgramAlone program_alone(const std::filesystem::path& program, const ProgramAl
     if (*table)
       alone.warnings.insert(alone.warnings.end(), (*table)->table.notes.begin(),
                             (*table)->table.notes.end());
-  judge(alone);
+  judge(options, alone);
   return alone;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "kinematics/units.h"
 #include "sim/dialects/read_options.h"
 #include "sim/dialects/used_words.h"
 #include "sim/files/progress.h"
@@ -30,9 +31,11 @@ struct ProgramAloneOptions {
   dialects::OnUnknown on_unknown = dialects::OnUnknown::Refuse;
   dialects::Interpreter interpreter = dialects::Interpreter::Abbe;
   dialects::InterpreterLimits interpreter_limits = {};
-  std::optional<ProgramFormat> to;  ///< what it is written again as
-  double within = 0.001;            ///< mm, between what the format has no word for and its points
-  bool trace = false;               ///< the way of the tip, for a picture
+  dialects::PoleOptions pole = {};
+  double pole_warning = 2.0 * units::deg;  ///< rad, from a pole: nearer is warned of; 0: never
+  std::optional<ProgramFormat> to;         ///< what it is written again as
+  double within = 0.001;  ///< mm, between what the format has no word for and its points
+  bool trace = false;     ///< the way of the tip, for a picture
 };
 
 /// A tool that a program calls.
@@ -74,6 +77,9 @@ struct ProgramAlone {
   std::vector<std::string> warnings;
   bool beyond_travel = false;
 };
+
+/// "line 12", or "line 12 of FILE" in another file of the program.
+std::string line_of(const ProgramAlone& alone, int line, std::uint16_t file);
 
 /// The files that it reads.
 std::vector<std::filesystem::path> inputs_of(const std::filesystem::path& program,

@@ -180,6 +180,7 @@ void Machine::finish() {
     run_.warn_once(inches_seen_ ? "the program states no UNITS/, and IPM or IPR as its feed: its "
                                   "points are taken as mm all the same"
                                 : "the program states no UNITS/: its points are taken as mm");
+  vector_lines_.finish();
   if (bulge_.angle > least_bulge)
     run_.warn_once(fmt::format(
         "between two points the tool axis leaves the great circle of their vectors by up to {:.3g} "

@@ -8,6 +8,7 @@
 
 #include "sim/dialects/cl_statement.h"
 #include "sim/dialects/program_run.h"
+#include "sim/dialects/vector_lines.h"
 #include "sim/dialects/word_table.h"
 
 namespace abbe::sim::dialects::cl {
@@ -34,7 +35,7 @@ struct Location {
 /// The machine as statements command it: modes, tools, cycles, and the moves of the tip.
 class Machine {
  public:
-  explicit Machine(ProgramRun& run) : run_(run), canon_(run.canon) {}
+  explicit Machine(ProgramRun& run) : run_(run), canon_(run.canon), vector_lines_(run) {}
 
   /// Runs a statement whose items are not yet read. @throws BadInput
   void execute(Statement& statement);
@@ -147,6 +148,7 @@ class Machine {
 
   ProgramRun& run_;
   program::Canon& canon_;
+  VectorLines vector_lines_;
   bool inch_ = false, units_stated_ = false, inches_seen_ = false;
   bool ended_ = false, rapid_ = false, upright_ = false;
   Eigen::Vector3d direction_ = Eigen::Vector3d::UnitZ();  ///< of the point that the tool is at

@@ -91,6 +91,8 @@ kinematics::AxisVector Machine::turned_axes(const Location& to, const Eigen::Vec
   if (found.q.size() == 0)
     refuse(cause, "a location within the travel of the axes",
            fmt::format("{} with the tool vector {}", text_of(to.tip), text_of(to.direction)));
+  if (vector_lines_.rule() == PoleRule::Fanuc)
+    return vector_lines_.fanuc_axes(canon_.chain(), to.direction, cause);
   return std::move(found.q);
 }
 
@@ -135,6 +137,12 @@ void Machine::straight(const Location& to, const Cause& cause, bool stated, bool
   const std::uint32_t joints = stated ? every_joint : 0;
   if (rapid) return canon_.traverse({.end = std::move(end), .cause = cause, .stated = joints});
   check_feed(cause);
+  if (vector_lines_.on()) {
+    // led through a pole, the rotary axes do not stand for the vector: the next point turns them
+    if (!vector_lines_.straight_feed(canon_.chain(), {std::move(end), cause, false, joints}))
+      turned_to_.setZero();
+    return;
+  }
   note_turn(end, to.direction);
   canon_.straight_feed({.end = std::move(end), .cause = cause, .stated = joints});
 }

@@ -40,6 +40,7 @@ Machine::Machine(ProgramRun& run)
     : run_(run),
       canon_(run.canon),
       compensation_(run),
+      vector_lines_(run),
       zero_(AxisVector::Zero(run.canon.position().size())) {
   const program::NcOptions& options = canon_.options();
   for (const auto& [h, mm] : options.tool_length) lengths_[h].value = mm;

@@ -7,6 +7,7 @@
 #include "sim/dialects/cutter_compensation.h"
 #include "sim/dialects/fanuc_block.h"
 #include "sim/dialects/program_run.h"
+#include "sim/dialects/vector_lines.h"
 
 namespace abbe::sim::dialects::fanuc {
 
@@ -23,7 +24,10 @@ class Machine {
   /// The block executed last moved axes, as G66 asks.
   bool moved() const { return moved_; }
   /// What is still to be put out, at the end of the program.
-  void finish() { compensation_.finish(); }
+  void finish() {
+    compensation_.finish();
+    vector_lines_.finish();
+  }
 
   /// A number of an address in program units, the decimal point in place.
   double argument(const Word& word);
@@ -85,6 +89,7 @@ class Machine {
   void set_tool_length(const Block& block);
   void apply_length(const Cause& cause);
   void compare_zeros(const Cause& cause);
+  void note_turned_table(const Cause& cause);
   double length_of(int h, const Cause& cause) const;
   void set_compensation(const Block& block);
   void check_free(const Cause& cause) const;
@@ -139,6 +144,7 @@ class Machine {
   ProgramRun& run_;
   program::Canon& canon_;
   Compensation compensation_;
+  VectorLines vector_lines_;
   bool moved_ = false, warned_of_point_ = false;
 
   int motion_ = 0, plane_ = 170, cycle_code_ = 800, length_mode_ = 490, cutter_ = 400;

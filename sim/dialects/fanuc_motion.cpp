@@ -55,6 +55,11 @@ Target Machine::target_of(const Block& block, bool machine) {
 void Machine::straight(const Block& block, AxisVector end, std::uint32_t stated) {
   Straight move{std::move(end), cause_of(block), false, stated};
   if (compensation_.on()) return compensation_.straight(std::move(move), motion_ == 0);
+  if (length_mode_ == 435 && motion_ == 10 && vector_lines_.on()) {
+    const kinematics::Chain& own = chain(move.cause);
+    vector_lines_.straight_feed(own, std::move(move));
+    return;
+  }
   canon_.straight(std::move(move), motion_ == 0);
 }
 

@@ -233,9 +233,36 @@ void Machine::apply_length(const Cause& cause) {
   const bool of_tool = canon_.options().control_of_h.contains(tool_);
   canon_.set_tool_shift({});
   canon_.call_length(has ? h : of_tool ? tool_ : -1, cause);
+  const bool begins = !canon_.tip_mode();
   canon_.set_tip_mode(true, cause);
+  if (begins && tip_words()) note_turned_table(cause);
   seen_tip_length_ = seen_tip_length_ || has;
   compare_zeros(cause);
+}
+
+/// Under parameter 19696.5 WKP = 0 the workpiece coordinate system as it lies on the table at that
+/// block is what X Y Z count in (FANUC A-79348E, "Explanation"): a table that has turned by then
+/// takes no part of it along. Here they count in the workpiece with its table at zero.
+void Machine::note_turned_table(const Cause& cause) {
+  constexpr double turned = 1e-6;  // rad
+  const AxisVector offsets = base();
+  std::string tables;
+  for (const kinematics::Joint& joint : chain(cause).joints()) {
+    const int j = canon_.joint_of(joint.name);
+    if (j < 0 || joint.side != kinematics::Side::Workpiece ||
+        joint.motion != kinematics::Motion::Rotary)
+      continue;
+    const double at = canon_.position()[j] - offsets[j];
+    if (std::abs(std::remainder(at, 2 * pi)) > turned)
+      tables += fmt::format("{}{}{:.6g}", tables.empty() ? "" : " ", joint.name, at / units::deg);
+  }
+  if (tables.empty()) return;
+  run_.warn_once(fmt::format(
+      "{} on line {} begins with the table turned ({}): X Y Z count in the workpiece with its "
+      "table "
+      "at zero; a control with parameter 19696.5 WKP = 0 counts in the coordinate system as it "
+      "stands over the table then",
+      length_mode_ == 435 ? "G43.5" : "G43.4", canon_.line(), tables));
 }
 
 /// A control's words count from one point under G43 and G43.4. Here they do not where the scene

@@ -10,6 +10,7 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/dialects/fanuc_machine.h"
+#include "sim/dialects/fanuc_turning.h"
 
 namespace abbe::sim::dialects::fanuc {
 
@@ -17,12 +18,10 @@ using kinematics::AxisVector;
 using kinematics::Chain;
 using kinematics::Joint;
 using kinematics::Motion;
-using kinematics::Side;
 
 namespace {
 
 constexpr double most_lean = 0.02 * units::deg;  // of the tool from Z of a tilted plane
-constexpr double same_turn = 1e-9;               // rad
 
 /// The chain with slides without end: a change of direction does not ask where they are.
 Chain with_free_slides(const Chain& chain) {
@@ -33,36 +32,6 @@ Chain with_free_slides(const Chain& chain) {
       joint.max = 1e9;
     }
   return {std::move(joints), chain.T_bw_home(), chain.T_bt_home()};
-}
-
-/// The rotary joints in the order in which Fanuc's rule looks at how far they turn: of two in the
-/// head or two in the table from the bed outwards, of one in each the table first.
-std::vector<int> by_rank(const Chain& chain) {
-  std::vector<int> table, head;
-  for (int j = 0; j < chain.size(); ++j) {
-    const Joint& joint = chain.joints()[std::size_t(j)];
-    if (joint.motion == Motion::Rotary) (joint.side == Side::Tool ? head : table).push_back(j);
-  }
-  std::reverse(table.begin(), table.end());  // the code goes from the workpiece to the bed
-  table.insert(table.end(), head.begin(), head.end());
-  return table;
-}
-
-/// How far from zero, whole turns left out.
-double from_zero(double angle) { return std::abs(std::remainder(angle, 2 * pi)); }
-
-/// Output judgement conditions of the control: less travel of the first axis, of the second, then
-/// nearer to zero.
-bool before(const AxisVector& a, const AxisVector& b, const AxisVector& now,
-            const std::vector<int>& ranks) {
-  for (const int j : ranks)
-    if (const double less = std::abs(a[j] - now[j]) - std::abs(b[j] - now[j]);
-        std::abs(less) > same_turn)
-      return less < 0;
-  for (const int j : ranks)
-    if (const double less = from_zero(a[j]) - from_zero(b[j]); std::abs(less) > same_turn)
-      return less < 0;
-  return false;
 }
 
 }  // namespace
@@ -107,7 +76,7 @@ AxisVector Machine::rotary_positions(const Eigen::Vector3d& direction_w, const C
   if (!free_slides_ || free_slides_of_ != &own) {
     free_slides_ = with_free_slides(own);
     free_slides_of_ = &own;
-    ranks_ = by_rank(own);
+    ranks_ = turning_ranks(own);
   }
   kinematics::InverseResult found;
   const AxisVector now = canon_.position();  // its rotary joints, in any coordinates
@@ -121,11 +90,9 @@ AxisVector Machine::rotary_positions(const Eigen::Vector3d& direction_w, const C
         cause, "a direction that the rotary axes reach",
         fmt::format("{:.6f} {:.6f} {:.6f}{}", direction_w.x(), direction_w.y(), direction_w.z(),
                     found.reach == kinematics::Reach::OutOfLimits ? ", beyond their limits" : ""));
-  const AxisVector* best = &found.branches.front();
-  for (const AxisVector& one : found.branches)
-    if (before(one, *best, now, ranks_)) best = &one;
+  const AxisVector& best = output_judgement(found.branches, now, ranks_);
   AxisVector q = now;
-  for (const int j : ranks_) q[j] = (*best)[j];
+  for (const int j : ranks_) q[j] = best[j];
   return q;
 }
 

@@ -34,6 +34,23 @@ struct InterpreterLimits {
   double megabytes = 4000.0;  ///< of commands, about 120 bytes a move
 };
 
+/// What a control does with vectors of the tool, and near a pole: where the tool lies along a
+/// rotary axis, which then turns nothing. `README.md` says where each is documented.
+enum class PoleRule {
+  AsProgrammed,  ///< what the dialect does unless parameters of the control ask for more
+  LinuxCnc,      ///< rotary axes go as they are written; there are no vectors
+  Fanuc,         ///< tool posture control of G43.5: a block that would pass close by a pole is led
+                 ///< through it
+  Siemens,       ///< vectors on great circles; nothing is changed at a pole
+};
+
+struct PoleOptions {
+  PoleRule rule = PoleRule::AsProgrammed;
+  double near = 0.0;         ///< rad, Fanuc's parameter 19738: nearer than this is close; 0: never
+  double most_change = 0.0;  ///< rad, Fanuc's parameter 19739: by which the end of a block may be
+                             ///< turned about the pole
+};
+
 struct ReadOptions {
   program::NcOptions control;  ///< what the control knows before it reads
   Dialect dialect = Dialect::Auto;
@@ -48,6 +65,7 @@ struct ReadOptions {
   std::function<void(double fraction)> progress = {};
   Interpreter interpreter = Interpreter::Abbe;
   InterpreterLimits interpreter_limits = {};
+  PoleOptions pole = {};
 };
 
 /// Blocks of a piece.

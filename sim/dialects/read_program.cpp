@@ -25,6 +25,22 @@ const FrontEnd& front_end_of(const Recognised& found, const std::string& file) {
                  std::move(seen));
 }
 
+/// The rule of one control is not for programs of another.
+void check_rule(PoleRule rule, Dialect dialect, const std::string& file) {
+  const auto check = [&](PoleRule one, const char* name, std::initializer_list<Dialect> fit,
+                         const char* why) {
+    if (rule != one || std::ranges::find(fit, dialect) != fit.end()) return;
+    throw BadInput(file, 0, 0, fmt::format("{}, beside pole = \"{}\"", why, name),
+                   fmt::format("one of {}", name_of(dialect)));
+  };
+  check(PoleRule::LinuxCnc, "linuxcnc", {Dialect::LinuxCnc},
+        "a program of LinuxCNC, which has no vectors of the tool");
+  check(PoleRule::Fanuc, "fanuc", {Dialect::Fanuc, Dialect::Cl},
+        "a program of Fanuc or cutter locations");
+  check(PoleRule::Siemens, "siemens", {Dialect::Siemens, Dialect::Cl},
+        "a program of Siemens or cutter locations");
+}
+
 }  // namespace
 
 ReadProgram read_program(std::string_view text, const std::string& file,
@@ -37,6 +53,7 @@ ReadProgram read_program(std::string_view text, const std::string& file,
       options.dialect == Dialect::Auto ? recognised(text, file) : Recognised{options.dialect, {}};
   read.dialect = found.dialect;
   read.sign = found.sign;
+  check_rule(options.pole.rule, found.dialect, file);
   ProgramRun run(file, options, std::size_t(std::count(text.begin(), text.end(), '\n')));
   if (options.interpreter == Interpreter::LinuxCnc)
     read_by_linuxcnc(text, found, run);

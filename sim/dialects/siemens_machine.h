@@ -9,7 +9,7 @@
 #include "sim/dialects/cutter_compensation.h"
 #include "sim/dialects/siemens_block.h"
 #include "sim/dialects/siemens_frame.h"
-#include "sim/dialects/siemens_turning.h"
+#include "sim/dialects/tool_turning.h"
 
 namespace abbe::sim::dialects::siemens {
 

@@ -18,8 +18,6 @@ using program::Straight;
 
 namespace {
 
-constexpr double orientation_tolerance = 1e-6;  // rad, of a great circle
-
 constexpr std::pair<Address, char> axes_of_words[] = {
     {Address::X, 'X'}, {Address::Y, 'Y'}, {Address::Z, 'Z'}, {Address::A, 'A'}, {Address::B, 'B'},
     {Address::C, 'C'}, {Address::U, 'U'}, {Address::V, 'V'}, {Address::W, 'W'}};
@@ -147,26 +145,16 @@ void Machine::point_tool(const Block& block, AxisVector& end) const {
 }
 
 void Machine::great_circle(Straight move) {
-  const AxisVector start = canon_.position(), end = move.end;
   const bool ruled = on_great_circle_.has_value();
   if (!ruled && workpiece_frame_)
     run_.warn_once(
         "lines turn the tool on great circles, as ORIWKS does where a machine has no other rule: "
         "ORIAXES or ORIMKS moves its rotary axes in proportion");
-  const auto pieces = great_circle_pieces(turning_, start, end, orientation_tolerance);
+  const auto pieces =
+      great_circle_pieces(turning_, canon_.position(), move.end, great_circle_within);
   if (pieces.empty())
     refuse(move.cause, "ORIAXES before a turn of the tool that is no great circle of these axes");
-  const auto feed = canon_.feed();
-  if (feed && canon_.feed_mode() == FeedMode::InverseTime)
-    canon_.set_feed(Feed{feed->word * double(pieces.size()), feed->unit});
-  for (const TurningPiece& piece : pieces) {
-    Straight part = move;
-    part.end = start + piece.fraction * (end - start);
-    for (const int j : turning_.rotary()) part.end[j] = piece.q[j];
-    if (piece.fraction == 1.0) part.end = end;
-    canon_.straight_feed(std::move(part));
-  }
-  canon_.set_feed(feed);
+  feed_in_pieces(canon_, turning_, pieces, move);
 }
 
 /// G53, G153, SUPA: the axes themselves; a tool length that counts lies between Z and its tip.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kinematics/pole.h"
 #include "kinematics/units.h"
 #include "sim/program/block_axes.h"
 #include "sim/program/chords.h"
@@ -150,6 +151,7 @@ void PathMeter::move(const Path& path, const Block& block) {
       if (!is_spindle(j)) least = std::max(least, std::abs(step[j]) / limit(j));
     limited += rapid ? least : std::max(least, seconds);
     if (!rapid) note_speeds(block, step, seconds);
+    if (!rapid && limits_.pole > 0.0) note_pole(block, q, seconds);
     q_ = q;
     const Vector3d at = tip_of(path, block, q, k == n ? 1.0 : double(k) / double(n));
     moves.way += (at - tip_w_).norm();
@@ -166,6 +168,25 @@ void PathMeter::move(const Path& path, const Block& block) {
     for (std::size_t k = 0; k < n; ++k)
       note_singular(path, block, double(k) / double(n), double(k + 1) / double(n),
                     turn / double(n));
+}
+
+/// From where the axes are.
+void PathMeter::note_pole(const Block& block, const AxisVector& to, double seconds) {
+  if (block.coordinates != Coordinates::Tip || rotary_.size() != 2) return;
+  if (!(std::abs(to[rotary_[0]] - q_[rotary_[0]]) > turns_at_all)) return;
+  const auto pole = kinematics::nearest_pole(*control_, q_, to);
+  if (!pole || pole->angle >= limits_.pole) return;
+  const double turned = std::abs(to[pole->axis] - q_[pole->axis]);
+  if (!figures_.pole) figures_.pole = NearPole{limits_.pole, pole->axis, pole->other};
+  NearPole& near = *figures_.pole;
+  if (pole->angle < near.angle) {
+    near.angle = pole->angle;
+    near.at = pole->at + pi * std::round((to[pole->other] - pole->at) / pi);
+    near.line = block.line;
+    near.file = block.file;
+  }
+  near.turned += turned;
+  if (seconds > 0.0) near.fastest = std::max(near.fastest, turned / seconds);
 }
 
 double PathMeter::singular_angle(const Path& path, const Block& block, double u) const {

@@ -19,6 +19,7 @@ namespace abbe::sim::program {
 struct AxisLimits {
   double rapid_speed = 10000.0 / 60.0;  ///< mm/s of every slide
   double rapid_turn = 1.0;              ///< rad/s of every rotary axis
+  double pole = 0.0;                    ///< rad: nearer to a pole than this is noted; 0: never
 };
 
 /// A line of the program at which a figure is met.
@@ -45,6 +46,19 @@ struct SingularPose {
   std::uint16_t file = 0;
 };
 
+/// Where the tool is near a pole in moves at feed under a tip mode, and turns the axis that is free
+/// there.
+struct NearPole {
+  double angle = 0.0;    ///< rad, of the tool to that axis, the least
+  int axis = 0;          ///< joint that is free at the pole
+  int other = 0;         ///< the other rotary joint
+  double at = 0.0;       ///< rad, position of `other` in the pole that is nearest
+  double turned = 0.0;   ///< rad, of `axis` where the tool is near
+  double fastest = 0.0;  ///< rad/s of `axis` there, as programmed
+  int line = 0;          ///< of the least angle
+  std::uint16_t file = 0;
+};
+
 /// Ways and times of the moves of one kind.
 struct MoveFigures {
   std::size_t count = 0;
@@ -62,9 +76,10 @@ struct PathFigures {
   int fastest_axis = -1;          ///< the joint that comes nearest to its limit, or goes beyond it
   Eigen::AlignedBox3d feed_w, all_w;     ///< of the tip in the workpiece
   std::optional<SingularPose> singular;  ///< none where no move at feed turns two rotary axes' tool
-  std::map<int, std::size_t> offsets;    ///< blocks by `Block::work_offset`
-  std::map<int, std::size_t> lengths;    ///< blocks by `Block::tool_length`
-  std::size_t tip_blocks = 0;            ///< under a tip mode
+  std::optional<NearPole> pole;  ///< none where the tool is never near, or nothing turns there
+  std::map<int, std::size_t> offsets;  ///< blocks by `Block::work_offset`
+  std::map<int, std::size_t> lengths;  ///< blocks by `Block::tool_length`
+  std::size_t tip_blocks = 0;          ///< under a tip mode
 };
 
 /// mm, by which positions and extents may be missed between the places that are looked at.
@@ -72,7 +87,8 @@ inline constexpr double path_meter_within = 0.01;
 
 /// Looks at a path block by block, as the axes of a machine run it; keeps no blocks.
 /// Positions and extents are met within 0.01 mm (`path_meter_within`), the singular pose by
-/// minimising along each move that may come nearer, within 1e-7 rad.
+/// minimising along each move that may come nearer, within 1e-7 rad; how an axis turns near a pole
+/// is summed over the pieces of moves that come near, so by one piece at most too much at each end.
 class PathMeter {
  public:
   /// @param control       outlives it; its limits are those of travel
@@ -103,6 +119,7 @@ class PathMeter {
   void note_speeds(const Block& block, const AxisVector& step, double seconds);
   void note_slowed(const Block& block, double factor);
   void note_singular(const Path& path, const Block& block, double from, double to, double turn);
+  void note_pole(const Block& block, const AxisVector& to, double seconds);
   void look_at(const Path& path, const Block& block, double u);
   double singular_angle(const Path& path, const Block& block, double u) const;
   MoveFigures& kind(const Block& block);

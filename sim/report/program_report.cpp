@@ -65,11 +65,6 @@ std::string offset_name(int number) {
   return fmt::format("{}", number + 1);
 }
 
-std::string line_of(const ProgramAlone& alone, int line, std::uint16_t file) {
-  if (file == 0) return fmt::format("line {}", line);
-  return fmt::format("line {} of {}", line, alone.more_files[std::size_t(file) - 1]);
-}
-
 std::string place_of(const ProgramAlone& alone, const AtLine& at) {
   return line_of(alone, at.line, at.file);
 }
@@ -247,6 +242,16 @@ ordered_json singular_json(const ProgramAlone& alone) {
   return {{"angle_deg", pose.angle / units::deg}, {"line", pose.line}, {"axes", at}};
 }
 
+ordered_json pole_json(const ProgramAlone& alone) {
+  if (!alone.figures.pole) return nullptr;
+  const program::NearPole& pole = *alone.figures.pole;
+  return {{"angle_deg", pole.angle / units::deg},
+          {"line", pole.line},
+          {"axis", std::string(1, joint_of(alone, pole.axis).name)},
+          {"turned_deg", pole.turned / units::deg},
+          {"fastest_deg_per_min", pole.fastest / units::deg * 60.0}};
+}
+
 ordered_json tools_json(const ProgramAlone& alone) {
   ordered_json tools = ordered_json::array();
   for (const ToolOfProgram& tool : alone.tools)
@@ -305,6 +310,7 @@ ordered_json to_json(const ProgramAlone& alone) {
       {"axes", axes_json(alone)},
       {"fastest_axis", fastest},
       {"singular", singular_json(alone)},
+      {"near_pole", pole_json(alone)},
       {"tools", tools_json(alone)},
       {"offset", alone.offset},
       {"offsets", offsets},

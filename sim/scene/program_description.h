@@ -7,6 +7,7 @@
 #include <variant>
 
 #include "kinematics/chain.h"
+#include "kinematics/units.h"
 #include "sim/dialects/control_tables.h"
 #include "sim/dialects/read_options.h"
 #include "sim/program/generate.h"
@@ -22,6 +23,8 @@ struct ProgramFile {
   dialects::OnUnknown on_unknown = dialects::OnUnknown::Refuse;
   dialects::Interpreter interpreter = dialects::Interpreter::Abbe;
   dialects::InterpreterLimits interpreter_limits = {};
+  dialects::PoleOptions pole = {};
+  double pole_warning = 2.0 * units::deg;  ///< rad, from a pole: nearer is warned of; 0: never
 };
 
 /// A table of the control in a file, as it was read with the scene.

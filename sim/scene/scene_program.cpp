@@ -17,6 +17,8 @@ using dialects::Dialect;
 using dialects::Interpreter;
 using dialects::InterpreterLimits;
 using dialects::OnUnknown;
+using dialects::PoleOptions;
+using dialects::PoleRule;
 using program::Flank;
 using program::NcFormat;
 using program::Raster;
@@ -90,11 +92,36 @@ void check_file(TableReader& reader, File& program) {
   } else if (!std::filesystem::is_regular_file(file, failure)) {
     reader.refuse("file", "a file that can be read", no_file(file));
   }
+  const bool pvt = program.dialect != Dialect::Cl && (ending == ".csv" || ending == ".pvt");
+  if (pvt && program.pole.rule != PoleRule::AsProgrammed)
+    reader.refuse("pole", "no pole beside a table of times, which has no vectors", "one");
   if (program.interpreter != Interpreter::LinuxCnc) return;
-  const bool pvt = ending == ".csv" || ending == ".pvt";
   if (pvt || (program.dialect != Dialect::Auto && program.dialect != Dialect::LinuxCnc))
     reader.refuse("interpreter", "\"abbe\" beside a program that is not one of LinuxCNC",
                   "\"linuxcnc\"");
+}
+
+Fields<PoleOptions> pole_fields() {
+  constexpr Range near{0.0, 45.0, true, false}, change{0.0, 90.0};
+  return Fields<PoleOptions>()
+      .word("pole", &PoleOptions::rule,
+            {{"as_programmed", PoleRule::AsProgrammed, "what the dialect does by itself"},
+             {"linuxcnc", PoleRule::LinuxCnc,
+              "rotary axes go as they are written, in a program of LinuxCNC"},
+             {"fanuc", PoleRule::Fanuc,
+              "tool posture control, for G43.5 and cutter locations: a block that would pass close "
+              "by a pole is led through it"},
+             {"siemens", PoleRule::Siemens,
+              "vectors on great circles, for Siemens and cutter locations"}},
+            "the control's rule for vectors of the tool and near a pole")
+      .where([](const PoleOptions& pole) { return pole.rule == PoleRule::Fanuc; },
+             Fields<PoleOptions>()
+                 .number(must("pole_near_deg"), &PoleOptions::near, near,
+                         "parameter 19738: nearer to a pole than this is close; must be given with "
+                         "pole = \"fanuc\"")
+                 .number(must("pole_change_deg"), &PoleOptions::most_change, change,
+                         "parameter 19739: by which the end of a block may be turned about the "
+                         "pole; must be given with pole = \"fanuc\""));
 }
 
 Fields<InterpreterLimits> interpreter_fields() {
@@ -177,6 +204,11 @@ Fields<ProgramDescription> file_fields() {
                 "LinuxCNC's rs274 as a separate process, which `./abbe setup --linuxcnc` unpacks"}},
               "what reads a program of LinuxCNC")
           .all_of(&File::interpreter_limits, interpreter_fields())
+          .all_of(&File::pole, pole_fields())
+          .number(
+              "pole_warning_deg", &File::pole_warning, Range{0.0, 45.0},
+              "from a pole: a warning says how the axis that is free there turns where the tool "
+              "comes nearer; 0: none")
           .check(check_file));
 }
 

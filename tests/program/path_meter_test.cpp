@@ -63,6 +63,31 @@ TEST(PathMeter, TimesWaysAndExtentsOfASmallProgramByHand) {
   EXPECT_FALSE(f.axes[5].positioned) << "the nose";
 }
 
+// The head leans by 1 degree and the table turns by 90 within 6 s, then further away from the pole.
+TEST(PathMeter, NearAPoleTheTurnOfTheFreeAxisIsSummedByHand) {
+  const Path path = gantry_path(
+      "G21 G90 G94 G17\nG43.4 H1\nG0 X0 Y0 Z50 A1 C0\nG1 X60 C90 F600\nG1 X0 A3\nG1 X60 C0\n"
+      "G1 A1\nG0 C90\n");
+  const test::Chain gantry = test::gantry();
+  const auto pole_of = [&](double within) {
+    PathMeter meter(gantry, {100.0, 1.0, within});
+    meter.add(path);
+    return meter.figures().pole;
+  };
+  const auto pole = pole_of(2.0 * units::deg);
+  ASSERT_TRUE(pole);
+  EXPECT_NEAR(pole->angle / units::deg, 1.0, 1e-9);
+  EXPECT_EQ(pole->axis, 0) << "C";
+  EXPECT_EQ(pole->other, 4) << "A";
+  EXPECT_NEAR(pole->at, 0.0, 1e-12);
+  EXPECT_NEAR(pole->turned / units::deg, 90.0, 1e-9);
+  EXPECT_NEAR(pole->fastest / units::deg, 15.0, 1e-6);
+  EXPECT_EQ(pole->line, 4);
+  EXPECT_NEAR(pole_of(4.0 * units::deg)->turned / units::deg, 180.0, 1e-9);
+  EXPECT_FALSE(pole_of(0.9 * units::deg));
+  EXPECT_FALSE(pole_of(0.0)) << "not asked for";
+}
+
 TEST(PathMeter, TravelLeftIsToTheNearerLimitAndBelowZeroBeyondIt) {
   std::vector<kinematics::Joint> joints = test::gantry().joints();
   joints[1].min = -50;

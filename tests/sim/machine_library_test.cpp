@@ -1,5 +1,6 @@
 // Every machine of the library: it reads, its forward and inverse agree, `check` takes it; what is
-// listed of all of them. Their location elements are in location_machines_test.cpp.
+// listed of all of them, and how programs pass their poles. Their location elements are in
+// location_machines_test.cpp.
 
 #include <cmath>
 #include <cstdlib>
@@ -295,6 +296,246 @@ TEST(KeyTablesOfMachines, OfTheDocumentIsThatOfTheLibrary) {
   if (std::getenv("ABBE_WRITE_KEYS")) std::ofstream(file) << again;
   EXPECT_EQ(document == again, true) << "scenes/README.md is stale; ABBE_WRITE_KEYS=1 sim_test "
                                         "--gtest_filter=KeyTables* writes it";
+}
+
+// ---- poles
+
+/// Rotary axes of a machine of the library.
+int rotary_axes_of(const std::string& name) {
+  int turns = 0;
+  for (const kinematics::Joint& joint : described(name).joints)
+    turns += joint.motion == kinematics::Motion::Rotary && joint.name != 'S';
+  return turns;
+}
+
+/// Vectors that pass z by half a degree, 20 degrees in steps of one, along a line at feed.
+std::vector<Vector3d> vectors_past_z() {
+  std::vector<Vector3d> all;
+  for (int k = -10; k <= 10; ++k)
+    all.push_back(Vector3d(std::tan(k * units::deg), std::tan(0.5 * units::deg), 1.0).normalized());
+  return all;
+}
+
+/// The first and the last of them alone: one block passes z.
+std::string cl_across_the_pole() {
+  const std::vector<Vector3d> all = vectors_past_z();
+  std::string text = "UNITS/MM\nMULTAX/ON\nFEDRAT/1000\nRAPID\n";
+  for (const Vector3d& v : {all.front(), all.back()})
+    text += fmt::format("GOTO/0,0,40,{:.9f},{:.9f},{:.9f}\n", v.x(), v.y(), v.z());
+  return text + "FINI\n";
+}
+
+/// A line of a program for each vector, the first at rapid. @param line  (x, vector, rapid)
+template <typename Line>
+std::string past_the_pole(std::string head, const Line& line, const char* end) {
+  int x = -10;
+  for (const Vector3d& v : vectors_past_z()) {
+    head += line(x, v, x == -10);
+    ++x;
+  }
+  return head + end;
+}
+
+std::string cl_past_the_pole() {
+  return past_the_pole(
+      "UNITS/MM\nMULTAX/ON\nFEDRAT/1000\n",
+      [](int x, const Vector3d& v, bool rapid) {
+        return fmt::format("{}GOTO/{},0,40,{:.9f},{:.9f},{:.9f}\n", rapid ? "RAPID\n" : "", x,
+                           v.x(), v.y(), v.z());
+      },
+      "FINI\n");
+}
+
+std::string fanuc_past_the_pole() {
+  return past_the_pole(
+      "O1\nG21 G90 G94 G17\nG54\nG43.5 H1\n",
+      [](int x, const Vector3d& v, bool rapid) {
+        return fmt::format("{} X{}. Y0. Z40. I{:.9f} J{:.9f} K{:.9f}\n", rapid ? "G0" : "G1 F1000.",
+                           x, v.x(), v.y(), v.z());
+      },
+      "M30\n");
+}
+
+std::string siemens_past_the_pole() {
+  return past_the_pole(
+      "G90 G54 T1 D1\nTRAORI\nORIAXES\n",
+      [](int x, const Vector3d& v, bool rapid) {
+        return fmt::format("{} X{} Y0 Z40 A3={:.9f} B3={:.9f} C3={:.9f}\n",
+                           rapid ? "G0" : "G1 F1000", x, v.x(), v.y(), v.z());
+      },
+      "M30\n");
+}
+
+TEST(PoleWarning, SaysHowCloseWhereAndHowTheFreeAxisTurnsOnEveryFiveAxisMachine) {
+  const safety::Folder folder;
+  const std::string program = folder.write("p.cl", cl_past_the_pole()).string();
+  int machines = 0;
+  for (const std::string& name : library_machines()) {
+    if (rotary_axes_of(name) != 2) continue;
+    ++machines;
+    const safety::Ran ran = safety::shell("(" + std::string(ABBE_PROGRAM) + " program " + program +
+                                          " --machine " + name + " --json 2>/dev/null)");
+    EXPECT_EQ(ran.code, 0) << name << ": " << ran.text;
+    if (ran.code != 0) continue;
+    const auto pole = nlohmann::json::parse(ran.text)["near_pole"];
+    ASSERT_FALSE(pole.is_null()) << name;
+    std::cout << name << ": " << pole << "\n";
+    EXPECT_NEAR(pole["angle_deg"].get<double>(), 0.5, 1e-3) << name;
+    EXPECT_NEAR(pole["line"].get<int>(), 15, 1) << name;
+    EXPECT_EQ(pole["axis"], "C") << name;
+    EXPECT_GT(pole["turned_deg"].get<double>(), 140.0) << name;
+    EXPECT_LT(pole["turned_deg"].get<double>(), 185.0) << name;
+    EXPECT_NE(ran.text.find("the tool passes a pole of the machine, where it lies along C and C "
+                            "turns nothing, by 0.5 deg (line "),
+              std::string::npos)
+        << ran.text;
+  }
+  EXPECT_EQ(machines, 8);
+}
+
+TEST(PoleWarning, StandsForEveryDialectOfVectors) {
+  const safety::Folder folder;
+  const std::pair<const char*, std::string> programs[] = {{"p.nc", fanuc_past_the_pole()},
+                                                          {"p.mpf", siemens_past_the_pole()},
+                                                          {"p.cl", cl_past_the_pole()}};
+  for (const auto& [name, text] : programs) {
+    const std::string program = folder.write(name, text).string();
+    const safety::Ran ran = run("program " + program + " --machine trunnion_ca");
+    EXPECT_EQ(ran.code, 0) << ran.text;
+    EXPECT_NE(ran.text.find("passes a pole of the machine, where it lies along C and C turns "
+                            "nothing, by 0.5 deg"),
+              std::string::npos)
+        << name << ": " << ran.text;
+    EXPECT_NE(ran.text.find("nearer than 2 deg C turns by"), std::string::npos) << ran.text;
+    EXPECT_NE(ran.text.find("deg/min as programmed"), std::string::npos) << ran.text;
+    for (const char* less : {" --pole-warning 0.4", " --pole-warning 0"})
+      EXPECT_EQ(
+          run("program " + program + " --machine trunnion_ca" + less).text.find("passes a pole"),
+          std::string::npos)
+          << name << less;
+  }
+}
+
+TEST(PoleWarning, IsNotGivenWhereTheToolPassesWithoutATurn) {
+  const safety::Folder folder;
+  const std::string program =
+      folder
+          .write("p.cl",
+                 "UNITS/MM\nMULTAX/ON\nFEDRAT/1000\nRAPID\nGOTO/0,0,40,0,-0.173648178,0.984807753\n"
+                 "GOTO/0,0,40,0,0.173648178,0.984807753\nFINI\n")
+          .string();
+  const safety::Ran ran = run("program " + program + " --machine trunnion_ca");
+  EXPECT_EQ(ran.code, 0) << ran.text;
+  EXPECT_EQ(ran.text.find("passes a pole"), std::string::npos) << ran.text;
+}
+
+std::string pole_scene(const std::string& program_keys) {
+  return fmt::format(
+      "machine = \"library:trunnion_ca\"\ntool = \"library:ball_r5\"\n[part]\nsurface = "
+      "\"rectangle\"\nlength_x_mm = 4\nlength_y_mm = 4\nat_mm = [0, 0, 40]\nvertices = 100\n"
+      "[program]\nfile = \"p.cl\"\n{}",
+      program_keys);
+}
+
+TEST(PoleWarning, StandsInTheSummaryOfARun) {
+  const safety::Folder folder;
+  folder.write("p.cl", cl_past_the_pole());
+  const std::string scene = folder.write("s.toml", pole_scene("")).string();
+  const safety::Ran ran = run("run " + scene + " --out " + (folder / "out").string());
+  EXPECT_EQ(ran.code, 0) << ran.text;
+  EXPECT_NE(ran.text.find("passes a pole of the machine"), std::string::npos) << ran.text;
+  const auto summary = nlohmann::json::parse(bytes(folder / "out/summary.json"));
+  bool said = false;
+  for (const auto& warning : summary["warnings"])
+    said = said ||
+           warning.get<std::string>().find("passes a pole of the machine") != std::string::npos;
+  EXPECT_TRUE(said) << summary["warnings"];
+  folder.write("s.toml", pole_scene("pole_warning_deg = 0\n"));
+  EXPECT_EQ(run("check " + scene).text.find("passes a pole"), std::string::npos);
+}
+
+TEST(PoleRules, OfASceneAreReadWrittenAndRefused) {
+  const safety::Folder folder;
+  folder.write("p.cl", cl_across_the_pole());
+  const auto said = [&](const std::string& keys) {
+    return run("check " + folder.write("s.toml", pole_scene(keys)).string());
+  };
+  const safety::Ran led = said("pole = \"fanuc\"\npole_near_deg = 1\npole_change_deg = 10\n");
+  EXPECT_EQ(led.code, 0) << led.text;
+  EXPECT_NE(led.text.find("would pass a pole nearer than 1 deg and are led through it"),
+            std::string::npos)
+      << led.text;
+  const safety::Ran siemens = said("pole = \"siemens\"\n");
+  EXPECT_EQ(siemens.code, 0) << siemens.text;
+  const safety::Ran linuxcnc = said("pole = \"linuxcnc\"\n");
+  EXPECT_EQ(linuxcnc.code, 3);
+  EXPECT_NE(linuxcnc.text.find("a program of LinuxCNC, which has no vectors of the tool"),
+            std::string::npos)
+      << linuxcnc.text;
+  const safety::Ran none = said("pole = \"fanuc\"\n");
+  EXPECT_EQ(none.code, 3);
+  EXPECT_NE(none.text.find("pole_near_deg"), std::string::npos) << none.text;
+  EXPECT_NE(none.text.find("pole_change_deg"), std::string::npos) << none.text;
+  const safety::Ran alone = said("pole_near_deg = 1\n");
+  EXPECT_EQ(alone.code, 3);
+  EXPECT_NE(alone.text.find("s.toml:11:1:"), std::string::npos) << alone.text;
+  folder.write("p.pvt", "time_s,X_mm\n0,0\n1,1\n");
+  std::string table = pole_scene("pole = \"siemens\"\n");
+  table.replace(table.find("p.cl"), 4, "p.pvt");
+  const safety::Ran of_times = run("check " + folder.write("t.toml", table).string());
+  EXPECT_EQ(of_times.code, 3);
+  EXPECT_NE(of_times.text.find("expected no pole beside a table of times, which has no vectors"),
+            std::string::npos)
+      << of_times.text;
+  const Scene scene = read_scene(folder.write(
+      "s.toml", pole_scene("pole = \"fanuc\"\npole_near_deg = 1.5\npole_change_deg = 20\n")));
+  const Scene again = read_scene(folder.write("again.toml", scene.resolved));
+  const auto& file = std::get<ProgramFile>(again.program.source);
+  EXPECT_EQ(file.pole.rule, dialects::PoleRule::Fanuc);
+  EXPECT_EQ(file.pole.near, 1.5 * units::deg);
+  EXPECT_EQ(file.pole.most_change, 20 * units::deg);
+}
+
+// FANUC's formula is of axes at right angles.
+TEST(PoleRules, FanucLeadsThroughThePoleOfEveryMachineAtRightAngles) {
+  const safety::Folder folder;
+  const std::string program = folder.write("p.cl", cl_across_the_pole()).string();
+  int led = 0, refused = 0;
+  for (const std::string& name : library_machines()) {
+    if (rotary_axes_of(name) != 2) continue;
+    const safety::Ran ran = run("program " + program + " --machine " + name +
+                                " --pole fanuc --pole-near 1 --pole-change 10");
+    if (name.starts_with("nutating")) {
+      ++refused;
+      EXPECT_EQ(ran.code, 3) << ran.text;
+      EXPECT_NE(
+          ran.text.find("p.cl:6:1: expected a machine with two rotary axes at right angles to "
+                        "each other and to the tool, beside pole = \"fanuc\""),
+          std::string::npos)
+          << ran.text;
+      continue;
+    }
+    ++led;
+    EXPECT_EQ(ran.code, 0) << name << ": " << ran.text;
+    EXPECT_NE(ran.text.find("1 blocks would pass a pole nearer than 1 deg and are led through it"),
+              std::string::npos)
+        << name << ": " << ran.text;
+  }
+  EXPECT_EQ(led, 6);
+  EXPECT_EQ(refused, 2);
+}
+
+TEST(PoleRules, OfTheCommandLineAskForEachOther) {
+  const safety::Folder folder;
+  const std::string program =
+      "program " + folder.write("p.cl", cl_across_the_pole()).string() + " --machine trunnion_ca ";
+  EXPECT_EQ(run(program + "--pole fanuc").code, 2);
+  EXPECT_EQ(run(program + "--pole-near 1").code, 2);
+  const safety::Ran led = run(program + "--pole fanuc --pole-near 1 --pole-change 10");
+  EXPECT_EQ(led.code, 0) << led.text;
+  EXPECT_NE(led.text.find("are led through it"), std::string::npos) << led.text;
+  EXPECT_EQ(run(program + "--pole siemens").code, 0);
+  EXPECT_EQ(run(program + "--pole linuxcnc").code, 3);
 }
 
 }  // namespace

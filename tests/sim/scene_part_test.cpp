@@ -249,12 +249,18 @@ on_unknown = "refuse"
 interpreter = "abbe"
 interpreter_limit_s = 120.0
 interpreter_limit_MB = 4000.0
+pole = "as_programmed"
+pole_warning_deg = 2.0
 )");
   const std::string stated = text + R"(dialect = "linuxcnc"
 on_unknown = "warn"
 interpreter = "linuxcnc"
 interpreter_limit_s = 5.0
 interpreter_limit_MB = 64.0
+pole = "fanuc"
+pole_near_deg = 1.5
+pole_change_deg = 20.0
+pole_warning_deg = 0.5
 )";
   EXPECT_EQ(program_again(stated), stated);
 }

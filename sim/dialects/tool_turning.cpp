@@ -1,4 +1,4 @@
-#include "sim/dialects/siemens_turning.h"
+#include "sim/dialects/tool_turning.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 #include "kinematics/inverse.h"
 #include "kinematics/units.h"
 
-namespace abbe::sim::dialects::siemens {
+namespace abbe::sim::dialects {
 
 using Eigen::Vector3d;
 using kinematics::AxisVector;
@@ -18,7 +18,7 @@ namespace {
 
 constexpr int most_pieces = 4096;
 
-std::optional<Chain> with_free_slides(const Chain& chain) {
+std::optional<Chain> pointing_chain(const Chain& chain) {
   std::vector<kinematics::Joint> joints = chain.joints();
   int slides = 0, turns = 0;
   for (kinematics::Joint& joint : joints) {
@@ -80,7 +80,7 @@ std::vector<AxisVector> on_the_way(const RotaryTurning& turning, const GreatCirc
 
 RotaryTurning::RotaryTurning(const std::optional<Chain>& control) {
   if (!control) return;
-  free_ = with_free_slides(*control);
+  free_ = pointing_chain(*control);
   if (free_) rotary_ = rotary_in_order(*free_);
 }
 
@@ -142,4 +142,20 @@ std::vector<TurningPiece> great_circle_pieces(const RotaryTurning& turning, cons
   return {};
 }
 
-}  // namespace abbe::sim::dialects::siemens
+void feed_in_pieces(program::Canon& canon, const RotaryTurning& turning,
+                    const std::vector<TurningPiece>& pieces, const program::Straight& move) {
+  const AxisVector start = canon.position();
+  const auto feed = canon.feed();
+  if (feed && canon.feed_mode() == program::FeedMode::InverseTime)
+    canon.set_feed(program::Feed{feed->word * double(pieces.size()), feed->unit});
+  for (const TurningPiece& piece : pieces) {
+    program::Straight part = move;
+    part.end = start + piece.fraction * (move.end - start);
+    for (const int j : turning.rotary()) part.end[j] = piece.q[j];
+    if (piece.fraction == 1.0) part.end = move.end;
+    canon.straight_feed(std::move(part));
+  }
+  canon.set_feed(feed);
+}
+
+}  // namespace abbe::sim::dialects

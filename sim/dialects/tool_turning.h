@@ -4,8 +4,9 @@
 #include <vector>
 
 #include "kinematics/chain.h"
+#include "sim/program/canon.h"
 
-namespace abbe::sim::dialects::siemens {
+namespace abbe::sim::dialects {
 
 /// How the rotary axes of a machine point its tool.
 class RotaryTurning {
@@ -50,4 +51,11 @@ std::vector<TurningPiece> great_circle_pieces(const RotaryTurning& turning,
                                               const kinematics::AxisVector& from,
                                               const kinematics::AxisVector& to, double tolerance);
 
-}  // namespace abbe::sim::dialects::siemens
+/// rad, by which lines that turn the tool on a great circle may leave it.
+inline constexpr double great_circle_within = 1e-6;
+
+/// A line at feed that turns the tool, put out in pieces; under inverse time each has its share.
+void feed_in_pieces(program::Canon& canon, const RotaryTurning& turning,
+                    const std::vector<TurningPiece>& pieces, const program::Straight& move);
+
+}  // namespace abbe::sim::dialects
