@@ -198,7 +198,7 @@ Misses held(const Modelled& machine, const std::vector<AxisVector>& positions) {
 class LinuxCncKinematics : public testing::TestWithParam<Modelled (*)(const Figures&)> {};
 
 TEST_P(LinuxCncKinematics, ModulesAndChainsPutTheToolInTheSamePlace) {
-  if (!linuxcnc::modules()) GTEST_SKIP() << "ABBE_LINUXCNC is not set";
+  if (!linuxcnc::modules()) GTEST_SKIP() << "no LinuxCNC: ./abbe setup --linuxcnc";
   const unsigned seed = 20261125;
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937 random(seed);
@@ -230,7 +230,7 @@ INSTANTIATE_TEST_SUITE_P(Modules, LinuxCncKinematics,
 
 // The comparison itself sees what it should see.
 TEST(LinuxCncModules, AnOffsetOfAMicrometreShows) {
-  if (!linuxcnc::modules()) GTEST_SKIP() << "ABBE_LINUXCNC is not set";
+  if (!linuxcnc::modules()) GTEST_SKIP() << "no LinuxCNC: ./abbe setup --linuxcnc";
   std::mt19937 random(1);
   const Figures told{{11, -7, 23}, {-20, 13, -15}, 87.5};
   Figures wrong = told;
