@@ -13,7 +13,11 @@ std::string figures_text(const Figures& figures, Mean mean) {
   const LengthUnit unit = unit_for(std::isfinite(figures.pv_um) ? figures.pv_um : 0.0);
   std::vector<std::string> parts;
   const auto add = [&](const char* name, double um, int decimals) {
-    parts.push_back(fmt::format("{} {} {}", name, fixed(um * unit.per_um, decimals), unit.name));
+    constexpr double least_um = 1e-6;  // below it figures are those of rounding
+    const std::string length =
+        um < least_um ? "under 0.001 nm"
+                      : fmt::format("{} {}", fixed(um * unit.per_um, decimals), unit.name);
+    parts.push_back(fmt::format("{} {}", name, length));
   };
   const int rms_decimals = figure_decimals(figures.rms_um * unit.per_um);
   if (std::isfinite(figures.pv_um)) {
