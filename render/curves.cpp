@@ -228,8 +228,9 @@ Axes draw_panel(Canvas& canvas, const Panel& panel, const Rectangle& cell, const
   for (std::size_t i = 0; i < panel.series.size(); ++i)
     draw_series(canvas, p.axes, panel.series[i], colour_of(panel, i), look.unit);
   const double top = p.axes.box.y + p.axes.box.height;
+  const double room = cell.x + cell.width - p.axes.box.x;  // beyond the axes: a legend is lower
   paragraph(canvas, {p.axes.box.x, top + line_height(look.title) + 0.1 * look.title.size_px},
-            wrapped(panel.title, look.title, p.axes.box.width, 1), look.title);
+            wrapped(panel.title, look.title, room, 1), look.title);
   return p.axes;
 }
 

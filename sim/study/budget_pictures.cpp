@@ -315,7 +315,7 @@ void write_correlation(Album& album, const Budget& budget, const ArmBudget& arm)
       "of the inputs with the answers of random machines",
       fmt::format("–  no larger than {}, four standard errors: chance may give as much",
                   render::fixed(least, 3)),
-      fmt::format("{} of {} inputs have a larger one", beyond, inputs)};
+      fmt::format("{} of {} inputs {} a larger one", beyond, inputs, beyond == 1 ? "has" : "have")};
   if (beyond > order.size())
     options.caption.back() += fmt::format(", the {} strongest are shown", order.size());
   album.add({"correlation", arm.arm.name},
