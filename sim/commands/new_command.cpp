@@ -15,8 +15,9 @@
 namespace abbe::sim {
 
 const std::vector<std::string>& new_kinds() {
-  static const std::vector<std::string> kinds{"gantry",    "trunnion", "three_axis", "lathe",
-                                              "head_head", "platform", "cam"};
+  static const std::vector<std::string> kinds{"gantry",    "trunnion",   "three_axis", "lathe",
+                                              "head_head", "platform",   "cam",        "fanuc",
+                                              "siemens",   "heidenhain", "linuxcnc"};
   return kinds;
 }
 
@@ -65,13 +66,14 @@ Command new_command(Common& common) {
   return {.name = "new",
           .summary = "Write a first scene with its machine, errors, tool, part and program",
           .examples = {"abbe new gantry first", "abbe new lathe parts/shaft", "abbe new --list"},
-          .options = {{"KIND", &words->kind,
-                       "of machine, gantry, trunnion, three_axis, lathe, head_head or platform; or "
-                       "cam, for a program of a CAM",
-                       OneOf{new_kinds()}, MayBeLeftOut{}},
-                      {"DIR", &words->folder, "folder for the files: new or empty", MayBeLeftOut{}},
-                      {"--list", &words->list, "print the kinds, and the machines of the library"},
-                      json_option(common)},
+          .options =
+              {{"KIND", &words->kind,
+                "of machine, gantry, trunnion, three_axis, lathe, head_head or platform; or for a "
+                "program of a CAM, cam, fanuc, siemens, heidenhain or linuxcnc",
+                OneOf{new_kinds()}, MayBeLeftOut{}},
+               {"DIR", &words->folder, "folder for the files: new or empty", MayBeLeftOut{}},
+               {"--list", &words->list, "print the kinds, and the machines of the library"},
+               json_option(common)},
           .run = [words, &common] {
             return words->list ? print_list(common) : print_new_scene(*words);
           }};
