@@ -163,7 +163,9 @@ AxisVector Machine::nearest_axes(const Vector3d& direction, const Cause& cause) 
 /// machine's x is that of the plane.
 AxisVector Machine::with_free_axis(AxisVector q, const Matrix3d& R, const Positioning& how) {
   const Chain& machine = chain(how.cause);
-  const auto pose = [&](const AxisVector& at) { return machine.tool_in_workpiece(at).linear(); };
+  const auto pose = [&](const AxisVector& at) -> Matrix3d {
+    return machine.tool_in_workpiece(at).linear();
+  };
   for (int j = 0; j < int(q.size()); ++j) {
     if (!is_rotary(j)) continue;
     AxisVector turned = q;

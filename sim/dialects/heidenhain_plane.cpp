@@ -45,9 +45,7 @@ double Machine::word_value(Words& words, std::string_view name) const {
 Matrix3d Machine::plane_matrix(const std::string& kind, std::size_t from, Words& words) {
   const auto angle = [&](std::string_view name) { return word_value(words, name) * units::deg; };
   const auto vector = [&](const char* x, const char* y, const char* z) {
-    Vector3d v;
-    v << word_value(words, x), word_value(words, y), word_value(words, z);
-    return v;
+    return Vector3d{word_value(words, x), word_value(words, y), word_value(words, z)};
   };
   if (kind == "SPATIAL") {
     const double a = angle("SPA"), b = angle("SPB"), c = angle("SPC");
