@@ -14,7 +14,7 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector3d;
 
-constexpr double band = 2.0;  // mm
+constexpr double search_band = 2.0;  // mm
 
 SurfaceOf surface_of(const Cutter& cutter, const CutterMotion& motion) {
   return [cutter, motion](const Design& design, double within) {
@@ -55,8 +55,8 @@ TEST(United, ASweepInPiecesIsTheSweep) {
                    whole.time_s.segment(first, n),
                    std::vector<int>(whole.line.begin() + first, whole.line.begin() + last + 1)}));
     }
-    const Surface expected = surface_of(cutter, whole)(design, band);
-    const Surface found = united(design, pieces, band);
+    const Surface expected = surface_of(cutter, whole)(design, search_band);
+    const Surface found = united(design, pieces, search_band);
     EXPECT_EQ(found.status, expected.status);
     int cut = 0;
     for (std::size_t i = 0; i < found.status.size(); ++i) {
@@ -92,12 +92,12 @@ TEST(United, IsTheLeastOfWhatToolsRemoveByBruteForce) {
     tools.push_back(surface_of(cutter, motion_of(stops.back())));
   }
   const Design design = sites(random, 150);
-  const Surface found = united(design, tools, band);
+  const Surface found = united(design, tools, search_band);
   int cut = 0, gouged = 0, by[3] = {};
   double largest = 0.0;
   for (Index v = 0; v < design.vertices.rows(); ++v) {
     bool removed = false, is_cut = false;
-    double least = band, bound = 0.0;
+    double least = search_band, bound = 0.0;
     int first = 0;
     for (std::size_t k = 0; k < cutters.size(); ++k) {
       std::vector<oracles::BrutePose> poses;
@@ -106,7 +106,7 @@ TEST(United, IsTheLeastOfWhatToolsRemoveByBruteForce) {
       const oracles::BruteHit hit = oracles::brute_milled(
           {design.vertices.row(v), design.normals.row(v)},
           {cutters[k].radius, cutters[k].corner_radius, cutters[k].flank_length}, poses,
-          {.band = band, .tolerance = 1e-7, .most = 50000});
+          {.band = search_band, .tolerance = 1e-7, .most = 50000});
       removed |= hit.begins_removed;
       if (!hit.cut || !(hit.s < least)) continue;
       is_cut = true;
@@ -140,7 +140,7 @@ TEST(United, OfEqualCutsTheEarliestIsNamed) {
   for (const bool swapped : {false, true}) {
     std::vector<SurfaceOf> tools = {surface_of(ball_mill, late), surface_of(ball_mill, early)};
     if (swapped) std::swap(tools[0], tools[1]);
-    const Surface found = united(design, tools, band);
+    const Surface found = united(design, tools, search_band);
     EXPECT_EQ(found.cut_line[0], 10);
     EXPECT_DOUBLE_EQ(found.cut_time_s[0], 0.5);
   }
@@ -154,7 +154,7 @@ TEST(United, WhatLiesDeeperIsAGougeOnlyWhereNoToolCutsTheSurface) {
       surface_of(small, motion_of({{Vector3d(-9, 0, -8)}, {Vector3d(9, 0, -8)}}));
   const SurfaceOf above =
       surface_of(small, motion_of({{Vector3d(0, -9, 0.1)}, {Vector3d(0, 9, 0.1)}}));
-  const Surface found = united(design, {groove, above}, band);
+  const Surface found = united(design, {groove, above}, search_band);
   EXPECT_EQ(found.status[0], VertexStatus::Cut);
   EXPECT_NEAR(found.residual[0], 0.1, 1e-9);
   EXPECT_EQ(found.status[1], VertexStatus::Gouged);
@@ -163,8 +163,8 @@ TEST(United, WhatLiesDeeperIsAGougeOnlyWhereNoToolCutsTheSurface) {
   // one that reaches up to -band takes the surface away
   const SurfaceOf wide =
       surface_of({1.0, 1.0, 9.0}, motion_of({{Vector3d(-9, 0, -8)}, {Vector3d(9, 0, -8)}}));
-  EXPECT_EQ(united(design, {wide, above}, band).status[0], VertexStatus::Gouged);
-  EXPECT_EQ(united(design, {above, wide}, band).status[0], VertexStatus::Gouged);
+  EXPECT_EQ(united(design, {wide, above}, search_band).status[0], VertexStatus::Gouged);
+  EXPECT_EQ(united(design, {above, wide}, search_band).status[0], VertexStatus::Gouged);
 }
 
 }  // namespace

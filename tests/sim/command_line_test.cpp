@@ -1,5 +1,3 @@
-#include <array>
-#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -12,10 +10,10 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 #include <nlohmann/json.hpp>
 
+#include "tests/safety/program_run.h"
 #include "tests/sim/scene_folder.h"
 
 #ifndef ABBE_RENDER
@@ -26,26 +24,10 @@ namespace abbe::sim {
 namespace {
 
 namespace fs = std::filesystem;
+using safety::Ran;
+using safety::run;
 
-constexpr const char* abbe_program = ABBE_PROGRAM;
 const fs::path source_folder = ABBE_SOURCE_DIR;
-
-struct Ran {
-  int code = 0;
-  std::string text;  // both streams
-};
-
-Ran run_abbe(const std::string& arguments, const std::string& before = "") {
-  const std::string command = before + " " + std::string(abbe_program) + " " + arguments + " 2>&1";
-  std::FILE* pipe = ::popen(command.c_str(), "r");
-  Ran ran;
-  std::array<char, 4096> buffer;
-  while (const std::size_t n = std::fread(buffer.data(), 1, buffer.size(), pipe))
-    ran.text.append(buffer.data(), n);
-  const int status = ::pclose(pipe);
-  ran.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  return ran;
-}
 
 int files_in(const fs::path& folder) {
   int count = 0;
@@ -93,7 +75,7 @@ class CommandLine : public testing::Test {
   void expect_refused(const fs::path& scene, const std::string& place,
                       const std::string& expected) const {
     const fs::path out = folder_ / "out";
-    const Ran ran = run_abbe("run " + scene.string() + " --out " + out.string());
+    const Ran ran = run("run " + scene.string() + " --out " + out.string());
     EXPECT_EQ(ran.code, 3) << ran.text;
     EXPECT_NE(ran.text.find(place), std::string::npos) << "wanted " << place << " in: " << ran.text;
     EXPECT_NE(ran.text.find(expected), std::string::npos)
@@ -109,19 +91,19 @@ const std::string good_program =
     "Z95\nM2\n%\n";
 
 TEST_F(CommandLine, HelpAndVersionSucceedAndNoCommandIsAUsageFault) {
-  EXPECT_EQ(run_abbe("--help").code, 0);
-  EXPECT_EQ(run_abbe("--version").code, 0);
-  EXPECT_EQ(run_abbe("compare --help").code, 0);
-  EXPECT_EQ(run_abbe("").code, 2);
-  EXPECT_EQ(run_abbe("carve scene.toml").code, 2);
-  EXPECT_EQ(run_abbe("run --nonsense").code, 2);
-  EXPECT_EQ(run_abbe("run x.toml --set nonsense").code, 2);
+  EXPECT_EQ(run("--help").code, 0);
+  EXPECT_EQ(run("--version").code, 0);
+  EXPECT_EQ(run("compare --help").code, 0);
+  EXPECT_EQ(run("").code, 2);
+  EXPECT_EQ(run("carve scene.toml").code, 2);
+  EXPECT_EQ(run("run --nonsense").code, 2);
+  EXPECT_EQ(run("run x.toml --set nonsense").code, 2);
   const fs::path scene = plane_scene(write("p.ngc", good_program).string());
-  EXPECT_EQ(run_abbe("run " + scene.string() + " --case nobody-iterated-ideal").code, 2);
+  EXPECT_EQ(run("run " + scene.string() + " --case nobody-iterated-ideal").code, 2);
 }
 
 TEST_F(CommandLine, AMissingSceneIsAnInputFault) {
-  const Ran ran = run_abbe("run " + (folder_ / "none.toml").string());
+  const Ran ran = run("run " + (folder_ / "none.toml").string());
   EXPECT_EQ(ran.code, 3);
   EXPECT_NE(ran.text.find("none.toml"), std::string::npos) << ran.text;
 }
@@ -129,7 +111,7 @@ TEST_F(CommandLine, AMissingSceneIsAnInputFault) {
 TEST_F(CommandLine, APictureOfTheSceneIsDrawnOrRefused) {
   const fs::path scene = plane_scene(write("p.ngc", good_program).string());
   const fs::path out = folder_ / "out";
-  const Ran ran = run_abbe("check " + scene.string() + " --picture --out " + out.string());
+  const Ran ran = run("check " + scene.string() + " --picture --out " + out.string());
   EXPECT_EQ(ran.code, ABBE_RENDER ? 0 : 3) << ran.text;
   EXPECT_EQ(fs::exists(out / "check.png"), bool(ABBE_RENDER));
   EXPECT_EQ(ran.text.find("picture in") != std::string::npos, bool(ABBE_RENDER)) << ran.text;
@@ -138,7 +120,7 @@ TEST_F(CommandLine, APictureOfTheSceneIsDrawnOrRefused) {
 TEST_F(CommandLine, AGoodSceneLeavesEveryPromisedFileAndKey) {
   const fs::path scene = plane_scene(write("p.ngc", good_program).string());
   const fs::path out = folder_ / "out";
-  const Ran ran = run_abbe("run " + scene.string() + " --out " + out.string());
+  const Ran ran = run("run " + scene.string() + " --out " + out.string());
   ASSERT_EQ(ran.code, 0) << ran.text;
   for (const char* name : {"summary.json", "scene.toml"})
     EXPECT_TRUE(fs::exists(out / name)) << name;
@@ -160,8 +142,8 @@ TEST_F(CommandLine, AGoodSceneLeavesEveryPromisedFileAndKey) {
 TEST_F(CommandLine, AToleranceGivesAVerdictAndAMapOfBands) {
   const fs::path scene = plane_scene(write("p.ngc", good_program).string());
   const fs::path out = folder_ / "out";
-  const std::string run = "run " + scene.string() + " --out " + out.string();
-  const Ran fails = run_abbe(run + " --set 'part.tolerance_um=[-1, 2]'");
+  const std::string line = "run " + scene.string() + " --out " + out.string();
+  const Ran fails = run(line + " --set 'part.tolerance_um=[-1, 2]'");
   ASSERT_EQ(fails.code, 0) << "a verdict is no limit\n" << fails.text;
   EXPECT_NE(fails.text.find("FAIL by "), std::string::npos) << fails.text;
   EXPECT_NE(fails.text.find(", line "), std::string::npos) << fails.text;
@@ -172,7 +154,7 @@ TEST_F(CommandLine, AToleranceGivesAVerdictAndAMapOfBands) {
                   c["under_percent"].get<double>() + c["uncut_percent"].get<double>(),
               100.0, 1e-9);
   EXPECT_EQ(c["worst"]["at_mm"].size(), 3u);
-  const Ran none = run_abbe(run);
+  const Ran none = run(line);
   EXPECT_EQ(none.text.find("FAIL"), std::string::npos) << none.text;
   EXPECT_TRUE(nlohmann::json::parse(bytes(out / "summary.json"))["conformance"].is_null());
   EXPECT_FALSE(fs::exists(out / "tolerance.png")) << "of the run before";
@@ -181,13 +163,13 @@ TEST_F(CommandLine, AToleranceGivesAVerdictAndAMapOfBands) {
 TEST_F(CommandLine, FormAndTextureHaveLimits) {
   const std::string program = write("p.ngc", good_program).string();
   const fs::path out = folder_ / "out";
-  const std::string run = "run " +
-                          plane_scene(program, "[errors]\nEXX_um = 5\nEZX_um = 5\n").string() +
-                          " --out " + out.string();
-  ASSERT_EQ(run_abbe(run).code, 0);
+  const std::string line = "run " +
+                           plane_scene(program, "[errors]\nEXX_um = 5\nEZX_um = 5\n").string() +
+                           " --out " + out.string();
+  ASSERT_EQ(run(line).code, 0);
   const auto summary = nlohmann::json::parse(bytes(out / "summary.json"));
   const auto allowed = [&](const char* key, double limit) {
-    const Ran ran = run_abbe(fmt::format("{} --set limits.{}={}", run, key, limit));
+    const Ran ran = run(fmt::format("{} --set limits.{}={}", line, key, limit));
     EXPECT_TRUE(ran.code == 0 || ran.code == 1) << ran.text;
     EXPECT_EQ(ran.code == 1, ran.text.find("the scene allows") != std::string::npos) << ran.text;
     return ran.code == 0;
@@ -211,9 +193,9 @@ TEST_F(CommandLine, ALineHasItsProfilesByISO21920) {
   if (!ABBE_RENDER) GTEST_SKIP();
   const fs::path scene = plane_scene(write("p.ngc", good_program).string());
   const fs::path out = folder_ / "out";
-  ASSERT_EQ(run_abbe("run " + scene.string() + " --out " + out.string()).code, 0);
+  ASSERT_EQ(run("run " + scene.string() + " --out " + out.string()).code, 0);
   const std::string render = "render " + out.string() + " --line x --nic 0.8 --nis 50";
-  const Ran text = run_abbe(render);
+  const Ran text = run(render);
   EXPECT_EQ(text.code, 0) << text.text;
   for (const char* expected :
        {"profile along x", "Nis 50 um, Nic 0.8 mm (--nic, setting class Sc3)", "ISO 21920-2",
@@ -223,7 +205,7 @@ TEST_F(CommandLine, ALineHasItsProfilesByISO21920) {
   EXPECT_EQ(json["Nic_mm"], 0.8);
   EXPECT_GE(json["P"]["Pt_um"].get<double>(), json["P"]["Pq_um"].get<double>());
   EXPECT_TRUE(json["R"].contains("Rsm_mm") && json["W"].contains("Wsk"));
-  const Ran printed = run_abbe(render + " --json --format svg");
+  const Ran printed = run(render + " --json --format svg");
   EXPECT_EQ(printed.code, 0) << printed.text;
   EXPECT_NE(printed.text.find("\"profile\": {"), std::string::npos) << printed.text;
   EXPECT_NE(printed.text.find("profile-x.svg"), std::string::npos) << printed.text;
@@ -233,11 +215,11 @@ TEST_F(CommandLine, AResultIsDrawnAgainAsItIsAsked) {
   if (!ABBE_RENDER) GTEST_SKIP();
   const fs::path scene = plane_scene(write("p.ngc", good_program).string());
   const fs::path out = folder_ / "out";
-  ASSERT_EQ(run_abbe("run " + scene.string() + " --out " + out.string()).code, 0);
+  ASSERT_EQ(run("run " + scene.string() + " --out " + out.string()).code, 0);
   const std::string render = "render " + out.string() + " --out " + (folder_ / "again").string();
   for (const char* format : {"png", "svg", "pdf"}) {
     const Ran ran =
-        run_abbe(render + " --bands -1,2 --view -y --size 640x480 --isolines --format " + format);
+        run(render + " --bands -1,2 --view -y --size 640x480 --isolines --format " + format);
     EXPECT_EQ(ran.code, 0) << ran.text;
     EXPECT_TRUE(fs::exists(folder_ / "again" / (std::string("rendered.") + format)));
   }
@@ -257,7 +239,7 @@ TEST_F(CommandLine, AResultIsDrawnAgainAsItIsAsked) {
                {"--format bmp", "bmp"},
                {"--colours tolerance", "--bands, or a result whose summary.json has a tolerance"}};
   for (const auto& slip : slips) {
-    const Ran ran = run_abbe(render + " " + slip.options);
+    const Ran ran = run(render + " " + slip.options);
     EXPECT_NE(ran.code, 0) << slip.options;
     EXPECT_NE(ran.text.find(slip.expected), std::string::npos) << slip.options << ": " << ran.text;
   }
@@ -266,10 +248,9 @@ TEST_F(CommandLine, AResultIsDrawnAgainAsItIsAsked) {
 TEST_F(CommandLine, TheResolvedSceneRunsAgainToTheSameBytes) {
   const fs::path scene = plane_scene(write("p.ngc", good_program).string());
   const fs::path first = folder_ / "first", second = folder_ / "second";
-  ASSERT_EQ(
-      run_abbe("run " + scene.string() + " --set errors.EXX_um=7 --out " + first.string()).code, 0);
-  const Ran again =
-      run_abbe("run " + (first / "scene.toml").string() + " --out " + second.string());
+  ASSERT_EQ(run("run " + scene.string() + " --set errors.EXX_um=7 --out " + first.string()).code,
+            0);
+  const Ran again = run("run " + (first / "scene.toml").string() + " --out " + second.string());
   ASSERT_EQ(again.code, 0) << again.text;
   if (ABBE_RENDER) {
     EXPECT_EQ(bytes(first / "residual.vtp"), bytes(second / "residual.vtp"));
@@ -320,14 +301,14 @@ TEST_F(CommandLine, CarriageReturnsAndAByteOrderMarkAreAccepted) {
   std::string crlf = "\xEF\xBB\xBF";
   for (const char c : good_program) crlf += c == '\n' ? std::string("\r\n") : std::string(1, c);
   const fs::path scene = plane_scene(write("crlf.ngc", crlf).string());
-  const Ran ran = run_abbe("run " + scene.string() + " --out " + (folder_ / "out").string());
+  const Ran ran = run("run " + scene.string() + " --out " + (folder_ / "out").string());
   EXPECT_EQ(ran.code, 0) << ran.text;
 }
 
 TEST_F(CommandLine, EveryFaultOfASceneIsToldAtOnce) {
   const fs::path scene = plane_scene(write("p.ngc", good_program).string(),
                                      "[serch]\nband_mm = 2\n[view]\nrange_um = \"wide\"\n");
-  const Ran ran = run_abbe("run " + scene.string() + " --out " + (folder_ / "out").string());
+  const Ran ran = run("run " + scene.string() + " --out " + (folder_ / "out").string());
   EXPECT_EQ(ran.code, 3);
   EXPECT_NE(ran.text.find("serch"), std::string::npos) << ran.text;
   EXPECT_NE(ran.text.find("range_um"), std::string::npos) << ran.text;
@@ -337,7 +318,7 @@ TEST_F(CommandLine, EveryFaultOfASceneIsToldAtOnce) {
 TEST_F(CommandLine, AcceptanceLimitsDecideTheExitCode) {
   const fs::path scene =
       plane_scene(write("p.ngc", good_program).string(), "[limits]\npv_um = 0.001\n");
-  const Ran ran = run_abbe("run " + scene.string() + " --out " + (folder_ / "out").string());
+  const Ran ran = run("run " + scene.string() + " --out " + (folder_ / "out").string());
   EXPECT_EQ(ran.code, 1) << ran.text;
   EXPECT_NE(ran.text.find("PV"), std::string::npos) << ran.text;
 }
@@ -345,7 +326,7 @@ TEST_F(CommandLine, AcceptanceLimitsDecideTheExitCode) {
 TEST_F(CommandLine, AFolderThatCannotBeWrittenIsAnOutputFault) {
   const fs::path scene = plane_scene(write("p.ngc", good_program).string());
   const fs::path file = write("occupied", "a file where a folder should be");
-  const Ran ran = run_abbe("run " + scene.string() + " --out " + (file / "deeper").string());
+  const Ran ran = run("run " + scene.string() + " --out " + (file / "deeper").string());
   EXPECT_EQ(ran.code, 5) << ran.text;
   EXPECT_NE(ran.text.find("occupied"), std::string::npos) << ran.text;
 }
@@ -355,7 +336,7 @@ TEST_F(CommandLine, AFileThatGrowsBeyondTheLimitIsAnOutputFaultAndLeavesNothingU
   const fs::path out = folder_ / "out";
   // 4 blocks of 512 or 1024 bytes: the first larger file fails half way, as on a full disk
   const Ran ran =
-      run_abbe("run " + scene.string() + " --out " + out.string(), "ulimit -f 4; trap '' XFSZ;");
+      run("run " + scene.string() + " --out " + out.string(), "ulimit -f 4; trap '' XFSZ;");
   EXPECT_EQ(ran.code, 5) << ran.text;
   for (const auto& entry : fs::recursive_directory_iterator(out))
     EXPECT_EQ(entry.path().filename().string().find(".unfinished"), std::string::npos)
@@ -369,7 +350,7 @@ TEST_F(CommandLine, AFullDiskIsAnOutputFault) {
       0)
     GTEST_SKIP() << "a small disk can be mounted only by root";
   const fs::path scene = plane_scene(write("p.ngc", good_program).string());
-  const Ran ran = run_abbe("run " + scene.string() + " --out " + (disk / "out").string());
+  const Ran ran = run("run " + scene.string() + " --out " + (disk / "out").string());
   int unfinished = 0;
   for (const auto& entry : fs::recursive_directory_iterator(disk))
     unfinished += entry.path().filename().string().find(".unfinished") != std::string::npos;
@@ -384,8 +365,8 @@ TEST_F(CommandLine, ResultsAreTheSameBytesForOneAndTwoThreadsAndASecondTime) {
       " --set part.vertices=3000 --set program.step_over_mm=4 --set program.step_mm=4 ";
   const auto compare = [&](const std::string& name, int threads) {
     const fs::path out = folder_ / name;
-    const Ran ran = run_abbe("compare " + scene + small + "--threads " + std::to_string(threads) +
-                             " --out " + out.string());
+    const Ran ran = run("compare " + scene + small + "--threads " + std::to_string(threads) +
+                        " --out " + out.string());
     EXPECT_EQ(ran.code, 0) << ran.text;
     return out;
   };
@@ -424,7 +405,7 @@ TEST_F(CommandLine, ASceneThatCutsNothingIsRefusedByEveryCommandThatCuts) {
             "= 5\n[monte_carlo]\ncases = 10\n");
   for (const std::string& command :
        {"compare " + scene.string(), "check " + scene.string(), "study " + study.string()}) {
-    const Ran ran = run_abbe(command + " --out " + (folder_ / "c").string());
+    const Ran ran = run(command + " --out " + (folder_ / "c").string());
     EXPECT_EQ(ran.code, 3) << command << ran.text;
     EXPECT_NE(ran.text.find("80.0 mm above the part"), std::string::npos) << ran.text;
   }
@@ -436,7 +417,7 @@ TEST_F(CommandLine, AGougeDeeperThanTheBandFailsEveryLimitAndIsCounted) {
           .string(),
       "[limits]\npv_um = 1e6\n");
   const fs::path out = folder_ / "out";
-  const Ran ran = run_abbe("run " + scene.string() + " --out " + out.string());
+  const Ran ran = run("run " + scene.string() + " --out " + out.string());
   EXPECT_EQ(ran.code, 1) << ran.text;
   EXPECT_NE(ran.text.find("gouged deeper than the band of 2 mm, the deepest by 7.99"),
             std::string::npos)
@@ -450,7 +431,7 @@ TEST_F(CommandLine, AGougeDeeperThanTheBandFailsEveryLimitAndIsCounted) {
                 summary["gouged_vertices"].get<int>(),
             summary["vertices"].get<int>());
   ASSERT_FALSE(summary["warnings"].empty());
-  const Ran compared = run_abbe("compare " + scene.string() + " --out " + out.string());
+  const Ran compared = run("compare " + scene.string() + " --out " + out.string());
   EXPECT_EQ(compared.code, 1) << compared.text;
   const auto comparison = nlohmann::json::parse(bytes(out / "comparison.json"));
   EXPECT_EQ(comparison["cases"][1]["gouged_vertices"], summary["gouged_vertices"]);
@@ -461,7 +442,7 @@ TEST_F(CommandLine, CheckWarnsOfTheToolThatIsNotTheScenes) {
   const fs::path scene =
       plane_scene(write("p.ngc", "T7 M6\n" + std::string(good_program)).string());
   for (const std::string command : {"check ", "run "}) {
-    const Ran ran = run_abbe(command + scene.string() + " --out " + (folder_ / "c").string());
+    const Ran ran = run(command + scene.string() + " --out " + (folder_ / "c").string());
     EXPECT_EQ(ran.code, 0) << ran.text;
     EXPECT_NE(ran.text.find("T7 on line 1 is cut with the scene's tool ball R5"), std::string::npos)
         << ran.text;
@@ -470,10 +451,10 @@ TEST_F(CommandLine, CheckWarnsOfTheToolThatIsNotTheScenes) {
 
 TEST_F(CommandLine, AGeneratedProgramThatLeavesTheTravelLeavesNoFile) {
   const fs::path out = folder_ / "out";
-  const Ran ran = run_abbe(
-      "run " + (source_folder / "scenes/gantry_dome.toml").string() +
-      " --set part.at_mm=[400,0,0] --set part.vertices=500 --set program.step_mm=5 --out " +
-      out.string());
+  const Ran ran =
+      run("run " + (source_folder / "scenes/gantry_dome.toml").string() +
+          " --set part.at_mm=[400,0,0] --set part.vertices=500 --set program.step_mm=5 --out " +
+          out.string());
   EXPECT_EQ(ran.code, 3) << ran.text;
   EXPECT_NE(ran.text.find("program.ngc:"), std::string::npos) << ran.text;
   EXPECT_EQ(files_in(out), 0);
@@ -495,7 +476,7 @@ TEST_F(CommandLine, AVariantIsMeasuredAgainstItsOwnErrorFreeMap) {
           "[[variant]]\nname = \"coarse\"\nset = { \"program.step_over_mm\" = 1.0, "
           "\"part.vertices\" = 200 }\n");
   const fs::path out = folder_ / "out";
-  const Ran ran = run_abbe("compare " + scene.string() + " --out " + out.string());
+  const Ran ran = run("compare " + scene.string() + " --out " + out.string());
   ASSERT_EQ(ran.code, 0) << ran.text;
   const auto json = nlohmann::json::parse(bytes(out / "comparison.json"));
   ASSERT_EQ(json["cases"].size(), 5u);
@@ -505,8 +486,8 @@ TEST_F(CommandLine, AVariantIsMeasuredAgainstItsOwnErrorFreeMap) {
   EXPECT_TRUE(fs::exists(out / "coarse" / "program.ngc"));
   // a finished case names itself, so that its scene cuts it again
   const fs::path again = folder_ / "again";
-  ASSERT_EQ(run_abbe("run " + (out / "coarse-perfect-iterated-ideal" / "scene.toml").string() +
-                     " --out " + again.string())
+  ASSERT_EQ(run("run " + (out / "coarse-perfect-iterated-ideal" / "scene.toml").string() +
+                " --out " + again.string())
                 .code,
             0);
   const auto first =
@@ -517,25 +498,25 @@ TEST_F(CommandLine, AVariantIsMeasuredAgainstItsOwnErrorFreeMap) {
 
 TEST_F(CommandLine, PoseGivesTheDeviationInTheWorkpiece) {
   const std::string scene = (source_folder / "scenes/gantry_perfect.toml").string();
-  const Ran ran = run_abbe("pose " + scene +
-                           " --set errors.EX0C_um=16 --at \"X=10 Y=20 Z=100 A=0 C=90\" --json");
+  const Ran ran =
+      run("pose " + scene + " --set errors.EX0C_um=16 --at \"X=10 Y=20 Z=100 A=0 C=90\" --json");
   ASSERT_EQ(ran.code, 0) << ran.text;
   const auto pose = nlohmann::json::parse(ran.text);
   // the table stands 16 um towards +x of the bed; turned by C = 90 degrees that is -y of the
   // workpiece
   EXPECT_NEAR(pose["deviation_mm"][0].get<double>(), 0.0, 1e-12);
   EXPECT_NEAR(pose["deviation_mm"][1].get<double>(), -0.016, 1e-12);
-  EXPECT_EQ(run_abbe("pose " + scene + " --at \"Q=1\"").code, 3);
-  EXPECT_EQ(run_abbe("pose " + scene + " --at \"X=1 X=2\"").code, 3);
-  EXPECT_EQ(run_abbe("pose " + scene + " --at \"X=abc\"").code, 3);
-  EXPECT_EQ(run_abbe("pose " + scene + " --at \"Z=99999\"").code, 3);
+  EXPECT_EQ(run("pose " + scene + " --at \"Q=1\"").code, 3);
+  EXPECT_EQ(run("pose " + scene + " --at \"X=1 X=2\"").code, 3);
+  EXPECT_EQ(run("pose " + scene + " --at \"X=abc\"").code, 3);
+  EXPECT_EQ(run("pose " + scene + " --at \"Z=99999\"").code, 3);
 }
 
 TEST_F(CommandLine, CheckPrintsTheLowOrderBodyArrayAndWritesNothing) {
   const fs::path here = fs::current_path();
   fs::current_path(folder_);
   const Ran ran =
-      run_abbe("check " + (source_folder / "scenes/gantry_tilted_flat.toml").string() + " --json");
+      run("check " + (source_folder / "scenes/gantry_tilted_flat.toml").string() + " --json");
   const int left = files_in(folder_);
   fs::current_path(here);
   ASSERT_EQ(ran.code, 0) << ran.text;
@@ -554,9 +535,8 @@ std::string without_progress(const std::string& text) {
 TEST_F(CommandLine, MeasureIdentifyAndEvaluateWorkOnEachOthersFiles) {
   const std::string scene = (source_folder / "scenes/gantry_dome.toml").string();
   const fs::path readings = folder_ / "readings";
-  const Ran measured =
-      run_abbe("measure " + scene + " --instrument laser --instrument ball_bar --out " +
-               readings.string() + " --json");
+  const Ran measured = run("measure " + scene + " --instrument laser --instrument ball_bar --out " +
+                           readings.string() + " --json");
   ASSERT_EQ(measured.code, 0) << measured.text;
   const auto list = nlohmann::json::parse(without_progress(measured.text));
   ASSERT_EQ(list.size(), 2u);
@@ -565,18 +545,18 @@ TEST_F(CommandLine, MeasureIdentifyAndEvaluateWorkOnEachOthersFiles) {
   EXPECT_TRUE(fs::exists(laser));
 
   const fs::path belief = folder_ / "belief.toml";
-  const Ran identified = run_abbe("identify " + laser + " --out " + belief.string());
+  const Ran identified = run("identify " + laser + " --out " + belief.string());
   ASSERT_EQ(identified.code, 0) << identified.text;
   EXPECT_NE(identified.text.find("unobservable"), std::string::npos) << identified.text;
   EXPECT_TRUE(fs::exists(belief));
   EXPECT_TRUE(fs::exists(folder_ / "belief.json"));
   const Ran pose =
-      run_abbe("pose " + scene + " --set 'errors=\"" + belief.string() + "\"' --at \"X=10\"");
+      run("pose " + scene + " --set 'errors=\"" + belief.string() + "\"' --at \"X=10\"");
   EXPECT_EQ(pose.code, 0) << "a belief is an errors file: " << pose.text;
 
   const fs::path report = folder_ / "report";
   const Ran evaluated =
-      run_abbe("evaluate " + (readings / "ball_bar.csv").string() + " --out " + report.string());
+      run("evaluate " + (readings / "ball_bar.csv").string() + " --out " + report.string());
   ASSERT_EQ(evaluated.code, 0) << evaluated.text;
   EXPECT_NE(evaluated.text.find("ISO 230-4"), std::string::npos) << evaluated.text;
   EXPECT_TRUE(fs::exists(report / "evaluation.json"));
@@ -587,21 +567,21 @@ TEST_F(CommandLine, BrokenReadingsAndInstrumentsAreInputFaults) {
   const std::string out = " --out " + (folder_ / "out").string();
   const std::string broken =
       write("broken.csv", "target_mm,direction,run,deviation_um\n0,up,1,x\n");
-  const Ran evaluated = run_abbe("evaluate " + broken + out);
+  const Ran evaluated = run("evaluate " + broken + out);
   EXPECT_EQ(evaluated.code, 3) << evaluated.text;
   EXPECT_NE(evaluated.text.find("broken.csv:2:8"), std::string::npos) << evaluated.text;
-  EXPECT_EQ(run_abbe("evaluate " + (folder_ / "absent.csv").string() + out).code, 3);
-  EXPECT_EQ(run_abbe("identify " + broken + " --out " + (folder_ / "b.toml").string()).code, 3);
+  EXPECT_EQ(run("evaluate " + (folder_ / "absent.csv").string() + out).code, 3);
+  EXPECT_EQ(run("identify " + broken + " --out " + (folder_ / "b.toml").string()).code, 3);
   EXPECT_FALSE(fs::exists(folder_ / "b.toml"));
-  const Ran unknown = run_abbe("measure " + dome + " --instrument lasre" + out);
+  const Ran unknown = run("measure " + dome + " --instrument lasre" + out);
   EXPECT_EQ(unknown.code, 3);
   EXPECT_NE(unknown.text.find("ball_bar"), std::string::npos) << unknown.text;
-  const Ran none = run_abbe("measure " + dome + out);
+  const Ran none = run("measure " + dome + out);
   EXPECT_EQ(none.code, 3) << none.text;
-  EXPECT_EQ(run_abbe("identify").code, 2);
-  EXPECT_EQ(run_abbe("identify " + broken + " --basis wavelets").code, 2);
-  EXPECT_EQ(run_abbe("identify " + broken + " --order 99").code, 2);
-  EXPECT_EQ(run_abbe("evaluate").code, 2);
+  EXPECT_EQ(run("identify").code, 2);
+  EXPECT_EQ(run("identify " + broken + " --basis wavelets").code, 2);
+  EXPECT_EQ(run("identify " + broken + " --order 99").code, 2);
+  EXPECT_EQ(run("evaluate").code, 2);
 
   const fs::path scene =
       write("three.toml",
@@ -610,7 +590,7 @@ TEST_F(CommandLine, BrokenReadingsAndInstrumentsAreInputFaults) {
                 "\"\ntool = \"" + (source_folder / "scenes/tools/ball_r5.toml").string() +
                 "\"\n[part]\nsurface = \"disc\"\nradius_mm = 5\n[program]\ngenerator = \"raster\"\n"
                 "[[instrument]]\nkind = \"r_test\"\n");
-  const Ran cannot = run_abbe("measure " + scene.string() + out);
+  const Ran cannot = run("measure " + scene.string() + out);
   EXPECT_EQ(cannot.code, 3) << cannot.text;
   EXPECT_NE(cannot.text.find("three.toml:10:"), std::string::npos) << cannot.text;
   EXPECT_EQ(files_in(folder_ / "out"), 0) << "a refusal leaves no files";
@@ -629,8 +609,8 @@ TEST_F(CommandLine, APlugInIsComparedUnderItsFileName) {
                                      "[\"perfect-iterated-ideal\"]\n");
   const fs::path mirror = source_folder / "scenes/compensators/mirror.py";
   const fs::path out = folder_ / "out";
-  const Ran ran = run_abbe("compare " + scene.string() + " --compensator " + mirror.string() +
-                           " --out " + out.string() + " --json");
+  const Ran ran = run("compare " + scene.string() + " --compensator " + mirror.string() +
+                      " --out " + out.string() + " --json");
   ASSERT_EQ(ran.code, 0) << ran.text;
   const auto json = nlohmann::json::parse(bytes(out / "comparison.json"));
   ASSERT_EQ(json["cases"].size(), 4u);
@@ -643,12 +623,12 @@ TEST_F(CommandLine, APlugInIsComparedUnderItsFileName) {
 
   // `run` cuts the same, and so does the scene that it leaves
   const fs::path one = folder_ / "one", again = folder_ / "again";
-  ASSERT_EQ(run_abbe("run " + scene.string() + " --compensator " + mirror.string() + " --out " +
-                     one.string())
-                .code,
-            0);
+  ASSERT_EQ(
+      run("run " + scene.string() + " --compensator " + mirror.string() + " --out " + one.string())
+          .code,
+      0);
   const fs::path finished = out / "mirror.py" / "scene.toml";
-  const Ran rerun = run_abbe("run " + finished.string() + " --trust --out " + again.string());
+  const Ran rerun = run("run " + finished.string() + " --trust --out " + again.string());
   ASSERT_EQ(rerun.code, 0) << rerun.text;
   for (const fs::path& other : {one, again}) {
     const auto first = nlohmann::json::parse(bytes(out / "mirror.py" / "summary.json"));
@@ -670,10 +650,9 @@ TEST_F(CommandLine, APlugInThatFailsIsNamedEndsWithSixAndLeavesTheOthersUnharmed
   const fs::path absent = folder_ / "absent.py";
   const fs::path good = source_folder / "scenes/compensators/mirror.py";
   const fs::path out = folder_ / "out", alone = folder_ / "alone";
-  const Ran ran =
-      run_abbe("compare " + scene.string() + " --compensator " + dies.string() + " --compensator " +
-               babbles.string() + " --compensator " + good.string() + " --compensator " +
-               absent.string() + " --out " + out.string());
+  const Ran ran = run("compare " + scene.string() + " --compensator " + dies.string() +
+                      " --compensator " + babbles.string() + " --compensator " + good.string() +
+                      " --compensator " + absent.string() + " --out " + out.string());
   EXPECT_EQ(ran.code, 6) << ran.text;
   const auto json = nlohmann::json::parse(bytes(out / "comparison.json"));
   ASSERT_EQ(json["failed"].size(), 3u) << json["failed"].dump();
@@ -689,16 +668,16 @@ TEST_F(CommandLine, APlugInThatFailsIsNamedEndsWithSixAndLeavesTheOthersUnharmed
   ASSERT_EQ(json["cases"].size(), 4u);
   EXPECT_EQ(json["cases"][3]["name"], "mirror.py");
   // the same cases, bit for bit, as without those that fail
-  ASSERT_EQ(run_abbe("compare " + scene.string() + " --compensator " + good.string() + " --out " +
-                     alone.string())
+  ASSERT_EQ(run("compare " + scene.string() + " --compensator " + good.string() + " --out " +
+                alone.string())
                 .code,
             0);
   const auto plain = nlohmann::json::parse(bytes(alone / "comparison.json"));
   EXPECT_EQ(json["cases"].dump(), plain["cases"].dump());
 
   const fs::path none = folder_ / "none";
-  const Ran single = run_abbe("run " + scene.string() + " --compensator " + dies.string() +
-                              " --out " + none.string());
+  const Ran single =
+      run("run " + scene.string() + " --compensator " + dies.string() + " --out " + none.string());
   EXPECT_EQ(single.code, 6) << single.text;
   EXPECT_NE(single.text.find("dies.sh"), std::string::npos) << single.text;
   EXPECT_FALSE(fs::exists(none / "summary.json"));
@@ -710,16 +689,16 @@ TEST_F(CommandLine, CompensatorsThatShareANameOrHaveNoneAreUsageOrInputFaults) {
   fs::create_directories(folder_ / "a");
   const fs::path one = executable(folder_ / "mine.sh", "#!/bin/sh\nexit 3\n");
   const fs::path other = executable(folder_ / "a" / "mine.sh", "#!/bin/sh\nexit 3\n");
-  const Ran twice = run_abbe("compare " + scene.string() + " --compensator " + one.string() +
-                             " --compensator " + other.string() + out);
+  const Ran twice = run("compare " + scene.string() + " --compensator " + one.string() +
+                        " --compensator " + other.string() + out);
   EXPECT_TRUE(twice.code == 2 || twice.code == 3) << twice.code << ": " << twice.text;
   const Ran taken =
-      run_abbe("compare " + scene.string() + " --compensator " +
-               executable(folder_ / "uncompensated", "#!/bin/sh\nexit 3\n").string() + out);
+      run("compare " + scene.string() + " --compensator " +
+          executable(folder_ / "uncompensated", "#!/bin/sh\nexit 3\n").string() + out);
   EXPECT_TRUE(taken.code == 2 || taken.code == 3) << taken.code << ": " << taken.text;
-  EXPECT_EQ(run_abbe("compare " + scene.string() + " --compensator /" + out).code, 2);
-  EXPECT_EQ(run_abbe("run " + scene.string() + " --case perfect-iterated-ideal --compensator " +
-                     one.string() + out)
+  EXPECT_EQ(run("compare " + scene.string() + " --compensator /" + out).code, 2);
+  EXPECT_EQ(run("run " + scene.string() + " --case perfect-iterated-ideal --compensator " +
+                one.string() + out)
                 .code,
             2);
   EXPECT_EQ(files_in(folder_ / "out"), 0);
@@ -735,8 +714,8 @@ TEST_F(CommandLine, ExportedTablesAreReadBackAsTheChannelOfTheSameFormat) {
   for (const std::string format : {"linuxcnc", "isg", "siemens", "heidenhain"}) {
     SCOPED_TRACE(format);
     const fs::path tables = folder_ / format, out = folder_ / (format + "_cut");
-    const Ran ran = run_abbe("export " + scene.string() + " --format " + format + " --out " +
-                             tables.string() + " --json");
+    const Ran ran = run("export " + scene.string() + " --format " + format + " --out " +
+                        tables.string() + " --json");
     ASSERT_EQ(ran.code, 0) << ran.text;
     EXPECT_TRUE(nlohmann::json::accept(without_progress(ran.text))) << ran.text;
     ASSERT_GT(files_in(tables), 0);
@@ -745,22 +724,21 @@ TEST_F(CommandLine, ExportedTablesAreReadBackAsTheChannelOfTheSameFormat) {
     // a second export has the same bytes
     const fs::path second = folder_ / (format + "_again");
     ASSERT_EQ(
-        run_abbe("export " + scene.string() + " --format " + format + " --out " + second.string())
-            .code,
+        run("export " + scene.string() + " --format " + format + " --out " + second.string()).code,
         0);
     for (const auto& entry : fs::directory_iterator(tables))
       if (entry.path().filename() != ".abbe-result") {
         EXPECT_EQ(bytes(entry.path()), bytes(second / entry.path().filename())) << entry.path();
       }
     const Ran cut =
-        run_abbe("run " + scene.string() + " --case identified-position-table --set " +
-                 "compensation.table.format='\"" + format + "\"' --out '" + out.string() + "'");
+        run("run " + scene.string() + " --case identified-position-table --set " +
+            "compensation.table.format='\"" + format + "\"' --out '" + out.string() + "'");
     EXPECT_EQ(cut.code, 0) << cut.text;
     const auto summary = nlohmann::json::parse(bytes(out / "summary.json"));
     EXPECT_GT(summary["tip_error_um"]["max"].get<double>(), 0.0) << "the belief is wrong here";
   }
-  EXPECT_EQ(run_abbe("export " + scene.string() + " --format fanuc").code, 2);
-  EXPECT_EQ(run_abbe("export " + scene.string() + " --case perfect-twice-ideal").code, 2);
+  EXPECT_EQ(run("export " + scene.string() + " --format fanuc").code, 2);
+  EXPECT_EQ(run("export " + scene.string() + " --case perfect-twice-ideal").code, 2);
 }
 
 }  // namespace
