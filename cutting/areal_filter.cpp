@@ -87,47 +87,68 @@ Cells cells_of(const Design& design, const Surface& surface, double size) {
   const Weights weights = cutting::weights(surface, design);
   const Index n = design.vertices.rows();
   Cells all;
-  const auto put = [&](Index number, Index vertex) {
-    const Vector3d p = sampled_value(design, surface, weights, number).point;
-    all.places.push_back({place_of(p, patch[std::size_t(vertex)], size), number});
-  };
   for (Index i = 0; i < n; ++i)
-    if (surface.status[std::size_t(i)] == VertexStatus::Cut) put(i, i);
+    if (surface.status[std::size_t(i)] == VertexStatus::Cut) all.places.push_back({{}, i});
   for (Index t = 0; t < weights.within.size(); ++t)
-    if (weights.within[t] > 0.0) put(n + t, design.triangles(t, 0));
+    if (weights.within[t] > 0.0) all.places.push_back({{}, n + t});
+  tbb::parallel_for(std::size_t(0), all.places.size(), [&](std::size_t i) {
+    auto& [place, number] = all.places[i];
+    const Index vertex = number < n ? number : design.triangles(number - n, 0);
+    place = place_of(sampled_value(design, surface, weights, number).point,
+                     patch[std::size_t(vertex)], size);
+  });
   tbb::parallel_sort(all.places.begin(), all.places.end());
   for (int here = 0; here < int(all.places.size()); ++here) {
-    const auto& [place, number] = all.places[std::size_t(here)];
+    const Place& place = all.places[std::size_t(here)].place;
     if (all.cells.empty() || all.cells.back().place != place)
       all.cells.push_back({.place = place, .first = here, .last = here});
-    FilterCell& cell = all.cells.back();
-    const SampledValue one = sampled_value(design, surface, weights, number);
-    cell.area += one.area;
-    cell.spread += one.area * one.point.squaredNorm();
-    cell.middle += one.area * one.point;
-    cell.normal += one.area * one.normal;
-    cell.residual += one.area * one.residual;
-    ++cell.last;
+    ++all.cells.back().last;
   }
-  for (FilterCell& cell : all.cells) {
+  tbb::parallel_for(std::size_t(0), all.cells.size(), [&](std::size_t c) {
+    FilterCell& cell = all.cells[c];
+    for (int i = cell.first; i < cell.last; ++i) {
+      const SampledValue one =
+          sampled_value(design, surface, weights, all.places[std::size_t(i)].number);
+      cell.area += one.area;
+      cell.spread += one.area * one.point.squaredNorm();
+      cell.middle += one.area * one.point;
+      cell.normal += one.area * one.normal;
+      cell.residual += one.area * one.residual;
+    }
     cell.middle /= cell.area;
     cell.residual /= cell.area;
     cell.spread = std::max(0.0, 0.5 * (cell.spread / cell.area - cell.middle.squaredNorm()));
-  }
+  });
   return all;
 }
 
 /// Farthest from the middle of one cell that the middle of another may lie and count, mm.
 double widest(double reach, double size) { return reach + 2.0 * size; }
 
-/// Cells by the blocks in which they lie.
-std::map<Place, std::vector<int>> blocks_of(const std::vector<FilterCell>& cells, double size) {
-  std::map<Place, std::vector<int>> blocks;
+/// Cells by the blocks in which they lie, which are so wide that the next ones hold all that count.
+using Blocks = std::map<Place, std::vector<int>>;
+
+Blocks blocks_of(const std::vector<FilterCell>& cells, double size) {
+  Blocks blocks;
   for (int i = 0; i < int(cells.size()); ++i) {
     const FilterCell& cell = cells[std::size_t(i)];
     blocks[place_of(cell.middle, int(cell.place[0]), size)].push_back(i);
   }
   return blocks;
+}
+
+/// Those of a block and of the next ones, one behind the other.
+std::vector<FilterCell> around(const std::vector<FilterCell>& cells, const Blocks& blocks,
+                               const Place& home) {
+  std::vector<FilterCell> found;
+  for (std::int64_t i = -1; i <= 1; ++i)
+    for (std::int64_t j = -1; j <= 1; ++j)
+      for (std::int64_t k = -1; k <= 1; ++k) {
+        const auto block = blocks.find({home[0], home[1] + i, home[2] + j, home[3] + k});
+        if (block == blocks.end()) continue;
+        for (const int c : block->second) found.push_back(cells[std::size_t(c)]);
+      }
+  return found;
 }
 
 /// Cells as columns of numbers, those that a vertex may reach.
@@ -136,28 +157,19 @@ struct Reached {
   double spread = 0.0;  // mm^2, mean
 };
 
-Reached reached(const std::vector<FilterCell>& cells,
-                const std::map<Place, std::vector<int>>& blocks, const FilterCell& from,
-                double reach, double size) {
+Reached reached(const std::vector<FilterCell>& around, const FilterCell& from, double width) {
   std::vector<int> near;
-  const double width = widest(reach, size);  // of blocks: the next ones hold all within it
-  const Place home = place_of(from.middle, int(from.place[0]), width);
-  for (std::int64_t i = -1; i <= 1; ++i)
-    for (std::int64_t j = -1; j <= 1; ++j)
-      for (std::int64_t k = -1; k <= 1; ++k) {
-        const auto block = blocks.find({home[0], home[1] + i, home[2] + j, home[3] + k});
-        if (block == blocks.end()) continue;
-        for (const int c : block->second) {
-          const FilterCell& cell = cells[std::size_t(c)];
-          const bool close = (cell.middle - from.middle).norm() < width;
-          if (close && (&cell == &from || cell.normal.dot(from.normal) > 0.0)) near.push_back(c);
-        }
-      }
+  for (std::size_t c = 0; c < around.size(); ++c) {
+    const FilterCell& cell = around[c];
+    const bool close = (cell.middle - from.middle).norm() < width;
+    if (close && (cell.first == from.first || cell.normal.dot(from.normal) > 0.0))
+      near.push_back(int(c));
+  }
   const auto n = Index(near.size());
   Reached all{ArrayXd(n), ArrayXd(n), ArrayXd(n), ArrayXd(n), ArrayXd(n)};
   double area = 0.0;
   for (Index i = 0; i < n; ++i) {
-    const FilterCell& cell = cells[std::size_t(near[std::size_t(i)])];
+    const FilterCell& cell = around[std::size_t(near[std::size_t(i)])];
     all.x[i] = cell.middle.x();
     all.y[i] = cell.middle.y();
     all.z[i] = cell.middle.z();
@@ -205,21 +217,28 @@ Eigen::VectorXd gaussian_form(const Design& design, const Surface& surface, doub
   require(surface.residual.size() == n && design.area.size() == n && design.normals.rows() == n,
           "gaussian_form: sizes differ");
   require(std::isfinite(cutoff) && cutoff > 0.0, "gaussian_form: the cut-off must be positive");
-  const double size = cutoff / cells_a_cutoff, reach = reach_of_cutoff * cutoff;
+  const double size = cutoff / cells_a_cutoff;
+  const double width = widest(reach_of_cutoff * cutoff, size);
   const double variance = gaussian_variance(cutoff);
   const Cells all = cells_of(design, surface, size);
-  const auto blocks = blocks_of(all.cells, widest(reach, size));
+  const Blocks blocks = blocks_of(all.cells, width);
+  std::vector<const Blocks::value_type*> each;
+  for (const auto& block : blocks) each.push_back(&block);
   Eigen::VectorXd form = Eigen::VectorXd::Constant(n, std::numeric_limits<double>::quiet_NaN());
-  tbb::parallel_for(std::size_t(0), all.cells.size(), [&](std::size_t c) {
-    const FilterCell& cell = all.cells[c];
-    const Reached cells = reached(all.cells, blocks, cell, reach, size);
-    // cells add the variance of the places in them to that of the filter
-    const double two_variance = 2.0 * (variance - cells.spread);
-    for (int i = cell.first; i < cell.last; ++i) {
-      const Index v = all.places[std::size_t(i)].number;
-      if (v >= n) break;  // places within triangles stand behind the vertices
-      form[v] = form_at(cells, design.vertices.row(v), design.normals.row(v), two_variance);
-    }
+  tbb::parallel_for(std::size_t(0), each.size(), [&](std::size_t b) {
+    const std::vector<FilterCell> near = around(all.cells, blocks, each[b]->first);
+    const std::vector<int>& here = each[b]->second;
+    tbb::parallel_for(std::size_t(0), here.size(), [&](std::size_t c) {
+      const FilterCell& cell = all.cells[std::size_t(here[c])];
+      const Reached cells = reached(near, cell, width);
+      // cells add the variance of the places in them to that of the filter
+      const double two_variance = 2.0 * (variance - cells.spread);
+      for (int i = cell.first; i < cell.last; ++i) {
+        const Index v = all.places[std::size_t(i)].number;
+        if (v >= n) break;  // places within triangles stand behind the vertices
+        form[v] = form_at(cells, design.vertices.row(v), design.normals.row(v), two_variance);
+      }
+    });
   });
   return form;
 }
