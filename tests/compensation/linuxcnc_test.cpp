@@ -12,6 +12,7 @@
 #include "kinematics/units.h"
 #include "sim/compensation/control_files.h"
 #include "tests/compensation/control_cases.h"
+#include "tests/oracles/linuxcnc_folder.h"
 
 namespace abbe::sim::compensation {
 namespace {
@@ -331,8 +332,8 @@ std::vector<Triplet> loaded_by_linuxcnc(const std::filesystem::path& linuxcnc,
 }
 
 TEST(LinuxCnc, ItselfLoadsTheFilesAsTheyAreRead) {
-  const char* linuxcnc = std::getenv("ABBE_LINUXCNC");
-  if (!linuxcnc) GTEST_SKIP() << "ABBE_LINUXCNC names no folder with its unpacked packages";
+  const auto linuxcnc = oracles::linuxcnc_folder();
+  if (!linuxcnc) GTEST_SKIP() << "no LinuxCNC: ./abbe setup --linuxcnc";
   const auto folder =
       std::filesystem::temp_directory_path() / ("abbe-linuxcnc-" + std::to_string(::getpid()));
   std::filesystem::create_directories(folder);
@@ -351,7 +352,7 @@ TEST(LinuxCnc, ItselfLoadsTheFilesAsTheyAreRead) {
   for (const ControlFile& f : to_control(tables, chain, ControlFormat::LinuxCnc).files) {
     if (f.name == "compensation.ini") continue;
     for (const int type : {0, 1}) {
-      const std::vector<Triplet> theirs = loaded_by_linuxcnc(linuxcnc, folder, f.text, type);
+      const std::vector<Triplet> theirs = loaded_by_linuxcnc(*linuxcnc, folder, f.text, type);
       const std::string joint = std::to_string(std::string("XYZA").find(f.name[0]));
       const AxisTable ours =
           linuxcnc_tables({f,

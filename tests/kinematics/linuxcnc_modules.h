@@ -16,19 +16,18 @@
 #include <utility>
 #include <vector>
 
+#include "tests/oracles/linuxcnc_folder.h"
+
 /// LinuxCNC's own kinematics modules as an oracle, each run in a process of its own by
-/// `hal_pins.c`. Their unpacked packages (usr/lib/linuxcnc/modules below) are in the folder that
-/// the environment variable ABBE_LINUXCNC names, else where `./abbe setup --linuxcnc` unpacks them.
+/// `hal_pins.c`.
 namespace abbe::linuxcnc {
 
 namespace fs = std::filesystem;
 
 inline std::optional<fs::path> modules() {
-  const char* named = std::getenv("ABBE_LINUXCNC");
-  if (named != nullptr && *named != '\0') return fs::absolute(named) / "usr/lib/linuxcnc/modules";
-  const fs::path unpacked = fs::path(ABBE_SOURCE_DIR) / "build/linuxcnc/usr/lib/linuxcnc/modules";
-  if (!fs::is_directory(unpacked)) return std::nullopt;
-  return unpacked;
+  const auto folder = oracles::linuxcnc_folder();
+  if (!folder) return std::nullopt;
+  return *folder / "usr/lib/linuxcnc/modules";
 }
 
 /// "x y z a b c u v w", or the positions of joints, the rest zero; mm and degrees.

@@ -1,6 +1,5 @@
 // Rewritten programs in axis coordinates read by LinuxCNC's interpreter: another reader of the same
-// language. The environment variable ABBE_LINUXCNC names the folder that holds its unpacked
-// packages (usr/bin/rs274 below it); without it the tests are skipped.
+// language. Without it the tests are skipped.
 
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -14,18 +13,13 @@
 
 #include "machines.h"
 #include "sim/program/rewrite.h"
+#include "tests/oracles/linuxcnc_folder.h"
 
 namespace abbe::sim::program {
 namespace {
 
 using test::AxisVector;
 using test::Chain;
-
-std::optional<std::filesystem::path> interpreter() {
-  const char* folder = std::getenv("ABBE_LINUXCNC");
-  if (folder == nullptr || *folder == '\0') return std::nullopt;
-  return std::filesystem::absolute(folder);
-}
 
 /// A folder that goes with its name; a home of its own keeps runs apart.
 class PrivateFolder {
@@ -216,8 +210,8 @@ RewrittenProgram with_waves(const Source& source, const Path& path, const NcOpti
 }
 
 TEST(LinuxCnc, ReadsRewrittenProgramsInAxisCoordinatesAsWeDo) {
-  const auto packages = interpreter();
-  if (!packages) GTEST_SKIP() << "ABBE_LINUXCNC is not set";
+  const auto packages = oracles::linuxcnc_folder();
+  if (!packages) GTEST_SKIP() << "no LinuxCNC: ./abbe setup --linuxcnc";
   for (const Source& source : sources()) {
     SCOPED_TRACE(source.name);
     const NcOptions options = test::options_for(source.machine);
@@ -248,8 +242,8 @@ TEST(LinuxCnc, ReadsRewrittenProgramsInAxisCoordinatesAsWeDo) {
 }
 
 TEST(LinuxCnc, RefusesWhatIsNoProgram) {
-  const auto packages = interpreter();
-  if (!packages) GTEST_SKIP() << "ABBE_LINUXCNC is not set";
+  const auto packages = oracles::linuxcnc_folder();
+  if (!packages) GTEST_SKIP() << "no LinuxCNC: ./abbe setup --linuxcnc";
   EXPECT_EQ(interpreted(*packages, "G21 G94\nG1 X1 F100\nM2\n").code, 0);
   EXPECT_NE(interpreted(*packages, "G21 G94\nG43.4 H1\nG1 X1 F100\nM2\n").code, 0);
   EXPECT_NE(interpreted(*packages, "G21 G93\nG1 X1\nM2\n").code, 0);
