@@ -248,7 +248,7 @@ Pieces pieces_of(const Scene& described, const Program& program, const cutting::
         made.warnings);
   add_warnings(program.warnings, made.warnings);
   add_warnings(program_warnings(scene, design_w, program.path, program.unreached), made.warnings);
-  add_warnings(pole_warnings(scene, program.path), made.warnings);
+  add_warnings(pole_warnings(scene, made.whole.machine, program.path), made.warnings);
   for (const Piece& one :
        made.stretches.empty() ? std::span(&made.whole, 1) : std::span<Piece>(made.stretches))
     add_warnings(shank_warnings(one.scene, design_w, {one.samples, one.T_wt}), made.warnings);

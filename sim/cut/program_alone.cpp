@@ -23,12 +23,6 @@
 #include "sim/scene/scene_sections.h"
 
 namespace abbe::sim {
-
-std::string line_of(const ProgramAlone& alone, int line, std::uint16_t file) {
-  if (file == 0) return fmt::format("line {}", line);
-  return fmt::format("line {} of {}", line, alone.more_files[std::size_t(file) - 1]);
-}
-
 namespace {
 
 constexpr int most_tools = 999;                // H and D numbers that are known
@@ -170,8 +164,8 @@ void judge(const ProgramAloneOptions& options, ProgramAlone& alone) {
                     -axis.left / unit, worst.line, worst.value / unit));
   }
   if (const auto& pole = alone.figures.pole)
-    if (std::string text = pole_text(*pole, alone.machine.control, options.pole_warning,
-                                     line_of(alone, pole->line, pole->file));
+    if (std::string text =
+            pole_text(*pole, alone.machine.control, options.pole_warning, alone.more_files);
         !text.empty())
       alone.warnings.push_back(std::move(text));
   if (alone.figures.slowed > 0)

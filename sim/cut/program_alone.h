@@ -78,9 +78,6 @@ struct ProgramAlone {
   bool beyond_travel = false;
 };
 
-/// "line 12", or "line 12 of FILE" in another file of the program.
-std::string line_of(const ProgramAlone& alone, int line, std::uint16_t file);
-
 /// The files that it reads.
 std::vector<std::filesystem::path> inputs_of(const std::filesystem::path& program,
                                              const ProgramAloneOptions& options);

@@ -259,9 +259,8 @@ void Machine::note_turned_table(const Cause& cause) {
   if (tables.empty()) return;
   run_.warn_once(fmt::format(
       "{} on line {} begins with the table turned ({}): X Y Z count in the workpiece with its "
-      "table "
-      "at zero; a control with parameter 19696.5 WKP = 0 counts in the coordinate system as it "
-      "stands over the table then",
+      "table at zero; a control with parameter 19696.5 WKP = 0 counts in the coordinate system "
+      "as it stands over the table then",
       length_mode_ == 435 ? "G43.5" : "G43.4", canon_.line(), tables));
 }
 

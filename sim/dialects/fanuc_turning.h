@@ -35,8 +35,7 @@ struct PolePassage {
 /// end about the pole by more than `most_change`. Of an end in the pole nothing is changed.
 /// @param from, to  (size) of which the rotary axes count
 /// @throws std::invalid_argument unless the chain has two rotary axes at right angles to each
-/// other,
-///         the tool at right angles to the second
+///         other, the tool at right angles to the second
 std::optional<PolePassage> through_pole(const kinematics::Chain& chain,
                                         const kinematics::AxisVector& from,
                                         const kinematics::AxisVector& to,

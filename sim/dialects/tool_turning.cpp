@@ -4,11 +4,13 @@
 #include <cmath>
 
 #include "kinematics/inverse.h"
+#include "kinematics/turn_between.h"
 #include "kinematics/units.h"
 
 namespace abbe::sim::dialects {
 
 using Eigen::Vector3d;
+using kinematics::angle_between;
 using kinematics::AxisVector;
 using kinematics::Chain;
 using kinematics::Motion;
@@ -44,10 +46,6 @@ std::vector<int> rotary_in_order(const Chain& chain) {
         one.motion == Motion::Rotary && one.side == Side::Workpiece)
       joints.push_back(j);
   return joints;
-}
-
-double angle_between(const Vector3d& a, const Vector3d& b) {
-  return std::atan2(a.cross(b).norm(), a.dot(b));
 }
 
 /// Unit directions turned uniformly from one to another.

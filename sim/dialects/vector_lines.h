@@ -19,7 +19,8 @@ class VectorLines {
   /// There is a rule that is not the dialect's own.
   bool on() const { return rule() == PoleRule::Fanuc || rule() == PoleRule::Siemens; }
 
-  /// Rotary axes for a direction of the tool as Fanuc's output judgement takes them, `near` else.
+  /// Rotary axes for a direction of the tool as Fanuc's output judgement takes them; as
+  /// they are where the machine has none that points the tool.
   /// @param chain  outlives it, as does that of every other call
   /// @throws BadInput at `cause` where the rotary axes do not reach it
   kinematics::AxisVector fanuc_axes(const kinematics::Chain& chain,

@@ -264,4 +264,9 @@ PathFigures PathMeter::figures() const {
   return figures;
 }
 
+std::string line_text(const std::vector<std::string>& more_files, int line, std::uint16_t file) {
+  const std::string text = "line " + std::to_string(line);
+  return file == 0 ? text : text + " of " + more_files[std::size_t(file) - 1];
+}
+
 }  // namespace abbe::sim::program

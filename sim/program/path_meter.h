@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -137,5 +138,9 @@ class PathMeter {
   Coordinates coordinates_ = Coordinates::Axis;
   double fastest_share_ = 0.0;
 };
+
+/// "line 12", or "line 12 of FILE" in another file of the program.
+/// @param more_files  as Path has them
+std::string line_text(const std::vector<std::string>& more_files, int line, std::uint16_t file);
 
 }  // namespace abbe::sim::program

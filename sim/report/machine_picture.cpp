@@ -475,9 +475,8 @@ render::MachinePicture machine_picture(const ProgramAlone& alone) {
     picture.paths.push_back(std::move(line));
   }
   picture.caption = {blocks_text(alone.description) +
-                         "; the axes stand at home; the way of the tip in the workpiece, rapids as "
-                         "far as they are "
-                         "near",
+                         "; the axes stand at home; the way of the tip in the workpiece, "
+                         "rapids as far as they are near",
                      fmt::format("{} of {} stretches drawn, {} moves", drawn, runs.size(),
                                  alone.figures.blocks - alone.figures.dwells.count)};
   return picture;

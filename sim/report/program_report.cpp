@@ -66,7 +66,7 @@ std::string offset_name(int number) {
 }
 
 std::string place_of(const ProgramAlone& alone, const AtLine& at) {
-  return line_of(alone, at.line, at.file);
+  return program::line_text(alone.more_files, at.line, at.file);
 }
 
 std::string times_text(const ProgramAlone& alone) {
@@ -124,7 +124,8 @@ std::string singular_text(const ProgramAlone& alone) {
     if (joint_of(alone, j).motion == Motion::Rotary)
       at += fmt::format(" {} {:.5g}", joint_of(alone, j).name, pose.q[j] / units::deg + 0.0);
   return fmt::format("singular  nearest pose {:.4g} deg away, on {}:{} deg\n",
-                     pose.angle / units::deg, line_of(alone, pose.line, pose.file), at);
+                     pose.angle / units::deg,
+                     program::line_text(alone.more_files, pose.line, pose.file), at);
 }
 
 std::string tools_text(const ProgramAlone& alone) {
