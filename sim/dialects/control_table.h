@@ -33,10 +33,13 @@ struct ControlTable {
   std::string file;
   Dialect control = Dialect::LinuxCnc;  ///< whose format it is
   std::map<int, TableTool> tools;       ///< by T, or by H and D of Fanuc
-  /// 1 to 6: G54 to G59, Heidenhain's presets 1 to 6, Siemens' G54 to G57, G505, G506. 7 to 9:
-  /// LinuxCNC's G59.1 to G59.3. Fanuc: 0 the external one, 100 + n that of G54.1 Pn.
+  /// 1 to 6: G54 to G59, Heidenhain's presets 1 to 6, Siemens' G54 to G57, G505, G506; others as
+  /// `program::NcOptions::more_offset` numbers them.
   std::map<int, TableOffset> offsets;
   std::vector<std::string> notes;  ///< what of it is without effect, with counts
 };
+
+/// The number of a preset of Heidenhain, 1 to 9999, among the offsets.
+constexpr int system_of_preset(int preset) { return preset > 6 ? 1000 + preset : preset; }
 
 }  // namespace abbe::sim::dialects

@@ -7,6 +7,7 @@
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
+#include "sim/dialects/control_table.h"
 #include "sim/dialects/heidenhain_machine.h"
 #include "sim/dialects/heidenhain_words.h"
 
@@ -175,13 +176,18 @@ void Machine::trans(Words& words) {
   apply_frame(words.cause(from));
 }
 
-/// Presets 1 to 6 are the scene's G54 to G59; shift and rotation end.
+/// Presets 1 to 6 may be the scene's G54 to G59; shift and rotation end.
 void Machine::choose_preset(int number, const Cause& cause) {
   if (contour_.beside()) refuse(cause, "R0 before another preset");
   if (plane_) refuse(cause, "PLANE RESET before another preset");
-  if (number < 1 || number > 6)
-    refuse(cause, "a preset of 1 to 6, which are G54 to G59 of the scene");
-  preset_ = number - 1;
+  const bool of_scene = number >= 1 && number <= 6;
+  const bool of_table = number > 6 && number <= 9999 &&
+                        canon_.options().more_offset.contains(system_of_preset(number));
+  if (!of_scene && !of_table)
+    refuse(cause,
+           "a preset of 1 to 6, which are G54 to G59 of the scene, or one of the control's table "
+           "(`offsets`)");
+  preset_ = system_of_preset(number) - 1;
   datum_shift_.setZero();
   turn_ = 0.0;
   tangent_.reset();

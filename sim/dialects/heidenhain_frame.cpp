@@ -92,7 +92,7 @@ AxisVector Machine::axis_shift(const Cause& cause) {
 void Machine::apply_frame(const Cause& cause) {
   if (contour_.beside() || contour_.waits())
     refuse(cause, "R0, and no corner, where coordinates or tools change");
-  const auto& offset = canon_.options().work_offset[std::size_t(preset_)];
+  const AxisVector& offset = program::work_offset(canon_.options(), preset_ + 1);
   const Matrix3d R = rotation();
   program::Frame frame;
   frame.shift = datum_shift_ + turns_;

@@ -211,7 +211,7 @@ class Machine {
   int tool_ = -1;
   double delta_ = 0.0;  ///< mm by which the believed length exceeds that of the chain: DL, TOOL DEF
   double delta_radius_ = 0.0, tool_feed_ = 0.0, delta_length_ = 0.0;
-  int preset_ = 0;                           ///< 0 to 5: G54 to G59
+  int preset_ = 0;                           ///< of the offsets, counted from 0: G54
   AxisVector datum_shift_;                   ///< of cycle 7 in force, of the plane if there is one
   Vector3d outer_shift_ = Vector3d::Zero();  ///< of cycle 7 before the plane
   double turn_ = 0.0;                        ///< rad, of cycle 10

@@ -13,7 +13,7 @@ namespace abbe::sim::dialects {
 namespace {
 
 constexpr std::size_t most_columns = 256;
-constexpr int most_preset = 6;
+constexpr int most_preset = 9999;
 
 /// A column by its name, and where it begins and ends in every line.
 struct TableColumn {
@@ -179,12 +179,13 @@ void preset_row(TableReading& reading, const std::vector<TableColumn>& columns,
     if (auto cell = cell_in(column, line); cell && (column.name == "NR" || column.name == "NO"))
       number = preset_number(*cell, column.name);
   if (!number) line.refuse(0, "the number of a preset in the column NR", "none");
-  if (*number < 1 || *number > most_preset) return reading.leave_out("presets other than 1 to 6");
+  if (*number < 1 || *number > most_preset)
+    return reading.leave_out("presets other than 1 to 9999");
   TableOffset offset;
   for (const TableColumn& column : columns)
     if (const auto cell = cell_in(column, line); cell && column.name != "NR" && column.name != "NO")
       preset_cell(reading, column, *cell, offset);
-  if (!reading.table.offsets.emplace(*number, offset).second)
+  if (!reading.table.offsets.emplace(system_of_preset(*number), offset).second)
     line.refuse(0, "a preset that the table does not have already", fmt::format("{}", *number));
 }
 

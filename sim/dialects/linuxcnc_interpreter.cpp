@@ -72,17 +72,18 @@ std::string tool_table(const NcOptions& control, const std::set<int>& called,
 /// Origins of the nine coordinate systems, those of the scene with `zero` on top.
 std::string parameter_text(const program::Canon& canon, const Eigen::Vector3d& zero) {
   std::string text = "5220\t1\n";
-  const auto& offsets = canon.options().work_offset;
-  for (std::size_t i = 0; i < 9; ++i)
+  for (std::size_t i = 0; i < 9; ++i) {
+    const kinematics::AxisVector& offset = program::work_offset(canon.options(), int(i) + 1);
     for (std::size_t k = 0; k < 6; ++k) {
       const int j = canon.joint_of(six_letters[k]);
       double value = k < 3 ? zero[Eigen::Index(k)] : 0.0;
-      if (j >= 0 && i < offsets.size() && offsets[i].size() > 0)
-        value += canon.is_linear(j) ? offsets[i][j] : offsets[i][j] / units::deg;
+      if (j >= 0 && offset.size() > 0)
+        value += canon.is_linear(j) ? offset[j] : offset[j] / units::deg;
       if (value != 0.0)
         text +=
             fmt::format("{}\t{:.17g}\n", 5221 + 20 * i + k, k < 3 ? value * inches_of_mm : value);
     }
+  }
   return text;
 }
 

@@ -33,7 +33,7 @@ void Machine::apply_frame() {
   canon_.set_tip_mode(tip_mode(), {1, {}});
   const Placement sum = swivel_ ? behind(swivel_->frame, programmable_) : programmable_;
   program::Frame frame;
-  if (system_ >= 0) frame.shift = canon_.options().work_offset[std::size_t(system_)];
+  if (system_ >= 0) frame.shift = program::work_offset(canon_.options(), system_ + 1);
   if (!sum.rotation.isIdentity(0.0)) frame.rotation = sum.rotation;
   const bool turns = !programmable_turns_.isZero(0.0);
   if (!sum.shift.isZero(0.0) || turns) {

@@ -175,6 +175,17 @@ void Machine::check_compensation(const Block& block) const {
     refuse(code.cause, "G40 before " + shown(code.cause.text));
 }
 
+void Machine::choose_system(const Code& code) {
+  const int number = std::stoi(std::string(code.word.substr(1)));
+  if (number > 506 && !canon_.options().more_offset.contains(number))
+    refuse(code.cause,
+           fmt::format("a work offset of the control's table (`offsets`), which has no $P_UIFR[{}]",
+                       number - 500));
+  const int first = number < 500 ? 54 : number > 506 ? 1 : 501;
+  system_ = number - first;
+  apply_frame();
+}
+
 void Machine::set_modes(const Block& block) {
   set_feed(block);
   set_spindle(block);
@@ -185,11 +196,7 @@ void Machine::set_modes(const Block& block) {
   if (const Code& code = block[Group::OrientationWay]) on_great_circle_ = code.word != "ORIAXES";
   call_tools(block);
   if (const Code& code = block[Group::WorkOffset]) {
-    system_ = code.word == "G500"   ? -1
-              : code.word == "G505" ? 4
-              : code.word == "G506" ? 5
-                                    : code.word[2] - '4';
-    apply_frame();
+    choose_system(code);
   }
   if (const Code& code = block[Group::Transformation]) change_transformation(code);
   if (const Code& code = block[Group::CutterRadius]) set_compensation(code);

@@ -46,6 +46,7 @@ class Machine {
     canon_.refuse(cause, std::move(expected), std::move(seen));
   }
   void check_words(const Block& block) const;
+  void choose_system(const Code& code);
   void set_modes(const Block& block);
   void set_feed(const Block& block);
   void set_spindle(const Block& block);
@@ -132,7 +133,7 @@ class Machine {
   double speed_ = 0.0, most_rpm_ = 1e7;
   int selected_ = -1, tool_ = -1;  ///< of T; in the spindle
   bool length_counts_ = true;      ///< D1
-  int system_ = 0;                 ///< of the scene, 0 G54; -1 G500
+  int system_ = 0;                 ///< of the offsets, counted from 0: G54; -1 G500
   bool traori_ = false;
   bool workpiece_frame_ = true;          ///< ORIWKS
   std::optional<bool> on_great_circle_;  ///< of ORIVECT and ORIAXES

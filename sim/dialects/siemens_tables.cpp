@@ -11,8 +11,6 @@ namespace abbe::sim::dialects {
 
 namespace {
 
-constexpr int most_system = 6;  // G506
-
 /// Values of a tool as the file has them, until all are known: the radius and length are sums.
 struct EdgeParts {
   double length = 0.0, wear = 0.0, base = 0.0, radius = 0.0, radius_wear = 0.0;
@@ -203,11 +201,7 @@ void frame_value(TableReading& reading, int system, Cursor& line) {
 }
 
 void offset_value(TableReading& reading, const Assigned& to, Cursor& line) {
-  const int system = table_index(to, 0, 99, line);
-  if (system > most_system) {
-    line.at = line.text.size();
-    return reading.leave_out("$P_UIFR beyond G506");
-  }
+  const int number = table_index(to, 0, 99, line), system = number > 6 ? 500 + number : number;
   if (to.index.size() == 1) return frame_value(reading, system, line);
   if (to.index.size() != 3)
     line.refuse(to.from, "an index of number, axis and TR, FI, RT, SC or MI");

@@ -6,6 +6,14 @@ namespace abbe::sim::program {
 
 using kinematics::AxisVector;
 
+const AxisVector& work_offset(const NcOptions& options, int system) {
+  static const AxisVector none;
+  if (system >= 1 && system <= int(options.work_offset.size()))
+    return options.work_offset[std::size_t(system - 1)];
+  const auto found = options.more_offset.find(system);
+  return found == options.more_offset.end() ? none : found->second;
+}
+
 bool knows_tool(const NcOptions& options, int number) {
   return !options.tool_table || number == 0 || options.tool_length.contains(number);
 }

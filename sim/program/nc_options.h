@@ -27,8 +27,9 @@ struct NcOptions {
       work_offset{};  ///< G54 .. G59, (axes) each, as `program_zero` has it;
                       ///< empty means none is stated
   std::map<int, kinematics::AxisVector>
-      more_offset;  ///< likewise, of a control's table: LinuxCNC 7 to 9 G59.1 to G59.3, Fanuc 0 the
-                    ///< external one and 100 + n G54.1 Pn
+      more_offset;  ///< likewise, of a control's table: 7 to 9 G59.1 to G59.3 of LinuxCNC; 0 the
+                    ///< external one and 100 + n G54.1 Pn of Fanuc; 507 to 599 G507 to G599 of
+                    ///< Siemens; 1000 + n preset n of Heidenhain
   double rapid_speed = 10000.0 / 60.0;                       ///< mm/s along the way
   double rapid_turn = 3600.0 / 60.0 * 0.017453292519943295;  ///< rad/s for a block of turns only
   std::optional<kinematics::Chain> control;       ///< the control's own chain: G43.4 needs it to
@@ -39,6 +40,10 @@ struct NcOptions {
   bool block_delete = true;                       ///< blocks that start with / are left out
   std::size_t max_bytes = std::size_t(1) << 31;   ///< larger programs are refused
 };
+
+/// The offset of a coordinate system, (axes); empty where none is stated.
+/// @param system  1 to 6, G54 to G59, or a number of `more_offset`
+const kinematics::AxisVector& work_offset(const NcOptions& options, int system);
 
 /// Whether a tool can be called: T0, or one of the control's table where it has one.
 bool knows_tool(const NcOptions& options, int number);

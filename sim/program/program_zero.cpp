@@ -49,7 +49,8 @@ std::optional<ProgramZero> known_zero(const NcOptions& options) {
 
 std::optional<ProgramZero> program_zero(const NcOptions& options) {
   const auto& offsets = options.work_offset;
-  const bool stated = std::any_of(offsets.begin(), offsets.end(),
+  const bool stated = !options.more_offset.empty() ||
+                      std::any_of(offsets.begin(), offsets.end(),
                                   [](const AxisVector& offset) { return offset.size() > 0; });
   return stated ? known_zero(options) : std::nullopt;
 }

@@ -58,11 +58,17 @@ std::size_t moves_of(const program::PathFigures& figures) {
   return figures.blocks - figures.dwells.count;
 }
 
-/// Name of a work offset, "G54"; those beyond are numbered by their dialect.
-std::string offset_name(int number) {
+/// Name of a work offset as its control has it, "G54".
+std::string offset_name(const ProgramAlone& alone, int number) {
+  const auto is = [&](dialects::Dialect one) { return alone.dialect == dialects::name_of(one); };
+  const int system = number + 1;  // as `program::NcOptions::more_offset` numbers them
   if (number < 0) return "none (G53)";
-  if (number < 6) return fmt::format("G{}", 54 + number);
-  return fmt::format("{}", number + 1);
+  if (is(dialects::Dialect::Heidenhain))
+    return fmt::format("preset {}", system > 1000 ? system - 1000 : system);
+  if (is(dialects::Dialect::Siemens) && system > 4)
+    return fmt::format("G{}", system > 500 ? system : 500 + system);
+  if (system > 100) return fmt::format("G54.1 P{}", system - 100);
+  return system > 6 ? fmt::format("G59.{}", system - 6) : fmt::format("G{}", 53 + system);
 }
 
 std::string place_of(const ProgramAlone& alone, const AtLine& at) {
@@ -150,7 +156,7 @@ std::string tools_text(const ProgramAlone& alone) {
       fmt::format("offsets   {}:", alone.offset.empty() ? "zero unless the program sets them"
                                                         : "at " + escaped(alone.offset) + " each");
   for (const auto& [number, blocks] : alone.figures.offsets)
-    text += fmt::format(" {} ({} blocks)", offset_name(number), blocks);
+    text += fmt::format(" {} ({} blocks)", offset_name(alone, number), blocks);
   return text + "\n";
 }
 
@@ -283,7 +289,7 @@ ordered_json to_json(const ProgramAlone& alone) {
   const program::PathFigures& f = alone.figures;
   const MoveFigures feed = feed_of(f);
   ordered_json offsets, fastest;
-  for (const auto& [number, blocks] : f.offsets) offsets[offset_name(number)] = blocks;
+  for (const auto& [number, blocks] : f.offsets) offsets[offset_name(alone, number)] = blocks;
   if (f.fastest_axis >= 0) fastest = std::string(1, joint_of(alone, f.fastest_axis).name);
   return {
       {"program", alone.file.string()},

@@ -91,6 +91,20 @@ TEST(ControlTables, FourControlsSayTheSameOfAnOffset) {
   EXPECT_EQ(offsets(fanuc_offsets).offsets.at(0).axes.at('Z').value, -1.0);
 }
 
+TEST(ControlTables, OffsetsBeyondTheSixKeepTheirNumbers) {
+  const ControlTable siemens =
+      offsets("%_N_UFR1_INI\n$P_UIFR[7,X,TR]=1\n$P_UIFR[99]=CTRANS(X,2)\n", 1.0);
+  EXPECT_EQ(siemens.offsets.at(507).axes.at('X').value, 1.0);
+  EXPECT_EQ(siemens.offsets.at(599).axes.at('X').value, 2.0);
+  const ControlTable heidenhain =
+      offsets("BEGIN P .PR MM\nNR    X\n6     1\n7     2\n9999  3\n10000 4\n[END]\n");
+  EXPECT_EQ(heidenhain.offsets.at(6).axes.at('X').value, 1.0);
+  EXPECT_EQ(heidenhain.offsets.at(1007).axes.at('X').value, 2.0);
+  EXPECT_EQ(heidenhain.offsets.at(10999).axes.at('X').value, 3.0);
+  ASSERT_EQ(heidenhain.notes.size(), 1u);
+  EXPECT_NE(heidenhain.notes[0].find("presets other than 1 to 9999 (1)"), std::string::npos);
+}
+
 void refuses(const std::string& text, TableKind kind, const std::string& message,
              std::optional<double> unit = 1.0) {
   try {

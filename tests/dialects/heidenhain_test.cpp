@@ -296,6 +296,28 @@ TEST(Heidenhain, TangentArcsGoOnInTheDirectionOfTheLastMove) {
   }
 }
 
+TEST(Heidenhain, ToolsAreCalledByTheirNames) {
+  ReadOptions options = klartext_options();
+  options.control.tool_number = {{"BALL 10", 1}, {"mill", 2}};
+  const auto reads = [&](const std::string& call) {
+    return klartext(call + " Z S100\nL X+1 Y+2 Z+3 F100\n", options).path;
+  };
+  for (const auto& [by_name, by_number] : {std::pair("\"BALL 10\"", "1"), {"\"mill\"", "2"}}) {
+    const program::Path named = reads(std::string("TOOL CALL ") + by_name);
+    const program::Path numbered = reads(std::string("TOOL CALL ") + by_number);
+    EXPECT_EQ(named.blocks.back().end, numbered.blocks.back().end);
+    EXPECT_EQ(named.tool_calls.back().number, std::stoi(by_number));
+  }
+  EXPECT_NE(reads("TOOL CALL \"mill\"").blocks.back().end,
+            reads("TOOL CALL \"BALL 10\"").blocks.back().end);
+  for (const char* unknown : {"TOOL CALL \"MILL\" Z", "TOOL CALL \"\" Z", "TOOL CALL \"mill Z"})
+    EXPECT_NE(klartext_refusal(std::string(unknown) + "\n", options)
+                  .find("part.h:1:11: expected a tool by its number: the scene has no tools of "
+                        "that name"),
+              std::string::npos)
+        << klartext_refusal(std::string(unknown) + "\n", options);
+}
+
 TEST(Heidenhain, FaultsAreNamedAtTheirPlace) {
   EXPECT_EQ(
       klartext_refusal("0 BEGIN PGM A MM\n1 L X+10 W+5 FMAX\n2 CYCL DEF 200 DRILLING ~\n"

@@ -96,6 +96,87 @@ TEST(ProgramZero, IsOnePlaceOnTheAxesAndOnTheTip) {
   EXPECT_LT(worst, 1e-9);
 }
 
+/// A program that goes to X1 Y2 Z3 of an offset of the control's table.
+struct OfTable {
+  const char* text;
+  Dialect dialect;
+  int system;  // as NcOptions::more_offset numbers it
+};
+
+TEST(ProgramZero, OffsetsOfTheControlsTableAreWhereItSays) {
+  const std::string preset =
+      "TOOL CALL 1 Z S100\nCYCL DEF 247 PRESET SELECT ~\n Q339=+{} ;PRESET\nL X+1 Y+2 Z+3 FMAX\n";
+  const std::string preset_7 = fmt::format(fmt::runtime(preset), 7),
+                    preset_9999 = fmt::format(fmt::runtime(preset), 9999);
+  const OfTable all[] = {
+      {"G90 G59.1 G43 H1\nG0 X1 Y2 Z3\n", Dialect::LinuxCnc, 7},
+      {"G90 G59.2 G43 H1\nG0 X1 Y2 Z3\n", Dialect::LinuxCnc, 8},
+      {"G90 G59.3 G43 H1\nM428\nG0 X1 Y2 Z3\n", Dialect::LinuxCnc, 9},
+      {"G90 G54.1 P1 G43 H1 G0 X1. Y2. Z3.\n", Dialect::Fanuc, 101},
+      {"G90 G54 P300 G43.4 H1 G0 X1. Y2. Z3.\n", Dialect::Fanuc, 400},
+      {"T1 D1 G90 G507 G0 X1 Y2 Z3\n", Dialect::Siemens, 507},
+      {"T1 D1 G90 G599\nTRAORI\nG0 X1 Y2 Z3\n", Dialect::Siemens, 599},
+      {preset_7.c_str(), Dialect::Heidenhain, 1007},
+      {preset_9999.c_str(), Dialect::Heidenhain, 10999},
+  };
+  const Vector3d zero_w(10, 20, 30), external_w(0.5, -0.25, 0.125);
+  for (const Chain& home : {machines::gantry(), machines::trunnion()})
+    for (const OfTable& one : all) {
+      SCOPED_TRACE(one.text);
+      const Chain chain = elsewhere(home, Vector3d(7, -4, -30), Vector3d(1, 2, 3));
+      program::NcOptions control = machines::options_for(chain);
+      control.more_offset[one.system] = offset_of(chain, zero_w);
+      const auto tip_from_zero = [&] {
+        const program::Path path = path_of(one.text, one.dialect, control);
+        EXPECT_EQ(path.blocks.back().work_offset, one.system - 1);
+        return Vector3d(tip_at_end(path, chain) - zero_w);
+      };
+      EXPECT_LT((tip_from_zero() - Vector3d(1, 2, 3)).norm(), 1e-9);
+      if (one.dialect != Dialect::Fanuc) continue;
+      control.more_offset[0] = offset_of(chain, external_w);
+      EXPECT_LT((tip_from_zero() - external_w - Vector3d(1, 2, 3)).norm(), 1e-9);
+    }
+}
+
+TEST(ProgramZero, TheExternalOffsetOfFanucIsBelowTheOthers) {
+  const Chain chain = elsewhere(machines::gantry(), Vector3d(7, -4, -30), Vector3d(1, 2, 3));
+  program::NcOptions control = machines::options_for(chain);
+  control.more_offset[0] = offset_of(chain, Vector3d(0.5, -0.25, 0.125));
+  for (const bool stated : {false, true}) {
+    if (stated) control.work_offset[1] = offset_of(chain, Vector3d(10, 20, 30));
+    const Vector3d zero_w = stated ? Vector3d(10, 20, 30) : Vector3d::Zero();
+    const program::Path path = path_of("G90 G55 G43 H1 G0 X1. Y2. Z3.\n", Dialect::Fanuc, control);
+    EXPECT_LT((tip_at_end(path, chain) - zero_w - Vector3d(1.5, 1.75, 3.125)).norm(), 1e-12);
+  }
+}
+
+TEST(ProgramZero, AnOffsetThatTheTableHasNotIsRefused) {
+  program::NcOptions control = machines::options_for(machines::gantry());
+  const auto refusal = [&](const char* text, Dialect dialect) -> std::string {
+    try {
+      path_of(text, dialect, control);
+    } catch (const BadInput& fault) {
+      return fault.what();
+    }
+    return "read";
+  };
+  const auto preset = [](int number) {
+    return fmt::format("TOOL CALL 1 Z S100\nCYCL DEF 247 PRESET SELECT ~\n Q339=+{} ;PRESET\n",
+                       number);
+  };
+  control.more_offset[507] = control.more_offset[1007] = {};
+  EXPECT_EQ(refusal("G508\n", Dialect::Siemens),
+            "part.nc:1:1: expected a work offset of the control's table (`offsets`), which has no "
+            "$P_UIFR[8], seen G508");
+  EXPECT_NE(refusal("G600\n", Dialect::Siemens).find("G600"), std::string::npos);
+  for (const int number : {0, 8, 10'000, 32'000})
+    EXPECT_NE(refusal(preset(number).c_str(), Dialect::Heidenhain)
+                  .find("expected a preset of 1 to 6, which are G54 to G59 of the scene, or one of "
+                        "the control's table (`offsets`)"),
+              std::string::npos)
+        << number;
+}
+
 TEST(ProgramZero, WithoutALengthTheNoseGoesThere) {
   const Chain chain = elsewhere(machines::trunnion(), Vector3d(7, -4, -30), Vector3d(1, 2, 3));
   program::NcOptions control = machines::options_for(chain);
