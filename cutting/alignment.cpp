@@ -23,19 +23,24 @@ struct CutPoint {
   double weight;  ///< mm^2
 };
 
-std::vector<CutPoint> cut_points(const Surface& surface, const Design& design) {
+void check_map(const Surface& surface, const Design& design) {
   const auto n = static_cast<std::size_t>(design.vertices.rows());
   if (surface.status.size() != n || static_cast<std::size_t>(surface.residual.size()) != n ||
       static_cast<std::size_t>(design.area.size()) != n ||
       static_cast<std::size_t>(design.normals.rows()) != n)
     throw std::invalid_argument("aligned: the map and the design have different sizes");
+  for (std::size_t i = 0; i < n; ++i)
+    if (surface.status[i] == VertexStatus::Cut &&
+        !std::isfinite(surface.residual[static_cast<Eigen::Index>(i)]))
+      throw std::invalid_argument("aligned: a cut vertex without a residual");
+}
+
+std::vector<CutPoint> cut_points(const Surface& surface, const Design& design) {
   const Weights weights = cutting::weights(surface, design);
   std::vector<CutPoint> points;
-  for (std::size_t i = 0; i < n; ++i) {
+  for (std::size_t i = 0; i < surface.status.size(); ++i) {
     if (surface.status[i] != VertexStatus::Cut) continue;
     const auto v = static_cast<Eigen::Index>(i);
-    if (!std::isfinite(surface.residual[v]))
-      throw std::invalid_argument("aligned: a cut vertex without a residual");
     points.push_back(
         {design.vertices.row(v), design.normals.row(v), surface.residual[v], weights.vertex[v]});
   }
@@ -133,8 +138,10 @@ std::vector<std::string> names(Eigen::MatrixXd basis) {
 Aligned aligned(const Surface& surface, const Design& design, const AlignmentOptions& options) {
   Aligned result;
   result.surface = surface;
+  check_map(surface, design);
+  if (options.alignment == Alignment::None) return result;
   const std::vector<CutPoint> points = cut_points(surface, design);
-  if (options.alignment == Alignment::None || points.empty()) return result;
+  if (points.empty()) return result;
 
   const int size = options.alignment == Alignment::Offset ? 3 : 6;
   const Gauge g = gauge(points);

@@ -125,7 +125,7 @@ Cells cells_of(const Design& design, const Surface& surface, double size) {
 /// Farthest from the middle of one cell that the middle of another may lie and count, mm.
 double widest(double reach, double size) { return reach + 2.0 * size; }
 
-/// Cells by the blocks in which they lie, which are so wide that the next ones hold all that count.
+/// Cells by the blocks in which they lie, which are so wide that the next two hold all that count.
 using Blocks = std::map<Place, std::vector<int>>;
 
 Blocks blocks_of(const std::vector<FilterCell>& cells, double size) {
@@ -137,48 +137,60 @@ Blocks blocks_of(const std::vector<FilterCell>& cells, double size) {
   return blocks;
 }
 
-/// Those of a block and of the next ones, one behind the other.
+/// Those of a block and of the next ones that one of it can reach, one behind the other.
 std::vector<FilterCell> around(const std::vector<FilterCell>& cells, const Blocks& blocks,
-                               const Place& home) {
+                               const Blocks::value_type& home, double width) {
+  const Place& at = home.first;
+  Eigen::AlignedBox3d box;
+  for (const int c : home.second) box.extend(cells[std::size_t(c)].middle);
   std::vector<FilterCell> found;
-  for (std::int64_t i = -1; i <= 1; ++i)
-    for (std::int64_t j = -1; j <= 1; ++j)
-      for (std::int64_t k = -1; k <= 1; ++k) {
-        const auto block = blocks.find({home[0], home[1] + i, home[2] + j, home[3] + k});
+  for (std::int64_t i = -2; i <= 2; ++i)
+    for (std::int64_t j = -2; j <= 2; ++j)
+      for (std::int64_t k = -2; k <= 2; ++k) {
+        const auto block = blocks.find({at[0], at[1] + i, at[2] + j, at[3] + k});
         if (block == blocks.end()) continue;
-        for (const int c : block->second) found.push_back(cells[std::size_t(c)]);
+        for (const int c : block->second)
+          if (box.squaredExteriorDistance(cells[std::size_t(c)].middle) < width * width)
+            found.push_back(cells[std::size_t(c)]);
       }
   return found;
 }
 
-/// Cells as columns of numbers, those that a vertex may reach.
+constexpr Index lane = 4;  // cells that are added up side by side
+using Lane = Eigen::Array<double, lane, 1>;
+
+/// Cells as columns of numbers, those that a vertex may reach; the last lane is filled up with
+/// cells without area.
 struct Reached {
-  ArrayXd x, y, z, area, residual;
-  double spread = 0.0;  // mm^2, mean
+  ArrayXd x, y, z, area;
+  ArrayXd residual;        // mm, above that of the cell from which they are reached
+  double spread = 0.0;     // mm^2, mean
+  double reference = 0.0;  // mm, the residual of that cell
 };
 
 Reached reached(const std::vector<FilterCell>& around, const FilterCell& from, double width) {
-  std::vector<int> near;
+  // without a branch: which cells are close cannot be predicted
+  std::vector<int> near(around.size());
+  Index n = 0;
   for (std::size_t c = 0; c < around.size(); ++c) {
     const FilterCell& cell = around[c];
-    const bool close = (cell.middle - from.middle).norm() < width;
-    if (close && (cell.first == from.first || cell.normal.dot(from.normal) > 0.0))
-      near.push_back(int(c));
+    const bool close = (cell.middle - from.middle).squaredNorm() < width * width;
+    const bool alike = bool((cell.first == from.first) | (cell.normal.dot(from.normal) > 0.0));
+    near[std::size_t(n)] = int(c);
+    n += Index(close & alike);
   }
-  const auto n = Index(near.size());
-  Reached all{ArrayXd(n), ArrayXd(n), ArrayXd(n), ArrayXd(n), ArrayXd(n)};
-  double area = 0.0;
+  const ArrayXd none = ArrayXd::Zero((n + lane - 1) / lane * lane);
+  Reached all{none, none, none, none, none, 0.0, from.residual};
   for (Index i = 0; i < n; ++i) {
     const FilterCell& cell = around[std::size_t(near[std::size_t(i)])];
     all.x[i] = cell.middle.x();
     all.y[i] = cell.middle.y();
     all.z[i] = cell.middle.z();
     all.area[i] = cell.area;
-    all.residual[i] = cell.residual;
-    area += cell.area;
+    all.residual[i] = cell.residual - from.residual;
     all.spread += cell.area * cell.spread;
   }
-  all.spread /= area;
+  all.spread /= all.area.sum();
   return all;
 }
 
@@ -186,24 +198,36 @@ Reached reached(const std::vector<FilterCell>& around, const FilterCell& from, d
 double form_at(const Reached& cells, const Vector3d& point, const Vector3d& normal,
                double two_variance) {
   const Vector3d first = normal.unitOrthogonal(), second = normal.cross(first);
-  const ArrayXd dx = cells.x - point.x(), dy = cells.y - point.y(), dz = cells.z - point.z();
-  const ArrayXd weight =
-      cells.area * (-(dx.square() + dy.square() + dz.square()) / two_variance).exp();
-  const ArrayXd u = first.x() * dx + first.y() * dy + first.z() * dz;
-  const ArrayXd v = second.x() * dx + second.y() * dy + second.z() * dz;
-  const ArrayXd wu = weight * u, wv = weight * v;
+  Lane w = Lane::Zero(), wu = w, wv = w, wuu = w, wuv = w, wvv = w, wr = w, wur = w, wvr = w;
+  for (Index at = 0; at < cells.x.size(); at += lane) {
+    const Lane dx = cells.x.segment<lane>(at) - point.x(),
+               dy = cells.y.segment<lane>(at) - point.y(),
+               dz = cells.z.segment<lane>(at) - point.z(), r = cells.residual.segment<lane>(at);
+    const Lane weight =
+        cells.area.segment<lane>(at) * (-(dx * dx + dy * dy + dz * dz) / two_variance).exp();
+    const Lane u = first.x() * dx + first.y() * dy + first.z() * dz;
+    const Lane v = second.x() * dx + second.y() * dy + second.z() * dz;
+    const Lane weight_u = weight * u, weight_v = weight * v;
+    w += weight;
+    wu += weight_u;
+    wv += weight_v;
+    wuu += weight_u * u;
+    wuv += weight_u * v;
+    wvv += weight_v * v;
+    wr += weight * r;
+    wur += weight_u * r;
+    wvr += weight_v * r;
+  }
   Matrix3d normal_equations;
-  normal_equations << weight.sum(), wu.sum(), wv.sum(),  //
-      wu.sum(), (wu * u).sum(), (wu * v).sum(),          //
-      wv.sum(), (wu * v).sum(), (wv * v).sum();
-  const double mean = (weight * cells.residual).sum() / normal_equations(0, 0);
-  const ArrayXd about = cells.residual - mean;
-  const Vector3d right((weight * about).sum(), (wu * about).sum(), (wv * about).sum());
+  normal_equations << w.sum(), wu.sum(), wv.sum(),  //
+      wu.sum(), wuu.sum(), wuv.sum(),               //
+      wv.sum(), wuv.sum(), wvv.sum();
   // along a line of vertices only one slope is known: the other stays zero
   const double little = 1e-6 * two_variance * normal_equations(0, 0);
   normal_equations(1, 1) += little;
   normal_equations(2, 2) += little;
-  return mean + normal_equations.ldlt().solve(right)[0];
+  const Vector3d right(wr.sum(), wur.sum(), wvr.sum());
+  return cells.reference + normal_equations.ldlt().solve(right)[0];
 }
 
 }  // namespace
@@ -221,12 +245,12 @@ Eigen::VectorXd gaussian_form(const Design& design, const Surface& surface, doub
   const double width = widest(reach_of_cutoff * cutoff, size);
   const double variance = gaussian_variance(cutoff);
   const Cells all = cells_of(design, surface, size);
-  const Blocks blocks = blocks_of(all.cells, width);
+  const Blocks blocks = blocks_of(all.cells, 0.5 * width);
   std::vector<const Blocks::value_type*> each;
   for (const auto& block : blocks) each.push_back(&block);
   Eigen::VectorXd form = Eigen::VectorXd::Constant(n, std::numeric_limits<double>::quiet_NaN());
   tbb::parallel_for(std::size_t(0), each.size(), [&](std::size_t b) {
-    const std::vector<FilterCell> near = around(all.cells, blocks, each[b]->first);
+    const std::vector<FilterCell> near = around(all.cells, blocks, *each[b], width);
     const std::vector<int>& here = each[b]->second;
     tbb::parallel_for(std::size_t(0), here.size(), [&](std::size_t c) {
       const FilterCell& cell = all.cells[std::size_t(here[c])];

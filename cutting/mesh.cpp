@@ -1,12 +1,16 @@
 #include "cutting/mesh.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <map>
 #include <numbers>
 #include <numeric>
 #include <stdexcept>
 #include <utility>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_reduce.h>
 
 #include "cutting/segment_grid.h"
 
@@ -122,24 +126,32 @@ Coarseness coarseness(const Design& design) {
     return design.judged.empty() || design.judged[static_cast<std::size_t>(v)] != 0;
   };
   Coarseness coarse;
-  std::vector<char> sharp(static_cast<std::size_t>(design.vertices.rows()), 0);
-  for (Eigen::Index t = 0; t < design.triangles.rows(); ++t) {
+  std::vector<std::atomic<bool>> sharp(static_cast<std::size_t>(design.vertices.rows()));
+  const auto worst_of = [&](Eigen::Index t, double worst) {
     const Vector3d face = cross_of(design.vertices, design.triangles, t).normalized();
     bool follows = true;
     for (const int v : design.triangles.row(t))
       if (design.normals.row(v).dot(face) < smooth) {
         follows = false;
-        sharp[static_cast<std::size_t>(v)] = 1;
+        sharp[static_cast<std::size_t>(v)].store(true, std::memory_order_relaxed);
       }
     const bool is_known =
         !design.face.empty() && design.face[std::size_t(design.triangles(t, 0))] >= 0;
     for (int k = 0; follows && !is_known && k < 3; ++k) {
       const int a = design.triangles(t, k), b = design.triangles(t, (k + 1) % 3);
       if (is_judged(a) && is_judged(b))
-        coarse.facet_error =
-            std::max(coarse.facet_error, sag(design.vertices, design.normals, a, b));
+        worst = std::max(worst, sag(design.vertices, design.normals, a, b));
     }
-  }
+    return worst;
+  };
+  using Range = tbb::blocked_range<Eigen::Index>;
+  coarse.facet_error = tbb::parallel_reduce(
+      Range(0, design.triangles.rows()), 0.0,
+      [&](const Range& range, double worst) {
+        for (Eigen::Index t = range.begin(); t < range.end(); ++t) worst = worst_of(t, worst);
+        return worst;
+      },
+      [](double a, double b) { return std::max(a, b); });
   for (int v = 0; v < static_cast<int>(sharp.size()); ++v) {
     if (!is_judged(v)) continue;
     ++coarse.judged;

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 #include <Eigen/Geometry>
 
@@ -190,16 +191,19 @@ Weights weights(const Surface& surface, const Design& design) {
   Weights w{design.area, Eigen::VectorXd::Zero(m)};
   for (std::size_t i = 0; i < n; ++i)
     if (surface.status[i] != VertexStatus::Cut) w.vertex[static_cast<Eigen::Index>(i)] = 0.0;
-  for (Eigen::Index t = 0; t < m; ++t) {
-    if (!std::isfinite(surface.within[t])) continue;
+  Eigen::VectorXd area = Eigen::VectorXd::Zero(m);
+  tbb::parallel_for(Eigen::Index(0), m, [&](Eigen::Index t) {
+    if (!std::isfinite(surface.within[t])) return;
     const Eigen::RowVector3i corners = design.triangles.row(t);
     const Eigen::Vector3d a = design.vertices.row(corners[0]), b = design.vertices.row(corners[1]),
                           c = design.vertices.row(corners[2]);
-    const double area = 0.5 * (b - a).cross(c - a).norm();
-    w.within[t] = share * area;
-    for (const int corner : corners)
-      w.vertex[corner] = std::max(0.0, w.vertex[corner] - share / 3.0 * area);
-  }
+    area[t] = 0.5 * (b - a).cross(c - a).norm();
+    w.within[t] = share * area[t];
+  });
+  for (Eigen::Index t = 0; t < m; ++t)
+    if (area[t] > 0.0)
+      for (const int corner : design.triangles.row(t))
+        w.vertex[corner] = std::max(0.0, w.vertex[corner] - share / 3.0 * area[t]);
   return w;
 }
 

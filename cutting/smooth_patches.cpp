@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include <tbb/parallel_for.h>
 #include <Eigen/Geometry>
 
 #include "cutting/disjoint_sets.h"
@@ -243,10 +244,10 @@ Design judge_off_edges(const Design& design, std::vector<Segment> edges, double 
   const SegmentGrid near_edge(std::move(edges), cell);
   Design judged = design;
   judged.judged.resize(std::size_t(design.vertices.rows()), 1);
-  for (Index i = 0; i < design.vertices.rows(); ++i) {
+  tbb::parallel_for(Index(0), design.vertices.rows(), [&](Index i) {
     auto& flag = judged.judged[std::size_t(i)];
     if (flag && near_edge.is_within(design.vertices.row(i), margin)) flag = 0;
-  }
+  });
   return judged;
 }
 

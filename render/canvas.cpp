@@ -19,7 +19,6 @@
 #include <vtkDoubleArray.h>
 #include <vtkFloatArray.h>
 #include <vtkGenericOpenGLRenderWindow.h>
-#include <vtkIdTypeArray.h>
 #include <vtkImageData.h>
 #include <vtkLookupTable.h>
 #include <vtkNew.h>
@@ -35,6 +34,7 @@
 #include <vtkSmartPointer.h>
 #include <vtkTextProperty.h>
 #include <vtkTextRenderer.h>
+#include <vtkTypeInt32Array.h>
 #include <vtkUnsignedCharArray.h>
 #include <vtkWindowToImageFilter.h>
 
@@ -96,11 +96,11 @@ vtkSmartPointer<vtkPolyData> poly_data(const cutting::Points& points) {
 
 /// Cells of equal size from row-major indices.
 vtkSmartPointer<vtkCellArray> cells(const int* indices, Eigen::Index count, int corners) {
-  vtkNew<vtkIdTypeArray> offsets;
-  vtkNew<vtkIdTypeArray> connectivity;
+  vtkNew<vtkTypeInt32Array> offsets;
+  vtkNew<vtkTypeInt32Array> connectivity;
   offsets->SetNumberOfValues(count + 1);
   connectivity->SetNumberOfValues(count * corners);
-  for (Eigen::Index i = 0; i <= count; ++i) offsets->SetValue(i, i * corners);
+  for (Eigen::Index i = 0; i <= count; ++i) offsets->SetValue(i, vtkTypeInt32(i * corners));
   for (Eigen::Index i = 0; i < count * corners; ++i) connectivity->SetValue(i, indices[i]);
   auto array = vtkSmartPointer<vtkCellArray>::New();
   array->SetData(offsets, connectivity);
@@ -123,7 +123,7 @@ vtkSmartPointer<vtkLookupTable> lookup_table(const ColourScale& scale) {
 vtkSmartPointer<vtkActor> actor(const Solid& solid) {
   const auto data = poly_data(solid.points);
   data->SetPolys(cells(solid.triangles.data(), solid.triangles.rows(), 3));
-  if (solid.normals.rows() > 0) {
+  if (solid.normals.rows() > 0 && solid.shade > 0.0) {
     vtkNew<vtkFloatArray> normals;
     normals->SetNumberOfComponents(3);
     normals->SetNumberOfTuples(solid.normals.rows());
@@ -157,6 +157,7 @@ vtkSmartPointer<vtkActor> actor(const Solid& solid) {
   look.SetAmbient(1.0 - solid.shade);
   look.SetDiffuse(solid.shade);
   look.SetSpecular(0.0);
+  if (solid.shade == 0.0) look.LightingOff();
   if (solid.normals.rows() == 0) look.SetInterpolationToFlat();
   return result;
 }

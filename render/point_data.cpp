@@ -13,13 +13,13 @@
 #include <vtkErrorCode.h>
 #include <vtkFieldData.h>
 #include <vtkFloatArray.h>
-#include <vtkIdTypeArray.h>
 #include <vtkIntArray.h>
 #include <vtkNew.h>
 #include <vtkPointData.h>
 #include <vtkPoints.h>
 #include <vtkPolyData.h>
 #include <vtkStringArray.h>
+#include <vtkTypeInt32Array.h>
 #include <vtkUnsignedCharArray.h>
 #include <vtkXMLPolyDataWriter.h>
 
@@ -61,11 +61,11 @@ void add_mesh(vtkPolyData& mesh, const cutting::Points& vertices, const cutting:
   mesh.SetPoints(points);
 
   const Eigen::Index m = faces.rows();
-  vtkNew<vtkIdTypeArray> offsets;
-  vtkNew<vtkIdTypeArray> connectivity;
+  vtkNew<vtkTypeInt32Array> offsets;
+  vtkNew<vtkTypeInt32Array> connectivity;
   offsets->SetNumberOfValues(m + 1);
   connectivity->SetNumberOfValues(3 * m);
-  for (Eigen::Index i = 0; i <= m; ++i) offsets->SetValue(i, 3 * i);
+  for (Eigen::Index i = 0; i <= m; ++i) offsets->SetValue(i, vtkTypeInt32(3 * i));
   std::copy(faces.data(), faces.data() + faces.size(), connectivity->GetPointer(0));
   vtkNew<vtkCellArray> triangles;
   triangles->SetData(offsets, connectivity);
@@ -77,7 +77,6 @@ void write_poly_data(const std::filesystem::path& path, vtkPolyData& mesh) {
   writer->SetInputData(&mesh);
   writer->SetByteOrderToLittleEndian();
   writer->SetHeaderTypeToUInt64();
-  writer->SetIdTypeToInt32();
   writer->SetDataModeToAppended();
   writer->EncodeAppendedDataOff();
   writer->SetCompressorTypeToZLib();

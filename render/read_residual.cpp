@@ -167,6 +167,15 @@ class Data {
     return values<T>(bytes.substr(sizeof stated), n);
   }
 
+  /// Whole numbers of 32 bits, or of 64 as earlier files have them.
+  std::vector<std::int64_t> indices(const std::string& name, std::size_t n) const {
+    const auto found = parts_.blocks.find(name);
+    if (found != parts_.blocks.end() && found->second.type == "Int64")
+      return array<std::int64_t>(name, "Int64", n);
+    const auto narrow = array<std::int32_t>(name, "Int32", n);
+    return {narrow.begin(), narrow.end()};
+  }
+
   bool has(const std::string& name) const { return parts_.blocks.contains(name); }
 
  private:
@@ -296,8 +305,8 @@ cutting::Points normals(const VtkFile& source, const Data& data, std::size_t n) 
 
 cutting::Triangles triangles(const VtkFile& source, const Data& data, const FileParts& parts) {
   const std::size_t m = parts.triangles;
-  const auto corner = data.array<std::int64_t>("Polys/connectivity", "Int64", 3 * m);
-  const auto end = data.array<std::int64_t>("Polys/offsets", "Int64", m);
+  const auto corner = data.indices("Polys/connectivity", 3 * m);
+  const auto end = data.indices("Polys/offsets", m);
   cutting::Triangles result(static_cast<Eigen::Index>(m), 3);
   for (std::size_t i = 0; i < 3 * m; ++i) {
     if (corner[i] < 0 || static_cast<std::uint64_t>(corner[i]) >= parts.points) {

@@ -5,7 +5,7 @@ find_package(VTK 9 REQUIRED COMPONENTS CommonCore CommonDataModel IOCore IOImage
 find_package(OpenGL REQUIRED COMPONENTS EGL)
 find_package(ZLIB REQUIRED)
 
-abbe_module(render HEADERS patient_headers DEPENDS abbe::cutting PRIVATE ${VTK_LIBRARIES} OpenGL::EGL ZLIB::ZLIB fmt::fmt)
+abbe_module(render HEADERS patient_headers DEPENDS abbe::cutting PRIVATE ${VTK_LIBRARIES} TBB::tbb OpenGL::EGL ZLIB::ZLIB fmt::fmt)
 get_target_property(abbe_render_sources abbe_render SOURCES)
 list(FILTER abbe_render_sources EXCLUDE REGEX "/glew_init\\.cpp$")
 set_property(TARGET abbe_render PROPERTY SOURCES ${abbe_render_sources})

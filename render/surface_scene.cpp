@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include <tbb/parallel_for.h>
 #include <Eigen/Geometry>
 
 #include "cutting/segment_grid.h"
@@ -115,7 +116,8 @@ MapOutline map_outline(const cutting::Design& design, const Vector3d& toward) {
   constexpr double sharp = 0.866;  // cosine of 30 degrees
   constexpr double thin = 0.05;    // height by length: what leans little leans a lot there
   const cutting::Points smooth = normals(design);
-  const auto normal = [&](int triangle) -> Vector3d {
+  cutting::Points facing(design.triangles.rows(), 3);
+  const auto normal = [&](Eigen::Index triangle) -> Vector3d {
     const auto t = design.triangles.row(triangle);
     const Vector3d a = design.vertices.row(t[0]);
     const Vector3d b = design.vertices.row(t[1]);
@@ -126,6 +128,8 @@ MapOutline map_outline(const cutting::Design& design, const Vector3d& toward) {
     if (twice_area.norm() > thin * longest) return twice_area.normalized();
     return (smooth.row(t[0]) + smooth.row(t[1]) + smooth.row(t[2])).normalized();
   };
+  tbb::parallel_for(Eigen::Index(0), facing.rows(),
+                    [&](Eigen::Index t) { facing.row(t) = normal(t).transpose(); });
   const std::vector<cutting::TriangleSide> sides = cutting::sides_of(design.triangles);
   MapOutline found;
   for (std::size_t i = 0, next = 0; i < sides.size(); i = next) {
@@ -133,7 +137,7 @@ MapOutline map_outline(const cutting::Design& design, const Vector3d& toward) {
     const auto [low, high, triangle, corner] = sides[i];
     if (next == i + 1) found.rims.insert(found.rims.end(), {low, high});
     if (next != i + 2) continue;
-    const Vector3d a = normal(triangle), b = normal(sides[i + 1].triangle);
+    const Vector3d a = facing.row(triangle), b = facing.row(sides[i + 1].triangle);
     if (a.dot(b) < sharp || a.dot(toward) * b.dot(toward) < 0.0)
       found.folds.insert(found.folds.end(), {low, high});
   }

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <vector>
 
+#include <tbb/parallel_for.h>
+
 #include "cutting/areal_filter.h"
 
 namespace abbe::sim {
@@ -19,10 +21,13 @@ std::optional<errors::metrology::Areal> texture_of(const cutting::Design& design
     texture.push_back(surface.residual[i] - filtered[i]);
     area.push_back(weights.vertex[i]);
   }
+  Eigen::VectorXd within = surface.within;
+  tbb::parallel_for(Eigen::Index(0), within.size(), [&](Eigen::Index t) {
+    within[t] -= cutting::at_place_within(surface.looked_within, filtered, design.triangles, t);
+  });
   for (Eigen::Index t = 0; t < weights.within.size(); ++t) {
     if (!(weights.within[t] > 0.0)) continue;
-    texture.push_back(surface.within[t] - cutting::at_place_within(surface.looked_within, filtered,
-                                                                   design.triangles, t));
+    texture.push_back(within[t]);
     area.push_back(weights.within[t]);
   }
   const auto n = Eigen::Index(texture.size());

@@ -281,22 +281,8 @@ void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdi
   const auto shows = [&](const char* stage, double fraction) {
     if (progress) progress(stage, fraction);
   };
+  // first, by one core: the map that follows takes all of them
   shows("draw", 0.0);
-  render::MapPicture picture = map_picture(job, verdict);
-  picture.title = job.scene.title + ": " + verdict.cut.name;
-  render::MapOptions map;
-  map.range_um = job.scene.view.range_um;
-  map.from = job.scene.view.from;
-  map.up = job.scene.view.up;
-  write_file(folder / "residual.png",
-             [&](const std::filesystem::path& file) { render::write_map(file, picture, map); });
-  map.colours = render::MapColours::Tolerance;
-  if (picture.tolerance_um.rows() > 0)
-    write_file(folder / "tolerance.png",
-               [&](const std::filesystem::path& file) { render::write_map(file, picture, map); });
-  else
-    remove_file(folder / "tolerance.png");
-  shows("draw", 0.6);
   write_file(folder / "histogram.png", [&](const std::filesystem::path& file) {
     render::HistogramOptions options;
     options.title = job.scene.title + ": " + verdict.cut.name;
@@ -315,6 +301,21 @@ void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdi
     areas << weights.vertex, weights.within;
     render::write_histogram(file, values, areas, options);
   });
+  shows("draw", 0.2);
+  render::MapPicture picture = map_picture(job, verdict);
+  picture.title = job.scene.title + ": " + verdict.cut.name;
+  render::MapOptions map;
+  map.range_um = job.scene.view.range_um;
+  map.from = job.scene.view.from;
+  map.up = job.scene.view.up;
+  write_file(folder / "residual.png",
+             [&](const std::filesystem::path& file) { render::write_map(file, picture, map); });
+  map.colours = render::MapColours::Tolerance;
+  if (picture.tolerance_um.rows() > 0)
+    write_file(folder / "tolerance.png",
+               [&](const std::filesystem::path& file) { render::write_map(file, picture, map); });
+  else
+    remove_file(folder / "tolerance.png");
 }
 
 /// What is left of the blank, in the part frame as the map is.

@@ -66,6 +66,7 @@ std::string coarse_warning(const Job& job, const cutting::Statistics& residual) 
 
 /// Mean radius of each ring of the part by area.
 std::vector<Verdict::Ring> rings_of(const Job& job, const cutting::Surface& surface) {
+  if (job.scene.part.rings.empty()) return {};
   const cutting::Design part = cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
   const cutting::Weights weights = cutting::weights(surface, part);
   const auto radius = [&](Eigen::Index v, double residual) {
