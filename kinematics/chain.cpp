@@ -39,9 +39,10 @@ Pose displaced(const Pose& T, const Deviation& deviation, const Eigen::Vector3d&
 Pose turned(const Pose& T, const Eigen::Vector3d& direction, const Eigen::Vector3d& point,
             double angle) {
   const Eigen::Matrix3d R = Eigen::AngleAxisd(angle, direction).toRotationMatrix();
-  Pose result = T;
-  result.linear() = T.linear() * R;
-  result.translation() += T.linear() * (point - R * point);
+  Pose result;
+  result.makeAffine();
+  result.linear().noalias() = T.linear() * R;
+  result.translation() = T.translation() + T.linear() * (point - R * point);
   return result;
 }
 
@@ -101,11 +102,6 @@ Pose displaced(const Pose& T, const Joint& joint, const LocationRule& rule, doub
   if (moves && !before) result = displaced(result, deviation.motion, joint.point_b);
   if (!location.carried.isZero(0.0)) result = displaced(result, location.carried, joint.point_b);
   return result;
-}
-
-const JointDeviation& at(std::span<const JointDeviation> deviations, int joint) {
-  static const JointDeviation none;
-  return deviations.empty() ? none : deviations[std::size_t(joint)];
 }
 
 [[noreturn]] void refuse(const Joint& joint, const std::string& expected) {
@@ -169,7 +165,9 @@ Pose Chain::workpiece_in_bed(const AxisVector& q,
     const Joint& joint = joints_[std::size_t(i)];
     if (joint.side != Side::Workpiece) continue;
     const double travel = carriage_travel(joint.side, q[i]);
-    T_bw = displaced(T_bw, joint, location_rule(i), travel, at(deviations, i));
+    T_bw = deviations.empty()
+               ? moved(T_bw, joint, joint.direction_b, travel)
+               : displaced(T_bw, joint, location_rule(i), travel, deviations[std::size_t(i)]);
   }
   return T_bw * T_bw_home_;
 }
@@ -181,7 +179,9 @@ Pose Chain::tool_in_bed(const AxisVector& q, std::span<const JointDeviation> dev
     const Joint& joint = joints_[std::size_t(i)];
     if (joint.side != Side::Tool) continue;
     const double travel = carriage_travel(joint.side, q[i]);
-    T_bt = displaced(T_bt, joint, location_rule(i), travel, at(deviations, i));
+    T_bt = deviations.empty()
+               ? moved(T_bt, joint, joint.direction_b, travel)
+               : displaced(T_bt, joint, location_rule(i), travel, deviations[std::size_t(i)]);
   }
   return T_bt * T_bt_home_;
 }

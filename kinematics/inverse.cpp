@@ -154,7 +154,8 @@ std::optional<Eigen::Matrix3d> slide_directions(const Chain& chain, const AxisVe
   Eigen::Matrix3d R = chain.T_bw_home().linear().transpose();  // of what stands so far, to w
   for (int i = 0; i < chain.size(); ++i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
-    if (joint.motion == Motion::Rotary) R = R * Eigen::AngleAxisd(q[i], joint.direction_b);
+    if (joint.motion == Motion::Rotary && q[i] != 0.0)
+      R = R * Eigen::AngleAxisd(q[i], joint.direction_b);
     if (joint.motion != Motion::Linear) continue;
     if (slides == 3) return std::nullopt;
     directions.col(slides++) = R * joint.direction_b;
