@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
 #include <memory>
 #include <utility>
 
@@ -253,7 +254,14 @@ class Looking {
     if (writer_) writer_->add(piece);
   }
 
+  /// The same while the next piece is read; a fault of it comes with the next one, or at the end.
+  void add_beside(program::Path piece) {
+    wait();
+    beside_ = std::async(std::launch::async, [this, piece = std::move(piece)] { add(piece); });
+  }
+
   void finish(ProgramAlone& alone) {
+    wait();
     alone.figures = meter_.figures();
     if (!writer_) return;
     alone.converted = writer_->take();
@@ -264,9 +272,14 @@ class Looking {
   }
 
  private:
+  void wait() {
+    if (beside_.valid()) beside_.get();
+  }
+
   program::PathMeter meter_;
   Tracer tracer_;
   std::optional<program::LocationWriter> writer_;
+  std::future<void> beside_;  // last: it is waited for before what it uses goes
 };
 
 /// @param whole  kept: what conversions need
@@ -291,7 +304,7 @@ void read_alone(const std::string& text, const program::NcOptions& control,
                                .interpreter_limits = options.interpreter_limits,
                                .pole = options.pole};
     read.folder = alone.file.has_parent_path() ? alone.file.parent_path() : ".";
-    if (!whole) read.each_piece = [&](const program::Path& piece) { looking.add(piece); };
+    if (!whole) read.each_piece = [&](program::Path piece) { looking.add_beside(std::move(piece)); };
     if (progress) read.progress = [&](double fraction) { progress("read", fraction); };
     dialects::ReadProgram done = dialects::read_program(text, alone.file.string(), read);
     if (whole) looking.add(done.path);

@@ -1,6 +1,7 @@
 #include "sim/dialects/program_run.h"
 
 #include <algorithm>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -19,8 +20,8 @@ ProgramRun::ProgramRun(const std::string& file, const ReadOptions& options, std:
 
 void ProgramRun::hand_over() {
   if (!options_.each_piece) return;
-  const program::Path piece = canon.hand_over();
-  if (faults_.empty()) options_.each_piece(piece);
+  program::Path piece = canon.hand_over();
+  if (faults_.empty()) options_.each_piece(std::move(piece));
 }
 
 bool ProgramRun::attempt(const std::function<void()>& block) {

@@ -60,7 +60,7 @@ struct ReadOptions {
       {};  ///< where subprograms in files of their own stand; empty: none do
   /// Takes the blocks as they are made, up to `piece_blocks` at a time, so that none are kept: of a
   /// program of which only figures are wanted. Not called again after the first fault.
-  std::function<void(const program::Path& piece)> each_piece = {};
+  std::function<void(program::Path piece)> each_piece = {};
   /// Called now and then with the share of the file that has been read.
   std::function<void(double fraction)> progress = {};
   Interpreter interpreter = Interpreter::Abbe;
