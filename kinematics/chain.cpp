@@ -104,6 +104,15 @@ Pose displaced(const Pose& T, const Joint& joint, const LocationRule& rule, doub
   return result;
 }
 
+/// T and the motion of joint i, with its deviations if there are any.
+Pose carried(const Pose& T, const Chain& chain, int i, double travel,
+             std::span<const JointDeviation> deviations) {
+  const Joint& joint = chain.joints()[std::size_t(i)];
+  return deviations.empty()
+             ? moved(T, joint, joint.direction_b, travel)
+             : displaced(T, joint, chain.location_rule(i), travel, deviations[std::size_t(i)]);
+}
+
 [[noreturn]] void refuse(const Joint& joint, const std::string& expected) {
   throw std::invalid_argument(std::string("axis ") + joint.name + ": expected " + expected);
 }
@@ -164,10 +173,7 @@ Pose Chain::workpiece_in_bed(const AxisVector& q,
   for (int i = size() - 1; i >= 0; --i) {
     const Joint& joint = joints_[std::size_t(i)];
     if (joint.side != Side::Workpiece) continue;
-    const double travel = carriage_travel(joint.side, q[i]);
-    T_bw = deviations.empty()
-               ? moved(T_bw, joint, joint.direction_b, travel)
-               : displaced(T_bw, joint, location_rule(i), travel, deviations[std::size_t(i)]);
+    T_bw = carried(T_bw, *this, i, carriage_travel(joint.side, q[i]), deviations);
   }
   return T_bw * T_bw_home_;
 }
@@ -178,10 +184,7 @@ Pose Chain::tool_in_bed(const AxisVector& q, std::span<const JointDeviation> dev
   for (int i = 0; i < size(); ++i) {
     const Joint& joint = joints_[std::size_t(i)];
     if (joint.side != Side::Tool) continue;
-    const double travel = carriage_travel(joint.side, q[i]);
-    T_bt = deviations.empty()
-               ? moved(T_bt, joint, joint.direction_b, travel)
-               : displaced(T_bt, joint, location_rule(i), travel, deviations[std::size_t(i)]);
+    T_bt = carried(T_bt, *this, i, carriage_travel(joint.side, q[i]), deviations);
   }
   return T_bt * T_bt_home_;
 }

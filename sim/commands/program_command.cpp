@@ -170,7 +170,7 @@ Command program_command(Common& common) {
        {"--tool-radius", &words->tool_radius, "mm, for cutter compensation; none unless given",
         Between{0, 10000}},
        {"--offset", &words->options.offset,
-        "of every work offset, mm and degrees: \"X=10 Z=-50\" (zero)", Type{"WORDS"}},
+        "of G54 to G59 each, mm and degrees: \"X=10 Z=-50\" (zero)", Type{"WORDS"}},
        {"--tools", &words->options.tools,
         "the control's tool table (LinuxCNC, Fanuc, Siemens, Heidenhain), instead of the two"},
        {"--offsets", &words->options.offsets, "its work offsets in a file, instead of --offset"},

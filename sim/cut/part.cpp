@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 #include <memory>
+#include <set>
 
 #include <fmt/format.h>
 
@@ -265,22 +266,13 @@ Program read_file(const ProgramDescription::File& given, const program::NcOption
 }
 
 /// What is to be said of the control's tables.
-std::vector<std::string> table_warnings(const Scene& scene, const program::Path& path) {
+std::vector<std::string> control_table_warnings(const Scene& scene, const program::Path& path) {
   std::vector<std::string> warnings = tool_table_warnings(scene);
-  for (const auto* table : {&scene.program.tools, &scene.program.offsets}) {
-    if (!*table) continue;
-    const dialects::ControlTable& read = (*table)->table;
-    warnings.insert(warnings.end(), read.notes.begin(), read.notes.end());
-    const std::string control(name_of(read.control));
-    if (path.read_as.empty())
-      warnings.push_back(
-          fmt::format("{} is without effect: a table of times has no tools and "
-                      "offsets",
-                      read.file));
-    else if (!path.read_as.starts_with(control))
-      warnings.push_back(fmt::format("{} is a table of {}, and the program is read as {}",
-                                     read.file, control, path.read_as));
-  }
+  std::set<int> called;
+  for (const program::Block& block : path.blocks)
+    if (block.work_offset >= 0) called.insert(block.work_offset + 1);
+  for (const auto* table : {&scene.program.tools, &scene.program.offsets})
+    if (*table) add_warnings(table_warnings((*table)->table, path.read_as, called), warnings);
   return warnings;
 }
 
@@ -458,7 +450,7 @@ Program load_program(const Scene& scene, const Machine& machine, const Part& par
   const program::NcOptions options = nc_options(scene, machine);
   if (const auto* given = std::get_if<ProgramDescription::File>(&scene.program.source)) {
     Program program = read_file(*given, options);
-    add_warnings(table_warnings(scene, program.path), program.warnings);
+    add_warnings(control_table_warnings(scene, program.path), program.warnings);
     return program;
   }
   Generated generated = generate(scene, machine, part);

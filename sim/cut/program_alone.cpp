@@ -4,6 +4,7 @@
 #include <cmath>
 #include <future>
 #include <memory>
+#include <set>
 #include <utility>
 
 #include <fmt/format.h>
@@ -205,9 +206,12 @@ void convert(const program::Path& path, const program::NcOptions& control,
     }
     chords += n;
   }
-  alone.converted =
-      program::rewritten(path, points, control, {.word_mm = 1e-6, .word_rad = 1e-6 * units::deg})
-          .text;
+  program::NcOptions without_offsets = control;
+  without_offsets.work_offset = {};
+  without_offsets.more_offset.clear();
+  alone.converted = program::rewritten(path, points, without_offsets,
+                                       {.word_mm = 1e-6, .word_rad = 1e-6 * units::deg})
+                        .text;
   if (chords > 0)
     alone.notes.push_back(
         fmt::format("arcs in planes for which there is no word became {} chords within {:.4g} um",
@@ -254,7 +258,8 @@ class Looking {
     if (writer_) writer_->add(piece);
   }
 
-  /// The same while the next piece is read; a fault of it comes with the next one, or at the end.
+  /// The same while the next piece is read. A fault of it comes with the next piece or at the end,
+  /// unless the program has faults that end the reading.
   void add_beside(program::Path piece) {
     wait();
     beside_ = std::async(std::launch::async, [this, piece = std::move(piece)] { add(piece); });
@@ -304,7 +309,8 @@ void read_alone(const std::string& text, const program::NcOptions& control,
                                .interpreter_limits = options.interpreter_limits,
                                .pole = options.pole};
     read.folder = alone.file.has_parent_path() ? alone.file.parent_path() : ".";
-    if (!whole) read.each_piece = [&](program::Path piece) { looking.add_beside(std::move(piece)); };
+    if (!whole)
+      read.each_piece = [&](program::Path piece) { looking.add_beside(std::move(piece)); };
     if (progress) read.progress = [&](double fraction) { progress("read", fraction); };
     dialects::ReadProgram done = dialects::read_program(text, alone.file.string(), read);
     if (whole) looking.add(done.path);
@@ -355,10 +361,14 @@ ProgramAlone program_alone(const std::filesystem::path& program, const ProgramAl
     throw BadInput(machine_file.string(), 0, 0,
                    "a machine whose workpiece does not spin, for cutter locations", "one with S");
   read_alone(text, control, options, progress, alone);
+  std::set<int> called;
+  for (const auto& [number, blocks] : alone.figures.offsets)
+    if (number >= 0) called.insert(number + 1);
   for (const auto* table : {&scene.program.tools, &scene.program.offsets})
     if (*table)
-      alone.warnings.insert(alone.warnings.end(), (*table)->table.notes.begin(),
-                            (*table)->table.notes.end());
+      for (std::string& text :
+           table_warnings((*table)->table, alone.dialect == "pvt" ? "" : alone.dialect, called))
+        alone.warnings.push_back(std::move(text));
   judge(options, alone);
   return alone;
 }

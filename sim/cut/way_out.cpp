@@ -176,8 +176,9 @@ std::optional<Shifted> with_offsets(const Job& job, const Vector3d& shift_w) {
     const program::Block& block = job.path.blocks[std::size_t(job.samples.block[i])];
     const int used = block.work_offset;
     if (!is_feed_sample(job, i) || !done.insert(used).second) continue;
-    if (used < 0 || std::size_t(used) >= job.scene.program.work_offset.size())
-      return std::nullopt;  // G59.1 and beyond are of the program alone
+    if (used < 0 || std::size_t(used) >= job.scene.program.work_offset.size() ||
+        job.scene.program.offsets)
+      return std::nullopt;  // `work_offset` of the scene does not decide it
     const auto change = change_of_words(job, i, shift_w);
     if (!change) return std::nullopt;
     AxisVector& offset = shifted.scene.program.work_offset[std::size_t(used)];

@@ -2,7 +2,9 @@
 
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "sim/dialects/dialect.h"
@@ -41,5 +43,15 @@ struct ControlTable {
 
 /// The number of a preset of Heidenhain, 1 to 9999, among the offsets.
 constexpr int system_of_preset(int preset) { return preset > 6 ? 1000 + preset : preset; }
+
+/// What a control calls an offset, "G54" or "preset 7".
+std::string offset_name(Dialect control, int system);
+
+/// What is to be said of a control's table beside a program: its notes, that it is another
+/// control's, and which offsets the program calls without its having them.
+/// @param read_as  the dialect of the program, with its sign; empty: a table of times
+/// @param called   by the moves of the program
+std::vector<std::string> table_warnings(const ControlTable& table, std::string_view read_as,
+                                        const std::set<int>& called);
 
 }  // namespace abbe::sim::dialects

@@ -18,6 +18,15 @@ void TableReading::leave_out(const std::string& name) {
   ++unused[known ? name : "others"];
 }
 
+void TableReading::read_beyond(int system, const std::function<void()>& read) {
+  try {
+    read();
+  } catch (const BadInput&) {
+    leave_out("offsets beyond the sixth that cannot be read");
+    unread.insert(system);
+  }
+}
+
 double TableReading::unit_at(const Cursor& cursor, std::size_t from) const {
   if (!unit)
     cursor.refuse(from, "a unit beside the name of the file, which does not say it", "none");

@@ -3,6 +3,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 
@@ -21,9 +22,13 @@ struct TableReading {
   ControlTable table = {};
   FaultList faults = {};
   std::map<std::string, std::size_t> unused = {};  ///< values without effect, by name
+  std::set<int> unread = {};  ///< offsets beyond the six that cannot be read, and so are not there
 
   /// A value other than zero that has no effect.
   void leave_out(const std::string& name);
+  /// An offset beyond the six, of another job as a rule, that `read` refuses is left out: a program
+  /// that calls it is refused there.
+  void read_beyond(int system, const std::function<void()>& read);
   /// mm per unit. @throws BadInput there if neither the scene nor the file has said it
   double unit_at(const Cursor& cursor, std::size_t from) const;
   /// The file says its unit. @throws BadInput there if the scene says another

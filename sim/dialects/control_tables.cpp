@@ -70,6 +70,41 @@ void read_as(Dialect control, TableReading& reading) {
 
 }  // namespace
 
+std::string offset_name(Dialect control, int system) {
+  if (control == Dialect::Heidenhain)
+    return fmt::format("preset {}", system > 1000 ? system - 1000 : system);
+  if (control == Dialect::Siemens && system > 4)
+    return fmt::format("G{}", system > 500 ? system : 500 + system);
+  if (system == 0) return "the external offset";
+  if (system > 100) return fmt::format("G54.1 P{}", system - 100);
+  return system > 6 ? fmt::format("G59.{}", system - 6) : fmt::format("G{}", 53 + system);
+}
+
+std::vector<std::string> table_warnings(const ControlTable& table, std::string_view read_as,
+                                        const std::set<int>& called) {
+  std::vector<std::string> warnings = table.notes;
+  const std::string_view control = name_of(table.control);
+  if (read_as.empty()) {
+    warnings.push_back(
+        fmt::format("{} is without effect: a table of times has no tools and offsets", table.file));
+    return warnings;
+  }
+  if (!read_as.starts_with(control)) {
+    warnings.push_back(fmt::format("{} is a table of {}, and the program is read as {}", table.file,
+                                   control, read_as));
+    return warnings;
+  }
+  std::string lacking;
+  for (const int system : called)
+    if (!table.offsets.empty() && !table.offsets.contains(system))
+      lacking += (lacking.empty() ? "" : ", ") + offset_name(table.control, system);
+  if (!lacking.empty())
+    warnings.push_back(
+        fmt::format("{} has no {}, which the program calls: zero unless the program sets it",
+                    table.file, lacking));
+  return warnings;
+}
+
 ControlTable read_control_table(std::string_view text, const std::string& file, TableKind kind,
                                 std::optional<double> unit) {
   const bool tools = kind == TableKind::Tools;
@@ -88,6 +123,7 @@ ControlTable read_control_table(std::string_view text, const std::string& file, 
   TableReading reading{text, kind, unit};
   reading.table.file = file;
   read_as(*control, reading);
+  for (const int system : reading.unread) reading.table.offsets.erase(system);
   const bool empty = tools ? reading.table.tools.empty() : reading.table.offsets.empty();
   if (empty && reading.faults.empty())
     reading.faults.add(BadInput(file, 1, 1, tools ? "a tool" : "a work offset", "none"));

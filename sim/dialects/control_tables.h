@@ -22,12 +22,16 @@
 ///   P6 and L20 P1 to P300 with axis words. Assumed: R of L12 and L13 is a radius, a value without
 ///   a point is a count of increments and refused unless it is zero.
 /// - Siemens: `$TC_DP` 3, 6, 12, 15, 21 of cutting edge 1 (Programming Guide Advanced, 04.00, 8.1,
-///   p. 8-265), `$TC_TP2` the name; `$P_UIFR[n, axis, TR]` and FI, or CTRANS and CFINE. Assumed:
-///   length 1 lies along the tool, as it does in G17 for types 100 to 299.
+///   p. 8-265), `$TC_TP2` the name; `$P_UIFR[n, axis, TR]`, n 1 to 99, and FI, or CTRANS and CFINE.
+///   Assumed: length 1 lies along the tool, as it does in G17 for types 100 to 299.
 /// - Heidenhain: columns by the places of their names in the header, from BEGIN, with MM or INCH,
 /// to
 ///   `[END]`: T NAME L R DL DR of a tool table (TNC7 User's Manual, "Tool table tool.t"). Of a
-///   preset table NR X Y Z A B C U V W, whose names and `-` for a value not set are assumed.
+///   preset table NR 1 to 9999, X Y Z A B C U V W, whose names and `-` for a value not set are
+///   assumed.
+///
+/// Of Siemens and Heidenhain an offset beyond the sixth that is turned or cannot be read is left
+/// out and counted: it is refused where a program calls it.
 namespace abbe::sim::dialects {
 
 /// Reads a table in time and memory proportional to its text; beyond 64 MiB it is refused.

@@ -83,7 +83,11 @@ void Machine::new_cycle(int number, std::size_t from, Words& words) {
     if (!cycle.values.contains(fact->parameters[std::size_t(i)]))
       words.cursor.refuse(
           from, fmt::format("Q{} of cycle {}", fact->parameters[std::size_t(i)], number), "none");
-  if (number == 247) return choose_preset(int(std::lround(cycle.values[339])), words.cause(from));
+  if (number == 247) {
+    const double preset = cycle.values[339];
+    const bool is_one = preset == std::floor(preset) && preset >= 1.0 && preset <= 9999.0;
+    return choose_preset(is_one ? int(preset) : -1, words.cause(from));
+  }
   cycle_ = std::move(cycle);
   check_cycle(words.cause(from));
 }

@@ -182,10 +182,18 @@ void preset_row(TableReading& reading, const std::vector<TableColumn>& columns,
   if (*number < 1 || *number > most_preset)
     return reading.leave_out("presets other than 1 to 9999");
   TableOffset offset;
-  for (const TableColumn& column : columns)
-    if (const auto cell = cell_in(column, line); cell && column.name != "NR" && column.name != "NO")
-      preset_cell(reading, column, *cell, offset);
-  if (!reading.table.offsets.emplace(system_of_preset(*number), offset).second)
+  const int system = system_of_preset(*number);
+  const auto read_cells = [&] {
+    for (const TableColumn& column : columns)
+      if (const auto cell = cell_in(column, line);
+          cell && column.name != "NR" && column.name != "NO")
+        preset_cell(reading, column, *cell, offset);
+  };
+  if (*number <= 6)
+    read_cells();
+  else
+    reading.read_beyond(system, read_cells);
+  if (!reading.table.offsets.emplace(system, offset).second)
     line.refuse(0, "a preset that the table does not have already", fmt::format("{}", *number));
 }
 

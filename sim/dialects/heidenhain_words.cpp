@@ -95,9 +95,8 @@ constexpr WordUse words[] = {
     {"CYCL\u00a0DEF\u00a013", none, "spindle orientation"},
     {"CYCL\u00a0DEF\u00a032", none, "tolerance: abbe cuts the exact path"},
     {"CYCL\u00a0DEF\u00a0247 PRESET\u00a0SELECT", read,
-     "presets 1 to 6: G54 to G59 of the scene, places in the workpiece frame with and without "
-     "M128; "
-     "shift and rotation end"},
+     "presets 1 to 6: G54 to G59 of the scene, or 1 to 9999 of the control's table, `offsets`: "
+     "places in the workpiece frame with and without M128; shift and rotation end"},
     {"CYCL\u00a0DEF\u00a0200 CYCL\u00a0DEF\u00a0203 CYCL\u00a0DEF\u00a0205", read,
      "drilling with infeeds; universal; deep holes. Q395=0, Q379=0, Q258=Q259"},
     {"CYCL\u00a0DEF\u00a0201 CYCL\u00a0DEF\u00a0202 CYCL\u00a0DEF\u00a0240", read,

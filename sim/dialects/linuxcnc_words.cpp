@@ -49,7 +49,9 @@ constexpr Line lines[] = {
     {"G52", Group::OneBlock, read, "shift on top of the coordinate system"},
     {"G53", Group::OneBlock, read, "beside G0 or G1: positions of the axes, without offsets"},
     {"G54 G55 G56 G57 G58 G59 G59.1 G59.2 G59.3", Group::WorkOffset, read,
-     "coordinate system 1 to 9; 1 to 6 begin as `work_offset` says, 7 to 9 at zero"},
+     "coordinate system 1 to 9; 1 to 6 begin as `work_offset` says, all as `offsets` does, others "
+     "at "
+     "zero"},
     {"G61 G61.1", Group::PathMode, none, "exact path: what abbe cuts anyway"},
     {"G64", Group::PathMode, none,
      "blending within P and Q: abbe cuts the exact path, without the roundings of a real control"},

@@ -179,7 +179,8 @@ void Machine::choose_system(const Code& code) {
   const int number = std::stoi(std::string(code.word.substr(1)));
   if (number > 506 && !canon_.options().more_offset.contains(number))
     refuse(code.cause,
-           fmt::format("a work offset of the control's table (`offsets`), which has no $P_UIFR[{}]",
+           fmt::format("G54 to G57, G505 or G506, or an offset that the control's table has "
+                       "(`offsets`): $P_UIFR[{}]",
                        number - 500));
   const int first = number < 500 ? 54 : number > 506 ? 1 : 501;
   system_ = number - first;

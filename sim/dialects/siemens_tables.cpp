@@ -200,8 +200,7 @@ void frame_value(TableReading& reading, int system, Cursor& line) {
   }
 }
 
-void offset_value(TableReading& reading, const Assigned& to, Cursor& line) {
-  const int number = table_index(to, 0, 99, line), system = number > 6 ? 500 + number : number;
+void offset_value(TableReading& reading, const Assigned& to, int system, Cursor& line) {
   if (to.index.size() == 1) return frame_value(reading, system, line);
   if (to.index.size() != 3)
     line.refuse(to.from, "an index of number, axis and TR, FI, RT, SC or MI");
@@ -239,7 +238,15 @@ bool siemens_line(TableReading& reading, Edges& edges, Cursor& line) {
     if (is_tool && reading.kind == TableKind::Tools) {
       tool_value(reading, to, edges, line);
     } else if (is_offset && reading.kind == TableKind::Offsets) {
-      offset_value(reading, to, line);
+      const int number = table_index(to, 0, 99, line);
+      if (number <= 6) {
+        offset_value(reading, to, number, line);
+      } else {
+        const std::size_t value = line.at;
+        reading.read_beyond(500 + number, [&] { offset_value(reading, to, 500 + number, line); });
+        if (reading.unread.contains(500 + number))  // what it refused may stand on in the line
+          line.at = std::min(line.text.find('$', value), line.text.size());
+      }
     } else {
       if (!pass_value(line)) reading.leave_out(to.name);
     }

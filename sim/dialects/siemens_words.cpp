@@ -36,14 +36,17 @@ constexpr WordLine word_lines[] = {
      "for the block: positions of the axes without offsets and frames; a tool length in force (D1) "
      "still counts"},
     {"G54 G55 G56 G57 G505 G506", Group::WorkOffset, read,
-     "work offset, G54 to G59 of the scene: where the workpiece is, with rotary axes at zero"},
+     "work offset, G54 to G59 of the scene or as `offsets` has it: where the workpiece is, with "
+     "rotary axes at zero"},
     {"G507 G508 G509 G510 G511 G512 G513 G514 G515 G516 G517 G518 G519 G520 G521 G522 G523 G524 "
      "G525 G526 G527 G528 G529 G530 G531 G532 G533 G534 G535 G536 G537 G538 G539 G540 G541 G542 "
      "G543 G544 G545 G546 G547 G548 G549 G550 G551 G552 G553 G554 G555 G556 G557 G558 G559 G560 "
      "G561 G562 G563 G564 G565 G566 G567 G568 G569 G570 G571 G572 G573 G574 G575 G576 G577 G578 "
      "G579 G580 G581 G582 G583 G584 G585 G586 G587 G588 G589 G590 G591 G592 G593 G594 G595 G596 "
      "G597 G598 G599",
-     Group::WorkOffset, read, "work offset of the control's table, `offsets`"},
+     Group::WorkOffset, read,
+     "work offset of the control's table, `offsets`, $P_UIFR[7] to [99]; refused where it has "
+     "none"},
     {"G500", Group::WorkOffset, read, "no work offset"},
     {"G58 G59", Group::None, refused, "TRANS or ATRANS: no shifts axis by axis"},
     {"TRANS ATRANS", Group::Frame, read, "programmable shift: alone, on top"},

@@ -281,7 +281,8 @@ void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdi
   const auto shows = [&](const char* stage, double fraction) {
     if (progress) progress(stage, fraction);
   };
-  // first, by one core: the map that follows takes all of them
+  // first: while the files are compressed by another thread there is one core for it, and the map
+  // that follows takes all
   shows("draw", 0.0);
   write_file(folder / "histogram.png", [&](const std::filesystem::path& file) {
     render::HistogramOptions options;

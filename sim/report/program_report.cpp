@@ -58,17 +58,20 @@ std::size_t moves_of(const program::PathFigures& figures) {
   return figures.blocks - figures.dwells.count;
 }
 
-/// Name of a work offset as its control has it, "G54".
+/// Name of a work offset as the control of the program has it.
 std::string offset_name(const ProgramAlone& alone, int number) {
-  const auto is = [&](dialects::Dialect one) { return alone.dialect == dialects::name_of(one); };
-  const int system = number + 1;  // as `program::NcOptions::more_offset` numbers them
-  if (number < 0) return "none (G53)";
-  if (is(dialects::Dialect::Heidenhain))
-    return fmt::format("preset {}", system > 1000 ? system - 1000 : system);
-  if (is(dialects::Dialect::Siemens) && system > 4)
-    return fmt::format("G{}", system > 500 ? system : 500 + system);
-  if (system > 100) return fmt::format("G54.1 P{}", system - 100);
-  return system > 6 ? fmt::format("G59.{}", system - 6) : fmt::format("G{}", 53 + system);
+  if (number < 0) return "none";  // G53, G500, a table of times
+  for (const dialects::Dialect one : {dialects::Dialect::Siemens, dialects::Dialect::Heidenhain})
+    if (alone.dialect == dialects::name_of(one)) return dialects::offset_name(one, number + 1);
+  return dialects::offset_name(dialects::Dialect::LinuxCnc, number + 1);
+}
+
+/// "as FILE has them"
+std::string offsets_text(const ProgramAlone& alone) {
+  if (!alone.offset_table.empty())
+    return "as " + escaped(alone.offset_table.string()) + " has them";
+  return alone.offset.empty() ? "zero unless the program sets them"
+                              : "G54 to G59 at " + escaped(alone.offset) + " each";
 }
 
 std::string place_of(const ProgramAlone& alone, const AtLine& at) {
@@ -152,9 +155,7 @@ std::string tools_text(const ProgramAlone& alone) {
                             : "",
                         escaped(one.text));
   }
-  text +=
-      fmt::format("offsets   {}:", alone.offset.empty() ? "zero unless the program sets them"
-                                                        : "at " + escaped(alone.offset) + " each");
+  text += fmt::format("offsets   {}:", offsets_text(alone));
   for (const auto& [number, blocks] : alone.figures.offsets)
     text += fmt::format(" {} ({} blocks)", offset_name(alone, number), blocks);
   return text + "\n";

@@ -312,16 +312,29 @@ const Fields<ProgramDescription>& program_fields() {
 
 }  // namespace
 
-void check_axes(const dialects::ControlTable& offsets, const Joints& joints, Faults& faults) {
+void check_axes(dialects::ControlTable& offsets, const Joints& joints, Faults& faults) {
+  constexpr int first_refused_when_called = 500;  // of Siemens and Heidenhain
   if (joints.empty()) return;
   std::string letters;
   for (const kinematics::Joint& joint : joints) letters += joint.name;
-  for (const auto& [number, offset] : offsets.offsets)
-    for (const auto& [axis, value] : offset.axes)
-      if (value.value != 0.0 && letters.find(axis) == std::string::npos)
+  std::string left_out;
+  std::erase_if(offsets.offsets, [&](const auto& one) {
+    const auto& [number, offset] = one;
+    bool fits = true;
+    for (const auto& [axis, value] : offset.axes) {
+      if (value.value == 0.0 || letters.find(axis) != std::string::npos) continue;
+      fits = false;
+      if (number < first_refused_when_called)
         faults.add(BadInput(offsets.file, value.line, value.column,
                             "an offset of an axis of this machine (" + letters + ")",
                             std::string(1, axis)));
+    }
+    if (!fits) left_out += (left_out.empty() ? "" : ", ") + offset_name(offsets.control, number);
+    return !fits;
+  });
+  if (!left_out.empty())
+    offsets.notes.push_back(offsets.file +
+                            ": left out, being of axes that this machine has not: " + left_out);
 }
 
 ProgramDescription read_program(const Node& table, const Joints& joints, Faults& faults) {

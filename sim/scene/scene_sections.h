@@ -52,7 +52,7 @@ std::vector<Key> part_keys();
 ProgramDescription read_program(const Node& table, const std::vector<kinematics::Joint>& joints,
                                 Faults& faults);
 /// Refuses offsets of axes that a machine has not. @param joints  none: nothing is looked at
-void check_axes(const dialects::ControlTable& offsets, const std::vector<kinematics::Joint>& joints,
+void check_axes(dialects::ControlTable& offsets, const std::vector<kinematics::Joint>& joints,
                 Faults& faults);
 Node::Table written_program(const ProgramDescription& program,
                             const std::vector<kinematics::Joint>& joints);

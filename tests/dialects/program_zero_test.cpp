@@ -166,8 +166,8 @@ TEST(ProgramZero, AnOffsetThatTheTableHasNotIsRefused) {
   };
   control.more_offset[507] = control.more_offset[1007] = {};
   EXPECT_EQ(refusal("G508\n", Dialect::Siemens),
-            "part.nc:1:1: expected a work offset of the control's table (`offsets`), which has no "
-            "$P_UIFR[8], seen G508");
+            "part.nc:1:1: expected G54 to G57, G505 or G506, or an offset that the control's table "
+            "has (`offsets`): $P_UIFR[8], seen G508");
   EXPECT_NE(refusal("G600\n", Dialect::Siemens).find("G600"), std::string::npos);
   for (const int number : {0, 8, 10'000, 32'000})
     EXPECT_NE(refusal(preset(number).c_str(), Dialect::Heidenhain)

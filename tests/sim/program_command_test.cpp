@@ -1,5 +1,10 @@
+#include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <iterator>
+#include <set>
+#include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -159,6 +164,120 @@ TEST(ProgramCommand, CountsWithTheTablesOfAControl) {
   folder.write("t.tbl", "T1 Z80 Q\n");
   EXPECT_NE(run("program " + words + " --tools t.tbl", at).text.find("t.tbl:1:9: expected"),
             std::string::npos);
+}
+
+TEST(ProgramCommand, NamesOffsetsAsTheControlDoes) {
+  const Folder folder;
+  const std::string at = "cd " + folder.path().string() + " && ";
+  folder.write("o.var", "5221 0\n5341 7\n5361 8\n");
+  folder.write("o.nc", "G21\nG10 L2 P1 X1.\nG10 L20 P2 X2.\n");
+  folder.write("o.ufr",
+               "%_N_UFR1_INI\n$P_UIFR[5,X,TR]=5\n$P_UIFR[7,X,TR]=7\n"
+               "$P_UIFR[20,Z,RT]=5 $P_UIFR[8,X,TR]=8\n$P_UIFR[21,B,TR]=5\n");
+  folder.write("o.pr", "BEGIN P .PR MM\nNR  X   ROT\n1   1   0\n7   7   0\n12  5   5\n[END]\n");
+  struct Case {
+    const char *table, *program, *dialect;
+    std::vector<std::string> names, warned;
+  };
+  const std::string no_zero = "zero unless the program sets it";
+  const Case cases[] = {
+      {"o.var --unit mm",
+       "G90 G59.1\nG0 X1\nG59.2\nG0 X2\nG55\nG0 X3\nG53 G0 X0\n",
+       "linuxcnc",
+       {"G59.1", "G59.2", "G55", "none"},
+       {"o.var has no G55, which the program calls: " + no_zero}},
+      {"o.nc",
+       "G90 G54\nG0 X1.\nG54.1 P2\nG0 X2.\nG54.1 P3\nG0 X3.\n",
+       "fanuc",
+       {"G54", "G54.1 P2", "G54.1 P3"},
+       {"o.nc has no G54.1 P3, which the program calls: " + no_zero}},
+      {"o.ufr --unit mm",
+       "G505 G0 X1\nG507\nG0 X2\nG500\nG0 X3\nG508\nG0 X4\n",
+       "siemens",
+       {"G505", "G507", "none", "G508"},
+       {"o.ufr has values without effect, other than zero: offsets beyond the sixth that cannot be "
+        "read (1)",
+        "o.ufr: left out, being of axes that this machine has not: G521"}},
+      {"o.pr",
+       "BEGIN PGM P MM\nTOOL CALL 1 Z S100\nPRESET SELECT #7\nL X+1 FMAX\n"
+       "PRESET SELECT #2\nL X+2 FMAX\nEND PGM P MM\n",
+       "heidenhain",
+       {"preset 7", "preset 2"},
+       {"o.pr has values without effect, other than zero: offsets beyond the sixth that cannot be "
+        "read (1)",
+        "o.pr has no preset 2, which the program calls: " + no_zero}},
+  };
+  for (const Case& one : cases) {
+    SCOPED_TRACE(one.dialect);
+    folder.write("p.txt", one.program);
+    const std::string words =
+        std::string("p.txt --machine gantry_cxyza --dialect ") + one.dialect + " --offsets ";
+    const json all = json_of(words + one.table, at);
+    ASSERT_TRUE(all.is_object()) << run("program " + words + one.table, at).text;
+    std::set<std::string> names;
+    for (const auto& [name, blocks] : all["offsets"].items()) names.insert(name);
+    EXPECT_EQ(names, std::set<std::string>(one.names.begin(), one.names.end()));
+    for (const std::string& text : one.warned) {
+      bool found = false;
+      for (const json& warning : all["warnings"]) found = found || warning == text;
+      EXPECT_TRUE(found) << text << " in " << all["warnings"];
+    }
+    const Ran said = run("program " + words + one.table, at);
+    EXPECT_NE(said.text.find("offsets   as o."), std::string::npos) << said.text;
+  }
+  // of another control
+  folder.write("p.txt", "G90 G54\nG0 X1.\n");
+  const json foreign =
+      json_of("p.txt --machine gantry_cxyza --dialect fanuc --offsets o.var --unit mm", at);
+  bool found = false;
+  for (const json& warning : foreign["warnings"])
+    found = found || warning == "o.var is a table of linuxcnc, and the program is read as fanuc";
+  EXPECT_TRUE(found) << foreign["warnings"];
+  // what is turned is refused where it is called
+  folder.write("p.txt", "G520\nG0 X1\n");
+  EXPECT_NE(
+      run("program p.txt --machine gantry_cxyza --dialect siemens --offsets o.ufr --unit mm", at)
+          .text.find("p.txt:1:1: expected G54 to G57, G505 or G506, or an offset that the "
+                     "control's table has (`offsets`): $P_UIFR[20], seen G520"),
+      std::string::npos);
+}
+
+TEST(ProgramCommand, ConvertedToNcNeedsNoOffsetsAgain) {
+  const Folder folder;
+  const std::string at = "cd " + folder.path().string() + " && ";
+  folder.write("p.ngc", "G21 G90 G94 G59.1\nG43 H1\nG0 X1 Y2 Z30\nG1 X4 F100\nM2\n");
+  folder.write("o.var", "5341 10\n5342 20\n5343 30\n");
+  const std::string machine = " --machine gantry_cxyza";
+  for (const std::string& offsets : {std::string(" --offsets o.var --unit mm"), std::string()}) {
+    const json before = json_of("p.ngc" + machine + offsets, at);
+    ASSERT_TRUE(before.is_object());
+    ASSERT_EQ(run("program p.ngc" + machine + offsets + " --to nc --out again", at).code, 0);
+    const json after = json_of("again/p.ngc" + machine, at);
+    ASSERT_TRUE(after.is_object());
+    for (const char* axis : {"X", "Y", "Z"})
+      for (const char* end : {"from", "to"})
+        EXPECT_NEAR(after["axes"][axis][end].get<double>(), before["axes"][axis][end].get<double>(),
+                    1e-5)
+            << axis << " " << end << offsets;
+  }
+}
+
+TEST(ProgramCommand, LongProgramsAreMeteredPieceByPiece) {
+  const Folder folder;
+  constexpr int moves = 70'001;  // more than two pieces
+  std::string text = "G21 G90 G94 G43.4 H1\nG1 X0 Y0 Z0 F1000\n";
+  for (int i = 1; i <= moves; ++i) text += i % 2 == 0 ? "X0\n" : "X0.5\n";
+  folder.write("long.ngc", text + "M2\n");
+  const std::string at = "cd " + folder.path().string() + " && ";
+  const std::string words = "long.ngc --machine gantry_cxyza";
+  const json all = json_of(words, at);
+  ASSERT_TRUE(all.is_object());
+  EXPECT_EQ(all["moves"], moves + 1);
+  EXPECT_NEAR(all["extent_at_feed_mm"]["X"][1].get<double>(), 0.5, 1e-12);
+  EXPECT_EQ(run("program " + words + " --to csv --out table", at).code, 0);
+  std::ifstream in(folder.path() / "table" / "long.csv");
+  const std::string table{std::istreambuf_iterator<char>(in), {}};
+  EXPECT_GE(std::count(table.begin(), table.end(), '\n'), moves + 1);
 }
 
 #if ABBE_RENDER
