@@ -1,0 +1,132 @@
+#include "cutting/body.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "cutting/polygon.h"
+#include "kinematics/require.h"
+
+namespace abbe::cutting {
+namespace {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+
+/// Sides of a polygon around a circle whose corners lie outside by at most `sag`.
+int sides_around(double radius, double sag) {
+  constexpr double least = 8.0, most = 1e5;
+  const double half = std::acos(radius / (radius + sag));
+  return int(std::clamp(std::ceil(std::numbers::pi / half), least, most));
+}
+
+ClosedMesh mesh_of(const std::vector<Vector3d>& vertices,
+                   const std::vector<std::array<int, 3>>& triangles) {
+  ClosedMesh mesh{Points(Index(vertices.size()), 3), Triangles(Index(triangles.size()), 3)};
+  for (std::size_t i = 0; i < vertices.size(); ++i)
+    mesh.vertices.row(Index(i)) = vertices[i].transpose();
+  for (std::size_t t = 0; t < triangles.size(); ++t)
+    for (std::size_t k = 0; k < 3; ++k) mesh.triangles(Index(t), Index(k)) = triangles[t][k];
+  return mesh;
+}
+
+/// The profile with its ends on the axis.
+std::vector<Eigen::Vector2d> closed_profile(const Eigen::MatrixX2d& profile) {
+  std::vector<Eigen::Vector2d> points;
+  if (profile(0, 0) > 0.0) points.emplace_back(0.0, profile(0, 1));
+  for (const auto& row : profile.rowwise()) points.emplace_back(row.transpose());
+  if (points.back().x() > 0.0) points.emplace_back(0.0, points.back().y());
+  return points;
+}
+
+}  // namespace
+
+ClosedMesh box_mesh(const Vector3d& size) {
+  require(size.allFinite() && (size.array() > 0.0).all(), "box: sizes must be positive");
+  const Vector3d half = 0.5 * size;
+  Eigen::MatrixX2d outline(4, 2);
+  outline << -half.x(), -half.y(), half.x(), -half.y(), half.x(), half.y(), -half.x(), half.y();
+  ClosedMesh mesh = extruded_mesh(outline, size.z());
+  mesh.vertices.col(2).array() -= half.z();
+  return mesh;
+}
+
+ClosedMesh revolved_mesh(const Eigen::MatrixX2d& profile, double sag) {
+  require(profile.rows() >= 2 && profile.allFinite(), "revolution: two finite points at least");
+  require((profile.col(0).array() >= 0.0).all() && profile.col(0).maxCoeff() > 0.0,
+          "revolution: radii must not be below zero, nor all zero");
+  require(std::isfinite(sag) && sag > 0.0, "revolution: the sag must be positive");
+  const std::vector<Eigen::Vector2d> points = closed_profile(profile);
+  const int n = sides_around(profile.col(0).maxCoeff(), sag);
+  const double outwards = 1.0 / std::cos(std::numbers::pi / n);
+  std::vector<Vector3d> vertices;
+  std::vector<std::array<int, 2>> ring;  // first vertex, and the step to the next: 0 on the axis
+  for (const Eigen::Vector2d& point : points) {
+    const bool on_axis = point.x() == 0.0;
+    ring.push_back({int(vertices.size()), on_axis ? 0 : 1});
+    for (int k = 0; k < (on_axis ? 1 : n); ++k) {
+      const double angle = 2.0 * std::numbers::pi * k / n, r = outwards * point.x();
+      vertices.emplace_back(r * std::cos(angle), r * std::sin(angle), point.y());
+    }
+  }
+  std::vector<std::array<int, 3>> triangles;
+  const auto corner = [&](std::size_t i, int k) { return ring[i][0] + ring[i][1] * (k % n); };
+  for (std::size_t i = 0; i + 1 < points.size(); ++i) {
+    require(points[i] != points[i + 1], "revolution: neighbouring points must differ");
+    require(points[i].y() <= points[i + 1].y(), "revolution: heights must not fall");
+    require(ring[i][1] + ring[i + 1][1] > 0, "revolution: the profile must leave the axis once");
+    for (int k = 0; k < n; ++k) {
+      const int a = corner(i, k), b = corner(i, k + 1), c = corner(i + 1, k + 1),
+                d = corner(i + 1, k);
+      if (a != b) triangles.push_back({a, b, c});
+      if (c != d) triangles.push_back({a, c, d});
+    }
+  }
+  return mesh_of(vertices, triangles);
+}
+
+ClosedMesh sphere_mesh(double radius, double sag) {
+  require(std::isfinite(radius) && radius > 0.0, "sphere: the radius must be positive");
+  require(std::isfinite(sag) && sag > 0.0, "sphere: the sag must be positive");
+  const int n = (sides_around(radius, 0.5 * sag) + 1) / 2;
+  const double r = radius / std::cos(0.5 * std::numbers::pi / n);
+  Eigen::MatrixX2d profile(n + 1, 2);
+  for (int i = 0; i <= n; ++i) {
+    const double angle = std::numbers::pi * i / n;
+    profile.row(i) << (i == 0 || i == n ? 0.0 : r * std::sin(angle)), -r * std::cos(angle);
+  }
+  return revolved_mesh(profile, 0.5 * sag);
+}
+
+ClosedMesh extruded_mesh(const Eigen::MatrixX2d& outline, double height) {
+  require(outline.rows() >= 3 && outline.allFinite(), "extrusion: three finite corners at least");
+  require(std::isfinite(height) && height > 0.0, "extrusion: the height must be positive");
+  const int n = int(outline.rows());
+  double twice_area = 0.0;
+  std::vector<Vector3d> corners;
+  for (int i = 0; i < n; ++i) {
+    const Eigen::RowVector2d a = outline.row(i), b = outline.row((i + 1) % n);
+    twice_area += a.x() * b.y() - a.y() * b.x();
+    corners.emplace_back(a.x(), a.y(), 0.0);
+  }
+  const std::vector<std::array<int, 3>> top = triangulated(corners);
+  require(!top.empty() && twice_area > 0.0,
+          "extrusion: the outline must run counter-clockwise and not cross itself");
+  std::vector<Vector3d> vertices = corners;
+  for (const Vector3d& corner : corners) vertices.push_back(corner + height * Vector3d::UnitZ());
+  std::vector<std::array<int, 3>> triangles;
+  for (const auto& [a, b, c] : top) {
+    triangles.push_back({a, c, b});
+    triangles.push_back({a + n, b + n, c + n});
+  }
+  for (int i = 0; i < n; ++i) {
+    const int next = (i + 1) % n;
+    triangles.push_back({i, next, next + n});
+    triangles.push_back({i, next + n, i + n});
+  }
+  return mesh_of(vertices, triangles);
+}
+
+}  // namespace abbe::cutting

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <memory>
+
+#include <Eigen/Geometry>
+
+#include "cutting/mesh.h"
+
+/// What a machine, its tool and its workpiece are made of, to be asked what meets what.
+namespace abbe::cutting {
+
+/// A closed surface, triangles counter-clockwise seen from outside.
+struct ClosedMesh {
+  Points vertices;      ///< (n x 3) mm
+  Triangles triangles;  ///< (m x 3)
+};
+
+/// A box about its middle.
+/// @throws std::invalid_argument for a size that is not positive
+ClosedMesh box_mesh(const Eigen::Vector3d& size);
+
+/// A body of revolution about z. Its facets lie outside of it, by at most `sag`, so that nothing
+/// that meets it is missed.
+/// @param profile  (n x 2) radius and height, mm, upwards: heights never fall, so there is no bore.
+///                 Ends that are not on the axis get a disc.
+/// @throws std::invalid_argument for fewer than two points, radii below zero or all zero, heights
+///         that fall, equal neighbours, or a sag that is not positive
+ClosedMesh revolved_mesh(const Eigen::MatrixX2d& profile, double sag);
+
+/// A sphere about the origin, facets outside by at most `sag`.
+/// @throws std::invalid_argument the same way
+ClosedMesh sphere_mesh(double radius, double sag);
+
+/// A prism on z = 0.
+/// @param outline  (n x 2) mm, counter-clockwise
+/// @throws std::invalid_argument for an outline that crosses itself or runs clockwise, or a height
+///         that is not positive
+ClosedMesh extruded_mesh(const Eigen::MatrixX2d& outline, double height);
+
+struct BodySearch;
+
+/// A rigid body that can be asked how far it is from another.
+struct Body {
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< mm, of a ball around it, in its own frame
+  double radius = 0.0;                               ///< mm, of the ball
+  std::shared_ptr<const BodySearch> search;
+};
+
+/// @throws std::invalid_argument for a mesh without triangles, vertices that are not finite, or
+///         triangles of vertices that it has not
+Body body_of(const ClosedMesh& mesh);
+
+}  // namespace abbe::cutting

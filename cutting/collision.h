@@ -1,0 +1,48 @@
+#pragma once
+
+#include "cutting/body.h"
+#include "kinematics/screw.h"
+
+namespace abbe::cutting {
+
+/// Where two bodies are nearest to each other, in the frame in which their poses are stated.
+struct Gap {
+  double distance = 0.0;  ///< mm, 0 where their surfaces meet
+  Eigen::Vector3d on_a = Eigen::Vector3d::Zero(), on_b = Eigen::Vector3d::Zero();
+};
+
+/// Between surfaces: of a body wholly inside the other it is the way out. To 1e-11
+/// of their sizes and distances (1e-8 mm at 1 m).
+Gap gap(const Body& a, const kinematics::Pose& T_a, const Body& b, const kinematics::Pose& T_b);
+
+/// Whether one lies inside the other, their surfaces apart: what `gap` does not see.
+bool is_inside(const Body& a, const kinematics::Pose& T_a, const Body& b,
+               const kinematics::Pose& T_b);
+
+struct ApproachOptions {
+  double resolution = 5e-3;  ///< mm, a smaller distance is contact
+  double within = 1e-2;      ///< mm, of the least distance that is found, or
+  double share = 1e-2;       ///< of it, whichever is more
+};
+
+/// How near a body comes to another in a motion.
+struct Approach {
+  bool contact = false;
+  double u = 0.0;   ///< of contact, or of where they are nearest, 0 .. 1
+  Gap gap;          ///< there, in the frame of a
+  int queries = 0;  ///< of distances
+};
+
+/// Goes from distance to distance by what the fastest point of b can do in it (conservative
+/// advancement), so nothing is passed, however thin and fast. Contact is found not after the true
+/// one, and before it by no more than it takes to come as near as the resolution; a motion that
+/// comes so near and does not meet may count as contact. Without contact the least distance is
+/// within `within`, or that share of it, above the true one.
+/// @param b_in_a  how b moves in the frame of a
+/// @throws std::invalid_argument for a resolution or `within` that is not positive, or a share
+/// below
+///         zero
+Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
+                  const ApproachOptions& options = {});
+
+}  // namespace abbe::cutting
