@@ -13,7 +13,6 @@
 
 namespace abbe::cutting {
 
-using Eigen::Index;
 using Eigen::Vector3d;
 using kinematics::Pose;
 
@@ -107,12 +106,11 @@ Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
   const double speed = kinematics::fastest(b_in_a, b.centre, b.radius);
   Approach nearest;
   nearest.gap.distance = std::numeric_limits<double>::infinity();
-  int queries = 0;
   const auto look = [&](double u) -> Looked {
     const Gap here = gap(a, Pose::Identity(), b, kinematics::pose_at(b_in_a, u));
+    ++nearest.queries;
     if (here.distance < nearest.gap.distance)
-      nearest = {here.distance <= options.resolution, u, here, 0};
-    nearest.queries = ++queries;
+      nearest = {here.distance <= options.resolution, u, here, nearest.queries};
     return {u, here.distance};
   };
   const auto further = [](const Stretch& one, const Stretch& other) {
@@ -129,11 +127,11 @@ Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
     return std::max(options.within, options.share * nearest.gap.distance);
   };
   while (!nearest.contact && open.top().least < nearest.gap.distance - allowed()) {
-    const Stretch widest = open.top();
+    const auto [from, to, least] = open.top();
     open.pop();
-    const Looked middle = look(0.5 * (widest.from.u + widest.to.u));
-    open.push(stretch(widest.from, middle, speed));
-    open.push(stretch(middle, widest.to, speed));
+    const Looked middle = look(0.5 * (from.u + to.u));
+    open.push(stretch(from, middle, speed));
+    open.push(stretch(middle, to, speed));
   }
   return nearest;
 }

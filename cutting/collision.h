@@ -11,8 +11,8 @@ struct Gap {
   Eigen::Vector3d on_a = Eigen::Vector3d::Zero(), on_b = Eigen::Vector3d::Zero();
 };
 
-/// Between surfaces: of a body wholly inside the other it is the way out. To 1e-11
-/// of their sizes and distances (1e-8 mm at 1 m).
+/// Between surfaces: of a body wholly inside the other it is the way out. To 1e-11 of their sizes
+/// and distances (1e-8 mm at 1 m).
 Gap gap(const Body& a, const kinematics::Pose& T_a, const Body& b, const kinematics::Pose& T_b);
 
 /// Whether one lies inside the other, their surfaces apart: what `gap` does not see.
@@ -39,9 +39,8 @@ struct Approach {
 /// comes so near and does not meet may count as contact. Without contact the least distance is
 /// within `within`, or that share of it, above the true one.
 /// @param b_in_a  how b moves in the frame of a
-/// @throws std::invalid_argument for a resolution or `within` that is not positive, or a share
-/// below
-///         zero
+/// @throws std::invalid_argument for a resolution or `within` that is not positive, or a share that
+///         is below zero
 Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
                   const ApproachOptions& options = {});
 

@@ -26,7 +26,6 @@
 #include <vtkPNGWriter.h>
 #include <vtkPen.h>
 #include <vtkPointData.h>
-#include <vtkPoints.h>
 #include <vtkPolyData.h>
 #include <vtkPolyDataMapper.h>
 #include <vtkProperty.h>
@@ -34,12 +33,12 @@
 #include <vtkSmartPointer.h>
 #include <vtkTextProperty.h>
 #include <vtkTextRenderer.h>
-#include <vtkTypeInt32Array.h>
 #include <vtkUnsignedCharArray.h>
 #include <vtkWindowToImageFilter.h>
 
 #include "render/bytes.h"
 #include "render/fonts.h"
+#include "render/poly_data.h"
 #include "render/text_property.h"
 #include "render/vector_page.h"
 #include "render/window.h"
@@ -80,31 +79,6 @@ Vector2d corner(const Vector2d& at, const Vector2d& size, const TextStyle& style
   Vector2d shift(style.across * size.x(), style.upward * size.y());
   if (style.turned_left) shift = {-(style.upward * size.y()), style.across * size.x()};
   return (at - shift).array().round();
-}
-
-vtkSmartPointer<vtkPolyData> poly_data(const cutting::Points& points) {
-  vtkNew<vtkDoubleArray> coordinates;
-  coordinates->SetNumberOfComponents(3);
-  coordinates->SetNumberOfTuples(points.rows());
-  std::copy(points.data(), points.data() + points.size(), coordinates->GetPointer(0));
-  vtkNew<vtkPoints> vertices;
-  vertices->SetData(coordinates);
-  auto data = vtkSmartPointer<vtkPolyData>::New();
-  data->SetPoints(vertices);
-  return data;
-}
-
-/// Cells of equal size from row-major indices.
-vtkSmartPointer<vtkCellArray> cells(const int* indices, Eigen::Index count, int corners) {
-  vtkNew<vtkTypeInt32Array> offsets;
-  vtkNew<vtkTypeInt32Array> connectivity;
-  offsets->SetNumberOfValues(count + 1);
-  connectivity->SetNumberOfValues(count * corners);
-  for (Eigen::Index i = 0; i <= count; ++i) offsets->SetValue(i, vtkTypeInt32(i * corners));
-  for (Eigen::Index i = 0; i < count * corners; ++i) connectivity->SetValue(i, indices[i]);
-  auto array = vtkSmartPointer<vtkCellArray>::New();
-  array->SetData(offsets, connectivity);
-  return array;
 }
 
 vtkSmartPointer<vtkLookupTable> lookup_table(const ColourScale& scale) {

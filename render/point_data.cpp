@@ -16,14 +16,14 @@
 #include <vtkIntArray.h>
 #include <vtkNew.h>
 #include <vtkPointData.h>
-#include <vtkPoints.h>
 #include <vtkPolyData.h>
+#include <vtkSmartPointer.h>
 #include <vtkStringArray.h>
-#include <vtkTypeInt32Array.h>
 #include <vtkUnsignedCharArray.h>
 #include <vtkXMLPolyDataWriter.h>
 
 #include "render/bytes.h"
+#include "render/poly_data.h"
 
 namespace abbe::render {
 namespace {
@@ -49,27 +49,6 @@ void add(vtkDataSetAttributes& to, const PointArray& named, std::span<const std:
 }
 void add(vtkDataSetAttributes& to, const PointArray& named, std::span<const int> values) {
   add_array<vtkIntArray>(to, named, values);
-}
-
-void add_mesh(vtkPolyData& mesh, const cutting::Points& vertices, const cutting::Triangles& faces) {
-  vtkNew<vtkDoubleArray> coordinates;
-  coordinates->SetNumberOfComponents(3);
-  coordinates->SetNumberOfTuples(vertices.rows());
-  std::copy(vertices.data(), vertices.data() + vertices.size(), coordinates->GetPointer(0));
-  vtkNew<vtkPoints> points;
-  points->SetData(coordinates);
-  mesh.SetPoints(points);
-
-  const Eigen::Index m = faces.rows();
-  vtkNew<vtkTypeInt32Array> offsets;
-  vtkNew<vtkTypeInt32Array> connectivity;
-  offsets->SetNumberOfValues(m + 1);
-  connectivity->SetNumberOfValues(3 * m);
-  for (Eigen::Index i = 0; i <= m; ++i) offsets->SetValue(i, vtkTypeInt32(3 * i));
-  std::copy(faces.data(), faces.data() + faces.size(), connectivity->GetPointer(0));
-  vtkNew<vtkCellArray> triangles;
-  triangles->SetData(offsets, connectivity);
-  mesh.SetPolys(triangles);
 }
 
 void write_poly_data(const std::filesystem::path& path, vtkPolyData& mesh) {
@@ -132,8 +111,8 @@ void write_point_data(const std::filesystem::path& path, const cutting::Points& 
                       const cutting::Triangles& triangles, const std::vector<PointArray>& arrays,
                       const Facts& facts, const std::vector<PointArray>& of_triangles) {
   const std::vector<PointArray> named = checked(arrays, vertices.rows());
-  vtkNew<vtkPolyData> mesh;
-  add_mesh(*mesh, vertices, triangles);
+  const auto mesh = poly_data(vertices);
+  mesh->SetPolys(cells(triangles.data(), triangles.rows(), 3));
   for (const PointArray& one : named)
     std::visit([&](const auto& values) { add(*mesh->GetPointData(), one, values); }, one.values);
   for (const PointArray& one : checked(of_triangles, triangles.rows()))

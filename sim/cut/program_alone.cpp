@@ -11,6 +11,7 @@
 
 #include "kinematics/text.h"
 #include "kinematics/units.h"
+#include "sim/cut/cut_warnings.h"
 #include "sim/cut/part.h"
 #include "sim/cut/pole_warnings.h"
 #include "sim/cut/pose_at.h"
@@ -366,9 +367,9 @@ ProgramAlone program_alone(const std::filesystem::path& program, const ProgramAl
     if (number >= 0) called.insert(number + 1);
   for (const auto* table : {&scene.program.tools, &scene.program.offsets})
     if (*table)
-      for (std::string& text :
-           table_warnings((*table)->table, alone.dialect == "pvt" ? "" : alone.dialect, called))
-        alone.warnings.push_back(std::move(text));
+      add_warnings(
+          table_warnings((*table)->table, alone.dialect == "pvt" ? "" : alone.dialect, called),
+          alone.warnings);
   judge(options, alone);
   return alone;
 }

@@ -41,7 +41,9 @@ struct ControlTable {
   std::vector<std::string> notes;  ///< what of it is without effect, with counts
 };
 
-/// The number of a preset of Heidenhain, 1 to 9999, among the offsets.
+inline constexpr int most_preset = 9999;
+
+/// The number of a preset of Heidenhain, 1 to `most_preset`, among the offsets.
 constexpr int system_of_preset(int preset) { return preset > 6 ? 1000 + preset : preset; }
 
 /// What a control calls an offset, "G54" or "preset 7".

@@ -180,10 +180,9 @@ void Machine::trans(Words& words) {
 void Machine::choose_preset(int number, const Cause& cause) {
   if (contour_.beside()) refuse(cause, "R0 before another preset");
   if (plane_) refuse(cause, "PLANE RESET before another preset");
-  const bool of_scene = number >= 1 && number <= 6;
-  const bool of_table = number > 6 && number <= 9999 &&
-                        canon_.options().more_offset.contains(system_of_preset(number));
-  if (!of_scene && !of_table)
+  const bool is_preset = number >= 1 && number <= most_preset;
+  if (!is_preset ||
+      (number > 6 && !canon_.options().more_offset.contains(system_of_preset(number))))
     refuse(cause,
            "a preset of 1 to 6, which are G54 to G59 of the scene, or one of the control's table "
            "(`offsets`)");

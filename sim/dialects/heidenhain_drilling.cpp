@@ -7,6 +7,7 @@
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
+#include "sim/dialects/control_table.h"
 #include "sim/dialects/heidenhain_machine.h"
 
 /// Cycles that drill, bore and tap.
@@ -85,8 +86,8 @@ void Machine::new_cycle(int number, std::size_t from, Words& words) {
           from, fmt::format("Q{} of cycle {}", fact->parameters[std::size_t(i)], number), "none");
   if (number == 247) {
     const double preset = cycle.values[339];
-    const bool is_one = preset == std::floor(preset) && preset >= 1.0 && preset <= 9999.0;
-    return choose_preset(is_one ? int(preset) : -1, words.cause(from));
+    const bool is_whole = preset == std::floor(preset) && preset >= 0.0 && preset <= most_preset;
+    return choose_preset(is_whole ? int(preset) : -1, words.cause(from));
   }
   cycle_ = std::move(cycle);
   check_cycle(words.cause(from));

@@ -13,7 +13,6 @@ namespace abbe::sim::dialects {
 namespace {
 
 constexpr std::size_t most_columns = 256;
-constexpr int most_preset = 9999;
 
 /// A column by its name, and where it begins and ends in every line.
 struct TableColumn {
@@ -180,7 +179,7 @@ void preset_row(TableReading& reading, const std::vector<TableColumn>& columns,
       number = preset_number(*cell, column.name);
   if (!number) line.refuse(0, "the number of a preset in the column NR", "none");
   if (*number < 1 || *number > most_preset)
-    return reading.leave_out("presets other than 1 to 9999");
+    return reading.leave_out(fmt::format("presets other than 1 to {}", most_preset));
   TableOffset offset;
   const int system = system_of_preset(*number);
   const auto read_cells = [&] {

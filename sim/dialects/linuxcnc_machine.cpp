@@ -65,19 +65,11 @@ Machine::Machine(ProgramRun& run)
       length_(canon_.options().tool_length),
       radius_(canon_.options().tool_radius),
       compensation_(run) {
-  for (std::size_t i = 0; i < canon_.options().work_offset.size(); ++i) {
-    const AxisVector& offset = canon_.options().work_offset[i];
+  for (int system = 1; system <= int(system_changed_.size()); ++system) {
+    const AxisVector& offset = program::work_offset(canon_.options(), system);
     for (int k = 0; k < 9 && offset.size() > 0; ++k)
       if (const int j = joint(k); j >= 0)
-        parameters_[5221 + 20 * i + std::size_t(k)] =
-            canon_.is_linear(j) ? offset[j] : offset[j] / units::deg;
-  }
-  for (const auto& [number, offset] : canon_.options().more_offset) {
-    if (number < 7 || number > 9) continue;
-    system_changed_[std::size_t(number - 1)] = true;
-    for (int k = 0; k < 9; ++k)
-      if (const int j = joint(k); j >= 0)
-        parameters_[5221 + 20 * std::size_t(number - 1) + std::size_t(k)] =
+        parameters_[5221 + 20 * std::size_t(system - 1) + std::size_t(k)] =
             canon_.is_linear(j) ? offset[j] : offset[j] / units::deg;
   }
   parameters_[5220] = 1;

@@ -45,7 +45,7 @@ void Machine::apply_frame() {
   const double angle = parameters_[at + 9];
   program::Frame frame;
   if (!system_changed_[std::size_t(system_ - 1)] && !shifted) {
-    if (system_ <= 6) frame.shift = canon_.options().work_offset[std::size_t(system_ - 1)];
+    frame.shift = program::work_offset(canon_.options(), system_);
     return canon_.set_frame(system_ - 1, std::move(frame));
   }
   frame.shift = AxisVector::Zero(canon_.position().size());

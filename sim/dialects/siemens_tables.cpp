@@ -215,6 +215,16 @@ void offset_value(TableReading& reading, const Assigned& to, int system, Cursor&
     line.refuse(from, "a work offset that is neither turned, scaled nor mirrored");
 }
 
+/// $P_UIFR[n]: n to 6 as the table must have them, those beyond as far as they can be read.
+void numbered_offset(TableReading& reading, const Assigned& to, Cursor& line) {
+  const int number = table_index(to, 0, 99, line), system = 500 + number;
+  if (number <= 6) return offset_value(reading, to, number, line);
+  const std::size_t value = line.at;
+  reading.read_beyond(system, [&] { offset_value(reading, to, system, line); });
+  if (reading.unread.contains(system))  // what it refused may stand on in the line
+    line.at = std::min(line.text.find('$', value), line.text.size());
+}
+
 bool siemens_line(TableReading& reading, Edges& edges, Cursor& line) {
   line.skip_blanks();
   if (line.here() == '%') return true;  // %_N_TO1_TOA
@@ -238,15 +248,7 @@ bool siemens_line(TableReading& reading, Edges& edges, Cursor& line) {
     if (is_tool && reading.kind == TableKind::Tools) {
       tool_value(reading, to, edges, line);
     } else if (is_offset && reading.kind == TableKind::Offsets) {
-      const int number = table_index(to, 0, 99, line);
-      if (number <= 6) {
-        offset_value(reading, to, number, line);
-      } else {
-        const std::size_t value = line.at;
-        reading.read_beyond(500 + number, [&] { offset_value(reading, to, 500 + number, line); });
-        if (reading.unread.contains(500 + number))  // what it refused may stand on in the line
-          line.at = std::min(line.text.find('$', value), line.text.size());
-      }
+      numbered_offset(reading, to, line);
     } else {
       if (!pass_value(line)) reading.leave_out(to.name);
     }

@@ -51,7 +51,8 @@ std::vector<Key> part_keys();
 /// @param joints  of the machine, for the words of work offsets
 ProgramDescription read_program(const Node& table, const std::vector<kinematics::Joint>& joints,
                                 Faults& faults);
-/// Refuses offsets of axes that a machine has not. @param joints  none: nothing is looked at
+/// Refuses offsets of axes that a machine has not; those that their control refuses where they are
+/// called and missing are taken out and noted instead. @param joints  none: nothing is looked at
 void check_axes(dialects::ControlTable& offsets, const std::vector<kinematics::Joint>& joints,
                 Faults& faults);
 Node::Table written_program(const ProgramDescription& program,
