@@ -24,7 +24,7 @@ int sides_around(double radius, double sag) {
 
 ClosedMesh mesh_of(const std::vector<Vector3d>& vertices,
                    const std::vector<std::array<int, 3>>& triangles) {
-  ClosedMesh mesh{Points(Index(vertices.size()), 3), Triangles(Index(triangles.size()), 3)};
+  ClosedMesh mesh{Points(Index(vertices.size()), 3), Triangles(Index(triangles.size()), 3), 0.0};
   for (std::size_t i = 0; i < vertices.size(); ++i)
     mesh.vertices.row(Index(i)) = vertices[i].transpose();
   for (std::size_t t = 0; t < triangles.size(); ++t)
@@ -127,6 +127,57 @@ ClosedMesh extruded_mesh(const Eigen::MatrixX2d& outline, double height) {
     triangles.push_back({i, next + n, i + n});
   }
   return mesh_of(vertices, triangles);
+}
+
+ClosedMesh cutter_mesh(const Cutter& cutter, double sag) {
+  check_cutter(cutter);
+  require(std::isfinite(sag) && sag > 0.0, "cutter: the sag must be positive");
+  const double r = cutter.corner_radius, flat = cutter.radius - r, quarter = 0.5 * std::numbers::pi;
+  // the corner lies within the polygon of its tangents
+  const int pieces = r > 0.0 ? std::max(1, (sides_around(r, 0.5 * sag) + 3) / 4) : 0;
+  std::vector<Eigen::Vector2d> points{{flat, 0.0}};
+  const double out = pieces > 0 ? r / std::cos(0.5 * quarter / pieces) : 0.0;
+  for (int k = 0; k < pieces; ++k) {
+    const double angle = quarter * (k + 0.5) / pieces;
+    points.emplace_back(flat + out * std::sin(angle), std::max(0.0, r - out * std::cos(angle)));
+  }
+  points.emplace_back(cutter.radius, r);
+  if (cutter.flank_length > r) points.emplace_back(cutter.radius, cutter.flank_length);
+  const auto same = std::ranges::unique(points);
+  points.erase(same.begin(), same.end());
+  Eigen::MatrixX2d profile(Index(points.size()), 2);
+  for (std::size_t i = 0; i < points.size(); ++i) profile.row(Index(i)) = points[i].transpose();
+  return revolved_mesh(profile, pieces > 0 ? 0.5 * sag : sag);
+}
+
+std::vector<ClosedMesh> cutter_pieces(const Cutter& cutter, double sag) {
+  check_cutter(cutter);
+  const double r = cutter.corner_radius, flat = cutter.radius - r;
+  std::vector<ClosedMesh> pieces;
+  if (cutter.flank_length > r) {
+    Eigen::MatrixX2d flank(2, 2);
+    flank << cutter.radius, r, cutter.radius, cutter.flank_length;
+    pieces.push_back(revolved_mesh(flank, sag));
+  }
+  if (r == 0.0) return pieces;
+  std::vector<Vector3d> corners{{0.0, 0.0, r}};
+  std::vector<std::array<int, 3>> fan;
+  const int n = flat > 0.0 ? sides_around(flat, sag) : 0;
+  for (int k = 0; k < n; ++k) {
+    const double angle = 2.0 * std::numbers::pi * k / n,
+                 out = flat / std::cos(std::numbers::pi / n);
+    corners.emplace_back(out * std::cos(angle), out * std::sin(angle), r);
+    fan.push_back({0, 1 + k, 1 + (k + 1) % n});
+  }
+  if (n == 0) fan.push_back({0, 0, 0});
+  pieces.push_back(mesh_of(corners, fan));
+  pieces.back().skin = r;
+  return pieces;
+}
+
+ClosedMesh moved(ClosedMesh mesh, const kinematics::Pose& T) {
+  mesh.vertices = (mesh.vertices * T.linear().transpose()).rowwise() + T.translation().transpose();
+  return mesh;
 }
 
 }  // namespace abbe::cutting

@@ -1,18 +1,23 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include <Eigen/Geometry>
 
 #include "cutting/mesh.h"
+#include "cutting/tool.h"
+#include "kinematics/pose.h"
 
 /// What a machine, its tool and its workpiece are made of, to be asked what meets what.
 namespace abbe::cutting {
 
-/// A closed surface, triangles counter-clockwise seen from outside.
+/// A closed surface, triangles counter-clockwise seen from outside; grown by a ball that rolls
+/// around it, where it has a skin. Then a triangle may be a line or a point.
 struct ClosedMesh {
   Points vertices;      ///< (n x 3) mm
   Triangles triangles;  ///< (m x 3)
+  double skin = 0.0;    ///< mm
 };
 
 /// A box about its middle.
@@ -37,6 +42,16 @@ ClosedMesh sphere_mesh(double radius, double sag);
 ///         that is not positive
 ClosedMesh extruded_mesh(const Eigen::MatrixX2d& outline, double height);
 
+/// A milling cutter in its frame t, tip at the origin, as `revolved_mesh`.
+/// @throws std::invalid_argument for a cutter that cannot be, or a sag that is not positive
+ClosedMesh cutter_mesh(const Cutter& cutter, double sag);
+
+/// The same in pieces: its end is a disc, or a point, grown by the corner, so that a ball end is
+/// exact; the flank is a cylinder.
+std::vector<ClosedMesh> cutter_pieces(const Cutter& cutter, double sag);
+
+ClosedMesh moved(ClosedMesh mesh, const kinematics::Pose& T);
+
 struct BodySearch;
 
 /// A rigid body that can be asked how far it is from another.
@@ -46,8 +61,15 @@ struct Body {
   std::shared_ptr<const BodySearch> search;
 };
 
+/// @param mesh  it may be open, as a design is, and is then its surface alone
 /// @throws std::invalid_argument for a mesh without triangles, vertices that are not finite, or
 ///         triangles of vertices that it has not
 Body body_of(const ClosedMesh& mesh);
+/// Pieces that are one body, which overlap or touch.
+/// @throws as of each, and for none
+Body body_of(const std::vector<ClosedMesh>& pieces);
+
+/// mm along a direction (unit, in its own frame), of the point of the body farthest that way.
+double extent(const Body& body, const Eigen::Vector3d& direction);
 
 }  // namespace abbe::cutting

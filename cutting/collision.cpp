@@ -1,13 +1,17 @@
 #include "cutting/collision.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <queue>
+#include <utility>
 #include <vector>
 
 #include <fcl/fcl.h>
+#include <fcl/math/detail/project.h>
+#include <fcl/narrowphase/detail/primitive_shape_algorithm/triangle_distance.h>
 
 #include "kinematics/require.h"
 
@@ -16,40 +20,212 @@ namespace abbe::cutting {
 using Eigen::Vector3d;
 using kinematics::Pose;
 
+using Tree = fcl::BVHModel<fcl::OBBRSSd>;
+
 struct BodySearch {
-  fcl::BVHModel<fcl::OBBRSSd> tree;
-  ClosedMesh mesh;
+  struct Piece {
+    Tree tree;
+    ClosedMesh mesh;
+    bool closed = true;
+  };
+  std::vector<Piece> pieces;
 };
 
-Body body_of(const ClosedMesh& mesh) {
+namespace {
+
+using Piece = BodySearch::Piece;
+
+bool is_closed(const Triangles& triangles) {
+  std::vector<std::pair<int, int>> edges;
+  for (const auto& t : triangles.rowwise())
+    for (int k = 0; k < 3; ++k) edges.emplace_back(t[k], t[(k + 1) % 3]);
+  std::ranges::sort(edges);
+  return std::ranges::all_of(edges, [&](const auto& edge) {
+    return std::ranges::binary_search(edges, std::pair(edge.second, edge.first));
+  });
+}
+
+Piece piece_of(const ClosedMesh& mesh) {
   require(mesh.triangles.rows() > 0, "body: it has no triangles");
   require(mesh.vertices.allFinite(), "body: vertices must be finite");
   require(mesh.triangles.minCoeff() >= 0 && mesh.triangles.maxCoeff() < mesh.vertices.rows(),
           "body: a triangle names a vertex that is not there");
+  require(mesh.skin >= 0.0, "body: a skin must not be below zero");
   std::vector<fcl::Vector3d> vertices;
   for (const auto& row : mesh.vertices.rowwise()) vertices.emplace_back(row.transpose());
   std::vector<fcl::Triangle> triangles;
   for (const auto& t : mesh.triangles.rowwise())
     triangles.emplace_back(std::size_t(t[0]), std::size_t(t[1]), std::size_t(t[2]));
+  Piece piece;
+  piece.mesh = mesh;
+  piece.closed = is_closed(mesh.triangles);
+  piece.tree.beginModel(int(triangles.size()), int(vertices.size()));
+  piece.tree.addSubModel(vertices, triangles);
+  piece.tree.endModel();
+  return piece;
+}
+
+}  // namespace
+
+Body body_of(const ClosedMesh& mesh) { return body_of(std::vector<ClosedMesh>{mesh}); }
+
+Body body_of(const std::vector<ClosedMesh>& pieces) {
+  require(!pieces.empty(), "body: it has no pieces");
   auto search = std::make_shared<BodySearch>();
-  search->mesh = mesh;
-  search->tree.beginModel(int(triangles.size()), int(vertices.size()));
-  search->tree.addSubModel(vertices, triangles);
-  search->tree.endModel();
+  Eigen::AlignedBox3d box;
+  for (const ClosedMesh& mesh : pieces) {
+    search->pieces.push_back(piece_of(mesh));
+    for (const auto& row : mesh.vertices.rowwise()) box.extend(row.transpose());
+  }
   Body body;
-  const Vector3d low = mesh.vertices.colwise().minCoeff(),
-                 high = mesh.vertices.colwise().maxCoeff();
-  body.centre = 0.5 * (low + high);
-  body.radius = (mesh.vertices.rowwise() - body.centre.transpose()).rowwise().norm().maxCoeff();
+  body.centre = box.center();
+  for (const ClosedMesh& mesh : pieces)
+    body.radius = std::max(
+        body.radius,
+        mesh.skin +
+            (mesh.vertices.rowwise() - body.centre.transpose()).rowwise().norm().maxCoeff());
   body.search = std::move(search);
   return body;
 }
 
-Gap gap(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b) {
-  const fcl::DistanceRequestd request(true);
-  fcl::DistanceResultd result;
-  fcl::distance(&a.search->tree, T_a, &b.search->tree, T_b, request, result);
-  return {std::max(0.0, result.min_distance), result.nearest_points[0], result.nearest_points[1]};
+double extent(const Body& body, const Vector3d& direction) {
+  double most = -std::numeric_limits<double>::infinity();
+  for (const Piece& piece : body.search->pieces)
+    most = std::max(most, piece.mesh.skin + (piece.mesh.vertices * direction).maxCoeff());
+  return most;
+}
+
+namespace {
+
+/// Searches two trees for the nearest triangles, b placed in the frame of a, skins around them.
+/// FCL's own search has no tolerance that could be set.
+class NearestTriangles {
+ public:
+  NearestTriangles(const Tree& a, const Tree& b, const Pose& T_ab, double skins,
+                   const GapOptions& options)
+      : a_(a),
+        b_(b),
+        R_(T_ab.linear()),
+        t_(T_ab.translation()),
+        keep_(1.0 / (1.0 + options.share)),
+        skins_(skins) {
+    nearest.distance = options.most + skins;
+    descend(0, 0);
+  }
+
+  Gap nearest;  ///< in the frame of a
+
+ private:
+  using Node = fcl::BVNode<fcl::OBBRSSd>;
+  using Corners = std::array<Vector3d, 3>;
+
+  /// A box, in the frame of a.
+  struct Box {
+    Vector3d centre;
+    Eigen::Matrix3d axes;
+    Vector3d half;
+
+    /// By how much it reaches to either side of its centre.
+    double reach(const Vector3d& direction) const {
+      return half.dot((axes.transpose() * direction).cwiseAbs());
+    }
+  };
+  Box box_of_a(const Node& node) const {
+    return {node.bv.obb.To, node.bv.obb.axis, node.bv.obb.extent};
+  }
+  Box box_of_b(const Node& node) const {
+    return {R_ * node.bv.obb.To + t_, R_ * node.bv.obb.axis, node.bv.obb.extent};
+  }
+
+  Corners corners_of_a(int triangle) const {
+    const fcl::Triangle& s = a_.tri_indices[triangle];
+    return {a_.vertices[s[0]], a_.vertices[s[1]], a_.vertices[s[2]]};
+  }
+  Corners corners_of_b(int triangle) const {
+    const fcl::Triangle& s = b_.tri_indices[triangle];
+    return {R_ * b_.vertices[s[0]] + t_, R_ * b_.vertices[s[1]] + t_, R_ * b_.vertices[s[2]] + t_};
+  }
+
+  static Vector3d nearest_of(const Corners& triangle, const Vector3d& point) {
+    if (triangle[0] == triangle[1] && triangle[1] == triangle[2]) return triangle[0];
+    const auto found =
+        fcl::detail::Project<double>::projectTriangle(triangle[0], triangle[1], triangle[2], point);
+    Vector3d nearest = Vector3d::Zero();
+    for (std::size_t k = 0; k < 3; ++k) nearest += found.parameterization[k] * triangle[k];
+    return nearest;
+  }
+
+  /// A plane through the point of a triangle that is nearest to a box parts it from the box by:
+  static double parted(const Corners& triangle, const Box& box) {
+    const Vector3d nearest = nearest_of(triangle, box.centre);
+    const double distance = (box.centre - nearest).norm();
+    if (!(distance > 0.0)) return 0.0;
+    return distance - box.reach((box.centre - nearest) / distance);
+  }
+
+  /// No more than the distance of what two nodes hold. The bound of FCL is loose where one is a
+  /// triangle: it is that of a rectangle around it.
+  double bound(int i, int j) const {
+    const Node &of_a = a_.getBV(i), &of_b = b_.getBV(j);
+    if (of_a.isLeaf() && of_b.isLeaf()) return 0.0;
+    if (of_a.isLeaf()) return parted(corners_of_a(of_a.primitiveId()), box_of_b(of_b));
+    if (of_b.isLeaf()) return parted(corners_of_b(of_b.primitiveId()), box_of_a(of_a));
+    return fcl::distance(R_, t_, of_a.bv, of_b.bv);
+  }
+
+  void descend(int i, int j) {
+    const auto &of_a = a_.getBV(i), &of_b = b_.getBV(j);
+    if (of_a.isLeaf() && of_b.isLeaf()) return look(of_a.primitiveId(), of_b.primitiveId());
+    const bool divide_a = of_b.isLeaf() || (!of_a.isLeaf() && of_a.bv.size() > of_b.bv.size());
+    std::array<std::array<int, 2>, 2> next = {{{i, of_b.first_child}, {i, of_b.first_child + 1}}};
+    if (divide_a) next = {{{of_a.first_child, j}, {of_a.first_child + 1, j}}};
+    std::array<double, 2> least = {bound(next[0][0], next[0][1]), bound(next[1][0], next[1][1])};
+    if (least[1] < least[0]) {
+      std::swap(least[0], least[1]);
+      std::swap(next[0], next[1]);
+    }
+    for (std::size_t k = 0; k < 2; ++k)
+      if (least[k] - skins_ < keep_ * (nearest.distance - skins_)) descend(next[k][0], next[k][1]);
+  }
+
+  void look(int i, int j) {
+    const fcl::Triangle &s = a_.tri_indices[i], &t = b_.tri_indices[j];
+    Vector3d on_a, on_b;
+    const double distance = fcl::detail::TriangleDistanced::triDistance(
+        a_.vertices[s[0]], a_.vertices[s[1]], a_.vertices[s[2]], b_.vertices[t[0]],
+        b_.vertices[t[1]], b_.vertices[t[2]], R_, t_, on_a, on_b);
+    if (distance < nearest.distance) nearest = {distance, on_a, on_b};
+  }
+
+  const Tree &a_, &b_;
+  Eigen::Matrix3d R_;
+  Vector3d t_;
+  double keep_, skins_;
+};
+
+}  // namespace
+
+Gap gap(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b, const GapOptions& options) {
+  const Pose T_ab = T_a.inverse() * T_b;
+  Gap nearest;
+  nearest.distance = options.most;
+  for (const Piece& one : a.search->pieces)
+    for (const Piece& other : b.search->pieces) {
+      const double skins = one.mesh.skin + other.mesh.skin;
+      Gap found =
+          NearestTriangles(one.tree, other.tree, T_ab, skins, {options.share, nearest.distance})
+              .nearest;
+      if (!(found.distance - skins < nearest.distance)) continue;
+      // from the meshes to the skins
+      const Vector3d way = found.on_b - found.on_a;
+      if (const double length = way.norm(); length > 0.0) {
+        found.on_a += std::min(one.mesh.skin, length) / length * way;
+        found.on_b -= std::min(other.mesh.skin, length) / length * way;
+      }
+      nearest = {std::max(0.0, found.distance - skins), T_a * found.on_a, T_a * found.on_b};
+      if (nearest.distance == 0.0) return nearest;
+    }
+  return nearest;
 }
 
 namespace {
@@ -68,10 +244,15 @@ double windings(const ClosedMesh& mesh, const Vector3d& point) {
   return solid_angle / (4.0 * std::numbers::pi);
 }
 
+/// Whether a piece of one body lies around a piece of the other.
 bool holds(const Body& outer, const Pose& T_outer, const Body& inner, const Pose& T_inner) {
-  const Vector3d point =
-      T_outer.inverse() * (T_inner * Vector3d(inner.search->mesh.vertices.row(0).transpose()));
-  return std::abs(windings(outer.search->mesh, point)) > 0.5;
+  for (const Piece& shell : outer.search->pieces)
+    for (const Piece& piece : inner.search->pieces) {
+      const Vector3d point =
+          T_outer.inverse() * (T_inner * Vector3d(piece.mesh.vertices.row(0).transpose()));
+      if (shell.closed && std::abs(windings(shell.mesh, point)) > 0.5) return true;
+    }
+  return false;
 }
 
 }  // namespace
@@ -82,7 +263,7 @@ bool is_inside(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b) {
 
 namespace {
 
-/// A distance on the way.
+/// A distance on the way, or less.
 struct Looked {
   double u, distance;
 };
@@ -103,15 +284,21 @@ Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
                   const ApproachOptions& options) {
   require(options.resolution > 0.0 && options.within > 0.0 && options.share >= 0.0,
           "approach: resolution and within must be positive, the share not negative");
+  require(options.rough == 0.0 || (options.rough > 0.0 && options.rough < options.share),
+          "approach: distances must be less rough than the share");
   const double speed = kinematics::fastest(b_in_a, b.centre, b.radius);
   Approach nearest;
   nearest.gap.distance = std::numeric_limits<double>::infinity();
   const auto look = [&](double u) -> Looked {
-    const Gap here = gap(a, Pose::Identity(), b, kinematics::pose_at(b_in_a, u));
+    GapOptions wanted{options.rough};
+    // farther than b can still come is far enough
+    if (options.contact_only)
+      wanted.most = (1.0 + options.rough) * speed * (1.0 - u) + 2.0 * options.resolution;
+    const Gap here = gap(a, Pose::Identity(), b, kinematics::pose_at(b_in_a, u), wanted);
     ++nearest.queries;
     if (here.distance < nearest.gap.distance)
       nearest = {here.distance <= options.resolution, u, here, nearest.queries};
-    return {u, here.distance};
+    return {u, here.distance / (1.0 + options.rough)};
   };
   const auto further = [](const Stretch& one, const Stretch& other) {
     return one.least > other.least;
@@ -126,7 +313,8 @@ Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
   const auto allowed = [&] {
     return std::max(options.within, options.share * nearest.gap.distance);
   };
-  while (!nearest.contact && open.top().least < nearest.gap.distance - allowed()) {
+  while (!nearest.contact && !options.contact_only &&
+         open.top().least < nearest.gap.distance - allowed()) {
     const auto [from, to, least] = open.top();
     open.pop();
     const Looked middle = look(0.5 * (from.u + to.u));

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <limits>
+
 #include "cutting/body.h"
 #include "kinematics/screw.h"
 
@@ -11,18 +13,29 @@ struct Gap {
   Eigen::Vector3d on_a = Eigen::Vector3d::Zero(), on_b = Eigen::Vector3d::Zero();
 };
 
-/// Between surfaces: of a body wholly inside the other it is the way out. To 1e-11 of their sizes
-/// and distances (1e-8 mm at 1 m).
-Gap gap(const Body& a, const kinematics::Pose& T_a, const Body& b, const kinematics::Pose& T_b);
+struct GapOptions {
+  double share = 0.0;  ///< of the distance that it may be found too large by: 0 gives it to 1e-11
+                       ///< of sizes and distances (1e-8 mm at 1 m), more is quicker where much is
+                       ///< about as far
+  double most = std::numeric_limits<double>::infinity();  ///< mm, a larger distance is given as
+                                                          ///< this one, without its points
+};
+
+/// Between surfaces: of a body wholly inside the other it is the way out.
+Gap gap(const Body& a, const kinematics::Pose& T_a, const Body& b, const kinematics::Pose& T_b,
+        const GapOptions& options = {});
 
 /// Whether one lies inside the other, their surfaces apart: what `gap` does not see.
 bool is_inside(const Body& a, const kinematics::Pose& T_a, const Body& b,
                const kinematics::Pose& T_b);
 
 struct ApproachOptions {
-  double resolution = 5e-3;  ///< mm, a smaller distance is contact
-  double within = 1e-2;      ///< mm, of the least distance that is found, or
-  double share = 1e-2;       ///< of it, whichever is more
+  double resolution = 5e-3;   ///< mm, a smaller distance is contact
+  double within = 1e-2;       ///< mm, of the least distance that is found, or
+  double share = 1e-2;        ///< of it, whichever is more
+  double rough = 0.0;         ///< share of every distance that it may be found too large by, below
+                              ///< `share`
+  bool contact_only = false;  ///< without contact nothing else is of interest
 };
 
 /// How near a body comes to another in a motion.
@@ -39,8 +52,8 @@ struct Approach {
 /// comes so near and does not meet may count as contact. Without contact the least distance is
 /// within `within`, or that share of it, above the true one.
 /// @param b_in_a  how b moves in the frame of a
-/// @throws std::invalid_argument for a resolution or `within` that is not positive, or a share that
-///         is below zero
+/// @throws std::invalid_argument for a resolution or `within` that is not positive, a share that is
+///         below zero, or rough distances that are not below it
 Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
                   const ApproachOptions& options = {});
 

@@ -23,16 +23,6 @@ constexpr double settled_end = 1e-3;   // mm, the next end then moves by a hundr
 constexpr double crash_length = 1e-6;  // mm of a line
 constexpr double most_parts = 1e5;     // of a move
 
-/// A cutter with all of its surface moved inwards, its tip staying where the bottom then is; or
-/// outwards for a negative margin.
-struct Shrunk {
-  Cutter cutter;
-  double raised;  // mm, of the tip
-};
-Shrunk shrunk(const Cutter& cutter, double margin) {
-  const double by = std::min(margin, 0.25 * cutter.radius);
-  return {{cutter.radius - by, std::max(0.0, cutter.corner_radius - by), cutter.flank_length}, by};
-}
 /// What contains the cutter with a margin around; its tip is lower by the margin.
 Cutter grown(const Cutter& cutter, double margin) {
   const double corner = cutter.corner_radius > 0.0 ? cutter.corner_radius + margin : 0.0;
@@ -177,7 +167,7 @@ class Cut {
     const auto met = [&](const SweptInterval& in) {
       return in.is_empty() ? 0.0 : line.length(s + in.in, s + in.out);
     };
-    const Shrunk tool = shrunk(cutter_, rubbing);
+    const ShrunkCutter tool = shrunk(cutter_, rubbing);
     const auto sweep = [&](const Cutter& cutter, double base) {
       return SweptCutter(cutter, travel).along(point - Vector3d(0, 0, base), direction);
     };

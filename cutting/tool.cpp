@@ -1,5 +1,6 @@
 #include "cutting/tool.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "kinematics/require.h"
@@ -11,6 +12,11 @@ void check_cutter(const Cutter& cutter) {
               cutter.corner_radius <= cutter.radius && std::isfinite(cutter.flank_length) &&
               cutter.flank_length >= cutter.corner_radius,
           "cutter: expected radius > 0, corner radius from 0 to radius, flank at least as long");
+}
+
+ShrunkCutter shrunk(const Cutter& cutter, double margin) {
+  const double by = std::min(margin, 0.25 * cutter.radius);
+  return {{cutter.radius - by, std::max(0.0, cutter.corner_radius - by), cutter.flank_length}, by};
 }
 
 }  // namespace abbe::cutting

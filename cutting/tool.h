@@ -17,6 +17,14 @@ struct Cutter {
 /// @throws std::invalid_argument for a cutter out of those ranges
 void check_cutter(const Cutter& cutter);
 
+/// A cutter with all of its surface moved inwards, its tip staying where the bottom then is.
+struct ShrunkCutter {
+  Cutter cutter;
+  double raised = 0.0;  ///< mm, of the tip
+};
+/// @param margin  mm; a quarter of the radius at most is taken
+ShrunkCutter shrunk(const Cutter& cutter, double margin);
+
 /// One wave on the nose of a turning tool: the edge stands out by amplitude cos(order psi + phase).
 struct NoseWave {
   int order = 1;

@@ -189,6 +189,25 @@ Pose Chain::tool_in_bed(const AxisVector& q, std::span<const JointDeviation> dev
   return T_bt * T_bt_home_;
 }
 
+std::vector<Pose> carriages_in_bed(const Chain& chain, const AxisVector& q,
+                                   std::span<const JointDeviation> deviations) {
+  const int n = chain.size();
+  assert(q.size() == n && (deviations.empty() || int(deviations.size()) == n));
+  std::vector<Pose> T(std::size_t(n), Pose::Identity());
+  const auto side = [&](int i) { return chain.joints()[std::size_t(i)].side; };
+  Pose last = Pose::Identity();
+  for (int i = n - 1; i >= 0; --i)
+    if (side(i) == Side::Workpiece)
+      last = T[std::size_t(i)] =
+          carried(last, chain, i, carriage_travel(Side::Workpiece, q[i]), deviations);
+  last = Pose::Identity();
+  for (int i = 0; i < n; ++i)
+    if (side(i) == Side::Tool)
+      last = T[std::size_t(i)] =
+          carried(last, chain, i, carriage_travel(Side::Tool, q[i]), deviations);
+  return T;
+}
+
 Pose Chain::tool_in_workpiece(const AxisVector& q,
                               std::span<const JointDeviation> deviations) const {
   return workpiece_in_bed(q, deviations).inverse() * tool_in_bed(q, deviations);

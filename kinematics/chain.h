@@ -110,6 +110,12 @@ constexpr double carriage_travel(Side side, double command) {
   return side == Side::Workpiece ? -command : command;
 }
 
+/// Where every carriage is in the bed, joint by joint: what it carries is placed by this from where
+/// it is with the axes at zero.
+/// @param q, deviations  as of Chain
+std::vector<Pose> carriages_in_bed(const Chain& chain, const AxisVector& q,
+                                   std::span<const JointDeviation> deviations = {});
+
 /// E = T_nominal^-1 T_actual, expressed in the nominal tool frame (Guo et al. 2016, equation 4).
 Pose error_transform(const Pose& T_wt_nominal, const Pose& T_wt_actual);
 

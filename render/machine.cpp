@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -19,7 +20,6 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr Colour edge_colour{0.35, 0.37, 0.40};
-constexpr Colour part_colour{0.93, 0.80, 0.55};
 
 /// A body as points, faces and edges, in its own frame.
 struct Shell {
@@ -66,6 +66,36 @@ Shell shell(const CylinderShape& cylinder) {
     s.edges.push_back({low, next});
     s.edges.push_back({low + 1, next + 1});
   }
+  return s;
+}
+
+/// Edges at which a surface bends by more than can be a facet, or ends.
+std::vector<std::array<int, 2>> sharp_edges(const SolidShape& solid) {
+  constexpr double facet = 0.9;  // cosine of the angle between facets of one face
+  std::map<std::array<int, 2>, Vector3d> open;
+  std::vector<std::array<int, 2>> sharp;
+  for (const auto& t : solid.triangles.rowwise()) {
+    const Vector3d a = solid.vertices.row(t[0]), b = solid.vertices.row(t[1]),
+                   c = solid.vertices.row(t[2]);
+    const Vector3d normal = (b - a).cross(c - a).normalized();
+    for (int k = 0; k < 3; ++k) {
+      const auto [low, high] = std::minmax({t[k], t[(k + 1) % 3]});
+      const auto [seen, first] = open.try_emplace({low, high}, normal);
+      if (first) continue;
+      if (seen->second.dot(normal) < facet) sharp.push_back({low, high});
+      open.erase(seen);
+    }
+  }
+  for (const auto& [edge, normal] : open) sharp.push_back(edge);
+  return sharp;
+}
+
+Shell shell(const SolidShape& solid) {
+  Shell s;
+  for (const auto& row : solid.vertices.rowwise()) s.points.emplace_back(row.transpose());
+  for (const auto& t : solid.triangles.rowwise()) s.triangles.push_back({t[0], t[1], t[2]});
+  s.edges = sharp_edges(solid);
+  s.middle = 0.5 * (solid.vertices.colwise().minCoeff() + solid.vertices.colwise().maxCoeff());
   return s;
 }
 
@@ -131,7 +161,7 @@ void add_part(Stage& stage, const MachinePicture& picture) {
   Solid solid;
   solid.points = picture.part_vertices;
   solid.triangles = picture.part_triangles;
-  solid.colour = part_colour;
+  solid.colour = picture.part_colour;
   solid.shade = 0.35;
   hold(stage, solid.points);
   stage.solids.push_back(std::move(solid));
@@ -233,7 +263,7 @@ double legend(Canvas& canvas, const MachinePicture& picture, Vector2d at, const 
     at.y() -= line_height(style);
     swatch(canvas, at, colour, name, style);
   };
-  if (picture.part_triangles.rows() > 0) entry(part_colour, picture.part_name);
+  if (picture.part_triangles.rows() > 0) entry(picture.part_colour, picture.part_name);
   for (const Polyline& path : picture.paths) entry(path.colour, path.name);
   return top - at.y();
 }
@@ -263,6 +293,8 @@ void write_machine(const std::filesystem::path& path, const MachinePicture& pict
   Stage whole = detail;
   for (const Body& one : picture.bodies) add(whole, one);
   for (const Frame& frame : picture.frames) hold(whole, frame.T.translation().transpose());
+  for (const Body& one : picture.bodies)
+    if (one.close) add(detail, one);
 
   const bool both = detail.points.rows() > 0 && !picture.bodies.empty();
   const double height = options.height - head - foot - strip;

@@ -24,13 +24,20 @@ struct CylinderShape {
   double height = 100.0;  ///< mm
 };
 
+/// Any closed surface.
+struct SolidShape {
+  cutting::Points vertices;      ///< (n x 3) mm
+  cutting::Triangles triangles;  ///< (m x 3)
+};
+
 /// A carriage, the bed, a tool: drawn as a plain solid with its edges.
 struct Body {
   std::string label;                                  ///< written beside it; may be empty
   kinematics::Pose T = kinematics::Pose::Identity();  ///< in the frame of the picture
-  std::variant<BlockShape, CylinderShape> shape;
+  std::variant<BlockShape, CylinderShape, SolidShape> shape;
   Colour colour{0.80, 0.83, 0.87};
   double opacity = 1.0;
+  bool close = false;  ///< drawn at the right, too
 };
 
 /// A line through points: a tool path, nominal or actual.
@@ -51,7 +58,8 @@ struct MachinePicture {
   std::string title;
   std::vector<Body> bodies;
   std::string part_name = "part";  ///< for the legend
-  cutting::Points part_vertices;   ///< (n x 3), may be empty
+  Colour part_colour{0.93, 0.80, 0.55};
+  cutting::Points part_vertices;  ///< (n x 3), may be empty
   cutting::Triangles part_triangles;
   std::vector<Polyline> paths;
   std::vector<Frame> frames;
@@ -67,7 +75,8 @@ struct MachineOptions {
   Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
 };
 
-/// Draws the machine as a whole with part and paths at the left, part and paths alone at the right,
+/// Draws the machine as a whole with part and paths at the left, part, paths and close bodies alone
+/// at the right,
 /// each with a scale bar, and says by how much errors are magnified.
 /// @throws std::invalid_argument if there is nothing to draw, a number is not finite, or the
 /// triangles

@@ -1,49 +1,106 @@
 #include "sim/commands/check_command.h"
 
 #include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
+#include "sim/cut/collisions.h"
 #include "sim/cut/reach.h"
+#include "sim/cut/stages.h"
 #include "sim/files/output.h"
+#include "sim/files/progress.h"
 #include "sim/files/terminal.h"
+#include "sim/loop/compensate.h"
+#include "sim/report/collision_report.h"
 #include "sim/report/description_report.h"
 #include "sim/report/pictures.h"
+#include "sim/scene/case_name.h"
 #include "sim/scene/read_scene.h"
 #include "sim/scene/trust.h"
 
 namespace abbe::sim {
 namespace {
 
-Exit check(const Common& common, bool picture) {
+struct CheckWords {
+  bool picture = false;
+  bool collisions = false;
+  std::string case_name;
+};
+
+/// What the axes are commanded in a case.
+Commands commands_of(const Job& job, const std::string& case_name, const Progress& progress) {
+  if (case_name == "uncompensated") return as_programmed(job);
+  return compensate(job, parse_case(case_name), progress);
+}
+
+Collisions looked_for(const Job& job, const std::string& case_name) {
+  const WorkSize size = size_of(job);
+  std::vector<Stage> stages = stages_of_collisions(case_name, size);
+  if (case_name != "uncompensated")
+    stages =
+        stages_of_commands(case_name, size, job.scene, parse_case(case_name)) + std::move(stages);
+  ProgressLine line(std::move(stages));
+  line.begin(case_name);
+  const Commands commands = commands_of(job, case_name, to(line));
+  return collisions(job, commands, case_name, to(line));
+}
+
+Exit check(const Common& common, const CheckWords& words) {
+  if (!words.case_name.empty() && !words.collisions)
+    throw BadUsage("--case", "expected --collisions beside it: check cuts nothing");
+  if (!words.case_name.empty() && words.case_name != "uncompensated") check_case(words.case_name);
   const Scene scene = read_scene(common.scene, overrides(common));
   const Job job = placed(prepare(scene));
   Description description = describe(job);
   description.programs = judged(scene.programs, common.permissions);
-  if (picture) {
+  std::optional<Collisions> found;
+  if (words.collisions) {
+    found = looked_for(job, words.case_name.empty() ? "uncompensated" : words.case_name);
+    description.warnings.insert(description.warnings.end(), found->warnings.begin(),
+                                found->warnings.end());
+  }
+  if (words.picture) {
     const ResultFolder folder(result_folder(common), writer_of(scene, common.permissions));
     write_check_picture(folder / "check.png", job);
     print(stderr, "picture in {}\n", (folder / "check.png").path().string());
+    if (found) write_collision_pictures(folder, job, *found);
   }
-  print("{}", Lines(common.json ? json_text(to_json(description)) : to_text(description)));
+  if (common.json) {
+    nlohmann::ordered_json json = to_json(description);
+    if (found) json["collisions"] = to_json(*found);
+    print("{}", Lines(json_text(json)));
+  } else {
+    print("{}", Lines(to_text(description) + (found ? to_text(*found) : std::string())));
+  }
   print_warnings(description.warnings);
-  return Exit::Ok;
+  return found && !is_clear(*found) ? Exit::LimitExceeded : Exit::Ok;
 }
 
 }  // namespace
 
 Command check_command(Common& common) {
-  const auto picture = std::make_shared<bool>(false);
+  const auto words = std::make_shared<CheckWords>();
   return {"check",
           "Validate a scene and say how it was understood; cut nothing",
           {"abbe check scenes/gantry_dome.toml --picture --out out/check",
-           "abbe check scenes/gantry_dome.toml --set tool=library:bull_r6_r1 --json"},
+           "abbe check scenes/gantry_dome.toml --set tool=library:bull_r6_r1 --json",
+           "abbe check scenes/gantry_dome.toml --collisions"},
           scene_options(common, {result_folder_option(common),
                                  force_option(common),
                                  trust_option(common),
-                                 {"--picture", picture.get(),
-                                  "draw machine, part and path, errors magnified"}}),
-          [picture, &common] { return check(common, *picture); }};
+                                 {"--picture", &words->picture,
+                                  "draw machine, part and path, errors magnified"},
+                                 {"--collisions", &words->collisions,
+                                  "look for what meets what along the program; exit 1 if anything "
+                                  "does"},
+                                 {"--case", &words->case_name,
+                                  "uncompensated, or belief-strategy-channel: whose commands are "
+                                  "looked at"}}),
+          [words, &common] { return check(common, *words); }};
 }
 
 }  // namespace abbe::sim

@@ -3,6 +3,7 @@
 #include <new>
 
 #include "sim/compensation/plug_in.h"
+#include "sim/cut/collisions.h"
 #include "sim/files/output_failure.h"
 #include "sim/files/progress.h"
 #include "sim/files/terminal.h"
@@ -25,6 +26,9 @@ Exit exit_code(const std::function<Exit()>& program) {
   } catch (const BadInput& fault) {
     print(stderr, "abbe: {}\n", fault.what());
     return Exit::Input;
+  } catch (const CollisionStop& stop) {
+    print(stderr, "abbe: {}\n", stop.what());
+    return Exit::LimitExceeded;
   } catch (const compensation::PlugInFailure& failure) {
     print(stderr, "abbe: {}\n", Lines(failure.what()));
     return Exit::PlugIn;

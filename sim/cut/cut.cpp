@@ -14,6 +14,7 @@
 #include "sim/cut/accelerations.h"
 #include "sim/cut/cut_warnings.h"
 #include "sim/cut/follow.h"
+#include "sim/cut/inside_tables.h"
 #include "sim/cut/sampling.h"
 #include "sim/cut/stopwatch.h"
 #include "sim/cut/surface_warnings.h"
@@ -235,17 +236,6 @@ std::vector<Pose> poses_of(const Run& run, const std::vector<errors::Load>& load
   return T_wt;
 }
 
-/// What a table of the errors that is left says, as a fault of the scene.
-template <typename Act>
-auto inside_tables(const Job& job, const Act& act) {
-  try {
-    return act();
-  } catch (const std::out_of_range& left) {
-    throw BadInput(job.scene.file.string(), 0, 0, "a program inside the tables of the errors",
-                   left.what());
-  }
-}
-
 /// The element that is largest at a state, angles at a metre of lever.
 std::string largest_element(const Job& job, const AxisState& state) {
   constexpr double lever = 1000.0;  // mm
@@ -396,6 +386,17 @@ std::vector<Pose> tool_poses(const Job& job, const Commands& commands, const Pro
   return inside_tables(job, [&] { return poses_of(run, loads_of(run, process), at); });
 }
 
+namespace {
+
+void stop_at_collision(const Collisions& found) {
+  for (const Collision& one : found.list)
+    if (one.contact)
+      throw CollisionStop("stopped, nothing was cut (collision.stop): " +
+                          event_text(one, found.more_files));
+}
+
+}  // namespace
+
 Cut cut(const Job& job, const Commands& commands, const Progress& progress) {
   Cut result;
   result.name = result.case_name = "uncompensated";
@@ -407,6 +408,12 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress) {
     result.warnings.push_back(fmt::format("{} of {} corrections did not converge",
                                           commands.not_converged, commands.samples.states.size()));
   check_travel(job, commands);
+  if (job.scene.collision.on) {
+    result.collisions = collisions(job, commands, result.name, progress);
+    result.timing_s["collisions"] = result.collisions->seconds;
+    if (job.scene.collision.stop) stop_at_collision(*result.collisions);
+    add_warnings(collision_warnings(*result.collisions), result.warnings);
+  }
   const auto parts = parts_of(job);
   std::vector<Posed> all;
   double samples = 0.0, off = 0.0;

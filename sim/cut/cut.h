@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cutting/interpolation.h"
+#include "sim/cut/collisions.h"
 #include "sim/cut/job.h"
 #include "sim/cut/signals.h"
 
@@ -32,6 +33,7 @@ struct Cut {
   Signals signals;                ///< empty without heat, force or channels
   std::vector<WornTool> wear;     ///< of the tools that wear, at the end
   std::string rewritten_program;  ///< text of the program channel, else empty
+  std::optional<Collisions> collisions;  ///< where the scene asks for them
   std::vector<std::string> warnings;
   std::map<std::string, double> timing_s;
 };
@@ -45,7 +47,7 @@ Cut cut_error_free(const Job& job, const Progress& progress = {});
 Cut cut(const Job& job, const Progress& progress = {});
 
 /// Commands, compensated or not, on the wrong machine.
-/// @throws BadInput as without
+/// @throws BadInput as without; CollisionStop where the scene asks for collisions, to stop there
 Cut cut(const Job& job, const Commands& commands, const Progress& progress = {});
 
 /// Where the tool really is in the part at samples of a program as it is commanded, T_wt.

@@ -15,6 +15,7 @@ using compensation::Strategy;
 // Seconds on two cores, measured on the scenes of the library. Only how they compare matters much:
 // the rest is learned.
 constexpr double s_of_vertex_made = 1e-6, s_of_block_read = 5e-6, s_of_block_written = 6e-6;
+constexpr double s_of_sample_followed_by_bodies = 1e-5;
 constexpr double s_of_sample = 3.4e-6, s_of_sample_in_stock = 4e-5, s_of_sample_posed = 2.3e-6;
 constexpr double s_of_vertex_sampled = 3e-5;
 constexpr double s_of_vertex_cut = 6e-6, s_of_sample_sorted = 1e-6;
@@ -74,13 +75,17 @@ WorkSize expected_size(const Scene& scene) {
   size.blocks = file ? blocks_in(file->file) : 3e4;
   size.samples = 8.0 * size.blocks;
   size.stock = scene.cutting.has_value();
+  size.collisions = scene.collision.on;
   return size;
 }
 
 WorkSize size_of(const Job& job) {
-  return {double(job.design_w.vertices.rows()), double(job.path.blocks.size()),
-          double(job.samples.states.size()), job.scene.cutting.has_value(),
-          !job.program_text.empty()};
+  return {double(job.design_w.vertices.rows()),
+          double(job.path.blocks.size()),
+          double(job.samples.states.size()),
+          job.scene.cutting.has_value(),
+          !job.program_text.empty(),
+          job.scene.collision.on};
 }
 
 std::vector<Stage> stages_of_preparing(const std::string& part, const WorkSize& size) {
@@ -129,6 +134,7 @@ std::vector<Stage> stages_of_cut(const std::string& part, const WorkSize& size, 
 
 std::vector<Stage> stages_of_cut(const std::string& part, const WorkSize& size) {
   std::vector<Stage> stages;
+  if (size.collisions) stages = stages_of_collisions(part, size);
   if (size.stock) stages.push_back({part, "stock", s_of_sample_in_stock * size.samples});
   stages.push_back({part, "poses", s_of_sample_posed * size.samples});
   stages.push_back({part, "surface", seconds_of_surface(size)});
@@ -142,6 +148,10 @@ std::vector<Stage> stages_of_files(const std::string& part, const WorkSize& size
 
 std::vector<Stage> stages_of_words(const std::string& part, const WorkSize& size) {
   return {{part, "words", s_of_sample_posed * size.samples}};
+}
+
+std::vector<Stage> stages_of_collisions(const std::string& part, const WorkSize& size) {
+  return {{part, "collisions", s_of_sample_followed_by_bodies * size.samples}};
 }
 
 std::vector<Stage> stages_of_comparison(const std::string& part, const WorkSize& size,

@@ -17,8 +17,9 @@ struct WorkSize {
   double vertices = 0.0;
   double blocks = 0.0;
   double samples = 0.0;
-  bool stock = false;      ///< the blank is cut as well
-  bool generated = false;  ///< the program is written first
+  bool stock = false;       ///< the blank is cut as well
+  bool generated = false;   ///< the program is written first
+  bool collisions = false;  ///< bodies are followed as well
 };
 /// Before a scene is prepared, roughly.
 WorkSize expected_size(const Scene& scene);
@@ -44,6 +45,8 @@ std::vector<Stage> stages_of_commands(const std::string& part, const WorkSize& s
 std::vector<Stage> stages_of_files(const std::string& part, const WorkSize& size);
 /// Of what the words of a rewritten program change.
 std::vector<Stage> stages_of_words(const std::string& part, const WorkSize& size);
+/// Of looking for collisions.
+std::vector<Stage> stages_of_collisions(const std::string& part, const WorkSize& size);
 /// Of one picture of so many maps.
 std::vector<Stage> stages_of_comparison(const std::string& part, const WorkSize& size, double maps);
 

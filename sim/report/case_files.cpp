@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/escape.h"
+#include "sim/report/collision_report.h"
 #include "sim/report/pictures.h"
 #include "sim/report/result_files.h"
 #include "sim/report/summary_report.h"
@@ -19,6 +20,13 @@ void write_or_remove(const ResultFile& file, const std::string& text) {
     remove_file(file);
   else
     write_file(file, text);
+}
+
+void write_collisions(const ResultFile& file, const Cut& cut) {
+  if (!cut.collisions) return remove_file(file);
+  Collisions found = *cut.collisions;
+  found.commands = cut.name;
+  write_json(file, to_json(found));
 }
 
 }  // namespace
@@ -43,6 +51,7 @@ void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdi
   const ResultFile rewritten =
       folder / ("rewritten" + std::filesystem::path(job.path.file).extension().string());
   write_or_remove(rewritten, verdict.cut.rewritten_program);
+  write_collisions(folder / "collisions.json", verdict.cut);
   files.get();
   // last, so that a summary stands for a finished case
   write_json(folder / "summary.json", to_json(summary(job, verdict)));

@@ -13,6 +13,7 @@
 
 #include "kinematics/turn_between.h"
 #include "kinematics/units.h"
+#include "sim/cut/bodies.h"
 
 namespace abbe::sim {
 namespace {
@@ -181,30 +182,27 @@ void add_tool(const Chain& chain, const AxisVector& q, double radius, double len
   picture.bodies.push_back(tool);
 }
 
-/// Where the carriage of a joint is in the bed, which at zero lies as the bed frame does.
-Pose carriage_in_bed(const Chain& chain, const AxisVector& q, int joint) {
-  const auto& joints = chain.joints();
-  const Side side = joints[std::size_t(joint)].side;
-  const int step = side == Side::Tool ? -1 : 1;
-  Pose T = Pose::Identity();
-  for (int j = joint; j >= 0 && j < chain.size() && joints[std::size_t(j)].side == side; j += step)
-    T = carriage_displacement(joints[std::size_t(j)], kinematics::carriage_travel(side, q[j])) * T;
-  return T;
-}
-
-/// The blocks that the description gives the machine; the first of an axis bears its letter.
-void add_blocks(const MachineDescription& machine, const Chain& chain, const AxisVector& q,
-                render::MachinePicture& picture) {
+/// The bodies that the description gives the machine; the first of an axis bears its letter.
+void add_described(const MachineDescription& machine, const Chain& chain, const AxisVector& q,
+                   render::MachinePicture& picture) {
+  const std::vector<Pose> T = carrier_poses(chain, q, {});
   std::set<std::string> named;
-  for (const MachineBody& block : machine.bodies) {
+  const std::vector<SolidBody> solids = machine_bodies(machine);
+  for (std::size_t i = 0; i < solids.size(); ++i) {
+    const std::optional<int> carrier = machine.bodies[i].joint;
     render::Body body;
-    const Joint* joint = block.joint ? &chain.joints()[std::size_t(*block.joint)] : nullptr;
+    const Joint* joint = carrier ? &chain.joints()[std::size_t(*carrier)] : nullptr;
     const std::string label =
         joint == nullptr ? "bed"
                          : joint->name + std::string(joint->side == Side::Workpiece ? "'" : "");
     if (named.insert(label).second) body.label = label;
-    body.T = block.joint ? Pose(carriage_in_bed(chain, q, *block.joint) * block.T_b) : block.T_b;
-    body.shape = render::BlockShape{block.size};
+    body.T = T[std::size_t(solids[i].frame)];
+    if (const auto* box = std::get_if<BoxShape>(&machine.bodies[i].body.shape)) {
+      body.T = body.T * machine.bodies[i].body.T;
+      body.shape = render::BlockShape{box->size};
+    } else {
+      body.shape = render::SolidShape{solids[i].mesh.vertices, solids[i].mesh.triangles};
+    }
     if (joint != nullptr)
       body.colour = joint->motion == Motion::Linear ? render::Colour{0.78, 0.82, 0.88}
                                                     : render::Colour{0.93, 0.84, 0.66};
@@ -213,13 +211,13 @@ void add_blocks(const MachineDescription& machine, const Chain& chain, const Axi
   }
 }
 
-/// All bodies of a machine: its blocks, or else carriages stacked and held by a structure. @param
-/// part_b  what it clamps
+/// All bodies of a machine: those of its description, or else carriages stacked and held by a
+/// structure. @param part_b  what it clamps
 void add_bodies(const MachineDescription& machine, const Chain& chain, const AxisVector& q,
                 const Vector3d& part_b, const Vector2d& tool_size, double unit,
                 render::MachinePicture& picture) {
   if (!machine.bodies.empty()) {
-    add_blocks(machine, chain, q, picture);
+    add_described(machine, chain, q, picture);
     return add_tool(chain, q, tool_size.x(), tool_size.y(), picture);
   }
   const Sides sides = add_carriages(chain, q, unit, picture);
@@ -233,7 +231,7 @@ void add_bodies(const MachineDescription& machine, const Chain& chain, const Axi
 std::string blocks_text(const MachineDescription& machine) {
   return machine.bodies.empty()
              ? "carriages are schematic: the description places them but gives them no shape"
-             : "the machine as the blocks of its description, [[body]]";
+             : "the machine as the bodies of its description, [[body]]";
 }
 
 /// Some passes of the cut: where the tip should be, and what it is off.

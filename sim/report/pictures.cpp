@@ -20,6 +20,7 @@
 #include "render/plot.h"
 #include "sim/cut/sampling.h"
 #include "sim/files/output.h"
+#include "sim/report/collision_pictures.h"
 #include "sim/report/machine_picture.h"
 #include "sim/report/map_figures.h"
 
@@ -404,6 +405,25 @@ void write_check_picture(const ResultFile& file, const Job& job) {
   });
 }
 
+void write_collision_pictures(const ResultFolder& folder, const Job& job,
+                              const Collisions& collisions) {
+  const ResultFile moment = folder / "collision.png", curve = folder / "clearance.png";
+  const Collision* worst = first_of(collisions);
+  if (worst == nullptr)
+    remove_file(moment);
+  else
+    write_file(moment, [&](const std::filesystem::path& temporary) {
+      render::write_machine(temporary, collision_picture(job, collisions, *worst));
+    });
+  const render::Panel panel = clearance_panel(collisions);
+  if (panel.series.empty()) return remove_file(curve);
+  write_file(curve, [&](const std::filesystem::path& temporary) {
+    render::CurvesOptions options;
+    options.title = job.scene.title + ": smallest clearance of every block, " + collisions.commands;
+    render::write_curves(temporary, {panel}, options);
+  });
+}
+
 void write_program_picture(const ResultFile& file, const ProgramAlone& alone) {
   write_file(file, [&](const std::filesystem::path& temporary) {
     render::write_machine(temporary, machine_picture(alone));
@@ -425,6 +445,10 @@ void write_comparison_picture(const ResultFile&, const Scene&, const std::vector
                               const Progress&) {}
 void write_check_picture(const ResultFile& file, const Job&) {
   throw BadInput(file.path().string(), 0, 0, "a program built with -DABBE_RENDER=ON",
+                 "one without VTK");
+}
+void write_collision_pictures(const ResultFolder& folder, const Job&, const Collisions&) {
+  throw BadInput(folder.path().string(), 0, 0, "a program built with -DABBE_RENDER=ON",
                  "one without VTK");
 }
 void write_program_picture(const ResultFile& file, const ProgramAlone&) {

@@ -37,6 +37,13 @@ void write_comparison_picture(const ResultFile& file, const Scene& scene,
 /// @throws BadInput, OutputFailure
 void write_check_picture(const ResultFile& file, const Job& job);
 
+/// `collision.png`, the machine at the first collision, or else where two bodies are nearest, the
+/// two in red, and `clearance.png`, the smallest clearance over the program; what there is not is
+/// removed.
+/// @throws OutputFailure; BadInput where pictures are not built
+void write_collision_pictures(const ResultFolder& folder, const Job& job,
+                              const Collisions& collisions);
+
 /// Machine and path of a program alone; what `abbe program --picture` draws.
 /// @throws BadInput, OutputFailure
 void write_program_picture(const ResultFile& file, const ProgramAlone& alone);

@@ -174,6 +174,9 @@ std::vector<std::string> exceeded(const Limits& limits, const Verdict& verdict) 
       all.push_back(fmt::format("{}: {} is {:.4f} um, the scene allows {:.4f} um", verdict.cut.name,
                                 what, *value / units::um, *limit_um));
   };
+  if (verdict.cut.collisions && !is_clear(*verdict.cut.collisions))
+    all.push_back(
+        fmt::format("{}: {} collisions", verdict.cut.name, contacts(*verdict.cut.collisions)));
   const cutting::Statistics& s = verdict.residual;
   const bool limited = limits.pv_um || limits.rms_um || limits.max_abs_um || limits.form_pv_um ||
                        limits.form_rms_um || limits.texture_sa_um || limits.texture_sq_um ||

@@ -5,18 +5,10 @@
 #include <vector>
 
 #include "kinematics/chain.h"
+#include "sim/scene/body_description.h"
 
 /// A machine as it is designed, and what its control believes and finds.
 namespace abbe::sim {
-
-/// A block that stands for a part of the machine, such as its ram or its table: for pictures, and
-/// for whoever asks what meets what.
-struct MachineBody {
-  std::string name;
-  std::optional<int> joint;                             ///< that carries it; none: the bed
-  Eigen::Vector3d size = Eigen::Vector3d::Zero();       ///< mm, along its own x y z
-  kinematics::Pose T_b = kinematics::Pose::Identity();  ///< its middle, axes at zero
-};
 
 /// A machine as its file describes it; every length mm, every angle rad, in the bed frame at zero.
 struct MachineDescription {

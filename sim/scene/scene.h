@@ -49,6 +49,8 @@ struct Scene {
   std::optional<errors::ComplianceErrors> compliance;
   std::vector<errors::Vibration> vibrations;
   std::optional<CuttingDescription> cutting;
+  std::vector<BodyDescription> fixtures;  ///< what clamps the part, in the workpiece frame
+  CollisionDescription collision;
   SignalsDescription signals;
   std::vector<InstrumentDescription> instruments;
   std::vector<PartInstrumentDescription> part_instruments;

@@ -339,6 +339,8 @@ const Fields<Scene>& cutting_scene_fields() {
     add_thermal(all);
     add_force(all);
     add_stock(all);
+    all.tables(KeyName("fixture").otherwise("none"), &Scene::fixtures, body_fields(),
+               "what clamps the part: bodies placed in the workpiece frame, for collisions");
     add_own(all, "signals", &Scene::signals, signals_fields(),
             "what the control can read, and how often it is written");
     add_instruments(all);
@@ -360,6 +362,8 @@ const Fields<Scene>& judging_scene_fields() {
              "what is taken out of the residual");
     add_own(all, "sampling", itself, sampling_fields(), "how finely the path is followed");
     add_own(all, "search", itself, search_fields(), "where the machined surface is sought");
+    add_own(all, "collision", &Scene::collision, collision_fields(),
+            "what meets what, and how near is too near");
     add_own(all, "view", &Scene::view, view_fields(), "of pictures");
     add_own(all, "limits", &Scene::limits, limits_fields(), "beyond which `abbe` exits with 1");
     add_compensation(all);

@@ -220,18 +220,9 @@ void read_carrier(TableReader& reader, const std::vector<Joint>& joints, Machine
     reader.refuse("carried_by", "a letter of the machine's code: " + known, letter);
 }
 
-void read_size(TableReader& reader, MachineBody& body) {
-  const std::size_t before = reader.faults().list().size();
-  body.size = reader.vector("size_mm");
-  const bool read = reader.has("size_mm") && reader.faults().list().size() == before;
-  if (read && !(body.size.minCoeff() > 0.0))
-    reader.refuse("size_mm", "three sizes above 0 mm for size_mm", "one that is not");
-}
-
 /// @param joints  of the machine
-Fields<MachineBody> body_fields(const std::vector<Joint>& joints) {
+Fields<MachineBody> machine_body_fields(const std::vector<Joint>& joints) {
   return Fields<MachineBody>()
-      .text("name", &MachineBody::name, "of the block, for people")
       .custom(
           {key_of(KeyName("carried_by").otherwise("b"), Key::Kind::Text,
                   "letter of the axis that it moves with, s of the nose, b of the bed")},
@@ -240,29 +231,24 @@ Fields<MachineBody> body_fields(const std::vector<Joint>& joints) {
             if (body.joint)
               put(table, "carried_by", std::string(1, joints[std::size_t(*body.joint)].name));
           })
-      .custom({key_of_numbers(must("size_mm"), 3, "of the block, along its own x y z, above 0")},
-              read_size,
-              [](const MachineBody& body, Node::Table& table) {
-                put_numbers(table, "size_mm", body.size, 1.0);
-              })
-      .all_of(&MachineBody::T_b, placement_fields());
+      .all_of(&MachineBody::body, body_fields());
 }
 
 void read_bodies(TableReader& reader, MachineDescription& machine) {
-  const auto fields = body_fields(machine.joints);
+  const auto fields = machine_body_fields(machine.joints);
   for (const Node* node : reader.tables("body"))
     machine.bodies.push_back(fields.read_table(*node, reader.name_of("body"), reader.faults()));
 }
 
 void put_bodies(const MachineDescription& machine, Node::Table& table) {
-  put_tables(table, "body", machine.bodies, body_fields(machine.joints));
+  put_tables(table, "body", machine.bodies, machine_body_fields(machine.joints));
 }
 
 Key body_key() {
   return key_of(KeyName("body").otherwise("none"), Key::Kind::Tables,
-                "blocks of the machine's size, drawn in its picture; at_mm is the middle of one, "
-                "with all axes at zero",
-                body_fields({}).keys());
+                "what the machine is made of, for its picture and for collisions; placed in the "
+                "bed, with all axes at zero",
+                machine_body_fields({}).keys());
 }
 
 Key code_key() {

@@ -59,6 +59,13 @@ Node::Table written_program(const ProgramDescription& program,
                             const std::vector<kinematics::Joint>& joints);
 std::vector<Key> program_keys();
 
+/// A body and its place in what carries it.
+Fields<BodyDescription> body_fields();
+/// The profile of a body of revolution: `radii_mm`, `heights_mm`. @param from  where heights count
+Fields<Eigen::MatrixX2d> profile_fields(const char* from);
+/// `[collision]`
+const Fields<CollisionDescription>& collision_fields();
+
 /// `[control]`: what the control believes where it differs.
 /// @param joints  of the machine as it is designed
 ControlDescription read_control(const Node& table, const std::vector<kinematics::Joint>& joints,

@@ -4,6 +4,8 @@
 #include <string>
 #include <variant>
 
+#include <Eigen/Core>
+
 #include "cutting/tool.h"
 
 namespace abbe::sim {
@@ -28,6 +30,8 @@ struct ToolDescription {
   double centring_offset = 0.0;       ///< mm, turning: the tip stands this much along t's x really
   double centring_height = 0.0;       ///< mm, turning: and this much along t's y
   std::optional<ToolWear> wear = {};  ///< of a milling cutter
+  std::optional<double> shank_radius = {};      ///< mm, above the flank; none: the cutter's
+  std::optional<Eigen::MatrixX2d> holder = {};  ///< (n x 2) mm, radius and height above the tip
 };
 
 }  // namespace abbe::sim

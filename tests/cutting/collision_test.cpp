@@ -263,12 +263,69 @@ TEST(Bodies, ThatCannotBeAreRefused) {
   Eigen::MatrixX2d clockwise(3, 2);
   clockwise << 0, 0, 0, 1, 1, 0;
   EXPECT_THROW(extruded_mesh(clockwise, 1.0), std::invalid_argument);
-  EXPECT_THROW(body_of({}), std::invalid_argument);
+  EXPECT_THROW(body_of(ClosedMesh{}), std::invalid_argument);
   ClosedMesh wrong = box_mesh({1, 1, 1});
   wrong.triangles(0, 0) = 8;
   EXPECT_THROW(body_of(wrong), std::invalid_argument);
   EXPECT_THROW(approach(box(1, 1, 1), box(1, 1, 1), {}, {.resolution = 0.0}),
                std::invalid_argument);
+}
+
+TEST(Collision, AGapThatMayBeRoughOrLimitedIsSoMuchOff) {
+  std::mt19937 random(4711);
+  std::uniform_real_distribution<double> any(-1, 1);
+  const auto vector = [&] { return Vector3d(any(random), any(random), any(random)); };
+  Eigen::MatrixX2d profile(4, 2);
+  profile << 5, 0, 20, 10, 8, 30, 12, 60;
+  const Body a = body_of(revolved_mesh(profile, 5e-3)), b = body_of(sphere_mesh(15.0, 5e-3));
+  double worst = 0.0;
+  for (int n = 0; n < 300; ++n) {
+    const Pose T_a = place(100.0 * vector(), 3.0 * vector());
+    const Pose T_b = T_a * place(80.0 * vector(), 3.0 * vector());
+    const double d = gap(a, T_a, b, T_b).distance;
+    const double rough = gap(a, T_a, b, T_b, {0.05}).distance;
+    EXPECT_GE(rough, d - 1e-9);
+    EXPECT_LE(rough, d * 1.05 + 1e-9);
+    worst = std::max(worst, d > 0.0 ? rough / d : 1.0);
+    const double most = 40.0 * std::abs(any(random));
+    const double limited = gap(a, T_a, b, T_b, {0.0, most}).distance;
+    EXPECT_NEAR(limited, std::min(d, most), 1e-9);
+  }
+  std::cout << "rough distances up to " << worst << " times\n";
+}
+
+TEST(Collision, CuttersThatLeanStandAtTheirLowestPoint) {
+  std::mt19937 random(515);
+  std::uniform_real_distribution<double> any(0, 1);
+  const Body floor = box(2000, 2000, 100);
+  double worst = 0.0;
+  for (int n = 0; n < 300; ++n) {
+    Cutter cutter;
+    cutter.radius = 0.5 + 20.0 * any(random);
+    const double kind = any(random);
+    cutter.corner_radius = kind < 0.4   ? cutter.radius
+                           : kind < 0.6 ? 0.0
+                                        : cutter.radius * any(random);
+    cutter.flank_length = cutter.corner_radius + 30.0 * any(random) + 0.1;
+    const double lean = 1.5 * any(random), height = 50.0 * any(random);
+    const double flat = cutter.radius - cutter.corner_radius, r = cutter.corner_radius;
+    // of the ring that the corner rolls around
+    const double lowest = r * std::cos(lean) - flat * std::sin(lean) - r;
+    const Pose T = place({30.0 * any(random), 0, 50.0 + height - lowest}) *
+                   place(Vector3d::Zero(), {0, 0, 6.0 * any(random)}) *
+                   place(Vector3d::Zero(), {lean, 0, 0});
+    const double found =
+        gap(floor, Pose::Identity(), body_of(cutter_pieces(cutter, sag)), T).distance;
+    EXPECT_LE(found, height + 1e-9);
+    worst = std::max(worst, height - found);
+    // the mesh for pictures lies around it, too
+    const double drawn =
+        gap(floor, Pose::Identity(), body_of(cutter_mesh(cutter, 0.02)), T).distance;
+    EXPECT_LE(drawn, height + 1e-9);
+    EXPECT_GE(drawn, height - 0.0202);
+  }
+  std::cout << "cutters within " << worst << " mm\n";
+  EXPECT_LE(worst, 1.01 * sag);
 }
 
 }  // namespace

@@ -382,5 +382,39 @@ TEST(Chain, StaysRigidWhereDirectionsAreUnitOnlyToTheirTolerance) {
   EXPECT_LT((R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-15);
 }
 
+TEST(Chain, CarriagesCarryToolAndWorkpiece) {
+  const unsigned seed = 20261126;
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  const Pose home_w = machines::placed({10, -20, 30}, 0.2, {2, 1, 2}),
+             home_t = machines::placed({1, 2, 3}, 0.3, {1, 2, 2});
+  const Chain chain(
+      {machines::turn('C', Side::Workpiece, machines::z, {5, 6, 7}),
+       machines::slide('Y', Side::Workpiece, machines::y, {1, 2, 3}),
+       machines::slide('X', Side::Tool, machines::x, {300, -200, 450}),
+       machines::turn('A', Side::Tool, machines::x, {9, 8, 200}), machines::nose({0, 0, 50})},
+      home_w, home_t);
+  for (int n = 0; n < 50; ++n) {
+    std::vector<JointDeviation> wrong(5);
+    AxisVector q(5);
+    for (int k = 0; k < 5; ++k) {
+      q[k] = k == 0 || k >= 3 ? 2.0 * unit(random) : 300.0 * unit(random);
+      for (int i = 0; i < 6; ++i) {
+        wrong[std::size_t(k)].motion[i] = 1e-3 * unit(random);
+        wrong[std::size_t(k)].location[i] = 1e-3 * unit(random);
+      }
+    }
+    const std::vector<Pose> T = carriages_in_bed(chain, q, wrong);
+    ASSERT_EQ(T.size(), 5u);
+    EXPECT_EQ((T[0] * home_w).matrix(), chain.workpiece_in_bed(q, wrong).matrix());
+    EXPECT_EQ((T[4] * home_t).matrix(), chain.tool_in_bed(q, wrong).matrix());
+    // each but for its own joint and those beyond it
+    AxisVector without = q;
+    without[0] = 0.0;
+    EXPECT_EQ(carriages_in_bed(chain, without, wrong)[1].matrix(), T[1].matrix());
+  }
+}
+
 }  // namespace
 }  // namespace abbe::kinematics

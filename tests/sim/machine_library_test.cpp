@@ -18,6 +18,7 @@
 #include "kinematics/units.h"
 #include "sim/commands/library_list.h"
 #include "sim/commands/new_command.h"
+#include "sim/cut/bodies.h"
 #include "sim/scene/read_scene.h"
 #include "sim/scene/scene_sections.h"
 #include "tests/safety/program_run.h"
@@ -72,8 +73,7 @@ TEST_P(LibraryMachine, SaysItsSourceAndItsSizes) {
   EXPECT_GE(machine.bodies.size(), 5u);
   std::set<int> carried;
   for (const MachineBody& body : machine.bodies) {
-    EXPECT_FALSE(body.name.empty());
-    EXPECT_GT(body.size.minCoeff(), 0.0) << body.name;
+    EXPECT_FALSE(body.body.name.empty());
     carried.insert(body.joint.value_or(-1));
   }
   for (std::size_t j = 0; j < machine.joints.size(); ++j)
@@ -97,8 +97,27 @@ TEST_P(LibraryMachine, IsWrittenAndReadAsTheSame) {
   ASSERT_EQ(again.bodies.size(), machine.bodies.size());
   for (std::size_t i = 0; i < machine.bodies.size(); ++i) {
     EXPECT_EQ(again.bodies[i].joint, machine.bodies[i].joint);
-    EXPECT_EQ(again.bodies[i].size, machine.bodies[i].size);
-    EXPECT_EQ(again.bodies[i].T_b.matrix(), machine.bodies[i].T_b.matrix());
+    EXPECT_EQ(mesh_of(again.bodies[i].body).vertices, mesh_of(machine.bodies[i].body).vertices);
+  }
+}
+
+TEST_P(LibraryMachine, IsMadeOfBodiesThatDoNotOverlapWhereAProgramBegins) {
+  const MachineDescription machine = described(GetParam());
+  const Chain chain = library_chain(machine);
+  const std::vector<SolidBody> bodies = machine_bodies(machine);
+  std::vector<cutting::Body> solids;
+  for (const SolidBody& one : bodies) solids.push_back(cutting::body_of(one.mesh));
+  for (const AxisVector& q : {AxisVector(AxisVector::Zero(chain.size())), machine.home}) {
+    const std::vector<kinematics::Pose> T = carrier_poses(chain, q, {});
+    for (const cutting::BodyPair& pair : pairs_of(chain, bodies, {})) {
+      const auto a = std::size_t(pair.a), b = std::size_t(pair.b);
+      const kinematics::Pose &T_a = T[std::size_t(bodies[a].frame)],
+                             &T_b = T[std::size_t(bodies[b].frame)];
+      EXPECT_GT(cutting::gap(solids[a], T_a, solids[b], T_b).distance, 1.0)
+          << bodies[a].name << " and " << bodies[b].name;
+      EXPECT_FALSE(cutting::is_inside(solids[a], T_a, solids[b], T_b))
+          << bodies[a].name << " and " << bodies[b].name;
+    }
   }
 }
 

@@ -1,0 +1,546 @@
+#include "cutting/encounters.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <optional>
+#include <tuple>
+#include <utility>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include "kinematics/require.h"
+
+namespace abbe::cutting {
+namespace {
+
+using Eigen::Vector3d;
+using kinematics::Pose;
+
+constexpr double infinite = std::numeric_limits<double>::infinity();
+constexpr double within = 1e-2;  // mm, to which a clearance is known where its share is less
+constexpr double rough = 0.3;    // of the share, by which a single distance may be too large
+
+/// How far a point of the ball of a body can come from one pose to another, straight.
+double farthest(const Pose& from, const Pose& to, const Body& body) {
+  const double turn = (to.linear() - from.linear()).norm() / std::numbers::sqrt2;
+  return (to * body.centre - from * body.centre).norm() + turn * body.radius;
+}
+
+/// The bodies, the pairs and how they move: what all threads share.
+struct Task {
+  const std::vector<CarriedBody>& bodies;
+  const std::vector<BodyPair>& pairs;
+  const CarriedMotion& motion;
+  const EncounterOptions& options;
+  std::vector<char> followed;  // (pairs)
+
+  const CarriedBody& fixed(int pair) const {
+    return bodies[std::size_t(pairs[std::size_t(pair)].a)];
+  }
+  const CarriedBody& moving(int pair) const {
+    return bodies[std::size_t(pairs[std::size_t(pair)].b)];
+  }
+  std::vector<Pose> placed(std::size_t instant, double u) const {
+    std::vector<Pose> T(std::size_t(motion.carriers), Pose::Identity());
+    motion.place(instant, u, T);
+    return T;
+  }
+  /// First instant after a stretch.
+  std::size_t end(std::size_t stretch) const {
+    return stretch + 1 < motion.stretches.size() ? motion.stretches[stretch + 1] : motion.instants;
+  }
+};
+
+/// What is found of a pair in a stretch.
+struct Nearest {
+  double at_least = infinite;  // mm
+  double distance = infinite;  // mm, seen
+  bool contact = false;
+  Moment moment;
+  Vector3d place = Vector3d::Zero();
+};
+
+/// What is known of a pair: its distance at an instant, and how near it has come.
+struct Known {
+  double low = 0.0, high = infinite;  // mm, at `instant`
+  bool met = true;                    // in contact there, or not known: one may be inside the other
+  std::size_t instant = 0;
+  bool asked = false;      // its gap there,
+  double most = infinite;  // up to this
+  Gap gap;
+  Nearest best;
+};
+
+/// A part of the program, followed by one thread.
+class Chunk {
+ public:
+  /// @param first, last  stretches, the second excluded
+  Chunk(const Task& task, std::size_t first, std::size_t last) : task_(task) {
+    begin_ = task.motion.stretches[first];
+    // what lies between two stretches belongs to the second
+    if (begin_ > 0) --begin_;
+    const std::size_t end = task.end(last - 1);
+    for (std::size_t i = begin_; i < end; ++i) poses_.push_back(task.placed(i, 0.0));
+    add_ways();
+    start();
+    for (std::size_t stretch = first; stretch < last; ++stretch) follow(stretch);
+  }
+
+  std::vector<StretchClearance> stretches;
+  std::vector<Encounter> encounters;
+  std::size_t queries = 0;
+  const std::vector<Known>& known() const { return known_; }
+
+ private:
+  /// How far, from the first instant on, each pair has moved at most.
+  void add_ways() {
+    std::map<std::tuple<int, int>, std::size_t> seen;  // carrier of a, body b
+    for (std::size_t p = 0; p < task_.pairs.size(); ++p) {
+      const auto key = std::tuple(task_.fixed(int(p)).carrier, task_.pairs[p].b);
+      const auto [found, added] = seen.emplace(key, ways_.size());
+      way_of_.push_back(found->second);
+      if (added) ways_.push_back(way(int(p)));
+    }
+  }
+
+  std::vector<double> way(int pair) const {
+    std::vector<double> sum(poses_.size(), 0.0);
+    const Body& body = task_.moving(pair).body;
+    Pose before = relative(pair, 0);
+    for (std::size_t i = 1; i < poses_.size(); ++i) {
+      const Pose now = relative(pair, i);
+      const double step = farthest(before, now, body);
+      sum[i] = sum[i - 1] + (step > 0.0 ? step + task_.motion.bulge[begin_ + i - 1] : 0.0);
+      before = now;
+    }
+    return sum;
+  }
+
+  void start() {
+    for (std::size_t p = 0; p < task_.pairs.size(); ++p) {
+      const Body &a = task_.fixed(int(p)).body, &b = task_.moving(int(p)).body;
+      const double apart = (relative(int(p), 0) * b.centre - a.centre).norm();
+      Known known;
+      known.low = std::max(0.0, apart - a.radius - b.radius);
+      known_.push_back(known);
+    }
+  }
+
+  /// Pose of b in a, both in their carriages. @param i  counted from the chunk's first
+  Pose relative(int pair, std::size_t i) const { return relative(pair, poses_[i]); }
+  Pose relative(int pair, const std::vector<Pose>& T) const {
+    return T[std::size_t(task_.fixed(pair).carrier)].inverse() *
+           T[std::size_t(task_.moving(pair).carrier)];
+  }
+
+  /// mm, between two instants. @param from, to  counted from the chunk's first
+  double moved(std::size_t pair, std::size_t from, std::size_t to) const {
+    return ways_[way_of_[pair]][to] - ways_[way_of_[pair]][from];
+  }
+
+  /// Of contact the first counts, else what is nearest.
+  void note(int pair, const Moment& moment, const Gap& gap, Nearest& nearest) const {
+    const bool contact = gap.distance <= task_.options.resolution;
+    const bool earlier =
+        std::tie(moment.instant, moment.u) < std::tie(nearest.moment.instant, nearest.moment.u);
+    if (nearest.contact ? !(contact && earlier) : !(gap.distance < nearest.distance)) return;
+    nearest.distance = gap.distance;
+    nearest.moment = moment;
+    nearest.contact = contact;
+    const std::vector<Pose> T = task_.placed(moment.instant, moment.u);
+    nearest.place =
+        T[std::size_t(task_.fixed(pair).carrier)] * Vector3d(0.5 * (gap.on_a + gap.on_b));
+  }
+
+  /// Of bodies whose surfaces are apart.
+  bool is_inside(int pair, std::size_t i) const {
+    const Body &a = task_.fixed(pair).body, &b = task_.moving(pair).body;
+    const Pose T = relative(pair, i);
+    return (T * b.centre - a.centre).norm() < std::max(a.radius, b.radius) &&
+           cutting::is_inside(a, Pose::Identity(), b, T);
+  }
+
+  /// No more than the distance at an instant, which is then known.
+  /// @param far  mm, a larger one is of no interest
+  double look(int pair, std::size_t i, double far, Nearest& nearest) {
+    Known& known = known_[std::size_t(pair)];
+    const double share = rough * task_.options.share;
+    Gap here = known.gap;
+    if (known.instant != i || !known.asked || known.high >= known.most) {
+      GapOptions options{share};
+      if (task_.pairs[std::size_t(pair)].contact_only) options.most = (1.0 + share) * far;
+      here = gap(task_.fixed(pair).body, Pose::Identity(), task_.moving(pair).body,
+                 relative(pair, i), options);
+      ++queries;
+      if (here.distance > task_.options.resolution && known.met && is_inside(pair, i))
+        here.distance = 0.0;
+      if (i >= known.instant)
+        known = {here.distance / (1.0 + share),
+                 here.distance,
+                 here.distance <= task_.options.resolution,
+                 i,
+                 true,
+                 options.most,
+                 here,
+                 known.best};
+    }
+    note(pair, {begin_ + i, 0.0}, here, nearest);
+    return here.distance / (1.0 + share);
+  }
+
+  /// What a distance must be below to be of interest where one was seen.
+  double below(double seen) const {
+    return seen == infinite ? infinite
+                            : std::min((1.0 - task_.options.share) * seen, seen - within);
+  }
+
+  /// The distance below which a pair is of interest: for the clearance of the stretch, for that of
+  /// the pair, for contact, or because it is too small.
+  double wanted(int pair, double seen) const {
+    if (task_.pairs[std::size_t(pair)].contact_only) return task_.options.resolution;
+    const double of_stretch = below(std::min(smallest_, seen)),
+                 of_pair = below(std::min(known_[std::size_t(pair)].best.distance, seen));
+    return std::max({of_stretch, of_pair, task_.options.resolution,
+                     std::min(task_.options.clearance, below(seen))});
+  }
+
+  /// Between two neighbouring instants. @return whether there is contact
+  bool between(int pair, std::size_t i, Nearest& nearest) {
+    const std::vector<Pose>& from = poses_[i];
+    return between(pair, i, 0.0, relative(pair, from), 1.0, relative(pair, i + 1), nearest, 0);
+  }
+
+  bool between(int pair, std::size_t i, double u0, const Pose& T0, double u1, const Pose& T1,
+               Nearest& nearest, int halved) {
+    const Body &a = task_.fixed(pair).body, &b = task_.moving(pair).body;
+    const kinematics::Screw screw = kinematics::screw_between(T0, T1);
+    const double middle = 0.5 * (u0 + u1);
+    const Pose T = relative(pair, task_.placed(begin_ + i, middle));
+    constexpr int most_halved = 30;
+    if (halved < most_halved &&
+        farthest(kinematics::pose_at(screw, 0.5), T, b) > 0.2 * task_.options.resolution)
+      return between(pair, i, u0, T0, middle, T, nearest, halved + 1) ||
+             between(pair, i, middle, T, u1, T1, nearest, halved + 1);
+    ApproachOptions options;
+    options.resolution = task_.options.resolution;
+    options.within = within;
+    options.share = task_.options.share;
+    options.rough = rough * task_.options.share;
+    options.contact_only = task_.pairs[std::size_t(pair)].contact_only;
+    const Approach found = approach(a, b, screw, options);
+    queries += std::size_t(found.queries);
+    const Moment moment{begin_ + i, u0 + found.u * (u1 - u0)};
+    note(pair, moment, found.gap, nearest);
+    const double allowed = std::max(options.within, options.share * found.gap.distance);
+    nearest.at_least = std::min(nearest.at_least, std::max(0.0, found.gap.distance - allowed));
+    return found.contact;
+  }
+
+  /// Between instants whose distances are d0 and d1. @return whether there is contact
+  bool among(int pair, std::size_t i0, double d0, std::size_t i1, double d1, Nearest& nearest) {
+    const double least = 0.5 * (d0 + d1 - moved(std::size_t(pair), i0, i1));
+    if (least >= wanted(pair, nearest.distance) && task_.options.accelerated) {
+      nearest.at_least = std::min(nearest.at_least, least);
+      return false;
+    }
+    if (i1 - i0 == 1) return between(pair, i0, nearest);
+    const std::size_t i = i0 + (i1 - i0) / 2;
+    const double far = moved(std::size_t(pair), i0, i1) + 2.0 * task_.options.resolution;
+    const double d = look(pair, i, far, nearest);
+    return among(pair, i0, d0, i, d, nearest) || among(pair, i, d, i1, d1, nearest);
+  }
+
+  /// Whether a pair meets between two instants of which nothing else is of interest: what a look at
+  /// the middle clears needs none of its own.
+  bool meets(int pair, std::size_t i0, std::size_t i1, Nearest& nearest) {
+    if (i1 - i0 == 1) return between(pair, i0, nearest);
+    const auto p = std::size_t(pair);
+    const std::size_t i = i0 + (i1 - i0) / 2;
+    const double before = moved(p, i0, i), after = moved(p, i, i1);
+    const double d =
+        look(pair, i, std::max(before, after) + 2.0 * task_.options.resolution, nearest) -
+        task_.options.resolution;
+    std::size_t cleared_from = i, cleared_to = i;
+    while (cleared_from > i0 && moved(p, cleared_from - 1, i) < d) --cleared_from;
+    while (cleared_to < i1 && moved(p, i, cleared_to + 1) < d) ++cleared_to;
+    return (cleared_from > i0 && meets(pair, i0, cleared_from, nearest)) ||
+           (cleared_to < i1 && meets(pair, cleared_to, i1, nearest));
+  }
+
+  Nearest contact_in(int pair, std::size_t i0, std::size_t i1) {
+    Nearest nearest;
+    const double far = moved(std::size_t(pair), i0, i1) + 2.0 * task_.options.resolution;
+    Known& known = known_[std::size_t(pair)];
+    if (known.met || i0 == i1) look(pair, i0, far, nearest);
+    if (!nearest.contact && i0 < i1) known.met = meets(pair, i0, i1, nearest);
+    nearest.at_least = nearest.contact ? 0.0 : task_.options.resolution;
+    return nearest;
+  }
+
+  /// A pair from one instant to another, as far as it is of interest.
+  Nearest nearest_in(int pair, std::size_t i0, std::size_t i1) {
+    Nearest nearest;
+    const double far = moved(std::size_t(pair), i0, i1) + 2.0 * task_.options.resolution;
+    const double d0 = look(pair, i0, far, nearest);
+    if (nearest.contact) {
+      nearest.at_least = 0.0;
+      return nearest;
+    }
+    if (i0 == i1) {
+      nearest.at_least = d0;
+      return nearest;
+    }
+    const double least = d0 - moved(std::size_t(pair), i0, i1);
+    if (least >= wanted(pair, nearest.distance) && task_.options.accelerated) {
+      nearest.at_least = least;
+      return nearest;
+    }
+    const double d1 = look(pair, i1, far, nearest);
+    if (among(pair, i0, d0, i1, d1, nearest)) nearest.at_least = 0.0;
+    return nearest;
+  }
+
+  void follow(std::size_t stretch) {
+    const std::size_t first = task_.motion.stretches[stretch], end = task_.end(stretch);
+    const std::size_t i0 = std::max(first, begin_ + 1) - 1 - begin_, i1 = end - 1 - begin_;
+    const std::size_t count = task_.pairs.size();
+    std::vector<double> low(count, infinite);
+    smallest_ = infinite;
+    for (std::size_t p = 0; p < count; ++p) {
+      if (task_.followed[p] == 0) continue;
+      const Known& known = known_[p];
+      low[p] = std::max(0.0, known.low - moved(p, known.instant, i1));
+      if (!task_.pairs[p].contact_only)
+        smallest_ = std::min(smallest_, known.high + moved(p, known.instant, i0));
+    }
+    std::vector<char> done(count, 0);
+    for (;;) {
+      std::size_t next = count;
+      for (std::size_t p = 0; p < count; ++p)
+        if (done[p] == 0 && task_.followed[p] != 0 &&
+            (low[p] < wanted(int(p), infinite) || !task_.options.accelerated) &&
+            (next == count || low[p] < low[next]))
+          next = p;
+      if (next == count) break;
+      done[next] = 1;
+      const bool contact_only = task_.pairs[next].contact_only && task_.options.accelerated;
+      const Nearest found =
+          contact_only ? contact_in(int(next), i0, i1) : nearest_in(int(next), i0, i1);
+      low[next] = found.contact ? 0.0 : std::min(found.at_least, found.distance);
+      if (task_.pairs[next].contact_only && !found.contact) continue;
+      if (!task_.pairs[next].contact_only) smallest_ = std::min(smallest_, found.distance);
+      if (found.distance < known_[next].best.distance) known_[next].best = found;
+      if (found.contact || found.distance < task_.options.clearance)
+        encounters.push_back({int(next), found.contact, stretch, stretch, found.moment,
+                              found.distance, found.place});
+    }
+    StretchClearance clearance;
+    for (std::size_t p = 0; p < count; ++p)
+      if (task_.followed[p] != 0 && !task_.pairs[p].contact_only &&
+          (clearance.pair < 0 || low[p] < clearance.at_least))
+        clearance = {low[p], int(p)};
+    stretches.push_back(clearance);
+  }
+
+  const Task& task_;
+  std::size_t begin_ = 0;  // instant
+  std::vector<std::vector<Pose>> poses_;
+  std::vector<std::vector<double>> ways_;
+  std::vector<std::size_t> way_of_;  // (pairs)
+  std::vector<Known> known_;         // (pairs)
+  double smallest_ = infinite;       // seen in the stretch
+};
+
+void check(const std::vector<CarriedBody>& bodies, const std::vector<BodyPair>& pairs,
+           const CarriedMotion& motion, const EncounterOptions& options) {
+  require(options.resolution > 0.0 && options.clearance >= 0.0 && options.share > 0.0 &&
+              options.share < 1.0 && options.chunk > 0,
+          "encounters: resolution, share and chunk must be positive, the share below 1, the "
+          "clearance not negative");
+  require(motion.instants > 0 && motion.bulge.size() + 1 == motion.instants &&
+              !motion.stretches.empty() && motion.stretches.front() == 0 &&
+              motion.stretches.back() < motion.instants &&
+              std::ranges::adjacent_find(motion.stretches, std::greater_equal<>{}) ==
+                  motion.stretches.end(),
+          "encounters: instants, bulges and stretches must fit each other");
+  for (const CarriedBody& body : bodies)
+    require(body.carrier >= 0 && body.carrier < motion.carriers && body.body.search != nullptr,
+            "encounters: a body needs a carriage that is there");
+  for (const BodyPair& pair : pairs)
+    require(pair.a >= 0 && pair.b >= 0 && pair.a < int(bodies.size()) &&
+                pair.b < int(bodies.size()) && pair.a != pair.b,
+            "encounters: a pair needs two bodies that are there");
+}
+
+/// First stretches of the chunks, and the number of stretches at the end.
+std::vector<std::size_t> chunks_of(const CarriedMotion& motion, std::size_t size) {
+  std::vector<std::size_t> first{0};
+  for (std::size_t s = 1; s < motion.stretches.size(); ++s)
+    if (motion.stretches[s] - motion.stretches[first.back()] >= size) first.push_back(s);
+  first.push_back(motion.stretches.size());
+  return first;
+}
+
+/// Encounters from those of single stretches: one that goes on in the next stretch is one, and what
+/// comes near before contact and after it belongs to the contact.
+class Joined {
+ public:
+  explicit Joined(std::size_t pairs) : open_(pairs) {}
+
+  void add(const Encounter& next) {
+    Open& open = open_[std::size_t(next.pair)];
+    const bool goes_on = open.index && open.last + 1 >= next.first_stretch;
+    open.last = next.last_stretch;
+    if (!goes_on) {
+      open.index = list.size();
+      list.push_back(next);
+      return;
+    }
+    Encounter& one = list[*open.index];
+    if (next.contact == one.contact) {
+      const std::size_t first = one.first_stretch;
+      if (!one.contact && next.distance < one.distance) one = next;
+      one.first_stretch = first;
+      one.last_stretch = next.last_stretch;
+    } else if (next.contact) {
+      one = next;
+    }
+  }
+
+  std::vector<Encounter> list;
+
+ private:
+  struct Open {
+    std::optional<std::size_t> index;
+    std::size_t last = 0;  // stretch
+  };
+  std::vector<Open> open_;  // (pairs)
+};
+
+}  // namespace
+
+Encounters encounters(const std::vector<CarriedBody>& bodies, const std::vector<BodyPair>& pairs,
+                      const CarriedMotion& motion, const EncounterOptions& options) {
+  check(bodies, pairs, motion, options);
+  Task task{bodies, pairs, motion, options, std::vector<char>(pairs.size(), 1)};
+  Encounters all;
+  all.pairs.resize(pairs.size());
+  const std::vector<Pose> T = task.placed(0, 0.0);
+  tbb::parallel_for(std::size_t(0), pairs.size(), [&](std::size_t p) {
+    const CarriedBody &a = task.fixed(int(p)), &b = task.moving(int(p));
+    const Pose &T_a = T[std::size_t(a.carrier)], &T_b = T[std::size_t(b.carrier)];
+    const bool overlap = gap(a.body, T_a, b.body, T_b).distance <= options.resolution ||
+                         is_inside(a.body, T_a, b.body, T_b);
+    all.pairs[p].overlaps_at_start = overlap;
+    task.followed[p] = overlap ? 0 : 1;
+  });
+  all.queries = pairs.size();
+  const std::vector<std::size_t> first = chunks_of(motion, options.chunk);
+  std::vector<std::optional<Chunk>> chunks(first.size() - 1);
+  std::atomic<std::size_t> done{0};
+  tbb::parallel_for(
+      tbb::blocked_range<std::size_t>(0, chunks.size(), 1),
+      [&](const auto& range) {
+        for (std::size_t c = range.begin(); c < range.end(); ++c) {
+          chunks[c].emplace(task, first[c], first[c + 1]);
+          if (options.progress) options.progress(double(++done) / double(chunks.size()));
+        }
+      },
+      tbb::simple_partitioner{});
+  for (PairClearance& pair : all.pairs) pair.distance = pair.overlaps_at_start ? 0.0 : infinite;
+  Joined joined(pairs.size());
+  for (const std::optional<Chunk>& chunk : chunks) {
+    all.queries += chunk->queries;
+    all.stretches.insert(all.stretches.end(), chunk->stretches.begin(), chunk->stretches.end());
+    for (std::size_t p = 0; p < pairs.size(); ++p) {
+      const Nearest& best = chunk->known()[p].best;
+      if (task.followed[p] != 0 && best.distance < all.pairs[p].distance)
+        all.pairs[p] = {false, best.contact ? 0.0 : best.distance, best.moment};
+    }
+    std::vector<Encounter> found = chunk->encounters;
+    std::ranges::stable_sort(
+        found, {}, [](const Encounter& one) { return std::tuple(one.first_stretch, one.pair); });
+    for (const Encounter& one : found) joined.add(one);
+  }
+  all.list = std::move(joined.list);
+  return all;
+}
+
+namespace {
+
+/// A way that b may take out of a, seen from a.
+struct Way {
+  Vector3d direction;  // unit
+  double parted;       // mm, after which a plane across it parts the two
+};
+
+/// Where b must stop at the latest, mm along the way, and the direction from a to b there.
+struct Stop {
+  double depth = 0.0;
+  Vector3d normal = Vector3d::Zero();
+};
+
+/// Back along a way from where the bodies are parted, to contact.
+Stop stop_on(const Way& way, const Body& a, const Body& b, const Pose& T_ab, double resolution) {
+  if (!(way.parted > 0.0)) return {};
+  kinematics::Screw back{T_ab, Vector3d::Zero(),
+                         T_ab.linear().transpose() * (-way.parted * way.direction)};
+  back.start.translation() += way.parted * way.direction;
+  ApproachOptions options;
+  options.resolution = resolution;
+  options.contact_only = true;
+  const Approach found = approach(a, b, back, options);
+  return {found.contact ? way.parted * (1.0 - found.u) : 0.0, found.gap.on_b - found.gap.on_a};
+}
+
+}  // namespace
+
+WayOut way_out(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b, const Vector3d& hint,
+               double resolution) {
+  const Pose T_ab = T_a.inverse() * T_b;
+  std::vector<Way> ways;
+  const auto way_along = [&](const Vector3d& direction) -> Way {
+    const Vector3d back = -(T_ab.linear().transpose() * direction);
+    return {direction, extent(a, direction) + extent(b, back) - T_ab.translation().dot(direction) +
+                           1.5 * resolution};
+  };
+  const auto add = [&](const Vector3d& direction) {
+    for (const double sign : {1.0, -1.0}) ways.push_back(way_along(sign * direction));
+  };
+  for (int k = 0; k < 3; ++k) {
+    add(Vector3d::Unit(k));
+    add(T_ab.linear().col(k));
+  }
+  if (hint.norm() > 0.0) add(T_a.linear().transpose() * hint.normalized());
+  std::ranges::stable_sort(ways, {}, &Way::parted);
+
+  WayOut best{infinite, Vector3d::UnitZ()};
+  Vector3d normal = Vector3d::Zero();
+  const auto is_better = [&](const Way& way) {
+    Pose moved = T_ab;
+    moved.translation() += best.depth * way.direction;
+    // still in contact after the best way so far
+    if (best.depth < infinite &&
+        gap(a, Pose::Identity(), b, moved, {0.0, 2.0 * resolution}).distance <= resolution)
+      return false;
+    const Stop stop = stop_on(way, a, b, T_ab, resolution);
+    if (!(stop.depth < best.depth)) return false;
+    best = {stop.depth, way.direction};
+    normal = stop.normal;
+    return true;
+  };
+  for (const Way& way : ways) is_better(way);
+  constexpr int most_steps = 20;
+  for (int step = 0; step < most_steps && normal.norm() > 0.0; ++step)
+    if (!is_better(way_along(normal.normalized()))) break;
+  best.direction = T_a.linear() * best.direction;
+  return best;
+}
+
+}  // namespace abbe::cutting

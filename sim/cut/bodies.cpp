@@ -1,0 +1,255 @@
+#include "sim/cut/bodies.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <iterator>
+#include <stdexcept>
+#include <utility>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "cutting/read_mesh.h"
+
+namespace abbe::sim {
+namespace {
+
+using cutting::ClosedMesh;
+using kinematics::Joint;
+using kinematics::Motion;
+using kinematics::Pose;
+using kinematics::Side;
+
+double sag_of(double radius) { return std::max(5e-3, 1e-4 * radius); }
+
+ClosedMesh revolved(const Eigen::MatrixX2d& profile) {
+  return cutting::revolved_mesh(profile, sag_of(profile.col(0).maxCoeff()));
+}
+
+ClosedMesh frustum(double below, double above, double height) {
+  Eigen::MatrixX2d profile(2, 2);
+  profile << below, 0.0, above, height;
+  return revolved(profile);
+}
+
+struct MeshOfShape {
+  ClosedMesh operator()(const BoxShape& box) const { return cutting::box_mesh(box.size); }
+  ClosedMesh operator()(const CylinderShape& one) const {
+    return frustum(one.radius, one.radius, one.height);
+  }
+  ClosedMesh operator()(const ConeShape& one) const {
+    return frustum(one.radius_below, one.radius_above, one.height);
+  }
+  ClosedMesh operator()(const SphereShape& one) const {
+    return cutting::sphere_mesh(one.radius, sag_of(one.radius));
+  }
+  ClosedMesh operator()(const RevolvedShape& one) const { return revolved(one.profile); }
+  ClosedMesh operator()(const ExtrudedShape& one) const {
+    return cutting::extruded_mesh(one.outline, one.height);
+  }
+  ClosedMesh operator()(const MeshShape& one) const {
+    cutting::ReadMeshOptions options;
+    options.unit_mm = one.mesh.unit * one.scale;
+    cutting::Design design = cutting::read_mesh(one.mesh.file, options);
+    return {std::move(design.vertices), std::move(design.triangles), 0.0};
+  }
+};
+
+/// Number of the moving axes between the workpiece and a carriage, by which neighbours are known.
+std::vector<int> places_in_chain(const kinematics::Chain& chain) {
+  const Carriers carriers{chain.size()};
+  std::vector<int> place(std::size_t(carriers.count()), 0);
+  int on_workpiece_side = 0, last = 0;
+  for (const Joint& joint : chain.joints()) on_workpiece_side += joint.side == Side::Workpiece;
+  place[Carriers::bed] = last = on_workpiece_side;
+  for (int i = 0; i < chain.size(); ++i) {
+    const Joint& joint = chain.joints()[std::size_t(i)];
+    if (joint.side == Side::Tool && joint.motion != Motion::Spindle) ++last;
+    place[std::size_t(carriers.carriage(i))] = joint.side == Side::Workpiece ? i : last;
+  }
+  place[std::size_t(carriers.workpiece())] = 0;
+  place[std::size_t(carriers.tool())] = last;
+  return place;
+}
+
+ClosedMesh raised(const ClosedMesh& mesh, double height) {
+  Pose up = Pose::Identity();
+  up.translation().z() = height;
+  return cutting::moved(mesh, up);
+}
+
+/// Cutter, shank and holder of a tool.
+class ToolBodies {
+ public:
+  /// @param skin  mm of cutter and shank that may be in the part
+  ToolBodies(const ToolDescription& tool, int frame, double skin)
+      : tool_(tool), frame_(frame), skin_(skin) {
+    if (const auto* cutter = std::get_if<cutting::Cutter>(&tool.actual)) {
+      add_cutter(*cutter);
+      add_shank(*cutter);
+    }
+    if (tool.holder) add(SolidBody::Kind::Holder, "holder", revolved(*tool.holder));
+  }
+
+  std::vector<SolidBody> bodies;
+
+ private:
+  using Pieces = std::vector<ClosedMesh>;
+
+  void add(SolidBody::Kind kind, const char* name, ClosedMesh mesh, Pieces pieces = {},
+           Pieces core = {}) {
+    bodies.push_back(
+        {kind, name, "t", frame_, std::move(mesh), std::move(pieces), std::move(core)});
+  }
+
+  void add_cutter(const cutting::Cutter& cutter) {
+    const double sag = sag_of(cutter.radius);
+    const cutting::ShrunkCutter inner = cutting::shrunk(cutter, skin_);
+    Pieces core;
+    if (skin_ > 0.0)
+      for (const ClosedMesh& piece : cutting::cutter_pieces(inner.cutter, sag))
+        core.push_back(raised(piece, inner.raised));
+    add(SolidBody::Kind::Cutter, "cutter", cutting::cutter_mesh(cutter, sag),
+        cutting::cutter_pieces(cutter, sag), std::move(core));
+  }
+
+  /// From the end of the flank to the holder or the nose, where there is room.
+  void add_shank(const cutting::Cutter& cutter) {
+    const double end = tool_.holder ? (*tool_.holder)(0, 1) : tool_.actual_length;
+    const double length = end - cutter.flank_length;
+    const double radius = tool_.shank_radius.value_or(cutter.radius);
+    const double skin = std::min(skin_, 0.25 * radius);
+    if (!(length > skin)) return;
+    Pieces core;
+    if (skin > 0.0)
+      core.push_back(
+          raised(frustum(radius - skin, radius - skin, length - skin), cutter.flank_length + skin));
+    add(SolidBody::Kind::Shank, "shank",
+        raised(frustum(radius, radius, length), cutter.flank_length), {}, std::move(core));
+  }
+
+  const ToolDescription& tool_;
+  int frame_;
+  double skin_;
+};
+
+using IgnoredPairs = std::vector<CollisionDescription::Pair>;
+
+bool is_ignored(const IgnoredPairs& ignored, const std::string& a, const std::string& b) {
+  return std::ranges::any_of(ignored, [&](const CollisionDescription::Pair& pair) {
+    return (pair.a == a && pair.b == b) || (pair.a == b && pair.b == a);
+  });
+}
+
+void check_names(const IgnoredPairs& ignored, const std::vector<SolidBody>& bodies) {
+  std::vector<std::string> names;
+  for (const SolidBody& body : bodies)
+    if (std::ranges::find(names, body.name) == names.end()) names.push_back(body.name);
+  for (const CollisionDescription::Pair& pair : ignored)
+    for (const std::string& name : {pair.a, pair.b})
+      if (std::ranges::find(names, name) == names.end())
+        throw std::invalid_argument(
+            fmt::format("\"{}\"; the bodies are {}", name, fmt::join(names, ", ")));
+}
+
+}  // namespace
+
+std::vector<Pose> carrier_poses(const kinematics::Chain& chain, const kinematics::AxisVector& q,
+                                std::span<const kinematics::JointDeviation> deviations) {
+  const Carriers carriers{chain.size()};
+  const std::vector<Pose> carriages = kinematics::carriages_in_bed(chain, q, deviations);
+  std::vector<Pose> T(std::size_t(carriers.count()), Pose::Identity());
+  std::ranges::copy(carriages, T.begin() + 1);
+  const auto on = [&](Side side, std::size_t joint) {
+    const bool has = !carriages.empty() && chain.joints()[joint].side == side;
+    return has ? carriages[joint] : Pose(Pose::Identity());
+  };
+  T[std::size_t(carriers.workpiece())] = on(Side::Workpiece, 0) * chain.T_bw_home();
+  T[std::size_t(carriers.tool())] = on(Side::Tool, carriages.size() - 1) * chain.T_bt_home();
+  return T;
+}
+
+ClosedMesh mesh_of(const BodyDescription& body) {
+  return cutting::moved(std::visit(MeshOfShape{}, body.shape), body.T);
+}
+
+std::vector<SolidBody> machine_bodies(const MachineDescription& machine) {
+  std::vector<SolidBody> bodies;
+  const Carriers carriers{int(machine.joints.size())};
+  for (const MachineBody& one : machine.bodies) {
+    SolidBody body;
+    body.carrier =
+        one.joint ? std::string(1, machine.joints[std::size_t(*one.joint)].name) : std::string("b");
+    body.frame = one.joint ? carriers.carriage(*one.joint) : Carriers::bed;
+    body.name = one.body.name.empty() ? "body of " + body.carrier : one.body.name;
+    body.mesh = mesh_of(one.body);
+    bodies.push_back(std::move(body));
+  }
+  return bodies;
+}
+
+std::vector<SolidBody> bodies_of(const Job& part) {
+  std::vector<SolidBody> bodies = machine_bodies(part.scene.machine);
+  const Carriers carriers{part.truth.actual.size()};
+  for (const BodyDescription& fixture : part.scene.fixtures)
+    bodies.push_back({SolidBody::Kind::Fixture, fixture.name.empty() ? "fixture" : fixture.name,
+                      "w", carriers.workpiece(), mesh_of(fixture)});
+  bodies.push_back({SolidBody::Kind::Part,
+                    "part",
+                    "w",
+                    carriers.workpiece(),
+                    {part.design_w.vertices, part.design_w.triangles, 0.0}});
+  ToolBodies tool(part.scene.tool, carriers.tool(), part.scene.collision.gouge);
+  std::ranges::move(tool.bodies, std::back_inserter(bodies));
+  return bodies;
+}
+
+std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidBody>& bodies) {
+  std::vector<std::string> warnings;
+  if (part.scene.machine.bodies.empty())
+    warnings.push_back(
+        "the machine has no [[body]]: only tool, holder, fixtures and part are looked at");
+  if (!part.scene.tool.holder)
+    warnings.push_back(
+        "the tool has no [tool.holder]: of what holds it only the bodies of the "
+        "machine are looked at");
+  if (std::holds_alternative<cutting::Nose>(part.scene.tool.actual))
+    warnings.push_back("a turning tool is looked at by its holder alone, its edge has no body");
+  if (part.machine.workpiece_spindle)
+    warnings.push_back(
+        "the spindle stands still in this search: what it turns is looked at as it "
+        "stands at 0 deg");
+  for (const SolidBody& body : bodies) {
+    const Eigen::Vector3d size =
+        (body.mesh.vertices.colwise().maxCoeff() - body.mesh.vertices.colwise().minCoeff())
+            .transpose();
+    constexpr double tiny = 1.0;  // mm
+    const bool of_user =
+        body.kind == SolidBody::Kind::Machine || body.kind == SolidBody::Kind::Fixture;
+    if (of_user && size.maxCoeff() < tiny)
+      warnings.push_back(fmt::format("{} is {:.3g} mm large: is its file in metres (unit = \"m\")?",
+                                     body.name, size.maxCoeff()));
+  }
+  return warnings;
+}
+
+std::vector<cutting::BodyPair> pairs_of(const kinematics::Chain& chain,
+                                        const std::vector<SolidBody>& bodies,
+                                        const std::vector<CollisionDescription::Pair>& ignored) {
+  using Kind = SolidBody::Kind;
+  check_names(ignored, bodies);
+  const std::vector<int> place = places_in_chain(chain);
+  std::vector<cutting::BodyPair> pairs;
+  for (std::size_t a = 0; a < bodies.size(); ++a)
+    for (std::size_t b = a + 1; b < bodies.size(); ++b) {
+      const SolidBody &one = bodies[a], &other = bodies[b];
+      const int between = std::abs(place[std::size_t(one.frame)] - place[std::size_t(other.frame)]);
+      const bool of_machine = one.kind == Kind::Machine && other.kind == Kind::Machine;
+      if (between < (of_machine ? 2 : 1) || is_ignored(ignored, one.name, other.name)) continue;
+      pairs.push_back({int(a), int(b)});
+    }
+  return pairs;
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "cutting/body.h"
+#include "cutting/encounters.h"
+#include "sim/cut/job.h"
+
+/// What a machine, its tool, its clamping and its part are made of, and where that is.
+namespace abbe::sim {
+
+/// The frames that carry bodies: the bed, every joint's carriage, the workpiece w, the tool t.
+struct Carriers {
+  int joints = 0;  ///< of the chain
+
+  static constexpr int bed = 0;
+  int carriage(int joint) const { return 1 + joint; }
+  int workpiece() const { return 1 + joints; }
+  int tool() const { return 2 + joints; }
+  int count() const { return 3 + joints; }
+};
+
+/// Their poses in the bed. Bodies of a carriage, as those of the bed, are placed where they are
+/// with the axes at zero.
+/// @param q, deviations  as of Chain
+std::vector<kinematics::Pose> carrier_poses(const kinematics::Chain& chain,
+                                            const kinematics::AxisVector& q,
+                                            std::span<const kinematics::JointDeviation> deviations);
+
+/// One body of a job.
+struct SolidBody {
+  enum class Kind { Machine, Fixture, Part, Holder, Shank, Cutter };
+  Kind kind = Kind::Machine;
+  std::string name;
+  std::string carrier;                           ///< "b", "X", "w", "t"
+  int frame = 0;                                 ///< number of the carrier
+  cutting::ClosedMesh mesh;                      ///< as it looks, in the frame of its carrier
+  std::vector<cutting::ClosedMesh> pieces = {};  ///< as it is looked at; empty: the mesh
+  std::vector<cutting::ClosedMesh> core = {};    ///< of cutter and shank: without the skin that may
+                                                 ///< be in the part, `collision.gouge_mm`
+};
+
+/// The mesh of a shape where its description places it. Facets of round bodies lie outside, by at
+/// most a ten-thousandth of the radius and at least 5 um.
+/// @throws BadInput for a mesh file that cannot be read or is not closed
+cutting::ClosedMesh mesh_of(const BodyDescription& body);
+
+/// What the machine is made of.
+/// @throws BadInput as `mesh_of`
+std::vector<SolidBody> machine_bodies(const MachineDescription& machine);
+
+/// Every body of a part of a job: machine, fixtures, part, and of the true tool cutter, shank and
+/// holder.
+/// @throws BadInput as `mesh_of`
+std::vector<SolidBody> bodies_of(const Job& part);
+
+/// What is odd about the bodies of a job: that there are none, that one is tiny.
+std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidBody>& bodies);
+
+/// Pairs that may meet, by their numbers: not what is carried by one carriage, nor parts of the
+/// machine that one axis joins.
+/// @param ignored  pairs that are left out
+/// @throws std::invalid_argument naming the bodies where one of those is not there
+std::vector<cutting::BodyPair> pairs_of(const kinematics::Chain& chain,
+                                        const std::vector<SolidBody>& bodies,
+                                        const std::vector<CollisionDescription::Pair>& ignored);
+
+}  // namespace abbe::sim

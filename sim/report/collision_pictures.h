@@ -1,0 +1,22 @@
+#pragma once
+
+#include "render/machine.h"
+#include "render/plot.h"
+#include "sim/cut/collisions.h"
+
+namespace abbe::sim {
+
+/// The first contact, or else the pair that comes nearest of the near misses; null where there is
+/// neither.
+const Collision* first_of(const Collisions& collisions);
+
+/// The machine with all its bodies at the moment of an event, the two in red, beside the part and
+/// the two alone.
+render::MachinePicture collision_picture(const Job& job, const Collisions& collisions,
+                                         const Collision& event);
+
+/// The smallest clearance of every block over time, of the pairs that have it most; no series where
+/// no pair was looked at.
+render::Panel clearance_panel(const Collisions& collisions);
+
+}  // namespace abbe::sim

@@ -1,0 +1,207 @@
+#include "cutting/encounters.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <numbers>
+#include <random>
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+namespace abbe::cutting::encounters_tests {
+namespace {
+
+using Eigen::Vector3d;
+using kinematics::Pose;
+
+Pose at(const Vector3d& place, const Vector3d& turn = Vector3d::Zero()) {
+  Pose T(kinematics::rotation(turn));
+  T.pretranslate(place);
+  return T;
+}
+
+Body box(const Vector3d& size) { return body_of(box_mesh(size)); }
+
+/// A carriage that turns about z of the first, which stands still: by `turn` rad, and along x by
+/// `way` mm at even steps.
+CarriedMotion turning_slide(std::size_t instants, double turn, double way, const Vector3d& start) {
+  CarriedMotion motion;
+  motion.carriers = 2;
+  motion.instants = instants;
+  motion.place = [=](std::size_t i, double u, std::span<Pose> T) {
+    const double share = (double(i) + u) / double(instants - 1);
+    T[0] = Pose::Identity();
+    T[1] = Pose(Eigen::AngleAxisd(share * turn, Vector3d::UnitZ())) *
+           at(start + share * way * Vector3d::UnitX());
+  };
+  const double dx = way / double(instants - 1), da = turn / double(instants - 1);
+  const double reach = start.norm() + std::abs(way) + 1000.0;
+  motion.bulge.assign(instants - 1, (da * da * reach + 2.0 * std::abs(da * dx)) / 8.0);
+  for (std::size_t i = 0; i < instants; i += 10) motion.stretches.push_back(i);
+  return motion;
+}
+
+double instant(const Moment& moment) { return double(moment.instant) + moment.u; }
+
+TEST(Encounters, ABoxMeetsAWallWhereItIs) {
+  // 0.4 mm a step towards a wall that stands 40 mm away
+  const std::vector<CarriedBody> bodies{{box({100, 400, 400}), 0}, {box({20, 20, 20}), 1}};
+  const CarriedMotion motion = turning_slide(201, 0.0, -80.0, {100.0, 0.0, 0.0});
+  const Encounters found = encounters(bodies, {{0, 1}}, motion);
+  ASSERT_EQ(found.list.size(), 1u);
+  const double met = 40.0 / 0.4;  // steps
+  EXPECT_TRUE(found.list[0].contact);
+  EXPECT_LE(instant(found.list[0].moment), met + 1e-9);
+  EXPECT_LE((met - instant(found.list[0].moment)) * 0.4, 1.01 * EncounterOptions().resolution);
+  EXPECT_NEAR(found.list[0].place.x(), 50.0, 0.01);
+  EXPECT_EQ(found.list[0].first_stretch, 10u);
+  EXPECT_EQ(found.list[0].last_stretch, 20u);
+  EXPECT_EQ(found.pairs[0].distance, 0.0);
+  const WayOut out =
+      way_out(bodies[0].body, Pose::Identity(), bodies[1].body, at({20, 0, 0}), Vector3d::Zero());
+  EXPECT_NEAR(out.depth, 40.0, 2e-3);
+  EXPECT_NEAR(out.direction.x(), 1.0, 1e-9);
+}
+
+TEST(Encounters, TheDepthOfABallInABoxIsItsWayOut) {
+  std::mt19937 random(217);
+  std::uniform_real_distribution<double> any(-1, 1);
+  const Body plate = box({200, 150, 60}), ball = body_of(sphere_mesh(10.0, 2e-3));
+  double worst = 0.0;
+  for (int n = 0; n < 12; ++n) {
+    const Pose all = at(500.0 * Vector3d(any(random), any(random), any(random)),
+                        3.0 * Vector3d(any(random), any(random), any(random)));
+    const double depth = 0.01 + 4.0 * std::abs(any(random));
+    const Vector3d inside(80.0 * any(random), 55.0 * any(random), 30.0 + 10.0 - depth);
+    const Pose T = all * at(inside, Vector3d(any(random), any(random), any(random)));
+    worst = std::max(worst, std::abs(way_out(plate, all, ball, T, Vector3d::Zero()).depth - depth));
+  }
+  std::cout << "depth within " << worst << " mm\n";
+  EXPECT_LT(worst, 3e-3);
+}
+
+TEST(Encounters, WhatOverlapsAtTheStartIsSaidAndLeftOut) {
+  const std::vector<CarriedBody> bodies{
+      {box({100, 100, 100}), 0}, {box({20, 20, 20}), 1}, {box({1, 1, 1}), 1}};
+  const CarriedMotion motion = turning_slide(11, 0.1, 5.0, {50.0, 0.0, 0.0});
+  const Encounters found = encounters(bodies, {{0, 1}, {0, 2}}, motion);
+  EXPECT_TRUE(found.pairs[0].overlaps_at_start);
+  EXPECT_TRUE(found.pairs[1].overlaps_at_start);
+  const CarriedMotion inside = turning_slide(11, 0.1, 5.0, {0.0, 0.0, 0.0});
+  EXPECT_TRUE(encounters(bodies, {{0, 2}}, inside).pairs[0].overlaps_at_start);
+}
+
+/// Bodies and motions at random: boxes and cones on two carriages that pass each other.
+struct RandomScene {
+  std::vector<CarriedBody> bodies;
+  std::vector<BodyPair> pairs;
+  CarriedMotion motion;
+};
+
+RandomScene random_scene(std::mt19937& random) {
+  std::uniform_real_distribution<double> any(-1, 1), length(2, 60);
+  const auto vector = [&] { return Vector3d(any(random), any(random), any(random)); };
+  RandomScene scene;
+  for (int k = 0; k < 6; ++k) {
+    ClosedMesh mesh = box_mesh({length(random), length(random), length(random)});
+    if (k % 3 == 2) {
+      Eigen::MatrixX2d profile(2, 2);
+      profile << 0.3 * length(random), 0.0, 0.3 * length(random), length(random);
+      mesh = revolved_mesh(profile, 0.05);
+    }
+    scene.bodies.push_back(
+        {body_of(moved(mesh, at(50.0 * vector(), 3.0 * vector()))), k < 3 ? 0 : 1});
+  }
+  for (int a = 0; a < 3; ++a)
+    for (int b = 3; b < 6; ++b) scene.pairs.push_back({a, b});
+  scene.motion = turning_slide(200, 2.0 * any(random), 300.0 * any(random), 70.0 * vector());
+  return scene;
+}
+
+TEST(Encounters, AreThoseOfEveryPairLookedAtEverywhere) {
+  constexpr unsigned seed = 2611;
+  std::mt19937 random(seed);
+  std::size_t contacts = 0, misses = 0, asked = 0, all_asked = 0;
+  for (int n = 0; n < 40; ++n) {
+    const RandomScene scene = random_scene(random);
+    EncounterOptions options;
+    options.clearance = 8.0;
+    options.chunk = n % 2 == 0 ? 8192 : 37;
+    const Encounters quick = encounters(scene.bodies, scene.pairs, scene.motion, options);
+    options.accelerated = false;
+    const Encounters slow = encounters(scene.bodies, scene.pairs, scene.motion, options);
+    asked += quick.queries;
+    all_asked += slow.queries;
+    ASSERT_EQ(quick.list.size(), slow.list.size()) << "scene " << n << " of seed " << seed;
+    for (std::size_t k = 0; k < quick.list.size(); ++k) {
+      const Encounter &one = quick.list[k], &other = slow.list[k];
+      EXPECT_EQ(one.pair, other.pair);
+      EXPECT_EQ(one.contact, other.contact);
+      EXPECT_EQ(one.first_stretch, other.first_stretch);
+      EXPECT_EQ(one.last_stretch, other.last_stretch);
+      if (one.contact) {
+        EXPECT_NEAR(instant(one.moment), instant(other.moment), 0.02);
+      }
+      (one.contact ? contacts : misses) += 1;
+    }
+    for (std::size_t p = 0; p < scene.pairs.size(); ++p) {
+      const double low = std::min(quick.pairs[p].distance, slow.pairs[p].distance),
+                   high = std::max(quick.pairs[p].distance, slow.pairs[p].distance);
+      EXPECT_LE(high, std::max(low / (1.0 - options.share), low + 0.011));
+    }
+    for (std::size_t s = 0; s < quick.stretches.size(); ++s) {
+      const double least = quick.stretches[s].at_least, other = slow.stretches[s].at_least;
+      EXPECT_LE(std::max(least, other), std::max(std::min(least, other) / (1.0 - options.share),
+                                                 std::min(least, other) + 0.011))
+          << "stretch " << s << " of scene " << n;
+    }
+  }
+  std::cout << contacts << " contacts, " << misses << " near misses; " << asked << " of "
+            << all_asked << " distances\n";
+  EXPECT_GT(contacts, 10u);
+  EXPECT_GT(misses, 5u);
+  EXPECT_LT(asked, all_asked / 5);
+}
+
+TEST(Encounters, AreTheSameForAnyNumberOfThreads) {
+  std::mt19937 random(99);
+  const RandomScene scene = random_scene(random);
+  EncounterOptions options;
+  options.chunk = 20;
+  options.clearance = 5.0;
+  const auto with = [&](std::size_t threads) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    return encounters(scene.bodies, scene.pairs, scene.motion, options);
+  };
+  const Encounters one = with(1), two = with(2);
+  EXPECT_EQ(one.queries, two.queries);
+  ASSERT_EQ(one.list.size(), two.list.size());
+  for (std::size_t k = 0; k < one.list.size(); ++k) {
+    EXPECT_EQ(instant(one.list[k].moment), instant(two.list[k].moment));
+    EXPECT_EQ(one.list[k].distance, two.list[k].distance);
+  }
+  for (std::size_t s = 0; s < one.stretches.size(); ++s)
+    EXPECT_EQ(one.stretches[s].at_least, two.stretches[s].at_least);
+}
+
+TEST(Encounters, NumbersThatDoNotFitAreRefused) {
+  const std::vector<CarriedBody> bodies{{box({1, 1, 1}), 0}, {box({1, 1, 1}), 1}};
+  const CarriedMotion motion = turning_slide(11, 0.1, 5.0, {50.0, 0.0, 0.0});
+  EXPECT_THROW(encounters(bodies, {{0, 2}}, motion), std::invalid_argument);
+  EXPECT_THROW(encounters(bodies, {{0, 0}}, motion), std::invalid_argument);
+  EXPECT_THROW(encounters({{bodies[0].body, 2}, bodies[1]}, {{0, 1}}, motion),
+               std::invalid_argument);
+  CarriedMotion other = motion;
+  other.stretches = {0, 5, 5};
+  EXPECT_THROW(encounters(bodies, {{0, 1}}, other), std::invalid_argument);
+  other = motion;
+  other.bulge.pop_back();
+  EXPECT_THROW(encounters(bodies, {{0, 1}}, other), std::invalid_argument);
+  EncounterOptions options;
+  options.resolution = 0.0;
+  EXPECT_THROW(encounters(bodies, {{0, 1}}, motion, options), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace abbe::cutting::encounters_tests

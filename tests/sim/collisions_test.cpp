@@ -1,0 +1,327 @@
+#include "sim/cut/collisions.h"
+
+#include <cmath>
+#include <iostream>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "sim/cut/bodies.h"
+#include "sim/cut/cut.h"
+#include "sim/report/collision_report.h"
+#include "sim/scene/case_name.h"
+#include "tests/sim/small_scene.h"
+
+namespace abbe::sim {
+namespace {
+
+using Eigen::Vector3d;
+
+/// A mesh as an STL of text.
+std::string stl_text(const cutting::ClosedMesh& mesh) {
+  std::string text = "solid part\n";
+  for (const auto& t : mesh.triangles.rowwise()) {
+    text += "facet normal 0 0 0\nouter loop\n";
+    for (int k = 0; k < 3; ++k)
+      text += fmt::format("vertex {} {} {}\n", mesh.vertices(t[k], 0), mesh.vertices(t[k], 1),
+                          mesh.vertices(t[k], 2));
+    text += "endloop\nendfacet\n";
+  }
+  return text + "endsolid part\n";
+}
+
+/// A plate, x -50 .. 50, y -60 .. 0, up to z 20, with a wall up to z 60 at x 30 .. 50.
+cutting::ClosedMesh plate_with_wall() {
+  Eigen::MatrixX2d outline(6, 2);
+  outline << -50, 0, 50, 0, 50, 60, 30, 60, 30, 20, -50, 20;
+  kinematics::Pose T = kinematics::Pose::Identity();
+  T.linear() << 1, 0, 0, 0, 0, -1, 0, 1, 0;
+  return cutting::moved(cutting::extruded_mesh(outline, 60.0), T);
+}
+
+/// What a planted crash changes.
+struct PlantedCrash {
+  std::string moves;      ///< after the tool stands at x -20, y -30, z 100
+  std::string tool = "";  ///< lines of [tool]
+  std::string more = "";  ///< sections
+  std::vector<Override> changes = {};
+};
+
+const char* const holder = "[tool.holder]\nradii_mm = [15, 15, 20]\nheights_mm = [35, 60, 95]\n";
+
+Job planted_job(const PlantedCrash& planted) {
+  const SceneFolder folder;
+  folder.write("part.stl", stl_text(plate_with_wall()));
+  folder.write("part.ngc", "%\nG21 G90 G94 G17\nG54\nG43.4 H1\nG0 X-20 Y-30 Z100 A0 C0\n" +
+                               planted.moves + "\nM2\n%\n");
+  const std::string scene = fmt::format(
+      "machine = \"{}machines/gantry_cxyza.toml\"\n"
+      "program = \"part.ngc\"\n"
+      "[part]\nfile = \"part.stl\"\nunit = \"mm\"\n"
+      "[tool]\nkind = \"ball\"\nradius_mm = 5\nflank_length_mm = 20\nlength_mm = 100\n"
+      "{}{}",
+      packaged("").string(), planted.tool, planted.more);
+  return prepare(read_scene(folder.write("scene.toml", scene), planted.changes));
+}
+
+Collisions collisions_of(const PlantedCrash& planted) {
+  const Job job = planted_job(planted);
+  return collisions(job, as_programmed(job), "uncompensated");
+}
+
+std::vector<Collision> contacts_of(const Collisions& all) {
+  std::vector<Collision> contacts;
+  for (const Collision& one : all.list)
+    if (one.contact) contacts.push_back(one);
+  return contacts;
+}
+
+/// One contact alone, of this pair on this line, so deep.
+void expect_one_contact(const PlantedCrash& planted, const std::string& a, const std::string& b,
+                        int line, double depth, double x_w) {
+  const Collisions all = collisions_of(planted);
+  const std::vector<Collision> contacts = contacts_of(all);
+  std::cout << to_text(all);
+  ASSERT_EQ(contacts.size(), 1u);
+  EXPECT_TRUE((contacts[0].a == a && contacts[0].b == b) ||
+              (contacts[0].a == b && contacts[0].b == a))
+      << contacts[0].a << " and " << contacts[0].b;
+  EXPECT_EQ(contacts[0].first.line, line);
+  EXPECT_NEAR(contacts[0].depth, depth, 0.02);
+  EXPECT_NEAR(contacts[0].place_w.x(), x_w, 0.05);
+  EXPECT_FALSE(is_clear(all));
+}
+
+void expect_no_contact(const PlantedCrash& planted) {
+  const Collisions all = collisions_of(planted);
+  EXPECT_TRUE(is_clear(all)) << to_text(all);
+}
+
+TEST(Collisions, TheHolderInTheWallOfThePart) {
+  expect_one_contact({"G1 Z20 F1000\nG1 X18", holder}, "holder", "part", 7, 3.0, 30.0);
+  expect_no_contact({"G1 Z20 F1000\nG1 X14", holder});
+}
+
+TEST(Collisions, TheShankInAWall) {
+  expect_one_contact({"G1 Z20 F1000\nG1 X25", "shank_radius_mm = 8\n"}, "shank", "part", 7, 3.0,
+                     30.0);
+  expect_no_contact({"G1 Z20 F1000\nG1 X21", "shank_radius_mm = 8\n"});
+  // as wide as the cutter, beside a wall that is to be cut
+  expect_no_contact({"G1 Z20 F1000\nG1 X25\nG1 Y-40"});
+}
+
+TEST(Collisions, ARapidThroughThePart) {
+  // half a millimetre into the plate
+  expect_one_contact({"G0 Z19.5\nG0 Z100"}, "cutter", "part", 6, 0.5, -20.0);
+  expect_no_contact({"G0 Z19.95\nG0 Z100"});
+  const Collisions through = collisions_of({"G0 Z40\nG0 X60\nG0 Z100"});
+  ASSERT_GE(contacts(through), 1u);
+  EXPECT_TRUE(through.list[0].rapid);
+  EXPECT_EQ(through.list[0].first.line, 7);
+  EXPECT_NEAR(through.list[0].depth, 15.0, 0.02);  // to the side of the wall
+}
+
+TEST(Collisions, TheCutterDeeperInThePartThanAGougeMayBe) {
+  expect_one_contact({"G1 Z19 F500\nG1 X-10\nG1 Z100"}, "cutter", "part", 6, 1.0, -20.0);
+  expect_no_contact({"G1 Z19 F500\nG1 X-10\nG1 Z100", "", "[collision]\ngouge_mm = 1.01\n"});
+}
+
+TEST(Collisions, AClampInTheWay) {
+  const std::string clamp =
+      "[[fixture]]\nname = \"clamp\"\nsize_mm = [20, 20, 15]\nat_mm = [-40, -30, 27.5]\n";
+  expect_one_contact({"G1 Z21 F1000\nG1 X-28", "", clamp}, "cutter", "clamp", 7, 3.0, -30.0);
+  expect_no_contact({"G1 Z21 F1000\nG1 X-24", "", clamp});
+  // a pair that may meet is not looked at
+  expect_no_contact({"G1 Z21 F1000\nG1 X-28", "",
+                     clamp + "[[collision.ignore]]\na = \"clamp\"\nb = \"cutter\"\n"});
+  EXPECT_THROW(collisions_of({"G1 Z90 F1000", "",
+                              clamp + "[[collision.ignore]]\na = \"clamb\"\nb = \"cutter\"\n"}),
+               BadInput);
+}
+
+TEST(Collisions, TheHeadOnTheTableAtAHundredDegrees) {
+  const std::vector<Override> low = {{"machine.axis.Z.travel_mm", "[-200, 350]"}};
+  const auto down = [&](int z) {
+    return PlantedCrash{fmt::format("G49\nG0 Z300\nG0 X0 Y200\nG0 A100\nG1 Z{} F3000\nG0 Z300", z),
+                        "", "", low};
+  };
+  const Collisions all = collisions_of(down(-170));
+  std::cout << to_text(all);
+  const std::vector<Collision> met = contacts_of(all);
+  ASSERT_GE(met.size(), 1u);
+  for (const Collision& one : met) {
+    EXPECT_TRUE(one.a == "table" || one.b == "table");
+    EXPECT_EQ(one.first.line, 10);
+    EXPECT_GT(one.depth, 1.0);
+  }
+  expect_no_contact(down(-50));
+}
+
+TEST(Collisions, ACompensatedProgramPastTheEndOfTravel) {
+  const std::string errors = "[errors]\nEXX_um = -10\n";
+  const auto job_to = [&](const char* travel) {
+    return planted_job(
+        PlantedCrash{"G1 Z20 F1000\nG1 X18", "", errors, {{"machine.axis.X.travel_mm", travel}}});
+  };
+  const Job at_the_end = job_to("[-300, 18]");
+  const CaseDescription perfect = parse_case("perfect-iterated-program");
+  const Collisions all =
+      collisions(at_the_end, compensate(at_the_end, perfect), "perfect-iterated-program");
+  std::cout << to_text(all);
+  EXPECT_FALSE(is_clear(all));
+  EXPECT_NE(all.beyond_travel.find("X between -300 and 18 mm"), std::string::npos)
+      << all.beyond_travel;
+  EXPECT_TRUE(is_clear(collisions(at_the_end, as_programmed(at_the_end), "uncompensated")));
+  const Job with_room = job_to("[-300, 18.1]");
+  EXPECT_TRUE(is_clear(collisions(with_room, compensate(with_room, perfect), "perfect")));
+}
+
+TEST(Collisions, WhatOverlapsFromTheStartIsWarnedOf) {
+  const Collisions all = collisions_of(
+      {"G1 Z90 F1000", "",
+       "[[fixture]]\nname = \"post\"\nsize_mm = [20, 20, 700]\nat_mm = [0, 0, 350]\n"});
+  EXPECT_TRUE(is_clear(all));
+  bool said = false;
+  for (const std::string& text : collision_warnings(all))
+    said = said || text.find("post and cutter overlap where the program begins") == 0;
+  EXPECT_TRUE(said);
+}
+
+TEST(Collisions, ANearMissIsOneOnlyUnderTheClearance) {
+  const std::string clamp =
+      "[[fixture]]\nname = \"clamp\"\nsize_mm = [20, 20, 15]\nat_mm = [-40, -30, 27.5]\n";
+  const Collisions near = collisions_of({"G1 Z21 F1000\nG1 X-24.5", "", clamp});
+  ASSERT_EQ(near.list.size(), 1u);
+  EXPECT_FALSE(near.list[0].contact);
+  EXPECT_NEAR(near.list[0].distance, 0.5, 0.03);
+  EXPECT_EQ(near.list[0].first.line, 7);
+  const Collisions far =
+      collisions_of({"G1 Z21 F1000\nG1 X-24.5", "", clamp + "[collision]\nclearance_mm = 0.4\n"});
+  EXPECT_TRUE(far.list.empty());
+}
+
+TEST(Collisions, EveryShapeOfABodyIsMetWhereItIs) {
+  struct Shape {
+    const char* name;
+    const char* keys;
+    double x;  // where the cutter at z 21 meets it, mm, of the tip
+  };
+  // all reach up to x = -30 at the height of the ball's centre, z 26
+  const SceneFolder folder;
+  Eigen::MatrixX2d outline(4, 2);
+  outline << -10, -10, 10, -10, 10, 10, -10, 10;
+  const std::string mesh =
+      folder.write("cube.stl", stl_text(cutting::extruded_mesh(outline, 15.0))).string();
+  const std::vector<Shape> shapes = {
+      {"box", "size_mm = [20, 20, 15]\nat_mm = [-40, -30, 27.5]", -25},
+      {"cylinder", "radius_mm = 10\nheight_mm = 15\nat_mm = [-40, -30, 20]", -25},
+      {"sphere", "radius_mm = 10\nat_mm = [-40, -30, 26]", -25},
+      {"cone", "radius_below_mm = 10\nradius_above_mm = 10\nheight_mm = 15\nat_mm = [-40, -30, 20]",
+       -25},
+      {"revolution",
+       "radii_mm = [5, 10, 10, 3]\nheights_mm = [0, 2, 12, 15]\nat_mm = [-40, -30, 20]", -25},
+      {"extrusion",
+       "x_mm = [-10, 10, 10, -10]\ny_mm = [-10, -10, 10, 10]\nheight_mm = 15\nat_mm = [-40, -30, "
+       "20]",
+       -25},
+  };
+  for (const Shape& shape : shapes) {
+    const Collisions all =
+        collisions_of({"G1 Z21 F1000\nG1 X-28", "",
+                       fmt::format("[[fixture]]\nname = \"clamp\"\nshape = \"{}\"\n{}\n",
+                                   shape.name, shape.keys)});
+    const auto met = contacts_of(all);
+    ASSERT_EQ(met.size(), 1u) << shape.name;
+    EXPECT_NEAR(met[0].state.q[1], shape.x, 0.02) << shape.name;
+    EXPECT_NEAR(met[0].depth, 3.0, 0.03) << shape.name;
+  }
+  const Collisions all =
+      collisions_of({"G1 Z21 F1000\nG1 X-28", "",
+                     "[[fixture]]\nname = \"clamp\"\nshape = \"mesh\"\nfile = \"" + mesh +
+                         "\"\nat_mm = [-40, -30, 20]\n"});
+  ASSERT_EQ(contacts(all), 1u);
+  EXPECT_NEAR(all.list[0].depth, 3.0, 0.03);
+}
+
+TEST(Collisions, BodiesThatCannotBeAreRefused) {
+  const auto refused = [](const std::string& fixture) -> std::string {
+    try {
+      collisions_of({"G1 Z90 F1000", "", "[[fixture]]\nname = \"it\"\n" + fixture});
+    } catch (const BadScene& faults) {
+      return faults.faults.front().what();
+    } catch (const BadInput& fault) {
+      return fault.what();
+    }
+    return "accepted";
+  };
+  EXPECT_NE(refused("size_mm = [20, 0, 30]\n").find("sizes above 0"), std::string::npos);
+  EXPECT_NE(refused("shape = \"sphere\"\nradius_mm = 0\n").find("radius_mm"), std::string::npos);
+  EXPECT_NE(refused("shape = \"cone\"\nradius_below_mm = 0\nradius_above_mm = 0\nheight_mm = 3\n")
+                .find("one radius above 0"),
+            std::string::npos);
+  EXPECT_NE(refused("shape = \"revolution\"\nradii_mm = [3, 4]\nheights_mm = [5, 2]\n")
+                .find("heights that fall"),
+            std::string::npos);
+  EXPECT_NE(refused("shape = \"extrusion\"\nx_mm = [0, 0, 5]\ny_mm = [0, 5, 0]\nheight_mm = 3\n")
+                .find("counter-clockwise"),
+            std::string::npos);
+  EXPECT_NE(refused("shape = \"ball\"\nradius_mm = 3\n").find("shape"), std::string::npos);
+  const SceneFolder folder;
+  cutting::ClosedMesh open = cutting::box_mesh({10, 10, 10});
+  open.triangles.conservativeResize(open.triangles.rows() - 1, 3);
+  const std::string file = folder.write("open.stl", stl_text(open)).string();
+  EXPECT_NE(refused("shape = \"mesh\"\nfile = \"" + file + "\"\n").find("closed"),
+            std::string::npos)
+      << refused("shape = \"mesh\"\nfile = \"" + file + "\"\n");
+  EXPECT_NE(refused("shape = \"mesh\"\nfile = \"nothing.stl\"\n").find("nothing.stl"),
+            std::string::npos);
+}
+
+TEST(Collisions, AMeshInMetresIsDoubted) {
+  const SceneFolder folder;
+  const std::string file =
+      folder.write("m.stl", stl_text(cutting::box_mesh({0.3, 0.2, 0.1}))).string();
+  const auto warnings = [&](const std::string& unit) {
+    return collision_warnings(
+        collisions_of({"G1 Z90 F1000", "",
+                       "[[fixture]]\nname = \"vice\"\nshape = \"mesh\"\nfile = \"" + file +
+                           "\"\nat_mm = [0, 300, 60]\n" + unit}));
+  };
+  const auto doubted = [](const std::vector<std::string>& texts) {
+    for (const std::string& text : texts)
+      if (text.find("vice is 0.3 mm large") != std::string::npos) return true;
+    return false;
+  };
+  EXPECT_TRUE(doubted(warnings("")));
+  EXPECT_FALSE(doubted(warnings("unit = \"m\"\n")));
+}
+
+TEST(Collisions, TheReportHasThemAll) {
+  const Collisions all = collisions_of({"G1 Z20 F1000\nG1 X18", holder});
+  const nlohmann::ordered_json json = to_json(all);
+  EXPECT_EQ(json["contacts"], 1);
+  EXPECT_FALSE(json["clear"]);
+  EXPECT_EQ(json["events"][0]["first"]["line"], 7);
+  EXPECT_EQ(json["blocks"].size(), all.blocks.size());
+  for (const auto& block : json["blocks"])
+    if (!block[2].is_null()) {
+      EXPECT_GE(block[2].get<double>(), 0.0);
+    }
+  EXPECT_NE(to_text(all).find("holder"), std::string::npos);
+}
+
+TEST(Collisions, ARunThatIsToStopCutsNothing) {
+  const Job job =
+      planted_job({"G1 Z20 F1000\nG1 X18", holder, "[collision]\non = true\nstop = true\n"});
+  EXPECT_THROW(cut(job), CollisionStop);
+  const Job on = planted_job({"G1 Z20 F1000\nG1 X18", holder, "[collision]\non = true\n"});
+  const Cut made = cut(on);
+  ASSERT_TRUE(made.collisions);
+  EXPECT_EQ(contacts(*made.collisions), 1u);
+}
+
+}  // namespace
+}  // namespace abbe::sim
