@@ -42,7 +42,8 @@ struct Collision {
 struct Clearance {
   std::string a, b;
   bool overlap_at_start = false;  ///< and are not looked at
-  double distance = 0.0;          ///< mm, within 5 % or 0.01 mm
+  double distance = 0.0;  ///< mm, within 5 % or 0.01 mm; infinite of cutter and shank to the
+                          ///< part, if they do not collide: they may touch
   ProgramPlace place;
 };
 

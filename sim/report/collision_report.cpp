@@ -1,6 +1,7 @@
 #include "sim/report/collision_report.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <vector>
 
@@ -43,11 +44,11 @@ std::string at_text(const Eigen::Vector3d& place) {
   return fmt::format("({:.2f}, {:.2f}, {:.2f})", place.x(), place.y(), place.z());
 }
 
-/// Pairs that come nearest, without those that are left out.
+/// Pairs that come nearest, without those that are left out or may touch.
 std::vector<Clearance> nearest_pairs(const Collisions& collisions) {
   std::vector<Clearance> pairs;
   for (const Clearance& one : collisions.clearances)
-    if (!one.overlap_at_start) pairs.push_back(one);
+    if (!one.overlap_at_start && std::isfinite(one.distance)) pairs.push_back(one);
   std::ranges::stable_sort(pairs, {}, &Clearance::distance);
   if (pairs.size() > most_pairs) pairs.resize(most_pairs);
   return pairs;
@@ -64,7 +65,7 @@ ordered_json to_json(const Collisions& all) {
   for (const Collision& one : all.list) events.push_back(event_json(one, all.more_files));
   for (const Clearance& one : all.clearances) {
     ordered_json json = {{"a", one.a}, {"b", one.b}, {"overlap_at_start", one.overlap_at_start}};
-    if (!one.overlap_at_start) {
+    if (std::isfinite(one.distance) && !one.overlap_at_start) {
       json["clearance_mm"] = one.distance;
       json["at"] = place_json(one.place, all.more_files);
     }
@@ -109,7 +110,7 @@ std::string to_text(const Collisions& all) {
     text += fmt::format("          and {} more; --json has all\n", all.list.size() - most_events);
   if (!all.beyond_travel.empty()) text += fmt::format("TRAVEL    {}\n", escaped(all.beyond_travel));
   if (all.clearances.empty()) return text + "          no two bodies can meet\n";
-  text += "nearest   ";
+  if (!nearest_pairs(all).empty()) text += "nearest   ";
   bool first = true;
   for (const Clearance& one : nearest_pairs(all)) {
     text += fmt::format("{}{:>8.3f} mm  {} - {}, {}\n", first ? "" : "          ", one.distance,

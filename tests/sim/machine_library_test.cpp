@@ -251,13 +251,14 @@ std::string refusal_of_body(const std::string& body) {
 TEST(MachineBodies, AreRefusedWhereTheyAreWrong) {
   EXPECT_EQ(refusal_of_body("size_mm = [1, 2, 3]\ncarried_by = \"X\"\nat_mm = [4, 5, 6]\n"), "");
   EXPECT_EQ(refusal_of_body("size_mm = [1, 2, 3]\n"), "");
-  EXPECT_EQ(refusal_of_body("size_mm = [1, 0, 3]\n"),
-            "m.toml:6:11: expected three sizes above 0 mm for size_mm, seen one that is not\n");
+  EXPECT_EQ(
+      refusal_of_body("size_mm = [1, 0, 3]\n"),
+      "m.toml:6:11: expected three sizes above 0 and up to 100000 mm for size_mm, seen 1, 0, 3\n");
   EXPECT_EQ(refusal_of_body("size_mm = [1, 2, 3]\ncarried_by = \"Y\"\n"),
             "m.toml:7:14: expected a letter of the machine's code: b X Z s, seen Y\n");
   EXPECT_NE(refusal_of_body("size_mm = [1, 2]\n").find("m.toml:6:"), std::string::npos);
   EXPECT_NE(refusal_of_body("at_mm = [1, 2, 3]\n").find("size_mm"), std::string::npos);
-  EXPECT_NE(refusal_of_body("size_mm = [1, 2, 3]\nshape = \"box\"\n").find("shape"),
+  EXPECT_NE(refusal_of_body("size_mm = [1, 2, 3]\nshapes = \"box\"\n").find("shapes"),
             std::string::npos);
 }
 
