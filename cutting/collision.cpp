@@ -119,31 +119,20 @@ class NearestTriangles {
   using Node = fcl::BVNode<fcl::OBBRSSd>;
   using Corners = std::array<Vector3d, 3>;
 
-  /// A box, in the frame of a.
-  struct Box {
-    Vector3d centre;
-    Eigen::Matrix3d axes;
-    Vector3d half;
-
-    /// By how much it reaches to either side of its centre.
-    double reach(const Vector3d& direction) const {
-      return half.dot((axes.transpose() * direction).cwiseAbs());
-    }
-  };
-  Box box_of_a(const Node& node) const {
-    return {node.bv.obb.To, node.bv.obb.axis, node.bv.obb.extent};
-  }
-  Box box_of_b(const Node& node) const {
-    return {R_ * node.bv.obb.To + t_, R_ * node.bv.obb.axis, node.bv.obb.extent};
-  }
-
-  Corners corners_of_a(int triangle) const {
+  /// A triangle of a in the frame of b. It is met with many boxes of b in turn.
+  const Corners& seen_from_b(int triangle) {
+    if (triangle == last_of_a_) return from_b_;
+    last_of_a_ = triangle;
     const fcl::Triangle& s = a_.tri_indices[triangle];
-    return {a_.vertices[s[0]], a_.vertices[s[1]], a_.vertices[s[2]]};
+    for (std::size_t k = 0; k < 3; ++k) from_b_[k] = R_.transpose() * (a_.vertices[s[k]] - t_);
+    return from_b_;
   }
-  Corners corners_of_b(int triangle) const {
+  const Corners& seen_from_a(int triangle) {
+    if (triangle == last_of_b_) return from_a_;
+    last_of_b_ = triangle;
     const fcl::Triangle& s = b_.tri_indices[triangle];
-    return {R_ * b_.vertices[s[0]] + t_, R_ * b_.vertices[s[1]] + t_, R_ * b_.vertices[s[2]] + t_};
+    for (std::size_t k = 0; k < 3; ++k) from_a_[k] = R_ * b_.vertices[s[k]] + t_;
+    return from_a_;
   }
 
   static Vector3d nearest_of(const Corners& triangle, const Vector3d& point) {
@@ -156,20 +145,20 @@ class NearestTriangles {
   }
 
   /// A plane through the point of a triangle that is nearest to a box parts it from the box by:
-  static double parted(const Corners& triangle, const Box& box) {
-    const Vector3d nearest = nearest_of(triangle, box.centre);
-    const double distance = (box.centre - nearest).norm();
+  static double parted(const Corners& triangle, const fcl::OBBd& box) {
+    const Vector3d way = box.To - nearest_of(triangle, box.To);
+    const double distance = way.norm();
     if (!(distance > 0.0)) return 0.0;
-    return distance - box.reach((box.centre - nearest) / distance);
+    return distance - box.extent.dot((box.axis.transpose() * way).cwiseAbs()) / distance;
   }
 
   /// No more than the distance of what two nodes hold. The bound of FCL is loose where one is a
   /// triangle: it is that of a rectangle around it.
-  double bound(int i, int j) const {
+  double bound(int i, int j) {
     const Node &of_a = a_.getBV(i), &of_b = b_.getBV(j);
     if (of_a.isLeaf() && of_b.isLeaf()) return 0.0;
-    if (of_a.isLeaf()) return parted(corners_of_a(of_a.primitiveId()), box_of_b(of_b));
-    if (of_b.isLeaf()) return parted(corners_of_b(of_b.primitiveId()), box_of_a(of_a));
+    if (of_a.isLeaf()) return parted(seen_from_b(of_a.primitiveId()), of_b.bv.obb);
+    if (of_b.isLeaf()) return parted(seen_from_a(of_b.primitiveId()), of_a.bv.obb);
     return fcl::distance(R_, t_, of_a.bv, of_b.bv);
   }
 
@@ -201,6 +190,8 @@ class NearestTriangles {
   Eigen::Matrix3d R_;
   Vector3d t_;
   double keep_, skins_;
+  int last_of_a_ = -1, last_of_b_ = -1;
+  Corners from_a_, from_b_;
 };
 
 }  // namespace
