@@ -51,10 +51,6 @@ struct Task {
     motion.place(instant, u, T);
     return T;
   }
-  /// First instant after a stretch.
-  std::size_t end(std::size_t stretch) const {
-    return stretch + 1 < motion.stretches.size() ? motion.stretches[stretch + 1] : motion.instants;
-  }
 };
 
 /// What is found of a pair in a stretch.
@@ -85,7 +81,7 @@ class Chunk {
     begin_ = task.motion.stretches[first];
     // what lies between two stretches belongs to the second
     if (begin_ > 0) --begin_;
-    const std::size_t end = task.end(last - 1);
+    const std::size_t end = end_of(task.motion, last - 1);
     for (std::size_t i = begin_; i < end; ++i) poses_.push_back(task.placed(i, 0.0));
     add_ways();
     start();
@@ -307,7 +303,7 @@ class Chunk {
   }
 
   void follow(std::size_t stretch) {
-    const std::size_t first = task_.motion.stretches[stretch], end = task_.end(stretch);
+    const std::size_t first = task_.motion.stretches[stretch], end = end_of(task_.motion, stretch);
     const std::size_t i0 = std::max(first, begin_ + 1) - 1 - begin_, i1 = end - 1 - begin_;
     const std::size_t count = task_.pairs.size();
     std::vector<double> low(count, infinite);
@@ -425,6 +421,11 @@ class Joined {
 
 }  // namespace
 
+std::size_t end_of(const CarriedMotion& motion, std::size_t stretch) {
+  const std::size_t next = stretch + 1;
+  return next < motion.stretches.size() ? motion.stretches[next] : motion.instants;
+}
+
 Encounters encounters(const std::vector<CarriedBody>& bodies, const std::vector<BodyPair>& pairs,
                       const CarriedMotion& motion, const EncounterOptions& options) {
   check(bodies, pairs, motion, options);
@@ -501,8 +502,7 @@ Stop stop_on(const Way& way, const Body& a, const Body& b, const Pose& T_ab, dou
 
 }  // namespace
 
-WayOut way_out(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b, const Vector3d& hint,
-               double resolution) {
+WayOut way_out(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b, double resolution) {
   const Pose T_ab = T_a.inverse() * T_b;
   std::vector<Way> ways;
   const auto way_along = [&](const Vector3d& direction) -> Way {
@@ -517,7 +517,6 @@ WayOut way_out(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b, c
     add(Vector3d::Unit(k));
     add(T_ab.linear().col(k));
   }
-  if (hint.norm() > 0.0) add(T_a.linear().transpose() * hint.normalized());
   std::ranges::stable_sort(ways, {}, &Way::parted);
 
   WayOut best{infinite, Vector3d::UnitZ()};

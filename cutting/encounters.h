@@ -37,6 +37,9 @@ struct CarriedMotion {
   std::vector<std::size_t> stretches;
 };
 
+/// First instant after a stretch.
+std::size_t end_of(const CarriedMotion& motion, std::size_t stretch);
+
 struct EncounterOptions {
   double resolution = 5e-3;  ///< mm, a smaller distance is contact
   double clearance = 0.0;    ///< mm, a smaller distance is reported
@@ -100,11 +103,10 @@ struct WayOut {
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
 };
 
-/// Tries the axes of both frames and those of the bodies' last contact, and from the best of them
+/// Tries the axes of both frames, and from the best of them
 /// the normals of the contacts met, so the depth is that of the shortest translation for a body and
 /// a face of the other, and never less than it by more than the resolution.
-/// @param hint  direction to be tried as well, of any length; zero: none
 WayOut way_out(const Body& a, const kinematics::Pose& T_a, const Body& b,
-               const kinematics::Pose& T_b, const Eigen::Vector3d& hint, double resolution = 1e-3);
+               const kinematics::Pose& T_b, double resolution = 1e-3);
 
 }  // namespace abbe::cutting

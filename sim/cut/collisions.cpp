@@ -17,11 +17,11 @@
 namespace abbe::sim {
 namespace {
 
-using cutting::Body;
 using cutting::BodyPair;
 using cutting::CarriedBody;
 using cutting::CarriedMotion;
 using cutting::Encounter;
+using cutting::end_of;
 using Eigen::Vector3d;
 using kinematics::AxisState;
 using kinematics::Joint;
@@ -59,10 +59,13 @@ struct Following {
     return path.blocks[std::size_t(samples.block[i])];
   }
 
+  /// The sample to which the axes are on their way.
+  std::size_t running(const cutting::Moment& moment) const {
+    return std::min(moment.instant + (moment.u > 0.0 ? 1u : 0u), samples.states.size() - 1);
+  }
+
   ProgramPlace place(const cutting::Moment& moment) const {
-    const std::size_t i = moment.u > 0.0 && moment.instant + 1 < samples.states.size()
-                              ? moment.instant + 1
-                              : moment.instant;
+    const std::size_t i = running(moment);
     return {samples.line[i], block(i).file, state(moment).time_s};
   }
 };
@@ -72,21 +75,21 @@ double reach(const Following& following, const std::vector<SolidBody>& bodies) {
   const kinematics::Chain& chain = following.part.truth.actual;
   const std::vector<Pose> T = carrier_poses(chain, kinematics::AxisVector::Zero(chain.size()), {});
   double turning = 0.0, sliding = 0.0;
-  for (int k = 0; k < chain.size(); ++k) {
-    const Joint& joint = chain.joints()[std::size_t(k)];
-    if (joint.motion == Motion::Linear) {
-      double most = 0.0;
-      for (const AxisState& state : following.samples.states)
-        most = std::max(most, std::abs(state.q[k]));
-      sliding += most;
-    }
-    if (joint.motion != Motion::Rotary) continue;
-    for (const SolidBody& body : bodies) {
-      const cutting::ClosedMesh placed = cutting::moved(body.mesh, T[std::size_t(body.frame)]);
+  for (const SolidBody& body : bodies) {
+    const cutting::ClosedMesh placed = cutting::moved(body.mesh, T[std::size_t(body.frame)]);
+    for (const Joint& joint : chain.joints()) {
+      if (joint.motion != Motion::Rotary) continue;
       turning = std::max(
           turning,
           (placed.vertices.rowwise() - joint.point_b.transpose()).rowwise().norm().maxCoeff());
     }
+  }
+  for (int k = 0; k < chain.size(); ++k) {
+    if (chain.joints()[std::size_t(k)].motion != Motion::Linear) continue;
+    double most = 0.0;
+    for (const AxisState& state : following.samples.states)
+      most = std::max(most, std::abs(state.q[k]));
+    sliding += most;
   }
   return turning + sliding;
 }
@@ -175,8 +178,8 @@ void measure_depth(const Following& following, const Encounter& found, std::size
   for (std::size_t k = 0; k < looks; ++k) {
     const std::size_t i = looks == 1 ? first : first + k * (count - 1) / (looks - 1);
     const std::vector<Pose> T = following.carriers({i, 0.0});
-    const cutting::WayOut out = cutting::way_out(a.body, T[std::size_t(a.carrier)], b.body,
-                                                 T[std::size_t(b.carrier)], Vector3d::Zero());
+    const cutting::WayOut out =
+        cutting::way_out(a.body, T[std::size_t(a.carrier)], b.body, T[std::size_t(b.carrier)]);
     collision.depth = std::max(collision.depth, out.depth);
     ++collision.depths;
   }
@@ -235,15 +238,9 @@ class PartSearch {
     for (std::size_t s = 0; s < found.stretches.size(); ++s) {
       const cutting::StretchClearance& one = found.stretches[s];
       all_.blocks.push_back({following_.place({motion_.stretches[s], 0.0}),
-                             following_.state(end(s) - 1).time_s, one.at_least,
+                             following_.state(end_of(motion_, s) - 1).time_s, one.at_least,
                              one.pair < 0 ? -1 : before + one.pair});
     }
-  }
-
-  /// First sample after a stretch.
-  std::size_t end(std::size_t stretch) const {
-    return stretch + 1 < motion_.stretches.size() ? motion_.stretches[stretch + 1]
-                                                  : motion_.instants;
   }
 
   void add(const Encounter& found) {
@@ -254,7 +251,7 @@ class PartSearch {
     one.b = body(pair.b).name;
     one.contact = found.contact;
     one.first = following_.place(found.moment);
-    one.last = following_.place({end(found.last_stretch) - 1, 0.0});
+    one.last = following_.place({end_of(motion_, found.last_stretch) - 1, 0.0});
     one.distance = found.distance;
     one.place_b = found.place;
     const std::vector<Pose> T = following_.carriers(found.moment);
@@ -262,12 +259,11 @@ class PartSearch {
     one.place_w = T[std::size_t(carriers.workpiece())].inverse() * found.place;
     one.part = number_;
     one.state = following_.state(found.moment);
-    const std::size_t i =
-        std::min(found.moment.instant + (found.moment.u > 0.0 ? 1u : 0u), motion_.instants - 1);
-    one.rapid = following_.block(i).interpolation == program::Interpolation::Rapid;
+    one.rapid = following_.block(following_.running(found.moment)).interpolation ==
+                program::Interpolation::Rapid;
     if (found.contact && contacts(all_) < most_measured)
-      measure_depth(following_, found, end(found.last_stretch), search_.bodies[std::size_t(pair.a)],
-                    search_.bodies[std::size_t(pair.b)], one);
+      measure_depth(following_, found, end_of(motion_, found.last_stretch),
+                    search_.bodies[std::size_t(pair.a)], search_.bodies[std::size_t(pair.b)], one);
     all_.list.push_back(std::move(one));
   }
 

@@ -110,9 +110,10 @@ std::string to_text(const Collisions& all) {
     text += fmt::format("          and {} more; --json has all\n", all.list.size() - most_events);
   if (!all.beyond_travel.empty()) text += fmt::format("TRAVEL    {}\n", escaped(all.beyond_travel));
   if (all.clearances.empty()) return text + "          no two bodies can meet\n";
-  if (!nearest_pairs(all).empty()) text += "nearest   ";
+  const std::vector<Clearance> nearest = nearest_pairs(all);
+  if (!nearest.empty()) text += "nearest   ";
   bool first = true;
-  for (const Clearance& one : nearest_pairs(all)) {
+  for (const Clearance& one : nearest) {
     text += fmt::format("{}{:>8.3f} mm  {} - {}, {}\n", first ? "" : "          ", one.distance,
                         escaped(one.a), escaped(one.b),
                         program::line_text(all.more_files, one.place.line, one.place.file));
