@@ -6,38 +6,16 @@
 #include <fmt/format.h>
 
 #include "cutting/engagement.h"
-#include "cutting/read_mesh.h"
-#include "kinematics/turn_between.h"
 #include "kinematics/units.h"
+#include "sim/cut/milling.h"
 #include "sim/cut/tool_motion.h"
 
 namespace abbe::sim {
 namespace {
 
 using errors::Load;
-using kinematics::angle_between;
 using kinematics::AxisState;
 using kinematics::Pose;
-
-cutting::Blank blank_of(const CuttingDescription& description, const cutting::Design& design_m) {
-  return std::visit(
-      [&](const auto& blank) -> cutting::Blank {
-        using Shape = std::decay_t<decltype(blank)>;
-        if constexpr (std::is_same_v<Shape, CuttingDescription::OffsetBlank>) {
-          return cutting::offset_blank(design_m, blank.allowance, blank.floor);
-        } else if constexpr (std::is_same_v<Shape, MeshFile>) {
-          cutting::ReadMeshOptions options;
-          options.unit_mm = blank.unit;
-          const cutting::Design mesh = cutting::read_mesh(blank.file, options);
-          return cutting::MeshBlank{mesh.vertices, mesh.triangles};
-        } else if constexpr (std::is_same_v<Shape, CuttingDescription::TurnedBlank>) {
-          throw std::invalid_argument("a blank that is milled, not a turned one");
-        } else {
-          return blank;
-        }
-      },
-      description.blank);
-}
 
 Look looked(const cutting::CuttingLoad& cut) {
   Look look;
@@ -45,35 +23,6 @@ Look looked(const cutting::CuttingLoad& cut) {
   look.load.on_tool_t = cut.on_tool_t;
   look.load.contact_t = cut.contact_t;
   return look;
-}
-
-/// Whether the block that runs at a sample is a rapid.
-bool is_rapid(const FollowedProgram& program, std::size_t sample) {
-  return program.path.blocks[std::size_t(program.samples.block[sample])].interpolation ==
-         program::Interpolation::Rapid;
-}
-
-/// Samples at which milling looks.
-std::vector<std::size_t> looks(const FollowedProgram& program, double step, double reach) {
-  constexpr double sharp = 0.1;  // rad
-  const auto tip = [&](std::size_t i) -> Eigen::Vector3d { return program.T_wt[i].translation(); };
-  const auto axis = [&](std::size_t i) -> Eigen::Vector3d {
-    return program.T_wt[i].linear().col(2);
-  };
-  std::vector<std::size_t> at{0};
-  double travel = 0.0;
-  const std::size_t n = program.samples.states.size();
-  for (std::size_t i = 1; i < n; ++i) {
-    travel += (tip(i) - tip(i - 1)).norm() + reach * angle_between(axis(i), axis(i - 1));
-    const bool last = i + 1 == n;
-    if (travel < step && !last && is_rapid(program, i) == is_rapid(program, i + 1)) {
-      const Eigen::Vector3d come = tip(i) - tip(at.back()), goes = tip(i + 1) - tip(i);
-      if (angle_between(come, goes) < sharp) continue;
-    }
-    at.push_back(i);
-    travel = 0.0;
-  }
-  return at;
 }
 
 /// Height above the tip whose motion is the feed.
@@ -176,18 +125,17 @@ Process follow_milling(const Scene& scene, const Machine& machine, const cutting
   const CuttingDescription& description = *scene.cutting;
   const auto& cutter = std::get<cutting::Cutter>(program.tool);
   Process process;
-  process.stock = cutting::make_stock(
-      blank_of(description, design_m), scene.part.T_wm,
-      {description.spacing, description.three_directions, description.max_bytes});
+  process.stock = blank_stock(scene, design_m);
   const auto spindle = spindle_of(machine);
   if (description.material && !spindle)
     throw std::invalid_argument("a machine with a spindle nose s for a cut with forces");
   Pose before = program.pose(0, {});
-  const std::vector<std::size_t> at = looks(program, description.step, cutter.flank_length);
+  const std::vector<std::size_t> at = milling_looks(program.samples, program.path, program.T_wt,
+                                                    description.step, cutter.flank_length);
   for (std::size_t k = 1; k < at.size(); ++k) {
     const MillingLook look{description,        program, cutter, *process.stock, at[k - 1], at[k],
                            spindle.value_or(0)};
-    const bool rapid = is_rapid(program, at[k]);
+    const bool rapid = is_rapid(program.samples, program.path, at[k]);
     std::function<Look(const Pose&)> force;
     if (!rapid && description.material && look.duration() > 0.0 && look.feed_w().norm() > 0.0)
       force = [&](const Pose& T_wt) { return look.at(T_wt); };
@@ -279,15 +227,16 @@ std::vector<std::size_t> revolutions(const FollowedProgram& program, int spindle
   const auto place = [&](std::size_t i) -> Eigen::Vector3d {
     return slow_pose(line, states[i].q[spindle], program.T_wt[i]).translation();
   };
+  const auto rapid = [&](std::size_t i) { return is_rapid(program.samples, program.path, i); };
   std::vector<std::size_t> at{0};
   double turned = 0.0, travel = 0.0;
   for (std::size_t i = 1; i < states.size(); ++i) {
     turned += std::abs(states[i].q[spindle] - states[i - 1].q[spindle]);
     travel += (place(i) - place(i - 1)).norm();
     const bool last = i + 1 == states.size();
-    const bool by_travel = is_rapid(program, i) || !(states[i].spindle_speed > 0.0);
+    const bool by_travel = rapid(i) || !(states[i].spindle_speed > 0.0);
     const bool due = by_travel ? travel >= step : turned >= 2 * pi * (1 - 1e-9);
-    if (!due && !last && is_rapid(program, i) == is_rapid(program, i + 1)) continue;
+    if (!due && !last && rapid(i) == rapid(i + 1)) continue;
     at.push_back(i);
     turned = travel = 0.0;
   }
@@ -312,7 +261,7 @@ Process follow_turning(const Scene& scene, const Machine& machine, const Followe
   for (std::size_t k = 1; k < at.size(); ++k) {
     const TurningLook look{description, program,   nose,  *process.turned,
                            line,        at[k - 1], at[k], spindle};
-    const bool rapid = is_rapid(program, at[k]);
+    const bool rapid = is_rapid(program.samples, program.path, at[k]);
     std::function<Look(const Pose&)> force;
     if (!rapid && description.material) force = [&](const Pose& T_wt) { return look.at(T_wt); };
     ProcessStep step = step_at(description, program, at[k], force, process);
