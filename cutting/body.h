@@ -69,6 +69,14 @@ Body body_of(const ClosedMesh& mesh);
 /// @throws as of each, and for none
 Body body_of(const std::vector<ClosedMesh>& pieces);
 
+/// One surface in patches, those triangles that are in a cube of `size` mm each. It must be closed,
+/// which is not looked at. What a
+/// patch has in common with a body that was made so before is taken from there, so that a surface
+/// of which little changes costs little more than the comparison.
+/// @param before  of another state of the surface and the same size, or a body without search
+/// @throws std::invalid_argument as `body_of`, or for a size that is not positive
+Body body_of_patches(const ClosedMesh& mesh, double size, const Body& before = {});
+
 /// mm along a direction (unit, in its own frame), of the point of the body farthest that way.
 double extent(const Body& body, const Eigen::Vector3d& direction);
 

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <memory>
 #include <numbers>
 #include <queue>
 #include <utility>
@@ -12,6 +14,7 @@
 #include <fcl/fcl.h>
 #include <fcl/math/detail/project.h>
 #include <fcl/narrowphase/detail/primitive_shape_algorithm/triangle_distance.h>
+#include <tbb/parallel_for.h>
 
 #include "kinematics/require.h"
 
@@ -26,9 +29,12 @@ struct BodySearch {
   struct Piece {
     Tree tree;
     ClosedMesh mesh;
-    bool closed = true;
+    bool closed = true;                  // or of a surface that is
+    std::array<int, 3> cube{};           // of a patch
+    Vector3d centre = Vector3d::Zero();  // of a ball around it
+    double radius = 0.0;
   };
-  std::vector<Piece> pieces;
+  std::vector<std::shared_ptr<const Piece>> pieces;
 };
 
 namespace {
@@ -45,12 +51,12 @@ bool is_closed(const Triangles& triangles) {
   });
 }
 
-Piece piece_of(const ClosedMesh& mesh) {
-  require(mesh.triangles.rows() > 0, "body: it has no triangles");
-  require(mesh.vertices.allFinite(), "body: vertices must be finite");
-  require(mesh.triangles.minCoeff() >= 0 && mesh.triangles.maxCoeff() < mesh.vertices.rows(),
-          "body: a triangle names a vertex that is not there");
-  require(mesh.skin >= 0.0, "body: a skin must not be below zero");
+/// mm, of the ball about a point that holds a mesh.
+double ball_radius(const ClosedMesh& mesh, const Vector3d& centre) {
+  return mesh.skin + (mesh.vertices.rowwise() - centre.transpose()).rowwise().norm().maxCoeff();
+}
+
+Piece open_piece_of(const ClosedMesh& mesh) {
   std::vector<fcl::Vector3d> vertices;
   for (const auto& row : mesh.vertices.rowwise()) vertices.emplace_back(row.transpose());
   std::vector<fcl::Triangle> triangles;
@@ -58,10 +64,27 @@ Piece piece_of(const ClosedMesh& mesh) {
     triangles.emplace_back(std::size_t(t[0]), std::size_t(t[1]), std::size_t(t[2]));
   Piece piece;
   piece.mesh = mesh;
-  piece.closed = is_closed(mesh.triangles);
+  piece.closed = false;
+  piece.centre = 0.5 * (mesh.vertices.colwise().minCoeff() + mesh.vertices.colwise().maxCoeff());
+  piece.radius = ball_radius(mesh, piece.centre);
   piece.tree.beginModel(int(triangles.size()), int(vertices.size()));
   piece.tree.addSubModel(vertices, triangles);
   piece.tree.endModel();
+  return piece;
+}
+
+void check(const ClosedMesh& mesh) {
+  require(mesh.triangles.rows() > 0, "body: it has no triangles");
+  require(mesh.vertices.allFinite(), "body: vertices must be finite");
+  require(mesh.triangles.minCoeff() >= 0 && mesh.triangles.maxCoeff() < mesh.vertices.rows(),
+          "body: a triangle names a vertex that is not there");
+  require(mesh.skin >= 0.0, "body: a skin must not be below zero");
+}
+
+Piece piece_of(const ClosedMesh& mesh) {
+  check(mesh);
+  Piece piece = open_piece_of(mesh);
+  piece.closed = is_closed(mesh.triangles);
   return piece;
 }
 
@@ -74,24 +97,97 @@ Body body_of(const std::vector<ClosedMesh>& pieces) {
   auto search = std::make_shared<BodySearch>();
   Eigen::AlignedBox3d box;
   for (const ClosedMesh& mesh : pieces) {
-    search->pieces.push_back(piece_of(mesh));
+    search->pieces.push_back(std::make_shared<const Piece>(piece_of(mesh)));
     for (const auto& row : mesh.vertices.rowwise()) box.extend(row.transpose());
   }
   Body body;
   body.centre = box.center();
   for (const ClosedMesh& mesh : pieces)
-    body.radius = std::max(
-        body.radius,
-        mesh.skin +
-            (mesh.vertices.rowwise() - body.centre.transpose()).rowwise().norm().maxCoeff());
+    body.radius = std::max(body.radius, ball_radius(mesh, body.centre));
+  body.search = std::move(search);
+  return body;
+}
+
+namespace {
+
+using Cube = std::array<int, 3>;
+
+/// Triangles of a mesh by the cubes in which their middles are, each patch with its own vertices.
+std::map<Cube, ClosedMesh> patches_of(const ClosedMesh& mesh, double size) {
+  std::map<Cube, std::vector<Eigen::Index>> in_cube;
+  for (Eigen::Index t = 0; t < mesh.triangles.rows(); ++t) {
+    const Eigen::RowVector3d middle =
+        (mesh.vertices.row(mesh.triangles(t, 0)) + mesh.vertices.row(mesh.triangles(t, 1)) +
+         mesh.vertices.row(mesh.triangles(t, 2))) /
+        3.0;
+    Cube cube;
+    for (int k = 0; k < 3; ++k) cube[std::size_t(k)] = int(std::floor(middle[k] / size));
+    in_cube[cube].push_back(t);
+  }
+  std::map<Cube, ClosedMesh> patches;
+  std::vector<int> number(std::size_t(mesh.vertices.rows()), -1);
+  for (const auto& [cube, triangles] : in_cube) {
+    ClosedMesh& patch = patches[cube];
+    patch.skin = mesh.skin;
+    patch.triangles.resize(Eigen::Index(triangles.size()), 3);
+    std::vector<int> used;
+    for (std::size_t i = 0; i < triangles.size(); ++i)
+      for (int k = 0; k < 3; ++k) {
+        const int vertex = mesh.triangles(triangles[i], k);
+        int& own = number[std::size_t(vertex)];
+        if (own < 0) {
+          own = int(used.size());
+          used.push_back(vertex);
+        }
+        patch.triangles(Eigen::Index(i), k) = own;
+      }
+    patch.vertices = mesh.vertices(used, Eigen::all);
+    for (const int vertex : used) number[std::size_t(vertex)] = -1;
+  }
+  return patches;
+}
+
+bool is_same(const ClosedMesh& a, const ClosedMesh& b) {
+  return a.vertices.rows() == b.vertices.rows() && a.triangles.rows() == b.triangles.rows() &&
+         a.skin == b.skin && a.triangles == b.triangles && a.vertices == b.vertices;
+}
+
+}  // namespace
+
+Body body_of_patches(const ClosedMesh& mesh, double size, const Body& before) {
+  require(size > 0.0, "body: patches must have a size");
+  check(mesh);
+  std::map<Cube, std::shared_ptr<const Piece>> had;
+  if (before.search)
+    for (const auto& piece : before.search->pieces) had[piece->cube] = piece;
+  const std::map<Cube, ClosedMesh> patches = patches_of(mesh, size);
+  std::vector<const std::pair<const Cube, ClosedMesh>*> all;
+  for (const auto& patch : patches) all.push_back(&patch);
+  auto search = std::make_shared<BodySearch>();
+  search->pieces.resize(all.size());
+  tbb::parallel_for(std::size_t(0), all.size(), [&](std::size_t i) {
+    const auto& [cube, patch] = *all[i];
+    const auto kept = had.find(cube);
+    if (kept != had.end() && is_same(kept->second->mesh, patch)) {
+      search->pieces[i] = kept->second;
+      return;
+    }
+    Piece piece = open_piece_of(patch);
+    piece.closed = true;
+    piece.cube = cube;
+    search->pieces[i] = std::make_shared<const Piece>(std::move(piece));
+  });
+  Body body;
+  body.centre = 0.5 * (mesh.vertices.colwise().minCoeff() + mesh.vertices.colwise().maxCoeff());
+  body.radius = ball_radius(mesh, body.centre);
   body.search = std::move(search);
   return body;
 }
 
 double extent(const Body& body, const Vector3d& direction) {
   double most = -std::numeric_limits<double>::infinity();
-  for (const Piece& piece : body.search->pieces)
-    most = std::max(most, piece.mesh.skin + (piece.mesh.vertices * direction).maxCoeff());
+  for (const auto& piece : body.search->pieces)
+    most = std::max(most, piece->mesh.skin + (piece->mesh.vertices * direction).maxCoeff());
   return most;
 }
 
@@ -196,26 +292,51 @@ class NearestTriangles {
 
 }  // namespace
 
+namespace {
+
+/// Two pieces, which are no nearer than this.
+struct PiecePair {
+  const Piece* one;
+  const Piece* other;
+  double apart;
+};
+
+/// Those that may be nearest first.
+std::vector<PiecePair> piece_pairs(const Body& a, const Body& b, const Pose& T_ab) {
+  std::vector<PiecePair> pairs;
+  pairs.reserve(a.search->pieces.size() * b.search->pieces.size());
+  for (const auto& other : b.search->pieces) {
+    const Vector3d centre = T_ab * other->centre;
+    for (const auto& one : a.search->pieces)
+      pairs.push_back(
+          {one.get(), other.get(), (one->centre - centre).norm() - one->radius - other->radius});
+  }
+  std::ranges::stable_sort(pairs, {}, &PiecePair::apart);
+  return pairs;
+}
+
+}  // namespace
+
 Gap gap(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b, const GapOptions& options) {
   const Pose T_ab = T_a.inverse() * T_b;
   Gap nearest;
   nearest.distance = options.most;
-  for (const Piece& one : a.search->pieces)
-    for (const Piece& other : b.search->pieces) {
-      const double skins = one.mesh.skin + other.mesh.skin;
-      Gap found =
-          NearestTriangles(one.tree, other.tree, T_ab, skins, {options.share, nearest.distance})
-              .nearest;
-      if (!(found.distance - skins < nearest.distance)) continue;
-      // from the meshes to the skins
-      const Vector3d way = found.on_b - found.on_a;
-      if (const double length = way.norm(); length > 0.0) {
-        found.on_a += std::min(one.mesh.skin, length) / length * way;
-        found.on_b -= std::min(other.mesh.skin, length) / length * way;
-      }
-      nearest = {std::max(0.0, found.distance - skins), T_a * found.on_a, T_a * found.on_b};
-      if (nearest.distance == 0.0) return nearest;
+  for (const auto& [one, other, apart] : piece_pairs(a, b, T_ab)) {
+    if (!(apart < nearest.distance)) break;
+    const double skins = one->mesh.skin + other->mesh.skin;
+    Gap found =
+        NearestTriangles(one->tree, other->tree, T_ab, skins, {options.share, nearest.distance})
+            .nearest;
+    if (!(found.distance - skins < nearest.distance)) continue;
+    // from the meshes to the skins
+    const Vector3d way = found.on_b - found.on_a;
+    if (const double length = way.norm(); length > 0.0) {
+      found.on_a += std::min(one->mesh.skin, length) / length * way;
+      found.on_b -= std::min(other->mesh.skin, length) / length * way;
     }
+    nearest = {std::max(0.0, found.distance - skins), T_a * found.on_a, T_a * found.on_b};
+    if (nearest.distance == 0.0) return nearest;
+  }
   return nearest;
 }
 
@@ -235,21 +356,24 @@ double windings(const ClosedMesh& mesh, const Vector3d& point) {
   return solid_angle / (4.0 * std::numbers::pi);
 }
 
-/// Whether a piece of one body lies around a piece of the other.
+/// Whether one body lies around a piece of the other.
 bool holds(const Body& outer, const Pose& T_outer, const Body& inner, const Pose& T_inner) {
-  for (const Piece& shell : outer.search->pieces)
-    for (const Piece& piece : inner.search->pieces) {
-      const Vector3d point =
-          T_outer.inverse() * (T_inner * Vector3d(piece.mesh.vertices.row(0).transpose()));
-      if (shell.closed && std::abs(windings(shell.mesh, point)) > 0.5) return true;
-    }
-  return false;
+  const Pose T = T_outer.inverse() * T_inner;
+  return std::ranges::any_of(inner.search->pieces, [&](const auto& piece) {
+    const Vector3d point = T * Vector3d(piece->mesh.vertices.row(0).transpose());
+    double sum = 0.0;
+    for (const auto& shell : outer.search->pieces)
+      if (shell->closed) sum += windings(shell->mesh, point);
+    return std::abs(sum) > 0.5;
+  });
 }
 
 }  // namespace
 
 bool is_inside(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b) {
-  return gap(a, T_a, b, T_b).distance > 0.0 && (holds(a, T_a, b, T_b) || holds(b, T_b, a, T_a));
+  constexpr double any = 1e-6;  // mm
+  return gap(a, T_a, b, T_b, {0.0, any}).distance > 0.0 &&
+         (holds(a, T_a, b, T_b) || holds(b, T_b, a, T_a));
 }
 
 namespace {

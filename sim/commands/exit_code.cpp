@@ -3,7 +3,7 @@
 #include <new>
 
 #include "sim/compensation/plug_in.h"
-#include "sim/cut/collisions.h"
+#include "sim/cut/collision_events.h"
 #include "sim/files/output_failure.h"
 #include "sim/files/progress.h"
 #include "sim/files/terminal.h"

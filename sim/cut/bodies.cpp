@@ -136,14 +136,8 @@ class ToolBodies {
 
 using IgnoredPairs = std::vector<CollisionDescription::Pair>;
 
-bool is_ignored(const IgnoredPairs& ignored, const std::string& a, const std::string& b) {
-  return std::ranges::any_of(ignored, [&](const CollisionDescription::Pair& pair) {
-    return (pair.a == a && pair.b == b) || (pair.a == b && pair.b == a);
-  });
-}
-
 void check_names(const IgnoredPairs& ignored, const std::vector<SolidBody>& bodies) {
-  std::vector<std::string> names;
+  std::vector<std::string> names{"stock"};
   for (const SolidBody& body : bodies)
     if (std::ranges::find(names, body.name) == names.end()) names.push_back(body.name);
   for (const CollisionDescription::Pair& pair : ignored)
@@ -232,6 +226,12 @@ std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidB
                                      body.name, size.maxCoeff()));
   }
   return warnings;
+}
+
+bool is_ignored(const IgnoredPairs& ignored, const std::string& a, const std::string& b) {
+  return std::ranges::any_of(ignored, [&](const CollisionDescription::Pair& pair) {
+    return (pair.a == a && pair.b == b) || (pair.a == b && pair.b == a);
+  });
 }
 
 std::vector<cutting::BodyPair> pairs_of(const kinematics::Chain& chain,

@@ -59,6 +59,10 @@ std::vector<SolidBody> bodies_of(const Job& part);
 /// What is odd about the bodies of a job: that there are none, that one is tiny.
 std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidBody>& bodies);
 
+/// Whether a pair is among those to be left out, in either order.
+bool is_ignored(const std::vector<CollisionDescription::Pair>& ignored, const std::string& a,
+                const std::string& b);
+
 /// Pairs that may meet, by their numbers: not what is carried by one carriage, nor parts of the
 /// machine that one axis joins.
 /// @param ignored  pairs that are left out

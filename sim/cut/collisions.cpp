@@ -7,12 +7,12 @@
 #include <fmt/format.h>
 
 #include "cutting/encounters.h"
-#include "kinematics/escape.h"
 #include "sim/cut/bodies.h"
+#include "sim/cut/following.h"
 #include "sim/cut/inside_tables.h"
+#include "sim/cut/stock_collisions.h"
 #include "sim/cut/stopwatch.h"
 #include "sim/cut/travel.h"
-#include "sim/program/path_meter.h"
 
 namespace abbe::sim {
 namespace {
@@ -27,48 +27,6 @@ using kinematics::AxisState;
 using kinematics::Joint;
 using kinematics::Motion;
 using kinematics::Pose;
-
-/// A part of a job as it is commanded.
-struct Following {
-  const Job& part;
-  const program::Samples& samples;
-  const program::Path& path;
-
-  const AxisState& state(std::size_t i) const { return samples.states[i]; }
-
-  /// Between two samples: axes and time in proportion, directions those of the way there.
-  AxisState state(const cutting::Moment& moment) const {
-    AxisState state = samples.states[moment.instant];
-    if (moment.u > 0.0 && moment.instant + 1 < samples.states.size()) {
-      const AxisState& next = samples.states[moment.instant + 1];
-      const AxisState before = state;
-      state = next;
-      state.q = before.q + moment.u * (next.q - before.q);
-      state.time_s = before.time_s + moment.u * (next.time_s - before.time_s);
-    }
-    if (const auto& spindle = part.machine.workpiece_spindle) state.q[*spindle] = 0.0;
-    return state;
-  }
-
-  std::vector<Pose> carriers(const cutting::Moment& moment) const {
-    const AxisState at = state(moment);
-    return carrier_poses(part.truth.actual, at.q, deviations(part.truth, at).joints);
-  }
-
-  const program::Block& block(std::size_t i) const {
-    return path.blocks[std::size_t(samples.block[i])];
-  }
-
-  /// The sample to which the axes are on their way.
-  std::size_t running(const cutting::Moment& moment) const {
-    return std::min(moment.instant + (moment.u > 0.0 ? 1u : 0u), samples.states.size() - 1);
-  }
-
-  ProgramPlace place(const cutting::Moment& moment) const {
-    const std::size_t i = running(moment);
-    return {samples.line[i], block(i).file, state(moment).time_s};
-  }
-};
 
 /// mm from any axis that turns to any point of a body, at most.
 double reach(const Following& following, const std::vector<SolidBody>& bodies) {
@@ -168,23 +126,6 @@ std::vector<BodyPair> pairs_in(const Job& part, const std::vector<SolidBody>& bo
   }
 }
 
-/// The longest way out of a contact at up to so many of its instants.
-void measure_depth(const Following& following, const Encounter& found, std::size_t end,
-                   const CarriedBody& a, const CarriedBody& b, Collision& collision) {
-  constexpr std::size_t most_looks = 24;
-  const std::size_t first = std::min(found.moment.instant + 1, following.samples.states.size() - 1);
-  const std::size_t count = std::max<std::size_t>(end, first + 1) - first;
-  const std::size_t looks = std::min(count, most_looks);
-  for (std::size_t k = 0; k < looks; ++k) {
-    const std::size_t i = looks == 1 ? first : first + k * (count - 1) / (looks - 1);
-    const std::vector<Pose> T = following.carriers({i, 0.0});
-    const cutting::WayOut out =
-        cutting::way_out(a.body, T[std::size_t(a.carrier)], b.body, T[std::size_t(b.carrier)]);
-    collision.depth = std::max(collision.depth, out.depth);
-    ++collision.depths;
-  }
-}
-
 /// Appends what is found in a part of a job.
 class PartSearch {
  public:
@@ -212,6 +153,7 @@ class PartSearch {
     add_bodies();
     add_clearances(found);
     for (const Encounter& one : found.list) add(one);
+    if (follows_stock(following_.part)) add_stock(progress);
   }
 
  private:
@@ -238,38 +180,61 @@ class PartSearch {
     for (std::size_t s = 0; s < found.stretches.size(); ++s) {
       const cutting::StretchClearance& one = found.stretches[s];
       all_.blocks.push_back({following_.place({motion_.stretches[s], 0.0}),
-                             following_.state(end_of(motion_, s) - 1).time_s, one.at_least,
+                             following_.state({end_of(motion_, s) - 1, 0.0}).time_s, one.at_least,
                              one.pair < 0 ? -1 : before + one.pair});
     }
   }
 
+  void add_stock(const Progress& progress) {
+    const auto begin = std::ptrdiff_t(all_.list.size()) - std::ptrdiff_t(listed_);
+    StockCollisions found = inside_tables(
+        following_.part, [&] { return stock_collisions(following_, bodies_, pairs_, progress); });
+    all_.queries += found.queries;
+    for (Clearance& one : found.clearances) all_.clearances.push_back(std::move(one));
+    for (Collision& one : found.list) {
+      one.part = number_;
+      all_.list.push_back(std::move(one));
+    }
+    std::stable_sort(
+        all_.list.begin() + begin, all_.list.end(),
+        [](const Collision& a, const Collision& b) { return a.first.time_s < b.first.time_s; });
+  }
+
   void add(const Encounter& found) {
-    constexpr std::size_t most_measured = 50;  // contacts whose depth is looked at
     const BodyPair pair = pairs_[std::size_t(found.pair)];
-    Collision one;
+    Collision one = event_at(following_, found.moment, found.place);
     one.a = body(pair.a).name;
     one.b = body(pair.b).name;
     one.contact = found.contact;
-    one.first = following_.place(found.moment);
     one.last = following_.place({end_of(motion_, found.last_stretch) - 1, 0.0});
     one.distance = found.distance;
-    one.place_b = found.place;
-    const std::vector<Pose> T = following_.carriers(found.moment);
-    const Carriers carriers{following_.part.truth.actual.size()};
-    one.place_w = T[std::size_t(carriers.workpiece())].inverse() * found.place;
     one.part = number_;
-    one.state = following_.state(found.moment);
-    one.rapid = following_.block(following_.running(found.moment)).interpolation ==
-                program::Interpolation::Rapid;
-    if (found.contact && contacts(all_) < most_measured)
-      measure_depth(following_, found, end_of(motion_, found.last_stretch),
-                    search_.bodies[std::size_t(pair.a)], search_.bodies[std::size_t(pair.b)], one);
+    if (found.contact && contacts(all_) < most_measured_contacts)
+      measure_depth(found, search_.bodies[std::size_t(pair.a)], search_.bodies[std::size_t(pair.b)],
+                    one);
+    ++listed_;
     all_.list.push_back(std::move(one));
+  }
+
+  /// The longest way out of a contact.
+  void measure_depth(const Encounter& found, const CarriedBody& a, const CarriedBody& b,
+                     Collision& collision) const {
+    const std::size_t first =
+        std::min(found.moment.instant + 1, following_.samples.states.size() - 1);
+    const std::size_t end = end_of(motion_, found.last_stretch);
+    for (const std::size_t i : spread_looks(first, std::max(end, first + 1))) {
+      const std::vector<Pose> T = following_.carriers({i, 0.0});
+      const cutting::WayOut out =
+          cutting::way_out(a.body, T[std::size_t(a.carrier)], b.body, T[std::size_t(b.carrier)]);
+      collision.depth = std::max(collision.depth, out.depth);
+      ++collision.depths;
+    }
   }
 
   const Following& following_;
   std::size_t number_;
   Collisions& all_;
+  std::size_t listed_ = 0;  // of this part
   std::vector<SolidBody> bodies_;
   std::vector<BodyPair> pairs_;
   Search search_;
@@ -286,47 +251,7 @@ void warn_of_overlaps(Collisions& all) {
           one.a, one.b));
 }
 
-std::string range_text(const Collision& event, const std::vector<std::string>& more_files) {
-  const std::string first = program::line_text(more_files, event.first.line, event.first.file);
-  const bool one = event.first.line == event.last.line && event.first.file == event.last.file;
-  return one ? first
-             : first + " to " + program::line_text(more_files, event.last.line, event.last.file);
-}
-
 }  // namespace
-
-std::string event_text(const Collision& event, const std::vector<std::string>& more_files) {
-  const std::string where = fmt::format("{}, {:.3f} s{}", range_text(event, more_files),
-                                        event.first.time_s, event.rapid ? ", on a rapid" : "");
-  const std::string pair = fmt::format("{} and {}", escaped(event.a), escaped(event.b));
-  if (!event.contact)
-    return fmt::format("{} come within {:.3g} mm: {}", pair, event.distance, where);
-  const std::string depth =
-      event.depths > 0 ? fmt::format("{:.3g} mm deep", event.depth) : "depth not looked at";
-  return fmt::format("{} meet, {}: {}", pair, depth, where);
-}
-
-std::vector<std::string> collision_warnings(const Collisions& all) {
-  constexpr std::size_t most = 10;
-  std::vector<std::string> warnings = all.warnings;
-  if (!all.beyond_travel.empty()) warnings.push_back("beyond its travel: " + all.beyond_travel);
-  std::size_t said = 0;
-  for (const Collision& one : all.list)
-    if (one.contact && said++ < most)
-      warnings.push_back("collision: " + event_text(one, all.more_files));
-  if (said > most) warnings.push_back(fmt::format("and {} more collisions", said - most));
-  if (const std::size_t near = all.list.size() - contacts(all); near > 0)
-    warnings.push_back(fmt::format("{} times two bodies come within {:g} mm", near, all.clearance));
-  return warnings;
-}
-
-std::size_t contacts(const Collisions& collisions) {
-  return std::size_t(std::ranges::count_if(collisions.list, &Collision::contact));
-}
-
-bool is_clear(const Collisions& collisions) {
-  return contacts(collisions) == 0 && collisions.beyond_travel.empty();
-}
 
 Collisions collisions(const Job& job, const Commands& commands, const std::string& name,
                       const Progress& progress) {
@@ -338,8 +263,7 @@ Collisions collisions(const Job& job, const Commands& commands, const std::strin
   all.gouge = job.scene.collision.gouge;
   const auto parts = parts_of(job);
   for (std::size_t i = 0; i < parts.size(); ++i) {
-    const Commands& own = of_part(commands, i);
-    const Following following{parts[i], own.samples, own.path ? *own.path : parts[i].path};
+    const Following following{parts[i], of_part(commands, i)};
     if (i == 0) all.more_files = following.path.more_files;
     try {
       check_travel(parts[i].machine, following.path, following.samples);

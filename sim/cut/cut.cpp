@@ -11,7 +11,7 @@
 #include "cutting/stock.h"
 #include "kinematics/turn_between.h"
 #include "kinematics/units.h"
-#include "sim/cut/accelerations.h"
+#include "sim/cut/collisions.h"
 #include "sim/cut/cut_warnings.h"
 #include "sim/cut/follow.h"
 #include "sim/cut/inside_tables.h"
@@ -20,6 +20,7 @@
 #include "sim/cut/surface_warnings.h"
 #include "sim/cut/sweep.h"
 #include "sim/cut/tool_motion.h"
+#include "sim/cut/tool_poses.h"
 #include "sim/cut/travel.h"
 
 namespace abbe::sim {
@@ -164,32 +165,8 @@ PoseErrors pose_errors(const std::vector<Pose>& T_wt, const std::vector<Pose>& T
   return errors;
 }
 
-/// A program as the axes are commanded, on the wrong machine.
-struct Run {
-  const Job& job;
-  const Commands& commands;
-  const std::vector<Pose>& T_wt_wanted;
-  std::vector<AxisVector> acceleration;  ///< (samples) empty without inertia
-  std::vector<double> wear = {};         ///< (samples) shares of it; empty without
-};
-
-Pose actual_pose(const Run& run, std::size_t sample, errors::Load load) {
-  if (!run.acceleration.empty()) load.acceleration = run.acceleration[sample];
-  Pose T_wt = tool_in_workpiece(run.job.truth, run.commands.samples.states[sample], load);
-  if (!run.wear.empty())
-    T_wt.translation() += run.wear[sample] * run.job.scene.tool.wear->length * T_wt.linear().col(2);
-  if (const auto& piezo = run.commands.piezo) {
-    const Eigen::Vector3d& along_t = piezo->piezo.direction_t;
-    const double force = along_t.dot(load.on_tool_t.head<3>());
-    T_wt.translation() +=
-        (piezo->stroke[Eigen::Index(sample)] + compensation::yielding(piezo->piezo, force)) *
-        (T_wt.linear() * along_t);
-  }
-  return T_wt;
-}
-
 /// The cut of a case.
-Process followed(const Run& run, const Progress& progress) {
+Process followed(const ActualRun& run, const Progress& progress) {
   const Job& job = run.job;
   if (!job.scene.cutting) return {};  // nor a copy of the design for it
   const auto pose = [&](std::size_t sample, const errors::Load& load) {
@@ -201,39 +178,6 @@ Process followed(const Run& run, const Progress& progress) {
                 [&](double fraction) {
                   if (progress) progress("stock", fraction);
                 });
-}
-
-/// What acts at every sample. @return (samples), empty where nothing does
-std::vector<errors::Load> loads_of(const Run& run, const Process& process) {
-  if (!run.job.truth.compliance && !run.commands.piezo) return {};
-  if (process.steps.empty() && run.acceleration.empty()) return {};
-  const auto& states = run.commands.samples.states;
-  std::vector<errors::Load> loads(states.size());
-  for (std::size_t i = 0; i < loads.size(); ++i) {
-    loads[i] = load_at(process, states[i].time_s);
-    if (!run.acceleration.empty()) loads[i].acceleration = run.acceleration[i];
-  }
-  return loads;
-}
-
-Run run_on(const Job& job, const Commands& commands) {
-  Run run{
-      job, commands, commands.T_wt_nominal.empty() ? job.T_wt_nominal : commands.T_wt_nominal, {}};
-  if (!job.accelerations.empty()) run.acceleration = accelerations(commands.samples);
-  run.wear = wear_shares(cut_part(job), commands.samples);
-  return run;
-}
-
-/// @param loads  (samples), empty for none
-/// @param at     numbers of samples; empty: all
-std::vector<Pose> poses_of(const Run& run, const std::vector<errors::Load>& loads,
-                           std::span<const std::size_t> at) {
-  std::vector<Pose> T_wt(at.empty() ? run.commands.samples.states.size() : at.size());
-  tbb::parallel_for(std::size_t(0), T_wt.size(), [&](std::size_t i) {
-    const std::size_t sample = at.empty() ? i : at[i];
-    T_wt[i] = actual_pose(run, sample, loads.empty() ? errors::Load{} : loads[sample]);
-  });
-  return T_wt;
 }
 
 /// The element that is largest at a state, angles at a metre of lever.
@@ -265,7 +209,7 @@ std::string largest_element(const Job& job, const AxisState& state) {
 }
 
 /// No machine is wrong by a metre: that is a wrong unit, refused with what makes it.
-void check_tips(const Run& run, const std::vector<Pose>& T_wt) {
+void check_tips(const ActualRun& run, const std::vector<Pose>& T_wt) {
   constexpr double most_mm = 1000.0;
   const program::Samples& samples = run.commands.samples;
   for (std::size_t i = 0; i < T_wt.size(); ++i) {
@@ -300,7 +244,7 @@ Posed posed(const Job& job, const Commands& commands, const Progress& progress,
             std::map<std::string, double>& timing_s) {
   Stopwatch watch;
   Posed made;
-  const Run run = run_on(job, commands);
+  const ActualRun run = actual_run(job, commands);
   made.T_wt = inside_tables(job, [&] {
     made.process = followed(run, progress);
     timing_s["stock"] += watch.lap();
@@ -377,13 +321,7 @@ void check_travel(const Job& job, const Commands& commands) {
 }
 
 Process cut_process(const Job& job, const Commands& commands) {
-  return followed(run_on(job, commands), {});
-}
-
-std::vector<Pose> tool_poses(const Job& job, const Commands& commands, const Process& process,
-                             std::span<const std::size_t> at) {
-  const Run run = run_on(job, commands);
-  return inside_tables(job, [&] { return poses_of(run, loads_of(run, process), at); });
+  return followed(actual_run(job, commands), {});
 }
 
 namespace {

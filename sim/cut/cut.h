@@ -2,12 +2,11 @@
 
 #include <map>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
 #include "cutting/interpolation.h"
-#include "sim/cut/collisions.h"
+#include "sim/cut/collision_events.h"
 #include "sim/cut/job.h"
 #include "sim/cut/signals.h"
 
@@ -49,14 +48,6 @@ Cut cut(const Job& job, const Progress& progress = {});
 /// Commands, compensated or not, on the wrong machine.
 /// @throws BadInput as without; CollisionStop where the scene asks for collisions, to stop there
 Cut cut(const Job& job, const Commands& commands, const Progress& progress = {});
-
-/// Where the tool really is in the part at samples of a program as it is commanded, T_wt.
-/// @param process  that cut, for its forces; empty for none
-/// @param at       numbers of samples; empty: all of them
-/// @throws BadInput where a table of the errors is left
-std::vector<kinematics::Pose> tool_poses(const Job& job, const Commands& commands,
-                                         const Process& process,
-                                         std::span<const std::size_t> at = {});
 
 /// Refuses the line of the program on which an axis first leaves its travel.
 /// @throws BadInput

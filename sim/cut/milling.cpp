@@ -6,7 +6,7 @@
 
 #include "cutting/read_mesh.h"
 #include "kinematics/turn_between.h"
-#include "sim/cut/cut.h"
+#include "sim/cut/tool_poses.h"
 
 namespace abbe::sim {
 

@@ -23,10 +23,10 @@ struct ProgramAloneOptions {
   std::string machine = "library:gantry_cxyza";  ///< a file, or a name of the library
   double tool_length = 100.0;                    ///< mm, of every tool
   std::optional<double> tool_radius;             ///< mm, for cutter compensation
-  std::string offset;                ///< of G54 to G59 each, "X=10 Z=-50"; empty: zero
-  std::filesystem::path tools;       ///< the control's tool table; empty: none
-  std::filesystem::path offsets;     ///< its work offsets; empty: none
-  std::optional<double> table_unit;  ///< mm per unit of length in both
+  std::string offset;                            ///< of G54 to G59 each, "X=10 Z=-50"; empty: zero
+  std::filesystem::path tools;                   ///< the control's tool table; empty: none
+  std::filesystem::path offsets;                 ///< its work offsets; empty: none
+  std::optional<double> table_unit;              ///< mm per unit of length in both
   dialects::Dialect dialect = dialects::Dialect::Auto;
   dialects::OnUnknown on_unknown = dialects::OnUnknown::Refuse;
   dialects::Interpreter interpreter = dialects::Interpreter::Abbe;

@@ -151,7 +151,10 @@ std::vector<Stage> stages_of_words(const std::string& part, const WorkSize& size
 }
 
 std::vector<Stage> stages_of_collisions(const std::string& part, const WorkSize& size) {
-  return {{part, "collisions", s_of_sample_followed_by_bodies * size.samples}};
+  std::vector<Stage> stages{{part, "collisions", s_of_sample_followed_by_bodies * size.samples}};
+  if (size.stock)
+    stages.push_back({part, "collisions with the stock", s_of_sample_in_stock * size.samples});
+  return stages;
 }
 
 std::vector<Stage> stages_of_comparison(const std::string& part, const WorkSize& size,

@@ -2,7 +2,7 @@
 
 #include "render/machine.h"
 #include "render/plot.h"
-#include "sim/cut/collisions.h"
+#include "sim/cut/collision_events.h"
 
 namespace abbe::sim {
 

@@ -4,7 +4,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "sim/cut/collisions.h"
+#include "sim/cut/collision_events.h"
 
 namespace abbe::sim {
 

@@ -1,4 +1,5 @@
 #include "sim/study/base_run.h"
+#include "sim/cut/tool_poses.h"
 
 #include <algorithm>
 

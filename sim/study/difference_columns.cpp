@@ -4,6 +4,7 @@
 #include <tbb/parallel_for.h>
 
 #include "cutting/cutter_entry.h"
+#include "sim/cut/tool_poses.h"
 #include "sim/study/contact_motion.h"
 #include "sim/study/influence_columns.h"
 

@@ -271,6 +271,39 @@ TEST(Bodies, ThatCannotBeAreRefused) {
                std::invalid_argument);
 }
 
+TEST(Bodies, InPatchesAreTheSameBody) {
+  constexpr unsigned seed = 1731;
+  std::cout << "seed " << seed << "\n";
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  ClosedMesh mesh = sphere_mesh(20.0, 1e-2);
+  Body patches = body_of_patches(mesh, 7.0);
+  const Body other = box(6.0, 9.0, 3.0);
+  for (int state = 0; state < 4; ++state) {
+    const Body whole = body_of(mesh);
+    EXPECT_NEAR(patches.radius, whole.radius, 1e-12);
+    EXPECT_NEAR(extent(patches, Vector3d::UnitX()), extent(whole, Vector3d::UnitX()), 1e-12);
+    int inside = 0;
+    for (int k = 0; k < 200; ++k) {
+      const Pose T = place(20.0 * Vector3d(any(random), any(random), any(random)),
+                           3.0 * Vector3d(any(random), any(random), any(random)));
+      const Gap one = gap(patches, Pose::Identity(), other, T),
+                same = gap(whole, Pose::Identity(), other, T);
+      EXPECT_NEAR(one.distance, same.distance, 1e-9);
+      EXPECT_EQ(is_inside(patches, Pose::Identity(), other, T),
+                is_inside(whole, Pose::Identity(), other, T));
+      inside += is_inside(whole, Pose::Identity(), other, T);
+    }
+    EXPECT_GT(inside, 20);
+    // a dent in one place: the other patches are kept
+    for (Eigen::Index i = 0; i < mesh.vertices.rows(); ++i)
+      if (mesh.vertices(i, state % 3) > 15.0) mesh.vertices(i, state % 3) -= 2.0;
+    patches = body_of_patches(mesh, 7.0, patches);
+  }
+  EXPECT_THROW(body_of_patches(mesh, 0.0), std::invalid_argument);
+  EXPECT_THROW(body_of_patches({}, 1.0), std::invalid_argument);
+}
+
 TEST(Collision, AGapThatMayBeRoughOrLimitedIsSoMuchOff) {
   std::mt19937 random(4711);
   std::uniform_real_distribution<double> any(-1, 1);

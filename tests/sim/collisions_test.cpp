@@ -124,6 +124,55 @@ TEST(Collisions, ARapidThroughThePart) {
   EXPECT_NEAR(through.list[0].depth, 15.0, 0.02);  // to the side of the wall
 }
 
+/// A blank that stands 20 mm over the wall.
+const char* const block =
+    "[cutting]\nblank = \"box\"\nlower_mm = [-50, -60, 0]\nupper_mm = [50, 0, 80]\n"
+    "spacing_mm = 0.5\n";
+
+TEST(Collisions, ARapidThroughTheStock) {
+  // the cutter's tip 10 mm under its skin, over the part
+  expect_one_contact({"G0 Z70\nG0 X0\nG0 Z100", "", block}, "cutter", "stock", 6, 10.0, -20.0);
+  expect_no_contact({"G0 Z81\nG0 X0\nG0 Z100", "", block});
+  // where it was cut before there is nothing to meet
+  expect_no_contact({"G1 Z70 F500\nG1 X0\nG0 X-20\nG0 Z100", "", block});
+}
+
+TEST(Collisions, TheHolderInTheStockAsItIsThen) {
+  const char* const small =
+      "[cutting]\nblank = \"box\"\nlower_mm = [-40, -50, 20]\nupper_mm = [0, -10, 80]\n"
+      "spacing_mm = 0.5\n";
+  const Collisions all = collisions_of({"G1 Z44 F500\nG0 Z100", holder, small});
+  ASSERT_EQ(contacts(all), 1u) << to_text(all);
+  EXPECT_EQ(all.list[0].a + " " + all.list[0].b, "holder stock");
+  EXPECT_EQ(all.list[0].first.line, 6);
+  EXPECT_NEAR(all.list[0].depth, 1.0, 0.02);
+  EXPECT_NEAR(all.list[0].place_w.z(), 80.0, 0.01);
+  EXPECT_LT(std::hypot(all.list[0].place_w.x() + 20.0, all.list[0].place_w.y() + 30.0), 15.1);
+  expect_no_contact({"G1 Z46 F500\nG0 Z100", holder, small});
+  // the same plunge into a face that was lowered to z 72 before
+  std::string moves = "G0 Z72\n";
+  for (int y = -50; y <= -10; y += 4)
+    moves += fmt::format("G0 X-48 Y{}\nG1 X8 F2000\nG0 Z90\nG0 X-48\nG0 Z72\n", y);
+  moves = "G0 Z90\nG0 X-48 Y-50\n" + moves + "G0 Z90\nG0 X-20 Y-30\n";
+  expect_no_contact({moves + "G1 Z44 F500\nG0 Z100", holder, small});
+  // and 8 mm deeper it is met again
+  const Collisions deep = collisions_of({moves + "G1 Z36 F500\nG0 Z100", holder, small});
+  ASSERT_EQ(contacts(deep), 1u) << to_text(deep);
+  EXPECT_EQ(deep.list[0].b, "stock");
+  // 1 mm and the crests of the ball, 0.417 mm, which the mesh cuts off within its half spacing
+  EXPECT_NEAR(deep.list[0].depth, 1.417, 0.25);
+  // unless that pair is left out
+  expect_no_contact({moves + "G1 Z36 F500\nG0 Z100", holder,
+                     small + std::string("[[collision.ignore]]\na = \"holder\"\nb = \"stock\"\n")});
+}
+
+TEST(Collisions, TheShankInTheStock) {
+  // the flank ends 10 mm under the skin
+  expect_one_contact({"G1 Z50 F500\nG1 X0\nG0 Z100", "", block}, "shank", "stock", 7, 10.0,
+                     -15.1);  // the core of the shank
+  expect_no_contact({"G1 Z61 F500\nG1 X0\nG0 Z100", "", block});
+}
+
 TEST(Collisions, TheCutterDeeperInThePartThanAGougeMayBe) {
   expect_one_contact({"G1 Z19 F500\nG1 X-10\nG1 Z100"}, "cutter", "part", 6, 1.0, -20.0);
   expect_no_contact({"G1 Z19 F500\nG1 X-10\nG1 Z100", "", "[collision]\ngouge_mm = 1.01\n"});

@@ -4,6 +4,7 @@
 
 #include "kinematics/numbers.h"
 #include "sim/cut/reach.h"
+#include "sim/cut/tool_poses.h"
 #include "tests/sim/odd_scenes.h"
 
 namespace abbe::sim {

@@ -1,0 +1,92 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "kinematics/axis.h"
+
+/// What was found to meet while a program runs.
+namespace abbe::sim {
+
+/// Where in a program something is.
+struct ProgramPlace {
+  int line = 0;
+  std::uint16_t file = 0;  ///< as `Block::file`
+  double time_s = 0.0;
+};
+
+/// Two bodies that meet, or that come too near to each other.
+struct Collision {
+  std::string a, b;
+  bool contact = true;     ///< else a near miss
+  bool rapid = false;      ///< it begins on a rapid
+  ProgramPlace first;      ///< of contact, or of where they are nearest
+  ProgramPlace last;       ///< end of the block in which they part again
+  double distance = 0.0;   ///< mm, of a near miss
+  double depth = 0.0;      ///< mm, of contact: the shortest way out where
+                           ///< that is longest of what was looked at
+  std::size_t depths = 0;  ///< instants at which it was looked at; 0: not
+  Eigen::Vector3d place_b = Eigen::Vector3d::Zero();  ///< mm, in the bed frame
+  Eigen::Vector3d place_w = Eigen::Vector3d::Zero();  ///< mm, in the workpiece frame
+  std::size_t part = 0;                               ///< of the job, with its tool
+  kinematics::AxisState state;                        ///< of the axes at `first`
+};
+
+/// How near two bodies come.
+struct Clearance {
+  std::string a, b;
+  bool overlap_at_start = false;  ///< and are not looked at
+  double distance = 0.0;  ///< mm, within 5 % or 0.01 mm; infinite of cutter and shank to the
+                          ///< part, if they do not collide: they may touch
+  ProgramPlace place;
+};
+
+/// The smallest clearance of a block.
+struct BlockClearance {
+  ProgramPlace place;  ///< its beginning
+  double end_s = 0.0;
+  double at_least = 0.0;  ///< mm, within 5 % or 0.01 mm
+  int pair = -1;          ///< of `clearances`; -1: none is looked at
+};
+
+struct Collisions {
+  std::string commands;                 ///< case whose commands they are
+  std::vector<std::string> more_files;  ///< of the program, as Path has them
+  struct NamedBody {
+    std::string name, carrier;
+    Eigen::Index triangles = 0;
+  };
+  std::vector<NamedBody> bodies;
+  std::vector<Collision> list;        ///< in the order of the program
+  std::vector<Clearance> clearances;  ///< of the pairs that were looked at
+  std::vector<BlockClearance> blocks;
+  std::vector<std::string> warnings;
+  std::size_t queries = 0;  ///< of distances
+  double seconds = 0.0;
+  double resolution = 0.0, clearance = 0.0, gouge = 0.0;  ///< mm, as asked for
+  std::string beyond_travel;  ///< the axis that leaves its travel, and where; empty: none does
+};
+
+/// What a person must know of them: contacts, ends of travel, how many near misses there are.
+std::vector<std::string> collision_warnings(const Collisions& collisions);
+
+/// A run that was to stop at a collision.
+struct CollisionStop : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// "holder and clamp meet, 3.21 mm deep: lines 12 to 14, 1.234 s, on a rapid"
+std::string event_text(const Collision& event, const std::vector<std::string>& more_files);
+
+/// How many of them are contact.
+std::size_t contacts(const Collisions& collisions);
+
+/// Whether the program can run: nothing meets, no axis leaves its travel.
+bool is_clear(const Collisions& collisions);
+
+}  // namespace abbe::sim

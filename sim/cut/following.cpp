@@ -1,0 +1,59 @@
+#include "sim/cut/following.h"
+
+#include <algorithm>
+
+#include "sim/cut/bodies.h"
+
+namespace abbe::sim {
+
+kinematics::AxisState Following::state(const cutting::Moment& moment) const {
+  kinematics::AxisState state = samples.states[moment.instant];
+  if (moment.u > 0.0 && moment.instant + 1 < samples.states.size()) {
+    const kinematics::AxisState& next = samples.states[moment.instant + 1];
+    const kinematics::AxisState before = state;
+    state = next;
+    state.q = before.q + moment.u * (next.q - before.q);
+    state.time_s = before.time_s + moment.u * (next.time_s - before.time_s);
+  }
+  if (const auto& spindle = part.machine.workpiece_spindle) state.q[*spindle] = 0.0;
+  return state;
+}
+
+std::vector<kinematics::Pose> Following::carriers(const cutting::Moment& moment) const {
+  const kinematics::AxisState at = state(moment);
+  return carrier_poses(part.truth.actual, at.q, deviations(part.truth, at).joints);
+}
+
+std::size_t Following::running(const cutting::Moment& moment) const {
+  return std::min(moment.instant + (moment.u > 0.0 ? 1u : 0u), samples.states.size() - 1);
+}
+
+ProgramPlace Following::place(const cutting::Moment& moment) const {
+  const std::size_t i = running(moment);
+  return {samples.line[i], path.blocks[std::size_t(samples.block[i])].file, state(moment).time_s};
+}
+
+Collision event_at(const Following& following, const cutting::Moment& moment,
+                   const Eigen::Vector3d& place_b) {
+  const Carriers carriers{following.part.truth.actual.size()};
+  const std::vector<kinematics::Pose> T = following.carriers(moment);
+  const std::size_t block = std::size_t(following.samples.block[following.running(moment)]);
+  Collision event;
+  event.first = event.last = following.place(moment);
+  event.place_b = place_b;
+  event.place_w = T[std::size_t(carriers.workpiece())].inverse() * place_b;
+  event.state = following.state(moment);
+  event.rapid = following.path.blocks[block].interpolation == program::Interpolation::Rapid;
+  return event;
+}
+
+std::vector<std::size_t> spread_looks(std::size_t first, std::size_t end) {
+  constexpr std::size_t most = 24;
+  std::vector<std::size_t> looks;
+  const std::size_t count = end - first, n = std::min(count, most);
+  for (std::size_t k = 0; k < n; ++k)
+    looks.push_back(n == 1 ? first : first + k * (count - 1) / (n - 1));
+  return looks;
+}
+
+}  // namespace abbe::sim

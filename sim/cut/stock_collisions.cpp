@@ -1,0 +1,367 @@
+#include "sim/cut/stock_collisions.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <optional>
+#include <utility>
+#include <variant>
+
+#include "cutting/collision.h"
+#include "sim/cut/milling.h"
+
+namespace abbe::sim {
+namespace {
+
+using cutting::Body;
+using Eigen::Vector3d;
+using kinematics::Pose;
+using Kind = SolidBody::Kind;
+
+constexpr const char* cutter_name = "cutter";
+constexpr double infinite = std::numeric_limits<double>::infinity();
+
+Body body_of_solid(const SolidBody& solid) {
+  return solid.pieces.empty() ? cutting::body_of(solid.mesh) : cutting::body_of(solid.pieces);
+}
+
+/// @param before  of the same stock
+Body body_of_stock(const cutting::Stock& stock, const Body& before = {}) {
+  constexpr double nodes_of_patch = 32;
+  const cutting::StockMesh mesh = cutting::stock_mesh(stock);
+  if (mesh.triangles.rows() == 0) return {};  // all of it is cut away
+  return cutting::body_of_patches({mesh.vertices_w, mesh.triangles, 0.0},
+                                  nodes_of_patch * stock.spacing, before);
+}
+
+/// How far a point of the ball of a body is from one pose to another, straight.
+double farthest(const Pose& from, const Pose& to, const Body& body) {
+  const double turn = (to.linear() - from.linear()).norm() / std::numbers::sqrt2;
+  return (to * body.centre - from * body.centre).norm() + turn * body.radius;
+}
+
+/// Cutter or shank: it may rub on the skin that was cut just before, but its core may not.
+struct ToolBody {
+  std::string name;
+  int frame = 0;
+  Body body, core;
+};
+
+/// A body that may not touch the stock.
+struct Watched {
+  std::string name;
+  int frame = 0;
+  Body body;
+  Pose T_w = Pose::Identity();  // where its distance was asked
+  double distance = 0.0;        // mm, no more than it was there
+  bool overlaps = false;        // from the start: not followed
+  double nearest = infinite;    // mm, of the program
+  ProgramPlace place;
+  std::optional<std::size_t> open;  // event that goes on
+};
+
+/// The blank of a part on its way to be the part.
+class StockSearch {
+ public:
+  StockSearch(const Following& following, const std::vector<SolidBody>& bodies,
+              const std::vector<cutting::BodyPair>& pairs)
+      : following_(following),
+        cutter_(std::get<cutting::Cutter>(following.part.scene.tool.actual)),
+        milling_(milling_of(following.part, following.commands)),
+        blank_(blank_stock(following.part.scene, *following.part.body_m)),
+        stock_(blank_),
+        mesh_(body_of_stock(stock_)) {
+    for (const cutting::BodyPair& pair : pairs) add(bodies, pair);
+    for (const SolidBody& body : bodies)
+      if (body.kind == Kind::Cutter || body.kind == Kind::Shank)
+        tool_.push_back({body.name, body.frame, body_of_solid(body),
+                         body.core.empty() ? body_of_solid(body) : cutting::body_of(body.core)});
+  }
+
+  StockCollisions found;
+
+  void run(const Progress& progress) {
+    if (milling_.at.empty()) return;
+    start();
+    for (std::size_t k = 0; k < milling_.moves(); ++k) {
+      const std::vector<Pose> next = poses(k + 1);
+      for (Watched& one : watched_) look(one, k, next);
+      take(k);
+      now_ = next;
+      if (progress && k % 256 == 0)
+        progress("collisions with the stock", double(k) / double(milling_.moves()));
+    }
+    if (!crashes_.empty()) add_crashes();
+    for (const Watched& one : watched_)
+      found.clearances.push_back({one.name, "stock", one.overlaps, one.nearest, one.place});
+    std::ranges::stable_sort(found.list, {}, [](const Collision& one) { return one.first.time_s; });
+  }
+
+ private:
+  void add(const std::vector<SolidBody>& bodies, const cutting::BodyPair& pair) {
+    const SolidBody &a = bodies[std::size_t(pair.a)], &b = bodies[std::size_t(pair.b)];
+    if (a.kind != Kind::Part && b.kind != Kind::Part) return;
+    const SolidBody& other = a.kind == Kind::Part ? b : a;
+    const bool wide_shank =
+        other.kind == Kind::Shank &&
+        other.mesh.vertices.leftCols<2>().rowwise().norm().maxCoeff() > 1.01 * cutter_.radius;
+    if (other.kind == Kind::Cutter || (other.kind == Kind::Shank && !wide_shank)) return;
+    if (is_ignored(options().ignore, other.name, "stock")) return;
+    watched_.push_back(
+        {other.name, other.frame,
+         wide_shank && !other.core.empty() ? cutting::body_of(other.core) : body_of_solid(other)});
+  }
+
+  /// Of all carriers in the workpiece, at a step.
+  std::vector<Pose> poses(std::size_t k) const {
+    std::vector<Pose> T = following_.carriers({milling_.at[k], 0.0});
+    const Carriers carriers{following_.part.truth.actual.size()};
+    const Pose T_wb = T[std::size_t(carriers.workpiece())].inverse();
+    for (Pose& one : T) one = T_wb * one;
+    return T;
+  }
+
+  ProgramPlace place(std::size_t k) const { return following_.place({milling_.at[k], 0.0}); }
+
+  void start() {
+    now_ = poses(0);
+    for (Watched& one : watched_) {
+      one.place = place(0);
+      one.T_w = now_[std::size_t(one.frame)];
+      one.distance = ask(one, one.T_w);
+      one.overlaps = meets(one, one.T_w, one.distance);
+      if (!one.overlaps) one.nearest = one.distance;
+    }
+  }
+
+  double ask(const Watched& one, const Pose& T_w) {
+    if (!mesh_.search) return infinite;
+    ++found.queries;
+    // too large by a hundredth at most
+    constexpr double share = 0.01;
+    return cutting::gap(mesh_, Pose::Identity(), one.body, T_w, {share}).distance / (1.0 + share);
+  }
+  bool meets(const Watched& one, const Pose& T_w, double distance) const {
+    if (!mesh_.search) return false;
+    return distance <= options().resolution ||
+           cutting::is_inside(mesh_, Pose::Identity(), one.body, T_w);
+  }
+  const CollisionDescription& options() const { return following_.part.scene.collision; }
+
+  /// Stock only goes away, so a distance to what it was is no more than that to what it is.
+  void refresh() {
+    if (!is_stale_) return;
+    mesh_ = body_of_stock(stock_, mesh_);
+    is_stale_ = false;
+  }
+
+  /// mm, of interest up to here: a clearance is wanted to 5 %.
+  double wanted(const Watched& one) const {
+    return std::max({options().clearance, options().resolution, 0.95 * one.nearest});
+  }
+
+  void look(Watched& one, std::size_t k, const std::vector<Pose>& next) {
+    if (one.overlaps) return;
+    if (one.open) return go_on(one, k, next);
+    const Pose &from = now_[std::size_t(one.frame)], &to = next[std::size_t(one.frame)];
+    const double step = farthest(from, to, one.body);
+    const auto is_far = [&] {
+      return one.distance - farthest(one.T_w, from, one.body) - step > wanted(one);
+    };
+    if (is_far()) return;
+    cutting::Approach near;
+    for (const bool fresh : {false, true}) {
+      if (fresh && !is_stale_) break;
+      if (fresh) refresh();
+      one.T_w = from;
+      one.distance = ask(one, from);
+      if (is_far()) return;
+      near = approach(one, from, to);
+      if (!near.contact && near.gap.distance > wanted(one)) return;
+    }
+    note(one, k, near, to);
+  }
+
+  cutting::Approach approach(const Watched& one, const Pose& from, const Pose& to) {
+    cutting::ApproachOptions how;
+    how.resolution = options().resolution;
+    how.share = 0.02;
+    how.rough = 0.01;
+    const cutting::Approach near =
+        cutting::approach(mesh_, one.body, kinematics::screw_between(from, to), how);
+    found.queries += std::size_t(near.queries);
+    return near;
+  }
+
+  void note(Watched& one, std::size_t k, const cutting::Approach& near, const Pose& to) {
+    const double distance = near.contact ? 0.0 : near.gap.distance;
+    const cutting::Moment moment = moment_of(k, near.u);
+    if (distance < one.nearest) {
+      one.nearest = distance;
+      one.place = following_.place(moment);
+    }
+    if (!near.contact && distance > options().clearance) return;
+    one.open = found.list.size();
+    found.list.push_back(event(moment, 0.5 * (near.gap.on_a + near.gap.on_b)));
+    Collision& event = found.list.back();
+    event.a = one.name;
+    event.b = "stock";
+    event.contact = near.contact;
+    event.distance = distance;
+    open_line_ = event.first.line;
+    if (near.contact) measure(event, one.body, to);
+  }
+
+  /// A share of the way from a step to the next as a moment between samples.
+  cutting::Moment moment_of(std::size_t k, double u) const {
+    u = std::max(u, 1e-9);  // what runs there is what comes next
+    const double at = double(milling_.at[k]) + u * double(milling_.at[k + 1] - milling_.at[k]);
+    const auto i = std::min(std::size_t(at), milling_.at[k + 1] - 1);
+    return {i, at - double(i)};
+  }
+
+  Collision event(const cutting::Moment& moment, const Vector3d& place_w) const {
+    const Carriers carriers{following_.part.truth.actual.size()};
+    const std::vector<Pose> T = following_.carriers(moment);
+    return event_at(following_, moment, T[std::size_t(carriers.workpiece())] * place_w);
+  }
+
+  void measure(Collision& event, const Body& body, const Pose& T_w) {
+    constexpr std::size_t most_looks = 24;
+    if (event.depths >= most_looks || measured_ >= most_looks * most_measured_contacts) return;
+    const cutting::WayOut out = cutting::way_out(mesh_, Pose::Identity(), body, T_w);
+    event.depth = std::max(event.depth, out.depth);
+    ++event.depths;
+    ++measured_;
+  }
+
+  /// While an event goes on the stock is looked at once a block, else what is cut meanwhile would
+  /// want a new mesh at every step.
+  void go_on(Watched& one, std::size_t k, const std::vector<Pose>& next) {
+    Collision& event = found.list[*one.open];
+    const Pose& to = next[std::size_t(one.frame)];
+    if (milling_.line[k + 1] != open_line_) refresh();
+    open_line_ = milling_.line[k + 1];
+    one.T_w = to;
+    one.distance = ask(one, to);
+    event.last = place(k + 1);
+    const bool meet = meets(one, to, one.distance);
+    if (!meet && one.distance > options().clearance) {
+      one.open.reset();
+      return;
+    }
+    // what comes near before it meets is one event
+    if (!event.contact && (meet || one.distance < event.distance)) nearer(one, event, k, meet, to);
+    if (meet) measure(event, one.body, to);
+  }
+
+  void nearer(Watched& one, Collision& event, std::size_t k, bool meet, const Pose& T_w) const {
+    const cutting::Gap gap = cutting::gap(mesh_, Pose::Identity(), one.body, T_w);
+    Collision now = this->event(moment_of(k, 1.0), 0.5 * (gap.on_a + gap.on_b));
+    now.a = event.a;
+    now.b = event.b;
+    now.last = event.last;
+    now.contact = meet;
+    now.distance = meet ? 0.0 : gap.distance;
+    event = std::move(now);
+    if (event.distance < one.nearest) {
+      one.nearest = event.distance;
+      one.place = event.first;
+    }
+  }
+
+  void take(std::size_t k) {
+    const cutting::Removed removed = cutting::remove(stock_, cutter_, milling_.move(k));
+    if (removed.volume > 0.0) is_stale_ = true;
+    if (removed.crashed) crashes_.push_back(k);
+  }
+
+  /// A second time through the program, with the stock as each crash of cutter or shank meets it.
+  void add_crashes() {
+    stock_ = blank_;
+    std::size_t k = 0, measured = 0;
+    for (std::size_t i = 0; i < crashes_.size();) {
+      std::size_t end = i + 1;
+      while (end < crashes_.size() && is_one(crashes_[end - 1], crashes_[end])) ++end;
+      std::optional<Collision> event;
+      if (measured++ < most_measured_contacts) {
+        for (; k < crashes_[i]; ++k) cutting::remove(stock_, cutter_, milling_.move(k));
+        mesh_ = body_of_stock(stock_, mesh_);
+        event = deepest(i, end);
+      }
+      add_crash(i, end, std::move(event));
+      i = end;
+    }
+  }
+
+  /// Whether two steps with a crash are of one.
+  bool is_one(std::size_t a, std::size_t b) const {
+    return milling_.rapid[a + 1] == milling_.rapid[b + 1] &&
+           (b == a + 1 || milling_.line[a + 1] == milling_.line[b + 1]);
+  }
+
+  /// Of cutter and shank the one that goes deeper; none where that is less than the mesh shows.
+  std::optional<Collision> deepest(std::size_t begin, std::size_t end) {
+    const std::size_t first = crashes_[begin];
+    std::optional<Collision> worst;
+    if (!mesh_.search) return worst;
+    for (const ToolBody& body : tool_) {
+      if (body.name == cutter_name && !milling_.rapid[first + 1]) continue;
+      const auto frame = std::size_t(body.frame);
+      const cutting::Approach met = cutting::approach(
+          mesh_, body.core,
+          kinematics::screw_between(poses(first)[frame], poses(first + 1)[frame]));
+      found.queries += std::size_t(met.queries);
+      if (!met.contact) continue;
+      Collision one = event(moment_of(first, met.u), met.gap.on_a);
+      one.a = body.name;
+      for (const std::size_t i : spread_looks(begin, end))
+        measure(one, body.body, poses(crashes_[i] + 1)[frame]);
+      if (!worst || one.depth > worst->depth) worst = std::move(one);
+    }
+    return worst;
+  }
+
+  void add_crash(std::size_t begin, std::size_t end, std::optional<Collision> met) {
+    const std::size_t first = crashes_[begin];
+    const bool rapid = milling_.rapid[first + 1];
+    if (!met) {
+      met = event({milling_.at[first], 0.0}, milling_.T_wt[first].translation());
+      met->a = rapid ? cutter_name : "shank";
+    }
+    met->b = "stock";
+    met->rapid = rapid;
+    met->last = place(crashes_[end - 1] + 1);
+    found.list.push_back(std::move(*met));
+  }
+
+  const Following& following_;
+  const cutting::Cutter& cutter_;
+  Milling milling_;
+  cutting::Stock blank_, stock_;
+  Body mesh_;
+  bool is_stale_ = false;
+  std::vector<Watched> watched_;
+  std::vector<ToolBody> tool_;
+  std::vector<Pose> now_;             // of all carriers in the workpiece
+  std::vector<std::size_t> crashes_;  // steps in which cutter or shank met what they may not
+  int open_line_ = 0;
+  std::size_t measured_ = 0;
+};
+
+}  // namespace
+
+bool follows_stock(const Job& part) {
+  return part.scene.cutting && std::holds_alternative<cutting::Cutter>(part.scene.tool.actual);
+}
+
+StockCollisions stock_collisions(const Following& following, const std::vector<SolidBody>& bodies,
+                                 const std::vector<cutting::BodyPair>& pairs,
+                                 const Progress& progress) {
+  StockSearch search(following, bodies, pairs);
+  search.run(progress);
+  return std::move(search.found);
+}
+
+}  // namespace abbe::sim
