@@ -90,6 +90,7 @@ Summary summary(const Job& job, const Verdict& verdict) {
   if (job.truth.heat) s.temperatures = temperatures_of(job.truth.heat->run);
   if (!cut.process.steps.empty())
     s.cut = {cut.process.steps.size(), totals(cut.process), cut.process.crash_lines};
+  s.stock = verdict.stock;
   s.timing_s.assign(job.timing_s.begin(), job.timing_s.end());
   s.timing_s.insert(s.timing_s.end(), cut.timing_s.begin(), cut.timing_s.end());
   s.wear = cut.wear;
