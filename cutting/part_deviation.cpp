@@ -170,22 +170,37 @@ Points directed_area(const StockMesh& mesh) {
 
 namespace {
 
+using Cube = std::array<std::int64_t, 3>;
+using Cubes = std::map<Cube, std::vector<std::size_t>>;
+
 /// Places that are further off than the band, those of a cube of half its size together. No design
 /// lies between two of them: a ball of the band about one of them holds the other.
-std::vector<std::vector<std::size_t>> far_cubes(const StockSkin& skin,
-                                                const std::vector<DesignDistance::At>& all,
-                                                double band) {
-  std::map<std::array<std::int64_t, 3>, std::vector<std::size_t>> cubes;
+Cubes far_cubes(const StockSkin& skin, const std::vector<DesignDistance::At>& all, double band) {
+  Cubes cubes;
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (all[i].triangle >= 0) continue;
-    std::array<std::int64_t, 3> cube{};
+    Cube cube{};
     for (std::size_t k = 0; k < 3; ++k)
       cube[k] = std::int64_t(std::floor(skin.places_w(Index(i), Index(k)) / (0.5 * band)));
     cubes[cube].push_back(i);
   }
-  std::vector<std::vector<std::size_t>> members;
-  for (auto& [cube, places] : cubes) members.push_back(std::move(places));
-  return members;
+  return cubes;
+}
+
+/// Whether cubes beside this one lie over the design where it lies beyond its border, or the other
+/// way around.
+bool is_at_border(const Cubes& cubes, const Cube& cube,
+                  const std::vector<DesignDistance::At>& all) {
+  const auto beyond = [&](const std::vector<std::size_t>& places) {
+    return all[places.front()].is_beyond;
+  };
+  const bool here = beyond(cubes.at(cube));
+  for (int i = 0; i < 27; ++i) {
+    const auto beside =
+        cubes.find({cube[0] + i % 3 - 1, cube[1] + i / 3 % 3 - 1, cube[2] + i / 9 - 1});
+    if (beside != cubes.end() && beyond(beside->second) != here) return true;
+  }
+  return false;
 }
 
 /// Every place of the skin against the design.
@@ -200,11 +215,24 @@ std::vector<DesignDistance::At> held_against(const StockSkin& skin, const Design
       guess = all[i].triangle;
     }
   });
-  const auto cubes = far_cubes(skin, all, band);
-  tbb::parallel_for(std::size_t(0), cubes.size(), [&](std::size_t i) {
-    const DesignDistance::At one =
-        design.at(skin.places_w.row(Index(cubes[i].front())).transpose());
-    for (const std::size_t place : cubes[i]) all[place] = one;
+  const Cubes cubes = far_cubes(skin, all, band);
+  const auto for_all = [&](const auto& act) {
+    std::vector<const Cubes::value_type*> list;
+    for (const auto& one : cubes) list.push_back(&one);
+    tbb::parallel_for(std::size_t(0), list.size(),
+                      [&](std::size_t i) { act(list[i]->first, list[i]->second); });
+  };
+  const auto exactly = [&](std::size_t i) {
+    return design.at(skin.places_w.row(Index(i)).transpose());
+  };
+  for_all([&](const Cube&, const std::vector<std::size_t>& places) {
+    all[places.front()] = exactly(places.front());
+  });
+  // the first of a cube stays as it is, which others look at
+  for_all([&](const Cube& cube, const std::vector<std::size_t>& places) {
+    const bool each = is_at_border(cubes, cube, all);
+    for (std::size_t k = 1; k < places.size(); ++k)
+      all[places[k]] = each ? exactly(places[k]) : all[places.front()];
   });
   return all;
 }

@@ -85,8 +85,7 @@ struct PartDeviation {
 /// The skin against a design in the same frame. Of an open design skin is not compared that lies
 /// beyond its border, or is under it and looks away from it, stands steeper than 84 degrees to it,
 /// or was never cut: bottom and sides of the blank. Of places further off than the band only the
-/// side is told, and what is beyond the border to half the band. Uses all threads, the same for any
-/// number.
+/// side is told. Uses all threads, the same for any number.
 PartDeviation part_deviation(const StockSkin& skin, const DesignDistance& design,
                              const DeviationOptions& options = {});
 

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sim/cut/cut_warnings.h"
+#include "sim/report/stock_check.h"
+
 namespace abbe::sim {
 namespace {
 
@@ -95,6 +98,7 @@ Summary summary(const Job& job, const Verdict& verdict) {
   s.timing_s.insert(s.timing_s.end(), cut.timing_s.begin(), cut.timing_s.end());
   s.wear = cut.wear;
   s.warnings = warnings_of(job, cut);
+  if (s.stock) add_warnings(warnings_of(*s.stock), s.warnings);
   return s;
 }
 
