@@ -47,6 +47,17 @@ Span scale_ends(const Field& field) {
   return ends.upper - ends.lower < least_um ? Span{-least_um, least_um} : ends;
 }
 
+/// Values at an end of the scale are within it, not in the colour of what lies beyond.
+Eigen::VectorXd drawn_values(const Eigen::VectorXd& deviation_um, const ColourScale& scale) {
+  const double least = 1e-3 * (scale.high - scale.low);
+  Eigen::VectorXd values = deviation_um.array().isFinite().select(deviation_um, scale.low);
+  for (double& value : values) {
+    if (std::abs(value - scale.high) < 1e-6 * least) value = scale.high - least;
+    if (std::abs(value - scale.low) < 1e-6 * least) value = scale.low + least;
+  }
+  return values;
+}
+
 /// The triangles of which every corner has, or has not, a deviation.
 std::vector<Solid> coloured_skin(const Field& field, const ColourScale& scale) {
   std::vector<int> corners[2];
@@ -68,7 +79,7 @@ std::vector<Solid> coloured_skin(const Field& field, const ColourScale& scale) {
     solid.shade = 0.35;
     if (grey == 0) {
       solid.scale = scale;
-      solid.values = field.deviation_um.array().isFinite().select(field.deviation_um, scale.low);
+      solid.values = drawn_values(field.deviation_um, scale);
     }
     solids.push_back(std::move(solid));
   }
