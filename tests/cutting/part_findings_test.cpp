@@ -6,21 +6,19 @@
 #include <cmath>
 #include <iostream>
 #include <map>
-#include <numbers>
 #include <random>
 
 #include <tbb/global_control.h>
 
 #include "cutting/part_findings.h"
 #include "cutting/turned_mesh.h"
+#include "kinematics/units.h"
 #include "tests/cutting/stock_parts.h"
 
 namespace abbe::cutting {
 namespace {
 
 using Eigen::Vector3d;
-
-constexpr double pi = std::numbers::pi;
 
 /// Quads, corners counter-clockwise from outside, as a design whose facets are the surface.
 struct Quads {
