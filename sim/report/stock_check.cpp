@@ -8,6 +8,7 @@
 
 #include "cutting/turned_mesh.h"
 #include "kinematics/units.h"
+#include "sim/cut/stopwatch.h"
 #include "sim/report/json_numbers.h"
 #include "sim/report/result_meshes.h"
 
@@ -151,6 +152,7 @@ std::string place_text(const Finding& one) {
 std::shared_ptr<const StockCheck> stock_check(const Job& job, const Verdict& verdict) {
   const Process& process = verdict.cut.process;
   if (!process.stock && !process.turned) return nullptr;
+  Stopwatch watch;
   auto check = std::make_shared<StockCheck>();
   check->skin =
       process.stock ? cutting::stock_skin(*process.stock) : cutting::stock_skin(*process.turned);
@@ -169,6 +171,7 @@ std::shared_ptr<const StockCheck> stock_check(const Job& job, const Verdict& ver
   check->is_closed = design.is_closed();
   check->part = cutting::part_deviation(check->skin, design, options);
   check->findings = cutting::findings(check->skin, check->part, check->limits);
+  check->seconds = watch.lap();
   return check;
 }
 

@@ -22,6 +22,7 @@ struct StockCheck {
   bool is_closed = false;  ///< the design
   bool is_turned = false;  ///< undercuts are not looked for: a profile has none
   bool has_design = true;  ///< else there is nothing to compare with
+  double seconds = 0.0;    ///< that it took
 };
 
 /// Null where no stock was followed.

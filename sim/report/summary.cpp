@@ -96,6 +96,7 @@ Summary summary(const Job& job, const Verdict& verdict) {
   s.stock = verdict.stock;
   s.timing_s.assign(job.timing_s.begin(), job.timing_s.end());
   s.timing_s.insert(s.timing_s.end(), cut.timing_s.begin(), cut.timing_s.end());
+  if (s.stock) s.timing_s.emplace_back("findings", s.stock->seconds);
   s.wear = cut.wear;
   s.warnings = warnings_of(job, cut);
   if (s.stock) add_warnings(warnings_of(*s.stock), s.warnings);
