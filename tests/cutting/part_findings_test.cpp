@@ -453,6 +453,9 @@ TEST(PartFindings, ACrashIsAGougeByThatLineAndABlankThatIsTooSmallIsNone) {
   EXPECT_EQ(gouge.line, 9);
   EXPECT_TRUE(gouge.by_crash);
   EXPECT_NEAR(gouge.depth, 2.0, 1e-8);
+  // the slot alone; at its two ends it runs out over an edge of the design
+  EXPECT_NEAR(gouge.volume, 2 * 10 * 40, 2 * 10 * 2.0 * 2.0 / 2 + 40);
+  EXPECT_LT(gouge.area, 10 * 40 + 2 * 40 * 1.5 + 60);
   EXPECT_NEAR(all.found.too_small, 40 * 20, 0.05 * 800) << "beside the slot the blank is too low";
 }
 
