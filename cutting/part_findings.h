@@ -66,7 +66,7 @@ struct Findings {
 inline constexpr int least_vertices = 4;
 
 /// Volumes are the flux of the way from the design to the skin: for a flat design that of the
-/// material between the two within a region, whatever the shape of the skin, to order 2 in the
+/// material between the two within a region, whatever the shape of the skin, to order 1 in the
 /// spacing and less what lies under the limit around it; for a design of curvature radius R off by
 /// up to depth / R of it, and short by up to depth^2 / 2 per mm of an edge of the design over which
 /// a gouge runs out. Areas and extents come to those of the region to a spacing around it, as
