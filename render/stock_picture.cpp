@@ -29,6 +29,8 @@ Field map_of_skin(const StockField& stock, bool with_cut_off) {
     const bool shows = status == cutting::SkinStatus::Compared ||
                        (with_cut_off && status == cutting::SkinStatus::CutOff);
     field.status.push_back(shows ? 0 : 2);
+    // what was cut off at the band lies beyond it, in the colour beyond the scale
+    if (status == cutting::SkinStatus::CutOff) field.deviation_um[i] *= 1.01;
     if (!shows) field.deviation_um[i] = std::numeric_limits<double>::quiet_NaN();
   }
   return field;
