@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cutting/stock.h"
+#include "cutting/stock_skin.h"
 
 namespace abbe::cutting {
 
@@ -21,6 +22,7 @@ using Node = std::array<int, 3>;
 struct Crossing {
   double at = 0.0;  ///< mm along the edge's axis from the grid's origin
   std::int32_t line = 0;
+  bool is_end = false;  ///< of a run of material; else the skin was sought between lines
 };
 
 const DexelLine& line_through(const DexelField& field, const Node& node) {
@@ -53,11 +55,16 @@ std::int32_t nearest_line(const DexelLine& line, double at) {
 
 class SkinMesher {
  public:
-  explicit SkinMesher(const Stock& stock)
-      : stock_(stock), nx_(stock.nodes[0]), ny_(stock.nodes[1]), nz_(stock.nodes[2]) {}
+  explicit SkinMesher(const Stock& stock, bool keeps_places = false)
+      : stock_(stock),
+        nx_(stock.nodes[0]),
+        ny_(stock.nodes[1]),
+        nz_(stock.nodes[2]),
+        keeps_places_(keeps_places) {}
 
   StockMesh mesh() {
     below_ = sides(0);
+    if (keeps_places_) ends_.assign(5, std::vector<int>(below_.size(), unseen));
     std::vector<int> cells_below(cell_count(), -1);
     for (int k = 0; k + 1 < nz_; ++k) {
       above_ = sides(k + 1);
@@ -66,11 +73,26 @@ class SkinMesher {
       if (k > 0) level_quads(cells_below, cells);
       cells_below = cells;
       std::swap(below_, above_);
+      if (keeps_places_) next_layer();
     }
     return assembled();
   }
 
+  StockSkin skin() {
+    StockSkin result;
+    result.mesh = mesh();
+    result.places_w = in_workpiece(ends_at_);
+    result.line = std::move(ends_line_);
+    result.first = std::move(first_);
+    result.first.push_back(int(uses_.size()));
+    result.place = std::move(uses_);
+    result.spacing = stock_.spacing;
+    return result;
+  }
+
  private:
+  static constexpr int unseen = -1, no_end = -2;  // of the edge of a cell, else its place
+
   std::size_t cell_count() const { return std::size_t(nx_ - 1) * std::size_t(ny_ - 1); }
   std::size_t node(int i, int j) const {
     return std::size_t(i) + std::size_t(nx_) * std::size_t(j);
@@ -113,9 +135,10 @@ class SkinMesher {
     const DexelField& field = stock_.fields[stock_.fields.size() == 1 ? 0 : std::size_t(axis)];
     const DexelLine& line = line_through(field, from);
     const DexelRun* const run = run_around(line, rises ? start + h : start);
-    if (run == nullptr) return {start + 0.5 * h, nearest_line(line, start + 0.5 * h)};
-    return {std::clamp(rises ? run->low : run->high, start, start + h),
-            rises ? run->low_line : run->high_line};
+    if (run == nullptr) return {start + 0.5 * h, nearest_line(line, start + 0.5 * h), false};
+    const double end = rises ? run->low : run->high;
+    const double at = std::clamp(end, start, start + h);
+    return {at, rises ? run->low_line : run->high_line, at == end};
   }
 
   /// Across lines of one direction: where the depth along them passes zero from one to the next.
@@ -130,7 +153,31 @@ class SkinMesher {
     const double db = std::clamp(b.inside_by(z), -4 * h, 4 * h);
     const double part = da != db ? std::clamp(da / (da - db), 0.0, 1.0) : 0.5;
     const DexelLine& outside = da > 0.0 ? b : a;
-    return {(from[std::size_t(axis)] + part) * h, nearest_line(outside, z)};
+    return {(from[std::size_t(axis)] + part) * h, nearest_line(outside, z), false};
+  }
+
+  /// Edges of cells by their lower node: along x in the lower and the upper layer of nodes, along y
+  /// the same, along z.
+  int& place_of_edge(const Node& from, int axis, int layer) {
+    const std::size_t kind = axis == 2 ? 4 : std::size_t(2 * axis + (from[2] - layer));
+    return ends_[kind][node(from[0], from[1])];
+  }
+  void next_layer() {
+    std::swap(ends_[0], ends_[1]);
+    std::swap(ends_[2], ends_[3]);
+    for (const std::size_t kind : {1, 3, 4}) std::ranges::fill(ends_[kind], unseen);
+  }
+  /// A place belongs to the four cells around its edge.
+  void keep(const Node& from, int axis, int layer, const Crossing& found, const Vector3d& place) {
+    int& number = place_of_edge(from, axis, layer);
+    if (number == unseen) {
+      number = found.is_end ? int(ends_at_.size()) : no_end;
+      if (found.is_end) {
+        ends_at_.push_back(place);
+        ends_line_.push_back(found.line);
+      }
+    }
+    if (number != no_end) uses_.push_back(number);
   }
 
   /// Vertices of the cells between layers k and k + 1.
@@ -158,6 +205,7 @@ class SkinMesher {
     Vector3d sum = Vector3d::Zero();
     std::array<std::int32_t, 12> lines{};
     int count = 0;
+    if (keeps_places_) first_.push_back(int(uses_.size()));
     for (int axis = 0; axis < 3; ++axis)
       for (int corner = 0; corner < 8; ++corner) {
         const int end = corner | 1 << axis;
@@ -167,6 +215,7 @@ class SkinMesher {
         Vector3d place = stock_.spacing * Vector3d(from[0], from[1], from[2]);
         place[axis] = found.at;
         sum += place;
+        if (keeps_places_) keep(from, axis, at[2], found, place);
         lines[std::size_t(count++)] = found.line;
       }
     places_.push_back(sum / count);
@@ -236,11 +285,16 @@ class SkinMesher {
     }
   }
 
+  Points in_workpiece(const std::vector<Vector3d>& places) const {
+    Points result(Eigen::Index(places.size()), 3);
+    for (std::size_t i = 0; i < places.size(); ++i)
+      result.row(Eigen::Index(i)) = stock_.T_wk * Vector3d(stock_.origin_k + places[i]);
+    return result;
+  }
+
   StockMesh assembled() {
     StockMesh result;
-    result.vertices_w.resize(Eigen::Index(places_.size()), 3);
-    for (std::size_t i = 0; i < places_.size(); ++i)
-      result.vertices_w.row(Eigen::Index(i)) = stock_.T_wk * Vector3d(stock_.origin_k + places_[i]);
+    result.vertices_w = in_workpiece(places_);
     result.triangles.resize(Eigen::Index(triangles_.size()), 3);
     for (std::size_t t = 0; t < triangles_.size(); ++t)
       for (int k = 0; k < 3; ++k)
@@ -255,6 +309,12 @@ class SkinMesher {
   std::vector<Vector3d> places_;     // mm from the grid's origin
   std::vector<std::int32_t> lines_;
   std::vector<std::array<int, 3>> triangles_;
+
+  bool keeps_places_;
+  std::vector<std::vector<int>> ends_;  // numbers of the places on the edges of a layer of cells
+  std::vector<Vector3d> ends_at_;       // mm from the grid's origin
+  std::vector<std::int32_t> ends_line_;
+  std::vector<int> first_, uses_;
 };
 
 }  // namespace
@@ -262,6 +322,16 @@ class SkinMesher {
 StockMesh stock_mesh(const Stock& stock) {
   if (stock.fields.empty()) return {};
   return SkinMesher(stock).mesh();
+}
+
+StockSkin stock_skin(const Stock& stock) {
+  if (stock.fields.empty()) {
+    StockSkin none;
+    none.first = {0};
+    none.spacing = stock.spacing;
+    return none;
+  }
+  return SkinMesher(stock, true).skin();
 }
 
 }  // namespace abbe::cutting

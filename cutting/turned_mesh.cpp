@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <stdexcept>
+
+#include "cutting/stock_skin.h"
 
 namespace abbe::cutting {
 namespace {
@@ -37,13 +40,19 @@ std::vector<Eigen::Index> thinned(const TurnedStock& stock) {
   return kept;
 }
 
-}  // namespace
+/// Those and every so many others that there are about `most`.
+std::vector<Eigen::Index> dense_rings(const TurnedStock& stock, Eigen::Index most) {
+  std::vector<Eigen::Index> nodes = thinned(stock);
+  const Eigen::Index every = std::max<Eigen::Index>(1, stock.radius.size() / most);
+  for (Eigen::Index i = 0; i < stock.radius.size(); i += every) nodes.push_back(i);
+  std::ranges::sort(nodes);
+  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+  return nodes;
+}
 
-StockMesh stock_mesh(const TurnedStock& stock, int around) {
-  if (around < 3) throw std::invalid_argument("expected at least 3 vertices on a circle");
+/// Rings at these nodes, and the middles of the two ends.
+StockMesh rings_at(const TurnedStock& stock, const std::vector<Eigen::Index>& nodes, int around) {
   StockMesh mesh;
-  if (stock.radius.size() < 2) return mesh;
-  const std::vector<Eigen::Index> nodes = thinned(stock);
   const Eigen::Vector3d across = stock.direction_w.unitOrthogonal();
   const Eigen::Vector3d third = stock.direction_w.cross(across);
   const int rings = int(nodes.size());
@@ -79,6 +88,27 @@ StockMesh stock_mesh(const TurnedStock& stock, int around) {
   mesh.line.push_back(stock.line[std::size_t(nodes.front())]);
   mesh.line.push_back(stock.line[std::size_t(nodes.back())]);
   return mesh;
+}
+
+}  // namespace
+
+StockMesh stock_mesh(const TurnedStock& stock, int around) {
+  if (around < 3) throw std::invalid_argument("expected at least 3 vertices on a circle");
+  return stock.radius.size() < 2 ? StockMesh{} : rings_at(stock, thinned(stock), around);
+}
+
+StockSkin stock_skin(const TurnedStock& stock, int around) {
+  if (around < 3) throw std::invalid_argument("expected at least 3 vertices on a circle");
+  constexpr Eigen::Index most_rings = 2000;
+  StockSkin skin;
+  skin.spacing = stock.spacing;
+  if (stock.radius.size() >= 2) skin.mesh = rings_at(stock, dense_rings(stock, most_rings), around);
+  skin.places_w = skin.mesh.vertices_w;
+  skin.line = skin.mesh.line;
+  skin.first.resize(skin.line.size() + 1);
+  std::iota(skin.first.begin(), skin.first.end(), 0);
+  skin.place.assign(skin.first.begin(), skin.first.end() - 1);
+  return skin;
 }
 
 }  // namespace abbe::cutting

@@ -98,16 +98,26 @@ void write_residual(const std::filesystem::path& path, const Field& field, const
                    of_triangles);
 }
 
-void write_stock(const std::filesystem::path& path, const cutting::StockMesh& stock) {
+void write_stock(const std::filesystem::path& path, const StockField& stock, const Facts& facts) {
   std::vector<std::uint8_t> status;
   std::vector<int> line;
-  for (const std::int32_t cut : stock.line) {
+  for (const std::int32_t cut : stock.mesh.line) {
     status.push_back(cut > 0 ? 0 : (cut == 0 ? 1 : 2));
     line.push_back(std::abs(cut));
   }
-  write_point_data(path, stock.vertices_w, stock.triangles,
-                   {{"status", std::span<const std::uint8_t>(status)},
-                    {"cut_line", std::span<const int>(line)}});
+  const auto view = [](const Eigen::VectorXd& values) {
+    return std::span<const double>(values.data(), std::size_t(values.size()));
+  };
+  write_point_data(path, stock.mesh.vertices_w, stock.mesh.triangles,
+                   {{"deviation_um", view(stock.deviation_um)},
+                    {"largest_um", view(stock.largest_um)},
+                    {"compared", std::span<const std::uint8_t>(stock.compared)},
+                    {"finding", std::span<const int>(stock.finding)},
+                    {"undercut", std::span<const int>(stock.undercut)},
+                    {"kind", std::span<const std::uint8_t>(stock.kind)},
+                    {"status", std::span<const std::uint8_t>(status)},
+                    {"cut_line", std::span<const int>(line)}},
+                   facts);
 }
 
 void write_residual(const std::filesystem::path& path, const cutting::Design& design,

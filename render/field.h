@@ -55,10 +55,25 @@ void write_residual(const std::filesystem::path& path, const Field& field, const
 void write_residual(const std::filesystem::path& path, const cutting::Design& design,
                     const cutting::Surface& surface);
 
-/// Writes `stock.vtp`, in the same layout: the machined body with point data `status` (uint8: 0
-/// cut, 1 skin of the blank, 2 cut by a crash) and `cut_line` (int32).
+/// A machined body held against its design, by the vertices of its mesh.
+struct StockField {
+  cutting::StockMesh mesh;
+  Eigen::VectorXd deviation_um;        ///< (n) + material left, - gouged; NaN where not compared
+  Eigen::VectorXd largest_um;          ///< (n) the largest in the vertex's cell; NaN the same
+  std::vector<std::uint8_t> compared;  ///< (n) as cutting::SkinStatus
+  std::vector<int> finding;   ///< (n) number of the rest material or gouge of which it is; 0: none
+  std::vector<int> undercut;  ///< (n) number of the undercut
+  std::vector<std::uint8_t> kind;  ///< (n) 0 no finding, 1 rest material, 2 gouge, 3 undercut alone
+};
+
+/// Writes `stock.vtp`, in the same layout: the machined body with point data `deviation_um`,
+/// `largest_um` (float64), `compared` (uint8: 0 yes, 1 further off than the band, 2 no design
+/// there, 3 not resolved), `finding`, `undercut` (int32), `kind`, `status` (uint8: 0 cut, 1 skin of
+/// the blank, 2 cut by a crash) and `cut_line` (int32).
+/// @throws std::invalid_argument if the sizes do not fit
 /// @throws std::system_error with the path if the file cannot be written
-void write_stock(const std::filesystem::path& path, const cutting::StockMesh& stock);
+void write_stock(const std::filesystem::path& path, const StockField& stock,
+                 const Facts& facts = {});
 
 /// Reads what `write_residual` wrote, compressed or not, bit for bit; vertex areas are computed
 /// from the triangles, normals made unit again, texture and field data left out. Memory stays

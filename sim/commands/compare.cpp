@@ -13,6 +13,7 @@
 #include "sim/loop/compensate.h"
 #include "sim/report/case_files.h"
 #include "sim/report/pictures.h"
+#include "sim/report/stock_check.h"
 #include "sim/report/summary_report.h"
 #include "sim/scene/case_folders.h"
 #include "sim/scene/read_scene.h"
@@ -199,7 +200,8 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   Cut made = cut_one(job, shown, to(progress));
   check_cuts_part(job, made);
   progress.begin("write");
-  const Verdict verdict = judge(job, std::move(made), nullptr);
+  Verdict verdict = judge(job, std::move(made), nullptr);
+  verdict.stock = stock_check(job, verdict);
   write_program(folder, job);
   write_case(folder, job, verdict, options.formats, to(progress));
   Outcome outcome{summary(job, verdict), {}, {}, {}};
@@ -245,18 +247,23 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   std::vector<FailedCase> failed;
   for (const Batch& batch : batches) cut_cases(batch, cases, failed, progress);
 
-  const Comparison compared = comparison(batches.front().job, cases, failed);
-  Outcome outcome{compared, {}, {}, {}};
+  Comparison compared = comparison(batches.front().job, cases, failed);
+  Outcome outcome;
   for (const FailedCase& one : failed) outcome.failed.push_back(one.name + ": " + one.reason);
   for (const Batch& batch : batches) write_program(folder.inside(batch.prefix), batch.job);
   const bool compensates = std::any_of(cases.begin(), cases.end(), [](const Compared& one) {
     return one.uncompensated.has_value();
   });
   for (std::size_t i = 0; i < cases.size(); ++i) {
-    const Compared& one = cases[i];
+    Compared& one = cases[i];
     progress.begin("write " + one.verdict.cut.name);
+    one.verdict.stock = stock_check(*one.job, one.verdict);
+    if (one.verdict.stock)
+      for (const std::string& warning : warnings_of(*one.verdict.stock))
+        compared.warnings.push_back(one.verdict.cut.name + ": " + warning);
     write_case(folder.inside(one.verdict.cut.name), *one.job, one.verdict, options.formats,
                to(progress));
+    one.verdict.stock.reset();  // tens of MB, and written
     // where there are compensators, they are what is accepted or not
     if (compensates ? one.uncompensated.has_value() : i > 0)
       collect(outcome.exceeded, one.job->scene.limits, one.verdict);
@@ -264,6 +271,7 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   if (scene.sensor_choice) progress.begin("choose sensors");
   outcome.sensors = choose_sensors(folder, scene, variants);
   write_json(folder / "comparison.json", to_json(compared));
+  outcome.figures = std::move(compared);
   progress.begin("write comparison");
   write_comparison_picture(folder / "comparison.png", scene, cases, to(progress));
   return outcome;

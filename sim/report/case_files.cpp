@@ -8,6 +8,7 @@
 #include "sim/report/collision_report.h"
 #include "sim/report/pictures.h"
 #include "sim/report/result_files.h"
+#include "sim/report/stock_check.h"
 #include "sim/report/summary_report.h"
 #include "sim/scene/toml_text.h"
 
@@ -27,6 +28,12 @@ void write_collisions(const ResultFile& file, const Cut& cut) {
   Collisions found = *cut.collisions;
   found.commands = cut.name;
   write_json(file, to_json(found));
+}
+
+/// The machined body; its picture and the file for ParaView are those of the pictures.
+void write_stock_mesh(const ResultFile& file, const Job& job, const Verdict& verdict) {
+  if (!verdict.stock) return remove_file(file);
+  write_file(file, to_stl(*verdict.stock, job, verdict));
 }
 
 }  // namespace
@@ -51,6 +58,7 @@ void write_case(const ResultFolder& folder, const Job& job, const Verdict& verdi
   const ResultFile rewritten =
       folder / ("rewritten" + std::filesystem::path(job.path.file).extension().string());
   write_or_remove(rewritten, verdict.cut.rewritten_program);
+  write_stock_mesh(folder / "stock.stl", job, verdict);
   write_collisions(folder / "collisions.json", verdict.cut);
   files.get();
   // last, so that a summary stands for a finished case

@@ -9,7 +9,6 @@
 #include <fmt/format.h>
 
 #include "cutting/areal_filter.h"
-#include "cutting/turned_mesh.h"
 #include "kinematics/units.h"
 #include "render/comparison.h"
 #include "render/field.h"
@@ -23,6 +22,7 @@
 #include "sim/report/collision_pictures.h"
 #include "sim/report/machine_picture.h"
 #include "sim/report/map_figures.h"
+#include "sim/report/stock_pictures.h"
 
 namespace abbe::sim {
 namespace {
@@ -320,40 +320,22 @@ void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdi
     remove_file(folder / "tolerance.png");
 }
 
-/// What is left of the blank, in the part frame as the map is.
-void draw_stock(const std::filesystem::path& file, const Job& job, const Verdict& verdict,
-                const cutting::StockMesh& stock) {
-  render::MachinePicture picture;
-  picture.title = job.scene.title + ": what " + verdict.cut.name + " leaves of the blank";
-  picture.part_name = "stock";
-  const Eigen::Isometry3d T_mw = job.scene.part.T_wm.inverse();
-  picture.part_vertices =
-      ((stock.vertices_w * T_mw.linear().transpose()).rowwise() + T_mw.translation().transpose());
-  picture.part_triangles = stock.triangles;
-  picture.caption = {fmt::format("{:.5g} mm^3 were removed; stock followed every {:.3g} mm",
-                                 totals(verdict.cut.process).removed, job.scene.cutting->spacing)};
-  render::MachineOptions options;
-  options.from = job.scene.view.from;
-  options.up = job.scene.view.up;
-  render::write_machine(file, picture, options);
-}
-
 void write_stock(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
-  const Process& process = verdict.cut.process;
-  if (!process.stock && !process.turned) {
+  const std::shared_ptr<const StockCheck> check =
+      verdict.stock ? verdict.stock : stock_check(job, verdict);
+  if (!check) {
     for (const char* name : {"stock.vtp", "stock.png"}) remove_file(folder / name);
     return;
   }
-  const cutting::StockMesh stock =
-      process.stock ? cutting::stock_mesh(*process.stock) : cutting::stock_mesh(*process.turned);
-  write_file(folder / "stock.vtp",
-             [&](const std::filesystem::path& file) { render::write_stock(file, stock); });
+  const render::StockField field = stock_field(*check);
+  write_file(folder / "stock.vtp", [&](const std::filesystem::path& file) {
+    render::write_stock(file, field, stock_facts(*check));
+  });
   // of a blank that was cut away as a whole there is nothing to draw
-  if (stock.triangles.rows() == 0)
-    remove_file(folder / "stock.png");
-  else
-    write_file(folder / "stock.png",
-               [&](const std::filesystem::path& file) { draw_stock(file, job, verdict, stock); });
+  if (field.mesh.triangles.rows() == 0) return remove_file(folder / "stock.png");
+  write_file(folder / "stock.png", [&](const std::filesystem::path& file) {
+    render::write_stock_picture(file, stock_picture(job, verdict, *check, field));
+  });
 }
 
 void write_source_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict) {

@@ -23,9 +23,9 @@ std::string font_warning(const std::string& text);
 void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict,
                          const Progress& progress = {});
 
-/// `stock.vtp` and `stock.png` of a case whose stock was cut, `temperatures.png` of one with heat
-/// and a picture `EXX-temperatures.png` of every element that the scene plots; older ones are
-/// removed where the case has none.
+/// `stock.vtp` and `stock.png` of a case whose stock was cut, coloured by its deviation,
+/// `temperatures.png` of one with heat and a picture `EXX-temperatures.png` of every element that
+/// the scene plots; older ones are removed where the case has none.
 void write_source_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict);
 
 /// All cases on one symmetric colour scale with their figures.

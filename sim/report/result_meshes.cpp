@@ -37,9 +37,8 @@ cutting::Points machined(const ResultMap& map) {
 }
 
 /// The 80 bytes before the triangles: ASCII, and no "solid" in front, which marks a text.
-std::string stl_head(const MapFacts& facts) {
-  std::string head = fmt::format("abbe {}, machined surface, mm, seed {}, {}: {}", version(),
-                                 facts.seed, facts.case_name, facts.scene);
+std::string stl_head(const std::string& what) {
+  std::string head = fmt::format("abbe {}, {}", version(), what);
   for (char& c : head)
     if (c < ' ' || c > '~') c = '?';
   head.resize(80, ' ');
@@ -66,12 +65,18 @@ std::string to_ply(const ResultMap& map) {
 }
 
 std::string to_stl(const ResultMap& map) {
-  const cutting::Points points = machined(map);
-  std::string bytes = stl_head(map.facts);
-  bytes.reserve(84 + 50 * std::size_t(map.design.triangles.rows()));
-  append(bytes, std::uint32_t(map.design.triangles.rows()));
-  for (const auto& t : map.design.triangles.rowwise()) {
-    const Eigen::RowVector3d a = points.row(t[0]), b = points.row(t[1]), c = points.row(t[2]);
+  return to_stl(machined(map), map.design.triangles,
+                fmt::format("machined surface, mm, seed {}, {}: {}", map.facts.seed,
+                            map.facts.case_name, map.facts.scene));
+}
+
+std::string to_stl(const cutting::Points& vertices, const cutting::Triangles& triangles,
+                   const std::string& what) {
+  std::string bytes = stl_head(what);
+  bytes.reserve(84 + 50 * std::size_t(triangles.rows()));
+  append(bytes, std::uint32_t(triangles.rows()));
+  for (const auto& t : triangles.rowwise()) {
+    const Eigen::RowVector3d a = vertices.row(t[0]), b = vertices.row(t[1]), c = vertices.row(t[2]);
     const Eigen::RowVector3d normal = (b - a).cross(c - a).normalized();
     for (const Eigen::RowVector3d& p : {normal, a, b, c})
       for (const double x : p) append(bytes, float(x));

@@ -18,4 +18,8 @@ std::string to_ply(const ResultMap& map);
 /// there by as much as their residuals differ.
 std::string to_stl(const ResultMap& map);
 
+/// Binary STL of any triangles, mm, after 80 bytes that begin with "abbe", its version and `what`.
+std::string to_stl(const cutting::Points& vertices, const cutting::Triangles& triangles,
+                   const std::string& what);
+
 }  // namespace abbe::sim

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sim/cut/cut_warnings.h"
+#include "sim/report/stock_check.h"
+
 namespace abbe::sim {
 namespace {
 
@@ -90,10 +93,13 @@ Summary summary(const Job& job, const Verdict& verdict) {
   if (job.truth.heat) s.temperatures = temperatures_of(job.truth.heat->run);
   if (!cut.process.steps.empty())
     s.cut = {cut.process.steps.size(), totals(cut.process), cut.process.crash_lines};
+  s.stock = verdict.stock;
   s.timing_s.assign(job.timing_s.begin(), job.timing_s.end());
   s.timing_s.insert(s.timing_s.end(), cut.timing_s.begin(), cut.timing_s.end());
+  if (s.stock) s.timing_s.emplace_back("findings", s.stock->seconds);
   s.wear = cut.wear;
   s.warnings = warnings_of(job, cut);
+  if (s.stock) add_warnings(warnings_of(*s.stock), s.warnings);
   return s;
 }
 

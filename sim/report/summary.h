@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -72,6 +73,7 @@ struct Summary {
   std::optional<std::vector<NodeTemperature>> temperatures;  ///< of a machine with heat
   std::optional<CutFigures> cut;                             ///< of a scene with [cutting]
   std::vector<std::pair<std::string, double>> timing_s;      ///< stages; the last of a name counts
+  std::shared_ptr<const StockCheck> stock;                   ///< of the verdict
   std::vector<WornTool> wear;  ///< of the tools that are assumed to wear, at the end
   std::vector<std::string> warnings;
 };

@@ -10,6 +10,7 @@
 #include "kinematics/units.h"
 #include "sim/files/versions.h"
 #include "sim/report/json_numbers.h"
+#include "sim/report/stock_check.h"
 
 namespace abbe::sim {
 namespace {
@@ -332,6 +333,7 @@ ordered_json to_json(const Summary& s) {
       json["temperature_C"][one.node] = {{"start", one.start_C}, {"end", one.end_C}};
   }
   if (s.cut) json["cut"] = cut_json(*s.cut);
+  if (s.stock) json["stock"] = to_json(*s.stock);
   for (const Verdict::Ring& ring : s.rings)
     json["radii_um"][ring.name] = number(ring.radius, units::um);
   if (!s.wear.empty()) json["tool_wear"] = wear_json(s.wear);
@@ -360,7 +362,8 @@ ordered_json to_json(const Comparison& c) {
 
 std::string to_text(const Summary& s) {
   return residual_head() + "\n" + residual_line(s.figures) + "\n" + parted_text({s.figures}) +
-         verdict_line(s.figures) + unreached_line(s.unreached);
+         verdict_line(s.figures) + unreached_line(s.unreached) +
+         (s.stock ? to_text(*s.stock) : std::string());
 }
 
 std::string to_text(const Comparison& c) {

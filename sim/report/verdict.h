@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,6 +13,8 @@
 #include "sim/cut/cut.h"
 
 namespace abbe::sim {
+
+struct StockCheck;
 
 /// One case judged: its map aligned as the scene asks, and the figures of it.
 struct Verdict {
@@ -40,6 +43,8 @@ struct Verdict {
   };
   std::optional<Place> highest, lowest;  ///< gouges too
   std::optional<Place> worst;            ///< furthest out of its tolerance
+  /// The machined body held against the design; null where none is followed or nobody asked.
+  std::shared_ptr<const StockCheck> stock = {};
 };
 
 /// @param error_free  the map that is taken away for the machine's own part; null for that case

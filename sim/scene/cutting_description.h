@@ -29,6 +29,8 @@ struct CuttingDescription {
   double step = 0.5;         ///< mm of tip travel between two looks at the engagement (milling)
   double tolerance = 1e-6;   ///< mm, to which deflection and force agree
   int most_iterations = 30;  ///< of one step
+  double rest = 0.05;        ///< mm, material left on the part beyond this is a finding
+  double gouge = 0.05;       ///< mm, and cut deeper than this
 };
 
 }  // namespace abbe::sim

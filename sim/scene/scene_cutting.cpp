@@ -211,7 +211,11 @@ Fields<CuttingDescription> fields_of(Operation operation) {
       .number("tolerance_nm", &CuttingDescription::tolerance, positive,
               "to which force and deflection agree at every step")
       .whole("most_iterations", &CuttingDescription::most_iterations, 1, 1000,
-             "of one step, after which it is reported as not converged");
+             "of one step, after which it is reported as not converged")
+      .number("rest_um", &CuttingDescription::rest, positive,
+              "material left on the machined part beyond this is a finding, in `summary.json`")
+      .number("gouge_um", &CuttingDescription::gouge, positive,
+              "the same of places cut deeper than the design");
 }
 
 const Fields<CuttingDescription>& cutting_fields(const ToolDescription& tool) {

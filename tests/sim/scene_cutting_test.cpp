@@ -73,7 +73,7 @@ TEST(SceneCutting, EveryKeyIsReadInInternalUnits) {
       "blank = \"cylinder\"\nradius_mm = 12\nlower_mm = -3\nupper_mm = 4\nspacing_mm = 0.25\n"
       "directions = 1\nmax_MiB = 16\nstep_mm = 0.1\ntolerance_nm = 5\nmost_iterations = 7\n"
       "flutes = 4\nhelix_deg = -45\nrun_out_um = 12\nrun_out_angle_deg = 90\n"
-      "rotation = \"counter_clockwise\"\n",
+      "rotation = \"counter_clockwise\"\nrest_um = 20\ngouge_um = 30\n",
       mill(), faults);
   EXPECT_EQ(text_of(faults), "");
   const auto& blank = std::get<cutting::CylinderBlank>(cutting.blank);
@@ -91,6 +91,8 @@ TEST(SceneCutting, EveryKeyIsReadInInternalUnits) {
   EXPECT_EQ(cutting.flutes.run_out, 12.0_um);
   EXPECT_EQ(cutting.flutes.run_out_angle, 90.0_deg);
   EXPECT_FALSE(cutting.flutes.clockwise);
+  EXPECT_DOUBLE_EQ(cutting.rest, 20.0_um);
+  EXPECT_DOUBLE_EQ(cutting.gouge, 30.0_um);
 }
 
 std::string cutting_again(const std::string& text, const ToolDescription& tool) {
@@ -118,6 +120,8 @@ step_mm = 0.1
 max_MiB = 16
 tolerance_nm = 5.0
 most_iterations = 7
+rest_um = 20.0
+gouge_um = 30.0
 )";
     if (const std::size_t at = text.find("STL"); at != std::string::npos) text.replace(at, 3, stl);
     EXPECT_EQ(cutting_again(text, mill()), text);
@@ -126,6 +130,8 @@ most_iterations = 7
 spacing_mm = 0.01
 tolerance_nm = 1.0
 most_iterations = 30
+rest_um = 20.0
+gouge_um = 30.0
 
 [[profile]]
 along_mm = -60.0

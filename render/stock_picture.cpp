@@ -1,0 +1,155 @@
+#include "render/stock_picture.h"
+
+#include <cmath>
+
+#include "cutting/part_deviation.h"
+#include "kinematics/require.h"
+#include "render/canvas.h"
+#include "render/colour_bar.h"
+#include "render/flags.h"
+#include "render/label.h"
+#include "render/layout.h"
+#include "render/map.h"
+
+namespace abbe::render {
+namespace {
+
+using Eigen::Vector2d;
+
+/// The deviation as a map of the skin: what is compared as cut, all else as outside.
+Field map_of_skin(const StockField& stock, bool with_cut_off) {
+  Field field;
+  field.design.vertices = stock.mesh.vertices_w;
+  field.design.triangles = stock.mesh.triangles;
+  field.design.normals = cutting::vertex_normals(stock.mesh.vertices_w, stock.mesh.triangles);
+  field.design.area = cutting::vertex_area(stock.mesh.vertices_w, stock.mesh.triangles);
+  field.deviation_um = stock.deviation_um;
+  for (Eigen::Index i = 0; i < stock.deviation_um.size(); ++i) {
+    const auto status = cutting::SkinStatus(stock.compared[std::size_t(i)]);
+    const bool shows = status == cutting::SkinStatus::Compared ||
+                       (with_cut_off && status == cutting::SkinStatus::CutOff);
+    field.status.push_back(shows ? 0 : 2);
+    // what was cut off at the band lies beyond it, in the colour beyond the scale
+    if (status == cutting::SkinStatus::CutOff) field.deviation_um[i] *= 1.01;
+    if (!shows) field.deviation_um[i] = std::numeric_limits<double>::quiet_NaN();
+  }
+  return field;
+}
+
+bool has_compared(const Field& field) {
+  return std::ranges::find(field.status, std::uint8_t(0)) != field.status.end();
+}
+
+/// Zero and most of what is compared, no finer than the dexels are cut where an axis turns.
+Span scale_ends(const Field& field) {
+  constexpr double least_um = 1.0;
+  if (!has_compared(field)) return {-least_um, least_um};
+  Span ends = fitted_ends_um(field);
+  widen(ends, 0.0);
+  return ends.upper - ends.lower < least_um ? Span{-least_um, least_um} : ends;
+}
+
+/// Values at an end of the scale are within it, not in the colour of what lies beyond.
+Eigen::VectorXd drawn_values(const Eigen::VectorXd& deviation_um, const ColourScale& scale) {
+  const double least = 1e-3 * (scale.high - scale.low);
+  Eigen::VectorXd values = deviation_um.array().isFinite().select(deviation_um, scale.low);
+  for (double& value : values) {
+    if (std::abs(value - scale.high) < 1e-6 * least) value = scale.high - least;
+    if (std::abs(value - scale.low) < 1e-6 * least) value = scale.low + least;
+  }
+  return values;
+}
+
+/// The triangles of which every corner has, or has not, a deviation.
+std::vector<Solid> coloured_skin(const Field& field, const ColourScale& scale) {
+  std::vector<int> corners[2];
+  for (const auto& t : field.design.triangles.rowwise()) {
+    bool shows = true;
+    for (const int corner : t) shows = shows && field.status[std::size_t(corner)] == 0;
+    std::vector<int>& list = corners[shows ? 0 : 1];
+    list.insert(list.end(), t.begin(), t.end());
+  }
+  std::vector<Solid> solids;
+  for (const int grey : {0, 1}) {
+    if (corners[grey].empty()) continue;
+    Solid solid;
+    solid.points = field.design.vertices;
+    solid.normals = field.design.normals;
+    solid.triangles = Eigen::Map<const cutting::Triangles>(
+        corners[grey].data(), Eigen::Index(corners[grey].size() / 3), 3);
+    solid.colour = colours::outside;
+    solid.shade = 0.35;
+    if (grey == 0) {
+      solid.scale = scale;
+      solid.values = drawn_values(field.deviation_um, scale);
+    }
+    solids.push_back(std::move(solid));
+  }
+  return solids;
+}
+
+std::vector<Flag> flags_of(const StockPicture& picture, const View& view,
+                           const cutting::Design& design) {
+  std::vector<Flag> flags;
+  for (const StockPicture::Mark& mark : picture.marks) {
+    const bool hidden = is_hidden(view, design, mark.at);
+    flags.push_back({projected(view, mark.at), mark.text + (hidden ? ", behind" : ""), hidden});
+  }
+  return flags;
+}
+
+}  // namespace
+
+void write_stock_picture(const std::filesystem::path& path, const StockPicture& picture) {
+  const StockField& stock = picture.field;
+  const auto n = std::size_t(stock.mesh.vertices_w.rows());
+  require(stock.mesh.triangles.rows() > 0, "stock: there is nothing to draw");
+  require(std::size_t(stock.deviation_um.size()) == n && stock.compared.size() == n,
+          "stock: one deviation a vertex is needed");
+  const Field field = map_of_skin(stock, true), within = map_of_skin(stock, false);
+  const Span ends = scale_ends(within);
+  const ColourScale scale = colour_scale(ends.lower, ends.upper);
+
+  const TypeSizes type = type_sizes(picture.width, picture.height);
+  const double u = type.unit, margin = 40.0 * u;
+  const TextStyle title{.size_px = type.title, .bold = true}, body{.size_px = type.body};
+  const double text_width = picture.width - 2.0 * margin, side = 270.0 * u;
+  std::vector<std::string> lines;
+  for (const std::string& text : picture.caption)
+    for (const std::string& line : wrapped(text, body, text_width)) lines.push_back(line);
+  const std::vector<std::string> head = wrapped(picture.title, title, text_width, 2);
+  const double head_height = 30.0 * u + 1.38 * double(head.size()) * type.title + 22.0 * u;
+  const double strip = 0.7 * margin + double(lines.size()) * line_height(body),
+               bottom = strip + 64.0 * u;
+  const Rectangle map{margin, bottom, text_width - side, picture.height - head_height - bottom};
+  const Rectangle bar{picture.width - margin - side + 116.0 * u, bottom + 190.0 * u, 38.0 * u,
+                      map.height - 72.0 * u - 190.0 * u};
+
+  Canvas canvas(picture.width, picture.height);
+  const View view = fitted_view(field.design.vertices, picture.from, picture.up, map);
+  canvas.scene(view, coloured_skin(field, scale), {});
+  paragraph(canvas, {margin, picture.height - 30.0 * u}, head, title);
+  const double middle = strip + 32.0 * u;
+  scale_bar(canvas, view, {margin, middle}, 0.22 * map.width, body);
+  if (std::ranges::find(field.status, std::uint8_t(2)) != field.status.end())
+    swatch(canvas, {margin + 0.42 * map.width, middle}, colours::outside,
+           "not compared with the design", body);
+  if (has_compared(field)) {
+    const double lowest =
+        field.deviation_um.array().isFinite().select(field.deviation_um, ends.lower).minCoeff();
+    const double highest =
+        field.deviation_um.array().isFinite().select(field.deviation_um, ends.upper).maxCoeff();
+    ColourBar scale_beside{scale, lowest<ends.lower, highest> ends.upper};
+    scale_beside.shares =
+        bar_shares(field.deviation_um, field.design.area, ends, std::max(8, int(bar.height / 7.0)));
+    scale_beside.histogram_px = 74.0 / 38.0 * bar.width;
+    colour_bar(canvas, bar, scale_beside, body);
+  }
+  triad(canvas, view, {picture.width - margin - 0.5 * side + 30.0 * u, bottom + 62.0 * u}, 46.0 * u,
+        body);
+  draw_flags(canvas, flags_of(picture, view, field.design), map, body);
+  paragraph(canvas, {margin, strip}, lines, body);
+  canvas.write_png(path);
+}
+
+}  // namespace abbe::render

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "render/field.h"
+
+namespace abbe::render {
+
+/// A machined body coloured by its deviation, with its findings.
+struct StockPicture {
+  std::string title;
+  StockField field;  ///< mesh in the frame in which it is seen
+  struct Mark {
+    Eigen::Vector3d at = Eigen::Vector3d::Zero();  ///< mm, on the body
+    std::string text;
+  };
+  std::vector<Mark> marks;
+  std::vector<std::string> caption;
+  int width = 1600;                                         ///< px
+  int height = 1200;                                        ///< px
+  Eigen::Vector3d from = Eigen::Vector3d(-0.5, -1.0, 0.9);  ///< from the body to the eye
+  Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
+};
+
+/// Draws the body so that it fills the picture: coloured by deviation on a diverging scale fitted
+/// to what is compared within the band, further off in the colours of the ends, not compared in
+/// grey, shaded a little by where it faces; with colour bar, histogram by area, scale bar and marks
+/// whose labels do not overlap as long as there is room.
+/// @throws std::invalid_argument if there is nothing to draw or sizes do not fit
+/// @throws std::system_error with the path if the file cannot be written
+void write_stock_picture(const std::filesystem::path& path, const StockPicture& picture);
+
+}  // namespace abbe::render

@@ -1,0 +1,230 @@
+#include "sim/report/stock_check.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "cutting/turned_mesh.h"
+#include "kinematics/units.h"
+#include "sim/cut/stopwatch.h"
+#include "sim/report/json_numbers.h"
+#include "sim/report/result_meshes.h"
+
+namespace abbe::sim {
+namespace {
+
+using cutting::Finding;
+using cutting::FindingKind;
+using cutting::Findings;
+using nlohmann::ordered_json;
+
+constexpr std::array kinds{FindingKind::Rest, FindingKind::Gouge, FindingKind::Undercut};
+constexpr std::size_t said = 3;  // findings of a kind in the text
+
+/// Where the design is held against the part: with it the map is aligned, so is the body.
+cutting::Design compared_design(const Job& job, const Verdict& verdict) {
+  if (job.scene.alignment == Alignment::None) return job.design_w;
+  return cutting::transformed(
+      job.design_w, kinematics::motion(verdict.aligned.displacement, verdict.aligned.point));
+}
+
+const Findings::Sums& sums_of(const StockCheck& check, FindingKind kind) {
+  return check.findings.sums[std::size_t(kind)];
+}
+
+std::vector<std::size_t> listed(const StockCheck& check, FindingKind kind) {
+  std::vector<std::size_t> rows;
+  for (std::size_t i = 0; i < check.findings.list.size(); ++i)
+    if (check.findings.list[i].kind == kind) rows.push_back(i);
+  return rows;
+}
+
+const Finding* deepest(const StockCheck& check, FindingKind kind) {
+  const Finding* most = nullptr;
+  for (const Finding& one : check.findings.list)
+    if (one.kind == kind && (most == nullptr || one.depth > most->depth)) most = &one;
+  return most;
+}
+
+std::string at_least(bool is) { return is ? "at least " : ""; }
+
+/// All digits of what is large.
+std::string volume_text(double mm3) {
+  return mm3 < 1000.0 ? fmt::format("{:.3g}", mm3) : fmt::format("{:.0f}", mm3);
+}
+
+std::string places_text(std::size_t count) {
+  return fmt::format("{} {}", count, count == 1 ? "place" : "places");
+}
+
+std::string speckle_text(const Findings::Sums& sums) {
+  if (sums.speckles == 0) return "";
+  return fmt::format("; {} too small for the dexels left out, up to {:.3g} mm", sums.speckles,
+                     sums.speckle_depth);
+}
+
+std::string kind_text(const StockCheck& check, FindingKind kind) {
+  const Findings::Sums& sums = sums_of(check, kind);
+  if (sums.regions == 0)
+    return sums.speckles == 0
+               ? ""
+               : fmt::format("{}: none of a size{}\n", name_of(kind), speckle_text(sums));
+  const std::vector<std::size_t> rows = listed(check, kind);
+  const bool bounded =
+      std::ranges::any_of(rows, [&](std::size_t i) { return check.findings.list[i].is_at_least; });
+  std::string text = fmt::format("{}: {}{} mm^3 in {}, {} {}{}\n", name_of(kind), at_least(bounded),
+                                 volume_text(sums.volume), places_text(sums.regions),
+                                 kind == FindingKind::Undercut ? "highest" : "deepest",
+                                 place_text(*deepest(check, kind)), speckle_text(sums));
+  if (rows.size() < 2) return text;
+  for (std::size_t i = 0; i < std::min(said, rows.size()); ++i) {
+    const Finding& one = check.findings.list[rows[i]];
+    text += fmt::format("  {}: {}{} mm^3, {}\n", rows[i] + 1, at_least(one.is_at_least),
+                        volume_text(one.volume), place_text(one));
+  }
+  return text;
+}
+
+/// What of the skin was not held against the design, in words; empty where all was.
+std::string left_out_text(const StockCheck& check) {
+  const Findings& f = check.findings;
+  const double all = f.compared + f.no_design + f.unresolved;
+  if (!(all > 0.0)) return "";
+  std::string text;
+  const auto add = [&](double area, const char* what) {
+    if (!(area > 5e-4 * all)) return;
+    text += fmt::format("{}{:.3g} % {}", text.empty() ? "" : ", ", 100.0 * area / all, what);
+  };
+  add(f.no_design, "has no design to it");
+  add(f.unresolved, "is wall along the dexels");
+  add(f.too_small, "is a blank too small for the part");
+  return text.empty() ? "" : "of the skin " + text + "\n";
+}
+
+ordered_json finding_json(const Finding& one, std::size_t number) {
+  return {{"number", number},
+          {"volume_mm3", one.volume},
+          {"area_mm2", one.area},
+          {"depth_mm", one.depth},
+          {"is_at_least", one.is_at_least},
+          {"at_mm", numbers(one.place_w)},
+          {"line", one.line},
+          {"by_crash", one.by_crash},
+          {"extent_mm", {numbers(one.extent_w.min()), numbers(one.extent_w.max())}},
+          {"vertices", one.vertices}};
+}
+
+ordered_json kind_json(const StockCheck& check, FindingKind kind) {
+  const Findings::Sums& sums = sums_of(check, kind);
+  ordered_json list = ordered_json::array();
+  for (const std::size_t i : listed(check, kind))
+    list.push_back(finding_json(check.findings.list[i], i + 1));
+  return {{"regions", sums.regions},
+          {"volume_mm3", sums.volume},
+          {"area_mm2", sums.area},
+          {"depth_mm", sums.depth},
+          {"unlisted", sums.regions - sums.listed},
+          {"unlisted_volume_mm3", sums.unlisted_volume},
+          {"speckles", sums.speckles},
+          {"speckle_volume_mm3", sums.speckle_volume},
+          {"speckle_depth_mm", sums.speckle_depth},
+          {"list", list}};
+}
+
+}  // namespace
+
+const char* name_of(FindingKind kind) {
+  constexpr std::array names{"rest material", "gouge", "undercut"};
+  return names[std::size_t(kind)];
+}
+
+std::string place_text(const Finding& one) {
+  const Eigen::Vector3d& p = one.place_w;
+  return fmt::format("{}{:.3g} mm at ({:.2f}, {:.2f}, {:.2f}), {}", at_least(one.is_at_least),
+                     one.depth, p.x(), p.y(), p.z(),
+                     one.line == 0
+                         ? std::string("never cut")
+                         : fmt::format("{}line {}", one.by_crash ? "crash on " : "", one.line));
+}
+
+std::shared_ptr<const StockCheck> stock_check(const Job& job, const Verdict& verdict) {
+  const Process& process = verdict.cut.process;
+  if (!process.stock && !process.turned) return nullptr;
+  Stopwatch watch;
+  auto check = std::make_shared<StockCheck>();
+  check->skin =
+      process.stock ? cutting::stock_skin(*process.stock) : cutting::stock_skin(*process.turned);
+  check->is_turned = !process.stock;
+  check->has_design = job.design_w.triangles.rows() > 0;
+  if (const auto& described = job.scene.cutting) {
+    check->limits.rest = described->rest;
+    check->limits.gouge = described->gouge;
+  }
+  check->limits.undercut_along = job.scene.part.T_wm.linear().col(2);
+  if (check->is_turned) check->limits.undercut_along.reset();
+  cutting::DeviationOptions options;
+  options.smooth = !job.scene.part.flat_facets;
+  check->band = options.band;
+  const cutting::DesignDistance design(compared_design(job, verdict), options);
+  check->is_closed = design.is_closed();
+  check->part = cutting::part_deviation(check->skin, design, options);
+  check->findings = cutting::findings(check->skin, check->part, check->limits);
+  check->seconds = watch.lap();
+  return check;
+}
+
+std::string to_text(const StockCheck& check) {
+  std::string text;
+  for (const FindingKind kind : kinds) text += kind_text(check, kind);
+  if (text.empty() && check.findings.compared > 0.0)
+    text = fmt::format(
+        "machined body: no rest material beyond {:.3g} um, no gouge beyond {:.3g} "
+        "um{}\n",
+        check.limits.rest / units::um, check.limits.gouge / units::um,
+        check.is_turned ? "" : ", no undercut");
+  return text + left_out_text(check);
+}
+
+ordered_json to_json(const StockCheck& check) {
+  const Findings& f = check.findings;
+  return {{"frame", "workpiece"},
+          {"design", !check.has_design ? "none"
+                     : check.is_closed ? "closed"
+                                       : "open"},
+          {"spacing_mm", check.skin.spacing},
+          {"rest_um", check.limits.rest / units::um},
+          {"gouge_um", check.limits.gouge / units::um},
+          {"band_mm", check.band},
+          {"compared_mm2", f.compared},
+          {"beyond_band_mm2", f.cut_off},
+          {"no_design_mm2", f.no_design},
+          {"unresolved_mm2", f.unresolved},
+          {"blank_too_small_mm2", f.too_small},
+          {"undercuts_looked_for", !check.is_turned},
+          {"rest", kind_json(check, FindingKind::Rest)},
+          {"gouges", kind_json(check, FindingKind::Gouge)},
+          {"undercuts", kind_json(check, FindingKind::Undercut)}};
+}
+
+std::vector<std::string> warnings_of(const StockCheck& check) {
+  std::vector<std::string> warnings;
+  if (const Finding* most = deepest(check, FindingKind::Gouge))
+    warnings.push_back(fmt::format("the machined body is gouged in {}, deepest {}",
+                                   places_text(sums_of(check, FindingKind::Gouge).regions),
+                                   place_text(*most)));
+  const Findings& f = check.findings;
+  if (f.compared == 0.0 && f.no_design + f.unresolved > 0.0)
+    warnings.push_back(
+        "nothing of the machined body lies at the design: rest material and gouges are not known");
+  return warnings;
+}
+
+std::string to_stl(const StockCheck& check, const Job& job, const Verdict& verdict) {
+  return to_stl(check.skin.mesh.vertices_w, check.skin.mesh.triangles,
+                fmt::format("machined body, mm, workpiece frame, seed {}, {}: {}", job.scene.seed,
+                            verdict.cut.case_name, job.scene.title));
+}
+
+}  // namespace abbe::sim
