@@ -183,6 +183,10 @@ std::vector<SolidBody> machine_bodies(const MachineDescription& machine) {
   return bodies;
 }
 
+std::vector<SolidBody> tool_bodies(const Job& part, double skin) {
+  return ToolBodies(part.scene.tool, Carriers{part.truth.actual.size()}.tool(), skin).bodies;
+}
+
 std::vector<SolidBody> bodies_of(const Job& part) {
   std::vector<SolidBody> bodies = machine_bodies(part.scene.machine);
   const Carriers carriers{part.truth.actual.size()};
@@ -194,8 +198,7 @@ std::vector<SolidBody> bodies_of(const Job& part) {
                     "w",
                     carriers.workpiece(),
                     {part.design_w.vertices, part.design_w.triangles, 0.0}});
-  ToolBodies tool(part.scene.tool, carriers.tool(), part.scene.collision.gouge);
-  std::ranges::move(tool.bodies, std::back_inserter(bodies));
+  std::ranges::move(tool_bodies(part, part.scene.collision.gouge), std::back_inserter(bodies));
   return bodies;
 }
 
@@ -214,6 +217,12 @@ std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidB
     warnings.push_back(
         "the spindle stands still in this search: what it turns is looked at as it "
         "stands at 0 deg");
+  if (const auto* cutter = std::get_if<cutting::Cutter>(&part.scene.tool.actual))
+    if (const double most = 0.25 * cutter->radius; part.scene.collision.gouge > most)
+      warnings.push_back(
+          fmt::format("collision.gouge_mm = {:g} is more than a quarter of the cutter's radius: "
+                      "{:g} mm is taken",
+                      part.scene.collision.gouge, most));
   for (const SolidBody& body : bodies) {
     const Eigen::Vector3d size =
         (body.mesh.vertices.colwise().maxCoeff() - body.mesh.vertices.colwise().minCoeff())

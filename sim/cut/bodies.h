@@ -51,6 +51,11 @@ cutting::ClosedMesh mesh_of(const BodyDescription& body);
 /// @throws BadInput as `mesh_of`
 std::vector<SolidBody> machine_bodies(const MachineDescription& machine);
 
+/// Cutter, shank and holder of the true tool of a part.
+/// @param skin  mm by which the cores of cutter and shank are smaller, at most a quarter of their
+///              radius
+std::vector<SolidBody> tool_bodies(const Job& part, double skin);
+
 /// Every body of a part of a job: machine, fixtures, part, and of the true tool cutter, shank and
 /// holder.
 /// @throws BadInput as `mesh_of`

@@ -2,12 +2,14 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "cutting/body.h"
 #include "kinematics/axis.h"
 
 /// What was found to meet while a program runs.
@@ -35,6 +37,8 @@ struct Collision {
   Eigen::Vector3d place_w = Eigen::Vector3d::Zero();  ///< mm, in the workpiece frame
   std::size_t part = 0;                               ///< of the job, with its tool
   kinematics::AxisState state;                        ///< of the axes at `first`
+  std::shared_ptr<const cutting::ClosedMesh>
+      stock;  ///< of the first contact with the stock: as it is then, in the workpiece frame
 };
 
 /// How near two bodies come.

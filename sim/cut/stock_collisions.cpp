@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numbers>
 #include <optional>
 #include <utility>
@@ -27,13 +28,10 @@ Body body_of_solid(const SolidBody& solid) {
   return solid.pieces.empty() ? cutting::body_of(solid.mesh) : cutting::body_of(solid.pieces);
 }
 
-/// @param before  of the same stock
-Body body_of_stock(const cutting::Stock& stock, const Body& before = {}) {
-  constexpr double nodes_of_patch = 32;
-  const cutting::StockMesh mesh = cutting::stock_mesh(stock);
-  if (mesh.triangles.rows() == 0) return {};  // all of it is cut away
-  return cutting::body_of_patches({mesh.vertices_w, mesh.triangles, 0.0},
-                                  nodes_of_patch * stock.spacing, before);
+std::shared_ptr<const cutting::ClosedMesh> shape_of(const cutting::Stock& stock) {
+  cutting::StockMesh mesh = cutting::stock_mesh(stock);
+  return std::make_shared<const cutting::ClosedMesh>(
+      cutting::ClosedMesh{std::move(mesh.vertices_w), std::move(mesh.triangles), 0.0});
 }
 
 /// How far a point of the ball of a body is from one pose to another, straight.
@@ -71,10 +69,10 @@ class StockSearch {
         cutter_(std::get<cutting::Cutter>(following.part.scene.tool.actual)),
         milling_(milling_of(following.part, following.commands)),
         blank_(blank_stock(following.part.scene, *following.part.body_m)),
-        stock_(blank_),
-        mesh_(body_of_stock(stock_)) {
+        stock_(blank_) {
+    renew();
     for (const cutting::BodyPair& pair : pairs) add(bodies, pair);
-    for (const SolidBody& body : bodies)
+    for (const SolidBody& body : tool_bodies(following.part, cutting::rubbing))
       if (body.kind == Kind::Cutter || body.kind == Kind::Shank)
         tool_.push_back({body.name, body.frame, body_of_solid(body),
                          body.core.empty() ? body_of_solid(body) : cutting::body_of(body.core)});
@@ -97,9 +95,19 @@ class StockSearch {
     for (const Watched& one : watched_)
       found.clearances.push_back({one.name, "stock", one.overlaps, one.nearest, one.place});
     std::ranges::stable_sort(found.list, {}, [](const Collision& one) { return one.first.time_s; });
+    keep_first_stock();
   }
 
  private:
+  /// A picture is made of the first contact.
+  void keep_first_stock() {
+    bool is_kept = false;
+    for (Collision& one : found.list) {
+      if (is_kept) one.stock.reset();
+      is_kept = is_kept || one.contact;
+    }
+  }
+
   void add(const std::vector<SolidBody>& bodies, const cutting::BodyPair& pair) {
     const SolidBody &a = bodies[std::size_t(pair.a)], &b = bodies[std::size_t(pair.b)];
     if (a.kind != Kind::Part && b.kind != Kind::Part) return;
@@ -153,7 +161,15 @@ class StockSearch {
   /// Stock only goes away, so a distance to what it was is no more than that to what it is.
   void refresh() {
     if (!is_stale_) return;
-    mesh_ = body_of_stock(stock_, mesh_);
+    renew();
+  }
+
+  void renew() {
+    constexpr double nodes_of_patch = 32;
+    shape_ = shape_of(stock_);
+    const bool is_left = shape_->triangles.rows() > 0;
+    mesh_ = is_left ? cutting::body_of_patches(*shape_, nodes_of_patch * stock_.spacing, mesh_)
+                    : Body{};
     is_stale_ = false;
   }
 
@@ -211,7 +227,9 @@ class StockSearch {
     event.contact = near.contact;
     event.distance = distance;
     open_line_ = event.first.line;
-    if (near.contact) measure(event, one.body, to);
+    if (!near.contact) return;
+    event.stock = shape_;
+    measure(event, one.body, to);
   }
 
   /// A share of the way from a step to the next as a moment between samples.
@@ -265,6 +283,7 @@ class StockSearch {
     now.last = event.last;
     now.contact = meet;
     now.distance = meet ? 0.0 : gap.distance;
+    if (meet) now.stock = shape_;
     event = std::move(now);
     if (event.distance < one.nearest) {
       one.nearest = event.distance;
@@ -288,7 +307,7 @@ class StockSearch {
       std::optional<Collision> event;
       if (measured++ < most_measured_contacts) {
         for (; k < crashes_[i]; ++k) cutting::remove(stock_, cutter_, milling_.move(k));
-        mesh_ = body_of_stock(stock_, mesh_);
+        renew();
         event = deepest(i, end);
       }
       add_crash(i, end, std::move(event));
@@ -302,24 +321,32 @@ class StockSearch {
            (b == a + 1 || milling_.line[a + 1] == milling_.line[b + 1]);
   }
 
+  std::optional<Collision> first_contact(const ToolBody& body, std::size_t begin, std::size_t end) {
+    const auto frame = std::size_t(body.frame);
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::size_t k = crashes_[i];
+      const cutting::Approach met = cutting::approach(
+          mesh_, body.core, kinematics::screw_between(poses(k)[frame], poses(k + 1)[frame]));
+      found.queries += std::size_t(met.queries);
+      if (!met.contact) continue;
+      Collision one = event(moment_of(k, met.u), met.gap.on_a);
+      one.a = body.name;
+      return one;
+    }
+    return {};
+  }
+
   /// Of cutter and shank the one that goes deeper; none where that is less than the mesh shows.
   std::optional<Collision> deepest(std::size_t begin, std::size_t end) {
-    const std::size_t first = crashes_[begin];
     std::optional<Collision> worst;
     if (!mesh_.search) return worst;
     for (const ToolBody& body : tool_) {
-      if (body.name == cutter_name && !milling_.rapid[first + 1]) continue;
-      const auto frame = std::size_t(body.frame);
-      const cutting::Approach met = cutting::approach(
-          mesh_, body.core,
-          kinematics::screw_between(poses(first)[frame], poses(first + 1)[frame]));
-      found.queries += std::size_t(met.queries);
-      if (!met.contact) continue;
-      Collision one = event(moment_of(first, met.u), met.gap.on_a);
-      one.a = body.name;
+      if (body.name == cutter_name && !milling_.rapid[crashes_[begin] + 1]) continue;
+      std::optional<Collision> one = first_contact(body, begin, end);
+      if (!one) continue;
       for (const std::size_t i : spread_looks(begin, end))
-        measure(one, body.body, poses(crashes_[i] + 1)[frame]);
-      if (!worst || one.depth > worst->depth) worst = std::move(one);
+        measure(*one, body.body, poses(crashes_[i] + 1)[std::size_t(body.frame)]);
+      if (!worst || one->depth > worst->depth) worst = std::move(one);
     }
     return worst;
   }
@@ -332,6 +359,7 @@ class StockSearch {
       met->a = rapid ? cutter_name : "shank";
     }
     met->b = "stock";
+    met->stock = shape_;
     met->rapid = rapid;
     met->last = place(crashes_[end - 1] + 1);
     found.list.push_back(std::move(*met));
@@ -341,7 +369,8 @@ class StockSearch {
   const cutting::Cutter& cutter_;
   Milling milling_;
   cutting::Stock blank_, stock_;
-  Body mesh_;
+  std::shared_ptr<const cutting::ClosedMesh> shape_;
+  Body mesh_;  // of the shape; without search where nothing is left
   bool is_stale_ = false;
   std::vector<Watched> watched_;
   std::vector<ToolBody> tool_;

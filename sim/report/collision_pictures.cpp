@@ -37,10 +37,11 @@ render::MachinePicture collision_picture(const Job& job, const Collisions& colli
     const bool is_met = solid.name == event.a || solid.name == event.b;
     const kinematics::Pose& T_b = T[std::size_t(solid.frame)];
     if (solid.kind == SolidBody::Kind::Part) {
-      picture.part_vertices = cutting::moved(solid.mesh, T_b).vertices;
-      picture.part_triangles = solid.mesh.triangles;
-      if (!is_met) continue;
-      picture.part_colour = red;
+      const cutting::ClosedMesh& shape = event.stock ? *event.stock : solid.mesh;
+      picture.part_vertices = cutting::moved(shape, T_b).vertices;
+      picture.part_triangles = shape.triangles;
+      if (event.stock) picture.part_name = "stock";
+      if (is_met || event.stock) picture.part_colour = red;
       continue;
     }
     render::Body body;
