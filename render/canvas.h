@@ -10,7 +10,10 @@
 
 #include "cutting/mesh.h"
 #include "render/colour.h"
+#include "render/png.h"
 #include "render/view.h"
+
+class vtkRenderer;
 
 namespace abbe::render {
 
@@ -59,9 +62,10 @@ struct Wire {
 /// Only one canvas lives at a time: a second one waits for the first, so do not nest them.
 class Canvas {
  public:
+  /// @param samples  a pixel: more make edges smoother and drawing slower
   /// @throws std::invalid_argument unless both sizes are in 64 .. longest_side
   /// @throws std::runtime_error if there is no software or hardware OpenGL to draw with
-  Canvas(int width, int height);
+  Canvas(int width, int height, int samples = 8);
   ~Canvas();
   Canvas(const Canvas&) = delete;
   Canvas& operator=(const Canvas&) = delete;
@@ -76,6 +80,15 @@ class Canvas {
   /// Solids and wires seen in `view`, within its rectangle.
   void scene(const View& view, const std::vector<Solid>& solids, const std::vector<Wire>& wires);
 
+  /// A scene of somebody's own, who keeps and changes it while the canvas lives; it is drawn within
+  /// the rectangle of the view, seen as `look` says.
+  void add(vtkRenderer& scene, const View& view);
+
+  /// Takes away what is flat; scenes stay.
+  void wipe();
+  /// What is drawn, now.
+  Pixels pixels();
+
   /// @throws std::system_error with the path if the file cannot be written
   void write_png(const std::filesystem::path& path);
   void write(const std::filesystem::path& path, PictureFormat format);
@@ -84,5 +97,8 @@ class Canvas {
   struct Sheet;
   std::unique_ptr<Sheet> sheet_;
 };
+
+/// Puts the camera of a scene where the view says.
+void look(vtkRenderer& scene, const View& view);
 
 }  // namespace abbe::render

@@ -376,8 +376,8 @@ void check_travel(const Job& job, const Commands& commands) {
                  of_part(commands, i).samples);
 }
 
-Process cut_process(const Job& job, const Commands& commands) {
-  return followed(run_on(job, commands), {});
+Process cut_process(const Job& job, const Commands& commands, const Progress& progress) {
+  return followed(run_on(job, commands), progress);
 }
 
 std::vector<Pose> tool_poses(const Job& job, const Commands& commands, const Process& process,

@@ -26,7 +26,7 @@ std::vector<std::size_t> milling_looks(const program::Samples& samples, const pr
                                        const std::vector<kinematics::Pose>& T_wt, double step,
                                        double reach);
 
-/// A program as it is milled on the wrong machine, step by step, where nothing bends.
+/// A program as it is milled on the wrong machine, step by step.
 struct Milling {
   std::vector<std::size_t> at;         ///< (n) samples, rising from 0
   std::vector<kinematics::Pose> T_wt;  ///< (n) where the tool is
@@ -37,8 +37,9 @@ struct Milling {
   cutting::StockMove move(std::size_t k) const;  ///< from k to k + 1
 };
 
-/// @param part  with [cutting] and a milling cutter
+/// @param part     with [cutting] and a milling cutter
+/// @param process  that cut, for its forces; empty: nothing bends
 /// @throws BadInput where a table of the errors is left
-Milling milling_of(const Job& part, const Commands& commands);
+Milling milling_of(const Job& part, const Commands& commands, const Process& process = {});
 
 }  // namespace abbe::sim
