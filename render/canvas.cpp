@@ -198,16 +198,16 @@ struct Canvas::Sheet {
   std::vector<FlatMark> marks;  ///< what is flat, for formats that keep it so
   bool has_scene = false;
 
-  Sheet(int width_px, int height_px, int samples);
+  Sheet(int width_px, int height_px, const Smoothness& smoothness);
   ~Sheet() { window->Finalize(); }
 };
 
-Canvas::Sheet::Sheet(int width_px, int height_px, int samples)
-    : width(width_px), height(height_px) {
+Canvas::Sheet::Sheet(int width_px, int height_px, const Smoothness& smoothness)
+    : context(smoothness.shades_samples), width(width_px), height(height_px) {
   window->SetOwnContext(0);
   window->SetSize(width, height);
   window->SetDPI(dots_per_inch);
-  window->SetMultiSamples(samples);
+  window->SetMultiSamples(smoothness.samples);
   window->SetUseOffScreenBuffers(true);
   window->SetShowWindow(false);
   window->SetReadyForRendering(true);
@@ -231,12 +231,12 @@ Canvas::Sheet::Sheet(int width_px, int height_px, int samples)
   window->AddRenderer(front);
 }
 
-Canvas::Canvas(int width, int height, int samples) {
+Canvas::Canvas(int width, int height, const Smoothness& smoothness) {
   const auto possible = [](int size) { return size >= 64 && size <= longest_side; };
   if (!possible(width) || !possible(height)) {
     throw std::invalid_argument("a picture is 64 to 16384 pixels wide and high");
   }
-  sheet_ = std::make_unique<Sheet>(width, height, samples);
+  sheet_ = std::make_unique<Sheet>(width, height, smoothness);
 }
 
 Canvas::~Canvas() = default;

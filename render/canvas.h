@@ -57,15 +57,20 @@ struct Wire {
   double width_px = 1.5;
 };
 
+/// How smooth edges are: what is finer is slower.
+struct Smoothness {
+  int samples = 8;             ///< a pixel
+  bool shades_samples = true;  ///< as of HeadlessContext
+};
+
 /// One picture in the making, white, pixels counted from the lower left corner; what is drawn later
 /// stands in front, solids and wires behind everything flat. The same calls give the same bytes.
 /// Only one canvas lives at a time: a second one waits for the first, so do not nest them.
 class Canvas {
  public:
-  /// @param samples  a pixel: more make edges smoother and drawing slower
   /// @throws std::invalid_argument unless both sizes are in 64 .. longest_side
   /// @throws std::runtime_error if there is no software or hardware OpenGL to draw with
-  Canvas(int width, int height, int samples = 8);
+  Canvas(int width, int height, const Smoothness& smoothness = {});
   ~Canvas();
   Canvas(const Canvas&) = delete;
   Canvas& operator=(const Canvas&) = delete;

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 #include <stdexcept>
+#include <unordered_map>
 #include <utility>
 
 #include <vtkActor.h>
@@ -31,7 +33,8 @@ using Eigen::Vector3d;
 using kinematics::Pose;
 
 constexpr Colour body_edge{0.35, 0.37, 0.40};
-constexpr int film_samples = 4;  // a pixel
+constexpr Smoothness film_smoothness{0, false};
+constexpr double finest_px = 1.5;  // of the triangles of a part
 
 /// Where everything stands in a frame, px.
 struct FilmLayout {
@@ -129,10 +132,63 @@ View carried(View view, const Pose& T_bw) {
   return view;
 }
 
-/// The part as it is now.
+/// A mesh with one vertex in every cell of a grid.
+struct Thinned {
+  FilmMesh mesh;
+  std::vector<Eigen::Index> kept;  ///< (vertices) rows of the mesh that it was
+};
+
+/// The mean edge of a mesh, of some of its triangles.
+double mean_edge(const FilmMesh& mesh) {
+  const Eigen::Index step = std::max<Eigen::Index>(1, mesh.triangles.rows() / 1000);
+  double sum = 0.0;
+  Eigen::Index count = 0;
+  for (Eigen::Index i = 0; i < mesh.triangles.rows(); i += step, ++count)
+    sum +=
+        (mesh.vertices.row(mesh.triangles(i, 0)) - mesh.vertices.row(mesh.triangles(i, 1))).norm();
+  return count > 0 ? sum / double(count) : 0.0;
+}
+
+/// What is smaller than a cell cannot be seen, and costs as much time as what can.
+Thinned thinned(const FilmMesh& mesh, double cell) {
+  if (mean_edge(mesh) >= cell) {
+    Thinned whole{mesh, std::vector<Eigen::Index>(std::size_t(mesh.vertices.rows()))};
+    std::iota(whole.kept.begin(), whole.kept.end(), Eigen::Index(0));
+    return whole;
+  }
+  std::unordered_map<std::uint64_t, int> cells_met;
+  std::vector<int> number(std::size_t(mesh.vertices.rows()));
+  Thinned made;
+  const Eigen::RowVector3d low = mesh.vertices.colwise().minCoeff();
+  for (Eigen::Index i = 0; i < mesh.vertices.rows(); ++i) {
+    const Eigen::Array3d at = ((mesh.vertices.row(i) - low) / cell).array().floor();
+    constexpr double most = double(1 << 21) - 1.0;
+    std::uint64_t key = 0;
+    for (int k = 0; k < 3; ++k) key = key << 21 | std::uint64_t(std::min(at[k], most));
+    const auto [met, is_new] = cells_met.try_emplace(key, int(made.kept.size()));
+    if (is_new) made.kept.push_back(i);
+    number[std::size_t(i)] = met->second;
+  }
+  std::vector<std::array<int, 3>> triangles;
+  for (const auto& t : mesh.triangles.rowwise()) {
+    const std::array<int, 3> corners{number[std::size_t(t[0])], number[std::size_t(t[1])],
+                                     number[std::size_t(t[2])]};
+    if (corners[0] != corners[1] && corners[1] != corners[2] && corners[2] != corners[0])
+      triangles.push_back(corners);
+  }
+  made.mesh.vertices = mesh.vertices(made.kept, Eigen::all);
+  if (mesh.normals.rows() > 0) made.mesh.normals = mesh.normals(made.kept, Eigen::all);
+  made.mesh.triangles.resize(Eigen::Index(triangles.size()), 3);
+  for (std::size_t i = 0; i < triangles.size(); ++i)
+    made.mesh.triangles.row(Eigen::Index(i)) << triangles[i][0], triangles[i][1], triangles[i][2];
+  return made;
+}
+
+/// The part as it is now, in one view.
 class PartActor {
  public:
-  explicit PartActor(const std::vector<FilmSetting::Named>& looks) {
+  /// @param cell  mm, of the grid to which it is thinned
+  PartActor(const std::vector<FilmSetting::Named>& looks, double cell) : cell_(cell) {
     for (const FilmSetting::Named& look : looks)
       colours_.push_back({byte_of(look.colour.r), byte_of(look.colour.g), byte_of(look.colour.b)});
     colour_actor(*actor, {1.0, 1.0, 1.0}, 0.5);
@@ -144,9 +200,10 @@ class PartActor {
     if (state.part != mesh_) reshape(state.part);
     vtkNew<vtkUnsignedCharArray> rgb;
     rgb->SetNumberOfComponents(3);
-    rgb->SetNumberOfTuples(vtkIdType(state.looks.size()));
+    rgb->SetNumberOfTuples(vtkIdType(thinned_.kept.size()));
     unsigned char* to = rgb->GetPointer(0);
-    for (const std::uint8_t look : state.looks) to = std::ranges::copy(colours_.at(look), to).out;
+    for (const Eigen::Index i : thinned_.kept)
+      to = std::ranges::copy(colours_.at(state.looks[std::size_t(i)]), to).out;
     data_->GetPointData()->SetScalars(rgb);
     actor->SetUserMatrix(matrix_of(state.T_bw));
   }
@@ -154,20 +211,23 @@ class PartActor {
   vtkNew<vtkActor> actor;
 
  private:
-  void reshape(const std::shared_ptr<const FilmMesh>& mesh) {
-    mesh_ = mesh;
-    data_ = poly_data(mesh->vertices);
-    data_->SetPolys(cells(mesh->triangles.data(), mesh->triangles.rows(), 3));
-    if (mesh->normals.rows() > 0) {
+  void reshape(const std::shared_ptr<const FilmMesh>& given) {
+    mesh_ = given;
+    thinned_ = thinned(*given, cell_);
+    const FilmMesh& mesh = thinned_.mesh;
+    data_ = poly_data(mesh.vertices);
+    data_->SetPolys(cells(mesh.triangles.data(), mesh.triangles.rows(), 3));
+    if (mesh.normals.rows() > 0) {
       vtkNew<vtkFloatArray> normals;
       normals->SetNumberOfComponents(3);
-      normals->SetNumberOfTuples(mesh->normals.rows());
-      std::copy(mesh->normals.data(), mesh->normals.data() + mesh->normals.size(),
+      normals->SetNumberOfTuples(mesh.normals.rows());
+      std::copy(mesh.normals.data(), mesh.normals.data() + mesh.normals.size(),
                 normals->GetPointer(0));
       data_->GetPointData()->SetNormals(normals);
     } else {
       actor->GetProperty()->SetInterpolationToFlat();
     }
+    actor->GetProperty()->SetBackfaceCulling(given->closed);
     if (mapper_ == nullptr) {
       mapper_ = surface_mapper(data_);
       actor->SetMapper(mapper_);
@@ -175,8 +235,10 @@ class PartActor {
     mapper_->SetInputData(data_);
   }
 
+  double cell_;
   std::vector<std::array<unsigned char, 3>> colours_;
   std::shared_ptr<const FilmMesh> mesh_;
+  Thinned thinned_;
   vtkSmartPointer<vtkPolyData> data_;
   vtkSmartPointer<vtkPolyDataMapper> mapper_;
 };
@@ -206,18 +268,19 @@ struct Film::Stage {
   View machine_view, part_view;
   vtkNew<vtkRenderer> machine, part;
   std::vector<BodyActors> bodies;
-  PartActor part_actor;
+  PartActor part_far, part_near;
   std::vector<vtkSmartPointer<vtkActor>> paths;
 };
 
 Film::Stage::Stage(FilmSetting given)
     : setting(std::move(given)),
       layout(film_layout(setting.width, setting.height)),
-      canvas(setting.width, setting.height, film_samples),
+      canvas(setting.width, setting.height, film_smoothness),
       machine_view(
           fitted_view(setting.machine_b, setting.from_b, Vector3d::UnitZ(), layout.machine)),
       part_view(fitted_view(setting.part_w, setting.from_w, setting.up_w, layout.part)),
-      part_actor(setting.looks) {
+      part_far(setting.looks, finest_px * machine_view.mm_per_px),
+      part_near(setting.looks, finest_px * part_view.mm_per_px) {
   part_view.depth = std::max(part_view.depth, setting.part_depth);
   for (const FilmBody& body : setting.bodies) {
     bodies.push_back(body_actors(body, std::max(1.0, 1.6 * layout.type.unit)));
@@ -226,8 +289,9 @@ Film::Stage::Stage(FilmSetting given)
       if (body.close) part->AddActor(actor);
     }
   }
-  machine->AddActor(part_actor.actor);
-  part->AddActor(part_actor.actor);
+  machine->AddActor(part_far.actor);
+  part->AddActor(part_near.actor);
+  for (vtkRenderer* scene : {machine.Get(), part.Get()}) scene->UseFXAAOn();
   canvas.add(*machine, machine_view);
   canvas.add(*part, part_view);
 }
@@ -238,7 +302,8 @@ void Film::Stage::place(const FilmState& state) {
       actor->SetVisibility(state.T_b[i].has_value());
       if (state.T_b[i]) actor->SetUserMatrix(matrix_of(*state.T_b[i]));
     }
-  part_actor.show(state);
+  part_far.show(state);
+  part_near.show(state);
   for (const auto& path : paths) part->RemoveActor(path);
   paths.clear();
   const View eye = carried(part_view, state.T_bw);
@@ -267,14 +332,15 @@ void Film::Stage::write_values(const FilmState& state) {
   const TextStyle label{
       .size_px = 0.8 * layout.type.body, .colour = colours::faint_ink, .upward = 1.0};
   const TextStyle value{.size_px = layout.type.body, .bold = true, .upward = 1.0};
-  const double room = setting.width - 2.0 * layout.margin;
-  const auto n = double(std::max<std::size_t>(1, setting.labels.size()));
+  double shares = 0.0, x = layout.margin;
+  for (const FilmSetting::Label& one : setting.labels) shares += one.share;
   for (std::size_t i = 0; i < setting.labels.size(); ++i) {
-    const double x = layout.margin + room * double(i) / n;
-    canvas.text({x, y}, setting.labels[i], label);
-    canvas.text({x, y - 1.15 * layout.type.body},
-                wrapped(state.values[i], value, room / n - 0.5 * layout.type.body, 1).front(),
+    const double room = (setting.width - 2.0 * layout.margin) * setting.labels[i].share / shares;
+    const double kept = room - 0.5 * layout.type.body;
+    canvas.text({x, y}, setting.labels[i].name, label);
+    canvas.text({x, y - 1.15 * layout.type.body}, wrapped(state.values[i], value, kept, 1).front(),
                 value);
+    x += room;
   }
 }
 

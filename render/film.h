@@ -29,6 +29,7 @@ struct FilmMesh {
   cutting::Points vertices;      ///< (n x 3) mm, workpiece frame
   cutting::Points normals;       ///< (n x 3) unit; empty: the triangles look flat
   cutting::Triangles triangles;  ///< (m x 3)
+  bool closed = false;           ///< all triangles counter-clockwise seen from outside
 };
 
 /// What does not change in a film.
@@ -49,7 +50,11 @@ struct FilmSetting {
   Eigen::Vector3d from_b{-0.5, -1.0, 0.6};  ///< from the machine to the eye
   Eigen::Vector3d from_w{-0.5, -1.0, 0.9};  ///< from the part to the eye, which goes with the part
   Eigen::Vector3d up_w = Eigen::Vector3d::UnitZ();
-  std::vector<std::string> labels;  ///< of the values below the pictures
+  struct Label {
+    std::string name;
+    double share = 1.0;  ///< of the width
+  };
+  std::vector<Label> labels;  ///< of the values below the pictures
 };
 
 /// What is seen at one moment.

@@ -46,15 +46,18 @@ StockReplay::StockReplay(const Job& part, const Commands& commands, const Proces
     time_s_.push_back(commands.samples.states[milling_.at[k]].time_s);
 }
 
-void StockReplay::advance_to(double time_s) {
+bool StockReplay::advance_to(double time_s) {
+  double taken = 0.0;  // mm^3
   for (; next_ < time_s_.size() && time_s_[next_] <= time_s; ++next_) {
     const cutting::StockMove move = milling_.move(next_);
     if (auto* milled = std::get_if<cutting::Stock>(&stock_))
-      cutting::remove(*milled, std::get<cutting::Cutter>(tool_), move);
+      taken += cutting::remove(*milled, std::get<cutting::Cutter>(tool_), move).volume;
     else
-      cutting::remove(std::get<cutting::TurnedStock>(stock_), std::get<cutting::Nose>(tool_),
-                      move.from_T_wt, move.to_T_wt, move.rapid ? -move.line : move.line);
+      taken +=
+          cutting::remove(std::get<cutting::TurnedStock>(stock_), std::get<cutting::Nose>(tool_),
+                          move.from_T_wt, move.to_T_wt, move.rapid ? -move.line : move.line);
   }
+  return taken > 0.0;
 }
 
 double StockReplay::done() const {

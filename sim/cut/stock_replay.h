@@ -22,7 +22,8 @@ class StockReplay {
   StockReplay(const Job& part, const Commands& commands, const Process& process = {});
 
   /// Takes away what is cut by moves that have ended until then.
-  void advance_to(double time_s);
+  /// @return whether that changed the stock
+  bool advance_to(double time_s);
   /// Share of all moves that are done, 0 .. 1.
   double done() const;
   cutting::StockMesh mesh() const;

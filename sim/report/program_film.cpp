@@ -11,7 +11,6 @@
 
 #include "kinematics/turn_between.h"
 #include "kinematics/units.h"
-#include "render/label.h"
 #include "sim/cut/inside_tables.h"
 #include "sim/cut/tool_motion.h"
 #include "sim/report/machine_picture.h"
@@ -76,8 +75,8 @@ cutting::ClosedMesh mesh_of_shape(const render::Body& body) {
 
 /// A turning tool, which has no body of its own: its round nose below the rake plane, and a bar.
 std::vector<cutting::ClosedMesh> turning_tool(double radius, double length) {
-  const double thickness = std::max(0.8 * radius, 0.02 * length);
-  const double width = std::max(1.2 * radius, 0.12 * length);
+  const double thickness = std::clamp(0.02 * length, 0.4 * radius, 2.0 * radius);
+  const double width = std::clamp(0.12 * length, 1.2 * radius, 8.0 * radius);
   Eigen::MatrixX2d disc(2, 2);
   disc << radius, 0.0, radius, thickness;
   Pose below = Pose::Identity();
@@ -105,10 +104,6 @@ cutting::Points points_of(const std::vector<Vector3d>& all) {
   cutting::Points points(Eigen::Index(all.size()), 3);
   for (std::size_t i = 0; i < all.size(); ++i) points.row(Eigen::Index(i)) = all[i].transpose();
   return points;
-}
-
-std::string number_text(double value) {
-  return value >= 99.5 ? fmt::format("{:.0f}", value) : render::figure(value);
 }
 
 }  // namespace
@@ -358,7 +353,7 @@ void ProgramFilm::set_words() {
   setting_.title = scene.title.empty() ? scene.file.stem().string() : scene.title;
   setting_.subtitle = speed_text(plan_);
   if (magnification_ != 1.0) {
-    setting_.subtitle += fmt::format(", errors magnified {} ×", number_text(magnification_));
+    setting_.subtitle += fmt::format(", errors magnified {:.4g} ×", magnification_);
     setting_.lines = {{"tip as programmed", nominal_path},
                       {"tip on the wrong machine", actual_path}};
   }
@@ -366,9 +361,11 @@ void ProgramFilm::set_words() {
       scene.machine.bodies.empty()
           ? scene.machine.name + ", schematic: its description gives it no bodies"
           : scene.machine.name;
-  setting_.part_name = "part and tool, seen by an eye that goes with the part";
-  if (cut_.job.machine.workpiece_spindle) setting_.part_name += "; the spindle drawn at rest";
-  setting_.labels = {"program line", "time", "feed", "spindle", "tool", "tool error"};
+  setting_.part_name = cut_.job.machine.workpiece_spindle
+                           ? "part and tool, the spindle drawn at rest"
+                           : "part and tool, seen by an eye that goes with the part";
+  setting_.labels = {{"program line", 0.13}, {"time", 0.20},       {"feed", 0.14},
+                     {"spindle", 0.12},      {"tool error", 0.12}, {"tool", 0.29}};
 }
 
 std::vector<std::string> ProgramFilm::values(const Moment& moment, double time_s) const {
@@ -395,8 +392,8 @@ std::vector<std::string> ProgramFilm::values(const Moment& moment, double time_s
           fmt::format("{:.1f} s of {:.1f} s", time_s, end_s()),
           feed,
           rpm > 0.0 ? fmt::format("{:.0f} rpm", rpm) : "at rest",
-          tool,
-          fmt::format("{:.1f} µm", moment.error / units::um)};
+          fmt::format("{:.1f} µm", moment.error / units::um),
+          tool};
 }
 
 std::vector<render::Wire> ProgramFilm::paths(double time_s) const {
@@ -421,12 +418,16 @@ std::vector<render::Wire> ProgramFilm::paths(double time_s) const {
 
 void ProgramFilm::show_part(double time_s, render::FilmState& state) {
   if (stock_) {
-    stock_->advance_to(time_s);
-    cutting::StockMesh mesh = stock_->mesh();
-    for (const std::int32_t line : mesh.line)
-      state.looks.push_back(line > 0 ? fresh_look : line < 0 ? crash_look : raw_look);
-    state.part = std::make_shared<const render::FilmMesh>(
-        render::FilmMesh{std::move(mesh.vertices_w), {}, std::move(mesh.triangles)});
+    if (stock_->advance_to(time_s) || stock_mesh_ == nullptr) {
+      cutting::StockMesh mesh = stock_->mesh();
+      stock_looks_.clear();
+      for (const std::int32_t line : mesh.line)
+        stock_looks_.push_back(line > 0 ? fresh_look : line < 0 ? crash_look : raw_look);
+      stock_mesh_ = std::make_shared<const render::FilmMesh>(
+          render::FilmMesh{std::move(mesh.vertices_w), {}, std::move(mesh.triangles), true});
+    }
+    state.part = stock_mesh_;
+    state.looks = stock_looks_;
     return;
   }
   state.part = design_;

@@ -84,7 +84,8 @@ class ProgramFilm {
   std::vector<Actor> actors_;
   Trace trace_;
   std::optional<StockReplay> stock_;
-  std::shared_ptr<const render::FilmMesh> design_;
+  std::shared_ptr<const render::FilmMesh> design_, stock_mesh_;
+  std::vector<std::uint8_t> stock_looks_;
   render::FilmSetting setting_;
 };
 
