@@ -40,7 +40,7 @@ std::string filtered_rows(const Pixels& pixels) {
   return rows;
 }
 
-std::string deflated(const std::string& bytes) {
+std::string quickly_packed(const std::string& bytes) {
   constexpr int quick = 2;
   uLongf size = compressBound(uLong(bytes.size()));
   std::string packed(size, '\0');
@@ -64,7 +64,7 @@ std::string png_file(const Pixels& pixels) {
   append_number(head, std::uint32_t(pixels.height));
   head.append("\x08\x02\x00\x00\x00", 5);  // eight bits each of red, green and blue
   append_chunk(file, "IHDR", head);
-  append_chunk(file, "IDAT", deflated(filtered_rows(pixels)));
+  append_chunk(file, "IDAT", quickly_packed(filtered_rows(pixels)));
   append_chunk(file, "IEND", {});
   return file;
 }

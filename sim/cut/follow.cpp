@@ -7,7 +7,7 @@
 
 #include "cutting/engagement.h"
 #include "kinematics/units.h"
-#include "sim/cut/milling.h"
+#include "sim/cut/milling_looks.h"
 #include "sim/cut/tool_motion.h"
 #include "sim/cut/turning.h"
 

@@ -5,7 +5,7 @@
 #include <variant>
 
 #include "kinematics/units.h"
-#include "sim/cut/milling.h"
+#include "sim/cut/milling_looks.h"
 
 namespace abbe::sim {
 namespace {

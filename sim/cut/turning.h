@@ -4,8 +4,9 @@
 #include <vector>
 
 #include "cutting/engagement.h"
-#include "sim/cut/job.h"
 #include "sim/cut/tool_motion.h"
+#include "sim/program/sample.h"
+#include "sim/scene/scene.h"
 
 /// How a program is followed through a blank that turns: the blank, and the places at which it is
 /// looked at.

@@ -22,10 +22,10 @@ using Eigen::Vector3d;
 using kinematics::AxisVector;
 using kinematics::Pose;
 
-constexpr render::Colour slide{0.78, 0.82, 0.88}, turn{0.93, 0.84, 0.66},
-    bed_colour{0.80, 0.81, 0.83}, clamp{0.66, 0.62, 0.74}, cutter_colour{0.93, 0.72, 0.25},
-    shank_colour{0.62, 0.65, 0.69}, holder_colour{0.42, 0.46, 0.52}, raw{0.93, 0.80, 0.55},
-    fresh{0.50, 0.66, 0.82}, crash{0.82, 0.16, 0.12}, nominal_path{0.20, 0.35, 0.65},
+constexpr render::Colour slide_colour{0.78, 0.82, 0.88}, turn_colour{0.93, 0.84, 0.66},
+    bed_colour{0.80, 0.81, 0.83}, clamp_colour{0.66, 0.62, 0.74}, cutter_colour{0.93, 0.72, 0.25},
+    shank_colour{0.62, 0.65, 0.69}, holder_colour{0.42, 0.46, 0.52}, raw_colour{0.93, 0.80, 0.55},
+    fresh_colour{0.50, 0.66, 0.82}, crash_colour{0.82, 0.16, 0.12}, nominal_path{0.20, 0.35, 0.65},
     actual_path{0.80, 0.25, 0.20};
 
 enum Look : std::uint8_t { raw_look, fresh_look, crash_look };
@@ -125,12 +125,13 @@ ProgramFilm::ProgramFilm(const FilmedCut& cut, FilmPlan plan, const FilmOptions&
 
 void ProgramFilm::add_moments() {
   const auto parts = parts_of(cut_.job);
-  std::size_t p = 0;
   std::vector<std::vector<std::size_t>> at(parts.size());
   for (const double time : plan_.time_s) {
-    while (p + 1 < parts.size() &&
-           of_part(cut_.commands, p + 1).samples.states.front().time_s <= time)
-      ++p;
+    std::size_t p = 0;  // the last that has begun by then; one may be without a sample
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      const auto& states = of_part(cut_.commands, i).samples.states;
+      if (!states.empty() && (states.front().time_s <= time || i == 0)) p = i;
+    }
     Moment moment;
     moment.part = p;
     moment.sample = sample_until(of_part(cut_.commands, p).samples, time);
@@ -167,16 +168,18 @@ void ProgramFilm::add_body(const cutting::ClosedMesh& mesh, const Actor& actor,
 void ProgramFilm::add_tool(std::size_t part, const std::vector<SolidBody>& solids) {
   using Kind = SolidBody::Kind;
   const Job& job = parts_of(cut_.job)[part];
-  const Actor actor{Carriers{job.truth.actual.size()}.tool(), part, Pose::Identity()};
+  const Actor actor{Carriers{job.truth.actual.size()}.tool(), part};
+  Actor edge = actor;
+  edge.cuts = true;
   for (const SolidBody& solid : solids) {
-    if (solid.kind == Kind::Cutter) add_body(solid.mesh, actor, looking(cutter_colour, 1.0, true));
+    if (solid.kind == Kind::Cutter) add_body(solid.mesh, edge, looking(cutter_colour, 1.0, true));
     if (solid.kind == Kind::Shank) add_body(solid.mesh, actor, looking(shank_colour, 1.0, true));
     if (solid.kind == Kind::Holder) add_body(solid.mesh, actor, looking(holder_colour, 1.0, true));
   }
   const auto* nose = std::get_if<cutting::Nose>(&job.scene.tool.actual);
   if (nose == nullptr) return;
   const auto pieces = turning_tool(nose->radius, job.scene.tool.actual_length);
-  add_body(pieces[0], actor, looking(cutter_colour, 1.0, true));
+  add_body(pieces[0], edge, looking(cutter_colour, 1.0, true));
   add_body(pieces[1], actor, looking(shank_colour, 1.0, true));
 }
 
@@ -189,15 +192,15 @@ void ProgramFilm::add_bodies() {
     for (const SolidBody& solid : solids) {
       if (p > 0) break;
       if (solid.kind == SolidBody::Kind::Fixture)
-        add_body(solid.mesh, {solid.frame, {}, Pose::Identity()}, looking(clamp, 1.0, true));
+        add_body(solid.mesh, {solid.frame}, looking(clamp_colour, 1.0, true));
       if (solid.kind != SolidBody::Kind::Machine) continue;
       const bool on_bed = solid.frame == Carriers::bed;
       const bool turns =
           !on_bed && joints[std::size_t(solid.frame) - 1].motion != kinematics::Motion::Linear;
-      add_body(solid.mesh, {solid.frame, {}, Pose::Identity()},
+      add_body(solid.mesh, {solid.frame},
                looking(on_bed  ? bed_colour
-                       : turns ? turn
-                               : slide,
+                       : turns ? turn_colour
+                               : slide_colour,
                        0.55, false));
     }
     add_tool(p, solids);
@@ -211,11 +214,12 @@ void ProgramFilm::add_bodies() {
 void ProgramFilm::add_part() {
   const Job& job = cut_.job;
   const bool has_stock = cut_.process.stock || cut_.process.turned;
-  setting_.looks = {{has_stock ? "raw material" : "not yet cut", raw}, {"cut", fresh}};
+  setting_.looks = {{has_stock ? "raw material" : "not yet cut", raw_colour},
+                    {"cut", fresh_colour}};
   if (has_stock) {
     stock_.emplace(job, of_part(cut_.commands, 0), cut_.process);
     const std::string name = cut_.process.crash_lines.empty() ? "" : "cut by a crash";
-    setting_.looks.push_back({name, crash});
+    setting_.looks.push_back({name, crash_colour});
     return;
   }
   design_ = std::make_shared<const render::FilmMesh>(
@@ -304,8 +308,12 @@ double ProgramFilm::largest() const {
 }
 
 double ProgramFilm::end_s() const {
-  const std::size_t last = parts_of(cut_.job).size() - 1;
-  return of_part(cut_.commands, last).samples.states.back().time_s;
+  double end = 0.0;
+  for (std::size_t i = 0; i < parts_of(cut_.job).size(); ++i) {
+    const auto& states = of_part(cut_.commands, i).samples.states;
+    if (!states.empty()) end = std::max(end, states.back().time_s);
+  }
+  return end;
 }
 
 bool ProgramFilm::is_feeding(const Moment& moment) const {
@@ -334,8 +342,7 @@ void ProgramFilm::set_views() {
           actor.part ? T_bw * T_wt : moment.carriers_b[std::size_t(actor.frame)] * actor.T, all_b);
       if (!actor.part) continue;
       append_placed(corners[i], T_wt, close_w);
-      const bool cuts = setting_.bodies[i].colour.r == cutter_colour.r;
-      if (cuts && (is_feeding(moment) || !feeds)) append_placed(corners[i], T_wt, part_w);
+      if (actor.cuts && (is_feeding(moment) || !feeds)) append_placed(corners[i], T_wt, part_w);
     }
   }
   setting_.machine_b = points_of(all_b);

@@ -43,6 +43,7 @@ class ProgramFilm {
     int frame = 0;                    ///< its carrier
     std::optional<std::size_t> part;  ///< to whose tool it belongs; none: to the machine
     kinematics::Pose T = kinematics::Pose::Identity();  ///< in the frame of its carrier
+    bool cuts = false;                                  ///< the part of a tool that does
   };
   /// The path of the tip at feed, in passes.
   struct Trace {

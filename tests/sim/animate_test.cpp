@@ -34,7 +34,7 @@ using safety::Ran;
 
 // --- which moments
 
-program::Path three_lines() {
+program::Path film_blocks() {
   program::Path path;
   for (const int line : {3, 4, 7}) {
     program::Block block;
@@ -69,7 +69,7 @@ TEST(FilmPlan, TheSpeedIsSaidAsAPersonWould) {
 }
 
 TEST(FilmPlan, AStretchRunsFromItsFirstBlockToTheEndOfItsLast) {
-  program::Path path = three_lines();
+  program::Path path = film_blocks();
   const auto all = stretch_of_lines(path, std::nullopt);
   ASSERT_TRUE(all);
   EXPECT_EQ(all->begin_s, 0.0);
@@ -102,7 +102,7 @@ TEST(FilmEncoder, IsCalledWithEveryFrameAndNoShell) {
 
 // --- scenes
 
-std::string passes() {
+std::string film_passes() {
   std::string text =
       "%\nG21 G90 G94 G17\nG54\nG43.4 H1\nS8000 M3\nG0 X-14 Y-4 Z95 A0 C0\nG1 Z80 F3000\n";
   for (int i = 0; i < 5; ++i)
@@ -111,14 +111,14 @@ std::string passes() {
   return text + "G0 Z95\nM2\n%\n";
 }
 
-const std::string crooked =
+const std::string film_errors =
     "[errors]\nEXX_um = 4\nEZX_um = -6\nEBX_urad = 150\nEC0Y_urad = 60\nEX0C_um = 9\n";
-const std::string blank =
+const std::string film_blank =
     "[cutting]\nblank = \"box\"\nlower_mm = [-10, -10, -6]\nupper_mm = [10, 10, 1]\nspacing_mm = "
     "0.8\n";
 
 /// A plane of 16 x 12 mm on the wrong gantry.
-std::string plane(const std::string& more) {
+std::string film_plane(const std::string& more) {
   const std::string scenes = packaged("").string();
   return fmt::format(
       "title = \"small plane\"\nmachine = \"{0}machines/gantry_cxyza.toml\"\ntool = "
@@ -129,22 +129,22 @@ std::string plane(const std::string& more) {
 
 #if ABBE_RENDER
 
-Job plane_job(const std::string& more) {
+Job film_job(const std::string& more) {
   const SceneFolder folder;
-  folder.write("p.ngc", passes());
-  return prepare(read_scene(folder.write("s.toml", plane(more))));
+  folder.write("p.ngc", film_passes());
+  return prepare(read_scene(folder.write("s.toml", film_plane(more))));
 }
 
 FilmPlan whole_plan(const Job& job, double frames) {
   return film_plan(*stretch_of_lines(job.path, std::nullopt), frames, 1.0);
 }
 
-void expect_same_pose(const kinematics::Pose& a, const kinematics::Pose& b) {
+void expect_film_pose(const kinematics::Pose& a, const kinematics::Pose& b) {
   EXPECT_LT((a.matrix() - b.matrix()).cwiseAbs().maxCoeff(), 1e-9);
 }
 
 TEST(ProgramFilm, BodiesStandWhereTheActualAxesCarryThem) {
-  const Job job = plane_job(crooked);
+  const Job job = film_job(film_errors);
   const Commands commands = as_programmed(job);
   const Cut made = cut(job, commands);
   ProgramFilm film({job, commands, made.process, &made.surface}, whole_plan(job, 6));
@@ -165,16 +165,16 @@ TEST(ProgramFilm, BodiesStandWhereTheActualAxesCarryThem) {
     const auto T = carrier_poses(job.truth.actual, q, deviations(job.truth, axes).joints);
     for (std::size_t b = 0; b < moved.size(); ++b) {
       ASSERT_TRUE(state.T_b[b]);
-      expect_same_pose(*state.T_b[b], T[std::size_t(moved[b].frame)]);
+      expect_film_pose(*state.T_b[b], T[std::size_t(moved[b].frame)]);
     }
-    expect_same_pose(state.T_bw, T[std::size_t(carriers.workpiece())]);
+    expect_film_pose(state.T_bw, T[std::size_t(carriers.workpiece())]);
     turned = std::max(turned, std::abs(axes.q[0]));
   }
   EXPECT_GT(turned, 0.1) << "the table turns, or the test means little";
 }
 
 TEST(ProgramFilm, TheToolStandsAtItsErrorsMagnified) {
-  const Job job = plane_job(crooked);
+  const Job job = film_job(film_errors);
   const Commands commands = as_programmed(job);
   const Cut made = cut(job, commands);
   const FilmedCut filmed{job, commands, made.process, &made.surface};
@@ -199,7 +199,7 @@ TEST(ProgramFilm, TheToolStandsAtItsErrorsMagnified) {
 }
 
 TEST(ProgramFilm, TheDesignIsColouredAsItIsCut) {
-  const Job job = plane_job(crooked);
+  const Job job = film_job(film_errors);
   const Commands commands = as_programmed(job);
   const Cut made = cut(job, commands);
   ProgramFilm film({job, commands, made.process, &made.surface}, whole_plan(job, 5));
@@ -233,7 +233,7 @@ void expect_stock_of_the_run(const Job& job, double of_run, const Commands& comm
 }
 
 TEST(ProgramFilm, TheStockOfTheLastFrameIsThatOfTheRun) {
-  const Job job = plane_job(blank + crooked);
+  const Job job = film_job(film_blank + film_errors);
   const Commands commands = as_programmed(job);
   const Process process = cut_process(job, commands);
   expect_stock_of_the_run(job, cutting::volume(*process.stock), commands, process);
@@ -247,7 +247,7 @@ TEST(ProgramFilm, ATurnedStockIsThatOfTheRun) {
 }
 
 TEST(ProgramFilm, AMachineWithoutBodiesIsSchematicAndSaysSo) {
-  Job job = plane_job(crooked);
+  Job job = film_job(film_errors);
   job.scene.machine.bodies.clear();
   const Commands commands = as_programmed(job);
   const Cut made = cut(job, commands);
@@ -263,9 +263,9 @@ TEST(ProgramFilm, AMachineWithoutBodiesIsSchematicAndSaysSo) {
 class Animate : public testing::Test {
  protected:
   Animate() {
-    folder_.write("p.ngc", passes());
-    folder_.write("plain.toml", plane(crooked));
-    folder_.write("stock.toml", plane(blank + crooked));
+    folder_.write("p.ngc", film_passes());
+    folder_.write("plain.toml", film_plane(film_errors));
+    folder_.write("stock.toml", film_plane(film_blank + film_errors));
   }
   Ran animate(const std::string& arguments, const std::string& before = "") const {
     return safety::run("animate " + arguments, "cd " + folder_.path().string() + " && " + before);
@@ -295,12 +295,12 @@ std::pair<int, int> size_of_png(const std::string& png) {
   return png.size() > 24 ? std::pair(number(16), number(20)) : std::pair(0, 0);
 }
 
-const std::string tiny = " --seconds 0.4 --fps 10 --size 400x300 --film none";
+const std::string tiny_film = " --seconds 0.4 --fps 10 --size 400x300 --film none";
 
 TEST_F(Animate, LeavesTheFramesThatWereAskedForWithTheSameBytesEachTime) {
   if (!ABBE_RENDER) GTEST_SKIP();
   for (const std::string scene : {"plain", "stock"}) {
-    const std::string line = scene + ".toml --magnify auto" + tiny + " --out ";
+    const std::string line = scene + ".toml --magnify auto" + tiny_film + " --out ";
     const Ran ran = animate(line + scene);
     ASSERT_EQ(ran.code, 0) << ran.text;
     EXPECT_NE(ran.text.find("4 frames in"), std::string::npos) << ran.text;
@@ -317,15 +317,15 @@ TEST_F(Animate, LeavesTheFramesThatWereAskedForWithTheSameBytesEachTime) {
 TEST_F(Animate, TurningIsFilmed) {
   if (!ABBE_RENDER) GTEST_SKIP();
   const std::string shaft = packaged("stepped_shaft.toml").string();
-  const Ran ran = animate(shaft + " --set part.vertices=400 --set cutting.spacing_mm=0.2" + tiny +
-                          " --out shaft");
+  const Ran ran = animate(shaft + " --set part.vertices=400 --set cutting.spacing_mm=0.2" +
+                          tiny_film + " --out shaft");
   ASSERT_EQ(ran.code, 0) << ran.text;
   EXPECT_EQ(frames("shaft").size(), 4u);
 }
 
 TEST_F(Animate, AShorterFilmIsNotMixedWithAnEarlierOne) {
   if (!ABBE_RENDER) GTEST_SKIP();
-  ASSERT_EQ(animate("plain.toml" + tiny + " --out film").code, 0);
+  ASSERT_EQ(animate("plain.toml" + tiny_film + " --out film").code, 0);
   ASSERT_EQ(frames("film").size(), 4u);
   folder_.write("film/frames/notes.txt", "of the user");
   const Ran ran =
