@@ -329,6 +329,8 @@ void ProgramFilm::set_views() {
       stock_ ? stock_->mesh().vertices_w : cutting::Points(cut_.job.design_w.vertices);
   std::vector<Vector3d> all_b, part_w, close_w;
   append_placed(part, Pose::Identity(), part_w);
+  for (const Trace::Point& point : trace_.points)
+    part_w.insert(part_w.end(), {point.nominal_w, point.actual_w});
   for (const Moment& moment : moments_) {
     const Pose& T_bw =
         moment.carriers_b[std::size_t(Carriers{int(moment.carriers_b.size()) - 3}.workpiece())];
