@@ -183,20 +183,23 @@ class SkinMesher {
   /// Vertices of the cells between layers k and k + 1.
   std::vector<int> vertices(int k) {
     std::vector<int> cells(cell_count(), -1);
-    for (int j = 0; j + 1 < ny_; ++j)
+    for (int j = 0; j + 1 < ny_; ++j) {
+      const char *low = &below_[node(0, j)], *low_next = &below_[node(0, j + 1)];
+      const char *high = &above_[node(0, j)], *high_next = &above_[node(0, j + 1)];
       for (int i = 0; i + 1 < nx_; ++i) {
+        const int inside = low[i] + low[i + 1] + low_next[i] + low_next[i + 1] + high[i] +
+                           high[i + 1] + high_next[i] + high_next[i + 1];
+        if (inside == 0 || inside == 8) continue;
         const auto in = [&](int corner) {
           const auto& layer = (corner & 4) != 0 ? above_ : below_;
           return layer[node(i + (corner & 1), j + (corner >> 1 & 1))] != 0;
         };
-        int inside = 0;
-        for (int corner = 0; corner < 8; ++corner) inside += in(corner) ? 1 : 0;
-        if (inside == 0 || inside == 8) continue;
         cells[cell(i, j)] = int(places_.size());
         add_vertex({i, j, k}, in);
         if (places_.size() > std::size_t(std::numeric_limits<int>::max()) / 4)
           throw std::length_error("stock mesh: more than 500 million vertices");
       }
+    }
     return cells;
   }
 

@@ -64,8 +64,6 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr int samples = 8;  // a pixel
-
 std::recursive_mutex
     one_canvas_at_a_time;  // VTK's font cache and OpenGL state belong to the whole process
 
@@ -200,15 +198,16 @@ struct Canvas::Sheet {
   std::vector<FlatMark> marks;  ///< what is flat, for formats that keep it so
   bool has_scene = false;
 
-  Sheet(int width_px, int height_px);
+  Sheet(int width_px, int height_px, const Smoothness& smoothness);
   ~Sheet() { window->Finalize(); }
 };
 
-Canvas::Sheet::Sheet(int width_px, int height_px) : width(width_px), height(height_px) {
+Canvas::Sheet::Sheet(int width_px, int height_px, const Smoothness& smoothness)
+    : context(smoothness.shades_samples), width(width_px), height(height_px) {
   window->SetOwnContext(0);
   window->SetSize(width, height);
   window->SetDPI(dots_per_inch);
-  window->SetMultiSamples(samples);
+  window->SetMultiSamples(smoothness.samples);
   window->SetUseOffScreenBuffers(true);
   window->SetShowWindow(false);
   window->SetReadyForRendering(true);
@@ -232,12 +231,12 @@ Canvas::Sheet::Sheet(int width_px, int height_px) : width(width_px), height(heig
   window->AddRenderer(front);
 }
 
-Canvas::Canvas(int width, int height) {
+Canvas::Canvas(int width, int height, const Smoothness& smoothness) {
   const auto possible = [](int size) { return size >= 64 && size <= longest_side; };
   if (!possible(width) || !possible(height)) {
     throw std::invalid_argument("a picture is 64 to 16384 pixels wide and high");
   }
-  sheet_ = std::make_unique<Sheet>(width, height);
+  sheet_ = std::make_unique<Sheet>(width, height, smoothness);
 }
 
 Canvas::~Canvas() = default;
@@ -308,15 +307,30 @@ void Canvas::frame(const Rectangle& box, const Colour& colour, double width_px) 
   line({{left, low}, {right, low}, {right, high}, {left, high}, {left, low}}, colour, width_px);
 }
 
+void look(vtkRenderer& scene, const View& view) {
+  vtkCamera& camera = *scene.GetActiveCamera();
+  const Eigen::Vector3d eye = view.centre + 2.0 * view.depth * view.toward;
+  camera.ParallelProjectionOn();
+  camera.SetFocalPoint(view.centre.data());
+  camera.SetPosition(eye.data());
+  camera.SetViewUp(view.up.data());
+  camera.SetParallelScale(0.5 * view.area.height * view.mm_per_px);
+  camera.SetClippingRange(view.depth, 3.0 * view.depth);
+}
+
+void Canvas::add(vtkRenderer& scene, const View& view) {
+  sheet_->has_scene = true;
+  const Rectangle& area = view.area;
+  scene.SetViewport(area.x / sheet_->width, area.y / sheet_->height,
+                    (area.x + area.width) / sheet_->width, (area.y + area.height) / sheet_->height);
+  scene.SetLayer(1);
+  look(scene, view);
+  sheet_->window->AddRenderer(&scene);
+}
+
 void Canvas::scene(const View& view, const std::vector<Solid>& solids,
                    const std::vector<Wire>& wires) {
-  sheet_->has_scene = true;
   vtkNew<vtkRenderer> renderer;
-  const Rectangle& area = view.area;
-  renderer->SetViewport(area.x / sheet_->width, area.y / sheet_->height,
-                        (area.x + area.width) / sheet_->width,
-                        (area.y + area.height) / sheet_->height);
-  renderer->SetLayer(1);
   for (const Solid& solid : solids) renderer->AddActor(actor(solid));
   // towards the eye, which moves nothing in the picture, so that no surface hides half of a line on
   // it
@@ -326,15 +340,25 @@ void Canvas::scene(const View& view, const std::vector<Solid>& solids,
     lines->SetPosition(nearer.x(), nearer.y(), nearer.z());
     renderer->AddActor(lines);
   }
-  vtkCamera& camera = *renderer->GetActiveCamera();
-  const Eigen::Vector3d eye = view.centre + 2.0 * view.depth * view.toward;
-  camera.ParallelProjectionOn();
-  camera.SetFocalPoint(view.centre.data());
-  camera.SetPosition(eye.data());
-  camera.SetViewUp(view.up.data());
-  camera.SetParallelScale(0.5 * view.area.height * view.mm_per_px);
-  camera.SetClippingRange(view.depth, 3.0 * view.depth);
-  sheet_->window->AddRenderer(renderer);
+  add(*renderer, view);
+}
+
+void Canvas::wipe() {
+  sheet_->flat->strokes.clear();
+  sheet_->marks.clear();
+}
+
+Pixels Canvas::pixels() {
+  sheet_->window->Render();
+  vtkNew<vtkUnsignedCharArray> lowest_first;
+  sheet_->window->GetPixelData(0, 0, sheet_->width - 1, sheet_->height - 1, 0, lowest_first.Get(),
+                               0);
+  const std::size_t row = 3 * std::size_t(sheet_->width);
+  Pixels pixels{sheet_->width, sheet_->height, {}};
+  pixels.rgb.reserve(row * std::size_t(sheet_->height));
+  const auto* rows = reinterpret_cast<const char*>(lowest_first->GetPointer(0));
+  for (int y = sheet_->height - 1; y >= 0; --y) pixels.rgb.append(rows + row * std::size_t(y), row);
+  return pixels;
 }
 
 void Canvas::write_png(const std::filesystem::path& path) { write(path, PictureFormat::Png); }

@@ -10,7 +10,10 @@
 
 #include "cutting/mesh.h"
 #include "render/colour.h"
+#include "render/png.h"
 #include "render/view.h"
+
+class vtkRenderer;
 
 namespace abbe::render {
 
@@ -54,6 +57,12 @@ struct Wire {
   double width_px = 1.5;
 };
 
+/// How smooth edges are: what is finer is slower.
+struct Smoothness {
+  int samples = 8;             ///< a pixel
+  bool shades_samples = true;  ///< as of HeadlessContext
+};
+
 /// One picture in the making, white, pixels counted from the lower left corner; what is drawn later
 /// stands in front, solids and wires behind everything flat. The same calls give the same bytes.
 /// Only one canvas lives at a time: a second one waits for the first, so do not nest them.
@@ -61,7 +70,7 @@ class Canvas {
  public:
   /// @throws std::invalid_argument unless both sizes are in 64 .. longest_side
   /// @throws std::runtime_error if there is no software or hardware OpenGL to draw with
-  Canvas(int width, int height);
+  Canvas(int width, int height, const Smoothness& smoothness = {});
   ~Canvas();
   Canvas(const Canvas&) = delete;
   Canvas& operator=(const Canvas&) = delete;
@@ -76,6 +85,15 @@ class Canvas {
   /// Solids and wires seen in `view`, within its rectangle.
   void scene(const View& view, const std::vector<Solid>& solids, const std::vector<Wire>& wires);
 
+  /// A scene of somebody's own, who keeps and changes it while the canvas lives; it is drawn within
+  /// the rectangle of the view, seen as `look` says.
+  void add(vtkRenderer& scene, const View& view);
+
+  /// Takes away what is flat; scenes stay.
+  void wipe();
+  /// What is drawn, now.
+  Pixels pixels();
+
   /// @throws std::system_error with the path if the file cannot be written
   void write_png(const std::filesystem::path& path);
   void write(const std::filesystem::path& path, PictureFormat format);
@@ -84,5 +102,8 @@ class Canvas {
   struct Sheet;
   std::unique_ptr<Sheet> sheet_;
 };
+
+/// Puts the camera of a scene where the view says.
+void look(vtkRenderer& scene, const View& view);
 
 }  // namespace abbe::render

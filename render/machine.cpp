@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -12,6 +11,7 @@
 #include "render/canvas.h"
 #include "render/label.h"
 #include "render/layout.h"
+#include "render/sharp_edges.h"
 
 namespace abbe::render {
 namespace {
@@ -69,32 +69,11 @@ Shell shell(const CylinderShape& cylinder) {
   return s;
 }
 
-/// Edges at which a surface bends by more than can be a facet, or ends.
-std::vector<std::array<int, 2>> sharp_edges(const SolidShape& solid) {
-  constexpr double facet = 0.9;  // cosine of the angle between facets of one face
-  std::map<std::array<int, 2>, Vector3d> open;
-  std::vector<std::array<int, 2>> sharp;
-  for (const auto& t : solid.triangles.rowwise()) {
-    const Vector3d a = solid.vertices.row(t[0]), b = solid.vertices.row(t[1]),
-                   c = solid.vertices.row(t[2]);
-    const Vector3d normal = (b - a).cross(c - a).normalized();
-    for (int k = 0; k < 3; ++k) {
-      const auto [low, high] = std::minmax({t[k], t[(k + 1) % 3]});
-      const auto [seen, first] = open.try_emplace({low, high}, normal);
-      if (first) continue;
-      if (seen->second.dot(normal) < facet) sharp.push_back({low, high});
-      open.erase(seen);
-    }
-  }
-  for (const auto& [edge, normal] : open) sharp.push_back(edge);
-  return sharp;
-}
-
 Shell shell(const SolidShape& solid) {
   Shell s;
   for (const auto& row : solid.vertices.rowwise()) s.points.emplace_back(row.transpose());
   for (const auto& t : solid.triangles.rowwise()) s.triangles.push_back({t[0], t[1], t[2]});
-  s.edges = sharp_edges(solid);
+  s.edges = sharp_edges(solid.vertices, solid.triangles);
   s.middle = 0.5 * (solid.vertices.colwise().minCoeff() + solid.vertices.colwise().maxCoeff());
   return s;
 }

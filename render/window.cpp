@@ -52,7 +52,7 @@ void shade_every_sample() {
 
 }  // namespace
 
-HeadlessContext::HeadlessContext() : handles_(std::make_unique<Handles>()) {
+HeadlessContext::HeadlessContext(bool shades_samples) : handles_(std::make_unique<Handles>()) {
   Handles& h = *handles_;
   h.display = eglGetPlatformDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr);
   require_step(h.display != EGL_NO_DISPLAY, "the EGL surfaceless display");
@@ -91,7 +91,7 @@ HeadlessContext::HeadlessContext() : handles_(std::make_unique<Handles>()) {
   require_step(h.context != EGL_NO_CONTEXT, "an OpenGL 3.2 context");
   require_step(eglMakeCurrent(h.display, h.surface, h.surface, h.context) == EGL_TRUE,
                "eglMakeCurrent");
-  shade_every_sample();
+  if (shades_samples) shade_every_sample();
 }
 
 HeadlessContext::~HeadlessContext() = default;

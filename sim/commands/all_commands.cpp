@@ -1,5 +1,6 @@
 #include "sim/commands/all_commands.h"
 
+#include "sim/commands/animate_command.h"
 #include "sim/commands/check_command.h"
 #include "sim/commands/compare_command.h"
 #include "sim/commands/evaluate_command.h"
@@ -19,21 +20,14 @@
 namespace abbe::sim {
 
 std::vector<Command> all_commands(Common& common, int& argc, char**& argv) {
-  return {new_command(common),
-          run_command(common),
-          compare_command(common),
-          check_command(common),
-          program_command(common),
-          render_command(common),
-          pose_command(common),
-          measure_command(common),
-          identify_command(common),
-          evaluate_command(common),
-          rewrite_command(common),
-          export_command(common),
-          study_command(common, argc, argv),
-          schema_command(),
-          explain_command()};
+  return {new_command(common),      run_command(common),
+          compare_command(common),  check_command(common),
+          program_command(common),  animate_command(common),
+          render_command(common),   pose_command(common),
+          measure_command(common),  identify_command(common),
+          evaluate_command(common), rewrite_command(common),
+          export_command(common),   study_command(common, argc, argv),
+          schema_command(),         explain_command()};
 }
 
 }  // namespace abbe::sim

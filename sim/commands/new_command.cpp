@@ -8,6 +8,7 @@
 
 #include "sim/commands/library_list.h"
 #include "sim/files/new_folder.h"
+#include "sim/files/output.h"
 #include "sim/files/terminal.h"
 #include "sim/scene/library.h"
 #include "sim/scene/read_scene.h"

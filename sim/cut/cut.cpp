@@ -320,8 +320,8 @@ void check_travel(const Job& job, const Commands& commands) {
                  of_part(commands, i).samples);
 }
 
-Process cut_process(const Job& job, const Commands& commands) {
-  return followed(actual_run(job, commands), {});
+Process cut_process(const Job& job, const Commands& commands, const Progress& progress) {
+  return followed(actual_run(job, commands), progress);
 }
 
 namespace {

@@ -54,7 +54,7 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress = {})
 void check_travel(const Job& job, const Commands& commands);
 
 /// The cut alone, without the surface.
-Process cut_process(const Job& job, const Commands& commands);
+Process cut_process(const Job& job, const Commands& commands, const Progress& progress = {});
 
 /// Warnings of the scene itself and of the cut, in that order.
 std::vector<std::string> warnings_of(const Job& job, const Cut& cut);

@@ -7,8 +7,9 @@
 
 #include "cutting/engagement.h"
 #include "kinematics/units.h"
-#include "sim/cut/milling.h"
+#include "sim/cut/milling_looks.h"
 #include "sim/cut/tool_motion.h"
+#include "sim/cut/turning.h"
 
 namespace abbe::sim {
 namespace {
@@ -152,19 +153,6 @@ Process follow_milling(const Scene& scene, const Machine& machine, const cutting
   return process;
 }
 
-/// A blank's profile over the part's z as one over the spindle line, in rising order.
-Eigen::Matrix<double, Eigen::Dynamic, 2> profile_along(
-    const SpindleLine& line, const Pose& T_wm,
-    const Eigen::Matrix<double, Eigen::Dynamic, 2>& profile_m) {
-  Eigen::Matrix<double, Eigen::Dynamic, 2> profile = profile_m;
-  if (line.direction_w.dot(T_wm.linear().col(2)) < 0.0) {
-    profile = profile_m.colwise().reverse().eval();
-    profile.col(0) *= -1.0;
-  }
-  profile.col(0).array() += line.direction_w.dot(T_wm.translation() - line.point_w);
-  return profile;
-}
-
 /// Radius of the work where the edge is in it, the mean over the chip.
 double work_radius(const SpindleLine& line, const Pose& T_slow, const cutting::Nose& nose,
                    const std::vector<cutting::EngagedEdge>& edges) {
@@ -218,45 +206,18 @@ Look TurningLook::at(const Pose& T_wt) const {
   return look;
 }
 
-/// Samples at which turning looks: once a revolution, where rapid and feed meet, and after every
-/// `step` of travel of a rapid or with the spindle at rest.
-std::vector<std::size_t> revolutions(const FollowedProgram& program, int spindle,
-                                     const SpindleLine& line) {
-  constexpr double step = 0.1;  // mm
-  const auto& states = program.samples.states;
-  const auto place = [&](std::size_t i) -> Eigen::Vector3d {
-    return slow_pose(line, states[i].q[spindle], program.T_wt[i]).translation();
-  };
-  const auto rapid = [&](std::size_t i) { return is_rapid(program.samples, program.path, i); };
-  std::vector<std::size_t> at{0};
-  double turned = 0.0, travel = 0.0;
-  for (std::size_t i = 1; i < states.size(); ++i) {
-    turned += std::abs(states[i].q[spindle] - states[i - 1].q[spindle]);
-    travel += (place(i) - place(i - 1)).norm();
-    const bool last = i + 1 == states.size();
-    const bool by_travel = rapid(i) || !(states[i].spindle_speed > 0.0);
-    const bool due = by_travel ? travel >= step : turned >= 2 * pi * (1 - 1e-9);
-    if (!due && !last && rapid(i) == rapid(i + 1)) continue;
-    at.push_back(i);
-    turned = travel = 0.0;
-  }
-  return at;
-}
-
 Process follow_turning(const Scene& scene, const Machine& machine, const FollowedProgram& program,
                        const std::function<void(double)>& progress) {
   const CuttingDescription& description = *scene.cutting;
   constexpr double scratch = 1e-3;  // mm^3, less is no crash
-  const auto* blank = std::get_if<CuttingDescription::TurnedBlank>(&description.blank);
-  if (blank == nullptr) throw std::invalid_argument("a turned blank for a turning tool");
   const auto& nose = std::get<cutting::Nose>(program.tool);
   const auto& states = program.samples.states;
   const int spindle = *machine.workpiece_spindle;
   const SpindleLine line = spindle_line(program.chain, spindle);
   Process process;
-  process.turned = cutting::make_turned_stock(profile_along(line, scene.part.T_wm, blank->profile),
-                                              description.spacing, line.point_w, line.direction_w);
-  const std::vector<std::size_t> at = revolutions(program, spindle, line);
+  process.turned = turned_blank(scene, line);
+  const std::vector<std::size_t> at =
+      turning_looks(program.samples, program.path, program.T_wt, spindle, line);
   Pose before = slow_pose(line, states.front().q[spindle], program.pose(0, {}));
   for (std::size_t k = 1; k < at.size(); ++k) {
     const TurningLook look{description, program,   nose,  *process.turned,

@@ -1,72 +1,28 @@
 #include "sim/cut/milling.h"
 
-#include <stdexcept>
-#include <type_traits>
 #include <variant>
 
-#include "cutting/read_mesh.h"
-#include "kinematics/turn_between.h"
+#include "sim/cut/tool_poses.h"
 
 namespace abbe::sim {
 
-namespace {
-
-cutting::Blank blank_of(const CuttingDescription& description, const cutting::Design& design_m) {
-  return std::visit(
-      [&](const auto& blank) -> cutting::Blank {
-        using Shape = std::decay_t<decltype(blank)>;
-        if constexpr (std::is_same_v<Shape, CuttingDescription::OffsetBlank>) {
-          return cutting::offset_blank(design_m, blank.allowance, blank.floor);
-        } else if constexpr (std::is_same_v<Shape, MeshFile>) {
-          cutting::ReadMeshOptions options;
-          options.unit_mm = blank.unit;
-          const cutting::Design mesh = cutting::read_mesh(blank.file, options);
-          return cutting::MeshBlank{mesh.vertices, mesh.triangles};
-        } else if constexpr (std::is_same_v<Shape, CuttingDescription::TurnedBlank>) {
-          throw std::invalid_argument("a blank that is milled, not a turned one");
-        } else {
-          return blank;
-        }
-      },
-      description.blank);
+cutting::StockMove Milling::move(std::size_t k) const {
+  return {T_wt[k], T_wt[k + 1], line[k + 1], rapid[k + 1]};
 }
 
-}  // namespace
-
-cutting::Stock blank_stock(const Scene& scene, const cutting::Design& design_m) {
-  const CuttingDescription& description = *scene.cutting;
-  return cutting::make_stock(
-      blank_of(description, design_m), scene.part.T_wm,
-      {description.spacing, description.three_directions, description.max_bytes});
-}
-
-bool is_rapid(const program::Samples& samples, const program::Path& path, std::size_t sample) {
-  return path.blocks[std::size_t(samples.block[sample])].interpolation ==
-         program::Interpolation::Rapid;
-}
-
-std::vector<std::size_t> milling_looks(const program::Samples& samples, const program::Path& path,
-                                       const std::vector<kinematics::Pose>& T_wt, double step,
-                                       double reach) {
-  constexpr double sharp = 0.1;  // rad
-  const auto tip = [&](std::size_t i) -> Eigen::Vector3d { return T_wt[i].translation(); };
-  const auto axis = [&](std::size_t i) -> Eigen::Vector3d { return T_wt[i].linear().col(2); };
-  const auto rapid = [&](std::size_t i) { return is_rapid(samples, path, i); };
-  std::vector<std::size_t> at{0};
-  double travel = 0.0;
-  const std::size_t n = samples.states.size();
-  for (std::size_t i = 1; i < n; ++i) {
-    travel +=
-        (tip(i) - tip(i - 1)).norm() + reach * kinematics::angle_between(axis(i), axis(i - 1));
-    const bool last = i + 1 == n;
-    if (travel < step && !last && rapid(i) == rapid(i + 1)) {
-      const Eigen::Vector3d come = tip(i) - tip(at.back()), goes = tip(i + 1) - tip(i);
-      if (kinematics::angle_between(come, goes) < sharp) continue;
-    }
-    at.push_back(i);
-    travel = 0.0;
+Milling milling_of(const Job& part, const Commands& commands, const Process& process) {
+  const program::Samples& samples = commands.samples;
+  const program::Path& path = commands.path ? *commands.path : part.path;
+  const auto& T_wt = commands.T_wt_nominal.empty() ? part.T_wt_nominal : commands.T_wt_nominal;
+  const auto& cutter = std::get<cutting::Cutter>(part.scene.tool.actual);
+  Milling milling;
+  milling.at = milling_looks(samples, path, T_wt, part.scene.cutting->step, cutter.flank_length);
+  milling.T_wt = tool_poses(part, commands, process, milling.at);
+  for (const std::size_t i : milling.at) {
+    milling.line.push_back(samples.line[i]);
+    milling.rapid.push_back(is_rapid(samples, path, i));
   }
-  return at;
+  return milling;
 }
 
 }  // namespace abbe::sim

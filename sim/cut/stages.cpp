@@ -22,6 +22,7 @@ constexpr double s_of_vertex_cut = 6e-6, s_of_sample_sorted = 1e-6;
 constexpr double s_of_correction = 3.1e-6, s_of_sample_rewritten = 6e-6;
 constexpr double s_of_vertex_written = 1e-6, s_of_vertex_drawn = 6e-6,
                  s_of_vertex_compared = 2.9e-6;
+constexpr double s_of_pixel_filmed = 1e-7, s_of_pixel_encoded = 1.5e-8, s_of_stock_filmed = 0.1;
 constexpr double s_of_file = 0.1, s_of_picture = 0.8;
 
 /// Blocks of a file, by its bytes.
@@ -160,6 +161,13 @@ std::vector<Stage> stages_of_collisions(const std::string& part, const WorkSize&
 std::vector<Stage> stages_of_comparison(const std::string& part, const WorkSize& size,
                                         double maps) {
   return {{part, "compare", s_of_picture + s_of_vertex_compared * size.vertices * maps}};
+}
+
+std::vector<Stage> stages_of_film(const std::string& part, const WorkSize& size, double frames,
+                                  double pixels) {
+  const double stock = size.stock ? s_of_stock_filmed : 0.0;
+  return {{part, "frames", frames * (s_of_pixel_filmed * pixels + stock)},
+          {part, "encode", s_of_file + frames * s_of_pixel_encoded * pixels}};
 }
 
 std::vector<Stage> operator+(std::vector<Stage> first, std::vector<Stage> second) {

@@ -47,6 +47,9 @@ std::vector<Stage> stages_of_files(const std::string& part, const WorkSize& size
 std::vector<Stage> stages_of_words(const std::string& part, const WorkSize& size);
 /// Of looking for collisions.
 std::vector<Stage> stages_of_collisions(const std::string& part, const WorkSize& size);
+/// Of a film of so many frames of so many pixels, and of one file of them.
+std::vector<Stage> stages_of_film(const std::string& part, const WorkSize& size, double frames,
+                                  double pixels);
 /// Of one picture of so many maps.
 std::vector<Stage> stages_of_comparison(const std::string& part, const WorkSize& size, double maps);
 

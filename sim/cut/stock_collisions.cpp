@@ -11,7 +11,6 @@
 
 #include "cutting/collision.h"
 #include "sim/cut/milling.h"
-#include "sim/cut/rigid_milling.h"
 
 namespace abbe::sim {
 namespace {

@@ -325,8 +325,9 @@ Trace traced(const Job& job) {
   return all;
 }
 
-/// Round factor that makes the largest error of the path about a twentieth of the part.
-double magnification(double part_size, double largest_error) {
+}  // namespace
+
+double round_magnification(double part_size, double largest_error) {
   if (largest_error <= 0.0) return 1.0;
   const double wanted = 0.05 * part_size / largest_error;
   const double decade = std::pow(10.0, std::floor(std::log10(wanted)));
@@ -334,8 +335,6 @@ double magnification(double part_size, double largest_error) {
                                  : wanted >= 2.0 * decade ? 2.0
                                                           : 1.0));
 }
-
-}  // namespace
 
 render::MachinePicture machine_picture(const Job& job) {
   const AxisVector q = job.samples.states[job.samples.states.size() / 2].q;
@@ -356,7 +355,7 @@ render::MachinePicture machine_picture(const Job& job) {
   picture.frames = {{"w", T_bw}, {"b", Pose::Identity()}};
 
   const Trace trace = traced(job);
-  picture.magnification = magnification(part_size, trace.largest);
+  picture.magnification = round_magnification(part_size, trace.largest);
   const auto draw = [&](const std::string& name, double times, const render::Colour& colour) {
     for (std::size_t k = 0; k < trace.passes.size(); ++k) {
       render::Polyline path{k == 0 ? name : std::string(), {}, colour, 2.0};
@@ -380,6 +379,29 @@ render::MachinePicture machine_picture(const Job& job) {
                       : fmt::format("{} of {} passes", trace.passes.size(), trace.all_passes),
                   trace.largest / units::um)};
   return picture;
+}
+
+std::vector<SchematicBody> schematic_bodies(const Job& job) {
+  const Chain& chain = job.machine.nominal;
+  const AxisVector home = AxisVector::Zero(chain.size());
+  const Carriers carriers{chain.size()};
+  const auto& vertices = job.design_w.vertices;
+  const double unit = 0.35 * (vertices.colwise().maxCoeff() - vertices.colwise().minCoeff()).norm();
+  render::MachinePicture picture;
+  add_carriages(chain, home, unit, picture);
+  std::vector<SchematicBody> bodies;
+  const auto take = [&](Side side, int i) {
+    const Joint& joint = chain.joints()[std::size_t(i)];
+    if (joint.side != side || joint.motion == Motion::Spindle) return;
+    bodies.push_back({picture.bodies[bodies.size()], carriers.carriage(i)});
+  };
+  for (int i = 0; i < chain.size(); ++i) take(Side::Tool, i);
+  for (int i = chain.size() - 1; i >= 0; --i) take(Side::Workpiece, i);
+  render::MachinePicture spindle;
+  add_spindle(chain, home, unit, spindle);
+  for (const render::Body& body : spindle.bodies)
+    bodies.push_back({body, carriers.carriage(*chain.find('s'))});
+  return bodies;
 }
 
 namespace {

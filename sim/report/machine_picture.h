@@ -16,4 +16,18 @@ render::MachinePicture machine_picture(const Job& job);
 /// end.
 render::MachinePicture machine_picture(const ProgramAlone& alone);
 
+/// A round factor that makes the largest error of a path, mm, about a twentieth of the part; 1
+/// where it is large enough or zero.
+double round_magnification(double part_size, double largest_error);
+
+/// A plain body in the frame of what carries it, `Carriers::carriage` or the bed, axes at zero.
+struct SchematicBody {
+  render::Body body;
+  int frame = 0;
+};
+
+/// Carriages, spindle and bed of a machine whose description gives it no shape, as the picture
+/// above has them, without what joins them: that would stretch.
+std::vector<SchematicBody> schematic_bodies(const Job& job);
+
 }  // namespace abbe::sim

@@ -1,0 +1,393 @@
+#include "render/film.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <stdexcept>
+#include <unordered_map>
+#include <utility>
+
+#include <vtkActor.h>
+#include <vtkCellArray.h>
+#include <vtkFloatArray.h>
+#include <vtkMatrix4x4.h>
+#include <vtkNew.h>
+#include <vtkPointData.h>
+#include <vtkPolyData.h>
+#include <vtkPolyDataMapper.h>
+#include <vtkProperty.h>
+#include <vtkRenderer.h>
+#include <vtkSmartPointer.h>
+#include <vtkUnsignedCharArray.h>
+
+#include "render/layout.h"
+#include "render/poly_data.h"
+#include "render/sharp_edges.h"
+
+namespace abbe::render {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using kinematics::Pose;
+
+constexpr Colour body_edge{0.35, 0.37, 0.40};
+constexpr Smoothness film_smoothness{0, false};
+constexpr double finest_px = 1.5;  // of the triangles of a part
+
+/// Where everything stands in a frame, px.
+struct FilmLayout {
+  TypeSizes type;
+  double margin = 0.0;
+  Rectangle machine, part;  ///< the scenes
+  double heading = 0.0;     ///< height of the words over a scene
+  double foot = 0.0;        ///< top of what is below them
+};
+
+FilmLayout film_layout(int width, int height) {
+  FilmLayout layout;
+  layout.type = type_sizes(width, height * 13 / 10);
+  const double u = layout.type.unit;
+  layout.margin = 30.0 * u;
+  const double head = layout.margin + 1.5 * layout.type.title;
+  layout.heading = 2.0 * 1.5 * layout.type.body;
+  layout.foot = layout.margin + 5.2 * layout.type.body;
+  const double low = layout.foot + 1.9 * layout.type.body;  // a scale bar stands below a scene
+  const double high = height - head - layout.heading - 8.0 * u;
+  const double gap = 36.0 * u, room = width - 2.0 * layout.margin - gap;
+  layout.machine = {layout.margin, low, 0.5 * room, high - low};
+  layout.part = {layout.margin + 0.5 * room + gap, low, 0.5 * room, high - low};
+  return layout;
+}
+
+vtkSmartPointer<vtkMatrix4x4> matrix_of(const Pose& T) {
+  auto matrix = vtkSmartPointer<vtkMatrix4x4>::New();
+  for (int i = 0; i < 4; ++i)
+    for (int k = 0; k < 4; ++k) matrix->SetElement(i, k, T.matrix()(i, k));
+  return matrix;
+}
+
+void colour_actor(vtkActor& actor, const Colour& colour, double shade) {
+  vtkProperty& look = *actor.GetProperty();
+  look.SetColor(colour.r, colour.g, colour.b);
+  look.SetAmbient(1.0 - shade);
+  look.SetDiffuse(shade);
+  look.SetSpecular(0.0);
+}
+
+/// Surfaces stand back a little, so that no line on them is half hidden.
+vtkSmartPointer<vtkPolyDataMapper> surface_mapper(vtkPolyData* data) {
+  auto mapper = vtkSmartPointer<vtkPolyDataMapper>::New();
+  mapper->SetInputData(data);
+  mapper->SetResolveCoincidentTopologyToPolygonOffset();
+  mapper->SetRelativeCoincidentTopologyPolygonOffsetParameters(2.0, 2.0);
+  return mapper;
+}
+
+vtkSmartPointer<vtkActor> wire_actor(const Wire& wire) {
+  const auto data = poly_data(wire.points);
+  const int* indices = wire.segments.empty() ? nullptr : wire.segments.front().data();
+  data->SetLines(cells(indices, Eigen::Index(wire.segments.size()), 2));
+  vtkNew<vtkPolyDataMapper> mapper;
+  mapper->SetInputData(data);
+  mapper->ScalarVisibilityOff();
+  auto actor = vtkSmartPointer<vtkActor>::New();
+  actor->SetMapper(mapper);
+  colour_actor(*actor, wire.colour, 0.0);
+  actor->GetProperty()->LightingOff();
+  actor->GetProperty()->SetLineWidth(float(wire.width_px));
+  return actor;
+}
+
+/// The faces and the edges of one body.
+struct BodyActors {
+  vtkSmartPointer<vtkActor> faces, edges;
+};
+
+BodyActors body_actors(const FilmBody& body, double edge_px) {
+  const auto data = poly_data(body.vertices);
+  data->SetPolys(cells(body.triangles.data(), body.triangles.rows(), 3));
+  const auto mapper = surface_mapper(data);
+  mapper->ScalarVisibilityOff();
+  BodyActors actors;
+  actors.faces = vtkSmartPointer<vtkActor>::New();
+  actors.faces->SetMapper(mapper);
+  colour_actor(*actors.faces, body.colour, 0.4);
+  actors.faces->GetProperty()->SetOpacity(body.opacity);
+  actors.faces->GetProperty()->SetInterpolationToFlat();
+  actors.edges =
+      wire_actor({body.vertices, sharp_edges(body.vertices, body.triangles), body_edge, edge_px});
+  return actors;
+}
+
+unsigned char byte_of(double part) {
+  return static_cast<unsigned char>(std::lround(255.0 * std::clamp(part, 0.0, 1.0)));
+}
+
+/// A view of the workpiece frame as it is seen from the bed, the eye going with the part.
+View carried(View view, const Pose& T_bw) {
+  view.centre = T_bw * view.centre;
+  for (Vector3d* axis : {&view.right, &view.up, &view.toward}) *axis = T_bw.linear() * *axis;
+  return view;
+}
+
+/// A mesh with one vertex in every cell of a grid.
+struct Thinned {
+  FilmMesh mesh;
+  std::vector<Eigen::Index> kept;  ///< (vertices) rows of the mesh that it was
+};
+
+/// The mean edge of a mesh, of some of its triangles.
+double mean_edge(const FilmMesh& mesh) {
+  const Eigen::Index step = std::max<Eigen::Index>(1, mesh.triangles.rows() / 1000);
+  double sum = 0.0;
+  Eigen::Index count = 0;
+  for (Eigen::Index i = 0; i < mesh.triangles.rows(); i += step, ++count)
+    sum +=
+        (mesh.vertices.row(mesh.triangles(i, 0)) - mesh.vertices.row(mesh.triangles(i, 1))).norm();
+  return count > 0 ? sum / double(count) : 0.0;
+}
+
+/// What is smaller than a cell cannot be seen, and costs as much time as what can.
+Thinned thinned(const FilmMesh& mesh, double cell) {
+  if (mean_edge(mesh) >= cell) {
+    Thinned whole{mesh, std::vector<Eigen::Index>(std::size_t(mesh.vertices.rows()))};
+    std::iota(whole.kept.begin(), whole.kept.end(), Eigen::Index(0));
+    return whole;
+  }
+  std::unordered_map<std::uint64_t, int> cells_met;
+  std::vector<int> number(std::size_t(mesh.vertices.rows()));
+  Thinned made;
+  const Eigen::RowVector3d low = mesh.vertices.colwise().minCoeff();
+  for (Eigen::Index i = 0; i < mesh.vertices.rows(); ++i) {
+    const Eigen::Array3d at = ((mesh.vertices.row(i) - low) / cell).array().floor();
+    constexpr double most = double(1 << 21) - 1.0;
+    std::uint64_t key = 0;
+    for (int k = 0; k < 3; ++k) key = key << 21 | std::uint64_t(std::min(at[k], most));
+    const auto [met, is_new] = cells_met.try_emplace(key, int(made.kept.size()));
+    if (is_new) made.kept.push_back(i);
+    number[std::size_t(i)] = met->second;
+  }
+  std::vector<std::array<int, 3>> triangles;
+  for (const auto& t : mesh.triangles.rowwise()) {
+    const std::array<int, 3> corners{number[std::size_t(t[0])], number[std::size_t(t[1])],
+                                     number[std::size_t(t[2])]};
+    if (corners[0] != corners[1] && corners[1] != corners[2] && corners[2] != corners[0])
+      triangles.push_back(corners);
+  }
+  made.mesh.vertices = mesh.vertices(made.kept, Eigen::all);
+  if (mesh.normals.rows() > 0) made.mesh.normals = mesh.normals(made.kept, Eigen::all);
+  made.mesh.triangles.resize(Eigen::Index(triangles.size()), 3);
+  for (std::size_t i = 0; i < triangles.size(); ++i)
+    made.mesh.triangles.row(Eigen::Index(i)) << triangles[i][0], triangles[i][1], triangles[i][2];
+  return made;
+}
+
+/// The part as it is now, in one view.
+class PartActor {
+ public:
+  /// @param cell  mm, of the grid to which it is thinned
+  PartActor(const std::vector<FilmSetting::Named>& looks, double cell) : cell_(cell) {
+    for (const FilmSetting::Named& look : looks)
+      colours_.push_back({byte_of(look.colour.r), byte_of(look.colour.g), byte_of(look.colour.b)});
+    colour_actor(*actor, {1.0, 1.0, 1.0}, 0.5);
+  }
+
+  void show(const FilmState& state) {
+    actor->SetVisibility(state.part != nullptr && state.part->triangles.rows() > 0);
+    if (!actor->GetVisibility()) return;
+    if (state.part != mesh_) reshape(state.part);
+    vtkNew<vtkUnsignedCharArray> rgb;
+    rgb->SetNumberOfComponents(3);
+    rgb->SetNumberOfTuples(vtkIdType(thinned_.kept.size()));
+    unsigned char* to = rgb->GetPointer(0);
+    for (const Eigen::Index i : thinned_.kept)
+      to = std::ranges::copy(colours_.at(state.looks[std::size_t(i)]), to).out;
+    data_->GetPointData()->SetScalars(rgb);
+    actor->SetUserMatrix(matrix_of(state.T_bw));
+  }
+
+  vtkNew<vtkActor> actor;
+
+ private:
+  void reshape(const std::shared_ptr<const FilmMesh>& given) {
+    mesh_ = given;
+    thinned_ = thinned(*given, cell_);
+    const FilmMesh& mesh = thinned_.mesh;
+    data_ = poly_data(mesh.vertices);
+    data_->SetPolys(cells(mesh.triangles.data(), mesh.triangles.rows(), 3));
+    if (mesh.normals.rows() > 0) {
+      vtkNew<vtkFloatArray> normals;
+      normals->SetNumberOfComponents(3);
+      normals->SetNumberOfTuples(mesh.normals.rows());
+      std::copy(mesh.normals.data(), mesh.normals.data() + mesh.normals.size(),
+                normals->GetPointer(0));
+      data_->GetPointData()->SetNormals(normals);
+    } else {
+      actor->GetProperty()->SetInterpolationToFlat();
+    }
+    actor->GetProperty()->SetBackfaceCulling(given->closed);
+    if (mapper_ == nullptr) {
+      mapper_ = surface_mapper(data_);
+      actor->SetMapper(mapper_);
+    }
+    mapper_->SetInputData(data_);
+  }
+
+  double cell_;
+  std::vector<std::array<unsigned char, 3>> colours_;
+  std::shared_ptr<const FilmMesh> mesh_;
+  Thinned thinned_;
+  vtkSmartPointer<vtkPolyData> data_;
+  vtkSmartPointer<vtkPolyDataMapper> mapper_;
+};
+
+void check_state(const FilmSetting& setting, const FilmState& state) {
+  const bool fits =
+      state.T_b.size() == setting.bodies.size() && state.values.size() == setting.labels.size() &&
+      (state.part == nullptr || state.looks.size() == std::size_t(state.part->vertices.rows()));
+  const bool named = std::ranges::all_of(
+      state.looks, [&](std::uint8_t look) { return look < setting.looks.size(); });
+  if (!fits || !named) throw std::invalid_argument("a state that fits the setting of its film");
+}
+
+}  // namespace
+
+struct Film::Stage {
+  explicit Stage(FilmSetting given);
+
+  void place(const FilmState& state);
+  void write(const FilmState& state);
+  void write_values(const FilmState& state);
+  void write_legend();
+
+  FilmSetting setting;
+  FilmLayout layout;
+  Canvas canvas;
+  View machine_view, part_view;
+  vtkNew<vtkRenderer> machine, part;
+  std::vector<BodyActors> bodies;
+  PartActor part_far, part_near;
+  std::vector<vtkSmartPointer<vtkActor>> paths;
+};
+
+Film::Stage::Stage(FilmSetting given)
+    : setting(std::move(given)),
+      layout(film_layout(setting.width, setting.height)),
+      canvas(setting.width, setting.height, film_smoothness),
+      machine_view(
+          fitted_view(setting.machine_b, setting.from_b, Vector3d::UnitZ(), layout.machine)),
+      part_view(fitted_view(setting.part_w, setting.from_w, setting.up_w, layout.part)),
+      part_far(setting.looks, finest_px * machine_view.mm_per_px),
+      part_near(setting.looks, finest_px * part_view.mm_per_px) {
+  part_view.depth = std::max(part_view.depth, setting.part_depth);
+  for (const FilmBody& body : setting.bodies) {
+    bodies.push_back(body_actors(body, std::max(1.0, 1.6 * layout.type.unit)));
+    for (vtkActor* actor : {bodies.back().faces.Get(), bodies.back().edges.Get()}) {
+      machine->AddActor(actor);
+      if (body.close) part->AddActor(actor);
+    }
+  }
+  machine->AddActor(part_far.actor);
+  part->AddActor(part_near.actor);
+  for (vtkRenderer* scene : {machine.Get(), part.Get()}) scene->UseFXAAOn();
+  canvas.add(*machine, machine_view);
+  canvas.add(*part, part_view);
+}
+
+void Film::Stage::place(const FilmState& state) {
+  for (std::size_t i = 0; i < bodies.size(); ++i)
+    for (vtkActor* actor : {bodies[i].faces.Get(), bodies[i].edges.Get()}) {
+      actor->SetVisibility(state.T_b[i].has_value());
+      if (state.T_b[i]) actor->SetUserMatrix(matrix_of(*state.T_b[i]));
+    }
+  part_far.show(state);
+  part_near.show(state);
+  for (const auto& path : paths) part->RemoveActor(path);
+  paths.clear();
+  const View eye = carried(part_view, state.T_bw);
+  Pose nearer = state.T_bw;
+  nearer.translation() += 2.0 * eye.mm_per_px * eye.toward;
+  for (const Wire& wire : state.paths) {
+    if (wire.segments.empty()) continue;
+    paths.push_back(wire_actor(wire));
+    paths.back()->SetUserMatrix(matrix_of(nearer));
+    part->AddActor(paths.back());
+  }
+  look(*part, eye);
+}
+
+void Film::Stage::write_legend() {
+  const TextStyle small{.size_px = 0.85 * layout.type.body};
+  Vector2d at(layout.part.x, layout.part.y + layout.part.height + 0.35 * layout.heading);
+  for (const auto* names : {&setting.looks, &setting.lines})
+    for (const FilmSetting::Named& one : *names)
+      if (!one.name.empty())
+        at.x() += swatch(canvas, at, one.colour, one.name, small) + 1.2 * small.size_px;
+}
+
+void Film::Stage::write_values(const FilmState& state) {
+  const double y = layout.foot - 2.35 * layout.type.body;
+  const TextStyle label{
+      .size_px = 0.8 * layout.type.body, .colour = colours::faint_ink, .upward = 1.0};
+  const TextStyle value{.size_px = layout.type.body, .bold = true, .upward = 1.0};
+  double shares = 0.0, x = layout.margin;
+  for (const FilmSetting::Label& one : setting.labels) shares += one.share;
+  for (std::size_t i = 0; i < setting.labels.size(); ++i) {
+    const double room = (setting.width - 2.0 * layout.margin) * setting.labels[i].share / shares;
+    const double kept = room - 0.5 * layout.type.body;
+    canvas.text({x, y}, setting.labels[i].name, label);
+    canvas.text({x, y - 1.15 * layout.type.body}, wrapped(state.values[i], value, kept, 1).front(),
+                value);
+    x += room;
+  }
+}
+
+void Film::Stage::write(const FilmState& state) {
+  canvas.wipe();
+  const double margin = layout.margin, room = setting.width - 2.0 * margin;
+  const TypeSizes& type = layout.type;
+  const TextStyle title{.size_px = type.title, .bold = true, .upward = 1.0};
+  const TextStyle beside{.size_px = type.body, .across = 1.0, .upward = 1.0};
+  const TextStyle heading{.size_px = type.body, .colour = colours::faint_ink, .upward = 0.5};
+  const double top = setting.height - 0.8 * margin;
+  const double right = text_size(setting.subtitle, beside).x();
+  canvas.text({margin, top}, wrapped(setting.title, title, room - right - margin, 1).front(),
+              title);
+  canvas.text({setting.width - margin, top - 0.25 * type.title}, setting.subtitle, beside);
+  for (const auto& [area, name] :
+       {std::pair(layout.machine, setting.machine_name), std::pair(layout.part, setting.part_name)})
+    canvas.text({area.x, area.y + area.height + 0.8 * layout.heading},
+                wrapped(name, heading, area.width, 1).front(), heading);
+  write_legend();
+  const TextStyle small{.size_px = 0.85 * type.body};
+  for (const auto& [view, area] :
+       {std::pair(&machine_view, layout.machine), std::pair(&part_view, layout.part)})
+    scale_bar(canvas, *view, {area.x, layout.foot + 0.9 * type.body}, 0.3 * area.width, small);
+  triad(canvas, machine_view,
+        {layout.machine.x + layout.machine.width - 2.6 * type.body,
+         layout.machine.y + layout.machine.height - 2.6 * type.body},
+        1.5 * type.body, small);
+  const TextStyle program{.size_px = type.body, .upward = 0.5};
+  canvas.line({{margin, layout.foot}, {setting.width - margin, layout.foot}}, colours::rule, 1.0);
+  canvas.text({margin, layout.foot - 1.2 * type.body},
+              wrapped(state.text, program, room, 1).front(), program);
+  write_values(state);
+  const double height = 0.3 * type.body, y = 0.5 * margin;
+  canvas.fill({margin, y, room, height}, colours::rule);
+  canvas.fill({margin, y, std::clamp(state.done, 0.0, 1.0) * room, height}, series_colour(0));
+}
+
+Film::Film(FilmSetting setting) : stage_(std::make_unique<Stage>(std::move(setting))) {}
+
+Film::~Film() = default;
+
+Pixels Film::frame(const FilmState& state) {
+  check_state(stage_->setting, state);
+  stage_->place(state);
+  stage_->write(state);
+  return stage_->canvas.pixels();
+}
+
+}  // namespace abbe::render

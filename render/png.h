@@ -1,0 +1,19 @@
+#pragma once
+
+#include <string>
+
+namespace abbe::render {
+
+/// A picture as it is on a screen.
+struct Pixels {
+  int width = 0;
+  int height = 0;
+  std::string rgb;  ///< (3 * width * height) the upper row first
+};
+
+/// A PNG file of it, made for speed: no graphics library takes part, so any thread may encode while
+/// another one draws. The same pixels give the same bytes.
+/// @throws std::invalid_argument if the sizes do not fit
+std::string png_file(const Pixels& pixels);
+
+}  // namespace abbe::render

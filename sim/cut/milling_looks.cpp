@@ -1,0 +1,72 @@
+#include "sim/cut/milling_looks.h"
+
+#include <stdexcept>
+#include <type_traits>
+#include <variant>
+
+#include "cutting/read_mesh.h"
+#include "kinematics/turn_between.h"
+
+namespace abbe::sim {
+
+namespace {
+
+cutting::Blank blank_of(const CuttingDescription& description, const cutting::Design& design_m) {
+  return std::visit(
+      [&](const auto& blank) -> cutting::Blank {
+        using Shape = std::decay_t<decltype(blank)>;
+        if constexpr (std::is_same_v<Shape, CuttingDescription::OffsetBlank>) {
+          return cutting::offset_blank(design_m, blank.allowance, blank.floor);
+        } else if constexpr (std::is_same_v<Shape, MeshFile>) {
+          cutting::ReadMeshOptions options;
+          options.unit_mm = blank.unit;
+          const cutting::Design mesh = cutting::read_mesh(blank.file, options);
+          return cutting::MeshBlank{mesh.vertices, mesh.triangles};
+        } else if constexpr (std::is_same_v<Shape, CuttingDescription::TurnedBlank>) {
+          throw std::invalid_argument("a blank that is milled, not a turned one");
+        } else {
+          return blank;
+        }
+      },
+      description.blank);
+}
+
+}  // namespace
+
+cutting::Stock blank_stock(const Scene& scene, const cutting::Design& design_m) {
+  const CuttingDescription& description = *scene.cutting;
+  return cutting::make_stock(
+      blank_of(description, design_m), scene.part.T_wm,
+      {description.spacing, description.three_directions, description.max_bytes});
+}
+
+bool is_rapid(const program::Samples& samples, const program::Path& path, std::size_t sample) {
+  return path.blocks[std::size_t(samples.block[sample])].interpolation ==
+         program::Interpolation::Rapid;
+}
+
+std::vector<std::size_t> milling_looks(const program::Samples& samples, const program::Path& path,
+                                       const std::vector<kinematics::Pose>& T_wt, double step,
+                                       double reach) {
+  constexpr double sharp = 0.1;  // rad
+  const auto tip = [&](std::size_t i) -> Eigen::Vector3d { return T_wt[i].translation(); };
+  const auto axis = [&](std::size_t i) -> Eigen::Vector3d { return T_wt[i].linear().col(2); };
+  const auto rapid = [&](std::size_t i) { return is_rapid(samples, path, i); };
+  std::vector<std::size_t> at{0};
+  double travel = 0.0;
+  const std::size_t n = samples.states.size();
+  for (std::size_t i = 1; i < n; ++i) {
+    travel +=
+        (tip(i) - tip(i - 1)).norm() + reach * kinematics::angle_between(axis(i), axis(i - 1));
+    const bool last = i + 1 == n;
+    if (travel < step && !last && rapid(i) == rapid(i + 1)) {
+      const Eigen::Vector3d come = tip(i) - tip(at.back()), goes = tip(i + 1) - tip(i);
+      if (kinematics::angle_between(come, goes) < sharp) continue;
+    }
+    at.push_back(i);
+    travel = 0.0;
+  }
+  return at;
+}
+
+}  // namespace abbe::sim

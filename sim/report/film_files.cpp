@@ -1,0 +1,114 @@
+#include "sim/report/film_files.h"
+
+#include <algorithm>
+#include <cctype>
+#include <future>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
+#include "sim/report/film_encoder.h"
+
+#if ABBE_RENDER
+#include "render/film.h"
+#include "render/png.h"
+#include "sim/report/program_film.h"
+#endif
+
+namespace abbe::sim {
+
+#if ABBE_RENDER
+
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string frame_name(std::size_t frame) { return fmt::format("frame_{:05d}.png", frame + 1); }
+
+bool is_frame(const std::string& name) {
+  return name.size() == std::string("frame_00001.png").size() && name.starts_with("frame_") &&
+         name.ends_with(".png") &&
+         std::all_of(name.begin() + 6, name.begin() + 11,
+                     [](unsigned char c) { return std::isdigit(c) != 0; });
+}
+
+/// What an earlier film left, so that a shorter one is not mixed with it, nor one that is stopped.
+void remove_earlier(const ResultFolder& folder, const ResultFolder& frames) {
+  for (const char* film : {"film.mp4", "film.webm"}) remove_file(folder / film);
+  std::vector<std::string> names;
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(frames.path(), none))
+    if (is_frame(entry.path().filename().string()))
+      names.push_back(entry.path().filename().string());
+  for (const std::string& name : names) remove_file(frames / name);
+}
+
+/// The stock of the next frame is cut and the last frame is packed while one is drawn.
+void write_frames(const ResultFolder& frames, ProgramFilm& program, const Progress& progress) {
+  const std::size_t n = program.frames();
+  render::Film film(program.setting());
+  const auto state_of = [&](std::size_t k) {
+    return std::async(std::launch::async, [&program, k] { return program.state(k); });
+  };
+  std::future<render::FilmState> next = state_of(0);
+  std::future<void> written;
+  for (std::size_t k = 0; k < n; ++k) {
+    const render::FilmState state = next.get();
+    if (k + 1 < n) next = state_of(k + 1);
+    render::Pixels pixels = film.frame(state);
+    if (written.valid()) written.get();
+    written = std::async(std::launch::async, [&frames, k, pixels = std::move(pixels)] {
+      write_file(frames / frame_name(k), render::png_file(pixels));
+    });
+    if (progress) progress("frames", double(k + 1) / double(n));
+  }
+  written.get();
+}
+
+void write_encoded(const ResultFile& film, const std::string& ffmpeg, const FilmEncoding& encoding,
+                   const Progress& progress) {
+  if (progress) progress("encode", 0.0);
+  try {
+    write_file(film, [&](const fs::path& temporary) {
+      encode(encoder_command(ffmpeg, encoding, temporary), stop_if_interrupted);
+    });
+  } catch (const OutputFailure&) {
+    stop_if_interrupted();  // then that is what it failed by
+    throw;
+  }
+}
+
+}  // namespace
+
+FilmWritten write_film(const ResultFolder& folder, const FilmedCut& cut, const FilmRequest& request,
+                       const Progress& progress) {
+  ProgramFilm program(cut, request.plan, request.options);
+  const ResultFolder frames = folder.inside("frames");
+  remove_earlier(folder, frames);
+  write_frames(frames, program, progress);
+  FilmWritten written{frames.path(), program.frames(), std::nullopt, ""};
+  if (request.format == "none") return written;
+  const FilmEncoding encoding{frames.path(), program.frames(), request.plan.fps};
+  const ResultFile film = folder / ("film." + request.format);
+  if (const auto ffmpeg = found_on_path("ffmpeg")) {
+    write_encoded(film, ffmpeg->string(), encoding, progress);
+    written.film = film.path();
+  } else {
+    written.notice = "no ffmpeg on the PATH: the film is made of the frames by\n" +
+                     shell_text(encoder_command("ffmpeg", encoding, film.path()));
+  }
+  return written;
+}
+
+#else
+
+FilmWritten write_film(const ResultFolder& folder, const FilmedCut&, const FilmRequest&,
+                       const Progress&) {
+  throw BadInput(folder.path().string(), 0, 0, "a program built with -DABBE_RENDER=ON",
+                 "one without VTK");
+}
+
+#endif
+
+}  // namespace abbe::sim

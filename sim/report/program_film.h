@@ -1,0 +1,93 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "render/film.h"
+#include "sim/cut/bodies.h"
+#include "sim/cut/stock_replay.h"
+#include "sim/report/film_plan.h"
+#include "sim/report/filmed_cut.h"
+#include "sim/report/program_words.h"
+
+namespace abbe::sim {
+
+/// The film of a program: the machine with its bodies where the actual axes are, errors and forces
+/// included, its tool where its errors, magnified, take it, and the stock that is left, or on the
+/// design what is cut. Spindles are drawn at rest: between two frames they turn many times.
+class ProgramFilm {
+ public:
+  /// @throws BadInput as `bodies_of`, and where a table of the errors is left
+  ProgramFilm(const FilmedCut& cut, FilmPlan plan, const FilmOptions& options = {});
+
+  const render::FilmSetting& setting() const { return setting_; }
+  std::size_t frames() const { return plan_.time_s.size(); }
+
+  /// One frame; with [cutting] they must be asked for in rising order.
+  render::FilmState state(std::size_t frame);
+  /// mm^3, of the stock as it is now; 0 without [cutting].
+  double volume() const { return stock_ ? stock_->volume() : 0.0; }
+
+ private:
+  /// What a frame shows: a sample of a part of the job.
+  struct Moment {
+    std::size_t part = 0, sample = 0;
+    kinematics::Pose T_wt;  ///< where the tool is, the workpiece spindle turned back
+    kinematics::Pose T_wt_nominal;
+    double error = 0.0;  ///< mm, of the tip
+    std::vector<kinematics::Pose> carriers_b;
+  };
+  /// What moves a body of the setting.
+  struct Actor {
+    int frame = 0;                    ///< its carrier
+    std::optional<std::size_t> part;  ///< to whose tool it belongs; none: to the machine
+    kinematics::Pose T = kinematics::Pose::Identity();  ///< in the frame of its carrier
+    bool cuts = false;                                  ///< the part of a tool that does
+  };
+  /// The path of the tip at feed, in passes.
+  struct Trace {
+    struct Point {
+      double time_s;
+      Eigen::Vector3d nominal_w, actual_w;
+      int pass;
+    };
+    std::vector<Point> points;
+    int passes = 0;
+  };
+
+  struct TracedSamples;
+
+  void add_moments();
+  void add_body(const cutting::ClosedMesh& mesh, const Actor& actor, const render::FilmBody& look);
+  void add_bodies();
+  void add_tool(std::size_t part, const std::vector<SolidBody>& solids);
+  double part_size() const;
+  double largest() const;
+  double end_s() const;
+  Eigen::Vector3d nominal_tip(std::size_t part, std::size_t sample) const;
+  TracedSamples traced_samples(std::size_t part);
+  void add_trace();
+  void add_part();
+  void set_views();
+  void set_words();
+  kinematics::Pose tool_pose(const Moment& moment) const;
+  bool is_feeding(const Moment& moment) const;
+  std::vector<std::string> values(const Moment& moment, double time_s) const;
+  std::vector<render::Wire> paths(double time_s) const;
+  void show_part(double time_s, render::FilmState& state);
+
+  FilmedCut cut_;
+  FilmPlan plan_;
+  double magnification_ = 1.0;
+  ProgramWords words_;
+  std::vector<Moment> moments_;
+  std::vector<Actor> actors_;
+  Trace trace_;
+  std::optional<StockReplay> stock_;
+  std::shared_ptr<const render::FilmMesh> design_, stock_mesh_;
+  std::vector<std::uint8_t> stock_looks_;
+  render::FilmSetting setting_;
+};
+
+}  // namespace abbe::sim
