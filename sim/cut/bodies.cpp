@@ -211,8 +211,13 @@ std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidB
     warnings.push_back(
         "the tool has no [tool.holder]: of what holds it only the bodies of the "
         "machine are looked at");
-  if (std::holds_alternative<cutting::Nose>(part.scene.tool.actual))
+  if (std::holds_alternative<cutting::Nose>(part.scene.tool.actual)) {
     warnings.push_back("a turning tool is looked at by its holder alone, its edge has no body");
+    if (part.scene.cutting)
+      warnings.push_back(
+          "the stock of a turned part is not met in this search: a rapid through it is "
+          "warned of by the cut");
+  }
   if (part.machine.workpiece_spindle)
     warnings.push_back(
         "the spindle stands still in this search: what it turns is looked at as it "

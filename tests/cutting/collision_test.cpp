@@ -271,6 +271,43 @@ TEST(Bodies, ThatCannotBeAreRefused) {
                std::invalid_argument);
 }
 
+/// A cutter and a shank beside a box: pieces, one of them a point with a skin.
+TEST(Collision, PointsOfAGapAreSoFarApartAndOnTheirBodies) {
+  constexpr unsigned seed = 1732;
+  std::cout << "seed " << seed << "\n";
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  Cutter ball, bull;
+  ball.radius = ball.corner_radius = 4.9;
+  bull.radius = 7.0;
+  bull.corner_radius = 1.3;
+  const std::array<Body, 2> cutters{body_of(cutter_pieces(ball, sag)),
+                                    body_of(cutter_pieces(bull, sag))};
+  const Body clamp = box(30.0, 24.0, 110.0);
+  const Body round = body_of(sphere_mesh(30.0, 1e-2));  // of enough triangles to be sorted
+  int apart = 0;
+  for (int k = 0; k < 4000; ++k) {
+    const Body& other = k % 2 == 0 ? clamp : round;
+    const Body& cutter = cutters[std::size_t(k / 2 % 2)];
+    const Pose T_a = place(90.0 * Vector3d(any(random), any(random), any(random)),
+                           3.0 * Vector3d(any(random), any(random), any(random))),
+               T_b = place(9.0 * Vector3d(any(random), any(random), any(random)),
+                           3.0 * Vector3d(any(random), any(random), any(random)));
+    const Gap found = gap(cutter, T_a, other, T_b), back = gap(other, T_b, cutter, T_a);
+    EXPECT_NEAR(back.distance, found.distance, 1e-9);
+    if (!(found.distance > 0.0)) continue;
+    ++apart;
+    EXPECT_NEAR((found.on_a - found.on_b).norm(), found.distance, 1e-9);
+    const Body dot = body_of(ClosedMesh{Points::Zero(1, 3), Triangles::Zero(1, 3), 0.0});
+    EXPECT_LT(gap(dot, place(found.on_b), other, T_b).distance, 1e-9);
+    EXPECT_LT(gap(dot, place(found.on_a), cutter, T_a).distance, 1e-9);
+    // a limit just above it changes nothing
+    const Gap limited = gap(cutter, T_a, other, T_b, {0.0, found.distance * (1.0 + 1e-12)});
+    EXPECT_NEAR((limited.on_a - limited.on_b).norm(), found.distance, 1e-9);
+  }
+  EXPECT_GT(apart, 1000);
+}
+
 TEST(Bodies, InPatchesAreTheSameBody) {
   constexpr unsigned seed = 1731;
   std::cout << "seed " << seed << "\n";
