@@ -16,7 +16,6 @@
 #include <fcl/narrowphase/detail/primitive_shape_algorithm/triangle_distance.h>
 #include <tbb/parallel_for.h>
 
-#include "cutting/triangle_tree.h"
 #include "kinematics/require.h"
 
 namespace abbe::cutting {
@@ -34,9 +33,6 @@ struct BodySearch {
     std::array<int, 3> cube{};           // of a patch
     Vector3d centre = Vector3d::Zero();  // of a ball around it
     double radius = 0.0;
-    std::shared_ptr<const TriangleTree> places;  // of many triangles, for points that come near
-
-    bool is_point() const { return mesh.vertices.rows() == 1; }
   };
   std::vector<std::shared_ptr<const Piece>> pieces;
 };
@@ -71,9 +67,6 @@ Piece open_piece_of(const ClosedMesh& mesh) {
   piece.closed = false;
   piece.centre = 0.5 * (mesh.vertices.colwise().minCoeff() + mesh.vertices.colwise().maxCoeff());
   piece.radius = ball_radius(mesh, piece.centre);
-  constexpr Eigen::Index many = 32;
-  if (mesh.triangles.rows() >= many)
-    piece.places = std::make_shared<const TriangleTree>(mesh.vertices, mesh.triangles);
   piece.tree.beginModel(int(triangles.size()), int(vertices.size()));
   piece.tree.addSubModel(vertices, triangles);
   piece.tree.endModel();
@@ -298,10 +291,6 @@ class NearestTriangles {
   Corners from_a_, from_b_;
 };
 
-}  // namespace
-
-namespace {
-
 /// Two pieces, which are no nearer than this.
 struct PiecePair {
   const Piece* one;
@@ -309,7 +298,7 @@ struct PiecePair {
   double apart;
 };
 
-/// Points first, which are quick to ask, then those that may be nearest.
+/// Those that may be nearest first.
 std::vector<PiecePair> piece_pairs(const Body& a, const Body& b, const Pose& T_ab) {
   std::vector<PiecePair> pairs;
   pairs.reserve(a.search->pieces.size() * b.search->pieces.size());
@@ -319,32 +308,8 @@ std::vector<PiecePair> piece_pairs(const Body& a, const Body& b, const Pose& T_a
       pairs.push_back(
           {one.get(), other.get(), (one->centre - centre).norm() - one->radius - other->radius});
   }
-  if (pairs.size() > 1)
-    std::ranges::stable_sort(pairs, {}, [](const PiecePair& pair) {
-      return std::pair(!(pair.one->is_point() || pair.other->is_point()), pair.apart);
-    });
+  if (pairs.size() > 1) std::ranges::stable_sort(pairs, {}, &PiecePair::apart);
   return pairs;
-}
-
-/// Between the meshes of two pieces, b placed in the frame of a; none nearer than `most`.
-std::optional<Gap> between_meshes(const Piece& a, const Piece& b, const Pose& T_ab, double skins,
-                                  const GapOptions& options) {
-  const double most = options.most + skins;
-  Gap found;
-  found.distance = most;
-  if (b.is_point() && a.places) {
-    const Vector3d place = T_ab * b.centre;
-    const TriangleTree::Nearest near = a.places->nearest(place, -1, most);
-    if (near.triangle >= 0) found = {std::sqrt(near.squared), near.point, place};
-  } else if (a.is_point() && b.places) {
-    const Vector3d place = T_ab.inverse() * a.centre;
-    const TriangleTree::Nearest near = b.places->nearest(place, -1, most);
-    if (near.triangle >= 0) found = {std::sqrt(near.squared), a.centre, T_ab * near.point};
-  } else {
-    found = NearestTriangles(a.tree, b.tree, T_ab, skins, most, options.share).nearest;
-  }
-  if (!(found.distance < most)) return {};
-  return found;
 }
 
 }  // namespace
@@ -354,18 +319,18 @@ Gap gap(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b, const Ga
   Gap nearest;
   nearest.distance = options.most;
   for (const auto& [one, other, apart] : piece_pairs(a, b, T_ab)) {
-    if (!(apart < nearest.distance)) continue;
+    if (!(apart < nearest.distance)) break;
     const double skins = one->mesh.skin + other->mesh.skin;
-    std::optional<Gap> found =
-        between_meshes(*one, *other, T_ab, skins, {options.share, nearest.distance});
-    if (!found) continue;
+    const double most = nearest.distance + skins;
+    Gap found = NearestTriangles(one->tree, other->tree, T_ab, skins, most, options.share).nearest;
+    if (!(found.distance < most)) continue;
     // from the meshes to the skins
-    const Vector3d way = found->on_b - found->on_a;
+    const Vector3d way = found.on_b - found.on_a;
     if (const double length = way.norm(); length > 0.0) {
-      found->on_a += std::min(one->mesh.skin, length) / length * way;
-      found->on_b -= std::min(other->mesh.skin, length) / length * way;
+      found.on_a += std::min(one->mesh.skin, length) / length * way;
+      found.on_b -= std::min(other->mesh.skin, length) / length * way;
     }
-    nearest = {std::max(0.0, found->distance - skins), T_a * found->on_a, T_a * found->on_b};
+    nearest = {std::max(0.0, found.distance - skins), T_a * found.on_a, T_a * found.on_b};
     if (nearest.distance == 0.0) return nearest;
   }
   return nearest;
