@@ -80,4 +80,7 @@ Body body_of_patches(const ClosedMesh& mesh, double size, const Body& before = {
 /// mm along a direction (unit, in its own frame), of the point of the body farthest that way.
 double extent(const Body& body, const Eigen::Vector3d& direction);
 
+/// mm, how far a point of the ball around a body is from one pose to another, at most.
+double farthest(const kinematics::Pose& from, const kinematics::Pose& to, const Body& body);
+
 }  // namespace abbe::cutting

@@ -191,6 +191,11 @@ double extent(const Body& body, const Vector3d& direction) {
   return most;
 }
 
+double farthest(const Pose& from, const Pose& to, const Body& body) {
+  const double turn = (to.linear() - from.linear()).norm() / std::numbers::sqrt2;
+  return (to * body.centre - from * body.centre).norm() + turn * body.radius;
+}
+
 namespace {
 
 /// Searches two trees for the nearest triangles, b placed in the frame of a, skins around them.

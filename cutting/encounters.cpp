@@ -6,7 +6,6 @@
 #include <functional>
 #include <limits>
 #include <map>
-#include <numbers>
 #include <optional>
 #include <tuple>
 #include <utility>
@@ -25,12 +24,6 @@ using kinematics::Pose;
 constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr double within = 1e-2;  // mm, to which a clearance is known where its share is less
 constexpr double rough = 0.3;    // of the share, by which a single distance may be too large
-
-/// How far a point of the ball of a body can come from one pose to another, straight.
-double farthest(const Pose& from, const Pose& to, const Body& body) {
-  const double turn = (to.linear() - from.linear()).norm() / std::numbers::sqrt2;
-  return (to * body.centre - from * body.centre).norm() + turn * body.radius;
-}
 
 /// The bodies, the pairs and how they move: what all threads share.
 struct Task {

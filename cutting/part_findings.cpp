@@ -150,7 +150,8 @@ Marked marked_undercuts(const StockSkin& skin, const Points& area, const Vector3
     const Vector3d place = skin.mesh.vertices_w.row(Index(i));
     const Vector3d a = area.row(Index(i)), outward = a.normalized();
     // a spacing off the skin: a wall that leans by less is as good as upright
-    const auto above = tree.entry(place + skin.spacing * outward, along);
+    const auto above =
+        tree.first_met(place + skin.spacing * outward, along, TriangleTree::Side::Outer);
     if (!above) return;
     const double height = std::max(0.0, *above + skin.spacing * outward.dot(along));
     kind.has[i] = 1;

@@ -1,16 +1,14 @@
 #pragma once
 
 #include <optional>
-#include <vector>
 
-#include <Eigen/Geometry>
+#include <Eigen/Core>
 
-#include "cutting/mesh.h"
+#include "cutting/triangle_tree.h"
 
 namespace abbe::cutting {
 
-/// A part as places see it: how thick it is behind them, whether it comes near. Immutable; about 50
-/// bytes a triangle and 24 a vertex.
+/// A part as places see it: how thick it is behind them, whether it comes near. Immutable.
 class Thickness {
  public:
   explicit Thickness(const Design& design);
@@ -25,22 +23,7 @@ class Thickness {
   bool comes_within(const Eigen::Vector3d& place, double distance) const;
 
  private:
-  struct Node {
-    Eigen::AlignedBox3d box;
-    int first = 0;
-    int count = 0;   ///< of a leaf's triangles; 0 else
-    int second = 0;  ///< the other child, the first is the next node
-  };
-  Eigen::AlignedBox3d box_of(int triangle) const;
-  void add_node(int first, int last, const Points& middles);
-  double distance_to(int triangle, const Eigen::Vector3d& place) const;
-  std::optional<double> leaves_through(int triangle, const Eigen::Vector3d& place,
-                                       const Eigen::Vector3d& direction) const;
-
-  Points vertices_;
-  Triangles corners_;
-  std::vector<int> triangles_;  ///< sorted so that every node has a run of them
-  std::vector<Node> nodes_;
+  TriangleTree tree_;
 };
 
 }  // namespace abbe::cutting

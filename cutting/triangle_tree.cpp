@@ -20,6 +20,7 @@ namespace {
 constexpr int leaf_most = 4;
 constexpr int alone = 4096;         // triangles that are not worth a task of their own
 constexpr double ray_slack = 1e-9;  // of a triangle, so that no ray slips between two
+constexpr double touch = 1e-9;      // mm
 
 /// Nodes of a tree of n triangles and of n + 1.
 std::pair<int, int> nodes_of(int n) {
@@ -30,17 +31,18 @@ std::pair<int, int> nodes_of(int n) {
   return {here, n % 2 == 0 ? odd : 1 + 2 * more};
 }
 
-/// Whether a ray meets the box within `most`.
+/// Whether a ray meets the box within `most`. A place at the rim lies beyond it by rounding, and
+/// its ray runs along a side of the box.
 bool is_met(const AlignedBox3d& box, const Vector3d& start, const Vector3d& direction,
             double most) {
   double from = 0.0, to = most;
   for (int k = 0; k < 3; ++k) {
+    const double low = box.min()[k] - touch, high = box.max()[k] + touch;
     if (direction[k] == 0.0) {
-      if (start[k] < box.min()[k] || start[k] > box.max()[k]) return false;
+      if (start[k] < low || start[k] > high) return false;
       continue;
     }
-    const double a = (box.min()[k] - start[k]) / direction[k];
-    const double b = (box.max()[k] - start[k]) / direction[k];
+    const double a = (low - start[k]) / direction[k], b = (high - start[k]) / direction[k];
     from = std::max(from, std::min(a, b));
     to = std::min(to, std::max(a, b));
   }
@@ -116,12 +118,12 @@ TriangleTree::Nearest TriangleTree::nearest_of(int triangle, const Vector3d& pla
   if (d3 >= 0.0 && d4 <= d3) return at(0, 1, 0);
   if (d6 >= 0.0 && d5 <= d6) return at(0, 0, 1);
   const double vc = d1 * d4 - d3 * d2;
-  if (vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0) {
+  if (vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 && d1 > d3) {
     const double v = d1 / (d1 - d3);
     return at(1 - v, v, 0);
   }
   const double vb = d5 * d2 - d1 * d6;
-  if (vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0) {
+  if (vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 && d2 > d6) {
     const double w = d2 / (d2 - d6);
     return at(1 - w, 0, w);
   }
@@ -155,7 +157,7 @@ TriangleTree::Nearest TriangleTree::nearest(const Vector3d& place, int guess, do
     for (int i = node.first; i < node.first + node.count; ++i) {
       const Nearest one = nearest_of(order_[std::size_t(i)], place);
       if (one.squared < best.squared ||
-          (one.squared == best.squared && one.triangle < best.triangle))
+          (one.squared == best.squared && (best.triangle < 0 || one.triangle < best.triangle)))
         best = one;
     }
     if (node.count > 0) continue;
@@ -190,8 +192,27 @@ std::vector<TriangleTree::Nearest> TriangleTree::within(const Vector3d& place,
   return all;
 }
 
-std::optional<double> TriangleTree::entry(const Vector3d& start, const Vector3d& direction) const {
-  double first = std::numeric_limits<double>::infinity();
+std::optional<double> TriangleTree::met(int triangle, const Vector3d& start,
+                                        const Vector3d& direction, Side side) const {
+  const auto corners = corners_.row(triangle);
+  const Vector3d a = vertices_.row(corners[0]);
+  const Vector3d ab = vertices_.row(corners[1]).transpose() - a;
+  const Vector3d ac = vertices_.row(corners[2]).transpose() - a;
+  const Vector3d outward = ab.cross(ac);
+  const double sign = side == Side::Outer ? -1.0 : 1.0;
+  const double out = direction.dot(outward), height = (a - start).dot(outward);
+  if (!(sign * out > 0.0)) return std::nullopt;  // it comes from the other side, or runs along
+  if (!(sign * height > touch * outward.norm())) return std::nullopt;
+  const Vector3d turned = (start - a).cross(direction);
+  const double u = -ac.dot(turned) / out, v = ab.dot(turned) / out;
+  if (u < -ray_slack || v < -ray_slack || u + v > 1.0 + ray_slack) return std::nullopt;
+  return height / out;
+}
+
+std::optional<double> TriangleTree::first_met(const Vector3d& start, const Vector3d& direction,
+                                              Side side, double most) const {
+  double first = most;
+  bool found = false;
   for (std::vector<int> open(nodes_.empty() ? 0 : 1, 0); !open.empty();) {
     const int number = open.back();
     const Node& node = nodes_[std::size_t(number)];
@@ -202,23 +223,13 @@ std::optional<double> TriangleTree::entry(const Vector3d& start, const Vector3d&
       open.push_back(number + 1);
     }
     for (int i = node.first; i < node.first + node.count; ++i) {
-      const auto corners = corners_.row(order_[std::size_t(i)]);
-      const Vector3d a = vertices_.row(corners[0]);
-      const Vector3d ab = vertices_.row(corners[1]).transpose() - a;
-      const Vector3d ac = vertices_.row(corners[2]).transpose() - a;
-      const Vector3d outward = ab.cross(ac);
-      const double out = direction.dot(outward);
-      if (!(out < 0.0)) continue;  // it leaves there, or runs along
-      const double along = (a - start).dot(outward) / out;
-      if (!(along > 0.0) || along >= first) continue;
-      const Vector3d turned = (start - a).cross(direction);
-      const double u = -ac.dot(turned) / out, v = ab.dot(turned) / out;
-      if (u < -ray_slack || v < -ray_slack || u + v > 1.0 + ray_slack) continue;
-      first = along;
+      const auto along = met(order_[std::size_t(i)], start, direction, side);
+      if (!along || *along > first) continue;
+      first = *along;
+      found = true;
     }
   }
-  if (!std::isfinite(first)) return std::nullopt;
-  return first;
+  return found ? std::optional(first) : std::nullopt;
 }
 
 }  // namespace abbe::cutting

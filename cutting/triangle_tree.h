@@ -26,14 +26,19 @@ class TriangleTree {
   };
   /// Of equally near triangles the one of least number, whatever the guess.
   /// @param guess  a triangle that may be near, which makes it faster; -1: none
-  /// @param most   mm, further triangles are not found
+  /// @param most   mm, triangles further off are not found
   Nearest nearest(const Eigen::Vector3d& place, int guess = -1,
                   double most = std::numeric_limits<double>::infinity()) const;
   /// All triangles that come as near as `distance`, by their numbers.
   std::vector<Nearest> within(const Eigen::Vector3d& place, double distance) const;
-  /// mm along a ray to the first triangle that it meets from its outer side.
+  /// From which side a ray comes upon a triangle.
+  enum class Side { Outer, Inner };
+  /// mm along a ray to the first triangle that it meets from that side; none within `most`.
+  /// Triangles in whose plane the start lies, to 1e-9 mm, do not count.
   /// @param direction  unit
-  std::optional<double> entry(const Eigen::Vector3d& start, const Eigen::Vector3d& direction) const;
+  std::optional<double> first_met(const Eigen::Vector3d& start, const Eigen::Vector3d& direction,
+                                  Side side,
+                                  double most = std::numeric_limits<double>::infinity()) const;
 
   const Points& vertices() const { return vertices_; }
   const Triangles& triangles() const { return corners_; }
@@ -47,6 +52,8 @@ class TriangleTree {
   };
   void fill_node(int node, int first, int last, const Points& middles);
   Nearest nearest_of(int triangle, const Eigen::Vector3d& place) const;
+  std::optional<double> met(int triangle, const Eigen::Vector3d& start,
+                            const Eigen::Vector3d& direction, Side side) const;
 
   Points vertices_;
   Triangles corners_;

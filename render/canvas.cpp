@@ -67,10 +67,6 @@ using Eigen::Vector2d;
 std::recursive_mutex
     one_canvas_at_a_time;  // VTK's font cache and OpenGL state belong to the whole process
 
-unsigned char byte(double part) {
-  return static_cast<unsigned char>(std::lround(255.0 * std::clamp(part, 0.0, 1.0)));
-}
-
 /// Lower left corner of a text of `size` so that the wanted part of it stands at `at`; whole
 /// pixels, so that the letters do not blur.
 Vector2d corner(const Vector2d& at, const Vector2d& size, const TextStyle& style) {
@@ -131,22 +127,6 @@ vtkSmartPointer<vtkActor> actor(const Solid& solid) {
   look.SetSpecular(0.0);
   if (solid.shade == 0.0) look.LightingOff();
   if (solid.normals.rows() == 0) look.SetInterpolationToFlat();
-  return result;
-}
-
-vtkSmartPointer<vtkActor> actor(const Wire& wire) {
-  const auto data = poly_data(wire.points);
-  static_assert(sizeof(std::array<int, 2>) == 2 * sizeof(int));
-  const int* indices = wire.segments.empty() ? nullptr : wire.segments.front().data();
-  data->SetLines(cells(indices, static_cast<Eigen::Index>(wire.segments.size()), 2));
-  vtkNew<vtkPolyDataMapper> mapper;
-  mapper->SetInputData(data);
-  mapper->ScalarVisibilityOff();
-  auto result = vtkSmartPointer<vtkActor>::New();
-  result->SetMapper(mapper);
-  result->GetProperty()->SetColor(wire.colour.r, wire.colour.g, wire.colour.b);
-  result->GetProperty()->SetLineWidth(static_cast<float>(wire.width_px));
-  result->GetProperty()->LightingOff();
   return result;
 }
 
@@ -286,7 +266,8 @@ void Canvas::fill(const std::vector<Vector2d>& corners, const Colour& colour, do
   }
   sheet_->flat->strokes.emplace_back([=](vtkContext2D& painter) mutable {
     painter.GetPen()->SetLineType(vtkPen::NO_PEN);
-    painter.GetBrush()->SetColor(byte(colour.r), byte(colour.g), byte(colour.b), byte(opacity));
+    painter.GetBrush()->SetColor(byte_of(colour.r), byte_of(colour.g), byte_of(colour.b),
+                                 byte_of(opacity));
     painter.DrawPolygon(xy.data(), static_cast<int>(xy.size() / 2));
   });
 }
@@ -305,6 +286,22 @@ void Canvas::frame(const Rectangle& box, const Colour& colour, double width_px) 
   const double low = box.y;
   const double high = box.y + box.height;
   line({{left, low}, {right, low}, {right, high}, {left, high}, {left, low}}, colour, width_px);
+}
+
+vtkSmartPointer<vtkActor> wire_actor(const Wire& wire) {
+  const auto data = poly_data(wire.points);
+  static_assert(sizeof(std::array<int, 2>) == 2 * sizeof(int));
+  const int* indices = wire.segments.empty() ? nullptr : wire.segments.front().data();
+  data->SetLines(cells(indices, static_cast<Eigen::Index>(wire.segments.size()), 2));
+  vtkNew<vtkPolyDataMapper> mapper;
+  mapper->SetInputData(data);
+  mapper->ScalarVisibilityOff();
+  auto result = vtkSmartPointer<vtkActor>::New();
+  result->SetMapper(mapper);
+  result->GetProperty()->SetColor(wire.colour.r, wire.colour.g, wire.colour.b);
+  result->GetProperty()->SetLineWidth(static_cast<float>(wire.width_px));
+  result->GetProperty()->LightingOff();
+  return result;
 }
 
 void look(vtkRenderer& scene, const View& view) {
@@ -336,7 +333,7 @@ void Canvas::scene(const View& view, const std::vector<Solid>& solids,
   // it
   const Eigen::Vector3d nearer = 2.0 * view.mm_per_px * view.toward;
   for (const Wire& wire : wires) {
-    const auto lines = actor(wire);
+    const auto lines = wire_actor(wire);
     lines->SetPosition(nearer.x(), nearer.y(), nearer.z());
     renderer->AddActor(lines);
   }

@@ -13,7 +13,10 @@
 #include "render/png.h"
 #include "render/view.h"
 
+class vtkActor;
 class vtkRenderer;
+template <class T>
+class vtkSmartPointer;
 
 namespace abbe::render {
 
@@ -102,6 +105,9 @@ class Canvas {
   struct Sheet;
   std::unique_ptr<Sheet> sheet_;
 };
+
+/// Lines in their colour, for a scene of one's own.
+vtkSmartPointer<vtkActor> wire_actor(const Wire& wire);
 
 /// Puts the camera of a scene where the view says.
 void look(vtkRenderer& scene, const View& view);

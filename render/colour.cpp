@@ -84,4 +84,8 @@ Colour series_colour(int index) {
   return wheel[index % wheel.size()];
 }
 
+unsigned char byte_of(double share) {
+  return static_cast<unsigned char>(std::lround(255.0 * std::clamp(share, 0.0, 1.0)));
+}
+
 }  // namespace abbe::render

@@ -55,4 +55,7 @@ inline constexpr int series_colours = 6;
 /// colour blind.
 Colour series_colour(int index);
 
+/// A share of 0 .. 1 as a byte, cut off beyond.
+unsigned char byte_of(double share);
+
 }  // namespace abbe::render

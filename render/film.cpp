@@ -85,21 +85,6 @@ vtkSmartPointer<vtkPolyDataMapper> surface_mapper(vtkPolyData* data) {
   return mapper;
 }
 
-vtkSmartPointer<vtkActor> wire_actor(const Wire& wire) {
-  const auto data = poly_data(wire.points);
-  const int* indices = wire.segments.empty() ? nullptr : wire.segments.front().data();
-  data->SetLines(cells(indices, Eigen::Index(wire.segments.size()), 2));
-  vtkNew<vtkPolyDataMapper> mapper;
-  mapper->SetInputData(data);
-  mapper->ScalarVisibilityOff();
-  auto actor = vtkSmartPointer<vtkActor>::New();
-  actor->SetMapper(mapper);
-  colour_actor(*actor, wire.colour, 0.0);
-  actor->GetProperty()->LightingOff();
-  actor->GetProperty()->SetLineWidth(float(wire.width_px));
-  return actor;
-}
-
 /// The faces and the edges of one body.
 struct BodyActors {
   vtkSmartPointer<vtkActor> faces, edges;
@@ -119,10 +104,6 @@ BodyActors body_actors(const FilmBody& body, double edge_px) {
   actors.edges =
       wire_actor({body.vertices, sharp_edges(body.vertices, body.triangles), body_edge, edge_px});
   return actors;
-}
-
-unsigned char byte_of(double part) {
-  return static_cast<unsigned char>(std::lround(255.0 * std::clamp(part, 0.0, 1.0)));
 }
 
 /// A view of the workpiece frame as it is seen from the bed, the eye going with the part.

@@ -179,8 +179,7 @@ Exit animate(const Common& common, const AnimateWords& words) {
   line.replan(rest(size_of(job)));
   line.begin(words.case_name);
   const AnimatedCut made = animated_cut(job, options, to(line));
-  const FilmStretch stretch =
-      stretch_of(made.commands.path ? *made.commands.path : job.path, options);
+  const FilmStretch stretch = stretch_of(path_of(job, made.commands), options);
   line.begin("film");
   const FilmWritten written = write_film(
       folder, {job, made.commands, made.process, made.surface ? &*made.surface : nullptr},

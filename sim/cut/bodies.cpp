@@ -242,6 +242,14 @@ std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidB
   return warnings;
 }
 
+cutting::Body searched(const SolidBody& solid) {
+  return solid.pieces.empty() ? cutting::body_of(solid.mesh) : cutting::body_of(solid.pieces);
+}
+
+cutting::Body searched_core(const SolidBody& solid) {
+  return solid.core.empty() ? searched(solid) : cutting::body_of(solid.core);
+}
+
 bool is_ignored(const IgnoredPairs& ignored, const std::string& a, const std::string& b) {
   return std::ranges::any_of(ignored, [&](const CollisionDescription::Pair& pair) {
     return (pair.a == a && pair.b == b) || (pair.a == b && pair.b == a);

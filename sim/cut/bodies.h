@@ -64,6 +64,10 @@ std::vector<SolidBody> bodies_of(const Job& part);
 /// What is odd about the bodies of a job: that there are none, that one is tiny.
 std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidBody>& bodies);
 
+/// The body to be searched, and its core; the whole of it where it has no core.
+cutting::Body searched(const SolidBody& solid);
+cutting::Body searched_core(const SolidBody& solid);
+
 /// Whether a pair is among those to be left out, in either order.
 bool is_ignored(const std::vector<CollisionDescription::Pair>& ignored, const std::string& a,
                 const std::string& b);

@@ -94,15 +94,12 @@ struct Search {
 Search search_of(const std::vector<SolidBody>& bodies, const std::vector<BodyPair>& pairs) {
   Search search;
   std::vector<int> core(bodies.size());
-  for (const SolidBody& body : bodies)
-    search.bodies.push_back(
-        {body.pieces.empty() ? cutting::body_of(body.mesh) : cutting::body_of(body.pieces),
-         body.frame});
+  for (const SolidBody& body : bodies) search.bodies.push_back({searched(body), body.frame});
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     core[i] = int(i);
     if (bodies[i].core.empty()) continue;
     core[i] = int(search.bodies.size());
-    search.bodies.push_back({cutting::body_of(bodies[i].core), bodies[i].frame});
+    search.bodies.push_back({searched_core(bodies[i]), bodies[i].frame});
   }
   for (BodyPair pair : pairs) {
     const SolidBody &a = bodies[std::size_t(pair.a)], &b = bodies[std::size_t(pair.b)];

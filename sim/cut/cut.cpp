@@ -173,8 +173,8 @@ Process followed(const ActualRun& run, const Progress& progress) {
     return actual_pose(run, sample, load);
   };
   return follow(job.scene, job.machine, *job.body_m,
-                {run.commands.samples, run.commands.path ? *run.commands.path : job.path,
-                 run.T_wt_wanted, pose, job.truth.actual, job.scene.tool.actual},
+                {run.commands.samples, path_of(job, run.commands), run.T_wt_wanted, pose,
+                 job.truth.actual, job.scene.tool.actual},
                 [&](double fraction) {
                   if (progress) progress("stock", fraction);
                 });
@@ -215,7 +215,7 @@ void check_tips(const ActualRun& run, const std::vector<Pose>& T_wt) {
   for (std::size_t i = 0; i < T_wt.size(); ++i) {
     const double off = (T_wt[i].translation() - run.T_wt_wanted[i].translation()).norm();
     if (off <= most_mm) continue;
-    const program::Path& path = run.commands.path ? *run.commands.path : run.job.path;
+    const program::Path& path = path_of(run.job, run.commands);
     throw BadInput(
         path.file, samples.line[i], 0,
         fmt::format("errors, with errors.scale, that move the tip by at most {} mm", most_mm),
@@ -290,10 +290,6 @@ void add(Posed& part, double samples_before, Cut& result) {
   result.process = std::move(part.process);
   result.signals = joined(std::move(result.signals), part.signals);
   add_warnings(std::move(part.warnings), result.warnings);
-}
-
-const program::Path& path_of(const Job& job, const Commands& commands) {
-  return commands.path ? *commands.path : job.path;
 }
 
 }  // namespace

@@ -48,9 +48,8 @@ Collision event_at(const Following& following, const cutting::Moment& moment,
 }
 
 std::vector<std::size_t> spread_looks(std::size_t first, std::size_t end) {
-  constexpr std::size_t most = 24;
   std::vector<std::size_t> looks;
-  const std::size_t count = end - first, n = std::min(count, most);
+  const std::size_t count = end - first, n = std::min(count, most_depth_looks);
   for (std::size_t k = 0; k < n; ++k)
     looks.push_back(n == 1 ? first : first + k * (count - 1) / (n - 1));
   return looks;

@@ -14,7 +14,7 @@ struct Following {
   const Job& part;
   const Commands& commands;
   const program::Samples& samples = commands.samples;
-  const program::Path& path = commands.path ? *commands.path : part.path;
+  const program::Path& path = path_of(part, commands);
 
   /// Between two samples: axes and time in proportion, directions those of the way there; a
   /// workpiece spindle stands at 0.
@@ -34,7 +34,10 @@ Collision event_at(const Following& following, const cutting::Moment& moment,
 /// Contacts of which the depth is looked at.
 inline constexpr std::size_t most_measured_contacts = 50;
 
-/// Up to 24 numbers of [first, end), evenly spread, the first and the last among them.
+/// Instants of a contact at which it is looked at, at most.
+inline constexpr std::size_t most_depth_looks = 24;
+
+/// Up to so many numbers of [first, end), evenly spread, the first and the last among them.
 std::vector<std::size_t> spread_looks(std::size_t first, std::size_t end);
 
 }  // namespace abbe::sim

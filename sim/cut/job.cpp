@@ -261,6 +261,14 @@ std::span<const Job> parts_of(const Job& job) {
   return job.stretches.empty() ? std::span(&job, 1) : std::span<const Job>(job.stretches);
 }
 
+const program::Path& path_of(const Job& part, const Commands& commands) {
+  return commands.path ? *commands.path : part.path;
+}
+
+const std::vector<Pose>& wanted_poses(const Job& part, const Commands& commands) {
+  return commands.T_wt_nominal.empty() ? part.T_wt_nominal : commands.T_wt_nominal;
+}
+
 CutPart cut_part(const Job& part) {
   return {part.scene.tool, part.path, part.samples, part.T_wt_nominal, part.cut_before};
 }

@@ -80,6 +80,11 @@ struct Job {
 /// job.
 std::span<const Job> parts_of(const Job& job);
 
+/// The program from which the commands of a part come.
+const program::Path& path_of(const Job& part, const Commands& commands);
+/// (samples of the commands) where the tool should be.
+const std::vector<kinematics::Pose>& wanted_poses(const Job& part, const Commands& commands);
+
 /// What the parts of a job cut, for the wear of their tools. They refer to the job.
 CutPart cut_part(const Job& part);
 std::vector<CutPart> cut_parts(const Job& job);

@@ -12,8 +12,8 @@ cutting::StockMove Milling::move(std::size_t k) const {
 
 Milling milling_of(const Job& part, const Commands& commands, const Process& process) {
   const program::Samples& samples = commands.samples;
-  const program::Path& path = commands.path ? *commands.path : part.path;
-  const auto& T_wt = commands.T_wt_nominal.empty() ? part.T_wt_nominal : commands.T_wt_nominal;
+  const program::Path& path = path_of(part, commands);
+  const auto& T_wt = wanted_poses(part, commands);
   const auto& cutter = std::get<cutting::Cutter>(part.scene.tool.actual);
   Milling milling;
   milling.at = milling_looks(samples, path, T_wt, part.scene.cutting->step, cutter.flank_length);

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <numbers>
 #include <optional>
 #include <utility>
 #include <variant>
@@ -20,12 +19,7 @@ using Eigen::Vector3d;
 using kinematics::Pose;
 using Kind = SolidBody::Kind;
 
-constexpr const char* cutter_name = "cutter";
 constexpr double infinite = std::numeric_limits<double>::infinity();
-
-Body body_of_solid(const SolidBody& solid) {
-  return solid.pieces.empty() ? cutting::body_of(solid.mesh) : cutting::body_of(solid.pieces);
-}
 
 std::shared_ptr<const cutting::ClosedMesh> shape_of(const cutting::Stock& stock) {
   cutting::StockMesh mesh = cutting::stock_mesh(stock);
@@ -33,14 +27,9 @@ std::shared_ptr<const cutting::ClosedMesh> shape_of(const cutting::Stock& stock)
       cutting::ClosedMesh{std::move(mesh.vertices_w), std::move(mesh.triangles), 0.0});
 }
 
-/// How far a point of the ball of a body is from one pose to another, straight.
-double farthest(const Pose& from, const Pose& to, const Body& body) {
-  const double turn = (to.linear() - from.linear()).norm() / std::numbers::sqrt2;
-  return (to * body.centre - from * body.centre).norm() + turn * body.radius;
-}
-
 /// Cutter or shank: it may rub on the skin that was cut just before, but its core may not.
 struct ToolBody {
+  Kind kind = Kind::Cutter;
   std::string name;
   int frame = 0;
   Body body, core;
@@ -73,8 +62,7 @@ class StockSearch {
     for (const cutting::BodyPair& pair : pairs) add(bodies, pair);
     for (const SolidBody& body : tool_bodies(following.part, cutting::rubbing))
       if (body.kind == Kind::Cutter || body.kind == Kind::Shank)
-        tool_.push_back({body.name, body.frame, body_of_solid(body),
-                         body.core.empty() ? body_of_solid(body) : cutting::body_of(body.core)});
+        tool_.push_back({body.kind, body.name, body.frame, searched(body), searched_core(body)});
   }
 
   StockCollisions found;
@@ -117,8 +105,7 @@ class StockSearch {
     if (other.kind == Kind::Cutter || (other.kind == Kind::Shank && !wide_shank)) return;
     if (is_ignored(options().ignore, other.name, "stock")) return;
     watched_.push_back(
-        {other.name, other.frame,
-         wide_shank && !other.core.empty() ? cutting::body_of(other.core) : body_of_solid(other)});
+        {other.name, other.frame, wide_shank ? searched_core(other) : searched(other)});
   }
 
   /// Of all carriers in the workpiece, at a step.
@@ -181,9 +168,9 @@ class StockSearch {
     if (one.overlaps) return;
     if (one.open) return go_on(one, k, next);
     const Pose &from = now_[std::size_t(one.frame)], &to = next[std::size_t(one.frame)];
-    const double step = farthest(from, to, one.body);
+    const double step = cutting::farthest(from, to, one.body);
     const auto is_far = [&] {
-      return one.distance - farthest(one.T_w, from, one.body) - step > wanted(one);
+      return one.distance - cutting::farthest(one.T_w, from, one.body) - step > wanted(one);
     };
     if (is_far()) return;
     cutting::Approach near;
@@ -246,8 +233,8 @@ class StockSearch {
   }
 
   void measure(Collision& event, const Body& body, const Pose& T_w) {
-    constexpr std::size_t most_looks = 24;
-    if (event.depths >= most_looks || measured_ >= most_looks * most_measured_contacts) return;
+    if (event.depths >= most_depth_looks || measured_ >= most_depth_looks * most_measured_contacts)
+      return;
     const cutting::WayOut out = cutting::way_out(mesh_, Pose::Identity(), body, T_w);
     event.depth = std::max(event.depth, out.depth);
     ++event.depths;
@@ -340,7 +327,7 @@ class StockSearch {
     std::optional<Collision> worst;
     if (!mesh_.search) return worst;
     for (const ToolBody& body : tool_) {
-      if (body.name == cutter_name && !milling_.rapid[crashes_[begin] + 1]) continue;
+      if (body.kind == Kind::Cutter && !milling_.rapid[crashes_[begin] + 1]) continue;
       std::optional<Collision> one = first_contact(body, begin, end);
       if (!one) continue;
       for (const std::size_t i : spread_looks(begin, end))
@@ -355,7 +342,7 @@ class StockSearch {
     const bool rapid = milling_.rapid[first + 1];
     if (!met) {
       met = event({milling_.at[first], 0.0}, milling_.T_wt[first].translation());
-      met->a = rapid ? cutter_name : "shank";
+      met->a = rapid ? "cutter" : "shank";
     }
     met->b = "stock";
     met->stock = shape_;

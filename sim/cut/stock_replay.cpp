@@ -7,16 +7,12 @@
 namespace abbe::sim {
 namespace {
 
-const program::Path& program_of(const Job& part, const Commands& commands) {
-  return commands.path ? *commands.path : part.path;
-}
-
 /// Turning as steps: the tool as it stands to the part once that is turned back.
 Milling turning_of(const Job& part, const Commands& commands, const Process& process,
                    const SpindleLine& line) {
   const program::Samples& samples = commands.samples;
-  const program::Path& path = program_of(part, commands);
-  const auto& T_wt = commands.T_wt_nominal.empty() ? part.T_wt_nominal : commands.T_wt_nominal;
+  const program::Path& path = path_of(part, commands);
+  const auto& T_wt = wanted_poses(part, commands);
   const int spindle = *part.machine.workpiece_spindle;
   Milling turning;
   turning.at = turning_looks(samples, path, T_wt, spindle, line);

@@ -37,8 +37,7 @@ std::vector<errors::Load> loads_of(const ActualRun& run, const Process& process)
 }
 
 ActualRun actual_run(const Job& job, const Commands& commands) {
-  ActualRun run{job, commands,
-                commands.T_wt_nominal.empty() ? job.T_wt_nominal : commands.T_wt_nominal};
+  ActualRun run{job, commands, wanted_poses(job, commands)};
   if (!job.accelerations.empty()) run.acceleration = accelerations(commands.samples);
   run.wear = wear_shares(cut_part(job), commands.samples);
   return run;

@@ -64,11 +64,11 @@ TrainingRun training_run(const BeliefDescription::Force& force,
 compensation::LoadCourse computed_load(const Job& job, const Commands& commands,
                                        const BelievedPose& pose) {
   const Scene& scene = job.scene;
-  const auto& T_wt = commands.T_wt_nominal.empty() ? job.T_wt_nominal : commands.T_wt_nominal;
+  const auto& T_wt = wanted_poses(job, commands);
   const Process process =
       follow(scene, job.machine, cutting::transformed(job.design_w, scene.part.T_wm.inverse()),
-             {commands.samples, commands.path ? *commands.path : job.path, T_wt, pose,
-              job.machine.control, scene.tool.nominal});
+             {commands.samples, path_of(job, commands), T_wt, pose, job.machine.control,
+              scene.tool.nominal});
   compensation::LoadCourse course{VectorXd(Index(process.steps.size())), {}};
   for (std::size_t i = 0; i < process.steps.size(); ++i) {
     course.time_s[Index(i)] = process.steps[i].time_s;
@@ -156,7 +156,7 @@ compensation::ControlLog control_log(const Job& job, const Commands& commands,
         scene.signals.history_interval < history_interval_s))
     scene.signals.history_interval = history_interval_s;
   std::vector<errors::Load> loads;
-  const auto& T_wt = commands.T_wt_nominal.empty() ? job.T_wt_nominal : commands.T_wt_nominal;
+  const auto& T_wt = wanted_poses(job, commands);
   const Signals all =
       signals(scene, job.machine, job.truth, {commands.samples, T_wt, process, loads});
   compensation::ControlLog log;

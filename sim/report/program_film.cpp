@@ -32,14 +32,11 @@ constexpr render::Colour slide_colour{0.78, 0.82, 0.88}, turn_colour{0.93, 0.84,
 enum Look : std::uint8_t { raw_look, fresh_look, crash_look };
 
 const program::Path& path_of_part(const FilmedCut& cut, std::size_t part) {
-  const Commands& commands = of_part(cut.commands, part);
-  return commands.path ? *commands.path : parts_of(cut.job)[part].path;
+  return path_of(parts_of(cut.job)[part], of_part(cut.commands, part));
 }
 
 const std::vector<Pose>& nominal_poses(const FilmedCut& cut, std::size_t part) {
-  const Commands& commands = of_part(cut.commands, part);
-  return commands.T_wt_nominal.empty() ? parts_of(cut.job)[part].T_wt_nominal
-                                       : commands.T_wt_nominal;
+  return wanted_poses(parts_of(cut.job)[part], of_part(cut.commands, part));
 }
 
 /// With the spindle that turns the workpiece turned back.
@@ -302,6 +299,11 @@ kinematics::Pose ProgramFilm::tool_pose(const Moment& moment) const {
   return T;
 }
 
+const Pose& ProgramFilm::workpiece_in_bed(const Moment& moment) const {
+  const Carriers carriers{parts_of(cut_.job)[moment.part].truth.actual.size()};
+  return moment.carriers_b[std::size_t(carriers.workpiece())];
+}
+
 double ProgramFilm::largest() const {
   double error = 0.0;
   for (const Moment& moment : moments_) error = std::max(error, moment.error);
@@ -333,8 +335,7 @@ void ProgramFilm::set_views() {
   for (const Trace::Point& point : trace_.points)
     part_w.insert(part_w.end(), {point.nominal_w, point.actual_w});
   for (const Moment& moment : moments_) {
-    const Pose& T_bw =
-        moment.carriers_b[std::size_t(Carriers{int(moment.carriers_b.size()) - 3}.workpiece())];
+    const Pose& T_bw = workpiece_in_bed(moment);
     append_placed(corners_of(part), T_bw, all_b);
     for (std::size_t i = 0; i < actors_.size(); ++i) {
       const Actor& actor = actors_[i];
@@ -451,9 +452,8 @@ void ProgramFilm::show_part(double time_s, render::FilmState& state) {
 render::FilmState ProgramFilm::state(std::size_t frame) {
   const Moment& moment = moments_.at(frame);
   const double time_s = plan_.time_s[frame];
-  const Carriers carriers{int(moment.carriers_b.size()) - 3};
   render::FilmState state;
-  state.T_bw = moment.carriers_b[std::size_t(carriers.workpiece())];
+  state.T_bw = workpiece_in_bed(moment);
   for (const Actor& actor : actors_) {
     if (!actor.part)
       state.T_b.emplace_back(moment.carriers_b[std::size_t(actor.frame)] * actor.T);

@@ -72,6 +72,7 @@ class ProgramFilm {
   void set_views();
   void set_words();
   kinematics::Pose tool_pose(const Moment& moment) const;
+  const kinematics::Pose& workpiece_in_bed(const Moment& moment) const;
   bool is_feeding(const Moment& moment) const;
   std::vector<std::string> values(const Moment& moment, double time_s) const;
   std::vector<render::Wire> paths(double time_s) const;

@@ -45,8 +45,8 @@ ProgramWords::ProgramWords(const Job& job, const Commands& commands) {
   } else {
     files_.emplace_back();
   }
-  const program::Path& path = commands.path ? *commands.path : job.path;
-  for (const std::string& more : path.more_files) files_.push_back(words_in_file(more));
+  for (const std::string& more : path_of(job, commands).more_files)
+    files_.push_back(words_in_file(more));
 }
 
 std::string ProgramWords::of(const program::Block& block) const {

@@ -50,15 +50,6 @@ const Finding* deepest(const StockCheck& check, FindingKind kind) {
 
 std::string at_least(bool is) { return is ? "at least " : ""; }
 
-/// All digits of what is large.
-std::string volume_text(double mm3) {
-  return mm3 < 1000.0 ? fmt::format("{:.3g}", mm3) : fmt::format("{:.0f}", mm3);
-}
-
-std::string places_text(std::size_t count) {
-  return fmt::format("{} {}", count, count == 1 ? "place" : "places");
-}
-
 std::string speckle_text(const Findings::Sums& sums) {
   if (sums.speckles == 0) return "";
   return fmt::format("; {} too small for the dexels left out, up to {:.3g} mm", sums.speckles,
@@ -138,6 +129,14 @@ ordered_json kind_json(const StockCheck& check, FindingKind kind) {
 const char* name_of(FindingKind kind) {
   constexpr std::array names{"rest material", "gouge", "undercut"};
   return names[std::size_t(kind)];
+}
+
+std::string volume_text(double mm3) {
+  return mm3 < 1000.0 ? fmt::format("{:.3g}", mm3) : fmt::format("{:.0f}", mm3);
+}
+
+std::string places_text(std::size_t count) {
+  return fmt::format("{} {}", count, count == 1 ? "place" : "places");
 }
 
 std::string place_text(const Finding& one) {

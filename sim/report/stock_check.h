@@ -31,6 +31,12 @@ std::shared_ptr<const StockCheck> stock_check(const Job& job, const Verdict& ver
 /// "rest material", "gouge", "undercut".
 const char* name_of(cutting::FindingKind kind);
 
+/// mm^3, all digits of what is large.
+std::string volume_text(double mm3);
+
+/// "1 place", "4 places"
+std::string places_text(std::size_t count);
+
 /// "0.41 mm at (12.1, -4.0, 80.2), line 120"
 std::string place_text(const cutting::Finding& finding);
 

@@ -50,10 +50,8 @@ namespace {
 std::string sum_text(const StockCheck& check, FindingKind kind) {
   const cutting::Findings::Sums& sums = check.findings.sums[std::size_t(kind)];
   if (sums.regions == 0) return fmt::format("no {}", name_of(kind));
-  return fmt::format("{} {} mm³ in {} {}", name_of(kind),
-                     sums.volume < 1000.0 ? fmt::format("{:.3g}", sums.volume)
-                                          : fmt::format("{:.0f}", sums.volume),
-                     sums.regions, sums.regions == 1 ? "place" : "places");
+  return fmt::format("{} {} mm³ in {}", name_of(kind), volume_text(sums.volume),
+                     places_text(sums.regions));
 }
 
 std::string depth_text(const Finding& one) {
