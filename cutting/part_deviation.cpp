@@ -253,7 +253,7 @@ PartDeviation part_deviation(const StockSkin& skin, const DesignDistance& design
   const Index n = skin.mesh.vertices_w.rows();
   const double none = std::numeric_limits<double>::quiet_NaN();
   PartDeviation part{Eigen::VectorXd::Constant(n, none), Eigen::VectorXd::Constant(n, none),
-                     std::vector<int>(std::size_t(n), -1), Points::Zero(n, 3),
+                     std::vector<int>(std::size_t(n), -1),
                      std::vector<SkinStatus>(std::size_t(n), SkinStatus::Unresolved)};
   const std::vector<DesignDistance::At> at = held_against(skin, design, options.band);
   const Points outward = directed_area(skin.mesh);
@@ -262,7 +262,6 @@ PartDeviation part_deviation(const StockSkin& skin, const DesignDistance& design
     double sum = 0.0, most = -1.0;
     int count = 0;
     bool cut_off = false;
-    Vector3d way = Vector3d::Zero();
     for (int k = skin.first[v]; k < skin.first[v + 1]; ++k) {
       const int place = skin.place[std::size_t(k)];
       const DesignDistance::At& one = at[std::size_t(place)];
@@ -273,7 +272,6 @@ PartDeviation part_deviation(const StockSkin& skin, const DesignDistance& design
       const double value = std::clamp(one.value, -options.band, options.band);
       cut_off = cut_off || value != one.value;
       sum += value;
-      way += value != one.value ? Vector3d(one.from * (value / one.value)) : one.from;
       ++count;
       if (std::abs(value) <= most) continue;
       most = std::abs(value);
@@ -283,7 +281,6 @@ PartDeviation part_deviation(const StockSkin& skin, const DesignDistance& design
     if (count == 0) return;
     part.status[v] = cut_off ? SkinStatus::CutOff : SkinStatus::Compared;
     part.deviation[i] = sum / count;
-    part.from_design.row(i) = way.transpose() / count;
   });
   return part;
 }

@@ -77,8 +77,7 @@ struct PartDeviation {
   /// (n) mm, that of greatest magnitude, exact as `DesignDistance` and the place are: what limits
   /// are held against, so that nothing is hidden in a mean. NaN where not compared.
   Eigen::VectorXd largest;
-  std::vector<int> at;  ///< (n) which place has that; -1 where none is compared
-  Points from_design;   ///< (n x 3) mm, mean way from the design to the places; 0 where none
+  std::vector<int> at;             ///< (n) which place has that; -1 where none is compared
   std::vector<SkinStatus> status;  ///< (n)
 };
 

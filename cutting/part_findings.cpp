@@ -8,6 +8,7 @@
 #include <tbb/parallel_for.h>
 
 #include "cutting/disjoint_sets.h"
+#include "cutting/part_volumes.h"
 #include "cutting/sum.h"
 #include "cutting/triangle_tree.h"
 
@@ -20,7 +21,7 @@ namespace {
 
 /// What a vertex adds to its region.
 struct VertexShare {
-  double volume = 0.0;
+  double volume = 0.0;  // of an undercut
   double depth = 0.0;
   Vector3d place_w = Vector3d::Zero();
   std::int32_t line = 0;  // as in DexelRun
@@ -124,8 +125,7 @@ void list_regions(const std::vector<FoundRegion>& all, const std::vector<int>& r
 }
 
 /// Rest material (sign 1) or gouges (sign -1).
-Marked marked_beyond(const StockSkin& skin, const PartDeviation& part, const Points& area,
-                     double sign, double limit) {
+Marked marked_beyond(const StockSkin& skin, const PartDeviation& part, double sign, double limit) {
   const std::size_t n = part.at.size();
   Marked kind{sign > 0 ? FindingKind::Rest : FindingKind::Gouge, std::vector<char>(n, 0),
               std::vector<VertexShare>(n)};
@@ -135,10 +135,23 @@ Marked marked_beyond(const StockSkin& skin, const PartDeviation& part, const Poi
     const std::int32_t line = skin.line[std::size_t(part.at[i])];
     if (sign < 0 && line == 0) continue;  // a blank that is too small
     kind.has[i] = 1;
-    kind.shares[i] = {sign * part.from_design.row(v).dot(area.row(v)), sign * part.largest[v],
-                      skin.places_w.row(part.at[i]), line, part.status[i] == SkinStatus::CutOff};
+    kind.shares[i] = {0.0, sign * part.largest[v], skin.places_w.row(part.at[i]), line,
+                      part.status[i] == SkinStatus::CutOff};
   }
   return kind;
+}
+
+/// Which vertices belong to which of the regions, and which to none that there could be.
+SkinRegions skin_regions(const StockSkin& skin, const PartDeviation& part,
+                         std::vector<int> region_of, double sign, double limit) {
+  SkinRegions all{std::move(region_of), 0, limit};
+  for (std::size_t i = 0; i < all.of.size(); ++i) {
+    all.count = std::max(all.count, all.of[i] + 1);
+    const bool is_blank = sign < 0.0 && part.at[i] >= 0 && part.largest[Index(i)] < -limit &&
+                          skin.line[std::size_t(part.at[i])] == 0;
+    if (part.at[i] < 0 || is_blank) all.of[i] = SkinRegions::never;
+  }
+  return all;
 }
 
 Marked marked_undercuts(const StockSkin& skin, const Points& area, const Vector3d& along) {
@@ -153,7 +166,7 @@ Marked marked_undercuts(const StockSkin& skin, const Points& area, const Vector3
     const auto above =
         tree.first_met(place + skin.spacing * outward, along, TriangleTree::Side::Outer);
     if (!above) return;
-    const double height = std::max(0.0, *above + skin.spacing * outward.dot(along));
+    const double height = std::max(0.0, above->along + skin.spacing * outward.dot(along));
     kind.has[i] = 1;
     kind.shares[i] = {height * std::max(0.0, a.dot(along)), height, place, skin.mesh.line[i],
                       false};
@@ -191,7 +204,8 @@ void sum_areas(const StockSkin& skin, const PartDeviation& part, const Eigen::Ve
 
 }  // namespace
 
-Findings findings(const StockSkin& skin, const PartDeviation& part, const FindingOptions& options) {
+Findings findings(const StockSkin& skin, const PartDeviation& part, const DesignDistance& design,
+                  const FindingOptions& options) {
   const std::size_t n = std::size_t(skin.mesh.vertices_w.rows());
   if (part.at.size() != n || skin.first.size() != n + 1)
     throw std::invalid_argument("findings: a deviation of every vertex is needed");
@@ -202,15 +216,23 @@ Findings findings(const StockSkin& skin, const PartDeviation& part, const Findin
   found.undercut.assign(n, 0);
   const Points directed = directed_area(skin.mesh);
   const Eigen::VectorXd area = vertex_area(skin.mesh.vertices_w, skin.mesh.triangles);
-  const auto take = [&](const Marked& kind, std::vector<int>& number) {
-    std::vector<int> region_of;
-    const std::vector<FoundRegion> all = regions(skin, kind, area, region_of);
-    list_regions(all, region_of, options.most, found, number);
+  std::vector<int> region_of;
+  const auto take_beyond = [&](double sign, double limit) {
+    std::vector<FoundRegion> all =
+        regions(skin, marked_beyond(skin, part, sign, limit), area, region_of);
+    const std::vector<double> volumes =
+        volumes_between(skin, design, skin_regions(skin, part, region_of, sign, limit),
+                        sign > 0.0 ? Between::Left : Between::Lost);
+    for (std::size_t i = 0; i < all.size(); ++i) all[i].finding.volume = volumes[i];
+    list_regions(all, region_of, options.most, found, found.number);
   };
-  take(marked_beyond(skin, part, directed, 1.0, options.rest), found.number);
-  take(marked_beyond(skin, part, directed, -1.0, options.gouge), found.number);
-  if (options.undercut_along && n > 0)
-    take(marked_undercuts(skin, directed, *options.undercut_along), found.undercut);
+  take_beyond(1.0, options.rest);
+  take_beyond(-1.0, options.gouge);
+  if (options.undercut_along && n > 0) {
+    const std::vector<FoundRegion> all =
+        regions(skin, marked_undercuts(skin, directed, *options.undercut_along), area, region_of);
+    list_regions(all, region_of, options.most, found, found.undercut);
+  }
   sum_areas(skin, part, area, options.gouge, found);
   return found;
 }

@@ -32,13 +32,14 @@ struct Finding {
   double volume = 0.0;  ///< mm^3, between skin and design; of an undercut the void from its floor
                         ///< up to what is above
   double area = 0.0;    ///< mm^2 of skin
-  double depth = 0.0;   ///< mm, the greatest deviation; of an undercut the greatest height
+  double depth =
+      0.0;  ///< mm, the greatest deviation up to the band; of an undercut the greatest height
   Eigen::Vector3d place_w = Eigen::Vector3d::Zero();  ///< mm, where that is
   int line = 0;           ///< program line that made the skin there; 0: never cut
   bool by_crash = false;  ///< by a rapid or the shank, on that line
   Eigen::AlignedBox3d extent_w;
   int vertices = 0;
-  bool is_at_least = false;  ///< some of it is further off than the band
+  bool is_at_least = false;  ///< the depth: some of it is further off than the band
 };
 
 struct Findings {
@@ -65,15 +66,12 @@ struct Findings {
 };
 inline constexpr int least_vertices = 4;
 
-/// Volumes are the flux of the way from the design to the skin: for a flat design that of the
-/// material between the two within a region, whatever the shape of the skin, to order 1 in the
-/// spacing and less what lies under the limit around it; for a design of curvature radius R off by
-/// up to depth / R of it, and short by up to depth^2 / 2 per mm of an edge of the design over which
-/// a gouge runs out. Areas and extents come to those of the region to a spacing around it, as
+/// Volumes of rest material and gouges are those of `volumes_between`, less what lies under the
+/// limit around a region. Areas and extents come to those of the region to a spacing around it, as
 /// heights and volumes of undercuts do. Overhangs and gaps narrower than a spacing are no
 /// undercuts. The same for any number of threads.
 /// @throws std::invalid_argument if sizes differ or a limit is not positive
-Findings findings(const StockSkin& skin, const PartDeviation& part,
+Findings findings(const StockSkin& skin, const PartDeviation& part, const DesignDistance& design,
                   const FindingOptions& options = {});
 
 }  // namespace abbe::cutting

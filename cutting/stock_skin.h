@@ -19,6 +19,14 @@ struct StockSkin {
   std::vector<int> first;          ///< (vertices + 1) where the places of a vertex begin in `place`
   std::vector<int> place;          ///< rows of `places_w`, vertex after vertex
   double spacing = 0.0;            ///< mm, between the dexels, or the nodes of a profile
+  /// Where measures are taken from it.
+  enum class Lattice : std::uint8_t {
+    Dexels,       ///< along x, y and z
+    DexelsAlong,  ///< along z alone
+    Profile,      ///< along z, the axis, and across it
+  };
+  Lattice lattice = Lattice::Dexels;
+  Eigen::Isometry3d T_wk = Eigen::Isometry3d::Identity();  ///< the lattice; a node is at 0
 };
 
 /// The mesh of `stock_mesh`. Of a stock of one direction only ends along that direction are places:

@@ -8,7 +8,8 @@ Thickness::Thickness(const Design& design) : tree_(design.vertices, design.trian
 
 std::optional<double> Thickness::behind(const Vector3d& place, const Vector3d& normal,
                                         double most) const {
-  return tree_.first_met(place, -normal, TriangleTree::Side::Inner, most);
+  const auto met = tree_.first_met(place, -normal, TriangleTree::Side::Inner, most);
+  return met ? std::optional(met->along) : std::nullopt;
 }
 
 bool Thickness::comes_within(const Vector3d& place, double distance) const {

@@ -209,27 +209,26 @@ std::optional<double> TriangleTree::met(int triangle, const Vector3d& start,
   return height / out;
 }
 
-std::optional<double> TriangleTree::first_met(const Vector3d& start, const Vector3d& direction,
-                                              Side side, double most) const {
-  double first = most;
-  bool found = false;
+std::optional<TriangleTree::Met> TriangleTree::first_met(const Vector3d& start,
+                                                         const Vector3d& direction, Side side,
+                                                         double most) const {
+  Met first{most};
   for (std::vector<int> open(nodes_.empty() ? 0 : 1, 0); !open.empty();) {
     const int number = open.back();
     const Node& node = nodes_[std::size_t(number)];
     open.pop_back();
-    if (!is_met(node.box, start, direction, first)) continue;
+    if (!is_met(node.box, start, direction, first.along)) continue;
     if (node.count == 0) {
       open.push_back(node.second);
       open.push_back(number + 1);
     }
     for (int i = node.first; i < node.first + node.count; ++i) {
-      const auto along = met(order_[std::size_t(i)], start, direction, side);
-      if (!along || *along > first) continue;
-      first = *along;
-      found = true;
+      const int triangle = order_[std::size_t(i)];
+      const auto along = met(triangle, start, direction, side);
+      if (along && *along <= first.along) first = {*along, triangle};
     }
   }
-  return found ? std::optional(first) : std::nullopt;
+  return first.triangle >= 0 ? std::optional(first) : std::nullopt;
 }
 
 }  // namespace abbe::cutting

@@ -33,12 +33,16 @@ class TriangleTree {
   std::vector<Nearest> within(const Eigen::Vector3d& place, double distance) const;
   /// From which side a ray comes upon a triangle.
   enum class Side { Outer, Inner };
-  /// mm along a ray to the first triangle that it meets from that side; none within `most`.
-  /// Triangles in whose plane the start lies, to 1e-9 mm, do not count.
+  struct Met {
+    double along = 0.0;  ///< mm
+    int triangle = -1;
+  };
+  /// The first triangle that a ray meets from that side; none within `most`. Triangles in whose
+  /// plane the start lies, to 1e-9 mm, do not count.
   /// @param direction  unit
-  std::optional<double> first_met(const Eigen::Vector3d& start, const Eigen::Vector3d& direction,
-                                  Side side,
-                                  double most = std::numeric_limits<double>::infinity()) const;
+  std::optional<Met> first_met(const Eigen::Vector3d& start, const Eigen::Vector3d& direction,
+                               Side side,
+                               double most = std::numeric_limits<double>::infinity()) const;
 
   const Points& vertices() const { return vertices_; }
   const Triangles& triangles() const { return corners_; }

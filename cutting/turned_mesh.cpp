@@ -50,11 +50,20 @@ std::vector<Eigen::Index> dense_rings(const TurnedStock& stock, Eigen::Index mos
   return nodes;
 }
 
+/// Its z is the axis.
+Eigen::Isometry3d axis_frame(const TurnedStock& stock) {
+  const Eigen::Vector3d across = stock.direction_w.unitOrthogonal();
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() << across, stock.direction_w.cross(across), stock.direction_w;
+  T.translation() = stock.point_w;
+  return T;
+}
+
 /// Rings at these nodes, and the middles of the two ends.
 StockMesh rings_at(const TurnedStock& stock, const std::vector<Eigen::Index>& nodes, int around) {
   StockMesh mesh;
-  const Eigen::Vector3d across = stock.direction_w.unitOrthogonal();
-  const Eigen::Vector3d third = stock.direction_w.cross(across);
+  const Eigen::Isometry3d axis = axis_frame(stock);
+  const Eigen::Vector3d across = axis.linear().col(0), third = axis.linear().col(1);
   const int rings = int(nodes.size());
   mesh.vertices_w.resize(rings * around + 2, 3);
   mesh.triangles.resize(2 * (rings - 1) * around + 2 * around, 3);
@@ -102,6 +111,8 @@ StockSkin stock_skin(const TurnedStock& stock, int around) {
   constexpr Eigen::Index most_rings = 2000;
   StockSkin skin;
   skin.spacing = stock.spacing;
+  skin.lattice = StockSkin::Lattice::Profile;
+  skin.T_wk = axis_frame(stock);
   if (stock.radius.size() >= 2) skin.mesh = rings_at(stock, dense_rings(stock, most_rings), around);
   skin.places_w = skin.mesh.vertices_w;
   skin.line = skin.mesh.line;

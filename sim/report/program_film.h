@@ -40,8 +40,8 @@ class ProgramFilm {
   };
   /// What moves a body of the setting.
   struct Actor {
-    int frame = 0;                    ///< its carrier
-    std::optional<std::size_t> part;  ///< to whose tool it belongs; none: to the machine
+    int frame = 0;                         ///< its carrier
+    std::optional<std::size_t> part = {};  ///< to whose tool it belongs; none: to the machine
     kinematics::Pose T = kinematics::Pose::Identity();  ///< in the frame of its carrier
     bool cuts = false;                                  ///< the part of a tool that does
   };

@@ -63,17 +63,15 @@ std::string kind_text(const StockCheck& check, FindingKind kind) {
                ? ""
                : fmt::format("{}: none of a size{}\n", name_of(kind), speckle_text(sums));
   const std::vector<std::size_t> rows = listed(check, kind);
-  const bool bounded =
-      std::ranges::any_of(rows, [&](std::size_t i) { return check.findings.list[i].is_at_least; });
-  std::string text = fmt::format("{}: {}{} mm^3 in {}, {} {}{}\n", name_of(kind), at_least(bounded),
-                                 volume_text(sums.volume), places_text(sums.regions),
-                                 kind == FindingKind::Undercut ? "highest" : "deepest",
-                                 place_text(*deepest(check, kind)), speckle_text(sums));
+  std::string text =
+      fmt::format("{}: {} mm^3 in {}, {} {}{}\n", name_of(kind), volume_text(sums.volume),
+                  places_text(sums.regions), kind == FindingKind::Undercut ? "highest" : "deepest",
+                  place_text(*deepest(check, kind)), speckle_text(sums));
   if (rows.size() < 2) return text;
   for (std::size_t i = 0; i < std::min(said, rows.size()); ++i) {
     const Finding& one = check.findings.list[rows[i]];
-    text += fmt::format("  {}: {}{} mm^3, {}\n", rows[i] + 1, at_least(one.is_at_least),
-                        volume_text(one.volume), place_text(one));
+    text +=
+        fmt::format("  {}: {} mm^3, {}\n", rows[i] + 1, volume_text(one.volume), place_text(one));
   }
   return text;
 }
@@ -169,7 +167,7 @@ std::shared_ptr<const StockCheck> stock_check(const Job& job, const Verdict& ver
   const cutting::DesignDistance design(compared_design(job, verdict), options);
   check->is_closed = design.is_closed();
   check->part = cutting::part_deviation(check->skin, design, options);
-  check->findings = cutting::findings(check->skin, check->part, check->limits);
+  check->findings = cutting::findings(check->skin, check->part, design, check->limits);
   check->seconds = watch.lap();
   return check;
 }

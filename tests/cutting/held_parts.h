@@ -127,8 +127,9 @@ inline DeviationOptions facets() {
   return options;
 }
 inline Held held(const StockSkin& skin, const Design& design, const FindingOptions& options = {}) {
-  Held all{skin, part_deviation(skin, DesignDistance(design, facets()), facets()), {}};
-  all.found = findings(all.skin, all.part, options);
+  const DesignDistance distance(design, facets());
+  Held all{skin, part_deviation(skin, distance, facets()), {}};
+  all.found = findings(all.skin, all.part, distance, options);
   return all;
 }
 inline Held held(const Stock& stock, const Design& design, const FindingOptions& options = {}) {

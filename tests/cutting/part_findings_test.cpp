@@ -315,10 +315,11 @@ TEST(PartFindings, AGrooveTurnedTooDeepIsFoundAllAround) {
         Eigen::RowVector3d(0, design.vertices(i, 1) - 2, design.vertices(i, 2) - 3).normalized();
   ASSERT_GT(vertex_normals(design.vertices, design.triangles).row(0).dot(design.normals.row(0)), 0);
   const StockSkin skin = stock_skin(stock);
-  const PartDeviation part = part_deviation(skin, DesignDistance(design));
+  const DesignDistance distance(design);
+  const PartDeviation part = part_deviation(skin, distance);
   FindingOptions options;
   options.undercut_along = std::nullopt;
-  const Findings found = findings(skin, part, options);
+  const Findings found = findings(skin, part, distance, options);
   ASSERT_EQ(regions(found, FindingKind::Gouge), 1u);
   EXPECT_EQ(regions(found, FindingKind::Rest), 0u);
   const double expected = pi * (R * R - (R - deep) * (R - deep)) * (to - from);
@@ -363,7 +364,7 @@ TEST(PartFindings, ADomeOf120000TrianglesTakesASecond) {
   const double built = seconds();
   const PartDeviation part = part_deviation(skin, distance);
   const double compared = seconds();
-  const Findings found = findings(skin, part);
+  const Findings found = findings(skin, part, distance);
   std::cout << design.triangles.rows() << " triangles, " << skin.mesh.vertices_w.rows()
             << " vertices, " << skin.places_w.rows() << " places: skin " << skinned << " s, design "
             << built - skinned << " s, deviation " << compared - built << " s, findings "
