@@ -184,6 +184,38 @@ Body body_of_patches(const ClosedMesh& mesh, double size, const Body& before) {
   return body;
 }
 
+std::vector<Ball> hull_of(const Body& body, std::size_t most) {
+  std::vector<Ball> balls;
+  for (const auto& piece : body.search->pieces) {
+    if (balls.size() + std::size_t(piece->mesh.vertices.rows()) > most) return {};
+    for (const auto& row : piece->mesh.vertices.rowwise())
+      balls.push_back({row.transpose(), piece->mesh.skin});
+  }
+  return balls;
+}
+
+BallsOfBody balls_of(const Body& body) {
+  BallsOfBody found;
+  auto rest = std::make_shared<BodySearch>();
+  for (const auto& piece : body.search->pieces) {
+    const Points& vertices = piece->mesh.vertices;
+    if ((vertices.rowwise() - vertices.row(0)).isZero(0.0))
+      found.balls.push_back({vertices.row(0), piece->mesh.skin});
+    else
+      rest->pieces.push_back(piece);
+  }
+  if (!rest->pieces.empty()) found.rest = Body{body.centre, body.radius, std::move(rest)};
+  return found;
+}
+
+Body swept_ball(const Points& centres, double radius) {
+  const Eigen::Index lines = centres.rows() - 1;
+  require(lines >= 1, "swept ball: expected two places of its centre");
+  ClosedMesh mesh{centres, Triangles(lines, 3), radius};
+  for (Eigen::Index i = 0; i < lines; ++i) mesh.triangles.row(i) << int(i), int(i + 1), int(i + 1);
+  return body_of(mesh);
+}
+
 double extent(const Body& body, const Vector3d& direction) {
   double most = -std::numeric_limits<double>::infinity();
   for (const auto& piece : body.search->pieces)

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <limits>
+#include <optional>
+#include <vector>
 
 #include "cutting/body.h"
 #include "kinematics/screw.h"
@@ -28,6 +30,27 @@ Gap gap(const Body& a, const kinematics::Pose& T_a, const Body& b, const kinemat
 /// Whether one lies inside the other, their surfaces apart: what `gap` does not see.
 bool is_inside(const Body& a, const kinematics::Pose& T_a, const Body& b,
                const kinematics::Pose& T_b);
+
+struct Ball {
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< mm
+  double radius = 0.0;                               ///< mm
+};
+
+/// Balls in the frame of a body whose hull holds it, its vertices and skins; none where there are
+/// more than `most`.
+std::vector<Ball> hull_of(const Body& body, std::size_t most = 1024);
+
+/// Balls among the pieces of a body, such as the end of a ball cutter, and what else there is.
+struct BallsOfBody {
+  std::vector<Ball> balls;
+  std::optional<Body> rest;
+};
+BallsOfBody balls_of(const Body& body);
+
+/// What a ball sweeps whose centre goes along straight lines.
+/// @param centres  (n x 3) mm, n >= 2
+/// @throws std::invalid_argument for fewer
+Body swept_ball(const Points& centres, double radius);
 
 struct ApproachOptions {
   double resolution = 5e-3;   ///< mm, a smaller distance is contact

@@ -25,16 +25,32 @@ constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr double within = 1e-2;  // mm, to which a clearance is known where its share is less
 constexpr double rough = 0.3;    // of the share, by which a single distance may be too large
 
+/// What is found of a pair in a stretch.
+struct Nearest {
+  double at_least = infinite;  // mm
+  double distance = infinite;  // mm, seen
+  bool contact = false;
+  Moment moment;
+  Vector3d place = Vector3d::Zero();
+};
+
 /// The bodies, the pairs and how they move: what all threads share.
 struct Task {
   const std::vector<CarriedBody>& bodies;
   const std::vector<BodyPair>& pairs;
   const CarriedMotion& motion;
   const EncounterOptions& options;
-  std::vector<char> followed;  // (pairs)
+  std::vector<char> followed;                 // (pairs)
+  std::vector<std::vector<Ball>> hulls = {};  // (bodies) empty where there is too much to it
+  std::vector<Nearest> seen = {};             // (pairs) somewhere on the way
+  std::vector<BallsOfBody> parts = {};  // (pairs) of the moving body where only contact matters
 
   const CarriedBody& fixed(int pair) const {
     return bodies[std::size_t(pairs[std::size_t(pair)].a)];
+  }
+  bool is_simple(int pair) const {
+    return !hulls[std::size_t(pairs[std::size_t(pair)].a)].empty() &&
+           !hulls[std::size_t(pairs[std::size_t(pair)].b)].empty();
   }
   const CarriedBody& moving(int pair) const {
     return bodies[std::size_t(pairs[std::size_t(pair)].b)];
@@ -46,25 +62,48 @@ struct Task {
   }
 };
 
-/// What is found of a pair in a stretch.
-struct Nearest {
-  double at_least = infinite;  // mm
-  double distance = infinite;  // mm, seen
-  bool contact = false;
-  Moment moment;
-  Vector3d place = Vector3d::Zero();
-};
-
 /// What is known of a pair: its distance at an instant, and how near it has come.
 struct Known {
   double low = 0.0, high = infinite;  // mm, at `instant`
   bool met = true;                    // in contact there, or not known: one may be inside the other
   std::size_t instant = 0;
-  bool asked = false;      // its gap there,
-  double most = infinite;  // up to this
+  Vector3d normal = Vector3d::Zero();  // of a plane between them, in the frame of a,
+  double beyond = 0.0;                 // mm along it, which a does not pass
+  bool asked = false;                  // its gap there,
+  double most = infinite;              // up to this
   Gap gap;
   Nearest best;
 };
+
+/// Until which instant nothing is met by the balls of a body, and by the rest of it.
+struct Cleared {
+  std::size_t balls = 0, rest = 0;
+  std::size_t not_before = 0;  // up to there what the balls sweep says nothing
+};
+
+/// Of a line through points those between which all others are within a distance of the straight
+/// way; the ends are among them.
+std::vector<std::size_t> corners_within(const std::vector<Vector3d>& points, double distance) {
+  const auto is_straight = [&](std::size_t from, std::size_t to) {
+    const Vector3d way = points[to] - points[from];
+    for (std::size_t i = from + 1; i < to; ++i) {
+      const Vector3d here = points[i] - points[from];
+      const double length = way.squaredNorm();
+      const double share = length > 0.0 ? std::clamp(here.dot(way) / length, 0.0, 1.0) : 0.0;
+      if ((here - share * way).norm() > distance) return false;
+    }
+    return true;
+  };
+  std::vector<std::size_t> kept{0};
+  while (kept.back() + 1 < points.size()) {
+    std::size_t to = kept.back() + 1;
+    for (std::size_t step = 1; to + step < points.size() && is_straight(kept.back(), to + step);
+         step *= 2)
+      to += step;
+    kept.push_back(to);
+  }
+  return kept;
+}
 
 /// A part of the program, followed by one thread.
 class Chunk {
@@ -117,8 +156,10 @@ class Chunk {
       const double apart = (relative(int(p), 0) * b.centre - a.centre).norm();
       Known known;
       known.low = std::max(0.0, apart - a.radius - b.radius);
+      known.best = task_.seen[p];
       known_.push_back(known);
     }
+    cleared_.resize(task_.pairs.size());
   }
 
   /// Pose of b in a, both in their carriages. @param i  counted from the chunk's first
@@ -159,7 +200,9 @@ class Chunk {
   /// @param far  mm, a larger one is of no interest
   double look(int pair, std::size_t i, double far, Nearest& nearest) {
     Known& known = known_[std::size_t(pair)];
-    const double share = rough * task_.options.share;
+    // of exact ones the plane between the two is known as well
+    const bool exact = task_.is_simple(pair) && !task_.pairs[std::size_t(pair)].contact_only;
+    const double share = exact ? 0.0 : rough * task_.options.share;
     Gap here = known.gap;
     if (known.instant != i || !known.asked || known.high >= known.most) {
       GapOptions options{share};
@@ -169,18 +212,53 @@ class Chunk {
       ++queries;
       if (here.distance > task_.options.resolution && known.met && is_inside(pair, i))
         here.distance = 0.0;
-      if (i >= known.instant)
-        known = {here.distance / (1.0 + share),
-                 here.distance,
-                 here.distance <= task_.options.resolution,
-                 i,
-                 true,
-                 options.most,
-                 here,
-                 known.best};
+      if (i >= known.instant) {
+        known.low = here.distance / (1.0 + share);
+        known.high = here.distance;
+        known.met = here.distance <= task_.options.resolution;
+        known.instant = i;
+        known.asked = true;
+        known.most = options.most;
+        known.gap = here;
+        known.normal = Vector3d::Zero();
+        if (here.distance > task_.options.resolution && here.distance < options.most) {
+          known.normal = (here.on_b - here.on_a).normalized();
+          known.beyond = infinite;  // not known yet
+        }
+      }
     }
     note(pair, {begin_ + i, 0.0}, here, nearest);
     return here.distance / (1.0 + share);
+  }
+
+  /// No more than the distance at an instant, by the plane that last stood between the two: what
+  /// slides along another body comes no nearer to it.
+  double by_plane(int pair, std::size_t i) {
+    Known& known = known_[std::size_t(pair)];
+    const std::vector<Ball>& hull = task_.hulls[std::size_t(task_.pairs[std::size_t(pair)].b)];
+    if (hull.empty() || known.normal.isZero(0.0)) return 0.0;
+    if (known.beyond == infinite) known.beyond = extent(task_.fixed(pair).body, known.normal);
+    const Pose T = relative(pair, i);
+    const Vector3d normal = T.linear().transpose() * known.normal;
+    double least = infinite;
+    for (const Ball& ball : hull) least = std::min(least, normal.dot(ball.centre) - ball.radius);
+    return least + known.normal.dot(T.translation()) - known.beyond;
+  }
+
+  /// The same from one instant to another. Where that is enough the second is then known.
+  double by_plane(int pair, std::size_t i0, std::size_t i1, double enough) {
+    const auto p = std::size_t(pair);
+    Known& known = known_[p];
+    if (known.instant > i0) return 0.0;
+    const double here = std::max(known.low - moved(p, known.instant, i0), by_plane(pair, i0)),
+                 there = std::max(known.low - moved(p, known.instant, i1), by_plane(pair, i1));
+    const double least = 0.5 * (here + there - moved(p, i0, i1));
+    if (least < enough) return least;
+    known.low = there;
+    known.high += moved(p, known.instant, i1);
+    known.instant = i1;
+    known.asked = false;
+    return least;
   }
 
   /// What a distance must be below to be of interest where one was seen.
@@ -262,10 +340,81 @@ class Chunk {
            (cleared_to < i1 && meets(pair, cleared_to, i1, nearest));
   }
 
+  /// Whether a body does not meet between two instants, by what its balls sweep and how far the
+  /// rest of it is: a ball end follows a surface so closely that distances would have to be asked
+  /// at every hair's breadth, and the rest does not.
+  bool passes(int pair, std::size_t i0, std::size_t i1) {
+    const auto p = std::size_t(pair);
+    const BallsOfBody& parts = task_.parts[p];
+    Cleared& cleared = cleared_[p];
+    if (!parts.balls.empty() && cleared.balls < i1) {
+      if (i0 < cleared.not_before) return false;
+      const std::size_t end = trail_end(p, i0, i1);
+      const bool clear = std::ranges::all_of(parts.balls, [&](const Ball& ball) {
+        return is_apart(pair, trail(pair, ball, i0, end), Pose::Identity());
+      });
+      queries += parts.balls.size();
+      if (!clear) cleared.not_before = end;
+      if (!clear) return false;
+      cleared.balls = end;
+    }
+    return !parts.rest || rest_passes(pair, i0, i1);
+  }
+
+  bool rest_passes(int pair, std::size_t i0, std::size_t i1) {
+    const auto p = std::size_t(pair);
+    const double share = rough * task_.options.share;
+    std::size_t& to = cleared_[p].rest;
+    for (to = std::max(to, i0); to < i1;) {
+      const std::size_t from = to;
+      const Gap rest = gap(task_.fixed(pair).body, Pose::Identity(), *task_.parts[p].rest,
+                           relative(pair, from), {share});
+      ++queries;
+      const double far = rest.distance / (1.0 + share) - task_.options.resolution;
+      while (to + 1 < poses_.size() && moved(p, from, to + 1) < far) ++to;
+      if (to == from) return false;
+    }
+    return true;
+  }
+
+  bool is_apart(int pair, const Body& other, const Pose& T) const {
+    const double resolution = task_.options.resolution;
+    return gap(task_.fixed(pair).body, Pose::Identity(), other, T, {0.0, 2.0 * resolution})
+               .distance > resolution;
+  }
+
+  /// As far as it is worth to look at once.
+  std::size_t trail_end(std::size_t pair, std::size_t i0, std::size_t i1) const {
+    constexpr double long_enough = 4.0;  // mm
+    constexpr std::size_t most = 512;    // instants
+    std::size_t end = i1;
+    while (end + 1 < poses_.size() && end + 1 - i0 <= most &&
+           moved(pair, i0, end + 1) < long_enough)
+      ++end;
+    return end;
+  }
+
+  /// What a ball sweeps from one instant to another, and a little more.
+  Body trail(int pair, const Ball& ball, std::size_t i0, std::size_t i1) const {
+    constexpr double straight = 2e-3;  // mm
+    std::vector<Vector3d> all;
+    double bulge = 0.0;
+    for (std::size_t i = i0; i <= i1; ++i) all.push_back(relative(pair, i) * ball.centre);
+    for (std::size_t i = i0; i < i1; ++i) bulge = std::max(bulge, task_.motion.bulge[begin_ + i]);
+    const std::vector<std::size_t> kept = corners_within(all, straight);
+    Points centres(Eigen::Index(kept.size()), 3);
+    for (std::size_t k = 0; k < kept.size(); ++k) centres.row(Eigen::Index(k)) = all[kept[k]];
+    return swept_ball(centres, ball.radius + straight + bulge);
+  }
+
   Nearest contact_in(int pair, std::size_t i0, std::size_t i1) {
     Nearest nearest;
     const double far = moved(std::size_t(pair), i0, i1) + 2.0 * task_.options.resolution;
     Known& known = known_[std::size_t(pair)];
+    if (!known.met && i0 < i1 && passes(pair, i0, i1)) {
+      nearest.at_least = task_.options.resolution;
+      return nearest;
+    }
     if (known.met || i0 == i1) look(pair, i0, far, nearest);
     if (!nearest.contact && i0 < i1) known.met = meets(pair, i0, i1, nearest);
     nearest.at_least = nearest.contact ? 0.0 : task_.options.resolution;
@@ -308,6 +457,12 @@ class Chunk {
       if (!task_.pairs[p].contact_only)
         smallest_ = std::min(smallest_, known.high + moved(p, known.instant, i0));
     }
+    for (std::size_t p = 0; p < count; ++p) {
+      if (!task_.options.accelerated || task_.followed[p] == 0 || task_.pairs[p].contact_only)
+        continue;
+      const double enough = wanted(int(p), infinite);
+      if (low[p] < enough) low[p] = std::max(low[p], by_plane(int(p), i0, i1, enough));
+    }
     std::vector<char> done(count, 0);
     for (;;) {
       std::size_t next = count;
@@ -343,6 +498,7 @@ class Chunk {
   std::vector<std::vector<double>> ways_;
   std::vector<std::size_t> way_of_;  // (pairs)
   std::vector<Known> known_;         // (pairs)
+  std::vector<Cleared> cleared_;     // (pairs)
   double smallest_ = infinite;       // seen in the stretch
 };
 
@@ -374,6 +530,30 @@ std::vector<std::size_t> chunks_of(const CarriedMotion& motion, std::size_t size
     if (motion.stretches[s] - motion.stretches[first.back()] >= size) first.push_back(s);
   first.push_back(motion.stretches.size());
   return first;
+}
+
+/// The least distances at some instants, below which the others are of interest; none of what
+/// meets there.
+std::vector<Nearest> seen_on_the_way(const Task& task, std::size_t looks) {
+  std::vector<Nearest> seen(task.pairs.size());
+  std::vector<std::size_t> instants;
+  for (std::size_t k = 0; k < looks; ++k)
+    instants.push_back(k * (task.motion.instants - 1) / std::max<std::size_t>(looks - 1, 1));
+  std::vector<std::vector<Pose>> T;
+  for (const std::size_t i : instants) T.push_back(task.placed(i, 0.0));
+  tbb::parallel_for(std::size_t(0), task.pairs.size(), [&](std::size_t p) {
+    if (task.followed[p] == 0 || task.pairs[p].contact_only) return;
+    const CarriedBody &a = task.fixed(int(p)), &b = task.moving(int(p));
+    for (std::size_t k = 0; k < instants.size(); ++k) {
+      const Gap here = gap(a.body, T[k][std::size_t(a.carrier)], b.body,
+                           T[k][std::size_t(b.carrier)], {0.0, seen[p].distance});
+      if (!(here.distance < seen[p].distance) || here.distance <= task.options.resolution) continue;
+      seen[p].distance = here.distance;
+      seen[p].moment = {instants[k], 0.0};
+      seen[p].place = 0.5 * (here.on_a + here.on_b);
+    }
+  });
+  return seen;
 }
 
 /// Encounters from those of single stretches: one that goes on in the next stretch is one, and what
@@ -423,6 +603,10 @@ Encounters encounters(const std::vector<CarriedBody>& bodies, const std::vector<
                       const CarriedMotion& motion, const EncounterOptions& options) {
   check(bodies, pairs, motion, options);
   Task task{bodies, pairs, motion, options, std::vector<char>(pairs.size(), 1)};
+  for (const BodyPair& pair : pairs)
+    task.parts.push_back(pair.contact_only && options.accelerated
+                             ? balls_of(bodies[std::size_t(pair.b)].body)
+                             : BallsOfBody{});
   Encounters all;
   all.pairs.resize(pairs.size());
   const std::vector<Pose> T = task.placed(0, 0.0);
@@ -435,6 +619,12 @@ Encounters encounters(const std::vector<CarriedBody>& bodies, const std::vector<
     task.followed[p] = overlap ? 0 : 1;
   });
   all.queries = pairs.size();
+  for (const CarriedBody& one : bodies) task.hulls.push_back(hull_of(one.body));
+  // few beside those of the search itself
+  const std::size_t looks =
+      options.accelerated ? std::min<std::size_t>(256, motion.instants / 64) : 0;
+  task.seen = seen_on_the_way(task, looks);
+  all.queries += looks * pairs.size();
   const std::vector<std::size_t> first = chunks_of(motion, options.chunk);
   std::vector<std::optional<Chunk>> chunks(first.size() - 1);
   std::atomic<std::size_t> done{0};

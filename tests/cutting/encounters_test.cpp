@@ -163,6 +163,91 @@ TEST(Encounters, AreThoseOfEveryPairLookedAtEverywhere) {
   EXPECT_LT(asked, all_asked / 5);
 }
 
+/// Waves of amplitude 1 mm over 60 x 60 mm, an open surface.
+ClosedMesh waves(int across) {
+  ClosedMesh mesh;
+  const auto place = [&](int i) { return 60.0 * i / across - 30.0; };
+  mesh.vertices.resize((across + 1) * (across + 1), 3);
+  mesh.triangles.resize(2 * across * across, 3);
+  for (int j = 0; j <= across; ++j)
+    for (int i = 0; i <= across; ++i)
+      mesh.vertices.row(j * (across + 1) + i) << place(i), place(j),
+          std::sin(0.4 * place(i)) * std::cos(0.3 * place(j));
+  for (int j = 0, t = 0; j < across; ++j)
+    for (int i = 0; i < across; ++i) {
+      const int a = j * (across + 1) + i, b = a + across + 1;
+      mesh.triangles.row(t++) << a, a + 1, b + 1;
+      mesh.triangles.row(t++) << a, b + 1, b;
+    }
+  return mesh;
+}
+
+/// A cutter that leans and follows the waves at some height above them, dips included.
+CarriedMotion along_waves(double height, double radius, double lean, double phase) {
+  CarriedMotion motion;
+  constexpr std::size_t instants = 600;
+  motion.carriers = 2;
+  motion.instants = instants;
+  motion.place = [=](std::size_t instant, double u, std::span<Pose> T) {
+    const double x = -25.0 + 50.0 * (double(instant) + u) / (instants - 1),
+                 y = 20.0 * std::sin(0.1 * x + phase);
+    const double wave = std::sin(0.4 * x) * std::cos(0.3 * y);
+    const double above = 5.0 * std::max(0.0, 1.0 - (double(instant) + u) / 50.0);  // it comes down
+    Pose tool = at({x, y, wave + height + above + radius});
+    tool.linear() =
+        Eigen::AngleAxisd(lean, Vector3d(1.0, 0.4, 0.0).normalized()).toRotationMatrix();
+    tool.translation() -= radius * tool.linear().col(2);  // of the tip, the ball stays where it is
+    T[0] = Pose::Identity();
+    T[1] = tool;
+  };
+  // curvature of the way over the square of a step
+  motion.bulge.assign(instants - 1, 0.2 * std::pow(60.0 / instants, 2) / 8.0);
+  for (std::size_t i = 0; i < instants; i += 25) motion.stretches.push_back(i);
+  return motion;
+}
+
+TEST(Encounters, ACutterThatFollowsASurfaceMeetsWhatItMeetsLookedAtEverywhere) {
+  constexpr unsigned seed = 2631;
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> any(-1, 1);
+  const Body surface = body_of(waves(60));
+  std::size_t contacts = 0, clear = 0, asked = 0, all_asked = 0;
+  for (int n = 0; n < 24; ++n) {
+    const double radius = 3.0 + any(random), corner = n % 3 == 0 ? 0.5 * radius : radius;
+    const double height = n % 2 == 0 ? 0.3 * any(random) : 1.2 + 0.8 * any(random);
+    const Body cutter = body_of(cutter_pieces(Cutter{radius, corner, 25}, 0.01));
+    const std::vector<CarriedBody> bodies{{surface, 0}, {cutter, 1}};
+    const CarriedMotion motion =
+        along_waves(height, radius, 0.6 * std::abs(any(random)), 3.0 * any(random));
+    EncounterOptions options;
+    options.chunk = n % 2 == 0 ? 8192 : 90;
+    const Encounters quick = encounters(bodies, {{0, 1, true}}, motion, options);
+    options.accelerated = false;
+    const Encounters slow = encounters(bodies, {{0, 1, true}}, motion, options);
+    asked += quick.queries;
+    all_asked += slow.queries;
+    const auto met = [](const Encounters& all) {
+      std::vector<Encounter> list = all.list;
+      std::erase_if(list, [](const Encounter& one) { return !one.contact; });
+      return list;
+    };
+    const std::vector<Encounter> one = met(quick), other = met(slow);
+    ASSERT_EQ(one.size(), other.size()) << "cutter " << n << " of seed " << seed;
+    EXPECT_EQ(quick.pairs[0].overlaps_at_start, slow.pairs[0].overlaps_at_start);
+    for (std::size_t k = 0; k < one.size(); ++k) {
+      EXPECT_EQ(one[k].first_stretch, other[k].first_stretch);
+      EXPECT_EQ(one[k].last_stretch, other[k].last_stretch);
+      EXPECT_NEAR(instant(one[k].moment), instant(other[k].moment), 0.05);
+    }
+    (one.empty() ? clear : contacts) += 1;
+  }
+  std::cout << contacts << " cutters meet, " << clear << " do not; " << asked << " of " << all_asked
+            << " distances\n";
+  EXPECT_GT(contacts, 5u);
+  EXPECT_GT(clear, 5u);
+  EXPECT_LT(asked, all_asked / 5);
+}
+
 TEST(Encounters, AreTheSameForAnyNumberOfThreads) {
   std::mt19937 random(99);
   const RandomScene scene = random_scene(random);
