@@ -121,6 +121,20 @@ TEST_F(Moved, APartThatIsCutInPlacesIsWarnedOfWithTheShare) {
       << share;
 }
 
+TEST(Placement, TheFeedIsSaidFromWhereItBegins) {
+  SceneFolder folder;
+  std::string text = "G21 G90 G17 G94 G49\nS10000 M3\n";
+  for (int y = -7; y <= 7; ++y) text += fmt::format("G0 X-20 Y{}\nG0 Z0\nG1 X0 F1000\nG0 Z80\n", y);
+  folder.write("p.ngc", text + "M30\n");
+  const Job job =
+      prepare(read_scene(folder.write("s.toml", to_toml(FlatScene{.program = "p.ngc"}))));
+  const Placement found = placement(job);
+  ASSERT_EQ(found.warnings.size(), 1u);
+  EXPECT_TRUE(says(found.warnings.front(),
+                   "its feed takes the tip over x -20 to 0 mm of -5 to 5, y -7 to 7 mm of -5 to 5"))
+      << found.warnings.front();
+}
+
 TEST_F(Moved, AProgramOfPositionsAndTimesNamesWhereThePartWouldHaveToStand) {
   std::string rows = "time_s,X_mm,Y_mm,Z_mm,X_mm_per_s,Y_mm_per_s,Z_mm_per_s\n";
   for (int i = 0; i <= 14; ++i) rows += fmt::format("{},{},0,50,1,0,0\n", i, i - 7);
