@@ -114,15 +114,6 @@ Search search_of(const std::vector<SolidBody>& bodies, const std::vector<BodyPai
   return search;
 }
 
-std::vector<BodyPair> pairs_in(const Job& part, const std::vector<SolidBody>& bodies) {
-  try {
-    return pairs_of(part.truth.actual, bodies, part.scene.collision.ignore);
-  } catch (const std::invalid_argument& fault) {
-    throw BadInput(part.scene.file.string(), 0, 0, "names of bodies in collision.ignore",
-                   fault.what());
-  }
-}
-
 /// Appends what is found in a part of a job.
 class PartSearch {
  public:
@@ -131,7 +122,8 @@ class PartSearch {
         number_(number),
         all_(all),
         bodies_(bodies_of(following.part)),
-        pairs_(pairs_in(following.part, bodies_)),
+        pairs_(
+            pairs_of(following.part.truth.actual, bodies_, following.part.scene.collision.ignore)),
         search_(search_of(bodies_, pairs_)),
         motion_(motion_of(following, reach(following, bodies_))) {}
 

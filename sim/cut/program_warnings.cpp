@@ -1,6 +1,7 @@
 #include "sim/cut/program_warnings.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <fmt/format.h>
 
@@ -108,6 +109,28 @@ std::string unit_change_text(const program::Path& path) {
       words, inches, moves);
 }
 
+/// A holder that stands where the cutter or the spindle is, or that leaves a piece of the tool out.
+void add_holder_texts(const ToolDescription& tool, std::vector<std::string>& texts) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&tool.actual);
+  if (cutter == nullptr || !tool.holder) return;
+  constexpr double least = 0.01;  // mm
+  const double begin = (*tool.holder)(0, 1), end = (*tool.holder)(tool.holder->rows() - 1, 1);
+  const std::string whose = tool.number ? fmt::format(" of tool {}", *tool.number) : "";
+  if (const double under = cutter->flank_length - begin; under > least)
+    texts.push_back(fmt::format(
+        "the holder{} begins {:.6g} mm above the tip, {:.6g} mm below the upper end of the flank "
+        "(flank_length_mm {:.6g}): that much of the cutter is in the holder",
+        whose, begin, under, cutter->flank_length));
+  const double over = end - tool.actual_length;
+  if (std::abs(over) > least)
+    texts.push_back(fmt::format(
+        "the holder{} ends {:.6g} mm above the tip, {:.6g} mm {} the nose of the spindle "
+        "(length_mm "
+        "{:.6g}){}",
+        whose, end, std::abs(over), over > 0.0 ? "beyond" : "short of", tool.actual_length,
+        over > 0.0 ? "" : ": what is between them is met by nothing"));
+}
+
 }  // namespace
 
 std::vector<std::string> program_warnings(const Scene& scene, const cutting::Design& design_w,
@@ -118,6 +141,7 @@ std::vector<std::string> program_warnings(const Scene& scene, const cutting::Des
        {unreached_text(unreached), no_feed_text(path), unit_change_text(path),
         odd_size(scene, design_w), coarse_text(scene, design_w), sparse_text(scene, design_w)})
     if (!text.empty()) warnings.push_back(std::move(text));
+  for (const ToolDescription& tool : tools_of(scene)) add_holder_texts(tool, warnings);
   return warnings;
 }
 

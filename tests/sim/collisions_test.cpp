@@ -188,7 +188,7 @@ TEST(Collisions, AClampInTheWay) {
                      clamp + "[[collision.ignore]]\na = \"clamp\"\nb = \"cutter\"\n"});
   EXPECT_THROW(collisions_of({"G1 Z90 F1000", "",
                               clamp + "[[collision.ignore]]\na = \"clamb\"\nb = \"cutter\"\n"}),
-               BadInput);
+               BadScene);
 }
 
 TEST(Collisions, TheHeadOnTheTableAtAHundredDegrees) {
@@ -293,6 +293,95 @@ TEST(Collisions, EveryShapeOfABodyIsMetWhereItIs) {
                          "\"\nat_mm = [-40, -30, 20]\n"});
   ASSERT_EQ(contacts(all), 1u);
   EXPECT_NEAR(all.list[0].depth, 3.0, 0.03);
+}
+
+/// The faults of a scene, one a line; empty where it is read.
+std::string faults_of(const PlantedCrash& planted) {
+  try {
+    planted_job(planted);
+  } catch (const BadScene& faults) {
+    return faults.what();
+  }
+  return "";
+}
+
+TEST(Collisions, ANameThatTwoBodiesHaveIsRefused) {
+  const auto fixture = [](const std::string& name) {
+    return "[[fixture]]\n" + (name.empty() ? "" : "name = \"" + name + "\"\n") +
+           "size_mm = [20, 20, 15]\nat_mm = [-40, -30, 27.5]\n";
+  };
+  const auto faults = [&](const std::string& more) {
+    return faults_of({"G1 Z90 F1000", "", more});
+  };
+  for (const char* own : {"part", "stock", "cutter", "shank", "holder"}) {
+    const std::string text = faults(fixture(own));
+    EXPECT_NE(text.find(fmt::format("scene.toml:12:8: expected a name for a fixture that nothing "
+                                    "else has, seen \"{0}\", the name of the {0} itself",
+                                    own)),
+              std::string::npos)
+        << text;
+  }
+  EXPECT_NE(faults(fixture("ram")).find("seen \"ram\", that of a body of the machine"),
+            std::string::npos);
+  EXPECT_NE(faults(fixture("vice") + fixture("vice")).find("scene.toml:16:8: "), std::string::npos);
+  EXPECT_NE(faults(fixture("") + fixture("fixture")).find("seen \"fixture\""), std::string::npos);
+  EXPECT_EQ(faults(fixture("vice") + fixture("jaw")), "");
+  // without names of their own they are numbered
+  EXPECT_EQ(faults(fixture("") + fixture("")), "");
+  const Job two = planted_job({"G1 Z90 F1000", "", fixture("") + fixture("")});
+  std::vector<std::string> names;
+  for (const SolidBody& body : bodies_of(two))
+    if (body.kind == SolidBody::Kind::Fixture) names.push_back(body.name);
+  EXPECT_EQ(names, (std::vector<std::string>{"fixture 1", "fixture 2"}));
+  const std::vector<Override> twice = {
+      {"machine.body",
+       "[{ name = \"ram\", carried_by = \"Z\", size_mm = [1, 1, 1] }, "
+       "{ name = \"ram\", size_mm = [1, 1, 1] }]"}};
+  EXPECT_NE(faults_of({"G1 Z90 F1000", "", "", twice})
+                .find("expected a name for a body of the machine that nothing else has"),
+            std::string::npos);
+}
+
+TEST(Collisions, APairToBeLeftOutMustBeThere) {
+  const auto faults = [&](const char* a, const char* b) {
+    return faults_of(
+        {"G1 Z90 F1000", "", fmt::format("[[collision.ignore]]\na = \"{}\"\nb = \"{}\"\n", a, b)});
+  };
+  EXPECT_EQ(faults("ram", "stock"), "");
+  EXPECT_EQ(faults("holder", "part"), "");  // of another tool, perhaps
+  const std::string text = faults("ram", "haulder");
+  EXPECT_NE(text.find("scene.toml:13:5: expected the name of a body: table, base, "),
+            std::string::npos)
+      << text;
+  EXPECT_NE(faults("ram", "ram").find("expected the name of another body"), std::string::npos);
+}
+
+TEST(Collisions, AHolderThatCannotBeIsRefusedAndAnOddOneWarnedOf) {
+  const auto with = [](const std::string& heights) {
+    return PlantedCrash{"G1 Z90 F1000",
+                        "[tool.holder]\nradii_mm = [15, 15, 20]\nheights_mm = " + heights + "\n"};
+  };
+  EXPECT_NE(faults_of(with("[-5, 60, 100]")).find("a holder that begins 5 mm below the tip"),
+            std::string::npos);
+  EXPECT_NE(faults_of(with("[0, 60, 100]")).find("a holder that begins at the tip"),
+            std::string::npos);
+  EXPECT_NE(faults_of(with("[60, 35, 100]")).find("heights that fall"), std::string::npos);
+  const auto warned = [&](const std::string& heights, const std::string& words) {
+    std::string all;
+    for (const std::string& text : planted_job(with(heights)).warnings) all += text + "\n";
+    return words.empty() ? all.find("the holder") == std::string::npos
+                         : all.find(words) != std::string::npos;
+  };
+  EXPECT_TRUE(warned("[20, 60, 100]", ""));
+  EXPECT_TRUE(warned("[15, 60, 100]",
+                     "the holder begins 15 mm above the tip, 5 mm below the upper end of the flank "
+                     "(flank_length_mm 20)"));
+  EXPECT_TRUE(warned("[35, 60, 120]",
+                     "ends 120 mm above the tip, 20 mm beyond the nose of the spindle (length_mm "
+                     "100)"));
+  EXPECT_TRUE(warned("[35, 60, 95]",
+                     "5 mm short of the nose of the spindle (length_mm 100): what "
+                     "is between them is met by nothing"));
 }
 
 TEST(Collisions, BodiesThatCannotBeAreRefused) {
