@@ -451,6 +451,68 @@ TEST(Collisions, TheReportHasThemAll) {
   EXPECT_NE(to_text(all).find("holder"), std::string::npos);
 }
 
+/// The smallest clearance of the block on a line, and whose it is.
+std::string clearance_on(const Collisions& all, int line) {
+  for (const BlockClearance& block : all.blocks) {
+    if (block.place.line != line) continue;
+    const Clearance& pair = all.clearances.at(std::size_t(block.pair));
+    return fmt::format("{} - {} {:.2f}", pair.a, pair.b, block.at_least);
+  }
+  return "no block";
+}
+
+/// A blank beside which holder and cutter find room.
+const char* const low_block =
+    "[cutting]\nblank = \"box\"\nlower_mm = [-40, -50, 20]\nupper_mm = [0, -10, 80]\n"
+    "spacing_mm = 0.5\n";
+
+TEST(Collisions, EveryBlockWithAContactHasNoClearance) {
+  const Collisions gouge = collisions_of({"G1 Z19 F500\nG1 X-10\nG1 Z100"});
+  for (const int line : {6, 7, 8}) EXPECT_EQ(clearance_on(gouge, line), "part - cutter 0.00");
+  // one block ends where the next begins
+  for (std::size_t i = 1; i < gouge.blocks.size(); ++i)
+    EXPECT_EQ(gouge.blocks[i].place.time_s, gouge.blocks[i - 1].end_s);
+  const Collisions rapid = collisions_of({"G0 Z70\nG0 X0\nG0 Z100", "", low_block});
+  EXPECT_EQ(clearance_on(rapid, 6), "cutter - stock 0.00");
+  EXPECT_EQ(clearance_on(rapid, 7), "cutter - stock 0.00");
+  EXPECT_NE(clearance_on(rapid, 8), "cutter - stock 0.00");
+  const Collisions shank = collisions_of({"G1 Z46 F500\nG1 X-22\nG0 Z100", "", low_block});
+  EXPECT_EQ(clearance_on(shank, 7), "shank - stock 0.00");
+  const Collisions deep = collisions_of({"G1 Z46 F500\nG1 Z44\nG0 Z100", holder, low_block});
+  EXPECT_EQ(clearance_on(deep, 7), "holder - stock 0.00");
+  EXPECT_EQ(clearance_on(deep, 8), "holder - stock 0.00");
+  // a near miss under 1 mm, 2 % or 0.01 mm less
+  const Collisions near = collisions_of({"G1 Z45.5 F500\nG0 Z100", holder, low_block});
+  EXPECT_EQ(contacts(near), 0u);
+  EXPECT_EQ(clearance_on(near, 6), "holder - stock 0.49");
+  EXPECT_EQ(clearance_on(near, 7), "holder - stock 0.49");
+}
+
+TEST(Collisions, EveryPairSaysInWhichBlocksItCounts) {
+  const auto in_blocks = [](const Collisions& all) {
+    std::string text;
+    const nlohmann::ordered_json json = to_json(all);
+    for (const auto& pair : json["pairs"]) {
+      const auto a = pair["a"].get<std::string>(), b = pair["b"].get<std::string>();
+      if (b != "stock" && a != "part" && a != "base") continue;
+      if (a == "base" && b != "fork") continue;
+      text += a + " " + b + " " + pair["in_blocks"].get<std::string>() + "\n";
+    }
+    return text;
+  };
+  const std::string text = in_blocks(collisions_of({"G0 Z70\nG0 X0\nG0 Z100", holder, low_block}));
+  for (const char* line :
+       {"base fork always\n", "part holder always\n", "part cutter where_met\n",
+        "holder stock where_near\n", "cutter stock where_met\n", "shank stock where_met\n"})
+    EXPECT_NE(text.find(line), std::string::npos) << line << text;
+}
+
+TEST(Collisions, TheCutterMayBeLeftOutOfTheStock) {
+  expect_no_contact({"G0 Z70\nG0 X0\nG0 Z100", "",
+                     low_block + std::string("[[collision.ignore]]\na = \"cutter\"\nb = "
+                                             "\"stock\"\n")});
+}
+
 TEST(Collisions, ARunThatIsToStopCutsNothing) {
   const Job job =
       planted_job({"G1 Z20 F1000\nG1 X18", holder, "[collision]\non = true\nstop = true\n"});
