@@ -1,6 +1,7 @@
 #include "render/stock_picture.h"
 
 #include <cmath>
+#include <map>
 
 #include "cutting/part_deviation.h"
 #include "kinematics/require.h"
@@ -88,12 +89,25 @@ std::vector<Solid> coloured_skin(const Field& field, const ColourScale& scale) {
   return solids;
 }
 
+/// The marks that are shown, in their order.
 std::vector<Flag> flags_of(const StockPicture& picture, const View& view,
                            const cutting::Design& design) {
+  std::vector<char> hidden, shown(picture.marks.size(), 0);
+  for (const StockPicture::Mark& mark : picture.marks)
+    hidden.push_back(is_hidden(view, design, mark.at));
+  std::map<int, int> count;  // of a kind
+  for (const char wanted : {0, 1})
+    for (std::size_t i = 0; i < hidden.size(); ++i)
+      if (hidden[i] == wanted && count[picture.marks[i].kind] < picture.most_of_a_kind) {
+        ++count[picture.marks[i].kind];
+        shown[i] = 1;
+      }
   std::vector<Flag> flags;
-  for (const StockPicture::Mark& mark : picture.marks) {
-    const bool hidden = is_hidden(view, design, mark.at);
-    flags.push_back({projected(view, mark.at), mark.text + (hidden ? ", behind" : ""), hidden});
+  for (std::size_t i = 0; i < hidden.size(); ++i) {
+    const StockPicture::Mark& mark = picture.marks[i];
+    if (shown[i] != 0)
+      flags.push_back({projected(view, mark.at), mark.text + (hidden[i] != 0 ? ", behind" : ""),
+                       hidden[i] != 0});
   }
   return flags;
 }

@@ -86,6 +86,21 @@ TEST_F(StockPictures, ABodyThatNothingIsComparedOfIsGreyThroughout) {
             0);
 }
 
+TEST_F(StockPictures, OfTooManyPlacesThoseInViewAreLabelled) {
+  using Mark = StockPicture::Mark;
+  const std::vector<Mark> hidden = {
+      {{3, 5, -4}, "1", 0}, {{6, 5, -4}, "2", 0}, {{9, 5, -4}, "3", 0}};
+  const Mark seen{{15, 5, 0}, "4", 0}, of_other_kind{{17, 8, -4}, "5", 1};
+  const auto picture = [&](const std::string& name, std::vector<Mark> marks) {
+    StockPicture one = picture_of(flat());
+    one.marks = std::move(marks);
+    write_stock_picture(file(name), one);
+    return test::bytes(file(name));
+  };
+  EXPECT_EQ(picture("all.png", {hidden[0], hidden[1], hidden[2], seen, of_other_kind}),
+            picture("best.png", {hidden[0], hidden[1], seen, of_other_kind}));
+}
+
 TEST_F(StockPictures, TheSameFieldGivesTheSameFileWithAllItsArrays) {
   write_stock(file("a.vtp"), flat(), {{"frame", "workpiece"}});
   write_stock(file("b.vtp"), flat(), {{"frame", "workpiece"}});
