@@ -76,7 +76,7 @@ std::vector<std::string> caption_of(const Verdict& verdict, const StockCheck& ch
 
 render::StockPicture stock_picture(const Job& job, const Verdict& verdict, const StockCheck& check,
                                    const render::StockField& field) {
-  constexpr int most_tried = 12;  // of a kind: the largest, of which those in view are shown
+  constexpr int most_tried = 8;  // of a kind: the largest, of which those in view are shown
   const Eigen::Isometry3d T_mw = job.scene.part.T_wm.inverse();
   render::StockPicture picture;
   picture.title = job.scene.title + ": what " + verdict.cut.name + " leaves of the blank";
@@ -87,8 +87,8 @@ render::StockPicture stock_picture(const Job& job, const Verdict& verdict, const
   for (std::size_t i = 0; i < check.findings.list.size(); ++i) {
     const Finding& one = check.findings.list[i];
     if (tried[std::size_t(one.kind)]++ >= most_tried) continue;
-    picture.marks.push_back(
-        {T_mw * one.place_w, fmt::format("{}: {}", i + 1, depth_text(one)), int(one.kind)});
+    picture.marks.push_back({T_mw * one.place_w, fmt::format("{}: {}", i + 1, depth_text(one)),
+                             int(one.kind), int(i) + 1});
   }
   picture.caption = caption_of(verdict, check);
   picture.from = job.scene.view.from;

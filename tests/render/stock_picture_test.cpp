@@ -101,6 +101,20 @@ TEST_F(StockPictures, OfTooManyPlacesThoseInViewAreLabelled) {
             picture("best.png", {hidden[0], hidden[1], seen, of_other_kind}));
 }
 
+TEST_F(StockPictures, OfAPlaceWhoseDeepestIsHiddenWhatIsInViewIsMarked) {
+  const auto picture = [&](const std::string& name, StockPicture::Mark mark) {
+    StockPicture one = picture_of(flat());
+    one.marks = {std::move(mark)};
+    write_stock_picture(file(name), one);
+    return test::bytes(file(name));
+  };
+  const auto moved = picture("moved.png", {{12, 5, -4}, "2", 0, 2});
+  // in the middle of it
+  EXPECT_TRUE(moved == picture("a.png", {{15, 5.5, 0}, "2", 0}) ||
+              moved == picture("b.png", {{15, 6, 0}, "2", 0}));
+  EXPECT_NE(moved, picture("hidden.png", {{12, 5, -4}, "2", 0}));
+}
+
 TEST_F(StockPictures, TheSameFieldGivesTheSameFileWithAllItsArrays) {
   write_stock(file("a.vtp"), flat(), {{"frame", "workpiece"}});
   write_stock(file("b.vtp"), flat(), {{"frame", "workpiece"}});
