@@ -206,8 +206,30 @@ std::vector<double> spread(const std::vector<Callout>& all, const Rectangle& col
   return y;
 }
 
+/// px that names take beside the machine, at most; longer ones are cut off.
+double column_width(const std::vector<std::string>& names, const TextStyle& style, double most) {
+  double width = 5.0 * style.size_px;
+  for (const std::string& name : names) width = std::max(width, text_size(name, style).x() + 1.0);
+  return std::min(width, most);
+}
+
+std::vector<std::string> names_of(const MachinePicture& picture) {
+  std::vector<std::string> names;
+  for (const Body& body : picture.bodies) names.push_back(body.label);
+  for (const Frame& frame : picture.frames) names.push_back(frame.name);
+  return names;
+}
+
+/// The style, smaller where so many names would not fit above each other.
+TextStyle fitting(TextStyle style, std::size_t count, double height) {
+  const double needed = double(count) * line_height(style);
+  if (needed > height) style.size_px *= 0.98 * height / needed;
+  return style;
+}
+
 void draw_callouts(Canvas& canvas, const std::vector<Callout>& all, const Rectangle& column,
-                   const TextStyle& style) {
+                   const TextStyle& usual) {
+  const TextStyle style = fitting(usual, all.size(), column.height);
   const std::vector<double> y = spread(all, column, line_height(style));
   TextStyle beside = style;
   beside.upward = 0.5;
@@ -290,13 +312,16 @@ void write_machine(const std::filesystem::path& path, const MachinePicture& pict
               {fmt::format("errors magnified {} ×", figure(picture.magnification))},
               {.size_px = type.figures});
   }
-  const double names = picture.bodies.empty() && picture.frames.empty() ? 0.0 : 150.0 * u;
+  const double lines_px = 36.0 * u;  // between the machine and the names
+  const double names = picture.bodies.empty() && picture.frames.empty()
+                           ? 0.0
+                           : lines_px + column_width(names_of(picture), body, 0.4 * left.width);
   const Rectangle stage{left.x, left.y, left.width - names, left.height};
   const View view = fitted_view(whole.points, options.from, options.up, stage);
   canvas.scene(view, whole.solids, whole.wires);
   for (const Frame& frame : picture.frames) draw_frame(canvas, view, frame, 1.6 * body.size_px);
   draw_callouts(canvas, callouts(picture, view),
-                {stage.x + stage.width + 36.0 * u, left.y, names - 36.0 * u, left.height}, body);
+                {stage.x + stage.width + lines_px, left.y, names - lines_px, left.height}, body);
   if (!picture.bodies.empty()) {
     triad(canvas, view, {left.x + left.width - 90.0 * u, foot + 0.4 * strip}, 40.0 * u, body);
   }

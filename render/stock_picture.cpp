@@ -1,6 +1,11 @@
 #include "render/stock_picture.h"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <map>
+#include <optional>
+#include <ranges>
 
 #include "cutting/part_deviation.h"
 #include "kinematics/require.h"
@@ -88,12 +93,71 @@ std::vector<Solid> coloured_skin(const Field& field, const ColourScale& scale) {
   return solids;
 }
 
+/// The vertices of a finding, from its middle outwards.
+std::vector<Eigen::Index> vertices_of(const StockField& field, int number) {
+  std::vector<Eigen::Index> vertices;
+  Eigen::RowVector3d middle = Eigen::RowVector3d::Zero();
+  for (std::size_t v = 0; v < field.finding.size(); ++v) {
+    if (field.finding[v] != number && field.undercut[v] != number) continue;
+    vertices.push_back(Eigen::Index(v));
+    middle += field.mesh.vertices_w.row(Eigen::Index(v));
+  }
+  middle /= std::max(1.0, double(vertices.size()));
+  std::ranges::stable_sort(vertices, {}, [&](Eigen::Index v) {
+    return (field.mesh.vertices_w.row(v) - middle).squaredNorm();
+  });
+  return vertices;
+}
+
+/// A place in view of a finding, where it is about as deep as anywhere if that is seen; none where
+/// all that is tried is hidden.
+std::optional<Eigen::Vector3d> place_in_view(const StockField& field, int number, const View& view,
+                                             const cutting::Design& design) {
+  constexpr std::size_t most_tried = 16;
+  constexpr double about = 0.8;
+  const auto depth = [&](Eigen::Index v) {
+    const double um = std::abs(field.deviation_um[v]);
+    return std::isfinite(um) ? um : 0.0;
+  };
+  const std::vector<Eigen::Index> all = vertices_of(field, number);
+  if (all.empty()) return std::nullopt;
+  const double least = about * std::ranges::max(all | std::views::transform(depth));
+  std::vector<Eigen::Index> deep;
+  std::ranges::copy_if(all, std::back_inserter(deep), [&](auto v) { return depth(v) >= least; });
+  for (const std::vector<Eigen::Index>& tried : {deep, all})
+    for (std::size_t i = 0; i < tried.size(); i += 1 + tried.size() / most_tried) {
+      const Eigen::Vector3d place = field.mesh.vertices_w.row(tried[i]);
+      if (!is_hidden(view, design, place)) return place;
+    }
+  return std::nullopt;
+}
+
+/// The marks that are shown, in their order.
 std::vector<Flag> flags_of(const StockPicture& picture, const View& view,
                            const cutting::Design& design) {
-  std::vector<Flag> flags;
+  std::vector<char> hidden, shown(picture.marks.size(), 0);
+  std::vector<Eigen::Vector3d> at;
   for (const StockPicture::Mark& mark : picture.marks) {
-    const bool hidden = is_hidden(view, design, mark.at);
-    flags.push_back({projected(view, mark.at), mark.text + (hidden ? ", behind" : ""), hidden});
+    at.push_back(mark.at);
+    hidden.push_back(is_hidden(view, design, mark.at));
+    if (hidden.back() == 0 || mark.number == 0) continue;
+    const auto other = place_in_view(picture.field, mark.number, view, design);
+    hidden.back() = !other;
+    at.back() = other.value_or(mark.at);
+  }
+  std::map<int, int> count;  // of a kind
+  for (const char wanted : {0, 1})
+    for (std::size_t i = 0; i < hidden.size(); ++i)
+      if (hidden[i] == wanted && count[picture.marks[i].kind] < picture.most_of_a_kind) {
+        ++count[picture.marks[i].kind];
+        shown[i] = 1;
+      }
+  std::vector<Flag> flags;
+  for (std::size_t i = 0; i < hidden.size(); ++i) {
+    const StockPicture::Mark& mark = picture.marks[i];
+    if (shown[i] != 0)
+      flags.push_back(
+          {projected(view, at[i]), mark.text + (hidden[i] != 0 ? ", behind" : ""), hidden[i] != 0});
   }
   return flags;
 }

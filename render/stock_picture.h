@@ -15,8 +15,12 @@ struct StockPicture {
   struct Mark {
     Eigen::Vector3d at = Eigen::Vector3d::Zero();  ///< mm, on the body
     std::string text;
+    int kind = 0;
+    int number = 0;  ///< of the finding of the field; 0: none. Where `at` is hidden, another place
+                     ///< of it is marked that is not
   };
-  std::vector<Mark> marks;
+  std::vector<Mark> marks;  ///< those of a kind in the order in which they are wanted
+  int most_of_a_kind = 3;   ///< are shown: what is seen in this view comes first
   std::vector<std::string> caption;
   int width = 1600;                                         ///< px
   int height = 1200;                                        ///< px

@@ -57,12 +57,15 @@ std::pair<std::string_view, std::string_view> halves_of(std::string_view text, c
   return {text.substr(0, at), text.substr(at + 1)};
 }
 
+/// "120:480", or a line alone.
 LineRange lines_of(const std::string& text) {
-  const auto [from, to] = halves_of(text, ':');
+  const std::string range = text.find(':') == std::string::npos ? text + ":" + text : text;
+  const auto [from, to] = halves_of(range, ':');
   const auto first = parsed_number<int>(from), last = parsed_number<int>(to);
   if (first && last && *first >= 1 && *first <= *last) return {*first, *last};
-  throw BadUsage("--lines",
-                 "expected the first and the last line of the program as 120:480, seen " + text);
+  throw BadUsage(
+      "--lines",
+      "expected the first and the last line of the program as 120:480, or one line, seen " + text);
 }
 
 void read_size(const AnimateWords& words, FilmOptions& film) {
@@ -211,7 +214,8 @@ Command animate_command(Common& common) {
            {"--size", &words->size, "pixels (1280x720)", Type{"WxH"}},
            {"--magnify", &words->magnify,
             "errors of the tool and its path drawn so many times larger, or auto (1)", Type{"N"}},
-           {"--lines", &words->lines, "these lines of the program alone (all)", Type{"A:B"}},
+           {"--lines", &words->lines, "these lines of the program alone (all); A alone is one line",
+            Type{"A:B"}},
            {"--film", &words->film, "made of the frames by ffmpeg, where it is there (mp4)",
             OneOf{{"mp4", "webm", "none"}}}}),
       [words, &common] { return animate(common, *words); },

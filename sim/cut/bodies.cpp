@@ -4,13 +4,12 @@
 #include <cmath>
 #include <cstdlib>
 #include <iterator>
-#include <stdexcept>
 #include <utility>
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "cutting/read_mesh.h"
+#include "sim/scene/body_names.h"
 
 namespace abbe::sim {
 namespace {
@@ -136,17 +135,6 @@ class ToolBodies {
 
 using IgnoredPairs = std::vector<CollisionDescription::Pair>;
 
-void check_names(const IgnoredPairs& ignored, const std::vector<SolidBody>& bodies) {
-  std::vector<std::string> names{"stock"};
-  for (const SolidBody& body : bodies)
-    if (std::ranges::find(names, body.name) == names.end()) names.push_back(body.name);
-  for (const CollisionDescription::Pair& pair : ignored)
-    for (const std::string& name : {pair.a, pair.b})
-      if (std::ranges::find(names, name) == names.end())
-        throw std::invalid_argument(
-            fmt::format("\"{}\"; the bodies are {}", name, fmt::join(names, ", ")));
-}
-
 }  // namespace
 
 std::vector<Pose> carrier_poses(const kinematics::Chain& chain, const kinematics::AxisVector& q,
@@ -171,12 +159,13 @@ ClosedMesh mesh_of(const BodyDescription& body) {
 std::vector<SolidBody> machine_bodies(const MachineDescription& machine) {
   std::vector<SolidBody> bodies;
   const Carriers carriers{int(machine.joints.size())};
+  const std::vector<std::string> names = body_names(machine);
   for (const MachineBody& one : machine.bodies) {
     SolidBody body;
     body.carrier =
         one.joint ? std::string(1, machine.joints[std::size_t(*one.joint)].name) : std::string("b");
     body.frame = one.joint ? carriers.carriage(*one.joint) : Carriers::bed;
-    body.name = one.body.name.empty() ? "body of " + body.carrier : one.body.name;
+    body.name = names[bodies.size()];
     body.mesh = mesh_of(one.body);
     bodies.push_back(std::move(body));
   }
@@ -190,9 +179,10 @@ std::vector<SolidBody> tool_bodies(const Job& part, double skin) {
 std::vector<SolidBody> bodies_of(const Job& part) {
   std::vector<SolidBody> bodies = machine_bodies(part.scene.machine);
   const Carriers carriers{part.truth.actual.size()};
-  for (const BodyDescription& fixture : part.scene.fixtures)
-    bodies.push_back({SolidBody::Kind::Fixture, fixture.name.empty() ? "fixture" : fixture.name,
-                      "w", carriers.workpiece(), mesh_of(fixture)});
+  const std::vector<std::string> names = fixture_names(part.scene.fixtures);
+  for (std::size_t i = 0; i < names.size(); ++i)
+    bodies.push_back({SolidBody::Kind::Fixture, names[i], "w", carriers.workpiece(),
+                      mesh_of(part.scene.fixtures[i])});
   bodies.push_back({SolidBody::Kind::Part,
                     "part",
                     "w",
@@ -260,7 +250,6 @@ std::vector<cutting::BodyPair> pairs_of(const kinematics::Chain& chain,
                                         const std::vector<SolidBody>& bodies,
                                         const std::vector<CollisionDescription::Pair>& ignored) {
   using Kind = SolidBody::Kind;
-  check_names(ignored, bodies);
   const std::vector<int> place = places_in_chain(chain);
   std::vector<cutting::BodyPair> pairs;
   for (std::size_t a = 0; a < bodies.size(); ++a)

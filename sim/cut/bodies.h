@@ -75,7 +75,6 @@ bool is_ignored(const std::vector<CollisionDescription::Pair>& ignored, const st
 /// Pairs that may meet, by their numbers: not what is carried by one carriage, nor parts of the
 /// machine that one axis joins.
 /// @param ignored  pairs that are left out
-/// @throws std::invalid_argument naming the bodies where one of those is not there
 std::vector<cutting::BodyPair> pairs_of(const kinematics::Chain& chain,
                                         const std::vector<SolidBody>& bodies,
                                         const std::vector<CollisionDescription::Pair>& ignored);

@@ -41,20 +41,29 @@ struct Collision {
       stock;  ///< of the first contact with the stock: as it is then, in the workpiece frame
 };
 
+/// In which blocks the clearance of a pair counts among the smallest.
+enum class InBlocks {
+  Always,
+  WhereNear,  ///< in contacts and near misses: of the stock
+  WhereMet,   ///< in contacts: of cutter and shank with part or stock, which they may touch
+  Never       ///< it is not looked at
+};
+
 /// How near two bodies come.
 struct Clearance {
   std::string a, b;
   bool overlap_at_start = false;  ///< and are not looked at
   double distance = 0.0;  ///< mm, within 5 % or 0.01 mm; infinite of cutter and shank to the
-                          ///< part, if they do not collide: they may touch
+                          ///< part or the stock, if they do not collide: they may touch
   ProgramPlace place;
+  InBlocks in_blocks = InBlocks::Always;
 };
 
-/// The smallest clearance of a block.
+/// The smallest clearance of a block, of the pairs that count there.
 struct BlockClearance {
   ProgramPlace place;  ///< its beginning
   double end_s = 0.0;
-  double at_least = 0.0;  ///< mm, within 5 % or 0.01 mm
+  double at_least = 0.0;  ///< mm, the true one is at most 5 % or 0.01 mm more; 0 for contact
   int pair = -1;          ///< of `clearances`; -1: none is looked at
 };
 

@@ -114,15 +114,6 @@ Search search_of(const std::vector<SolidBody>& bodies, const std::vector<BodyPai
   return search;
 }
 
-std::vector<BodyPair> pairs_in(const Job& part, const std::vector<SolidBody>& bodies) {
-  try {
-    return pairs_of(part.truth.actual, bodies, part.scene.collision.ignore);
-  } catch (const std::invalid_argument& fault) {
-    throw BadInput(part.scene.file.string(), 0, 0, "names of bodies in collision.ignore",
-                   fault.what());
-  }
-}
-
 /// Appends what is found in a part of a job.
 class PartSearch {
  public:
@@ -131,7 +122,8 @@ class PartSearch {
         number_(number),
         all_(all),
         bodies_(bodies_of(following.part)),
-        pairs_(pairs_in(following.part, bodies_)),
+        pairs_(
+            pairs_of(following.part.truth.actual, bodies_, following.part.scene.collision.ignore)),
         search_(search_of(bodies_, pairs_)),
         motion_(motion_of(following, reach(following, bodies_))) {}
 
@@ -167,17 +159,22 @@ class PartSearch {
   }
 
   void add_clearances(const cutting::Encounters& found) {
-    const int before = int(all_.clearances.size());
+    const int before = int(first_clearance_);
     for (std::size_t p = 0; p < pairs_.size(); ++p) {
       const cutting::PairClearance& one = found.pairs[p];
       all_.clearances.push_back({body(pairs_[p].a).name, body(pairs_[p].b).name,
-                                 one.overlaps_at_start, one.distance,
-                                 following_.place(one.moment)});
+                                 one.overlaps_at_start, one.distance, following_.place(one.moment),
+                                 one.overlaps_at_start           ? InBlocks::Never
+                                 : search_.pairs[p].contact_only ? InBlocks::WhereMet
+                                                                 : InBlocks::Always});
     }
     for (std::size_t s = 0; s < found.stretches.size(); ++s) {
       const cutting::StretchClearance& one = found.stretches[s];
-      all_.blocks.push_back({following_.place({motion_.stretches[s], 0.0}),
-                             following_.state({end_of(motion_, s) - 1, 0.0}).time_s, one.at_least,
+      const std::size_t first = motion_.stretches[s], last = end_of(motion_, s) - 1;
+      ProgramPlace begin = following_.place({first, 0.0});
+      // what lies between two blocks belongs to the second
+      if (first > 0) begin.time_s = following_.state({first - 1, 0.0}).time_s;
+      all_.blocks.push_back({begin, following_.state({last, 0.0}).time_s, one.at_least,
                              one.pair < 0 ? -1 : before + one.pair});
     }
   }
@@ -187,6 +184,7 @@ class PartSearch {
     StockCollisions found = inside_tables(
         following_.part, [&] { return stock_collisions(following_, bodies_, pairs_, progress); });
     all_.queries += found.queries;
+    for (const NearStock& one : found.near) add_near(one, found.clearances);
     for (Clearance& one : found.clearances) all_.clearances.push_back(std::move(one));
     for (Collision& one : found.list) {
       one.part = number_;
@@ -195,6 +193,26 @@ class PartSearch {
     std::stable_sort(
         all_.list.begin() + begin, all_.list.end(),
         [](const Collision& a, const Collision& b) { return a.first.time_s < b.first.time_s; });
+  }
+
+  /// @param own  pairs of the stock, which come next
+  void add_near(const NearStock& near, const std::vector<Clearance>& own) {
+    const auto pair = std::ranges::find(own, near.body, &Clearance::a) - own.begin();
+    const auto block_of = [&](std::size_t sample) {
+      return std::size_t(std::ranges::upper_bound(motion_.stretches, sample) -
+                         motion_.stretches.begin()) -
+             1;
+    };
+    for (std::size_t s = block_of(near.first); s <= block_of(near.last); ++s)
+      lower(s, near.at_least, int(all_.clearances.size()) + int(pair));
+  }
+
+  /// @param stretch  of this part @param pair  of all clearances
+  void lower(std::size_t stretch, double at_least, int pair) {
+    BlockClearance& block = all_.blocks[first_block_ + stretch];
+    if (block.pair >= 0 && block.at_least <= at_least) return;
+    block.at_least = at_least;
+    block.pair = pair;
   }
 
   void add(const Encounter& found) {
@@ -206,6 +224,9 @@ class PartSearch {
     one.last = following_.place({end_of(motion_, found.last_stretch) - 1, 0.0});
     one.distance = found.distance;
     one.part = number_;
+    if (search_.pairs[std::size_t(found.pair)].contact_only)
+      for (std::size_t s = found.first_stretch; s <= found.last_stretch; ++s)
+        lower(s, 0.0, int(first_clearance_) + found.pair);
     if (found.contact && contacts(all_) < most_measured_contacts)
       measure_depth(found, search_.bodies[std::size_t(pair.a)], search_.bodies[std::size_t(pair.b)],
                     one);
@@ -231,6 +252,7 @@ class PartSearch {
   const Following& following_;
   std::size_t number_;
   Collisions& all_;
+  std::size_t first_clearance_ = all_.clearances.size(), first_block_ = all_.blocks.size();
   std::size_t listed_ = 0;  // of this part
   std::vector<SolidBody> bodies_;
   std::vector<BodyPair> pairs_;

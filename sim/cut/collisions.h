@@ -13,8 +13,7 @@ namespace abbe::sim {
 /// linearly. Cutter and shank may be in the part as deep as `collision.gouge_mm`; all else that
 /// comes as near as the resolution is a collision. With [cutting] the stock of that moment is met
 /// too (stock_collisions.h).
-/// @throws BadInput as `bodies_of`, for a pair to be ignored that is not there, and where a table
-/// of the errors is left
+/// @throws BadInput as `bodies_of`, and where a table of the errors is left
 Collisions collisions(const Job& job, const Commands& commands, const std::string& name,
                       const Progress& progress = {});
 

@@ -1,6 +1,7 @@
 #include "sim/cut/program_warnings.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <fmt/format.h>
 
@@ -50,34 +51,17 @@ bool is_judged(const cutting::Design& design, Eigen::Index vertex) {
   return design.judged.empty() || design.judged[std::size_t(vertex)] != 0;
 }
 
-/// mm, the longest edge between judged vertices.
-double longest_judged_edge(const cutting::Design& design) {
-  double longest = 0.0;
-  for (Eigen::Index t = 0; t < design.triangles.rows(); ++t)
-    for (int k = 0; k < 3; ++k) {
-      const int a = design.triangles(t, k), b = design.triangles(t, (k + 1) % 3);
-      if (is_judged(design, a) && is_judged(design, b))
-        longest = std::max(longest, (design.vertices.row(a) - design.vertices.row(b)).norm());
-    }
-  return longest;
-}
-
 /// A design on which a gouge can lie between the places where it is judged.
 std::string sparse_text(const Scene& scene, const cutting::Design& design_w) {
-  constexpr int few = 10;
-  int judged = 0;
-  for (Eigen::Index i = 0; i < design_w.vertices.rows(); ++i) judged += is_judged(design_w, i);
-  if (judged < few)
+  const JudgedPlaces places = judged_places(design_w);
+  if (!is_sparse(places, scene.tool)) return {};
+  if (places.vertices < least_judged)
     return fmt::format("the part is judged at {} {} only: what is cut between them is in no figure",
-                       judged, judged == 1 ? "vertex" : "vertices");
-  const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
-  const double longest = longest_judged_edge(design_w);
-  if (cutter == nullptr || !(longest > 2.0 * cutter->radius)) return {};
+                       places.vertices, places.vertices == 1 ? "vertex" : "vertices");
   return fmt::format(
       "judged vertices that an edge joins are up to {:.4g} mm apart, the cutter is {:.4g} mm wide: "
-      "a "
-      "gouge between them is in no figure",
-      longest, 2.0 * cutter->radius);
+      "a gouge between them is in no figure",
+      places.apart, 2.0 * std::get<cutting::Cutter>(scene.tool.nominal).radius);
 }
 
 std::string no_feed_text(const program::Path& path) {
@@ -108,7 +92,48 @@ std::string unit_change_text(const program::Path& path) {
       words, inches, moves);
 }
 
+/// A holder that stands where the cutter or the spindle is, or that leaves a piece of the tool out.
+void add_holder_texts(const ToolDescription& tool, std::vector<std::string>& texts) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&tool.actual);
+  if (cutter == nullptr || !tool.holder) return;
+  constexpr double least = 0.01;  // mm
+  const double begin = (*tool.holder)(0, 1), end = (*tool.holder)(tool.holder->rows() - 1, 1);
+  const std::string whose = tool.number ? fmt::format(" of tool {}", *tool.number) : "";
+  if (const double under = cutter->flank_length - begin; under > least)
+    texts.push_back(fmt::format(
+        "the holder{} begins {:.6g} mm above the tip, {:.6g} mm below the upper end of the flank "
+        "(flank_length_mm {:.6g}): that much of the cutter is in the holder",
+        whose, begin, under, cutter->flank_length));
+  const double over = end - tool.actual_length;
+  if (std::abs(over) > least)
+    texts.push_back(fmt::format(
+        "the holder{} ends {:.6g} mm above the tip, {:.6g} mm {} the nose of the spindle "
+        "(length_mm "
+        "{:.6g}){}",
+        whose, end, std::abs(over), over > 0.0 ? "beyond" : "short of", tool.actual_length,
+        over > 0.0 ? "" : ": what is between them is met by nothing"));
+}
+
 }  // namespace
+
+JudgedPlaces judged_places(const cutting::Design& design) {
+  JudgedPlaces places;
+  for (Eigen::Index i = 0; i < design.vertices.rows(); ++i) places.vertices += is_judged(design, i);
+  for (Eigen::Index t = 0; t < design.triangles.rows(); ++t)
+    for (int k = 0; k < 3; ++k) {
+      const int a = design.triangles(t, k), b = design.triangles(t, (k + 1) % 3);
+      if (is_judged(design, a) && is_judged(design, b))
+        places.apart =
+            std::max(places.apart, (design.vertices.row(a) - design.vertices.row(b)).norm());
+    }
+  return places;
+}
+
+bool is_sparse(const JudgedPlaces& places, const ToolDescription& tool) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&tool.nominal);
+  return places.vertices < least_judged ||
+         (cutter != nullptr && places.apart > 2.0 * cutter->radius);
+}
 
 std::vector<std::string> program_warnings(const Scene& scene, const cutting::Design& design_w,
                                           const program::Path& path,
@@ -118,6 +143,7 @@ std::vector<std::string> program_warnings(const Scene& scene, const cutting::Des
        {unreached_text(unreached), no_feed_text(path), unit_change_text(path),
         odd_size(scene, design_w), coarse_text(scene, design_w), sparse_text(scene, design_w)})
     if (!text.empty()) warnings.push_back(std::move(text));
+  for (const ToolDescription& tool : tools_of(scene)) add_holder_texts(tool, warnings);
   return warnings;
 }
 

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "sim/cut/program_warnings.h"
 #include "sim/cut/unit_doubt.h"
 #include "sim/cut/way_out.h"
 
@@ -65,9 +66,31 @@ std::string words_of(const Nearest& nearest, double within) {
                      nearest.s > 0.0 ? "above" : "below");
 }
 
+/// The fault of a part that is judged at places only between which the program may cut.
+std::optional<BadInput> judged_too_sparsely(const Job& job, const Nearest& nearest) {
+  const JudgedPlaces places = judged_places(job.design_w);
+  if (std::isfinite(nearest.s) || !is_sparse(places, job.scene.tool)) return std::nullopt;
+  const auto* mesh = std::get_if<MeshFile>(&job.scene.part.shape);
+  const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.nominal);
+  std::string expected = fmt::format("{} judged vertices or more", least_judged);
+  if (cutter != nullptr)
+    expected +=
+        fmt::format(", no farther apart than the cutter is wide, {:.4g} mm", 2.0 * cutter->radius);
+  std::string seen = fmt::format(
+      "{} judged {}, up to {:.4g} mm apart, none of which the program cuts: whether it cuts "
+      "between them is not known",
+      places.vertices, places.vertices == 1 ? "vertex" : "vertices", places.apart);
+  if (mesh != nullptr && job.scene.part.sampling.kind == PartSampling::Kind::Vertices)
+    seen += "; part.sampling = \"adaptive\" adds vertices to those of the mesh";
+  return BadInput(mesh != nullptr ? mesh->file.string() : job.scene.file.string(), 0, 0, expected,
+                  seen);
+}
+
 std::string span_words(const char* name, const Span& tip, const Span& part) {
-  return fmt::format("{} {:.4g} to {:.4g} mm of {:.4g} to {:.4g}", name, tip.low, tip.high,
-                     part.low, part.high);
+  // what a placement leaves of a zero is none
+  const auto shown = [](double mm) { return std::abs(mm) < 1e-9 ? 0.0 : mm; };
+  return fmt::format("{} {:.4g} to {:.4g} mm of {:.4g} to {:.4g}", name, shown(tip.low),
+                     shown(tip.high), shown(part.low), shown(part.high));
 }
 
 /// What is said of a part that the program cuts in places only.
@@ -111,6 +134,7 @@ Placement placement(const Job& job) {
     return {std::nullopt, {partly(job, reach)}};
   const double within = cutting::gouge_bands * job.scene.band;
   const Nearest nearest = nearest_cut(job, within);
+  if (auto fault = judged_too_sparsely(job, nearest)) return {std::move(fault), {}};
   return {refusal(job, nearest.line, "nothing cut; " + words_of(nearest, within)), {}};
 }
 
@@ -129,6 +153,7 @@ void check_cuts_part(const Job& job, const Cut& cut) {
     return;
   const double within = cutting::gouge_bands * job.scene.band;
   const Nearest nearest = nearest_cut(job, within);
+  if (auto fault = judged_too_sparsely(job, nearest)) throw BadInput(std::move(*fault));
   throw BadInput(
       job.path.file, nearest.line, 0,
       fmt::format("a program that cuts the part within {} mm of the design", job.scene.band),

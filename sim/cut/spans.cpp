@@ -86,10 +86,15 @@ void extend_by(SweptSpans& swept, const Job& job, bool feeds) {
   const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.nominal);
   const auto* nose = std::get_if<cutting::Nose>(&job.scene.tool.nominal);
   const Pose T_mw = job.scene.part.T_wm.inverse();
-  for (std::size_t i = 0; i < job.T_wt_nominal.size(); ++i) {
-    const bool in_feed =
-        !feeds || program::is_feed(job.path.blocks[std::size_t(job.samples.block[i])]);
-    const int line = job.samples.line[i];
+  const std::size_t n = job.T_wt_nominal.size();
+  const auto is_fed_to = [&](std::size_t i) {
+    return program::is_feed(job.path.blocks[std::size_t(job.samples.block[i])]);
+  };
+  for (std::size_t i = 0; i < n; ++i) {
+    // a feed begins where the block before it ends
+    const bool begins = feeds && !is_fed_to(i) && i + 1 < n && is_fed_to(i + 1);
+    const bool in_feed = !feeds || begins || is_fed_to(i);
+    const int line = job.samples.line[begins ? i + 1 : i];
     if (cutter != nullptr) {
       const Pose T_mt = T_mw * job.T_wt_nominal[i];
       for (int k = 0; k < 3; ++k)

@@ -20,6 +20,8 @@ using kinematics::Pose;
 using Kind = SolidBody::Kind;
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
+constexpr double approach_within = 1e-2;  // mm, or
+constexpr double approach_share = 0.02;   // by which a distance of a step may be too large
 
 std::shared_ptr<const cutting::ClosedMesh> shape_of(const cutting::Stock& stock) {
   cutting::StockMesh mesh = cutting::stock_mesh(stock);
@@ -44,8 +46,9 @@ struct Watched {
   double distance = 0.0;        // mm, no more than it was there
   bool overlaps = false;        // from the start: not followed
   double nearest = infinite;    // mm, of the program
-  ProgramPlace place;
-  std::optional<std::size_t> open;  // event that goes on
+  ProgramPlace place = {};
+  std::optional<std::size_t> open = {};  // event that goes on
+  bool met = false;                      // in contact now
 };
 
 /// The blank of a part on its way to be the part.
@@ -61,7 +64,7 @@ class StockSearch {
     renew();
     for (const cutting::BodyPair& pair : pairs) add(bodies, pair);
     for (const SolidBody& body : tool_bodies(following.part, cutting::rubbing))
-      if (body.kind == Kind::Cutter || body.kind == Kind::Shank)
+      if ((body.kind == Kind::Cutter || body.kind == Kind::Shank) && !is_left_out(body.name))
         tool_.push_back({body.kind, body.name, body.frame, searched(body), searched_core(body)});
   }
 
@@ -79,9 +82,8 @@ class StockSearch {
         progress("collisions with the stock", double(k) / double(milling_.moves()));
     }
     if (!crashes_.empty()) add_crashes();
-    for (const Watched& one : watched_)
-      found.clearances.push_back({one.name, "stock", one.overlaps, one.nearest, one.place});
     std::ranges::stable_sort(found.list, {}, [](const Collision& one) { return one.first.time_s; });
+    add_clearances();
     keep_first_stock();
   }
 
@@ -95,6 +97,31 @@ class StockSearch {
     }
   }
 
+  bool is_left_out(const std::string& name) const {
+    return is_ignored(options().ignore, name, "stock");
+  }
+
+  /// Of every body by its name; cutter and shank may touch the stock.
+  void add_clearances() {
+    for (const Watched& one : watched_)
+      found.clearances.push_back({one.name, "stock", one.overlaps, one.nearest, one.place,
+                                  one.overlaps ? InBlocks::Never : InBlocks::WhereNear});
+    for (const ToolBody& one : tool_) clearance_of(one.name);
+    for (const Collision& event : found.list) {
+      Clearance& clearance = clearance_of(event.a);
+      if (!event.contact || clearance.distance == 0.0) continue;
+      clearance.distance = 0.0;
+      clearance.place = event.first;
+    }
+  }
+
+  Clearance& clearance_of(const std::string& name) {
+    const auto one = std::ranges::find(found.clearances, name, &Clearance::a);
+    if (one != found.clearances.end()) return *one;
+    return found.clearances.emplace_back(
+        Clearance{name, "stock", false, infinite, {}, InBlocks::WhereMet});
+  }
+
   void add(const std::vector<SolidBody>& bodies, const cutting::BodyPair& pair) {
     const SolidBody &a = bodies[std::size_t(pair.a)], &b = bodies[std::size_t(pair.b)];
     if (a.kind != Kind::Part && b.kind != Kind::Part) return;
@@ -103,7 +130,7 @@ class StockSearch {
         other.kind == Kind::Shank &&
         other.mesh.vertices.leftCols<2>().rowwise().norm().maxCoeff() > 1.01 * cutter_.radius;
     if (other.kind == Kind::Cutter || (other.kind == Kind::Shank && !wide_shank)) return;
-    if (is_ignored(options().ignore, other.name, "stock")) return;
+    if (is_left_out(other.name)) return;
     watched_.push_back(
         {other.name, other.frame, wide_shank ? searched_core(other) : searched(other)});
   }
@@ -189,8 +216,9 @@ class StockSearch {
   cutting::Approach approach(const Watched& one, const Pose& from, const Pose& to) {
     cutting::ApproachOptions how;
     how.resolution = options().resolution;
-    how.share = 0.02;
-    how.rough = 0.01;
+    how.within = approach_within;
+    how.share = approach_share;
+    how.rough = 0.5 * approach_share;
     const cutting::Approach near =
         cutting::approach(mesh_, one.body, kinematics::screw_between(from, to), how);
     found.queries += std::size_t(near.queries);
@@ -212,10 +240,24 @@ class StockSearch {
     event.b = "stock";
     event.contact = near.contact;
     event.distance = distance;
-    open_line_ = event.first.line;
+    event.last = place(k + 1);
+    open_line_ = event.last.line;
+    add_near(one.name, k, near);
+    one.met = near.contact;
     if (!near.contact) return;
     event.stock = shape_;
     measure(event, one.body, to);
+  }
+
+  /// What a step says of its blocks.
+  void add_near(const std::string& body, std::size_t k, const cutting::Approach& near) {
+    const double less = std::max(approach_within, approach_share * near.gap.distance);
+    const std::size_t end = milling_.at[k + 1];
+    if (near.contact)
+      found.near.push_back({following_.running(moment_of(k, near.u)), end, body, 0.0});
+    else
+      found.near.push_back(
+          {milling_.at[k] + 1, end, body, std::max(0.0, near.gap.distance - less)});
   }
 
   /// A share of the way from a step to the next as a moment between samples.
@@ -245,31 +287,40 @@ class StockSearch {
   /// want a new mesh at every step.
   void go_on(Watched& one, std::size_t k, const std::vector<Pose>& next) {
     Collision& event = found.list[*one.open];
-    const Pose& to = next[std::size_t(one.frame)];
+    const Pose &from = now_[std::size_t(one.frame)], &to = next[std::size_t(one.frame)];
     if (milling_.line[k + 1] != open_line_) refresh();
     open_line_ = milling_.line[k + 1];
+    cutting::Approach near;
+    near.contact = one.met;
+    if (!one.met) near = nearest_in(one, from, to);
+    add_near(one.name, k, near);
     one.T_w = to;
     one.distance = ask(one, to);
+    one.met = meets(one, to, one.distance);
     event.last = place(k + 1);
-    const bool meet = meets(one, to, one.distance);
-    if (!meet && one.distance > options().clearance) {
-      one.open.reset();
-      return;
-    }
     // what comes near before it meets is one event
-    if (!event.contact && (meet || one.distance < event.distance)) nearer(one, event, k, meet, to);
-    if (meet) measure(event, one.body, to);
+    if (!event.contact && (near.contact || near.gap.distance < event.distance))
+      nearer(one, event, k, near);
+    if (one.met) measure(event, one.body, to);
+    if (!one.met && one.distance > options().clearance) one.open.reset();
   }
 
-  void nearer(Watched& one, Collision& event, std::size_t k, bool meet, const Pose& T_w) const {
-    const cutting::Gap gap = cutting::gap(mesh_, Pose::Identity(), one.body, T_w);
-    Collision now = this->event(moment_of(k, 1.0), 0.5 * (gap.on_a + gap.on_b));
+  /// Of a step that begins out of contact; contact is with the stock as it is.
+  cutting::Approach nearest_in(const Watched& one, const Pose& from, const Pose& to) {
+    const cutting::Approach near = approach(one, from, to);
+    if (!near.contact || !is_stale_) return near;
+    refresh();
+    return approach(one, from, to);
+  }
+
+  void nearer(Watched& one, Collision& event, std::size_t k, const cutting::Approach& near) const {
+    Collision now = this->event(moment_of(k, near.u), 0.5 * (near.gap.on_a + near.gap.on_b));
     now.a = event.a;
     now.b = event.b;
     now.last = event.last;
-    now.contact = meet;
-    now.distance = meet ? 0.0 : gap.distance;
-    if (meet) now.stock = shape_;
+    now.contact = near.contact;
+    now.distance = near.contact ? 0.0 : near.gap.distance;
+    if (near.contact) now.stock = shape_;
     event = std::move(now);
     if (event.distance < one.nearest) {
       one.nearest = event.distance;
@@ -343,11 +394,15 @@ class StockSearch {
     if (!met) {
       met = event({milling_.at[first], 0.0}, milling_.T_wt[first].translation());
       met->a = rapid ? "cutter" : "shank";
+      if (is_left_out(met->a)) return;
     }
     met->b = "stock";
     met->stock = shape_;
     met->rapid = rapid;
     met->last = place(crashes_[end - 1] + 1);
+    for (std::size_t i = begin; i < end; ++i)
+      found.near.push_back(
+          {milling_.at[crashes_[i]] + 1, milling_.at[crashes_[i] + 1], met->a, 0.0});
     found.list.push_back(std::move(*met));
   }
 

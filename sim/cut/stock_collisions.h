@@ -12,10 +12,18 @@ namespace abbe::sim {
 /// Whether a part has a stock that is followed: [cutting] and a milling cutter.
 bool follows_stock(const Job& part);
 
+/// How near a body is to the stock in the blocks of some samples.
+struct NearStock {
+  std::size_t first = 0, last = 0;  ///< samples
+  std::string body;
+  double at_least = 0.0;  ///< mm, 0 for contact
+};
+
 struct StockCollisions {
   std::vector<Collision> list;  ///< in the order of the program; "stock" is one of the two
   std::vector<Clearance> clearances;
-  std::size_t queries = 0;  ///< of distances
+  std::vector<NearStock> near;  ///< of contacts and near misses
+  std::size_t queries = 0;      ///< of distances
 };
 
 /// Follows the dexels of [cutting] step by step, where nothing bends, and what may not touch them:

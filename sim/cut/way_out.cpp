@@ -249,12 +249,44 @@ cutting::Design thinned(cutting::Design design) {
   return design;
 }
 
-std::optional<WayOut> way_out(const Job& job) {
-  const cutting::Design few_w = thinned(job.design_w);
+namespace {
+
+/// Positions of the axes that turn.
+std::vector<double> turned_to(const Job& job, std::size_t sample) {
+  std::vector<double> angles;
+  for (int j = 0; j < job.machine.nominal.size(); ++j)
+    if (job.machine.nominal.joints()[std::size_t(j)].motion == kinematics::Motion::Rotary)
+      angles.push_back(job.samples.states[sample].q[j]);
+  return angles;
+}
+
+/// Up to so many directions in which a program feeds, in its order.
+std::vector<std::vector<double>> feed_directions(const Job& job, std::size_t most) {
+  std::vector<std::vector<double>> found;
+  for (std::size_t i = 0; i < job.samples.block.size() && found.size() < most; ++i) {
+    if (!is_feed_sample(job, i)) continue;
+    std::vector<double> angles = turned_to(job, i);
+    if (std::ranges::find(found, angles) == found.end()) found.push_back(std::move(angles));
+  }
+  return found;
+}
+
+/// A job of which only the blocks feed that run with the axes turned so.
+Job feeding_only(Job job, const std::vector<double>& angles) {
+  for (std::size_t i = 0; i < job.samples.block.size(); ++i)
+    if (turned_to(job, i) != angles)
+      job.path.blocks[std::size_t(job.samples.block[i])].interpolation =
+          program::Interpolation::Rapid;
+  for (Job& stretch : job.stretches) stretch = feeding_only(std::move(stretch), angles);
+  return job;
+}
+
+/// @param feeding  the job, or some of its feed, which is brought to the part
+std::optional<WayOut> way_out_of(const Job& job, const Job& feeding, const cutting::Design& few_w) {
   const bool milled = std::holds_alternative<cutting::Cutter>(job.scene.tool.nominal);
-  const Vector3d shift_w = milled ? milled_shift(job, few_w) : turned_shift(job);
+  const Vector3d shift_w = milled ? milled_shift(feeding, few_w) : turned_shift(feeding);
   if (!(shift_w.norm() > 0.0)) return std::nullopt;
-  if (const auto shifted = with_offsets(job, shift_w))
+  if (const auto shifted = with_offsets(feeding, shift_w))
     if (const auto reach = tried(shifted->scene, few_w); reach && reach->share > 0.0)
       return WayOut{fmt::format("with {} it touches", shifted->words), *reach};
   cutting::Design moved = few_w;
@@ -265,6 +297,23 @@ std::optional<WayOut> way_out(const Job& job) {
   return WayOut{fmt::format("with part.at_mm = [{:.6g}, {:.6g}, {:.6g}] it touches",
                             rounded(at.x()), rounded(at.y()), rounded(at.z())),
                 reach};
+}
+
+}  // namespace
+
+std::optional<WayOut> way_out(const Job& job) {
+  constexpr std::size_t most_tried = 3;
+  const cutting::Design few_w = thinned(job.design_w);
+  if (auto out = way_out_of(job, job, few_w)) return out;
+  // where the axes turn in between, one offset moves each direction elsewhere in the workpiece
+  const auto directions = feed_directions(job, most_tried);
+  if (directions.size() < 2) return std::nullopt;
+  for (const std::vector<double>& angles : directions)
+    if (auto out = way_out_of(job, feeding_only(job, angles), few_w)) {
+      out->words += fmt::format(", {:.3g} % of the judged area", 100.0 * out->reach.share);
+      return out;
+    }
+  return std::nullopt;
 }
 
 }  // namespace abbe::sim

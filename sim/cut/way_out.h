@@ -30,7 +30,9 @@ struct WayOut {
 /// clear of the part bring the middle of its feed over the middle of the part; the height is then
 /// that at which the sweep of the feed first touches a judged vertex along the part's z. Said as
 /// work offsets that the program uses, to 1 um, where the program read with them cuts the part
-/// within the travel of the axes; else as part.at_mm; none where neither does.
+/// within the travel of the axes; else as part.at_mm. Where neither does and the axes turn between
+/// feeds, the same for the feed in each of its first directions alone; none where that does not
+/// either.
 std::optional<WayOut> way_out(const Job& job);
 
 }  // namespace abbe::sim

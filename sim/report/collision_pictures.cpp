@@ -63,36 +63,94 @@ render::MachinePicture collision_picture(const Job& job, const Collisions& colli
   return picture;
 }
 
+namespace {
+
+/// The pairs that have the smallest clearance of any block: what meets, then what has it most.
+std::vector<int> shown_pairs(const std::vector<BlockClearance>& blocks) {
+  std::map<int, std::pair<std::size_t, std::size_t>> count;  // of contacts, of blocks
+  for (const BlockClearance& one : blocks) {
+    if (one.pair < 0) continue;
+    count[one.pair].first += one.at_least == 0.0;
+    ++count[one.pair].second;
+  }
+  std::vector<int> pairs;
+  for (const auto& [pair, counts] : count) pairs.push_back(pair);
+  std::ranges::stable_sort(pairs, std::greater<>{}, [&](int pair) { return count.at(pair); });
+  return pairs;
+}
+
+/// Every block is a step from its beginning to its end.
+render::Series steps_of(const std::vector<BlockClearance>& blocks, int pair) {
+  const auto n = Eigen::Index(blocks.size());
+  render::Series series;
+  series.x.resize(2 * n);
+  series.y.resize(2 * n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const BlockClearance& one = blocks[std::size_t(i)];
+    series.x.segment<2>(2 * i) << one.place.time_s, one.end_s;
+    series.y.segment<2>(2 * i).setConstant(
+        one.pair == pair ? one.at_least : std::numeric_limits<double>::quiet_NaN());
+  }
+  return series;
+}
+
+/// A point in every block with contact: some are too short to be seen as a step.
+render::Series contacts_of(const std::vector<BlockClearance>& blocks, int pair) {
+  std::vector<double> middle;
+  for (const BlockClearance& one : blocks)
+    if (one.pair == pair && one.at_least == 0.0)
+      middle.push_back(0.5 * (one.place.time_s + one.end_s));
+  render::Series series;
+  series.mark = render::Mark::Points;
+  series.x = Eigen::Map<const Eigen::VectorXd>(middle.data(), Eigen::Index(middle.size()));
+  series.y = Eigen::VectorXd::Zero(series.x.size());
+  return series;
+}
+
+}  // namespace
+
 render::Panel clearance_panel(const Collisions& collisions) {
   constexpr std::size_t most_pairs = 6;
-  const auto n = Eigen::Index(collisions.blocks.size());
-  std::map<int, std::size_t> blocks_of;
-  for (const BlockClearance& one : collisions.blocks)
-    if (one.pair >= 0) ++blocks_of[one.pair];
-  std::vector<std::pair<int, std::size_t>> pairs(blocks_of.begin(), blocks_of.end());
-  std::ranges::stable_sort(pairs, std::greater<>{}, [](const auto& one) { return one.second; });
-  if (pairs.size() > most_pairs) pairs.resize(most_pairs);
+  std::vector<int> pairs = shown_pairs(collisions.blocks);
+  const std::size_t all = pairs.size();
+  if (all > most_pairs) pairs.resize(most_pairs);
   render::Panel panel;
   panel.x_label = "time / s";
-  panel.y_label = "clearance / mm";
-  for (const auto& [pair, count] : pairs) {
+  panel.y_label = "clearance at least / mm";
+  for (const int pair : pairs) {
     const Clearance& named = collisions.clearances[std::size_t(pair)];
-    // every block is a step from its beginning to its end
-    render::Series series;
-    series.name = named.a + " - " + named.b;
-    series.x.resize(2 * n);
-    series.y.resize(2 * n);
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const BlockClearance& one = collisions.blocks[std::size_t(i)];
-      series.x.segment<2>(2 * i) << one.place.time_s, one.end_s;
-      series.y.segment<2>(2 * i).setConstant(
-          one.pair == pair ? one.at_least : std::numeric_limits<double>::quiet_NaN());
-    }
-    panel.series.push_back(std::move(series));
+    panel.series.push_back(steps_of(collisions.blocks, pair));
+    panel.series.back().name = named.a + " - " + named.b;
   }
-  if (blocks_of.size() > pairs.size())
-    panel.note.push_back(fmt::format("and {} more pairs", blocks_of.size() - pairs.size()));
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    render::Series met = contacts_of(collisions.blocks, pairs[i]);
+    met.colour = int(i);
+    if (met.x.size() > 0) panel.series.push_back(std::move(met));
+  }
+  if (all > pairs.size())
+    panel.note.push_back(fmt::format("and {} more pairs", all - pairs.size()));
   return panel;
+}
+
+std::vector<std::string> clearance_caption(const Collisions& collisions) {
+  std::vector<std::string> lines = {
+      "a lower bound for every block, of the pair that is nearest in it: the true clearance is at "
+      "most 5 % or 0.01 mm more; 0 is contact"};
+  const auto has = [&](InBlocks in_blocks, bool of_stock) {
+    return std::ranges::any_of(collisions.clearances, [&](const Clearance& one) {
+      return one.in_blocks == in_blocks && (one.b == "stock") == of_stock;
+    });
+  };
+  if (has(InBlocks::WhereNear, true))
+    lines.push_back(
+        fmt::format("the stock is in it only in blocks with contact, or within {:g} mm "
+                    "of it; else its clearance is known of the whole program alone",
+                    collisions.clearance));
+  if (has(InBlocks::WhereMet, false) || has(InBlocks::WhereMet, true))
+    lines.push_back(
+        "cutter and shank with the part or the stock, which they may touch, are in it "
+        "only in blocks with contact");
+  return lines;
 }
 
 }  // namespace abbe::sim

@@ -15,8 +15,11 @@ const Collision* first_of(const Collisions& collisions);
 render::MachinePicture collision_picture(const Job& job, const Collisions& collisions,
                                          const Collision& event);
 
-/// The smallest clearance of every block over time, of the pairs that have it most; no series where
-/// no pair was looked at.
+/// The smallest clearance of every block over time, of the pairs that meet and of those that have
+/// it most; no series where no pair was looked at.
 render::Panel clearance_panel(const Collisions& collisions);
+
+/// Of what that is a lower bound, and which pairs it leaves out.
+std::vector<std::string> clearance_caption(const Collisions& collisions);
 
 }  // namespace abbe::sim

@@ -40,6 +40,20 @@ ordered_json event_json(const Collision& one, const std::vector<std::string>& mo
   return json;
 }
 
+const char* name_of(InBlocks in_blocks) {
+  switch (in_blocks) {
+    case InBlocks::Always:
+      return "always";
+    case InBlocks::WhereNear:
+      return "where_near";
+    case InBlocks::WhereMet:
+      return "where_met";
+    case InBlocks::Never:
+      break;
+  }
+  return "never";
+}
+
 std::string at_text(const Eigen::Vector3d& place) {
   return fmt::format("({:.2f}, {:.2f}, {:.2f})", place.x(), place.y(), place.z());
 }
@@ -69,6 +83,7 @@ ordered_json to_json(const Collisions& all) {
       json["clearance_mm"] = one.distance;
       json["at"] = place_json(one.place, all.more_files);
     }
+    json["in_blocks"] = name_of(one.in_blocks);
     pairs.push_back(std::move(json));
   }
   for (const BlockClearance& one : all.blocks)
@@ -119,6 +134,11 @@ std::string to_text(const Collisions& all) {
                         program::line_text(all.more_files, one.place.line, one.place.file));
     first = false;
   }
+  if (!nearest.empty())
+    text +=
+        "          the true clearance is at most 5 % or 0.01 mm less; what each block has at least "
+        "is "
+        "in --json\n";
   return text;
 }
 

@@ -401,7 +401,9 @@ void write_collision_pictures(const ResultFolder& folder, const Job& job,
   if (panel.series.empty()) return remove_file(curve);
   write_file(curve, [&](const std::filesystem::path& temporary) {
     render::CurvesOptions options;
-    options.title = job.scene.title + ": smallest clearance of every block, " + collisions.commands;
+    options.title =
+        job.scene.title + ": clearance of every block, at least, " + collisions.commands;
+    options.caption = clearance_caption(collisions);
     render::write_curves(temporary, {panel}, options);
   });
 }

@@ -56,6 +56,15 @@ std::string speckle_text(const Findings::Sums& sums) {
                      sums.speckle_depth);
 }
 
+/// Of places that the text leaves out. @param said  that it has
+std::string more_text(const Findings::Sums& sums, std::size_t said) {
+  if (sums.regions <= said) return "";
+  const std::size_t unlisted = sums.regions - sums.listed;
+  std::string text = fmt::format("  {} more, in summary.json", sums.regions - said);
+  if (unlisted > 0) text += fmt::format(", the smallest {} as a sum", unlisted);
+  return text + "\n";
+}
+
 std::string kind_text(const StockCheck& check, FindingKind kind) {
   const Findings::Sums& sums = sums_of(check, kind);
   if (sums.regions == 0)
@@ -73,7 +82,7 @@ std::string kind_text(const StockCheck& check, FindingKind kind) {
     text +=
         fmt::format("  {}: {} mm^3, {}\n", rows[i] + 1, volume_text(one.volume), place_text(one));
   }
-  return text;
+  return text + more_text(sums, std::min(said, rows.size()));
 }
 
 /// What of the skin was not held against the design, in words; empty where all was.

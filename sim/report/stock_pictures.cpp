@@ -76,18 +76,19 @@ std::vector<std::string> caption_of(const Verdict& verdict, const StockCheck& ch
 
 render::StockPicture stock_picture(const Job& job, const Verdict& verdict, const StockCheck& check,
                                    const render::StockField& field) {
-  constexpr int most_of_a_kind = 3;
+  constexpr int most_tried = 8;  // of a kind: the largest, of which those in view are shown
   const Eigen::Isometry3d T_mw = job.scene.part.T_wm.inverse();
   render::StockPicture picture;
   picture.title = job.scene.title + ": what " + verdict.cut.name + " leaves of the blank";
   picture.field = field;
   picture.field.mesh.vertices_w = (field.mesh.vertices_w * T_mw.linear().transpose()).rowwise() +
                                   T_mw.translation().transpose();
-  std::array<int, cutting::finding_kinds> shown{};
+  std::array<int, cutting::finding_kinds> tried{};
   for (std::size_t i = 0; i < check.findings.list.size(); ++i) {
     const Finding& one = check.findings.list[i];
-    if (shown[std::size_t(one.kind)]++ >= most_of_a_kind) continue;
-    picture.marks.push_back({T_mw * one.place_w, fmt::format("{}: {}", i + 1, depth_text(one))});
+    if (tried[std::size_t(one.kind)]++ >= most_tried) continue;
+    picture.marks.push_back({T_mw * one.place_w, fmt::format("{}: {}", i + 1, depth_text(one)),
+                             int(one.kind), int(i) + 1});
   }
   picture.caption = caption_of(verdict, check);
   picture.from = job.scene.view.from;

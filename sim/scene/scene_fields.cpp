@@ -2,6 +2,7 @@
 
 #include <stdexcept>
 
+#include "sim/scene/body_names.h"
 #include "sim/scene/case_name.h"
 #include "sim/scene/scene_sections.h"
 #include "sim/scene/scene_tools.h"
@@ -341,6 +342,7 @@ const Fields<Scene>& cutting_scene_fields() {
     add_stock(all);
     all.tables(KeyName("fixture").otherwise("none"), &Scene::fixtures, body_fields(),
                "what clamps the part: bodies placed in the workpiece frame, for collisions");
+    all.check(check_fixture_names);
     add_own(all, "signals", &Scene::signals, signals_fields(),
             "what the control can read, and how often it is written");
     add_instruments(all);
@@ -364,6 +366,7 @@ const Fields<Scene>& judging_scene_fields() {
     add_own(all, "search", itself, search_fields(), "where the machined surface is sought");
     add_own(all, "collision", &Scene::collision, collision_fields(),
             "what meets what, and how near is too near");
+    all.check(check_ignored_names);
     add_own(all, "view", &Scene::view, view_fields(), "of pictures");
     add_own(all, "limits", &Scene::limits, limits_fields(), "beyond which `abbe` exits with 1");
     add_compensation(all);

@@ -3,6 +3,7 @@
 
 #include "kinematics/topology.h"
 #include "kinematics/units.h"
+#include "sim/scene/body_names.h"
 #include "sim/scene/scene_sections.h"
 
 namespace abbe::sim {
@@ -238,6 +239,7 @@ void read_bodies(TableReader& reader, MachineDescription& machine) {
   const auto fields = machine_body_fields(machine.joints);
   for (const Node* node : reader.tables("body"))
     machine.bodies.push_back(fields.read_table(*node, reader.name_of("body"), reader.faults()));
+  check_body_names(reader, machine);
 }
 
 void put_bodies(const MachineDescription& machine, Node::Table& table) {

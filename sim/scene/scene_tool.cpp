@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <set>
 
+#include <fmt/format.h>
+
 #include "sim/scene/scene_sections.h"
 
 namespace abbe::sim {
@@ -169,6 +171,21 @@ void check_wear(TableReader& reader, ToolDescription& tool) {
     reader.refuse("wear", "a wear of less than half the radius", "more");
 }
 
+/// The tip of a cutter is outside of what holds it.
+void check_holder(TableReader& reader, ToolDescription& tool) {
+  if (!tool.holder || tool.holder->rows() == 0 || std::holds_alternative<Nose>(tool.nominal))
+    return;
+  const double begin = (*tool.holder)(0, 1);
+  if (begin > 0.0) return;
+  const Node* heights = reader.node().find("holder")->find("heights_mm");
+  reader.faults().add(heights->place,
+                      "heights above 0 for tool.holder.heights_mm, which count from the tip up: "
+                      "the tip is outside of the holder",
+                      fmt::format("a holder that begins {}",
+                                  begin < 0.0 ? fmt::format("{:g} mm below the tip", -begin)
+                                              : std::string("at the tip")));
+}
+
 Key tool_kind_key() {
   Key kind = key_of(must("kind"), Key::Kind::Text, "of tool");
   for (const ToolKind& one : tool_kinds()) kind.words.push_back(one.word);
@@ -222,7 +239,8 @@ const Fields<ToolDescription>& tool_fields() {
               })
           .table(KeyName("wear").otherwise("none"), &Tool::wear, wear_fields(),
                  "what the true cutter loses while it cuts, in proportion")
-          .check(check_wear);
+          .check(check_wear)
+          .check(check_holder);
   return fields;
 }
 

@@ -86,6 +86,35 @@ TEST_F(StockPictures, ABodyThatNothingIsComparedOfIsGreyThroughout) {
             0);
 }
 
+TEST_F(StockPictures, OfTooManyPlacesThoseInViewAreLabelled) {
+  using Mark = StockPicture::Mark;
+  const std::vector<Mark> hidden = {
+      {{3, 5, -4}, "1", 0}, {{6, 5, -4}, "2", 0}, {{9, 5, -4}, "3", 0}};
+  const Mark seen{{15, 5, 0}, "4", 0}, of_other_kind{{17, 8, -4}, "5", 1};
+  const auto picture = [&](const std::string& name, std::vector<Mark> marks) {
+    StockPicture one = picture_of(flat());
+    one.marks = std::move(marks);
+    write_stock_picture(file(name), one);
+    return test::bytes(file(name));
+  };
+  EXPECT_EQ(picture("all.png", {hidden[0], hidden[1], hidden[2], seen, of_other_kind}),
+            picture("best.png", {hidden[0], hidden[1], seen, of_other_kind}));
+}
+
+TEST_F(StockPictures, OfAPlaceWhoseDeepestIsHiddenWhatIsInViewIsMarked) {
+  const auto picture = [&](const std::string& name, StockPicture::Mark mark) {
+    StockPicture one = picture_of(flat());
+    one.marks = {std::move(mark)};
+    write_stock_picture(file(name), one);
+    return test::bytes(file(name));
+  };
+  const auto moved = picture("moved.png", {{12, 5, -4}, "2", 0, 2});
+  // in the middle of it
+  EXPECT_TRUE(moved == picture("a.png", {{15, 5.5, 0}, "2", 0}) ||
+              moved == picture("b.png", {{15, 6, 0}, "2", 0}));
+  EXPECT_NE(moved, picture("hidden.png", {{12, 5, -4}, "2", 0}));
+}
+
 TEST_F(StockPictures, TheSameFieldGivesTheSameFileWithAllItsArrays) {
   write_stock(file("a.vtp"), flat(), {{"frame", "workpiece"}});
   write_stock(file("b.vtp"), flat(), {{"frame", "workpiece"}});

@@ -386,7 +386,7 @@ TEST_F(Animate, OptionsThatCannotBeAreRefusedBeforeAnythingIsCut) {
                {"--size 641x480", "--size: expected even numbers for mp4"},
                {"--magnify 0", "--magnify: expected a factor from 1"},
                {"--magnify much", "--magnify: expected a factor from 1"},
-               {"--lines 9", "--lines: expected the first and the last line"},
+               {"--lines 9:", "--lines: expected the first and the last line"},
                {"--lines 9:3", "--lines: expected the first and the last line"},
                {"--case nobody-iterated-ideal", "--case"},
                {"--film gif", "--film"}};
@@ -400,6 +400,8 @@ TEST_F(Animate, OptionsThatCannotBeAreRefusedBeforeAnythingIsCut) {
   const Ran outside = animate("plain.toml --out film --lines 500:600");
   EXPECT_EQ(outside.code, 2) << outside.text;
   EXPECT_NE(outside.text.find("--lines: expected lines with blocks"), std::string::npos);
+  const Ran one = animate("plain.toml --out film --lines 500");
+  EXPECT_NE(one.text.find("--lines: expected lines with blocks"), std::string::npos) << one.text;
 }
 
 TEST_F(Animate, WithoutVtkItSaysSo) {

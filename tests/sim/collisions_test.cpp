@@ -188,7 +188,7 @@ TEST(Collisions, AClampInTheWay) {
                      clamp + "[[collision.ignore]]\na = \"clamp\"\nb = \"cutter\"\n"});
   EXPECT_THROW(collisions_of({"G1 Z90 F1000", "",
                               clamp + "[[collision.ignore]]\na = \"clamb\"\nb = \"cutter\"\n"}),
-               BadInput);
+               BadScene);
 }
 
 TEST(Collisions, TheHeadOnTheTableAtAHundredDegrees) {
@@ -295,6 +295,95 @@ TEST(Collisions, EveryShapeOfABodyIsMetWhereItIs) {
   EXPECT_NEAR(all.list[0].depth, 3.0, 0.03);
 }
 
+/// The faults of a scene, one a line; empty where it is read.
+std::string faults_of(const PlantedCrash& planted) {
+  try {
+    planted_job(planted);
+  } catch (const BadScene& faults) {
+    return faults.what();
+  }
+  return "";
+}
+
+TEST(Collisions, ANameThatTwoBodiesHaveIsRefused) {
+  const auto fixture = [](const std::string& name) {
+    return "[[fixture]]\n" + (name.empty() ? "" : "name = \"" + name + "\"\n") +
+           "size_mm = [20, 20, 15]\nat_mm = [-40, -30, 27.5]\n";
+  };
+  const auto faults = [&](const std::string& more) {
+    return faults_of({"G1 Z90 F1000", "", more});
+  };
+  for (const char* own : {"part", "stock", "cutter", "shank", "holder"}) {
+    const std::string text = faults(fixture(own));
+    EXPECT_NE(text.find(fmt::format("scene.toml:12:8: expected a name for a fixture that nothing "
+                                    "else has, seen \"{0}\", the name of the {0} itself",
+                                    own)),
+              std::string::npos)
+        << text;
+  }
+  EXPECT_NE(faults(fixture("ram")).find("seen \"ram\", that of a body of the machine"),
+            std::string::npos);
+  EXPECT_NE(faults(fixture("vice") + fixture("vice")).find("scene.toml:16:8: "), std::string::npos);
+  EXPECT_NE(faults(fixture("") + fixture("fixture")).find("seen \"fixture\""), std::string::npos);
+  EXPECT_EQ(faults(fixture("vice") + fixture("jaw")), "");
+  // without names of their own they are numbered
+  EXPECT_EQ(faults(fixture("") + fixture("")), "");
+  const Job two = planted_job({"G1 Z90 F1000", "", fixture("") + fixture("")});
+  std::vector<std::string> names;
+  for (const SolidBody& body : bodies_of(two))
+    if (body.kind == SolidBody::Kind::Fixture) names.push_back(body.name);
+  EXPECT_EQ(names, (std::vector<std::string>{"fixture 1", "fixture 2"}));
+  const std::vector<Override> twice = {
+      {"machine.body",
+       "[{ name = \"ram\", carried_by = \"Z\", size_mm = [1, 1, 1] }, "
+       "{ name = \"ram\", size_mm = [1, 1, 1] }]"}};
+  EXPECT_NE(faults_of({"G1 Z90 F1000", "", "", twice})
+                .find("expected a name for a body of the machine that nothing else has"),
+            std::string::npos);
+}
+
+TEST(Collisions, APairToBeLeftOutMustBeThere) {
+  const auto faults = [&](const char* a, const char* b) {
+    return faults_of(
+        {"G1 Z90 F1000", "", fmt::format("[[collision.ignore]]\na = \"{}\"\nb = \"{}\"\n", a, b)});
+  };
+  EXPECT_EQ(faults("ram", "stock"), "");
+  EXPECT_EQ(faults("holder", "part"), "");  // of another tool, perhaps
+  const std::string text = faults("ram", "haulder");
+  EXPECT_NE(text.find("scene.toml:13:5: expected the name of a body: table, base, "),
+            std::string::npos)
+      << text;
+  EXPECT_NE(faults("ram", "ram").find("expected the name of another body"), std::string::npos);
+}
+
+TEST(Collisions, AHolderThatCannotBeIsRefusedAndAnOddOneWarnedOf) {
+  const auto with = [](const std::string& heights) {
+    return PlantedCrash{"G1 Z90 F1000",
+                        "[tool.holder]\nradii_mm = [15, 15, 20]\nheights_mm = " + heights + "\n"};
+  };
+  EXPECT_NE(faults_of(with("[-5, 60, 100]")).find("a holder that begins 5 mm below the tip"),
+            std::string::npos);
+  EXPECT_NE(faults_of(with("[0, 60, 100]")).find("a holder that begins at the tip"),
+            std::string::npos);
+  EXPECT_NE(faults_of(with("[60, 35, 100]")).find("heights that fall"), std::string::npos);
+  const auto warned = [&](const std::string& heights, const std::string& words) {
+    std::string all;
+    for (const std::string& text : planted_job(with(heights)).warnings) all += text + "\n";
+    return words.empty() ? all.find("the holder") == std::string::npos
+                         : all.find(words) != std::string::npos;
+  };
+  EXPECT_TRUE(warned("[20, 60, 100]", ""));
+  EXPECT_TRUE(warned("[15, 60, 100]",
+                     "the holder begins 15 mm above the tip, 5 mm below the upper end of the flank "
+                     "(flank_length_mm 20)"));
+  EXPECT_TRUE(warned("[35, 60, 120]",
+                     "ends 120 mm above the tip, 20 mm beyond the nose of the spindle (length_mm "
+                     "100)"));
+  EXPECT_TRUE(warned("[35, 60, 95]",
+                     "5 mm short of the nose of the spindle (length_mm 100): what "
+                     "is between them is met by nothing"));
+}
+
 TEST(Collisions, BodiesThatCannotBeAreRefused) {
   const auto refused = [](const std::string& fixture) -> std::string {
     try {
@@ -360,6 +449,68 @@ TEST(Collisions, TheReportHasThemAll) {
       EXPECT_GE(block[2].get<double>(), 0.0);
     }
   EXPECT_NE(to_text(all).find("holder"), std::string::npos);
+}
+
+/// The smallest clearance of the block on a line, and whose it is.
+std::string clearance_on(const Collisions& all, int line) {
+  for (const BlockClearance& block : all.blocks) {
+    if (block.place.line != line) continue;
+    const Clearance& pair = all.clearances.at(std::size_t(block.pair));
+    return fmt::format("{} - {} {:.2f}", pair.a, pair.b, block.at_least);
+  }
+  return "no block";
+}
+
+/// A blank beside which holder and cutter find room.
+const char* const low_block =
+    "[cutting]\nblank = \"box\"\nlower_mm = [-40, -50, 20]\nupper_mm = [0, -10, 80]\n"
+    "spacing_mm = 0.5\n";
+
+TEST(Collisions, EveryBlockWithAContactHasNoClearance) {
+  const Collisions gouge = collisions_of({"G1 Z19 F500\nG1 X-10\nG1 Z100"});
+  for (const int line : {6, 7, 8}) EXPECT_EQ(clearance_on(gouge, line), "part - cutter 0.00");
+  // one block ends where the next begins
+  for (std::size_t i = 1; i < gouge.blocks.size(); ++i)
+    EXPECT_EQ(gouge.blocks[i].place.time_s, gouge.blocks[i - 1].end_s);
+  const Collisions rapid = collisions_of({"G0 Z70\nG0 X0\nG0 Z100", "", low_block});
+  EXPECT_EQ(clearance_on(rapid, 6), "cutter - stock 0.00");
+  EXPECT_EQ(clearance_on(rapid, 7), "cutter - stock 0.00");
+  EXPECT_NE(clearance_on(rapid, 8), "cutter - stock 0.00");
+  const Collisions shank = collisions_of({"G1 Z46 F500\nG1 X-22\nG0 Z100", "", low_block});
+  EXPECT_EQ(clearance_on(shank, 7), "shank - stock 0.00");
+  const Collisions deep = collisions_of({"G1 Z46 F500\nG1 Z44\nG0 Z100", holder, low_block});
+  EXPECT_EQ(clearance_on(deep, 7), "holder - stock 0.00");
+  EXPECT_EQ(clearance_on(deep, 8), "holder - stock 0.00");
+  // a near miss under 1 mm, 2 % or 0.01 mm less
+  const Collisions near = collisions_of({"G1 Z45.5 F500\nG0 Z100", holder, low_block});
+  EXPECT_EQ(contacts(near), 0u);
+  EXPECT_EQ(clearance_on(near, 6), "holder - stock 0.49");
+  EXPECT_EQ(clearance_on(near, 7), "holder - stock 0.49");
+}
+
+TEST(Collisions, EveryPairSaysInWhichBlocksItCounts) {
+  const auto in_blocks = [](const Collisions& all) {
+    std::string text;
+    const nlohmann::ordered_json json = to_json(all);
+    for (const auto& pair : json["pairs"]) {
+      const auto a = pair["a"].get<std::string>(), b = pair["b"].get<std::string>();
+      if (b != "stock" && a != "part" && a != "base") continue;
+      if (a == "base" && b != "fork") continue;
+      text += a + " " + b + " " + pair["in_blocks"].get<std::string>() + "\n";
+    }
+    return text;
+  };
+  const std::string text = in_blocks(collisions_of({"G0 Z70\nG0 X0\nG0 Z100", holder, low_block}));
+  for (const char* line :
+       {"base fork always\n", "part holder always\n", "part cutter where_met\n",
+        "holder stock where_near\n", "cutter stock where_met\n", "shank stock where_met\n"})
+    EXPECT_NE(text.find(line), std::string::npos) << line << text;
+}
+
+TEST(Collisions, TheCutterMayBeLeftOutOfTheStock) {
+  expect_no_contact({"G0 Z70\nG0 X0\nG0 Z100", "",
+                     low_block + std::string("[[collision.ignore]]\na = \"cutter\"\nb = "
+                                             "\"stock\"\n")});
 }
 
 TEST(Collisions, ARunThatIsToStopCutsNothing) {

@@ -121,6 +121,20 @@ TEST_F(Moved, APartThatIsCutInPlacesIsWarnedOfWithTheShare) {
       << share;
 }
 
+TEST(Placement, TheFeedIsSaidFromWhereItBegins) {
+  SceneFolder folder;
+  std::string text = "G21 G90 G17 G94 G49\nS10000 M3\n";
+  for (int y = -7; y <= 7; ++y) text += fmt::format("G0 X-20 Y{}\nG0 Z0\nG1 X0 F1000\nG0 Z80\n", y);
+  folder.write("p.ngc", text + "M30\n");
+  const Job job =
+      prepare(read_scene(folder.write("s.toml", to_toml(FlatScene{.program = "p.ngc"}))));
+  const Placement found = placement(job);
+  ASSERT_EQ(found.warnings.size(), 1u);
+  EXPECT_TRUE(says(found.warnings.front(),
+                   "its feed takes the tip over x -20 to 0 mm of -5 to 5, y -7 to 7 mm of -5 to 5"))
+      << found.warnings.front();
+}
+
 TEST_F(Moved, AProgramOfPositionsAndTimesNamesWhereThePartWouldHaveToStand) {
   std::string rows = "time_s,X_mm,Y_mm,Z_mm,X_mm_per_s,Y_mm_per_s,Z_mm_per_s\n";
   for (int i = 0; i <= 14; ++i) rows += fmt::format("{},{},0,50,1,0,0\n", i, i - 7);
@@ -146,6 +160,59 @@ TEST(Placement, AnOffsetOfAMachineWithRotaryAxesIsAPlace) {
   const Job there =
       prepare(read_scene(folder.write("t.toml", text + "work_offset.G54 = { Z_mm = 20 }\n")));
   EXPECT_EQ(fault_of(there), "");
+}
+
+/// Passes in several positions of the axes that turn, in words of the axes: an offset moves the
+/// feed elsewhere in the workpiece in each of them.
+TEST(Placement, AnIndexedProgramHasAnOffsetToo) {
+  const auto fault_on = [](const std::string& machine, const std::string& turn, int z,
+                           const std::string& more) {
+    std::string text = "G21 G90 G17 G94 G49\nS10000 M3\n";
+    for (const char* c : {"C0", "C90", "C180"}) {
+      text += fmt::format("G0 Z100 {}40 {}\n", turn, c);
+      for (int y = -20; y <= 20; y += 2)
+        text += fmt::format("G0 X-20 Y{}\nG0 Z{}\nG1 X20 F1000\nG0 Z{}\n", y, z, z + 20);
+    }
+    SceneFolder folder;
+    folder.write("p.ngc", text + "M30\n");
+    std::string scene = to_toml(FlatScene{
+        .program = "p.ngc",
+        .part = "surface = \"sphere_cap\"\nradius_mm = 40\nrim_radius_mm = 30\nvertices = "
+                "400\nat_mm = [0, 0, 60]\n",
+        .more = more});
+    scene.replace(scene.find("three_axis_table"), 16, machine);
+    return fault_of(prepare(read_scene(folder.write("s.toml", scene))));
+  };
+  for (const char* machine : {"gantry_cxyza", "trunnion_ca"})
+    for (const int z : {40, 80}) {
+      const std::string text = fault_on(machine, "A", z, "");
+      std::cout << machine << " " << z << ": " << text << "\n";
+      EXPECT_TRUE(says(text, "it touches")) << text;
+    }
+  EXPECT_TRUE(says(fault_on("trunnion_cb", "B", 80, ""), "it touches"));
+}
+
+TEST(Placement, APartWithTooFewVerticesIsSaidToHaveTooFew) {
+  SceneFolder folder;
+  folder.write("part.stl",
+               "solid part\nfacet normal 0 0 1\nouter loop\nvertex -50 -50 0\nvertex 50 "
+               "-50 0\nvertex 50 50 0\nendloop\nendfacet\nfacet normal 0 0 1\nouter "
+               "loop\nvertex -50 -50 0\nvertex 50 50 0\nvertex -50 50 0\nendloop\n"
+               "endfacet\nendsolid part\n");
+  folder.write("p.ngc", to_nc({.z = 0}));
+  const auto fault_with = [&](const std::string& sampling) {
+    return fault_of(prepare(read_scene(folder.write(
+        "s.toml", to_toml(FlatScene{
+                      .program = "p.ngc",
+                      .part = "file = \"part.stl\"\nunit = \"mm\"\nopen = true\n" + sampling})))));
+  };
+  const std::string text = fault_with("sampling = \"vertices\"\n");
+  EXPECT_TRUE(says(text,
+                   "part.stl: expected 10 judged vertices or more, no farther apart than the "
+                   "cutter is wide, 10 mm, seen 4 judged vertices, up to 141.4 mm apart, none "
+                   "of which the program cuts"))
+      << text;
+  EXPECT_EQ(fault_with(""), "");
 }
 
 TEST(Placement, EveryOffsetThatTheProgramUsesIsNamed) {

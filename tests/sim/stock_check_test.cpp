@@ -135,6 +135,17 @@ TEST(StockCheck, AStripThatIsLeftOutIsRestMaterialOfTheBlank) {
   EXPECT_NE(text.find("never cut"), std::string::npos) << text;
 }
 
+TEST(StockCheck, TheTextSaysHowManyPlacesItLeavesOut) {
+  const SceneFolder folder;
+  std::string plunges;
+  for (const char* at : {"X-10 Y-6", "X10 Y-6", "X-10 Y6", "X10 Y6"})
+    plunges += fmt::format("G0 {}\nG0 Z80\nG1 Z77 F500\nG1 Z100 F3000\n", at);
+  const Ran all = ran(folder, program_text(plunges, 7));
+  ASSERT_EQ(all.stock().at("gouges").at("regions"), 4);
+  const std::string text = to_text(std::get<Summary>(all.outcome.figures));
+  EXPECT_NE(text.find("\n  1 more, in summary.json\n"), std::string::npos) << text;
+}
+
 TEST(StockCheck, TheBodyIsWrittenAsStlAndRemovedWhereThereIsNone) {
   const SceneFolder folder;
   ran(folder, program_text());
