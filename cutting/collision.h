@@ -1,6 +1,9 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <limits>
+#include <vector>
 
 #include "cutting/body.h"
 #include "kinematics/screw.h"
@@ -28,6 +31,20 @@ Gap gap(const Body& a, const kinematics::Pose& T_a, const Body& b, const kinemat
 /// Whether one lies inside the other, their surfaces apart: what `gap` does not see.
 bool is_inside(const Body& a, const kinematics::Pose& T_a, const Body& b,
                const kinematics::Pose& T_b);
+
+/// A triangle of each of two bodies, in the frame of the first.
+struct TrianglePair {
+  std::array<Eigen::Vector3d, 3> of_a, of_b;
+  double skins = 0.0;  ///< mm, of both together
+};
+
+/// Triangles of two bodies that are as near as this, mm, skins included; no more than `most` of
+/// them, which are then any.
+std::vector<TrianglePair> near_pairs(const Body& a, const Body& b, const kinematics::Pose& T_ab,
+                                     double within, std::size_t most);
+
+/// Of two triangles, the second moved by a translation; below zero where skins overlap.
+Gap gap(const TrianglePair& pair, const Eigen::Vector3d& moved);
 
 struct ApproachOptions {
   double resolution = 5e-3;   ///< mm, a smaller distance is contact

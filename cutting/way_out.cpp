@@ -1,0 +1,341 @@
+#include "cutting/way_out.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "cutting/collision.h"
+
+namespace abbe::cutting {
+namespace {
+
+using Eigen::Vector3d;
+using kinematics::Pose;
+
+/// Translations q of b with normal . q >= least.
+struct HalfSpace {
+  Vector3d normal;  // unit
+  double least;     // mm
+};
+
+/// The shortest translation on planes.
+std::optional<Vector3d> shortest_on(std::span<const HalfSpace> planes) {
+  Eigen::Matrix3d gram = Eigen::Matrix3d::Identity();
+  Vector3d least = Vector3d::Zero();
+  for (std::size_t i = 0; i < planes.size(); ++i) {
+    least[Eigen::Index(i)] = planes[i].least;
+    for (std::size_t j = 0; j < planes.size(); ++j)
+      gram(Eigen::Index(i), Eigen::Index(j)) = planes[i].normal.dot(planes[j].normal);
+  }
+  constexpr double parallel = 1e-12;
+  if (gram.determinant() < parallel) return {};
+  const Vector3d weights = gram.inverse() * least;
+  Vector3d q = Vector3d::Zero();
+  for (std::size_t i = 0; i < planes.size(); ++i) q += weights[Eigen::Index(i)] * planes[i].normal;
+  return q;
+}
+
+/// The shortest translation in half-spaces that is on some planes: one that leaves a half-space out
+/// has to be on its border.
+std::optional<Vector3d> shortest_in(std::span<const HalfSpace> all,
+                                    const std::vector<HalfSpace>& on = {}) {
+  constexpr double rounding = 1e-9;  // mm
+  std::optional<Vector3d> q = shortest_on(on);
+  for (std::size_t i = 0; q && i < all.size(); ++i) {
+    if (all[i].normal.dot(*q) >= all[i].least - rounding) continue;
+    if (on.size() == 3) return {};
+    std::vector<HalfSpace> next = on;
+    next.push_back(all[i]);
+    q = shortest_in(all.first(i), next);
+  }
+  return q;
+}
+
+/// Two bodies as they stand, seen from a.
+struct Overlap {
+  const Body& a;
+  const Body& b;
+  Pose T_ab;
+  double apart;  // mm, at which they are
+
+  Pose moved(const Vector3d& q) const {
+    Pose T = T_ab;
+    T.pretranslate(q);
+    return T;
+  }
+  /// Pairs that are too near after a translation of b, which are not moved.
+  std::vector<TrianglePair> met(const Vector3d& q, std::size_t most) const {
+    std::vector<TrianglePair> pairs = near_pairs(a, b, moved(q), 0.98 * apart, most);
+    for (TrianglePair& pair : pairs)
+      for (Vector3d& corner : pair.of_b) corner -= q;
+    return pairs;
+  }
+  bool is_inside(const Vector3d& q) const {
+    return cutting::is_inside(a, Pose::Identity(), b, moved(q));
+  }
+  bool is_apart(const Vector3d& q) const { return met(q, 1).empty() && !is_inside(q); }
+};
+
+Vector3d normal_of(const std::array<Vector3d, 3>& triangle) {
+  const Vector3d across = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
+  const double area = across.norm();
+  return area > 0.0 ? Vector3d(across / area) : Vector3d::Zero();
+}
+
+/// mm by which a plane across a direction parts b from a; below zero where none does.
+double parted(const TrianglePair& pair, const Vector3d& direction) {
+  double last = -std::numeric_limits<double>::infinity(), first = -last;
+  for (std::size_t k = 0; k < 3; ++k) {
+    last = std::max(last, direction.dot(pair.of_a[k]));
+    first = std::min(first, direction.dot(pair.of_b[k]));
+  }
+  return first - last - pair.skins;
+}
+
+/// mm from q along a direction until a pair is apart for good. The distance is convex on the way,
+/// so Newton's steps back from where a plane parts them do not pass the place.
+double clear_after(const TrianglePair& pair, const Vector3d& q, const Vector3d& direction,
+                   double apart) {
+  double way = apart - parted(pair, direction) - direction.dot(q);
+  constexpr int most_steps = 12;
+  for (int step = 0; step < most_steps && way > 0.0; ++step) {
+    const Gap there = gap(pair, q + way * direction);
+    const double rate = direction.dot((there.on_b - there.on_a).normalized());
+    const double back = (there.distance - apart) / rate;
+    constexpr double near = 1e-7;
+    if (!(rate > 0.0) || back < near) break;
+    way -= back;
+  }
+  return std::max(way, 0.0);
+}
+
+/// First translation from a place along a direction after which the two are apart, before a limit.
+/// A pair that meets stays in the way until it is clear; only where there are many small ones does
+/// a step go further, by a share of the way so far.
+std::optional<Vector3d> first_apart(const Overlap& overlap, const Vector3d& from,
+                                    const Vector3d& direction, double limit) {
+  constexpr int most_steps = 100, patient_steps = 12;
+  constexpr double share = 0.05;
+  double way = 0.0;
+  for (int step = 0; step < most_steps && way < limit; ++step) {
+    const Vector3d q = from + way * direction;
+    double further = step < patient_steps ? 0.1 * overlap.apart : share * way;
+    const std::vector<TrianglePair> pairs = overlap.met(q, 16);
+    for (const TrianglePair& pair : pairs)
+      further = std::max(further, clear_after(pair, q, direction, overlap.apart));
+    if (pairs.empty()) {
+      if (!overlap.is_inside(q)) return q;
+      const GapOptions wanted{0.1, limit - way};
+      further = std::max(
+          further,
+          gap(overlap.a, Pose::Identity(), overlap.b, overlap.moved(q), wanted).distance / 1.1);
+    }
+    way += further;
+  }
+  return {};
+}
+
+/// Where a pair that is apart after the translation q surely is, too: of the planes that part it
+/// the one that leaves the most of what is wanted.
+HalfSpace free_beside(const TrianglePair& pair, const Vector3d& q, const Vector3d& wanted,
+                      double apart) {
+  const Gap there = gap(pair, q);
+  const Vector3d nearest = (there.on_b - there.on_a).normalized();
+  HalfSpace best{nearest, std::min(apart - parted(pair, nearest), nearest.dot(q))};
+  for (const Vector3d& normal : {normal_of(pair.of_a), Vector3d(-normal_of(pair.of_b))}) {
+    const double least = apart - parted(pair, normal);
+    if (normal.isZero() || normal.dot(q) < least) continue;
+    if (normal.dot(wanted) - least > best.normal.dot(wanted) - best.least) best = {normal, least};
+  }
+  return best;
+}
+
+/// A shorter translation than q, which parts the two: the shortest of those that leave every pair
+/// on its side of a plane, of the pairs that turn out to be in the way.
+std::optional<Vector3d> shorter(const Overlap& overlap, const Vector3d& q) {
+  constexpr int most_rounds = 12;
+  constexpr std::size_t most_pairs = 32;
+  std::vector<HalfSpace> sides;
+  Vector3d next = Vector3d::Zero();
+  for (int round = 0; round < most_rounds; ++round) {
+    const std::vector<TrianglePair> pairs = overlap.met(next, most_pairs);
+    if (pairs.empty() && !overlap.is_inside(next)) return next;
+    if (pairs.empty()) break;
+    for (const TrianglePair& pair : pairs)
+      sides.push_back(free_beside(pair, q, next, overlap.apart));
+    const std::optional<Vector3d> found = shortest_in(sides);
+    if (!found || !(found->norm() < q.norm())) return {};
+    next = *found;
+  }
+  const Vector3d back = q - next;
+  return first_apart(overlap, next, back.normalized(), back.norm());
+}
+
+/// Slides along what is met until nothing nearby is shorter.
+Vector3d settled(const Overlap& overlap, Vector3d q) {
+  constexpr int most_steps = 30;
+  for (int step = 0; step < most_steps; ++step) {
+    const std::optional<Vector3d> next = shorter(overlap, q);
+    if (!next || !(next->norm() < q.norm())) break;
+    const double gained = q.norm() - next->norm();
+    q = *next;
+    if (gained < 0.1 * overlap.apart) break;
+  }
+  return q;
+}
+
+/// A direction that many triangles face.
+struct Facing {
+  Vector3d sum = Vector3d::Zero();
+  int count = 0;
+  Vector3d direction() const { return sum.normalized(); }
+};
+
+/// Directions in bunches, the largest first.
+std::vector<Facing> bunched(const std::vector<Vector3d>& directions) {
+  constexpr double alike = 0.996;  // 5 degrees
+  std::vector<Facing> all;
+  for (const Vector3d& one : directions) {
+    if (one.isZero()) continue;
+    auto near = std::ranges::find_if(
+        all, [&](const Facing& other) { return one.dot(other.direction()) > alike; });
+    if (near == all.end()) near = all.insert(all.end(), Facing{});
+    near->sum += one;
+    ++near->count;
+  }
+  std::ranges::stable_sort(all, std::greater<>{}, &Facing::count);
+  return all;
+}
+
+std::vector<Vector3d> faced(const std::vector<TrianglePair>& pairs, bool of_a) {
+  std::vector<Vector3d> normals;
+  for (const TrianglePair& pair : pairs)
+    normals.push_back(of_a ? normal_of(pair.of_a) : Vector3d(-normal_of(pair.of_b)));
+  return normals;
+}
+
+/// Out of all faces of one of the two that are met, at once: a corner or a narrow slot is left only
+/// by what leaves each of its walls by its own way.
+std::optional<Vector3d> out_of_faces(const Overlap& overlap, bool of_a, double limit) {
+  constexpr int most_steps = 60;
+  constexpr std::size_t most_pairs = 256;
+  constexpr double alike = 0.9999, share = 0.05;
+  std::vector<HalfSpace> walls;
+  Vector3d q = Vector3d::Zero();
+  for (int step = 0; step < most_steps; ++step) {
+    const std::vector<TrianglePair> pairs = overlap.met(q, most_pairs);
+    if (pairs.empty()) return overlap.is_inside(q) ? std::nullopt : std::optional(q);
+    const std::vector<Vector3d> normals = faced(pairs, of_a);
+    std::vector<double> before;
+    for (const HalfSpace& wall : walls) before.push_back(wall.least);
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+      if (normals[i].isZero()) continue;
+      auto wall = std::ranges::find_if(
+          walls, [&](const HalfSpace& one) { return one.normal.dot(normals[i]) > alike; });
+      if (wall == walls.end()) wall = walls.insert(wall, {normals[i], 0.0});
+      const double further = clear_after(pairs[i], q, wall->normal, overlap.apart);
+      wall->least = std::max(wall->least, wall->normal.dot(q) + further);
+    }
+    for (std::size_t k = 0; k < before.size(); ++k)
+      if (walls[k].least > before[k])
+        walls[k].least = std::max(walls[k].least, (1.0 + share) * before[k]);
+    const std::optional<Vector3d> next = shortest_in(walls);
+    if (!next || next->norm() >= limit) return {};
+    q = *next;
+  }
+  return {};
+}
+
+/// Of all axes the one along which a plane parts the two first.
+Vector3d parted_by_a_plane(const Overlap& overlap, const std::vector<Vector3d>& axes) {
+  Vector3d shortest = Vector3d::Constant(std::numeric_limits<double>::infinity());
+  for (const Vector3d& axis : axes) {
+    const Vector3d back = -(overlap.T_ab.linear().transpose() * axis);
+    const double way = extent(overlap.a, axis) + extent(overlap.b, back) -
+                       overlap.T_ab.translation().dot(axis) + overlap.apart;
+    if (way < shortest.norm()) shortest = way * axis;
+  }
+  return shortest;
+}
+
+std::vector<Vector3d> axes_of(const Overlap& overlap) {
+  std::vector<Vector3d> axes;
+  for (int k = 0; k < 3; ++k)
+    for (const double sign : {1.0, -1.0}) {
+      axes.push_back(sign * Vector3d::Unit(k));
+      axes.push_back(sign * overlap.T_ab.linear().col(k));
+    }
+  return axes;
+}
+
+/// Directions evenly around, on a spiral.
+std::vector<Vector3d> all_around(int count) {
+  const double golden = std::numbers::pi * (3.0 - std::sqrt(5.0));
+  std::vector<Vector3d> directions;
+  for (int i = 0; i < count; ++i) {
+    const double z = 1.0 - (2.0 * i + 1.0) / count, r = std::sqrt(1.0 - z * z);
+    directions.emplace_back(r * std::cos(golden * i), r * std::sin(golden * i), z);
+  }
+  return directions;
+}
+
+/// Directions that may lead out, what the bodies themselves say first.
+std::vector<Vector3d> directions_to_try(const Overlap& overlap, const std::vector<Vector3d>& axes) {
+  constexpr std::size_t most_pairs = 256, most_bunches = 8;
+  constexpr int around = 24;
+  const std::vector<TrianglePair> pairs = overlap.met(Vector3d::Zero(), most_pairs);
+  std::vector<Vector3d> all;
+  for (const bool of_a : {true, false}) {
+    const std::vector<Vector3d> normals = faced(pairs, of_a);
+    Vector3d mean = Vector3d::Zero();
+    for (const Vector3d& normal : normals) mean += normal;
+    all.push_back(mean.normalized());
+    const std::vector<Facing> bunches = bunched(normals);
+    for (std::size_t i = 0; i < std::min(bunches.size(), most_bunches); ++i)
+      all.push_back(bunches[i].direction());
+  }
+  if (pairs.empty()) {
+    const Gap nearest = gap(overlap.a, Pose::Identity(), overlap.b, overlap.T_ab);
+    const Vector3d way = (nearest.on_b - nearest.on_a).normalized();
+    all.insert(all.end(), {way, -way});
+  }
+  all.insert(all.end(), axes.begin(), axes.end());
+  for (const Vector3d& one : all_around(around)) all.push_back(one);
+  std::erase_if(all, [](const Vector3d& one) { return !(one.norm() > 0.5); });
+  return all;
+}
+
+Vector3d shortest_way(const Overlap& overlap) {
+  if (overlap.is_apart(Vector3d::Zero())) return Vector3d::Zero();
+  const std::vector<Vector3d> axes = axes_of(overlap);
+  Vector3d best = settled(overlap, parted_by_a_plane(overlap, axes));
+  const auto take = [&](const std::optional<Vector3d>& start) {
+    if (!start) return;
+    const Vector3d q = settled(overlap, *start);
+    if (q.norm() < best.norm()) best = q;
+  };
+  for (const bool of_a : {true, false}) take(out_of_faces(overlap, of_a, best.norm()));
+  // a longer way may settle to a shorter one
+  constexpr double reach = 1.2;
+  for (const Vector3d& direction : directions_to_try(overlap, axes))
+    take(first_apart(overlap, Vector3d::Zero(), direction, reach * best.norm()));
+  return best;
+}
+
+}  // namespace
+
+WayOut way_out(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b, double resolution) {
+  const Overlap overlap{a, b, T_a.inverse() * T_b, 0.5 * resolution};
+  const Vector3d best = shortest_way(overlap);
+  WayOut out;
+  out.depth = best.norm();
+  if (out.depth > 0.0) out.direction = T_a.linear() * best / out.depth;
+  return out;
+}
+
+}  // namespace abbe::cutting
