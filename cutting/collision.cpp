@@ -514,8 +514,7 @@ bool is_around(const Body& outer, const Vector3d& point) {
 }
 
 /// Whether one body lies around a piece of the other.
-bool holds(const Body& outer, const Pose& T_outer, const Body& inner, const Pose& T_inner) {
-  const Pose T = T_outer.inverse() * T_inner;
+bool holds(const Body& outer, const Body& inner, const Pose& T) {
   return std::ranges::any_of(inner.search->pieces, [&](const auto& piece) {
     const Vector3d point = T * Vector3d(piece->mesh.vertices.row(0).transpose());
     return (point - outer.centre).norm() <= outer.radius && is_around(outer, point);
@@ -527,7 +526,11 @@ bool holds(const Body& outer, const Pose& T_outer, const Body& inner, const Pose
 bool is_inside(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b) {
   constexpr double any = 1e-6;  // mm
   return gap(a, T_a, b, T_b, {0.0, any}).distance > 0.0 &&
-         (holds(a, T_a, b, T_b) || holds(b, T_b, a, T_a));
+         is_inside_apart(a, b, T_a.inverse() * T_b);
+}
+
+bool is_inside_apart(const Body& a, const Body& b, const Pose& T_ab) {
+  return holds(a, b, T_ab) || holds(b, a, T_ab.inverse());
 }
 
 namespace {

@@ -32,6 +32,9 @@ Gap gap(const Body& a, const kinematics::Pose& T_a, const Body& b, const kinemat
 bool is_inside(const Body& a, const kinematics::Pose& T_a, const Body& b,
                const kinematics::Pose& T_b);
 
+/// The same where their surfaces are known to be apart.
+bool is_inside_apart(const Body& a, const Body& b, const kinematics::Pose& T_ab);
+
 /// A triangle of each of two bodies, in the frame of the first.
 struct TrianglePair {
   std::array<Eigen::Vector3d, 3> of_a, of_b;

@@ -69,15 +69,13 @@ struct Overlap {
     return T;
   }
   /// Pairs that are too near after a translation of b, which are not moved.
-  std::vector<TrianglePair> met(const Vector3d& q, std::size_t most) const {
-    std::vector<TrianglePair> pairs = near_pairs(a, b, moved(q), 0.98 * apart, most);
+  std::vector<TrianglePair> met(const Vector3d& q, std::size_t most, double share = 0.98) const {
+    std::vector<TrianglePair> pairs = near_pairs(a, b, moved(q), share * apart, most);
     for (TrianglePair& pair : pairs)
       for (Vector3d& corner : pair.of_b) corner -= q;
     return pairs;
   }
-  bool is_inside(const Vector3d& q) const {
-    return cutting::is_inside(a, Pose::Identity(), b, moved(q));
-  }
+  bool is_inside(const Vector3d& q) const { return is_inside_apart(a, b, moved(q)); }
   bool is_apart(const Vector3d& q) const { return met(q, 1).empty() && !is_inside(q); }
 };
 
@@ -119,8 +117,8 @@ double clear_after(const TrianglePair& pair, const Vector3d& q, const Vector3d& 
 /// a step go further, by a share of the way so far.
 std::optional<Vector3d> first_apart(const Overlap& overlap, const Vector3d& from,
                                     const Vector3d& direction, double limit) {
-  constexpr int most_steps = 100, patient_steps = 12;
-  constexpr double share = 0.05;
+  constexpr int most_steps = 80, patient_steps = 12;
+  constexpr double share = 0.1;
   double way = 0.0;
   for (int step = 0; step < most_steps && way < limit; ++step) {
     const Vector3d q = from + way * direction;
@@ -155,39 +153,54 @@ HalfSpace free_beside(const TrianglePair& pair, const Vector3d& q, const Vector3
   return best;
 }
 
-/// A shorter translation than q, which parts the two: the shortest of those that leave every pair
-/// on its side of a plane, of the pairs that turn out to be in the way.
-std::optional<Vector3d> shorter(const Overlap& overlap, const Vector3d& q) {
-  constexpr int most_rounds = 12;
-  constexpr std::size_t most_pairs = 32;
-  std::vector<HalfSpace> sides;
-  Vector3d next = Vector3d::Zero();
-  for (int round = 0; round < most_rounds; ++round) {
-    const std::vector<TrianglePair> pairs = overlap.met(next, most_pairs);
-    if (pairs.empty() && !overlap.is_inside(next)) return next;
-    if (pairs.empty()) break;
-    for (const TrianglePair& pair : pairs)
-      sides.push_back(free_beside(pair, q, next, overlap.apart));
-    const std::optional<Vector3d> found = shortest_in(sides);
-    if (!found || !(found->norm() < q.norm())) return {};
-    next = *found;
-  }
-  const Vector3d back = q - next;
-  return first_apart(overlap, next, back.normalized(), back.norm());
-}
-
 /// Slides along what is met until nothing nearby is shorter.
-Vector3d settled(const Overlap& overlap, Vector3d q) {
-  constexpr int most_steps = 30;
-  for (int step = 0; step < most_steps; ++step) {
-    const std::optional<Vector3d> next = shorter(overlap, q);
-    if (!next || !(next->norm() < q.norm())) break;
-    const double gained = q.norm() - next->norm();
-    q = *next;
-    if (gained < 0.1 * overlap.apart) break;
+class Slide {
+ public:
+  Slide(const Overlap& overlap, const Vector3d& start) : q(start), overlap_(overlap) {
+    constexpr int most_steps = 30;
+    for (int step = 0; step < most_steps; ++step) {
+      const std::optional<Vector3d> next = shorter();
+      if (!next) break;
+      const double gained = q.norm() - next->norm();
+      if (gained > 0.0) q = *next;
+      if (gained < 0.1 * overlap.apart) break;
+    }
   }
-  return q;
-}
+
+  Vector3d q;
+
+ private:
+  static constexpr std::size_t most_pairs = 96;
+
+  /// The shortest of those that leave every pair on its side of a plane, of the pairs that turn out
+  /// to be in the way.
+  std::optional<Vector3d> shorter() {
+    constexpr int most_rounds = 16;
+    add(overlap_.met(q, most_pairs, 3.0));
+    std::vector<HalfSpace> sides;
+    Vector3d next = Vector3d::Zero();
+    for (int round = 0; round < most_rounds; ++round) {
+      for (std::size_t i = sides.size(); i < pairs_.size(); ++i)
+        sides.push_back(free_beside(pairs_[i], q, next, overlap_.apart));
+      const std::optional<Vector3d> found = shortest_in(sides);
+      if (!found || !(found->norm() < q.norm() - 0.01 * overlap_.apart)) return {};
+      next = *found;
+      const std::vector<TrianglePair> met = overlap_.met(next, most_pairs);
+      if (met.empty() && !overlap_.is_inside(next)) return next;
+      if (met.empty()) break;
+      add(met);
+    }
+    const Vector3d back = q - next;
+    return first_apart(overlap_, next, back.normalized(), back.norm());
+  }
+
+  void add(const std::vector<TrianglePair>& pairs) {
+    pairs_.insert(pairs_.end(), pairs.begin(), pairs.end());
+  }
+
+  const Overlap& overlap_;
+  std::vector<TrianglePair> pairs_;
+};
 
 /// A direction that many triangles face.
 struct Facing {
@@ -219,33 +232,42 @@ std::vector<Vector3d> faced(const std::vector<TrianglePair>& pairs, bool of_a) {
   return normals;
 }
 
+/// What faces of one of the two demand of a translation, of those that are met: b wholly on the
+/// outer side of a face of a, or the other way round.
+std::vector<HalfSpace> demands(const std::vector<TrianglePair>& pairs, bool of_a, double apart) {
+  const std::vector<Vector3d> normals = faced(pairs, of_a);
+  std::vector<HalfSpace> all;
+  for (std::size_t i = 0; i < pairs.size(); ++i)
+    if (!normals[i].isZero()) all.push_back({normals[i], apart - parted(pairs[i], normals[i])});
+  return all;
+}
+
 /// Out of all faces of one of the two that are met, at once: a corner or a narrow slot is left only
-/// by what leaves each of its walls by its own way.
+/// by what leaves each of its walls by its own way. The least demands come first: a shank in the
+/// wall of a pocket meets the rim, too, which it need not be lifted over.
 std::optional<Vector3d> out_of_faces(const Overlap& overlap, bool of_a, double limit) {
-  constexpr int most_steps = 60;
-  constexpr std::size_t most_pairs = 256;
-  constexpr double alike = 0.9999, share = 0.05;
+  constexpr int most_steps = 40;
+  constexpr std::size_t most_pairs = 128, most_walls = 64;
+  constexpr double alike = 0.9999, together = 1.5;
   std::vector<HalfSpace> walls;
   Vector3d q = Vector3d::Zero();
-  for (int step = 0; step < most_steps; ++step) {
+  for (int step = 0; step < most_steps && walls.size() < most_walls; ++step) {
     const std::vector<TrianglePair> pairs = overlap.met(q, most_pairs);
     if (pairs.empty()) return overlap.is_inside(q) ? std::nullopt : std::optional(q);
-    const std::vector<Vector3d> normals = faced(pairs, of_a);
-    std::vector<double> before;
-    for (const HalfSpace& wall : walls) before.push_back(wall.least);
-    for (std::size_t i = 0; i < pairs.size(); ++i) {
-      if (normals[i].isZero()) continue;
+    std::vector<HalfSpace> wanted = demands(pairs, of_a, overlap.apart);
+    const auto further = [&](const HalfSpace& one) { return one.least - one.normal.dot(q); };
+    double least = limit;
+    for (const HalfSpace& one : wanted)
+      if (further(one) > 0.0) least = std::min(least, further(one));
+    for (const HalfSpace& one : wanted) {
+      if (further(one) > together * std::max(least, overlap.apart)) continue;
       auto wall = std::ranges::find_if(
-          walls, [&](const HalfSpace& one) { return one.normal.dot(normals[i]) > alike; });
-      if (wall == walls.end()) wall = walls.insert(wall, {normals[i], 0.0});
-      const double further = clear_after(pairs[i], q, wall->normal, overlap.apart);
-      wall->least = std::max(wall->least, wall->normal.dot(q) + further);
+          walls, [&](const HalfSpace& other) { return other.normal.dot(one.normal) > alike; });
+      if (wall == walls.end()) wall = walls.insert(wall, one);
+      wall->least = std::max(wall->least, one.least);
     }
-    for (std::size_t k = 0; k < before.size(); ++k)
-      if (walls[k].least > before[k])
-        walls[k].least = std::max(walls[k].least, (1.0 + share) * before[k]);
     const std::optional<Vector3d> next = shortest_in(walls);
-    if (!next || next->norm() >= limit) return {};
+    if (!next || next->norm() >= limit || *next == q) return {};
     q = *next;
   }
   return {};
@@ -313,10 +335,10 @@ std::vector<Vector3d> directions_to_try(const Overlap& overlap, const std::vecto
 Vector3d shortest_way(const Overlap& overlap) {
   if (overlap.is_apart(Vector3d::Zero())) return Vector3d::Zero();
   const std::vector<Vector3d> axes = axes_of(overlap);
-  Vector3d best = settled(overlap, parted_by_a_plane(overlap, axes));
+  Vector3d best = Slide(overlap, parted_by_a_plane(overlap, axes)).q;
   const auto take = [&](const std::optional<Vector3d>& start) {
     if (!start) return;
-    const Vector3d q = settled(overlap, *start);
+    const Vector3d q = Slide(overlap, *start).q;
     if (q.norm() < best.norm()) best = q;
   };
   for (const bool of_a : {true, false}) take(out_of_faces(overlap, of_a, best.norm()));

@@ -20,7 +20,7 @@ using Eigen::Vector3d;
 using kinematics::Pose;
 
 constexpr double resolution = 1e-3;
-constexpr double sag = 1e-4;
+constexpr double sag = 5e-4;
 
 Pose at(const Vector3d& place, const Vector3d& turn = Vector3d::Zero()) {
   Pose T(kinematics::rotation(turn));
