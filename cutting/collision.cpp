@@ -346,18 +346,17 @@ namespace {
 /// Collects triangles of two trees that are as near as this, b placed in the frame of a.
 class NearTriangles {
  public:
-  NearTriangles(const Piece& a, const Piece& b, const Pose& T_ab, double within, std::size_t most,
-                std::vector<TrianglePair>& found)
+  NearTriangles(const Piece& a, const Piece& b, const Pose& T_ab, double within, std::size_t most)
       : a_(a),
         b_(b),
         R_(T_ab.linear()),
         t_(T_ab.translation()),
         skins_(a.mesh.skin + b.mesh.skin),
-        within_(within + skins_),
-        most_(most),
-        found_(found) {
-    descend(0, 0);
+        within_(within + skins_) {
+    descend(0, 0, most);
   }
+
+  std::vector<TrianglePair> found;
 
  private:
   bool are_apart(const fcl::OBBd& one, const fcl::OBBd& other) const {
@@ -366,13 +365,17 @@ class NearTriangles {
     return fcl::obbDisjoint<double>(R, t, one.extent, other.extent + Vector3d::Constant(within_));
   }
 
-  void descend(int i, int j) {
+  /// One half has no more than half of what is wanted, so that not all are from one corner.
+  void descend(int i, int j, std::size_t most) {
     const auto &of_a = a_.tree.getBV(i), &of_b = b_.tree.getBV(j);
-    if (found_.size() >= most_ || are_apart(of_a.bv.obb, of_b.bv.obb)) return;
+    if (most == 0 || are_apart(of_a.bv.obb, of_b.bv.obb)) return;
     if (of_a.isLeaf() && of_b.isLeaf()) return look(of_a.primitiveId(), of_b.primitiveId());
     const bool divide_a = of_b.isLeaf() || (!of_a.isLeaf() && of_a.bv.size() > of_b.bv.size());
-    for (int k = 0; k < 2; ++k)
-      divide_a ? descend(of_a.first_child + k, j) : descend(i, of_b.first_child + k);
+    const std::size_t before = found.size();
+    divide_a ? descend(of_a.first_child, j, (most + 1) / 2)
+             : descend(i, of_b.first_child, (most + 1) / 2);
+    most -= found.size() - before;
+    divide_a ? descend(of_a.first_child + 1, j, most) : descend(i, of_b.first_child + 1, most);
   }
 
   void look(int i, int j) {
@@ -383,29 +386,34 @@ class NearTriangles {
       pair.of_a[k] = a_.tree.vertices[s[k]];
       pair.of_b[k] = R_ * b_.tree.vertices[t[k]] + t_;
     }
-    if (gap(pair, Vector3d::Zero()).distance <= within_ - skins_) found_.push_back(pair);
+    if (gap(pair, Vector3d::Zero()).distance <= within_ - skins_) found.push_back(pair);
   }
 
   const Piece &a_, &b_;
   Eigen::Matrix3d R_;
   Vector3d t_;
   double skins_, within_;
-  std::size_t most_;
-  std::vector<TrianglePair>& found_;
 };
 
 }  // namespace
 
 std::vector<TrianglePair> near_pairs(const Body& a, const Body& b, const Pose& T_ab, double within,
                                      std::size_t most) {
-  std::vector<TrianglePair> found;
+  std::vector<std::pair<const Piece*, const Piece*>> pieces;
   for (const auto& other : b.search->pieces) {
     const Vector3d centre = T_ab * other->centre;
     for (const auto& one : a.search->pieces)
       if ((one->centre - centre).norm() - one->radius - other->radius <= within)
-        NearTriangles(*one, *other, T_ab, within, most, found);
+        pieces.emplace_back(one.get(), other.get());
   }
-  return found;
+  std::vector<TrianglePair> all;
+  for (std::size_t i = 0; i < pieces.size() && all.size() < most; ++i) {
+    const std::size_t left = pieces.size() - i, share = (most - all.size() + left - 1) / left;
+    const auto& [one, other] = pieces[i];
+    const std::vector<TrianglePair> found = NearTriangles(*one, *other, T_ab, within, share).found;
+    all.insert(all.end(), found.begin(), found.end());
+  }
+  return all;
 }
 
 Gap gap(const TrianglePair& pair, const Vector3d& moved) {

@@ -42,7 +42,7 @@ struct TrianglePair {
 };
 
 /// Triangles of two bodies that are as near as this, mm, skins included; no more than `most` of
-/// them, which are then any.
+/// them, which are then from all over.
 std::vector<TrianglePair> near_pairs(const Body& a, const Body& b, const kinematics::Pose& T_ab,
                                      double within, std::size_t most);
 

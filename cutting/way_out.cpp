@@ -157,13 +157,11 @@ HalfSpace free_beside(const TrianglePair& pair, const Vector3d& q, const Vector3
 class Slide {
  public:
   Slide(const Overlap& overlap, const Vector3d& start) : q(start), overlap_(overlap) {
-    constexpr int most_steps = 30;
+    constexpr int most_steps = 20;
     for (int step = 0; step < most_steps; ++step) {
       const std::optional<Vector3d> next = shorter();
       if (!next) break;
-      const double gained = q.norm() - next->norm();
-      if (gained > 0.0) q = *next;
-      if (gained < 0.1 * overlap.apart) break;
+      if (next->norm() < q.norm()) q = *next;
     }
   }
 
@@ -247,7 +245,7 @@ std::vector<HalfSpace> demands(const std::vector<TrianglePair>& pairs, bool of_a
 /// wall of a pocket meets the rim, too, which it need not be lifted over.
 std::optional<Vector3d> out_of_faces(const Overlap& overlap, bool of_a, double limit) {
   constexpr int most_steps = 40;
-  constexpr std::size_t most_pairs = 128, most_walls = 64;
+  constexpr std::size_t most_pairs = 128, most_walls = 24;
   constexpr double alike = 0.9999, together = 1.5;
   std::vector<HalfSpace> walls;
   Vector3d q = Vector3d::Zero();
@@ -342,10 +340,13 @@ Vector3d shortest_way(const Overlap& overlap) {
     if (q.norm() < best.norm()) best = q;
   };
   for (const bool of_a : {true, false}) take(out_of_faces(overlap, of_a, best.norm()));
-  // a longer way may settle to a shorter one
-  constexpr double reach = 1.2;
-  for (const Vector3d& direction : directions_to_try(overlap, axes))
-    take(first_apart(overlap, Vector3d::Zero(), direction, reach * best.norm()));
+  for (const Vector3d& direction : directions_to_try(overlap, axes)) {
+    // a longer way may settle to a shorter one, but not to the one that was found next to it
+    constexpr double reach = 1.2, beside = 0.7;
+    const bool is_beside = direction.dot(best) > beside * best.norm();
+    take(
+        first_apart(overlap, Vector3d::Zero(), direction, (is_beside ? 1.0 : reach) * best.norm()));
+  }
   return best;
 }
 

@@ -278,5 +278,97 @@ TEST(WayOut, OfAGrooveLeavesEveryWall) { expect_all(in_grooves(), 302); }
 TEST(WayOut, OfRoundBodiesIsAcrossThem) { expect_all(on_round_bodies(), 303); }
 TEST(WayOut, OfSolidBodiesIsTheShortest) { expect_all(in_solid_bodies(), 304); }
 
+/// An extruded star, or a ball of flat faces with dents.
+ClosedMesh random_body(std::mt19937& random) {
+  std::uniform_real_distribution<double> share(0.3, 1.0);
+  if (random() % 2 == 0) {
+    const int n = 5 + int(random() % 6);
+    Eigen::MatrixX2d outline(n, 2);
+    for (int i = 0; i < n; ++i) {
+      const double f = 2 * std::numbers::pi * i / n, r = 6.0 * share(random);
+      outline.row(i) << r * std::cos(f), r * std::sin(f);
+    }
+    return extruded_mesh(outline, 8.0 * share(random));
+  }
+  ClosedMesh ball = sphere_mesh(6.0, 0.8);
+  for (auto row : ball.vertices.rowwise()) row *= share(random);
+  return ball;
+}
+
+/// The first translation along a direction that parts two bodies, by small steps and halving; none
+/// before a limit.
+double first_parted(const Body& a, const Body& b, const Pose& T_ab, const Vector3d& direction,
+                    double limit) {
+  const auto is_apart = [&](double way) {
+    Pose T = T_ab;
+    T.pretranslate(way * direction);
+    return gap(a, Pose::Identity(), b, T, {0.0, 2e-5}).distance > 1e-5 &&
+           !is_inside(a, Pose::Identity(), b, T);
+  };
+  constexpr double step = 0.05;
+  double way = step;
+  while (way < limit && !is_apart(way)) way += step;
+  if (way >= limit) return limit;
+  double met = way - step;
+  while (way - met > 1e-4) (is_apart(0.5 * (met + way)) ? way : met) = 0.5 * (met + way);
+  return way;
+}
+
+/// The shortest way out, tried in many directions, then around the best of them.
+double tried_depth(const Body& a, const Body& b, const Pose& T_ab, std::mt19937& random) {
+  constexpr int all = 1000, around = 150;
+  double best = 40.0;
+  Vector3d direction = Vector3d::UnitZ();
+  const auto look = [&](const Vector3d& one) {
+    const double way = first_parted(a, b, T_ab, one, best);
+    if (way < best) direction = one;
+    best = std::min(best, way);
+  };
+  for (int i = 0; i < all; ++i) {
+    const double z = 1.0 - (2.0 * i + 1.0) / all, r = std::sqrt(1.0 - z * z), f = 2.399963 * i;
+    look({r * std::cos(f), r * std::sin(f), z});
+  }
+  std::normal_distribution<double> normal;
+  for (const double spread : {0.1, 0.03, 0.01, 3e-3})
+    for (int i = 0; i < around; ++i)
+      look((direction + spread * Vector3d(normal(random), normal(random), normal(random)))
+               .normalized());
+  return best;
+}
+
+TEST(WayOut, IsThatOfManyDirectionsTried) {
+  constexpr unsigned seed = 305;
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> any(-1, 1);
+  int count = 0, close = 0, less = 0;
+  double most = 0.0, deepest_less = 0.0, took = 0.0;
+  for (int n = 0; n < 60; ++n) {
+    const Body a = body_of(random_body(random)), b = body_of(random_body(random));
+    const Pose T_a = held_parts::any_pose(random);
+    const Pose T_ab = at(6.0 * Vector3d(any(random), any(random), any(random)),
+                         3.0 * Vector3d(any(random), any(random), any(random)));
+    const WayOut out = timed(a, T_a, b, T_a * T_ab);
+    if (out.depth == 0.0) continue;
+    ++count;
+    took += took_ms;
+    const double tried = tried_depth(a, b, T_ab, random);
+    EXPECT_LT(tried, 40.0);
+    deepest_less = std::max(deepest_less, tried - out.depth);
+    if (out.depth < tried - resolution) ++less;
+    if (out.depth < 1.1 * tried + 0.01) ++close;
+    most = std::max(most, out.depth / tried);
+    // and it is a way out
+    Pose T = T_a * T_ab;
+    T.pretranslate(out.depth * out.direction);
+    EXPECT_GT(gap(a, T_a, b, T).distance, 0.0) << n;
+    EXPECT_FALSE(is_inside(a, T_a, b, T)) << n;
+  }
+  std::cout << "seed " << seed << ": " << close << " of " << count << " within a tenth of "
+            << "what was tried, at most " << most << " times it; " << less << " shorter, by up to "
+            << deepest_less << " mm; " << took / count << " ms each\n";
+  EXPECT_GT(count, 20);
+  EXPECT_GE(close, 0.95 * count);
+}
+
 }  // namespace
 }  // namespace abbe::cutting::way_out_tests
