@@ -138,19 +138,29 @@ std::optional<Vector3d> first_apart(const Overlap& overlap, const Vector3d& from
   return {};
 }
 
-/// Where a pair that is apart after the translation q surely is, too: of the planes that part it
-/// the one that leaves the most of what is wanted.
-HalfSpace free_beside(const TrianglePair& pair, const Vector3d& q, const Vector3d& wanted,
-                      double apart) {
+/// Half-spaces in each of which a pair surely is apart, as it is after the translation q: beyond a
+/// plane across the way between them, or along the face of one of them.
+using Beside = std::array<HalfSpace, 3>;
+
+Beside beside(const TrianglePair& pair, const Vector3d& q, double apart) {
   const Gap there = gap(pair, q);
   const Vector3d nearest = (there.on_b - there.on_a).normalized();
-  HalfSpace best{nearest, std::min(apart - parted(pair, nearest), nearest.dot(q))};
-  for (const Vector3d& normal : {normal_of(pair.of_a), Vector3d(-normal_of(pair.of_b))}) {
-    const double least = apart - parted(pair, normal);
-    if (normal.isZero() || normal.dot(q) < least) continue;
-    if (normal.dot(wanted) - least > best.normal.dot(wanted) - best.least) best = {normal, least};
+  const HalfSpace across{nearest, std::min(apart - parted(pair, nearest), nearest.dot(q))};
+  Beside all{across, across, across};
+  const std::array<Vector3d, 2> normals{normal_of(pair.of_a), -normal_of(pair.of_b)};
+  for (std::size_t k = 0; k < 2; ++k) {
+    const double least = apart - parted(pair, normals[k]);
+    if (!normals[k].isZero() && normals[k].dot(q) >= least) all[k + 1] = {normals[k], least};
   }
-  return best;
+  return all;
+}
+
+/// mm that a translation lacks to be in a half-space.
+double lacking(const HalfSpace& half, const Vector3d& q) { return half.least - half.normal.dot(q); }
+
+/// The one that lacks least.
+const HalfSpace& easiest(const Beside& all, const Vector3d& q) {
+  return *std::ranges::min_element(all, {}, [&](const HalfSpace& one) { return lacking(one, q); });
 }
 
 /// Slides along what is met until nothing nearby is shorter.
@@ -175,13 +185,14 @@ class Slide {
   std::optional<Vector3d> shorter() {
     constexpr int most_rounds = 16;
     add(overlap_.met(q, most_pairs, 3.0));
+    std::vector<Beside> free;
     std::vector<HalfSpace> sides;
     Vector3d next = Vector3d::Zero();
     for (int round = 0; round < most_rounds; ++round) {
-      for (std::size_t i = sides.size(); i < pairs_.size(); ++i)
-        sides.push_back(free_beside(pairs_[i], q, next, overlap_.apart));
-      const std::optional<Vector3d> found = shortest_in(sides);
-      if (!found || !(found->norm() < q.norm() - 0.01 * overlap_.apart)) return {};
+      for (std::size_t i = free.size(); i < pairs_.size(); ++i)
+        free.push_back(beside(pairs_[i], q, overlap_.apart));
+      const std::optional<Vector3d> found = shortest_beside(free, sides, next);
+      if (!found) return {};
       next = *found;
       const std::vector<TrianglePair> met = overlap_.met(next, most_pairs);
       if (met.empty() && !overlap_.is_inside(next)) return next;
@@ -190,6 +201,27 @@ class Slide {
     }
     const Vector3d back = q - next;
     return first_apart(overlap_, next, back.normalized(), back.norm());
+  }
+
+  /// Takes a plane for the pair that lacks most, again and again: it often clears others, which
+  /// need none of their own then. None where nothing is gained.
+  std::optional<Vector3d> shortest_beside(const std::vector<Beside>& free,
+                                          std::vector<HalfSpace>& sides, Vector3d next) const {
+    constexpr double rounding = 1e-8;  // mm
+    constexpr std::size_t most_sides = 256;
+    while (sides.size() < most_sides) {
+      HalfSpace hardest{Vector3d::Zero(), rounding};
+      for (const Beside& one : free)
+        if (const HalfSpace& side = easiest(one, next);
+            lacking(side, next) > lacking(hardest, next))
+          hardest = side;
+      if (hardest.normal.isZero()) return next;
+      sides.push_back(hardest);
+      const std::optional<Vector3d> found = shortest_in(sides);
+      if (!found || !(found->norm() < q.norm() - 0.01 * overlap_.apart)) return {};
+      next = *found;
+    }
+    return {};
   }
 
   void add(const std::vector<TrianglePair>& pairs) {
