@@ -359,10 +359,14 @@ class NearTriangles {
   std::vector<TrianglePair> found;
 
  private:
+  /// By the six planes of their faces, which are far quicker than FCL's fifteen.
   bool are_apart(const fcl::OBBd& one, const fcl::OBBd& other) const {
-    const Eigen::Matrix3d R = one.axis.transpose() * R_ * other.axis;
-    const Vector3d t = one.axis.transpose() * (R_ * other.To + t_ - one.To);
-    return fcl::obbDisjoint<double>(R, t, one.extent, other.extent + Vector3d::Constant(within_));
+    const Eigen::Matrix3d R = one.axis.transpose() * (R_ * other.axis), size = R.cwiseAbs();
+    const Vector3d way = R_ * other.To + (t_ - one.To), t = one.axis.transpose() * way;
+    const Vector3d extent = other.extent + Vector3d::Constant(within_);
+    if (((t.cwiseAbs() - one.extent - size * extent).array() > 0.0).any()) return true;
+    const Vector3d back = R.transpose() * t;
+    return ((back.cwiseAbs() - extent - size.transpose() * one.extent).array() > 0.0).any();
   }
 
   /// One half has no more than half of what is wanted, so that not all are from one corner.

@@ -114,16 +114,17 @@ double clear_after(const TrianglePair& pair, const Vector3d& q, const Vector3d& 
 
 /// First translation from a place along a direction after which the two are apart, before a limit.
 /// A pair that meets stays in the way until it is clear; only where there are many small ones does
-/// a step go further, by a share of the way so far.
+/// a step go further, by a share of the limit.
 std::optional<Vector3d> first_apart(const Overlap& overlap, const Vector3d& from,
                                     const Vector3d& direction, double limit) {
-  constexpr int most_steps = 80, patient_steps = 12;
-  constexpr double share = 0.1;
+  constexpr int patient_steps = 6;
+  constexpr std::size_t most_pairs = 8;
+  constexpr double share = 1.0 / 24;
   double way = 0.0;
-  for (int step = 0; step < most_steps && way < limit; ++step) {
+  for (int step = 0; way < limit; ++step) {
     const Vector3d q = from + way * direction;
-    double further = step < patient_steps ? 0.1 * overlap.apart : share * way;
-    const std::vector<TrianglePair> pairs = overlap.met(q, 16);
+    double further = step < patient_steps ? 0.1 * overlap.apart : share * limit;
+    const std::vector<TrianglePair> pairs = overlap.met(q, most_pairs);
     for (const TrianglePair& pair : pairs)
       further = std::max(further, clear_after(pair, q, direction, overlap.apart));
     if (pairs.empty()) {
@@ -358,8 +359,13 @@ std::vector<Vector3d> directions_to_try(const Overlap& overlap, const std::vecto
   }
   all.insert(all.end(), axes.begin(), axes.end());
   for (const Vector3d& one : all_around(around)) all.push_back(one);
-  std::erase_if(all, [](const Vector3d& one) { return !(one.norm() > 0.5); });
-  return all;
+  std::vector<Vector3d> apart;
+  constexpr double alike = 0.996;  // 5 degrees
+  for (const Vector3d& one : all)
+    if (!one.isZero() &&
+        std::ranges::none_of(apart, [&](const Vector3d& other) { return one.dot(other) > alike; }))
+      apart.push_back(one);
+  return apart;
 }
 
 Vector3d shortest_way(const Overlap& overlap) {
