@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <numbers>
+#include <numeric>
 #include <queue>
 #include <utility>
 #include <vector>
@@ -41,10 +42,30 @@ namespace {
 
 using Piece = BodySearch::Piece;
 
-bool is_closed(const Triangles& triangles) {
+/// Of every vertex the first one at its place: a design has some of its own on each side of an
+/// edge, there but for rounding.
+std::vector<int> by_place(const Points& vertices) {
+  constexpr double grain = 1e-7;  // mm
+  const auto place = [&](int i) {
+    const Eigen::RowVector3d at = (vertices.row(i) / grain).array().round() + 0.0;
+    return std::array<double, 3>{at[0], at[1], at[2]};
+  };
+  std::vector<int> order(std::size_t(vertices.rows())), first(order.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::ranges::stable_sort(order, {}, place);
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const bool is_new = i == 0 || place(order[i]) != place(order[i - 1]);
+    first[std::size_t(order[i])] = is_new ? order[i] : first[std::size_t(order[i - 1])];
+  }
+  return first;
+}
+
+bool is_closed(const ClosedMesh& mesh) {
+  const std::vector<int> vertex = by_place(mesh.vertices);
   std::vector<std::pair<int, int>> edges;
-  for (const auto& t : triangles.rowwise())
-    for (int k = 0; k < 3; ++k) edges.emplace_back(t[k], t[(k + 1) % 3]);
+  for (const auto& t : mesh.triangles.rowwise())
+    for (int k = 0; k < 3; ++k)
+      edges.emplace_back(vertex[std::size_t(t[k])], vertex[std::size_t(t[(k + 1) % 3])]);
   std::ranges::sort(edges);
   return std::ranges::all_of(edges, [&](const auto& edge) {
     return std::ranges::binary_search(edges, std::pair(edge.second, edge.first));
@@ -84,7 +105,7 @@ void check(const ClosedMesh& mesh) {
 Piece piece_of(const ClosedMesh& mesh) {
   check(mesh);
   Piece piece = open_piece_of(mesh);
-  piece.closed = is_closed(mesh.triangles);
+  piece.closed = is_closed(mesh);
   return piece;
 }
 
@@ -187,7 +208,8 @@ Body body_of_patches(const ClosedMesh& mesh, double size, const Body& before) {
 double extent(const Body& body, const Vector3d& direction) {
   double most = -std::numeric_limits<double>::infinity();
   for (const auto& piece : body.search->pieces)
-    most = std::max(most, piece->mesh.skin + (piece->mesh.vertices * direction).maxCoeff());
+    if (piece->centre.dot(direction) + piece->radius > most)
+      most = std::max(most, piece->mesh.skin + (piece->mesh.vertices * direction).maxCoeff());
   return most;
 }
 

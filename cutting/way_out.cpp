@@ -112,29 +112,41 @@ double clear_after(const TrianglePair& pair, const Vector3d& q, const Vector3d& 
   return std::max(way, 0.0);
 }
 
+/// mm along a direction after which the two are apart, between where they meet and where they are.
+double halved(const Overlap& overlap, const Vector3d& from, const Vector3d& direction, double meet,
+              double apart) {
+  while (apart - meet > overlap.apart) {
+    const double middle = 0.5 * (meet + apart);
+    (overlap.is_apart(from + middle * direction) ? apart : meet) = middle;
+  }
+  return apart;
+}
+
 /// First translation from a place along a direction after which the two are apart, before a limit.
 /// A pair that meets stays in the way until it is clear; only where there are many small ones does
-/// a step go further, by a share of the limit.
+/// a step go further, by a part of the limit.
 std::optional<Vector3d> first_apart(const Overlap& overlap, const Vector3d& from,
-                                    const Vector3d& direction, double limit) {
-  constexpr int patient_steps = 6;
+                                    const Vector3d& direction, double limit, int parts) {
+  constexpr int patient_steps = 4;
   constexpr std::size_t most_pairs = 8;
-  constexpr double share = 1.0 / 24;
-  double way = 0.0;
+  double way = 0.0, met = 0.0, clear = 0.0;
   for (int step = 0; way < limit; ++step) {
     const Vector3d q = from + way * direction;
-    double further = step < patient_steps ? 0.1 * overlap.apart : share * limit;
     const std::vector<TrianglePair> pairs = overlap.met(q, most_pairs);
+    if (pairs.empty() && !overlap.is_inside(q))
+      return way > clear ? from + halved(overlap, from, direction, met, way) * direction : q;
+    double further = 0.1 * overlap.apart;
     for (const TrianglePair& pair : pairs)
       further = std::max(further, clear_after(pair, q, direction, overlap.apart));
     if (pairs.empty()) {
-      if (!overlap.is_inside(q)) return q;
       const GapOptions wanted{0.1, limit - way};
       further = std::max(
           further,
           gap(overlap.a, Pose::Identity(), overlap.b, overlap.moved(q), wanted).distance / 1.1);
     }
-    way += further;
+    met = way;
+    clear = way + further;
+    way = step < patient_steps ? clear : std::max(clear, way + limit / parts);
   }
   return {};
 }
@@ -201,7 +213,7 @@ class Slide {
       add(met);
     }
     const Vector3d back = q - next;
-    return first_apart(overlap_, next, back.normalized(), back.norm());
+    return first_apart(overlap_, next, back.normalized(), back.norm(), 16);
   }
 
   /// Takes a plane for the pair that lacks most, again and again: it often clears others, which
@@ -277,7 +289,7 @@ std::vector<HalfSpace> demands(const std::vector<TrianglePair>& pairs, bool of_a
 /// by what leaves each of its walls by its own way. The least demands come first: a shank in the
 /// wall of a pocket meets the rim, too, which it need not be lifted over.
 std::optional<Vector3d> out_of_faces(const Overlap& overlap, bool of_a, double limit) {
-  constexpr int most_steps = 40;
+  constexpr int most_steps = 24;
   constexpr std::size_t most_pairs = 128, most_walls = 24;
   constexpr double alike = 0.9999, together = 1.5;
   std::vector<HalfSpace> walls;
@@ -340,7 +352,6 @@ std::vector<Vector3d> all_around(int count) {
 /// Directions that may lead out, what the bodies themselves say first.
 std::vector<Vector3d> directions_to_try(const Overlap& overlap, const std::vector<Vector3d>& axes) {
   constexpr std::size_t most_pairs = 256, most_bunches = 8;
-  constexpr int around = 24;
   const std::vector<TrianglePair> pairs = overlap.met(Vector3d::Zero(), most_pairs);
   std::vector<Vector3d> all;
   for (const bool of_a : {true, false}) {
@@ -358,14 +369,18 @@ std::vector<Vector3d> directions_to_try(const Overlap& overlap, const std::vecto
     all.insert(all.end(), {way, -way});
   }
   all.insert(all.end(), axes.begin(), axes.end());
-  for (const Vector3d& one : all_around(around)) all.push_back(one);
-  std::vector<Vector3d> apart;
+  return all;
+}
+
+/// The first of those that are alike.
+std::vector<Vector3d> unlike(const std::vector<Vector3d>& all) {
   constexpr double alike = 0.996;  // 5 degrees
+  std::vector<Vector3d> kept;
   for (const Vector3d& one : all)
     if (!one.isZero() &&
-        std::ranges::none_of(apart, [&](const Vector3d& other) { return one.dot(other) > alike; }))
-      apart.push_back(one);
-  return apart;
+        std::ranges::none_of(kept, [&](const Vector3d& other) { return one.dot(other) > alike; }))
+      kept.push_back(one);
+  return kept;
 }
 
 Vector3d shortest_way(const Overlap& overlap) {
@@ -378,13 +393,15 @@ Vector3d shortest_way(const Overlap& overlap) {
     if (q.norm() < best.norm()) best = q;
   };
   for (const bool of_a : {true, false}) take(out_of_faces(overlap, of_a, best.norm()));
-  for (const Vector3d& direction : directions_to_try(overlap, axes)) {
+  const auto look = [&](const Vector3d& direction, int parts) {
     // a longer way may settle to a shorter one, but not to the one that was found next to it
     constexpr double reach = 1.2, beside = 0.7;
     const bool is_beside = direction.dot(best) > beside * best.norm();
-    take(
-        first_apart(overlap, Vector3d::Zero(), direction, (is_beside ? 1.0 : reach) * best.norm()));
-  }
+    const double limit = (is_beside ? 1.0 : reach) * best.norm();
+    take(first_apart(overlap, Vector3d::Zero(), direction, limit, parts));
+  };
+  for (const Vector3d& one : unlike(directions_to_try(overlap, axes))) look(one, 16);
+  for (const Vector3d& one : all_around(24)) look(one, 8);
   return best;
 }
 
