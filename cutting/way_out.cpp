@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -10,6 +11,7 @@
 #include <vector>
 
 #include "cutting/collision.h"
+#include "kinematics/require.h"
 
 namespace abbe::cutting {
 namespace {
@@ -374,7 +376,7 @@ std::vector<Vector3d> directions_to_try(const Overlap& overlap, const std::vecto
 
 /// The first of those that are alike.
 std::vector<Vector3d> unlike(const std::vector<Vector3d>& all) {
-  constexpr double alike = 0.996;  // 5 degrees
+  constexpr double alike = 0.999999;  // a narrow slot is left along its walls alone
   std::vector<Vector3d> kept;
   for (const Vector3d& one : all)
     if (!one.isZero() &&
@@ -408,6 +410,7 @@ Vector3d shortest_way(const Overlap& overlap) {
 }  // namespace
 
 WayOut way_out(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b, double resolution) {
+  require(resolution > 0.0, "way_out: the resolution must be positive");
   const Overlap overlap{a, b, T_a.inverse() * T_b, 0.5 * resolution};
   const Vector3d best = shortest_way(overlap);
   WayOut out;

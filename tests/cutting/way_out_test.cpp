@@ -65,12 +65,6 @@ ClosedMesh cylinder(double radius, double height) {
   return revolved_mesh(profile, sag);
 }
 
-ClosedMesh ball_cutter(double radius) {
-  Cutter cutter;
-  cutter.radius = cutter.corner_radius = radius;
-  return cutter_mesh(cutter, sag);
-}
-
 /// A body b in a body a, and the shortest translation of b out of it, which is known.
 struct Known {
   std::string name;
@@ -197,10 +191,10 @@ std::vector<Known> on_round_bodies() {
   all.push_back(
       {"through-hole", tube(5, 20, 20, 400), cylinder(4.0, 60.0), at({1 + d, 0, -20}), {-d, 0, 0}});
   const Vector3d slant = Vector3d(1, 2, 5).normalized();
-  all.push_back({"ball on a dome", sphere_mesh(40.0, 1e-3), sphere_mesh(6.0, sag),
+  all.push_back({"ball on a dome", sphere_mesh(40.0, 2e-3), sphere_mesh(6.0, sag),
                  at((46 - d) * slant), d * slant});
   all.push_back({"cylinder on a dome",
-                 sphere_mesh(40.0, 1e-3),
+                 sphere_mesh(40.0, 2e-3),
                  cylinder(6.0, 30.0),
                  at({0, 0, 40 - d}),
                  {0, 0, d}});
@@ -246,7 +240,8 @@ WayOut timed(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b) {
 void expect_known(const Known& known, std::mt19937& random) {
   const double expected = known.out.norm();
   for (const int times : {0, 3}) {
-    const ClosedMesh mesh = refined(known.a, known.a.triangles.rows() < 4000 ? times : 0);
+    if (times > 0 && known.a.triangles.rows() > 4000) continue;  // it has many
+    const ClosedMesh mesh = refined(known.a, times);
     const Body a = body_of(mesh), b = body_of(known.b);
     double worst = 0.0, longest = 0.0;
     for (int n = 0; n < 3; ++n) {
@@ -277,6 +272,71 @@ TEST(WayOut, OfAPocketIsTheShortest) { expect_all(in_a_pocket(), 301); }
 TEST(WayOut, OfAGrooveLeavesEveryWall) { expect_all(in_grooves(), 302); }
 TEST(WayOut, OfRoundBodiesIsAcrossThem) { expect_all(on_round_bodies(), 303); }
 TEST(WayOut, OfSolidBodiesIsTheShortest) { expect_all(in_solid_bodies(), 304); }
+
+TEST(WayOut, OfACutterInPiecesIsThatOfItsSurface) {
+  constexpr unsigned seed = 306;
+  std::mt19937 random(seed);
+  std::cout << "seed " << seed << "\n";
+  Cutter ball{5.0, 5.0, 20.0}, bull{5.0, 1.0, 20.0};
+  for (const Cutter& cutter : {ball, bull})
+    for (const int times : {0, 3}) {
+      const Body a = body_of(refined(pocket(), times)), b = body_of(cutter_pieces(cutter, sag));
+      const double d = 0.3;
+      const Pose T_a = held_parts::any_pose(random);
+      for (const auto& [tip, depth] :
+           {std::pair(Vector3d(wall + 5 - d, mid_y, 12), d),
+            std::pair(Vector3d(mid_x, mid_y, ground - d), d),
+            std::pair(Vector3d(wall + 5 - d, side + 5 - d, ground - d), std::sqrt(3.0) * d)})
+        EXPECT_NEAR(timed(a, T_a, b, T_a * at(tip)).depth, depth, 4e-3);
+    }
+}
+
+TEST(WayOut, OfAPartWithSeamsLeavesIt) {
+  // every triangle has vertices of its own, equal but for rounding
+  std::mt19937 random(307);
+  std::uniform_real_distribution<double> any(-1, 1);
+  const ClosedMesh whole = box_mesh({40, 30, 20});
+  ClosedMesh seams;
+  seams.vertices.resize(3 * whole.triangles.rows(), 3);
+  seams.triangles.resize(whole.triangles.rows(), 3);
+  for (Eigen::Index t = 0; t < whole.triangles.rows(); ++t)
+    for (int k = 0; k < 3; ++k) {
+      const Vector3d noise(any(random), any(random), any(random));
+      seams.vertices.row(3 * t + k) =
+          whole.vertices.row(whole.triangles(t, k)) + 1e-14 * noise.transpose();
+      seams.triangles(t, k) = int(3 * t + k);
+    }
+  const Body a = body_of(seams), b = body_of(sphere_mesh(3.0, sag));
+  const Pose I = Pose::Identity();
+  EXPECT_TRUE(is_inside(a, I, b, at({14, 2, 5})));
+  EXPECT_FALSE(is_inside(a, I, b, at({14, 2, 15})));
+  EXPECT_NEAR(way_out(a, I, b, at({14, 2, 5})).depth, 8.0, 4e-3);
+  EXPECT_EQ(way_out(a, I, b, at({14, 2, 15})).depth, 0.0);
+  EXPECT_THROW(way_out(a, I, b, I, 0.0), std::invalid_argument);
+}
+
+TEST(WayOut, OfAStockIsTheShortest) {
+  constexpr unsigned seed = 308;
+  std::mt19937 random(seed);
+  const Pose T_wk = held_parts::any_pose(random);
+  constexpr double spacing = 0.25;
+  Stock stock = held_parts::full_block(T_wk, spacing);
+  held_parts::mill_pocket(stock, ground, ground, held_parts::pocket_x, held_parts::pocket_y);
+  const StockMesh mesh = stock_mesh(stock);
+  const Body a = body_of_patches({mesh.vertices_w, mesh.triangles, 0.0}, 32 * spacing);
+  const Body b = body_of(cylinder(5.0, 60.0));
+  std::cout << "seed " << seed << ", " << mesh.triangles.rows() << " triangles\n";
+  for (const auto& [tip, depth] :
+       {std::pair(Vector3d(wall + 4.5, mid_y, 12), 0.5),
+        std::pair(Vector3d(wall + 3, mid_y, 12), 2.0),
+        std::pair(Vector3d(mid_x, mid_y, ground - 0.02), 0.02),
+        std::pair(Vector3d(mid_x, mid_y, ground - 2), 2.0),
+        std::pair(Vector3d(wall + 4.5, side + 4.7, 12), std::hypot(0.5, 0.3)),
+        std::pair(Vector3d(36, mid_y, 2), 9.0)}) {
+    EXPECT_NEAR(timed(a, Pose::Identity(), b, T_wk * at(tip)).depth, depth, 4e-3);
+    std::cout << depth << " mm in " << took_ms << " ms\n";
+  }
+}
 
 /// An extruded star, or a ball of flat faces with dents.
 ClosedMesh random_body(std::mt19937& random) {
@@ -316,7 +376,7 @@ double first_parted(const Body& a, const Body& b, const Pose& T_ab, const Vector
 
 /// The shortest way out, tried in many directions, then around the best of them.
 double tried_depth(const Body& a, const Body& b, const Pose& T_ab, std::mt19937& random) {
-  constexpr int all = 1000, around = 150;
+  constexpr int all = 800, around = 100;
   double best = 40.0;
   Vector3d direction = Vector3d::UnitZ();
   const auto look = [&](const Vector3d& one) {
@@ -342,7 +402,7 @@ TEST(WayOut, IsThatOfManyDirectionsTried) {
   std::uniform_real_distribution<double> any(-1, 1);
   int count = 0, close = 0, less = 0;
   double most = 0.0, deepest_less = 0.0, took = 0.0;
-  for (int n = 0; n < 60; ++n) {
+  for (int n = 0; n < 30; ++n) {
     const Body a = body_of(random_body(random)), b = body_of(random_body(random));
     const Pose T_a = held_parts::any_pose(random);
     const Pose T_ab = at(6.0 * Vector3d(any(random), any(random), any(random)),
@@ -366,7 +426,7 @@ TEST(WayOut, IsThatOfManyDirectionsTried) {
   std::cout << "seed " << seed << ": " << close << " of " << count << " within a tenth of "
             << "what was tried, at most " << most << " times it; " << less << " shorter, by up to "
             << deepest_less << " mm; " << took / count << " ms each\n";
-  EXPECT_GT(count, 20);
+  EXPECT_GT(count, 15);
   EXPECT_GE(close, 0.95 * count);
 }
 
