@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <numbers>
+#include <numeric>
 #include <queue>
 #include <utility>
 #include <vector>
@@ -41,10 +42,30 @@ namespace {
 
 using Piece = BodySearch::Piece;
 
-bool is_closed(const Triangles& triangles) {
+/// Of every vertex the first one at its place: a design has some of its own on each side of an
+/// edge, there but for rounding.
+std::vector<int> by_place(const Points& vertices) {
+  constexpr double grain = 1e-7;  // mm
+  const auto place = [&](int i) {
+    const Eigen::RowVector3d at = (vertices.row(i) / grain).array().round() + 0.0;
+    return std::array<double, 3>{at[0], at[1], at[2]};
+  };
+  std::vector<int> order(std::size_t(vertices.rows())), first(order.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::ranges::stable_sort(order, {}, place);
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const bool is_new = i == 0 || place(order[i]) != place(order[i - 1]);
+    first[std::size_t(order[i])] = is_new ? order[i] : first[std::size_t(order[i - 1])];
+  }
+  return first;
+}
+
+bool is_closed(const ClosedMesh& mesh) {
+  const std::vector<int> vertex = by_place(mesh.vertices);
   std::vector<std::pair<int, int>> edges;
-  for (const auto& t : triangles.rowwise())
-    for (int k = 0; k < 3; ++k) edges.emplace_back(t[k], t[(k + 1) % 3]);
+  for (const auto& t : mesh.triangles.rowwise())
+    for (int k = 0; k < 3; ++k)
+      edges.emplace_back(vertex[std::size_t(t[k])], vertex[std::size_t(t[(k + 1) % 3])]);
   std::ranges::sort(edges);
   return std::ranges::all_of(edges, [&](const auto& edge) {
     return std::ranges::binary_search(edges, std::pair(edge.second, edge.first));
@@ -84,7 +105,7 @@ void check(const ClosedMesh& mesh) {
 Piece piece_of(const ClosedMesh& mesh) {
   check(mesh);
   Piece piece = open_piece_of(mesh);
-  piece.closed = is_closed(mesh.triangles);
+  piece.closed = is_closed(mesh);
   return piece;
 }
 
@@ -219,7 +240,8 @@ Body swept_ball(const Points& centres, double radius) {
 double extent(const Body& body, const Vector3d& direction) {
   double most = -std::numeric_limits<double>::infinity();
   for (const auto& piece : body.search->pieces)
-    most = std::max(most, piece->mesh.skin + (piece->mesh.vertices * direction).maxCoeff());
+    if (piece->centre.dot(direction) + piece->radius > most)
+      most = std::max(most, piece->mesh.skin + (piece->mesh.vertices * direction).maxCoeff());
   return most;
 }
 
@@ -375,7 +397,154 @@ Gap gap(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b, const Ga
 
 namespace {
 
-/// How often a closed surface goes around a point: by the solid angles of its triangles.
+/// Collects triangles of two trees that are as near as this, b placed in the frame of a.
+class NearTriangles {
+ public:
+  NearTriangles(const Piece& a, const Piece& b, const Pose& T_ab, double within, std::size_t most)
+      : a_(a),
+        b_(b),
+        R_(T_ab.linear()),
+        t_(T_ab.translation()),
+        skins_(a.mesh.skin + b.mesh.skin),
+        within_(within + skins_) {
+    descend(0, 0, most);
+  }
+
+  std::vector<TrianglePair> found;
+
+ private:
+  /// By the six planes of their faces, which are far quicker than FCL's fifteen.
+  bool are_apart(const fcl::OBBd& one, const fcl::OBBd& other) const {
+    const Eigen::Matrix3d R = one.axis.transpose() * (R_ * other.axis), size = R.cwiseAbs();
+    const Vector3d way = R_ * other.To + (t_ - one.To), t = one.axis.transpose() * way;
+    const Vector3d extent = other.extent + Vector3d::Constant(within_);
+    if (((t.cwiseAbs() - one.extent - size * extent).array() > 0.0).any()) return true;
+    const Vector3d back = R.transpose() * t;
+    return ((back.cwiseAbs() - extent - size.transpose() * one.extent).array() > 0.0).any();
+  }
+
+  /// One half has no more than half of what is wanted, so that not all are from one corner.
+  void descend(int i, int j, std::size_t most) {
+    const auto &of_a = a_.tree.getBV(i), &of_b = b_.tree.getBV(j);
+    if (most == 0 || are_apart(of_a.bv.obb, of_b.bv.obb)) return;
+    if (of_a.isLeaf() && of_b.isLeaf()) return look(of_a.primitiveId(), of_b.primitiveId());
+    const bool divide_a = of_b.isLeaf() || (!of_a.isLeaf() && of_a.bv.size() > of_b.bv.size());
+    const std::size_t before = found.size();
+    divide_a ? descend(of_a.first_child, j, (most + 1) / 2)
+             : descend(i, of_b.first_child, (most + 1) / 2);
+    most -= found.size() - before;
+    divide_a ? descend(of_a.first_child + 1, j, most) : descend(i, of_b.first_child + 1, most);
+  }
+
+  void look(int i, int j) {
+    const fcl::Triangle &s = a_.tree.tri_indices[i], &t = b_.tree.tri_indices[j];
+    TrianglePair pair;
+    pair.skins = skins_;
+    for (std::size_t k = 0; k < 3; ++k) {
+      pair.of_a[k] = a_.tree.vertices[s[k]];
+      pair.of_b[k] = R_ * b_.tree.vertices[t[k]] + t_;
+    }
+    if (gap(pair, Vector3d::Zero()).distance <= within_ - skins_) found.push_back(pair);
+  }
+
+  const Piece &a_, &b_;
+  Eigen::Matrix3d R_;
+  Vector3d t_;
+  double skins_, within_;
+};
+
+}  // namespace
+
+std::vector<TrianglePair> near_pairs(const Body& a, const Body& b, const Pose& T_ab, double within,
+                                     std::size_t most) {
+  std::vector<std::pair<const Piece*, const Piece*>> pieces;
+  for (const auto& other : b.search->pieces) {
+    const Vector3d centre = T_ab * other->centre;
+    for (const auto& one : a.search->pieces)
+      if ((one->centre - centre).norm() - one->radius - other->radius <= within)
+        pieces.emplace_back(one.get(), other.get());
+  }
+  std::vector<TrianglePair> all;
+  for (std::size_t i = 0; i < pieces.size() && all.size() < most; ++i) {
+    const std::size_t left = pieces.size() - i, share = (most - all.size() + left - 1) / left;
+    const auto& [one, other] = pieces[i];
+    const std::vector<TrianglePair> found = NearTriangles(*one, *other, T_ab, within, share).found;
+    all.insert(all.end(), found.begin(), found.end());
+  }
+  return all;
+}
+
+Gap gap(const TrianglePair& pair, const Vector3d& moved) {
+  const auto &a = pair.of_a, &b = pair.of_b;
+  Gap found;
+  found.distance = fcl::detail::TriangleDistanced::triDistance(
+      a[0], a[1], a[2], b[0] + moved, b[1] + moved, b[2] + moved, found.on_a, found.on_b);
+  found.distance -= pair.skins;
+  return found;
+}
+
+namespace {
+
+/// How often a closed surface goes around a point, by what a ray from there crosses. An edge has
+/// the same side for both of its triangles, to the bit, so none is missed or met twice.
+class Crossings {
+ public:
+  /// @param frame  its third column is the ray
+  Crossings(const Piece& shell, const Vector3d& point, const Eigen::Matrix3d& frame)
+      : shell_(shell), point_(point), across_(frame.transpose()) {
+    descend(0);
+  }
+
+  int sum = 0;
+  bool is_sure = true;  ///< else the ray meets an edge
+
+ private:
+  bool is_met(const fcl::OBBd& box) const {
+    const Vector3d from = box.axis.transpose() * (point_ - box.To),
+                   along = box.axis.transpose() * across_.row(2).transpose();
+    double first = 0.0, last = std::numeric_limits<double>::infinity();
+    for (int k = 0; k < 3; ++k) {
+      const double extent = box.extent[k] + 1e-9 * (1.0 + box.extent.maxCoeff());
+      const double one = (-extent - from[k]) / along[k], other = (extent - from[k]) / along[k];
+      first = std::max(first, std::min(one, other));
+      last = std::min(last, std::max(one, other));
+    }
+    return first <= last;
+  }
+
+  void descend(int i) {
+    const auto& node = shell_.tree.getBV(i);
+    if (!is_sure || !is_met(node.bv.obb)) return;
+    if (node.isLeaf()) return look(node.primitiveId());
+    descend(node.first_child);
+    descend(node.first_child + 1);
+  }
+
+  void look(int triangle) {
+    const fcl::Triangle& t = shell_.tree.tri_indices[triangle];
+    std::array<Vector3d, 3> p;
+    for (std::size_t k = 0; k < 3; ++k) p[k] = across_ * (shell_.tree.vertices[t[k]] - point_);
+    Vector3d side;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vector3d &a = p[(k + 1) % 3], &b = p[(k + 2) % 3];
+      side[Eigen::Index(k)] = a.x() * b.y() - a.y() * b.x();
+    }
+    if ((side.array() > 0.0).any() && (side.array() < 0.0).any()) return;
+    const double area = side.sum();
+    const double ahead = side.dot(Vector3d(p[0].z(), p[1].z(), p[2].z())) / area;
+    if ((side.array() == 0.0).any()) {
+      is_sure = false;
+      return;
+    }
+    if (ahead > 0.0) sum += area > 0.0 ? 1 : -1;
+  }
+
+  const Piece& shell_;
+  Vector3d point_;
+  Eigen::Matrix3d across_;
+};
+
+/// The same by the solid angles of its triangles.
 double windings(const ClosedMesh& mesh, const Vector3d& point) {
   double solid_angle = 0.0;
   for (const auto& t : mesh.triangles.rowwise()) {
@@ -389,15 +558,32 @@ double windings(const ClosedMesh& mesh, const Vector3d& point) {
   return solid_angle / (4.0 * std::numbers::pi);
 }
 
+bool is_around(const Body& outer, const Vector3d& point) {
+  // no face of a part is likely to lie along one of these
+  for (const Vector3d& turn : {Vector3d(0.41, 0.83, -0.29), Vector3d(-1.13, 0.37, 0.71)}) {
+    const Eigen::Matrix3d frame =
+        Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
+    int sum = 0;
+    bool is_sure = true;
+    for (const auto& shell : outer.search->pieces) {
+      if (!shell->closed) continue;
+      const Crossings crossings(*shell, point, frame);
+      sum += crossings.sum;
+      is_sure = is_sure && crossings.is_sure;
+    }
+    if (is_sure) return sum != 0;
+  }
+  double sum = 0.0;
+  for (const auto& shell : outer.search->pieces)
+    if (shell->closed) sum += windings(shell->mesh, point);
+  return std::abs(sum) > 0.5;
+}
+
 /// Whether one body lies around a piece of the other.
-bool holds(const Body& outer, const Pose& T_outer, const Body& inner, const Pose& T_inner) {
-  const Pose T = T_outer.inverse() * T_inner;
+bool holds(const Body& outer, const Body& inner, const Pose& T) {
   return std::ranges::any_of(inner.search->pieces, [&](const auto& piece) {
     const Vector3d point = T * Vector3d(piece->mesh.vertices.row(0).transpose());
-    double sum = 0.0;
-    for (const auto& shell : outer.search->pieces)
-      if (shell->closed) sum += windings(shell->mesh, point);
-    return std::abs(sum) > 0.5;
+    return (point - outer.centre).norm() <= outer.radius && is_around(outer, point);
   });
 }
 
@@ -406,7 +592,11 @@ bool holds(const Body& outer, const Pose& T_outer, const Body& inner, const Pose
 bool is_inside(const Body& a, const Pose& T_a, const Body& b, const Pose& T_b) {
   constexpr double any = 1e-6;  // mm
   return gap(a, T_a, b, T_b, {0.0, any}).distance > 0.0 &&
-         (holds(a, T_a, b, T_b) || holds(b, T_b, a, T_a));
+         is_inside_apart(a, b, T_a.inverse() * T_b);
+}
+
+bool is_inside_apart(const Body& a, const Body& b, const Pose& T_ab) {
+  return holds(a, b, T_ab) || holds(b, a, T_ab.inverse());
 }
 
 namespace {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <limits>
 #include <optional>
 #include <vector>
@@ -51,6 +53,23 @@ BallsOfBody balls_of(const Body& body);
 /// @param centres  (n x 3) mm, n >= 2
 /// @throws std::invalid_argument for fewer
 Body swept_ball(const Points& centres, double radius);
+
+/// The same where their surfaces are known to be apart.
+bool is_inside_apart(const Body& a, const Body& b, const kinematics::Pose& T_ab);
+
+/// A triangle of each of two bodies, in the frame of the first.
+struct TrianglePair {
+  std::array<Eigen::Vector3d, 3> of_a, of_b;
+  double skins = 0.0;  ///< mm, of both together
+};
+
+/// Triangles of two bodies that are as near as this, mm, skins included; no more than `most` of
+/// them, which are then from all over.
+std::vector<TrianglePair> near_pairs(const Body& a, const Body& b, const kinematics::Pose& T_ab,
+                                     double within, std::size_t most);
+
+/// Of two triangles, the second moved by a translation; below zero where skins overlap.
+Gap gap(const TrianglePair& pair, const Eigen::Vector3d& moved);
 
 struct ApproachOptions {
   double resolution = 5e-3;   ///< mm, a smaller distance is contact

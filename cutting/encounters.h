@@ -97,16 +97,4 @@ struct Encounters {
 Encounters encounters(const std::vector<CarriedBody>& bodies, const std::vector<BodyPair>& pairs,
                       const CarriedMotion& motion, const EncounterOptions& options = {});
 
-/// The shortest way out of an overlap that was found, a translation of b.
-struct WayOut {
-  double depth = 0.0;  ///< mm, its length
-  Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
-};
-
-/// Tries the axes of both frames, and from the best of them
-/// the normals of the contacts met, so the depth is that of the shortest translation for a body and
-/// a face of the other, and never less than it by more than the resolution.
-WayOut way_out(const Body& a, const kinematics::Pose& T_a, const Body& b,
-               const kinematics::Pose& T_b, double resolution = 1e-3);
-
 }  // namespace abbe::cutting

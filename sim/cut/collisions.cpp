@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "cutting/encounters.h"
+#include "cutting/way_out.h"
 #include "sim/cut/bodies.h"
 #include "sim/cut/following.h"
 #include "sim/cut/inside_tables.h"

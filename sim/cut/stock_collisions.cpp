@@ -9,6 +9,7 @@
 #include <variant>
 
 #include "cutting/collision.h"
+#include "cutting/way_out.h"
 #include "sim/cut/milling.h"
 
 namespace abbe::sim {

@@ -9,6 +9,8 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include "cutting/way_out.h"
+
 namespace abbe::cutting::encounters_tests {
 namespace {
 
