@@ -33,6 +33,9 @@ Gap gap(const Body& a, const kinematics::Pose& T_a, const Body& b, const kinemat
 bool is_inside(const Body& a, const kinematics::Pose& T_a, const Body& b,
                const kinematics::Pose& T_b);
 
+/// The same where their surfaces are known to be apart.
+bool is_inside_apart(const Body& a, const Body& b, const kinematics::Pose& T_ab);
+
 struct Ball {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< mm
   double radius = 0.0;                               ///< mm
@@ -53,9 +56,6 @@ BallsOfBody balls_of(const Body& body);
 /// @param centres  (n x 3) mm, n >= 2
 /// @throws std::invalid_argument for fewer
 Body swept_ball(const Points& centres, double radius);
-
-/// The same where their surfaces are known to be apart.
-bool is_inside_apart(const Body& a, const Body& b, const kinematics::Pose& T_ab);
 
 /// A triangle of each of two bodies, in the frame of the first.
 struct TrianglePair {
