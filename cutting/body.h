@@ -77,6 +77,9 @@ Body body_of(const std::vector<ClosedMesh>& pieces);
 /// @throws std::invalid_argument as `body_of`, or for a size that is not positive
 Body body_of_patches(const ClosedMesh& mesh, double size, const Body& before = {});
 
+/// Of a body along a direction (unit, in its own frame).
+Eigen::Vector3d farthest_point(const Body& body, const Eigen::Vector3d& direction);
+
 /// mm along a direction (unit, in its own frame), of the point of the body farthest that way.
 double extent(const Body& body, const Eigen::Vector3d& direction);
 

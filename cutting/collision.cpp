@@ -237,12 +237,22 @@ Body swept_ball(const Points& centres, double radius) {
   return body_of(mesh);
 }
 
-double extent(const Body& body, const Vector3d& direction) {
+Vector3d farthest_point(const Body& body, const Vector3d& direction) {
   double most = -std::numeric_limits<double>::infinity();
-  for (const auto& piece : body.search->pieces)
-    if (piece->centre.dot(direction) + piece->radius > most)
-      most = std::max(most, piece->mesh.skin + (piece->mesh.vertices * direction).maxCoeff());
-  return most;
+  Vector3d farthest = Vector3d::Zero();
+  for (const auto& piece : body.search->pieces) {
+    if (!(piece->centre.dot(direction) + piece->radius > most)) continue;
+    Eigen::Index vertex = 0;
+    const double height = piece->mesh.skin + (piece->mesh.vertices * direction).maxCoeff(&vertex);
+    if (height <= most) continue;
+    most = height;
+    farthest = piece->mesh.vertices.row(vertex).transpose() + piece->mesh.skin * direction;
+  }
+  return farthest;
+}
+
+double extent(const Body& body, const Vector3d& direction) {
+  return direction.dot(farthest_point(body, direction));
 }
 
 double farthest(const Pose& from, const Pose& to, const Body& body) {

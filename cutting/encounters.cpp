@@ -13,6 +13,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include "cutting/parting_plane.h"
 #include "kinematics/require.h"
 
 namespace abbe::cutting {
@@ -45,6 +46,8 @@ struct Task {
   std::vector<Nearest> seen = {};             // (pairs) somewhere on the way
   std::vector<BallsOfBody> parts = {};  // (pairs) of the moving body where only contact matters
 
+  std::vector<std::vector<Ball>> rest_hulls = {};  // (pairs)
+
   const CarriedBody& fixed(int pair) const {
     return bodies[std::size_t(pairs[std::size_t(pair)].a)];
   }
@@ -67,10 +70,10 @@ struct Known {
   double low = 0.0, high = infinite;  // mm, at `instant`
   bool met = true;                    // in contact there, or not known: one may be inside the other
   std::size_t instant = 0;
-  Vector3d normal = Vector3d::Zero();  // of a plane between them, in the frame of a,
-  double beyond = 0.0;                 // mm along it, which a does not pass
-  bool asked = false;                  // its gap there,
-  double most = infinite;              // up to this
+  std::optional<PartingPlane> plane;  // between them, where it was wanted, and
+  Vector3d on_b = Vector3d::Zero();   // the point of the gap in the frame of b
+  bool asked = false;                 // its gap there,
+  double most = infinite;             // up to this
   Gap gap;
   Nearest best;
 };
@@ -79,6 +82,7 @@ struct Known {
 struct Cleared {
   std::size_t balls = 0, rest = 0;
   std::size_t not_before = 0;  // up to there what the balls sweep says nothing
+  PartingPlane plane = {};     // between a and the rest
 };
 
 /// Of a line through points those between which all others are within a distance of the straight
@@ -220,11 +224,7 @@ class Chunk {
         known.asked = true;
         known.most = options.most;
         known.gap = here;
-        known.normal = Vector3d::Zero();
-        if (here.distance > task_.options.resolution && here.distance < options.most) {
-          known.normal = (here.on_b - here.on_a).normalized();
-          known.beyond = infinite;  // not known yet
-        }
+        known.plane.reset();
       }
     }
     note(pair, {begin_ + i, 0.0}, here, nearest);
@@ -236,13 +236,13 @@ class Chunk {
   double by_plane(int pair, std::size_t i) {
     Known& known = known_[std::size_t(pair)];
     const std::vector<Ball>& hull = task_.hulls[std::size_t(task_.pairs[std::size_t(pair)].b)];
-    if (hull.empty() || known.normal.isZero(0.0)) return 0.0;
-    if (known.beyond == infinite) known.beyond = extent(task_.fixed(pair).body, known.normal);
-    const Pose T = relative(pair, i);
-    const Vector3d normal = T.linear().transpose() * known.normal;
-    double least = infinite;
-    for (const Ball& ball : hull) least = std::min(least, normal.dot(ball.centre) - ball.radius);
-    return least + known.normal.dot(T.translation()) - known.beyond;
+    if (!known.plane) {
+      if (!known.asked || known.met || known.high >= known.most) return 0.0;
+      const Pose T = relative(pair, known.instant);
+      known.plane = parting_plane(task_.fixed(pair).body, hull, T, known.gap.on_b - known.gap.on_a);
+      known.on_b = T.inverse() * known.gap.on_b;
+    }
+    return beyond(*known.plane, hull, relative(pair, i));
   }
 
   /// The same from one instant to another. Where that is enough the second is then known.
@@ -250,12 +250,25 @@ class Chunk {
     const auto p = std::size_t(pair);
     Known& known = known_[p];
     if (known.instant > i0) return 0.0;
-    const double here = std::max(known.low - moved(p, known.instant, i0), by_plane(pair, i0)),
-                 there = std::max(known.low - moved(p, known.instant, i1), by_plane(pair, i1));
-    const double least = 0.5 * (here + there - moved(p, i0, i1));
-    if (least < enough) return least;
+    const auto at = [&](std::size_t i) {
+      return std::max(known.low - moved(p, known.instant, i), by_plane(pair, i));
+    };
+    const double here = at(i0), there = at(i1);
+    double least = 0.5 * (here + there - moved(p, i0, i1));
+    if (least < enough && known.plane && std::min(here, there) >= enough) {
+      least = infinite;
+      double before = here;
+      for (std::size_t i = i0; i < i1 && least >= enough; ++i) {
+        const double after = at(i + 1);
+        least = std::min(least, 0.5 * (before + after - moved(p, i, i + 1)));
+        before = after;
+      }
+    }
+    if (least < enough || !known.plane) return least;
     known.low = there;
-    known.high += moved(p, known.instant, i1);
+    // two of their points are no nearer than the bodies
+    const Vector3d apart = relative(pair, i1) * known.on_b - known.gap.on_a;
+    known.high = std::min(known.high + moved(p, known.instant, i1), apart.norm());
     known.instant = i1;
     known.asked = false;
     return least;
@@ -363,16 +376,26 @@ class Chunk {
 
   bool rest_passes(int pair, std::size_t i0, std::size_t i1) {
     const auto p = std::size_t(pair);
-    const double share = rough * task_.options.share;
-    std::size_t& to = cleared_[p].rest;
-    for (to = std::max(to, i0); to < i1;) {
-      const std::size_t from = to;
-      const Gap rest = gap(task_.fixed(pair).body, Pose::Identity(), *task_.parts[p].rest,
-                           relative(pair, from), {share});
+    Cleared& cleared = cleared_[p];
+    cleared.rest = std::max(cleared.rest, i0);
+    const auto goes_on = [&](double far) {
+      const std::size_t from = cleared.rest;
+      while (cleared.rest + 1 < poses_.size() &&
+             moved(p, from, cleared.rest + 1) < far - task_.options.resolution)
+        ++cleared.rest;
+      return cleared.rest > from;
+    };
+    while (cleared.rest < i1) {
+      const Pose T = relative(pair, cleared.rest);
+      const std::vector<Ball>& hull = task_.rest_hulls[p];
+      if (goes_on(beyond(cleared.plane, hull, T))) continue;
+      const double share = rough * task_.options.share;
+      const Gap rest =
+          gap(task_.fixed(pair).body, Pose::Identity(), *task_.parts[p].rest, T, {share});
       ++queries;
-      const double far = rest.distance / (1.0 + share) - task_.options.resolution;
-      while (to + 1 < poses_.size() && moved(p, from, to + 1) < far) ++to;
-      if (to == from) return false;
+      cleared.plane =
+          parting_plane(task_.fixed(pair).body, hull, T, Vector3d(rest.on_b - rest.on_a));
+      if (!goes_on(rest.distance / (1.0 + share))) return false;
     }
     return true;
   }
@@ -607,6 +630,8 @@ Encounters encounters(const std::vector<CarriedBody>& bodies, const std::vector<
     task.parts.push_back(pair.contact_only && options.accelerated
                              ? balls_of(bodies[std::size_t(pair.b)].body)
                              : BallsOfBody{});
+  for (const BallsOfBody& one : task.parts)
+    task.rest_hulls.push_back(one.rest ? hull_of(*one.rest) : std::vector<Ball>{});
   Encounters all;
   all.pairs.resize(pairs.size());
   const std::vector<Pose> T = task.placed(0, 0.0);

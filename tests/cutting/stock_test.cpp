@@ -32,7 +32,7 @@ StockMove straight(const Vector3d& from, const Vector3d& to, int line = 1, bool 
 }
 
 /// A box of twelve triangles, turned by R about the origin.
-MeshBlank box_mesh(const Vector3d& half, const Eigen::Matrix3d& R = Eigen::Matrix3d::Identity()) {
+MeshBlank meshed_box(const Vector3d& half, const Eigen::Matrix3d& R = Eigen::Matrix3d::Identity()) {
   MeshBlank mesh;
   mesh.vertices_k.resize(8, 3);
   for (int i = 0; i < 8; ++i) {
@@ -205,7 +205,7 @@ Convergence convergence(const std::string& name, const Cutter& cutter, double de
                 .toRotationMatrix();
       Isometry3d T_wk = Isometry3d::Identity();
       T_wk.linear() = R;
-      Stock stock = make_stock(box_mesh(half, R.transpose()), T_wk, {h, true});
+      Stock stock = make_stock(meshed_box(half, R.transpose()), T_wk, {h, true});
       const double y = h * unit(random);
       const Removed removed =
           remove(stock, cutter, straight({-40, y, half.z() - depth}, {40, y, half.z() - depth}));
@@ -441,7 +441,7 @@ TEST(Stock, DepthIsExactOnPlanesHoweverTheyLie) {
         Eigen::Quaterniond(unit(random), unit(random), unit(random), unit(random))
             .normalized()
             .toRotationMatrix();
-    const Stock stock = make_stock(box_mesh({9, 9, 9}, R), Isometry3d::Identity(), {0.5, true});
+    const Stock stock = make_stock(meshed_box({9, 9, 9}, R), Isometry3d::Identity(), {0.5, true});
     for (int k = 0; k < 100; ++k) {
       const Vector3d on_face = R * Vector3d(6 * unit(random), 6 * unit(random), 9);
       worst = std::max(worst, std::abs(depth(stock, on_face)));
@@ -538,10 +538,10 @@ TEST(Stock, MeshVerticesLieOnFlatSkin) {
 
 TEST(Blank, BoxMeshAndCylinderHoldTheirVolume) {
   EXPECT_NEAR(volume(box({-1, 2, 3}, {9, 7, 6}, 0.5)), 150.0, 1e-9);
-  const Stock mesh = make_stock(box_mesh({5, 2.5, 1.5}), Isometry3d::Identity(), {0.5, true});
+  const Stock mesh = make_stock(meshed_box({5, 2.5, 1.5}), Isometry3d::Identity(), {0.5, true});
   EXPECT_NEAR(volume(mesh), 150.0, 1e-9);
   const Eigen::Matrix3d R = Eigen::Quaterniond(1, 0.2, -0.3, 0.4).normalized().toRotationMatrix();
-  const Stock turned = make_stock(box_mesh({5, 2.5, 1.5}, R), Isometry3d::Identity(), {0.1, true});
+  const Stock turned = make_stock(meshed_box({5, 2.5, 1.5}, R), Isometry3d::Identity(), {0.1, true});
   EXPECT_NEAR(volume(turned), 150.0, 0.15);
 }
 
@@ -560,13 +560,13 @@ TEST(Blank, LinesThroughEdgesAndVerticesOfAMeshCountOnce) {
 }
 
 TEST(Blank, OpenAndFlippedMeshesAreRefused) {
-  MeshBlank open = box_mesh({5, 2, 1});
+  MeshBlank open = meshed_box({5, 2, 1});
   open.triangles.conservativeResize(11, 3);
   EXPECT_THROW(make_stock(open, Isometry3d::Identity()), std::invalid_argument);
-  MeshBlank flipped = box_mesh({5, 2, 1});
+  MeshBlank flipped = meshed_box({5, 2, 1});
   flipped.triangles.col(0).swap(flipped.triangles.col(1));
   EXPECT_THROW(make_stock(flipped, Isometry3d::Identity()), std::invalid_argument);
-  MeshBlank beyond = box_mesh({5, 2, 1});
+  MeshBlank beyond = meshed_box({5, 2, 1});
   beyond.triangles(3, 1) = 8;
   EXPECT_THROW(make_stock(beyond, Isometry3d::Identity()), std::invalid_argument);
   EXPECT_THROW(make_stock(MeshBlank{}, Isometry3d::Identity()), std::invalid_argument);
@@ -608,7 +608,7 @@ TEST(Blank, AnOffsetBlankStandsBetweenTheRaisedDesignAndTheFloor) {
 }
 
 TEST(Blank, AClosedDesignIsRaisedAsItIs) {
-  const MeshBlank cube = box_mesh({5, 5, 5});
+  const MeshBlank cube = meshed_box({5, 5, 5});
   Design design;
   design.vertices = cube.vertices_k;
   design.triangles = cube.triangles;
