@@ -26,9 +26,9 @@ TEST(PartingPlane, IsNeverFartherThanTheGap) {
   };
   double worst = 1.0;
   int parted = 0;
-  for (int n = 0; n < 500; ++n) {
+  for (int n = 0; n < 300; ++n) {
     const Body a = n % 2 == 0 ? body_of(box_mesh({length(random), length(random), length(random)}))
-                              : body_of(sphere_mesh(length(random), 0.01));
+                              : body_of(sphere_mesh(length(random), 0.2));
     const Body b = body_of(cutter_pieces(Cutter{5, n % 3 == 0 ? 5.0 : 1.0, 40}, 0.01));
     const std::vector<Ball> hull = hull_of(b);
     const Pose T = pose();
@@ -46,7 +46,7 @@ TEST(PartingPlane, IsNeverFartherThanTheGap) {
     }
   }
   std::cout << parted << " pairs, the plane at least at " << worst << " of the gap\n";
-  EXPECT_GT(parted, 200);
+  EXPECT_GT(parted, 150);
   EXPECT_GT(worst, 0.9);
 }
 
