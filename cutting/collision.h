@@ -43,7 +43,7 @@ struct Ball {
 
 /// Balls in the frame of a body whose hull holds it, its vertices and skins; none where there are
 /// more than `most`.
-std::vector<Ball> hull_of(const Body& body, std::size_t most = 8192);
+std::vector<Ball> hull_of(const Body& body, std::size_t most = 1024);
 
 /// Balls among the pieces of a body, such as the end of a ball cutter, and what else there is.
 struct BallsOfBody {
