@@ -128,7 +128,8 @@ render::Panel clearance_panel(const Collisions& collisions) {
     if (met.x.size() > 0) panel.series.push_back(std::move(met));
   }
   if (all > pairs.size())
-    panel.note.push_back(fmt::format("and {} more pairs", all - pairs.size()));
+    panel.note.push_back(fmt::format("and {} more {}", all - pairs.size(),
+                                     all - pairs.size() == 1 ? "pair" : "pairs"));
   return panel;
 }
 
