@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <map>
 #include <utility>
 
 #include <fmt/format.h>
@@ -235,19 +237,37 @@ class PartSearch {
     all_.list.push_back(std::move(one));
   }
 
-  /// The longest way out of a contact.
+  /// The longest way out of a contact that is found: at moments spread over it, at ends of blocks,
+  /// where motion turns back, and between those beside the longest.
   void measure_depth(const Encounter& found, const CarriedBody& a, const CarriedBody& b,
                      Collision& collision) const {
     const std::size_t first =
         std::min(found.moment.instant + 1, following_.samples.states.size() - 1);
-    const std::size_t end = end_of(motion_, found.last_stretch);
-    for (const std::size_t i : spread_looks(first, std::max(end, first + 1))) {
+    const std::size_t end = std::max(end_of(motion_, found.last_stretch), first + 1);
+    std::map<std::size_t, double> depths;  // by instant
+    const auto look = [&](std::size_t i) {
+      const auto [at, added] = depths.emplace(i, 0.0);
+      if (!added) return;
       const std::vector<Pose> T = following_.carriers({i, 0.0});
-      const cutting::WayOut out =
-          cutting::way_out(a.body, T[std::size_t(a.carrier)], b.body, T[std::size_t(b.carrier)]);
-      collision.depth = std::max(collision.depth, out.depth);
-      ++collision.depths;
+      at->second =
+          cutting::way_out(a.body, T[std::size_t(a.carrier)], b.body, T[std::size_t(b.carrier)])
+              .depth;
+    };
+    for (const std::size_t i : spread_looks(first, end)) look(i);
+    for (const std::size_t s : spread_looks(found.first_stretch, found.last_stretch + 1))
+      look(std::clamp(end_of(motion_, s) - 1, first, end - 1));
+    constexpr int halvings = 8;
+    for (int n = 0; n < halvings; ++n) {
+      const auto most =
+          std::ranges::max_element(depths, {}, [](const auto& one) { return one.second; });
+      const std::size_t at = most->first;
+      const std::size_t before = most == depths.begin() ? at : std::prev(most)->first,
+                        after = std::next(most) == depths.end() ? at : std::next(most)->first;
+      look(at - (at - before) / 2);
+      look(at + (after - at) / 2);
     }
+    for (const auto& [instant, depth] : depths) collision.depth = std::max(collision.depth, depth);
+    collision.depths += depths.size();
   }
 
   const Following& following_;

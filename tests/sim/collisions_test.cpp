@@ -105,6 +105,13 @@ TEST(Collisions, TheHolderInTheWallOfThePart) {
   expect_no_contact({"G1 Z20 F1000\nG1 X14", holder});
 }
 
+TEST(Collisions, IsAsDeepAsWhereTheMotionTurnsBack) {
+  // deepest between a short way in and a long way out
+  expect_one_contact({"G1 Z20 F1000\nG1 X18\nG1 X-100", holder}, "holder", "part", 7, 3.0, 30.0);
+  expect_one_contact({"G1 Z20 F1000\nG1 X17\nG1 X18 Y-30.5\nG1 X-100 Y-31", holder}, "holder",
+                     "part", 7, 3.0, 30.0);
+}
+
 TEST(Collisions, TheShankInAWall) {
   expect_one_contact({"G1 Z20 F1000\nG1 X25", "shank_radius_mm = 8\n"}, "shank", "part", 7, 3.0,
                      30.0);
