@@ -322,11 +322,12 @@ Process cut_process(const Job& job, const Commands& commands, const Progress& pr
 
 namespace {
 
+/// Says all there is, as no file does.
 void stop_at_collision(const Collisions& found) {
-  for (const Collision& one : found.list)
-    if (one.contact)
-      throw CollisionStop("stopped, nothing was cut (collision.stop): " +
-                          event_text(one, found.more_files));
+  if (is_clear(found)) return;
+  std::string text = "stopped, nothing was cut (collision.stop)";
+  for (const std::string& warning : collision_warnings(found)) text += "; " + warning;
+  throw CollisionStop(text + "; places and clearances: abbe check SCENE --collisions");
 }
 
 }  // namespace

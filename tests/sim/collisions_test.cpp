@@ -523,7 +523,16 @@ TEST(Collisions, TheCutterMayBeLeftOutOfTheStock) {
 TEST(Collisions, ARunThatIsToStopCutsNothing) {
   const Job job =
       planted_job({"G1 Z20 F1000\nG1 X18", holder, "[collision]\non = true\nstop = true\n"});
-  EXPECT_THROW(cut(job), CollisionStop);
+  try {
+    cut(job);
+    ADD_FAILURE() << "cut all the same";
+  } catch (const CollisionStop& stop) {
+    const std::string text = stop.what();
+    EXPECT_NE(text.find("nothing was cut"), std::string::npos) << text;
+    EXPECT_NE(text.find("collision: part and holder meet, 3 mm deep: line 7"), std::string::npos)
+        << text;
+    EXPECT_NE(text.find("abbe check SCENE --collisions"), std::string::npos) << text;
+  }
   const Job on = planted_job({"G1 Z20 F1000\nG1 X18", holder, "[collision]\non = true\n"});
   const Cut made = cut(on);
   ASSERT_TRUE(made.collisions);
