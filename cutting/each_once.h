@@ -5,11 +5,12 @@
 
 namespace abbe::cutting {
 
-/// Numbers in rising order without repeats.
-inline std::vector<int> each_once(std::vector<int> numbers) {
-  std::sort(numbers.begin(), numbers.end());
-  numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
-  return numbers;
+/// Values in rising order without repeats.
+template <typename Value>
+std::vector<Value> each_once(std::vector<Value> values) {
+  std::sort(values.begin(), values.end());
+  values.erase(std::unique(values.begin(), values.end()), values.end());
+  return values;
 }
 
 }  // namespace abbe::cutting

@@ -364,7 +364,7 @@ class Chunk {
       if (i0 < cleared.not_before) return false;
       const std::size_t end = trail_end(p, i0, i1);
       const bool clear = std::ranges::all_of(parts.balls, [&](const Ball& ball) {
-        return is_apart(pair, trail(pair, ball, i0, end), Pose::Identity());
+        return is_apart_from(trail(pair, ball, i0, end), pair);
       });
       queries += parts.balls.size();
       if (!clear) cleared.not_before = end;
@@ -400,10 +400,12 @@ class Chunk {
     return true;
   }
 
-  bool is_apart(int pair, const Body& other, const Pose& T) const {
+  /// Of the fixed body of a pair and one in its frame.
+  bool is_apart_from(const Body& other, int pair) const {
     const double resolution = task_.options.resolution;
-    return gap(task_.fixed(pair).body, Pose::Identity(), other, T, {0.0, 2.0 * resolution})
-               .distance > resolution;
+    const Gap between = gap(task_.fixed(pair).body, Pose::Identity(), other, Pose::Identity(),
+                            {0.0, 2.0 * resolution});
+    return between.distance > resolution;
   }
 
   /// As far as it is worth to look at once.

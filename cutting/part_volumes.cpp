@@ -13,6 +13,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include "cutting/each_once.h"
 #include "cutting/sum.h"
 
 namespace abbe::cutting {
@@ -230,11 +231,6 @@ class VolumeBetween {
       for (const int direction : lattice_.directions()) add_lines(low, high, direction, lines);
     }
     return each_once(std::move(lines));
-  }
-  static std::vector<LatticeLine> each_once(std::vector<LatticeLine> lines) {
-    std::ranges::sort(lines);
-    lines.erase(std::unique(lines.begin(), lines.end()), lines.end());
-    return lines;
   }
 
   void add_lines(const Vector3d& low, const Vector3d& high, int direction,
