@@ -672,4 +672,18 @@ Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
   return nearest;
 }
 
+std::optional<double> comes_within(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
+                                   double distance, double tolerance) {
+  require(tolerance > 0.0, "comes_within: the tolerance must be positive");
+  const double speed = kinematics::fastest(b_in_a, b.centre, b.radius);
+  for (double u = 0.0;;) {
+    const GapOptions wanted{0.0, speed * (1.0 - u) + distance + 2.0 * tolerance};
+    const Gap here = gap(a, Pose::Identity(), b, kinematics::pose_at(b_in_a, u), wanted);
+    if (here.distance <= distance + tolerance) return u;
+    const double room = here.distance - distance;
+    if (u >= 1.0 || room > speed * (1.0 - u)) return {};
+    u = std::min(u + room / speed, 1.0);
+  }
+}
+
 }  // namespace abbe::cutting

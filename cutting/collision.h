@@ -99,4 +99,12 @@ struct Approach {
 Approach approach(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
                   const ApproachOptions& options = {});
 
+/// When a body first comes within a distance of another in a motion, 0 .. 1: not after the true
+/// moment, and before it by no more than it takes to come nearer by the tolerance. Also what comes
+/// to within the distance and that tolerance may count.
+/// @param distance, tolerance  mm
+/// @throws std::invalid_argument for a tolerance that is not positive
+std::optional<double> comes_within(const Body& a, const Body& b, const kinematics::Screw& b_in_a,
+                                   double distance, double tolerance);
+
 }  // namespace abbe::cutting

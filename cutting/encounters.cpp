@@ -507,7 +507,7 @@ class Chunk {
       if (found.distance < known_[next].best.distance) known_[next].best = found;
       if (found.contact || found.distance < task_.options.clearance)
         encounters.push_back({int(next), found.contact, stretch, stretch, found.moment,
-                              found.distance, found.place});
+                              found.moment, found.distance, found.place});
     }
     StretchClearance clearance;
     for (std::size_t p = 0; p < count; ++p)
@@ -579,6 +579,29 @@ std::vector<Nearest> seen_on_the_way(const Task& task, std::size_t looks) {
     }
   });
   return seen;
+}
+
+/// Where the two of a near miss come within the clearance, in its first stretch.
+Moment begin_of(const Task& task, const Encounter& near) {
+  const CarriedBody &a = task.fixed(near.pair), &b = task.moving(near.pair);
+  const auto relative = [&](std::size_t i) {
+    const std::vector<Pose> T = task.placed(i, 0.0);
+    return Pose(T[std::size_t(a.carrier)].inverse() * T[std::size_t(b.carrier)]);
+  };
+  const std::size_t first = task.motion.stretches[near.first_stretch];
+  const std::size_t end =
+      std::min(end_of(task.motion, near.first_stretch) - 1, near.moment.instant + 1);
+  const std::size_t begin = std::max<std::size_t>(first, 1) - 1;
+  Pose before = relative(begin);
+  for (std::size_t i = begin; i < end; ++i) {
+    const Pose after = relative(i + 1);
+    const std::optional<double> u =
+        comes_within(a.body, b.body, kinematics::screw_between(before, after),
+                     task.options.clearance, task.options.resolution);
+    if (u) return {i, *u};
+    before = after;
+  }
+  return near.moment;
 }
 
 /// Encounters from those of single stretches: one that goes on in the next stretch is one, and what
@@ -680,6 +703,10 @@ Encounters encounters(const std::vector<CarriedBody>& bodies, const std::vector<
     for (const Encounter& one : found) joined.add(one);
   }
   all.list = std::move(joined.list);
+  tbb::parallel_for(std::size_t(0), all.list.size(), [&](std::size_t i) {
+    Encounter& one = all.list[i];
+    one.begin = one.contact ? one.moment : begin_of(task, one);
+  });
   return all;
 }
 

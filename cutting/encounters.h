@@ -60,6 +60,7 @@ struct Encounter {
   int pair = 0;
   bool contact = false;
   std::size_t first_stretch = 0, last_stretch = 0;
+  Moment begin;           ///< of first contact, else of coming within the clearance
   Moment moment;          ///< of first contact, else of where they are nearest
   double distance = 0.0;  ///< mm, then
   Eigen::Vector3d place = Eigen::Vector3d::Zero();  ///< mm, between the two, then, in the frame of

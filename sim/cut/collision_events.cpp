@@ -17,17 +17,26 @@ std::string range_text(const Collision& event, const std::vector<std::string>& m
              : first + " to " + program::line_text(more_files, event.last.line, event.last.file);
 }
 
+/// How deep, or how near.
+std::string worst_text(const Collision& event, const Collisions& all) {
+  const auto at = [&] {
+    return fmt::format("at {}, {:.3f} s",
+                       program::line_text(all.more_files, event.worst.line, event.worst.file),
+                       event.worst.time_s);
+  };
+  if (!event.contact) return fmt::format("come within {:.3g} mm {}", event.distance, at());
+  if (event.below_mesh) return "meet, less deep than the mesh of the stock shows";
+  if (event.depths == 0) return "meet, depth not looked at";
+  if (event.depth <= all.resolution) return fmt::format("touch, to {:g} mm", all.resolution);
+  return fmt::format("meet, {:.3g} mm deep {}", event.depth, at());
+}
+
 }  // namespace
 
-std::string event_text(const Collision& event, const std::vector<std::string>& more_files) {
-  const std::string where = fmt::format("{}, {:.3f} s{}", range_text(event, more_files),
-                                        event.first.time_s, event.rapid ? ", on a rapid" : "");
-  const std::string pair = fmt::format("{} and {}", escaped(event.a), escaped(event.b));
-  if (!event.contact)
-    return fmt::format("{} come within {:.3g} mm: {}", pair, event.distance, where);
-  const std::string depth =
-      event.depths > 0 ? fmt::format("{:.3g} mm deep", event.depth) : "depth not looked at";
-  return fmt::format("{} meet, {}: {}", pair, depth, where);
+std::string event_text(const Collision& event, const Collisions& all) {
+  return fmt::format("{} and {} {}: {}, from {:.3f} s{}", escaped(event.a), escaped(event.b),
+                     worst_text(event, all), range_text(event, all.more_files), event.first.time_s,
+                     event.rapid ? ", on a rapid" : "");
 }
 
 std::vector<std::string> collision_warnings(const Collisions& all) {
@@ -36,8 +45,7 @@ std::vector<std::string> collision_warnings(const Collisions& all) {
   if (!all.beyond_travel.empty()) warnings.push_back("beyond its travel: " + all.beyond_travel);
   std::size_t said = 0;
   for (const Collision& one : all.list)
-    if (one.contact && said++ < most)
-      warnings.push_back("collision: " + event_text(one, all.more_files));
+    if (one.contact && said++ < most) warnings.push_back("collision: " + event_text(one, all));
   if (said > most) warnings.push_back(fmt::format("and {} more collisions", said - most));
   if (const std::size_t near = all.list.size() - contacts(all); near > 0)
     warnings.push_back(fmt::format("{} times two bodies come within {:g} mm", near, all.clearance));

@@ -25,18 +25,20 @@ struct ProgramPlace {
 /// Two bodies that meet, or that come too near to each other.
 struct Collision {
   std::string a, b;
-  bool contact = true;     ///< else a near miss
-  bool rapid = false;      ///< it begins on a rapid
-  ProgramPlace first;      ///< of contact, or of where they are nearest
-  ProgramPlace last;       ///< end of the block in which they part again
-  double distance = 0.0;   ///< mm, of a near miss
-  double depth = 0.0;      ///< mm, of contact: the shortest way out where
-                           ///< that is longest of what was looked at
-  std::size_t depths = 0;  ///< instants at which it was looked at; 0: not
-  Eigen::Vector3d place_b = Eigen::Vector3d::Zero();  ///< mm, in the bed frame
-  Eigen::Vector3d place_w = Eigen::Vector3d::Zero();  ///< mm, in the workpiece frame
+  bool contact = true;      ///< else a near miss
+  bool rapid = false;       ///< it begins on a rapid
+  ProgramPlace first;       ///< of contact, or of coming within the clearance
+  ProgramPlace worst;       ///< where it is deepest of what was looked at, or they are nearest
+  ProgramPlace last;        ///< end of the block in which they part again
+  double distance = 0.0;    ///< mm, of a near miss
+  double depth = 0.0;       ///< mm, of contact: the shortest way out where
+                            ///< that is longest of what was looked at
+  std::size_t depths = 0;   ///< instants at which it was looked at; 0: not
+  bool below_mesh = false;  ///< contact that the mesh of the stock does not show: it has no depth
+  Eigen::Vector3d place_b = Eigen::Vector3d::Zero();  ///< mm, then, in the bed frame
+  Eigen::Vector3d place_w = Eigen::Vector3d::Zero();  ///< mm, then, in the workpiece frame
   std::size_t part = 0;                               ///< of the job, with its tool
-  kinematics::AxisState state;                        ///< of the axes at `first`
+  kinematics::AxisState state;  ///< of the axes at first contact, or where they are nearest
   std::shared_ptr<const cutting::ClosedMesh>
       stock;  ///< of the first contact with the stock: as it is then, in the workpiece frame
 };
@@ -93,8 +95,10 @@ struct CollisionStop : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// "holder and clamp meet, 3.21 mm deep: lines 12 to 14, 1.234 s, on a rapid"
-std::string event_text(const Collision& event, const std::vector<std::string>& more_files);
+/// "holder and clamp meet, 3.21 mm deep at line 13, 1.310 s: lines 12 to 14, from 1.234 s, on a
+/// rapid"
+/// @param all  to which it belongs
+std::string event_text(const Collision& event, const Collisions& all);
 
 /// How many of them are contact.
 std::size_t contacts(const Collisions& collisions);

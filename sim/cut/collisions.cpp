@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
-#include <map>
 #include <utility>
 
 #include <fmt/format.h>
@@ -11,6 +9,7 @@
 #include "cutting/encounters.h"
 #include "cutting/way_out.h"
 #include "sim/cut/bodies.h"
+#include "sim/cut/depth_looks.h"
 #include "sim/cut/following.h"
 #include "sim/cut/inside_tables.h"
 #include "sim/cut/stock_collisions.h"
@@ -224,6 +223,7 @@ class PartSearch {
     one.a = body(pair.a).name;
     one.b = body(pair.b).name;
     one.contact = found.contact;
+    one.first = following_.place(found.begin);
     one.last = following_.place({end_of(motion_, found.last_stretch) - 1, 0.0});
     one.distance = found.distance;
     one.part = number_;
@@ -237,37 +237,28 @@ class PartSearch {
     all_.list.push_back(std::move(one));
   }
 
-  /// The longest way out of a contact that is found: at moments spread over it, at ends of blocks,
-  /// where motion turns back, and between those beside the longest.
+  /// The longest way out of a contact that is found.
   void measure_depth(const Encounter& found, const CarriedBody& a, const CarriedBody& b,
                      Collision& collision) const {
-    const std::size_t first =
-        std::min(found.moment.instant + 1, following_.samples.states.size() - 1);
-    const std::size_t end = std::max(end_of(motion_, found.last_stretch), first + 1);
-    std::map<std::size_t, double> depths;  // by instant
-    const auto look = [&](std::size_t i) {
-      const auto [at, added] = depths.emplace(i, 0.0);
-      if (!added) return;
-      const std::vector<Pose> T = following_.carriers({i, 0.0});
-      at->second =
-          cutting::way_out(a.body, T[std::size_t(a.carrier)], b.body, T[std::size_t(b.carrier)])
-              .depth;
+    constexpr std::size_t n = looks_of_step;
+    const auto moment = [](std::size_t look) {
+      return cutting::Moment{look / n, double(look % n) / double(n)};
     };
-    for (const std::size_t i : spread_looks(first, end)) look(i);
-    for (const std::size_t s : spread_looks(found.first_stretch, found.last_stretch + 1))
-      look(std::clamp(end_of(motion_, s) - 1, first, end - 1));
-    constexpr int halvings = 8;
-    for (int n = 0; n < halvings; ++n) {
-      const auto most =
-          std::ranges::max_element(depths, {}, [](const auto& one) { return one.second; });
-      const std::size_t at = most->first;
-      const std::size_t before = most == depths.begin() ? at : std::prev(most)->first,
-                        after = std::next(most) == depths.end() ? at : std::next(most)->first;
-      look(at - (at - before) / 2);
-      look(at + (after - at) / 2);
-    }
-    for (const auto& [instant, depth] : depths) collision.depth = std::max(collision.depth, depth);
-    collision.depths += depths.size();
+    const std::size_t first = n * found.moment.instant + std::size_t(double(n) * found.moment.u);
+    const std::size_t last = n * (end_of(motion_, found.last_stretch) - 1);
+    std::vector<std::size_t> block_ends;
+    for (std::size_t s = found.first_stretch; s <= found.last_stretch; ++s)
+      block_ends.push_back(n * (end_of(motion_, s) - 1));
+    const auto depth_at = [&](std::size_t look) {
+      const std::vector<Pose> T = following_.carriers(moment(look));
+      return cutting::way_out(a.body, T[std::size_t(a.carrier)], b.body, T[std::size_t(b.carrier)])
+          .depth;
+    };
+    const DeepestLook deepest =
+        deepest_look(first, std::max(first, last) + 1, block_ends, depth_at);
+    collision.depth = deepest.depth;
+    collision.depths = deepest.looks;
+    collision.worst = following_.place(moment(deepest.at));
   }
 
   const Following& following_;

@@ -39,20 +39,12 @@ Collision event_at(const Following& following, const cutting::Moment& moment,
   const std::vector<kinematics::Pose> T = following.carriers(moment);
   const std::size_t block = std::size_t(following.samples.block[following.running(moment)]);
   Collision event;
-  event.first = event.last = following.place(moment);
+  event.first = event.worst = event.last = following.place(moment);
   event.place_b = place_b;
   event.place_w = T[std::size_t(carriers.workpiece())].inverse() * place_b;
   event.state = following.state(moment);
   event.rapid = following.path.blocks[block].interpolation == program::Interpolation::Rapid;
   return event;
-}
-
-std::vector<std::size_t> spread_looks(std::size_t first, std::size_t end) {
-  std::vector<std::size_t> looks;
-  const std::size_t count = end - first, n = std::min(count, most_depth_looks);
-  for (std::size_t k = 0; k < n; ++k)
-    looks.push_back(n == 1 ? first : first + k * (count - 1) / (n - 1));
-  return looks;
 }
 
 }  // namespace abbe::sim

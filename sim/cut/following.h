@@ -31,13 +31,4 @@ struct Following {
 Collision event_at(const Following& following, const cutting::Moment& moment,
                    const Eigen::Vector3d& place_b);
 
-/// Contacts of which the depth is looked at.
-inline constexpr std::size_t most_measured_contacts = 50;
-
-/// Instants of a contact at which it is looked at, at most.
-inline constexpr std::size_t most_depth_looks = 24;
-
-/// Up to so many numbers of [first, end), evenly spread, the first and the last among them.
-std::vector<std::size_t> spread_looks(std::size_t first, std::size_t end);
-
 }  // namespace abbe::sim

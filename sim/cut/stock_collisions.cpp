@@ -10,6 +10,7 @@
 
 #include "cutting/collision.h"
 #include "cutting/way_out.h"
+#include "sim/cut/depth_looks.h"
 #include "sim/cut/milling.h"
 
 namespace abbe::sim {
@@ -50,6 +51,11 @@ struct Watched {
   ProgramPlace place = {};
   std::optional<std::size_t> open = {};  // event that goes on
   bool met = false;                      // in contact now
+  struct {
+    Pose T_w = Pose::Identity();
+    double depth = 0.0;  // mm, there
+    double way = 0.0;    // mm, of the contact up to now
+  } looked = {};         // at how deep it is
 };
 
 /// The blank of a part on its way to be the part.
@@ -145,6 +151,13 @@ class StockSearch {
     return T;
   }
 
+  /// Of a carrier in the workpiece, on the way from a step to the next.
+  Pose pose(int frame, std::size_t k, double u) const {
+    const std::vector<Pose> T = following_.carriers(moment_of(k, u));
+    const Carriers carriers{following_.part.truth.actual.size()};
+    return T[std::size_t(carriers.workpiece())].inverse() * T[std::size_t(frame)];
+  }
+
   ProgramPlace place(std::size_t k) const { return following_.place({milling_.at[k], 0.0}); }
 
   void start() {
@@ -211,7 +224,7 @@ class StockSearch {
       near = approach(one, from, to);
       if (!near.contact && near.gap.distance > wanted(one)) return;
     }
-    note(one, k, near, to);
+    note(one, k, near, from, to);
   }
 
   cutting::Approach approach(const Watched& one, const Pose& from, const Pose& to) {
@@ -226,7 +239,8 @@ class StockSearch {
     return near;
   }
 
-  void note(Watched& one, std::size_t k, const cutting::Approach& near, const Pose& to) {
+  void note(Watched& one, std::size_t k, const cutting::Approach& near, const Pose& from,
+            const Pose& to) {
     const double distance = near.contact ? 0.0 : near.gap.distance;
     const cutting::Moment moment = moment_of(k, near.u);
     if (distance < one.nearest) {
@@ -245,9 +259,20 @@ class StockSearch {
     open_line_ = event.last.line;
     add_near(one.name, k, near);
     one.met = near.contact;
-    if (!near.contact) return;
+    if (near.contact)
+      meet(one, event, k, near.u);
+    else if (const auto u =
+                 cutting::comes_within(mesh_, one.body, kinematics::screw_between(from, to),
+                                       options().clearance, options().resolution))
+      event.first = following_.place(moment_of(k, *u));
+  }
+
+  /// @param u  of the step, where it meets
+  void meet(Watched& one, Collision& event, std::size_t k, double u) {
     event.stock = shape_;
-    measure(event, one.body, to);
+    one.looked = {};
+    for (std::size_t i = std::size_t(u * looks_of_step) + 1; i <= looks_of_step; ++i)
+      measure(one, event, k, double(i) / double(looks_of_step));
   }
 
   /// What a step says of its blocks.
@@ -275,13 +300,31 @@ class StockSearch {
     return event_at(following_, moment, T[std::size_t(carriers.workpiece())] * place_w);
   }
 
-  void measure(Collision& event, const Body& body, const Pose& T_w) {
-    if (event.depths >= most_depth_looks || measured_ >= most_depth_looks * most_measured_contacts)
-      return;
-    const cutting::WayOut out = cutting::way_out(mesh_, Pose::Identity(), body, T_w);
-    event.depth = std::max(event.depth, out.depth);
+  /// @param u  of the step
+  void measure(Watched& one, Collision& event, std::size_t k, double u) {
+    constexpr std::size_t most_looks = 1000;
+    if (looks_ >= most_looks) return;
+    ++looks_;
+    one.looked.T_w = pose(one.frame, k, u);
+    one.looked.depth = cutting::way_out(mesh_, Pose::Identity(), one.body, one.looked.T_w).depth;
     ++event.depths;
-    ++measured_;
+    if (one.looked.depth < event.depth) return;
+    event.depth = one.looked.depth;
+    event.worst = following_.place(moment_of(k, u));
+  }
+
+  /// Whether a step that ends in contact may be deeper than any before: what moves so far is no
+  /// deeper by more. Else at ends of blocks, where motion turns back, and every so often.
+  bool is_worth_a_look(const Watched& one, const Collision& event, std::size_t k,
+                       const Pose& to) const {
+    constexpr double share = 0.02, often = 24;
+    const double moved = cutting::farthest(one.looked.T_w, to, one.body);
+    if (one.looked.depth + moved <=
+        std::max((1.0 + share) * event.depth, event.depth + options().resolution))
+      return false;
+    const bool ends_block =
+        k + 1 == milling_.moves() || milling_.line[k + 2] != milling_.line[k + 1];
+    return ends_block || often * moved >= one.looked.way;
   }
 
   /// While an event goes on the stock is looked at once a block, else what is cut meanwhile would
@@ -302,7 +345,8 @@ class StockSearch {
     // what comes near before it meets is one event
     if (!event.contact && (near.contact || near.gap.distance < event.distance))
       nearer(one, event, k, near);
-    if (one.met) measure(event, one.body, to);
+    one.looked.way += cutting::farthest(from, to, one.body);
+    if (one.met && is_worth_a_look(one, event, k, to)) measure(one, event, k, 1.0);
     if (!one.met && one.distance > options().clearance) one.open.reset();
   }
 
@@ -314,18 +358,19 @@ class StockSearch {
     return approach(one, from, to);
   }
 
-  void nearer(Watched& one, Collision& event, std::size_t k, const cutting::Approach& near) const {
+  void nearer(Watched& one, Collision& event, std::size_t k, const cutting::Approach& near) {
     Collision now = this->event(moment_of(k, near.u), 0.5 * (near.gap.on_a + near.gap.on_b));
     now.a = event.a;
     now.b = event.b;
     now.last = event.last;
     now.contact = near.contact;
     now.distance = near.contact ? 0.0 : near.gap.distance;
-    if (near.contact) now.stock = shape_;
+    if (!near.contact) now.first = event.first;
     event = std::move(now);
+    if (near.contact) meet(one, event, k, near.u);
     if (event.distance < one.nearest) {
       one.nearest = event.distance;
-      one.place = event.first;
+      one.place = event.worst;
     }
   }
 
@@ -342,13 +387,14 @@ class StockSearch {
     for (std::size_t i = 0; i < crashes_.size();) {
       std::size_t end = i + 1;
       while (end < crashes_.size() && is_one(crashes_[end - 1], crashes_[end])) ++end;
-      std::optional<Collision> event;
+      Collision event = unseen(crashes_[i]);
       if (measured++ < most_measured_contacts) {
         for (; k < crashes_[i]; ++k) cutting::remove(stock_, cutter_, milling_.move(k));
         renew();
-        event = deepest(i, end);
+        event.below_mesh = true;
+        event = deepest(i, end).value_or(std::move(event));
       }
-      add_crash(i, end, std::move(event));
+      if (!is_left_out(event.a)) add_crash(i, end, std::move(event));
       i = end;
     }
   }
@@ -374,6 +420,24 @@ class StockSearch {
     return {};
   }
 
+  /// @param begin, end  crashes, in which the stock is as it is at their beginning
+  void measure(const ToolBody& body, std::size_t begin, std::size_t end, Collision& event) const {
+    constexpr std::size_t n = looks_of_step;
+    const auto u = [](std::size_t look) { return double(look % n + 1) / double(n); };
+    const auto line = [&](std::size_t i) { return milling_.line[crashes_[i] + 1]; };
+    std::vector<std::size_t> line_ends;
+    for (std::size_t i = begin; i < end; ++i)
+      if (i + 1 == end || line(i + 1) != line(i)) line_ends.push_back(n * i + n - 1);
+    const DeepestLook deepest = deepest_look(n * begin, n * end, line_ends, [&](std::size_t look) {
+      return cutting::way_out(mesh_, Pose::Identity(), body.body,
+                              pose(body.frame, crashes_[look / n], u(look)))
+          .depth;
+    });
+    event.depth = deepest.depth;
+    event.depths = deepest.looks;
+    event.worst = following_.place(moment_of(crashes_[deepest.at / n], u(deepest.at)));
+  }
+
   /// Of cutter and shank the one that goes deeper; none where that is less than the mesh shows.
   std::optional<Collision> deepest(std::size_t begin, std::size_t end) {
     std::optional<Collision> worst;
@@ -382,29 +446,28 @@ class StockSearch {
       if (body.kind == Kind::Cutter && !milling_.rapid[crashes_[begin] + 1]) continue;
       std::optional<Collision> one = first_contact(body, begin, end);
       if (!one) continue;
-      for (const std::size_t i : spread_looks(begin, end))
-        measure(*one, body.body, poses(crashes_[i] + 1)[std::size_t(body.frame)]);
+      measure(body, begin, end, *one);
       if (!worst || one->depth > worst->depth) worst = std::move(one);
     }
     return worst;
   }
 
-  void add_crash(std::size_t begin, std::size_t end, std::optional<Collision> met) {
-    const std::size_t first = crashes_[begin];
-    const bool rapid = milling_.rapid[first + 1];
-    if (!met) {
-      met = event({milling_.at[first], 0.0}, milling_.T_wt[first].translation());
-      met->a = rapid ? "cutter" : "shank";
-      if (is_left_out(met->a)) return;
-    }
-    met->b = "stock";
-    met->stock = shape_;
-    met->rapid = rapid;
-    met->last = place(crashes_[end - 1] + 1);
+  /// A crash in a step, of which no more is known.
+  Collision unseen(std::size_t k) const {
+    Collision one = event({milling_.at[k], 0.0}, milling_.T_wt[k].translation());
+    one.a = milling_.rapid[k + 1] ? "cutter" : "shank";
+    return one;
+  }
+
+  void add_crash(std::size_t begin, std::size_t end, Collision met) {
+    met.b = "stock";
+    met.stock = shape_;
+    met.rapid = milling_.rapid[crashes_[begin] + 1];
+    met.last = place(crashes_[end - 1] + 1);
     for (std::size_t i = begin; i < end; ++i)
       found.near.push_back(
-          {milling_.at[crashes_[i]] + 1, milling_.at[crashes_[i] + 1], met->a, 0.0});
-    found.list.push_back(std::move(*met));
+          {milling_.at[crashes_[i]] + 1, milling_.at[crashes_[i] + 1], met.a, 0.0});
+    found.list.push_back(std::move(met));
   }
 
   const Following& following_;
@@ -419,7 +482,7 @@ class StockSearch {
   std::vector<Pose> now_;             // of all carriers in the workpiece
   std::vector<std::size_t> crashes_;  // steps in which cutter or shank met what they may not
   int open_line_ = 0;
-  std::size_t measured_ = 0;
+  std::size_t looks_ = 0;
 };
 
 }  // namespace

@@ -55,11 +55,12 @@ render::MachinePicture collision_picture(const Job& job, const Collisions& colli
   }
   const Eigen::Vector3d &w = event.place_w, &b = event.place_b;
   picture.caption = {
-      fmt::format("{}, case {}; the two in red", event_text(event, collisions.more_files),
+      fmt::format("{}, case {}; the two in red", event_text(event, collisions),
                   collisions.commands),
-      fmt::format("at ({:.2f}, {:.2f}, {:.2f}) mm of the workpiece, ({:.2f}, {:.2f}, {:.2f}) mm of "
-                  "the bed",
-                  w.x(), w.y(), w.z(), b.x(), b.y(), b.z())};
+      fmt::format("{} at ({:.2f}, {:.2f}, {:.2f}) mm of the workpiece, ({:.2f}, {:.2f}, {:.2f}) mm "
+                  "of the bed",
+                  event.contact ? "as they first meet," : "where they are nearest,", w.x(), w.y(),
+                  w.z(), b.x(), b.y(), b.z())};
   return picture;
 }
 

@@ -32,6 +32,7 @@ ordered_json event_json(const Collision& one, const std::vector<std::string>& mo
                        {"b", one.b},
                        {"rapid", one.rapid},
                        {"first", place_json(one.first, more_files)},
+                       {one.contact ? "deepest" : "nearest", place_json(one.worst, more_files)},
                        {"last", place_json(one.last, more_files)},
                        {"distance_mm", one.distance}};
   if (one.contact) json["depth_mm"] = one.depths > 0 ? ordered_json(one.depth) : ordered_json();
@@ -117,9 +118,10 @@ std::string to_text(const Collisions& all) {
       all.seconds);
   for (std::size_t i = 0; i < std::min(all.list.size(), most_events); ++i) {
     const Collision& one = all.list[i];
-    text += fmt::format("{} {}\n          at {} of the workpiece, {} of the bed\n",
-                        one.contact ? "COLLISION" : "near miss", event_text(one, all.more_files),
-                        at_text(one.place_w), at_text(one.place_b));
+    text +=
+        fmt::format("{} {}\n          {} at {} of the workpiece, {} of the bed\n",
+                    one.contact ? "COLLISION" : "near miss", event_text(one, all),
+                    one.contact ? "first" : "nearest", at_text(one.place_w), at_text(one.place_b));
   }
   if (all.list.size() > most_events)
     text += fmt::format("          and {} more; --json has all\n", all.list.size() - most_events);

@@ -8,7 +8,9 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <optional>
 #include <random>
+#include <stdexcept>
 
 #include <gtest/gtest.h>
 
@@ -147,6 +149,48 @@ TEST(Collision, TheLeastDistanceOfAPassIsFound) {
     EXPECT_GE(found.gap.distance, gap - facets);
     EXPECT_NEAR(found.gap.on_a.z(), 10.0, 1e-9);
   }
+}
+
+TEST(Collision, ComesWithinADistanceNotAfterItDoes) {
+  std::mt19937 random(1719);
+  std::uniform_real_distribution<double> any(-1, 1), length(0.1, 40);
+  const auto vector = [&] { return Vector3d(any(random), any(random), any(random)); };
+  constexpr double tolerance = 5e-3;
+  constexpr int looks = 2000;
+  int within = 0;
+  double earliest = 0.0;  // mm
+  for (int n = 0; n < 60; ++n) {
+    const Body a = box(length(random), length(random), length(random)),
+               b = box(length(random), length(random), length(random));
+    const Screw motion{place(45 * vector(), vector()), 2 * vector(), 60 * vector()};
+    const double distance = std::array{1e-6, 0.3, 2.0, 9.0}[std::size_t(n % 4)];
+    const double speed = kinematics::fastest(motion, b.centre, b.radius);
+    const std::optional<double> found = comes_within(a, b, motion, distance, tolerance);
+    if (found) ++within;
+    const auto gap_at = [&](double u) {
+      return gap(a, Pose::Identity(), b, kinematics::pose_at(motion, u)).distance;
+    };
+    for (int i = 0; i <= looks && double(i) / looks < found.value_or(1.1); ++i)
+      ASSERT_GT(gap_at(double(i) / looks), distance) << "scene " << n;
+    if (!found) continue;
+    EXPECT_LE(gap_at(*found), distance + tolerance);
+    if (*found > 0.0) EXPECT_GE(gap_at(*found), distance - 1e-9);
+    earliest = std::max(earliest, gap_at(*found) - distance);
+  }
+  std::cout << within << " of 60 come within (seed 1719), at most " << earliest << " mm early\n";
+  EXPECT_GT(within, 10);
+  EXPECT_LT(within, 50);
+  // on the way past an edge, and where nothing moves
+  const Body block = box(20, 20, 20), ball = body_of(sphere_mesh(3.0, 1e-3));
+  const Screw past{place({-100, 0, 13.5}), Vector3d::Zero(), {200, 0, 0}};
+  EXPECT_FALSE(comes_within(block, ball, past, 0.49, tolerance));
+  // a ball 3.5 mm over a face and its edge: 1 mm from the edge at x = -10 - sqrt(4^2 - 3.5^2)
+  const double u = (100 - 10 - std::sqrt(16 - 3.5 * 3.5)) / 200;
+  EXPECT_NEAR(comes_within(block, ball, past, 1.0, tolerance).value(), u, 1e-4);
+  const Screw still{place({0, 0, 14}), Vector3d::Zero(), Vector3d::Zero()};
+  EXPECT_EQ(comes_within(block, ball, still, 1.01, tolerance), 0.0);
+  EXPECT_FALSE(comes_within(block, ball, still, 0.9, tolerance));
+  EXPECT_THROW(comes_within(block, ball, still, 0.9, 0.0), std::invalid_argument);
 }
 
 TEST(Collision, RandomBoxesMeetWhenNoAxisPartsThem) {

@@ -112,6 +112,18 @@ TEST(Collisions, IsAsDeepAsWhereTheMotionTurnsBack) {
                      "part", 7, 3.0, 30.0);
 }
 
+TEST(Collisions, WhatIsThinnerThanAStepIsDeepOnlyWithinIt) {
+  const std::string sheet =
+      "[[fixture]]\nname = \"sheet\"\nsize_mm = [0.1, 20, 20]\nat_mm = [-10.3, -30, 40]\n";
+  const Job job = planted_job({"G0 Z40\nG0 X10\nG0 Z100", "", sheet, {{"tool.radius_mm", "0.05"}}});
+  const std::vector<Collision> met =
+      contacts_of(collisions(job, as_programmed(job), "uncompensated"));
+  ASSERT_EQ(met.size(), 1u);
+  // of 0.1 mm, at looks 1/8 mm apart
+  EXPECT_GT(met[0].depth, 0.03);
+  EXPECT_LT(met[0].depth, 0.1 + 1e-6);
+}
+
 TEST(Collisions, TheShankInAWall) {
   expect_one_contact({"G1 Z20 F1000\nG1 X25", "shank_radius_mm = 8\n"}, "shank", "part", 7, 3.0,
                      30.0);
@@ -140,6 +152,11 @@ TEST(Collisions, ARapidThroughTheStock) {
   // the cutter's tip 10 mm under its skin, over the part
   expect_one_contact({"G0 Z70\nG0 X0\nG0 Z100", "", block}, "cutter", "stock", 6, 10.0, -20.0);
   expect_no_contact({"G0 Z81\nG0 X0\nG0 Z100", "", block});
+  // deepest where the motion turns back, between a short way in and a long way out
+  const std::vector<Collision> slow = contacts_of(collisions_of({"G0 Z70\nG0 X60 Z81", "", block}));
+  ASSERT_GE(slow.size(), 1u);
+  EXPECT_NEAR(slow[0].depth, 10.0, 0.02);
+  EXPECT_EQ(slow[0].worst.line, 6);
   // where it was cut before there is nothing to meet
   expect_no_contact({"G1 Z70 F500\nG1 X0\nG0 X-20\nG0 Z100", "", block});
 }
@@ -156,6 +173,14 @@ TEST(Collisions, TheHolderInTheStockAsItIsThen) {
   EXPECT_NEAR(all.list[0].place_w.z(), 80.0, 0.01);
   EXPECT_LT(std::hypot(all.list[0].place_w.x() + 20.0, all.list[0].place_w.y() + 30.0), 15.1);
   expect_no_contact({"G1 Z46 F500\nG0 Z100", holder, small});
+  // deeper after a long way, and most where the motion turns back
+  const Collisions later =
+      collisions_of({"G1 Z44 F500\nG1 X-30 Z43\nG1 X-10 Z41\nG0 Z100", holder, small});
+  ASSERT_EQ(contacts(later), 3u) << to_text(later);  // and the shank beside what was cut
+  EXPECT_EQ(later.list[0].a + " " + later.list[0].b, "holder stock");
+  EXPECT_EQ(later.list[0].first.line, 6);
+  EXPECT_EQ(later.list[0].worst.line, 8);
+  EXPECT_NEAR(later.list[0].depth, 4.0, 0.02);
   // the same plunge into a face that was lowered to z 72 before
   std::string moves = "G0 Z72\n";
   for (int y = -50; y <= -10; y += 4)
@@ -254,6 +279,14 @@ TEST(Collisions, ANearMissIsOneOnlyUnderTheClearance) {
   EXPECT_FALSE(near.list[0].contact);
   EXPECT_NEAR(near.list[0].distance, 0.5, 0.03);
   EXPECT_EQ(near.list[0].first.line, 7);
+  EXPECT_EQ(near.list[0].worst.line, 7);
+  // from where they are 1 mm apart to where they are nearest
+  EXPECT_NEAR(near.list[0].worst.time_s - near.list[0].first.time_s, 0.5 / 1000 * 60, 5e-4);
+  const Collisions slowly = collisions_of({"G1 Z21 F1000\nG1 X-24.2\nG1 X-24.5", "", clamp});
+  ASSERT_EQ(slowly.list.size(), 1u);
+  EXPECT_EQ(slowly.list[0].first.line, 7);
+  EXPECT_EQ(slowly.list[0].worst.line, 8);
+  EXPECT_EQ(slowly.list[0].first.time_s, near.list[0].first.time_s);
   const Collisions far =
       collisions_of({"G1 Z21 F1000\nG1 X-24.5", "", clamp + "[collision]\nclearance_mm = 0.4\n"});
   EXPECT_TRUE(far.list.empty());
@@ -529,7 +562,7 @@ TEST(Collisions, ARunThatIsToStopCutsNothing) {
   } catch (const CollisionStop& stop) {
     const std::string text = stop.what();
     EXPECT_NE(text.find("nothing was cut"), std::string::npos) << text;
-    EXPECT_NE(text.find("collision: part and holder meet, 3 mm deep: line 7"), std::string::npos)
+    EXPECT_NE(text.find("collision: part and holder meet, 3 mm deep at line 7, 7.660 s: line 7"), std::string::npos)
         << text;
     EXPECT_NE(text.find("abbe check SCENE --collisions"), std::string::npos) << text;
   }
