@@ -7,7 +7,6 @@
 
 #include "cutting/shank.h"
 #include "kinematics/units.h"
-#include "sim/cut/odd_size.h"
 #include "sim/cut/tool_comments.h"
 #include "sim/cut/tool_motion.h"
 #include "sim/cut/unreached_text.h"
@@ -139,9 +138,8 @@ std::vector<std::string> program_warnings(const Scene& scene, const cutting::Des
                                           const program::Path& path,
                                           const program::Unreached& unreached) {
   std::vector<std::string> warnings = tool_comment_warnings(path, tools_of(scene));
-  for (std::string text :
-       {unreached_text(unreached), no_feed_text(path), unit_change_text(path),
-        odd_size(scene, design_w), coarse_text(scene, design_w), sparse_text(scene, design_w)})
+  for (std::string text : {unreached_text(unreached), no_feed_text(path), unit_change_text(path),
+                           coarse_text(scene, design_w), sparse_text(scene, design_w)})
     if (!text.empty()) warnings.push_back(std::move(text));
   for (const ToolDescription& tool : tools_of(scene)) add_holder_texts(tool, warnings);
   return warnings;
