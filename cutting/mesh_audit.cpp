@@ -10,6 +10,7 @@
 #include <OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh>
 
 #include "cutting/disjoint_sets.h"
+#include "cutting/read_mesh.h"
 
 namespace abbe::cutting {
 
@@ -65,8 +66,8 @@ std::size_t check_edges(const MeshSource& source, const Soup& soup,
     if (against == 0 && rim++ == 0) first_of_rim = &edge;
   }
   if (rim > 0 && !open)
-    source.refuse("a closed mesh, or `open = true` for a surface with a rim",
-                  fmt::format("{} open edges, the first at {}", rim, place(*first_of_rim)));
+    throw MeshWithRim(source.name, 0, 0, "a closed mesh",
+                      fmt::format("{} open edges, the first at {}", rim, place(*first_of_rim)));
   return rim;
 }
 

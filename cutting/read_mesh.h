@@ -21,6 +21,11 @@ struct ReadMeshOptions {
   double travel_ratio = 2.0;              ///< a part may stand out by half its size on either side
 };
 
+/// Refusal of a mesh with a rim where none is meant.
+struct MeshWithRim : BadInput {
+  using BadInput::BadInput;
+};
+
 /// Design surface from an STL (ascii, binary), PLY (ascii, binary), OBJ or OFF file, its kind known
 /// by the ending. Faces of more than three corners are split as `triangulated` says. Coordinates
 /// are taken as written (double where the file has the digits); a corner of such a face that stands
@@ -32,6 +37,7 @@ struct ReadMeshOptions {
 /// half-edges must agree), closed unless `open`, outward (positive volume; a negative shell only
 /// inside a positive one), size against travel. Self-intersection is not looked for.
 /// @throws BadInput with file, line and column where it is text; expected and seen
+/// @throws MeshWithRim for a rim unless `open`
 /// @throws std::invalid_argument if an option is not positive and finite
 Design read_mesh(const std::filesystem::path& file, const ReadMeshOptions& options = {});
 

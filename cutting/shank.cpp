@@ -113,12 +113,15 @@ class NearMoves {
 struct Depth {
   double depth = 0.0;
   int line = 0;
+  bool deeper = false;  ///< the ray ends in the shank
 };
 
-ShankContact summed(const std::vector<Depth>& depths) {
+ShankContact summed(const std::vector<Depth>& depths, double passed) {
   ShankContact contact;
+  contact.passed = passed;
   for (const Depth& one : depths) {
     if (one.depth <= 0.0) continue;
+    contact.deeper |= one.deeper;
     if (contact.vertices++ == 0 || one.line < contact.first_line) contact.first_line = one.line;
     if (one.depth <= contact.deepest) continue;
     contact.deepest = one.depth;
@@ -140,20 +143,60 @@ Depth depth_at(const Cutter& shank, const CutterMotion& path, const NearMoves& m
     if (met->s >= limit && deepest.depth > 0.0) return true;
     limit = met->s;
     const Index next = std::min<Index>(move + 1, path.tip.rows() - 1);
-    deepest = {std::min(-(met->s + middle), ray.band - middle), path.line[std::size_t(next)]};
+    deepest = {std::min(-(met->s + middle), ray.band - middle), path.line[std::size_t(next)],
+               met->s <= -ray.band};
     return met->s > -ray.band;
   });
   return deepest;
 }
+
+/// A shank on its way, held against the vertices of a design.
+class HeldAgainst {
+ public:
+  /// @param passed  mm that it may go in
+  HeldAgainst(const Design& design_w, const Cutter& shank, const CutterMotion& path,
+              const NearMoves& moves, double passed)
+      : design_(design_w), shank_(shank), path_(path), moves_(moves), passed_(passed) {}
+
+  /// Along the normal of a vertex.
+  Depth depth(Index v, double band) const {
+    if (band <= passed_) return {};
+    const double middle = -0.5 * (band + passed_);
+    const Vector3d normal = design_.normals.row(v);
+    const Ray ray{design_.vertices.row(v).transpose() + middle * normal, normal,
+                  0.5 * (band - passed_)};
+    return depth_at(shank_, path_, moves_, ray, middle);
+  }
+
+  /// Of what was found along a normal that which is in the part, and how deep.
+  Depth within(const Thickness& part, Index v, Depth found, double band) const {
+    const Vector3d place = design_.vertices.row(v), normal = design_.normals.row(v);
+    // a thin part is not met by what passes behind it
+    const auto behind = part.behind(place, normal, 2.0 * band);
+    if (behind && found.depth > 0.5 * *behind) found = depth(v, 0.5 * *behind);
+    if (found.depth <= 0.0) return {};
+    // the normal of a vertex on an edge runs along the face beyond it, and so does a shank
+    found.depth = part.nearest(place - found.depth * normal, found.depth);
+    return found.depth > passed_ ? found : Depth{};
+  }
+
+ private:
+  const Design& design_;
+  const Cutter& shank_;
+  const CutterMotion& path_;
+  const NearMoves& moves_;
+  double passed_;
+};
 
 }  // namespace
 
 std::optional<ShankContact> shank_contact(const Design& design_w, const Cutter& cutter,
                                           const CutterMotion& motion, const ShankOptions& options) {
   const double length = options.length - cutter.flank_length;
-  const double least = std::min(rubbing, 0.25 * cutter.radius);
-  if (!(length > 0.0) || !(options.band > least) || motion.tip.rows() == 0) return std::nullopt;
-  const Cutter shank{cutter.radius, 0.0, length};
+  const double radius = options.radius.value_or(cutter.radius);
+  const double passed = std::min(rubbing, 0.25 * radius);
+  if (!(length > 0.0) || !(options.band > passed) || motion.tip.rows() == 0) return std::nullopt;
+  const Cutter shank{radius, 0.0, length};
   const CutterMotion path = raised(motion, cutter.flank_length);
   AlignedBox3d part;
   for (Index v = 0; v < design_w.vertices.rows(); ++v)
@@ -163,30 +206,21 @@ std::optional<ShankContact> shank_contact(const Design& design_w, const Cutter& 
   if (moves.empty()) return std::nullopt;
   check_milled(design_w, shank, path, options.band);
 
-  const auto depth_of = [&](Index v, double band) {
-    const double middle = -0.5 * (band + least);
-    const Vector3d normal = design_w.normals.row(v);
-    const Ray ray{design_w.vertices.row(v).transpose() + middle * normal, normal,
-                  0.5 * (band - least)};
-    return depth_at(shank, path, moves, ray, middle);
-  };
+  const HeldAgainst held(design_w, shank, path, moves, passed);
   std::vector<Depth> depths(std::size_t(design_w.vertices.rows()));
-  tbb::parallel_for(tbb::blocked_range<Index>(0, design_w.vertices.rows(), 64), [&](auto& range) {
-    for (Index v = range.begin(); v != range.end(); ++v)
-      depths[std::size_t(v)] = depth_of(v, options.band);
-  });
-  if (std::all_of(depths.begin(), depths.end(), [](const Depth& d) { return d.depth <= 0.0; }))
+  const auto each = [&](const auto& act) {
+    tbb::parallel_for(tbb::blocked_range<Index>(0, Index(depths.size()), 64), [&](auto& range) {
+      for (Index v = range.begin(); v != range.end(); ++v) act(v, depths[std::size_t(v)]);
+    });
+  };
+  each([&](Index v, Depth& depth) { depth = held.depth(v, options.band); });
+  if (std::ranges::all_of(depths, [](const Depth& d) { return d.depth <= 0.0; }))
     return std::nullopt;
   const Thickness thickness(design_w);
-  for (std::size_t v = 0; v < depths.size(); ++v) {
-    if (depths[v].depth <= 0.0) continue;
-    // a thin part is not met by what passes behind it
-    const auto behind = thickness.behind(design_w.vertices.row(Index(v)),
-                                         design_w.normals.row(Index(v)), 2.0 * options.band);
-    if (!behind || depths[v].depth <= 0.5 * *behind) continue;
-    depths[v] = 0.5 * *behind > least ? depth_of(Index(v), 0.5 * *behind) : Depth{};
-  }
-  const ShankContact contact = summed(depths);
+  each([&](Index v, Depth& depth) {
+    if (depth.depth > 0.0) depth = held.within(thickness, v, depth, options.band);
+  });
+  const ShankContact contact = summed(depths, passed);
   return contact.vertices > 0 ? std::optional(contact) : std::nullopt;
 }
 

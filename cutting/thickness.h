@@ -19,6 +19,9 @@ class Thickness {
   std::optional<double> behind(const Eigen::Vector3d& place, const Eigen::Vector3d& normal,
                                double most) const;
 
+  /// mm from a place to the nearest triangle; `most` where none is nearer.
+  double nearest(const Eigen::Vector3d& place, double most) const;
+
   /// Whether a triangle comes as near to a place as `distance` mm.
   bool comes_within(const Eigen::Vector3d& place, double distance) const;
 

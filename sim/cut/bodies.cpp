@@ -8,7 +8,6 @@
 
 #include <fmt/format.h>
 
-#include "cutting/read_mesh.h"
 #include "sim/scene/body_names.h"
 
 namespace abbe::sim {
@@ -49,11 +48,20 @@ struct MeshOfShape {
   }
   ClosedMesh operator()(const MeshShape& one) const {
     cutting::ReadMeshOptions options;
-    options.unit_mm = one.mesh.unit * one.scale;
-    cutting::Design design = cutting::read_mesh(one.mesh.file, options);
+    options.unit_mm = one.scale;
+    cutting::Design design = read_named_mesh(one.mesh, use, options).design;
     return {std::move(design.vertices), std::move(design.triangles), 0.0};
   }
+
+  MeshUse use;
 };
+
+/// What messages call a body that the scene describes. It may be larger than the travel.
+MeshUse use_of(SolidBody::Kind kind, const std::string& name) {
+  const bool fixture = kind == SolidBody::Kind::Fixture;
+  return {fmt::format("{} \"{}\"", fixture ? "fixture" : "body", name),
+          fixture ? "fixture" : "body"};
+}
 
 /// Number of the moving axes between the workpiece and a carriage, by which neighbours are known.
 std::vector<int> places_in_chain(const kinematics::Chain& chain) {
@@ -152,8 +160,8 @@ std::vector<Pose> carrier_poses(const kinematics::Chain& chain, const kinematics
   return T;
 }
 
-ClosedMesh mesh_of(const BodyDescription& body) {
-  return cutting::moved(std::visit(MeshOfShape{}, body.shape), body.T);
+ClosedMesh mesh_of(const BodyDescription& body, const MeshUse& use) {
+  return cutting::moved(std::visit(MeshOfShape{use}, body.shape), body.T);
 }
 
 std::vector<SolidBody> machine_bodies(const MachineDescription& machine) {
@@ -166,7 +174,7 @@ std::vector<SolidBody> machine_bodies(const MachineDescription& machine) {
         one.joint ? std::string(1, machine.joints[std::size_t(*one.joint)].name) : std::string("b");
     body.frame = one.joint ? carriers.carriage(*one.joint) : Carriers::bed;
     body.name = names[bodies.size()];
-    body.mesh = mesh_of(one.body);
+    body.mesh = mesh_of(one.body, use_of(SolidBody::Kind::Machine, body.name));
     bodies.push_back(std::move(body));
   }
   return bodies;
@@ -176,13 +184,20 @@ std::vector<SolidBody> tool_bodies(const Job& part, double skin) {
   return ToolBodies(part.scene.tool, Carriers{part.truth.actual.size()}.tool(), skin).bodies;
 }
 
+std::vector<SolidBody> fixture_bodies(const Scene& scene) {
+  std::vector<SolidBody> bodies;
+  const int frame = Carriers{int(scene.machine.joints.size())}.workpiece();
+  const std::vector<std::string> names = fixture_names(scene.fixtures);
+  for (std::size_t i = 0; i < names.size(); ++i)
+    bodies.push_back({SolidBody::Kind::Fixture, names[i], "w", frame,
+                      mesh_of(scene.fixtures[i], use_of(SolidBody::Kind::Fixture, names[i]))});
+  return bodies;
+}
+
 std::vector<SolidBody> bodies_of(const Job& part) {
   std::vector<SolidBody> bodies = machine_bodies(part.scene.machine);
+  std::ranges::move(fixture_bodies(part.scene), std::back_inserter(bodies));
   const Carriers carriers{part.truth.actual.size()};
-  const std::vector<std::string> names = fixture_names(part.scene.fixtures);
-  for (std::size_t i = 0; i < names.size(); ++i)
-    bodies.push_back({SolidBody::Kind::Fixture, names[i], "w", carriers.workpiece(),
-                      mesh_of(part.scene.fixtures[i])});
   bodies.push_back({SolidBody::Kind::Part,
                     "part",
                     "w",
@@ -218,16 +233,16 @@ std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidB
           fmt::format("collision.gouge_mm = {:g} is more than a quarter of the cutter's radius: "
                       "{:g} mm is taken",
                       part.scene.collision.gouge, most));
-  for (const SolidBody& body : bodies) {
-    const Eigen::Vector3d size =
-        (body.mesh.vertices.colwise().maxCoeff() - body.mesh.vertices.colwise().minCoeff())
-            .transpose();
-    constexpr double tiny = 1.0;  // mm
-    const bool of_user =
-        body.kind == SolidBody::Kind::Machine || body.kind == SolidBody::Kind::Fixture;
-    if (of_user && size.maxCoeff() < tiny)
-      warnings.push_back(fmt::format("{} is {:.3g} mm large: is its file in metres (unit = \"m\")?",
-                                     body.name, size.maxCoeff()));
+  std::vector<const BodyDescription*> described;
+  for (const MachineBody& one : part.scene.machine.bodies) described.push_back(&one.body);
+  for (const BodyDescription& one : part.scene.fixtures) described.push_back(&one);
+  for (std::size_t i = 0; i < described.size(); ++i) {
+    const auto* mesh = std::get_if<MeshShape>(&described[i]->shape);
+    if (mesh == nullptr) continue;
+    const ClosedMesh own = cutting::moved(bodies[i].mesh, described[i]->T.inverse());
+    std::string text =
+        odd_size(mesh->mesh, use_of(bodies[i].kind, bodies[i].name), extents(own.vertices));
+    if (!text.empty()) warnings.push_back(std::move(text));
   }
   return warnings;
 }

@@ -7,6 +7,7 @@
 #include "cutting/body.h"
 #include "cutting/encounters.h"
 #include "sim/cut/job.h"
+#include "sim/cut/named_mesh.h"
 
 /// What a machine, its tool, its clamping and its part are made of, and where that is.
 namespace abbe::sim {
@@ -44,8 +45,13 @@ struct SolidBody {
 
 /// The mesh of a shape where its description places it. Facets of round bodies lie outside, by at
 /// most a ten-thousandth of the radius and at least 5 um.
+/// @param use  what the scene calls it
 /// @throws BadInput for a mesh file that cannot be read or is not closed
-cutting::ClosedMesh mesh_of(const BodyDescription& body);
+cutting::ClosedMesh mesh_of(const BodyDescription& body, const MeshUse& use = {"a body", "body"});
+
+/// The fixtures of a scene.
+/// @throws BadInput as `mesh_of`
+std::vector<SolidBody> fixture_bodies(const Scene& scene);
 
 /// What the machine is made of.
 /// @throws BadInput as `mesh_of`
@@ -61,7 +67,7 @@ std::vector<SolidBody> tool_bodies(const Job& part, double skin);
 /// @throws BadInput as `mesh_of`
 std::vector<SolidBody> bodies_of(const Job& part);
 
-/// What is odd about the bodies of a job: that there are none, that one is tiny.
+/// What is odd about the bodies of a job: that there are none, that a mesh is tiny.
 std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidBody>& bodies);
 
 /// The body to be searched, and its core; the whole of it where it has no core.

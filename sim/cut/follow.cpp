@@ -126,7 +126,10 @@ Process follow_milling(const Scene& scene, const Machine& machine, const cutting
   const CuttingDescription& description = *scene.cutting;
   const auto& cutter = std::get<cutting::Cutter>(program.tool);
   Process process;
-  process.stock = blank_stock(scene, design_m);
+  const cutting::Blank blank = blank_of(scene, design_m);
+  if (std::string odd = odd_blank(scene, blank); !odd.empty())
+    process.warnings.push_back(std::move(odd));
+  process.stock = blank_stock(scene, blank);
   const auto spindle = spindle_of(machine);
   if (description.material && !spindle)
     throw std::invalid_argument("a machine with a spindle nose s for a cut with forces");

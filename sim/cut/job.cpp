@@ -306,6 +306,7 @@ Job prepare(const Scene& described, const Progress& progress) {
         if (progress) progress("stock", fraction);
       });
   const double stock_s = watch.lap();
+  add_warnings(process.warnings, warnings);
   begins("heat");
   const auto body_m = std::make_shared<const cutting::Design>(std::move(part.body_m));
   const std::vector<errors::Activity> active =

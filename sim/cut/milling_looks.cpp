@@ -4,39 +4,49 @@
 #include <type_traits>
 #include <variant>
 
-#include "cutting/read_mesh.h"
 #include "kinematics/turn_between.h"
+#include "sim/cut/part.h"
 
 namespace abbe::sim {
 
 namespace {
 
-cutting::Blank blank_of(const CuttingDescription& description, const cutting::Design& design_m) {
+/// A blank is cut where the part is.
+MeshUse use_of_blank(const Scene& scene) {
+  return {"the blank", "cutting", false, use_of_part(scene).travel};
+}
+
+}  // namespace
+
+cutting::Blank blank_of(const Scene& scene, const cutting::Design& design_m) {
   return std::visit(
       [&](const auto& blank) -> cutting::Blank {
         using Shape = std::decay_t<decltype(blank)>;
         if constexpr (std::is_same_v<Shape, CuttingDescription::OffsetBlank>) {
           return cutting::offset_blank(design_m, blank.allowance, blank.floor);
         } else if constexpr (std::is_same_v<Shape, MeshFile>) {
-          cutting::ReadMeshOptions options;
-          options.unit_mm = blank.unit;
-          const cutting::Design mesh = cutting::read_mesh(blank.file, options);
-          return cutting::MeshBlank{mesh.vertices, mesh.triangles};
+          cutting::Design mesh = read_named_mesh(blank, use_of_blank(scene)).design;
+          return cutting::MeshBlank{std::move(mesh.vertices), std::move(mesh.triangles)};
         } else if constexpr (std::is_same_v<Shape, CuttingDescription::TurnedBlank>) {
           throw std::invalid_argument("a blank that is milled, not a turned one");
         } else {
           return blank;
         }
       },
-      description.blank);
+      scene.cutting->blank);
 }
 
-}  // namespace
+std::string odd_blank(const Scene& scene, const cutting::Blank& blank) {
+  const auto* mesh = std::get_if<MeshFile>(&scene.cutting->blank);
+  if (mesh == nullptr) return {};
+  return odd_size(*mesh, use_of_blank(scene),
+                  extents(std::get<cutting::MeshBlank>(blank).vertices_k));
+}
 
-cutting::Stock blank_stock(const Scene& scene, const cutting::Design& design_m) {
+cutting::Stock blank_stock(const Scene& scene, const cutting::Blank& blank) {
   const CuttingDescription& description = *scene.cutting;
   return cutting::make_stock(
-      blank_of(description, design_m), scene.part.T_wm,
+      blank, scene.part.T_wm,
       {description.spacing, description.three_directions, description.max_bytes});
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <string>
 #include <vector>
 
 #include "cutting/stock.h"
@@ -10,11 +11,19 @@
 /// How a program is followed through a blank: the blank, and the places at which it is looked at.
 namespace abbe::sim {
 
-/// The blank of a scene with [cutting] as dexels.
+/// The blank of a scene with [cutting], for milling.
 /// @param design_m  the part in its own frame, for a blank that is its offset
+/// @throws std::invalid_argument for a blank that cannot be, BadInput for a mesh file that cannot
+///         be read or is not closed
+cutting::Blank blank_of(const Scene& scene, const cutting::Design& design_m);
+
+/// What is to be said of the size of a blank that is a mesh; empty: nothing.
+std::string odd_blank(const Scene& scene, const cutting::Blank& blank);
+
+/// A blank of the scene as dexels.
 /// @throws std::invalid_argument for a blank that cannot be, std::length_error for one that does
-///         not fit in its memory, BadInput for a mesh file that cannot be read
-cutting::Stock blank_stock(const Scene& scene, const cutting::Design& design_m);
+///         not fit in its memory
+cutting::Stock blank_stock(const Scene& scene, const cutting::Blank& blank);
 
 /// Whether the block that runs at a sample is a rapid.
 bool is_rapid(const program::Samples& samples, const program::Path& path, std::size_t sample);

@@ -55,16 +55,17 @@ void check_judged(const Scene& scene, const Design& design) {
   if (judged.empty() || std::any_of(judged.begin(), judged.end(), [](auto one) { return one; }))
     return;
   const auto* mesh = std::get_if<MeshFile>(&scene.part.shape);
-  const Eigen::RowVector3d size =
-      design.vertices.colwise().maxCoeff() - design.vertices.colwise().minCoeff();
+  const Eigen::Vector3d size = extents(design.vertices);
+  const std::string odd =
+      mesh != nullptr ? odd_size(*mesh, use_of_part(scene), size) : std::string();
   const Eigen::VectorXd radius = design.vertices.leftCols<2>().rowwise().norm();
   throw BadInput(mesh != nullptr ? mesh->file.string() : scene.file.string(), 0, 0,
                  "a part with vertices to be judged (part.judged_normal_z, judged_margin_mm, "
                  "judged_radius_min_mm, judged_radius_max_mm, region)",
                  fmt::format("{} vertices, all of them left out, of a part of {:.4g} x {:.4g} x "
-                             "{:.4g} mm that lies {:.4g} to {:.4g} mm from its z axis",
+                             "{:.4g} mm that lies {:.4g} to {:.4g} mm from its z axis{}{}",
                              judged.size(), size.x(), size.y(), size.z(), radius.minCoeff(),
-                             radius.maxCoeff()));
+                             radius.maxCoeff(), odd.empty() ? "" : "; ", odd));
 }
 
 double overrun(const Scene& scene) {
@@ -214,13 +215,14 @@ Design faces_of(const PartDescription& described, Part& part, const std::vector<
 
 Part load_mesh(const Scene& scene, const MeshFile& mesh) {
   cutting::ReadMeshOptions options;
-  options.unit_mm = mesh.unit;
-  options.open = mesh.open;
   if (!mesh.any_size) options.travel = travel_box(scene.machine);
   Part part;
   const cutting::WantedMarks wanted = wanted_marks(scene.part);
-  cutting::MarkedMesh read = cutting::read_marked_mesh(mesh.file, options, wanted);
+  const MeshUse use = use_of_part(scene);
+  cutting::MarkedMesh read = read_named_mesh(mesh, use, options, wanted);
   part.body_m = std::move(read.design);
+  if (std::string text = odd_size(mesh, use, extents(part.body_m.vertices)); !text.empty())
+    part.warnings.push_back(std::move(text));
   GroupedFaces grouped;
   if (wanted.any()) grouped = grouped_faces(scene.part, read.marks);
   part.face_groups = std::move(grouped.groups);
@@ -350,6 +352,12 @@ std::optional<Eigen::Vector3d> travel_box(const MachineDescription& machine) {
       box += (joint.max - joint.min) * joint.direction_b.cwiseAbs();
   if (box.maxCoeff() > unlimited) return std::nullopt;
   return box;
+}
+
+MeshUse use_of_part(const Scene& scene) {
+  const auto travel = travel_box(scene.machine);
+  return {"the part", "part", true,
+          travel ? std::optional(travel->maxCoeff()) : std::optional<double>()};
 }
 
 Part load_part(const Scene& scene) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "cutting/recognise.h"
+#include "sim/cut/named_mesh.h"
 #include "sim/cut/regions.h"
 #include "sim/machine/machine.h"
 #include "sim/program/generate.h"
@@ -29,6 +30,9 @@ struct Part {
 
 /// mm, extents of the travel of the slides, along the bed's axes; none where one has no limits.
 std::optional<Eigen::Vector3d> travel_box(const MachineDescription& machine);
+
+/// What the scene says of the part's mesh; room for it is in the travel.
+MeshUse use_of_part(const Scene& scene);
 
 /// The surface of a part between its vertices, the part standing at T: the declared one, what a
 /// mesh was recognised as, or what its facets show.

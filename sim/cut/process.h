@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "cutting/engagement.h"
@@ -33,6 +34,7 @@ struct Process {
   std::vector<int> crash_lines;    ///< program lines on which a rapid or the shank met material
   std::optional<cutting::Stock> stock;         ///< what is left after milling
   std::optional<cutting::TurnedStock> turned;  ///< what is left after turning
+  std::vector<std::string> warnings = {};      ///< of the blank
 };
 
 /// Sums and largest values over the steps of a process.

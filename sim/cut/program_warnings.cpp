@@ -7,7 +7,6 @@
 
 #include "cutting/shank.h"
 #include "kinematics/units.h"
-#include "sim/cut/odd_size.h"
 #include "sim/cut/tool_comments.h"
 #include "sim/cut/tool_motion.h"
 #include "sim/cut/unreached_text.h"
@@ -139,9 +138,8 @@ std::vector<std::string> program_warnings(const Scene& scene, const cutting::Des
                                           const program::Path& path,
                                           const program::Unreached& unreached) {
   std::vector<std::string> warnings = tool_comment_warnings(path, tools_of(scene));
-  for (std::string text :
-       {unreached_text(unreached), no_feed_text(path), unit_change_text(path),
-        odd_size(scene, design_w), coarse_text(scene, design_w), sparse_text(scene, design_w)})
+  for (std::string text : {unreached_text(unreached), no_feed_text(path), unit_change_text(path),
+                           coarse_text(scene, design_w), sparse_text(scene, design_w)})
     if (!text.empty()) warnings.push_back(std::move(text));
   for (const ToolDescription& tool : tools_of(scene)) add_holder_texts(tool, warnings);
   return warnings;
@@ -151,15 +149,17 @@ std::vector<std::string> shank_warnings(const Scene& scene, const cutting::Desig
                                         const NominalRun& run) {
   const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
   if (cutter == nullptr) return {};
+  const double radius = scene.tool.shank_radius.value_or(cutter->radius);
   const auto contact =
       cutting::shank_contact(design_w, *cutter, cutter_motion(run.T_wt, run.samples),
-                             {.length = scene.tool.length, .band = scene.band});
+                             {.length = scene.tool.length, .band = scene.band, .radius = radius});
   if (!contact) return {};
   return {fmt::format(
-      "the shank above the flank ({:.4g} mm above the tip) goes into the design at {} vertices, {} "
-      "{:.3f} mm deep (line {}, first line {})",
-      cutter->flank_length, contact->vertices,
-      contact->deepest < scene.band ? "at most" : "at least", contact->deepest, contact->line,
+      "the shank above the flank ({:.4g} mm above the tip{}) goes more than {:.4g} mm into the "
+      "design at {} vertices, {} {:.3f} mm deep (line {}, first line {})",
+      cutter->flank_length,
+      radius == cutter->radius ? "" : fmt::format(", radius {:.4g} mm", radius), contact->passed,
+      contact->vertices, contact->deeper ? "at least" : "at most", contact->deepest, contact->line,
       contact->first_line)};
 }
 

@@ -27,8 +27,8 @@ inline constexpr int least_judged = 10;
 bool is_sparse(const JudgedPlaces& places, const ToolDescription& tool);
 
 /// What is to be said of a scene's part and program before anything is cut: poses that the machine
-/// does not reach, tools in comments that are not the scene's, no feed, two units, a mesh of odd
-/// size or coarse, a holder that overlaps cutter or spindle or ends short of it.
+/// does not reach, tools in comments that are not the scene's, no feed, two units, a coarse
+/// mesh, a holder that overlaps cutter or spindle or ends short of it.
 std::vector<std::string> program_warnings(const Scene& scene, const cutting::Design& design_w,
                                           const program::Path& path,
                                           const program::Unreached& unreached);

@@ -22,10 +22,18 @@ std::string next_step(const Job& job) {
   return out ? "; " + out->words : "";
 }
 
+/// "; the mesh of the part, read in mm, is 0.04 x 0.04 x 0.02 mm"
+std::string doubt_of_size(const Job& job) {
+  const auto* mesh = std::get_if<MeshFile>(&job.scene.part.shape);
+  if (mesh == nullptr) return {};
+  const std::string odd = odd_size(*mesh, use_of_part(job.scene), extents(job.body_m->vertices));
+  return odd.empty() ? odd : "; " + odd;
+}
+
 BadInput refusal(const Job& job, int line, const std::string& words) {
   return {job.path.file, line, 0,
           fmt::format("a program that comes within {} mm of the part", job.scene.band),
-          words + next_step(job)};
+          words + next_step(job) + doubt_of_size(job)};
 }
 
 /// The fault of a program whose tool keeps clear of the box around the part.

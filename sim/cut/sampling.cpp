@@ -99,9 +99,8 @@ std::string coarse_facets_text(const Job& job) {
   const Eigen::RowVector3d at = job.design_w.vertices.row(worst);
   return fmt::format(
       "where the mesh is no plane, sphere, cylinder, cone or torus its facets leave the surface "
-      "that "
-      "they stand for by up to about {:.3g} um, at ({:.4g}, {:.4g}, {:.4g}): residuals below this "
-      "are the mesh's; export it with finer facets",
+      "that they stand for by up to about {:.3g} um, at ({:.4g}, {:.4g}, {:.4g}) of the workpiece: "
+      "residuals below this are the mesh's; export it with finer facets",
       most / units::um, at.x(), at.y(), at.z());
 }
 

@@ -66,7 +66,8 @@ class StockSearch {
       : following_(following),
         cutter_(std::get<cutting::Cutter>(following.part.scene.tool.actual)),
         milling_(milling_of(following.part, following.commands)),
-        blank_(blank_stock(following.part.scene, *following.part.body_m)),
+        blank_(blank_stock(following.part.scene,
+                           blank_of(following.part.scene, *following.part.body_m))),
         stock_(blank_) {
     renew();
     for (const cutting::BodyPair& pair : pairs) add(bodies, pair);

@@ -31,7 +31,7 @@ Milling turning_of(const Job& part, const Commands& commands, const Process& pro
 StockReplay::StockReplay(const Job& part, const Commands& commands, const Process& process)
     : tool_(part.scene.tool.actual) {
   if (std::holds_alternative<cutting::Cutter>(tool_)) {
-    stock_ = blank_stock(part.scene, *part.body_m);
+    stock_ = blank_stock(part.scene, blank_of(part.scene, *part.body_m));
     milling_ = milling_of(part, commands, process);
   } else {
     const SpindleLine line = spindle_line(part.truth.actual, *part.machine.workpiece_spindle);

@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/units.h"
-#include "sim/cut/odd_size.h"
+#include "sim/cut/named_mesh.h"
 
 namespace abbe::sim {
 namespace {

@@ -211,6 +211,19 @@ void add_described(const MachineDescription& machine, const Chain& chain, const 
   }
 }
 
+/// What clamps the part, each by its name.
+void add_fixtures(const Scene& scene, const Pose& T_bw, render::MachinePicture& picture) {
+  for (const SolidBody& solid : fixture_bodies(scene)) {
+    render::Body body;
+    body.label = solid.name;
+    body.T = T_bw;
+    body.shape = render::SolidShape{solid.mesh.vertices, solid.mesh.triangles};
+    body.colour = {0.66, 0.62, 0.74};
+    body.opacity = 0.55;
+    picture.bodies.push_back(body);
+  }
+}
+
 /// All bodies of a machine: those of its description, or else carriages stacked and held by a
 /// structure. @param part_b  what it clamps
 void add_bodies(const MachineDescription& machine, const Chain& chain, const AxisVector& q,
@@ -352,6 +365,7 @@ render::MachinePicture machine_picture(const Job& job) {
   add_bodies(
       job.scene.machine, job.machine.nominal, q, picture.part_vertices.colwise().mean().transpose(),
       {cutter != nullptr ? cutter->radius : 1.0, job.scene.tool.length}, 0.35 * part_size, picture);
+  add_fixtures(job.scene, T_bw, picture);
   picture.frames = {{"w", T_bw}, {"b", Pose::Identity()}};
 
   const Trace trace = traced(job);

@@ -148,8 +148,8 @@ std::string places_text(std::size_t count) {
 
 std::string place_text(const Finding& one) {
   const Eigen::Vector3d& p = one.place_w;
-  return fmt::format("{}{:.3g} mm at ({:.2f}, {:.2f}, {:.2f}), {}", at_least(one.is_at_least),
-                     one.depth, p.x(), p.y(), p.z(),
+  return fmt::format("{}{:.3g} mm at ({:.2f}, {:.2f}, {:.2f}) of the workpiece, {}",
+                     at_least(one.is_at_least), one.depth, p.x(), p.y(), p.z(),
                      one.line == 0
                          ? std::string("never cut")
                          : fmt::format("{}line {}", one.by_crash ? "crash on " : "", one.line));

@@ -157,7 +157,7 @@ std::string tolerance_verdict(const std::optional<cutting::Conformance>& conform
   if (conformance->passes()) return "PASS";
   if (!worst)
     return fmt::format("FAIL: {:.2g} % of the judged area is not cut", conformance->uncut);
-  return fmt::format("FAIL by {}{:.4g} um at ({:.1f}, {:.1f}, {:.1f}), line {}",
+  return fmt::format("FAIL by {}{:.4g} um at ({:.1f}, {:.1f}, {:.1f}) of the part, line {}",
                      worst->bound ? "more than " : "", conformance->excess / units::um,
                      worst->at_m.x(), worst->at_m.y(), worst->at_m.z(), worst->line);
 }

@@ -75,6 +75,14 @@ std::vector<Key> with_other_unit(std::vector<Key> keys, const std::string& unit,
   return keys;
 }
 
+void know_all(TableReader& reader, const std::vector<Word>& words) {
+  for (const Word& word : words)
+    for (const Key& key : word.keys) {
+      reader.know(key.name);
+      know_all(reader, key.words);
+    }
+}
+
 void put_numbers(Node::Table& table, const std::string& key, const Eigen::VectorXd& values,
                  double unit) {
   Node::Array numbers;

@@ -56,6 +56,9 @@ void put_all(Node::Table& table, Node::Table entries);
 /// The member of a table whose keys set the value itself.
 inline constexpr auto itself = [](auto& value) -> auto& { return value; };
 
+/// Makes the keys that words bring known without reading them.
+void know_all(TableReader& reader, const std::vector<Word>& words);
+
 /// A number of the key's unit as documents show it, 12 digits; empty for one without end.
 std::string shown_default(double value);
 std::string shown_default(const Eigen::VectorXd& values);

@@ -303,8 +303,10 @@ Fields<T>& Fields<T>::kinds(const KeyName& name, M member, std::vector<Alternati
   return add(
       key,
       [key, member, all](TableReader& reader, T& to) {
-        const std::string word =
-            reader.word(key->name, words_of(*key), key->required).value_or(key->words.front().word);
+        const auto given = reader.word(key->name, words_of(*key), key->required);
+        // beside a word that is none nobody knows which keys are meant
+        if (!given && reader.has(key->name)) return know_all(reader, key->words);
+        const std::string word = given.value_or(key->words.front().word);
         for (const auto& one : *all)
           if (one.word.word == word) std::invoke(member, to) = one.read(reader);
       },

@@ -116,12 +116,8 @@ Fields<PartDescription> declared_fields() {
 
 Fields<PartDescription> mesh_fields() {
   return Fields<PartDescription>().all_of(
-      mesh,
-      mesh_file_fields(must("file").one_of("shape"))
-          .boolean("any_size", &MeshFile::any_size,
-                   "of a mesh: its size is meant, however small or large; else one that does not "
-                   "fit the travel or the program is doubted")
-          .boolean("open", &MeshFile::open, "of a mesh: a rim is meant"));
+      mesh, mesh_file_fields(must("file").one_of("shape"))
+                .boolean("open", &MeshFile::open, "of a mesh: a rim is meant"));
 }
 
 Fields<PartSampling> part_sampling_fields() {

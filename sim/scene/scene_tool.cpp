@@ -218,7 +218,9 @@ const Fields<ToolDescription>& tool_fields() {
                   "from the nose of the spindle to the tip; of a turning tool to the centre of its "
                   "edge")
           .number(KeyName("shank_radius_mm").otherwise("that of the cutter"), &Tool::shank_radius,
-                  tool_size, "of a cutter, above its flank up to the holder, for collisions")
+                  tool_size,
+                  "of a cutter, above its flank up to the holder, for collisions and for the "
+                  "warning of a shank in the design")
           .table(KeyName("holder").otherwise("none"), &Tool::holder,
                  profile_fields("above the tip"), "a body of revolution, for collisions")
           .whole(KeyName("number").otherwise("none: every call is warned of"), &Tool::number, 0,

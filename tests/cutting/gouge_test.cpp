@@ -186,5 +186,66 @@ TEST(Shank, ThatGoesIntoThePartIsFoundWithItsDepthAndLine) {
   EXPECT_FALSE(shank_contact(design, {5, 0, 90}, facing(-8), {.length = 90, .band = 2}));
 }
 
+/// A box whose faces have vertices and normals of their own, ten squares along each edge.
+Design box(const Vector3d& lower, const Vector3d& upper) {
+  constexpr int n = 10;
+  std::vector<Site> sites;
+  std::vector<Eigen::Vector3i> triangles;
+  for (int k = 0; k < 3; ++k)
+    for (const bool up : {false, true}) {
+      const int first = int(sites.size()), a = (k + 1) % 3, b = (k + 2) % 3;
+      for (int j = 0; j <= n; ++j)
+        for (int i = 0; i <= n; ++i) {
+          Vector3d part = Vector3d::Zero();
+          part[k] = up;
+          part[a] = double(i) / n;
+          part[b] = double(j) / n;
+          sites.push_back(
+              {lower + part.cwiseProduct(upper - lower), (up ? 1.0 : -1.0) * Vector3d::Unit(k)});
+          if (i == n || j == n) continue;
+          const int at = first + j * (n + 1) + i, right = at + 1, over = at + n + 1;
+          for (const Eigen::Vector3i& t :
+               {Eigen::Vector3i(at, right, over + 1), Eigen::Vector3i(at, over + 1, over)})
+            triangles.push_back(up ? t : Eigen::Vector3i(t[0], t[2], t[1]));
+        }
+    }
+  Design design = design_of(sites);
+  design.triangles.resize(Eigen::Index(triangles.size()), 3);
+  for (std::size_t t = 0; t < triangles.size(); ++t)
+    design.triangles.row(Eigen::Index(t)) = triangles[t].transpose();
+  return design;
+}
+
+/// A flat R 3 with 8 mm of flank in one pass along the wall x = 0 of `box`, so far before it.
+CutterMotion along_the_wall(double before) {
+  return motion_of({{Vector3d(-before, -30, 0), Vector3d::UnitZ()},
+                    {Vector3d(-before, 30, 0), Vector3d::UnitZ()}});
+}
+
+TEST(Shank, ThatRunsAlongAWallIsNotInIt) {
+  const Design design = box({0, -20, 0}, {12, 20, 20});
+  const ShankOptions options{.length = 50, .band = 2};
+  // across tangents rounding decides whether a line meets the cylinder
+  for (const double before : {3.0 + 1e-12, 3.0, 3.0 - 1e-12, 2.95})
+    EXPECT_FALSE(shank_contact(design, {3, 0, 8}, along_the_wall(before), options)) << before;
+  const auto contact = shank_contact(design, {3, 0, 8}, along_the_wall(2.5), options);
+  ASSERT_TRUE(contact);
+  EXPECT_NEAR(contact->deepest, 0.5, 1e-7);
+  EXPECT_EQ(contact->passed, 0.1);
+  EXPECT_FALSE(contact->deeper);
+}
+
+TEST(Shank, HasARadiusOfItsOwn) {
+  const Design design = box({0, -20, 0}, {12, 20, 20});
+  const auto deepest = [&](double before, double radius) {
+    const auto contact = shank_contact(design, {3, 0, 8}, along_the_wall(before),
+                                       {.length = 50, .band = 2, .radius = radius});
+    return contact ? contact->deepest : 0.0;
+  };
+  EXPECT_EQ(deepest(2.5, 2.2), 0.0) << "thinner than the cutter, it has room";
+  EXPECT_NEAR(deepest(3.0, 4.0), 1.0, 1e-7);
+  EXPECT_NEAR(deepest(4.5, 5.0), 0.5, 1e-7);
+}
+
 }  // namespace
 }  // namespace abbe::cutting

@@ -470,11 +470,16 @@ TEST(Collisions, AMeshInMetresIsDoubted) {
   };
   const auto doubted = [](const std::vector<std::string>& texts) {
     for (const std::string& text : texts)
-      if (text.find("vice is 0.3 mm large") != std::string::npos) return true;
+      if (text.find(
+              "the mesh of fixture \"vice\", read in mm, is 0.3 x 0.2 x 0.1 mm, less than 1 mm: "
+              "fixture.unit (\"m\" for metres) says another unit, fixture.any_size = true") !=
+          std::string::npos)
+        return true;
     return false;
   };
   EXPECT_TRUE(doubted(warnings("")));
   EXPECT_FALSE(doubted(warnings("unit = \"m\"\n")));
+  EXPECT_FALSE(doubted(warnings("any_size = true\n")));
 }
 
 TEST(Collisions, TheReportHasThemAll) {

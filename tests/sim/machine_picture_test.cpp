@@ -22,7 +22,7 @@ std::string zigzag() {
   return text + "G0 Z95\nM2\n%\n";
 }
 
-render::MachinePicture zigzag_picture(bool without_blocks = false) {
+render::MachinePicture zigzag_picture(bool without_blocks = false, const std::string& more = "") {
   const SceneFolder folder;
   const std::string program = folder.write("p.ngc", zigzag()).string();
   const std::string scenes = packaged("").string();
@@ -31,7 +31,7 @@ render::MachinePicture zigzag_picture(bool without_blocks = false) {
       "machine = \"" + scenes + "machines/gantry_cxyza.toml\"\ntool = \"" + scenes +
           "tools/ball_r5.toml\"\n[part]\nsurface = \"rectangle\"\nlength_x_mm = "
           "20\nlength_y_mm = 20\nat_mm = [0, 0, 80]\nvertices = 200\n[program]\nfile = \"" +
-          program + "\"\n");
+          program + "\"\n" + more);
   Scene read = read_scene(scene);
   if (without_blocks) read.machine.bodies.clear();
   return machine_picture(prepare(read));
@@ -94,6 +94,28 @@ TEST(MachinePicture, DrawsTheBlocksOfTheMachineWhereItsAxesStand) {
   const Eigen::Vector3d nose = tool->T * Eigen::Vector3d(0, 0, 100);
   EXPECT_NEAR((spindle->T.translation() - nose - Eigen::Vector3d(0, 0, 50)).norm(), 0.0, 1e-9);
   EXPECT_NEAR((ram->T.translation() - nose - Eigen::Vector3d(0, 0, 450)).norm(), 0.0, 1e-9);
+}
+
+TEST(MachinePicture, DrawsFixturesByTheirNamesWhereThePartStands) {
+  const auto labelled = [](const render::MachinePicture& picture, const std::string& label) {
+    return std::ranges::find(picture.bodies, label, &render::Body::label);
+  };
+  const std::string fixtures =
+      "[[fixture]]\nname = \"vice\"\nsize_mm = [40, 10, 30]\nat_mm = [0, 25, 65]\n"
+      "[[fixture]]\nshape = \"cylinder\"\nradius_mm = 4\nheight_mm = 10\nat_mm = [20, 0, 70]\n";
+  for (const bool without_blocks : {false, true}) {
+    const render::MachinePicture picture = zigzag_picture(without_blocks, fixtures);
+    const auto vice = labelled(picture, "vice");
+    ASSERT_NE(vice, picture.bodies.end());
+    EXPECT_NE(labelled(picture, "fixture"), picture.bodies.end());
+    const auto& solid = std::get<render::SolidShape>(vice->shape);
+    const Eigen::Vector3d low = solid.vertices.colwise().minCoeff().transpose(),
+                          high = solid.vertices.colwise().maxCoeff().transpose();
+    EXPECT_NEAR((low - Eigen::Vector3d(-20, 20, 50)).norm(), 0.0, 1e-9);
+    EXPECT_NEAR((high - Eigen::Vector3d(20, 30, 80)).norm(), 0.0, 1e-9);
+    EXPECT_EQ(vice->T.matrix(), picture.frames.front().T.matrix()) << "the workpiece";
+    EXPECT_EQ(zigzag_picture(without_blocks).bodies.size() + 2, picture.bodies.size());
+  }
 }
 
 }  // namespace

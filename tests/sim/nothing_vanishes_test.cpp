@@ -177,10 +177,14 @@ std::vector<OddScene> odd_scenes() {
   flat("sheet not called open", {.part = mesh("sheet.obj")});
   flat("sheet flipped", {.part = mesh("sheet_flipped.obj", open_sheet)});
   flat("margin over all", {.part = mesh("sheet.obj", open_sheet + "judged_margin_mm = 50\n")});
-  flat("shank against a wall",
-       {.program = "wall.ngc",
-        .tool = "kind = \"flat\"\nradius_mm = 5\nflank_length_mm = 3\nlength_mm = 100\n",
-        .part = mesh("step.obj", open_sheet + "at_mm = [0, 0, -8]\n")});
+  const auto wall = [&](const std::string& name, const std::string& shank) {
+    flat(name,
+         {.program = "wall.ngc",
+          .tool = "kind = \"flat\"\nradius_mm = 5\nflank_length_mm = 3\nlength_mm = 100\n" + shank,
+          .part = mesh("step.obj", open_sheet + "at_mm = [0, 0, -8]\n")});
+  };
+  wall("shank against a wall", "");
+  wall("wide shank against a wall", "shank_radius_mm = 5.5\n");
   flat("a nose on a mill", {.tool = nose_tool});
   const auto add = [&](const std::string& name, const std::string& text) {
     all.push_back({name, text});
@@ -334,6 +338,8 @@ TEST_F(NothingVanishes, WhatIsSaidHasFiguresAndLines) {
   expect_warning("rapids", "no block of the program feeds");
   expect_warning("lead without an axis for it", "no position of its axes gives the direction");
   expect_warning("shank against a wall", "the shank above the flank (3 mm above the tip)");
+  expect_warning("wide shank against a wall",
+                 "(3 mm above the tip, radius 5.5 mm) goes more than 0.1 mm into the design at");
   expect_warning("coarse dome, tolerance", "the mesh is too coarse for the tolerance");
   expect_warning("box of 12 triangles",
                  "judged vertices that an edge joins are up to 28.28 mm apart");

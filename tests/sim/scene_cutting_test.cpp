@@ -108,7 +108,7 @@ TEST(SceneCutting, EveryKeyIsWritten) {
        {"blank = \"box\"\nlower_mm = [0.0, -5.0, -10.0]\nupper_mm = [20.0, 5.0, 0.0]\n",
         "blank = \"cylinder\"\nradius_mm = 12.0\nlower_mm = -3.0\nupper_mm = 4.0\n",
         "blank = \"offset\"\nallowance_mm = 0.4\nfloor_mm = -8.0\n",
-        "blank = \"mesh\"\nfile = \"STL\"\nunit = \"inch\"\n"}) {
+        "blank = \"mesh\"\nfile = \"STL\"\nunit = \"inch\"\nany_size = true\n"}) {
     std::string text = blank + R"(spacing_mm = 0.25
 directions = 1
 flutes = 4

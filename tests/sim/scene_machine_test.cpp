@@ -6,6 +6,7 @@
 
 #include "sim/scene/read_scene.h"
 #include "sim/scene/scene_sections.h"
+#include "tests/sim/refusal.h"
 #include "tests/sim/small_scene.h"
 
 namespace abbe::sim {
@@ -44,6 +45,27 @@ travel_deg = [-90, 90]
 point_mm = [0, 0, 20]
 deviation_axes = "turning"
 )";
+
+TEST(SceneMachine, AShapeThatIsNoneIsAllThatIsSaidOfABody) {
+  const auto faults_of_body = [](const std::string& keys) {
+    Faults faults;
+    read_machine(parse_toml("code = \"w b X Y Z s t\"\nnose = { at_mm = [0, 0, 0] }\n[axis.X]\n"
+                            "[axis.Y]\n[axis.Z]\n[[body]]\ncarried_by = \"Z\"\n" +
+                                keys,
+                            "m.toml"),
+                 faults);
+    return text_of(faults);
+  };
+  const std::string shapes =
+      "one of \"box\", \"cone\", \"cylinder\", \"extrusion\", \"mesh\", \"revolution\", \"sphere\"";
+  for (const char* keys :
+       {"size_mm = [1, 2, 3]\n", "radius_mm = 3\nheight_mm = 4\n", "file = \"m.stl\"\n", ""})
+    EXPECT_EQ(faults_of_body(std::string("shape = \"boxx\"\n") + keys),
+              "m.toml:8:9: expected " + shapes +
+                  " for machine.body.shape, seen \"boxx\" (nearest: \"box\")\n");
+  EXPECT_NE(faults_of_body("shape = \"boxx\"\nradus_mm = 3\n").find("radus_mm"), std::string::npos)
+      << "a key of no shape is unknown all the same";
+}
 
 TEST(SceneMachine, WhatIsWrittenReadsAsTheSame) {
   const MachineDescription machine = machine_of(rich_machine);

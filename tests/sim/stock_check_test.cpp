@@ -105,10 +105,11 @@ TEST(StockCheck, APlantedGougeIsFoundWithItsPlaceAndLine) {
                        gouge.at("at_mm").at(1).get<double>() - 2),
             5.0);
   EXPECT_TRUE(warns(all, "gouged in 1 place, deepest 0.3 mm at ("));
-  EXPECT_TRUE(warns(all, "line 23"));
+  EXPECT_TRUE(warns(all, ") of the workpiece, line 23"));
   const std::string text = to_text(std::get<Summary>(all.outcome.figures));
   EXPECT_NE(text.find("gouge: "), std::string::npos) << text;
   EXPECT_NE(text.find(" mm^3 in 1 place, deepest 0.3 mm at ("), std::string::npos) << text;
+  EXPECT_NE(text.find(") of the workpiece, line 23"), std::string::npos) << text;
 }
 
 TEST(StockCheck, TheLimitsOfTheSceneDecide) {

@@ -109,10 +109,11 @@ TEST(Tolerance, VerdictIsALine) {
   c.out_of_tolerance = 1;
   c.excess = 3.2_um;
   Verdict::Place worst{11.2_um, {12.1, -4.0, 80.2}, 18231, false};
-  EXPECT_EQ(tolerance_verdict(c, worst), "FAIL by 3.2 um at (12.1, -4.0, 80.2), line 18231");
+  EXPECT_EQ(tolerance_verdict(c, worst),
+            "FAIL by 3.2 um at (12.1, -4.0, 80.2) of the part, line 18231");
   worst.bound = true;
   EXPECT_EQ(tolerance_verdict(c, worst),
-            "FAIL by more than 3.2 um at (12.1, -4.0, 80.2), line 18231");
+            "FAIL by more than 3.2 um at (12.1, -4.0, 80.2) of the part, line 18231");
 }
 
 /// A flat between whose passes, 0.5 apart, a ball R 5 leaves cusps R - sqrt(R² - y²).
