@@ -173,9 +173,13 @@ TEST(Collisions, TheHolderInTheStockAsItIsThen) {
   EXPECT_NEAR(all.list[0].place_w.z(), 80.0, 0.01);
   EXPECT_LT(std::hypot(all.list[0].place_w.x() + 20.0, all.list[0].place_w.y() + 30.0), 15.1);
   expect_no_contact({"G1 Z46 F500\nG0 Z100", holder, small});
-  // deeper after a long way, and most where the motion turns back
+  // deeper after a long way, and most where the motion turns back; coarse dexels, as the face is
+  // flat
+  const char* const coarse =
+      "[cutting]\nblank = \"box\"\nlower_mm = [-40, -50, 20]\nupper_mm = [0, -10, 80]\n"
+      "spacing_mm = 1\n";
   const Collisions later =
-      collisions_of({"G1 Z44 F500\nG1 X-30 Z43\nG1 X-10 Z41\nG0 Z100", holder, small});
+      collisions_of({"G1 Z44 F500\nG1 X-30 Z43\nG1 X-10 Z41\nG0 Z100", holder, coarse});
   ASSERT_EQ(contacts(later), 3u) << to_text(later);  // and the shank beside what was cut
   EXPECT_EQ(later.list[0].a + " " + later.list[0].b, "holder stock");
   EXPECT_EQ(later.list[0].first.line, 6);
@@ -567,7 +571,8 @@ TEST(Collisions, ARunThatIsToStopCutsNothing) {
   } catch (const CollisionStop& stop) {
     const std::string text = stop.what();
     EXPECT_NE(text.find("nothing was cut"), std::string::npos) << text;
-    EXPECT_NE(text.find("collision: part and holder meet, 3 mm deep at line 7, 7.660 s: line 7"), std::string::npos)
+    EXPECT_NE(text.find("collision: part and holder meet, 3 mm deep at line 7, 7.660 s: line 7"),
+              std::string::npos)
         << text;
     EXPECT_NE(text.find("abbe check SCENE --collisions"), std::string::npos) << text;
   }
