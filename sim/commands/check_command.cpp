@@ -8,6 +8,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "sim/cut/bodies.h"
 #include "sim/cut/collisions.h"
 #include "sim/cut/reach.h"
 #include "sim/cut/stages.h"
@@ -55,6 +56,8 @@ Exit check(const Common& common, const CheckWords& words) {
   if (!words.case_name.empty() && words.case_name != "uncompensated") check_case(words.case_name);
   const Scene scene = read_scene(common.scene, overrides(common));
   const Job job = placed(prepare(scene));
+  machine_bodies(scene.machine);
+  fixture_bodies(scene);
   Description description = describe(job);
   description.programs = judged(scene.programs, common.permissions);
   std::optional<Collisions> found;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <iterator>
+#include <optional>
 #include <utility>
 
 #include <fmt/format.h>
@@ -207,6 +208,29 @@ std::vector<SolidBody> bodies_of(const Job& part) {
   return bodies;
 }
 
+namespace {
+
+/// Of what is fixed to each other no pair is searched.
+std::vector<std::string> fixtures_inside(const std::vector<SolidBody>& bodies) {
+  std::vector<std::string> warnings;
+  const auto part = std::ranges::find(bodies, SolidBody::Kind::Part, &SolidBody::kind);
+  if (part == bodies.end()) return warnings;
+  std::optional<cutting::Body> whole;
+  for (const SolidBody& fixture : bodies) {
+    if (fixture.kind != SolidBody::Kind::Fixture) continue;
+    if (!whole) whole = searched(*part);
+    const cutting::Body clamp = searched(fixture);
+    const Pose same = Pose::Identity();
+    if (clamp.radius < whole->radius && cutting::gap(*whole, same, clamp, same).distance > 0.0 &&
+        cutting::is_inside(*whole, same, clamp, same))
+      warnings.push_back(fmt::format(
+          "{} lies wholly inside the part: are its place and its unit right?", fixture.name));
+  }
+  return warnings;
+}
+
+}  // namespace
+
 std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidBody>& bodies) {
   std::vector<std::string> warnings;
   if (part.scene.machine.bodies.empty())
@@ -244,6 +268,7 @@ std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidB
         odd_size(mesh->mesh, use_of(bodies[i].kind, bodies[i].name), extents(own.vertices));
     if (!text.empty()) warnings.push_back(std::move(text));
   }
+  std::ranges::move(fixtures_inside(bodies), std::back_inserter(warnings));
   return warnings;
 }
 

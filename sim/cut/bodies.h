@@ -67,7 +67,8 @@ std::vector<SolidBody> tool_bodies(const Job& part, double skin);
 /// @throws BadInput as `mesh_of`
 std::vector<SolidBody> bodies_of(const Job& part);
 
-/// What is odd about the bodies of a job: that there are none, that a mesh is tiny.
+/// What is odd about the bodies of a job: that there are none, that a mesh is tiny, that a fixture
+/// lies inside the part.
 std::vector<std::string> body_warnings(const Job& part, const std::vector<SolidBody>& bodies);
 
 /// The body to be searched, and its core; the whole of it where it has no core.

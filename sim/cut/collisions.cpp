@@ -186,6 +186,7 @@ class PartSearch {
     StockCollisions found = inside_tables(
         following_.part, [&] { return stock_collisions(following_, bodies_, pairs_, progress); });
     all_.queries += found.queries;
+    for (std::string& text : found.warnings) all_.warnings.push_back(std::move(text));
     for (const NearStock& one : found.near) add_near(one, found.clearances);
     for (Clearance& one : found.clearances) all_.clearances.push_back(std::move(one));
     for (Collision& one : found.list) {
@@ -224,6 +225,7 @@ class PartSearch {
     one.b = body(pair.b).name;
     one.contact = found.contact;
     one.first = following_.place(found.begin);
+    one.rapid = following_.is_rapid(found.begin);
     one.last = following_.place({end_of(motion_, found.last_stretch) - 1, 0.0});
     one.distance = found.distance;
     one.part = number_;

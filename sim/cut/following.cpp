@@ -33,17 +33,21 @@ ProgramPlace Following::place(const cutting::Moment& moment) const {
   return {samples.line[i], path.blocks[std::size_t(samples.block[i])].file, state(moment).time_s};
 }
 
+bool Following::is_rapid(const cutting::Moment& moment) const {
+  const auto block = std::size_t(samples.block[running(moment)]);
+  return path.blocks[block].interpolation == program::Interpolation::Rapid;
+}
+
 Collision event_at(const Following& following, const cutting::Moment& moment,
                    const Eigen::Vector3d& place_b) {
   const Carriers carriers{following.part.truth.actual.size()};
   const std::vector<kinematics::Pose> T = following.carriers(moment);
-  const std::size_t block = std::size_t(following.samples.block[following.running(moment)]);
   Collision event;
   event.first = event.worst = event.last = following.place(moment);
   event.place_b = place_b;
   event.place_w = T[std::size_t(carriers.workpiece())].inverse() * place_b;
   event.state = following.state(moment);
-  event.rapid = following.path.blocks[block].interpolation == program::Interpolation::Rapid;
+  event.rapid = following.is_rapid(moment);
   return event;
 }
 

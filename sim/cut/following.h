@@ -24,6 +24,7 @@ struct Following {
   /// The sample to which the axes are on their way.
   std::size_t running(const cutting::Moment& moment) const;
   ProgramPlace place(const cutting::Moment& moment) const;
+  bool is_rapid(const cutting::Moment& moment) const;
 };
 
 /// What is said of any collision at its first moment; its names are left open.

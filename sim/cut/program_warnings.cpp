@@ -159,7 +159,7 @@ std::vector<std::string> shank_warnings(const Scene& scene, const cutting::Desig
       "design at {} vertices, {} {:.3f} mm deep (line {}, first line {})",
       cutter->flank_length,
       radius == cutter->radius ? "" : fmt::format(", radius {:.4g} mm", radius), contact->passed,
-      contact->vertices, contact->deeper ? "at least" : "at most", contact->deepest, contact->line,
+      contact->vertices, contact->deeper ? "at least" : "up to", contact->deepest, contact->line,
       contact->first_line)};
 }
 

@@ -8,6 +8,8 @@
 #include <utility>
 #include <variant>
 
+#include <fmt/format.h>
+
 #include "cutting/collision.h"
 #include "cutting/way_out.h"
 #include "sim/cut/depth_looks.h"
@@ -44,6 +46,7 @@ struct Watched {
   std::string name;
   int frame = 0;
   Body body;
+  double clearance = 0.0;       // mm, a smaller distance is reported
   Pose T_w = Pose::Identity();  // where its distance was asked
   double distance = 0.0;        // mm, no more than it was there
   bool overlaps = false;        // from the start: not followed
@@ -71,8 +74,11 @@ class StockSearch {
         stock_(blank_) {
     renew();
     for (const cutting::BodyPair& pair : pairs) add(bodies, pair);
+    for (const SolidBody& body : bodies)
+      if (body.kind == Kind::Shank && has_own_radius(body)) own_shank_radius_ = radius_of(body);
     for (const SolidBody& body : tool_bodies(following.part, cutting::rubbing))
-      if ((body.kind == Kind::Cutter || body.kind == Kind::Shank) && !is_left_out(body.name))
+      if ((body.kind == Kind::Cutter || (body.kind == Kind::Shank && !has_own_radius(body))) &&
+          !is_left_out(body.name))
         tool_.push_back({body.kind, body.name, body.frame, searched(body), searched_core(body)});
   }
 
@@ -90,6 +96,11 @@ class StockSearch {
         progress("collisions with the stock", double(k) / double(milling_.moves()));
     }
     if (!crashes_.empty()) add_crashes();
+    if (unseen_ > 0)
+      found.warnings.push_back(fmt::format(
+          "the stock is cut with a shank of the cutter's radius, {:g} mm: at {} {} (first line {}) "
+          "it takes away what the true shank is not seen to meet",
+          cutter_.radius, unseen_, unseen_ == 1 ? "place" : "places", unseen_line_));
     std::ranges::stable_sort(found.list, {}, [](const Collision& one) { return one.first.time_s; });
     add_clearances();
     keep_first_stock();
@@ -134,13 +145,20 @@ class StockSearch {
     const SolidBody &a = bodies[std::size_t(pair.a)], &b = bodies[std::size_t(pair.b)];
     if (a.kind != Kind::Part && b.kind != Kind::Part) return;
     const SolidBody& other = a.kind == Kind::Part ? b : a;
-    const bool wide_shank =
-        other.kind == Kind::Shank &&
-        other.mesh.vertices.leftCols<2>().rowwise().norm().maxCoeff() > 1.01 * cutter_.radius;
-    if (other.kind == Kind::Cutter || (other.kind == Kind::Shank && !wide_shank)) return;
+    const bool is_shank = other.kind == Kind::Shank;
+    if (other.kind == Kind::Cutter || (is_shank && !has_own_radius(other))) return;
     if (is_left_out(other.name)) return;
-    watched_.push_back(
-        {other.name, other.frame, wide_shank ? searched_core(other) : searched(other)});
+    // a neck stands beside the wall that its cutter cuts
+    watched_.push_back({other.name, other.frame, is_shank ? searched_core(other) : searched(other),
+                        is_shank ? 0.0 : options().clearance});
+  }
+
+  /// Of a shank: another than the cutter's.
+  bool has_own_radius(const SolidBody& shank) const {
+    return std::abs(radius_of(shank) - cutter_.radius) > 0.01 * cutter_.radius;
+  }
+  static double radius_of(const SolidBody& shank) {
+    return shank.mesh.vertices.leftCols<2>().rowwise().norm().maxCoeff();
   }
 
   /// Of all carriers in the workpiece, at a step.
@@ -160,6 +178,14 @@ class StockSearch {
   }
 
   ProgramPlace place(std::size_t k) const { return following_.place({milling_.at[k], 0.0}); }
+
+  /// Where the block ends that runs at a step.
+  ProgramPlace end_of_block(std::size_t k) const {
+    const auto& block = following_.samples.block;
+    std::size_t i = milling_.at[k];
+    while (i + 1 < block.size() && block[i + 1] == block[i]) ++i;
+    return following_.place({i, 0.0});
+  }
 
   void start() {
     now_ = poses(0);
@@ -203,7 +229,7 @@ class StockSearch {
 
   /// mm, of interest up to here: a clearance is wanted to 5 %.
   double wanted(const Watched& one) const {
-    return std::max({options().clearance, options().resolution, 0.95 * one.nearest});
+    return std::max({one.clearance, options().resolution, 0.95 * one.nearest});
   }
 
   void look(Watched& one, std::size_t k, const std::vector<Pose>& next) {
@@ -248,7 +274,7 @@ class StockSearch {
       one.nearest = distance;
       one.place = following_.place(moment);
     }
-    if (!near.contact && distance > options().clearance) return;
+    if (!near.contact && distance > one.clearance) return;
     one.open = found.list.size();
     found.list.push_back(event(moment, 0.5 * (near.gap.on_a + near.gap.on_b)));
     Collision& event = found.list.back();
@@ -256,7 +282,7 @@ class StockSearch {
     event.b = "stock";
     event.contact = near.contact;
     event.distance = distance;
-    event.last = place(k + 1);
+    event.last = end_of_block(k + 1);
     open_line_ = event.last.line;
     add_near(one.name, k, near);
     one.met = near.contact;
@@ -264,8 +290,10 @@ class StockSearch {
       meet(one, event, k, near.u);
     else if (const auto u =
                  cutting::comes_within(mesh_, one.body, kinematics::screw_between(from, to),
-                                       options().clearance, options().resolution))
+                                       one.clearance, options().resolution)) {
       event.first = following_.place(moment_of(k, *u));
+      event.rapid = following_.is_rapid(moment_of(k, *u));
+    }
   }
 
   /// @param u  of the step, where it meets
@@ -342,13 +370,13 @@ class StockSearch {
     one.T_w = to;
     one.distance = ask(one, to);
     one.met = meets(one, to, one.distance);
-    event.last = place(k + 1);
+    event.last = end_of_block(k + 1);
     // what comes near before it meets is one event
     if (!event.contact && (near.contact || near.gap.distance < event.distance))
       nearer(one, event, k, near);
     one.looked.way += cutting::farthest(from, to, one.body);
     if (one.met && is_worth_a_look(one, event, k, to)) measure(one, event, k, 1.0);
-    if (!one.met && one.distance > options().clearance) one.open.reset();
+    if (!one.met && one.distance > one.clearance) one.open.reset();
   }
 
   /// Of a step that begins out of contact; contact is with the stock as it is.
@@ -366,7 +394,10 @@ class StockSearch {
     now.last = event.last;
     now.contact = near.contact;
     now.distance = near.contact ? 0.0 : near.gap.distance;
-    if (!near.contact) now.first = event.first;
+    if (!near.contact) {
+      now.first = event.first;
+      now.rapid = event.rapid;
+    }
     event = std::move(now);
     if (near.contact) meet(one, event, k, near.u);
     if (event.distance < one.nearest) {
@@ -378,7 +409,10 @@ class StockSearch {
   void take(std::size_t k) {
     const cutting::Removed removed = cutting::remove(stock_, cutter_, milling_.move(k));
     if (removed.volume > 0.0) is_stale_ = true;
-    if (removed.crashed) crashes_.push_back(k);
+    // a shank that is wider is watched and meets whatever one of the cutter's radius does
+    const bool is_watched =
+        own_shank_radius_.value_or(0.0) > cutter_.radius && !milling_.rapid[k + 1];
+    if (removed.crashed && !is_watched) crashes_.push_back(k);
   }
 
   /// A second time through the program, with the stock as each crash of cutter or shank meets it.
@@ -395,7 +429,11 @@ class StockSearch {
         event.below_mesh = true;
         event = deepest(i, end).value_or(std::move(event));
       }
-      if (!is_left_out(event.a)) add_crash(i, end, std::move(event));
+      if (event.below_mesh && own_shank_radius_) {
+        if (unseen_++ == 0) unseen_line_ = event.first.line;
+      } else if (!is_left_out(event.a)) {
+        add_crash(i, end, std::move(event));
+      }
       i = end;
     }
   }
@@ -464,7 +502,7 @@ class StockSearch {
     met.b = "stock";
     met.stock = shape_;
     met.rapid = milling_.rapid[crashes_[begin] + 1];
-    met.last = place(crashes_[end - 1] + 1);
+    met.last = end_of_block(crashes_[end - 1] + 1);
     for (std::size_t i = begin; i < end; ++i)
       found.near.push_back(
           {milling_.at[crashes_[i]] + 1, milling_.at[crashes_[i] + 1], met.a, 0.0});
@@ -478,6 +516,9 @@ class StockSearch {
   std::shared_ptr<const cutting::ClosedMesh> shape_;
   Body mesh_;  // of the shape; without search where nothing is left
   bool is_stale_ = false;
+  std::optional<double> own_shank_radius_;  // mm, not the cutter's
+  std::size_t unseen_ = 0;  // crashes that neither cutter nor such a shank is seen to have
+  int unseen_line_ = 0;     // of the first
   std::vector<Watched> watched_;
   std::vector<ToolBody> tool_;
   std::vector<Pose> now_;             // of all carriers in the workpiece

@@ -24,11 +24,14 @@ struct StockCollisions {
   std::vector<Clearance> clearances;
   std::vector<NearStock> near;  ///< of contacts and near misses
   std::size_t queries = 0;      ///< of distances
+  std::vector<std::string> warnings;
 };
 
 /// Follows the dexels of [cutting] step by step, where nothing bends, and what may not touch them:
-/// the holder and every body of the machine that may meet the part, a shank wider than the cutter,
-/// at any time; cutter and shank as `cutting::remove` judges them, the cutter on rapids. Where the
+/// the holder and every body of the machine that may meet the part, a shank that has not the
+/// cutter's radius, at any time; cutter and shank as `cutting::remove` judges them, the cutter on
+/// rapids. That takes a shank of the cutter's radius: where one of another is not seen to meet what
+/// it says, a warning counts the places. Where the
 /// stock is to a spacing of its dexels, `[cutting] spacing_mm`, so are places and depths. Between
 /// two steps a body is on a screw. A stretch in which two are near is closed at the end of the
 /// block in which they part.

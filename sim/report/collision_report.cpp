@@ -32,9 +32,10 @@ ordered_json event_json(const Collision& one, const std::vector<std::string>& mo
                        {"b", one.b},
                        {"rapid", one.rapid},
                        {"first", place_json(one.first, more_files)},
-                       {one.contact ? "deepest" : "nearest", place_json(one.worst, more_files)},
                        {"last", place_json(one.last, more_files)},
                        {"distance_mm", one.distance}};
+  if (!one.contact || one.depths > 0)
+    json[one.contact ? "deepest" : "nearest"] = place_json(one.worst, more_files);
   if (one.contact) json["depth_mm"] = one.depths > 0 ? ordered_json(one.depth) : ordered_json();
   json["at_bed_mm"] = numbers(one.place_b);
   json["at_workpiece_mm"] = numbers(one.place_w);
@@ -53,6 +54,10 @@ const char* name_of(InBlocks in_blocks) {
       break;
   }
   return "never";
+}
+
+std::string counted(std::size_t n, const char* one, const char* more) {
+  return fmt::format("{} {}", n, n == 1 ? one : more);
 }
 
 std::string at_text(const Eigen::Vector3d& place) {
@@ -112,10 +117,10 @@ ordered_json to_json(const Collisions& all) {
 std::string to_text(const Collisions& all) {
   const std::size_t count = contacts(all);
   std::string text = fmt::format(
-      "\ncollisions of {}: {}, {} near misses under {:g} mm; {} bodies, {} pairs, {:.1f} s\n",
-      escaped(all.commands), count == 0 ? "none" : fmt::format("{}", count),
-      all.list.size() - count, all.clearance, all.bodies.size(), all.clearances.size(),
-      all.seconds);
+      "\ncollisions of {}: {}; {} under {:g} mm; {} bodies, {} pairs, {:.1f} s\n",
+      escaped(all.commands), count == 0 ? "none" : counted(count, "collision", "collisions"),
+      counted(all.list.size() - count, "near miss", "near misses"), all.clearance,
+      all.bodies.size(), all.clearances.size(), all.seconds);
   for (std::size_t i = 0; i < std::min(all.list.size(), most_events); ++i) {
     const Collision& one = all.list[i];
     text +=

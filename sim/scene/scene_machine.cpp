@@ -284,7 +284,9 @@ const Fields<MachineDescription>& machine_fields() {
                  placement_fields(), "frame w of the workpiece")
           .number("rapid_mm_per_min", &Machine::rapid_speed, positive, "speed of slides in G0")
           .number(KeyName("rapid_deg_per_min").otherwise("3437.75: 1 rad/s"), &Machine::rapid_turn,
-                  positive, "speed of axes that turn in G0")
+                  positive,
+                  "speed of axes that turn in a G0 without slides; beside slides they keep pace "
+                  "with these")
           .custom({code_key(), axis_key("[A-Z]", "every letter of the code but `s`",
                                         axis_fields(axis_of({})).keys())},
                   read_joints, put_joints)

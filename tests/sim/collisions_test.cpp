@@ -209,6 +209,39 @@ TEST(Collisions, TheShankInTheStock) {
   expect_no_contact({"G1 Z61 F500\nG1 X0\nG0 Z100", "", block});
 }
 
+TEST(Collisions, AShankOfItsOwnRadiusInTheStock) {
+  // 0.3 mm into the wall of a slot, above the flank
+  const std::string moves =
+      "G1 Z60 F500\nG1 X0\nG1 X-20\nG1 Z50\nG1 X0\nG1 Y-29.7\nG1 X-20\nG0 Z100";
+  const char* const coarse =
+      "[cutting]\nblank = \"box\"\nlower_mm = [-40, -50, 20]\nupper_mm = [10, -10, 80]\n"
+      "spacing_mm = 1\n";
+  const auto with_shank = [&](const char* tool) { return collisions_of({moves, tool, coarse}); };
+  EXPECT_EQ(contacts(with_shank("")), 1u);
+  const Collisions necked = with_shank("shank_radius_mm = 4\n");
+  EXPECT_TRUE(is_clear(necked)) << to_text(necked);
+  ASSERT_FALSE(necked.warnings.empty());
+  EXPECT_NE(necked.warnings.back().find("a shank of the cutter's radius, 5 mm"), std::string::npos);
+  // wider than its cutter it is met once, by its own radius
+  const Collisions wide = with_shank("shank_radius_mm = 5.4\n");
+  std::vector<Collision> of_stock = contacts_of(wide);
+  std::erase_if(of_stock, [](const Collision& one) { return one.b != "stock"; });
+  ASSERT_FALSE(of_stock.empty());
+  for (std::size_t i = 1; i < of_stock.size(); ++i)
+    EXPECT_GT(of_stock[i].first.time_s, of_stock[i - 1].last.time_s);
+  EXPECT_EQ(wide.warnings, with_shank("").warnings);
+  EXPECT_EQ(of_stock.back().last.line, 13);  // until it is drawn out
+}
+
+TEST(Collisions, ANearMissBeginsOnAFeedThoughItIsNearestOnARapid) {
+  const std::string clamp =
+      "[[fixture]]\nname = \"clamp\"\nsize_mm = [20, 20, 15]\nat_mm = [-40, -30, 27.5]\n";
+  const Collisions near = collisions_of({"G1 Z21 F1000\nG1 X-24.2\nG0 X-24.5\nG0 Z100", "", clamp});
+  ASSERT_EQ(near.list.size(), 1u);
+  EXPECT_FALSE(near.list[0].rapid);
+  EXPECT_EQ(near.list[0].worst.line, 8);
+}
+
 TEST(Collisions, TheCutterDeeperInThePartThanAGougeMayBe) {
   expect_one_contact({"G1 Z19 F500\nG1 X-10\nG1 Z100"}, "cutter", "part", 6, 1.0, -20.0);
   expect_no_contact({"G1 Z19 F500\nG1 X-10\nG1 Z100", "", "[collision]\ngouge_mm = 1.01\n"});
@@ -225,6 +258,21 @@ TEST(Collisions, AClampInTheWay) {
   EXPECT_THROW(collisions_of({"G1 Z90 F1000", "",
                               clamp + "[[collision.ignore]]\na = \"clamb\"\nb = \"cutter\"\n"}),
                BadScene);
+}
+
+TEST(Collisions, AFixtureInsideThePartIsWarnedOf) {
+  const auto said = [](const char* size, const char* at) {
+    const Collisions all = collisions_of(
+        {"G1 Z90 F1000", "",
+         fmt::format("[[fixture]]\nname = \"clamp\"\nsize_mm = {}\nat_mm = {}\n", size, at)});
+    for (const std::string& text : all.warnings)
+      if (text.find("clamp lies wholly inside the part") != std::string::npos) return true;
+    return false;
+  };
+  EXPECT_TRUE(said("[0.8, 0.8, 1.5]", "[-40, -30, 10]"));
+  EXPECT_FALSE(said("[0.8, 0.8, 1.5]", "[-40, -30, 20]"));  // through its skin
+  EXPECT_FALSE(said("[20, 20, 15]", "[-40, -30, 27.5]"));
+  EXPECT_FALSE(said("[300, 300, 300]", "[0, 0, 0]"));  // around it
 }
 
 TEST(Collisions, TheHeadOnTheTableAtAHundredDegrees) {
