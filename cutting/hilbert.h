@@ -4,14 +4,17 @@
 
 namespace abbe::cutting {
 
-/// Place of a cell along the Hilbert curve of a grid of 2^16 cells a side, so that neighbours along
+/// Cells a side of the grid of `hilbert_code`.
+inline constexpr std::uint32_t hilbert_cells = 1u << 10;
+
+/// Place of a cell along the Hilbert curve of a grid of 2^10 cells a side, so that neighbours along
 /// the curve are neighbours in space.
-/// @param x, y, z  cell numbers, 0 .. 65535
-/// @return 48 bits Source: J. Skilling, Programming the Hilbert curve, AIP Conf. Proc. 707 (2004)
-///        381.
-constexpr std::uint64_t hilbert_code(std::uint32_t x, std::uint32_t y, std::uint32_t z) {
+/// @param x, y, z  cell numbers, 0 .. 1023
+/// @return 30 bits
+/// Source: J. Skilling, Programming the Hilbert curve, AIP Conf. Proc. 707 (2004) 381.
+constexpr std::uint32_t hilbert_code(std::uint32_t x, std::uint32_t y, std::uint32_t z) {
   std::uint32_t axis[3] = {x, y, z};
-  for (std::uint32_t bit = 1u << 15; bit > 1; bit >>= 1) {
+  for (std::uint32_t bit = hilbert_cells / 2; bit > 1; bit >>= 1) {
     const std::uint32_t below = bit - 1;
     for (std::uint32_t& a : axis) {
       if (a & bit) {
@@ -26,10 +29,10 @@ constexpr std::uint64_t hilbert_code(std::uint32_t x, std::uint32_t y, std::uint
   axis[1] ^= axis[0];
   axis[2] ^= axis[1];
   std::uint32_t gray = 0;
-  for (std::uint32_t bit = 1u << 15; bit > 1; bit >>= 1)
+  for (std::uint32_t bit = hilbert_cells / 2; bit > 1; bit >>= 1)
     if (axis[2] & bit) gray ^= bit - 1;
-  std::uint64_t code = 0;
-  for (int bit = 15; bit >= 0; --bit)
+  std::uint32_t code = 0;
+  for (int bit = 9; bit >= 0; --bit)
     for (const std::uint32_t a : axis) code = (code << 1) | (((a ^ gray) >> bit) & 1u);
   return code;
 }

@@ -47,10 +47,16 @@ Surface searched(const SweepTree& tree, const CutterMotion& motion, const Design
   const auto range_of_all = tbb::blocked_range<std::size_t>(0, order.size(), first_cut_block);
   tbb::parallel_for(range_of_all, [&](const auto& range) {
     SweepTree::Hint hint;
+    std::vector<Ray> rays;
+    rays.reserve(range.size());
+    for (std::size_t k = range.begin(); k < range.end(); ++k)
+      rays.push_back(
+          {design_w.vertices.row(order[k]), design_w.normals.row(order[k]), options.band});
+    std::vector<std::optional<Removal>> found(rays.size());
+    tree.first_removals(rays, found, hint);
     for (std::size_t k = range.begin(); k < range.end(); ++k) {
       const Index i = order[k];
-      const Ray ray{design_w.vertices.row(i), design_w.normals.row(i), options.band};
-      const std::optional<Removal> removal = tree.first_removal(ray, hint);
+      const std::optional<Removal>& removal = found[k - range.begin()];
       if (!removal) continue;
       if (removal->s > -options.band)
         record(surface, i, cut_of(*removal, motion));

@@ -210,6 +210,16 @@ RayStretch::RayStretch(const Cutter& cutter, const Ray& ray, double s, const Vec
     : end(cutter, ray, s, centre, reach_of_nodes),
       start(cutter, {ray.point, -ray.normal, ray.band}, ray.band, centre, reach_of_nodes) {}
 
+PatchEnd::PatchEnd(const RayEnd& middle, const Eigen::Matrix3d& axes, const Vector3d& halves,
+                   double tangent)
+    : end(middle), tilt(above(1.001 * tangent + 1e-6)) {
+  for (int d = 0; d < 3; ++d) {
+    for (int k = 0; k < 3; ++k) axis[d][k] = float(axes(k, d));
+    half[d] = above(1.001 * halves[d] + 1e-9);
+  }
+  end.doubt *= 1.5f;
+}
+
 // ---- holding them against a ray -----------------------------------------------------------------
 //
 // With q the point where the ray is cut off, a plane through q with normal m, m n <= 0, has the
@@ -237,6 +247,14 @@ RayStretch::RayStretch(const Cutter& cutter, const Ray& ray, double s, const Vec
 //      ray: what is farther from q lies in no cutter
 // So 34 for a move and 60 for a node, that is 2.1e-6 and 3.6e-6.
 // tests/cutting/sweep_bounds_test.cpp looks for worse.
+//
+// Rays beside each other. Their ends q lie in a box about its middle c: m q >= m c - sum |m a| h
+// over its axes a and halves h. With the tangent t of the largest angle between a ray's normal and
+// n, m n <= -t |m0| after the turn, |m|^2 <= (1 + t^2) |m0|^2, so that m n' <= 0 for every normal
+// n' within that angle: m n' <= m n cos + sqrt(|m|^2 - (m n)^2) sin, which is at most 0 where -m n
+// >= tan sqrt(|m|^2 - (m n)^2), and |m|^2 - (m n)^2 <= |m0|^2. Halves and tangent are taken a
+// thousandth larger, against which their rounding is nothing, and the doubt of a node half as large
+// again for the turn.
 
 namespace {
 
@@ -250,6 +268,27 @@ struct Plane {
 
 [[gnu::always_inline]] inline unsigned open_of(const Plane& plane) {
   return bits(!(plane.gap - plane.doubt > 0.0f));
+}
+
+const RayEnd& middle_of(const RayEnd& end) { return end; }
+const RayEnd& middle_of(const PatchEnd& rays) { return rays.end; }
+
+/// By how much m is turned along n, so that m n <= 0 for every ray.
+[[gnu::always_inline]] inline Eight turned_by(const Vector8& m, const RayEnd& end) {
+  return stdx::max(dot(m, spread(end.n)), Eight(0.0f));
+}
+[[gnu::always_inline]] inline Eight turned_by(const Vector8& m, const PatchEnd& rays) {
+  return stdx::max(dot(m, spread(rays.end.n)) + rays.tilt * length_of(m), Eight(0.0f));
+}
+
+/// How far the ends of rays lie from their middle along m.
+[[gnu::always_inline]] inline Eight extent_along(const Vector8&, const RayEnd&) {
+  return Eight(0.0f);
+}
+[[gnu::always_inline]] inline Eight extent_along(const Vector8& m, const PatchEnd& rays) {
+  Eight sum(0.0f);
+  for (int d = 0; d < 3; ++d) sum += rays.half[d] * stdx::abs(dot(m, spread(rays.axis[d])));
+  return sum;
 }
 
 /// From the nearest place of the cutters' cores to the end of the ray, nearly.
@@ -297,15 +336,16 @@ template <bool ball>
   return m;
 }
 
-template <bool ball>
-[[gnu::always_inline]] inline Plane plane_before(const RayEnd& end, const SweepNode& node) {
+template <bool ball, class Rays>
+[[gnu::always_inline]] inline Plane plane_before(const Rays& rays, const SweepNode& node) {
+  const RayEnd& end = middle_of(rays);
   const Vector8 cone = load(node.cone);
   const Eight cos_spread = load(node.cos_spread);
   const Eight sin_spread = load(node.sin_spread);
   const Vector8 flat = load(node.flat);
   const Vector8 n = spread(end.n);
   const Vector8 m0 = direction_to<ball>(end, node);
-  const Eight turned = stdx::max(dot(m0, n), Eight(0.0f));
+  const Eight turned = turned_by(m0, rays);
   const Vector8 m = m0 - turned * n;
   // Both parts of m, across the slab and the rest, are bounded on their own: m (q - k) is their sum
   // whatever the length of `flat`.
@@ -330,7 +370,7 @@ template <bool ball>
   Eight support = end.corner * length;
   if constexpr (!ball) support += end.ring * (beside * cos_spread - along * sin_spread);
   stdx::where(upward > 0.0f, support) = end.radius * length + (end.flank - end.corner) * upward;
-  return {m, apart - support, end.doubt * (length + turned), turned};
+  return {m, apart - support - extent_along(m, rays), end.doubt * (length + turned), turned};
 }
 
 /// The same of moves, the end of the ray being p about their origin.
@@ -381,9 +421,10 @@ template <bool ball>
   return m;
 }
 
-template <bool ball>
-[[gnu::always_inline]] inline Plane plane_before(const RayEnd& end, const SweepLeaf& leaf,
+template <bool ball, class Rays>
+[[gnu::always_inline]] inline Plane plane_before(const Rays& rays, const SweepLeaf& leaf,
                                                  const SweepLeafPlace& place) {
+  const RayEnd& end = middle_of(rays);
   const float local[3] = {float(end.point[0] - place.origin[0]),
                           float(end.point[1] - place.origin[1]),
                           float(end.point[2] - place.origin[2])};
@@ -395,7 +436,7 @@ template <bool ball>
   const Vector8 turn = u1 - u0;
   const Vector8 n = spread(end.n);
   const Vector8 m0 = direction_to<ball>(p, end, leaf);
-  const Eight turned = stdx::max(dot(m0, n), Eight(0.0f));
+  const Eight turned = turned_by(m0, rays);
   const Vector8 m = m0 - turned * n;
   const Eight length = length_of(m);
   Eight upward = -length;
@@ -415,7 +456,7 @@ template <bool ball>
   Eight arm(end.radius);
   stdx::where(upward > 0.0f, arm) = Eight(end.radius + end.flank);
   const Eight sag = arm * (0.13f * dot(turn, turn)) * length;
-  return {m, dot(m, p) - most - sag, doubt * (length + turned), turned};
+  return {m, dot(m, p) - most - sag - extent_along(m, rays), doubt * (length + turned), turned};
 }
 
 template <std::size_t n>
@@ -428,8 +469,8 @@ std::array<Clearance, n> clearances_of(const Plane& plane) {
 
 bool is_ball(const RayEnd& end) { return end.ring == 0.0f; }
 
-template <bool ball>
-OpenEight open_children_of(const SweepNode& node, const RayStretch& ray) {
+template <bool ball, class Stretch>
+OpenEight open_children_of(const SweepNode& node, const Stretch& ray) {
   const Plane plane = plane_before<ball>(ray.end, node);
   OpenEight open{open_of(plane)};
   const Eight room = plane.gap - plane.doubt;
@@ -439,8 +480,8 @@ OpenEight open_children_of(const SweepNode& node, const RayStretch& ray) {
   return open;
 }
 
-template <bool ball>
-OpenEight open_moves_of(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayStretch& ray) {
+template <bool ball, class Stretch>
+OpenEight open_moves_of(const SweepLeaf& leaf, const SweepLeafPlace& place, const Stretch& ray) {
   const Plane plane = plane_before<ball>(ray.end, leaf, place);
   OpenEight open{open_of(plane) & ((1u << place.count) - 1u)};
   plane.gap.copy_to(open.separation, stdx::vector_aligned);
@@ -467,6 +508,16 @@ OpenEight open_children(const SweepNode& node, const RayStretch& ray) {
 OpenEight open_moves(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayStretch& ray) {
   return is_ball(ray.end) ? open_moves_of<true>(leaf, place, ray)
                           : open_moves_of<false>(leaf, place, ray);
+}
+
+OpenEight open_children(const SweepNode& node, const PatchStretch& rays) {
+  return is_ball(rays.end.end) ? open_children_of<true>(node, rays)
+                               : open_children_of<false>(node, rays);
+}
+
+OpenEight open_moves(const SweepLeaf& leaf, const SweepLeafPlace& place, const PatchStretch& rays) {
+  return is_ball(rays.end.end) ? open_moves_of<true>(leaf, place, rays)
+                               : open_moves_of<false>(leaf, place, rays);
 }
 
 std::array<Clearance, SweepNode::width> clearances(const SweepNode& node, const RayEnd& end) {

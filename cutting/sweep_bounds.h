@@ -95,7 +95,25 @@ struct RayStretch {
              double reach_of_nodes);
 };
 
-/// What eight bounds leave open.
+/// The ends of rays beside each other: all in a box, every ray within an angle of one direction.
+struct PatchEnd {
+  RayEnd end;        ///< of a ray along the direction, at the middle of the box
+  float axis[3][3];  ///< unit, of the box
+  float half[3];     ///< mm, of its sides
+  float tilt;        ///< tangent of the angle
+
+  /// @param axes  columns, the box's; @param halves  mm @param tangent  of the angle, below 1e3
+  PatchEnd(const RayEnd& middle, const Eigen::Matrix3d& axes, const Eigen::Vector3d& halves,
+           double tangent);
+};
+
+/// Rays beside each other between where they start and where they are cut off.
+struct PatchStretch {
+  PatchEnd end;
+  PatchEnd start;
+};
+
+/// What eight bounds leave open; of rays beside each other, for any of them.
 struct OpenEight {
   unsigned bits = 0;                     ///< bit i is set unless i is ruled out
   alignas(32) float separation[8] = {};  ///< large for what is far from the end of the ray
@@ -105,6 +123,8 @@ struct OpenEight {
 };
 OpenEight open_children(const SweepNode& node, const RayStretch& ray);
 OpenEight open_moves(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayStretch& ray);
+OpenEight open_children(const SweepNode& node, const PatchStretch& rays);
+OpenEight open_moves(const SweepLeaf& leaf, const SweepLeafPlace& place, const PatchStretch& rays);
 
 /// What is behind a bound: all cutters of a group lie `gap` / |direction| (mm) or more behind the
 /// plane through the end of the ray across `direction`, save for an error of `doubt` / |direction|.

@@ -3,11 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
+#include <limits>
 #include <tuple>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_invoke.h>
+
+#include "cutting/ball_bounds.h"
+#include "cutting/cutter_position.h"
 
 namespace abbe::cutting {
 
@@ -171,11 +176,14 @@ void SweepTree::make_nodes() {
 // ---- searching ----------------------------------------------------------------------------------
 
 void SweepTree::try_item(int item, Search& search) const {
+  try_move(item, move_of(item, search.hint), search);
+}
+
+void SweepTree::try_move(int item, const Move& move, Search& search) const {
   const Item& it = items_[item];
   const double best = search.best ? search.best->s : search.ray.band;
   const double limit = std::min(best + entry_margin, search.ray.band);
-  const std::optional<Entry> entry =
-      first_entry(cutter_, move_of(item, search.hint), search.ray, limit);
+  const std::optional<Entry> entry = first_entry(cutter_, move, search.ray, limit);
   if (!entry || entry->s > search.ray.band) return;
   const auto order = [](double s, int move, int part) { return std::tuple(s, move, part); };
   if (search.best && order(search.best->s, search.best->move, search.best->part) <=
@@ -266,6 +274,267 @@ std::optional<Removal> SweepTree::first_removal(const Ray& ray, Hint& hint) cons
   descend(search);
   if (search.best) hint.item = search.best_item;
   return search.best;
+}
+
+// ---- rays beside each other ---------------------------------------------------------------------
+//
+// The first removal of one of them bounds those of the others from above: by where each enters the
+// cutter as it stood then. What no ray up to there can meet is ruled out for all at once; the few
+// moves left are tried by every ray.
+
+/// The moves that some of rays beside each other may meet first.
+struct SweepTree::Near {
+  static constexpr int room = 96;
+  int most = room;
+  int count = 0;
+  std::array<int, room> items;
+  std::array<Move, room> moves;
+};
+
+namespace {
+
+/// Where a cutter that stands still is met first, nearly and never before; the end of the band if
+/// it is not.
+class StandingCutter {
+ public:
+  StandingCutter(const Cutter& cutter, const Move& move, double t)
+      : cutter_(cutter), pose_(move), axis_(position(move, t).axis) {
+    pose_.from = pose_.to = t;
+    centre_ = position(move, t).tip + cutter.radius * axis_;
+  }
+
+  double met(const Ray& ray) const {
+    constexpr double more = 1e-6;  // mm, against rounding
+    const double radius2 = cutter_.radius * cutter_.radius;
+    if (cutter_.corner_radius == cutter_.radius) {
+      const Vector3d w = ray.point - centre_;
+      const double along = w.dot(ray.normal);
+      const double deep = radius2 - (w.squaredNorm() - along * along);
+      const double s = -along - std::sqrt(std::max(deep, 0.0));
+      if (deep > 0.1 * radius2 && axis_.dot(w + s * ray.normal) < 0.0)
+        return std::min(s + more, ray.band);
+    }
+    const std::optional<Entry> entry = first_entry(cutter_, pose_, ray, ray.band);
+    return std::min(entry ? entry->s + more : ray.band, ray.band);
+  }
+
+ private:
+  const Cutter& cutter_;
+  Move pose_;
+  Vector3d axis_, centre_;
+};
+
+/// A box along given axes.
+struct Box {
+  Vector3d low = Vector3d::Constant(std::numeric_limits<double>::infinity());
+  Vector3d high = -low;
+
+  void add(const Vector3d& place) {
+    low = low.cwiseMin(place);
+    high = high.cwiseMax(place);
+  }
+  Vector3d middle() const { return 0.5 * (low + high); }
+  Vector3d halves() const { return 0.5 * (high - low); }
+};
+
+}  // namespace
+
+/// Of rays that lean from each other by less than 45 deg.
+/// @param removal, item  of one of them
+std::optional<PatchStretch> SweepTree::patch_of(std::span<const Ray> rays, const Removal& removal,
+                                                int item, Hint& hint) const {
+  Vector3d sum = Vector3d::Zero();
+  for (const Ray& ray : rays) sum += ray.normal;
+  if (!(sum.norm() > 0.5 * double(rays.size()))) return std::nullopt;
+  Eigen::Matrix3d axes;
+  axes.col(2) = sum.normalized();
+  axes.col(0) = axes.col(2).unitOrthogonal();
+  axes.col(1) = axes.col(2).cross(axes.col(0));
+  const StandingCutter cutter(cutter_, move_of(item, hint), removal.t);
+  const Vector3d origin = rays.front().point;
+  Box ends, starts;
+  double least_cosine = 1.0;
+  for (const Ray& ray : rays) {
+    const Vector3d place = ray.point - origin;
+    ends.add(axes.transpose() * (place + cutter.met(ray) * ray.normal));
+    starts.add(axes.transpose() * (place - ray.band * ray.normal));
+    least_cosine = std::min(least_cosine, ray.normal.dot(axes.col(2)));
+  }
+  if (!(least_cosine > 0.7)) return std::nullopt;
+  // the cosine of a small angle has lost half of its digits
+  const double tangent =
+      std::sqrt(std::max(0.0, 1.0 - least_cosine * least_cosine) + 1e-14) / least_cosine;
+  const auto end = [&](const Box& box, double sense) {
+    const Ray middle{origin + axes * box.middle(), sense * axes.col(2), rays.front().band};
+    return PatchEnd({cutter_, middle, 0.0, centre_, reach_}, axes, box.halves(), tangent);
+  };
+  return PatchStretch{end(ends, 1.0), end(starts, -1.0)};
+}
+
+/// @return whether they are no more than it may hold
+bool SweepTree::gather_near(const PatchStretch& rays, Near& near, Hint& hint) const {
+  struct Visit {
+    int level, index;
+  };
+  std::array<Visit, 12 * width> waiting;
+  int depth = 0;
+  waiting[depth++] = {int(levels_.size()) - 1, 0};
+  while (depth > 0) {
+    const auto [level, index] = waiting[--depth];
+    unsigned open = open_children(levels_[level][index], rays).bits;
+    open &= (1u << children(level, index)) - 1u;
+    for (; open != 0; open &= open - 1) {
+      const int child = index * width + std::countr_zero(open);
+      if (level > 0) {
+        waiting[depth++] = {level - 1, child};
+        continue;
+      }
+      unsigned moves = open_moves(leaves_.moves[child], leaves_.places[child], rays).bits;
+      if (near.count + std::popcount(moves) > near.most) return false;
+      for (; moves != 0; moves &= moves - 1) {
+        const int item = child * width + std::countr_zero(moves);
+        near.items[near.count] = item;
+        near.moves[near.count++] = move_of(item, hint);
+      }
+    }
+  }
+  return true;
+}
+
+/// The first removal of a ray among moves.
+struct SweepTree::NearSearch {
+  const Ray& ray;
+  std::optional<Removal> best = {};
+  int best_item = -1;
+
+  double limit() const { return best ? std::min(best->s + entry_margin, ray.band) : ray.band; }
+};
+
+void SweepTree::try_near(const Near& near, int k, NearSearch& search) const {
+  const std::optional<Entry> entry =
+      first_entry(cutter_, near.moves[k], search.ray, search.limit());
+  if (!entry) return;
+  const Item& it = items_[near.items[k]];
+  const Removal removal{entry->s, entry->t, it.move, it.part};
+  const auto order = [](const Removal& one) { return std::tuple(one.s, one.move, one.part); };
+  if (search.best && order(*search.best) <= order(removal)) return;
+  search.best = removal;
+  search.best_item = near.items[k];
+}
+
+void SweepTree::search_near(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
+                            const Near& near, Hint& hint) const {
+  const int count = (near.count + width - 1) / width;
+  SweepLeaves leaves{std::vector<SweepLeaf>(count), std::vector<SweepLeafPlace>(count)};
+  for (int l = 0; l < count; ++l)
+    put(leaves, l, cutter_,
+        {&near.moves[l * width], std::size_t(std::min(width, near.count - l * width))});
+  int last = 0;  // that was the first removal of the ray before
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    Search search{{.ray = rays[i], .open = stretch_of(rays[i], rays[i].band), .hint = hint},
+                  std::nullopt};
+    const auto attempt = [&](int k) { try_move(near.items[k], near.moves[k], search); };
+    const int first = last;
+    attempt(first);
+    for (int l = 0; l < count && !search.buried; ++l) {
+      const auto open_now = [&] {
+        OpenEight open = open_moves(leaves.moves[l], leaves.places[l], search.open);
+        if (first / width == l) open.bits &= ~(1u << (first % width));
+        return open;
+      };
+      OpenEight open = open_now();
+      while (open.bits != 0 && !search.buried) {
+        const int k = open.nearest();
+        open.bits &= ~(1u << k);
+        const int cuts = search.cuts;
+        attempt(l * width + k);
+        if (search.cuts != cuts) last = l * width + k;
+        if (search.cuts != cuts && open.bits != 0) open.bits &= open_now().bits;
+      }
+    }
+    found[i] = search.best;
+    if (search.best) hint.item = search.best_item;
+  }
+}
+
+/// The same by bounds in closed form. @return whether they hold: only the lower half of a ball end
+/// is met, and it is near
+bool SweepTree::search_near_balls(std::span<const Ray> rays,
+                                  std::span<std::optional<Removal>> found,
+                                  const PatchStretch& patch, const Near& near, Hint& hint) const {
+  if (cutter_.corner_radius != cutter_.radius) return false;
+  const RayEnd& end = patch.end.end;
+  const Vector3d origin(end.point[0], end.point[1], end.point[2]),
+      normal(end.n[0], end.n[1], end.n[2]);
+  const double around = Vector3d(patch.end.half[0], patch.end.half[1], patch.end.half[2]).norm();
+  double far = 0.0;
+  for (const Ray& ray : rays) far = std::max(far, (ray.point - origin).norm());
+  std::array<BallChord, Near::room> chords;
+  for (int k = 0; k < near.count; ++k) {
+    chords[k] = BallChord(cutter_, near.moves[k], origin);
+    if (!(chords[k].distance + far < 4.9 * cutter_.radius) ||
+        !stays_below_centre(cutter_, near.moves[k], origin, around, normal, patch.end.tilt))
+      return false;
+  }
+  std::array<EntryEight, Near::room> bounds;
+  for (std::size_t i0 = 0; i0 < rays.size(); i0 += width) {
+    RayEight eight;
+    const std::size_t used = std::min<std::size_t>(width, rays.size() - i0);
+    for (std::size_t i = 0; i < width; ++i)
+      for (int d = 0; d < 3; ++d) {
+        const Ray& ray = rays[i0 + std::min(i, used - 1)];
+        eight.p[d][i] = float(ray.point[d] - origin[d]);
+        eight.n[d][i] = float(ray.normal[d]);
+      }
+    const std::span<const BallChord> moves(chords.data(), std::size_t(near.count));
+    const std::array<int, width> least = ball_bounds(moves, eight, bounds);
+    for (std::size_t i = 0; i < used; ++i) {
+      NearSearch search{rays[i0 + i]};
+      const auto attempt = [&](int k) {
+        if (double(bounds[k].least[i]) <= search.limit()) try_near(near, k, search);
+      };
+      attempt(least[i]);
+      for (int k = 0; k < near.count; ++k)
+        if (k != least[i]) attempt(k);
+      found[i0 + i] = search.best;
+      if (search.best) hint.item = search.best_item;
+    }
+  }
+  return true;
+}
+
+/// @return whether they are near enough to each other for it to be worth while
+bool SweepTree::search_patch(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
+                             Hint& hint) const {
+  const std::size_t middle = rays.size() / 2;
+  const std::optional<Removal> one = first_removal(rays[middle], hint);
+  if (!one || one->s <= -rays[middle].band) return false;
+  const std::optional<PatchStretch> patch = patch_of(rays, *one, hint.item, hint);
+  Near near{.most = std::min(Near::room, 2 * int(rays.size()) + 16)};
+  if (!patch || !gather_near(*patch, near, hint)) return false;
+  if (!search_near_balls(rays, found, *patch, near, hint)) search_near(rays, found, near, hint);
+  return true;
+}
+
+void SweepTree::first_removals(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
+                               Hint& hint) const {
+  constexpr std::size_t most = 32, least = 8, longest = 512;
+  for (std::size_t i = 0; i < rays.size();) {
+    const std::size_t count = std::min(hint.beside, rays.size() - i);
+    if (count >= least && search_patch(rays.subspan(i, count), found.subspan(i, count), hint)) {
+      hint.beside = std::min(2 * hint.beside, most);
+      hint.alone = least;
+      i += count;
+      continue;
+    }
+    if (count >= 2 * least) {
+      hint.beside = count / 2;
+      continue;
+    }
+    const std::size_t end = std::min(i + hint.alone, rays.size());
+    for (; i < end; ++i) found[i] = first_removal(rays[i], hint);
+    hint.alone = std::min(2 * hint.alone, longest);
+  }
 }
 
 std::vector<Removal> SweepTree::removals_within(const Ray& ray, double reach, Hint& hint) const {

@@ -22,20 +22,28 @@ class SweepTree {
 
   /// What is known from rays nearby: a place in the tree to start from, that of the removal found
   /// for the last, and the moves that were tried most recently. Of one tree only: the moves of
-  /// another would be taken for its own. 8 kB, so a run of rays shares one.
+  /// another would be taken for its own. 40 kB, so a run of rays shares one.
   struct Hint {
     struct Tried {
       int item = -1;
       Move move;
     };
     int item = -1;
-    std::array<Tried, 64> tried = {};  ///< at the item's number modulo their count
+    std::array<Tried, 256> tried = {};  ///< at the item's number modulo their count
+    std::size_t beside = 32;  ///< rays that are looked at together, as that went well of late
+    std::size_t alone = 8;    ///< or one by one, before that is tried again
   };
 
   /// First removal along the ray: smallest s, of equal ones the earliest move; if the ray starts in
   /// removed material, any move that removed it. Does not depend on the hint, which is replaced by
   /// the place of the result.
   std::optional<Removal> first_removal(const Ray& ray, Hint& hint) const;
+
+  /// The same of rays in an order in which neighbours are near to each other, which share walks
+  /// through the tree.
+  /// @param found  (rays)
+  void first_removals(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
+                      Hint& hint) const;
 
   /// First removal of every move, or part of one, that comes within `reach` (mm) of the first of
   /// all, in the order of the motion. Empty if there is none, or if the ray starts in removed
@@ -51,6 +59,8 @@ class SweepTree {
     std::uint16_t part;
     std::uint16_t parts;
   };
+  struct Near;
+  struct NearSearch;
   struct Aim;
   struct Search;
   struct Collection;
@@ -70,7 +80,18 @@ class SweepTree {
   void descend(Wanted& wanted) const;
   template <class Wanted>
   void search_leaf(int leaf, Wanted& wanted) const;
+  std::optional<PatchStretch> patch_of(std::span<const Ray> rays, const Removal& removal, int item,
+                                       Hint& hint) const;
+  bool gather_near(const PatchStretch& rays, Near& near, Hint& hint) const;
+  bool search_patch(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
+                    Hint& hint) const;
+  void search_near(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
+                   const Near& near, Hint& hint) const;
+  bool search_near_balls(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
+                         const PatchStretch& patch, const Near& near, Hint& hint) const;
+  void try_near(const Near& near, int k, NearSearch& search) const;
   void try_item(int item, Search& search) const;
+  void try_move(int item, const Move& move, Search& search) const;
   void try_item(int item, Collection& collection) const;
   RayStretch stretch_of(const Ray& ray, double cut_off) const;
   Move move_of(const Item& item) const;

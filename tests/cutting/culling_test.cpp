@@ -1,5 +1,6 @@
 #include <atomic>
 #include <cmath>
+#include <functional>
 #include <iostream>
 #include <numbers>
 
@@ -208,6 +209,107 @@ TEST(Culling, LosesNothingOfAFewMoves) { run("to 40 moves", 131000000, 3000 * lo
 
 TEST(Culling, LosesNothingOfThousandsOfMoves) {
   run("to 6000 moves", 132000000, 60 * longer(5), 6000, 24);
+}
+
+/// Rays beside one, with normals that lean a little from its own, on a surface of some curvature.
+std::vector<Ray> any_patch(Random& random, const Cutter& cutter, const CutterMotion& motion) {
+  const Ray first = any_ray(random, cutter, motion);
+  const double size = cutter.radius * random.decades(-6, 0.5),
+               lean = random.decades(-9, random.once_in(5) ? 0.2 : -0.7),
+               bent = random.in(-1, 1) / cutter.radius;
+  std::vector<Ray> rays{first};
+  const Vector3d x = first.normal.unitOrthogonal(), y = first.normal.cross(x);
+  for (int i = 1 + random.below(70); i > 0; --i) {
+    const double u = size * random.in(-1, 1), v = size * random.in(-1, 1);
+    const Vector3d normal = random.once_in(3)
+                                ? first.normal
+                                : random.turned_evenly(first.normal, lean * random.in(0, 1));
+    const Vector3d place = first.point + u * x + v * y + bent * (u * u + v * v) * first.normal;
+    rays.push_back({place, normal.normalized(), first.band});
+  }
+  return rays;
+}
+
+/// A ball or a bull nose over a wave, as parts are finished; upright or leading.
+CutterMotion finishing(Random& random, const Cutter& cutter, int passes) {
+  const double pitch = cutter.radius * random.decades(-2, -0.5),
+               lead = random.once_in(2) ? 0.0 : random.in(0, 0.4);
+  const double side = pitch * passes, height = 0.1 * side * random.in(0, 1);
+  const int n = passes * passes;
+  CutterMotion motion{Points(n, 3), Points(n, 3), Eigen::VectorXd(n),
+                      std::vector<int>(std::size_t(n), 1)};
+  for (int k = 0; k < n; ++k) {
+    const double x = 2 * pi * (k % passes) / passes, y = 2 * pi * (k / passes) / passes;
+    const Vector3d normal =
+        Vector3d(-height * std::cos(x) * 2 * pi / side, height * std::sin(y) * 2 * pi / side, 1)
+            .normalized();
+    const Vector3d axis =
+        lead > 0 ? Vector3d(std::cos(lead) * normal + std::sin(lead) * normal.unitOrthogonal())
+                       .normalized()
+                 : Vector3d(Vector3d::UnitZ());
+    const Vector3d place(x / (2 * pi) * side, y / (2 * pi) * side,
+                         height * (std::sin(x) + std::cos(y)));
+    motion.tip.row(k) = place + cutter.corner_radius * (normal - axis);
+    motion.axis.row(k) = axis;
+    motion.time_s[k] = k;
+  }
+  return motion;
+}
+
+void expect_same_patches(std::uint64_t seed, const Cutter& cutter, const CutterMotion& motion,
+                         int patches, Random& random, Count& count) {
+  const SweepTree tree(cutter, motion);
+  SweepTree::Hint hint;
+  for (int i = 0; i < patches; ++i) {
+    const std::vector<Ray> rays = any_patch(random, cutter, motion);
+    std::vector<std::optional<Removal>> found(rays.size());
+    tree.first_removals(rays, found, hint);
+    for (std::size_t k = 0; k < rays.size(); ++k) {
+      const auto expected = first_of_every_move(cutter, motion, rays[k]);
+      ++count.rays;
+      count.cut += expected && expected->s > -rays[k].band;
+      count.buried += expected && expected->s <= -rays[k].band;
+      if (same(found[k], expected, rays[k].band)) continue;
+      if (++count.different < 20)
+        ADD_FAILURE() << "seed " << seed << ", patch " << i << " of " << rays.size()
+                      << " rays, ray " << k << ", R " << cutter.radius << " r "
+                      << cutter.corner_radius << ", band " << rays[k].band << ": found "
+                      << text(found[k]) << ", of every move " << text(expected);
+    }
+  }
+}
+
+void run_patches(const char* name, std::uint64_t seed, int cases,
+                 const std::function<void(Random&, std::uint64_t, Count&)>& one) {
+  Count count;
+  tbb::parallel_for(0, cases, [&](int i) {
+    Random random(seed + std::uint64_t(i));
+    one(random, seed + std::uint64_t(i), count);
+  });
+  std::cout << "  " << name << ", seeds " << seed << " and on: " << cases << " motions, "
+            << count.rays << " rays, " << count.cut << " cut, " << count.buried << " buried, "
+            << count.different << " different\n";
+  EXPECT_EQ(count.different, 0);
+  EXPECT_GT(count.cut, count.rays / 8);
+}
+
+TEST(Culling, LosesNothingOfRaysBesideEachOther) {
+  run_patches("any motions", 133000000, 2000 * longer(5),
+              [](Random& random, std::uint64_t seed, Count& count) {
+                const Cutter cutter = any_cutter(random);
+                const CutterMotion motion = any_motion(random, cutter, int(random.decades(0, 2.3)));
+                expect_same_patches(seed, cutter, motion, 2, random, count);
+              });
+}
+
+TEST(Culling, LosesNothingOfFinishedSurfaces) {
+  run_patches("finishing", 134000000, 400 * longer(5),
+              [](Random& random, std::uint64_t seed, Count& count) {
+                Cutter cutter = any_cutter(random);
+                if (random.once_in(2)) cutter = {cutter.radius, cutter.radius, 2 * cutter.radius};
+                expect_same_patches(seed, cutter, finishing(random, cutter, 8 + random.below(16)),
+                                    3, random, count);
+              });
 }
 
 }  // namespace
