@@ -218,6 +218,62 @@ TEST(SweepBounds, OfNodesStayWithinTheirDoubtUnderAttack) {
 
 /// A ray through the middle of a ball beyond which it ends: the plane that is left of the direction
 /// from the middle once it is turned across the ray is rounding alone.
+/// Rays in a box that lean from each other, one of which meets the skin of a tool on its way.
+TEST(SweepBounds, OfRaysBesideEachOtherLeaveOpenWhatOneOfThemMeets) {
+  Random random(1802);
+  int closed_moves = 0, closed_nodes = 0;
+  const int cases = 200000 * longer(10);
+  for (int n = 0; n < cases; ++n) {
+    const double R = random.decades(-1, 2);
+    const double corners[] = {R, 0.0, R * random.in(0, 1)};
+    const Cutter cutter{R, corners[random.below(3)], R * random.in(1, 4)};
+    Move move;
+    move.tip = R * random.in(0, 3) * random.direction();
+    move.step = R * random.some(3.0) * random.direction();
+    move.axis = random.direction();
+    move.side = move.axis.unitOrthogonal();
+    move.angle = random.some(0.05);
+    SweepLeaves leaves{std::vector<SweepLeaf>(1), std::vector<SweepLeafPlace>(1)};
+    put(leaves, 0, cutter, {&move, 1});
+    SweepNode node;
+    for (int i = 0; i < SweepNode::width; ++i) put(node, i, bounds_of(leaves, 0), Vector3d::Zero());
+    // a place on the skin, at some instant
+    const double t = random.in(0, 1), around = random.in(-pi, pi);
+    const Vector3d u = std::cos(t * move.angle) * move.axis + std::sin(t * move.angle) * move.side;
+    const Vector3d x = u.unitOrthogonal();
+    const Vector3d aside = std::cos(around) * x + std::sin(around) * u.cross(x);
+    const double kappa = random.in(0, pi / 2), ring = R - cutter.corner_radius;
+    Vector3d place = move.tip + t * move.step;
+    if (random.once_in(2))
+      place += R * aside + random.in(cutter.corner_radius, cutter.flank_length) * u;
+    else
+      place += (ring + cutter.corner_radius * std::sin(kappa)) * aside +
+               cutter.corner_radius * (1 - std::cos(kappa)) * u;
+    // a ray that runs to it, and goes on to where it is cut off
+    const Vector3d middle = random.direction();
+    const double lean = random.decades(-6, -0.2);
+    const Vector3d normal = random.turned_evenly(middle, lean);
+    const double before = R * random.decades(-3, 1), after = R * random.decades(-6, 1);
+    Eigen::Matrix3d axes;
+    axes.col(2) = middle;
+    axes.col(0) = middle.unitOrthogonal();
+    axes.col(1) = middle.cross(axes.col(0));
+    const auto end = [&](const Vector3d& at, double sense) {
+      const Vector3d halves = R * random.decades(-6, 0) * Vector3d(1, 1, random.in(0, 1));
+      const Vector3d offset = halves.cwiseProduct(random.any());
+      const Ray ray{at + axes * offset, sense * middle, 1.0};
+      return PatchEnd({cutter, ray, 0.0, Vector3d::Zero(), 12 * R}, axes, halves, std::tan(lean));
+    };
+    const PatchStretch rays{end(place + after * normal, 1.0), end(place - before * normal, -1.0)};
+    closed_moves += (open_moves(leaves.moves[0], leaves.places[0], rays).bits & 1u) == 0;
+    closed_nodes += (open_children(node, rays).bits & 1u) == 0;
+  }
+  std::cout << cases << " rays that meet a tool (seed 1802), ruled out: " << closed_moves
+            << " moves, " << closed_nodes << " nodes\n";
+  EXPECT_EQ(closed_moves, 0);
+  EXPECT_EQ(closed_nodes, 0);
+}
+
 TEST(SweepBounds, OfABallThatTheRayRunsThroughAreOpen) {
   std::mt19937_64 random(503);
   std::normal_distribution<double> normal;
