@@ -4,8 +4,9 @@
 
 namespace abbe::cutting {
 
-/// Cells a side of the grid of `hilbert_code`.
-inline constexpr std::uint32_t hilbert_cells = 1u << 10;
+/// Of a cell number in the grid of `hilbert_code`.
+inline constexpr int hilbert_bits = 10;
+inline constexpr std::uint32_t hilbert_cells = 1u << hilbert_bits;  ///< a side
 
 /// Place of a cell along the Hilbert curve of a grid of 2^10 cells a side, so that neighbours along
 /// the curve are neighbours in space.
@@ -32,7 +33,7 @@ constexpr std::uint32_t hilbert_code(std::uint32_t x, std::uint32_t y, std::uint
   for (std::uint32_t bit = hilbert_cells / 2; bit > 1; bit >>= 1)
     if (axis[2] & bit) gray ^= bit - 1;
   std::uint32_t code = 0;
-  for (int bit = 9; bit >= 0; --bit)
+  for (int bit = hilbert_bits - 1; bit >= 0; --bit)
     for (const std::uint32_t a : axis) code = (code << 1) | (((a ^ gray) >> bit) & 1u);
   return code;
 }

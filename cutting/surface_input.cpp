@@ -115,13 +115,12 @@ struct Place {
   std::uint32_t code, vertex;
 };
 
-/// By 30 bits of their codes, of equal ones as they stand.
+/// By their codes, of equal ones as they stand: a digit of as many bits as a cell number at a time.
 void sort_by_code(std::vector<Place>& places) {
-  constexpr std::uint32_t digits = 1u << 10;
   std::vector<Place> sorted(places.size());
-  for (const int shift : {0, 10, 20}) {
-    std::array<std::size_t, digits + 1> begin{};
-    const auto digit = [&](const Place& one) { return (one.code >> shift) % digits; };
+  for (int shift = 0; shift < 3 * hilbert_bits; shift += hilbert_bits) {
+    std::array<std::size_t, hilbert_cells + 1> begin{};
+    const auto digit = [&](const Place& one) { return (one.code >> shift) % hilbert_cells; };
     for (const Place& one : places) ++begin[digit(one) + 1];
     std::partial_sum(begin.begin(), begin.end(), begin.begin());
     for (const Place& one : places) sorted[begin[digit(one)]++] = one;

@@ -29,10 +29,26 @@ struct SweepTree::Aim {
   bool buried = false;
 };
 
-struct SweepTree::Search : Aim {
+/// The first removal of a ray so far.
+struct SweepTree::First {
   std::optional<Removal> best;
   int best_item = -1;
+
+  /// mm along the ray, beyond which nothing is of interest.
+  double limit(const Ray& ray) const {
+    return best ? std::min(best->s + entry_margin, ray.band) : ray.band;
+  }
+  /// @return whether it comes before what was found
+  bool take(const Removal& removal, int item) {
+    const auto order = [](const Removal& one) { return std::tuple(one.s, one.move, one.part); };
+    if (best && order(*best) <= order(removal)) return false;
+    best = removal;
+    best_item = item;
+    return true;
+  }
 };
+
+struct SweepTree::Search : Aim, First {};
 
 struct SweepTree::Collection : Aim {
   double limit;  // mm along the ray
@@ -181,16 +197,9 @@ void SweepTree::try_item(int item, Search& search) const {
 
 void SweepTree::try_move(int item, const Move& move, Search& search) const {
   const Item& it = items_[item];
-  const double best = search.best ? search.best->s : search.ray.band;
-  const double limit = std::min(best + entry_margin, search.ray.band);
-  const std::optional<Entry> entry = first_entry(cutter_, move, search.ray, limit);
-  if (!entry || entry->s > search.ray.band) return;
-  const auto order = [](double s, int move, int part) { return std::tuple(s, move, part); };
-  if (search.best && order(search.best->s, search.best->move, search.best->part) <=
-                         order(entry->s, it.move, it.part))
-    return;
-  search.best = Removal{entry->s, entry->t, it.move, it.part};
-  search.best_item = item;
+  const std::optional<Entry> entry =
+      first_entry(cutter_, move, search.ray, search.limit(search.ray));
+  if (!entry || !search.take({entry->s, entry->t, it.move, it.part}, item)) return;
   search.buried = entry->s <= -search.ray.band;
   ++search.cuts;
   search.open.end.cut_off(search.ray, std::min(entry->s + entry_margin, search.ray.band), centre_);
@@ -206,19 +215,25 @@ void SweepTree::try_item(int item, Collection& collection) const {
 // The nearest of what is open comes first, as what it cuts off rules out most of the rest: whenever
 // the ray has become shorter, what waits is held against it again, eight at a time.
 
-template <class Wanted>
-void SweepTree::search_leaf(int leaf, Wanted& wanted) const {
-  const auto open_now = [&] {
-    return open_moves(leaves_.moves[leaf], leaves_.places[leaf], wanted.open);
-  };
-  OpenEight open = open_now();
+template <class Wanted, class Try>
+void SweepTree::search_eight(const SweepLeaf& moves, const SweepLeafPlace& place, Wanted& wanted,
+                             const Try& try_one) {
+  OpenEight open = open_moves(moves, place, wanted.open);
   while (open.bits != 0 && !wanted.buried) {
     const int i = open.nearest();
     open.bits &= ~(1u << i);
     const int cuts = wanted.cuts;
-    if (leaf * width + i != wanted.done_item) try_item(leaf * width + i, wanted);
-    if (wanted.cuts != cuts && open.bits != 0) open.bits &= open_now().bits;
+    try_one(i);
+    if (wanted.cuts != cuts && open.bits != 0)
+      open.bits &= open_moves(moves, place, wanted.open).bits;
   }
+}
+
+template <class Wanted>
+void SweepTree::search_leaf(int leaf, Wanted& wanted) const {
+  search_eight(leaves_.moves[leaf], leaves_.places[leaf], wanted, [&](int i) {
+    if (leaf * width + i != wanted.done_item) try_item(leaf * width + i, wanted);
+  });
 }
 
 template <class Wanted>
@@ -263,7 +278,7 @@ RayStretch SweepTree::stretch_of(const Ray& ray, double cut_off) const {
 
 std::optional<Removal> SweepTree::first_removal(const Ray& ray, Hint& hint) const {
   if (items_.empty()) return std::nullopt;
-  Search search{{.ray = ray, .open = stretch_of(ray, ray.band), .hint = hint}, std::nullopt};
+  Search search{{.ray = ray, .open = stretch_of(ray, ray.band), .hint = hint}, {}};
   if (hint.item >= 0) {
     try_item(hint.item, search);
     search.done_item = hint.item;
@@ -401,27 +416,6 @@ bool SweepTree::gather_near(const PatchStretch& rays, Near& near, Hint& hint) co
   return true;
 }
 
-/// The first removal of a ray among moves.
-struct SweepTree::NearSearch {
-  const Ray& ray;
-  std::optional<Removal> best = {};
-  int best_item = -1;
-
-  double limit() const { return best ? std::min(best->s + entry_margin, ray.band) : ray.band; }
-};
-
-void SweepTree::try_near(const Near& near, int k, NearSearch& search) const {
-  const std::optional<Entry> entry =
-      first_entry(cutter_, near.moves[k], search.ray, search.limit());
-  if (!entry) return;
-  const Item& it = items_[near.items[k]];
-  const Removal removal{entry->s, entry->t, it.move, it.part};
-  const auto order = [](const Removal& one) { return std::tuple(one.s, one.move, one.part); };
-  if (search.best && order(*search.best) <= order(removal)) return;
-  search.best = removal;
-  search.best_item = near.items[k];
-}
-
 void SweepTree::search_near(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                             const Near& near, Hint& hint) const {
   const int count = (near.count + width - 1) / width;
@@ -431,27 +425,18 @@ void SweepTree::search_near(std::span<const Ray> rays, std::span<std::optional<R
         {&near.moves[l * width], std::size_t(std::min(width, near.count - l * width))});
   int last = 0;  // that was the first removal of the ray before
   for (std::size_t i = 0; i < rays.size(); ++i) {
-    Search search{{.ray = rays[i], .open = stretch_of(rays[i], rays[i].band), .hint = hint},
-                  std::nullopt};
-    const auto attempt = [&](int k) { try_move(near.items[k], near.moves[k], search); };
+    Search search{{.ray = rays[i], .open = stretch_of(rays[i], rays[i].band), .hint = hint}, {}};
+    const auto attempt = [&](int k) {
+      const int cuts = search.cuts;
+      try_move(near.items[k], near.moves[k], search);
+      if (search.cuts != cuts) last = k;
+    };
     const int first = last;
     attempt(first);
-    for (int l = 0; l < count && !search.buried; ++l) {
-      const auto open_now = [&] {
-        OpenEight open = open_moves(leaves.moves[l], leaves.places[l], search.open);
-        if (first / width == l) open.bits &= ~(1u << (first % width));
-        return open;
-      };
-      OpenEight open = open_now();
-      while (open.bits != 0 && !search.buried) {
-        const int k = open.nearest();
-        open.bits &= ~(1u << k);
-        const int cuts = search.cuts;
-        attempt(l * width + k);
-        if (search.cuts != cuts) last = l * width + k;
-        if (search.cuts != cuts && open.bits != 0) open.bits &= open_now().bits;
-      }
-    }
+    for (int l = 0; l < count && !search.buried; ++l)
+      search_eight(leaves.moves[l], leaves.places[l], search, [&](int k) {
+        if (l * width + k != first) attempt(l * width + k);
+      });
     found[i] = search.best;
     if (search.best) hint.item = search.best_item;
   }
@@ -489,9 +474,14 @@ bool SweepTree::search_near_balls(std::span<const Ray> rays,
     const std::span<const BallChord> moves(chords.data(), std::size_t(near.count));
     const std::array<int, width> least = ball_bounds(moves, eight, bounds);
     for (std::size_t i = 0; i < used; ++i) {
-      NearSearch search{rays[i0 + i]};
+      const Ray& ray = rays[i0 + i];
+      First search;
       const auto attempt = [&](int k) {
-        if (double(bounds[k].least[i]) <= search.limit()) try_near(near, k, search);
+        if (double(bounds[k].least[i]) > search.limit(ray)) return;
+        const std::optional<Entry> entry =
+            first_entry(cutter_, near.moves[k], ray, search.limit(ray));
+        const Item& it = items_[near.items[k]];
+        if (entry) search.take({entry->s, entry->t, it.move, it.part}, near.items[k]);
       };
       attempt(least[i]);
       for (int k = 0; k < near.count; ++k)
@@ -518,22 +508,22 @@ bool SweepTree::search_patch(std::span<const Ray> rays, std::span<std::optional<
 
 void SweepTree::first_removals(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                                Hint& hint) const {
-  constexpr std::size_t most = 32, least = 8, longest = 512;
   for (std::size_t i = 0; i < rays.size();) {
     const std::size_t count = std::min(hint.beside, rays.size() - i);
-    if (count >= least && search_patch(rays.subspan(i, count), found.subspan(i, count), hint)) {
-      hint.beside = std::min(2 * hint.beside, most);
-      hint.alone = least;
+    if (count >= Hint::least_beside &&
+        search_patch(rays.subspan(i, count), found.subspan(i, count), hint)) {
+      hint.beside = std::min(2 * hint.beside, Hint::most_beside);
+      hint.alone = Hint::least_beside;
       i += count;
       continue;
     }
-    if (count >= 2 * least) {
+    if (count >= 2 * Hint::least_beside) {
       hint.beside = count / 2;
       continue;
     }
     const std::size_t end = std::min(i + hint.alone, rays.size());
     for (; i < end; ++i) found[i] = first_removal(rays[i], hint);
-    hint.alone = std::min(2 * hint.alone, longest);
+    hint.alone = std::min(2 * hint.alone, Hint::most_alone);
   }
 }
 

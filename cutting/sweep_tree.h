@@ -30,8 +30,9 @@ class SweepTree {
     };
     int item = -1;
     std::array<Tried, 256> tried = {};  ///< at the item's number modulo their count
-    std::size_t beside = 32;  ///< rays that are looked at together, as that went well of late
-    std::size_t alone = 8;    ///< or one by one, before that is tried again
+    static constexpr std::size_t most_beside = 32, least_beside = 8, most_alone = 512;
+    std::size_t beside = most_beside;  ///< rays that are looked at together, as that went well
+    std::size_t alone = least_beside;  ///< or one by one, before that is tried again
   };
 
   /// First removal along the ray: smallest s, of equal ones the earliest move; if the ray starts in
@@ -60,7 +61,7 @@ class SweepTree {
     std::uint16_t parts;
   };
   struct Near;
-  struct NearSearch;
+  struct First;
   struct Aim;
   struct Search;
   struct Collection;
@@ -78,6 +79,9 @@ class SweepTree {
 
   template <class Wanted>
   void descend(Wanted& wanted) const;
+  template <class Wanted, class Try>
+  static void search_eight(const SweepLeaf& moves, const SweepLeafPlace& place, Wanted& wanted,
+                           const Try& try_one);
   template <class Wanted>
   void search_leaf(int leaf, Wanted& wanted) const;
   std::optional<PatchStretch> patch_of(std::span<const Ray> rays, const Removal& removal, int item,
@@ -89,7 +93,6 @@ class SweepTree {
                    const Near& near, Hint& hint) const;
   bool search_near_balls(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                          const PatchStretch& patch, const Near& near, Hint& hint) const;
-  void try_near(const Near& near, int k, NearSearch& search) const;
   void try_item(int item, Search& search) const;
   void try_move(int item, const Move& move, Search& search) const;
   void try_item(int item, Collection& collection) const;

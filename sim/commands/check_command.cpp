@@ -56,8 +56,6 @@ Exit check(const Common& common, const CheckWords& words) {
   if (!words.case_name.empty() && words.case_name != "uncompensated") check_case(words.case_name);
   const Scene scene = read_scene(common.scene, overrides(common));
   const Job job = placed(prepare(scene));
-  machine_bodies(scene.machine);
-  fixture_bodies(scene);
   Description description = describe(job);
   description.programs = judged(scene.programs, common.permissions);
   std::optional<Collisions> found;
@@ -65,6 +63,10 @@ Exit check(const Common& common, const CheckWords& words) {
     found = looked_for(job, words.case_name.empty() ? "uncompensated" : words.case_name);
     description.warnings.insert(description.warnings.end(), found->warnings.begin(),
                                 found->warnings.end());
+  } else {
+    // their meshes are read, so that one that cannot be is refused here, too
+    machine_bodies(scene.machine);
+    fixture_bodies(scene);
   }
   if (words.picture) {
     const ResultFolder folder(result_folder(common), writer_of(scene, common.permissions));

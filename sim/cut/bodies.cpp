@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdlib>
 #include <iterator>
-#include <optional>
 #include <utility>
 
 #include <fmt/format.h>
@@ -215,14 +214,17 @@ std::vector<std::string> fixtures_inside(const std::vector<SolidBody>& bodies) {
   std::vector<std::string> warnings;
   const auto part = std::ranges::find(bodies, SolidBody::Kind::Part, &SolidBody::kind);
   if (part == bodies.end()) return warnings;
-  std::optional<cutting::Body> whole;
+  const auto box_of = [](const SolidBody& body) {
+    return Eigen::AlignedBox3d(body.mesh.vertices.colwise().minCoeff().transpose(),
+                               body.mesh.vertices.colwise().maxCoeff().transpose());
+  };
+  const Eigen::AlignedBox3d box = box_of(*part);
   for (const SolidBody& fixture : bodies) {
-    if (fixture.kind != SolidBody::Kind::Fixture) continue;
-    if (!whole) whole = searched(*part);
-    const cutting::Body clamp = searched(fixture);
+    if (fixture.kind != SolidBody::Kind::Fixture || !box.contains(box_of(fixture))) continue;
+    const cutting::Body whole = searched(*part), clamp = searched(fixture);
     const Pose same = Pose::Identity();
-    if (clamp.radius < whole->radius && cutting::gap(*whole, same, clamp, same).distance > 0.0 &&
-        cutting::is_inside(*whole, same, clamp, same))
+    if (cutting::gap(whole, same, clamp, same).distance > 0.0 &&
+        cutting::is_inside(whole, same, clamp, same))
       warnings.push_back(fmt::format(
           "{} lies wholly inside the part: are its place and its unit right?", fixture.name));
   }

@@ -143,6 +143,10 @@ TEST(Collisions, ARapidThroughThePart) {
   EXPECT_NEAR(through.list[0].depth, 15.0, 0.02);  // to the side of the wall
 }
 
+/// A clamp on the plate, its face at x -30.
+const std::string clamp =
+    "[[fixture]]\nname = \"clamp\"\nsize_mm = [20, 20, 15]\nat_mm = [-40, -30, 27.5]\n";
+
 /// A blank that stands 20 mm over the wall.
 const char* const block =
     "[cutting]\nblank = \"box\"\nlower_mm = [-50, -60, 0]\nupper_mm = [50, 0, 80]\n"
@@ -234,8 +238,6 @@ TEST(Collisions, AShankOfItsOwnRadiusInTheStock) {
 }
 
 TEST(Collisions, ANearMissBeginsOnAFeedThoughItIsNearestOnARapid) {
-  const std::string clamp =
-      "[[fixture]]\nname = \"clamp\"\nsize_mm = [20, 20, 15]\nat_mm = [-40, -30, 27.5]\n";
   const Collisions near = collisions_of({"G1 Z21 F1000\nG1 X-24.2\nG0 X-24.5\nG0 Z100", "", clamp});
   ASSERT_EQ(near.list.size(), 1u);
   EXPECT_FALSE(near.list[0].rapid);
@@ -248,8 +250,6 @@ TEST(Collisions, TheCutterDeeperInThePartThanAGougeMayBe) {
 }
 
 TEST(Collisions, AClampInTheWay) {
-  const std::string clamp =
-      "[[fixture]]\nname = \"clamp\"\nsize_mm = [20, 20, 15]\nat_mm = [-40, -30, 27.5]\n";
   expect_one_contact({"G1 Z21 F1000\nG1 X-28", "", clamp}, "cutter", "clamp", 7, 3.0, -30.0);
   expect_no_contact({"G1 Z21 F1000\nG1 X-24", "", clamp});
   // a pair that may meet is not looked at
@@ -324,8 +324,6 @@ TEST(Collisions, WhatOverlapsFromTheStartIsWarnedOf) {
 }
 
 TEST(Collisions, ANearMissIsOneOnlyUnderTheClearance) {
-  const std::string clamp =
-      "[[fixture]]\nname = \"clamp\"\nsize_mm = [20, 20, 15]\nat_mm = [-40, -30, 27.5]\n";
   const Collisions near = collisions_of({"G1 Z21 F1000\nG1 X-24.5", "", clamp});
   ASSERT_EQ(near.list.size(), 1u);
   EXPECT_FALSE(near.list[0].contact);
