@@ -7,6 +7,7 @@
 
 #include "cutting/ball_entry.h"
 #include "cutting/cutter_position.h"
+#include "cutting/entry_bounds.h"
 #include "cutting/nearly_convex.h"
 #include "kinematics/numbers.h"
 
@@ -101,6 +102,27 @@ std::optional<Hit> corner_entry(const Cutter& cutter, const LocalRay& ray, doubl
   return std::nullopt;
 }
 
+/// Entry through an outline from a point s outside it. Its distance is convex along the ray, so no
+/// step of Newton's passes the root.
+std::optional<Hit> outline_entry(const ToolOutline& outline, const LocalRay& ray, double s) {
+  for (int i = 0; i < 100; ++i) {
+    const Vector3d across = ray.across(s);
+    const double rho = across.norm();
+    const Vector3d radial = rho > 0 ? Vector3d(across / rho) : Vector3d::Zero();
+    const OutlineDistance at = distance(outline, {rho, ray.height(s)});
+    const double drho = rho > 0 ? radial.dot(ray.dlateral) : ray.dlateral.norm();
+    const double slope = at.gradient.x() * drho + at.gradient.y() * ray.dh;
+    const double advance = at.value <= 0 ? 0.0 : at.value / -slope;
+    if (at.value > 0 && !(slope < 0)) return std::nullopt;
+    s += advance;
+    if (advance <= 1e-15 * (1 + std::abs(s))) {
+      const Vector3d outward = at.gradient.x() * radial + at.gradient.y() * ray.axis;
+      return slope < 0 ? std::optional(Hit{s, outward.normalized()}) : std::nullopt;
+    }
+  }
+  return std::nullopt;
+}
+
 /// Where the whole line of the ray enters the cutter.
 std::optional<Hit> entry_at(const Cutter& cutter, const Position& at, const Vector3d& point,
                             const Vector3d& normal) {
@@ -110,6 +132,7 @@ std::optional<Hit> entry_at(const Cutter& cutter, const Position& at, const Vect
   const double s = std::max(cylinder.in, slab.in);
   const double out = std::min(cylinder.out, slab.out);
   if (!(s <= out)) return std::nullopt;
+  if (cutter.outline) return outline_entry(*cutter.outline, ray, s);
   const bool through_end = slab.in >= cylinder.in;
   if (through_end && ray.dh < 0) return Hit{s, at.axis};
   const double ring = cutter.radius - cutter.corner_radius;
@@ -131,7 +154,8 @@ std::optional<Hit> entry_at(const Cutter& cutter, const Position& at, const Vect
   return corner_entry(cutter, ray, s, out);
 }
 
-/// Convex function of the place: distance from the cutter, negative inside.
+/// Convex function of the place: distance from the cutter, or less beside sharp edges; negative
+/// inside.
 struct SignedDistance {
   double value;
   Vector3d gradient;
@@ -143,6 +167,10 @@ SignedDistance signed_distance(const Cutter& cutter, const Position& at, const V
   const Vector3d lateral = p - h * at.axis;
   const double rho = lateral.norm();
   const Vector3d radial = rho > 0 ? Vector3d(lateral / rho) : Vector3d::Zero();
+  if (cutter.outline) {
+    const OutlineDistance found = distance(*cutter.outline, {rho, h});
+    return {found.value, found.gradient.x() * radial + found.gradient.y() * at.axis};
+  }
   const double a = rho - (cutter.radius - cutter.corner_radius);
   const double b = cutter.corner_radius - h;
   SignedDistance body;
@@ -210,12 +238,14 @@ class Sweep {
             0, infinity, nearest.outward, 1};
   }
 
-  /// Smallest entry over the move.
-  Sample first(double limit) const {
+  /// Smallest entry over the move, which is near `about`.
+  Sample first(double limit, double about) const {
     const double tolerance = move_.angle > 0 ? turning_tolerance : straight_tolerance;
     const Goal goal{tolerance, limit, -ray_.band};
     const auto f = [this](double t) { return entry(t); };
     const auto floor = [this](const Piece& piece) { return entry_floor(piece); };
+    const Sample found = minimum_about(f, floor, move_.from, about, move_.to, goal);
+    if (found.defined) return found;
     const Sample a = entry(move_.from);
     const Sample b = entry(move_.to);
     if (a.defined || b.defined) return minimum(f, floor, a, b, goal);
@@ -272,28 +302,35 @@ class Sweep {
     return {best.s, best.depth, (b.slope * a.outward - a.slope * b.outward).normalized()};
   }
 
-  /// Over a piece, the distance of the ray's point from the cutter along m is at least this line.
-  /// Between the ends, the point of the cutter that is foremost along m leaves its chord by arm
-  /// turn^2 / 8, the arm being the part of it along m: R where m points down the axis, R + flank at
-  /// most. Rounding: with e = 2^-53 and D the distance of the ray's point and the cutter's farthest
-  /// one from the tip, the products take 8 e D and |m x axis|, as the norm of a cross product, 7 e
-  /// of R; a difference of squares would lose up to 1e-8 R.
-  Line clearance(const Vector3d& m, const Piece& piece) const {
+  /// How far the ray's point is from the cutter along m at instant t, at least.
+  /// Rounding: with e = 2^-53 and D the distance of the ray's point and the cutter's farthest one
+  /// from the tip, the products take 8 e D and |m x axis|, as the norm of a cross product, 7 e of
+  /// R; a difference of squares would lose up to 1e-8 R.
+  struct Clearance {
+    double value;
+    double rise;  // of m along the axis
+  };
+  Clearance clearance(const Vector3d& m, double t) const {
+    const Position at = position(move_, t);
+    const Vector3d p = ray_.point - at.tip;
+    const double rise = m.dot(at.axis);
+    const double far = std::max(cutter_.radius + cutter_.flank_length, p.lpNorm<1>());
+    return {m.dot(p) - support(rise, m.cross(at.axis).norm()) - 4e-15 * far - rounding_, rise};
+  }
+
+  /// Over a piece, that clearance is at least this line: m is the cutter's normal at its end
+  /// `touching`. Between the ends, the point of the cutter that is foremost along m leaves its
+  /// chord by arm turn^2 / 2 times x (1 - x), the arm being the part of it along m: R where m
+  /// points down the axis, R + flank at most. Counted from the touching end that is a line, for x
+  /// (1 - x) <= x.
+  Line clearance(const Vector3d& m, const Piece& piece, const Sample& touching) const {
     const double turn = move_.angle * (piece.b.t - piece.a.t);
-    double far = cutter_.radius + cutter_.flank_length;
-    double arm = cutter_.radius;
-    const auto at_end = [&](double t) {
-      const Position at = position(move_, t);
-      const Vector3d p = ray_.point - at.tip;
-      const double rise = m.dot(at.axis);
-      far = std::max(far, p.lpNorm<1>());
-      if (rise > -turn) arm = cutter_.radius + cutter_.flank_length;
-      return m.dot(p) - support(rise, m.cross(at.axis).norm());
-    };
-    const double at_a = at_end(piece.a.t);
-    const double at_b = at_end(piece.b.t);
-    const double lower = 0.13 * arm * turn * turn + 4e-15 * far + rounding_;
-    return {at_a - lower, at_b - lower};
+    const Clearance a = clearance(m, piece.a.t);
+    const Clearance b = clearance(m, piece.b.t);
+    const double arm =
+        cutter_.radius + (std::max(a.rise, b.rise) > -turn ? cutter_.flank_length : 0.0);
+    const double lower = 0.51 * arm * turn * turn;
+    return &touching == &piece.a ? Line{a.value, b.value - lower} : Line{a.value - lower, b.value};
   }
 
   /// Bounds from the planes that touch the cutter at the ends of a piece. The rounding of `facing`
@@ -301,16 +338,17 @@ class Sweep {
   Promise entry_floor(const Piece& piece) const {
     const auto line = [&](const Sample& end) {
       if (end.facing <= least_sine) return Line{-1e300, -1e300};
-      const Line clear = clearance(end.outward, piece);
+      const Line clear = clearance(end.outward, piece, end);
       const double lower = 4e-16 * ray_.band;
       return Line{(clear.at_a - lower) / end.facing, (clear.at_b - lower) / end.facing};
     };
     const Line first = line(piece.a.defined ? piece.a : piece.b);
-    return least_above(piece, first, piece.b.defined ? line(piece.b) : first);
+    const bool both = piece.a.defined && piece.b.defined;
+    return least_above(piece, first, both ? line(piece.b) : first);
   }
   Promise depth_floor(const Piece& piece) const {
     const auto line = [&](const Sample& end) {
-      const Line clear = clearance(end.outward, piece);
+      const Line clear = clearance(end.outward, piece, end);
       const double along = ray_.band * std::abs(end.outward.dot(ray_.normal));
       return Line{clear.at_a - along, clear.at_b - along};
     };
@@ -320,6 +358,7 @@ class Sweep {
   /// How far the cutter reaches from its tip along a direction that rises by `rise` along its axis
   /// and goes by `across` across it.
   double support(double rise, double across) const {
+    if (cutter_.outline) return cutting::support(*cutter_.outline, rise, across);
     if (rise > 0) return cutter_.flank_length * rise + cutter_.radius * across;
     return cutter_.corner_radius * (1 + rise) + (cutter_.radius - cutter_.corner_radius) * across;
   }
@@ -345,6 +384,12 @@ class Sweep {
 };
 
 }  // namespace
+
+std::optional<double> standing_entry(const Cutter& cutter, const Move& move, double t,
+                                     const Ray& ray) {
+  const Sample sample = Sweep(cutter, move, ray).entry(t);
+  return sample.defined ? std::optional(sample.value) : std::nullopt;
+}
 
 Move move_after(const CutterMotion& motion, int index) {
   const int next = std::min<int>(index + 1, int(motion.tip.rows()) - 1);
@@ -378,7 +423,15 @@ std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const R
     if (answer.decided)
       return answer.entry && answer.entry->s <= limit ? answer.entry : std::nullopt;
   }
-  const Sample sample = Sweep(cutter, move, ray).first(limit);
+  const EntryBounds<1> bound = entry_bounds(cutter, move, ray);
+  if (double(bound.least[0]) > limit) return std::nullopt;
+  return first_entry(cutter, move, ray, limit, bound.part[0]);
+}
+
+std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
+                                 double limit, float part) {
+  const double about = move.from + double(part) * (move.to - move.from);
+  const Sample sample = Sweep(cutter, move, ray).first(limit, about);
   if (!sample.defined || sample.value > limit) return std::nullopt;
   return Entry{sample.value, sample.t};
 }

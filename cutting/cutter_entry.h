@@ -48,6 +48,16 @@ struct Entry {
 std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
                                  double limit);
 
+/// The same of any cutter but a ball end, or of one where the other does without it.
+/// @param part  of the move's `EntryBounds`
+std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
+                                 double limit, float part);
+
+/// Where the ray meets the cutter as it stands at instant t (0 .. 1 of the whole move); -band if it
+/// starts there.
+std::optional<double> standing_entry(const Cutter& cutter, const Move& move, double t,
+                                     const Ray& ray);
+
 /// How far inside the bound of a search a move has to be ruled out, so that the result does not
 /// depend on the order of the search: more than the error of first_entry.
 inline constexpr double entry_margin = 5e-8;  // mm

@@ -121,31 +121,95 @@ inline double next_sample(const Piece& piece, const Promise& low) {
   return a.value <= b.value ? a.t + w / 16 : b.t - w / 16;
 }
 
-/// Smallest value of f between two samples, by branch and bound.
+/// The branch and bound itself: pieces that may hold less than the best sample so far.
+template <class Function, class Floor>
+class Search {
+ public:
+  Search(const Function& f, const Floor& floor, const Goal& goal, const Sample& best)
+      : f_(f), floor_(floor), goal_(goal), best_(best) {}
+
+  const Sample& best() const { return best_; }
+  bool is_over() const { return best_.value <= goal_.enough; }
+  Sample sample(double t) {
+    const Sample sample = f_(t);
+    if (sample.defined && sample.value < best_.value) best_ = sample;
+    return sample;
+  }
+  bool is_settled(const Piece& piece) const { return is_settled(piece, promised(piece)); }
+  /// The same without the cost of a floor.
+  bool is_plainly_settled(const Piece& piece) const { return !is_small(promised(piece).value); }
+  void add(const Piece& piece) { open_[count_++] = piece; }
+
+  Sample least() {
+    for (int samples = 0; count_ > 0 && samples < goal_.max_samples && !is_over();) {
+      const Piece piece = open_[--count_];
+      const Promise low = promised(piece);
+      if (is_settled(piece, low)) continue;
+      if (piece.b.t - piece.a.t < 1e-13 || count_ + 2 > open_.size()) continue;
+      const Sample c = sample(next_sample(piece, low));
+      ++samples;
+      if (c.defined || piece.a.defined) add({piece.a, c, piece.depth + 1});
+      if (c.defined || piece.b.defined) add({c, piece.b, piece.depth + 1});
+    }
+    return best_;
+  }
+
+ private:
+  Promise promised(const Piece& piece) const { return promise(piece, goal_.tolerance, floor_); }
+  bool is_small(double value) const {
+    return !(value >= std::min(best_.value - goal_.tolerance, goal_.limit));
+  }
+  /// Planes bend less over a piece than the dip, but cost more.
+  bool is_settled(const Piece& piece, const Promise& low) const {
+    if (!is_small(low.value)) return true;
+    return std::max(piece.a.dip, piece.b.dip) > 0 && !is_small(floor_(piece).value);
+  }
+
+  const Function& f_;
+  const Floor& floor_;
+  const Goal& goal_;
+  Sample best_;
+  std::array<Piece, 64> open_;
+  std::size_t count_ = 0;
+};
+
+/// Smallest value of f between two samples.
 template <class Function, class Floor>
 Sample minimum(const Function& f, const Floor& floor, const Sample& first, const Sample& last,
                const Goal& goal) {
-  Sample best = last.defined && (!first.defined || last.value < first.value) ? last : first;
-  const auto settled = [&](const Promise& low) {
-    return low.value >= std::min(best.value - goal.tolerance, goal.limit);
+  const bool last_is_less = last.defined && (!first.defined || last.value < first.value);
+  Search search(f, floor, goal, last_is_less ? last : first);
+  search.add({first, last, 0});
+  return search.least();
+}
+
+/// The same from `from` to `to` where f is known to be least near `about`; undefined if it is
+/// undefined there. Three samples mostly: there and on either side.
+template <class Function, class Floor>
+Sample minimum_about(const Function& f, const Floor& floor, double from, double about, double to,
+                     const Goal& goal) {
+  const Sample c = f(about);
+  Search search(f, floor, goal, c);
+  if (!c.defined || search.is_over()) return c;
+  const auto piece = [](const Sample& one, const Sample& other) {
+    return one.t < other.t ? Piece{one, other, 0} : Piece{other, one, 0};
   };
-  const Piece whole{first, last, 0};
-  if (best.value <= goal.enough || settled(promise(whole, goal.tolerance, floor))) return best;
-  std::array<Piece, 64> open;
-  std::size_t count = 0;
-  open[count++] = whole;
-  for (int samples = 0; count > 0 && samples < goal.max_samples && best.value > goal.enough;) {
-    const Piece piece = open[--count];
-    const Promise low = promise(piece, goal.tolerance, floor);
-    if (settled(low)) continue;
-    if (piece.b.t - piece.a.t < 1e-13 || count + 2 > open.size()) continue;
-    const Sample c = f(next_sample(piece, low));
-    ++samples;
-    if (c.defined && c.value < best.value) best = c;
-    if (c.defined || piece.a.defined) open[count++] = {piece.a, c, piece.depth + 1};
-    if (c.defined || piece.b.defined) open[count++] = {c, piece.b, piece.depth + 1};
+  for (const double end : {from, to}) {
+    if (end == about || search.is_plainly_settled(piece(c, undefined_at(end)))) continue;
+    const double sense = end < about ? -1.0 : 1.0;
+    double aside = (std::abs(c.slope) < c.dip ? 4e-3 : 3e-4) * (to - from);
+    Sample last = c;
+    do {
+      const double next = std::clamp(last.t + sense * aside, from, to);
+      const Sample beside = search.sample(next);
+      search.add(piece(last, beside));
+      // once more as far as where the slope would turn
+      const double bend = (beside.slope - last.slope) / (beside.t - last.t);
+      aside = std::max(8.0 * aside, bend > 0 ? 1.5 * std::abs(beside.slope) / bend : 0.0);
+      last = beside;
+    } while (last.defined && last.t != end && !search.is_settled(piece(last, undefined_at(end))));
   }
-  return best;
+  return search.least();
 }
 
 }  // namespace abbe::cutting

@@ -33,7 +33,7 @@ std::string sample(Index i) { return " of sample " + std::to_string(i); }
 bool is_unit(const Vector3d& v) { return std::abs(v.norm() - 1) <= unit_tolerance; }
 
 void check(const Cutter& cutter) {
-  const auto& [radius, corner, flank] = cutter;
+  const auto& [radius, corner, flank, outline] = cutter;
   require_milled(std::isfinite(radius) && radius > 0,
                  "the cutter's radius is not positive and finite");
   require_milled(corner >= 0 && corner <= radius,

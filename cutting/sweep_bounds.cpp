@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <type_traits>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
 #include "cutting/eight.h"
+#include "cutting/outline_lanes.h"
 #include "kinematics/units.h"
 
 namespace abbe::cutting {
@@ -192,7 +194,8 @@ RayEnd::RayEnd(const Cutter& cutter, const Ray& ray, double s, const Vector3d& c
       radius(above(cutter.radius)),
       corner(above(cutter.corner_radius)),
       ring(above(cutter.radius - cutter.corner_radius)),
-      flank(above(cutter.flank_length)) {
+      flank(above(cutter.flank_length)),
+      outline(cutter.outline.get()) {
   for (int d = 0; d < 3; ++d) n[d] = float(ray.normal[d]);
   cut_off(ray, s, centre);
 }
@@ -203,6 +206,7 @@ void RayEnd::cut_off(const Ray& ray, double s, const Vector3d& centre) {
     p[d] = float(point[d] - centre[d]);
   }
   doubt = node_rounding * (std::abs(p[0]) + std::abs(p[1]) + std::abs(p[2]) + reach);
+  if (outline != nullptr) doubt *= 1.5f;
 }
 
 RayStretch::RayStretch(const Cutter& cutter, const Ray& ray, double s, const Vector3d& centre,
@@ -258,6 +262,50 @@ PatchEnd::PatchEnd(const RayEnd& middle, const Eigen::Matrix3d& axes, const Vect
 
 namespace {
 
+enum class Form { Ball, Rounded, Outlined };
+
+/// A direction by its parts along an axis and across it.
+struct Steepness {
+  Eight along, across, length;
+};
+struct Spread {
+  Eight cosine, sine;
+};
+
+/// How far an outline reaches at most in a direction whose angle to the axis is not known better
+/// than within a spread: a direction between two is made of parts of them, together no more than 1
+/// / cos of the spread.
+[[gnu::always_inline]] inline Eight support_within(const ToolOutline& outline, const Steepness& m,
+                                                   const Spread& spread) {
+  Eight nearer = m.across * spread.cosine - m.along * spread.sine;
+  Eight upward = m.along * spread.cosine + m.across * spread.sine;
+  Eight farther = m.across * spread.cosine + m.along * spread.sine;
+  Eight downward = m.along * spread.cosine - m.across * spread.sine;
+  const auto up = nearer < 0.0f, down = farther < 0.0f;
+  stdx::where(up, nearer) = Eight(0.0f);
+  stdx::where(up, upward) = m.length;
+  stdx::where(down, farther) = Eight(0.0f);
+  stdx::where(down, downward) = -m.length;
+  const Eight most =
+      stdx::max(reach(outline, nearer, upward).most, reach(outline, farther, downward).most);
+  return most / spread.cosine;
+}
+
+/// To a place w from k, from the nearest place of what stands about k along u.
+template <Form form>
+[[gnu::always_inline]] inline Vector8 core_towards(const RayEnd& end, const Vector8& w,
+                                                   const Vector8& u) {
+  const Eight rise = dot(w, u);
+  const Vector8 across = w - rise * u;
+  const Eight rho = length_of(across);
+  if constexpr (form == Form::Outlined) {
+    const LanesDistance<Eight> near = distance(*end.outline, rho, rise);
+    return w - (near.value * near.radial / rho) * across - (near.value * near.axial) * u;
+  } else {
+    return stdx::min(Eight(1.0f), end.ring / rho) * across + stdx::max(rise, Eight(0.0f)) * u;
+  }
+}
+
 /// A plane through q of normal `m` with room for eight tools behind it.
 struct Plane {
   Vector8 m;
@@ -292,7 +340,7 @@ const RayEnd& middle_of(const PatchEnd& rays) { return rays.end; }
 }
 
 /// From the nearest place of the cutters' cores to the end of the ray, nearly.
-template <bool ball>
+template <Form form>
 [[gnu::always_inline]] inline Vector8 direction_to(const RayEnd& end, const SweepNode& node) {
   const Vector8 p = spread(end.p);
   const Vector8 low = load(node.low);
@@ -307,7 +355,7 @@ template <bool ball>
     return point - clamp(point + lift * flat, low, high);
   };
   Vector8 m = from_nearest(p);
-  if constexpr (ball) {
+  if constexpr (form == Form::Ball) {
     Eight rise = stdx::max(dot(m, cone), Eight(0.0f));
     for (int i = 0; i < shaft_steps && stdx::any_of(rise > 0.0f); ++i) {
       m = from_nearest(p - rise * cone);
@@ -317,11 +365,7 @@ template <bool ball>
     Vector8 w = m;  // to p from the nearest place of k
     Vector8 last_step = m;
     for (int i = 0; i < core_steps; ++i) {
-      const Eight rise = dot(w, cone);
-      const Vector8 across = w - rise * cone;
-      const Eight rho = length_of(across);
-      const Vector8 core =
-          stdx::min(Eight(1.0f), end.ring / rho) * across + stdx::max(rise, Eight(0.0f)) * cone;
+      const Vector8 core = core_towards<form>(end, w, cone);
       m = from_nearest(p - core);
       const Vector8 next = m + core;
       const Vector8 step = next - w;
@@ -336,7 +380,7 @@ template <bool ball>
   return m;
 }
 
-template <bool ball, class Rays>
+template <Form form, class Rays>
 [[gnu::always_inline]] inline Plane plane_before(const Rays& rays, const SweepNode& node) {
   const RayEnd& end = middle_of(rays);
   const Vector8 cone = load(node.cone);
@@ -344,7 +388,7 @@ template <bool ball, class Rays>
   const Eight sin_spread = load(node.sin_spread);
   const Vector8 flat = load(node.flat);
   const Vector8 n = spread(end.n);
-  const Vector8 m0 = direction_to<ball>(end, node);
+  const Vector8 m0 = direction_to<form>(end, node);
   const Eight turned = turned_by(m0, rays);
   const Vector8 m = m0 - turned * n;
   // Both parts of m, across the slab and the rest, are bounded on their own: m (q - k) is their sum
@@ -367,14 +411,21 @@ template <bool ball, class Rays>
   const Eight beside = length_of(cross(m, cone));
   Eight upward = along * cos_spread + beside * sin_spread;
   stdx::where(along > length * cos_spread, upward) = length;
-  Eight support = end.corner * length;
-  if constexpr (!ball) support += end.ring * (beside * cos_spread - along * sin_spread);
-  stdx::where(upward > 0.0f, support) = end.radius * length + (end.flank - end.corner) * upward;
+  Eight support;
+  if constexpr (form == Form::Outlined) {
+    support = support_within(*end.outline, {along, beside, length}, {cos_spread, sin_spread});
+    stdx::where(cos_spread < 0.0f, support) = (end.radius + end.flank) * length;
+  } else {
+    support = end.corner * length;
+    if constexpr (form == Form::Rounded)
+      support += end.ring * (beside * cos_spread - along * sin_spread);
+    stdx::where(upward > 0.0f, support) = end.radius * length + (end.flank - end.corner) * upward;
+  }
   return {m, apart - support - extent_along(m, rays), end.doubt * (length + turned), turned};
 }
 
 /// The same of moves, the end of the ray being p about their origin.
-template <bool ball>
+template <Form form>
 [[gnu::always_inline]] inline Vector8 direction_to(const Vector8& p, const RayEnd& end,
                                                    const SweepLeaf& leaf) {
   const Vector8 k0 = load(leaf.k0);
@@ -391,7 +442,7 @@ template <bool ball>
   };
   Eight t;
   Vector8 m = from_nearest(p, t);
-  if constexpr (ball) {
+  if constexpr (form == Form::Ball) {
     for (int i = 0; i < shaft_steps; ++i) {
       const Vector8 u = u0 + t * turn;
       m = from_nearest(p - stdx::max(dot(p - k0 - t * step, u), Eight(0.0f)) * u, t);
@@ -401,12 +452,7 @@ template <bool ball>
     Eight t1 = t;
     for (int i = 0; i < core_steps; ++i) {
       const Vector8 u = u0 + t * turn;
-      const Vector8 w = p - k0 - t * step;
-      const Eight height = dot(w, u);
-      const Vector8 across = w - height * u;
-      const Eight rho = length_of(across);
-      const Vector8 core =
-          stdx::min(Eight(1.0f), end.ring / rho) * across + stdx::max(height, Eight(0.0f)) * u;
+      const Vector8 core = core_towards<form>(end, p - k0 - t * step, u);
       t0 = t1;
       t1 = t;
       m = from_nearest(p - core, t);
@@ -421,7 +467,7 @@ template <bool ball>
   return m;
 }
 
-template <bool ball, class Rays>
+template <Form form, class Rays>
 [[gnu::always_inline]] inline Plane plane_before(const Rays& rays, const SweepLeaf& leaf,
                                                  const SweepLeafPlace& place) {
   const RayEnd& end = middle_of(rays);
@@ -435,7 +481,7 @@ template <bool ball, class Rays>
   const Vector8 u1 = load(leaf.u1);
   const Vector8 turn = u1 - u0;
   const Vector8 n = spread(end.n);
-  const Vector8 m0 = direction_to<ball>(p, end, leaf);
+  const Vector8 m0 = direction_to<form>(p, end, leaf);
   const Eight turned = turned_by(m0, rays);
   const Vector8 m = m0 - turned * n;
   const Eight length = length_of(m);
@@ -444,10 +490,14 @@ template <bool ball, class Rays>
     const Eight along = dot(m, u);
     upward = stdx::max(upward, along);
     const Eight across = length_of(cross(m, u));
-    Eight h = end.corner * length + end.ring * across;
-    const Eight top = (end.flank - end.corner) * along + end.radius * across;
-    stdx::where(along > 0.0f, h) = top;
-    return dot(m, k) + h;
+    if constexpr (form == Form::Outlined) {
+      return dot(m, k) + reach(*end.outline, across, along).most;
+    } else {
+      Eight h = end.corner * length + end.ring * across;
+      const Eight top = (end.flank - end.corner) * along + end.radius * across;
+      stdx::where(along > 0.0f, h) = top;
+      return dot(m, k) + h;
+    }
   };
   const Eight most = stdx::max(farthest(load(leaf.k0), u0), farthest(load(leaf.k1), u1));
   // Between the ends the point of the tool that is foremost along m leaves its chord by arm angle^2
@@ -467,26 +517,43 @@ std::array<Clearance, n> clearances_of(const Plane& plane) {
   return all;
 }
 
-bool is_ball(const RayEnd& end) { return end.ring == 0.0f; }
+Form form_of(const RayEnd& end) {
+  if (end.outline != nullptr) return Form::Outlined;
+  return end.ring == 0.0f ? Form::Ball : Form::Rounded;
+}
 
-template <bool ball, class Stretch>
+/// What `use` makes of the form, as a constant.
+template <class Use>
+auto by_form(const RayEnd& end, const Use& use) {
+  switch (form_of(end)) {
+    case Form::Ball:
+      return use(std::integral_constant<Form, Form::Ball>());
+    case Form::Outlined:
+      return use(std::integral_constant<Form, Form::Outlined>());
+    case Form::Rounded:
+      break;
+  }
+  return use(std::integral_constant<Form, Form::Rounded>());
+}
+
+template <Form form, class Stretch>
 OpenEight open_children_of(const SweepNode& node, const Stretch& ray) {
-  const Plane plane = plane_before<ball>(ray.end, node);
+  const Plane plane = plane_before<form>(ray.end, node);
   OpenEight open{open_of(plane)};
   const Eight room = plane.gap - plane.doubt;
   room.copy_to(open.separation, stdx::vector_aligned);
   if ((open.bits & bits(plane.behind > 0.0f)) != 0)
-    open.bits &= open_of(plane_before<ball>(ray.start, node));
+    open.bits &= open_of(plane_before<form>(ray.start, node));
   return open;
 }
 
-template <bool ball, class Stretch>
+template <Form form, class Stretch>
 OpenEight open_moves_of(const SweepLeaf& leaf, const SweepLeafPlace& place, const Stretch& ray) {
-  const Plane plane = plane_before<ball>(ray.end, leaf, place);
+  const Plane plane = plane_before<form>(ray.end, leaf, place);
   OpenEight open{open_of(plane) & ((1u << place.count) - 1u)};
   plane.gap.copy_to(open.separation, stdx::vector_aligned);
   if ((open.bits & bits(plane.behind > 0.0f)) != 0)
-    open.bits &= open_of(plane_before<ball>(ray.start, leaf, place));
+    open.bits &= open_of(plane_before<form>(ray.start, leaf, place));
   return open;
 }
 
@@ -502,33 +569,32 @@ int OpenEight::nearest() const {
 }
 
 OpenEight open_children(const SweepNode& node, const RayStretch& ray) {
-  return is_ball(ray.end) ? open_children_of<true>(node, ray) : open_children_of<false>(node, ray);
+  return by_form(ray.end, [&](auto form) { return open_children_of<form()>(node, ray); });
 }
 
 OpenEight open_moves(const SweepLeaf& leaf, const SweepLeafPlace& place, const RayStretch& ray) {
-  return is_ball(ray.end) ? open_moves_of<true>(leaf, place, ray)
-                          : open_moves_of<false>(leaf, place, ray);
+  return by_form(ray.end, [&](auto form) { return open_moves_of<form()>(leaf, place, ray); });
 }
 
 OpenEight open_children(const SweepNode& node, const PatchStretch& rays) {
-  return is_ball(rays.end.end) ? open_children_of<true>(node, rays)
-                               : open_children_of<false>(node, rays);
+  return by_form(rays.end.end, [&](auto form) { return open_children_of<form()>(node, rays); });
 }
 
 OpenEight open_moves(const SweepLeaf& leaf, const SweepLeafPlace& place, const PatchStretch& rays) {
-  return is_ball(rays.end.end) ? open_moves_of<true>(leaf, place, rays)
-                               : open_moves_of<false>(leaf, place, rays);
+  return by_form(rays.end.end, [&](auto form) { return open_moves_of<form()>(leaf, place, rays); });
 }
 
 std::array<Clearance, SweepNode::width> clearances(const SweepNode& node, const RayEnd& end) {
-  return clearances_of<SweepNode::width>(is_ball(end) ? plane_before<true>(end, node)
-                                                      : plane_before<false>(end, node));
+  return by_form(end, [&](auto form) {
+    return clearances_of<SweepNode::width>(plane_before<form()>(end, node));
+  });
 }
 
 std::array<Clearance, SweepLeaf::width> clearances(const SweepLeaf& leaf,
                                                    const SweepLeafPlace& place, const RayEnd& end) {
-  return clearances_of<SweepLeaf::width>(is_ball(end) ? plane_before<true>(end, leaf, place)
-                                                      : plane_before<false>(end, leaf, place));
+  return by_form(end, [&](auto form) {
+    return clearances_of<SweepLeaf::width>(plane_before<form()>(end, leaf, place));
+  });
 }
 
 }  // namespace abbe::cutting

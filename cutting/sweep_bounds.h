@@ -80,6 +80,7 @@ struct RayEnd {
   float reach;      ///< mm, from the nodes' centre to the farthest point of a cutter or corner of a
                     ///< box
   float radius, corner, ring, flank;
+  const ToolOutline* outline;  ///< of a form cutter
 
   RayEnd(const Cutter& cutter, const Ray& ray, double s, const Eigen::Vector3d& centre,
          double reach_of_nodes);

@@ -13,6 +13,7 @@
 
 #include "cutting/ball_bounds.h"
 #include "cutting/cutter_position.h"
+#include "cutting/entry_bounds.h"
 
 namespace abbe::cutting {
 
@@ -308,35 +309,53 @@ struct SweepTree::Near {
 
 namespace {
 
-/// Where a cutter that stands still is met first, nearly and never before; the end of the band if
+/// Where a ball end that stands still is met first, nearly and never before; the end of the band if
 /// it is not.
-class StandingCutter {
+class StandingBall {
  public:
-  StandingCutter(const Cutter& cutter, const Move& move, double t)
-      : cutter_(cutter), pose_(move), axis_(position(move, t).axis) {
-    pose_.from = pose_.to = t;
+  StandingBall(const Cutter& cutter, const Move& move, double t)
+      : cutter_(cutter), move_(move), t_(t), axis_(position(move, t).axis) {
     centre_ = position(move, t).tip + cutter.radius * axis_;
   }
 
   double met(const Ray& ray) const {
-    constexpr double more = 1e-6;  // mm, against rounding
     const double radius2 = cutter_.radius * cutter_.radius;
-    if (cutter_.corner_radius == cutter_.radius) {
-      const Vector3d w = ray.point - centre_;
-      const double along = w.dot(ray.normal);
-      const double deep = radius2 - (w.squaredNorm() - along * along);
-      const double s = -along - std::sqrt(std::max(deep, 0.0));
-      if (deep > 0.1 * radius2 && axis_.dot(w + s * ray.normal) < 0.0)
-        return std::min(s + more, ray.band);
-    }
-    const std::optional<Entry> entry = first_entry(cutter_, pose_, ray, ray.band);
-    return std::min(entry ? entry->s + more : ray.band, ray.band);
+    const Vector3d w = ray.point - centre_;
+    const double along = w.dot(ray.normal);
+    const double deep = radius2 - (w.squaredNorm() - along * along);
+    const double s = -along - std::sqrt(std::max(deep, 0.0));
+    if (deep > 0.1 * radius2 && axis_.dot(w + s * ray.normal) < 0.0) return s;
+    return standing_entry(cutter_, move_, t_, ray).value_or(ray.band);
   }
 
  private:
   const Cutter& cutter_;
-  Move pose_;
+  const Move& move_;
+  double t_;
   Vector3d axis_, centre_;
+};
+
+/// Where rays meet one of eight moves, nearly where they meet the first and never before.
+class MetOfEight {
+ public:
+  MetOfEight(const Cutter& cutter, std::span<const Move> moves) : cutter_(cutter), moves_(moves) {
+    for (int k = 0; k < 8; ++k)
+      eight_.put(k, cutter, moves[std::min<std::size_t>(std::size_t(k), moves.size() - 1)]);
+  }
+
+  double met(const Ray& ray) const {
+    const EntryBounds<8> bounds = entry_bounds(cutter_, eight_, ray);
+    const auto least = std::min_element(bounds.least, bounds.least + moves_.size());
+    const std::size_t k = std::size_t(least - bounds.least);
+    const Move& move = moves_[k];
+    const double t = move.from + double(bounds.part[k]) * (move.to - move.from);
+    return standing_entry(cutter_, move, t, ray).value_or(ray.band);
+  }
+
+ private:
+  const Cutter& cutter_;
+  std::span<const Move> moves_;
+  MoveLanes<8> eight_;
 };
 
 /// A box along given axes.
@@ -354,10 +373,45 @@ struct Box {
 
 }  // namespace
 
+/// Lowers each ray's limit (mm) to where it meets, nearly and never before, the cutter of a removal
+/// that one of them met first, or moves beside it.
+void SweepTree::lower(std::span<double> limits, std::span<const Ray> rays, const Removal& removal,
+                      int item, Hint& hint) const {
+  constexpr double more = 1e-6;  // mm, against rounding
+  const auto lower_to = [&](const auto& cutter) {
+    for (std::size_t i = 0; i < rays.size(); ++i)
+      limits[i] = std::min(limits[i], cutter.met(rays[i]) + more);
+  };
+  if (is_ball(cutter_)) return lower_to(StandingBall(cutter_, move_of(item, hint), removal.t));
+  const int first = item / width * width;
+  std::vector<Move> moves(std::min(width, int(items_.size()) - first));
+  for (std::size_t k = 0; k < moves.size(); ++k) moves[k] = move_of(first + int(k), hint);
+  lower_to(MetOfEight(cutter_, moves));
+}
+
+/// mm along each ray, not before it meets its first removal; nothing where that is not within the
+/// band of the ray in the middle.
+std::vector<double> SweepTree::limits_of(std::span<const Ray> rays, Hint& hint) const {
+  constexpr int searches = 4;
+  const double loose = 0.01 * cutter_.radius;
+  std::vector<double> limits(rays.size(), rays.front().band);
+  std::size_t next = rays.size() / 2;
+  for (int i = 0; i < searches; ++i) {
+    const std::optional<Removal> removal = first_removal(rays[next], hint);
+    if (removal && removal->s <= -rays[next].band) return {};
+    if (!removal) break;
+    limits[next] = std::min(limits[next], removal->s + entry_margin);
+    lower(limits, rays, *removal, hint.item, hint);
+    const auto [least, most] = std::minmax_element(limits.begin(), limits.end());
+    next = std::size_t(most - limits.begin());
+    if (*most - *least < loose) break;
+  }
+  return limits;
+}
+
 /// Of rays that lean from each other by less than 45 deg.
-/// @param removal, item  of one of them
-std::optional<PatchStretch> SweepTree::patch_of(std::span<const Ray> rays, const Removal& removal,
-                                                int item, Hint& hint) const {
+std::optional<PatchStretch> SweepTree::patch_of(std::span<const Ray> rays,
+                                                std::span<const double> limits) const {
   Vector3d sum = Vector3d::Zero();
   for (const Ray& ray : rays) sum += ray.normal;
   if (!(sum.norm() > 0.5 * double(rays.size()))) return std::nullopt;
@@ -365,13 +419,13 @@ std::optional<PatchStretch> SweepTree::patch_of(std::span<const Ray> rays, const
   axes.col(2) = sum.normalized();
   axes.col(0) = axes.col(2).unitOrthogonal();
   axes.col(1) = axes.col(2).cross(axes.col(0));
-  const StandingCutter cutter(cutter_, move_of(item, hint), removal.t);
   const Vector3d origin = rays.front().point;
   Box ends, starts;
   double least_cosine = 1.0;
-  for (const Ray& ray : rays) {
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    const Ray& ray = rays[i];
     const Vector3d place = ray.point - origin;
-    ends.add(axes.transpose() * (place + cutter.met(ray) * ray.normal));
+    ends.add(axes.transpose() * (place + limits[i] * ray.normal));
     starts.add(axes.transpose() * (place - ray.band * ray.normal));
     least_cosine = std::min(least_cosine, ray.normal.dot(axes.col(2)));
   }
@@ -418,25 +472,32 @@ bool SweepTree::gather_near(const PatchStretch& rays, Near& near, Hint& hint) co
 
 void SweepTree::search_near(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                             const Near& near, Hint& hint) const {
-  const int count = (near.count + width - 1) / width;
-  SweepLeaves leaves{std::vector<SweepLeaf>(count), std::vector<SweepLeafPlace>(count)};
-  for (int l = 0; l < count; ++l)
-    put(leaves, l, cutter_,
-        {&near.moves[l * width], std::size_t(std::min(width, near.count - l * width))});
-  int last = 0;  // that was the first removal of the ray before
+  constexpr int lanes = 16, room = (Near::room + lanes - 1) / lanes;
+  const int count = (near.count + lanes - 1) / lanes;
+  std::array<MoveLanes<lanes>, room> moves;
+  for (int k = 0; k < count * lanes; ++k)
+    moves[k / lanes].put(k % lanes, cutter_, near.moves[std::min(k, near.count - 1)]);
+  std::array<EntryBounds<lanes>, room> bounds;
   for (std::size_t i = 0; i < rays.size(); ++i) {
-    Search search{{.ray = rays[i], .open = stretch_of(rays[i], rays[i].band), .hint = hint}, {}};
-    const auto attempt = [&](int k) {
-      const int cuts = search.cuts;
-      try_move(near.items[k], near.moves[k], search);
-      if (search.cuts != cuts) last = k;
-    };
-    const int first = last;
-    attempt(first);
-    for (int l = 0; l < count && !search.buried; ++l)
-      search_eight(leaves.moves[l], leaves.places[l], search, [&](int k) {
-        if (l * width + k != first) attempt(l * width + k);
-      });
+    const Ray& ray = rays[i];
+    for (int l = 0; l < count; ++l) bounds[l] = entry_bounds(cutter_, moves[l], ray);
+    const auto least = [&](int k) -> float& { return bounds[k / lanes].least[k % lanes]; };
+    First search;
+    while (true) {
+      int next = 0;
+      for (int k = 1; k < near.count; ++k)
+        if (least(k) < least(next)) next = k;
+      if (double(least(next)) > search.limit(ray)) break;
+      least(next) = 2e30f;
+      const Move& move = near.moves[next];
+      const double limit = search.limit(ray);
+      const std::optional<Entry> entry =
+          is_ball(cutter_)
+              ? first_entry(cutter_, move, ray, limit)
+              : first_entry(cutter_, move, ray, limit, bounds[next / lanes].part[next % lanes]);
+      const Item& it = items_[near.items[next]];
+      if (entry) search.take({entry->s, entry->t, it.move, it.part}, near.items[next]);
+    }
     found[i] = search.best;
     if (search.best) hint.item = search.best_item;
   }
@@ -447,7 +508,7 @@ void SweepTree::search_near(std::span<const Ray> rays, std::span<std::optional<R
 bool SweepTree::search_near_balls(std::span<const Ray> rays,
                                   std::span<std::optional<Removal>> found,
                                   const PatchStretch& patch, const Near& near, Hint& hint) const {
-  if (cutter_.corner_radius != cutter_.radius) return false;
+  if (!is_ball(cutter_)) return false;
   const RayEnd& end = patch.end.end;
   const Vector3d origin(end.point[0], end.point[1], end.point[2]),
       normal(end.n[0], end.n[1], end.n[2]);
@@ -496,13 +557,16 @@ bool SweepTree::search_near_balls(std::span<const Ray> rays,
 /// @return whether they are near enough to each other for it to be worth while
 bool SweepTree::search_patch(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                              Hint& hint) const {
-  const std::size_t middle = rays.size() / 2;
-  const std::optional<Removal> one = first_removal(rays[middle], hint);
-  if (!one || one->s <= -rays[middle].band) return false;
-  const std::optional<PatchStretch> patch = patch_of(rays, *one, hint.item, hint);
-  Near near{.most = std::min(Near::room, 2 * int(rays.size()) + 16)};
+  const std::vector<double> limits = limits_of(rays, hint);
+  if (limits.empty()) return false;
+  const std::optional<PatchStretch> patch = patch_of(rays, limits);
+  Near near;
+  near.most = std::min(Near::room, 2 * int(rays.size()) + 16);
   if (!patch || !gather_near(*patch, near, hint)) return false;
-  if (!search_near_balls(rays, found, *patch, near, hint)) search_near(rays, found, near, hint);
+  if (near.count == 0)
+    std::fill(found.begin(), found.end(), std::nullopt);
+  else if (!search_near_balls(rays, found, *patch, near, hint))
+    search_near(rays, found, near, hint);
   return true;
 }
 

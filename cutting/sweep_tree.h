@@ -84,8 +84,11 @@ class SweepTree {
                            const Try& try_one);
   template <class Wanted>
   void search_leaf(int leaf, Wanted& wanted) const;
-  std::optional<PatchStretch> patch_of(std::span<const Ray> rays, const Removal& removal, int item,
-                                       Hint& hint) const;
+  void lower(std::span<double> limits, std::span<const Ray> rays, const Removal& removal, int item,
+             Hint& hint) const;
+  std::vector<double> limits_of(std::span<const Ray> rays, Hint& hint) const;
+  std::optional<PatchStretch> patch_of(std::span<const Ray> rays,
+                                       std::span<const double> limits) const;
   bool gather_near(const PatchStretch& rays, Near& near, Hint& hint) const;
   bool search_patch(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                     Hint& hint) const;

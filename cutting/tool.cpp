@@ -7,6 +7,11 @@
 
 namespace abbe::cutting {
 
+Cutter form_cutter(ToolOutline outline) {
+  const double radius = outline.radius, height = outline.height;
+  return {radius, 0.0, height, std::make_shared<const ToolOutline>(std::move(outline))};
+}
+
 void check_cutter(const Cutter& cutter) {
   require(std::isfinite(cutter.radius) && cutter.radius > 0.0 && cutter.corner_radius >= 0.0 &&
               cutter.corner_radius <= cutter.radius && std::isfinite(cutter.flank_length) &&

@@ -1,18 +1,28 @@
 #pragma once
 
+#include <memory>
 #include <vector>
+
+#include "cutting/outline.h"
 
 namespace abbe::cutting {
 
 /// Milling cutter of revolution, convex: a flat of radius (radius - corner_radius) at the tip, a
 /// torus corner, a cylindrical flank up to `flank_length` above the tip. corner_radius = radius is
 /// a ball end, 0 a flat end. Its frame t has the origin at the tip and z along the axis to the
-/// spindle.
+/// spindle. A form cutter has an outline instead, inside of the flat end that the numbers then are.
 struct Cutter {
-  double radius = 5.0;         ///< mm, > 0
-  double corner_radius = 5.0;  ///< mm, 0 .. radius
-  double flank_length = 20.0;  ///< mm above the tip, >= corner_radius
+  double radius = 5.0;                              ///< mm, > 0
+  double corner_radius = 5.0;                       ///< mm, 0 .. radius
+  double flank_length = 20.0;                       ///< mm above the tip, >= corner_radius
+  std::shared_ptr<const ToolOutline> outline = {};  ///< of a form cutter
 };
+
+Cutter form_cutter(ToolOutline outline);
+
+inline bool is_ball(const Cutter& cutter) {
+  return !cutter.outline && cutter.corner_radius == cutter.radius;
+}
 
 /// @throws std::invalid_argument for a cutter out of those ranges
 void check_cutter(const Cutter& cutter);

@@ -8,7 +8,7 @@
 #include <tbb/parallel_for.h>
 
 #include "cutting/sweep_tree.h"
-#include "tests/cutting/random.h"
+#include "tests/cutting/any_form.h"
 
 // The tree against every move tried on its own, bit for bit: neither the rays nor the cutters nor
 // the motions are what anybody would call reasonable.
@@ -21,7 +21,7 @@ using std::numbers::pi;
 Cutter any_cutter(Random& random) {
   const double R = random.decades(-1, 2);
   double r = 0.0;
-  switch (random.below(5)) {
+  switch (random.below(6)) {
     case 0:
       r = R;
       break;  // ball
@@ -31,6 +31,8 @@ Cutter any_cutter(Random& random) {
     case 2:
       r = R * random.in(0, 1);
       break;  // bull-nosed
+    case 4:
+      return any_form(random, R);
     case 3:
       r = R * (1 - random.decades(-9, -1));
       break;  // all but a ball

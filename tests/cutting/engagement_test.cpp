@@ -55,7 +55,7 @@ void expect_sound(const Engagement& e) {
 }
 
 TEST(Engagement, SlicesMakeUpTheOutline) {
-  for (const Cutter cutter :
+  for (const Cutter& cutter :
        {Cutter{5.0, 0.0, 20.0}, Cutter{5.0, 5.0, 20.0}, Cutter{5.0, 1.2, 20.0},
         Cutter{5.0, 5.0, 5.0}, Cutter{0.1, 0.02, 3.0}}) {
     double length = 0.0, area = 0.0, height = 0.0;
@@ -143,7 +143,7 @@ TEST(Engagement, CrossSectionOfABallGrooveConverges) {
 
 TEST(Engagement, WhatTheArcsSweepIsWhatTheMoveRemoves) {
   // one step of a half-immersed cut into stock that was cut up to the step before
-  for (const Cutter cutter :
+  for (const Cutter& cutter :
        {Cutter{5.0, 0.0, 20.0}, Cutter{5.0, 1.5, 20.0}, Cutter{5.0, 5.0, 20.0}}) {
     Stock stock = box({-30, -20, -20}, {30, 1.3, 0.0}, 0.25);
     const double step = 1.0, z = -4.0;
@@ -161,7 +161,7 @@ TEST(Engagement, WhatTheArcsSweepIsWhatTheMoveRemoves) {
 
 TEST(Engagement, MovesContinuouslyWithThePose) {
   for (const bool three : {true, false})
-    for (const Cutter cutter :
+    for (const Cutter& cutter :
          {Cutter{5.0, 0.0, 20.0}, Cutter{5.0, 1.5, 20.0}, Cutter{5.0, 5.0, 20.0}}) {
       Stock stock = box({-30, -20, -20}, {30, 20, 0.0}, 0.5, three);
       remove(stock, cutter, {pose({-40, 4, -4}), pose({0, 4, -4}), 1, false});
@@ -199,7 +199,7 @@ TEST(Engagement, MovesContinuouslyWithThePose) {
 
 TEST(Engagement, APlungeEngagesTheWholeBottomAndNoFlank) {
   const Stock stock = box({-30, -20, -20}, {30, 20, 0.0}, 0.5);
-  for (const Cutter cutter :
+  for (const Cutter& cutter :
        {Cutter{5.0, 0.0, 20.0}, Cutter{5.0, 1.5, 20.0}, Cutter{5.0, 5.0, 20.0}}) {
     const Engagement e = engagement(stock, cutter, pose({0, 0, -8}), -Vector3d::UnitZ());
     expect_sound(e);

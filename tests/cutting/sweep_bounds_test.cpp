@@ -1,5 +1,5 @@
 #include "cutting/sweep_bounds.h"
-#include "tests/cutting/random.h"
+#include "tests/cutting/any_form.h"
 
 #include <array>
 #include <cmath>
@@ -61,6 +61,10 @@ Situation situation(const Genes& g) {
   const double R = decades(-1, 2, g[0]);
   const double r = g[1] < 0.15 ? R : g[1] < 0.45 ? 0.0 : R * g[2];
   s.cutter = {R, r, r + R * decades(-2, 1, g[3])};
+  if (g[1] > 0.8) {
+    Random of_form(std::uint64_t(1e6 * g[2]));
+    s.cutter = any_form(of_form, R);
+  }
   const Vector3d up = g[4] < 0.5 ? Vector3d::UnitZ().eval() : direction(g[5], g[6]);
   const Vector3d axis = g[7] < 0.1 ? up : turned(up, decades(-9, 0, g[8]), g[9]);
   const Vector3d origin =
@@ -118,6 +122,23 @@ Worst climb(std::uint64_t seed, int climbs, int steps, const Error& error) {
 
 // ---- the tree's bounds --------------------------------------------------------------------------
 
+/// How far an outline reaches, by its points and arcs.
+Real outline_along(const ToolOutline& outline, Real along, Real across) {
+  Real most = 0;
+  for (const OutlinePiece& piece : outline.pieces) {
+    most = std::max(most, piece.to.x() * across + piece.to.y() * along);
+    if (piece.radius == 0.0) continue;
+    const Real angle = std::atan2(along, across);
+    const Real from = std::atan2(Real(piece.normal_from.y()), Real(piece.normal_from.x()));
+    const Real to = std::atan2(Real(piece.normal_to.y()), Real(piece.normal_to.x()));
+    if (angle < from || angle > to) continue;
+    const Real x = piece.from.x() - Real(piece.radius) * piece.normal_from.x();
+    const Real y = piece.from.y() - Real(piece.radius) * piece.normal_from.y();
+    most = std::max(most, x * across + y * along + piece.radius * std::hypot(along, across));
+  }
+  return most;
+}
+
 /// How far along m the cutter reaches over a move, by the definition of a support, at 33 instants.
 Real reach_along(const Vector& m, const Cutter& cutter, const Move& move) {
   const Real r = cutter.corner_radius, R = cutter.radius, flank = cutter.flank_length;
@@ -128,6 +149,10 @@ Real reach_along(const Vector& m, const Cutter& cutter, const Move& move) {
     const Vector u = std::cos(t * Real(move.angle)) * axis + std::sin(t * Real(move.angle)) * side;
     const Vector tip = move.tip.cast<Real>() + t * move.step.cast<Real>();
     const Real along = m.dot(u), across = m.cross(u).norm();
+    if (cutter.outline) {
+      most = std::max(most, m.dot(tip) + outline_along(*cutter.outline, along, across));
+      continue;
+    }
     const Real body =
         along > 0 ? flank * along + R * across : r * along + r * m.norm() + (R - r) * across;
     most = std::max(most, m.dot(tip) + body);
@@ -348,6 +373,7 @@ double lateness(const Grazing& grazing) {
   const Situation& s = grazing.s;
   const Move& move = s.moves[0];
   const Cutter& cutter = s.cutter;
+  if (cutter.outline) return -1e300;  // held against brute force
   const double off =
       2e-10 + 0.125 * (cutter.radius + cutter.flank_length) * move.angle * move.angle;
   const Cutter thinner{cutter.radius - off, std::max(0.0, cutter.corner_radius - off),

@@ -113,6 +113,78 @@ Real cutter_entry(const RayLine& line, Vector axis, const Cutter& cutter, Real f
   return s && *s <= span.high ? *s : infinity;
 }
 
+/// The radius of a form over its height, thickened: concave between -thick and top + thick.
+struct FormRadius {
+  struct Piece {
+    Real x0, z0, x1, z1, r, cx, cz;
+  };
+  std::vector<Piece> pieces;
+  Real widest = 0, top = 0;  // height of the largest radius, and of the top
+
+  explicit FormRadius(const BruteForm& form) {
+    Real x = form.bottom, z = 0;
+    for (const BruteForm::Point& p : form.points) {
+      Piece piece{x, z, p.x, p.z, p.radius, 0, 0};
+      if (p.radius > 0) {
+        const Real dx = p.x - x, dz = p.z - z, chord = std::sqrt(dx * dx + dz * dz);
+        const Real deep = std::sqrt(Real(p.radius) * p.radius - chord * chord / 4) / chord;
+        piece.cx = (x + p.x) / 2 - deep * dz;
+        piece.cz = (z + p.z) / 2 + deep * dx;
+      }
+      pieces.push_back(piece);
+      x = p.x;
+      z = p.z;
+    }
+    top = z;
+    Real low = 0, high = top;  // a concave function's largest value, by ternary search
+    for (int i = 0; i < 400; ++i) {
+      const Real a = low + (high - low) / 3, b = high - (high - low) / 3;
+      (at(a) < at(b) ? low : high) = at(a) < at(b) ? a : b;
+    }
+    widest = (low + high) / 2;
+  }
+  Real at(Real z) const {
+    for (const Piece& p : pieces) {
+      if (z > p.z1 && &p != &pieces.back()) continue;
+      if (p.r > 0) return p.cx + std::sqrt(std::max<Real>(0, p.r * p.r - (z - p.cz) * (z - p.cz)));
+      return p.x0 + (p.x1 - p.x0) * (z - p.z0) / (p.z1 - p.z0);
+    }
+    return 0;
+  }
+  Real thickened(Real z, Real thick) const {
+    const Real nearest = std::clamp(widest, z - thick, z + thick);
+    return at(std::clamp<Real>(nearest, 0, top)) + thick;
+  }
+};
+
+/// First s in from .. to at which a line, seen from the tip, is inside a form made thicker:
+/// by bisection on the near side of where it is deepest.
+Real form_entry(const RayLine& line, Vector axis, const FormRadius& form, Real thick, Real from,
+                Real to) {
+  const Span span = common({from, to}, inside_slab(line, axis, -thick, form.top + thick));
+  if (!(span.low <= span.high)) return infinity;
+  const auto outside = [&](Real s) {
+    const Vector p = line.at(s);
+    const Real z = dot(p, axis);
+    return norm(p - z * axis) - form.thickened(z, thick);
+  };
+  if (outside(span.low) <= 0) return span.low;
+  Real low = span.low, high = span.high;
+  for (int i = 0; i < 220 && outside(high) > 0; ++i) {
+    const Real a = low + (high - low) / 3, b = high - (high - low) / 3;
+    if (outside(a) <= 0 || outside(a) < outside(b))
+      high = b;
+    else
+      low = a;
+    if (outside(a) <= 0) high = a;
+    if (high - low < 1e-17L) break;
+  }
+  if (outside(high) > 0) return infinity;
+  low = span.low;
+  for (int i = 0; i < 90; ++i) (outside((low + high) / 2) > 0 ? low : high) = (low + high) / 2;
+  return high;
+}
+
 /// Part of one move, with the earliest s at which anything of it can be.
 struct Stretch {
   Real low;
@@ -217,25 +289,23 @@ TurnMove turn_move(const BruteTurning::Pose& a, const BruteTurning::Pose& b, Vec
 
 }  // namespace
 
-BruteHit brute_milled(const Ray& ray, const BruteCutter& cutter,
-                      const std::vector<BrutePose>& motion, const BruteOptions& options) {
+namespace {
+
+/// @param entry(seen, axis, thicker)  of a line, seen from the tip, into the standing cutter
+template <class Entry>
+BruteHit milled(const Ray& ray, const std::vector<BrutePose>& motion, Real farthest,
+                const BruteOptions& options, const Entry& entry_of) {
   std::vector<MillMove> moves;
   std::vector<double> times;
   for (std::size_t i = 0; i + 1 < motion.size(); ++i) {
     moves.push_back(mill_move(motion[i], motion[i + 1]));
   }
   for (const BrutePose& pose : motion) times.push_back(pose.time_s);
-  const Real band = options.band;
   const RayLine line{vector(ray.origin), unit(vector(ray.direction))};
-  const Real farthest = std::hypot(Real(cutter.radius), Real(cutter.flank_length));
   const auto entry = [&](std::size_t m, Real u, Real thicker) {
     const MillMove& move = moves[m];
     const RayLine seen{line.o - (move.tip + u * move.tip_step), line.d};
-    // The corner radius grows with the tool, the flat keeps its radius: this holds the thickened
-    // tool.
-    const Cutter thick{cutter.radius + thicker, cutter.corner_radius + thicker, -thicker,
-                       cutter.flank_length + thicker};
-    return cutter_entry(seen, move.axis_at(u), thick, -band, band);
+    return entry_of(seen, move.axis_at(u), thicker);
   };
   const auto earliest = [&](std::size_t m, Real u0, Real u1) {
     const Real reach = (norm(moves[m].tip_step) + moves[m].turn * farthest) * (u1 - u0) / 2;
@@ -249,6 +319,31 @@ BruteHit brute_milled(const Ray& ray, const BruteCutter& cutter,
     return best.s < infinity ? std::optional(best) : std::nullopt;
   };
   return search(moves.size(), options, earliest, found, times);
+}
+
+}  // namespace
+
+BruteHit brute_milled(const Ray& ray, const BruteCutter& cutter,
+                      const std::vector<BrutePose>& motion, const BruteOptions& options) {
+  const Real band = options.band;
+  return milled(ray, motion, std::hypot(Real(cutter.radius), Real(cutter.flank_length)), options,
+                [&](const RayLine& seen, Vector axis, Real thicker) {
+                  // The corner radius grows with the tool, the flat keeps its radius: this holds
+                  // the thickened tool.
+                  const Cutter thick{cutter.radius + thicker, cutter.corner_radius + thicker,
+                                     -thicker, cutter.flank_length + thicker};
+                  return cutter_entry(seen, axis, thick, -band, band);
+                });
+}
+
+BruteHit brute_milled(const Ray& ray, const BruteForm& form, const std::vector<BrutePose>& motion,
+                      const BruteOptions& options) {
+  const FormRadius radius(form);
+  const Real band = options.band;
+  return milled(ray, motion, std::hypot(radius.at(radius.widest), radius.top), options,
+                [&](const RayLine& seen, Vector axis, Real thicker) {
+                  return form_entry(seen, axis, radius, thicker, -band, band);
+                });
 }
 
 BruteHit brute_turned(const Ray& ray, const BruteTurning& turning, const BruteOptions& options) {

@@ -39,6 +39,17 @@ struct BruteHit {
 struct BruteCutter {
   double radius, corner_radius, flank_length;
 };
+/// A convex cutter of revolution by its radius over its height: from a flat bottom at height 0 and
+/// `bottom` mm across through points, each reached by a line or an arc that bulges outwards, to a
+/// flat top.
+struct BruteForm {
+  struct Point {
+    double x, z;          ///< mm, rising
+    double radius = 0.0;  ///< mm, of an arc
+  };
+  double bottom;
+  std::vector<Point> points;
+};
 struct BrutePose {
   Eigen::Vector3d tip;   ///< mm
   Eigen::Vector3d axis;  ///< unit
@@ -47,6 +58,8 @@ struct BrutePose {
 /// Tip on lines, axis on great circles between the poses. Axes may not be opposite.
 BruteHit brute_milled(const Ray& ray, const BruteCutter& cutter,
                       const std::vector<BrutePose>& motion, const BruteOptions& options = {});
+BruteHit brute_milled(const Ray& ray, const BruteForm& form, const std::vector<BrutePose>& motion,
+                      const BruteOptions& options = {});
 
 /// A disc of `radius` about the origin of its frame in y = 0, whose slow pose moves on lines and at
 /// constant rates of turn, turned by a spindle about a line.

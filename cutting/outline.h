@@ -1,0 +1,64 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+/// Convex tools of revolution by their outline in the half plane through the axis: x from the axis,
+/// y above the tip, both in mm.
+namespace abbe::cutting {
+
+/// A line, or an arc that bulges outwards, run through with the tool on the left. A sharp corner is
+/// an arc of no radius.
+struct OutlinePiece {
+  bool is_arc;
+  Eigen::Vector2d from, to;
+  Eigen::Vector2d normal_from, normal_to;  ///< unit, outward, at its ends
+  double radius = 0.0;                     ///< mm, of an arc
+};
+
+/// From the axis at the tip to the axis at the top, closed and convex; immutable once made.
+struct ToolOutline {
+  std::vector<OutlinePiece> pieces;
+  double radius = 0.0;    ///< mm, the largest
+  double height = 0.0;    ///< mm, of the top
+  bool is_sharp = false;  ///< it has sharp corners below the top
+};
+
+/// A point of an outline, and how it is reached from the one before.
+struct OutlinePoint {
+  Eigen::Vector2d at;
+  double radius = 0.0;  ///< mm, of an arc that bulges outwards, less than half a circle; 0: a line
+};
+
+/// @param points  from the tip, whose height is 0, upwards; the bottom below the first and the top
+///                above the last are flat
+/// @throws std::invalid_argument for what is not convex, with the point and how far it is off
+ToolOutline outline_through(const std::vector<OutlinePoint>& points);
+
+/// The cutter of APT, by seven parameters.
+struct AptCutter {
+  double diameter = 10.0;  ///< mm, D: where the lines of bottom and flank meet
+  double corner = 0.0;     ///< mm, R: radius of the corner
+  double radial = 5.0;     ///< mm, E: of the middle of the corner from the axis
+  double axial = 0.0;      ///< mm, F: of the same above the tip
+  double bottom = 0.0;     ///< rad, alpha: by which the bottom rises from the tip outwards
+  double flank = 0.0;      ///< rad, beta: by which the flank leans outwards from the axis
+  double height = 20.0;    ///< mm, H: of the cutting edge above the tip
+};
+/// @throws std::invalid_argument where corner, bottom and flank do not meet in a convex outline
+ToolOutline apt_outline(const AptCutter& cutter);
+
+/// How far it reaches from the tip along a direction that goes by `rise` along the axis and by
+/// `across` >= 0 across it.
+double support(const ToolOutline& outline, double rise, double across);
+
+/// Signed distance of a place in the half plane, negative inside, where it is a convex function
+/// that counts the nearest tangent; with its unit gradient.
+struct OutlineDistance {
+  double value;
+  Eigen::Vector2d gradient;
+};
+OutlineDistance distance(const ToolOutline& outline, const Eigen::Vector2d& place);
+
+}  // namespace abbe::cutting

@@ -1,0 +1,93 @@
+#include "cutting/entry_bounds.h"
+#include "tests/cutting/any_form.h"
+
+#include <algorithm>
+#include <iostream>
+
+#include <gtest/gtest.h>
+
+namespace abbe::cutting {
+namespace {
+
+using Eigen::Vector3d;
+
+namespace entry_bounds_cases {
+
+Cutter any_cutter(Random& random) {
+  const double R = random.decades(-1, 2);
+  switch (random.below(4)) {
+    case 0:
+      return {R, R, R * random.in(1, 4)};
+    case 1:
+      return {R, 0.0, R * random.in(0.1, 4)};
+    case 2:
+      return {R, R * random.decades(-5, 0), R * random.in(1, 4)};
+    default:
+      return any_form(random, R);
+  }
+}
+
+Move any_move(Random& random, double radius) {
+  Move move;
+  move.tip = radius * random.in(0, 2) * random.direction();
+  move.step = random.once_in(8) ? Vector3d(Vector3d::Zero())
+                                : Vector3d(radius * random.decades(-7, 1.5) * random.direction());
+  move.axis = random.direction();
+  move.side = move.axis.unitOrthogonal();
+  move.angle = random.once_in(2) ? 0.0 : random.decades(-9, -1.3);
+  if (random.once_in(4)) {
+    move.from = random.in(0, 0.5);
+    move.to = random.in(0.5, 1);
+  }
+  return move;
+}
+
+}  // namespace entry_bounds_cases
+
+/// Of any cutter, move and ray: no bound is above the entry, and the lanes are those of one.
+TEST(EntryBounds, AreNoMoreThanTheEntry) {
+  Random random(1802);
+  long entries = 0, unknown = 0, missed = 0, tried = 0, near = 0, outside = 0;
+  double highest = -1e300;
+  for (int n = 0; n < 40000 * longer(20); ++n) {
+    const Cutter cutter = entry_bounds_cases::any_cutter(random);
+    const double R = cutter.radius;
+    MoveLanes<8> eight;
+    std::array<Move, 8> moves;
+    for (int i = 0; i < 8; ++i) {
+      moves[std::size_t(i)] = entry_bounds_cases::any_move(random, R);
+      eight.put(i, cutter, moves[std::size_t(i)]);
+    }
+    const Ray ray{R * random.decades(-6, 0.3) * random.any(), random.direction(),
+                  R * random.decades(-3, 0.3)};
+    const EntryBounds<8> bounds = entry_bounds(cutter, eight, ray);
+    for (std::size_t i = 0; i < 8; ++i) {
+      ++tried;
+      const EntryBounds<1> one = entry_bounds(cutter, moves[i], ray);
+      ASSERT_EQ(one.least[0], bounds.least[i]) << "seed 1802, case " << n;
+      ASSERT_EQ(one.part[0], bounds.part[i]) << "seed 1802, case " << n;
+      const double bound = bounds.least[i];
+      unknown += bound < -1e29;
+      missed += bound > 1e29;
+      // from a place of its own, so that the bound has no say in it
+      const auto entry = first_entry(cutter, moves[i], ray, ray.band, float(random.in(0, 1)));
+      if (!entry) continue;
+      ++entries;
+      outside += entry->s > -ray.band;
+      highest = std::max(highest, (bound - entry->s) / R);
+      near += entry->s > -ray.band && bound > entry->s - 1e-3 * R;
+      ASSERT_LE(bound, std::max(entry->s, -ray.band))
+          << "seed 1802, case " << n << ", lane " << i << ", R " << R << " r "
+          << cutter.corner_radius << " form " << bool(cutter.outline) << " band " << ray.band
+          << " t " << entry->t << " part " << bounds.part[i] << " angle " << moves[i].angle;
+    }
+  }
+  std::cout << tried << " pairs (seed 1802): " << entries << " entries, bounds " << -highest
+            << " R below them and more, " << near << " within 1e-3 R; " << unknown << " not known, "
+            << missed << " missed\n";
+  EXPECT_GT(entries, tried / 20);
+  EXPECT_GT(near, outside / 2);
+}
+
+}  // namespace
+}  // namespace abbe::cutting
