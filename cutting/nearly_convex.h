@@ -121,11 +121,11 @@ inline double next_sample(const Piece& piece, const Promise& low) {
   return a.value <= b.value ? a.t + w / 16 : b.t - w / 16;
 }
 
-/// The branch and bound itself: pieces that may hold less than the best sample so far.
+/// Pieces that may hold less than the best sample so far.
 template <class Function, class Floor>
-class Search {
+class BranchAndBound {
  public:
-  Search(const Function& f, const Floor& floor, const Goal& goal, const Sample& best)
+  BranchAndBound(const Function& f, const Floor& floor, const Goal& goal, const Sample& best)
       : f_(f), floor_(floor), goal_(goal), best_(best) {}
 
   const Sample& best() const { return best_; }
@@ -178,7 +178,7 @@ template <class Function, class Floor>
 Sample minimum(const Function& f, const Floor& floor, const Sample& first, const Sample& last,
                const Goal& goal) {
   const bool last_is_less = last.defined && (!first.defined || last.value < first.value);
-  Search search(f, floor, goal, last_is_less ? last : first);
+  BranchAndBound search(f, floor, goal, last_is_less ? last : first);
   search.add({first, last, 0});
   return search.least();
 }
@@ -189,7 +189,7 @@ template <class Function, class Floor>
 Sample minimum_about(const Function& f, const Floor& floor, double from, double about, double to,
                      const Goal& goal) {
   const Sample c = f(about);
-  Search search(f, floor, goal, c);
+  BranchAndBound search(f, floor, goal, c);
   if (!c.defined || search.is_over()) return c;
   const auto piece = [](const Sample& one, const Sample& other) {
     return one.t < other.t ? Piece{one, other, 0} : Piece{other, one, 0};

@@ -294,9 +294,9 @@ std::optional<Removal> SweepTree::first_removal(const Ray& ray, Hint& hint) cons
 
 // ---- rays beside each other ---------------------------------------------------------------------
 //
-// The first removal of one of them bounds those of the others from above: by where each enters the
-// cutter as it stood then. What no ray up to there can meet is ruled out for all at once; the few
-// moves left are tried by every ray.
+// Where they meet a few moves, those beside the move that the rays before met, bounds the first
+// removals from above. What no ray up to there can meet is ruled out for all at once; the moves
+// left are bounded for every ray, and tried from the least bound on.
 
 /// The moves that some of rays beside each other may meet first.
 struct SweepTree::Near {
@@ -373,38 +373,43 @@ struct Box {
 
 }  // namespace
 
-/// Lowers each ray's limit (mm) to where it meets, nearly and never before, the cutter of a removal
-/// that one of them met first, or moves beside it.
-void SweepTree::lower(std::span<double> limits, std::span<const Ray> rays, const Removal& removal,
-                      int item, Hint& hint) const {
+/// Lowers each ray's limit (mm) to where it meets, nearly and never before, the cutter of a move at
+/// its instant t, or of moves beside it.
+void SweepTree::lower(std::span<double> limits, std::span<const Ray> rays, int item, double t,
+                      Hint& hint) const {
   constexpr double more = 1e-6;  // mm, against rounding
   const auto lower_to = [&](const auto& cutter) {
     for (std::size_t i = 0; i < rays.size(); ++i)
       limits[i] = std::min(limits[i], cutter.met(rays[i]) + more);
   };
-  if (is_ball(cutter_)) return lower_to(StandingBall(cutter_, move_of(item, hint), removal.t));
+  if (is_ball(cutter_)) return lower_to(StandingBall(cutter_, move_of(item, hint), t));
   const int first = item / width * width;
   std::vector<Move> moves(std::min(width, int(items_.size()) - first));
   for (std::size_t k = 0; k < moves.size(); ++k) moves[k] = move_of(first + int(k), hint);
   lower_to(MetOfEight(cutter_, moves));
 }
 
-/// mm along each ray, not before it meets its first removal; nothing where that is not within the
-/// band of the ray in the middle.
+/// mm along each ray, not before it meets its first removal; nothing where one that was looked at
+/// starts in removed material. The move that the rays before met serves, and where that leaves one
+/// of them far behind the others, what it really meets.
 std::vector<double> SweepTree::limits_of(std::span<const Ray> rays, Hint& hint) const {
   constexpr int searches = 4;
-  const double loose = 0.01 * cutter_.radius;
-  std::vector<double> limits(rays.size(), rays.front().band);
-  std::size_t next = rays.size() / 2;
+  const double tight = 0.003 * cutter_.radius, loose = 0.01 * cutter_.radius;
+  const double band = rays.front().band;
+  std::vector<double> limits(rays.size(), band);
+  if (hint.item >= 0) {
+    const Move& move = move_of(hint.item, hint);
+    lower(limits, rays, hint.item, 0.5 * (move.from + move.to), hint);
+  }
   for (int i = 0; i < searches; ++i) {
+    const auto [least, most] = std::minmax_element(limits.begin(), limits.end());
+    if (*most - *least < (i == 0 ? tight : loose) && hint.item >= 0) break;
+    const std::size_t next = i == 0 ? rays.size() / 2 : std::size_t(most - limits.begin());
     const std::optional<Removal> removal = first_removal(rays[next], hint);
-    if (removal && removal->s <= -rays[next].band) return {};
+    if (removal && removal->s <= -band) return {};
     if (!removal) break;
     limits[next] = std::min(limits[next], removal->s + entry_margin);
-    lower(limits, rays, *removal, hint.item, hint);
-    const auto [least, most] = std::minmax_element(limits.begin(), limits.end());
-    next = std::size_t(most - limits.begin());
-    if (*most - *least < loose) break;
+    lower(limits, rays, hint.item, removal->t, hint);
   }
   return limits;
 }

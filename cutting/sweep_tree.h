@@ -84,7 +84,7 @@ class SweepTree {
                            const Try& try_one);
   template <class Wanted>
   void search_leaf(int leaf, Wanted& wanted) const;
-  void lower(std::span<double> limits, std::span<const Ray> rays, const Removal& removal, int item,
+  void lower(std::span<double> limits, std::span<const Ray> rays, int item, double t,
              Hint& hint) const;
   std::vector<double> limits_of(std::span<const Ray> rays, Hint& hint) const;
   std::optional<PatchStretch> patch_of(std::span<const Ray> rays,
