@@ -137,9 +137,37 @@ Blocks blocks_of(const std::vector<FilterCell>& cells, double size) {
   return blocks;
 }
 
+/// Cells column by column, so that several are looked at side by side.
+struct CellColumns {
+  explicit CellColumns(const std::vector<FilterCell>& cells);
+
+  ArrayXd x, y, z, normal_x, normal_y, normal_z, area, residual, spread;
+  std::vector<int> first;
+};
+
+CellColumns::CellColumns(const std::vector<FilterCell>& cells) {
+  const auto n = Index(cells.size());
+  for (ArrayXd* column : {&x, &y, &z, &normal_x, &normal_y, &normal_z, &area, &residual, &spread})
+    column->resize(n);
+  first.resize(cells.size());
+  for (Index i = 0; i < n; ++i) {
+    const FilterCell& cell = cells[std::size_t(i)];
+    x[i] = cell.middle.x();
+    y[i] = cell.middle.y();
+    z[i] = cell.middle.z();
+    normal_x[i] = cell.normal.x();
+    normal_y[i] = cell.normal.y();
+    normal_z[i] = cell.normal.z();
+    area[i] = cell.area;
+    residual[i] = cell.residual;
+    spread[i] = cell.spread;
+    first[std::size_t(i)] = cell.first;
+  }
+}
+
 /// Those of a block and of the next ones that one of it can reach, one behind the other.
-std::vector<FilterCell> around(const std::vector<FilterCell>& cells, const Blocks& blocks,
-                               const Blocks::value_type& home, double width) {
+CellColumns around(const std::vector<FilterCell>& cells, const Blocks& blocks,
+                   const Blocks::value_type& home, double width) {
   const Place& at = home.first;
   Eigen::AlignedBox3d box;
   for (const int c : home.second) box.extend(cells[std::size_t(c)].middle);
@@ -153,58 +181,83 @@ std::vector<FilterCell> around(const std::vector<FilterCell>& cells, const Block
           if (box.squaredExteriorDistance(cells[std::size_t(c)].middle) < width * width)
             found.push_back(cells[std::size_t(c)]);
       }
-  return found;
+  return CellColumns(found);
 }
 
 constexpr Index lane = 4;  // cells that are added up side by side
 using Lane = Eigen::Array<double, lane, 1>;
 
-/// Cells as columns of numbers, those that a vertex may reach; the last lane is filled up with
-/// cells without area.
+/// What a vertex may reach of cells; the last lane is filled up with cells without area.
 struct Reached {
-  ArrayXd x, y, z, area;
-  ArrayXd residual;        // mm, above that of the cell from which they are reached
+  enum : int {
+    X,
+    Y,
+    Z,
+    Area,
+    Residual
+  };  ///< residual: mm, above that of the cell they are reached from
+
+  Eigen::Array<double, Eigen::Dynamic, 5> cells;
   double spread = 0.0;     // mm^2, mean
-  double reference = 0.0;  // mm, the residual of that cell
+  double reference = 0.0;  // mm, the residual of the cell from which they are reached
 };
 
-Reached reached(const std::vector<FilterCell>& around, const FilterCell& from, double width) {
+/// Numbers of the cells that are close and look the same way.
+std::vector<int> near_and_alike(const CellColumns& around, const FilterCell& from, double width) {
+  const double reach2 = width * width;
+  const Vector3d m = from.middle, n = from.normal;
+  std::vector<int> numbers(around.first.size());
+  std::size_t count = 0;
   // without a branch: which cells are close cannot be predicted
-  std::vector<int> near(around.size());
-  Index n = 0;
-  for (std::size_t c = 0; c < around.size(); ++c) {
-    const FilterCell& cell = around[c];
-    const bool close = (cell.middle - from.middle).squaredNorm() < width * width;
-    const bool alike = bool((cell.first == from.first) | (cell.normal.dot(from.normal) > 0.0));
-    near[std::size_t(n)] = int(c);
-    n += Index(close & alike);
+  for (std::size_t c = 0; c < numbers.size(); ++c) {
+    const auto i = Index(c);
+    const double dx = around.x[i] - m.x(), dy = around.y[i] - m.y(), dz = around.z[i] - m.z();
+    const bool close = dx * dx + dy * dy + dz * dz < reach2;
+    const bool alike =
+        bool((around.first[c] == from.first) |
+             (around.normal_x[i] * n.x() + around.normal_y[i] * n.y() + around.normal_z[i] * n.z() >
+              0.0));
+    numbers[count] = int(c);
+    count += std::size_t(close & alike);
   }
-  const ArrayXd none = ArrayXd::Zero((n + lane - 1) / lane * lane);
-  Reached all{none, none, none, none, none, 0.0, from.residual};
-  for (Index i = 0; i < n; ++i) {
-    const FilterCell& cell = around[std::size_t(near[std::size_t(i)])];
-    all.x[i] = cell.middle.x();
-    all.y[i] = cell.middle.y();
-    all.z[i] = cell.middle.z();
-    all.area[i] = cell.area;
-    all.residual[i] = cell.residual - from.residual;
-    all.spread += cell.area * cell.spread;
-  }
-  all.spread /= all.area.sum();
+  numbers.resize(count);
+  return numbers;
+}
+
+Reached reached(const CellColumns& around, const FilterCell& from, double width) {
+  const std::vector<int> near = near_and_alike(around, from, width);
+  const auto n = Index(near.size()), lanes = (n + lane - 1) / lane * lane;
+  Reached all{{}, 0.0, from.residual};
+  all.cells.resize(lanes, 5);
+  all.cells.bottomRows(lanes - n).setZero();
+  const auto fill = [&](int column, const ArrayXd& values) {
+    double* const to = all.cells.col(column).data();
+    for (Index i = 0; i < n; ++i) to[i] = values[near[std::size_t(i)]];
+  };
+  fill(Reached::X, around.x);
+  fill(Reached::Y, around.y);
+  fill(Reached::Z, around.z);
+  fill(Reached::Area, around.area);
+  fill(Reached::Residual, around.residual);
+  all.cells.col(Reached::Residual).head(n) -= from.residual;
+  for (Index i = 0; i < n; ++i)
+    all.spread += all.cells(i, Reached::Area) * around.spread[near[std::size_t(i)]];
+  all.spread /= all.cells.col(Reached::Area).sum();
   return all;
 }
 
 /// Value at a place of the plane that fits the residual about it with Gaussian weights.
-double form_at(const Reached& cells, const Vector3d& point, const Vector3d& normal,
+double form_at(const Reached& reached, const Vector3d& point, const Vector3d& normal,
                double two_variance) {
   const Vector3d first = normal.unitOrthogonal(), second = normal.cross(first);
   Lane w = Lane::Zero(), wu = w, wv = w, wuu = w, wuv = w, wvv = w, wr = w, wur = w, wvr = w;
-  for (Index at = 0; at < cells.x.size(); at += lane) {
-    const Lane dx = cells.x.segment<lane>(at) - point.x(),
-               dy = cells.y.segment<lane>(at) - point.y(),
-               dz = cells.z.segment<lane>(at) - point.z(), r = cells.residual.segment<lane>(at);
+  const auto& cells = reached.cells;
+  for (Index at = 0; at < cells.rows(); at += lane) {
+    const auto numbers = [&](int column) { return cells.col(column).segment<lane>(at); };
+    const Lane dx = numbers(Reached::X) - point.x(), dy = numbers(Reached::Y) - point.y(),
+               dz = numbers(Reached::Z) - point.z(), r = numbers(Reached::Residual);
     const Lane weight =
-        cells.area.segment<lane>(at) * (-(dx * dx + dy * dy + dz * dz) / two_variance).exp();
+        numbers(Reached::Area) * (-(dx * dx + dy * dy + dz * dz) / two_variance).exp();
     const Lane u = first.x() * dx + first.y() * dy + first.z() * dz;
     const Lane v = second.x() * dx + second.y() * dy + second.z() * dz;
     const Lane weight_u = weight * u, weight_v = weight * v;
@@ -227,7 +280,7 @@ double form_at(const Reached& cells, const Vector3d& point, const Vector3d& norm
   normal_equations(1, 1) += little;
   normal_equations(2, 2) += little;
   const Vector3d right(wr.sum(), wur.sum(), wvr.sum());
-  return cells.reference + normal_equations.ldlt().solve(right)[0];
+  return reached.reference + normal_equations.ldlt().solve(right)[0];
 }
 
 }  // namespace
@@ -250,16 +303,18 @@ Eigen::VectorXd gaussian_form(const Design& design, const Surface& surface, doub
   for (const auto& block : blocks) each.push_back(&block);
   Eigen::VectorXd form = Eigen::VectorXd::Constant(n, std::numeric_limits<double>::quiet_NaN());
   tbb::parallel_for(std::size_t(0), each.size(), [&](std::size_t b) {
-    const std::vector<FilterCell> near = around(all.cells, blocks, *each[b], width);
+    const CellColumns near = around(all.cells, blocks, *each[b], width);
     const std::vector<int>& here = each[b]->second;
     tbb::parallel_for(std::size_t(0), here.size(), [&](std::size_t c) {
       const FilterCell& cell = all.cells[std::size_t(here[c])];
+      // places within triangles stand behind the vertices
+      if (all.places[std::size_t(cell.first)].number >= n) return;
       const Reached cells = reached(near, cell, width);
       // cells add the variance of the places in them to that of the filter
       const double two_variance = 2.0 * (variance - cells.spread);
       for (int i = cell.first; i < cell.last; ++i) {
         const Index v = all.places[std::size_t(i)].number;
-        if (v >= n) break;  // places within triangles stand behind the vertices
+        if (v >= n) break;
         form[v] = form_at(cells, design.vertices.row(v), design.normals.row(v), two_variance);
       }
     });

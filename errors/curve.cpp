@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "errors/series.h"
 #include "kinematics/hash.h"
 
 namespace abbe::errors {
@@ -29,8 +30,6 @@ Seen seen_by(const Curve& curve, const CurveState& state) {
   const int sign = state.primed ? -1 : 1;
   return {state.carriage, sign * state.direction, state.stroke, double(sign)};
 }
-
-double factor(const Curve& curve) { return curve.negate ? -curve.scale : curve.scale; }
 
 // ---- tables
 
@@ -130,63 +129,38 @@ double rise(const Polynomial& shape, const Seen& seen) {
 }
 
 double height(const Legendre& shape, const Seen& seen) {
-  const double t = (seen.q - shape.centre) / shape.half_range;
+  LegendreAt at{(seen.q - shape.centre) / shape.half_range};
   double sum = 0.0;
-  double before = 0.0;  // P_{k-1}
-  double P = 1.0;
-  for (Index k = 0; k < shape.c.size(); ++k) {
-    sum += shape.c[k] * P;
-    const double next = (double(2 * k + 1) * t * P - double(k) * before) / double(k + 1);
-    before = P;
-    P = next;
-  }
+  for (Index k = 0; k < shape.c.size(); ++k, at.next()) sum += shape.c[k] * at.P;
   return sum;
 }
 
 double rise(const Legendre& shape, const Seen& seen) {
-  const double t = (seen.q - shape.centre) / shape.half_range;
+  LegendreAt at{(seen.q - shape.centre) / shape.half_range};
   double sum = 0.0;
-  double before = 0.0;
-  double P = 1.0;
   double slope_before = 0.0;
   double slope_P = 0.0;
-  for (Index k = 0; k < shape.c.size(); ++k) {
+  for (Index k = 0; k < shape.c.size(); ++k, at.next()) {
     sum += shape.c[k] * slope_P;
-    const double next = (double(2 * k + 1) * t * P - double(k) * before) / double(k + 1);
-    const double slope_next = slope_before + double(2 * k + 1) * P;
-    before = P;
-    P = next;
+    const double slope_next = slope_before + double(2 * k + 1) * at.P;
     slope_before = slope_P;
     slope_P = slope_next;
   }
   return sum / shape.half_range;
 }
 
-struct Harmonic {
-  double c, s;
-};
-/// Cosine and sine of the next harmonic, without a call for each.
-Harmonic next(const Harmonic& h, const Harmonic& first) {
-  return {h.c * first.c - h.s * first.s, h.s * first.c + h.c * first.s};
-}
-
 double height(const Fourier& shape, const Seen& seen) {
-  const double angle = 2.0 * std::numbers::pi * (seen.q / shape.period);
-  const Harmonic first{std::cos(angle), std::sin(angle)};
-  Harmonic h = first;
+  HarmonicAt h(2.0 * std::numbers::pi * (seen.q / shape.period));
   double sum = 0.0;
-  for (Index k = 0; k < shape.a.size(); ++k, h = next(h, first))
-    sum += shape.a[k] * h.c + shape.b[k] * h.s;
+  for (Index k = 0; k < shape.a.size(); ++k, h.next()) sum += shape.a[k] * h.c + shape.b[k] * h.s;
   return sum;
 }
 
 double rise(const Fourier& shape, const Seen& seen) {
   const double rate = 2.0 * std::numbers::pi / shape.period;
-  const double angle = 2.0 * std::numbers::pi * (seen.q / shape.period);
-  const Harmonic first{std::cos(angle), std::sin(angle)};
-  Harmonic h = first;
+  HarmonicAt h(2.0 * std::numbers::pi * (seen.q / shape.period));
   double sum = 0.0;
-  for (Index k = 0; k < shape.a.size(); ++k, h = next(h, first))
+  for (Index k = 0; k < shape.a.size(); ++k, h.next())
     sum += double(k + 1) * rate * (shape.b[k] * h.c - shape.a[k] * h.s);
   return sum;
 }

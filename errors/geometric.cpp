@@ -1,5 +1,7 @@
 #include "errors/geometric.h"
 
+#include <algorithm>
+#include <array>
 #include <cassert>
 #include <cmath>
 #include <stdexcept>
@@ -46,10 +48,36 @@ double& slot(std::vector<JointDeviation>& deviations, const GeometricModel::Boun
   return (bound.location ? deviation.location : deviation.motion)[bound.component];
 }
 
+/// The group that a series joins; none where there are too many.
+std::optional<int> group_of(GeometricModel& model, int joint, const SeriesBasis& basis) {
+  const auto known = std::ranges::find_if(model.groups, [&](const GeometricModel::Group& group) {
+    return group.joint == joint && group.series.basis.shares(basis) &&
+           group.series.count < SeriesGroup::most;
+  });
+  if (known != model.groups.end()) return int(known - model.groups.begin());
+  if (model.groups.size() == GeometricModel::most_groups) return std::nullopt;
+  model.groups.push_back({joint, {basis}});
+  return int(model.groups.size()) - 1;
+}
+
+void add_term(GeometricModel& model, int element, int curve) {
+  const GeometricModel::Bound& bound = model.elements[std::size_t(element)];
+  const Curve& added = bound.element.curves[std::size_t(curve)];
+  GeometricModel::Term term{bound.joint, bound.component, element, curve};
+  const std::optional<SeriesBasis> basis = basis_of(added);
+  if (const auto group = basis ? group_of(model, bound.joint, *basis) : std::nullopt) {
+    term.group = *group;
+    term.place = add(added, model.groups[std::size_t(*group)].series);
+    term.factor = factor(added);
+  }
+  model.terms.push_back(term);
+}
+
 /// The model with its constant part and its terms made from its elements.
 GeometricModel prepared(GeometricModel model) {
   model.constant.assign(model.joint_is_primed.size(), JointDeviation{});
   model.terms.clear();
+  model.groups.clear();
   for (std::size_t e = 0; e < model.elements.size(); ++e) {
     const GeometricModel::Bound& bound = model.elements[e];
     for (std::size_t c = 0; c < bound.element.curves.size(); ++c) {
@@ -57,7 +85,7 @@ GeometricModel prepared(GeometricModel model) {
       if (std::holds_alternative<Constant>(curve.shape)) {
         slot(model.constant, bound) += value(curve, CurveState{});
       } else {
-        model.terms.push_back({int(e), int(c)});
+        add_term(model, int(e), int(c));
       }
     }
   }
@@ -68,6 +96,18 @@ GeometricModel prepared(GeometricModel model) {
                                 const std::out_of_range& fault) {
   const std::string part = curve.name.empty() ? "" : " (" + curve.name + ")";
   throw std::out_of_range(to_string(bound.element.name) + part + ": " + fault.what());
+}
+
+/// Value of a term that shares its functions with none.
+double curve_value(const GeometricModel& model, const GeometricModel::Term& term,
+                   const AxisState& state) {
+  const GeometricModel::Bound& bound = model.elements[std::size_t(term.element)];
+  const Curve& curve = bound.element.curves[std::size_t(term.curve)];
+  try {
+    return value(curve, curve_state(model, state, term.joint));
+  } catch (const std::out_of_range& fault) {
+    rethrow_named(bound, curve, fault);
+  }
 }
 
 /// d(P) = d(M) - theta x (M - P): the translations as they are at the joint's point P.
@@ -112,21 +152,13 @@ CurveState curve_state(const GeometricModel& model, const AxisState& state, int 
 std::vector<JointDeviation> deviations(const GeometricModel& model, const AxisState& state) {
   assert(std::size_t(state.q.size()) == model.joint_is_primed.size());
   std::vector<JointDeviation> result = model.constant;
-  int joint = -1;
-  CurveState seen;
-  for (const GeometricModel::Term& term : model.terms) {
-    const GeometricModel::Bound& bound = model.elements[std::size_t(term.element)];
-    const Curve& curve = bound.element.curves[std::size_t(term.curve)];
-    if (bound.joint != joint) {
-      joint = bound.joint;
-      seen = curve_state(model, state, joint);
-    }
-    try {
-      slot(result, bound) += value(curve, seen);
-    } catch (const std::out_of_range& fault) {
-      rethrow_named(bound, curve, fault);
-    }
-  }
+  std::array<SeriesGroup::Sums, GeometricModel::most_groups> series;
+  for (std::size_t g = 0; g < model.groups.size(); ++g)
+    series[g] = sums(model.groups[g].series, curve_state(model, state, model.groups[g].joint));
+  for (const GeometricModel::Term& term : model.terms)
+    result[std::size_t(term.joint)].motion[term.component] +=
+        term.group < 0 ? curve_value(model, term, state)
+                       : term.factor * series[std::size_t(term.group)][std::size_t(term.place)];
   for (const GeometricModel::Line& line : model.lines)
     carry_to_joint(line, curve_state(model, state, line.joint).carriage,
                    result[std::size_t(line.joint)]);

@@ -7,6 +7,7 @@
 
 #include "errors/covariance.h"
 #include "errors/element.h"
+#include "errors/series.h"
 #include "kinematics/chain.h"
 
 namespace abbe::errors {
@@ -53,11 +54,22 @@ struct GeometricModel {
 
   // Prepared from the above, so that `deviations` adds up only what changes.
   struct Term {
-    int element = 0;  ///< index in elements
-    int curve = 0;    ///< index in its curves
+    int joint = 0;
+    int component = 0;    ///< 0..5 of its motion
+    int element = 0;      ///< index in elements
+    int curve = 0;        ///< index in its curves
+    int group = -1;       ///< of a series, index in groups
+    int place = 0;        ///< in the group
+    double factor = 1.0;  ///< of the series
   };
+  struct Group {
+    int joint = 0;
+    SeriesGroup series;
+  };
+  static constexpr std::size_t most_groups = 24;
   std::vector<kinematics::JointDeviation> constant;  ///< (chain size) sum of all constant curves
   std::vector<Term> terms;                           ///< every other curve
+  std::vector<Group> groups;  ///< at most most_groups: series that share their functions
 };
 
 /// Axis 'S' is the joint S (a spindle that carries the workpiece) if the chain has one,

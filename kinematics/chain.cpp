@@ -6,14 +6,17 @@
 #include <string>
 #include <utility>
 
+#include "kinematics/frame.h"
 #include "kinematics/location.h"
 
 namespace abbe::kinematics {
 namespace {
 
+// What moves a frame is inlined: a frame then stays in registers all along the chain.
+
 /// R - 1 of a rotation vector. Angles of deviations are small: three terms of each sine in it are
 /// then exact to the last bit, at a tenth of the price.
-Eigen::Matrix3d rotation_change(const Eigen::Vector3d& v) {
+[[gnu::always_inline]] inline Eigen::Matrix3d rotation_change(const Eigen::Vector3d& v) {
   const double angle2 = v.squaredNorm();
   if (!(angle2 < 1e-5)) return rotation(v) - Eigen::Matrix3d::Identity();
   const double s = 1.0 - angle2 / 6.0 * (1.0 - angle2 / 20.0);           // sin(a) / a
@@ -28,22 +31,16 @@ Eigen::Matrix3d rotation_change(const Eigen::Vector3d& v) {
 }
 
 /// T * motion(deviation, point)
-Pose displaced(const Pose& T, const Deviation& deviation, const Eigen::Vector3d& point) {
+[[gnu::always_inline]] inline Frame displaced(const Frame& T, const Deviation& deviation,
+                                              const Eigen::Vector3d& point) {
   const Eigen::Matrix3d change = rotation_change(deviation.tail<3>());
-  Pose result = T;
-  result.linear() += T.linear() * change;
-  result.translation() += T.linear() * (deviation.head<3>() - change * point);
-  return result;
+  const Eigen::Vector3d shift = deviation.head<3>() - change * point;
+  return {T.x + turned(T, change.col(0)), T.y + turned(T, change.col(1)),
+          T.z + turned(T, change.col(2)), T.p + turned(T, shift)};
 }
 
-Pose turned(const Pose& T, const Eigen::Vector3d& direction, const Eigen::Vector3d& point,
-            double angle) {
-  const Eigen::Matrix3d R = Eigen::AngleAxisd(angle, direction).toRotationMatrix();
-  Pose result;
-  result.makeAffine();
-  result.linear().noalias() = T.linear() * R;
-  result.translation() = T.translation() + T.linear() * (point - R * point);
-  return result;
+bool is_none(const Deviation& E) {
+  return E[0] == 0.0 && E[1] == 0.0 && E[2] == 0.0 && E[3] == 0.0 && E[4] == 0.0 && E[5] == 0.0;
 }
 
 /// A location error, parted by what it displaces.
@@ -76,41 +73,59 @@ LocationParts parts(const Deviation& location, const LocationRule& rule) {
   return result;
 }
 
-Pose moved(const Pose& T, const Joint& joint, const Eigen::Vector3d& direction, double travel) {
-  if (joint.motion == Motion::Rotary) return turned(T, direction, joint.point_b, travel);
-  Pose result = T;
-  if (joint.motion == Motion::Linear) result.translation() += T.linear() * (travel * direction);
-  return result;
-}
-
 /// T * location * motion with its error motion, as the joint asks for them
-Pose displaced(const Pose& T, const Joint& joint, const LocationRule& rule, double travel,
-               const JointDeviation& deviation) {
-  Pose result = T;
+[[gnu::always_inline]] inline Frame displaced(const Frame& T, const Joint& joint,
+                                              const LocationRule& rule, double travel,
+                                              const JointDeviation& deviation) {
+  Frame result = T;
   Eigen::Vector3d direction = joint.direction_b;
   LocationParts location;
-  if (!deviation.location.isZero(0.0)) {
+  if (!is_none(deviation.location)) {
     location = parts(deviation.location, rule);
-    if (!location.frame.isZero(0.0)) result = displaced(result, location.frame, joint.point_b);
+    if (!is_none(location.frame)) result = displaced(result, location.frame, joint.point_b);
     if (!location.axis.isZero(0.0)) direction += rotation_change(location.axis) * direction;
   }
-  const bool moves = !deviation.motion.isZero(0.0);
+  const bool moves = !is_none(deviation.motion);
   const bool before =
       joint.motion == Motion::Rotary && joint.deviation_axes == DeviationAxes::Fixed;
   if (moves && before) result = displaced(result, deviation.motion, joint.point_b);
   result = moved(result, joint, direction, travel);
   if (moves && !before) result = displaced(result, deviation.motion, joint.point_b);
-  if (!location.carried.isZero(0.0)) result = displaced(result, location.carried, joint.point_b);
+  if (!is_none(location.carried)) result = displaced(result, location.carried, joint.point_b);
   return result;
 }
 
 /// T and the motion of joint i, with its deviations if there are any.
-Pose carried(const Pose& T, const Chain& chain, int i, double travel,
-             std::span<const JointDeviation> deviations) {
+[[gnu::always_inline]] inline Frame carried(const Frame& T, const Chain& chain, int i,
+                                            double travel,
+                                            std::span<const JointDeviation> deviations) {
   const Joint& joint = chain.joints()[std::size_t(i)];
   return deviations.empty()
              ? moved(T, joint, joint.direction_b, travel)
              : displaced(T, joint, chain.location_rule(i), travel, deviations[std::size_t(i)]);
+}
+
+/// The workpiece, or the tool, in the bed.
+Frame workpiece_frame(const Chain& chain, const AxisVector& q,
+                      std::span<const JointDeviation> deviations) {
+  assert(q.size() == chain.size() &&
+         (deviations.empty() || int(deviations.size()) == chain.size()));
+  Frame T_bw = identity_frame();
+  for (int i = chain.size() - 1; i >= 0; --i)
+    if (chain.joints()[std::size_t(i)].side == Side::Workpiece)
+      T_bw = carried(T_bw, chain, i, carriage_travel(Side::Workpiece, q[i]), deviations);
+  return T_bw * to_frame(chain.T_bw_home());
+}
+
+Frame tool_frame(const Chain& chain, const AxisVector& q,
+                 std::span<const JointDeviation> deviations) {
+  assert(q.size() == chain.size() &&
+         (deviations.empty() || int(deviations.size()) == chain.size()));
+  Frame T_bt = identity_frame();
+  for (int i = 0; i < chain.size(); ++i)
+    if (chain.joints()[std::size_t(i)].side == Side::Tool)
+      T_bt = carried(T_bt, chain, i, carriage_travel(Side::Tool, q[i]), deviations);
+  return T_bt * to_frame(chain.T_bt_home());
 }
 
 [[noreturn]] void refuse(const Joint& joint, const std::string& expected) {
@@ -163,30 +178,16 @@ std::optional<int> Chain::find(char name) const {
 }
 
 Pose carriage_displacement(const Joint& joint, double travel) {
-  return moved(Pose::Identity(), joint, joint.direction_b, travel);
+  return to_pose(moved(identity_frame(), joint, joint.direction_b, travel));
 }
 
 Pose Chain::workpiece_in_bed(const AxisVector& q,
                              std::span<const JointDeviation> deviations) const {
-  assert(q.size() == size() && (deviations.empty() || int(deviations.size()) == size()));
-  Pose T_bw = Pose::Identity();
-  for (int i = size() - 1; i >= 0; --i) {
-    const Joint& joint = joints_[std::size_t(i)];
-    if (joint.side != Side::Workpiece) continue;
-    T_bw = carried(T_bw, *this, i, carriage_travel(joint.side, q[i]), deviations);
-  }
-  return T_bw * T_bw_home_;
+  return to_pose(workpiece_frame(*this, q, deviations));
 }
 
 Pose Chain::tool_in_bed(const AxisVector& q, std::span<const JointDeviation> deviations) const {
-  assert(q.size() == size() && (deviations.empty() || int(deviations.size()) == size()));
-  Pose T_bt = Pose::Identity();
-  for (int i = 0; i < size(); ++i) {
-    const Joint& joint = joints_[std::size_t(i)];
-    if (joint.side != Side::Tool) continue;
-    T_bt = carried(T_bt, *this, i, carriage_travel(joint.side, q[i]), deviations);
-  }
-  return T_bt * T_bt_home_;
+  return to_pose(tool_frame(*this, q, deviations));
 }
 
 std::vector<Pose> carriages_in_bed(const Chain& chain, const AxisVector& q,
@@ -195,22 +196,24 @@ std::vector<Pose> carriages_in_bed(const Chain& chain, const AxisVector& q,
   assert(q.size() == n && (deviations.empty() || int(deviations.size()) == n));
   std::vector<Pose> T(std::size_t(n), Pose::Identity());
   const auto side = [&](int i) { return chain.joints()[std::size_t(i)].side; };
-  Pose last = Pose::Identity();
-  for (int i = n - 1; i >= 0; --i)
-    if (side(i) == Side::Workpiece)
-      last = T[std::size_t(i)] =
-          carried(last, chain, i, carriage_travel(Side::Workpiece, q[i]), deviations);
-  last = Pose::Identity();
-  for (int i = 0; i < n; ++i)
-    if (side(i) == Side::Tool)
-      last = T[std::size_t(i)] =
-          carried(last, chain, i, carriage_travel(Side::Tool, q[i]), deviations);
+  Frame last = identity_frame();
+  for (int i = n - 1; i >= 0; --i) {
+    if (side(i) != Side::Workpiece) continue;
+    last = carried(last, chain, i, carriage_travel(Side::Workpiece, q[i]), deviations);
+    T[std::size_t(i)] = to_pose(last);
+  }
+  last = identity_frame();
+  for (int i = 0; i < n; ++i) {
+    if (side(i) != Side::Tool) continue;
+    last = carried(last, chain, i, carriage_travel(Side::Tool, q[i]), deviations);
+    T[std::size_t(i)] = to_pose(last);
+  }
   return T;
 }
 
 Pose Chain::tool_in_workpiece(const AxisVector& q,
                               std::span<const JointDeviation> deviations) const {
-  return workpiece_in_bed(q, deviations).inverse() * tool_in_bed(q, deviations);
+  return to_pose(inverse(workpiece_frame(*this, q, deviations)) * tool_frame(*this, q, deviations));
 }
 
 Pose error_transform(const Pose& T_wt_nominal, const Pose& T_wt_actual) {

@@ -2,6 +2,8 @@
 
 #include <array>
 
+#include "kinematics/frame.h"
+
 namespace abbe::kinematics {
 namespace {
 
@@ -11,17 +13,20 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 // zero to the workpiece frame as the joints before i, in the order of the code, have moved it. In
 // that order both sides turn by the command itself, since the workpiece side comes inverted.
 struct Cuts {
-  std::array<Pose, max_joints + 1> T;  // size + 1 of them
+  std::array<Frame, max_joints + 1> T;  // size + 1 of them
   Eigen::Vector3d tip_w;
 };
 
 Cuts cuts(const Chain& chain, const AxisVector& q) {
   Cuts result;
-  result.T[0] = chain.T_bw_home().inverse();
-  for (int i = 0; i < chain.size(); ++i)
-    result.T[std::size_t(i) + 1] =
-        result.T[std::size_t(i)] * carriage_displacement(chain.joints()[std::size_t(i)], q[i]);
-  result.tip_w = result.T[std::size_t(chain.size())] * chain.T_bt_home().translation();
+  Frame T = inverse(to_frame(chain.T_bw_home()));
+  result.T[0] = T;
+  for (int i = 0; i < chain.size(); ++i) {
+    const Joint& joint = chain.joints()[std::size_t(i)];
+    T = T * moved(identity_frame(), joint, joint.direction_b, q[i]);
+    result.T[std::size_t(i) + 1] = T;
+  }
+  result.tip_w = placed(T, chain.T_bt_home().translation());
   return result;
 }
 
@@ -38,19 +43,19 @@ Matrix6 transport(const Pose& T, const Eigen::Vector3d& point_b, const Eigen::Ve
 // chain from workpiece to tool meets reversed and inverted on the workpiece side.
 Matrix6 displaced(const Cuts& cut, const Joint& joint, int i, bool before_motion) {
   const bool primed = joint.side == Side::Workpiece;
-  const Pose& T = cut.T[std::size_t(before_motion == primed ? i + 1 : i)];
+  const Pose T = to_pose(cut.T[std::size_t(before_motion == primed ? i + 1 : i)]);
   return (primed ? -1.0 : 1.0) * transport(T, joint.point_b, cut.tip_w);
 }
 
 // Turns of the direction of travel alone.
 Eigen::Matrix<double, 6, 3> travel_turned(const Cuts& cut, const Joint& joint, int i, double q) {
   Eigen::Matrix<double, 6, 3> M = Eigen::Matrix<double, 6, 3>::Zero();
-  const Pose& T = cut.T[std::size_t(i)];
+  const Pose T = to_pose(cut.T[std::size_t(i)]);
   if (joint.motion == Motion::Linear)
     M.topRows<3>() = -q * T.linear() * cross_matrix(joint.direction_b);
   if (joint.motion == Motion::Rotary)  // turn, go round, turn back
     M = (transport(T, joint.point_b, cut.tip_w) -
-         transport(cut.T[std::size_t(i) + 1], joint.point_b, cut.tip_w))
+         transport(to_pose(cut.T[std::size_t(i) + 1]), joint.point_b, cut.tip_w))
             .rightCols<3>();
   return M;
 }
@@ -62,11 +67,11 @@ AxisJacobian axis_jacobian(const Chain& chain, const AxisVector& q) {
   AxisJacobian J = AxisJacobian::Zero(6, chain.size());
   for (int i = 0; i < chain.size(); ++i) {
     const Joint& joint = chain.joints()[std::size_t(i)];
-    const Pose& T = cut.T[std::size_t(i)];
-    const Eigen::Vector3d direction_w = T.linear() * joint.direction_b;
+    const Frame& T = cut.T[std::size_t(i)];
+    const Eigen::Vector3d direction_w = vector(turned(T, joint.direction_b));
     if (joint.motion == Motion::Linear) J.col(i).head<3>() = direction_w;
     if (joint.motion == Motion::Rotary)
-      J.col(i) << direction_w.cross(cut.tip_w - T * joint.point_b), direction_w;
+      J.col(i) << direction_w.cross(cut.tip_w - placed(T, joint.point_b)), direction_w;
   }
   return J;
 }

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
 #include "render/canvas.h"
 #include "render/colour_bar.h"
@@ -199,19 +200,38 @@ Plan plan(const std::vector<MapPicture>& cases, const ComparisonOptions& options
   return p;
 }
 
-/// Draws panel `i` into its cell; `top` is the upper edge of the first row.
-View draw_cell(Canvas& canvas, const Plan& p, std::size_t i, const MapPicture& c,
-               const ComparisonOptions& options, double top) {
+/// A panel in its cell, not drawn yet.
+struct Cell {
+  double x = 0.0, y = 0.0;  ///< upper left corner, px
+  Rectangle box;            ///< of the map
+  View view;
+  ColourScale colours;
+  SurfaceScene scene;
+};
+
+double titles_height(const Plan& p) {
+  return static_cast<double>(p.title_lines) * line_height(title_style);
+}
+
+/// @param top  upper edge of the first row
+Cell cell_of(const Plan& p, std::size_t i, const MapPicture& c, const ComparisonOptions& options,
+             double top) {
   const auto [column, row] = p.cells.at[i];
-  const double x = margin_px + column * (p.cells.cell_width + gap_px);
-  const double y = top - row * (p.text_height + p.cells.map_height + gap_px);
-  const double titles = static_cast<double>(p.title_lines) * line_height(title_style);
-  const Rectangle box{x, y - titles - 8.0 - p.cells.map_height, p.cells.cell_width,
-                      p.cells.map_height};
-  const View view = fitted_view(c.field.design.vertices, options.from, options.up, box);
+  Cell cell;
+  cell.x = margin_px + column * (p.cells.cell_width + gap_px);
+  cell.y = top - row * (p.text_height + p.cells.map_height + gap_px);
+  cell.box = {cell.x, cell.y - titles_height(p) - 8.0 - p.cells.map_height, p.cells.cell_width,
+              p.cells.map_height};
+  cell.view = fitted_view(c.field.design.vertices, options.from, options.up, cell.box);
+  cell.colours = colour_scale(p.panels[i].ends_um.lower, p.panels[i].ends_um.upper);
+  cell.scene = surface_scene(c.field, c.field.deviation_um, cell.colours, cell.view.toward);
+  return cell;
+}
+
+void draw_cell(Canvas& canvas, const Plan& p, std::size_t i, const Cell& cell) {
+  const auto& [x, y, box, view, colours, scene] = cell;
+  const double titles = titles_height(p);
   const Span& ends = p.panels[i].ends_um;
-  const ColourScale colours = colour_scale(ends.lower, ends.upper);
-  const SurfaceScene scene = surface_scene(c.field, c.field.deviation_um, colours, view.toward);
   canvas.scene(view, scene.solids, scene.wires);
   const double own = static_cast<double>(p.text[i].title.size()) * line_height(title_style);
   paragraph(canvas, {x, y - titles + own}, p.text[i].title, title_style);
@@ -220,7 +240,6 @@ View draw_cell(Canvas& canvas, const Plan& p, std::size_t i, const MapPicture& c
       canvas, {x, box.y - bar_row_px, std::min(p.cells.cell_width, 460.0), bar_row_px - 6.0},
       ColourBar{colours, counts.lowest_um<ends.lower, counts.highest_um> ends.upper}, body_style);
   paragraph(canvas, {x, box.y - bar_row_px - 6.0}, p.text[i].below, body_style);
-  return view;
 }
 
 }  // namespace
@@ -245,11 +264,15 @@ void write_comparison(const std::filesystem::path& path, const std::vector<MapPi
   const double cells = p.cells.rows * (p.text_height + p.cells.map_height + gap_px);
   const int height = static_cast<int>(std::ceil(head + cells + foot));
 
+  std::vector<Cell> drawn(p.panels.size());
+  tbb::parallel_for(std::size_t(0), drawn.size(), [&](std::size_t i) {
+    drawn[i] = cell_of(p, i, cases[p.panels[i].of], options, height - head);
+  });
+
   Canvas canvas(options.width, height);
   paragraph(canvas, {margin_px, height - 0.7 * margin_px}, title, head_style);
-  View view;
-  for (std::size_t i = 0; i < p.panels.size(); ++i)
-    view = draw_cell(canvas, p, i, cases[p.panels[i].of], options, height - head);
+  for (std::size_t i = 0; i < drawn.size(); ++i) draw_cell(canvas, p, i, drawn[i]);
+  const View& view = drawn.back().view;
   triad(canvas, view, {options.width - margin_px - 1.6 * triad_px, margin_px + 1.4 * triad_px},
         triad_px, body_style);
   scale_bar(canvas, view, {margin_px, foot - 26.0}, 0.4 * p.cells.cell_width, body_style);

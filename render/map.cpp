@@ -273,8 +273,6 @@ void write_map(const std::filesystem::path& path, const MapPicture& picture,
   const Tally counts = tally(picture.field, what.ends_um);
   const TypeSizes type = type_sizes(options.width, options.height);
   const TextStyle body{.size_px = type.body};
-  Canvas canvas(options.width, options.height);
-
   const View named = fitted_view({}, options.from, options.up, {});
   std::vector<std::string> lines;
   const double width = options.width - 80.0 * type.unit;
@@ -289,13 +287,16 @@ void write_map(const std::filesystem::path& path, const MapPicture& picture,
   const View view = fitted_view(picture.field.design.vertices, options.from, options.up, p.map);
   SurfaceScene scene = surface_scene(picture.field, what.values, what.scale, view.toward);
   if (options.isolines) scene.wires.push_back(isolines(picture.field, what.values, what.levels));
+  const std::vector<Flag> flagged = flags(view, picture.field);
 
+  // one canvas at a time in the whole program, so that the rest is done before
+  Canvas canvas(options.width, options.height);
   canvas.scene(view, scene.solids, scene.wires);
   draw_head(canvas, p, title, picture.figures, type);
   draw_strip(canvas, p, view, counts, body);
   draw_scale(canvas, p, picture, options, what, counts, body);
   triad(canvas, view, p.triad, 46.0 * type.unit, body);
-  draw_flags(canvas, flags(view, picture.field), p.map, body);
+  draw_flags(canvas, flagged, p.map, body);
   paragraph(canvas, {p.margin, p.strip.y}, lines, body);
   canvas.write(path, options.format);
 }

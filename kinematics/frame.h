@@ -1,0 +1,121 @@
+#pragma once
+
+#include <array>
+
+#include <experimental/simd>
+#ifdef __AVX__
+#include <immintrin.h>
+#endif
+
+#include <Eigen/Geometry>
+
+#include "kinematics/chain.h"
+
+/// Rigid transforms column by column, four numbers at a time, for what is composed by the million.
+/// Every number is summed as Eigen sums those of a Pose, so that both have the same bits: of three
+/// products the upper two rows are added up one by one, fused where the processor can, the lowest
+/// as a + (b + c).
+namespace abbe::kinematics {
+
+namespace stdx = std::experimental;
+using Four = stdx::simd<double, stdx::simd_abi::deduce_t<double, 4>>;
+
+/// A rigid transform: columns of its rotation, its translation; the fourth numbers are zero.
+struct Frame {
+  Four x, y, z, p;
+};
+
+inline Four four(double a, double b, double c, double d) {
+  const std::array<double, 4> all{a, b, c, d};
+  return Four([&](auto i) { return all[i]; });
+}
+
+inline Frame identity_frame() {
+  return {four(1, 0, 0, 0), four(0, 1, 0, 0), four(0, 0, 1, 0), Four(0.0)};
+}
+
+inline Frame to_frame(const Pose& T) {
+  const auto column = [&](int k) { return four(T(0, k), T(1, k), T(2, k), 0.0); };
+  return {column(0), column(1), column(2), column(3)};
+}
+
+inline Pose to_pose(const Frame& T) {
+  Pose pose;
+  double* const m = pose.data();
+  T.x.copy_to(m, stdx::element_aligned);
+  T.y.copy_to(m + 4, stdx::element_aligned);
+  T.z.copy_to(m + 8, stdx::element_aligned);
+  T.p.copy_to(m + 12, stdx::element_aligned);
+  m[15] = 1.0;
+  return pose;
+}
+
+inline Eigen::Vector3d vector(const Four& v) { return {v[0], v[1], v[2]}; }
+
+/// a * b + c as Eigen has it
+[[gnu::always_inline]] inline Four fused(const Four& a, const Four& b, const Four& c) {
+#ifdef __FMA__
+  return Four(_mm256_fmadd_pd(__m256d(a), __m256d(b), __m256d(c)));
+#else
+  return a * b + c;
+#endif
+}
+
+/// The first two rows of a, the others of b.
+[[gnu::always_inline]] inline Four upper_and_lower(const Four& a, const Four& b) {
+#ifdef __AVX__
+  return Four(_mm256_blend_pd(__m256d(a), __m256d(b), 0b1100));
+#else
+  return four(a[0], a[1], b[2], b[3]);
+#endif
+}
+
+/// R * v
+[[gnu::always_inline]] inline Four turned(const Frame& T, double v_x, double v_y, double v_z) {
+  const Four x = T.x * v_x;
+  return upper_and_lower(fused(T.z, Four(v_z), fused(T.y, Four(v_y), x)),
+                         x + (T.y * v_y + T.z * v_z));
+}
+inline Four turned(const Frame& T, const Eigen::Vector3d& v) {
+  return turned(T, v.x(), v.y(), v.z());
+}
+
+/// T * point
+inline Eigen::Vector3d placed(const Frame& T, const Eigen::Vector3d& point) {
+  const Four sum = fused(T.z, Four(point.z()), fused(T.y, Four(point.y()), T.x * point.x()));
+  return vector(sum + T.p);
+}
+
+inline Frame operator*(const Frame& a, const Frame& b) {
+  return {turned(a, b.x[0], b.x[1], b.x[2]), turned(a, b.y[0], b.y[1], b.y[2]),
+          turned(a, b.z[0], b.z[1], b.z[2]), turned(a, b.p[0], b.p[1], b.p[2]) + a.p};
+}
+
+inline Frame inverse(const Frame& T) {
+  const auto row = [&](int k) { return four(T.x[k], T.y[k], T.z[k], 0.0); };
+  Frame result{row(0), row(1), row(2), Four(0.0)};
+  const Frame negative{-result.x, -result.y, -result.z, Four(0.0)};
+  result.p = turned(negative, T.p[0], T.p[1], T.p[2]);
+  return result;
+}
+
+// What moves a frame is inlined: a frame then stays in registers all along a chain.
+
+/// T, then a rotation about a line.
+[[gnu::always_inline]] inline Frame turned(const Frame& T, const Eigen::Vector3d& direction,
+                                           const Eigen::Vector3d& point, double angle) {
+  const Eigen::Matrix3d R = Eigen::AngleAxisd(angle, direction).toRotationMatrix();
+  const Eigen::Vector3d shift = point - R * point;
+  return {turned(T, R.col(0)), turned(T, R.col(1)), turned(T, R.col(2)), T.p + turned(T, shift)};
+}
+
+/// T, then the nominal motion of a joint along a direction. @param travel  of the carriage itself
+[[gnu::always_inline]] inline Frame moved(const Frame& T, const Joint& joint,
+                                          const Eigen::Vector3d& direction, double travel) {
+  if (joint.motion == Motion::Rotary) return turned(T, direction, joint.point_b, travel);
+  Frame result = T;
+  if (joint.motion == Motion::Linear) result.p += turned(T, travel * direction);
+  return result;
+}
+
+}  // namespace abbe::kinematics
