@@ -48,34 +48,40 @@ struct WaveRaster {
   double lead = 10 * units::deg;  ///< rad from the normal along x
 };
 
-/// The corner circle touches the wave at every point.
-inline cutting::CutterMotion wave_motion(const cutting::Cutter& cutter, const WaveRaster& raster) {
-  const int passes = raster.passes, n = passes * passes;
+/// Samples `first` to `last` of the raster; the corner circle touches the wave at every point.
+inline cutting::CutterMotion wave_motion(const cutting::Cutter& cutter, const WaveRaster& raster,
+                                         long first, long last) {
+  const int passes = raster.passes;
+  const Eigen::Index n = last - first + 1;
   cutting::CutterMotion motion{.tip = cutting::Points(n, 3),
                                .axis = cutting::Points(n, 3),
                                .time_s = Eigen::VectorXd(n),
                                .line = std::vector<int>(std::size_t(n))};
-  for (int j = 0; j < passes; ++j)
-    for (int i = 0; i < passes; ++i) {
-      const int k = j * passes + i;
-      const double x = raster.side * (j % 2 == 0 ? i : passes - 1 - i) / (passes - 1);
-      const double y = raster.side * j / (passes - 1);
-      const Eigen::Vector3d normal = wave_normal(x, y);
-      const Eigen::Vector3d along = (Eigen::Vector3d::UnitX() - normal.x() * normal).normalized();
-      const Eigen::Vector3d axis =
-          raster.upright
-              ? Eigen::Vector3d::UnitZ().eval()
-              : Eigen::Vector3d(std::cos(raster.lead) * normal + std::sin(raster.lead) * along);
-      const Eigen::Vector3d across = normal - normal.dot(axis) * axis;
-      const double ring = cutter.radius - cutter.corner_radius;
-      const Eigen::Vector3d tip = wave_point(x, y) + cutter.corner_radius * (normal - axis) +
-                                  (across.norm() > 1e-12 ? ring : 0.0) * across.stableNormalized();
-      motion.tip.row(k) = tip;
-      motion.axis.row(k) = axis.normalized();
-      motion.time_s[k] = 0.01 * k;
-      motion.line[std::size_t(k)] = k + 1;
-    }
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const long j = (first + k) / passes, i = (first + k) % passes;
+    const double x = raster.side * double(j % 2 == 0 ? i : passes - 1 - i) / (passes - 1);
+    const double y = raster.side * double(j) / (passes - 1);
+    const Eigen::Vector3d normal = wave_normal(x, y);
+    const Eigen::Vector3d along = (Eigen::Vector3d::UnitX() - normal.x() * normal).normalized();
+    const Eigen::Vector3d axis =
+        raster.upright
+            ? Eigen::Vector3d::UnitZ().eval()
+            : Eigen::Vector3d(std::cos(raster.lead) * normal + std::sin(raster.lead) * along);
+    const Eigen::Vector3d across = normal - normal.dot(axis) * axis;
+    const double ring = cutter.radius - cutter.corner_radius;
+    const Eigen::Vector3d tip = wave_point(x, y) + cutter.corner_radius * (normal - axis) +
+                                (across.norm() > 1e-12 ? ring : 0.0) * across.stableNormalized();
+    motion.tip.row(k) = tip;
+    motion.axis.row(k) = axis.normalized();
+    motion.time_s[k] = 0.01 * double(first + k);
+    motion.line[std::size_t(k)] = int(first + k) + 1;
+  }
   return motion;
+}
+
+/// All of it.
+inline cutting::CutterMotion wave_motion(const cutting::Cutter& cutter, const WaveRaster& raster) {
+  return wave_motion(cutter, raster, 0, long(raster.passes) * raster.passes - 1);
 }
 
 }  // namespace abbe::bench
