@@ -34,32 +34,26 @@ struct Second {
   Gouge gouge;
 };
 
-/// First cut of a stretch, s counted from the vertex.
-std::optional<FirstCut> cut_within(const Design& design, Index vertex, double from, double to,
-                                   const FirstCutAlong& first_cut) {
-  const ShiftedRay along = stretch(design, vertex, from, to);
-  std::optional<FirstCut> cut = first_cut(along.ray);
-  if (!cut) return std::nullopt;
-  cut->s = cut->s <= -along.ray.band ? from : cut->s + along.shift;
-  return cut;
-}
-
-/// @param buried  the ray starts in removed material
-Second second_look(const Design& design, const Thickness& thickness, Index vertex, double band,
-                   bool buried, const FirstCutAlong& first_cut) {
-  const double most = gouge_bands * band;
-  const auto behind =
-      thickness.behind(design.vertices.row(vertex), design.normals.row(vertex), 2.0 * most);
-  const double deepest = behind ? 0.5 * *behind : most;
-  const bool thin = deepest <= band;
-  if (thin && !buried) return {};
-  const auto cut = cut_within(design, vertex, -deepest, thin ? band : -band, first_cut);
+/// @param cut  along its ray
+Second judged(const SecondLook& look, const Design& design, const Thickness& thickness, double band,
+              std::optional<FirstCut> cut) {
+  const auto& [vertex, buried, thin, deepest] = look;
   if (!cut && buried && !thin)  // it begins at -band, to rounding
-    return {VertexStatus::Gouged, {-band, 0.0, 0}, {int(vertex), band, false}};
+    return {VertexStatus::Gouged, {-band, 0.0, 0}, {vertex, band, false}};
   if (!cut) return {};
+  const ShiftedRay along = ray_of(look, design, band);
+  cut->s = cut->s <= -along.ray.band ? -deepest : cut->s + along.shift;
   if (!buried && is_of_another(design, thickness, vertex, cut->s)) return {};
   if (thin && cut->s > -deepest) return {VertexStatus::Cut, *cut, {}};
-  return {VertexStatus::Gouged, *cut, {int(vertex), -cut->s, cut->s <= -deepest}};
+  return {VertexStatus::Gouged, *cut, {vertex, -cut->s, cut->s <= -deepest}};
+}
+
+template <class Each>
+void each_in_parallel(std::size_t count, const Each& each) {
+  const auto range_of_all = tbb::blocked_range<std::size_t>(0, count, 64);
+  tbb::parallel_for(range_of_all, [&](const auto& range) {
+    for (std::size_t k = range.begin(); k < range.end(); ++k) each(k);
+  });
 }
 
 }  // namespace
@@ -72,33 +66,64 @@ std::optional<ShiftedRay> ThinRays::of(Index vertex) const {
   return stretch(design_, vertex, -0.5 * *behind, band_);
 }
 
-Surface with_gouges(Surface surface, const Design& design, const SurfaceOptions& options,
-                    const FirstCutAlong& first_cut) {
-  std::vector<Index> doubtful;
+std::shared_ptr<const Thickness> body_of(const Design& design, const SurfaceOptions& options) {
+  return options.body ? options.body : std::make_shared<const Thickness>(design);
+}
+
+std::vector<SecondLook> second_looks(const Surface& surface, const Design& design,
+                                     const Thickness& body, double band) {
+  std::vector<SecondLook> looks;
   for (std::size_t i = 0; i < surface.status.size(); ++i)
     if (surface.status[i] == VertexStatus::Uncut || surface.status[i] == VertexStatus::Gouged)
-      doubtful.push_back(Index(i));
-  if (doubtful.empty()) return surface;
-  const auto body = options.body ? options.body : std::make_shared<const Thickness>(design);
-  std::vector<Second> looks(doubtful.size());
-  const auto range_of_all = tbb::blocked_range<std::size_t>(0, doubtful.size(), 64);
-  tbb::parallel_for(range_of_all, [&](const auto& range) {
-    for (std::size_t k = range.begin(); k < range.end(); ++k) {
-      const bool buried = surface.status[std::size_t(doubtful[k])] == VertexStatus::Gouged;
-      looks[k] = second_look(design, *body, doubtful[k], options.band, buried, first_cut);
-    }
+      looks.push_back({int(i), surface.status[i] == VertexStatus::Gouged});
+  const double most = gouge_bands * band;
+  each_in_parallel(looks.size(), [&](std::size_t k) {
+    const int v = looks[k].vertex;
+    const auto behind = body.behind(design.vertices.row(v), design.normals.row(v), 2.0 * most);
+    looks[k].deepest = behind ? 0.5 * *behind : most;
+    looks[k].thin = looks[k].deepest <= band;
   });
-  for (std::size_t k = 0; k < doubtful.size(); ++k) {
-    const Index v = doubtful[k];
-    const Second& look = looks[k];
-    surface.status[std::size_t(v)] = look.status;
-    if (look.status == VertexStatus::Uncut) continue;
-    surface.cut_time_s[v] = look.cut.time_s;
-    surface.cut_line[std::size_t(v)] = look.cut.line;
-    if (look.status == VertexStatus::Cut) surface.residual[v] = look.cut.s;
-    if (look.status == VertexStatus::Gouged) surface.gouges.push_back(look.gouge);
+  std::erase_if(looks, [](const SecondLook& look) { return look.thin && !look.buried; });
+  return looks;
+}
+
+ShiftedRay ray_of(const SecondLook& look, const Design& design, double band) {
+  return stretch(design, look.vertex, -look.deepest, look.thin ? band : -band);
+}
+
+Surface judged_again(Surface surface, const Design& design, const Thickness& body, double band,
+                     std::span<const SecondLook> looks,
+                     std::span<const std::optional<FirstCut>> cuts) {
+  std::vector<Second> seconds(looks.size());
+  each_in_parallel(looks.size(), [&](std::size_t k) {
+    seconds[k] = judged(looks[k], design, body, band, cuts[k]);
+  });
+  for (std::size_t k = 0; k < looks.size(); ++k) {
+    const Index v = looks[k].vertex;
+    const Second& second = seconds[k];
+    surface.status[std::size_t(v)] = second.status;
+    if (second.status == VertexStatus::Uncut) continue;
+    surface.cut_time_s[v] = second.cut.time_s;
+    surface.cut_line[std::size_t(v)] = second.cut.line;
+    if (second.status == VertexStatus::Cut) surface.residual[v] = second.cut.s;
+    if (second.status == VertexStatus::Gouged) surface.gouges.push_back(second.gouge);
   }
   return surface;
+}
+
+Surface with_gouges(Surface surface, const Design& design, const SurfaceOptions& options,
+                    const FirstCutAlong& first_cut) {
+  const auto is_doubtful = [](VertexStatus status) {
+    return status == VertexStatus::Uncut || status == VertexStatus::Gouged;
+  };
+  if (std::ranges::none_of(surface.status, is_doubtful)) return surface;
+  const auto body = body_of(design, options);
+  const std::vector<SecondLook> looks = second_looks(surface, design, *body, options.band);
+  std::vector<std::optional<FirstCut>> cuts(looks.size());
+  each_in_parallel(looks.size(), [&](std::size_t k) {
+    cuts[k] = first_cut(ray_of(looks[k], design, options.band).ray);
+  });
+  return judged_again(std::move(surface), design, *body, options.band, looks, cuts);
 }
 
 }  // namespace abbe::cutting

@@ -1,8 +1,11 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
+#include <vector>
 
 #include "cutting/cutter_entry.h"
 #include "cutting/surface.h"
@@ -41,6 +44,30 @@ class ThinRays {
   mutable std::once_flag once_;
   mutable std::optional<Thickness> thickness_;
 };
+
+/// A vertex whose ray starts in removed material or meets none, and how far inwards it is followed.
+struct SecondLook {
+  int vertex = 0;
+  bool buried = false;  ///< it starts in removed material
+  bool thin = false;  ///< the part is thinner there than two bands: the outer band is searched too
+  double deepest = 0.0;  ///< mm below the design
+};
+
+/// The part behind a design, as far as the options do not give it.
+std::shared_ptr<const Thickness> body_of(const Design& design, const SurfaceOptions& options);
+
+/// Every vertex that is called Gouged or Uncut and has more of the part to look at, in their order.
+std::vector<SecondLook> second_looks(const Surface& surface, const Design& design,
+                                     const Thickness& body, double band);
+
+/// Along what a vertex is followed.
+ShiftedRay ray_of(const SecondLook& look, const Design& design, double band);
+
+/// The map once those vertices are called Gouged, Uncut or, where the part is thin, Cut.
+/// @param cuts  (looks) first cuts along their rays
+Surface judged_again(Surface surface, const Design& design, const Thickness& body, double band,
+                     std::span<const SecondLook> looks,
+                     std::span<const std::optional<FirstCut>> cuts);
 
 /// The map with its gouges: every vertex that it calls Gouged (its ray starts in removed material)
 /// or Uncut is followed inwards as milled_surface says, and called Gouged, Uncut or, where the part

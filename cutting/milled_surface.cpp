@@ -1,11 +1,12 @@
 #include <algorithm>
 #include <atomic>
-#include <limits>
 #include <memory>
+#include <span>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include "cutting/first_cuts.h"
 #include "cutting/gouge.h"
 #include "cutting/surface.h"
 #include "cutting/surface_input.h"
@@ -17,61 +18,22 @@ using Eigen::Index;
 
 namespace {
 
-constexpr int first_cut_block = 512;  // vertices that share their hints
-
-FirstCut cut_of(const Removal& removal, const CutterMotion& motion) {
-  const Index next = std::min<Index>(removal.move + 1, motion.tip.rows() - 1);
-  const double start = motion.time_s[removal.move];
-  return {removal.s, start + removal.t * (motion.time_s[next] - start), motion.line[next]};
-}
-
-void record(Surface& surface, Index i, const FirstCut& cut) {
-  surface.residual[i] = cut.s;
-  surface.cut_time_s[i] = cut.time_s;
-  surface.cut_line[i] = cut.line;
-  surface.status[i] = VertexStatus::Cut;
-}
-
 Surface searched(const SweepTree& tree, const CutterMotion& motion, const Design& design_w,
                  const SurfaceOptions& options) {
-  const Index n = design_w.vertices.rows();
-  const double none = std::numeric_limits<double>::quiet_NaN();
-  Surface surface{.residual = Eigen::VectorXd::Constant(n, none),
-                  .cut_time_s = Eigen::VectorXd::Constant(n, none),
-                  .cut_line = std::vector<int>(n, 0),
-                  .status = std::vector<VertexStatus>(n, VertexStatus::Outside)};
   const std::vector<Index> order = judged_in_order(design_w);
-  for (const Index i : order) surface.status[i] = VertexStatus::Uncut;
-
+  Surface surface = nothing_cut(design_w, order);
   std::atomic<std::size_t> finished = 0;
   const auto range_of_all = tbb::blocked_range<std::size_t>(0, order.size(), first_cut_block);
   tbb::parallel_for(range_of_all, [&](const auto& range) {
-    SweepTree::Hint hint;
-    std::vector<Ray> rays;
-    rays.reserve(range.size());
-    for (std::size_t k = range.begin(); k < range.end(); ++k)
-      rays.push_back(
-          {design_w.vertices.row(order[k]), design_w.normals.row(order[k]), options.band});
-    std::vector<std::optional<Removal>> found(rays.size());
-    tree.first_removals(rays, found, hint);
-    for (std::size_t k = range.begin(); k < range.end(); ++k) {
-      const Index i = order[k];
-      const std::optional<Removal>& removal = found[k - range.begin()];
-      if (!removal) continue;
-      if (removal->s > -options.band)
-        record(surface, i, cut_of(*removal, motion));
-      else
-        surface.status[i] = VertexStatus::Gouged;
-    }
+    const std::span<const Index> vertices(&order[range.begin()], range.size());
+    const auto cuts = first_cuts(tree, motion, design_w, vertices, options.band);
+    for (std::size_t k = 0; k < vertices.size(); ++k)
+      if (cuts[k]) keep_first(surface, vertices[k], *cuts[k], options.band);
     const std::size_t done = finished += range.size();
     if (options.progress) options.progress(double(done) / double(order.size()));
   });
   return with_gouges(std::move(surface), design_w, options,
-                     [&](const Ray& ray) -> std::optional<FirstCut> {
-                       SweepTree::Hint hint;
-                       const std::optional<Removal> removal = tree.first_removal(ray, hint);
-                       return removal ? std::optional(cut_of(*removal, motion)) : std::nullopt;
-                     });
+                     [&](const Ray& ray) { return first_cut(tree, motion, ray); });
 }
 
 }  // namespace

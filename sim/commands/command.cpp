@@ -19,6 +19,14 @@ Option threads_option(Common& common, const std::string& help) {
   return {"--threads", &common.threads, help, Between{1, 1024}};
 }
 
+Option memory_option(Common& common) {
+  return {
+      "--memory-gb", &common.memory_gb,
+      "memory to plan for (all of the computer): what would take more is refused with an estimate "
+      "before it begins",
+      Between{0, 1'000'000}};
+}
+
 Option json_option(Common& common) {
   return {"--json", &common.json, "print JSON instead of text"};
 }

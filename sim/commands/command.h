@@ -69,7 +69,8 @@ struct Common {
   std::filesystem::path out;
   std::vector<std::string> set;
   std::optional<std::int64_t> seed;
-  int threads = 0;  ///< 0: all
+  int threads = 0;         ///< 0: all
+  double memory_gb = 0.0;  ///< 0: what the computer has
   bool json = false;
   Permissions permissions;
   std::string commit;  ///< from which the program was built
@@ -79,6 +80,7 @@ struct Common {
 Option set_option(Common& common, const std::string& help);
 Option seed_option(Common& common, const std::string& help);
 Option threads_option(Common& common, const std::string& help);
+Option memory_option(Common& common);
 Option json_option(Common& common);
 Option result_folder_option(Common& common);
 Option force_option(Common& common);

@@ -10,6 +10,7 @@
 #include <CLI/CLI.hpp>
 
 #include "sim/commands/version_text.h"
+#include "sim/cut/work.h"
 #include "sim/files/terminal.h"
 #include "sim/scene/library.h"
 #include "sim/scene/nearest_word.h"
@@ -193,6 +194,8 @@ Exit run_command_line(const std::vector<Command>& commands, Common& common, int 
   std::optional<tbb::global_control> limit;
   if (common.threads > 0)
     limit.emplace(tbb::global_control::max_allowed_parallelism, std::size_t(common.threads));
+  constexpr double gigabyte = 1e9;
+  if (common.memory_gb > 0.0) limit_memory(common.memory_gb * gigabyte);
   return std::get<const Command*>(result)->run();
 }
 

@@ -11,6 +11,7 @@
 
 #include "sim/commands/choose_sensors.h"
 #include "sim/compensation/plug_in.h"
+#include "sim/cut/memory.h"
 #include "sim/cut/reach.h"
 #include "sim/cut/sampling.h"
 #include "sim/cut/stages.h"
@@ -28,9 +29,23 @@
 namespace abbe::sim {
 namespace {
 
-/// The job with its part sampled, once it is known to lie where the program cuts.
-Job reaching(Job job, ProgressLine& progress) {
+/// The job with its part sampled, once it is known to fit into the memory at all and to lie where
+/// the program cuts.
+Job reaching(Job job, const CasesAsked& asked, ProgressLine& progress) {
+  check_memory(job.scene, {size_of(job)}, asked);
   return sampled(placed(std::move(job)), to(progress));
+}
+
+/// Says what the cuts will take of the memory where that is much, and refuses what will not fit.
+void check_and_say(const Scene& scene, const std::vector<WorkSize>& sizes, const CasesAsked& asked,
+                   ProgressLine& progress) {
+  check_memory(scene, sizes, asked);
+  if (const std::string text = memory_remark(sizes, asked); !text.empty()) to(progress)(text, -1.0);
+}
+
+CasesAsked drawn(CasesAsked asked) {
+  asked.pictures = draws_pictures();
+  return asked;
 }
 
 /// A job with its cases: the scene itself, or one variant of it.
@@ -268,7 +283,9 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
                         stages_of_sampling("prepare", expected, scene) +
                         rest(once_sampled(expected, scene)));
   progress.begin("prepare");
-  const Job job = reaching(prepare(scene, to(progress)), progress);
+  const CasesAsked asked = drawn(cases_of_run(compensator_of(shown)));
+  const Job job = reaching(prepare(scene, to(progress)), asked, progress);
+  check_and_say(scene, {size_of(job)}, asked, progress);
   progress.replan(rest(size_of(job)));
   progress.begin(shown);
   Cut made = cut_one(job, shown, to(progress));
@@ -307,15 +324,18 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
     sizes[i] = once_sampled(sizes[i], one);
   }
   ProgressLine progress(std::move(plan) + stages_of_all(scene, variants, sizes));
+  std::vector<Scene> scenes{scene};
+  scenes.insert(scenes.end(), variants.begin(), variants.end());
+  const CasesAsked asked = drawn(cases_of_compare(scenes));
   std::vector<Batch> batches;
   batches.reserve(1 + variants.size());
   for (std::size_t i = 0; i < sizes.size(); ++i) {
     progress.begin(preparing(i));
-    batches.push_back(
-        {i == 0 ? "" : scene.variants[i - 1].name,
-         reaching(prepare(i == 0 ? scene : variants[i - 1], to(progress)), progress)});
+    batches.push_back({i == 0 ? "" : scene.variants[i - 1].name,
+                       reaching(prepare(scenes[i], to(progress)), asked, progress)});
     sizes[i] = size_of(batches.back().job);
   }
+  check_and_say(scene, sizes, asked, progress);
   progress.replan(stages_of_all(scene, variants, sizes));
   std::vector<Compared> cases;
   std::vector<FailedCase> failed;

@@ -17,19 +17,20 @@ struct CompareWords {
 
 Command compare_command(Common& common) {
   const auto words = std::make_shared<CompareWords>();
-  return {"compare",
-          "Cut error-free, uncompensated and every compensator of the scene",
-          {"abbe compare scenes/gantry_dome.toml --out out/dome",
-           "abbe compare scenes/gantry_dome.toml --compensator scenes/compensators/table.py --out "
-           "out/own",
-           "abbe compare scenes/gantry_dome.toml --save csv,json --out out/tables"},
-          scene_options(common,
-                        {result_folder_option(common), force_option(common), trust_option(common),
-                         compensator_option(words->compensators), save_option(words->formats)}),
-          [words, &common] {
-            const RunOptions options = run_options(common, words->compensators, words->formats);
-            return print_outcome(common, options, compare(common.scene, options));
-          }};
+  return {
+      "compare",
+      "Cut error-free, uncompensated and every compensator of the scene",
+      {"abbe compare scenes/gantry_dome.toml --out out/dome",
+       "abbe compare scenes/gantry_dome.toml --compensator scenes/compensators/table.py --out "
+       "out/own",
+       "abbe compare scenes/gantry_dome.toml --save csv,json --out out/tables"},
+      scene_options(common, {result_folder_option(common), force_option(common),
+                             memory_option(common), trust_option(common),
+                             compensator_option(words->compensators), save_option(words->formats)}),
+      [words, &common] {
+        const RunOptions options = run_options(common, words->compensators, words->formats);
+        return print_outcome(common, options, compare(common.scene, options));
+      }};
 }
 
 }  // namespace abbe::sim

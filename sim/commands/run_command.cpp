@@ -35,6 +35,7 @@ Command run_command(Common& common) {
            "abbe run scenes/gantry_dome.toml --save vtp,ply,npz --out out/saved"},
           scene_options(common, {result_folder_option(common),
                                  force_option(common),
+                                 memory_option(common),
                                  {"--case", &words->case_name,
                                   "error_free, uncompensated or belief-strategy-channel"},
                                  trust_option(common),

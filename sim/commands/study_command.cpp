@@ -87,6 +87,7 @@ Command study_command(Common& common, int& argc, char**& argv) {
        set_option(common, "change a value of the study: --set monte_carlo.cases=100 (repeatable)"),
        seed_option(common, "seed of everything that the study draws"),
        threads_option(common, "most threads to use (all); results do not depend on it"),
+       memory_option(common),
        json_option(common),
        {"--out", &common.out,
         "folder for every file (out/STUDY); cases that are in its journal are not computed again"},

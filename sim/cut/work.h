@@ -20,6 +20,10 @@ BadInput refusal_at(const Scene& scene, const std::vector<std::string>& keys,
 /// Bytes that a computation here may take: of the computer, of a limit that is set for the process.
 double memory_bytes();
 
+/// Plans for so many bytes from now on, whatever the computer has; what would take more is refused
+/// before it begins.
+void limit_memory(double bytes);
+
 /// Most samples that a program may have: 50 million, and no more than the memory holds.
 std::size_t most_samples();
 

@@ -12,37 +12,14 @@
 #include <tbb/global_control.h>
 
 #include "cutting/surface.h"
+#include "tests/bench/wave.h"
 
 namespace abbe::cutting {
 namespace {
 
-using Eigen::Vector3d;
-
 constexpr double side = 100.0;  // mm
 
-Vector3d wave_normal(double x, double y) {
-  const double dx = 0.2 * std::cos(x / 10) * std::cos(y / 10);
-  const double dy = -0.2 * std::sin(x / 10) * std::sin(y / 10);
-  return Vector3d(-dx, -dy, 1).normalized();
-}
-
-/// z = 2 sin(x/10) cos(y/10), 100 x 100 mm.
-Vector3d wave_point(double x, double y) { return {x, y, 2 * std::sin(x / 10) * std::cos(y / 10)}; }
-
-Design wave(int per_side) {
-  Design design;
-  const int n = per_side * per_side;
-  design.vertices.resize(n, 3);
-  design.normals.resize(n, 3);
-  for (int j = 0; j < per_side; ++j)
-    for (int i = 0; i < per_side; ++i) {
-      const double x = side * (i + 0.5) / per_side;
-      const double y = side * (j + 0.5) / per_side;
-      design.vertices.row(j * per_side + i) = wave_point(x, y);
-      design.normals.row(j * per_side + i) = wave_normal(x, y);
-    }
-  return design;
-}
+Design wave(int per_side) { return bench::wave(side, per_side); }
 
 /// The underside of a plate below the wave, which no move reaches.
 Design underside(int per_side) {
@@ -50,35 +27,6 @@ Design underside(int per_side) {
   design.vertices.col(2).setConstant(-10.0);
   design.normals.rowwise() = -Eigen::RowVector3d::UnitZ();
   return design;
-}
-
-/// Serpentine raster with the corner circle touching the wave; the axis is upright, or leads by
-/// `lead` rad from the normal along x.
-CutterMotion raster(const Cutter& cutter, int passes, bool upright, double lead) {
-  const int n = passes * passes;
-  CutterMotion motion{.tip = Points(n, 3),
-                      .axis = Points(n, 3),
-                      .time_s = Eigen::VectorXd(n),
-                      .line = std::vector<int>(n)};
-  for (int j = 0; j < passes; ++j)
-    for (int i = 0; i < passes; ++i) {
-      const int k = j * passes + i;
-      const double x = side * (j % 2 == 0 ? i : passes - 1 - i) / (passes - 1);
-      const double y = side * j / (passes - 1);
-      const Vector3d normal = wave_normal(x, y);
-      const Vector3d along = (Vector3d::UnitX() - normal.x() * normal).normalized();
-      const Vector3d axis = upright ? Vector3d::UnitZ().eval()
-                                    : Vector3d(std::cos(lead) * normal + std::sin(lead) * along);
-      const Vector3d across = normal - normal.dot(axis) * axis;
-      const double ring = cutter.radius - cutter.corner_radius;
-      const Vector3d tip = wave_point(x, y) + cutter.corner_radius * (normal - axis) +
-                           (across.norm() > 1e-12 ? ring : 0.0) * across.stableNormalized();
-      motion.tip.row(k) = tip;
-      motion.axis.row(k) = axis.normalized();
-      motion.time_s[k] = 0.01 * k;
-      motion.line[k] = k + 1;
-    }
-  return motion;
 }
 
 double seconds(const Design& design, const Cutter& cutter, const CutterMotion& motion,
@@ -97,14 +45,9 @@ double seconds(const Design& design, const Cutter& cutter, const CutterMotion& m
 void report(const char* name, const Cutter& cutter, bool upright, int per_side, int passes,
             int repetitions, const std::function<Design(int)>& made = wave) {
   const Design design = made(per_side);
-  const CutterMotion motion = raster(cutter, passes, upright, 10 * 3.14159265358979 / 180);
-  const Design none{.vertices = Points(0, 3),
-                    .normals = Points(0, 3),
-                    .triangles = {},
-                    .area = {},
-                    .facet_error = {},
-                    .judged = {}};
-  const double build = seconds(none, cutter, motion, repetitions);
+  const CutterMotion motion =
+      bench::wave_motion(cutter, {.side = side, .passes = passes, .upright = upright});
+  const double build = seconds(wave(0), cutter, motion, repetitions);
   const double all = seconds(design, cutter, motion, repetitions);
   const double vertices = double(per_side) * per_side;
   const double moves = double(passes) * passes;

@@ -1,0 +1,146 @@
+#include "sim/cut/memory.h"
+
+#include <cmath>
+#include <iostream>
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "sim/cut/sampling.h"
+#include "sim/cut/work.h"
+#include "tests/safety/program_run.h"
+#include "tests/sim/scene_folder.h"
+
+#ifndef ABBE_RENDER
+#define ABBE_RENDER 0
+#endif
+
+namespace abbe::sim {
+namespace {
+
+namespace fs = std::filesystem;
+
+const std::string dome = (fs::path(ABBE_SOURCE_DIR) / "scenes/gantry_dome.toml").string();
+
+/// What a process of the program has resident at most, bytes. @param words  without the program
+double peak_of(const std::vector<std::string>& words) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    std::vector<char*> all{const_cast<char*>(ABBE_PROGRAM)};
+    for (const std::string& word : words) all.push_back(const_cast<char*>(word.c_str()));
+    all.push_back(nullptr);
+    const int quiet = ::open("/dev/null", O_WRONLY);
+    ::dup2(quiet, 1);
+    ::dup2(quiet, 2);
+    ::execv(ABBE_PROGRAM, all.data());
+    ::_exit(127);
+  }
+  int status = 0;
+  ::rusage usage{};
+  ::wait4(child, &status, 0, &usage);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
+  return 1024.0 * double(usage.ru_maxrss);
+}
+
+struct Measured {
+  const char* command;
+  std::vector<Override> overrides;
+};
+
+double estimate_of(const Measured& one) {
+  const Scene scene = read_scene(dome, one.overrides);
+  const bool compares = std::string(one.command) == "compare";
+  CasesAsked asked = compares ? cases_of_compare({scene}) : cases_of_run({});
+  asked.pictures = ABBE_RENDER != 0;
+  return peak_memory({size_of(sampled(prepare(scene)))}, asked);
+}
+
+TEST(Memory, TheEstimateIsWithin30PercentOfWhatIsResidentAtMost) {
+#ifdef __SANITIZE_ADDRESS__
+  GTEST_SKIP() << "a sanitizer has memory of its own";
+#endif
+  const Measured scenes[] = {
+      {"run",
+       {{"part.points", "20000"},
+        {"sampling.max_step_mm", "0.1"},
+        {"program.step_over_mm", "1.2"}}},
+      {"run",
+       {{"part.points", "100000"},
+        {"part.resolution_um", "0.05"},
+        {"program.step_mm", "1"},
+        {"program.step_over_mm", "1"}}},
+      {"compare",
+       {{"part.points", "20000"}, {"program.step_mm", "2"}, {"program.step_over_mm", "2"}}}};
+  for (const Measured& one : scenes) {
+    const SceneFolder folder;
+    std::vector<std::string> words{one.command, dome,    "--threads",
+                                   "2",         "--out", (folder.path() / "out").string()};
+    for (const Override& change : one.overrides)
+      words.insert(words.end(), {"--set", change.path + "=" + change.value});
+    const double estimate = estimate_of(one), peak = peak_of(words);
+    std::cout << "  " << one.command << ": estimated " << estimate / 1e6 << " MB, resident "
+              << peak / 1e6 << " MB\n";
+    EXPECT_LT(std::abs(estimate / peak - 1.0), 0.3) << one.command;
+  }
+}
+
+TEST(Memory, WhatExceedsIsRefusedWithTheFiguresBeforeAnythingIsCut) {
+  const SceneFolder folder;
+  const std::string small =
+      " --set program.step_mm=2 --set program.step_over_mm=2 --set part.points=3000 --out " +
+      (folder.path() / "out").string();
+  const auto ran = [&](const std::string& words) { return safety::run(words + small); };
+
+  const auto compared = ran("compare " + dome + " --memory-gb 0.25");
+  EXPECT_EQ(compared.code, 3);
+  for (const char* words :
+       {"expected a run that 0.25 GB of memory hold, or a larger --memory-gb (", "seen about 0.4",
+        " samples of the program, ", " vertices and 6 cases", "sampling.max_step_mm"})
+    EXPECT_NE(compared.text.find(words), std::string::npos) << words << " in " << compared.text;
+
+  const auto sampled = ran("run " + dome + " --memory-gb 0.05");
+  EXPECT_EQ(sampled.code, 3);
+  EXPECT_NE(sampled.text.find("samples of the program, which the memory holds"), std::string::npos)
+      << sampled.text;
+  EXPECT_FALSE(fs::exists(folder.path() / "out" / "summary.json"));
+
+  EXPECT_EQ(ran("run " + dome + " --memory-gb 0.6").code, 0);
+  EXPECT_EQ(ran("run " + dome + " --memory-gb lots").code, 2);
+  EXPECT_EQ(ran("run " + dome + " --memory-gb -1").code, 2);
+}
+
+TEST(Memory, GrowsWithAllThatIsAsked) {
+  const WorkSize size{.vertices = 1e6, .blocks = 1e5, .samples = 1e6};
+  const CasesAsked one;
+  const double least = peak_memory({size}, one);
+  const auto more = [&](const WorkSize& job, const CasesAsked& asked) {
+    return peak_memory({job}, asked) > least;
+  };
+  EXPECT_TRUE(more({.vertices = 2e6, .blocks = 1e5, .samples = 1e6}, one));
+  EXPECT_TRUE(more({.vertices = 1e6, .blocks = 1e6, .samples = 1e6}, one));
+  EXPECT_TRUE(more({.vertices = 1e6, .blocks = 1e5, .samples = 4e6}, one));
+  EXPECT_TRUE(more(size, {.kept = 3.0}));
+  EXPECT_TRUE(more(size, {.kept = 1.0, .compared = true}));
+  EXPECT_GT(peak_memory({size, size}, one), least);
+  const WorkSize long_program{.vertices = 1e4, .blocks = 1e5, .samples = 1e7};
+  WorkSize in_stock = long_program;
+  in_stock.stock = true;
+  const double plain = peak_memory({long_program}, one);
+  EXPECT_GT(peak_memory({in_stock}, one), plain);
+  EXPECT_GT(peak_memory({long_program}, {.compensated = true}), plain);
+  EXPECT_GT(peak_memory({long_program}, {.compensated = true, .rewritten = true}),
+            peak_memory({long_program}, {.compensated = true}));
+}
+
+TEST(Memory, IsToldOfWhereItIsMuch) {
+  const CasesAsked two{.kept = 2.0};
+  EXPECT_EQ(memory_remark({{.vertices = 1000, .blocks = 100, .samples = 1000}}, two), "");
+  EXPECT_EQ(memory_remark({{.vertices = 1000, .blocks = 0, .samples = 1e7}}, two),
+            "memory: about 7.1 GB for 10000000 samples of the program, 1000 vertices and 2 cases");
+}
+
+}  // namespace
+}  // namespace abbe::sim
