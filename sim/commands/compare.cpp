@@ -105,14 +105,15 @@ void cut_cases(const Batch& batch, std::vector<Compared>& cases, std::vector<Fai
   std::promise<Verdict> promised;
   const std::shared_future<Verdict> error_free = promised.get_future().share();
   std::vector<CutCase> made(compensators.size());
-  std::vector<Part> parts{{case_folder(batch.prefix, "error_free"), [&](const Progress& to_line) {
-                             try {
-                               promised.set_value(cut_and_judged_error_free(batch.job, to_line));
-                             } catch (...) {
-                               promised.set_exception(std::current_exception());
-                               throw;
-                             }
-                           }}};
+  std::vector<PieceOfWork> parts{
+      {case_folder(batch.prefix, "error_free"), [&](const Progress& to_line) {
+         try {
+           promised.set_value(cut_and_judged_error_free(batch.job, to_line));
+         } catch (...) {
+           promised.set_exception(std::current_exception());
+           throw;
+         }
+       }}};
   for (std::size_t i = 0; i < compensators.size(); ++i)
     parts.push_back(
         {case_folder(batch.prefix, compensators[i] ? compensators[i]->name : "uncompensated"),
@@ -184,7 +185,7 @@ std::vector<std::string> write_cases(const ResultFolder& folder, std::vector<Com
                                      const std::vector<std::string>& formats,
                                      ProgressLine& progress) {
   std::vector<std::vector<std::string>> doubts(cases.size());
-  std::vector<Part> parts;
+  std::vector<PieceOfWork> parts;
   for (std::size_t i = 0; i < cases.size(); ++i)
     parts.push_back({"write " + cases[i].verdict.cut.name, [&, i](const Progress& to_line) {
                        Verdict verdict = cases[i].verdict;

@@ -41,13 +41,13 @@ class Reports {
   std::vector<std::pair<std::string, double>> kept_;  ///< stages and remarks, in their order
 };
 
-struct RunningPart {
+struct RunningPiece {
   std::string name;
   std::shared_ptr<Reports> reports;
   std::future<void> result;
 };
 
-RunningPart started(const Part& part) {
+RunningPiece started(const PieceOfWork& part) {
   const auto reports = std::make_shared<Reports>();
   return {
       part.name, reports, std::async(std::launch::async, [reports, work = part.work] {
@@ -57,15 +57,15 @@ RunningPart started(const Part& part) {
 
 }  // namespace
 
-void side_by_side(const std::vector<Part>& parts, int at_a_time, ProgressLine& line) {
+void side_by_side(const std::vector<PieceOfWork>& parts, int at_a_time, ProgressLine& line) {
   if (at_a_time <= 1) {
-    for (const Part& part : parts) {
+    for (const PieceOfWork& part : parts) {
       line.begin(part.name);
       part.work(to(line));
     }
     return;
   }
-  std::deque<RunningPart> running;
+  std::deque<RunningPiece> running;
   std::size_t next = 0;
   const auto fill = [&] {
     while (next < parts.size() && int(running.size()) < at_a_time)
@@ -78,7 +78,7 @@ void side_by_side(const std::vector<Part>& parts, int at_a_time, ProgressLine& l
       running.pop_front();
     }
   } catch (...) {
-    for (const RunningPart& part : running) part.reports->stop();
+    for (const RunningPiece& part : running) part.reports->stop();
     throw;  // the futures wait for what still runs
   }
 }

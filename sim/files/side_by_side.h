@@ -9,7 +9,7 @@
 namespace abbe::sim {
 
 /// A part of some work, as it stands on the line of progress; its work reports there.
-struct Part {
+struct PieceOfWork {
   std::string name;
   std::function<void(const Progress&)> work;
 };
@@ -19,6 +19,6 @@ struct Part {
 /// @param at_a_time  1: in this thread, one after the other; a part may wait for one before it
 /// @throws what the first part in their order threw that failed, once those that ran beside it have
 ///         stopped with their next report
-void side_by_side(const std::vector<Part>& parts, int at_a_time, ProgressLine& line);
+void side_by_side(const std::vector<PieceOfWork>& parts, int at_a_time, ProgressLine& line);
 
 }  // namespace abbe::sim

@@ -15,16 +15,16 @@ namespace {
 
 using namespace std::chrono_literals;
 
-ProgressLine line_of(const std::vector<Part>& parts) {
+ProgressLine line_of(const std::vector<PieceOfWork>& parts) {
   std::vector<Stage> plan;
-  for (const Part& part : parts) plan.push_back({part.name, "work", 1.0});
+  for (const PieceOfWork& part : parts) plan.push_back({part.name, "work", 1.0});
   return ProgressLine(std::move(plan));
 }
 
 TEST(SideBySide, EveryPartIsDoneAndEachHasItsTurnOnTheLine) {
   for (const int at_a_time : {1, 2, 3, 10}) {
     std::atomic<int> done = 0;
-    std::vector<Part> parts;
+    std::vector<PieceOfWork> parts;
     for (int i = 0; i < 6; ++i)
       parts.push_back({"part " + std::to_string(i), [&, i](const Progress& progress) {
                          std::this_thread::sleep_for(1ms * (6 - i));  // later ones end earlier
@@ -49,12 +49,12 @@ TEST(SideBySide, APartMayWaitForOneBeforeIt) {
   std::promise<int> first;
   const std::shared_future<int> known = first.get_future().share();
   int seen = 0;
-  const std::vector<Part> parts{{"first",
-                                 [&](const Progress&) {
-                                   std::this_thread::sleep_for(5ms);
-                                   first.set_value(7);
-                                 }},
-                                {"second", [&](const Progress&) { seen = known.get(); }}};
+  const std::vector<PieceOfWork> parts{{"first",
+                                        [&](const Progress&) {
+                                          std::this_thread::sleep_for(5ms);
+                                          first.set_value(7);
+                                        }},
+                                       {"second", [&](const Progress&) { seen = known.get(); }}};
   testing::internal::CaptureStderr();
   ProgressLine line = line_of(parts);
   side_by_side(parts, 2, line);
@@ -65,27 +65,27 @@ TEST(SideBySide, APartMayWaitForOneBeforeIt) {
 TEST(SideBySide, TheFirstFailureInTheOrderIsThrownAndWhatRunsBesideItStops) {
   std::atomic<bool> stopped = false;
   std::atomic<int> begun = 0;
-  const std::vector<Part> parts{{"good", [&](const Progress&) { ++begun; }},
-                                {"bad",
-                                 [&](const Progress&) {
-                                   ++begun;
-                                   std::this_thread::sleep_for(10ms);
-                                   throw std::runtime_error("the second");
-                                 }},
-                                {"long",
-                                 [&](const Progress& progress) {
-                                   ++begun;
-                                   try {
-                                     for (;;) {
-                                       progress("work", 0.1);
-                                       std::this_thread::sleep_for(1ms);
-                                     }
-                                   } catch (const Interrupted&) {
-                                     stopped = true;
-                                     throw;
-                                   }
-                                 }},
-                                {"never", [&](const Progress&) { ++begun; }}};
+  const std::vector<PieceOfWork> parts{{"good", [&](const Progress&) { ++begun; }},
+                                       {"bad",
+                                        [&](const Progress&) {
+                                          ++begun;
+                                          std::this_thread::sleep_for(10ms);
+                                          throw std::runtime_error("the second");
+                                        }},
+                                       {"long",
+                                        [&](const Progress& progress) {
+                                          ++begun;
+                                          try {
+                                            for (;;) {
+                                              progress("work", 0.1);
+                                              std::this_thread::sleep_for(1ms);
+                                            }
+                                          } catch (const Interrupted&) {
+                                            stopped = true;
+                                            throw;
+                                          }
+                                        }},
+                                       {"never", [&](const Progress&) { ++begun; }}};
   testing::internal::CaptureStderr();
   ProgressLine line = line_of(parts);
   std::string reason;
@@ -101,7 +101,7 @@ TEST(SideBySide, TheFirstFailureInTheOrderIsThrownAndWhatRunsBesideItStops) {
 }
 
 TEST(SideBySide, RemarksOfAPartStandBehindItsName) {
-  const std::vector<Part> parts{
+  const std::vector<PieceOfWork> parts{
       {"first", [](const Progress&) { std::this_thread::sleep_for(20ms); }},
       {"second", [](const Progress& progress) { progress("a remark", -1.0); }}};
   testing::internal::CaptureStderr();
