@@ -1,12 +1,7 @@
 #include "sim/commands/compare.h"
 
 #include <algorithm>
-#include <future>
-#include <iterator>
-#include <utility>
-#include <variant>
 
-#include <tbb/global_control.h>
 #include <nlohmann/json.hpp>
 
 #include "sim/commands/choose_sensors.h"
@@ -16,7 +11,6 @@
 #include "sim/cut/sampling.h"
 #include "sim/cut/stages.h"
 #include "sim/files/output.h"
-#include "sim/files/side_by_side.h"
 #include "sim/loop/compensate.h"
 #include "sim/report/case_files.h"
 #include "sim/report/pictures.h"
@@ -54,84 +48,38 @@ struct Batch {
   Job job;
 };
 
-/// A case as it came out, or why it did not.
-using CutCase = std::variant<Compared, FailedCase>;
-
-/// Cases at work at the same time: what one does on a single core leaves the others to the next.
-/// Few, as each takes memory.
-int at_a_time() {
-  constexpr std::size_t most = 3;
-  return int(std::min(
-      most, tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism)));
-}
-
-/// Of two programs of the user's nobody knows whether they bear each other.
-int cut_at_a_time(const Scene& scene) {
-  const bool own = std::ranges::any_of(
-      scene.cases, [](const CaseDescription& one) { return !one.plug_in.empty(); });
-  return own ? 1 : at_a_time();
-}
-
-/// The uncompensated case, or one of a compensator; what a plug-in spoils is that case alone.
-CutCase cut_case(const Batch& batch, const std::optional<CaseDescription>& compensator,
-                 const std::shared_future<Verdict>& error_free, const Progress& progress) {
-  const auto named = [&](const std::string& name) { return case_folder(batch.prefix, name); };
-  Cut made;
-  try {
-    made = cut(batch.job, compensator, progress);
-    check_cuts_part(batch.job, made);
-  } catch (const compensation::PlugInFailure& failure) {
-    return FailedCase{named(compensator->name), failure.what()};
-  } catch (const BadInput& fault) {  // of what the plug-in answered; else of the scene
-    if (!compensator || compensator->plug_in.empty()) throw;
-    return FailedCase{named(compensator->name), fault.what()};
-  }
-  made.name = named(made.name);
-  return Compared{judge(batch.job, std::move(made), &error_free.get()), &batch.job, std::nullopt};
-}
-
-Verdict cut_and_judged_error_free(const Job& job, const Progress& progress) {
-  Cut free = cut_error_free(job, progress);
-  check_cuts_part(job, free);
-  return judge(job, std::move(free), nullptr);
-}
-
 /// The cases of a batch, measured against its own error-free map, and reductions against its
 /// uncompensated case.
 void cut_cases(const Batch& batch, std::vector<Compared>& cases, std::vector<FailedCase>& failed,
                ProgressLine& progress) {
-  std::vector<std::optional<CaseDescription>> compensators{std::nullopt};
-  for (const CaseDescription& one : batch.job.scene.cases) compensators.emplace_back(one);
-  std::promise<Verdict> promised;
-  const std::shared_future<Verdict> error_free = promised.get_future().share();
-  std::vector<CutCase> made(compensators.size());
-  std::vector<PieceOfWork> parts{
-      {case_folder(batch.prefix, "error_free"), [&](const Progress& to_line) {
-         try {
-           promised.set_value(cut_and_judged_error_free(batch.job, to_line));
-         } catch (...) {
-           promised.set_exception(std::current_exception());
-           throw;
-         }
-       }}};
-  for (std::size_t i = 0; i < compensators.size(); ++i)
-    parts.push_back(
-        {case_folder(batch.prefix, compensators[i] ? compensators[i]->name : "uncompensated"),
-         [&, i](const Progress& to_line) {
-           made[i] = cut_case(batch, compensators[i], error_free, to_line);
-         }});
-  side_by_side(parts, cut_at_a_time(batch.job.scene), progress);
-
-  if (batch.prefix.empty()) cases.push_back({error_free.get(), &batch.job, std::nullopt});
+  const auto named = [&](const std::string& name) { return case_folder(batch.prefix, name); };
+  progress.begin(named("error_free"));
+  Cut free = cut_error_free(batch.job, to(progress));
+  check_cuts_part(batch.job, free);
+  const Verdict error_free = judge(batch.job, std::move(free), nullptr);
+  if (batch.prefix.empty()) cases.push_back({error_free, &batch.job, std::nullopt});
   const std::size_t uncompensated = cases.size();
-  for (std::size_t i = 0; i < made.size(); ++i) {
-    if (auto* reason = std::get_if<FailedCase>(&made[i])) {
-      failed.push_back(std::move(*reason));
-      continue;
+  const auto fails = [&](const std::string& name, const char* reason) {
+    failed.push_back({named(name), reason});
+  };
+  const auto add = [&](const std::optional<CaseDescription>& compensator) {
+    progress.begin(named(compensator ? compensator->name : "uncompensated"));
+    Cut made;
+    try {
+      made = cut(batch.job, compensator, to(progress));
+      check_cuts_part(batch.job, made);
+    } catch (const compensation::PlugInFailure& failure) {
+      return fails(compensator->name, failure.what());
+    } catch (const BadInput& fault) {  // of what the plug-in answered; else of the scene
+      if (!compensator || compensator->plug_in.empty()) throw;
+      return fails(compensator->name, fault.what());
     }
-    cases.push_back(std::get<Compared>(std::move(made[i])));
-    if (compensators[i]) cases.back().uncompensated = uncompensated;
-  }
+    made.name = named(made.name);
+    const auto against = compensator ? std::optional(uncompensated) : std::nullopt;
+    cases.push_back({judge(batch.job, std::move(made), &error_free), &batch.job, against});
+  };
+  add(std::nullopt);
+  for (const CaseDescription& compensator : batch.job.scene.cases) add(compensator);
 }
 
 /// Cuts of a scene, or of one variant of it.
@@ -178,29 +126,6 @@ std::vector<Stage> stages_of_all(const Scene& scene, const std::vector<Scene>& v
 
 void collect(std::vector<std::string>& all, const Limits& limits, const Verdict& verdict) {
   for (std::string& one : exceeded(limits, verdict)) all.push_back(std::move(one));
-}
-
-/// The files of every case. @return what is to be said of the stock that they left
-std::vector<std::string> write_cases(const ResultFolder& folder, std::vector<Compared>& cases,
-                                     const std::vector<std::string>& formats,
-                                     ProgressLine& progress) {
-  std::vector<std::vector<std::string>> doubts(cases.size());
-  std::vector<PieceOfWork> parts;
-  for (std::size_t i = 0; i < cases.size(); ++i)
-    parts.push_back({"write " + cases[i].verdict.cut.name, [&, i](const Progress& to_line) {
-                       Verdict verdict = cases[i].verdict;
-                       verdict.stock = stock_check(*cases[i].job, verdict);
-                       if (verdict.stock)
-                         for (const std::string& warning : warnings_of(*verdict.stock))
-                           doubts[i].push_back(verdict.cut.name + ": " + warning);
-                       write_case(folder.inside(verdict.cut.name), *cases[i].job, verdict, formats,
-                                  to_line);
-                       verdict.stock.reset();  // tens of MB, and written
-                     }});
-  side_by_side(parts, at_a_time(), progress);
-  std::vector<std::string> all;
-  for (std::vector<std::string>& one : doubts) std::ranges::move(one, std::back_inserter(all));
-  return all;
 }
 
 /// The compensator of a case that `run` cuts; none where it is cut as programmed.
@@ -349,12 +274,20 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   const bool compensates = std::any_of(cases.begin(), cases.end(), [](const Compared& one) {
     return one.uncompensated.has_value();
   });
-  for (std::string& doubt : write_cases(folder, cases, options.formats, progress))
-    compared.warnings.push_back(std::move(doubt));
-  for (std::size_t i = 0; i < cases.size(); ++i)
+  for (std::size_t i = 0; i < cases.size(); ++i) {
+    Compared& one = cases[i];
+    progress.begin("write " + one.verdict.cut.name);
+    one.verdict.stock = stock_check(*one.job, one.verdict);
+    if (one.verdict.stock)
+      for (const std::string& warning : warnings_of(*one.verdict.stock))
+        compared.warnings.push_back(one.verdict.cut.name + ": " + warning);
+    write_case(folder.inside(one.verdict.cut.name), *one.job, one.verdict, options.formats,
+               to(progress));
+    one.verdict.stock.reset();  // tens of MB, and written
     // where there are compensators, they are what is accepted or not
-    if (compensates ? cases[i].uncompensated.has_value() : i > 0)
-      collect(outcome.exceeded, cases[i].job->scene.limits, cases[i].verdict);
+    if (compensates ? one.uncompensated.has_value() : i > 0)
+      collect(outcome.exceeded, one.job->scene.limits, one.verdict);
+  }
   if (scene.sensor_choice) progress.begin("choose sensors");
   outcome.sensors = choose_sensors(folder, scene, variants);
   write_json(folder / "comparison.json", to_json(compared));
