@@ -91,6 +91,7 @@ Contacts each_contact(const Design& design, const Surface& surface, const OfVert
 
 Contacts milled_contacts(const Design& design_w, const Surface& surface, const Cutter& cutter,
                          const CutterMotion& motion) {
+  check_cutter(cutter);
   const Index n = motion.tip.rows();
   Eigen::VectorXd way = Eigen::VectorXd::Zero(n);
   for (Index i = 1; i < n; ++i)

@@ -17,6 +17,7 @@ void expect_amount(const char* name, double value) {
 }  // namespace
 
 Cutter with_run_out(const Cutter& cutter, double radial, double axial) {
+  check_cutter(cutter);
   expect_amount("radial", radial);
   expect_amount("axial", axial);
   Cutter result = cutter;

@@ -16,7 +16,7 @@ namespace abbe::cutting {
 ///   this one if every height comes up at every angle.
 /// @param radial  mm, radius of the circle on which the axis runs, >= 0
 /// @param axial   mm, amplitude up and down, >= 0
-/// @throws std::invalid_argument naming the number
+/// @throws std::invalid_argument naming the number; for a form cutter
 Cutter with_run_out(const Cutter& cutter, double radial, double axial);
 
 }  // namespace abbe::cutting

@@ -13,6 +13,10 @@ Cutter form_cutter(ToolOutline outline) {
 }
 
 void check_cutter(const Cutter& cutter) {
+  require(
+      !cutter.outline,
+      "cutter: expected a ball, bull-nosed or flat end, seen a form cutter, of which the machined "
+      "surface alone is known");
   require(std::isfinite(cutter.radius) && cutter.radius > 0.0 && cutter.corner_radius >= 0.0 &&
               cutter.corner_radius <= cutter.radius && std::isfinite(cutter.flank_length) &&
               cutter.flank_length >= cutter.corner_radius,

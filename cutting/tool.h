@@ -24,7 +24,7 @@ inline bool is_ball(const Cutter& cutter) {
   return !cutter.outline && cutter.corner_radius == cutter.radius;
 }
 
-/// @throws std::invalid_argument for a cutter out of those ranges
+/// @throws std::invalid_argument for a cutter out of those ranges, or a form cutter
 void check_cutter(const Cutter& cutter);
 
 /// A cutter with all of its surface moved inwards, its tip staying where the bottom then is.

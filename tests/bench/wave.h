@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -48,7 +49,20 @@ struct WaveRaster {
   double lead = 10 * units::deg;  ///< rad from the normal along x
 };
 
-/// Samples `first` to `last` of the raster; the corner circle touches the wave at every point.
+/// Where a cutter reaches farthest in a direction that goes by `across` across its axis and by
+/// `rise` along it: from the axis, and above the tip.
+inline Eigen::Vector2d foremost(const cutting::Cutter& cutter, double across, double rise) {
+  const double r = cutter.corner_radius;
+  if (!cutter.outline) return {cutter.radius - r + r * across, r + r * rise};
+  const double h = 1e-6;  // the gradient of how far it reaches
+  const auto reach = [&](double x, double y) {
+    return cutting::support(*cutter.outline, y, std::max(x, 0.0));
+  };
+  return {(reach(across + h, rise) - reach(across - h, rise)) / (2 * h),
+          (reach(across, rise + h) - reach(across, rise - h)) / (2 * h)};
+}
+
+/// Samples `first` to `last` of the raster; the cutter touches the wave at every point.
 inline cutting::CutterMotion wave_motion(const cutting::Cutter& cutter, const WaveRaster& raster,
                                          long first, long last) {
   const int passes = raster.passes;
@@ -68,9 +82,10 @@ inline cutting::CutterMotion wave_motion(const cutting::Cutter& cutter, const Wa
             ? Eigen::Vector3d::UnitZ().eval()
             : Eigen::Vector3d(std::cos(raster.lead) * normal + std::sin(raster.lead) * along);
     const Eigen::Vector3d across = normal - normal.dot(axis) * axis;
-    const double ring = cutter.radius - cutter.corner_radius;
-    const Eigen::Vector3d tip = wave_point(x, y) + cutter.corner_radius * (normal - axis) +
-                                (across.norm() > 1e-12 ? ring : 0.0) * across.stableNormalized();
+    const Eigen::Vector2d touch = foremost(cutter, across.norm(), -normal.dot(axis));
+    const Eigen::Vector3d tip =
+        wave_point(x, y) - touch.y() * axis +
+        (across.norm() > 1e-12 ? touch.x() : 0.0) * across.stableNormalized();
     motion.tip.row(k) = tip;
     motion.axis.row(k) = axis.normalized();
     motion.time_s[k] = 0.01 * double(first + k);
