@@ -13,10 +13,10 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr float rounding = 3e-6f;      // of a distance, as of a move in sweep_bounds.cpp
-constexpr float least_facing = 1e-3f;  // of a plane that bounds
-constexpr int steps = 3;               // towards the first contact
-constexpr int sharp_steps = 5;         // the same of sharp edges
+constexpr float rounding = 3e-6f;  // of a distance, as of a move in sweep_bounds.cpp
+constexpr float edge_on = 1e-3f;   // of a plane that bounds
+constexpr int steps = 3;           // towards the first contact
+constexpr int sharp_steps = 5;     // the same of sharp edges
 constexpr float rounded[] = {0.05f, 0.05f, 0.01f, 0.002f};  // of the radius, in each step: what
                                                             // sharp edges are rounded by
 
@@ -189,7 +189,7 @@ template <class T, class End>
   const T facing = -dot(m, n);
   const T s = gap / facing;
   T least = s - 4e-7f * stdx::abs(s);
-  const auto beside = !(facing > least_facing * length);
+  const auto beside = !(facing > edge_on * length);
   stdx::where(beside, least) = T(-1e30f);
   stdx::where(beside && gap > stdx::max(facing, T(0.0f)) * band, least) = T(1e30f);
   return least;

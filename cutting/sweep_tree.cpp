@@ -389,9 +389,9 @@ void SweepTree::lower(std::span<double> limits, std::span<const Ray> rays, int i
   lower_to(MetOfEight(cutter_, moves));
 }
 
-/// mm along each ray, not before it meets its first removal; nothing where one that was looked at
-/// starts in removed material. The move that the rays before met serves, and where that leaves one
-/// of them far behind the others, what it really meets.
+/// mm along each ray, not before it meets its first removal; nothing where one of them starts in
+/// removed material, or all but does. The move that the rays before met serves, and where that
+/// leaves one of them far behind the others, what it really meets.
 std::vector<double> SweepTree::limits_of(std::span<const Ray> rays, Hint& hint) const {
   constexpr int searches = 4;
   const double tight = 0.003 * cutter_.radius, loose = 0.01 * cutter_.radius;
@@ -403,6 +403,7 @@ std::vector<double> SweepTree::limits_of(std::span<const Ray> rays, Hint& hint) 
   }
   for (int i = 0; i < searches; ++i) {
     const auto [least, most] = std::minmax_element(limits.begin(), limits.end());
+    if (*least <= 1e-5 - band) return {};
     if (*most - *least < (i == 0 ? tight : loose) && hint.item >= 0) break;
     const std::size_t next = i == 0 ? rays.size() / 2 : std::size_t(most - limits.begin());
     const std::optional<Removal> removal = first_removal(rays[next], hint);
