@@ -28,6 +28,19 @@ bool is_of_another(const Design& design, const Thickness& thickness, Index verte
   return thickness.comes_within(place, share * std::abs(s));
 }
 
+/// A vertex whose ray starts in removed material or meets none, and how far inwards it is followed.
+struct SecondLook {
+  int vertex = 0;
+  bool buried = false;   // it starts in removed material
+  bool thin = false;     // the part is thinner there than two bands: the outer band is searched too
+  double deepest = 0.0;  // mm below the design
+};
+
+/// Along what a vertex is followed.
+ShiftedRay ray_of(const SecondLook& look, const Design& design, double band) {
+  return stretch(design, look.vertex, -look.deepest, look.thin ? band : -band);
+}
+
 struct Second {
   VertexStatus status = VertexStatus::Uncut;
   FirstCut cut;
@@ -56,25 +69,16 @@ void each_in_parallel(std::size_t count, const Each& each) {
   });
 }
 
-}  // namespace
-
-std::optional<ShiftedRay> ThinRays::of(Index vertex) const {
-  std::call_once(once_, [&] { thickness_.emplace(design_); });
-  const auto behind =
-      thickness_->behind(design_.vertices.row(vertex), design_.normals.row(vertex), 2.0 * band_);
-  if (!behind) return std::nullopt;
-  return stretch(design_, vertex, -0.5 * *behind, band_);
+bool is_doubtful(VertexStatus status) {
+  return status == VertexStatus::Uncut || status == VertexStatus::Gouged;
 }
 
-std::shared_ptr<const Thickness> body_of(const Design& design, const SurfaceOptions& options) {
-  return options.body ? options.body : std::make_shared<const Thickness>(design);
-}
-
+/// Every doubtful vertex that has more of the part to look at, in their order.
 std::vector<SecondLook> second_looks(const Surface& surface, const Design& design,
                                      const Thickness& body, double band) {
   std::vector<SecondLook> looks;
   for (std::size_t i = 0; i < surface.status.size(); ++i)
-    if (surface.status[i] == VertexStatus::Uncut || surface.status[i] == VertexStatus::Gouged)
+    if (is_doubtful(surface.status[i]))
       looks.push_back({int(i), surface.status[i] == VertexStatus::Gouged});
   const double most = gouge_bands * band;
   each_in_parallel(looks.size(), [&](std::size_t k) {
@@ -87,13 +91,11 @@ std::vector<SecondLook> second_looks(const Surface& surface, const Design& desig
   return looks;
 }
 
-ShiftedRay ray_of(const SecondLook& look, const Design& design, double band) {
-  return stretch(design, look.vertex, -look.deepest, look.thin ? band : -band);
-}
-
+/// The map once those vertices are called Gouged, Uncut or, where the part is thin, Cut.
+/// @param cuts  (looks) first cuts along their rays
 Surface judged_again(Surface surface, const Design& design, const Thickness& body, double band,
-                     std::span<const SecondLook> looks,
-                     std::span<const std::optional<FirstCut>> cuts) {
+                     const std::vector<SecondLook>& looks,
+                     const std::vector<std::optional<FirstCut>>& cuts) {
   std::vector<Second> seconds(looks.size());
   each_in_parallel(looks.size(), [&](std::size_t k) {
     seconds[k] = judged(looks[k], design, body, band, cuts[k]);
@@ -111,18 +113,34 @@ Surface judged_again(Surface surface, const Design& design, const Thickness& bod
   return surface;
 }
 
+}  // namespace
+
+std::optional<ShiftedRay> ThinRays::of(Index vertex) const {
+  std::call_once(once_, [&] { thickness_.emplace(design_); });
+  const auto behind =
+      thickness_->behind(design_.vertices.row(vertex), design_.normals.row(vertex), 2.0 * band_);
+  if (!behind) return std::nullopt;
+  return stretch(design_, vertex, -0.5 * *behind, band_);
+}
+
 Surface with_gouges(Surface surface, const Design& design, const SurfaceOptions& options,
                     const FirstCutAlong& first_cut) {
-  const auto is_doubtful = [](VertexStatus status) {
-    return status == VertexStatus::Uncut || status == VertexStatus::Gouged;
+  const FirstCutsAlong each = [&](std::size_t count, const std::function<Ray(std::size_t)>& ray) {
+    std::vector<std::optional<FirstCut>> cuts(count);
+    each_in_parallel(count, [&](std::size_t k) { cuts[k] = first_cut(ray(k)); });
+    return cuts;
   };
+  return with_gouges(std::move(surface), design, options, each);
+}
+
+Surface with_gouges(Surface surface, const Design& design, const SurfaceOptions& options,
+                    const FirstCutsAlong& first_cuts) {
   if (std::ranges::none_of(surface.status, is_doubtful)) return surface;
-  const auto body = body_of(design, options);
+  const auto body = options.body ? options.body : std::make_shared<const Thickness>(design);
   const std::vector<SecondLook> looks = second_looks(surface, design, *body, options.band);
-  std::vector<std::optional<FirstCut>> cuts(looks.size());
-  each_in_parallel(looks.size(), [&](std::size_t k) {
-    cuts[k] = first_cut(ray_of(looks[k], design, options.band).ray);
-  });
+  if (looks.empty()) return surface;
+  const auto cuts = first_cuts(
+      looks.size(), [&](std::size_t k) { return ray_of(looks[k], design, options.band).ray; });
   return judged_again(std::move(surface), design, *body, options.band, looks, cuts);
 }
 

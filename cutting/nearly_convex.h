@@ -128,7 +128,6 @@ class BranchAndBound {
   BranchAndBound(const Function& f, const Floor& floor, const Goal& goal, const Sample& best)
       : f_(f), floor_(floor), goal_(goal), best_(best) {}
 
-  const Sample& best() const { return best_; }
   bool is_over() const { return best_.value <= goal_.enough; }
   Sample sample(double t) {
     const Sample sample = f_(t);

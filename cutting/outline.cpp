@@ -2,12 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
-#include <string>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include "kinematics/require.h"
 #include "kinematics/units.h"
 
 namespace abbe::cutting {
@@ -15,10 +14,6 @@ namespace abbe::cutting {
 using Eigen::Vector2d;
 
 namespace {
-
-void require(bool holds, const std::string& what) {
-  if (!holds) throw std::invalid_argument(what);
-}
 
 constexpr double same_place = 1e-9;   // mm
 constexpr double same_normal = 1e-7;  // rad, by which a joint may bend inwards: rounding of input

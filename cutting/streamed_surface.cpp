@@ -13,7 +13,6 @@
 
 #include "cutting/first_cuts.h"
 #include "cutting/surface_input.h"
-#include "cutting/thickness.h"
 
 namespace abbe::cutting {
 
@@ -138,18 +137,18 @@ void keep_firsts(const Streamed& with, const CutterMotion& motion,
   });
 }
 
-/// The first cuts along the rays of second looks: of equal ones that of the earlier block.
-std::vector<std::optional<FirstCut>> cuts_along(const Streamed& with,
-                                                const std::vector<SecondLook>& looks,
-                                                const MotionBlocks& next) {
-  std::vector<std::optional<FirstCut>> cuts(looks.size());
+/// The first cuts along so many rays: of equal ones that of the earlier block.
+std::vector<std::optional<FirstCut>> cuts_along(const Streamed& with, const MotionBlocks& next,
+                                                std::size_t count,
+                                                const std::function<Ray(std::size_t)>& ray_of) {
+  std::vector<std::optional<FirstCut>> cuts(count);
   each_block(with, next, [&](const MotionBlock& block) {
     const SweepTree tree(with.cutter, block.motion);
     const Box reach = reach_of(with.cutter, block.motion);
-    const auto all = tbb::blocked_range<std::size_t>(0, looks.size(), 64);
+    const auto all = tbb::blocked_range<std::size_t>(0, count, 64);
     tbb::parallel_for(all, [&](const auto& range) {
       for (std::size_t k = range.begin(); k < range.end(); ++k) {
-        const Ray ray = ray_of(looks[k], with.design, with.options.band).ray;
+        const Ray ray = ray_of(k);
         if (cuts[k] && cuts[k]->s <= -ray.band) continue;
         if (!may_meet(reach, ray)) continue;
         const std::optional<FirstCut> cut = first_cut(tree, block.motion, ray);
@@ -174,15 +173,11 @@ Surface streamed_surface(const Design& design_w, const Cutter& cutter,
     keep_firsts(with, block.motion, neighbours, surface);
     if (options.progress) options.progress(block.finished);
   });
-  const auto is_doubtful = [](VertexStatus status) {
-    return status == VertexStatus::Uncut || status == VertexStatus::Gouged;
+  const FirstCutsAlong first_cuts = [&](std::size_t count,
+                                        const std::function<Ray(std::size_t)>& ray) {
+    return cuts_along(with, begin(), count, ray);
   };
-  if (std::ranges::none_of(surface.status, is_doubtful)) return surface;
-  const auto body = body_of(design_w, options);
-  const std::vector<SecondLook> looks = second_looks(surface, design_w, *body, options.band);
-  if (looks.empty()) return surface;
-  const auto cuts = cuts_along(with, looks, begin());
-  return judged_again(std::move(surface), design_w, *body, options.band, looks, cuts);
+  return with_gouges(std::move(surface), design_w, options, first_cuts);
 }
 
 }  // namespace abbe::cutting

@@ -192,49 +192,41 @@ void SweepTree::make_nodes() {
 
 // ---- searching ----------------------------------------------------------------------------------
 
-void SweepTree::try_item(int item, Search& search) const {
-  try_move(item, move_of(item, search.hint), search);
+Removal SweepTree::removal_of(const Entry& entry, int item) const {
+  return {entry.s, entry.t, items_[item].move, items_[item].part};
 }
 
-void SweepTree::try_move(int item, const Move& move, Search& search) const {
-  const Item& it = items_[item];
+void SweepTree::try_item(int item, Search& search) const {
   const std::optional<Entry> entry =
-      first_entry(cutter_, move, search.ray, search.limit(search.ray));
-  if (!entry || !search.take({entry->s, entry->t, it.move, it.part}, item)) return;
+      first_entry(cutter_, move_of(item, search.hint), search.ray, search.limit(search.ray));
+  if (!entry || !search.take(removal_of(*entry, item), item)) return;
   search.buried = entry->s <= -search.ray.band;
   ++search.cuts;
   search.open.end.cut_off(search.ray, std::min(entry->s + entry_margin, search.ray.band), centre_);
 }
 
 void SweepTree::try_item(int item, Collection& collection) const {
-  const Item& it = items_[item];
   const std::optional<Entry> entry =
       first_entry(cutter_, move_of(item, collection.hint), collection.ray, collection.limit);
-  if (entry) collection.found.push_back({entry->s, entry->t, it.move, it.part});
+  if (entry) collection.found.push_back(removal_of(*entry, item));
 }
 
 // The nearest of what is open comes first, as what it cuts off rules out most of the rest: whenever
 // the ray has become shorter, what waits is held against it again, eight at a time.
 
-template <class Wanted, class Try>
-void SweepTree::search_eight(const SweepLeaf& moves, const SweepLeafPlace& place, Wanted& wanted,
-                             const Try& try_one) {
+template <class Wanted>
+void SweepTree::search_leaf(int leaf, Wanted& wanted) const {
+  const SweepLeaf& moves = leaves_.moves[leaf];
+  const SweepLeafPlace& place = leaves_.places[leaf];
   OpenEight open = open_moves(moves, place, wanted.open);
   while (open.bits != 0 && !wanted.buried) {
     const int i = open.nearest();
     open.bits &= ~(1u << i);
     const int cuts = wanted.cuts;
-    try_one(i);
+    if (leaf * width + i != wanted.done_item) try_item(leaf * width + i, wanted);
     if (wanted.cuts != cuts && open.bits != 0)
       open.bits &= open_moves(moves, place, wanted.open).bits;
   }
-}
-
-template <class Wanted>
-void SweepTree::search_leaf(int leaf, Wanted& wanted) const {
-  search_eight(leaves_.moves[leaf], leaves_.places[leaf], wanted, [&](int i) {
-    if (leaf * width + i != wanted.done_item) try_item(leaf * width + i, wanted);
-  });
 }
 
 template <class Wanted>
@@ -501,8 +493,7 @@ void SweepTree::search_near(std::span<const Ray> rays, std::span<std::optional<R
           is_ball(cutter_)
               ? first_entry(cutter_, move, ray, limit)
               : first_entry(cutter_, move, ray, limit, bounds[next / lanes].part[next % lanes]);
-      const Item& it = items_[near.items[next]];
-      if (entry) search.take({entry->s, entry->t, it.move, it.part}, near.items[next]);
+      if (entry) search.take(removal_of(*entry, near.items[next]), near.items[next]);
     }
     found[i] = search.best;
     if (search.best) hint.item = search.best_item;
@@ -547,8 +538,7 @@ bool SweepTree::search_near_balls(std::span<const Ray> rays,
         if (double(bounds[k].least[i]) > search.limit(ray)) return;
         const std::optional<Entry> entry =
             first_entry(cutter_, near.moves[k], ray, search.limit(ray));
-        const Item& it = items_[near.items[k]];
-        if (entry) search.take({entry->s, entry->t, it.move, it.part}, near.items[k]);
+        if (entry) search.take(removal_of(*entry, near.items[k]), near.items[k]);
       };
       attempt(least[i]);
       for (int k = 0; k < near.count; ++k)

@@ -79,9 +79,6 @@ class SweepTree {
 
   template <class Wanted>
   void descend(Wanted& wanted) const;
-  template <class Wanted, class Try>
-  static void search_eight(const SweepLeaf& moves, const SweepLeafPlace& place, Wanted& wanted,
-                           const Try& try_one);
   template <class Wanted>
   void search_leaf(int leaf, Wanted& wanted) const;
   void lower(std::span<double> limits, std::span<const Ray> rays, int item, double t,
@@ -96,8 +93,8 @@ class SweepTree {
                    const Near& near, Hint& hint) const;
   bool search_near_balls(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                          const PatchStretch& patch, const Near& near, Hint& hint) const;
+  Removal removal_of(const Entry& entry, int item) const;
   void try_item(int item, Search& search) const;
-  void try_move(int item, const Move& move, Search& search) const;
   void try_item(int item, Collection& collection) const;
   RayStretch stretch_of(const Ray& ray, double cut_off) const;
   Move move_of(const Item& item) const;

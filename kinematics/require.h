@@ -1,6 +1,7 @@
 #pragma once
 
 #include <stdexcept>
+#include <string>
 
 namespace abbe {
 
@@ -8,5 +9,6 @@ namespace abbe {
 inline void require(bool holds, const char* what) {
   if (!holds) throw std::invalid_argument(what);
 }
+inline void require(bool holds, const std::string& what) { require(holds, what.c_str()); }
 
 }  // namespace abbe

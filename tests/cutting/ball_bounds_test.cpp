@@ -1,5 +1,5 @@
 #include "cutting/ball_bounds.h"
-#include "tests/cutting/random.h"
+#include "tests/cutting/any_move.h"
 
 #include <algorithm>
 #include <array>
@@ -13,21 +13,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-Move any_move(Random& random, double radius) {
-  Move move;
-  move.tip = radius * random.in(0, 2) * random.direction();
-  move.step = random.once_in(8) ? Vector3d(Vector3d::Zero())
-                                : Vector3d(radius * random.decades(-7, 1.5) * random.direction());
-  move.axis = random.once_in(3) ? Vector3d(Vector3d::UnitZ()) : random.near(Vector3d::UnitZ(), 0.5);
-  move.side = move.axis.unitOrthogonal();
-  move.angle = random.once_in(2) ? 0.0 : random.decades(-9, -1.3);
-  if (random.once_in(4)) {
-    move.from = random.in(0, 0.5);
-    move.to = random.in(0.5, 1);
-  }
-  return move;
-}
-
 /// Of balls that are met from below: bounds are never above the entry, and near to it.
 TEST(BallBounds, AreNoMoreThanTheEntry) {
   Random random(1801);
@@ -36,7 +21,9 @@ TEST(BallBounds, AreNoMoreThanTheEntry) {
   for (int n = 0; n < 60000 * longer(10); ++n) {
     const double R = random.decades(-1, 2), band = R * random.decades(-2, 0.3);
     const Cutter cutter{R, R, 3 * R};
-    const Move move = any_move(random, R);
+    const Move move = any_move(random, R, [&] {
+      return random.once_in(3) ? Vector3d(Vector3d::UnitZ()) : random.near(Vector3d::UnitZ(), 0.5);
+    });
     const Vector3d normal = random.near(Vector3d::UnitZ(), 0.4);
     const double lean = random.decades(-9, -1);
     const BallChord chord(cutter, move, Vector3d::Zero());

@@ -1,5 +1,6 @@
 #include "cutting/entry_bounds.h"
 #include "tests/cutting/any_form.h"
+#include "tests/cutting/any_move.h"
 
 #include <algorithm>
 #include <iostream>
@@ -27,21 +28,6 @@ Cutter any_cutter(Random& random) {
   }
 }
 
-Move any_move(Random& random, double radius) {
-  Move move;
-  move.tip = radius * random.in(0, 2) * random.direction();
-  move.step = random.once_in(8) ? Vector3d(Vector3d::Zero())
-                                : Vector3d(radius * random.decades(-7, 1.5) * random.direction());
-  move.axis = random.direction();
-  move.side = move.axis.unitOrthogonal();
-  move.angle = random.once_in(2) ? 0.0 : random.decades(-9, -1.3);
-  if (random.once_in(4)) {
-    move.from = random.in(0, 0.5);
-    move.to = random.in(0.5, 1);
-  }
-  return move;
-}
-
 }  // namespace entry_bounds_cases
 
 /// Of any cutter, move and ray: no bound is above the entry, and the lanes are those of one.
@@ -55,7 +41,7 @@ TEST(EntryBounds, AreNoMoreThanTheEntry) {
     MoveLanes<8> eight;
     std::array<Move, 8> moves;
     for (int i = 0; i < 8; ++i) {
-      moves[std::size_t(i)] = entry_bounds_cases::any_move(random, R);
+      moves[std::size_t(i)] = any_move(random, R, [&] { return random.direction(); });
       eight.put(i, cutter, moves[std::size_t(i)]);
     }
     const Ray ray{R * random.decades(-6, 0.3) * random.any(), random.direction(),
