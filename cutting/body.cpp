@@ -129,9 +129,41 @@ ClosedMesh extruded_mesh(const Eigen::MatrixX2d& outline, double height) {
   return mesh_of(vertices, triangles);
 }
 
+namespace {
+
+/// Profile of a form cutter, its arcs within the polygons of their tangents.
+Eigen::MatrixX2d profile_around(const ToolOutline& outline, double sag) {
+  std::vector<Eigen::Vector2d> points{outline.pieces.front().from};
+  for (const OutlinePiece& piece : outline.pieces) {
+    const double turn = std::acos(std::clamp(piece.normal_from.dot(piece.normal_to), -1.0, 1.0));
+    const int sides = piece.radius > 0.0 ? sides_around(piece.radius, sag) : 1;
+    const int tangents = std::max(1, int(std::ceil(turn * sides / (2.0 * std::numbers::pi))));
+    const double half = 0.5 * turn / tangents;
+    for (int k = 0; k < tangents && piece.radius > 0.0; ++k) {
+      const Eigen::Vector2d middle =
+          Eigen::Rotation2Dd((2 * k + 1) * half) * piece.normal_from / std::cos(half);
+      points.push_back(piece.from + piece.radius * (middle - piece.normal_from));
+    }
+    points.push_back(piece.to);
+  }
+  Eigen::MatrixX2d profile(Index(points.size()), 2);
+  Index count = 0;
+  for (const Eigen::Vector2d& point : points) {
+    // the profile begins and ends at the axis, and rounding makes no height fall
+    const Eigen::RowVector2d next(
+        std::max(0.0, point.x()),
+        std::clamp(point.y(), count > 0 ? profile(count - 1, 1) : 0.0, outline.height));
+    if (count == 0 || next != profile.row(count - 1)) profile.row(count++) = next;
+  }
+  return profile.topRows(count);
+}
+
+}  // namespace
+
 ClosedMesh cutter_mesh(const Cutter& cutter, double sag) {
   check_cutter(cutter);
   require(std::isfinite(sag) && sag > 0.0, "cutter: the sag must be positive");
+  if (cutter.outline) return revolved_mesh(profile_around(*cutter.outline, 0.5 * sag), 0.5 * sag);
   const double r = cutter.corner_radius, flat = cutter.radius - r, quarter = 0.5 * std::numbers::pi;
   // the corner lies within the polygon of its tangents
   const int pieces = r > 0.0 ? std::max(1, (sides_around(r, 0.5 * sag) + 3) / 4) : 0;
@@ -152,6 +184,7 @@ ClosedMesh cutter_mesh(const Cutter& cutter, double sag) {
 
 std::vector<ClosedMesh> cutter_pieces(const Cutter& cutter, double sag) {
   check_cutter(cutter);
+  if (cutter.outline) return {cutter_mesh(cutter, sag)};
   const double r = cutter.corner_radius, flat = cutter.radius - r;
   std::vector<ClosedMesh> pieces;
   if (cutter.flank_length > r) {

@@ -37,6 +37,17 @@ Instant instant_of(const Eigen::VectorXd& time_s, double at) {
   return {int(interval), span > 0.0 ? (at - time_s[interval]) / span : 0.0};
 }
 
+/// Whether a place of the half plane through the axis lies on a sharp rim of the cutter.
+bool is_on_rim(const Cutter& cutter, const Eigen::Vector2d& place) {
+  if (!cutter.outline)
+    return cutter.corner_radius == 0.0 && std::abs(place.y()) < rim_width &&
+           std::abs(place.x() - cutter.radius) < rim_width;
+  return std::ranges::any_of(cutter.outline->pieces, [&](const OutlinePiece& piece) {
+    return piece.is_arc && piece.radius == 0.0 &&
+           (place - piece.from).cwiseAbs().maxCoeff() < rim_width;
+  });
+}
+
 /// Normal of the cutter's skin at a contact; of a sharp rim that of the surface which the rim
 /// sweeps with the feed, none where it stands.
 std::optional<Vector3d> skin_normal(const Cutter& cutter, const Position& at, const Vector3d& feed,
@@ -47,11 +58,13 @@ std::optional<Vector3d> skin_normal(const Cutter& cutter, const Position& at, co
   const double radial = across.norm();
   const Vector3d outward = radial > 0.0 ? Vector3d(across / radial) : Vector3d::Zero();
   const double corner = cutter.corner_radius, ring = cutter.radius - corner;
-  const bool on_rim =
-      corner == 0.0 && std::abs(height) < rim_width && std::abs(radial - cutter.radius) < rim_width;
-  if (on_rim) {
+  if (is_on_rim(cutter, {radial, height})) {
     const Vector3d swept = at.axis.cross(outward).cross(feed);
     return swept.norm() > 1e-6 * feed.norm() ? std::optional(swept) : std::nullopt;
+  }
+  if (cutter.outline) {
+    const Eigen::Vector2d n = distance(*cutter.outline, {radial, height}).gradient;
+    return n.x() * outward + n.y() * at.axis;
   }
   if (height >= corner) return outward;
   if (radial <= ring) return -at.axis;

@@ -18,7 +18,7 @@ struct Contacts {
 };
 
 /// Of a surface that `milled_surface` found. Where the tool stands its own skin serves.
-/// @throws std::invalid_argument if sizes differ, or for a form cutter
+/// @throws std::invalid_argument if sizes differ
 Contacts milled_contacts(const Design& design_w, const Surface& surface, const Cutter& cutter,
                          const CutterMotion& motion);
 

@@ -315,7 +315,8 @@ class Sweep {
     const Vector3d p = ray_.point - at.tip;
     const double rise = m.dot(at.axis);
     const double far = std::max(cutter_.radius + cutter_.flank_length, p.lpNorm<1>());
-    return {m.dot(p) - support(rise, m.cross(at.axis).norm()) - 4e-15 * far - rounding_, rise};
+    return {m.dot(p) - support(cutter_, rise, m.cross(at.axis).norm()) - 4e-15 * far - rounding_,
+            rise};
   }
 
   /// Over a piece, that clearance is at least this line: m is the cutter's normal at its end
@@ -353,14 +354,6 @@ class Sweep {
       return Line{clear.at_a - along, clear.at_b - along};
     };
     return least_above(piece, line(piece.a), line(piece.b));
-  }
-
-  /// How far the cutter reaches from its tip along a direction that rises by `rise` along its axis
-  /// and goes by `across` across it.
-  double support(double rise, double across) const {
-    if (cutter_.outline) return cutting::support(*cutter_.outline, rise, across);
-    if (rise > 0) return cutter_.flank_length * rise + cutter_.radius * across;
-    return cutter_.corner_radius * (1 + rise) + (cutter_.radius - cutter_.corner_radius) * across;
   }
 
   /// Velocity per unit t of the cutter's material at `arm` from the tip.
@@ -425,6 +418,8 @@ std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const R
   }
   const EntryBounds<1> bound = entry_bounds(cutter, move, ray);
   if (double(bound.least[0]) > limit) return std::nullopt;
+  const Vector3d m(bound.m[0][0], bound.m[1][0], bound.m[2][0]);
+  if (least_entry(cutter, ends_of(move), ray, m) > limit) return std::nullopt;
   return first_entry(cutter, move, ray, limit, bound.part[0]);
 }
 

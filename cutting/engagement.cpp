@@ -30,53 +30,79 @@ void check(const Cutter& cutter, const EngagementOptions& options) {
         "engagement: expected 1 or more slices a radius, 4 or more angles, slices above 0 mm");
 }
 
-/// The outline of a cutter by the length along it from the middle of its bottom.
-class CutterOutline {
- public:
-  explicit CutterOutline(const Cutter& cutter)
-      : cutter_(cutter),
-        flat_(cutter.radius - cutter.corner_radius),
-        corner_end_(flat_ + 0.5 * pi * cutter.corner_radius),
-        end_(corner_end_ + cutter.flank_length - cutter.corner_radius) {}
+/// A line or an arc of an outline, by the length along the outline.
+struct OutlineStretch {
+  double begin, end;  // mm
+  Vector2d from;      // (radius, height) at its begin
+  double kappa;       // rad, there
+  double radius;      // mm; 0: a line
 
-  double flat() const { return flat_; }
-  double corner_end() const { return corner_end_; }
-  double end() const { return end_; }
-
-  double kappa(double at) const {
-    if (at < flat_ || (at == flat_ && cutter_.corner_radius > 0.0)) return 0.0;
-    if (at >= corner_end_) return 0.5 * pi;
-    return (at - flat_) / cutter_.corner_radius;
-  }
-  /// (radius, height)
+  double kappa_at(double at) const { return radius > 0.0 ? kappa + (at - begin) / radius : kappa; }
   Vector2d place(double at) const {
-    const double r = cutter_.corner_radius;
-    if (at <= flat_) return {at, 0.0};
-    if (at >= corner_end_) return {cutter_.radius, r + at - corner_end_};
-    const double half = 0.5 * (at - flat_) / r;
-    const double sine = std::sin(half), cosine = std::cos(half);
-    return {flat_ + 2.0 * r * sine * cosine, 2.0 * r * sine * sine};
+    const double half = radius > 0.0 ? 0.5 * (at - begin) / radius : 0.0;
+    const double far = radius > 0.0 ? 2.0 * radius * std::sin(half) : at - begin;
+    if (kappa == 0.5 * pi && radius == 0.0) return {from.x(), from.y() + far};
+    return from + far * Vector2d(std::cos(kappa + half), std::sin(kappa + half));
   }
-
- private:
-  Cutter cutter_;
-  double flat_, corner_end_, end_;
 };
 
-/// Places along the outline between slices. A flat, a corner and a flank each begin a slice.
+/// The outline of a cutter below its top, by the length along it from the middle of its bottom.
+class CutterOutline {
+ public:
+  explicit CutterOutline(const Cutter& cutter) {
+    if (cutter.outline) {
+      for (const OutlinePiece& piece : cutter.outline->pieces) add(piece);
+      stretches_.pop_back();  // the top
+      return;
+    }
+    const double flat = cutter.radius - cutter.corner_radius;
+    add(flat, {0.0, 0.0}, 0.0, 0.0);
+    add(0.5 * pi * cutter.corner_radius, {flat, 0.0}, 0.0, cutter.corner_radius);
+    add(cutter.flank_length - cutter.corner_radius, {cutter.radius, cutter.corner_radius}, 0.5 * pi,
+        0.0);
+  }
+
+  const std::vector<OutlineStretch>& stretches() const { return stretches_; }
+  double kappa(double at) const { return stretch(at).kappa_at(at); }
+  /// (radius, height)
+  Vector2d place(double at) const { return stretch(at).place(at); }
+
+ private:
+  void add(double length, const Vector2d& from, double kappa, double radius) {
+    if (!(length > 0.0)) return;
+    const double begin = stretches_.empty() ? 0.0 : stretches_.back().end;
+    stretches_.push_back({begin, begin + length, from, kappa, radius});
+  }
+  void add(const OutlinePiece& piece) {
+    const auto kappa = [](const Vector2d& normal) { return std::atan2(normal.x(), -normal.y()); };
+    const double turn = kappa(piece.normal_to) - kappa(piece.normal_from);
+    const double length = piece.is_arc ? piece.radius * turn : (piece.to - piece.from).norm();
+    add(length, piece.from, kappa(piece.normal_from), piece.radius);
+  }
+  const OutlineStretch& stretch(double at) const {
+    std::size_t i = stretches_.size() - 1;
+    while (i > 0 && at < stretches_[i].begin) --i;
+    return stretches_[i];
+  }
+
+  std::vector<OutlineStretch> stretches_;
+};
+
+/// Places along the outline between slices. Every line and arc begins a slice.
 std::vector<double> borders(const Cutter& cutter, const EngagementOptions& options) {
   const CutterOutline outline(cutter);
   const double fine = 0.5 * pi * cutter.radius / options.slices_per_radius;
   std::vector<double> at{0.0};
-  const auto slice = [&](double end, double longest) {
+  for (const OutlineStretch& one : outline.stretches()) {
     const double from = at.back();
-    if (!(end - from > 1e-12 * cutter.radius)) return;
-    const int count = std::max(1, int(std::ceil((end - from) / longest - 1e-9)));
-    for (int i = 1; i <= count; ++i) at.push_back(from + (end - from) * i / count);
-  };
-  slice(outline.flat(), fine);
-  slice(outline.corner_end(), std::min(fine, 0.5 * pi * cutter.corner_radius / fewest_in_corner));
-  slice(outline.end(), std::min(fine, options.max_slice));
+    if (!(one.end - from > 1e-12 * cutter.radius)) continue;
+    const double longest = one.radius > 0.0
+                               ? std::min(fine, 0.5 * pi * one.radius / fewest_in_corner)
+                           : one.kappa > 0.0 ? std::min(fine, options.max_slice)
+                                             : fine;
+    const int count = std::max(1, int(std::ceil((one.end - from) / longest - 1e-9)));
+    for (int i = 1; i <= count; ++i) at.push_back(from + (one.end - from) * i / count);
+  }
   return at;
 }
 

@@ -41,7 +41,8 @@ struct EngagementOptions {
 /// to speak of, and a bottom that slides on the floor it made is not in the cut.
 inline constexpr double least_facing = 0.01;
 
-/// Slices of a cutter: a flat bottom, a corner, a flank. Their lengths add up to the outline.
+/// Slices of a cutter: a flat bottom, a corner, a flank, or the lines and arcs of a form cutter
+/// below its top. Their lengths add up to the outline.
 /// @throws std::invalid_argument for an impossible cutter or option
 std::vector<EdgeSlice> slices(const Cutter& cutter, const EngagementOptions& options = {});
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "cutting/cutter_position.h"
 #include "cutting/eight.h"
@@ -198,12 +199,13 @@ template <class T, class End>
 template <class T>
 struct Bounds {
   T least, part;
+  Triple<T> m;
 };
 
 template <class T, class End>
 Bounds<T> bounds_of_end(const End& end, const Pairs<T>& pairs, float band) {
   const Contact<T> contact = contact_of(end, pairs, band);
-  return {least_of(end, pairs, band, contact.m), contact.t};
+  return {least_of(end, pairs, band, contact.m), contact.t, contact.m};
 }
 
 template <class T>
@@ -228,29 +230,42 @@ Triple<T> in_all(const Vector3d& v) {
   return {T(float(v.x())), T(float(v.y())), T(float(v.z()))};
 }
 
-/// k and u at the ends.
-struct MoveEnds {
-  Vector3d k, step, u, turn;
-
-  MoveEnds(const Cutter& cutter, const Move& move) {
-    const Position a = position(move, move.from);
-    const Position b = position(move, move.to);
-    k = a.tip + cutter.corner_radius * a.axis;
-    step = b.tip + cutter.corner_radius * b.axis - k;
-    u = a.axis;
-    turn = b.axis - a.axis;
-  }
-};
-
 }  // namespace
+
+MoveEnds ends_of(const Move& move) {
+  const Position a = position(move, move.from);
+  const Position b = position(move, move.to);
+  return {a.tip, a.axis, b.tip - a.tip, b.axis - a.axis};
+}
+
+double least_entry(const Cutter& cutter, const MoveEnds& move, const Ray& ray, const Vector3d& m0) {
+  constexpr double least_facing = 1e-6, ulps = 4e-15;
+  const double toward = std::max(0.0, m0.dot(ray.normal));
+  const Vector3d m = (m0 - toward * ray.normal).normalized();
+  const Vector3d p = ray.point - move.tip, axis = move.axis + move.turn;
+  const double rise0 = m.dot(move.axis), rise1 = m.dot(axis);
+  const double most = std::max(support(cutter, rise0, m.cross(move.axis).norm()),
+                               m.dot(move.step) + support(cutter, rise1, m.cross(axis).norm()));
+  const double arm = cutter.radius + (std::max(rise0, rise1) > 0.0 ? cutter.flank_length : 0.0);
+  const double sag = 0.13 * arm * move.turn.squaredNorm();
+  const double far = ray.point.cwiseAbs().sum() + move.tip.cwiseAbs().sum() + ray.band +
+                     move.step.cwiseAbs().sum() + cutter.radius + cutter.flank_length;
+  const double gap = m.dot(p) - most - sag - ulps * far;
+  const double facing = -m.dot(ray.normal);
+  if (facing > least_facing) return gap / facing - ulps * (far + std::abs(gap / facing));
+  constexpr double everywhere = std::numeric_limits<double>::infinity();
+  return gap > std::max(0.0, facing) * ray.band ? everywhere : -everywhere;
+}
 
 template <int n>
 void MoveLanes<n>::put(int lane, const Cutter& cutter, const Move& move) {
-  const MoveEnds ends(cutter, move);
+  const MoveEnds ends = ends_of(move);
+  const Vector3d middle = ends.tip + cutter.corner_radius * ends.axis;
+  const Vector3d last = ends.tip + ends.step + cutter.corner_radius * (ends.axis + ends.turn);
   for (int d = 0; d < 3; ++d) {
-    k[d][lane] = ends.k[d];
-    step[d][lane] = float(ends.step[d]);
-    u[d][lane] = float(ends.u[d]);
+    k[d][lane] = middle[d];
+    step[d][lane] = float(last[d] - middle[d]);
+    u[d][lane] = float(ends.axis[d]);
     turn[d][lane] = float(ends.turn[d]);
   }
 }
@@ -266,6 +281,9 @@ EntryBounds<n> entry_bounds(const Cutter& cutter, const MoveLanes<n>& moves, con
   EntryBounds<n> bounds;
   found.least.copy_to(bounds.least, stdx::element_aligned);
   found.part.copy_to(bounds.part, stdx::element_aligned);
+  found.m.x.copy_to(bounds.m[0], stdx::element_aligned);
+  found.m.y.copy_to(bounds.m[1], stdx::element_aligned);
+  found.m.z.copy_to(bounds.m[2], stdx::element_aligned);
   return bounds;
 }
 

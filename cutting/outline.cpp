@@ -5,6 +5,8 @@
 #include <utility>
 
 #include <fmt/format.h>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
 
 #include "kinematics/require.h"
 #include "kinematics/units.h"
@@ -122,6 +124,19 @@ ToolOutline outline_through(const std::vector<OutlinePoint>& points) {
   return closed(pieces);
 }
 
+AptCutter with_tangent_corner(AptCutter cutter) {
+  // by which the middle of the corner lies inside of both lines
+  const Vector2d off_bottom(std::sin(cutter.bottom), -std::cos(cutter.bottom));
+  const Vector2d off_flank(std::cos(cutter.flank), -std::sin(cutter.flank));
+  const Vector2d meet(0.5 * cutter.diameter, 0.5 * cutter.diameter * std::tan(cutter.bottom));
+  Eigen::Matrix2d normals;
+  normals << off_bottom.transpose(), off_flank.transpose();
+  const Vector2d middle = meet - cutter.corner * normals.inverse() * Vector2d::Ones();
+  cutter.radial = middle.x();
+  cutter.axial = middle.y();
+  return cutter;
+}
+
 ToolOutline apt_outline(const AptCutter& cutter) {
   const auto& [diameter, corner, radial, axial, bottom, flank, height] = cutter;
   constexpr double quarter = 0.5 * pi;
@@ -172,6 +187,116 @@ double support(const ToolOutline& outline, double rise, double across) {
       most = std::max(most, direction.dot(piece.from) +
                                 piece.radius * beyond * beyond /
                                     (direction.norm() + piece.normal_from.dot(direction)));
+  }
+  return most;
+}
+
+Vector2d support_point(const ToolOutline& outline, double rise, double across) {
+  const Vector2d direction(across, rise);
+  Vector2d best = Vector2d::Zero();
+  const auto take = [&](const Vector2d& place) {
+    if (direction.dot(place) > direction.dot(best)) best = place;
+  };
+  for (const OutlinePiece& piece : outline.pieces) {
+    take(piece.to);
+    if (piece.is_arc && cross(piece.normal_from, direction) > 0.0 &&
+        cross(direction, piece.normal_to) > 0.0)
+      take(piece.from + piece.radius * (direction.normalized() - piece.normal_from));
+  }
+  return best;
+}
+
+double top_radius(const ToolOutline& outline) { return outline.pieces.back().from.x(); }
+
+double corner_height(const ToolOutline& outline) {
+  for (const OutlinePiece& piece : outline.pieces) {
+    const double middle = piece.from.y() - piece.radius * piece.normal_from.y();
+    if (piece.radius > 0.0 && middle >= 0.0 && middle <= outline.height) return middle;
+  }
+  return 0.0;
+}
+
+ToolOutline widened(const ToolOutline& outline, double radial, double axial) {
+  std::vector<OutlinePiece> pieces;
+  const Vector2d lower(radial, 0.0), upper(radial, 2.0 * axial);
+  Vector2d last = Vector2d::Zero();
+  const auto add = [&](OutlinePiece piece, const Vector2d& by) {
+    piece.from += by;
+    piece.to += by;
+    if ((piece.from - last).norm() > same_place) pieces.push_back(line(last, piece.from));
+    last = piece.to;
+    pieces.push_back(piece);
+  };
+  for (const OutlinePiece& piece : outline.pieces) {
+    if (piece.is_arc && piece.radius == 0.0) continue;
+    const bool begins_low = piece.normal_from.y() <= 0.0, ends_low = piece.normal_to.y() <= 0.0;
+    if (!piece.is_arc || begins_low == ends_low) {
+      add(piece, begins_low ? lower : upper);
+      continue;
+    }
+    const Vector2d widest = piece.from + piece.radius * (Vector2d::UnitX() - piece.normal_from);
+    OutlinePiece below = piece, above = piece;
+    below.to = above.from = widest;
+    below.normal_to = above.normal_from = Vector2d::UnitX();
+    add(below, lower);
+    add(above, upper);
+  }
+  pieces.back().to.x() = 0.0;
+  return closed(pieces);
+}
+
+InnerOutline inside(const ToolOutline& outline, double margin) {
+  std::vector<Vector2d> corners{
+      {0.0, 0.0}, {outline.radius, 0.0}, {outline.radius, outline.height}, {0.0, outline.height}};
+  const auto cut_off = [&](const Vector2d& normal, const Vector2d& touched) {
+    const double most = normal.dot(touched) - margin;
+    std::vector<Vector2d> left;
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      const Vector2d &a = corners[i], &b = corners[(i + 1) % corners.size()];
+      const double beyond_a = normal.dot(a) - most, beyond_b = normal.dot(b) - most;
+      if (beyond_a <= 0.0) left.push_back(a);
+      if ((beyond_a < 0.0 && beyond_b > 0.0) || (beyond_a > 0.0 && beyond_b < 0.0))
+        left.push_back(a + beyond_a / (beyond_a - beyond_b) * (b - a));
+    }
+    corners = std::move(left);
+  };
+  for (const OutlinePiece& piece : outline.pieces) {
+    if (!piece.is_arc) cut_off(piece.normal_from, piece.from);
+    if (piece.radius == 0.0) continue;
+    const double turn = std::atan2(cross(piece.normal_from, piece.normal_to),
+                                   piece.normal_from.dot(piece.normal_to));
+    const int tangents = 1 + int(std::ceil(turn / (3.0 * units::deg)));
+    const double inwards = piece.radius * (1.0 - std::cos(0.5 * turn / (tangents - 1)));
+    for (int i = 0; i < tangents; ++i) {
+      const Vector2d normal = Eigen::Rotation2Dd(i * turn / (tangents - 1)) * piece.normal_from;
+      cut_off(normal, piece.from + piece.radius * (normal - piece.normal_from) - inwards * normal);
+    }
+  }
+  const auto on_axis = [](const Vector2d& corner) { return corner.x() <= 0.0; };
+  const auto lowest =
+      std::ranges::min_element(corners, {}, [](const Vector2d& corner) { return corner.y(); });
+  require(std::ranges::count_if(corners, on_axis) >= 2,
+          fmt::format("outline: expected one wider than {:g} mm at both sides", margin));
+  InnerOutline inner;
+  inner.raised = lowest->y();
+  std::ranges::rotate(corners, std::ranges::find_if(corners, [&](const Vector2d& corner) {
+                        return on_axis(corner) && corner.y() <= inner.raised + same_place;
+                      }));
+  std::vector<OutlinePoint> points;
+  for (const Vector2d& corner : corners)
+    if (points.empty() || !on_axis(corner))
+      points.push_back({corner - Vector2d(0.0, inner.raised)});
+  points.front().at.y() = 0.0;
+  inner.outline = outline_through(points);
+  return inner;
+}
+
+double farthest_apart(const ToolOutline& a, const ToolOutline& b) {
+  double most = 0.0;
+  for (int degree = -90; degree <= 90; ++degree) {
+    const double angle = degree * units::deg;
+    const double rise = std::sin(angle), across = std::max(0.0, std::cos(angle));
+    most = std::max(most, std::abs(support(a, rise, across) - support(b, rise, across)));
   }
   return most;
 }

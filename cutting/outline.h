@@ -15,6 +15,8 @@ struct OutlinePiece {
   Eigen::Vector2d from, to;
   Eigen::Vector2d normal_from, normal_to;  ///< unit, outward, at its ends
   double radius = 0.0;                     ///< mm, of an arc
+
+  bool operator==(const OutlinePiece&) const = default;
 };
 
 /// From the axis at the tip to the axis at the top, closed and convex; immutable once made.
@@ -23,6 +25,8 @@ struct ToolOutline {
   double radius = 0.0;    ///< mm, the largest
   double height = 0.0;    ///< mm, of the top
   bool is_sharp = false;  ///< it has sharp corners below the top
+
+  bool operator==(const ToolOutline&) const = default;
 };
 
 /// A point of an outline, and how it is reached from the one before.
@@ -46,12 +50,40 @@ struct AptCutter {
   double flank = 0.0;      ///< rad, beta: by which the flank leans outwards from the axis
   double height = 20.0;    ///< mm, H: of the cutting edge above the tip
 };
+/// The same with its corner tangent to bottom and flank.
+AptCutter with_tangent_corner(AptCutter cutter);
+
 /// @throws std::invalid_argument where corner, bottom and flank do not meet in a convex outline
 ToolOutline apt_outline(const AptCutter& cutter);
 
 /// How far it reaches from the tip along a direction that goes by `rise` along the axis and by
 /// `across` >= 0 across it.
 double support(const ToolOutline& outline, double rise, double across);
+
+/// Where that is reached: the place touched by a plane with this outward normal.
+Eigen::Vector2d support_point(const ToolOutline& outline, double rise, double across);
+
+/// mm, of the flat at the top.
+double top_radius(const ToolOutline& outline);
+
+/// mm above the tip, of the middle of the lowest arc between tip and top; 0 without one.
+double corner_height(const ToolOutline& outline);
+
+/// The hull of an outline that is moved across the axis by up to `radial` and along it by up to
+/// `axial`, mm, from where the tip then is at the lowest.
+ToolOutline widened(const ToolOutline& outline, double radial, double axial);
+
+/// What lies inside of an outline by a margin and more, with arcs as polygons: nowhere less than
+/// the margin, nor more than it by over 0.04 % of an arc's radius.
+struct InnerOutline {
+  ToolOutline outline;
+  double raised = 0.0;  ///< mm, of its tip
+};
+/// @throws std::invalid_argument where nothing is left
+InnerOutline inside(const ToolOutline& outline, double margin);
+
+/// mm, by which one of the two reaches farther in any direction, on 1 deg of directions.
+double farthest_apart(const ToolOutline& a, const ToolOutline& b);
 
 /// Signed distance of a place in the half plane, negative inside, where it is a convex function
 /// that counts the nearest tangent; with its unit gradient.

@@ -20,6 +20,7 @@ Cutter with_run_out(const Cutter& cutter, double radial, double axial) {
   check_cutter(cutter);
   expect_amount("radial", radial);
   expect_amount("axial", axial);
+  if (cutter.outline) return form_cutter(widened(*cutter.outline, radial, axial));
   Cutter result = cutter;
   result.radius += radial;
   result.flank_length += 2.0 * axial;

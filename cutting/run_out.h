@@ -16,7 +16,8 @@ namespace abbe::cutting {
 ///   this one if every height comes up at every angle.
 /// @param radial  mm, radius of the circle on which the axis runs, >= 0
 /// @param axial   mm, amplitude up and down, >= 0
-/// @throws std::invalid_argument naming the number; for a form cutter
+/// Of a form cutter it is the hull of its outline so moved, by the same reasons.
+/// @throws std::invalid_argument naming the number
 Cutter with_run_out(const Cutter& cutter, double radial, double axial);
 
 }  // namespace abbe::cutting

@@ -193,7 +193,7 @@ class HeldAgainst {
 std::optional<ShankContact> shank_contact(const Design& design_w, const Cutter& cutter,
                                           const CutterMotion& motion, const ShankOptions& options) {
   const double length = options.length - cutter.flank_length;
-  const double radius = options.radius.value_or(cutter.radius);
+  const double radius = options.radius.value_or(shank_radius(cutter));
   const double passed = std::min(rubbing, 0.25 * radius);
   if (!(length > 0.0) || !(options.band > passed) || motion.tip.rows() == 0) return std::nullopt;
   const Cutter shank{radius, 0.0, length};

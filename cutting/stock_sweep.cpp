@@ -54,10 +54,14 @@ SweptInterval frozen(const Cutter& cutter, const Ruled& ruled, double s) {
 /// What a move does to lines one by one.
 class Cut {
  public:
-  Cut(const Cutter& cutter, const StockMove& move)
-      : cutter_(cutter), line_(move.line), rapid_(move.rapid) {}
+  enum class Of { Cutter, Shank };  // a shank meets what its cutter has left
 
-  void minds_shank(bool minds) { minds_shank_ = minds; }
+  Cut(const Cutter& cutter, const StockMove& move, Of of)
+      : cutter_(cutter), line_(move.line), may_not_cut_(move.rapid || of == Of::Shank) {
+    if (may_not_cut_ || !cutter.outline) core_ = shrunk(cutter, rubbing);
+  }
+
+  void minds_shank(bool minds) { minds_shank_ = minds && !cutter_.outline; }
   const Cutter& cutter() const { return cutter_; }
 
   /// A part of the move in which the axis stands: all lines see the same sweep.
@@ -145,10 +149,10 @@ class Cut {
 
   void take(DexelLine& line, double low, double high, const Ruled& ruled) {
     bool crashed = false;
-    if (rapid_ || minds_shank_) {
+    if (may_not_cut_ || minds_shank_) {
       const double from = std::max(low, line.runs().front().low);
       const double to = std::min(high, line.runs().back().high);
-      crashed = (rapid_ || reaches_shank(ruled, from, to)) &&
+      crashed = (may_not_cut_ || reaches_shank(ruled, from, to)) &&
                 line.length(from, to) > crash_length && crashes(line, ruled, 0.5 * (from + to));
     }
     taken += line.take(low, high, crashed ? -std::max(1, std::abs(line_)) : line_);
@@ -167,19 +171,18 @@ class Cut {
     const auto met = [&](const SweptInterval& in) {
       return in.is_empty() ? 0.0 : line.length(s + in.in, s + in.out);
     };
-    const ShrunkCutter tool = shrunk(cutter_, rubbing);
     const auto sweep = [&](const Cutter& cutter, double base) {
       return SweptCutter(cutter, travel).along(point - Vector3d(0, 0, base), direction);
     };
-    if (rapid_ && met(sweep(tool.cutter, tool.raised)) > crash_length) return true;
+    if (may_not_cut_ && met(sweep(core_.cutter, core_.raised)) > crash_length) return true;
     if (!minds_shank_) return false;
-    const Cutter shank{tool.cutter.radius, 0.0, 0.0};
-    const SweptInterval by_shank = sweep(shank, cutter_.flank_length + tool.raised);
+    const Cutter shank{core_.cutter.radius, 0.0, 0.0};
+    const SweptInterval by_shank = sweep(shank, cutter_.flank_length + core_.raised);
     const double length = met(by_shank);
     if (length <= crash_length || travel.z() >= 0.0) return length > crash_length;
     // what passed the upper end of the flank on its way down the tool was cut before
     const SweptInterval cut_before =
-        swept_disc(cutter_.radius, cutter_.flank_length + tool.raised, travel, point, direction);
+        swept_disc(cutter_.radius, cutter_.flank_length + core_.raised, travel, point, direction);
     if (cut_before.is_empty()) return true;
     const double lo = std::max(by_shank.in, cut_before.in);
     const double hi = std::min(by_shank.out, cut_before.out);
@@ -189,7 +192,8 @@ class Cut {
 
   const Cutter& cutter_;
   int line_;
-  bool rapid_;
+  bool may_not_cut_;
+  ShrunkCutter core_;  // by which what may not cut crashes
   bool minds_shank_ = false;
 };
 
@@ -349,6 +353,33 @@ void sweep_field(DexelField& field, const Places& footprint, double spacing, con
 
 }  // namespace
 
+namespace {
+
+/// Takes out a cutter with the shank that goes on from its flank, or one of the two alone.
+/// @param base  mm above the tip of the tool, of the tip of what is taken out
+void sweep(Stock& stock, const ToolPath& path, int parts, double base, Dexels dexels, Cut& cut) {
+  const auto pose = [&](double t) {
+    ToolPose at = path.at(t);
+    if (base > 0.0) at.tip += base * at.axis();
+    return at;
+  };
+  const Cutter& cutter = cut.cutter();
+  for (int i = 0; i < parts; ++i) {
+    const ToolPose a = pose(double(i) / parts), b = pose(double(i + 1) / parts);
+    const Footprint footprint(stock, cutter, a, b, path.angle() / parts);
+    cut.minds_shank(footprint.height() > cutter.flank_length);
+    const bool turns = path.angle() > 0.0;
+    for (DexelField& field : stock.fields)
+      if (dexels == Dexels::All)
+        sweep_field(field, EveryLine(stock), stock.spacing, a, b, turns, cut);
+      else if (footprint.height() > 0.0)
+        sweep_field(field, footprint, stock.spacing, a, b, turns, cut);
+  }
+  cut.removed.volume = cut.taken * stock.spacing * stock.spacing / double(stock.fields.size());
+}
+
+}  // namespace
+
 Removed remove(Stock& stock, const Cutter& cutter, const StockMove& move, Dexels dexels) {
   check_cutter(cutter);
   const ToolPath path(stock, move);
@@ -361,20 +392,15 @@ Removed remove(Stock& stock, const Cutter& cutter, const StockMove& move, Dexels
                     "straight parts, seen {:.3g} ({:.3g} mm, turning by {:.3g} rad)",
                     most_parts, count, path.length(), path.angle()));
   const int parts = 1 + int(count);
-  Cut cut(cutter, move);
-  for (int i = 0; i < parts; ++i) {
-    const ToolPose a = path.at(double(i) / parts), b = path.at(double(i + 1) / parts);
-    const Footprint footprint(stock, cutter, a, b, path.angle() / parts);
-    cut.minds_shank(footprint.height() > cutter.flank_length);
-    const bool turns = path.angle() > 0.0;
-    for (DexelField& field : stock.fields)
-      if (dexels == Dexels::All)
-        sweep_field(field, EveryLine(stock), stock.spacing, a, b, turns, cut);
-      else if (footprint.height() > 0.0)
-        sweep_field(field, footprint, stock.spacing, a, b, turns, cut);
-  }
-  cut.removed.volume = cut.taken * stock.spacing * stock.spacing / double(stock.fields.size());
-  return cut.removed;
+  Cut cut(cutter, move, Cut::Of::Cutter);
+  sweep(stock, path, parts, 0.0, dexels, cut);
+  if (!cutter.outline) return cut.removed;
+  const Cutter shank{shank_radius(cutter), 0.0, 0.0};
+  Cut by_shank(shank, move, Cut::Of::Shank);
+  sweep(stock, path, parts, cutter.flank_length, dexels, by_shank);
+  return {cut.removed.volume + by_shank.removed.volume,
+          cut.removed.crashed || by_shank.removed.crashed,
+          cut.removed.lines + by_shank.removed.lines};
 }
 
 }  // namespace abbe::cutting

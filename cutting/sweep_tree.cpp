@@ -74,6 +74,9 @@ std::vector<SweepTree::Item> SweepTree::sorted_items() {
   centre_ = 0.5 * (low + high);
   reach_ = 0.5 * (high - low).lpNorm<1>() + 4 * cutter_.radius + cutter_.flank_length;
 
+  // moves at one place whose axes lean apart reach apart: in one node their bound would be that of
+  // a cone of axes
+  const double lever = 0.5 * std::max(cutter_.flank_length, cutter_.radius);
   std::vector<int> first(std::size_t(moves) + 1, 0);
   for (int i = 0; i < moves; ++i) first[i + 1] = first[i] + parts_of(motion_, i);
   std::vector<Key> keys(first.back());
@@ -86,7 +89,9 @@ std::vector<SweepTree::Item> SweepTree::sorted_items() {
         const Vector3d tip = (1 - t) * motion_.tip.row(i) + t * motion_.tip.row(next);
         const Vector3d axis = motion_.axis.row(i) + motion_.axis.row(next);
         const Vector3d k = tip + 0.5 * cutter_.corner_radius * axis - centre_;
-        keys[first[i] + part] = {{float(k.x()), float(k.y()), float(k.z())},
+        const Vector3d arm = lever * axis;
+        keys[first[i] + part] = {{float(k.x()), float(k.y()), float(k.z()), float(arm.x()),
+                                  float(arm.y()), float(arm.z())},
                                  {i, std::uint16_t(part), std::uint16_t(parts)}};
       }
     }
@@ -109,14 +114,14 @@ void SweepTree::gather(std::span<Key> keys) {
   std::size_t run = width;
   while (run * width < keys.size()) run *= width;
   const std::size_t runs = (keys.size() + run - 1) / run;
-  std::array<float, 3> low = keys.front().k, high = low;
+  std::array<float, 6> low = keys.front().k, high = low;
   for (const Key& key : keys)
-    for (int d = 0; d < 3; ++d) {
+    for (std::size_t d = 0; d < low.size(); ++d) {
       low[d] = std::min(low[d], key.k[d]);
       high[d] = std::max(high[d], key.k[d]);
     }
-  int d = 0;
-  for (const int other : {1, 2})
+  std::size_t d = 0;
+  for (std::size_t other = 1; other < low.size(); ++other)
     if (high[other] - low[other] > high[d] - low[d]) d = other;
   const std::size_t half = runs / 2 * run;
   std::nth_element(keys.begin(), keys.begin() + std::ptrdiff_t(half), keys.end(),
@@ -292,7 +297,7 @@ std::optional<Removal> SweepTree::first_removal(const Ray& ray, Hint& hint) cons
 
 /// The moves that some of rays beside each other may meet first.
 struct SweepTree::Near {
-  static constexpr int room = 96;
+  static constexpr int room = 256;
   int most = room;
   int count = 0;
   std::array<int, room> items;
@@ -475,26 +480,40 @@ void SweepTree::search_near(std::span<const Ray> rays, std::span<std::optional<R
   std::array<MoveLanes<lanes>, room> moves;
   for (int k = 0; k < count * lanes; ++k)
     moves[k / lanes].put(k % lanes, cutter_, near.moves[std::min(k, near.count - 1)]);
+  std::array<MoveEnds, Near::room> ends;
+  for (int k = 0; k < near.count; ++k) ends[k] = ends_of(near.moves[k]);
   std::array<EntryBounds<lanes>, room> bounds;
   for (std::size_t i = 0; i < rays.size(); ++i) {
     const Ray& ray = rays[i];
     for (int l = 0; l < count; ++l) bounds[l] = entry_bounds(cutter_, moves[l], ray);
-    const auto least = [&](int k) -> float& { return bounds[k / lanes].least[k % lanes]; };
+    const auto least = [&](int k) { return bounds[k / lanes].least[k % lanes]; };
     First search;
-    while (true) {
-      int next = 0;
-      for (int k = 1; k < near.count; ++k)
-        if (least(k) < least(next)) next = k;
-      if (double(least(next)) > search.limit(ray)) break;
-      least(next) = 2e30f;
-      const Move& move = near.moves[next];
+    const auto attempt = [&](int k) {
+      const Move& move = near.moves[k];
       const double limit = search.limit(ray);
       const std::optional<Entry> entry =
           is_ball(cutter_)
               ? first_entry(cutter_, move, ray, limit)
-              : first_entry(cutter_, move, ray, limit, bounds[next / lanes].part[next % lanes]);
-      if (entry) search.take(removal_of(*entry, near.items[next]), near.items[next]);
+              : first_entry(cutter_, move, ray, limit, bounds[k / lanes].part[k % lanes]);
+      if (entry) search.take(removal_of(*entry, near.items[k]), near.items[k]);
+    };
+    int best = 0;
+    for (int k = 1; k < near.count; ++k)
+      if (least(k) < least(best)) best = k;
+    if (double(least(best)) <= search.limit(ray)) attempt(best);
+    // those that single precision cannot tell from it, the nearest first
+    int rivals = 0;
+    std::array<std::pair<double, int>, Near::room> by_least;
+    for (int k = 0; k < near.count; ++k) {
+      if (k == best || double(least(k)) > search.limit(ray)) continue;
+      const auto& m = bounds[k / lanes].m;
+      const Vector3d away(m[0][k % lanes], m[1][k % lanes], m[2][k % lanes]);
+      const double sharper = least_entry(cutter_, ends[k], ray, away);
+      if (sharper <= search.limit(ray)) by_least[rivals++] = {sharper, k};
     }
+    std::sort(by_least.begin(), by_least.begin() + rivals);
+    for (int r = 0; r < rivals && by_least[r].first <= search.limit(ray); ++r)
+      attempt(by_least[r].second);
     found[i] = search.best;
     if (search.best) hint.item = search.best_item;
   }
@@ -557,7 +576,7 @@ bool SweepTree::search_patch(std::span<const Ray> rays, std::span<std::optional<
   if (limits.empty()) return false;
   const std::optional<PatchStretch> patch = patch_of(rays, limits);
   Near near;
-  near.most = std::min(Near::room, 2 * int(rays.size()) + 16);
+  near.most = is_ball(cutter_) ? std::min(Near::room, 2 * int(rays.size()) + 16) : Near::room;
   if (!patch || !gather_near(*patch, near, hint)) return false;
   if (near.count == 0)
     std::fill(found.begin(), found.end(), std::nullopt);

@@ -67,7 +67,7 @@ class SweepTree {
   struct Collection;
 
   struct Key {
-    std::array<float, 3> k;  // mm, about the centre
+    std::array<float, 6> k;  // mm, about the centre, and the axis times a lever
     Item item;
   };
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "cutting/cutter_entry.h"
 #include "kinematics/numbers.h"
 
 namespace abbe::cutting {
@@ -12,8 +13,9 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double no_travel = 1e-12;   // mm
-constexpr double along_axis = 1e-13;  // of a direction, where it counts as lying in a plane
+constexpr double no_travel = 1e-12;       // mm
+constexpr double outside_of_form = 1e-3;  // mm, beyond the flat end around one
+constexpr double along_axis = 1e-13;      // of a direction, where it counts as lying in a plane
 
 /// A stretch of a line that conditions shorten; lo > hi where nothing is left.
 struct Stretch {
@@ -86,7 +88,8 @@ struct SweptCutter::Sum {
 };
 
 SweptCutter::SweptCutter(const Cutter& cutter, const Vector3d& travel)
-    : radius_(cutter.radius),
+    : cutter_(cutter),
+      radius_(cutter.radius),
       corner_(cutter.corner_radius),
       ring_(cutter.radius - cutter.corner_radius),
       travel_(travel),
@@ -239,9 +242,31 @@ SweptInterval SweptCutter::along_bull(const Line& line) const {
   return bracket;
 }
 
+/// From both sides of the flat end around it, which no place of the line inside the form is
+/// outside of.
+SweptInterval SweptCutter::along_form(const Line& line) const {
+  const SweptInterval around = along_flat(line, radius_);
+  Stretch within{around.in, around.out};
+  const double lowest = std::min(0.0, travel_.z()), highest = std::max(0.0, travel_.z());
+  within.between(line.point.z() - lowest, line.direction.z(),
+                 cutter_.flank_length + highest - lowest);
+  if (within.is_empty() || !std::isfinite(within.lo) || !std::isfinite(within.hi)) return {};
+  const double length = line.direction.norm(), middle = 0.5 * (within.lo + within.hi);
+  const double half = 0.5 * (within.hi - within.lo) * length + outside_of_form;
+  const Move move{Vector3d::Zero(), travel_, Vector3d::UnitZ(), Vector3d::UnitX()};
+  Ray ray{line.point + middle * line.direction, line.direction / length, half};
+  const auto in = first_entry(cutter_, move, ray, half);
+  if (!in) return {};
+  ray.normal = -ray.normal;
+  const auto out = first_entry(cutter_, move, ray, half);
+  if (!out) return {};
+  return {middle + in->s / length, middle - out->s / length, in->t, out->t};
+}
+
 SweptInterval SweptCutter::along(const Vector3d& point, const Vector3d& direction) const {
   const Line line(point, direction, corner_);
-  SweptInterval found = corner_ == 0.0       ? along_flat(line, radius_)
+  SweptInterval found = cutter_.outline      ? along_form(line)
+                        : corner_ == 0.0     ? along_flat(line, radius_)
                         : corner_ == radius_ ? along_ball(line)
                                              : along_bull(line);
   found.in += line.shift;

@@ -8,8 +8,8 @@
 
 /// Lines against a cutter that is moved along a segment, in the frame of the cutter at the start:
 /// tip at the origin, axis along z. The cutter is its bottom and corner with a cylinder of its
-/// radius that has no upper end, so it is convex, its sweep too, and a line lies in it between two
-/// places at most.
+/// radius that has no upper end, a form cutter its outline alone: convex, so its sweep is too, and
+/// a line lies in it between two places at most.
 namespace abbe::cutting {
 
 /// Where a line is inside a sweep: from `in` to `out` in units of its direction, either may be
@@ -38,11 +38,13 @@ class SweptCutter {
   SweptInterval along_flat(const Line& line, double radius) const;
   SweptInterval along_ball(const Line& line) const;
   SweptInterval along_bull(const Line& line) const;
+  SweptInterval along_form(const Line& line) const;
   void add_cylinders(const Line& line, double radius, Sum& sum) const;
   struct Nearest;
   Nearest nearest(const Eigen::Vector3d& point, double t) const;
   double settled(const Line& line, double from, double sense, double& t) const;
 
+  Cutter cutter_;
   double radius_, corner_, ring_;
   Eigen::Vector3d travel_;
   double lateral_;        // mm of travel across the axis

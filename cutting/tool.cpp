@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "kinematics/require.h"
 
@@ -13,10 +14,6 @@ Cutter form_cutter(ToolOutline outline) {
 }
 
 void check_cutter(const Cutter& cutter) {
-  require(
-      !cutter.outline,
-      "cutter: expected a ball, bull-nosed or flat end, seen a form cutter, of which the machined "
-      "surface alone is known");
   require(std::isfinite(cutter.radius) && cutter.radius > 0.0 && cutter.corner_radius >= 0.0 &&
               cutter.corner_radius <= cutter.radius && std::isfinite(cutter.flank_length) &&
               cutter.flank_length >= cutter.corner_radius,
@@ -25,6 +22,10 @@ void check_cutter(const Cutter& cutter) {
 
 ShrunkCutter shrunk(const Cutter& cutter, double margin) {
   const double by = std::min(margin, 0.25 * cutter.radius);
+  if (cutter.outline) {
+    InnerOutline inner = inside(*cutter.outline, std::min(by, 0.25 * cutter.flank_length));
+    return {form_cutter(std::move(inner.outline)), inner.raised};
+  }
   return {{cutter.radius - by, std::max(0.0, cutter.corner_radius - by), cutter.flank_length}, by};
 }
 

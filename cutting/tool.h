@@ -24,7 +24,25 @@ inline bool is_ball(const Cutter& cutter) {
   return !cutter.outline && cutter.corner_radius == cutter.radius;
 }
 
-/// @throws std::invalid_argument for a cutter out of those ranges, or a form cutter
+/// mm, of what goes on above the flank.
+inline double shank_radius(const Cutter& cutter) {
+  return cutter.outline ? top_radius(*cutter.outline) : cutter.radius;
+}
+
+/// mm above the tip, of the middle of the corner: of a ball its centre.
+inline double corner_height(const Cutter& cutter) {
+  return cutter.outline ? corner_height(*cutter.outline) : cutter.corner_radius;
+}
+
+/// How far it reaches from its tip along a direction that rises by `rise` along its axis and goes
+/// by `across` across it.
+inline double support(const Cutter& cutter, double rise, double across) {
+  if (cutter.outline) return support(*cutter.outline, rise, across);
+  if (rise > 0) return cutter.flank_length * rise + cutter.radius * across;
+  return cutter.corner_radius * (1 + rise) + (cutter.radius - cutter.corner_radius) * across;
+}
+
+/// @throws std::invalid_argument for a cutter out of those ranges
 void check_cutter(const Cutter& cutter);
 
 /// A cutter with all of its surface moved inwards, its tip staying where the bottom then is.
@@ -32,7 +50,8 @@ struct ShrunkCutter {
   Cutter cutter;
   double raised = 0.0;  ///< mm, of the tip
 };
-/// @param margin  mm; a quarter of the radius at most is taken
+/// @param margin  mm; a quarter of the radius at most is taken, and of the height of a form cutter,
+///                whose arcs then are polygons (outline.h)
 ShrunkCutter shrunk(const Cutter& cutter, double margin);
 
 /// One wave on the nose of a turning tool: the edge stands out by amplitude cos(order psi + phase).

@@ -125,7 +125,7 @@ class ToolBodies {
   void add_shank(const cutting::Cutter& cutter) {
     const double end = tool_.holder ? (*tool_.holder)(0, 1) : tool_.actual_length;
     const double length = end - cutter.flank_length;
-    const double radius = tool_.shank_radius.value_or(cutter.radius);
+    const double radius = tool_.shank_radius.value_or(cutting::shank_radius(cutter));
     const double skin = std::min(skin_, 0.25 * radius);
     if (!(length > skin)) return;
     Pieces core;

@@ -39,6 +39,8 @@ struct PoseErrors {
 double oversize(const ToolDescription& tool) {
   if (const auto* nominal = std::get_if<cutting::Cutter>(&tool.nominal)) {
     const auto& actual = std::get<cutting::Cutter>(tool.actual);
+    if (nominal->outline && actual.outline)
+      return cutting::farthest_apart(*nominal->outline, *actual.outline);
     return std::abs(actual.radius - nominal->radius) +
            std::abs(actual.corner_radius - nominal->corner_radius);
   }

@@ -28,7 +28,8 @@ Look looked(const cutting::CuttingLoad& cut) {
 
 /// Height above the tip whose motion is the feed.
 double feed_height(const cutting::Cutter& cutter) {
-  return cutter.corner_radius > 0.0 ? cutter.corner_radius : 0.5 * cutter.flank_length;
+  const double corner = cutting::corner_height(cutter);
+  return corner > 0.0 ? corner : 0.5 * cutter.flank_length;
 }
 
 /// Edge in material and largest chip of an engagement.

@@ -101,7 +101,7 @@ void add_holder_texts(const ToolDescription& tool, std::vector<std::string>& tex
   if (const double under = cutter->flank_length - begin; under > least)
     texts.push_back(fmt::format(
         "the holder{} begins {:.6g} mm above the tip, {:.6g} mm below the upper end of the flank "
-        "(flank_length_mm {:.6g}): that much of the cutter is in the holder",
+        "(flank length {:.6g} mm): that much of the cutter is in the holder",
         whose, begin, under, cutter->flank_length));
   const double over = end - tool.actual_length;
   if (std::abs(over) > least)
@@ -149,7 +149,7 @@ std::vector<std::string> shank_warnings(const Scene& scene, const cutting::Desig
                                         const NominalRun& run) {
   const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
   if (cutter == nullptr) return {};
-  const double radius = scene.tool.shank_radius.value_or(cutter->radius);
+  const double radius = scene.tool.shank_radius.value_or(cutting::shank_radius(*cutter));
   const auto contact =
       cutting::shank_contact(design_w, *cutter, cutter_motion(run.T_wt, run.samples),
                              {.length = scene.tool.length, .band = scene.band, .radius = radius});

@@ -40,12 +40,8 @@ bool is_milled(const Job& job) {
 /// How far the cutter reaches along a direction. @param T  tool in the frame of the direction
 double reach_along(const cutting::Cutter& cutter, const Pose& T, const Vector3d& direction) {
   const Vector3d axis = T.linear().col(2);
-  const double along = direction.dot(axis);
-  const double across = direction.cross(axis).norm();
-  const double corner = direction.dot(T.translation() + cutter.corner_radius * axis);
-  if (along > 0.0)
-    return corner + (cutter.flank_length - cutter.corner_radius) * along + cutter.radius * across;
-  return corner + cutter.corner_radius + (cutter.radius - cutter.corner_radius) * across;
+  return direction.dot(T.translation()) +
+         cutting::support(cutter, direction.dot(axis), direction.cross(axis).norm());
 }
 
 /// Low and high end of what one pose of the tool takes in a coordinate, and the tip's place in it.

@@ -155,7 +155,7 @@ class StockSearch {
 
   /// Of a shank: another than the cutter's.
   bool has_own_radius(const SolidBody& shank) const {
-    return std::abs(radius_of(shank) - cutter_.radius) > 0.01 * cutter_.radius;
+    return std::abs(radius_of(shank) - shank_radius(cutter_)) > 0.01 * cutter_.radius;
   }
   static double radius_of(const SolidBody& shank) {
     return shank.mesh.vertices.leftCols<2>().rowwise().norm().maxCoeff();
@@ -411,7 +411,7 @@ class StockSearch {
     if (removed.volume > 0.0) is_stale_ = true;
     // a shank that is wider is watched and meets whatever one of the cutter's radius does
     const bool is_watched =
-        own_shank_radius_.value_or(0.0) > cutter_.radius && !milling_.rapid[k + 1];
+        own_shank_radius_.value_or(0.0) > shank_radius(cutter_) && !milling_.rapid[k + 1];
     if (removed.crashed && !is_watched) crashes_.push_back(k);
   }
 

@@ -119,7 +119,7 @@ int by_flank(const ProgramGouge& gouge, const Surface& surface, const cutting::D
     const Position tool = position(motion, surface.cut_time_s[i]);
     const Vector3d contact =
         design_w.vertices.row(i) + surface.residual[i] * design_w.normals.row(i);
-    return tool.axis.dot(contact - tool.tip) > cutter.corner_radius + above_corner;
+    return tool.axis.dot(contact - tool.tip) > cutting::corner_height(cutter) + above_corner;
   }));
 }
 

@@ -21,7 +21,7 @@ using kinematics::Pose;
 /// centre.
 double functional_height(const NominalTool& tool) {
   const auto* cutter = std::get_if<cutting::Cutter>(&tool.shape);
-  return cutter != nullptr ? cutter->corner_radius : 0.0;
+  return cutter != nullptr ? cutting::corner_height(*cutter) : 0.0;
 }
 
 compensation::CorrectOptions correct_options(const Seen& seen, const CaseDescription& compensator) {

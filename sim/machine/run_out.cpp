@@ -115,7 +115,7 @@ Scene with_run_out(const Scene& scene) {
   if (motion.elements.empty()) return scene;
   check(motion.elements, scene);
 
-  const Vector3d corner_s(0, 0, cutter->corner_radius - scene.tool.actual_length);
+  const Vector3d corner_s(0, 0, cutting::corner_height(*cutter) - scene.tool.actual_length);
   const RunOut found = most(motion, scene.machine.T_bs * corner_s - spindle->point_b,
                             scene.machine.T_bs.linear().col(2));
   result.tool.actual = cutting::with_run_out(*cutter, found.radial, found.axial);

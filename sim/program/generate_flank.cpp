@@ -37,6 +37,9 @@ void check(const Flank& flank, const cutting::Cone& cone, const cutting::Cutter&
   const bool sizes = flank.step > 0 && flank.feed > 0 && flank.clearance > 0 &&
                      cone.base_radius > 0 && cutter.radius > 0 && cone.half_apex_angle > 0 &&
                      cone.half_apex_angle < std::numbers::pi / 2;
+  if (cutter.outline)
+    throw std::invalid_argument(
+        "expected a cutter with a cylinder as its flank, a ball, bull or flat end");
   if (!sizes || !std::isfinite(flank.tip_below))
     throw std::invalid_argument(
         "expected positive sizes of the cone, the cutter, step, feed and clearance");

@@ -111,9 +111,15 @@ Posture posture(const Raster& raster, const cutting::Cutter& cutter,
   u = Eigen::AngleAxisd(raster.tilt, feed) * u;
   if (fixed_axis) u = *fixed_axis;
   u.normalize();
-  const double r = cutter.corner_radius;
   const Eigen::Vector3d inward = n - n.dot(u) * u;
   const double sine = inward.norm();
+  if (cutter.outline) {
+    const Eigen::Vector2d touching = cutting::support_point(*cutter.outline, -n.dot(u), sine);
+    Eigen::Vector3d tip = contact.point - touching.y() * u;
+    if (sine > 1e-12) tip += touching.x() * (inward / sine);
+    return {tip, u, u};
+  }
+  const double r = cutter.corner_radius;
   Eigen::Vector3d tip = contact.point + r * (n - u);
   // With the flat on the surface any point of it touches; the tip is taken.
   if (sine > 1e-12) tip += (cutter.radius - r) * (inward / sine);

@@ -16,8 +16,6 @@ using cutting::NoseWave;
 constexpr Range tool_size{0.0, 10'000.0, true, false};  // mm
 constexpr Range tool_length{-10'000.0, 10'000.0};       // mm
 
-/// How a dimension is asked for: of the nominal tool by `must`, of the actual one by this.
-using Asked = KeyName (*)(KeyName);
 KeyName or_nominal(KeyName key) { return key.otherwise("as nominal"); }
 
 void check_cutter(TableReader& reader, const Cutter& cutter) {
@@ -72,8 +70,48 @@ Fields<NoseWave> wave_fields() {
       .number("phase_deg", &NoseWave::phase, any_number, "of its cosine, from the tool's x to z");
 }
 
+bool is_form(const std::string& kind) { return kind == "apt" || kind == "form"; }
+
+/// "outline: expected a, seen b" of what a form is refused for.
+void refuse(TableReader& reader, const std::string& why) {
+  const std::string expected = "expected ", seen = ", seen ";
+  const std::size_t from = why.find(expected), to = why.rfind(seen);
+  if (from == std::string::npos || to == std::string::npos || to < from)
+    return reader.faults().add(reader.place(), "numbers that make a form cutter", why);
+  reader.faults().add(
+      reader.place(),
+      why.substr(0, from) + why.substr(from + expected.size(), to - from - expected.size()),
+      why.substr(to + seen.size()));
+}
+
+using ToolShape = std::variant<Cutter, Nose>;
+
+/// A form cutter, made once its numbers are good.
+Fields<ToolDescription> form_tool_fields(const std::string& kind, Asked asked,
+                                         FormDescription ToolDescription::*form,
+                                         ToolShape ToolDescription::*shape) {
+  const Fields<FormDescription> own = form_fields(kind, asked);
+  return Fields<ToolDescription>().custom(
+      own.keys(),
+      [=](TableReader& reader, ToolDescription& tool) {
+        const std::size_t before = reader.faults().list().size();
+        tool.*form = own.read(reader, std::move(tool.*form));
+        if (reader.faults().list().size() != before) return;
+        try {
+          tool.*shape = cutter_of(tool.*form);
+        } catch (const std::invalid_argument& why) {
+          refuse(reader, why.what());
+        }
+      },
+      [=](const ToolDescription& tool, Node::Table& table) {
+        put_all(table, own.written(tool.*form));
+      });
+}
+
 Fields<ToolDescription> nominal_fields(const std::string& kind) {
   Fields<ToolDescription> fields;
+  if (is_form(kind))
+    return form_tool_fields(kind, must, &ToolDescription::nominal_form, &ToolDescription::nominal);
   if (kind == "nose")
     return fields.then([](ToolDescription& tool) { tool.nominal = Nose{}; })
         .all_of(
@@ -87,6 +125,9 @@ Fields<ToolDescription> actual_fields(const std::string& kind) {
   Fields<ToolDescription> fields;
   fields.number(or_nominal("length_mm"), &ToolDescription::actual_length, tool_length,
                 "from the nose of the spindle");
+  if (is_form(kind))
+    return fields.all_of(itself, form_tool_fields(kind, or_nominal, &ToolDescription::actual_form,
+                                                  &ToolDescription::actual));
   if (kind != "nose")
     return fields.all_of(
         [](auto& tool) -> auto& { return std::get<Cutter>(tool.actual); },
@@ -133,6 +174,13 @@ const std::vector<ToolKind>& tool_kinds() {
   static const std::vector<ToolKind> kinds{tool_kind("ball", "its end is a hemisphere"),
                                            tool_kind("bull", "a flat end with a round corner"),
                                            tool_kind("flat", "a flat end with a sharp corner"),
+                                           tool_kind("apt",
+                                                     "the cutter of APT by its seven "
+                                                     "parameters: taper, tapered ball, "
+                                                     "drill point, dovetail"),
+                                           tool_kind("form",
+                                                     "lines and arcs about the axis that "
+                                                     "bulge outwards: barrel, lens, oval"),
                                            tool_kind("nose", "a turning tool")};
   return kinds;
 }
@@ -154,6 +202,8 @@ const ToolKind& kind_in(TableReader& reader) {
 const ToolKind& kind_of(const ToolDescription& tool) {
   const auto* nominal = std::get_if<Cutter>(&tool.nominal);
   if (!nominal) return kind_named("nose");
+  if (std::holds_alternative<AptForm>(tool.nominal_form)) return kind_named("apt");
+  if (std::holds_alternative<OutlineForm>(tool.nominal_form)) return kind_named("form");
   const Cutter& actual = std::get<Cutter>(tool.actual);
   if (nominal->corner_radius == 0.0 && actual.corner_radius == 0.0) return kind_named("flat");
   const bool round =
@@ -167,6 +217,8 @@ void check_wear(TableReader& reader, ToolDescription& tool) {
   if (!tool.wear) return;
   if (cutter == nullptr)
     reader.refuse("wear", "a milling cutter beside wear", "a turning tool");
+  else if (cutter->outline)
+    reader.refuse("wear", "a ball, bull-nosed or flat end beside wear", "a form cutter");
   else if (!(tool.wear->radius < 0.5 * cutter->radius))
     reader.refuse("wear", "a wear of less than half the radius", "more");
 }
@@ -194,8 +246,10 @@ Key tool_kind_key() {
 
 Key actual_key() {
   std::vector<Key> keys = kind_named("bull").actual.keys();
-  for (Key& key : kind_named("nose").actual.keys())
-    if (key.name != "length_mm" && key.name != "radius_mm") keys.push_back(std::move(key));
+  for (const char* kind : {"apt", "form", "nose"})
+    for (Key& key : kind_named(kind).actual.keys())
+      if (std::ranges::none_of(keys, [&](const Key& one) { return one.name == key.name; }))
+        keys.push_back(std::move(key));
   return key_of(KeyName("actual").otherwise("as nominal"), Key::Kind::Table,
                 "what the tool really is, where that differs", std::move(keys));
 }
@@ -227,6 +281,7 @@ const Fields<ToolDescription>& tool_fields() {
                  999'999, "T by which a program calls it: a call of another is refused")
           .then([](Tool& tool) {
             tool.actual = tool.nominal;
+            tool.actual_form = tool.nominal_form;
             tool.actual_length = tool.length;
           })
           .custom(

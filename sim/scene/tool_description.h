@@ -19,12 +19,26 @@ struct ToolWear {
   double length = 0.0;           ///< mm, the tip goes back along the axis of the tool
 };
 
+/// The cutter of APT as it is described.
+struct AptForm {
+  cutting::AptCutter numbers{.diameter = 0.0, .height = 0.0};
+  std::optional<double> radial, axial;  ///< mm, of the middle of the corner; none: it is tangent
+};
+/// A cutter by points of its outline.
+struct OutlineForm {
+  Eigen::VectorXd radii, heights;       ///< (n) mm
+  std::optional<Eigen::VectorXd> arcs;  ///< (n) mm, on the way to a point; 0 and none: straight
+};
+/// What makes a form cutter, or that it is none.
+using FormDescription = std::variant<std::monostate, AptForm, OutlineForm>;
+
 /// A tool, what the control believes of it, and what it really is.
 struct ToolDescription {
   std::string name;
   std::optional<int> number;  ///< T of a program that calls it
   std::variant<cutting::Cutter, cutting::Nose> nominal;
   std::variant<cutting::Cutter, cutting::Nose> actual;  ///< same alternative as nominal
+  FormDescription nominal_form = {}, actual_form = {};  ///< of which those are made
   double length = 0.0;                                  ///< mm from the nose s to the tip t
   double actual_length = 0.0;                           ///< mm
   double centring_offset = 0.0;       ///< mm, turning: the tip stands this much along t's x really

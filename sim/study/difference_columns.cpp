@@ -131,7 +131,8 @@ Columns of_poses(const BaseRun& run, const std::array<Machined, 2>& sides,
 
 bool same_shape(const cutting::Cutter& a, const cutting::Cutter& b) {
   return a.radius == b.radius && a.corner_radius == b.corner_radius &&
-         a.flank_length == b.flank_length;
+         a.flank_length == b.flank_length &&
+         (a.outline == b.outline || (a.outline && b.outline && *a.outline == *b.outline));
 }
 
 Columns difference_columns(const BaseRun& run, Index input, const std::array<Scene, 2>& scenes) {

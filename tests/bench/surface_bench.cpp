@@ -1,5 +1,5 @@
 // Cost of the milled surface a vertex and a move, and how it grows.
-//   surface_bench [vertices [repetitions]]
+//   surface_bench [vertices [repetitions [part of the names that are measured]]]
 
 #include <chrono>
 #include <cmath>
@@ -21,6 +21,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double side = 100.0;  // mm
+std::string measured;           // part of the names
 
 Design wave(int per_side) { return bench::wave(side, per_side); }
 
@@ -47,11 +48,12 @@ double seconds(const Design& design, const Cutter& cutter, const CutterMotion& m
 
 void report(const char* name, const Cutter& cutter, const CutterMotion& motion,
             const Design& design, int repetitions) {
+  if (std::string(name).find(measured) == std::string::npos) return;
   const double build = seconds(wave(0), cutter, motion, repetitions);
   const double all = seconds(design, cutter, motion, repetitions);
   const double vertices = double(design.vertices.rows()), moves = double(motion.tip.rows());
   std::printf(
-      "%-22s %9.0f vertices %9.0f moves  build %7.1f ms (%5.0f ns/move)  all %7.3f s"
+      "%-24s %9.0f vertices %9.0f moves  build %7.1f ms (%5.0f ns/move)  all %7.3f s"
       " (%6.0f ns/vertex)\n",
       name, vertices, moves, 1e3 * build, 1e9 * build / moves, all, 1e9 * (all - build) / vertices);
 }
@@ -107,6 +109,7 @@ int main(int argc, char** argv) {
   using namespace abbe::cutting;
   const int vertices = argc > 1 ? std::atoi(argv[1]) : 1'000'000;
   const int repetitions = argc > 2 ? std::atoi(argv[2]) : 3;
+  if (argc > 3) measured = argv[3];
   const int n = int(std::lround(std::sqrt(double(vertices))));
   const Cutter ball{5, 5, 20};
   const Cutter bull_nose{5, 1, 20};
@@ -126,6 +129,12 @@ int main(int argc, char** argv) {
     report("bull-nose, five axes", bull_nose, false, n, 201, repetitions);
     report("bull-nose, three axes", bull_nose, true, n, 201, repetitions);
     report("flat end, five axes", {5, 0, 20}, false, n, 201, repetitions);
+    for (const auto& [name, cutter] :
+         {std::pair{"ball, into the feed", ball}, {"bull-nose, into the feed", bull_nose}}) {
+      const bench::WaveRaster both{
+          .side = side, .passes = 201, .upright = false, .lead = 0.5, .into_feed = true};
+      report(name, cutter, bench::wave_motion(cutter, both), wave(n), repetitions);
+    }
     report("flank of a cone", {5, 1, 30}, around_cone({5, 1, 30}, 40400), cone(n), repetitions);
     report("tapered ball", form_cutter(apt_outline(tapered_ball)), false, n, 201, repetitions);
     report("barrel", form_cutter(outline_through(barrel)), false, n, 201, repetitions);

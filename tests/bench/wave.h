@@ -47,19 +47,15 @@ struct WaveRaster {
   int passes = 201;               ///< 0.5 mm of step and step-over
   bool upright = true;            ///< else the axis leads
   double lead = 10 * units::deg;  ///< rad from the normal along x
+  bool into_feed = false;         ///< along the feed instead, on each pass against the one before
 };
 
 /// Where a cutter reaches farthest in a direction that goes by `across` across its axis and by
 /// `rise` along it: from the axis, and above the tip.
 inline Eigen::Vector2d foremost(const cutting::Cutter& cutter, double across, double rise) {
   const double r = cutter.corner_radius;
-  if (!cutter.outline) return {cutter.radius - r + r * across, r + r * rise};
-  const double h = 1e-6;  // the gradient of how far it reaches
-  const auto reach = [&](double x, double y) {
-    return cutting::support(*cutter.outline, y, std::max(x, 0.0));
-  };
-  return {(reach(across + h, rise) - reach(across - h, rise)) / (2 * h),
-          (reach(across, rise + h) - reach(across, rise - h)) / (2 * h)};
+  if (cutter.outline) return cutting::support_point(*cutter.outline, rise, across);
+  return {cutter.radius - r + r * across, r + r * rise};
 }
 
 /// Samples `first` to `last` of the raster; the cutter touches the wave at every point.
@@ -77,10 +73,10 @@ inline cutting::CutterMotion wave_motion(const cutting::Cutter& cutter, const Wa
     const double y = raster.side * double(j) / (passes - 1);
     const Eigen::Vector3d normal = wave_normal(x, y);
     const Eigen::Vector3d along = (Eigen::Vector3d::UnitX() - normal.x() * normal).normalized();
+    const double lead = raster.into_feed && j % 2 == 1 ? -raster.lead : raster.lead;
     const Eigen::Vector3d axis =
-        raster.upright
-            ? Eigen::Vector3d::UnitZ().eval()
-            : Eigen::Vector3d(std::cos(raster.lead) * normal + std::sin(raster.lead) * along);
+        raster.upright ? Eigen::Vector3d::UnitZ().eval()
+                       : Eigen::Vector3d(std::cos(lead) * normal + std::sin(lead) * along);
     const Eigen::Vector3d across = normal - normal.dot(axis) * axis;
     const Eigen::Vector2d touch = foremost(cutter, across.norm(), -normal.dot(axis));
     const Eigen::Vector3d tip =

@@ -5,9 +5,6 @@
 
 #include <gtest/gtest.h>
 
-#include "cutting/body.h"
-#include "cutting/contacts.h"
-#include "cutting/run_out.h"
 #include "cutting/surface.h"
 #include "kinematics/units.h"
 #include "tests/cutting/random.h"
@@ -195,15 +192,6 @@ TEST(FormCutter, OutlinesThatAreNoneAreRefused) {
   refused_apt({.diameter = 10, .corner = 1, .radial = 7, .axial = 1});  // beside the flank
   refused_apt({.diameter = 10, .flank = -60 * units::deg, .height = 20});
   refused_apt({.diameter = 10, .bottom = 80 * units::deg, .flank = 20 * units::deg});
-}
-
-/// What knows the three numbers alone says so.
-TEST(FormCutter, IsRefusedWhereOnlyItsSurfaceIsKnown) {
-  const Cutter cutter = form_cutter(apt_outline({.diameter = 10, .height = 20}));
-  EXPECT_THROW(check_cutter(cutter), std::invalid_argument);
-  EXPECT_THROW(with_run_out(cutter, 0.01, 0.0), std::invalid_argument);
-  EXPECT_THROW(cutter_mesh(cutter, 0.01), std::invalid_argument);
-  EXPECT_THROW(milled_contacts({}, {}, cutter, {}), std::invalid_argument);
 }
 
 /// The sizes of APT: a corner's tangent points by hand.

@@ -7,7 +7,7 @@
 #include <tbb/parallel_for.h>
 
 #include "cutting/engagement.h"
-#include "tests/cutting/random.h"
+#include "tests/cutting/any_form.h"
 #include "tests/cutting/stock_parts.h"
 
 // The sweep through a stock against the same with every line tried, bit for bit, and engagement
@@ -21,6 +21,7 @@ using std::numbers::pi;
 
 Cutter any_cutter(Random& random, double least, double most) {
   const double R = random.decades(std::log10(least), std::log10(most));
+  if (random.once_in(5)) return any_form(random, R);
   const double r = random.once_in(3) ? R
                    : random.once_in(2)
                        ? 0.0
@@ -135,7 +136,28 @@ TEST(StockCulling, ATurnOfNothingTakesWhatStandingTakes) {
 struct Edge {
   double radius, height, kappa;
 };
+/// Along an outline, each arc by its angle.
+Edge edge_at(const ToolOutline& outline, double at) {
+  for (const OutlinePiece& piece : outline.pieces) {
+    const double begin = std::atan2(piece.normal_from.x(), -piece.normal_from.y());
+    const double turn = std::atan2(piece.normal_to.x(), -piece.normal_to.y()) - begin;
+    const double length = piece.is_arc ? piece.radius * turn : (piece.to - piece.from).norm();
+    if (at > length) {
+      at -= length;
+      continue;
+    }
+    const double kappa = piece.is_arc ? begin + at / piece.radius : begin;
+    const Eigen::Vector2d normal(std::sin(kappa), -std::cos(kappa));
+    const Eigen::Vector2d place =
+        piece.is_arc ? Eigen::Vector2d(piece.from + piece.radius * (normal - piece.normal_from))
+                     : Eigen::Vector2d(piece.from + at / length * (piece.to - piece.from));
+    return {place.x(), place.y(), kappa};
+  }
+  return {};
+}
+
 Edge edge_at(const Cutter& cutter, double at) {
+  if (cutter.outline) return edge_at(*cutter.outline, at);
   const double r = cutter.corner_radius, flat = cutter.radius - r;
   if (at <= flat) return {at, 0.0, 0.0};
   const double kappa = r > 0 ? (at - flat) / r : pi;

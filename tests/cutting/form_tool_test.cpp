@@ -1,0 +1,381 @@
+// Form cutters in what is not the surface: stock, engagement, contacts, run-out, bodies.
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <map>
+#include <numbers>
+
+#include <gtest/gtest.h>
+
+#include "cutting/body.h"
+#include "cutting/contacts.h"
+#include "cutting/engagement.h"
+#include "cutting/run_out.h"
+#include "cutting/shank.h"
+#include "cutting/surface.h"
+#include "kinematics/units.h"
+#include "tests/cutting/any_form.h"
+#include "tests/cutting/stock_parts.h"
+
+namespace abbe::cutting {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using std::numbers::pi;
+
+namespace form_tools {
+
+/// A form of the shape of a common cutter.
+Cutter as_form(const Cutter& cutter) {
+  return form_cutter(
+      apt_outline({2 * cutter.radius, cutter.corner_radius, cutter.radius - cutter.corner_radius,
+                   cutter.corner_radius, 0, 0, cutter.flank_length}));
+}
+
+Cutter any_common(Random& random) {
+  const double R = random.in(2, 6), r = random.once_in(3)   ? R
+                                        : random.once_in(2) ? 0.0
+                                                            : R * random.in(0.05, 0.9);
+  return {R, r, r + random.in(3, 12)};
+}
+
+/// mm, how far a place seen from the tool lies outside it and its shank; the sign is exact.
+double outside_by(const Cutter& form, const Vector3d& place) {
+  const double rho = place.head<2>().norm();
+  return std::min(distance(*form.outline, {rho, place.z()}).value,
+                  std::max(rho - shank_radius(form), form.flank_length - place.z()));
+}
+
+/// The least of those over a move whose axis stands: outline and shank are convex, so halving finds
+/// the least of each.
+double sweep_outside_by(const Cutter& form, const Vector3d& tip, const Vector3d& axis,
+                        const Vector3d& step, const Vector3d& point) {
+  const Eigen::Matrix3d R = pose(tip, axis).linear();
+  const auto least = [&](const auto& value) {
+    double low = 0.0, high = 1.0;
+    for (int i = 0; i < 200; ++i) {
+      const double a = low + 0.382 * (high - low), b = low + 0.618 * (high - low);
+      (value(a) < value(b) ? high : low) = value(a) < value(b) ? b : a;
+    }
+    return std::min({value(0.0), value(1.0), value(0.5 * (low + high))});
+  };
+  const auto seen = [&](double t) -> Vector3d { return R.transpose() * (point - tip - t * step); };
+  const double by_cutter = least([&](double t) {
+    const Vector3d p = seen(t);
+    return distance(*form.outline, {p.head<2>().norm(), p.z()}).value;
+  });
+  const double by_shank = least([&](double t) {
+    const Vector3d p = seen(t);
+    return std::max(p.head<2>().norm() - shank_radius(form), form.flank_length - p.z());
+  });
+  return std::min(by_cutter, by_shank);
+}
+
+struct Deepest {
+  double kept = 0.0, taken = 0.0;  // mm, within the sweep and left, outside it and gone
+  int ends = 0;
+};
+
+Deepest held_against_sweep(const Stock& after, const Cutter& form, const Vector3d& tip,
+                           const Vector3d& axis, const Vector3d& step, Random& random) {
+  Deepest worst;
+  for (const DexelField& field : after.fields)
+    for (std::size_t l = 0; l < field.lines.size(); ++l) {
+      Vector3d place;
+      place[(field.along + 1) % 3] = double(int(l) % field.size[0]) * after.spacing;
+      place[(field.along + 2) % 3] = double(int(l) / field.size[0]) * after.spacing;
+      const auto look = [&](double at) {
+        place[field.along] = at;
+        const Vector3d point = after.T_wk * Vector3d(after.origin_k + place);
+        const double d = sweep_outside_by(form, tip, axis, step, point);
+        if (field.lines[l].inside_by(at) > 0.0)
+          worst.kept = std::max(worst.kept, -d);
+        else
+          worst.taken = std::max(worst.taken, d);
+      };
+      if (field.lines[l].empty()) continue;
+      const auto runs = field.lines[l].runs();
+      look(random.in(runs.front().low, runs.back().high));
+      for (const DexelRun& run : runs) {
+        if (run.low_line != 0) look(run.low + 2e-9), look(run.low - 2e-9), ++worst.ends;
+        if (run.high_line != 0) look(run.high + 2e-9), look(run.high - 2e-9), ++worst.ends;
+      }
+    }
+  return worst;
+}
+
+}  // namespace form_tools
+
+TEST(FormStock, IsTheSweepToRounding) {
+  using namespace form_tools;
+  Deepest worst;
+  for (int i = 0; i < 60 * longer(20); ++i) {
+    Random random(1810 + std::uint64_t(i));
+    const Cutter form = any_form(random, random.in(2, 6));
+    Stock stock = make_stock(BoxBlank{Vector3d(-9, -8, -7), Vector3d(9, 8, 7)},
+                             pose(0.3 * random.any(), random.direction()), {1.1, true});
+    const Vector3d axis = random.once_in(3) ? Vector3d::UnitZ() : random.direction();
+    const Vector3d tip = 6 * random.any();
+    Vector3d step =
+        random.once_in(6) ? Vector3d::Zero() : Vector3d(random.in(0.1, 9) * random.any());
+    if (random.once_in(4)) step = step.norm() * axis;
+    remove(stock, form, {pose(tip, axis), pose(tip + step, axis), 1, false});
+    const Deepest one = held_against_sweep(stock, form, tip, axis, step, random);
+    worst.kept = std::max(worst.kept, one.kept);
+    worst.taken = std::max(worst.taken, one.taken);
+    worst.ends += one.ends;
+  }
+  std::cout << worst.ends << " ends from seed 1810; left within the sweep by " << worst.kept
+            << " mm, taken outside it by " << worst.taken << " mm\n";
+  EXPECT_LT(worst.kept, 3e-9);  // places are tried 2e-9 mm from the ends
+  EXPECT_LT(worst.taken, 3e-9);
+  EXPECT_GT(worst.ends, 3000);
+}
+
+/// A form of a common outline takes what the common cutter takes, and crashes where that does.
+TEST(FormStock, OfACommonOutlineTakesTheSame) {
+  using namespace form_tools;
+  double most = 0.0;
+  int crashes = 0, moves = 0;
+  for (int i = 0; i < 80 * longer(20); ++i) {
+    Random random(1811 + std::uint64_t(i));
+    const Cutter cutter = any_common(random), form = as_form(cutter);
+    for (int k = 0; k < 2; ++k) {
+      Stock one = make_stock(BoxBlank{Vector3d(-9, -8, -7), Vector3d(9, 8, 7)},
+                             Eigen::Isometry3d::Identity(), {0.9, true});
+      Stock other = one;
+      const Vector3d axis = random.near(Vector3d::UnitZ(), 0.4);
+      const Vector3d target =
+          random.once_in(2) ? axis : random.turned(axis, random.decades(-6, -1));
+      const Vector3d tip(random.in(-9, 9), random.in(-8, 8), random.in(-3, 9));
+      const Vector3d step = random.in(0.1, 6) * random.any();
+      const StockMove move{pose(tip, axis), pose(tip + step, target), k + 1, random.once_in(4)};
+      const Removed a = remove(one, cutter, move), b = remove(other, form, move);
+      // two parts, of the flank and of the shank, may each be off by what a turning axis may
+      const double may = axis == target ? 1e-6 : 4e-3 * (1.0 + a.volume);
+      EXPECT_NEAR(a.volume, b.volume, may) << "seed " << 1811 + i;
+      most = std::max(most, std::abs(a.volume - b.volume));
+      EXPECT_EQ(a.crashed, b.crashed) << "seed " << 1811 + i << ", " << a.volume << " mm^3";
+      crashes += a.crashed;
+      ++moves;
+    }
+  }
+  std::cout << moves << " moves, " << crashes << " crashes, volumes up to " << most
+            << " mm^3 apart\n";
+  EXPECT_GT(crashes, moves / 10);
+  EXPECT_LT(crashes, moves - moves / 10);
+}
+
+TEST(FormStock, AShankNarrowerThanTheCutterFollowsItThroughTheSlot) {
+  // a disc 2 mm high on a shank of R 2: below the surface it undercuts, and the shank's slot stays
+  const Cutter disc = form_cutter(outline_through({{{6, 0}}, {{6, 2}}, {{2, 2}}}));
+  Stock stock = box({-20, -10, -10}, {20, 10, 0}, 0.5);
+  const Removed first = remove(stock, disc, {pose({-30, 0, -6}), pose({30, 0, -6}), 1, false});
+  EXPECT_TRUE(first.crashed);  // the shank meets what is above the disc
+  EXPECT_NEAR(first.volume, 40 * (12 * 2 + 4 * 4), 60.0);
+  Stock slotted = box({-20, -10, -10}, {20, 10, 0}, 0.5);
+  const Cutter flat{2.5, 0.0, 20.0};
+  remove(slotted, flat, {pose({-30, 0, -6}), pose({30, 0, -6}), 1, false});
+  const Removed second = remove(slotted, disc, {pose({-30, 0, -6}), pose({30, 0, -6}), 2, false});
+  EXPECT_FALSE(second.crashed);
+  EXPECT_NEAR(second.volume, 40 * 7 * 2, 20.0);
+}
+
+TEST(FormEngagement, SlicesMakeUpTheOutline) {
+  const double lean = 0.1;
+  const Cutter cone = form_cutter(outline_through({{{2, 0}}, {{2 + 12 * std::tan(lean), 12}}}));
+  const Cutter barrel =
+      form_cutter(outline_through({{{1, 0}}, {{2.4, 0.5}, 2.4}, {{2.4, 14.5}, 20}}));
+  double cone_area = 0.0, turned = 0.0;
+  for (const EdgeSlice& slice : slices(cone)) {
+    cone_area += 2 * pi * slice.radius * slice.length;
+    if (slice.kappa > 0.0) EXPECT_NEAR(slice.kappa, pi / 2 - lean, 1e-12);
+  }
+  const double top = 2 + 12 * std::tan(lean);
+  EXPECT_NEAR(cone_area, pi * 4 + pi * (2 + top) * 12 / std::cos(lean), 1e-9);
+  double height = 0.0;
+  for (const EdgeSlice& slice : slices(barrel)) {
+    EXPECT_GE(slice.height, height);
+    height = slice.height;
+    turned += slice.length * std::sin(slice.kappa - pi / 2);  // - dr
+  }
+  // outwards as much as inwards but for the end of the barrel
+  EXPECT_NEAR(turned, -2.4, 0.02);
+  EXPECT_GT(slices(barrel).back().kappa, pi / 2);
+}
+
+TEST(FormEngagement, WhatTheArcsSweepIsWhatTheMoveRemoves) {
+  const Cutter cutters[] = {
+      form_tools::as_form({5.0, 1.5, 20.0}),
+      form_cutter(apt_outline({.diameter = 8, .flank = 10 * units::deg, .height = 15})),
+      form_cutter(outline_through({{{1, 0}}, {{2.4, 0.5}, 2.4}, {{2.4, 14.5}, 20}})),
+      form_cutter(apt_outline({.diameter = 8, .bottom = 31 * units::deg, .height = 15}))};
+  for (const Cutter& cutter : cutters) {
+    Stock stock = box({-30, -20, -20}, {30, 1.3, 0.0}, 0.25);
+    const double step = 1.0, z = -4.0;
+    remove(stock, cutter, {pose({-40, 0, z}), pose({0, 0, z}), 1, false});
+    const Engagement e = engagement(stock, cutter, pose({step, 0, z}), Vector3d::UnitX());
+    double swept = 0.0;  // mm^2, of the engaged surface seen along the feed
+    for (const EngagedArc& arc : e.arcs) {
+      const EdgeSlice& slice = e.slices[std::size_t(arc.slice)];
+      swept += slice.length * slice.radius * std::sin(slice.kappa) *
+               (std::sin(arc.to) - std::sin(arc.from));
+    }
+    const double removed =
+        remove(stock, cutter, {pose({0, 0, z}), pose({step, 0, z}), 2, false}).volume;
+    std::cout << "arcs times step " << swept * step << " mm^3, removed " << removed << " mm^3\n";
+    EXPECT_NEAR(swept * step, removed, 0.05 * removed);
+  }
+}
+
+/// The gradient of a contact foretells the residual of vertices near by.
+TEST(FormContacts, ForetellTheResidualNearBy) {
+  constexpr double near = 1e-4, band = 2.0;  // mm
+  Random random(1812);
+  int compared = 0;
+  double most = 0.0;
+  for (int i = 0; i < 400 * longer(10); ++i) {
+    const Cutter form = any_form(random, random.in(2, 6));
+    const Vector3d axis = random.direction();
+    const Vector3d step = random.in(3, 6) * random.direction();
+    CutterMotion motion{Points(2, 3), Points(2, 3), Vector2d(0, 1), {1, 1}};
+    motion.tip.row(0).setZero();
+    motion.tip.row(1) = step.transpose();
+    motion.axis.row(0) = motion.axis.row(1) = axis.transpose();
+    const Vector3d normal = random.direction();
+    const double rise = -normal.dot(axis), across = normal.cross(axis).norm();
+    const Vector2d touching = support_point(*form.outline, rise, across);
+    const Vector3d out = across > 1e-9 ? Vector3d(-(normal - normal.dot(axis) * axis) / across)
+                                       : Vector3d(axis.unitOrthogonal());
+    const Vector3d contact = 0.5 * step + touching.y() * axis + touching.x() * out;
+    Design design;
+    design.vertices = Points(2, 3);
+    design.normals = Points(2, 3);
+    const Vector3d d = near * normal.cross(random.direction());
+    design.vertices.row(0) = (contact + random.in(-0.3, 0.3) * normal).transpose();
+    design.vertices.row(1) = design.vertices.row(0) + d.transpose();
+    design.normals.row(0) = design.normals.row(1) = normal.transpose();
+    SurfaceOptions options;
+    options.band = band;
+    const Surface surface = milled_surface(design, form, motion, options);
+    if (surface.status[0] != VertexStatus::Cut || surface.status[1] != VertexStatus::Cut) continue;
+    const Vector3d gradient =
+        milled_contacts(design, surface, form, motion).gradient.row(0).transpose();
+    if (!gradient.allFinite() || gradient.norm() > 3.0) continue;
+    EXPECT_NEAR(gradient.dot(normal), 1.0, 1e-9);
+    const double foretold = surface.residual[0] - gradient.dot(d);
+    const double off = std::abs(surface.residual[1] - foretold);
+    // curvature, and a rim whose sides differ
+    if (off < 1e-5) ++compared;
+    most = std::max(most, off < 1e-5 ? off : 0.0);
+  }
+  std::cout << compared << " contacts, foretold within " << 1e6 * most << " nm over " << near
+            << " mm\n";
+  EXPECT_GT(compared, 100);
+  EXPECT_LT(most, 2e-7);
+}
+
+TEST(FormRunOut, IsTheOutlineMovedToEverySide) {
+  Random random(1813);
+  double most = 0.0;
+  for (int i = 0; i < 300; ++i) {
+    const Cutter form = any_form(random, random.in(0.5, 8));
+    const double radial = random.some(0.5), axial = random.some(0.3);
+    const Cutter larger = with_run_out(form, radial, axial);
+    EXPECT_NEAR(larger.radius, form.radius + radial, 1e-9);
+    EXPECT_NEAR(larger.flank_length, form.flank_length + 2 * axial, 1e-9);
+    for (int k = -90; k <= 90; k += 3) {
+      const double rise = std::sin(k * units::deg), across = std::cos(k * units::deg);
+      const double wanted = support(*form.outline, rise, across) + radial * across +
+                            axial * std::abs(rise) + axial * rise;
+      most = std::max(most, std::abs(support(*larger.outline, rise, across) - wanted));
+    }
+  }
+  std::cout << "support off by " << most << " mm at most\n";
+  EXPECT_LT(most, 1e-9);
+  const Cutter common{5, 1, 20};
+  const Cutter one = with_run_out(common, 0.01, 0.003);
+  const Cutter other = with_run_out(form_tools::as_form(common), 0.01, 0.003);
+  EXPECT_LT(farthest_apart(*form_tools::as_form(one).outline, *other.outline), 1e-9);
+}
+
+TEST(FormCore, LiesInsideByTheMargin) {
+  Random random(1814);
+  for (int i = 0; i < 300; ++i) {
+    const Cutter form = any_form(random, random.in(0.5, 8));
+    const double margin =
+        0.25 * std::min(form.radius, form.flank_length) * random.decades(-4, -0.1);
+    InnerOutline inner;
+    try {
+      inner = inside(*form.outline, margin);
+    } catch (const std::invalid_argument&) {
+      EXPECT_GT(margin, 0.1 * std::min(form.radius, form.flank_length));  // a slender one
+      continue;
+    }
+    double largest = 0.0;
+    for (const OutlinePiece& piece : form.outline->pieces)
+      largest = std::max(largest, piece.radius);
+    for (const OutlinePiece& piece : inner.outline.pieces) {
+      const double out = distance(*form.outline, piece.to + Vector2d(0.0, inner.raised)).value;
+      EXPECT_LT(out, -margin + 1e-9);
+      EXPECT_GT(out, -margin - 4e-4 * largest - 1e-9);
+    }
+  }
+}
+
+TEST(FormBody, IsClosedAndLiesAroundTheOutline) {
+  constexpr double sag = 0.01;
+  Random random(1815);
+  for (int i = 0; i < 40; ++i) {
+    const Cutter form = any_form(random, random.in(0.5, 8));
+    const ClosedMesh mesh = cutter_mesh(form, sag);
+    std::map<std::pair<int, int>, int> sides;
+    for (const auto& t : mesh.triangles.rowwise())
+      for (int k = 0; k < 3; ++k) ++sides[{t[k], t[(k + 1) % 3]}];
+    for (const auto& [side, count] : sides) {
+      EXPECT_EQ(count, 1);
+      EXPECT_TRUE(sides.contains({side.second, side.first}));
+    }
+    for (const auto& v : mesh.vertices.rowwise()) {
+      const double out = distance(*form.outline, {v.head<2>().norm(), v.z()}).value;
+      EXPECT_GT(out, -1e-9);
+      EXPECT_LT(out, 1.01 * sag);
+    }
+  }
+}
+
+/// The place that a support function names is touched by its plane.
+TEST(FormOutline, TouchesWhereItsSupportSays) {
+  Random random(1816);
+  for (int i = 0; i < 2000; ++i) {
+    const Cutter form = any_form(random, random.in(0.5, 8));
+    const double angle = random.in(-0.5 * pi, 0.5 * pi);
+    const double rise = std::sin(angle), across = std::cos(angle);
+    const Vector2d place = support_point(*form.outline, rise, across);
+    EXPECT_NEAR(rise * place.y() + across * place.x(), support(*form.outline, rise, across), 1e-12);
+    EXPECT_NEAR(distance(*form.outline, place).value, 0.0, 1e-9);
+  }
+  EXPECT_NEAR(corner_height(form_tools::as_form({6, 1, 20})), 1.0, 1e-12);
+  EXPECT_NEAR(corner_height(form_tools::as_form({5, 5, 20})), 5.0, 1e-12);
+  EXPECT_EQ(corner_height(form_tools::as_form({5, 0, 20})), 0.0);
+}
+
+/// A corner that touches bottom and flank, whatever they lean by.
+TEST(FormOutline, ATangentCornerHasNoEdges) {
+  for (const double bottom : {0.0, 2.0, 20.0})
+    for (const double flank : {-10.0, 0.0, 5.0, 30.0}) {
+      const ToolOutline outline = apt_outline(with_tangent_corner({.diameter = 10,
+                                                                   .corner = 1.5,
+                                                                   .bottom = bottom * units::deg,
+                                                                   .flank = flank * units::deg,
+                                                                   .height = 12}));
+      EXPECT_EQ(outline.is_sharp, bottom > 0.0) << bottom << " " << flank;  // the tip of a cone
+      EXPECT_NEAR(support(outline, -std::cos(bottom * units::deg), std::sin(bottom * units::deg)),
+                  0.0, 1e-9);
+    }
+}
+
+}  // namespace
+}  // namespace abbe::cutting

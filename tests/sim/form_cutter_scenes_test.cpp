@@ -1,0 +1,188 @@
+// Form cutters in scenes: read, written, cut with, with stock and force, refused.
+
+#include <cmath>
+#include <iostream>
+
+#include <gtest/gtest.h>
+
+#include "kinematics/units.h"
+#include "sim/cut/cut.h"
+#include "sim/scene/scene_fields.h"
+#include "sim/scene/scene_tree.h"
+#include "tests/sim/refusal.h"
+#include "tests/sim/small_scene.h"
+
+namespace abbe::sim {
+namespace {
+
+using namespace abbe::literals;
+
+const std::string square =
+    "[part]\nsurface = \"rectangle\"\nlength_x_mm = 8\nlength_y_mm = 6\nat_mm = [40, 25, 80]\n"
+    "vertices = 3000\n";
+const std::string cap_r100 =
+    "[part]\nsurface = \"sphere_cap\"\nradius_mm = 100\nrim_radius_mm = 3\nvertices = 3000\n"
+    "at_mm = [40, 25, 80]\n";
+
+/// A raster under a tool of the scene's own.
+std::string raster_with(const std::string& tool, const std::string& part = square,
+                        const std::string& more = "") {
+  return fmt::format(
+      "machine = \"{0}machines/gantry_cxyza.toml\"\n[tool]\nlength_mm = 100\n{1}{2}"
+      "[program]\ngenerator = \"raster\"\npattern = \"one_way\"\nclearance_mm = 10\noverrun_mm = "
+      "1\nstep_over_mm = 0.5\nstep_mm = 0.5\nlead_deg = 30\n{3}",
+      packaged("").string(), tool, part, more);
+}
+
+Scene read(const std::string& text, const std::vector<Override>& changes = {}) {
+  const SceneFolder folder;
+  return read_scene(folder.write("form.toml", text), changes);
+}
+
+cutting::Surface surface_with(const std::string& tool, const std::string& part = square) {
+  return cut_error_free(prepare(read(raster_with(tool, part)))).surface;
+}
+
+const std::string ball = "kind = \"ball\"\nradius_mm = 5\nflank_length_mm = 25\n";
+const std::string bull =
+    "kind = \"bull\"\nradius_mm = 6\ncorner_radius_mm = 1\nflank_length_mm = 25\n";
+const std::string apt_ball =
+    "kind = \"apt\"\ndiameter_mm = 10\ncorner_radius_mm = 5\nflank_length_mm = 25\n";
+const std::string apt_bull =
+    "kind = \"apt\"\ndiameter_mm = 12\ncorner_radius_mm = 1\nflank_length_mm = 25\n";
+const std::string tapered_ball =  // tangent to a ball of R 5: D = 2 R (1 - sin) / cos
+    "kind = \"apt\"\ndiameter_mm = 9.163311740\ncorner_radius_mm = 5\nflank_deg = 5\n"
+    "flank_length_mm = 25\n";
+const std::string barrel =
+    "kind = \"form\"\noutline_radii_mm = [1, 2.4, 2.4]\noutline_heights_mm = [0, 0.5, 14.5]\n"
+    "outline_arcs_mm = [0, 2.4, 20]\n";
+
+TEST(FormCutterScene, OfACommonOutlineCutsTheSame) {
+  for (const auto& [common, form] : {std::pair{ball, apt_ball}, {bull, apt_bull}})
+    for (const std::string& part : {square, cap_r100}) {
+      const Apart d = apart(surface_with(common, part), surface_with(form, part));
+      std::cout << d.vertices << " vertices, " << d.max / units::nm << " nm apart at most\n";
+      EXPECT_GT(d.vertices, 2500);
+      EXPECT_EQ(d.unlike, 0);
+      EXPECT_LT(d.max, 0.1_nm);
+    }
+}
+
+/// The generated program puts the ball of a tapered ball on the part, whatever is above it.
+TEST(FormCutterScene, ATaperedBallCutsWithItsBall) {
+  const Apart d = apart(surface_with(ball), surface_with(tapered_ball));
+  std::cout << d.vertices << " vertices, " << d.max / units::nm << " nm apart at most\n";
+  EXPECT_GT(d.vertices, 2500);
+  EXPECT_LT(d.max, 1.0_nm);  // of the diameter's ten digits
+}
+
+/// Leaning to 90 deg from its axis, a barrel leaves the ridges of its large radius.
+TEST(FormCutterScene, ABarrelOnItsSideLeavesTheRidgesOfItsLargeRadius) {
+  const Scene scene = read(raster_with(barrel) + "tilt_deg = -88\n");
+  const cutting::Surface surface = cut_error_free(prepare(scene)).surface;
+  double most = -1.0;
+  for (std::size_t i = 0; i < surface.status.size(); ++i)
+    if (surface.status[i] == cutting::VertexStatus::Cut)
+      most = std::max(most, surface.residual[Eigen::Index(i)]);
+  std::cout << "highest " << most / units::um << " um\n";
+  EXPECT_GT(most, 0.0);
+  EXPECT_LT(most, 0.5 * 0.5 / (8 * 20.0) * 1.5);
+}
+
+TEST(FormCutterScene, IsWrittenAsItWasRead) {
+  const std::string actual =
+      "[tool.actual]\nflank_deg = 5.01\ncorner_radius_mm = 4.99\nlength_mm = 100.01\n";
+  const std::string other = "[tool.actual]\noutline_arcs_mm = [0, 2.4, 20.1]\n";
+  for (const std::string& tool : {tapered_ball + actual, barrel + other, apt_bull,
+                                  apt_bull + "corner_offset_mm = 5\ncorner_height_mm = 1\n"}) {
+    const Scene scene = read(raster_with(tool));
+    const Scene again = scene_of_tree(written(scene), "again.toml", {});
+    for (auto shape : {&ToolDescription::nominal, &ToolDescription::actual}) {
+      const auto& a = std::get<cutting::Cutter>(scene.tool.*shape);
+      const auto& b = std::get<cutting::Cutter>(again.tool.*shape);
+      ASSERT_TRUE(a.outline && b.outline);
+      EXPECT_LT(cutting::farthest_apart(*a.outline, *b.outline), 1e-12);
+    }
+  }
+  const Scene scene = read(raster_with(tapered_ball + actual));
+  EXPECT_GT(cutting::farthest_apart(*std::get<cutting::Cutter>(scene.tool.nominal).outline,
+                                    *std::get<cutting::Cutter>(scene.tool.actual).outline),
+            1e-3);
+}
+
+TEST(FormCutterScene, ThatCannotBeIsRefusedWhereItStands) {
+  const auto refused = [](const std::string& tool, const std::string& part_of_it) {
+    const std::string text = refusal_by([&] { read(raster_with(tool)); });
+    EXPECT_NE(text.find("form.toml:"), std::string::npos) << text;
+    EXPECT_NE(text.find(part_of_it), std::string::npos) << text;
+  };
+  const std::string form = "kind = \"form\"\n";
+  refused(form + "outline_radii_mm = [1, 3, 2, 5]\noutline_heights_mm = [0, 1, 3, 8]\n",
+          "bends inwards");
+  refused(form + "outline_radii_mm = [1, 3]\noutline_heights_mm = [0, 1, 3]\n", "differ");
+  refused(form + "outline_radii_mm = [1, 3]\noutline_heights_mm = [1, 3]\n", "height 0");
+  refused(
+      form + "outline_radii_mm = [1, 3]\noutline_heights_mm = [0, 3]\noutline_arcs_mm = [0, 1]\n",
+      "an arc of radius");
+  refused(form + "outline_radii_mm = [1, 3]\n", "outline_heights_mm");
+  refused(form + "radius_mm = 3\noutline_radii_mm = [1, 3]\noutline_heights_mm = [0, 3]\n",
+          "radius_mm");
+  refused(apt_bull + "corner_offset_mm = 5\n", "or neither");
+  refused(apt_bull + "corner_offset_mm = 8\ncorner_height_mm = 1\n", "meet the corner");
+  refused(apt_bull + "bottom_deg = 95\n", "bottom_deg");
+  refused(apt_bull + "[tool.actual]\ncorner_radius_mm = 30\n", "corner");
+  refused(tapered_ball + "[tool.wear]\nway_mm = 1000\nradius_um = 3\n", "wear");
+}
+
+/// A block milled with stock, force and a tool that bends, by a flat end and by its outline.
+Job block(const std::string& tool) {
+  const SceneFolder folder;
+  folder.write("block.ngc",
+               "G17 G21 G90 G94\nG49\nS6000 M3\nG0 Z100\nG0 X-30 Y0\nG0 Z78\nG1 X30 F600\n"
+               "G0 Z100\nM2\n");
+  return prepare(read_scene(folder.write(
+      "block.toml",
+      fmt::format(
+          "machine = \"{0}machines/three_axis_table.toml\"\n"
+          "material = \"{0}materials/al7075_t6_carbide.toml\"\n"
+          "[tool]\nlength_mm = 80\n{1}"
+          "[part]\nsurface = \"rectangle\"\nlength_x_mm = 20\nlength_y_mm = 6\nat_mm = [0, 0, 78]\n"
+          "vertices = 400\n"
+          "[program]\nfile = \"block.ngc\"\nwork_offset.G54 = {{ Z_mm = -20 }}\n"
+          "[cutting]\nblank = \"box\"\nlower_mm = [-20, -20, -18]\nupper_mm = [20, 20, 2]\n"
+          "spacing_mm = 0.5\n"
+          "[[compliance.tool.section]]\nlength_mm = 40\ndiameter_mm = 8\n"
+          "youngs_modulus_GPa = 600\n",
+          packaged("").string(), tool))));
+}
+
+TEST(FormCutterScene, StockAndForceAreThoseOfTheCommonCutter) {
+  const Cut common = cut(block("kind = \"flat\"\nradius_mm = 5\nflank_length_mm = 10\n"));
+  const Cut form = cut(block("kind = \"apt\"\ndiameter_mm = 10\nflank_length_mm = 10\n"));
+  ASSERT_EQ(common.process.steps.size(), form.process.steps.size());
+  double most = 0.0, apart_by = 0.0, removed = 0.0;
+  for (std::size_t i = 0; i < common.process.steps.size(); ++i) {
+    const ProcessStep &a = common.process.steps[i], &b = form.process.steps[i];
+    most = std::max(most, a.load.on_tool_t.head<3>().norm());
+    apart_by = std::max(apart_by, (a.load.on_tool_t - b.load.on_tool_t).head<3>().norm());
+    removed += b.removed;
+    EXPECT_NEAR(a.removed, b.removed, 1e-6);
+  }
+  std::cout << "force up to " << most << " N, " << apart_by << " N apart, " << removed << " mm^3\n";
+  EXPECT_GT(most, 10.0);
+  EXPECT_LT(apart_by, 1e-6 * most);
+  EXPECT_LT(apart(common.surface, form.surface).max, 0.1_nm);
+}
+
+TEST(FormCutterScene, ATaperBendsAndRemovesWhatItsShapeDoes) {
+  const Cut taper =
+      cut(block("kind = \"apt\"\ndiameter_mm = 8\nflank_deg = 10\nflank_length_mm = 10\n"));
+  EXPECT_TRUE(taper.process.crash_lines.empty());
+  double removed = 0.0;
+  for (const ProcessStep& step : taper.process.steps) removed += step.removed;
+  // a slot 2 mm deep whose walls lean by 10 deg
+  EXPECT_NEAR(removed, 40 * 2 * (8 + 2 * std::tan(10 * units::deg)), 5.0);
+}
+
+}  // namespace
+}  // namespace abbe::sim
