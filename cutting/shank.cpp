@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <deque>
 #include <vector>
 
 #include <tbb/blocked_range.h>
@@ -109,6 +110,16 @@ class NearMoves {
   std::vector<AlignedBox3d> chunks_;
 };
 
+/// A piece on its way through the room around the part.
+struct Passing {
+  Cutter shape;
+  CutterMotion path;
+  NearMoves moves;
+
+  Passing(const IdlePiece& piece, const CutterMotion& motion, const AlignedBox3d& room)
+      : shape(piece.shape), path(raised(motion, piece.base)), moves(shape, path, room) {}
+};
+
 /// mm below the design, and the line; 0 where the shank is not.
 struct Depth {
   double depth = 0.0;
@@ -190,36 +201,70 @@ class HeldAgainst {
 
 }  // namespace
 
+std::vector<IdlePiece> idle_pieces(const Eigen::MatrixX2d& profile) {
+  std::vector<IdlePiece> pieces;
+  for (Index i = 0; i + 1 < profile.rows(); ++i) {
+    const double height = profile(i + 1, 1) - profile(i, 1);
+    // a cone needs some top
+    const double top = std::max(profile(i + 1, 0), 1e-6 * profile.col(0).maxCoeff());
+    if (height > 0.0)
+      pieces.push_back(
+          {form_cutter(outline_through({{{profile(i, 0), 0.0}}, {{top, height}}})), profile(i, 1)});
+  }
+  return pieces;
+}
+
 std::optional<ShankContact> shank_contact(const Design& design_w, const Cutter& cutter,
                                           const CutterMotion& motion, const ShankOptions& options) {
   const double length = options.length - cutter.flank_length;
   const double radius = options.radius.value_or(shank_radius(cutter));
-  const double passed = std::min(rubbing, 0.25 * radius);
-  if (!(length > 0.0) || !(options.band > passed) || motion.tip.rows() == 0) return std::nullopt;
-  const Cutter shank{radius, 0.0, length};
-  const CutterMotion path = raised(motion, cutter.flank_length);
+  if (!(length > 0.0)) return std::nullopt;
+  return idle_contact(design_w, {{{radius, 0.0, length}, cutter.flank_length}}, motion,
+                      options.band);
+}
+
+std::optional<ShankContact> idle_contact(const Design& design_w,
+                                         const std::vector<IdlePiece>& pieces,
+                                         const CutterMotion& motion, double band) {
+  double passed = rubbing;
+  for (const IdlePiece& piece : pieces) passed = std::min(passed, 0.25 * piece.shape.radius);
   AlignedBox3d part;
   for (Index v = 0; v < design_w.vertices.rows(); ++v)
     part.extend(Vector3d(design_w.vertices.row(v)));
-  if (part.isEmpty()) return std::nullopt;
-  const NearMoves moves(shank, path, grown(part, options.band));
-  if (moves.empty()) return std::nullopt;
-  check_milled(design_w, shank, path, options.band);
+  if (part.isEmpty() || !(band > passed) || motion.tip.rows() == 0) return std::nullopt;
 
-  const HeldAgainst held(design_w, shank, path, moves, passed);
+  std::deque<Passing> passing;  // what refers to itself does not move
+  for (const IdlePiece& piece : pieces) {
+    passing.emplace_back(piece, motion, grown(part, band));
+    if (passing.back().moves.empty()) passing.pop_back();
+  }
+  if (passing.empty()) return std::nullopt;
+  std::vector<HeldAgainst> held;
+  for (const Passing& one : passing) {
+    check_milled(design_w, one.shape, one.path, band);
+    held.emplace_back(design_w, one.shape, one.path, one.moves, passed);
+  }
+
   std::vector<Depth> depths(std::size_t(design_w.vertices.rows()));
+  std::vector<std::vector<Depth>> of_pieces(held.size(), depths);
   const auto each = [&](const auto& act) {
     tbb::parallel_for(tbb::blocked_range<Index>(0, Index(depths.size()), 64), [&](auto& range) {
-      for (Index v = range.begin(); v != range.end(); ++v) act(v, depths[std::size_t(v)]);
+      for (Index v = range.begin(); v != range.end(); ++v)
+        for (std::size_t k = 0; k < held.size(); ++k) act(v, held[k], of_pieces[k][std::size_t(v)]);
     });
   };
-  each([&](Index v, Depth& depth) { depth = held.depth(v, options.band); });
-  if (std::ranges::all_of(depths, [](const Depth& d) { return d.depth <= 0.0; }))
+  each([&](Index v, const HeldAgainst& one, Depth& depth) { depth = one.depth(v, band); });
+  const auto goes_in = [](const Depth& d) { return d.depth > 0.0; };
+  if (std::ranges::none_of(of_pieces,
+                           [&](const auto& d) { return std::ranges::any_of(d, goes_in); }))
     return std::nullopt;
   const Thickness thickness(design_w);
-  each([&](Index v, Depth& depth) {
-    if (depth.depth > 0.0) depth = held.within(thickness, v, depth, options.band);
+  each([&](Index v, const HeldAgainst& one, Depth& depth) {
+    if (goes_in(depth)) depth = one.within(thickness, v, depth, band);
   });
+  for (const std::vector<Depth>& one : of_pieces)
+    for (std::size_t v = 0; v < depths.size(); ++v)
+      if (one[v].depth > depths[v].depth) depths[v] = one[v];
   const ShankContact contact = summed(depths, passed);
   return contact.vertices > 0 ? std::optional(contact) : std::nullopt;
 }

@@ -1,12 +1,25 @@
 #pragma once
 
 #include <optional>
+#include <vector>
+
+#include <Eigen/Core>
 
 #include "cutting/mesh.h"
 #include "cutting/sweep.h"
 #include "cutting/tool.h"
 
 namespace abbe::cutting {
+
+/// A convex piece of a tool that must not cut: of its shank, its collet, its holder.
+struct IdlePiece {
+  Cutter shape;       ///< by its own tip
+  double base = 0.0;  ///< mm, of that above the tip of the tool
+};
+
+/// Of a profile of revolution, a cone from each point to the next.
+/// @param profile  (n x 2) mm, radius and height above the tip, rising
+std::vector<IdlePiece> idle_pieces(const Eigen::MatrixX2d& profile);
 
 /// A tool that goes into the design with what does not cut.
 struct ShankContact {
@@ -32,5 +45,11 @@ struct ShankOptions {
 /// @throws std::invalid_argument as milled_surface
 std::optional<ShankContact> shank_contact(const Design& design_w, const Cutter& cutter,
                                           const CutterMotion& motion, const ShankOptions& options);
+
+/// The same of any pieces, at each vertex of the one that goes in deepest there.
+/// @param band  mm below the design that are searched
+std::optional<ShankContact> idle_contact(const Design& design_w,
+                                         const std::vector<IdlePiece>& pieces,
+                                         const CutterMotion& motion, double band);
 
 }  // namespace abbe::cutting

@@ -150,17 +150,25 @@ std::vector<std::string> shank_warnings(const Scene& scene, const cutting::Desig
   const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
   if (cutter == nullptr) return {};
   const double radius = scene.tool.shank_radius.value_or(cutting::shank_radius(*cutter));
-  const auto contact =
-      cutting::shank_contact(design_w, *cutter, cutter_motion(run.T_wt, run.samples),
-                             {.length = scene.tool.length, .band = scene.band, .radius = radius});
-  if (!contact) return {};
-  return {fmt::format(
-      "the shank above the flank ({:.4g} mm above the tip{}) goes more than {:.4g} mm into the "
-      "design at {} vertices, {} {:.3f} mm deep (line {}, first line {})",
-      cutter->flank_length,
-      radius == cutter->radius ? "" : fmt::format(", radius {:.4g} mm", radius), contact->passed,
-      contact->vertices, contact->deeper ? "at least" : "up to", contact->deepest, contact->line,
-      contact->first_line)};
+  const cutting::CutterMotion motion = cutter_motion(run.T_wt, run.samples);
+  std::vector<std::string> warnings;
+  const auto add = [&](const std::string& what,
+                       const std::optional<cutting::ShankContact>& contact) {
+    if (!contact) return;
+    warnings.push_back(fmt::format(
+        "{} goes more than {:.4g} mm into the design at {} vertices, {} {:.3f} mm deep (line {}, "
+        "first line {})",
+        what, contact->passed, contact->vertices, contact->deeper ? "at least" : "up to",
+        contact->deepest, contact->line, contact->first_line));
+  };
+  add(fmt::format("the shank above the flank ({:.4g} mm above the tip{})", cutter->flank_length,
+                  radius == cutter->radius ? "" : fmt::format(", radius {:.4g} mm", radius)),
+      cutting::shank_contact(design_w, *cutter, motion,
+                             {.length = scene.tool.length, .band = scene.band, .radius = radius}));
+  if (scene.tool.holder)
+    add("the holder", cutting::idle_contact(design_w, cutting::idle_pieces(*scene.tool.holder),
+                                            motion, scene.band));
+  return warnings;
 }
 
 }  // namespace abbe::sim

@@ -39,6 +39,11 @@ Fields<Cutter> dimension_fields(const std::string& kind, Asked asked) {
                        "on as a shank");
 }
 
+bool has_all(const TableReader& reader, const std::vector<Key>& keys) {
+  return std::ranges::all_of(keys,
+                             [&](const Key& key) { return !key.required || reader.has(key.name); });
+}
+
 /// Dimensions that fit each other, which is looked at where each of them is good.
 Fields<Cutter> cutter_fields(const std::string& kind, Asked asked) {
   const Fields<Cutter> dimensions = dimension_fields(kind, asked);
@@ -47,11 +52,8 @@ Fields<Cutter> cutter_fields(const std::string& kind, Asked asked) {
       [dimensions](TableReader& reader, Cutter& cutter) {
         const std::size_t before = reader.faults().list().size();
         cutter = dimensions.read(reader, cutter);
-        const std::vector<Key> keys = dimensions.keys();
-        const bool whole = std::all_of(keys.begin(), keys.end(), [&](const Key& key) {
-          return !key.required || reader.has(key.name);
-        });
-        if (whole && reader.faults().list().size() == before) check_cutter(reader, cutter);
+        if (has_all(reader, dimensions.keys()) && reader.faults().list().size() == before)
+          check_cutter(reader, cutter);
       },
       [dimensions](const Cutter& cutter, Node::Table& table) {
         put_all(table, dimensions.written(cutter));
@@ -72,16 +74,13 @@ Fields<NoseWave> wave_fields() {
 
 bool is_form(const std::string& kind) { return kind == "apt" || kind == "form"; }
 
-/// "outline: expected a, seen b" of what a form is refused for.
+/// "outline: expected a, seen b" of what a form is refused for; b may be left out.
 void refuse(TableReader& reader, const std::string& why) {
   const std::string expected = "expected ", seen = ", seen ";
-  const std::size_t from = why.find(expected), to = why.rfind(seen);
-  if (from == std::string::npos || to == std::string::npos || to < from)
-    return reader.faults().add(reader.place(), "numbers that make a form cutter", why);
-  reader.faults().add(
-      reader.place(),
-      why.substr(0, from) + why.substr(from + expected.size(), to - from - expected.size()),
-      why.substr(to + seen.size()));
+  const std::size_t from = std::min(why.find(expected) + expected.size(), why.size());
+  const std::size_t to = std::min(why.rfind(seen), why.size());
+  reader.faults().add(reader.place(), why.substr(from, to - from) + " for tool",
+                      to < why.size() ? why.substr(to + seen.size()) : "other numbers");
 }
 
 using ToolShape = std::variant<Cutter, Nose>;
@@ -96,7 +95,7 @@ Fields<ToolDescription> form_tool_fields(const std::string& kind, Asked asked,
       [=](TableReader& reader, ToolDescription& tool) {
         const std::size_t before = reader.faults().list().size();
         tool.*form = own.read(reader, std::move(tool.*form));
-        if (reader.faults().list().size() != before) return;
+        if (reader.faults().list().size() != before || !has_all(reader, own.keys())) return;
         try {
           tool.*shape = cutter_of(tool.*form);
         } catch (const std::invalid_argument& why) {

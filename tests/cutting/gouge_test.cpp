@@ -247,5 +247,34 @@ TEST(Shank, HasARadiusOfItsOwn) {
   EXPECT_NEAR(deepest(4.5, 5.0), 0.5, 1e-7);
 }
 
+/// The holder from 5 mm above the tip: a disc, a cone to it, a step.
+TEST(Holder, ThatGoesIntoThePartIsFoundWithItsDepth) {
+  const Design design = plate(50.0);
+  Eigen::MatrixX2d cylinder(2, 2), cone(3, 2), step(4, 2);
+  cylinder << 12, 5, 12, 40;
+  cone << 1, 5, 12, 16, 12, 40;
+  step << 6, 5, 6, 20, 12, 20, 12, 40;
+  for (const Eigen::MatrixX2d& profile : {cylinder, cone, step}) {
+    const auto contact = idle_contact(design, idle_pieces(profile), facing(-6.5), 2.0);
+    ASSERT_TRUE(contact);
+    EXPECT_NEAR(contact->deepest, 1.5, 1e-7);
+    EXPECT_EQ(contact->vertices, 441);
+    EXPECT_FALSE(contact->deeper);
+    EXPECT_FALSE(idle_contact(design, idle_pieces(profile), facing(-5.05), 2.0));
+  }
+  EXPECT_EQ(idle_pieces(step).size(), 2u);
+  // the cone above its disc, beside a wall: it leans by 45 deg
+  const Design wall = box({0, -20, 0}, {12, 20, 20});
+  const auto beside = idle_contact(wall, idle_pieces(cone), along_the_wall(11.0), 2.0);
+  ASSERT_TRUE(beside);
+  EXPECT_NEAR(beside->deepest, 1.0, 1e-6);
+  EXPECT_FALSE(idle_contact(wall, idle_pieces(cone), along_the_wall(12.05), 2.0));
+  // as a shank of that radius
+  const auto as_shank = shank_contact(design, {12, 0, 5}, facing(-6.5), {.length = 40, .band = 2});
+  const auto as_holder = idle_contact(design, idle_pieces(cylinder), facing(-6.5), 2.0);
+  EXPECT_NEAR(as_shank->deepest, as_holder->deepest, 1e-9);
+  EXPECT_EQ(as_shank->first_line, as_holder->first_line);
+}
+
 }  // namespace
 }  // namespace abbe::cutting

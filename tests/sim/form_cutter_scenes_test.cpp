@@ -17,7 +17,7 @@ namespace {
 
 using namespace abbe::literals;
 
-const std::string square =
+const std::string form_square =
     "[part]\nsurface = \"rectangle\"\nlength_x_mm = 8\nlength_y_mm = 6\nat_mm = [40, 25, 80]\n"
     "vertices = 3000\n";
 const std::string cap_r100 =
@@ -25,7 +25,7 @@ const std::string cap_r100 =
     "at_mm = [40, 25, 80]\n";
 
 /// A raster under a tool of the scene's own.
-std::string raster_with(const std::string& tool, const std::string& part = square,
+std::string raster_with(const std::string& tool, const std::string& part = form_square,
                         const std::string& more = "") {
   return fmt::format(
       "machine = \"{0}machines/gantry_cxyza.toml\"\n[tool]\nlength_mm = 100\n{1}{2}"
@@ -34,17 +34,17 @@ std::string raster_with(const std::string& tool, const std::string& part = squar
       packaged("").string(), tool, part, more);
 }
 
-Scene read(const std::string& text, const std::vector<Override>& changes = {}) {
+Scene form_scene(const std::string& text, const std::vector<Override>& changes = {}) {
   const SceneFolder folder;
   return read_scene(folder.write("form.toml", text), changes);
 }
 
-cutting::Surface surface_with(const std::string& tool, const std::string& part = square) {
-  return cut_error_free(prepare(read(raster_with(tool, part)))).surface;
+cutting::Surface surface_with(const std::string& tool, const std::string& part = form_square) {
+  return cut_error_free(prepare(form_scene(raster_with(tool, part)))).surface;
 }
 
-const std::string ball = "kind = \"ball\"\nradius_mm = 5\nflank_length_mm = 25\n";
-const std::string bull =
+const std::string ball_mill = "kind = \"ball\"\nradius_mm = 5\nflank_length_mm = 25\n";
+const std::string bull_mill =
     "kind = \"bull\"\nradius_mm = 6\ncorner_radius_mm = 1\nflank_length_mm = 25\n";
 const std::string apt_ball =
     "kind = \"apt\"\ndiameter_mm = 10\ncorner_radius_mm = 5\nflank_length_mm = 25\n";
@@ -53,13 +53,13 @@ const std::string apt_bull =
 const std::string tapered_ball =  // tangent to a ball of R 5: D = 2 R (1 - sin) / cos
     "kind = \"apt\"\ndiameter_mm = 9.163311740\ncorner_radius_mm = 5\nflank_deg = 5\n"
     "flank_length_mm = 25\n";
-const std::string barrel =
+const std::string barrel_mill =
     "kind = \"form\"\noutline_radii_mm = [1, 2.4, 2.4]\noutline_heights_mm = [0, 0.5, 14.5]\n"
     "outline_arcs_mm = [0, 2.4, 20]\n";
 
 TEST(FormCutterScene, OfACommonOutlineCutsTheSame) {
-  for (const auto& [common, form] : {std::pair{ball, apt_ball}, {bull, apt_bull}})
-    for (const std::string& part : {square, cap_r100}) {
+  for (const auto& [common, form] : {std::pair{ball_mill, apt_ball}, {bull_mill, apt_bull}})
+    for (const std::string& part : {form_square, cap_r100}) {
       const Apart d = apart(surface_with(common, part), surface_with(form, part));
       std::cout << d.vertices << " vertices, " << d.max / units::nm << " nm apart at most\n";
       EXPECT_GT(d.vertices, 2500);
@@ -70,32 +70,39 @@ TEST(FormCutterScene, OfACommonOutlineCutsTheSame) {
 
 /// The generated program puts the ball of a tapered ball on the part, whatever is above it.
 TEST(FormCutterScene, ATaperedBallCutsWithItsBall) {
-  const Apart d = apart(surface_with(ball), surface_with(tapered_ball));
+  const Apart d = apart(surface_with(ball_mill), surface_with(tapered_ball));
   std::cout << d.vertices << " vertices, " << d.max / units::nm << " nm apart at most\n";
   EXPECT_GT(d.vertices, 2500);
   EXPECT_LT(d.max, 1.0_nm);  // of the diameter's ten digits
 }
 
-/// Leaning to 90 deg from its axis, a barrel leaves the ridges of its large radius.
-TEST(FormCutterScene, ABarrelOnItsSideLeavesTheRidgesOfItsLargeRadius) {
-  const Scene scene = read(raster_with(barrel) + "tilt_deg = -88\n");
+/// A lens that leans by less than its bottom bulges leaves the ridges of that.
+TEST(FormCutterScene, ALensLeavesTheRidgesOfItsLargeRadius) {
+  constexpr double R = 60.0, step_over = 0.5;
+  const double height = R - std::sqrt(R * R - 16.0);
+  const std::string tool = fmt::format(
+      "kind = \"form\"\noutline_radii_mm = [0, 4, 4]\noutline_heights_mm = [0, {:.12f}, 10]\n"
+      "outline_arcs_mm = [0, {}, 0]\n",
+      height, R);
+  const Scene scene = form_scene(with(raster_with(tool), "lead_deg = 30", "lead_deg = 2"));
   const cutting::Surface surface = cut_error_free(prepare(scene)).surface;
   double most = -1.0;
   for (std::size_t i = 0; i < surface.status.size(); ++i)
     if (surface.status[i] == cutting::VertexStatus::Cut)
       most = std::max(most, surface.residual[Eigen::Index(i)]);
-  std::cout << "highest " << most / units::um << " um\n";
-  EXPECT_GT(most, 0.0);
-  EXPECT_LT(most, 0.5 * 0.5 / (8 * 20.0) * 1.5);
+  const double ridge = R - std::sqrt(R * R - 0.25 * step_over * step_over);
+  std::cout << "highest " << most / units::um << " um, ridge " << ridge / units::um << " um\n";
+  EXPECT_LT(most, ridge + 0.1_nm);
+  EXPECT_GT(most, 0.98 * ridge);
 }
 
 TEST(FormCutterScene, IsWrittenAsItWasRead) {
   const std::string actual =
       "[tool.actual]\nflank_deg = 5.01\ncorner_radius_mm = 4.99\nlength_mm = 100.01\n";
   const std::string other = "[tool.actual]\noutline_arcs_mm = [0, 2.4, 20.1]\n";
-  for (const std::string& tool : {tapered_ball + actual, barrel + other, apt_bull,
+  for (const std::string& tool : {tapered_ball + actual, barrel_mill + other, apt_bull,
                                   apt_bull + "corner_offset_mm = 5\ncorner_height_mm = 1\n"}) {
-    const Scene scene = read(raster_with(tool));
+    const Scene scene = form_scene(raster_with(tool));
     const Scene again = scene_of_tree(written(scene), "again.toml", {});
     for (auto shape : {&ToolDescription::nominal, &ToolDescription::actual}) {
       const auto& a = std::get<cutting::Cutter>(scene.tool.*shape);
@@ -104,7 +111,7 @@ TEST(FormCutterScene, IsWrittenAsItWasRead) {
       EXPECT_LT(cutting::farthest_apart(*a.outline, *b.outline), 1e-12);
     }
   }
-  const Scene scene = read(raster_with(tapered_ball + actual));
+  const Scene scene = form_scene(raster_with(tapered_ball + actual));
   EXPECT_GT(cutting::farthest_apart(*std::get<cutting::Cutter>(scene.tool.nominal).outline,
                                     *std::get<cutting::Cutter>(scene.tool.actual).outline),
             1e-3);
@@ -112,7 +119,7 @@ TEST(FormCutterScene, IsWrittenAsItWasRead) {
 
 TEST(FormCutterScene, ThatCannotBeIsRefusedWhereItStands) {
   const auto refused = [](const std::string& tool, const std::string& part_of_it) {
-    const std::string text = refusal_by([&] { read(raster_with(tool)); });
+    const std::string text = refusal_by([&] { form_scene(raster_with(tool)); });
     EXPECT_NE(text.find("form.toml:"), std::string::npos) << text;
     EXPECT_NE(text.find(part_of_it), std::string::npos) << text;
   };
@@ -135,7 +142,7 @@ TEST(FormCutterScene, ThatCannotBeIsRefusedWhereItStands) {
 }
 
 /// A block milled with stock, force and a tool that bends, by a flat end and by its outline.
-Job block(const std::string& tool) {
+Job form_block(const std::string& tool) {
   const SceneFolder folder;
   folder.write("block.ngc",
                "G17 G21 G90 G94\nG49\nS6000 M3\nG0 Z100\nG0 X-30 Y0\nG0 Z78\nG1 X30 F600\n"
@@ -157,8 +164,8 @@ Job block(const std::string& tool) {
 }
 
 TEST(FormCutterScene, StockAndForceAreThoseOfTheCommonCutter) {
-  const Cut common = cut(block("kind = \"flat\"\nradius_mm = 5\nflank_length_mm = 10\n"));
-  const Cut form = cut(block("kind = \"apt\"\ndiameter_mm = 10\nflank_length_mm = 10\n"));
+  const Cut common = cut(form_block("kind = \"flat\"\nradius_mm = 5\nflank_length_mm = 10\n"));
+  const Cut form = cut(form_block("kind = \"apt\"\ndiameter_mm = 10\nflank_length_mm = 10\n"));
   ASSERT_EQ(common.process.steps.size(), form.process.steps.size());
   double most = 0.0, apart_by = 0.0, removed = 0.0;
   for (std::size_t i = 0; i < common.process.steps.size(); ++i) {
@@ -176,7 +183,7 @@ TEST(FormCutterScene, StockAndForceAreThoseOfTheCommonCutter) {
 
 TEST(FormCutterScene, ATaperBendsAndRemovesWhatItsShapeDoes) {
   const Cut taper =
-      cut(block("kind = \"apt\"\ndiameter_mm = 8\nflank_deg = 10\nflank_length_mm = 10\n"));
+      cut(form_block("kind = \"apt\"\ndiameter_mm = 8\nflank_deg = 10\nflank_length_mm = 10\n"));
   EXPECT_TRUE(taper.process.crash_lines.empty());
   double removed = 0.0;
   for (const ProcessStep& step : taper.process.steps) removed += step.removed;

@@ -22,7 +22,7 @@ namespace {
 
 /// A flat at z = 78 of the machine, milled by a flat R5 in strips that overlap, on the three-axis
 /// machine without errors; the block reaches 2 mm higher.
-std::string scene_text(const std::string& more) {
+std::string checked_scene_text(const std::string& more) {
   return fmt::format(
       "machine = \"{0}machines/three_axis_table.toml\"\n"
       "[tool]\nkind = \"flat\"\nradius_mm = 5\nflank_length_mm = 10\nlength_mm = 80\n"
@@ -52,7 +52,7 @@ struct Ran {
 };
 Ran ran(const SceneFolder& folder, const std::string& program, const std::string& more = "") {
   folder.write("flat.ngc", program);
-  const auto file = folder.write("flat.toml", scene_text(more));
+  const auto file = folder.write("flat.toml", checked_scene_text(more));
   RunOptions options;
   options.folder = folder.path() / "out";
   Ran all{run(file, options), {}};
@@ -168,7 +168,7 @@ TEST(StockCheck, TheBodyIsWrittenAsStlAndRemovedWhereThereIsNone) {
   EXPECT_NEAR(volume, 40 * 30 * 18, 0.01 * 40 * 30 * 18);
   in.close();
   const auto bare = folder.write("bare.toml", [] {
-    std::string text = scene_text("");
+    std::string text = checked_scene_text("");
     return text.substr(0, text.find("[cutting]"));
   }());
   RunOptions options;
@@ -180,7 +180,7 @@ TEST(StockCheck, TheBodyIsWrittenAsStlAndRemovedWhereThereIsNone) {
 TEST(StockCheck, ComparedCasesNameTheirGouges) {
   const SceneFolder folder;
   folder.write("flat.ngc", program_text("G0 X4 Y2\nG0 Z80\nG1 Z77.7 F300\nG0 Z100\n"));
-  const auto file = folder.write("flat.toml", scene_text(""));
+  const auto file = folder.write("flat.toml", checked_scene_text(""));
   RunOptions options;
   options.folder = folder.path() / "out";
   const Outcome outcome = compare(file, options);
