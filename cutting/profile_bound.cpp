@@ -46,9 +46,14 @@ ProfileBound::ProfileBound(const EdgeProfile& profile, const NoseSweep& sweep)
     const Vector2d normal = (meridian * normal_t).normalized();
     sides_.push_back({normal, reach(meridian.transpose() * normal)});
   };
+  constexpr double between = 0.25;  // rad, of the tangents of an arc: 1% of its radius off it
   for (const OutlinePiece& piece : profile.pieces) {
-    add(piece.normal_from);
-    if (piece.is_arc) add((piece.normal_from + piece.normal_to).normalized());
+    if (!piece.is_arc) add(piece.normal_from);
+    if (!piece.is_arc || piece.radius == 0.0) continue;
+    const double angle = std::acos(std::clamp(piece.normal_from.dot(piece.normal_to), -1.0, 1.0));
+    const int parts = int(std::ceil(angle / between));
+    for (int i = 0; i <= parts; ++i)
+      add(Eigen::Rotation2Dd(angle * i / std::max(parts, 1)) * piece.normal_from);
   }
   down_ = reach(meridian.transpose() * Vector2d(0, -1));
   const Vector2d sideways(beside_.dot(R_.col(0)), beside_.dot(R_.col(2)));

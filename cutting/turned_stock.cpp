@@ -327,12 +327,29 @@ class Revolution {
         x_(from.linear().col(0)),
         z_(from.linear().col(2)),
         ahead_(reach_along(stock.direction_w)),
-        behind_(reach_along(-stock.direction_w)) {}
+        behind_(reach_along(-stock.direction_w)) {
+    if (!stands_ || !edge_.has_profile()) return;
+    const Vector3d out = start_ - start_.dot(stock.direction_w) * stock.direction_w;
+    if (!(out.norm() > edge_.outer_radius() + step_.norm())) return;
+    const Vector3d down = -out.normalized();
+    const Vector2d tip = foremost(edge_.profile(), {x_.dot(down), z_.dot(down)});
+    tip_along_ = (tip.x() * x_ + tip.y() * z_).dot(stock.direction_w);
+  }
 
   /// mm along the spindle line that the nose passes.
   std::pair<double, double> extent() const {
     const double a = start_.dot(stock_.direction_w), b = a + step_.dot(stock_.direction_w);
     return {std::min(a, b) - behind_, std::max(a, b) + ahead_};
+  }
+
+  /// Whether the edge surely stays above a radius at a place. The nearer its tip passes, the lower
+  /// a convex edge comes, but for what the whole of it goes down meanwhile.
+  bool stays_above(double radius, double x) const {
+    if (!tip_along_) return false;
+    const double speed = step_.dot(stock_.direction_w);
+    const double ahead = x - start_.dot(stock_.direction_w) - *tip_along_;
+    const double nearest = std::abs(speed) > 1e-12 ? std::clamp(ahead / speed, 0.0, 1.0) : 0.0;
+    return lowest(x, nearest) - step_.norm() > radius;
   }
 
   /// Lowest radius at a place over the revolution; infinity where the edge does not come. The
@@ -424,6 +441,8 @@ class Revolution {
   bool stands_;
   Vector3d x_, z_;
   double ahead_, behind_;  // mm, reach along the spindle line and against it
+  std::optional<double>
+      tip_along_;  // mm, of the lowest point, of an insert on one side of the line
 };
 
 }  // namespace
@@ -443,7 +462,9 @@ double remove(TurnedStock& stock, const Nose& nose, const Eigen::Isometry3d& fro
   const Index begin = std::max<Index>(0, from - 1), end = std::min<Index>(Index(last), to + 1);
   const double before = volume(stock, begin, end);
   for (Index i = from; i <= to; ++i) {
-    const double lowest = revolution.lowest(stock.first + stock.spacing * double(i));
+    const double x = stock.first + stock.spacing * double(i);
+    if (revolution.stays_above(stock.radius[i], x)) continue;
+    const double lowest = revolution.lowest(x);
     if (!(lowest < stock.radius[i])) continue;
     stock.radius[i] = lowest;
     stock.line[std::size_t(i)] = line;
