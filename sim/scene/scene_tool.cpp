@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include "sim/scene/scene_insert.h"
 #include "sim/scene/scene_sections.h"
 
 namespace abbe::sim {
@@ -72,7 +73,10 @@ Fields<NoseWave> wave_fields() {
       .number("phase_deg", &NoseWave::phase, any_number, "of its cosine, from the tool's x to z");
 }
 
+bool has_profile(const std::string& kind) { return kind == "insert" || kind == "edge"; }
+
 Fields<ToolDescription> nominal_fields(const std::string& kind) {
+  if (has_profile(kind)) return nominal_edge_fields(kind);
   Fields<ToolDescription> fields;
   if (kind == "nose")
     return fields.then([](ToolDescription& tool) { tool.nominal = Nose{}; })
@@ -83,10 +87,20 @@ Fields<ToolDescription> nominal_fields(const std::string& kind) {
       cutter_fields(kind, must));
 }
 
+Fields<ToolDescription> centring_fields() {
+  return Fields<ToolDescription>()
+      .number("centring_offset_mm", &ToolDescription::centring_offset, any_number,
+              "turning: by which it stands off along the tool's x")
+      .number("centring_height_mm", &ToolDescription::centring_height, any_number,
+              "turning: by which it stands off along the tool's y");
+}
+
 Fields<ToolDescription> actual_fields(const std::string& kind) {
   Fields<ToolDescription> fields;
   fields.number(or_nominal("length_mm"), &ToolDescription::actual_length, tool_length,
                 "from the nose of the spindle");
+  if (has_profile(kind))
+    return fields.all_of(itself, actual_edge_fields(kind)).all_of(itself, centring_fields());
   if (kind != "nose")
     return fields.all_of(
         [](auto& tool) -> auto& { return std::get<Cutter>(tool.actual); },
@@ -96,10 +110,7 @@ Fields<ToolDescription> actual_fields(const std::string& kind) {
           [](auto& tool) -> auto& { return std::get<Nose>(tool.actual); },
           nose_fields(or_nominal)
               .tables("wave", &Nose::waves, wave_fields(), "turning: waves of the edge"))
-      .number("centring_offset_mm", &ToolDescription::centring_offset, any_number,
-              "turning: by which it stands off along the tool's x")
-      .number("centring_height_mm", &ToolDescription::centring_height, any_number,
-              "turning: by which it stands off along the tool's y");
+      .all_of(itself, centring_fields());
 }
 
 Fields<ToolWear> wear_fields() {
@@ -130,10 +141,13 @@ ToolKind tool_kind(const char* word, const char* sentence) {
 }
 
 const std::vector<ToolKind>& tool_kinds() {
-  static const std::vector<ToolKind> kinds{tool_kind("ball", "its end is a hemisphere"),
-                                           tool_kind("bull", "a flat end with a round corner"),
-                                           tool_kind("flat", "a flat end with a sharp corner"),
-                                           tool_kind("nose", "a turning tool")};
+  static const std::vector<ToolKind> kinds{
+      tool_kind("ball", "its end is a hemisphere"),
+      tool_kind("bull", "a flat end with a round corner"),
+      tool_kind("flat", "a flat end with a sharp corner"),
+      tool_kind("nose", "a turning tool"),
+      tool_kind("insert", "a turning tool with a nose and two straight edges"),
+      tool_kind("edge", "a turning tool with a convex edge of lines and arcs")};
   return kinds;
 }
 
@@ -153,6 +167,8 @@ const ToolKind& kind_in(TableReader& reader) {
 /// A kind that can be both what the tool should be and what it is.
 const ToolKind& kind_of(const ToolDescription& tool) {
   const auto* nominal = std::get_if<Cutter>(&tool.nominal);
+  if (std::holds_alternative<cutting::Insert>(tool.edge)) return kind_named("insert");
+  if (!std::holds_alternative<std::monostate>(tool.edge)) return kind_named("edge");
   if (!nominal) return kind_named("nose");
   const Cutter& actual = std::get<Cutter>(tool.actual);
   if (nominal->corner_radius == 0.0 && actual.corner_radius == 0.0) return kind_named("flat");
@@ -194,8 +210,11 @@ Key tool_kind_key() {
 
 Key actual_key() {
   std::vector<Key> keys = kind_named("bull").actual.keys();
-  for (Key& key : kind_named("nose").actual.keys())
-    if (key.name != "length_mm" && key.name != "radius_mm") keys.push_back(std::move(key));
+  for (const char* kind : {"nose", "insert", "edge"})
+    for (Key& key : kind_named(kind).actual.keys())
+      if (std::none_of(keys.begin(), keys.end(),
+                       [&](const Key& other) { return other.name == key.name; }))
+        keys.push_back(std::move(key));
   return key_of(KeyName("actual").otherwise("as nominal"), Key::Kind::Table,
                 "what the tool really is, where that differs", std::move(keys));
 }
@@ -227,6 +246,7 @@ const Fields<ToolDescription>& tool_fields() {
                  999'999, "T by which a program calls it: a call of another is refused")
           .then([](Tool& tool) {
             tool.actual = tool.nominal;
+            tool.actual_edge = tool.edge;
             tool.actual_length = tool.length;
           })
           .custom(
