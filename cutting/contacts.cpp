@@ -71,6 +71,14 @@ std::optional<Vector3d> skin_normal(const Cutter& cutter, const Position& at, co
   return Vector3d(contact - (at.tip + corner * at.axis + ring * outward));
 }
 
+/// Normal of an insert's edge in the rake plane, at what is nearest to a contact.
+/// @param R       turn of frame t @param from  contact seen from its origin
+Vector3d outward_of(const EdgeProfile& profile, const Eigen::Matrix3d& R, const Vector3d& from) {
+  const Eigen::Vector2d place(R.col(0).dot(from), R.col(2).dot(from));
+  const Eigen::Vector2d outward = distance(profile.pieces, place).gradient;
+  return outward.x() * R.col(0) + outward.y() * R.col(2);
+}
+
 /// gradient . normal = 1; NaN where the skin is seen edge on.
 Vector3d gradient_of(const std::optional<Vector3d>& skin, const Vector3d& normal) {
   const double facing = skin ? std::abs(skin->dot(normal)) : 0.0;
@@ -122,7 +130,7 @@ Contacts milled_contacts(const Design& design_w, const Surface& surface, const C
   });
 }
 
-Contacts turned_contacts(const Design& design_w, const Surface& surface, const Nose&,
+Contacts turned_contacts(const Design& design_w, const Surface& surface, const Nose& nose,
                          const NoseMotion& motion) {
   const Vector3d line = motion.spindle_direction;
   return each_contact(design_w, surface, [&](Index v, const Vector3d& contact) {
@@ -137,9 +145,13 @@ Contacts turned_contacts(const Design& design_w, const Surface& surface, const N
         motion.spindle_point +
         turn * ((1.0 - u) * before.translation() + u * after.translation() - motion.spindle_point);
     const Vector3d rake = turn * Vector3d(before.linear().col(1));
-    const Vector3d arm = contact - centre;
+    const Vector3d arm =
+        nose.profile
+            ? outward_of(*nose.profile, turn * Eigen::Matrix3d(before.linear()), contact - centre)
+            : Vector3d(contact - centre);
     const Vector3d around = line.cross(contact - motion.spindle_point);
-    // the edge runs across the arm within the rake plane, and the work passes it around the line
+    // the edge runs across the arm, of an insert across its normal, within the rake plane, and the
+    // work passes it around the line
     const Vector3d skin = rake.cross(arm).cross(around);
     const Vector3d normal = design_w.normals.row(v);
     const std::optional<Vector3d> defined = skin.norm() > 0.0 ? std::optional(skin) : std::nullopt;

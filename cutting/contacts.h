@@ -23,7 +23,8 @@ Contacts milled_contacts(const Design& design_w, const Surface& surface, const C
                          const CutterMotion& motion);
 
 /// The same of `turned_surface`, its travel that of the vertex about the spindle line. Waves of the
-/// nose are left out of the gradient: amplitude times order / radius of it.
+/// nose are left out of the gradient: amplitude times order / radius of it. On a sharp corner of an
+/// insert it is that of the normal from the corner to the contact.
 Contacts turned_contacts(const Design& design_w, const Surface& surface, const Nose& nose,
                          const NoseMotion& motion);
 

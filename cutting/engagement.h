@@ -94,14 +94,16 @@ struct EngagedEdge {
 /// stock as the revolution before left it. The first and the last piece of a cut end where the edge
 /// passes the profile. Chip thickness is that of the material between the edge and the profile,
 /// from the edge's middle point towards the middle of the nose, at most to there; so the sum of
-/// length times chip is the area of the chip to chip / (2 nose radius) of itself.
+/// length times chip is the area of the chip to chip / (2 nose radius) of itself. Of an insert
+/// every line and arc is cut into parts of two nodes of the stock, `pieces` at most, and the chip
+/// is that along the inward normal of the edge, at most to the other side of the insert.
 /// @throws std::invalid_argument for a pose that is not finite, an impossible nose, or under 3
 /// pieces
 std::vector<EngagedEdge> engagement(const TurnedStock& stock, const Nose& nose,
                                     const Eigen::Isometry3d& T_slow, int pieces = 200);
 
 /// Takes one revolution out of the stock: every node is cut back to the lowest place of the edge
-/// while it moves on a line between two slow poses, to 1e-9 of the nose's radius.
+/// while it moves on a line between two slow poses, to 1e-9 of the radius that holds the edge.
 /// @param line  what the nodes that are cut back remember, negative for a rapid
 /// @return mm^3 removed
 /// @throws std::invalid_argument for a pose that is not finite or an impossible nose

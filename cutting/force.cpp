@@ -304,6 +304,29 @@ CuttingLoad force_at(const Engagement& engagement, const CuttingCoefficients& co
   return sum.take();
 }
 
+namespace {
+
+/// A place of a turning tool's edge in frame t, and the outward normal there.
+struct TurningEdge {
+  Vector3d place, normal;
+};
+TurningEdge turning_edge(const Nose& nose, double psi) {
+  if (nose.profile) {
+    const EdgePoint edge = edge_point(*nose.profile, psi);
+    return {{edge.at.x(), 0.0, edge.at.y()}, {edge.outward.x(), 0.0, edge.outward.y()}};
+  }
+  double radius = nose.radius, slope = 0.0;
+  for (const NoseWave& wave : nose.waves) {
+    radius += wave.amplitude * std::cos(wave.order * psi + wave.phase);
+    slope -= wave.order * wave.amplitude * std::sin(wave.order * psi + wave.phase);
+  }
+  const Vector3d outward(std::cos(psi), 0.0, std::sin(psi));
+  const Vector3d onward(-std::sin(psi), 0.0, std::cos(psi));
+  return {radius * outward, (radius * outward - slope * onward).normalized()};
+}
+
+}  // namespace
+
 CuttingLoad turning_force(const std::vector<EngagedEdge>& edges, const Nose& nose,
                           const CuttingCoefficients& K, double work_radius) {
   validate(K);
@@ -313,23 +336,16 @@ CuttingLoad turning_force(const std::vector<EngagedEdge>& edges, const Nose& nos
   double amount = 0.0;
   for (const EngagedEdge& edge : edges) {
     if (!(edge.chip > 0.0) || !(edge.length > 0.0)) continue;
-    double radius = nose.radius, slope = 0.0;
-    for (const NoseWave& wave : nose.waves) {
-      radius += wave.amplitude * std::cos(wave.order * edge.psi + wave.phase);
-      slope -= wave.order * wave.amplitude * std::sin(wave.order * edge.psi + wave.phase);
-    }
-    const Vector3d outward(std::cos(edge.psi), 0.0, std::sin(edge.psi));
-    const Vector3d onward(-std::sin(edge.psi), 0.0, std::cos(edge.psi));
+    const auto [place, normal] = turning_edge(nose, edge.psi);
     const double tangential = (K.K_tc * edge.chip + K.K_te) * edge.length;
-    const double normal = (K.K_rc * edge.chip + K.K_re) * edge.length;
-    const Vector3d force =
-        -tangential * Vector3d::UnitY() - normal * (radius * outward - slope * onward).normalized();
+    const double radial = (K.K_rc * edge.chip + K.K_re) * edge.length;
+    const Vector3d force = -tangential * Vector3d::UnitY() - radial * normal;
     load.on_tool_t.head<3>() += force;
-    load.on_tool_t.tail<3>() += (radius * outward).cross(force);
+    load.on_tool_t.tail<3>() += place.cross(force);
     load.torque += tangential * work_radius;
     load.chip_volume += full_turn * work_radius * edge.chip * edge.length;
-    load.contact_t += (tangential + normal) * radius * outward;
-    amount += tangential + normal;
+    load.contact_t += (tangential + radial) * place;
+    amount += tangential + radial;
   }
   if (amount > 0.0) load.contact_t /= amount;
   return load;

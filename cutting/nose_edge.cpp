@@ -20,10 +20,13 @@ NoseEdge::NoseEdge(const Nose& nose) : nose_(nose) {
   if (!std::isfinite(nose.radius) || nose.radius <= wave_sum_) {
     throw std::invalid_argument("nose: expected a radius larger than the sum of its waves");
   }
+  if (nose.profile && !nose.waves.empty())
+    throw std::invalid_argument("nose: expected waves on a round edge, seen them on an insert");
   lipschitz_ = 1.0 + steepest / (nose.radius - wave_sum_);
 }
 
 double NoseEdge::outside_by(const Vector2d& point) const {
+  if (nose_.profile) return beyond(point);
   double edge = nose_.radius;
   if (!nose_.waves.empty()) {
     const double psi = std::atan2(point.y(), point.x());
@@ -40,6 +43,11 @@ std::optional<double> NoseEdge::entry(const Vector2d& point, const Vector2d& ste
   if (aa < 1e-24) {  // the line is a point in this plane
     return contains(point) ? std::optional(from) : std::nullopt;
   }
+  if (nose_.profile) {
+    const std::optional<Chord> inside = chord(*nose_.profile, point, step);
+    if (!inside || inside->end < from) return std::nullopt;
+    return std::max(from, inside->begin);
+  }
   const double closest = -point.dot(step) / aa;
   // The distance to the line from the cross product: it does not cancel as b^2 - ac does.
   const double distance = (point.x() * step.y() - point.y() * step.x()) / std::sqrt(aa);
@@ -51,6 +59,17 @@ std::optional<double> NoseEdge::entry(const Vector2d& point, const Vector2d& ste
   if (begin > closest + half) return std::nullopt;
   if (nose_.waves.empty()) return begin;
   return waved_entry(point, step, begin, closest + half);
+}
+
+double NoseEdge::nearest(const Vector2d& point, const Vector2d& step, double from) const {
+  const double aa = step.squaredNorm();
+  if (!nose_.profile) return -point.dot(step) / aa;
+  if (chord(*nose_.profile, point, step)) return from;
+  const Vector2d across(-step.y(), step.x());
+  // the origin is inside, so the line lies where it does from there
+  const Vector2d towards = across.dot(point) > 0.0 ? Vector2d(across) : Vector2d(-across);
+  const double s = (foremost(*nose_.profile, towards) - point).dot(step) / aa;
+  return std::max(from, s);
 }
 
 std::optional<double> NoseEdge::waved_entry(const Vector2d& point, const Vector2d& step,

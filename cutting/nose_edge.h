@@ -12,19 +12,42 @@ namespace abbe::cutting {
 class NoseEdge {
  public:
   /// @throws std::invalid_argument unless radius > 0, every number is finite and the waves leave a
-  ///         positive radius everywhere
+  ///         positive radius everywhere; for waves on the profile of an insert
   explicit NoseEdge(const Nose& nose);
 
   /// Radius of a circle that holds the whole edge, mm.
-  double outer_radius() const { return nose_.radius + wave_sum_; }
+  double outer_radius() const {
+    return nose_.profile ? nose_.profile->outer_radius : nose_.radius + wave_sum_;
+  }
+
+  /// mm, how far the edge reaches in a direction of length 1 or less; of a round one `outer_radius`
+  /// of any.
+  double reach(const Eigen::Vector2d& direction) const {
+    return nose_.profile ? direction.dot(foremost(*nose_.profile, direction)) : outer_radius();
+  }
+
+  /// Whether it has straight edges, along which a line may run.
+  bool has_profile() const { return nose_.profile != nullptr; }
+  const EdgeProfile& profile() const { return *nose_.profile; }
 
   /// Whether a point (x, z) lies inside the edge or on it.
   bool contains(const Eigen::Vector2d& point) const { return outside_by(point) <= 0.0; }
 
   /// Smallest s >= from at which point + s * step lies inside: to 1e-12 mm along the line for a
-  /// circle, to 1e-11 mm for a waved edge, whose chords shorter than 1e-6 mm may be passed over.
+  /// circle and, across the edge, for a profile; to 1e-11 mm for a waved edge, whose chords shorter
+  /// than 1e-6 mm may be passed over.
   std::optional<double> entry(const Eigen::Vector2d& point, const Eigen::Vector2d& step,
                               double from) const;
+
+  /// Of a line that misses the region: the s at which it comes nearest, to the middle of a round
+  /// edge; of one that has passed a profile by `from`, that.
+  double nearest(const Eigen::Vector2d& point, const Eigen::Vector2d& step, double from) const;
+
+  /// mm, at most how far a point is outside; negative where it is inside.
+  double beyond(const Eigen::Vector2d& point) const {
+    return nose_.profile ? distance(nose_.profile->pieces, point).value
+                         : point.norm() - outer_radius();
+  }
 
  private:
   double outside_by(const Eigen::Vector2d& point) const;

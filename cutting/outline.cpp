@@ -8,6 +8,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
+#include "cutting/outline_pieces.h"
 #include "kinematics/require.h"
 #include "kinematics/units.h"
 
@@ -18,67 +19,12 @@ using Eigen::Vector2d;
 namespace {
 
 constexpr double same_place = 1e-9;   // mm
-constexpr double same_normal = 1e-7;  // rad, by which a joint may bend inwards: rounding of input
+constexpr double same_normal = 1e-7;  // rad, by which it may turn back: rounding of input
 
 double cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 
-OutlinePiece line(const Vector2d& from, const Vector2d& to) {
-  const Vector2d along = (to - from).normalized();
-  const Vector2d normal(along.y(), -along.x());
-  return {false, from, to, normal, normal};
-}
-
-OutlinePiece arc_about(const Vector2d& from, const Vector2d& to, double radius,
-                       const Vector2d& centre) {
-  return {true, from, to, (from - centre).normalized(), (to - centre).normalized(), radius};
-}
-
-OutlinePiece arc(const Vector2d& from, const Vector2d& to, double radius) {
-  const Vector2d chord = to - from;
-  const double half = 0.5 * chord.norm();
-  require(
-      radius >= half,
-      fmt::format("outline: expected an arc of radius {:g} mm at least to ({:g}, {:g}), seen {:g}",
-                  half, to.x(), to.y(), radius));
-  const Vector2d inward = Vector2d(-chord.y(), chord.x()).normalized();
-  return arc_about(from, to, radius,
-                   0.5 * (from + to) + std::sqrt(radius * radius - half * half) * inward);
-}
-
-/// An arc beyond a right angle as two.
-void add_short(std::vector<OutlinePiece>& pieces, const OutlinePiece& piece) {
-  const Vector2d& n = piece.normal_from;
-  if (!piece.is_arc || n.dot(piece.normal_to) >= 0.0) {
-    pieces.push_back(piece);
-    return;
-  }
-  const Vector2d middle = (n + piece.normal_to + 1e-9 * Vector2d(-n.y(), n.x())).normalized();
-  const Vector2d at = piece.from + piece.radius * (middle - n);
-  pieces.push_back({true, piece.from, at, n, middle, piece.radius});
-  pieces.push_back({true, at, piece.to, middle, piece.normal_to, piece.radius});
-}
-
-/// The pieces and the sharp corners between them.
-std::vector<OutlinePiece> with_corners(const std::vector<OutlinePiece>& pieces) {
-  std::vector<OutlinePiece> all;
-  for (const OutlinePiece& piece : pieces) {
-    const Vector2d last = all.empty() ? Vector2d(0, -1) : all.back().normal_to;
-    const double bend = cross(last, piece.normal_from);
-    const bool turns_back = last.dot(piece.normal_from) < 0.0;
-    require(
-        bend > -same_normal && !(turns_back && bend <= same_normal),
-        fmt::format("outline: expected a convex one, seen that it bends inwards by {:.3g} deg at "
-                    "({:g}, {:g}) mm",
-                    std::atan2(-bend, last.dot(piece.normal_from)) / units::deg, piece.from.x(),
-                    piece.from.y()));
-    if (bend > same_normal) add_short(all, {true, piece.from, piece.from, last, piece.normal_from});
-    add_short(all, piece);
-  }
-  return all;
-}
-
 ToolOutline closed(const std::vector<OutlinePiece>& pieces) {
-  ToolOutline outline{with_corners(pieces)};
+  ToolOutline outline{with_corners(pieces, {0, -1})};
   for (const OutlinePiece& piece : outline.pieces) {
     require(piece.normal_from.x() >= -same_normal && piece.normal_to.x() >= -same_normal,
             fmt::format("outline: expected it to go on up to its top, seen that it turns back at "
@@ -110,8 +56,8 @@ ToolOutline outline_through(const std::vector<OutlinePoint>& points) {
             fmt::format("outline: expected finite numbers of 0 and more, seen ({:g}, {:g}) mm",
                         point.at.x(), point.at.y()));
     if ((point.at - last).norm() > same_place)
-      pieces.push_back(point.radius > 0.0 ? arc(last, point.at, point.radius)
-                                          : line(last, point.at));
+      pieces.push_back(point.radius > 0.0 ? arc_piece(last, point.at, point.radius)
+                                          : line_piece(last, point.at));
     last = point.at;
   };
   require(std::abs(points.front().at.y()) <= same_place,
@@ -168,10 +114,10 @@ ToolOutline apt_outline(const AptCutter& cutter) {
   require(start.x() > -same_place && end.y() < height,
           "APT cutter: expected the corner between the axis and the top");
   std::vector<OutlinePiece> pieces;
-  if (start.norm() > same_place) pieces.push_back(line({0, 0}, start));
-  pieces.push_back(arc_about(start, end, corner, centre));
-  pieces.push_back(line(end, at_height(height)));
-  pieces.push_back(line(at_height(height), {0, height}));
+  if (start.norm() > same_place) pieces.push_back(line_piece({0, 0}, start));
+  pieces.push_back(arc_piece_about(start, end, corner, centre));
+  pieces.push_back(line_piece(end, at_height(height)));
+  pieces.push_back(line_piece(at_height(height), {0, height}));
   return closed(pieces);
 }
 
@@ -302,11 +248,15 @@ double farthest_apart(const ToolOutline& a, const ToolOutline& b) {
 }
 
 OutlineDistance distance(const ToolOutline& outline, const Vector2d& place) {
+  return distance(outline.pieces, place);
+}
+
+OutlineDistance distance(const std::vector<OutlinePiece>& pieces, const Vector2d& place) {
   OutlineDistance most{-1e300, {0, -1}};
   const auto take = [&](double value, const Vector2d& gradient) {
     if (value > most.value) most = {value, gradient};
   };
-  for (const OutlinePiece& piece : outline.pieces) {
+  for (const OutlinePiece& piece : pieces) {
     const Vector2d v = place - piece.from, w = place - piece.to;
     const double off = piece.normal_from.dot(v);
     if (piece.is_arc && cross(piece.normal_from, v) >= 0.0 && cross(w, piece.normal_to) >= 0.0) {

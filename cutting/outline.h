@@ -92,5 +92,7 @@ struct OutlineDistance {
   Eigen::Vector2d gradient;
 };
 OutlineDistance distance(const ToolOutline& outline, const Eigen::Vector2d& place);
+/// The same of pieces that go around a convex region.
+OutlineDistance distance(const std::vector<OutlinePiece>& pieces, const Eigen::Vector2d& place);
 
 }  // namespace abbe::cutting

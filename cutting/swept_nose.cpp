@@ -22,6 +22,8 @@ constexpr double join_angle = 1e-9;
 constexpr double near_axis = 1e-3;
 // mm: the rake plane that passes a point on the spindle line so near contains it.
 constexpr double in_plane_on_axis = 2e-8;
+// mm along the ray, farther than a contact moves from one instant to the next.
+constexpr double leap = 1e-9;
 
 /// Golden section for the least value of f between low and high.
 template <class Function>
@@ -74,16 +76,27 @@ struct All {
   }
 };
 
+/// What rays are asked of.
+struct Searched {
+  const NoseSweep& sweep;
+  const NoseEdge& edge;
+  const ProfileBound* bound;  // none of a round edge
+};
+
 /// One ray against one sweep; what it finds goes to `Taken`.
 template <class Taken>
 class RaySearch {
  public:
-  RaySearch(const NoseSweep& sweep, const NoseEdge& edge, const NoseStretch& ray, Taken& taken)
-      : sweep_(sweep), edge_(edge), ray_(ray), taken_(taken) {}
+  RaySearch(const Searched& searched, const NoseStretch& ray, Taken& taken)
+      : sweep_(searched.sweep),
+        edge_(searched.edge),
+        bound_(searched.bound),
+        ray_(ray),
+        taken_(taken) {}
 
   void search() {
     if (sweep_.nodes.empty() || taken_.limit() < ray_.from) return;
-    visit(0, bound(sweep_.nodes.front()));
+    visit(0, bound(0));
     for (const NoseSweep::Face& face : sweep_.faces) try_face(face);
   }
 
@@ -91,7 +104,11 @@ class RaySearch {
   void try_face(const NoseSweep::Face& face);
 
  private:
-  double bound(const NoseNode& node) const { return first_reach(node, ray_, edge_.outer_radius()); }
+  double bound(int index) const {
+    const NoseNode& node = sweep_.nodes[std::size_t(index)];
+    return bound_ ? bound_->first_reach(index, node, ray_)
+                  : first_reach(node, ray_, edge_.outer_radius());
+  }
   void visit(int index, double node_bound);
   bool refine(const NosePiece& piece, double u);
   void scan(const NosePiece& piece);
@@ -114,6 +131,7 @@ class RaySearch {
 
   const NoseSweep& sweep_;
   const NoseEdge& edge_;
+  const ProfileBound* bound_;
   const NoseStretch& ray_;
   Taken& taken_;
 };
@@ -127,8 +145,8 @@ void RaySearch<Taken>::visit(int index, double node_bound) {
     try_piece(sweep_.pieces[std::size_t(node.first)], node_bound);
     return;
   }
-  const double left = bound(sweep_.nodes[std::size_t(index) + 1]);
-  const double right = bound(sweep_.nodes[std::size_t(node.right)]);
+  const double left = bound(index + 1);
+  const double right = bound(node.right);
   if (left <= right) visit(index + 1, left);
   visit(node.right, right);
   if (left > right) visit(index + 1, left);
@@ -183,7 +201,7 @@ bool RaySearch<Taken>::refine(const NosePiece& piece, double u) {
     const std::optional<double> hit = edge_.entry(ray.point, ray.step, ray_.from);
     const double aa = ray.step.squaredNorm();
     if (!hit && aa < 1e-12) return false;
-    const double s = hit ? *hit : -ray.point.dot(ray.step) / aa;
+    const double s = hit ? *hit : edge_.nearest(ray.point, ray.step, ray_.from);
     const double y = ray.y + s * ray.y_step;
     const double swing = ray.swing + s * ray.swing_step;
     if (std::abs(swing) < near_axis) return false;
@@ -204,7 +222,7 @@ bool RaySearch<Taken>::refine(const NosePiece& piece, double u) {
       const double r = std::max(radius(ray_.at(s)), radius(ray_.at(nearest)));
       const double slow = i.centre_step.norm() + i.turn * (i.centre.norm() + i.centre_step.norm());
       const double moves = std::abs(u - last_u) * slow + off * off * r;
-      const double miss = (ray.point + nearest * ray.step).norm() - edge_.outer_radius();
+      const double miss = edge_.beyond(ray.point + nearest * ray.step);
       if (miss > 4.0 * moves + 1e-9) return true;
     }
     if (off > angle_tolerance) continue;
@@ -306,6 +324,10 @@ void RaySearch<Taken>::solve(const NosePiece& piece, double u0, double u1, End e
     (same ? u0 : u1) = middle;
     (same ? c0 : c1) = c;
   }
+  // Where the trace runs along a straight edge the contact leaps: in the plane is what lies
+  // between.
+  if (edge_.has_profile() && std::abs(c1->s - c0->s) > leap && c0->y != c1->y)
+    return offer(piece, u0, c0->s + (c1->s - c0->s) * c0->y / (c0->y - c1->y));
   offer(piece, u0, c0->s);
   offer(piece, u1, c1->s);
 }
@@ -339,6 +361,7 @@ void RaySearch<Taken>::try_face(const NoseSweep::Face& face) {
 
 SweptNose::SweptNose(const Nose& nose, const NoseMotion& motion)
     : edge_(nose), sweep_(nose_sweep(motion)) {
+  if (edge_.has_profile()) bound_.emplace(edge_.profile(), sweep_);
   double turned = 0.0;
   for (const NoseInterval& interval : sweep_.intervals) {
     turned_.push_back(turned);
@@ -360,17 +383,19 @@ void SweptNose::each_stretch(const Ray& ray_w, const Use& use) const {
 }
 
 std::optional<NoseCut> SweptNose::first(const Ray& ray_w) const {
+  const Searched searched{sweep_, edge_, bound_ ? &*bound_ : nullptr};
   Best best;
-  each_stretch(
-      ray_w, [&](const NoseStretch& stretch) { RaySearch(sweep_, edge_, stretch, best).search(); });
+  each_stretch(ray_w,
+               [&](const NoseStretch& stretch) { RaySearch(searched, stretch, best).search(); });
   if (best.cut.s == infinity) return std::nullopt;
   return best.cut;
 }
 
 std::vector<NoseCut> SweptNose::within(const Ray& ray_w, double limit) const {
+  const Searched searched{sweep_, edge_, bound_ ? &*bound_ : nullptr};
   All all{limit, {}};
-  each_stretch(
-      ray_w, [&](const NoseStretch& stretch) { RaySearch(sweep_, edge_, stretch, all).search(); });
+  each_stretch(ray_w,
+               [&](const NoseStretch& stretch) { RaySearch(searched, stretch, all).search(); });
   std::sort(all.cuts.begin(), all.cuts.end(), [](const NoseCut& a, const NoseCut& b) {
     return std::tie(a.time_s, a.s) < std::tie(b.time_s, b.s);
   });
@@ -402,9 +427,10 @@ std::optional<NoseCut> SweptNose::near(const Ray& ray_w, const NoseCut& other,
   const auto piece = [&](int i) -> const NosePiece& { return sweep_.pieces[std::size_t(i)]; };
   while (begin > 0 && off(piece(begin).interval, piece(begin).u0) > -window) --begin;
   while (end < int(sweep_.pieces.size()) && off(piece(end).interval, piece(end).u0) < window) ++end;
+  const Searched searched{sweep_, edge_, bound_ ? &*bound_ : nullptr};
   All all{infinity, {}};
   each_stretch(ray_w, [&](const NoseStretch& stretch) {
-    RaySearch search(sweep_, edge_, stretch, all);
+    RaySearch search(searched, stretch, all);
     const double s = std::clamp(other.s, stretch.from, stretch.to);
     for (int i = begin; i < end; ++i) search.try_piece(piece(i), s);
     for (const NoseSweep::Face& face : sweep_.faces)

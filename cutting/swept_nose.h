@@ -6,6 +6,7 @@
 #include "cutting/cutter_entry.h"
 #include "cutting/nose_edge.h"
 #include "cutting/nose_sweep.h"
+#include "cutting/profile_bound.h"
 
 namespace abbe::cutting {
 
@@ -45,7 +46,8 @@ class SweptNose {
 
   NoseEdge edge_;
   NoseSweep sweep_;
-  std::vector<double> turned_;  // rad, at the beginning of every interval
+  std::optional<ProfileBound> bound_;  // of an edge with a profile
+  std::vector<double> turned_;         // rad, at the beginning of every interval
 };
 
 }  // namespace abbe::cutting

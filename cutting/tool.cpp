@@ -13,6 +13,12 @@ Cutter form_cutter(ToolOutline outline) {
   return {radius, 0.0, height, std::make_shared<const ToolOutline>(std::move(outline))};
 }
 
+Nose nose_of(EdgeProfile profile) {
+  Nose nose{profile.radius, {}};
+  nose.profile = std::make_shared<const EdgeProfile>(std::move(profile));
+  return nose;
+}
+
 void check_cutter(const Cutter& cutter) {
   require(std::isfinite(cutter.radius) && cutter.radius > 0.0 && cutter.corner_radius >= 0.0 &&
               cutter.corner_radius <= cutter.radius && std::isfinite(cutter.flank_length) &&

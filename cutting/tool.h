@@ -3,6 +3,7 @@
 #include <memory>
 #include <vector>
 
+#include "cutting/edge_profile.h"
 #include "cutting/outline.h"
 
 namespace abbe::cutting {
@@ -63,9 +64,13 @@ struct NoseWave {
 
 /// Turning tool: a circular edge of `radius` about the origin of frame t in its x-z plane (y = 0,
 /// the rake plane). The tip of a turning tool is the centre of that circle. psi counts from x to z.
+/// An insert has the profile of its edges about that circle instead.
 struct Nose {
-  double radius = 0.249;        ///< mm, > 0
-  std::vector<NoseWave> waves;  ///< none: a perfect circle
+  double radius = 0.249;                            ///< mm, > 0
+  std::vector<NoseWave> waves;                      ///< none: a perfect circle
+  std::shared_ptr<const EdgeProfile> profile = {};  ///< of an insert, which has no waves
 };
+
+Nose nose_of(EdgeProfile profile);
 
 }  // namespace abbe::cutting

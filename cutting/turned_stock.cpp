@@ -2,6 +2,7 @@
 #include <cmath>
 #include <functional>
 #include <numbers>
+#include <optional>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -77,42 +78,16 @@ class Meridian {
     return std::min({radius_at(stock_, x) - place.y(), place.x() - stock_.first, last - place.x()});
   }
 
- private:
-  const TurnedStock& stock_;
-  const Eigen::Isometry3d& T_;
-  Vector3d centre_;
-};
-
-/// The edge of a nose over a stock, by the angle psi.
-class EdgeInStock {
- public:
-  EdgeInStock(const TurnedStock& stock, const Nose& nose, const Eigen::Isometry3d& T_slow)
-      : stock_(stock), nose_(nose), meridian_(stock, T_slow) {}
-
-  double inside_by(double psi) const { return meridian_.inside_by(point(psi)); }
-
-  /// The psi between an angle outside and one inside at which the edge passes the profile.
-  double end(double outside, double inside) const {
-    for (int i = 0; i < 60 && std::abs(inside - outside) > 1e-13; ++i) {
-      const double middle = 0.5 * (outside + inside);
-      (inside_by(middle) > 0.0 ? inside : outside) = middle;
-    }
-    return inside;
-  }
-
-  /// Material between the edge and the profile, across the edge towards the middle of the nose; at
-  /// most to the middle.
-  double chip(double psi) const {
-    const Vector2d edge = point(psi);
-    if (!(meridian_.inside_by(edge) > 0.0)) return 0.0;
-    const double most = edge_radius(nose_, psi);
-    const Vector2d middle = meridian_.at(Vector2d::Zero());
-    const Vector2d way = (middle - edge) / most;
-    // node by node, until the way leaves the material
+  /// mm of material from a place of the edge towards another that is `most` mm away in the tool,
+  /// until the way leaves it.
+  double material(const Vector2d& edge, const Vector2d& towards, double most) const {
+    if (!(inside_by(edge) > 0.0)) return 0.0;
+    const Vector2d way = (towards - edge) / most;
+    // node by node
     double passed = 0.0;
     for (double s = 0.0; s < most;) {
       const double next = std::min(most, next_node(edge, way, s));
-      if (const double left = meridian_.inside_by(edge + next * way); left <= 0.0)
+      if (const double left = inside_by(edge + next * way); left <= 0.0)
         return leaves(edge, way, s, next);
       passed = next;
       s = next;
@@ -121,10 +96,6 @@ class EdgeInStock {
   }
 
  private:
-  Vector2d point(double psi) const {
-    return meridian_.at(edge_radius(nose_, psi) * Vector2d(std::cos(psi), std::sin(psi)));
-  }
-
   /// Where the way comes to the next node of the stock after s.
   double next_node(const Vector2d& edge, const Vector2d& way, double s) const {
     const double h = stock_.spacing;
@@ -137,11 +108,11 @@ class EdgeInStock {
   /// The profile is straight between, so the depth is linear there but for the stock's ends.
   double leaves(const Vector2d& edge, const Vector2d& way, double in, double out) const {
     for (int i = 0; i < 60 && out - in > 1e-13; ++i) {
-      const double a = meridian_.inside_by(edge + in * way);
-      const double b = meridian_.inside_by(edge + out * way);
+      const double a = inside_by(edge + in * way);
+      const double b = inside_by(edge + out * way);
       double next = a > b ? in + (out - in) * a / (a - b) : 0.5 * (in + out);
       if (i % 3 == 2 || !(next > in && next < out)) next = 0.5 * (in + out);
-      const double here = meridian_.inside_by(edge + next * way);
+      const double here = inside_by(edge + next * way);
       if (here == 0.0) return next;
       (here > 0.0 ? in : out) = next;
     }
@@ -149,9 +120,114 @@ class EdgeInStock {
   }
 
   const TurnedStock& stock_;
+  const Eigen::Isometry3d& T_;
+  Vector3d centre_;
+};
+
+/// The edge of a nose over a stock, by the angle psi.
+class EdgeInStock {
+ public:
+  EdgeInStock(const TurnedStock& stock, const Nose& nose, const Eigen::Isometry3d& T_slow)
+      : nose_(nose), meridian_(stock, T_slow) {}
+
+  double inside_by(double psi) const { return meridian_.inside_by(point(psi)); }
+
+  /// Material between the edge and the profile, across the edge towards the middle of the nose; at
+  /// most to the middle.
+  double chip(double psi) const {
+    const double most = edge_radius(nose_, psi);
+    return meridian_.material(point(psi), meridian_.at(Vector2d::Zero()), most);
+  }
+
+ private:
+  Vector2d point(double psi) const {
+    return meridian_.at(edge_radius(nose_, psi) * Vector2d(std::cos(psi), std::sin(psi)));
+  }
+
   const Nose& nose_;
   Meridian meridian_;
 };
+
+/// A piece of an insert's edge over a stock, by the share of it that is passed.
+class PieceInStock {
+ public:
+  PieceInStock(const TurnedStock& stock, const EdgeProfile& profile, const OutlinePiece& piece,
+               const Eigen::Isometry3d& T_slow)
+      : profile_(profile),
+        piece_(piece),
+        angle_(std::acos(std::clamp(piece.normal_from.dot(piece.normal_to), -1.0, 1.0))),
+        meridian_(stock, T_slow) {}
+
+  double length() const {
+    return piece_.is_arc ? piece_.radius * angle_ : (piece_.to - piece_.from).norm();
+  }
+  Vector2d at(double share) const {
+    if (!piece_.is_arc) return piece_.from + share * (piece_.to - piece_.from);
+    return piece_.from + piece_.radius * (normal(share) - piece_.normal_from);
+  }
+  double inside_by(double share) const { return meridian_.inside_by(meridian_.at(at(share))); }
+
+  /// Material across the edge, at most to the other side of the insert.
+  double chip(double share) const {
+    const Vector2d edge = at(share), inward = -normal(share);
+    const std::optional<Chord> across = chord(profile_, edge, inward);
+    if (!across || !(across->end > 0.0)) return 0.0;
+    return meridian_.material(meridian_.at(edge), meridian_.at(edge + across->end * inward),
+                              across->end);
+  }
+
+ private:
+  Vector2d normal(double share) const {
+    return Eigen::Rotation2Dd(share * angle_) * piece_.normal_from;
+  }
+
+  const EdgeProfile& profile_;
+  const OutlinePiece& piece_;
+  double angle_;  // rad, of an arc
+  Meridian meridian_;
+};
+
+/// The place between one outside and one inside at which the edge passes the profile.
+template <class Edge>
+double end_of_cut(const Edge& edge, double outside, double inside) {
+  for (int i = 0; i < 60 && std::abs(inside - outside) > 1e-13; ++i) {
+    const double middle = 0.5 * (outside + inside);
+    (edge.inside_by(middle) > 0.0 ? inside : outside) = middle;
+  }
+  return inside;
+}
+
+/// In so many parts, or as many as the stock has nodes for.
+void append_engaged(const PieceInStock& piece, double spacing, int most,
+                    std::vector<EngagedEdge>& engaged) {
+  constexpr int least = 8;
+  const double length = piece.length();
+  if (!(length > 0.0)) return;
+  const int parts =
+      int(std::clamp(std::ceil(0.5 * length / spacing), 1.0 * least, 1.0 * std::max(least, most)));
+  double before = piece.inside_by(0.0);
+  for (int i = 0; i < parts; ++i) {
+    double from = double(i) / parts, to = double(i + 1) / parts;
+    const double after = piece.inside_by(to);
+    if (before > 0.0 || after > 0.0) {
+      if (before <= 0.0) from = end_of_cut(piece, from, to);
+      if (after <= 0.0) to = end_of_cut(piece, to, from);
+      const double middle = 0.5 * (from + to);
+      const Vector2d at = piece.at(middle);
+      if (to > from)
+        engaged.push_back({std::atan2(at.y(), at.x()), (to - from) * length, piece.chip(middle)});
+    }
+    before = after;
+  }
+}
+
+std::vector<EngagedEdge> engaged_profile(const TurnedStock& stock, const EdgeProfile& profile,
+                                         const Eigen::Isometry3d& T_slow, int pieces) {
+  std::vector<EngagedEdge> engaged;
+  for (const OutlinePiece& piece : profile.pieces)
+    append_engaged({stock, profile, piece, T_slow}, stock.spacing, pieces, engaged);
+  return engaged;
+}
 
 void check_profile(const Eigen::Matrix<double, Eigen::Dynamic, 2>& profile, double spacing) {
   if (!(std::isfinite(spacing) && spacing > 0.0))
@@ -215,6 +291,7 @@ std::vector<EngagedEdge> engagement(const TurnedStock& stock, const Nose& nose,
   if (pieces < 3) throw std::invalid_argument("nose edge: expected 3 or more pieces");
   std::vector<EngagedEdge> result;
   if (stock.radius.size() < 2) return result;
+  if (nose.profile) return engaged_profile(stock, *nose.profile, T_slow, pieces);
   const EdgeInStock edge(stock, nose, T_slow);
   const double step = 2.0 * std::numbers::pi / pieces;
   double before = edge.inside_by(0.0);
@@ -222,8 +299,8 @@ std::vector<EngagedEdge> engagement(const TurnedStock& stock, const Nose& nose,
     double from = i * step, to = (i + 1) * step;
     const double after = edge.inside_by(i + 1 < pieces ? to : 0.0);
     if (before > 0.0 || after > 0.0) {
-      if (before <= 0.0) from = edge.end(from, to);
-      if (after <= 0.0) to = edge.end(to, from);
+      if (before <= 0.0) from = end_of_cut(edge, from, to);
+      if (after <= 0.0) to = end_of_cut(edge, to, from);
       const double psi = 0.5 * (from + to);
       const double length = (to - from) * edge_radius(nose, psi);
       if (length > 0.0) result.push_back({psi, length, edge.chip(psi)});
@@ -248,12 +325,31 @@ class Revolution {
         to_(to.linear()),
         stands_((from.linear() - to.linear()).norm() < 1e-12),
         x_(from.linear().col(0)),
-        z_(from.linear().col(2)) {}
+        z_(from.linear().col(2)),
+        ahead_(reach_along(stock.direction_w)),
+        behind_(reach_along(-stock.direction_w)) {
+    if (!stands_ || !edge_.has_profile()) return;
+    const Vector3d out = start_ - start_.dot(stock.direction_w) * stock.direction_w;
+    if (!(out.norm() > edge_.outer_radius() + step_.norm())) return;
+    const Vector3d down = -out.normalized();
+    const Vector2d tip = foremost(edge_.profile(), {x_.dot(down), z_.dot(down)});
+    tip_along_ = (tip.x() * x_ + tip.y() * z_).dot(stock.direction_w);
+  }
 
   /// mm along the spindle line that the nose passes.
   std::pair<double, double> extent() const {
     const double a = start_.dot(stock_.direction_w), b = a + step_.dot(stock_.direction_w);
-    return {std::min(a, b) - edge_.outer_radius(), std::max(a, b) + edge_.outer_radius()};
+    return {std::min(a, b) - behind_, std::max(a, b) + ahead_};
+  }
+
+  /// Whether the edge surely stays above a radius at a place. The nearer its tip passes, the lower
+  /// a convex edge comes, but for what the whole of it goes down meanwhile.
+  bool stays_above(double radius, double x) const {
+    if (!tip_along_) return false;
+    const double speed = step_.dot(stock_.direction_w);
+    const double ahead = x - start_.dot(stock_.direction_w) - *tip_along_;
+    const double nearest = std::abs(speed) > 1e-12 ? std::clamp(ahead / speed, 0.0, 1.0) : 0.0;
+    return lowest(x, nearest) - step_.norm() > radius;
   }
 
   /// Lowest radius at a place over the revolution; infinity where the edge does not come. The
@@ -263,8 +359,8 @@ class Revolution {
     const double ahead = x - start_.dot(stock_.direction_w);
     double a = 0.0, b = 1.0;
     if (std::abs(speed) > 1e-12) {
-      const double t0 = (ahead - edge_.outer_radius()) / speed;
-      const double t1 = (ahead + edge_.outer_radius()) / speed;
+      const double t0 = (ahead - ahead_) / speed;
+      const double t1 = (ahead + behind_) / speed;
       a = std::max(a, std::min(t0, t1));
       b = std::min(b, std::max(t0, t1));
     }
@@ -273,15 +369,25 @@ class Revolution {
   }
 
  private:
+  /// mm, of the edge from its centre along the spindle line at any time.
+  double reach_along(const Vector3d& direction) const {
+    const double reach = edge_.reach({x_.dot(direction), z_.dot(direction)});
+    if (stands_ || !edge_.has_profile()) return reach;
+    return reach + (to_ - from_).norm() * edge_.outer_radius();
+  }
+
   double least(double x, double a, double b) const {
     const double golden = 0.5 * (std::sqrt(5.0) - 1.0);
     const double speed = step_.dot(stock_.direction_w);
-    const double beside = (x - start_.dot(stock_.direction_w)) / (speed != 0.0 ? speed : 1.0);
+    const double middle = x - 0.5 * (ahead_ - behind_);  // where the centre is when it is half past
+    const double beside = (middle - start_.dot(stock_.direction_w)) / (speed != 0.0 ? speed : 1.0);
     double best = std::min(lowest(x, a), lowest(x, b));
     double c = b - golden * (b - a), d = a + golden * (b - a);
     double at_c = lowest(x, c), at_d = lowest(x, d);
-    // the value is flat at the bottom: 2e-5 of a nose radius there is 2e-10 of it here
-    for (int i = 0; i < 60 && (b - a) * step_.norm() > 2e-5 * edge_.outer_radius(); ++i) {
+    // the value is flat at the bottom of a round edge: 2e-5 of a nose radius there is 2e-10 of it
+    // here; corners are not
+    const double close = (edge_.has_profile() ? 1e-10 : 2e-5) * edge_.outer_radius();
+    for (int i = 0; i < 60 && (b - a) * step_.norm() > close; ++i) {
       best = std::min({best, at_c, at_d});
       const bool neither = at_c == infinity && at_d == infinity;
       if (neither ? beside < 0.5 * (a + b) : at_c <= at_d) {
@@ -334,6 +440,9 @@ class Revolution {
   Eigen::Matrix3d from_, to_;
   bool stands_;
   Vector3d x_, z_;
+  double ahead_, behind_;  // mm, reach along the spindle line and against it
+  std::optional<double>
+      tip_along_;  // mm, of the lowest point, of an insert on one side of the line
 };
 
 }  // namespace
@@ -353,7 +462,9 @@ double remove(TurnedStock& stock, const Nose& nose, const Eigen::Isometry3d& fro
   const Index begin = std::max<Index>(0, from - 1), end = std::min<Index>(Index(last), to + 1);
   const double before = volume(stock, begin, end);
   for (Index i = from; i <= to; ++i) {
-    const double lowest = revolution.lowest(stock.first + stock.spacing * double(i));
+    const double x = stock.first + stock.spacing * double(i);
+    if (revolution.stays_above(stock.radius[i], x)) continue;
+    const double lowest = revolution.lowest(x);
     if (!(lowest < stock.radius[i])) continue;
     stock.radius[i] = lowest;
     stock.line[std::size_t(i)] = line;

@@ -45,16 +45,23 @@ double oversize(const ToolDescription& tool) {
            std::abs(actual.corner_radius - nominal->corner_radius);
   }
   const auto& actual = std::get<cutting::Nose>(tool.actual);
+  if (actual.profile)
+    return cutting::farthest_apart(*actual.profile, *std::get<cutting::Nose>(tool.nominal).profile);
   double size = std::abs(actual.radius - std::get<cutting::Nose>(tool.nominal).radius);
   for (const cutting::NoseWave& wave : actual.waves) size += std::abs(wave.amplitude);
   return size;
+}
+
+/// mm, of an edge from its centre.
+double outermost(const cutting::Nose& nose) {
+  return nose.profile ? nose.profile->outer_radius : nose.radius;
 }
 
 /// What the errors explain of a gouge, mm: the tool off its place, leaning, larger.
 double explained(const Job& job, const PoseErrors& off) {
   const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.actual);
   const double arm = cutter != nullptr ? cutter->flank_length + cutter->radius
-                                       : std::get<cutting::Nose>(job.scene.tool.actual).radius;
+                                       : outermost(std::get<cutting::Nose>(job.scene.tool.actual));
   return off.tip.max + off.direction.max * arm + oversize(job.scene.tool);
 }
 

@@ -162,8 +162,11 @@ double work_radius(const SpindleLine& line, const Pose& T_slow, const cutting::N
                    const std::vector<cutting::EngagedEdge>& edges) {
   double weighted = 0.0, area = 0.0;
   for (const cutting::EngagedEdge& edge : edges) {
-    const Eigen::Vector3d p_t(nose.radius * std::cos(edge.psi), 0.0,
-                              nose.radius * std::sin(edge.psi));
+    Eigen::Vector3d p_t(nose.radius * std::cos(edge.psi), 0.0, nose.radius * std::sin(edge.psi));
+    if (nose.profile) {
+      const Eigen::Vector2d at = cutting::edge_point(*nose.profile, edge.psi).at;
+      p_t = {at.x(), 0.0, at.y()};
+    }
     const double r = (T_slow * p_t - line.point_w).cross(line.direction_w).norm();
     weighted += r * edge.chip * edge.length;
     area += edge.chip * edge.length;

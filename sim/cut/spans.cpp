@@ -78,6 +78,27 @@ std::array<double, 2> round_spindle(const Job& job, const Vector3d& p_w) {
 
 namespace {
 
+/// How far an edge reaches from its centre along a direction. @param R  turn of frame t
+double reach_along(const cutting::Nose& nose, const Eigen::Matrix3d& R, const Vector3d& direction) {
+  if (!nose.profile) return nose.radius;
+  const Eigen::Vector2d way(R.col(0).dot(direction), R.col(2).dot(direction));
+  return way.dot(cutting::foremost(*nose.profile, way));
+}
+
+/// Along the spindle, and from it.
+std::array<Taken, 2> taken_by(const cutting::Nose& nose, const Job& job, const Pose& T_wt) {
+  const SpindleLine line = spindle_line(job.machine.nominal, *job.machine.workpiece_spindle);
+  const auto at = round_spindle(job, T_wt.translation());
+  const Vector3d arm = T_wt.translation() - line.point_w;
+  const std::array<Vector3d, 2> ways{
+      line.direction_w, (arm - arm.dot(line.direction_w) * line.direction_w).stableNormalized()};
+  std::array<Taken, 2> taken;
+  for (std::size_t k = 0; k < 2; ++k)
+    taken[k] = {at[k] - reach_along(nose, T_wt.linear(), -ways[k]),
+                at[k] + reach_along(nose, T_wt.linear(), ways[k]), at[k]};
+  return taken;
+}
+
 void extend_by(SweptSpans& swept, const Job& job, bool feeds) {
   const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.nominal);
   const auto* nose = std::get_if<cutting::Nose>(&job.scene.tool.nominal);
@@ -96,9 +117,8 @@ void extend_by(SweptSpans& swept, const Job& job, bool feeds) {
       for (int k = 0; k < 3; ++k)
         extend(swept, std::size_t(k), taken_by(*cutter, T_mt, k), line, in_feed);
     } else {
-      const auto at = round_spindle(job, job.T_wt_nominal[i].translation());
-      for (std::size_t k = 0; k < 2; ++k)
-        extend(swept, k, {at[k] - nose->radius, at[k] + nose->radius, at[k]}, line, in_feed);
+      const auto taken = taken_by(*nose, job, job.T_wt_nominal[i]);
+      for (std::size_t k = 0; k < 2; ++k) extend(swept, k, taken[k], line, in_feed);
     }
   }
 }

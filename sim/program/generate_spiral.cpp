@@ -119,6 +119,8 @@ struct Lathe {
   Eigen::Matrix2d slides_of =
       Eigen::Matrix2d::Identity();   ///< (radial, axial) slide positions of a nose centre (r, z)
   Vector2d home = Vector2d::Zero();  ///< nose centre at zero, (r signed, z)
+  Eigen::Matrix2d tool_of =
+      Eigen::Matrix2d::Identity();  ///< (x, z) of frame t of a direction (r signed, z)
 
   Vector2d positions(double r, double z) const {
     return slides_of * (Vector2d(side * r, z) - home);
@@ -156,6 +158,10 @@ Lathe lathe(const GenerateContext& context) {
   lathe.slides_of = ways.inverse();
   lathe.home = {across.dot(home.head<2>()), home.z()};
   lathe.side = lathe.home.x() < 0 ? -1.0 : 1.0;
+  const Eigen::Matrix3d R_tm =
+      (context.T_wm.inverse() * chain.tool_in_workpiece(zero)).linear().transpose();
+  const Eigen::Vector3d out(across.x(), across.y(), 0.0);
+  lathe.tool_of << R_tm.row(0).dot(out), R_tm(0, 2), R_tm.row(2).dot(out), R_tm(2, 2);
   return lathe;
 }
 
@@ -273,6 +279,26 @@ void check(const Spiral& spiral, double rim) {
     throw std::invalid_argument("expected at most 2e7 rows");
 }
 
+/// The nose alone is followed, so it is what has to touch: everywhere the edge reaches no farther
+/// than its circle towards the design.
+void check_edge(const cutting::EdgeProfile& profile, const OffsetCurve& curve, const Lathe& lathe,
+                double rim) {
+  constexpr int places = 2000;
+  for (int i = 0; i <= places; ++i) {
+    const double r = rim * i / places;
+    const std::optional<Height> height = curve.at(r);
+    if (!height) continue;  // refused where it is asked for
+    const Vector2d down = Vector2d(lathe.side * height->slope, -1.0).normalized();
+    const Vector2d way = lathe.tool_of * down;
+    const double beyond = way.dot(cutting::foremost(profile, way)) - profile.radius;
+    if (beyond > 1e-6)
+      throw std::invalid_argument(fmt::format(
+          "expected an insert that touches with its nose, seen an edge that reaches {:.3g} mm "
+          "beyond it where the design slopes by {:.3g} at radius {:.3g} mm",
+          beyond, height->slope, r));
+  }
+}
+
 }  // namespace
 
 std::string generate_spiral(const Spiral& spiral, const cutting::Primitive& design,
@@ -284,6 +310,7 @@ std::string generate_spiral(const Spiral& spiral, const cutting::Primitive& desi
   const OffsetCurve curve(with_run_in(pieces, spiral.start_beyond_rim + 2 * nose.radius),
                           nose.radius);
   const Lathe lathe = program::lathe(context);
+  if (nose.profile) check_edge(*nose.profile, curve, lathe, rim);
   const std::vector<PvtRow> cut =
       rows(spiral, curve, course(spiral, rim), lathe, context.control.size());
   if (spiral.write_nc) return nc_text(spiral, cut, lathe, context);

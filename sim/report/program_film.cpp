@@ -71,8 +71,28 @@ cutting::ClosedMesh mesh_of_shape(const render::Body& body) {
   return cutting::revolved_mesh(profile, 1e-3 * cylinder.radius);
 }
 
-/// A turning tool, which has no body of its own: its round nose below the rake plane, and a bar.
-std::vector<cutting::ClosedMesh> turning_tool(double radius, double length) {
+/// (n x 2) Corners of a profile, its arcs as chords.
+Eigen::MatrixX2d chords_of(const cutting::EdgeProfile& profile) {
+  constexpr int of_arc = 16;
+  std::vector<Eigen::Vector2d> corners;
+  for (const cutting::OutlinePiece& piece : profile.pieces) {
+    if (piece.is_arc && piece.radius == 0.0) continue;
+    corners.push_back(piece.from);
+    for (int i = 1; piece.is_arc && i < of_arc; ++i) {
+      const double share = double(i) / of_arc;
+      const Eigen::Vector2d normal =
+          ((1.0 - share) * piece.normal_from + share * piece.normal_to).normalized();
+      corners.push_back(piece.from + piece.radius * (normal - piece.normal_from));
+    }
+  }
+  Eigen::MatrixX2d outline(Eigen::Index(corners.size()), 2);
+  for (std::size_t i = 0; i < corners.size(); ++i) outline.row(Eigen::Index(i)) = corners[i];
+  return outline;
+}
+
+/// A turning tool, which has no body of its own: its nose below the rake plane, and a bar.
+std::vector<cutting::ClosedMesh> turning_tool(const cutting::Nose& nose, double length) {
+  const double radius = nose.profile ? 0.5 * nose.profile->outer_radius : nose.radius;
   const double thickness = std::clamp(0.02 * length, 0.4 * radius, 2.0 * radius);
   const double width = std::clamp(0.12 * length, 1.2 * radius, 8.0 * radius);
   Eigen::MatrixX2d disc(2, 2);
@@ -81,7 +101,10 @@ std::vector<cutting::ClosedMesh> turning_tool(double radius, double length) {
   below.linear() << 1, 0, 0, 0, 0, -1, 0, 1, 0;  // z along -y
   Pose behind = Pose::Identity();
   behind.translation() << 0.0, -0.5 * width - thickness, 0.5 * length;
-  return {cutting::moved(cutting::revolved_mesh(disc, 1e-3 * radius), below),
+  const cutting::ClosedMesh plate =
+      nose.profile ? cutting::extruded_mesh(chords_of(*nose.profile), thickness)
+                   : cutting::revolved_mesh(disc, 1e-3 * radius);
+  return {cutting::moved(plate, below),
           cutting::moved(cutting::box_mesh({width, width, length}), behind)};
 }
 
@@ -176,7 +199,7 @@ void ProgramFilm::add_tool(std::size_t part, const std::vector<SolidBody>& solid
   }
   const auto* nose = std::get_if<cutting::Nose>(&job.scene.tool.actual);
   if (nose == nullptr) return;
-  const auto pieces = turning_tool(nose->radius, job.scene.tool.actual_length);
+  const auto pieces = turning_tool(*nose, job.scene.tool.actual_length);
   add_body(pieces[0], edge, looking(cutter_colour, 1.0, true));
   add_body(pieces[1], actor, looking(shank_colour, 1.0, true));
 }

@@ -43,11 +43,11 @@ Fields<AptForm> apt_fields(Asked asked) {
 
 Fields<OutlineForm> outline_fields(Asked asked) {
   return Fields<OutlineForm>()
-      .numbers(asked("outline_radii_mm"), &OutlineForm::radii, 0,
+      .numbers(asked("radii_mm"), &OutlineForm::radii, 0,
                "of the points of the outline from the tip up; flat below the first")
-      .numbers(asked("outline_heights_mm"), &OutlineForm::heights, 0,
+      .numbers(asked("heights_mm"), &OutlineForm::heights, 0,
                "of the same points above the tip; the first is 0")
-      .numbers(KeyName("outline_arcs_mm").otherwise("straight"), &OutlineForm::arcs, 0,
+      .numbers(KeyName("arc_radii_mm").otherwise("straight"), &OutlineForm::arcs, 0,
                "radius of the arc that bulges out on the way to each point; 0: straight");
 }
 

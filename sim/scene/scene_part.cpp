@@ -34,7 +34,7 @@ Fields<RevolvedProfile::Piece> piece_fields() {
               "0: a line; above: an arc that is convex, below: one that is concave");
 }
 
-Fields<RevolvedProfile> turned_profile_fields() {
+Fields<RevolvedProfile> revolved_profile_fields() {
   const Key start = key_of_numbers(must("start_mm"), 2, "[r, z] nearest to the axis");
   const Key pieces = key_of(must("profile"), Key::Kind::Tables,
                             "lines and arcs from there outwards", piece_fields().keys());
@@ -108,7 +108,8 @@ Fields<PartDescription> declared_fields() {
                                   "the outer wall of a frustum, narrower upwards"),
            alternative<Primitive>("sphere_cap", sphere_cap_fields(), "a dome, its top at z = 0"),
            alternative<Primitive>("torus", torus_fields(), "the half above z = 0"),
-           alternative<Primitive>("revolved", turned_profile_fields(), "a profile turned about z")},
+           alternative<Primitive>("revolved", revolved_profile_fields(),
+                                  "a profile turned about z")},
           "an exact surface, unless there is a `file`")
       .whole("vertices", &PartDescription::vertices, 100, 50'000'000,
              "wanted on a `surface`; a mesh has its own");

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include "sim/scene/scene_insert.h"
 #include "sim/scene/scene_sections.h"
 
 namespace abbe::sim {
@@ -107,7 +108,10 @@ Fields<ToolDescription> form_tool_fields(const std::string& kind, Asked asked,
       });
 }
 
+bool has_profile(const std::string& kind) { return kind == "insert" || kind == "edge"; }
+
 Fields<ToolDescription> nominal_fields(const std::string& kind) {
+  if (has_profile(kind)) return nominal_edge_fields(kind);
   Fields<ToolDescription> fields;
   if (is_form(kind))
     return form_tool_fields(kind, must, &ToolDescription::nominal_form, &ToolDescription::nominal);
@@ -120,6 +124,14 @@ Fields<ToolDescription> nominal_fields(const std::string& kind) {
       cutter_fields(kind, must));
 }
 
+Fields<ToolDescription> centring_fields() {
+  return Fields<ToolDescription>()
+      .number("centring_offset_mm", &ToolDescription::centring_offset, any_number,
+              "turning: by which it stands off along the tool's x")
+      .number("centring_height_mm", &ToolDescription::centring_height, any_number,
+              "turning: by which it stands off along the tool's y");
+}
+
 Fields<ToolDescription> actual_fields(const std::string& kind) {
   Fields<ToolDescription> fields;
   fields.number(or_nominal("length_mm"), &ToolDescription::actual_length, tool_length,
@@ -127,6 +139,8 @@ Fields<ToolDescription> actual_fields(const std::string& kind) {
   if (is_form(kind))
     return fields.all_of(itself, form_tool_fields(kind, or_nominal, &ToolDescription::actual_form,
                                                   &ToolDescription::actual));
+  if (has_profile(kind))
+    return fields.all_of(itself, actual_edge_fields(kind)).all_of(itself, centring_fields());
   if (kind != "nose")
     return fields.all_of(
         [](auto& tool) -> auto& { return std::get<Cutter>(tool.actual); },
@@ -136,10 +150,7 @@ Fields<ToolDescription> actual_fields(const std::string& kind) {
           [](auto& tool) -> auto& { return std::get<Nose>(tool.actual); },
           nose_fields(or_nominal)
               .tables("wave", &Nose::waves, wave_fields(), "turning: waves of the edge"))
-      .number("centring_offset_mm", &ToolDescription::centring_offset, any_number,
-              "turning: by which it stands off along the tool's x")
-      .number("centring_height_mm", &ToolDescription::centring_height, any_number,
-              "turning: by which it stands off along the tool's y");
+      .all_of(itself, centring_fields());
 }
 
 Fields<ToolWear> wear_fields() {
@@ -170,17 +181,17 @@ ToolKind tool_kind(const char* word, const char* sentence) {
 }
 
 const std::vector<ToolKind>& tool_kinds() {
-  static const std::vector<ToolKind> kinds{tool_kind("ball", "its end is a hemisphere"),
-                                           tool_kind("bull", "a flat end with a round corner"),
-                                           tool_kind("flat", "a flat end with a sharp corner"),
-                                           tool_kind("apt",
-                                                     "the cutter of APT by its seven "
-                                                     "parameters: taper, tapered ball, "
-                                                     "drill point, dovetail"),
-                                           tool_kind("form",
-                                                     "lines and arcs about the axis that "
-                                                     "bulge outwards: barrel, lens, oval"),
-                                           tool_kind("nose", "a turning tool")};
+  static const std::vector<ToolKind> kinds{
+      tool_kind("ball", "its end is a hemisphere"),
+      tool_kind("bull", "a flat end with a round corner"),
+      tool_kind("flat", "a flat end with a sharp corner"),
+      tool_kind("apt",
+                "the cutter of APT by its seven parameters: taper, tapered ball, drill "
+                "point, dovetail"),
+      tool_kind("form", "lines and arcs about the axis that bulge outwards: barrel, lens, oval"),
+      tool_kind("nose", "a turning tool"),
+      tool_kind("insert", "a turning tool with a nose and two straight edges"),
+      tool_kind("edge", "a turning tool with a convex edge of lines and arcs")};
   return kinds;
 }
 
@@ -200,6 +211,8 @@ const ToolKind& kind_in(TableReader& reader) {
 /// A kind that can be both what the tool should be and what it is.
 const ToolKind& kind_of(const ToolDescription& tool) {
   const auto* nominal = std::get_if<Cutter>(&tool.nominal);
+  if (std::holds_alternative<cutting::Insert>(tool.edge)) return kind_named("insert");
+  if (!std::holds_alternative<std::monostate>(tool.edge)) return kind_named("edge");
   if (!nominal) return kind_named("nose");
   if (std::holds_alternative<AptForm>(tool.nominal_form)) return kind_named("apt");
   if (std::holds_alternative<OutlineForm>(tool.nominal_form)) return kind_named("form");
@@ -245,7 +258,7 @@ Key tool_kind_key() {
 
 Key actual_key() {
   std::vector<Key> keys = kind_named("bull").actual.keys();
-  for (const char* kind : {"apt", "form", "nose"})
+  for (const char* kind : {"apt", "form", "nose", "insert", "edge"})
     for (Key& key : kind_named(kind).actual.keys())
       if (std::ranges::none_of(keys, [&](const Key& one) { return one.name == key.name; }))
         keys.push_back(std::move(key));
@@ -281,6 +294,7 @@ const Fields<ToolDescription>& tool_fields() {
           .then([](Tool& tool) {
             tool.actual = tool.nominal;
             tool.actual_form = tool.nominal_form;
+            tool.actual_edge = tool.edge;
             tool.actual_length = tool.length;
           })
           .custom(

@@ -3,6 +3,7 @@
 #include <optional>
 #include <string>
 #include <variant>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -31,6 +32,9 @@ struct OutlineForm {
 };
 /// What makes a form cutter, or that it is none.
 using FormDescription = std::variant<std::monostate, AptForm, OutlineForm>;
+/// What the profile of a turning tool's edge is made of: none of a round nose, an insert, or points
+/// around a free edge.
+using EdgeShape = std::variant<std::monostate, cutting::Insert, std::vector<cutting::OutlinePoint>>;
 
 /// A tool, what the control believes of it, and what it really is.
 struct ToolDescription {
@@ -46,6 +50,7 @@ struct ToolDescription {
   std::optional<ToolWear> wear = {};  ///< of a milling cutter
   std::optional<double> shank_radius = {};      ///< mm, above the flank; none: the cutter's
   std::optional<Eigen::MatrixX2d> holder = {};  ///< (n x 2) mm, radius and height above the tip
+  EdgeShape edge = {}, actual_edge = {};  ///< of a turning tool, from which its noses are made
 };
 
 }  // namespace abbe::sim

@@ -58,6 +58,14 @@ double edge_at(const cutting::Nose& nose, double psi) {
   return radius;
 }
 
+/// How much farther out another edge is where one touches, in (x, z) of frame t.
+Eigen::Vector2d farther_out(const cutting::EdgeProfile& from, const cutting::EdgeProfile& to,
+                            const Vector3d& contact_t) {
+  const Eigen::Vector2d at(contact_t.x(), contact_t.z());
+  const cutting::OutlineDistance here = cutting::distance(from.pieces, at);
+  return (here.value - cutting::distance(to.pieces, at).value) * here.gradient;
+}
+
 /// One column that does nothing.
 Columns nothing(const BaseRun& run) {
   const Eigen::MatrixXd zero = Eigen::MatrixXd::Zero(1, Index(run.rivals.size()));
@@ -97,6 +105,10 @@ Columns of_nose(const BaseRun& run, const cutting::Nose& from, const cutting::No
     const Pose T_wt =
         tool_at(run, rival, {{run.T_wt[ends[0].sample], run.T_wt[ends[1].sample]}, run.spindle});
     const Vector3d contact_t = T_wt.inverse() * rival.contact;
+    if (from.profile) {
+      const Eigen::Vector2d out = farther_out(*from.profile, *to.profile, contact_t) * per_unit;
+      return T_wt.linear() * Vector3d(out.x(), 0.0, out.y());
+    }
     const double psi = std::atan2(contact_t.z(), contact_t.x());
     const double out = (edge_at(to, psi) - edge_at(from, psi)) * per_unit;
     return out * (rival.contact - T_wt.translation()).normalized();

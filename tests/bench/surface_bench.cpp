@@ -107,6 +107,7 @@ CutterMotion around_cone(const Cutter& cutter, int moves) {
 
 int main(int argc, char** argv) {
   using namespace abbe::cutting;
+  namespace bench = abbe::bench;
   const int vertices = argc > 1 ? std::atoi(argv[1]) : 1'000'000;
   const int repetitions = argc > 2 ? std::atoi(argv[2]) : 3;
   if (argc > 3) measured = argv[3];

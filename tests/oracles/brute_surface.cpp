@@ -357,21 +357,38 @@ BruteHit brute_turned(const Ray& ray, const BruteTurning& turning, const BruteOp
   }
   for (const BruteTurning::Pose& pose : turning.poses) times.push_back(pose.time_s);
   const Real band = options.band;
-  const auto plane_normal = [&](const TurnMove& move, Real u) {
+  const auto axis_at = [&](const TurnMove& move, Vector axis, Real u) {
     const Real angle = move.spindle + u * move.spindle_step;
-    return turned(turned(move.y, move.turn_axis, u * move.turn), spindle, angle);
+    return turned(turned(axis, move.turn_axis, u * move.turn), spindle, angle);
   };
+  const auto plane_normal = [&](const TurnMove& move, Real u) { return axis_at(move, move.y, u); };
+  // (x, z) of frame t
+  const auto across = [&](const TurnMove& move, const Eigen::Vector2d& v, Real u) {
+    return axis_at(move, Real(v.x()) * move.x + Real(v.y()) * move.z, u);
+  };
+  // from the middle of the disc
   const auto seen_at = [&](const TurnMove& move, Real u) {
     const Real angle = move.spindle + u * move.spindle_step;
-    return RayLine{line.o - turned(move.centre + u * move.centre_step, spindle, angle), line.d};
+    const Vector centre = turned(move.centre + u * move.centre_step, spindle, angle);
+    return RayLine{line.o - (centre + across(move, turning.middle, u)), line.d};
+  };
+  const Real farthest =
+      std::hypot(Real(turning.middle.x()), Real(turning.middle.y())) + turning.radius;
+  // below all sides, each moved outwards
+  const auto inside_sides = [&](const TurnMove& move, const RayLine& seen, Real u, Real outwards) {
+    Span span{-infinity, infinity};
+    for (const BruteTurning::Side& side : turning.sides)
+      span = common(span, inside_slab(seen, across(move, side.normal, u), -1e6L,
+                                      side.reach - side.normal.dot(turning.middle) + outwards));
+    return span;
   };
   const auto earliest = [&](std::size_t m, Real u0, Real u1) {
     const TurnMove& move = moves[m];
     const Vector a = move.centre + u0 * move.centre_step;
     const Vector b = move.centre + u1 * move.centre_step;
-    const Real arm = std::max(norm(cross(a, spindle)), norm(cross(b, spindle))) + turning.radius;
+    const Real arm = std::max(norm(cross(a, spindle)), norm(cross(b, spindle))) + farthest;
     const Real reach =
-        (norm(move.centre_step) + std::abs(move.spindle_step) * arm + move.turn * turning.radius) *
+        (norm(move.centre_step) + std::abs(move.spindle_step) * arm + move.turn * farthest) *
             (u1 - u0) / 2 +
         1e-16L;
     const Real u = (u0 + u1) / 2;
@@ -380,17 +397,20 @@ BruteHit brute_turned(const Ray& ray, const BruteTurning& turning, const BruteOp
     Span span = common({-band, band}, inside_slab(seen, y, -reach, reach));
     span = common(span, inside_round(seen, y, turning.radius + reach));
     span = common(span, inside_round(seen, {0, 0, 0}, turning.radius + reach));
+    span = common(span, inside_sides(move, seen, u, reach));
     return span.low <= span.high ? span.low : infinity;
   };
   // The line's first place in the cylinder through the disc; where it changes sides of the plane
-  // between two instants, some instant between has it in the disc itself.
+  // between two instants, some instant between has it in the disc itself, unless that place leaps
+  // along a side.
   struct Side {
     Real s, y;
   };
   const auto side = [&](const TurnMove& move, Real u) -> std::optional<Side> {
     const RayLine seen = seen_at(move, u);
     const Vector y = plane_normal(move, u);
-    const Span span = common({-band, infinity}, inside_round(seen, y, turning.radius));
+    const Span span = common(common({-band, infinity}, inside_round(seen, y, turning.radius)),
+                             inside_sides(move, seen, u, 0));
     if (!(span.low <= span.high) || span.low > 2 * band) return std::nullopt;
     return Side{span.low, dot(seen.at(span.low), y)};
   };
@@ -399,7 +419,11 @@ BruteHit brute_turned(const Ray& ray, const BruteTurning& turning, const BruteOp
     const RayLine seen = seen_at(move, u);
     const Vector y = plane_normal(move, u);
     const Real s = -dot(seen.o, y) / dot(seen.d, y);
-    return s >= -band && s <= band && norm(seen.at(s)) <= turning.radius ? s : infinity;
+    const Span span = inside_sides(move, seen, u, 0);
+    return s >= -band && s <= band && norm(seen.at(s)) <= turning.radius && s >= span.low &&
+                   s <= span.high
+               ? s
+               : infinity;
   };
   const auto found = [&](std::size_t m, Real u0, Real u1) -> std::optional<Found> {
     const TurnMove& move = moves[m];
@@ -418,7 +442,7 @@ BruteHit brute_turned(const Ray& ray, const BruteTurning& turning, const BruteOp
       (c->y * a->y > 0 ? u0 : u1) = u;
       (c->y * a->y > 0 ? a : b) = c;
     }
-    return Found{b->s, u1};
+    return std::abs(b->y) < 1e-12L ? std::optional(Found{b->s, u1}) : std::nullopt;
   };
   return search(moves.size(), options, earliest, found, times);
 }

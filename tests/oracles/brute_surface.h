@@ -62,8 +62,13 @@ BruteHit brute_milled(const Ray& ray, const BruteForm& form, const std::vector<B
                       const BruteOptions& options = {});
 
 /// A disc of `radius` about the origin of its frame in y = 0, whose slow pose moves on lines and at
-/// constant rates of turn, turned by a spindle about a line.
+/// constant rates of turn, turned by a spindle about a line. Of the disc is left what lies below
+/// every side, normal . (x, z) <= reach.
 struct BruteTurning {
+  struct Side {
+    Eigen::Vector2d normal;  ///< unit, of (x, z)
+    double reach;            ///< mm
+  };
   struct Pose {
     Eigen::Matrix3d R;
     Eigen::Vector3d centre;  ///< mm
@@ -74,6 +79,8 @@ struct BruteTurning {
   std::vector<Pose> poses;
   Eigen::Vector3d spindle_point;
   Eigen::Vector3d spindle_direction;
+  std::vector<Side> sides = {};
+  Eigen::Vector2d middle = {0, 0};  ///< mm, (x, z) of the disc
 };
 BruteHit brute_turned(const Ray& ray, const BruteTurning& turning,
                       const BruteOptions& options = {});

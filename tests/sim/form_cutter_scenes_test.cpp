@@ -54,8 +54,8 @@ const std::string tapered_ball =  // tangent to a ball of R 5: D = 2 R (1 - sin)
     "kind = \"apt\"\ndiameter_mm = 9.163311740\ncorner_radius_mm = 5\nflank_deg = 5\n"
     "flank_length_mm = 25\n";
 const std::string barrel_mill =
-    "kind = \"form\"\noutline_radii_mm = [1, 2.4, 2.4]\noutline_heights_mm = [0, 0.5, 14.5]\n"
-    "outline_arcs_mm = [0, 2.4, 20]\n";
+    "kind = \"form\"\nradii_mm = [1, 2.4, 2.4]\nheights_mm = [0, 0.5, 14.5]\n"
+    "arc_radii_mm = [0, 2.4, 20]\n";
 
 TEST(FormCutterScene, OfACommonOutlineCutsTheSame) {
   for (const auto& [common, form] : {std::pair{ball_mill, apt_ball}, {bull_mill, apt_bull}})
@@ -81,8 +81,8 @@ TEST(FormCutterScene, ALensLeavesTheRidgesOfItsLargeRadius) {
   constexpr double R = 60.0, step_over = 0.5;
   const double height = R - std::sqrt(R * R - 16.0);
   const std::string tool = fmt::format(
-      "kind = \"form\"\noutline_radii_mm = [0, 4, 4]\noutline_heights_mm = [0, {:.12f}, 10]\n"
-      "outline_arcs_mm = [0, {}, 0]\n",
+      "kind = \"form\"\nradii_mm = [0, 4, 4]\nheights_mm = [0, {:.12f}, 10]\n"
+      "arc_radii_mm = [0, {}, 0]\n",
       height, R);
   const Scene scene = form_scene(with(raster_with(tool), "lead_deg = 30", "lead_deg = 2"));
   const cutting::Surface surface = cut_error_free(prepare(scene)).surface;
@@ -99,7 +99,7 @@ TEST(FormCutterScene, ALensLeavesTheRidgesOfItsLargeRadius) {
 TEST(FormCutterScene, IsWrittenAsItWasRead) {
   const std::string actual =
       "[tool.actual]\nflank_deg = 5.01\ncorner_radius_mm = 4.99\nlength_mm = 100.01\n";
-  const std::string other = "[tool.actual]\noutline_arcs_mm = [0, 2.4, 20.1]\n";
+  const std::string other = "[tool.actual]\narc_radii_mm = [0, 2.4, 20.1]\n";
   for (const std::string& tool : {tapered_ball + actual, barrel_mill + other, apt_bull,
                                   apt_bull + "corner_offset_mm = 5\ncorner_height_mm = 1\n"}) {
     const Scene scene = form_scene(raster_with(tool));
@@ -124,16 +124,13 @@ TEST(FormCutterScene, ThatCannotBeIsRefusedWhereItStands) {
     EXPECT_NE(text.find(part_of_it), std::string::npos) << text;
   };
   const std::string form = "kind = \"form\"\n";
-  refused(form + "outline_radii_mm = [1, 3, 2, 5]\noutline_heights_mm = [0, 1, 3, 8]\n",
-          "bends inwards");
-  refused(form + "outline_radii_mm = [1, 3]\noutline_heights_mm = [0, 1, 3]\n", "differ");
-  refused(form + "outline_radii_mm = [1, 3]\noutline_heights_mm = [1, 3]\n", "height 0");
-  refused(
-      form + "outline_radii_mm = [1, 3]\noutline_heights_mm = [0, 3]\noutline_arcs_mm = [0, 1]\n",
-      "an arc of radius");
-  refused(form + "outline_radii_mm = [1, 3]\n", "outline_heights_mm");
-  refused(form + "radius_mm = 3\noutline_radii_mm = [1, 3]\noutline_heights_mm = [0, 3]\n",
-          "radius_mm");
+  refused(form + "radii_mm = [1, 3, 2, 5]\nheights_mm = [0, 1, 3, 8]\n", "bends inwards");
+  refused(form + "radii_mm = [1, 3]\nheights_mm = [0, 1, 3]\n", "differ");
+  refused(form + "radii_mm = [1, 3]\nheights_mm = [1, 3]\n", "height 0");
+  refused(form + "radii_mm = [1, 3]\nheights_mm = [0, 3]\narc_radii_mm = [0, 1]\n",
+          "an arc of radius");
+  refused(form + "radii_mm = [1, 3]\n", "heights_mm");
+  refused(form + "radius_mm = 3\nradii_mm = [1, 3]\nheights_mm = [0, 3]\n", "radius_mm");
   refused(apt_bull + "corner_offset_mm = 5\n", "or neither");
   refused(apt_bull + "corner_offset_mm = 8\ncorner_height_mm = 1\n", "meet the corner");
   refused(apt_bull + "bottom_deg = 95\n", "bottom_deg");

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <vector>
+
+#include "cutting/outline.h"
+
+namespace abbe::cutting {
+
+OutlinePiece line_piece(const Eigen::Vector2d& from, const Eigen::Vector2d& to);
+
+/// Less than half a circle, or half of one.
+/// @throws std::invalid_argument for a radius below half the chord
+OutlinePiece arc_piece(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double radius);
+
+OutlinePiece arc_piece_about(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double radius,
+                             const Eigen::Vector2d& centre);
+
+/// Pieces that follow each other, with the sharp corners between them; arcs beyond a right angle as
+/// two.
+/// @param before  outward normal at the end of what the first follows
+/// @throws std::invalid_argument for what bends inwards, with the point and by how much
+std::vector<OutlinePiece> with_corners(const std::vector<OutlinePiece>& pieces,
+                                       const Eigen::Vector2d& before);
+
+}  // namespace abbe::cutting

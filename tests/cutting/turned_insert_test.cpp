@@ -1,0 +1,367 @@
+#include <cmath>
+#include <functional>
+#include <iostream>
+#include <stdexcept>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "cutting/contacts.h"
+#include "cutting/engagement.h"
+#include "cutting/force.h"
+#include "cutting/nose_edge.h"
+#include "cutting/rivals.h"
+#include "cutting/surface.h"
+#include "kinematics/units.h"
+#include "tests/cutting/random.h"
+#include "tests/cutting/turned_parts.h"
+
+// Turning inserts against closed forms: feed marks, stock, chip, force; and what is refused.
+namespace abbe::cutting::insert_tests {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double shaft_radius = 12.5;  // mm, radius of the shaft
+
+Insert pointed(double major_deg, double minor_deg, double wiper = 0.0) {
+  return {.radius = 0.4,
+          .major = major_deg * units::deg,
+          .minor = minor_deg * units::deg,
+          .major_length = 6.0,
+          .minor_length = 6.0,
+          .wiper = wiper};
+}
+
+/// mm above its lowest place, u mm along +x from its centre, between its ends.
+double rise(const Insert& insert, double u) {
+  const double r = insert.radius, k = insert.major, m = insert.minor, b = insert.wiper;
+  if (u < -r * std::sin(k)) return r - (r + u * std::sin(k)) / std::cos(k);
+  if (b > 0.0 && u >= 0.0) return u <= b ? 0.0 : (u - b) * std::tan(m);
+  if (u <= r * std::sin(m)) return r - std::sqrt(r * r - u * u);
+  return r + (u * std::sin(m) - r) / std::cos(m);
+}
+
+/// Turns a shaft along -x by `feed` a revolution, its centre at x = 0 when the spindle is at 0.
+NosePath along_shaft(const Insert& insert, double feed) {
+  NosePath path;
+  for (int turn = -20; turn <= 20; ++turn)
+    path.add(Vector3d(-feed * turn, 0, shaft_radius + insert.radius), two_pi * turn);
+  return path;
+}
+
+/// Highest feed mark: where two revolutions meet, found by bisection of the closed form.
+struct FeedMark {
+  double u, height;
+};
+FeedMark highest_mark(const Insert& insert, double feed) {
+  double low = insert.wiper > 0.0 ? insert.wiper : 0.0, high = feed;  // of u, past the centre
+  for (int i = 0; i < 200; ++i) {
+    const double u = 0.5 * (low + high);
+    (rise(insert, u) < rise(insert, u - feed) ? low : high) = u;
+  }
+  return {low, rise(insert, low)};
+}
+
+std::vector<MeridianVertex> on_shaft(double from, double to, double angle, int n) {
+  std::vector<MeridianVertex> vertices;
+  for (int i = 0; i < n; ++i)
+    vertices.push_back({from + (to - from) * (i + 0.5) / n, shaft_radius, angle, 0, 1});
+  return vertices;
+}
+
+TEST(InsertMarks, AreAsHighAsTheyShould) {
+  struct Case {
+    const char* what;
+    Insert insert;
+    double feed;
+  };
+  for (const Case& one :
+       {Case{"small feed", pointed(75, 15), 0.05}, Case{"both edges", pointed(60, 30), 0.9},
+        Case{"minor edge and nose", pointed(80, 5), 0.25}}) {
+    const double angle = 0.7, centre = -one.feed * angle / two_pi;
+    const FeedMark mark = highest_mark(one.insert, one.feed);
+    std::vector<MeridianVertex> vertices = on_shaft(centre, centre + one.feed, angle, 501);
+    vertices.push_back({centre + mark.u, shaft_radius, angle, 0, 1});
+    const Surface surface = turned_surface(design_of(vertices), nose_of(insert_profile(one.insert)),
+                                           motion_of(along_shaft(one.insert, one.feed)));
+    double worst = 0.0;
+    for (std::size_t i = 0; i < vertices.size(); ++i) {
+      const double u = vertices[i].x - centre;
+      const double left = std::min(rise(one.insert, u), rise(one.insert, u - one.feed));
+      worst = std::max(worst, std::abs(surface.residual[Eigen::Index(i)] - left));
+    }
+    const double r = one.insert.radius, f = one.feed;
+    std::cout << "  " << one.what << ": " << surface.residual.maxCoeff() * 1e3
+              << " um high, by the closed form " << mark.height * 1e3 << ", f^2 / 8r "
+              << f * f / (8 * r) * 1e3 << ", every place to " << worst * 1e6 << " nm\n";
+    EXPECT_LE(worst, 1e-9);
+    EXPECT_NEAR(surface.residual.maxCoeff(), mark.height, 1e-9);
+  }
+  // f^2 / 8r to its next order, and the sharp insert's f / (cot + cot) less what the nose takes
+  const FeedMark small = highest_mark(pointed(75, 15), 0.05);
+  EXPECT_NEAR(small.height, 0.05 * 0.05 / (8 * 0.4), 2 * std::pow(0.05, 4) / (128 * 0.064));
+  const double t60 = std::tan(60 * units::deg), t30 = std::tan(30 * units::deg);
+  const double sharp = 0.9 / (1 / t60 + 1 / t30);
+  const double less =
+      0.4 *
+      ((1 / std::cos(60 * units::deg) - 1) / t60 + (1 / std::cos(30 * units::deg) - 1) / t30) /
+      (1 / t60 + 1 / t30);
+  EXPECT_NEAR(highest_mark(pointed(60, 30), 0.9).height, sharp - less, 1e-12);
+}
+
+TEST(InsertMarks, OfAWiperVanishAlongTheFeed) {
+  const Insert insert = pointed(75, 15, 0.3);
+  for (const double feed : {0.05, 0.2, 0.2999}) {
+    const auto vertices = on_shaft(-feed, feed, 1.3, 777);
+    const Surface surface = turned_surface(design_of(vertices), nose_of(insert_profile(insert)),
+                                           motion_of(along_shaft(insert, feed)));
+    std::cout << "  feed " << feed << " mm on a flat of 0.3: " << surface.residual.minCoeff() * 1e6
+              << " to " << surface.residual.maxCoeff() * 1e6 << " nm\n";
+    EXPECT_LE(surface.residual.cwiseAbs().maxCoeff(), 1e-10);
+  }
+  const FeedMark mark = highest_mark(insert, 0.5);
+  EXPECT_GT(mark.height, 0.001);
+  const double angle = 0.7, centre = -0.5 * angle / two_pi;
+  const Surface surface = turned_surface(
+      design_of(std::vector<MeridianVertex>{{centre + mark.u, shaft_radius, angle, 0, 1}}),
+      nose_of(insert_profile(insert)), motion_of(along_shaft(insert, 0.5)));
+  EXPECT_NEAR(surface.residual[0], mark.height, 1e-9);
+}
+
+TEST(InsertMarks, HaveTheSlopeOfTheEdge) {
+  const Insert insert = pointed(60, 30);
+  const double feed = 0.9, d = 1e-4, angle = 0.3;
+  const auto vertices = on_shaft(-0.4, 0.4, angle, 41);
+  auto beside = vertices;
+  for (MeridianVertex& vertex : beside) vertex.x += d;
+  const Nose nose = nose_of(insert_profile(insert));
+  const NoseMotion motion = motion_of(along_shaft(insert, feed));
+  const Design design = design_of(vertices);
+  const Surface here = turned_surface(design, nose, motion);
+  const Surface there = turned_surface(design_of(beside), nose, motion);
+  const Contacts contacts = turned_contacts(design, here, nose, motion);
+  const Vector3d along = d * lathe_in_workpiece().linear().col(0);
+  double worst = 0.0;
+  for (Eigen::Index i = 0; i < here.residual.size(); ++i) {
+    const double told = here.residual[i] - contacts.gradient.row(i).dot(along);
+    worst = std::max(worst, std::abs(there.residual[i] - told));
+  }
+  std::cout << "  slope of the surface, over " << d << " mm off by " << worst * 1e6 << " nm\n";
+  EXPECT_LE(worst, 0.6 * d * d / 0.4 * 8);  // curvature of the nose, steep beside the edges
+}
+
+TEST(InsertMarks, AreWhatItsRivalsBeginWith) {
+  const Insert insert = pointed(75, 15);
+  const Design design = design_of(on_shaft(-0.2, 0.2, 1.0, 9));
+  const Nose nose = nose_of(insert_profile(insert));
+  const NoseMotion motion = motion_of(along_shaft(insert, 0.3));
+  const Surface surface = turned_surface(design, nose, motion);
+  const std::vector<Rival> rivals = turned_rivals(design, nose, motion);
+  std::vector<double> nearest(9, 1e9);
+  for (const Rival& rival : rivals)
+    nearest[std::size_t(rival.vertex)] =
+        std::min(nearest[std::size_t(rival.vertex)], rival.distance);
+  for (int v = 0; v < 9; ++v) EXPECT_NEAR(nearest[std::size_t(v)], surface.residual[v], 1e-12);
+}
+
+// ---- stock, chip, force
+
+Eigen::Isometry3d slow_pose_at(double x, double r) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.translation() = Vector3d(x, 0, r);
+  return T;
+}
+
+TurnedStock bar(double radius, double spacing) {
+  Eigen::Matrix<double, Eigen::Dynamic, 2> profile(2, 2);
+  profile << -20.0, radius, 20.0, radius;
+  return make_turned_stock(profile, spacing, Vector3d::Zero(), Vector3d::UnitX());
+}
+
+TEST(InsertStock, IsCutBackToTheEdge) {
+  for (const Insert& insert : {pointed(75, 15), pointed(60, 30), pointed(45, 20, 0.5)}) {
+    TurnedStock stock = bar(14.0, 0.01);
+    const double r = 12.0 + insert.radius, from = 3.0, to = 2.6;
+    remove(stock, nose_of(insert_profile(insert)), slow_pose_at(from, r), slow_pose_at(to, r));
+    double worst = 0.0;
+    for (Eigen::Index i = 0; i < stock.radius.size(); ++i) {
+      const double x = stock.first + stock.spacing * double(i);
+      if (x < to - 0.8 || x > from + 2.0) continue;
+      // the lowest of those that pass: nearest to the flat
+      const double u = std::clamp(std::clamp(0.0, x - from, x - to), x - from, x - to);
+      const double best =
+          std::min(rise(insert, u), rise(insert, std::clamp(insert.wiper, x - from, x - to)));
+      worst = std::max(worst, std::abs(stock.radius[i] - std::min(14.0, 12.0 + best)));
+    }
+    std::cout << "  stock within " << worst * 1e6 << " nm of the edge\n";
+    EXPECT_LE(worst, 1e-8);
+  }
+}
+
+/// mm, how far an insert that turns by 0.02 rad on its way comes below the stock that it leaves.
+double below_tilted(double spacing) {
+  const Nose nose = nose_of(insert_profile(pointed(60, 30)));
+  TurnedStock stock = bar(14.0, spacing);
+  const Vector3d from(1.0, 0, 12.4), to(0.7, 0, 12.35);
+  const auto pose = [&](double t) {
+    return Eigen::Isometry3d(Eigen::Translation3d((1 - t) * from + t * to) *
+                             Eigen::AngleAxisd(0.02 * t, Vector3d::UnitY()));
+  };
+  remove(stock, nose, pose(0), pose(1));
+  double below = 0.0;
+  for (double t = 0; t <= 1.0; t += 0.01) {
+    for (double psi = 0; psi < two_pi; psi += 0.001) {
+      const Vector2d at = edge_point(*nose.profile, psi).at;
+      const Vector3d p = pose(t) * Vector3d(at.x(), 0, at.y());
+      if (p.z() > 13.9) continue;
+      const double u = (p.x() - stock.first) / stock.spacing;
+      const auto i = Eigen::Index(u);
+      const double share = u - double(i);
+      below = std::max(below, (1 - share) * stock.radius[i] + share * stock.radius[i + 1] -
+                                  std::hypot(p.z(), p.y()));
+    }
+  }
+  return below;
+}
+
+TEST(InsertStock, FollowsATiltedInsert) {
+  const double coarse = below_tilted(0.02), fine = below_tilted(0.01);
+  std::cout << "  edge below the profile by " << coarse * 1e3
+            << " um at most, with half the spacing " << fine * 1e3 << "\n";
+  EXPECT_LT(coarse, 4e-4);  // straight between nodes: a quarter with half
+  EXPECT_LT(fine, 0.35 * coarse);
+}
+
+TEST(InsertStock, ChipIsThatOfTheFeedAndTheAngle) {
+  const Insert insert = pointed(60, 10);
+  const Nose nose = nose_of(insert_profile(insert));
+  const double depth = 1.5, feed = 0.2, r = 12.5 + insert.radius;
+  TurnedStock stock = bar(12.5 + depth, 0.005);
+  for (int turn = 0; turn < 40; ++turn)
+    remove(stock, nose, slow_pose_at(10.0 - feed * turn, r),
+           slow_pose_at(10.0 - feed * (turn + 1), r));
+  const std::vector<EngagedEdge> edges = engagement(stock, nose, slow_pose_at(10.0 - feed * 41, r));
+  double area = 0.0, worst = 0.0;
+  int straight = 0;
+  for (const EngagedEdge& edge : edges) {
+    area += edge.length * edge.chip;
+    const EdgePoint at = edge_point(*nose.profile, edge.psi);
+    const double above = at.at.y() + insert.radius;
+    const bool on_major = at.outward.x() < 0 && above > 0.5 && above < depth - 0.2;
+    if (!on_major) continue;
+    ++straight;
+    EXPECT_NEAR(std::atan2(-at.outward.x(), -at.outward.y()), insert.major, 1e-12);
+    worst = std::max(worst, std::abs(edge.chip - feed * std::sin(insert.major)));
+  }
+  std::cout << "  chip of the major edge " << worst * 1e6 << " nm off f sin(kappa); area " << area
+            << " mm^2 of " << depth * feed << "\n";
+  EXPECT_GT(straight, 20);
+  EXPECT_LT(worst, 1e-5);
+  EXPECT_NEAR(area, depth * feed, 0.04 * depth * feed);  // around the nose chip / 2r more
+
+  const CuttingCoefficients K{"", "", 2000, 800, 0, 0, 0, 0};
+  const CuttingLoad load = turning_force(edges, nose, K, 13.0);
+  Vector3d normal = Vector3d::Zero();
+  for (const EngagedEdge& edge : edges) {
+    const Vector2d outward = edge_point(*nose.profile, edge.psi).outward;
+    normal -= 800 * edge.chip * edge.length * Vector3d(outward.x(), 0, outward.y());
+  }
+  EXPECT_NEAR(load.on_tool_t[1], -2000 * area, 1e-9);
+  EXPECT_NEAR(load.on_tool_t[0], normal.x(), 1e-9);
+  EXPECT_NEAR(load.on_tool_t[2], normal.z(), 1e-9);
+  // nearly all of it on the straight edge
+  EXPECT_NEAR(load.on_tool_t[0] / load.on_tool_t[2], std::tan(insert.major), 0.3);
+}
+
+// ---- the edge itself
+
+TEST(InsertEdge, EntersWhereItsDistanceSays) {
+  const std::uint64_t seed = 806000;
+  double worst = 0.0;
+  for (int i = 0; i < 300 * longer(30); ++i) {
+    Random random(seed + std::uint64_t(i));
+    const EdgeProfile profile = insert_profile({.radius = random.decades(-1, 0),
+                                                .major = random.in(30, 100) * units::deg,
+                                                .minor = random.in(1, 50) * units::deg,
+                                                .major_length = 8,
+                                                .minor_length = random.in(7, 9)});
+    const NoseEdge edge(nose_of(profile));
+    const Vector2d point(random.in(-9, 9), random.in(-3, 12));
+    const double way = random.in(0, two_pi);
+    const Vector2d step(std::cos(way), std::sin(way));
+    const auto entry = edge.entry(point, step, -30.0);
+    const std::optional<Chord> inside = chord(profile, point, step);
+    ASSERT_EQ(entry.has_value(), inside.has_value());
+    if (!entry) {
+      const double s = edge.nearest(point, step, -30.0);
+      for (const double off : {-0.01, 0.01})
+        EXPECT_LE(edge.beyond(point + s * step), edge.beyond(point + (s + off) * step) + 1e-12);
+      EXPECT_GT(edge.beyond(point + s * step), 0.0);
+      continue;
+    }
+    for (const double s : {inside->begin, inside->end})
+      worst = std::max(worst, std::abs(distance(profile.pieces, point + s * step).value));
+    EXPECT_TRUE(edge.contains(point + 0.5 * (inside->begin + inside->end) * step));
+    EXPECT_LE(std::abs(edge.reach(step) - step.dot(foremost(profile, step))), 0.0);
+  }
+  std::cout << "  seeds " << seed << " and on: ends of chords " << worst << " mm off the edge\n";
+  EXPECT_LE(worst, 1e-12);
+}
+
+std::string refused(const std::function<void()>& act) {
+  try {
+    act();
+  } catch (const std::invalid_argument& fault) {
+    return fault.what();
+  }
+  return "nothing";
+}
+
+void expect_refused(const std::string& part, const std::function<void()>& act) {
+  const std::string said = refused(act);
+  EXPECT_NE(said.find(part), std::string::npos) << part << ": " << said;
+}
+
+TEST(InsertEdge, ThatCannotBeIsRefused) {
+  const auto with = [](const std::function<void(Insert&)>& change) {
+    return [change] {
+      Insert insert = pointed(75, 15);
+      change(insert);
+      insert_profile(insert);
+    };
+  };
+  expect_refused("nose radius", with([](Insert& i) { i.radius = 0; }));
+  expect_refused("nose radius", with([](Insert& i) { i.radius = std::nan(""); }));
+  expect_refused("together", with([](Insert& i) { i.minor = 105 * units::deg; }));
+  expect_refused("major angle", with([](Insert& i) { i.major = -0.1; }));
+  expect_refused("length of the major", with([](Insert& i) { i.major_length = 0; }));
+  expect_refused("one of 0.0527 mm", with([](Insert& i) { i.wiper = 0.01; }));
+  expect_refused("holds the circle", with([](Insert& i) { i.minor_length = 0.2; }));
+
+  const auto through = [](const std::vector<OutlinePoint>& points) {
+    return [points] { edge_profile_through(points); };
+  };
+  expect_refused("nothing", through({{{1, -1}}, {{1, 1}}, {{-1, 1}}, {{-1, -1}}}));
+  expect_refused("clockwise", through({{{1, -1}}, {{-1, -1}}, {{-1, 1}}, {{1, 1}}}));
+  expect_refused("bends inwards by 90 deg at (0, 1)",
+                 through({{{2, -1}}, {{2, 2}}, {{1, 2}}, {{0, 1}}, {{-1, 2}}, {{-1, -1}}}));
+  expect_refused("0.5 mm outside", through({{{1, 0.5}}, {{1, 2}}, {{-1, 2}}, {{-1, 0.5}}}));
+  expect_refused("arc of radius", through({{{1, -1}}, {{1, 1}, 0.5}, {{-1, 1}}, {{-1, -1}}}));
+  expect_refused("twice", through({{{1, -1}}, {{1, -1}}, {{-1, 1}}, {{-1, -1}}}));
+  expect_refused("turns", [] {
+    std::vector<OutlinePoint> star;
+    for (int i = 0; i < 5; ++i)
+      star.push_back({Vector2d(std::cos(0.8 * i * pi), std::sin(0.8 * i * pi))});
+    edge_profile_through(star);
+  });
+  expect_refused("waves", [] {
+    Nose nose = nose_of(insert_profile(pointed(75, 15)));
+    nose.waves.push_back({3, 1e-5, 0});
+    NoseEdge edge(nose);
+  });
+}
+
+}  // namespace
+}  // namespace abbe::cutting::insert_tests
