@@ -169,7 +169,7 @@ ToolOutline widened(const ToolOutline& outline, double radial, double axial) {
   const auto add = [&](OutlinePiece piece, const Vector2d& by) {
     piece.from += by;
     piece.to += by;
-    if ((piece.from - last).norm() > same_place) pieces.push_back(line(last, piece.from));
+    if ((piece.from - last).norm() > same_place) pieces.push_back(line_piece(last, piece.from));
     last = piece.to;
     pieces.push_back(piece);
   };

@@ -12,6 +12,9 @@ constexpr Range corner_place{-10'000.0, 10'000.0};
 constexpr Range bottom_angle{0.0, 90.0, false, true};  // deg
 constexpr Range flank_angle{-90.0, 90.0, true, true};
 
+/// A key that may be left out, of the nominal tool with the fallback of its own.
+KeyName optional(Asked asked, const KeyName& key) { return asked == must ? key : asked(key); }
+
 template <auto member>
 constexpr auto of_numbers = [](auto& form) -> auto& {
   return form.numbers.*member;
@@ -22,15 +25,17 @@ Fields<AptForm> apt_fields(Asked asked) {
   return Fields<AptForm>()
       .number(asked("diameter_mm"), of_numbers<&Apt::diameter>, form_size,
               "D of APT: where the lines of bottom and flank meet")
-      .number("corner_radius_mm", of_numbers<&Apt::corner>, corner_size,
+      .number(optional(asked, "corner_radius_mm"), of_numbers<&Apt::corner>, corner_size,
               "of a bull nose, at most the radius; R of APT")
-      .number(KeyName("corner_offset_mm").otherwise("such that the corner is tangent"),
-              &AptForm::radial, corner_place, "E of APT: of the corner's middle from the axis")
-      .number(KeyName("corner_height_mm").otherwise("such that the corner is tangent"),
-              &AptForm::axial, corner_place, "F of APT: of the corner's middle above the tip")
-      .number("bottom_deg", of_numbers<&Apt::bottom>, bottom_angle,
+      .number(
+          optional(asked, KeyName("corner_offset_mm").otherwise("such that the corner is tangent")),
+          &AptForm::radial, corner_place, "E of APT: of the corner's middle from the axis")
+      .number(
+          optional(asked, KeyName("corner_height_mm").otherwise("such that the corner is tangent")),
+          &AptForm::axial, corner_place, "F of APT: of the corner's middle above the tip")
+      .number(optional(asked, "bottom_deg"), of_numbers<&Apt::bottom>, bottom_angle,
               "alpha of APT: by which the bottom rises outwards")
-      .number("flank_deg", of_numbers<&Apt::flank>, flank_angle,
+      .number(optional(asked, "flank_deg"), of_numbers<&Apt::flank>, flank_angle,
               "beta of APT: by which the flank leans outwards, upwards")
       .number(asked("flank_length_mm"), of_numbers<&Apt::height>, form_size,
               "H of APT: of the flank's upper end above the tip")
@@ -47,8 +52,8 @@ Fields<OutlineForm> outline_fields(Asked asked) {
                "of the points of the outline from the tip up; flat below the first")
       .numbers(asked("heights_mm"), &OutlineForm::heights, 0,
                "of the same points above the tip; the first is 0")
-      .numbers(KeyName("arc_radii_mm").otherwise("straight"), &OutlineForm::arcs, 0,
-               "radius of the arc that bulges out on the way to each point; 0: straight");
+      .numbers(optional(asked, KeyName("arc_radii_mm").otherwise("straight")), &OutlineForm::arcs,
+               0, "radius of the arc that bulges out on the way to each point; 0: straight");
 }
 
 /// Where a description is not of the kind, one of it is begun.
