@@ -107,7 +107,8 @@ inline constexpr double rubbing = 0.1;  // mm
 /// between. Ends of runs are exact to 1e-9 mm along their line where the axis stands; a turning
 /// axis is swept in parts, each within 2 um (across the surface, up to the end of the flank) of the
 /// sweep. The shank is the cylinder of the cutter's radius above its flank, without an end; where
-/// it meets material that the flank has not cut just before, that is a crash.
+/// it meets material that the flank has not cut just before, that is a crash. That of a form cutter
+/// has the radius of its top.
 /// @throws std::invalid_argument if a pose is not finite, the axis turns by half a turn or over a
 ///         move too long to be followed (kilometres), or the cutter is impossible
 Removed remove(Stock& stock, const Cutter& cutter, const StockMove& move,

