@@ -101,7 +101,7 @@ void add_holder_texts(const ToolDescription& tool, std::vector<std::string>& tex
   if (const double under = cutter->flank_length - begin; under > least)
     texts.push_back(fmt::format(
         "the holder{} begins {:.6g} mm above the tip, {:.6g} mm below the upper end of the flank "
-        "(flank length {:.6g} mm): that much of the cutter is in the holder",
+        "(flank_length_mm {:.6g}): that much of the cutter is in the holder",
         whose, begin, under, cutter->flank_length));
   const double over = end - tool.actual_length;
   if (std::abs(over) > least)
