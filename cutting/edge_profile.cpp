@@ -167,6 +167,56 @@ EdgeProfile edge_profile_through(const std::vector<OutlinePoint>& points) {
   return closed_profile(pieces);
 }
 
+EdgeProfile without_overhang(const EdgeProfile& profile, const Vector2d& away) {
+  // turned so that it is drawn away along y: what faces the part has normals from -x over -y to x
+  const Eigen::Matrix2d turn =
+      (Eigen::Matrix2d() << away.y(), -away.x(), away.x(), away.y()).finished();
+  std::vector<OutlinePiece> pieces = profile.pieces;
+  const auto faces = [](const Vector2d& normal) { return normal.y() <= 0.0; };
+  double top = -infinity;
+  for (OutlinePiece& piece : pieces) {
+    for (Vector2d* v : {&piece.from, &piece.to, &piece.normal_from, &piece.normal_to})
+      *v = turn * *v;
+    top = std::max({top, piece.from.y(), piece.to.y()});
+  }
+  const auto begins = std::ranges::find_if(pieces, [&](const OutlinePiece& piece) {
+    return !faces(piece.normal_from) && faces(piece.normal_to);
+  });
+  if (begins == pieces.end()) return profile;
+  std::ranges::rotate(pieces, begins);
+
+  std::vector<OutlinePoint> points;
+  const auto add = [&](const Vector2d& at, double radius = 0.0) {
+    if (points.empty() || (points.back().at - at).norm() > no_way) points.push_back({at, radius});
+  };
+  for (OutlinePiece piece : pieces) {
+    const Vector2d centre = piece.from - piece.radius * piece.normal_from;
+    if (!faces(piece.normal_from) && !faces(piece.normal_to)) continue;
+    if (!faces(piece.normal_from)) piece.from = centre - piece.radius * Vector2d::UnitX();
+    if (!faces(piece.normal_to)) piece.to = centre + piece.radius * Vector2d::UnitX();
+    add(piece.from);
+    add(piece.to, piece.radius);
+  }
+  const double left = points.front().at.x(), right = points.back().at.x();
+  add({right, top});
+  add({left, top});
+  if ((points.back().at - points.front().at).norm() <= no_way) points.pop_back();
+  for (OutlinePoint& point : points) point.at = turn.transpose() * point.at;
+  return edge_profile_through(points);
+}
+
+double edge_height(const EdgeProfile& profile, const Vector2d& away, const Vector2d& side) {
+  const double most = std::sin(15.0 * units::deg);
+  const double lowest = foremost(profile, -away).dot(away);
+  double highest = lowest;
+  for (const OutlinePiece& piece : profile.pieces) {
+    const bool is_edge = std::max(piece.normal_from.dot(away), piece.normal_to.dot(away)) <= most &&
+                         (piece.normal_from + piece.normal_to).dot(side) > 0.0;
+    if (is_edge) highest = std::max({highest, piece.from.dot(away), piece.to.dot(away)});
+  }
+  return highest - lowest;
+}
+
 std::optional<Chord> chord(const EdgeProfile& profile, const Vector2d& point,
                            const Vector2d& step) {
   Chord inside{-infinity, infinity};

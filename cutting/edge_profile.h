@@ -43,6 +43,17 @@ EdgeProfile insert_profile(const Insert& insert);
 ///         around more than once or the other way, or does not hold the origin
 EdgeProfile edge_profile_through(const std::vector<OutlinePoint>& points);
 
+/// What the region covers as it is drawn away from the part: a stock that is one radius at every
+/// place along the spindle has an edge that overhangs cut as one along `away`.
+/// @param away  unit
+EdgeProfile without_overhang(const EdgeProfile& profile, const Eigen::Vector2d& away);
+
+/// mm along `away` from the place nearest to the part: the end of the highest edge on one side, of
+/// those that overhang by 15 deg at most.
+/// @param side  unit, across `away`
+double edge_height(const EdgeProfile& profile, const Eigen::Vector2d& away,
+                   const Eigen::Vector2d& side);
+
 /// Where the line point + s step is inside, to 1e-12 mm across an edge.
 struct Chord {
   double begin, end;  ///< of s

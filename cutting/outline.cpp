@@ -83,18 +83,32 @@ AptCutter with_tangent_corner(AptCutter cutter) {
   return cutter;
 }
 
+AptCutter with_ball_corner(AptCutter cutter) {
+  const double middle = cutter.corner / std::cos(cutter.bottom);
+  cutter.diameter = 2.0 * (cutter.corner - middle * std::sin(cutter.flank)) /
+                    (std::cos(cutter.flank) - std::sin(cutter.flank) * std::tan(cutter.bottom));
+  cutter.radial = 0.0;
+  cutter.axial = middle;
+  return cutter;
+}
+
 ToolOutline apt_outline(const AptCutter& cutter) {
   const auto& [diameter, corner, radial, axial, bottom, flank, height] = cutter;
   constexpr double quarter = 0.5 * pi;
-  require(diameter > 0.0 && corner >= 0.0 && height > 0.0 && bottom >= 0.0 && bottom < quarter &&
-              std::abs(flank) < quarter && bottom + std::max(flank, 0.0) < quarter,
-          "APT cutter: expected a diameter and a height above 0, a corner of 0 and more, a bottom "
-          "from 0 and a flank within 90 deg, together below it");
+  require(
+      diameter > 0.0 && corner >= 0.0 && height > 0.0 && bottom >= 0.0 && bottom < quarter &&
+          std::abs(flank) < quarter && bottom + std::max(flank, 0.0) < quarter,
+      fmt::format("APT cutter: expected a diameter and a height above 0, a corner of 0 and more, "
+                  "a bottom from 0 and a flank within 90 deg, together below it, seen {:g}, {:g} "
+                  "and {:g} mm, {:g} and {:g} deg",
+                  diameter, height, corner, bottom / units::deg, flank / units::deg));
   const Vector2d outwards(std::cos(bottom), std::sin(bottom)), up(std::sin(flank), std::cos(flank));
   const Vector2d meet = 0.5 * diameter / outwards.x() * outwards;
   const auto at_height = [&](double y) -> Vector2d { return meet + (y - meet.y()) / up.y() * up; };
   require(at_height(height).x() > 0.0 && height > meet.y(),
-          "APT cutter: expected a flank that ends above the corner and beside the axis");
+          fmt::format("APT cutter: expected a flank that ends above its lower end and beside the "
+                      "axis, seen it from {:g} to {:g} mm above the tip, at a radius of {:g} mm",
+                      meet.y(), height, at_height(height).x()));
   if (corner == 0.0) return outline_through({{{0, 0}}, {meet}, {at_height(height)}});
   const Vector2d centre(radial, axial);
   // half of the chord that a line through `point` cuts out of the corner's circle
@@ -111,8 +125,11 @@ ToolOutline apt_outline(const AptCutter& cutter) {
   const auto [below, half_below] = foot({0, 0}, outwards, "bottom");
   const auto [beside, half_beside] = foot(meet, up, "flank");
   const Vector2d start = below + half_below * outwards, end = beside - half_beside * up;
-  require(start.x() > -same_place && end.y() < height,
-          "APT cutter: expected the corner between the axis and the top");
+  require(
+      start.x() > -same_place && end.y() < height,
+      fmt::format("APT cutter: expected the corner between the axis and the top, {:g} mm above the "
+                  "tip, seen it from a radius of {:g} mm to {:g} mm above the tip",
+                  height, start.x(), end.y()));
   std::vector<OutlinePiece> pieces;
   if (start.norm() > same_place) pieces.push_back(line_piece({0, 0}, start));
   pieces.push_back(arc_piece_about(start, end, corner, centre));

@@ -53,6 +53,9 @@ struct AptCutter {
 /// The same with its corner tangent to bottom and flank.
 AptCutter with_tangent_corner(AptCutter cutter);
 
+/// The same of the diameter that has that corner's middle on the axis: a ball on a taper.
+AptCutter with_ball_corner(AptCutter cutter);
+
 /// @throws std::invalid_argument where corner, bottom and flank do not meet in a convex outline
 ToolOutline apt_outline(const AptCutter& cutter);
 

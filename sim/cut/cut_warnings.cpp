@@ -44,6 +44,12 @@ std::vector<std::string> process_warnings(const Scene& scene, const Process& pro
   if (!process.crash_lines.empty())
     warnings.push_back(fmt::format("a rapid or the shank met material on {} lines, first line {}",
                                    process.crash_lines.size(), process.crash_lines.front()));
+  const auto beyond = std::ranges::max_element(process.steps, {}, &ProcessStep::beyond_edge);
+  if (beyond->beyond_edge > 0.01)
+    warnings.push_back(fmt::format(
+        "the cut goes {:.3g} mm beyond the edges of the insert (line {}): what lies there is "
+        "removed and counts in the force as if an edge along the radius cut it",
+        beyond->beyond_edge, beyond->line));
   return warnings;
 }
 

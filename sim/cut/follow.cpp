@@ -196,20 +196,58 @@ struct TurningLook {
   Look at(const Pose& T_wt) const;
 };
 
+/// Away from the part along the radius, in the tool's x and z; zero at the spindle line.
+Eigen::Vector2d away_from_part(const SpindleLine& line, const Pose& T_slow) {
+  const Eigen::Vector3d arm = T_slow.translation() - line.point_w;
+  const Eigen::Vector3d out = arm - arm.dot(line.direction_w) * line.direction_w;
+  const Eigen::Vector3d out_t = T_slow.linear().transpose() * out;
+  const Eigen::Vector2d away(out_t.x(), out_t.z());
+  return away.norm() > 1e-9 ? Eigen::Vector2d(away.normalized()) : Eigen::Vector2d::Zero();
+}
+
+/// The nose as it cuts a stock that knows no overhang.
+cutting::Nose over_stock(const cutting::Nose& nose, const Eigen::Vector2d& away) {
+  if (!nose.profile || away.isZero(0.0)) return nose;
+  cutting::Nose drawn = nose;
+  drawn.profile =
+      std::make_shared<const cutting::EdgeProfile>(cutting::without_overhang(*nose.profile, away));
+  return drawn;
+}
+
+/// mm, how much higher than its edges an insert is in the work.
+double beyond_edges(const cutting::Nose& nose, const cutting::Nose& drawn,
+                    const Eigen::Vector2d& away, const std::vector<cutting::EngagedEdge>& edges) {
+  if (!nose.profile || away.isZero(0.0)) return 0.0;
+  const double lowest = cutting::foremost(*nose.profile, -away).dot(away);
+  const Eigen::Vector2d across(away.y(), -away.x());
+  double beyond = 0.0;
+  for (const cutting::EngagedEdge& edge : edges) {
+    const cutting::EdgePoint point = cutting::edge_point(*drawn.profile, edge.psi);
+    const Eigen::Vector2d side = (point.outward.dot(across) > 0.0 ? 1.0 : -1.0) * across;
+    if (edge.chip > 0.0)
+      beyond = std::max(
+          beyond, point.at.dot(away) - lowest - cutting::edge_height(*nose.profile, away, side));
+  }
+  return beyond;
+}
+
 Look TurningLook::at(const Pose& T_wt) const {
   const Pose T_slow = slow(T_wt);
-  const auto edges = cutting::engagement(stock, nose, T_slow);
+  const Eigen::Vector2d away = away_from_part(line, T_slow);
+  const cutting::Nose drawn = over_stock(nose, away);
+  const auto edges = cutting::engagement(stock, drawn, T_slow);
   if (edges.empty()) return {};
   const auto& states = program.samples.states;
   const bool grows = states[sample].q[spindle] > states[before].q[spindle];
   check_spindle(program, sample, grows == comes_down(line, T_slow),
                 "a spindle that brings the work down on the rake face where it cuts");
-  Look look = looked(cutting::turning_force(edges, nose, *description.material,
-                                            work_radius(line, T_slow, nose, edges)));
+  Look look = looked(cutting::turning_force(edges, drawn, *description.material,
+                                            work_radius(line, T_slow, drawn, edges)));
   for (const cutting::EngagedEdge& edge : edges) {
     look.engaged += edge.length;
     look.chip = std::max(look.chip, edge.chip);
   }
+  look.beyond_edge = beyond_edges(nose, drawn, away, edges);
   return look;
 }
 

@@ -119,6 +119,7 @@ ProcessStep Loop::close(const Load& guess) {
   step_.converged = repeat(guess) || bracket();
   step_.torque = look_.cut.torque;
   step_.engaged = look_.engaged;
+  step_.beyond_edge = look_.beyond_edge;
   step_.chip = look_.chip;
   if (!step_.load.on_tool_t.allFinite()) {
     step_.load = {};

@@ -15,8 +15,9 @@ using PoseUnderLoad = std::function<kinematics::Pose(std::size_t sample, const e
 struct Look {
   cutting::CuttingLoad cut;
   errors::Load load;
-  double engaged = 0.0;  ///< mm of edge
-  double chip = 0.0;     ///< mm
+  double engaged = 0.0;      ///< mm of edge
+  double chip = 0.0;         ///< mm
+  double beyond_edge = 0.0;  ///< mm, by which it goes beyond the edges of an insert
 };
 
 /// The load of one step, brought to agree with the deflection that it makes to the tolerance of the

@@ -20,6 +20,7 @@ struct ProcessStep {
   double removed = 0.0;      ///< mm^3 since the step before
   double engaged = 0.0;      ///< mm of cutting edge in material, the mean over a revolution
   double chip = 0.0;         ///< mm, largest uncut chip thickness
+  double beyond_edge = 0.0;  ///< mm, by which the cut goes beyond the edges of an insert
   int iterations = 0;        ///< of force and deflection; 0 where nothing was loaded
   double contraction = 0.0;  ///< largest ratio of two corrections running: below 1, the loop closes
                              ///< by repetition; 0 where two were not needed

@@ -23,8 +23,10 @@ constexpr auto of_numbers = [](auto& form) -> auto& {
 Fields<AptForm> apt_fields(Asked asked) {
   using Apt = cutting::AptCutter;
   return Fields<AptForm>()
-      .number(asked("diameter_mm"), of_numbers<&Apt::diameter>, form_size,
-              "D of APT: where the lines of bottom and flank meet")
+      .number(optional(asked, KeyName("diameter_mm")
+                                  .otherwise("a ball: the corner's middle is on "
+                                             "the axis")),
+              &AptForm::diameter, form_size, "D of APT: where the lines of bottom and flank meet")
       .number(optional(asked, "corner_radius_mm"), of_numbers<&Apt::corner>, corner_size,
               "of a bull nose, at most the radius; R of APT")
       .number(
@@ -40,6 +42,8 @@ Fields<AptForm> apt_fields(Asked asked) {
       .number(asked("flank_length_mm"), of_numbers<&Apt::height>, form_size,
               "H of APT: of the flank's upper end above the tip")
       .check([](TableReader& reader, AptForm& form) {
+        if (!form.diameter && (form.radial || form.axial || !(form.numbers.corner > 0.0)))
+          return reader.missing("diameter_mm", "a number");
         if (form.radial.has_value() == form.axial.has_value()) return;
         reader.missing(form.radial ? "corner_height_mm" : "corner_offset_mm",
                        "both of corner_offset_mm and corner_height_mm, or neither,");
@@ -72,6 +76,8 @@ Fields<FormDescription> form_of(const Fields<Form>& own) {
 
 cutting::ToolOutline outline_of(const AptForm& form) {
   cutting::AptCutter cutter = form.numbers;
+  if (!form.diameter) return cutting::apt_outline(cutting::with_ball_corner(cutter));
+  cutter.diameter = *form.diameter;
   if (!form.radial || !form.axial)
     return cutting::apt_outline(cutting::with_tangent_corner(cutter));
   cutter.radial = *form.radial;

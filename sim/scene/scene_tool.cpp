@@ -235,6 +235,12 @@ void check_wear(TableReader& reader, ToolDescription& tool) {
     reader.refuse("wear", "a wear of less than half the radius", "more");
 }
 
+/// A turning tool has no shank of revolution.
+void check_shank(TableReader& reader, ToolDescription& tool) {
+  if (tool.shank_radius && std::holds_alternative<Nose>(tool.nominal))
+    reader.refuse("shank_radius_mm", "a milling cutter beside shank_radius_mm", "a turning tool");
+}
+
 /// The tip of a cutter is outside of what holds it.
 void check_holder(TableReader& reader, ToolDescription& tool) {
   if (!tool.holder || tool.holder->rows() == 0 || std::holds_alternative<Nose>(tool.nominal))
@@ -310,6 +316,7 @@ const Fields<ToolDescription>& tool_fields() {
           .table(KeyName("wear").otherwise("none"), &Tool::wear, wear_fields(),
                  "what the true cutter loses while it cuts, in proportion")
           .check(check_wear)
+          .check(check_shank)
           .check(check_holder);
   return fields;
 }

@@ -22,7 +22,8 @@ struct ToolWear {
 
 /// The cutter of APT as it is described.
 struct AptForm {
-  cutting::AptCutter numbers{.diameter = 0.0, .height = 0.0};
+  cutting::AptCutter numbers{.diameter = 0.0, .height = 0.0};  ///< but for the next three
+  std::optional<double> diameter;       ///< mm; none: the corner's middle is on the axis
   std::optional<double> radial, axial;  ///< mm, of the middle of the corner; none: it is tangent
 };
 /// A cutter by points of its outline.

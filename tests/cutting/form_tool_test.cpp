@@ -366,6 +366,21 @@ TEST(FormOutline, TouchesWhereItsSupportSays) {
   EXPECT_EQ(corner_height(form_tools::as_form({5, 0, 20})), 0.0);
 }
 
+/// A ball on a taper is a ball to where its flank begins.
+TEST(FormOutline, ABallCornerIsABall) {
+  for (const double bottom : {0.0, 10.0})
+    for (const double flank : {-5.0, 0.0, 3.0, 20.0}) {
+      const ToolOutline outline = apt_outline(with_ball_corner(
+          {.corner = 3, .bottom = bottom * units::deg, .flank = flank * units::deg, .height = 20}));
+      const double middle = 3 / std::cos(bottom * units::deg);
+      for (double lean = bottom + 0.1; lean < 90 - flank; lean += 5.0) {
+        const double down = std::cos(lean * units::deg), across = std::sin(lean * units::deg);
+        EXPECT_NEAR(support(outline, -down, across), 3 - middle * down, 1e-9)
+            << bottom << " " << flank;
+      }
+    }
+}
+
 /// A corner that touches bottom and flank, whatever they lean by.
 TEST(FormOutline, ATangentCornerHasNoEdges) {
   for (const double bottom : {0.0, 2.0, 20.0})

@@ -50,9 +50,8 @@ const std::string apt_ball =
     "kind = \"apt\"\ndiameter_mm = 10\ncorner_radius_mm = 5\nflank_length_mm = 25\n";
 const std::string apt_bull =
     "kind = \"apt\"\ndiameter_mm = 12\ncorner_radius_mm = 1\nflank_length_mm = 25\n";
-const std::string tapered_ball =  // tangent to a ball of R 5: D = 2 R (1 - sin) / cos
-    "kind = \"apt\"\ndiameter_mm = 9.163311740\ncorner_radius_mm = 5\nflank_deg = 5\n"
-    "flank_length_mm = 25\n";
+const std::string tapered_ball =
+    "kind = \"apt\"\ncorner_radius_mm = 5\nflank_deg = 5\nflank_length_mm = 25\n";
 const std::string barrel_mill =
     "kind = \"form\"\nradii_mm = [1, 2.4, 2.4]\nheights_mm = [0, 0.5, 14.5]\n"
     "arc_radii_mm = [0, 2.4, 20]\n";
@@ -73,7 +72,7 @@ TEST(FormCutterScene, ATaperedBallCutsWithItsBall) {
   const Apart d = apart(surface_with(ball_mill), surface_with(tapered_ball));
   std::cout << d.vertices << " vertices, " << d.max / units::nm << " nm apart at most\n";
   EXPECT_GT(d.vertices, 2500);
-  EXPECT_LT(d.max, 1.0_nm);  // of the diameter's ten digits
+  EXPECT_LT(d.max, 0.1_nm);
 }
 
 /// A lens that leans by less than its bottom bulges leaves the ridges of that.
@@ -134,6 +133,7 @@ TEST(FormCutterScene, ThatCannotBeIsRefusedWhereItStands) {
   refused(apt_bull + "corner_offset_mm = 5\n", "or neither");
   refused(apt_bull + "corner_offset_mm = 8\ncorner_height_mm = 1\n", "meet the corner");
   refused(apt_bull + "bottom_deg = 95\n", "bottom_deg");
+  refused("kind = \"apt\"\nflank_length_mm = 25\n", "diameter_mm");
   refused(apt_bull + "[tool.actual]\ncorner_radius_mm = 30\n", "corner");
   refused(tapered_ball + "[tool.wear]\nway_mm = 1000\nradius_um = 3\n", "wear");
 }
