@@ -416,10 +416,11 @@ std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const R
     if (answer.decided)
       return answer.entry && answer.entry->s <= limit ? answer.entry : std::nullopt;
   }
-  const EntryBounds<1> bound = entry_bounds(cutter, move, ray);
+  const MoveEnds ends = ends_of(move);
+  const EntryBounds<1> bound = entry_bounds(cutter, ends, ray);
   if (double(bound.least[0]) > limit) return std::nullopt;
   const Vector3d m(bound.m[0][0], bound.m[1][0], bound.m[2][0]);
-  if (least_entry(cutter, ends_of(move), ray, m) > limit) return std::nullopt;
+  if (least_entry(cutter, ends, ray, m) > limit) return std::nullopt;
   return first_entry(cutter, move, ray, limit, bound.part[0]);
 }
 

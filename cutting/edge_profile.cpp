@@ -19,8 +19,6 @@ namespace {
 
 constexpr double no_way = 1e-9;  // mm between points that are one
 
-double sine_of(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
-
 /// mm, of the circle about the origin that holds it: of an arc, the middle may be the farthest.
 double outer_radius_of(const std::vector<OutlinePiece>& pieces) {
   double most = 0.0;
@@ -28,7 +26,8 @@ double outer_radius_of(const std::vector<OutlinePiece>& pieces) {
     most = std::max(most, piece.to.norm());
     if (!piece.is_arc) continue;
     const Vector2d centre = piece.from - piece.radius * piece.normal_from;
-    if (sine_of(piece.normal_from, centre) > 0.0 && sine_of(centre, piece.normal_to) > 0.0)
+    if (sine_between(piece.normal_from, centre) > 0.0 &&
+        sine_between(centre, piece.normal_to) > 0.0)
       most = std::max(most, centre.norm() + piece.radius);
   }
   return most;
@@ -40,7 +39,7 @@ EdgeProfile closed_profile(const std::vector<OutlinePiece>& pieces) {
   EdgeProfile profile{with_corners(pieces, pieces.back().normal_to)};
   double turned = 0.0;
   for (const OutlinePiece& piece : profile.pieces)
-    turned += std::atan2(sine_of(piece.normal_from, piece.normal_to),
+    turned += std::atan2(sine_between(piece.normal_from, piece.normal_to),
                          piece.normal_from.dot(piece.normal_to));
   require(turned < 3.0 * std::numbers::pi,
           fmt::format("edge profile: expected one that goes around once, seen {:.0f} turns",
@@ -87,7 +86,7 @@ Chord within_half_plane(const Chord& chord, const Vector2d& v, const Vector2d& s
 Chord within_circle(const Vector2d& v, const Vector2d& step, double radius) {
   const double aa = step.squaredNorm();
   // from the cross product it does not cancel as b^2 - ac does
-  const double off = sine_of(v, step) / std::sqrt(aa);
+  const double off = sine_between(v, step) / std::sqrt(aa);
   const double square = (radius - off) * (radius + off);
   if (square < 0.0) return {infinity, -infinity};
   const double closest = -v.dot(step) / aa, half = std::sqrt(square / aa);
@@ -126,8 +125,8 @@ EdgeProfile insert_profile(const Insert& insert) {
   const Vector2d major_end = leaves_ahead + insert.major_length * ahead;
   const Vector2d minor_end = minor_begin + insert.minor_length * behind;
   // in the corner behind minor_end + s ahead = major_end + t behind
-  const double sine = sine_of(behind, ahead);
-  const double s = sine_of(behind, major_end - minor_end) / sine;
+  const double sine = sine_between(behind, ahead);
+  const double s = sine_between(behind, major_end - minor_end) / sine;
   const Vector2d back = minor_end + s * ahead;
   std::vector<OutlinePiece> pieces{line_piece(major_end, leaves_ahead)};
   pieces.push_back(arc_piece_about(leaves_ahead, arc_end, r, Vector2d::Zero()));
@@ -157,7 +156,7 @@ EdgeProfile edge_profile_through(const std::vector<OutlinePoint>& points) {
     require((point.at - last).norm() > no_way,
             fmt::format("edge profile: expected points apart, seen ({:g}, {:g}) mm twice",
                         point.at.x(), point.at.y()));
-    area += sine_of(last, point.at);
+    area += sine_between(last, point.at);
     pieces.push_back(point.radius > 0.0 ? arc_piece(last, point.at, point.radius)
                                         : line_piece(last, point.at));
     last = point.at;
@@ -231,17 +230,7 @@ std::optional<Chord> chord(const EdgeProfile& profile, const Vector2d& point,
 }
 
 Vector2d foremost(const EdgeProfile& profile, const Vector2d& direction) {
-  Vector2d best = profile.pieces.front().to;
-  const auto take = [&](const Vector2d& at) {
-    if (direction.dot(at) > direction.dot(best)) best = at;
-  };
-  for (const OutlinePiece& piece : profile.pieces) {
-    take(piece.to);
-    if (piece.is_arc && sine_of(piece.normal_from, direction) > 0.0 &&
-        sine_of(direction, piece.normal_to) > 0.0)
-      take(piece.from + piece.radius * (direction.normalized() - piece.normal_from));
-  }
-  return best;
+  return foremost(profile.pieces, direction);
 }
 
 double farthest_apart(const EdgeProfile& a, const EdgeProfile& b) {

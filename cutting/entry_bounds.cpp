@@ -258,8 +258,7 @@ double least_entry(const Cutter& cutter, const MoveEnds& move, const Ray& ray, c
 }
 
 template <int n>
-void MoveLanes<n>::put(int lane, const Cutter& cutter, const Move& move) {
-  const MoveEnds ends = ends_of(move);
+void MoveLanes<n>::put(int lane, const Cutter& cutter, const MoveEnds& ends) {
   const Vector3d middle = ends.tip + cutter.corner_radius * ends.axis;
   const Vector3d last = ends.tip + ends.step + cutter.corner_radius * (ends.axis + ends.turn);
   for (int d = 0; d < 3; ++d) {
@@ -287,7 +286,7 @@ EntryBounds<n> entry_bounds(const Cutter& cutter, const MoveLanes<n>& moves, con
   return bounds;
 }
 
-EntryBounds<1> entry_bounds(const Cutter& cutter, const Move& move, const Ray& ray) {
+EntryBounds<1> entry_bounds(const Cutter& cutter, const MoveEnds& move, const Ray& ray) {
   MoveLanes<1> one;
   one.put(0, cutter, move);
   return entry_bounds(cutter, one, ray);

@@ -6,6 +6,13 @@
 /// first, and a bound that holds.
 namespace abbe::cutting {
 
+/// A move from `from` to `to`, by its ends.
+struct MoveEnds {
+  Eigen::Vector3d tip, axis;   ///< mm; unit
+  Eigen::Vector3d step, turn;  ///< of the tip, mm, and of the axis
+};
+MoveEnds ends_of(const Move& move);
+
 /// Moves by the centre k of the corner circle's plane and the axis u; 8 or 16.
 template <int lanes>
 struct alignas(32) MoveLanes {
@@ -14,7 +21,7 @@ struct alignas(32) MoveLanes {
   float u[3][lanes];     ///< at the start
   float turn[3][lanes];  ///< of u
 
-  void put(int lane, const Cutter& cutter, const Move& move);
+  void put(int lane, const Cutter& cutter, const MoveEnds& move);
 };
 
 template <int lanes>
@@ -29,13 +36,6 @@ template <int lanes>
 EntryBounds<lanes> entry_bounds(const Cutter& cutter, const MoveLanes<lanes>& moves,
                                 const Ray& ray);
 
-/// A move from `from` to `to`, by its ends.
-struct MoveEnds {
-  Eigen::Vector3d tip, axis;   ///< mm; unit
-  Eigen::Vector3d step, turn;  ///< of the tip, mm, and of the axis
-};
-MoveEnds ends_of(const Move& move);
-
 /// mm along the ray, no more than the entry, in double precision, where moves that lie closer than
 /// the others can distinguish follow each other: by the plane across m that touches the cutter at
 /// both ends. -infinity where the ray runs along that plane, infinity where it passes by.
@@ -43,6 +43,6 @@ double least_entry(const Cutter& cutter, const MoveEnds& move, const Ray& ray,
                    const Eigen::Vector3d& m);
 
 /// Of one move.
-EntryBounds<1> entry_bounds(const Cutter& cutter, const Move& move, const Ray& ray);
+EntryBounds<1> entry_bounds(const Cutter& cutter, const MoveEnds& move, const Ray& ray);
 
 }  // namespace abbe::cutting

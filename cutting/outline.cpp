@@ -21,8 +21,6 @@ namespace {
 constexpr double same_place = 1e-9;   // mm
 constexpr double same_normal = 1e-7;  // rad, by which it may turn back: rounding of input
 
-double cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
-
 ToolOutline closed(const std::vector<OutlinePiece>& pieces) {
   ToolOutline outline{with_corners(pieces, {0, -1})};
   for (const OutlinePiece& piece : outline.pieces) {
@@ -32,8 +30,8 @@ ToolOutline closed(const std::vector<OutlinePiece>& pieces) {
                         piece.to.x(), piece.to.y()));
     outline.radius = std::max({outline.radius, piece.from.x(), piece.to.x()});
     // an arc may reach farther between its ends
-    if (cross(piece.normal_from, Vector2d::UnitX()) > 0.0 &&
-        cross(Vector2d::UnitX(), piece.normal_to) > 0.0)
+    if (sine_between(piece.normal_from, Vector2d::UnitX()) > 0.0 &&
+        sine_between(Vector2d::UnitX(), piece.normal_to) > 0.0)
       outline.radius =
           std::max(outline.radius, piece.from.x() + piece.radius * (1.0 - piece.normal_from.x()));
     outline.height = std::max(outline.height, piece.to.y());
@@ -113,7 +111,7 @@ ToolOutline apt_outline(const AptCutter& cutter) {
   const Vector2d centre(radial, axial);
   // half of the chord that a line through `point` cuts out of the corner's circle
   const auto foot = [&](const Vector2d& point, const Vector2d& along, const char* what) {
-    const double off = std::abs(cross(along, centre - point));
+    const double off = std::abs(sine_between(along, centre - point));
     require(
         off <= corner + 1e-6,
         fmt::format("APT cutter: expected the {} to meet the corner of {:g} mm, seen it {:g} mm "
@@ -145,8 +143,8 @@ double support(const ToolOutline& outline, double rise, double across) {
   double most = 0.0;  // the tip
   for (const OutlinePiece& piece : outline.pieces) {
     most = std::max(most, direction.dot(piece.to));
-    const double beyond = cross(piece.normal_from, direction);
-    if (piece.is_arc && beyond > 0.0 && cross(direction, piece.normal_to) > 0.0)
+    const double beyond = sine_between(piece.normal_from, direction);
+    if (piece.is_arc && beyond > 0.0 && sine_between(direction, piece.normal_to) > 0.0)
       most = std::max(most, direction.dot(piece.from) +
                                 piece.radius * beyond * beyond /
                                     (direction.norm() + piece.normal_from.dot(direction)));
@@ -154,19 +152,22 @@ double support(const ToolOutline& outline, double rise, double across) {
   return most;
 }
 
-Vector2d support_point(const ToolOutline& outline, double rise, double across) {
-  const Vector2d direction(across, rise);
-  Vector2d best = Vector2d::Zero();
+Vector2d foremost(const std::vector<OutlinePiece>& pieces, const Vector2d& direction) {
+  Vector2d best = pieces.front().from;
   const auto take = [&](const Vector2d& place) {
     if (direction.dot(place) > direction.dot(best)) best = place;
   };
-  for (const OutlinePiece& piece : outline.pieces) {
+  for (const OutlinePiece& piece : pieces) {
     take(piece.to);
-    if (piece.is_arc && cross(piece.normal_from, direction) > 0.0 &&
-        cross(direction, piece.normal_to) > 0.0)
+    if (piece.is_arc && sine_between(piece.normal_from, direction) > 0.0 &&
+        sine_between(direction, piece.normal_to) > 0.0)
       take(piece.from + piece.radius * (direction.normalized() - piece.normal_from));
   }
   return best;
+}
+
+Vector2d support_point(const ToolOutline& outline, double rise, double across) {
+  return foremost(outline.pieces, {across, rise});
 }
 
 double top_radius(const ToolOutline& outline) { return outline.pieces.back().from.x(); }
@@ -226,7 +227,7 @@ InnerOutline inside(const ToolOutline& outline, double margin) {
   for (const OutlinePiece& piece : outline.pieces) {
     if (!piece.is_arc) cut_off(piece.normal_from, piece.from);
     if (piece.radius == 0.0) continue;
-    const double turn = std::atan2(cross(piece.normal_from, piece.normal_to),
+    const double turn = std::atan2(sine_between(piece.normal_from, piece.normal_to),
                                    piece.normal_from.dot(piece.normal_to));
     const int tangents = 1 + int(std::ceil(turn / (3.0 * units::deg)));
     const double inwards = piece.radius * (1.0 - std::cos(0.5 * turn / (tangents - 1)));
@@ -276,7 +277,8 @@ OutlineDistance distance(const std::vector<OutlinePiece>& pieces, const Vector2d
   for (const OutlinePiece& piece : pieces) {
     const Vector2d v = place - piece.from, w = place - piece.to;
     const double off = piece.normal_from.dot(v);
-    if (piece.is_arc && cross(piece.normal_from, v) >= 0.0 && cross(w, piece.normal_to) >= 0.0) {
+    if (piece.is_arc && sine_between(piece.normal_from, v) >= 0.0 &&
+        sine_between(w, piece.normal_to) >= 0.0) {
       const Vector2d from_centre = v + piece.radius * piece.normal_from;
       const double far = from_centre.norm();
       if (far > 0.0)

@@ -15,8 +15,6 @@ namespace {
 
 constexpr double least_bend = 1e-7;  // rad, by which a joint may bend inwards: rounding of input
 
-double sine_between(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
-
 /// An arc beyond a right angle as two.
 void add_short(std::vector<OutlinePiece>& pieces, const OutlinePiece& piece) {
   const Vector2d& n = piece.normal_from;

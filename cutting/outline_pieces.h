@@ -6,6 +6,11 @@
 
 namespace abbe::cutting {
 
+/// Of the angle from a to b, times their lengths.
+inline double sine_between(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+  return a.x() * b.y() - a.y() * b.x();
+}
+
 OutlinePiece line_piece(const Eigen::Vector2d& from, const Eigen::Vector2d& to);
 
 /// Less than half a circle, or half of one.

@@ -337,7 +337,8 @@ class MetOfEight {
  public:
   MetOfEight(const Cutter& cutter, std::span<const Move> moves) : cutter_(cutter), moves_(moves) {
     for (int k = 0; k < 8; ++k)
-      eight_.put(k, cutter, moves[std::min<std::size_t>(std::size_t(k), moves.size() - 1)]);
+      eight_.put(k, cutter,
+                 ends_of(moves[std::min<std::size_t>(std::size_t(k), moves.size() - 1)]));
   }
 
   double met(const Ray& ray) const {
@@ -478,10 +479,10 @@ void SweepTree::search_near(std::span<const Ray> rays, std::span<std::optional<R
   constexpr int lanes = 16, room = (Near::room + lanes - 1) / lanes;
   const int count = (near.count + lanes - 1) / lanes;
   std::array<MoveLanes<lanes>, room> moves;
-  for (int k = 0; k < count * lanes; ++k)
-    moves[k / lanes].put(k % lanes, cutter_, near.moves[std::min(k, near.count - 1)]);
   std::array<MoveEnds, Near::room> ends;
   for (int k = 0; k < near.count; ++k) ends[k] = ends_of(near.moves[k]);
+  for (int k = 0; k < count * lanes; ++k)
+    moves[k / lanes].put(k % lanes, cutter_, ends[std::min(k, near.count - 1)]);
   std::array<EntryBounds<lanes>, room> bounds;
   for (std::size_t i = 0; i < rays.size(); ++i) {
     const Ray& ray = rays[i];

@@ -220,13 +220,13 @@ double beyond_edges(const cutting::Nose& nose, const cutting::Nose& drawn,
   if (!nose.profile || away.isZero(0.0)) return 0.0;
   const double lowest = cutting::foremost(*nose.profile, -away).dot(away);
   const Eigen::Vector2d across(away.y(), -away.x());
+  const double right = cutting::edge_height(*nose.profile, away, across),
+               left = cutting::edge_height(*nose.profile, away, -across);
   double beyond = 0.0;
   for (const cutting::EngagedEdge& edge : edges) {
     const cutting::EdgePoint point = cutting::edge_point(*drawn.profile, edge.psi);
-    const Eigen::Vector2d side = (point.outward.dot(across) > 0.0 ? 1.0 : -1.0) * across;
-    if (edge.chip > 0.0)
-      beyond = std::max(
-          beyond, point.at.dot(away) - lowest - cutting::edge_height(*nose.profile, away, side));
+    const double height = point.outward.dot(across) > 0.0 ? right : left;
+    if (edge.chip > 0.0) beyond = std::max(beyond, point.at.dot(away) - lowest - height);
   }
   return beyond;
 }

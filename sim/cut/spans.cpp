@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include <fmt/format.h>
 
@@ -86,12 +87,13 @@ double reach_along(const cutting::Nose& nose, const Eigen::Matrix3d& R, const Ve
 }
 
 /// Along the spindle, and from it.
-std::array<Taken, 2> taken_by(const cutting::Nose& nose, const Job& job, const Pose& T_wt) {
-  const SpindleLine line = spindle_line(job.machine.nominal, *job.machine.workpiece_spindle);
-  const auto at = round_spindle(job, T_wt.translation());
+std::array<Taken, 2> taken_by(const cutting::Nose& nose, const SpindleLine& line,
+                              const Pose& T_wt) {
   const Vector3d arm = T_wt.translation() - line.point_w;
-  const std::array<Vector3d, 2> ways{
-      line.direction_w, (arm - arm.dot(line.direction_w) * line.direction_w).stableNormalized()};
+  const double along = line.direction_w.dot(arm);
+  const Vector3d out = arm - along * line.direction_w;
+  const std::array<double, 2> at{along, out.norm()};
+  const std::array<Vector3d, 2> ways{line.direction_w, out.stableNormalized()};
   std::array<Taken, 2> taken;
   for (std::size_t k = 0; k < 2; ++k)
     taken[k] = {at[k] - reach_along(nose, T_wt.linear(), -ways[k]),
@@ -102,6 +104,8 @@ std::array<Taken, 2> taken_by(const cutting::Nose& nose, const Job& job, const P
 void extend_by(SweptSpans& swept, const Job& job, bool feeds) {
   const auto* cutter = std::get_if<cutting::Cutter>(&job.scene.tool.nominal);
   const auto* nose = std::get_if<cutting::Nose>(&job.scene.tool.nominal);
+  std::optional<SpindleLine> spindle;
+  if (nose != nullptr) spindle = spindle_line(job.machine.nominal, *job.machine.workpiece_spindle);
   const Pose T_mw = job.scene.part.T_wm.inverse();
   const std::size_t n = job.T_wt_nominal.size();
   const auto is_fed_to = [&](std::size_t i) {
@@ -117,7 +121,7 @@ void extend_by(SweptSpans& swept, const Job& job, bool feeds) {
       for (int k = 0; k < 3; ++k)
         extend(swept, std::size_t(k), taken_by(*cutter, T_mt, k), line, in_feed);
     } else {
-      const auto taken = taken_by(*nose, job, job.T_wt_nominal[i]);
+      const auto taken = taken_by(*nose, *spindle, job.T_wt_nominal[i]);
       for (std::size_t k = 0; k < 2; ++k) extend(swept, k, taken[k], line, in_feed);
     }
   }

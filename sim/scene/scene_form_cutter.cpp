@@ -1,6 +1,7 @@
+#include <algorithm>
 #include <stdexcept>
 
-#include "sim/scene/scene_sections.h"
+#include "sim/scene/scene_tool_forms.h"
 
 namespace abbe::sim {
 
@@ -12,9 +13,6 @@ constexpr Range corner_place{-10'000.0, 10'000.0};
 constexpr Range bottom_angle{0.0, 90.0, false, true};  // deg
 constexpr Range flank_angle{-90.0, 90.0, true, true};
 
-/// A key that may be left out, of the nominal tool with the fallback of its own.
-KeyName optional(Asked asked, const KeyName& key) { return asked == must ? key : asked(key); }
-
 template <auto member>
 constexpr auto of_numbers = [](auto& form) -> auto& {
   return form.numbers.*member;
@@ -23,21 +21,21 @@ constexpr auto of_numbers = [](auto& form) -> auto& {
 Fields<AptForm> apt_fields(Asked asked) {
   using Apt = cutting::AptCutter;
   return Fields<AptForm>()
-      .number(optional(asked, KeyName("diameter_mm")
+      .number(left_out(asked, KeyName("diameter_mm")
                                   .otherwise("a ball: the corner's middle is on "
                                              "the axis")),
               &AptForm::diameter, form_size, "D of APT: where the lines of bottom and flank meet")
-      .number(optional(asked, "corner_radius_mm"), of_numbers<&Apt::corner>, corner_size,
+      .number(left_out(asked, "corner_radius_mm"), of_numbers<&Apt::corner>, corner_size,
               "of a bull nose, at most the radius; R of APT")
       .number(
-          optional(asked, KeyName("corner_offset_mm").otherwise("such that the corner is tangent")),
+          left_out(asked, KeyName("corner_offset_mm").otherwise("such that the corner is tangent")),
           &AptForm::radial, corner_place, "E of APT: of the corner's middle from the axis")
       .number(
-          optional(asked, KeyName("corner_height_mm").otherwise("such that the corner is tangent")),
+          left_out(asked, KeyName("corner_height_mm").otherwise("such that the corner is tangent")),
           &AptForm::axial, corner_place, "F of APT: of the corner's middle above the tip")
-      .number(optional(asked, "bottom_deg"), of_numbers<&Apt::bottom>, bottom_angle,
+      .number(left_out(asked, "bottom_deg"), of_numbers<&Apt::bottom>, bottom_angle,
               "alpha of APT: by which the bottom rises outwards")
-      .number(optional(asked, "flank_deg"), of_numbers<&Apt::flank>, flank_angle,
+      .number(left_out(asked, "flank_deg"), of_numbers<&Apt::flank>, flank_angle,
               "beta of APT: by which the flank leans outwards, upwards")
       .number(asked("flank_length_mm"), of_numbers<&Apt::height>, form_size,
               "H of APT: of the flank's upper end above the tip")
@@ -56,22 +54,8 @@ Fields<OutlineForm> outline_fields(Asked asked) {
                "of the points of the outline from the tip up; flat below the first")
       .numbers(asked("heights_mm"), &OutlineForm::heights, 0,
                "of the same points above the tip; the first is 0")
-      .numbers(optional(asked, KeyName("arc_radii_mm").otherwise("straight")), &OutlineForm::arcs,
+      .numbers(left_out(asked, KeyName("arc_radii_mm").otherwise("straight")), &OutlineForm::arcs,
                0, "radius of the arc that bulges out on the way to each point; 0: straight");
-}
-
-/// Where a description is not of the kind, one of it is begun.
-template <typename Form>
-Fields<FormDescription> form_of(const Fields<Form>& own) {
-  return Fields<FormDescription>().custom(
-      own.keys(),
-      [own](TableReader& reader, FormDescription& form) {
-        const Form* begun = std::get_if<Form>(&form);
-        form = own.read(reader, begun ? *begun : Form{});
-      },
-      [own](const FormDescription& form, Node::Table& table) {
-        put_all(table, own.written(std::get<Form>(form)));
-      });
 }
 
 cutting::ToolOutline outline_of(const AptForm& form) {
@@ -96,15 +80,26 @@ cutting::ToolOutline outline_of(const OutlineForm& form) {
   return cutting::outline_through(points);
 }
 
-}  // namespace
-
-Fields<FormDescription> form_fields(const std::string& kind, Asked asked) {
-  return kind == "apt" ? form_of(apt_fields(asked)) : form_of(outline_fields(asked));
+template <class Form>
+cutting::Cutter cutter_of(const Form& form) {
+  return cutting::form_cutter(outline_of(form));
 }
 
-cutting::Cutter cutter_of(const FormDescription& form) {
-  const auto* apt = std::get_if<AptForm>(&form);
-  return cutting::form_cutter(apt ? outline_of(*apt) : outline_of(std::get<OutlineForm>(form)));
+/// "outline: expected a, seen b" of what a form is refused for; b may be left out.
+void refuse_outline(TableReader& reader, const std::string& why) {
+  const std::string expected = "expected ", seen = ", seen ";
+  const std::size_t from = std::min(why.find(expected) + expected.size(), why.size());
+  const std::size_t to = std::min(why.rfind(seen), why.size());
+  reader.faults().add(reader.place(), why.substr(from, to - from) + " for tool",
+                      to < why.size() ? why.substr(to + seen.size()) : "other numbers");
+}
+
+}  // namespace
+
+Fields<ToolDescription> form_cutter_fields(const std::string& kind, const FormOf& which) {
+  if (kind == "apt")
+    return fields_of_form(which, apt_fields(which.asked), cutter_of<AptForm>, refuse_outline);
+  return fields_of_form(which, outline_fields(which.asked), cutter_of<OutlineForm>, refuse_outline);
 }
 
 }  // namespace abbe::sim

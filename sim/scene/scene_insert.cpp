@@ -1,16 +1,11 @@
-#include "sim/scene/scene_insert.h"
-
-#include <algorithm>
-#include <functional>
-#include <stdexcept>
-
 #include <fmt/format.h>
+
+#include "sim/scene/scene_tool_forms.h"
 
 namespace abbe::sim {
 
 namespace {
 
-using cutting::EdgeProfile;
 using cutting::Insert;
 using cutting::Nose;
 using cutting::OutlinePoint;
@@ -19,12 +14,7 @@ using Points = std::vector<OutlinePoint>;
 constexpr Range edge_size{0.0, 10'000.0, true, false};  // mm
 constexpr Range edge_angle{0.0, 179.0};                 // deg
 
-/// How a key is asked for, of the nominal tool or of the actual one.
-using EdgeKey = KeyName (*)(KeyName);
-KeyName if_not_nominal(KeyName key) { return key.otherwise("as nominal"); }
-KeyName as_it_is(KeyName key) { return key; }
-
-Fields<Insert> insert_dimensions(EdgeKey asked, EdgeKey optional) {
+Fields<Insert> insert_dimensions(Asked asked) {
   return Fields<Insert>()
       .number(asked("radius_mm"), &Insert::radius, edge_size, "of the nose")
       .number(asked("cutting_edge_angle_deg"), &Insert::major, edge_angle,
@@ -35,7 +25,7 @@ Fields<Insert> insert_dimensions(EdgeKey asked, EdgeKey optional) {
               "length of the edge ahead, from the nose")
       .number(asked("minor_edge_mm"), &Insert::minor_length, edge_size,
               "length of the edge behind, from nose or wiper")
-      .number(optional("wiper_mm"), &Insert::wiper, non_negative,
+      .number(left_out(asked, "wiper_mm"), &Insert::wiper, non_negative,
               "b_s, a flat along x from below the centre of the nose to the minor edge");
 }
 
@@ -57,12 +47,12 @@ Points read_edge(TableReader& reader) {
   return points;
 }
 
-Fields<Points> free_dimensions(EdgeKey asked, EdgeKey optional) {
+Fields<Points> free_dimensions(Asked asked) {
   const std::vector<Key> keys{
       key_of_numbers(asked("x_mm"), 0,
                      "of points around the edge, counter-clockwise from x to z, the centre inside"),
       key_of_numbers(asked("z_mm"), 0, "of the same points"),
-      key_of_numbers(optional("arc_radii_mm"), 0,
+      key_of_numbers(left_out(asked, "arc_radii_mm"), 0,
                      "of the arcs to them from the points before, that to the first from the "
                      "last; 0: a line")};
   return Fields<Points>().custom(
@@ -88,59 +78,21 @@ Fields<Points> free_dimensions(EdgeKey asked, EdgeKey optional) {
       });
 }
 
-/// Which of the two tools of a description is meant.
-struct EdgeOf {
-  EdgeShape ToolDescription::*edge;
-  std::variant<cutting::Cutter, Nose> ToolDescription::*tool;
-};
-constexpr EdgeOf of_nominal{&ToolDescription::edge, &ToolDescription::nominal};
-constexpr EdgeOf of_actual{&ToolDescription::actual_edge, &ToolDescription::actual};
-
-/// The keys of a shape, and the tool that it makes where each of them is good.
-template <class Shape>
-Fields<ToolDescription> shaped_fields(const EdgeOf& which, const Fields<Shape>& dimensions,
-                                      EdgeProfile (*profile_of)(const Shape&)) {
-  return Fields<ToolDescription>().custom(
-      dimensions.keys(),
-      [=](TableReader& reader, ToolDescription& tool) {
-        const std::size_t before = reader.faults().list().size();
-        const Shape* start = std::get_if<Shape>(&(tool.*which.edge));
-        const Shape shape = dimensions.read(reader, start ? *start : Shape{});
-        tool.*which.edge = shape;
-        tool.*which.tool = Nose{};
-        const std::vector<Key> keys = dimensions.keys();
-        const bool whole = std::all_of(keys.begin(), keys.end(), [&](const Key& key) {
-          return !key.required || reader.has(key.name);
-        });
-        if (!whole || reader.faults().list().size() != before) return;
-        try {
-          tool.*which.tool = cutting::nose_of(profile_of(shape));
-        } catch (const std::invalid_argument& fault) {
-          reader.faults().add(reader.place(), "a turning insert that can be", fault.what());
-        }
-      },
-      [=](const ToolDescription& tool, Node::Table& table) {
-        put_all(table, dimensions.written(std::get<Shape>(tool.*which.edge)));
-      });
+Nose insert_nose(const Insert& insert) { return cutting::nose_of(cutting::insert_profile(insert)); }
+Nose free_nose(const Points& points) {
+  return cutting::nose_of(cutting::edge_profile_through(points));
 }
 
-Fields<ToolDescription> edge_fields(const EdgeOf& which, const std::string& kind, EdgeKey asked,
-                                    EdgeKey optional) {
-  if (kind == "insert")
-    return shaped_fields<Insert>(which, insert_dimensions(asked, optional),
-                                 cutting::insert_profile);
-  return shaped_fields<Points>(which, free_dimensions(asked, optional),
-                               cutting::edge_profile_through);
+void refuse_insert(TableReader& reader, const std::string& why) {
+  reader.faults().add(reader.place(), "a turning insert that can be", why);
 }
 
 }  // namespace
 
-Fields<ToolDescription> nominal_edge_fields(const std::string& kind) {
-  return edge_fields(of_nominal, kind, must, as_it_is);
-}
-
-Fields<ToolDescription> actual_edge_fields(const std::string& kind) {
-  return edge_fields(of_actual, kind, if_not_nominal, if_not_nominal);
+Fields<ToolDescription> insert_fields(const std::string& kind, const FormOf& which) {
+  if (kind == "insert")
+    return fields_of_form(which, insert_dimensions(which.asked), insert_nose, refuse_insert);
+  return fields_of_form(which, free_dimensions(which.asked), free_nose, refuse_insert);
 }
 
 }  // namespace abbe::sim

@@ -63,13 +63,6 @@ std::vector<Key> program_keys();
 Fields<BodyDescription> body_fields();
 /// The profile of a body of revolution: `radii_mm`, `heights_mm`. @param from  where heights count
 Fields<Eigen::MatrixX2d> profile_fields(const char* from);
-/// How a dimension is asked for: of the nominal tool by `must`, of the actual one as it falls back.
-using Asked = KeyName (*)(KeyName);
-/// Keys of a form cutter. @param kind  "apt" or "form"
-Fields<FormDescription> form_fields(const std::string& kind, Asked asked);
-/// @throws std::invalid_argument for numbers that make no cutter
-cutting::Cutter cutter_of(const FormDescription& form);
-
 /// `[collision]`
 const Fields<CollisionDescription>& collision_fields();
 

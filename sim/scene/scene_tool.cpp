@@ -3,8 +3,8 @@
 
 #include <fmt/format.h>
 
-#include "sim/scene/scene_insert.h"
 #include "sim/scene/scene_sections.h"
+#include "sim/scene/scene_tool_forms.h"
 
 namespace abbe::sim {
 
@@ -16,8 +16,6 @@ using cutting::NoseWave;
 
 constexpr Range tool_size{0.0, 10'000.0, true, false};  // mm
 constexpr Range tool_length{-10'000.0, 10'000.0};       // mm
-
-KeyName or_nominal(KeyName key) { return key.otherwise("as nominal"); }
 
 void check_cutter(TableReader& reader, const Cutter& cutter) {
   if (cutter.corner_radius > cutter.radius) {
@@ -38,11 +36,6 @@ Fields<Cutter> dimension_fields(const std::string& kind, Asked asked) {
   return fields.number(asked("flank_length_mm"), &Cutter::flank_length, tool_size,
                        "of a cutter: its cutting length above the tip; from there its radius goes "
                        "on as a shank");
-}
-
-bool has_all(const TableReader& reader, const std::vector<Key>& keys) {
-  return std::ranges::all_of(keys,
-                             [&](const Key& key) { return !key.required || reader.has(key.name); });
 }
 
 /// Dimensions that fit each other, which is looked at where each of them is good.
@@ -75,46 +68,12 @@ Fields<NoseWave> wave_fields() {
 
 bool is_form(const std::string& kind) { return kind == "apt" || kind == "form"; }
 
-/// "outline: expected a, seen b" of what a form is refused for; b may be left out.
-void refuse(TableReader& reader, const std::string& why) {
-  const std::string expected = "expected ", seen = ", seen ";
-  const std::size_t from = std::min(why.find(expected) + expected.size(), why.size());
-  const std::size_t to = std::min(why.rfind(seen), why.size());
-  reader.faults().add(reader.place(), why.substr(from, to - from) + " for tool",
-                      to < why.size() ? why.substr(to + seen.size()) : "other numbers");
-}
-
-using ToolShape = std::variant<Cutter, Nose>;
-
-/// A form cutter, made once its numbers are good.
-Fields<ToolDescription> form_tool_fields(const std::string& kind, Asked asked,
-                                         FormDescription ToolDescription::*form,
-                                         ToolShape ToolDescription::*shape) {
-  const Fields<FormDescription> own = form_fields(kind, asked);
-  return Fields<ToolDescription>().custom(
-      own.keys(),
-      [=](TableReader& reader, ToolDescription& tool) {
-        const std::size_t before = reader.faults().list().size();
-        tool.*form = own.read(reader, std::move(tool.*form));
-        if (reader.faults().list().size() != before || !has_all(reader, own.keys())) return;
-        try {
-          tool.*shape = cutter_of(tool.*form);
-        } catch (const std::invalid_argument& why) {
-          refuse(reader, why.what());
-        }
-      },
-      [=](const ToolDescription& tool, Node::Table& table) {
-        put_all(table, own.written(tool.*form));
-      });
-}
-
 bool has_profile(const std::string& kind) { return kind == "insert" || kind == "edge"; }
 
 Fields<ToolDescription> nominal_fields(const std::string& kind) {
-  if (has_profile(kind)) return nominal_edge_fields(kind);
+  if (is_form(kind)) return form_cutter_fields(kind, of_nominal);
+  if (has_profile(kind)) return insert_fields(kind, of_nominal);
   Fields<ToolDescription> fields;
-  if (is_form(kind))
-    return form_tool_fields(kind, must, &ToolDescription::nominal_form, &ToolDescription::nominal);
   if (kind == "nose")
     return fields.then([](ToolDescription& tool) { tool.nominal = Nose{}; })
         .all_of(
@@ -136,11 +95,9 @@ Fields<ToolDescription> actual_fields(const std::string& kind) {
   Fields<ToolDescription> fields;
   fields.number(or_nominal("length_mm"), &ToolDescription::actual_length, tool_length,
                 "from the nose of the spindle");
-  if (is_form(kind))
-    return fields.all_of(itself, form_tool_fields(kind, or_nominal, &ToolDescription::actual_form,
-                                                  &ToolDescription::actual));
+  if (is_form(kind)) return fields.all_of(itself, form_cutter_fields(kind, of_actual));
   if (has_profile(kind))
-    return fields.all_of(itself, actual_edge_fields(kind)).all_of(itself, centring_fields());
+    return fields.all_of(itself, insert_fields(kind, of_actual)).all_of(itself, centring_fields());
   if (kind != "nose")
     return fields.all_of(
         [](auto& tool) -> auto& { return std::get<Cutter>(tool.actual); },
@@ -210,12 +167,11 @@ const ToolKind& kind_in(TableReader& reader) {
 
 /// A kind that can be both what the tool should be and what it is.
 const ToolKind& kind_of(const ToolDescription& tool) {
+  constexpr const char* of_form[] = {"", "apt", "form", "insert", "edge"};  // as in ToolForm
+  static_assert(std::size(of_form) == std::variant_size_v<ToolForm>);
+  if (tool.nominal_form.index() > 0) return kind_named(of_form[tool.nominal_form.index()]);
   const auto* nominal = std::get_if<Cutter>(&tool.nominal);
-  if (std::holds_alternative<cutting::Insert>(tool.edge)) return kind_named("insert");
-  if (!std::holds_alternative<std::monostate>(tool.edge)) return kind_named("edge");
   if (!nominal) return kind_named("nose");
-  if (std::holds_alternative<AptForm>(tool.nominal_form)) return kind_named("apt");
-  if (std::holds_alternative<OutlineForm>(tool.nominal_form)) return kind_named("form");
   const Cutter& actual = std::get<Cutter>(tool.actual);
   if (nominal->corner_radius == 0.0 && actual.corner_radius == 0.0) return kind_named("flat");
   const bool round =
@@ -300,7 +256,6 @@ const Fields<ToolDescription>& tool_fields() {
           .then([](Tool& tool) {
             tool.actual = tool.nominal;
             tool.actual_form = tool.nominal_form;
-            tool.actual_edge = tool.edge;
             tool.actual_length = tool.length;
           })
           .custom(
@@ -346,6 +301,15 @@ void check_among(const std::vector<ToolDescription>& tools, const ToolDescriptio
 }
 
 }  // namespace
+
+KeyName or_nominal(KeyName key) { return key.otherwise("as nominal"); }
+
+KeyName left_out(Asked asked, const KeyName& key) { return asked == must ? key : asked(key); }
+
+bool has_all(const TableReader& reader, const std::vector<Key>& keys) {
+  return std::ranges::all_of(keys,
+                             [&](const Key& key) { return !key.required || reader.has(key.name); });
+}
 
 std::vector<ToolDescription> read_tools(const Node& section, Faults& faults) {
   if (section.table()) return {read_tool(section, faults)};

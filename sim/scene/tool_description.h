@@ -31,27 +31,26 @@ struct OutlineForm {
   Eigen::VectorXd radii, heights;       ///< (n) mm
   std::optional<Eigen::VectorXd> arcs;  ///< (n) mm, on the way to a point; 0 and none: straight
 };
-/// What makes a form cutter, or that it is none.
-using FormDescription = std::variant<std::monostate, AptForm, OutlineForm>;
-/// What the profile of a turning tool's edge is made of: none of a round nose, an insert, or points
-/// around a free edge.
-using EdgeShape = std::variant<std::monostate, cutting::Insert, std::vector<cutting::OutlinePoint>>;
+/// What makes the shape of a tool that is no common cutter and no round nose: of a cutter the first
+/// two, of a turning tool an insert or points around a free edge.
+using ToolForm = std::variant<std::monostate, AptForm, OutlineForm, cutting::Insert,
+                              std::vector<cutting::OutlinePoint>>;
+using ToolShape = std::variant<cutting::Cutter, cutting::Nose>;
 
 /// A tool, what the control believes of it, and what it really is.
 struct ToolDescription {
   std::string name;
   std::optional<int> number;  ///< T of a program that calls it
-  std::variant<cutting::Cutter, cutting::Nose> nominal;
-  std::variant<cutting::Cutter, cutting::Nose> actual;  ///< same alternative as nominal
-  FormDescription nominal_form = {}, actual_form = {};  ///< of which those are made
-  double length = 0.0;                                  ///< mm from the nose s to the tip t
-  double actual_length = 0.0;                           ///< mm
+  ToolShape nominal;
+  ToolShape actual;                              ///< same alternative as nominal
+  ToolForm nominal_form = {}, actual_form = {};  ///< of which those are made
+  double length = 0.0;                           ///< mm from the nose s to the tip t
+  double actual_length = 0.0;                    ///< mm
   double centring_offset = 0.0;       ///< mm, turning: the tip stands this much along t's x really
   double centring_height = 0.0;       ///< mm, turning: and this much along t's y
   std::optional<ToolWear> wear = {};  ///< of a milling cutter
   std::optional<double> shank_radius = {};      ///< mm, above the flank; none: the cutter's
   std::optional<Eigen::MatrixX2d> holder = {};  ///< (n x 2) mm, radius and height above the tip
-  EdgeShape edge = {}, actual_edge = {};  ///< of a turning tool, from which its noses are made
 };
 
 }  // namespace abbe::sim

@@ -42,14 +42,14 @@ TEST(EntryBounds, AreNoMoreThanTheEntry) {
     std::array<Move, 8> moves;
     for (int i = 0; i < 8; ++i) {
       moves[std::size_t(i)] = any_move(random, R, [&] { return random.direction(); });
-      eight.put(i, cutter, moves[std::size_t(i)]);
+      eight.put(i, cutter, ends_of(moves[std::size_t(i)]));
     }
     const Ray ray{R * random.decades(-6, 0.3) * random.any(), random.direction(),
                   R * random.decades(-3, 0.3)};
     const EntryBounds<8> bounds = entry_bounds(cutter, eight, ray);
     for (std::size_t i = 0; i < 8; ++i) {
       ++tried;
-      const EntryBounds<1> one = entry_bounds(cutter, moves[i], ray);
+      const EntryBounds<1> one = entry_bounds(cutter, ends_of(moves[i]), ray);
       ASSERT_EQ(one.least[0], bounds.least[i]) << "seed 1802, case " << n;
       ASSERT_EQ(one.part[0], bounds.part[i]) << "seed 1802, case " << n;
       const double bound = bounds.least[i];

@@ -60,7 +60,7 @@ TEST(SceneInsert, IsReadAndWritten) {
   EXPECT_EQ(nominal.radius, 0.4);
   EXPECT_EQ(actual.radius, 0.41);
   EXPECT_EQ(tool.centring_height, 0.02);
-  const Insert& insert = std::get<Insert>(tool.actual_edge);
+  const Insert& insert = std::get<Insert>(tool.actual_form);
   EXPECT_EQ(insert.major, 92.5 * units::deg);
   EXPECT_EQ(insert.minor, 32 * units::deg);
   EXPECT_EQ(insert.minor_length, 14.0);

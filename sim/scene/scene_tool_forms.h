@@ -1,0 +1,66 @@
+#pragma once
+
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "sim/scene/fields.h"
+#include "sim/scene/tool_description.h"
+
+/// Tools whose shape is made from a form of its own: `ToolForm`.
+namespace abbe::sim {
+
+/// How a key is asked for: of the nominal tool by `must`, of the actual one by `or_nominal`.
+using Asked = KeyName (*)(KeyName);
+KeyName or_nominal(KeyName key);
+/// A key that may be left out, of the nominal tool with the fallback of its own.
+KeyName left_out(Asked asked, const KeyName& key);
+
+bool has_all(const TableReader& reader, const std::vector<Key>& keys);
+
+/// Which of the two tools of a description is meant.
+struct FormOf {
+  ToolForm ToolDescription::*form;
+  ToolShape ToolDescription::*shape;
+  Asked asked;
+};
+inline constexpr FormOf of_nominal{&ToolDescription::nominal_form, &ToolDescription::nominal, must};
+inline constexpr FormOf of_actual{&ToolDescription::actual_form, &ToolDescription::actual,
+                                  or_nominal};
+
+/// The cutter of APT and of an outline. @param kind  "apt" or "form"
+Fields<ToolDescription> form_cutter_fields(const std::string& kind, const FormOf& which);
+/// Turning tools whose edge has a profile. @param kind  "insert", a nose with two straight edges,
+/// or
+///                                                     "edge", free lines and arcs
+Fields<ToolDescription> insert_fields(const std::string& kind, const FormOf& which);
+
+/// The keys of a form, and the tool that it makes where each of them is good. Where the description
+/// is of another form one of this is begun.
+/// @param refuse  says why none can be made, where the table stands
+template <class Form, class Shape>
+Fields<ToolDescription> fields_of_form(const FormOf& which, const Fields<Form>& own,
+                                       Shape (*made)(const Form&),
+                                       void (*refuse)(TableReader& reader,
+                                                      const std::string& why)) {
+  return Fields<ToolDescription>().custom(
+      own.keys(),
+      [=](TableReader& reader, ToolDescription& tool) {
+        const std::size_t before = reader.faults().list().size();
+        const Form* begun = std::get_if<Form>(&(tool.*which.form));
+        const Form form = own.read(reader, begun ? *begun : Form{});
+        tool.*which.form = form;
+        if (!std::holds_alternative<Shape>(tool.*which.shape)) tool.*which.shape = Shape{};
+        if (reader.faults().list().size() != before || !has_all(reader, own.keys())) return;
+        try {
+          tool.*which.shape = made(form);
+        } catch (const std::invalid_argument& why) {
+          refuse(reader, why.what());
+        }
+      },
+      [=](const ToolDescription& tool, Node::Table& table) {
+        put_all(table, own.written(std::get<Form>(tool.*which.form)));
+      });
+}
+
+}  // namespace abbe::sim
