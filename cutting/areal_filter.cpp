@@ -30,6 +30,8 @@ using Eigen::Vector3d;
 constexpr double cells_a_cutoff = 12.0;
 constexpr double reach_of_cutoff = 0.65;  // beyond it lie 0.25 % of the weight
 
+constexpr double most_spreads = 3.0;       // that the plane of the places about one is followed
+
 constexpr double least_area = 1e-12;  // mm^2, of a vertex between triangles without any
 
 using Place = std::array<std::int64_t, 4>;  // patch, then x, y, z
@@ -280,7 +282,14 @@ double form_at(const Reached& reached, const Vector3d& point, const Vector3d& no
   normal_equations(1, 1) += little;
   normal_equations(2, 2) += little;
   const Vector3d right(wr.sum(), wur.sum(), wvr.sum());
-  return reached.reference + normal_equations.ldlt().solve(right)[0];
+  const Eigen::LDLT<Matrix3d> factors(normal_equations);
+  const double fitted = factors.solve(right)[0];
+  // at a rim the place lies 1.3 spreads from the middle of what is about it, in a corner 1.9; where
+  // places are few it may lie anywhere, and their slope is not followed that far
+  const double spreads2 = normal_equations(0, 0) * factors.solve(Vector3d::UnitX())[0] - 1.0;
+  if (spreads2 <= most_spreads * most_spreads) return reached.reference + fitted;
+  const double mean = right[0] / normal_equations(0, 0);
+  return reached.reference + mean + most_spreads / std::sqrt(spreads2) * (fitted - mean);
 }
 
 }  // namespace

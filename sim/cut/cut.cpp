@@ -88,14 +88,25 @@ double resolution_of(const Job& job, const cutting::Surface& surface) {
   return std::max(sampled, cutting::usual_resolution(usual_range(surface, job.design_w)));
 }
 
+/// Whether the form of a map, which waves of the cut-off (mm) pass by half, can be trusted where the
+/// map is too coarse for the texture.
+std::string what_of_form(const cutting::Design& design, double cutoff) {
+  constexpr double vertices_a_cutoff = 4.0;
+  const double apart = std::sqrt(design.area.sum() / double(design.vertices.rows()));
+  if (apart * vertices_a_cutoff <= cutoff) return "judge by form_um, or";
+  return fmt::format(
+      "form_um is no better, with vertices {:.3g} mm apart and a cut-off of {:.3g} mm;", apart,
+      cutoff);
+}
+
 std::string unresolved_text(const cutting::InterpolationError& error, double resolution,
-                            const cutting::Design& design) {
+                            const Job& job) {
   return fmt::format(
       "the map is too coarse for what the tool left: between its {} vertices, linear interpolation "
-      "misses the surface by more than {:.3g} um at {:.3g} % of it, by {:.3g} um at most: judge by "
-      "form_um, or raise part.points, or part.resolution_um",
-      design.vertices.rows(), resolution / units::um, 100.0 * error.unresolved,
-      error.worst / units::um);
+      "misses the surface by more than {:.3g} um at {:.3g} % of it, by {:.3g} um at most: {} raise "
+      "part.points, or part.resolution_um",
+      job.design_w.vertices.rows(), resolution / units::um, 100.0 * error.unresolved,
+      error.worst / units::um, what_of_form(job.design_w, job.scene.part.form_cutoff));
 }
 
 /// How many of the vertices of a gouge the flanks of the sweeps have made.
@@ -152,7 +163,7 @@ Machined machined(const Job& job, const Cutting& with, const Progress& progress)
           "no place between the vertices could be sampled: how well the map is resolved is not "
           "known");
     if (made.interpolation->unresolved > unresolved_most)
-      made.warnings.push_back(unresolved_text(*made.interpolation, wanted, job.design_w));
+      made.warnings.push_back(unresolved_text(*made.interpolation, wanted, job));
   }
   return made;
 }

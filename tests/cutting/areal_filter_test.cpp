@@ -155,6 +155,33 @@ TEST(GaussianForm, FacesOfASharpEdgeDoNotMix) {
   EXPECT_LT((form - uneven.residual).cwiseAbs().maxCoeff(), 1e-9);
 }
 
+/// How far the form of heights drawn from 0 to 1 leaves that range, on a part that is too coarse for
+/// the filter.
+double overshoot(const Primitive& shape, int vertices, double cutoff, std::mt19937& random) {
+  std::uniform_real_distribution<double> height(0.0, 1.0);
+  const Design part = tessellate(shape, {vertices});
+  Surface surface = surface_of(part, [&](const Vector3d&) { return height(random); });
+  surface.looked_within = Surface::Within::Random;
+  surface.within.resize(part.triangles.rows());
+  for (Index t = 0; t < part.triangles.rows(); ++t) surface.within[t] = height(random);
+  const Eigen::VectorXd form = gaussian_form(part, surface, cutoff);
+  return std::max(-form.minCoeff(), form.maxCoeff() - 1.0);
+}
+
+TEST(GaussianForm, NoSlopeIsFollowedFarFromThePlacesThatGiveIt) {
+  constexpr unsigned seed = 118;
+  std::mt19937 random(seed);
+  double worst = 0.0;
+  for (const int vertices : {100, 200, 800, 3200})
+    for (const double cutoff : {0.8, 2.5, 8.0}) {
+      worst = std::max(worst, overshoot(RectanglePlane{60.0, 40.0}, vertices, cutoff, random));
+      worst = std::max(worst, overshoot(Cylinder{12.5, 30.0}, vertices, cutoff, random));
+    }
+  std::cout << "seed " << seed << ": the form leaves the range of the heights by " << 100.0 * worst
+            << " % of it at most\n";
+  EXPECT_LT(worst, 1.0);
+}
+
 TEST(GaussianForm, LeavesOutWhatIsNotCut) {
   const Design plane = tessellate(RectanglePlane{10.0, 8.0}, {2000});
   Surface surface = surface_of(plane, [](const Vector3d&) { return 2.0; });
