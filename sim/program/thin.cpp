@@ -114,6 +114,7 @@ class BlockThinner {
 
   Points run() {
     Points kept;
+    std::size_t last = 0;  // before the next jump
     for (std::size_t from = 0;;) {
       std::size_t next = from + 1;
       while (next < dense_.size() && is_near(from, next)) ++next;
@@ -122,7 +123,7 @@ class BlockThinner {
         kept.push_back(line_to(next));
         from = next;
       } else {
-        std::size_t last = next;
+        last = std::max(last, next);
         while (last + 1 < dense_.size() && !is_jump(last)) ++last;
         from = piece(from, {next, last}, kept);
       }
