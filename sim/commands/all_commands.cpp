@@ -6,6 +6,7 @@
 #include "sim/commands/evaluate_command.h"
 #include "sim/commands/explain_command.h"
 #include "sim/commands/export_command.h"
+#include "sim/commands/help_command.h"
 #include "sim/commands/identify_command.h"
 #include "sim/commands/measure_command.h"
 #include "sim/commands/new_command.h"
@@ -20,14 +21,16 @@
 namespace abbe::sim {
 
 std::vector<Command> all_commands(Common& common, int& argc, char**& argv) {
-  return {new_command(common),      run_command(common),
-          compare_command(common),  check_command(common),
-          program_command(common),  animate_command(common),
-          render_command(common),   pose_command(common),
-          measure_command(common),  identify_command(common),
-          evaluate_command(common), rewrite_command(common),
-          export_command(common),   study_command(common, argc, argv),
-          schema_command(),         explain_command()};
+  std::vector<Command> all{new_command(common),      run_command(common),
+                           compare_command(common),  check_command(common),
+                           program_command(common),  animate_command(common),
+                           render_command(common),   pose_command(common),
+                           measure_command(common),  identify_command(common),
+                           evaluate_command(common), rewrite_command(common),
+                           export_command(common),   study_command(common, argc, argv),
+                           schema_command(),         explain_command()};
+  all.push_back(help_command(all));
+  return all;
 }
 
 }  // namespace abbe::sim

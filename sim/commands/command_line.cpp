@@ -9,6 +9,8 @@
 #include <tbb/global_control.h>
 #include <CLI/CLI.hpp>
 
+#include "sim/commands/about.h"
+#include "sim/commands/questions.h"
 #include "sim/commands/version_text.h"
 #include "sim/cut/work.h"
 #include "sim/files/terminal.h"
@@ -100,15 +102,18 @@ void add(CLI::App& app, const Command& command) {
 }
 
 /// A word that is no command; empty where the command line begins as it should.
-std::string no_command(const std::vector<Command>& commands, int argc, char** argv) {
+std::string no_command(const std::vector<Command>& commands, const std::vector<Question>& questions,
+                       int argc, char** argv) {
   if (argc < 2) return {};
   const std::string seen = argv[1];
   const bool option = seen.starts_with('-');
   std::set<std::string> words;
-  if (option)
+  if (option) {
     words = {"-h", "--help", "--version"};
-  else
+    for (const Question& question : questions) words.insert(question.name);
+  } else {
     for (const Command& command : commands) words.insert(command.name);
+  }
   if (words.contains(seen)) return {};
   return slip(option ? "a command, --help or --version" : "a command", seen, words) +
          "; abbe --help lists them";
@@ -129,6 +134,22 @@ std::string no_option(const Command& command, int argc, char** argv) {
   return {};
 }
 
+/// The answer of a question with its argument; the exit of a fault of usage, which is printed.
+Exit answered(const Question& question, int argc, char** argv) {
+  const int most = 3;
+  const bool may_be_left_out = question.argument.starts_with('[');
+  if (argc > most || (argc < most && !may_be_left_out))
+    throw BadUsage(question.name,
+                   fmt::format("expected {}{}, seen {}", may_be_left_out ? "at most one " : "",
+                               question.argument, argc > most ? argv[most] : "nothing"));
+  const std::string argument = argc == most ? argv[most - 1] : "";
+  const std::vector<std::string>& words = question.words;
+  if (argc == most && !words.empty() && std::ranges::find(words, argument) == words.end())
+    throw BadUsage(question.name,
+                   slip("one of " + joined(words), argument, {words.begin(), words.end()}));
+  return question.answer(argument);
+}
+
 /// Prints what was asked for: help, or the version.
 Exit answered(const CLI::App& app, const CLI::Success& help) {
   std::ostringstream out, errors;
@@ -145,23 +166,29 @@ namespace {
 /// @return it, or the exit where help was asked for or a fault of usage was printed
 std::variant<const Command*, Exit> parsed(const std::vector<Command>& commands,
                                           const std::string& version, int argc, char** argv) {
+  const std::vector<Question> asked = questions(commands);
+  if (const auto question = std::ranges::find(asked, argc > 1 ? argv[1] : "", &Question::name);
+      question != asked.end())
+    return answered(*question, argc, argv);
   CLI::App app{
-      "abbe: a virtual five-axis machine tool that is wrong on purpose.\n"
-      "It cuts a part on a machine with errors and shows, in micrometres on the design surface, "
-      "what they\ndid, with and without a compensator.\n\n"
-      "Start with:  abbe new gantry first\n"
-      "             abbe compare first/scene.toml"};
+      fmt::format("abbe: a {}.\n{}\n\nStart with:  abbe new gantry first\n"
+                  "             abbe compare first/scene.toml",
+                  about_line, about_text)};
   app.set_version_flag("--version", version);
   app.require_subcommand(1);
-  app.footer(
-      "Exit codes: 0 ok, 1 an acceptance limit of the scene was exceeded, 2 usage, 3 input,\n"
-      "4 numerical, 5 output, 6 plug-in, 130 interrupted.");
+  std::string argument;  // of questions, which are listed here and answered above
+  for (const Question& question : asked)
+    app.add_option(question.name, argument, question.help)
+        ->type_name(question.argument)
+        ->group(question.hidden ? "" : "Options");
+  app.footer(std::string("Exit codes: ") + exit_codes_text);
   for (const Command& command : commands) add(app, command);
   const auto refuse = [](const std::string& why) {
     print(stderr, "abbe: {}\n", why);
     return Exit::Usage;
   };
-  if (const std::string why = no_command(commands, argc, argv); !why.empty()) return refuse(why);
+  if (const std::string why = no_command(commands, asked, argc, argv); !why.empty())
+    return refuse(why);
   const auto named =
       std::ranges::find(commands, std::string(argc > 1 ? argv[1] : ""), &Command::name);
   try {
@@ -188,6 +215,16 @@ Exit parse_command_line(const std::vector<Command>& commands, int argc, char** a
 }
 
 Exit run_command_line(const std::vector<Command>& commands, Common& common, int argc, char** argv) {
+  // `abbe help run` is `abbe run --help`
+  std::string help = "--help";
+  std::vector<char*> words(argv, argv + argc);
+  const auto is_command = [&](const char* word) {
+    return std::ranges::find(commands, std::string(word), &Command::name) != commands.end();
+  };
+  if (argc == 3 && std::string(argv[1]) == "help" && is_command(argv[2])) {
+    words = {argv[0], argv[2], help.data()};
+    argv = words.data();
+  }
   const auto result = parsed(commands, version_text(common.commit), argc, argv);
   if (const Exit* exit = std::get_if<Exit>(&result)) return *exit;
   if (common.scene.string().starts_with(library_prefix)) common.scene = library_file(common.scene);

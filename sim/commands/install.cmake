@@ -1,11 +1,23 @@
-# What `cmake --install` brings: the program with its man page and scenes (component program), and the
+# What `cmake --install` brings: the program with its man pages, completions and scenes (component program), and the
 # headers, libraries and abbeConfig.cmake for programs of others (component development). `cpack -G
 # DEB` makes a package of each.
 include(CMakePackageConfigHelpers)
 
 install(TARGETS abbe RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
 install(TARGETS abbe_all_digits LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/abbe COMPONENT program)
-install(FILES ${CMAKE_CURRENT_LIST_DIR}/abbe.1 DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT program)
+# pages and completions are what the program says of itself
+add_custom_command(OUTPUT ${CMAKE_BINARY_DIR}/shell/pages
+                   COMMAND ${CMAKE_COMMAND} -DPROGRAM=$<TARGET_FILE:abbe> -DOUT=${CMAKE_BINARY_DIR}/shell
+                           -P ${CMAKE_CURRENT_LIST_DIR}/shell_files.cmake
+                   DEPENDS abbe ${CMAKE_CURRENT_LIST_DIR}/shell_files.cmake VERBATIM)
+add_custom_target(abbe_shell ALL DEPENDS ${CMAKE_BINARY_DIR}/shell/pages)
+install(DIRECTORY ${CMAKE_BINARY_DIR}/shell/man1 DESTINATION ${CMAKE_INSTALL_MANDIR} COMPONENT program)
+install(FILES ${CMAKE_BINARY_DIR}/shell/abbe DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions
+        COMPONENT program)
+install(FILES ${CMAKE_BINARY_DIR}/shell/_abbe DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions
+        COMPONENT program)
+install(FILES ${CMAKE_BINARY_DIR}/shell/abbe.fish DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d
+        COMPONENT program)
 install(DIRECTORY scenes/ DESTINATION ${CMAKE_INSTALL_DATADIR}/abbe/scenes COMPONENT program
         PATTERN pictures EXCLUDE PATTERN out EXCLUDE)
 install(FILES LICENSE README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)

@@ -1,0 +1,22 @@
+# Writes the pages of the manual (man1/) and the completions that PROGRAM prints into OUT, and the list
+# of pages last.
+function(said file)
+  execute_process(COMMAND ${PROGRAM} ${ARGN} OUTPUT_FILE ${file} COMMAND_ERROR_IS_FATAL ANY)
+endfunction()
+
+file(REMOVE_RECURSE ${OUT})
+file(MAKE_DIRECTORY ${OUT}/man1)
+said(${OUT}/man1/abbe.1 --man)
+file(STRINGS ${OUT}/man1/abbe.1 lines REGEX "^\\.BR abbe")
+set(pages abbe)
+foreach(line ${lines})
+  string(REGEX MATCH "abbe[^a-z]+([a-z]+)" name ${line})
+  set(command ${CMAKE_MATCH_1})
+  said(${OUT}/man1/abbe-${command}.1 --man ${command})
+  list(APPEND pages abbe-${command})
+endforeach()
+said(${OUT}/abbe --completion bash)
+said(${OUT}/_abbe --completion zsh)
+said(${OUT}/abbe.fish --completion fish)
+list(JOIN pages "\n" text)
+file(WRITE ${OUT}/pages "${text}\n")

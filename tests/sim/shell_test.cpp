@@ -1,0 +1,274 @@
+#include <cstdlib>
+#include <fstream>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "sim/commands/all_commands.h"
+#include "sim/commands/all_keys.h"
+#include "sim/commands/completion.h"
+#include "sim/commands/manual.h"
+#include "sim/commands/option_words.h"
+#include "sim/commands/questions.h"
+#include "sim/scene/read_scene.h"
+#include "tests/safety/program_run.h"
+
+namespace abbe::sim {
+namespace {
+
+using safety::Ran;
+using safety::run;
+using safety::shell;
+
+const std::string dome_file = (safety::source / "scenes/gantry_dome.toml").string();
+
+struct CommandList {
+  Common common;
+  int argc = 0;
+  char** argv = nullptr;
+  std::vector<Command> commands = all_commands(common, argc, argv);
+};
+
+bool has_text(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
+std::vector<std::string> lines_in(const std::string& text) {
+  std::istringstream in(text);
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(in, line);) lines.push_back(line);
+  return lines;
+}
+
+/// The part of a text from one mark to the next; empty without the first.
+std::string cut_out(const std::string& text, const std::string& from, const std::string& to) {
+  const std::size_t begin = text.find(from);
+  if (begin == std::string::npos) return "";
+  const std::size_t end = text.find(to, begin + from.size());
+  return text.substr(begin, end == std::string::npos ? end : end - begin);
+}
+
+std::string with_roff_dashes(const std::string& name) {
+  std::string out;
+  for (const char c : name) out += c == '-' ? std::string("\\-") : std::string(1, c);
+  return out;
+}
+
+bool is_there(const std::string& program) {
+  return shell("command -v " + program + " > /dev/null").code == 0;
+}
+
+TEST(Shell, EveryOptionIsInThePageAndInTheCompletionsOfItsCommand) {
+  const CommandList all;
+  const std::vector<Question> asked = questions(all.commands);
+  const std::string bash = bash_completion(all.commands, asked);
+  const std::string zsh = zsh_completion(all.commands, asked);
+  const std::string fish = fish_completion(all.commands, asked);
+  const std::string first_page = manual(all.commands);
+  int options = 0;
+  for (const Command& command : all.commands) {
+    const std::string page = manual(command);
+    const std::string of_bash = cut_out(bash, "    " + command.name + ") ", ";;\n");
+    const std::string of_zsh = cut_out(zsh, "    " + command.name + ")\n", "      ;;\n");
+    EXPECT_TRUE(has_text(first_page, "\n.B " + command.name + "\n")) << command.name;
+    for (const std::vector<Option>& some : {command.options, command.where})
+      for (const Option& option : some) {
+        const std::string where = command.name + " " + option.name;
+        EXPECT_TRUE(has_text(page, "\\fB" + with_roff_dashes(option.name) + "\\fR")) << where;
+        ++options;
+        if (!option.name.starts_with('-')) continue;
+        EXPECT_TRUE(has_text(of_bash, " " + option.name + " ") ||
+                    has_text(of_bash, " " + option.name + ";"))
+            << where;
+        EXPECT_TRUE(has_text(of_zsh, option.name + "[") || has_text(of_zsh, option.name + "=["))
+            << where;
+        EXPECT_TRUE(has_text(fish, "__fish_seen_subcommand_from " + command.name + "' -l " +
+                                       option.name.substr(2) + " "))
+            << where;
+        if (!is_flag(option)) {
+          EXPECT_TRUE(has_text(bash, "    " + command.name + "/" + option.name + ") ")) << where;
+        }
+      }
+  }
+  EXPECT_GT(options, 150) << "too few options were looked at to mean anything";
+}
+
+TEST(Shell, AnOptionThatIsAddedReachesPageAndCompletions) {
+  const CommandList all;
+  bool flag = false;
+  const Command with{"run", "Cut", {}, {{"--as-it-was", &flag, "it's [one]: new"}}, {}};
+  EXPECT_FALSE(
+      has_text(manual(*std::ranges::find(all.commands, "run", &Command::name)), "as\\-it\\-was"));
+  EXPECT_TRUE(has_text(manual(with), "\\fB\\-\\-as\\-it\\-was\\fR\nit's [one]: new"));
+  EXPECT_TRUE(has_text(bash_completion({with}, {}), "--as-it-was"));
+  EXPECT_TRUE(has_text(zsh_completion({with}, {}), "'--as-it-was[it'\\''s \\[one\\]\\: new]'"));
+  EXPECT_TRUE(has_text(fish_completion({with}, {}), "-l as-it-was -d 'it\\'s [one]: new'"));
+}
+
+TEST(Shell, PagesAreCleanRoff) {
+  if (!is_there("man")) GTEST_SKIP() << "man is not installed";
+  const CommandList all;
+  const safety::Folder folder;
+  std::vector<std::string> pages{run("--man").text};
+  for (const Command& command : all.commands) pages.push_back(run("--man " + command.name).text);
+  const auto warnings = [&](const std::string& page) {
+    const auto file = folder.write("page.1", page);
+    return shell("LC_ALL=C.UTF-8 MANROFFSEQ='' MANWIDTH=80 man --warnings -E UTF-8 -l -Tutf8 -Z " +
+                 file.string() + " 2>&1 > /dev/null | grep -v locale")
+        .text;
+  };
+  for (const std::string& page : pages) {
+    EXPECT_TRUE(has_text(page, ".TH ABBE")) << page;
+    EXPECT_EQ(warnings(page), "") << page;
+  }
+  EXPECT_NE(warnings(pages.front() + ".no such request\n"), "") << "man warns of nothing";
+}
+
+TEST(Shell, CasesAreThoseThatCompareCuts) {
+  const Ran ran = run("--cases " + dome_file);
+  EXPECT_EQ(ran.code, 0);
+  const std::vector<std::string> names = lines_in(ran.text);
+  std::vector<std::string> expected{"error_free", "uncompensated"};
+  for (const CaseDescription& one : read_scene(dome_file).cases) expected.push_back(one.name);
+  EXPECT_EQ(names, expected);
+  EXPECT_GT(names.size(), 3u);
+  EXPECT_EQ(run("--cases library:gantry_dome").text, ran.text);
+  EXPECT_EQ(run("--cases").code, 2);
+  EXPECT_EQ(run("--cases nowhere.toml").code, 3);
+}
+
+TEST(Shell, KeysAreListedAsSetTakesThem) {
+  const std::vector<std::string> all = keys_to_set("");
+  EXPECT_GT(all.size(), 500u);
+  EXPECT_EQ(std::set<std::string>(all.begin(), all.end()).size(), all.size());
+  for (const std::string& key : keys_to_set("part.ra")) EXPECT_TRUE(key.starts_with("part.ra"));
+  const auto is_only = [](const std::string& key) {
+    return keys_to_set(key) == std::vector<std::string>{key};
+  };
+  EXPECT_TRUE(is_only("tool.radius_mm"));
+  EXPECT_TRUE(is_only("tool.1.radius_mm"));
+  EXPECT_TRUE(is_only("instrument.laser.kind"));
+  EXPECT_TRUE(is_only("machine.axis.X.travel_mm"));
+  EXPECT_TRUE(is_only("study.monte_carlo.cases"));
+  EXPECT_TRUE(keys_to_set("monte_carlo").empty());
+  EXPECT_EQ(run("--keys part.radius_mm").text, "part.radius_mm\n");
+  const Ran ran = run("check " + dome_file + " --set tool.radius_mm=5 --set part.radius_mm=60");
+  EXPECT_EQ(ran.code, 0) << ran.text;
+}
+
+/// What the script of bash offers for words, the last of which is under the cursor.
+std::string offered(const std::vector<std::string>& words) {
+  std::string line =
+      std::string("source <('") + ABBE_PROGRAM + "' --completion bash); COMP_WORDS=(";
+  for (const std::string& word : words) line += "'" + word + "' ";
+  line += "); COMP_CWORD=" + std::to_string(words.size() - 1) +
+          "; _abbe; printf \"%s\\n\" \"${COMPREPLY[@]}\"";
+  const safety::Folder folder;
+  return shell("bash --norc " + folder.write("try.sh", line + "\n").string()).text;
+}
+
+TEST(Shell, BashCompletesCommandsOptionsCasesAndKeys) {
+  if (!is_there("bash")) GTEST_SKIP() << "bash is not installed";
+  const std::string abbe = ABBE_PROGRAM;
+  EXPECT_EQ(offered({abbe, "comp"}), "compare\n");
+  EXPECT_EQ(offered({abbe, "run", "--thr"}), "--threads\n");
+  EXPECT_EQ(offered({abbe, "run", dome_file, "--case", "perfect-d"}), "perfect-decoupled-ideal\n");
+  EXPECT_EQ(offered({abbe, "run", "--case", "unc"}), "uncompensated\n");
+  // as bash breaks --case=perfect-d and library:gantry_dome
+  EXPECT_EQ(offered({abbe, "run", "library", ":", "gantry_dome", "--case", "=", "perfect-d"}),
+            "perfect-decoupled-ideal\n");
+  EXPECT_EQ(offered({abbe, "run", dome_file, "--set", "part.radius"}), "part.radius_mm=\n");
+  EXPECT_EQ(offered({abbe, "study", "s.toml", "--set", "monte_carlo.ca"}), "monte_carlo.cases=\n");
+  EXPECT_EQ(offered({abbe, "explain", "part.radius"}), "part.radius_mm\n");
+  EXPECT_EQ(offered({abbe, "render", "--line", "r"}), "radius\n");
+  EXPECT_EQ(offered({abbe, "help", "resi"}), "residual\n");
+  EXPECT_EQ(offered({abbe, "run", dome_file, "--case", "nobody"}), "\n");
+}
+
+TEST(Shell, FishCompletesCasesAndKeys) {
+  if (!is_there("fish")) GTEST_SKIP() << "fish is not installed";
+  const auto completed = [](const std::string& line) {
+    const std::string abbe = ABBE_PROGRAM;
+    const std::string folder = abbe.substr(0, abbe.rfind('/'));
+    const safety::Folder home;
+    return shell("HOME=" + home.path().string() + " PATH=" + folder +
+                 ":$PATH fish --no-config -c \"abbe --completion fish | source; complete -C '" +
+                 line + "'\"")
+        .text;
+  };
+  EXPECT_EQ(completed("abbe run " + dome_file + " --case perfect-d"),
+            "perfect-decoupled-ideal\terror_free, uncompensated or belief-strategy-channel\n");
+  EXPECT_TRUE(
+      has_text(completed("abbe run " + dome_file + " --set part.radius"), "part.radius_mm=\t"));
+  EXPECT_TRUE(has_text(completed("abbe comp"), "compare\t"));
+}
+
+TEST(Shell, ZshReadsItsScript) {
+  if (!is_there("zsh")) GTEST_SKIP() << "zsh is not installed";
+  const safety::Folder folder;
+  const auto file = folder.write("_abbe", run("--completion zsh").text);
+  const Ran ran = shell("zsh -n " + file.string());
+  EXPECT_EQ(ran.code, 0) << ran.text;
+  const auto broken = folder.write("_broken", run("--completion zsh").text + "if\n");
+  EXPECT_NE(shell("zsh -n " + broken.string()).code, 0);
+}
+
+TEST(Shell, HelpKnowsTopicsAndCommands) {
+  const Ran list = run("help");
+  EXPECT_EQ(list.code, 0);
+  for (const char* topic : {"frames", "signs", "residual", "cases", "files"}) {
+    EXPECT_TRUE(has_text(list.text, std::string("\n  ") + topic + " ")) << topic;
+    const Ran ran = run(std::string("help ") + topic);
+    EXPECT_EQ(ran.code, 0) << topic;
+    EXPECT_GT(lines_in(ran.text).size(), 8u) << topic;
+    EXPECT_NE(ran.text, list.text);
+  }
+  const CommandList all;
+  for (const Command& command : all.commands)
+    EXPECT_TRUE(has_text(list.text, "\n  " + command.name + " ")) << command.name;
+  EXPECT_EQ(run("help run").text, run("run --help").text);
+  const Ran wrong = run("help resid");
+  EXPECT_EQ(wrong.code, 2);
+  EXPECT_TRUE(has_text(wrong.text, "(nearest: residual)")) << wrong.text;
+}
+
+TEST(Shell, EveryWordOfACaseNameInTheHelpIsOne) {
+  const std::string text = run("help cases").text;
+  const auto words = [&](const std::string& row) {
+    const std::string line = cut_out(text, "  " + row + " ", "\n");
+    std::istringstream in(line.substr(line.find(':') + 1));
+    std::vector<std::string> all;
+    for (std::string word; std::getline(in, word, ',');)
+      all.push_back(word.substr(word.find_first_not_of(' ')));
+    return all;
+  };
+  const auto is_case = [](const std::string& name) { EXPECT_NO_THROW(parse_case(name)) << name; };
+  for (const std::string& channel : words("channel")) {
+    try {
+      parse_case("perfect-iterated-" + channel);
+    } catch (const std::invalid_argument& fault) {  // a channel, but not for this belief
+      EXPECT_FALSE(has_text(fault.what(), "expected a channel (")) << fault.what();
+    }
+  }
+  for (const std::string& belief : words("belief")) is_case(belief + "-iterated-ideal");
+  for (const std::string& strategy : words("strategy")) is_case("perfect-" + strategy + "-ideal");
+  EXPECT_GE(words("belief").size(), 7u);
+  EXPECT_GE(words("channel").size(), 7u);
+}
+
+TEST(Shell, QuestionsAreRefusedWithWhatTheyTake) {
+  const Ran shells = run("--completion tcsh");
+  EXPECT_EQ(shells.code, 2);
+  EXPECT_TRUE(has_text(shells.text, "expected one of bash, zsh, fish")) << shells.text;
+  EXPECT_EQ(run("--man nothing").code, 2);
+  EXPECT_EQ(run("--keys a b").code, 2);
+  EXPECT_EQ(run("--completions bash").code, 2);
+  EXPECT_FALSE(has_text(run("--help").text, "--man"));
+  EXPECT_TRUE(has_text(run("--help").text, "--completion SHELL"));
+}
+
+}  // namespace
+}  // namespace abbe::sim
