@@ -84,7 +84,7 @@ std::vector<Term> terms_of(const std::string& glossary) {
 std::set<std::string> repeated(const std::vector<Term>& terms) {
   std::set<std::string> seen, twice;
   for (const Term& term : terms)
-    for (const std::string& word : {term.english, term.chinese})
+    for (const std::string& word : std::set<std::string>{term.english, term.chinese})
       if (!seen.insert(word).second) twice.insert(word);
   return twice;
 }
