@@ -360,18 +360,18 @@ $("hist").addEventListener("pointermove", e => { if (!limit) return; const v = h
 $("hist").addEventListener("pointerup", () => limit = null);
 
 // ---- machine: rigid bodies on a chain along the samples ---------------------------------------------
-const machine = index.machine; let path = null, machineCentre = [0, 0, 0], machineSize = 600, bodies = [];
+const machine = index.machine; let partInBed = null, path = null, machineCentre = [0, 0, 0], machineSize = 600, bodies = [];
 if (machine) {
   const k = machine.joints.length, d = index.arrays.q, q = scaled(await load("q"), d), n = d.n;
   const t = scaled(await load("t"), index.arrays.t), line = await load("block_line"), start = scaled(await load("block_time"), index.arrays.block_time);
   path = { n, q, t, line, start, end: t[n - 1] };
   const xyz = new Float32Array(3 * n);
-  for (let i = 0; i < n; i++) { const T = at(toolInPart(j => q[j * n + i]), [0, 0, 0]); for (let c = 0; c < 3; c++) xyz[3 * i + c] = T[c]; }
+  for (let i = 0; i < n; i++) { const T = tipInPart(j => q[j * n + i]); for (let c = 0; c < 3; c++) xyz[3 * i + c] = T[c]; }
   const strandOf = points => { const v = gl.createVertexArray(); gl.bindVertexArray(v); attribute(0, buffer(points), 3); attribute(1, buffer(t), 1); gl.bindVertexArray(null); return v; };
   path.vao = strandOf(xyz);
   const from = [1e9, 1e9, 1e9], to = [-1e9, -1e9, -1e9], T = posesNow();
   const reach = (M, x) => { const v = at(M, x); for (let c = 0; c < 3; c++) { from[c] = Math.min(from[c], v[c]); to[c] = Math.max(to[c], v[c]); } };
-  for (let i = 0; i < machine.bodies.length; i++) { const b = { ...machine.bodies[i], ...await solid(i) }; bodies.push(b); for (let k = 0; k < b.x.length; k += 3) reach(T[b.on], b.x.slice(k, k + 3)); }
+  for (let i = 0; i < machine.bodies.length; i++) { const b = { ...machine.bodies[i], ...await solid(i) }; bodies.push(b); for (let k = 0; k < b.x.length; k += 3) reach(T[b.on], b.x.subarray(k, k + 3)); }
   for (let k = 0; k < 8; k++) reach(T.w, [0, 1, 2].map(c => (k >> c & 1 ? high : low)[c]));
   reach(T.t, [0, 0, 0]); machineCentre = mix(from, to, .5); machineSize = Math.hypot(...sub(to, from)); lap("machine");
 } else { document.querySelector("[data-tab=machine]").hidden = true; if (S.tab === "machine") S.tab = "map"; }
@@ -383,7 +383,16 @@ async function solid(i) {                         // with the normals of its fac
   return { vao, count: 3 * m, x: interleaved(x, n, 3) };
 }
 function exponential(j, q) { if (j.fixed) return eye(); return j.rotary ? turn(j.direction, q * rad, j.point) : move(j.direction.map(v => v * q)); }
-function toolInPart(q) { let T = inverse(machine.T_bw_home); machine.joints.forEach((j, i) => T = mul(T, exponential(j, q(i)))); return mul(T, machine.T_bt_home); }
+function tipInPart(q) {                           // point by point: a matrix a joint would take ten times as long
+  let p = machine.T_bt_home.slice(12, 15);
+  for (let i = machine.joints.length - 1; i >= 0; i--) {
+    const j = machine.joints[i], u = j.direction; if (j.fixed) continue;
+    if (!j.rotary) { p = p.map((v, c) => v + u[c] * q(i)); continue; }
+    const v = sub(p, j.point), a = q(i) * rad, s = Math.sin(a), k = Math.cos(a), w = cross(u, v), along = dot(u, v) * (1 - k);
+    p = v.map((x, c) => j.point[c] + x * k + w[c] * s + u[c] * along);
+  }
+  return at(partInBed ||= inverse(machine.T_bw_home), p).slice(0, 3);
+}
 function posesNow() {                             // every carriage in the bed
   const { i, f } = sampleAt(S.time), n = path.n, q = j => path.q[j * n + i] + f * (path.q[j * n + Math.min(i + 1, n - 1)] - path.q[j * n + i]), T = {}; let m = eye();
   machine.joints.forEach((j, k) => { if (!j.workpiece) T[j.name] = m = mul(m, exponential(j, q(k))); }); T.t = mul(m, machine.T_bt_home); m = eye();
@@ -461,7 +470,7 @@ await residual(S.a); await residual(S.b); lap("residuals");
 if (!location.hash) fit(); controls(); motionText(); resize(); if (!location.hash) fitView(); await prepare(); $("busy").hidden = true;
 requestAnimationFrame(() => { gl.finish(); lap("ready"); window.ready = true; });
 addEventListener("hashchange", () => { try { Object.assign(S, JSON.parse(decodeURIComponent(location.hash.slice(1)))); } catch { return; } language = S.language; translate(); controls(); motionText(); prepare(); });
-const tipAt = t => { const { i, f } = sampleAt(t), n = path.n, k = Math.min(i + 1, n - 1); return at(toolInPart(j => path.q[j * n + i] + f * (path.q[j * n + k] - path.q[j * n + i])), [0, 0, 0]).slice(0, 3); };
+const tipAt = t => { const { i, f } = sampleAt(t), n = path.n, k = Math.min(i + 1, n - 1); return tipInPart(j => path.q[j * n + i] + f * (path.q[j * n + k] - path.q[j * n + i])); };
 window.abbe = { tipAt, index, P, S, prepare, draw, controls, pick, project, cut, cases, get section() { return section; }, get frames() { return frames; }, panes, motionText, fit, fitView };
 })().catch(e => { document.getElementById("busy").textContent = L("cannot") + e.message; window.failed = e.stack; console.error(e); });
 });
