@@ -13,6 +13,7 @@
 #include "sim/commands/pose_command.h"
 #include "sim/commands/program_command.h"
 #include "sim/commands/render_command.h"
+#include "sim/commands/report_command.h"
 #include "sim/commands/rewrite_command.h"
 #include "sim/commands/run_command.h"
 #include "sim/commands/schema_command.h"
@@ -21,14 +22,13 @@
 namespace abbe::sim {
 
 std::vector<Command> all_commands(Common& common, int& argc, char**& argv) {
-  std::vector<Command> all{new_command(common),      run_command(common),
-                           compare_command(common),  check_command(common),
-                           program_command(common),  animate_command(common),
-                           render_command(common),   pose_command(common),
-                           measure_command(common),  identify_command(common),
-                           evaluate_command(common), rewrite_command(common),
-                           export_command(common),   study_command(common, argc, argv),
-                           schema_command(),         explain_command()};
+  std::vector<Command> all{
+      new_command(common),     run_command(common),      compare_command(common),
+      check_command(common),   program_command(common),  animate_command(common),
+      render_command(common),  report_command(common),   pose_command(common),
+      measure_command(common), identify_command(common), evaluate_command(common),
+      rewrite_command(common), export_command(common),   study_command(common, argc, argv),
+      schema_command(),        explain_command()};
   all.push_back(help_command(all));
   return all;
 }

@@ -13,6 +13,7 @@
 #include "sim/files/output.h"
 #include "sim/loop/compensate.h"
 #include "sim/report/case_files.h"
+#include "sim/report/html_report.h"
 #include "sim/report/pictures.h"
 #include "sim/report/stock_check.h"
 #include "sim/report/summary_report.h"
@@ -189,6 +190,83 @@ void check_cases(const ResultFolder& folder, const Scene& scene, const std::vect
   }
 }
 
+/// The scene with its variants, as they are read.
+struct Asked {
+  Scene scene;
+  std::vector<Scene> variants;
+};
+
+Asked read_asked(const std::filesystem::path& file, const RunOptions& options) {
+  Asked asked{with_plug_ins(read_trusted_scene(file, options.overrides, options.permissions),
+                            options.plug_ins),
+              {}};
+  asked.variants = read_variants(asked.scene, options.overrides);
+  for (Scene& variant : asked.variants)
+    variant = with_plug_ins(std::move(variant), options.plug_ins);
+  return asked;
+}
+
+/// The cases of a scene and its variants, cut. Cases refer to the jobs of the batches.
+struct CutCases {
+  std::vector<Batch> batches;
+  std::vector<Compared> cases;
+  std::vector<FailedCase> failed;
+};
+
+/// @param line  is begun here, for what is written afterwards too
+CutCases cut_all(const Asked& all, std::optional<ProgressLine>& line) {
+  const Scene& scene = all.scene;
+  const std::vector<Scene>& variants = all.variants;
+  const auto preparing = [&](std::size_t i) {
+    return i == 0 ? std::string("prepare") : "prepare " + scene.variants[i - 1].name;
+  };
+  std::vector<WorkSize> sizes{expected_size(scene)};
+  for (const Scene& variant : variants) sizes.push_back(expected_size(variant));
+  std::vector<Stage> plan;
+  for (std::size_t i = 0; i < sizes.size(); ++i) {
+    const Scene& one = i == 0 ? scene : variants[i - 1];
+    plan = std::move(plan) + stages_of_preparing(preparing(i), sizes[i]) +
+           stages_of_sampling(preparing(i), sizes[i], one);
+    sizes[i] = once_sampled(sizes[i], one);
+  }
+  line.emplace(std::move(plan) + stages_of_all(scene, variants, sizes));
+  ProgressLine& progress = *line;
+  std::vector<Scene> scenes{scene};
+  scenes.insert(scenes.end(), variants.begin(), variants.end());
+  const CasesAsked asked = drawn(cases_of_compare(scenes));
+  CutCases made;
+  std::vector<Batch>& batches = made.batches;
+  batches.reserve(1 + variants.size());
+  for (std::size_t i = 0; i < sizes.size(); ++i) {
+    progress.begin(preparing(i));
+    batches.push_back({i == 0 ? "" : scene.variants[i - 1].name,
+                       reaching(prepare(scenes[i], to(progress)), asked, progress)});
+    sizes[i] = size_of(batches.back().job);
+  }
+  check_and_say(scene, sizes, asked, progress);
+  progress.replan(stages_of_all(scene, variants, sizes));
+  for (const Batch& batch : batches) cut_cases(batch, made.cases, made.failed, progress);
+  return made;
+}
+
+/// The page of cases that are cut, written.
+Reported write_report(const ResultFile& file, const std::vector<Compared>& cases,
+                      const Comparison& compared, const RunOptions& options) {
+  const HtmlReport page = html_report(cases, compared, {options.report_language, options.command});
+  write_file(file, page.html);
+  return {page.html.size(), page.warnings, {}};
+}
+
+/// The same besides other results; without one, that of an earlier run goes.
+void write_report_beside(const ResultFolder& folder, const std::vector<Compared>& cases,
+                         const Comparison& compared, const RunOptions& options,
+                         std::vector<std::string>& warnings) {
+  const ResultFile file = folder / "report.html";
+  if (options.report_language.empty()) return remove_file(file);
+  const Reported reported = write_report(file, cases, compared, options);
+  warnings.insert(warnings.end(), reported.warnings.begin(), reported.warnings.end());
+}
+
 }  // namespace
 
 Outcome run(const std::filesystem::path& file, const RunOptions& options) {
@@ -221,7 +299,10 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   verdict.stock = stock_check(job, verdict);
   write_program(folder, job);
   write_case(folder, job, verdict, options.formats, to(progress));
-  Outcome outcome{summary(job, verdict), {}, {}, {}};
+  Summary figures = summary(job, verdict);
+  const std::vector<Compared> alone{{verdict, &job, std::nullopt}};
+  write_report_beside(folder, alone, comparison(job, alone), options, figures.warnings);
+  Outcome outcome{std::move(figures), {}, {}, {}};
   if (scene.sensor_choice)
     outcome.sensors = choose_sensors(folder, scene, read_variants(scene, options.overrides));
   collect(outcome.exceeded, scene.limits, verdict);
@@ -229,47 +310,20 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
 }
 
 Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
-  const Scene scene = with_plug_ins(
-      read_trusted_scene(file, options.overrides, options.permissions), options.plug_ins);
-  std::vector<Scene> variants = read_variants(scene, options.overrides);
-  for (Scene& variant : variants) variant = with_plug_ins(std::move(variant), options.plug_ins);
+  const Asked asked = read_asked(file, options);
+  const Scene& scene = asked.scene;
+  const std::vector<Scene>& variants = asked.variants;
   const ResultFolder folder(options.folder, writer_of(scene, options.permissions));
   check_names(folder);
   check_cases(folder, scene, variants, writer_of(scene, options.permissions));
-
-  const auto preparing = [&](std::size_t i) {
-    return i == 0 ? std::string("prepare") : "prepare " + scene.variants[i - 1].name;
-  };
-  std::vector<WorkSize> sizes{expected_size(scene)};
-  for (const Scene& variant : variants) sizes.push_back(expected_size(variant));
-  std::vector<Stage> plan;
-  for (std::size_t i = 0; i < sizes.size(); ++i) {
-    const Scene& one = i == 0 ? scene : variants[i - 1];
-    plan = std::move(plan) + stages_of_preparing(preparing(i), sizes[i]) +
-           stages_of_sampling(preparing(i), sizes[i], one);
-    sizes[i] = once_sampled(sizes[i], one);
-  }
-  ProgressLine progress(std::move(plan) + stages_of_all(scene, variants, sizes));
-  std::vector<Scene> scenes{scene};
-  scenes.insert(scenes.end(), variants.begin(), variants.end());
-  const CasesAsked asked = drawn(cases_of_compare(scenes));
-  std::vector<Batch> batches;
-  batches.reserve(1 + variants.size());
-  for (std::size_t i = 0; i < sizes.size(); ++i) {
-    progress.begin(preparing(i));
-    batches.push_back({i == 0 ? "" : scene.variants[i - 1].name,
-                       reaching(prepare(scenes[i], to(progress)), asked, progress)});
-    sizes[i] = size_of(batches.back().job);
-  }
-  check_and_say(scene, sizes, asked, progress);
-  progress.replan(stages_of_all(scene, variants, sizes));
-  std::vector<Compared> cases;
-  std::vector<FailedCase> failed;
-  for (const Batch& batch : batches) cut_cases(batch, cases, failed, progress);
-
-  Comparison compared = comparison(batches.front().job, cases, failed);
+  std::optional<ProgressLine> line;
+  CutCases made = cut_all(asked, line);
+  ProgressLine& progress = *line;
+  const std::vector<Batch>& batches = made.batches;
+  std::vector<Compared>& cases = made.cases;
+  Comparison compared = comparison(batches.front().job, cases, made.failed);
   Outcome outcome;
-  for (const FailedCase& one : failed) outcome.failed.push_back(one.name + ": " + one.reason);
+  for (const FailedCase& one : made.failed) outcome.failed.push_back(one.name + ": " + one.reason);
   for (const Batch& batch : batches) write_program(folder.inside(batch.prefix), batch.job);
   const bool compensates = std::any_of(cases.begin(), cases.end(), [](const Compared& one) {
     return one.uncompensated.has_value();
@@ -291,10 +345,27 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   if (scene.sensor_choice) progress.begin("choose sensors");
   outcome.sensors = choose_sensors(folder, scene, variants);
   write_json(folder / "comparison.json", to_json(compared));
+  write_report_beside(folder, cases, compared, options, compared.warnings);
   outcome.figures = std::move(compared);
   progress.begin("write comparison");
   write_comparison_picture(folder / "comparison.png", scene, cases, to(progress));
   return outcome;
+}
+
+Reported report(const std::filesystem::path& scene, const RunOptions& options,
+                const std::filesystem::path& file) {
+  const Asked asked = read_asked(scene, options);
+  const Writer writer = writer_of(asked.scene, options.permissions);
+  check_file(file, writer);
+  std::optional<ProgressLine> line;
+  const CutCases made = cut_all(asked, line);
+  line->begin("write comparison");
+  const Comparison compared = comparison(made.batches.front().job, made.cases, made.failed);
+  Reported reported = write_report(result_file(file, writer), made.cases, compared, options);
+  reported.warnings.insert(reported.warnings.begin(), compared.warnings.begin(),
+                           compared.warnings.end());
+  for (const FailedCase& one : made.failed) reported.failed.push_back(one.name + ": " + one.reason);
+  return reported;
 }
 
 }  // namespace abbe::sim

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -23,6 +24,8 @@ struct RunOptions {
                           ///< the scene names, else uncompensated
   std::vector<std::filesystem::path> plug_ins;  ///< compensators of the user's own; `compare`: more
                                                 ///< cases, `run`: the case
+  std::string report_language;  ///< of report.html, "en" or "zh"; empty: none is written
+  std::string command;          ///< line that asks for the same again, as the report quotes it
 };
 
 /// What a command leaves besides its files.
@@ -41,5 +44,16 @@ Outcome run(const std::filesystem::path& scene, const RunOptions& options);
 /// variant, and writes a folder a case, `comparison.json` and `comparison.png`. The maps of a
 /// variant are measured against an error-free map of its own, which is not reported as a case.
 Outcome compare(const std::filesystem::path& scene, const RunOptions& options);
+
+/// A report as it was written.
+struct Reported {
+  std::uintmax_t bytes = 0;
+  std::vector<std::string> warnings;  ///< of the cases, and what the page leaves out
+  std::vector<std::string> failed;    ///< as of an Outcome
+};
+
+/// Cuts the cases as `compare` does and writes one page of them, nothing else.
+Reported report(const std::filesystem::path& scene, const RunOptions& options,
+                const std::filesystem::path& file);
 
 }  // namespace abbe::sim

@@ -11,6 +11,8 @@ namespace {
 struct CompareWords {
   std::vector<std::filesystem::path> compensators;
   std::vector<std::string> formats;
+  bool report = false;
+  std::string language = "en";
 };
 
 }  // namespace
@@ -26,9 +28,11 @@ Command compare_command(Common& common) {
        "abbe compare scenes/gantry_dome.toml --save csv,json --out out/tables"},
       scene_options(common, {result_folder_option(common), force_option(common),
                              memory_option(common), trust_option(common),
-                             compensator_option(words->compensators), save_option(words->formats)}),
+                             compensator_option(words->compensators), save_option(words->formats),
+                             report_option(words->report), language_option(words->language)}),
       [words, &common] {
-        const RunOptions options = run_options(common, words->compensators, words->formats);
+        RunOptions options = run_options(common, words->compensators, words->formats);
+        if (words->report) ask_report(options, common, "compare", words->language);
         return print_outcome(common, options, compare(common.scene, options));
       }};
 }

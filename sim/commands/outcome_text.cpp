@@ -13,6 +13,20 @@
 #include "sim/scene/case_name.h"
 
 namespace abbe::sim {
+namespace {
+
+/// A word as a shell takes it.
+std::string quoted(const std::string& word) {
+  const bool is_plain = word.find_first_not_of(
+                            "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+                            "_-./=:,+") == std::string::npos;
+  if (is_plain && !word.empty()) return word;
+  std::string out = "'";
+  for (const char c : word) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return out + "'";
+}
+
+}  // namespace
 
 Option compensator_option(std::vector<std::filesystem::path>& files) {
   return {"--compensator", &files,
@@ -26,6 +40,24 @@ Option save_option(std::vector<std::string>& formats) {
           "files of the map, residual.FORMAT, in place of residual.vtp alone: ply for MeshLab and "
           "CloudCompare, stl the machined surface, csv, npz for NumPy, json what it is",
           OneOf{map_formats()}, Commas{}};
+}
+
+Option report_option(bool& report) {
+  return {"--report", &report, "besides, report.html: the maps and the machine to be turned"};
+}
+
+Option language_option(std::string& language) {
+  return {"--language", &language, "in which the report opens", OneOf{{"en", "zh"}}};
+}
+
+void ask_report(RunOptions& options, const Common& common, const std::string& command,
+                const std::string& language) {
+  options.report_language = language;
+  options.command = "abbe " + command + " " + quoted(common.scene.string());
+  for (const std::string& one : common.set) options.command += " --set " + quoted(one);
+  if (common.seed) options.command += " --seed " + std::to_string(*common.seed);
+  for (const std::filesystem::path& file : options.plug_ins)
+    options.command += " --compensator " + quoted(file.string());
 }
 
 RunOptions run_options(const Common& common, const std::vector<std::filesystem::path>& compensators,

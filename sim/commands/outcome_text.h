@@ -13,6 +13,15 @@ Option compensator_option(std::vector<std::filesystem::path>& files);
 /// --save of both.
 Option save_option(std::vector<std::string>& formats);
 
+/// --report of both, and --language of it.
+Option report_option(bool& report);
+Option language_option(std::string& language);
+
+/// Asks for a report besides, with the line that makes it again.
+/// @param command  "run", "compare --compensator x.py"
+void ask_report(RunOptions& options, const Common& common, const std::string& command,
+                const std::string& language);
+
 /// What the options of `run` and `compare` ask for.
 /// @param compensators  files of plug-ins
 /// @param formats       of maps; empty: as usual

@@ -11,6 +11,8 @@ struct RunWords {
   std::string case_name;
   std::vector<std::filesystem::path> compensators;
   std::vector<std::string> formats;
+  bool report = false;
+  std::string language = "en";
 };
 
 Exit run(const Common& common, const RunWords& words) {
@@ -21,6 +23,9 @@ Exit run(const Common& common, const RunWords& words) {
   if (!options.case_name.empty() && options.case_name != "error_free" &&
       options.case_name != "uncompensated")
     check_case(options.case_name);
+  if (words.report)
+    ask_report(options, common, words.case_name.empty() ? "run" : "run --case " + words.case_name,
+               words.language);
   return print_outcome(common, options, run(common.scene, options));
 }
 
@@ -40,7 +45,9 @@ Command run_command(Common& common) {
                                   "error_free, uncompensated or belief-strategy-channel"},
                                  trust_option(common),
                                  compensator_option(words->compensators),
-                                 save_option(words->formats)}),
+                                 save_option(words->formats),
+                                 report_option(words->report),
+                                 language_option(words->language)}),
           [words, &common] { return run(common, *words); }};
 }
 

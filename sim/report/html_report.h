@@ -1,0 +1,38 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "sim/report/summary.h"
+
+namespace abbe::sim {
+
+/// What a report is to be.
+struct HtmlAsked {
+  std::string language = "en";  ///< "en" or "zh", in which it opens
+  std::string command;          ///< that makes it again
+};
+
+struct HtmlReport {
+  std::string html;
+  std::vector<std::string> warnings;  ///< what the page leaves out, by name
+};
+
+/// One page that needs nothing besides itself: the maps of the cases as a browser turns them, the
+/// machine along the program, the figures of `comparison` and its warnings. Values are packed to
+/// within half of the step that the page states: residuals in steps of 2 nm or finer, positions to
+/// 1/65534 of the largest extent, motions to 10 um and 0.01
+/// degrees, spindles at rest.
+/// @param cases  at least one; those of a variant whose part has other vertices are left out of
+///               the maps
+HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& comparison,
+                       const HtmlAsked& asked);
+
+/// Samples of a motion between which straight lines come within `tolerance` of every other sample.
+/// @param time_s  (n) that never goes back
+/// @param q       (n x joints)
+/// @return their numbers, the first and the last among them
+std::vector<Eigen::Index> thinned(const Eigen::VectorXd& time_s, const Eigen::MatrixXd& q,
+                                  double tolerance);
+
+}  // namespace abbe::sim

@@ -1,0 +1,23 @@
+#include "sim/report/viewer_source.h"
+
+#define ABBE_FILE(name, file)                                                                   \
+  asm(".section .rodata\n.global " #name "\n" #name ":\n.incbin \"" ABBE_VIEWER_FOLDER "/" file \
+      "\"\n.global " #name "_end\n" #name "_end:\n.byte 0\n.previous\n")
+
+ABBE_FILE(abbe_viewer_page, "viewer.html");
+ABBE_FILE(abbe_viewer_style, "viewer.css");
+ABBE_FILE(abbe_viewer_script, "viewer.js");
+
+extern "C" {
+extern const char abbe_viewer_page[], abbe_viewer_page_end[];
+extern const char abbe_viewer_style[], abbe_viewer_style_end[];
+extern const char abbe_viewer_script[], abbe_viewer_script_end[];
+}
+
+namespace abbe::sim {
+
+std::string_view viewer_page() { return {abbe_viewer_page, abbe_viewer_page_end}; }
+std::string_view viewer_style() { return {abbe_viewer_style, abbe_viewer_style_end}; }
+std::string_view viewer_script() { return {abbe_viewer_script, abbe_viewer_script_end}; }
+
+}  // namespace abbe::sim

@@ -1,0 +1,12 @@
+#pragma once
+
+#include <string_view>
+
+namespace abbe::sim {
+
+/// Files of render/report, as they were when the program was built.
+std::string_view viewer_page();
+std::string_view viewer_style();
+std::string_view viewer_script();
+
+}  // namespace abbe::sim

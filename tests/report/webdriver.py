@@ -1,0 +1,263 @@
+#!/usr/bin/env python3
+"""Loads a report in Chromium through WebDriver, with the standard library alone, and holds it against
+the files of the same cases: no request, an empty console, figures as in comparison.json, values as
+in residual.npz to within half a step, both languages, a file that is cut off.
+
+webdriver.py ABBE SCENES [FOLDER]: with a FOLDER its pictures stay there. Leaves with 77 where there
+is no chromium or no chromedriver."""
+
+import ast
+import base64
+import contextlib
+import json
+import math
+import pathlib
+import shutil
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+import zipfile
+
+CASES = ["error_free", "uncompensated"]
+
+
+class Browser:
+    """A session of a headless Chromium."""
+
+    def __init__(self, port):
+        self.base = f"http://127.0.0.1:{port}"
+        self.session = None
+
+    def call(self, method, path, body=None):
+        request = urllib.request.Request(
+            self.base + path, method=method,
+            data=None if body is None else json.dumps(body).encode(),
+            headers={"Content-Type": "application/json"})
+        return json.load(urllib.request.urlopen(request, timeout=120))["value"]
+
+    def open(self, profile):
+        for _ in range(100):
+            with contextlib.suppress(OSError):
+                self.call("GET", "/status")
+                break
+            time.sleep(0.1)
+        args = ["--headless", "--no-sandbox", "--use-angle=swiftshader",
+                "--enable-unsafe-swiftshader", "--window-size=1500,1150",
+                "--user-data-dir=" + profile]
+        wanted = {"browserName": "chrome",
+                  "goog:chromeOptions": {"binary": shutil.which("chromium"), "args": args},
+                  "goog:loggingPrefs": {"browser": "ALL", "performance": "ALL"}}
+        made = self.call("POST", "/session", {"capabilities": {"alwaysMatch": wanted}})
+        self.session = "/session/" + made["sessionId"]
+
+    def js(self, code):
+        return self.call("POST", self.session + "/execute/sync", {"script": code, "args": []})
+
+    def log(self, kind):
+        return self.call("POST", self.session + "/se/log", {"type": kind})
+
+    def load(self, file):
+        """Seconds until the page is ready; what failed, if anything."""
+        begun = time.time()
+        self.call("POST", self.session + "/url", {"url": file.as_uri()})
+        while not self.js("return window.ready || window.failed || false"):
+            assert time.time() - begun < 120, "the page is never ready"
+            time.sleep(0.05)
+        return time.time() - begun, self.js("return window.failed || null")
+
+    def move(self, x, y):
+        steps = [{"type": "pointerMove", "x": x + 1, "y": y}, {"type": "pause", "duration": 200},
+                 {"type": "pointerMove", "x": x, "y": y}]
+        self.call("POST", self.session + "/actions",
+                  {"actions": [{"type": "pointer", "id": "m",
+                                "parameters": {"pointerType": "mouse"}, "actions": steps}]})
+
+    def picture(self, file):
+        file.write_bytes(base64.b64decode(self.call("GET", self.session + "/screenshot")))
+
+
+def array(file, name):
+    """Of an .npz: the shape, and the numbers row after row."""
+    data = zipfile.ZipFile(file).read(name + ".npy")
+    length = struct.unpack("<H", data[8:10])[0]
+    head = ast.literal_eval(data[10:10 + length].decode())
+    assert not head["fortran_order"]
+    code = {"<f8": "d", "<i4": "i", "|u1": "B"}[head["descr"]]
+    count = math.prod(head["shape"])
+    return struct.unpack(f"<{count}{code}", data[10 + length:])
+
+
+def check_values(browser, results):
+    """Every case at many vertices against its saved map."""
+    compared = 0
+    for number, name in enumerate(CASES):
+        saved = results / name / "residual.npz"
+        residual, line = array(saved, "residual_um"), array(saved, "cut_line")
+        spots = list(range(0, len(residual), 7))
+        step = browser.js(f"return abbe.index.arrays.residual{number}.step[0]")
+        seen = browser.js(f"const c=abbe.cases[{number}];return "
+                          f"{spots}.map(i=>[c.r[i],c.line[i]])")
+        assert browser.js(f"return abbe.cases[{number}].name") == name
+        for vertex, (value, at_line) in zip(spots, seen):
+            if math.isnan(residual[vertex]):
+                assert value >= 1e9, (name, vertex, value)
+                continue
+            # half a step, and the single precision of the page
+            bound = 0.5 * step + 1e-6 * abs(residual[vertex]) + 1e-9
+            assert abs(value - residual[vertex]) <= bound, (name, vertex, value, residual[vertex])
+            assert at_line == line[vertex], (name, vertex)
+            compared += 1
+    assert compared > 100, compared
+    print(f"{compared} values within half a step of {1e3 * step:.3g} nm")
+
+
+def check_cursor(browser, results):
+    """What stands under the cursor is the vertex that is drawn there, with its saved value."""
+    box = browser.js("const b=document.getElementById('ink').getBoundingClientRect();"
+                     "return [b.x,b.y,b.width,b.height]")
+    browser.js("abbe.S.mode='single';abbe.S.a=1;abbe.controls();abbe.prepare()")
+    browser.move(int(box[0] + 0.5 * box[2]), int(box[1] + 0.5 * box[3]))
+    for _ in range(100):
+        text = browser.js("return document.getElementById('probe').textContent")
+        if "µm" in text:
+            break
+        time.sleep(0.1)
+    words = text.split()
+    vertex = int(words[1])
+    saved = results / CASES[1] / "residual.npz"
+    value = array(saved, "residual_um")[vertex]
+    place = array(saved, "vertices")[3 * vertex:3 * vertex + 3]
+    at = text.index(CASES[1])
+    shown = text[at:].split()[1].replace("−", "-")
+    digits = len(shown.split(".")[1])
+    assert abs(float(shown) - value) <= 0.5 * 10 ** -digits + 2e-3, (text, value)
+    for name, wanted in zip("XYZ", place):
+        assert abs(float(words[words.index(name) + 1]) - wanted) < 0.01, (text, place)
+    print(f"under the cursor vertex {vertex}: {shown} µm, saved {value:.6g}")
+
+
+def check_figures(browser, results):
+    rows = browser.js("return [...document.querySelectorAll('#figures tbody tr')].map(r=>"
+                      "[r.dataset.case,[...r.cells].filter(c=>c.dataset.key)"
+                      ".map(c=>[c.dataset.key,c.dataset.value])])")
+    summaries = {name: json.loads((results / name / "summary.json").read_text()) for name, _ in rows}
+    for name, cells in rows:
+        assert len(cells) == 7, (name, cells)
+        for key, value in cells:
+            assert float(value) == summaries[name]["residual_um"][key], (name, key, value)
+    assert [name for name, _ in rows][:2] == CASES
+    print(f"{len(rows)} cases have the figures of summary.json")
+
+
+def check_quiet(browser, page):
+    faults = [one for one in browser.log("browser") if one["level"] in ("SEVERE", "WARNING")]
+    assert not faults, faults
+    asked = set()
+    for one in browser.log("performance"):
+        message = json.loads(one["message"])["message"]
+        if message["method"] == "Network.requestWillBeSent":
+            asked.add(message["params"]["request"]["url"].split("#")[0][:100])
+    assert asked == {page.as_uri()}, asked
+
+
+def check_languages(browser, shots):
+    tab = "return document.querySelector('[data-tab=text]').textContent"
+    assert browser.js(tab) == "Text"
+    browser.js("document.getElementById('language').click()")
+    assert browser.js(tab) == "文字" and browser.js("return document.documentElement.lang") == "zh"
+    empty = browser.js("return [...document.querySelectorAll('[data-label]')]"
+                       ".filter(e=>!e.textContent).map(e=>e.dataset.label)")
+    assert not empty, empty
+    time.sleep(1)
+    browser.picture(shots / "part_zh.png")
+    browser.js("document.getElementById('language').click()")
+    assert browser.js(tab) == "Text"
+
+
+def check_machine(browser, shots):
+    browser.js("document.querySelector('[data-tab=machine]').click()")
+    end = browser.js("return +document.getElementById('time').max")
+    assert end > 0
+    browser.js(f"const t=document.getElementById('time');t.value={0.5 * end};"
+               "t.dispatchEvent(new Event('input'));"
+               "document.getElementById('reveal').click()")
+    assert f"{0.5 * end:.2f}"[:-3] in browser.js("return document.getElementById('state').textContent")
+    time.sleep(3)
+    browser.picture(shots / "machine.png")
+    line = browser.js("abbe.S.time=0;const l=abbe.cases[1].line.find(l=>l>0);"
+                      "document.getElementById('goLine').value=l;"
+                      "document.getElementById('go').click();return l")
+    assert f"line {line}" in browser.js("return document.getElementById('state').textContent")
+    # the tool stands where its tip is when a vertex is cut: within a radius of it
+    far = browser.js("const c=abbe.cases[1];let worst=0;for(let v=0;v<c.r.length;v+=11){"
+                     "if(!(c.time[v]<1e8))continue;const p=abbe.tipAt(c.time[v]);"
+                     "worst=Math.max(worst,Math.hypot(p[0]-abbe.P[3*v],p[1]-abbe.P[3*v+1],"
+                     "p[2]-abbe.P[3*v+2]));}return worst")
+    print(f"the tip is within {far:.3f} mm of every vertex at the instant that cuts it")
+    assert far < 15.0, far
+    browser.js("document.querySelector('[data-tab=map]').click()")
+
+
+def check(browser, abbe, scenes, folder, shots):
+    results = folder / "results"
+    subprocess.run([abbe, "compare", f"{scenes}/gantry_dome.toml", "--set", "part.vertices=2500",
+                    "--save", "npz", "--report", "--out", str(results)], check=True,
+                   stdout=subprocess.DEVNULL)
+    page = results / "report.html"
+    browser.call("POST", browser.session + "/url", {"url": "about:blank"})
+    browser.log("performance")  # what the browser's own first page asked for
+    ready, failed = browser.load(page)
+    assert not failed, failed
+    print(f"{page.stat().st_size / 1e6:.2f} MB, ready after {ready:.2f} s")
+    time.sleep(1)
+    browser.picture(shots / "part.png")
+    browser.js("for (const i of [0,1]) abbe.S['ab'[i]]=i;abbe.prepare()")
+    time.sleep(1)
+    check_figures(browser, results)
+    check_values(browser, results)
+    check_languages(browser, shots)
+    check_cursor(browser, results)
+    check_machine(browser, shots)
+    browser.js("document.querySelector('[data-tab=text]').click()")
+    browser.picture(shots / "text.png")
+    printed = browser.call("POST", browser.session + "/print", {})
+    assert base64.b64decode(printed).startswith(b"%PDF")
+    (shots / "print.pdf").write_bytes(base64.b64decode(printed))
+    check_quiet(browser, page)
+    cut = folder / "cut.html"
+    cut.write_bytes(page.read_bytes()[:-1000])
+    assert browser.load(cut)[1] == "cut off"
+    assert "cut off" in browser.js("return document.getElementById('busy').textContent")
+
+
+def main():
+    if not shutil.which("chromium") or not shutil.which("chromedriver"):
+        print("skipped: no chromium or no chromedriver")
+        return 77
+    abbe, scenes = sys.argv[1:3]
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
+        folder = pathlib.Path(name).resolve()
+        shots = pathlib.Path(sys.argv[3]) if len(sys.argv) > 3 else folder
+        shots.mkdir(parents=True, exist_ok=True)
+        driver = subprocess.Popen(["chromedriver", f"--port={port}"], stdout=subprocess.DEVNULL)
+        browser = Browser(port)
+        try:
+            browser.open(str(folder / "profile"))
+            check(browser, abbe, scenes, folder, shots)
+        finally:
+            if browser.session:  # or the browser outlives a test that fails
+                browser.call("DELETE", browser.session)
+            driver.terminate()
+            driver.wait()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
