@@ -236,14 +236,34 @@ class Changer {
     apply(*node.find(key), depth + 1);
   }
 
+  /// "; tool.0 has number 1, tool.1 has number 2": of tables that have a number of their own.
+  std::string numbers_in(const Node::Array& list, std::size_t depth) const {
+    const std::string path =
+        fmt::format("{}", fmt::join(parts_.begin(), parts_.begin() + long(depth), "."));
+    std::string text;
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      const Node* number = list[i].find("number");
+      if (number)
+        text += fmt::format("{} {}.{} has number {}", text.empty() ? ";" : ",", path, i,
+                            shown(*number));
+    }
+    return text;
+  }
+
   void apply_to_list(Node& node, std::size_t depth) const {
     Node::Array& list = *node.array();
+    if (list.empty()) {
+      faults_.add(change_.value.place, "an entry in the list that " + change_.path + " goes into",
+                  "an empty list");
+      return;
+    }
     if (const auto index = index_of(parts_[depth])) {
       if (*index < list.size()) {
         apply(list[*index], depth + 1);
       } else {
         faults_.add(change_.value.place,
-                    fmt::format("an index below {} in {}", list.size(), change_.path),
+                    fmt::format("an index from 0 to {} in {}, for lists are counted from 0{}",
+                                list.size() - 1, change_.path, numbers_in(list, depth)),
                     parts_[depth]);
       }
       return;

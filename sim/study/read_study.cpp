@@ -41,13 +41,14 @@ class StudyReader {
   void check_variant(const std::string& name);
   void read_scenes();
   void read_stated_inputs();
+  void refuse_without_centre();
 
   TableReader reader_;
   Faults& faults_;
   Study study_;
   std::vector<Scene> scenes_;  ///< of the arms, to check what inputs name
   std::vector<Place> places_;  ///< of the inputs
-  std::vector<int> without_centre_;
+  std::vector<WithoutCentre> without_centre_;
 };
 
 void StudyReader::read_scene_of_study() {
@@ -150,6 +151,17 @@ void StudyReader::read_stated_inputs() {
   }
 }
 
+void StudyReader::refuse_without_centre() {
+  for (const WithoutCentre& one : without_centre_)
+    faults_.add(
+        places_[std::size_t(one.input)],
+        fmt::format("centre = {} for the input {}, as the scene does not state {}",
+                    one.nominal ? fmt::format("{:g} (the nominal one) or another", *one.nominal)
+                                : "a number",
+                    study_.inputs[std::size_t(one.input)].name, one.path),
+        "neither");
+}
+
 Study StudyReader::read() {
   study_ = title_fields().read(reader_, std::move(study_));
   read_scene_of_study();
@@ -161,9 +173,7 @@ Study StudyReader::read() {
   study_ = question_fields().read(reader_, std::move(study_));
   reader_.close();
   if (scenes_.size() == study_.arms.size()) try_paths(study_, scenes_, places_, faults_);
-  for (const int i : faults_.empty() ? without_centre_ : std::vector<int>())
-    faults_.add(places_[std::size_t(i)], "a centre, as the scene does not state the value",
-                "\"" + study_.inputs[std::size_t(i)].name + "\" without one");
+  if (faults_.empty()) refuse_without_centre();
   if (faults_.empty()) check_together(study_, scenes_, places_, reader_);
   if (faults_.empty() && study_.histories) try_days(study_, reader_);
   study_.text = to_toml(reader_.node());

@@ -146,6 +146,7 @@ class InputsReader {
   void read_one(const Node& node);
   void read_many(const Node& node);
   std::optional<double> stated_at(const std::string& path) const;
+  std::optional<double> nominal_at(const std::string& path) const;
   void add_covariance(const Node& node, double cost);
   void add_elements(const ManyInputs& many, const Place& place);
   void add_numbers(const ManyInputs& many, const Place& place);
@@ -160,6 +161,25 @@ class InputsReader {
   std::set<std::string> taken_;               ///< what inputs set
   std::set<std::pair<int, int>> correlated_;  ///< lower index first
 };
+
+std::optional<double> written_number(const Node& node) {
+  if (const auto* whole = std::get_if<std::int64_t>(&node.value)) return double(*whole);
+  if (const auto* number = std::get_if<double>(&node.value)) return *number;
+  return {};
+}
+
+/// A centre that no limit rules out, for an input that is refused for the want of one: no other
+/// fault is reported of a number that nobody wrote.
+double centre_that_passes(const Node& input, const std::optional<double>& nominal) {
+  const auto limit = [&](const char* key) {
+    const Node* node = input.find(key);
+    return node ? written_number(*node) : std::nullopt;
+  };
+  const auto low = limit("low"), high = limit("high");
+  if (nominal && (!low || *nominal >= *low) && (!high || *nominal <= *high)) return *nominal;
+  if (low && high) return 0.5 * (*low + *high);
+  return low ? *low + 1.0 : high ? *high - 1.0 : 1.0;
+}
 
 void InputsReader::add(Input input, const Place& place) {
   if (stated_.inputs.size() == most_inputs)
@@ -191,15 +211,30 @@ void InputsReader::read_one(const Node& node) {
   if (!reader.has("spread")) reader.missing("spread", "a number in the unit of the path's key");
   const std::optional<double> stated = paths.empty() ? std::nullopt : stated_at(paths.front());
   Distribution own;
+  const bool lost = !paths.empty() && !stated && !reader.has("centre") &&
+                    !paths.front().starts_with("setup.");  // what setup does not say is zero
+  const auto nominal =
+      lost && one.factor == 1.0 ? nominal_at(paths.front()) : std::optional<double>();
   own.centre = stated && one.factor != 0.0 ? *stated / one.factor
+               : lost                      ? centre_that_passes(node, nominal)
                : input.element.empty()     ? 0.0
                                            : 1.0;
   input.distribution = distribution_fields().read(reader, own);
-  // what setup does not say is zero
-  if (!paths.empty() && !stated && !reader.has("centre") && !paths.front().starts_with("setup."))
-    stated_.without_centre.push_back(int(stated_.inputs.size()));
+  if (lost)
+    stated_.without_centre.push_back(
+        {int(stated_.inputs.size()), paths.front(),
+         one.factor == 1.0 ? nominal_at(paths.front()) : std::nullopt});
   reader.close();
   add(std::move(input), node.place);
+}
+
+/// The number at the nominal key of a path to an actual one, as the scene of the first arm states
+/// it.
+std::optional<double> InputsReader::nominal_at(const std::string& path) const {
+  const std::string actual = ".actual.";
+  const std::size_t at = path.find(actual);
+  if (at == std::string::npos) return {};
+  return stated_at(path.substr(0, at + 1) + path.substr(at + actual.size()));
 }
 
 /// The number that the scene of the first arm states at a path, as it is written.
@@ -218,10 +253,7 @@ std::optional<double> InputsReader::stated_at(const std::string& path) const {
       node = list ? nullptr : node->find(part);
     from = dot + 1;
   }
-  if (!node) return {};
-  if (const auto* whole = std::get_if<std::int64_t>(&node->value)) return double(*whole);
-  if (const auto* number = std::get_if<double>(&node->value)) return *number;
-  return {};
+  return node ? written_number(*node) : std::nullopt;
 }
 
 /// Numbers of a belief, each known to its standard uncertainty, correlated as they are.

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "sim/scene/key.h"
@@ -7,11 +9,18 @@
 
 namespace abbe::sim::study {
 
+/// An input of which neither study nor scene says where it is.
+struct WithoutCentre {
+  int input;
+  std::string path;
+  std::optional<double> nominal;  ///< in the unit of the path, of a key below `actual`
+};
+
 /// The inputs of a study as its file states them.
 struct StatedInputs {
   std::vector<Input> inputs;
-  std::vector<Place> places;        ///< (inputs) where each stands
-  std::vector<int> without_centre;  ///< of which neither study nor scene says where they are
+  std::vector<Place> places;  ///< (inputs) where each stands
+  std::vector<WithoutCentre> without_centre;
   std::vector<Correlation> correlations;
 };
 

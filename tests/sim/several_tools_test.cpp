@@ -6,6 +6,7 @@
 #include "sim/cut/reach.h"
 #include "sim/cut/tool_poses.h"
 #include "tests/sim/odd_scenes.h"
+#include "tests/sim/refusal.h"
 
 namespace abbe::sim {
 namespace {
@@ -264,6 +265,18 @@ TEST_F(SeveralTools, WhatTheyDoNotGoWithIsRefused) {
   const Job ready = job(both, program, crooked);
   for (const char* name : {"perfect-iterated-program", "perfect-iterated-table"})
     EXPECT_THROW(compensate(ready, parse_case(name)), BadInput) << name;
+}
+
+TEST_F(SeveralTools, AnIndexBeyondTheListIsAnsweredWithTheNumbersOfAll) {
+  const std::string text = scene(listed({t1, t2}), passes(1, -4, 4, 0));
+  const auto file = folder_.write("s.toml", text);
+  const auto changed = [&](const std::string& path) { return read_scene(file, {{path, "3"}}); };
+  EXPECT_EQ(
+      refusal_by([&] { changed("tool.2.radius_mm"); }),
+      "--set tool.2.radius_mm=3: expected an index from 0 to 1 in tool.2.radius_mm, for lists "
+      "are counted from 0; tool.0 has number 1, tool.1 has number 2, seen 2");
+  EXPECT_EQ(std::get<cutting::Cutter>(changed("tool.1.radius_mm").more_tools.at(0).nominal).radius,
+            3.0);
 }
 
 TEST_F(SeveralTools, ALengthThatIsNotTheToolsIsSaid) {

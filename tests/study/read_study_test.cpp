@@ -351,6 +351,13 @@ TEST_F(ReadStudy, RefusesAtThePlaceOfTheFault) {
        "11:1",
        {"engine = \"full\"", "part.vertices"}},
       {"[[input]]\npath = \"tool.nominal.radius_mm\"\nspread = 0.1\ncentre = 5\n", "11:1", {""}},
+      {"[[input]]\npath = \"tool.actual.length_mm\"\nspread = 0.01\nlow = 99\nhigh = 101\n",
+       "11:1",
+       {"centre = 100 (the nominal one) or another", "does not state tool.actual.length_mm"}},
+      {"[[input]]\npath = \"tool.actual.length_mm\"\nspread = 0.01\nlow = 99\nhigh = 101\n"
+       "centre = 102\n",
+       "16:10",
+       {"a centre within low and high", "102"}},
       {"[[inputs]]\n", "11:1", {"every"}},
       {"[[inputs]]\nevery = \"elemnt\"\n", "12:9", {"nearest: \"element\""}},
       {"[[inputs]]\nevery = \"element\"\nof = [\"EXQ\"]\n", "13:6", {"nearest"}},
