@@ -198,6 +198,45 @@ void check_shank(TableReader& reader, ToolDescription& tool) {
 }
 
 /// The tip of a cutter is outside of what holds it.
+/// @param table  of the tool, or of what it really is; what it does not say is nominal
+void check_flank(TableReader& reader, const Node& table, const std::string& where,
+                 const ToolShape& shape, double length) {
+  const auto* cutter = std::get_if<Cutter>(&shape);
+  if (!cutter || length >= cutter->flank_length) return;
+  const Node* flank = table.find("flank_length_mm");
+  const Node* other = table.find("length_mm");
+  const Node* fault = flank ? flank : other;
+  if (!fault) return;
+  reader.faults().add(
+      fault->place,
+      flank ? fmt::format("at most the length of the tool, {:g} mm, for {}.flank_length_mm", length,
+                          where)
+            : fmt::format("at least the length of the flank, {:g} mm, for {}.length_mm",
+                          cutter->flank_length, where),
+      fmt::format("{:g}", flank ? cutter->flank_length : length));
+}
+
+/// A flank ends below the nose of the spindle, which is looked at where its numbers are good.
+void check_flanks(TableReader& reader, ToolDescription& tool) {
+  const Node* actual = reader.node().find("actual");
+  if (actual && !actual->table()) actual = nullptr;
+  const auto is_bad = [&](const Node* table) {
+    if (!table) return false;
+    return std::ranges::any_of(*table->table(), [&](const Node::Entry& entry) {
+      const Place& place = entry.node.place;
+      return std::ranges::any_of(reader.faults().list(), [&](const BadInput& fault) {
+        return fault.file == *place.file && fault.line == place.line &&
+               fault.column == place.column;
+      });
+    });
+  };
+  if (is_bad(&reader.node()) || is_bad(actual) || !reader.has("length_mm") ||
+      !has_all(reader, kind_in(reader).nominal.keys()))
+    return;
+  check_flank(reader, reader.node(), "tool", tool.nominal, tool.length);
+  if (actual) check_flank(reader, *actual, "tool.actual", tool.actual, tool.actual_length);
+}
+
 void check_holder(TableReader& reader, ToolDescription& tool) {
   if (!tool.holder || tool.holder->rows() == 0 || std::holds_alternative<Nose>(tool.nominal))
     return;
@@ -273,6 +312,7 @@ const Fields<ToolDescription>& tool_fields() {
           .check(check_wear)
           .check(check_shank)
           .check(check_holder);
+          .check(check_flanks)
   return fields;
 }
 
