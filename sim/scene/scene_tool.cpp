@@ -106,7 +106,8 @@ Fields<ToolDescription> actual_fields(const std::string& kind) {
       .all_of(
           [](auto& tool) -> auto& { return std::get<Nose>(tool.actual); },
           nose_fields(or_nominal)
-              .tables("wave", &Nose::waves, wave_fields(), "turning: waves of the edge"))
+              .tables("wave", &Nose::waves, wave_fields(),
+                      "of `kind = \"nose\"` alone: waves of the edge"))
       .all_of(itself, centring_fields());
 }
 

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <string>
@@ -8,6 +9,8 @@
 
 #include "kinematics/units.h"
 #include "sim/cut/cut_warnings.h"
+#include "sim/report/key_rows.h"
+#include "sim/scene/scene_fields.h"
 #include "sim/scene/scene_sections.h"
 #include "tests/oracles/closed_forms.h"
 #include "tests/sim/refusal.h"
@@ -99,6 +102,20 @@ Job shaft(const std::string& tool, double centre, const std::string& more = "") 
   folder.write("p.ngc", fmt::format("G18 G21 G90 G94\nS1000 M3\nG0 X{0} Z32\nG1 Z-2 F250\nG0 "
                                     "X25\nM5\nM30\n",
                                     centre));
+/// What the table of keys says of waves is what a reader takes.
+TEST(SceneInsert, TheKeysSayWhichKindHasWaves) {
+  const std::vector<Key> keys = keys_at(scene_keys(), "tool.actual");
+  const auto wave = std::ranges::find(keys, "wave", &Key::name);
+  ASSERT_NE(wave, keys.end());
+  const std::string waved = "[[actual.wave]]\norder = 2\namplitude_um = 1\n";
+  const std::string nose = "kind = \"nose\"\nradius_mm = 0.4\nlength_mm = 60\n";
+  for (const auto& [kind, tool] :
+       {std::pair{"nose", nose}, {"insert", pointed}, {"edge", grooving}})
+    EXPECT_EQ(tool_faults(tool + waved).empty(),
+              wave->sentence.find(std::string("\"") + kind + "\"") != std::string::npos)
+        << kind << ": " << wave->sentence;
+}
+
   return prepare(read_scene(folder.write(
       "s.toml", fmt::format("machine = \"{0}machines/lathe_zx.toml\"\n{3}[tool]\n{1}[part]\n"
                             "surface = \"cylinder\"\nradius_mm = 12.5\nheight_mm = 30\n"
