@@ -198,7 +198,6 @@ void check_shank(TableReader& reader, ToolDescription& tool) {
     reader.refuse("shank_radius_mm", "a milling cutter beside shank_radius_mm", "a turning tool");
 }
 
-/// The tip of a cutter is outside of what holds it.
 /// @param table  of the tool, or of what it really is; what it does not say is nominal
 void check_flank(TableReader& reader, const Node& table, const std::string& where,
                  const ToolShape& shape, double length) {
@@ -238,6 +237,7 @@ void check_flanks(TableReader& reader, ToolDescription& tool) {
   if (actual) check_flank(reader, *actual, "tool.actual", tool.actual, tool.actual_length);
 }
 
+/// The tip of a cutter is outside of what holds it.
 void check_holder(TableReader& reader, ToolDescription& tool) {
   if (!tool.holder || tool.holder->rows() == 0 || std::holds_alternative<Nose>(tool.nominal))
     return;
@@ -312,8 +312,8 @@ const Fields<ToolDescription>& tool_fields() {
                  "what the true cutter loses while it cuts, in proportion")
           .check(check_wear)
           .check(check_shank)
-          .check(check_holder);
           .check(check_flanks)
+          .check(check_holder);
   return fields;
 }
 
@@ -344,6 +344,30 @@ void check_among(const std::vector<ToolDescription>& tools, const ToolDescriptio
 }  // namespace
 
 KeyName or_nominal(KeyName key) { return key.otherwise("as nominal"); }
+
+Refusal refusal_of(const std::string& why) {
+  const std::string expected = "expected ", seen = ", seen ";
+  const std::size_t from = std::min(why.find(expected) + expected.size(), why.size());
+  const std::size_t to = std::min(why.rfind(seen), why.size());
+  return {why.substr(from, to - from),
+          to < why.size() ? why.substr(to + seen.size()) : "other numbers"};
+}
+
+void refuse_point(TableReader& reader, const PointKeys& keys,
+                  const std::vector<cutting::OutlinePoint>& points,
+                  const cutting::OutlineFault& fault) {
+  const auto nearest = std::ranges::min_element(
+      points, {}, [&](const cutting::OutlinePoint& one) { return (one.at - fault.at).norm(); });
+  const std::size_t entry = std::size_t(nearest - points.begin());
+  const std::string key = keys[std::size_t(fault.number)];
+  const Node* list = reader.node().find(key);
+  const bool has_entry = list && list->array() && entry < list->array()->size();
+  const Refusal refusal = refusal_of(fault.what());
+  reader.faults().add(
+      has_entry ? (*list->array())[entry].place : reader.place(),
+      fmt::format("{} for {}, entry {}", refusal.expected, reader.name_of(key), entry + 1),
+      refusal.seen);
+}
 
 KeyName left_out(Asked asked, const KeyName& key) { return asked == must ? key : asked(key); }
 

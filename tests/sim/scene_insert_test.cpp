@@ -93,15 +93,15 @@ TEST(SceneInsert, ThatCannotBeIsRefusedWhereItStands) {
   EXPECT_PRED2(has, tool_faults(with(grooving, "-1.0, -0.8, 1.8", "-0.8, 1.8")), "as many");
   EXPECT_PRED2(has, tool_faults(with(grooving, "z_mm", "z_um")), "z_mm");
   EXPECT_PRED2(has, tool_faults(with(grooving, "4.0, 4.0", "4.0, -1.5")), "bends inwards");
+  EXPECT_PRED2(has, tool_faults(with(grooving, "4.0, 4.0", "4.0, -1.5")), "_mm, entry ");
+  EXPECT_PRED2(has, tool_faults(grooving + "[actual]\nx_mm = [-1, 1, 1]\nz_mm = [-1, -1, -1]\n"),
+               "expected points apart for tool.actual.x_mm, entry 2, seen (1, -1) mm twice");
+  EXPECT_PRED2(
+      has, tool_faults(grooving + "[actual]\nx_mm = [0, 1, -1]\nz_mm = [2, -1, -1]\n"),
+      "expected points counter-clockwise, from x to z for tool.actual.x_mm and z_mm, seen");
   EXPECT_PRED2(has, tool_faults(grooving + "[actual]\nz_mm = [1, 2]\n"), "x_mm");
 }
 
-/// A shaft of radius 12.5 turned at 0.25 mm a revolution.
-Job shaft(const std::string& tool, double centre, const std::string& more = "") {
-  const SceneFolder folder;
-  folder.write("p.ngc", fmt::format("G18 G21 G90 G94\nS1000 M3\nG0 X{0} Z32\nG1 Z-2 F250\nG0 "
-                                    "X25\nM5\nM30\n",
-                                    centre));
 /// What the table of keys says of waves is what a reader takes.
 TEST(SceneInsert, TheKeysSayWhichKindHasWaves) {
   const std::vector<Key> keys = keys_at(scene_keys(), "tool.actual");
@@ -116,6 +116,12 @@ TEST(SceneInsert, TheKeysSayWhichKindHasWaves) {
         << kind << ": " << wave->sentence;
 }
 
+/// A shaft of radius 12.5 turned at 0.25 mm a revolution.
+Job shaft(const std::string& tool, double centre, const std::string& more = "") {
+  const SceneFolder folder;
+  folder.write("p.ngc", fmt::format("G18 G21 G90 G94\nS1000 M3\nG0 X{0} Z32\nG1 Z-2 F250\nG0 "
+                                    "X25\nM5\nM30\n",
+                                    centre));
   return prepare(read_scene(folder.write(
       "s.toml", fmt::format("machine = \"{0}machines/lathe_zx.toml\"\n{3}[tool]\n{1}[part]\n"
                             "surface = \"cylinder\"\nradius_mm = 12.5\nheight_mm = 30\n"
