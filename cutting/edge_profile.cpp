@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "cutting/outline_fault.h"
 #include "cutting/outline_pieces.h"
 #include "kinematics/numbers.h"
 #include "kinematics/require.h"
@@ -149,13 +150,18 @@ EdgeProfile edge_profile_through(const std::vector<OutlinePoint>& points) {
   double area = 0.0;  // mm^2, twice that of the points, + counter-clockwise
   Vector2d last = points.back().at;
   for (const OutlinePoint& point : points) {
-    require(point.at.allFinite() && std::isfinite(point.radius) && point.radius >= 0.0,
-            fmt::format("edge profile: expected finite numbers and radii of 0 and more, seen "
-                        "({:g}, {:g}) mm, radius {:g}",
-                        point.at.x(), point.at.y(), point.radius));
-    require((point.at - last).norm() > no_way,
-            fmt::format("edge profile: expected points apart, seen ({:g}, {:g}) mm twice",
-                        point.at.x(), point.at.y()));
+    const bool has_radius = std::isfinite(point.radius) && point.radius >= 0.0;
+    if (!has_radius || !point.at.allFinite())
+      throw OutlineFault(
+          fmt::format("edge profile: expected finite numbers and radii of 0 and more, seen "
+                      "({:g}, {:g}) mm, radius {:g}",
+                      point.at.x(), point.at.y(), point.radius),
+          point.at, has_radius ? OutlineFault::Number::First : OutlineFault::Number::Radius);
+    if ((point.at - last).norm() <= no_way)
+      throw OutlineFault(
+          fmt::format("edge profile: expected points apart, seen ({:g}, {:g}) mm twice",
+                      point.at.x(), point.at.y()),
+          point.at);
     area += sine_between(last, point.at);
     pieces.push_back(point.radius > 0.0 ? arc_piece(last, point.at, point.radius)
                                         : line_piece(last, point.at));

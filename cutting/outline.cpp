@@ -8,6 +8,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
+#include "cutting/outline_fault.h"
 #include "cutting/outline_pieces.h"
 #include "kinematics/require.h"
 #include "kinematics/units.h"
@@ -24,10 +25,12 @@ constexpr double same_normal = 1e-7;  // rad, by which it may turn back: roundin
 ToolOutline closed(const std::vector<OutlinePiece>& pieces) {
   ToolOutline outline{with_corners(pieces, {0, -1})};
   for (const OutlinePiece& piece : outline.pieces) {
-    require(piece.normal_from.x() >= -same_normal && piece.normal_to.x() >= -same_normal,
-            fmt::format("outline: expected it to go on up to its top, seen that it turns back at "
-                        "({:g}, {:g}) mm",
-                        piece.to.x(), piece.to.y()));
+    if (!(piece.normal_from.x() >= -same_normal && piece.normal_to.x() >= -same_normal))
+      throw OutlineFault(
+          fmt::format("outline: expected it to go on up to its top, seen that it turns back at "
+                      "({:g}, {:g}) mm",
+                      piece.to.x(), piece.to.y()),
+          piece.to, OutlineFault::Number::Second);
     outline.radius = std::max({outline.radius, piece.from.x(), piece.to.x()});
     // an arc may reach farther between its ends
     if (sine_between(piece.normal_from, Vector2d::UnitX()) > 0.0 &&
@@ -49,21 +52,29 @@ ToolOutline outline_through(const std::vector<OutlinePoint>& points) {
   std::vector<OutlinePiece> pieces;
   Vector2d last = Vector2d::Zero();
   const auto add = [&](const OutlinePoint& point) {
-    require(point.at.allFinite() && std::isfinite(point.radius) && point.radius >= 0.0 &&
-                point.at.x() >= 0.0,
-            fmt::format("outline: expected finite numbers of 0 and more, seen ({:g}, {:g}) mm",
-                        point.at.x(), point.at.y()));
+    const bool has_radius = std::isfinite(point.radius) && point.radius >= 0.0;
+    if (!has_radius || !point.at.allFinite() || point.at.x() < 0.0)
+      throw OutlineFault(
+          fmt::format("outline: expected finite numbers of 0 and more, seen ({:g}, {:g}) mm, "
+                      "radius {:g}",
+                      point.at.x(), point.at.y(), point.radius),
+          point.at, has_radius ? OutlineFault::Number::First : OutlineFault::Number::Radius);
     if ((point.at - last).norm() > same_place)
       pieces.push_back(point.radius > 0.0 ? arc_piece(last, point.at, point.radius)
                                           : line_piece(last, point.at));
     last = point.at;
   };
-  require(std::abs(points.front().at.y()) <= same_place,
-          fmt::format("outline: expected it to begin at height 0, seen {:g} mm",
-                      points.front().at.y()));
+  if (!(std::abs(points.front().at.y()) <= same_place))
+    throw OutlineFault(fmt::format("outline: expected it to begin at height 0, seen {:g} mm",
+                                   points.front().at.y()),
+                       points.front().at, OutlineFault::Number::Second);
   for (const OutlinePoint& point : points) add(point);
-  require(last.x() > same_place && last.y() > same_place,
-          "outline: expected it to end above the tip and beside the axis");
+  if (!(last.x() > same_place && last.y() > same_place))
+    throw OutlineFault(
+        fmt::format("outline: expected it to end above the tip and beside the axis, seen "
+                    "({:g}, {:g}) mm",
+                    last.x(), last.y()),
+        last, last.x() > same_place ? OutlineFault::Number::Second : OutlineFault::Number::First);
   add({{0.0, last.y()}});
   return closed(pieces);
 }

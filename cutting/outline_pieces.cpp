@@ -4,7 +4,7 @@
 
 #include <fmt/format.h>
 
-#include "kinematics/require.h"
+#include "cutting/outline_fault.h"
 #include "kinematics/units.h"
 
 namespace abbe::cutting {
@@ -44,10 +44,12 @@ OutlinePiece arc_piece_about(const Vector2d& from, const Vector2d& to, double ra
 OutlinePiece arc_piece(const Vector2d& from, const Vector2d& to, double radius) {
   const Vector2d chord = to - from;
   const double half = 0.5 * chord.norm();
-  require(
-      radius >= half,
-      fmt::format("outline: expected an arc of radius {:g} mm at least to ({:g}, {:g}), seen {:g}",
-                  half, to.x(), to.y(), radius));
+  if (radius < half)
+    throw OutlineFault(
+        fmt::format(
+            "outline: expected an arc of radius {:g} mm at least to ({:g}, {:g}), seen {:g}", half,
+            to.x(), to.y(), radius),
+        to, OutlineFault::Number::Radius);
   const Vector2d inward = Vector2d(-chord.y(), chord.x()).normalized();
   return arc_piece_about(from, to, radius,
                          0.5 * (from + to) + std::sqrt(radius * radius - half * half) * inward);
@@ -60,12 +62,13 @@ std::vector<OutlinePiece> with_corners(const std::vector<OutlinePiece>& pieces,
     const Vector2d last = all.empty() ? before : all.back().normal_to;
     const double bend = sine_between(last, piece.normal_from);
     const bool turns_back = last.dot(piece.normal_from) < 0.0;
-    require(
-        bend > -least_bend && !(turns_back && bend <= least_bend),
-        fmt::format("outline: expected a convex one, seen that it bends inwards by {:.3g} deg at "
-                    "({:g}, {:g}) mm",
-                    std::atan2(-bend, last.dot(piece.normal_from)) / units::deg, piece.from.x(),
-                    piece.from.y()));
+    if (bend <= -least_bend || (turns_back && bend <= least_bend))
+      throw OutlineFault(
+          fmt::format("outline: expected a convex one, seen that it bends inwards by {:.3g} deg at "
+                      "({:g}, {:g}) mm",
+                      std::atan2(-bend, last.dot(piece.normal_from)) / units::deg, piece.from.x(),
+                      piece.from.y()),
+          piece.from);
     if (bend > least_bend) add_short(all, {true, piece.from, piece.from, last, piece.normal_from});
     add_short(all, piece);
   }

@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include <fmt/format.h>
+
 #include "sim/scene/scene_tool_forms.h"
 
 namespace abbe::sim {
@@ -69,15 +71,31 @@ cutting::ToolOutline outline_of(const AptForm& form) {
   return cutting::apt_outline(cutter);
 }
 
-cutting::ToolOutline outline_of(const OutlineForm& form) {
-  if (form.heights.size() != form.radii.size() ||
-      (form.arcs && form.arcs->size() != form.radii.size()))
-    throw std::invalid_argument(
-        "outline: expected as many radii, heights and arcs, seen them differ");
+/// Lists of numbers for one outline of which one is longer than another.
+struct UnequalLists : std::invalid_argument {
+  UnequalLists(const char* which, Eigen::Index expected, Eigen::Index seen)
+      : std::invalid_argument(fmt::format("{} numbers and {}", expected, seen)),
+        key(which),
+        expected_text(fmt::format("as many numbers as radii_mm, {},", expected)),
+        seen_text(std::to_string(seen)) {}
+
+  const char* key;
+  std::string expected_text, seen_text;
+};
+
+/// @throws UnequalLists
+std::vector<cutting::OutlinePoint> points_of(const OutlineForm& form) {
+  const Eigen::Index n = form.radii.size();
+  if (form.heights.size() != n) throw UnequalLists("heights_mm", n, form.heights.size());
+  if (form.arcs && form.arcs->size() != n) throw UnequalLists("arc_radii_mm", n, form.arcs->size());
   std::vector<cutting::OutlinePoint> points;
-  for (Eigen::Index i = 0; i < form.radii.size(); ++i)
+  for (Eigen::Index i = 0; i < n; ++i)
     points.push_back({{form.radii[i], form.heights[i]}, form.arcs ? (*form.arcs)[i] : 0.0});
-  return cutting::outline_through(points);
+  return points;
+}
+
+cutting::ToolOutline outline_of(const OutlineForm& form) {
+  return cutting::outline_through(points_of(form));
 }
 
 template <class Form>
@@ -85,20 +103,31 @@ cutting::Cutter cutter_of(const Form& form) {
   return cutting::form_cutter(outline_of(form));
 }
 
-/// "outline: expected a, seen b" of what a form is refused for; b may be left out.
-void refuse_outline(TableReader& reader, const std::string& why) {
-  const std::string expected = "expected ", seen = ", seen ";
-  const std::size_t from = std::min(why.find(expected) + expected.size(), why.size());
-  const std::size_t to = std::min(why.rfind(seen), why.size());
-  reader.faults().add(reader.place(), why.substr(from, to - from) + " for tool",
-                      to < why.size() ? why.substr(to + seen.size()) : "other numbers");
+void refuse_tool(TableReader& reader, const std::invalid_argument& why) {
+  const Refusal refusal = refusal_of(why.what());
+  reader.faults().add(reader.place(), refusal.expected + " for tool", refusal.seen);
+}
+
+void refuse_apt(TableReader& reader, const AptForm&, const std::invalid_argument& why) {
+  refuse_tool(reader, why);
+}
+
+void refuse_outline(TableReader& reader, const OutlineForm& form,
+                    const std::invalid_argument& why) {
+  if (const auto* unequal = dynamic_cast<const UnequalLists*>(&why))
+    reader.refuse(unequal->key, unequal->expected_text + " for " + reader.name_of(unequal->key),
+                  unequal->seen_text);
+  else if (const auto* fault = dynamic_cast<const cutting::OutlineFault*>(&why))
+    refuse_point(reader, {"radii_mm", "heights_mm", "arc_radii_mm"}, points_of(form), *fault);
+  else
+    refuse_tool(reader, why);
 }
 
 }  // namespace
 
 Fields<ToolDescription> form_cutter_fields(const std::string& kind, const FormOf& which) {
   if (kind == "apt")
-    return fields_of_form(which, apt_fields(which.asked), cutter_of<AptForm>, refuse_outline);
+    return fields_of_form(which, apt_fields(which.asked), cutter_of<AptForm>, refuse_apt);
   return fields_of_form(which, outline_fields(which.asked), cutter_of<OutlineForm>, refuse_outline);
 }
 

@@ -83,8 +83,16 @@ Nose free_nose(const Points& points) {
   return cutting::nose_of(cutting::edge_profile_through(points));
 }
 
-void refuse_insert(TableReader& reader, const std::string& why) {
-  reader.faults().add(reader.place(), "a turning insert that can be", why);
+void refuse_insert(TableReader& reader, const Insert&, const std::invalid_argument& why) {
+  reader.faults().add(reader.place(), "a turning insert that can be", why.what());
+}
+
+void refuse_edge(TableReader& reader, const Points& points, const std::invalid_argument& why) {
+  if (const auto* fault = dynamic_cast<const cutting::OutlineFault*>(&why))
+    return refuse_point(reader, {"x_mm", "z_mm", "arc_radii_mm"}, points, *fault);
+  const Refusal refusal = refusal_of(why.what());
+  reader.refuse("x_mm", refusal.expected + " for " + reader.name_of("x_mm") + " and z_mm",
+                refusal.seen);
 }
 
 }  // namespace
@@ -92,7 +100,7 @@ void refuse_insert(TableReader& reader, const std::string& why) {
 Fields<ToolDescription> insert_fields(const std::string& kind, const FormOf& which) {
   if (kind == "insert")
     return fields_of_form(which, insert_dimensions(which.asked), insert_nose, refuse_insert);
-  return fields_of_form(which, free_dimensions(which.asked), free_nose, refuse_insert);
+  return fields_of_form(which, free_dimensions(which.asked), free_nose, refuse_edge);
 }
 
 }  // namespace abbe::sim

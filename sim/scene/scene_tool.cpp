@@ -106,7 +106,8 @@ Fields<ToolDescription> actual_fields(const std::string& kind) {
       .all_of(
           [](auto& tool) -> auto& { return std::get<Nose>(tool.actual); },
           nose_fields(or_nominal)
-              .tables("wave", &Nose::waves, wave_fields(), "turning: waves of the edge"))
+              .tables("wave", &Nose::waves, wave_fields(),
+                      "of `kind = \"nose\"` alone: waves of the edge"))
       .all_of(itself, centring_fields());
 }
 
@@ -197,6 +198,45 @@ void check_shank(TableReader& reader, ToolDescription& tool) {
     reader.refuse("shank_radius_mm", "a milling cutter beside shank_radius_mm", "a turning tool");
 }
 
+/// @param table  of the tool, or of what it really is; what it does not say is nominal
+void check_flank(TableReader& reader, const Node& table, const std::string& where,
+                 const ToolShape& shape, double length) {
+  const auto* cutter = std::get_if<Cutter>(&shape);
+  if (!cutter || length >= cutter->flank_length) return;
+  const Node* flank = table.find("flank_length_mm");
+  const Node* other = table.find("length_mm");
+  const Node* fault = flank ? flank : other;
+  if (!fault) return;
+  reader.faults().add(
+      fault->place,
+      flank ? fmt::format("at most the length of the tool, {:g} mm, for {}.flank_length_mm", length,
+                          where)
+            : fmt::format("at least the length of the flank, {:g} mm, for {}.length_mm",
+                          cutter->flank_length, where),
+      fmt::format("{:g}", flank ? cutter->flank_length : length));
+}
+
+/// A flank ends below the nose of the spindle, which is looked at where its numbers are good.
+void check_flanks(TableReader& reader, ToolDescription& tool) {
+  const Node* actual = reader.node().find("actual");
+  if (actual && !actual->table()) actual = nullptr;
+  const auto is_bad = [&](const Node* table) {
+    if (!table) return false;
+    return std::ranges::any_of(*table->table(), [&](const Node::Entry& entry) {
+      const Place& place = entry.node.place;
+      return std::ranges::any_of(reader.faults().list(), [&](const BadInput& fault) {
+        return fault.file == *place.file && fault.line == place.line &&
+               fault.column == place.column;
+      });
+    });
+  };
+  if (is_bad(&reader.node()) || is_bad(actual) || !reader.has("length_mm") ||
+      !has_all(reader, kind_in(reader).nominal.keys()))
+    return;
+  check_flank(reader, reader.node(), "tool", tool.nominal, tool.length);
+  if (actual) check_flank(reader, *actual, "tool.actual", tool.actual, tool.actual_length);
+}
+
 /// The tip of a cutter is outside of what holds it.
 void check_holder(TableReader& reader, ToolDescription& tool) {
   if (!tool.holder || tool.holder->rows() == 0 || std::holds_alternative<Nose>(tool.nominal))
@@ -272,6 +312,7 @@ const Fields<ToolDescription>& tool_fields() {
                  "what the true cutter loses while it cuts, in proportion")
           .check(check_wear)
           .check(check_shank)
+          .check(check_flanks)
           .check(check_holder);
   return fields;
 }
@@ -303,6 +344,30 @@ void check_among(const std::vector<ToolDescription>& tools, const ToolDescriptio
 }  // namespace
 
 KeyName or_nominal(KeyName key) { return key.otherwise("as nominal"); }
+
+Refusal refusal_of(const std::string& why) {
+  const std::string expected = "expected ", seen = ", seen ";
+  const std::size_t from = std::min(why.find(expected) + expected.size(), why.size());
+  const std::size_t to = std::min(why.rfind(seen), why.size());
+  return {why.substr(from, to - from),
+          to < why.size() ? why.substr(to + seen.size()) : "other numbers"};
+}
+
+void refuse_point(TableReader& reader, const PointKeys& keys,
+                  const std::vector<cutting::OutlinePoint>& points,
+                  const cutting::OutlineFault& fault) {
+  const auto nearest = std::ranges::min_element(
+      points, {}, [&](const cutting::OutlinePoint& one) { return (one.at - fault.at).norm(); });
+  const std::size_t entry = std::size_t(nearest - points.begin());
+  const std::string key = keys[std::size_t(fault.number)];
+  const Node* list = reader.node().find(key);
+  const bool has_entry = list && list->array() && entry < list->array()->size();
+  const Refusal refusal = refusal_of(fault.what());
+  reader.faults().add(
+      has_entry ? (*list->array())[entry].place : reader.place(),
+      fmt::format("{} for {}, entry {}", refusal.expected, reader.name_of(key), entry + 1),
+      refusal.seen);
+}
 
 KeyName left_out(Asked asked, const KeyName& key) { return asked == must ? key : asked(key); }
 

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <array>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "cutting/outline_fault.h"
 #include "sim/scene/fields.h"
 #include "sim/scene/tool_description.h"
 
@@ -35,14 +37,29 @@ Fields<ToolDescription> form_cutter_fields(const std::string& kind, const FormOf
 ///                                                     "edge", free lines and arcs
 Fields<ToolDescription> insert_fields(const std::string& kind, const FormOf& which);
 
+/// "outline: expected a, seen b" as what is expected and seen; b may be left out.
+struct Refusal {
+  std::string expected, seen;
+};
+Refusal refusal_of(const std::string& why);
+
+/// Keys of the numbers of points: two coordinates, and the radius of the arc to each.
+using PointKeys = std::array<const char*, 3>;
+
+/// Refuses the number of the point that a fault is of, at its place in the table, or at the key
+/// that it has; where the table has none of the keys, at the table.
+void refuse_point(TableReader& reader, const PointKeys& keys,
+                  const std::vector<cutting::OutlinePoint>& points,
+                  const cutting::OutlineFault& fault);
+
 /// The keys of a form, and the tool that it makes where each of them is good. Where the description
 /// is of another form one of this is begun.
 /// @param refuse  says why none can be made, where the table stands
 template <class Form, class Shape>
 Fields<ToolDescription> fields_of_form(const FormOf& which, const Fields<Form>& own,
                                        Shape (*made)(const Form&),
-                                       void (*refuse)(TableReader& reader,
-                                                      const std::string& why)) {
+                                       void (*refuse)(TableReader& reader, const Form& form,
+                                                      const std::invalid_argument& why)) {
   return Fields<ToolDescription>().custom(
       own.keys(),
       [=](TableReader& reader, ToolDescription& tool) {
@@ -55,7 +72,7 @@ Fields<ToolDescription> fields_of_form(const FormOf& which, const Fields<Form>& 
         try {
           tool.*which.shape = made(form);
         } catch (const std::invalid_argument& why) {
-          refuse(reader, why.what());
+          refuse(reader, form, why);
         }
       },
       [=](const ToolDescription& tool, Node::Table& table) {

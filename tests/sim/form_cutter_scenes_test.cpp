@@ -124,7 +124,8 @@ TEST(FormCutterScene, ThatCannotBeIsRefusedWhereItStands) {
   };
   const std::string form = "kind = \"form\"\n";
   refused(form + "radii_mm = [1, 3, 2, 5]\nheights_mm = [0, 1, 3, 8]\n", "bends inwards");
-  refused(form + "radii_mm = [1, 3]\nheights_mm = [0, 1, 3]\n", "differ");
+  refused(form + "radii_mm = [1, 3]\nheights_mm = [0, 1, 3]\n",
+          "form.toml:6:14: expected as many numbers as radii_mm, 2, for tool.heights_mm, seen 3");
   refused(form + "radii_mm = [1, 3]\nheights_mm = [1, 3]\n", "height 0");
   refused(form + "radii_mm = [1, 3]\nheights_mm = [0, 3]\narc_radii_mm = [0, 1]\n",
           "an arc of radius");
@@ -136,6 +137,31 @@ TEST(FormCutterScene, ThatCannotBeIsRefusedWhereItStands) {
   refused("kind = \"apt\"\nflank_length_mm = 25\n", "diameter_mm");
   refused(apt_bull + "[tool.actual]\ncorner_radius_mm = 30\n", "corner");
   refused(tapered_ball + "[tool.wear]\nway_mm = 1000\nradius_um = 3\n", "wear");
+}
+
+/// The line of a key of tools that have their kind on line 4, and the column of an entry.
+TEST(FormCutterScene, APointThatCannotBeIsRefusedByKeyAndEntry) {
+  const auto says = [](const std::string& tool, const std::string& text) {
+    const std::string said =
+        refusal_by([&] { form_scene(raster_with("kind = \"form\"\n" + tool)); });
+    EXPECT_NE(said.find("form.toml:" + text), std::string::npos) << said;
+  };
+  says("radii_mm = [1, 3, 2, 5]\nheights_mm = [0, 1, 3, 8]\n",
+       "5:19: expected a convex one for tool.radii_mm, entry 3, seen that it bends inwards");
+  says("radii_mm = [1, 3]\nheights_mm = [1, 3]\n",
+       "6:15: expected it to begin at height 0 for tool.heights_mm, entry 1, seen 1 mm");
+  says("radii_mm = [1, 3]\nheights_mm = [0, 3]\narc_radii_mm = [0, 1]\n",
+       "7:20: expected an arc of radius 1.80278 mm at least to (3, 3) for tool.arc_radii_mm, "
+       "entry 2, seen 1");
+  says("radii_mm = [1, -3]\nheights_mm = [0, 3]\n",
+       "5:16: expected finite numbers of 0 and more for tool.radii_mm, entry 2, seen (-3, 3) mm");
+  says("radii_mm = [1, 3]\nheights_mm = [0, 3]\narc_radii_mm = [0, -1]\n",
+       "7:20: expected finite numbers of 0 and more for tool.arc_radii_mm, entry 2, seen");
+  says("radii_mm = [1, 3]\nheights_mm = [0, 0]\n", "6:18: expected");
+  says(
+      "radii_mm = [1, 3]\nheights_mm = [0, 3]\n[tool.actual]\nradii_mm = [3, 1, 2]\n"
+      "heights_mm = [0, 1, 3]\n",
+      "8:16: expected a convex one for tool.actual.radii_mm, entry 2, seen");
 }
 
 /// A block milled with stock, force and a tool that bends, by a flat end and by its outline.

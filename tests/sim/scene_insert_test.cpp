@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <string>
@@ -8,6 +9,8 @@
 
 #include "kinematics/units.h"
 #include "sim/cut/cut_warnings.h"
+#include "sim/report/key_rows.h"
+#include "sim/scene/scene_fields.h"
 #include "sim/scene/scene_sections.h"
 #include "tests/oracles/closed_forms.h"
 #include "tests/sim/refusal.h"
@@ -90,7 +93,27 @@ TEST(SceneInsert, ThatCannotBeIsRefusedWhereItStands) {
   EXPECT_PRED2(has, tool_faults(with(grooving, "-1.0, -0.8, 1.8", "-0.8, 1.8")), "as many");
   EXPECT_PRED2(has, tool_faults(with(grooving, "z_mm", "z_um")), "z_mm");
   EXPECT_PRED2(has, tool_faults(with(grooving, "4.0, 4.0", "4.0, -1.5")), "bends inwards");
+  EXPECT_PRED2(has, tool_faults(with(grooving, "4.0, 4.0", "4.0, -1.5")), "_mm, entry ");
+  EXPECT_PRED2(has, tool_faults(grooving + "[actual]\nx_mm = [-1, 1, 1]\nz_mm = [-1, -1, -1]\n"),
+               "expected points apart for tool.actual.x_mm, entry 2, seen (1, -1) mm twice");
+  EXPECT_PRED2(
+      has, tool_faults(grooving + "[actual]\nx_mm = [0, 1, -1]\nz_mm = [2, -1, -1]\n"),
+      "expected points counter-clockwise, from x to z for tool.actual.x_mm and z_mm, seen");
   EXPECT_PRED2(has, tool_faults(grooving + "[actual]\nz_mm = [1, 2]\n"), "x_mm");
+}
+
+/// What the table of keys says of waves is what a reader takes.
+TEST(SceneInsert, TheKeysSayWhichKindHasWaves) {
+  const std::vector<Key> keys = keys_at(scene_keys(), "tool.actual");
+  const auto wave = std::ranges::find(keys, "wave", &Key::name);
+  ASSERT_NE(wave, keys.end());
+  const std::string waved = "[[actual.wave]]\norder = 2\namplitude_um = 1\n";
+  const std::string nose = "kind = \"nose\"\nradius_mm = 0.4\nlength_mm = 60\n";
+  for (const auto& [kind, tool] :
+       {std::pair{"nose", nose}, {"insert", pointed}, {"edge", grooving}})
+    EXPECT_EQ(tool_faults(tool + waved).empty(),
+              wave->sentence.find(std::string("\"") + kind + "\"") != std::string::npos)
+        << kind << ": " << wave->sentence;
 }
 
 /// A shaft of radius 12.5 turned at 0.25 mm a revolution.

@@ -92,6 +92,25 @@ TEST(Scene, AbsurdToolsAndSpeedsAreRefusedWhereTheyStand) {
             "s.toml:22:13: expected program.speed_rpm > 0 and <= 1000000, seen 1000001");
 }
 
+TEST(Scene, AFlankLongerThanItsToolIsRefusedWhereItStands) {
+  EXPECT_EQ(faults_with("flank_length_mm = 20", "flank_length_mm = 100.5"),
+            "s.toml:15:19: expected at most the length of the tool, 100 mm, for "
+            "tool.flank_length_mm, seen 100.5");
+  EXPECT_EQ(faults_with("flank_length_mm = 20", "flank_length_mm = 100"), "");
+  EXPECT_EQ(faults_with("[part]", "[tool.actual]\nlength_mm = 19\n[part]"),
+            "s.toml:18:13: expected at least the length of the flank, 20 mm, for "
+            "tool.actual.length_mm, seen 19");
+  EXPECT_EQ(faults_with("[part]", "[tool.actual]\nflank_length_mm = 101\n[part]"),
+            "s.toml:18:19: expected at most the length of the tool, 100 mm, for "
+            "tool.actual.flank_length_mm, seen 101");
+  EXPECT_EQ(faults_with("kind = \"ball\"\nradius_mm = 5\nflank_length_mm = 20",
+                        "kind = \"apt\"\ndiameter_mm = 10\nflank_length_mm = 120"),
+            "s.toml:15:19: expected at most the length of the tool, 100 mm, for "
+            "tool.flank_length_mm, seen 120");
+  EXPECT_EQ(faults_with("flank_length_mm = 20", "flank_length_mm = \"20\""),
+            "s.toml:15:19: expected a number for tool.flank_length_mm, seen \"20\"");
+}
+
 TEST(Scene, UnknownKeyIsRefusedWithTheNearestKnownOneAndItsPlace) {
   EXPECT_EQ(
       faults_with("flank_length_mm = 20", "flank_lenght_mm = 20"),
