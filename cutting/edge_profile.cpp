@@ -157,7 +157,7 @@ EdgeProfile edge_profile_through(const std::vector<OutlinePoint>& points) {
                       "({:g}, {:g}) mm, radius {:g}",
                       point.at.x(), point.at.y(), point.radius),
           point.at, has_radius ? OutlineFault::Number::First : OutlineFault::Number::Radius);
-    if ((point.at - last).norm() <= no_way)
+    if (!((point.at - last).norm() > no_way))
       throw OutlineFault(
           fmt::format("edge profile: expected points apart, seen ({:g}, {:g}) mm twice",
                       point.at.x(), point.at.y()),

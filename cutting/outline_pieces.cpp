@@ -44,7 +44,7 @@ OutlinePiece arc_piece_about(const Vector2d& from, const Vector2d& to, double ra
 OutlinePiece arc_piece(const Vector2d& from, const Vector2d& to, double radius) {
   const Vector2d chord = to - from;
   const double half = 0.5 * chord.norm();
-  if (radius < half)
+  if (!(radius >= half))
     throw OutlineFault(
         fmt::format(
             "outline: expected an arc of radius {:g} mm at least to ({:g}, {:g}), seen {:g}", half,
@@ -62,7 +62,7 @@ std::vector<OutlinePiece> with_corners(const std::vector<OutlinePiece>& pieces,
     const Vector2d last = all.empty() ? before : all.back().normal_to;
     const double bend = sine_between(last, piece.normal_from);
     const bool turns_back = last.dot(piece.normal_from) < 0.0;
-    if (bend <= -least_bend || (turns_back && bend <= least_bend))
+    if (!(bend > -least_bend) || (turns_back && bend <= least_bend))
       throw OutlineFault(
           fmt::format("outline: expected a convex one, seen that it bends inwards by {:.3g} deg at "
                       "({:g}, {:g}) mm",
