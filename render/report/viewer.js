@@ -71,7 +71,7 @@ const nV = index.vertices, nT = index.triangles;
 const lap = name => { timings[name] = Math.round(performance.now() - t0); };
 lap("script");
 const P = interleaved(scaled(await load("position"), index.arrays.position), nV, 3);
-const tri = interleaved(await load("triangle"), nT, 3); lap("mesh");
+const tri = interleaved(await load("triangle"), nT, 3); for (let k = 0; k < 3 * nT; k += 3) { tri[k + 1] += tri[k]; tri[k + 2] += tri[k]; } lap("mesh");
 const normal = new Float32Array(nV * 3);
 for (let k = 0; k < nT * 3; k += 3) {
   const a = tri[k] * 3, b = tri[k + 1] * 3, c = tri[k + 2] * 3;
@@ -90,8 +90,9 @@ async function residual(i) {                      // micrometres, decoded when f
   if (!c.r) {
     const d = index.arrays["residual" + i];
     c.r = scaled(await load("residual" + i), d, d.type === "i16" ? -32768 : -2147483648);
-    c.line = await load("line" + i);
+    c.line = Int32Array.from(await load("line" + i), z => z & 1 ? -(z + 1) / 2 : z / 2);
     const t = index.arrays["cut_time" + i]; c.time = scaled(await load("cut_time" + i), t, t.type === "i16" ? -32768 : -2147483648);
+    if (i > 0) { const first = await residual(0); for (let k = 0; k < nV; k++) { c.line[k] += first.line[k]; if (c.time[k] < NONE && first.time[k] < NONE) c.time[k] += first.time[k]; } }
     let mi = -1, ma = -1;
     for (let k = 0; k < nV; k++) if (c.r[k] < NONE) { if (mi < 0 || c.r[k] < c.r[mi]) mi = k; if (ma < 0 || c.r[k] > c.r[ma]) ma = k; }
     c.min = mi; c.max = ma;
@@ -307,7 +308,7 @@ function pick(x, y) {
 }
 function tell() {
   if (!probe) { $("probe").textContent = "—"; return; }
-  const v = probe.v, f = (x, n = 3) => x.toFixed(n).padStart(9); let text = `${L("vertex")} ${v}\nX ${f(P[3 * v])} mm\nY ${f(P[3 * v + 1])}\nZ ${f(P[3 * v + 2])}`;
+  const v = probe.v, f = (x, n = 3) => x.toFixed(n).padStart(9); let text = `X ${f(P[3 * v])} mm\nY ${f(P[3 * v + 1])}\nZ ${f(P[3 * v + 2])}`;
   for (const c of new Set([cases[S.a], cases[S.b], ...(S.mode === "difference" ? [difference] : [])])) text += `\n\n${c.name}\n  ${um(c.r[v])}` + (c.line && c.r[v] < NONE ? `   ${L("line")} ${c.line[v]}` + (c.time ? `, ${c.time[v].toFixed(1)} s` : "") : "");
   $("probe").textContent = text;
 }

@@ -1,8 +1,10 @@
 #include "sim/report/encode.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <stdexcept>
 
 #include <zlib.h>
@@ -111,6 +113,52 @@ Packed packed_bytes(std::span<const std::uint8_t> numbers) {
   return {"u8", Eigen::Index(numbers.size()),
           1,    {},
           {},   base64(deflated({numbers.begin(), numbers.end()}))};
+}
+
+namespace {
+
+/// Place along a Hilbert curve of a point with 16 bits a coordinate.
+std::uint64_t along_curve(std::array<std::uint32_t, 3> x) {
+  constexpr std::uint32_t top = 1u << 15;
+  for (std::uint32_t bit = top; bit > 1; bit >>= 1)
+    for (std::uint32_t& one : x) {
+      const std::uint32_t below = bit - 1;
+      if (one & bit) {
+        x[0] ^= below;
+      } else {
+        const std::uint32_t swapped = (x[0] ^ one) & below;
+        x[0] ^= swapped;
+        one ^= swapped;
+      }
+    }
+  x[1] ^= x[0];
+  x[2] ^= x[1];
+  std::uint32_t turned = 0;
+  for (std::uint32_t bit = top; bit > 1; bit >>= 1)
+    if (x[2] & bit) turned ^= bit - 1;
+  std::uint64_t place = 0;
+  for (int bit = 15; bit >= 0; --bit)
+    for (const std::uint32_t one : x) place = place << 1 | ((one ^ turned) >> bit & 1u);
+  return place;
+}
+
+}  // namespace
+
+std::vector<Eigen::Index> order_along_curve(const Eigen::MatrixX3d& points) {
+  std::vector<Eigen::Index> order(std::size_t(points.rows()));
+  std::iota(order.begin(), order.end(), Eigen::Index(0));
+  if (order.empty()) return order;
+  const Eigen::RowVector3d low = points.colwise().minCoeff();
+  const double size = (points.colwise().maxCoeff() - low).maxCoeff();
+  if (!(size > 0.0)) return order;
+  std::vector<std::uint64_t> place;
+  for (const auto& point : points.rowwise()) {
+    const Eigen::RowVector3d at = (point - low) * (65535.0 / size);
+    place.push_back(
+        along_curve({std::uint32_t(at[0]), std::uint32_t(at[1]), std::uint32_t(at[2])}));
+  }
+  std::ranges::stable_sort(order, {}, [&](Eigen::Index k) { return place[std::size_t(k)]; });
+  return order;
 }
 
 std::string base64(std::string_view bytes) {

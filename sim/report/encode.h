@@ -38,6 +38,10 @@ Packed packed_numbers(const Eigen::MatrixXi& numbers);
 /// One byte a number, without differences.
 Packed packed_bytes(std::span<const std::uint8_t> numbers);
 
+/// Rows of points (n x 3) in the order of a Hilbert curve through their box, so that neighbours in
+/// the order are neighbours in space and their differences small. Source: Skilling 2004.
+std::vector<Eigen::Index> order_along_curve(const Eigen::MatrixX3d& points);
+
 /// RFC 4648, padded.
 std::string base64(std::string_view bytes);
 

@@ -1,6 +1,7 @@
 #include "sim/report/html_report.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <numbers>
@@ -25,7 +26,7 @@ using nlohmann::ordered_json;
 constexpr double coarsest_um = 2e-3, finest_um = 1e-3;  // residual
 constexpr double motion_tolerance = 0.01;               // mm and degrees
 constexpr double motion_step = 1e-3;                    // the same
-constexpr double time_step_s = 1e-3;
+constexpr double time_step_s = 1e-3, cut_time_step_s = 0.02;
 constexpr double body_step_mm = 0.01;
 
 /// What a page holds besides words: the index of its arrays, and their texts.
@@ -84,21 +85,48 @@ ordered_json to_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 // --- the part
 
-/// 16 bits where they give 2 nm, else 1 nm.
+/// 1 nm, or a two-thousandth of a map that spans less than 2 um; 2 nm where that saves 16 bits.
 double residual_step(const Eigen::VectorXd& residual_um) {
-  const double step = step_of_16_bits(residual_um);
-  return step <= coarsest_um ? step : finest_um;
+  const double step = step_of_16_bits(residual_um);  // a 65534th of what it spans
+  if (step > coarsest_um) return finest_um;
+  return std::max(step, std::min(finest_um, 32.0 * step));
 }
 
-void add_case(Data& data, const ResultMap& map, const ordered_json& figures) {
+/// What all maps of a page share.
+struct Shared {
+  std::vector<Eigen::Index> order;  ///< of the vertices
+  std::vector<int> line;            ///< of the first map, from which those of the others differ
+  Eigen::VectorXd time_s;           ///< the same, 0 where nothing was removed
+};
+
+/// Differences of both signs as numbers: 0, -1, 1, -2, 2 ...
+Eigen::MatrixXi zigzag(const std::vector<int>& numbers, const std::vector<int>& from) {
+  Eigen::MatrixXi all(Eigen::Index(numbers.size()), 1);
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    const int difference = numbers[i] - from[i];
+    all(Eigen::Index(i), 0) = difference < 0 ? -2 * difference - 1 : 2 * difference;
+  }
+  return all;
+}
+
+void add_case(Data& data, const ResultMap& map, const ordered_json& figures, Shared& shared) {
   const std::string number = std::to_string(data.index["cases"].size());
   const double step = residual_step(map.residual_um);
-  add(data, "residual" + number, packed_values(map.residual_um, step));
-  add(data, "line" + number,
-      packed_numbers(Eigen::Map<const Eigen::VectorXi>(map.cut_line.data(),
-                                                       Eigen::Index(map.cut_line.size()))));
-  add(data, "cut_time" + number,
-      packed_values(map.cut_time_s, std::max(time_step_s, step_of_16_bits(map.cut_time_s))));
+  add(data, "residual" + number, packed_values(map.residual_um(shared.order), step));
+  std::vector<int> line;
+  for (const Eigen::Index k : shared.order) line.push_back(map.cut_line[std::size_t(k)]);
+  Eigen::VectorXd time_s = map.cut_time_s(shared.order);
+  const bool is_first = shared.line.empty();
+  if (is_first) {
+    shared.line.assign(line.size(), 0);
+    shared.time_s = Eigen::VectorXd::Zero(time_s.size());
+  }
+  add(data, "line" + number, packed_numbers(zigzag(line, shared.line)));
+  add(data, "cut_time" + number, packed_values(time_s - shared.time_s, cut_time_step_s));
+  if (is_first) {
+    shared.line = line;
+    shared.time_s = time_s.unaryExpr([](double t) { return std::isnan(t) ? 0.0 : t; });
+  }
   const auto shown = [&](const char* key) {
     const ordered_json& value = figures.at("residual_um").at(key);
     return value.is_number() ? fmt::format("{:.4g}", value.get<double>()) : std::string("–");
@@ -108,11 +136,31 @@ void add_case(Data& data, const ResultMap& map, const ordered_json& figures) {
                                  {"stats", {{"pv", shown("pv")}, {"rms", shown("rms")}}}});
 }
 
-void add_mesh(Data& data, const cutting::Design& design) {
+/// Corners by their new numbers, the least first, the two others less it; triangles by that one.
+Eigen::MatrixXi ordered_triangles(const Eigen::MatrixXi& triangles,
+                                  const std::vector<Eigen::Index>& order) {
+  std::vector<int> number(order.size());
+  for (std::size_t k = 0; k < order.size(); ++k) number[std::size_t(order[k])] = int(k);
+  std::vector<std::array<int, 3>> all;
+  for (const auto& row : triangles.rowwise()) {
+    std::array<int, 3> one{number[std::size_t(row[0])], number[std::size_t(row[1])],
+                           number[std::size_t(row[2])]};
+    std::ranges::rotate(one, std::ranges::min_element(one));
+    all.push_back({one[0], one[1] - one[0], one[2] - one[0]});
+  }
+  std::ranges::sort(all);
+  Eigen::MatrixXi sorted(Eigen::Index(all.size()), 3);
+  for (Eigen::Index k = 0; k < sorted.rows(); ++k)
+    sorted.row(k) << all[std::size_t(k)][0], all[std::size_t(k)][1], all[std::size_t(k)][2];
+  return sorted;
+}
+
+void add_mesh(Data& data, const cutting::Design& design, const std::vector<Eigen::Index>& order) {
   data.index["vertices"] = design.vertices.rows();
   data.index["triangles"] = design.triangles.rows();
-  add(data, "position", packed_values(design.vertices, step_of_16_bits(design.vertices)));
-  add(data, "triangle", packed_numbers(design.triangles));
+  const Eigen::MatrixXd vertices = design.vertices(order, Eigen::all);
+  add(data, "position", packed_values(vertices, step_of_16_bits(vertices)));
+  add(data, "triangle", packed_numbers(ordered_triangles(design.triangles, order)));
 }
 
 bool is_same_mesh(const cutting::Design& a, const cutting::Design& b) {
@@ -356,7 +404,9 @@ HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& com
   HtmlReport report;
   Data data{{{"cases", ordered_json::array()}, {"arrays", ordered_json::object()}}, {}};
   data.index["tolerance_um"] = json.at("tolerance_um");
-  add_mesh(data, result_map(job, cases.front().verdict).design);
+  const cutting::Design design = result_map(job, cases.front().verdict).design;
+  Shared shared{order_along_curve(design.vertices), {}, {}};
+  add_mesh(data, design, shared.order);
   for (std::size_t i = 0; i < cases.size(); ++i) {
     if (!is_same_mesh(cases[i].job->design_w, job.design_w)) {
       report.warnings.push_back(fmt::format(
@@ -366,7 +416,7 @@ HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& com
           job.design_w.vertices.rows()));
       continue;
     }
-    add_case(data, result_map(*cases[i].job, cases[i].verdict), json.at("cases").at(i));
+    add_case(data, result_map(*cases[i].job, cases[i].verdict), json.at("cases").at(i), shared);
   }
   if (job.stretches.empty() && job.samples.states.size() > 1)
     add_machine(data, job);

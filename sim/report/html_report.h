@@ -21,7 +21,7 @@ struct HtmlReport {
 /// One page that needs nothing besides itself: the maps of the cases as a browser turns them, the
 /// machine along the program, the figures of `comparison` and its warnings. Values are packed to
 /// within half of the step that the page states: residuals in steps of 2 nm or finer, positions to
-/// 1/65534 of the largest extent, motions to 10 um and 0.01
+/// 1/65534 of the largest extent, instants of cutting to 0.02 s, motions to 10 um and 0.01
 /// degrees, spindles at rest.
 /// @param cases  at least one; those of a variant whose part has other vertices are left out of
 ///               the maps

@@ -26,7 +26,6 @@ constexpr ReportLabel labels[] = {
     {"off", "off", "关"},
     {"perspective", "perspective", "透视"},
     {"under_cursor", "Under the cursor", "光标处"},
-    {"vertex", "vertex", "顶点"},
     {"line", "line", "程序行"},
     {"uncut", "uncut", "未加工"},
     {"png", "PNG", "PNG"},

@@ -127,6 +127,15 @@ TEST(Packed, WholeNumbersUnpackExactly) {
     EXPECT_EQ(back[std::size_t(i)], std::uint32_t(numbers.data()[i]));
 }
 
+TEST(Packed, NeighboursAlongTheCurveAreNeighboursInSpace) {
+  Eigen::MatrixX3d grid(512, 3);
+  for (int k = 0; k < 512; ++k) grid.row((k * 211) % 512) << k % 8, k / 8 % 8, k / 64;
+  const std::vector<Eigen::Index> order = order_along_curve(grid);
+  ASSERT_EQ(std::set<Eigen::Index>(order.begin(), order.end()).size(), 512u);
+  for (std::size_t k = 1; k < order.size(); ++k)  // what makes it Hilbert's: every step is of one
+    EXPECT_EQ((grid.row(order[k]) - grid.row(order[k - 1])).lpNorm<1>(), 1.0) << k;
+}
+
 TEST(Packed, Base64IsThatOfTheRfc) {  // RFC 4648, section 10
   EXPECT_EQ(base64(""), "");
   EXPECT_EQ(base64("f"), "Zg==");
