@@ -88,14 +88,15 @@ double resolution_of(const Job& job, const cutting::Surface& surface) {
   return std::max(sampled, cutting::usual_resolution(usual_range(surface, job.design_w)));
 }
 
-/// Whether the form of a map, which waves of the cut-off (mm) pass by half, can be trusted where the
-/// map is too coarse for the texture.
+/// Whether the form of a map, by its vertices and a place within each triangle, can be trusted
+/// where the map is too coarse for the texture. @param cutoff  mm, of waves that pass by half
 std::string what_of_form(const cutting::Design& design, double cutoff) {
-  constexpr double vertices_a_cutoff = 4.0;
-  const double apart = std::sqrt(design.area.sum() / double(design.vertices.rows()));
-  if (apart * vertices_a_cutoff <= cutoff) return "judge by form_um, or";
+  constexpr double places_a_cutoff = 4.0;
+  const auto places = double(design.vertices.rows() + design.triangles.rows());
+  const double apart = std::sqrt(design.area.sum() / places);
+  if (apart * places_a_cutoff <= cutoff) return "judge by form_um, or";
   return fmt::format(
-      "form_um is no better, with vertices {:.3g} mm apart and a cut-off of {:.3g} mm;", apart,
+      "form_um is no better, with places {:.3g} mm apart and a cut-off of {:.3g} mm;", apart,
       cutoff);
 }
 

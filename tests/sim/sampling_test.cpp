@@ -351,5 +351,20 @@ TEST(Sampling, BySpacingAndByVertices) {
   EXPECT_EQ(sampled(given).design_w.vertices, given.design_w.vertices);
 }
 
+TEST(Sampling, ACoarseMapIsJudgedByItsFormWhereThatIsFineEnough) {
+  const auto said = [](const char* cutoff, const char* text) {
+    const Job job = sampled(job_of(BallRaster{.part = std::string(small_dome) +
+                                                      "vertices = 300\nsampling = \"vertices\"\n" +
+                                                      "form_cutoff_mm = " + cutoff + "\n"}));
+    const Cut made = cut(job);
+    return std::ranges::any_of(made.warnings, [&](const std::string& warning) {
+      return warning.find("the map is too coarse") != std::string::npos &&
+             warning.find(text) != std::string::npos;
+    });
+  };
+  EXPECT_TRUE(said("8", "judge by form_um, or raise"));
+  EXPECT_TRUE(said("0.1", "form_um is no better, with places"));
+}
+
 }  // namespace
 }  // namespace abbe::sim
