@@ -410,7 +410,7 @@ function machineScene(p, cam) {
   for (const clear of [false, true]) for (const b of bodies) if (b.opacity < 1 === clear) { gl.depthMask(!clear); gl.uniformMatrix4fv(plain.u.M, false, T[b.on]); gl.uniform4f(plain.u.colour, ...b.colour, b.opacity); gl.bindVertexArray(b.vao); gl.drawArrays(gl.TRIANGLES, 0, b.count); } gl.depthMask(true);
 }
 function motionText() {
-  if (!path) return; const T = posesNow(), q = machine.joints.map((j, k) => j.fixed ? "" : `${j.name} ${T.q[k].toFixed(3).padStart(9)} ${j.rotary ? "°" : "mm"}`); $("state").textContent = `${S.time.toFixed(2)} ${L("of")} ${path.end.toFixed(0)} s   ${L("line")} ${path.line[lastBefore(path.start, S.time)]}\n` + q.join("\n"); $("time").value = S.time;
+  if (!path) return; const T = posesNow(), q = machine.joints.map((j, k) => j.fixed ? "" : `${j.name} ${T.q[k].toFixed(3).replace(/^-(0\.0+)$/, "$1").padStart(9)} ${j.rotary ? "°" : "mm"}`); $("state").textContent = `${S.time.toFixed(2)} ${L("of")} ${path.end.toFixed(0)} s   ${L("line")} ${path.line[lastBefore(path.start, S.time)]}\n` + q.join("\n"); $("time").value = S.time;
 }
 let playing = 0;
 function tick(now) { if (!playing) return; S.time += (now - playing) / 1000 * +$("speed").value; playing = now; if (S.time >= path.end) S.time = 0; motionText(); draw(); requestAnimationFrame(tick); }
