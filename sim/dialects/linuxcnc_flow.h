@@ -49,8 +49,8 @@ class Flow : public Operands {
   struct Call {
     const Source* source = nullptr;
     std::size_t back = 0;  ///< line to go on with
-    std::string name;
-    std::vector<Loop> loops;
+    std::string name = {};
+    std::vector<Loop> loops = {};
     std::array<double, 31> locals{};  ///< #1 .. #30
   };
   struct Sub {
