@@ -147,9 +147,9 @@ std::vector<Index> judged_in_order(const Design& design) {
   tbb::parallel_for(blocks, [&](const auto& range) {
     for (std::size_t k = range.begin(); k < range.end(); ++k) {
       const Vector3d cell = (design.vertices.row(judged[k]).transpose() - low) * (last_cell / size);
-      places[k] = {
-          hilbert_code(std::uint32_t(cell.x()), std::uint32_t(cell.y()), std::uint32_t(cell.z())),
-          std::uint32_t(judged[k])};
+      places[k] = {std::uint32_t(hilbert_code(std::uint32_t(cell.x()), std::uint32_t(cell.y()),
+                                              std::uint32_t(cell.z()))),
+                   std::uint32_t(judged[k])};
     }
   });
   sort_by_code(places);

@@ -6,6 +6,7 @@
 
 #include "sim/commands/choose_sensors.h"
 #include "sim/compensation/plug_in.h"
+#include "sim/cut/cut_warnings.h"
 #include "sim/cut/memory.h"
 #include "sim/cut/reach.h"
 #include "sim/cut/sampling.h"
@@ -257,14 +258,16 @@ Reported write_report(const ResultFile& file, const std::vector<Compared>& cases
   return {page.html.size(), page.warnings, {}};
 }
 
-/// The same besides other results; without one, that of an earlier run goes.
-void write_report_beside(const ResultFolder& folder, const std::vector<Compared>& cases,
-                         const Comparison& compared, const RunOptions& options,
-                         std::vector<std::string>& warnings) {
+/// The page besides other results, by `write`; where none is asked for, that of an earlier run
+/// goes.
+/// @return its warnings
+template <class Write>
+std::vector<std::string> report_beside(const ResultFolder& folder, const RunOptions& options,
+                                       const Write& write) {
   const ResultFile file = folder / "report.html";
-  if (options.report_language.empty()) return remove_file(file);
-  const Reported reported = write_report(file, cases, compared, options);
-  warnings.insert(warnings.end(), reported.warnings.begin(), reported.warnings.end());
+  if (!options.report_language.empty()) return write(file).warnings;
+  remove_file(file);
+  return {};
 }
 
 }  // namespace
@@ -300,8 +303,12 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   write_program(folder, job);
   write_case(folder, job, verdict, options.formats, to(progress));
   Summary figures = summary(job, verdict);
-  const std::vector<Compared> alone{{verdict, &job, std::nullopt}};
-  write_report_beside(folder, alone, comparison(job, alone), options, figures.warnings);
+  add_warnings(report_beside(folder, options,
+                             [&](const ResultFile& page) {
+                               const std::vector<Compared> alone{{verdict, &job, std::nullopt}};
+                               return write_report(page, alone, comparison(job, alone), options);
+                             }),
+               figures.warnings);
   Outcome outcome{std::move(figures), {}, {}, {}};
   if (scene.sensor_choice)
     outcome.sensors = choose_sensors(folder, scene, read_variants(scene, options.overrides));
@@ -345,7 +352,11 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   if (scene.sensor_choice) progress.begin("choose sensors");
   outcome.sensors = choose_sensors(folder, scene, variants);
   write_json(folder / "comparison.json", to_json(compared));
-  write_report_beside(folder, cases, compared, options, compared.warnings);
+  add_warnings(report_beside(folder, options,
+                             [&](const ResultFile& page) {
+                               return write_report(page, cases, compared, options);
+                             }),
+               compared.warnings);
   outcome.figures = std::move(compared);
   progress.begin("write comparison");
   write_comparison_picture(folder / "comparison.png", scene, cases, to(progress));

@@ -1,27 +1,16 @@
 #include "sim/report/encode.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <numeric>
 #include <stdexcept>
 
-#include <zlib.h>
+#include "cutting/hilbert.h"
+#include "sim/report/zip_archive.h"
 
 namespace abbe::sim {
 namespace {
-
-std::string deflated(const std::string& bytes) {
-  constexpr int level = 6;  // 9 takes three times as long for a percent
-  uLongf size = compressBound(uLong(bytes.size()));
-  std::string out(size, '\0');
-  if (compress2(reinterpret_cast<Bytef*>(out.data()), &size,
-                reinterpret_cast<const Bytef*>(bytes.data()), uLong(bytes.size()), level) != Z_OK)
-    throw std::runtime_error("zlib could not compress " + std::to_string(bytes.size()) + " bytes");
-  out.resize(size);
-  return out;
-}
 
 /// Differences within every column, then plane after plane of their bytes.
 template <typename Unsigned>
@@ -85,7 +74,8 @@ Packed packed_values(const Eigen::MatrixXd& values, double step) {
                                           : std::int32_t(std::clamp(number, -most, most)));
     }
   packed.text = base64(
-      deflated(is_short ? planes_of<std::uint16_t>(numbers) : planes_of<std::uint32_t>(numbers)));
+      deflated(is_short ? planes_of<std::uint16_t>(numbers) : planes_of<std::uint32_t>(numbers),
+               DeflateHead::Zlib));
   return packed;
 }
 
@@ -101,48 +91,20 @@ double step_of_16_bits(const Eigen::MatrixXd& values) {
 Packed packed_numbers(const Eigen::MatrixXi& numbers) {
   if (numbers.size() > 0 && numbers.minCoeff() < 0)
     throw std::invalid_argument("a number to pack is negative");
-  return {"u32",
-          numbers.rows(),
-          numbers.cols(),
-          {},
-          {},
-          base64(deflated(planes_of<std::uint32_t>(numbers.cast<std::uint32_t>())))};
+  return {
+      "u32",
+      numbers.rows(),
+      numbers.cols(),
+      {},
+      {},
+      base64(deflated(planes_of<std::uint32_t>(numbers.cast<std::uint32_t>()), DeflateHead::Zlib))};
 }
 
 Packed packed_bytes(std::span<const std::uint8_t> numbers) {
   return {"u8", Eigen::Index(numbers.size()),
           1,    {},
-          {},   base64(deflated({numbers.begin(), numbers.end()}))};
+          {},   base64(deflated({numbers.begin(), numbers.end()}, DeflateHead::Zlib))};
 }
-
-namespace {
-
-/// Place along a Hilbert curve of a point with 16 bits a coordinate.
-std::uint64_t along_curve(std::array<std::uint32_t, 3> x) {
-  constexpr std::uint32_t top = 1u << 15;
-  for (std::uint32_t bit = top; bit > 1; bit >>= 1)
-    for (std::uint32_t& one : x) {
-      const std::uint32_t below = bit - 1;
-      if (one & bit) {
-        x[0] ^= below;
-      } else {
-        const std::uint32_t swapped = (x[0] ^ one) & below;
-        x[0] ^= swapped;
-        one ^= swapped;
-      }
-    }
-  x[1] ^= x[0];
-  x[2] ^= x[1];
-  std::uint32_t turned = 0;
-  for (std::uint32_t bit = top; bit > 1; bit >>= 1)
-    if (x[2] & bit) turned ^= bit - 1;
-  std::uint64_t place = 0;
-  for (int bit = 15; bit >= 0; --bit)
-    for (const std::uint32_t one : x) place = place << 1 | ((one ^ turned) >> bit & 1u);
-  return place;
-}
-
-}  // namespace
 
 std::vector<Eigen::Index> order_along_curve(const Eigen::MatrixX3d& points) {
   std::vector<Eigen::Index> order(std::size_t(points.rows()));
@@ -154,8 +116,8 @@ std::vector<Eigen::Index> order_along_curve(const Eigen::MatrixX3d& points) {
   std::vector<std::uint64_t> place;
   for (const auto& point : points.rowwise()) {
     const Eigen::RowVector3d at = (point - low) * (65535.0 / size);
-    place.push_back(
-        along_curve({std::uint32_t(at[0]), std::uint32_t(at[1]), std::uint32_t(at[2])}));
+    place.push_back(cutting::hilbert_code<16>(std::uint32_t(at[0]), std::uint32_t(at[1]),
+                                              std::uint32_t(at[2])));
   }
   std::ranges::stable_sort(order, {}, [&](Eigen::Index k) { return place[std::size_t(k)]; });
   return order;

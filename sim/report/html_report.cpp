@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/units.h"
+#include "sim/compensation/course.h"
 #include "sim/cut/bodies.h"
 #include "sim/files/versions.h"
 #include "sim/report/encode.h"
@@ -206,8 +207,9 @@ void add_lines(Data& data, const program::Samples& samples) {
 void add_motion(Data& data, const Job& job) {
   const kinematics::Chain& chain = job.machine.nominal;
   const auto& states = job.samples.states;
-  Eigen::VectorXd time(Eigen::Index(states.size()));
-  Eigen::MatrixXd q(time.size(), chain.size());
+  compensation::Course course{Eigen::VectorXd(Eigen::Index(states.size())),
+                              Eigen::MatrixXd(Eigen::Index(states.size()), chain.size())};
+  auto& [time, q] = course;
   for (Eigen::Index k = 0; k < time.size(); ++k) {
     time[k] = states[std::size_t(k)].time_s;
     for (int j = 0; j < chain.size(); ++j) {
@@ -217,9 +219,10 @@ void add_motion(Data& data, const Job& job) {
                     : states[std::size_t(k)].q[j] * (turns ? 180.0 / std::numbers::pi : 1.0);
     }
   }
-  const std::vector<Eigen::Index> kept = thinned(time, q, motion_tolerance);
-  add(data, "q", packed_values(q(kept, Eigen::all), motion_step));
-  add(data, "t", packed_values(time(kept), time_step_s));
+  const compensation::Course few =
+      compensation::thinned(course, Eigen::VectorXd::Constant(chain.size(), motion_tolerance));
+  add(data, "q", packed_values(few.value, motion_step));
+  add(data, "t", packed_values(few.time_s, time_step_s));
 }
 
 void add_machine(Data& data, const Job& job) {
@@ -363,39 +366,6 @@ std::string filled(std::string_view page, const std::map<std::string, std::strin
 }
 
 }  // namespace
-
-std::vector<Eigen::Index> thinned(const Eigen::VectorXd& time_s, const Eigen::MatrixXd& q,
-                                  double tolerance) {
-  std::vector<Eigen::Index> kept;
-  if (time_s.size() == 0) return kept;
-  kept.push_back(0);
-  const auto none = Eigen::RowVectorXd::Constant(q.cols(), std::numeric_limits<double>::infinity());
-  Eigen::RowVectorXd least = -none, most = none;  // slopes from the last one kept
-  for (Eigen::Index k = 1; k < time_s.size(); ++k) {
-    const auto slope_to = [&](Eigen::Index from) -> Eigen::RowVectorXd {
-      return (q.row(k) - q.row(from)) / (time_s[k] - time_s[from]);
-    };
-    const bool jumps = !(time_s[k] > time_s[kept.back()]);
-    if (!jumps) {
-      const Eigen::RowVectorXd slope = slope_to(kept.back());
-      if ((slope.array() < least.array()).any() || (slope.array() > most.array()).any()) {
-        kept.push_back(k - 1);
-        least = -none;
-        most = none;
-      }
-    }
-    if (!(time_s[k] > time_s[kept.back()])) {
-      if ((q.row(k) - q.row(kept.back())).cwiseAbs().maxCoeff() > tolerance) kept.push_back(k);
-      continue;
-    }
-    const double share = tolerance / (time_s[k] - time_s[kept.back()]);
-    const Eigen::RowVectorXd slope = slope_to(kept.back());
-    least = least.cwiseMax((slope.array() - share).matrix());
-    most = most.cwiseMin((slope.array() + share).matrix());
-  }
-  if (kept.back() != time_s.size() - 1) kept.push_back(time_s.size() - 1);
-  return kept;
-}
 
 HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& comparison,
                        const HtmlAsked& asked) {

@@ -28,11 +28,4 @@ struct HtmlReport {
 HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& comparison,
                        const HtmlAsked& asked);
 
-/// Samples of a motion between which straight lines come within `tolerance` of every other sample.
-/// @param time_s  (n) that never goes back
-/// @param q       (n x joints)
-/// @return their numbers, the first and the last among them
-std::vector<Eigen::Index> thinned(const Eigen::VectorXd& time_s, const Eigen::MatrixXd& q,
-                                  double tolerance);
-
 }  // namespace abbe::sim

@@ -19,25 +19,6 @@ std::uint32_t in_32_bits(std::size_t size) {
   return std::uint32_t(size);
 }
 
-std::string deflated(const std::string& bytes) {
-  z_stream stream{};
-  // negative bits: no head of zlib's own, as the archive wants it
-  constexpr int raw = -15, memory = 8;
-  if (::deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, raw, memory, Z_DEFAULT_STRATEGY) !=
-      Z_OK)
-    throw std::runtime_error("zlib does not start");
-  std::string packed(::deflateBound(&stream, in_32_bits(bytes.size())), '\0');
-  stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data()));
-  stream.avail_in = uInt(bytes.size());
-  stream.next_out = reinterpret_cast<Bytef*>(packed.data());
-  stream.avail_out = uInt(in_32_bits(packed.size()));
-  const int ended = ::deflate(&stream, Z_FINISH);
-  packed.resize(stream.total_out);
-  ::deflateEnd(&stream);
-  if (ended != Z_STREAM_END) throw std::runtime_error("zlib does not finish");
-  return packed;
-}
-
 /// What stands of an entry both before its data and in the directory.
 std::string common_head(const ZipEntry& entry, const std::string& packed) {
   constexpr std::uint16_t version = 20, flags = 0, deflate = 8, time = 0, date = 0x21;
@@ -54,10 +35,30 @@ std::string common_head(const ZipEntry& entry, const std::string& packed) {
 
 }  // namespace
 
+std::string deflated(const std::string& bytes, DeflateHead head) {
+  z_stream stream{};
+  constexpr int window = 15, memory = 8;
+  const int bits = head == DeflateHead::Zlib ? window : -window;
+  if (::deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, bits, memory,
+                     Z_DEFAULT_STRATEGY) != Z_OK)
+    throw std::runtime_error("zlib does not start");
+  std::string packed(::deflateBound(&stream, in_32_bits(bytes.size())), '\0');
+  stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data()));
+  stream.avail_in = uInt(bytes.size());
+  stream.next_out = reinterpret_cast<Bytef*>(packed.data());
+  stream.avail_out = uInt(in_32_bits(packed.size()));
+  const int ended = ::deflate(&stream, Z_FINISH);
+  packed.resize(stream.total_out);
+  ::deflateEnd(&stream);
+  if (ended != Z_STREAM_END) throw std::runtime_error("zlib does not finish");
+  return packed;
+}
+
 std::string zip_archive(const std::vector<ZipEntry>& entries) {
   std::string archive, directory;
   for (const ZipEntry& entry : entries) {
-    const std::string packed = deflated(entry.bytes), head = common_head(entry, packed);
+    const std::string packed = deflated(entry.bytes, DeflateHead::None),
+                      head = common_head(entry, packed);
     const std::uint32_t at = in_32_bits(archive.size());
     archive.append("PK\x03\x04").append(head).append(entry.name).append(packed);
     directory.append("PK\x01\x02");

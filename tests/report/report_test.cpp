@@ -15,6 +15,7 @@
 #include <gtest/gtest.h>
 #include <zlib.h>
 
+#include "sim/compensation/course.h"
 #include "sim/report/encode.h"
 #include "sim/report/html_report.h"
 #include "sim/report/report_labels.h"
@@ -151,7 +152,15 @@ TEST(Thinned, LinesBetweenTheKeptComeWithinTheToleranceOfTheRest) {
     q.row(k) << 50.0 * std::sin(time[k]), k < 1200 ? 3.0 * time[k] : -time[k];
   }
   const double tolerance = 0.05;
-  const std::vector<Eigen::Index> kept = thinned(time, q, tolerance);
+  const compensation::Course few =
+      compensation::thinned({time, q}, Eigen::VectorXd::Constant(2, tolerance));
+  std::vector<Eigen::Index> kept;
+  for (Eigen::Index k = 0, next = 0; k < time.size() && next < few.time_s.size(); ++k)
+    if (time[k] == few.time_s[next] && q.row(k) == few.value.row(next)) {
+      kept.push_back(k);
+      ++next;
+    }
+  ASSERT_EQ(kept.size(), std::size_t(few.time_s.size()));
   EXPECT_LT(kept.size(), 500u);
   EXPECT_EQ(kept.front(), 0);
   EXPECT_EQ(kept.back(), 1999);
