@@ -24,7 +24,7 @@ const std::map<std::string, std::set<std::string>> may_know = {
     {"render", {"kinematics", "cutting"}},
     {"sim/files", {"kinematics"}},
     {"sim/program", {"kinematics", "cutting"}},
-    {"sim/dialects", {"kinematics", "sim/program"}},
+    {"sim/dialects", {"kinematics", "sim/files", "sim/program"}},
     {"sim/compensation", {"kinematics", "errors", "errors/identification", "sim/program"}},
     {"sim/scene", {"sim/program", "sim/dialects", "sim/compensation", "render"}},
     {"sim/readings", {"sim/scene"}},
@@ -44,6 +44,9 @@ const std::map<std::string, std::set<std::string>> may_know = {
     {"sim/commands",
      {"sim/study", "sim/report", "sim/loop", "sim/measure", "sim/calibration", "sim/cut",
       "sim/machine", "sim/scene", "sim/readings", "sim/program", "sim/compensation"}},
+    {"sim/python",
+     {"sim/commands", "sim/study", "sim/report", "sim/loop", "sim/calibration", "sim/cut",
+      "sim/machine", "sim/scene", "sim/compensation"}},
 };
 
 /// What every room of sim above its program and compensation may know.

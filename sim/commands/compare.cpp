@@ -39,46 +39,41 @@ void check_and_say(const Scene& scene, const std::vector<WorkSize>& sizes, const
   if (const std::string text = memory_remark(sizes, asked); !text.empty()) to(progress)(text, -1.0);
 }
 
-CasesAsked drawn(CasesAsked asked) {
+CasesAsked with_files(CasesAsked asked, const RunOptions& options) {
   asked.pictures = draws_pictures();
+  asked.tracked = kept_for(options.formats) == Keep::Track;
   return asked;
 }
 
-/// A job with its cases: the scene itself, or one variant of it.
-struct Batch {
-  std::string prefix;  ///< of the names of its cases; empty for the scene itself
-  Job job;
-};
-
 /// The cases of a batch, measured against its own error-free map, and reductions against its
 /// uncompensated case.
-void cut_cases(const Batch& batch, std::vector<Compared>& cases, std::vector<FailedCase>& failed,
-               ProgressLine& progress) {
+void cut_cases(const Batch& batch, CasesCut& made, Keep keep, ProgressLine& progress) {
+  std::vector<Compared>& cases = made.cases;
   const auto named = [&](const std::string& name) { return case_folder(batch.prefix, name); };
   progress.begin(named("error_free"));
-  Cut free = cut_error_free(batch.job, to(progress));
+  Cut free = cut_error_free(batch.job, to(progress), keep);
   check_cuts_part(batch.job, free);
   const Verdict error_free = judge(batch.job, std::move(free), nullptr);
   if (batch.prefix.empty()) cases.push_back({error_free, &batch.job, std::nullopt});
   const std::size_t uncompensated = cases.size();
   const auto fails = [&](const std::string& name, const char* reason) {
-    failed.push_back({named(name), reason});
+    made.failed.push_back({named(name), reason});
   };
   const auto add = [&](const std::optional<CaseDescription>& compensator) {
     progress.begin(named(compensator ? compensator->name : "uncompensated"));
-    Cut made;
+    Cut one;
     try {
-      made = cut(batch.job, compensator, to(progress));
-      check_cuts_part(batch.job, made);
+      one = cut(batch.job, compensator, to(progress), keep);
+      check_cuts_part(batch.job, one);
     } catch (const compensation::PlugInFailure& failure) {
       return fails(compensator->name, failure.what());
     } catch (const BadInput& fault) {  // of what the plug-in answered; else of the scene
       if (!compensator || compensator->plug_in.empty()) throw;
       return fails(compensator->name, fault.what());
     }
-    made.name = named(made.name);
+    one.name = named(one.name);
     const auto against = compensator ? std::optional(uncompensated) : std::nullopt;
-    cases.push_back({judge(batch.job, std::move(made), &error_free), &batch.job, against});
+    cases.push_back({judge(batch.job, std::move(one), &error_free), &batch.job, against});
   };
   add(std::nullopt);
   for (const CaseDescription& compensator : batch.job.scene.cases) add(compensator);
@@ -137,24 +132,27 @@ std::optional<CaseDescription> compensator_of(const std::string& case_name) {
 }
 
 /// `run` cuts the case that is named, else the uncompensated machine.
-Cut cut_one(const Job& job, const std::string& case_name, const Progress& progress) {
-  if (case_name == "error_free") return cut_error_free(job, progress);
-  return cut(job, compensator_of(case_name), progress);
+Cut cut_one(const Job& job, const std::string& case_name, Keep keep, const Progress& progress) {
+  if (case_name == "error_free") return cut_error_free(job, progress, keep);
+  return cut(job, compensator_of(case_name), progress, keep);
 }
 
-/// The scene with the plug-ins of the command line among its cases, each a folder of its own.
-Scene with_plug_ins(Scene scene, const std::vector<std::filesystem::path>& plug_ins) {
-  for (const std::filesystem::path& file : plug_ins) {
-    const CaseDescription added = plug_in_case(file);
+/// The scene with compensators of the user's own among its cases, each a folder of its own.
+Scene with_own(Scene scene, const RunOptions& options) {
+  std::vector<CaseDescription> own;
+  for (const std::filesystem::path& file : options.plug_ins) own.push_back(plug_in_case(file));
+  own.insert(own.end(), options.functions.begin(), options.functions.end());
+  for (const CaseDescription& added : own) {
     const bool taken =
         added.name == "error_free" || added.name == "uncompensated" ||
         std::any_of(scene.cases.begin(), scene.cases.end(),
                     [&](const CaseDescription& one) { return one.name == added.name; });
     if (taken)
-      throw BadInput(file.string(), 0, 0, "a compensator whose file name no other case has",
+      throw BadInput(added.plug_in.string(), 0, 0,
+                     "a compensator whose file name no other case has",
                      "\"" + added.name + "\" again");
     scene.cases.push_back(added);
-    trust(scene, added);
+    if (!added.function) trust(scene, added);
   }
   return scene;
 }
@@ -198,24 +196,15 @@ struct Asked {
 };
 
 Asked read_asked(const std::filesystem::path& file, const RunOptions& options) {
-  Asked asked{with_plug_ins(read_trusted_scene(file, options.overrides, options.permissions),
-                            options.plug_ins),
+  Asked asked{with_own(read_trusted_scene(file, options.overrides, options.permissions), options),
               {}};
   asked.variants = read_variants(asked.scene, options.overrides);
-  for (Scene& variant : asked.variants)
-    variant = with_plug_ins(std::move(variant), options.plug_ins);
+  for (Scene& variant : asked.variants) variant = with_own(std::move(variant), options);
   return asked;
 }
 
-/// The cases of a scene and its variants, cut. Cases refer to the jobs of the batches.
-struct CutCases {
-  std::vector<Batch> batches;
-  std::vector<Compared> cases;
-  std::vector<FailedCase> failed;
-};
-
 /// @param line  is begun here, for what is written afterwards too
-CutCases cut_all(const Asked& all, std::optional<ProgressLine>& line) {
+CasesCut cut_all(const Asked& all, const RunOptions& options, std::optional<ProgressLine>& line) {
   const Scene& scene = all.scene;
   const std::vector<Scene>& variants = all.variants;
   const auto preparing = [&](std::size_t i) {
@@ -230,12 +219,12 @@ CutCases cut_all(const Asked& all, std::optional<ProgressLine>& line) {
            stages_of_sampling(preparing(i), sizes[i], one);
     sizes[i] = once_sampled(sizes[i], one);
   }
-  line.emplace(std::move(plan) + stages_of_all(scene, variants, sizes));
+  line.emplace(std::move(plan) + stages_of_all(scene, variants, sizes), options.progress);
   ProgressLine& progress = *line;
   std::vector<Scene> scenes{scene};
   scenes.insert(scenes.end(), variants.begin(), variants.end());
-  const CasesAsked asked = drawn(cases_of_compare(scenes));
-  CutCases made;
+  const CasesAsked asked = with_files(cases_of_compare(scenes), options);
+  CasesCut made;
   std::vector<Batch>& batches = made.batches;
   batches.reserve(1 + variants.size());
   for (std::size_t i = 0; i < sizes.size(); ++i) {
@@ -246,8 +235,23 @@ CutCases cut_all(const Asked& all, std::optional<ProgressLine>& line) {
   }
   check_and_say(scene, sizes, asked, progress);
   progress.replan(stages_of_all(scene, variants, sizes));
-  for (const Batch& batch : batches) cut_cases(batch, made.cases, made.failed, progress);
+  for (const Batch& batch : batches) cut_cases(batch, made, kept_for(options.formats), progress);
+  made.comparison = comparison(batches.front().job, made.cases, made.failed);
   return made;
+}
+
+/// Holds the machined body of a case against the design, with what is to be said of it.
+void check_stock(Compared& one, Comparison& compared) {
+  one.verdict.stock = stock_check(*one.job, one.verdict);
+  if (!one.verdict.stock) return;
+  for (const std::string& warning : warnings_of(*one.verdict.stock))
+    compared.warnings.push_back(one.verdict.cut.name + ": " + warning);
+}
+
+std::vector<std::string> texts_of(const std::vector<FailedCase>& failed) {
+  std::vector<std::string> texts;
+  for (const FailedCase& one : failed) texts.push_back(one.name + ": " + one.reason);
+  return texts;
 }
 
 /// The page of cases that are cut, written.
@@ -287,15 +291,16 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   };
   const WorkSize expected = expected_size(scene);
   ProgressLine progress(stages_of_preparing("prepare", expected) +
-                        stages_of_sampling("prepare", expected, scene) +
-                        rest(once_sampled(expected, scene)));
+                            stages_of_sampling("prepare", expected, scene) +
+                            rest(once_sampled(expected, scene)),
+                        options.progress);
   progress.begin("prepare");
-  const CasesAsked asked = drawn(cases_of_run(compensator_of(shown)));
+  const CasesAsked asked = with_files(cases_of_run(compensator_of(shown)), options);
   const Job job = reaching(prepare(scene, to(progress)), asked, progress);
   check_and_say(scene, {size_of(job)}, asked, progress);
   progress.replan(rest(size_of(job)));
   progress.begin(shown);
-  Cut made = cut_one(job, shown, to(progress));
+  Cut made = cut_one(job, shown, kept_for(options.formats), to(progress));
   check_cuts_part(job, made);
   progress.begin("write");
   Verdict verdict = judge(job, std::move(made), nullptr);
@@ -324,13 +329,13 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   check_names(folder);
   check_cases(folder, scene, variants, writer_of(scene, options.permissions));
   std::optional<ProgressLine> line;
-  CutCases made = cut_all(asked, line);
+  CasesCut made = cut_all(asked, options, line);
   ProgressLine& progress = *line;
   const std::vector<Batch>& batches = made.batches;
   std::vector<Compared>& cases = made.cases;
-  Comparison compared = comparison(batches.front().job, cases, made.failed);
+  Comparison& compared = made.comparison;
   Outcome outcome;
-  for (const FailedCase& one : made.failed) outcome.failed.push_back(one.name + ": " + one.reason);
+  outcome.failed = texts_of(made.failed);
   for (const Batch& batch : batches) write_program(folder.inside(batch.prefix), batch.job);
   const bool compensates = std::any_of(cases.begin(), cases.end(), [](const Compared& one) {
     return one.uncompensated.has_value();
@@ -338,10 +343,7 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   for (std::size_t i = 0; i < cases.size(); ++i) {
     Compared& one = cases[i];
     progress.begin("write " + one.verdict.cut.name);
-    one.verdict.stock = stock_check(*one.job, one.verdict);
-    if (one.verdict.stock)
-      for (const std::string& warning : warnings_of(*one.verdict.stock))
-        compared.warnings.push_back(one.verdict.cut.name + ": " + warning);
+    check_stock(one, compared);
     write_case(folder.inside(one.verdict.cut.name), *one.job, one.verdict, options.formats,
                to(progress));
     one.verdict.stock.reset();  // tens of MB, and written
@@ -369,14 +371,38 @@ Reported report(const std::filesystem::path& scene, const RunOptions& options,
   const Writer writer = writer_of(asked.scene, options.permissions);
   check_file(file, writer);
   std::optional<ProgressLine> line;
-  const CutCases made = cut_all(asked, line);
+  const CasesCut made = cut_all(asked, options, line);
   line->begin("write comparison");
-  const Comparison compared = comparison(made.batches.front().job, made.cases, made.failed);
+  const Comparison& compared = made.comparison;
   Reported reported = write_report(result_file(file, writer), made.cases, compared, options);
   reported.warnings.insert(reported.warnings.begin(), compared.warnings.begin(),
                            compared.warnings.end());
-  for (const FailedCase& one : made.failed) reported.failed.push_back(one.name + ": " + one.reason);
+  reported.failed = texts_of(made.failed);
   return reported;
+}
+
+CasesCut cases_cut(const std::filesystem::path& scene, const RunOptions& options) {
+  const Asked asked = read_asked(scene, options);
+  std::optional<ProgressLine> line;
+  CasesCut made = cut_all(asked, options, line);
+  for (Compared& one : made.cases) {
+    check_stock(one, made.comparison);
+    one.verdict.stock.reset();  // tens of MB
+  }
+  return made;
+}
+
+Job job_of(const std::filesystem::path& file, const RunOptions& options) {
+  const Scene scene = read_trusted_scene(file, options.overrides, options.permissions);
+  const WorkSize expected = expected_size(scene);
+  ProgressLine progress(
+      stages_of_preparing("prepare", expected) + stages_of_sampling("prepare", expected, scene),
+      options.progress);
+  progress.begin("prepare");
+  const CasesAsked asked = with_files(cases_of_run(std::nullopt), options);
+  Job job = reaching(prepare(scene, to(progress)), asked, progress);
+  check_and_say(scene, {size_of(job)}, asked, progress);
+  return job;
 }
 
 }  // namespace abbe::sim

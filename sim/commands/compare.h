@@ -24,6 +24,8 @@ struct RunOptions {
                           ///< the scene names, else uncompensated
   std::vector<std::filesystem::path> plug_ins;  ///< compensators of the user's own; `compare`: more
                                                 ///< cases, `run`: the case
+  std::vector<CaseDescription> functions = {};  ///< `cases_cut`: compensators of the caller's own
+  Progress progress = {};                       ///< called instead of what is said on stderr
   std::string report_language;  ///< of report.html, "en" or "zh"; empty: none is written
   std::string command;          ///< line that asks for the same again, as the report quotes it
 };
@@ -44,6 +46,28 @@ Outcome run(const std::filesystem::path& scene, const RunOptions& options);
 /// variant, and writes a folder a case, `comparison.json` and `comparison.png`. The maps of a
 /// variant are measured against an error-free map of its own, which is not reported as a case.
 Outcome compare(const std::filesystem::path& scene, const RunOptions& options);
+
+/// A scene or one variant of it.
+struct Batch {
+  std::string prefix;  ///< of the names of its cases; empty for the scene itself
+  Job job;
+};
+
+/// The cases of a scene and its variants beside each other.
+struct CasesCut {
+  std::vector<Batch> batches;
+  std::vector<Compared> cases;  ///< each refers to the job of its batch
+  std::vector<FailedCase> failed;
+  Comparison comparison;
+};
+
+/// Cuts the cases as `compare` does and writes nothing.
+/// @throws BadScene, BadInput, Interrupted
+CasesCut cases_cut(const std::filesystem::path& scene, const RunOptions& options);
+
+/// The job of a scene as `run` cuts it: the places of the part chosen, the memory looked at.
+/// @throws BadScene, BadInput, Interrupted
+Job job_of(const std::filesystem::path& scene, const RunOptions& options);
 
 /// A report as it was written.
 struct Reported {

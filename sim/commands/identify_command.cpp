@@ -45,12 +45,12 @@ std::vector<Stage> stages_of(const std::vector<std::filesystem::path>& files,
 
 }  // namespace
 
-Identified identify(const std::vector<std::filesystem::path>& files,
-                    const IdentifyOptions& options) {
+Identified identify(const std::vector<std::filesystem::path>& files, const IdentifyOptions& options,
+                    const Progress& instead) {
   const Writer writer{options.permissions, files};  // readings are never written over
   const BeliefFiles out = belief_files(options);
   for (const std::filesystem::path& file : all_of(out)) check_file(file, writer);
-  ProgressLine progress(stages_of(files, options));
+  ProgressLine progress(stages_of(files, options), instead);
   progress.begin("identify");
   Identified found = identified(files, options, to(progress));
   progress.begin("write");

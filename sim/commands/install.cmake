@@ -1,5 +1,5 @@
-# What `cmake --install` brings: the program with its man pages, completions and scenes (component program), and the
-# headers, libraries and abbeConfig.cmake for programs of others (component development). `cpack -G
+# What `cmake --install` brings: the program with its man pages, completions and scenes (component program), the
+# Python module where it was built (component python), and the headers, libraries and abbeConfig.cmake for programs of others (component development). `cpack -G
 # DEB` makes a package of each.
 include(CMakePackageConfigHelpers)
 
@@ -21,6 +21,10 @@ install(FILES ${CMAKE_BINARY_DIR}/shell/abbe.fish DESTINATION ${CMAKE_INSTALL_DA
 install(DIRECTORY scenes/ DESTINATION ${CMAKE_INSTALL_DATADIR}/abbe/scenes COMPONENT program
         PATTERN pictures EXCLUDE PATTERN out EXCLUDE)
 install(FILES LICENSE README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)
+
+if(TARGET abbe_python)
+  install(TARGETS abbe_python LIBRARY DESTINATION lib/python3/dist-packages COMPONENT python)
+endif()
 
 get_property(rooms GLOBAL PROPERTY abbe_rooms)
 set(abbe_package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/abbe)
@@ -55,6 +59,9 @@ set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_COMPONENTS_ALL program development)
+if(TARGET abbe_python)
+  list(APPEND CPACK_COMPONENTS_ALL python)
+endif()
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_NAME abbe)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SECTION science)
@@ -66,4 +73,8 @@ set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
     "libeigen3-dev, libfmt-dev, libtbb-dev, libopenmesh-dev, libfcl-dev, libvtk9-dev, libglew-dev, \
 libegl-dev, libtomlplusplus-dev, nlohmann-json3-dev, libcli11-dev, libsqlite3-dev, libboost-dev")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-abbe)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "abbe (= ${PROJECT_VERSION}), python3 (>= 3.11), python3-numpy")
 include(CPack)

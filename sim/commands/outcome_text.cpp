@@ -38,7 +38,9 @@ Option compensator_option(std::vector<std::filesystem::path>& files) {
 Option save_option(std::vector<std::string>& formats) {
   return {"--save", &formats,
           "files of the map, residual.FORMAT, in place of residual.vtp alone: ply for MeshLab and "
-          "CloudCompare, stl the machined surface, csv, npz for NumPy, json what it is",
+          "CloudCompare, stl the machined surface, csv, npz for NumPy, json what it is; track: "
+          "where the tool was at every sample, "
+          "track.npz",
           OneOf{map_formats()}, Commas{}};
 }
 

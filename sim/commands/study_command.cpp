@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/files/output.h"
+#include "sim/files/program_file.h"
 #include "sim/files/terminal.h"
 #include "sim/study/ranks.h"
 #include "sim/study/run_study.h"
@@ -39,7 +40,7 @@ Exit print_slurm_script(const Common& common, const StudyWords& words,
   study::SlurmOptions job = words.job;
   job.study = common.scene;
   job.out = options.folder;
-  job.program = std::filesystem::read_symlink("/proc/self/exe");
+  job.program = std::filesystem::canonical(program_file());
   job.trust = common.permissions.trust;
   // a mistake is reported now, not by every shard
   study::read_trusted_study(common.scene, options.overrides, common.permissions);

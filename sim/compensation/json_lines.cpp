@@ -16,9 +16,6 @@ namespace {
 using nlohmann::json;
 using nlohmann::ordered_json;
 
-constexpr std::array<const char*, 6> deviation_columns = {"EX", "EY", "EZ", "EA", "EB", "EC"};
-constexpr double rpm_per_rad_per_s = 9.549296585513721;  // 30 / pi
-
 const char* word(Answers answers) {
   return answers == Answers::Correction ? "correction" : "deviation";
 }
@@ -70,9 +67,6 @@ Eigen::Index readings(const PlugInTask& task) {
   return task.log.time_s.size() > 0 ? task.log.values.cols() : 0;
 }
 
-/// The pose as 3 rows of 4: rotation, and the point at the end of each row.
-double of_pose(const kinematics::Pose& T, Eigen::Index i) { return T.matrix()(i / 4, i % 4); }
-
 constexpr int deepest = 16;  // what nests more is written and thrown away by recursion
 
 /// Deepest nesting of brackets and braces outside strings.
@@ -120,16 +114,6 @@ std::string seen(const json& object, const char* key) {
   return shown(value->dump(-1, ' ', true, json::error_handler_t::replace));
 }
 
-std::string column_name(const Expected& expected, Eigen::Index column) {
-  if (expected.answers == Answers::Deviation) return deviation_columns[std::size_t(column)];
-  return std::string(1, expected.task.joints[std::size_t(column)].name);
-}
-
-bool is_angle(const Expected& expected, Eigen::Index column) {
-  if (expected.answers == Answers::Deviation) return column >= 3;
-  return expected.task.joints[std::size_t(column)].motion != kinematics::Motion::Linear;
-}
-
 double read_number(const json& value, const Expected& expected, Eigen::Index row,
                    Eigen::Index column) {
   const auto refuse = [&](const std::string& wanted) {
@@ -140,11 +124,7 @@ double read_number(const json& value, const Expected& expected, Eigen::Index row
   };
   if (!value.is_number()) refuse("a finite number");
   const double number = value.get<double>();
-  if (!std::isfinite(number)) refuse("a finite number");
-  const bool angle = is_angle(expected, column);
-  const double most = angle ? expected.options.most_rad : expected.options.most_mm;
-  if (std::abs(number) > most)
-    refuse(fmt::format("at most {} {} (units are mm and rad)", most, angle ? "rad" : "mm"));
+  if (const auto wanted = expected_instead(number, expected, column)) refuse(*wanted);
   return number;
 }
 
@@ -186,36 +166,29 @@ std::string task_line(const PlugInTask& task, Eigen::Index samples, int batch) {
 
 std::string end_line() { return "{\"kind\":\"end\"}\n"; }
 
-std::string ask_line(const PlugInTask& task, const PlugInQuestion& question, Samples samples,
-                     long id) {
-  const auto state = [&](Eigen::Index i) -> const kinematics::AxisState& {
-    return question.commands[std::size_t(samples.first + i)];
-  };
+std::string ask_line(const PlugInBatch& batch, long id) {
+  const Eigen::Index samples = batch.time_s.size();
+  const auto size = std::size_t(batch.q.cols() + batch.direction.cols() + batch.readings.cols());
   std::string line = fmt::format("{{\"kind\":\"ask\",\"id\":{}", id);
-  line.reserve(std::size_t(samples.count) * (400 + 10 * std::size_t(readings(task))));
+  line.reserve(std::size_t(samples) * (300 + 10 * size));
   const auto append = [&](const char* key, const auto& value) {
     line += fmt::format(",\"{}\":", key);
-    append_list(line, samples.count, value);
+    append_list(line, samples, value);
   };
-  append("time_s", [&](Eigen::Index i) { append_number(line, state(i).time_s); });
-  append("q", [&](Eigen::Index i) {
-    append_numbers(line, state(i).q.size(), [&](Eigen::Index j) { return state(i).q[j]; });
-  });
-  append("direction", [&](Eigen::Index i) {
-    append_numbers(line, state(i).q.size(),
-                   [&](Eigen::Index j) { return double(state(i).direction[std::size_t(j)]); });
-  });
-  append("spindle_rpm",
-         [&](Eigen::Index i) { append_number(line, state(i).spindle_speed * rpm_per_rad_per_s); });
-  append("T_wt", [&](Eigen::Index i) {
-    const kinematics::Pose& T_wt = question.T_wt[std::size_t(samples.first + i)];
-    append_numbers(line, 12, [&](Eigen::Index k) { return of_pose(T_wt, k); });
-  });
-  append("readings", [&](Eigen::Index i) {
-    const Eigen::Index m = readings(task);
-    const Eigen::Index known = m > 0 ? row_at(task.log, state(i).time_s) : 0;
-    append_numbers(line, m, [&](Eigen::Index j) { return task.log.values(known, j); });
-  });
+  const auto append_column = [&](const char* key, const Eigen::VectorXd& column) {
+    append(key, [&](Eigen::Index i) { append_number(line, column[i]); });
+  };
+  const auto append_rows = [&](const char* key, const PlugInBatch::Rows& rows) {
+    append(key, [&](Eigen::Index i) {
+      append_numbers(line, rows.cols(), [&](Eigen::Index j) { return rows(i, j); });
+    });
+  };
+  append_column("time_s", batch.time_s);
+  append_rows("q", batch.q);
+  append_rows("direction", batch.direction);
+  append_column("spindle_rpm", batch.spindle_rpm);
+  append_rows("T_wt", batch.T_wt);
+  append_rows("readings", batch.readings);
   return line + "}\n";
 }
 
@@ -235,10 +208,6 @@ Ready read_ready(const std::string& line) {
   if (const auto name = message.find("name"); name != message.end() && name->is_string())
     ready.name = name->get<std::string>();
   return ready;
-}
-
-Eigen::Index columns(Answers answers, const PlugInTask& task) {
-  return answers == Answers::Deviation ? 6 : Eigen::Index(task.joints.size());
 }
 
 Eigen::MatrixXd read_answer(const std::string& line, const Expected& expected) {

@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <string>
 
-#include "sim/compensation/plug_in_task.h"
+#include "sim/compensation/plug_in_batch.h"
 
 /// The lines that a plug-in and abbe say to each other; README.md is the protocol.
 namespace abbe::sim::compensation {
@@ -17,13 +17,7 @@ void append_number(std::string& line, double number);
 std::string task_line(const PlugInTask& task, Eigen::Index samples, int batch);
 std::string end_line();
 
-/// Samples first ... first + count - 1 of a question, counted from 0.
-struct Samples {
-  Eigen::Index first = 0;
-  Eigen::Index count = 0;
-};
-std::string ask_line(const PlugInTask& task, const PlugInQuestion& question, Samples samples,
-                     long id);
+std::string ask_line(const PlugInBatch& batch, long id);
 
 /// What a plug-in says of itself.
 struct Ready {
@@ -32,16 +26,6 @@ struct Ready {
 };
 /// @throws ChildFault unless the line is that, for this version
 Ready read_ready(const std::string& line);
-
-/// What an answer must be.
-struct Expected {
-  long id = 0;
-  Answers answers = Answers::Correction;
-  Eigen::Index samples = 0;
-  const PlugInTask& task;
-  const PlugInOptions& options;
-};
-Eigen::Index columns(Answers answers, const PlugInTask& task);
 
 /// @return (samples x columns), finite and within the options' bounds
 /// @throws ChildFault unless the line is such an answer

@@ -110,10 +110,8 @@ class Conversation {
 
   Eigen::MatrixXd answer(const PlugInQuestion& question, Samples samples,
                          const Expected& expected) {
-    const std::string name = fmt::format("batch {} (samples {} to {})", expected.id,
-                                         samples.first + 1, samples.first + samples.count);
-    return step(name, [&] {
-      const std::string line = ask_line(expected.task, question, samples, expected.id);
+    return step(name_of_batch(expected.id, samples), [&] {
+      const std::string line = ask_line(batch_of(expected.task, question, samples), expected.id);
       const auto numbers = samples.count * columns(expected.answers, expected.task);
       return read_answer(
           child_->exchange(
@@ -133,28 +131,71 @@ class Conversation {
   std::optional<ChildProcess> child_;
 };
 
+void check(const PlugInQuestion& question, const PlugInOptions& options) {
+  if (question.T_wt.size() != question.commands.size())
+    throw std::invalid_argument("expected a pose for every command");
+  if (options.batch < 1) throw std::invalid_argument("expected a batch of at least one sample");
+}
+
+/// Rows of all batches of a question; `rows(batch, expected)` answers one.
+template <typename Rows>
+Eigen::MatrixXd in_batches(const PlugInTask& task, const PlugInQuestion& question,
+                           const PlugInOptions& options, Answers answers, const Rows& rows) {
+  const Eigen::Index samples = Eigen::Index(question.commands.size());
+  Eigen::MatrixXd all(samples, columns(answers, task));
+  long id = 0;
+  for (Samples batch; batch.first < samples; batch.first += batch.count) {
+    batch.count = std::min<Eigen::Index>(options.batch, samples - batch.first);
+    all.middleRows(batch.first, batch.count) =
+        rows(batch, Expected{++id, answers, batch.count, task, options});
+  }
+  return all;
+}
+
+/// @throws ChildFault unless a function answered what is expected
+void check(const Eigen::MatrixXd& rows, const Expected& expected) {
+  const Eigen::Index wanted = columns(expected.answers, expected.task);
+  if (rows.rows() != expected.samples || rows.cols() != wanted)
+    throw ChildFault(fmt::format("{} rows of {} numbers", expected.samples, wanted),
+                     fmt::format("{} of {}", rows.rows(), rows.cols()));
+  for (Eigen::Index i = 0; i < rows.rows(); ++i)
+    for (Eigen::Index j = 0; j < wanted; ++j)
+      if (const auto instead = expected_instead(rows(i, j), expected, j))
+        throw ChildFault(
+            *instead, fmt::format("{} in row {}, {}", rows(i, j), i + 1, column_name(expected, j)));
+}
+
 }  // namespace
 
 PlugInAnswer ask(const fs::path& plug_in, const PlugInTask& task, const PlugInQuestion& question,
                  const PlugInOptions& options) {
-  const Eigen::Index samples = Eigen::Index(question.commands.size());
-  if (question.T_wt.size() != question.commands.size())
-    throw std::invalid_argument("expected a pose for every command");
-  if (options.batch < 1) throw std::invalid_argument("expected a batch of at least one sample");
-
+  check(question, options);
   Conversation conversation(plug_in, options);
-  const Ready ready = conversation.shake_hands(task, samples);
+  const Ready ready = conversation.shake_hands(task, Eigen::Index(question.commands.size()));
   PlugInAnswer answer{as_utf8(ready.name), ready.answers, {}, {}};
-  answer.rows.resize(samples, columns(ready.answers, task));
-  long id = 0;
-  for (Samples batch; batch.first < samples; batch.first += batch.count) {
-    batch.count = std::min<Eigen::Index>(options.batch, samples - batch.first);
-    const Expected expected{++id, ready.answers, batch.count, task, options};
-    answer.rows.middleRows(batch.first, batch.count) =
-        conversation.answer(question, batch, expected);
-  }
+  answer.rows = in_batches(task, question, options, ready.answers,
+                           [&](Samples batch, const Expected& expected) {
+                             return conversation.answer(question, batch, expected);
+                           });
   answer.said = conversation.end();
   return answer;
+}
+
+PlugInAnswer ask(const std::string& name, const PlugInFunction& function, const PlugInTask& task,
+                 const PlugInQuestion& question, const PlugInOptions& options) {
+  check(question, options);
+  const auto rows = [&](Samples batch, const Expected& expected) {
+    if (options.waiting) options.waiting();
+    Eigen::MatrixXd answered = function.rows(task, batch_of(task, question, batch));
+    try {
+      check(answered, expected);
+    } catch (const ChildFault& fault) {
+      throw PlugInFailure(as_utf8(fmt::format(
+          "{}: {}: {}", escaped(name), name_of_batch(expected.id, batch), escaped(fault.what()))));
+    }
+    return answered;
+  };
+  return {name, function.answers, in_batches(task, question, options, function.answers, rows), {}};
 }
 
 }  // namespace abbe::sim::compensation

@@ -19,6 +19,12 @@ namespace abbe::sim::compensation {
 PlugInAnswer ask(const std::filesystem::path& plug_in, const PlugInTask& task,
                  const PlugInQuestion& question, const PlugInOptions& options = {});
 
+/// Asks a function of this process in the same batches, and holds its answers to the same rules.
+/// @param name  what refusals call it
+/// @throws PlugInFailure naming it, the batch, what was expected and seen; what the function throws
+PlugInAnswer ask(const std::string& name, const PlugInFunction& function, const PlugInTask& task,
+                 const PlugInQuestion& question, const PlugInOptions& options = {});
+
 /// First line of a main whose program serves as PlugInOptions::host: does a host's whole work.
 /// @return the exit code of a host; nothing in a program started by anybody else
 std::optional<int> plug_in_host(int argc, char** argv);

@@ -32,6 +32,23 @@ struct PlugInQuestion {
   const std::vector<kinematics::Pose>& T_wt;  ///< where the tool should be
 };
 
+/// Samples first ... first + count - 1 of a question, counted from 0.
+struct Samples {
+  Eigen::Index first = 0;
+  Eigen::Index count = 0;
+};
+
+/// Some samples of a question, as abbe_batch of abbe_compensator.h has them.
+struct PlugInBatch {
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  Eigen::VectorXd time_s;       ///< (samples)
+  Rows q;                       ///< (samples x joints) commands, mm and rad
+  Rows direction;               ///< (samples x joints) +1 up, -1 down, 0 has not moved yet
+  Eigen::VectorXd spindle_rpm;  ///< (samples)
+  Rows T_wt;      ///< (samples x 12) first three rows of where the tool should be in the workpiece
+  Rows readings;  ///< (samples x readings) last read before the sample; NaN where there was none
+};
+
 struct PlugInOptions {
   double start_s = 10.0;   ///< deadline of the handshake
   double answer_s = 30.0;  ///< deadline of one batch, and of its end when there is no more to ask
@@ -58,6 +75,13 @@ struct PlugInAnswer {
   /// finite, within most_mm and most_rad
   Eigen::MatrixXd rows;
   std::string said;  ///< the last lines that it wrote to stderr
+};
+
+/// A compensator in the process of who asks it: a function of batches in the order of time.
+struct PlugInFunction {
+  Answers answers = Answers::Correction;
+  /// @return (samples x joints), or (samples x 6), as the rows of an answer
+  std::function<Eigen::MatrixXd(const PlugInTask& task, const PlugInBatch& batch)> rows;
 };
 
 }  // namespace abbe::sim::compensation

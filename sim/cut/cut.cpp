@@ -315,7 +315,7 @@ void add(Posed& part, double samples_before, Cut& result) {
 
 }  // namespace
 
-Cut cut_error_free(const Job& job, const Progress& progress) {
+Cut cut_error_free(const Job& job, const Progress& progress, Keep keep) {
   Stopwatch watch;
   Cut result;
   result.name = result.case_name = "error_free";
@@ -324,6 +324,12 @@ Cut cut_error_free(const Job& job, const Progress& progress) {
   result.surface = std::move(made.surface);
   result.interpolation = made.interpolation;
   result.process = job.nominal_process;
+  if (keep == Keep::Track) {
+    std::vector<TrackedPart> parts;
+    for (const Job& part : parts_of(job))
+      parts.push_back({part.samples, part.T_wt_nominal, part.T_wt_nominal});
+    result.track = track_of(parts);
+  }
   add_warnings(process_warnings(job.scene, result.process), result.warnings);
   add_warnings(std::move(made.warnings), result.warnings);
   result.timing_s["surface"] = watch.lap();
@@ -353,7 +359,7 @@ void stop_at_collision(const Collisions& found) {
 
 }  // namespace
 
-Cut cut(const Job& job, const Commands& commands, const Progress& progress) {
+Cut cut(const Job& job, const Commands& commands, const Progress& progress, Keep keep) {
   Cut result;
   result.name = result.case_name = "uncompensated";
   result.point_left = commands.point_left;
@@ -380,6 +386,13 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress) {
     samples += double(all.back().T_wt.size());
   }
   add_warnings(idle_warnings(job.scene), result.warnings);
+  if (keep == Keep::Track) {
+    std::vector<TrackedPart> tracked;
+    for (std::size_t i = 0; i < parts.size(); ++i)
+      tracked.push_back({of_part(commands, i).samples, wanted_poses(parts[i], of_part(commands, i)),
+                         all[i].T_wt});
+    result.track = track_of(tracked);
+  }
   Stopwatch watch;
   Cutting with{{}, path_of(job, commands), off};
   for (std::size_t i = 0; i < parts.size(); ++i)
@@ -393,11 +406,11 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress) {
   return result;
 }
 
-Cut cut(const Job& job, const Progress& progress) {
+Cut cut(const Job& job, const Progress& progress, Keep keep) {
   Stopwatch watch;
   const Commands commands = as_programmed(job);
   const double correction_s = watch.lap();
-  Cut result = cut(job, commands, progress);
+  Cut result = cut(job, commands, progress, keep);
   result.timing_s["correction"] = correction_s;
   return result;
 }

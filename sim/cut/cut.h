@@ -9,6 +9,7 @@
 #include "sim/cut/collision_events.h"
 #include "sim/cut/job.h"
 #include "sim/cut/signals.h"
+#include "sim/cut/tool_track.h"
 
 namespace abbe::sim {
 
@@ -33,21 +34,26 @@ struct Cut {
   std::vector<WornTool> wear;     ///< of the tools that wear, at the end
   std::string rewritten_program;  ///< text of the program channel, else empty
   std::optional<Collisions> collisions;  ///< where the scene asks for them
+  std::optional<ToolTrack> track;        ///< where it was to be kept
   std::vector<std::string> warnings;
   std::map<std::string, double> timing_s;
 };
 
+/// What of a cut is kept beside its map: about 180 bytes a sample for the track of the tool.
+enum class Keep { Map, Track };
+
 /// The same program on the machine without any error, and with a perfect tool, setup and control.
-Cut cut_error_free(const Job& job, const Progress& progress = {});
+Cut cut_error_free(const Job& job, const Progress& progress = {}, Keep keep = Keep::Map);
 
 /// The program on the wrong machine without a compensator.
 /// @throws BadInput if a commanded axis leaves its travel (program line, axis, value) or a table of
 ///         the errors
-Cut cut(const Job& job, const Progress& progress = {});
+Cut cut(const Job& job, const Progress& progress = {}, Keep keep = Keep::Map);
 
 /// Commands, compensated or not, on the wrong machine.
 /// @throws BadInput as without; CollisionStop where the scene asks for collisions, to stop there
-Cut cut(const Job& job, const Commands& commands, const Progress& progress = {});
+Cut cut(const Job& job, const Commands& commands, const Progress& progress = {},
+        Keep keep = Keep::Map);
 
 /// Refuses the line of the program on which an axis first leaves its travel.
 /// @throws BadInput

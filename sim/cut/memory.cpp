@@ -19,6 +19,7 @@ constexpr double bytes_of_vertex_sampled = 1250;
 constexpr double bytes_of_sample_cut = 295, bytes_of_vertex_cut = 420,
                  bytes_of_sample_in_stock = 430;
 constexpr double bytes_of_sample_corrected = 355, bytes_of_sample_rewritten = 225;
+constexpr double bytes_of_sample_tracked = 180;
 constexpr double bytes_of_vertex_kept = 105, bytes_of_vertex_drawn = 1800,
                  bytes_of_vertex_compared = 255;
 constexpr double bytes_of_vertex_held = 250, bytes_of_pictures = 210e6, bytes_of_comparison = 100e6;
@@ -28,12 +29,16 @@ double held(const WorkSize& job) {
   return bytes_of_block * job.blocks + bytes_of_sample * job.samples;
 }
 
+double kept_tracks(const WorkSize& job, const CasesAsked& asked) {
+  return asked.tracked ? bytes_of_sample_tracked * asked.kept * job.samples : 0.0;
+}
+
 double while_cut(const WorkSize& job, const CasesAsked& asked) {
   double of_samples = bytes_of_sample_cut;
   if (job.stock) of_samples += bytes_of_sample_in_stock;
   if (asked.compensated) of_samples += bytes_of_sample_corrected;
   if (asked.rewritten) of_samples += bytes_of_sample_rewritten;
-  return held(job) + of_samples * job.samples +
+  return held(job) + of_samples * job.samples + kept_tracks(job, asked) +
          (bytes_of_vertex_cut + bytes_of_vertex_kept * asked.kept) * job.vertices;
 }
 
@@ -48,7 +53,7 @@ double while_drawn(const WorkSize& job, const CasesAsked& asked) {
     of_vertices += bytes_of_vertex_compared * asked.kept;
     bytes += bytes_of_comparison;
   }
-  return bytes + of_vertices * job.vertices;
+  return bytes + of_vertices * job.vertices + kept_tracks(job, asked);
 }
 
 std::string gigabytes(double bytes) { return fmt::format("{:.3g} GB", bytes / 1e9); }

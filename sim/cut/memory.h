@@ -15,6 +15,7 @@ struct CasesAsked {
   bool rewritten = false;    ///< whose commands have samples of their own
   bool pictures = true;      ///< they are drawn
   bool compared = false;     ///< and all of them in one picture
+  bool tracked = false;      ///< the tracks of their tools are kept
 };
 CasesAsked cases_of_run(const std::optional<CaseDescription>& compensator);
 CasesAsked cases_of_compare(const std::vector<Scene>& scenes);

@@ -4,6 +4,7 @@
 #include <system_error>
 
 #include "kinematics/bad_input.h"
+#include "sim/files/program_file.h"
 
 namespace abbe::sim::dialects {
 namespace {
@@ -13,11 +14,6 @@ using std::filesystem::path;
 bool is_file(const path& file) {
   std::error_code failure;
   return std::filesystem::is_regular_file(file, failure);
-}
-
-path folder_of_program() {
-  std::error_code failure;
-  return std::filesystem::read_symlink("/proc/self/exe", failure).parent_path();
 }
 
 }  // namespace
@@ -30,7 +26,7 @@ std::optional<path> linuxcnc_packages() {
     return std::nullopt;
   }
   // build/release/abbe and the tests in build/release/tests
-  const path program = folder_of_program();
+  const path program = program_folder();
   for (const path& folder : {program.parent_path(), program.parent_path().parent_path()})
     if (!folder.empty() && has(folder / "linuxcnc")) return folder / "linuxcnc";
   if (has("/")) return path("/");
@@ -39,7 +35,7 @@ std::optional<path> linuxcnc_packages() {
 
 path all_digits_library() {
   const path name = ABBE_ALL_DIGITS_NAME;
-  const path program = folder_of_program();
+  const path program = program_folder();
   for (const path& folder : {program, program.parent_path(), program / ABBE_MODULES_FROM_PROGRAM,
                              path(ABBE_MODULES_INSTALLED)})
     if (is_file(folder / name)) return std::filesystem::canonical(folder / name);

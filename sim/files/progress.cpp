@@ -35,8 +35,10 @@ void stop_if_interrupted() {
   if (interrupted != 0) throw Interrupted();
 }
 
-ProgressLine::ProgressLine(std::vector<Stage> plan)
-    : time_left_(std::move(plan)), terminal_(::isatty(STDERR_FILENO) != 0) {
+ProgressLine::ProgressLine(std::vector<Stage> plan, Progress instead)
+    : time_left_(std::move(plan)),
+      instead_(std::move(instead)),
+      terminal_(!instead_ && ::isatty(STDERR_FILENO) != 0) {
   if (!terminal_) return;
   ticker_ = std::jthread([this](const std::stop_token& end) {
     std::unique_lock lock(mutex_);
@@ -52,6 +54,12 @@ ProgressLine::~ProgressLine() {
 
 double ProgressLine::now_s() const {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+}
+
+/// Of the whole, by the time that is spent and left.
+double ProgressLine::share() const {
+  const double spent = now_s(), left = time_left_.left_s(spent);
+  return spent + left > 0.0 ? std::clamp(spent / (spent + left), 0.0, 1.0) : 0.0;
 }
 
 void ProgressLine::draw(const std::string& text) {
@@ -71,13 +79,17 @@ void ProgressLine::begin(const std::string& part) {
   begun_ = true;
   part_ = part;
   stage_.clear();
-  if (!terminal_) print(stderr, "[{}/{}] {}\n", time_left_.part(), time_left_.parts(), part_);
+  if (instead_)
+    instead_(part_, share());
+  else if (!terminal_)
+    print(stderr, "[{}/{}] {}\n", time_left_.part(), time_left_.parts(), part_);
 }
 
 void ProgressLine::report(const std::string& stage, double fraction) {
   if (interrupted != 0) throw Interrupted();
   const std::lock_guard lock(mutex_);
   if (fraction < 0.0) {
+    if (instead_) return instead_(stage, fraction);
     if (terminal_) draw("");
     print(stderr, "{}\n", stage);
     return;
@@ -86,6 +98,7 @@ void ProgressLine::report(const std::string& stage, double fraction) {
   const bool next = stage != stage_;
   stage_ = stage;
   fraction_ = fraction;
+  if (instead_) return instead_(part_ + ": " + stage_, share());
   if (terminal_ && (next || std::chrono::steady_clock::now() - drawn_ >= least_between))
     draw_state();
 }

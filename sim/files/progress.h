@@ -34,8 +34,10 @@ using Progress = std::function<void(const std::string& stage, double fraction)>;
 /// for every part that begins otherwise. Safe from any thread.
 class ProgressLine {
  public:
-  /// @param plan  stages of the work in their order
-  explicit ProgressLine(std::vector<Stage> plan);
+  /// @param plan     stages of the work in their order
+  /// @param instead  is called, with the part and its stage and how far the whole has come, and
+  ///                 stderr stays empty; its remarks are below zero as those of a stage
+  explicit ProgressLine(std::vector<Stage> plan, Progress instead = {});
   ~ProgressLine();
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
@@ -50,6 +52,7 @@ class ProgressLine {
 
  private:
   double now_s() const;
+  double share() const;
   void draw(const std::string& text);
   void draw_state();
 
@@ -60,6 +63,7 @@ class ProgressLine {
   std::string part_, stage_;
   double fraction_ = 0.0;  ///< of the stage, as it was reported
   bool begun_ = false;
+  Progress instead_;
   bool terminal_;
   std::condition_variable_any ends_;
   std::jthread ticker_;  ///< draws while nothing is reported; on a terminal only

@@ -190,13 +190,13 @@ Commands compensate(const Job& job, const CaseDescription& compensator, const Pr
   return joined(std::move(parts));
 }
 
-Cut cut(const Job& job, const std::optional<CaseDescription>& compensator,
-        const Progress& progress) {
-  if (!compensator) return cut(job, progress);
+Cut cut(const Job& job, const std::optional<CaseDescription>& compensator, const Progress& progress,
+        Keep keep) {
+  if (!compensator) return cut(job, progress, keep);
   Stopwatch watch;
   const Commands commands = compensate(job, *compensator, progress);
   const double correction_s = watch.lap();
-  Cut result = cut(job, commands, progress);
+  Cut result = cut(job, commands, progress, keep);
   result.name = result.case_name = compensator->name;
   if (!compensator->plug_in.empty()) result.case_name = compensator->plug_in.string();
   result.timing_s["correction"] = correction_s;

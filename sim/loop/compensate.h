@@ -30,6 +30,6 @@ Commands compensate(const Job& job, const CaseDescription& compensator,
 /// The program on the wrong machine, with a compensator if there is one.
 /// @throws as `compensate`, and as `cut` of commands
 Cut cut(const Job& job, const std::optional<CaseDescription>& compensator,
-        const Progress& progress = {});
+        const Progress& progress = {}, Keep keep = Keep::Map);
 
 }  // namespace abbe::sim

@@ -8,6 +8,7 @@
 
 #include "kinematics/units.h"
 #include "sim/compensation/plug_in.h"
+#include "sim/files/program_file.h"
 #include "sim/files/progress.h"
 
 namespace abbe::sim {
@@ -120,12 +121,15 @@ Corrector plug_in_corrector(const Seen& seen, const CaseDescription& compensator
   task.tool_length = seen.tool.length;
   task.log = std::move(log);
   return [&control = seen.machine.control, options = correct_options(seen, compensator),
-          task = std::move(task), file = compensator.plug_in](
+          task = std::move(task), file = compensator.plug_in, function = compensator.function](
              const std::vector<AxisState>& commanded, const std::vector<Pose>& T_wt_nominal) {
     compensation::PlugInOptions asking;
     asking.waiting = stop_if_interrupted;
+    asking.host = program_file();
+    const compensation::PlugInQuestion question{commanded, T_wt_nominal};
     const compensation::PlugInAnswer answer =
-        compensation::ask(file, task, {commanded, T_wt_nominal}, asking);
+        function ? compensation::ask(file.string(), *function, task, question, asking)
+                 : compensation::ask(file, task, question, asking);
     if (answer.answers == compensation::Answers::Deviation) {
       return corrected(control, options, commanded, T_wt_nominal, [&](std::size_t i) {
         const kinematics::Deviation E = answer.rows.row(Eigen::Index(i)).transpose();

@@ -25,7 +25,9 @@ struct ToSave {
   ResultMap map;
 };
 
-std::string name_of_map(const std::string& format) { return "residual." + format; }
+std::string name_of_map(const std::string& format) {
+  return format == saved_track ? "track.npz" : "residual." + format;
+}
 
 /// The facts, the figures of the map and which files hold it.
 nlohmann::ordered_json about_map(const ToSave& all) {
@@ -57,6 +59,13 @@ nlohmann::ordered_json about_map(const ToSave& all) {
   return json;
 }
 
+/// "XYZAC", a letter a joint.
+std::string letters_of(const std::vector<kinematics::Joint>& joints) {
+  std::string letters;
+  for (const kinematics::Joint& joint : joints) letters += joint.name;
+  return letters;
+}
+
 using Save = void (*)(const ResultFile&, const ToSave&);
 
 /// How each format is written; texts keep their bytes.
@@ -80,6 +89,12 @@ const std::map<std::string, Save>& savers() {
     {"csv", [](const ResultFile& file, const ToSave& what) { write_file(file, to_csv(what.map)); }},
     {"npz", [](const ResultFile& file, const ToSave& what) { write_file(file, to_npz(what.map)); }},
     {"json", [](const ResultFile& file, const ToSave& what) { write_json(file, about_map(what)); }},
+    {saved_track,
+     [](const ResultFile& file, const ToSave& what) {
+       const Job& job = what.job;
+       write_file(file, to_npz(in_part_frame(what.verdict.cut.track.value(), job.scene.part.T_wm),
+                               letters_of(job.machine.nominal.joints()), what.map.facts));
+     }},
   };
   return all;
 }
@@ -88,13 +103,17 @@ const std::map<std::string, Save>& savers() {
 
 std::vector<std::string> map_formats() {
   std::vector<std::string> names;
-  for (const char* name : {"vtp", "ply", "stl", "csv", "npz", "json"})
+  for (const char* name : {"vtp", "ply", "stl", "csv", "npz", "json", saved_track})
     if (savers().contains(name)) names.emplace_back(name);
   return names;
 }
 
 std::vector<std::string> usual_map_formats() {
   return savers().contains("vtp") ? std::vector<std::string>{"vtp"} : std::vector<std::string>{};
+}
+
+Keep kept_for(const std::vector<std::string>& formats) {
+  return std::ranges::find(formats, saved_track) == formats.end() ? Keep::Map : Keep::Track;
 }
 
 void write_map_files(const ResultFolder& folder, const Job& job, const Verdict& verdict,

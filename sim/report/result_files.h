@@ -9,12 +9,18 @@
 
 namespace abbe::sim {
 
+/// The track of the tool, which must have been kept; in a file of its own, `track.npz`.
+inline constexpr const char* saved_track = "track";
+
 /// Endings of the files in which a map can be saved, as `--save` names them; "vtp" where the
 /// program was built with VTK.
 std::vector<std::string> map_formats();
 
 /// Those that are saved where nothing else is asked for.
 std::vector<std::string> usual_map_formats();
+
+/// What must be kept of a cut for these.
+Keep kept_for(const std::vector<std::string>& formats);
 
 /// Writes `residual.FORMAT` for each of the formats, and removes those of the others that an
 /// earlier run left.

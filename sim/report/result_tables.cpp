@@ -53,6 +53,12 @@ std::string npy_text(const std::string& ascii) {
   return npy(fmt::format("<U{}", ascii.size()), "()", data);
 }
 
+/// Only ASCII is one unit a character.
+std::string npy_facts(const MapFacts& facts) {
+  return npy_text(
+      to_json(facts).dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace));
+}
+
 }  // namespace
 
 std::string to_csv(const ResultMap& map) {
@@ -78,9 +84,6 @@ std::string to_csv(const ResultMap& map) {
 }
 
 std::string to_npz(const ResultMap& map) {
-  // only ASCII is one unit a character
-  const std::string meta =
-      to_json(map.facts).dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace);
   std::vector<ZipEntry> arrays = {{"vertices.npy", npy_rows("<f8", map.design.vertices)},
                                   {"triangles.npy", npy_rows("<i4", map.design.triangles)},
                                   {"normals.npy", npy_rows("<f8", map.design.normals)},
@@ -91,7 +94,7 @@ std::string to_npz(const ResultMap& map) {
                                   {"status.npy", npy_column("|u1", map.status)},
                                   {"cut_time_s.npy", npy_column("<f8", map.cut_time_s)},
                                   {"cut_line.npy", npy_column("<i4", map.cut_line)},
-                                  {"meta.npy", npy_text(meta)}};
+                                  {"meta.npy", npy_facts(map.facts)}};
   if (map.within_um.size() > 0)
     arrays.push_back({std::string(cutting::name_of_values(map.looked_within)) + ".npy",
                       npy_column("<f8", map.within_um)});
@@ -100,6 +103,18 @@ std::string to_npz(const ResultMap& map) {
     arrays.push_back({"upper_um.npy", npy_column("<f8", Eigen::VectorXd(map.tolerance_um.col(1)))});
   }
   return zip_archive(arrays);
+}
+
+std::string to_npz(const ToolTrack& track, const std::string& axes, const MapFacts& facts) {
+  return zip_archive({{"time_s.npy", npy_column("<f8", track.time_s)},
+                      {"line.npy", npy_column("<i4", track.line)},
+                      {"q.npy", npy_rows("<f8", track.q)},
+                      {"nominal_tip.npy", npy_rows("<f8", track.nominal_tip)},
+                      {"nominal_direction.npy", npy_rows("<f8", track.nominal_direction)},
+                      {"actual_tip.npy", npy_rows("<f8", track.actual_tip)},
+                      {"actual_direction.npy", npy_rows("<f8", track.actual_direction)},
+                      {"axes.npy", npy_text(axes)},
+                      {"meta.npy", npy_facts(facts)}});
 }
 
 }  // namespace abbe::sim

@@ -19,4 +19,10 @@ std::string to_csv(const ResultMap& map);
 /// gives the same bytes.
 std::string to_npz(const ResultMap& map);
 
+/// NumPy's archive: `time_s` (n, float64), `line` (n, int32), `q` (n x axes, float64, mm and rad,
+/// as commanded), `nominal_tip`, `nominal_direction`, `actual_tip`, `actual_direction` (n x 3,
+/// float64, mm), `axes`, their letters in the order of the columns, and `meta` as of a map.
+/// @param track  in the part frame
+std::string to_npz(const ToolTrack& track, const std::string& axes, const MapFacts& facts);
+
 }  // namespace abbe::sim

@@ -1,9 +1,11 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <string>
 
 #include "sim/compensation/correct.h"
+#include "sim/compensation/plug_in_task.h"
 
 namespace abbe::sim {
 
@@ -30,6 +32,8 @@ struct CaseDescription {
     Piezo
   } channel = Channel::Ideal;
   std::filesystem::path plug_in;  ///< then belief and strategy are its own
+  /// Asked instead of the file, whose name then is a name alone.
+  std::shared_ptr<const compensation::PlugInFunction> function = {};
 };
 
 }  // namespace abbe::sim

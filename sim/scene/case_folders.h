@@ -12,11 +12,12 @@ namespace abbe::sim {
 
 /// Files that `run` and `compare` may leave in their folder.
 inline constexpr std::array result_names{
-    "program.ngc",    "program.csv",   "scene.toml",    "summary.json",     "residual.vtp",
-    "residual.ply",   "residual.stl",  "residual.csv",  "residual.npz",     "residual.json",
-    "residual.png",   "histogram.png", "signals.csv",   "stock.vtp",        "stock.png",
-    "stock.stl",      "rewritten.ngc", "rewritten.csv", "temperatures.png", "comparison.json",
-    "comparison.png", "thermal.json",  "thermal.png",   "tolerance.png",    "report.html"};
+    "program.ngc",     "program.csv",    "scene.toml",    "summary.json",  "residual.vtp",
+    "residual.ply",    "residual.stl",   "residual.csv",  "residual.npz",  "residual.json",
+    "track.npz",       "residual.png",   "histogram.png", "signals.csv",   "stock.vtp",
+    "stock.png",       "stock.stl",      "rewritten.ngc", "rewritten.csv", "temperatures.png",
+    "comparison.json", "comparison.png", "thermal.json",  "thermal.png",   "tolerance.png",
+    "report.html"};
 
 /// Folder, and name in tables, of a case of a variant; of the scene itself if `variant` is empty.
 std::string case_folder(const std::string& variant, const std::string& case_name);

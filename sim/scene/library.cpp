@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include "sim/files/program_file.h"
 #include "sim/scene/bad_scene.h"
 #include "sim/scene/nearest_word.h"
 
@@ -103,8 +104,7 @@ path library_folder() {
     if (is_library(named)) return std::filesystem::canonical(named);
     throw BadInput("ABBE_LIBRARY", 0, 0, "a folder that has abbe's machines/", named);
   }
-  std::error_code failure;
-  const path program = std::filesystem::read_symlink("/proc/self/exe", failure).parent_path();
+  const path program = program_folder();
   for (const path& folder : {program / "scenes", program / ABBE_LIBRARY_FROM_PROGRAM})
     if (is_library(folder)) return std::filesystem::canonical(folder);
   throw BadInput("library:", 0, 0,

@@ -278,7 +278,8 @@ StudyResult run_study(const path& file, const StudyOptions& options, const Ranks
     std::vector<Stage> stages = stages_of_cases(study, cases, left, plan, size);
     return options.shard ? stages : std::move(stages) + stages_of_results(study, size);
   };
-  ProgressLine progress(stages_of_making_ready(study) + rest(size_of_scene(study)));
+  ProgressLine progress(stages_of_making_ready(study) + rest(size_of_scene(study)),
+                        options.progress);
   progress.begin("prepare " + study.title);
   const bool computes = !left.empty() || !options.shard;
   const ReadyStudy ready =
@@ -308,8 +309,9 @@ StudyResult merge_study(const path& file, const StudyOptions& options) {
                    fmt::format("{} of them finished", all.rows.size()) +
                        missing_of_shards(plan, all.rows, shards_of(options.folder)));
   const ResultFolder folder(options.folder, {options.permissions, study.files});
-  ProgressLine progress(stages_of_making_ready(study) +
-                        stages_of_results(study, size_of_scene(study)));
+  ProgressLine progress(
+      stages_of_making_ready(study) + stages_of_results(study, size_of_scene(study)),
+      options.progress);
   progress.begin("prepare " + study.title);
   const ReadyStudy ready = ready_study(study, to(progress));
   return Results(study, folder, progress).write(ready, all.rows);

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/files/permissions.h"
+#include "sim/files/progress.h"
 #include "sim/scene/scene.h"
 #include "sim/study/farm.h"
 #include "sim/study/plan.h"
@@ -20,6 +21,7 @@ struct StudyOptions {
   std::filesystem::path folder;     ///< every file goes there
   std::optional<Shard> shard;       ///< of a job array: only its cases, no tables
   Permissions permissions;
+  Progress progress = {};  ///< called instead of what is said on stderr
 };
 
 /// What a command says.

@@ -5,6 +5,7 @@
 
 #include "kinematics/hash.h"
 #include "kinematics/text.h"
+#include "sim/files/program_file.h"
 #include "sim/files/versions.h"
 #include "sim/scene/case_name.h"
 #include "sim/scene/part_materials.h"
@@ -41,7 +42,7 @@ std::uint64_t hash_of_file(const std::filesystem::path& file, std::uint64_t hash
 
 /// This very build: another one may give other bits.
 std::string program() {
-  const std::filesystem::path self = "/proc/self/exe";
+  const std::filesystem::path self = program_file();
   std::error_code failure;
   const bool known = std::filesystem::is_regular_file(self, failure);
   return versions().dump() +

@@ -1,0 +1,70 @@
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include <dlfcn.h>
+
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+#include <tbb/global_control.h>
+
+#include "sim/commands/about.h"
+#include "sim/cut/work.h"
+#include "sim/files/program_file.h"
+#include "sim/files/versions.h"
+#include "sim/python/compensator.h"
+#include "sim/python/conversions.h"
+#include "sim/python/jobs.h"
+#include "sim/python/results.h"
+#include "sim/python/studies.h"
+
+namespace py = pybind11;
+
+namespace abbe::python {
+namespace {
+
+/// The program that belongs to this module: beside it in a build, else where it is installed.
+void find_program() {
+  Dl_info here{};
+  if (::dladdr(reinterpret_cast<const void*>(&find_program), &here) == 0) return;
+  std::error_code failure;
+  const auto folder = std::filesystem::canonical(here.dli_fname, failure).parent_path();
+  for (const auto& file : {folder / "abbe", folder / ABBE_PROGRAM_FROM_MODULE})
+    if (std::filesystem::is_regular_file(file, failure))
+      return sim::name_program_file(std::filesystem::canonical(file));
+}
+
+void limit(const std::optional<int>& threads, const std::optional<double>& memory_gb) {
+  using tbb::global_control;
+  static std::unique_ptr<global_control> held;
+  if (threads && *threads < 1) throw py::value_error("threads: expected at least 1");
+  if (memory_gb && !(*memory_gb > 0.0)) throw py::value_error("memory_gb: expected more than 0");
+  if (threads)
+    held = std::make_unique<global_control>(global_control::max_allowed_parallelism,
+                                            std::size_t(*threads));
+  if (memory_gb) sim::limit_memory(*memory_gb * 1e9);
+}
+
+}  // namespace
+
+PYBIND11_MODULE(abbe, module) {
+  find_program();
+  module.doc() =
+      "A virtual five-axis machine tool that is wrong on purpose.\n\n"
+      "job = abbe.prepare(\"scenes/gantry_dome.toml\")\n"
+      "result = job.cut(\"perfect-iterated-ideal\")\n"
+      "result.residual_mm, result.figures\n\n"
+      "Lengths are mm, angles rad, times s, unless a name says otherwise. Arrays look at abbe's "
+      "own "
+      "memory and cannot be written.";
+  module.attr("__version__") = sim::version();
+  define_exceptions(module);
+  define_compensators(module);
+  define_results(module);
+  define_jobs(module);
+  define_studies(module);
+  module.def("limit", limit, py::kw_only(), py::arg("threads") = py::none(),
+             py::arg("memory_gb") = py::none(), "As --threads and --memory-gb of the program.");
+}
+
+}  // namespace abbe::python
