@@ -75,7 +75,7 @@ PyObject* new_class(py::module_& module, const char* name, PyObject* base, const
 PyObject *bad_input = nullptr, *bad_scene = nullptr, *output_failure = nullptr,
          *plug_in_failure = nullptr, *collision_stop = nullptr;
 
-py::object python_of(const BadInput& fault) {
+py::object exception_of(const BadInput& fault) {
   py::object made = py::handle(bad_input)(fault.what());
   made.attr("file") = fault.file;
   made.attr("line") = fault.line;
@@ -91,13 +91,13 @@ void translate(std::exception_ptr thrown) {
   } catch (const sim::BadScene& faults) {
     py::object made = py::handle(bad_scene)(faults.what());
     py::list all;
-    for (const BadInput& fault : faults.faults) all.append(python_of(fault));
+    for (const BadInput& fault : faults.faults) all.append(exception_of(fault));
     made.attr("faults") = all;
     for (const char* key : {"file", "line", "column", "expected", "seen"})
       made.attr(key) = all[0].attr(key);
     PyErr_SetObject(bad_scene, made.ptr());
   } catch (const BadInput& fault) {
-    PyErr_SetObject(bad_input, python_of(fault).ptr());
+    PyErr_SetObject(bad_input, exception_of(fault).ptr());
   } catch (const sim::OutputFailure& failure) {
     PyErr_SetString(output_failure, failure.what());
   } catch (const sim::compensation::PlugInFailure& failure) {
