@@ -260,8 +260,10 @@ function flag(p, q, text, colour) {
 }
 function overlay(p, many) {
   pen.save(); pen.beginPath(); pen.rect(p.cx, 0, p.cw, H); pen.clip();
-  const second = p.cx > 0; pen.textAlign = "left"; pen.fillStyle = second ? C.b : C.a; pen.font = "600 13px system-ui, DejaVu Sans"; pen.fillText(p.c.name, p.cx + 12, 16); pen.font = "12px system-ui, DejaVu Sans";
-  const s = figuresOf(p.c); pen.fillStyle = C.faint; if (s) pen.fillText(s, p.cx + 12, 33);
+  const second = p.cx > 0; pen.textAlign = "left"; const s = figuresOf(p.c);
+  if (S.tab === "machine") { pen.fillStyle = C.plate; pen.fillRect(p.cx + 6, 5, 14 + Math.max(1.15 * pen.measureText(p.c.name).width, pen.measureText(s || "").width), 38); }
+  pen.fillStyle = second ? C.b : C.a; pen.font = "600 13px system-ui, DejaVu Sans"; pen.fillText(p.c.name, p.cx + 12, 16); pen.font = "12px system-ui, DejaVu Sans";
+  pen.fillStyle = C.faint; if (s) pen.fillText(s, p.cx + 12, 33);
   if (S.tab === "map") {
     flag(p, vertex(p.c.max), L("max").split(" ")[0] + " " + um(p.c.r[p.c.max]), C.high); flag(p, vertex(p.c.min), L("min").split(" ")[0] + " " + um(p.c.r[p.c.min]), C.low);
     if (probe) flag(p, probe.p, um(p.c.all[probe.v]), C.ink);
@@ -332,7 +334,7 @@ const css = 'system-ui, "DejaVu Sans"';
 function axes(c, x0, x1, y0, y1, xl, yl, title) {  // a plain plot; returns how numbers become pixels
   const g = c.getContext("2d"), w = c.width / ratio, h = c.height / ratio, L = 52, R = w - 12, T = 24, B = h - 34; g.setTransform(ratio, 0, 0, ratio, 0, 0); g.clearRect(0, 0, w, h); g.font = "11px " + css;
   const X = v => L + (v - x0) / (x1 - x0) * (R - L), Y = v => B - (v - y0) / (y1 - y0) * (B - T);
-  const ticks = (a, b, n) => { const raw = (b - a) / n, p = 10 ** Math.floor(Math.log10(raw)), st = [1, 2, 5, 10].map(k => k * p).find(k => k >= raw), o = []; for (let v = Math.ceil(a / st) * st; v <= b + 1e-9 * st; v += st) o.push(+v.toPrecision(10)); return o; };
+  const ticks = (a, b, n) => { const raw = (b - a) / n, p = 10 ** Math.floor(Math.log10(raw)), st = [1, 2, 2.5, 5, 10].map(k => k * p).find(k => k >= raw), o = []; for (let v = Math.ceil(a / st) * st; v <= b + 1e-9 * st; v += st) o.push(+v.toPrecision(10)); return o; };
   g.strokeStyle = C.rule; g.fillStyle = C.faint; g.lineWidth = 1; g.textAlign = "center"; g.textBaseline = "top"; for (const v of ticks(x0, x1, w / 90)) { g.beginPath(); g.moveTo(X(v), T); g.lineTo(X(v), B); g.stroke(); g.fillText(v, X(v), B + 4); }
   g.textAlign = "right"; g.textBaseline = "middle"; for (const v of ticks(y0, y1, 4)) { g.beginPath(); g.moveTo(L, Y(v)); g.lineTo(R, Y(v)); g.stroke(); g.fillText(v, L - 5, Y(v)); }
   g.textAlign = "right"; g.fillText(xl, R, h - 8); g.textAlign = "left"; g.fillStyle = C.ink; g.font = "600 12px " + css; g.fillText(title, L, 11); g.font = "11px " + css; g.fillStyle = C.faint; g.textAlign = "right"; g.fillText(yl, R, 11);
@@ -484,6 +486,7 @@ for (const kind of ["pointerdown", "pointermove"]) $("course").addEventListener(
 if (path) { $("time").max = path.end; on("time", "input", e => { S.time = +e.value; motionText(); draw(); }); on("go", "click", () => { const n = +$("goLine").value; let k = path.line.indexOf(n); if (k < 0) { let best = Infinity; path.line.forEach((l, i) => { if (Math.abs(l - n) < best) { best = Math.abs(l - n); k = i; } }); } S.time = path.start[k]; $("goLine").value = path.line[k]; motionText(); draw(); });
   ink.addEventListener("dblclick", e => { const h = pick(e.offsetX, e.offsetY), c = cases[S.a]; if (!h || !(c.time[h.v] < NONE)) return; S.time = c.time[h.v]; S.tab = "machine"; controls(); motionText(); resize(); prepare(); });
   on("play", "click", e => { playing = playing ? 0 : performance.now(); e.textContent = playing ? "⏸" : "▶"; if (playing) requestAnimationFrame(tick); }); }
+if (path) on("toTool", "click", () => { const T = posesNow(); S.machineTarget = [12, 13, 14].map(k => T.t[k]); S.machineZoom = machineSize / (2.5 * size); draw(); });
 on("reveal", "change", e => { S.reveal = +e.checked; draw(); });
 const save = (blob, name) => { const a = document.createElement("a"); a.href = URL.createObjectURL(blob); a.download = name; a.click(); setTimeout(() => URL.revokeObjectURL(a.href), 1e4); };
 on("png", "click", () => { dirty = true; asked = -1; render(performance.now()); const c = document.createElement("canvas"); c.width = glc.width; c.height = glc.height; const g = c.getContext("2d"); g.drawImage(glc, 0, 0); g.drawImage(ink, 0, 0); c.toBlob(b => save(b, "map.png")); });

@@ -23,7 +23,7 @@ void add_block(PageData& data, const std::string& name, const std::string& text)
 struct PageArray {
   std::string name;
   bool on_mesh = false;                 ///< rows are the vertices of the mesh
-  std::vector<std::string> references;  ///< what its packing was offered
+  std::vector<std::string> references = {};  ///< what its packing was offered
 };
 void add(PageData& data, const PageArray& array, const Packed& packed);
 

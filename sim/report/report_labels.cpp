@@ -67,6 +67,7 @@ constexpr ReportLabel labels[] = {
     {"go_line", "program line", "程序行"},
     {"go", "go", "转到"},
     {"errors", "errors of the tool", "刀具误差"},
+    {"to_tool", "look at the tool", "看刀具"},
     {"signal", "signal", "信号"},
     {"no_signal", "no signal of these cases", "这些工况没有信号"},
     {"tool_off", "tool off by, in the part,", "刀具在零件中的偏差"},

@@ -137,7 +137,7 @@ class Mesh {
       add(v);
       const int first = int(border_.size());
       for (int k = 0; k < 3; ++k)
-        border_.push_back({v[std::size_t(k)], first + (k + 2) % 3, first + (k + 1) % 3});
+        border_.push_back({v[std::size_t(k)], first + (k + 1) % 3, first + (k + 2) % 3});
       for (int k = 0; k < 3; ++k) last_edge_[std::size_t(v[std::size_t(k)])] = first + k;
       for (const int k : {first, first + 1, first + 2}) queue_.push_back(k);
       for (std::size_t k = 0; k < queue_.size(); ++k) go_over(queue_[k]);
