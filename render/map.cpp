@@ -266,8 +266,10 @@ ToleranceShares tolerance_shares(const Field& field, const cutting::ToleranceBan
   return {percent * s.in, percent * s.over, percent * s.under, percent * s.uncut};
 }
 
-void write_map(const std::filesystem::path& path, const MapPicture& picture,
-               const MapOptions& options) {
+namespace {
+
+void draw_map(const MapPicture& picture, const MapOptions& options,
+              const std::function<void(Canvas&)>& use) {
   check(picture.field);
   const Coloured what = coloured(picture, options);
   const Tally counts = tally(picture.field, what.ends_um);
@@ -298,7 +300,20 @@ void write_map(const std::filesystem::path& path, const MapPicture& picture,
   triad(canvas, view, p.triad, 46.0 * type.unit, body);
   draw_flags(canvas, flagged, p.map, body);
   paragraph(canvas, {p.margin, p.strip.y}, lines, body);
-  canvas.write(path, options.format);
+  use(canvas);
+}
+
+}  // namespace
+
+void write_map(const std::filesystem::path& path, const MapPicture& picture,
+               const MapOptions& options) {
+  draw_map(picture, options, [&](Canvas& canvas) { canvas.write(path, options.format); });
+}
+
+Pixels map_pixels(const MapPicture& picture, const MapOptions& options) {
+  Pixels pixels;
+  draw_map(picture, options, [&](Canvas& canvas) { pixels = canvas.pixels(); });
+  return pixels;
 }
 
 }  // namespace abbe::render

@@ -82,4 +82,8 @@ Span common_ends(const std::vector<Span>& ends_um);
 void write_map(const std::filesystem::path& path, const MapPicture& picture,
                const MapOptions& options = {});
 
+/// The same map as it is on a screen; the format of the options does not matter.
+/// @throws std::invalid_argument as `write_map`
+Pixels map_pixels(const MapPicture& picture, const MapOptions& options = {});
+
 }  // namespace abbe::render

@@ -1,5 +1,6 @@
 #include "render/png.h"
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <stdexcept>
@@ -40,21 +41,30 @@ std::string filtered_rows(const Pixels& pixels) {
   return rows;
 }
 
-std::string quickly_packed(const std::string& bytes) {
-  constexpr int quick = 2;
+std::string packed_rows(const std::string& bytes, PngFor made_for) {
+  const int level = made_for == PngFor::Size ? 9 : 2;
   uLongf size = compressBound(uLong(bytes.size()));
   std::string packed(size, '\0');
   const int state =
       compress2(reinterpret_cast<Bytef*>(packed.data()), &size,
-                reinterpret_cast<const Bytef*>(bytes.data()), uLong(bytes.size()), quick);
+                reinterpret_cast<const Bytef*>(bytes.data()), uLong(bytes.size()), level);
   if (state != Z_OK) throw std::runtime_error("a picture could not be compressed");
   packed.resize(size);
   return packed;
 }
 
+Pixels with_fewer_colours(Pixels pixels) {
+  constexpr int step = 8, white = 255;
+  for (char& one : pixels.rgb) {
+    const int rounded = (static_cast<unsigned char>(one) + step / 2) / step * step;
+    one = char(std::min(rounded, white));
+  }
+  return pixels;
+}
+
 }  // namespace
 
-std::string png_file(const Pixels& pixels) {
+std::string png_file(const Pixels& pixels, PngFor made_for) {
   if (pixels.width < 1 || pixels.height < 1 ||
       pixels.rgb.size() != 3 * std::size_t(pixels.width) * std::size_t(pixels.height))
     throw std::invalid_argument("a picture of three bytes for every pixel");
@@ -64,7 +74,10 @@ std::string png_file(const Pixels& pixels) {
   append_number(head, std::uint32_t(pixels.height));
   head.append("\x08\x02\x00\x00\x00", 5);  // eight bits each of red, green and blue
   append_chunk(file, "IHDR", head);
-  append_chunk(file, "IDAT", quickly_packed(filtered_rows(pixels)));
+  append_chunk(file, "IDAT",
+               made_for == PngFor::Size
+                   ? packed_rows(filtered_rows(with_fewer_colours(pixels)), made_for)
+                   : packed_rows(filtered_rows(pixels), made_for));
   append_chunk(file, "IEND", {});
   return file;
 }

@@ -11,9 +11,15 @@ struct Pixels {
   std::string rgb;  ///< (3 * width * height) the upper row first
 };
 
-/// A PNG file of it, made for speed: no graphics library takes part, so any thread may encode while
+/// What the file of a picture is made for.
+enum class PngFor {
+  Speed,
+  Size,  ///< colours in steps of 8, white kept: no eye sees it in a map, and half the bytes go
+};
+
+/// A PNG file of it: no graphics library takes part, so any thread may encode while
 /// another one draws. The same pixels give the same bytes.
 /// @throws std::invalid_argument if the sizes do not fit
-std::string png_file(const Pixels& pixels);
+std::string png_file(const Pixels& pixels, PngFor made_for = PngFor::Speed);
 
 }  // namespace abbe::render

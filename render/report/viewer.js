@@ -1,4 +1,3 @@
-"use strict";
 const $ = id => document.getElementById(id), labels = JSON.parse($("labels").textContent);
 let language = location.hash.includes("language") ? (/language%22%3A%22(en|zh)/.exec(location.hash) || [])[1] || document.documentElement.lang : document.documentElement.lang;
 const L = key => { if (!labels[key]) throw new Error("no label " + key); return labels[key][language]; };
@@ -17,32 +16,30 @@ const C = dark ? { ink: "#e4e6ea", faint: "#a4a9b2", rule: "#3a3e45", paper: "#1
   : { ink: "#212429", faint: "#5b6068", rule: "#e6e7ea", paper: "#ffffff", plate: "#ffffffdd", a: "#00458c", b: "#b8430a", high: "#8c0012", low: "#0a1254", ground: [1, 1, 1] };
 
 
-// ---- data: base64 of zlib of byte planes of (differences of) integers ---------------------------
-const Types = { u8: Uint8Array, i16: Int16Array, u16: Uint16Array, i32: Int32Array, u32: Uint32Array, f32: Float32Array };
-function bytesOf(text) {
-  if (Uint8Array.fromBase64) return Uint8Array.fromBase64(text);
-  const s = atob(text), b = new Uint8Array(s.length);
-  for (let i = 0; i < s.length; i++) b[i] = s.charCodeAt(i);
-  return b;
+// ---- data: what unpack.js unpacks, once, when first asked for --------------------------------------
+const nV = index.vertices, nT = index.triangles, unpackedArrays = new Map();
+const lap = name => { timings[name] = Math.round(performance.now() - t0); };
+const textOf = name => { const node = $("a:" + name), text = node.textContent; node.remove(); return text; };
+lap("script");
+const { tri, known } = unpackMesh(bytesOf(textOf("mesh")), nV, nT); lap("mesh");
+function unpacked(name) {
+  if (!unpackedArrays.has(name)) {
+    const d = index.arrays[name], r = d.reference;
+    unpackedArrays.set(name, unpackNumbers(bytesOf(textOf(name)), d, d.mesh ? known : null, r && (r.startsWith("midst:") ? midstOf(r.slice(6), d) : unpacked(r).numbers)));
+  }
+  return unpackedArrays.get(name);
 }
-async function inflate(bytes) {
-  return new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer());
+let midsts = null;
+function midstOf(name, d) {                       // when the lines of a column are half done, in steps of d
+  const line = unpacked("block_line").numbers, begin = unpacked("block_time").numbers, n = line.length, step = Math.round(d.step[0] / index.arrays.block_time.step[0]);
+  if (!midsts) { midsts = new Map(); for (let k = 0; k < n; k++) if (!midsts.has(line[k])) midsts.set(line[k], Math.floor((begin[k] + begin[Math.min(k + 1, n - 1)] + step) / (2 * step))); }
+  return unpacked(name).numbers.map(l => midsts.get(l) || 0);
 }
-async function load(name) {                       // -> typed array, one component after the other
-  const d = index.arrays[name], node = $("a:" + name), planes = await inflate(bytesOf(node.textContent.trim()));
-  node.remove();
-  const T = Types[d.type], w = T.BYTES_PER_ELEMENT, n = d.n * d.components, raw = new Uint8Array(n * w);
-  if (w === 1) raw.set(planes);
-  else for (let k = 0; k < w; k++) { const o = k * n; for (let i = 0, j = k; i < n; i++, j += w) raw[j] = planes[o + i]; }
-  const x = new T(raw.buffer);
-  if (d.delta) for (let c = 0; c < d.components; c++) for (let i = c * d.n + 1, e = (c + 1) * d.n; i < e; i++) x[i] += x[i - 1];
-  return x;
-}
+const load = name => unpacked(name).shown;        // -> whole numbers, one component after the other
 const NONE = 1e9;                                 // stands for "no value" on the graphics card
-function scaled(x, d, missing) {                  // integers -> numbers with their unit
-  const y = new Float32Array(x.length);
-  for (let c = 0; c < d.components; c++) for (let i = c * d.n, e = i + d.n; i < e; i++)
-    y[i] = x[i] === missing ? NONE : d.offset[c] + x[i] * d.step[c];
+function values(name) {                           // -> numbers with their unit
+  const d = index.arrays[name], x = load(name), y = new Float32Array(x.length);
+  for (let c = 0; c < d.components; c++) for (let i = c * d.n, e = i + d.n; i < e; i++) y[i] = x[i] === MISSING ? NONE : d.offset[c] + x[i] * d.step[c];
   return y;
 }
 const interleaved = (x, n, m) => { const y = new x.constructor(n * m); for (let c = 0; c < m; c++) for (let i = 0; i < n; i++) y[i * m + c] = x[c * n + i]; return y; };
@@ -67,11 +64,7 @@ function inverse(m) {                             // of a rigid one
 }
 
 // ---- mesh -----------------------------------------------------------------------------------------
-const nV = index.vertices, nT = index.triangles;
-const lap = name => { timings[name] = Math.round(performance.now() - t0); };
-lap("script");
-const P = interleaved(scaled(await load("position"), index.arrays.position), nV, 3);
-const tri = interleaved(await load("triangle"), nT, 3); for (let k = 0; k < 3 * nT; k += 3) { tri[k + 1] += tri[k]; tri[k + 2] += tri[k]; } lap("mesh");
+const P = interleaved(values("position"), nV, 3); lap("positions");
 const normal = new Float32Array(nV * 3);
 for (let k = 0; k < nT * 3; k += 3) {
   const a = tri[k] * 3, b = tri[k + 1] * 3, c = tri[k + 2] * 3;
@@ -85,25 +78,34 @@ const low = [1e9, 1e9, 1e9], high = [-1e9, -1e9, -1e9];
 for (let i = 0; i < nV; i++) for (let c = 0; c < 3; c++) { const v = P[3 * i + c]; if (v < low[c]) low[c] = v; if (v > high[c]) high[c] = v; }
 const centre = mix(low, high, .5), size = Math.hypot(...sub(high, low)); lap("normals");
 const cases = index.cases;
-async function residual(i) {                      // micrometres, decoded when first shown
-  const c = cases[i];
-  if (!c.r) {
-    const d = index.arrays["residual" + i];
-    c.r = scaled(await load("residual" + i), d, d.type === "i16" ? -32768 : -2147483648);
-    c.line = Int32Array.from(await load("line" + i), z => z & 1 ? -(z + 1) / 2 : z / 2);
-    const t = index.arrays["cut_time" + i]; c.time = scaled(await load("cut_time" + i), t, t.type === "i16" ? -32768 : -2147483648);
-    if (i > 0) { const first = await residual(0); for (let k = 0; k < nV; k++) { c.line[k] += first.line[k]; if (c.time[k] < NONE && first.time[k] < NONE) c.time[k] += first.time[k]; } }
+const layers = ["residual", "form", "texture"];
+function layerOf(i) {                             // micrometres, unpacked when first shown
+  const c = cases[i]; c.layers ||= {}; c.line ||= load("line" + i); c.time ||= values("cut_time" + i);
+  return c.layers[S.layer] ||= S.layer === "texture" ? difference2(values("residual" + i), values("form" + i)) : values(S.layer + i);
+}
+const difference2 = (a, b) => a.map((v, k) => v < NONE && b[k] < NONE ? v - b[k] : NONE);
+const regionOf = index.regions.length ? load("region") : null, isIn = v => !S.region || regionOf[v] === S.region;
+function residual(i) {                            // the case with what is shown of it: `all` of the layer, `r` within the region
+  const c = cases[i], key = S.layer + S.region;
+  if (c.key !== key) {
+    c.key = key; c.all = layerOf(i); c.r = S.region ? c.all.map((v, k) => regionOf[k] === S.region ? v : NONE) : c.all; c.bins = null;
+    if (c.vao) { c.vao.own.forEach(b => gl.deleteBuffer(b)); gl.deleteVertexArray(c.vao); c.vao = null; }
     let mi = -1, ma = -1;
     for (let k = 0; k < nV; k++) if (c.r[k] < NONE) { if (mi < 0 || c.r[k] < c.r[mi]) mi = k; if (ma < 0 || c.r[k] > c.r[ma]) ma = k; }
-    c.min = mi; c.max = ma;
+    c.min = Math.max(0, mi); c.max = Math.max(0, ma);
   }
   return c;
+}
+function figuresOf(c) {                           // in words, of what is shown
+  if (!S.region) return c.stats && c.stats[S.layer] + " µm";
+  const f = S.layer === "residual" && index.regions[S.region - 1].figures[c.name]; if (!f || f.pv === null) return "";
+  return `PV ${+f.pv.toPrecision(4)}  RMS ${+f.rms.toPrecision(4)} µm` + (f.in === null ? "" : `  ${f.in.toFixed(2)} % ${L("in_tolerance")}`);
 }
 
 // ---- graphics card --------------------------------------------------------------------------------
 const glc = $("gl"), ink = $("ink"), pen = ink.getContext("2d");
 const gl = glc.getContext("webgl2", { antialias: true, alpha: false, preserveDrawingBuffer: true });
-if (!gl) { $("fallback").hidden = false; $("fallback").textContent = L("no_webgl"); $("busy").hidden = true; document.body.classList.add("text"); window.failed = "no WebGL 2"; return; }
+if (!gl) { $("fallback").hidden = false; $("fallback").textContent = L("no_webgl"); $("busy").hidden = true; document.body.classList.add("still"); window.failed = "no WebGL 2"; return; }
 function program(vs, fs) {
   const p = gl.createProgram();
   for (const [kind, text] of [[gl.VERTEX_SHADER, vs], [gl.FRAGMENT_SHADER, fs]]) {
@@ -138,8 +140,8 @@ gl.bindVertexArray(null);
 const positions = buffer(P), normals = buffer(n8); gl.bindVertexArray(null); const triangles = buffer(tri, gl.ELEMENT_ARRAY_BUFFER);
 function surfaceOf(values, time) {
   const vao = gl.createVertexArray(); gl.bindVertexArray(vao);
-  attribute(0, positions, 3); attribute(1, normals, 3, gl.BYTE, 4, true); attribute(2, buffer(values), 1);
-  if (time) attribute(3, buffer(time), 1);
+  vao.own = [values, time].filter(Boolean).map(x => buffer(x));
+  attribute(0, positions, 3); attribute(1, normals, 3, gl.BYTE, 4, true); vao.own.forEach((b, k) => attribute(2 + k, b, 1));
   gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, triangles); gl.bindVertexArray(null); return vao;
 }
 function diverging(n) {                           // Moreland 2009, cool to warm, in his Msh space
@@ -162,7 +164,7 @@ const colourAt = v => { const t = (v - S.lo) / (S.hi - S.lo), m = colours.length
   const u = S.bands > 0 ? (Math.floor(Math.min(t, .9999) * S.bands) + .5) / S.bands : t, k = 3 * Math.round(u * (m - 1)); return `rgb(${colours[k]},${colours[k + 1]},${colours[k + 2]})`; };
 
 // ---- what is shown --------------------------------------------------------------------------------
-const S = { language, tab: "map", a: Math.min(1, cases.length - 1), b: cases.length - 1, mode: "side", lo: -10, hi: 10, bands: 0, mag: 0, az: -117, el: 39, zoom: 1, target: [0, 0, 0], persp: 0, swipe: .5, time: 0, reveal: 0, line: null };
+const S = { language, tab: "map", layer: "residual", region: 0, errors: 0, signal: "", a: Math.min(1, cases.length - 1), b: cases.length - 1, mode: "side", lo: -10, hi: 10, bands: 0, mag: 0, az: -117, el: 39, zoom: 1, target: [0, 0, 0], persp: 0, swipe: .5, time: 0, reveal: 0, line: null };
 S.target = centre.slice();
 const home = { az: S.az, el: S.el };
 try { Object.assign(S, JSON.parse(decodeURIComponent(location.hash.slice(1)))); } catch { }
@@ -170,12 +172,12 @@ const zero = [...Array(16)].map((_, i) => i % 5 ? 0 : 1);
 let probe = null, section = null, dragging = null, difference = null, dirty = true;
 const shown = () => S.mode === "difference" ? [difference] : S.mode === "single" || S.tab === "machine" ? [cases[S.a]] : [cases[S.a], cases[S.b]];
 async function prepare() {
-  const a = await residual(S.a), b = await residual(S.b);
+  const a = residual(S.a), b = residual(S.b);
   for (const c of [a, b]) c.vao ||= surfaceOf(c.r, c.time);
-  if (S.mode === "difference" && !(difference && difference.of === a && difference.less === b)) {
+  if (S.mode === "difference" && !(difference && difference.of === a && difference.less === b && difference.key === a.key)) {
     const r = new Float32Array(nV); let mi = 0, ma = 0;
     for (let i = 0; i < nV; i++) { r[i] = a.r[i] < NONE && b.r[i] < NONE ? a.r[i] - b.r[i] : NONE; if (r[i] < NONE) { if (r[i] < r[mi]) mi = i; if (r[i] > r[ma]) ma = i; } }
-    difference = { of: a, less: b, name: a.name + " − " + b.name, r, line: a.line, time: a.time, min: mi, max: ma }; difference.vao = surfaceOf(r, a.time);
+    difference = { of: a, less: b, key: a.key, all: r, name: a.name + " − " + b.name, r, line: a.line, time: a.time, min: mi, max: ma }; difference.vao = surfaceOf(r, a.time);
   }
   histogram(); cut(); draw();
 }
@@ -207,8 +209,8 @@ let W = 1, H = 1, ratio = 1;
 function resize() {
   ratio = Math.min(devicePixelRatio || 1, 2); W = ink.clientWidth; H = ink.clientHeight;
   for (const c of [glc, ink]) { c.width = Math.round(W * ratio); c.height = Math.round(H * ratio); }
-  for (const c of [$("hist"), $("prof")]) { c.width = Math.round(c.clientWidth * ratio); c.height = Math.round(c.clientHeight * ratio); }
-  histogram(); profile(); draw();
+  for (const c of [$("hist"), $("prof"), $("course")]) { c.width = Math.round(c.clientWidth * ratio); c.height = Math.round(c.clientHeight * ratio); }
+  histogram(); profile(); curves(); draw();
 }
 function panes() {                                // in CSS pixels: where each map is drawn, and the part of it that is seen
   const s = shown();
@@ -258,11 +260,13 @@ function flag(p, q, text, colour) {
 }
 function overlay(p, many) {
   pen.save(); pen.beginPath(); pen.rect(p.cx, 0, p.cw, H); pen.clip();
-  const second = p.cx > 0; pen.textAlign = "left"; pen.fillStyle = second ? C.b : C.a; pen.font = "600 13px system-ui, DejaVu Sans"; pen.fillText(p.c.name, p.cx + 12, 16); pen.font = "12px system-ui, DejaVu Sans";
-  const s = p.c.stats; pen.fillStyle = C.faint; if (s) pen.fillText(`PV ${s.pv}  RMS ${s.rms} µm`, p.cx + 12, 33);
+  const second = p.cx > 0; pen.textAlign = "left"; const s = figuresOf(p.c);
+  if (S.tab === "machine") { pen.fillStyle = C.plate; pen.fillRect(p.cx + 6, 5, 14 + Math.max(1.15 * pen.measureText(p.c.name).width, pen.measureText(s || "").width), 38); }
+  pen.fillStyle = second ? C.b : C.a; pen.font = "600 13px system-ui, DejaVu Sans"; pen.fillText(p.c.name, p.cx + 12, 16); pen.font = "12px system-ui, DejaVu Sans";
+  pen.fillStyle = C.faint; if (s) pen.fillText(s, p.cx + 12, 33);
   if (S.tab === "map") {
     flag(p, vertex(p.c.max), L("max").split(" ")[0] + " " + um(p.c.r[p.c.max]), C.high); flag(p, vertex(p.c.min), L("min").split(" ")[0] + " " + um(p.c.r[p.c.min]), C.low);
-    if (probe) flag(p, probe.p, um(p.c.r[probe.v]), C.ink);
+    if (probe) flag(p, probe.p, um(p.c.all[probe.v]), C.ink);
     if (section && section.mark) flag(p, section.mark, "", C.ink);
   }
   if (p.cx === 0) {                               // directions and, in parallel projection, a scale bar
@@ -308,8 +312,8 @@ function pick(x, y) {
 }
 function tell() {
   if (!probe) { $("probe").textContent = "—"; return; }
-  const v = probe.v, f = (x, n = 3) => x.toFixed(n).padStart(9); let text = `X ${f(P[3 * v])} mm\nY ${f(P[3 * v + 1])}\nZ ${f(P[3 * v + 2])}`;
-  for (const c of new Set([cases[S.a], cases[S.b], ...(S.mode === "difference" ? [difference] : [])])) text += `\n\n${c.name}\n  ${um(c.r[v])}` + (c.line && c.r[v] < NONE ? `   ${L("line")} ${c.line[v]}` + (c.time ? `, ${c.time[v].toFixed(1)} s` : "") : "");
+  const v = probe.v, f = (x, n = 3) => x.toFixed(n).padStart(9); let text = `X ${f(P[3 * v])} mm\nY ${f(P[3 * v + 1])}\nZ ${f(P[3 * v + 2])}` + (regionOf && regionOf[v] ? `\n${L("region")} ${index.regions[regionOf[v] - 1].name}` : "");
+  for (const c of new Set([cases[S.a], cases[S.b], ...(S.mode === "difference" ? [difference] : [])])) text += `\n\n${c.name}\n  ${um(c.all[v])}` + (c.line && c.all[v] < NONE ? `   ${L("line")} ${c.line[v]}` + (c.time ? `, ${c.time[v].toFixed(1)} s` : "") : "");
   $("probe").textContent = text;
 }
 
@@ -330,7 +334,7 @@ const css = 'system-ui, "DejaVu Sans"';
 function axes(c, x0, x1, y0, y1, xl, yl, title) {  // a plain plot; returns how numbers become pixels
   const g = c.getContext("2d"), w = c.width / ratio, h = c.height / ratio, L = 52, R = w - 12, T = 24, B = h - 34; g.setTransform(ratio, 0, 0, ratio, 0, 0); g.clearRect(0, 0, w, h); g.font = "11px " + css;
   const X = v => L + (v - x0) / (x1 - x0) * (R - L), Y = v => B - (v - y0) / (y1 - y0) * (B - T);
-  const ticks = (a, b, n) => { const raw = (b - a) / n, p = 10 ** Math.floor(Math.log10(raw)), st = [1, 2, 5, 10].map(k => k * p).find(k => k >= raw), o = []; for (let v = Math.ceil(a / st) * st; v <= b + 1e-9 * st; v += st) o.push(+v.toPrecision(10)); return o; };
+  const ticks = (a, b, n) => { const raw = (b - a) / n, p = 10 ** Math.floor(Math.log10(raw)), st = [1, 2, 2.5, 5, 10].map(k => k * p).find(k => k >= raw), o = []; for (let v = Math.ceil(a / st) * st; v <= b + 1e-9 * st; v += st) o.push(+v.toPrecision(10)); return o; };
   g.strokeStyle = C.rule; g.fillStyle = C.faint; g.lineWidth = 1; g.textAlign = "center"; g.textBaseline = "top"; for (const v of ticks(x0, x1, w / 90)) { g.beginPath(); g.moveTo(X(v), T); g.lineTo(X(v), B); g.stroke(); g.fillText(v, X(v), B + 4); }
   g.textAlign = "right"; g.textBaseline = "middle"; for (const v of ticks(y0, y1, 4)) { g.beginPath(); g.moveTo(L, Y(v)); g.lineTo(R, Y(v)); g.stroke(); g.fillText(v, L - 5, Y(v)); }
   g.textAlign = "right"; g.fillText(xl, R, h - 8); g.textAlign = "left"; g.fillStyle = C.ink; g.font = "600 12px " + css; g.fillText(title, L, 11); g.font = "11px " + css; g.fillStyle = C.faint; g.textAlign = "right"; g.fillText(yl, R, 11);
@@ -363,31 +367,31 @@ $("hist").addEventListener("pointerup", () => limit = null);
 // ---- machine: rigid bodies on a chain along the samples ---------------------------------------------
 const machine = index.machine; let partInBed = null, path = null, machineCentre = [0, 0, 0], machineSize = 600, bodies = [];
 if (machine) {
-  const k = machine.joints.length, d = index.arrays.q, q = scaled(await load("q"), d), n = d.n;
-  const t = scaled(await load("t"), index.arrays.t), line = await load("block_line"), start = scaled(await load("block_time"), index.arrays.block_time);
+  const k = machine.joints.length, d = index.arrays.q, q = values("q"), n = d.n;
+  const t = values("t"), line = load("block_line"), start = values("block_time");
   path = { n, q, t, line, start, end: t[n - 1] };
   const xyz = new Float32Array(3 * n);
-  for (let i = 0; i < n; i++) { const T = tipInPart(j => q[j * n + i]); for (let c = 0; c < 3; c++) xyz[3 * i + c] = T[c]; }
-  const strandOf = points => { const v = gl.createVertexArray(); gl.bindVertexArray(v); attribute(0, buffer(points), 3); attribute(1, buffer(t), 1); gl.bindVertexArray(null); return v; };
-  path.vao = strandOf(xyz);
+  for (let i = 0; i < n; i++) { const T = tipInPart(j => q[j * n + i], machine.tools[toolAt(t[i])]); for (let c = 0; c < 3; c++) xyz[3 * i + c] = T[c]; }
+  path.xyz = xyz; path.strandOf = points => { const v = gl.createVertexArray(); gl.bindVertexArray(v); attribute(0, buffer(points), 3); attribute(1, buffer(t), 1); gl.bindVertexArray(null); return v; };
+  path.vao = path.strandOf(xyz);
   const from = [1e9, 1e9, 1e9], to = [-1e9, -1e9, -1e9], T = posesNow();
   const reach = (M, x) => { const v = at(M, x); for (let c = 0; c < 3; c++) { from[c] = Math.min(from[c], v[c]); to[c] = Math.max(to[c], v[c]); } };
-  for (let i = 0; i < machine.bodies.length; i++) { const b = { ...machine.bodies[i], ...await solid(i) }; bodies.push(b); for (let k = 0; k < b.x.length; k += 3) reach(T[b.on], b.x.subarray(k, k + 3)); }
+  for (let i = 0; i < machine.bodies.length; i++) { const b = { ...machine.bodies[i], ...solid(i) }; bodies.push(b); for (let k = 0; k < b.x.length; k += 3) if (b.tool <= 0) reach(T[b.on], b.x.subarray(k, k + 3)); }
   for (let k = 0; k < 8; k++) reach(T.w, [0, 1, 2].map(c => (k >> c & 1 ? high : low)[c]));
   reach(T.t, [0, 0, 0]); machineCentre = mix(from, to, .5); machineSize = Math.hypot(...sub(to, from)); lap("machine");
 } else { document.querySelector("[data-tab=machine]").hidden = true; if (S.tab === "machine") S.tab = "map"; }
-async function solid(i) {                         // with the normals of its facets
-  const x = scaled(await load("body" + i), index.arrays["body" + i]), t = await load("facet" + i), n = x.length / 3, m = t.length / 3, v = new Float32Array(18 * m);
+function solid(i) {                         // with the normals of its facets
+  const x = values("body" + i), t = load("facet" + i), n = x.length / 3, m = t.length / 3, v = new Float32Array(18 * m);
   const corner = k => [x[k], x[n + k], x[2 * n + k]];
   for (let f = 0; f < m; f++) { const [a, b, c] = [0, 1, 2].map(k => corner(t[k * m + f])), u = norm(cross(sub(b, a), sub(c, a))); [a, b, c].forEach((p, k) => v.set([...p, ...u], 18 * f + 6 * k)); }
   const vao = gl.createVertexArray(); gl.bindVertexArray(vao); gl.bindBuffer(gl.ARRAY_BUFFER, buffer(v)); for (const k of [0, 1]) { gl.enableVertexAttribArray(k); gl.vertexAttribPointer(k, 3, gl.FLOAT, false, 24, 12 * k); } gl.bindVertexArray(null);
   return { vao, count: 3 * m, x: interleaved(x, n, 3) };
 }
-function exponential(j, q) { if (j.fixed) return eye(); return j.rotary ? turn(j.direction, q * rad, j.point) : move(j.direction.map(v => v * q)); }
-function tipInPart(q) {                           // point by point: a matrix a joint would take ten times as long
-  let p = machine.T_bt_home.slice(12, 15);
+function exponential(j, q) { return j.rotary ? turn(j.direction, q * rad, j.point) : move(j.direction.map(v => v * q)); }
+function tipInPart(q, tool) {                     // spindles at rest; point by point: a matrix a joint would take ten times as long
+  let p = tool.T_bt_home.slice(12, 15);
   for (let i = machine.joints.length - 1; i >= 0; i--) {
-    const j = machine.joints[i], u = j.direction; if (j.fixed) continue;
+    const j = machine.joints[i], u = j.direction; if (j.spindle) continue;
     if (!j.rotary) { p = p.map((v, c) => v + u[c] * q(i)); continue; }
     const v = sub(p, j.point), a = q(i) * rad, s = Math.sin(a), k = Math.cos(a), w = cross(u, v), along = dot(u, v) * (1 - k);
     p = v.map((x, c) => j.point[c] + x * k + w[c] * s + u[c] * along);
@@ -396,45 +400,93 @@ function tipInPart(q) {                           // point by point: a matrix a 
 }
 function posesNow() {                             // every carriage in the bed
   const { i, f } = sampleAt(S.time), n = path.n, q = j => path.q[j * n + i] + f * (path.q[j * n + Math.min(i + 1, n - 1)] - path.q[j * n + i]), T = {}; let m = eye();
-  machine.joints.forEach((j, k) => { if (!j.workpiece) T[j.name] = m = mul(m, exponential(j, q(k))); }); T.t = mul(m, machine.T_bt_home); m = eye();
+  machine.joints.forEach((j, k) => { if (!j.workpiece) T[j.name] = m = mul(m, exponential(j, q(k))); }); T.tool = toolAt(S.time); T.t = mul(m, machine.tools[T.tool].T_bt_home); m = eye();
   for (let k = machine.joints.length - 1; k >= 0; k--) { const j = machine.joints[k]; if (j.workpiece) T[j.name] = m = mul(m, exponential(j, -q(k))); } T.w = mul(m, machine.T_bw_home); T.f = mul(m, machine.T_bf_home); T.b = eye(); T.q = machine.joints.map((_, k) => q(k)); T.i = i; return T;
 }
 const lastBefore = (x, t) => { let a = 0, b = x.length; while (b - a > 1) { const m = (a + b) >> 1; x[m] <= t ? a = m : b = m; } return a; };
-function sampleAt(t) { let a = 0, b = path.n - 1; while (b - a > 1) { const m = (a + b) >> 1; path.t[m] <= t ? a = m : b = m; } return { i: a, f: Math.min(1, Math.max(0, (t - path.t[a]) / (path.t[b] - path.t[a] || 1))) }; }
+function between(x, t) { let a = 0, b = x.length - 1; while (b - a > 1) { const m = (a + b) >> 1; x[m] <= t ? a = m : b = m; } return { i: a, f: Math.min(1, Math.max(0, (t - x[a]) / (x[b] - x[a] || 1))) }; }
+function sampleAt(t) { return between(path.t, t); }
+function toolAt(t) { let k = machine.tools.length - 1; while (k > 0 && machine.tools[k].from > t) k--; return k; }
+function trackOf(c) { if (!c.track) return null; return c.course ||= { t: values("t:" + c.track), tip: values(c.track + "_tip"), turned: values(c.track + "_direction") }; }
+function offAt(c, t) {                            // of the tool in the part: mm of its tip, change of its direction
+  const k = trackOf(c); if (!k) return null; const { i, f } = between(k.t, t), n = k.t.length, j = Math.min(i + 1, n - 1);
+  return [k.tip, k.turned].map(x => [0, 1, 2].map(a => x[a * n + i] + f * (x[a * n + j] - x[a * n + i])));
+}
+function turned(M, v) { return at(M, v).slice(0, 3).map((x, k) => x - M[12 + k]); }
+const hasErrors = c => S.errors > 0 && c.track;
+function truePose(T) {                            // of the tool, its errors magnified
+  const [tip, way] = offAt(cases[S.a], S.time).map(v => turned(T.w, v).map(x => x * S.errors)), u = [8, 9, 10].map(k => T.t[k]), axis = cross(u, way), angle = Math.min(1.5, Math.hypot(...axis));
+  return mul(move(tip), angle > 0 ? mul(turn(norm(axis), angle, [12, 13, 14].map(k => T.t[k])), T.t) : T.t);
+}
+let trueStrand = null;
+function trueWay() {                              // of the tip in the part, its errors magnified
+  const c = cases[S.a]; if (trueStrand && trueStrand.of === c && trueStrand.errors === S.errors) return trueStrand.vao;
+  const xyz = path.xyz.slice(); for (let i = 0; i < path.n; i++) { const [tip] = offAt(c, path.t[i]); for (let a = 0; a < 3; a++) xyz[3 * i + a] += S.errors * tip[a]; }
+  trueStrand = { of: c, errors: S.errors, vao: path.strandOf(xyz) }; return trueStrand.vao;
+}
 const partPose = () => posesNow().w;
 function machineScene(p, cam) {
   const T = posesNow(); paint(p, cam, T.w);
   gl.useProgram(strand.p); gl.uniformMatrix4fv(strand.u.M, false, T.w); gl.uniformMatrix4fv(strand.u.V, false, cam.V); gl.uniform1f(strand.u.tnow, S.time); gl.uniform1f(strand.u.trail, Math.max(2, path.end * .02));
   gl.uniform3fv(strand.u.colour, dark ? [.5, .7, 1] : [.2, .35, .65]); gl.bindVertexArray(path.vao); gl.drawArrays(gl.LINE_STRIP, 0, path.n);
+  const errs = hasErrors(cases[S.a]), ghost = [.85, .35, .1]; if (errs) { gl.uniform3fv(strand.u.colour, ghost); gl.bindVertexArray(trueWay()); gl.drawArrays(gl.LINE_STRIP, 0, path.n); }
   gl.useProgram(plain.p); gl.uniformMatrix4fv(plain.u.V, false, cam.V); gl.uniform3fv(plain.u.eye, cam.d);
-  for (const clear of [false, true]) for (const b of bodies) if (b.opacity < 1 === clear) { gl.depthMask(!clear); gl.uniformMatrix4fv(plain.u.M, false, T[b.on]); gl.uniform4f(plain.u.colour, ...b.colour, b.opacity); gl.bindVertexArray(b.vao); gl.drawArrays(gl.TRIANGLES, 0, b.count); } gl.depthMask(true);
+  const body = (b, M, colour, opacity) => { gl.uniformMatrix4fv(plain.u.M, false, M); gl.uniform4f(plain.u.colour, ...colour, opacity); gl.bindVertexArray(b.vao); gl.drawArrays(gl.TRIANGLES, 0, b.count); };
+  const here = bodies.filter(b => b.tool < 0 || b.tool === T.tool), pose = errs && truePose(T);
+  for (const clear of [false, true]) { gl.depthMask(!clear); for (const b of here) if (b.opacity < 1 === clear) body(b, T[b.on], b.colour, b.opacity); if (clear && errs) for (const b of here) if (b.on === "t") body(b, pose, ghost, .6); } gl.depthMask(true);
 }
 function motionText() {
-  if (!path) return; const T = posesNow(), q = machine.joints.map((j, k) => j.fixed ? "" : `${j.name} ${T.q[k].toFixed(3).replace(/^-(0\.0+)$/, "$1").padStart(9)} ${j.rotary ? "°" : "mm"}`); $("state").textContent = `${S.time.toFixed(2)} ${L("of")} ${path.end.toFixed(0)} s   ${L("line")} ${path.line[lastBefore(path.start, S.time)]}\n` + q.join("\n"); $("time").value = S.time;
+  if (!path) return; const T = posesNow(), c = cases[S.a], off = offAt(c, S.time), q = machine.joints.map((j, k) => j.spindle ? "" : `${j.name} ${T.q[k].toFixed(3).replace(/^-(0\.0+)$/, "$1").padStart(9)} ${j.rotary ? "°" : "mm"}`); $("state").textContent = `${S.time.toFixed(2)} ${L("of")} ${path.end.toFixed(0)} s   ${L("line")} ${path.line[lastBefore(path.start, S.time)]}\n` + (machine.tools.length > 1 ? machine.tools[T.tool].name + "\n" : "") + q.filter(Boolean).join("\n") + (off ? `\n${L("tool_off")} µm\n` + off[0].map((v, k) => "XYZ"[k] + " " + (1000 * v).toFixed(3).padStart(9)).join("\n") : ""); $("time").value = S.time; curves();
+}
+function courseOf(c, name) {                      // -> instants and values of a signal
+  if (name === "tip_deviation_um") { const k = trackOf(c); return k && (k.size ||= { t: k.t, v: k.t.map((_, i) => 1000 * Math.hypot(k.tip[i], k.tip[k.t.length + i], k.tip[2 * k.t.length + i])) }); }
+  const s = (c.signals || []).find(s => s.name === name); return s && (s.course ||= { t: values("t:" + s.key), v: values(s.key) });
+}
+let curveAxes = null;
+function curves() {
+  const c = $("course"); if (!path || S.tab !== "machine" || !c.width) return; curveAxes = null;
+  const all = [...new Set([cases[S.a], cases[S.b]])].map(x => [x, courseOf(x, S.signal)]).filter(x => x[1]);
+  if (!all.length) { axes(c, 0, path.end, 0, 1, "s", "", L("no_signal")); return; }
+  let y0 = Infinity, y1 = -Infinity; for (const [, k] of all) for (const v of k.v) { y0 = Math.min(y0, v); y1 = Math.max(y1, v); } const m = (y1 - y0) * .06 || 1e-6;
+  curveAxes = axes(c, 0, path.end, y0 - m, y1 + m, "s", "", S.signal); const { g, X, Y, T, B, R } = curveAxes; let right = R;
+  g.save(); g.beginPath(); g.rect(curveAxes.L, T, R - curveAxes.L, B - T); g.clip();
+  for (const [x, k] of all) { g.strokeStyle = x === cases[S.a] ? C.a : C.b; g.lineWidth = 1.1; g.beginPath(); k.t.forEach((t, i) => i ? g.lineTo(X(t), Y(k.v[i])) : g.moveTo(X(t), Y(k.v[i]))); g.stroke(); } g.restore();
+  g.strokeStyle = C.ink; g.beginPath(); g.moveTo(X(S.time), T); g.lineTo(X(S.time), B); g.stroke(); g.textAlign = "right"; g.textBaseline = "middle";
+  for (const [x, k] of all.reverse()) { const { i, f } = between(k.t, S.time), j = Math.min(i + 1, k.t.length - 1), text = `${x.name}: ${(k.v[i] + f * (k.v[j] - k.v[i])).toPrecision(5)}`; g.fillStyle = x === cases[S.a] ? C.a : C.b; g.fillText(text, right, 11); right -= g.measureText(text).width + 16; }
 }
 let playing = 0;
 function tick(now) { if (!playing) return; S.time += (now - playing) / 1000 * +$("speed").value; playing = now; if (S.time >= path.end) S.time = 0; motionText(); draw(); requestAnimationFrame(tick); }
 
 // ---- controls ---------------------------------------------------------------------------------------
-if (!index.tolerance_um) $("tol").hidden = true;
+if (!index.tolerance_um && !index.regions.some(r => r.tolerance_um)) $("tol").hidden = true;
 cases.forEach((c, i) => { for (const id of ["a", "b"]) $(id).add(new Option(c.name, i)); });
 document.querySelectorAll("#figures tbody tr").forEach(r => { const i = cases.findIndex(c => c.name === r.dataset.case); r.onclick = e => { if (i < 0) return; S[e.shiftKey ? "a" : "b"] = i; controls(); prepare(); }; });
 $("language").addEventListener("click", () => { language = S.language = language === "en" ? "zh" : "en"; translate(); controls(); tell(); motionText(); histogram(); profile(); draw(); });
 function controls() {
-  for (const k of ["a", "b", "lo", "hi", "bands", "mag"]) $(k).value = S[k]; $("persp").checked = S.persp; $("reveal").checked = S.reveal; $("bandsOut").textContent = S.bands || L("smooth"); $("magOut").textContent = S.mag > 0 ? "× " + (10 ** S.mag).toPrecision(2) : L("off");
+  for (const o of $("errors").options) o.textContent = o.value === "0" ? L("off") : "× " + o.value; for (const o of $("layer").options) o.textContent = L(o.value); $("region").options[0].textContent = L("whole_part"); for (const k of ["a", "b", "lo", "hi", "bands", "mag", "layer", "region", "errors", "signal"]) $(k).value = S[k]; $("persp").checked = S.persp; $("reveal").checked = S.reveal; $("bandsOut").textContent = S.bands || L("smooth"); $("magOut").textContent = S.mag > 0 ? "× " + (10 ** S.mag).toPrecision(2) : L("off");
   document.querySelectorAll("[data-mode]").forEach(b => b.classList.toggle("on", b.dataset.mode === S.mode)); document.querySelectorAll("[data-tab]").forEach(b => b.setAttribute("aria-selected", String(b.dataset.tab === S.tab))); document.querySelectorAll("#figures tbody tr").forEach(r => { r.className = r.dataset.case === cases[S.a].name ? "a" : r.dataset.case === cases[S.b].name ? "b" : ""; });
   document.body.classList.toggle("text", S.tab === "text"); document.body.classList.toggle("machine", S.tab === "machine");
 }
 const on = (id, event, f) => $(id).addEventListener(event, e => { f(e.target, e); controls(); });
-for (const id of ["a", "b"]) on(id, "change", e => { S[id] = +e.value; prepare(); });
+for (const k of layers) $("layer").add(new Option("", k));
+$("region").add(new Option("", 0)); index.regions.forEach((r, i) => $("region").add(new Option(r.name, i + 1))); $("region").parentElement.hidden = !index.regions.length;
+on("layer", "change", e => { S.layer = e.value; refitted(); }); on("region", "change", e => { S.region = +e.value; refitted(); });
+function refitted() { for (const i of [S.a, S.b]) residual(i); difference = null; if (S.mode !== "difference") fit(); controls(); prepare(); }
+for (const id of ["a", "b"]) on(id, "change", e => { S[id] = +e.value; motionText(); prepare(); });
 for (const id of ["lo", "hi"]) on(id, "change", e => { const v = +e.value; if (Number.isFinite(v) && (id === "lo" ? v < S.hi : v > S.lo)) S[id] = v; histogram(); draw(); });
 on("bands", "input", e => { S.bands = +e.value; histogram(); draw(); }); on("mag", "input", e => { S.mag = +e.value; draw(); }); on("persp", "change", e => { S.persp = +e.checked; draw(); });
-on("fit", "click", () => { fit(); histogram(); draw(); }); on("tol", "click", () => { const t = index.tolerance_um; S.lo = t[0]; S.hi = t[1]; S.bands = 4; histogram(); draw(); });
+on("fit", "click", () => { fit(); histogram(); draw(); }); on("tol", "click", () => { const t = S.region && index.regions[S.region - 1].tolerance_um || index.tolerance_um; if (!t) return; S.lo = t[0]; S.hi = t[1]; S.bands = 4; histogram(); draw(); });
 document.querySelectorAll("[data-mode]").forEach(b => b.addEventListener("click", () => { S.mode = b.dataset.mode; controls(); prepare(); }));
 document.querySelectorAll("[data-tab]").forEach(b => b.addEventListener("click", () => { S.tab = b.dataset.tab; controls(); motionText(); resize(); prepare(); }));
+const signalNames = [...new Set(cases.flatMap(c => [...(c.track ? ["tip_deviation_um"] : []), ...(c.signals || []).map(s => s.name)]))];
+for (const n of signalNames) $("signal").add(new Option(n, n)); if (!signalNames.includes(S.signal)) S.signal = signalNames[0] || ""; $("signal").parentElement.hidden = !signalNames.length; $("errors").parentElement.hidden = !cases.some(c => c.track);
+for (const k of [0, 1, 10, 100, 1000, 10000]) $("errors").add(new Option("", k));
+on("signal", "change", e => { S.signal = e.value; curves(); draw(); }); on("errors", "change", e => { S.errors = +e.value; draw(); });
+for (const kind of ["pointerdown", "pointermove"]) $("course").addEventListener(kind, e => { if (!curveAxes || !e.buttons) return; S.time = Math.min(path.end, Math.max(0, curveAxes.inverse(e.offsetX))); motionText(); draw(); });
 if (path) { $("time").max = path.end; on("time", "input", e => { S.time = +e.value; motionText(); draw(); }); on("go", "click", () => { const n = +$("goLine").value; let k = path.line.indexOf(n); if (k < 0) { let best = Infinity; path.line.forEach((l, i) => { if (Math.abs(l - n) < best) { best = Math.abs(l - n); k = i; } }); } S.time = path.start[k]; $("goLine").value = path.line[k]; motionText(); draw(); });
   ink.addEventListener("dblclick", e => { const h = pick(e.offsetX, e.offsetY), c = cases[S.a]; if (!h || !(c.time[h.v] < NONE)) return; S.time = c.time[h.v]; S.tab = "machine"; controls(); motionText(); resize(); prepare(); });
   on("play", "click", e => { playing = playing ? 0 : performance.now(); e.textContent = playing ? "⏸" : "▶"; if (playing) requestAnimationFrame(tick); }); }
+if (path) on("toTool", "click", () => { const T = posesNow(); S.machineTarget = [12, 13, 14].map(k => T.t[k]); S.machineZoom = machineSize / (2.5 * size); draw(); });
 on("reveal", "change", e => { S.reveal = +e.checked; draw(); });
 const save = (blob, name) => { const a = document.createElement("a"); a.href = URL.createObjectURL(blob); a.download = name; a.click(); setTimeout(() => URL.revokeObjectURL(a.href), 1e4); };
 on("png", "click", () => { dirty = true; asked = -1; render(performance.now()); const c = document.createElement("canvas"); c.width = glc.width; c.height = glc.height; const g = c.getContext("2d"); g.drawImage(glc, 0, 0); g.drawImage(ink, 0, 0); c.toBlob(b => save(b, "map.png")); });
@@ -467,11 +519,11 @@ ink.addEventListener("wheel", e => { e.preventDefault(); const z = S.tab === "ma
 ink.addEventListener("keydown", e => { const step = { ArrowLeft: [8, 0], ArrowRight: [-8, 0], ArrowUp: [0, 8], ArrowDown: [0, -8] }[e.key], z = { "+": 1.25, "-": .8 }[e.key]; if (step) { e.preventDefault(); S.az += step[0]; S.el = Math.min(90, Math.max(-90, S.el + step[1])); draw(); } if (z) { const k = S.tab === "machine" ? "machineZoom" : "zoom"; S[k] = Math.min(400, Math.max(.1, (S[k] || 1) * z)); draw(); } const v = { 0: [home.az, home.el], 1: [-90, 90], 2: [-90, 0], 3: [0, 0] }[e.key]; if (v) { [S.az, S.el] = v; S.machineZoom = 1; S.machineTarget = null; S.target = centre.slice(); fitView(); draw(); } });
 glc.addEventListener("webglcontextlost", e => { e.preventDefault(); $("fallback").hidden = false; $("fallback").textContent = L("lost"); });
 new ResizeObserver(resize).observe(ink);
-await residual(S.a); await residual(S.b); lap("residuals");
+residual(S.a); residual(S.b); lap("residuals");
 if (!location.hash) fit(); controls(); motionText(); resize(); if (!location.hash) fitView(); await prepare(); $("busy").hidden = true;
 requestAnimationFrame(() => { gl.finish(); lap("ready"); window.ready = true; });
 addEventListener("hashchange", () => { try { Object.assign(S, JSON.parse(decodeURIComponent(location.hash.slice(1)))); } catch { return; } language = S.language; translate(); controls(); motionText(); prepare(); });
-const tipAt = t => { const { i, f } = sampleAt(t), n = path.n, k = Math.min(i + 1, n - 1); return tipInPart(j => path.q[j * n + i] + f * (path.q[j * n + k] - path.q[j * n + i])); };
-window.abbe = { tipAt, index, P, S, prepare, draw, controls, pick, project, cut, cases, get section() { return section; }, get frames() { return frames; }, panes, motionText, fit, fitView };
+const tipAt = t => { const { i, f } = sampleAt(t), n = path.n, k = Math.min(i + 1, n - 1); return tipInPart(j => path.q[j * n + i] + f * (path.q[j * n + k] - path.q[j * n + i]), machine.tools[toolAt(t)]); };
+window.abbe = { tipAt, offAt, courseOf, index, P, S, prepare, draw, controls, pick, project, cut, cases, get section() { return section; }, get frames() { return frames; }, panes, motionText, fit, fitView };
 })().catch(e => { document.getElementById("busy").textContent = L("cannot") + e.message; window.failed = e.stack; console.error(e); });
 });

@@ -39,9 +39,14 @@ void check_and_say(const Scene& scene, const std::vector<WorkSize>& sizes, const
   if (const std::string text = memory_remark(sizes, asked); !text.empty()) to(progress)(text, -1.0);
 }
 
+/// A page shows where the tool was.
+Keep kept_by(const RunOptions& options) {
+  return options.report_language.empty() ? kept_for(options.formats) : Keep::Track;
+}
+
 CasesAsked with_files(CasesAsked asked, const RunOptions& options) {
   asked.pictures = draws_pictures();
-  asked.tracked = kept_for(options.formats) == Keep::Track;
+  asked.tracked = kept_by(options) == Keep::Track;
   return asked;
 }
 
@@ -123,6 +128,18 @@ std::vector<Stage> stages_of_all(const Scene& scene, const std::vector<Scene>& v
 
 void collect(std::vector<std::string>& all, const Limits& limits, const Verdict& verdict) {
   for (std::string& one : exceeded(limits, verdict)) all.push_back(std::move(one));
+}
+
+/// The limits that cases break; where there are compensators, they are what is accepted or not.
+std::vector<std::string> exceeded_by(const std::vector<Compared>& cases) {
+  const bool compensates = std::any_of(cases.begin(), cases.end(), [](const Compared& one) {
+    return one.uncompensated.has_value();
+  });
+  std::vector<std::string> all;
+  for (std::size_t i = 0; i < cases.size(); ++i)
+    if (compensates ? cases[i].uncompensated.has_value() : i > 0)
+      collect(all, cases[i].job->scene.limits, cases[i].verdict);
+  return all;
 }
 
 /// The compensator of a case that `run` cuts; none where it is cut as programmed.
@@ -235,7 +252,7 @@ CasesCut cut_all(const Asked& all, const RunOptions& options, std::optional<Prog
   }
   check_and_say(scene, sizes, asked, progress);
   progress.replan(stages_of_all(scene, variants, sizes));
-  for (const Batch& batch : batches) cut_cases(batch, made, kept_for(options.formats), progress);
+  for (const Batch& batch : batches) cut_cases(batch, made, kept_by(options), progress);
   made.comparison = comparison(batches.front().job, made.cases, made.failed);
   return made;
 }
@@ -259,7 +276,7 @@ Reported write_report(const ResultFile& file, const std::vector<Compared>& cases
                       const Comparison& compared, const RunOptions& options) {
   const HtmlReport page = html_report(cases, compared, {options.report_language, options.command});
   write_file(file, page.html);
-  return {page.html.size(), page.warnings, {}};
+  return {page.html.size(), page.warnings, {}, {}};
 }
 
 /// The page besides other results, by `write`; where none is asked for, that of an earlier run
@@ -300,7 +317,7 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
   check_and_say(scene, {size_of(job)}, asked, progress);
   progress.replan(rest(size_of(job)));
   progress.begin(shown);
-  Cut made = cut_one(job, shown, kept_for(options.formats), to(progress));
+  Cut made = cut_one(job, shown, kept_by(options), to(progress));
   check_cuts_part(job, made);
   progress.begin("write");
   Verdict verdict = judge(job, std::move(made), nullptr);
@@ -337,19 +354,13 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   Outcome outcome;
   outcome.failed = texts_of(made.failed);
   for (const Batch& batch : batches) write_program(folder.inside(batch.prefix), batch.job);
-  const bool compensates = std::any_of(cases.begin(), cases.end(), [](const Compared& one) {
-    return one.uncompensated.has_value();
-  });
-  for (std::size_t i = 0; i < cases.size(); ++i) {
-    Compared& one = cases[i];
+  outcome.exceeded = exceeded_by(cases);
+  for (Compared& one : cases) {
     progress.begin("write " + one.verdict.cut.name);
     check_stock(one, compared);
     write_case(folder.inside(one.verdict.cut.name), *one.job, one.verdict, options.formats,
                to(progress));
     one.verdict.stock.reset();  // tens of MB, and written
-    // where there are compensators, they are what is accepted or not
-    if (compensates ? one.uncompensated.has_value() : i > 0)
-      collect(outcome.exceeded, one.job->scene.limits, one.verdict);
   }
   if (scene.sensor_choice) progress.begin("choose sensors");
   outcome.sensors = choose_sensors(folder, scene, variants);
@@ -377,6 +388,7 @@ Reported report(const std::filesystem::path& scene, const RunOptions& options,
   Reported reported = write_report(result_file(file, writer), made.cases, compared, options);
   reported.warnings.insert(reported.warnings.begin(), compared.warnings.begin(),
                            compared.warnings.end());
+  reported.exceeded = exceeded_by(made.cases);
   reported.failed = texts_of(made.failed);
   return reported;
 }

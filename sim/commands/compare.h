@@ -73,7 +73,8 @@ Job job_of(const std::filesystem::path& scene, const RunOptions& options);
 struct Reported {
   std::uintmax_t bytes = 0;
   std::vector<std::string> warnings;  ///< of the cases, and what the page leaves out
-  std::vector<std::string> failed;    ///< as of an Outcome
+  std::vector<std::string> exceeded;  ///< as of an Outcome
+  std::vector<std::string> failed;    ///< the same
 };
 
 /// Cuts the cases as `compare` does and writes one page of them, nothing else.

@@ -38,8 +38,10 @@ Exit report(const Common& common, const ReportWords& words) {
   else
     print("{}: {:.2f} MB\n", file.string(), double(reported.bytes) * 1e-6);
   print_warnings(reported.warnings);
+  for (const std::string& limit : reported.exceeded) print(stderr, "abbe: {}\n", limit);
   for (const std::string& failure : reported.failed) print(stderr, "abbe: {}\n", Lines(failure));
-  return reported.failed.empty() ? Exit::Ok : Exit::PlugIn;
+  if (!reported.failed.empty()) return Exit::PlugIn;
+  return reported.exceeded.empty() ? Exit::Ok : Exit::LimitExceeded;
 }
 
 }  // namespace

@@ -1,35 +1,17 @@
 #include "sim/report/encode.h"
 
 #include <algorithm>
+#include <array>
+#include <cassert>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
-#include <numeric>
 #include <stdexcept>
 
-#include "cutting/hilbert.h"
-#include "sim/report/zip_archive.h"
+#include "sim/report/range_coder.h"
 
 namespace abbe::sim {
 namespace {
-
-/// Differences within every column, then plane after plane of their bytes.
-template <typename Unsigned>
-std::string planes_of(const Eigen::Matrix<std::uint32_t, Eigen::Dynamic, Eigen::Dynamic>& numbers) {
-  const std::size_t count = std::size_t(numbers.size());
-  std::string planes(count * sizeof(Unsigned), '\0');
-  std::size_t at = 0;
-  for (Eigen::Index column = 0; column < numbers.cols(); ++column) {
-    Unsigned last = 0;
-    for (Eigen::Index row = 0; row < numbers.rows(); ++row, ++at) {
-      const Unsigned number = Unsigned(numbers(row, column));
-      const std::uint32_t difference = Unsigned(number - last);
-      last = number;
-      for (std::size_t k = 0; k < sizeof(Unsigned); ++k)
-        planes[k * count + at] = char(difference >> (8 * k) & 0xffu);
-    }
-  }
-  return planes;
-}
 
 struct Range {
   double low = std::numeric_limits<double>::infinity(), high = -low;
@@ -45,37 +27,152 @@ Range range_of(const Eigen::Ref<const Eigen::VectorXd>& values) {
   return range.low > range.high ? Range{0.0, 0.0} : range;
 }
 
+/// Which numbers are known where row k is coded.
+std::array<int, 3> known_at(const MeshWalk* walk, int k) {
+  if (walk) return walk->known[std::size_t(k)];
+  return {k - 1, k - 1, std::max(0, k - 2)};
+}
+
+std::int64_t combined(Prediction by, const int* x, const std::array<int, 3>& at) {
+  const std::int64_t a = x[at[0]], b = x[at[1]];
+  switch (by) {
+    case Prediction::Parallelogram:
+      return a + b - x[at[2]];
+    case Prediction::Middle:
+      return (a + b) >> 1;
+    case Prediction::Reference:
+      break;
+  }
+  return 0;
+}
+
+/// How a column is predicted.
+struct Way {
+  Prediction by = Prediction::Parallelogram;
+  const int* reference = nullptr;
+};
+
+std::int64_t predicted(const Way& way, const int* x, int k, const MeshWalk* walk) {
+  if (k == 0) return way.reference ? way.reference[0] : 0;
+  const std::array<int, 3> at = known_at(walk, k);
+  std::int64_t number = combined(way.by, x, at);
+  if (way.reference) number += way.reference[k] - combined(way.by, way.reference, at);
+  return std::clamp<std::int64_t>(number, -largest_packed, largest_packed);
+}
+
+/// About how many bits a column would take.
+double bits_of(const Way& way, const std::vector<int>& x, const PackOptions& options) {
+  double bits = 0.0;
+  const int enough = 1 << 17;
+  for (int k = 0; k < std::min(enough, int(x.size())); ++k)
+    bits += std::log2(
+        1.0 + std::abs(double(x[std::size_t(k)] - predicted(way, x.data(), k, options.walk))));
+  return bits;
+}
+
+/// A missing number stands, for those after it, for what was predicted of itself.
+std::vector<int> filled(const Eigen::Ref<const Eigen::VectorXi>& numbers, const Way& way,
+                        const PackOptions& options) {
+  std::vector<int> x(numbers.begin(), numbers.end());
+  for (int k = 0; k < int(x.size()); ++k)
+    if (int& one = x[std::size_t(k)]; one == missing)
+      one = int(predicted(way, x.data(), k, options.walk));
+  return x;
+}
+
+/// @return the numbers as `filled`
+std::vector<int> code(RangeEncoder& coder, const Eigen::Ref<const Eigen::VectorXi>& numbers,
+                      const Way& way, const PackOptions& options, bool has_missing) {
+  std::vector<int> x = filled(numbers, way, options);
+  NumberModel model;
+  std::array<Chance, 4> is_missing;
+  std::vector<int> length(x.size(), 0);
+  for (int k = 0; k < int(x.size()); ++k) {
+    std::array<int, 3> at{};
+    int context = 0;
+    if (k > 0) {
+      at = known_at(options.walk, k);
+      context = (length[std::size_t(at[0])] + length[std::size_t(at[1])] +
+                 length[std::size_t(k) - 1] + 1) /
+                3;
+    }
+    if (has_missing) {
+      const bool before = k > 0 && numbers[at[0]] == missing,
+                 beside = k > 0 && numbers[at[1]] == missing;
+      coder.bit(is_missing[std::size_t(before) + 2 * std::size_t(beside)], numbers[k] == missing);
+      if (numbers[k] == missing) continue;
+    }
+    length[std::size_t(k)] =
+        coder.number(model, context, x[std::size_t(k)] - predicted(way, x.data(), k, options.walk));
+  }
+  return x;
+}
+
+/// The way that takes the fewest bits, and the number of its reference.
+std::pair<Way, int> best_way(const Eigen::Ref<const Eigen::VectorXi>& numbers,
+                             const PackOptions& options) {
+  std::pair<Way, int> best{{}, -1};
+  double fewest = std::numeric_limits<double>::infinity();
+  for (int r = -1; r < int(options.references.size()); ++r)
+    for (const Prediction by :
+         {Prediction::Parallelogram, Prediction::Middle, Prediction::Reference}) {
+      if (r < 0 && by == Prediction::Reference) continue;
+      const Way way{by, r < 0 ? nullptr : options.references[std::size_t(r)]->data()};
+      const double bits = bits_of(way, filled(numbers, way, options), options);
+      if (bits < fewest) {
+        fewest = bits;
+        best = {way, r};
+      }
+    }
+  return best;
+}
+
 }  // namespace
 
-Packed packed_values(const Eigen::MatrixXd& values, double step) {
+Packed packed_numbers(const Eigen::MatrixXi& numbers, const PackOptions& options) {
+  Packed packed{numbers.rows(), numbers.cols(), {}, {}, {}, -1, false, numbers, {}};
+  for (const int number : numbers.reshaped()) {
+    if (number != missing && std::abs(number) > largest_packed)
+      throw std::invalid_argument("a number to pack is too large: " + std::to_string(number));
+    packed.has_missing = packed.has_missing || number == missing;
+  }
+  assert(options.references.empty() || numbers.cols() == 1);
+  RangeEncoder coder;
+  for (Eigen::Index c = 0; c < numbers.cols(); ++c) {
+    const auto [way, reference] = best_way(numbers.col(c), options);
+    packed.by.push_back(way.by);
+    packed.reference = reference;
+    const std::vector<int> coded = code(coder, numbers.col(c), way, options, packed.has_missing);
+    packed.numbers.col(c) = Eigen::Map<const Eigen::VectorXi>(coded.data(), numbers.rows());
+  }
+  packed.text = base64(coder.finished());
+  return packed;
+}
+
+Eigen::MatrixXi numbers_of(const Eigen::MatrixXd& values, double step,
+                           const std::vector<double>& offset) {
   if (!(step > 0.0) || !std::isfinite(step))
     throw std::invalid_argument("a step must be positive, and is " + std::to_string(step));
-  Packed packed{"i16", values.rows(), values.cols(), {}, {}, {}};
-  double largest = 0.0;
-  for (Eigen::Index column = 0; column < values.cols(); ++column) {
-    const Range range = range_of(values.col(column));
-    packed.offset.push_back(range.low / 2.0 + range.high / 2.0);
-    packed.step.push_back(step);
-    largest = std::max(largest, std::ceil((range.high / 2.0 - range.low / 2.0) / step - 1e-6));
-  }
-  if (largest > 2147483646.0)
-    throw std::invalid_argument("values are too far apart for their step");
-  const bool is_short = largest <= 32767.0;
-  if (!is_short) packed.type = "i32";
-  const double most = is_short ? 32767.0 : 2147483647.0;
-  Eigen::Matrix<std::uint32_t, Eigen::Dynamic, Eigen::Dynamic> numbers(values.rows(),
-                                                                       values.cols());
+  Eigen::MatrixXi numbers(values.rows(), values.cols());
   for (Eigen::Index column = 0; column < values.cols(); ++column)
     for (Eigen::Index row = 0; row < values.rows(); ++row) {
-      const double value = values(row, column);
-      const double number = std::round((value - packed.offset[std::size_t(column)]) / step);
-      numbers(row, column) =
-          std::uint32_t(std::isnan(value) ? (is_short ? missing_16 : missing_32)
-                                          : std::int32_t(std::clamp(number, -most, most)));
+      const double number = std::round((values(row, column) - offset[std::size_t(column)]) / step);
+      if (std::abs(number) > double(largest_packed))
+        throw std::invalid_argument("a value is infinite or too far from others for its step");
+      numbers(row, column) = std::isnan(number) ? missing : int(number);
     }
-  packed.text = base64(
-      deflated(is_short ? planes_of<std::uint16_t>(numbers) : planes_of<std::uint32_t>(numbers),
-               DeflateHead::Zlib));
+  return numbers;
+}
+
+Packed packed_values(const Eigen::MatrixXd& values, double step, const PackOptions& options) {
+  std::vector<double> offset;
+  for (const auto& column : values.colwise()) {
+    const Range range = range_of(column);
+    offset.push_back(range.low / 2.0 + range.high / 2.0);
+  }
+  Packed packed = packed_numbers(numbers_of(values, step, offset), options);
+  packed.step.assign(offset.size(), step);
+  packed.offset = std::move(offset);
   return packed;
 }
 
@@ -86,41 +183,6 @@ double step_of_16_bits(const Eigen::MatrixXd& values) {
     half = std::max(half, range.high / 2.0 - range.low / 2.0);
   }
   return half > 0.0 ? half / 32767.0 : 1.0;
-}
-
-Packed packed_numbers(const Eigen::MatrixXi& numbers) {
-  if (numbers.size() > 0 && numbers.minCoeff() < 0)
-    throw std::invalid_argument("a number to pack is negative");
-  return {
-      "u32",
-      numbers.rows(),
-      numbers.cols(),
-      {},
-      {},
-      base64(deflated(planes_of<std::uint32_t>(numbers.cast<std::uint32_t>()), DeflateHead::Zlib))};
-}
-
-Packed packed_bytes(std::span<const std::uint8_t> numbers) {
-  return {"u8", Eigen::Index(numbers.size()),
-          1,    {},
-          {},   base64(deflated({numbers.begin(), numbers.end()}, DeflateHead::Zlib))};
-}
-
-std::vector<Eigen::Index> order_along_curve(const Eigen::MatrixX3d& points) {
-  std::vector<Eigen::Index> order(std::size_t(points.rows()));
-  std::iota(order.begin(), order.end(), Eigen::Index(0));
-  if (order.empty()) return order;
-  const Eigen::RowVector3d low = points.colwise().minCoeff();
-  const double size = (points.colwise().maxCoeff() - low).maxCoeff();
-  if (!(size > 0.0)) return order;
-  std::vector<std::uint64_t> place;
-  for (const auto& point : points.rowwise()) {
-    const Eigen::RowVector3d at = (point - low) * (65535.0 / size);
-    place.push_back(cutting::hilbert_code<16>(std::uint32_t(at[0]), std::uint32_t(at[1]),
-                                              std::uint32_t(at[2])));
-  }
-  std::ranges::stable_sort(order, {}, [&](Eigen::Index k) { return place[std::size_t(k)]; });
-  return order;
 }
 
 std::string base64(std::string_view bytes) {

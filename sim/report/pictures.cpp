@@ -17,6 +17,7 @@
 #include "render/machine.h"
 #include "render/map.h"
 #include "render/plot.h"
+#include "render/png.h"
 #include "sim/cut/sampling.h"
 #include "sim/files/output.h"
 #include "sim/report/collision_pictures.h"
@@ -320,6 +321,17 @@ void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdi
     remove_file(folder / "tolerance.png");
 }
 
+std::string map_png(const Job& job, const Verdict& verdict, int width) {
+  render::MapOptions options;
+  options.width = width;
+  options.height = 3 * width / 4;
+  options.range_um = job.scene.view.range_um;
+  options.from = job.scene.view.from;
+  options.up = job.scene.view.up;
+  return render::png_file(render::map_pixels(map_picture(job, verdict), options),
+                          render::PngFor::Size);
+}
+
 void write_stock(const ResultFolder& folder, const Job& job, const Verdict& verdict) {
   const std::shared_ptr<const StockCheck> check =
       verdict.stock ? verdict.stock : stock_check(job, verdict);
@@ -424,6 +436,7 @@ bool draws_pictures() { return false; }
 std::string font_warning(const std::string&) { return ""; }
 
 void write_case_pictures(const ResultFolder&, const Job&, const Verdict&, const Progress&) {}
+std::string map_png(const Job&, const Verdict&, int) { return {}; }
 void write_source_pictures(const ResultFolder&, const Job&, const Verdict&) {}
 void write_comparison_picture(const ResultFile&, const Scene&, const std::vector<Compared>&,
                               const Progress&) {}

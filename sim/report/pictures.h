@@ -23,6 +23,10 @@ std::string font_warning(const std::string& text);
 void write_case_pictures(const ResultFolder& folder, const Job& job, const Verdict& verdict,
                          const Progress& progress = {});
 
+/// A PNG file of the map of a case, small in bytes; empty where the program was built without VTK.
+/// @param width  px
+std::string map_png(const Job& job, const Verdict& verdict, int width);
+
 /// `stock.vtp` and `stock.png` of a case whose stock was cut, coloured by its deviation,
 /// `temperatures.png` of one with heat and a picture `EXX-temperatures.png` of every element that
 /// the scene plots; older ones are removed where the case has none.

@@ -6,11 +6,13 @@
 
 ABBE_FILE(abbe_viewer_page, "viewer.html");
 ABBE_FILE(abbe_viewer_style, "viewer.css");
+ABBE_FILE(abbe_viewer_unpack, "unpack.js");
 ABBE_FILE(abbe_viewer_script, "viewer.js");
 
 extern "C" {
 extern const char abbe_viewer_page[], abbe_viewer_page_end[];
 extern const char abbe_viewer_style[], abbe_viewer_style_end[];
+extern const char abbe_viewer_unpack[], abbe_viewer_unpack_end[];
 extern const char abbe_viewer_script[], abbe_viewer_script_end[];
 }
 
@@ -18,6 +20,7 @@ namespace abbe::sim {
 
 std::string_view viewer_page() { return {abbe_viewer_page, abbe_viewer_page_end}; }
 std::string_view viewer_style() { return {abbe_viewer_style, abbe_viewer_style_end}; }
+std::string_view viewer_unpack() { return {abbe_viewer_unpack, abbe_viewer_unpack_end}; }
 std::string_view viewer_script() { return {abbe_viewer_script, abbe_viewer_script_end}; }
 
 }  // namespace abbe::sim

@@ -1,6 +1,8 @@
 // The page of `abbe report`: what is packed unpacks to within half a step, no label is missing, and
 // the page asks nothing of a network.
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -13,13 +15,13 @@
 #include <vector>
 
 #include <gtest/gtest.h>
-#include <zlib.h>
 
 #include "sim/compensation/course.h"
 #include "sim/report/encode.h"
 #include "sim/report/html_report.h"
 #include "sim/report/report_labels.h"
 #include "sim/report/viewer_source.h"
+#include "tests/report/unpack.h"
 #include "tests/safety/program_run.h"
 
 namespace abbe::sim {
@@ -29,54 +31,16 @@ namespace fs = std::filesystem;
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
-std::string unpacked_base64(const std::string& text) {
-  std::string bytes;
-  unsigned bits = 0;
-  int have = 0;
-  for (const char c : text) {
-    if (c == '=') break;
-    const std::string digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    bits = bits << 6 | unsigned(digits.find(c));
-    have += 6;
-    if (have >= 8) bytes += char(bits >> (have -= 8) & 0xffu);
-  }
-  return bytes;
-}
-
-/// The numbers of a packed array, as the script of the page unpacks them.
-template <typename Number>
-std::vector<Number> unpacked(const Packed& packed) {
-  const std::size_t count = std::size_t(packed.rows * packed.columns);
-  std::string planes(count * sizeof(Number), '\0');
-  const std::string bytes = unpacked_base64(packed.text);
-  uLongf size = uLongf(planes.size());
-  EXPECT_EQ(uncompress(reinterpret_cast<Bytef*>(planes.data()), &size,
-                       reinterpret_cast<const Bytef*>(bytes.data()), uLong(bytes.size())),
-            Z_OK);
-  EXPECT_EQ(size, planes.size());
-  std::vector<Number> numbers(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    std::uint32_t number = 0;
-    for (std::size_t k = 0; k < sizeof(Number); ++k)
-      number |= std::uint32_t(static_cast<unsigned char>(planes[k * count + i])) << (8 * k);
-    if (i % std::size_t(packed.rows) != 0) number += std::uint32_t(numbers[i - 1]);
-    numbers[i] = Number(number);
-  }
-  return numbers;
-}
-
-template <typename Number>
 double largest_error(const Packed& packed, const Eigen::MatrixXd& values) {
-  const std::vector<Number> numbers = unpacked<Number>(packed);
+  const Eigen::MatrixXi numbers = unpack::numbers(packed);
   double largest = 0.0;
   for (Eigen::Index c = 0; c < values.cols(); ++c)
     for (Eigen::Index r = 0; r < values.rows(); ++r) {
-      const Number number = numbers[std::size_t(c * values.rows() + r)];
-      const bool is_missing = number == std::numeric_limits<Number>::min();
+      const bool is_missing = numbers(r, c) == missing;
       EXPECT_EQ(is_missing, std::isnan(values(r, c))) << r << " " << c;
       if (is_missing) continue;
       const double back =
-          packed.offset[std::size_t(c)] + packed.step[std::size_t(c)] * double(number);
+          packed.offset[std::size_t(c)] + packed.step[std::size_t(c)] * numbers(r, c);
       largest = std::max(largest, std::abs(back - values(r, c)));
     }
   return largest;
@@ -93,22 +57,19 @@ Eigen::MatrixXd some_values(double size) {
 
 TEST(Packed, ValuesUnpackToWithinHalfAStep) {
   const Eigen::MatrixXd values = some_values(30.0);
-  const double step = step_of_16_bits(values);
-  const Packed short_one = packed_values(values, step);
-  EXPECT_EQ(short_one.type, "i16");
   const double rounding = 1e-12;
-  EXPECT_LE(largest_error<std::int16_t>(short_one, values), step / 2.0 + rounding);
-  EXPECT_GT(largest_error<std::int16_t>(short_one, values), 0.4 * step) << "not quantised at all";
-  const Packed long_one = packed_values(values, step / 2.0);
-  EXPECT_EQ(long_one.type, "i32");
-  EXPECT_LE(largest_error<std::int32_t>(long_one, values), step / 4.0 + rounding);
+  for (const double step : {step_of_16_bits(values), 1e-6, 0.3}) {
+    const Packed packed = packed_values(values, step);
+    EXPECT_LE(largest_error(packed, values), step / 2.0 + rounding);
+    EXPECT_GT(largest_error(packed, values), 0.4 * step) << "not quantised at all";
+  }
 }
 
 TEST(Packed, ValuesThatAreAllOneOrNoneUnpackExactly) {
   const Eigen::VectorXd same = Eigen::VectorXd::Constant(7, 1.25);
-  EXPECT_EQ(largest_error<std::int16_t>(packed_values(same, step_of_16_bits(same)), same), 0.0);
-  const Eigen::VectorXd missing = Eigen::VectorXd::Constant(7, nan);
-  EXPECT_EQ(largest_error<std::int16_t>(packed_values(missing, 1.0), missing), 0.0);
+  EXPECT_EQ(largest_error(packed_values(same, step_of_16_bits(same)), same), 0.0);
+  const Eigen::VectorXd none = Eigen::VectorXd::Constant(7, nan);
+  EXPECT_EQ(largest_error(packed_values(none, 1.0), none), 0.0);
 }
 
 TEST(Packed, WhatCannotBePackedIsRefused) {
@@ -117,24 +78,110 @@ TEST(Packed, WhatCannotBePackedIsRefused) {
   EXPECT_THROW(packed_values(far, nan), std::invalid_argument);
   EXPECT_THROW(packed_values(far, 1e-5), std::invalid_argument);
   EXPECT_THROW(packed_values(infinite, 1.0), std::invalid_argument);
-  EXPECT_THROW(packed_numbers(Eigen::Vector2i(3, -1)), std::invalid_argument);
+  EXPECT_THROW(packed_numbers(Eigen::Vector2i(3, largest_packed + 1)), std::invalid_argument);
 }
 
 TEST(Packed, WholeNumbersUnpackExactly) {
-  Eigen::MatrixXi numbers(4, 2);
-  numbers << 5, 0, 2147483647, 3, 0, 70000, 12, 1;
-  const std::vector<std::uint32_t> back = unpacked<std::uint32_t>(packed_numbers(numbers));
-  for (Eigen::Index i = 0; i < numbers.size(); ++i)
-    EXPECT_EQ(back[std::size_t(i)], std::uint32_t(numbers.data()[i]));
+  Eigen::MatrixXi numbers(6, 2);
+  numbers << 5, 0, largest_packed, 3, -largest_packed, 70000, largest_packed, -1, missing, missing,
+      0, -12;
+  EXPECT_EQ(unpack::numbers(packed_numbers(numbers)), numbers);
 }
 
-TEST(Packed, NeighboursAlongTheCurveAreNeighboursInSpace) {
-  Eigen::MatrixX3d grid(512, 3);
-  for (int k = 0; k < 512; ++k) grid.row((k * 211) % 512) << k % 8, k / 8 % 8, k / 64;
-  const std::vector<Eigen::Index> order = order_along_curve(grid);
-  ASSERT_EQ(std::set<Eigen::Index>(order.begin(), order.end()).size(), 512u);
-  for (std::size_t k = 1; k < order.size(); ++k)  // what makes it Hilbert's: every step is of one
-    EXPECT_EQ((grid.row(order[k]) - grid.row(order[k - 1])).lpNorm<1>(), 1.0) << k;
+// --- meshes
+
+using Corners = Eigen::Matrix<int, Eigen::Dynamic, 3, Eigen::RowMajor>;
+
+Corners grid(int side) {
+  Corners triangles(2 * (side - 1) * (side - 1), 3);
+  Eigen::Index row = 0;
+  for (int y = 0; y + 1 < side; ++y)
+    for (int x = 0; x + 1 < side; ++x) {
+      const int a = y * side + x;
+      triangles.row(row++) << a, a + 1, a + side;
+      triangles.row(row++) << a + 1, a + side + 1, a + side;
+    }
+  return triangles;
+}
+
+/// Every triangle from the least of its turns, in order.
+std::vector<std::array<int, 3>> ordered(std::vector<std::array<int, 3>> all) {
+  for (std::array<int, 3>& one : all) {
+    const auto [a, b, c] = one;
+    one = std::min({one, std::array{b, c, a}, std::array{c, a, b}});
+  }
+  std::ranges::sort(all);
+  return all;
+}
+
+void expect_comes_back(const Corners& triangles, Eigen::Index vertices) {
+  const MeshWalk walk = mesh_walk(triangles, vertices);
+  std::vector<int> number(std::size_t(vertices), -1);
+  ASSERT_EQ(walk.order.size(), number.size());
+  for (std::size_t k = 0; k < walk.order.size(); ++k) number[std::size_t(walk.order[k])] = int(k);
+  EXPECT_EQ(std::ranges::count(number, -1), 0) << "not every vertex stands in the order";
+  for (std::size_t k = 1; k < walk.known.size(); ++k)
+    for (const int one : walk.known[k]) ASSERT_LT(std::size_t(one), k);
+  std::vector<std::array<int, 3>> wanted;
+  for (const auto& t : triangles.rowwise())
+    wanted.push_back(
+        {number[std::size_t(t[0])], number[std::size_t(t[1])], number[std::size_t(t[2])]});
+  EXPECT_EQ(ordered(unpack::Mesh(walk.code, wanted.size()).all), ordered(wanted));
+}
+
+TEST(MeshWalk, TrianglesOfAnyMeshComeBack) {
+  std::mt19937 rng(7);
+  for (const int vertices : {1, 3, 5, 10, 60, 500})  // few: edges of many triangles, equal corners
+    for (const int triangles : {0, 1, 4, 60, 900}) {
+      SCOPED_TRACE(testing::Message() << vertices << " vertices, " << triangles << " triangles");
+      Corners soup(triangles, 3);
+      for (int& corner : soup.reshaped()) corner = int(rng() % unsigned(vertices));
+      expect_comes_back(soup, vertices);
+    }
+}
+
+TEST(MeshWalk, TrianglesOfAMeshWithHolesComeBackInAnyOrder) {
+  std::mt19937 rng(11);
+  const Corners whole = grid(40);
+  std::vector<Eigen::Index> kept;
+  for (Eigen::Index t = 0; t < whole.rows(); ++t)
+    if (rng() % 8 > 0) kept.push_back(t);
+  std::ranges::shuffle(kept, rng);
+  expect_comes_back(whole(kept, Eigen::all), 1600);
+}
+
+TEST(MeshWalk, AGridTakesNextToNothing) {
+  const int side = 200;
+  const MeshWalk walk = mesh_walk(grid(side), side * side);
+  EXPECT_LT(walk.code.size(), 1000u) << "of " << 2 * (side - 1) * (side - 1) << " triangles";
+}
+
+/// Values over a grid of a walk, with a hole.
+Eigen::VectorXi wave(const MeshWalk& walk, int side, double phase) {
+  Eigen::VectorXi numbers(side * side);
+  for (Eigen::Index k = 0; k < numbers.size(); ++k) {
+    const auto x = double(walk.order[std::size_t(k)] % side),
+               y = double(walk.order[std::size_t(k)] / side);
+    numbers[k] = std::hypot(x - 20.0, y - 30.0) < 5.0
+                     ? missing
+                     : int(3000.0 * std::sin(0.3 * x + phase) * std::cos(0.2 * y));
+  }
+  return numbers;
+}
+
+TEST(Packed, NumbersOnAMeshUnpackExactlyAndTakeLessBesideALikeColumn) {
+  const int side = 60;
+  const MeshWalk walk = mesh_walk(grid(side), side * side);
+  const Eigen::VectorXi first = wave(walk, side, 0.0), second = wave(walk, side, 0.02);
+  const Packed alone = packed_numbers(first, {&walk, {}});
+  EXPECT_EQ(unpack::numbers(alone, &walk), first);
+  const Eigen::VectorXi reference = alone.numbers.col(0);
+  EXPECT_EQ((reference.array() == missing).count(), 0);
+  const Packed beside = packed_numbers(second, {&walk, {&reference}});
+  ASSERT_EQ(beside.reference, 0);
+  EXPECT_EQ(unpack::numbers(beside, &walk, &reference), second);
+  EXPECT_LT(double(beside.text.size()),
+            0.8 * double(packed_numbers(second, {&walk, {}}).text.size()));
 }
 
 TEST(Packed, Base64IsThatOfTheRfc) {  // RFC 4648, section 10
@@ -228,8 +275,8 @@ TEST_F(Page, IsWholeAndMayAskNothingOfANetwork) {
   EXPECT_NE(html.find("content=\"default-src 'none';"), std::string::npos);
   EXPECT_EQ(html.find("connect-src"), std::string::npos);
   const std::regex resource(R"rx((?:src|href|url)\s*[=(]\s*["']?(?:https?:)?//)rx");
-  const std::string sources =
-      std::string(viewer_page()) + std::string(viewer_style()) + std::string(viewer_script());
+  const std::string sources = std::string(viewer_page()) + std::string(viewer_style()) +
+                              std::string(viewer_unpack()) + std::string(viewer_script());
   EXPECT_FALSE(std::regex_search(sources, resource));
   EXPECT_EQ(sources.find("http://"), std::string::npos);
   EXPECT_EQ(sources.find("https://"), std::string::npos);
@@ -248,6 +295,16 @@ TEST_F(Page, NamesOnlyLabelsThatThereAre) {
       found(html.substr(table, end - table), std::regex("data-label=\"(\\w+)\""));
   EXPECT_GT(named.size(), 10u);
   for (const std::string& key : named) EXPECT_TRUE(keys.count(key)) << key;
+}
+
+TEST_F(Page, ALimitOfAcceptanceThatIsExceededGivesTheExitCodeOfCompare) {
+  const safety::Ran exceeded =
+      safety::run("report " ABBE_SOURCE_DIR
+                  "/scenes/gantry_dome.toml --set part.vertices=300 --set limits.pv_um=0.001 -o " +
+                  (folder / "limit.html").string());
+  EXPECT_EQ(ran.code, 0) << "of the same without a limit";
+  EXPECT_EQ(exceeded.code, 1);
+  EXPECT_NE(exceeded.text.find("the scene allows 0.0010 um"), std::string::npos) << exceeded.text;
 }
 
 TEST_F(Page, AFolderOfResultsIsRefusedByName) {

@@ -39,17 +39,21 @@ class Browser:
             headers={"Content-Type": "application/json"})
         return json.load(urllib.request.urlopen(request, timeout=120))["value"]
 
-    def open(self, profile):
+    def open(self, profile, *more):
         for _ in range(100):
             with contextlib.suppress(OSError):
                 self.call("GET", "/status")
                 break
             time.sleep(0.1)
+        self.downloads = pathlib.Path(profile).parent / "downloads"
+        self.downloads.mkdir(exist_ok=True)
         args = ["--headless", "--no-sandbox", "--use-angle=swiftshader",
                 "--enable-unsafe-swiftshader", "--window-size=1500,1150",
-                "--user-data-dir=" + profile]
+                "--user-data-dir=" + profile, *more]
         wanted = {"browserName": "chrome",
-                  "goog:chromeOptions": {"binary": shutil.which("chromium"), "args": args},
+                  "goog:chromeOptions": {"binary": shutil.which("chromium"), "args": args,
+                                         "prefs": {"download.default_directory":
+                                                   str(self.downloads)}},
                   "goog:loggingPrefs": {"browser": "ALL", "performance": "ALL"}}
         made = self.call("POST", "/session", {"capabilities": {"alwaysMatch": wanted}})
         self.session = "/session/" + made["sessionId"]
@@ -75,6 +79,22 @@ class Browser:
         self.call("POST", self.session + "/actions",
                   {"actions": [{"type": "pointer", "id": "m",
                                 "parameters": {"pointerType": "mouse"}, "actions": steps}]})
+
+    def act(self, kind, steps):
+        """Steps of a pointer of a kind, or of keys."""
+        source = ({"type": "key", "id": "k", "actions": steps} if kind == "key" else
+                  {"type": "pointer", "id": kind, "parameters": {"pointerType": kind},
+                   "actions": steps})
+        self.call("POST", self.session + "/actions", {"actions": [source]})
+
+    def downloaded(self, name):
+        """The bytes of a file that the page saved."""
+        file = self.downloads / name
+        for _ in range(100):
+            if file.exists() and file.stat().st_size > 0:
+                return file.read_bytes()
+            time.sleep(0.1)
+        raise AssertionError(f"{name} was not saved")
 
     def picture(self, file):
         file.write_bytes(base64.b64decode(self.call("GET", self.session + "/screenshot")))
@@ -147,6 +167,116 @@ def check_cursor(browser, results):
     print(f"under the cursor vertex {vertex}: {shown} µm, saved {value:.6g}")
 
 
+def check_layers(browser, results):
+    """Form and texture of a case against its saved map."""
+    saved = results / CASES[1] / "residual.npz"
+    vertices = array(saved, "vertices")
+    for layer in ("form", "texture"):
+        values = array(saved, layer + "_um")
+        browser.js(f"const l=document.getElementById('layer');l.value='{layer}';"
+                   "l.dispatchEvent(new Event('change'))")
+        seen = browser.js("abbe.S.b=1;abbe.prepare();const c=abbe.cases[1],P=abbe.P;return "
+                          "[...c.r].map((r,i)=>[r,P[3*i],P[3*i+1],P[3*i+2]])"
+                          ".filter((_,i)=>i%97==0)")
+        step = browser.js("return abbe.index.arrays.residual1.step[0]")
+        compared = 0
+        for value, *place in seen:
+            wanted = values[nearest(vertices, place)]
+            if math.isnan(wanted):
+                assert value >= 1e9
+                continue
+            # form to half a step; texture is the difference of two such values
+            bound = (0.5 if layer == "form" else 1.0) * step + 1e-5
+            assert abs(value - wanted) <= bound, (layer, place, value, wanted)
+            compared += 1
+        assert compared > 10, compared
+    browser.js("const l=document.getElementById('layer');l.value='residual';"
+               "l.dispatchEvent(new Event('change'))")
+    print("form and texture are those of the files")
+
+
+def check_saving(browser):
+    """A picture, a section and a link that carry what is seen."""
+    browser.js("abbe.S.mode='side';abbe.S.a=0;abbe.S.b=1;const x=abbe.P;"
+               "abbe.S.line=[[-20,0,0],[20,1,0]];abbe.S.lineUp=[0,0,1];abbe.controls();"
+               "abbe.prepare();document.getElementById('png').click()")
+    png = browser.downloaded("map.png")
+    assert png.startswith(b"\x89PNG") and len(png) > 20000, len(png)
+    browser.js("document.getElementById('csv').click()")
+    head, *rows = browser.downloaded("profile.csv").decode().splitlines()
+    assert head == f"along_mm,x_mm,y_mm,z_mm,{CASES[0]}_um,{CASES[1]}_um", head
+    assert len(rows) > 20 and all(row.count(",") == 5 for row in rows), rows[:3]
+    along = [float(row.split(",")[0]) for row in rows]
+    assert along == sorted(along)
+    browser.js("abbe.S.lo=-7;abbe.S.hi=9;abbe.S.az=33;abbe.draw()")
+    time.sleep(1)
+    link = browser.js("return document.getElementById('permalink').href")
+    page = link.split("#")[0]
+    browser.call("POST", browser.session + "/url", {"url": "about:blank"})
+    browser.call("POST", browser.session + "/url", {"url": link})
+    for _ in range(600):
+        if browser.js("return window.ready || window.failed || false"):
+            break
+        time.sleep(0.05)
+    view = browser.js("return [abbe.S.lo,abbe.S.hi,abbe.S.az,abbe.S.line[1][0]]")
+    assert view == [-7, 9, 33, 20], (view, page)
+    print(f"PNG of {len(png)} bytes, section of {len(rows)} points, a link that carries the view")
+
+
+def check_keys_and_touch(browser):
+    box = browser.js("const b=document.getElementById('ink').getBoundingClientRect();"
+                     "return [b.x,b.y,b.width,b.height]")
+    x, y = int(box[0] + 0.3 * box[2]), int(box[1] + 0.5 * box[3])
+    browser.js("document.getElementById('ink').focus()")
+    before = browser.js("return [abbe.S.az,abbe.S.zoom]")
+    right, plus = "\ue014", "+"
+    browser.act("key", [{"type": kind, "value": key} for key in (right, plus)
+                        for kind in ("keyDown", "keyUp")])
+    after = browser.js("return [abbe.S.az,abbe.S.zoom]")
+    assert after[0] == before[0] - 8 and after[1] > before[1], (before, after)
+    browser.act("touch", [{"type": "pointerMove", "x": x, "y": y},
+                          {"type": "pointerDown", "button": 0},
+                          {"type": "pointerMove", "x": x + 50, "y": y, "duration": 200},
+                          {"type": "pointerUp", "button": 0}])
+    turned = browser.js("return abbe.S.az")
+    assert abs(turned - (after[0] - 20)) < 1.0, (after, turned)
+    print("keys and a finger turn the part")
+
+
+def check_course(browser, results, shots):
+    """The tool really is off by as much as summary.json says, and a curve shows it."""
+    browser.js("document.querySelector('[data-tab=machine]').click()")
+    most = browser.js("const k=abbe.courseOf(abbe.cases[1],'tip_deviation_um');"
+                      "return k.v.reduce((a,b)=>Math.max(a,b))")
+    wanted = json.loads((results / CASES[1] / "summary.json").read_text())["tip_error_um"]["max"]
+    assert abs(most - wanted) <= 0.03 * wanted, (most, wanted)
+    browser.js("abbe.S.b=1;const e=document.getElementById('errors');e.value=1000;"
+               "e.dispatchEvent(new Event('change'));abbe.controls();abbe.motionText()")
+    text = browser.js("return document.getElementById('state').textContent")
+    assert "tool off by" in text, text
+    time.sleep(3)
+    browser.picture(shots / "errors.png")
+    browser.js("document.querySelector('[data-tab=map]').click()")
+    print(f"the tool is off by {most:.2f} µm at most, of {wanted:.2f} µm")
+
+
+def check_without_webgl(driver_port, page, folder, shots):
+    browser = Browser(driver_port)
+    browser.open(str(folder / "plain"), "--disable-gpu", "--disable-webgl", "--disable-3d-apis",
+                 "--disable-software-rasterizer")
+    try:
+        failed = browser.load(page)[1]
+        assert failed == "no WebGL 2", failed
+        seen = browser.js("return [...document.images].map(i=>[i.alt,i.naturalWidth,"
+                          "i.getBoundingClientRect().width])")
+        assert [one[0] for one in seen][:2] == CASES, seen
+        assert all(wide > 300 and shown > 300 for _, wide, shown in seen), seen
+        browser.picture(shots / "no_webgl.png")
+        print(f"without WebGL {len(seen)} still pictures are seen")
+    finally:
+        browser.call("DELETE", browser.session)
+
+
 def check_figures(browser, results):
     rows = browser.js("return [...document.querySelectorAll('#figures tbody tr')].map(r=>"
                       "[r.dataset.case,[...r.cells].filter(c=>c.dataset.key)"
@@ -209,7 +339,7 @@ def check_machine(browser, shots):
     browser.js("document.querySelector('[data-tab=map]').click()")
 
 
-def check(browser, abbe, scenes, folder, shots):
+def check(browser, abbe, scenes, folder, shots, port):
     results = folder / "results"
     subprocess.run([abbe, "compare", f"{scenes}/gantry_dome.toml", "--set", "part.vertices=2500",
                     "--save", "npz", "--report", "--out", str(results)], check=True,
@@ -228,7 +358,11 @@ def check(browser, abbe, scenes, folder, shots):
     check_values(browser, results)
     check_languages(browser, shots)
     check_cursor(browser, results)
+    check_layers(browser, results)
     check_machine(browser, shots)
+    check_course(browser, results, shots)
+    check_keys_and_touch(browser)
+    check_saving(browser)
     browser.js("document.querySelector('[data-tab=text]').click()")
     browser.picture(shots / "text.png")
     printed = browser.call("POST", browser.session + "/print", {})
@@ -239,6 +373,7 @@ def check(browser, abbe, scenes, folder, shots):
     cut.write_bytes(page.read_bytes()[:-1000])
     assert browser.load(cut)[1] == "cut off"
     assert "cut off" in browser.js("return document.getElementById('busy').textContent")
+    check_without_webgl(port, page, folder, shots)
 
 
 def main():
@@ -257,7 +392,7 @@ def main():
         browser = Browser(port)
         try:
             browser.open(str(folder / "profile"))
-            check(browser, abbe, scenes, folder, shots)
+            check(browser, abbe, scenes, folder, shots, port)
         finally:
             if browser.session:  # or the browser outlives a test that fails
                 browser.call("DELETE", browser.session)
