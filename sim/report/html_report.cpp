@@ -14,6 +14,7 @@
 #include "sim/cut/bodies.h"
 #include "sim/files/versions.h"
 #include "sim/report/encode.h"
+#include "sim/report/html_text.h"
 #include "sim/report/report_labels.h"
 #include "sim/report/result_map.h"
 #include "sim/report/summary_report.h"
@@ -22,6 +23,7 @@
 namespace abbe::sim {
 namespace {
 
+using namespace html;
 using nlohmann::ordered_json;
 
 constexpr double coarsest_um = 2e-3, finest_um = 1e-3;  // residual
@@ -45,35 +47,6 @@ void add(Data& data, const std::string& name, const Packed& packed, bool delta =
   }
   data.index["arrays"][name] = about;
   data.blocks += "<script type=\"text/plain\" id=\"a:" + name + "\">" + packed.text + "</script>\n";
-}
-
-std::string in_html(const std::string& text) {
-  std::string out;
-  for (const char c : text) switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  return out;
-}
-
-/// JSON as it may stand in a script.
-std::string in_script(const ordered_json& json) {
-  std::string out;
-  for (const char c : json.dump(-1, ' ', false, ordered_json::error_handler_t::replace))
-    out += c == '<' ? std::string("\\u003c") : std::string(1, c);
-  return out;
 }
 
 /// Names and values of a rigid pose, column after column.
@@ -246,23 +219,8 @@ void add_machine(Data& data, const Job& job) {
 
 // --- the words
 
-std::string label(const char* key, const char* element = "span") {
-  return fmt::format("<{0} data-label=\"{1}\"></{0}>", element, key);
-}
-
-std::string row(const char* key, const std::string& value) {
-  return "<dt>" + label(key) + "</dt><dd>" + in_html(value) + "</dd>";
-}
-
 std::string plain(const ordered_json& value) {
   return value.is_string() ? value.get<std::string>() : value.is_null() ? "–" : value.dump();
-}
-
-std::string list(const std::vector<std::string>& lines) {
-  if (lines.empty()) return "<p>" + label("none") + "</p>";
-  std::string text = "<ul>";
-  for (const std::string& line : lines) text += "<li>" + in_html(line) + "</li>";
-  return text + "</ul>";
 }
 
 /// The figures of every case from the numbers of comparison.json, which stand whole beside those
@@ -346,25 +304,6 @@ std::string words(const std::vector<Compared>& cases, const ordered_json& json,
          base64(job.scene.resolved) + "\">scene.toml</a> " + label("download") + "</p>";
 }
 
-ordered_json labels_json() {
-  ordered_json json;
-  for (const ReportLabel& one : report_labels())
-    json[std::string(one.key)] = {{"en", one.en}, {"zh", one.zh}};
-  return json;
-}
-
-/// The page with what stands in it for {{name}}; what is put in is not looked at again.
-std::string filled(std::string_view page, const std::map<std::string, std::string>& values) {
-  std::string text;
-  for (;;) {
-    const std::size_t from = page.find("{{"), to = page.find("}}", from);
-    if (from == std::string_view::npos) return text.append(page);
-    text.append(page.substr(0, from));
-    text += values.at(std::string(page.substr(from + 2, to - from - 2)));
-    page.remove_prefix(to + 2);
-  }
-}
-
 }  // namespace
 
 HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& comparison,
@@ -400,7 +339,7 @@ HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& com
                              {"title", in_html(comparison.scene)},
                              {"style", std::string(viewer_style())},
                              {"script", std::string(viewer_script())},
-                             {"labels", in_script(labels_json())},
+                             {"labels", in_script(labels_json(report_labels()))},
                              {"figures", figures_table(json, data)},
                              {"words", words(cases, json, report.warnings, asked)},
                              {"data", "<script type=\"application/json\" id=\"index\">" +

@@ -8,5 +8,8 @@ namespace abbe::sim {
 std::string_view viewer_page();
 std::string_view viewer_style();
 std::string_view viewer_script();
+std::string_view charts_page();
+std::string_view charts_style();
+std::string_view charts_script();
 
 }  // namespace abbe::sim
