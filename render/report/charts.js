@@ -274,8 +274,7 @@ function live(svg, drawn) {                       // pointer and arrow keys over
     });
     at = best; point(e, svg, drawn.marks[best], drawn, e.clientX, e.clientY);
   });
-  svg.addEventListener("pointerleave", e => point(e, svg, null));
-  svg.addEventListener("blur", e => point(e, svg, null));
+  for (const leave of ["pointerleave", "blur"]) svg.addEventListener(leave, e => { at = -1; point(e, svg, null); });
   svg.addEventListener("keydown", e => {
     const step = { ArrowDown: 1, ArrowRight: 1, ArrowUp: -1, ArrowLeft: -1 }[e.key];
     if (e.key === "Escape") { at = -1; point(e, svg, null); }

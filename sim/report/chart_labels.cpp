@@ -182,6 +182,7 @@ constexpr ReportLabel charts[] = {
      "线：辨识结果及其 95 % 置信带。点：其余均取辨识值时，各读数单独给出的值。"},
     {"identified_band", "identified, 95 % band", "辨识结果，95 % 置信带"},
     {"readings", "readings", "读数"},
+    {"readings_title", "Readings", "读数"},
     {"numbers", "Numbers of the belief", "辨识所得的数"},
     {"numbers_note",
      "A number without an uncertainty was not found: it was left at its starting value.",

@@ -19,7 +19,7 @@ using errors::identification::CurveReadings;
 using nlohmann::ordered_json;
 
 constexpr std::size_t most_page_bytes = std::size_t(256) << 20;
-constexpr Eigen::Index most_points = 1500;  // of the readings of one element
+constexpr Eigen::Index most_curve_readings = 1500;  // of the readings of one element
 
 std::string page_unit(const std::string& unit) {
   return unit == "um" ? "µm" : unit == "urad" ? "µrad" : unit;
@@ -80,7 +80,7 @@ ordered_json sources_block(const ordered_json& report, const ChainFit* fit) {
     }
     rows.push_back(row);
   }
-  return table_block("readings", label_word("readings"), columns, rows);
+  return table_block("readings", label_word("readings_title"), columns, rows);
 }
 
 /// "EX0C -1.00, EY0C 0.20"
@@ -288,7 +288,8 @@ ordered_json curve_panel(const CurveReadings& curve, const kinematics::Chain& no
   line["high"] = drawn((curve.value + 1.96 * curve.sigma) / unit);
   panel["series"].push_back(line);
   if (curve.reading_q.size() > 0) {
-    const Eigen::Index every = (curve.reading_q.size() + most_points - 1) / most_points;
+    const Eigen::Index every =
+        (curve.reading_q.size() + most_curve_readings - 1) / most_curve_readings;
     const auto few = Eigen::seq(0, Eigen::indexing::last, every);
     panel["series"].push_back(series_of(label_word("readings"),
                                         drawn(curve.reading_q(few) / position),
