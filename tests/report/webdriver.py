@@ -52,8 +52,10 @@ class Browser:
                 "--user-data-dir=" + profile, *more]
         wanted = {"browserName": "chrome",
                   "goog:chromeOptions": {"binary": shutil.which("chromium"), "args": args,
-                                         "prefs": {"download.default_directory":
-                                                   str(self.downloads)}},
+                                         "prefs": {
+                                             "download.default_directory": str(self.downloads),
+                                             "profile.default_content_setting_values."
+                                             "automatic_downloads": 1}},
                   "goog:loggingPrefs": {"browser": "ALL", "performance": "ALL"}}
         made = self.call("POST", "/session", {"capabilities": {"alwaysMatch": wanted}})
         self.session = "/session/" + made["sessionId"]
