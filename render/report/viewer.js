@@ -278,7 +278,7 @@ function overlay(p, many) {
 }
 function legend() {
   const x = W - 26, y0 = 60, h = Math.min(260, H - 140), n = S.bands || 64;
-  
+  if (S.tab === "machine") { pen.fillStyle = C.plate; pen.fillRect(x - 44, y0 - 32, 66, h + 48); }  
   for (let i = 0; i < n; i++) { pen.fillStyle = colourAt(S.lo + (S.hi - S.lo) * (i + .5) / n); pen.fillRect(x, y0 + h * (1 - (i + 1) / n), 14, h / n + .6); }
   pen.fillStyle = "#4d0012"; pen.fillRect(x, y0 - 8, 14, 6); pen.fillStyle = "#0a1254"; pen.fillRect(x, y0 + h + 2, 14, 6);
   pen.fillStyle = C.ink; pen.textAlign = "right"; const m = S.bands && S.bands <= 10 ? S.bands : 4; for (let i = 0; i <= m; i++) { const v = S.lo + (S.hi - S.lo) * i / m; pen.fillText(+v.toPrecision(3) + "", x - 4, y0 + h * (1 - i / m)); }
