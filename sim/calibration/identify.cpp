@@ -116,6 +116,20 @@ std::vector<ChainFit::Outlier> outliers_of(const Files& files,
   return outliers;
 }
 
+/// The residuals file by file, temperatures left out.
+std::vector<Eigen::VectorXd> residuals_of(const std::vector<Readings>& readings,
+                                          const Estimate& estimate) {
+  std::vector<Eigen::VectorXd> all;
+  Eigen::Index at = 0;
+  for (const Readings& one : readings) {
+    const auto count = Eigen::Index(
+        std::ranges::count_if(one.plan.looks, [](const auto& look) { return look.channel >= 0; }));
+    all.push_back(estimate.fit_residual.segment(at, count));
+    at += count;
+  }
+  return all;
+}
+
 /// Beyond what chance gives one fit in a thousand.
 bool scatters(const Estimate& estimate) {
   const int degrees = estimate.degrees_of_freedom;
@@ -174,6 +188,7 @@ Identified by_chain(const Files& files, const std::vector<Readings>& readings,
   fit.condition = estimate.condition;
   fit.outliers = outliers_of(files, readings, estimate);
   fit.curves = identification::curve_readings(estimate, readings);
+  fit.residual_sd = residuals_of(readings, estimate);
   result.fit = std::move(fit);
   result.confounded = estimate.confounded;
   result.warnings = warnings_of(estimate, options);

@@ -78,6 +78,8 @@ struct ChainFit {
   };
   std::vector<Outlier> outliers;
   std::vector<errors::identification::CurveReadings> curves;
+  std::vector<Eigen::VectorXd> residual_sd;  ///< (files)(readings) reading minus model, in standard
+                                             ///< deviations, outliers as well
 };
 
 /// The published evaluation of step diagonals.

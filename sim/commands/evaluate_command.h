@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "sim/calibration/evaluate.h"
@@ -12,6 +13,7 @@ namespace abbe::sim {
 struct EvaluateOptions {
   std::filesystem::path folder;  ///< evaluation.json and pictures; empty: none are written
   Permissions permissions = {};
+  std::string report_language = {};  ///< of report.html, "en" or "zh"; empty: none is written
 };
 
 /// An evaluation and the pictures that were written of it.

@@ -8,11 +8,13 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/text.h"
+#include "sim/commands/outcome_text.h"
 #include "sim/files/output.h"
 #include "sim/files/progress.h"
 #include "sim/files/terminal.h"
 #include "sim/report/belief_text.h"
 #include "sim/report/identify_json.h"
+#include "sim/report/identify_page.h"
 #include "sim/report/identify_pictures.h"
 #include "sim/report/identify_text.h"
 
@@ -73,6 +75,8 @@ struct IdentifyWords {
   std::string method = "chain";
   std::vector<std::string> pitch;
   IdentifyOptions options;
+  bool report = false;
+  std::string language = "en";
 };
 
 /// "X=16": the pitch of an axis's screw.
@@ -98,7 +102,7 @@ Exit print_identified(const Common& common, IdentifyWords words) {
   words.options.out = common.out.empty() ? std::filesystem::path(thermal ? "out/belief_thermal.txt"
                                                                          : "out/belief.toml")
                                          : common.out;
-  for (const char* taken : {".json", ".png", ".csv"})
+  for (const char* taken : {".json", ".png", ".csv", ".html"})
     if (words.options.out.extension() == taken)
       throw BadUsage(
           "--out",
@@ -111,7 +115,17 @@ Exit print_identified(const Common& common, IdentifyWords words) {
       throw BadUsage("--out", "expected another file than the readings");
   }
   words.options.permissions = common.permissions;
+  const std::filesystem::path page =
+      std::filesystem::path(words.options.out).replace_extension(".html");
+  const Writer writer{common.permissions, words.readings};
+  if (words.report) check_file(page, writer);
   const Identified found = identify(words.readings, words.options);
+  if (words.report) {
+    FiguresPage figures = identify_page(found);
+    figures.language = words.language;
+    figures.command = common.permissions.command;
+    write_file(result_file(page, writer), html_of(figures));
+  }
   print("{}", Lines(common.json ? json_text(to_json(found)) : identify_text(found)));
   return Exit::Ok;
 }
@@ -152,6 +166,9 @@ std::vector<Option> identify_options(Common& common, IdentifyWords& words) {
       {"--out", &common.out,
        "belief file (out/belief.toml; thermal: out/belief_thermal.txt; composite "
        "writes NAME_thermal.txt beside NAME.toml)"},
+      {"--report", &words.report,
+       "besides, NAME.html: curves, residuals and numbers with the values under the cursor"},
+      language_option(words.language),
       force_option(common),
       threads_option(common, "most threads to use")};
 }

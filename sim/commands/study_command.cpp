@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "sim/commands/outcome_text.h"
 #include "sim/files/output.h"
 #include "sim/files/program_file.h"
 #include "sim/files/terminal.h"
@@ -21,6 +22,8 @@ struct StudyWords {
   bool merge = false;
   bool resume = true;
   bool slurm = false;
+  bool report = false;
+  std::string language = "en";
   std::string shard;
   study::SlurmOptions job;
 };
@@ -53,6 +56,7 @@ Exit execute(const Common& common, const StudyWords& words, int& argc, char**& a
   options.overrides = overrides(common);
   options.folder = result_folder(common);
   options.permissions = common.permissions;
+  if (words.report) options.report_language = words.language;
   if (!words.shard.empty()) options.shard = parse_shard(words.shard);
   if (words.slurm) return print_slurm_script(common, words, options);
   const auto print_text = [&](const study::StudyResult& result) {
@@ -60,6 +64,7 @@ Exit execute(const Common& common, const StudyWords& words, int& argc, char**& a
       print("{}", Lines(json_text(result.json)));
     else
       print("{}", Lines(result.text));
+    print_warnings(result.warnings);
     return Exit::Ok;
   };
   if (words.show) return print_text(study::show_study(common.scene, options));
@@ -100,8 +105,12 @@ Command study_command(Common& common, int& argc, char**& argv) {
        {"--merge", &words->merge, "write the tables of all shards in --out", Excludes{{"--shard"}}},
        {"--show", &words->show, "print how far it is and what it says so far; computes nothing",
         Excludes{{"--shard", "--merge"}}},
+       {"--report", &words->report,
+        "besides, report.html: tables and charts with the values under the cursor",
+        Excludes{{"--shard", "--show"}}},
+       language_option(words->language),
        {"--slurm", &words->slurm, "print a script for Slurm that runs the study as a job array",
-        Excludes{{"--shard", "--merge", "--show"}}},
+        Excludes{{"--shard", "--merge", "--show", "--report"}}},
        {"--shards", &job.shards, "with --slurm: jobs of the array (8)", Between{1, 100000},
         Needs{"--slurm"}},
        {"--cpus", &job.cpus, "with --slurm: processors of each (4)", Between{1, 1024},

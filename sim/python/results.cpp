@@ -1,8 +1,7 @@
 #include "sim/python/results.h"
 
+#include <algorithm>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 
 #include <fmt/format.h>
 #include <pybind11/stl.h>
@@ -14,6 +13,7 @@
 #include "sim/python/arrays.h"
 #include "sim/python/conversions.h"
 #include "sim/report/case_files.h"
+#include "sim/report/html_text.h"
 #include "sim/report/pictures.h"
 #include "sim/report/stock_check.h"
 #include "sim/report/summary_report.h"
@@ -66,58 +66,24 @@ void save(const Result& result, const std::filesystem::path& folder,
   sim::write_case(into, *result.job, verdict, formats);
 }
 
-/// A folder for a moment.
-class Scratch {
- public:
-  Scratch() {
-    std::string name = (std::filesystem::temp_directory_path() / "abbe-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr)
-      throw sim::OutputFailure("expected a folder for temporary files in " +
-                               std::filesystem::temp_directory_path().string());
-    folder_ = name;
-  }
-  ~Scratch() {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
-  }
-  Scratch(const Scratch&) = delete;
-  Scratch& operator=(const Scratch&) = delete;
-  const std::filesystem::path& folder() const { return folder_; }
+constexpr int picture_width = 900;  // px
 
- private:
-  std::filesystem::path folder_;
-};
-
-std::string bytes_of(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
-/// The map as `residual.png` shows it; empty where abbe was built without pictures.
-py::bytes picture(const Result& result) {
+/// Empty where abbe was built without pictures.
+py::bytes picture(const Result& result, int width) {
+  if (width < 1 || width > 10000) throw py::value_error("width: expected 1 to 10000 pixels");
   std::string png;
   {
     const py::gil_scoped_release free;
-    const Scratch scratch;
-    sim::write_case_pictures(sim::ResultFolder(scratch.folder(), {}), *result.job, *result.verdict);
-    png = bytes_of(scratch.folder() / "residual.png");
+    png = sim::map_png(*result.job, *result.verdict, width);
   }
   return py::bytes(png);
-}
-
-/// For a table of HTML.
-std::string html(const std::string& text) {
-  std::string out;
-  for (const char c : escaped(text))
-    out += c == '<' ? "&lt;" : c == '>' ? "&gt;" : c == '&' ? "&amp;" : std::string(1, c);
-  return out;
 }
 
 std::string preformatted(const std::string& text) {
   std::string lines;
   for (std::size_t from = 0; from < text.size();) {
     const std::size_t end = std::min(text.find('\n', from), text.size());
-    lines += html(text.substr(from, end - from)) + "\n";
+    lines += sim::html::in_html(escaped(text.substr(from, end - from))) + "\n";
     from = end + 1;
   }
   return "<pre>" + lines + "</pre>";
@@ -212,14 +178,15 @@ void define_result(py::module_& module) {
       .def("save", save, py::arg("folder"), py::arg("formats") = sim::usual_map_formats(),
            py::arg("force") = false,
            "Writes the files of the case, as `abbe run` does, with its map in these formats.")
-      .def("picture", picture, "The map as residual.png shows it, bytes.")
+      .def("picture", picture, py::arg("width") = picture_width, "The map as a PNG file, bytes.")
       .def("__str__", text_of)
       .def("__repr__",
            [](const Result& r) {
              return fmt::format("<abbe.Result {} of {}>", r.verdict->cut.name, r.job->scene.title);
            })
-      .def("_repr_html_",
-           [](const Result& r) { return image(picture(r)) + preformatted(text_of(r)); });
+      .def("_repr_html_", [](const Result& r) {
+        return image(picture(r, picture_width)) + preformatted(text_of(r));
+      });
 }
 
 }  // namespace

@@ -39,6 +39,7 @@ py::object identify(const std::vector<path>& readings, const std::string& method
                     const std::vector<std::string>& elements,
                     const std::vector<std::string>& sensors, const std::optional<path>& out,
                     const py::object& callback) {
+  if (readings.empty()) throw py::value_error("readings: expected one file at least");
   sim::IdentifyOptions options;
   options.method = method_of(method);
   if (order) options.model.order = *order;

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/report/encode.h"
+#include "sim/report/html_text.h"
 #include "sim/report/page_data.h"
 #include "sim/report/page_machine.h"
 #include "sim/report/page_maps.h"
@@ -18,25 +19,11 @@
 namespace abbe::sim {
 namespace {
 
+using namespace html;
 using nlohmann::ordered_json;
-
-std::string label(const char* key, const char* element = "span") {
-  return fmt::format("<{0} data-label=\"{1}\"></{0}>", element, key);
-}
-
-std::string row(const char* key, const std::string& value) {
-  return "<dt>" + label(key) + "</dt><dd>" + in_html(value) + "</dd>";
-}
 
 std::string plain(const ordered_json& value) {
   return value.is_string() ? value.get<std::string>() : value.is_null() ? "–" : value.dump();
-}
-
-std::string list(const std::vector<std::string>& lines) {
-  if (lines.empty()) return "<p>" + label("none") + "</p>";
-  std::string text = "<ul>";
-  for (const std::string& line : lines) text += "<li>" + in_html(line) + "</li>";
-  return text + "</ul>";
 }
 
 /// The figures of every case from the numbers of comparison.json, which stand whole beside those
@@ -160,41 +147,6 @@ std::string words(const std::vector<Compared>& cases, const ordered_json& json,
          base64(job.scene.resolved) + "\">scene.toml</a> " + label("download") + "</p>";
 }
 
-ordered_json labels_json() {
-  ordered_json json;
-  for (const ReportLabel& one : report_labels())
-    json[std::string(one.key)] = {{"en", one.en}, {"zh", one.zh}};
-  return json;
-}
-
-/// With the words of the labels, which a browser that runs no script shows as they are.
-std::string with_labels(std::string_view page, const std::string& language) {
-  std::map<std::string_view, std::string_view> words;
-  for (const ReportLabel& one : report_labels())
-    words[one.key] = language == "zh" ? one.zh : one.en;
-  constexpr std::string_view begin = "data-label=\"", end = "\">";
-  std::string text;
-  for (;;) {
-    const std::size_t from = page.find(begin), key = from + begin.size(), to = page.find(end, from);
-    if (from == std::string_view::npos) return text.append(page);
-    text.append(page.substr(0, to + end.size()));
-    text += in_html(words.at(page.substr(key, to - key)));
-    page.remove_prefix(to + end.size());
-  }
-}
-
-/// The page with what stands in it for {{name}}; what is put in is not looked at again.
-std::string filled(std::string_view page, const std::map<std::string, std::string>& values) {
-  std::string text;
-  for (;;) {
-    const std::size_t from = page.find("{{"), to = page.find("}}", from);
-    if (from == std::string_view::npos) return text.append(page);
-    text.append(page.substr(0, from));
-    text += values.at(std::string(page.substr(from + 2, to - from - 2)));
-    page.remove_prefix(to + 2);
-  }
-}
-
 }  // namespace
 
 HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& comparison,
@@ -206,19 +158,21 @@ HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& com
   data.index["tolerance_um"] = json.at("tolerance_um");
   report.warnings = add_maps(data, cases, json.at("cases"));
   for (const std::string& one : add_machine(data, job)) report.warnings.push_back(one);
-  report.html =
-      filled(with_labels(viewer_page(), asked.language),
-             {{"language", asked.language},
-              {"title", in_html(comparison.scene)},
-              {"style", std::string(viewer_style())},
-              {"script", std::string(viewer_unpack()) + std::string(viewer_script())},
-              {"labels", in_script(labels_json())},
-              {"figures", with_labels(figures_table(json, data), asked.language)},
-              {"regions", with_labels(regions_table(data), asked.language)},
-              {"pictures", pictures(cases)},
-              {"words", with_labels(words(cases, json, report.warnings, asked), asked.language)},
-              {"data", "<script type=\"application/json\" id=\"index\">" + in_script(data.index) +
-                           "</script>\n" + data.blocks}});
+  const auto said = [&](std::string_view text) {
+    return with_labels(text, report_labels(), asked.language);
+  };
+  report.html = filled(said(viewer_page()),
+                       {{"language", asked.language},
+                        {"title", in_html(comparison.scene)},
+                        {"style", std::string(viewer_style())},
+                        {"script", std::string(viewer_unpack()) + std::string(viewer_script())},
+                        {"labels", in_script(labels_json(report_labels()))},
+                        {"figures", said(figures_table(json, data))},
+                        {"regions", said(regions_table(data))},
+                        {"pictures", pictures(cases)},
+                        {"words", said(words(cases, json, report.warnings, asked))},
+                        {"data", "<script type=\"application/json\" id=\"index\">" +
+                                     in_script(data.index) + "</script>\n" + data.blocks}});
   return report;
 }
 

@@ -21,34 +21,6 @@ void add(PageData& data, const PageArray& array, const Packed& packed) {
   add_block(data, array.name, packed.text);
 }
 
-std::string in_html(std::string_view text) {
-  std::string out;
-  for (const char c : text) switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  return out;
-}
-
-std::string in_script(const ordered_json& json) {
-  std::string out;
-  for (const char c : json.dump(-1, ' ', false, ordered_json::error_handler_t::replace))
-    out += c == '<' ? std::string("\\u003c") : std::string(1, c);
-  return out;
-}
-
 ordered_json to_json(const Eigen::Isometry3d& T) {
   const Eigen::Matrix4d m = T.matrix();
   return std::vector<double>(m.data(), m.data() + m.size());

@@ -27,12 +27,6 @@ struct PageArray {
 };
 void add(PageData& data, const PageArray& array, const Packed& packed);
 
-/// Text as it may stand in HTML.
-std::string in_html(std::string_view text);
-
-/// JSON as it may stand in a script.
-std::string in_script(const nlohmann::ordered_json& json);
-
 /// A rigid pose, column after column.
 nlohmann::ordered_json to_json(const Eigen::Isometry3d& T);
 nlohmann::ordered_json to_json(const Eigen::Vector3d& v);

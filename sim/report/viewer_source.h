@@ -9,5 +9,8 @@ std::string_view viewer_page();
 std::string_view viewer_style();
 std::string_view viewer_unpack();
 std::string_view viewer_script();
+std::string_view charts_page();
+std::string_view charts_style();
+std::string_view charts_script();
 
 }  // namespace abbe::sim

@@ -240,4 +240,12 @@ Study read_trusted_study(const std::filesystem::path& file, const std::vector<Ov
   return study;
 }
 
+bool is_study(const std::filesystem::path& file) {
+  try {
+    return read_toml_file(file).find("scene") != nullptr;
+  } catch (const BadInput&) {
+    return false;  // whoever reads it as a scene names the fault
+  }
+}
+
 }  // namespace abbe::sim::study

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <set>
 
 #include <fmt/format.h>
 
@@ -15,6 +16,7 @@
 #include "sim/study/histories.h"
 #include "sim/study/influence_files.h"
 #include "sim/study/picture_names.h"
+#include "sim/study/study_page.h"
 #include "sim/study/words.h"
 
 namespace abbe::sim::study {
@@ -203,8 +205,12 @@ std::vector<Stage> stages_of_results(const Study& study, const WorkSize& size) {
 /// Tables and pictures of the finished cases.
 class Results {
  public:
-  Results(const Study& study, const ResultFolder& folder, ProgressLine& progress)
-      : study_(study), folder_(folder), progress_(progress) {}
+  Results(const Study& study, const ResultFolder& folder, std::string report_language,
+          ProgressLine& progress)
+      : study_(study),
+        folder_(folder),
+        report_language_(std::move(report_language)),
+        progress_(progress) {}
 
   StudyResult write(const ReadyStudy& ready, const std::vector<Row>& rows) {
     StudyResult result{ordered_json::object(), ""};
@@ -217,7 +223,9 @@ class Results {
       result.text += to_text(one_lined(results));
     }
     write_file(folder_ / "study.toml", study_.text);
+    write_scenes(ready);
     write_json(folder_ / "budget.json", result.json);
+    result.warnings = write_page();
     result.text += fmt::format("\nfiles in {}\n", escaped(folder_.path().string()));
     return result;
   }
@@ -243,8 +251,35 @@ class Results {
     return result;
   }
 
+  /// The scenes as they were understood, one of each variant.
+  void write_scenes(const ReadyStudy& ready) {
+    PictureNames names;
+    std::set<std::string> written;
+    for (const ReadyArm& arm : ready.arms) {
+      const std::string& variant = arm.arm.variant;
+      if (!written.insert(variant).second) continue;
+      std::vector<std::string> parts{"scene"};
+      if (!variant.empty()) parts.push_back(variant);
+      write_file(folder_ / (names.unused(parts) + ".toml"), arm.scene.resolved);
+    }
+  }
+
+  /// Where no page is asked for, that of an earlier run goes.
+  /// @return what the page leaves out
+  std::vector<std::string> write_page() {
+    const ResultFile file = folder_ / "report.html";
+    if (report_language_.empty()) {
+      remove_file(file);
+      return {};
+    }
+    const HtmlReport page = study_page(folder_.path(), report_language_);
+    write_file(file, page.html);
+    return page.warnings;
+  }
+
   const Study& study_;
   const ResultFolder& folder_;
+  std::string report_language_;
   ProgressLine& progress_;
 };
 
@@ -294,7 +329,7 @@ StudyResult run_study(const path& file, const StudyOptions& options, const Ranks
   });
   const Recorded made = recorded(file_of_journal.path());
   if (options.shard) return state(study, plan, made.rows);
-  return Results(study, folder, progress).write(ready, made.rows);
+  return Results(study, folder, options.report_language, progress).write(ready, made.rows);
 }
 
 StudyResult merge_study(const path& file, const StudyOptions& options) {
@@ -314,7 +349,7 @@ StudyResult merge_study(const path& file, const StudyOptions& options) {
       options.progress);
   progress.begin("prepare " + study.title);
   const ReadyStudy ready = ready_study(study, to(progress));
-  return Results(study, folder, progress).write(ready, all.rows);
+  return Results(study, folder, options.report_language, progress).write(ready, all.rows);
 }
 
 StudyResult show_study(const path& file, const StudyOptions& options) {

@@ -21,16 +21,19 @@ struct StudyOptions {
   std::filesystem::path folder;     ///< every file goes there
   std::optional<Shard> shard;       ///< of a job array: only its cases, no tables
   Permissions permissions;
-  Progress progress = {};  ///< called instead of what is said on stderr
+  Progress progress = {};       ///< called instead of what is said on stderr
+  std::string report_language;  ///< of report.html, "en" or "zh"; empty: none is written
 };
 
 /// What a command says.
 struct StudyResult {
   nlohmann::ordered_json json;
-  std::string text;  ///< for a person
+  std::string text;                        ///< for a person
+  std::vector<std::string> warnings = {};  ///< of the page: what it leaves out
 };
 
-/// Does what is left of a study, case by case into its journal, then writes tables and pictures:
+/// Does what is left of a study, case by case into its journal, then writes tables and pictures,
+/// and the page of them (study_page.h) where it is asked for:
 /// the same bytes whether it was interrupted or not, and whoever did the cases.
 /// @return `budget.json` and `budget.md`, of a shard what `show` tells; on ranks but 0 nothing
 /// @throws BadScene, BadInput, OutputFailure, Interrupted

@@ -172,6 +172,9 @@ Study read_study(const std::filesystem::path& file, const std::vector<Override>&
 Study read_trusted_study(const std::filesystem::path& file, const std::vector<Override>& overrides,
                          const Permissions& permissions);
 
+/// Whether a TOML file says that it is a study: it names a scene. What cannot be read is none.
+bool is_study(const std::filesystem::path& file);
+
 /// Values of the inputs at the centres of their distributions: the base machine. (inputs)
 Eigen::VectorXd centre(const Study& study);
 /// Standard deviations of the inputs. (inputs)

@@ -5,6 +5,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include "kinematics/numbers.h"
 #include "sim/study/passes.h"
 
 namespace abbe::sim::study {

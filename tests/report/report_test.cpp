@@ -17,6 +17,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/compensation/course.h"
+#include "sim/report/chart_labels.h"
 #include "sim/report/encode.h"
 #include "sim/report/html_report.h"
 #include "sim/report/report_labels.h"
@@ -232,11 +233,12 @@ std::set<std::string> found(const std::string& text, const std::regex& pattern) 
 
 TEST(ReportLabels, EveryOneHasBothLanguagesAndStandsOnce) {
   std::set<std::string_view> keys;
-  for (const ReportLabel& one : report_labels()) {
-    EXPECT_FALSE(one.en.empty()) << one.key;
-    EXPECT_FALSE(one.zh.empty()) << one.key;
-    EXPECT_TRUE(keys.insert(one.key).second) << one.key << " stands twice";
-  }
+  for (const auto& labels : {report_labels(), chart_labels()})
+    for (const ReportLabel& one : labels) {
+      EXPECT_FALSE(one.en.empty()) << one.key;
+      EXPECT_FALSE(one.zh.empty()) << one.key;
+      EXPECT_TRUE(keys.insert(one.key).second) << one.key << " stands twice";
+    }
 }
 
 TEST(ReportLabels, WhatThePageAndItsScriptNameIsThere) {
@@ -310,7 +312,7 @@ TEST_F(Page, ALimitOfAcceptanceThatIsExceededGivesTheExitCodeOfCompare) {
 TEST_F(Page, AFolderOfResultsIsRefusedByName) {
   const safety::Ran refused = safety::run("report " + folder.string());
   EXPECT_EQ(refused.code, 2);
-  EXPECT_NE(refused.text.find("expected a scene, seen the folder"), std::string::npos)
+  EXPECT_NE(refused.text.find("left, seen the folder"), std::string::npos)
       << refused.text;
 }
 

@@ -1,0 +1,60 @@
+#include "sim/report/page_blocks.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+namespace abbe::sim {
+
+using nlohmann::ordered_json;
+
+PageWord label_word(const std::string& key) {
+  PageWord word = PageWord::object();
+  word["label"] = key;
+  return word;
+}
+
+PageWord words_of(const std::vector<PageWord>& words) {
+  PageWord list = PageWord::array();
+  for (const PageWord& one : words) list.push_back(one);
+  return list;
+}
+
+const ordered_json& figure_in(const ordered_json& json) {
+  const auto is_number = [](const ordered_json& one) { return one.is_number() || one.is_null(); };
+  const bool is_banded = json.is_object() && json.size() == 3 && json.contains("value") &&
+                         json.contains("low") && json.contains("high") &&
+                         std::all_of(json.begin(), json.end(), is_number);
+  if (!is_number(json) && !is_banded)
+    throw std::invalid_argument("no figure: " + json.dump().substr(0, 60));
+  return json;
+}
+
+ordered_json block_of(const std::string& type, const std::string& id, const PageWord& title,
+                      const std::string& group) {
+  ordered_json block{{"type", type}, {"id", id}, {"title", title}};
+  if (!group.empty()) block["group"] = group;
+  return block;
+}
+
+ordered_json table_block(const std::string& id, const PageWord& title,
+                         const std::vector<PageColumn>& columns, const ordered_json& rows,
+                         const std::string& group) {
+  ordered_json block = block_of("table", id, title, group);
+  block["columns"] = ordered_json::array();
+  for (const PageColumn& one : columns)
+    block["columns"].push_back({{"head", one.head}, {"unit", one.unit}});
+  block["rows"] = rows;
+  return block;
+}
+
+ordered_json series_of(const PageWord& name, const ordered_json& x, const ordered_json& y,
+                       const std::string& mark) {
+  ordered_json series;
+  series["name"] = name;
+  series["x"] = x;
+  series["y"] = y;
+  series["mark"] = mark;
+  return series;
+}
+
+}  // namespace abbe::sim

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+/// Blocks of a page as render/report/charts.js draws them. A word is a text, { label: key }, or a
+/// list of both; a figure is a number, null, or { value, low, high }, its band of 95 %.
+namespace abbe::sim {
+
+using PageWord = nlohmann::ordered_json;
+
+PageWord label_word(const std::string& key);
+/// One after another. @param words  texts and labels
+PageWord words_of(const std::vector<PageWord>& words);
+
+/// The figure itself.
+/// @throws std::invalid_argument if it is none
+const nlohmann::ordered_json& figure_in(const nlohmann::ordered_json& json);
+
+/// What every block has. @param group  of which one at a time is shown; empty: always
+nlohmann::ordered_json block_of(const std::string& type, const std::string& id,
+                                const PageWord& title, const std::string& group = {});
+
+struct PageColumn {
+  PageWord head;
+  std::string unit;
+};
+/// @param rows  array of arrays of words and figures
+nlohmann::ordered_json table_block(const std::string& id, const PageWord& title,
+                                   const std::vector<PageColumn>& columns,
+                                   const nlohmann::ordered_json& rows,
+                                   const std::string& group = {});
+
+/// A line or points of a panel. @param mark  "line", "points" or "both"
+nlohmann::ordered_json series_of(const PageWord& name, const nlohmann::ordered_json& x,
+                                 const nlohmann::ordered_json& y, const std::string& mark);
+
+}  // namespace abbe::sim

@@ -1,0 +1,357 @@
+// Pages of tables and charts: of a study, an identification and an evaluation. Their figures are
+// those of the JSON files, digit by digit; what is broken or of something else is refused by name.
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <regex>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "sim/report/chart_labels.h"
+#include "sim/report/viewer_source.h"
+#include "tests/safety/program_run.h"
+
+namespace abbe::sim {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+const std::string scenes = ABBE_SOURCE_DIR "/scenes";
+
+std::string whole(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+void put(const fs::path& file, const std::string& text) { std::ofstream(file) << text; }
+
+/// What a page holds besides words.
+ordered_json index_of(const fs::path& page) {
+  const std::string html = whole(page);
+  const std::string begin = "<script type=\"application/json\" id=\"index\">";
+  const std::size_t from = html.find(begin), to = html.find("</script>", from);
+  if (from == std::string::npos) return {};
+  return ordered_json::parse(html.substr(from + begin.size(), to - from - begin.size()));
+}
+
+const ordered_json& block(const ordered_json& index, const std::string& id) {
+  for (const ordered_json& one : index.at("blocks"))
+    if (one.at("id") == id) return one;
+  throw std::out_of_range("no block " + id);
+}
+
+bool has_block(const ordered_json& index, const std::string& id) {
+  for (const ordered_json& one : index.at("blocks"))
+    if (one.at("id") == id) return true;
+  return false;
+}
+
+/// The place of a column by its label.
+std::size_t column(const ordered_json& table, const std::string& label) {
+  for (std::size_t k = 0; k < table.at("columns").size(); ++k)
+    if (table.at("columns")[k].at("head") == ordered_json{{"label", label}}) return k;
+  throw std::out_of_range("no column " + label);
+}
+
+struct Folder {
+  Folder() : path(fs::temp_directory_path() / ("abbe_figures_" + std::to_string(::getpid()))) {
+    fs::create_directories(path);
+  }
+  ~Folder() { fs::remove_all(path); }
+  fs::path path;
+};
+
+TEST(ChartLabels, WhatThePageAndItsScriptNameIsThere) {
+  std::set<std::string> keys;
+  for (const auto& labels : {report_labels(), chart_labels()})
+    for (const ReportLabel& one : labels) keys.insert(std::string(one.key));
+  const std::string sources = std::string(charts_page()) + std::string(charts_script());
+  const std::regex named(R"rx(data-(?:label|aria)="(\w+)"|\bL\("(\w+)"\)|button\("(\w+)")rx");
+  int count = 0;
+  for (std::sregex_iterator it(sources.begin(), sources.end(), named), end; it != end; ++it)
+    for (int group = 1; group <= 3; ++group)
+      if ((*it)[std::size_t(group)].matched) {
+        ++count;
+        EXPECT_TRUE(keys.count((*it)[std::size_t(group)])) << (*it)[std::size_t(group)];
+      }
+  EXPECT_GT(count, 15);
+}
+
+TEST(ChartLabels, ThePageMayAskNothingOfANetwork) {
+  const std::string sources =
+      std::string(charts_page()) + std::string(charts_style()) + std::string(charts_script());
+  EXPECT_NE(sources.find("content=\"default-src 'none';"), std::string::npos);
+  EXPECT_EQ(sources.find("connect-src"), std::string::npos);
+  EXPECT_EQ(sources.find("https://"), std::string::npos);
+  EXPECT_FALSE(std::regex_search(
+      sources, std::regex(R"rx((?:src|href|url)\s*[=(]\s*["']?(?:https?:)?//)rx")));
+}
+
+// --- a study
+
+struct StudyPages : testing::Test {
+  static void SetUpTestSuite() {
+    folder = std::make_unique<Folder>();
+    study = folder->path / "study.toml";
+    put(study,
+        "title = \"small <budget> & more\"\nscene = \"" + scenes +
+            "/gantry_dome.toml\"\nset = { part.vertices = 300, sampling.max_step_mm = 1000 }\n"
+            "responses = [\"pv\", \"rms\"]\nlimits = { pv_um = 20 }\n"
+            "[[inputs]]\nevery = \"element\"\nof = [\"EX0C\", \"EZZ\", \"EXX\"]\nspread = 1\n"
+            "low = -3\nhigh = 3\n[one_at_a_time]\n[monte_carlo]\ncases = 200\n"
+            "[sobol_indices]\nbase_points = 32\n[tolerance]\nlimit_um = 20\nmachines = 200\n"
+            "[[sweep]]\ninput = \"EXX\"\nfrom = -2\nto = 2\nsteps = 5\n"
+            "[influence]\nchecks = 1\n");
+    out = folder->path / "out";
+    ran = safety::run("study " + study.string() + " --report --out " + out.string());
+    if (ran.code != 0) return;
+    budget = ordered_json::parse(whole(out / "budget.json"));
+    index = index_of(out / "report.html");
+  }
+  static void TearDownTestSuite() { folder.reset(); }
+  void SetUp() override { ASSERT_EQ(ran.code, 0) << ran.text; }
+  static inline std::unique_ptr<Folder> folder;
+  static inline fs::path study, out;
+  static inline safety::Ran ran;
+  static inline ordered_json budget, index;
+};
+
+TEST_F(StudyPages, TheFiguresAreThoseOfTheBudget) {
+  const ordered_json& table = block(index, "figures");
+  const ordered_json& responses = budget.at("arms")[0].at("responses");
+  ASSERT_EQ(table.at("rows").size(), responses.size());
+  for (std::size_t r = 0; r < responses.size(); ++r) {
+    const ordered_json& row = table.at("rows")[r];
+    for (const char* key : {"base", "root_sum_square", "sum", "worst", "cpk", "limit"})
+      EXPECT_EQ(row[column(table, key)], responses[r].at(key)) << key;
+    for (const char* key : {"mean", "p95", "max"})
+      EXPECT_EQ(row[column(table, "machines_" + std::string(key))],
+                responses[r].at("monte_carlo").at(key))
+          << key;
+    EXPECT_EQ(row[column(table, "within")], responses[r].at("within_limit_percent"));
+  }
+}
+
+TEST_F(StudyPages, BarsAreSortedAndCarryTheirBands) {
+  const ordered_json& contributions = budget.at("arms")[0].at("responses")[0].at("contributions");
+  const ordered_json& rows = block(index, "indices-0-pv").at("rows");
+  ASSERT_EQ(rows.size(), contributions.size());
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    const ordered_json& total = rows[k].at("values")[0];
+    if (k > 0) {
+      EXPECT_LE(total.at("value"), rows[k - 1].at("values")[0].at("value"));
+    }
+    bool found = false;
+    for (const ordered_json& one : contributions)
+      if (one.at("input") == rows[k].at("name")) {
+        found = true;
+        EXPECT_EQ(total, one.at("sobol_total"));
+        EXPECT_EQ(rows[k].at("values")[1], one.at("sobol_first"));
+      }
+    EXPECT_TRUE(found) << rows[k];
+  }
+  for (const ordered_json& row : block(index, "tornado-0-rms").at("rows"))
+    for (const ordered_json& one : budget.at("arms")[0].at("responses")[1].at("contributions"))
+      if (one.at("input") == row.at("name")) {
+        EXPECT_EQ(row.at("values")[0], one.at("low"));
+        EXPECT_EQ(row.at("values")[1], one.at("high"));
+      }
+}
+
+TEST_F(StudyPages, RandomMachinesHaveTheMeanOfTheBudget) {
+  const ordered_json& values = block(index, "distribution-pv").at("series")[0].at("values");
+  ASSERT_EQ(values.size(), 200u);
+  double sum = 0.0;
+  for (const ordered_json& value : values) sum += value.get<double>();
+  const double mean =
+      budget.at("arms")[0].at("responses")[0].at("monte_carlo").at("mean").at("value");
+  EXPECT_NEAR(sum / 200.0, mean, 1e-9 * mean);
+}
+
+TEST_F(StudyPages, EveryAnalysisHasItsBlock) {
+  for (const char* id : {"map-0", "whose-0-pv", "allocation-0", "allocation-totals-0",
+                         "inputs-0-rms", "convergence-0-pv", "sweep-0", "map-figures-0"})
+    EXPECT_TRUE(has_block(index, id)) << id;
+  EXPECT_EQ(block(index, "sweep-0").at("panels")[0].at("series")[0].at("y"),
+            budget.at("sweeps")[0].at("arms")[0].at("pv"));
+  const ordered_json& table = block(index, "allocation-0");
+  for (const ordered_json& row : table.at("rows"))
+    for (std::size_t i = 0; i < budget.at("inputs").size(); ++i)
+      if (budget.at("inputs")[i].at("name") == row[0]) {
+        EXPECT_EQ(row[column(table, "factor_cheapest")],
+                  budget.at("arms")[0].at("allocation").at("cheapest").at("factors")[i]);
+      }
+  EXPECT_FALSE(has_block(index, "proofs"));
+  EXPECT_FALSE(has_block(index, "histories"));
+}
+
+TEST_F(StudyPages, AFolderGivesThePageAgain) {
+  const std::string page = whole(out / "report.html");
+  const safety::Ran again =
+      safety::run("report " + out.string() + " -o " + (folder->path / "again.html").string());
+  ASSERT_EQ(again.code, 0) << again.text;
+  EXPECT_EQ(whole(folder->path / "again.html"), page);
+  EXPECT_EQ(page.find("<budget>"), std::string::npos) << "a title acts in the page";
+  EXPECT_NE(page.find("download=\"scene.toml\""), std::string::npos);
+}
+
+TEST_F(StudyPages, AStudyWithoutAPageTakesAnOldOneAway) {
+  const fs::path copy = folder->path / "other";
+  ASSERT_EQ(safety::run("study " + study.string() + " --report --out " + copy.string()).code, 0);
+  EXPECT_TRUE(fs::exists(copy / "report.html"));
+  ASSERT_EQ(safety::run("study " + study.string() + " --out " + copy.string()).code, 0);
+  EXPECT_FALSE(fs::exists(copy / "report.html"));
+}
+
+TEST_F(StudyPages, ABrokenOrForeignFolderIsRefusedByFile) {
+  const fs::path broken = folder->path / "broken";
+  fs::create_directories(broken);
+  const auto refused = [&](const std::string& text, const std::string& expected) {
+    put(broken / "budget.json", text);
+    const safety::Ran ran = safety::run("report " + broken.string());
+    EXPECT_EQ(ran.code, 3) << ran.text;
+    EXPECT_NE(ran.text.find("budget.json: expected"), std::string::npos) << ran.text;
+    EXPECT_NE(ran.text.find(expected), std::string::npos) << ran.text;
+    EXPECT_FALSE(fs::exists(broken / "report.html"));
+  };
+  refused("{", "text that is none");
+  refused("[]", "JSON of something else");
+  refused("{\"arms\": 3}", "as abbe study writes it");
+  ordered_json other = budget;
+  other["arms"][0]["responses"][0].erase("contributions");
+  refused(other.dump(), "contributions");
+  other = budget;
+  other["arms"][0]["responses"][0]["base"] = "much";
+  refused(other.dump(), "no figure");
+  put(broken / "budget.json", budget.dump());
+  put(broken / "cases.csv", "case,analysis,pv_um\n1,monte_carlo,2\n");
+  const safety::Ran table = safety::run("report " + broken.string());
+  EXPECT_EQ(table.code, 3);
+  EXPECT_NE(table.text.find("cases.csv:1: expected a column rms_um"), std::string::npos)
+      << table.text;
+  put(broken / "cases.csv", "case,analysis,pv_um,rms_um\n1,monte_carlo,2,x\n");
+  EXPECT_NE(safety::run("report " + broken.string()).text.find("expected a number"),
+            std::string::npos);
+}
+
+// --- an identification
+
+struct IdentificationPages : testing::Test {
+  static void SetUpTestSuite() {
+    folder = std::make_unique<Folder>();
+    const fs::path readings = folder->path / "readings";
+    measured =
+        safety::run("measure " + scenes + "/gantry_calibration.toml --out " + readings.string());
+    ran = safety::run("identify " + (readings / "laser.csv").string() + " " +
+                      (readings / "square.csv").string() + " " + (readings / "level.csv").string() +
+                      " --order 3 --report --out " + (folder->path / "belief.toml").string());
+    if (ran.code != 0) return;
+    report = ordered_json::parse(whole(folder->path / "belief.json"));
+    index = index_of(folder->path / "belief.html");
+  }
+  static void TearDownTestSuite() { folder.reset(); }
+  void SetUp() override { ASSERT_EQ(ran.code, 0) << measured.text << ran.text; }
+  static inline std::unique_ptr<Folder> folder;
+  static inline safety::Ran measured, ran;
+  static inline ordered_json report, index;
+};
+
+TEST_F(IdentificationPages, TheNumbersAreThoseOfTheReport) {
+  const ordered_json& table = block(index, "numbers");
+  ASSERT_EQ(table.at("rows").size(), report.at("numbers").size());
+  ASSERT_GT(table.at("rows").size(), 10u);
+  for (std::size_t k = 0; k < table.at("rows").size(); ++k) {
+    const ordered_json &row = table.at("rows")[k], &one = report.at("numbers")[k];
+    EXPECT_EQ(row[column(table, "name")], one.at("name"));
+    EXPECT_EQ(row[column(table, "value")], one.at("value"));
+    EXPECT_EQ(row[column(table, "standard_uncertainty")], one.at("standard_uncertainty"));
+    if (one.at("standard_uncertainty").is_null()) {
+      EXPECT_NE(row[column(table, "remark")], "") << one.at("name") << " is not marked";
+    }
+  }
+  EXPECT_EQ(block(index, "confounded").at("rows").size(), report.at("confounded").size());
+  ASSERT_GT(report.at("confounded").size(), 0u) << "nothing to mark";
+}
+
+TEST_F(IdentificationPages, ResidualsHaveTheChiSquareOfTheFit) {
+  double sum = 0.0;
+  const ordered_json& series = block(index, "residuals").at("series");
+  const ordered_json& all = series[0].at("values");
+  EXPECT_EQ(all.size(), report.at("count").get<std::size_t>());
+  for (const ordered_json& value : all) sum += value.get<double>() * value.get<double>();
+  const double chi = report.at("reduced_chi_square"), degrees = report.at("degrees_of_freedom");
+  // what is known beforehand of set-ups counts in chi-square, not among the readings
+  EXPECT_LE(sum, 1.001 * chi * degrees);
+  EXPECT_GE(sum, 0.8 * chi * degrees);
+  ASSERT_EQ(series.size(), 4u) << "one of all, one of each file";
+  std::size_t each = 0;
+  for (std::size_t k = 1; k < series.size(); ++k) each += series[k].at("values").size();
+  EXPECT_EQ(each, all.size());
+}
+
+TEST_F(IdentificationPages, EveryCurveHasItsBand) {
+  const ordered_json& panels = block(index, "curves").at("panels");
+  ASSERT_GT(panels.size(), 0u);
+  for (const ordered_json& panel : panels) {
+    const ordered_json& curve = panel.at("series")[0];
+    ASSERT_EQ(curve.at("x").size(), curve.at("low").size());
+    for (std::size_t k = 0; k < curve.at("x").size(); ++k) {
+      EXPECT_LE(curve.at("low")[k], curve.at("y")[k]);
+      EXPECT_GE(curve.at("high")[k], curve.at("y")[k]);
+    }
+  }
+}
+
+TEST_F(IdentificationPages, TheSavedReportLacksTheCurvesAndSaysSo) {
+  const safety::Ran saved = safety::run("report " + (folder->path / "belief.json").string() +
+                                        " -o " + (folder->path / "saved.html").string());
+  ASSERT_EQ(saved.code, 0) << saved.text;
+  EXPECT_NE(saved.text.find("abbe identify --report"), std::string::npos) << saved.text;
+  const ordered_json other = index_of(folder->path / "saved.html");
+  EXPECT_FALSE(has_block(other, "curves"));
+  EXPECT_EQ(block(other, "numbers"), block(index, "numbers"));
+  put(folder->path / "other.json", "{\"machine\": \"w b X t\"}");
+  const safety::Ran refused = safety::run("report " + (folder->path / "other.json").string());
+  EXPECT_EQ(refused.code, 3);
+  EXPECT_NE(refused.text.find("other.json: expected the report of an identification"),
+            std::string::npos)
+      << refused.text;
+}
+
+// --- an evaluation
+
+TEST_F(IdentificationPages, AnEvaluationShowsTheFiguresOfItsFile) {
+  const fs::path out = folder->path / "laser";
+  const safety::Ran ran = safety::run("evaluate " + (folder->path / "readings/laser.csv").string() +
+                                      " --report --out " + out.string());
+  ASSERT_EQ(ran.code, 0) << ran.text;
+  const ordered_json evaluation = ordered_json::parse(whole(out / "evaluation.json"));
+  const ordered_json page = index_of(out / "report.html");
+  const ordered_json& table = block(page, "standard-0");
+  int compared = 0;
+  for (const ordered_json& row : table.at("rows"))
+    for (std::size_t t = 0; t < evaluation.at("tests").size(); ++t) {
+      const ordered_json& test = evaluation.at("tests")[t];
+      if (!test.contains(row[0].get<std::string>())) continue;
+      EXPECT_EQ(row[t + 1], test.at(row[0].get<std::string>())) << row[0];
+      ++compared;
+    }
+  EXPECT_GT(compared, 30);
+  EXPECT_EQ(block(page, "positions").at("panels").size(), evaluation.at("tests").size());
+  const safety::Ran saved =
+      safety::run("report " + out.string() + " -o " + (folder->path / "saved_laser.html").string());
+  ASSERT_EQ(saved.code, 0) << saved.text;
+  EXPECT_NE(saved.text.find("abbe evaluate --report"), std::string::npos) << saved.text;
+  EXPECT_EQ(block(index_of(folder->path / "saved_laser.html"), "standard-0"), table);
+}
+
+}  // namespace
+}  // namespace abbe::sim
