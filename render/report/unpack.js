@@ -10,20 +10,32 @@ function bytesOf(text) {
 const numberModel = 24 * 32 + 32 + 32 * 4;        // chances: lengths by context, signs, leading bits
 function rangeDecoder(bytes, chances) {
   const fast = new Uint16Array(chances).fill(32768), slow = new Uint16Array(chances).fill(32768);
-  let at = 4, range = 0xffffffff, code = (bytes[0] << 24 | bytes[1] << 16 | bytes[2] << 8 | bytes[3]) >>> 0;
-  function widen() { while (range < 16777216) { range *= 256; code = code * 256 + (at < bytes.length ? bytes[at] : 0); at++; } }
+  const state = new Uint32Array([0xffffffff, bytes[0] << 24 | bytes[1] << 16 | bytes[2] << 8 | bytes[3]]), end = bytes.length;   // range and code: a closure's own variables would be boxed
+  let at = 4;
   function bit(m) {
-    const f = fast[m], s = slow[m], zero = (range >>> 15) * ((f + s) >>> 2);
-    if (code < zero) { range = zero; fast[m] = f + ((65535 - f) >> 4); slow[m] = s + ((65535 - s) >> 7); widen(); return 0; }
-    code -= zero; range -= zero; fast[m] = f - (f >> 4); slow[m] = s - (s >> 7); widen(); return 1;
+    const f = fast[m], s = slow[m], zero = (state[0] >>> 15) * ((f + s) >>> 2);
+    let range = zero, code = state[1], one = 0;
+    if (code < zero) { fast[m] = f + ((65535 - f) >> 4); slow[m] = s + ((65535 - s) >> 7); }
+    else { code -= zero; range = state[0] - zero; one = 1; fast[m] = f - (f >> 4); slow[m] = s - (s >> 7); }
+    while (range < 16777216) { range *= 256; code = code * 256 + (at < end ? bytes[at] : 0); at++; }
+    state[0] = range; state[1] = code;
+    return one;
+  }
+  function bits(x, count) {                       // behind x, each as likely 0 as 1
+    let range = state[0], code = state[1];
+    for (let k = 0; k < count; k++) {
+      range = range >>> 1; x *= 2; if (code >= range) { code -= range; x++; }
+      while (range < 16777216) { range *= 256; code = code * 256 + (at < end ? bytes[at] : 0); at++; }
+    }
+    state[0] = range; state[1] = code;
+    return x;
   }
   function tree(m, count) { let node = 1; for (let k = 0; k < count; k++) node = 2 * node + bit(m + node); return node - (1 << count); }
   const decoder = { bit, tree, length: 0, number(m, context) {
     const length = decoder.length = tree(m + 32 * Math.min(context, 23), 5);
     if (length === 0) return 0;
     const negative = bit(m + 768 + length), led = Math.min(2, length - 1), rest = length - 1 - led;
-    let x = 1 << led | tree(m + 800 + 4 * length, led);
-    for (let k = 0; k < rest; k++) { range = range >>> 1; const one = code >= range; if (one) code -= range; x = 2 * x + one; widen(); }
+    const x = bits(1 << led | tree(m + 800 + 4 * length, led), rest);
     return negative ? -x : x;
   } };
   return decoder;

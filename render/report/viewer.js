@@ -79,14 +79,15 @@ for (let i = 0; i < nV; i++) for (let c = 0; c < 3; c++) { const v = P[3 * i + c
 const centre = mix(low, high, .5), size = Math.hypot(...sub(high, low)); lap("normals");
 const cases = index.cases;
 const layers = ["residual", "form", "texture"];
+cases.forEach((c, i) => Object.defineProperties(c, { line: { get: () => load("line" + i) }, time: { get: () => c.times ||= values("cut_time" + i) } }));   // unpacked when first asked for
 function layerOf(i) {                             // micrometres, unpacked when first shown
-  const c = cases[i]; c.layers ||= {}; c.line ||= load("line" + i); c.time ||= values("cut_time" + i);
+  const c = cases[i]; c.layers ||= {};
   return c.layers[S.layer] ||= S.layer === "texture" ? difference2(values("residual" + i), values("form" + i)) : values(S.layer + i);
 }
 const difference2 = (a, b) => a.map((v, k) => v < NONE && b[k] < NONE ? v - b[k] : NONE);
 const regionOf = index.regions.length ? load("region") : null, isIn = v => !S.region || regionOf[v] === S.region;
 function residual(i) {                            // the case with what is shown of it: `all` of the layer, `r` within the region
-  const c = cases[i], key = S.layer + S.region;
+  const c = cases[i], key = S.layer + S.region + S.reveal;
   if (c.key !== key) {
     c.key = key; c.all = layerOf(i); c.r = S.region ? c.all.map((v, k) => regionOf[k] === S.region ? v : NONE) : c.all; c.bins = null;
     if (c.vao) { c.vao.own.forEach(b => gl.deleteBuffer(b)); gl.deleteVertexArray(c.vao); c.vao = null; }
@@ -173,11 +174,11 @@ let probe = null, section = null, dragging = null, difference = null, dirty = tr
 const shown = () => S.mode === "difference" ? [difference] : S.mode === "single" || S.tab === "machine" ? [cases[S.a]] : [cases[S.a], cases[S.b]];
 async function prepare() {
   const a = residual(S.a), b = residual(S.b);
-  for (const c of [a, b]) c.vao ||= surfaceOf(c.r, c.time);
+  for (const c of [a, b]) c.vao ||= surfaceOf(c.r, S.reveal && c.time);
   if (S.mode === "difference" && !(difference && difference.of === a && difference.less === b && difference.key === a.key)) {
     const r = new Float32Array(nV); let mi = 0, ma = 0;
     for (let i = 0; i < nV; i++) { r[i] = a.r[i] < NONE && b.r[i] < NONE ? a.r[i] - b.r[i] : NONE; if (r[i] < NONE) { if (r[i] < r[mi]) mi = i; if (r[i] > r[ma]) ma = i; } }
-    difference = { of: a, less: b, key: a.key, all: r, name: a.name + " − " + b.name, r, line: a.line, time: a.time, min: mi, max: ma }; difference.vao = surfaceOf(r, a.time);
+    difference = { of: a, less: b, key: a.key, all: r, name: a.name + " − " + b.name, r, get line() { return a.line; }, get time() { return a.time; }, min: mi, max: ma }; difference.vao = surfaceOf(r, S.reveal && a.time);
   }
   histogram(); cut(); draw();
 }
@@ -277,7 +278,7 @@ function overlay(p, many) {
 }
 function legend() {
   const x = W - 26, y0 = 60, h = Math.min(260, H - 140), n = S.bands || 64;
-  
+  if (S.tab === "machine") { pen.fillStyle = C.plate; pen.fillRect(x - 44, y0 - 32, 66, h + 48); }  
   for (let i = 0; i < n; i++) { pen.fillStyle = colourAt(S.lo + (S.hi - S.lo) * (i + .5) / n); pen.fillRect(x, y0 + h * (1 - (i + 1) / n), 14, h / n + .6); }
   pen.fillStyle = "#4d0012"; pen.fillRect(x, y0 - 8, 14, 6); pen.fillStyle = "#0a1254"; pen.fillRect(x, y0 + h + 2, 14, 6);
   pen.fillStyle = C.ink; pen.textAlign = "right"; const m = S.bands && S.bands <= 10 ? S.bands : 4; for (let i = 0; i <= m; i++) { const v = S.lo + (S.hi - S.lo) * i / m; pen.fillText(+v.toPrecision(3) + "", x - 4, y0 + h * (1 - i / m)); }
@@ -313,7 +314,7 @@ function pick(x, y) {
 function tell() {
   if (!probe) { $("probe").textContent = "—"; return; }
   const v = probe.v, f = (x, n = 3) => x.toFixed(n).padStart(9); let text = `X ${f(P[3 * v])} mm\nY ${f(P[3 * v + 1])}\nZ ${f(P[3 * v + 2])}` + (regionOf && regionOf[v] ? `\n${L("region")} ${index.regions[regionOf[v] - 1].name}` : "");
-  for (const c of new Set([cases[S.a], cases[S.b], ...(S.mode === "difference" ? [difference] : [])])) text += `\n\n${c.name}\n  ${um(c.all[v])}` + (c.line && c.all[v] < NONE ? `   ${L("line")} ${c.line[v]}` + (c.time ? `, ${c.time[v].toFixed(1)} s` : "") : "");
+  for (const c of new Set([cases[S.a], cases[S.b], ...(S.mode === "difference" ? [difference] : [])])) text += `\n\n${c.name}\n  ${um(c.all[v])}` + (c.all[v] < NONE ? `   ${L("line")} ${c.line[v]}, ${c.time[v].toFixed(1)} s` : "");
   $("probe").textContent = text;
 }
 
@@ -487,7 +488,7 @@ if (path) { $("time").max = path.end; on("time", "input", e => { S.time = +e.val
   ink.addEventListener("dblclick", e => { const h = pick(e.offsetX, e.offsetY), c = cases[S.a]; if (!h || !(c.time[h.v] < NONE)) return; S.time = c.time[h.v]; S.tab = "machine"; controls(); motionText(); resize(); prepare(); });
   on("play", "click", e => { playing = playing ? 0 : performance.now(); e.textContent = playing ? "⏸" : "▶"; if (playing) requestAnimationFrame(tick); }); }
 if (path) on("toTool", "click", () => { const T = posesNow(); S.machineTarget = [12, 13, 14].map(k => T.t[k]); S.machineZoom = machineSize / (2.5 * size); draw(); });
-on("reveal", "change", e => { S.reveal = +e.checked; draw(); });
+on("reveal", "change", e => { S.reveal = +e.checked; prepare(); });
 const save = (blob, name) => { const a = document.createElement("a"); a.href = URL.createObjectURL(blob); a.download = name; a.click(); setTimeout(() => URL.revokeObjectURL(a.href), 1e4); };
 on("png", "click", () => { dirty = true; asked = -1; render(performance.now()); const c = document.createElement("canvas"); c.width = glc.width; c.height = glc.height; const g = c.getContext("2d"); g.drawImage(glc, 0, 0); g.drawImage(ink, 0, 0); c.toBlob(b => save(b, "map.png")); });
 on("csv", "click", () => { if (section) save(new Blob(["along_mm,x_mm,y_mm,z_mm," + section.names.map(n => n + "_um").join(",") + "\n" + section.points.map(q => [q.u, ...q.x, ...q.r].map(v => +v.toPrecision(7)).join(",")).join("\n") + "\n"], { type: "text/csv" }), "profile.csv"); });

@@ -138,6 +138,7 @@ std::string words(const std::vector<Compared>& cases, const ordered_json& json,
       failed.push_back(plain(one.at("name")) + ": " + plain(one.at("reason")));
     text += label("failed", "h2") + list(failed);
   }
+  text += label("packed", "p");
   text += label("versions", "h2") + "<dl>";
   for (const auto& [name, version] : json.at("versions").items())
     text += "<dt>" + in_html(name) + "</dt><dd>" + in_html(plain(version)) + "</dd>";

@@ -19,10 +19,9 @@ struct HtmlReport {
 };
 
 /// One page that needs nothing besides itself: the maps of the cases as a browser turns them, the
-/// machine along the program, the figures of `comparison` and its warnings. Values are packed to
-/// within half of the step that the page states: residuals in steps of 2 nm or finer, positions to
-/// 1/65534 of the largest extent, instants of cutting to 0.02 s, motions to 10 um and 0.01
-/// degrees, spindles at rest.
+/// machine along the program, the figures of `comparison` and its warnings, a still picture of every
+/// map. Values are packed to within half of the step that the page states, residual and form in
+/// steps of 2 nm or finer; see page_maps.h and page_machine.h.
 /// @param cases  at least one; those of a variant whose part has other vertices are left out of
 ///               the maps
 HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& comparison,

@@ -190,6 +190,10 @@ std::vector<std::string> add_machine(PageData& data, const Job& job) {
                            {"tools", tools_of(job)}};
   add_motion(data, job);
   add_bodies(data, job);
+  if (job.machine.workpiece_spindle)
+    return {
+        "where the tool really was is left out of the report: in the frame of a part that turns "
+        "its deviation turns with it"};
   return {};
 }
 

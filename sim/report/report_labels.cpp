@@ -55,8 +55,8 @@ constexpr ReportLabel labels[] = {
     {"busy", "reading the data …", "正在读取数据…"},
     {"cut_off", "This file is cut off: its end is missing. Copy it again.",
      "文件不完整：缺少结尾，请重新复制。"},
-    {"no_webgl", "This browser has no WebGL 2: tables and text stand below.",
-     "此浏览器没有 WebGL 2：表格和文字见下方。"},
+    {"no_webgl", "This browser has no WebGL 2: pictures, tables and text stand below.",
+     "此浏览器没有 WebGL 2：图片、表格和文字见下方。"},
     {"lost", "The graphics card was lost; reload the page.", "图形设备丢失，请重新加载页面。"},
     {"cannot", "This report cannot be shown: ", "无法显示此报告："},
     {"time", "Time", "时间"},
@@ -101,6 +101,15 @@ constexpr ReportLabel labels[] = {
     {"repeat", "How to repeat it", "如何重现"},
     {"download", "the scene with every file that it reads", "含全部输入文件的场景"},
     {"precision", "step of the values nm", "数值步长 nm"},
+    {"packed",
+     "Packed to within: residual and form, half of the step in the table; positions, 1/65534 of "
+     "the "
+     "largest extent; instants of cutting, 0.01 s; axes, 10 µm and 0.01°; spindles, 1°; deviations "
+     "of the tool, 1/50 of the largest or 50 nm; signals, 1/500 of what they span. Left out are "
+     "signals that are constant, and what was recorded before the program.",
+     "数据精度：偏差和形状为表中步长的一半；位置为最大尺寸的 1/65534；切削时刻 0.01 s；轴 10 µm "
+     "和 0.01°；主轴 1°；刀具偏差为最大值的 1/50 或 50 nm；信号为其变化范围的 1/500。"
+     "不含恒定的信号和程序开始之前的记录。"},
     {"language", "中文", "English"},
 };
 
