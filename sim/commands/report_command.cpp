@@ -10,6 +10,7 @@
 #include "sim/report/evaluate_page.h"
 #include "sim/report/html_report.h"
 #include "sim/report/identify_page.h"
+#include "sim/report/saved_page.h"
 #include "sim/study/run_study.h"
 #include "sim/study/study_page.h"
 
@@ -54,6 +55,11 @@ Exit report_study(const Common& common, const ReportWords& words) {
 HtmlReport page_of_results(const std::filesystem::path& results, const ReportWords& words) {
   if (std::filesystem::is_directory(results) && study::holds_study(results))
     return study::study_page(results, words.language);
+  if (std::filesystem::is_directory(results) && holds_saved_cases(results)) {
+    FiguresPage page = saved_page(results);
+    page.language = words.language;
+    return {html_of(page), page.warnings};
+  }
   const bool is_evaluation = std::filesystem::is_directory(results);
   FiguresPage page = is_evaluation ? evaluate_page(results) : identify_page(results);
   page.language = words.language;
@@ -80,14 +86,14 @@ Exit report_results(const Common& common, const ReportWords& words) {
 }
 
 void check_is_known(const std::filesystem::path& folder) {
-  if (study::holds_study(folder) || std::filesystem::exists(folder / "evaluation.json")) return;
+  if (study::holds_study(folder) || holds_saved_cases(folder) ||
+      std::filesystem::exists(folder / "evaluation.json"))
+    return;
   throw BadUsage("SCENE",
-                 "expected a scene, a study, or what a study, an identification or an "
-                 "evaluation left, seen the folder " +
+                 "expected a scene, a study, or what run, compare, study, identify or evaluate "
+                 "left, seen the folder " +
                      folder.string() +
-                     " without budget.json or evaluation.json: saved maps hold neither "
-                     "the machine nor its motion; give the scene.toml that stands in the "
-                     "folder of a case");
+                     " without comparison.json, summary.json, budget.json or evaluation.json");
 }
 
 Exit report(const Common& common, const ReportWords& words) {

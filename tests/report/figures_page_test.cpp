@@ -353,5 +353,30 @@ TEST_F(IdentificationPages, AnEvaluationShowsTheFiguresOfItsFile) {
   EXPECT_EQ(block(index_of(folder->path / "saved_laser.html"), "standard-0"), table);
 }
 
+// --- saved cases
+
+TEST(SavedPages, TheFiguresOfACaseAreThoseOfItsSummary) {
+  const Folder folder;
+  const fs::path out = folder.path / "run";
+  const safety::Ran ran =
+      safety::run("run " + scenes + "/gantry_dome.toml --set part.vertices=300 " +
+                  "--set sampling.max_step_mm=1000 --out " + out.string());
+  ASSERT_EQ(ran.code, 0) << ran.text;
+  const safety::Ran reported = safety::run("report " + out.string());
+  ASSERT_EQ(reported.code, 0) << reported.text;
+  EXPECT_NE(reported.text.find("abbe run --report"), std::string::npos) << reported.text;
+  const ordered_json summary = ordered_json::parse(whole(out / "summary.json"));
+  const ordered_json page = index_of(out / "report.html");
+  const ordered_json& table = block(page, "figures");
+  ASSERT_EQ(table.at("rows").size(), 1u);
+  for (const char* key : {"pv", "rms", "p95_abs"})
+    EXPECT_EQ(table.at("rows")[0][column(table, key)], summary.at("residual_um").at(key)) << key;
+  put(folder.path / "summary.json", "{\"scene\": 1}");
+  const safety::Ran refused = safety::run("report " + folder.path.string());
+  EXPECT_EQ(refused.code, 3);
+  EXPECT_NE(refused.text.find("summary.json: expected the figures of cases"), std::string::npos)
+      << refused.text;
+}
+
 }  // namespace
 }  // namespace abbe::sim

@@ -103,7 +103,7 @@ def check_study(browser, folder, page, shots):
     # a chart of one arm at a time, the largest change first
     changes = {one["input"]: one for one in budget["arms"][0]["responses"][0]["contributions"]}
     largest = max(changes.values(), key=lambda c: max(abs(c["low"]), abs(c["high"])))
-    check_cursor(browser, "tornado-0-pv", [largest["input"], f"{largest['low']:.4g}"])
+    check_cursor(browser, "tornado-0-pv", [largest["input"], f"{largest['low']:.4g}".replace("-", "−")])
     visible = "return !document.getElementById('b-tornado-%d-pv').hidden"
     assert browser.js(visible % 0) and not browser.js(visible % 1)
     browser.js("const g=document.getElementById('group');g.selectedIndex=1;"

@@ -1,0 +1,114 @@
+#include "sim/report/saved_page.h"
+
+#include <algorithm>
+#include <iterator>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+#include "sim/report/encode.h"
+#include "sim/report/page_blocks.h"
+
+namespace abbe::sim {
+namespace {
+
+using nlohmann::ordered_json;
+using std::filesystem::path;
+
+constexpr std::size_t most_saved_bytes = std::size_t(256) << 20;
+
+/// The file that has the figures.
+path figures_file(const path& folder) {
+  const path comparison = folder / "comparison.json";
+  return std::filesystem::exists(comparison) ? comparison : folder / "summary.json";
+}
+
+ordered_json saved_figures_block(const std::vector<ordered_json>& cases, const char* name_key) {
+  const char* keys[] = {"pv", "rms", "mean", "std", "min", "max", "p95_abs"};
+  std::vector<PageColumn> columns{{label_word("case"), ""}};
+  for (const char* key : keys) columns.push_back({label_word(key), ""});
+  columns.push_back({label_word("maps_uncut_percent"), ""});
+  ordered_json rows = ordered_json::array();
+  for (const ordered_json& one : cases) {
+    ordered_json row = ordered_json::array();
+    row.push_back(one.at(name_key).get<std::string>());
+    for (const char* key : keys) row.push_back(figure_in(one.at("residual_um").at(key)));
+    row.push_back(figure_in(one.at("uncut_percent")));
+    rows.push_back(row);
+  }
+  return table_block("figures", label_word("figures"), columns, rows);
+}
+
+/// Pictures of the folder and of its cases, that of the comparison first.
+ordered_json saved_pictures_block(const path& folder) {
+  std::vector<path> files;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder))
+    if (entry.is_regular_file() && entry.path().extension() == ".png")
+      files.push_back(std::filesystem::relative(entry.path(), folder));
+  std::ranges::sort(files, {}, [](const path& file) {
+    return std::pair(std::distance(file.begin(), file.end()), file);
+  });
+  ordered_json block = block_of("pictures", "pictures", label_word("pictures"));
+  block["pictures"] = ordered_json::array();
+  for (const path& file : files) {
+    ordered_json one;
+    one["name"] = path(file).replace_extension().generic_string();
+    one["src"] = "data:image/png;base64," + base64(read_text(folder / file, most_saved_bytes));
+    block["pictures"].push_back(one);
+  }
+  return block;
+}
+
+/// Figures and words of the JSON; a summary is of one case.
+FiguresPage page_of_saved(const ordered_json& json) {
+  FiguresPage page;
+  page.title = json.at("scene").get<std::string>();
+  if (json.contains("cases"))
+    page.blocks.push_back(
+        saved_figures_block({json.at("cases").begin(), json.at("cases").end()}, "name"));
+  else
+    page.blocks.push_back(saved_figures_block({json}, "case"));
+  for (const char* key : {"scene", "seed", "vertices", "moves", "datum", "alignment"}) {
+    const ordered_json& value = json.at(key);
+    page.asked.push_back({key, value.is_string() ? value.get<std::string>() : value.dump()});
+  }
+  for (const ordered_json& one : json.at("warnings"))
+    page.warnings.push_back(one.get<std::string>());
+  const bool is_run = !json.contains("cases");
+  page.command = is_run ? "abbe run scene.toml --report" : "abbe compare scene.toml --report";
+  page.warnings.push_back(std::string("maps to turn and the machine in motion are left out of the "
+                                      "report: saved results hold neither; abbe ") +
+                          (is_run ? "run" : "compare") + " --report writes them");
+  return page;
+}
+
+}  // namespace
+
+bool holds_saved_cases(const path& folder) { return std::filesystem::exists(figures_file(folder)); }
+
+FiguresPage saved_page(const path& folder) {
+  const char* expected = "the figures of cases as abbe run or abbe compare writes them";
+  const path file = figures_file(folder);
+  const std::string text = read_text(file, most_saved_bytes);
+  const ordered_json json = ordered_json::parse(text, nullptr, false);
+  if (json.is_discarded()) throw BadInput(file.string(), 0, 0, expected, "text that is no JSON");
+  try {
+    FiguresPage page = page_of_saved(json);
+    if (const ordered_json pictures = saved_pictures_block(folder);
+        !pictures.at("pictures").empty())
+      page.blocks.push_back(pictures);
+    for (const path& scene : {folder / "scene.toml", folder / "uncompensated" / "scene.toml"})
+      if (std::filesystem::exists(scene) && page.files.empty())
+        page.files.push_back({"scene.toml", read_text(scene, most_saved_bytes)});
+    page.files.push_back({file.filename().string(), text});
+    return page;
+  } catch (const ordered_json::exception& fault) {
+    throw BadInput(file.string(), 0, 0, expected, fault.what());
+  } catch (const std::invalid_argument& fault) {
+    throw BadInput(file.string(), 0, 0, expected, fault.what());
+  }
+}
+
+}  // namespace abbe::sim
