@@ -160,7 +160,7 @@ ordered_json position_panel(const std::string& name, const metrology::PositionRu
   ordered_json panel;
   panel["title"] = name;
   panel["x"] = x;
-  panel["y"] = words_of({label_word("deviation_read"), " / ", chart_unit_name(is_angle)});
+  panel["y"] = phrase({label_word("deviation_read"), " / ", chart_unit_name(is_angle)});
   panel["series"] = ordered_json::array();
   const VectorXd target = runs.target / x_unit;
   add_one_way(panel, "up_2s", target, runs.up, p.up, chart_unit(is_angle), 0);
@@ -169,7 +169,7 @@ ordered_json position_panel(const std::string& name, const metrology::PositionRu
 }
 
 void add_positions(ordered_json& blocks, const metrology::Tests& tests) {
-  ordered_json block = block_of("panels", "positions", label_word("over_position"));
+  ordered_json block = page_block("panels", "positions", label_word("over_position"));
   block["note"] = label_word("over_position_note");
   block["columns"] = 2;
   block["panels"] = ordered_json::array();
@@ -179,8 +179,8 @@ void add_positions(ordered_json& blocks, const metrology::Tests& tests) {
                        fmt::format("{} / {}", test.axis, test.rotary ? "°" : "mm"),
                        test.rotary ? units::deg : 1.0));
   for (const metrology::DiagonalTest& test : tests.diagonals)
-    block["panels"].push_back(position_panel(
-        test.name, test.runs.runs, false, words_of({label_word("along_diagonal"), " / mm"}), 1.0));
+    block["panels"].push_back(position_panel(test.name, test.runs.runs, false,
+                                             phrase({label_word("along_diagonal"), " / mm"}), 1.0));
   if (!block["panels"].empty()) blocks.push_back(block);
 }
 
@@ -202,7 +202,7 @@ ordered_json circle_series(const char* name, const metrology::CircularTrace& tra
 }
 
 void add_circles(ordered_json& blocks, const metrology::Tests& tests) {
-  ordered_json block = block_of("polar", "circles", label_word("circles"));
+  ordered_json block = page_block("polar", "circles", label_word("circles"));
   block["unit"] = "µm";
   block["panels"] = ordered_json::array();
   for (const metrology::CircleTest& test : tests.circles) {
@@ -227,7 +227,7 @@ void add_circles(ordered_json& blocks, const metrology::Tests& tests) {
 }
 
 void add_drifts(ordered_json& blocks, const metrology::Tests& tests) {
-  ordered_json block = block_of("panels", "drifts", label_word("drifts"));
+  ordered_json block = page_block("panels", "drifts", label_word("drifts"));
   block["columns"] = 2;
   block["panels"] = ordered_json::array();
   for (const metrology::DriftTest& test : tests.drifts) {
@@ -237,8 +237,8 @@ void add_drifts(ordered_json& blocks, const metrology::Tests& tests) {
     for (const bool is_angle : {false, true}) {
       ordered_json panel;
       panel["title"] = test.name;
-      panel["x"] = words_of({label_word("time"), " / h"});
-      panel["y"] = words_of({label_word("drift"), " / ", chart_unit_name(is_angle)});
+      panel["x"] = phrase({label_word("time"), " / h"});
+      panel["y"] = phrase({label_word("drift"), " / ", chart_unit_name(is_angle)});
       panel["series"] = ordered_json::array();
       for (std::size_t c = 0; c < test.log.names.size(); ++c)
         if (test.angle[c] == is_angle)
@@ -252,7 +252,7 @@ void add_drifts(ordered_json& blocks, const metrology::Tests& tests) {
 }
 
 void add_part(ordered_json& blocks, const PartReadingsFile& part) {
-  ordered_json block = block_of("histogram", "part", label_word("part_deviations"));
+  ordered_json block = page_block("histogram", "part", label_word("part_deviations"));
   block["x"] = label_word("deviation_read");
   block["y"] = label_word("share_of_readings");
   block["unit"] = "µm";
@@ -280,7 +280,7 @@ void add_saved_pictures(ordered_json& blocks, const std::filesystem::path& folde
       files.push_back(entry.path());
   if (files.empty()) return;
   std::ranges::sort(files);
-  ordered_json block = block_of("pictures", "pictures", label_word("pictures"));
+  ordered_json block = page_block("pictures", "pictures", label_word("pictures"));
   block["pictures"] = ordered_json::array();
   for (const std::filesystem::path& file : files) {
     ordered_json one;

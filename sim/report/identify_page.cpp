@@ -97,7 +97,7 @@ ordered_json numbers_block(const ordered_json& report) {
     for (const ordered_json& one : report.at("confounded"))
       if (one.at("name").get<std::string>() == name) {
         const std::string by = hidden_by(one);
-        return by.empty() ? label_word("not_read") : words_of({label_word("hidden_by"), " ", by});
+        return by.empty() ? label_word("not_read") : phrase({label_word("hidden_by"), " ", by});
       }
     return "";
   };
@@ -223,7 +223,7 @@ ordered_json sensor_slopes_block(const ordered_json& report) {
 /// Slopes of a composite over its starts, each with its standard error twice to either side.
 ordered_json starts_block(const ordered_json& report) {
   if (!report.contains("composite")) return {};
-  ordered_json block = block_of("panels", "starts", label_word("slopes_by_start"));
+  ordered_json block = page_block("panels", "starts", label_word("slopes_by_start"));
   block["panels"] = ordered_json::array();
   for (const ordered_json& axis : report.at("composite")) {
     ordered_json x = ordered_json::array(), y = x, low = x, high = x;
@@ -240,7 +240,7 @@ ordered_json starts_block(const ordered_json& report) {
     series["high"] = high;
     panel["title"] = axis.at("axis").get<std::string>();
     panel["x"] = label_word("start");
-    panel["y"] = words_of({label_word("slope"), " / µm/m"});
+    panel["y"] = phrase({label_word("slope"), " / µm/m"});
     panel["series"] = ordered_json::array();
     panel["series"].push_back(series);
     block["panels"].push_back(panel);
@@ -252,14 +252,14 @@ ordered_json starts_block(const ordered_json& report) {
 ordered_json day_block(const ordered_json& report) {
   if (!report.contains("thermal")) return {};
   const ordered_json& day = report.at("thermal");
-  ordered_json block = block_of("panels", "day", label_word("terms_by_hour"));
+  ordered_json block = page_block("panels", "day", label_word("terms_by_hour"));
   block["panels"] = ordered_json::array();
   for (const ordered_json& term : day.at("terms")) {
     ordered_json panel;
     panel["title"] = term.at("name").get<std::string>();
     panel["note"] = ordered_json::array();
     panel["note"].push_back(fmt::format("R² {:.3f}", term.at("r_squared").get<double>()));
-    panel["x"] = words_of({label_word("time"), " / h"});
+    panel["x"] = phrase({label_word("time"), " / h"});
     panel["y"] = page_unit(term.at("unit").get<std::string>());
     panel["series"] = ordered_json::array();
     panel["series"].push_back(
@@ -300,7 +300,7 @@ ordered_json curve_panel(const CurveReadings& curve, const kinematics::Chain& no
 
 ordered_json curves_block(const ChainFit& fit, const kinematics::Chain& nominal) {
   if (fit.curves.empty()) return {};
-  ordered_json block = block_of("panels", "curves", label_word("curves"));
+  ordered_json block = page_block("panels", "curves", label_word("curves"));
   block["note"] = label_word("curves_note");
   block["most"] = 48;
   block["panels"] = ordered_json::array();
@@ -310,7 +310,7 @@ ordered_json curves_block(const ChainFit& fit, const kinematics::Chain& nominal)
 }
 
 ordered_json residuals_block(const ChainFit& fit, const ordered_json& report) {
-  ordered_json block = block_of("histogram", "residuals", label_word("residuals"));
+  ordered_json block = page_block("histogram", "residuals", label_word("residuals"));
   block["x"] = label_word("residual_sd");
   block["unit"] = "";
   block["y"] = label_word("share_of_readings");

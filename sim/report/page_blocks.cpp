@@ -13,7 +13,7 @@ PageWord label_word(const std::string& key) {
   return word;
 }
 
-PageWord words_of(const std::vector<PageWord>& words) {
+PageWord phrase(const std::vector<PageWord>& words) {
   PageWord list = PageWord::array();
   for (const PageWord& one : words) list.push_back(one);
   return list;
@@ -29,8 +29,8 @@ const ordered_json& figure_in(const ordered_json& json) {
   return json;
 }
 
-ordered_json block_of(const std::string& type, const std::string& id, const PageWord& title,
-                      const std::string& group) {
+ordered_json page_block(const std::string& type, const std::string& id, const PageWord& title,
+                        const std::string& group) {
   ordered_json block{{"type", type}, {"id", id}, {"title", title}};
   if (!group.empty()) block["group"] = group;
   return block;
@@ -39,7 +39,7 @@ ordered_json block_of(const std::string& type, const std::string& id, const Page
 ordered_json table_block(const std::string& id, const PageWord& title,
                          const std::vector<PageColumn>& columns, const ordered_json& rows,
                          const std::string& group) {
-  ordered_json block = block_of("table", id, title, group);
+  ordered_json block = page_block("table", id, title, group);
   block["columns"] = ordered_json::array();
   for (const PageColumn& one : columns)
     block["columns"].push_back({{"head", one.head}, {"unit", one.unit}});

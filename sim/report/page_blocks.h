@@ -13,15 +13,15 @@ using PageWord = nlohmann::ordered_json;
 
 PageWord label_word(const std::string& key);
 /// One after another. @param words  texts and labels
-PageWord words_of(const std::vector<PageWord>& words);
+PageWord phrase(const std::vector<PageWord>& words);
 
 /// The figure itself.
 /// @throws std::invalid_argument if it is none
 const nlohmann::ordered_json& figure_in(const nlohmann::ordered_json& json);
 
 /// What every block has. @param group  of which one at a time is shown; empty: always
-nlohmann::ordered_json block_of(const std::string& type, const std::string& id,
-                                const PageWord& title, const std::string& group = {});
+nlohmann::ordered_json page_block(const std::string& type, const std::string& id,
+                                  const PageWord& title, const std::string& group = {});
 
 struct PageColumn {
   PageWord head;

@@ -50,7 +50,7 @@ ordered_json saved_pictures_block(const path& folder) {
   std::ranges::sort(files, {}, [](const path& file) {
     return std::pair(std::distance(file.begin(), file.end()), file);
   });
-  ordered_json block = block_of("pictures", "pictures", label_word("pictures"));
+  ordered_json block = page_block("pictures", "pictures", label_word("pictures"));
   block["pictures"] = ordered_json::array();
   for (const path& file : files) {
     ordered_json one;

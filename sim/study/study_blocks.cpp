@@ -62,7 +62,7 @@ double total_index(const ordered_json& c) { return number_or_zero(c.at("sobol_to
 ordered_json bars_block(const std::string& id, const PageWord& title, const std::string& group,
                         const std::vector<PageWord>& series, const PageWord& x,
                         const std::string& unit) {
-  ordered_json block = block_of("bars", id, title, group);
+  ordered_json block = page_block("bars", id, title, group);
   block["x"] = x;
   block["unit"] = unit;
   block["series"] = ordered_json::array();
@@ -120,8 +120,8 @@ ordered_json distribution_block(const ordered_json& budget, const ordered_json& 
                                 const MachineAnswers& answers) {
   const std::string name = text_at(response, "response");
   ordered_json block =
-      block_of("histogram", "distribution-" + name,
-               words_of({label_word("distribution"), ": ", response_word(response)}));
+      page_block("histogram", "distribution-" + name,
+                 phrase({label_word("distribution"), ": ", response_word(response)}));
   block["x"] = response_word(response);
   block["y"] = label_word("share_of_machines");
   block["unit"] = response_unit(response);
@@ -145,15 +145,15 @@ ordered_json distribution_block(const ordered_json& budget, const ordered_json& 
 ordered_json sweep_block(const ordered_json& sweep, std::size_t number) {
   const std::string input = one_line(text_at(sweep, "input"));
   const std::string unit = text_at(sweep, "unit");
-  ordered_json block = block_of("panels", "sweep-" + std::to_string(number),
-                                words_of({label_word("sweep"), ": ", input}));
+  ordered_json block = page_block("panels", "sweep-" + std::to_string(number),
+                                  phrase({label_word("sweep"), ": ", input}));
   block["panels"] = ordered_json::array();
   for (const auto& [response, shown] : sweep.at("units").items()) {
     ordered_json panel;
     panel["title"] = label_word("response_" + response);
     panel["x"] = input + (unit == "1" ? "" : " / " + shown_unit(unit));
-    panel["y"] = words_of(
-        {label_word("response_" + response), " / " + shown_unit(shown.get<std::string>())});
+    panel["y"] =
+        phrase({label_word("response_" + response), " / " + shown_unit(shown.get<std::string>())});
     panel["series"] = ordered_json::array();
     for (const ordered_json& arm : sweep.at("arms"))
       panel["series"].push_back(
@@ -193,7 +193,7 @@ ordered_json histories_block(const ordered_json& budget) {
     ordered_json row = ordered_json::array();
     row.push_back(day(one, "train"));
     row.push_back(one.at("own_day").get<bool>()
-                      ? words_of({day(one, "test"), " (", label_word("same_day"), ")"})
+                      ? phrase({day(one, "test"), " (", label_word("same_day"), ")"})
                       : day(one, "test"));
     for (const char* key : {"uncompensated_rms_um", "compensated_rms_um", "reduction_percent"})
       row.push_back(figure_in(one.at(key)));
@@ -228,8 +228,8 @@ ordered_json map_block(const ordered_json& arm, std::size_t number) {
                  {label_word("share")}, label_word("share_of_map"), "%");
   block["running"] = true;
   if (!map.at("rms_um").is_null() && !map.at("mean_rms_um").is_null())
-    block["note"] = words_of({label_word("map_rms"), " ", shown_um(map.at("rms_um")), ", ",
-                              label_word("map_mean_rms"), " ", shown_um(map.at("mean_rms_um"))});
+    block["note"] = phrase({label_word("map_rms"), " ", shown_um(map.at("rms_um")), ", ",
+                            label_word("map_mean_rms"), " ", shown_um(map.at("mean_rms_um"))});
   for (const ordered_json& one : sorted_rows(map.at("contributions"), [](const ordered_json& c) {
          return number_or_zero(c.at("share_percent"));
        }))
@@ -251,11 +251,10 @@ ordered_json whose_block(const ordered_json& arm, const ordered_json& response,
                          std::size_t number) {
   const ordered_json& whose = response.at("whose");
   if (whose.is_null()) return {};
-  ordered_json block =
-      bars_block(id_of("whose", number, text_at(response, "response")),
-                 words_of({label_word("pareto_response"), ": ", response_word(response)}),
-                 text_at(arm, "name"), {label_word("share")},
-                 label_word(key_of_basis(text_at(whose, "of"))), "%");
+  ordered_json block = bars_block(
+      id_of("whose", number, text_at(response, "response")),
+      phrase({label_word("pareto_response"), ": ", response_word(response)}), text_at(arm, "name"),
+      {label_word("share")}, label_word(key_of_basis(text_at(whose, "of"))), "%");
   double rest = 100.0;
   for (const ordered_json& one : whose.at("largest")) {
     add_bar(block, one_line(text_at(one, "input")), {one.at("share_percent")});
@@ -276,9 +275,9 @@ ordered_json tornado_block(const ordered_json& budget, const ordered_json& arm,
   const std::string size = step.is_null() ? "" : fmt::format(" {:g} ", step.get<double>());
   ordered_json block = bars_block(
       id_of("tornado", number, text_at(response, "response")),
-      words_of({label_word("tornado"), ": ", response_word(response)}), text_at(arm, "name"),
-      {words_of({label_word("centre"), " −" + size, label_word("deviations")}),
-       words_of({label_word("centre"), " +" + size, label_word("deviations")})},
+      phrase({label_word("tornado"), ": ", response_word(response)}), text_at(arm, "name"),
+      {phrase({label_word("centre"), " −" + size, label_word("deviations")}),
+       phrase({label_word("centre"), " +" + size, label_word("deviations")})},
       label_word("change_of_response"), response_unit(response));
   const auto size_of_change = [](const ordered_json& c) {
     return std::max(std::abs(number_or_zero(c.at("low"))), std::abs(number_or_zero(c.at("high"))));
@@ -294,7 +293,7 @@ ordered_json indices_block(const ordered_json& arm, const ordered_json& response
   if (!any_has(all, "sobol_total")) return {};
   ordered_json block = bars_block(
       id_of("indices", number, text_at(response, "response")),
-      words_of({label_word("sobol"), ": ", response_word(response)}), text_at(arm, "name"),
+      phrase({label_word("sobol"), ": ", response_word(response)}), text_at(arm, "name"),
       {label_word("sobol_total"), label_word("sobol_first")}, label_word("share_of_variance"), "");
   block["mark"] = "dot";
   block["note"] = label_word("sobol_note");
@@ -327,9 +326,9 @@ ordered_json convergence_block(const ordered_json& arm, const ordered_json& resp
                                std::size_t number) {
   const ordered_json& steps = response.at("convergence");
   if (steps.is_null() || steps.empty()) return {};
-  ordered_json block = block_of(
+  ordered_json block = page_block(
       "panels", id_of("convergence", number, text_at(response, "response")),
-      words_of({label_word("convergence"), ": ", response_word(response)}), text_at(arm, "name"));
+      phrase({label_word("convergence"), ": ", response_word(response)}), text_at(arm, "name"));
   block["common_y"] = true;
   block["note"] = label_word("convergence_note");
   block["panels"] = ordered_json::array();
@@ -389,8 +388,8 @@ ordered_json inputs_block(const ordered_json& budget, const ordered_json& arm,
   }
   ordered_json block =
       table_block(id_of("inputs", number, text_at(response, "response")),
-                  words_of({label_word("every_input"), ": ", response_word(response)}), columns,
-                  rows, text_at(arm, "name"));
+                  phrase({label_word("every_input"), ": ", response_word(response)}), columns, rows,
+                  text_at(arm, "name"));
   const auto by = std::ranges::find(keys, "sobol_total");
   if (by != keys.end()) block["by"] = 4 + (by - keys.begin());
   return block;
@@ -419,19 +418,19 @@ ordered_json allocation_block(const ordered_json& budget, const ordered_json& ar
     rows.push_back(row);
   }
   const auto tightness = [](const ordered_json& row) { return -number_or_zero(row.at(5)); };
-  ordered_json block = table_block(
-      id_of("allocation", number),
-      words_of({label_word("allocation"), ": ", response_word(a),
-                fmt::format(" ≤ {:g} {}, {:g} %", a.at("limit").get<double>(), response_unit(a),
-                            a.at("confidence_percent").get<double>())}),
-      {{label_word("input"), ""},
-       {label_word("unit"), ""},
-       {label_word("deviation"), ""},
-       {label_word("factor_equal"), ""},
-       {label_word("deviation_equal"), ""},
-       {label_word("factor_cheapest"), ""},
-       {label_word("deviation_cheapest"), ""}},
-      sorted_rows(rows, tightness), text_at(arm, "name"));
+  ordered_json block =
+      table_block(id_of("allocation", number),
+                  phrase({label_word("allocation"), ": ", response_word(a),
+                          fmt::format(" ≤ {:g} {}, {:g} %", a.at("limit").get<double>(),
+                                      response_unit(a), a.at("confidence_percent").get<double>())}),
+                  {{label_word("input"), ""},
+                   {label_word("unit"), ""},
+                   {label_word("deviation"), ""},
+                   {label_word("factor_equal"), ""},
+                   {label_word("deviation_equal"), ""},
+                   {label_word("factor_cheapest"), ""},
+                   {label_word("deviation_cheapest"), ""}},
+                  sorted_rows(rows, tightness), text_at(arm, "name"));
   block["note"] = label_word(a.at("attainable").get<bool>() ? "allocation_note" : "not_attainable");
   return block;
 }
