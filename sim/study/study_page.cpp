@@ -165,7 +165,7 @@ std::vector<path> map_pictures(const path& folder) {
 }
 
 ordered_json pictures_block(const path& folder) {
-  ordered_json block = block_of("pictures", "influence-maps", label_word("influence_maps"));
+  ordered_json block = page_block("pictures", "influence-maps", label_word("influence_maps"));
   block["note"] = label_word("influence_maps_note");
   block["pictures"] = ordered_json::array();
   for (const path& file : map_pictures(folder)) {
