@@ -116,6 +116,9 @@ std::vector<sim::Override> overrides(const py::object& set) {
   if (set.is_none()) return all;
   const py::object pairs = py::isinstance<py::dict>(set) ? set.attr("items")() : set;
   for (const py::handle pair : pairs) {
+    if (!py::isinstance<py::sequence>(pair) || py::isinstance<py::str>(pair) || py::len(pair) != 2)
+      throw py::type_error("set: expected a dict, or pairs such as (\"errors.scale\", 2), seen " +
+                           std::string(py::repr(pair)));
     const auto [path, value] = pair.cast<std::pair<std::string, py::object>>();
     all.push_back({path, toml(value)});
   }

@@ -119,15 +119,15 @@ py::tuple poses(const std::filesystem::path& file, const Rows& given, const py::
 }
 
 py::object compare(const std::filesystem::path& scene, const py::object& set,
-                   const std::vector<py::object>& compensators, bool track, bool trust,
-                   const py::object& callback) {
+                   const std::vector<py::object>& compensators, const std::string& answers,
+                   bool track, bool trust, const py::object& callback) {
   sim::RunOptions options = options_of(set, trust, callback);
   if (track) options.formats.emplace_back(sim::saved_track);
   for (const py::object& one : compensators) {
-    if (py::isinstance<py::str>(one))
-      options.plug_ins.push_back(one.cast<std::string>());
+    if (py::isinstance<py::str>(one) || py::hasattr(one, "__fspath__"))
+      options.plug_ins.push_back(one.cast<std::filesystem::path>());
     else
-      options.functions.push_back(case_of(py::function(one), "correction"));
+      options.functions.push_back(case_of(py::function(one), answers));
   }
   std::optional<sim::CasesCut> made;
   {
@@ -223,10 +223,10 @@ void define_jobs(py::module_& module) {
       "Nominal and actual poses (n, 4, 4) of the tool in the workpiece, the machine standing "
       "still at positions q (n, axes), mm and rad.");
   module.def("compare", compare, py::arg("scene"), py::arg("set") = py::none(), py::kw_only(),
-             py::arg("compensators") = std::vector<py::object>{}, py::arg("track") = false,
-             py::arg("trust") = false, py::arg("progress") = py::none(),
+             py::arg("compensators") = std::vector<py::object>{}, py::arg("answers") = "correction",
+             py::arg("track") = false, py::arg("trust") = false, py::arg("progress") = py::none(),
              "Cuts every case of a scene, as `abbe compare` does; plug-ins by their files, "
-             "functions that correct.");
+             "functions as of Job.cut.");
 }
 
 }  // namespace abbe::python

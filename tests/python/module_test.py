@@ -201,7 +201,10 @@ for function, file in ((correction, twin), (deviation, folder / "deviation.py"))
 expect(max(n for n, _, _ in batches) == 1000 and sum(n for n, _, _ in batches) == len(job.time_s),
        "every sample in batches")
 expect("".join(batches[0][2]) == job.axes and " t" in batches[0][1], "the task")
-both = abbe.compare(dome, set={**small, "compare.cases": []}, compensators=[correction, str(twin)])
+both = abbe.compare(dome, set={**small, "compare.cases": []}, compensators=[correction, twin])
+points = abbe.compare(dome, set={**small, "compare.cases": []}, compensators=[deviation], answers="deviation")
+expect(same(points["deviation"].residual_mm, job.cut(deviation, answers="deviation").residual_mm),
+       "deviations in a comparison")
 expect(same(both["correction"].residual_mm, both["twin.py"].residual_mm), "both in a comparison")
 
 
@@ -255,6 +258,8 @@ where = [number for number, line in enumerate(broken.read_text().splitlines(), 1
          if "radius_mm = -100.0" in line]
 expect(len(faults.faults) == 2 and faults.faults[0].line in where and faults.faults[0].column > 0 and
        faults.file == str(broken), f"places of the faults: {faults}")
+expect_raises(TypeError, lambda: abbe.prepare(dome, set=[("part.vertices",)]), "half a pair")
+expect_raises(TypeError, lambda: abbe.compare(dome, compensators=[3]), "a number as compensator")
 expect_raises(TypeError, lambda: abbe.prepare(dome, set={"part.vertices": {}}), "a value of no kind")
 expect_raises(ValueError, lambda: job.cut("perfekt-iterated-ideal"), "a case")
 expect_raises(ValueError, lambda: job.cut(correction, answers="corrections"), "answers")
