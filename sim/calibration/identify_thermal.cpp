@@ -250,18 +250,13 @@ std::vector<std::string> warnings_of(const ThermalDay& day) {
   return warnings;
 }
 
-std::string axes_of(const Chain& chain) {
-  std::string axes;
-  for (const Joint& joint : chain.joints()) axes += joint.name;
-  return axes;
-}
-
 void check(std::span<const Readings> readings) {
   if (readings.empty()) throw std::invalid_argument("expected readings");
   for (const Readings& one : readings) {
     if (one.plan.looks.empty())
       throw std::invalid_argument("expected readings of " + one.plan.instrument + ", seen none");
-    if (axes_of(one.nominal) != axes_of(readings.front().nominal))
+    if (kinematics::letters(one.nominal.joints()) !=
+        kinematics::letters(readings.front().nominal.joints()))
       throw std::invalid_argument("expected readings of one machine, seen those of another by " +
                                   one.plan.instrument);
   }

@@ -5,6 +5,7 @@
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
+#include "kinematics/letters.h"
 #include "sim/commands/compare.h"
 #include "sim/cut/pose.h"
 #include "sim/loop/compensate.h"
@@ -141,17 +142,14 @@ const Job& job_of(const py::object& self) { return *self.cast<const Prepared&>()
 
 const cutting::Design& design_of(const py::object& self) { return job_of(self).design_w; }
 
-std::string axes_of(const Prepared& prepared) {
-  std::string axes;
-  for (const kinematics::Joint& joint : prepared.job->machine.nominal.joints()) axes += joint.name;
-  return axes;
-}
-
 void define_job(py::module_& module) {
   py::class_<Prepared>(module, "Job",
                        "A scene made ready: its part, program and machine, which all cases share.")
       .def_property_readonly("title", [](const Prepared& p) { return p.job->scene.title; })
-      .def_property_readonly("axes", axes_of, "a letter a joint, the columns of q")
+      .def_property_readonly(
+          "axes",
+          [](const Prepared& p) { return kinematics::letters(p.job->machine.nominal.joints()); },
+          "a letter a joint, the columns of q")
       .def_property_readonly("cases",
                              [](const Prepared& p) {
                                std::vector<std::string> names{"error_free", "uncompensated"};

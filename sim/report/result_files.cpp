@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "kinematics/letters.h"
 #include "sim/report/result_map.h"
 #include "sim/report/result_meshes.h"
 #include "sim/report/result_tables.h"
@@ -59,13 +60,6 @@ nlohmann::ordered_json about_map(const ToSave& all) {
   return json;
 }
 
-/// "XYZAC", a letter a joint.
-std::string letters_of(const std::vector<kinematics::Joint>& joints) {
-  std::string letters;
-  for (const kinematics::Joint& joint : joints) letters += joint.name;
-  return letters;
-}
-
 using Save = void (*)(const ResultFile&, const ToSave&);
 
 /// How each format is written; texts keep their bytes.
@@ -93,7 +87,7 @@ const std::map<std::string, Save>& savers() {
      [](const ResultFile& file, const ToSave& what) {
        const Job& job = what.job;
        write_file(file, to_npz(in_part_frame(what.verdict.cut.track.value(), job.scene.part.T_wm),
-                               letters_of(job.machine.nominal.joints()), what.map.facts));
+                               kinematics::letters(job.machine.nominal.joints()), what.map.facts));
      }},
   };
   return all;

@@ -4,6 +4,7 @@
 #include <string_view>
 #include <system_error>
 
+#include "kinematics/letters.h"
 #include "kinematics/units.h"
 #include "sim/dialects/bad_program.h"
 #include "sim/scene/nearest_word.h"
@@ -315,8 +316,7 @@ const Fields<ProgramDescription>& program_fields() {
 void check_axes(dialects::ControlTable& offsets, const Joints& joints, Faults& faults) {
   constexpr int first_refused_when_called = 500;  // of Siemens and Heidenhain
   if (joints.empty()) return;
-  std::string letters;
-  for (const kinematics::Joint& joint : joints) letters += joint.name;
+  const std::string letters = kinematics::letters(joints);
   std::string left_out;
   std::erase_if(offsets.offsets, [&](const auto& one) {
     const auto& [number, offset] = one;
