@@ -10,6 +10,7 @@
 #include <tbb/parallel_for.h>
 
 #include "errors/bound_element.h"
+#include "kinematics/letters.h"
 
 namespace abbe::sim {
 namespace {

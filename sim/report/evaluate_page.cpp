@@ -14,6 +14,7 @@
 #include "sim/report/encode.h"
 #include "sim/report/evaluation_report.h"
 #include "sim/report/page_blocks.h"
+#include "sim/report/saved_json.h"
 
 namespace abbe::sim {
 namespace {
@@ -23,7 +24,6 @@ using Eigen::Index;
 using Eigen::VectorXd;
 using nlohmann::ordered_json;
 
-constexpr std::size_t most_evaluation_bytes = std::size_t(256) << 20;
 constexpr Index most_drift_points = 2000;
 
 double chart_unit(bool is_angle) { return is_angle ? units::urad : units::um; }
@@ -285,7 +285,7 @@ void add_saved_pictures(ordered_json& blocks, const std::filesystem::path& folde
   for (const std::filesystem::path& file : files) {
     ordered_json one;
     one["name"] = file.stem().string();
-    one["src"] = "data:image/png;base64," + base64(read_text(file, most_evaluation_bytes));
+    one["src"] = "data:image/png;base64," + base64(read_text(file, most_saved_bytes));
     block["pictures"].push_back(one);
   }
   blocks.push_back(block);
@@ -301,31 +301,24 @@ FiguresPage evaluate_page(const Evaluation& evaluation) {
   add_drifts(page.blocks, evaluation.tests);
   if (evaluation.part) add_part(page.blocks, *evaluation.part);
   page.files.push_back(
-      {evaluation.file.filename().string(), read_text(evaluation.file, most_evaluation_bytes)});
+      {evaluation.file.filename().string(), read_text(evaluation.file, most_saved_bytes)});
   page.files.push_back({"evaluation.json", json.dump(2)});
   return page;
 }
 
 FiguresPage evaluate_page(const std::filesystem::path& folder) {
-  const char* expected = "an evaluation as abbe evaluate writes it";
-  const std::filesystem::path file = folder / "evaluation.json";
-  const std::string text = read_text(file, most_evaluation_bytes);
-  const ordered_json evaluation = ordered_json::parse(text, nullptr, false);
-  if (evaluation.is_discarded())
-    throw BadInput(file.string(), 0, 0, expected, "text that is no JSON");
-  try {
-    FiguresPage page = page_of_evaluation(evaluation);
-    add_saved_pictures(page.blocks, folder);
-    page.warnings.push_back(
-        "charts of the readings are left out of the report, its pictures stand in their place: a "
-        "finished evaluation does not hold the readings; abbe evaluate --report writes them");
-    page.files.push_back({"evaluation.json", text});
-    return page;
-  } catch (const ordered_json::exception& fault) {
-    throw BadInput(file.string(), 0, 0, expected, fault.what());
-  } catch (const std::invalid_argument& fault) {
-    throw BadInput(file.string(), 0, 0, expected, fault.what());
-  }
+  FiguresPage page;
+  with_saved_json(
+      folder / "evaluation.json", "an evaluation as abbe evaluate writes it",
+      [&](const ordered_json& evaluation, const std::string& text) {
+        page = page_of_evaluation(evaluation);
+        add_saved_pictures(page.blocks, folder);
+        page.warnings.push_back(
+            "charts of the readings are left out of the report, its pictures stand in their place: "
+            "a finished evaluation does not hold the readings; abbe evaluate --report writes them");
+        page.files.push_back({"evaluation.json", text});
+      });
+  return page;
 }
 
 }  // namespace abbe::sim

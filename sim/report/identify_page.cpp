@@ -11,6 +11,7 @@
 #include "kinematics/units.h"
 #include "sim/report/identify_json.h"
 #include "sim/report/page_blocks.h"
+#include "sim/report/saved_json.h"
 
 namespace abbe::sim {
 namespace {
@@ -18,7 +19,6 @@ namespace {
 using errors::identification::CurveReadings;
 using nlohmann::ordered_json;
 
-constexpr std::size_t most_page_bytes = std::size_t(256) << 20;
 constexpr Eigen::Index most_curve_readings = 1500;  // of the readings of one element
 
 std::string page_unit(const std::string& unit) {
@@ -363,7 +363,7 @@ FiguresPage page_of_report(const ordered_json& report, const Identified* identif
 
 void add_file(FiguresPage& page, const std::filesystem::path& file) {
   if (std::filesystem::exists(file))
-    page.files.push_back({file.filename().string(), read_text(file, most_page_bytes)});
+    page.files.push_back({file.filename().string(), read_text(file, most_saved_bytes)});
 }
 
 }  // namespace
@@ -379,22 +379,18 @@ FiguresPage identify_page(const Identified& identified) {
 }
 
 FiguresPage identify_page(const std::filesystem::path& file) {
-  const char* expected = "the report of an identification as abbe identify writes it, NAME.json";
-  const ordered_json report = ordered_json::parse(read_text(file, most_page_bytes), nullptr, false);
-  if (report.is_discarded()) throw BadInput(file.string(), 0, 0, expected, "text that is no JSON");
-  try {
-    FiguresPage page = page_of_report(report, nullptr);
-    page.warnings.push_back(
-        "curves of the elements, readings and residuals are left out of the report: a finished "
-        "identification does not hold them; abbe identify --report writes them");
-    add_file(page, file);
-    add_file(page, std::filesystem::path(file).replace_extension(".toml"));
-    return page;
-  } catch (const ordered_json::exception& fault) {
-    throw BadInput(file.string(), 0, 0, expected, fault.what());
-  } catch (const std::invalid_argument& fault) {
-    throw BadInput(file.string(), 0, 0, expected, fault.what());
-  }
+  FiguresPage page;
+  with_saved_json(
+      file, "the report of an identification as abbe identify writes it, NAME.json",
+      [&](const ordered_json& report, const std::string&) {
+        page = page_of_report(report, nullptr);
+        page.warnings.push_back(
+            "curves of the elements, readings and residuals are left out of the report: a finished "
+            "identification does not hold them; abbe identify --report writes them");
+        add_file(page, file);
+        add_file(page, std::filesystem::path(file).replace_extension(".toml"));
+      });
+  return page;
 }
 
 }  // namespace abbe::sim

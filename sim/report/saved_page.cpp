@@ -2,22 +2,19 @@
 
 #include <algorithm>
 #include <iterator>
-#include <stdexcept>
 #include <utility>
 #include <vector>
 
-#include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "sim/report/encode.h"
 #include "sim/report/page_blocks.h"
+#include "sim/report/saved_json.h"
 
 namespace abbe::sim {
 namespace {
 
 using nlohmann::ordered_json;
 using std::filesystem::path;
-
-constexpr std::size_t most_saved_bytes = std::size_t(256) << 20;
 
 /// The file that has the figures.
 path figures_file(const path& folder) {
@@ -89,26 +86,21 @@ FiguresPage page_of_saved(const ordered_json& json) {
 bool holds_saved_cases(const path& folder) { return std::filesystem::exists(figures_file(folder)); }
 
 FiguresPage saved_page(const path& folder) {
-  const char* expected = "the figures of cases as abbe run or abbe compare writes them";
   const path file = figures_file(folder);
-  const std::string text = read_text(file, most_saved_bytes);
-  const ordered_json json = ordered_json::parse(text, nullptr, false);
-  if (json.is_discarded()) throw BadInput(file.string(), 0, 0, expected, "text that is no JSON");
-  try {
-    FiguresPage page = page_of_saved(json);
-    if (const ordered_json pictures = saved_pictures_block(folder);
-        !pictures.at("pictures").empty())
-      page.blocks.push_back(pictures);
-    for (const path& scene : {folder / "scene.toml", folder / "uncompensated" / "scene.toml"})
-      if (std::filesystem::exists(scene) && page.files.empty())
-        page.files.push_back({"scene.toml", read_text(scene, most_saved_bytes)});
-    page.files.push_back({file.filename().string(), text});
-    return page;
-  } catch (const ordered_json::exception& fault) {
-    throw BadInput(file.string(), 0, 0, expected, fault.what());
-  } catch (const std::invalid_argument& fault) {
-    throw BadInput(file.string(), 0, 0, expected, fault.what());
-  }
+  FiguresPage page;
+  with_saved_json(
+      file, "the figures of cases as abbe run or abbe compare writes them",
+      [&](const ordered_json& json, const std::string& text) {
+        page = page_of_saved(json);
+        if (const ordered_json pictures = saved_pictures_block(folder);
+            !pictures.at("pictures").empty())
+          page.blocks.push_back(pictures);
+        for (const path& scene : {folder / "scene.toml", folder / "uncompensated" / "scene.toml"})
+          if (std::filesystem::exists(scene) && page.files.empty())
+            page.files.push_back({"scene.toml", read_text(scene, most_saved_bytes)});
+        page.files.push_back({file.filename().string(), text});
+      });
+  return page;
 }
 
 }  // namespace abbe::sim

@@ -12,6 +12,7 @@
 #include "sim/report/encode.h"
 #include "sim/report/figures_page.h"
 #include "sim/report/page_blocks.h"
+#include "sim/report/saved_json.h"
 #include "sim/study/study_blocks.h"
 
 namespace abbe::sim::study {
@@ -20,7 +21,6 @@ namespace {
 using nlohmann::ordered_json;
 using std::filesystem::path;
 
-constexpr std::size_t most_bytes = std::size_t(512) << 20;
 constexpr std::size_t most_shown_machines = 20000;  // of one response
 
 /// Takes the fields of a CSV file (RFC 4180) record by record.
@@ -101,17 +101,6 @@ std::vector<double> by_rank(std::vector<double> values) {
   return few;
 }
 
-ordered_json parsed(const path& file) {
-  const std::string text = read_text(file, most_bytes);
-  ordered_json json = ordered_json::parse(text, nullptr, false);
-  if (json.is_discarded())
-    throw BadInput(file.string(), 0, 0, "JSON as abbe study writes it", "text that is none");
-  if (!json.is_object() || !(json.contains("arms") || json.contains("histories")))
-    throw BadInput(file.string(), 0, 0, "the budget of a study, with arms or histories",
-                   "JSON of something else");
-  return json;
-}
-
 /// Heads of the columns that hold random machines.
 std::vector<std::string> heads_of(const ordered_json& budget) {
   std::vector<std::string> heads;
@@ -172,7 +161,7 @@ ordered_json pictures_block(const path& folder) {
     ordered_json one;
     path name = std::filesystem::relative(file, folder);
     one["name"] = name.replace_extension().generic_string();
-    one["src"] = "data:image/png;base64," + base64(read_text(file, most_bytes));
+    one["src"] = "data:image/png;base64," + base64(read_text(file, most_saved_bytes));
     block["pictures"].push_back(one);
   }
   return block;
@@ -204,7 +193,7 @@ bool has_variants(const ordered_json& budget) {
 void add_files(FiguresPage& page, const ordered_json& budget, const path& folder) {
   for (const char* name : {"study.toml", "scene.toml", "budget.json", "budget.csv", "budget.md"})
     if (std::filesystem::exists(folder / name))
-      page.files.push_back({name, read_text(folder / name, most_bytes)});
+      page.files.push_back({name, read_text(folder / name, most_saved_bytes)});
   const bool has_scene = std::filesystem::exists(folder / "scene.toml") && !has_variants(budget);
   page.command = std::string("abbe study study.toml") +
                  (has_scene ? " --set scene=scene.toml" : "") + " --report";
@@ -224,6 +213,27 @@ void add_warnings(FiguresPage& page, const ordered_json& budget, const path& fol
         "budget.json is not as abbe study wrote it, or the mark of its folder is missing");
 }
 
+HtmlReport page_of_budget(const ordered_json& budget, const path& folder,
+                          const std::string& language) {
+  if (!budget.is_object() || !(budget.contains("arms") || budget.contains("histories")))
+    throw std::invalid_argument("JSON of something else");
+  HtmlReport report;
+  FiguresPage page;
+  page.language = language;
+  page.title = budget.contains("study") ? budget.at("study").get<std::string>()
+                                        : std::filesystem::absolute(folder).filename().string();
+  page.blocks = study_blocks(budget, shown_answers(folder, budget, report.warnings));
+  if (const ordered_json maps = pictures_block(folder); !maps.at("pictures").empty())
+    page.blocks.insert(
+        page.blocks.begin() + std::ptrdiff_t(std::min<std::size_t>(page.blocks.size(), 2)), maps);
+  add_asked(page, budget, folder);
+  add_warnings(page, budget, folder);
+  page.warnings.insert(page.warnings.end(), report.warnings.begin(), report.warnings.end());
+  add_files(page, budget, folder);
+  report.html = html_of(page);
+  return report;
+}
+
 }  // namespace
 
 bool holds_study(const path& folder) { return std::filesystem::exists(folder / "budget.json"); }
@@ -233,29 +243,11 @@ HtmlReport study_page(const path& folder, const std::string& language) {
   if (!std::filesystem::exists(file))
     throw BadInput(folder.string(), 0, 0, "the folder of a finished study, with its budget.json",
                    "none of that name");
-  const ordered_json budget = parsed(file);
   HtmlReport report;
-  try {
-    FiguresPage page;
-    page.language = language;
-    page.title = budget.contains("study") ? budget.at("study").get<std::string>()
-                                          : std::filesystem::absolute(folder).filename().string();
-    page.blocks = study_blocks(budget, shown_answers(folder, budget, report.warnings));
-    if (const ordered_json maps = pictures_block(folder); !maps.at("pictures").empty())
-      page.blocks.insert(
-          page.blocks.begin() + std::ptrdiff_t(std::min<std::size_t>(page.blocks.size(), 2)), maps);
-    add_asked(page, budget, folder);
-    add_warnings(page, budget, folder);
-    page.warnings.insert(page.warnings.end(), report.warnings.begin(), report.warnings.end());
-    add_files(page, budget, folder);
-    report.html = html_of(page);
-  } catch (const nlohmann::json::exception& fault) {
-    throw BadInput(file.string(), 0, 0, "the budget of a study as abbe study writes it",
-                   fault.what());
-  } catch (const std::invalid_argument& fault) {
-    throw BadInput(file.string(), 0, 0, "the budget of a study as abbe study writes it",
-                   fault.what());
-  }
+  with_saved_json(file, "the budget of a study as abbe study writes it, with arms or histories",
+                  [&](const ordered_json& budget, const std::string&) {
+                    report = page_of_budget(budget, folder, language);
+                  });
   return report;
 }
 

@@ -10,14 +10,10 @@ import base64
 import csv
 import io
 import json
-import pathlib
-import shutil
-import socket
 import subprocess
 import sys
-import tempfile
 
-from webdriver import Browser, check_quiet
+from webdriver import check_quiet, run
 
 STUDY = """title = "budget"
 scene = "%s/gantry_dome.toml"
@@ -159,16 +155,16 @@ def check_identification(browser, belief, page, shots):
     print(f"{len(report['numbers'])} numbers are as in belief.json, {curves} curves")
 
 
-def check(browser, abbe, scenes, folder, shots):
-    def run(*words):
+def check(browser, abbe, scenes, folder, shots, _port):
+    def do(*words):
         subprocess.run([abbe, *map(str, words)], check=True, stdout=subprocess.DEVNULL)
 
     (folder / "study.toml").write_text(STUDY % scenes)
     study = folder / "study"
-    run("study", folder / "study.toml", "--report", "--out", study)
+    do("study", folder / "study.toml", "--report", "--out", study)
     check_study(browser, study, study / "report.html", shots)
-    run("measure", f"{scenes}/gantry_calibration.toml", "--out", folder / "readings")
-    run("identify", *[folder / "readings" / f"{name}.csv" for name in ("laser", "square", "level")],
+    do("measure", f"{scenes}/gantry_calibration.toml", "--out", folder / "readings")
+    do("identify", *[folder / "readings" / f"{name}.csv" for name in ("laser", "square", "level")],
         "--order", "3", "--report", "--out", folder / "belief.toml")
     check_identification(browser, folder / "belief.json", folder / "belief.html", shots)
     cut = folder / "cut.html"
@@ -177,30 +173,5 @@ def check(browser, abbe, scenes, folder, shots):
     assert "cut off" in browser.js("return document.getElementById('busy').textContent")
 
 
-def main():
-    if not shutil.which("chromium") or not shutil.which("chromedriver"):
-        print("skipped: no chromium or no chromedriver")
-        return 77
-    abbe, scenes = sys.argv[1:3]
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
-        folder = pathlib.Path(name).resolve()
-        shots = pathlib.Path(sys.argv[3]) if len(sys.argv) > 3 else folder
-        shots.mkdir(parents=True, exist_ok=True)
-        driver = subprocess.Popen(["chromedriver", f"--port={port}"], stdout=subprocess.DEVNULL)
-        browser = Browser(port)
-        try:
-            browser.open(str(folder / "profile"))
-            check(browser, abbe, scenes, folder, shots)
-        finally:
-            if browser.session:  # or the browser outlives a test that fails
-                browser.call("DELETE", browser.session)
-            driver.terminate()
-            driver.wait()
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run(check))

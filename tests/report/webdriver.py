@@ -380,7 +380,8 @@ def check(browser, abbe, scenes, folder, shots, port):
     check_without_webgl(port, page, folder, shots)
 
 
-def main():
+def run(check):
+    """The main of a script: `check(browser, abbe, scenes, folder, shots, port)` in a fresh browser."""
     if not shutil.which("chromium") or not shutil.which("chromedriver"):
         print("skipped: no chromium or no chromedriver")
         return 77
@@ -406,4 +407,4 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run(check))

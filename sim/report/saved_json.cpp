@@ -1,0 +1,26 @@
+#include "sim/report/saved_json.h"
+
+#include <stdexcept>
+
+#include "kinematics/bad_input.h"
+#include "kinematics/text.h"
+
+namespace abbe::sim {
+
+void with_saved_json(
+    const std::filesystem::path& file, const std::string& expected,
+    const std::function<void(const nlohmann::ordered_json& json, const std::string& text)>& make) {
+  using nlohmann::ordered_json;
+  const std::string text = read_text(file, most_saved_bytes);
+  const ordered_json json = ordered_json::parse(text, nullptr, false);
+  if (json.is_discarded()) throw BadInput(file.string(), 0, 0, expected, "text that is no JSON");
+  try {
+    make(json, text);
+  } catch (const ordered_json::exception& fault) {
+    throw BadInput(file.string(), 0, 0, expected, fault.what());
+  } catch (const std::invalid_argument& fault) {
+    throw BadInput(file.string(), 0, 0, expected, fault.what());
+  }
+}
+
+}  // namespace abbe::sim
