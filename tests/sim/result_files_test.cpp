@@ -285,7 +285,8 @@ TEST_F(Save, RefusesAFormatThatIsNoneWithTheNearest) {
   const auto ran = run("--save npz,pyl");
   EXPECT_EQ(ran.code, 2);
   EXPECT_NE(ran.text.find("--save: expected one of "), std::string::npos) << ran.text;
-  EXPECT_NE(ran.text.find("ply, stl, csv, npz, json, track (nearest: ply), seen pyl"), std::string::npos)
+  EXPECT_NE(ran.text.find("ply, stl, csv, npz, json, track (nearest: ply), seen pyl"),
+            std::string::npos)
       << ran.text;
   EXPECT_FALSE(fs::exists(out()));
 }
