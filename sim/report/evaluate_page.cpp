@@ -11,6 +11,7 @@
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
+#include "sim/files/output.h"
 #include "sim/report/encode.h"
 #include "sim/report/evaluation_report.h"
 #include "sim/report/page_blocks.h"
@@ -302,7 +303,7 @@ FiguresPage evaluate_page(const Evaluation& evaluation) {
   if (evaluation.part) add_part(page.blocks, *evaluation.part);
   page.files.push_back(
       {evaluation.file.filename().string(), read_text(evaluation.file, most_saved_bytes)});
-  page.files.push_back({"evaluation.json", json.dump(2)});
+  page.files.push_back({"evaluation.json", json_text(json)});
   return page;
 }
 
