@@ -1,13 +1,3 @@
-"use strict";
-const $ = id => document.getElementById(id), labels = JSON.parse($("labels").textContent);
-let language = document.documentElement.lang;
-const L = key => { if (!labels[key]) throw new Error("no label " + key); return labels[key][language]; };
-function translate() {
-  document.documentElement.lang = language;
-  document.querySelectorAll("[data-label]").forEach(e => { e.textContent = L(e.dataset.label); });
-  document.querySelectorAll("[data-aria]").forEach(e => { e.setAttribute("aria-label", L(e.dataset.aria)); });
-}
-
 // ---- words and numbers: a word is a text, { label }, or a list of such --------------------------------
 const word = w => w === null || w === undefined ? "" : typeof w === "string" ? w
   : Array.isArray(w) ? w.map(word).join("") : L(w.label);
@@ -54,11 +44,6 @@ const tables = {
       ...b.panels.flatMap(p => p.series.flatMap(s => s.angle.map((a, k) => [english(p.title), english(s.name), a, s.deviation[k]])))];
   },
 };
-function save(blob, name) {
-  const a = document.createElement("a");
-  a.href = URL.createObjectURL(blob); a.download = name; a.click();
-  setTimeout(() => URL.revokeObjectURL(a.href), 1e4);
-}
 
 // ---- drawing --------------------------------------------------------------------------------------
 const ruler = document.createElement("canvas").getContext("2d");
@@ -364,7 +349,7 @@ function caption(b, state) {
 
 addEventListener("DOMContentLoaded", () => {      // the script stands before the data, so that a cut file says so
   translate();
-  if (!$("end")) { $("busy").textContent = L("cut_off"); window.failed = "cut off"; return; }
+  if (!isWhole()) return;
   try {
     const index = JSON.parse($("index").textContent), blocks = index.blocks, states = blocks.map(build);
     const groups = [...new Set(blocks.map(b => b.group).filter(Boolean))];

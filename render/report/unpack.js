@@ -1,4 +1,3 @@
-"use strict";
 // What sim/report/encode.cpp and mesh_walk.cpp pack: base64 of a range code of numbers, each as its
 // difference from what those before it predict.
 function bytesOf(text) {

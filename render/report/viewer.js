@@ -1,14 +1,7 @@
-const $ = id => document.getElementById(id), labels = JSON.parse($("labels").textContent);
-let language = location.hash.includes("language") ? (/language%22%3A%22(en|zh)/.exec(location.hash) || [])[1] || document.documentElement.lang : document.documentElement.lang;
-const L = key => { if (!labels[key]) throw new Error("no label " + key); return labels[key][language]; };
-function translate() {
-  document.documentElement.lang = language;
-  document.querySelectorAll("[data-label]").forEach(e => { e.textContent = L(e.dataset.label); });
-  document.querySelectorAll("[data-aria]").forEach(e => { e.setAttribute("aria-label", L(e.dataset.aria)); });
-}
+language = (location.hash.includes("language") && /language%22%3A%22(en|zh)/.exec(location.hash) || [])[1] || language;
 addEventListener("DOMContentLoaded", () => {      // the script stands before the data, so that a cut file says so
 translate();
-if (!$("end")) { $("busy").textContent = L("cut_off"); window.failed = "cut off"; return; }
+if (!isWhole()) return;
 (async () => {
 const t0 = performance.now(), timings = window.timings = {};
 const index = JSON.parse($("index").textContent), dark = matchMedia("(prefers-color-scheme: dark)").matches && !matchMedia("print").matches;
@@ -489,7 +482,6 @@ if (path) { $("time").max = path.end; on("time", "input", e => { S.time = +e.val
   on("play", "click", e => { playing = playing ? 0 : performance.now(); e.textContent = playing ? "⏸" : "▶"; if (playing) requestAnimationFrame(tick); }); }
 if (path) on("toTool", "click", () => { const T = posesNow(); S.machineTarget = [12, 13, 14].map(k => T.t[k]); S.machineZoom = machineSize / (2.5 * size); draw(); });
 on("reveal", "change", e => { S.reveal = +e.checked; prepare(); });
-const save = (blob, name) => { const a = document.createElement("a"); a.href = URL.createObjectURL(blob); a.download = name; a.click(); setTimeout(() => URL.revokeObjectURL(a.href), 1e4); };
 on("png", "click", () => { dirty = true; asked = -1; render(performance.now()); const c = document.createElement("canvas"); c.width = glc.width; c.height = glc.height; const g = c.getContext("2d"); g.drawImage(glc, 0, 0); g.drawImage(ink, 0, 0); c.toBlob(b => save(b, "map.png")); });
 on("csv", "click", () => { if (section) save(new Blob(["along_mm,x_mm,y_mm,z_mm," + section.names.map(n => n + "_um").join(",") + "\n" + section.points.map(q => [q.u, ...q.x, ...q.r].map(v => +v.toPrecision(7)).join(",")).join("\n") + "\n"], { type: "text/csv" }), "profile.csv"); });
 let pointers = new Map(), last = null;

@@ -56,7 +56,8 @@ void cut_cases(const Batch& batch, CasesCut& made, Keep keep, ProgressLine& prog
   std::vector<Compared>& cases = made.cases;
   const auto named = [&](const std::string& name) { return case_folder(batch.prefix, name); };
   progress.begin(named("error_free"));
-  Cut free = cut_error_free(batch.job, to(progress), keep);
+  // that of a variant is measured against and not reported
+  Cut free = cut_error_free(batch.job, to(progress), batch.prefix.empty() ? keep : Keep::Map);
   check_cuts_part(batch.job, free);
   const Verdict error_free = judge(batch.job, std::move(free), nullptr);
   if (batch.prefix.empty()) cases.push_back({error_free, &batch.job, std::nullopt});

@@ -63,10 +63,6 @@ ordered_json joint_message(const kinematics::Joint& joint) {
           {"max", joint.max}};
 }
 
-Eigen::Index readings(const PlugInTask& task) {
-  return task.log.time_s.size() > 0 ? task.log.values.cols() : 0;
-}
-
 constexpr int deepest = 16;  // what nests more is written and thrown away by recursion
 
 /// Deepest nesting of brackets and braces outside strings.

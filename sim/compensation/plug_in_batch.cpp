@@ -20,12 +20,14 @@ bool is_angle(const Expected& expected, Index column) {
 
 }  // namespace
 
+Index readings(const PlugInTask& task) {
+  return task.log.time_s.size() > 0 ? task.log.values.cols() : 0;
+}
+
 PlugInBatch batch_of(const PlugInTask& task, const PlugInQuestion& question, Samples samples) {
-  const Index n = samples.count, joints = Index(task.joints.size());
-  const Index readings = task.log.time_s.size() > 0 ? task.log.values.cols() : 0;
-  PlugInBatch batch{Eigen::VectorXd(n),           PlugInBatch::Rows(n, joints),
-                    PlugInBatch::Rows(n, joints), Eigen::VectorXd(n),
-                    PlugInBatch::Rows(n, 12),     PlugInBatch::Rows(n, readings)};
+  const Index n = samples.count, joints = Index(task.joints.size()), m = readings(task);
+  PlugInBatch batch{Eigen::VectorXd(n), PlugInBatch::Rows(n, joints), PlugInBatch::Rows(n, joints),
+                    Eigen::VectorXd(n), PlugInBatch::Rows(n, 12),     PlugInBatch::Rows(n, m)};
   for (Index i = 0; i < n; ++i) {
     const kinematics::AxisState& state = question.commands[std::size_t(samples.first + i)];
     const kinematics::Pose& T_wt = question.T_wt[std::size_t(samples.first + i)];
@@ -35,7 +37,7 @@ PlugInBatch batch_of(const PlugInTask& task, const PlugInQuestion& question, Sam
       batch.direction(i, j) = double(state.direction[std::size_t(j)]);
     batch.spindle_rpm[i] = state.spindle_speed * rpm_per_rad_per_s;
     for (Index k = 0; k < 12; ++k) batch.T_wt(i, k) = T_wt.matrix()(k / 4, k % 4);
-    if (readings > 0) batch.readings.row(i) = task.log.values.row(row_at(task.log, state.time_s));
+    if (m > 0) batch.readings.row(i) = task.log.values.row(row_at(task.log, state.time_s));
   }
   return batch;
 }

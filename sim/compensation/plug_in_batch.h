@@ -8,6 +8,9 @@
 /// The batches in which plug-ins are asked, and what an answer to one must be.
 namespace abbe::sim::compensation {
 
+/// How many readings of the control a plug-in is given.
+Eigen::Index readings(const PlugInTask& task);
+
 PlugInBatch batch_of(const PlugInTask& task, const PlugInQuestion& question, Samples samples);
 
 /// What an answer must be.

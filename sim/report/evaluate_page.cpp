@@ -2,17 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
 #include <fmt/format.h>
 
 #include "errors/metrology/circular.h"
 #include "errors/metrology/shares.h"
-#include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/files/output.h"
-#include "sim/report/encode.h"
 #include "sim/report/evaluation_report.h"
 #include "sim/report/page_blocks.h"
 #include "sim/report/saved_json.h"
@@ -274,22 +271,13 @@ FiguresPage page_of_evaluation(const ordered_json& evaluation) {
   return page;
 }
 
-void add_saved_pictures(ordered_json& blocks, const std::filesystem::path& folder) {
+std::vector<std::filesystem::path> pictures_in(const std::filesystem::path& folder) {
   std::vector<std::filesystem::path> files;
   for (const auto& entry : std::filesystem::directory_iterator(folder))
     if (entry.is_regular_file() && entry.path().extension() == ".png")
       files.push_back(entry.path());
-  if (files.empty()) return;
   std::ranges::sort(files);
-  ordered_json block = page_block("pictures", "pictures", label_word("pictures"));
-  block["pictures"] = ordered_json::array();
-  for (const std::filesystem::path& file : files) {
-    ordered_json one;
-    one["name"] = file.stem().string();
-    one["src"] = "data:image/png;base64," + base64(read_text(file, most_saved_bytes));
-    block["pictures"].push_back(one);
-  }
-  blocks.push_back(block);
+  return files;
 }
 
 }  // namespace
@@ -313,7 +301,10 @@ FiguresPage evaluate_page(const std::filesystem::path& folder) {
       folder / "evaluation.json", "an evaluation as abbe evaluate writes it",
       [&](const ordered_json& evaluation, const std::string& text) {
         page = page_of_evaluation(evaluation);
-        add_saved_pictures(page.blocks, folder);
+        if (const ordered_json pictures =
+                pictures_block("pictures", label_word("pictures"), folder, pictures_in(folder));
+            !pictures.is_null())
+          page.blocks.push_back(pictures);
         page.warnings.push_back(
             "charts of the readings are left out of the report, its pictures stand in their place: "
             "a finished evaluation does not hold the readings; abbe evaluate --report writes them");

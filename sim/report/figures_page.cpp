@@ -64,7 +64,7 @@ std::string html_of(const FiguresPage& page) {
                       {{"language", page.language},
                        {"title", html::in_html(page.title)},
                        {"style", std::string(charts_style())},
-                       {"script", std::string(charts_script())},
+                       {"script", charts_script()},
                        {"labels", html::in_script(html::labels_json(labels))},
                        {"words", closing_words(page)},
                        {"data", "<script type=\"application/json\" id=\"index\">" +

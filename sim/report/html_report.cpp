@@ -165,7 +165,7 @@ HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& com
                        {{"language", asked.language},
                         {"title", in_html(comparison.scene)},
                         {"style", std::string(viewer_style())},
-                        {"script", std::string(viewer_unpack()) + std::string(viewer_script())},
+                        {"script", viewer_script()},
                         {"labels", in_script(labels_json(report_labels()))},
                         {"figures", said(figures_table(json, data))},
                         {"regions", said(regions_table(data))},

@@ -1,12 +1,10 @@
 #include "sim/report/identify_page.h"
 
 #include <cmath>
-#include <stdexcept>
 
 #include <fmt/format.h>
 
 #include "errors/bound_element.h"
-#include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/report/identify_json.h"

@@ -3,6 +3,10 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "kinematics/text.h"
+#include "sim/report/encode.h"
+#include "sim/report/saved_json.h"
+
 namespace abbe::sim {
 
 using nlohmann::ordered_json;
@@ -44,6 +48,22 @@ ordered_json table_block(const std::string& id, const PageWord& title,
   for (const PageColumn& one : columns)
     block["columns"].push_back({{"head", one.head}, {"unit", one.unit}});
   block["rows"] = rows;
+  return block;
+}
+
+ordered_json pictures_block(const std::string& id, const PageWord& title,
+                            const std::filesystem::path& folder,
+                            const std::vector<std::filesystem::path>& files) {
+  if (files.empty()) return {};
+  ordered_json block = page_block("pictures", id, title);
+  block["pictures"] = ordered_json::array();
+  for (const std::filesystem::path& file : files) {
+    std::filesystem::path name = std::filesystem::relative(file, folder);
+    ordered_json one;
+    one["name"] = name.replace_extension().generic_string();
+    one["src"] = "data:image/png;base64," + base64(read_text(file, most_saved_bytes));
+    block["pictures"].push_back(one);
+  }
   return block;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -32,6 +33,13 @@ nlohmann::ordered_json table_block(const std::string& id, const PageWord& title,
                                    const std::vector<PageColumn>& columns,
                                    const nlohmann::ordered_json& rows,
                                    const std::string& group = {});
+
+/// PNG files of a folder, called by their paths in it, one of which is shown at a time; null where
+/// there are none.
+/// @throws BadInput for one that cannot be read
+nlohmann::ordered_json pictures_block(const std::string& id, const PageWord& title,
+                                      const std::filesystem::path& folder,
+                                      const std::vector<std::filesystem::path>& files);
 
 /// A line or points of a panel. @param mark  "line", "points" or "both"
 nlohmann::ordered_json series_of(const PageWord& name, const nlohmann::ordered_json& x,

@@ -224,7 +224,7 @@ void add_regions(PageData& data, const std::vector<Compared>& cases, const cutti
 std::vector<std::string> add_maps(PageData& data, const std::vector<Compared>& cases,
                                   const ordered_json& figures) {
   const Job& job = *cases.front().job;
-  const cutting::Design design = result_map(job, cases.front().verdict).design;
+  const cutting::Design design = cutting::transformed(job.design_w, job.scene.part.T_wm.inverse());
   Shared shared{mesh_walk(design.triangles, design.vertices.rows()), {}, {}, {}, {}, {}};
   add_mesh(data, design, shared.walk);
   add_regions(data, cases, design, shared.walk);

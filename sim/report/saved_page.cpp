@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "kinematics/text.h"
-#include "sim/report/encode.h"
 #include "sim/report/page_blocks.h"
 #include "sim/report/saved_json.h"
 
@@ -39,23 +38,15 @@ ordered_json saved_figures_block(const std::vector<ordered_json>& cases, const c
 }
 
 /// Pictures of the folder and of its cases, that of the comparison first.
-ordered_json saved_pictures_block(const path& folder) {
+std::vector<path> saved_pictures(const path& folder) {
   std::vector<path> files;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder))
     if (entry.is_regular_file() && entry.path().extension() == ".png")
-      files.push_back(std::filesystem::relative(entry.path(), folder));
+      files.push_back(entry.path());
   std::ranges::sort(files, {}, [](const path& file) {
     return std::pair(std::distance(file.begin(), file.end()), file);
   });
-  ordered_json block = page_block("pictures", "pictures", label_word("pictures"));
-  block["pictures"] = ordered_json::array();
-  for (const path& file : files) {
-    ordered_json one;
-    one["name"] = path(file).replace_extension().generic_string();
-    one["src"] = "data:image/png;base64," + base64(read_text(folder / file, most_saved_bytes));
-    block["pictures"].push_back(one);
-  }
-  return block;
+  return files;
 }
 
 /// Figures and words of the JSON; a summary is of one case.
@@ -92,8 +83,9 @@ FiguresPage saved_page(const path& folder) {
       file, "the figures of cases as abbe run or abbe compare writes them",
       [&](const ordered_json& json, const std::string& text) {
         page = page_of_saved(json);
-        if (const ordered_json pictures = saved_pictures_block(folder);
-            !pictures.at("pictures").empty())
+        if (const ordered_json pictures =
+                pictures_block("pictures", label_word("pictures"), folder, saved_pictures(folder));
+            !pictures.is_null())
           page.blocks.push_back(pictures);
         for (const path& scene : {folder / "scene.toml", folder / "uncompensated" / "scene.toml"})
           if (std::filesystem::exists(scene) && page.files.empty())

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <string_view>
 
 namespace abbe::sim {
@@ -7,10 +8,11 @@ namespace abbe::sim {
 /// Files of render/report, as they were when the program was built.
 std::string_view viewer_page();
 std::string_view viewer_style();
-std::string_view viewer_unpack();
-std::string_view viewer_script();
 std::string_view charts_page();
 std::string_view charts_style();
-std::string_view charts_script();
+
+/// The scripts of a page, words.js first.
+std::string viewer_script();
+std::string charts_script();
 
 }  // namespace abbe::sim

@@ -9,7 +9,6 @@
 #include "kinematics/bad_input.h"
 #include "kinematics/text.h"
 #include "sim/files/result_mark.h"
-#include "sim/report/encode.h"
 #include "sim/report/figures_page.h"
 #include "sim/report/page_blocks.h"
 #include "sim/report/saved_json.h"
@@ -153,20 +152,6 @@ std::vector<path> map_pictures(const path& folder) {
   return files;
 }
 
-ordered_json pictures_block(const path& folder) {
-  ordered_json block = page_block("pictures", "influence-maps", label_word("influence_maps"));
-  block["note"] = label_word("influence_maps_note");
-  block["pictures"] = ordered_json::array();
-  for (const path& file : map_pictures(folder)) {
-    ordered_json one;
-    path name = std::filesystem::relative(file, folder);
-    one["name"] = name.replace_extension().generic_string();
-    one["src"] = "data:image/png;base64," + base64(read_text(file, most_saved_bytes));
-    block["pictures"].push_back(one);
-  }
-  return block;
-}
-
 std::string plain_text(const ordered_json& value) {
   return value.is_string() ? value.get<std::string>() : value.dump();
 }
@@ -223,9 +208,13 @@ HtmlReport page_of_budget(const ordered_json& budget, const path& folder,
   page.title = budget.contains("study") ? budget.at("study").get<std::string>()
                                         : std::filesystem::absolute(folder).filename().string();
   page.blocks = study_blocks(budget, shown_answers(folder, budget, report.warnings));
-  if (const ordered_json maps = pictures_block(folder); !maps.at("pictures").empty())
+  ordered_json maps =
+      pictures_block("influence-maps", label_word("influence_maps"), folder, map_pictures(folder));
+  if (!maps.is_null()) {
+    maps["note"] = label_word("influence_maps_note");
     page.blocks.insert(
         page.blocks.begin() + std::ptrdiff_t(std::min<std::size_t>(page.blocks.size(), 2)), maps);
+  }
   add_asked(page, budget, folder);
   add_warnings(page, budget, folder);
   page.warnings.insert(page.warnings.end(), report.warnings.begin(), report.warnings.end());

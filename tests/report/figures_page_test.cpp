@@ -73,7 +73,7 @@ TEST(ChartLabels, WhatThePageAndItsScriptNameIsThere) {
   std::set<std::string> keys;
   for (const auto& labels : {report_labels(), chart_labels()})
     for (const ReportLabel& one : labels) keys.insert(std::string(one.key));
-  const std::string sources = std::string(charts_page()) + std::string(charts_script());
+  const std::string sources = std::string(charts_page()) + charts_script();
   const std::regex named(R"rx(data-(?:label|aria)="(\w+)"|\bL\("(\w+)"\)|button\("(\w+)")rx");
   int count = 0;
   for (std::sregex_iterator it(sources.begin(), sources.end(), named), end; it != end; ++it)
@@ -87,7 +87,7 @@ TEST(ChartLabels, WhatThePageAndItsScriptNameIsThere) {
 
 TEST(ChartLabels, ThePageMayAskNothingOfANetwork) {
   const std::string sources =
-      std::string(charts_page()) + std::string(charts_style()) + std::string(charts_script());
+      std::string(charts_page()) + std::string(charts_style()) + charts_script();
   EXPECT_NE(sources.find("content=\"default-src 'none';"), std::string::npos);
   EXPECT_EQ(sources.find("connect-src"), std::string::npos);
   EXPECT_EQ(sources.find("https://"), std::string::npos);

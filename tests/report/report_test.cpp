@@ -247,7 +247,7 @@ TEST(ReportLabels, WhatThePageAndItsScriptNameIsThere) {
   const std::set<std::string> in_page =
       found(std::string(viewer_page()), std::regex("data-(?:label|aria)=\"(\\w+)\""));
   const std::set<std::string> in_script =
-      found(std::string(viewer_script()), std::regex("\\bL\\(\"(\\w+)\"\\)"));
+      found(viewer_script(), std::regex("\\bL\\(\"(\\w+)\"\\)"));
   EXPECT_GT(in_page.size(), 20u);
   EXPECT_GT(in_script.size(), 10u);
   for (const std::set<std::string>& named : {in_page, in_script})
@@ -277,8 +277,8 @@ TEST_F(Page, IsWholeAndMayAskNothingOfANetwork) {
   EXPECT_NE(html.find("content=\"default-src 'none';"), std::string::npos);
   EXPECT_EQ(html.find("connect-src"), std::string::npos);
   const std::regex resource(R"rx((?:src|href|url)\s*[=(]\s*["']?(?:https?:)?//)rx");
-  const std::string sources = std::string(viewer_page()) + std::string(viewer_style()) +
-                              std::string(viewer_unpack()) + std::string(viewer_script());
+  const std::string sources =
+      std::string(viewer_page()) + std::string(viewer_style()) + viewer_script();
   EXPECT_FALSE(std::regex_search(sources, resource));
   EXPECT_EQ(sources.find("http://"), std::string::npos);
   EXPECT_EQ(sources.find("https://"), std::string::npos);
