@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Loads a report in Chromium through WebDriver, with the standard library alone, and holds it against
 the files of the same cases: no request, an empty console, figures as in comparison.json, values as
-in residual.npz to within half a step, both languages, a file that is cut off.
+in residual.npz to within half a step, both languages, a file that is cut off; then the report of a
+machine that warms up, temperatures and all.
 
 webdriver.py ABBE SCENES [FOLDER]: with a FOLDER its pictures stay there. Leaves with 77 where there
 is no chromium or no chromedriver."""
@@ -9,6 +10,7 @@ is no chromium or no chromedriver."""
 import ast
 import base64
 import contextlib
+import csv
 import json
 import math
 import pathlib
@@ -120,12 +122,13 @@ def nearest(vertices, place):
     return best
 
 
-def check_values(browser, results):
+def check_values(browser, results, cases=CASES):
     """Every case at many vertices against its saved map."""
     compared = 0
-    for number, name in enumerate(CASES):
+    for number, name in enumerate(cases):
         saved = results / name / "residual.npz"
         residual, line = array(saved, "residual_um"), array(saved, "cut_line")
+        browser.js(f"abbe.S.a={number};abbe.prepare()")  # a case is unpacked when it is shown
         at = browser.js("return [...abbe.P]")
         shown = list(range(0, len(residual), 7))
         spots = [nearest(array(saved, "vertices"), at[3 * k:3 * k + 3]) for k in shown]
@@ -146,11 +149,11 @@ def check_values(browser, results):
     print(f"{compared} values within half a step of {1e3 * step:.3g} nm")
 
 
-def check_cursor(browser, results):
+def check_cursor(browser, results, case=CASES[1], number=1):
     """What stands under the cursor is the vertex that is drawn there, with its saved value."""
     box = browser.js("const b=document.getElementById('ink').getBoundingClientRect();"
                      "return [b.x,b.y,b.width,b.height]")
-    browser.js("abbe.S.mode='single';abbe.S.a=1;abbe.controls();abbe.prepare()")
+    browser.js(f"abbe.S.mode='single';abbe.S.a={number};abbe.controls();abbe.prepare()")
     browser.move(int(box[0] + 0.5 * box[2]), int(box[1] + 0.5 * box[3]))
     for _ in range(100):
         text = browser.js("return document.getElementById('probe').textContent")
@@ -158,12 +161,12 @@ def check_cursor(browser, results):
             break
         time.sleep(0.1)
     words = text.split()
-    saved = results / CASES[1] / "residual.npz"
+    saved = results / case / "residual.npz"
     place = [float(words[words.index(name) + 1]) for name in "XYZ"]
     vertex = nearest(array(saved, "vertices"), place)
     value = array(saved, "residual_um")[vertex]
-    at = text.index(CASES[1])
-    shown = text[at:].split()[1].replace("−", "-")
+    at = text.index(case) + len(case)
+    shown = text[at:].split()[0].replace("−", "-")
     digits = len(shown.split(".")[1])
     assert abs(float(shown) - value) <= 0.5 * 10 ** -digits + 2e-3, (text, value)
     print(f"under the cursor vertex {vertex}: {shown} µm, saved {value:.6g}")
@@ -279,7 +282,7 @@ def check_without_webgl(driver_port, page, folder, shots):
         browser.call("DELETE", browser.session)
 
 
-def check_figures(browser, results):
+def check_figures(browser, results, cases=CASES):
     rows = browser.js("return [...document.querySelectorAll('#figures tbody tr')].map(r=>"
                       "[r.dataset.case,[...r.cells].filter(c=>c.dataset.key)"
                       ".map(c=>[c.dataset.key,c.dataset.value])])")
@@ -288,7 +291,7 @@ def check_figures(browser, results):
         assert len(cells) == 7, (name, cells)
         for key, value in cells:
             assert float(value) == summaries[name]["residual_um"][key], (name, key, value)
-    assert [name for name, _ in rows][:2] == CASES
+    assert [name for name, _ in rows][:len(cases)] == cases
     print(f"{len(rows)} cases have the figures of summary.json")
 
 
@@ -343,11 +346,10 @@ def check_machine(browser, shots):
     browser.js("document.querySelector('[data-tab=map]').click()")
 
 
-def check(browser, abbe, scenes, folder, shots, port):
-    results = folder / "results"
-    subprocess.run([abbe, "compare", f"{scenes}/gantry_dome.toml", "--set", "part.vertices=2500",
-                    "--save", "npz", "--report", "--out", str(results)], check=True,
-                   stdout=subprocess.DEVNULL)
+def loaded(browser, abbe, scene, results, *settings):
+    """The page of a scene's cases, which stand saved beside it."""
+    subprocess.run([abbe, "compare", str(scene), *settings, "--report", "--out", str(results)],
+                   check=True, stdout=subprocess.DEVNULL)
     page = results / "report.html"
     browser.call("POST", browser.session + "/url", {"url": "about:blank"})
     browser.log("performance")  # what the browser's own first page asked for
@@ -355,6 +357,19 @@ def check(browser, abbe, scenes, folder, shots, port):
     assert not failed, failed
     print(f"{page.stat().st_size / 1e6:.2f} MB, ready after {ready:.2f} s")
     time.sleep(1)
+    return page
+
+
+def save_print(browser, file):
+    printed = base64.b64decode(browser.call("POST", browser.session + "/print", {}))
+    assert printed.startswith(b"%PDF")
+    file.write_bytes(printed)
+
+
+def check_dome(browser, abbe, scenes, folder, shots, port):
+    results = folder / "results"
+    page = loaded(browser, abbe, f"{scenes}/gantry_dome.toml", results,
+                  "--set", "part.vertices=2500", "--save", "npz")
     browser.picture(shots / "part.png")
     browser.js("for (const i of [0,1]) abbe.S['ab'[i]]=i;abbe.prepare()")
     time.sleep(1)
@@ -369,15 +384,68 @@ def check(browser, abbe, scenes, folder, shots, port):
     check_saving(browser)
     browser.js("document.querySelector('[data-tab=text]').click()")
     browser.picture(shots / "text.png")
-    printed = browser.call("POST", browser.session + "/print", {})
-    assert base64.b64decode(printed).startswith(b"%PDF")
-    (shots / "print.pdf").write_bytes(base64.b64decode(printed))
+    save_print(browser, shots / "print.pdf")
     check_quiet(browser, page)
     cut = folder / "cut.html"
     cut.write_bytes(page.read_bytes()[:-1000])
     assert browser.load(cut)[1] == "cut off"
     assert "cut off" in browser.js("return document.getElementById('busy').textContent")
     check_without_webgl(port, page, folder, shots)
+
+
+def check_signals(browser, results, case, number):
+    """Every curve of a case against its signals.csv, in which a value has nine digits."""
+    with open(results / case / "signals.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    rows = [row for row in rows if float(row["time_s"]) >= 0.0]
+    at = [float(row["time_s"]) for row in rows]
+    shown = browser.js(f"return abbe.cases[{number}].signals.map(s=>s.name)")
+    assert any(name.startswith("T_") for name in shown), shown
+    worst = 0.0
+    for name in shown:
+        if name not in rows[0]:
+            continue  # of every sample, not of the rows of a control
+        said = [float(row[name]) for row in rows]
+        span = max(said) - min(said)
+        seen = browser.js(
+            f"const k=abbe.courseOf(abbe.cases[{number}],'{name}');return {at}.map(t=>{{"
+            "let i=1;while(i<k.t.length-1&&k.t[i]<t)i++;"
+            "const f=Math.min(1,Math.max(0,(t-k.t[i-1])/((k.t[i]-k.t[i-1])||1)));"
+            "return k.v[i-1]+f*(k.v[i]-k.v[i-1])})")
+        worst = max(worst, max(abs(a - b) for a, b in zip(seen, said)) / span)
+    # a curve is thinned to 1/1000 of its span, saved in steps of as much, and its instants, a second
+    # apart, in steps of 1 ms
+    assert worst <= 1.0 / 500.0, worst
+    print(f"{len(shown)} curves of {case} within {1e3 * worst:.2f} thousandths of their spans")
+
+
+def check_thermal(browser, abbe, scenes, folder, shots, port):
+    """A machine as it warms up, cut at three hours of the day; two variants have their own cases."""
+    results = folder / "warm"
+    page = loaded(browser, abbe, f"{scenes}/gantry_warmup.toml", results,
+                  "--set", "part.vertices=2500", "--set", "program.step_over_mm=2",
+                  "--save", "npz")
+    cases = browser.js("return abbe.cases.map(c=>c.name)")
+    warm = "30 min"
+    assert {"cold", warm, "3 h", "3 h-thermal-iterated-ideal"} <= set(cases), cases
+    browser.picture(shots / "warm_part.png")
+    check_figures(browser, results, cases)
+    check_values(browser, results, cases)
+    check_languages(browser, shots)
+    number = cases.index(warm)
+    check_cursor(browser, results, warm, number)
+    check_signals(browser, results, warm, number)
+    browser.js(f"abbe.S.a=abbe.S.b={number};abbe.S.signal='T_spindle_bearing_C';"
+               "document.querySelector('[data-tab=machine]').click();abbe.controls()")
+    time.sleep(2)
+    browser.picture(shots / "warm_machine.png")
+    save_print(browser, shots / "warm_print.pdf")
+    check_quiet(browser, page)
+
+
+def check(*where):
+    check_dome(*where)
+    check_thermal(*where)
 
 
 def run(check):
