@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <stdexcept>
 #include <string_view>
+#include <vector>
 
 #include <zlib.h>
 
@@ -41,8 +43,7 @@ std::string filtered_rows(const Pixels& pixels) {
   return rows;
 }
 
-std::string packed_rows(const std::string& bytes, PngFor made_for) {
-  const int level = made_for == PngFor::Size ? 9 : 2;
+std::string compressed(const std::string& bytes, int level) {
   uLongf size = compressBound(uLong(bytes.size()));
   std::string packed(size, '\0');
   const int state =
@@ -53,13 +54,79 @@ std::string packed_rows(const std::string& bytes, PngFor made_for) {
   return packed;
 }
 
-Pixels with_fewer_colours(Pixels pixels) {
-  constexpr int step = 8, white = 255;
-  for (char& one : pixels.rgb) {
-    const int rounded = (static_cast<unsigned char>(one) + step / 2) / step * step;
-    one = char(std::min(rounded, white));
+// colours in steps of 8 by a number: 32 steps to 256, for which white's 255 stands
+constexpr int step = 8, steps = 33, colour_count = steps * steps * steps;
+
+using Rgb = std::array<int, 3>;
+
+Rgb colour_of(int number) {
+  const auto value = [](int steps_up) { return std::min(step * steps_up, 255); };
+  return {value(number / steps / steps), value(number / steps % steps), value(number % steps)};
+}
+
+/// The number of every pixel's colour.
+std::vector<int> rounded_colours(const Pixels& pixels) {
+  std::vector<int> colours(pixels.rgb.size() / 3, 0);
+  for (std::size_t i = 0; i < pixels.rgb.size(); ++i) {
+    const int value = static_cast<unsigned char>(pixels.rgb[i]);
+    colours[i / 3] = colours[i / 3] * steps + (value + step / 2) / step;
   }
-  return pixels;
+  return colours;
+}
+
+/// The most frequent colours first, 256 at most.
+std::vector<int> palette_of(const std::vector<int>& colours) {
+  constexpr std::size_t most = 256;
+  std::vector<std::size_t> count(colour_count, 0);
+  for (const int colour : colours) ++count[std::size_t(colour)];
+  std::vector<int> palette;
+  for (int colour = 0; colour < colour_count; ++colour)
+    if (count[std::size_t(colour)] > 0) palette.push_back(colour);
+  std::ranges::stable_sort(palette, std::greater{},
+                           [&](int colour) { return count[std::size_t(colour)]; });
+  palette.resize(std::min(most, palette.size()));
+  return palette;
+}
+
+/// Which colour of the palette is nearest.
+std::size_t nearest(const std::vector<int>& palette, int number) {
+  const auto distance = [of = colour_of(number)](int other_number) {
+    const Rgb other = colour_of(other_number);
+    int sum = 0;
+    for (std::size_t k = 0; k < 3; ++k) sum += (other[k] - of[k]) * (other[k] - of[k]);
+    return sum;
+  };
+  return std::size_t(std::ranges::min_element(palette, {}, distance) - palette.begin());
+}
+
+/// Rows of places in the palette, unfiltered: neighbouring places mean nothing.
+std::string indexed_rows(const Pixels& pixels, const std::vector<int>& colours,
+                         const std::vector<int>& palette) {
+  std::vector<int> place(colour_count, -1);
+  std::string rows;
+  rows.reserve(colours.size() + std::size_t(pixels.height));
+  for (std::size_t i = 0; i < colours.size(); ++i) {
+    if (i % std::size_t(pixels.width) == 0) rows.push_back('\0');
+    int& at = place[std::size_t(colours[i])];
+    if (at < 0) at = int(nearest(palette, colours[i]));
+    rows.push_back(char(at));
+  }
+  return rows;
+}
+
+void append_true_colours(std::string& file, const Pixels& pixels) {
+  constexpr int level = 2;
+  append_chunk(file, "IDAT", compressed(filtered_rows(pixels), level));
+}
+
+void append_few_colours(std::string& file, const Pixels& pixels) {
+  constexpr int level = 6;
+  const std::vector<int> colours = rounded_colours(pixels), palette = palette_of(colours);
+  std::string bytes;
+  for (const int colour : palette)
+    for (const int value : colour_of(colour)) bytes.push_back(char(value));
+  append_chunk(file, "PLTE", bytes);
+  append_chunk(file, "IDAT", compressed(indexed_rows(pixels, colours, palette), level));
 }
 
 }  // namespace
@@ -72,12 +139,10 @@ std::string png_file(const Pixels& pixels, PngFor made_for) {
   std::string head;
   append_number(head, std::uint32_t(pixels.width));
   append_number(head, std::uint32_t(pixels.height));
-  head.append("\x08\x02\x00\x00\x00", 5);  // eight bits each of red, green and blue
+  // eight bits each of red, green and blue, or of the number of a colour
+  head.append(made_for == PngFor::Size ? "\x08\x03" : "\x08\x02", 2).append(3, '\0');
   append_chunk(file, "IHDR", head);
-  append_chunk(file, "IDAT",
-               made_for == PngFor::Size
-                   ? packed_rows(filtered_rows(with_fewer_colours(pixels)), made_for)
-                   : packed_rows(filtered_rows(pixels), made_for));
+  made_for == PngFor::Size ? append_few_colours(file, pixels) : append_true_colours(file, pixels);
   append_chunk(file, "IEND", {});
   return file;
 }

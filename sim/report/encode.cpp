@@ -8,6 +8,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include <tbb/parallel_for.h>
+
 #include "sim/report/range_coder.h"
 
 namespace abbe::sim {
@@ -60,11 +62,10 @@ std::int64_t predicted(const Way& way, const int* x, int k, const MeshWalk* walk
   return std::clamp<std::int64_t>(number, -largest_packed, largest_packed);
 }
 
-/// About how many bits a column would take.
+/// About how many bits a column takes.
 double bits_of(const Way& way, const std::vector<int>& x, const PackOptions& options) {
   double bits = 0.0;
-  const int enough = 1 << 17;
-  for (int k = 0; k < std::min(enough, int(x.size())); ++k)
+  for (int k = 0; k < int(x.size()); ++k)
     bits += std::log2(
         1.0 + std::abs(double(x[std::size_t(k)] - predicted(way, x.data(), k, options.walk))));
   return bits;
@@ -108,23 +109,29 @@ std::vector<int> code(RangeEncoder& coder, const Eigen::Ref<const Eigen::VectorX
   return x;
 }
 
-/// The way that takes the fewest bits, and the number of its reference.
-std::pair<Way, int> best_way(const Eigen::Ref<const Eigen::VectorXi>& numbers,
-                             const PackOptions& options) {
-  std::pair<Way, int> best{{}, -1};
-  double fewest = std::numeric_limits<double>::infinity();
+/// A way, and the number of its reference.
+struct Candidate {
+  Way way;
+  int reference = -1;
+};
+
+/// The way that takes the fewest bits, by the first numbers of the column.
+Candidate best_way(const Eigen::Ref<const Eigen::VectorXi>& numbers, const PackOptions& options) {
+  constexpr Eigen::Index enough = 1 << 17;
+  const auto first = numbers.head(std::min(enough, numbers.size()));
+  std::vector<Candidate> candidates;
   for (int r = -1; r < int(options.references.size()); ++r)
     for (const Prediction by :
-         {Prediction::Parallelogram, Prediction::Middle, Prediction::Reference}) {
-      if (r < 0 && by == Prediction::Reference) continue;
-      const Way way{by, r < 0 ? nullptr : options.references[std::size_t(r)]->data()};
-      const double bits = bits_of(way, filled(numbers, way, options), options);
-      if (bits < fewest) {
-        fewest = bits;
-        best = {way, r};
-      }
-    }
-  return best;
+         {Prediction::Parallelogram, Prediction::Middle, Prediction::Reference})
+      if (r >= 0 || by != Prediction::Reference)
+        candidates.push_back(
+            {{by, r < 0 ? nullptr : options.references[std::size_t(r)]->data()}, r});
+  std::vector<double> bits(candidates.size());
+  tbb::parallel_for(std::size_t(0), candidates.size(), [&](std::size_t k) {
+    const Way& way = candidates[k].way;
+    bits[k] = bits_of(way, filled(first, way, options), options);
+  });
+  return candidates[std::size_t(std::ranges::min_element(bits) - bits.begin())];
 }
 
 }  // namespace

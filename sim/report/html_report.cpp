@@ -4,6 +4,7 @@
 #include <map>
 
 #include <fmt/format.h>
+#include <tbb/parallel_invoke.h>
 #include <nlohmann/json.hpp>
 
 #include "sim/report/encode.h"
@@ -156,8 +157,13 @@ HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& com
   HtmlReport report;
   PageData data{{{"cases", ordered_json::array()}, {"arrays", ordered_json::object()}}, {}};
   data.index["tolerance_um"] = json.at("tolerance_um");
-  report.warnings = add_maps(data, cases, json.at("cases"));
-  for (const std::string& one : add_machine(data, job)) report.warnings.push_back(one);
+  std::string still;
+  tbb::parallel_invoke([&] { still = pictures(cases); },
+                       [&] {
+                         report.warnings = add_maps(data, cases, json.at("cases"));
+                         for (const std::string& one : add_machine(data, job))
+                           report.warnings.push_back(one);
+                       });
   const auto said = [&](std::string_view text) {
     return with_labels(text, report_labels(), asked.language);
   };
@@ -169,7 +175,7 @@ HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& com
                         {"labels", in_script(labels_json(report_labels()))},
                         {"figures", said(figures_table(json, data))},
                         {"regions", said(regions_table(data))},
-                        {"pictures", pictures(cases)},
+                        {"pictures", still},
                         {"words", said(words(cases, json, report.warnings, asked))},
                         {"data", "<script type=\"application/json\" id=\"index\">" +
                                      in_script(data.index) + "</script>\n" + data.blocks}});

@@ -3,7 +3,9 @@
 #include <chrono>
 #include <cmath>
 #include <ctime>
+#include <functional>
 #include <iostream>
+#include <random>
 #include <stdexcept>
 #include <system_error>
 
@@ -13,6 +15,7 @@
 #include "render/flags.h"
 #include "render/fonts.h"
 #include "render/map_text.h"
+#include "render/png.h"
 #include "render/surface_scene.h"
 #include "render/vector_page.h"
 #include "tests/render/picture.h"
@@ -502,6 +505,61 @@ TEST_F(Comparison, OfSixCasesOfAHundredThousandVerticesTakesSeconds) {
   std::cout << six[0].field.status.size() << " vertices x 6: " << seconds_since(start)
             << " s, processor " << static_cast<double>(std::clock() - processor) / CLOCKS_PER_SEC
             << " s\n";
+}
+
+/// Every value of every pixel by a rule.
+Pixels painted(int width, int height, const std::function<int(int x, int y, int value)>& by) {
+  Pixels pixels{width, height, {}};
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x)
+      for (int k = 0; k < 3; ++k) pixels.rgb.push_back(char(by(x, y, k)));
+  return pixels;
+}
+
+/// By how much a value differs at most once a PNG is read back by VTK.
+int largest_difference(const Pixels& pixels, const std::filesystem::path& file, PngFor made_for) {
+  std::ofstream(file, std::ios::binary) << png_file(pixels, made_for);
+  const Image image(file);
+  EXPECT_EQ(image.width(), pixels.width);
+  EXPECT_EQ(image.height(), pixels.height);
+  int largest = 0;
+  for (int y = 0; y < pixels.height; ++y)
+    for (int x = 0; x < pixels.width; ++x) {
+      const Pixel seen = image.at(x, pixels.height - 1 - y);
+      const auto* value = reinterpret_cast<const unsigned char*>(
+          pixels.rgb.data() + 3 * (std::size_t(y) * std::size_t(pixels.width) + std::size_t(x)));
+      largest = std::max({largest, std::abs(seen.r - value[0]), std::abs(seen.g - value[1]),
+                          std::abs(seen.b - value[2])});
+    }
+  return largest;
+}
+
+using Png = Map;
+
+TEST_F(Png, KeepsEveryColourWhereItIsMadeForSpeed) {
+  std::mt19937 random(5);
+  const Pixels noise = painted(67, 41, [&](int, int, int) { return int(random() % 256); });
+  EXPECT_EQ(largest_difference(noise, file("noise.png"), PngFor::Speed), 0);
+}
+
+TEST_F(Png, ForSizeIsWithinHalfAStepOfEightAndWhiteStaysWhite) {
+  const Pixels grey = painted(256, 3, [](int x, int, int) { return x; });
+  EXPECT_EQ(largest_difference(grey, file("grey.png"), PngFor::Size), 4);
+  const Pixels white = painted(9, 9, [](int, int, int) { return 255; });
+  EXPECT_EQ(largest_difference(white, file("white.png"), PngFor::Size), 0);
+  EXPECT_LT(png_file(white, PngFor::Size).size(), 120u);
+}
+
+TEST_F(Png, ForSizeTakesTheNearestOf256WhereThereAreMoreColours) {
+  // 256 colours four times each, and 32 shades beside them once
+  const Pixels many = painted(32, 33, [](int x, int y, int k) {
+    if (y == 32) return k == 0 ? 8 * x : k == 1 ? 100 : 32;
+    const int colour = (32 * y + x) % 256;
+    return k == 0 ? 16 * (colour % 16) : k == 1 ? 16 * (colour / 16) : 32;
+  });
+  const int largest = largest_difference(many, file("many.png"), PngFor::Size);
+  EXPECT_GT(largest, 0);
+  EXPECT_LE(largest, 8);
 }
 
 }  // namespace
