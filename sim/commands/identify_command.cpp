@@ -125,6 +125,8 @@ Exit print_identified(const Common& common, IdentifyWords words) {
     figures.language = words.language;
     figures.command = common.permissions.command;
     write_file(result_file(page, writer), html_of(figures));
+  } else {
+    remove_file(result_file(page, writer));  // that of an earlier identification
   }
   print("{}", Lines(common.json ? json_text(to_json(found)) : identify_text(found)));
   return Exit::Ok;

@@ -230,11 +230,11 @@ void add_drifts(ordered_json& blocks, const metrology::Tests& tests) {
   block["panels"] = ordered_json::array();
   for (const metrology::DriftTest& test : tests.drifts) {
     const VectorXd hours = (test.log.time_s.array() - test.log.time_s[0]) / 3600.0;
-    const Index every = (hours.size() + most_drift_points - 1) / most_drift_points;
-    const auto few = Eigen::seq(0, Eigen::indexing::last, every);
+    const ReadingsDrawn readings = readings_drawn(test.name, hours.size(), most_drift_points);
+    const auto few = Eigen::seq(0, Eigen::indexing::last, readings.every);
     for (const bool is_angle : {false, true}) {
       ordered_json panel;
-      panel["title"] = test.name;
+      panel["title"] = readings.title;
       panel["x"] = phrase({label_word("time"), " / h"});
       panel["y"] = phrase({label_word("drift"), " / ", chart_unit_name(is_angle)});
       panel["series"] = ordered_json::array();

@@ -286,9 +286,10 @@ ordered_json curve_panel(const CurveReadings& curve, const kinematics::Chain& no
   line["high"] = drawn((curve.value + 1.96 * curve.sigma) / unit);
   panel["series"].push_back(line);
   if (curve.reading_q.size() > 0) {
-    const Eigen::Index every =
-        (curve.reading_q.size() + most_curve_readings - 1) / most_curve_readings;
-    const auto few = Eigen::seq(0, Eigen::indexing::last, every);
+    const ReadingsDrawn readings =
+        readings_drawn(to_string(curve.element), curve.reading_q.size(), most_curve_readings);
+    const auto few = Eigen::seq(0, Eigen::indexing::last, readings.every);
+    panel["title"] = readings.title;
     panel["series"].push_back(series_of(label_word("readings"),
                                         drawn(curve.reading_q(few) / position),
                                         drawn(curve.reading(few) / unit), "points"));

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include <fmt/format.h>
+
 #include "kinematics/text.h"
 #include "sim/report/encode.h"
 #include "sim/report/saved_json.h"
@@ -65,6 +67,14 @@ ordered_json pictures_block(const std::string& id, const PageWord& title,
     block["pictures"].push_back(one);
   }
   return block;
+}
+
+ReadingsDrawn readings_drawn(const std::string& title, Eigen::Index count, Eigen::Index most) {
+  ReadingsDrawn drawn{std::max<Eigen::Index>(1, (count + most - 1) / most), title};
+  if (drawn.every > 1)
+    drawn.title = phrase({title + ", ", label_word("readings"),
+                          fmt::format(" {} / {}", (count - 1) / drawn.every + 1, count)});
+  return drawn;
 }
 
 ordered_json series_of(const PageWord& name, const ordered_json& x, const ordered_json& y,

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include <Eigen/Core>
 #include <nlohmann/json.hpp>
 
 /// Blocks of a page as render/report/charts.js draws them. A word is a text, { label: key }, or a
@@ -40,6 +41,13 @@ nlohmann::ordered_json table_block(const std::string& id, const PageWord& title,
 nlohmann::ordered_json pictures_block(const std::string& id, const PageWord& title,
                                       const std::filesystem::path& folder,
                                       const std::vector<std::filesystem::path>& files);
+
+/// Of so many readings those that a panel draws: one in `every`, `most` at most.
+struct ReadingsDrawn {
+  Eigen::Index every = 1;
+  PageWord title;  ///< of the panel, with ", readings 1000 / 3000" where not all are drawn
+};
+ReadingsDrawn readings_drawn(const std::string& title, Eigen::Index count, Eigen::Index most);
 
 /// A line or points of a panel. @param mark  "line", "points" or "both"
 nlohmann::ordered_json series_of(const PageWord& name, const nlohmann::ordered_json& x,

@@ -15,6 +15,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sim/report/chart_labels.h"
+#include "sim/report/page_blocks.h"
 #include "sim/report/viewer_source.h"
 #include "tests/safety/program_run.h"
 
@@ -308,6 +309,25 @@ TEST_F(IdentificationPages, EveryCurveHasItsBand) {
       EXPECT_GE(curve.at("high")[k], curve.at("y")[k]);
     }
   }
+}
+
+TEST_F(IdentificationPages, AnIdentificationWithoutAPageTakesAnOldOneAway) {
+  const fs::path belief = folder->path / "other.toml";
+  const std::string again = "identify " + (folder->path / "readings/laser.csv").string() +
+                            " --order 3 --out " + belief.string();
+  ASSERT_EQ(safety::run(again + " --report").code, 0);
+  EXPECT_TRUE(fs::exists(folder->path / "other.html"));
+  ASSERT_EQ(safety::run(again).code, 0);
+  EXPECT_TRUE(fs::exists(belief));
+  EXPECT_FALSE(fs::exists(folder->path / "other.html"));
+}
+
+TEST(PageBlocks, APanelThatDrawsAFewOfItsReadingsSaysHowMany) {
+  EXPECT_EQ(readings_drawn("EXX", 1500, 1500).title, "EXX");
+  EXPECT_EQ(readings_drawn("EXX", 0, 1500).every, 1);
+  const ReadingsDrawn few = readings_drawn("EXX", 1501, 1500);
+  EXPECT_EQ(few.every, 2);
+  EXPECT_EQ(few.title, phrase({"EXX, ", label_word("readings"), " 751 / 1501"}));
 }
 
 TEST_F(IdentificationPages, TheSavedReportLacksTheCurvesAndSaysSo) {
