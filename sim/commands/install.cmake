@@ -1,6 +1,7 @@
-# What `cmake --install` brings: the program with its man pages, completions and scenes (component program), the
-# Python module where it was built (component python), and the headers, libraries and abbeConfig.cmake for programs of others (component development). `cpack -G
-# DEB` makes a package of each.
+# What `cmake --install` brings: the program with its man pages, completions and scenes (component
+# program), the Python module where it was built (component python), and the headers, libraries and
+# abbeConfig.cmake for programs of others (component development). `cpack -G DEB` makes a package of
+# each.
 include(CMakePackageConfigHelpers)
 
 install(TARGETS abbe RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
@@ -76,5 +77,11 @@ libegl-dev, libtomlplusplus-dev, nlohmann-json3-dev, libcli11-dev, libsqlite3-de
 set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-abbe)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "abbe (= ${PROJECT_VERSION}), python3 (>= 3.11), python3-numpy")
+if(TARGET abbe_python)
+  # a module is loaded by the Python it was built for
+  math(EXPR next_minor "${Python_VERSION_MINOR} + 1")
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "abbe (= ${PROJECT_VERSION}), \
+python3 (>= ${Python_VERSION_MAJOR}.${Python_VERSION_MINOR}), \
+python3 (<< ${Python_VERSION_MAJOR}.${next_minor}), python3-numpy")
+endif()
 include(CPack)
