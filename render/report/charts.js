@@ -217,13 +217,14 @@ function drawPolar(b, W) {
     const largest = Math.max(1e-9, ...all.map(v => Math.abs(v || 0))), steps = ticks(-largest, largest, 5), radius = Math.min(w / 2 - 40, h / 2 - 46);
     const R = v => radius * (.6 + .4 * v / (Math.max(largest, ...steps.map(Math.abs)) || 1));
     const at = (a, v) => [cx + R(v) * Math.cos(a * Math.PI / 180), cy - R(v) * Math.sin(a * Math.PI / 180)];
-    for (const v of steps) s += `<circle cx="${cx}" cy="${cy}" r="${R(v).toFixed(1)}" class="${v === 0 ? "base" : "grid"}"/>` + text(cx + 3, cy - R(v) - 2, tickText(v, steps), "start", "class=\"faint\"");
-    s += line(cx - radius, cy, cx + radius, cy, "grid") + line(cx, cy - radius, cx, cy + radius, "grid") + text(cx + radius + 6, cy + 4, "+" + p.axes[0]) + text(cx, cy + radius + 16, "−" + p.axes[1], "middle");
-    s += text(cx, cy - h / 2 + 6, short([word(p.title), ...(p.note || []).map(word)].join("   "), w - 20), "middle", "font-weight=\"600\"");
+    for (const v of steps) s += `<circle cx="${cx}" cy="${cy}" r="${R(v).toFixed(1)}" class="${v === 0 ? "base" : "grid"}"/>`;
+    s += line(cx - radius, cy, cx + radius, cy, "grid") + line(cx, cy - radius, cx, cy + radius, "grid") + text(cx + radius + 6, cy + 4, "+" + p.axes[0]) + text(cx - 6, cy - radius - 4, "+" + p.axes[1], "end");
+    s += text(cx, cy - h / 2 + 6, short([word(p.title), ...(p.note || []).map(word), "/ " + b.unit].join("   "), w - 20), "middle", "font-weight=\"600\"");
     p.series.forEach((q, j) => {
       s += `<path d="${q.angle.map((a, i) => (i ? "L" : "M") + at(a, q.deviation[i]).map(v => v.toFixed(1)).join(" ")).join("")}" class="s${colour(j)}" stroke-width="1.4"/>`;
       q.angle.forEach((a, i) => { const [x, y] = at(a, q.deviation[i]); marks.push({ cx: x, cy: y, tip: `${word(p.title)}\n${word(q.name)}\n${shown(a)}°: ${shown(q.deviation[i])} ${b.unit}` }); });
     });
+    for (const v of steps) s += text(cx + 4, cy - R(v) - 2, tickText(v, steps), "start", "class=\"faint halo\"");
   });
   return { H: Math.ceil(b.panels.length / columns) * h, s, marks };
 }
@@ -304,7 +305,7 @@ const mostOf = b => b.most || { table: 40, bars: 25, panels: 24 }[b.type];
 function tools(b, state) {
   const bar = state.bar;
   bar.replaceChildren();
-  const names = b.one_at_a_time ? [] : b.series || (b.panels || [])[0]?.series || [], seen = new Set();
+  const names = b.one_at_a_time ? [] : b.series || (b.panels || []).flatMap(p => p.series.map((q, k) => ({ ...q, colour: q.colour ?? k }))), seen = new Set();
   names.forEach((q, k) => {
     const name = word(q.name); if (!name || seen.has(name) || names.length < 2 && b.type !== "panels" && !b.running) return; seen.add(name);
     bar.insertAdjacentHTML("beforeend", `<span class="legend"><i class="f${colour(q.colour ?? k)}"></i>${escaped(name)}</span>`);

@@ -239,10 +239,13 @@ void add_drifts(ordered_json& blocks, const metrology::Tests& tests) {
       panel["y"] = phrase({label_word("drift"), " / ", chart_unit_name(is_angle)});
       panel["series"] = ordered_json::array();
       for (std::size_t c = 0; c < test.log.names.size(); ++c)
-        if (test.angle[c] == is_angle)
-          panel["series"].push_back(series_of(
-              test.log.names[c], list_of(hours(few)),
-              list_of(test.log.values.col(Index(c))(few) / chart_unit(is_angle)), "line"));
+        if (test.angle[c] == is_angle) {
+          ordered_json line =
+              series_of(test.log.names[c], list_of(hours(few)),
+                        list_of(test.log.values.col(Index(c))(few) / chart_unit(is_angle)), "line");
+          line["colour"] = c;  // the same in both panels
+          panel["series"].push_back(line);
+        }
       if (!panel["series"].empty()) block["panels"].push_back(panel);
     }
   }
