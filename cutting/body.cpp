@@ -184,6 +184,11 @@ ClosedMesh cutter_mesh(const Cutter& cutter, double sag) {
 
 std::vector<ClosedMesh> cutter_pieces(const Cutter& cutter, double sag) {
   check_cutter(cutter);
+  if (is_hollow(cutter)) {
+    std::vector<ClosedMesh> pieces;
+    for (const Cutter& part : convex_parts(cutter)) pieces.push_back(cutter_mesh(part, sag));
+    return pieces;
+  }
   if (cutter.outline) return {cutter_mesh(cutter, sag)};
   const double r = cutter.corner_radius, flat = cutter.radius - r;
   std::vector<ClosedMesh> pieces;

@@ -47,7 +47,8 @@ ClosedMesh extruded_mesh(const Eigen::MatrixX2d& outline, double height);
 ClosedMesh cutter_mesh(const Cutter& cutter, double sag);
 
 /// The same in pieces: its end is a disc, or a point, grown by the corner, so that a ball end is
-/// exact; the flank is a cylinder. A form cutter is one piece, as `cutter_mesh`.
+/// exact; the flank is a cylinder. A form cutter is one piece, as `cutter_mesh`,
+/// a hollow one as many as it has convex parts.
 std::vector<ClosedMesh> cutter_pieces(const Cutter& cutter, double sag);
 
 ClosedMesh moved(ClosedMesh mesh, const kinematics::Pose& T);

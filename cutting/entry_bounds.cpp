@@ -39,6 +39,7 @@ struct Pairs {
 
 struct RoundedEnd {
   float radius, corner, ring, flank;
+  static constexpr float base = 0.0f;  // mm, of the bottom about k
 
   explicit RoundedEnd(const Cutter& cutter)
       : radius(float(cutter.radius)),
@@ -72,10 +73,13 @@ struct RoundedEnd {
 
 struct FormEnd {
   const ToolOutline& outline;
-  float radius, corner = 0.0f, flank;
+  float radius, corner = 0.0f, flank, base;
 
   explicit FormEnd(const Cutter& cutter)
-      : outline(*cutter.outline), radius(float(cutter.radius)), flank(float(cutter.flank_length)) {}
+      : outline(*cutter.outline),
+        radius(float(cutter.radius)),
+        flank(float(cutter.flank_length)),
+        base(float(bottom(outline))) {}
 
   bool is_sharp() const { return outline.is_sharp; }
   float thickness(int step) const { return is_sharp() ? rounded[step] * radius : 0.0f; }
@@ -166,7 +170,8 @@ template <class T, class End>
 }
 
 // Rounding as of a move in sweep_bounds.cpp, with k at the origin and the band for how far the ray
-// goes. What is farther from k along m than `arm` the plane does not touch.
+// goes. What is farther from k along m than `arm`, and what the bottom has below, the plane does
+// not touch.
 
 /// No place of the ray before it is removed: the plane across m touches all cutters of the move.
 template <class T, class End>
@@ -185,7 +190,7 @@ template <class T, class End>
   stdx::where(stdx::max(rise0, rise1) > 0.0f, arm) = T(end.radius + end.flank);
   const T sag = arm * (0.13f * dot(turn, turn)) * length;
   const T far = stdx::abs(p.x) + stdx::abs(p.y) + stdx::abs(p.z) + stdx::abs(step.x) +
-                stdx::abs(step.y) + stdx::abs(step.z) + band + arm;
+                stdx::abs(step.y) + stdx::abs(step.z) + band + arm + end.base;
   const T gap = dot(m, p) - most - sag - rounding * far * (length + toward);
   const T facing = -dot(m, n);
   const T s = gap / facing;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <tuple>
 
 namespace abbe::cutting {
 
@@ -11,6 +12,10 @@ namespace {
 
 constexpr double none = std::numeric_limits<double>::quiet_NaN();
 
+void take_earlier(std::optional<FirstCut>& first, const FirstCut& cut) {
+  if (!first || std::tuple(cut.s, cut.time_s) < std::tuple(first->s, first->time_s)) first = cut;
+}
+
 }  // namespace
 
 FirstCut cut_of(const Removal& removal, const CutterMotion& motion) {
@@ -19,26 +24,38 @@ FirstCut cut_of(const Removal& removal, const CutterMotion& motion) {
   return {removal.s, start + removal.t * (motion.time_s[next] - start), motion.line[next]};
 }
 
-std::optional<FirstCut> first_cut(const SweepTree& tree, const CutterMotion& motion,
-                                  const Ray& ray) {
-  SweepTree::Hint hint;
-  const std::optional<Removal> removal = tree.first_removal(ray, hint);
-  return removal ? std::optional(cut_of(*removal, motion)) : std::nullopt;
+std::vector<SweepTree> sweep_trees(const Cutter& cutter, const CutterMotion& motion) {
+  std::vector<SweepTree> trees;
+  for (const Cutter& part : convex_parts(cutter)) trees.emplace_back(part, motion);
+  return trees;
 }
 
-std::vector<std::optional<FirstCut>> first_cuts(const SweepTree& tree, const CutterMotion& motion,
-                                                const Design& design,
+std::optional<FirstCut> first_cut(std::span<const SweepTree> trees, const CutterMotion& motion,
+                                  const Ray& ray) {
+  std::optional<FirstCut> first;
+  for (const SweepTree& tree : trees) {
+    SweepTree::Hint hint;
+    if (const std::optional<Removal> removal = tree.first_removal(ray, hint))
+      take_earlier(first, cut_of(*removal, motion));
+  }
+  return first;
+}
+
+std::vector<std::optional<FirstCut>> first_cuts(std::span<const SweepTree> trees,
+                                                const CutterMotion& motion, const Design& design,
                                                 std::span<const Index> vertices, double band) {
-  SweepTree::Hint hint;
   std::vector<Ray> rays;
   rays.reserve(vertices.size());
   for (const Index v : vertices)
     rays.push_back({design.vertices.row(v), design.normals.row(v), band});
-  std::vector<std::optional<Removal>> removals(rays.size());
-  tree.first_removals(rays, removals, hint);
   std::vector<std::optional<FirstCut>> cuts(rays.size());
-  for (std::size_t i = 0; i < cuts.size(); ++i)
-    if (removals[i]) cuts[i] = cut_of(*removals[i], motion);
+  for (const SweepTree& tree : trees) {
+    SweepTree::Hint hint;
+    std::vector<std::optional<Removal>> removals(rays.size());
+    tree.first_removals(rays, removals, hint);
+    for (std::size_t i = 0; i < cuts.size(); ++i)
+      if (removals[i]) take_earlier(cuts[i], cut_of(*removals[i], motion));
+  }
   return cuts;
 }
 

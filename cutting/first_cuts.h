@@ -14,14 +14,18 @@ inline constexpr std::size_t first_cut_block = 512;  ///< vertices that share th
 
 FirstCut cut_of(const Removal& removal, const CutterMotion& motion);
 
-/// First cut of one ray alone, whatever was asked before.
-std::optional<FirstCut> first_cut(const SweepTree& tree, const CutterMotion& motion,
+/// The moves of each convex part of a cutter. @param motion  outlives them
+std::vector<SweepTree> sweep_trees(const Cutter& cutter, const CutterMotion& motion);
+
+/// First cut of one ray alone, whatever was asked before, by any of the parts: of equal ones the
+/// earliest.
+std::optional<FirstCut> first_cut(std::span<const SweepTree> trees, const CutterMotion& motion,
                                   const Ray& ray);
 
 /// First cuts along the normals, from -band on. @param vertices  beside each other: as
 /// `judged_in_order`. @return (vertices)
-std::vector<std::optional<FirstCut>> first_cuts(const SweepTree& tree, const CutterMotion& motion,
-                                                const Design& design,
+std::vector<std::optional<FirstCut>> first_cuts(std::span<const SweepTree> trees,
+                                                const CutterMotion& motion, const Design& design,
                                                 std::span<const Eigen::Index> vertices,
                                                 double band);
 

@@ -12,6 +12,7 @@
 #include "cutting/rivals.h"
 #include "cutting/surface_input.h"
 #include "cutting/sweep_tree.h"
+#include "kinematics/require.h"
 
 namespace abbe::cutting {
 
@@ -150,6 +151,7 @@ std::vector<Rival> rivals_of(const Mill& mill, const Ray& ray, const std::vector
 std::vector<Rival> milled_rivals(const Design& design_w, const Cutter& cutter,
                                  const CutterMotion& motion, const RivalOptions& options) {
   check_milled(design_w, cutter, motion, options.band);
+  require(!is_hollow(cutter), "milled rivals: expected a convex cutter, seen a hollow one");
   check_rivals(options);
   const std::vector<Index> order = judged_in_order(design_w);
   const SweepTree tree(cutter, motion);

@@ -2,6 +2,7 @@
 #include <atomic>
 #include <memory>
 #include <span>
+#include <vector>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -10,7 +11,6 @@
 #include "cutting/gouge.h"
 #include "cutting/surface.h"
 #include "cutting/surface_input.h"
-#include "cutting/sweep_tree.h"
 
 namespace abbe::cutting {
 
@@ -18,22 +18,22 @@ using Eigen::Index;
 
 namespace {
 
-Surface searched(const SweepTree& tree, const CutterMotion& motion, const Design& design_w,
-                 const SurfaceOptions& options) {
+Surface searched(std::span<const SweepTree> trees, const CutterMotion& motion,
+                 const Design& design_w, const SurfaceOptions& options) {
   const std::vector<Index> order = judged_in_order(design_w);
   Surface surface = nothing_cut(design_w, order);
   std::atomic<std::size_t> finished = 0;
   const auto range_of_all = tbb::blocked_range<std::size_t>(0, order.size(), first_cut_block);
   tbb::parallel_for(range_of_all, [&](const auto& range) {
     const std::span<const Index> vertices(&order[range.begin()], range.size());
-    const auto cuts = first_cuts(tree, motion, design_w, vertices, options.band);
+    const auto cuts = first_cuts(trees, motion, design_w, vertices, options.band);
     for (std::size_t k = 0; k < vertices.size(); ++k)
       if (cuts[k]) keep_first(surface, vertices[k], *cuts[k], options.band);
     const std::size_t done = finished += range.size();
     if (options.progress) options.progress(double(done) / double(order.size()));
   });
   return with_gouges(std::move(surface), design_w, options,
-                     [&](const Ray& ray) { return first_cut(tree, motion, ray); });
+                     [&](const Ray& ray) { return first_cut(trees, motion, ray); });
 }
 
 }  // namespace
@@ -42,17 +42,17 @@ std::function<Surface(const Design& design_w)> milled_search(const Cutter& cutte
                                                              const CutterMotion& motion,
                                                              const SurfaceOptions& options) {
   check_milled(Design{}, cutter, motion, options.band);
-  const auto tree = std::make_shared<const SweepTree>(cutter, motion);
-  return [tree, &motion, options](const Design& design_w) {
+  const auto trees = std::make_shared<const std::vector<SweepTree>>(sweep_trees(cutter, motion));
+  return [trees, &motion, options](const Design& design_w) {
     check_design(design_w);
-    return searched(*tree, motion, design_w, options);
+    return searched(*trees, motion, design_w, options);
   };
 }
 
 Surface milled_surface(const Design& design_w, const Cutter& cutter, const CutterMotion& motion,
                        const SurfaceOptions& options) {
   check_milled(design_w, cutter, motion, options.band);
-  return searched(SweepTree(cutter, motion), motion, design_w, options);
+  return searched(sweep_trees(cutter, motion), motion, design_w, options);
 }
 
 }  // namespace abbe::cutting

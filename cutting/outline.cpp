@@ -8,6 +8,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
+#include "cutting/hollow_outline.h"
 #include "cutting/outline_fault.h"
 #include "cutting/outline_pieces.h"
 #include "kinematics/require.h"
@@ -19,10 +20,11 @@ using Eigen::Vector2d;
 
 namespace {
 
-constexpr double same_place = 1e-9;   // mm
 constexpr double same_normal = 1e-7;  // rad, by which it may turn back: rounding of input
 
-ToolOutline closed(const std::vector<OutlinePiece>& pieces) {
+}  // namespace
+
+ToolOutline closed_outline(const std::vector<OutlinePiece>& pieces) {
   ToolOutline outline{with_corners(pieces, {0, -1})};
   for (const OutlinePiece& piece : outline.pieces) {
     if (!(piece.normal_from.x() >= -same_normal && piece.normal_to.x() >= -same_normal))
@@ -45,38 +47,8 @@ ToolOutline closed(const std::vector<OutlinePiece>& pieces) {
   return outline;
 }
 
-}  // namespace
-
 ToolOutline outline_through(const std::vector<OutlinePoint>& points) {
-  require(!points.empty(), "outline: expected a point and more, seen none");
-  std::vector<OutlinePiece> pieces;
-  Vector2d last = Vector2d::Zero();
-  const auto add = [&](const OutlinePoint& point) {
-    const bool has_radius = std::isfinite(point.radius) && point.radius >= 0.0;
-    if (!has_radius || !point.at.allFinite() || point.at.x() < 0.0)
-      throw OutlineFault(
-          fmt::format("outline: expected finite numbers of 0 and more, seen ({:g}, {:g}) mm, "
-                      "radius {:g}",
-                      point.at.x(), point.at.y(), point.radius),
-          point.at, has_radius ? OutlineFault::Number::First : OutlineFault::Number::Radius);
-    if ((point.at - last).norm() > same_place)
-      pieces.push_back(point.radius > 0.0 ? arc_piece(last, point.at, point.radius)
-                                          : line_piece(last, point.at));
-    last = point.at;
-  };
-  if (!(std::abs(points.front().at.y()) <= same_place))
-    throw OutlineFault(fmt::format("outline: expected it to begin at height 0, seen {:g} mm",
-                                   points.front().at.y()),
-                       points.front().at, OutlineFault::Number::Second);
-  for (const OutlinePoint& point : points) add(point);
-  if (!(last.x() > same_place && last.y() > same_place))
-    throw OutlineFault(
-        fmt::format("outline: expected it to end above the tip and beside the axis, seen "
-                    "({:g}, {:g}) mm",
-                    last.x(), last.y()),
-        last, last.x() > same_place ? OutlineFault::Number::Second : OutlineFault::Number::First);
-  add({{0.0, last.y()}});
-  return closed(pieces);
+  return closed_outline(pieces_through(points));
 }
 
 AptCutter with_tangent_corner(AptCutter cutter) {
@@ -144,14 +116,14 @@ ToolOutline apt_outline(const AptCutter& cutter) {
   pieces.push_back(arc_piece_about(start, end, corner, centre));
   pieces.push_back(line_piece(end, at_height(height)));
   pieces.push_back(line_piece(at_height(height), {0, height}));
-  return closed(pieces);
+  return closed_outline(pieces);
 }
 
 // What an arc adds to its first point is counted from there, so that large radii cost no digits.
 
 double support(const ToolOutline& outline, double rise, double across) {
   const Vector2d direction(across, rise);
-  double most = 0.0;  // the tip
+  double most = rise * bottom(outline);
   for (const OutlinePiece& piece : outline.pieces) {
     most = std::max(most, direction.dot(piece.to));
     const double beyond = sine_between(piece.normal_from, direction);
@@ -192,6 +164,7 @@ double corner_height(const ToolOutline& outline) {
 }
 
 ToolOutline widened(const ToolOutline& outline, double radial, double axial) {
+  if (is_hollow(outline)) return widened_hollow(outline, radial, axial);
   std::vector<OutlinePiece> pieces;
   const Vector2d lower(radial, 0.0), upper(radial, 2.0 * axial);
   Vector2d last = Vector2d::Zero();
@@ -217,10 +190,11 @@ ToolOutline widened(const ToolOutline& outline, double radial, double axial) {
     add(above, upper);
   }
   pieces.back().to.x() = 0.0;
-  return closed(pieces);
+  return closed_outline(pieces);
 }
 
 InnerOutline inside(const ToolOutline& outline, double margin) {
+  require(!is_hollow(outline), "outline: expected a convex one to go inside of, seen a hollow one");
   std::vector<Vector2d> corners{
       {0.0, 0.0}, {outline.radius, 0.0}, {outline.radius, outline.height}, {0.0, outline.height}};
   const auto cut_off = [&](const Vector2d& normal, const Vector2d& touched) {
@@ -273,11 +247,21 @@ double farthest_apart(const ToolOutline& a, const ToolOutline& b) {
     const double rise = std::sin(angle), across = std::max(0.0, std::cos(angle));
     most = std::max(most, std::abs(support(a, rise, across) - support(b, rise, across)));
   }
+  if (!is_hollow(a) && !is_hollow(b)) return most;
+  for (const auto& [one, other] : {std::pair(&a, &b), std::pair(&b, &a)})
+    for (const OutlinePiece& piece : one->pieces)
+      most = std::max(most, std::abs(distance(*other, piece.to).value));
   return most;
 }
 
 OutlineDistance distance(const ToolOutline& outline, const Vector2d& place) {
-  return distance(outline.pieces, place);
+  if (!is_hollow(outline)) return distance(outline.pieces, place);
+  OutlineDistance nearest = distance(outline.parts.front(), place);
+  for (const ToolOutline& part : outline.parts) {
+    const OutlineDistance one = distance(part, place);
+    if (one.value < nearest.value) nearest = one;
+  }
+  return nearest;
 }
 
 OutlineDistance distance(const std::vector<OutlinePiece>& pieces, const Vector2d& place) {

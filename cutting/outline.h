@@ -4,8 +4,9 @@
 
 #include <Eigen/Core>
 
-/// Convex tools of revolution by their outline in the half plane through the axis: x from the axis,
-/// y above the tip, both in mm.
+/// Tools of revolution by their outline in the half plane through the axis: x from the axis, y
+/// above the tip, both in mm. Convex, or hollow and then the union of convex ones
+/// (`hollow_outline.h`).
 namespace abbe::cutting {
 
 /// A line, or an arc that bulges outwards, run through with the tool on the left. A sharp corner is
@@ -19,26 +20,42 @@ struct OutlinePiece {
   bool operator==(const OutlinePiece&) const = default;
 };
 
-/// From the axis at the tip to the axis at the top, closed and convex; immutable once made.
+/// From the axis at the bottom to the axis at the top, closed; immutable once made. The bottom is
+/// at the tip, but of a part of a hollow outline, which may begin above it.
 struct ToolOutline {
   std::vector<OutlinePiece> pieces;
-  double radius = 0.0;    ///< mm, the largest
-  double height = 0.0;    ///< mm, of the top
-  bool is_sharp = false;  ///< it has sharp corners below the top
+  double radius = 0.0;                  ///< mm, the largest
+  double height = 0.0;                  ///< mm, of the top
+  bool is_sharp = false;                ///< it has sharp corners below the top
+  std::vector<ToolOutline> parts = {};  ///< convex, whose union it is if it is hollow; none: convex
 
   bool operator==(const ToolOutline&) const = default;
 };
 
+inline bool is_hollow(const ToolOutline& outline) { return !outline.parts.empty(); }
+
+/// mm above the tip, of the bottom: 0 but of a part of a hollow outline.
+inline double bottom(const ToolOutline& outline) {
+  const double height = outline.pieces.front().from.y();
+  return height > 1e-9 ? height : 0.0;  // an arc may begin at the tip to rounding
+}
+
 /// A point of an outline, and how it is reached from the one before.
 struct OutlinePoint {
   Eigen::Vector2d at;
-  double radius = 0.0;  ///< mm, of an arc that bulges outwards, less than half a circle; 0: a line
+  double radius = 0.0;  ///< mm, of an arc that bulges outwards, less than half a circle; 0: a line;
+                        ///< below 0, of a profile (`hollow_outline.h`) alone: inwards
 };
 
 /// @param points  from the tip, whose height is 0, upwards; the bottom below the first and the top
 ///                above the last are flat
 /// @throws std::invalid_argument for what is not convex, with the point and how far it is off
 ToolOutline outline_through(const std::vector<OutlinePoint>& points);
+
+/// The convex outline of these lines and arcs, from the axis at its bottom to the axis at its top,
+/// between which the sharp corners are put in.
+/// @throws std::invalid_argument as outline_through
+ToolOutline closed_outline(const std::vector<OutlinePiece>& pieces);
 
 /// The cutter of APT, by seven parameters.
 struct AptCutter {
@@ -73,7 +90,8 @@ double top_radius(const ToolOutline& outline);
 double corner_height(const ToolOutline& outline);
 
 /// The hull of an outline that is moved across the axis by up to `radial` and along it by up to
-/// `axial`, mm, from where the tip then is at the lowest.
+/// `axial`, mm, from where the tip then is at the lowest. A hollow one is widened as
+/// `hollow_outline.h` says.
 ToolOutline widened(const ToolOutline& outline, double radial, double axial);
 
 /// What lies inside of an outline by a margin and more, with arcs as polygons: nowhere less than
@@ -82,14 +100,17 @@ struct InnerOutline {
   ToolOutline outline;
   double raised = 0.0;  ///< mm, of its tip
 };
+/// @param outline  convex
 /// @throws std::invalid_argument where nothing is left
 InnerOutline inside(const ToolOutline& outline, double margin);
 
-/// mm, by which one of the two reaches farther in any direction, on 1 deg of directions.
+/// mm, by which one of the two reaches farther in any direction, on 1 deg of directions; if one is
+/// hollow also how far a corner of one is off the other.
 double farthest_apart(const ToolOutline& a, const ToolOutline& b);
 
 /// Signed distance of a place in the half plane, negative inside, where it is a convex function
-/// that counts the nearest tangent; with its unit gradient.
+/// that counts the nearest tangent; with its unit gradient. Of a hollow outline that of its nearest
+/// part.
 struct OutlineDistance {
   double value;
   Eigen::Vector2d gradient;

@@ -68,7 +68,8 @@ template <class T>
                                              const T& rise) {
   constexpr float margin = 3e-5f;  // rad: an arc counts so far beyond its ends
   const T length = stdx::sqrt(across * across + rise * rise + tiny);
-  Reach<T> reach{T(0.0f), T(0.0f), T(0.0f)};
+  const float base = float(bottom(outline));
+  Reach<T> reach{T(base * rise), T(0.0f), T(base)};
   for (const OutlinePiece& piece : outline.pieces) {
     const float tx = float(piece.to.x()), ty = float(piece.to.y());
     const T at_end = tx * across + ty * rise;

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "cutting/outline_fault.h"
+#include "kinematics/require.h"
 #include "kinematics/units.h"
 
 namespace abbe::cutting {
@@ -12,8 +13,6 @@ namespace abbe::cutting {
 using Eigen::Vector2d;
 
 namespace {
-
-constexpr double least_bend = 1e-7;  // rad, by which a joint may bend inwards: rounding of input
 
 /// An arc beyond a right angle as two.
 void add_short(std::vector<OutlinePiece>& pieces, const OutlinePiece& piece) {
@@ -53,6 +52,42 @@ OutlinePiece arc_piece(const Vector2d& from, const Vector2d& to, double radius) 
   const Vector2d inward = Vector2d(-chord.y(), chord.x()).normalized();
   return arc_piece_about(from, to, radius,
                          0.5 * (from + to) + std::sqrt(radius * radius - half * half) * inward);
+}
+
+std::vector<OutlinePiece> pieces_through(const std::vector<OutlinePoint>& points) {
+  require(!points.empty(), "outline: expected a point and more, seen none");
+  std::vector<OutlinePiece> pieces;
+  Vector2d last = Vector2d::Zero();
+  const auto add = [&](const OutlinePoint& point) {
+    const bool has_radius = std::isfinite(point.radius) && point.radius >= 0.0;
+    if (!has_radius || !point.at.allFinite() || point.at.x() < 0.0)
+      throw OutlineFault(
+          fmt::format("outline: expected finite numbers of 0 and more, seen ({:g}, {:g}) mm, "
+                      "radius {:g}",
+                      point.at.x(), point.at.y(), point.radius),
+          point.at, has_radius ? OutlineFault::Number::First : OutlineFault::Number::Radius);
+    if ((point.at - last).norm() > same_place)
+      pieces.push_back(point.radius > 0.0 ? arc_piece(last, point.at, point.radius)
+                                          : line_piece(last, point.at));
+    last = point.at;
+  };
+  if (!(std::abs(points.front().at.y()) <= same_place))
+    throw OutlineFault(fmt::format("outline: expected it to begin at height 0, seen {:g} mm",
+                                   points.front().at.y()),
+                       points.front().at, OutlineFault::Number::Second);
+  for (const OutlinePoint& point : points) add(point);
+  if (!(last.x() > same_place && last.y() > same_place))
+    throw OutlineFault(
+        fmt::format("outline: expected it to end above the tip and beside the axis, seen "
+                    "({:g}, {:g}) mm",
+                    last.x(), last.y()),
+        last, last.x() > same_place ? OutlineFault::Number::Second : OutlineFault::Number::First);
+  add({{0.0, last.y()}});
+  return pieces;
+}
+
+double inward_bend(const OutlinePiece& before, const OutlinePiece& piece) {
+  return -sine_between(before.normal_to, piece.normal_from);
 }
 
 std::vector<OutlinePiece> with_corners(const std::vector<OutlinePiece>& pieces,

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kinematics/require.h"
+
 namespace abbe::cutting {
 
 namespace {
@@ -12,6 +14,7 @@ constexpr double max_part_turn = 0.05;  // rad
 template <class Use>
 void each_removal(const Cutter& cutter, const CutterMotion& motion, const Ray& ray, double limit,
                   const Use& use) {
+  require(!is_hollow(cutter), "removal: expected a convex cutter, seen a hollow one");
   const int samples = int(motion.tip.rows());
   const int moves = samples == 1 ? 1 : samples - 1;
   for (int move = 0; move < moves; ++move) {

@@ -23,8 +23,9 @@ Move part_of(const CutterMotion& motion, int move, int part);
 /// The same of a move whose number of parts is known.
 Move part_of(const CutterMotion& motion, int move, int part, int parts);
 
-/// First removal along the ray: smallest s, of equal ones the earliest move. Every move is tried on
-/// its own, which takes a time linear in the moves: what a SweepTree answers, without its bounds.
+/// First removal along the ray by a convex cutter: smallest s, of equal ones the earliest move.
+/// Every move is tried on its own, which takes a time linear in the moves: what a SweepTree
+/// answers, without its bounds.
 std::optional<Removal> first_of_every_move(const Cutter& cutter, const CutterMotion& motion,
                                            const Ray& ray);
 

@@ -3,6 +3,7 @@
 #include <optional>
 #include <stdexcept>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -392,14 +393,18 @@ Removed remove(Stock& stock, const Cutter& cutter, const StockMove& move, Dexels
                     "straight parts, seen {:.3g} ({:.3g} mm, turning by {:.3g} rad)",
                     most_parts, count, path.length(), path.angle()));
   const int parts = 1 + int(count);
-  Cut cut(cutter, move, Cut::Of::Cutter);
+  const std::vector<Cutter> convex = convex_parts(cutter);
+  std::vector<Cut> cuts;
+  for (const Cutter& part : convex) cuts.emplace_back(part, move, Cut::Of::Cutter);
   const Cutter shank{shank_radius(cutter), 0.0, 0.0};
   Cut by_shank(shank, move, Cut::Of::Shank);
-  const auto take_cutter = [&] { sweep(stock, path, parts, 0.0, dexels, cut); };
+  const auto take_cutter = [&] {
+    for (Cut& cut : cuts) sweep(stock, path, parts, 0.0, dexels, cut);
+  };
   const auto take_shank = [&] { sweep(stock, path, parts, cutter.flank_length, dexels, by_shank); };
   if (!cutter.outline) {
     take_cutter();
-    return cut.removed;
+    return cuts.front().removed;
   }
   // seen from a tool that rises the material comes down: what the shank meets it meets first
   if (path.at(0.0).axis().dot(path.at(1.0).tip - path.at(0.0).tip) > 0.0) {
@@ -409,9 +414,13 @@ Removed remove(Stock& stock, const Cutter& cutter, const StockMove& move, Dexels
     take_cutter();
     take_shank();
   }
-  return {cut.removed.volume + by_shank.removed.volume,
-          cut.removed.crashed || by_shank.removed.crashed,
-          cut.removed.lines + by_shank.removed.lines};
+  Removed removed = by_shank.removed;
+  for (const Cut& cut : cuts) {
+    removed.volume += cut.removed.volume;
+    removed.crashed = removed.crashed || cut.removed.crashed;
+    removed.lines += cut.removed.lines;
+  }
+  return removed;
 }
 
 }  // namespace abbe::cutting

@@ -123,7 +123,7 @@ std::vector<Neighbours> neighbours_in(const std::vector<Index>& order, const Str
 
 void keep_firsts(const Streamed& with, const CutterMotion& motion,
                  const std::vector<Neighbours>& neighbours, Surface& surface) {
-  const SweepTree tree(with.cutter, motion);
+  const std::vector<SweepTree> trees = sweep_trees(with.cutter, motion);
   const Box reach = reach_of(with.cutter, motion);
   const double band = with.options.band;
   tbb::parallel_for(std::size_t(0), neighbours.size(), [&](std::size_t i) {
@@ -131,7 +131,7 @@ void keep_firsts(const Streamed& with, const CutterMotion& motion,
     std::vector<Index> open;
     for (const Index v : neighbours[i].vertices)
       if (surface.status[std::size_t(v)] != VertexStatus::Gouged) open.push_back(v);
-    const auto cuts = first_cuts(tree, motion, with.design, open, band);
+    const auto cuts = first_cuts(trees, motion, with.design, open, band);
     for (std::size_t k = 0; k < open.size(); ++k)
       if (cuts[k]) keep_first(surface, open[k], *cuts[k], band);
   });
@@ -143,7 +143,7 @@ std::vector<std::optional<FirstCut>> cuts_along(const Streamed& with, const Moti
                                                 const std::function<Ray(std::size_t)>& ray_of) {
   std::vector<std::optional<FirstCut>> cuts(count);
   each_block(with, next, [&](const MotionBlock& block) {
-    const SweepTree tree(with.cutter, block.motion);
+    const std::vector<SweepTree> trees = sweep_trees(with.cutter, block.motion);
     const Box reach = reach_of(with.cutter, block.motion);
     const auto all = tbb::blocked_range<std::size_t>(0, count, 64);
     tbb::parallel_for(all, [&](const auto& range) {
@@ -151,7 +151,7 @@ std::vector<std::optional<FirstCut>> cuts_along(const Streamed& with, const Moti
         const Ray ray = ray_of(k);
         if (cuts[k] && cuts[k]->s <= -ray.band) continue;
         if (!may_meet(reach, ray)) continue;
-        const std::optional<FirstCut> cut = first_cut(tree, block.motion, ray);
+        const std::optional<FirstCut> cut = first_cut(trees, block.motion, ray);
         if (cut && (!cuts[k] || cut->s < cuts[k]->s)) cuts[k] = cut;
       }
     });

@@ -73,8 +73,9 @@ struct Surface {
 /// ends within a part, apart from another by the same part, and no deeper than (R + flank length)
 /// 0.05^2 / 8, can be missed.
 ///
-/// Memory is linear: about 75 bytes a move and 40 a vertex besides the arrays given and returned.
-/// A single sample is a pose that cuts. An empty `judged` judges all vertices.
+/// Memory is linear: about 75 bytes a move and part of a hollow cutter, and 40 a vertex besides the
+/// arrays given and returned. A single sample is a pose that cuts. An empty `judged` judges all
+/// vertices.
 /// @throws std::invalid_argument if an array has the wrong size, a number is not finite, a
 ///         direction is not unit to 1e-9, time goes back, or the axis turns by half a turn between
 ///         two samples

@@ -274,7 +274,8 @@ struct Spread {
 
 /// How far an outline reaches at most in a direction whose angle to the axis is not known better
 /// than within a spread: a direction between two is made of parts of them, together no more than 1
-/// / cos of the spread.
+/// / cos of the spread, and no less than 1, which counts for what begins above the tip and ends
+/// below a plane.
 [[gnu::always_inline]] inline Eight support_within(const ToolOutline& outline, const Steepness& m,
                                                    const Spread& spread) {
   Eight nearer = m.across * spread.cosine - m.along * spread.sine;
@@ -288,7 +289,7 @@ struct Spread {
   stdx::where(down, downward) = -m.length;
   const Eight most =
       stdx::max(reach(outline, nearer, upward).most, reach(outline, farther, downward).most);
-  return most / spread.cosine;
+  return stdx::max(most, most / spread.cosine);
 }
 
 /// To a place w from k, from the nearest place of what stands about k along u.

@@ -14,6 +14,7 @@
 #include "cutting/ball_bounds.h"
 #include "cutting/cutter_position.h"
 #include "cutting/entry_bounds.h"
+#include "kinematics/require.h"
 
 namespace abbe::cutting {
 
@@ -60,6 +61,7 @@ struct SweepTree::Collection : Aim {
 
 SweepTree::SweepTree(const Cutter& cutter, const CutterMotion& motion)
     : cutter_(cutter), motion_(motion) {
+  require(!is_hollow(cutter), "sweep: expected a convex cutter, seen a hollow one");
   items_ = sorted_items();
   make_leaves();
   make_nodes();

@@ -17,6 +17,7 @@ namespace abbe::cutting {
 /// What it answers is, bit for bit, what trying every move answers (`removal.h`).
 class SweepTree {
  public:
+  /// @param cutter  convex
   /// @param motion  outlives the tree, as the tree refers to it
   SweepTree(const Cutter& cutter, const CutterMotion& motion);
 

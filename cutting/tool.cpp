@@ -26,10 +26,20 @@ void check_cutter(const Cutter& cutter) {
           "cutter: expected radius > 0, corner radius from 0 to radius, flank at least as long");
 }
 
+std::vector<Cutter> convex_parts(const Cutter& cutter) {
+  if (!is_hollow(cutter)) return {cutter};
+  std::vector<Cutter> parts;
+  for (const ToolOutline& part : cutter.outline->parts)
+    parts.push_back(
+        {part.radius, 0.0, part.height, std::shared_ptr<const ToolOutline>(cutter.outline, &part)});
+  return parts;
+}
+
 ShrunkCutter shrunk(const Cutter& cutter, double margin) {
   const double by = std::min(margin, 0.25 * cutter.radius);
   if (cutter.outline) {
-    InnerOutline inner = inside(*cutter.outline, std::min(by, 0.25 * cutter.flank_length));
+    const double height = cutter.flank_length - bottom(*cutter.outline);
+    InnerOutline inner = inside(*cutter.outline, std::min(by, 0.25 * height));
     return {form_cutter(std::move(inner.outline)), inner.raised};
   }
   return {{cutter.radius - by, std::max(0.0, cutter.corner_radius - by), cutter.flank_length}, by};

@@ -8,10 +8,11 @@
 
 namespace abbe::cutting {
 
-/// Milling cutter of revolution, convex: a flat of radius (radius - corner_radius) at the tip, a
+/// Milling cutter of revolution: a flat of radius (radius - corner_radius) at the tip, a
 /// torus corner, a cylindrical flank up to `flank_length` above the tip. corner_radius = radius is
 /// a ball end, 0 a flat end. Its frame t has the origin at the tip and z along the axis to the
 /// spindle. A form cutter has an outline instead, inside of the flat end that the numbers then are.
+/// It is convex, unless its outline is hollow.
 struct Cutter {
   double radius = 5.0;                              ///< mm, > 0
   double corner_radius = 5.0;                       ///< mm, 0 .. radius
@@ -24,6 +25,11 @@ Cutter form_cutter(ToolOutline outline);
 inline bool is_ball(const Cutter& cutter) {
   return !cutter.outline && cutter.corner_radius == cutter.radius;
 }
+
+inline bool is_hollow(const Cutter& cutter) { return cutter.outline && is_hollow(*cutter.outline); }
+
+/// The convex cutters that together are this one, by the same tip; itself if it is convex.
+std::vector<Cutter> convex_parts(const Cutter& cutter);
 
 /// mm, of what goes on above the flank.
 inline double shank_radius(const Cutter& cutter) {
@@ -51,6 +57,7 @@ struct ShrunkCutter {
   Cutter cutter;
   double raised = 0.0;  ///< mm, of the tip
 };
+/// @param cutter  convex
 /// @param margin  mm; a quarter of the radius at most is taken, and of the height of a form cutter,
 ///                whose arcs then are polygons (outline.h)
 ShrunkCutter shrunk(const Cutter& cutter, double margin);

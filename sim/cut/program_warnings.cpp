@@ -10,6 +10,7 @@
 #include "sim/cut/tool_comments.h"
 #include "sim/cut/tool_motion.h"
 #include "sim/cut/unreached_text.h"
+#include "sim/scene/scene_tool_forms.h"
 #include "sim/scene/scene_tools.h"
 
 namespace abbe::sim {
@@ -113,6 +114,16 @@ void add_holder_texts(const ToolDescription& tool, std::vector<std::string>& tex
         over > 0.0 ? "" : ": what is between them is met by nothing"));
 }
 
+/// Arcs that bulge inwards are cut as chords.
+void add_chord_text(const ToolDescription& tool, std::vector<std::string>& texts) {
+  const double sag = std::max(chord_sag(tool.nominal_form), chord_sag(tool.actual_form));
+  if (sag > 0.0)
+    texts.push_back(fmt::format(
+        "the arcs of the tool{} that bulge inwards are cut as chords: it is larger there by up to "
+        "{:.3g} um",
+        tool.number ? fmt::format(" {}", *tool.number) : "", sag / units::um));
+}
+
 }  // namespace
 
 JudgedPlaces judged_places(const cutting::Design& design) {
@@ -141,7 +152,10 @@ std::vector<std::string> program_warnings(const Scene& scene, const cutting::Des
   for (std::string text : {unreached_text(unreached), no_feed_text(path), unit_change_text(path),
                            coarse_text(scene, design_w), sparse_text(scene, design_w)})
     if (!text.empty()) warnings.push_back(std::move(text));
-  for (const ToolDescription& tool : tools_of(scene)) add_holder_texts(tool, warnings);
+  for (const ToolDescription& tool : tools_of(scene)) {
+    add_holder_texts(tool, warnings);
+    add_chord_text(tool, warnings);
+  }
   return warnings;
 }
 

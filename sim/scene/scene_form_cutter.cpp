@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include "cutting/hollow_outline.h"
 #include "sim/scene/scene_tool_forms.h"
 
 namespace abbe::sim {
@@ -60,6 +61,18 @@ Fields<OutlineForm> outline_fields(Asked asked) {
                0, "radius of the arc that bulges out on the way to each point; 0: straight");
 }
 
+Fields<ProfileForm> profile_form_fields(Asked asked) {
+  return Fields<ProfileForm>()
+      .numbers(asked("radii_mm"), &ProfileForm::radii, 0,
+               "of the points of the outline from the tip up; flat below the first")
+      .numbers(asked("heights_mm"), &ProfileForm::heights, 0,
+               "of the same points above the tip; the first is 0, none is below the one before")
+      .numbers(
+          left_out(asked, KeyName("arc_radii_mm").otherwise("straight")), &ProfileForm::arcs, 0,
+          "radius of the arc on the way to each point; 0: straight; below 0: it bulges in, and "
+          "is cut as chords inside of it, by which the tool is up to 1 um larger");
+}
+
 cutting::ToolOutline outline_of(const AptForm& form) {
   cutting::AptCutter cutter = form.numbers;
   if (!form.diameter) return cutting::apt_outline(cutting::with_ball_corner(cutter));
@@ -84,7 +97,8 @@ struct UnequalLists : std::invalid_argument {
 };
 
 /// @throws UnequalLists
-std::vector<cutting::OutlinePoint> points_of(const OutlineForm& form) {
+template <class Form>
+std::vector<cutting::OutlinePoint> points_of(const Form& form) {
   const Eigen::Index n = form.radii.size();
   if (form.heights.size() != n) throw UnequalLists("heights_mm", n, form.heights.size());
   if (form.arcs && form.arcs->size() != n) throw UnequalLists("arc_radii_mm", n, form.arcs->size());
@@ -96,6 +110,10 @@ std::vector<cutting::OutlinePoint> points_of(const OutlineForm& form) {
 
 cutting::ToolOutline outline_of(const OutlineForm& form) {
   return cutting::outline_through(points_of(form));
+}
+
+cutting::ToolOutline outline_of(const ProfileForm& form) {
+  return cutting::profile_through(points_of(form));
 }
 
 template <class Form>
@@ -112,8 +130,8 @@ void refuse_apt(TableReader& reader, const AptForm&, const std::invalid_argument
   refuse_tool(reader, why);
 }
 
-void refuse_outline(TableReader& reader, const OutlineForm& form,
-                    const std::invalid_argument& why) {
+template <class Form>
+void refuse_points(TableReader& reader, const Form& form, const std::invalid_argument& why) {
   if (const auto* unequal = dynamic_cast<const UnequalLists*>(&why))
     reader.refuse(unequal->key, unequal->expected_text + " for " + reader.name_of(unequal->key),
                   unequal->seen_text);
@@ -123,11 +141,31 @@ void refuse_outline(TableReader& reader, const OutlineForm& form,
     refuse_tool(reader, why);
 }
 
+/// A convex outline is asked for; what is hollow has a kind of its own.
+void refuse_outline(TableReader& reader, const OutlineForm& form,
+                    const std::invalid_argument& why) {
+  const auto* fault = dynamic_cast<const cutting::OutlineFault*>(&why);
+  const std::string text = why.what();
+  if (fault && text.find("expected a convex one") != std::string::npos)
+    return refuse_points(reader, form,
+                         cutting::OutlineFault(text + "; kind = \"profile\" takes hollow ones",
+                                               fault->at, fault->number));
+  refuse_points(reader, form, why);
+}
+
 }  // namespace
+
+double chord_sag(const ToolForm& form) {
+  const auto* profile = std::get_if<ProfileForm>(&form);
+  return profile ? cutting::chord_sag(points_of(*profile)) : 0.0;
+}
 
 Fields<ToolDescription> form_cutter_fields(const std::string& kind, const FormOf& which) {
   if (kind == "apt")
     return fields_of_form(which, apt_fields(which.asked), cutter_of<AptForm>, refuse_apt);
+  if (kind == "profile")
+    return fields_of_form(which, profile_form_fields(which.asked), cutter_of<ProfileForm>,
+                          refuse_points<ProfileForm>);
   return fields_of_form(which, outline_fields(which.asked), cutter_of<OutlineForm>, refuse_outline);
 }
 

@@ -66,7 +66,9 @@ Fields<NoseWave> wave_fields() {
       .number("phase_deg", &NoseWave::phase, any_number, "of its cosine, from the tool's x to z");
 }
 
-bool is_form(const std::string& kind) { return kind == "apt" || kind == "form"; }
+bool is_form(const std::string& kind) {
+  return kind == "apt" || kind == "form" || kind == "profile";
+}
 
 bool has_profile(const std::string& kind) { return kind == "insert" || kind == "edge"; }
 
@@ -147,6 +149,9 @@ const std::vector<ToolKind>& tool_kinds() {
                 "the cutter of APT by its seven parameters: taper, tapered ball, drill "
                 "point, dovetail"),
       tool_kind("form", "lines and arcs about the axis that bulge outwards: barrel, lens, oval"),
+      tool_kind("profile",
+                "lines and arcs about the axis, hollow too: step drill, T-slot, dovetail on a "
+                "shank, grooved form cutter, corner rounding"),
       tool_kind("nose", "a turning tool"),
       tool_kind("insert", "a turning tool with a nose and two straight edges"),
       tool_kind("edge", "a turning tool with a convex edge of lines and arcs")};
@@ -168,7 +173,8 @@ const ToolKind& kind_in(TableReader& reader) {
 
 /// A kind that can be both what the tool should be and what it is.
 const ToolKind& kind_of(const ToolDescription& tool) {
-  constexpr const char* of_form[] = {"", "apt", "form", "insert", "edge"};  // as in ToolForm
+  constexpr const char* of_form[] = {"",        "apt",    "form",
+                                     "profile", "insert", "edge"};  // as in ToolForm
   static_assert(std::size(of_form) == std::variant_size_v<ToolForm>);
   if (tool.nominal_form.index() > 0) return kind_named(of_form[tool.nominal_form.index()]);
   const auto* nominal = std::get_if<Cutter>(&tool.nominal);
@@ -260,7 +266,7 @@ Key tool_kind_key() {
 
 Key actual_key() {
   std::vector<Key> keys = kind_named("bull").actual.keys();
-  for (const char* kind : {"apt", "form", "nose", "insert", "edge"})
+  for (const char* kind : {"apt", "form", "profile", "nose", "insert", "edge"})
     for (Key& key : kind_named(kind).actual.keys())
       if (std::ranges::none_of(keys, [&](const Key& one) { return one.name == key.name; }))
         keys.push_back(std::move(key));

@@ -30,8 +30,12 @@ inline constexpr FormOf of_nominal{&ToolDescription::nominal_form, &ToolDescript
 inline constexpr FormOf of_actual{&ToolDescription::actual_form, &ToolDescription::actual,
                                   or_nominal};
 
-/// The cutter of APT and of an outline. @param kind  "apt" or "form"
+/// The cutter of APT, of an outline and of a profile. @param kind  "apt", "form" or "profile"
 Fields<ToolDescription> form_cutter_fields(const std::string& kind, const FormOf& which);
+/// mm, by which a tool of this form is larger than its arcs that bulge inwards, which are cut as
+/// chords.
+double chord_sag(const ToolForm& form);
+
 /// Turning tools whose edge has a profile. @param kind  "insert", a nose with two straight edges,
 /// or
 ///                                                     "edge", free lines and arcs

@@ -31,9 +31,14 @@ struct OutlineForm {
   Eigen::VectorXd radii, heights;       ///< (n) mm
   std::optional<Eigen::VectorXd> arcs;  ///< (n) mm, on the way to a point; 0 and none: straight
 };
+/// The same of one that may be hollow.
+struct ProfileForm {
+  Eigen::VectorXd radii, heights;       ///< (n) mm
+  std::optional<Eigen::VectorXd> arcs;  ///< (n) mm, as above; below 0: it bulges inwards
+};
 /// What makes the shape of a tool that is no common cutter and no round nose: of a cutter the first
-/// two, of a turning tool an insert or points around a free edge.
-using ToolForm = std::variant<std::monostate, AptForm, OutlineForm, cutting::Insert,
+/// three, of a turning tool an insert or points around a free edge.
+using ToolForm = std::variant<std::monostate, AptForm, OutlineForm, ProfileForm, cutting::Insert,
                               std::vector<cutting::OutlinePoint>>;
 using ToolShape = std::variant<cutting::Cutter, cutting::Nose>;
 

@@ -31,6 +31,11 @@ BaseRun base_run(const Study& study, const ReadyArm& ready, const Progress& prog
                    "a tool that keeps its radius for influence maps; engine = \"full\" follows its "
                    "wear",
                    "tool.wear.radius_um");
+  const auto* hollow = std::get_if<cutting::Cutter>(&job.scene.tool.actual);
+  if (hollow && cutting::is_hollow(*hollow))
+    throw BadInput(job.scene.file.string(), 0, 0,
+                   "a convex tool for influence maps; engine = \"full\" follows a hollow one",
+                   "a tool.kind = \"profile\" that bends inwards");
   BaseRun run{study, ready, cut_process(job, ready.commanded), {}, {}, std::nullopt, {}};
   run.T_wt = tool_poses(job, ready.commanded, run.process);
   cutting::RivalOptions options;

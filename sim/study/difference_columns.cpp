@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include <tbb/parallel_for.h>
 
@@ -76,6 +77,9 @@ Columns of_cutter(const BaseRun& run, const cutting::Cutter& from, const cutting
                   double per_unit) {
   Columns columns = nothing(run);
   if (same_shape(from, to)) return columns;
+  if (cutting::is_hollow(from) || cutting::is_hollow(to))
+    throw std::invalid_argument(
+        "influence maps: expected convex tools, seen a tool.kind = \"profile\" that bends inwards");
   const cutting::CutterMotion motion = cutter_motion(run.T_wt, run.ready.commanded.samples);
   tbb::parallel_for(std::size_t(0), run.rivals.size(), [&](std::size_t r) {
     const double larger = left_by(run, motion, run.rivals[r], to);

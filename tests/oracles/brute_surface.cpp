@@ -346,6 +346,28 @@ BruteHit brute_milled(const Ray& ray, const BruteForm& form, const std::vector<B
                 });
 }
 
+BruteHit brute_milled(const Ray& ray, const std::vector<BruteLayer>& layers,
+                      const std::vector<BrutePose>& motion, const BruteOptions& options) {
+  std::vector<FormRadius> radii;
+  Real farthest = 0;
+  for (const BruteLayer& layer : layers) {
+    radii.emplace_back(layer.form);
+    const FormRadius& radius = radii.back();
+    farthest = std::max(farthest, std::hypot(radius.at(radius.widest), layer.base + radius.top));
+  }
+  const Real band = options.band;
+  return milled(ray, motion, farthest, options,
+                [&](const RayLine& seen, Vector axis, Real thicker) {
+                  Real first = infinity;
+                  for (std::size_t i = 0; i < layers.size(); ++i) {
+                    const RayLine raised{seen.o - Real(layers[i].base) * axis, seen.d};
+                    first = std::min(first, form_entry(raised, axis, radii[i], thicker, -band,
+                                                       std::min<Real>(band, first)));
+                  }
+                  return first;
+                });
+}
+
 BruteHit brute_turned(const Ray& ray, const BruteTurning& turning, const BruteOptions& options) {
   const Vector origin = vector(turning.spindle_point);
   const Vector spindle = unit(vector(turning.spindle_direction));

@@ -50,6 +50,11 @@ struct BruteForm {
   double bottom;
   std::vector<Point> points;
 };
+/// One of the convex layers of which a hollow cutter is made up.
+struct BruteLayer {
+  double base;  ///< mm above the tip, of its bottom
+  BruteForm form;
+};
 struct BrutePose {
   Eigen::Vector3d tip;   ///< mm
   Eigen::Vector3d axis;  ///< unit
@@ -60,6 +65,9 @@ BruteHit brute_milled(const Ray& ray, const BruteCutter& cutter,
                       const std::vector<BrutePose>& motion, const BruteOptions& options = {});
 BruteHit brute_milled(const Ray& ray, const BruteForm& form, const std::vector<BrutePose>& motion,
                       const BruteOptions& options = {});
+/// Of layers on one axis.
+BruteHit brute_milled(const Ray& ray, const std::vector<BruteLayer>& layers,
+                      const std::vector<BrutePose>& motion, const BruteOptions& options = {});
 
 /// A disc of `radius` about the origin of its frame in y = 0, whose slow pose moves on lines and at
 /// constant rates of turn, turned by a spindle about a line. Of the disc is left what lies below

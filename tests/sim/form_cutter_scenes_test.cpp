@@ -1,5 +1,6 @@
 // Form cutters in scenes: read, written, cut with, with stock and force, refused.
 
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 
@@ -56,6 +57,12 @@ const std::string barrel_mill =
     "kind = \"form\"\nradii_mm = [1, 2.4, 2.4]\nheights_mm = [0, 0.5, 14.5]\n"
     "arc_radii_mm = [0, 2.4, 20]\n";
 
+const std::string stepped_mill =
+    "kind = \"profile\"\nradii_mm = [2, 2, 5, 5]\nheights_mm = [0, 1, 1, 10]\n";
+const std::string rounding_mill =
+    "kind = \"profile\"\nradii_mm = [2, 5, 5]\nheights_mm = [0, 3, 10]\n"
+    "arc_radii_mm = [0, -3, 0]\n";
+
 TEST(FormCutterScene, OfACommonOutlineCutsTheSame) {
   for (const auto& [common, form] : {std::pair{ball_mill, apt_ball}, {bull_mill, apt_bull}})
     for (const std::string& part : {form_square, cap_r100}) {
@@ -99,8 +106,10 @@ TEST(FormCutterScene, IsWrittenAsItWasRead) {
   const std::string actual =
       "[tool.actual]\nflank_deg = 5.01\ncorner_radius_mm = 4.99\nlength_mm = 100.01\n";
   const std::string other = "[tool.actual]\narc_radii_mm = [0, 2.4, 20.1]\n";
-  for (const std::string& tool : {tapered_ball + actual, barrel_mill + other, apt_bull,
-                                  apt_bull + "corner_offset_mm = 5\ncorner_height_mm = 1\n"}) {
+  for (const std::string& tool :
+       {tapered_ball + actual, barrel_mill + other, apt_bull,
+        stepped_mill + "[tool.actual]\nradii_mm = [2, 2, 5.01, 5.01]\n", rounding_mill,
+        apt_bull + "corner_offset_mm = 5\ncorner_height_mm = 1\n"}) {
     const Scene scene = form_scene(raster_with(tool));
     const Scene again = scene_of_tree(written(scene), "again.toml", {});
     for (auto shape : {&ToolDescription::nominal, &ToolDescription::actual}) {
@@ -124,6 +133,9 @@ TEST(FormCutterScene, ThatCannotBeIsRefusedWhereItStands) {
   };
   const std::string form = "kind = \"form\"\n";
   refused(form + "radii_mm = [1, 3, 2, 5]\nheights_mm = [0, 1, 3, 8]\n", "bends inwards");
+  refused(form + "radii_mm = [1, 3, 2, 5]\nheights_mm = [0, 1, 3, 8]\n",
+          "kind = \"profile\" takes hollow ones");
+  refused(stepped_mill + "[tool.wear]\nway_mm = 1000\nradius_um = 3\n", "wear");
   refused(form + "radii_mm = [1, 3]\nheights_mm = [0, 1, 3]\n",
           "form.toml:6:14: expected as many numbers as radii_mm, 2, for tool.heights_mm, seen 3");
   refused(form + "radii_mm = [1, 3]\nheights_mm = [1, 3]\n", "height 0");
@@ -162,6 +174,26 @@ TEST(FormCutterScene, APointThatCannotBeIsRefusedByKeyAndEntry) {
       "radii_mm = [1, 3]\nheights_mm = [0, 3]\n[tool.actual]\nradii_mm = [3, 1, 2]\n"
       "heights_mm = [0, 1, 3]\n",
       "8:16: expected a convex one for tool.actual.radii_mm, entry 2, seen");
+}
+
+TEST(FormCutterScene, APointThatAProfileCannotHaveIsRefusedByKeyAndEntry) {
+  const auto says = [](const std::string& tool, const std::string& text) {
+    const std::string said =
+        refusal_by([&] { form_scene(raster_with("kind = \"profile\"\n" + tool)); });
+    EXPECT_NE(said.find("form.toml:" + text), std::string::npos) << said;
+  };
+  says("radii_mm = [3, 3, 5, 5]\nheights_mm = [0, 4, 3, 9]\n",
+       "6:21: expected a height of 4 mm at least, that of the point before for tool.heights_mm, "
+       "entry 3, seen 3 mm");
+  says("radii_mm = [3, 0, 5]\nheights_mm = [0, 4, 9]\n",
+       "5:16: expected a radius above 0 above its tip for tool.radii_mm, entry 2, seen 0 mm");
+  says("radii_mm = [3, 3, 6, 3, 3]\nheights_mm = [0, 4, 4, 4, 9]\n",
+       "5:19: expected it to go on for tool.radii_mm, entry 3, seen that it turns back on itself");
+  says("radii_mm = [3, 5]\nheights_mm = [0, 4]\narc_radii_mm = [0, -1]\n",
+       "7:20: expected an arc that bulges inwards with a radius of 2.23607 mm at least to (5, 4) "
+       "for tool.arc_radii_mm, entry 2, seen 1");
+  says("radii_mm = [3, 5]\nheights_mm = [1, 4]\n",
+       "6:15: expected it to begin at height 0 for tool.heights_mm, entry 1, seen 1 mm");
 }
 
 /// A block milled with stock, force and a tool that bends, by a flat end and by its outline.
@@ -212,6 +244,46 @@ TEST(FormCutterScene, ATaperBendsAndRemovesWhatItsShapeDoes) {
   for (const ProcessStep& step : taper.process.steps) removed += step.removed;
   // a slot 2 mm deep whose walls lean by 10 deg
   EXPECT_NEAR(removed, 40 * 2 * (8 + 2 * std::tan(10 * units::deg)), 5.0);
+}
+
+/// A slot with a step: the tip is on the part, the shoulder a millimetre above it.
+TEST(FormCutterScene, ASteppedToolLeavesASteppedSlot) {
+  const Job job = form_block(stepped_mill);
+  const cutting::Surface surface = cut_error_free(job).surface;
+  int low = 0, high = 0;
+  for (std::size_t i = 0; i < surface.status.size(); ++i) {
+    const auto v = Eigen::Index(i);
+    const double aside = std::abs(
+        (job.scene.part.T_wm.inverse() * Eigen::Vector3d(job.design_w.vertices.row(v))).y());
+    if (surface.status[i] == cutting::VertexStatus::Outside || std::abs(aside - 2.0) < 1e-3)
+      continue;
+    ASSERT_EQ(surface.status[i], cutting::VertexStatus::Cut);
+    EXPECT_NEAR(surface.residual[v], aside < 2.0 ? 0.0 : 1.0, 1e-7) << aside;
+    ++(aside < 2.0 ? low : high);
+  }
+  EXPECT_GT(low, 100);
+  EXPECT_GT(high, 50);
+  const Cut whole = cut(job);
+  EXPECT_TRUE(whole.process.crash_lines.empty());
+  double removed = 0.0, most = 0.0;
+  for (const ProcessStep& step : whole.process.steps) {
+    removed += step.removed;
+    most = std::max(most, step.load.on_tool_t.head<3>().norm());
+  }
+  EXPECT_NEAR(removed, 40 * (4 * 1 + 10 * 1), 5.0);
+  EXPECT_GT(most, 10.0);
+}
+
+/// It is said by how much chords make the tool larger.
+TEST(FormCutterScene, ChordsOfAHollowArcAreWarnedOf) {
+  const Job job = form_block(rounding_mill);
+  EXPECT_TRUE(std::ranges::any_of(job.warnings, [](const std::string& text) {
+    return text.find("bulge inwards are cut as chords: it is larger there by up to") !=
+           std::string::npos;
+  }));
+  EXPECT_TRUE(std::ranges::none_of(form_block(stepped_mill).warnings, [](const std::string& text) {
+    return text.find("chords") != std::string::npos;
+  }));
 }
 
 }  // namespace

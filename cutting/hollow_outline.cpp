@@ -1,0 +1,283 @@
+#include "cutting/hollow_outline.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "cutting/outline_fault.h"
+#include "cutting/outline_pieces.h"
+#include "kinematics/numbers.h"
+
+namespace abbe::cutting {
+
+using Eigen::Vector2d;
+
+namespace {
+
+using Pieces = std::vector<OutlinePiece>;
+using Number = OutlineFault::Number;
+
+constexpr int most_chords = 200;
+
+Vector2d along(const Vector2d& normal) { return {-normal.y(), normal.x()}; }
+
+// ---- arcs that bulge inwards --------------------------------------------------------------------
+
+/// An arc that bulges inwards, run through the other way, in which it bulges outwards.
+OutlinePiece turned_round(const Vector2d& from, const Vector2d& to, double radius) {
+  const double half = 0.5 * (to - from).norm();
+  if (!(radius >= half))
+    throw OutlineFault(
+        fmt::format("outline: expected an arc that bulges inwards with a radius of {:g} mm at "
+                    "least to ({:g}, {:g}), seen {:g}",
+                    half, to.x(), to.y(), radius),
+        to, Number::Radius);
+  return arc_piece(to, from, radius);
+}
+
+/// An arc that bulges inwards, with as few chords as keep to the sag.
+struct HollowArc {
+  OutlinePiece round;
+  double turn;  // rad
+  int chords;
+
+  HollowArc(const Vector2d& from, const Vector2d& to, double radius)
+      : round(turned_round(from, to, radius)),
+        turn(std::atan2(sine_between(round.normal_from, round.normal_to),
+                        round.normal_from.dot(round.normal_to))),
+        chords(std::max(
+            1, int(std::ceil(turn /
+                             (2.0 * std::acos(std::max(-1.0, 1.0 - most_chord_sag / radius))))))) {
+    if (chords > most_chords)
+      throw OutlineFault(
+          fmt::format("outline: expected an arc that bulges inwards and comes apart in at most {} "
+                      "chords of a sag of {:g} mm, seen {} to ({:g}, {:g}) mm",
+                      most_chords, most_chord_sag, chords, to.x(), to.y()),
+          to, Number::Radius);
+  }
+
+  double sag() const { return round.radius * (1.0 - std::cos(0.5 * turn / chords)); }
+  Vector2d place(int chord) const {
+    const Vector2d& n = round.normal_to;
+    const double angle = -turn * chord / chords;
+    const Vector2d turned(std::cos(angle) * n.x() - std::sin(angle) * n.y(),
+                          std::sin(angle) * n.x() + std::cos(angle) * n.y());
+    return round.to + round.radius * (turned - n);
+  }
+};
+
+/// Calls use(point) for those without an arc that bulges inwards, use(point, arc) for the others.
+template <class Straight, class Arc>
+void each_point(const std::vector<OutlinePoint>& points, const Straight& straight, const Arc& arc) {
+  Vector2d last = Vector2d::Zero();
+  for (const OutlinePoint& point : points) {
+    const bool bulges_inwards = std::isfinite(point.radius) && point.radius < 0.0 &&
+                                point.at.allFinite() && (point.at - last).norm() > same_place;
+    if (bulges_inwards)
+      arc(point, HollowArc(last, point.at, -point.radius));
+    else
+      straight(point);
+    last = point.at;
+  }
+}
+
+std::vector<OutlinePoint> with_chords(const std::vector<OutlinePoint>& points) {
+  std::vector<OutlinePoint> all;
+  each_point(
+      points, [&](const OutlinePoint& point) { all.push_back(point); },
+      [&](const OutlinePoint& point, const HollowArc& arc) {
+        for (int k = 1; k < arc.chords; ++k) all.push_back({arc.place(k)});
+        all.push_back({point.at});
+      });
+  return all;
+}
+
+// ---- the parts ----------------------------------------------------------------------------------
+
+void check_heights(const Pieces& pieces) {
+  for (std::size_t i = 0; i + 1 < pieces.size(); ++i) {
+    const OutlinePiece& piece = pieces[i];
+    if (piece.to.y() < piece.from.y())
+      throw OutlineFault(
+          fmt::format("outline: expected a height of {:g} mm at least, that of the point before, "
+                      "seen {:g} mm",
+                      piece.from.y(), piece.to.y()),
+          piece.to, Number::Second);
+    if (!(std::min(piece.normal_from.x(), piece.normal_to.x()) >= -least_bend))
+      throw OutlineFault(
+          fmt::format("outline: expected an arc that keeps between the heights of its ends, seen "
+                      "one of {:g} mm to ({:g}, {:g}) mm",
+                      piece.radius, piece.to.x(), piece.to.y()),
+          piece.to, Number::Radius);
+    if (piece.to.x() <= same_place)
+      throw OutlineFault(
+          fmt::format("outline: expected a radius above 0 above its tip, seen {:g} mm at {:g} mm",
+                      piece.to.x(), piece.to.y()),
+          piece.to, Number::First);
+  }
+}
+
+void check_turns(const Pieces& pieces) {
+  for (std::size_t i = 1; i < pieces.size(); ++i) {
+    const Vector2d &before = pieces[i - 1].normal_to, &after = pieces[i].normal_from;
+    if (before.dot(after) < 0.0 && std::abs(sine_between(before, after)) <= least_bend)
+      throw OutlineFault(
+          fmt::format("outline: expected it to go on, seen that it turns back on itself at "
+                      "({:g}, {:g}) mm",
+                      pieces[i].from.x(), pieces[i].from.y()),
+          pieces[i].from);
+  }
+}
+
+/// Stretches of an outline between its corners that bend inwards.
+std::vector<Pieces> runs_of(const Pieces& pieces) {
+  std::vector<Pieces> runs(1);
+  for (const OutlinePiece& piece : pieces) {
+    if (!runs.back().empty() && inward_bend(runs.back().back(), piece) > least_bend)
+      runs.emplace_back();
+    runs.back().push_back(piece);
+  }
+  return runs;
+}
+
+/// A run with a flat bottom below it and a flat top above.
+ToolOutline closed_run(const Pieces& run) {
+  Pieces pieces;
+  const Vector2d low = run.front().from, high = run.back().to;
+  if (low.x() > same_place) pieces.push_back(line_piece({0.0, low.y()}, low));
+  pieces.insert(pieces.end(), run.begin(), run.end());
+  if (high.x() > same_place) pieces.push_back(line_piece(high, {0.0, high.y()}));
+  return closed_outline(pieces);
+}
+
+/// Half of the way that a convex outline has for a line from a corner of it, and no nearer to the
+/// axis than half of the corner is.
+Vector2d half_way_in(const ToolOutline& outline, const Vector2d& corner, const Vector2d& line) {
+  if (std::abs(line.y()) <= least_bend) return corner;
+  const double end = line.y() > 0.0 ? outline.height : outline.pieces.front().from.y();
+  double far = (end - corner.y()) / line.y(), near = 0.0;
+  if (line.x() < 0.0) far = std::min(far, -0.5 * corner.x() / line.x());
+  const auto is_inside = [&](double way) {
+    return distance(outline, corner + way * line).value <= 0.0;
+  };
+  if (is_inside(far)) near = far;
+  for (int i = 0; i < 60 && near < far; ++i) {
+    const double middle = 0.5 * (near + far);
+    (is_inside(middle) ? near : far) = middle;
+  }
+  return corner + 0.5 * near * line;
+}
+
+void begin_at(Pieces& run, const Vector2d& place) {
+  OutlinePiece& first = run.front();
+  if ((first.from - place).norm() <= same_place) return;
+  const Vector2d n = first.normal_from, corner = first.from;
+  if (first.is_arc)
+    run.insert(run.begin(), {false, place, corner, n, n});
+  else
+    first.from = place;
+}
+
+void end_at(Pieces& run, const Vector2d& place) {
+  OutlinePiece& last = run.back();
+  if ((last.to - place).norm() <= same_place) return;
+  const Vector2d n = last.normal_to, corner = last.to;
+  if (last.is_arc)
+    run.push_back({false, corner, place, n, n});
+  else
+    last.to = place;
+}
+
+/// @param pieces  from the tip to the axis at the top, without sharp corners
+ToolOutline outline_of(const Pieces& pieces) {
+  const std::vector<Pieces> runs = runs_of(pieces);
+  if (runs.size() == 1) return closed_outline(pieces);
+  std::vector<ToolOutline> cores;
+  for (const Pieces& run : runs) cores.push_back(closed_run(run));
+  ToolOutline outline;
+  for (std::size_t k = 0; k < runs.size(); ++k) {
+    const Vector2d before = k == 0 ? Vector2d(0, -1) : runs[k].front().normal_from;
+    const Pieces own = with_corners(runs[k], before);
+    outline.pieces.insert(outline.pieces.end(), own.begin(), own.end());
+    Pieces longer = runs[k];
+    if (k > 0)
+      begin_at(longer,
+               half_way_in(cores[k - 1], longer.front().from, -along(longer.front().normal_from)));
+    if (k + 1 < runs.size())
+      end_at(longer, half_way_in(cores[k + 1], longer.back().to, along(longer.back().normal_to)));
+    outline.parts.push_back(closed_run(longer));
+    outline.radius = std::max(outline.radius, outline.parts.back().radius);
+    outline.height = std::max(outline.height, outline.parts.back().height);
+    outline.is_sharp = outline.is_sharp || outline.parts.back().is_sharp;
+  }
+  return outline;
+}
+
+// ---- run-out ------------------------------------------------------------------------------------
+
+/// Two lines that have been moved apart at a corner that bends inwards, up to where they meet.
+void join(OutlinePiece& before, OutlinePiece& after) {
+  const Vector2d u = along(before.normal_to), v = along(after.normal_from);
+  const double way = sine_between(after.from - before.from, v) / sine_between(u, v);
+  const Vector2d meet = before.from + way * u;
+  if (before.is_arc || after.is_arc || !(way > 0.0) || !((after.to - meet).dot(v) > 0.0))
+    throw std::invalid_argument(
+        fmt::format("run-out along the axis: expected a groove of straight lines that is higher, "
+                    "seen what bends inwards at ({:g}, {:g}) mm",
+                    meet.x(), meet.y()));
+  before.to = after.from = meet;
+}
+
+/// A piece, or its halves below and above where it is widest.
+Pieces halves_of(const OutlinePiece& piece) {
+  if (!piece.is_arc || (piece.normal_from.y() <= 0.0) == (piece.normal_to.y() <= 0.0))
+    return {piece};
+  OutlinePiece below = piece, above = piece;
+  below.to = above.from = piece.from + piece.radius * (Vector2d::UnitX() - piece.normal_from);
+  below.normal_to = above.normal_from = Vector2d::UnitX();
+  return {below, above};
+}
+
+}  // namespace
+
+ToolOutline profile_through(const std::vector<OutlinePoint>& points) {
+  const Pieces pieces = pieces_through(with_chords(points));
+  check_heights(pieces);
+  check_turns(pieces);
+  return outline_of(pieces);
+}
+
+double chord_sag(const std::vector<OutlinePoint>& points) {
+  double most = 0.0;
+  each_point(
+      points, [](const OutlinePoint&) {},
+      [&](const OutlinePoint&, const HollowArc& arc) { most = std::max(most, arc.sag()); });
+  return most;
+}
+
+ToolOutline widened_hollow(const ToolOutline& outline, double radial, double axial) {
+  Pieces moved;
+  const auto add = [&](OutlinePiece piece) {
+    const Vector2d by(radial,
+                      piece.normal_from.y() + piece.normal_to.y() <= 0.0 ? 0.0 : 2.0 * axial);
+    piece.from += by;
+    piece.to += by;
+    const Vector2d last = moved.empty() ? Vector2d::Zero() : moved.back().to;
+    if ((piece.from - last).norm() > same_place) {
+      if (!moved.empty() && inward_bend(moved.back(), piece) > least_bend)
+        join(moved.back(), piece);
+      else
+        moved.push_back(line_piece(last, piece.from));
+    }
+    moved.push_back(piece);
+  };
+  for (const OutlinePiece& piece : outline.pieces)
+    if (!piece.is_arc || piece.radius > 0.0)
+      for (const OutlinePiece& half : halves_of(piece)) add(half);
+  moved.back().to.x() = 0.0;
+  return outline_of(moved);
+}
+
+}  // namespace abbe::cutting

@@ -1,0 +1,590 @@
+// Hollow tools of revolution: their parts, the surface against brute force and closed forms, the
+// search against every move tried, stock, engagement, run-out and bodies, and what is refused.
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iostream>
+#include <map>
+#include <numbers>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "cutting/body.h"
+#include "cutting/contacts.h"
+#include "cutting/engagement.h"
+#include "cutting/first_cuts.h"
+#include "cutting/hollow_outline.h"
+#include "cutting/outline_fault.h"
+#include "cutting/removal.h"
+#include "cutting/rivals.h"
+#include "cutting/run_out.h"
+#include "cutting/streamed_surface.h"
+#include "cutting/surface.h"
+#include "kinematics/units.h"
+#include "tests/cutting/random.h"
+#include "tests/cutting/stock_parts.h"
+#include "tests/oracles/brute_surface.h"
+
+namespace abbe::cutting {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using std::numbers::pi;
+
+namespace hollow_tools {
+
+using Points = std::vector<OutlinePoint>;
+
+struct Tool {
+  const char* name;
+  Points points;
+};
+
+const Points t_slot{{{10, 0}}, {{10, 5}}, {{4, 5}}, {{4, 20}}};
+
+std::vector<Tool> tools() {
+  return {
+      {"step drill", {{{0, 0}}, {{3, 1.5}}, {{3, 8}}, {{5, 9}}, {{5, 15}}}},
+      {"stepped end mill", {{{4, 0}}, {{4, 5}}, {{6, 5}}, {{6, 12}}}},
+      {"T-slot cutter", t_slot},
+      {"dovetail on a shank", {{{8, 0}}, {{5, 6}}, {{2.5, 6}}, {{2.5, 16}}}},
+      {"grooved form cutter", {{{5, 0}}, {{5, 3}}, {{4, 4}}, {{5, 5}}, {{5, 10}}}},
+      {"V with a step", {{{0, 0}}, {{3, 3}}, {{3, 5}}, {{5, 7}}, {{5, 9}}}},
+      {"double angle on an arbor", {{{2, 0}}, {{2, 3}}, {{6, 5}}, {{2, 7}}, {{2, 12}}}},
+      {"round corners and a neck",
+       {{{9, 0}}, {{10, 1}, 1}, {{10, 4}}, {{4, 4}}, {{4, 9}}, {{6, 11}, 2}, {{6, 14}}}},
+  };
+}
+
+/// What rounding, or the pen of who describes a tool, may make of a profile.
+std::vector<Tool> degenerate_tools() {
+  return {
+      {"step of no height", {{{3, 0}}, {{3, 4}}, {{3, 4}}, {{5, 4}}, {{6, 4}}, {{6, 9}}}},
+      {"step of 1e-7 mm", {{{5, 0}}, {{5, 4}}, {{5 + 1e-7, 4}}, {{5 + 1e-7, 10}}}},
+      {"disc of 1e-7 mm",
+       {{{3, 0}}, {{3, 4}}, {{6, 4}}, {{6, 4 + 1e-7}}, {{3, 4 + 1e-7}}, {{3, 9}}}},
+      {"parts that all but touch in a point",
+       {{{5, 0}}, {{5, 3}}, {{1e-3, 3}}, {{5, 3.5}}, {{5, 8}}}},
+      {"groove of 1e-6 mm", {{{5, 0}}, {{5, 3}}, {{5 - 1e-6, 3.5}}, {{5, 4}}, {{5, 8}}}},
+  };
+}
+
+Cutter cutter_of(const Tool& tool) { return form_cutter(profile_through(tool.points)); }
+
+/// The profile in slices from point to point, whatever the engine makes of it.
+std::vector<oracles::BruteLayer> layers_of(const Points& points) {
+  std::vector<oracles::BruteLayer> layers;
+  Vector2d last(0, 0);
+  for (const OutlinePoint& point : points) {
+    const double height = point.at.y() - last.y();
+    if (height > 0)
+      layers.push_back({last.y(), {last.x(), {{point.at.x(), height, point.radius}}}});
+    last = point.at;
+  }
+  return layers;
+}
+
+/// mm from the axis, of the profile at a height; of several the largest.
+double radius_at(const Points& points, double height) {
+  double most = 0.0;
+  Vector2d last(0, 0);
+  for (const OutlinePoint& point : points) {
+    const double low = last.y(), high = point.at.y();
+    if (height >= low && height <= high) {
+      if (high == low) {
+        most = std::max({most, last.x(), point.at.x()});
+      } else if (point.radius == 0.0) {
+        most = std::max(most, last.x() + (height - low) / (high - low) * (point.at.x() - last.x()));
+      }
+    }
+    last = point.at;
+  }
+  return most;
+}
+
+/// Two samples near a ray, both moving and turning by as much as chance has it; now and then a
+/// plunge.
+struct Pair {
+  CutterMotion motion;
+  Ray ray;
+};
+
+Pair any_pair(Random& random, const Cutter& cutter, double band) {
+  const double size = cutter.radius;
+  CutterMotion motion{
+      Eigen::MatrixX3d(2, 3), Eigen::MatrixX3d(2, 3), Eigen::Vector2d(0, 1), {1, 1}};
+  const Vector3d axis = random.once_in(3) ? Vector3d(Vector3d::UnitZ()) : random.direction();
+  const double turn = random.once_in(3) ? 0.0 : random.decades(-9, -1.0);
+  const Vector3d along = random.once_in(6)   ? axis
+                         : random.once_in(3) ? Vector3d(axis.cross(random.direction()).normalized())
+                                             : random.direction();
+  const Vector3d step = random.once_in(8) ? Vector3d(Vector3d::Zero())
+                                          : Vector3d(size * random.decades(-7, 0.5) * along);
+  motion.tip.row(0) = size * random.any();
+  motion.tip.row(1) = motion.tip.row(0) + step.transpose();
+  motion.axis.row(0) = axis;
+  motion.axis.row(1) = turn > 0 ? random.turned_evenly(axis, turn) : axis;
+  const double t = random.in(0, 1), height = random.in(-0.1, 1.1) * cutter.flank_length;
+  const Vector3d around = axis.cross(random.direction()).normalized();
+  const Vector3d place =
+      Vector3d(motion.tip.row(0)) + t * step + height * axis + size * random.in(0, 1.3) * around;
+  const Vector3d normal = random.once_in(4)   ? Vector3d(random.in(-1, 1) < 0 ? axis : -axis)
+                          : random.once_in(4) ? Vector3d(-around)
+                                              : random.direction();
+  return {motion, {place, normal, band}};
+}
+
+Design design_of(const Ray& ray) {
+  Design design;
+  design.vertices = ray.point.transpose();
+  design.normals = ray.normal.transpose();
+  return design;
+}
+
+struct Tally {
+  int pairs = 0, cut = 0, buried = 0, missed = 0, undecided = 0;
+  double late = -1e300, early = -1e300;
+};
+
+void hold_against_brute_force(const Tool& tool, unsigned seed, int pairs, Tally& tally) {
+  constexpr double promise = 1e-6, band = 2.0;  // mm
+  Random random(seed);
+  const Cutter cutter = cutter_of(tool);
+  const auto layers = layers_of(tool.points);
+  for (int n = 0; n < pairs; ++n, ++tally.pairs) {
+    const Pair pair = any_pair(random, cutter, band);
+    const Surface surface =
+        milled_surface(design_of(pair.ray), cutter, pair.motion, {.band = band, .progress = {}});
+    const auto pose = [&](int i) {
+      return oracles::BrutePose{pair.motion.tip.row(i), pair.motion.axis.row(i), double(i)};
+    };
+    const oracles::BruteHit brute =
+        oracles::brute_milled({pair.ray.point, pair.ray.normal}, layers, {pose(0), pose(1)},
+                              {.band = band, .tolerance = 1e-8, .most = 6000});
+    const VertexStatus status = surface.status[0];
+    const std::string where =
+        std::string(tool.name) + ", seed " + std::to_string(seed) + ", pair " + std::to_string(n);
+    if (brute.bound > promise) {
+      ++tally.undecided;
+    } else if (brute.begins_removed) {
+      ++tally.buried;
+      EXPECT_EQ(status, VertexStatus::Gouged) << where;
+    } else if (brute.cut) {
+      ++tally.cut;
+      ASSERT_EQ(status, VertexStatus::Cut) << where << ", brute " << brute.s;
+      tally.late = std::max(tally.late, surface.residual[0] - brute.s);
+      tally.early = std::max(tally.early, brute.s - brute.bound - surface.residual[0]);
+    } else {
+      ++tally.missed;
+      EXPECT_NE(status, VertexStatus::Cut) << where << ", " << surface.residual[0];
+    }
+  }
+  std::cout << tool.name << ": seed " << seed << ", " << cutter.outline->parts.size() << " parts, "
+            << tally.pairs << " pairs, " << tally.cut << " cut, " << tally.buried
+            << " begin removed, " << tally.missed << " not cut, " << tally.undecided
+            << " undecided by brute force; later by " << 1e6 * tally.late << " nm, earlier by "
+            << 1e6 * tally.early << " nm at most\n";
+  EXPECT_LT(tally.late, promise) << tool.name;
+  EXPECT_LT(tally.early, promise) << tool.name;
+  EXPECT_GT(tally.cut, pairs / 10) << tool.name;
+  EXPECT_LT(tally.undecided, pairs / 10) << tool.name;
+}
+
+}  // namespace hollow_tools
+
+/// Every tool against brute force in long double: the surface of one move, moving and turning.
+TEST(HollowCutter, AgreesWithBruteForceToANanometre) {
+  using namespace hollow_tools;
+  for (const Tool& tool : tools()) {
+    Tally tally;
+    hold_against_brute_force(tool, 2201, 200 * longer(30), tally);
+  }
+}
+
+TEST(HollowCutter, AgreesWithBruteForceWhereItsProfileDegenerates) {
+  using namespace hollow_tools;
+  for (const Tool& tool : degenerate_tools()) {
+    Tally tally;
+    hold_against_brute_force(tool, 2202, 120 * longer(30), tally);
+  }
+}
+
+/// The parts make up the profile: inside of one of them is inside of it, and the other way round,
+/// and what is within a hair of a face between two of them is well inside of one.
+TEST(HollowCutter, PartsMakeUpTheProfile) {
+  using namespace hollow_tools;
+  Random random(2203);
+  for (const Tool& tool : tools()) {
+    const ToolOutline outline = profile_through(tool.points);
+    const bool has_arcs = std::ranges::any_of(tool.points, [](auto& p) { return p.radius > 0; });
+    ASSERT_TRUE(is_hollow(outline)) << tool.name;
+    EXPECT_DOUBLE_EQ(outline.height, tool.points.back().at.y());
+    for (const ToolOutline& part : outline.parts) EXPECT_FALSE(is_hollow(part));
+    for (int i = 0; i < 20000 && !has_arcs; ++i) {
+      const Vector2d place(random.in(0, 1.2) * outline.radius, random.in(0, 1) * outline.height);
+      const double inside_by = radius_at(tool.points, place.y()) - place.x();
+      if (std::abs(inside_by) < 1e-9) continue;
+      EXPECT_EQ(distance(outline, place).value<0.0, inside_by> 0.0)
+          << tool.name << " " << place.transpose();
+    }
+    for (std::size_t i = 0; i + 1 < tool.points.size(); ++i) {
+      const Vector2d corner = tool.points[i].at;
+      const double narrowest = std::min(radius_at(tool.points, corner.y() + 1e-6),
+                                        radius_at(tool.points, std::max(0.0, corner.y() - 1e-6)));
+      if (i > 0 && !has_arcs) {
+        EXPECT_LT(distance(outline, {0.5 * narrowest, corner.y()}).value, -1e-2) << tool.name;
+      }
+    }
+  }
+}
+
+/// A profile that does not bend inwards is the outline that it was.
+TEST(HollowCutter, OfAConvexProfileIsTheFormCutter) {
+  using Points = std::vector<OutlinePoint>;
+  for (const Points& points :
+       {Points{{{1, 0}}, {{2.4, 0.5}, 2.4}, {{2.4, 14.5}, 20}},
+        Points{{{0, 0}}, {{4, 2}}, {{4, 9}}, {{2, 9}}}, Points{{{8, 0}}, {{5, 6}}}})
+    EXPECT_EQ(profile_through(points), outline_through(points));
+}
+
+/// What the search through the moves of each part finds is what trying every move finds, to the
+/// bit.
+TEST(HollowCutter, SearchFindsWhatEveryMoveTriedFinds) {
+  using namespace hollow_tools;
+  Random random(2204);
+  int cut = 0, rays = 0;
+  for (const Tool& tool : tools())
+    for (int round = 0; round < 6 * longer(20); ++round) {
+      const Cutter cutter = cutter_of(tool);
+      const int moves = 60;
+      CutterMotion motion{Eigen::MatrixX3d(moves + 1, 3), Eigen::MatrixX3d(moves + 1, 3),
+                          Eigen::VectorXd::LinSpaced(moves + 1, 0, moves),
+                          std::vector<int>(moves + 1, 1)};
+      const double step = random.decades(-3, 0.5),
+                   turn = random.once_in(3) ? 0.0 : random.decades(-6, -1);
+      Vector3d tip = random.any(), axis = random.direction();
+      for (int i = 0; i <= moves; ++i) {
+        motion.tip.row(i) = tip;
+        motion.axis.row(i) = axis;
+        tip += step * random.direction();
+        if (turn > 0) axis = random.turned_evenly(axis, turn);
+      }
+      for (const Cutter& part : convex_parts(cutter)) {
+        const SweepTree tree(part, motion);
+        SweepTree::Hint hint;
+        for (int i = 0; i < 40; ++i, ++rays) {
+          const int at = random.below(moves);
+          const double height = random.in(-0.1, 1.1) * cutter.flank_length;
+          const Vector3d u = motion.axis.row(at);
+          const Ray ray{
+              Vector3d(motion.tip.row(at)) + height * u +
+                  cutter.radius * random.in(0, 1.3) * u.cross(random.direction()).normalized(),
+              random.once_in(3) ? u : random.direction(), random.decades(-1, 1)};
+          const auto expected = first_of_every_move(part, motion, ray);
+          const auto found = tree.first_removal(ray, hint);
+          ASSERT_EQ(found.has_value(), expected.has_value()) << tool.name << ", seed 2204";
+          if (!found) continue;
+          ++cut;
+          ASSERT_EQ(found->s, expected->s) << tool.name << ", seed 2204";
+          if (found->s > -ray.band) {
+            ASSERT_EQ(found->move, expected->move) << tool.name;
+          }
+        }
+      }
+    }
+  std::cout << rays << " rays, " << cut << " cut\n";
+  EXPECT_GT(cut, rays / 5);
+}
+
+/// A straight path leaves the section of the tool: its walls where its radius is, at every height,
+/// and the shoulders of a T-slot where its upper face is.
+TEST(HollowCutter, OnAStraightPathLeavesItsSection) {
+  using namespace hollow_tools;
+  for (const Tool& tool : {Tool{"stepped end mill", {{{4, 0}}, {{4, 5}}, {{6, 5}}, {{6, 12}}}},
+                           Tool{"T-slot cutter", t_slot},
+                           Tool{"grooved", {{{5, 0}}, {{5, 3}}, {{4, 4}}, {{5, 5}}, {{5, 10}}}}}) {
+    const Cutter cutter = cutter_of(tool);
+    CutterMotion motion{
+        Eigen::MatrixX3d(2, 3), Eigen::MatrixX3d(2, 3), Eigen::Vector2d(0, 1), {1, 1}};
+    motion.tip << -30, 0, 0, 30, 0, 0;
+    motion.axis << 0, 0, 1, 0, 0, 1;
+    constexpr double wall = 6.5;
+    constexpr int count = 400;
+    Design design;
+    design.vertices.resize(count, 3);
+    design.normals.resize(count, 3);
+    for (int i = 0; i < count; ++i) {
+      const double height = cutter.flank_length * (i + 0.5) / count;
+      design.vertices.row(i) << 3.0 * std::sin(i), wall, height;
+      design.normals.row(i) << 0, -1, 0;
+    }
+    const Surface surface = milled_surface(design, cutter, motion, {.band = 5.0, .progress = {}});
+    for (int i = 0; i < count; ++i) {
+      ASSERT_EQ(surface.status[std::size_t(i)], VertexStatus::Cut) << tool.name;
+      EXPECT_NEAR(surface.residual[i], wall - radius_at(tool.points, design.vertices(i, 2)), 1e-9)
+          << tool.name << " at " << design.vertices(i, 2);
+    }
+  }
+  const Cutter cutter = form_cutter(profile_through(t_slot));
+  CutterMotion motion{
+      Eigen::MatrixX3d(2, 3), Eigen::MatrixX3d(2, 3), Eigen::Vector2d(0, 1), {1, 1}};
+  motion.tip << -30, 0, 0, 30, 0, 0;
+  motion.axis << 0, 0, 1, 0, 0, 1;
+  Design overhang;
+  overhang.vertices = Eigen::RowVector3d(0, 7, 5.25);
+  overhang.normals = Eigen::RowVector3d(0, 0, -1);
+  const Surface surface = milled_surface(overhang, cutter, motion);
+  ASSERT_EQ(surface.status[0], VertexStatus::Cut);
+  EXPECT_NEAR(surface.residual[0], 0.25, 1e-9);
+  const Contacts contacts = milled_contacts(overhang, surface, cutter, motion);
+  EXPECT_NEAR(contacts.gradient(0, 2), -1.0, 1e-9);
+}
+
+/// In blocks as at once, gouges among them.
+TEST(HollowCutter, AMotionInBlocksLeavesTheSame) {
+  using namespace hollow_tools;
+  Random random(2205);
+  const Cutter cutter = form_cutter(profile_through(t_slot));
+  const int n = 200;
+  CutterMotion motion{Eigen::MatrixX3d(n, 3), Eigen::MatrixX3d(n, 3),
+                      Eigen::VectorXd::LinSpaced(n, 0, n - 1), std::vector<int>(n, 1)};
+  for (int i = 0; i < n; ++i) {
+    motion.tip.row(i) << 0.3 * i - 30, 2 * std::sin(0.1 * i), 0.2 * std::cos(0.3 * i);
+    motion.axis.row(i) = Vector3d(0.1 * std::sin(0.02 * i), 0.05, 1).normalized();
+    motion.line[std::size_t(i)] = i;
+  }
+  Design design;
+  design.vertices.resize(500, 3);
+  design.normals.resize(500, 3);
+  for (int i = 0; i < 500; ++i) {
+    design.vertices.row(i) << random.in(-25, 25), random.in(2, 13), random.in(0, 8);
+    design.normals.row(i) = random.direction();
+  }
+  const Surface whole = milled_surface(design, cutter, motion);
+  const auto begin = [&]() -> MotionBlocks {
+    return [&motion, from = 0]() mutable -> std::optional<MotionBlock> {
+      if (from + 1 >= n) return std::nullopt;
+      const int count = std::min(41, n - from);
+      CutterMotion one{motion.tip.middleRows(from, count),
+                       motion.axis.middleRows(from, count),
+                       motion.time_s.segment(from, count),
+                       {motion.line.begin() + from, motion.line.begin() + from + count}};
+      from += count - 1;
+      return MotionBlock{one, double(from + 1) / n};
+    };
+  };
+  const Surface streamed = streamed_surface(design, cutter, begin);
+  int cut = 0;
+  for (std::size_t i = 0; i < whole.status.size(); ++i) {
+    ASSERT_EQ(whole.status[i], streamed.status[i]);
+    if (whole.status[i] != VertexStatus::Cut) continue;
+    ++cut;
+    EXPECT_EQ(whole.residual[Eigen::Index(i)], streamed.residual[Eigen::Index(i)]);
+    EXPECT_EQ(whole.cut_line[i], streamed.cut_line[i]);
+  }
+  EXPECT_GT(cut, 50);
+}
+
+/// An arc that bulges inwards: chords that are nowhere smaller than the arc, and by what is said
+/// larger.
+TEST(HollowCutter, ChordsOfAHollowArcLieInsideOfItByTheirSag) {
+  const double R = 3.0;
+  const std::vector<OutlinePoint> points{{{2, 0}}, {{5, 3}, -R}, {{5, 8}}};
+  const ToolOutline outline = profile_through(points);
+  const double sag = chord_sag(points);
+  EXPECT_GT(sag, 0.5 * most_chord_sag);
+  EXPECT_LE(sag, most_chord_sag);
+  EXPECT_EQ(chord_sag({{{2, 0}}, {{5, 3}}, {{5, 8}}}), 0.0);
+  double most = 0.0;
+  for (int i = 0; i <= 5000; ++i) {
+    const double angle = 0.5 * pi * i / 5000;
+    // the middle of a corner rounding tool's arc stands beside it
+    const Vector2d place = Vector2d(5, 0) + R * Vector2d(-std::cos(angle), std::sin(angle));
+    const double inside_by = -distance(outline, place).value;
+    EXPECT_GT(inside_by, -1e-9) << angle;
+    most = std::max(most, inside_by);
+  }
+  std::cout << outline.parts.size() << " parts, " << 1e3 * most << " um larger, said " << 1e3 * sag
+            << " um\n";
+  EXPECT_LT(most, sag + 1e-9);
+  EXPECT_GT(most, 0.9 * sag);
+}
+
+TEST(HollowCutter, ProfilesThatCannotBeAreRefusedAtTheirPoint) {
+  using Points = std::vector<OutlinePoint>;
+  const auto refused = [](const Points& points, const char* text, const Vector2d& at) {
+    try {
+      profile_through(points);
+      ADD_FAILURE() << "taken: " << text;
+    } catch (const OutlineFault& fault) {
+      EXPECT_NE(std::string(fault.what()).find(text), std::string::npos) << fault.what();
+      EXPECT_LT((fault.at - at).norm(), 1e-9) << fault.what();
+    }
+  };
+  EXPECT_THROW(profile_through({}), std::invalid_argument);
+  refused({{{3, 0}}, {{3, 4}}, {{5, 3}}, {{5, 9}}}, "expected a height of 4 mm at least", {5, 3});
+  refused({{{3, 1}}, {{3, 4}}}, "begin at height 0", {3, 1});
+  refused({{{3, 0}}, {{0, 4}}, {{5, 9}}}, "a radius above 0", {0, 4});
+  refused({{{3, 0}}, {{-1, 4}}, {{5, 9}}}, "of 0 and more", {-1, 4});
+  refused({{{3, 0}}, {{3, 4}}, {{6, 4}}, {{3, 4}}, {{3, 9}}}, "turns back on itself", {6, 4});
+  refused({{{6, 0}}, {{3, 0}}, {{3, 4}}}, "turns back on itself", {6, 0});
+  refused({{{3, 0}}, {{3, 4}}, {{6, 4}}}, "turns back on itself", {6, 4});
+  refused({{{3, 0}}, {{3, 4}, 1}, {{6, 6}}}, "an arc of radius 2", {3, 4});
+  refused({{{3, 0}}, {{3, 4}, -1}, {{6, 6}}}, "bulges inwards with a radius of 2", {3, 4});
+  refused({{{3, 0}}, {{3, 4}}, {{5, 4.1}, 2}, {{5, 9}}}, "between the heights of its ends",
+          {5, 4.1});
+  EXPECT_THROW(profile_through({{{3, 0}}, {{3, NAN}}, {{6, 6}}}), OutlineFault);
+  refused({{{3, 0}}, {{2000, 3000}, -4000}, {{2000, 4000}}}, "at most 200 chords", {2000, 3000});
+}
+
+/// A T-slot cutter takes its slot out of a block, and no more; its shank, in the neck's slot, meets
+/// nothing.
+TEST(HollowStock, ATSlotIsItsSection) {
+  const Cutter cutter = form_cutter(profile_through(hollow_tools::t_slot));
+  Stock stock = box({-20, -15, -12}, {20, 15, 0}, 0.25);
+  const double before = volume(stock);
+  const Removed taken = remove(stock, cutter, {pose({-40, 0, -10}), pose({40, 0, -10}), 1, false});
+  EXPECT_FALSE(taken.crashed);
+  EXPECT_NEAR(taken.volume, 40 * (20 * 5 + 8 * 5), 40.0);
+  EXPECT_NEAR(before - volume(stock), taken.volume, 1e-6);
+  EXPECT_GT(depth(stock, {0, 7, -4}), 0.0);  // the overhang stays
+  EXPECT_LT(depth(stock, {0, 7, -6}), 0.0);  // below it is the slot
+  EXPECT_LT(depth(stock, {0, 3, -2}), 0.0);  // and the neck's way
+  Stock rapid = box({-20, -15, -12}, {20, 15, 0}, 0.5);
+  EXPECT_TRUE(remove(rapid, cutter, {pose({-40, 0, -10}), pose({40, 0, -10}), 1, true}).crashed);
+}
+
+/// A leaning, turning tool takes out of the stock what it takes at places tried along its way.
+TEST(HollowStock, TakesWhatLiesInTheToolOnItsWay) {
+  Random random(2206);
+  for (const auto& tool : hollow_tools::tools()) {
+    const Cutter cutter = hollow_tools::cutter_of(tool);
+    Stock stock = box({-12, -12, -12}, {12, 12, 12}, 0.5);
+    const Vector3d axis = random.turned(Vector3d::UnitZ(), 0.3);
+    const Vector3d target = random.turned(axis, 0.02);
+    const Vector3d tip = 4 * random.any(), step = 5 * random.any();
+    remove(stock, cutter, {pose(tip, axis), pose(tip + step, target), 1, false});
+    int inside = 0;
+    for (int i = 0; i < 4000; ++i) {
+      const double t = random.in(0, 1);
+      const Vector3d u = ((1 - t) * axis + t * target).normalized();
+      const Vector3d place = 11 * random.any(), from = place - tip - t * step;
+      const double height = from.dot(u), rho = (from - height * u).norm();
+      if (distance(*cutter.outline, {rho, height}).value > -0.9) continue;
+      ++inside;
+      EXPECT_LE(depth(stock, place), 0.0) << tool.name << ", seed 2206";
+    }
+    EXPECT_GT(inside, 20) << tool.name;
+  }
+}
+
+TEST(HollowEngagement, SlicesMakeUpTheProfile) {
+  const Cutter cutter = form_cutter(profile_through(hollow_tools::t_slot));
+  double area = 0.0;
+  for (const EdgeSlice& slice : slices(cutter)) area += 2 * pi * slice.radius * slice.length;
+  EXPECT_NEAR(area, pi * 100 + 2 * pi * 10 * 5 + pi * (100 - 16) + 2 * pi * 4 * 15, 1e-6);
+}
+
+/// What is engaged, seen along the feed, times the step is what the move removes.
+TEST(HollowEngagement, WhatTheArcsSweepIsWhatTheMoveRemoves) {
+  constexpr double step = 1.0, z = -9.0;
+  for (const hollow_tools::Tool& tool : hollow_tools::tools()) {
+    const Cutter cutter = hollow_tools::cutter_of(tool);
+    Stock stock = box({-30, -20, -20}, {30, 1.3, 0.0}, 0.25);
+    remove(stock, cutter, {pose({-40, 0, z}), pose({0, 0, z}), 1, false});
+    const Engagement met = engagement(stock, cutter, pose({step, 0, z}), Vector3d::UnitX());
+    double swept = 0.0;  // mm^2
+    for (const EngagedArc& arc : met.arcs) {
+      const EdgeSlice& slice = met.slices[std::size_t(arc.slice)];
+      swept += slice.length * slice.radius * std::sin(slice.kappa) *
+               (std::sin(arc.to) - std::sin(arc.from));
+    }
+    const double removed =
+        remove(stock, cutter, {pose({0, 0, z}), pose({step, 0, z}), 2, false}).volume;
+    std::cout << tool.name << ": arcs times step " << swept * step << " mm^3, removed " << removed
+              << " mm^3\n";
+    EXPECT_NEAR(swept * step, removed, 0.05 * removed) << tool.name;
+  }
+}
+
+/// Run-out: the sum of the profile with a rectangle, place by place.
+TEST(HollowRunOut, HoldsTheProfileMovedAboutAndNoMore) {
+  using namespace hollow_tools;
+  Random random(2207);
+  constexpr double radial = 0.2, axial = 0.1;
+  for (const Tool& tool : tools()) {
+    const bool has_arcs = std::ranges::any_of(tool.points, [](auto& p) { return p.radius > 0; });
+    const Cutter cutter = cutter_of(tool);
+    const Cutter across = with_run_out(cutter, radial, 0.0);
+    EXPECT_DOUBLE_EQ(across.radius, cutter.radius + radial);
+    EXPECT_DOUBLE_EQ(across.flank_length, cutter.flank_length);
+    if (has_arcs) continue;
+    const Cutter both = with_run_out(cutter, radial, axial);
+    EXPECT_NEAR(both.flank_length, cutter.flank_length + 2 * axial, 1e-12);
+    for (int i = 0; i < 3000; ++i) {
+      const Vector2d place(random.in(0, 1.2) * both.radius, random.in(0, 1) * both.flank_length);
+      double most = -1.0;
+      for (int k = 0; k <= 400; ++k) {
+        const double height = place.y() - 2 * axial * k / 400;
+        if (height >= 0 && height <= cutter.flank_length)
+          most = std::max(most, radius_at(tool.points, height));
+      }
+      const double inside_by = most + radial - place.x();
+      if (std::abs(inside_by) > 2e-3) {
+        EXPECT_EQ(distance(*both.outline, place).value<0.0, inside_by> 0.0)
+            << tool.name << " " << place.transpose();
+      }
+    }
+  }
+  const Cutter groove =
+      form_cutter(profile_through({{{5, 0}}, {{5, 3}}, {{4.9, 3.1}}, {{5, 3.2}}, {{5, 8}}}));
+  EXPECT_THROW(with_run_out(groove, 0.1, 0.3), std::invalid_argument);
+}
+
+TEST(HollowBody, IsClosedAndLiesAroundTheProfile) {
+  constexpr double sag = 0.01;
+  for (const auto& tool : hollow_tools::tools()) {
+    const Cutter cutter = hollow_tools::cutter_of(tool);
+    const ClosedMesh mesh = cutter_mesh(cutter, sag);
+    std::map<std::pair<int, int>, int> sides;
+    for (const auto& t : mesh.triangles.rowwise())
+      for (int k = 0; k < 3; ++k) ++sides[{t[k], t[(k + 1) % 3]}];
+    for (const auto& [side, count] : sides) {
+      EXPECT_EQ(count, 1) << tool.name;
+      EXPECT_TRUE(sides.contains({side.second, side.first})) << tool.name;
+    }
+    for (const auto& v : mesh.vertices.rowwise()) {
+      const double out = distance(*cutter.outline, {v.head<2>().norm(), v.z()}).value;
+      EXPECT_GT(out, -1e-9) << tool.name;
+      EXPECT_LT(out, 1.01 * sag) << tool.name;
+    }
+    EXPECT_EQ(cutter_pieces(cutter, sag).size(), cutter.outline->parts.size());
+    for (const Cutter& part : convex_parts(cutter))
+      for (const double margin : {1e-3, 0.1, 5.0}) {
+        const ShrunkCutter inner = shrunk(part, margin);
+        for (const OutlinePiece& piece : inner.cutter.outline->pieces)
+          EXPECT_LT(distance(*part.outline, piece.to + Vector2d(0, inner.raised)).value, 0.0);
+      }
+  }
+}
+
+TEST(HollowCutter, WhatAsksForAConvexCutterRefusesIt) {
+  const Cutter cutter = form_cutter(profile_through(hollow_tools::t_slot));
+  CutterMotion motion{
+      Eigen::MatrixX3d(2, 3), Eigen::MatrixX3d(2, 3), Eigen::Vector2d(0, 1), {1, 1}};
+  motion.tip << -30, 0, 0, 30, 0, 0;
+  motion.axis << 0, 0, 1, 0, 0, 1;
+  Design design;
+  design.vertices = Eigen::RowVector3d(0, 7, 5.25);
+  design.normals = Eigen::RowVector3d(0, 0, -1);
+  EXPECT_THROW(milled_rivals(design, cutter, motion, {}), std::invalid_argument);
+  EXPECT_THROW(first_of_every_move(cutter, motion, {{0, 0, 0}, {0, 0, 1}}), std::invalid_argument);
+  EXPECT_THROW(SweepTree(cutter, motion), std::invalid_argument);
+  EXPECT_THROW(shrunk(cutter, 0.1), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace abbe::cutting
