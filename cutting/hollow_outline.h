@@ -29,8 +29,7 @@ double chord_sag(const std::vector<OutlinePoint>& points);
 /// The hollow outline moved across the axis by up to `radial` and along it by up to `axial`, mm,
 /// from where the tip then is at the lowest: every height comes up at every angle.
 /// @throws std::invalid_argument where it is moved along the axis and a corner that bends inwards
-/// is
-///         the end of an arc, or the groove beside it is lower than that
+///         is the end of an arc, or the groove beside it is lower than that
 ToolOutline widened_hollow(const ToolOutline& outline, double radial, double axial);
 
 }  // namespace abbe::cutting

@@ -8,6 +8,7 @@
 #include <tbb/global_control.h>
 
 #include "cutting/residual.h"
+#include "tests/sim/refusal.h"
 #include "tests/study/small_studies.h"
 
 namespace abbe::sim::study {
@@ -391,6 +392,28 @@ TEST(Influence, AWilderSpindleThanThatOfTheBaseRunCanBeCut) {
     const Tried tried = cut_at(made.study, made.ready, made.ready.job, x);
     EXPECT_GT(tried.responses[0], 0.0) << factor;
   }
+}
+
+/// The passes of a hollow cutter are those of its parts, of which an influence map knows nothing.
+TEST(Influence, AHollowCutterIsRefused) {
+  const BallRaster dome{.part =
+                            "surface = \"sphere_cap\"\nradius_mm = 20\nrim_radius_mm = 4\n"
+                            "at_mm = [40, 25, 80]\nvertices = 100\n",
+                        .step_over = 2.0,
+                        .step = 2.0};
+  const std::string common = to_toml(dome), line = common.substr(common.find("tool = "));
+  const SceneFolder folder;
+  folder.write("tool.toml",
+               "kind = \"profile\"\nlength_mm = 100\nradii_mm = [2, 2, 5, 5]\n"
+               "heights_mm = [0, 1, 1, 10]\n");
+  folder.write("scene.toml", with(common, line.substr(0, line.find('\n')), "tool = \"tool.toml\""));
+  const Study study = read_study(folder.write("study.toml", "scene = \"scene.toml\"\n" +
+                                                                by_path("setup.EA_urad", 0.0, 1.0) +
+                                                                "[monte_carlo]\ncases = 64\n"));
+  const ReadyArm ready = ready_arm(study, study.arms.front());
+  const std::string said = refusal_by([&] { influence_map(study, ready); });
+  EXPECT_NE(said.find("a convex tool for influence maps"), std::string::npos) << said;
+  EXPECT_NE(said.find("tool.kind = \"profile\""), std::string::npos) << said;
 }
 
 /// The dome of the README, 200 machines of it, as the promise is stated. Minutes: only if asked.
