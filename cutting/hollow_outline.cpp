@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include <fmt/format.h>
 
 #include "cutting/outline_fault.h"
 #include "cutting/outline_pieces.h"
-#include "kinematics/numbers.h"
 
 namespace abbe::cutting {
 
@@ -23,6 +23,23 @@ constexpr int most_chords = 200;
 
 Vector2d along(const Vector2d& normal) { return {-normal.y(), normal.x()}; }
 
+void check_rise(double before, const Vector2d& to) {
+  if (to.y() < before)
+    throw OutlineFault(fmt::format("outline: expected a height of {:g} mm at least, that of the "
+                                   "point before, seen {:g} mm",
+                                   before, to.y()),
+                       to, Number::Second);
+}
+
+void check_between(const OutlinePiece& piece, double least_normal_x, const Vector2d& to) {
+  if (!(least_normal_x >= -least_bend))
+    throw OutlineFault(
+        fmt::format("outline: expected an arc that keeps between the heights of its ends, seen "
+                    "one of {:g} mm to ({:g}, {:g}) mm",
+                    piece.radius, to.x(), to.y()),
+        to, Number::Radius);
+}
+
 // ---- arcs that bulge inwards --------------------------------------------------------------------
 
 /// An arc that bulges inwards, run through the other way, in which it bulges outwards.
@@ -34,7 +51,10 @@ OutlinePiece turned_round(const Vector2d& from, const Vector2d& to, double radiu
                     "least to ({:g}, {:g}), seen {:g}",
                     half, to.x(), to.y(), radius),
         to, Number::Radius);
-  return arc_piece(to, from, radius);
+  check_rise(from.y(), to);
+  const OutlinePiece round = arc_piece(to, from, radius);
+  check_between(round, -std::max(round.normal_from.x(), round.normal_to.x()), to);
+  return round;
 }
 
 /// An arc that bulges inwards, with as few chords as keep to the sag.
@@ -45,8 +65,9 @@ struct HollowArc {
 
   HollowArc(const Vector2d& from, const Vector2d& to, double radius)
       : round(turned_round(from, to, radius)),
-        turn(std::atan2(sine_between(round.normal_from, round.normal_to),
-                        round.normal_from.dot(round.normal_to))),
+        // of half a circle the sine may be -0
+        turn(std::abs(std::atan2(sine_between(round.normal_from, round.normal_to),
+                                 round.normal_from.dot(round.normal_to)))),
         chords(std::max(
             1, int(std::ceil(turn /
                              (2.0 * std::acos(std::max(-1.0, 1.0 - most_chord_sag / radius))))))) {
@@ -68,22 +89,26 @@ struct HollowArc {
   }
 };
 
-/// Calls use(point) for those without an arc that bulges inwards, use(point, arc) for the others.
+/// Calls straight(point) for those without an arc that bulges inwards, arc(point, its arc) for the
+/// others.
 template <class Straight, class Arc>
 void each_point(const std::vector<OutlinePoint>& points, const Straight& straight, const Arc& arc) {
   Vector2d last = Vector2d::Zero();
   for (const OutlinePoint& point : points) {
-    const bool bulges_inwards = std::isfinite(point.radius) && point.radius < 0.0 &&
-                                point.at.allFinite() && (point.at - last).norm() > same_place;
-    if (bulges_inwards)
+    const bool bulges_inwards =
+        std::isfinite(point.radius) && point.radius < 0.0 && point.at.allFinite();
+    if (!bulges_inwards)
+      straight(point);
+    else if ((point.at - last).norm() > same_place)
       arc(point, HollowArc(last, point.at, -point.radius));
     else
-      straight(point);
+      straight({point.at});
     last = point.at;
   }
 }
 
 std::vector<OutlinePoint> with_chords(const std::vector<OutlinePoint>& points) {
+  if (points.empty() || !(std::abs(points.front().at.y()) <= same_place)) return points;
   std::vector<OutlinePoint> all;
   each_point(
       points, [&](const OutlinePoint& point) { all.push_back(point); },
@@ -99,18 +124,8 @@ std::vector<OutlinePoint> with_chords(const std::vector<OutlinePoint>& points) {
 void check_heights(const Pieces& pieces) {
   for (std::size_t i = 0; i + 1 < pieces.size(); ++i) {
     const OutlinePiece& piece = pieces[i];
-    if (piece.to.y() < piece.from.y())
-      throw OutlineFault(
-          fmt::format("outline: expected a height of {:g} mm at least, that of the point before, "
-                      "seen {:g} mm",
-                      piece.from.y(), piece.to.y()),
-          piece.to, Number::Second);
-    if (!(std::min(piece.normal_from.x(), piece.normal_to.x()) >= -least_bend))
-      throw OutlineFault(
-          fmt::format("outline: expected an arc that keeps between the heights of its ends, seen "
-                      "one of {:g} mm to ({:g}, {:g}) mm",
-                      piece.radius, piece.to.x(), piece.to.y()),
-          piece.to, Number::Radius);
+    check_rise(piece.from.y(), piece.to);
+    check_between(piece, std::min(piece.normal_from.x(), piece.normal_to.x()), piece.to);
     if (piece.to.x() <= same_place)
       throw OutlineFault(
           fmt::format("outline: expected a radius above 0 above its tip, seen {:g} mm at {:g} mm",
@@ -152,8 +167,8 @@ ToolOutline closed_run(const Pieces& run) {
   return closed_outline(pieces);
 }
 
-/// Half of the way that a convex outline has for a line from a corner of it, and no nearer to the
-/// axis than half of the corner is.
+/// The middle of what a line from a corner of a convex outline has inside of it, and no nearer to
+/// the axis than half of the corner is.
 Vector2d half_way_in(const ToolOutline& outline, const Vector2d& corner, const Vector2d& line) {
   if (std::abs(line.y()) <= least_bend) return corner;
   const double end = line.y() > 0.0 ? outline.height : outline.pieces.front().from.y();
@@ -218,15 +233,15 @@ ToolOutline outline_of(const Pieces& pieces) {
 // ---- run-out ------------------------------------------------------------------------------------
 
 /// Two lines that have been moved apart at a corner that bends inwards, up to where they meet.
-void join(OutlinePiece& before, OutlinePiece& after) {
+void join(OutlinePiece& before, OutlinePiece& after, const Vector2d& corner) {
   const Vector2d u = along(before.normal_to), v = along(after.normal_from);
   const double way = sine_between(after.from - before.from, v) / sine_between(u, v);
   const Vector2d meet = before.from + way * u;
   if (before.is_arc || after.is_arc || !(way > 0.0) || !((after.to - meet).dot(v) > 0.0))
     throw std::invalid_argument(
         fmt::format("run-out along the axis: expected a groove of straight lines that is higher, "
-                    "seen what bends inwards at ({:g}, {:g}) mm",
-                    meet.x(), meet.y()));
+                    "seen a tool whose outline bends inwards at ({:g}, {:g}) mm",
+                    corner.x(), corner.y()));
   before.to = after.from = meet;
 }
 
@@ -240,7 +255,90 @@ Pieces halves_of(const OutlinePiece& piece) {
   return {below, above};
 }
 
+// ---- the inside ---------------------------------------------------------------------------------
+
+/// The pieces beside the axis: not the flats of tip and top.
+Pieces sides_of(const ToolOutline& outline) {
+  Pieces sides;
+  for (const OutlinePiece& piece : outline.pieces) {
+    const bool is_flat = std::abs(piece.to.y() - piece.from.y()) <= same_place;
+    if (!is_flat || std::min(piece.from.x(), piece.to.x()) > same_place) sides.push_back(piece);
+  }
+  return sides;
+}
+
+double radius_at(const OutlinePiece& piece, double height) {
+  const double rise = piece.to.y() - piece.from.y();
+  if (rise <= same_place) return std::min(piece.from.x(), piece.to.x());
+  if (!piece.is_arc)
+    return piece.from.x() + (height - piece.from.y()) / rise * (piece.to.x() - piece.from.x());
+  const Vector2d middle = piece.from - piece.radius * piece.normal_from;
+  const double up = height - middle.y();
+  return middle.x() + std::sqrt(std::max(0.0, piece.radius * piece.radius - up * up));
+}
+
+/// The least radius between two heights: no piece is narrower than at one of its ends.
+double least_radius(const Pieces& sides, double low, double high) {
+  double least = std::numeric_limits<double>::infinity();
+  for (const OutlinePiece& piece : sides) {
+    const double from = std::max(low, piece.from.y()), to = std::min(high, piece.to.y());
+    if (from <= to) least = std::min({least, radius_at(piece, from), radius_at(piece, to)});
+  }
+  return least;
+}
+
+/// Of the corners that bend inwards the one nearest to the axis.
+double neck_radius(const Pieces& sides) {
+  double neck = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 1; i < sides.size(); ++i)
+    if (inward_bend(sides[i - 1], sides[i]) > least_bend) neck = std::min(neck, sides[i].from.x());
+  return neck;
+}
+
+/// Places joined by as few lines as lie on or below them, by the tolerance at most.
+std::vector<Vector2d> joined_below(const std::vector<Vector2d>& places, double tolerance) {
+  const auto is_below = [&](std::size_t from, std::size_t to) {
+    const Vector2d way = places[to] - places[from];
+    for (std::size_t k = from + 1; k < to; ++k) {
+      const double x = places[from].x() + (places[k].y() - places[from].y()) / way.y() * way.x();
+      if (x > places[k].x() + 1e-12 || x < places[k].x() - tolerance) return false;
+    }
+    return true;
+  };
+  std::vector<Vector2d> few{places.front()};
+  for (std::size_t from = 0; from + 1 < places.size();) {
+    std::size_t to = from + 1;
+    while (to + 1 < places.size() && is_below(from, to + 1)) ++to;
+    few.push_back(places[to]);
+    from = to;
+  }
+  return few;
+}
+
 }  // namespace
+
+InnerOutline inside_hollow(const ToolOutline& outline, double margin) {
+  const Pieces sides = sides_of(outline);
+  margin = std::min(margin, 0.5 * neck_radius(sides));
+  constexpr double most_cells = 1000.0;
+  const double room = outline.height - 2.0 * margin;
+  if (!(room > 0.0)) throw std::invalid_argument("outline: nothing of it lies that deep");
+  const double cells = std::clamp(std::ceil(4.0 * room / margin), 1.0, most_cells);
+  std::vector<Vector2d> places;
+  for (int i = 0; i <= int(cells); ++i) {
+    const double height = margin + i / cells * room, window = margin + room / cells;
+    places.emplace_back(least_radius(sides, height - window, height + window) - margin, height);
+  }
+  const auto is_there = [&](const Vector2d& place) { return place.x() > 0.1 * margin; };
+  const auto first = std::ranges::find_if(places, is_there);
+  const auto last = std::find_if(places.rbegin(), places.rend(), is_there).base();
+  if (last - first < 2) throw std::invalid_argument("outline: nothing of it lies that deep");
+  const double raised = first->y();
+  std::vector<OutlinePoint> points;
+  for (const Vector2d& place : joined_below({first, last}, 0.05 * margin))
+    points.push_back({{place.x(), place.y() - raised}});
+  return {profile_through(points), raised};
+}
 
 ToolOutline profile_through(const std::vector<OutlinePoint>& points) {
   const Pieces pieces = pieces_through(with_chords(points));
@@ -262,12 +360,13 @@ ToolOutline widened_hollow(const ToolOutline& outline, double radial, double axi
   const auto add = [&](OutlinePiece piece) {
     const Vector2d by(radial,
                       piece.normal_from.y() + piece.normal_to.y() <= 0.0 ? 0.0 : 2.0 * axial);
+    const Vector2d corner = piece.from;
     piece.from += by;
     piece.to += by;
     const Vector2d last = moved.empty() ? Vector2d::Zero() : moved.back().to;
     if ((piece.from - last).norm() > same_place) {
       if (!moved.empty() && inward_bend(moved.back(), piece) > least_bend)
-        join(moved.back(), piece);
+        join(moved.back(), piece, corner);
       else
         moved.push_back(line_piece(last, piece.from));
     }

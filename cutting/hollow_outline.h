@@ -8,7 +8,7 @@
 /// cutters.
 namespace abbe::cutting {
 
-/// mm, by which the chords that stand for an arc that bulges inwards leave it at most.
+/// mm, the largest distance between an arc that bulges inwards and its chords.
 inline constexpr double most_chord_sag = 1e-3;
 
 /// The outline through points, convex or hollow, of lines and arcs. Its heights do not fall from
@@ -31,5 +31,11 @@ double chord_sag(const std::vector<OutlinePoint>& points);
 /// @throws std::invalid_argument where it is moved along the axis and a corner that bends inwards
 ///         is the end of an arc, or the groove beside it is lower than that
 ToolOutline widened_hollow(const ToolOutline& outline, double radial, double axial);
+
+/// What lies inside of a hollow outline by a margin and more, as lines: nowhere less than the
+/// margin, nor more than twice that and a five-hundredth of the height.
+/// @param margin  mm; half of the narrowest neck at most is taken
+/// @throws std::invalid_argument where nothing is left
+InnerOutline inside_hollow(const ToolOutline& outline, double margin);
 
 }  // namespace abbe::cutting

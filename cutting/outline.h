@@ -119,8 +119,7 @@ OutlineDistance distance(const ToolOutline& outline, const Eigen::Vector2d& plac
 /// The same of pieces that go around a convex region.
 OutlineDistance distance(const std::vector<OutlinePiece>& pieces, const Eigen::Vector2d& place);
 
-/// Of pieces that go around a convex region, the point that lies farthest in a direction of any
-/// length.
+/// The point of their hull that lies farthest in a direction of any length.
 Eigen::Vector2d foremost(const std::vector<OutlinePiece>& pieces, const Eigen::Vector2d& direction);
 
 }  // namespace abbe::cutting

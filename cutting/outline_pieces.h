@@ -21,9 +21,8 @@ OutlinePiece arc_piece_about(const Eigen::Vector2d& from, const Eigen::Vector2d&
                              const Eigen::Vector2d& centre);
 
 /// Lines and arcs from the tip through the points to the axis at the top, without sharp corners.
-/// @throws std::invalid_argument for numbers below 0 or not finite, a beginning or an end
-/// elsewhere,
-///         and arcs too small for their chords
+/// @throws std::invalid_argument for numbers below 0 or not finite, for other beginnings and ends,
+///         and for arcs too small for their chords
 std::vector<OutlinePiece> pieces_through(const std::vector<OutlinePoint>& points);
 
 /// mm; points that are nearer to each other are one.

@@ -57,9 +57,12 @@ class Cut {
  public:
   enum class Of { Cutter, Shank };  // a shank meets what its cutter has left
 
-  Cut(const Cutter& cutter, const StockMove& move, Of of)
+  /// @param cutter  convex, a part of `whole`
+  Cut(const Cutter& cutter, const Cutter& whole, const StockMove& move, Of of)
       : cutter_(cutter), line_(move.line), may_not_cut_(move.rapid || of == Of::Shank) {
-    if (may_not_cut_ || !cutter.outline) core_ = shrunk(cutter, rubbing);
+    if (!may_not_cut_ && cutter.outline) return;
+    core_ = shrunk(whole, rubbing);
+    core_parts_ = convex_parts(core_.cutter);
   }
 
   void minds_shank(bool minds) { minds_shank_ = minds && !cutter_.outline; }
@@ -175,7 +178,10 @@ class Cut {
     const auto sweep = [&](const Cutter& cutter, double base) {
       return SweptCutter(cutter, travel).along(point - Vector3d(0, 0, base), direction);
     };
-    if (may_not_cut_ && met(sweep(core_.cutter, core_.raised)) > crash_length) return true;
+    const auto meets = [&](const Cutter& part) {
+      return met(sweep(part, core_.raised)) > crash_length;
+    };
+    if (may_not_cut_ && std::ranges::any_of(core_parts_, meets)) return true;
     if (!minds_shank_) return false;
     const Cutter shank{core_.cutter.radius, 0.0, 0.0};
     const SweptInterval by_shank = sweep(shank, cutter_.flank_length + core_.raised);
@@ -195,6 +201,7 @@ class Cut {
   int line_;
   bool may_not_cut_;
   ShrunkCutter core_;  // by which what may not cut crashes
+  std::vector<Cutter> core_parts_;
   bool minds_shank_ = false;
 };
 
@@ -395,9 +402,9 @@ Removed remove(Stock& stock, const Cutter& cutter, const StockMove& move, Dexels
   const int parts = 1 + int(count);
   const std::vector<Cutter> convex = convex_parts(cutter);
   std::vector<Cut> cuts;
-  for (const Cutter& part : convex) cuts.emplace_back(part, move, Cut::Of::Cutter);
+  for (const Cutter& part : convex) cuts.emplace_back(part, cutter, move, Cut::Of::Cutter);
   const Cutter shank{shank_radius(cutter), 0.0, 0.0};
-  Cut by_shank(shank, move, Cut::Of::Shank);
+  Cut by_shank(shank, shank, move, Cut::Of::Shank);
   const auto take_cutter = [&] {
     for (Cut& cut : cuts) sweep(stock, path, parts, 0.0, dexels, cut);
   };

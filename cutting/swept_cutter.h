@@ -8,7 +8,7 @@
 
 /// Lines against a cutter that is moved along a segment, in the frame of the cutter at the start:
 /// tip at the origin, axis along z. The cutter is its bottom and corner with a cylinder of its
-/// radius that has no upper end, a form cutter its outline alone: convex, so its sweep is too, and
+/// radius that has no upper end, a form cutter its outline alone, which is convex: so its sweep is too, and
 /// a line lies in it between two places at most.
 namespace abbe::cutting {
 

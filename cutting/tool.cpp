@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "cutting/hollow_outline.h"
 #include "kinematics/require.h"
 
 namespace abbe::cutting {
@@ -38,8 +39,9 @@ std::vector<Cutter> convex_parts(const Cutter& cutter) {
 ShrunkCutter shrunk(const Cutter& cutter, double margin) {
   const double by = std::min(margin, 0.25 * cutter.radius);
   if (cutter.outline) {
-    const double height = cutter.flank_length - bottom(*cutter.outline);
-    InnerOutline inner = inside(*cutter.outline, std::min(by, 0.25 * height));
+    const double depth = std::min(by, 0.25 * cutter.flank_length);
+    InnerOutline inner =
+        is_hollow(cutter) ? inside_hollow(*cutter.outline, depth) : inside(*cutter.outline, depth);
     return {form_cutter(std::move(inner.outline)), inner.raised};
   }
   return {{cutter.radius - by, std::max(0.0, cutter.corner_radius - by), cutter.flank_length}, by};

@@ -12,7 +12,6 @@ namespace abbe::cutting {
 /// torus corner, a cylindrical flank up to `flank_length` above the tip. corner_radius = radius is
 /// a ball end, 0 a flat end. Its frame t has the origin at the tip and z along the axis to the
 /// spindle. A form cutter has an outline instead, inside of the flat end that the numbers then are.
-/// It is convex, unless its outline is hollow.
 struct Cutter {
   double radius = 5.0;                              ///< mm, > 0
   double corner_radius = 5.0;                       ///< mm, 0 .. radius
@@ -57,9 +56,8 @@ struct ShrunkCutter {
   Cutter cutter;
   double raised = 0.0;  ///< mm, of the tip
 };
-/// @param cutter  convex
 /// @param margin  mm; a quarter of the radius at most is taken, and of the height of a form cutter,
-///                whose arcs then are polygons (outline.h)
+///                whose arcs then are polygons (outline.h, of a hollow one hollow_outline.h)
 ShrunkCutter shrunk(const Cutter& cutter, double margin);
 
 /// One wave on the nose of a turning tool: the edge stands out by amplitude cos(order psi + phase).

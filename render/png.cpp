@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <stdexcept>
 #include <string_view>
 #include <vector>
@@ -74,9 +75,17 @@ std::vector<int> rounded_colours(const Pixels& pixels) {
   return colours;
 }
 
-/// The most frequent colours first, 256 at most.
+int distance(int number_a, int number_b) {
+  const Rgb a = colour_of(number_a), b = colour_of(number_b);
+  int sum = 0;
+  for (std::size_t k = 0; k < 3; ++k) sum += (a[k] - b[k]) * (a[k] - b[k]);
+  return sum;
+}
+
+/// 256 colours at most: the most frequent, and then each time the one that is farthest from all
+/// before, so that a rare colour that is like no other keeps its place.
 std::vector<int> palette_of(const std::vector<int>& colours) {
-  constexpr std::size_t most = 256;
+  constexpr std::size_t most = 256, by_count = 192;
   std::vector<std::size_t> count(colour_count, 0);
   for (const int colour : colours) ++count[std::size_t(colour)];
   std::vector<int> palette;
@@ -84,19 +93,24 @@ std::vector<int> palette_of(const std::vector<int>& colours) {
     if (count[std::size_t(colour)] > 0) palette.push_back(colour);
   std::ranges::stable_sort(palette, std::greater{},
                            [&](int colour) { return count[std::size_t(colour)]; });
-  palette.resize(std::min(most, palette.size()));
+  if (palette.size() <= most) return palette;
+  std::vector<int> left(palette.begin() + by_count, palette.end());
+  palette.resize(by_count);
+  std::vector<int> far(left.size(), std::numeric_limits<int>::max());
+  std::size_t looked_at = 0;
+  while (palette.size() < most) {
+    for (; looked_at < palette.size(); ++looked_at)
+      for (std::size_t i = 0; i < left.size(); ++i)
+        far[i] = std::min(far[i], distance(left[i], palette[looked_at]));
+    palette.push_back(left[std::size_t(std::ranges::max_element(far) - far.begin())]);
+  }
   return palette;
 }
 
 /// Which colour of the palette is nearest.
-std::size_t nearest(const std::vector<int>& palette, int number) {
-  const auto distance = [of = colour_of(number)](int other_number) {
-    const Rgb other = colour_of(other_number);
-    int sum = 0;
-    for (std::size_t k = 0; k < 3; ++k) sum += (other[k] - of[k]) * (other[k] - of[k]);
-    return sum;
-  };
-  return std::size_t(std::ranges::min_element(palette, {}, distance) - palette.begin());
+std::size_t nearest(const std::vector<int>& palette, int colour) {
+  const auto far = [&](int other) { return distance(colour, other); };
+  return std::size_t(std::ranges::min_element(palette, {}, far) - palette.begin());
 }
 
 /// Rows of places in the palette, unfiltered: neighbouring places mean nothing.

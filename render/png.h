@@ -14,8 +14,8 @@ struct Pixels {
 /// What the file of a picture is made for.
 enum class PngFor {
   Speed,
-  Size,  ///< colours in steps of 8, white kept, the 256 most frequent of them: no eye sees it in a
-         ///< map, and two thirds of the bytes go
+  Size,  ///< colours in steps of 8, white kept, 256 at most: of more, the most frequent and those
+         ///< that are like no other; two thirds of the bytes go
 };
 
 /// A PNG file of it: no graphics library takes part, so any thread may encode while

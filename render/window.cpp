@@ -23,8 +23,8 @@ struct HeadlessContext::Handles {
     eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
     if (context != EGL_NO_CONTEXT) eglDestroyContext(display, context);
     if (surface != EGL_NO_SURFACE) eglDestroySurface(display, surface);
-    // what EGL keeps for a thread it frees as the thread ends, which for one of a pool is after EGL
-    // itself is gone
+    // EGL frees its state of a thread when the thread ends; a thread of a pool ends after EGL is
+    // gone
     eglReleaseThread();
     // the display is shared by the process and stays initialised: GLEW keeps pointers into its
     // driver

@@ -113,12 +113,11 @@ class ToolBodies {
   void add_cutter(const cutting::Cutter& cutter) {
     const double sag = sag_of(cutter.radius);
     Pieces core;
-    if (skin_ > 0.0)
-      for (const cutting::Cutter& part : cutting::convex_parts(cutter)) {
-        const cutting::ShrunkCutter inner = cutting::shrunk(part, skin_);
-        for (const ClosedMesh& piece : cutting::cutter_pieces(inner.cutter, sag))
-          core.push_back(raised(piece, inner.raised));
-      }
+    if (skin_ > 0.0) {
+      const cutting::ShrunkCutter inner = cutting::shrunk(cutter, skin_);
+      for (const ClosedMesh& piece : cutting::cutter_pieces(inner.cutter, sag))
+        core.push_back(raised(piece, inner.raised));
+    }
     add(SolidBody::Kind::Cutter, "cutter", cutting::cutter_mesh(cutter, sag),
         cutting::cutter_pieces(cutter, sag), std::move(core));
   }

@@ -5,6 +5,8 @@
 #include <numbers>
 #include <stdexcept>
 
+#include <fmt/format.h>
+
 #include "cutting/run_out.h"
 
 namespace abbe::sim {
@@ -118,7 +120,13 @@ Scene with_run_out(const Scene& scene) {
   const Vector3d corner_s(0, 0, cutting::corner_height(*cutter) - scene.tool.actual_length);
   const RunOut found = most(motion, scene.machine.T_bs * corner_s - spindle->point_b,
                             scene.machine.T_bs.linear().col(2));
-  result.tool.actual = cutting::with_run_out(*cutter, found.radial, found.axial);
+  try {
+    result.tool.actual = cutting::with_run_out(*cutter, found.radial, found.axial);
+  } catch (const std::invalid_argument& fault) {
+    throw BadInput(
+        scene.file.string(), 0, 0, "a tool that can run out",
+        fmt::format("{:.3g} um along the axis: {}", found.axial / units::um, fault.what()));
+  }
   result.tool.actual_length += found.axial;
   return result;
 }

@@ -117,7 +117,7 @@ struct Candidate {
 
 /// The way that takes the fewest bits, by the first numbers of the column.
 Candidate best_way(const Eigen::Ref<const Eigen::VectorXi>& numbers, const PackOptions& options) {
-  constexpr Eigen::Index enough = 1 << 17;
+  constexpr Eigen::Index enough = 1 << 15;
   const auto first = numbers.head(std::min(enough, numbers.size()));
   std::vector<Candidate> candidates;
   for (int r = -1; r < int(options.references.size()); ++r)

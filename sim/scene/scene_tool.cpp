@@ -266,7 +266,7 @@ Key tool_kind_key() {
 
 Key actual_key() {
   std::vector<Key> keys = kind_named("bull").actual.keys();
-  for (const char* kind : {"apt", "form", "profile", "nose", "insert", "edge"})
+  for (const char* kind : {"apt", "profile", "form", "nose", "insert", "edge"})
     for (Key& key : kind_named(kind).actual.keys())
       if (std::ranges::none_of(keys, [&](const Key& one) { return one.name == key.name; }))
         keys.push_back(std::move(key));

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <iostream>
+#include <limits>
 #include <map>
 #include <numbers>
 #include <string>
@@ -70,6 +71,24 @@ std::vector<Tool> degenerate_tools() {
        {{{5, 0}}, {{5, 3}}, {{1e-3, 3}}, {{5, 3.5}}, {{5, 8}}}},
       {"groove of 1e-6 mm", {{{5, 0}}, {{5, 3}}, {{5 - 1e-6, 3.5}}, {{5, 4}}, {{5, 8}}}},
   };
+}
+
+/// The chords that stand for the arcs which bulge inwards, and all else.
+Points chords_of(const Points& points) {
+  Points all;
+  const ToolOutline outline = profile_through(points);
+  for (const OutlinePiece& piece : outline.pieces)
+    if (piece.to.x() > 0.0 && (all.empty() || (piece.to - all.back().at).norm() > 1e-9))
+      all.push_back({piece.to});
+  return all;
+}
+
+const Points corner_rounding{{{2, 0}}, {{5, 3}, -3}, {{5, 8}}};
+const Points half_round_groove{{{5, 0}}, {{5, 4}}, {{5, 10}, -3}, {{5, 20}}};
+
+std::vector<Tool> tools_of_chords() {
+  return {{"corner rounding", chords_of(corner_rounding)},
+          {"half-round groove", chords_of(half_round_groove)}};
 }
 
 Cutter cutter_of(const Tool& tool) { return form_cutter(profile_through(tool.points)); }
@@ -209,6 +228,14 @@ TEST(HollowCutter, AgreesWithBruteForceWhereItsProfileDegenerates) {
   for (const Tool& tool : degenerate_tools()) {
     Tally tally;
     hold_against_brute_force(tool, 2202, 120 * longer(30), tally);
+  }
+}
+
+TEST(HollowCutter, OfManyChordsAgreesWithBruteForce) {
+  using namespace hollow_tools;
+  for (const Tool& tool : tools_of_chords()) {
+    Tally tally;
+    hold_against_brute_force(tool, 2203, 60 * longer(10), tally);
   }
 }
 
@@ -390,19 +417,18 @@ TEST(HollowCutter, AMotionInBlocksLeavesTheSame) {
 
 /// An arc that bulges inwards: chords that are nowhere smaller than the arc, and by what is said
 /// larger.
-TEST(HollowCutter, ChordsOfAHollowArcLieInsideOfItByTheirSag) {
+/// By how much a profile is larger than its arc of 3 mm about `middle`, from `begin` over `turn`.
+void expect_chords_inside(const std::vector<OutlinePoint>& points, const Vector2d& middle,
+                          double begin, double turn) {
   const double R = 3.0;
-  const std::vector<OutlinePoint> points{{{2, 0}}, {{5, 3}, -R}, {{5, 8}}};
   const ToolOutline outline = profile_through(points);
   const double sag = chord_sag(points);
   EXPECT_GT(sag, 0.5 * most_chord_sag);
   EXPECT_LE(sag, most_chord_sag);
-  EXPECT_EQ(chord_sag({{{2, 0}}, {{5, 3}}, {{5, 8}}}), 0.0);
   double most = 0.0;
   for (int i = 0; i <= 5000; ++i) {
-    const double angle = 0.5 * pi * i / 5000;
-    // the middle of a corner rounding tool's arc stands beside it
-    const Vector2d place = Vector2d(5, 0) + R * Vector2d(-std::cos(angle), std::sin(angle));
+    const double angle = begin + turn * i / 5000;
+    const Vector2d place = middle + R * Vector2d(-std::cos(angle), std::sin(angle));
     const double inside_by = -distance(outline, place).value;
     EXPECT_GT(inside_by, -1e-9) << angle;
     most = std::max(most, inside_by);
@@ -411,6 +437,65 @@ TEST(HollowCutter, ChordsOfAHollowArcLieInsideOfItByTheirSag) {
             << " um\n";
   EXPECT_LT(most, sag + 1e-9);
   EXPECT_GT(most, 0.9 * sag);
+}
+
+TEST(HollowCutter, ChordsOfAHollowArcLieInsideOfItByTheirSag) {
+  using namespace hollow_tools;
+  // the middle of a corner rounding tool's arc stands beside it
+  expect_chords_inside(corner_rounding, {5, 0}, 0.0, 0.5 * pi);
+  expect_chords_inside(half_round_groove, {5, 7}, -0.5 * pi, pi);
+  for (const double radius : {3.0000001, 3.001, 30.0}) {
+    const Points groove{{{5, 0}}, {{5, 4}}, {{5, 10}, -radius}, {{5, 20}}};
+    EXPECT_LE(chord_sag(groove), most_chord_sag) << radius;
+    EXPECT_GT(chord_sag(groove), 0.1 * most_chord_sag) << radius;
+  }
+  EXPECT_EQ(chord_sag({{{2, 0}}, {{5, 3}}, {{5, 8}}}), 0.0);
+}
+
+/// mm, from a place to the line of a profile.
+double depth_in(const ToolOutline& outline, const Vector2d& place) {
+  double least = std::numeric_limits<double>::infinity();
+  for (const OutlinePiece& piece : outline.pieces) {
+    if (piece.is_arc) {
+      for (int i = 0; i <= 2000; ++i) {
+        const Vector2d normal =
+            (piece.normal_from + i / 2000.0 * (piece.normal_to - piece.normal_from)).normalized();
+        least = std::min(least,
+                         (piece.from + piece.radius * (normal - piece.normal_from) - place).norm());
+      }
+      continue;
+    }
+    const Vector2d way = piece.to - piece.from;
+    const double t = std::clamp((place - piece.from).dot(way) / way.squaredNorm(), 0.0, 1.0);
+    least = std::min(least, (piece.from + t * way - place).norm());
+  }
+  return least;
+}
+
+TEST(HollowCutter, ItsCoreLiesBetweenOnceAndTwiceTheMarginDeep) {
+  using namespace hollow_tools;
+  std::vector<Tool> all = tools();
+  for (const Tool& tool : tools_of_chords()) all.push_back(tool);
+  for (const Tool& tool : all) {
+    const ToolOutline outline = profile_through(tool.points);
+    for (const double margin : {0.01, 0.1, 0.5}) {
+      const InnerOutline inner = inside_hollow(outline, margin);
+      double least = std::numeric_limits<double>::infinity(), most = 0.0;
+      for (const OutlinePiece& piece : inner.outline.pieces)
+        for (int i = 0; i <= 20; ++i) {
+          const Vector2d place =
+              piece.from + i / 20.0 * (piece.to - piece.from) + Vector2d(0, inner.raised);
+          ASSERT_LT(distance(outline, place).value, 0.0) << tool.name;
+          const double depth = depth_in(outline, place);
+          least = std::min(least, depth);
+          if (place.x() > 0.2 * margin) most = std::max(most, depth);
+        }
+      std::cout << tool.name << ", " << margin << " mm: " << least / margin << " to "
+                << most / margin << " times as deep, " << inner.outline.parts.size() << " parts\n";
+      EXPECT_GE(least, margin - 1e-6) << tool.name;
+      EXPECT_LE(most, 2.0 * margin + outline.height / 500.0) << tool.name;
+    }
+  }
 }
 
 TEST(HollowCutter, ProfilesThatCannotBeAreRefusedAtTheirPoint) {
@@ -436,6 +521,11 @@ TEST(HollowCutter, ProfilesThatCannotBeAreRefusedAtTheirPoint) {
   refused({{{3, 0}}, {{3, 4}, -1}, {{6, 6}}}, "bulges inwards with a radius of 2", {3, 4});
   refused({{{3, 0}}, {{3, 4}}, {{5, 4.1}, 2}, {{5, 9}}}, "between the heights of its ends",
           {5, 4.1});
+  refused({{{2, 0}}, {{5, 1}, -2}, {{5, 9}}}, "between the heights of its ends", {5, 1});
+  refused({{{2, 0}}, {{2, 4}}, {{5, 3}, -8}, {{5, 9}}}, "height of 4 mm at least", {5, 3});
+  refused({{{3, 1}, -8}, {{3, 4}}}, "begin at height 0", {3, 1});
+  EXPECT_EQ(profile_through({{{3, 0}}, {{3, 4}}, {{3, 4}, -1}, {{5, 4}}, {{5, 9}}}),
+            profile_through({{{3, 0}}, {{3, 4}}, {{5, 4}}, {{5, 9}}}));
   EXPECT_THROW(profile_through({{{3, 0}}, {{3, NAN}}, {{6, 6}}}), OutlineFault);
   refused({{{3, 0}}, {{2000, 3000}, -4000}, {{2000, 4000}}}, "at most 200 chords", {2000, 3000});
 }
@@ -562,12 +652,11 @@ TEST(HollowBody, IsClosedAndLiesAroundTheProfile) {
       EXPECT_LT(out, 1.01 * sag) << tool.name;
     }
     EXPECT_EQ(cutter_pieces(cutter, sag).size(), cutter.outline->parts.size());
-    for (const Cutter& part : convex_parts(cutter))
-      for (const double margin : {1e-3, 0.1, 5.0}) {
-        const ShrunkCutter inner = shrunk(part, margin);
-        for (const OutlinePiece& piece : inner.cutter.outline->pieces)
-          EXPECT_LT(distance(*part.outline, piece.to + Vector2d(0, inner.raised)).value, 0.0);
-      }
+    for (const double margin : {1e-3, 0.1, 5.0}) {
+      const ShrunkCutter inner = shrunk(cutter, margin);
+      for (const OutlinePiece& piece : inner.cutter.outline->pieces)
+        EXPECT_LT(distance(*cutter.outline, piece.to + Vector2d(0, inner.raised)).value, 0.0);
+    }
   }
 }
 
@@ -583,7 +672,7 @@ TEST(HollowCutter, WhatAsksForAConvexCutterRefusesIt) {
   EXPECT_THROW(milled_rivals(design, cutter, motion, {}), std::invalid_argument);
   EXPECT_THROW(first_of_every_move(cutter, motion, {{0, 0, 0}, {0, 0, 1}}), std::invalid_argument);
   EXPECT_THROW(SweepTree(cutter, motion), std::invalid_argument);
-  EXPECT_THROW(shrunk(cutter, 0.1), std::invalid_argument);
+  EXPECT_THROW(inside(*cutter.outline, 0.1), std::invalid_argument);
 }
 
 }  // namespace

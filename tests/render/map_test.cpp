@@ -562,5 +562,19 @@ TEST_F(Png, ForSizeTakesTheNearestOf256WhereThereAreMoreColours) {
   EXPECT_LE(largest, 8);
 }
 
+TEST_F(Png, ForSizeKeepsARareColourThatIsLikeNoOther) {
+  // 400 reds and greens four times each; a pixel of purple, and one of dark red
+  const Pixels many = painted(40, 40, [](int x, int y, int k) {
+    if (x == 7 && y == 9) return k == 1 ? 0 : 200;
+    if (x == 8 && y == 9) return k == 0 ? 104 : 24;
+    return k == 0 ? 64 + 8 * (x / 2) : k == 1 ? 8 * (y % 20) + 64 : 128;
+  });
+  std::ofstream(file("rare.png"), std::ios::binary) << png_file(many, PngFor::Size);
+  const Image image(file("rare.png"));
+  const Pixel purple = image.at(7, 40 - 1 - 9), dark = image.at(8, 40 - 1 - 9);
+  EXPECT_EQ(std::array({purple.r, purple.g, purple.b}), std::array({200, 0, 200}));
+  EXPECT_EQ(std::array({dark.r, dark.g, dark.b}), std::array({104, 24, 24}));
+}
+
 }  // namespace
 }  // namespace abbe::render
