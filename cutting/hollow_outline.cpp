@@ -47,13 +47,20 @@ OutlinePiece turned_round(const Vector2d& from, const Vector2d& to, double radiu
   const double half = 0.5 * (to - from).norm();
   if (!(radius >= half))
     throw OutlineFault(
-        fmt::format("outline: expected an arc that bulges inwards with a radius of {:g} mm at "
-                    "least to ({:g}, {:g}), seen {:g}",
+        fmt::format("outline: expected an arc that bulges inwards with a radius of -{:g} mm or "
+                    "beyond to ({:g}, {:g}), seen -{:g}",
                     half, to.x(), to.y(), radius),
         to, Number::Radius);
   check_rise(from.y(), to);
   const OutlinePiece round = arc_piece(to, from, radius);
   check_between(round, -std::max(round.normal_from.x(), round.normal_to.x()), to);
+  const bool has_least = round.normal_from.y() > 0.0 && round.normal_to.y() < 0.0;
+  const double least = round.from.x() - radius * (1.0 + round.normal_from.x());
+  if (has_least && least <= same_place)
+    throw OutlineFault(fmt::format("outline: expected an arc that stays off the axis, seen one of "
+                                   "-{:g} mm to ({:g}, {:g}) mm that comes to {:g} mm from it",
+                                   radius, to.x(), to.y(), least),
+                       to, Number::Radius);
   return round;
 }
 

@@ -518,11 +518,13 @@ TEST(HollowCutter, ProfilesThatCannotBeAreRefusedAtTheirPoint) {
   refused({{{6, 0}}, {{3, 0}}, {{3, 4}}}, "turns back on itself", {6, 0});
   refused({{{3, 0}}, {{3, 4}}, {{6, 4}}}, "turns back on itself", {6, 4});
   refused({{{3, 0}}, {{3, 4}, 1}, {{6, 6}}}, "an arc of radius 2", {3, 4});
-  refused({{{3, 0}}, {{3, 4}, -1}, {{6, 6}}}, "bulges inwards with a radius of 2", {3, 4});
+  refused({{{3, 0}}, {{3, 4}, -1}, {{6, 6}}}, "bulges inwards with a radius of -2", {3, 4});
   refused({{{3, 0}}, {{3, 4}}, {{5, 4.1}, 2}, {{5, 9}}}, "between the heights of its ends",
           {5, 4.1});
   refused({{{2, 0}}, {{5, 1}, -2}, {{5, 9}}}, "between the heights of its ends", {5, 1});
   refused({{{2, 0}}, {{2, 4}}, {{5, 3}, -8}, {{5, 9}}}, "height of 4 mm at least", {5, 3});
+  refused({{{2, 0}}, {{2, 4}, -2}, {{2, 9}}}, "off the axis", {2, 4});
+  refused({{{1, 0}}, {{1, 4}, -2}, {{2, 9}}}, "off the axis", {1, 4});
   refused({{{3, 1}, -8}, {{3, 4}}}, "begin at height 0", {3, 1});
   EXPECT_EQ(profile_through({{{3, 0}}, {{3, 4}}, {{3, 4}, -1}, {{5, 4}}, {{5, 9}}}),
             profile_through({{{3, 0}}, {{3, 4}}, {{5, 4}}, {{5, 9}}}));
