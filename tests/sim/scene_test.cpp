@@ -153,7 +153,7 @@ TEST(Scene, WrongTypesMissingKeysAndBadNumbersAreRefusedWhereTheyStand) {
             "seen 100000.0");
   EXPECT_EQ(faults_with("kind = \"ball\"", "kind = 2024-05-01"),
             "s.toml:13:8: expected one of \"apt\", \"ball\", \"bull\", \"edge\", \"flat\", "
-            "\"form\", \"insert\", \"nose\" for tool.kind, seen 2024-05-01");
+            "\"form\", \"insert\", \"nose\", \"profile\" for tool.kind, seen 2024-05-01");
   EXPECT_EQ(faults_with("[program]\ngenerator = \"raster\"", "program = 7"),
             "s.toml:20:1: expected a "
             "known key of part, seen program\ns.toml:1:1: expected a table or a file for program, "
