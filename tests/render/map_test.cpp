@@ -572,8 +572,9 @@ TEST_F(Png, ForSizeKeepsARareColourThatIsLikeNoOther) {
   std::ofstream(file("rare.png"), std::ios::binary) << png_file(many, PngFor::Size);
   const Image image(file("rare.png"));
   const Pixel purple = image.at(7, 40 - 1 - 9), dark = image.at(8, 40 - 1 - 9);
-  EXPECT_EQ(std::array({purple.r, purple.g, purple.b}), std::array({200, 0, 200}));
-  EXPECT_EQ(std::array({dark.r, dark.g, dark.b}), std::array({104, 24, 24}));
+  const auto values = [](const Pixel& pixel) { return std::vector{pixel.r, pixel.g, pixel.b}; };
+  EXPECT_EQ(values(purple), (std::vector{200, 0, 200}));
+  EXPECT_EQ(values(dark), (std::vector{104, 24, 24}));
 }
 
 }  // namespace
