@@ -193,7 +193,7 @@ TEST(FormCutterScene, APointThatAProfileCannotHaveIsRefusedByKeyAndEntry) {
        "7:20: expected an arc that bulges inwards with a radius of -2.23607 mm or beyond to (5, 4) "
        "for tool.arc_radii_mm, entry 2, seen -1");
   says("radii_mm = [3, 5]\nheights_mm = [1, 4]\n",
-       "6:15: expected it to begin at height 0 for tool.heights_mm, entry 1, seen -1 mm");
+       "6:15: expected it to begin at height 0 for tool.heights_mm, entry 1, seen 1 mm");
 }
 
 /// A block milled with stock, force and a tool that bends, by a flat end and by its outline.
