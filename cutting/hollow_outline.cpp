@@ -362,7 +362,7 @@ double chord_sag(const std::vector<OutlinePoint>& points) {
   return most;
 }
 
-ToolOutline widened_hollow(const ToolOutline& outline, double radial, double axial) {
+ToolOutline widened(const ToolOutline& outline, double radial, double axial) {
   Pieces moved;
   const auto add = [&](OutlinePiece piece) {
     const Vector2d by(radial,

@@ -26,11 +26,12 @@ ToolOutline profile_through(const std::vector<OutlinePoint>& points);
 /// without one.
 double chord_sag(const std::vector<OutlinePoint>& points);
 
-/// The hollow outline moved across the axis by up to `radial` and along it by up to `axial`, mm,
-/// from where the tip then is at the lowest: every height comes up at every angle.
-/// @throws std::invalid_argument where it is moved along the axis and a corner that bends inwards
-///         is the end of an arc, or the groove beside it is lower than that
-ToolOutline widened_hollow(const ToolOutline& outline, double radial, double axial);
+/// What an outline sweeps that is moved across the axis by up to `radial` and along it by up to
+/// `axial`, mm, from where the tip then is at the lowest: of a convex one its hull, of a hollow one
+/// as if every height came up at every angle.
+/// @throws std::invalid_argument for a hollow one that is moved along the axis, where a corner that
+///         bends inwards is the end of an arc, or the groove beside it is lower than that
+ToolOutline widened(const ToolOutline& outline, double radial, double axial);
 
 /// What lies inside of a hollow outline by a margin and more, as lines: nowhere less than the
 /// margin, nor more than twice that and a five-hundredth of the height.

@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include <fmt/format.h>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
-#include "cutting/hollow_outline.h"
 #include "cutting/outline_fault.h"
 #include "cutting/outline_pieces.h"
 #include "kinematics/require.h"
@@ -163,36 +163,6 @@ double corner_height(const ToolOutline& outline) {
   return 0.0;
 }
 
-ToolOutline widened(const ToolOutline& outline, double radial, double axial) {
-  if (is_hollow(outline)) return widened_hollow(outline, radial, axial);
-  std::vector<OutlinePiece> pieces;
-  const Vector2d lower(radial, 0.0), upper(radial, 2.0 * axial);
-  Vector2d last = Vector2d::Zero();
-  const auto add = [&](OutlinePiece piece, const Vector2d& by) {
-    piece.from += by;
-    piece.to += by;
-    if ((piece.from - last).norm() > same_place) pieces.push_back(line_piece(last, piece.from));
-    last = piece.to;
-    pieces.push_back(piece);
-  };
-  for (const OutlinePiece& piece : outline.pieces) {
-    if (piece.is_arc && piece.radius == 0.0) continue;
-    const bool begins_low = piece.normal_from.y() <= 0.0, ends_low = piece.normal_to.y() <= 0.0;
-    if (!piece.is_arc || begins_low == ends_low) {
-      add(piece, begins_low ? lower : upper);
-      continue;
-    }
-    const Vector2d widest = piece.from + piece.radius * (Vector2d::UnitX() - piece.normal_from);
-    OutlinePiece below = piece, above = piece;
-    below.to = above.from = widest;
-    below.normal_to = above.normal_from = Vector2d::UnitX();
-    add(below, lower);
-    add(above, upper);
-  }
-  pieces.back().to.x() = 0.0;
-  return closed_outline(pieces);
-}
-
 InnerOutline inside(const ToolOutline& outline, double margin) {
   require(!is_hollow(outline), "outline: expected a convex one to go inside of, seen a hollow one");
   std::vector<Vector2d> corners{
@@ -256,7 +226,7 @@ double farthest_apart(const ToolOutline& a, const ToolOutline& b) {
 
 OutlineDistance distance(const ToolOutline& outline, const Vector2d& place) {
   if (!is_hollow(outline)) return distance(outline.pieces, place);
-  OutlineDistance nearest = distance(outline.parts.front(), place);
+  OutlineDistance nearest{std::numeric_limits<double>::infinity(), Vector2d::Zero()};
   for (const ToolOutline& part : outline.parts) {
     const OutlineDistance one = distance(part, place);
     if (one.value < nearest.value) nearest = one;

@@ -89,11 +89,6 @@ double top_radius(const ToolOutline& outline);
 /// mm above the tip, of the middle of the lowest arc between tip and top; 0 without one.
 double corner_height(const ToolOutline& outline);
 
-/// The hull of an outline that is moved across the axis by up to `radial` and along it by up to
-/// `axial`, mm, from where the tip then is at the lowest. A hollow one is widened as
-/// `hollow_outline.h` says.
-ToolOutline widened(const ToolOutline& outline, double radial, double axial);
-
 /// What lies inside of an outline by a margin and more, with arcs as polygons: nowhere less than
 /// the margin, nor more than it by over 0.04 % of an arc's radius.
 struct InnerOutline {

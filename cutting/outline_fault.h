@@ -19,4 +19,9 @@ struct OutlineFault : std::invalid_argument {
   Number number;       ///< by which it is wrong
 };
 
+/// A point at which an outline that is to be convex bends inwards.
+struct InwardBend : OutlineFault {
+  using OutlineFault::OutlineFault;
+};
+
 }  // namespace abbe::cutting

@@ -98,7 +98,7 @@ std::vector<OutlinePiece> with_corners(const std::vector<OutlinePiece>& pieces,
     const double bend = sine_between(last, piece.normal_from);
     const bool turns_back = last.dot(piece.normal_from) < 0.0;
     if (!(bend > -least_bend) || (turns_back && bend <= least_bend))
-      throw OutlineFault(
+      throw InwardBend(
           fmt::format("outline: expected a convex one, seen that it bends inwards by {:.3g} deg at "
                       "({:g}, {:g}) mm",
                       std::atan2(-bend, last.dot(piece.normal_from)) / units::deg, piece.from.x(),

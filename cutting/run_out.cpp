@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include "cutting/hollow_outline.h"
+
 namespace abbe::cutting {
 namespace {
 

@@ -17,8 +17,8 @@ namespace abbe::cutting {
 /// @param radial  mm, radius of the circle on which the axis runs, >= 0
 /// @param axial   mm, amplitude up and down, >= 0
 /// Of a convex form cutter it is the hull of its outline so moved, by the same reasons; of a hollow
-/// one see widened_hollow (hollow_outline.h).
-/// @throws std::invalid_argument naming the number, or as widened_hollow
+/// one see `widened` (hollow_outline.h).
+/// @throws std::invalid_argument naming the number, or as `widened`
 Cutter with_run_out(const Cutter& cutter, double radial, double axial);
 
 }  // namespace abbe::cutting

@@ -52,18 +52,24 @@ SweptInterval frozen(const Cutter& cutter, const Ruled& ruled, double s) {
   return found;
 }
 
+/// By which a cutter crashes; of a form cutter only where it may not cut.
+ShrunkCutter crash_core(const Cutter& cutter, bool may_not_cut) {
+  return may_not_cut || !cutter.outline ? shrunk(cutter, rubbing) : ShrunkCutter{};
+}
+
 /// What a move does to lines one by one.
 class Cut {
  public:
   enum class Of { Cutter, Shank };  // a shank meets what its cutter has left
 
   /// @param cutter  convex, a part of `whole`
-  Cut(const Cutter& cutter, const Cutter& whole, const StockMove& move, Of of)
-      : cutter_(cutter), line_(move.line), may_not_cut_(move.rapid || of == Of::Shank) {
-    if (!may_not_cut_ && cutter.outline) return;
-    core_ = shrunk(whole, rubbing);
-    core_parts_ = convex_parts(core_.cutter);
-  }
+  /// @param core    of `whole`, as `crash_core`
+  Cut(const Cutter& cutter, const ShrunkCutter& core, const StockMove& move, Of of)
+      : cutter_(cutter),
+        line_(move.line),
+        may_not_cut_(move.rapid || of == Of::Shank),
+        core_(core),
+        core_parts_(convex_parts(core.cutter)) {}
 
   void minds_shank(bool minds) { minds_shank_ = minds && !cutter_.outline; }
   const Cutter& cutter() const { return cutter_; }
@@ -200,7 +206,7 @@ class Cut {
   const Cutter& cutter_;
   int line_;
   bool may_not_cut_;
-  ShrunkCutter core_;  // by which what may not cut crashes
+  ShrunkCutter core_;
   std::vector<Cutter> core_parts_;
   bool minds_shank_ = false;
 };
@@ -402,9 +408,10 @@ Removed remove(Stock& stock, const Cutter& cutter, const StockMove& move, Dexels
   const int parts = 1 + int(count);
   const std::vector<Cutter> convex = convex_parts(cutter);
   std::vector<Cut> cuts;
-  for (const Cutter& part : convex) cuts.emplace_back(part, cutter, move, Cut::Of::Cutter);
+  const ShrunkCutter core = crash_core(cutter, move.rapid);
+  for (const Cutter& part : convex) cuts.emplace_back(part, core, move, Cut::Of::Cutter);
   const Cutter shank{shank_radius(cutter), 0.0, 0.0};
-  Cut by_shank(shank, shank, move, Cut::Of::Shank);
+  Cut by_shank(shank, crash_core(shank, true), move, Cut::Of::Shank);
   const auto take_cutter = [&] {
     for (Cut& cut : cuts) sweep(stock, path, parts, 0.0, dexels, cut);
   };

@@ -144,13 +144,10 @@ void refuse_points(TableReader& reader, const Form& form, const std::invalid_arg
 /// A convex outline is asked for; what is hollow has a kind of its own.
 void refuse_outline(TableReader& reader, const OutlineForm& form,
                     const std::invalid_argument& why) {
-  const auto* fault = dynamic_cast<const cutting::OutlineFault*>(&why);
-  const std::string text = why.what();
-  if (fault && text.find("expected a convex one") != std::string::npos)
-    return refuse_points(reader, form,
-                         cutting::OutlineFault(text + "; kind = \"profile\" takes hollow ones",
-                                               fault->at, fault->number));
-  refuse_points(reader, form, why);
+  const auto* bend = dynamic_cast<const cutting::InwardBend*>(&why);
+  if (bend == nullptr) return refuse_points(reader, form, why);
+  const std::string text = std::string(why.what()) + "; kind = \"profile\" takes hollow ones";
+  refuse_points(reader, form, cutting::OutlineFault(text, bend->at, bend->number));
 }
 
 }  // namespace

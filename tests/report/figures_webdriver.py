@@ -6,14 +6,13 @@ cursor and by the arrow keys, CSV with every digit, both languages, a file that 
 figures_webdriver.py ABBE SCENES [FOLDER]: with a FOLDER its pictures stay there. Leaves with 77
 where there is no chromium or no chromedriver."""
 
-import base64
 import csv
 import io
 import json
 import subprocess
 import sys
 
-from webdriver import check_quiet, run
+from webdriver import check_cut_off, check_quiet, open_page, run, save_print
 
 STUDY = """title = "budget"
 scene = "%s/gantry_dome.toml"
@@ -42,14 +41,6 @@ def table(browser, block):
         f"const t=document.querySelector('#b-{block} table');"
         "return [[...t.tHead.rows[0].cells].map(c=>c.textContent),...[...t.tBodies[0].rows].map(r=>"
         "[...r.cells].map(c=>c.dataset.value===undefined?c.textContent:+c.dataset.value))]")
-
-
-def open_page(browser, page):
-    browser.call("POST", browser.session + "/url", {"url": "about:blank"})
-    browser.log("performance")
-    ready, failed = browser.load(page)
-    assert not failed, failed
-    print(f"{page.name}: {page.stat().st_size / 1e6:.2f} MB, ready after {ready:.2f} s")
 
 
 def check_languages(browser, block, english, chinese, shot):
@@ -124,9 +115,7 @@ def check_study(browser, folder, page, shots):
     browser.picture(shots / "study_distribution.png")
     check_languages(browser, "figures", "Figures of every response", "各响应的数值",
                     shots / "study_zh.png")
-    printed = base64.b64decode(browser.call("POST", browser.session + "/print", {}))
-    assert printed.startswith(b"%PDF")
-    (shots / "study.pdf").write_bytes(printed)
+    save_print(browser, shots / "study.pdf")
     check_quiet(browser, page)
     print(f"{len(responses)} responses and {len(of_rms)} inputs are as in budget.json")
 
@@ -167,10 +156,7 @@ def check(browser, abbe, scenes, folder, shots, _port):
     do("identify", *[folder / "readings" / f"{name}.csv" for name in ("laser", "square", "level")],
         "--order", "3", "--report", "--out", folder / "belief.toml")
     check_identification(browser, folder / "belief.json", folder / "belief.html", shots)
-    cut = folder / "cut.html"
-    cut.write_bytes((folder / "belief.html").read_bytes()[:-1000])
-    assert browser.load(cut)[1] == "cut off"
-    assert "cut off" in browser.js("return document.getElementById('busy').textContent")
+    check_cut_off(browser, folder / "belief.html", folder)
 
 
 if __name__ == "__main__":

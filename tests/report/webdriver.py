@@ -28,11 +28,11 @@ CASES = ["error_free", "uncompensated"]
 
 
 class Browser:
-    """A session of a headless Chromium."""
+    """A headless Chromium."""
 
     def __init__(self, port):
         self.base = f"http://127.0.0.1:{port}"
-        self.session = None
+        self.path = None  # of what it is asked, once it is open
 
     def call(self, method, path, body=None):
         request = urllib.request.Request(
@@ -60,18 +60,28 @@ class Browser:
                                              "automatic_downloads": 1}},
                   "goog:loggingPrefs": {"browser": "ALL", "performance": "ALL"}}
         made = self.call("POST", "/session", {"capabilities": {"alwaysMatch": wanted}})
-        self.session = "/session/" + made["sessionId"]
+        self.path = "/session/" + made["sessionId"]
+
+    def ask(self, command, body):
+        return self.call("POST", f"{self.path}/{command}", body)
 
     def js(self, code):
-        return self.call("POST", self.session + "/execute/sync", {"script": code, "args": []})
+        return self.ask("execute/sync", {"script": code, "args": []})
 
     def log(self, kind):
-        return self.call("POST", self.session + "/se/log", {"type": kind})
+        return self.ask("se/log", {"type": kind})
+
+    def go(self, url):
+        self.ask("url", {"url": url})
+
+    def close(self):
+        if self.path:
+            self.call("DELETE", self.path)
 
     def load(self, file):
         """Seconds until the page is ready; what failed, if anything."""
         begun = time.time()
-        self.call("POST", self.session + "/url", {"url": file.as_uri()})
+        self.go(file.as_uri())
         while not self.js("return window.ready || window.failed || false"):
             assert time.time() - begun < 120, "the page is never ready"
             time.sleep(0.05)
@@ -80,16 +90,14 @@ class Browser:
     def move(self, x, y):
         steps = [{"type": "pointerMove", "x": x + 1, "y": y}, {"type": "pause", "duration": 200},
                  {"type": "pointerMove", "x": x, "y": y}]
-        self.call("POST", self.session + "/actions",
-                  {"actions": [{"type": "pointer", "id": "m",
-                                "parameters": {"pointerType": "mouse"}, "actions": steps}]})
+        self.act("mouse", steps)
 
     def act(self, kind, steps):
         """Steps of a pointer of a kind, or of keys."""
         source = ({"type": "key", "id": "k", "actions": steps} if kind == "key" else
                   {"type": "pointer", "id": kind, "parameters": {"pointerType": kind},
                    "actions": steps})
-        self.call("POST", self.session + "/actions", {"actions": [source]})
+        self.ask("actions", {"actions": [source]})
 
     def downloaded(self, name):
         """The bytes of a file that the page saved."""
@@ -101,7 +109,7 @@ class Browser:
         raise AssertionError(f"{name} was not saved")
 
     def picture(self, file):
-        file.write_bytes(base64.b64decode(self.call("GET", self.session + "/screenshot")))
+        file.write_bytes(base64.b64decode(self.call("GET", self.path + "/screenshot")))
 
 
 def array(file, name):
@@ -217,8 +225,8 @@ def check_saving(browser):
     time.sleep(1)
     link = browser.js("return document.getElementById('permalink').href")
     page = link.split("#")[0]
-    browser.call("POST", browser.session + "/url", {"url": "about:blank"})
-    browser.call("POST", browser.session + "/url", {"url": link})
+    browser.go("about:blank")
+    browser.go(link)
     for _ in range(600):
         if browser.js("return window.ready || window.failed || false"):
             break
@@ -279,7 +287,7 @@ def check_without_webgl(driver_port, page, folder, shots):
         browser.picture(shots / "no_webgl.png")
         print(f"without WebGL {len(seen)} still pictures are seen")
     finally:
-        browser.call("DELETE", browser.session)
+        browser.close()
 
 
 def check_figures(browser, results, cases=CASES):
@@ -346,24 +354,35 @@ def check_machine(browser, shots):
     browser.js("document.querySelector('[data-tab=map]').click()")
 
 
+def open_page(browser, page):
+    browser.go("about:blank")
+    browser.log("performance")  # what the browser's own first page asked for
+    ready, failed = browser.load(page)
+    assert not failed, failed
+    print(f"{page.name}: {page.stat().st_size / 1e6:.2f} MB, ready after {ready:.2f} s")
+
+
 def loaded(browser, abbe, scene, results, *settings):
     """The page of a scene's cases, which stand saved beside it."""
     subprocess.run([abbe, "compare", str(scene), *settings, "--report", "--out", str(results)],
                    check=True, stdout=subprocess.DEVNULL)
     page = results / "report.html"
-    browser.call("POST", browser.session + "/url", {"url": "about:blank"})
-    browser.log("performance")  # what the browser's own first page asked for
-    ready, failed = browser.load(page)
-    assert not failed, failed
-    print(f"{page.stat().st_size / 1e6:.2f} MB, ready after {ready:.2f} s")
+    open_page(browser, page)
     time.sleep(1)
     return page
 
 
 def save_print(browser, file):
-    printed = base64.b64decode(browser.call("POST", browser.session + "/print", {}))
+    printed = base64.b64decode(browser.ask("print", {}))
     assert printed.startswith(b"%PDF")
     file.write_bytes(printed)
+
+
+def check_cut_off(browser, page, folder):
+    cut = folder / "cut.html"
+    cut.write_bytes(page.read_bytes()[:-1000])
+    assert browser.load(cut)[1] == "cut off"
+    assert "cut off" in browser.js("return document.getElementById('busy').textContent")
 
 
 def check_dome(browser, abbe, scenes, folder, shots, port):
@@ -386,10 +405,7 @@ def check_dome(browser, abbe, scenes, folder, shots, port):
     browser.picture(shots / "text.png")
     save_print(browser, shots / "print.pdf")
     check_quiet(browser, page)
-    cut = folder / "cut.html"
-    cut.write_bytes(page.read_bytes()[:-1000])
-    assert browser.load(cut)[1] == "cut off"
-    assert "cut off" in browser.js("return document.getElementById('busy').textContent")
+    check_cut_off(browser, page, folder)
     check_without_webgl(port, page, folder, shots)
 
 
@@ -467,8 +483,7 @@ def run(check):
             browser.open(str(folder / "profile"))
             check(browser, abbe, scenes, folder, shots, port)
         finally:
-            if browser.session:  # or the browser outlives a test that fails
-                browser.call("DELETE", browser.session)
+            browser.close()  # or it outlives a test that fails
             driver.terminate()
             driver.wait()
     return 0
