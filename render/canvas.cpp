@@ -8,7 +8,6 @@
 #include <utility>
 
 #include <vtkActor.h>
-#include <vtkAlgorithmOutput.h>
 #include <vtkBrush.h>
 #include <vtkCamera.h>
 #include <vtkCellArray.h>
@@ -19,11 +18,9 @@
 #include <vtkDoubleArray.h>
 #include <vtkFloatArray.h>
 #include <vtkGenericOpenGLRenderWindow.h>
-#include <vtkImageData.h>
 #include <vtkLookupTable.h>
 #include <vtkNew.h>
 #include <vtkObjectFactory.h>
-#include <vtkPNGWriter.h>
 #include <vtkPen.h>
 #include <vtkPointData.h>
 #include <vtkPolyData.h>
@@ -34,7 +31,6 @@
 #include <vtkTextProperty.h>
 #include <vtkTextRenderer.h>
 #include <vtkUnsignedCharArray.h>
-#include <vtkWindowToImageFilter.h>
 
 #include "render/bytes.h"
 #include "render/fonts.h"
@@ -130,26 +126,24 @@ vtkSmartPointer<vtkActor> actor(const Solid& solid) {
   return result;
 }
 
-std::string png_of(vtkAlgorithmOutput* image, const std::string& name) {
-  vtkNew<vtkPNGWriter> writer;
-  writer->SetInputConnection(image);
-  writer->WriteToMemoryOn();
-  writer->Write();
-  vtkUnsignedCharArray* png = writer->GetResult();
-  if (png == nullptr || png->GetNumberOfValues() == 0)
-    throw std::runtime_error(name + ": the picture could not be encoded");
-  return {reinterpret_cast<const char*>(png->GetPointer(0)),
-          static_cast<std::size_t>(png->GetNumberOfValues())};
-}
-
-/// Three bytes a pixel, the upper row first.
-std::string rgb_of(vtkImageData& image) {
-  int size[3];
-  image.GetDimensions(size);
-  std::string rgb;
-  for (int y = size[1] - 1; y >= 0; --y)
-    rgb.append(static_cast<const char*>(image.GetScalarPointer(0, y, 0)), 3 * std::size_t(size[0]));
-  return rgb;
+/// Each pixel the mean of `finer` x `finer` drawn, the upper row first.
+Pixels averaged(const Pixels& drawn, int finer) {
+  if (finer == 1) return drawn;
+  Pixels pixels{drawn.width / finer, drawn.height / finer, {}};
+  const std::size_t row = 3 * std::size_t(pixels.width);
+  pixels.rgb.reserve(row * std::size_t(pixels.height));
+  std::vector<unsigned> sums(row);
+  const auto points = unsigned(finer * finer);
+  const auto* from = reinterpret_cast<const unsigned char*>(drawn.rgb.data());
+  for (int y = 0; y < pixels.height; ++y) {
+    std::ranges::fill(sums, points / 2);
+    for (int k = 0; k < finer; ++k)
+      for (std::size_t x = 0; x < row; x += 3)
+        for (int j = 0; j < finer; ++j, from += 3)
+          for (std::size_t c = 0; c < 3; ++c) sums[x + c] += from[c];
+    for (const unsigned sum : sums) pixels.rgb.push_back(char(sum / points));
+  }
+  return pixels;
 }
 
 }  // namespace
@@ -173,21 +167,23 @@ struct Canvas::Sheet {
   HeadlessContext context;
   int width;
   int height;
+  int finer;
   vtkNew<vtkGenericOpenGLRenderWindow> window;
   vtkNew<FlatItem> flat;
   std::vector<FlatMark> marks;  ///< what is flat, for formats that keep it so
   bool has_scene = false;
 
-  Sheet(int width_px, int height_px, const Smoothness& smoothness);
+  Sheet(int width_px, int height_px, int points_a_pixel);
   ~Sheet() { window->Finalize(); }
 };
 
-Canvas::Sheet::Sheet(int width_px, int height_px, const Smoothness& smoothness)
-    : context(smoothness.shades_samples), width(width_px), height(height_px) {
+Canvas::Sheet::Sheet(int width_px, int height_px, int points_a_pixel)
+    : width(width_px), height(height_px), finer(points_a_pixel) {
   window->SetOwnContext(0);
-  window->SetSize(width, height);
-  window->SetDPI(dots_per_inch);
-  window->SetMultiSamples(smoothness.samples);
+  window->SetSize(finer * width, finer * height);
+  window->SetDPI(finer * dots_per_inch);
+  // smoothing by the driver costs several times as much where the driver is software
+  window->SetMultiSamples(0);
   window->SetUseOffScreenBuffers(true);
   window->SetShowWindow(false);
   window->SetReadyForRendering(true);
@@ -211,12 +207,15 @@ Canvas::Sheet::Sheet(int width_px, int height_px, const Smoothness& smoothness)
   window->AddRenderer(front);
 }
 
-Canvas::Canvas(int width, int height, const Smoothness& smoothness) {
+Canvas::Canvas(int width, int height, int finer) {
   const auto possible = [](int size) { return size >= 64 && size <= longest_side; };
   if (!possible(width) || !possible(height)) {
     throw std::invalid_argument("a picture is 64 to 16384 pixels wide and high");
   }
-  sheet_ = std::make_unique<Sheet>(width, height, smoothness);
+  if (finer < 1 || finer > 4)
+    throw std::invalid_argument("a pixel is the mean of 1 to 4 points each way");
+  sheet_ = std::make_unique<Sheet>(width, height,
+                                   std::min(finer, longest_side / std::max(width, height)));
 }
 
 Canvas::~Canvas() = default;
@@ -226,20 +225,22 @@ Vector2d text_size(const std::string& text, const TextStyle& style) {
   vtkNew<vtkTextProperty> property;
   apply_style(style, text, *property);
   int box[4] = {0, -1, 0, -1};
-  vtkTextRenderer::GetInstance()->GetBoundingBox(property, text, box, dots_per_inch);
-  return {box[1] - box[0] + 1.0, box[3] - box[2] + 1.0};
+  // as fine as it is drawn, since letters end at whole points
+  vtkTextRenderer::GetInstance()->GetBoundingBox(property, text, box, fineness * dots_per_inch);
+  return Vector2d(box[1] - box[0] + 1.0, box[3] - box[2] + 1.0) / fineness;
 }
 
 void Canvas::text(const Vector2d& at, const std::string& text, const TextStyle& style) {
   if (text.empty()) return;
   const Vector2d position = corner(at, text_size(text, style), style);
   sheet_->marks.emplace_back(FlatText{position, text, style});
+  const Vector2d drawn_at = sheet_->finer * position;
   sheet_->flat->strokes.emplace_back([=](vtkContext2D& painter) {
     apply_style(style, text, *painter.GetTextProp());
     painter.GetTextProp()->SetOrientation(style.turned_left ? 90.0 : 0.0);
     painter.GetTextProp()->SetJustificationToLeft();
     painter.GetTextProp()->SetVerticalJustificationToBottom();
-    painter.DrawString(static_cast<float>(position.x()), static_cast<float>(position.y()), text);
+    painter.DrawString(static_cast<float>(drawn_at.x()), static_cast<float>(drawn_at.y()), text);
   });
 }
 
@@ -261,8 +262,8 @@ void Canvas::fill(const std::vector<Vector2d>& corners, const Colour& colour, do
   sheet_->marks.emplace_back(FlatPolygon{corners, colour, opacity});
   std::vector<float> xy;
   for (const Vector2d& c : corners) {
-    xy.push_back(static_cast<float>(c.x()));
-    xy.push_back(static_cast<float>(c.y()));
+    xy.push_back(static_cast<float>(sheet_->finer * c.x()));
+    xy.push_back(static_cast<float>(sheet_->finer * c.y()));
   }
   sheet_->flat->strokes.emplace_back([=](vtkContext2D& painter) mutable {
     painter.GetPen()->SetLineType(vtkPen::NO_PEN);
@@ -334,6 +335,7 @@ void Canvas::scene(const View& view, const std::vector<Solid>& solids,
   const Eigen::Vector3d nearer = 2.0 * view.mm_per_px * view.toward;
   for (const Wire& wire : wires) {
     const auto lines = wire_actor(wire);
+    lines->GetProperty()->SetLineWidth(float(sheet_->finer * wire.width_px));
     lines->SetPosition(nearer.x(), nearer.y(), nearer.z());
     renderer->AddActor(lines);
   }
@@ -347,15 +349,15 @@ void Canvas::wipe() {
 
 Pixels Canvas::pixels() {
   sheet_->window->Render();
+  const int wide = sheet_->finer * sheet_->width, high = sheet_->finer * sheet_->height;
   vtkNew<vtkUnsignedCharArray> lowest_first;
-  sheet_->window->GetPixelData(0, 0, sheet_->width - 1, sheet_->height - 1, 0, lowest_first.Get(),
-                               0);
-  const std::size_t row = 3 * std::size_t(sheet_->width);
-  Pixels pixels{sheet_->width, sheet_->height, {}};
-  pixels.rgb.reserve(row * std::size_t(sheet_->height));
+  sheet_->window->GetPixelData(0, 0, wide - 1, high - 1, 0, lowest_first.Get(), 0);
+  const std::size_t row = 3 * std::size_t(wide);
+  Pixels drawn{wide, high, {}};
+  drawn.rgb.reserve(row * std::size_t(high));
   const auto* rows = reinterpret_cast<const char*>(lowest_first->GetPointer(0));
-  for (int y = sheet_->height - 1; y >= 0; --y) pixels.rgb.append(rows + row * std::size_t(y), row);
-  return pixels;
+  for (int y = high - 1; y >= 0; --y) drawn.rgb.append(rows + row * std::size_t(y), row);
+  return averaged(drawn, sheet_->finer);
 }
 
 void Canvas::write_png(const std::filesystem::path& path) { write(path, PictureFormat::Png); }
@@ -363,16 +365,11 @@ void Canvas::write_png(const std::filesystem::path& path) { write(path, PictureF
 void Canvas::write(const std::filesystem::path& path, PictureFormat format) {
   const bool flat_apart = format != PictureFormat::Png;
   if (flat_apart) sheet_->flat->strokes.clear();
-  vtkNew<vtkWindowToImageFilter> grab;
   Raster raster;
   if (!flat_apart || sheet_->has_scene) {
-    sheet_->window->Render();
-    grab->SetInput(sheet_->window);
-    grab->SetInputBufferTypeToRGB();
-    grab->ReadFrontBufferOff();
-    grab->ShouldRerenderOff();
-    raster.png = png_of(grab->GetOutputPort(), path.string());
-    if (format == PictureFormat::Pdf) raster.rgb = rgb_of(*grab->GetOutput());
+    const Pixels picture = pixels();
+    raster.png = png_file(picture);
+    if (format == PictureFormat::Pdf) raster.rgb = picture.rgb;
   }
   const auto& [width, height] = std::pair(sheet_->width, sheet_->height);
   write_bytes(path, format == PictureFormat::Png   ? raster.png

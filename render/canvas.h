@@ -21,6 +21,7 @@ class vtkSmartPointer;
 namespace abbe::render {
 
 inline constexpr int longest_side = 16384;  ///< px, of a picture
+inline constexpr int fineness = 3;          ///< points drawn a pixel each way, unless asked for
 
 struct TextStyle {
   double size_px = 24.0;  ///< height of the font's em
@@ -60,20 +61,17 @@ struct Wire {
   double width_px = 1.5;
 };
 
-/// How smooth edges are: what is finer is slower.
-struct Smoothness {
-  int samples = 8;             ///< a pixel
-  bool shades_samples = true;  ///< as of HeadlessContext
-};
-
 /// One picture in the making, white, pixels counted from the lower left corner; what is drawn later
 /// stands in front, solids and wires behind everything flat. The same calls give the same bytes.
 /// Only one canvas lives at a time: a second one waits for the first, so do not nest them.
 class Canvas {
  public:
-  /// @throws std::invalid_argument unless both sizes are in 64 .. longest_side
+  /// @param finer  points drawn a pixel each way, 1 to 4, of which a pixel is the mean: edges are
+  ///               smooth, and a thin triangle has the colour of a place within it; fewer where
+  ///               more would make the picture longer than longest_side
+  /// @throws std::invalid_argument unless both sizes are in 64 .. longest_side and finer in 1 .. 4
   /// @throws std::runtime_error if there is no software or hardware OpenGL to draw with
-  Canvas(int width, int height, const Smoothness& smoothness = {});
+  Canvas(int width, int height, int finer = fineness);
   ~Canvas();
   Canvas(const Canvas&) = delete;
   Canvas& operator=(const Canvas&) = delete;

@@ -40,22 +40,9 @@ void require_step(bool done, const char* step) {
   }
 }
 
-/// Colours are looked up at every sample of a pixel: looked up once, at its middle, thin triangles
-/// that only touch the pixel get the colour of a place far outside of them.
-void shade_every_sample() {
-  constexpr unsigned sample_shading = 0x8C36;  // GL_SAMPLE_SHADING, OpenGL 4.0
-  using Enable = void (*)(unsigned);
-  using MinSampleShading = void (*)(float);
-  const auto enable = reinterpret_cast<Enable>(eglGetProcAddress("glEnable"));
-  const auto shade = reinterpret_cast<MinSampleShading>(eglGetProcAddress("glMinSampleShading"));
-  if (enable == nullptr || shade == nullptr) return;
-  enable(sample_shading);
-  shade(1.0f);
-}
-
 }  // namespace
 
-HeadlessContext::HeadlessContext(bool shades_samples) : handles_(std::make_unique<Handles>()) {
+HeadlessContext::HeadlessContext() : handles_(std::make_unique<Handles>()) {
   Handles& h = *handles_;
   h.display = eglGetPlatformDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr);
   require_step(h.display != EGL_NO_DISPLAY, "the EGL surfaceless display");
@@ -94,7 +81,6 @@ HeadlessContext::HeadlessContext(bool shades_samples) : handles_(std::make_uniqu
   require_step(h.context != EGL_NO_CONTEXT, "an OpenGL 3.2 context");
   require_step(eglMakeCurrent(h.display, h.surface, h.surface, h.context) == EGL_TRUE,
                "eglMakeCurrent");
-  if (shades_samples) shade_every_sample();
 }
 
 HeadlessContext::~HeadlessContext() = default;

@@ -8,12 +8,8 @@ namespace abbe::render {
 /// EGL surfaceless display and a pbuffer of one pixel. VTK draws into buffers of its own.
 class HeadlessContext {
  public:
-  /// @param shades_samples  colours are looked up at every sample of a pixel: thin triangles that
-  /// only
-  ///                        touch it have the colour of a place within them; else once, which is
-  ///                        faster
   /// @throws std::runtime_error naming the step that the graphics libraries refused
-  explicit HeadlessContext(bool shades_samples = true);
+  HeadlessContext();
   ~HeadlessContext();
   HeadlessContext(const HeadlessContext&) = delete;
   HeadlessContext& operator=(const HeadlessContext&) = delete;
