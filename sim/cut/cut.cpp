@@ -258,6 +258,7 @@ struct Posed {
   Process process;
   Signals signals;
   PoseErrors off;
+  BetweenSamples between;
   std::vector<std::string> warnings;
 };
 
@@ -278,6 +279,7 @@ Posed posed(const Job& job, const Commands& commands, const Progress& progress,
   });
   inside_tables(job, [&] { check_tips(run, made.T_wt); });
   add_warnings(process_warnings(job.scene, made.process), made.warnings);
+  made.between = inside_tables(job, [&] { return between_samples(job, commands); });
   made.off = pose_errors(made.T_wt, run.T_wt_wanted);
   if (!run.wear.empty() && job.scene.tool.wear->radius > 0.0)
     made.worn = worn_pieces(job.scene.tool, run.wear, commands.samples, made.T_wt);
@@ -308,6 +310,7 @@ void add(Posed& part, double samples_before, Cut& result) {
   const auto n = double(part.T_wt.size());
   result.tip_error = joined(result.tip_error, samples_before, part.off.tip, n);
   result.direction_error = joined(result.direction_error, samples_before, part.off.direction, n);
+  result.between_samples = joined(result.between_samples, part.between);
   result.process = std::move(part.process);
   result.signals = joined(std::move(result.signals), part.signals);
   add_warnings(std::move(part.warnings), result.warnings);
@@ -385,6 +388,8 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Keep
     add(all.back(), samples, result);
     samples += double(all.back().T_wt.size());
   }
+  add_warnings(between_samples_warnings(result.between_samples, result.tip_error.rms),
+               result.warnings);
   add_warnings(idle_warnings(job.scene), result.warnings);
   if (keep == Keep::Track) {
     std::vector<TrackedPart> tracked;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cutting/interpolation.h"
+#include "sim/cut/between_samples.h"
 #include "sim/cut/collision_events.h"
 #include "sim/cut/job.h"
 #include "sim/cut/signals.h"
@@ -25,14 +26,15 @@ struct Cut {
   std::string case_name;  ///< what `run --case` takes
   cutting::Surface surface;
   std::optional<cutting::InterpolationError> interpolation;  ///< of a job that was `sampled`
-  Spread tip_error;               ///< mm, tip where it is against where it should be
-  Spread direction_error;         ///< rad
-  double point_left = 0.0;        ///< mm, most that the compensator knew it could not restore
-  double direction_left = 0.0;    ///< rad, the same of the direction
-  Process process;                ///< the cut as it went; empty without [cutting]
-  Signals signals;                ///< empty without heat, force or channels
-  std::vector<WornTool> wear;     ///< of the tools that wear, at the end
-  std::string rewritten_program;  ///< text of the program channel, else empty
+  Spread tip_error;                ///< mm, tip where it is against where it should be
+  Spread direction_error;          ///< rad
+  BetweenSamples between_samples;  ///< nothing looked at without errors
+  double point_left = 0.0;         ///< mm, most that the compensator knew it could not restore
+  double direction_left = 0.0;     ///< rad, the same of the direction
+  Process process;                 ///< the cut as it went; empty without [cutting]
+  Signals signals;                 ///< empty without heat, force or channels
+  std::vector<WornTool> wear;      ///< of the tools that wear, at the end
+  std::string rewritten_program;   ///< text of the program channel, else empty
   std::optional<Collisions> collisions;  ///< where the scene asks for them
   std::optional<ToolTrack> track;        ///< where it was to be kept
   std::vector<std::string> warnings;

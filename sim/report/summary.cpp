@@ -20,6 +20,7 @@ CaseFigures figures_of(const Job& job, const Verdict& verdict) {
   figures.interpolation = verdict.cut.interpolation;
   figures.tip_error = verdict.cut.tip_error;
   figures.direction_error = verdict.cut.direction_error;
+  figures.between_samples = verdict.cut.between_samples;
   figures.highest = verdict.highest;
   figures.lowest = verdict.lowest;
   figures.worst = verdict.worst;

@@ -19,8 +19,9 @@ struct CaseFigures {
   std::optional<errors::metrology::Areal> texture;  ///< of what the filter leaves out
   double form_cutoff = 0.0;                         ///< mm, of that filter
   std::optional<cutting::InterpolationError> interpolation;
-  Spread tip_error;                                      ///< mm
-  Spread direction_error;                                ///< rad
+  Spread tip_error;        ///< mm
+  Spread direction_error;  ///< rad
+  BetweenSamples between_samples;
   std::optional<Verdict::Place> highest, lowest, worst;  ///< as of a verdict
   /// Percent by which a figure fell; none where there is nothing to fall from.
   struct Reduction {

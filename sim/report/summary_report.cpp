@@ -138,6 +138,16 @@ ordered_json interpolation(const std::optional<cutting::InterpolationError>& err
           {"unresolved_percent", 100.0 * error->unresolved}};
 }
 
+/// How far errors bend the path that the cut takes as straight.
+ordered_json between_samples(const BetweenSamples& found) {
+  if (found.looked_at == 0) return {};
+  return {{"intervals", found.looked_at},
+          {"max_nm", found.max / units::nm},
+          {"rms_nm", found.rms / units::nm},
+          {"line", found.line},
+          {"step_mm", found.step}};
+}
+
 ordered_json sampling(const SampledSurface& sampled) {
   return {{"given_vertices", sampled.given},
           {"resolution_um", sampled.resolution / units::um},
@@ -191,6 +201,7 @@ ordered_json case_json(const CaseFigures& one) {
                        {"reduction_percent", reduction_percent(one)},
                        {"tip_error_um", spread(one.tip_error, units::um)},
                        {"direction_error_urad", spread(one.direction_error, units::urad)},
+                       {"between_samples", between_samples(one.between_samples)},
                        {"highest", place(one.highest)},
                        {"lowest", place(one.lowest)},
                        {"conformance", conformance(one)}};
@@ -312,6 +323,7 @@ ordered_json to_json(const Summary& s) {
       {"interpolation", interpolation(s.figures.interpolation)},
       {"tip_error_um", spread(s.figures.tip_error, units::um)},
       {"direction_error_urad", spread(s.figures.direction_error, units::urad)},
+      {"between_samples", between_samples(s.figures.between_samples)},
       {"highest", place(s.figures.highest)},
       {"lowest", place(s.figures.lowest)},
       {"tolerance_um", tolerance_um(s.tolerance)},

@@ -5,9 +5,10 @@ namespace abbe::sim {
 const Fields<Scene>& sampling_fields() {
   static const Fields<Scene> fields =
       Fields<Scene>()
-          .number("chord_tolerance_nm", &Scene::chord_tolerance, {0.01, 1e6, false, false},
-                  "how far the commanded tool may be from its path between two samples of it; what "
-                  "errors of short waves bend in between is not looked at: see max_step_mm")
+          .number(
+              "chord_tolerance_nm", &Scene::chord_tolerance, {0.01, 1e6, false, false},
+              "how far the commanded tool may be from its path between two samples of it; how far "
+              "errors bend in between is reported, between_samples: see max_step_mm")
           .number(
               "max_step_mm", &Scene::max_step, positive,
               "between two samples at most; an error of amplitude a and period p is followed to "

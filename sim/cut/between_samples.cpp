@@ -1,0 +1,130 @@
+#include "sim/cut/between_samples.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "kinematics/hash.h"
+#include "kinematics/units.h"
+#include "sim/cut/part.h"
+#include "sim/machine/truth.h"
+
+namespace abbe::sim {
+namespace {
+
+using Eigen::Vector3d;
+using kinematics::AxisState;
+using kinematics::Pose;
+
+/// Where the errors bring the tip and a point of the axis above it, mm.
+struct Off {
+  Vector3d tip, above;
+};
+
+struct Looker {
+  const Job& job;
+  double reach;
+
+  /// Of a part that turns on a spindle as seen from the bed, since its sweep turns with it.
+  Off at(const AxisState& state) const {
+    const kinematics::Chain& chain = job.machine.nominal;
+    const Pose nominal = chain.tool_in_workpiece(state.q);
+    const Pose actual = tool_in_workpiece(job.truth, state);
+    const Vector3d above = reach * Vector3d::UnitZ();
+    const Off off{actual.translation() - nominal.translation(), actual * above - nominal * above};
+    if (!job.machine.workpiece_spindle) return off;
+    const Eigen::Matrix3d R_bw = chain.workpiece_in_bed(state.q).linear();
+    return {R_bw * off.tip, R_bw * off.above};
+  }
+};
+
+bool has_no_reversal(const AxisState& from, const AxisState& to) {
+  return from.direction == to.direction && from.stroke == to.stroke;
+}
+
+AxisState midway(const AxisState& from, const AxisState& to) {
+  AxisState state = to;
+  state.q = 0.5 * (from.q + to.q);
+  state.time_s = 0.5 * (from.time_s + to.time_s);
+  state.spindle_speed = 0.5 * (from.spindle_speed + to.spindle_speed);
+  return state;
+}
+
+/// The samples at which an interval of a feed ends.
+std::vector<std::size_t> feed_ends(const program::Samples& samples, const program::Path& path) {
+  std::vector<std::size_t> ends;
+  for (std::size_t i = 1; i < samples.states.size(); ++i)
+    if (program::is_feed(path.blocks[std::size_t(samples.block[i])]) &&
+        has_no_reversal(samples.states[i - 1], samples.states[i]))
+      ends.push_back(i);
+  return ends;
+}
+
+/// One of each of so many stretches, by chance: places at equal steps may miss a wave.
+std::vector<std::size_t> chosen(const std::vector<std::size_t>& from, std::size_t most,
+                                std::uint64_t seed) {
+  if (from.size() <= most) return from;
+  std::vector<std::size_t> few;
+  for (std::size_t k = 0; k < most; ++k) {
+    const double place = double(k) + split_mix::unit(split_mix::stream(seed, k));
+    few.push_back(
+        from[std::min(from.size() - 1, std::size_t(place * double(from.size()) / double(most)))]);
+  }
+  return few;
+}
+
+}  // namespace
+
+BetweenSamples between_samples(const Job& job, const Commands& commands, std::size_t most) {
+  const program::Samples& samples = commands.samples;
+  const kinematics::Chain& nominal = job.machine.nominal;
+  const Looker look{job, sample_options(job.scene, job.machine).reach};
+  BetweenSamples found;
+  found.tolerance = std::max(2.0 * units::nm, job.scene.chord_tolerance);
+  for (const std::size_t i :
+       chosen(feed_ends(samples, path_of(job, commands)), most, job.scene.seed)) {
+    const AxisState &from = samples.states[i - 1], &to = samples.states[i];
+    const Off a = look.at(from), b = look.at(to), mid = look.at(midway(from, to));
+    const double bend = std::max((mid.tip - 0.5 * (a.tip + b.tip)).norm(),
+                                 (mid.above - 0.5 * (a.above + b.above)).norm());
+    ++found.looked_at;
+    found.beyond += bend > found.tolerance;
+    found.rms += bend * bend;
+    if (!(bend > found.max)) continue;
+    found.max = bend;
+    found.line = samples.line[i];
+    found.step = (nominal.tool_in_workpiece(to.q).translation() -
+                  nominal.tool_in_workpiece(from.q).translation())
+                     .norm();
+  }
+  found.rms = std::sqrt(found.rms / std::max<double>(1.0, double(found.looked_at)));
+  return found;
+}
+
+BetweenSamples joined(const BetweenSamples& a, const BetweenSamples& b) {
+  if (a.looked_at == 0) return b;
+  BetweenSamples both = a.max >= b.max ? a : b;
+  const auto n_a = double(a.looked_at), n_b = double(b.looked_at);
+  both.looked_at = a.looked_at + b.looked_at;
+  both.beyond = a.beyond + b.beyond;
+  both.rms = std::sqrt((n_a * a.rms * a.rms + n_b * b.rms * b.rms) / (n_a + n_b));
+  return both;
+}
+
+std::vector<std::string> between_samples_warnings(const BetweenSamples& found, double off) {
+  constexpr double share = 0.01;
+  if (!(found.max > found.tolerance && found.max > share * off)) return {};
+  // a chord leaves what grows with the square of its length
+  const double step = found.step * std::sqrt(found.tolerance / found.max);
+  return {fmt::format(
+      "errors of the machine bend the path between the samples, where the cut is straight: by up "
+      "to {:.3g} nm (line {}, a step of {:.3g} mm), RMS {:.3g} nm; by more than {:.3g} nm in "
+      "{:.3g} % of {} intervals looked at. sampling.max_step_mm = {:.2g} would follow them",
+      found.max / units::nm, found.line, found.step, found.rms / units::nm,
+      found.tolerance / units::nm, 100.0 * double(found.beyond) / double(found.looked_at),
+      found.looked_at, step)};
+}
+
+}  // namespace abbe::sim
