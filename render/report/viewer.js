@@ -71,7 +71,7 @@ const low = [1e9, 1e9, 1e9], high = [-1e9, -1e9, -1e9];
 for (let i = 0; i < nV; i++) for (let c = 0; c < 3; c++) { const v = P[3 * i + c]; if (v < low[c]) low[c] = v; if (v > high[c]) high[c] = v; }
 const centre = mix(low, high, .5), size = Math.hypot(...sub(high, low)); lap("normals");
 const cases = index.cases;
-const layers = ["residual", "form", "texture"];
+const layers = index.arrays.form0 ? ["residual", "form", "texture"] : ["residual"];
 cases.forEach((c, i) => Object.defineProperties(c, { line: { get: () => load("line" + i) }, time: { get: () => c.times ||= values("cut_time" + i) } }));   // unpacked when first asked for
 function layerOf(i) {                             // micrometres, unpacked when first shown
   const c = cases[i]; c.layers ||= {};
@@ -162,6 +162,7 @@ const S = { language, tab: "map", layer: "residual", region: 0, errors: 0, signa
 S.target = centre.slice();
 const home = { az: S.az, el: S.el };
 try { Object.assign(S, JSON.parse(decodeURIComponent(location.hash.slice(1)))); } catch { }
+if (!layers.includes(S.layer)) S.layer = layers[0];
 const zero = [...Array(16)].map((_, i) => i % 5 ? 0 : 1);
 let probe = null, section = null, dragging = null, difference = null, dirty = true;
 const shown = () => S.mode === "difference" ? [difference] : S.mode === "single" || S.tab === "machine" ? [cases[S.a]] : [cases[S.a], cases[S.b]];
