@@ -374,7 +374,7 @@ if (machine) {
   for (let i = 0; i < machine.bodies.length; i++) { const b = { ...machine.bodies[i], ...solid(i) }; bodies.push(b); for (let k = 0; k < b.x.length; k += 3) if (b.tool <= 0) reach(T[b.on], b.x.subarray(k, k + 3)); }
   for (let k = 0; k < 8; k++) reach(T.w, [0, 1, 2].map(c => (k >> c & 1 ? high : low)[c]));
   reach(T.t, [0, 0, 0]); machineCentre = mix(from, to, .5); machineSize = Math.hypot(...sub(to, from)); lap("machine");
-} else { document.querySelector("[data-tab=machine]").hidden = true; if (S.tab === "machine") S.tab = "map"; }
+} else { document.querySelectorAll("[data-tab=machine],.motion").forEach(e => e.hidden = true); if (S.tab === "machine") S.tab = "map"; }
 function solid(i) {                         // with the normals of its facets
   const x = values("body" + i), t = load("facet" + i), n = x.length / 3, m = t.length / 3, v = new Float32Array(18 * m);
   const corner = k => [x[k], x[n + k], x[2 * n + k]];

@@ -418,7 +418,8 @@ def check_saved(browser, abbe, results, folder, shots):
     open_page(browser, page)
     time.sleep(1)
     browser.picture(shots / "saved.png")
-    assert browser.js("return document.querySelector('[data-tab=machine]').hidden")
+    assert browser.js("return [...document.querySelectorAll('[data-tab=machine],.motion')]"
+                      ".every(e=>e.hidden)"), "what moves is offered"
     for number, _ in enumerate(CASES):
         browser.js(f"abbe.S['ab'[{number}]]={number};abbe.prepare()")
     time.sleep(1)
@@ -431,6 +432,9 @@ def check_saved(browser, abbe, results, folder, shots):
     seen = browser.js("return [...document.images].map(i=>[i.alt,i.naturalWidth,"
                       "i.getBoundingClientRect().width])")
     assert seen[0][0] == "comparison" and all(min(one[1:]) > 100 for one in seen), seen
+    top = browser.js("return ['words','pictures'].map(i=>document.getElementById(i)"
+                     ".getBoundingClientRect().top)")
+    assert top == sorted(top), "pictures push the words away"
     browser.picture(shots / "saved_text.png")
     check_quiet(browser, page)
 
