@@ -84,9 +84,12 @@ std::vector<path> saved_pictures(const path& folder) {
 FiguresPage words_of_saved(const ordered_json& json) {
   FiguresPage page;
   page.title = json.at("scene").get<std::string>();
-  for (const char* key : {"scene", "seed", "vertices", "moves", "datum", "alignment"}) {
+  for (const char* key :
+       {"scene", "seed", "vertices", "moves", "datum", "alignment", "tolerance_um"}) {
     const ordered_json& value = json.at(key);
-    page.asked.push_back({key, value.is_string() ? value.get<std::string>() : value.dump()});
+    page.asked.push_back({key, value.is_string() ? value.get<std::string>()
+                               : value.is_null() ? "–"
+                                                 : value.dump()});
   }
   for (const ordered_json& one : json.at("warnings"))
     page.warnings.push_back(one.get<std::string>());
@@ -135,6 +138,18 @@ std::string section_of(const ordered_json& block) {
   return text + "</section>";
 }
 
+/// Of every case whose part has a tolerance.
+std::string verdicts(const std::vector<SavedCase>& cases) {
+  std::vector<std::string> lines;
+  for (const SavedCase& one : cases) {
+    const ordered_json judged = one.figures.value("conformance", ordered_json());
+    if (judged.is_object() && judged.contains("verdict") && judged.at("verdict").is_string())
+      lines.push_back(one.figures.at("name").get<std::string>() + ": " +
+                      judged.at("verdict").get<std::string>());
+  }
+  return html::label("verdicts", "h2") + html::list(lines);
+}
+
 PageData data_of(const Saved& saved, const PartMaps& maps, const path& folder) {
   try {
     return maps_data(maps, saved.tolerance_um);
@@ -144,9 +159,12 @@ PageData data_of(const Saved& saved, const PartMaps& maps, const path& folder) {
 }
 
 std::string page_with_maps(const Saved& saved, PageData data, const ordered_json& pictures) {
-  MapsPage page{saved.page.title,     saved.page.language,
-                std::move(data),      ordered_json::array(),
-                section_of(pictures), closing_words(saved.page) + html::label("packed", "p")};
+  MapsPage page{saved.page.title,
+                saved.page.language,
+                std::move(data),
+                ordered_json::array(),
+                section_of(pictures),
+                verdicts(saved.cases) + closing_words(saved.page) + html::label("packed", "p")};
   for (const SavedCase& one : saved.cases) page.cases.push_back(one.figures);
   return html_of(page);
 }

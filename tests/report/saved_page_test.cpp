@@ -180,7 +180,12 @@ TEST_F(SavedFolder, SaysThatTheMachineInMotionIsNotInIt) {
             std::string::npos)
       << reported.text;
   EXPECT_EQ(reported.text.find("among the maps"), std::string::npos) << reported.text;
-  EXPECT_NE(text_of(page_file()).find("alt=\"uncompensated/residual\""), std::string::npos);
+  const std::string html = text_of(page_file());
+  EXPECT_NE(html.find("alt=\"uncompensated/residual\""), std::string::npos);
+  const ordered_json summary = ordered_json::parse(text_of(folder / names[1] / "summary.json"));
+  const std::string verdict = summary.at("conformance").at("verdict");
+  EXPECT_FALSE(verdict.empty());
+  EXPECT_NE(html.find("<li>uncompensated: " + verdict + "</li>"), std::string::npos) << verdict;
 }
 
 TEST_F(SavedFolder, ACaseWithoutItsFileIsLeftOutByName) {
