@@ -71,7 +71,7 @@ const low = [1e9, 1e9, 1e9], high = [-1e9, -1e9, -1e9];
 for (let i = 0; i < nV; i++) for (let c = 0; c < 3; c++) { const v = P[3 * i + c]; if (v < low[c]) low[c] = v; if (v > high[c]) high[c] = v; }
 const centre = mix(low, high, .5), size = Math.hypot(...sub(high, low)); lap("normals");
 const cases = index.cases;
-const layers = ["residual", "form", "texture"];
+const layers = index.arrays.form0 ? ["residual", "form", "texture"] : ["residual"];
 cases.forEach((c, i) => Object.defineProperties(c, { line: { get: () => load("line" + i) }, time: { get: () => c.times ||= values("cut_time" + i) } }));   // unpacked when first asked for
 function layerOf(i) {                             // micrometres, unpacked when first shown
   const c = cases[i]; c.layers ||= {};
@@ -162,6 +162,7 @@ const S = { language, tab: "map", layer: "residual", region: 0, errors: 0, signa
 S.target = centre.slice();
 const home = { az: S.az, el: S.el };
 try { Object.assign(S, JSON.parse(decodeURIComponent(location.hash.slice(1)))); } catch { }
+if (!layers.includes(S.layer)) S.layer = layers[0];
 const zero = [...Array(16)].map((_, i) => i % 5 ? 0 : 1);
 let probe = null, section = null, dragging = null, difference = null, dirty = true;
 const shown = () => S.mode === "difference" ? [difference] : S.mode === "single" || S.tab === "machine" ? [cases[S.a]] : [cases[S.a], cases[S.b]];
@@ -373,7 +374,7 @@ if (machine) {
   for (let i = 0; i < machine.bodies.length; i++) { const b = { ...machine.bodies[i], ...solid(i) }; bodies.push(b); for (let k = 0; k < b.x.length; k += 3) if (b.tool <= 0) reach(T[b.on], b.x.subarray(k, k + 3)); }
   for (let k = 0; k < 8; k++) reach(T.w, [0, 1, 2].map(c => (k >> c & 1 ? high : low)[c]));
   reach(T.t, [0, 0, 0]); machineCentre = mix(from, to, .5); machineSize = Math.hypot(...sub(to, from)); lap("machine");
-} else { document.querySelector("[data-tab=machine]").hidden = true; if (S.tab === "machine") S.tab = "map"; }
+} else { document.querySelectorAll("[data-tab=machine],.motion").forEach(e => e.hidden = true); if (S.tab === "machine") S.tab = "map"; }
 function solid(i) {                         // with the normals of its facets
   const x = values("body" + i), t = load("facet" + i), n = x.length / 3, m = t.length / 3, v = new Float32Array(18 * m);
   const corner = k => [x[k], x[n + k], x[2 * n + k]];

@@ -55,11 +55,8 @@ Exit report_study(const Common& common, const ReportWords& words) {
 HtmlReport page_of_results(const std::filesystem::path& results, const ReportWords& words) {
   if (std::filesystem::is_directory(results) && study::holds_study(results))
     return study::study_page(results, words.language);
-  if (std::filesystem::is_directory(results) && holds_saved_cases(results)) {
-    FiguresPage page = saved_page(results);
-    page.language = words.language;
-    return {html_of(page), page.warnings};
-  }
+  if (std::filesystem::is_directory(results) && holds_saved_cases(results))
+    return saved_page(results, words.language);
   const bool is_evaluation = std::filesystem::is_directory(results);
   FiguresPage page = is_evaluation ? evaluate_page(results) : identify_page(results);
   page.language = words.language;

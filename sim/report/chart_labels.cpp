@@ -133,7 +133,6 @@ constexpr ReportLabel charts[] = {
     {"maps_rms_um", "RMS µm", "均方根 µm"},
     {"maps_mean_rms_um", "RMS of what is no input's µm", "与输入无关部分的均方根 µm"},
     {"maps_flagged_percent", "flagged area %", "标记面积 %"},
-    {"maps_uncut_percent", "uncut area %", "未加工面积 %"},
     {"maps_gouged_percent", "gouged area %", "过切面积 %"},
     {"maps_vertices", "vertices", "顶点数"},
     {"maps_rivals", "rivals", "竞争走刀数"},

@@ -38,6 +38,8 @@ std::string download(const PageFile& file) {
          base64(file.text) + "\">" + name + "</a></li>";
 }
 
+}  // namespace
+
 std::string closing_words(const FiguresPage& page) {
   using namespace html;
   const ordered_json all_versions = versions();
@@ -51,8 +53,6 @@ std::string closing_words(const FiguresPage& page) {
   for (const PageFile& file : page.files) text += download(file);
   return text + "</ul>";
 }
-
-}  // namespace
 
 std::string html_of(const FiguresPage& page) {
   const std::vector<ReportLabel> labels = all_labels();

@@ -25,6 +25,9 @@ struct FiguresPage {
   std::string language = "en";  ///< "en" or "zh", in which it opens
 };
 
+/// What was asked, warnings, versions and how to repeat it, as they close a page.
+std::string closing_words(const FiguresPage& page);
+
 /// One page that needs nothing besides itself (render/report/charts.js): its blocks, then what was
 /// asked, warnings, versions and how to repeat it.
 /// @throws std::invalid_argument naming the label that is in no table

@@ -1,21 +1,16 @@
 #include "sim/report/html_report.h"
 
-#include <algorithm>
-#include <map>
-
 #include <fmt/format.h>
 #include <tbb/parallel_invoke.h>
 #include <nlohmann/json.hpp>
 
+#include "sim/report/compared_maps.h"
 #include "sim/report/encode.h"
 #include "sim/report/html_text.h"
-#include "sim/report/page_data.h"
+#include "sim/report/maps_page.h"
 #include "sim/report/page_machine.h"
-#include "sim/report/page_maps.h"
 #include "sim/report/pictures.h"
-#include "sim/report/report_labels.h"
 #include "sim/report/summary_report.h"
-#include "sim/report/viewer_source.h"
 
 namespace abbe::sim {
 namespace {
@@ -27,55 +22,11 @@ std::string plain(const ordered_json& value) {
   return value.is_string() ? value.get<std::string>() : value.is_null() ? "–" : value.dump();
 }
 
-/// The figures of every case from the numbers of comparison.json, which stand whole beside those
-/// that are seen.
-std::string figures_table(const ordered_json& json, const PageData& data) {
-  const char* keys[] = {"pv", "rms", "mean", "std", "min", "max", "p95_abs"};
-  std::map<std::string, double> step_nm;
-  for (const ordered_json& one : data.index["cases"])
-    step_nm[one.at("name").get<std::string>()] = one.at("step_nm").get<double>();
-  std::string text = "<table id=\"figures\"><caption data-label=\"figures\"></caption><thead><tr>" +
-                     label("case", "th");
-  for (const char* key : keys) text += label(key, "th");
-  text += label("precision", "th") + "</tr></thead><tbody>";
-  for (const ordered_json& one : json.at("cases")) {
-    const std::string name = one.at("name").get<std::string>();
-    text += "<tr data-case=\"" + in_html(name) + "\"><td>" + in_html(name) + "</td>";
-    for (const char* key : keys) {
-      const ordered_json& value = one.at("residual_um").at(key);
-      text += value.is_number() ? fmt::format("<td data-key=\"{}\" data-value=\"{}\">{:.4g}</td>",
-                                              key, value.dump(), value.get<double>())
-                                : std::string("<td>–</td>");
-    }
-    const auto step = step_nm.find(name);
-    text +=
-        "<td>" + (step == step_nm.end() ? "–" : fmt::format("{:.2g}", step->second)) + "</td></tr>";
-  }
-  return text + "</tbody></table>";
-}
-
-/// The figures of every region of the part by case; empty where it has none.
-std::string regions_table(const PageData& data) {
-  const ordered_json& regions = data.index["regions"];
-  if (regions.empty()) return "";
-  const char* keys[] = {"pv", "rms", "mean", "std", "min", "max", "p95_abs", "in"};
-  std::string text =
-      "<table id=\"regions\"><caption data-label=\"region_figures\"></caption><thead><tr>" +
-      label("region", "th") + label("case", "th");
-  for (const char* key : keys)
-    text += label(std::string_view(key) == "in" ? "in_percent" : key, "th");
-  text += "</tr></thead><tbody>";
-  for (const ordered_json& region : regions)
-    for (const auto& [name, figures] : region.at("figures").items()) {
-      text += "<tr><td>" + in_html(region.at("name").get<std::string>()) + "</td><td>" +
-              in_html(name) + "</td>";
-      for (const char* key : keys)
-        text += figures.at(key).is_number()
-                    ? fmt::format("<td>{:.4g}</td>", figures.at(key).get<double>())
-                    : std::string("<td>–</td>");
-      text += "</tr>";
-    }
-  return text + "</tbody></table>";
+void add_courses(PageData& data, const std::vector<Compared>& cases) {
+  for (std::size_t number = 0; number < data.index["cases"].size(); ++number)
+    for (const Compared& one : cases)
+      if (one.verdict.cut.name == data.index["cases"][number].at("name"))
+        add_course(data, one, number);
 }
 
 /// A still picture of every map, for a browser that cannot turn one, and for paper.
@@ -139,7 +90,7 @@ std::string words(const std::vector<Compared>& cases, const ordered_json& json,
       failed.push_back(plain(one.at("name")) + ": " + plain(one.at("reason")));
     text += label("failed", "h2") + list(failed);
   }
-  text += label("packed", "p");
+  text += label("packed", "p") + label("packed_motion", "p");
   text += label("versions", "h2") + "<dl>";
   for (const auto& [name, version] : json.at("versions").items())
     text += "<dt>" + in_html(name) + "</dt><dd>" + in_html(plain(version)) + "</dd>";
@@ -155,30 +106,18 @@ HtmlReport html_report(const std::vector<Compared>& cases, const Comparison& com
   const Job& job = *cases.front().job;
   const ordered_json json = to_json(comparison);
   HtmlReport report;
-  PageData data{{{"cases", ordered_json::array()}, {"arrays", ordered_json::object()}}, {}};
-  data.index["tolerance_um"] = json.at("tolerance_um");
-  std::string still;
-  tbb::parallel_invoke([&] { still = pictures(cases); },
+  MapsPage page{comparison.scene, asked.language, {}, json.at("cases"), {}, {}};
+  tbb::parallel_invoke([&] { page.pictures = pictures(cases); },
                        [&] {
-                         report.warnings = add_maps(data, cases, json.at("cases"));
-                         for (const std::string& one : add_machine(data, job))
+                         const PartMaps maps = compared_maps(cases, json.at("cases"));
+                         report.warnings = maps.left_out;
+                         page.data = maps_data(maps, json.at("tolerance_um"));
+                         add_courses(page.data, cases);
+                         for (const std::string& one : add_machine(page.data, job))
                            report.warnings.push_back(one);
                        });
-  const auto said = [&](std::string_view text) {
-    return with_labels(text, report_labels(), asked.language);
-  };
-  report.html = filled(said(viewer_page()),
-                       {{"language", asked.language},
-                        {"title", in_html(comparison.scene)},
-                        {"style", std::string(viewer_style())},
-                        {"script", viewer_script()},
-                        {"labels", in_script(labels_json(report_labels()))},
-                        {"figures", said(figures_table(json, data))},
-                        {"regions", said(regions_table(data))},
-                        {"pictures", still},
-                        {"words", said(words(cases, json, report.warnings, asked))},
-                        {"data", "<script type=\"application/json\" id=\"index\">" +
-                                     in_script(data.index) + "</script>\n" + data.blocks}});
+  page.words = words(cases, json, report.warnings, asked);
+  report.html = html_of(page);
   return report;
 }
 

@@ -1,20 +1,58 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
+#include <Eigen/Core>
+#include <nlohmann/json.hpp>
+
+#include "cutting/mesh.h"
 #include "sim/report/page_data.h"
-#include "sim/report/verdict.h"
 
 namespace abbe::sim {
 
+/// The map of a case on the mesh of its page.
+struct CaseMap {
+  std::string name;
+  Eigen::VectorXd residual_um;   ///< (n) NaN where not cut
+  Eigen::VectorXd form_um;       ///< (n) the same; empty where it is not known
+  Eigen::VectorXd cut_time_s;    ///< (n) NaN where nothing was removed
+  std::vector<int> cut_line;     ///< (n) 0 where nothing was removed
+  nlohmann::ordered_json shown;  ///< what stands beside it, by the name of a layer
+};
+
+/// Stretches of a program of one line each, one after the other.
+struct LineStretches {
+  std::vector<int> line, begin_ms;
+};
+
+/// What a page shows of the part, in the part frame.
+struct PartMaps {
+  cutting::Points vertices;  ///< mm
+  cutting::Triangles triangles;
+  std::vector<CaseMap> cases;
+  std::vector<int> region;  ///< (n) of every vertex, from 1, 0 where none holds it; or empty
+  nlohmann::ordered_json regions = nlohmann::ordered_json::array();  ///< names and figures
+  LineStretches stretches;            ///< of which instants are predicted; empty where not known
+  std::vector<std::string> left_out;  ///< what a page does not show, by name
+};
+
+/// Adds the map of a case, of which the first gives the mesh; one of a part with other vertices is
+/// left out.
+/// @return whether it is among the maps
+bool add_case(PartMaps& maps, const cutting::Design& design, CaseMap one);
+
+/// What stands beside the layers of a map, from its figures as summary.json has them.
+nlohmann::ordered_json shown_figures(const nlohmann::ordered_json& figures);
+
+/// What of a map no page can hold; none where it holds all.
+std::optional<std::string> too_large_to_pack(const CaseMap& one);
+
 /// Packs the mesh of the part and the map of every case: residual and form in steps of 2 nm or
 /// finer, positions to 1/65534 of the largest extent, instants of cutting to 0.02 s, lines of the
-/// program and regions as they are.
-/// @param cases    at least one
-/// @param figures  of them, as comparison.json has them
-/// @return what is left out: cases of a variant whose part has other vertices
-std::vector<std::string> add_maps(PageData& data, const std::vector<Compared>& cases,
-                                  const nlohmann::ordered_json& figures);
+/// program and regions as they are. Form is packed where every case has it.
+/// @throws std::invalid_argument if something is too large to pack
+void add_maps(PageData& data, const PartMaps& maps);
 
 }  // namespace abbe::sim

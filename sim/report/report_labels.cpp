@@ -82,6 +82,7 @@ constexpr ReportLabel labels[] = {
     {"min", "min µm", "最小 µm"},
     {"max", "max µm", "最大 µm"},
     {"p95_abs", "95 % below µm", "95 % 低于 µm"},
+    {"maps_uncut_percent", "uncut area %", "未加工面积 %"},
     {"asked", "What was asked", "任务"},
     {"scene", "scene", "场景"},
     {"seed", "seed", "随机种子"},
@@ -103,13 +104,14 @@ constexpr ReportLabel labels[] = {
     {"precision", "step of the values nm", "数值步长 nm"},
     {"packed",
      "Packed to within: residual and form, half of the step in the table; positions, 1/65534 of "
-     "the "
-     "largest extent; instants of cutting, 0.01 s; axes, 10 µm and 0.01°; spindles, 1°; deviations "
-     "of the tool, 1/50 of the largest or 50 nm; signals, 1/500 of what they span. Left out are "
-     "signals that are constant, and what was recorded before the program.",
-     "数据精度：偏差和形状为表中步长的一半；位置为最大尺寸的 1/65534；切削时刻 0.01 s；轴 10 µm "
-     "和 0.01°；主轴 1°；刀具偏差为最大值的 1/50 或 50 nm；信号为其变化范围的 1/500。"
-     "不含恒定的信号和程序开始之前的记录。"},
+     "the largest extent; instants of cutting, 0.01 s.",
+     "数据精度：偏差和形状为表中步长的一半；位置为最大尺寸的 1/65534；切削时刻 0.01 s。"},
+    {"packed_motion",
+     "Of the motion: axes, 10 µm and 0.01°; spindles, 1°; deviations of the tool, 1/50 of the "
+     "largest or 50 nm; signals, 1/500 of what they span. Left out are signals that are constant, "
+     "and what was recorded before the program.",
+     "运动数据：轴 10 µm 和 0.01°；主轴 1°；刀具偏差为最大值的 1/50 或 50 nm；信号为其变化范围的 "
+     "1/500。不含恒定的信号和程序开始之前的记录。"},
     {"language", "中文", "English"},
 };
 

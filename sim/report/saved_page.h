@@ -1,8 +1,9 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
-#include "sim/report/figures_page.h"
+#include "sim/report/html_report.h"
 
 namespace abbe::sim {
 
@@ -10,9 +11,9 @@ namespace abbe::sim {
 bool holds_saved_cases(const std::filesystem::path& folder);
 
 /// The page of what `run` (summary.json) or `compare` (comparison.json) left: the figures of every
-/// case, the pictures of its maps, its scene. Maps to turn and the machine in motion are not in it,
-/// and its warnings say so.
+/// case, its map to turn where residual.vtp is there, its pictures, its scene. The machine in
+/// motion is not in it, and its warnings say so.
 /// @throws BadInput naming the file, what was expected and what was seen
-FiguresPage saved_page(const std::filesystem::path& folder);
+HtmlReport saved_page(const std::filesystem::path& folder, const std::string& language);
 
 }  // namespace abbe::sim

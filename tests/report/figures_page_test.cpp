@@ -386,6 +386,14 @@ TEST(SavedPages, TheFiguresOfACaseAreThoseOfItsSummary) {
   ASSERT_EQ(reported.code, 0) << reported.text;
   EXPECT_NE(reported.text.find("abbe run --report"), std::string::npos) << reported.text;
   const ordered_json summary = ordered_json::parse(whole(out / "summary.json"));
+  const std::string with_map = whole(out / "report.html");
+  for (const char* key : {"pv", "rms", "p95_abs"})
+    EXPECT_NE(with_map.find("data-key=\"" + std::string(key) + "\" data-value=\"" +
+                            summary.at("residual_um").at(key).dump() + "\""),
+              std::string::npos)
+        << key;
+  fs::remove(out / "residual.vtp");
+  ASSERT_EQ(safety::run("report " + out.string()).code, 0);
   const ordered_json page = index_of(out / "report.html");
   const ordered_json& table = block(page, "figures");
   ASSERT_EQ(table.at("rows").size(), 1u);

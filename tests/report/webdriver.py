@@ -388,7 +388,7 @@ def check_cut_off(browser, page, folder):
 def check_dome(browser, abbe, scenes, folder, shots, port):
     results = folder / "results"
     page = loaded(browser, abbe, f"{scenes}/gantry_dome.toml", results,
-                  "--set", "part.vertices=2500", "--save", "npz")
+                  "--set", "part.vertices=2500", "--save", "vtp,npz")
     browser.picture(shots / "part.png")
     browser.js("for (const i of [0,1]) abbe.S['ab'[i]]=i;abbe.prepare()")
     time.sleep(1)
@@ -407,6 +407,36 @@ def check_dome(browser, abbe, scenes, folder, shots, port):
     check_quiet(browser, page)
     check_cut_off(browser, page, folder)
     check_without_webgl(port, page, folder, shots)
+    check_saved(browser, abbe, results, folder, shots)
+
+
+def check_saved(browser, abbe, results, folder, shots):
+    """The page of the folder that the cases stand in has their maps, and no machine."""
+    page = folder / "saved.html"
+    subprocess.run([abbe, "report", str(results), "-o", str(page)], check=True,
+                   stdout=subprocess.DEVNULL)
+    open_page(browser, page)
+    time.sleep(1)
+    browser.picture(shots / "saved.png")
+    assert browser.js("return [...document.querySelectorAll('[data-tab=machine],.motion')]"
+                      ".every(e=>e.hidden)"), "what moves is offered"
+    for number, _ in enumerate(CASES):
+        browser.js(f"abbe.S['ab'[{number}]]={number};abbe.prepare()")
+    time.sleep(1)
+    check_figures(browser, results)
+    check_values(browser, results)
+    check_cursor(browser, results)
+    check_layers(browser, results)
+    check_saving(browser)
+    browser.js("document.querySelector('[data-tab=text]').click()")
+    seen = browser.js("return [...document.images].map(i=>[i.alt,i.naturalWidth,"
+                      "i.getBoundingClientRect().width])")
+    assert seen[0][0] == "comparison" and all(min(one[1:]) > 100 for one in seen), seen
+    top = browser.js("return ['words','pictures'].map(i=>document.getElementById(i)"
+                     ".getBoundingClientRect().top)")
+    assert top == sorted(top), "pictures push the words away"
+    browser.picture(shots / "saved_text.png")
+    check_quiet(browser, page)
 
 
 def check_signals(browser, results, case, number):

@@ -1,0 +1,287 @@
+// The page of a folder that `run` or `compare` left: its maps are those of the page of the scene
+// itself and of residual.vtp; what a folder lacks is left out by name, what is damaged refused.
+
+#if ABBE_RENDER
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "render/field.h"
+#include "tests/report/unpack.h"
+#include "tests/safety/program_run.h"
+
+namespace abbe::sim {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+const char* const names[] = {"error_free", "uncompensated", "perfect-position-ideal"};
+
+std::string text_of(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+/// What stands in a script of a page.
+std::string script(const std::string& html, const std::string& id) {
+  const std::size_t at = html.find("id=\"" + id + "\">");
+  if (at == std::string::npos) throw std::out_of_range("no script " + id);
+  const std::size_t from = html.find('>', at) + 1;
+  return html.substr(from, html.find("</script>", from) - from);
+}
+
+/// A page, with what its mesh is decoded by.
+struct ReadPage {
+  std::string html;
+  ordered_json index;
+  MeshWalk walk;
+};
+
+ReadPage page_of(const fs::path& file, const cutting::Design& design) {
+  ReadPage page{text_of(file), {}, mesh_walk(design.triangles, design.vertices.rows())};
+  page.index = ordered_json::parse(script(page.html, "index"));
+  EXPECT_EQ(unpack::bytes_of(script(page.html, "a:mesh")), page.walk.code);
+  return page;
+}
+
+Eigen::MatrixXi numbers(const ReadPage& page, const std::string& name);
+
+/// When the lines of a column are half done, in steps of 20 ms.
+Eigen::VectorXi midst(const ReadPage& page, const std::string& lines) {
+  const Eigen::MatrixXi line = numbers(page, "block_line"), begin = numbers(page, "block_time");
+  std::map<int, int> at;
+  for (Eigen::Index k = 0; k < line.rows(); ++k)
+    at.emplace(line(k, 0), (begin(k, 0) + begin(std::min(k + 1, line.rows() - 1), 0) + 20) / 40);
+  Eigen::VectorXi all = numbers(page, lines);
+  for (int& one : all) one = at.contains(one) ? at[one] : 0;
+  return all;
+}
+
+Eigen::MatrixXi numbers(const ReadPage& page, const std::string& name) {
+  const ordered_json& about = page.index.at("arrays").at(name);
+  Packed packed;
+  packed.rows = about.at("n");
+  packed.columns = about.at("components");
+  for (const int by : about.at("by")) packed.by.push_back(Prediction(by));
+  packed.has_missing = about.contains("missing");
+  packed.text = script(page.html, "a:" + name);
+  const MeshWalk* walk = about.at("mesh").get<bool>() ? &page.walk : nullptr;
+  if (!about.contains("reference")) return unpack::numbers(packed, walk);
+  const std::string of = about.at("reference");
+  const Eigen::VectorXi reference =
+      of.starts_with("midst:") ? midst(page, of.substr(6)) : Eigen::VectorXi(numbers(page, of));
+  return unpack::numbers(packed, walk, &reference);
+}
+
+/// By the vertices of the file; NaN where there is no value.
+Eigen::MatrixXd values(const ReadPage& page, const std::string& name) {
+  const ordered_json& about = page.index.at("arrays").at(name);
+  const Eigen::MatrixXi packed = numbers(page, name);
+  Eigen::MatrixXd all(packed.rows(), packed.cols());
+  for (Eigen::Index c = 0; c < all.cols(); ++c) {
+    const bool has_step = about.contains("step");
+    const double step = has_step ? about.at("step")[std::size_t(c)].get<double>() : 1.0;
+    const double offset = has_step ? about.at("offset")[std::size_t(c)].get<double>() : 0.0;
+    for (Eigen::Index k = 0; k < all.rows(); ++k)
+      all(page.walk.order[std::size_t(k)], c) = packed(k, c) == missing
+                                                    ? std::numeric_limits<double>::quiet_NaN()
+                                                    : offset + step * packed(k, c);
+  }
+  return all;
+}
+
+void expect_near(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, double bound) {
+  ASSERT_EQ(a.rows(), b.rows());
+  for (Eigen::Index k = 0; k < a.size(); ++k) {
+    EXPECT_EQ(std::isnan(a.data()[k]), std::isnan(b.data()[k])) << k;
+    if (std::isnan(a.data()[k])) continue;
+    EXPECT_NEAR(a.data()[k], b.data()[k], bound) << k;
+  }
+}
+
+const std::string small_dome =
+    " --set part.vertices=300 --set program.step_over_mm=4 --set sampling.max_step_mm=1000 "
+    "--set 'compare.cases=[\"perfect-position-ideal\"]' ";
+
+/// Three cases with the page of their scene, cut once.
+struct SavedFolder : testing::Test {
+  static void SetUpTestSuite() {
+    root = fs::temp_directory_path() / ("abbe_saved_" + std::to_string(::getpid()));
+    fs::create_directories(root);
+    ran = safety::run("compare " ABBE_SOURCE_DIR "/scenes/gantry_dome.toml --report" + small_dome +
+                      "--out " + (root / "cut").string());
+  }
+  static void TearDownTestSuite() { fs::remove_all(root); }
+
+  void SetUp() override {
+    ASSERT_EQ(ran.code, 0) << ran.text;
+    folder = root / "copy";
+    fs::copy(root / "cut", folder, fs::copy_options::recursive);
+  }
+  void TearDown() override { fs::remove_all(folder); }
+
+  safety::Ran report() const {
+    return safety::run("report " + folder.string() + " -o " + page_file().string());
+  }
+  fs::path page_file() const { return folder / "saved.html"; }
+  fs::path map_file(const std::string& name) const { return folder / name / "residual.vtp"; }
+  std::vector<std::string> shown() const {
+    std::vector<std::string> all;
+    const ordered_json index = ordered_json::parse(script(text_of(page_file()), "index"));
+    for (const ordered_json& one : index.at("cases")) all.push_back(one.at("name"));
+    return all;
+  }
+
+  static inline fs::path root;
+  static inline safety::Ran ran;
+  fs::path folder;
+};
+
+TEST_F(SavedFolder, ItsMapsAreThoseOfThePageOfTheSceneAndOfItsFiles) {
+  const safety::Ran reported = report();
+  ASSERT_EQ(reported.code, 0) << reported.text;
+  const cutting::Design design = render::read_residual(map_file(names[0])).design;
+  const ReadPage saved = page_of(page_file(), design),
+                 live = page_of(folder / "report.html", design);
+  ASSERT_TRUE(live.index.contains("machine"));
+  EXPECT_FALSE(saved.index.contains("machine"));
+  EXPECT_EQ(saved.index.at("tolerance_um"), live.index.at("tolerance_um"));
+  expect_near(values(saved, "position"), design.vertices, 100.0 / 65534.0);
+  for (std::size_t i = 0; i < std::size(names); ++i) {
+    SCOPED_TRACE(names[i]);
+    const render::Field field = render::read_residual(map_file(names[i]));
+    const ordered_json &one = saved.index.at("cases")[i], &other = live.index.at("cases")[i];
+    for (const char* key : {"name", "step_nm", "stats"}) EXPECT_EQ(one.at(key), other.at(key));
+    const std::string n = std::to_string(i);
+    const double step = 1e-3 * one.at("step_nm").get<double>(), rounding = 1e-9;
+    expect_near(values(saved, "residual" + n), field.deviation_um, step / 2.0 + rounding);
+    expect_near(values(saved, "form" + n), field.form_um, step / 2.0 + rounding);
+    expect_near(values(saved, "cut_time" + n), field.cut_time_s, 0.01 + rounding);
+    for (const char* array : {"residual", "form", "line", "cut_time"})
+      expect_near(values(saved, array + n), values(live, array + n), rounding);
+  }
+}
+
+TEST_F(SavedFolder, SaysThatTheMachineInMotionIsNotInIt) {
+  const safety::Ran reported = report();
+  EXPECT_NE(reported.text.find("the machine in motion and its signals are left out of the report: "
+                               "saved results do not hold them; abbe compare --report"),
+            std::string::npos)
+      << reported.text;
+  EXPECT_EQ(reported.text.find("among the maps"), std::string::npos) << reported.text;
+  const std::string html = text_of(page_file());
+  EXPECT_NE(html.find("alt=\"uncompensated/residual\""), std::string::npos);
+  const ordered_json summary = ordered_json::parse(text_of(folder / names[1] / "summary.json"));
+  const std::string verdict = summary.at("conformance").at("verdict");
+  EXPECT_FALSE(verdict.empty());
+  EXPECT_NE(html.find("<li>uncompensated: " + verdict + "</li>"), std::string::npos) << verdict;
+}
+
+TEST_F(SavedFolder, ACaseWithoutItsFileIsLeftOutByName) {
+  fs::remove(map_file(names[0]));
+  const safety::Ran reported = report();
+  ASSERT_EQ(reported.code, 0) << reported.text;
+  EXPECT_NE(reported.text.find("error_free is in the table and not among the maps: " +
+                               map_file(names[0]).string() + " is not there"),
+            std::string::npos)
+      << reported.text;
+  EXPECT_EQ(shown(), (std::vector<std::string>{names[1], names[2]}));
+}
+
+TEST_F(SavedFolder, WithoutAnyMapThePageHasFiguresAndPictures) {
+  for (const char* name : names) fs::remove(map_file(name));
+  const safety::Ran reported = report();
+  ASSERT_EQ(reported.code, 0) << reported.text;
+  EXPECT_NE(reported.text.find("perfect-position-ideal is in the table and not among the maps"),
+            std::string::npos)
+      << reported.text;
+  const ordered_json index = ordered_json::parse(script(text_of(page_file()), "index"));
+  std::vector<std::string> blocks;
+  for (const ordered_json& one : index.at("blocks")) blocks.push_back(one.at("id"));
+  EXPECT_EQ(blocks, (std::vector<std::string>{"figures", "pictures"}));
+}
+
+TEST_F(SavedFolder, ACaseOfAnotherMeshIsLeftOutByName) {
+  render::Field other = render::read_residual(map_file(names[1]));
+  other.design.vertices.array() += 1.0;
+  render::write_residual(map_file(names[1]), other);
+  const safety::Ran reported = report();
+  ASSERT_EQ(reported.code, 0) << reported.text;
+  EXPECT_NE(
+      reported.text.find("uncompensated is in the table and not among the maps: its part has"),
+      std::string::npos)
+      << reported.text;
+  EXPECT_EQ(shown(), (std::vector<std::string>{names[0], names[2]}));
+}
+
+TEST_F(SavedFolder, AMapWithoutFormHasTheResidualAlone) {
+  render::Field field = render::read_residual(map_file(names[2]));
+  field.form_um.resize(0);
+  render::write_residual(map_file(names[2]), field);
+  const safety::Ran reported = report();
+  ASSERT_EQ(reported.code, 0) << reported.text;
+  EXPECT_NE(reported.text.find(map_file(names[2]).string() + " holds no form_um"),
+            std::string::npos)
+      << reported.text;
+  const ordered_json index = ordered_json::parse(script(text_of(page_file()), "index"));
+  EXPECT_TRUE(index.at("arrays").contains("residual2"));
+  EXPECT_FALSE(index.at("arrays").contains("form0"));
+}
+
+TEST_F(SavedFolder, RegionsAreLeftOutByName) {
+  std::ofstream(folder / names[0] / "scene.toml", std::ios::app)
+      << "\n[[part.region]]\nname = \"top\"\nz_mm = [-5, 0]\n";
+  const safety::Ran reported = report();
+  ASSERT_EQ(reported.code, 0) << reported.text;
+  EXPECT_NE(reported.text.find("the regions of the part are left out"), std::string::npos)
+      << reported.text;
+}
+
+TEST_F(SavedFolder, ADamagedFileIsRefusedByName) {
+  fs::resize_file(map_file(names[1]), fs::file_size(map_file(names[1])) / 2);
+  const safety::Ran refused = report();
+  EXPECT_EQ(refused.code, 3);
+  EXPECT_NE(refused.text.find(map_file(names[1]).string()), std::string::npos) << refused.text;
+  EXPECT_NE(refused.text.find("seen"), std::string::npos) << refused.text;
+  EXPECT_FALSE(fs::exists(page_file()));
+}
+
+TEST_F(SavedFolder, ValuesThatNoPageCanHoldAreRefusedByName) {
+  render::Field field = render::read_residual(map_file(names[1]));
+  field.deviation_um[0] = 1e30;
+  render::write_residual(map_file(names[1]), field);
+  const safety::Ran refused = report();
+  EXPECT_EQ(refused.code, 3);
+  EXPECT_NE(
+      refused.text.find("residual.vtp: expected a map that a page can hold, seen a deviation"),
+      std::string::npos)
+      << refused.text;
+}
+
+TEST_F(SavedFolder, ACaseThatNamesAnotherFolderIsRefused) {
+  std::string text = text_of(folder / "comparison.json");
+  const std::string name = "\"name\": \"uncompensated\"";
+  const std::size_t at = text.find(name);
+  ASSERT_NE(at, std::string::npos);
+  text.replace(at, name.size(), "\"name\": \"../copy/uncompensated\"");
+  std::ofstream(folder / "comparison.json") << text;
+  const safety::Ran refused = report();
+  EXPECT_EQ(refused.code, 3);
+  EXPECT_NE(refused.text.find("names no folder in it"), std::string::npos) << refused.text;
+}
+
+}  // namespace
+}  // namespace abbe::sim
+
+#endif
