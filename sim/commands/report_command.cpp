@@ -65,6 +65,16 @@ HtmlReport page_of_results(const std::filesystem::path& results, const ReportWor
   return {html_of(page), page.warnings};
 }
 
+/// What a page is made of, which it must not replace.
+std::vector<std::filesystem::path> files_of(const std::filesystem::path& results) {
+  if (!std::filesystem::is_directory(results)) return {results};
+  std::vector<std::filesystem::path> files;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(results))
+    if (entry.is_regular_file() && entry.path().extension() != ".html")
+      files.push_back(entry.path());
+  return files;
+}
+
 /// Beside the results, unless another place is named.
 Exit report_results(const Common& common, const ReportWords& words) {
   if (!common.set.empty() || common.seed)
@@ -78,7 +88,7 @@ Exit report_results(const Common& common, const ReportWords& words) {
                                      : common.out.empty() ? beside
                                                           : common.out / beside.filename();
   const HtmlReport page = page_of_results(results, words);
-  write_file(result_file(file, {common.permissions, {}}), page.html);
+  write_file(result_file(file, {common.permissions, files_of(results)}), page.html);
   return print_written(common, file, page.html.size(), page.warnings);
 }
 

@@ -44,12 +44,25 @@ bool has_no_reversal(const AxisState& from, const AxisState& to) {
   return from.direction == to.direction && from.stroke == to.stroke;
 }
 
-AxisState midway(const AxisState& from, const AxisState& to) {
+AxisState between(const AxisState& from, const AxisState& to, double share) {
   AxisState state = to;
-  state.q = 0.5 * (from.q + to.q);
-  state.time_s = 0.5 * (from.time_s + to.time_s);
-  state.spindle_speed = 0.5 * (from.spindle_speed + to.spindle_speed);
+  state.q = from.q + share * (to.q - from.q);
+  state.time_s = from.time_s + share * (to.time_s - from.time_s);
+  state.spindle_speed = from.spindle_speed + share * (to.spindle_speed - from.spindle_speed);
   return state;
+}
+
+/// How far the errors between two samples are off the line between those at both, mm: midway, where
+/// long waves bend most, and where waves that divide the interval into whole parts are seen.
+double bend_between(const Looker& look, const AxisState& from, const AxisState& to) {
+  const Off a = look.at(from), b = look.at(to);
+  double most = 0.0;
+  for (const double share : {0.5, 0.3819660112501051}) {
+    const Off off = look.at(between(from, to, share));
+    most = std::max({most, (off.tip - a.tip - share * (b.tip - a.tip)).norm(),
+                     (off.above - a.above - share * (b.above - a.above)).norm()});
+  }
+  return most;
 }
 
 /// The samples at which an interval of a feed ends.
@@ -86,9 +99,7 @@ BetweenSamples between_samples(const Job& job, const Commands& commands, std::si
   for (const std::size_t i :
        chosen(feed_ends(samples, path_of(job, commands)), most, job.scene.seed)) {
     const AxisState &from = samples.states[i - 1], &to = samples.states[i];
-    const Off a = look.at(from), b = look.at(to), mid = look.at(midway(from, to));
-    const double bend = std::max((mid.tip - 0.5 * (a.tip + b.tip)).norm(),
-                                 (mid.above - 0.5 * (a.above + b.above)).norm());
+    const double bend = bend_between(look, from, to);
     ++found.looked_at;
     found.beyond += bend > found.tolerance;
     found.rms += bend * bend;
@@ -116,15 +127,16 @@ BetweenSamples joined(const BetweenSamples& a, const BetweenSamples& b) {
 std::vector<std::string> between_samples_warnings(const BetweenSamples& found, double off) {
   constexpr double share = 0.01;
   if (!(found.max > found.tolerance && found.max > share * off)) return {};
-  // a chord leaves what grows with the square of its length
-  const double step = found.step * std::sqrt(found.tolerance / found.max);
+  // a chord leaves what grows with the square of its length; waves shorter than that ask for less
+  const double step = 0.9 * found.step * std::sqrt(found.tolerance / found.max);
+  const double digit = std::pow(10.0, std::floor(std::log10(step)) - 1.0);
   return {fmt::format(
-      "errors of the machine bend the path between the samples, where the cut is straight: by up "
-      "to {:.3g} nm (line {}, a step of {:.3g} mm), RMS {:.3g} nm; by more than {:.3g} nm in "
-      "{:.3g} % of {} intervals looked at. sampling.max_step_mm = {:.2g} would follow them",
-      found.max / units::nm, found.line, found.step, found.rms / units::nm,
-      found.tolerance / units::nm, 100.0 * double(found.beyond) / double(found.looked_at),
-      found.looked_at, step)};
+      "errors of the machine bend the path between the samples, where the cut is straight: by "
+      "{:.3g} um (line {}, a step of {:.3g} mm), RMS {:.3g} um, by more than {:.3g} um in {:.3g} % "
+      "of {} intervals looked at; to follow them begin with sampling.max_step_mm = {:.4g}",
+      found.max / units::um, found.line, found.step, found.rms / units::um,
+      found.tolerance / units::um, 100.0 * double(found.beyond) / double(found.looked_at),
+      found.looked_at, digit * std::floor(step / digit))};
 }
 
 }  // namespace abbe::sim

@@ -20,18 +20,18 @@ struct BetweenSamples {
   int line = 0;               ///< program line of it
 };
 
-/// Looks midway between samples, at one interval of feed in each of at most `most` stretches that
-/// hold as many intervals each: how far the errors of position and time there, at the tip and as
-/// far above it as the tool cuts, are off the mean of those at both samples. Loads are left out,
-/// and intervals over which an axis reverses. A wave shorter than an interval is found by chance,
-/// by up to twice its height.
+/// Looks midway between samples and at 0.38 of the way, at one interval of feed in each of at most
+/// `most` stretches that hold as many intervals each: how far the errors of position and time
+/// there, at the tip and as far above it as the tool cuts, are off the line between those at both
+/// samples. Loads are left out, and intervals over which an axis reverses. What bends the path in a
+/// few intervals of very many may be missed.
 BetweenSamples between_samples(const Job& job, const Commands& commands, std::size_t most = 1000);
 
 /// Of both.
 BetweenSamples joined(const BetweenSamples& a, const BetweenSamples& b);
 
-/// Bends beyond the tolerance and a hundredth of what the machine is off at the samples; the steps
-/// that would follow them.
+/// Bends beyond the tolerance and a hundredth of what the machine is off at the samples; the step
+/// to begin with.
 /// @param off  mm, RMS of the tip
 std::vector<std::string> between_samples_warnings(const BetweenSamples& found, double off);
 

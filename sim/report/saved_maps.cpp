@@ -1,6 +1,9 @@
 #include "sim/report/saved_maps.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
+#include <system_error>
 #include <utility>
 
 #include <fmt/format.h>
@@ -29,6 +32,30 @@ void check_fits(const path& file, const render::Field& field, const CaseMap& one
     throw BadInput(file.string(), 0, 0, "a map that a page can hold", *what + " beyond that");
 }
 
+/// The figures and the map of a case are written together; one of another case is refused.
+void check_has_figures(const path& file, const Eigen::VectorXd& residual_um,
+                       const std::vector<std::uint8_t>& status,
+                       const nlohmann::ordered_json& figures) {
+  const auto& written = figures.at("residual_um").at("max");
+  double highest = -std::numeric_limits<double>::infinity();
+  for (Eigen::Index i = 0; i < residual_um.size(); ++i)
+    if (status[std::size_t(i)] == 0 && std::isfinite(residual_um[i]))
+      highest = std::max(highest, residual_um[i]);
+  if (!written.is_number() || !std::isfinite(highest)) return;
+  const double wanted = written.get<double>();
+  if (std::abs(highest - wanted) > 1e-3 + 1e-5 * std::abs(wanted))
+    throw BadInput(file.string(), 0, 0,
+                   fmt::format("the map of the figures, which reaches {:.6g} um", wanted),
+                   fmt::format("one that reaches {:.6g} um", highest));
+}
+
+bool is_there(const path& file) {
+  std::error_code fault;
+  const bool found = std::filesystem::exists(file, fault);
+  if (fault) throw BadInput(file.string(), 0, 0, "a file", fault.message());
+  return found;
+}
+
 void add_saved(PartMaps& maps, const SavedCase& one, const path& file) {
   render::Field field = render::read_residual(file);
   const std::string name = one.figures.at("name").get<std::string>();
@@ -39,6 +66,7 @@ void add_saved(PartMaps& maps, const SavedCase& one, const path& file) {
               std::move(field.cut_line),
               shown_figures(one.figures)};
   check_fits(file, field, map);
+  check_has_figures(file, map.residual_um, field.status, one.figures);
   if (map.form_um.size() == 0)
     maps.left_out.push_back(fmt::format(
         "form and texture are left out of the maps: {} holds no form_um", file.string()));
@@ -47,7 +75,7 @@ void add_saved(PartMaps& maps, const SavedCase& one, const path& file) {
 
 bool has_regions(const SavedCase& one) {
   const path scene = one.folder / "scene.toml";
-  return std::filesystem::exists(scene) &&
+  return is_there(scene) &&
          read_text(scene, most_saved_bytes).find("[[part.region]]") != std::string::npos;
 }
 
@@ -57,12 +85,12 @@ PartMaps saved_maps(const std::vector<SavedCase>& cases) {
   PartMaps maps;
   for (const SavedCase& one : cases) {
     const path file = one.folder / "residual.vtp";
-    if (std::filesystem::exists(file))
+    if (is_there(file))
       add_saved(maps, one, file);
     else
       maps.left_out.push_back(
-          fmt::format("{} is in the table and not among the maps: {} is not "
-                      "there",
+          fmt::format("{} is in the table and not among the maps: {}, which --save vtp writes, is "
+                      "not there",
                       one.figures.at("name").get<std::string>(), file.string()));
   }
   if (std::ranges::any_of(cases, has_regions))

@@ -33,7 +33,7 @@ path figures_file(const path& folder) {
 /// What compare called a folder of its own.
 path folder_of_case(const path& folder, const std::string& name) {
   const path inside = path(name).lexically_normal();
-  if (inside.empty() || inside.is_absolute() || *inside.begin() == "..")
+  if (inside.empty() || inside == "." || inside.is_absolute() || *inside.begin() == "..")
     throw std::invalid_argument("the case \"" + name + "\", which names no folder in it");
   return folder / inside;
 }
@@ -46,8 +46,13 @@ std::vector<SavedCase> saved_cases(const ordered_json& json, const path& folder)
     cases.back().figures["name"] = json.at("case");
     return cases;
   }
-  for (const ordered_json& one : json.at("cases"))
-    cases.push_back({one, folder_of_case(folder, one.at("name").get<std::string>())});
+  for (const ordered_json& one : json.at("cases")) {
+    const std::string name = one.at("name").get<std::string>();
+    cases.push_back({one, folder_of_case(folder, name)});
+    const auto same = [&](const SavedCase& other) { return other.folder == cases.back().folder; };
+    if (std::ranges::count_if(cases, same) > 1)
+      throw std::invalid_argument("the case \"" + name + "\" twice");
+  }
   return cases;
 }
 
@@ -71,7 +76,8 @@ ordered_json saved_figures_block(const std::vector<SavedCase>& cases) {
 /// Pictures of the folder and of its cases, that of the comparison first.
 std::vector<path> saved_pictures(const path& folder) {
   std::vector<path> files;
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder))
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(
+           folder, std::filesystem::directory_options::skip_permission_denied))
     if (entry.is_regular_file() && entry.path().extension() == ".png")
       files.push_back(entry.path());
   std::ranges::sort(files, {}, [](const path& file) {

@@ -188,13 +188,24 @@ TEST_F(SavedFolder, SaysThatTheMachineInMotionIsNotInIt) {
   EXPECT_NE(html.find("<li>uncompensated: " + verdict + "</li>"), std::string::npos) << verdict;
 }
 
+TEST_F(SavedFolder, TheMapOfAnotherCaseIsRefused) {
+  fs::copy_file(map_file(names[0]), map_file(names[1]), fs::copy_options::overwrite_existing);
+  const safety::Ran reported = report();
+  EXPECT_EQ(reported.code, 3);
+  EXPECT_NE(reported.text.find(map_file(names[1]).string() +
+                               ": expected the map of the figures, which reaches"),
+            std::string::npos)
+      << reported.text;
+}
+
 TEST_F(SavedFolder, ACaseWithoutItsFileIsLeftOutByName) {
   fs::remove(map_file(names[0]));
   const safety::Ran reported = report();
   ASSERT_EQ(reported.code, 0) << reported.text;
-  EXPECT_NE(reported.text.find("error_free is in the table and not among the maps: " +
-                               map_file(names[0]).string() + " is not there"),
-            std::string::npos)
+  EXPECT_NE(
+      reported.text.find("error_free is in the table and not among the maps: " +
+                         map_file(names[0]).string() + ", which --save vtp writes, is not there"),
+      std::string::npos)
       << reported.text;
   EXPECT_EQ(shown(), (std::vector<std::string>{names[1], names[2]}));
 }

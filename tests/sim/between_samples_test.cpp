@@ -62,6 +62,19 @@ TEST(BetweenSamples, NothingIsBentWithoutWaves) {
   }
 }
 
+TEST(BetweenSamples, AWaveThatDividesTheStepsIsSeen) {
+  for (const double length : {1.0, 0.5, 0.25, 0.1}) {
+    const BetweenSamples found = looked(passes(
+        fmt::format("EZX = {{ kind = \"fourier\", period_mm = {}, a_um = [0.8] }}", length)));
+    double most = 0.0;
+    for (const double share : {0.5, 0.3819660112501051})
+      most = std::max(most, 0.8_um * (1.0 - std::cos(2 * pi * share / length)));
+    EXPECT_NEAR(found.max, most, 1e-3 * units::nm) << "nothing of it is at the samples";
+    EXPECT_GT(found.max, 0.4_um);
+    EXPECT_EQ(between_samples_warnings(found, 0.8_um).size(), 1u);
+  }
+}
+
 TEST(BetweenSamples, TheStepThatIsProposedFollowsThem) {
   const std::string wave = "EZX = { kind = \"fourier\", period_mm = 5.0, b_um = [0.8] }";
   const BetweenSamples coarse = looked(passes(wave));
