@@ -78,7 +78,8 @@ std::vector<std::filesystem::path> files_of(const std::filesystem::path& results
 /// Beside the results, unless another place is named.
 Exit report_results(const Common& common, const ReportWords& words) {
   if (!common.set.empty() || common.seed)
-    throw BadUsage("--set", "expected a scene or a study, seen results, which nothing changes");
+    throw BadUsage(common.set.empty() ? "--seed" : "--set",
+                   "expected a scene or a study, seen results, which nothing changes");
   const std::filesystem::path& results = common.scene;
   const bool is_folder = std::filesystem::is_directory(results);
   const std::filesystem::path beside =

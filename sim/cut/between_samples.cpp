@@ -127,16 +127,21 @@ BetweenSamples joined(const BetweenSamples& a, const BetweenSamples& b) {
 std::vector<std::string> between_samples_warnings(const BetweenSamples& found, double off) {
   constexpr double share = 0.01;
   if (!(found.max > found.tolerance && found.max > share * off)) return {};
-  // a chord leaves what grows with the square of its length; waves shorter than that ask for less
-  const double step = 0.9 * found.step * std::sqrt(found.tolerance / found.max);
-  const double digit = std::pow(10.0, std::floor(std::log10(step)) - 1.0);
-  return {fmt::format(
+  std::string text = fmt::format(
       "errors of the machine bend the path between the samples, where the cut is straight: by "
       "{:.3g} um (line {}, a step of {:.3g} mm), RMS {:.3g} um, by more than {:.3g} um in {:.3g} % "
-      "of {} intervals looked at; to follow them begin with sampling.max_step_mm = {:.4g}",
+      "of {} intervals looked at",
       found.max / units::um, found.line, found.step, found.rms / units::um,
       found.tolerance / units::um, 100.0 * double(found.beyond) / double(found.looked_at),
-      found.looked_at, digit * std::floor(step / digit))};
+      found.looked_at);
+  // a chord leaves what grows with the square of its length; waves shorter than that ask for less
+  const double step = 0.9 * found.step * std::sqrt(found.tolerance / found.max);
+  if (step > 0.0) {
+    const double digit = std::pow(10.0, std::floor(std::log10(step)) - 1.0);
+    text += fmt::format("; to follow them begin with sampling.max_step_mm = {:.4g}",
+                        digit * std::floor(step / digit));
+  }
+  return {text};
 }
 
 }  // namespace abbe::sim

@@ -149,9 +149,9 @@ bool add_case(PartMaps& maps, const cutting::Design& design, CaseMap one) {
     maps.triangles = design.triangles;
   } else if (!has_mesh(maps, design)) {
     maps.left_out.push_back(fmt::format(
-        "{} is in the table and not among the maps: its part has {} vertices of its own, the "
-        "maps of the report share {}",
-        one.name, design.vertices.rows(), maps.vertices.rows()));
+        "{} is in the table and not among the maps: its part is another mesh, of {} vertices, than "
+        "that of {}, which the maps share",
+        one.name, design.vertices.rows(), maps.cases.front().name));
     return false;
   }
   maps.cases.push_back(std::move(one));

@@ -46,6 +46,7 @@ std::vector<SavedCase> saved_cases(const ordered_json& json, const path& folder)
     cases.back().figures["name"] = json.at("case");
     return cases;
   }
+  if (json.at("cases").empty()) throw std::invalid_argument("no case");
   for (const ordered_json& one : json.at("cases")) {
     const std::string name = one.at("name").get<std::string>();
     cases.push_back({one, folder_of_case(folder, name)});

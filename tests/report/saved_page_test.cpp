@@ -229,9 +229,9 @@ TEST_F(SavedFolder, ACaseOfAnotherMeshIsLeftOutByName) {
   render::write_residual(map_file(names[1]), other);
   const safety::Ran reported = report();
   ASSERT_EQ(reported.code, 0) << reported.text;
-  EXPECT_NE(
-      reported.text.find("uncompensated is in the table and not among the maps: its part has"),
-      std::string::npos)
+  EXPECT_NE(reported.text.find(
+                "uncompensated is in the table and not among the maps: its part is another mesh"),
+            std::string::npos)
       << reported.text;
   EXPECT_EQ(shown(), (std::vector<std::string>{names[0], names[2]}));
 }
@@ -280,16 +280,32 @@ TEST_F(SavedFolder, ValuesThatNoPageCanHoldAreRefusedByName) {
       << refused.text;
 }
 
-TEST_F(SavedFolder, ACaseThatNamesAnotherFolderIsRefused) {
-  std::string text = text_of(folder / "comparison.json");
+TEST_F(SavedFolder, ACaseThatNamesAnotherFolderOrComesTwiceIsRefused) {
+  const std::string text = text_of(folder / "comparison.json");
   const std::string name = "\"name\": \"uncompensated\"";
   const std::size_t at = text.find(name);
   ASSERT_NE(at, std::string::npos);
-  text.replace(at, name.size(), "\"name\": \"../copy/uncompensated\"");
-  std::ofstream(folder / "comparison.json") << text;
-  const safety::Ran refused = report();
-  EXPECT_EQ(refused.code, 3);
-  EXPECT_NE(refused.text.find("names no folder in it"), std::string::npos) << refused.text;
+  for (const auto& [other, seen] : {std::pair("../copy/uncompensated", "names no folder in it"),
+                                    std::pair(".", "names no folder in it"),
+                                    std::pair("error_free", "the case \"error_free\" twice")}) {
+    const std::string renamed = "\"name\": \"" + std::string(other) + "\"";
+    std::ofstream(folder / "comparison.json")
+        << std::string(text).replace(at, name.size(), renamed);
+    const safety::Ran refused = report();
+    EXPECT_EQ(refused.code, 3);
+    EXPECT_NE(refused.text.find(seen), std::string::npos) << refused.text;
+  }
+}
+
+TEST_F(SavedFolder, NoPageReplacesWhatItIsMadeOf) {
+  for (const fs::path& file : {folder / "comparison.json", map_file(names[1])}) {
+    const std::string before = text_of(file);
+    const safety::Ran refused =
+        safety::run("report " + folder.string() + " --force -o " + file.string());
+    EXPECT_EQ(refused.code, 5);
+    EXPECT_NE(refused.text.find("never written over"), std::string::npos) << refused.text;
+    EXPECT_EQ(text_of(file), before);
+  }
 }
 
 }  // namespace

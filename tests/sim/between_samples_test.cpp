@@ -87,6 +87,11 @@ TEST(BetweenSamples, TheStepThatIsProposedFollowsThem) {
   const double step = std::stod(warned.front().substr(at + key.size()));
   const BetweenSamples fine = looked(passes(wave, fmt::format("max_step_mm = {}", step)));
   EXPECT_LT(fine.max, 1.1 * coarse.tolerance);
+  BetweenSamples in_place = coarse;
+  in_place.step = 0.0;
+  const auto without = between_samples_warnings(in_place, 1.0_um);
+  ASSERT_EQ(without.size(), 1u);
+  EXPECT_EQ(without.front().find(key), std::string::npos) << "no step helps where the tip rests";
   // of a machine that is off by far more it is no matter
   EXPECT_TRUE(between_samples_warnings(coarse, 100.0_um).empty());
 }
