@@ -127,20 +127,21 @@ vtkSmartPointer<vtkActor> actor(const Solid& solid) {
 }
 
 /// Each pixel the mean of `finer` x `finer` drawn, the upper row first.
-Pixels averaged(const Pixels& drawn, int finer) {
-  if (finer == 1) return drawn;
-  Pixels pixels{drawn.width / finer, drawn.height / finer, {}};
-  const std::size_t row = 3 * std::size_t(pixels.width);
-  pixels.rgb.reserve(row * std::size_t(pixels.height));
+/// @param drawn  three bytes a point, the lowest row first
+Pixels averaged(const unsigned char* drawn, int width, int height, int finer) {
+  Pixels pixels{width, height, {}};
+  const std::size_t row = 3 * std::size_t(width), row_drawn = row * std::size_t(finer);
+  pixels.rgb.reserve(row * std::size_t(height));
   std::vector<unsigned> sums(row);
   const auto points = unsigned(finer * finer);
-  const auto* from = reinterpret_cast<const unsigned char*>(drawn.rgb.data());
-  for (int y = 0; y < pixels.height; ++y) {
+  for (int y = finer * height - 1; y >= 0;) {
     std::ranges::fill(sums, points / 2);
-    for (int k = 0; k < finer; ++k)
+    for (int k = 0; k < finer; ++k, --y) {
+      const unsigned char* from = drawn + row_drawn * std::size_t(y);
       for (std::size_t x = 0; x < row; x += 3)
         for (int j = 0; j < finer; ++j, from += 3)
           for (std::size_t c = 0; c < 3; ++c) sums[x + c] += from[c];
+    }
     for (const unsigned sum : sums) pixels.rgb.push_back(char(sum / points));
   }
   return pixels;
@@ -352,12 +353,7 @@ Pixels Canvas::pixels() {
   const int wide = sheet_->finer * sheet_->width, high = sheet_->finer * sheet_->height;
   vtkNew<vtkUnsignedCharArray> lowest_first;
   sheet_->window->GetPixelData(0, 0, wide - 1, high - 1, 0, lowest_first.Get(), 0);
-  const std::size_t row = 3 * std::size_t(wide);
-  Pixels drawn{wide, high, {}};
-  drawn.rgb.reserve(row * std::size_t(high));
-  const auto* rows = reinterpret_cast<const char*>(lowest_first->GetPointer(0));
-  for (int y = high - 1; y >= 0; --y) drawn.rgb.append(rows + row * std::size_t(y), row);
-  return averaged(drawn, sheet_->finer);
+  return averaged(lowest_first->GetPointer(0), sheet_->width, sheet_->height, sheet_->finer);
 }
 
 void Canvas::write_png(const std::filesystem::path& path) { write(path, PictureFormat::Png); }

@@ -21,7 +21,7 @@ class vtkSmartPointer;
 namespace abbe::render {
 
 inline constexpr int longest_side = 16384;  ///< px, of a picture
-inline constexpr int fineness = 3;          ///< points drawn a pixel each way, unless asked for
+inline constexpr int fineness = 2;          ///< points drawn a pixel each way, unless asked for
 
 struct TextStyle {
   double size_px = 24.0;  ///< height of the font's em

@@ -125,8 +125,8 @@ BetweenSamples joined(const BetweenSamples& a, const BetweenSamples& b) {
 }
 
 std::vector<std::string> between_samples_warnings(const BetweenSamples& found, double off) {
-  constexpr double share = 0.01;
-  if (!(found.max > found.tolerance && found.max > share * off)) return {};
+  constexpr double share = 0.01, least = 50.0 * units::nm;
+  if (!(found.max > std::max({found.tolerance, least, share * off}))) return {};
   std::string text = fmt::format(
       "errors of the machine bend the path between the samples, where the cut is straight: by "
       "{:.3g} um (line {}, a step of {:.3g} mm), RMS {:.3g} um, by more than {:.3g} um in {:.3g} % "

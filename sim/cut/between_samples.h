@@ -30,8 +30,8 @@ BetweenSamples between_samples(const Job& job, const Commands& commands, std::si
 /// Of both.
 BetweenSamples joined(const BetweenSamples& a, const BetweenSamples& b);
 
-/// Bends beyond the tolerance and a hundredth of what the machine is off at the samples; the step
-/// to begin with.
+/// Bends beyond 50 nm, the tolerance and a hundredth of what the machine is off at the samples; the
+/// step to begin with.
 /// @param off  mm, RMS of the tip
 std::vector<std::string> between_samples_warnings(const BetweenSamples& found, double off);
 

@@ -22,7 +22,7 @@ constexpr double bytes_of_sample_corrected = 355, bytes_of_sample_rewritten = 22
 constexpr double bytes_of_sample_tracked = 180;
 constexpr double bytes_of_vertex_kept = 105, bytes_of_vertex_drawn = 1800,
                  bytes_of_vertex_compared = 255;
-constexpr double bytes_of_vertex_held = 250, bytes_of_pictures = 210e6, bytes_of_comparison = 100e6;
+constexpr double bytes_of_vertex_held = 250, bytes_of_pictures = 320e6, bytes_of_comparison = 230e6;
 
 /// A job while nothing is done with it, its vertices left out.
 double held(const WorkSize& job) {
