@@ -64,7 +64,7 @@ TEST(Canvas, DrawsATextAsWideAsItIsSaidToBe) {
     EXPECT_NEAR(last - first + 1, size.x(),
                 finer == 1          ? 12.0
                 : finer == fineness ? 1.5
-                                    : 6.0)
+                                    : 8.0)
         << finer;
   }
 }
