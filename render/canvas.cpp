@@ -174,12 +174,12 @@ struct Canvas::Sheet {
   std::vector<FlatMark> marks;  ///< what is flat, for formats that keep it so
   bool has_scene = false;
 
-  Sheet(int width_px, int height_px, int points_a_pixel);
+  Sheet(int width_px, int height_px, int points_each_way);
   ~Sheet() { window->Finalize(); }
 };
 
-Canvas::Sheet::Sheet(int width_px, int height_px, int points_a_pixel)
-    : width(width_px), height(height_px), finer(points_a_pixel) {
+Canvas::Sheet::Sheet(int width_px, int height_px, int points_each_way)
+    : width(width_px), height(height_px), finer(points_each_way) {
   window->SetOwnContext(0);
   window->SetSize(finer * width, finer * height);
   window->SetDPI(finer * dots_per_inch);

@@ -33,7 +33,7 @@ using Eigen::Vector3d;
 using kinematics::Pose;
 
 constexpr Colour body_edge{0.35, 0.37, 0.40};
-constexpr int points_a_pixel = 1;
+constexpr int points_each_way = 1;
 constexpr double finest_px = 1.5;  // of the triangles of a part
 
 /// Where everything stands in a frame, px.
@@ -256,7 +256,7 @@ struct Film::Stage {
 Film::Stage::Stage(FilmSetting given)
     : setting(std::move(given)),
       layout(film_layout(setting.width, setting.height)),
-      canvas(setting.width, setting.height, points_a_pixel),
+      canvas(setting.width, setting.height, points_each_way),
       machine_view(
           fitted_view(setting.machine_b, setting.from_b, Vector3d::UnitZ(), layout.machine)),
       part_view(fitted_view(setting.part_w, setting.from_w, setting.up_w, layout.part)),

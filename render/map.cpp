@@ -292,7 +292,7 @@ void draw_map(const MapPicture& picture, const MapOptions& options,
   const std::vector<Flag> flagged = flags(view, picture.field);
 
   // one canvas at a time in the whole program, so that the rest is done before
-  Canvas canvas(options.width, options.height, options.finer);
+  Canvas canvas(options.width, options.height);
   canvas.scene(view, scene.solids, scene.wires);
   draw_head(canvas, p, title, picture.figures, type);
   draw_strip(canvas, p, view, counts, body);

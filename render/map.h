@@ -50,7 +50,6 @@ struct MapOptions {
   bool isolines = false;  ///< at the ticks of the scale, or at the limits of the tolerance
   Eigen::Vector3d from = Eigen::Vector3d(-0.5, -1.0, 0.9);  ///< direction from the part to the eye
   Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
-  int finer = fineness;  ///< as of Canvas
 };
 
 /// Below it a residual is rounding: the surface engine's bound. No flag says more of it.

@@ -10,6 +10,7 @@
 #include "sim/report/evaluate_page.h"
 #include "sim/report/html_report.h"
 #include "sim/report/identify_page.h"
+#include "sim/report/saved_json.h"
 #include "sim/report/saved_page.h"
 #include "sim/study/run_study.h"
 #include "sim/study/study_page.h"
@@ -68,10 +69,8 @@ HtmlReport page_of_results(const std::filesystem::path& results, const ReportWor
 /// What a page is made of, which it must not replace.
 std::vector<std::filesystem::path> files_of(const std::filesystem::path& results) {
   if (!std::filesystem::is_directory(results)) return {results};
-  std::vector<std::filesystem::path> files;
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(results))
-    if (entry.is_regular_file() && entry.path().extension() != ".html")
-      files.push_back(entry.path());
+  std::vector<std::filesystem::path> files = saved_files(results);
+  std::erase_if(files, [](const auto& file) { return file.extension() == ".html"; });
   return files;
 }
 

@@ -328,7 +328,6 @@ std::string map_png(const Job& job, const Verdict& verdict, int width) {
   options.range_um = job.scene.view.range_um;
   options.from = job.scene.view.from;
   options.up = job.scene.view.up;
-
   return render::png_file(render::map_pixels(map_picture(job, verdict), options),
                           render::PngFor::Size);
 }

@@ -23,4 +23,12 @@ void with_saved_json(
   }
 }
 
+std::vector<std::filesystem::path> saved_files(const std::filesystem::path& folder) {
+  constexpr auto skip_denied = std::filesystem::directory_options::skip_permission_denied;
+  std::vector<std::filesystem::path> files;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder, skip_denied))
+    if (entry.is_regular_file()) files.push_back(entry.path());
+  return files;
+}
+
 }  // namespace abbe::sim

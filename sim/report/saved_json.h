@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -18,5 +19,8 @@ inline constexpr std::size_t most_saved_bytes = std::size_t(256) << 20;
 void with_saved_json(
     const std::filesystem::path& file, const std::string& expected,
     const std::function<void(const nlohmann::ordered_json& json, const std::string& text)>& make);
+
+/// Files in a folder and below it, but what nobody lets it look into.
+std::vector<std::filesystem::path> saved_files(const std::filesystem::path& folder);
 
 }  // namespace abbe::sim

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <system_error>
 #include <utility>
 
@@ -14,6 +13,7 @@
 
 #if ABBE_RENDER
 #include "render/field.h"
+#include "render/surface_scene.h"
 #endif
 
 namespace abbe::sim {
@@ -33,15 +33,11 @@ void check_fits(const path& file, const render::Field& field, const CaseMap& one
 }
 
 /// The figures and the map of a case are written together; one of another case is refused.
-void check_has_figures(const path& file, const Eigen::VectorXd& residual_um,
-                       const std::vector<std::uint8_t>& status,
+void check_has_figures(const path& file, const render::Tally& counts,
                        const nlohmann::ordered_json& figures) {
   const auto& written = figures.at("residual_um").at("max");
-  double highest = -std::numeric_limits<double>::infinity();
-  for (Eigen::Index i = 0; i < residual_um.size(); ++i)
-    if (status[std::size_t(i)] == 0 && std::isfinite(residual_um[i]))
-      highest = std::max(highest, residual_um[i]);
-  if (!written.is_number() || !std::isfinite(highest)) return;
+  const double highest = counts.highest_um;
+  if (!written.is_number() || counts.cut == 0) return;
   const double wanted = written.get<double>();
   if (std::abs(highest - wanted) > 1e-3 + 1e-5 * std::abs(wanted))
     throw BadInput(file.string(), 0, 0,
@@ -58,6 +54,7 @@ bool is_there(const path& file) {
 
 void add_saved(PartMaps& maps, const SavedCase& one, const path& file) {
   render::Field field = render::read_residual(file);
+  const render::Tally counts = render::tally(field, 0.0);
   const std::string name = one.figures.at("name").get<std::string>();
   CaseMap map{name,
               std::move(field.deviation_um),
@@ -66,7 +63,7 @@ void add_saved(PartMaps& maps, const SavedCase& one, const path& file) {
               std::move(field.cut_line),
               shown_figures(one.figures)};
   check_fits(file, field, map);
-  check_has_figures(file, map.residual_um, field.status, one.figures);
+  check_has_figures(file, counts, one.figures);
   if (map.form_um.size() == 0)
     maps.left_out.push_back(fmt::format(
         "form and texture are left out of the maps: {} holds no form_um", file.string()));

@@ -76,11 +76,8 @@ ordered_json saved_figures_block(const std::vector<SavedCase>& cases) {
 
 /// Pictures of the folder and of its cases, that of the comparison first.
 std::vector<path> saved_pictures(const path& folder) {
-  std::vector<path> files;
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(
-           folder, std::filesystem::directory_options::skip_permission_denied))
-    if (entry.is_regular_file() && entry.path().extension() == ".png")
-      files.push_back(entry.path());
+  std::vector<path> files = saved_files(folder);
+  std::erase_if(files, [](const path& file) { return file.extension() != ".png"; });
   std::ranges::sort(files, {}, [](const path& file) {
     return std::pair(std::distance(file.begin(), file.end()), file);
   });
