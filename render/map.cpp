@@ -276,6 +276,9 @@ void draw_map(const MapPicture& picture, const MapOptions& options,
   const TypeSizes type = type_sizes(options.width, options.height);
   const TextStyle body{.size_px = type.body};
   const View named = fitted_view({}, options.from, options.up, {});
+  // before any text is measured, which waits while another picture is drawn
+  SurfaceScene scene = surface_scene(picture.field, what.values, what.scale, named.toward);
+  if (options.isolines) scene.wires.push_back(isolines(picture.field, what.values, what.levels));
   std::vector<std::string> lines;
   const double width = options.width - 80.0 * type.unit;
   const double size = std::max(std::abs(counts.lowest_um), std::abs(counts.highest_um));
@@ -287,8 +290,6 @@ void draw_map(const MapPicture& picture, const MapOptions& options,
       wrapped(picture.title, {.size_px = type.title, .bold = true}, width, 2);
   const MapPage p = map_page(options, type, title.size(), text_height);
   const View view = fitted_view(picture.field.design.vertices, options.from, options.up, p.map);
-  SurfaceScene scene = surface_scene(picture.field, what.values, what.scale, view.toward);
-  if (options.isolines) scene.wires.push_back(isolines(picture.field, what.values, what.levels));
   const std::vector<Flag> flagged = flags(view, picture.field);
 
   // one canvas at a time in the whole program, so that the rest is done before

@@ -1,6 +1,7 @@
 #include "sim/report/html_report.h"
 
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
 #include <tbb/parallel_invoke.h>
 #include <nlohmann/json.hpp>
 
@@ -32,14 +33,18 @@ void add_courses(PageData& data, const std::vector<Compared>& cases) {
 /// A still picture of every map, for a browser that cannot turn one, and for paper.
 std::string pictures(const std::vector<Compared>& cases) {
   constexpr int width_px = 900;
+  std::vector<std::string> png(cases.size());
+  // one is prepared and another compressed while a third is drawn
+  tbb::parallel_for(std::size_t(0), cases.size(), [&](std::size_t i) {
+    png[i] = map_png(*cases[i].job, cases[i].verdict, width_px);
+  });
   std::string text;
-  for (const Compared& one : cases) {
-    const std::string png = map_png(*one.job, one.verdict, width_px);
-    if (png.empty()) continue;
-    const std::string name = in_html(one.verdict.cut.name);
+  for (std::size_t i = 0; i < cases.size(); ++i) {
+    if (png[i].empty()) continue;
+    const std::string name = in_html(cases[i].verdict.cut.name);
     text += fmt::format(
         "<figure><img width=\"{}\" alt=\"{}\" src=\"data:image/png;base64,{}\"></figure>\n",
-        width_px, name, base64(png));
+        width_px, name, base64(png[i]));
   }
   return text.empty() ? "" : "<section id=\"pictures\">" + text + "</section>";
 }
