@@ -23,7 +23,7 @@ Option memory_option(Common& common) {
   return {
       "--memory-gb", &common.memory_gb,
       "memory to plan for (all of the computer): what would take more is refused with an estimate "
-      "before it begins",
+      "before it begins, once `run` has tried to hold fewer samples at once",
       Between{0, 1'000'000}};
 }
 

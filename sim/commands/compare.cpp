@@ -26,9 +26,10 @@ namespace abbe::sim {
 namespace {
 
 /// The job with its part sampled, once it is known to fit into the memory at all and to lie where
-/// the program cuts.
-Job reaching(Job job, const CasesAsked& asked, ProgressLine& progress) {
-  check_memory(job.scene, {size_of(job)}, asked);
+/// the program cuts. @param whole  as `check_memory`
+Job reaching(Job job, const CasesAsked& asked, ProgressLine& progress,
+             const std::string& whole = {}) {
+  check_memory(job.scene, {size_of(job)}, asked, whole);
   return sampled(placed(std::move(job)), to(progress));
 }
 
@@ -314,7 +315,16 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
                         options.progress);
   progress.begin("prepare");
   const CasesAsked asked = with_files(cases_of_run(compensator_of(shown)), options);
-  const Job job = reaching(prepare(scene, to(progress)), asked, progress);
+  std::string whole = why_whole(scene, compensator_of(shown));
+  if (asked.tracked) whole = "the track of the tool";
+  SamplesHeld held;
+  if (whole.empty())
+    held = [size = once_sampled(expected, scene), &asked](std::size_t blocks) {
+      WorkSize of_blocks = size;
+      of_blocks.blocks = double(blocks);
+      return samples_that_fit(of_blocks, asked);
+    };
+  const Job job = reaching(prepare(scene, to(progress), held), asked, progress, whole);
   check_and_say(scene, {size_of(job)}, asked, progress);
   progress.replan(rest(size_of(job)));
   progress.begin(shown);

@@ -110,46 +110,54 @@ std::string unresolved_text(const cutting::InterpolationError& error, double res
       error.worst / units::um, what_of_form(job.design_w, job.scene.part.form_cutoff));
 }
 
+/// Shows the sweeps of a program one after the other.
+using EachSweep = std::function<void(const std::function<void(const ToolSweep&)>& use)>;
+
 /// How many of the vertices of a gouge the flanks of the sweeps have made.
 int by_flanks(const ProgramGouge& gouge, const cutting::Surface& surface,
-              const cutting::Design& design_w, const std::vector<ToolSweep>& sweeps) {
+              const cutting::Design& design_w, const EachSweep& each_sweep) {
   int count = 0;
-  for (const ToolSweep& sweep : sweeps) {
+  each_sweep([&](const ToolSweep& sweep) {
     const auto* cutter = std::get_if<cutting::Cutter>(&sweep.tool);
     const auto& states = sweep.samples.states;
-    if (cutter == nullptr || states.empty()) continue;
+    if (cutter == nullptr || states.empty()) return;
     ProgramGouge own = gouge;
     std::erase_if(own.at, [&](Eigen::Index i) {
       const double time_s = surface.cut_time_s[i];
       return !(time_s >= states.front().time_s && time_s <= states.back().time_s);
     });
-    if (own.at.empty()) continue;
+    if (own.at.empty()) return;
     count += by_flank(own, surface, design_w, *cutter, cutter_motion(sweep.T_wt, sweep.samples));
-  }
+  });
   return count;
 }
 
-/// What sweeps the part: the program that is followed, and what the errors explain of a gouge, mm.
+/// What sweeps the part: the program that is followed, and what the errors explain of a gouge, mm,
+/// asked for once the surface is cut.
 struct Cutting {
-  std::vector<ToolSweep> sweeps;
+  Sweep sweep;
+  EachSweep each_sweep;
   const program::Path& path;
-  double explained = 0.0;
+  std::function<double()> explained;
   std::shared_ptr<const cutting::Surface> known = {};  ///< where it was cut before
 };
+
+EachSweep each_of(const std::vector<ToolSweep>& sweeps) {
+  return [&](const auto& use) { std::ranges::for_each(sweeps, use); };
+}
 
 std::shared_ptr<const cutting::Surface> error_free_surface(const Job& job) {
   return job.sampled ? job.sampled->error_free : nullptr;
 }
 
-Machined machined(const Job& job, const Cutting& with, const Progress& progress) {
-  if (progress) progress("surface", 0.0);  // the moves are sorted first
-  const Sweep sweep = sweep_of(with.sweeps, options_of(job, progress));
+Machined machined(const Job& job, const Cutting& with) {
+  const Sweep& sweep = with.sweep;
   Machined made;
   made.surface = with.known ? *with.known : sweep.surface(job.design_w);
-  const ProgramGouge gouge = program_gouge(made.surface, with.explained);
+  const ProgramGouge gouge = program_gouge(made.surface, with.explained());
   if (gouge.vertices > 0)
     made.warnings.push_back(
-        gouge_text(gouge, by_flanks(gouge, made.surface, job.design_w, with.sweeps)));
+        gouge_text(gouge, by_flanks(gouge, made.surface, job.design_w, with.each_sweep)));
   add_warnings(surface_warnings(made.surface, with.path, job.scene.band), made.warnings);
   if (job.sampled) {
     const double wanted = resolution_of(job, made.surface);
@@ -169,9 +177,11 @@ Machined machined(const Job& job, const Cutting& with, const Progress& progress)
   return made;
 }
 
-PoseErrors pose_errors(const std::vector<Pose>& T_wt, const std::vector<Pose>& T_wt_nominal) {
+/// @param first  sample that counts
+PoseErrors pose_errors(const std::vector<Pose>& T_wt, const std::vector<Pose>& T_wt_nominal,
+                       std::size_t first) {
   PoseErrors errors;
-  for (std::size_t i = 0; i < T_wt.size(); ++i) {
+  for (std::size_t i = first; i < T_wt.size(); ++i) {
     const double tip = (T_wt[i].translation() - T_wt_nominal[i].translation()).norm();
     const Eigen::Vector3d u = T_wt[i].linear().col(2), v = T_wt_nominal[i].linear().col(2);
     const double direction = kinematics::angle_between(u, v);
@@ -180,7 +190,7 @@ PoseErrors pose_errors(const std::vector<Pose>& T_wt, const std::vector<Pose>& T
     errors.direction.rms += direction * direction;
     errors.direction.max = std::max(errors.direction.max, direction);
   }
-  const double n = std::max<double>(1.0, double(T_wt.size()));
+  const double n = std::max(1.0, double(T_wt.size()) - double(first));
   errors.tip.rms = std::sqrt(errors.tip.rms / n);
   errors.direction.rms = std::sqrt(errors.direction.rms / n);
   return errors;
@@ -251,6 +261,9 @@ std::span<const double> stroke_of(const Commands& commands) {
   return {commands.piezo->stroke.data(), std::size_t(commands.piezo->stroke.size())};
 }
 
+/// The first sample of a part that is no other's last.
+std::size_t first_own(const Job& part) { return part.sampling.goes_on ? 1 : 0; }
+
 /// One part of a job on the wrong machine, its poses found.
 struct Posed {
   std::vector<Pose> T_wt;
@@ -280,7 +293,7 @@ Posed posed(const Job& job, const Commands& commands, const Progress& progress,
   inside_tables(job, [&] { check_tips(run, made.T_wt); });
   add_warnings(process_warnings(job.scene, made.process), made.warnings);
   made.between = inside_tables(job, [&] { return between_samples(job, commands); });
-  made.off = pose_errors(made.T_wt, run.T_wt_wanted);
+  made.off = pose_errors(made.T_wt, run.T_wt_wanted, first_own(job));
   if (!run.wear.empty() && job.scene.tool.wear->radius > 0.0)
     made.worn = worn_pieces(job.scene.tool, run.wear, commands.samples, made.T_wt);
   timing_s["poses"] += watch.lap();
@@ -306,8 +319,7 @@ Spread joined(const Spread& a, double n_a, const Spread& b, double n_b) {
 }
 
 /// Puts what is reported of a part behind what was before it; stock and force are of one tool.
-void add(Posed& part, double samples_before, Cut& result) {
-  const auto n = double(part.T_wt.size());
+void add(Posed& part, double n, double samples_before, Cut& result) {
   result.tip_error = joined(result.tip_error, samples_before, part.off.tip, n);
   result.direction_error = joined(result.direction_error, samples_before, part.off.direction, n);
   result.between_samples = joined(result.between_samples, part.between);
@@ -322,8 +334,12 @@ Cut cut_error_free(const Job& job, const Progress& progress, Keep keep) {
   Stopwatch watch;
   Cut result;
   result.name = result.case_name = "error_free";
-  Machined made =
-      machined(job, {error_free_sweeps(job), job.path, 0.0, error_free_surface(job)}, progress);
+  if (progress) progress("surface", 0.0);  // the moves are sorted first
+  const EachSweep each_sweep = [&](const std::function<void(const ToolSweep&)>& use) {
+    each_part(job, [&](const Job& part) { use(error_free_sweep_of(part)); });
+  };
+  Machined made = machined(job, {error_free_sweep(job, options_of(job, progress)), each_sweep,
+                                 job.path, [] { return 0.0; }, error_free_surface(job)});
   result.surface = std::move(made.surface);
   result.interpolation = made.interpolation;
   result.process = job.nominal_process;
@@ -352,6 +368,10 @@ Process cut_process(const Job& job, const Commands& commands, const Progress& pr
 
 namespace {
 
+std::string not_converged_text(std::size_t corrections, std::size_t of) {
+  return fmt::format("{} of {} corrections did not converge", corrections, of);
+}
+
 /// Says all there is, as no file does.
 void stop_at_collision(const Collisions& found) {
   if (is_clear(found)) return;
@@ -370,8 +390,8 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Keep
   result.rewritten_program = commands.rewritten_program;
   result.warnings = commands.warnings;
   if (commands.not_converged > 0)
-    result.warnings.push_back(fmt::format("{} of {} corrections did not converge",
-                                          commands.not_converged, commands.samples.states.size()));
+    result.warnings.push_back(
+        not_converged_text(commands.not_converged, commands.samples.states.size()));
   check_travel(job, commands);
   if (job.scene.collision.on) {
     result.collisions = collisions(job, commands, result.name, progress);
@@ -385,8 +405,9 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Keep
   for (std::size_t i = 0; i < parts.size(); ++i) {
     all.push_back(posed(parts[i], of_part(commands, i), progress, result.timing_s));
     off = std::max(off, explained(parts[i], all.back().off));
-    add(all.back(), samples, result);
-    samples += double(all.back().T_wt.size());
+    const auto n = double(all.back().T_wt.size());
+    add(all.back(), n, samples, result);
+    samples += n;
   }
   add_warnings(between_samples_warnings(result.between_samples, result.tip_error.rms),
                result.warnings);
@@ -399,11 +420,13 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Keep
     result.track = track_of(tracked);
   }
   Stopwatch watch;
-  Cutting with{{}, path_of(job, commands), off};
+  if (progress) progress("surface", 0.0);  // the moves are sorted first
+  std::vector<ToolSweep> sweeps;
   for (std::size_t i = 0; i < parts.size(); ++i)
-    add_sweeps(parts[i], of_part(commands, i).samples, all[i], with.sweeps);
+    add_sweeps(parts[i], of_part(commands, i).samples, all[i], sweeps);
   result.wear = worn_tools(cut_parts(job));
-  Machined made = machined(job, with, progress);
+  Machined made = machined(job, {sweep_of(sweeps, options_of(job, progress)), each_of(sweeps),
+                                 path_of(job, commands), [off] { return off; }});
   result.surface = std::move(made.surface);
   result.interpolation = made.interpolation;
   add_warnings(std::move(made.warnings), result.warnings);
@@ -411,7 +434,89 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Keep
   return result;
 }
 
+namespace {
+
+/// The windows of a job on the wrong machine. What is reported of each is added to a cut when it is
+/// first run.
+class WindowsRun {
+ public:
+  WindowsRun(const Job& job, CommandsOf commands_of, Cut& result)
+      : job_(job), commands_of_(std::move(commands_of)), result_(result) {}
+
+  SweptWindow at(std::size_t number);
+  void each_sweep(const std::function<void(const ToolSweep&)>& use);
+  double explained() const { return explained_; }
+  std::size_t not_converged() const { return not_converged_; }
+
+ private:
+  void report(const Job& part, const Commands& commands, Posed& made);
+
+  const Job& job_;
+  CommandsOf commands_of_;
+  Cut& result_;
+  std::size_t reported_ = 0;  // windows
+  std::size_t not_converged_ = 0;
+  double samples_ = 0.0, explained_ = 0.0;
+};
+
+SweptWindow WindowsRun::at(std::size_t number) {
+  const Job part = window_of(job_, number);
+  Commands commands = commands_of_(part);
+  check_travel(part.machine, path_of(part, commands), commands.samples);
+  std::map<std::string, double> timing_s;
+  Posed made = posed(part, commands, {}, timing_s);
+  if (number == reported_) report(part, commands, made);
+  return {std::move(commands.samples), std::move(made.T_wt)};
+}
+
+void WindowsRun::each_sweep(const std::function<void(const ToolSweep&)>& use) {
+  for (std::size_t i = 0; i < job_.windows->all.size(); ++i) {
+    const SweptWindow one = at(i);
+    use({job_.scene.tool.actual, one.samples, one.T_wt, job_.truth.actual, std::nullopt});
+  }
+}
+
+void WindowsRun::report(const Job& part, const Commands& commands, Posed& made) {
+  ++reported_;
+  const double n = double(made.T_wt.size()) - double(first_own(part));
+  explained_ = std::max(explained_, sim::explained(part, made.off));
+  add(made, n, samples_, result_);
+  samples_ += n;
+  result_.point_left = std::max(result_.point_left, commands.point_left);
+  result_.direction_left = std::max(result_.direction_left, commands.direction_left);
+  not_converged_ += commands.not_converged;
+  add_warnings(commands.warnings, result_.warnings);
+}
+
+}  // namespace
+
+Cut cut_in_windows(const Job& job, const CommandsOf& commands_of, const Progress& progress) {
+  Stopwatch watch;
+  Cut result;
+  result.name = result.case_name = "uncompensated";
+  WindowsRun run(job, commands_of, result);
+  if (progress) progress("surface", 0.0);
+  const auto window = [&run](std::size_t number) { return run.at(number); };
+  const Sweep sweep = sweep_in_windows(std::get<cutting::Cutter>(job.scene.tool.actual),
+                                       job.windows->all.size(), window, options_of(job, progress));
+  Machined made = machined(job, {sweep, [&run](const auto& use) { run.each_sweep(use); }, job.path,
+                                 [&run] { return run.explained(); }});
+  result.surface = std::move(made.surface);
+  result.interpolation = made.interpolation;
+  if (run.not_converged() > 0)
+    result.warnings.push_back(not_converged_text(run.not_converged(), job.windows->samples));
+  add_warnings(between_samples_warnings(result.between_samples, result.tip_error.rms),
+               result.warnings);
+  add_warnings(idle_warnings(job.scene), result.warnings);
+  add_warnings(std::move(made.warnings), result.warnings);
+  result.timing_s["surface"] = watch.lap();
+  return result;
+}
+
 Cut cut(const Job& job, const Progress& progress, Keep keep) {
+  if (job.windows)
+    return cut_in_windows(
+        job, [](const Job& part) { return as_programmed(part); }, progress);
   Stopwatch watch;
   const Commands commands = as_programmed(job);
   const double correction_s = watch.lap();

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -56,6 +57,15 @@ Cut cut(const Job& job, const Progress& progress = {}, Keep keep = Keep::Map);
 /// @throws BadInput as without; CollisionStop where the scene asks for collisions, to stop there
 Cut cut(const Job& job, const Commands& commands, const Progress& progress = {},
         Keep keep = Keep::Map);
+
+/// What a window of a job is commanded.
+using CommandsOf = std::function<Commands(const Job& window)>;
+
+/// A job in windows on the wrong machine, each made, commanded and swept as often as the surface
+/// asks for it; what is reported of it comes from the first time. Memory is that of one window.
+/// @param commands_of  does not depend on what is before or behind a sample
+/// @throws as `cut`
+Cut cut_in_windows(const Job& job, const CommandsOf& commands_of, const Progress& progress = {});
 
 /// Refuses the line of the program on which an axis first leaves its travel.
 /// @throws BadInput

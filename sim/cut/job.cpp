@@ -83,15 +83,15 @@ void check_field(const Scene& scene, const cutting::Design& design_w) {
 }
 
 /// Elements of odd size where the program takes the axes.
-std::vector<std::string> odd_sizes(const errors::GeometricModel& model,
-                                   const program::Samples& samples) {
-  if (samples.states.empty()) return {};
-  kinematics::AxisVector least = samples.states.front().q, most = least;
-  for (const kinematics::AxisState& state : samples.states) {
+std::vector<std::string> odd_sizes(const Job& job) {
+  if (job.windows) return odd_elements(job.truth.geometric, job.windows->least, job.windows->most);
+  if (job.samples.states.empty()) return {};
+  kinematics::AxisVector least = job.samples.states.front().q, most = least;
+  for (const kinematics::AxisState& state : job.samples.states) {
     least = least.cwiseMin(state.q);
     most = most.cwiseMax(state.q);
   }
-  return odd_elements(model, least, most);
+  return odd_elements(job.truth.geometric, least, most);
 }
 
 /// Whether samples made with `had` are as dense as `wanted` ones along the turns of spindles, which
@@ -123,21 +123,41 @@ program::SampleOptions sample_options(const Scene& scene, const Machine& machine
 
 namespace {
 
-/// The samples of a program; too many are refused at what makes them so many.
+/// Too many samples, refused at what makes them so many.
+BadInput refusal_of(const Scene& scene, const program::TooManySamples& fault,
+                    const std::string& expected) {
+  return refusal_at(scene,
+                    {"sampling.max_step_mm", "sampling.chord_tolerance_nm", "program.step_over_mm",
+                     "program.step_mm", "program.feed_um_per_rev"},
+                    expected, fmt::format("more, from line {} of {} on", fault.line, fault.file));
+}
+
 program::Samples sampled(const Scene& scene, const program::Path& path, const Machine& machine,
                          program::SampleOptions options) {
   options.max_samples = most_samples();
   try {
     return program::sample(path, machine.nominal, options);
   } catch (const program::TooManySamples& fault) {
-    throw refusal_at(scene,
-                     {"sampling.max_step_mm", "sampling.chord_tolerance_nm", "program.step_over_mm",
-                      "program.step_mm", "program.feed_um_per_rev"},
+    throw refusal_of(scene, fault,
                      fmt::format("at most {} samples of the program, which the memory holds",
-                                 options.max_samples),
-                     fmt::format("more, from line {} of {} on", fault.line, path.file));
+                                 options.max_samples));
   }
 }
+
+std::vector<program::Window> windows_of(const Scene& scene, const program::Path& path,
+                                        const Machine& machine,
+                                        const program::SampleOptions& options) {
+  try {
+    return program::windows(path, machine.nominal, options, options.max_samples / 2);
+  } catch (const program::TooManySamples& fault) {
+    throw refusal_of(scene, fault,
+                     fmt::format("at most {:.0f} samples of the program, {} of them in a block",
+                                 program::most_in_windows, options.max_samples / 2));
+  }
+}
+
+/// Samples below which it does not pay to hold fewer.
+constexpr std::size_t least_window = 2000;
 
 /// A program, or a stretch of it, as the error-free machine runs it with one tool.
 struct Piece {
@@ -149,19 +169,30 @@ struct Piece {
   std::vector<Pose> T_wt;
 };
 
+std::vector<Pose> nominal_poses(const Machine& machine, const program::Samples& samples) {
+  std::vector<Pose> T_wt(samples.states.size());
+  tbb::parallel_for(std::size_t(0), T_wt.size(), [&](std::size_t i) {
+    T_wt[i] = machine.nominal.tool_in_workpiece(samples.states[i].q);
+  });
+  return T_wt;
+}
+
+Piece piece_of(Scene scene, Machine machine, program::Path path, program::SampleOptions sampling,
+               program::Samples samples) {
+  std::vector<Pose> T_wt = nominal_poses(machine, samples);
+  check_travel(machine, path, samples);
+  return {std::move(scene), std::move(machine), std::move(path),
+          sampling,         std::move(samples), std::move(T_wt)};
+}
+
 /// @param before  the ways of the axes when it begins
 Piece piece_of(Scene scene, program::Path path, const AxisState& before) {
   Machine machine = compile(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
   sampling.before = before;
   program::Samples samples = sampled(scene, path, machine, sampling);
-  std::vector<Pose> T_wt(samples.states.size());
-  tbb::parallel_for(std::size_t(0), T_wt.size(), [&](std::size_t i) {
-    T_wt[i] = machine.nominal.tool_in_workpiece(samples.states[i].q);
-  });
-  check_travel(machine, path, samples);
-  return {std::move(scene), std::move(machine), std::move(path),
-          sampling,         std::move(samples), std::move(T_wt)};
+  return piece_of(std::move(scene), std::move(machine), std::move(path), sampling,
+                  std::move(samples));
 }
 
 /// One piece for each stretch of several tools.
@@ -196,17 +227,15 @@ Piece joined(const Scene& scene, program::Path path, const std::vector<Piece>& p
 }
 
 /// The job of a piece, without what is said of it.
-Job job_of(Piece piece, const cutting::Design& design_w,
-           std::shared_ptr<const cutting::Design> body_m, Process process,
-           const std::vector<errors::Activity>& active) {
-  Truth truth = truth_of(piece.scene, piece.machine, active);
+Job job_of(Piece piece, Truth truth, cutting::Design design_w,
+           std::shared_ptr<const cutting::Design> body_m, Process process) {
   std::vector<kinematics::AxisVector> acceleration;
   if (piece.scene.compliance && piece.scene.compliance->inertia)
     acceleration = accelerations(piece.samples);
   return {std::move(piece.scene),
           std::move(piece.machine),
           std::move(truth),
-          design_w,
+          std::move(design_w),
           std::move(body_m),
           {},
           {},
@@ -228,20 +257,74 @@ Job job_of(Piece piece, const cutting::Design& design_w,
 
 /// A program with its tools on the error-free machine, and what is to be said of them.
 struct Pieces {
-  Piece whole;
+  Piece whole;                   // the first window of a program in windows, with all its blocks
   std::vector<Piece> stretches;  // empty with one tool
   std::vector<std::string> warnings;
+  std::shared_ptr<const Windows> windows = {};
 };
 
-Pieces pieces_of(const Scene& described, const Program& program, const cutting::Design& design_w) {
+/// The same of a program of one tool in windows, each of which is looked at once.
+Pieces in_windows(const Scene& scene, const program::Path& path, const cutting::Design& design_w,
+                  std::size_t held, const Progress& progress) {
+  const Machine machine = compile(scene);
+  program::SampleOptions sampling = sample_options(scene, machine);
+  sampling.max_samples = held;
+  Windows windows{windows_of(scene, path, machine, sampling), 0, {}, {}};
+  std::optional<Piece> first;
+  std::vector<std::string> warnings;
+  for (const program::Window& window : windows.all) {
+    program::Path blocks = path_of(path, window);
+    if (progress) progress("sample", double(window.first) / double(path.blocks.size()));
+    sampling.goes_on = window.goes_on;
+    program::Samples samples = sample(blocks, machine.nominal, sampling);
+    if (!first) windows.least = windows.most = samples.states.front().q;
+    for (const AxisState& state : samples.states) {
+      windows.least = windows.least.cwiseMin(state.q);
+      windows.most = windows.most.cwiseMax(state.q);
+    }
+    windows.samples += samples.states.size() - (first ? 1 : 0);
+    Piece piece = piece_of(scene, machine, std::move(blocks), sampling, std::move(samples));
+    if (warnings.empty()) warnings = shank_warnings(scene, design_w, {piece.samples, piece.T_wt});
+    if (!first) first = std::move(piece);
+  }
+  first->path = path;
+  return {*std::move(first),
+          {},
+          std::move(warnings),
+          std::make_shared<const Windows>(std::move(windows))};
+}
+
+/// The program as one piece with its samples, in windows where those are more than are held.
+Pieces one_piece(const Scene& scene, const program::Path& path, const cutting::Design& design_w,
+                 const SamplesHeld& held, const Progress& progress) {
+  const std::size_t most = held ? std::min(held(path.blocks.size()), most_samples()) : 0;
+  if (most < least_window) return {piece_of(scene, path, {}), {}, {}};
+  Machine machine = compile(scene);
+  program::SampleOptions sampling = sample_options(scene, machine);
+  sampling.max_samples = most;
+  try {
+    program::Samples samples = program::sample(path, machine.nominal, sampling);
+    return {piece_of(scene, std::move(machine), path, sampling, std::move(samples)), {}, {}};
+  } catch (const program::TooManySamples&) {
+    return in_windows(scene, path, design_w, most, progress);
+  }
+}
+
+Pieces of_several(const Scene& described, const Scene& scene, const program::Path& path,
+                  const ToolUse& use) {
+  std::vector<Piece> stretches = stretch_pieces(described, path, use);
+  Piece whole = joined(scene, path, stretches, use);
+  return {std::move(whole), std::move(stretches), {}};
+}
+
+Pieces pieces_of(const Scene& described, const Program& program, const cutting::Design& design_w,
+                 const SamplesHeld& held, const Progress& progress) {
   const Scene scene = with_run_out(described);
   const std::vector<ToolDescription> tools = tools_of(scene);
   ToolUse use = tool_use(program.path, tools);
-  std::vector<Piece> stretches;
-  if (tools.size() > 1) stretches = stretch_pieces(described, program.path, use);
-  Pieces made{stretches.empty() ? piece_of(scene, program.path, {})
-                                : joined(scene, program.path, stretches, use),
-              std::move(stretches), std::move(use.warnings)};
+  Pieces made = tools.size() > 1 ? of_several(described, scene, program.path, use)
+                                 : one_piece(scene, program.path, design_w, held, progress);
+  made.warnings.insert(made.warnings.begin(), use.warnings.begin(), use.warnings.end());
   if (tools.size() == 1 && scene.program.tools)
     add_warnings(
         length_warnings(program.path, {0, 0, program.path.blocks.size()}, *scene.tool.number),
@@ -249,6 +332,7 @@ Pieces pieces_of(const Scene& described, const Program& program, const cutting::
   add_warnings(program.warnings, made.warnings);
   add_warnings(program_warnings(scene, design_w, program.path, program.unreached), made.warnings);
   add_warnings(pole_warnings(scene, made.whole.machine, program.path), made.warnings);
+  if (made.windows) return made;
   for (const Piece& one :
        made.stretches.empty() ? std::span(&made.whole, 1) : std::span<Piece>(made.stretches))
     add_warnings(shank_warnings(one.scene, design_w, {one.samples, one.T_wt}), made.warnings);
@@ -258,7 +342,23 @@ Pieces pieces_of(const Scene& described, const Program& program, const cutting::
 }  // namespace
 
 std::span<const Job> parts_of(const Job& job) {
+  if (job.windows) throw std::logic_error("the parts of a job in windows are not held");
   return job.stretches.empty() ? std::span(&job, 1) : std::span<const Job>(job.stretches);
+}
+
+void each_part(const Job& job, const std::function<void(const Job& part)>& use) {
+  if (!job.windows) std::ranges::for_each(parts_of(job), use);
+  for (std::size_t i = 0; job.windows && i < job.windows->all.size(); ++i) use(window_of(job, i));
+}
+
+Job window_of(const Job& job, std::size_t number) {
+  const program::Window& window = job.windows->all[number];
+  Piece piece{job.scene, job.machine, path_of(job.path, window), job.sampling, {}, {}};
+  if (number > 0) piece.scene.signals.history_interval = 0.0;  // it stands before the first
+  piece.sampling.goes_on = window.goes_on;
+  piece.samples = sample(piece.path, piece.machine.nominal, piece.sampling);
+  piece.T_wt = nominal_poses(piece.machine, piece.samples);
+  return job_of(std::move(piece), job.truth, {}, job.body_m, {});
 }
 
 const program::Path& path_of(const Job& part, const Commands& commands) {
@@ -275,11 +375,12 @@ CutPart cut_part(const Job& part) {
 
 std::vector<CutPart> cut_parts(const Job& job) {
   std::vector<CutPart> parts;
+  if (job.windows) return parts;  // no tool wears
   for (const Job& part : parts_of(job)) parts.push_back(cut_part(part));
   return parts;
 }
 
-Job prepare(const Scene& described, const Progress& progress) {
+Job prepare(const Scene& described, const Progress& progress, const SamplesHeld& held) {
   Stopwatch watch;
   const auto begins = [&](const char* stage) {
     if (progress) progress(stage, 0.0);
@@ -288,14 +389,15 @@ Job prepare(const Scene& described, const Progress& progress) {
   const Scene scene = with_run_out(described);
   Part part = load_part(scene);
   const double part_s = watch.lap();
-  const Work work = work_of(scene, part);
+  const Work work = held ? in_windows(work_of(scene, part)) : work_of(scene, part);
   check_work(scene, work);
   if (const std::string text = remark(work); progress && !text.empty()) progress(text, -1.0);
   begins("program");
   Program program = load_program(scene, compile(scene), part);
   const double program_s = watch.lap();
   begins("sample");
-  auto [whole, pieces, warnings] = pieces_of(described, program, part.design_w);
+  auto [whole, pieces, warnings, windows] =
+      pieces_of(described, program, part.design_w, held, progress);
   const double sample_s = watch.lap();
   check_field(scene, part.design_w);
   const auto rigid = [&T_wt = whole.T_wt](std::size_t i, const errors::Load&) { return T_wt[i]; };
@@ -311,14 +413,22 @@ Job prepare(const Scene& described, const Progress& progress) {
   const auto body_m = std::make_shared<const cutting::Design>(std::move(part.body_m));
   const std::vector<errors::Activity> active =
       activity(scene, whole.machine, whole.samples, process);
-  Job job = job_of(std::move(whole), part.design_w, body_m, std::move(process), active);
-  for (Piece& piece : pieces)
-    job.stretches.push_back(job_of(std::move(piece), part.design_w, body_m, {}, active));
+  const auto job_from = [&](Piece piece, Process of_piece) {
+    Truth truth = truth_of(piece.scene, piece.machine, active);
+    return job_of(std::move(piece), std::move(truth), part.design_w, body_m, std::move(of_piece));
+  };
+  Job job = job_from(std::move(whole), std::move(process));
+  for (Piece& piece : pieces) job.stretches.push_back(job_from(std::move(piece), {}));
   const std::vector<FeedUse> before = uses_before(cut_parts(job));
   for (std::size_t i = 0; i < job.stretches.size(); ++i) job.stretches[i].cut_before = before[i];
+  job.windows = std::move(windows);
   job.body_w = std::make_shared<const cutting::Thickness>(part.design_w);
+  if (progress && job.windows)
+    progress(fmt::format("{} samples are not held at once: run in {} windows", job.windows->samples,
+                         job.windows->all.size()),
+             -1.0);
   add_warnings(std::move(part.warnings), warnings);
-  add_warnings(odd_sizes(job.truth.geometric, job.samples), warnings);
+  add_warnings(odd_sizes(job), warnings);
   job.recognised = std::move(part.recognised);
   job.recognised_share = part.recognised_share;
   job.facet_miss = std::move(part.facet_miss);

@@ -44,6 +44,13 @@ struct SampledSurface {
   Unmeant unmeant = {};
 };
 
+/// The program of a job that is too long to be held sampled.
+struct Windows {
+  std::vector<program::Window> all;
+  std::size_t samples = 0;             ///< of all of them
+  kinematics::AxisVector least, most;  ///< positions that the axes come to
+};
+
 /// A scene compiled: all that its cases share. Immutable once made.
 struct Job {
   Scene scene;
@@ -74,11 +81,24 @@ struct Job {
   std::vector<Job> stretches = {};
   FaceGroups face_groups = {};  ///< of a mesh, for the regions of the part
   FeedUse cut_before = {};      ///< of a stretch: what its tool has cut in those before
+  /// Of a program that is run in windows, of one milling tool; samples and poses above are then
+  /// those of the first window alone.
+  std::shared_ptr<const Windows> windows = {};
 };
 
 /// What is cut one after the other: the stretches of a job, or the job itself. It refers to the
 /// job.
+/// @throws std::logic_error of a job in windows, no part of which is held
 std::span<const Job> parts_of(const Job& job);
+
+/// The parts of a job one after the other, those of a job in windows made one at a time.
+void each_part(const Job& job, const std::function<void(const Job& part)>& use);
+
+/// A window of a job as a job of its own, without the design. @param number  among job.windows
+Job window_of(const Job& job, std::size_t number);
+
+/// Samples of a program that may be held beside so many blocks.
+using SamplesHeld = std::function<std::size_t(std::size_t blocks)>;
 
 /// The program from which the commands of a part come.
 const program::Path& path_of(const Job& part, const Commands& commands);
@@ -91,8 +111,9 @@ std::vector<CutPart> cut_parts(const Job& job);
 
 /// Compiles a scene: machine, truth, design, program (a generated one is read back from its own
 /// text), samples. Writes nothing.
+/// @param held  a program of more samples is prepared in windows; none: as many as the memory holds
 /// @throws BadInput, also if an axis leaves its travel (program line, axis, value)
-Job prepare(const Scene& scene, const Progress& progress = {});
+Job prepare(const Scene& scene, const Progress& progress = {}, const SamplesHeld& held = {});
 
 /// The job of a scene that differs from its own only in what is wrong: errors of every source, the
 /// tool and the clamping as they really are, what the control and the compensators believe. Design,

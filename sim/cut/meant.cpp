@@ -18,7 +18,7 @@ using cutting::VertexStatus;
 /// turning tool meets the part along its edge alone, so none counts.
 double smallest_corner(const Job& job) {
   double least = std::numeric_limits<double>::infinity();
-  for (const Job& part : parts_of(job)) {
+  for (const Job& part : job.windows ? std::span(&job, 1) : parts_of(job)) {
     const auto* cutter = std::get_if<cutting::Cutter>(&part.scene.tool.nominal);
     least = std::min(least, cutter != nullptr ? cutter->corner_radius : 0.0);
   }

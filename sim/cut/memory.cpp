@@ -119,13 +119,26 @@ double peak_memory(const std::vector<WorkSize>& jobs, const CasesAsked& asked) {
   return bytes_of_program + most;
 }
 
-void check_memory(const Scene& scene, const std::vector<WorkSize>& jobs, const CasesAsked& asked) {
+std::size_t samples_that_fit(WorkSize job, const CasesAsked& asked) {
+  const auto fit = [&](double samples) {
+    job.samples = samples;
+    return peak_memory({job}, asked) <= memory_bytes();
+  };
+  double low = 0.0, high = 50e6;
+  if (!fit(low)) return 0;
+  while (high - low > 1.0) (fit(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);
+  return std::size_t(low);
+}
+
+void check_memory(const Scene& scene, const std::vector<WorkSize>& jobs, const CasesAsked& asked,
+                  const std::string& whole) {
   const double most = memory_bytes();
   if (peak_memory(jobs, asked) <= most) return;
   throw refusal_at(
       scene, keys_of_most(scene, jobs),
       fmt::format("a run that {} of memory hold, or a larger --memory-gb", gigabytes(most)),
-      figures(jobs, asked));
+      figures(jobs, asked) +
+          (whole.empty() ? "" : fmt::format("; with {} it is not run in windows", whole)));
 }
 
 std::string memory_remark(const std::vector<WorkSize>& jobs, const CasesAsked& asked) {

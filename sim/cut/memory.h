@@ -24,8 +24,14 @@ CasesAsked cases_of_compare(const std::vector<Scene>& scenes);
 /// @param jobs  all are held while one is cut; vertices as they are judged
 double peak_memory(const std::vector<WorkSize>& jobs, const CasesAsked& asked);
 
+/// Samples of its program that a job may hold at its peak within `memory_bytes`; 0 if it does not
+/// fit without any.
+std::size_t samples_that_fit(WorkSize job, const CasesAsked& asked);
+
+/// @param whole  what asks for samples of the whole program, in a word; empty for nothing
 /// @throws BadInput naming the keys and the figures if that is more than `memory_bytes`
-void check_memory(const Scene& scene, const std::vector<WorkSize>& jobs, const CasesAsked& asked);
+void check_memory(const Scene& scene, const std::vector<WorkSize>& jobs, const CasesAsked& asked,
+                  const std::string& whole = {});
 
 /// One line for a person, empty below 2 GB.
 std::string memory_remark(const std::vector<WorkSize>& jobs, const CasesAsked& asked);

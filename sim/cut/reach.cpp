@@ -53,8 +53,8 @@ struct Nearest {
 };
 
 Nearest nearest_cut(const Job& job, double within) {
-  const cutting::Surface surface = machined_surface(thinned(job.design_w), error_free_sweeps(job),
-                                                    {.band = within, .progress = {}});
+  const Sweep sweep = error_free_sweep(job, {.band = within, .progress = {}});
+  const cutting::Surface surface = sweep.surface(thinned(job.design_w));
   Nearest nearest;
   for (std::size_t i = 0; i < surface.status.size(); ++i) {
     nearest.tried += surface.status[i] != VertexStatus::Outside;
@@ -133,12 +133,10 @@ Placement placement(const Job& job) {
     return {BadInput(job.path.file, 0, 0, "a program that cuts the part", "one that moves nothing"),
             {}};
   if (auto fault = missed_box(job)) return {std::move(fault), {}};
-  const WithinReach reach =
-      within_reach(thinned(job.design_w), error_free_sweeps(job), job.scene.band);
+  const WithinReach reach = within_reach(thinned(job.design_w), job);
   if (auto text = too_deep(job, reach)) return {std::nullopt, {std::move(*text)}};
   if (reach.share >= least_within_reach) return {};
-  if (reach.share > 0.0 ||
-      within_reach(job.design_w, error_free_sweeps(job), job.scene.band).share > 0.0)
+  if (reach.share > 0.0 || within_reach(job.design_w, job).share > 0.0)
     return {std::nullopt, {partly(job, reach)}};
   const double within = cutting::gouge_bands * job.scene.band;
   const Nearest nearest = nearest_cut(job, within);

@@ -132,7 +132,7 @@ cutting::OnSurface on_surface(const Job& job) {
 
 Job sampled(Job job, const Progress& progress) {
   Stopwatch watch;
-  const Sweep sweep = sweep_of(error_free_sweeps(job), options_of(job, {}));
+  const Sweep sweep = error_free_sweep(job, options_of(job, {}));
   job.sampled = SampledSurface{.given = job.design_w.vertices.rows()};
   if (job.design_w.judged.empty())
     job.design_w.judged.assign(std::size_t(job.design_w.vertices.rows()), 1);

@@ -132,7 +132,7 @@ void extend_by(SweptSpans& swept, const Job& job, bool feeds) {
 SweptSpans swept_spans(const Job& job) {
   const bool feeds = std::any_of(job.path.blocks.begin(), job.path.blocks.end(), program::is_feed);
   SweptSpans swept;
-  for (const Job& part : parts_of(job)) extend_by(swept, part, feeds);
+  each_part(job, [&](const Job& part) { extend_by(swept, part, feeds); });
   return swept;
 }
 

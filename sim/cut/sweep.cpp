@@ -5,6 +5,7 @@
 #include <limits>
 #include <memory>
 
+#include "cutting/streamed_surface.h"
 #include "cutting/united.h"
 #include "sim/cut/tool_motion.h"
 
@@ -53,26 +54,44 @@ Surface cut_during(Surface surface, const program::Samples& samples) {
   return surface;
 }
 
+Contacts no_contacts(const Design& design_w) {
+  const Eigen::Index n = design_w.vertices.rows();
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  return {cutting::Points::Constant(n, 3, nan), Eigen::VectorXd::Constant(n, nan)};
+}
+
+/// Adds those of what follows. @param before  mm, way of the tools until then @return mm, the
+/// farthest
+double add_contacts(Contacts& all, const Contacts& more, double before) {
+  double most = before;
+  for (Eigen::Index v = 0; v < all.travel.size(); ++v) {
+    if (std::isnan(more.travel[v]) || !std::isnan(all.travel[v])) continue;
+    all.gradient.row(v) = more.gradient.row(v);
+    all.travel[v] = before + more.travel[v];
+    most = std::max(most, all.travel[v]);
+  }
+  return most;
+}
+
 /// Each contact by the tool that cut there; the ways of the tools follow one another.
 Contacts joined_contacts(const Design& design_w, const Surface& surface,
                          const std::vector<ToolSweep>& sweeps, const std::vector<Sweep>& ones) {
-  const Eigen::Index n = design_w.vertices.rows();
-  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-  Contacts all{cutting::Points::Constant(n, 3, nan), Eigen::VectorXd::Constant(n, nan)};
+  constexpr double between_tools = 1e6;  // mm: no two tools cut in one pass
+  Contacts all = no_contacts(design_w);
   double before = 0.0;
   for (std::size_t k = 0; k < ones.size(); ++k) {
     const Contacts one = ones[k].contacts(design_w, cut_during(surface, sweeps[k].samples));
-    double most = before;
-    for (Eigen::Index v = 0; v < n; ++v) {
-      if (std::isnan(one.travel[v]) || !std::isnan(all.travel[v])) continue;
-      all.gradient.row(v) = one.gradient.row(v);
-      all.travel[v] = before + one.travel[v];
-      most = std::max(most, all.travel[v]);
-    }
-    constexpr double between_tools = 1e6;  // mm: no two tools cut in one pass
-    before = most + between_tools;
+    before = add_contacts(all, one, before) + between_tools;
   }
   return all;
+}
+
+/// mm, way of the tip.
+double length_of(const cutting::CutterMotion& motion) {
+  double length = 0.0;
+  for (Eigen::Index i = 1; i < motion.tip.rows(); ++i)
+    length += (motion.tip.row(i) - motion.tip.row(i - 1)).norm();
+  return length;
 }
 
 }  // namespace
@@ -108,11 +127,58 @@ cutting::Surface machined_surface(const Design& design_w, const std::vector<Tool
   return sweep_of(sweeps, options).surface(design_w);
 }
 
+Sweep sweep_in_windows(const Cutter& cutter, std::size_t windows,
+                       const std::function<SweptWindow(std::size_t number)>& window,
+                       const SurfaceOptions& options) {
+  const auto motion_in = [window](std::size_t number) {
+    const SweptWindow one = window(number);
+    return cutter_motion(one.T_wt, one.samples);
+  };
+  const auto begin = [=]() -> cutting::MotionBlocks {
+    return [=, next = std::size_t(0)]() mutable -> std::optional<cutting::MotionBlock> {
+      if (next == windows) return std::nullopt;
+      cutting::CutterMotion motion = motion_in(next++);
+      return cutting::MotionBlock{std::move(motion), double(next) / double(windows)};
+    };
+  };
+  const auto contacts = [=](const Design& design_w, const Surface& surface) {
+    Contacts all = no_contacts(design_w);
+    double before = 0.0;
+    for (std::size_t k = 0; k < windows; ++k) {
+      const SweptWindow one = window(k);
+      const cutting::CutterMotion motion = cutter_motion(one.T_wt, one.samples);
+      const Surface during = cut_during(surface, one.samples);
+      add_contacts(all, cutting::milled_contacts(design_w, during, cutter, motion), before);
+      before += length_of(motion);
+    }
+    return all;
+  };
+  return {[=](const Design& design_w) {
+            return cutting::streamed_surface(design_w, cutter, begin, options);
+          },
+          contacts};
+}
+
+ToolSweep error_free_sweep_of(const Job& part) {
+  return {part.scene.tool.nominal, part.samples, part.T_wt_nominal, part.machine.nominal,
+          part.machine.workpiece_spindle};
+}
+
+SweptWindow error_free_window(const Job& job, std::size_t number) {
+  Job part = window_of(job, number);
+  return {std::move(part.samples), std::move(part.T_wt_nominal)};
+}
+
+Sweep error_free_sweep(const Job& job, const SurfaceOptions& options) {
+  if (!job.windows) return sweep_of(error_free_sweeps(job), options);
+  return sweep_in_windows(
+      std::get<Cutter>(job.scene.tool.nominal), job.windows->all.size(),
+      [&job](std::size_t number) { return error_free_window(job, number); }, options);
+}
+
 std::vector<ToolSweep> error_free_sweeps(const Job& job) {
   std::vector<ToolSweep> sweeps;
-  for (const Job& part : parts_of(job))
-    sweeps.push_back({part.scene.tool.nominal, part.samples, part.T_wt_nominal,
-                      part.machine.nominal, part.machine.workpiece_spindle});
+  for (const Job& part : parts_of(job)) sweeps.push_back(error_free_sweep_of(part));
   return sweeps;
 }
 

@@ -37,9 +37,33 @@ cutting::Surface machined_surface(const cutting::Design& design_w,
                                   const std::vector<ToolSweep>& sweeps,
                                   const cutting::SurfaceOptions& options);
 
+/// A window of a program with where the tool is in it.
+struct SweptWindow {
+  program::Samples samples;
+  std::vector<kinematics::Pose> T_wt;  ///< (samples)
+};
+
+/// The sweep of one milling tool through windows, each made as often as it is wanted: the surface
+/// takes one pass through all, a second one where a vertex is uncut or gouged, and the contacts
+/// one.
+/// @param window  each begins where the one before ends
+Sweep sweep_in_windows(const cutting::Cutter& cutter, std::size_t windows,
+                       const std::function<SweptWindow(std::size_t number)>& window,
+                       const cutting::SurfaceOptions& options);
+
 /// The program of a job on the error-free machine, a sweep for each of its parts. They refer to the
 /// job.
+/// @throws as `parts_of`
 std::vector<ToolSweep> error_free_sweeps(const Job& job);
+
+/// The same of a part of a job.
+ToolSweep error_free_sweep_of(const Job& part);
+
+/// All of it, in windows where the job is. It refers to the job.
+Sweep error_free_sweep(const Job& job, const cutting::SurfaceOptions& options);
+
+/// A window of a job on the error-free machine.
+SweptWindow error_free_window(const Job& job, std::size_t number);
 
 /// The band of the scene, and progress under the name of the stage "surface".
 cutting::SurfaceOptions options_of(const Job& job, const Progress& progress);

@@ -66,8 +66,7 @@ std::string unit_doubt(const Job& job, const WithinReach& reach) {
   WithinReach best;
   for (const double factor : factors) {
     if (!(path > 0.5 * factor * part && path < 2.0 * factor * part)) continue;  // another size
-    const WithinReach with = within_reach(scaled(few_w, job.scene.part.T_wm, factor),
-                                          error_free_sweeps(job), job.scene.band);
+    const WithinReach with = within_reach(scaled(few_w, job.scene.part.T_wm, factor), job);
     if (!(with.cut > best.cut)) continue;
     best = with;
     best_factor = factor;

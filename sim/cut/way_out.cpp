@@ -210,7 +210,7 @@ std::optional<WithinReach> tried(Scene scene, const cutting::Design& few_w) {
   scene.cutting.reset();
   try {
     const Job job = prepare(scene);
-    return within_reach(few_w, error_free_sweeps(job), scene.band);
+    return within_reach(few_w, job);
   } catch (const BadInput&) {
     return std::nullopt;
   }
@@ -218,11 +218,10 @@ std::optional<WithinReach> tried(Scene scene, const cutting::Design& few_w) {
 
 }  // namespace
 
-WithinReach within_reach(const cutting::Design& design_w, const std::vector<ToolSweep>& sweeps,
-                         double band) {
+WithinReach within_reach(const cutting::Design& design_w, const Job& job) {
   using cutting::VertexStatus;
-  const cutting::Surface surface =
-      machined_surface(design_w, sweeps, {.band = band, .progress = {}});
+  const cutting::SurfaceOptions options{.band = job.scene.band, .progress = {}};
+  const cutting::Surface surface = error_free_sweep(job, options).surface(design_w);
   WithinReach reach;
   double judged = 0.0, reached = 0.0;
   for (Index i = 0; i < design_w.vertices.rows(); ++i) {
@@ -291,7 +290,7 @@ std::optional<WayOut> way_out_of(const Job& job, const Job& feeding, const cutti
       return WayOut{fmt::format("with {} it touches", shifted->words), *reach};
   cutting::Design moved = few_w;
   moved.vertices.rowwise() -= shift_w.transpose();
-  const WithinReach reach = within_reach(moved, error_free_sweeps(job), job.scene.band);
+  const WithinReach reach = within_reach(moved, job);
   if (!(reach.share > 0.0)) return std::nullopt;
   const Vector3d at = job.scene.part.T_wm.translation() - shift_w;
   return WayOut{fmt::format("with part.at_mm = [{:.6g}, {:.6g}, {:.6g}] it touches",
@@ -303,6 +302,7 @@ std::optional<WayOut> way_out_of(const Job& job, const Job& feeding, const cutti
 
 std::optional<WayOut> way_out(const Job& job) {
   constexpr std::size_t most_tried = 3;
+  if (job.windows) return std::nullopt;
   const cutting::Design few_w = thinned(job.design_w);
   if (auto out = way_out_of(job, job, few_w)) return out;
   // where the axes turn in between, one offset moves each direction elsewhere in the workpiece

@@ -14,8 +14,7 @@ struct WithinReach {
   double cut = 0.0;    ///< the same, that it cuts within the band
   int tried = 0;       ///< judged vertices
 };
-WithinReach within_reach(const cutting::Design& design_w, const std::vector<ToolSweep>& sweeps,
-                         double band);
+WithinReach within_reach(const cutting::Design& design_w, const Job& job);
 
 /// The design with at most some 2000 of its vertices judged, for a look at where it is cut.
 cutting::Design thinned(cutting::Design design);
@@ -32,7 +31,7 @@ struct WayOut {
 /// work offsets that the program uses, to 1 um, where the program read with them cuts the part
 /// within the travel of the axes; else as part.at_mm. Where neither does and the axes turn between
 /// feeds, the same for the feed in each of its first directions alone; none where that does not
-/// either.
+/// either, nor for a job in windows.
 std::optional<WayOut> way_out(const Job& job);
 
 }  // namespace abbe::sim

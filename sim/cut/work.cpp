@@ -133,6 +133,12 @@ Work work_of(const Scene& scene, const Part& part) {
   return work;
 }
 
+Work in_windows(Work work) {
+  work.bytes -= bytes_per_sample * work.samples;
+  work.samples = 0.0;
+  return work;
+}
+
 void check_work(const Scene& scene, const Work& work) {
   if (work.points > most_points)
     throw refusal_at(

@@ -190,9 +190,46 @@ Commands compensate(const Job& job, const CaseDescription& compensator, const Pr
   return joined(std::move(parts));
 }
 
+namespace {
+
+/// What is learnt once corrects every window.
+Cut cut_in_windows(const Job& job, const CaseDescription& compensator, const Progress& progress) {
+  const Seen seen = seen_of(job);
+  const Learnt known = learnt(seen, workshop_of(job), compensator, progress);
+  Cut result = cut_in_windows(
+      job,
+      [&](const Job& part) {
+        return compensated(seen_of(part), workshop_of(part), compensator, known);
+      },
+      progress);
+  result.name = result.case_name = compensator.name;
+  return result;
+}
+
+}  // namespace
+
+std::string why_whole(const Scene& scene, const std::optional<CaseDescription>& compensator) {
+  using Belief = CaseDescription::Belief;
+  if (!std::holds_alternative<cutting::Cutter>(scene.tool.nominal)) return "a turned part";
+  if (!scene.more_tools.empty()) return "several tools";
+  if (scene.cutting) return "[cutting]";
+  if (scene.thermal) return "[thermal]";
+  if (scene.collision.on) return "[collision]";
+  if (scene.tool.wear) return "a tool that wears";
+  if (scene.compliance && scene.compliance->inertia) return "moving masses";
+  if (scene.sensor_choice) return "a choice of sensors";
+  if (!compensator) return {};
+  if (!compensator->plug_in.empty() || compensator->function) return "a compensator of your own";
+  if (compensator->channel != CaseDescription::Channel::Ideal) return "a channel other than ideal";
+  const bool still =
+      compensator->belief == Belief::Perfect || compensator->belief == Belief::Identified;
+  return still ? "" : "a belief that learns from the program";
+}
+
 Cut cut(const Job& job, const std::optional<CaseDescription>& compensator, const Progress& progress,
         Keep keep) {
   if (!compensator) return cut(job, progress, keep);
+  if (job.windows) return cut_in_windows(job, *compensator, progress);
   Stopwatch watch;
   const Commands commands = compensate(job, *compensator, progress);
   const double correction_s = watch.lap();

@@ -251,22 +251,38 @@ Learnt learnt(const Seen& seen, const Workshop& workshop, const CaseDescription&
   return so_far();
 }
 
-Commands compensated(const Seen& seen, const Workshop& workshop, const CaseDescription& described,
-                     const Progress& progress) {
-  const auto refuse = [&](const std::string& found) {
-    throw BadInput(seen.file.string(), 0, 0,
-                   "a compensator that fits this program: " + described.name, found);
+namespace {
+
+/// What a compensator answers, which refuses what does not fit it.
+template <class Answer>
+auto fitting(const Seen& seen, const CaseDescription& described, const Answer& answer) {
+  const auto refusal = [&](const std::string& found) {
+    return BadInput(seen.file.string(), 0, 0,
+                    "a compensator that fits this program: " + described.name, found);
   };
   try {
-    const Learnt known = learnt(seen, workshop, described, progress);
-    if (progress) progress("correct", 0.0);
-    return delivered(seen, workshop, resolved(seen, described), known);
+    return answer();
   } catch (const std::out_of_range& fault) {  // a table of the belief is left
-    refuse(fault.what());
+    throw refusal(fault.what());
   } catch (const std::invalid_argument& fault) {
-    refuse(fault.what());
+    throw refusal(fault.what());
   }
-  return {};
+}
+
+}  // namespace
+
+Commands compensated(const Seen& seen, const Workshop& workshop, const CaseDescription& described,
+                     const Progress& progress) {
+  const Learnt known =
+      fitting(seen, described, [&] { return learnt(seen, workshop, described, progress); });
+  if (progress) progress("correct", 0.0);
+  return compensated(seen, workshop, described, known);
+}
+
+Commands compensated(const Seen& seen, const Workshop& workshop, const CaseDescription& described,
+                     const Learnt& learnt) {
+  return fitting(seen, described,
+                 [&] { return delivered(seen, workshop, resolved(seen, described), learnt); });
 }
 
 }  // namespace abbe::sim

@@ -25,4 +25,9 @@ Learnt learnt(const Seen& seen, const Workshop& workshop, const CaseDescription&
 Commands compensated(const Seen& seen, const Workshop& workshop, const CaseDescription& compensator,
                      const Progress& progress = {});
 
+/// The same of a case that has learnt.
+/// @throws BadInput where what it learnt does not reach
+Commands compensated(const Seen& seen, const Workshop& workshop, const CaseDescription& compensator,
+                     const Learnt& learnt);
+
 }  // namespace abbe::sim

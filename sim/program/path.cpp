@@ -113,19 +113,38 @@ std::vector<double> turning_points(const Path& path, const Block& block) {
   return u;
 }
 
+namespace {
+
+/// Takes over the shape of a block, and no other.
+void take_shape(Path& part, Block& block, const Path& path) {
+  if (block.interpolation == Interpolation::Arc) {
+    Arc arc = path.arcs[block.shape];
+    if (arc.turned >= 0) {
+      const Eigen::Matrix3d& turn = path.turns[std::size_t(arc.turned)];
+      if (part.turns.empty() || part.turns.back() != turn) part.turns.push_back(turn);
+      arc.turned = int(part.turns.size()) - 1;
+    }
+    block.shape = std::uint32_t(part.arcs.size());
+    part.arcs.push_back(arc);
+  } else if (block.interpolation == Interpolation::Cubic) {
+    part.cubics.push_back(path.cubics[block.shape]);
+    block.shape = std::uint32_t(part.cubics.size() - 1);
+  }
+}
+
+}  // namespace
+
 Path stretch_of(const Path& path, std::size_t first, std::size_t last) {
   Path part;
   part.file = path.file;
   part.more_files = path.more_files;
-  part.arcs = path.arcs;
-  part.turns = path.turns;
-  part.cubics = path.cubics;
   part.blocks.assign(path.blocks.begin() + std::ptrdiff_t(first),
                      path.blocks.begin() + std::ptrdiff_t(last));
   for (const Aside& aside : path.asides)
     if (aside.before >= first && (aside.before < last || last == path.blocks.size()))
       part.asides.push_back({aside.before - first, aside.text});
   part.unit_words = path.unit_words;
+  for (Block& block : part.blocks) take_shape(part, block, path);
   for (const Block& block : part.blocks)
     part.motion_blocks += block.interpolation != Interpolation::Dwell;
   return part;

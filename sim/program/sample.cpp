@@ -286,12 +286,16 @@ int Walk::steps(double ua, double ub, const AxisVector& qa, const AxisVector& qb
 class Recorder {
  public:
   Recorder(const Path& path, const kinematics::Chain& control, const SampleOptions& options)
-      : path_(path), control_(control), options_(options) {}
+      : path_(path), control_(control), options_(options) {
+    if (options.goes_on) go_on(*options.goes_on, 0);
+  }
 
   void start(const AxisVector& q, double time_s, int block);
   void go(const AxisVector& q, double time_s, int block);
   void expect(double more, int block) const;
-  Samples take() { return std::move(samples_); }
+  void go_on(const SampledUpTo& from, int block);
+  std::size_t count() const { return samples_.states.size(); }
+  Samples take();
 
  private:
   void push(kinematics::AxisState state, int block);
@@ -309,6 +313,16 @@ void Recorder::expect(double more, int block) const {
     throw TooManySamples(path_.file, path_.blocks[std::size_t(block)].line, 0,
                          fmt::format("a program of at most {} samples", options_.max_samples),
                          "more");
+}
+
+void Recorder::go_on(const SampledUpTo& from, int block) {
+  moved_ = from.moved;
+  push(from.last, block);
+}
+
+Samples Recorder::take() {
+  samples_.moved = moved_;
+  return std::exchange(samples_, {});
 }
 
 void Recorder::push(kinematics::AxisState state, int block) {
@@ -358,31 +372,67 @@ void Recorder::go(const AxisVector& q, double time_s, int block) {
   push(std::move(state), block);
 }
 
-void sample_block(const Path& path, int index, const kinematics::Chain& control,
-                  const SampleOptions& options, Recorder& recorder) {
-  const Block& block = path.blocks[std::size_t(index)];
-  const Walk walk(path, block, control, options);
-  AxisVector qa = walk.axes(0.0);
-  recorder.start(qa, block.start_s, index);
+/// A piece of a block that is sampled in equal steps.
+struct Stepped {
+  double from, to;  // shares of the block
+  int steps;
+  const AxisVector& end;
+};
+
+/// The pieces of a block one after the other. @param expects  of so many steps, to refuse them
+template <class Expects, class Use>
+void each_stepped(const Walk& walk, const AxisVector& start, const Expects& expects,
+                  const Use& use) {
+  AxisVector qa = start;
   const std::vector<double> breaks = walk.breakpoints();
-  const double duration = block.end_s - block.start_s;
   for (std::size_t i = 0; i + 1 < breaks.size(); ++i) {
     const double length = breaks[i + 1] - breaks[i];
     const int pieces = walk.coarse_pieces(length);
-    recorder.expect(pieces, index);
+    expects(pieces);
     for (int k = 0; k < pieces; ++k) {
       const double ua = breaks[i] + length * k / pieces;
       const double ub = k + 1 == pieces ? breaks[i + 1] : breaks[i] + length * (k + 1) / pieces;
       const AxisVector qb = walk.axes(ub);
       const int steps = walk.steps(ua, ub, qa, qb);
-      recorder.expect(steps, index);
-      for (int step = 1; step < steps; ++step) {
-        const double u = ua + (ub - ua) * step / steps;
-        recorder.go(walk.axes(u), block.start_s + u * duration, index);
-      }
-      recorder.go(qb, ub == 1.0 ? block.end_s : block.start_s + ub * duration, index);
+      expects(steps);
+      use(Stepped{ua, ub, steps, qb});
       qa = qb;
     }
+  }
+}
+
+void sample_block(const Path& path, int index, const kinematics::Chain& control,
+                  const SampleOptions& options, Recorder& recorder) {
+  const Block& block = path.blocks[std::size_t(index)];
+  const Walk walk(path, block, control, options);
+  const AxisVector start = walk.axes(0.0);
+  recorder.start(start, block.start_s, index);
+  const double duration = block.end_s - block.start_s;
+  const auto record = [&](const Stepped& piece) {
+    for (int step = 1; step < piece.steps; ++step) {
+      const double u = piece.from + (piece.to - piece.from) * step / piece.steps;
+      recorder.go(walk.axes(u), block.start_s + u * duration, index);
+    }
+    recorder.go(piece.end, piece.to == 1.0 ? block.end_s : block.start_s + piece.to * duration,
+                index);
+  };
+  each_stepped(
+      walk, start, [&](int steps) { recorder.expect(steps, index); }, record);
+}
+
+/// Refuses a path of more samples before one is made.
+void check_count(const Path& path, const kinematics::Chain& control, const SampleOptions& options,
+                 double most) {
+  double count = 0.0;
+  for (const Block& block : path.blocks) {
+    const Walk walk(path, block, control, options);
+    const auto expects = [&](int steps) {
+      if (count + steps > most)
+        throw TooManySamples(path.file, block.line, 0,
+                             fmt::format("a program of at most {:.0f} samples", most), "more");
+    };
+    each_stepped(walk, walk.axes(0.0), expects,
+                 [&](const Stepped& piece) { count += piece.steps; });
   }
 }
 
@@ -393,8 +443,9 @@ std::optional<int> spindle_of(const kinematics::Chain& control, const SampleOpti
   return std::nullopt;
 }
 
-/// The mean over the stretch that ends at a sample; the first takes that of the stretch after it.
-void note_spindle_speed(Samples& samples, int spindle) {
+/// The mean over the stretch that ends at a sample; the first of a program takes that of the
+/// stretch after it.
+void note_spindle_speed(Samples& samples, int spindle, bool begins) {
   std::vector<kinematics::AxisState>& states = samples.states;
   for (std::size_t i = 1; i < states.size(); ++i) {
     const double time = states[i].time_s - states[i - 1].time_s;
@@ -402,22 +453,50 @@ void note_spindle_speed(Samples& samples, int spindle) {
                                   ? std::abs(states[i].q[spindle] - states[i - 1].q[spindle]) / time
                                   : states[i - 1].spindle_speed;
   }
-  if (states.size() > 1) states.front().spindle_speed = states[1].spindle_speed;
+  if (begins && states.size() > 1) states.front().spindle_speed = states[1].spindle_speed;
+}
+
+void check_size(const Path& path, const kinematics::Chain& control) {
+  for (const Block& block : path.blocks)
+    if (block.start.size() != control.size())
+      throw std::invalid_argument("expected a path with as many axes as the chain");
 }
 
 }  // namespace
 
 Samples sample(const Path& path, const kinematics::Chain& control, const SampleOptions& options) {
+  check_size(path, control);
   Recorder recorder(path, control, options);
-  for (int i = 0; i < int(path.blocks.size()); ++i) {
-    const Block& block = path.blocks[std::size_t(i)];
-    if (block.start.size() != control.size())
-      throw std::invalid_argument("expected a path with as many axes as the chain");
+  for (int i = options.goes_on ? 1 : 0; i < int(path.blocks.size()); ++i)
     sample_block(path, i, control, options, recorder);
-  }
   Samples samples = recorder.take();
-  if (const auto spindle = spindle_of(control, options)) note_spindle_speed(samples, *spindle);
+  if (const auto spindle = spindle_of(control, options))
+    note_spindle_speed(samples, *spindle, !options.goes_on);
   return samples;
+}
+
+std::vector<Window> windows(const Path& path, const kinematics::Chain& control,
+                            const SampleOptions& options, std::size_t most) {
+  check_size(path, control);
+  check_count(path, control, options, most_in_windows);
+  const std::optional<int> spindle = spindle_of(control, options);
+  Recorder recorder(path, control, options);
+  std::vector<Window> all{{0, 0}};
+  for (std::size_t i = 0; i < path.blocks.size(); ++i) {
+    sample_block(path, int(i), control, options, recorder);
+    all.back().last = i + 1;
+    if (recorder.count() < most || all.back().last == path.blocks.size()) continue;
+    Samples samples = recorder.take();
+    if (spindle) note_spindle_speed(samples, *spindle, all.size() == 1);
+    const SampledUpTo end{samples.states.back(), samples.moved};
+    all.push_back({i + 1, i + 1, end});
+    recorder.go_on(end, int(i));
+  }
+  return all;
+}
+
+Path path_of(const Path& path, const Window& window) {
+  return stretch_of(path, window.goes_on ? window.first - 1 : window.first, window.last);
 }
 
 }  // namespace abbe::sim::program

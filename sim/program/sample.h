@@ -9,6 +9,12 @@
 
 namespace abbe::sim::program {
 
+/// How far the samples of a path go, for those of what follows it.
+struct SampledUpTo {
+  kinematics::AxisState last;    ///< the last sample
+  kinematics::AxisVector moved;  ///< (n) where each axis was last seen to move
+};
+
 struct SampleOptions {
   double chord_tolerance = 5e-7;  ///< mm: any point of the tool axis up to `reach` above the tip
                                   ///< lies this near to the line and great circle between samples
@@ -23,7 +29,9 @@ struct SampleOptions {
   std::optional<int> workpiece_spindle;  ///< joint whose turning is left out of the chord (turning)
   kinematics::AxisState before = {};  ///< of a path that goes on from another: the ways and strokes
                                       ///< of the axes so far
-  std::size_t max_samples = 50'000'000;  ///< more is refused before memory is taken
+  std::optional<SampledUpTo> goes_on = {};  ///< of a path whose first block is sampled: that block
+                                            ///< gives the last sample again and no other
+  std::size_t max_samples = 50'000'000;     ///< more is refused before memory is taken
 };
 
 /// Commanded axes at instants. A reversal of an axis is sampled twice, before and after.
@@ -31,8 +39,15 @@ struct Samples {
   std::vector<kinematics::AxisState> states;  ///< (n) commanded positions of the axes, with time,
                                               ///< direction and stroke of every axis and speed of
                                               ///< the spindle
-  std::vector<int> line;   ///< (n) program line of the block that ends or runs here
-  std::vector<int> block;  ///< (n) its index in the path
+  std::vector<int> line;              ///< (n) program line of the block that ends or runs here
+  std::vector<int> block;             ///< (n) its index in the path
+  kinematics::AxisVector moved = {};  ///< (axes) where each was last seen to move
+};
+
+/// Blocks of a path that are sampled at once.
+struct Window {
+  std::size_t first = 0, last = 0;          ///< blocks, the last left out
+  std::optional<SampledUpTo> goes_on = {};  ///< none of the first
 };
 
 /// More samples than the options allow: still a refusal of the line where the last of them ends.
@@ -45,5 +60,20 @@ struct TooManySamples : BadInput {
 /// @throws BadInput naming the line if the slides cannot reach a tip or the samples are too many
 Samples sample(const Path& path, const kinematics::Chain& control,
                const SampleOptions& options = {});
+
+/// Samples of a path in windows at most: more would take days.
+inline constexpr double most_in_windows = 1e9;
+
+/// A path in windows, each of which ends with the block that takes it to `most` samples; together
+/// they have the samples of the whole, to the bit, the last of each once more as the first of the
+/// next. In memory for one window and 300 bytes for each.
+/// @throws as `sample`; TooManySamples where a single window has more than options.max_samples, or
+///         all of them more than `most_in_windows`
+std::vector<Window> windows(const Path& path, const kinematics::Chain& control,
+                            const SampleOptions& options, std::size_t most);
+
+/// The blocks of a window as a program of their own that goes on, of any but the first window with
+/// the block before.
+Path path_of(const Path& path, const Window& window);
 
 }  // namespace abbe::sim::program

@@ -75,7 +75,7 @@ Summary summary(const Job& job, const Verdict& verdict) {
   s.scene = job.scene.title;
   s.seed = job.scene.seed;
   s.moves = job.path.motion_blocks;
-  s.samples = job.samples.states.size();
+  s.samples = job.windows ? job.windows->samples : job.samples.states.size();
   s.unreached = job.unreached;
   s.figures = figures_of(job, verdict);
   s.tolerance = job.scene.part.tolerance;

@@ -1,6 +1,7 @@
 #include "sim/cut/memory.h"
 
 #include <cmath>
+#include <fstream>
 #include <iostream>
 
 #include <fcntl.h>
@@ -8,6 +9,9 @@
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include "sim/cut/sampling.h"
 #include "sim/cut/work.h"
@@ -110,6 +114,55 @@ TEST(Memory, WhatExceedsIsRefusedWithTheFiguresBeforeAnythingIsCut) {
   EXPECT_EQ(ran("run " + dome + " --memory-gb 0.6").code, 0);
   EXPECT_EQ(ran("run " + dome + " --memory-gb lots").code, 2);
   EXPECT_EQ(ran("run " + dome + " --memory-gb -1").code, 2);
+}
+
+/// What of a summary does not depend on how it was computed.
+std::string figures_in(const fs::path& folder) {
+  nlohmann::json all = nlohmann::json::parse(std::ifstream(folder / "summary.json"));
+  return fmt::format("{} {} {}", all.at("samples").dump(), all.at("residual_um").dump(),
+                     all.at("warnings").dump());
+}
+
+TEST(Memory, AProgramThatDoesNotFitIsCutInWindowsWithinIt) {
+#ifdef __SANITIZE_ADDRESS__
+  GTEST_SKIP() << "a sanitizer has memory of its own";
+#endif
+  const SceneFolder folder;
+  const double most = 0.75e9;
+  std::vector<std::string> words{"run", dome, "--threads", "2"};
+  for (const char* change : {"part.points=20000", "sampling.max_step_mm=0.03",
+                             "program.step_over_mm=1.2", "case=perfect-iterated-ideal"})
+    words.insert(words.end(), {"--set", change});
+  const auto with = [&](std::vector<std::string> more, const std::string& out) {
+    more.insert(more.begin(), words.begin(), words.end());
+    more.insert(more.end(), {"--out", (folder.path() / out).string()});
+    return more;
+  };
+  const double whole = peak_of(with({}, "whole"));
+  const double peak = peak_of(with({"--memory-gb", "0.75"}, "windows"));
+  std::cout << "  whole " << whole / 1e6 << " MB, in windows " << peak / 1e6 << " MB of "
+            << most / 1e6 << '\n';
+  EXPECT_GT(whole, 1.3 * most);
+  EXPECT_LT(peak, most);
+  EXPECT_EQ(figures_in(folder.path() / "windows"), figures_in(folder.path() / "whole"));
+}
+
+TEST(Memory, WhatCannotBeCutInWindowsIsRefusedWithTheReason) {
+  const SceneFolder folder;
+  const std::string words =
+      " --memory-gb 0.6 --set sampling.max_step_mm=0.03 --set "
+      "program.step_over_mm=1.2 --set part.points=3000 --out " +
+      (folder.path() / "out").string();
+  const auto saved = safety::run("run " + dome + " --save track" + words);
+  EXPECT_EQ(saved.code, 3);
+  EXPECT_NE(saved.text.find("with the track of the tool it is not run in windows"),
+            std::string::npos)
+      << saved.text;
+  const auto channel = safety::run("run " + dome + " --case perfect-iterated-program" + words);
+  EXPECT_EQ(channel.code, 3);
+  EXPECT_NE(channel.text.find("with a channel other than ideal it is not run in windows"),
+            std::string::npos)
+      << channel.text;
 }
 
 TEST(Memory, GrowsWithAllThatIsAsked) {
