@@ -110,13 +110,19 @@ Contacts each_contact(const Design& design, const Surface& surface, const OfVert
 
 }  // namespace
 
-Contacts milled_contacts(const Design& design_w, const Surface& surface, const Cutter& cutter,
-                         const CutterMotion& motion) {
-  check_cutter(cutter);
+Eigen::VectorXd way_of(const CutterMotion& motion, double before) {
   const Index n = motion.tip.rows();
-  Eigen::VectorXd way = Eigen::VectorXd::Zero(n);
+  Eigen::VectorXd way = Eigen::VectorXd::Constant(n, before);
   for (Index i = 1; i < n; ++i)
     way[i] = way[i - 1] + (motion.tip.row(i) - motion.tip.row(i - 1)).norm();
+  return way;
+}
+
+Contacts milled_contacts(const Design& design_w, const Surface& surface, const Cutter& cutter,
+                         const CutterMotion& motion, double before) {
+  check_cutter(cutter);
+  const Index n = motion.tip.rows();
+  const Eigen::VectorXd way = way_of(motion, before);
   return each_contact(design_w, surface, [&](Index v, const Vector3d& contact) {
     const auto [interval, u] = instant_of(motion.time_s, surface.cut_time_s[v]);
     const Move move = move_after(motion, interval);

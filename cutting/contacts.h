@@ -18,9 +18,13 @@ struct Contacts {
 };
 
 /// Of a surface that `milled_surface` found. Where the tool stands its own skin serves.
+/// @param before  mm, way of the tool until the motion begins
 /// @throws std::invalid_argument if sizes differ
 Contacts milled_contacts(const Design& design_w, const Surface& surface, const Cutter& cutter,
-                         const CutterMotion& motion);
+                         const CutterMotion& motion, double before = 0.0);
+
+/// (samples) mm, way of the tip until each.
+Eigen::VectorXd way_of(const CutterMotion& motion, double before = 0.0);
 
 /// The same of `turned_surface`, its travel that of the vertex about the spindle line. Waves of the
 /// nose are left out of the gradient: amplitude times order / radius of it. On a sharp corner of an

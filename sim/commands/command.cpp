@@ -22,8 +22,8 @@ Option threads_option(Common& common, const std::string& help) {
 Option memory_option(Common& common) {
   return {
       "--memory-gb", &common.memory_gb,
-      "memory to plan for (all of the computer): what would take more is refused with an estimate "
-      "before it begins, once `run` has tried to hold fewer samples at once",
+      "memory to plan for (all of the computer): `run` holds fewer samples of the program at once; "
+      "what would take more still is refused with an estimate before it begins",
       Between{0, 1'000'000}};
 }
 

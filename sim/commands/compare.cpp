@@ -35,8 +35,8 @@ Job reaching(Job job, const CasesAsked& asked, ProgressLine& progress,
 
 /// Says what the cuts will take of the memory where that is much, and refuses what will not fit.
 void check_and_say(const Scene& scene, const std::vector<WorkSize>& sizes, const CasesAsked& asked,
-                   ProgressLine& progress) {
-  check_memory(scene, sizes, asked);
+                   ProgressLine& progress, const std::string& whole = {}) {
+  check_memory(scene, sizes, asked, whole);
   if (const std::string text = memory_remark(sizes, asked); !text.empty()) to(progress)(text, -1.0);
 }
 
@@ -315,17 +315,18 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
                         options.progress);
   progress.begin("prepare");
   const CasesAsked asked = with_files(cases_of_run(compensator_of(shown)), options);
-  std::string whole = why_whole(scene, compensator_of(shown));
+  std::string whole = what_needs_whole(scene, compensator_of(shown));
   if (asked.tracked) whole = "the track of the tool";
   SamplesHeld held;
   if (whole.empty())
-    held = [size = once_sampled(expected, scene), &asked](std::size_t blocks) {
-      WorkSize of_blocks = size;
-      of_blocks.blocks = double(blocks);
-      return samples_that_fit(of_blocks, asked);
+    held = [&](std::size_t blocks, std::size_t vertices) {
+      WorkSize size = expected;
+      size.blocks = double(blocks);
+      size.vertices = double(vertices);
+      return samples_that_fit(once_sampled(size, scene), asked);
     };
   const Job job = reaching(prepare(scene, to(progress), held), asked, progress, whole);
-  check_and_say(scene, {size_of(job)}, asked, progress);
+  check_and_say(scene, {size_of(job)}, asked, progress, whole);
   progress.replan(rest(size_of(job)));
   progress.begin(shown);
   Cut made = cut_one(job, shown, kept_by(options), to(progress));

@@ -20,12 +20,16 @@ struct BetweenSamples {
   int line = 0;               ///< program line of it
 };
 
+/// Intervals of a whole program that are looked at.
+inline constexpr std::size_t usual_looks = 1000;
+
 /// Looks midway between samples and at 0.38 of the way, at one interval of feed in each of at most
 /// `most` stretches that hold as many intervals each: how far the errors of position and time
 /// there, at the tip and as far above it as the tool cuts, are off the line between those at both
 /// samples. Loads are left out, and intervals over which an axis reverses. What bends the path in a
 /// few intervals of very many may be missed.
-BetweenSamples between_samples(const Job& job, const Commands& commands, std::size_t most = 1000);
+BetweenSamples between_samples(const Job& job, const Commands& commands,
+                               std::size_t most = usual_looks);
 
 /// Of both.
 BetweenSamples joined(const BetweenSamples& a, const BetweenSamples& b);

@@ -113,19 +113,22 @@ std::string unresolved_text(const cutting::InterpolationError& error, double res
 /// Shows the sweeps of a program one after the other.
 using EachSweep = std::function<void(const std::function<void(const ToolSweep&)>& use)>;
 
-/// How many of the vertices of a gouge the flanks of the sweeps have made.
-int by_flanks(const ProgramGouge& gouge, const cutting::Surface& surface,
-              const cutting::Design& design_w, const EachSweep& each_sweep) {
+/// How many of the vertices of a gouge the flanks of the sweeps have made, the first in whose time
+/// each was cut.
+int by_flanks(ProgramGouge gouge, const cutting::Surface& surface, const cutting::Design& design_w,
+              const EachSweep& each_sweep) {
   int count = 0;
   each_sweep([&](const ToolSweep& sweep) {
     const auto* cutter = std::get_if<cutting::Cutter>(&sweep.tool);
     const auto& states = sweep.samples.states;
     if (cutter == nullptr || states.empty()) return;
-    ProgramGouge own = gouge;
-    std::erase_if(own.at, [&](Eigen::Index i) {
+    const auto is_during = [&](Eigen::Index i) {
       const double time_s = surface.cut_time_s[i];
-      return !(time_s >= states.front().time_s && time_s <= states.back().time_s);
-    });
+      return time_s >= states.front().time_s && time_s <= states.back().time_s;
+    };
+    ProgramGouge own = gouge;
+    std::erase_if(own.at, [&](Eigen::Index i) { return !is_during(i); });
+    std::erase_if(gouge.at, is_during);
     if (own.at.empty()) return;
     count += by_flank(own, surface, design_w, *cutter, cutter_motion(sweep.T_wt, sweep.samples));
   });
@@ -275,8 +278,9 @@ struct Posed {
   std::vector<std::string> warnings;
 };
 
+/// @param looks  between so many pairs of samples at most
 Posed posed(const Job& job, const Commands& commands, const Progress& progress,
-            std::map<std::string, double>& timing_s) {
+            std::map<std::string, double>& timing_s, std::size_t looks) {
   Stopwatch watch;
   Posed made;
   const ActualRun run = actual_run(job, commands);
@@ -292,7 +296,7 @@ Posed posed(const Job& job, const Commands& commands, const Progress& progress,
   });
   inside_tables(job, [&] { check_tips(run, made.T_wt); });
   add_warnings(process_warnings(job.scene, made.process), made.warnings);
-  made.between = inside_tables(job, [&] { return between_samples(job, commands); });
+  made.between = inside_tables(job, [&] { return between_samples(job, commands, looks); });
   made.off = pose_errors(made.T_wt, run.T_wt_wanted, first_own(job));
   if (!run.wear.empty() && job.scene.tool.wear->radius > 0.0)
     made.worn = worn_pieces(job.scene.tool, run.wear, commands.samples, made.T_wt);
@@ -403,7 +407,7 @@ Cut cut(const Job& job, const Commands& commands, const Progress& progress, Keep
   std::vector<Posed> all;
   double samples = 0.0, off = 0.0;
   for (std::size_t i = 0; i < parts.size(); ++i) {
-    all.push_back(posed(parts[i], of_part(commands, i), progress, result.timing_s));
+    all.push_back(posed(parts[i], of_part(commands, i), progress, result.timing_s, usual_looks));
     off = std::max(off, explained(parts[i], all.back().off));
     const auto n = double(all.back().T_wt.size());
     add(all.back(), n, samples, result);
@@ -445,7 +449,9 @@ class WindowsRun {
 
   SweptWindow at(std::size_t number);
   void each_sweep(const std::function<void(const ToolSweep&)>& use);
-  double explained() const { return explained_; }
+  double explained() const {
+    return sim::explained(job_, {result_.tip_error, result_.direction_error});
+  }
   std::size_t not_converged() const { return not_converged_; }
 
  private:
@@ -456,16 +462,24 @@ class WindowsRun {
   Cut& result_;
   std::size_t reported_ = 0;  // windows
   std::size_t not_converged_ = 0;
-  double samples_ = 0.0, explained_ = 0.0;
+  double samples_ = 0.0;
 };
+
+/// Of those of a whole program.
+std::size_t looks_in_each(std::size_t windows) {
+  constexpr std::size_t least = 10;
+  return std::max(least, usual_looks / windows);
+}
 
 SweptWindow WindowsRun::at(std::size_t number) {
   const Job part = window_of(job_, number);
   Commands commands = commands_of_(part);
   check_travel(part.machine, path_of(part, commands), commands.samples);
   std::map<std::string, double> timing_s;
-  Posed made = posed(part, commands, {}, timing_s);
-  if (number == reported_) report(part, commands, made);
+  const bool is_first = number == reported_;
+  const std::size_t looks = is_first ? looks_in_each(job_.windows->all.size()) : 0;
+  Posed made = posed(part, commands, {}, timing_s, looks);
+  if (is_first) report(part, commands, made);
   return {std::move(commands.samples), std::move(made.T_wt)};
 }
 
@@ -479,13 +493,14 @@ void WindowsRun::each_sweep(const std::function<void(const ToolSweep&)>& use) {
 void WindowsRun::report(const Job& part, const Commands& commands, Posed& made) {
   ++reported_;
   const double n = double(made.T_wt.size()) - double(first_own(part));
-  explained_ = std::max(explained_, sim::explained(part, made.off));
   add(made, n, samples_, result_);
   samples_ += n;
   result_.point_left = std::max(result_.point_left, commands.point_left);
   result_.direction_left = std::max(result_.direction_left, commands.direction_left);
   not_converged_ += commands.not_converged;
-  add_warnings(commands.warnings, result_.warnings);
+  for (const std::string& warning : commands.warnings)
+    if (std::ranges::find(result_.warnings, warning) == result_.warnings.end())
+      result_.warnings.push_back(warning);
 }
 
 }  // namespace

@@ -146,18 +146,19 @@ program::Samples sampled(const Scene& scene, const program::Path& path, const Ma
 
 std::vector<program::Window> windows_of(const Scene& scene, const program::Path& path,
                                         const Machine& machine,
-                                        const program::SampleOptions& options) {
+                                        const program::SampleOptions& options,
+                                        const Progress& progress) {
   try {
-    return program::windows(path, machine.nominal, options, options.max_samples / 2);
+    return program::windows(path, machine.nominal, options, options.max_samples / 2,
+                            [&](double part) {
+                              if (progress) progress("sample", part);
+                            });
   } catch (const program::TooManySamples& fault) {
     throw refusal_of(scene, fault,
                      fmt::format("at most {:.0f} samples of the program, {} of them in a block",
                                  program::most_in_windows, options.max_samples / 2));
   }
 }
-
-/// Samples below which it does not pay to hold fewer.
-constexpr std::size_t least_window = 2000;
 
 /// A program, or a stretch of it, as the error-free machine runs it with one tool.
 struct Piece {
@@ -261,6 +262,7 @@ struct Pieces {
   std::vector<Piece> stretches;  // empty with one tool
   std::vector<std::string> warnings;
   std::shared_ptr<const Windows> windows = {};
+  std::vector<std::string> shank_warnings = {};  // of a program in windows
 };
 
 /// The same of a program of one tool in windows, each of which is looked at once.
@@ -268,10 +270,11 @@ Pieces in_windows(const Scene& scene, const program::Path& path, const cutting::
                   std::size_t held, const Progress& progress) {
   const Machine machine = compile(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
-  sampling.max_samples = held;
-  Windows windows{windows_of(scene, path, machine, sampling), 0, {}, {}};
+  // the first stays while another is cut
+  sampling.max_samples = held / 2;
+  Windows windows{windows_of(scene, path, machine, sampling, progress), 0, 0, {}, {}};
   std::optional<Piece> first;
-  std::vector<std::string> warnings;
+  ShankContacts shank;
   for (const program::Window& window : windows.all) {
     program::Path blocks = path_of(path, window);
     if (progress) progress("sample", double(window.first) / double(path.blocks.size()));
@@ -283,22 +286,26 @@ Pieces in_windows(const Scene& scene, const program::Path& path, const cutting::
       windows.most = windows.most.cwiseMax(state.q);
     }
     windows.samples += samples.states.size() - (first ? 1 : 0);
+    windows.most_at_once = std::max(windows.most_at_once, samples.states.size());
     Piece piece = piece_of(scene, machine, std::move(blocks), sampling, std::move(samples));
-    if (warnings.empty()) warnings = shank_warnings(scene, design_w, {piece.samples, piece.T_wt});
+    const ShankContacts contacts = shank_contacts(scene, design_w, {piece.samples, piece.T_wt});
+    shank = first ? joined(shank, contacts) : contacts;
     if (!first) first = std::move(piece);
   }
   first->path = path;
   return {*std::move(first),
           {},
-          std::move(warnings),
-          std::make_shared<const Windows>(std::move(windows))};
+          {},
+          std::make_shared<const Windows>(std::move(windows)),
+          shank_warnings(scene, shank)};
 }
 
 /// The program as one piece with its samples, in windows where those are more than are held.
 Pieces one_piece(const Scene& scene, const program::Path& path, const cutting::Design& design_w,
                  const SamplesHeld& held, const Progress& progress) {
-  const std::size_t most = held ? std::min(held(path.blocks.size()), most_samples()) : 0;
-  if (most < least_window) return {piece_of(scene, path, {}), {}, {}};
+  const auto vertices = std::size_t(design_w.vertices.rows());
+  const std::size_t most = held ? std::min(held(path.blocks.size(), vertices), most_samples()) : 0;
+  if (most == 0) return {piece_of(scene, path, {}), {}, {}};
   Machine machine = compile(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
   sampling.max_samples = most;
@@ -332,10 +339,13 @@ Pieces pieces_of(const Scene& described, const Program& program, const cutting::
   add_warnings(program.warnings, made.warnings);
   add_warnings(program_warnings(scene, design_w, program.path, program.unreached), made.warnings);
   add_warnings(pole_warnings(scene, made.whole.machine, program.path), made.warnings);
+  add_warnings(made.shank_warnings, made.warnings);
   if (made.windows) return made;
   for (const Piece& one :
        made.stretches.empty() ? std::span(&made.whole, 1) : std::span<Piece>(made.stretches))
-    add_warnings(shank_warnings(one.scene, design_w, {one.samples, one.T_wt}), made.warnings);
+    add_warnings(
+        shank_warnings(one.scene, shank_contacts(one.scene, design_w, {one.samples, one.T_wt})),
+        made.warnings);
   return made;
 }
 
@@ -352,6 +362,7 @@ void each_part(const Job& job, const std::function<void(const Job& part)>& use) 
 }
 
 Job window_of(const Job& job, std::size_t number) {
+  stop_if_interrupted();
   const program::Window& window = job.windows->all[number];
   Piece piece{job.scene, job.machine, path_of(job.path, window), job.sampling, {}, {}};
   if (number > 0) piece.scene.signals.history_interval = 0.0;  // it stands before the first
@@ -389,15 +400,17 @@ Job prepare(const Scene& described, const Progress& progress, const SamplesHeld&
   const Scene scene = with_run_out(described);
   Part part = load_part(scene);
   const double part_s = watch.lap();
-  const Work work = held ? in_windows(work_of(scene, part)) : work_of(scene, part);
+  const Work all = work_of(scene, part);
+  const Work work = held && held(0, std::size_t(all.vertices)) > 0 ? without_samples(all) : all;
   check_work(scene, work);
   if (const std::string text = remark(work); progress && !text.empty()) progress(text, -1.0);
   begins("program");
   Program program = load_program(scene, compile(scene), part);
   const double program_s = watch.lap();
   begins("sample");
-  auto [whole, pieces, warnings, windows] =
-      pieces_of(described, program, part.design_w, held, progress);
+  Pieces made = pieces_of(described, program, part.design_w, held, progress);
+  Piece& whole = made.whole;
+  std::vector<std::string>& warnings = made.warnings;
   const double sample_s = watch.lap();
   check_field(scene, part.design_w);
   const auto rigid = [&T_wt = whole.T_wt](std::size_t i, const errors::Load&) { return T_wt[i]; };
@@ -418,10 +431,10 @@ Job prepare(const Scene& described, const Progress& progress, const SamplesHeld&
     return job_of(std::move(piece), std::move(truth), part.design_w, body_m, std::move(of_piece));
   };
   Job job = job_from(std::move(whole), std::move(process));
-  for (Piece& piece : pieces) job.stretches.push_back(job_from(std::move(piece), {}));
+  for (Piece& piece : made.stretches) job.stretches.push_back(job_from(std::move(piece), {}));
   const std::vector<FeedUse> before = uses_before(cut_parts(job));
   for (std::size_t i = 0; i < job.stretches.size(); ++i) job.stretches[i].cut_before = before[i];
-  job.windows = std::move(windows);
+  job.windows = std::move(made.windows);
   job.body_w = std::make_shared<const cutting::Thickness>(part.design_w);
   if (progress && job.windows)
     progress(fmt::format("{} samples are not held at once: run in {} windows", job.windows->samples,

@@ -48,6 +48,7 @@ struct SampledSurface {
 struct Windows {
   std::vector<program::Window> all;
   std::size_t samples = 0;             ///< of all of them
+  std::size_t most_at_once = 0;        ///< of the longest
   kinematics::AxisVector least, most;  ///< positions that the axes come to
 };
 
@@ -97,8 +98,9 @@ void each_part(const Job& job, const std::function<void(const Job& part)>& use);
 /// A window of a job as a job of its own, without the design. @param number  among job.windows
 Job window_of(const Job& job, std::size_t number);
 
-/// Samples of a program that may be held beside so many blocks.
-using SamplesHeld = std::function<std::size_t(std::size_t blocks)>;
+/// Samples of a program that may be held beside its blocks and the vertices of the part; 0: all, or
+/// none at all.
+using SamplesHeld = std::function<std::size_t(std::size_t blocks, std::size_t vertices)>;
 
 /// The program from which the commands of a part come.
 const program::Path& path_of(const Job& part, const Commands& commands);

@@ -24,13 +24,18 @@ constexpr double bytes_of_vertex_kept = 105, bytes_of_vertex_drawn = 1800,
                  bytes_of_vertex_compared = 255;
 constexpr double bytes_of_vertex_held = 250, bytes_of_pictures = 320e6, bytes_of_comparison = 230e6;
 
+/// Samples.
+double at_once(const WorkSize& job) {
+  return job.in_windows > 0.0 ? 2.0 * job.in_windows : job.samples;
+}
+
 /// A job while nothing is done with it, its vertices left out.
 double held(const WorkSize& job) {
-  return bytes_of_block * job.blocks + bytes_of_sample * job.samples;
+  return bytes_of_block * job.blocks + bytes_of_sample * at_once(job);
 }
 
 double kept_tracks(const WorkSize& job, const CasesAsked& asked) {
-  return asked.tracked ? bytes_of_sample_tracked * asked.kept * job.samples : 0.0;
+  return asked.tracked ? bytes_of_sample_tracked * asked.kept * at_once(job) : 0.0;
 }
 
 double while_cut(const WorkSize& job, const CasesAsked& asked) {
@@ -38,7 +43,7 @@ double while_cut(const WorkSize& job, const CasesAsked& asked) {
   if (job.stock) of_samples += bytes_of_sample_in_stock;
   if (asked.compensated) of_samples += bytes_of_sample_corrected;
   if (asked.rewritten) of_samples += bytes_of_sample_rewritten;
-  return held(job) + of_samples * job.samples + kept_tracks(job, asked) +
+  return held(job) + of_samples * at_once(job) + kept_tracks(job, asked) +
          (bytes_of_vertex_cut + bytes_of_vertex_kept * asked.kept) * job.vertices;
 }
 
@@ -62,7 +67,7 @@ WorkSize sum_of(const std::vector<WorkSize>& jobs) {
   WorkSize sum;
   for (const WorkSize& job : jobs) {
     sum.vertices += job.vertices;
-    sum.samples += job.samples;
+    sum.samples += at_once(job);
   }
   return sum;
 }
@@ -124,7 +129,7 @@ std::size_t samples_that_fit(WorkSize job, const CasesAsked& asked) {
     job.samples = samples;
     return peak_memory({job}, asked) <= memory_bytes();
   };
-  double low = 0.0, high = 50e6;
+  double low = 1e5, high = 50e6;
   if (!fit(low)) return 0;
   while (high - low > 1.0) (fit(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);
   return std::size_t(low);
@@ -138,7 +143,7 @@ void check_memory(const Scene& scene, const std::vector<WorkSize>& jobs, const C
       scene, keys_of_most(scene, jobs),
       fmt::format("a run that {} of memory hold, or a larger --memory-gb", gigabytes(most)),
       figures(jobs, asked) +
-          (whole.empty() ? "" : fmt::format("; with {} it is not run in windows", whole)));
+          (whole.empty() ? "" : fmt::format("; with {} it cannot be run in windows", whole)));
 }
 
 std::string memory_remark(const std::vector<WorkSize>& jobs, const CasesAsked& asked) {

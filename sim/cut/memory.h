@@ -24,8 +24,8 @@ CasesAsked cases_of_compare(const std::vector<Scene>& scenes);
 /// @param jobs  all are held while one is cut; vertices as they are judged
 double peak_memory(const std::vector<WorkSize>& jobs, const CasesAsked& asked);
 
-/// Samples of its program that a job may hold at its peak within `memory_bytes`; 0 if it does not
-/// fit without any.
+/// Samples of its program that a job may hold at its peak within `memory_bytes`; 0 where they are
+/// fewer than is worth it, a hundred thousand.
 std::size_t samples_that_fit(WorkSize job, const CasesAsked& asked);
 
 /// @param whole  what asks for samples of the whole program, in a word; empty for nothing

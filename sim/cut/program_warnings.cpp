@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "cutting/shank.h"
 #include "kinematics/units.h"
 #include "sim/cut/tool_comments.h"
 #include "sim/cut/tool_motion.h"
@@ -124,6 +123,10 @@ void add_chord_text(const ToolDescription& tool, std::vector<std::string>& texts
         tool.number ? fmt::format(" {}", *tool.number) : "", sag / units::um));
 }
 
+double shank_radius(const Scene& scene, const cutting::Cutter& cutter) {
+  return scene.tool.shank_radius.value_or(cutting::shank_radius(cutter));
+}
+
 }  // namespace
 
 JudgedPlaces judged_places(const cutting::Design& design) {
@@ -159,29 +162,52 @@ std::vector<std::string> program_warnings(const Scene& scene, const cutting::Des
   return warnings;
 }
 
-std::vector<std::string> shank_warnings(const Scene& scene, const cutting::Design& design_w,
-                                        const NominalRun& run) {
+ShankContacts shank_contacts(const Scene& scene, const cutting::Design& design_w,
+                             const NominalRun& run) {
   const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
   if (cutter == nullptr) return {};
-  const double radius = scene.tool.shank_radius.value_or(cutting::shank_radius(*cutter));
   const cutting::CutterMotion motion = cutter_motion(run.T_wt, run.samples);
+  ShankContacts found;
+  found.shank = cutting::shank_contact(
+      design_w, *cutter, motion,
+      {.length = scene.tool.length, .band = scene.band, .radius = shank_radius(scene, *cutter)});
+  if (scene.tool.holder)
+    found.holder = cutting::idle_contact(design_w, cutting::idle_pieces(*scene.tool.holder), motion,
+                                         scene.band);
+  return found;
+}
+
+ShankContacts joined(const ShankContacts& a, const ShankContacts& b) {
+  const auto both = [](const std::optional<cutting::ShankContact>& first,
+                       const std::optional<cutting::ShankContact>& second) {
+    if (!first || !second) return first ? first : second;
+    cutting::ShankContact contact = second->deepest > first->deepest ? *second : *first;
+    contact.vertices = std::max(first->vertices, second->vertices);
+    contact.first_line = first->first_line;
+    return std::optional(contact);
+  };
+  return {both(a.shank, b.shank), both(a.holder, b.holder), true};
+}
+
+std::vector<std::string> shank_warnings(const Scene& scene, const ShankContacts& contacts) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
   std::vector<std::string> warnings;
   const auto add = [&](const std::string& what,
                        const std::optional<cutting::ShankContact>& contact) {
     if (!contact) return;
     warnings.push_back(fmt::format(
-        "{} goes more than {:.4g} mm into the design at {} vertices, {} {:.3f} mm deep (line {}, "
+        "{} goes more than {:.4g} mm into the design at {} vertices{}, {} {:.3f} mm deep (line {}, "
         "first line {})",
-        what, contact->passed, contact->vertices, contact->deeper ? "at least" : "up to",
-        contact->deepest, contact->line, contact->first_line));
+        what, contact->passed, contact->vertices, contacts.in_windows ? " or more" : "",
+        contact->deeper ? "at least" : "up to", contact->deepest, contact->line,
+        contact->first_line));
   };
+  if (cutter == nullptr) return warnings;
+  const double radius = shank_radius(scene, *cutter);
   add(fmt::format("the shank above the flank ({:.4g} mm above the tip{})", cutter->flank_length,
                   radius == cutter->radius ? "" : fmt::format(", radius {:.4g} mm", radius)),
-      cutting::shank_contact(design_w, *cutter, motion,
-                             {.length = scene.tool.length, .band = scene.band, .radius = radius}));
-  if (scene.tool.holder)
-    add("the holder", cutting::idle_contact(design_w, cutting::idle_pieces(*scene.tool.holder),
-                                            motion, scene.band));
+      contacts.shank);
+  add("the holder", contacts.holder);
   return warnings;
 }
 

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "cutting/shank.h"
 #include "sim/cut/part.h"
 #include "sim/program/sample.h"
 
@@ -33,8 +35,17 @@ std::vector<std::string> program_warnings(const Scene& scene, const cutting::Des
                                           const program::Path& path,
                                           const program::Unreached& unreached);
 
-/// Where the shank of the scene's tool, above its flank, goes into the design.
-std::vector<std::string> shank_warnings(const Scene& scene, const cutting::Design& design_w,
-                                        const NominalRun& run);
+/// Where what does not cut of the scene's tool goes into the design.
+struct ShankContacts {
+  std::optional<cutting::ShankContact> shank, holder;
+  bool in_windows = false;  ///< the vertices are the most of any window
+};
+ShankContacts shank_contacts(const Scene& scene, const cutting::Design& design_w,
+                             const NominalRun& run);
+
+/// Of two windows, one after the other.
+ShankContacts joined(const ShankContacts& a, const ShankContacts& b);
+
+std::vector<std::string> shank_warnings(const Scene& scene, const ShankContacts& contacts);
 
 }  // namespace abbe::sim

@@ -83,10 +83,11 @@ WorkSize expected_size(const Scene& scene) {
 WorkSize size_of(const Job& job) {
   return {double(job.design_w.vertices.rows()),
           double(job.path.blocks.size()),
-          double(job.samples.states.size()),
+          double(job.windows ? job.windows->samples : job.samples.states.size()),
           job.scene.cutting.has_value(),
           !job.program_text.empty(),
-          job.scene.collision.on};
+          job.scene.collision.on,
+          job.windows ? double(job.windows->most_at_once) : 0.0};
 }
 
 std::vector<Stage> stages_of_preparing(const std::string& part, const WorkSize& size) {

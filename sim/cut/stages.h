@@ -20,6 +20,7 @@ struct WorkSize {
   bool stock = false;       ///< the blank is cut as well
   bool generated = false;   ///< the program is written first
   bool collisions = false;  ///< bodies are followed as well
+  double in_windows = 0.0;  ///< samples of which so many are held at once; 0: all
 };
 /// Before a scene is prepared, roughly.
 WorkSize expected_size(const Scene& scene);

@@ -86,14 +86,6 @@ Contacts joined_contacts(const Design& design_w, const Surface& surface,
   return all;
 }
 
-/// mm, way of the tip.
-double length_of(const cutting::CutterMotion& motion) {
-  double length = 0.0;
-  for (Eigen::Index i = 1; i < motion.tip.rows(); ++i)
-    length += (motion.tip.row(i) - motion.tip.row(i - 1)).norm();
-  return length;
-}
-
 }  // namespace
 
 Sweep sweep_of(std::vector<ToolSweep> sweeps, const SurfaceOptions& options) {
@@ -148,8 +140,8 @@ Sweep sweep_in_windows(const Cutter& cutter, std::size_t windows,
       const SweptWindow one = window(k);
       const cutting::CutterMotion motion = cutter_motion(one.T_wt, one.samples);
       const Surface during = cut_during(surface, one.samples);
-      add_contacts(all, cutting::milled_contacts(design_w, during, cutter, motion), before);
-      before += length_of(motion);
+      add_contacts(all, cutting::milled_contacts(design_w, during, cutter, motion, before), 0.0);
+      before = cutting::way_of(motion, before).tail(1).value();
     }
     return all;
   };

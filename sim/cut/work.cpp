@@ -133,7 +133,7 @@ Work work_of(const Scene& scene, const Part& part) {
   return work;
 }
 
-Work in_windows(Work work) {
+Work without_samples(Work work) {
   work.bytes -= bytes_per_sample * work.samples;
   work.samples = 0.0;
   return work;

@@ -40,7 +40,7 @@ struct Work {
 Work work_of(const Scene& scene, const Part& part);
 
 /// The same of a program that is run in windows, whose samples are not held.
-Work in_windows(Work work);
+Work without_samples(Work work);
 
 /// @throws BadInput naming the keys and the figures if the points are more than 5 million, or the
 ///         memory does not hold all

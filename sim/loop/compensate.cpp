@@ -208,7 +208,8 @@ Cut cut_in_windows(const Job& job, const CaseDescription& compensator, const Pro
 
 }  // namespace
 
-std::string why_whole(const Scene& scene, const std::optional<CaseDescription>& compensator) {
+std::string what_needs_whole(const Scene& scene,
+                             const std::optional<CaseDescription>& compensator) {
   using Belief = CaseDescription::Belief;
   if (!std::holds_alternative<cutting::Cutter>(scene.tool.nominal)) return "a turned part";
   if (!scene.more_tools.empty()) return "several tools";
@@ -216,7 +217,7 @@ std::string why_whole(const Scene& scene, const std::optional<CaseDescription>& 
   if (scene.thermal) return "[thermal]";
   if (scene.collision.on) return "[collision]";
   if (scene.tool.wear) return "a tool that wears";
-  if (scene.compliance && scene.compliance->inertia) return "moving masses";
+  if (scene.compliance) return "[compliance]";
   if (scene.sensor_choice) return "a choice of sensors";
   if (!compensator) return {};
   if (!compensator->plug_in.empty() || compensator->function) return "a compensator of your own";

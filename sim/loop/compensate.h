@@ -27,9 +27,9 @@ Learnt learnt(const Job& job, const CaseDescription& compensator, const Progress
 Commands compensate(const Job& job, const CaseDescription& compensator,
                     const Progress& progress = {});
 
-/// What of a case asks for a program that is sampled as a whole, in a word; empty where it can be
-/// run in windows.
-std::string why_whole(const Scene& scene, const std::optional<CaseDescription>& compensator);
+/// What of a case needs a program that is sampled as a whole, in a word; empty where it can be run
+/// in windows.
+std::string what_needs_whole(const Scene& scene, const std::optional<CaseDescription>& compensator);
 
 /// The program on the wrong machine, with a compensator if there is one.
 /// @throws as `compensate`, and as `cut` of commands

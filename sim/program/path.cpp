@@ -140,9 +140,11 @@ Path stretch_of(const Path& path, std::size_t first, std::size_t last) {
   part.more_files = path.more_files;
   part.blocks.assign(path.blocks.begin() + std::ptrdiff_t(first),
                      path.blocks.begin() + std::ptrdiff_t(last));
-  for (const Aside& aside : path.asides)
-    if (aside.before >= first && (aside.before < last || last == path.blocks.size()))
-      part.asides.push_back({aside.before - first, aside.text});
+  const auto from = std::ranges::lower_bound(path.asides, first, {}, &Aside::before);
+  for (auto aside = from; aside != path.asides.end(); ++aside) {
+    if (aside->before >= last && last != path.blocks.size()) break;
+    part.asides.push_back({aside->before - first, aside->text});
+  }
   part.unit_words = path.unit_words;
   for (Block& block : part.blocks) take_shape(part, block, path);
   for (const Block& block : part.blocks)

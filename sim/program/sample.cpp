@@ -476,7 +476,8 @@ Samples sample(const Path& path, const kinematics::Chain& control, const SampleO
 }
 
 std::vector<Window> windows(const Path& path, const kinematics::Chain& control,
-                            const SampleOptions& options, std::size_t most) {
+                            const SampleOptions& options, std::size_t most,
+                            const std::function<void(double part)>& progress) {
   check_size(path, control);
   check_count(path, control, options, most_in_windows);
   const std::optional<int> spindle = spindle_of(control, options);
@@ -484,6 +485,8 @@ std::vector<Window> windows(const Path& path, const kinematics::Chain& control,
   std::vector<Window> all{{0, 0}};
   for (std::size_t i = 0; i < path.blocks.size(); ++i) {
     sample_block(path, int(i), control, options, recorder);
+    constexpr std::size_t now_and_then = 1000;  // blocks
+    if (progress && i % now_and_then == 0) progress(double(i) / double(path.blocks.size()));
     all.back().last = i + 1;
     if (recorder.count() < most || all.back().last == path.blocks.size()) continue;
     Samples samples = recorder.take();

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -70,7 +71,8 @@ inline constexpr double most_in_windows = 1e9;
 /// @throws as `sample`; TooManySamples where a single window has more than options.max_samples, or
 ///         all of them more than `most_in_windows`
 std::vector<Window> windows(const Path& path, const kinematics::Chain& control,
-                            const SampleOptions& options, std::size_t most);
+                            const SampleOptions& options, std::size_t most,
+                            const std::function<void(double part)>& progress = {});
 
 /// The blocks of a window as a program of their own that goes on, of any but the first window with
 /// the block before.

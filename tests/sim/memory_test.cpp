@@ -155,12 +155,12 @@ TEST(Memory, WhatCannotBeCutInWindowsIsRefusedWithTheReason) {
       (folder.path() / "out").string();
   const auto saved = safety::run("run " + dome + " --save track" + words);
   EXPECT_EQ(saved.code, 3);
-  EXPECT_NE(saved.text.find("with the track of the tool it is not run in windows"),
+  EXPECT_NE(saved.text.find("with the track of the tool it cannot be run in windows"),
             std::string::npos)
       << saved.text;
   const auto channel = safety::run("run " + dome + " --case perfect-iterated-program" + words);
   EXPECT_EQ(channel.code, 3);
-  EXPECT_NE(channel.text.find("with a channel other than ideal it is not run in windows"),
+  EXPECT_NE(channel.text.find("with a channel other than ideal it cannot be run in windows"),
             std::string::npos)
       << channel.text;
 }

@@ -39,7 +39,8 @@ Job whole(const BallRaster& raster, const std::vector<Override>& changes = {}) {
 }
 
 Job in_windows(const BallRaster& raster, const std::vector<Override>& changes = {}) {
-  return sampled(prepare(scene_of(raster, changes), {}, [](std::size_t) { return held; }));
+  return sampled(
+      prepare(scene_of(raster, changes), {}, [](std::size_t, std::size_t) { return held; }));
 }
 
 void same_maps(const cutting::Surface& a, const cutting::Surface& b) {
@@ -60,16 +61,18 @@ void same_cuts(const Cut& a, const Cut& b) {
   EXPECT_EQ(a.tip_error.max, b.tip_error.max);
   EXPECT_NEAR(a.direction_error.rms, b.direction_error.rms, 1e-12 * a.direction_error.rms);
   EXPECT_EQ(a.direction_error.max, b.direction_error.max);
+  EXPECT_NEAR(a.between_samples.rms, b.between_samples.rms, 0.5 * a.between_samples.rms);
   EXPECT_EQ(a.point_left, b.point_left);
   EXPECT_EQ(a.direction_left, b.direction_left);
   EXPECT_EQ(a.case_name, b.case_name);
 }
 
 TEST(Windows, AreOnlyMadeOfAProgramThatIsNotHeld) {
-  const Job job = prepare(scene_of(dome()), {}, [](std::size_t) { return 10'000'000; });
+  const Job job =
+      prepare(scene_of(dome()), {}, [](std::size_t, std::size_t) { return 10'000'000; });
   EXPECT_FALSE(job.windows);
-  const Job few = prepare(scene_of(dome()), {}, [](std::size_t) { return 10; });
-  EXPECT_FALSE(few.windows) << "a memory that holds nothing refuses, and is no reason for windows";
+  const Job none = prepare(scene_of(dome()), {}, [](std::size_t, std::size_t) { return 0; });
+  EXPECT_FALSE(none.windows) << "a memory that holds nothing refuses, and is no reason for windows";
 }
 
 TEST(Windows, GiveEveryCaseOfAnyChoiceOfPlacesToTheBit) {
@@ -120,8 +123,8 @@ TEST(Windows, HaveTheContactsOfTheWhole) {
   for (Eigen::Index v = 0; v < a.travel.size(); ++v) {
     ASSERT_EQ(std::isnan(a.travel[v]), std::isnan(b.travel[v])) << v;
     if (std::isnan(a.travel[v])) continue;
-    EXPECT_NEAR(a.travel[v], b.travel[v], 1e-9) << v;
-    EXPECT_LT((a.gradient.row(v) - b.gradient.row(v)).norm(), 1e-9) << v;
+    EXPECT_EQ(a.travel[v], b.travel[v]) << v;
+    if (a.gradient.row(v).allFinite()) EXPECT_EQ(a.gradient.row(v), b.gradient.row(v)) << v;
   }
 }
 
