@@ -46,7 +46,7 @@ std::string joined(const std::vector<std::string>& words) {
 }
 
 /// Makes a rule hold for an option.
-struct Holding {
+struct RuleMaker {
   const Option& option;
   CLI::Option& added;
   const Added& others;
@@ -83,7 +83,7 @@ void add(CLI::App& app, const std::vector<Option>& options, Added& added) {
     else if (one.get_items_expected_max() > 1)
       one.take_all()->allow_extra_args(false);
     for (const Rule& rule : {option.rule, option.second_rule})
-      std::visit(Holding{option, one, added}, rule);
+      std::visit(RuleMaker{option, one, added}, rule);
   }
 }
 

@@ -315,18 +315,18 @@ Outcome run(const std::filesystem::path& file, const RunOptions& options) {
                         options.progress);
   progress.begin("prepare");
   const CasesAsked asked = with_files(cases_of_run(compensator_of(shown)), options);
-  std::string whole = what_needs_whole(scene, compensator_of(shown));
-  if (asked.tracked) whole = "the track of the tool";
-  SamplesHeld held;
-  if (whole.empty())
-    held = [&](std::size_t blocks, std::size_t vertices) {
+  Holding holding{{}, what_needs_whole(scene, compensator_of(shown))};
+  if (asked.tracked) holding.needs_whole = "the track of the tool";
+  if (holding.needs_whole.empty())
+    holding.samples = [&](std::size_t blocks, std::size_t vertices) {
       WorkSize size = expected;
       size.blocks = double(blocks);
       size.vertices = double(vertices);
       return samples_that_fit(once_sampled(size, scene), asked);
     };
-  const Job job = reaching(prepare(scene, to(progress), held), asked, progress, whole);
-  check_and_say(scene, {size_of(job)}, asked, progress, whole);
+  const Job job =
+      reaching(prepare(scene, to(progress), holding), asked, progress, holding.needs_whole);
+  check_and_say(scene, {size_of(job)}, asked, progress, holding.needs_whole);
   progress.replan(rest(size_of(job)));
   progress.begin(shown);
   Cut made = cut_one(job, shown, kept_by(options), to(progress));

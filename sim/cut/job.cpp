@@ -125,22 +125,26 @@ namespace {
 
 /// Too many samples, refused at what makes them so many.
 BadInput refusal_of(const Scene& scene, const program::TooManySamples& fault,
-                    const std::string& expected) {
+                    const std::string& expected, const std::string& needs_whole = {}) {
+  const std::string windows =
+      needs_whole.empty() ? "" : fmt::format("; with {} it cannot be run in windows", needs_whole);
   return refusal_at(scene,
                     {"sampling.max_step_mm", "sampling.chord_tolerance_nm", "program.step_over_mm",
                      "program.step_mm", "program.feed_um_per_rev"},
-                    expected, fmt::format("more, from line {} of {} on", fault.line, fault.file));
+                    expected,
+                    fmt::format("more, from line {} of {} on{}", fault.line, fault.file, windows));
 }
 
 program::Samples sampled(const Scene& scene, const program::Path& path, const Machine& machine,
-                         program::SampleOptions options) {
+                         program::SampleOptions options, const std::string& needs_whole) {
   options.max_samples = most_samples();
   try {
     return program::sample(path, machine.nominal, options);
   } catch (const program::TooManySamples& fault) {
     throw refusal_of(scene, fault,
                      fmt::format("at most {} samples of the program, which the memory holds",
-                                 options.max_samples));
+                                 options.max_samples),
+                     needs_whole);
   }
 }
 
@@ -187,11 +191,12 @@ Piece piece_of(Scene scene, Machine machine, program::Path path, program::Sample
 }
 
 /// @param before  the ways of the axes when it begins
-Piece piece_of(Scene scene, program::Path path, const AxisState& before) {
+Piece piece_of(Scene scene, program::Path path, const AxisState& before,
+               const std::string& needs_whole = {}) {
   Machine machine = compile(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
   sampling.before = before;
-  program::Samples samples = sampled(scene, path, machine, sampling);
+  program::Samples samples = sampled(scene, path, machine, sampling, needs_whole);
   return piece_of(std::move(scene), std::move(machine), std::move(path), sampling,
                   std::move(samples));
 }
@@ -302,10 +307,11 @@ Pieces in_windows(const Scene& scene, const program::Path& path, const cutting::
 
 /// The program as one piece with its samples, in windows where those are more than are held.
 Pieces one_piece(const Scene& scene, const program::Path& path, const cutting::Design& design_w,
-                 const SamplesHeld& held, const Progress& progress) {
+                 const Holding& holding, const Progress& progress) {
   const auto vertices = std::size_t(design_w.vertices.rows());
-  const std::size_t most = held ? std::min(held(path.blocks.size(), vertices), most_samples()) : 0;
-  if (most == 0) return {piece_of(scene, path, {}), {}, {}};
+  const std::size_t most =
+      holding.samples ? std::min(holding.samples(path.blocks.size(), vertices), most_samples()) : 0;
+  if (most == 0) return {piece_of(scene, path, {}, holding.needs_whole), {}, {}};
   Machine machine = compile(scene);
   program::SampleOptions sampling = sample_options(scene, machine);
   sampling.max_samples = most;
@@ -325,12 +331,12 @@ Pieces of_several(const Scene& described, const Scene& scene, const program::Pat
 }
 
 Pieces pieces_of(const Scene& described, const Program& program, const cutting::Design& design_w,
-                 const SamplesHeld& held, const Progress& progress) {
+                 const Holding& holding, const Progress& progress) {
   const Scene scene = with_run_out(described);
   const std::vector<ToolDescription> tools = tools_of(scene);
   ToolUse use = tool_use(program.path, tools);
   Pieces made = tools.size() > 1 ? of_several(described, scene, program.path, use)
-                                 : one_piece(scene, program.path, design_w, held, progress);
+                                 : one_piece(scene, program.path, design_w, holding, progress);
   made.warnings.insert(made.warnings.begin(), use.warnings.begin(), use.warnings.end());
   if (tools.size() == 1 && scene.program.tools)
     add_warnings(
@@ -391,7 +397,7 @@ std::vector<CutPart> cut_parts(const Job& job) {
   return parts;
 }
 
-Job prepare(const Scene& described, const Progress& progress, const SamplesHeld& held) {
+Job prepare(const Scene& described, const Progress& progress, const Holding& holding) {
   Stopwatch watch;
   const auto begins = [&](const char* stage) {
     if (progress) progress(stage, 0.0);
@@ -401,14 +407,15 @@ Job prepare(const Scene& described, const Progress& progress, const SamplesHeld&
   Part part = load_part(scene);
   const double part_s = watch.lap();
   const Work all = work_of(scene, part);
-  const Work work = held && held(0, std::size_t(all.vertices)) > 0 ? without_samples(all) : all;
+  const bool in_windows = holding.samples && holding.samples(0, std::size_t(all.vertices)) > 0;
+  const Work work = in_windows ? without_samples(all) : all;
   check_work(scene, work);
   if (const std::string text = remark(work); progress && !text.empty()) progress(text, -1.0);
   begins("program");
   Program program = load_program(scene, compile(scene), part);
   const double program_s = watch.lap();
   begins("sample");
-  Pieces made = pieces_of(described, program, part.design_w, held, progress);
+  Pieces made = pieces_of(described, program, part.design_w, holding, progress);
   Piece& whole = made.whole;
   std::vector<std::string>& warnings = made.warnings;
   const double sample_s = watch.lap();

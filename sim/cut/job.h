@@ -98,9 +98,13 @@ void each_part(const Job& job, const std::function<void(const Job& part)>& use);
 /// A window of a job as a job of its own, without the design. @param number  among job.windows
 Job window_of(const Job& job, std::size_t number);
 
-/// Samples of a program that may be held beside its blocks and the vertices of the part; 0: all, or
-/// none at all.
-using SamplesHeld = std::function<std::size_t(std::size_t blocks, std::size_t vertices)>;
+/// How much of a program is held sampled.
+struct Holding {
+  /// Samples that may be beside the blocks of the program and the vertices of the part, a program
+  /// of more being prepared in windows; 0, or no function: as many as the memory holds, in one.
+  std::function<std::size_t(std::size_t blocks, std::size_t vertices)> samples = {};
+  std::string needs_whole = {};  ///< what allows no windows, in a word, for the refusal of too many
+};
 
 /// The program from which the commands of a part come.
 const program::Path& path_of(const Job& part, const Commands& commands);
@@ -113,9 +117,8 @@ std::vector<CutPart> cut_parts(const Job& job);
 
 /// Compiles a scene: machine, truth, design, program (a generated one is read back from its own
 /// text), samples. Writes nothing.
-/// @param held  a program of more samples is prepared in windows; none: as many as the memory holds
 /// @throws BadInput, also if an axis leaves its travel (program line, axis, value)
-Job prepare(const Scene& scene, const Progress& progress = {}, const SamplesHeld& held = {});
+Job prepare(const Scene& scene, const Progress& progress = {}, const Holding& holding = {});
 
 /// The job of a scene that differs from its own only in what is wrong: errors of every source, the
 /// tool and the clamping as they really are, what the control and the compensators believe. Design,

@@ -130,7 +130,7 @@ TEST(Memory, AProgramThatDoesNotFitIsCutInWindowsWithinIt) {
   const SceneFolder folder;
   const double most = 0.75e9;
   std::vector<std::string> words{"run", dome, "--threads", "2"};
-  for (const char* change : {"part.points=20000", "sampling.max_step_mm=0.03",
+  for (const char* change : {"part.vertices=20000", "sampling.max_step_mm=0.03",
                              "program.step_over_mm=1.2", "case=perfect-iterated-ideal"})
     words.insert(words.end(), {"--set", change});
   const auto with = [&](std::vector<std::string> more, const std::string& out) {
