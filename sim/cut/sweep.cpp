@@ -156,16 +156,15 @@ ToolSweep error_free_sweep_of(const Job& part) {
           part.machine.workpiece_spindle};
 }
 
-SweptWindow error_free_window(const Job& job, std::size_t number) {
-  Job part = window_of(job, number);
-  return {std::move(part.samples), std::move(part.T_wt_nominal)};
-}
-
 Sweep error_free_sweep(const Job& job, const SurfaceOptions& options) {
   if (!job.windows) return sweep_of(error_free_sweeps(job), options);
   return sweep_in_windows(
       std::get<Cutter>(job.scene.tool.nominal), job.windows->all.size(),
-      [&job](std::size_t number) { return error_free_window(job, number); }, options);
+      [&job](std::size_t number) {
+        Job part = window_of(job, number);
+        return SweptWindow{std::move(part.samples), std::move(part.T_wt_nominal)};
+      },
+      options);
 }
 
 std::vector<ToolSweep> error_free_sweeps(const Job& job) {

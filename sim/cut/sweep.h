@@ -62,9 +62,6 @@ ToolSweep error_free_sweep_of(const Job& part);
 /// All of it, in windows where the job is. It refers to the job.
 Sweep error_free_sweep(const Job& job, const cutting::SurfaceOptions& options);
 
-/// A window of a job on the error-free machine.
-SweptWindow error_free_window(const Job& job, std::size_t number);
-
 /// The band of the scene, and progress under the name of the stage "surface".
 cutting::SurfaceOptions options_of(const Job& job, const Progress& progress);
 
