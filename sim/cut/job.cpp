@@ -126,13 +126,12 @@ namespace {
 /// Too many samples, refused at what makes them so many.
 BadInput refusal_of(const Scene& scene, const program::TooManySamples& fault,
                     const std::string& expected, const std::string& needs_whole = {}) {
-  const std::string windows =
-      needs_whole.empty() ? "" : fmt::format("; with {} it cannot be run in windows", needs_whole);
   return refusal_at(scene,
                     {"sampling.max_step_mm", "sampling.chord_tolerance_nm", "program.step_over_mm",
                      "program.step_mm", "program.feed_um_per_rev"},
                     expected,
-                    fmt::format("more, from line {} of {} on{}", fault.line, fault.file, windows));
+                    fmt::format("more, from line {} of {} on{}", fault.line, fault.file,
+                                why_no_windows(needs_whole)));
 }
 
 program::Samples sampled(const Scene& scene, const program::Path& path, const Machine& machine,

@@ -142,8 +142,7 @@ void check_memory(const Scene& scene, const std::vector<WorkSize>& jobs, const C
   throw refusal_at(
       scene, keys_of_most(scene, jobs),
       fmt::format("a run that {} of memory hold, or a larger --memory-gb", gigabytes(most)),
-      figures(jobs, asked) +
-          (whole.empty() ? "" : fmt::format("; with {} it cannot be run in windows", whole)));
+      figures(jobs, asked) + why_no_windows(whole));
 }
 
 std::string memory_remark(const std::vector<WorkSize>& jobs, const CasesAsked& asked) {

@@ -80,6 +80,11 @@ BadInput refusal_at(const Scene& scene, const std::vector<std::string>& keys,
   return BadInput(*place->file, place->line, place->column, what, seen);
 }
 
+std::string why_no_windows(const std::string& needs_whole) {
+  if (needs_whole.empty()) return {};
+  return fmt::format("; with {} it cannot be run in windows", needs_whole);
+}
+
 double memory_bytes() {
   const auto limit_of = [](int resource) -> std::optional<double> {
     ::rlimit limit{};

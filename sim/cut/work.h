@@ -17,6 +17,10 @@ namespace abbe::sim {
 BadInput refusal_at(const Scene& scene, const std::vector<std::string>& keys,
                     const std::string& expected, const std::string& seen);
 
+/// "; with [thermal] it cannot be run in windows", for such a refusal.
+/// @param needs_whole  what of the case does; empty for nothing, of which nothing is said
+std::string why_no_windows(const std::string& needs_whole);
+
 /// Bytes that a computation here may take: of the computer, of a limit that is set for the process.
 double memory_bytes();
 
