@@ -1,6 +1,7 @@
 #include "sim/commands/compare.h"
 
 #include <algorithm>
+#include <future>
 
 #include <nlohmann/json.hpp>
 
@@ -12,6 +13,7 @@
 #include "sim/cut/sampling.h"
 #include "sim/cut/stages.h"
 #include "sim/files/output.h"
+#include "sim/files/parts_at_once.h"
 #include "sim/loop/compensate.h"
 #include "sim/report/case_files.h"
 #include "sim/report/html_report.h"
@@ -51,39 +53,78 @@ CasesAsked with_files(CasesAsked asked, const RunOptions& options) {
   return asked;
 }
 
+/// A case that was to be cut.
+struct CaseMade {
+  std::optional<Verdict> verdict;
+  std::string failure;  ///< of a plug-in; then there is no verdict
+};
+
+/// One case on the wrong machine, as it is programmed or with a compensator.
+/// @param error_free  against which it is measured, asked for once it is cut
+CaseMade case_made(const Batch& batch, const std::optional<CaseDescription>& compensator, Keep keep,
+                   const std::shared_future<const Verdict*>& error_free, const Progress& progress) {
+  Cut one;
+  try {
+    one = cut(batch.job, compensator, progress, keep);
+    check_cuts_part(batch.job, one);
+  } catch (const compensation::PlugInFailure& failure) {
+    return {{}, failure.what()};
+  } catch (const BadInput& fault) {  // of what the plug-in answered; else of the scene
+    if (!compensator || compensator->plug_in.empty()) throw;
+    return {{}, fault.what()};
+  }
+  one.name = case_folder(batch.prefix, one.name);
+  return {judge(batch.job, std::move(one), error_free.get()), ""};
+}
+
+/// Compensators of the user's own are asked one at a time.
+bool are_independent(const std::vector<CaseDescription>& cases) {
+  return std::ranges::all_of(cases, [](const CaseDescription& one) {
+    return one.plug_in.empty() && one.function == nullptr;
+  });
+}
+
 /// The cases of a batch, measured against its own error-free map, and reductions against its
 /// uncompensated case.
-void cut_cases(const Batch& batch, CasesCut& made, Keep keep, ProgressLine& progress) {
-  std::vector<Compared>& cases = made.cases;
+/// @param at_once  so many are cut at a time
+void cut_cases(const Batch& batch, CasesCut& made, Keep keep, int at_once, ProgressLine& progress) {
   const auto named = [&](const std::string& name) { return case_folder(batch.prefix, name); };
-  progress.begin(named("error_free"));
-  // that of a variant is measured against and not reported
-  Cut free = cut_error_free(batch.job, to(progress), batch.prefix.empty() ? keep : Keep::Map);
-  check_cuts_part(batch.job, free);
-  const Verdict error_free = judge(batch.job, std::move(free), nullptr);
-  if (batch.prefix.empty()) cases.push_back({error_free, &batch.job, std::nullopt});
-  const std::size_t uncompensated = cases.size();
-  const auto fails = [&](const std::string& name, const char* reason) {
-    made.failed.push_back({named(name), reason});
-  };
-  const auto add = [&](const std::optional<CaseDescription>& compensator) {
-    progress.begin(named(compensator ? compensator->name : "uncompensated"));
-    Cut one;
-    try {
-      one = cut(batch.job, compensator, to(progress), keep);
-      check_cuts_part(batch.job, one);
-    } catch (const compensation::PlugInFailure& failure) {
-      return fails(compensator->name, failure.what());
-    } catch (const BadInput& fault) {  // of what the plug-in answered; else of the scene
-      if (!compensator || compensator->plug_in.empty()) throw;
-      return fails(compensator->name, fault.what());
-    }
-    one.name = named(one.name);
-    const auto against = compensator ? std::optional(uncompensated) : std::nullopt;
-    cases.push_back({judge(batch.job, std::move(one), &error_free), &batch.job, against});
-  };
-  add(std::nullopt);
-  for (const CaseDescription& compensator : batch.job.scene.cases) add(compensator);
+  const std::vector<CaseDescription>& compensators = batch.job.scene.cases;
+  std::optional<Verdict> error_free;
+  std::promise<const Verdict*> judged;
+  const std::shared_future<const Verdict*> once_judged = judged.get_future().share();
+  std::vector<Part> parts{{named("error_free"), [&](const Progress& line) {
+                             try {
+                               // that of a variant is measured against and not reported
+                               Cut free = cut_error_free(batch.job, line,
+                                                         batch.prefix.empty() ? keep : Keep::Map);
+                               check_cuts_part(batch.job, free);
+                               error_free = judge(batch.job, std::move(free), nullptr);
+                               judged.set_value(&*error_free);
+                             } catch (...) {
+                               judged.set_exception(std::current_exception());
+                               throw;
+                             }
+                           }}};
+  std::vector<CaseMade> cases(1 + compensators.size());
+  for (std::size_t i = 0; i < cases.size(); ++i) {
+    const auto compensator = i == 0 ? std::nullopt : std::optional(compensators[i - 1]);
+    parts.push_back({named(compensator ? compensator->name : "uncompensated"),
+                     [&, i, compensator](const Progress& line) {
+                       cases[i] = case_made(batch, compensator, keep, once_judged, line);
+                     }});
+  }
+  do_parts(parts, are_independent(compensators) ? at_once : 1, progress);
+  if (batch.prefix.empty())
+    made.cases.push_back({std::move(*error_free), &batch.job, std::nullopt});
+  const std::size_t uncompensated = made.cases.size();
+  for (std::size_t i = 0; i < cases.size(); ++i) {
+    const auto against = i == 0 ? std::nullopt : std::optional(uncompensated);
+    if (cases[i].verdict)
+      made.cases.push_back({std::move(*cases[i].verdict), &batch.job, against});
+    else
+      made.failed.push_back({parts[i + 1].name, cases[i].failure});
+  }
 }
 
 /// Cuts of a scene, or of one variant of it.
@@ -242,7 +283,7 @@ CasesCut cut_all(const Asked& all, const RunOptions& options, std::optional<Prog
   ProgressLine& progress = *line;
   std::vector<Scene> scenes{scene};
   scenes.insert(scenes.end(), variants.begin(), variants.end());
-  const CasesAsked asked = with_files(cases_of_compare(scenes), options);
+  CasesAsked asked = with_files(cases_of_compare(scenes), options);
   CasesCut made;
   std::vector<Batch>& batches = made.batches;
   batches.reserve(1 + variants.size());
@@ -252,9 +293,11 @@ CasesCut cut_all(const Asked& all, const RunOptions& options, std::optional<Prog
                        reaching(prepare(scenes[i], to(progress)), asked, progress)});
     sizes[i] = size_of(batches.back().job);
   }
+  asked.at_once = cases_at_once(sizes, asked);
   check_and_say(scene, sizes, asked, progress);
   progress.replan(stages_of_all(scene, variants, sizes));
-  for (const Batch& batch : batches) cut_cases(batch, made, kept_by(options), progress);
+  for (const Batch& batch : batches)
+    cut_cases(batch, made, kept_by(options), asked.at_once, progress);
   made.comparison = comparison(batches.front().job, made.cases, made.failed);
   return made;
 }

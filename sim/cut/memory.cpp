@@ -4,6 +4,7 @@
 #include <cstddef>
 
 #include <fmt/format.h>
+#include <tbb/task_arena.h>
 
 #include "sim/cut/work.h"
 
@@ -43,8 +44,9 @@ double while_cut(const WorkSize& job, const CasesAsked& asked) {
   if (job.stock) of_samples += bytes_of_sample_in_stock;
   if (asked.compensated) of_samples += bytes_of_sample_corrected;
   if (asked.rewritten) of_samples += bytes_of_sample_rewritten;
-  return held(job) + of_samples * at_once(job) + kept_tracks(job, asked) +
-         (bytes_of_vertex_cut + bytes_of_vertex_kept * asked.kept) * job.vertices;
+  const double of_case = of_samples * at_once(job) + bytes_of_vertex_cut * job.vertices;
+  return held(job) + asked.at_once * of_case + kept_tracks(job, asked) +
+         bytes_of_vertex_kept * asked.kept * job.vertices;
 }
 
 double while_sampled(const WorkSize& job) {
@@ -122,6 +124,14 @@ double peak_memory(const std::vector<WorkSize>& jobs, const CasesAsked& asked) {
                      asked.pictures ? others + while_drawn(job, asked) : 0.0});
   }
   return bytes_of_program + most;
+}
+
+int cases_at_once(const std::vector<WorkSize>& jobs, CasesAsked asked) {
+  constexpr double free_at_least = 0.33;  // of the memory, for which peaks are only estimated
+  const double most = (1.0 - free_at_least) * memory_bytes();
+  asked.at_once = std::min(tbb::this_task_arena::max_concurrency(), int(asked.kept));
+  while (asked.at_once > 1 && peak_memory(jobs, asked) > most) --asked.at_once;
+  return std::max(asked.at_once, 1);
 }
 
 std::size_t samples_that_fit(WorkSize job, const CasesAsked& asked) {

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include <fmt/format.h>
+#include <tbb/task_arena.h>
 #include <nlohmann/json.hpp>
 
 #include "sim/cut/sampling.h"
@@ -59,6 +60,7 @@ double estimate_of(const Measured& one) {
   const bool compares = std::string(one.command) == "compare";
   CasesAsked asked = compares ? cases_of_compare({scene}) : cases_of_run({});
   asked.pictures = ABBE_RENDER != 0;
+  if (compares) asked.at_once = 2;
   return peak_memory({size_of(sampled(prepare(scene)))}, asked);
 }
 
@@ -183,9 +185,28 @@ TEST(Memory, GrowsWithAllThatIsAsked) {
   in_stock.stock = true;
   const double plain = peak_memory({long_program}, one);
   EXPECT_GT(peak_memory({in_stock}, one), plain);
+  EXPECT_GT(peak_memory({long_program}, {.at_once = 2}), plain);
   EXPECT_GT(peak_memory({long_program}, {.compensated = true}), plain);
   EXPECT_GT(peak_memory({long_program}, {.compensated = true, .rewritten = true}),
             peak_memory({long_program}, {.compensated = true}));
+}
+
+TEST(Memory, CasesAreCutAtOnceWhereThatLeavesRoom) {
+  const int threads = tbb::this_task_arena::max_concurrency();
+  const WorkSize small{.vertices = 1e4, .blocks = 1e4, .samples = 1e5};
+  EXPECT_EQ(cases_at_once({small}, {.kept = 3.0}), std::min(threads, 3));
+  EXPECT_EQ(cases_at_once({small}, {.kept = 1.0}), 1);
+  WorkSize huge = small;
+  huge.samples = memory_bytes() / 300.0;
+  EXPECT_EQ(cases_at_once({huge}, {.kept = 3.0}), 1);
+  const CasesAsked many{.kept = 100.0, .compensated = true};
+  for (WorkSize job = small; job.samples < huge.samples; job.samples *= 1.3) {
+    CasesAsked asked = many;
+    asked.at_once = cases_at_once({job}, many);
+    if (asked.at_once > 1) {
+      EXPECT_LE(peak_memory({job}, asked), 0.67 * memory_bytes());
+    }
+  }
 }
 
 TEST(Memory, IsToldOfWhereItIsMuch) {

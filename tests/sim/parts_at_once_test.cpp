@@ -1,0 +1,131 @@
+#include "sim/files/parts_at_once.h"
+
+#include <atomic>
+#include <chrono>
+#include <mutex>
+#include <random>
+#include <stdexcept>
+#include <thread>
+
+#include <gtest/gtest.h>
+
+namespace abbe::sim {
+namespace {
+
+using std::chrono::milliseconds;
+
+/// What a progress line has said.
+struct Said {
+  std::mutex mutex;
+  std::vector<std::string> parts, remarks;
+
+  Progress listener() {
+    return [this](const std::string& text, double fraction) {
+      const std::lock_guard lock(mutex);
+      if (fraction < 0.0) return remarks.push_back(text);
+      if (text.find(": ") == std::string::npos) parts.push_back(text);
+    };
+  }
+};
+
+std::vector<Stage> plan_of(const std::vector<Part>& parts) {
+  std::vector<Stage> plan;
+  for (const Part& part : parts) plan.push_back({part.name, "work", 1.0});
+  return plan;
+}
+
+void do_all(const std::vector<Part>& parts, int at_once, Said& said) {
+  ProgressLine line(plan_of(parts), said.listener());
+  do_parts(parts, at_once, line);
+}
+
+TEST(PartsAtOnce, EachIsDoneOnceAndNamedInOrderWhicheverIsOverFirst) {
+  constexpr int count = 30;
+  std::vector<std::string> names;
+  for (int i = 0; i < count; ++i) names.push_back("part " + std::to_string(i));
+  for (const int at_once : {1, 2, 3, 40}) {
+    std::mt19937 random{unsigned(at_once)};
+    std::vector<std::atomic<int>> done(count);
+    std::atomic<int> at_work = 0, most = 0;
+    std::vector<Part> parts;
+    for (int i = 0; i < count; ++i) {
+      const milliseconds time(random() % 4);
+      parts.push_back({names[std::size_t(i)], [&, i, time](const Progress& progress) {
+                         const int now = ++at_work;
+                         int before = most;
+                         while (before < now && !most.compare_exchange_weak(before, now)) {
+                         }
+                         progress("work", 0.5);
+                         std::this_thread::sleep_for(time);
+                         progress("remark of " + std::to_string(i), -1.0);
+                         ++done[std::size_t(i)];
+                         --at_work;
+                       }});
+    }
+    Said said;
+    do_all(parts, at_once, said);
+    for (int i = 0; i < count; ++i) EXPECT_EQ(done[std::size_t(i)], 1) << i;
+    EXPECT_EQ(said.parts, names) << at_once;
+    EXPECT_EQ(said.remarks.size(), std::size_t(count));
+    EXPECT_LE(most, at_once);
+    EXPECT_EQ(most > 1, at_once > 1) << at_once;
+  }
+}
+
+TEST(PartsAtOnce, OneAtATimeStaysInTheCallingThread) {
+  const auto caller = std::this_thread::get_id();
+  std::vector<Part> parts(
+      3, {"same", [&](const Progress&) { EXPECT_EQ(std::this_thread::get_id(), caller); }});
+  Said said;
+  do_all(parts, 1, said);
+}
+
+TEST(PartsAtOnce, TheFirstFailureIsThrownAndWhatFollowsItStops) {
+  std::atomic<bool> second_failed = false, third_stopped = false, fourth_began = false;
+  const auto until = [](const std::atomic<bool>& what) {
+    while (!what) std::this_thread::sleep_for(milliseconds(1));
+  };
+  const std::vector<Part> parts{{"first",
+                                 [&](const Progress& progress) {
+                                   until(third_stopped);
+                                   progress("work", 0.5);  // those before a failure go on
+                                   throw std::runtime_error("first");
+                                 }},
+                                {"second",
+                                 [&](const Progress&) {
+                                   second_failed = true;
+                                   throw std::runtime_error("second");
+                                 }},
+                                {"third",
+                                 [&](const Progress& progress) {
+                                   until(second_failed);
+                                   try {
+                                     for (;;) {
+                                       progress("work", 0.1);
+                                       std::this_thread::sleep_for(milliseconds(1));
+                                     }
+                                   } catch (...) {
+                                     third_stopped = true;
+                                     throw;
+                                   }
+                                 }},
+                                {"fourth", [&](const Progress&) { fourth_began = true; }}};
+  Said said;
+  try {
+    do_all(parts, 3, said);
+    FAIL() << "expected the failure of a part";
+  } catch (const std::runtime_error& fault) {
+    EXPECT_STREQ(fault.what(), "first");
+  }
+  EXPECT_TRUE(third_stopped);
+  EXPECT_FALSE(fourth_began);
+}
+
+TEST(PartsAtOnce, NothingToDoIsDone) {
+  Said said;
+  do_all({}, 2, said);
+  EXPECT_TRUE(said.parts.empty());
+}
+
+}  // namespace
+}  // namespace abbe::sim
