@@ -13,7 +13,7 @@
 #include "sim/cut/sampling.h"
 #include "sim/cut/stages.h"
 #include "sim/files/output.h"
-#include "sim/files/parts_at_once.h"
+#include "sim/files/tasks_at_once.h"
 #include "sim/loop/compensate.h"
 #include "sim/report/case_files.h"
 #include "sim/report/html_report.h"
@@ -93,7 +93,7 @@ void cut_cases(const Batch& batch, CasesCut& made, Keep keep, int at_once, Progr
   std::optional<Verdict> error_free;
   std::promise<const Verdict*> judged;
   const std::shared_future<const Verdict*> once_judged = judged.get_future().share();
-  std::vector<Part> parts{{named("error_free"), [&](const Progress& line) {
+  std::vector<Task> tasks{{named("error_free"), [&](const Progress& line) {
                              try {
                                // that of a variant is measured against and not reported
                                Cut free = cut_error_free(batch.job, line,
@@ -109,12 +109,12 @@ void cut_cases(const Batch& batch, CasesCut& made, Keep keep, int at_once, Progr
   std::vector<CaseMade> cases(1 + compensators.size());
   for (std::size_t i = 0; i < cases.size(); ++i) {
     const auto compensator = i == 0 ? std::nullopt : std::optional(compensators[i - 1]);
-    parts.push_back({named(compensator ? compensator->name : "uncompensated"),
+    tasks.push_back({named(compensator ? compensator->name : "uncompensated"),
                      [&, i, compensator](const Progress& line) {
                        cases[i] = case_made(batch, compensator, keep, once_judged, line);
                      }});
   }
-  do_parts(parts, are_independent(compensators) ? at_once : 1, progress);
+  do_tasks(tasks, are_independent(compensators) ? at_once : 1, progress);
   if (batch.prefix.empty())
     made.cases.push_back({std::move(*error_free), &batch.job, std::nullopt});
   const std::size_t uncompensated = made.cases.size();
@@ -123,7 +123,7 @@ void cut_cases(const Batch& batch, CasesCut& made, Keep keep, int at_once, Progr
     if (cases[i].verdict)
       made.cases.push_back({std::move(*cases[i].verdict), &batch.job, against});
     else
-      made.failed.push_back({parts[i + 1].name, cases[i].failure});
+      made.failed.push_back({tasks[i + 1].name, cases[i].failure});
   }
 }
 

@@ -1,4 +1,4 @@
-#include "sim/files/parts_at_once.h"
+#include "sim/files/tasks_at_once.h"
 
 #include <atomic>
 #include <chrono>
@@ -28,18 +28,18 @@ struct Said {
   }
 };
 
-std::vector<Stage> plan_of(const std::vector<Part>& parts) {
+std::vector<Stage> plan_of(const std::vector<Task>& tasks) {
   std::vector<Stage> plan;
-  for (const Part& part : parts) plan.push_back({part.name, "work", 1.0});
+  for (const Task& task : tasks) plan.push_back({task.name, "work", 1.0});
   return plan;
 }
 
-void do_all(const std::vector<Part>& parts, int at_once, Said& said) {
-  ProgressLine line(plan_of(parts), said.listener());
-  do_parts(parts, at_once, line);
+void do_all(const std::vector<Task>& tasks, int at_once, Said& said) {
+  ProgressLine line(plan_of(tasks), said.listener());
+  do_tasks(tasks, at_once, line);
 }
 
-TEST(PartsAtOnce, EachIsDoneOnceAndNamedInOrderWhicheverIsOverFirst) {
+TEST(TasksAtOnce, EachIsDoneOnceAndNamedInOrderWhicheverIsOverFirst) {
   constexpr int count = 30;
   std::vector<std::string> names;
   for (int i = 0; i < count; ++i) names.push_back("part " + std::to_string(i));
@@ -47,10 +47,10 @@ TEST(PartsAtOnce, EachIsDoneOnceAndNamedInOrderWhicheverIsOverFirst) {
     std::mt19937 random{unsigned(at_once)};
     std::vector<std::atomic<int>> done(count);
     std::atomic<int> at_work = 0, most = 0;
-    std::vector<Part> parts;
+    std::vector<Task> tasks;
     for (int i = 0; i < count; ++i) {
       const milliseconds time(random() % 4);
-      parts.push_back({names[std::size_t(i)], [&, i, time](const Progress& progress) {
+      tasks.push_back({names[std::size_t(i)], [&, i, time](const Progress& progress) {
                          const int now = ++at_work;
                          int before = most;
                          while (before < now && !most.compare_exchange_weak(before, now)) {
@@ -63,7 +63,7 @@ TEST(PartsAtOnce, EachIsDoneOnceAndNamedInOrderWhicheverIsOverFirst) {
                        }});
     }
     Said said;
-    do_all(parts, at_once, said);
+    do_all(tasks, at_once, said);
     for (int i = 0; i < count; ++i) EXPECT_EQ(done[std::size_t(i)], 1) << i;
     EXPECT_EQ(said.parts, names) << at_once;
     EXPECT_EQ(said.remarks.size(), std::size_t(count));
@@ -72,20 +72,20 @@ TEST(PartsAtOnce, EachIsDoneOnceAndNamedInOrderWhicheverIsOverFirst) {
   }
 }
 
-TEST(PartsAtOnce, OneAtATimeStaysInTheCallingThread) {
+TEST(TasksAtOnce, OneAtATimeStaysInTheCallingThread) {
   const auto caller = std::this_thread::get_id();
-  std::vector<Part> parts(
+  std::vector<Task> tasks(
       3, {"same", [&](const Progress&) { EXPECT_EQ(std::this_thread::get_id(), caller); }});
   Said said;
-  do_all(parts, 1, said);
+  do_all(tasks, 1, said);
 }
 
-TEST(PartsAtOnce, TheFirstFailureIsThrownAndWhatFollowsItStops) {
+TEST(TasksAtOnce, TheFirstFailureIsThrownAndWhatFollowsItStops) {
   std::atomic<bool> second_failed = false, third_stopped = false, fourth_began = false;
   const auto until = [](const std::atomic<bool>& what) {
     while (!what) std::this_thread::sleep_for(milliseconds(1));
   };
-  const std::vector<Part> parts{{"first",
+  const std::vector<Task> tasks{{"first",
                                  [&](const Progress& progress) {
                                    until(third_stopped);
                                    progress("work", 0.5);  // those before a failure go on
@@ -112,7 +112,7 @@ TEST(PartsAtOnce, TheFirstFailureIsThrownAndWhatFollowsItStops) {
                                 {"fourth", [&](const Progress&) { fourth_began = true; }}};
   Said said;
   try {
-    do_all(parts, 3, said);
+    do_all(tasks, 3, said);
     FAIL() << "expected the failure of a part";
   } catch (const std::runtime_error& fault) {
     EXPECT_STREQ(fault.what(), "first");
@@ -121,7 +121,7 @@ TEST(PartsAtOnce, TheFirstFailureIsThrownAndWhatFollowsItStops) {
   EXPECT_FALSE(fourth_began);
 }
 
-TEST(PartsAtOnce, NothingToDoIsDone) {
+TEST(TasksAtOnce, NothingToDoIsDone) {
   Said said;
   do_all({}, 2, said);
   EXPECT_TRUE(said.parts.empty());

@@ -8,15 +8,15 @@
 
 namespace abbe::sim {
 
-struct Part {
-  std::string name;  ///< as the plan of the progress line has it
+struct Task {
+  std::string name;  ///< a part of the plan of the progress line
   std::function<void(const Progress& progress)> work;
 };
 
-/// Does independent parts, so many at once, begun in their order. The first that is not over shows
+/// Does independent tasks, so many at once, begun in their order. The first that is not over shows
 /// its progress, as if one came after the other; remarks come from all. Where one throws, those
 /// after it stop at their next report.
 /// @throws what the first of those that failed has thrown, once none is at work any more
-void do_parts(const std::vector<Part>& parts, int at_once, ProgressLine& line);
+void do_tasks(const std::vector<Task>& tasks, int at_once, ProgressLine& line);
 
 }  // namespace abbe::sim

@@ -1,0 +1,106 @@
+#include "sim/files/tasks_at_once.h"
+
+#include <algorithm>
+#include <atomic>
+#include <exception>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+namespace abbe::sim {
+namespace {
+
+/// What a task throws that another has made useless.
+struct Stopped {};
+
+class TasksAtOnce {
+ public:
+  TasksAtOnce(const std::vector<Task>& tasks, ProgressLine& line)
+      : tasks_(tasks), line_(line), is_over_(tasks.size(), false), failed_(tasks.size()) {}
+
+  /// Task after task, until none is left to begin.
+  void work() {
+    while (const std::optional<std::size_t> task = next()) {
+      try {
+        name_shown();
+        tasks_[*task].work(progress_of(*task));
+        finish(*task);
+      } catch (...) {
+        fail(*task, std::current_exception());
+      }
+    }
+  }
+
+  void rethrow_first() const {
+    if (fault_) std::rethrow_exception(fault_);
+  }
+
+ private:
+  std::optional<std::size_t> next() {
+    const std::lock_guard lock(mutex_);
+    if (begun_ >= tasks_.size() || failed_ < tasks_.size()) return std::nullopt;
+    return begun_++;
+  }
+
+  Progress progress_of(std::size_t task) {
+    return [this, task](const std::string& stage, double fraction) {
+      if (task > failed_) throw Stopped();
+      if (task == shown_ || fraction < 0.0)
+        line_.report(stage, fraction);
+      else
+        stop_if_interrupted();
+    };
+  }
+
+  /// Names the task that is shown on the line, once it has begun.
+  void name_shown() {
+    const std::lock_guard lock(mutex_);
+    if (shown_ == named_ && named_ < begun_) line_.begin(tasks_[named_++].name);
+  }
+
+  void finish(std::size_t task) {
+    {
+      const std::lock_guard lock(mutex_);
+      is_over_[task] = true;
+    }
+    while (is_shown_over()) name_shown();
+  }
+
+  /// Then the next one is shown.
+  bool is_shown_over() {
+    const std::lock_guard lock(mutex_);
+    if (shown_ >= tasks_.size() || !is_over_[shown_]) return false;
+    ++shown_;
+    return true;
+  }
+
+  void fail(std::size_t task, const std::exception_ptr& fault) {
+    const std::lock_guard lock(mutex_);
+    if (task > failed_) return;
+    failed_ = task;
+    fault_ = fault;
+  }
+
+  const std::vector<Task>& tasks_;
+  ProgressLine& line_;
+  std::mutex mutex_;
+  std::size_t begun_ = 0, named_ = 0;
+  std::vector<bool> is_over_;
+  std::atomic<std::size_t> shown_ = 0, failed_;  // the first that is not over; that has failed
+  std::exception_ptr fault_;
+};
+
+}  // namespace
+
+void do_tasks(const std::vector<Task>& tasks, int at_once, ProgressLine& line) {
+  TasksAtOnce all(tasks, line);
+  {
+    std::vector<std::jthread> beside;
+    for (int i = 1; i < std::min(at_once, int(tasks.size())); ++i)
+      beside.emplace_back([&] { all.work(); });
+    all.work();
+  }
+  all.rethrow_first();
+}
+
+}  // namespace abbe::sim
