@@ -184,7 +184,7 @@ class EngagedSlices {
     double low = 0.0, high = 0.0;  // mm of outline
   };
 
-  double depth(double angle, double at) const {
+  double depth(double angle, double at) {
     const Vector2d place = outline_.place(at);
     return probe_.depth({place.x() * std::cos(heading_ + angle),
                          place.x() * std::sin(heading_ + angle), place.y()});
@@ -194,7 +194,7 @@ class EngagedSlices {
     return std::min(bins_ / 2, int(std::ceil(half / bin_ - 1e-9)));
   }
 
-  Level level(double at, double half) const {
+  Level level(double at, double half) {
     Level result{at, bins_for(half), {}};
     result.depths.resize(std::size_t(2 * result.count + 1));
     const Vector2d place = outline_.place(at);
@@ -206,12 +206,12 @@ class EngagedSlices {
     return result;
   }
 
-  void widen(Level& level, double half) const {
+  void widen(Level& level, double half) {
     if (bins_for(half) > level.count) level = this->level(level.at, half);
   }
 
   void add_slice(int slice, double half, const Level& lower, const Level& upper,
-                 Engagement& result) const {
+                 Engagement& result) {
     const int count = bins_for(half);
     double begun = 0.0;
     bool open = false;
@@ -270,7 +270,7 @@ class EngagedSlices {
 
   /// A bin of a slice, walked around: corners in material and the places between where the skin
   /// passes.
-  Region in_material(int bin, const Level& lower, const Level& upper, const double* d) const {
+  Region in_material(int bin, const Level& lower, const Level& upper, const double* d) {
     const double left = bin * bin_, right = (bin + 1) * bin_;
     const std::array<Corner, 4> corners{Corner{left, lower.at, d[0]}, Corner{right, lower.at, d[1]},
                                         Corner{right, upper.at, d[3]},
@@ -298,7 +298,7 @@ class EngagedSlices {
   }
 
   /// Where the skin passes between two places of the cutter, always found from the one in material.
-  Vector2d skin(const Corner& a, const Corner& b) const {
+  Vector2d skin(const Corner& a, const Corner& b) {
     const bool a_in = a.depth > 0.0;
     const Corner& inner = a_in ? a : b;
     const Corner& outer = a_in ? b : a;

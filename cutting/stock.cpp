@@ -66,7 +66,7 @@ DepthProbe::DepthProbe(const Stock& stock, const Eigen::Isometry3d& T_wa) : stoc
   T_ga_.matrix().topRows<3>() /= stock.spacing;
 }
 
-double DepthProbe::depth(const Vector3d& point_a) const {
+double DepthProbe::depth(const Vector3d& point_a) {
   const Vector3d place = T_ga_.linear() * point_a + T_ga_.translation();
   int cell[3];
   for (int k = 0; k < 3; ++k) {
@@ -96,13 +96,13 @@ double DepthProbe::along_one(const Vector3d& place, const int* cell) const {
 /// The nearest skin along the three lines through each node around, interpolated between them. Of a
 /// plane that is its distance over the largest part of its normal, at every node: so planes are met
 /// exactly, whichever way they lie, and walls of a box up to a spacing from its edges.
-double DepthProbe::along_three(const Vector3d& place, const int* cell) const {
-  float inside[3][8];  // by direction and node; the bits of a node's number are its x, y, z
+DepthProbe::Nodes DepthProbe::looked_up(const int* cell) const {
+  float inside[3][8];  // by direction and node
   skins_along<0>(stock_, cell, inside[0]);
   skins_along<1>(stock_, cell, inside[1]);
   skins_along<2>(stock_, cell, inside[2]);
-  float depths[8];
-  for (int node = 0; node < 8; ++node) {
+  Nodes depths;
+  for (std::size_t node = 0; node < depths.size(); ++node) {
     const float x = inside[0][node], y = inside[1][node], z = inside[2][node];
     const float votes = std::copysign(1.0F, x) + std::copysign(1.0F, y) + std::copysign(1.0F, z);
     const float side = std::copysign(1.0F, votes);
@@ -114,10 +114,25 @@ double DepthProbe::along_three(const Vector3d& place, const int* cell) const {
     const float nearest = std::min(a, std::min(b, c));
     depths[node] = side * (nearest < nowhere ? std::min(nearest, farthest_seen) : off_edge);
   }
+  return depths;
+}
+
+const DepthProbe::Nodes& DepthProbe::depths_of(const int* cell) {
+  const auto& nodes = stock_.nodes;
+  const std::int64_t number =
+      cell[0] + std::int64_t(nodes[0]) * (cell[1] + std::int64_t(nodes[1]) * cell[2]);
+  constexpr std::uint64_t golden = 0x9E3779B97F4A7C15;  // neighbours fall apart
+  Known& known = known_[(std::uint64_t(number) * golden) >> 55];
+  if (known.cell != number) known = {number, looked_up(cell)};
+  return known.depths;
+}
+
+double DepthProbe::along_three(const Vector3d& place, const int* cell) {
+  const Nodes& depths = depths_of(cell);
   const double u = place.x() - cell[0], v = place.y() - cell[1], w = place.z() - cell[2];
   double plane[2];
   for (int k = 0; k < 2; ++k) {
-    const float* const d = depths + 4 * k;
+    const float* const d = depths.data() + 4 * k;
     plane[k] = (1 - v) * ((1 - u) * d[0] + u * d[1]) + v * ((1 - u) * d[2] + u * d[3]);
   }
   return (1 - w) * plane[0] + w * plane[1];

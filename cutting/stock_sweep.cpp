@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 #include <stdexcept>
@@ -219,27 +220,53 @@ struct Range {
   void add(const Range& r) { lo = std::min(lo, r.lo), hi = std::max(hi, r.hi); }
 };
 
-/// A disc moved along a segment of the plane: where it covers the row at height v.
-Range row_of_capsule(const Eigen::Vector2d& a, const Eigen::Vector2d& b, double radius, double v) {
-  Range range;
-  const auto disc = [&](const Eigen::Vector2d& c) {
-    const double square = radius * radius - (v - c.y()) * (v - c.y());
-    if (square < 0.0) return;
-    range.add(c.x() - std::sqrt(square));
-    range.add(c.x() + std::sqrt(square));
-  };
-  disc(a);
-  disc(b);
-  const Eigen::Vector2d ab = b - a;
-  const double length = ab.norm();
-  if (length < 1e-12 || std::abs(ab.y()) < 1e-12 * length) return range;
-  for (const double side : {-radius, radius}) {
-    const Eigen::Vector2d c = a + side * Eigen::Vector2d(-ab.y(), ab.x()) / length;
-    const double t = (v - c.y()) / ab.y();
-    if (t >= 0.0 && t <= 1.0) range.add(c.x() + t * ab.x());
+/// Discs moved along the segments between four places of the plane.
+class MovedDiscs {
+ public:
+  MovedDiscs(const std::array<Eigen::Vector2d, 4>& centres, double radius)
+      : centres_(centres), radius_(radius) {
+    for (std::size_t i = 0; i < centres.size(); ++i)
+      for (std::size_t k = i + 1; k < centres.size(); ++k) add_sides(centres[i], centres[k]);
   }
-  return range;
-}
+
+  /// Where they cover the row at height v.
+  Range row(double v) const {
+    Range range;
+    for (const Eigen::Vector2d& c : centres_) {
+      const double square = radius_ * radius_ - (v - c.y()) * (v - c.y());
+      if (square < 0.0) continue;
+      const double half = std::sqrt(square);
+      range.add(c.x() - half);
+      range.add(c.x() + half);
+    }
+    for (std::size_t i = 0; i < side_count_; ++i) {
+      const Side& side = sides_[i];
+      if (v >= side.low && v <= side.high) range.add(side.x + (v - side.y) * side.slope);
+    }
+    return range;
+  }
+
+ private:
+  struct Side {
+    double x, y, slope, low, high;
+  };
+
+  void add_sides(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+    const Eigen::Vector2d ab = b - a;
+    const double length = ab.norm();
+    if (length < 1e-12 || std::abs(ab.y()) < 1e-12 * length) return;
+    for (const double side : {-radius_, radius_}) {
+      const Eigen::Vector2d c = a + side * Eigen::Vector2d(-ab.y(), ab.x()) / length;
+      sides_[side_count_++] = {c.x(), c.y(), ab.x() / ab.y(), std::min(c.y(), c.y() + ab.y()),
+                               std::max(c.y(), c.y() + ab.y())};
+    }
+  }
+
+  std::array<Eigen::Vector2d, 4> centres_;
+  double radius_;
+  std::array<Side, 12> sides_;
+  std::size_t side_count_ = 0;
+};
 
 /// A body that holds the sweep of a part: a ball moved over the parallelogram between the middles
 /// of the corner and the axis up to the end of the grid; and a box that holds its bottom closely.
@@ -290,15 +317,12 @@ class Footprint {
   }
   std::pair<int, int> rows(int axis) const { return lines(axis, {-infinity, infinity}); }
 
-  Range row(int along_row, int across, double v) const {
-    Range range;
-    for (int i = 0; i < 4; ++i)
-      for (int k = i + 1; k < 4; ++k) {
-        const Eigen::Vector2d a(corners_[i][along_row], corners_[i][across]);
-        const Eigen::Vector2d b(corners_[k][along_row], corners_[k][across]);
-        range.add(row_of_capsule(a, b, radius_, v));
-      }
-    return range;
+  /// In rows along one direction of the grid, by their place along another.
+  MovedDiscs seen(int along_row, int across) const {
+    std::array<Eigen::Vector2d, 4> centres;
+    for (std::size_t i = 0; i < centres.size(); ++i)
+      centres[i] = {corners_[i][along_row], corners_[i][across]};
+    return {centres, radius_};
   }
 
   const Range& extent(int axis) const { return box_[axis]; }
@@ -328,7 +352,10 @@ class EveryLine {
 
   std::pair<int, int> lines(int axis, const Range&) const { return rows(axis); }
   std::pair<int, int> rows(int axis) const { return {0, stock_.nodes[std::size_t(axis)] - 1}; }
-  Range row(int, int, double) const { return {}; }
+  struct All {
+    Range row(double) const { return {}; }
+  };
+  All seen(int, int) const { return {}; }
   Range extent(int) const { return {-infinity, infinity}; }
 
  private:
@@ -344,9 +371,10 @@ void sweep_field(DexelField& field, const Places& footprint, double spacing, con
   ruled.d0 = a.R.col(along);
   ruled.d1 = b.R.col(along);
   const SweptCutter sweep(cut.cutter(), a.R * (b.tip - a.tip));
+  const auto discs = footprint.seen(first, second);
   const auto [row_from, row_to] = footprint.rows(second);
   for (int j = row_from; j <= row_to; ++j) {
-    const auto [from, to] = footprint.lines(first, footprint.row(first, second, j * spacing));
+    const auto [from, to] = footprint.lines(first, discs.row(j * spacing));
     for (int i = from; i <= to; ++i) {
       DexelLine& line = field.lines[std::size_t(i) + std::size_t(field.size[0]) * std::size_t(j)];
       if (line.empty() || line.runs().front().low > extent.hi ||
