@@ -107,12 +107,14 @@ void cut_cases(const Batch& batch, CasesCut& made, Keep keep, int at_once, Progr
                              }
                            }}};
   std::vector<CaseMade> cases(1 + compensators.size());
+  const WorkSize size = size_of(batch.job);
   for (std::size_t i = 0; i < cases.size(); ++i) {
     const auto compensator = i == 0 ? std::nullopt : std::optional(compensators[i - 1]);
     tasks.push_back({named(compensator ? compensator->name : "uncompensated"),
                      [&, i, compensator](const Progress& line) {
                        cases[i] = case_made(batch, compensator, keep, once_judged, line);
-                     }});
+                     },
+                     seconds_of(stages_of_cut("", size, batch.job.scene, compensator))});
   }
   do_tasks(tasks, are_independent(compensators) ? at_once : 1, progress);
   if (batch.prefix.empty())

@@ -171,6 +171,12 @@ std::vector<Stage> stages_of_film(const std::string& part, const WorkSize& size,
           {part, "encode", s_of_file + frames * s_of_pixel_encoded * pixels}};
 }
 
+double seconds_of(const std::vector<Stage>& stages) {
+  double seconds = 0.0;
+  for (const Stage& stage : stages) seconds += stage.seconds;
+  return seconds;
+}
+
 std::vector<Stage> operator+(std::vector<Stage> first, std::vector<Stage> second) {
   std::move(second.begin(), second.end(), std::back_inserter(first));
   return first;

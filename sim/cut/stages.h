@@ -54,6 +54,7 @@ std::vector<Stage> stages_of_film(const std::string& part, const WorkSize& size,
 /// Of one picture of so many maps.
 std::vector<Stage> stages_of_comparison(const std::string& part, const WorkSize& size, double maps);
 
+double seconds_of(const std::vector<Stage>& stages);
 /// Both, the second after the first.
 std::vector<Stage> operator+(std::vector<Stage> first, std::vector<Stage> second);
 

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <exception>
 #include <mutex>
+#include <numeric>
 #include <optional>
 #include <thread>
 
@@ -16,7 +17,21 @@ struct Stopped {};
 class TasksAtOnce {
  public:
   TasksAtOnce(const std::vector<Task>& tasks, ProgressLine& line)
-      : tasks_(tasks), line_(line), is_over_(tasks.size(), false), failed_(tasks.size()) {}
+      : tasks_(tasks),
+        line_(line),
+        waiting_(tasks.size()),
+        is_begun_(tasks.size(), false),
+        is_over_(tasks.size(), false),
+        failed_(tasks.size()) {
+    std::iota(waiting_.begin(), waiting_.end(), std::size_t(0));
+  }
+
+  void begin_longest_first() {
+    if (tasks_.empty()) return;
+    std::stable_sort(waiting_.begin() + 1, waiting_.end(), [&](std::size_t a, std::size_t b) {
+      return tasks_[a].seconds > tasks_[b].seconds;
+    });
+  }
 
   /// Task after task, until none is left to begin.
   void work() {
@@ -36,10 +51,15 @@ class TasksAtOnce {
   }
 
  private:
+  /// What a failure makes useless is not begun; what comes before it might fail as well.
   std::optional<std::size_t> next() {
     const std::lock_guard lock(mutex_);
-    if (begun_ >= tasks_.size() || failed_ < tasks_.size()) return std::nullopt;
-    return begun_++;
+    std::erase_if(waiting_, [&](std::size_t task) { return task > failed_; });
+    if (waiting_.empty()) return std::nullopt;
+    const std::size_t task = waiting_.front();
+    waiting_.erase(waiting_.begin());
+    is_begun_[task] = true;
+    return task;
   }
 
   Progress progress_of(std::size_t task) {
@@ -55,7 +75,8 @@ class TasksAtOnce {
   /// Names the task that is shown on the line, once it has begun.
   void name_shown() {
     const std::lock_guard lock(mutex_);
-    if (shown_ == named_ && named_ < begun_) line_.begin(tasks_[named_++].name);
+    if (shown_ == named_ && named_ < tasks_.size() && is_begun_[named_])
+      line_.begin(tasks_[named_++].name);
   }
 
   void finish(std::size_t task) {
@@ -63,11 +84,11 @@ class TasksAtOnce {
       const std::lock_guard lock(mutex_);
       is_over_[task] = true;
     }
-    while (is_shown_over()) name_shown();
+    while (shows_next()) name_shown();
   }
 
-  /// Then the next one is shown.
-  bool is_shown_over() {
+  /// Where the one that was shown is over.
+  bool shows_next() {
     const std::lock_guard lock(mutex_);
     if (shown_ >= tasks_.size() || !is_over_[shown_]) return false;
     ++shown_;
@@ -84,8 +105,9 @@ class TasksAtOnce {
   const std::vector<Task>& tasks_;
   ProgressLine& line_;
   std::mutex mutex_;
-  std::size_t begun_ = 0, named_ = 0;
-  std::vector<bool> is_over_;
+  std::vector<std::size_t> waiting_;  // in the order in which they begin
+  std::vector<bool> is_begun_, is_over_;
+  std::size_t named_ = 0;
   std::atomic<std::size_t> shown_ = 0, failed_;  // the first that is not over; that has failed
   std::exception_ptr fault_;
 };
@@ -94,6 +116,7 @@ class TasksAtOnce {
 
 void do_tasks(const std::vector<Task>& tasks, int at_once, ProgressLine& line) {
   TasksAtOnce all(tasks, line);
+  if (at_once > 1) all.begin_longest_first();
   {
     std::vector<std::jthread> beside;
     for (int i = 1; i < std::min(at_once, int(tasks.size())); ++i)

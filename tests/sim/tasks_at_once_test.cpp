@@ -121,6 +121,50 @@ TEST(TasksAtOnce, TheFirstFailureIsThrownAndWhatFollowsItStops) {
   EXPECT_FALSE(fourth_began);
 }
 
+TEST(TasksAtOnce, TheLongestBeginFirstBesideTheFirst) {
+  for (const int at_once : {1, 2}) {
+    std::atomic<int> over = 0;
+    std::vector<int> begun;
+    const std::vector<double> seconds{1.0, 2.0, 9.0, 2.0, 5.0};
+    std::vector<Task> tasks{{"0",
+                             [&](const Progress&) {
+                               while (at_once > 1 && over < 4)
+                                 std::this_thread::sleep_for(milliseconds(1));
+                             },
+                             seconds[0]}};
+    for (int i = 1; i < int(seconds.size()); ++i) {
+      const auto work = [&, i](const Progress&) {
+        begun.push_back(i);
+        ++over;
+      };
+      tasks.push_back({std::to_string(i), work, seconds[std::size_t(i)]});
+    }
+    Said said;
+    do_all(tasks, at_once, said);
+    EXPECT_EQ(begun, at_once == 1 ? (std::vector<int>{1, 2, 3, 4}) : (std::vector{2, 4, 1, 3}));
+    EXPECT_EQ(said.parts, (std::vector<std::string>{"0", "1", "2", "3", "4"}));
+  }
+}
+
+TEST(TasksAtOnce, AFailureDoesNotHideOneBeforeIt) {
+  const auto fails = [](const char* name) {
+    return [=](const Progress&) { throw std::runtime_error(name); };
+  };
+  for (int repeated = 0; repeated < 100; ++repeated) {
+    const std::vector<Task> tasks{{"0", [](const Progress&) {}, 1.0},
+                                  {"1", fails("1"), 1.0},
+                                  {"2", fails("2"), 2.0},
+                                  {"3", fails("3"), 3.0}};
+    Said said;
+    try {
+      do_all(tasks, 2, said);
+      FAIL() << "expected a failure";
+    } catch (const std::runtime_error& fault) {
+      EXPECT_STREQ(fault.what(), "1");
+    }
+  }
+}
+
 TEST(TasksAtOnce, NothingToDoIsDone) {
   Said said;
   do_all({}, 2, said);
