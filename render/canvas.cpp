@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <mutex>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -126,9 +127,16 @@ vtkSmartPointer<vtkActor> actor(const Solid& solid) {
   return result;
 }
 
+/// Three bytes a point, the lowest row first.
+struct Drawn {
+  int width, height, finer;  // points of a pixel each way
+  vtkSmartPointer<vtkUnsignedCharArray> bytes;
+};
+
 /// Each pixel the mean of `finer` x `finer` drawn, the upper row first.
-/// @param drawn  three bytes a point, the lowest row first
-Pixels averaged(const unsigned char* drawn, int width, int height, int finer) {
+Pixels averaged(const Drawn& all) {
+  const auto& [width, height, finer, bytes] = all;
+  const unsigned char* const drawn = bytes->GetPointer(0);
   Pixels pixels{width, height, {}};
   const std::size_t row = 3 * std::size_t(width), row_drawn = row * std::size_t(finer);
   pixels.rgb.reserve(row * std::size_t(height));
@@ -176,6 +184,7 @@ struct Canvas::Sheet {
 
   Sheet(int width_px, int height_px, int points_each_way);
   ~Sheet() { window->Finalize(); }
+  Drawn draw();
 };
 
 Canvas::Sheet::Sheet(int width_px, int height_px, int points_each_way)
@@ -348,29 +357,34 @@ void Canvas::wipe() {
   sheet_->marks.clear();
 }
 
-Pixels Canvas::pixels() {
-  sheet_->window->Render();
-  const int wide = sheet_->finer * sheet_->width, high = sheet_->finer * sheet_->height;
-  vtkNew<vtkUnsignedCharArray> lowest_first;
-  sheet_->window->GetPixelData(0, 0, wide - 1, high - 1, 0, lowest_first.Get(), 0);
-  return averaged(lowest_first->GetPointer(0), sheet_->width, sheet_->height, sheet_->finer);
+Drawn Canvas::Sheet::draw() {
+  window->Render();
+  const auto bytes = vtkSmartPointer<vtkUnsignedCharArray>::New();
+  window->GetPixelData(0, 0, finer * width - 1, finer * height - 1, 0, bytes.Get(), 0);
+  return {width, height, finer, bytes};
 }
+
+Pixels Canvas::pixels() { return averaged(sheet_->draw()); }
 
 void Canvas::write_png(const std::filesystem::path& path) { write(path, PictureFormat::Png); }
 
 void Canvas::write(const std::filesystem::path& path, PictureFormat format) {
   const bool flat_apart = format != PictureFormat::Png;
   if (flat_apart) sheet_->flat->strokes.clear();
+  const int width = sheet_->width, height = sheet_->height;
+  const std::vector<FlatMark> marks = std::move(sheet_->marks);
+  std::optional<Drawn> drawn;
+  if (!flat_apart || sheet_->has_scene) drawn = sheet_->draw();
+  sheet_.reset();  // so that the next canvas is drawn while this one is compressed
   Raster raster;
-  if (!flat_apart || sheet_->has_scene) {
-    const Pixels picture = pixels();
+  if (drawn) {
+    const Pixels picture = averaged(*drawn);
     raster.png = png_file(picture);
     if (format == PictureFormat::Pdf) raster.rgb = picture.rgb;
   }
-  const auto& [width, height] = std::pair(sheet_->width, sheet_->height);
   write_bytes(path, format == PictureFormat::Png   ? raster.png
-                    : format == PictureFormat::Svg ? svg_of(width, height, sheet_->marks, raster)
-                                                   : pdf_of(width, height, sheet_->marks, raster));
+                    : format == PictureFormat::Svg ? svg_of(width, height, marks, raster)
+                                                   : pdf_of(width, height, marks, raster));
 }
 
 }  // namespace abbe::render

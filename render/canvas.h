@@ -95,6 +95,7 @@ class Canvas {
   /// What is drawn, now.
   Pixels pixels();
 
+  /// Ends the canvas: nothing more is drawn, and the next one need not wait for the file.
   /// @throws std::system_error with the path if the file cannot be written
   void write_png(const std::filesystem::path& path);
   void write(const std::filesystem::path& path, PictureFormat format);

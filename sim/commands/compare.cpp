@@ -86,8 +86,7 @@ bool are_independent(const std::vector<CaseDescription>& cases) {
 
 /// The cases of a batch, measured against its own error-free map, and reductions against its
 /// uncompensated case.
-/// @param at_once  so many are cut at a time
-void cut_cases(const Batch& batch, CasesCut& made, Keep keep, int at_once, ProgressLine& progress) {
+void cut_cases(const Batch& batch, CasesCut& made, Keep keep, ProgressLine& progress) {
   const auto named = [&](const std::string& name) { return case_folder(batch.prefix, name); };
   const std::vector<CaseDescription>& compensators = batch.job.scene.cases;
   std::optional<Verdict> error_free;
@@ -116,7 +115,7 @@ void cut_cases(const Batch& batch, CasesCut& made, Keep keep, int at_once, Progr
                      },
                      seconds_of(stages_of_cut("", size, batch.job.scene, compensator))});
   }
-  do_tasks(tasks, are_independent(compensators) ? at_once : 1, progress);
+  do_tasks(tasks, are_independent(compensators) ? made.at_once : 1, progress);
   if (batch.prefix.empty())
     made.cases.push_back({std::move(*error_free), &batch.job, std::nullopt});
   const std::size_t uncompensated = made.cases.size();
@@ -295,21 +294,44 @@ CasesCut cut_all(const Asked& all, const RunOptions& options, std::optional<Prog
                        reaching(prepare(scenes[i], to(progress)), asked, progress)});
     sizes[i] = size_of(batches.back().job);
   }
-  asked.at_once = cases_at_once(sizes, asked);
+  asked.at_once = made.at_once = cases_at_once(sizes, asked);
   check_and_say(scene, sizes, asked, progress);
   progress.replan(stages_of_all(scene, variants, sizes));
-  for (const Batch& batch : batches)
-    cut_cases(batch, made, kept_by(options), asked.at_once, progress);
+  for (const Batch& batch : batches) cut_cases(batch, made, kept_by(options), progress);
   made.comparison = comparison(batches.front().job, made.cases, made.failed);
   return made;
 }
 
-/// Holds the machined body of a case against the design, with what is to be said of it.
-void check_stock(Compared& one, Comparison& compared) {
+/// Holds the machined body of a case against the design. @return what is to be said of it
+std::vector<std::string> check_stock(Compared& one) {
   one.verdict.stock = stock_check(*one.job, one.verdict);
-  if (!one.verdict.stock) return;
+  std::vector<std::string> warnings;
+  if (!one.verdict.stock) return warnings;
   for (const std::string& warning : warnings_of(*one.verdict.stock))
-    compared.warnings.push_back(one.verdict.cut.name + ": " + warning);
+    warnings.push_back(one.verdict.cut.name + ": " + warning);
+  return warnings;
+}
+
+/// Writes the files of all cases. @return what is to be said of the machined bodies
+std::vector<std::string> write_cases(const ResultFolder& folder, CasesCut& made,
+                                     const std::vector<std::string>& formats,
+                                     ProgressLine& progress) {
+  std::vector<std::vector<std::string>> warnings(made.cases.size());
+  std::vector<Task> tasks;
+  for (std::size_t i = 0; i < made.cases.size(); ++i) {
+    const auto write = [&, i](const Progress& line) {
+      Compared& one = made.cases[i];
+      warnings[i] = check_stock(one);
+      write_case(folder.inside(one.verdict.cut.name), *one.job, one.verdict, formats, line);
+      one.verdict.stock.reset();  // tens of MB, and written
+    };
+    tasks.push_back({"write " + made.cases[i].verdict.cut.name, write});
+  }
+  do_tasks(tasks, made.at_once, progress);
+  std::vector<std::string> all;
+  for (const std::vector<std::string>& of_case : warnings)
+    all.insert(all.end(), of_case.begin(), of_case.end());
+  return all;
 }
 
 std::vector<std::string> texts_of(const std::vector<FailedCase>& failed) {
@@ -412,13 +434,7 @@ Outcome compare(const std::filesystem::path& file, const RunOptions& options) {
   outcome.failed = texts_of(made.failed);
   for (const Batch& batch : batches) write_program(folder.inside(batch.prefix), batch.job);
   outcome.exceeded = exceeded_by(cases);
-  for (Compared& one : cases) {
-    progress.begin("write " + one.verdict.cut.name);
-    check_stock(one, compared);
-    write_case(folder.inside(one.verdict.cut.name), *one.job, one.verdict, options.formats,
-               to(progress));
-    one.verdict.stock.reset();  // tens of MB, and written
-  }
+  add_warnings(write_cases(folder, made, options.formats, progress), compared.warnings);
   if (scene.sensor_choice) progress.begin("choose sensors");
   outcome.sensors = choose_sensors(folder, scene, variants);
   write_json(folder / "comparison.json", to_json(compared));
@@ -455,7 +471,7 @@ CasesCut cases_cut(const std::filesystem::path& scene, const RunOptions& options
   std::optional<ProgressLine> line;
   CasesCut made = cut_all(asked, options, line);
   for (Compared& one : made.cases) {
-    check_stock(one, made.comparison);
+    add_warnings(check_stock(one), made.comparison.warnings);
     one.verdict.stock.reset();  // tens of MB
   }
   return made;

@@ -59,6 +59,7 @@ struct CasesCut {
   std::vector<Compared> cases;  ///< each refers to the job of its batch
   std::vector<FailedCase> failed;
   Comparison comparison;
+  int at_once = 1;  ///< so many have room beside each other
 };
 
 /// Cuts the cases as `compare` does and writes nothing.

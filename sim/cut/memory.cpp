@@ -54,7 +54,7 @@ double while_sampled(const WorkSize& job) {
 }
 
 double while_drawn(const WorkSize& job, const CasesAsked& asked) {
-  double of_vertices = bytes_of_vertex_drawn + bytes_of_vertex_kept * asked.kept;
+  double of_vertices = bytes_of_vertex_drawn * asked.at_once + bytes_of_vertex_kept * asked.kept;
   double bytes = held(job) + bytes_of_pictures;
   if (asked.compared) {
     of_vertices += bytes_of_vertex_compared * asked.kept;

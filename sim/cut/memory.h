@@ -16,7 +16,7 @@ struct CasesAsked {
   bool pictures = true;      ///< they are drawn
   bool compared = false;     ///< and all of them in one picture
   bool tracked = false;      ///< the tracks of their tools are kept
-  int at_once = 1;           ///< so many of them are cut at a time
+  int at_once = 1;           ///< so many of them are cut, and then drawn, at a time
 };
 CasesAsked cases_of_run(const std::optional<CaseDescription>& compensator);
 CasesAsked cases_of_compare(const std::vector<Scene>& scenes);
@@ -29,7 +29,8 @@ double peak_memory(const std::vector<WorkSize>& jobs, const CasesAsked& asked);
 /// fewer than is worth it, a hundred thousand.
 std::size_t samples_that_fit(WorkSize job, const CasesAsked& asked);
 
-/// How many cases to cut at once: one a thread, as long as that leaves a third of `memory_bytes`.
+/// How many cases to cut and draw at once: one a thread, as long as that leaves a third of
+/// `memory_bytes`.
 int cases_at_once(const std::vector<WorkSize>& jobs, CasesAsked asked);
 
 /// @param whole  what asks for samples of the whole program, in a word; empty for nothing
