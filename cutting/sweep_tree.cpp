@@ -50,11 +50,15 @@ struct SweepTree::First {
   }
 };
 
-struct SweepTree::Search : Aim, First {};
+struct SweepTree::Search : Aim, First {
+  double limit() const { return First::limit(ray); }
+};
 
 struct SweepTree::Collection : Aim {
-  double limit;  // mm along the ray
+  double end;  // mm along the ray
   std::vector<Removal> found;
+
+  double limit() const { return end; }
 };
 
 // ---- building -----------------------------------------------------------------------------------
@@ -203,19 +207,20 @@ Removal SweepTree::removal_of(const Entry& entry, int item) const {
   return {entry.s, entry.t, items_[item].move, items_[item].part};
 }
 
-void SweepTree::try_item(int item, Search& search) const {
-  const std::optional<Entry> entry =
-      first_entry(cutter_, move_of(item, search.hint), search.ray, search.limit(search.ray));
-  if (!entry || !search.take(removal_of(*entry, item), item)) return;
+void SweepTree::take(const std::optional<Entry>& entry, int item, Search& search) const {
+  if (!entry || !search.First::take(removal_of(*entry, item), item)) return;
   search.buried = entry->s <= -search.ray.band;
   ++search.cuts;
   search.open.end.cut_off(search.ray, std::min(entry->s + entry_margin, search.ray.band), centre_);
 }
 
-void SweepTree::try_item(int item, Collection& collection) const {
-  const std::optional<Entry> entry =
-      first_entry(cutter_, move_of(item, collection.hint), collection.ray, collection.limit);
+void SweepTree::take(const std::optional<Entry>& entry, int item, Collection& collection) const {
   if (entry) collection.found.push_back(removal_of(*entry, item));
+}
+
+template <class Wanted>
+void SweepTree::try_item(int item, Wanted& wanted) const {
+  take(first_entry(cutter_, move_of(item, wanted.hint), wanted.ray, wanted.limit()), item, wanted);
 }
 
 // The nearest of what is open comes first, as what it cuts off rules out most of the rest: whenever
@@ -226,6 +231,8 @@ void SweepTree::search_leaf(int leaf, Wanted& wanted) const {
   const SweepLeaf& moves = leaves_.moves[leaf];
   const SweepLeafPlace& place = leaves_.places[leaf];
   OpenEight open = open_moves(moves, place, wanted.open);
+  if (std::popcount(open.bits) > 1 && !is_ball(cutter_))
+    return search_bounded(leaf, open.bits, wanted);
   while (open.bits != 0 && !wanted.buried) {
     const int i = open.nearest();
     open.bits &= ~(1u << i);
@@ -233,6 +240,51 @@ void SweepTree::search_leaf(int leaf, Wanted& wanted) const {
     if (leaf * width + i != wanted.done_item) try_item(leaf * width + i, wanted);
     if (wanted.cuts != cuts && open.bits != 0)
       open.bits &= open_moves(moves, place, wanted.open).bits;
+  }
+}
+
+const SweepTree::Hint::Bounded& SweepTree::bounded(int leaf, Hint& hint) const {
+  Hint::Bounded& known = hint.bounded[std::size_t(leaf) % hint.bounded.size()];
+  if (known.leaf == leaf) return known;
+  known.leaf = leaf;
+  for (int i = 0; i < width; ++i) {
+    const int item = std::min(leaf * width + i, int(items_.size()) - 1);
+    known.ends[std::size_t(i)] = ends_of(move_of(item, hint));
+    known.lanes.put(i, cutter_, known.ends[std::size_t(i)]);
+  }
+  return known;
+}
+
+/// Moves of a leaf of which several are open: bounded together, tried from the least bound on.
+template <class Wanted>
+void SweepTree::search_bounded(int leaf, unsigned open, Wanted& wanted) const {
+  const Hint::Bounded& moves = bounded(leaf, wanted.hint);
+  const EntryBounds<width> bounds = entry_bounds(cutter_, moves.lanes, wanted.ray);
+  std::array<double, width> least;
+  const auto keep_open = [&] {
+    for (unsigned left = open; left != 0; left &= left - 1) {
+      const int i = std::countr_zero(left);
+      if (least[std::size_t(i)] > wanted.limit()) open &= ~(1u << i);
+    }
+  };
+  for (unsigned left = open; left != 0; left &= left - 1) {
+    const auto i = std::size_t(std::countr_zero(left));
+    least[i] = double(bounds.least[i]);
+    if (least[i] > wanted.limit()) continue;
+    const Vector3d away(bounds.m[0][i], bounds.m[1][i], bounds.m[2][i]);
+    least[i] = least_entry(cutter_, moves.ends[i], wanted.ray, away);
+  }
+  for (keep_open(); open != 0 && !wanted.buried; keep_open()) {
+    std::size_t next = std::size_t(std::countr_zero(open));
+    for (unsigned left = open & (open - 1); left != 0; left &= left - 1) {
+      const auto i = std::size_t(std::countr_zero(left));
+      if (least[i] < least[next]) next = i;
+    }
+    open &= ~(1u << next);
+    const int item = leaf * width + int(next);
+    if (item == wanted.done_item) continue;
+    const Move& move = move_of(item, wanted.hint);
+    take(first_entry(cutter_, move, wanted.ray, wanted.limit(), bounds.part[next]), item, wanted);
   }
 }
 

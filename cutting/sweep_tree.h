@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "cutting/entry_bounds.h"
 #include "cutting/removal.h"
 #include "cutting/sweep_bounds.h"
 
@@ -23,14 +24,21 @@ class SweepTree {
 
   /// What is known from rays nearby: a place in the tree to start from, that of the removal found
   /// for the last, and the moves that were tried most recently. Of one tree only: the moves of
-  /// another would be taken for its own. 40 kB, so a run of rays shares one.
+  /// another would be taken for its own. 80 kB, so a run of rays shares one.
   struct Hint {
     struct Tried {
       int item = -1;
       Move move;
     };
+    /// The moves of a leaf, as they are bounded.
+    struct Bounded {
+      int leaf = -1;
+      MoveLanes<SweepLeaf::width> lanes;
+      std::array<MoveEnds, SweepLeaf::width> ends;
+    };
     int item = -1;
-    std::array<Tried, 256> tried = {};  ///< at the item's number modulo their count
+    std::array<Tried, 256> tried = {};     ///< at the item's number modulo their count
+    std::array<Bounded, 32> bounded = {};  ///< the same of leaves
     static constexpr std::size_t most_beside = 32, least_beside = 8, most_alone = 512;
     std::size_t beside = most_beside;  ///< rays that are looked at together, as that went well
     std::size_t alone = least_beside;  ///< or one by one, before that is tried again
@@ -82,6 +90,9 @@ class SweepTree {
   void descend(Wanted& wanted) const;
   template <class Wanted>
   void search_leaf(int leaf, Wanted& wanted) const;
+  template <class Wanted>
+  void search_bounded(int leaf, unsigned open, Wanted& wanted) const;
+  const Hint::Bounded& bounded(int leaf, Hint& hint) const;
   void lower(std::span<double> limits, std::span<const Ray> rays, int item, double t,
              Hint& hint) const;
   std::vector<double> limits_of(std::span<const Ray> rays, Hint& hint) const;
@@ -95,8 +106,10 @@ class SweepTree {
   bool search_near_balls(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                          const PatchStretch& patch, const Near& near, Hint& hint) const;
   Removal removal_of(const Entry& entry, int item) const;
-  void try_item(int item, Search& search) const;
-  void try_item(int item, Collection& collection) const;
+  void take(const std::optional<Entry>& entry, int item, Search& search) const;
+  void take(const std::optional<Entry>& entry, int item, Collection& collection) const;
+  template <class Wanted>
+  void try_item(int item, Wanted& wanted) const;
   RayStretch stretch_of(const Ray& ray, double cut_off) const;
   Move move_of(const Item& item) const;
   const Move& move_of(int item, Hint& hint) const;
