@@ -68,7 +68,7 @@ class TasksAtOnce {
       if (task == shown_ || fraction < 0.0)
         line_.report(stage, fraction);
       else
-        stop_if_interrupted();
+        line_.repeat();
     };
   }
 
