@@ -382,6 +382,8 @@ void Canvas::write(const std::filesystem::path& path, PictureFormat format) {
     raster.png = png_file(picture);
     if (format == PictureFormat::Pdf) raster.rgb = picture.rgb;
   }
+  std::unique_lock<std::recursive_mutex> alone(one_canvas_at_a_time, std::defer_lock);
+  if (flat_apart) alone.lock();  // letters are outlined by VTK's fonts
   write_bytes(path, format == PictureFormat::Png   ? raster.png
                     : format == PictureFormat::Svg ? svg_of(width, height, marks, raster)
                                                    : pdf_of(width, height, marks, raster));

@@ -1,6 +1,7 @@
 #include "sim/commands/compare.h"
 
 #include <algorithm>
+#include <chrono>
 #include <future>
 
 #include <nlohmann/json.hpp>
@@ -74,6 +75,8 @@ CaseMade case_made(const Batch& batch, const std::optional<CaseDescription>& com
     return {{}, fault.what()};
   }
   one.name = case_folder(batch.prefix, one.name);
+  while (error_free.wait_for(std::chrono::milliseconds(100)) == std::future_status::timeout)
+    progress("surface", 1.0);
   return {judge(batch.job, std::move(one), error_free.get()), ""};
 }
 
@@ -294,7 +297,8 @@ CasesCut cut_all(const Asked& all, const RunOptions& options, std::optional<Prog
                        reaching(prepare(scenes[i], to(progress)), asked, progress)});
     sizes[i] = size_of(batches.back().job);
   }
-  asked.at_once = made.at_once = cases_at_once(sizes, asked);
+  // who listens may be able to end the work from the calling thread alone, as Python with Ctrl-C
+  if (!options.progress) asked.at_once = made.at_once = cases_at_once(sizes, asked);
   check_and_say(scene, sizes, asked, progress);
   progress.replan(stages_of_all(scene, variants, sizes));
   for (const Batch& batch : batches) cut_cases(batch, made, kept_by(options), progress);

@@ -4,7 +4,7 @@
 #include <cstddef>
 
 #include <fmt/format.h>
-#include <tbb/task_arena.h>
+#include <tbb/global_control.h>
 
 #include "sim/cut/work.h"
 
@@ -26,17 +26,17 @@ constexpr double bytes_of_vertex_kept = 105, bytes_of_vertex_drawn = 1800,
 constexpr double bytes_of_vertex_held = 250, bytes_of_pictures = 320e6, bytes_of_comparison = 230e6;
 
 /// Samples.
-double at_once(const WorkSize& job) {
+double samples_held(const WorkSize& job) {
   return job.in_windows > 0.0 ? 2.0 * job.in_windows : job.samples;
 }
 
 /// A job while nothing is done with it, its vertices left out.
 double held(const WorkSize& job) {
-  return bytes_of_block * job.blocks + bytes_of_sample * at_once(job);
+  return bytes_of_block * job.blocks + bytes_of_sample * samples_held(job);
 }
 
 double kept_tracks(const WorkSize& job, const CasesAsked& asked) {
-  return asked.tracked ? bytes_of_sample_tracked * asked.kept * at_once(job) : 0.0;
+  return asked.tracked ? bytes_of_sample_tracked * asked.kept * samples_held(job) : 0.0;
 }
 
 double while_cut(const WorkSize& job, const CasesAsked& asked) {
@@ -44,7 +44,7 @@ double while_cut(const WorkSize& job, const CasesAsked& asked) {
   if (job.stock) of_samples += bytes_of_sample_in_stock;
   if (asked.compensated) of_samples += bytes_of_sample_corrected;
   if (asked.rewritten) of_samples += bytes_of_sample_rewritten;
-  const double of_case = of_samples * at_once(job) + bytes_of_vertex_cut * job.vertices;
+  const double of_case = of_samples * samples_held(job) + bytes_of_vertex_cut * job.vertices;
   return held(job) + asked.at_once * of_case + kept_tracks(job, asked) +
          bytes_of_vertex_kept * asked.kept * job.vertices;
 }
@@ -69,7 +69,7 @@ WorkSize sum_of(const std::vector<WorkSize>& jobs) {
   WorkSize sum;
   for (const WorkSize& job : jobs) {
     sum.vertices += job.vertices;
-    sum.samples += at_once(job);
+    sum.samples += samples_held(job);
   }
   return sum;
 }
@@ -129,7 +129,9 @@ double peak_memory(const std::vector<WorkSize>& jobs, const CasesAsked& asked) {
 int cases_at_once(const std::vector<WorkSize>& jobs, CasesAsked asked) {
   constexpr double free_at_least = 0.33;  // of the memory, for which peaks are only estimated
   const double most = (1.0 - free_at_least) * memory_bytes();
-  asked.at_once = std::min(tbb::this_task_arena::max_concurrency(), int(asked.kept));
+  const auto threads =
+      tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
+  asked.at_once = int(std::min(double(threads), asked.kept));
   while (asked.at_once > 1 && peak_memory(jobs, asked) > most) --asked.at_once;
   return std::max(asked.at_once, 1);
 }

@@ -103,12 +103,6 @@ void ProgressLine::report(const std::string& stage, double fraction) {
     draw_state();
 }
 
-void ProgressLine::repeat() {
-  if (interrupted != 0) throw Interrupted();
-  const std::lock_guard lock(mutex_);
-  if (instead_ && !stage_.empty()) instead_(part_ + ": " + stage_, share());
-}
-
 void ProgressLine::draw_state() {
   if (!begun_ || stage_.empty()) return;
   drawn_ = std::chrono::steady_clock::now();

@@ -49,10 +49,6 @@ class ProgressLine {
   /// @param fraction  below zero: the text is a remark, which stays on a line of its own
   /// @throws Interrupted
   void report(const std::string& stage, double fraction);
-  /// The last report once more, for who listens instead: a listener may end the work from some
-  /// threads only, and what they do need not be what is shown.
-  /// @throws Interrupted
-  void repeat();
 
  private:
   double now_s() const;

@@ -6,7 +6,9 @@
 #include <mutex>
 #include <numeric>
 #include <optional>
-#include <thread>
+
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 namespace abbe::sim {
 namespace {
@@ -37,7 +39,7 @@ class TasksAtOnce {
   void work() {
     while (const std::optional<std::size_t> task = next()) {
       try {
-        name_shown();
+        show();
         tasks_[*task].work(progress_of(*task));
         finish(*task);
       } catch (...) {
@@ -65,18 +67,11 @@ class TasksAtOnce {
   Progress progress_of(std::size_t task) {
     return [this, task](const std::string& stage, double fraction) {
       if (task > failed_) throw Stopped();
-      if (task == shown_ || fraction < 0.0)
+      if (task + 1 == named_ || fraction < 0.0)
         line_.report(stage, fraction);
       else
-        line_.repeat();
+        stop_if_interrupted();
     };
-  }
-
-  /// Names the task that is shown on the line, once it has begun.
-  void name_shown() {
-    const std::lock_guard lock(mutex_);
-    if (shown_ == named_ && named_ < tasks_.size() && is_begun_[named_])
-      line_.begin(tasks_[named_++].name);
   }
 
   void finish(std::size_t task) {
@@ -84,15 +79,17 @@ class TasksAtOnce {
       const std::lock_guard lock(mutex_);
       is_over_[task] = true;
     }
-    while (shows_next()) name_shown();
+    show();
   }
 
-  /// Where the one that was shown is over.
-  bool shows_next() {
+  /// Names on the line what has begun, until it comes to one that is not over.
+  void show() {
     const std::lock_guard lock(mutex_);
-    if (shown_ >= tasks_.size() || !is_over_[shown_]) return false;
-    ++shown_;
-    return true;
+    while (named_ < tasks_.size() && is_begun_[named_] && (named_ == 0 || is_over_[named_ - 1])) {
+      const std::string& name = tasks_[named_].name;
+      ++named_;
+      line_.begin(name);
+    }
   }
 
   void fail(std::size_t task, const std::exception_ptr& fault) {
@@ -107,8 +104,8 @@ class TasksAtOnce {
   std::mutex mutex_;
   std::vector<std::size_t> waiting_;  // in the order in which they begin
   std::vector<bool> is_begun_, is_over_;
-  std::size_t named_ = 0;
-  std::atomic<std::size_t> shown_ = 0, failed_;  // the first that is not over; that has failed
+  std::atomic<std::size_t> named_ = 0;  // so many; the last of them is shown
+  std::atomic<std::size_t> failed_;     // the first that has
   std::exception_ptr fault_;
 };
 
@@ -116,11 +113,12 @@ class TasksAtOnce {
 
 void do_tasks(const std::vector<Task>& tasks, int at_once, ProgressLine& line) {
   TasksAtOnce all(tasks, line);
-  if (at_once > 1) all.begin_longest_first();
-  {
-    std::vector<std::jthread> beside;
-    for (int i = 1; i < std::min(at_once, int(tasks.size())); ++i)
-      beside.emplace_back([&] { all.work(); });
+  if (at_once > 1) {
+    all.begin_longest_first();
+    // a thread that waits within a task must not begin another on top of it
+    const auto work = [&](int) { tbb::this_task_arena::isolate([&] { all.work(); }); };
+    tbb::parallel_for(0, std::min(at_once, int(tasks.size())), work, tbb::simple_partitioner());
+  } else {
     all.work();
   }
   all.rethrow_first();

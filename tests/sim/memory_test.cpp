@@ -11,7 +11,7 @@
 #include <unistd.h>
 
 #include <fmt/format.h>
-#include <tbb/task_arena.h>
+#include <tbb/global_control.h>
 #include <nlohmann/json.hpp>
 
 #include "sim/cut/sampling.h"
@@ -60,8 +60,10 @@ double estimate_of(const Measured& one) {
   const bool compares = std::string(one.command) == "compare";
   CasesAsked asked = compares ? cases_of_compare({scene}) : cases_of_run({});
   asked.pictures = ABBE_RENDER != 0;
-  if (compares) asked.at_once = 2;
-  return peak_memory({size_of(sampled(prepare(scene)))}, asked);
+  const std::vector<WorkSize> sizes{size_of(sampled(prepare(scene)))};
+  const tbb::global_control two(tbb::global_control::max_allowed_parallelism, 2);
+  if (compares) asked.at_once = cases_at_once(sizes, asked);
+  return peak_memory(sizes, asked);
 }
 
 TEST(Memory, TheEstimateIsWithin30PercentOfWhatIsResidentAtMost) {
@@ -192,9 +194,13 @@ TEST(Memory, GrowsWithAllThatIsAsked) {
 }
 
 TEST(Memory, CasesAreCutAtOnceWhereThatLeavesRoom) {
-  const int threads = tbb::this_task_arena::max_concurrency();
   const WorkSize small{.vertices = 1e4, .blocks = 1e4, .samples = 1e5};
-  EXPECT_EQ(cases_at_once({small}, {.kept = 3.0}), std::min(threads, 3));
+  for (const int threads : {1, 2, 4}) {
+    const tbb::global_control only(tbb::global_control::max_allowed_parallelism,
+                                   std::size_t(threads));
+    EXPECT_EQ(cases_at_once({small}, {.kept = 3.0}), std::min(threads, 3));
+  }
+  const tbb::global_control two(tbb::global_control::max_allowed_parallelism, 2);
   EXPECT_EQ(cases_at_once({small}, {.kept = 1.0}), 1);
   WorkSize huge = small;
   huge.samples = memory_bytes() / 300.0;

@@ -2,12 +2,15 @@
 
 #include <atomic>
 #include <chrono>
+#include <functional>
 #include <mutex>
 #include <random>
 #include <stdexcept>
 #include <thread>
 
 #include <gtest/gtest.h>
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
 
 namespace abbe::sim {
 namespace {
@@ -34,9 +37,18 @@ std::vector<Stage> plan_of(const std::vector<Task>& tasks) {
   return plan;
 }
 
+/// With as many threads as are asked for, whatever the machine has.
 void do_all(const std::vector<Task>& tasks, int at_once, Said& said) {
   ProgressLine line(plan_of(tasks), said.listener());
-  do_tasks(tasks, at_once, line);
+  const tbb::global_control many(tbb::global_control::max_allowed_parallelism, 8);
+  tbb::task_arena threads(8);
+  threads.execute([&] { do_tasks(tasks, at_once, line); });
+}
+
+/// What never comes is a failure, not a test without end.
+void wait_until(const std::function<bool()>& is_so) {
+  for (int i = 0; i < 20000 && !is_so(); ++i) std::this_thread::sleep_for(milliseconds(1));
+  EXPECT_TRUE(is_so());
 }
 
 TEST(TasksAtOnce, EachIsDoneOnceAndNamedInOrderWhicheverIsOverFirst) {
@@ -56,6 +68,7 @@ TEST(TasksAtOnce, EachIsDoneOnceAndNamedInOrderWhicheverIsOverFirst) {
                          while (before < now && !most.compare_exchange_weak(before, now)) {
                          }
                          progress("work", 0.5);
+                         if (i == 0 && at_once > 1) wait_until([&] { return most > 1; });
                          std::this_thread::sleep_for(time);
                          progress("remark of " + std::to_string(i), -1.0);
                          ++done[std::size_t(i)];
@@ -81,39 +94,38 @@ TEST(TasksAtOnce, OneAtATimeStaysInTheCallingThread) {
 }
 
 TEST(TasksAtOnce, TheFirstFailureIsThrownAndWhatFollowsItStops) {
-  std::atomic<bool> second_failed = false, third_stopped = false, fourth_began = false;
-  const auto until = [](const std::atomic<bool>& what) {
-    while (!what) std::this_thread::sleep_for(milliseconds(1));
+  std::atomic<bool> third_began = false, second_failed = false, third_stopped = false,
+                    fourth_began = false;
+  const auto first = [&](const Progress& progress) {
+    wait_until([&] { return third_stopped.load(); });
+    progress("work", 0.5);  // what comes before a failure goes on
+    throw std::runtime_error("first");
   };
-  const std::vector<Task> tasks{{"first",
-                                 [&](const Progress& progress) {
-                                   until(third_stopped);
-                                   progress("work", 0.5);  // those before a failure go on
-                                   throw std::runtime_error("first");
-                                 }},
-                                {"second",
-                                 [&](const Progress&) {
-                                   second_failed = true;
-                                   throw std::runtime_error("second");
-                                 }},
-                                {"third",
-                                 [&](const Progress& progress) {
-                                   until(second_failed);
-                                   try {
-                                     for (;;) {
-                                       progress("work", 0.1);
-                                       std::this_thread::sleep_for(milliseconds(1));
-                                     }
-                                   } catch (...) {
-                                     third_stopped = true;
-                                     throw;
-                                   }
-                                 }},
+  const auto second = [&](const Progress&) {
+    wait_until([&] { return third_began.load(); });
+    second_failed = true;
+    throw std::runtime_error("second");
+  };
+  const auto third = [&](const Progress& progress) {
+    third_began = true;
+    try {
+      wait_until([&] {
+        progress("work", 0.1);
+        return false;
+      });
+    } catch (...) {
+      third_stopped = true;
+      throw;
+    }
+  };
+  const std::vector<Task> tasks{{"first", first},
+                                {"second", second},
+                                {"third", third},
                                 {"fourth", [&](const Progress&) { fourth_began = true; }}};
   Said said;
   try {
     do_all(tasks, 3, said);
-    FAIL() << "expected the failure of a part";
+    FAIL() << "expected the failure of a task";
   } catch (const std::runtime_error& fault) {
     EXPECT_STREQ(fault.what(), "first");
   }
@@ -128,8 +140,7 @@ TEST(TasksAtOnce, TheLongestBeginFirstBesideTheFirst) {
     const std::vector<double> seconds{1.0, 2.0, 9.0, 2.0, 5.0};
     std::vector<Task> tasks{{"0",
                              [&](const Progress&) {
-                               while (at_once > 1 && over < 4)
-                                 std::this_thread::sleep_for(milliseconds(1));
+                               if (at_once > 1) wait_until([&] { return over == 4; });
                              },
                              seconds[0]}};
     for (int i = 1; i < int(seconds.size()); ++i) {
