@@ -21,6 +21,7 @@ class TasksAtOnce {
   TasksAtOnce(const std::vector<Task>& tasks, ProgressLine& line)
       : tasks_(tasks),
         line_(line),
+        kept_(tasks.size()),
         waiting_(tasks.size()),
         is_begun_(tasks.size(), false),
         is_over_(tasks.size(), false),
@@ -67,11 +68,19 @@ class TasksAtOnce {
   Progress progress_of(std::size_t task) {
     return [this, task](const std::string& stage, double fraction) {
       if (task > failed_) throw Stopped();
-      if (task + 1 == named_ || fraction < 0.0)
-        line_.report(stage, fraction);
-      else
-        stop_if_interrupted();
+      stop_if_interrupted();
+      if (fraction < 0.0 || is_shown(task, stage, fraction)) line_.report(stage, fraction);
     };
+  }
+
+  /// What is not shown is kept until it is, the last report of each stage.
+  bool is_shown(std::size_t task, const std::string& stage, double fraction) {
+    const std::lock_guard lock(mutex_);
+    if (task + 1 == named_) return true;
+    std::vector<Report>& reports = kept_[task];
+    if (reports.empty() || reports.back().stage != stage) reports.push_back({stage, 0.0});
+    reports.back().fraction = fraction;
+    return false;
   }
 
   void finish(std::size_t task) {
@@ -86,9 +95,9 @@ class TasksAtOnce {
   void show() {
     const std::lock_guard lock(mutex_);
     while (named_ < tasks_.size() && is_begun_[named_] && (named_ == 0 || is_over_[named_ - 1])) {
-      const std::string& name = tasks_[named_].name;
-      ++named_;
-      line_.begin(name);
+      const std::size_t task = named_++;
+      line_.begin(tasks_[task].name);
+      for (const Report& report : kept_[task]) line_.report(report.stage, report.fraction);
     }
   }
 
@@ -99,13 +108,19 @@ class TasksAtOnce {
     fault_ = fault;
   }
 
+  struct Report {
+    std::string stage;
+    double fraction;
+  };
+
   const std::vector<Task>& tasks_;
   ProgressLine& line_;
   std::mutex mutex_;
+  std::vector<std::vector<Report>> kept_;
   std::vector<std::size_t> waiting_;  // in the order in which they begin
   std::vector<bool> is_begun_, is_over_;
-  std::atomic<std::size_t> named_ = 0;  // so many; the last of them is shown
-  std::atomic<std::size_t> failed_;     // the first that has
+  std::size_t named_ = 0;            // so many; the last of them is shown
+  std::atomic<std::size_t> failed_;  // the first that has
   std::exception_ptr fault_;
 };
 

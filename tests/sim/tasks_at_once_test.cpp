@@ -20,13 +20,13 @@ using std::chrono::milliseconds;
 /// What a progress line has said.
 struct Said {
   std::mutex mutex;
-  std::vector<std::string> parts, remarks;
+  std::vector<std::string> parts, stages, remarks;
 
   Progress listener() {
     return [this](const std::string& text, double fraction) {
       const std::lock_guard lock(mutex);
       if (fraction < 0.0) return remarks.push_back(text);
-      if (text.find(": ") == std::string::npos) parts.push_back(text);
+      (text.find(": ") == std::string::npos ? parts : stages).push_back(text);
     };
   }
 };
@@ -80,6 +80,7 @@ TEST(TasksAtOnce, EachIsDoneOnceAndNamedInOrderWhicheverIsOverFirst) {
     for (int i = 0; i < count; ++i) EXPECT_EQ(done[std::size_t(i)], 1) << i;
     EXPECT_EQ(said.parts, names) << at_once;
     EXPECT_EQ(said.remarks.size(), std::size_t(count));
+    EXPECT_EQ(said.stages.size(), std::size_t(count));
     EXPECT_LE(most, at_once);
     EXPECT_EQ(most > 1, at_once > 1) << at_once;
   }
