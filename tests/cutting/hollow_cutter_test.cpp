@@ -219,7 +219,7 @@ TEST(HollowCutter, AgreesWithBruteForceToANanometre) {
   using namespace hollow_tools;
   for (const Tool& tool : tools()) {
     Tally tally;
-    hold_against_brute_force(tool, 2201, 200 * longer(30), tally);
+    hold_against_brute_force(tool, 2201, 200 * longer(50), tally);
   }
 }
 

@@ -247,7 +247,7 @@ void expect_as_brute(const char* what, std::uint64_t seed, int pairs, const AnyE
   EXPECT_GT(cuts, pairs / 3);
 }
 
-int pairs() { return 100 * longer(34); }
+int pairs() { return 100 * longer(100); }
 
 TEST(InsertSurface, OfANoseWithEdgesIsThatOfBruteForce) {
   expect_as_brute("insert", 801000, pairs(),
