@@ -7,6 +7,7 @@
 
 #include "cutting/surface.h"
 #include "kinematics/units.h"
+#include "tests/cutting/brute_pairs.h"
 #include "tests/cutting/random.h"
 #include "tests/oracles/brute_surface.h"
 
@@ -62,91 +63,12 @@ std::vector<Form> forms() {
   };
 }
 
-/// Two samples near a ray, both moving and turning by as much as chance has it.
-struct Pair {
-  CutterMotion motion;
-  Vector3d point, normal;
-};
-
-Pair any_pair(Random& random, const Cutter& cutter) {
-  const double size = cutter.radius;
-  CutterMotion motion{Points(2, 3), Points(2, 3), Eigen::Vector2d(0, 1), {1, 1}};
-  const Vector3d axis = random.direction();
-  const double turn = random.once_in(3) ? 0.0 : random.decades(-9, -1.0);
-  const Vector3d step = random.once_in(8)
-                            ? Vector3d(Vector3d::Zero())
-                            : Vector3d(size * random.decades(-7, 0.5) * random.direction());
-  motion.tip.row(0) = size * random.any();
-  motion.tip.row(1) = motion.tip.row(0) + step.transpose();
-  motion.axis.row(0) = axis;
-  motion.axis.row(1) = turn > 0 ? random.turned_evenly(axis, turn) : axis;
-  // near the skin on the way, seen along the axis, against the flank or from anywhere
-  const double t = random.in(0, 1), height = random.in(-0.1, 1.1) * cutter.flank_length;
-  const Vector3d around = axis.cross(random.direction()).normalized();
-  const Vector3d place =
-      Vector3d(motion.tip.row(0)) + t * step + height * axis + size * random.in(0, 1.3) * around;
-  const Vector3d normal = random.once_in(4)   ? Vector3d(random.once_in(2) ? axis : -axis)
-                          : random.once_in(4) ? Vector3d(-around)
-                                              : random.direction();
-  return {motion, place, normal};
-}
-
-/// A cutter against brute force in long double: the surface of one move, moving and turning.
-/// @param brute  the same cutter for the reference
-template <class Brute>
-void hold_against_brute_force(const std::string& name, const Cutter& cutter, const Brute& brute,
-                              unsigned seed, int pairs) {
-  constexpr double promise = 1e-6, band = 2.0;  // mm
-  Random random(seed);
-  int cut = 0, buried = 0, missed = 0, undecided = 0;
-  double late = -1e300, early = -1e300;
-  for (int n = 0; n < pairs; ++n) {
-    const Pair pair = any_pair(random, cutter);
-    Design design;
-    design.vertices = pair.point.transpose();
-    design.normals = pair.normal.transpose();
-    const Surface surface =
-        milled_surface(design, cutter, pair.motion, {.band = band, .progress = {}});
-    const auto pose = [&](int i) {
-      return oracles::BrutePose{pair.motion.tip.row(i), pair.motion.axis.row(i), double(i)};
-    };
-    const oracles::BruteHit hit =
-        oracles::brute_milled({pair.point, pair.normal}, brute, {pose(0), pose(1)},
-                              {.band = band, .tolerance = 1e-8, .most = 20000});
-    const VertexStatus status = surface.status[0];
-    const std::string where =
-        name + ", seed " + std::to_string(seed) + ", pair " + std::to_string(n);
-    if (hit.bound > promise) {
-      ++undecided;
-    } else if (hit.begins_removed) {
-      ++buried;
-      EXPECT_EQ(status, VertexStatus::Gouged) << where;
-    } else if (hit.cut) {
-      ++cut;
-      ASSERT_EQ(status, VertexStatus::Cut) << where << ", brute " << hit.s;
-      late = std::max(late, surface.residual[0] - hit.s);
-      early = std::max(early, hit.s - hit.bound - surface.residual[0]);
-    } else {
-      ++missed;
-      EXPECT_NE(status, VertexStatus::Cut) << where << ", " << surface.residual[0];
-    }
-  }
-  std::cout << name << ": " << pairs << " pairs, " << cut << " cut, " << buried
-            << " begin removed, " << missed << " not cut, " << undecided
-            << " undecided by brute force; later by " << 1e6 * late << " nm, earlier by "
-            << 1e6 * early << " nm at most\n";
-  EXPECT_LT(late, promise) << name;
-  EXPECT_LT(early, promise) << name;
-  EXPECT_GT(cut, pairs / 10) << name;
-  EXPECT_LT(undecided, pairs / 10) << name;
-}
-
 }  // namespace form_cases
 
 TEST(FormCutter, AgreesWithBruteForceToANanometre) {
   for (const form_cases::Form& form : form_cases::forms())
-    form_cases::hold_against_brute_force(form.name, form.cutter, form.brute, 1803,
-                                         150 * longer(70));
+    brute_pairs::hold_against_brute_force(form.name, form.cutter, form.brute,
+                                          {.seed = 1803, .pairs = 150 * longer(70), .most = 20000});
 }
 
 TEST(PlainCutter, AgreesWithBruteForceToANanometre) {
@@ -154,10 +76,10 @@ TEST(PlainCutter, AgreesWithBruteForceToANanometre) {
       {"ball", {5, 5, 20}},        {"flat", {5, 0, 20}},           {"bull nose", {5, 1, 20}},
       {"all corner", {3, 2.9, 4}}, {"sharp corner", {1, 0.01, 8}}, {"half a ball", {5, 5, 5}}};
   for (const auto& [name, cutter] : cutters)
-    form_cases::hold_against_brute_force(
+    brute_pairs::hold_against_brute_force(
         name, cutter,
-        oracles::BruteCutter{cutter.radius, cutter.corner_radius, cutter.flank_length}, 1806,
-        150 * longer(70));
+        oracles::BruteCutter{cutter.radius, cutter.corner_radius, cutter.flank_length},
+        {.seed = 1806, .pairs = 150 * longer(70), .most = 20000});
 }
 
 /// A form with the outline of a ball, a bull nose or a flat end cuts what they cut.
@@ -172,10 +94,8 @@ TEST(FormCutter, OfACommonOutlineCutsTheSame) {
                                                                   : random.in(0, 1));
     const Cutter cutter{R, r, r + R * random.in(0.1, 3)};
     const Cutter form = form_cutter(apt_outline({2 * R, r, R - r, r, 0, 0, cutter.flank_length}));
-    const Pair pair = any_pair(random, cutter);
-    Design design;
-    design.vertices = pair.point.transpose();
-    design.normals = pair.normal.transpose();
+    const brute_pairs::Pair pair = brute_pairs::any_pair(random, cutter, R);
+    const Design design = brute_pairs::design_of(pair.ray);
     SurfaceOptions options;
     options.band = R;
     const Surface one = milled_surface(design, cutter, pair.motion, options);

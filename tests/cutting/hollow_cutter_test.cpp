@@ -24,6 +24,7 @@
 #include "cutting/streamed_surface.h"
 #include "cutting/surface.h"
 #include "kinematics/units.h"
+#include "tests/cutting/brute_pairs.h"
 #include "tests/cutting/random.h"
 #include "tests/cutting/stock_parts.h"
 #include "tests/oracles/brute_surface.h"
@@ -124,92 +125,9 @@ double radius_at(const Points& points, double height) {
   return most;
 }
 
-/// Two samples near a ray, both moving and turning by as much as chance has it; now and then a
-/// plunge.
-struct Pair {
-  CutterMotion motion;
-  Ray ray;
-};
-
-Pair any_pair(Random& random, const Cutter& cutter, double band) {
-  const double size = cutter.radius;
-  CutterMotion motion{
-      Eigen::MatrixX3d(2, 3), Eigen::MatrixX3d(2, 3), Eigen::Vector2d(0, 1), {1, 1}};
-  const Vector3d axis = random.once_in(3) ? Vector3d(Vector3d::UnitZ()) : random.direction();
-  const double turn = random.once_in(3) ? 0.0 : random.decades(-9, -1.0);
-  const Vector3d along = random.once_in(6)   ? axis
-                         : random.once_in(3) ? Vector3d(axis.cross(random.direction()).normalized())
-                                             : random.direction();
-  const Vector3d step = random.once_in(8) ? Vector3d(Vector3d::Zero())
-                                          : Vector3d(size * random.decades(-7, 0.5) * along);
-  motion.tip.row(0) = size * random.any();
-  motion.tip.row(1) = motion.tip.row(0) + step.transpose();
-  motion.axis.row(0) = axis;
-  motion.axis.row(1) = turn > 0 ? random.turned_evenly(axis, turn) : axis;
-  const double t = random.in(0, 1), height = random.in(-0.1, 1.1) * cutter.flank_length;
-  const Vector3d around = axis.cross(random.direction()).normalized();
-  const Vector3d place =
-      Vector3d(motion.tip.row(0)) + t * step + height * axis + size * random.in(0, 1.3) * around;
-  const Vector3d normal = random.once_in(4)   ? Vector3d(random.in(-1, 1) < 0 ? axis : -axis)
-                          : random.once_in(4) ? Vector3d(-around)
-                                              : random.direction();
-  return {motion, {place, normal, band}};
-}
-
-Design design_of(const Ray& ray) {
-  Design design;
-  design.vertices = ray.point.transpose();
-  design.normals = ray.normal.transpose();
-  return design;
-}
-
-struct Tally {
-  int pairs = 0, cut = 0, buried = 0, missed = 0, undecided = 0;
-  double late = -1e300, early = -1e300;
-};
-
-void hold_against_brute_force(const Tool& tool, unsigned seed, int pairs, Tally& tally) {
-  constexpr double promise = 1e-6, band = 2.0;  // mm
-  Random random(seed);
-  const Cutter cutter = cutter_of(tool);
-  const auto layers = layers_of(tool.points);
-  for (int n = 0; n < pairs; ++n, ++tally.pairs) {
-    const Pair pair = any_pair(random, cutter, band);
-    const Surface surface =
-        milled_surface(design_of(pair.ray), cutter, pair.motion, {.band = band, .progress = {}});
-    const auto pose = [&](int i) {
-      return oracles::BrutePose{pair.motion.tip.row(i), pair.motion.axis.row(i), double(i)};
-    };
-    const oracles::BruteHit brute =
-        oracles::brute_milled({pair.ray.point, pair.ray.normal}, layers, {pose(0), pose(1)},
-                              {.band = band, .tolerance = 1e-8, .most = 6000});
-    const VertexStatus status = surface.status[0];
-    const std::string where =
-        std::string(tool.name) + ", seed " + std::to_string(seed) + ", pair " + std::to_string(n);
-    if (brute.bound > promise) {
-      ++tally.undecided;
-    } else if (brute.begins_removed) {
-      ++tally.buried;
-      EXPECT_EQ(status, VertexStatus::Gouged) << where;
-    } else if (brute.cut) {
-      ++tally.cut;
-      ASSERT_EQ(status, VertexStatus::Cut) << where << ", brute " << brute.s;
-      tally.late = std::max(tally.late, surface.residual[0] - brute.s);
-      tally.early = std::max(tally.early, brute.s - brute.bound - surface.residual[0]);
-    } else {
-      ++tally.missed;
-      EXPECT_NE(status, VertexStatus::Cut) << where << ", " << surface.residual[0];
-    }
-  }
-  std::cout << tool.name << ": seed " << seed << ", " << cutter.outline->parts.size() << " parts, "
-            << tally.pairs << " pairs, " << tally.cut << " cut, " << tally.buried
-            << " begin removed, " << tally.missed << " not cut, " << tally.undecided
-            << " undecided by brute force; later by " << 1e6 * tally.late << " nm, earlier by "
-            << 1e6 * tally.early << " nm at most\n";
-  EXPECT_LT(tally.late, promise) << tool.name;
-  EXPECT_LT(tally.early, promise) << tool.name;
-  EXPECT_GT(tally.cut, pairs / 10) << tool.name;
-  EXPECT_LT(tally.undecided, pairs / 10) << tool.name;
+void hold_against_brute_force(const Tool& tool, unsigned seed, int pairs) {
+  brute_pairs::hold_against_brute_force(tool.name, cutter_of(tool), layers_of(tool.points),
+                                        {.seed = seed, .pairs = pairs, .most = 6000});
 }
 
 }  // namespace hollow_tools
@@ -217,26 +135,18 @@ void hold_against_brute_force(const Tool& tool, unsigned seed, int pairs, Tally&
 /// Every tool against brute force in long double: the surface of one move, moving and turning.
 TEST(HollowCutter, AgreesWithBruteForceToANanometre) {
   using namespace hollow_tools;
-  for (const Tool& tool : tools()) {
-    Tally tally;
-    hold_against_brute_force(tool, 2201, 200 * longer(50), tally);
-  }
+  for (const Tool& tool : tools()) hold_against_brute_force(tool, 2201, 200 * longer(50));
 }
 
 TEST(HollowCutter, AgreesWithBruteForceWhereItsProfileDegenerates) {
   using namespace hollow_tools;
-  for (const Tool& tool : degenerate_tools()) {
-    Tally tally;
-    hold_against_brute_force(tool, 2202, 120 * longer(30), tally);
-  }
+  for (const Tool& tool : degenerate_tools())
+    hold_against_brute_force(tool, 2202, 120 * longer(30));
 }
 
 TEST(HollowCutter, OfManyChordsAgreesWithBruteForce) {
   using namespace hollow_tools;
-  for (const Tool& tool : tools_of_chords()) {
-    Tally tally;
-    hold_against_brute_force(tool, 2203, 60 * longer(10), tally);
-  }
+  for (const Tool& tool : tools_of_chords()) hold_against_brute_force(tool, 2203, 60 * longer(10));
 }
 
 /// The parts make up the profile: inside of one of them is inside of it, and the other way round,
