@@ -384,6 +384,10 @@ std::optional<double> standing_entry(const Cutter& cutter, const Move& move, dou
   return sample.defined ? std::optional(sample.value) : std::nullopt;
 }
 
+bool holds(const Cutter& cutter, const Move& move, double t, const Vector3d& place) {
+  return signed_distance(cutter, position(move, t), place).value <= 0.0;
+}
+
 Move move_after(const CutterMotion& motion, int index) {
   const int next = std::min<int>(index + 1, int(motion.tip.rows()) - 1);
   Move move;
@@ -417,7 +421,10 @@ std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const R
       return answer.entry && answer.entry->s <= limit ? answer.entry : std::nullopt;
   }
   const MoveEnds ends = ends_of(move);
-  const EntryBounds<1> bound = entry_bounds(cutter, ends, ray);
+  MoveEight eight;
+  for (int i = 0; i < MoveEight::width; ++i) eight.put(i, cutter, ends);
+  EntryBounds bound;
+  entry_bounds(cutter, {&eight, 1}, ray, {&bound, 1});
   if (double(bound.least[0]) > limit) return std::nullopt;
   const Vector3d m(bound.m[0][0], bound.m[1][0], bound.m[2][0]);
   if (least_entry(cutter, ends, ray, m) > limit) return std::nullopt;

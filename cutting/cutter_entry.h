@@ -58,6 +58,9 @@ std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const R
 std::optional<double> standing_entry(const Cutter& cutter, const Move& move, double t,
                                      const Ray& ray);
 
+/// Whether a place (mm) lies in the cutter as it stands at instant t, 0 .. 1 of the whole move.
+bool holds(const Cutter& cutter, const Move& move, double t, const Eigen::Vector3d& place);
+
 /// How far inside the bound of a search a move has to be ruled out, so that the result does not
 /// depend on the order of the search: more than the error of first_entry.
 inline constexpr double entry_margin = 5e-8;  // mm

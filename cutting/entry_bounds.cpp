@@ -1,6 +1,7 @@
 #include "cutting/entry_bounds.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -21,15 +22,13 @@ constexpr int sharp_steps = 5;     // the same of sharp edges
 constexpr float rounded[] = {0.05f, 0.05f, 0.01f, 0.002f};  // of the radius, in each step: what
                                                             // sharp edges are rounded by
 
-template <class T>
-[[gnu::always_inline]] inline T clamped(const T& x, float low, float high) {
-  return stdx::min(stdx::max(x, T(low)), T(high));
+[[gnu::always_inline]] inline Eight clamped(const Eight& x, float low, float high) {
+  return stdx::min(stdx::max(x, Eight(low)), Eight(high));
 }
 
-/// A ray and moves, in several lanes; about the k at the start of each.
-template <class T>
+/// Rays and moves, about the k at the start of each.
 struct Pairs {
-  Triple<T> p, n, step, u, turn;
+  Vector8 p, n, step, u, turn;
 };
 
 // ---- the forms of cutters -----------------------------------------------------------------------
@@ -48,24 +47,24 @@ struct RoundedEnd {
         flank(float(cutter.flank_length)) {}
 
   bool is_sharp() const { return corner < rounded[0] * radius; }
+  int last_step() const { return is_sharp() ? sharp_steps - 1 : steps - 1; }
   float thickness(int step) const { return std::max(corner, rounded[step] * radius); }
 
-  template <class T>
-  [[gnu::always_inline]] inline LanesDistance<T> from_core(const T& x, const T& y) const {
-    const T beside = stdx::max(x - ring, T(0.0f));
-    T below = stdx::max(-y, T(0.0f));
+  [[gnu::always_inline]] inline LanesDistance<Eight> from_core(const Eight& x,
+                                                               const Eight& y) const {
+    const Eight beside = stdx::max(x - ring, Eight(0.0f));
+    Eight below = stdx::max(-y, Eight(0.0f));
     stdx::where(!(beside > 0.0f) && !(below > 0.0f), below) =
-        T(1e-9f);  // inside: out through the bottom
-    const T d = stdx::sqrt(beside * beside + below * below + tiny);
-    const T per_d = T(1.0f) / d;
-    T curvature(0.0f);
+        Eight(1e-9f);  // inside: out through the bottom
+    const Eight d = stdx::sqrt(beside * beside + below * below + tiny);
+    const Eight per_d = Eight(1.0f) / d;
+    Eight curvature(0.0f);
     stdx::where(beside > 0.0f && below > 0.0f, curvature) = per_d;
     return {d, beside * per_d, -below * per_d, curvature};
   }
-  template <class T>
-  [[gnu::always_inline]] inline Reach<T> reach_to(const T& across, const T& rise,
-                                                  const T& length) const {
-    T most = corner * length + ring * across;
+  [[gnu::always_inline]] inline Reach<Eight> reach_to(const Eight& across, const Eight& rise,
+                                                      const Eight& length) const {
+    Eight most = corner * length + ring * across;
     stdx::where(rise > 0.0f, most) = (flank - corner) * rise + radius * across;
     return {most, ring + corner * across, corner * rise};
   }
@@ -82,91 +81,86 @@ struct FormEnd {
         base(float(bottom(outline))) {}
 
   bool is_sharp() const { return outline.is_sharp; }
+  int last_step() const { return is_sharp() ? sharp_steps - 1 : steps - 1; }
   float thickness(int step) const { return is_sharp() ? rounded[step] * radius : 0.0f; }
 
-  template <class T>
-  [[gnu::always_inline]] inline LanesDistance<T> from_core(const T& x, const T& y) const {
+  [[gnu::always_inline]] inline LanesDistance<Eight> from_core(const Eight& x,
+                                                               const Eight& y) const {
     return distance(outline, x, y);
   }
-  template <class T>
-  [[gnu::always_inline]] inline Reach<T> reach_to(const T& across, const T& rise, const T&) const {
+  [[gnu::always_inline]] inline Reach<Eight> reach_to(const Eight& across, const Eight& rise,
+                                                      const Eight&) const {
     return reach(outline, across, rise);
   }
 };
 
 // ---- the first contact --------------------------------------------------------------------------
+//
+// One step follows from the one before, and waits for it: several groups of pairs take each step in
+// turn, so that what one waits for another fills.
 
-template <class T>
-struct Contact {
-  T t;
-  Triple<T> m;  // unit, from the cutter to the ray
+/// Eight pairs on their way to the first contact.
+struct Group {
+  Pairs pairs;
+  Eight s, t;  // so far
+  Vector8 m;   // unit, from the cutter to the ray, at the contact
 };
+constexpr std::size_t groups_at_once = 8;
 
 /// Where to begin: the ray up to s is outside of the cutter, and at t its foremost point against
 /// the normal passes by.
-template <class T>
-struct Start {
-  T s, t;
-};
-
-template <class T, class End>
-[[gnu::always_inline]] inline Start<T> start_of(const End& end, const Pairs<T>& pairs, float band,
-                                                float added) {
-  const auto& [p, n, step, u0, turn] = pairs;
-  const T rise0 = dot(n, u0), rise1 = rise0 + dot(n, turn);
-  const Triple<T> lateral = n - rise0 * u0;
-  const T across0 = length_of(lateral);
-  const T across1 = length_of(cross(n, u0 + turn));
-  const Reach<T> first = end.reach_to(across0, T(-rise0), T(1.0f));
-  const Reach<T> last = end.reach_to(across1, T(-rise1), T(1.0f));
-  const T along = dot(step, n);
-  const T least = stdx::min(-first.most, along - last.most) - dot(p, n);
-  const T s = clamped(T(least - added), -band, band);
-  const Triple<T> from_foremost = p + s * n + T(first.x / across0) * lateral - first.y * u0;
-  const Triple<T> step_across = step - along * n;
-  return {s, clamped(T(dot(from_foremost, step_across) / (dot(step_across, step_across) + tiny)),
-                     0.0f, 1.0f)};
+template <class End>
+[[gnu::always_inline]] inline void start(const End& end, Group& group, float band) {
+  const auto& [p, n, step, u0, turn] = group.pairs;
+  const Eight rise0 = dot(n, u0), rise1 = rise0 + dot(n, turn);
+  const Vector8 lateral = n - rise0 * u0;
+  const Eight across0 = length_of(lateral);
+  const Eight across1 = length_of(cross(n, u0 + turn));
+  const Reach<Eight> first = end.reach_to(across0, -rise0, Eight(1.0f));
+  const Reach<Eight> last = end.reach_to(across1, -rise1, Eight(1.0f));
+  const Eight along = dot(step, n);
+  const Eight least = stdx::min(-first.most, along - last.most) - dot(p, n);
+  const Eight s = clamped(least - (end.thickness(0) - end.corner), -band, band);
+  const Vector8 from_foremost = p + s * n + (first.x / across0) * lateral - first.y * u0;
+  const Vector8 step_across = step - along * n;
+  group.s = s;
+  group.t =
+      clamped(dot(from_foremost, step_across) / (dot(step_across, step_across) + tiny), 0.0f, 1.0f);
 }
 
 // Newton towards the instant at which the ray enters first: with d the distance of the place p + s
 // n from the cutter's core, m its gradient and V the velocity of the cutter there, entering at
 // ds/dt = V m / m n is least where V m = 0; d bends by the curvatures of the cutter times the
 // squares of how fast the place goes across m.
-template <class T, class End>
-[[gnu::always_inline]] inline Contact<T> contact_of(const End& end, const Pairs<T>& pairs,
-                                                    float band) {
-  const auto& [p, n, step, u0, turn] = pairs;
-  const int last = end.is_sharp() ? sharp_steps - 1 : steps - 1;
-  auto [s, t] = start_of(end, pairs, band, end.thickness(0) - end.corner);
-  Triple<T> m = T(-1.0f) * n, m_of_rounded = m;
-  for (int i = 0; i <= last; ++i) {
-    const Triple<T> u = u0 + t * turn;
-    const Triple<T> w = p + s * n - t * step;
-    const T y = dot(w, u);
-    const Triple<T> across = w - y * u;
-    const T x = length_of(across);
-    const T per_x = T(1.0f) / x;
-    const Triple<T> radial = per_x * across;
-    const LanesDistance<T> near = end.from_core(x, y);
-    m = near.radial * radial + near.axial * u;
-    if (i == steps - 1) m_of_rounded = m;
-    if (i == last) break;
-    const T per_facing = T(1.0f) / stdx::max(-dot(m, n), T(0.05f));
-    const Triple<T> v_cutter = step + y * turn - dot(across, turn) * u;
-    const T slope = -dot(v_cutter, m) * per_facing;
-    const Triple<T> v = slope * n - v_cutter;
-    const T v_around = dot(v, cross(u, radial));
-    const T v_up = dot(v, near.radial * u - near.axial * radial);
-    const T bend =
-        (v_around * v_around * near.radial * per_x + v_up * v_up * near.curvature) * per_facing;
-    const T next = clamped(T(t - slope / (bend + tiny)), 0.0f, 1.0f);
-    const T dt = next - t;
-    t = next;
-    s = clamped(
-        T(s + (near.value - end.thickness(i)) * per_facing + dt * (slope + 0.5f * bend * dt)),
-        -band, band);
-  }
-  return {t, m_of_rounded};
+template <class End>
+[[gnu::always_inline]] inline void take_step(const End& end, Group& group, float band, int i) {
+  const auto& [p, n, step, u0, turn] = group.pairs;
+  const Eight s = group.s, t = group.t;
+  const Vector8 u = u0 + t * turn;
+  const Vector8 w = p + s * n - t * step;
+  const Eight y = dot(w, u);
+  const Vector8 across = w - y * u;
+  const Eight x = length_of(across);
+  const Eight per_x = 1.0f / x;
+  const Vector8 radial = per_x * across;
+  const LanesDistance<Eight> near = end.from_core(x, y);
+  const Vector8 m = near.radial * radial + near.axial * u;
+  if (i == steps - 1) group.m = m;
+  if (i == end.last_step()) return;
+  const Eight per_facing = 1.0f / stdx::max(-dot(m, n), Eight(0.05f));
+  const Vector8 v_cutter = step + y * turn - dot(across, turn) * u;
+  const Eight slope = -dot(v_cutter, m) * per_facing;
+  const Vector8 v = slope * n - v_cutter;
+  const Eight v_around = dot(v, cross(u, radial));
+  const Eight v_up = dot(v, near.radial * u - near.axial * radial);
+  const Eight bend =
+      (v_around * v_around * near.radial * per_x + v_up * v_up * near.curvature) * per_facing;
+  const Eight next = clamped(t - slope / (bend + tiny), 0.0f, 1.0f);
+  const Eight dt = next - t;
+  group.t = next;
+  group.s =
+      clamped(s + (near.value - end.thickness(i)) * per_facing + dt * (slope + 0.5f * bend * dt),
+              -band, band);
 }
 
 // Rounding as of a move in sweep_bounds.cpp, with k at the origin and the band for how far the ray
@@ -174,65 +168,72 @@ template <class T, class End>
 // not touch.
 
 /// No place of the ray before it is removed: the plane across m touches all cutters of the move.
-template <class T, class End>
-[[gnu::always_inline]] inline T least_of(const End& end, const Pairs<T>& pairs, float band,
-                                         const Triple<T>& m0) {
-  const auto& [p, n, step, u0, turn] = pairs;
-  const T toward = stdx::max(dot(m0, n), T(0.0f));
-  const Triple<T> m = m0 - toward * n;
-  const T length = length_of(m);
-  const Triple<T> u1 = u0 + turn;
-  const T rise0 = dot(m, u0), rise1 = dot(m, u1);
-  const T most =
+template <class End>
+[[gnu::always_inline]] inline Eight least_of(const End& end, const Group& group, float band) {
+  const auto& [p, n, step, u0, turn] = group.pairs;
+  const Vector8& m0 = group.m;
+  const Eight toward = stdx::max(dot(m0, n), Eight(0.0f));
+  const Vector8 m = m0 - toward * n;
+  const Eight length = length_of(m);
+  const Vector8 u1 = u0 + turn;
+  const Eight rise0 = dot(m, u0), rise1 = dot(m, u1);
+  const Eight most =
       stdx::max(end.reach_to(length_of(cross(m, u0)), rise0, length).most,
                 dot(m, step) + end.reach_to(length_of(cross(m, u1)), rise1, length).most);
-  T arm(end.radius);
-  stdx::where(stdx::max(rise0, rise1) > 0.0f, arm) = T(end.radius + end.flank);
-  const T sag = arm * (0.13f * dot(turn, turn)) * length;
-  const T far = stdx::abs(p.x) + stdx::abs(p.y) + stdx::abs(p.z) + stdx::abs(step.x) +
-                stdx::abs(step.y) + stdx::abs(step.z) + band + arm + end.base;
-  const T gap = dot(m, p) - most - sag - rounding * far * (length + toward);
-  const T facing = -dot(m, n);
-  const T s = gap / facing;
-  T least = s - 4e-7f * stdx::abs(s);
+  Eight arm(end.radius);
+  stdx::where(stdx::max(rise0, rise1) > 0.0f, arm) = Eight(end.radius + end.flank);
+  const Eight sag = arm * (0.13f * dot(turn, turn)) * length;
+  const Eight far = stdx::abs(p.x) + stdx::abs(p.y) + stdx::abs(p.z) + stdx::abs(step.x) +
+                    stdx::abs(step.y) + stdx::abs(step.z) + band + arm + end.base;
+  const Eight gap = dot(m, p) - most - sag - rounding * far * (length + toward);
+  const Eight facing = -dot(m, n);
+  const Eight s = gap / facing;
+  Eight least = s - 4e-7f * stdx::abs(s);
   const auto beside = !(facing > edge_on * length);
-  stdx::where(beside, least) = T(-1e30f);
-  stdx::where(beside && gap > stdx::max(facing, T(0.0f)) * band, least) = T(1e30f);
+  stdx::where(beside, least) = Eight(-1e30f);
+  stdx::where(beside && gap > stdx::max(facing, Eight(0.0f)) * band, least) = Eight(1e30f);
   return least;
 }
 
-template <class T>
-struct Bounds {
-  T least, part;
-  Triple<T> m;
-};
+// ---- groups -------------------------------------------------------------------------------------
 
-template <class T, class End>
-Bounds<T> bounds_of_end(const End& end, const Pairs<T>& pairs, float band) {
-  const Contact<T> contact = contact_of(end, pairs, band);
-  return {least_of(end, pairs, band, contact.m), contact.t, contact.m};
+template <class End>
+void bound(const End& end, std::span<Group> groups, float band, std::span<EntryBounds> bounds) {
+  for (Group& group : groups) start(end, group, band);
+  for (int i = 0; i <= end.last_step(); ++i)
+    for (Group& group : groups) take_step(end, group, band, i);
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    least_of(end, groups[g], band).copy_to(bounds[g].least, stdx::vector_aligned);
+    groups[g].t.copy_to(bounds[g].part, stdx::vector_aligned);
+    groups[g].m.x.copy_to(bounds[g].m[0], stdx::vector_aligned);
+    groups[g].m.y.copy_to(bounds[g].m[1], stdx::vector_aligned);
+    groups[g].m.z.copy_to(bounds[g].m[2], stdx::vector_aligned);
+  }
 }
 
-template <class T>
-Bounds<T> bounds_of(const Cutter& cutter, const Pairs<T>& pairs, double band) {
-  return cutter.outline ? bounds_of_end(FormEnd(cutter), pairs, float(band))
-                        : bounds_of_end(RoundedEnd(cutter), pairs, float(band));
+Pairs pairs_of(const MoveEight& moves, const Ray& ray) {
+  alignas(32) float p[3][MoveEight::width], n[3];
+  for (int d = 0; d < 3; ++d) {
+    for (int i = 0; i < MoveEight::width; ++i) p[d][i] = float(ray.point[d] - moves.k[d][i]);
+    n[d] = float(ray.normal[d]);
+  }
+  return {load(p), spread(n), load(moves.step), load(moves.u), load(moves.turn)};
 }
 
-// ---- lanes --------------------------------------------------------------------------------------
-
-template <int n>
-using Lanes = stdx::simd<float, stdx::simd_abi::deduce_t<float, n>>;
-
-template <int n>
-Triple<Lanes<n>> lanes(const float (&v)[3][n]) {
-  const auto at = [](const float* values) { return Lanes<n>(values, stdx::element_aligned); };
-  return {at(v[0]), at(v[1]), at(v[2])};
-}
-
-template <class T>
-Triple<T> in_all(const Vector3d& v) {
-  return {T(float(v.x())), T(float(v.y())), T(float(v.z()))};
+/// @param pairs  of index g: the eight that bounds[g] are of
+template <class PairsAt>
+void bound_all(const Cutter& cutter, double band, std::span<EntryBounds> bounds,
+               const PairsAt& pairs) {
+  std::array<Group, groups_at_once> groups;
+  for (std::size_t first = 0; first < bounds.size(); first += groups_at_once) {
+    const std::size_t count = std::min(groups_at_once, bounds.size() - first);
+    for (std::size_t g = 0; g < count; ++g) groups[g].pairs = pairs(first + g);
+    const std::span<Group> some(groups.data(), count);
+    if (cutter.outline)
+      bound(FormEnd(cutter), some, float(band), bounds.subspan(first, count));
+    else
+      bound(RoundedEnd(cutter), some, float(band), bounds.subspan(first, count));
+  }
 }
 
 }  // namespace
@@ -262,8 +263,7 @@ double least_entry(const Cutter& cutter, const MoveEnds& move, const Ray& ray, c
   return gap > std::max(0.0, facing) * ray.band ? everywhere : -everywhere;
 }
 
-template <int n>
-void MoveLanes<n>::put(int lane, const Cutter& cutter, const MoveEnds& ends) {
+void MoveEight::put(int lane, const Cutter& cutter, const MoveEnds& ends) {
   const Vector3d middle = ends.tip + cutter.corner_radius * ends.axis;
   const Vector3d last = ends.tip + ends.step + cutter.corner_radius * (ends.axis + ends.turn);
   for (int d = 0; d < 3; ++d) {
@@ -274,32 +274,16 @@ void MoveLanes<n>::put(int lane, const Cutter& cutter, const MoveEnds& ends) {
   }
 }
 
-template <int n>
-EntryBounds<n> entry_bounds(const Cutter& cutter, const MoveLanes<n>& moves, const Ray& ray) {
-  alignas(32) float p[3][n];
-  for (int d = 0; d < 3; ++d)
-    for (int i = 0; i < n; ++i) p[d][i] = float(ray.point[d] - moves.k[d][i]);
-  const Pairs<Lanes<n>> pairs{lanes(p), in_all<Lanes<n>>(ray.normal), lanes(moves.step),
-                              lanes(moves.u), lanes(moves.turn)};
-  const Bounds<Lanes<n>> found = bounds_of(cutter, pairs, ray.band);
-  EntryBounds<n> bounds;
-  found.least.copy_to(bounds.least, stdx::element_aligned);
-  found.part.copy_to(bounds.part, stdx::element_aligned);
-  found.m.x.copy_to(bounds.m[0], stdx::element_aligned);
-  found.m.y.copy_to(bounds.m[1], stdx::element_aligned);
-  found.m.z.copy_to(bounds.m[2], stdx::element_aligned);
-  return bounds;
+void entry_bounds(const Cutter& cutter, std::span<const MoveEight> moves, const Ray& ray,
+                  std::span<EntryBounds> bounds) {
+  bound_all(cutter, ray.band, bounds, [&](std::size_t g) { return pairs_of(moves[g], ray); });
 }
 
-EntryBounds<1> entry_bounds(const Cutter& cutter, const MoveEnds& move, const Ray& ray) {
-  MoveLanes<1> one;
-  one.put(0, cutter, move);
-  return entry_bounds(cutter, one, ray);
+void entry_bounds(const Cutter& cutter, const MoveEight& moves, std::span<const Ray> rays,
+                  std::span<EntryBounds> bounds) {
+  if (rays.empty()) return;
+  bound_all(cutter, rays.front().band, bounds,
+            [&](std::size_t g) { return pairs_of(moves, rays[g]); });
 }
-
-template struct MoveLanes<8>;
-template struct MoveLanes<16>;
-template EntryBounds<8> entry_bounds(const Cutter&, const MoveLanes<8>&, const Ray&);
-template EntryBounds<16> entry_bounds(const Cutter&, const MoveLanes<16>&, const Ray&);
 
 }  // namespace abbe::cutting

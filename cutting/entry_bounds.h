@@ -1,5 +1,7 @@
 #pragma once
 
+#include <span>
+
 #include "cutting/cutter_entry.h"
 
 /// Any cutter, several moves at a time against a ray, in single precision: about when it is entered
@@ -13,36 +15,37 @@ struct MoveEnds {
 };
 MoveEnds ends_of(const Move& move);
 
-/// Moves by the centre k of the corner circle's plane and the axis u; 8 or 16.
-template <int lanes>
-struct alignas(32) MoveLanes {
-  double k[3][lanes];    ///< mm, at the start
-  float step[3][lanes];  ///< mm, of k
-  float u[3][lanes];     ///< at the start
-  float turn[3][lanes];  ///< of u
+/// Eight moves by the centre k of the corner circle's plane and the axis u.
+struct alignas(32) MoveEight {
+  static constexpr int width = 8;
+  double k[3][width];    ///< mm, at the start
+  float step[3][width];  ///< mm, of k
+  float u[3][width];     ///< at the start
+  float turn[3][width];  ///< of u
 
   void put(int lane, const Cutter& cutter, const MoveEnds& move);
 };
 
-template <int lanes>
 struct alignas(32) EntryBounds {
-  float least[lanes];  ///< mm along the ray, no more than the entry; -1e30: not known, 1e30: missed
-  float part[lanes];   ///< 0 .. 1, about when it is entered first, of the move from `from` to `to`
-  float m[3][lanes];   ///< from the cutter to the ray there, unit
+  static constexpr int width = MoveEight::width;
+  float least[width];  ///< mm along the ray, no more than the entry; -1e30: not known, 1e30: missed
+  float part[width];   ///< 0 .. 1, about when it is entered first, of the move from `from` to `to`
+  float m[3][width];   ///< from the cutter to the ray there, unit
 };
 
-/// A lane depends on its own move alone, bit for bit, however many there are.
-template <int lanes>
-EntryBounds<lanes> entry_bounds(const Cutter& cutter, const MoveLanes<lanes>& moves,
-                                const Ray& ray);
+/// A lane depends on its own move and ray alone, bit for bit.
+/// @param bounds  (moves)
+void entry_bounds(const Cutter& cutter, std::span<const MoveEight> moves, const Ray& ray,
+                  std::span<EntryBounds> bounds);
+/// The same of rays that all have one band.
+/// @param bounds  (rays)
+void entry_bounds(const Cutter& cutter, const MoveEight& moves, std::span<const Ray> rays,
+                  std::span<EntryBounds> bounds);
 
 /// mm along the ray, no more than the entry, in double precision, where moves that lie closer than
 /// the others can distinguish follow each other: by the plane across m that touches the cutter at
 /// both ends. -infinity where the ray runs along that plane, infinity where it passes by.
 double least_entry(const Cutter& cutter, const MoveEnds& move, const Ray& ray,
                    const Eigen::Vector3d& m);
-
-/// Of one move.
-EntryBounds<1> entry_bounds(const Cutter& cutter, const MoveEnds& move, const Ray& ray);
 
 }  // namespace abbe::cutting

@@ -259,7 +259,8 @@ const SweepTree::Hint::Bounded& SweepTree::bounded(int leaf, Hint& hint) const {
 template <class Wanted>
 void SweepTree::search_bounded(int leaf, unsigned open, Wanted& wanted) const {
   const Hint::Bounded& moves = bounded(leaf, wanted.hint);
-  const EntryBounds<width> bounds = entry_bounds(cutter_, moves.lanes, wanted.ray);
+  EntryBounds bounds;
+  entry_bounds(cutter_, {&moves.lanes, 1}, wanted.ray, {&bounds, 1});
   std::array<double, width> least;
   const auto keep_open = [&] {
     for (unsigned left = open; left != 0; left &= left - 1) {
@@ -390,24 +391,37 @@ class StandingBall {
 class MetOfEight {
  public:
   MetOfEight(const Cutter& cutter, std::span<const Move> moves) : cutter_(cutter), moves_(moves) {
-    for (int k = 0; k < 8; ++k)
+    for (int k = 0; k < MoveEight::width; ++k)
       eight_.put(k, cutter,
                  ends_of(moves[std::min<std::size_t>(std::size_t(k), moves.size() - 1)]));
   }
 
-  double met(const Ray& ray) const {
-    const EntryBounds<8> bounds = entry_bounds(cutter_, eight_, ray);
-    const auto least = std::min_element(bounds.least, bounds.least + moves_.size());
-    const std::size_t k = std::size_t(least - bounds.least);
-    const Move& move = moves_[k];
-    const double t = move.from + double(bounds.part[k]) * (move.to - move.from);
-    return standing_entry(cutter_, move, t, ray).value_or(ray.band);
+  /// @param use  of a ray's number and where it is met, mm along it; the end of the band if not
+  template <class Use>
+  void each(std::span<const Ray> rays, const Use& use) const {
+    std::array<EntryBounds, 8> bounds;
+    for (std::size_t first = 0; first < rays.size(); first += bounds.size()) {
+      const std::size_t count = std::min(bounds.size(), rays.size() - first);
+      entry_bounds(cutter_, eight_, rays.subspan(first, count), {bounds.data(), count});
+      for (std::size_t i = 0; i < count; ++i) use(first + i, met(rays[first + i], bounds[i]));
+    }
   }
 
  private:
+  /// A little beyond the least bound the ray is in that cutter, mostly.
+  double met(const Ray& ray, const EntryBounds& bounds) const {
+    const float* least = std::min_element(bounds.least, bounds.least + moves_.size());
+    const std::size_t k = std::size_t(least - bounds.least);
+    const Move& move = moves_[k];
+    const double t = move.from + double(bounds.part[k]) * (move.to - move.from);
+    const double s = double(*least) + 1e-4 * cutter_.radius;
+    if (std::abs(s) < ray.band && holds(cutter_, move, t, ray.point + s * ray.normal)) return s;
+    return standing_entry(cutter_, move, t, ray).value_or(ray.band);
+  }
+
   const Cutter& cutter_;
   std::span<const Move> moves_;
-  MoveLanes<8> eight_;
+  MoveEight eight_;
 };
 
 /// A box along given axes.
@@ -430,15 +444,18 @@ struct Box {
 void SweepTree::lower(std::span<double> limits, std::span<const Ray> rays, int item, double t,
                       Hint& hint) const {
   constexpr double more = 1e-6;  // mm, against rounding
-  const auto lower_to = [&](const auto& cutter) {
-    for (std::size_t i = 0; i < rays.size(); ++i)
-      limits[i] = std::min(limits[i], cutter.met(rays[i]) + more);
+  const auto lower_to = [&](std::size_t i, double met) {
+    limits[i] = std::min(limits[i], met + more);
   };
-  if (is_ball(cutter_)) return lower_to(StandingBall(cutter_, move_of(item, hint), t));
+  if (is_ball(cutter_)) {
+    const StandingBall ball(cutter_, move_of(item, hint), t);
+    for (std::size_t i = 0; i < rays.size(); ++i) lower_to(i, ball.met(rays[i]));
+    return;
+  }
   const int first = item / width * width;
   std::vector<Move> moves(std::min(width, int(items_.size()) - first));
   for (std::size_t k = 0; k < moves.size(); ++k) moves[k] = move_of(first + int(k), hint);
-  lower_to(MetOfEight(cutter_, moves));
+  MetOfEight(cutter_, moves).each(rays, lower_to);
 }
 
 /// mm along each ray, not before it meets its first removal; nothing where one of them starts in
@@ -530,17 +547,18 @@ bool SweepTree::gather_near(const PatchStretch& rays, Near& near, Hint& hint) co
 
 void SweepTree::search_near(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                             const Near& near, Hint& hint) const {
-  constexpr int lanes = 16, room = (Near::room + lanes - 1) / lanes;
+  constexpr int lanes = MoveEight::width, room = (Near::room + lanes - 1) / lanes;
   const int count = (near.count + lanes - 1) / lanes;
-  std::array<MoveLanes<lanes>, room> moves;
+  std::array<MoveEight, room> moves;
   std::array<MoveEnds, Near::room> ends;
   for (int k = 0; k < near.count; ++k) ends[k] = ends_of(near.moves[k]);
   for (int k = 0; k < count * lanes; ++k)
     moves[k / lanes].put(k % lanes, cutter_, ends[std::min(k, near.count - 1)]);
-  std::array<EntryBounds<lanes>, room> bounds;
+  std::array<EntryBounds, room> bounds;
   for (std::size_t i = 0; i < rays.size(); ++i) {
     const Ray& ray = rays[i];
-    for (int l = 0; l < count; ++l) bounds[l] = entry_bounds(cutter_, moves[l], ray);
+    entry_bounds(cutter_, {moves.data(), std::size_t(count)}, ray,
+                 {bounds.data(), std::size_t(count)});
     const auto least = [&](int k) { return bounds[k / lanes].least[k % lanes]; };
     First search;
     const auto attempt = [&](int k) {

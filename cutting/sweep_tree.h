@@ -33,7 +33,7 @@ class SweepTree {
     /// The moves of a leaf, as they are bounded.
     struct Bounded {
       int leaf = -1;
-      MoveLanes<SweepLeaf::width> lanes;
+      MoveEight lanes;
       std::array<MoveEnds, SweepLeaf::width> ends;
     };
     int item = -1;

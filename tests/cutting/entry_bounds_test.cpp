@@ -38,7 +38,7 @@ TEST(EntryBounds, AreNoMoreThanTheEntry) {
   for (int n = 0; n < 40000 * longer(20); ++n) {
     const Cutter cutter = entry_bounds_cases::any_cutter(random);
     const double R = cutter.radius;
-    MoveLanes<8> eight;
+    MoveEight eight;
     std::array<Move, 8> moves;
     for (int i = 0; i < 8; ++i) {
       moves[std::size_t(i)] = any_move(random, R, [&] { return random.direction(); });
@@ -46,7 +46,8 @@ TEST(EntryBounds, AreNoMoreThanTheEntry) {
     }
     const Ray ray{R * random.decades(-6, 0.3) * random.any(), random.direction(),
                   R * random.decades(-3, 0.3)};
-    const EntryBounds<8> bounds = entry_bounds(cutter, eight, ray);
+    EntryBounds bounds;
+    entry_bounds(cutter, {&eight, 1}, ray, {&bounds, 1});
     for (std::size_t i = 0; i < 8; ++i) {
       ++tried;
       const EntryBounds<1> one = entry_bounds(cutter, ends_of(moves[i]), ray);
