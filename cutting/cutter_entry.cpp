@@ -124,15 +124,16 @@ std::optional<Hit> outline_entry(const ToolOutline& outline, const LocalRay& ray
 }
 
 /// Where the whole line of the ray enters the cutter.
+/// @param least  before which it does not
 std::optional<Hit> entry_at(const Cutter& cutter, const Position& at, const Vector3d& point,
-                            const Vector3d& normal) {
+                            const Vector3d& normal, double least) {
   const LocalRay ray(at, point, normal);
   const Interval cylinder = within_cylinder(ray, cutter.radius);
   const Interval slab = within_slab(ray, cutter.flank_length);
   const double s = std::max(cylinder.in, slab.in);
   const double out = std::min(cylinder.out, slab.out);
   if (!(s <= out)) return std::nullopt;
-  if (cutter.outline) return outline_entry(*cutter.outline, ray, s);
+  if (cutter.outline) return outline_entry(*cutter.outline, ray, std::max(s, least));
   const bool through_end = slab.in >= cylinder.in;
   if (through_end && ray.dh < 0) return Hit{s, at.axis};
   const double ring = cutter.radius - cutter.corner_radius;
@@ -151,7 +152,7 @@ std::optional<Hit> entry_at(const Cutter& cutter, const Position& at, const Vect
     if (in > out) return std::nullopt;
     return Hit{in, (w + in * normal) / cutter.radius};
   }
-  return corner_entry(cutter, ray, s, out);
+  return corner_entry(cutter, ray, std::max(s, least), out);
 }
 
 /// Convex function of the place: distance from the cutter, or less beside sharp edges; negative
@@ -195,8 +196,13 @@ SignedDistance signed_distance(const Cutter& cutter, const Position& at, const V
 
 class Sweep {
  public:
-  Sweep(const Cutter& cutter, const Move& move, const Ray& ray)
-      : cutter_(cutter), move_(move), ray_(ray), omega_(move.angle * move.axis.cross(move.side)) {
+  /// @param least  before which the ray enters the cutter at no instant
+  Sweep(const Cutter& cutter, const Move& move, const Ray& ray, double least = -infinity)
+      : cutter_(cutter),
+        move_(move),
+        ray_(ray),
+        least_(least),
+        omega_(move.angle * move.axis.cross(move.side)) {
     const double place =
         std::max({ray.point.lpNorm<Eigen::Infinity>(), move.tip.lpNorm<Eigen::Infinity>(),
                   move.step.lpNorm<Eigen::Infinity>(), ray.band});
@@ -208,7 +214,7 @@ class Sweep {
   Sample entry(double t) const {
     Sample sample = undefined_at(t);
     const Position at = position(move_, t);
-    const std::optional<Hit> hit = entry_at(cutter_, at, ray_.point, ray_.normal);
+    const std::optional<Hit> hit = entry_at(cutter_, at, ray_.point, ray_.normal, least_);
     if (!hit) return sample;
     if (hit->s <= -ray_.band) {
       sample.defined =
@@ -372,6 +378,7 @@ class Sweep {
   const Cutter& cutter_;
   const Move& move_;
   const Ray& ray_;
+  double least_;     // mm along the ray
   Vector3d omega_;   // rad per unit t
   double rounding_;  // mm, of a point seen from the tip: an ulp or two of the coordinates
 };
@@ -428,13 +435,13 @@ std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const R
   if (double(bound.least[0]) > limit) return std::nullopt;
   const Vector3d m(bound.m[0][0], bound.m[1][0], bound.m[2][0]);
   if (least_entry(cutter, ends, ray, m) > limit) return std::nullopt;
-  return first_entry(cutter, move, ray, limit, bound.part[0]);
+  return first_entry(cutter, move, ray, limit, bound.part[0], bound.least[0]);
 }
 
 std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
-                                 double limit, float part) {
+                                 double limit, float part, float least) {
   const double about = move.from + double(part) * (move.to - move.from);
-  const Sample sample = Sweep(cutter, move, ray).first(limit, about);
+  const Sample sample = Sweep(cutter, move, ray, double(least)).first(limit, about);
   if (!sample.defined || sample.value > limit) return std::nullopt;
   return Entry{sample.value, sample.t};
 }

@@ -50,8 +50,9 @@ std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const R
 
 /// The same of any cutter but a ball end, or of one where the other does without it.
 /// @param part  of the move's `EntryBounds`
+/// @param least  the same, or any place before which the ray does not enter
 std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
-                                 double limit, float part);
+                                 double limit, float part, float least);
 
 /// Where the ray meets the cutter as it stands at instant t (0 .. 1 of the whole move); -band if it
 /// starts there.

@@ -167,9 +167,16 @@ template <class End>
 // goes. What is farther from k along m than `arm`, and what the bottom has below, the plane does
 // not touch.
 
-/// No place of the ray before it is removed: the plane across m touches all cutters of the move.
+/// Through what touches all cutters of a move, turned so that no place of the ray before it is
+/// removed.
+struct Plane {
+  Vector8 m;
+  Eight length;
+  Eight gap;  // times the length: of the ray's point, at least
+};
+
 template <class End>
-[[gnu::always_inline]] inline Eight least_of(const End& end, const Group& group, float band) {
+[[gnu::always_inline]] inline Plane plane_of(const End& end, const Group& group, float band) {
   const auto& [p, n, step, u0, turn] = group.pairs;
   const Vector8& m0 = group.m;
   const Eight toward = stdx::max(dot(m0, n), Eight(0.0f));
@@ -185,30 +192,30 @@ template <class End>
   const Eight sag = arm * (0.13f * dot(turn, turn)) * length;
   const Eight far = stdx::abs(p.x) + stdx::abs(p.y) + stdx::abs(p.z) + stdx::abs(step.x) +
                     stdx::abs(step.y) + stdx::abs(step.z) + band + arm + end.base;
-  const Eight gap = dot(m, p) - most - sag - rounding * far * (length + toward);
-  const Eight facing = -dot(m, n);
-  const Eight s = gap / facing;
+  return {m, length, dot(m, p) - most - sag - rounding * far * (length + toward)};
+}
+
+/// How far the ray comes up to a plane.
+[[gnu::always_inline]] inline Eight least_before(const Plane& plane, const Vector8& n, float band) {
+  const Eight facing = -dot(plane.m, n);
+  const Eight s = plane.gap / facing;
   Eight least = s - 4e-7f * stdx::abs(s);
-  const auto beside = !(facing > edge_on * length);
+  const auto beside = !(facing > edge_on * plane.length);
   stdx::where(beside, least) = Eight(-1e30f);
-  stdx::where(beside && gap > stdx::max(facing, Eight(0.0f)) * band, least) = Eight(1e30f);
+  stdx::where(beside && plane.gap > stdx::max(facing, Eight(0.0f)) * band, least) = Eight(1e30f);
   return least;
 }
 
 // ---- groups -------------------------------------------------------------------------------------
 
-template <class End>
-void bound(const End& end, std::span<Group> groups, float band, std::span<EntryBounds> bounds) {
+template <class End, class Use>
+[[gnu::always_inline]] inline void plane_all(const End& end, std::span<Group> groups, float band,
+                                             float around, const Use& use) {
   for (Group& group : groups) start(end, group, band);
   for (int i = 0; i <= end.last_step(); ++i)
     for (Group& group : groups) take_step(end, group, band, i);
-  for (std::size_t g = 0; g < groups.size(); ++g) {
-    least_of(end, groups[g], band).copy_to(bounds[g].least, stdx::vector_aligned);
-    groups[g].t.copy_to(bounds[g].part, stdx::vector_aligned);
-    groups[g].m.x.copy_to(bounds[g].m[0], stdx::vector_aligned);
-    groups[g].m.y.copy_to(bounds[g].m[1], stdx::vector_aligned);
-    groups[g].m.z.copy_to(bounds[g].m[2], stdx::vector_aligned);
-  }
+  for (std::size_t g = 0; g < groups.size(); ++g)
+    use(g, groups[g], plane_of(end, groups[g], band + around));
 }
 
 Pairs pairs_of(const MoveEight& moves, const Ray& ray) {
@@ -220,20 +227,44 @@ Pairs pairs_of(const MoveEight& moves, const Ray& ray) {
   return {load(p), spread(n), load(moves.step), load(moves.u), load(moves.turn)};
 }
 
-/// @param pairs  of index g: the eight that bounds[g] are of
+void store(const Vector8& v, float (&to)[3][MoveEight::width]) {
+  v.x.copy_to(to[0], stdx::vector_aligned);
+  v.y.copy_to(to[1], stdx::vector_aligned);
+  v.z.copy_to(to[2], stdx::vector_aligned);
+}
+
+/// The planes of `count` eights of pairs.
+/// @param pairs  of index g: those of the eight
+/// @param use  of index, group and plane
+template <class PairsAt, class Use>
+[[gnu::always_inline]] inline void plane_all(const Cutter& cutter, std::size_t count, double band,
+                                             double around, const PairsAt& pairs, const Use& use) {
+  std::array<Group, groups_at_once> groups;
+  for (std::size_t first = 0; first < count; first += groups_at_once) {
+    const std::span<Group> some(groups.data(), std::min(groups_at_once, count - first));
+    for (std::size_t g = 0; g < some.size(); ++g) some[g].pairs = pairs(first + g);
+    const auto use_one = [&](std::size_t g, const Group& group, const Plane& plane)
+        __attribute__((always_inline)) {
+      use(first + g, group, plane);
+    };
+    if (cutter.outline)
+      plane_all(FormEnd(cutter), some, float(band), float(around), use_one);
+    else
+      plane_all(RoundedEnd(cutter), some, float(band), float(around), use_one);
+  }
+}
+
 template <class PairsAt>
 void bound_all(const Cutter& cutter, double band, std::span<EntryBounds> bounds,
                const PairsAt& pairs) {
-  std::array<Group, groups_at_once> groups;
-  for (std::size_t first = 0; first < bounds.size(); first += groups_at_once) {
-    const std::size_t count = std::min(groups_at_once, bounds.size() - first);
-    for (std::size_t g = 0; g < count; ++g) groups[g].pairs = pairs(first + g);
-    const std::span<Group> some(groups.data(), count);
-    if (cutter.outline)
-      bound(FormEnd(cutter), some, float(band), bounds.subspan(first, count));
-    else
-      bound(RoundedEnd(cutter), some, float(band), bounds.subspan(first, count));
-  }
+  plane_all(
+      cutter, bounds.size(), band, 0.0, pairs,
+      [&](std::size_t g, const Group& group, const Plane& plane) __attribute__((always_inline)) {
+        least_before(plane, group.pairs.n, float(band))
+            .copy_to(bounds[g].least, stdx::vector_aligned);
+        group.t.copy_to(bounds[g].part, stdx::vector_aligned);
+        store(group.m, bounds[g].m);
+      });
 }
 
 }  // namespace
@@ -274,6 +305,15 @@ void MoveEight::put(int lane, const Cutter& cutter, const MoveEnds& ends) {
   }
 }
 
+void MoveEight::put(int lane, const MoveEight& other, int its_lane) {
+  for (int d = 0; d < 3; ++d) {
+    k[d][lane] = other.k[d][its_lane];
+    step[d][lane] = other.step[d][its_lane];
+    u[d][lane] = other.u[d][its_lane];
+    turn[d][lane] = other.turn[d][its_lane];
+  }
+}
+
 void entry_bounds(const Cutter& cutter, std::span<const MoveEight> moves, const Ray& ray,
                   std::span<EntryBounds> bounds) {
   bound_all(cutter, ray.band, bounds, [&](std::size_t g) { return pairs_of(moves[g], ray); });
@@ -284,6 +324,31 @@ void entry_bounds(const Cutter& cutter, const MoveEight& moves, std::span<const 
   if (rays.empty()) return;
   bound_all(cutter, rays.front().band, bounds,
             [&](std::size_t g) { return pairs_of(moves, rays[g]); });
+}
+
+void move_planes(const Cutter& cutter, std::span<const MoveEight> moves, const Ray& ray,
+                 double around, std::span<MovePlanes> planes) {
+  plane_all(
+      cutter, moves.size(), ray.band, around,
+      [&](std::size_t g) { return pairs_of(moves[g], ray); },
+      [&](std::size_t g, const Group&, const Plane& plane) __attribute__((always_inline)) {
+        store(plane.m, planes[g].m);
+        plane.gap.copy_to(planes[g].gap, stdx::vector_aligned);
+      });
+}
+
+unsigned open_before(const MovePlanes& planes, const Vector3d& middle, const Ray& ray,
+                     double limit) {
+  float aside[3], n[3];
+  for (int d = 0; d < 3; ++d) {
+    aside[d] = float(ray.point[d] - middle[d]);
+    n[d] = float(ray.normal[d]);
+  }
+  const Vector8 m = load(planes.m);
+  const Eight gap = load(planes.gap) + dot(m, spread(aside));
+  const Eight along = dot(m, spread(n));
+  const Eight at_start = gap - float(ray.band) * along, at_end = gap + float(limit) * along;
+  return bits(!(stdx::min(at_start, at_end) > 0.0f));
 }
 
 }  // namespace abbe::cutting

@@ -24,6 +24,7 @@ struct alignas(32) MoveEight {
   float turn[3][width];  ///< of u
 
   void put(int lane, const Cutter& cutter, const MoveEnds& move);
+  void put(int lane, const MoveEight& other, int its_lane);
 };
 
 struct alignas(32) EntryBounds {
@@ -41,6 +42,22 @@ void entry_bounds(const Cutter& cutter, std::span<const MoveEight> moves, const 
 /// @param bounds  (rays)
 void entry_bounds(const Cutter& cutter, const MoveEight& moves, std::span<const Ray> rays,
                   std::span<EntryBounds> bounds);
+
+/// Planes that have all of eight moves behind them, m away from the cutters.
+struct alignas(32) MovePlanes {
+  float m[3][MoveEight::width];
+  float gap[MoveEight::width];  ///< mm times |m|, of the point of a ray in front of the plane
+};
+/// Those that touch the moves where `ray` enters first, good for rays beside it of the same band:
+/// their points are no farther from its point than `around` (mm, the sum of three coordinates).
+/// @param planes  (moves)
+void move_planes(const Cutter& cutter, std::span<const MoveEight> moves, const Ray& ray,
+                 double around, std::span<MovePlanes> planes);
+
+/// Bit i is set unless `ray` enters move i nowhere before `limit` (mm along it, within the band).
+/// @param middle  the point of the ray that the planes are of
+unsigned open_before(const MovePlanes& planes, const Eigen::Vector3d& middle, const Ray& ray,
+                     double limit);
 
 /// mm along the ray, no more than the entry, in double precision, where moves that lie closer than
 /// the others can distinguish follow each other: by the plane across m that touches the cutter at

@@ -285,7 +285,9 @@ void SweepTree::search_bounded(int leaf, unsigned open, Wanted& wanted) const {
     const int item = leaf * width + int(next);
     if (item == wanted.done_item) continue;
     const Move& move = move_of(item, wanted.hint);
-    take(first_entry(cutter_, move, wanted.ray, wanted.limit(), bounds.part[next]), item, wanted);
+    take(first_entry(cutter_, move, wanted.ray, wanted.limit(), bounds.part[next],
+                     bounds.least[next]),
+         item, wanted);
   }
 }
 
@@ -357,6 +359,21 @@ struct SweepTree::Near {
   int count = 0;
   std::array<int, room> items;
   std::array<Move, room> moves;
+};
+
+/// The same as they are bounded.
+struct SweepTree::NearEights {
+  static constexpr int width = MoveEight::width, room = (Near::room + width - 1) / width;
+  std::array<MoveEnds, Near::room> ends;
+  std::array<MoveEight, room> eights;
+  std::size_t count;  // of eights
+
+  NearEights(const Cutter& cutter, const Near& near)
+      : count(std::size_t(near.count + width - 1) / width) {
+    for (int k = 0; k < near.count; ++k) ends[k] = ends_of(near.moves[k]);
+    for (int k = 0; k < int(count) * width; ++k)
+      eights[k / width].put(k % width, cutter, ends[std::min(k, near.count - 1)]);
+  }
 };
 
 namespace {
@@ -545,50 +562,78 @@ bool SweepTree::gather_near(const PatchStretch& rays, Near& near, Hint& hint) co
   return true;
 }
 
-void SweepTree::search_near(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
-                            const Near& near, Hint& hint) const {
-  constexpr int lanes = MoveEight::width, room = (Near::room + lanes - 1) / lanes;
-  const int count = (near.count + lanes - 1) / lanes;
-  std::array<MoveEight, room> moves;
-  std::array<MoveEnds, Near::room> ends;
-  for (int k = 0; k < near.count; ++k) ends[k] = ends_of(near.moves[k]);
-  for (int k = 0; k < count * lanes; ++k)
-    moves[k / lanes].put(k % lanes, cutter_, ends[std::min(k, near.count - 1)]);
-  std::array<EntryBounds, room> bounds;
-  for (std::size_t i = 0; i < rays.size(); ++i) {
-    const Ray& ray = rays[i];
-    entry_bounds(cutter_, {moves.data(), std::size_t(count)}, ray,
-                 {bounds.data(), std::size_t(count)});
-    const auto least = [&](int k) { return bounds[k / lanes].least[k % lanes]; };
-    First search;
-    const auto attempt = [&](int k) {
-      const Move& move = near.moves[k];
-      const double limit = search.limit(ray);
-      const std::optional<Entry> entry =
-          is_ball(cutter_)
-              ? first_entry(cutter_, move, ray, limit)
-              : first_entry(cutter_, move, ray, limit, bounds[k / lanes].part[k % lanes]);
-      if (entry) search.take(removal_of(*entry, near.items[k]), near.items[k]);
-    };
-    int best = 0;
-    for (int k = 1; k < near.count; ++k)
-      if (least(k) < least(best)) best = k;
-    if (double(least(best)) <= search.limit(ray)) attempt(best);
-    // those that single precision cannot tell from it, the nearest first
-    int rivals = 0;
-    std::array<std::pair<double, int>, Near::room> by_least;
-    for (int k = 0; k < near.count; ++k) {
-      if (k == best || double(least(k)) > search.limit(ray)) continue;
-      const auto& m = bounds[k / lanes].m;
-      const Vector3d away(m[0][k % lanes], m[1][k % lanes], m[2][k % lanes]);
-      const double sharper = least_entry(cutter_, ends[k], ray, away);
-      if (sharper <= search.limit(ray)) by_least[rivals++] = {sharper, k};
+/// The first removal of a ray by those moves that are open for it.
+std::optional<Removal> SweepTree::nearest_of(const Near& near, const NearEights& all,
+                                             std::span<const int> open, const Ray& ray,
+                                             Hint& hint) const {
+  constexpr std::size_t width = MoveEight::width;
+  const std::size_t count = open.size(), groups = (count + width - 1) / width;
+  std::array<MoveEight, NearEights::room> eights;
+  std::array<EntryBounds, NearEights::room> bounds;
+  for (std::size_t k = 0; k < groups * width; ++k) {
+    const std::size_t from = std::size_t(open[std::min(k, count - 1)]);
+    eights[k / width].put(int(k % width), all.eights[from / width], int(from % width));
+  }
+  entry_bounds(cutter_, {eights.data(), groups}, ray, {bounds.data(), groups});
+  const auto least = [&](std::size_t k) { return bounds[k / width].least[k % width]; };
+  First search;
+  const auto attempt = [&](std::size_t k) {
+    const Move& move = near.moves[open[k]];
+    const double limit = search.limit(ray);
+    const std::optional<Entry> entry =
+        is_ball(cutter_)
+            ? first_entry(cutter_, move, ray, limit)
+            : first_entry(cutter_, move, ray, limit, bounds[k / width].part[k % width], least(k));
+    if (entry) search.take(removal_of(*entry, near.items[open[k]]), near.items[open[k]]);
+  };
+  std::size_t best = 0;
+  for (std::size_t k = 1; k < count; ++k)
+    if (least(k) < least(best)) best = k;
+  if (count > 0 && double(least(best)) <= search.limit(ray)) attempt(best);
+  // those that single precision cannot tell from it, the nearest first
+  std::size_t rivals = 0;
+  std::array<std::pair<double, std::size_t>, Near::room> by_least;
+  for (std::size_t k = 0; k < count; ++k) {
+    if (k == best || double(least(k)) > search.limit(ray)) continue;
+    const auto& m = bounds[k / width].m;
+    const Vector3d away(m[0][k % width], m[1][k % width], m[2][k % width]);
+    const double sharper = least_entry(cutter_, all.ends[open[k]], ray, away);
+    if (sharper <= search.limit(ray)) by_least[rivals++] = {sharper, k};
+  }
+  std::sort(by_least.begin(), by_least.begin() + rivals);
+  for (std::size_t r = 0; r < rivals && by_least[r].first <= search.limit(ray); ++r)
+    attempt(by_least[r].second);
+  if (search.best) hint.item = search.best_item;
+  return search.best;
+}
+
+/// Planes that hold for several rays rule out most moves for each of them.
+void SweepTree::search_near(std::span<const Ray> rays, std::span<const double> limits,
+                            std::span<std::optional<Removal>> found, const Near& near,
+                            Hint& hint) const {
+  constexpr std::size_t rays_a_plane = 8;
+  const NearEights all(cutter_, near);
+  std::array<MovePlanes, NearEights::room> planes;
+  std::array<int, Near::room> open;
+  for (std::size_t first = 0; first < rays.size(); first += rays_a_plane) {
+    const std::size_t end = std::min(first + rays_a_plane, rays.size());
+    const Ray& middle = rays[(first + end) / 2];
+    double around = 0.0;
+    for (std::size_t i = first; i < end; ++i)
+      around = std::max(around, 1.001 * (rays[i].point - middle.point).lpNorm<1>());
+    move_planes(cutter_, {all.eights.data(), all.count}, middle, around,
+                {planes.data(), all.count});
+    for (std::size_t i = first; i < end; ++i) {
+      std::size_t count = 0;
+      for (std::size_t e = 0; e < all.count; ++e) {
+        unsigned bits = open_before(planes[e], middle.point, rays[i], limits[i]);
+        for (; bits != 0; bits &= bits - 1) {
+          const int k = int(e) * MoveEight::width + std::countr_zero(bits);
+          if (k < near.count) open[count++] = k;
+        }
+      }
+      found[i] = nearest_of(near, all, {open.data(), count}, rays[i], hint);
     }
-    std::sort(by_least.begin(), by_least.begin() + rivals);
-    for (int r = 0; r < rivals && by_least[r].first <= search.limit(ray); ++r)
-      attempt(by_least[r].second);
-    found[i] = search.best;
-    if (search.best) hint.item = search.best_item;
   }
 }
 
@@ -654,7 +699,7 @@ bool SweepTree::search_patch(std::span<const Ray> rays, std::span<std::optional<
   if (near.count == 0)
     std::fill(found.begin(), found.end(), std::nullopt);
   else if (!search_near_balls(rays, found, *patch, near, hint))
-    search_near(rays, found, near, hint);
+    search_near(rays, limits, found, near, hint);
   return true;
 }
 

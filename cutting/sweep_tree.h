@@ -70,6 +70,7 @@ class SweepTree {
     std::uint16_t parts;
   };
   struct Near;
+  struct NearEights;
   struct First;
   struct Aim;
   struct Search;
@@ -101,8 +102,10 @@ class SweepTree {
   bool gather_near(const PatchStretch& rays, Near& near, Hint& hint) const;
   bool search_patch(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                     Hint& hint) const;
-  void search_near(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
-                   const Near& near, Hint& hint) const;
+  void search_near(std::span<const Ray> rays, std::span<const double> limits,
+                   std::span<std::optional<Removal>> found, const Near& near, Hint& hint) const;
+  std::optional<Removal> nearest_of(const Near& near, const NearEights& eights,
+                                    std::span<const int> open, const Ray& ray, Hint& hint) const;
   bool search_near_balls(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                          const PatchStretch& patch, const Near& near, Hint& hint) const;
   Removal removal_of(const Entry& entry, int item) const;

@@ -57,7 +57,7 @@ TEST(EntryBounds, AreNoMoreThanTheEntry) {
       unknown += bound < -1e29;
       missed += bound > 1e29;
       // from a place of its own, so that the bound has no say in it
-      const auto entry = first_entry(cutter, moves[i], ray, ray.band, float(random.in(0, 1)));
+      const auto entry = first_entry(cutter, moves[i], ray, ray.band, float(random.in(0, 1)), -1e30f);
       if (!entry) continue;
       ++entries;
       outside += entry->s > -ray.band;
