@@ -431,7 +431,7 @@ std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const R
   MoveEight eight;
   for (int i = 0; i < MoveEight::width; ++i) eight.put(i, cutter, ends);
   EntryBounds bound;
-  entry_bounds(cutter, {&eight, 1}, ray, {&bound, 1});
+  entry_bounds(cutter, eight, {&ray, 1}, {&bound, 1});
   if (double(bound.least[0]) > limit) return std::nullopt;
   const Vector3d m(bound.m[0][0], bound.m[1][0], bound.m[2][0]);
   if (least_entry(cutter, ends, ray, m) > limit) return std::nullopt;

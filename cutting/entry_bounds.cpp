@@ -305,18 +305,22 @@ void MoveEight::put(int lane, const Cutter& cutter, const MoveEnds& ends) {
   }
 }
 
-void MoveEight::put(int lane, const MoveEight& other, int its_lane) {
+void PairEight::put(int lane, const MoveEight& moves, int its_lane, const Ray& ray) {
   for (int d = 0; d < 3; ++d) {
-    k[d][lane] = other.k[d][its_lane];
-    step[d][lane] = other.step[d][its_lane];
-    u[d][lane] = other.u[d][its_lane];
-    turn[d][lane] = other.turn[d][its_lane];
+    p[d][lane] = float(ray.point[d] - moves.k[d][its_lane]);
+    n[d][lane] = float(ray.normal[d]);
+    step[d][lane] = moves.step[d][its_lane];
+    u[d][lane] = moves.u[d][its_lane];
+    turn[d][lane] = moves.turn[d][its_lane];
   }
 }
 
-void entry_bounds(const Cutter& cutter, std::span<const MoveEight> moves, const Ray& ray,
+void entry_bounds(const Cutter& cutter, std::span<const PairEight> pairs, double band,
                   std::span<EntryBounds> bounds) {
-  bound_all(cutter, ray.band, bounds, [&](std::size_t g) { return pairs_of(moves[g], ray); });
+  bound_all(cutter, band, bounds, [&](std::size_t g) {
+    const PairEight& eight = pairs[g];
+    return Pairs{load(eight.p), load(eight.n), load(eight.step), load(eight.u), load(eight.turn)};
+  });
 }
 
 void entry_bounds(const Cutter& cutter, const MoveEight& moves, std::span<const Ray> rays,

@@ -24,7 +24,17 @@ struct alignas(32) MoveEight {
   float turn[3][width];  ///< of u
 
   void put(int lane, const Cutter& cutter, const MoveEnds& move);
-  void put(int lane, const MoveEight& other, int its_lane);
+};
+
+/// Eight pairs of a ray and a move.
+struct alignas(32) PairEight {
+  float p[3][MoveEight::width];  ///< mm, of the ray's point from the move's k at the start
+  float n[3][MoveEight::width];  ///< normal of the ray
+  float step[3][MoveEight::width];
+  float u[3][MoveEight::width];
+  float turn[3][MoveEight::width];
+
+  void put(int lane, const MoveEight& moves, int its_lane, const Ray& ray);
 };
 
 struct alignas(32) EntryBounds {
@@ -34,11 +44,12 @@ struct alignas(32) EntryBounds {
   float m[3][width];   ///< from the cutter to the ray there, unit
 };
 
-/// A lane depends on its own move and ray alone, bit for bit.
-/// @param bounds  (moves)
-void entry_bounds(const Cutter& cutter, std::span<const MoveEight> moves, const Ray& ray,
+/// Of rays that all have one band, against moves. A lane depends on its own move and ray alone, bit
+/// for bit.
+/// @param bounds  (pairs)
+void entry_bounds(const Cutter& cutter, std::span<const PairEight> pairs, double band,
                   std::span<EntryBounds> bounds);
-/// The same of rays that all have one band.
+/// The same of every ray against all of eight moves.
 /// @param bounds  (rays)
 void entry_bounds(const Cutter& cutter, const MoveEight& moves, std::span<const Ray> rays,
                   std::span<EntryBounds> bounds);

@@ -260,7 +260,7 @@ template <class Wanted>
 void SweepTree::search_bounded(int leaf, unsigned open, Wanted& wanted) const {
   const Hint::Bounded& moves = bounded(leaf, wanted.hint);
   EntryBounds bounds;
-  entry_bounds(cutter_, {&moves.lanes, 1}, wanted.ray, {&bounds, 1});
+  entry_bounds(cutter_, moves.lanes, {&wanted.ray, 1}, {&bounds, 1});
   std::array<double, width> least;
   const auto keep_open = [&] {
     for (unsigned left = open; left != 0; left &= left - 1) {
@@ -562,49 +562,63 @@ bool SweepTree::gather_near(const PatchStretch& rays, Near& near, Hint& hint) co
   return true;
 }
 
-/// The first removal of a ray by those moves that are open for it.
-std::optional<Removal> SweepTree::nearest_of(const Near& near, const NearEights& all,
-                                             std::span<const int> open, const Ray& ray,
-                                             Hint& hint) const {
-  constexpr std::size_t width = MoveEight::width;
-  const std::size_t count = open.size(), groups = (count + width - 1) / width;
-  std::array<MoveEight, NearEights::room> eights;
-  std::array<EntryBounds, NearEights::room> bounds;
-  for (std::size_t k = 0; k < groups * width; ++k) {
-    const std::size_t from = std::size_t(open[std::min(k, count - 1)]);
-    eights[k / width].put(int(k % width), all.eights[from / width], int(from % width));
+/// Pairs of a ray and a move that is open for it, those of a ray together.
+struct SweepTree::NearPairs {
+  static constexpr std::size_t width = MoveEight::width, room = 2 * Near::room;
+  std::size_t count = 0;
+  std::array<int, room> moves;  // numbers among those near
+  std::array<PairEight, room / width> eights;
+  std::array<EntryBounds, room / width> bounds;
+
+  void add(const NearEights& all, int move, const Ray& ray) {
+    moves[count] = move;
+    eights[count / width].put(int(count % width), all.eights[std::size_t(move) / width],
+                              move % int(width), ray);
+    ++count;
   }
-  entry_bounds(cutter_, {eights.data(), groups}, ray, {bounds.data(), groups});
-  const auto least = [&](std::size_t k) { return bounds[k / width].least[k % width]; };
+  void bound(const Cutter& cutter, double band) {
+    const std::size_t used = count / width;
+    entry_bounds(cutter, {eights.data(), used}, band, {bounds.data(), used});
+  }
+  float least(std::size_t pair) const { return bounds[pair / width].least[pair % width]; }
+  float part(std::size_t pair) const { return bounds[pair / width].part[pair % width]; }
+  Vector3d away(std::size_t pair) const {
+    const auto& m = bounds[pair / width].m;
+    return {m[0][pair % width], m[1][pair % width], m[2][pair % width]};
+  }
+};
+
+/// The first removal of a ray by the moves of its pairs.
+SweepTree::First SweepTree::nearest_of(const Near& near, const NearEights& all,
+                                       const NearPairs& pairs, std::size_t first, std::size_t end,
+                                       const Ray& ray) const {
   First search;
-  const auto attempt = [&](std::size_t k) {
-    const Move& move = near.moves[open[k]];
+  const auto attempt = [&](std::size_t pair) {
+    const int k = pairs.moves[pair];
     const double limit = search.limit(ray);
     const std::optional<Entry> entry =
         is_ball(cutter_)
-            ? first_entry(cutter_, move, ray, limit)
-            : first_entry(cutter_, move, ray, limit, bounds[k / width].part[k % width], least(k));
-    if (entry) search.take(removal_of(*entry, near.items[open[k]]), near.items[open[k]]);
+            ? first_entry(cutter_, near.moves[k], ray, limit)
+            : first_entry(cutter_, near.moves[k], ray, limit, pairs.part(pair), pairs.least(pair));
+    if (entry) search.take(removal_of(*entry, near.items[k]), near.items[k]);
   };
-  std::size_t best = 0;
-  for (std::size_t k = 1; k < count; ++k)
-    if (least(k) < least(best)) best = k;
-  if (count > 0 && double(least(best)) <= search.limit(ray)) attempt(best);
+  if (first == end) return search;
+  std::size_t best = first;
+  for (std::size_t pair = first + 1; pair < end; ++pair)
+    if (pairs.least(pair) < pairs.least(best)) best = pair;
+  if (double(pairs.least(best)) <= search.limit(ray)) attempt(best);
   // those that single precision cannot tell from it, the nearest first
   std::size_t rivals = 0;
   std::array<std::pair<double, std::size_t>, Near::room> by_least;
-  for (std::size_t k = 0; k < count; ++k) {
-    if (k == best || double(least(k)) > search.limit(ray)) continue;
-    const auto& m = bounds[k / width].m;
-    const Vector3d away(m[0][k % width], m[1][k % width], m[2][k % width]);
-    const double sharper = least_entry(cutter_, all.ends[open[k]], ray, away);
-    if (sharper <= search.limit(ray)) by_least[rivals++] = {sharper, k};
+  for (std::size_t pair = first; pair < end; ++pair) {
+    if (pair == best || double(pairs.least(pair)) > search.limit(ray)) continue;
+    const double sharper = least_entry(cutter_, all.ends[pairs.moves[pair]], ray, pairs.away(pair));
+    if (sharper <= search.limit(ray)) by_least[rivals++] = {sharper, pair};
   }
   std::sort(by_least.begin(), by_least.begin() + rivals);
   for (std::size_t r = 0; r < rivals && by_least[r].first <= search.limit(ray); ++r)
     attempt(by_least[r].second);
-  if (search.best) hint.item = search.best_item;
-  return search.best;
+  return search;
 }
 
 /// Planes that hold for several rays rule out most moves for each of them.
@@ -614,7 +628,8 @@ void SweepTree::search_near(std::span<const Ray> rays, std::span<const double> l
   constexpr std::size_t rays_a_plane = 8;
   const NearEights all(cutter_, near);
   std::array<MovePlanes, NearEights::room> planes;
-  std::array<int, Near::room> open;
+  NearPairs pairs;
+  std::array<std::size_t, rays_a_plane + 1> first_pair;
   for (std::size_t first = 0; first < rays.size(); first += rays_a_plane) {
     const std::size_t end = std::min(first + rays_a_plane, rays.size());
     const Ray& middle = rays[(first + end) / 2];
@@ -623,16 +638,29 @@ void SweepTree::search_near(std::span<const Ray> rays, std::span<const double> l
       around = std::max(around, 1.001 * (rays[i].point - middle.point).lpNorm<1>());
     move_planes(cutter_, {all.eights.data(), all.count}, middle, around,
                 {planes.data(), all.count});
-    for (std::size_t i = first; i < end; ++i) {
-      std::size_t count = 0;
-      for (std::size_t e = 0; e < all.count; ++e) {
-        unsigned bits = open_before(planes[e], middle.point, rays[i], limits[i]);
-        for (; bits != 0; bits &= bits - 1) {
-          const int k = int(e) * MoveEight::width + std::countr_zero(bits);
-          if (k < near.count) open[count++] = k;
+    for (std::size_t i = first; i < end;) {
+      const std::size_t begun = i;
+      pairs.count = 0;
+      for (; i < end && pairs.count <= Near::room; ++i) {
+        first_pair[i - begun] = pairs.count;
+        for (std::size_t e = 0; e < all.count; ++e) {
+          unsigned open = open_before(planes[e], middle.point, rays[i], limits[i]);
+          for (; open != 0; open &= open - 1) {
+            const int k = int(e) * MoveEight::width + std::countr_zero(open);
+            if (k < near.count) pairs.add(all, k, rays[i]);
+          }
         }
       }
-      found[i] = nearest_of(near, all, {open.data(), count}, rays[i], hint);
+      first_pair[i - begun] = pairs.count;
+      while (pairs.count % NearPairs::width != 0)
+        pairs.add(all, pairs.moves[pairs.count - 1], rays[i - 1]);
+      pairs.bound(cutter_, rays[begun].band);
+      for (std::size_t j = begun; j < i; ++j) {
+        const First search =
+            nearest_of(near, all, pairs, first_pair[j - begun], first_pair[j - begun + 1], rays[j]);
+        found[j] = search.best;
+        if (search.best) hint.item = search.best_item;
+      }
     }
   }
 }

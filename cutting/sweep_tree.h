@@ -71,6 +71,7 @@ class SweepTree {
   };
   struct Near;
   struct NearEights;
+  struct NearPairs;
   struct First;
   struct Aim;
   struct Search;
@@ -104,8 +105,8 @@ class SweepTree {
                     Hint& hint) const;
   void search_near(std::span<const Ray> rays, std::span<const double> limits,
                    std::span<std::optional<Removal>> found, const Near& near, Hint& hint) const;
-  std::optional<Removal> nearest_of(const Near& near, const NearEights& eights,
-                                    std::span<const int> open, const Ray& ray, Hint& hint) const;
+  First nearest_of(const Near& near, const NearEights& eights, const NearPairs& pairs,
+                   std::size_t first, std::size_t end, const Ray& ray) const;
   bool search_near_balls(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                          const PatchStretch& patch, const Near& near, Hint& hint) const;
   Removal removal_of(const Entry& entry, int item) const;

@@ -47,7 +47,7 @@ TEST(EntryBounds, AreNoMoreThanTheEntry) {
     const Ray ray{R * random.decades(-6, 0.3) * random.any(), random.direction(),
                   R * random.decades(-3, 0.3)};
     EntryBounds bounds;
-    entry_bounds(cutter, {&eight, 1}, ray, {&bounds, 1});
+    entry_bounds(cutter, eight, {&ray, 1}, {&bounds, 1});
     for (std::size_t i = 0; i < 8; ++i) {
       ++tried;
       const EntryBounds<1> one = entry_bounds(cutter, ends_of(moves[i]), ray);
