@@ -737,13 +737,17 @@ void SweepTree::first_removals(std::span<const Ray> rays, std::span<std::optiona
     const std::size_t count = std::min(hint.beside, rays.size() - i);
     if (count >= Hint::least_beside &&
         search_patch(rays.subspan(i, count), found.subspan(i, count), hint)) {
-      hint.beside = std::min(2 * hint.beside, Hint::most_beside);
+      if (++hint.runs == Hint::runs_before_more) {
+        hint.beside = std::min(2 * hint.beside, Hint::most_beside);
+        hint.runs = 0;
+      }
       hint.alone = Hint::least_beside;
       i += count;
       continue;
     }
     if (count >= 2 * Hint::least_beside) {
       hint.beside = count / 2;
+      hint.runs = 0;
       continue;
     }
     const std::size_t end = std::min(i + hint.alone, rays.size());

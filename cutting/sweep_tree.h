@@ -40,7 +40,9 @@ class SweepTree {
     std::array<Tried, 256> tried = {};     ///< at the item's number modulo their count
     std::array<Bounded, 32> bounded = {};  ///< the same of leaves
     static constexpr std::size_t most_beside = 32, least_beside = 8, most_alone = 512;
+    static constexpr int runs_before_more = 8;
     std::size_t beside = most_beside;  ///< rays that are looked at together, as that went well
+    int runs = 0;                      ///< of so many rays, since that was tried last with more
     std::size_t alone = least_beside;  ///< or one by one, before that is tried again
   };
 
