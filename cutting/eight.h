@@ -13,38 +13,29 @@ inline constexpr float tiny = 1e-30f;  ///< keeps quotients of zero lengths fini
 
 inline Eight load(const float* values) { return Eight(values, stdx::element_aligned); }
 
-/// Vectors of three, in several lanes.
-template <class T>
-struct Triple {
-  T x, y, z;
+struct Vector8 {
+  Eight x, y, z;
 };
-using Vector8 = Triple<Eight>;
 
 inline Vector8 load(const float (&v)[3][8]) { return {load(v[0]), load(v[1]), load(v[2])}; }
 inline Vector8 spread(const float (&v)[3]) { return {Eight(v[0]), Eight(v[1]), Eight(v[2])}; }
-template <class T>
-[[gnu::always_inline]] inline Triple<T> operator-(const Triple<T>& a, const Triple<T>& b) {
+[[gnu::always_inline]] inline Vector8 operator-(const Vector8& a, const Vector8& b) {
   return {a.x - b.x, a.y - b.y, a.z - b.z};
 }
-template <class T>
-[[gnu::always_inline]] inline Triple<T> operator+(const Triple<T>& a, const Triple<T>& b) {
+[[gnu::always_inline]] inline Vector8 operator+(const Vector8& a, const Vector8& b) {
   return {a.x + b.x, a.y + b.y, a.z + b.z};
 }
-template <class T>
-[[gnu::always_inline]] inline Triple<T> operator*(const T& s, const Triple<T>& a) {
+[[gnu::always_inline]] inline Vector8 operator*(const Eight& s, const Vector8& a) {
   return {s * a.x, s * a.y, s * a.z};
 }
-template <class T>
-[[gnu::always_inline]] inline T dot(const Triple<T>& a, const Triple<T>& b) {
+[[gnu::always_inline]] inline Eight dot(const Vector8& a, const Vector8& b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;
 }
-template <class T>
-[[gnu::always_inline]] inline Triple<T> cross(const Triple<T>& a, const Triple<T>& b) {
+[[gnu::always_inline]] inline Vector8 cross(const Vector8& a, const Vector8& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 /// Never zero, for the squares of tiny parts may vanish: then too large.
-template <class T>
-[[gnu::always_inline]] inline T length_of(const Triple<T>& a) {
+[[gnu::always_inline]] inline Eight length_of(const Vector8& a) {
   return stdx::sqrt(dot(a, a) + tiny);
 }
 [[gnu::always_inline]] inline Vector8 clamp(const Vector8& p, const Vector8& low,

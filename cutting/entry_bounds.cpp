@@ -50,8 +50,7 @@ struct RoundedEnd {
   int last_step() const { return is_sharp() ? sharp_steps - 1 : steps - 1; }
   float thickness(int step) const { return std::max(corner, rounded[step] * radius); }
 
-  [[gnu::always_inline]] inline LanesDistance<Eight> from_core(const Eight& x,
-                                                               const Eight& y) const {
+  [[gnu::always_inline]] inline LanesDistance from_core(const Eight& x, const Eight& y) const {
     const Eight beside = stdx::max(x - ring, Eight(0.0f));
     Eight below = stdx::max(-y, Eight(0.0f));
     stdx::where(!(beside > 0.0f) && !(below > 0.0f), below) =
@@ -62,8 +61,8 @@ struct RoundedEnd {
     stdx::where(beside > 0.0f && below > 0.0f, curvature) = per_d;
     return {d, beside * per_d, -below * per_d, curvature};
   }
-  [[gnu::always_inline]] inline Reach<Eight> reach_to(const Eight& across, const Eight& rise,
-                                                      const Eight& length) const {
+  [[gnu::always_inline]] inline Reach reach_to(const Eight& across, const Eight& rise,
+                                               const Eight& length) const {
     Eight most = corner * length + ring * across;
     stdx::where(rise > 0.0f, most) = (flank - corner) * rise + radius * across;
     return {most, ring + corner * across, corner * rise};
@@ -84,12 +83,11 @@ struct FormEnd {
   int last_step() const { return is_sharp() ? sharp_steps - 1 : steps - 1; }
   float thickness(int step) const { return is_sharp() ? rounded[step] * radius : 0.0f; }
 
-  [[gnu::always_inline]] inline LanesDistance<Eight> from_core(const Eight& x,
-                                                               const Eight& y) const {
+  [[gnu::always_inline]] inline LanesDistance from_core(const Eight& x, const Eight& y) const {
     return distance(outline, x, y);
   }
-  [[gnu::always_inline]] inline Reach<Eight> reach_to(const Eight& across, const Eight& rise,
-                                                      const Eight&) const {
+  [[gnu::always_inline]] inline Reach reach_to(const Eight& across, const Eight& rise,
+                                               const Eight&) const {
     return reach(outline, across, rise);
   }
 };
@@ -116,8 +114,8 @@ template <class End>
   const Vector8 lateral = n - rise0 * u0;
   const Eight across0 = length_of(lateral);
   const Eight across1 = length_of(cross(n, u0 + turn));
-  const Reach<Eight> first = end.reach_to(across0, -rise0, Eight(1.0f));
-  const Reach<Eight> last = end.reach_to(across1, -rise1, Eight(1.0f));
+  const Reach first = end.reach_to(across0, -rise0, Eight(1.0f));
+  const Reach last = end.reach_to(across1, -rise1, Eight(1.0f));
   const Eight along = dot(step, n);
   const Eight least = stdx::min(-first.most, along - last.most) - dot(p, n);
   const Eight s = clamped(least - (end.thickness(0) - end.corner), -band, band);
@@ -143,7 +141,7 @@ template <class End>
   const Eight x = length_of(across);
   const Eight per_x = 1.0f / x;
   const Vector8 radial = per_x * across;
-  const LanesDistance<Eight> near = end.from_core(x, y);
+  const LanesDistance near = end.from_core(x, y);
   const Vector8 m = near.radial * radial + near.axial * u;
   if (i == steps - 1) group.m = m;
   if (i == end.last_step()) return;

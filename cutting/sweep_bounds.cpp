@@ -300,7 +300,7 @@ template <Form form>
   const Vector8 across = w - rise * u;
   const Eight rho = length_of(across);
   if constexpr (form == Form::Outlined) {
-    const LanesDistance<Eight> near = distance(*end.outline, rho, rise);
+    const LanesDistance near = distance(*end.outline, rho, rise);
     return w - (near.value * near.radial / rho) * across - (near.value * near.axial) * u;
   } else {
     return stdx::min(Eight(1.0f), end.ring / rho) * across + stdx::max(rise, Eight(0.0f)) * u;

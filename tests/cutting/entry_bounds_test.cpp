@@ -57,7 +57,8 @@ TEST(EntryBounds, AreNoMoreThanTheEntry) {
       unknown += bound < -1e29;
       missed += bound > 1e29;
       // from a place of its own, so that the bound has no say in it
-      const auto entry = first_entry(cutter, moves[i], ray, ray.band, float(random.in(0, 1)), -1e30f);
+      const auto entry =
+          first_entry(cutter, moves[i], ray, ray.band, float(random.in(0, 1)), -1e30f);
       if (!entry) continue;
       ++entries;
       outside += entry->s > -ray.band;
@@ -74,6 +75,48 @@ TEST(EntryBounds, AreNoMoreThanTheEntry) {
             << missed << " missed\n";
   EXPECT_GT(entries, tried / 20);
   EXPECT_GT(near, outside / 2);
+}
+
+/// Rays beside one whose planes they are held against: what they enter is never ruled out.
+TEST(MovePlanes, LeaveOpenWhatARayBesideEnters) {
+  Random random(1826);
+  long entries = 0, outside = 0, ruled_out = 0, tried = 0;
+  for (int n = 0; n < 40000 * longer(20); ++n) {
+    const Cutter cutter = entry_bounds_cases::any_cutter(random);
+    const double R = cutter.radius, band = R * random.decades(-3, 0.3);
+    MoveEight eight;
+    std::array<Move, 8> moves;
+    for (int i = 0; i < 8; ++i) {
+      moves[std::size_t(i)] = any_move(random, R, [&] { return random.direction(); });
+      eight.put(i, cutter, ends_of(moves[std::size_t(i)]));
+    }
+    const Ray middle{R * random.decades(-6, 0.3) * random.any(), random.direction(), band};
+    const double around = R * random.decades(-6, 0.5), lean = random.decades(-6, 0.4);
+    MovePlanes planes;
+    move_planes(cutter, {&eight, 1}, middle, 1.001 * around, {&planes, 1});
+    for (int k = 0; k < 4; ++k) {
+      const Vector3d aside = random.any();
+      const Ray ray{middle.point + around / std::max(1.0, aside.lpNorm<1>()) * aside,
+                    random.turned_evenly(middle.normal, lean), band};
+      for (std::size_t i = 0; i < 8; ++i) {
+        ++tried;
+        const auto entry = first_entry(cutter, moves[i], ray, band, float(random.in(0, 1)), -1e30f);
+        const double limit = entry ? entry->s : band * random.in(-1, 1);
+        const bool open = (open_before(planes, middle.point, ray, limit) >> i & 1u) != 0;
+        ruled_out += !open;
+        if (!entry) continue;
+        ++entries;
+        outside += entry->s > -band;
+        ASSERT_TRUE(open) << "seed 1826, case " << n << ", lane " << i << ", R " << R << " r "
+                          << cutter.corner_radius << " form " << bool(cutter.outline) << " band "
+                          << band << " around " << around << " lean " << lean << " s " << entry->s;
+      }
+    }
+  }
+  std::cout << tried << " pairs (seed 1826): " << entries << " entries, " << outside
+            << " of them from outside; ruled out of the others: " << ruled_out << '\n';
+  EXPECT_GT(outside, tried / 40);
+  EXPECT_GT(ruled_out, (tried - entries) / 2);
 }
 
 }  // namespace
