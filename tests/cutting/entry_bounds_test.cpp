@@ -3,6 +3,7 @@
 #include "tests/cutting/any_move.h"
 
 #include <algorithm>
+#include <array>
 #include <iostream>
 
 #include <gtest/gtest.h>
@@ -30,7 +31,7 @@ Cutter any_cutter(Random& random) {
 
 }  // namespace entry_bounds_cases
 
-/// Of any cutter, move and ray: no bound is above the entry, and the lanes are those of one.
+/// Of any cutter, move and ray: no bound is above the entry, and a lane is of its own pair alone.
 TEST(EntryBounds, AreNoMoreThanTheEntry) {
   Random random(1802);
   long entries = 0, unknown = 0, missed = 0, tried = 0, near = 0, outside = 0;
@@ -48,11 +49,17 @@ TEST(EntryBounds, AreNoMoreThanTheEntry) {
                   R * random.decades(-3, 0.3)};
     EntryBounds bounds;
     entry_bounds(cutter, eight, {&ray, 1}, {&bounds, 1});
+    // the same pairs in another order, behind eights of others
+    std::array<PairEight, 10> pairs;
+    std::array<EntryBounds, 10> of_pairs;
+    for (std::size_t g = 0; g < pairs.size(); ++g)
+      for (int i = 0; i < 8; ++i) pairs[g].put(i, eight, g < 9 ? int(g + 3) % 8 : 7 - i, ray);
+    entry_bounds(cutter, pairs, ray.band, of_pairs);
+    const EntryBounds& paired = of_pairs.back();
     for (std::size_t i = 0; i < 8; ++i) {
       ++tried;
-      const EntryBounds<1> one = entry_bounds(cutter, ends_of(moves[i]), ray);
-      ASSERT_EQ(one.least[0], bounds.least[i]) << "seed 1802, case " << n;
-      ASSERT_EQ(one.part[0], bounds.part[i]) << "seed 1802, case " << n;
+      ASSERT_EQ(paired.least[i], bounds.least[7 - i]) << "seed 1802, case " << n;
+      ASSERT_EQ(paired.part[i], bounds.part[7 - i]) << "seed 1802, case " << n;
       const double bound = bounds.least[i];
       unknown += bound < -1e29;
       missed += bound > 1e29;
