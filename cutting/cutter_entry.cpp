@@ -386,13 +386,13 @@ class Sweep {
 }  // namespace
 
 std::optional<double> standing_entry(const Cutter& cutter, const Move& move, double t,
-                                     const Ray& ray) {
-  const Sample sample = Sweep(cutter, move, ray).entry(t);
+                                     const Ray& ray, float least) {
+  const Sample sample = Sweep(cutter, move, ray, double(least)).entry(t);
   return sample.defined ? std::optional(sample.value) : std::nullopt;
 }
 
-bool holds(const Cutter& cutter, const Move& move, double t, const Vector3d& place) {
-  return signed_distance(cutter, position(move, t), place).value <= 0.0;
+double depth(const Cutter& cutter, const Move& move, double t, const Vector3d& place) {
+  return -signed_distance(cutter, position(move, t), place).value;
 }
 
 Move move_after(const CutterMotion& motion, int index) {
@@ -429,7 +429,7 @@ std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const R
   }
   const MoveEnds ends = ends_of(move);
   MoveEight eight;
-  for (int i = 0; i < MoveEight::width; ++i) eight.put(i, cutter, ends);
+  for (int lane = 0; lane < MoveEight::width; ++lane) eight.put(lane, cutter, ends);
   EntryBounds bound;
   entry_bounds(cutter, eight, {&ray, 1}, {&bound, 1});
   if (double(bound.least[0]) > limit) return std::nullopt;

@@ -48,19 +48,22 @@ struct Entry {
 std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
                                  double limit);
 
-/// The same of any cutter but a ball end, or of one where the other does without it.
-/// @param part  of the move's `EntryBounds`
-/// @param least  the same, or any place before which the ray does not enter
+/// The same of any cutter but a ball, or of a ball where the closed form does not decide.
+/// @param part, least  of the move's `EntryBounds`: where the search starts, so that the last bits
+/// of
+///                     the value depend on both. Any part will do, and any place before which the
+///                     ray does not enter.
 std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
                                  double limit, float part, float least);
 
 /// Where the ray meets the cutter as it stands at instant t (0 .. 1 of the whole move); -band if it
-/// starts there.
+/// starts there. With the `least` of a search, what that search finds at this instant.
 std::optional<double> standing_entry(const Cutter& cutter, const Move& move, double t,
-                                     const Ray& ray);
+                                     const Ray& ray, float least);
 
-/// Whether a place (mm) lies in the cutter as it stands at instant t, 0 .. 1 of the whole move.
-bool holds(const Cutter& cutter, const Move& move, double t, const Eigen::Vector3d& place);
+/// mm, of a place below the skin of the cutter as it stands at instant t, or less beside sharp
+/// edges; negative outside.
+double depth(const Cutter& cutter, const Move& move, double t, const Eigen::Vector3d& place);
 
 /// How far inside the bound of a search a move has to be ruled out, so that the result does not
 /// depend on the order of the search: more than the error of first_entry.

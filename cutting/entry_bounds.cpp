@@ -186,7 +186,8 @@ template <class End>
       stdx::max(end.reach_to(length_of(cross(m, u0)), rise0, length).most,
                 dot(m, step) + end.reach_to(length_of(cross(m, u1)), rise1, length).most);
   Eight arm(end.radius);
-  stdx::where(stdx::max(rise0, rise1) > 0.0f, arm) = Eight(end.radius + end.flank);
+  // a rise that rounding took below zero counts
+  stdx::where(stdx::max(rise0, rise1) > -1e-6f * length, arm) = Eight(end.radius + end.flank);
   const Eight sag = arm * (0.13f * dot(turn, turn)) * length;
   const Eight far = stdx::abs(p.x) + stdx::abs(p.y) + stdx::abs(p.z) + stdx::abs(step.x) +
                     stdx::abs(step.y) + stdx::abs(step.z) + band + arm + end.base;
@@ -207,8 +208,8 @@ template <class End>
 // ---- groups -------------------------------------------------------------------------------------
 
 template <class End, class Use>
-[[gnu::always_inline]] inline void plane_all(const End& end, std::span<Group> groups, float band,
-                                             float around, const Use& use) {
+[[gnu::always_inline]] inline void planes_by_form(const End& end, std::span<Group> groups,
+                                                  float band, float around, const Use& use) {
   for (Group& group : groups) start(end, group, band);
   for (int i = 0; i <= end.last_step(); ++i)
     for (Group& group : groups) take_step(end, group, band, i);
@@ -235,7 +236,7 @@ void store(const Vector8& v, float (&to)[3][MoveEight::width]) {
 /// @param pairs  of index g: those of the eight
 /// @param use  of index, group and plane
 template <class PairsAt, class Use>
-[[gnu::always_inline]] inline void plane_all(const Cutter& cutter, std::size_t count, double band,
+[[gnu::always_inline]] inline void planes_of(const Cutter& cutter, std::size_t count, double band,
                                              double around, const PairsAt& pairs, const Use& use) {
   std::array<Group, groups_at_once> groups;
   for (std::size_t first = 0; first < count; first += groups_at_once) {
@@ -246,16 +247,16 @@ template <class PairsAt, class Use>
       use(first + g, group, plane);
     };
     if (cutter.outline)
-      plane_all(FormEnd(cutter), some, float(band), float(around), use_one);
+      planes_by_form(FormEnd(cutter), some, float(band), float(around), use_one);
     else
-      plane_all(RoundedEnd(cutter), some, float(band), float(around), use_one);
+      planes_by_form(RoundedEnd(cutter), some, float(band), float(around), use_one);
   }
 }
 
 template <class PairsAt>
 void bound_all(const Cutter& cutter, double band, std::span<EntryBounds> bounds,
                const PairsAt& pairs) {
-  plane_all(
+  planes_of(
       cutter, bounds.size(), band, 0.0, pairs,
       [&](std::size_t g, const Group& group, const Plane& plane) __attribute__((always_inline)) {
         least_before(plane, group.pairs.n, float(band))
@@ -330,7 +331,7 @@ void entry_bounds(const Cutter& cutter, const MoveEight& moves, std::span<const 
 
 void move_planes(const Cutter& cutter, std::span<const MoveEight> moves, const Ray& ray,
                  double around, std::span<MovePlanes> planes) {
-  plane_all(
+  planes_of(
       cutter, moves.size(), ray.band, around,
       [&](std::size_t g) { return pairs_of(moves[g], ray); },
       [&](std::size_t g, const Group&, const Plane& plane) __attribute__((always_inline)) {
@@ -339,18 +340,51 @@ void move_planes(const Cutter& cutter, std::span<const MoveEight> moves, const R
       });
 }
 
+namespace {
+
+/// A ray beside that which planes are of.
+struct Beside {
+  Vector8 aside, n;
+
+  Beside(const Vector3d& middle, const Ray& ray) {
+    float from_middle[3], normal[3];
+    for (int d = 0; d < 3; ++d) {
+      from_middle[d] = float(ray.point[d] - middle[d]);
+      normal[d] = float(ray.normal[d]);
+    }
+    aside = spread(from_middle);
+    n = spread(normal);
+  }
+  Eight gap(const MovePlanes& planes, const Vector8& m) const {
+    return load(planes.gap) + dot(m, aside);
+  }
+};
+
+}  // namespace
+
+int nearest_plane(std::span<const MovePlanes> planes, const Vector3d& middle, const Ray& ray) {
+  const Beside beside(middle, ray);
+  Eight least(1e30f), eight(0.0f);
+  for (std::size_t e = 0; e < planes.size(); ++e) {
+    const Vector8 m = load(planes[e].m);
+    const Eight s = beside.gap(planes[e], m) / stdx::max(-dot(m, beside.n), Eight(edge_on));
+    const auto nearer = s < least;
+    stdx::where(nearer, least) = s;
+    stdx::where(nearer, eight) = Eight(float(e));
+  }
+  int lane = 0;
+  for (int i = 1; i < MoveEight::width; ++i)
+    if (least[std::size_t(i)] < least[std::size_t(lane)]) lane = i;
+  return int(eight[std::size_t(lane)]) * MoveEight::width + lane;
+}
+
 unsigned open_before(const MovePlanes& planes, const Vector3d& middle, const Ray& ray,
                      double limit) {
-  float aside[3], n[3];
-  for (int d = 0; d < 3; ++d) {
-    aside[d] = float(ray.point[d] - middle[d]);
-    n[d] = float(ray.normal[d]);
-  }
+  const Beside beside(middle, ray);
   const Vector8 m = load(planes.m);
-  const Eight gap = load(planes.gap) + dot(m, spread(aside));
-  const Eight along = dot(m, spread(n));
+  const Eight gap = beside.gap(planes, m), along = dot(m, beside.n);
   const Eight at_start = gap - float(ray.band) * along, at_end = gap + float(limit) * along;
-  return bits(!(stdx::min(at_start, at_end) > 0.0f));
+  return bits(!(at_start > 0.0f && at_end > 0.0f));
 }
 
 }  // namespace abbe::cutting

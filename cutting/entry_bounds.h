@@ -57,7 +57,8 @@ void entry_bounds(const Cutter& cutter, const MoveEight& moves, std::span<const 
 /// Planes that have all of eight moves behind them, m away from the cutters.
 struct alignas(32) MovePlanes {
   float m[3][MoveEight::width];
-  float gap[MoveEight::width];  ///< mm times |m|, of the point of a ray in front of the plane
+  float gap[MoveEight::width];  ///< mm times |m|, by which the ray's point is in front of the
+                                ///< plane, at least
 };
 /// Those that touch the moves where `ray` enters first, good for rays beside it of the same band:
 /// their points are no farther from its point than `around` (mm, the sum of three coordinates).
@@ -65,8 +66,12 @@ struct alignas(32) MovePlanes {
 void move_planes(const Cutter& cutter, std::span<const MoveEight> moves, const Ray& ray,
                  double around, std::span<MovePlanes> planes);
 
-/// Bit i is set unless `ray` enters move i nowhere before `limit` (mm along it, within the band).
+/// The number, counted through all eights, of the move whose plane a ray beside comes up to first.
 /// @param middle  the point of the ray that the planes are of
+int nearest_plane(std::span<const MovePlanes> planes, const Eigen::Vector3d& middle,
+                  const Ray& ray);
+
+/// Bit i is set unless `ray` enters move i nowhere before `limit` (mm along it, within the band).
 unsigned open_before(const MovePlanes& planes, const Eigen::Vector3d& middle, const Ray& ray,
                      double limit);
 

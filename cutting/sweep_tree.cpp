@@ -20,6 +20,12 @@ namespace abbe::cutting {
 
 using Eigen::Vector3d;
 
+namespace {
+
+constexpr double more_than_rounding = 1e-6;  // mm, by which a limit may be too high
+
+}  // namespace
+
 /// What a walk through the tree is for, along as much of its ray as is open.
 struct SweepTree::Aim {
   const Ray& ray;
@@ -394,7 +400,7 @@ class StandingBall {
     const double deep = radius2 - (w.squaredNorm() - along * along);
     const double s = -along - std::sqrt(std::max(deep, 0.0));
     if (deep > 0.1 * radius2 && axis_.dot(w + s * ray.normal) < 0.0) return s;
-    return standing_entry(cutter_, move_, t_, ray).value_or(ray.band);
+    return standing_entry(cutter_, move_, t_, ray, -1e30f).value_or(ray.band);
   }
 
  private:
@@ -404,7 +410,19 @@ class StandingBall {
   Vector3d axis_, centre_;
 };
 
-/// Where rays meet one of eight moves, nearly where they meet the first and never before.
+/// A place a little beyond the bound of a lane if the cutter of its move holds it, and so deep that
+/// the search enters that cutter too.
+std::optional<double> met_beyond(const Cutter& cutter, const Move& move, const EntryBounds& bounds,
+                                 std::size_t lane, const Ray& ray) {
+  const double least = bounds.least[lane], s = least + 1e-4 * cutter.radius;
+  if (!(least > -ray.band && s < ray.band)) return std::nullopt;
+  const double t = move.from + double(bounds.part[lane]) * (move.to - move.from);
+  const bool met = depth(cutter, move, t, ray.point + s * ray.normal) > 1e-6 * cutter.radius;
+  return met ? std::optional(s) : std::nullopt;
+}
+
+/// Where rays meet one of eight moves, as the search would find, or a little beyond: nearly where
+/// they meet the first.
 class MetOfEight {
  public:
   MetOfEight(const Cutter& cutter, std::span<const Move> moves) : cutter_(cutter), moves_(moves) {
@@ -431,9 +449,8 @@ class MetOfEight {
     const std::size_t k = std::size_t(least - bounds.least);
     const Move& move = moves_[k];
     const double t = move.from + double(bounds.part[k]) * (move.to - move.from);
-    const double s = double(*least) + 1e-4 * cutter_.radius;
-    if (std::abs(s) < ray.band && holds(cutter_, move, t, ray.point + s * ray.normal)) return s;
-    return standing_entry(cutter_, move, t, ray).value_or(ray.band);
+    const auto s = met_beyond(cutter_, move, bounds, k, ray);
+    return s ? *s : standing_entry(cutter_, move, t, ray, *least).value_or(ray.band);
   }
 
   const Cutter& cutter_;
@@ -456,13 +473,12 @@ struct Box {
 
 }  // namespace
 
-/// Lowers each ray's limit (mm) to where it meets, nearly and never before, the cutter of a move at
-/// its instant t, or of moves beside it.
+/// Lowers each ray's limit (mm) to where the search would find, or a little beyond, that it meets
+/// the cutter of a move at its instant t, or of moves beside it.
 void SweepTree::lower(std::span<double> limits, std::span<const Ray> rays, int item, double t,
                       Hint& hint) const {
-  constexpr double more = 1e-6;  // mm, against rounding
   const auto lower_to = [&](std::size_t i, double met) {
-    limits[i] = std::min(limits[i], met + more);
+    limits[i] = std::min(limits[i], met + more_than_rounding);
   };
   if (is_ball(cutter_)) {
     const StandingBall ball(cutter_, move_of(item, hint), t);
@@ -576,9 +592,21 @@ struct SweepTree::NearPairs {
                               move % int(width), ray);
     ++count;
   }
-  void bound(const Cutter& cutter, double band) {
+  /// The moves near whose planes a ray passes before its limit.
+  void add_open(const NearEights& all, int near, std::span<const MovePlanes> planes,
+                const Vector3d& middle, const Ray& ray, double limit) {
+    for (std::size_t e = 0; e < planes.size(); ++e)
+      for (unsigned open = open_before(planes[e], middle, ray, limit); open != 0;
+           open &= open - 1) {
+        const int move = int(e * width) + std::countr_zero(open);
+        if (move < near) add(all, move, ray);
+      }
+  }
+  /// Repeats the last one until they are whole eights, and bounds them.
+  void bound(const NearEights& all, const Cutter& cutter, const Ray& last) {
+    while (count % width != 0) add(all, moves[count - 1], last);
     const std::size_t used = count / width;
-    entry_bounds(cutter, {eights.data(), used}, band, {bounds.data(), used});
+    entry_bounds(cutter, {eights.data(), used}, last.band, {bounds.data(), used});
   }
   float least(std::size_t pair) const { return bounds[pair / width].least[pair % width]; }
   float part(std::size_t pair) const { return bounds[pair / width].part[pair % width]; }
@@ -606,7 +634,7 @@ SweepTree::First SweepTree::nearest_of(const Near& near, const NearEights& all,
   std::size_t best = first;
   for (std::size_t pair = first + 1; pair < end; ++pair)
     if (pairs.least(pair) < pairs.least(best)) best = pair;
-  if (double(pairs.least(best)) <= search.limit(ray)) attempt(best);
+  if (!(double(pairs.least(best)) > search.limit(ray))) attempt(best);
   // those that single precision cannot tell from it, the nearest first
   std::size_t rivals = 0;
   std::array<std::pair<double, std::size_t>, Near::room> by_least;
@@ -619,6 +647,26 @@ SweepTree::First SweepTree::nearest_of(const Near& near, const NearEights& all,
   for (std::size_t r = 0; r < rivals && by_least[r].first <= search.limit(ray); ++r)
     attempt(by_least[r].second);
   return search;
+}
+
+/// Lowers each ray's limit to where it meets, nearly and never before, the move whose plane it
+/// comes up to first.
+void SweepTree::lower_by_planes(std::span<double> limits, std::span<const Ray> rays,
+                                const Near& near, const NearEights& all,
+                                std::span<const MovePlanes> planes, const Vector3d& middle) const {
+  PairEight pairs;
+  std::array<int, MoveEight::width> nearest;
+  for (std::size_t i = 0; i < nearest.size(); ++i) {
+    const Ray& ray = rays[std::min(i, rays.size() - 1)];
+    nearest[i] = std::min(nearest_plane(planes, middle, ray), near.count - 1);
+    pairs.put(int(i), all.eights[nearest[i] / MoveEight::width], nearest[i] % MoveEight::width,
+              ray);
+  }
+  EntryBounds bounds;
+  entry_bounds(cutter_, {&pairs, 1}, rays.front().band, {&bounds, 1});
+  for (std::size_t i = 0; i < rays.size(); ++i)
+    if (const auto s = met_beyond(cutter_, near.moves[nearest[i]], bounds, i, rays[i]))
+      limits[i] = std::min(limits[i], *s + more_than_rounding);
 }
 
 /// Planes that hold for several rays rule out most moves for each of them.
@@ -638,23 +686,21 @@ void SweepTree::search_near(std::span<const Ray> rays, std::span<const double> l
       around = std::max(around, 1.001 * (rays[i].point - middle.point).lpNorm<1>());
     move_planes(cutter_, {all.eights.data(), all.count}, middle, around,
                 {planes.data(), all.count});
+    std::array<double, rays_a_plane> until;
+    std::copy(limits.begin() + std::ptrdiff_t(first), limits.begin() + std::ptrdiff_t(end),
+              until.begin());
+    lower_by_planes({until.data(), end - first}, rays.subspan(first, end - first), near, all,
+                    {planes.data(), all.count}, middle.point);
     for (std::size_t i = first; i < end;) {
       const std::size_t begun = i;
       pairs.count = 0;
       for (; i < end && pairs.count <= Near::room; ++i) {
         first_pair[i - begun] = pairs.count;
-        for (std::size_t e = 0; e < all.count; ++e) {
-          unsigned open = open_before(planes[e], middle.point, rays[i], limits[i]);
-          for (; open != 0; open &= open - 1) {
-            const int k = int(e) * MoveEight::width + std::countr_zero(open);
-            if (k < near.count) pairs.add(all, k, rays[i]);
-          }
-        }
+        pairs.add_open(all, near.count, {planes.data(), all.count}, middle.point, rays[i],
+                       until[i - first]);
       }
       first_pair[i - begun] = pairs.count;
-      while (pairs.count % NearPairs::width != 0)
-        pairs.add(all, pairs.moves[pairs.count - 1], rays[i - 1]);
-      pairs.bound(cutter_, rays[begun].band);
+      pairs.bound(all, cutter_, rays[i - 1]);
       for (std::size_t j = begun; j < i; ++j) {
         const First search =
             nearest_of(near, all, pairs, first_pair[j - begun], first_pair[j - begun + 1], rays[j]);
@@ -733,6 +779,8 @@ bool SweepTree::search_patch(std::span<const Ray> rays, std::span<std::optional<
 
 void SweepTree::first_removals(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                                Hint& hint) const {
+  for (const Ray& ray : rays)
+    require(ray.band == rays.front().band, "sweep: expected rays of one band");
   for (std::size_t i = 0; i < rays.size();) {
     const std::size_t count = std::min(hint.beside, rays.size() - i);
     if (count >= Hint::least_beside &&

@@ -42,7 +42,7 @@ class SweepTree {
     static constexpr std::size_t most_beside = 32, least_beside = 8, most_alone = 512;
     static constexpr int runs_before_more = 8;
     std::size_t beside = most_beside;  ///< rays that are looked at together, as that went well
-    int runs = 0;                      ///< of so many rays, since that was tried last with more
+    int runs = 0;                      ///< that went well in this number since it last changed
     std::size_t alone = least_beside;  ///< or one by one, before that is tried again
   };
 
@@ -53,7 +53,8 @@ class SweepTree {
 
   /// The same of rays in an order in which neighbours are near to each other, which share walks
   /// through the tree.
-  /// @param found  (rays)
+  /// @param rays  of one band @param found  (rays)
+  /// @throws std::invalid_argument if their bands differ
   void first_removals(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                       Hint& hint) const;
 
@@ -107,6 +108,9 @@ class SweepTree {
                     Hint& hint) const;
   void search_near(std::span<const Ray> rays, std::span<const double> limits,
                    std::span<std::optional<Removal>> found, const Near& near, Hint& hint) const;
+  void lower_by_planes(std::span<double> limits, std::span<const Ray> rays, const Near& near,
+                       const NearEights& eights, std::span<const MovePlanes> planes,
+                       const Eigen::Vector3d& middle) const;
   First nearest_of(const Near& near, const NearEights& eights, const NearPairs& pairs,
                    std::size_t first, std::size_t end, const Ray& ray) const;
   bool search_near_balls(std::span<const Ray> rays, std::span<std::optional<Removal>> found,

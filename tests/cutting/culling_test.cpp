@@ -314,5 +314,52 @@ TEST(Culling, LosesNothingOfFinishedSurfaces) {
               });
 }
 
+/// Rays along the wall that a cutter leaves where it stands, beside rays in the open: whether they
+/// touch it is up to rounding, and what a limit promises the search must find.
+TEST(Culling, LosesNothingOfRaysAlongWalls) {
+  run_patches(
+      "walls", 135000000, 600 * longer(5), [](Random& random, std::uint64_t seed, Count& count) {
+        const double R = random.once_in(2) ? double(1 + random.below(8)) : random.decades(-1, 1.5);
+        const double corners[] = {0.0, 0.1 * R, R * random.in(0, 1), R};
+        const Cutter cutter{R, corners[random.below(4)], R * random.in(1, 5)};
+        const Eigen::Matrix3d turned =
+            random.once_in(2) ? Eigen::Matrix3d::Identity().eval() : random.rotation(pi);
+        // into a groove, or down, and out a little higher
+        const Vector3d into = random.once_in(2) ? Vector3d(-4 * R, 0, 0) : Vector3d(0, 0, 2 * R);
+        const double higher = 0.1 * R;
+        const std::array<Vector3d, 4> tips{into, Vector3d::Zero(), Vector3d(0, 0, higher),
+                                           Vector3d(2 * R, 0, higher)};
+        CutterMotion motion{Points(4, 3), Points(4, 3), Eigen::VectorXd(4), {1, 2, 3, 4}};
+        for (int k = 0; k < 4; ++k) {
+          motion.tip.row(k) = turned * tips[std::size_t(k)];
+          motion.axis.row(k) = turned * Vector3d::UnitZ();
+          motion.time_s[k] = k;
+        }
+        const double band = R * random.in(0.2, 1), height = R * random.in(0, 0.3);
+        const double from = random.in(-pi, pi), step = random.decades(-5, -1);
+        std::vector<Ray> rays;
+        for (int k = 0; k < 40; ++k) {
+          const double around = from + step * k, rho = k < 8 ? 0.5 * R : R;
+          const Vector3d place(rho * std::cos(around), rho * std::sin(around), height);
+          rays.push_back({turned * place, turned * Vector3d::UnitZ(), band});
+        }
+        const SweepTree tree(cutter, motion);
+        SweepTree::Hint hint;
+        std::vector<std::optional<Removal>> found(rays.size());
+        tree.first_removals(rays, found, hint);
+        for (std::size_t k = 0; k < rays.size(); ++k) {
+          const auto expected = first_of_every_move(cutter, motion, rays[k]);
+          ++count.rays;
+          count.cut += expected && expected->s > -band;
+          count.buried += expected && expected->s <= -band;
+          if (same(found[k], expected, band)) continue;
+          if (++count.different < 20)
+            ADD_FAILURE() << "seed " << seed << ", ray " << k << ", R " << R << " r "
+                          << cutter.corner_radius << ": found " << text(found[k])
+                          << ", of every move " << text(expected);
+        }
+      });
+}
+
 }  // namespace
 }  // namespace abbe::cutting
