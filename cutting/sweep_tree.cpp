@@ -673,7 +673,7 @@ void SweepTree::lower_by_planes(std::span<double> limits, std::span<const Ray> r
 void SweepTree::search_near(std::span<const Ray> rays, std::span<const double> limits,
                             std::span<std::optional<Removal>> found, const Near& near,
                             Hint& hint) const {
-  constexpr std::size_t rays_a_plane = 8;
+  constexpr std::size_t rays_a_plane = 8, many = 8;  // eights of moves
   const NearEights all(cutter_, near);
   std::array<MovePlanes, NearEights::room> planes;
   NearPairs pairs;
@@ -689,8 +689,9 @@ void SweepTree::search_near(std::span<const Ray> rays, std::span<const double> l
     std::array<double, rays_a_plane> until;
     std::copy(limits.begin() + std::ptrdiff_t(first), limits.begin() + std::ptrdiff_t(end),
               until.begin());
-    lower_by_planes({until.data(), end - first}, rays.subspan(first, end - first), near, all,
-                    {planes.data(), all.count}, middle.point);
+    if (all.count > many)
+      lower_by_planes({until.data(), end - first}, rays.subspan(first, end - first), near, all,
+                      {planes.data(), all.count}, middle.point);
     for (std::size_t i = first; i < end;) {
       const std::size_t begun = i;
       pairs.count = 0;
