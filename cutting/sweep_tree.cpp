@@ -578,6 +578,23 @@ bool SweepTree::gather_near(const PatchStretch& rays, Near& near, Hint& hint) co
   return true;
 }
 
+/// Planes behind which those moves lie, for a few rays beside each other.
+struct SweepTree::NearPlanes {
+  std::array<MovePlanes, NearEights::room> planes;
+  std::size_t count;
+  Vector3d middle;  // point of the ray that they are of
+
+  NearPlanes(const Cutter& cutter, const NearEights& all, std::span<const Ray> rays)
+      : count(all.count), middle(rays[rays.size() / 2].point) {
+    double around = 0.0;
+    for (const Ray& ray : rays) around = std::max(around, 1.001 * (ray.point - middle).lpNorm<1>());
+    move_planes(cutter, {all.eights.data(), count}, rays[rays.size() / 2], around,
+                {planes.data(), count});
+  }
+  /// The number of the move whose plane a ray comes up to first.
+  int nearest(const Ray& ray) const { return nearest_plane({planes.data(), count}, middle, ray); }
+};
+
 /// Pairs of a ray and a move that is open for it, those of a ray together.
 struct SweepTree::NearPairs {
   static constexpr std::size_t width = MoveEight::width, room = 2 * Near::room;
@@ -593,14 +610,15 @@ struct SweepTree::NearPairs {
     ++count;
   }
   /// The moves near whose planes a ray passes before its limit.
-  void add_open(const NearEights& all, int near, std::span<const MovePlanes> planes,
-                const Vector3d& middle, const Ray& ray, double limit) {
-    for (std::size_t e = 0; e < planes.size(); ++e)
-      for (unsigned open = open_before(planes[e], middle, ray, limit); open != 0;
-           open &= open - 1) {
+  void add_open(const NearEights& all, int near, const NearPlanes& planes, const Ray& ray,
+                double limit) {
+    for (std::size_t e = 0; e < planes.count; ++e) {
+      unsigned open = open_before(planes.planes[e], planes.middle, ray, limit);
+      for (; open != 0; open &= open - 1) {
         const int move = int(e * width) + std::countr_zero(open);
         if (move < near) add(all, move, ray);
       }
+    }
   }
   /// Repeats the last one until they are whole eights, and bounds them.
   void bound(const NearEights& all, const Cutter& cutter, const Ray& last) {
@@ -649,18 +667,18 @@ SweepTree::First SweepTree::nearest_of(const Near& near, const NearEights& all,
   return search;
 }
 
-/// Lowers each ray's limit to where it meets, nearly and never before, the move whose plane it
-/// comes up to first.
+/// Lowers each ray's limit to a little beyond where it meets the move whose plane it comes up to
+/// first.
+/// @param rays  eight at most
 void SweepTree::lower_by_planes(std::span<double> limits, std::span<const Ray> rays,
                                 const Near& near, const NearEights& all,
-                                std::span<const MovePlanes> planes, const Vector3d& middle) const {
+                                const NearPlanes& planes) const {
   PairEight pairs;
   std::array<int, MoveEight::width> nearest;
   for (std::size_t i = 0; i < nearest.size(); ++i) {
     const Ray& ray = rays[std::min(i, rays.size() - 1)];
-    nearest[i] = std::min(nearest_plane(planes, middle, ray), near.count - 1);
-    pairs.put(int(i), all.eights[nearest[i] / MoveEight::width], nearest[i] % MoveEight::width,
-              ray);
+    nearest[i] = std::min(planes.nearest(ray), near.count - 1);
+    pairs.put(int(i), all.eights[nearest[i] / width], nearest[i] % width, ray);
   }
   EntryBounds bounds;
   entry_bounds(cutter_, {&pairs, 1}, rays.front().band, {&bounds, 1});
@@ -669,36 +687,27 @@ void SweepTree::lower_by_planes(std::span<double> limits, std::span<const Ray> r
       limits[i] = std::min(limits[i], *s + more_than_rounding);
 }
 
-/// Planes that hold for several rays rule out most moves for each of them.
-void SweepTree::search_near(std::span<const Ray> rays, std::span<const double> limits,
+/// Planes that hold for a few rays rule out most moves for each of them.
+void SweepTree::search_near(std::span<const Ray> rays, std::span<double> limits,
                             std::span<std::optional<Removal>> found, const Near& near,
                             Hint& hint) const {
-  constexpr std::size_t rays_a_plane = 8, many = 8;  // eights of moves
+  constexpr std::size_t few = MoveEight::width;
+  constexpr std::size_t many = 8;  // eights of moves, for which lower limits are worth their price
   const NearEights all(cutter_, near);
-  std::array<MovePlanes, NearEights::room> planes;
   NearPairs pairs;
-  std::array<std::size_t, rays_a_plane + 1> first_pair;
-  for (std::size_t first = 0; first < rays.size(); first += rays_a_plane) {
-    const std::size_t end = std::min(first + rays_a_plane, rays.size());
-    const Ray& middle = rays[(first + end) / 2];
-    double around = 0.0;
-    for (std::size_t i = first; i < end; ++i)
-      around = std::max(around, 1.001 * (rays[i].point - middle.point).lpNorm<1>());
-    move_planes(cutter_, {all.eights.data(), all.count}, middle, around,
-                {planes.data(), all.count});
-    std::array<double, rays_a_plane> until;
-    std::copy(limits.begin() + std::ptrdiff_t(first), limits.begin() + std::ptrdiff_t(end),
-              until.begin());
+  std::array<std::size_t, few + 1> first_pair;
+  for (std::size_t first = 0; first < rays.size(); first += few) {
+    const std::size_t end = std::min(first + few, rays.size());
+    const std::span<const Ray> beside = rays.subspan(first, end - first);
+    const NearPlanes planes(cutter_, all, beside);
     if (all.count > many)
-      lower_by_planes({until.data(), end - first}, rays.subspan(first, end - first), near, all,
-                      {planes.data(), all.count}, middle.point);
+      lower_by_planes(limits.subspan(first, beside.size()), beside, near, all, planes);
     for (std::size_t i = first; i < end;) {
       const std::size_t begun = i;
       pairs.count = 0;
       for (; i < end && pairs.count <= Near::room; ++i) {
         first_pair[i - begun] = pairs.count;
-        pairs.add_open(all, near.count, {planes.data(), all.count}, middle.point, rays[i],
-                       until[i - first]);
+        pairs.add_open(all, near.count, planes, rays[i], limits[i]);
       }
       first_pair[i - begun] = pairs.count;
       pairs.bound(all, cutter_, rays[i - 1]);
@@ -765,7 +774,7 @@ bool SweepTree::search_near_balls(std::span<const Ray> rays,
 /// @return whether they are near enough to each other for it to be worth while
 bool SweepTree::search_patch(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                              Hint& hint) const {
-  const std::vector<double> limits = limits_of(rays, hint);
+  std::vector<double> limits = limits_of(rays, hint);
   if (limits.empty()) return false;
   const std::optional<PatchStretch> patch = patch_of(rays, limits);
   Near near;

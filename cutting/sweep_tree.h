@@ -74,6 +74,7 @@ class SweepTree {
   };
   struct Near;
   struct NearEights;
+  struct NearPlanes;
   struct NearPairs;
   struct First;
   struct Aim;
@@ -106,11 +107,10 @@ class SweepTree {
   bool gather_near(const PatchStretch& rays, Near& near, Hint& hint) const;
   bool search_patch(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                     Hint& hint) const;
-  void search_near(std::span<const Ray> rays, std::span<const double> limits,
+  void search_near(std::span<const Ray> rays, std::span<double> limits,
                    std::span<std::optional<Removal>> found, const Near& near, Hint& hint) const;
   void lower_by_planes(std::span<double> limits, std::span<const Ray> rays, const Near& near,
-                       const NearEights& eights, std::span<const MovePlanes> planes,
-                       const Eigen::Vector3d& middle) const;
+                       const NearEights& eights, const NearPlanes& planes) const;
   First nearest_of(const Near& near, const NearEights& eights, const NearPairs& pairs,
                    std::size_t first, std::size_t end, const Ray& ray) const;
   bool search_near_balls(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
