@@ -165,12 +165,11 @@ template <class End>
 // goes. What is farther from k along m than `arm`, and what the bottom has below, the plane does
 // not touch.
 
-/// Through what touches all cutters of a move, turned so that no place of the ray before it is
-/// removed.
+/// Touches all cutters of a move, turned so that they remove no place of the ray before it.
 struct Plane {
   Vector8 m;
   Eight length;
-  Eight gap;  // times the length: of the ray's point, at least
+  Eight gap;  // from the plane to the ray's point, times the length; at least
 };
 
 template <class End>
@@ -194,7 +193,7 @@ template <class End>
   return {m, length, dot(m, p) - most - sag - rounding * far * (length + toward)};
 }
 
-/// How far the ray comes up to a plane.
+/// Where the ray comes to the plane, mm along it, or a little before.
 [[gnu::always_inline]] inline Eight least_before(const Plane& plane, const Vector8& n, float band) {
   const Eight facing = -dot(plane.m, n);
   const Eight s = plane.gap / facing;

@@ -44,8 +44,8 @@ struct alignas(32) EntryBounds {
   float m[3][width];   ///< from the cutter to the ray there, unit
 };
 
-/// Of rays that all have one band, against moves. A lane depends on its own move and ray alone, bit
-/// for bit.
+/// Bounds of rays, all of one band, against moves. A lane depends on its own move and ray alone,
+/// bit for bit.
 /// @param bounds  (pairs)
 void entry_bounds(const Cutter& cutter, std::span<const PairEight> pairs, double band,
                   std::span<EntryBounds> bounds);
@@ -54,11 +54,11 @@ void entry_bounds(const Cutter& cutter, std::span<const PairEight> pairs, double
 void entry_bounds(const Cutter& cutter, const MoveEight& moves, std::span<const Ray> rays,
                   std::span<EntryBounds> bounds);
 
-/// Planes that have all of eight moves behind them, m away from the cutters.
+/// Planes that have all of a move's cutters behind them, for eight moves.
 struct alignas(32) MovePlanes {
-  float m[3][MoveEight::width];
-  float gap[MoveEight::width];  ///< mm times |m|, by which the ray's point is in front of the
-                                ///< plane, at least
+  float m[3][MoveEight::width];  ///< normal, away from the cutters
+  float gap[MoveEight::width];   ///< mm times |m|, by which the ray's point is in front of the
+                                 ///< plane, at least
 };
 /// Those that touch the moves where `ray` enters first, good for rays beside it of the same band:
 /// their points are no farther from its point than `around` (mm, the sum of three coordinates).
@@ -66,7 +66,7 @@ struct alignas(32) MovePlanes {
 void move_planes(const Cutter& cutter, std::span<const MoveEight> moves, const Ray& ray,
                  double around, std::span<MovePlanes> planes);
 
-/// The number, counted through all eights, of the move whose plane a ray beside comes up to first.
+/// The number, counted through all eights, of the move whose plane a ray beside comes to first.
 /// @param middle  the point of the ray that the planes are of
 int nearest_plane(std::span<const MovePlanes> planes, const Eigen::Vector3d& middle,
                   const Ray& ray);

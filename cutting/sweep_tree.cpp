@@ -591,7 +591,7 @@ struct SweepTree::NearPlanes {
     move_planes(cutter, {all.eights.data(), count}, rays[rays.size() / 2], around,
                 {planes.data(), count});
   }
-  /// The number of the move whose plane a ray comes up to first.
+  /// The number of the move whose plane a ray comes to first.
   int nearest(const Ray& ray) const { return nearest_plane({planes.data(), count}, middle, ray); }
 };
 
@@ -667,7 +667,7 @@ SweepTree::First SweepTree::nearest_of(const Near& near, const NearEights& all,
   return search;
 }
 
-/// Lowers each ray's limit to a little beyond where it meets the move whose plane it comes up to
+/// Lowers each ray's limit to a little beyond where it meets the move whose plane it comes to
 /// first.
 /// @param rays  eight at most
 void SweepTree::lower_by_planes(std::span<double> limits, std::span<const Ray> rays,
