@@ -248,23 +248,14 @@ class Sweep {
   Sample first(double limit, double about) const {
     const double tolerance = move_.angle > 0 ? turning_tolerance : straight_tolerance;
     const Goal goal{tolerance, limit, -ray_.band};
+    // what moves straight sweeps a convex body, which a ray does not enter twice
+    const auto beyond_gap = [this](double from, double to, const Goal& towards) {
+      return move_.angle > 0 ? least_between(from, to, towards) : undefined_at(from);
+    };
     const auto f = [this](double t) { return entry(t); };
     const auto floor = [this](const Piece& piece) { return entry_floor(piece); };
-    const Sample found = minimum_about(f, floor, move_.from, about, move_.to, goal);
-    if (found.defined) return found;
-    const Sample a = entry(move_.from);
-    const Sample b = entry(move_.to);
-    if (a.defined || b.defined) return minimum(f, floor, a, b, goal);
-    const auto g = [this](double t) { return depth_reached(t); };
-    const auto g_floor = [this](const Piece& piece) { return depth_floor(piece); };
-    const Sample inside = minimum(g, g_floor, g(move_.from), g(move_.to),
-                                  {.tolerance = depth_tolerance, .limit = 0.0, .enough = 0.0});
-    if (inside.value > 0) return a;
-    const Sample c = entry(inside.t);
-    if (!c.defined) return c;
-    const Sample left = minimum(f, floor, a, c, goal);
-    const Sample right = minimum(f, floor, c, b, goal);
-    return right.value < left.value ? right : left;
+    const Sample found = minimum_about(f, floor, beyond_gap, move_.from, about, move_.to, goal);
+    return found.defined ? found : least_between(move_.from, move_.to, goal);
   }
 
  private:
@@ -306,6 +297,25 @@ class Sweep {
     }
     const Along& best = a.depth <= b.depth ? a : b;
     return {best.s, best.depth, (b.slope * a.outward - a.slope * b.outward).normalized()};
+  }
+
+  /// Smallest entry between two instants, wherever it is.
+  Sample least_between(double from, double to, const Goal& goal) const {
+    const auto f = [this](double t) { return entry(t); };
+    const auto floor = [this](const Piece& piece) { return entry_floor(piece); };
+    const Sample a = entry(from);
+    const Sample b = entry(to);
+    if (a.defined || b.defined) return minimum(f, floor, a, b, goal);
+    const auto g = [this](double t) { return depth_reached(t); };
+    const auto g_floor = [this](const Piece& piece) { return depth_floor(piece); };
+    const Sample inside = minimum(g, g_floor, g(from), g(to),
+                                  {.tolerance = depth_tolerance, .limit = 0.0, .enough = 0.0});
+    if (inside.value > 0) return a;
+    const Sample c = entry(inside.t);
+    if (!c.defined) return c;
+    const Sample left = minimum(f, floor, a, c, goal);
+    const Sample right = minimum(f, floor, c, b, goal);
+    return right.value < left.value ? right : left;
   }
 
   /// How far the ray's point is from the cutter along m at instant t, at least.

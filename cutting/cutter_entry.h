@@ -43,8 +43,9 @@ struct Entry {
 /// the true one by more than rounding (1e-12 mm at 1 m), nor above it by more than 2e-8 mm where
 /// the axis turns and 1e-9 mm where it does not. A ray that touches the sweep by less than 1e-10 mm
 /// may miss it.
-/// Where the axis turns, a second touch apart from the first within the same part of a move, no
-/// deeper than (R + flank length) angle^2 / 8, may go unseen: keep parts short (0.05 rad).
+/// Where the axis turns, a ray may touch the cutter, leave it and touch it again within the same
+/// part of a move. Of several such touches, one no deeper than (R + flank length) angle^2 / 2 may
+/// go unseen: keep parts short (0.05 rad).
 std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
                                  double limit);
 

@@ -129,9 +129,12 @@ class BranchAndBound {
       : f_(f), floor_(floor), goal_(goal), best_(best) {}
 
   bool is_over() const { return best_.value <= goal_.enough; }
+  void take(const Sample& sample) {
+    if (sample.defined && sample.value < best_.value) best_ = sample;
+  }
   Sample sample(double t) {
     const Sample sample = f_(t);
-    if (sample.defined && sample.value < best_.value) best_ = sample;
+    take(sample);
     return sample;
   }
   bool is_settled(const Piece& piece) const { return is_settled(piece, promised(piece)); }
@@ -184,9 +187,11 @@ Sample minimum(const Function& f, const Floor& floor, const Sample& first, const
 
 /// The same from `from` to `to` where f is known to be least near `about`; undefined if it is
 /// undefined there. Three samples mostly: there and on either side.
-template <class Function, class Floor>
-Sample minimum_about(const Function& f, const Floor& floor, double from, double about, double to,
-                     const Goal& goal) {
+/// @param beyond  of two times and a goal: the least value between them, for what lies on the other
+///                side of a gap in f and is not ruled out
+template <class Function, class Floor, class Beyond>
+Sample minimum_about(const Function& f, const Floor& floor, const Beyond& beyond, double from,
+                     double about, double to, const Goal& goal) {
   const Sample c = f(about);
   BranchAndBound search(f, floor, goal, c);
   if (!c.defined || search.is_over()) return c;
@@ -202,11 +207,16 @@ Sample minimum_about(const Function& f, const Floor& floor, double from, double 
       const double next = std::clamp(last.t + sense * aside, from, to);
       const Sample beside = search.sample(next);
       search.add(piece(last, beside));
+      if (!beside.defined) {
+        if (next != end && !search.is_settled(piece(last, undefined_at(end))))
+          search.take(beyond(std::min(next, end), std::max(next, end), goal));
+        break;
+      }
       // once more as far as where the slope would turn
       const double bend = (beside.slope - last.slope) / (beside.t - last.t);
       aside = std::max(8.0 * aside, bend > 0 ? 1.5 * std::abs(beside.slope) / bend : 0.0);
       last = beside;
-    } while (last.defined && last.t != end && !search.is_settled(piece(last, undefined_at(end))));
+    } while (last.t != end && !search.is_settled(piece(last, undefined_at(end))));
   }
   return search.least();
 }

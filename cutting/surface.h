@@ -69,9 +69,9 @@ struct Surface {
 /// Bound: residual within 1e-7 mm (0.1 nm) of the sweep of the motion as given, parts of 1 m
 /// included.
 ///
-/// A move whose axis turns is searched in parts of at most 0.05 rad; only a touch that begins and
-/// ends within a part, apart from another by the same part, and no deeper than (R + flank length)
-/// 0.05^2 / 8, can be missed.
+/// A move whose axis turns is searched in parts of at most 0.05 rad; only one of several touches by
+/// the same part, apart from each other and no deeper than (R + flank length) 0.05^2 / 2, can be
+/// missed.
 ///
 /// Memory is linear: about 75 bytes a move and part of a hollow cutter, and 40 a vertex besides the
 /// arrays given and returned. A single sample is a pose that cuts. An empty `judged` judges all

@@ -136,6 +136,11 @@ bool same(const Removal& a, const Removal& b) {
   return a.s == b.s && a.t == b.t && a.move == b.move && a.part == b.part;
 }
 
+/// The same place; a touch to within rounding may be that of either of two moves.
+bool same_place(const std::optional<Removal>& a, const std::optional<Removal>& b) {
+  return a.has_value() == b.has_value() && (!a || a->s == b->s);
+}
+
 bool same(const std::optional<Removal>& a, const std::optional<Removal>& b, double band) {
   if (a.has_value() != b.has_value()) return false;
   if (!a || (a->s == b->s && a->s <= -band)) return true;  // buried: any move will do
@@ -258,9 +263,12 @@ CutterMotion finishing(Random& random, const Cutter& cutter, int passes) {
   return motion;
 }
 
+/// What rays do to the cutters that they meet.
+enum class Touches { Clear, ToRounding };
+
 void expect_same_rays(std::uint64_t seed, const SweepTree& tree, const Cutter& cutter,
                       const CutterMotion& motion, std::span<const Ray> rays, SweepTree::Hint& hint,
-                      Count& count) {
+                      Count& count, Touches touches = Touches::Clear) {
   std::vector<std::optional<Removal>> found(rays.size());
   tree.first_removals(rays, found, hint);
   for (std::size_t k = 0; k < rays.size(); ++k) {
@@ -269,6 +277,7 @@ void expect_same_rays(std::uint64_t seed, const SweepTree& tree, const Cutter& c
     count.cut += expected && expected->s > -rays[k].band;
     count.buried += expected && expected->s <= -rays[k].band;
     if (same(found[k], expected, rays[k].band)) continue;
+    if (touches == Touches::ToRounding && same_place(found[k], expected)) continue;
     if (++count.different < 20)
       ADD_FAILURE() << "seed " << seed << ", ray " << k << " of " << rays.size() << ", R "
                     << cutter.radius << " r " << cutter.corner_radius << ", band " << rays[k].band
@@ -348,7 +357,10 @@ TEST(Culling, LosesNothingOfRaysAlongWalls) {
         }
         const SweepTree tree(cutter, motion);
         SweepTree::Hint hint;
-        expect_same_rays(seed, tree, cutter, motion, rays, hint, count);
+        // whether the equator of a ball is touched, and by which of two moves, is rounding
+        const bool is_ball = cutter.corner_radius == cutter.radius;
+        expect_same_rays(seed, tree, cutter, motion, rays, hint, count,
+                         is_ball ? Touches::ToRounding : Touches::Clear);
       });
 }
 

@@ -391,6 +391,29 @@ double lateness(const Grazing& grazing) {
   return (entry ? entry->s : 2 * s.ray.band) - witness;
 }
 
+/// A ray along a flank that turns: it lies in the cutter at the beginning of the move and at its
+/// end, and 0.3 um beside it between. What is found first is at the end, 9.5 mm later.
+TEST(CutterEntry, IsFoundBeyondAGap) {
+  const Cutter cutter{87.861557929056701, 1.5235627855616607, 24.669803911253133};
+  Move move;
+  move.tip = {434.923461556544, 614.10473308492146, -658.57190905046275};
+  move.step = {0.0092778732328042679, 0.049713327819404185, -0.011482262760523554};
+  move.axis = {0.0055875402067020862, 0.01953898326999727, 0.99979348243885513};
+  move.side = {-0.25589592897696278, -0.96649078699605073, 0.020318272189627687};
+  move.angle = 0.0042845756261982778;
+  const Ray ray{{351.88803387964566, 586.07404437736182, -637.78667020478235},
+                {-0.025699977813409752, 0.1056974241495396, 0.99406617771079131},
+                18.811468716402672};
+  const auto entry = first_entry(cutter, move, ray, ray.band);
+  double standing = ray.band;
+  for (int i = 0; i <= 1000; ++i)
+    if (const auto at = first_entry(cutter, standing_at(move, i / 1000.0), ray, ray.band))
+      standing = std::min(standing, at->s);
+  ASSERT_TRUE(entry);
+  EXPECT_LT(entry->s, -18.0);
+  EXPECT_LE(entry->s, standing + 2e-8);
+}
+
 TEST(CutterEntry, IsNeverLateUnderAttack) {
   const std::uint64_t seed = 504000;
   const Worst worst = climb(seed, 128 * longer(8), 600 * longer(2),
