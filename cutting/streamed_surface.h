@@ -20,7 +20,7 @@ using MotionBlocks = std::function<std::optional<MotionBlock>()>;
 /// about 150 bytes a move of it, and 60 bytes a vertex besides the arrays given and returned. Of a
 /// gouge that goes deeper than was searched, cut_time_s and cut_line are of any move that removed
 /// the place where the search began, as in milled_surface, but not of the same one.
-/// @param begin  begins the motion anew: asked once, and once more if any vertex is uncut or gouged
+/// @param begin  begins the motion again: called once, and once more if any vertex is uncut or gouged
 /// @throws std::invalid_argument as milled_surface, or if a block has no sample or does not begin
 ///         where the one before ended
 Surface streamed_surface(const Design& design_w, const Cutter& cutter,

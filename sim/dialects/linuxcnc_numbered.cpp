@@ -176,7 +176,7 @@ bool changes_both(std::string_view block) {
 }
 
 /// T and M6 of such a block, and the rest of it: rs274 alone, without the rest of a control, takes
-/// the places of the axes anew after the block and leaves the new length out of them.
+/// the places of the axes again after the block and leaves the new length out of them.
 std::pair<std::string, std::string> parted(std::string_view block) {
   std::string change, rest;
   for (const std::string_view piece : pieces_of(block)) {

@@ -3,7 +3,7 @@
 //   peers_bench [side [vertices]]
 // side: mm of the part (25; 100 is 40 401 poses and a million vertices, and takes half an hour);
 // vertices: at how many the errors are looked at (1000).
-// OpenVDB: apt-get install libopenvdb-dev, then configure anew. NumPy: apt-get install
+// OpenVDB: apt-get install libopenvdb-dev, then configure again. NumPy: apt-get install
 // python3-numpy.
 
 #include <algorithm>
@@ -163,7 +163,7 @@ double peak_bytes() {
   return 1024.0 * double(usage.ru_maxrss);
 }
 
-/// Lets the peak begin anew, from what is resident now.
+/// Resets the peak to what is resident now.
 void forget_peak() { std::ofstream("/proc/self/clear_refs") << 5; }
 
 int answer(const std::string& name, const PeerTask& task) {
