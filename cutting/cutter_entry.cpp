@@ -450,7 +450,7 @@ std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const R
 
 std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
                                  double limit, float part, float least) {
-  const double about = move.from + double(part) * (move.to - move.from);
+  const double about = instant(move, part);
   const Sample sample = Sweep(cutter, move, ray, double(least)).first(limit, about);
   if (!sample.defined || sample.value > limit) return std::nullopt;
   return Entry{sample.value, sample.t};

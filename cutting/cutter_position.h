@@ -15,6 +15,11 @@ struct Position {
   Eigen::Vector3d axis;
 };
 
+/// The instant of the whole move at a part 0 .. 1 of the way `from` .. `to`.
+inline double instant(const Move& move, double part) {
+  return move.from + part * (move.to - move.from);
+}
+
 /// Of a move at its instant t, 0 .. 1.
 inline Position position(const Move& move, double t) {
   const double x = move.angle * t;

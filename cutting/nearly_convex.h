@@ -199,6 +199,7 @@ Sample minimum_about(const Function& f, const Floor& floor, const Beyond& beyond
     return one.t < other.t ? Piece{one, other, 0} : Piece{other, one, 0};
   };
   for (const double end : {from, to}) {
+    if (search.is_over()) break;
     if (end == about || search.is_plainly_settled(piece(c, undefined_at(end)))) continue;
     const double sense = end < about ? -1.0 : 1.0;
     double aside = (std::abs(c.slope) < c.dip ? 4e-3 : 3e-4) * (to - from);

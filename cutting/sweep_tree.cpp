@@ -384,8 +384,14 @@ struct SweepTree::NearEights {
 
 namespace {
 
-/// Where a ball end that stands still is met first, nearly and never before; the end of the band if
-/// it is not.
+/// Whether a place of the ray lies so deep in the cutter at instant t that the search enters that
+/// too, at no later place: not a touch that is up to rounding.
+bool is_deep(const Cutter& cutter, const Move& move, double t, const Ray& ray, double s) {
+  return depth(cutter, move, t, ray.point + s * ray.normal) > 1e-6 * cutter.radius;
+}
+
+/// Where a ball end that stands still is met first, or a little beyond; the end of the band if it
+/// is not, or is only grazed.
 class StandingBall {
  public:
   StandingBall(const Cutter& cutter, const Move& move, double t)
@@ -400,7 +406,9 @@ class StandingBall {
     const double deep = radius2 - (w.squaredNorm() - along * along);
     const double s = -along - std::sqrt(std::max(deep, 0.0));
     if (deep > 0.1 * radius2 && axis_.dot(w + s * ray.normal) < 0.0) return s;
-    return standing_entry(cutter_, move_, t_, ray, -1e30f).value_or(ray.band);
+    const auto entry = standing_entry(cutter_, move_, t_, ray, -1e30f);
+    const double beyond = entry.value_or(ray.band) + 1e-4 * cutter_.radius;
+    return beyond < ray.band && is_deep(cutter_, move_, t_, ray, beyond) ? beyond : ray.band;
   }
 
  private:
@@ -410,15 +418,13 @@ class StandingBall {
   Vector3d axis_, centre_;
 };
 
-/// A place a little beyond the bound of a lane if the cutter of its move holds it, and so deep that
-/// the search enters that cutter too.
+/// A place a little beyond the bound of a lane, if it lies deep in the cutter of its move.
 std::optional<double> met_beyond(const Cutter& cutter, const Move& move, const EntryBounds& bounds,
                                  std::size_t lane, const Ray& ray) {
   const double least = bounds.least[lane], s = least + 1e-4 * cutter.radius;
   if (!(least > -ray.band && s < ray.band)) return std::nullopt;
-  const double t = move.from + double(bounds.part[lane]) * (move.to - move.from);
-  const bool met = depth(cutter, move, t, ray.point + s * ray.normal) > 1e-6 * cutter.radius;
-  return met ? std::optional(s) : std::nullopt;
+  const double t = instant(move, bounds.part[lane]);
+  return is_deep(cutter, move, t, ray, s) ? std::optional(s) : std::nullopt;
 }
 
 /// Where rays meet one of eight moves, as the search would find, or a little beyond: nearly where
@@ -448,7 +454,7 @@ class MetOfEight {
     const float* least = std::min_element(bounds.least, bounds.least + moves_.size());
     const std::size_t k = std::size_t(least - bounds.least);
     const Move& move = moves_[k];
-    const double t = move.from + double(bounds.part[k]) * (move.to - move.from);
+    const double t = instant(move, bounds.part[k]);
     const auto s = met_beyond(cutter_, move, bounds, k, ray);
     return s ? *s : standing_entry(cutter_, move, t, ray, *least).value_or(ray.band);
   }

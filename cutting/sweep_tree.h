@@ -53,7 +53,8 @@ class SweepTree {
 
   /// The same of rays in an order in which neighbours are near to each other, which share walks
   /// through the tree.
-  /// @param rays  of one band @param found  (rays)
+  /// @param rays   of one band
+  /// @param found  (rays)
   /// @throws std::invalid_argument if their bands differ
   void first_removals(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                       Hint& hint) const;
