@@ -50,10 +50,9 @@ std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const R
                                  double limit);
 
 /// The same of any cutter but a ball, or of a ball where the closed form does not decide.
-/// @param part, least  of the move's `EntryBounds`: where the search starts, so that the last bits
-/// of
-///                     the value depend on both. Any part will do, and any place before which the
-///                     ray does not enter.
+/// The search starts there, so the last bits of the value depend on both.
+/// @param part   of the move's `EntryBounds`, or any
+/// @param least  of the same, or any place before which the ray does not enter
 std::optional<Entry> first_entry(const Cutter& cutter, const Move& move, const Ray& ray,
                                  double limit, float part, float least);
 
