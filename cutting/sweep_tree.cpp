@@ -13,18 +13,12 @@
 
 #include "cutting/ball_bounds.h"
 #include "cutting/cutter_position.h"
-#include "cutting/entry_bounds.h"
+#include "cutting/near_moves.h"
 #include "kinematics/require.h"
 
 namespace abbe::cutting {
 
 using Eigen::Vector3d;
-
-namespace {
-
-constexpr double more_than_rounding = 1e-6;  // mm, by which a limit may be too high
-
-}  // namespace
 
 /// What a walk through the tree is for, along as much of its ray as is open.
 struct SweepTree::Aim {
@@ -358,111 +352,7 @@ std::optional<Removal> SweepTree::first_removal(const Ray& ray, Hint& hint) cons
 // removals from above. What no ray up to there can meet is ruled out for all at once; the moves
 // left are bounded for every ray, and tried from the least bound on.
 
-/// The moves that some of rays beside each other may meet first.
-struct SweepTree::Near {
-  static constexpr int room = 256;
-  int most = room;
-  int count = 0;
-  std::array<int, room> items;
-  std::array<Move, room> moves;
-};
-
-/// The same as they are bounded.
-struct SweepTree::NearEights {
-  static constexpr int width = MoveEight::width, room = (Near::room + width - 1) / width;
-  std::array<MoveEnds, Near::room> ends;
-  std::array<MoveEight, room> eights;
-  std::size_t count;  // of eights
-
-  NearEights(const Cutter& cutter, const Near& near)
-      : count(std::size_t(near.count + width - 1) / width) {
-    for (int k = 0; k < near.count; ++k) ends[k] = ends_of(near.moves[k]);
-    for (int k = 0; k < int(count) * width; ++k)
-      eights[k / width].put(k % width, cutter, ends[std::min(k, near.count - 1)]);
-  }
-};
-
 namespace {
-
-/// Whether a place of the ray lies so deep in the cutter at instant t that the search enters that
-/// too, at no later place: not a touch that is up to rounding.
-bool is_deep(const Cutter& cutter, const Move& move, double t, const Ray& ray, double s) {
-  return depth(cutter, move, t, ray.point + s * ray.normal) > 1e-6 * cutter.radius;
-}
-
-/// Where a ball end that stands still is met first, or a little beyond; the end of the band if it
-/// is not, or is only grazed.
-class StandingBall {
- public:
-  StandingBall(const Cutter& cutter, const Move& move, double t)
-      : cutter_(cutter), move_(move), t_(t), axis_(position(move, t).axis) {
-    centre_ = position(move, t).tip + cutter.radius * axis_;
-  }
-
-  double met(const Ray& ray) const {
-    const double radius2 = cutter_.radius * cutter_.radius;
-    const Vector3d w = ray.point - centre_;
-    const double along = w.dot(ray.normal);
-    const double deep = radius2 - (w.squaredNorm() - along * along);
-    const double s = -along - std::sqrt(std::max(deep, 0.0));
-    if (deep > 0.1 * radius2 && axis_.dot(w + s * ray.normal) < 0.0) return s;
-    const auto entry = standing_entry(cutter_, move_, t_, ray, -1e30f);
-    const double beyond = entry.value_or(ray.band) + 1e-4 * cutter_.radius;
-    return beyond < ray.band && is_deep(cutter_, move_, t_, ray, beyond) ? beyond : ray.band;
-  }
-
- private:
-  const Cutter& cutter_;
-  const Move& move_;
-  double t_;
-  Vector3d axis_, centre_;
-};
-
-/// A place a little beyond the bound of a lane, if it lies deep in the cutter of its move.
-std::optional<double> met_beyond(const Cutter& cutter, const Move& move, const EntryBounds& bounds,
-                                 std::size_t lane, const Ray& ray) {
-  const double least = bounds.least[lane], s = least + 1e-4 * cutter.radius;
-  if (!(least > -ray.band && s < ray.band)) return std::nullopt;
-  const double t = instant(move, bounds.part[lane]);
-  return is_deep(cutter, move, t, ray, s) ? std::optional(s) : std::nullopt;
-}
-
-/// Where rays meet one of eight moves, as the search would find, or a little beyond: nearly where
-/// they meet the first.
-class MetOfEight {
- public:
-  MetOfEight(const Cutter& cutter, std::span<const Move> moves) : cutter_(cutter), moves_(moves) {
-    for (int k = 0; k < MoveEight::width; ++k)
-      eight_.put(k, cutter,
-                 ends_of(moves[std::min<std::size_t>(std::size_t(k), moves.size() - 1)]));
-  }
-
-  /// @param use  of a ray's number and where it is met, mm along it; the end of the band if not
-  template <class Use>
-  void each(std::span<const Ray> rays, const Use& use) const {
-    std::array<EntryBounds, 8> bounds;
-    for (std::size_t first = 0; first < rays.size(); first += bounds.size()) {
-      const std::size_t count = std::min(bounds.size(), rays.size() - first);
-      entry_bounds(cutter_, eight_, rays.subspan(first, count), {bounds.data(), count});
-      for (std::size_t i = 0; i < count; ++i) use(first + i, met(rays[first + i], bounds[i]));
-    }
-  }
-
- private:
-  /// A little beyond the least bound the ray is in that cutter, mostly.
-  double met(const Ray& ray, const EntryBounds& bounds) const {
-    const float* least = std::min_element(bounds.least, bounds.least + moves_.size());
-    const std::size_t k = std::size_t(least - bounds.least);
-    const Move& move = moves_[k];
-    const double t = instant(move, bounds.part[k]);
-    const auto s = met_beyond(cutter_, move, bounds, k, ray);
-    return s ? *s : standing_entry(cutter_, move, t, ray, *least).value_or(ray.band);
-  }
-
-  const Cutter& cutter_;
-  std::span<const Move> moves_;
-  MoveEight eight_;
-};
 
 /// A box along given axes.
 struct Box {
@@ -483,18 +373,11 @@ struct Box {
 /// the cutter of a move at its instant t, or of moves beside it.
 void SweepTree::lower(std::span<double> limits, std::span<const Ray> rays, int item, double t,
                       Hint& hint) const {
-  const auto lower_to = [&](std::size_t i, double met) {
-    limits[i] = std::min(limits[i], met + more_than_rounding);
-  };
-  if (is_ball(cutter_)) {
-    const StandingBall ball(cutter_, move_of(item, hint), t);
-    for (std::size_t i = 0; i < rays.size(); ++i) lower_to(i, ball.met(rays[i]));
-    return;
-  }
+  if (is_ball(cutter_)) return lower_to_ball(limits, rays, cutter_, move_of(item, hint), t);
   const int first = item / width * width;
   std::vector<Move> moves(std::min(width, int(items_.size()) - first));
   for (std::size_t k = 0; k < moves.size(); ++k) moves[k] = move_of(first + int(k), hint);
-  MetOfEight(cutter_, moves).each(rays, lower_to);
+  lower_to_eight(limits, rays, cutter_, moves);
 }
 
 /// mm along each ray, not before it meets its first removal; nothing where one of them starts in
@@ -555,7 +438,7 @@ std::optional<PatchStretch> SweepTree::patch_of(std::span<const Ray> rays,
 }
 
 /// @return whether they are no more than it may hold
-bool SweepTree::gather_near(const PatchStretch& rays, Near& near, Hint& hint) const {
+bool SweepTree::gather_near(const PatchStretch& rays, NearMoves& near, Hint& hint) const {
   struct Visit {
     int level, index;
   };
@@ -584,64 +467,8 @@ bool SweepTree::gather_near(const PatchStretch& rays, Near& near, Hint& hint) co
   return true;
 }
 
-/// Planes behind which those moves lie, for a few rays beside each other.
-struct SweepTree::NearPlanes {
-  std::array<MovePlanes, NearEights::room> planes;
-  std::size_t count;
-  Vector3d middle;  // point of the ray that they are of
-
-  NearPlanes(const Cutter& cutter, const NearEights& all, std::span<const Ray> rays)
-      : count(all.count), middle(rays[rays.size() / 2].point) {
-    double around = 0.0;
-    for (const Ray& ray : rays) around = std::max(around, 1.001 * (ray.point - middle).lpNorm<1>());
-    move_planes(cutter, {all.eights.data(), count}, rays[rays.size() / 2], around,
-                {planes.data(), count});
-  }
-  /// The number of the move whose plane a ray comes to first.
-  int nearest(const Ray& ray) const { return nearest_plane({planes.data(), count}, middle, ray); }
-};
-
-/// Pairs of a ray and a move that is open for it, those of a ray together.
-struct SweepTree::NearPairs {
-  static constexpr std::size_t width = MoveEight::width, room = 2 * Near::room;
-  std::size_t count = 0;
-  std::array<int, room> moves;  // numbers among those near
-  std::array<PairEight, room / width> eights;
-  std::array<EntryBounds, room / width> bounds;
-
-  void add(const NearEights& all, int move, const Ray& ray) {
-    moves[count] = move;
-    eights[count / width].put(int(count % width), all.eights[std::size_t(move) / width],
-                              move % int(width), ray);
-    ++count;
-  }
-  /// The moves near whose planes a ray passes before its limit.
-  void add_open(const NearEights& all, int near, const NearPlanes& planes, const Ray& ray,
-                double limit) {
-    for (std::size_t e = 0; e < planes.count; ++e) {
-      unsigned open = open_before(planes.planes[e], planes.middle, ray, limit);
-      for (; open != 0; open &= open - 1) {
-        const int move = int(e * width) + std::countr_zero(open);
-        if (move < near) add(all, move, ray);
-      }
-    }
-  }
-  /// Repeats the last one until they are whole eights, and bounds them.
-  void bound(const NearEights& all, const Cutter& cutter, const Ray& last) {
-    while (count % width != 0) add(all, moves[count - 1], last);
-    const std::size_t used = count / width;
-    entry_bounds(cutter, {eights.data(), used}, last.band, {bounds.data(), used});
-  }
-  float least(std::size_t pair) const { return bounds[pair / width].least[pair % width]; }
-  float part(std::size_t pair) const { return bounds[pair / width].part[pair % width]; }
-  Vector3d away(std::size_t pair) const {
-    const auto& m = bounds[pair / width].m;
-    return {m[0][pair % width], m[1][pair % width], m[2][pair % width]};
-  }
-};
-
 /// The first removal of a ray by the moves of its pairs.
-SweepTree::First SweepTree::nearest_of(const Near& near, const NearEights& all,
+SweepTree::First SweepTree::nearest_of(const NearMoves& near, const NearEights& all,
                                        const NearPairs& pairs, std::size_t first, std::size_t end,
                                        const Ray& ray) const {
   First search;
@@ -661,7 +488,7 @@ SweepTree::First SweepTree::nearest_of(const Near& near, const NearEights& all,
   if (!(double(pairs.least(best)) > search.limit(ray))) attempt(best);
   // those that single precision cannot tell from it, the nearest first
   std::size_t rivals = 0;
-  std::array<std::pair<double, std::size_t>, Near::room> by_least;
+  std::array<std::pair<double, std::size_t>, NearMoves::room> by_least;
   for (std::size_t pair = first; pair < end; ++pair) {
     if (pair == best || double(pairs.least(pair)) > search.limit(ray)) continue;
     const double sharper = least_entry(cutter_, all.ends[pairs.moves[pair]], ray, pairs.away(pair));
@@ -673,29 +500,9 @@ SweepTree::First SweepTree::nearest_of(const Near& near, const NearEights& all,
   return search;
 }
 
-/// Lowers each ray's limit to a little beyond where it meets the move whose plane it comes to
-/// first.
-/// @param rays  eight at most
-void SweepTree::lower_by_planes(std::span<double> limits, std::span<const Ray> rays,
-                                const Near& near, const NearEights& all,
-                                const NearPlanes& planes) const {
-  PairEight pairs;
-  std::array<int, MoveEight::width> nearest;
-  for (std::size_t i = 0; i < nearest.size(); ++i) {
-    const Ray& ray = rays[std::min(i, rays.size() - 1)];
-    nearest[i] = std::min(planes.nearest(ray), near.count - 1);
-    pairs.put(int(i), all.eights[nearest[i] / width], nearest[i] % width, ray);
-  }
-  EntryBounds bounds;
-  entry_bounds(cutter_, {&pairs, 1}, rays.front().band, {&bounds, 1});
-  for (std::size_t i = 0; i < rays.size(); ++i)
-    if (const auto s = met_beyond(cutter_, near.moves[nearest[i]], bounds, i, rays[i]))
-      limits[i] = std::min(limits[i], *s + more_than_rounding);
-}
-
 /// Planes that hold for a few rays rule out most moves for each of them.
 void SweepTree::search_near(std::span<const Ray> rays, std::span<double> limits,
-                            std::span<std::optional<Removal>> found, const Near& near,
+                            std::span<std::optional<Removal>> found, const NearMoves& near,
                             Hint& hint) const {
   constexpr std::size_t few = MoveEight::width;
   constexpr std::size_t many = 8;  // eights of moves, for which lower limits are worth their price
@@ -707,11 +514,11 @@ void SweepTree::search_near(std::span<const Ray> rays, std::span<double> limits,
     const std::span<const Ray> beside = rays.subspan(first, end - first);
     const NearPlanes planes(cutter_, all, beside);
     if (all.count > many)
-      lower_by_planes(limits.subspan(first, beside.size()), beside, near, all, planes);
+      lower_by_planes(limits.subspan(first, beside.size()), beside, cutter_, near, all, planes);
     for (std::size_t i = first; i < end;) {
       const std::size_t begun = i;
       pairs.count = 0;
-      for (; i < end && pairs.count <= Near::room; ++i) {
+      for (; i < end && pairs.count <= NearMoves::room; ++i) {
         first_pair[i - begun] = pairs.count;
         pairs.add_open(all, near.count, planes, rays[i], limits[i]);
       }
@@ -731,7 +538,8 @@ void SweepTree::search_near(std::span<const Ray> rays, std::span<double> limits,
 /// is met, and it is near
 bool SweepTree::search_near_balls(std::span<const Ray> rays,
                                   std::span<std::optional<Removal>> found,
-                                  const PatchStretch& patch, const Near& near, Hint& hint) const {
+                                  const PatchStretch& patch, const NearMoves& near,
+                                  Hint& hint) const {
   if (!is_ball(cutter_)) return false;
   const RayEnd& end = patch.end.end;
   const Vector3d origin(end.point[0], end.point[1], end.point[2]),
@@ -739,14 +547,14 @@ bool SweepTree::search_near_balls(std::span<const Ray> rays,
   const double around = Vector3d(patch.end.half[0], patch.end.half[1], patch.end.half[2]).norm();
   double far = 0.0;
   for (const Ray& ray : rays) far = std::max(far, (ray.point - origin).norm());
-  std::array<BallChord, Near::room> chords;
+  std::array<BallChord, NearMoves::room> chords;
   for (int k = 0; k < near.count; ++k) {
     chords[k] = BallChord(cutter_, near.moves[k], origin);
     if (!(chords[k].distance + far < 4.9 * cutter_.radius) ||
         !stays_below_centre(cutter_, near.moves[k], origin, around, normal, patch.end.tilt))
       return false;
   }
-  std::array<EntryEight, Near::room> bounds;
+  std::array<EntryEight, NearMoves::room> bounds;
   for (std::size_t i0 = 0; i0 < rays.size(); i0 += width) {
     RayEight eight;
     const std::size_t used = std::min<std::size_t>(width, rays.size() - i0);
@@ -783,8 +591,9 @@ bool SweepTree::search_patch(std::span<const Ray> rays, std::span<std::optional<
   std::vector<double> limits = limits_of(rays, hint);
   if (limits.empty()) return false;
   const std::optional<PatchStretch> patch = patch_of(rays, limits);
-  Near near;
-  near.most = is_ball(cutter_) ? std::min(Near::room, 2 * int(rays.size()) + 16) : Near::room;
+  NearMoves near;
+  near.most =
+      is_ball(cutter_) ? std::min(NearMoves::room, 2 * int(rays.size()) + 16) : NearMoves::room;
   if (!patch || !gather_near(*patch, near, hint)) return false;
   if (near.count == 0)
     std::fill(found.begin(), found.end(), std::nullopt);

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "cutting/entry_bounds.h"
+#include "cutting/near_moves.h"
 #include "cutting/removal.h"
 #include "cutting/sweep_bounds.h"
 
@@ -73,10 +73,6 @@ class SweepTree {
     std::uint16_t part;
     std::uint16_t parts;
   };
-  struct Near;
-  struct NearEights;
-  struct NearPlanes;
-  struct NearPairs;
   struct First;
   struct Aim;
   struct Search;
@@ -105,17 +101,16 @@ class SweepTree {
   std::vector<double> limits_of(std::span<const Ray> rays, Hint& hint) const;
   std::optional<PatchStretch> patch_of(std::span<const Ray> rays,
                                        std::span<const double> limits) const;
-  bool gather_near(const PatchStretch& rays, Near& near, Hint& hint) const;
+  bool gather_near(const PatchStretch& rays, NearMoves& near, Hint& hint) const;
   bool search_patch(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
                     Hint& hint) const;
   void search_near(std::span<const Ray> rays, std::span<double> limits,
-                   std::span<std::optional<Removal>> found, const Near& near, Hint& hint) const;
-  void lower_by_planes(std::span<double> limits, std::span<const Ray> rays, const Near& near,
-                       const NearEights& eights, const NearPlanes& planes) const;
-  First nearest_of(const Near& near, const NearEights& eights, const NearPairs& pairs,
+                   std::span<std::optional<Removal>> found, const NearMoves& near,
+                   Hint& hint) const;
+  First nearest_of(const NearMoves& near, const NearEights& eights, const NearPairs& pairs,
                    std::size_t first, std::size_t end, const Ray& ray) const;
   bool search_near_balls(std::span<const Ray> rays, std::span<std::optional<Removal>> found,
-                         const PatchStretch& patch, const Near& near, Hint& hint) const;
+                         const PatchStretch& patch, const NearMoves& near, Hint& hint) const;
   Removal removal_of(const Entry& entry, int item) const;
   void take(const std::optional<Entry>& entry, int item, Search& search) const;
   void take(const std::optional<Entry>& entry, int item, Collection& collection) const;
