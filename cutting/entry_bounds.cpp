@@ -47,7 +47,6 @@ struct RoundedEnd {
         flank(float(cutter.flank_length)) {}
 
   bool is_sharp() const { return corner < rounded[0] * radius; }
-  int last_step() const { return is_sharp() ? sharp_steps - 1 : steps - 1; }
   float thickness(int step) const { return std::max(corner, rounded[step] * radius); }
 
   [[gnu::always_inline]] inline LanesDistance from_core(const Eight& x, const Eight& y) const {
@@ -80,7 +79,6 @@ struct FormEnd {
         base(float(bottom(outline))) {}
 
   bool is_sharp() const { return outline.is_sharp; }
-  int last_step() const { return is_sharp() ? sharp_steps - 1 : steps - 1; }
   float thickness(int step) const { return is_sharp() ? rounded[step] * radius : 0.0f; }
 
   [[gnu::always_inline]] inline LanesDistance from_core(const Eight& x, const Eight& y) const {
@@ -104,6 +102,11 @@ struct Group {
   Vector8 m;   // unit, from the cutter to the ray, at the contact
 };
 constexpr std::size_t groups_at_once = 8;
+
+template <class End>
+int last_step(const End& end) {
+  return end.is_sharp() ? sharp_steps - 1 : steps - 1;
+}
 
 /// Where to begin: the ray up to s is outside of the cutter, and at t its foremost point against
 /// the normal passes by.
@@ -144,7 +147,7 @@ template <class End>
   const LanesDistance near = end.from_core(x, y);
   const Vector8 m = near.radial * radial + near.axial * u;
   if (i == steps - 1) group.m = m;
-  if (i == end.last_step()) return;
+  if (i == last_step(end)) return;
   const Eight per_facing = 1.0f / stdx::max(-dot(m, n), Eight(0.05f));
   const Vector8 v_cutter = step + y * turn - dot(across, turn) * u;
   const Eight slope = -dot(v_cutter, m) * per_facing;
@@ -210,7 +213,7 @@ template <class End, class Use>
 [[gnu::always_inline]] inline void planes_by_form(const End& end, std::span<Group> groups,
                                                   float band, float around, const Use& use) {
   for (Group& group : groups) start(end, group, band);
-  for (int i = 0; i <= end.last_step(); ++i)
+  for (int i = 0; i <= last_step(end); ++i)
     for (Group& group : groups) take_step(end, group, band, i);
   for (std::size_t g = 0; g < groups.size(); ++g)
     use(g, groups[g], plane_of(end, groups[g], band + around));

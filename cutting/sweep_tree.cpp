@@ -472,6 +472,7 @@ SweepTree::First SweepTree::nearest_of(const NearMoves& near, const NearEights& 
                                        const NearPairs& pairs, std::size_t first, std::size_t end,
                                        const Ray& ray) const {
   First search;
+  if (first == end) return search;
   const auto attempt = [&](std::size_t pair) {
     const int k = pairs.moves[pair];
     const double limit = search.limit(ray);
@@ -481,7 +482,6 @@ SweepTree::First SweepTree::nearest_of(const NearMoves& near, const NearEights& 
             : first_entry(cutter_, near.moves[k], ray, limit, pairs.part(pair), pairs.least(pair));
     if (entry) search.take(removal_of(*entry, near.items[k]), near.items[k]);
   };
-  if (first == end) return search;
   std::size_t best = first;
   for (std::size_t pair = first + 1; pair < end; ++pair)
     if (pairs.least(pair) < pairs.least(best)) best = pair;
