@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/bad_input.h"
+#include "kinematics/encoding.h"
 
 namespace abbe {
 
@@ -39,7 +40,10 @@ std::optional<std::string_view> Lines::next() {
   const std::size_t end = rest_.find('\n');
   std::string_view line = rest_.substr(0, end);
   rest_.remove_prefix(end == std::string_view::npos ? rest_.size() : end + 1);
-  if (line.ends_with('\r')) line.remove_suffix(1);
+  // a tape has LF CR CR, and NUL bytes before and behind its text
+  const auto moves = [](char c) { return c == '\r' || c == '\0'; };
+  while (!line.empty() && moves(line.back())) line.remove_suffix(1);
+  while (!line.empty() && moves(line.front())) line.remove_prefix(1);
   return line;
 }
 
@@ -106,7 +110,9 @@ std::optional<double> number_of(std::string_view text) {
 }
 
 TableLines::TableLines(std::string_view text, std::string file, std::optional<char> comment)
-    : lines_(text), file_(std::move(file)), comment_(comment) {}
+    : lines_(text), file_(std::move(file)), comment_(comment) {
+  check_encoding(text, file_);
+}
 
 std::optional<Line> TableLines::next() {
   while (const auto text = lines_.next()) {

@@ -63,8 +63,8 @@ Location Machine::here() const {
 void Machine::be_ready(const Cause& cause) {
   if (canon_.tip_mode() && canon_.coordinates() == program::Coordinates::Tip) return;
   if (tool_ < 0) {
-    const auto& lengths = canon_.options().tool_length;
-    tool_ = lengths.empty() ? -1 : lengths.begin()->first;
+    if (!canon_.options().tool_length.empty())
+      tool_ = run_.uncalled_tool(cause, "no LOADTL");
     canon_.call_length(tool_, cause);
   }
   canon_.set_tip_mode(true, cause);

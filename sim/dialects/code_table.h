@@ -17,6 +17,7 @@ struct CodeLine {
   Group group;
   Use use;
   std::string_view sentence;
+  bool beside_motion = false;  ///< as `WordUse` has it, whatever the group says
 };
 
 /// What a table says of a code.
@@ -57,11 +58,12 @@ class CodeTable {
   std::array<std::vector<CodeFact<Group>>, 2> facts_;  // of G and M
 };
 
-/// The lines of a dialect's table of words: those of its codes, then the others.
+/// The lines of a dialect's table of words: those of its codes, then the others. The namespace of
+/// the group has `is_beside_motion(Group)`.
 template <typename Line>
 std::vector<WordUse> joined_words(std::span<const Line> codes, std::span<const WordUse> others) {
   std::vector<WordUse> words;
-  for (const Line& line : codes) words.push_back({line.words, line.use, line.sentence});
+  for (const Line& line : codes) words.push_back({line.words, line.use, line.sentence, line.beside_motion || is_beside_motion(line.group)});
   words.insert(words.end(), others.begin(), others.end());
   return words;
 }

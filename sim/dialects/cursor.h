@@ -23,6 +23,7 @@ struct Cursor {
   std::string_view text;
   program::NcPlace place;
   std::size_t at = 0;
+  int depth = 0;  ///< levels of the expression that is read there, `NestingLevel`
 
   bool at_end() const { return at >= text.size(); }
   char here() const { return at < text.size() ? text[at] : '\0'; }

@@ -10,18 +10,23 @@
 
 namespace abbe::sim::dialects {
 
-/// What controls do differently.
+/// How a control enters a contour and which corners it sees. The defaults are those of Fanuc (type
+/// A), Siemens (NORM) and Heidenhain.
 struct CompensationManner {
-  /// The entry ends upright beside the start of the next piece; else it ends beside its own
-  /// direction, is at least as long as the radius, and may be an arc.
-  bool upright_entry = false;
-  double least_corner = 0.05;  ///< rad, a corner of less counts as none
+  /// The entry ends across the beginning of the next segment, at the radius from it. Else, as in
+  /// LinuxCNC, it ends beside its own direction, is at least as long as the radius, and may be an
+  /// arc.
+  bool upright_entry = true;
+  /// rad, a corner of less counts as none: the tool is too near the contour behind it by up to
+  /// radius * corner^2 / 2, 5 nm at 10 mm of radius.
+  double least_corner = 1e-3;
 };
+inline constexpr CompensationManner linuxcnc_compensation{.upright_entry = false,
+                                                          .least_corner = 0.05};
 
 /// Cutter compensation in a plane: the path beside the programmed one by the radius of the tool.
 /// Each move waits for the next, which decides its end: an inside corner is cut where the two paths
-/// beside meet, around an outside corner goes an arc of the radius about it. Corners of less than
-/// 0.05 rad count as none, as those of LinuxCNC do (2.5 um at 2 mm of radius), unless stated.
+/// beside meet, around an outside corner goes an arc of the radius about it.
 class Compensation {
  public:
   explicit Compensation(ProgramRun& run) : run_(run), canon_(run.canon) {}
@@ -44,6 +49,9 @@ class Compensation {
   /// Where the program is, which the tool is beside.
   const kinematics::AxisVector& programmed() const;
   kinematics::AxisVector end_of(const program::Target& target) const;
+  /// The program stands elsewhere than was said, as where another point of the tool is led from now
+  /// on.
+  void shift_programmed(const kinematics::AxisVector& by) { programmed_ += by; }
   /// The first move after `end` has been made.
   bool leaving() const { return leaving_; }
   void left_behind() { leaving_ = false; }

@@ -3,10 +3,12 @@
 #include <cmath>
 #include <string>
 
+#include <fmt/format.h>
+
+#include "kinematics/nesting.h"
+
 namespace abbe::sim::dialects {
 namespace {
-
-constexpr int most_brackets = 100;
 
 const Operator* operator_at(Cursor& cursor, const ExpressionGrammar& grammar, int least_level) {
   for (const Operator& one : grammar.operators) {
@@ -24,15 +26,15 @@ double checked(double result, const Cursor& cursor, std::size_t from) {
   return result;
 }
 
-double climb(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands, int depth,
+double climb(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands,
              int least_level) {
-  double left = value(cursor, grammar, operands, depth);
+  double left = value(cursor, grammar, operands);
   while (true) {
     cursor.skip_blanks();
     const std::size_t from = cursor.at;
     const Operator* one = operator_at(cursor, grammar, least_level);
     if (one == nullptr) return left;
-    const double right = climb(cursor, grammar, operands, depth, one->level + 1);
+    const double right = climb(cursor, grammar, operands, one->level + 1);
     if (one->fault != nullptr)
       if (const char* wanted = one->fault(left, right)) cursor.refuse(from, wanted);
     left = checked(one->apply(left, right), cursor, from);
@@ -41,18 +43,22 @@ double climb(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operand
 
 }  // namespace
 
-double value(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands, int depth) {
+double value(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands) {
   cursor.skip_blanks();
-  if (depth > most_brackets)
-    cursor.refuse(cursor.at, "at most 100 brackets within each other", "more");
+  const NestingLevel level(cursor.depth);
+  if (level.too_deep())
+    cursor.refuse(
+        cursor.at,
+        fmt::format("at most {} brackets, signs and functions within each other", max_nesting),
+        "more");
   if (const auto number = cursor.number(true, grammar.blanks_within_numbers)) return *number;
   const char c = cursor.here();
   if (c == '-' || c == '+') {
     ++cursor.at;
-    const double inner = value(cursor, grammar, operands, depth + 1);
+    const double inner = value(cursor, grammar, operands);
     return c == '-' ? -inner : inner;
   }
-  if (c == grammar.open) return bracketed(cursor, grammar, operands, depth + 1);
+  if (c == grammar.open) return bracketed(cursor, grammar, operands);
   const std::size_t from = cursor.at;
   if (const auto own = operands.operand(cursor)) return *own;
   for (const Function& function : grammar.functions) {
@@ -63,7 +69,7 @@ double value(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operand
       cursor.at = before;
       continue;
     }
-    const double argument = bracketed(cursor, grammar, operands, depth + 1);
+    const double argument = bracketed(cursor, grammar, operands);
     if (function.fault != nullptr)
       if (const char* wanted = function.fault(argument)) cursor.refuse(from, wanted);
     return checked(function.apply(argument), cursor, from);
@@ -71,17 +77,17 @@ double value(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operand
   cursor.refuse(cursor.at, "a number");
 }
 
-double expression(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands, int depth) {
-  return climb(cursor, grammar, operands, depth, 0);
+double expression(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands) {
+  return climb(cursor, grammar, operands, 0);
 }
 
-double bracketed(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands, int depth) {
+double bracketed(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands) {
   cursor.skip_blanks();
   const std::size_t open = cursor.at;
   if (cursor.here() != grammar.open)
     cursor.refuse(open, std::string("an expression in ") + grammar.open + grammar.close);
   ++cursor.at;
-  const double inner = expression(cursor, grammar, operands, depth + 1);
+  const double inner = expression(cursor, grammar, operands);
   cursor.skip_blanks();
   if (cursor.here() != grammar.close)
     cursor.refuse(cursor.at, std::string(1, grammar.close) + " or an operator");

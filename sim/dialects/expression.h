@@ -43,18 +43,18 @@ class Operands {
 };
 
 /// One value without operators around it: a number, a variable, a function, something in brackets,
-/// each with signs before it, which bind most.
-/// @throws BadInput where none begins
-double value(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands, int depth = 0);
+/// each with signs before it, which bind most. Whatever nests in an expression, operands of the
+/// dialect too, comes back here: here the levels are counted.
+/// @throws BadInput where none begins, and beyond `max_nesting` levels
+double value(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands);
 
 /// Values with operators between them, up to where no operator follows.
-/// @throws BadInput for what is no expression, 100 brackets within each other, a result that is not
-///         finite, what an operator or function refuses
-double expression(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands,
-                  int depth = 0);
+/// @throws BadInput for what is no expression, a result that is not finite, what an operator or
+/// function
+///         refuses
+double expression(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands);
 
 /// The same in the brackets of the grammar.
-double bracketed(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands,
-                 int depth = 0);
+double bracketed(Cursor& cursor, const ExpressionGrammar& grammar, Operands& operands);
 
 }  // namespace abbe::sim::dialects

@@ -8,10 +8,12 @@
 
 namespace abbe::sim::dialects {
 
-/// Reads the milling programs of Fanuc's controls (Series 16i to 30i), custom macro B among them.
+/// Reads programs of Fanuc's controls (Series 16i to 30i), custom macro B among them: of milling
+/// controls, or of turning controls with G-code system A, as `run.turning()` says.
 void read_fanuc(std::string_view text, ProgramRun& run);
 
-/// Its words.
+/// Words of milling controls, and of turning controls.
 std::span<const WordUse> fanuc_words();
+std::span<const WordUse> fanuc_lathe_words();
 
 }  // namespace abbe::sim::dialects

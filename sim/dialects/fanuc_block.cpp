@@ -26,7 +26,7 @@ void Block::clear() {
   words.clear();
   codes.clear();
   percent = false;
-  skipped = {};
+  skipped = wordless = {};
   arguments.clear();
   comments.clear();
 }
@@ -41,6 +41,13 @@ int whole(const program::Canon& canon, const Word& word, int most) {
 
 double least_increment(char letter, bool inch) {
   return inch && !(letter >= 'A' && letter <= 'C') ? 1e-4 : 1e-3;
+}
+
+int skip_level(Cursor& cursor) {
+  const bool numbered = is_digit(cursor.next());
+  const int level = numbered ? cursor.next() - '0' : 1;
+  cursor.at += numbered ? 2 : 1;
+  return level;
 }
 
 void pass_comments(Cursor& cursor, std::vector<std::string_view>& comments) {
@@ -78,24 +85,24 @@ bool BlockReader::ends() {
     return true;
   }
   if (cursor_.here() != '/') return false;
-  if (run_.canon.options().block_delete) return true;
-  ++cursor_.at;
-  if (is_digit(cursor_.here())) ++cursor_.at;
-  return ends();
+  return run_.skips(skip_level(cursor_)) || ends();
 }
 
 void BlockReader::put_code(const Word& word) {
   const double scaled = word.value * 10, tenths = std::round(scaled);
   const bool is_code = tenths >= 0 && tenths < 1e4 && std::abs(scaled - tenths) < 1e-3;
   const int code = is_code ? int(tenths) : -1;
-  const CodeFact& fact = fact_of(word.letter, code);
+  const CodeFact& fact =
+      run_.turning() ? lathe_fact_of(word.letter, code) : fact_of(word.letter, code);
   if (!fact.known) {
-    run_.unknown(word, fmt::format("a {} code of Fanuc's milling controls", word.letter));
+    run_.unknown(word, fmt::format("a {} code of Fanuc's {} controls", word.letter,
+                                   run_.turning() ? "turning" : "milling"));
     block_.skipped = word;
     return;
   }
   if (fact.use == Use::Refused) run_.canon.refuse(word, std::string(fact.sentence));
-  if (fact.group == Group::None) return;
+  if (fact.group == Group::None) block_.wordless = word;
+  if (fact.group == Group::None || fact.group == Group::Beside) return;
   const Code& place = block_[fact.group];
   const bool one = word.letter == 'M' ? fact.group != Group::Coolant : fact.group == Group::OneShot;
   if (place && one)

@@ -26,8 +26,10 @@ struct Word : program::NcWord {
 /// Groups of G and M codes. Of a modal group the last code of a block counts, as the control has
 /// it; of OneShot a block has at most one.
 enum class Group {
-  None,   ///< a code that is refused or without effect
-  Alone,  ///< without effect, with all the words of its block
+  None,       ///< a code that is refused, or without effect and without axis words
+  Beside,     ///< without effect; axis words in its block are those of the motion in force
+  Alone,      ///< without effect, with all the words of its block
+  MirrorEnd,  ///< without effect, with the axis words of its block
   OneShot,
   Motion,
   Plane,
@@ -52,6 +54,9 @@ enum class Group {
   Count
 };
 
+/// Returns true for groups of codes that leave the axis words of their block to the motion.
+bool is_beside_motion(Group group);
+
 using Code = CodeOf<Word>;
 
 struct Block {
@@ -59,6 +64,7 @@ struct Block {
   Slots<Code, std::size_t(Group::Count)> codes;
   std::vector<Word> arguments;  ///< of G65 and G66, in their order
   Word skipped;                 ///< a code that the dialect has not, passed over
+  Word wordless;                ///< a code without effect that takes no axis words
   std::vector<std::string_view> comments;
   bool percent = false;
 
@@ -87,6 +93,8 @@ const ExpressionGrammar& grammar();
 using CodeFact = dialects::CodeFact<Group>;
 /// @param letter  G or M
 const CodeFact& fact_of(char letter, int tenths);
+/// The same of a turning control, G-code system A.
+const CodeFact& lathe_fact_of(char letter, int tenths);
 
 /// What the table of words says of a word that is no code, "SETVN"; it has one.
 std::string_view sentence_of(std::string_view word);
@@ -100,6 +108,9 @@ void read_block(Cursor cursor, ProgramRun& run, MacroOperands& operands, Block& 
 
 /// Blanks and comments, which are kept.
 void pass_comments(Cursor& cursor, std::vector<std::string_view>& comments);
+
+/// Returns the level of the block skip at the cursor, /2 or / for 1, and passes it.
+int skip_level(Cursor& cursor);
 
 /// A whole number from 0, as rounded from an expression. @throws BadInput
 int whole(const program::Canon& canon, const Word& word, int most);

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -80,16 +81,20 @@ int loop_mark(std::string_view text) {
 
 }  // namespace
 
-/// The programs of a file, which ends at its second %.
+/// The programs of a file, which ends at the % behind its first words: several of them before are
+/// one beginning.
 void Flow::add_programs(std::size_t source) {
   Source& file = *sources_[source];
   std::size_t end = file.lines.size();
   int percents = 0;
+  bool only_percents = false;  // since the last %
   std::vector<Program> programs{{.source = source}};
   bool numbered = false;
   for (std::size_t i = 0; i < end; ++i) {
     const std::size_t at = skip(file.lines[i], 0);
-    if (at < file.lines[i].size() && file.lines[i][at] == '%' && ++percents == 2) end = i;
+    const bool percent = at < file.lines[i].size() && file.lines[i][at] == '%';
+    if (percent && !std::exchange(only_percents, true) && ++percents == 2) end = i;
+    if (!percent && has_words(file.lines[i])) only_percents = false;
     const auto number = program_of(file.lines[i]);
     if (!number) continue;
     if (numbered) {
@@ -100,6 +105,7 @@ void Flow::add_programs(std::size_t source) {
     numbered = true;
   }
   programs.back().end = end;
+  file.end = end;
   file.programs = std::move(programs);
 }
 
@@ -183,7 +189,8 @@ void Flow::jump(int number, const Cause& cause) {
   if (found == all.end() || found->first != number)
     found = std::lower_bound(all.begin(), all.end(), std::pair(number, std::size_t(0)));
   if (found == all.end() || found->first != number)
-    run_.canon.refuse(cause, fmt::format("N{} in the program", number), "none");
+    run_.refuse_once(fmt::format("N{} of O{}", number, program.number), cause,
+                     fmt::format("N{} in the program", number), "none");
   at_ = found->second;
 }
 
@@ -222,8 +229,9 @@ Program* Flow::find_program(int number, const Cause& cause) {
     if (one.number == number && number != 0 && program == nullptr) program = &one;
   if (program == nullptr) program = program_in_file(number);
   if (program == nullptr)
-    run_.canon.refuse(
-        cause, fmt::format("a program O{:04} in the file, or O{:04}.nc beside it", number, number),
+    run_.refuse_once(
+        fmt::format("O{}", number), cause,
+        fmt::format("a program O{:04} in the file, or O{:04}.nc beside it", number, number),
         "none");
   found_.emplace(number, program);
   return program;
@@ -344,6 +352,29 @@ void Flow::leave(std::optional<int> to, const Cause& cause) {
   if (call.macro) variables_.leave();
   calls_.pop_back();
   if (to) jump(*to, cause);
+}
+
+/// Programs that nothing calls, and what stands behind the end of the one that ended. Blocks with a
+/// sequence number may be where a condition that did not hold jumps to.
+void Flow::warn_unread() {
+  const Source& main = *sources_.front();
+  const bool jumps = std::ranges::any_of(main.lines, [](std::string_view line) {
+    const auto goto_at = std::ranges::search(line, std::string_view("GOTO"), {}, upper);
+    return !goto_at.empty();
+  });
+  std::vector<Section> sections;
+  for (const Program& program : main.programs) {
+    Section section{program.first, program.end};
+    if (jumps && run_.canon.file() == 0)
+      for (std::size_t i = std::size_t(run_.canon.line()); i < program.end; ++i)
+        if (i >= program.first && head_of(main.lines[i]).sequence >= 0) {
+          section.end = i;
+          break;
+        }
+    sections.push_back(section);
+  }
+  sections.push_back({std::min(main.end + 1, main.lines.size()), main.lines.size()});
+  run_.warn_unread(main.lines, sections);
 }
 
 void Flow::end_of_program() {

@@ -76,7 +76,8 @@ void Machine::cycle(const Block& block) {
   if (tip_words()) refuse(cycle_.cause, "G43 beside a cycle, in a tilted plane where it is needed");
   for (int k = 0; k < 3; ++k)
     if (joint(k) < 0) refuse(cycle_.cause, "a machine with X Y Z beside a canned cycle");
-  take_cycle_words(block);
+  if (!cycle_.begun && !block[Group::Cycle]) run_.require_certain("cycle", cycle_.cause);
+  run_.define("cycle", [&] { take_cycle_words(block); });
   moved_ = true;
   compensation_.left_behind();
   cycle_holes(block);
@@ -87,6 +88,9 @@ void Machine::cycle_holes(const Block& block) {
   const Word& repeats = block['K'] ? block['K'] : block['L'];
   if (block['K'] && block['L']) refuse(block['L'], "either K or L");
   const int n = repeats ? whole(canon_, repeats, 1'000'000) : 1;
+  constexpr double moves_of_hole = 4.0, moves_of_peck = 3.0;  // at most
+  const double pecks = is_peck(cycle_code_) ? std::abs(cycle_.r - cycle_.bottom) / cycle_.q : 0.0;
+  run_.check_moves(n * (moves_of_hole + moves_of_peck * pecks), cycle_.cause);
   for (int i = 0; i < n; ++i) {
     run_.count_block();
     Target target = target_of(block, false);
@@ -156,7 +160,7 @@ void Machine::bottom_of_hole() {
     case 760:
       canon_.turn_spindle(0);
       shift_tool(cycle_.q);
-      to_level(to_r_ ? cycle_.r : std::max(cycle_.initial, cycle_.r), true);
+      to_level(to_r_ ? cycle_.r : cycle_.initial, true);
       shift_tool(-cycle_.q);
       return canon_.turn_spindle(turns);
     case 850:
@@ -180,7 +184,7 @@ void Machine::hole(const AxisVector& place) {
   if (is_peck(cycle_code_)) pecks();
   to_level(cycle_.bottom, false);
   bottom_of_hole();
-  if (!to_r_ && cycle_.initial > cycle_.r && cycle_code_ != 760) to_level(cycle_.initial, true);
+  if (!to_r_ && cycle_.initial != cycle_.r && cycle_code_ != 760) to_level(cycle_.initial, true);
 }
 
 }  // namespace abbe::sim::dialects::fanuc

@@ -31,6 +31,7 @@ Flow::Flow(std::string_view text, ProgramRun& run)
 }
 
 void Flow::run() {
+  run_.start([&](std::string_view code) { block({code, run_.canon.place()}); });
   while (!ended_ && !run_.hopeless()) {
     if (at_ >= calls_.back().program->end) {
       if (calls_.size() == 1) break;
@@ -42,6 +43,7 @@ void Flow::run() {
     if (!run_.attempt([&] { ended_ = !line(); }) && at_ == before && calls_.size() == depth) ++at_;
   }
   run_.attempt([&] { machine_.finish(); });
+  warn_unread();
 }
 
 /// @return false at the end of the program
@@ -51,9 +53,8 @@ bool Flow::line() {
   Cursor cursor{text, run_.canon.place()};
   cursor.skip_blanks();
   if (cursor.here() == '/') {
-    ++cursor.at;
-    if (is_digit(cursor.here())) ++cursor.at;
-    if (run_.canon.options().block_delete) {
+    if (run_.skips(skip_level(cursor))) {
+      run_.discount_block();
       ++at_;
       return true;
     }
@@ -123,6 +124,9 @@ bool Flow::block(Cursor cursor) {
   std::vector<std::string_view> before = std::move(block_.comments);
   read_block(cursor, run_, *this, block_);
   block_.comments.insert(block_.comments.begin(), before.begin(), before.end());
+  if (block_.percent && has_words(cursor.text))
+    run_.warn_once(fmt::format("{}:{}: {} on the line of % is not read", run_.canon.place().file,
+                               run_.canon.line(), in_quotes(cursor.text)));
   if (block_.percent || block_.empty()) {
     for (const std::string_view text : block_.comments) run_.canon.comment(text);
     return true;
@@ -177,7 +181,7 @@ int Flow::variable_number(Cursor& cursor) {
   if (cursor.here() != '[' && !is_digit(cursor.here()))
     cursor.refuse(from, "a number, or [ ], after #");
   const double number =
-      cursor.here() == '[' ? bracketed(cursor, grammar(), *this, 1) : *cursor.number(false);
+      cursor.here() == '[' ? bracketed(cursor, grammar(), *this) : *cursor.number(false);
   const double near = is_vacant(number) ? 0.0 : std::round(number);
   if (near < 0 || near > 99999) cursor.refuse(from, "a variable of #0 to #99999");
   return int(near);
@@ -185,6 +189,7 @@ int Flow::variable_number(Cursor& cursor) {
 
 double Flow::read(int number, const Cursor& cursor, std::size_t from) {
   if (number == 0) return vacant;
+  if (run_.in_doubt()) run_.require_certain(fmt::format("#{}", number), cursor.cause(from));
   if (number <= last_local) return variables_.number(number, Variables::Of::Call).value_or(vacant);
   if (is_common(number)) return variables_.number(number).value_or(vacant);
   if (const auto system = machine_.variable(number)) return *system;
@@ -227,10 +232,12 @@ void Flow::alarm(const Cursor& cursor, double number) {
 void Flow::assign(Cursor& cursor) {
   const std::size_t from = cursor.at;
   const int number = variable_number(cursor);
-  if (!cursor.take("=")) cursor.refuse(cursor.at, "= after a variable that begins a block");
-  const double result = expression(cursor, grammar(), *this);
-  set(number, result, cursor, from);
-  ends(cursor);
+  run_.define(fmt::format("#{}", number), [&] {
+    if (!cursor.take("=")) cursor.refuse(cursor.at, "= after a variable that begins a block");
+    const double result = expression(cursor, grammar(), *this);
+    set(number, result, cursor, from);
+    ends(cursor);
+  });
 }
 
 std::optional<double> Flow::operand(Cursor& cursor) {
@@ -239,21 +246,21 @@ std::optional<double> Flow::operand(Cursor& cursor) {
   const auto plain = [](double x) { return is_vacant(x) ? 0.0 : x; };
   if (cursor.take("ROUND")) {
     const double step = resolution;
-    const double x = plain(bracketed(cursor, grammar(), *this, 1));
+    const double x = plain(bracketed(cursor, grammar(), *this));
     return std::round(x / step) * step;
   }
   if (cursor.take("ATAN")) {
-    const double y = plain(bracketed(cursor, grammar(), *this, 1));
+    const double y = plain(bracketed(cursor, grammar(), *this));
     if (!cursor.take("/")) return std::atan(y) / units::deg;
-    const double x = plain(bracketed(cursor, grammar(), *this, 1));
+    const double x = plain(bracketed(cursor, grammar(), *this));
     const double angle = std::atan2(y, x) / units::deg;
     return angle < 0 ? angle + 360.0 : angle;
   }
   if (cursor.take("POW")) {
     if (!cursor.take("[")) cursor.refuse(cursor.at, "[base, exponent] after POW");
-    const double base = plain(expression(cursor, grammar(), *this, 1));
+    const double base = plain(expression(cursor, grammar(), *this));
     if (!cursor.take(",")) cursor.refuse(cursor.at, ", between base and exponent");
-    const double power = std::pow(base, plain(expression(cursor, grammar(), *this, 1)));
+    const double power = std::pow(base, plain(expression(cursor, grammar(), *this)));
     if (!cursor.take("]")) cursor.refuse(cursor.at, "] after POW");
     if (!std::isfinite(power)) cursor.refuse(from, "a result that is a finite number");
     return power;

@@ -39,6 +39,7 @@ class Flow : public MacroOperands {
     std::string text;  ///< of a subprogram; the main program's is the caller's
     std::vector<std::string_view> lines;
     std::vector<Program> programs;
+    std::size_t end = 0;  ///< line of the % that ends it
     int file = 0;  ///< number of the canon
   };
   /// A program that runs.
@@ -86,6 +87,7 @@ class Flow : public MacroOperands {
   void leave(std::optional<int> to, const Cause& cause);
   void keep_locals();
   void end_of_program();
+  void warn_unread();
   std::vector<std::pair<int, double>> arguments_of(const Block& block);
 
   ProgramRun& run_;

@@ -18,9 +18,6 @@ namespace {
 
 constexpr double smallest_feed = 1e-9;  // per minute; keeps every duration finite
 
-/// One-shot codes whose axis words are no move of the block.
-bool takes_axis_words(int one_shot) { return one_shot >= 0; }
-
 std::string_view letters_of_one_shot(int code) {
   switch (code) {
     case 40:
@@ -39,6 +36,8 @@ std::string_view letters_of_one_shot(int code) {
 Machine::Machine(ProgramRun& run)
     : run_(run),
       canon_(run.canon),
+      turning_(run.turning()),
+      diameters_(run.begins_with_diameters(true)),
       compensation_(run),
       vector_lines_(run),
       zero_(AxisVector::Zero(run.canon.position().size())) {
@@ -61,7 +60,13 @@ Machine::Machine(ProgramRun& run)
     if (number == 0) external_ = offset;
     if (number > 100) systems_[number] = offset;
   }
+  canon_.roll_over_tables();
   apply_frame();
+  if (!turning_) return;
+  plane_ = 180;
+  canon_.set_feed_mode(FeedMode::PerRevolution);
+  note_turning_control();
+  apply_tool_offset({1, {}});
 }
 
 double Machine::unit() const { return canon_.inch() ? units::inch : 1.0; }
@@ -87,19 +92,21 @@ double Machine::counted(const Word& word, double increment) {
 }
 
 double Machine::axis_word(int j, const Word& word) {
-  return canon_.is_linear(j) ? length(word) : angle_of(word) * units::deg;
+  if (!canon_.is_linear(j)) return angle_of(word) * units::deg;
+  return length(word) * (diameters_ && j == joint(0) ? 0.5 : 1.0);
 }
 
 Machine::Words Machine::axis_words(const Block& block) const {
   Words words;
-  for (int k = 0; k < 9; ++k)
-    if (const Word& word = block[axis_letters[std::size_t(k)]]) words.emplace_back(joint(k), &word);
+  for (const char letter : word_letters())
+    if (const Word& word = block[letter])
+      words.push_back({joint_of_word(letter), &word, is_increment(letter)});
   return words;
 }
 
 const Word* Machine::first_axis_word(const Block& block) const {
   const Word* first = nullptr;
-  for (const char letter : axis_letters)
+  for (const char letter : word_letters())
     if (const Word& word = block[letter]; word && (!first || word.column < first->column))
       first = &word;
   return first;
@@ -118,6 +125,7 @@ Cause Machine::cause_of(const Block& block) const {
 std::string Machine::letters_taken(const Block& block) const {
   const int once = block.tenths(Group::OneShot);
   std::string taken(letters_of_one_shot(once));
+  if (block[Group::MirrorEnd]) return taken;
   const int rotation = block.tenths(Group::Rotation);
   if (rotation == 682) return taken + "IJKP";
   if (rotation == 680) return taken + "RIJK";
@@ -127,6 +135,8 @@ std::string Machine::letters_taken(const Block& block) const {
                                           : cycle_code_;
   if (once < 0 && cycle != 800) taken += "RQPKL";
   if (once < 0 && cycle == 800 && (code == 20 || code == 30)) taken += "IJKR";
+  if (once < 0 && turning_ && (code == 900 || code == 940)) taken += "R";
+  if (once == 100 && turning_) taken += "Q";
   const int length = block[Group::ToolLength] ? block.tenths(Group::ToolLength) : length_mode_;
   if (once < 0 && length == 435) taken += "IJK";
   const int offset = block.tenths(Group::WorkOffset);
@@ -139,8 +149,9 @@ std::string Machine::letters_taken(const Block& block) const {
 /// Words that make sense only beside others.
 void Machine::check_words(const Block& block) const {
   const Code& once = block[Group::OneShot];
-  for (const char letter : axis_letters)
-    if (const Word& word = block[letter]; word && canon_.joint_of(letter) < 0 &&
+  if (turning_) check_corner_words(block);
+  for (const char letter : word_letters())
+    if (const Word& word = block[letter]; word && joint_of_word(letter) < 0 &&
                                           !(once.tenths == 40 && (letter == 'U' || letter == 'X')))
       refuse(word, "an axis of this machine (" + canon_.letters() + ")");
   const std::string taken = letters_taken(block);
@@ -156,18 +167,32 @@ void Machine::check_words(const Block& block) const {
   if (axis && block.skipped.letter == 'G')
     refuse(*axis, "no axis words beside a code that is skipped: what it makes of them is not known",
            fmt::format("{} beside {}", shown(axis->text), shown(block.skipped.text)));
-  if (!takes_axis_words(once.tenths)) return;
-  if (block[Group::Motion] && once.tenths != 530)
-    refuse(block[Group::Motion].word, "no code of motion beside " + shown(once.word.text));
-  if (block[Group::Rotation])
-    refuse(block[Group::Rotation].word, "a block of its own beside " + shown(once.word.text));
+  if (axis && block.wordless)
+    refuse(*axis, fmt::format("no axis words beside {}, which takes none", shown(block.wordless.text)));
+  check_owners(block);
+}
+
+/// Axis words belong to one code of the block at most. A code of motion beside a code of group 00
+/// is in force from the next block on (B-63944EN, "G codes of different groups").
+void Machine::check_owners(const Block& block) const {
+  const Code* owner = nullptr;
+  for (const Group group : {Group::OneShot, Group::Rotation, Group::MirrorEnd}) {
+    const Code& code = block[group];
+    if (!code) continue;
+    if (owner != nullptr)
+      refuse(code.word, "a block of its own beside " + shown(owner->word.text));
+    owner = &code;
+  }
+  if (const Code& cycle = block[Group::Cycle]; cycle && cycle.tenths != 800 && owner != nullptr)
+    refuse(cycle.word, "no cycle beside " + shown(owner->word.text));
 }
 
 void Machine::set_feed(const Block& block) {
   if (const Code& code = block[Group::FeedMode]) {
-    const FeedMode mode = code.tenths == 930   ? FeedMode::InverseTime
-                          : code.tenths == 940 ? FeedMode::PerMinute
-                                               : FeedMode::PerRevolution;
+    // G94 and G95 are G98 and G99 of a turning control
+    const FeedMode mode = code.tenths == 930                          ? FeedMode::InverseTime
+                          : code.tenths == 940 || code.tenths == 980 ? FeedMode::PerMinute
+                                                                      : FeedMode::PerRevolution;
     if (mode != canon_.feed_mode()) canon_.set_feed({});
     canon_.set_feed_mode(mode);
   }
@@ -177,36 +202,49 @@ void Machine::set_feed(const Block& block) {
   if (!(f.value >= smallest_feed)) refuse(f, "a feed above zero");
   if (!f.pointed && (canon_.inch() || canon_.feed_mode() != FeedMode::PerMinute))
     refuse(f,
-           "a decimal point in F under G20, G93 and G95: where it is without one is a parameter");
+           turning_ ? "a decimal point in F under G20 and G99: where it is without one is a parameter"
+                    : "a decimal point in F under G20, G93 and G95: where it is without one is a "
+                      "parameter");
   canon_.set_feed(Feed{f.value, unit()});
 }
 
 void Machine::set_spindle(const Block& block) {
+  const Word& s = block['S'];
+  const int once = block.tenths(Group::OneShot);
+  const bool limits = once == 920 || (turning_ && once == 500);
   if (const Code& code = block[Group::SpeedMode]) {
-    surface_speed_ = code.tenths == 960;
-    if (surface_speed_ && joint(0) < 0) refuse(code.word, "a machine with an X axis beside G96");
-    if (!surface_speed_ && !block['S']) canon_.set_spindle_speed(speed_);
+    const bool surface = code.tenths == 960;
+    if (surface && joint(0) < 0) refuse(code.word, "a machine with an X axis beside G96");
+    if (surface && !surface_m_per_min_ && (!s || limits))
+      refuse(code.word, "S (surface speed) beside G96", "none");
+    surface_speed_ = surface;
   }
-  if (const Word& s = block['S']) {
+  if (s) {
     const double speed = whole(canon_, s, 10'000'000);
-    if (block.tenths(Group::OneShot) == 920) {
-      most_rpm_ = speed;
+    if (limits) {
+      max_rpm_ = speed;
     } else {
-      // m/min in mm, ft/min in inches
-      speed_ = surface_speed_ && canon_.inch() ? speed * 0.3048 : speed;
-      if (!surface_speed_) canon_.set_spindle_speed(speed);
+      speed_ = speed;
+      if (surface_speed_)
+        surface_m_per_min_ = canon_.inch() ? speed * 0.3048 : speed;  // ft/min in inches
+      else
+        canon_.set_spindle_speed(speed);
     }
   }
   if (block[Group::RigidTap]) rigid_ = true;
   if (const Code& code = block[Group::Spindle])
     canon_.turn_spindle(code.tenths == 30 ? 1 : code.tenths == 40 ? -1 : 0);
-  canon_.set_surface_speed(surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, most_rpm_})
-                                          : std::nullopt);
+  if (surface_speed_)
+    canon_.set_surface_speed(program::SurfaceSpeed{surface_m_per_min_.value_or(0.0), max_rpm_});
+  else
+    canon_.set_surface_speed({});
 }
 
 void Machine::call_tools(const Block& block) {
+  if (turning_) call_tool_and_offset(block);
   const bool changes(block[Group::ToolChange]);
-  const Word& t = block['T'];
+  static const Word no_tool;
+  const Word& t = turning_ ? no_tool : block['T'];
   if (t) selected_ = whole(canon_, t, 99'999'999);
   if (changes && selected_ >= 0) tool_ = selected_;
   if (t || changes) canon_.call_tool(t ? selected_ : -1.0, changes);
@@ -218,6 +256,32 @@ void Machine::call_tools(const Block& block) {
   add(block.tenths(Group::Coolant) == 70, "M7");
   add(block.tenths(Group::Coolant) == 80, "M8");
   if (!text.empty()) canon_.aside(std::move(text));
+}
+
+/// Modes that the block states, then those it depends on.
+void Machine::note_start_modes(const Block& block) {
+  const std::pair<Group, StartMode> groups[] = {
+      {Group::Units, StartMode::Units},       {Group::Distance, StartMode::Distance},
+      {Group::Plane, StartMode::Plane},       {Group::FeedMode, StartMode::Feed},
+      {Group::Motion, StartMode::Motion},     {Group::Cycle, StartMode::Motion},
+      {Group::WorkOffset, StartMode::WorkOffset}};
+  for (const auto& [group, mode] : groups)
+    if (block[group]) run_.state(mode);
+  if (!first_axis_word(block) || block.tenths(Group::OneShot) == 40) return;
+  run_.depend(StartMode::Units, "mm (G21)");
+  if (!run_.turning()) run_.depend(StartMode::Distance, "absolute (G90)");  // else U and W
+  if (block[Group::OneShot]) return;
+  const int motion = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
+  run_.depend(StartMode::Motion, "rapid (G0)");
+  if (motion == 20 || motion == 30)
+    run_.depend(StartMode::Plane, plane_ == 180   ? "plane Z X (G18)"
+                                  : plane_ == 190 ? "plane Y Z (G19)"
+                                                  : "plane X Y (G17)");
+  if (motion > 0)
+    run_.depend(StartMode::Feed, canon_.feed_mode() == FeedMode::PerRevolution
+                                     ? (turning_ ? "F per turn (G99)" : "F per turn (G95)")
+                                     : (turning_ ? "F per minute (G98)" : "F per minute (G94)"));
+  run_.depend_on_offset(system_, "work offset G54");
 }
 
 void Machine::set_modes(const Block& block) {
@@ -232,9 +296,14 @@ void Machine::set_modes(const Block& block) {
   }
   if (const Code& code = block[Group::Distance]) incremental_ = code.tenths == 910;
   if (const Code& code = block[Group::ReturnLevel]) to_r_ = code.tenths == 990;
-  if (block[Group::CutterRadius] || block['D']) set_compensation(block);
+  if (turning_) {
+    if (const Code& code = block[Group::CutterRadius]) set_nose_compensation(code);
+    if (block['D']) refuse(block['D'], "T with four digits, tool and offset: no D on a lathe");
+  } else if (block[Group::CutterRadius] || block['D']) {
+    set_compensation(block);
+  }
   if (block[Group::WorkOffset]) choose_system(block);
-  if (block[Group::ToolLength] || block['H']) set_tool_length(block);
+  if (!turning_ && (block[Group::ToolLength] || block['H'])) set_tool_length(block);
   if (const Code& code = block[Group::Polar]) {
     polar_ = {.on = code.tenths == 160};
     if (polar_.on && tilted_) refuse(code.word, "G69 before G16");
@@ -250,6 +319,9 @@ void Machine::dwell(const Block& block) {
       time = &word;
     }
   if (!time) refuse(code.word, "X or U (seconds) or P (milliseconds) beside G4", "none");
+  for (const char letter : axis_letters)
+    if (const Word& word = block[letter]; word && &word != time)
+      refuse(word, "X or U (seconds) or P (milliseconds) as the only word beside G4");
   const bool worked_out = time->text.find_first_of("#[") != std::string_view::npos;
   if (time->letter == 'P' && time->pointed && !worked_out)
     refuse(*time, "milliseconds without a decimal point after P, or X in seconds");
@@ -269,6 +341,8 @@ void Machine::one_shot(const Block& block) {
     case 280:
     case 300:
       return reference(block);
+    case 500:
+    case 503:
     case 520:
     case 920:
     case 921:
@@ -291,6 +365,7 @@ void Machine::set_motion(const Block& block) {
   const Code &cycle = block[Group::Cycle], &motion = block[Group::Motion];
   if (motion || cycle.tenths == 800) end_cycle();
   if (motion) motion_ = motion.tenths;
+  if (motion) turning_cycle_ = {};
   if (cycle && cycle.tenths != 800) cycle_code_ = cycle.tenths;
 }
 
@@ -308,6 +383,7 @@ bool Machine::execute(const Block& block) {
   for (const std::string_view text : block.comments) canon_.comment(text);
   if (block[Group::Alone]) return check_alone(block), true;
   check_words(block);
+  note_start_modes(block);
   set_modes(block);
   set_motion(block);
   if (const Code& code = block[Group::Rotation]) {
@@ -315,7 +391,7 @@ bool Machine::execute(const Block& block) {
     set_rotation(block);
   } else if (block[Group::OneShot]) {
     one_shot(block);
-  } else {
+  } else if (!block[Group::MirrorEnd]) {
     move(block);
   }
   if (block.tenths(Group::Coolant) == 90) canon_.aside("M9");

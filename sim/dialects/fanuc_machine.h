@@ -40,7 +40,13 @@ class Machine {
 
  private:
   using AxisVector = kinematics::AxisVector;
-  using Words = std::vector<std::pair<int, const Word*>>;
+  /// An axis word of a block.
+  struct AxisWord {
+    int joint = 0;
+    const Word* word = nullptr;
+    bool step = false;  ///< it counts from where the axis stands
+  };
+  using Words = std::vector<AxisWord>;
   struct Geometry {
     std::optional<double> value;  ///< mm; none where nobody has said it
     double wear = 0.0;            ///< mm
@@ -53,7 +59,9 @@ class Machine {
     canon_.refuse(cause, std::move(expected), std::move(seen));
   }
   void check_words(const Block& block) const;
+  void check_owners(const Block& block) const;
   std::string letters_taken(const Block& block) const;
+  void note_start_modes(const Block& block);
   void set_modes(const Block& block);
   void set_feed(const Block& block);
   void set_spindle(const Block& block);
@@ -68,6 +76,11 @@ class Machine {
   double unit() const;
   double counted(const Word& word, double increment);
   int joint(int k) const { return canon_.joint_of(axis_letters[std::size_t(k)]); }
+  /// Letters of axis words: a turning control has U V W H for increments of X Y Z C.
+  std::string_view word_letters() const { return turning_ ? "XYZABCUVWH" : axis_letters; }
+  bool is_increment(char letter) const;
+  /// The joint that a letter of `word_letters` moves; -1 where the machine has none.
+  int joint_of_word(char letter) const;
   /// mm, of an address that is a length; degrees, of one that is an angle.
   double length(const Word& word) { return argument(word) * unit(); }
   double angle_of(const Word& word);
@@ -93,6 +106,19 @@ class Machine {
   double length_of(int h, const Cause& cause) const;
   void set_compensation(const Block& block);
   void check_free(const Cause& cause) const;
+
+  // fanuc_lathe.cpp: what a turning control alone has
+  void call_tool_and_offset(const Block& block);
+  void apply_tool_offset(const Cause& cause);
+  std::optional<double> nose_radius() const;  ///< mm
+  AxisVector nose_from_led_tip() const;       ///< mm, from the point that X Z lead
+  void store_wear(const Block& block);
+  void set_nose_compensation(const Code& code);
+  void turning_cycle(const Block& block);
+  void check_corner_words(const Block& block) const;
+  void note_turning_control();
+  void note_uncalled_tool(const Cause& cause);
+  int tool_in_use() const;
 
   // fanuc_tilted.cpp
   void tilt(const Block& block);
@@ -143,13 +169,18 @@ class Machine {
 
   ProgramRun& run_;
   program::Canon& canon_;
+  const bool turning_;    ///< a turning control, G-code system A
+  const bool diameters_;  ///< X and U words are diameters
   Compensation compensation_;
   VectorLines vector_lines_;
   bool moved_ = false, warned_of_point_ = false;
 
   int motion_ = 0, plane_ = 170, cycle_code_ = 800, length_mode_ = 490, cutter_ = 400;
+  int side_ = 400;  ///< G41 or G42 as compensation began
   bool incremental_ = false, to_r_ = false, surface_speed_ = false, rigid_ = false;
-  double speed_ = 0.0, most_rpm_ = 1e6;  ///< S as it stands; of G96 m/min
+  double speed_ = 0.0;                       ///< S as it stands
+  std::optional<double> surface_m_per_min_;  ///< S of G96
+  std::optional<double> max_rpm_;            ///< of G96
   int tool_ = 0, selected_ = -1, h_ = 0, d_ = 0, last_m_ = 0, sequence_ = 0, program_ = 0;
 
   Offsets lengths_, radii_;
@@ -159,10 +190,24 @@ class Machine {
   std::optional<Eigen::Matrix3d> rotation_;  ///< of G68 or G68.2
   Eigen::Vector3d centre_{0, 0, 0};          ///< of G68: what stays; of G68.2: the origin
   bool tilted_ = false;
+  bool h_stated_ = false, d_stated_ = false;  ///< H since G49; D
   bool seen_axis_length_ = false, seen_tip_length_ = false;
   std::optional<kinematics::Chain> free_slides_;  ///< of the chain in use
   const kinematics::Chain* free_slides_of_ = nullptr;
   std::vector<int> ranks_;  ///< its rotary joints
+
+  struct ToolOffset {
+    int number = 0;       ///< the last two digits of T
+    bool called = false;  ///< a T word has been read
+    struct Wear {
+      double x = 0.0, z = 0.0, radius = 0.0;  ///< mm
+    };
+    std::map<int, Wear> wear;  ///< by number
+  } tool_offset_;
+  struct TurningCycle {
+    double x = 0.0, z = 0.0, taper = 0.0;  ///< mm, program coordinates, X a radius
+    bool has_x = false, has_z = false;
+  } turning_cycle_;
 
   struct Polar {
     bool on = false;

@@ -40,10 +40,12 @@ void Machine::polar_words(const Block& block, Target& target) {
 Target Machine::target_of(const Block& block, bool machine) {
   Target target;
   const std::string_view plane = plane_letters();
-  for (const auto& [j, word] : axis_words(block)) {
+  for (const auto& [j, word, step] : axis_words(block)) {
     if (polar_.on && !machine && plane.find(word->letter) != std::string_view::npos) continue;
+    if (step && machine) refuse(*word, "X Y Z C beside G53");
+    if (target.has(j)) refuse(*word, "an axis by its position or by its increment, not both");
     const double value = axis_word(j, *word);
-    if (incremental_ && !machine)
+    if (step || (incremental_ && !machine))
       target.by(j, value, *word);
     else
       target.to(j, value, *word);
@@ -79,6 +81,8 @@ void Machine::arc(const Block& block, AxisVector end, std::uint32_t stated) {
                  if (!word) return std::nullopt;
                  return program::LengthWord{length(word), word};
                }});
+  if (beside && !compensation_.entered())
+    refuse(cause, "a line as the first move after G41 and G42");
   if (beside) return compensation_.arc(std::move(arc));
   canon_.arc(std::move(arc));
 }
@@ -91,10 +95,15 @@ void Machine::move(const Block& block) {
     if (axis || block[Group::Cycle]) cycle(block);
     return;
   }
+  if (motion_ == 900 || motion_ == 940) {
+    if (axis) turning_cycle(block);
+    return;
+  }
   const bool turns = length_mode_ == 435 && arc_words && !is_arc;
   if (!axis && !turns && !(is_arc && arc_words)) return;
   moved_ = true;
   const Cause cause = cause_of(block);
+  note_uncalled_tool(cause);
   const Target target = target_of(block, false);
   check_tilted(target, cause);
   const bool beside = compensation_.on() || compensation_.leaving();
@@ -112,7 +121,6 @@ void Machine::move(const Block& block) {
 void Machine::to_axes(const Block& block) {
   const Code& code = block[Group::OneShot];
   if (incremental_) refuse(code.word, "G90 beside G53");
-  if (block.tenths(Group::Motion) > 10) refuse(block[Group::Motion].word, "G0 beside G53");
   const Target target = target_of(block, true);
   if (target.empty()) refuse(code.word, "an axis word beside G53", "none");
   moved_ = true;
@@ -136,21 +144,24 @@ void Machine::reference(const Block& block) {
   compensation_.left_behind();
   canon_.straight({.end = canon_.end_of(words), .cause = code.word, .stated = words.stated()},
                   true);
-  const AxisVector stored = program::start_of(canon_.options());
+  const AxisVector stored = program::reference_of(canon_.options());
   std::string where;
   for (const auto& axis : canon_.options().axes)
-    if (const int j = canon_.joint_of(axis.name); j >= 0)
-      where +=
-          fmt::format(" {}{:g}", axis.name, stored[j] / (canon_.is_linear(j) ? 1.0 : units::deg));
-  run_.warn_once(
-      "G28 and G30 go to the reference position, which is taken to be where the axes "
-      "stand at first:" +
-      where);
+    if (const int j = canon_.joint_of(axis.name); j >= 0 && words.has(j))
+      where += fmt::format(" {}{:g}", axis.name,
+                           stored[j] / (canon_.is_linear(j) ? 1.0 : units::deg) + 0.0);
+  if (canon_.options().reference.size() == 0)
+    canon_.assume({"the reference position (G28, G30) is where the axes stand at first:" + where,
+                   "machine.reference"});
   canon_.go_to(Coordinates::Axis, code.word);
   AxisVector end = canon_.position();
   for (int j = 0; j < int(end.size()); ++j)
     if (words.has(j)) end[j] = stored[j];
-  canon_.straight({.end = std::move(end), .cause = code.word, .without_offset = true}, true);
+  canon_.straight({.end = std::move(end),
+                   .cause = code.word,
+                   .without_offset = true,
+                   .stated = words.given()},
+                  true);
   if (canon_.tip_mode()) canon_.go_to(Coordinates::Tip, code.word);
 }
 

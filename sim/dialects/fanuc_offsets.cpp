@@ -105,8 +105,8 @@ void Machine::store_origin(const Block& block, bool additional) {
       !additional && number == 0
           ? external_
           : systems_.try_emplace(additional ? 100 + number : number, zero_).first->second;
-  for (const auto& [j, word] : axis_words(block))
-    origin[j] = axis_word(j, *word) + (incremental_ ? origin[j] : 0.0);
+  for (const auto& [j, word, step] : axis_words(block))
+    origin[j] = axis_word(j, *word) + (incremental_ || step ? origin[j] : 0.0);
   apply_frame();
 }
 
@@ -128,6 +128,7 @@ void Machine::store_tool(const Block& block, int kind) {
 
 void Machine::store_data(const Block& block) {
   const Word& l = block['L'];
+  if (turning_ && !(l && (l.value == 2.0 || l.value == 20.0))) return store_wear(block);
   const int kind = l ? whole(canon_, l, 999) : -1;
   switch (kind) {
     case 2:
@@ -144,23 +145,26 @@ void Machine::store_data(const Block& block) {
   }
 }
 
-/// G52, G92 and G92.1.
+/// G52, G92 and G92.1; of a turning control G52, G50 and G50.3.
 void Machine::shift_origin(const Block& block) {
   const Code& code = block[Group::OneShot];
   const Words words = axis_words(block);
   if (words.empty()) {
-    if (code.tenths == 920 && block['S']) return;
+    if ((code.tenths == 920 || code.tenths == 500) && block['S']) return;
     refuse(code.word, "an axis word beside " + shown(code.word.text), "none");
   }
   check_free(code.word);
   if (code.tenths == 920 && tip_words()) refuse(code.word, "G49 before G92");
   const AxisVector here = canon_.programmed();
-  for (const auto& [j, word] : words) {
-    if (code.tenths == 920)
-      g92_[j] += here[j] - axis_word(j, *word);
+  for (const auto& [j, word, step] : words) {
+    const bool sets = code.tenths == 920 || code.tenths == 500;
+    const double value = axis_word(j, *word);
+    if (step && !sets) refuse(*word, "X Y Z C beside " + shown(code.word.text));
+    if (sets)
+      g92_[j] += step ? -value : here[j] - value;
     else
-      g52_[j] = code.tenths == 520 ? axis_word(j, *word) : 0.0;
-    if (code.tenths == 921) g92_[j] = 0.0;
+      g52_[j] = code.tenths == 520 ? value : 0.0;
+    if (code.tenths == 921 || code.tenths == 503) g92_[j] = 0.0;
   }
   apply_frame();
 }
@@ -180,12 +184,19 @@ double Machine::length_of(int h, const Cause& cause) const {
 void Machine::set_tool_length(const Block& block) {
   const Code& code = block[Group::ToolLength];
   const Word& h = block['H'];
-  if (h) h_ = whole(canon_, h, most_offsets);
+  if (h) {
+    h_ = whole(canon_, h, most_offsets);
+    h_stated_ = true;
+  }
   if (!code && length_mode_ == 490) return;
   const Cause cause = code ? Cause(code.word) : Cause(h);
   if (compensation_.on()) refuse(cause, "no other tool length under G41 or G42");
   if (code) length_mode_ = code.tenths;
-  if (length_mode_ == 490) h_ = 0;
+  if (length_mode_ == 490) h_ = 0, h_stated_ = false;
+  if ((length_mode_ == 430 || length_mode_ == 440) && !h_stated_) {
+    h_ = run_.uncalled_tool(cause, "no H beside " + shown(code.word.text));
+    h_stated_ = true;
+  }
   const int z = joint(2);
   if (z < 0) refuse(cause, "a machine with a Z axis");
   const auto shift_of_z = [&] {
@@ -291,11 +302,19 @@ void Machine::set_compensation(const Block& block) {
     const int number = whole(canon_, d, most_offsets);
     if (compensation_.on() && number != d_ && code.tenths != 400) refuse(d, "G40 before another D");
     d_ = number;
+    d_stated_ = true;
   }
   if (!code) return;
   cutter_ = code.tenths;
   if (code.tenths == 400) return compensation_.end();
-  if (compensation_.on()) refuse(code.word, "G40 before another G41 or G42");
+  if (compensation_.on()) {
+    if (code.tenths == side_) return;  // posts say it again
+    refuse(code.word, "G40 between G41 and G42");
+  }
+  if (!d_stated_) {
+    d_ = run_.uncalled_tool(code.word, "no D beside G41 and G42");
+    d_stated_ = true;
+  }
   const std::string_view plane = plane_letters();
   const int first = canon_.joint_of(plane[0]), second = canon_.joint_of(plane[1]);
   if (first < 0 || second < 0)
@@ -312,8 +331,10 @@ void Machine::set_compensation(const Block& block) {
            fmt::format("D{}", d_));
   const double radius = has ? *known->second.value + known->second.wear : 0.0;
   run_.warn_once(
-      "cutter compensation arrives beside the end of its first move and goes around outside "
-      "corners in arcs (parameter 19607.2 CCC = 1); with CCC = 0 a control goes around in lines");
+      "cutter compensation ends its first move across the beginning of the next (type A, parameter "
+      "5003.0 SUP = 0) and goes around outside corners in arcs (19607.2 CCC = 1): with type B a "
+      "control enters an outside corner otherwise, with CCC = 0 it goes around in lines");
+  side_ = code.tenths;
   compensation_.begin(code.tenths == 410, radius, {first, second});
 }
 

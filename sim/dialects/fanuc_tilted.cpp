@@ -113,7 +113,7 @@ void Machine::turn_to_plane(const Block& block) {
 
 /// The same end with the rotary axes where I J K of G43.5 want them.
 AxisVector Machine::by_direction(const Block& block, AxisVector end) {
-  for (const auto& [j, word] : axis_words(block))
+  for (const auto& [j, word, step] : axis_words(block))
     if (canon_.options().axes[std::size_t(j)].motion == Motion::Rotary)
       refuse(*word, "I J K for the direction of the tool under G43.5");
   Eigen::Vector3d direction = Eigen::Vector3d::Zero();

@@ -32,6 +32,7 @@ int Machine::axis_of(int k) const {
 /// In program units: mm or inch, degrees.
 double Machine::shown_value(int j, const AxisVector& q) const {
   if (j < 0 || q.size() == 0) return 0.0;
+  if (diameters_ && j == joint(0)) return 2.0 * q[j] / unit();
   return canon_.is_linear(j) ? q[j] / unit() : q[j] / units::deg;
 }
 
@@ -46,6 +47,7 @@ std::optional<double> Machine::mode(int group) const {
     case 3:
       return incremental_ ? 91 : 90;
     case 5:
+      if (turning_) return feed == FeedMode::PerMinute ? 98 : 99;
       return feed == FeedMode::InverseTime ? 93 : feed == FeedMode::PerMinute ? 94 : 95;
     case 6:
       return canon_.inch() ? 20 : 21;
@@ -100,6 +102,7 @@ std::optional<double> Machine::modal_word(int number) const {
 
 /// The tool offset that a variable holds: memory C.
 Machine::OffsetVariable Machine::offset(int number) {
+  if (turning_) return {};  // those of a turning control have other numbers
   const struct {
     int first, most;
     Offsets* of;
@@ -172,7 +175,8 @@ bool Machine::set_variable(int number, double value) {
   AxisVector* of = origin(number, k);
   if (of == nullptr || axis_of(k) < 0 || rotation_ || compensation_.on()) return false;
   const int j = axis_of(k);
-  (*of)[j] = value * (canon_.is_linear(j) ? unit() : units::deg);
+  const double scale = diameters_ && j == joint(0) ? 0.5 : 1.0;
+  (*of)[j] = scale * value * (canon_.is_linear(j) ? unit() : units::deg);
   apply_frame();
   return true;
 }

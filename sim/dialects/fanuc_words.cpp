@@ -24,26 +24,31 @@ constexpr Line lines[] = {
      "contour control, smoothing and look-ahead: abbe cuts the exact path"},
     {"G7.1 G107 G12.1 G112", Group::None, refused,
      "X Y Z as they are: no interpolation on a cylinder or in polar coordinates"},
-    {"G9 G61 G62 G63 G64", Group::None, none,
+    {"G9 G61 G62 G63 G64", Group::Beside, none,
      "exact stop, corner override, tapping and cutting mode: abbe cuts the exact path"},
     {"G10", Group::OneShot, read,
      "L2 L20: origin of G54 to G59 (P0: of all) or of G54.1; L10 L11 L12 L13: length, its wear, "
      "radius, its wear of a tool; adds under G91"},
     {"G10.6 G27 G29 G30.1", Group::None, refused, "moves to a reference position by G28 or G30"},
-    {"G11 G13.1 G113", Group::None, none, "end of what G10 and G12.1 begin"},
+    {"G11 G13.1 G113", Group::None, none,
+     "end of what G10 and G12.1 begin; axis words beside them are refused"},
     {"G15 G16", Group::Polar, read,
      "end of, and polar coordinates: the first axis of the plane is a radius, the second an angle"},
     {"G17 G18 G19", Group::Plane, read, "plane X Y, Z X, Y Z"},
     {"G20 G21", Group::Units, read, "inch, mm"},
     {"G22 G23 G25 G26", Group::Alone, none, "checks of stored strokes and of spindle speed"},
     {"G28 G30", Group::OneShot, read,
-     "rapid over the point of the words to the reference position of these axes, which is where "
-     "they stand at first; of G30 too"},
+     "beside any code of motion, which is in force behind it: rapid over the point of the words to "
+     "the reference position of these axes, `reference` of the machine, else where they stand at "
+     "first; of G30 too"},
     {"G31 G37", Group::None, refused,
      "no probing: a virtual part is read by instruments (abbe measure)"},
     {"G33", Group::None, refused, "G84 or G1: no thread is cut by a single point on a mill"},
     {"G40", Group::CutterRadius, read, "cutter compensation off"},
-    {"G41 G42", Group::CutterRadius, read, "cutter compensation left, right, by the radius D"},
+    {"G41 G42", Group::CutterRadius, read,
+     "cutter compensation left, right, by the radius D: the first move, a line, ends across the "
+     "beginning of the next (type A, 5003.0 SUP = 0), arcs around outside corners (19607.2 CCC = "
+     "1)"},
     {"G40.1 G41.1 G42.1 G41.2 G42.2 G41.3 G41.4 G42.4 G41.5 G42.5 G41.6 G42.6", Group::None,
      refused, "G41 or G42: no compensation in space, no control of a normal direction"},
     {"G43 G44", Group::ToolLength, read,
@@ -57,11 +62,15 @@ constexpr Line lines[] = {
     {"G43.1 G43.3 G43.7 G45 G46 G47 G48", Group::None, refused,
      "G43, G43.4 or G43.5 for the length of a tool"},
     {"G49", Group::ToolLength, read, "no tool length; the end of G43.4 and G43.5"},
-    {"G50 G50.1", Group::None, none,
-     "end of scaling and of mirror images, of which there are none"},
+    {"G50", Group::None, none,
+     "end of scaling, of which there is none; axis words beside it are refused"},
+    {"G50.1", Group::MirrorEnd, none,
+     "end of mirror images, of which there are none; axis words beside it name axes and move "
+     "nothing"},
     {"G51 G51.1", Group::None, refused, "coordinates as they are: no scaling, no mirror images"},
     {"G52", Group::OneShot, read, "shift on top of all coordinate systems"},
-    {"G53", Group::OneShot, read, "rapid to positions of the axes, without offsets, under G90"},
+    {"G53", Group::OneShot, read,
+     "rapid to positions of the axes, without offsets, under G90, beside any code of motion"},
     {"G53.1", Group::OneShot, read,
      "turns the rotary axes so that the tool is along Z of the tilted plane, slides at rest; of "
      "two "
@@ -73,13 +82,14 @@ constexpr Line lines[] = {
     {"G54.2 G54.4", Group::None, refused, "G54 to G59 or G54.1: no dynamic offsets of a fixture"},
     {"G60", Group::None, refused, "G0: how far it goes beyond its end is a parameter"},
     {"G65", Group::Macro, read, "calls program P with arguments, L times"},
-    {"G66 G67", Group::Macro, read, "calls it after every block that moves, until G67"},
+    {"G66", Group::Macro, read, "calls it after every block that moves, until G67"},
+    {"G67", Group::Macro, read, "end of G66", true},
     {"G66.1", Group::None, refused, "G66: no call for each block"},
     {"G68", Group::Rotation, read, "turns the coordinate system in the plane by R about a point"},
     {"G68.2", Group::Rotation, read,
      "tilted plane: origin X Y Z, Euler angles I about Z, J about the new X, K about the new Z"},
     {"G68.3 G68.4", Group::None, refused, "G68.2 with Euler angles"},
-    {"G69", Group::Rotation, read, "end of G68 and G68.2"},
+    {"G69", Group::Rotation, read, "end of G68 and G68.2", true},
     {"G70 G71 G72 G75 G77 G78 G79", Group::None, refused,
      "a milling program: cycles of lathes and grinding machines are not read"},
     {"G72.1 G72.2", Group::None, refused, "M98: no copies turned or shifted"},
@@ -101,7 +111,8 @@ constexpr Line lines[] = {
     {"G93 G94 G95", Group::FeedMode, read,
      "F: inverse time, in every block; per minute; per turn of the spindle"},
     {"G96", Group::SpeedMode, read,
-     "S is a surface speed: a block runs at the speed of its middle"},
+     "S is a surface speed at the radius of X: a block takes as long as at the speeds of its "
+     "points"},
     {"G97", Group::SpeedMode, read, "S is a speed in rpm"},
     {"G98 G99", Group::ReturnLevel, read, "cycles return to the level before; to R"},
     {"M0 M1", Group::Stop, none, "stops"},
@@ -109,10 +120,10 @@ constexpr Line lines[] = {
     {"M3 M4 M5", Group::Spindle, read, "spindle clockwise, counter-clockwise, off"},
     {"M6", Group::ToolChange, read, "change to the tool of T"},
     {"M7 M8 M9 M88 M89", Group::Coolant, none, "coolant, M88 M89 through the tool"},
-    {"M10 M11", Group::None, none, "rotary axes clamped, free"},
-    {"M19", Group::None, none, "spindle orientation"},
+    {"M10 M11", Group::Beside, none, "rotary axes clamped, free"},
+    {"M19", Group::Beside, none, "spindle orientation"},
     {"M29", Group::RigidTap, read, "rigid tapping: the cycle turns the spindle itself"},
-    {"M48 M49", Group::None, none, "overrides: abbe runs at 100 %"},
+    {"M48 M49", Group::Beside, none, "overrides: abbe runs at 100 %"},
     {"M96 M97", Group::None, refused, "no interrupts: there is no signal"},
     {"M98", Group::Call, read,
      "calls program P, L times; P of up to 8 digits: repeats, then program"},
@@ -153,6 +164,40 @@ constexpr WordUse other_words[] = {
 };
 
 }  // namespace
+
+bool is_beside_motion(Group group) {
+  switch (group) {
+    case Group::None:
+    case Group::Alone:
+    case Group::MirrorEnd:
+    case Group::OneShot:
+    case Group::Rotation:
+    case Group::Macro:
+    case Group::Count:
+      return false;
+    case Group::Beside:
+    case Group::Motion:
+    case Group::Plane:
+    case Group::Distance:
+    case Group::FeedMode:
+    case Group::Units:
+    case Group::CutterRadius:
+    case Group::ToolLength:
+    case Group::Cycle:
+    case Group::ReturnLevel:
+    case Group::SpeedMode:
+    case Group::WorkOffset:
+    case Group::Polar:
+    case Group::Stop:
+    case Group::ToolChange:
+    case Group::Spindle:
+    case Group::Coolant:
+    case Group::Call:
+    case Group::RigidTap:
+      return true;
+  }
+  return false;
+}
 
 const CodeFact& fact_of(char letter, int tenths) {
   static const CodeTable<Group> table(lines);

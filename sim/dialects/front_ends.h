@@ -15,6 +15,9 @@ struct FrontEnd {
   std::string_view title;  ///< for people, "LinuxCNC (RS274/NGC)"
   void (*read)(std::string_view text, ProgramRun& run);
   std::span<const WordUse> (*words)();
+  /// Words of its turning controls, where these are others; null: they are the same.
+  std::span<const WordUse> (*turning_words)() = nullptr;
+  std::string_view turning_title = {};
 };
 
 /// The dialects in the order of the README. A dialect that is not among them is refused by name.

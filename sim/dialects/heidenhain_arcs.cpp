@@ -101,10 +101,11 @@ void Machine::corner(const std::string& keyword, Words& words) {
   while (!words.at_end()) {
     const std::size_t from = words.cursor.at;
     const std::string name = words.name();
-    if (name == "F") {
-      const double number = words.value();
-      if (!(number > 0)) words.refuse(from, "a feed above zero");
-      feed = program::Feed{number, canon_.inch() ? 0.1 * units::inch : 1.0};
+    if (name.starts_with('F')) {
+      const FeedValue read = feed_value(name.substr(1), words, from);
+      if (read.word == FeedWord::Rapid || read.word == FeedWord::PerTurn)
+        words.refuse(from, "a feed per minute for a corner");
+      feed = program::Feed{read.value, canon_.inch() ? 0.1 * units::inch : 1.0};
     } else if (!size && name == (keyword == "RND" ? "R" : "")) {
       size = words.value() * unit();
     } else {

@@ -42,13 +42,19 @@ void Machine::cycle_definition(Words& words) {
   }
   const Cause cause = words.cause(from);
   const std::string name = fmt::format("CYCL\u00a0DEF\u00a0{}", number);
-  refuse_if_named(name, cause);
   const WordUse* use = find_word(heidenhain_words(), name);
-  if (use == nullptr) return run_.unknown(cause, "a cycle that is read");
+  if (use == nullptr) {
+    cycle_ = {};  // a call of what is skipped is no call of the cycle before it
+    return run_.unknown(cause, "a cycle that is read");
+  }
+  if (use->use == Use::Refused) {
+    run_.doubt(the_cycle);
+    refuse(cause, std::string(use->sentence));
+  }
   if (use->use == Use::WithoutEffect) return;
   modal_cycle_ = false;
   if (part >= 0) return old_cycle(number, part, from, words);
-  new_cycle(number, from, words);
+  run_.define(the_cycle, [&] { new_cycle(number, from, words); });
 }
 
 void Machine::old_cycle(int number, int part, std::size_t from, Words& words) {
@@ -83,7 +89,6 @@ void Machine::old_cycle(int number, int part, std::size_t from, Words& words) {
 
 /// X+10 IY-5 of cycle 7 and of TRANS DATUM AXIS.
 void Machine::datum_shift(Words& words) {
-  AxisVector shift = datum_shift_;
   while (!words.at_end()) {
     const std::size_t from = words.cursor.at;
     if (words.cursor.here() == '#')
@@ -92,16 +97,43 @@ void Machine::datum_shift(Words& words) {
     const bool step = name.size() == 2 && name[0] == 'I';
     if (name.size() != 1 && !step) words.refuse(from, "an axis and its shift");
     const double number = words.value();
-    const Cause cause = words.cause(from);
-    const int j = joint_of(name.back(), cause);
-    if (plane_ && name.back() >= 'X' && name.back() <= 'Z' && outer_shift_.norm() > 0)
-      refuse(cause,
-             "PLANE RESET before it: a datum shift from before the tilted plane is in force");
-    const double value = number * (canon_.is_linear(j) ? unit() : units::deg);
-    shift[j] = step ? shift[j] + value : value;
+    shift_axis(name.back(), number, step, words.cause(from));
   }
-  datum_shift_ = std::move(shift);
   apply_frame({1, "CYCL DEF 7"});
+}
+
+/// Of a shift in which the plane began only its end is certain, and that once the plane ends.
+void Machine::shift_axis(char letter, double value, bool step, const Cause& cause) {
+  const int j = joint_of(letter, cause);
+  value *= canon_.is_linear(j) ? unit() : units::deg;
+  const bool of_place = letter >= 'X' && letter <= 'Z';
+  if (of_place && plane_ && (outer_shift_.norm() > 0 || shift_doubt_ != 0)) {
+    if (value != 0.0)
+      refuse(cause,
+             "0, or PLANE RESET before it: a datum shift from before the tilted plane is in force");
+    double& outer = outer_shift_[letter - 'X'];
+    if (step || outer == 0.0) return;
+    outer = 0.0;
+    shift_doubt_ |= shift_bit(letter);
+    return;
+  }
+  if (of_place && !plane_) {
+    if (step && (shift_doubt_ & shift_bit(letter)))
+      refuse(cause, "an absolute shift behind PLANE RESET: that within the plane was another");
+    shift_doubt_ &= ~shift_bit(letter);
+  }
+  datum_shift_[j] = step ? datum_shift_[j] + value : value;
+}
+
+/// Where X Y Z count from is known.
+void Machine::require_certain_shift(const Cause& cause) const {
+  if (shift_doubt_ == 0) return;
+  if (plane_)
+    refuse(
+        cause,
+        "PLANE RESET before a move: the datum shift in which the plane began has ended within it");
+  refuse(cause, "a datum shift and ROT stated again before a move",
+         "those of the tilted plane that was reset");
 }
 
 void Machine::cycle_rotation(Words& words) {
@@ -111,6 +143,7 @@ void Machine::cycle_rotation(Words& words) {
   if (name != "ROT" && name != "IROT") words.refuse(from, "ROT and an angle");
   const double angle = words.value() * units::deg;
   words.ends();
+  if (name == "IROT" && (shift_doubt_ & turn_bit)) words.refuse(from, "ROT behind PLANE RESET");
   const double before = turn_;
   turn_ = name == "IROT" ? turn_ + angle : angle;
   try {
@@ -119,6 +152,7 @@ void Machine::cycle_rotation(Words& words) {
     turn_ = before;
     throw;
   }
+  shift_doubt_ &= ~turn_bit;
   tangent_.reset();
 }
 
@@ -160,6 +194,7 @@ void Machine::trans(Words& words) {
   if (words.take("ROTATION")) {
     if (words.take("RESET")) {
       turn_ = 0.0;
+      shift_doubt_ &= ~turn_bit;
       return apply_frame(words.cause(from));
     }
     return cycle_rotation(words);
@@ -169,10 +204,8 @@ void Machine::trans(Words& words) {
   if (!words.take("RESET"))
     words.refuse(words.cursor.at, "AXIS or RESET: datum tables are not read");
   words.ends();
-  if (plane_ && outer_shift_.norm() > 0)
-    words.refuse(from,
-                 "PLANE RESET before it: a datum shift from before the tilted plane is in force");
-  datum_shift_.setZero();
+  for (const char letter : std::string_view("XYZABCUVW"))
+    if (canon_.joint_of(letter) >= 0) shift_axis(letter, 0.0, false, words.cause(from));
   apply_frame(words.cause(from));
 }
 
@@ -189,6 +222,7 @@ void Machine::choose_preset(int number, const Cause& cause) {
   preset_ = system_of_preset(number) - 1;
   datum_shift_.setZero();
   turn_ = 0.0;
+  shift_doubt_ = 0;
   tangent_.reset();
   apply_frame(cause);
 }

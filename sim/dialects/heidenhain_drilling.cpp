@@ -47,7 +47,7 @@ const CycleFact* fact_of_cycle(int number) {
   return nullptr;
 }
 
-bool is_feed_parameter(int number) { return number == 206 || number == 208 || number == 253; }
+bool is_feed_parameter(int number) { return (number >= 206 && number <= 208) || number == 253; }
 
 }  // namespace
 
@@ -68,15 +68,7 @@ void Machine::new_cycle(int number, std::size_t from, Words& words) {
         (number == 205 && q == 395);
     if (!known) words.refuse(at, fmt::format("a parameter of cycle {}", number));
     if (!words.cursor.take("=")) words.refuse(words.cursor.at, "= after a parameter");
-    double value = 0.0;
-    if (is_feed_parameter(q) && words.take("FMAX")) {
-      value = 99999.9;
-    } else if (is_feed_parameter(q) && words.take("FAUTO")) {
-      value = tool_feed_;
-      if (!(value > 0)) words.refuse(at, "F in a TOOL CALL before FAUTO");
-    } else {
-      value = words.value();
-    }
+    const double value = cycle_word(q, cycle.per_turn, words);
     cycle.values[q] = value;
     if (on_parameter) on_parameter(q, value);
   }
@@ -91,6 +83,19 @@ void Machine::new_cycle(int number, std::size_t from, Words& words) {
   }
   cycle_ = std::move(cycle);
   check_cycle(words.cause(from));
+}
+
+/// The value of a parameter of a cycle; a feed may be written as in a block, with F or without.
+double Machine::cycle_word(int q, std::set<int>& per_turn, Words& words) const {
+  words.cursor.skip_blanks();
+  const std::size_t from = words.cursor.at;
+  Words ahead = words;
+  const std::string name = ahead.name();
+  if (!is_feed_parameter(q) || name.empty() || name.front() == 'Q') return words.value();
+  words.cursor.at = ahead.cursor.at;
+  const FeedValue feed = feed_value(name.substr(name.front() == 'F' ? 1 : 0), words, from);
+  if (feed.word == FeedWord::PerTurn) per_turn.insert(q);
+  return feed.word == FeedWord::Rapid ? 99999.9 : feed.value;
 }
 
 /// What a cycle is asked that is not done, before it runs.
@@ -164,12 +169,14 @@ void Machine::cycle_call(Words& words) {
 }
 
 void Machine::require_cycle(const Cause& cause) const {
+  run_.require_certain(the_cycle, cause);
   if (cycle_.number == 0) refuse(cause, "CYCL DEF of a hole before it", "none");
 }
 
 /// @param surface  mm, what the place of the call adds to Q203
 void Machine::run_cycle(double surface, const Cause& cause) {
   require_cycle(cause);
+  require_certain_shift(cause);
   if (contour_.beside() || contour_.waits()) refuse(cause, "R0, and no corner, before a cycle");
   joint_of('Z', cause);
   const double depth = cycle_value(201) * unit();
@@ -219,11 +226,17 @@ void Machine::to_depth(double z, bool rapid) {
 
 /// At the feed of a parameter, that of the other one where it is zero or not given.
 void Machine::feed_to(double z, int parameter, int otherwise) {
-  double feed = cycle_value(parameter, 0.0);
-  if (feed == 0.0) feed = cycle_value(otherwise, 0.0);
+  if (cycle_value(parameter, 0.0) == 0.0) parameter = otherwise;
+  const double feed = cycle_value(parameter, 0.0);
   if (feed >= rapid_feed) return to_depth(z, true);
-  canon_.set_feed(Feed{feed, canon_.inch() ? 0.1 * units::inch : 1.0});
+  if (cycle_.per_turn.contains(parameter)) {
+    canon_.set_feed_mode(FeedMode::PerRevolution);
+    canon_.set_feed(Feed{feed, unit()});
+  } else {
+    canon_.set_feed(Feed{feed, canon_.inch() ? 0.1 * units::inch : 1.0});
+  }
   to_depth(z, false);
+  canon_.set_feed_mode(FeedMode::PerMinute);
 }
 
 void Machine::wait(int parameter) { canon_.dwell(cycle_value(parameter, 0.0), {1, {}}); }
@@ -231,7 +244,7 @@ void Machine::wait(int parameter) { canon_.dwell(cycle_value(parameter, 0.0), {1
 /// 200: each infeed ends above the surface, and begins by the clearance above the last one.
 void Machine::drill(double surface, double bottom) {
   const double clear = cycle_value(200) * unit(), step = cycle_value(202) * unit();
-  check_pecks((surface - bottom) / step);
+  check_infeeds(surface - bottom, step);
   for (double level = surface - step; level > bottom + 1e-9; level -= step) {
     run_.count_block();
     feed_to(level, 206, 206);
@@ -247,6 +260,13 @@ void Machine::check_pecks(double pecks) const {
   if (!(pecks <= most_pecks)) refuse({1, {}}, "at most 1e5 infeeds in a hole", "more");
 }
 
+/// Infeeds of a depth that become no longer: known before the first is made.
+void Machine::check_infeeds(double depth, double step) const {
+  constexpr double moves_of_infeed = 2.0;  // at least: in and out
+  check_pecks(depth / step);
+  run_.check_moves(moves_of_infeed * depth / step, {1, {}});
+}
+
 /// 201, 240
 void Machine::ream(double surface, double bottom) {
   feed_to(bottom, 206, 206);
@@ -259,6 +279,7 @@ void Machine::peck_universal(double surface, double bottom) {
   const double clear = cycle_value(200) * unit(), back = cycle_value(256, 0.2) * unit();
   const double less = cycle_value(212, 0) * unit(), least = cycle_value(205, 0) * unit();
   double step = cycle_value(202) * unit();
+  check_infeeds(surface - bottom, step);
   int breaks = 0;
   const int between = int(std::lround(std::min(cycle_value(213, 0), 1e6)));
   double level = surface;
@@ -290,11 +311,12 @@ void Machine::peck_deep(double surface, double bottom) {
   const double less = cycle_value(212, 0) * unit(), least = cycle_value(205, 0) * unit();
   const double chip = cycle_value(257, 0) * unit(), stop = cycle_value(258, 0.2) * unit();
   double step = cycle_value(202) * unit(), level = surface;
+  check_infeeds(surface - bottom, step);
   for (int pecks = 0;; ++pecks) {
     check_pecks(pecks);
     const double next = std::max(bottom, level - step);
     if (chip > 0) {
-      check_pecks((level - next) / chip);
+      check_infeeds(level - next, chip);
       for (double part = level - chip; part > next + 1e-9; part -= chip) {
         run_.count_block();
         feed_to(part, 206, 206);

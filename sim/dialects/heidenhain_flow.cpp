@@ -10,6 +10,7 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/program/arc_move.h"
+#include "sim/program/program_errors.h"
 
 namespace abbe::sim::dialects::heidenhain {
 namespace {
@@ -24,6 +25,17 @@ std::string first_word(std::string_view line) {
   return word;
 }
 
+/// The label behind LBL in a line, as CALL LBL 5 and GOTO LBL "END" have it; empty if none.
+std::string label_at(std::string_view line) {
+  std::size_t at = line.find("LBL");
+  if (at == std::string_view::npos) return {};
+  at += 3;
+  while (at < line.size() && is_blank(line[at])) ++at;
+  const bool quoted = at < line.size() && line[at] == '"';
+  const std::size_t end = quoted ? line.find('"', at + 1) : line.find_first_of(" \t;~", at);
+  return std::string(line.substr(at, end == std::string_view::npos ? end : end - at));
+}
+
 }  // namespace
 
 Flow::Flow(std::string_view text, ProgramRun& run)
@@ -36,6 +48,10 @@ Flow::Flow(std::string_view text, ProgramRun& run)
 }
 
 void Flow::run() {
+  run_.start([&](std::string_view code) {
+    read_block({code}, 0, block_);
+    block();
+  });
   while (!ended_ && !run_.hopeless()) {
     const Call& now = calls_.back();
     if (at_ >= now.source->lines.size()) {
@@ -52,6 +68,8 @@ void Flow::run() {
         throw;
       } catch (const program::BadGeometry&) {
         throw;
+      } catch (const program::FollowingError&) {
+        throw;
       } catch (const BadInput& fault) {
         throw placed_in(block_, fault);
       }
@@ -59,6 +77,31 @@ void Flow::run() {
     ended_ = ended_ || machine_.ended();
   }
   run_.attempt([&] { machine_.finish(); });
+  warn_unread();
+}
+
+/// What stands behind the end of the program: subprograms that no CALL LBL and no jump names, and
+/// everything behind END PGM.
+void Flow::warn_unread() {
+  const std::vector<std::string_view>& lines = sources_.front()->lines;
+  std::vector<Section> sections = {{}};
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    const std::string word = first_word(lines[i]);
+    sections.back().end = i;
+    if (word == "LBL") {
+      const std::size_t first = label_at(lines[i]) == "0" ? i + 1 : i;
+      sections.push_back({first, first});
+    }
+    if (word == "END") sections.push_back({i + 1, i + 1});
+  }
+  sections.back().end = std::max(sections.back().first, lines.size());
+  std::map<std::string, int> named;
+  for (const std::string_view line : lines) ++named[label_at(line)];
+  std::erase_if(sections, [&](const Section& section) {
+    return section.first < lines.size() && first_word(lines[section.first]) == "LBL" &&
+           named[label_at(lines[section.first])] > 1;
+  });
+  run_.warn_unread(lines, sections);
 }
 
 /// The block behind it rounds or bevels the corner at its end.
@@ -81,8 +124,7 @@ void Flow::block() {
               *this);
   if (words.at_end() || block_.pieces.empty()) return;
   run_.count_block();
-  functions_ = 0;
-  if (block_.skipped && run_.canon.options().block_delete) return;
+  if (block_.skipped && run_.skips(0)) return run_.discount_block();
   const std::size_t from = words.cursor.at;
   if (const auto parameter = parameter_at(words.cursor)) return assign(words, *parameter);
   words.cursor.at = from;
@@ -154,12 +196,13 @@ std::size_t Flow::line_of(const std::string& label, const Words& words, std::siz
     }
   }
   const auto found = source.labels.find(label);
+  const Cause cause = words.cursor.cause(from);
   if (found == source.labels.end() || label == "0")
-    words.cursor.refuse(from, "a label of this program", "LBL " + label);
+    run_.refuse_once("LBL " + label, cause, "a label of this program", "LBL " + label);
   if (found->second.size() > 1)
-    words.cursor.refuse(from, "a label that stands once",
-                        fmt::format("LBL {} in the lines {} and {}", label, found->second[0] + 1,
-                                    found->second[1] + 1));
+    run_.refuse_once("LBL " + label, cause, "a label that stands once",
+                     fmt::format("LBL {} in the lines {} and {}", label, found->second[0] + 1,
+                                 found->second[1] + 1));
   return found->second.front();
 }
 
@@ -225,8 +268,8 @@ void Flow::call_program(Words& words) {
       at_ = 0;
       return;
     }
-  words.cursor.refuse(from, fmt::format("a program {} or {}.h beside this one", name, name),
-                      "none");
+  run_.refuse_once("PGM " + name, words.cursor.cause(from),
+                   fmt::format("a program {} or {}.h beside this one", name, name), "none");
 }
 
 Source& Flow::source_of(const std::filesystem::path& file) {

@@ -46,6 +46,7 @@ class Flow : public Operands {
     std::string kind;  ///< "Q", "QL", "QR"
     int number = 0;
     std::size_t from = 0;
+    std::string name() const { return kind + std::to_string(number); }
   };
 
   void block();
@@ -54,12 +55,13 @@ class Flow : public Operands {
   bool before_corner(const Call& now, std::size_t line) const;
   void begin_program(Words& words);
   void end_program();
+  void warn_unread();
   void call(Words& words);
   void call_label(Words& words);
   void call_program(Words& words);
   void label(Words& words);
   void fn(Words& words);
-  void fn_assign(int number, Words& words);
+  double fn_result(int number, Words& words);
   void jump_if(Words& words);
   void assign(Words& words, const Parameter& parameter);
   std::optional<Parameter> parameter_at(Cursor& cursor) const;
@@ -77,7 +79,6 @@ class Flow : public Operands {
   std::vector<Call> calls_;
   std::size_t at_ = 0;  ///< line of the running source, from 0
   bool ended_ = false;
-  int functions_ = 0;  ///< of a formula, within each other
   Block block_;
 };
 

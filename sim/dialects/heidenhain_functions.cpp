@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <string_view>
 
 #include <fmt/format.h>
 
@@ -21,6 +22,41 @@ bool acts_behind(int number) {
   return std::find(std::begin(all), std::end(all), number) != std::end(all);
 }
 
+/// Words behind M functions without effect are their own: M118 X1 Y1 moves nothing, the F of M103 is
+/// a percentage.
+void pass_own_words(int number, Words& words) {
+  const auto pass = [&](auto is_own) {
+    Words ahead = words;
+    const std::string name = ahead.name();
+    if (!is_own(name) || !ahead.has_value()) return false;
+    ahead.value();
+    words.cursor.at = ahead.cursor.at;
+    return true;
+  };
+  const auto is_axis = [](const std::string& name) {
+    return name.size() == 1 && std::string_view("XYZABCUVW").find(name[0]) != std::string_view::npos;
+  };
+  switch (number) {
+    case 101:
+      pass([](const std::string& name) { return name == "BT"; });
+      break;
+    case 103:
+      pass([](const std::string& name) { return name == "F"; });
+      break;
+    case 118:
+      while (pass(is_axis)) {
+      }
+      if (Words ahead = words; ahead.name().starts_with('F'))
+        words.refuse(words.cursor.at, "F before M118: what stands behind it is its own");
+      break;
+    case 120:
+      pass([](const std::string& name) { return name == "LA"; });
+      break;
+    default:
+      break;
+  }
+}
+
 }  // namespace
 
 /// Behind M: its number, and what belongs to it.
@@ -36,6 +72,7 @@ void Machine::read_function(Words& words, std::size_t from, M& m) {
     words.cursor.at = ahead.cursor.at;
     return true;
   };
+  pass_own_words(m.number, words);
   if (m.number == 140) {
     words.cursor.skip_blanks();
     if (next_is("MBMAX"))
@@ -48,10 +85,17 @@ void Machine::read_function(Words& words, std::size_t from, M& m) {
       m.mb = words.value() * unit();
   }
   if (m.number == 140 || m.number == 128) {
-    if (next_is("FMAX"))
-      m.rapid = true;
-    else if (next_is("F"))
-      m.feed = words.value();
+    words.cursor.skip_blanks();
+    const std::size_t at = words.cursor.at;
+    Words ahead = words;
+    if (const std::string feed = ahead.name(); feed.starts_with('F')) {
+      words.cursor.at = ahead.cursor.at;
+      const FeedValue value = feed_value(feed.substr(1), words, at);
+      m.rapid = value.word == FeedWord::Rapid;
+      if (!m.rapid) m.feed = value.value;
+      if (value.word == FeedWord::PerTurn)
+        words.refuse(at, "a feed per minute after M140 and M128");
+    }
   }
   if (m.number == 128 && m.feed)
     run_.warn_once("F beside M128 limits the feed of compensating moves: it has no effect here");

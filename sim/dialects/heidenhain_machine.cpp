@@ -188,8 +188,8 @@ double Machine::length_of(int number, const Cause& cause) {
   if (canon_.options().tool_length.size() == 1 && canon_.options().control_of_h.empty() &&
       !canon_.options().tool_table) {
     const double length = canon_.options().tool_length.begin()->second;
-    run_.warn_once(fmt::format("TOOL CALL {} takes the length of the scene's tool, {:.6g} mm",
-                               number, length));
+    canon_.assume({fmt::format("TOOL CALL {} calls the only tool, {:.6g} mm long", number, length),
+                   "tool.number"});
     if (!radius_.contains(number) && !canon_.options().tool_radius.empty())
       radius_[number] = canon_.options().tool_radius.begin()->second;
     return length_[number] = length;
@@ -268,6 +268,7 @@ void Machine::tool_call(Words& words) {
     }
   }
   if (number) {
+    tool_called_ = true;
     canon_.call_tool(*number, true);
     canon_.aside(fmt::format("T{} M6", *number));
   }

@@ -4,6 +4,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -40,10 +41,18 @@ class Machine {
   std::function<void(int, double)> on_parameter;
 
  private:
+  static constexpr const char* the_cycle = "CYCL DEF of a hole";
+  static constexpr unsigned turn_bit = 8;
+  static unsigned shift_bit(char letter) { return 1u << (letter - 'X'); }
+
   using AxisVector = kinematics::AxisVector;
   using Vector3d = Eigen::Vector3d;
 
   enum class FeedWord { None, Number, PerTurn, Rapid, OfTool };
+  struct FeedValue {
+    FeedWord word = FeedWord::None;
+    double value = 0.0;  ///< of all but Rapid
+  };
   struct M {
     int number = 0;
     Cause cause;
@@ -120,7 +129,9 @@ class Machine {
   Move read_move(const std::string& keyword, std::size_t from, Words& words);
   bool read_axis(const std::string& name, Words& words, std::size_t from, Move& move);
   bool read_polar(const std::string& name, Words& words, std::size_t from, Move& move);
-  void read_feed(const std::string& name, Words& words, std::size_t from, Move& move);
+  /// A feed as a TNC writes it: FMAX, F MAX, FAUTO, FU0.2, F500; in a cycle also without F.
+  /// @param kind  letters behind F
+  FeedValue feed_value(std::string kind, Words& words, std::size_t from) const;
   void read_side(const std::string& name, Words& words, std::size_t from, Move& move);
   void set_feed(const Move& move);
   void set_side(const Move& move);
@@ -151,6 +162,7 @@ class Machine {
   void tilt(const Eigen::Matrix3d& R, const Positioning& how);
   void untilt(const Positioning& how);
   void check_plane_is_free(const Cause& cause) const;
+  void require_certain_shift(const Cause& cause) const;
   void position_axes(const Eigen::Matrix3d& R, const Positioning& how);
   void tcpm(Words& words);
 
@@ -177,6 +189,7 @@ class Machine {
   void cycle_definition(Words& words);
   void old_cycle(int number, int part, std::size_t from, Words& words);
   void datum_shift(Words& words);
+  void shift_axis(char letter, double value, bool step, const Cause& cause);
   void cycle_rotation(Words& words);
   void cycle_plane(Words& words);
   void trans(Words& words);
@@ -184,8 +197,10 @@ class Machine {
 
   // heidenhain_drilling.cpp
   void new_cycle(int number, std::size_t from, Words& words);
+  double cycle_word(int q, std::set<int>& per_turn, Words& words) const;
   void check_cycle(const Cause& cause);
   void check_pecks(double pecks) const;
+  void check_infeeds(double depth, double step) const;
   void require_cycle(const Cause& cause) const;
   double cycle_value(int number) const;
   double cycle_value(int number, double otherwise) const;
@@ -206,7 +221,7 @@ class Machine {
   Contour contour_;
   std::optional<program::Feed> feed_;  ///< of the last F
   bool per_turn_ = false, feed_per_turn_ = false;
-  bool ended_ = false;
+  bool ended_ = false, tool_called_ = false;
   std::map<int, double> length_, radius_;  ///< mm, of TOOL DEF
   int tool_ = -1;
   double delta_ = 0.0;  ///< mm by which the believed length exceeds that of the chain: DL, TOOL DEF
@@ -215,9 +230,11 @@ class Machine {
   AxisVector datum_shift_;                   ///< of cycle 7 in force, of the plane if there is one
   Vector3d outer_shift_ = Vector3d::Zero();  ///< of cycle 7 before the plane
   double turn_ = 0.0;                        ///< rad, of cycle 10
-  AxisVector turns_;                         ///< rad, whole turns that M94 took off
-  std::optional<Eigen::Matrix3d> plane_;     ///< in the workpiece
-  std::array<double, 3> plane_axes_{};       ///< deg, Q120 to Q122
+  unsigned shift_doubt_ = 0;  ///< bits of X Y Z, and of the rotation: where they count from is not
+                              ///< known until a plane ends or it is stated again
+  AxisVector turns_;          ///< rad, whole turns that M94 took off
+  std::optional<Eigen::Matrix3d> plane_;  ///< in the workpiece
+  std::array<double, 3> plane_axes_{};    ///< deg, Q120 to Q122
   bool tcpm_ = false, short_way_ = false, modal_cycle_ = false;
   std::optional<std::array<double, 3>> pole_;
   std::array<int, 2> pole_plane_{0, 1};
@@ -226,6 +243,7 @@ class Machine {
     int number = 0;
     int line = 0;
     std::map<int, double> values;  ///< as the words have them; a feed of 99999 and more is FMAX
+    std::set<int> per_turn = {};   ///< feeds that are per turn of the spindle
   } cycle_;
   std::map<int, kinematics::Chain> free_chains_;  ///< of tools, their slides without limits
 };

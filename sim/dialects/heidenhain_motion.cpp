@@ -79,12 +79,14 @@ Target Machine::target_of(const Move& move) const {
   for (std::size_t i = 0; i < move.axes.size(); ++i) {
     if (!move.axes[i]) continue;
     const Valued& word = *move.axes[i];
-    const int j = canon_.joint_of(char('A' + i));
+    const char letter = char('A' + i);
+    if (letter >= 'X' && !move.machine) require_certain_shift(word.cause);
+    const int j = canon_.joint_of(letter);
     if (move.machine && word.step) refuse(word.cause, "an absolute position beside M91");
     if (word.step)
       target.by(j, word.value, word.cause);
     else if (short_way_ && !move.machine && !canon_.is_linear(j))
-      target.to(j, nearest_turn(j, word.value, p[j]), word.cause);
+      target.turn_to(j, nearest_turn(j, word.value, p[j]), word.cause);
     else
       target.to(j, word.value, word.cause);
   }
@@ -94,6 +96,7 @@ Target Machine::target_of(const Move& move) const {
 /// PR and PA as X and Y, or what the plane of the pole is. @param sweep  rad, of CP
 Target Machine::polar_target(const Move& move, double& sweep) const {
   require_pole(move.cause);
+  require_certain_shift(move.cause);
   const AxisVector p = contour_.programmed();
   const auto at_pole = [&](int j) {
     for (const char letter : {'X', 'Y', 'Z'})
@@ -140,6 +143,10 @@ void Machine::move(Move move) {
   if (is_polar_move(move.keyword) || any || move.keyword == "LN" ||
       (!move.keyword.empty() && is_arc(move.keyword))) {
     if (move.keyword.empty()) refuse(move.cause, "L before axes");
+    if (!tool_called_ && move.feed_word != FeedWord::Rapid && !move.machine) {
+      run_.uncalled_tool(move.cause, "no TOOL CALL");
+      tool_called_ = true;
+    }
     double sweep = 0.0;
     const Target target = is_polar_move(move.keyword) ? polar_target(move, sweep) : target_of(move);
     if (move.machine && move.keyword != "L") refuse(move.cause, "L beside M91");

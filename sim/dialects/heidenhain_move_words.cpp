@@ -64,26 +64,22 @@ bool Machine::read_polar(const std::string& name, Words& words, std::size_t from
   return false;
 }
 
-/// F500, FMAX, F AUTO, FU0.2
-void Machine::read_feed(const std::string& name, Words& words, std::size_t from, Move& move) {
-  std::string kind = name.substr(1);
+Machine::FeedValue Machine::feed_value(std::string kind, Words& words, std::size_t from) const {
   if (kind.empty() && !words.has_value()) kind = words.name();
-  if (kind == "MAX") {
-    move.feed_word = FeedWord::Rapid;
-  } else if (kind == "AUTO") {
+  if (kind == "MAX") return {FeedWord::Rapid};
+  if (kind == "AUTO") {
     if (!(tool_feed_ > 0)) words.refuse(from, "F in a TOOL CALL before F AUTO");
-    move.feed_word = FeedWord::OfTool;
-    move.feed = tool_feed_;
-  } else if (kind.empty() || kind == "U") {
-    words.cursor.skip_blanks();
-    const std::size_t at = words.cursor.at;
-    move.feed = words.value();
-    if (!(move.feed >= least_feed)) words.refuse(at, "a feed above zero");
-    move.feed_word = kind.empty() ? FeedWord::Number : FeedWord::PerTurn;
-  } else {
-    refuse_if_named("F" + kind, words.cause(from));
-    words.refuse(from, "F with a number, FMAX, F AUTO or FU");
+    return {FeedWord::OfTool, tool_feed_};
   }
+  if (!kind.empty() && kind != "U") {
+    refuse_if_named("F" + kind, words.cause(from));
+    words.refuse(from, "a feed: a number, FMAX, F AUTO or FU");
+  }
+  words.cursor.skip_blanks();
+  const std::size_t at = words.cursor.at;
+  const double value = words.value();
+  if (!(value >= least_feed)) words.refuse(at, "a feed above zero");
+  return {kind.empty() ? FeedWord::Number : FeedWord::PerTurn, value};
 }
 
 /// R0, RL, RR; of CR the radius
@@ -119,8 +115,13 @@ Machine::Move Machine::read_move(const std::string& keyword, std::size_t from, W
     } else if (name == "R" || name == "RL" || name == "RR") {
       read_side(name, words, at, move);
     } else if (name[0] == 'F') {
-      read_feed(name, words, at, move);
-    } else if (!read_axis(name, words, at, move) && !read_polar(name, words, at, move)) {
+      const FeedValue feed = feed_value(name.substr(1), words, at);
+      move.feed_word = feed.word;
+      move.feed = feed.value;
+    } else if (read_axis(name, words, at, move)) {
+      if (!move.functions.empty())
+        words.refuse(at, "axis words before the M functions of a block: those behind are theirs");
+    } else if (!read_polar(name, words, at, move)) {
       refuse_if_named(name, words.cause(at));
       run_.unknown(words.cause(at), "a word of Klartext");
       if (words.has_value()) words.value();

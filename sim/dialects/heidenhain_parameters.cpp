@@ -48,13 +48,7 @@ std::optional<double> Flow::operand(Cursor& cursor) {
     const auto parameter = parameter_at(cursor);
     return read(*parameter, cursor);
   }
-  constexpr int most_functions = 100;
-  if (functions_ > most_functions)
-    cursor.refuse(cursor.at, "at most 100 functions within each other", "more");
-  ++functions_;
-  const auto value = function_value(cursor, *this);
-  --functions_;
-  return value;
+  return function_value(cursor, *this);
 }
 
 double Flow::read(const Parameter& parameter, const Cursor& cursor) const {
@@ -67,6 +61,7 @@ double Flow::read(const Parameter& parameter, const Cursor& cursor) const {
   } else {
     known = variables_.number(parameter.number, Variables::Of::Call);
   }
+  if (run_.in_doubt()) run_.require_certain(parameter.name(), cursor.cause(parameter.from));
   if (!known) cursor.refuse(parameter.from, "a parameter that has been set");
   return *known;
 }
@@ -96,9 +91,11 @@ void Flow::assign(Words& words, const Parameter& parameter) {
   words.cursor.skip_blanks();
   if (words.cursor.here() == '"')
     words.refuse(words.cursor.at, "a number: texts in parameters are not kept");
-  const double value = expression(words.cursor, grammar(), *this);
-  words.ends();
-  set(parameter, value, words);
+  run_.define(parameter.name(), [&] {
+    const double value = expression(words.cursor, grammar(), *this);
+    words.ends();
+    set(parameter, value, words);
+  });
 }
 
 void Flow::fn(Words& words) {
@@ -112,13 +109,16 @@ void Flow::fn(Words& words) {
       use != nullptr && use->use == Use::Refused)
     words.refuse(from, std::string(use->sentence));
   if (number > 13) words.refuse(from, "FN 0 to FN 13");
-  fn_assign(number, words);
-}
-
-void Flow::fn_assign(int number, Words& words) {
   const auto parameter = parameter_at(words.cursor);
   if (!parameter) words.refuse(words.cursor.at, "a Q parameter");
-  if (!words.cursor.take("=")) words.refuse(words.cursor.at, "= after a parameter");
+  run_.define(parameter->name(), [&] {
+    if (!words.cursor.take("=")) words.refuse(words.cursor.at, "= after a parameter");
+    set(*parameter, fn_result(number, words), words);
+  });
+}
+
+/// What stands behind = of FN 0 to FN 8 and FN 13.
+double Flow::fn_result(int number, Words& words) {
   const auto word = [&](std::string_view wanted) {
     if (!words.cursor.take(wanted)) words.refuse(words.cursor.at, std::string(wanted));
   };
@@ -148,7 +148,7 @@ void Flow::fn_assign(int number, Words& words) {
   }
   words.ends();
   if (!std::isfinite(result)) words.refuse(from, "a result that is a finite number");
-  set(*parameter, result, words);
+  return result;
 }
 
 /// IF +Q1 EQU +Q2 GOTO LBL 5

@@ -72,20 +72,19 @@ Matrix3d Machine::plane_matrix(const std::string& kind, std::size_t from, Words&
   // RELATIV
   const Matrix3d before = plane_.value_or(Matrix3d::Identity());
   for (int k = 0; k < 3; ++k)
-    if (const std::string name = std::string("SP") + char('A' + k); words.cursor.take(name))
+    if (const std::string name = std::string("SP") + char('A' + k); words.cursor.take(name)) {
+      require_certain_shift(words.cause(from));
       return before * about(k, words.value() * units::deg);
+    }
   words.refuse(words.cursor.at, "SPA, SPB or SPC after PLANE RELATIV");
 }
 
 bool Machine::read_positioning_word(const std::string& name, Words& words, Positioning& how) {
-  if (name == "F" || name == "FMAX" || name == "FAUTO") {
-    std::string kind = name.substr(1);
-    if (kind.empty() && !words.has_value()) kind = words.name();
-    how.rapid = kind == "MAX";
-    if (kind == "MAX") return true;
-    if (kind != "" && kind != "AUTO") return false;
-    how.feed = kind == "AUTO" ? tool_feed_ : words.value();
-    if (!(how.feed > 0)) refuse(how.cause, "a feed above zero, or F in the TOOL CALL for F AUTO");
+  if (name.starts_with('F')) {
+    const FeedValue feed = feed_value(name.substr(1), words, words.cursor.at);
+    if (feed.word == FeedWord::PerTurn) refuse(how.cause, "a feed per minute beside TURN and MOVE");
+    how.rapid = feed.word == FeedWord::Rapid;
+    how.feed = feed.value;
     return true;
   }
   if (name == "DIST" || name == "ABST") {
@@ -149,6 +148,7 @@ void Machine::plane(Words& words) {
 
 /// Nothing is in force within the plane that its change would move.
 void Machine::check_plane_is_free(const Cause& cause) const {
+  if (!plane_) require_certain_shift(cause);
   if (turn_ != 0.0) refuse(cause, "CYCL DEF 10 with ROT+0 before PLANE");
   if (!plane_) return;
   for (const char letter : {'X', 'Y', 'Z'})
@@ -169,20 +169,27 @@ void Machine::tilt(const Matrix3d& R, const Positioning& how) {
       shift = 0.0;
     }
   plane_ = R;
+  shift_doubt_ = 0;
   update_tip_mode(how.cause);
   position_axes(R, how);
   tangent_.reset();
 }
 
+/// What was shifted and turned within the plane is not known to the workpiece: it is in doubt until
+/// it is stated again.
 void Machine::untilt(const Positioning& how) {
-  check_plane_is_free(how.cause);
   if (how.kind != Positioning::Kind::Stay) {
     if (!canon_.tip_mode()) canon_.set_tip_mode(true, how.cause);
     position_axes(Matrix3d::Identity(), how);
   }
-  if (plane_)
-    for (const char letter : {'X', 'Y', 'Z'})
-      datum_shift_[canon_.joint_of(letter)] = outer_shift_[letter - 'X'];
+  if (plane_) {
+    shift_doubt_ = turn_ != 0.0 ? turn_bit : 0u;
+    for (const char letter : {'X', 'Y', 'Z'}) {
+      double& shift = datum_shift_[canon_.joint_of(letter)];
+      if (shift != 0.0) shift_doubt_ |= shift_bit(letter);
+      shift = outer_shift_[letter - 'X'];
+    }
+  }
   plane_.reset();
   outer_shift_.setZero();
   update_tip_mode(how.cause);

@@ -30,7 +30,7 @@ void Block::clear() {
   words.clear();
   codes.clear();
   mist = flood = deleted = percent = false;
-  skipped = {};
+  skipped = wordless = {};
   comments.clear();
   numbers.clear();
   names.clear();
@@ -99,8 +99,11 @@ void BlockReader::setting() {
     name = name_in_brackets(cursor_);
   else
     number = whole(cursor_, from, value(cursor_, grammar(), operands_), 5601);
-  if (!cursor_.take("=")) cursor_.refuse(cursor_.at, "= after a parameter that begins a word");
-  const double result = value(cursor_, grammar(), operands_);
+  double result = 0.0;
+  run_.define(name.empty() ? fmt::format("#{}", number) : fmt::format("#<{}>", name), [&] {
+    if (!cursor_.take("=")) cursor_.refuse(cursor_.at, "= after a parameter that begins a word");
+    result = value(cursor_, grammar(), operands_);
+  });
   if (block_.numbers.size() + block_.names.size() == most_settings)
     cursor_.refuse(from, "at most 50 parameters set in a block");
   if (name.empty())
@@ -122,7 +125,10 @@ void BlockReader::put_code(char letter, const NcWord& word) {
   }
   if (fact.use == Use::Refused) run_.canon.refuse(word, std::string(fact.sentence));
   const Group group = fact.group;
-  if (group == Group::None) return;
+  if (group == Group::None) {
+    block_.wordless = word;
+    return;
+  }
   if (group == Group::Coolant && (code == 70 || code == 80)) {
     (code == 70 ? block_.mist : block_.flood) = true;
     return;
@@ -137,8 +143,8 @@ void BlockReader::put_code(char letter, const NcWord& word) {
 void BlockReader::word(bool first) {
   const std::size_t from = cursor_.at;
   const char letter = upper(cursor_.here());
-  const bool polar = letter == '@' || letter == '^';
-  if (!is_letter(letter) && !polar) {
+  const bool sign = letter == '@' || letter == '^' || letter == '$';
+  if (!is_letter(letter) && !sign) {
     const char c = cursor_.here();
     cursor_.refuse(from, "a word (letter and number)",
                    c == ')'   ? ") without ("
@@ -155,12 +161,15 @@ void BlockReader::word(bool first) {
   word.text = cursor_.text.substr(from, cursor_.at - from);
   if (letter == 'G' || letter == 'M') return put_code(letter, word);
   if (letter == 'N' && !first) run_.canon.refuse(word, "a line number first in its block");
-  const std::size_t index = letter == '@' ? 26 : letter == '^' ? 27 : std::size_t(letter - 'A');
+  const std::size_t index = letter == '@'   ? 26
+                            : letter == '^' ? 27
+                            : letter == '$' ? 28
+                                            : std::size_t(letter - 'A');
   const NcWord& place = block_.words[index];
   if (place)
     run_.canon.refuse(word, std::string("one ") + letter + " in a block",
                       fmt::format("{} after {}", shown(word.text), shown(place.text)));
-  static constexpr std::string_view known = "ABCDEFHIJKLNPQRSTUVWXYZ@^";
+  static constexpr std::string_view known = "ABCDEFHIJKLNPQRSTUVWXYZ@^$";
   if (known.find(letter) == std::string_view::npos) return run_.unknown(word, "a word of LinuxCNC");
   if (letter == 'N') return;
   block_.words.put(index, word);
@@ -178,7 +187,7 @@ void BlockReader::fill() {
   if (cursor_.here() == '/') {
     ++cursor_.at;
     block_.deleted = true;
-    if (run_.canon.options().block_delete) return;
+    if (run_.canon.options().block_skip.test(0)) return;
   }
   bool first = true;
   for (skip_blanks_and_comments(); !cursor_.at_end(); skip_blanks_and_comments()) {

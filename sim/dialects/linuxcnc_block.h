@@ -21,7 +21,7 @@ using program::Target;
 
 /// Groups of G and M codes of which a block has at most one each, those of coolant excepted.
 enum class Group {
-  None,  ///< a code that is refused or skipped
+  None,  ///< a code that is refused, or without effect and without axis words
   OneBlock,
   Motion,
   Plane,
@@ -42,24 +42,30 @@ enum class Group {
   Coolant,
   Override,
   Kinematics,
+  State,
   Count
 };
+
+/// Returns true for groups of codes that leave the axis words of their block to the motion.
+bool is_beside_motion(Group group);
 
 using Code = CodeOf<NcWord>;
 
 struct Block {
-  Slots<NcWord, 28> words;  ///< by letter, then @ and ^; G and M are in `codes`
+  Slots<NcWord, 29> words;  ///< by letter, then @ ^ $; G and M are in `codes`
   Slots<Code, std::size_t(Group::Count)> codes;
   bool mist = false, flood = false;
-  NcWord skipped;  ///< a code that the dialect has not, passed over
+  NcWord skipped;   ///< a code that the dialect has not, passed over
+  NcWord wordless;  ///< a code without effect that takes no axis words
   std::vector<std::string_view> comments;
   std::vector<std::pair<int, double>> numbers;        ///< #n = value, set when the block is read
   std::vector<std::pair<std::string, double>> names;  ///< #<name> = value
   bool deleted = false, percent = false;
 
   const NcWord& operator[](char letter) const { return words[std::size_t(letter - 'A')]; }
-  const NcWord& radius() const { return words[26]; }  ///< @
-  const NcWord& angle() const { return words[27]; }   ///< ^
+  const NcWord& radius() const { return words[26]; }   ///< @
+  const NcWord& angle() const { return words[27]; }    ///< ^
+  const NcWord& spindle() const { return words[28]; }  ///< $
   bool is_polar() const { return radius() || angle(); }
   const Code& operator[](Group group) const { return codes[std::size_t(group)]; }
   int tenths(Group group) const { return codes[std::size_t(group)].tenths; }

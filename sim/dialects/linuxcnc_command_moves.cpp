@@ -192,6 +192,8 @@ void Commands::finish() {
 }
 
 void Commands::set_tool_length(const Six& offset) {
+  if (codes_.length && codes_.h == -1 && tool_ <= 0)
+    refuse("T and M6 before G43", "no tool called");
   if (offset[2] > 0.5 * unknown_length) {
     std::string known;
     for (const auto& [number, mm] : run_.options().control.tool_length)

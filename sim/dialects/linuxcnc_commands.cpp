@@ -275,6 +275,8 @@ void Commands::comment(std::string_view text) {
   run_.warn_once(
       "under G41 and G42 LinuxCNC's own interpreter puts out a move when it reads the next: the "
       "lines of such moves may be those of the block behind");
+  if (codes_.radius && codes_.d == -1 && tool_ <= 0)
+    refuse("T and M6 before G41 and G42", "no tool called");
   const int tool = codes_.d >= 0 ? codes_.d : tool_;
   if (codes_.radius && codes_.d != not_literal && tool > 0 &&
       run_.options().control.tool_radius.count(tool) == 0 && stored_.count(tool) == 0)

@@ -22,8 +22,15 @@ void Machine::go(const AxisVector& end, bool rapid) {
   canon_.straight({.end = canon_.placed(end), .cause = {1, {}}}, rapid);
 }
 
-/// Takes the words of a cycle; what is not said stays as the block before had it.
+/// A cycle whose first block has an input error is not begun: the blocks behind it have none of
+/// their own.
 void Machine::cycle(const Block& block) {
+  if (!cycle_.begun && !block[Group::Motion]) run_.require_certain("cycle", cause_of(block));
+  run_.define("cycle", [&] { take_cycle(block); });
+}
+
+/// Takes the words of a cycle; what is not said stays as the block before had it.
+void Machine::take_cycle(const Block& block) {
   const Cause cause = cause_of(block);
   if (compensation_.on()) refuse(cause, "G40 before a canned cycle");
   if (canon_.feed_mode() == FeedMode::InverseTime) refuse(cause, "G94 or G95 beside a cycle");
@@ -74,6 +81,11 @@ void Machine::cycle_holes(const Block& block) {
   const double clear = to_r_ ? r : std::max(initial, r);
   double level = std::max(at[d], r);  // the first hole is reached where the axes stand, G98 or not
   const int repeats = block['L'] ? int(block['L'].value) : 1;
+  const bool pecks = motion_ == 730 || motion_ == 830;
+  constexpr double moves_of_hole = 4.0, moves_of_peck = 3.0;  // at most
+  run_.check_moves(
+      repeats * (moves_of_hole + (pecks ? moves_of_peck * (r - bottom) / cycle_.q : 0.0)),
+      cause_of(block));
   for (int n = 0; n < repeats; ++n) {
     run_.count_block();
     for (int k = 0; k < 3; ++k) {

@@ -52,6 +52,8 @@ class Flow : public Operands {
     std::string name = {};
     std::vector<Loop> loops = {};
     std::array<double, 31> locals{};  ///< #1 .. #30
+    std::optional<Modes> saved = {};  ///< of M70 and M73
+    bool restores = false;            ///< M73
   };
   struct Sub {
     const Source* source = nullptr;
@@ -61,6 +63,7 @@ class Flow : public Operands {
 
   bool line();
   bool block(Cursor cursor);
+  void keep_modes();
   std::optional<OWord> o_word(Cursor& cursor);
   std::optional<OWord> o_word_of(const Source& source, std::size_t at);
   void o_line(const OWord& o, Cursor cursor);

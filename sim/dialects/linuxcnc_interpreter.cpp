@@ -16,6 +16,7 @@
 #include "sim/dialects/linuxcnc_numbered.h"
 #include "sim/dialects/linuxcnc_packages.h"
 #include "sim/dialects/linuxcnc_process.h"
+#include "sim/dialects/turning_tool.h"
 
 namespace abbe::sim::dialects {
 namespace {
@@ -60,11 +61,21 @@ std::string tool_table(const NcOptions& control, const std::set<int>& called,
     const auto found = all.find(tool);
     return (found == all.end() ? otherwise : found->second) * inches_of_mm;
   };
+  const auto length = [&](int tool) {
+    const kinematics::Chain* to_tip = chain_to_tip(control, tool);
+    if (!run.turning() || to_tip == nullptr || !control.tool_length.contains(tool))
+      return fmt::format("Z{:.17g}", known(control.tool_length, tool, linuxcnc::unknown_length));
+    const kinematics::AxisVector offset = measured_offset(run.canon, *to_tip, {});
+    std::string words;
+    for (const char letter : {'X', 'Y', 'Z'})
+      if (const int j = run.canon.joint_of(letter); j >= 0)
+        words += fmt::format("{}{:.17g} ", letter, offset[j] * inches_of_mm);
+    return words;
+  };
   std::string text;
   int place = 0;
   for (const int tool : tools)
-    text += fmt::format("T{} P{} Z{:.17g} D{:.17g}\n", tool, ++place,
-                        known(control.tool_length, tool, linuxcnc::unknown_length),
+    text += fmt::format("T{} P{} {} D{:.17g}\n", tool, ++place, length(tool),
                         2 * known(control.tool_radius, tool, linuxcnc::unknown_radius));
   return text;
 }
@@ -202,7 +213,9 @@ void read_by_linuxcnc(std::string_view text, const Recognised& found, ProgramRun
   const PrivateFolder folder;
   fs::create_directory(folder.path() / "program");
   run.attempt([&] {
-    const NumberedProgram program(text, file, lead_in(run.canon), run, folder.path() / "program");
+    std::string before = lead_in(run.canon);
+    if (!run.options().startup_code.empty()) before += run.options().startup_code + "\n";
+    const NumberedProgram program(text, file, before, run, folder.path() / "program");
     refuse_systems(program, run, zero, run.canon);
     write_whole(folder.path() / "machine.ini", machine_text());
     write_whole(folder.path() / "tool.tbl",

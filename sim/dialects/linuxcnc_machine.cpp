@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -45,6 +46,13 @@ std::string_view letters_of_motion(int motion) {
   }
 }
 
+/// Of the codes of overrides and outputs.
+std::string_view letters_of_override(int code) {
+  if (code >= 500 && code <= 530) return "P";
+  if (code >= 620 && code <= 650) return "P";
+  return code == 670 || code == 680 ? "EQ" : "";
+}
+
 std::string_view letters_of_one_block(int code) {
   switch (code) {
     case 40:
@@ -65,6 +73,7 @@ Machine::Machine(ProgramRun& run)
       length_(canon_.options().tool_length),
       radius_(canon_.options().tool_radius),
       compensation_(run) {
+  diameter_ = run.begins_with_diameters(false);
   for (int system = 1; system <= int(system_changed_.size()); ++system) {
     const AxisVector& offset = program::work_offset(canon_.options(), system);
     for (int k = 0; k < 9 && offset.size() > 0; ++k)
@@ -73,6 +82,41 @@ Machine::Machine(ProgramRun& run)
             canon_.is_linear(j) ? offset[j] : offset[j] / units::deg;
   }
   parameters_[5220] = 1;
+  parameters_[5599] = 1;  // (debug,) comments are shown
+  const AxisVector& reference = canon_.options().reference;
+  for (int k = 0; k < 9 && reference.size() > 0; ++k)
+    if (const int j = joint(k); j >= 0)
+      parameters_[5161 + std::size_t(k)] = parameters_[5181 + std::size_t(k)] =
+          canon_.is_linear(j) ? reference[j] : reference[j] / units::deg;
+}
+
+/// Modes that the block states, then those it depends on.
+void Machine::note_start_modes(const Block& block) {
+  const std::pair<Group, StartMode> groups[] = {{Group::Units, StartMode::Units},
+                                                {Group::Distance, StartMode::Distance},
+                                                {Group::Plane, StartMode::Plane},
+                                                {Group::FeedMode, StartMode::Feed},
+                                                {Group::WorkOffset, StartMode::WorkOffset}};
+  for (const auto& [group, mode] : groups)
+    if (block[group]) run_.state(mode);
+  if (block[Group::LatheDiameter]) diameter_stated_ = true;
+  if (!first_axis_word(block)) return;
+  if (run_.turning() && block['X'] && !std::exchange(diameter_stated_, true) &&
+      run_.options().turning.x_words == XWords::OfControl)
+    canon_.assume({"X words are radii (G8): no word before says otherwise", "program.x_words",
+                   "--x-words"});
+  const int motion = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
+  run_.depend(StartMode::Units, "mm (G21)");
+  run_.depend(StartMode::Distance, "absolute (G90)");
+  if (motion == 20 || motion == 30)
+    run_.depend(StartMode::Plane, plane_ == 180   ? "plane Z X (G18)"
+                                  : plane_ == 190 ? "plane Y Z (G19)"
+                                                  : "plane X Y (G17)");
+  if (motion > 0)
+    run_.depend(StartMode::Feed, canon_.feed_mode() == FeedMode::PerRevolution
+                                     ? "F per turn (G95)"
+                                     : "F per minute (G94)");
+  if (!block[Group::OneBlock]) run_.depend_on_offset(system_, "work offset G54");
 }
 
 double Machine::unit() const { return canon_.inch() ? units::inch : 1.0; }
@@ -118,9 +162,10 @@ void Machine::check_words(const Block& block) const {
   if (length == 430 || length == 432 || length == 434) taken += 'H';
   if (const int side = block.tenths(Group::CutterRadius); side > 400) taken += "DL";
   if (block.tenths(Group::SpeedMode) == 960) taken += 'D';
-  if (block[Group::PathMode]) taken += "PQ";
-  if (block[Group::Override]) taken += "PEQL";
+  if (block.tenths(Group::PathMode) == 640) taken += "PQ";
+  if (block[Group::Override]) taken += letters_of_override(block.tenths(Group::Override));
   if (block.tenths(Group::ToolChange) == 610) taken += 'Q';
+  if (block.tenths(Group::Spindle) == 190) taken += "RQP";
   for (const char letter : {'D', 'E', 'H', 'I', 'J', 'K', 'L', 'P', 'Q', 'R'}) {
     if (!block[letter] || taken.find(letter) != std::string::npos) continue;
     if (block.skipped)
@@ -144,12 +189,21 @@ void Machine::check_words(const Block& block) const {
   }
   if (once.tenths == 40 && !block['P']) refuse(once.word, "P (seconds) beside G4", "none");
   const bool by_words = length == 431;
+  const bool follows = motion < 0 && !run_.faults().empty();  // its code may be in that block
+  if (axis && !takes_axes && !by_words && follows)
+    throw program::FollowingError(canon_.place().file, canon_.line(), axis.column,
+                                  "a code of motion", "none");
   if (axis && !takes_axes && !by_words && (motion < 0 || motion == 800))
     refuse(axis, "G0 G1 G2 or G3 before an axis word");
   if (once.tenths == 530) {
     if (!axis) refuse(once.word, "an axis word beside G53", "none");
     if (motion != 0 && motion != 10) refuse(once.word, "G0 or G1 beside G53");
   }
+  if (const NcWord& wordless = block.wordless; axis && wordless)
+    refuse(axis, fmt::format("no axis words beside {}, which takes none", shown(wordless.text)));
+  // LinuxCNC moves by them although the code takes them, which nobody means
+  if (axis && (once.tenths % 10 == 1 || once.tenths == 922 || once.tenths == 923))
+    refuse(axis, fmt::format("no axis words beside {}, which takes none", shown(once.word.text)));
   if (takes_axes && axis && block[Group::Motion])
     refuse(block[Group::Motion].word, "no code of motion beside " + shown(once.word.text));
   if (const NcWord& tool = block['T'];
@@ -175,12 +229,13 @@ void Machine::set_feed(const Block& block) {
 void Machine::set_spindle(const Block& block) {
   if (const Code& code = block[Group::SpeedMode]) {
     surface_speed_ = code.tenths == 960;
-    most_rpm_ = 1e6;
+    max_rpm_.reset();
     if (const NcWord& d = block['D']; d && surface_speed_) {
       if (!(d.value > 0 && d.value <= 1e7)) refuse(d, "a largest speed of more than 0 to 1e7 rpm");
-      most_rpm_ = d.value;
+      max_rpm_ = d.value;
     }
     if (surface_speed_ && joint(0) < 0) refuse(code.word, "a machine with an X axis beside G96");
+    if (surface_speed_ && !block['S']) refuse(code.word, "S (surface speed) beside G96", "none");
     if (!surface_speed_ && !block['S']) canon_.set_spindle_speed(speed_);
   }
   if (const NcWord& s = block['S']) {
@@ -189,9 +244,9 @@ void Machine::set_spindle(const Block& block) {
     speed_ = surface_speed_ && canon_.inch() ? s.value * 0.3048 : s.value;
     if (!surface_speed_) canon_.set_spindle_speed(s.value);
   }
-  if (const Code& code = block[Group::Spindle])
+  if (const Code& code = block[Group::Spindle]; code && code.tenths != 190)
     canon_.turn_spindle(code.tenths == 30 ? 1 : code.tenths == 40 ? -1 : 0);
-  canon_.set_surface_speed(surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, most_rpm_})
+  canon_.set_surface_speed(surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, max_rpm_})
                                           : std::nullopt);
 }
 
@@ -280,9 +335,79 @@ void Machine::one_block(const Block& block) {
   }
 }
 
+Modes Machine::modes() const {
+  return {canon_.inch(),
+          incremental_,
+          absolute_centre_,
+          diameter_,
+          to_r_,
+          plane_,
+          system_,
+          canon_.spindle_direction(),
+          canon_.feed_mode(),
+          canon_.feed(),
+          surface_speed_,
+          speed_,
+          max_rpm_,
+          canon_.spindle_speed(),
+          compensation_.on(),
+          tip_length_,
+          tip_kinematics_,
+          length_shift_};
+}
+
+void Machine::restore(const Modes& modes, const Cause& cause) {
+  const bool same_length =
+      modes.length_shift.size() == length_shift_.size() && modes.length_shift == length_shift_;
+  if (!same_length || modes.tip_length != tip_length_ || modes.tip_kinematics != tip_kinematics_)
+    refuse(cause, "the tool length that was saved: it is not restored here", "another");
+  if (modes.compensated != compensation_.on())
+    refuse(cause, "G40, G41 or G42 as it was saved: it is not restored here", "another");
+  if (compensation_.on() && (modes.system != system_ || modes.plane != plane_))
+    refuse(cause, "no other plane and coordinate system under G41 or G42");
+  canon_.set_inch(modes.inch);
+  incremental_ = modes.incremental;
+  absolute_centre_ = modes.absolute_centre;
+  diameter_ = modes.diameter;
+  to_r_ = modes.to_r;
+  plane_ = modes.plane;
+  canon_.set_feed_mode(modes.feed_mode);
+  canon_.set_feed(modes.feed);
+  surface_speed_ = modes.surface_speed;
+  speed_ = modes.speed;
+  max_rpm_ = modes.max_rpm;
+  canon_.set_spindle_speed(modes.rpm);
+  canon_.set_surface_speed(surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, max_rpm_})
+                                          : std::nullopt);
+  canon_.turn_spindle(modes.spindle);
+  if (modes.system != system_) choose_system(modes.system);
+}
+
+/// What is said to a spindle that the machine has not is left out.
+Block Machine::without_spindle(const Block& block) const {
+  const NcWord& which = block.spindle();
+  if (which.value < -1 || which.value > 7 || which.value != std::floor(which.value))
+    refuse(which, "a spindle of 0 to 7, or -1 for all");
+  Block own = block;
+  own.words.put(28, {});
+  if (which.value <= 0) return own;
+  if (const int motion = block.tenths(Group::Motion);
+      motion == 330 || motion == 331 || motion == 760)
+    refuse(which, "spindle 0 beside a move that follows it");
+  run_.warn_once(
+      fmt::format("spindle {} turns nothing: the machine has spindle 0 ($0)", which.value));
+  own.words.put('S' - 'A', {});
+  for (const Group group : {Group::Spindle, Group::SpeedMode})
+    own.codes.put(std::size_t(group), {});
+  if (block[Group::SpeedMode]) own.words.put('D' - 'A', {});
+  return own;
+}
+
 bool Machine::execute(const Block& block) {
+  if (block.spindle()) return execute(without_spindle(block));
   for (const std::string_view text : block.comments) canon_.comment(text);
   check_words(block);
+  note_start_modes(block);
   set_modes(block);
   const Code& once = block[Group::OneBlock];
   if (const Code& code = block[Group::Motion]) {
@@ -326,7 +451,7 @@ double Machine::parameter(int number) const {
 }
 
 bool Machine::set_parameter(int number, double value) {
-  if (number == 5220 || (number >= 5400 && number <= 5428) || number >= 5599) return false;
+  if (number == 5220 || (number >= 5400 && number <= 5428) || number >= 5600) return false;
   parameters_[std::size_t(number)] = value;
   if (number >= 5221 && number < 5221 + 180)
     system_changed_[std::size_t((number - 5221) / 20)] = true;

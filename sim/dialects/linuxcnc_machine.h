@@ -16,6 +16,20 @@ inline constexpr std::string_view axis_letters = "XYZABCUVW";
 /// One number for every axis letter, mm and degrees.
 using Nine = std::array<double, 9>;
 
+/// What M70 saves: all modes but that of motion.
+struct Modes {
+  bool inch = false, incremental = false, absolute_centre = false, diameter = false, to_r = true;
+  int plane = 170, system = 1, spindle = 0;
+  program::FeedMode feed_mode = program::FeedMode::PerMinute;
+  std::optional<program::Feed> feed = {};
+  bool surface_speed = false;
+  double speed = 0.0;
+  std::optional<double> max_rpm;
+  double rpm = 0.0;
+  bool compensated = false, tip_length = false, tip_kinematics = false;
+  kinematics::AxisVector length_shift = {};
+};
+
 /// The control of LinuxCNC as its words command it: modes, coordinate systems, tools, and the moves
 /// that they make on the canon.
 class Machine {
@@ -24,6 +38,9 @@ class Machine {
 
   /// @return false at the end of the program
   bool execute(const Block& block);
+  Modes modes() const;
+  /// @throws BadInput where the tool length or cutter compensation is another
+  void restore(const Modes& modes, const Cause& cause);
   /// What is still to be put out, at the end of the program.
   void finish();
 
@@ -43,6 +60,8 @@ class Machine {
     canon_.refuse(cause, std::move(expected), std::move(seen));
   }
   void check_words(const Block& block) const;
+  Block without_spindle(const Block& block) const;
+  void note_start_modes(const Block& block);
   void set_modes(const Block& block);
   void set_feed(const Block& block);
   void set_spindle(const Block& block);
@@ -86,6 +105,7 @@ class Machine {
 
   // linuxcnc_cycles.cpp
   void cycle(const Block& block);
+  void take_cycle(const Block& block);
   void cycle_holes(const Block& block);
   /// A hole in program coordinates: its place, the joint along it, its levels.
   struct Hole {
@@ -115,9 +135,11 @@ class Machine {
   AxisVector length_shift_;                           ///< (axes) of G43 and its kin; empty for none
   bool tip_length_ = false, tip_kinematics_ = false;  ///< G43.4; M428
   bool incremental_ = false, absolute_centre_ = false, diameter_ = false;
+  bool diameter_stated_ = false;  ///< G7 or G8, or it has been reported that neither was
   bool to_r_ = true;  ///< G99; what LinuxCNC begins with
   bool surface_speed_ = false;
-  double speed_ = 0.0, most_rpm_ = 0.0;  ///< S as it stands; of G96 m/min
+  double speed_ = 0.0;                   ///< S as it stands; of G96 m/min
+  std::optional<double> max_rpm_;        ///< of G96
   int tool_ = 0, selected_ = -1;
   struct Cycle {
     double r = 0.0, z = 0.0, q = 0.0, p = 0.0;

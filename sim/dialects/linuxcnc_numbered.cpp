@@ -263,7 +263,7 @@ std::string NumberedProgram::numbered(std::string_view line, int number, int fil
   refuse_escapes(line);
   const std::string_view whole = line.substr(std::min(line.size(), line.find_first_not_of(" \t")));
   if (whole.empty() || whole.front() == '%') return std::string(whole);
-  if (whole.front() == '/' && run_.canon.options().block_delete) return {};
+  if (whole.front() == '/' && run_.skips(0)) return {};
   const std::string_view block = unnumbered_block(line);
   if (block.size() > longest_for_rs274)
     run_.canon.refuse({},

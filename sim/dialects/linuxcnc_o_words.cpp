@@ -23,7 +23,7 @@ constexpr double most_repeats = 1e9;
 std::optional<OWord> Flow::o_word(Cursor& cursor) {
   cursor.skip_blanks();
   if (cursor.here() == '/') {
-    if (run_.canon.options().block_delete) return std::nullopt;
+    if (run_.canon.options().block_skip.test(0)) return std::nullopt;
     ++cursor.at;
     cursor.skip_blanks();
   }
@@ -138,6 +138,7 @@ void Flow::branch(const OWord& o, Cursor& cursor) {
 
 void Flow::loop(const OWord& o, Cursor& cursor) {
   std::vector<Loop>& loops = calls_.back().loops;
+  run_.check_depth(int(loops.size()), o.cause, "loops");
   const bool running = !loops.empty() && loops.back().label == o.label;
   if (o.word == "do") {
     loops.push_back({o.label, Loop::Kind::Do, at_});
@@ -237,9 +238,9 @@ Flow::Sub Flow::find_sub(const OWord& o) {
   if (run_.options().folder.empty() || name.front() == '.' ||
       !std::all_of(name.begin(), name.end(), is_name) ||
       !std::filesystem::is_regular_file(file, failure))
-    run_.canon.refuse(
-        o.cause, fmt::format("a subprogram o{} in the program, or {}.ngc beside it", o.label, name),
-        "none");
+    run_.refuse_once(
+        "o" + o.label, o.cause,
+        fmt::format("a subprogram o{} in the program, or {}.ngc beside it", o.label, name), "none");
   const Source& source = source_of(file);
   for (std::size_t i = 0; i < source.lines.size(); ++i)
     if (const auto other = o_word_of(source, i);
@@ -274,9 +275,11 @@ void Flow::leave(const OWord& o, Cursor& cursor) {
   std::optional<double> result;
   if (cursor.here() == '[') result = bracketed(cursor, grammar(), *this);
   ends(cursor);
-  at_ = calls_.back().back;
+  const Call ended = calls_.back();
+  at_ = ended.back;
   calls_.pop_back();
   variables_.leave();
+  if (ended.restores && ended.saved) machine_.restore(*ended.saved, o.cause);
   if (!variables_.set("_value", result.value_or(0.0)) ||
       !variables_.set("_value_returned", result ? 1.0 : 0.0))
     cursor.refuse(0, "fewer parameters", "too many");

@@ -8,6 +8,7 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/dialects/linuxcnc_machine.h"
+#include "sim/dialects/turning_tool.h"
 
 namespace abbe::sim::dialects::linuxcnc {
 
@@ -105,14 +106,20 @@ void Machine::set_tool_length(const Block& block) {
     tip_length_ = false;
     return apply_length(code.word);
   }
-  const int tool = h ? int(h.value) : tool_;
+  const int tool = h            ? int(h.value)
+                   : tool_ == 0 ? run_.uncalled_tool(code.word, "no tool called")
+                                : tool_;
   if (code.tenths == 432 && !h) refuse(code.word, "H (tool length) beside G43.2", "none");
   const double length = length_of(tool, h ? Cause(h) : Cause(code.word));
   const int z = joint(2);
   if (code.tenths != 434) {
     if (z < 0) refuse(code.word, "a machine with a Z axis");
     if (code.tenths == 432 && length_shift_.size() > 0) shift = length_shift_;
-    shift[z] += length;
+    const kinematics::Chain* to_tip = chain_to_tip(canon_.options(), tool);
+    if (run_.turning() && to_tip != nullptr && tool != 0)
+      shift += measured_offset(canon_, *to_tip, code.word);
+    else
+      shift[z] += length;
   }
   if (code.tenths != 432) canon_.call_length(tool, code.word);
   tip_length_ = code.tenths == 434;
@@ -264,7 +271,18 @@ void Machine::reference(const Block& block) {
     if (j < 0 || (!words.empty() && !words.has(j))) continue;
     end[j] = parameters_[at + std::size_t(k)] * (turns(k) ? units::deg : 1.0);
   }
-  canon_.traverse({.end = std::move(end), .cause = code.word, .without_offset = true});
+  const bool stored = std::any_of(parameters_.begin() + std::ptrdiff_t(at),
+                                  parameters_.begin() + std::ptrdiff_t(at) + 9,
+                                  [](double value) { return value != 0.0; });
+  if (!stored && canon_.options().reference.size() == 0)
+    canon_.assume({fmt::format("the position that {} goes to is the zero of the axes, nothing being "
+                               "stored in #{} to #{}",
+                               shown(code.word.text), at, at + 8),
+                   "machine.reference"});
+  canon_.traverse({.end = std::move(end),
+                   .cause = code.word,
+                   .without_offset = true,
+                   .stated = words.empty() ? ~std::uint32_t(0) : words.given()});
   if (tip) canon_.go_to(program::Coordinates::Tip, code.word);
 }
 
@@ -288,7 +306,10 @@ void Machine::set_compensation(const Block& block) {
     if (!d) refuse(code.word, "D (diameter) beside G41.1 and G42.1", "none");
     radius = 0.5 * d.value * unit();
   } else {
-    const int tool = d ? int(d.value) : tool_;
+    const int tool =
+        d            ? int(d.value)
+        : tool_ == 0 ? run_.uncalled_tool(code.word, "no tool called")
+                     : tool_;
     if (d && (d.value < 0 || d.value != std::floor(d.value)))
       refuse(d, "a whole tool number after D");
     const auto known = radius_.find(tool);
@@ -299,7 +320,7 @@ void Machine::set_compensation(const Block& block) {
   }
   const bool left = code.tenths / 10 == 41;
   // Z X is the right-handed order of G18, in which left is left seen against Y
-  compensation_.begin(left, radius, {first, second});
+  compensation_.begin(left, radius, {first, second}, linuxcnc_compensation);
 }
 
 }  // namespace abbe::sim::dialects::linuxcnc

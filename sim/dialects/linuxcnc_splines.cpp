@@ -54,7 +54,8 @@ void refine(const Spline& spline, double from, double to, int halvings,
   double off = 0.0;
   for (const double part : {0.25, 0.5, 0.75})
     off = std::max(off, off_chord(spline.at(from + part * (to - from)), a, b));
-  if ((halvings >= 2 && off <= 0.5 * chord) || halvings == most_halvings) {
+  const bool enough = double(points.size()) > most_chords;  // refused when all is there
+  if ((halvings >= 2 && off <= 0.5 * chord) || halvings == most_halvings || enough) {
     points.push_back(b);
     return;
   }
@@ -139,6 +140,9 @@ void Machine::spline(const Block& block) {
     poles_.clear();
     motion_ = -1;
   }
+  if (double(points.size()) > most_chords)
+    refuse(cause, fmt::format("at most {:.0f} chords of a spline", most_chords), "more");
+  run_.check_moves(double(points.size()), cause);
   for (const Vector2d& point : points) {
     at[x] = point.x();
     at[y] = point.y();

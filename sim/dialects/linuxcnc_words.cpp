@@ -15,12 +15,13 @@ constexpr Line lines[] = {
     {"G0 G1", Group::Motion, read, "rapid; line"},
     {"G2 G3", Group::Motion, read,
      "arc clockwise, counter-clockwise, helix too; I J K or R, P whole turns that are begun"},
-    {"G4", Group::OneBlock, read, "dwell, P seconds, before a move of the same block"},
+    {"G4", Group::OneBlock, read, "dwell, P seconds, before a move of the same block", true},
     {"G5 G5.1", Group::Motion, read,
      "cubic (I J P Q) and quadratic (I J) spline in X Y, as chords within 0.0001 mm"},
     {"G5.2 G5.3", Group::Motion, read,
      "NURBS in X Y, P weights, L order, as chords within 0.0001 mm"},
-    {"G7 G8", Group::LatheDiameter, read, "X words are diameters; radii"},
+    {"G7 G8", Group::LatheDiameter, read,
+     "X words are diameters; radii, in force at first unless `x_words` says otherwise"},
     {"G10", Group::OneBlock, read,
      "L2 L20: origin (and R rotation) of a coordinate system, of words or so that the axes stand "
      "at "
@@ -30,7 +31,7 @@ constexpr Line lines[] = {
     {"G20 G21", Group::Units, read, "inch, mm; for the whole block, F too"},
     {"G28 G30", Group::OneBlock, read,
      "rapid to the stored position, over the point of the axis words where there are some"},
-    {"G28.1 G30.1", Group::OneBlock, read, "stores the position"},
+    {"G28.1 G30.1", Group::OneBlock, read, "stores the position; axis words are refused"},
     {"G33", Group::Motion, read, "line at K mm per turn of the spindle"},
     {"G33.1", Group::Motion, read,
      "rigid tapping: at K mm per turn and back, the spindle reversed"},
@@ -40,14 +41,17 @@ constexpr Line lines[] = {
     {"G41 G42", Group::CutterRadius, read,
      "cutter compensation left, right; D tool, else that in the spindle"},
     {"G41.1 G42.1", Group::CutterRadius, read, "the same, D the diameter, L1 ... L9 refused"},
-    {"G43", Group::ToolLength, read, "tool length, H tool, else that in the spindle"},
+    {"G43", Group::ToolLength, read,
+     "tool length, H tool, else that in the spindle; of a turning control its offset: X Z lead the "
+     "tip, X0 is on the spindle line"},
     {"G43.1", Group::ToolLength, read, "tool length by axis words"},
     {"G43.2", Group::ToolLength, read, "another tool length on top, H tool"},
     {"G43.4", Group::ToolLength, read,
      "abbe's own word, H tool: X Y Z are the tip in the workpiece, rotary words axis positions"},
     {"G49", Group::ToolLength, read, "no tool length; the end of G43.4"},
     {"G52", Group::OneBlock, read, "shift on top of the coordinate system"},
-    {"G53", Group::OneBlock, read, "beside G0 or G1: positions of the axes, without offsets"},
+    {"G53", Group::OneBlock, read,
+     "beside G0 or G1, also in force: positions of the axes, without offsets", true},
     {"G54 G55 G56 G57 G58 G59 G59.1 G59.2 G59.3", Group::WorkOffset, read,
      "coordinate system 1 to 9; 1 to 6 begin as `work_offset` says, all as `offsets` does, others "
      "at "
@@ -70,11 +74,12 @@ constexpr Line lines[] = {
     {"G90.1 G91.1", Group::ArcDistance, read, "centres I J K absolute; from the start of the arc"},
     {"G92", Group::OneBlock, read, "shift, so that the axes stand at the words"},
     {"G92.1 G92.2 G92.3", Group::OneBlock, read,
-     "shift of G92 and G52 cleared; suspended; restored"},
+     "shift of G92 and G52 cleared; suspended; restored; axis words are refused"},
     {"G93 G94 G95", Group::FeedMode, read,
      "F: inverse time, in every block; per minute; per turn of the spindle"},
     {"G96", Group::SpeedMode, read,
-     "S is a surface speed, D the largest rpm: a block runs at the speed of its middle"},
+     "S is a surface speed at the radius of X, D the largest rpm: a block takes as long as at the "
+     "speeds of its points"},
     {"G97", Group::SpeedMode, read, "S is a speed in rpm"},
     {"G98 G99", Group::ReturnLevel, read, "cycles return to the level before; to R"},
     {"M0 M1 M60", Group::Stop, none, "stops"},
@@ -82,13 +87,14 @@ constexpr Line lines[] = {
     {"M3 M4 M5", Group::Spindle, read, "spindle clockwise, counter-clockwise, off"},
     {"M6", Group::ToolChange, read, "change to the tool of T"},
     {"M7 M8 M9", Group::Coolant, none, "coolant"},
-    {"M19", Group::None, none, "spindle orientation"},
+    {"M19", Group::Spindle, none, "spindle orientation"},
     {"M48 M49 M50 M51 M52 M53", Group::Override, none, "overrides: abbe runs at 100 %"},
     {"M61", Group::ToolChange, read, "Q is the tool in the spindle"},
     {"M62 M63 M64 M65 M67 M68", Group::Override, none, "outputs of the control"},
     {"M66", Group::None, refused, "no wait for an input: there is none to read"},
-    {"M70 M71 M72 M73", Group::None, refused,
-     "modal words as they are wanted: states are not saved and restored"},
+    {"M70 M71 M72 M73", Group::State, read,
+     "modes saved; forgotten; restored; saved here and restored at the end of the call, in a block "
+     "of its own. Tool length and cutter compensation must be as they were saved"},
     {"M98 M99", Group::None, refused, "o call and o return, or dialect = \"fanuc\""},
     {"M428", Group::Kinematics, read,
      "kinematics of the tip, as G43.4; the length of G43 must be that of the tool"},
@@ -98,6 +104,7 @@ constexpr Line lines[] = {
 constexpr WordUse other_words[] = {
     {"F S T N", read, "feed, spindle speed, tool, line number"},
     {"X Y Z A B C U V W", read, "axes of the machine; mm or inch, degrees"},
+    {"$", read, "spindle of S M3 M4 M5: 0 is that of the machine, others turn nothing"},
     {"@ ^", read, "polar X Y: radius, and angle in degrees; what is silent stays"},
     {"#n #<name> #<_name>", read,
      "parameters, of the call and of the program; #1 to #30 of the call"},
@@ -116,6 +123,37 @@ constexpr WordUse other_words[] = {
 };
 
 }  // namespace
+
+bool is_beside_motion(Group group) {
+  switch (group) {
+    case Group::None:
+    case Group::OneBlock:
+    case Group::Count:
+      return false;
+    case Group::Motion:
+    case Group::Plane:
+    case Group::Distance:
+    case Group::ArcDistance:
+    case Group::FeedMode:
+    case Group::Units:
+    case Group::CutterRadius:
+    case Group::ToolLength:
+    case Group::ReturnLevel:
+    case Group::WorkOffset:
+    case Group::PathMode:
+    case Group::SpeedMode:
+    case Group::LatheDiameter:
+    case Group::Stop:
+    case Group::ToolChange:
+    case Group::Spindle:
+    case Group::Coolant:
+    case Group::Override:
+    case Group::Kinematics:
+    case Group::State:
+      return true;
+  }
+  return false;
+}
 
 const CodeFact& fact_of(char letter, int tenths) {
   static const CodeTable<Group> table(lines);

@@ -51,10 +51,34 @@ struct PoleOptions {
                              ///< turned about the pole
 };
 
+/// For what kind of machine a control is made: both kinds of one maker read the same words
+/// differently.
+enum class ControlKind {
+  OfMachine,  ///< turning where a spindle turns the workpiece, else milling
+  Milling,
+  Turning,  ///< Fanuc: G-code system A
+};
+
+/// Diameters in X words until the program says otherwise.
+enum class XWords {
+  OfControl,  ///< diameters on turning controls of Fanuc and Siemens, else radii
+  Diameters,
+  Radii,
+};
+
+/// What is known of a turning control beside its program.
+struct TurningOptions {
+  ControlKind control = ControlKind::OfMachine;
+  XWords x_words = XWords::OfControl;
+  int tip = 0;  ///< 0 to 9: which point of a turning tool X Z lead without nose compensation, as
+                ///< Fanuc and Siemens number them; 0 and 9: the centre of its nose
+};
+
 struct ReadOptions {
   program::NcOptions control;  ///< what the control knows before it reads
   Dialect dialect = Dialect::Auto;
   OnUnknown on_unknown = OnUnknown::Refuse;
+  std::string startup_code = {};  ///< a block that is read before the program's first line
   Limits limits = {};
   std::filesystem::path folder =
       {};  ///< where subprograms in files of their own stand; empty: none do
@@ -66,6 +90,7 @@ struct ReadOptions {
   Interpreter interpreter = Interpreter::Abbe;
   InterpreterLimits interpreter_limits = {};
   PoleOptions pole = {};
+  TurningOptions turning = {};
 };
 
 /// Blocks of a piece.

@@ -1,10 +1,14 @@
 #include "sim/dialects/read_program.h"
 
 #include <algorithm>
+#include <map>
+#include <optional>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 
+#include "kinematics/encoding.h"
 #include "kinematics/text.h"
 #include "sim/dialects/bad_program.h"
 #include "sim/dialects/front_ends.h"
@@ -41,6 +45,96 @@ void check_rule(PoleRule rule, Dialect dialect, const std::string& file) {
         "a program of Siemens or cutter locations");
 }
 
+/// Letters of another encoding are one input error, however many lines have them.
+std::vector<BadInput> one_for_encoding(const std::vector<BadInput>& faults, std::string_view text,
+                                       const std::string& file) {
+  if (!first_not_utf8(text)) return faults;
+  std::map<int, std::pair<int, unsigned char>> foreign;  // column and byte, by line
+  Lines lines(text);
+  while (const auto line = lines.next())
+    if (const auto at = first_not_utf8(*line))
+      foreign[lines.number()] = {int(*at) + 1, static_cast<unsigned char>((*line)[*at])};
+  std::vector<BadInput> kept;
+  bool said = false;
+  for (const BadInput& fault : faults) {
+    const auto byte = foreign.find(fault.line);
+    if (fault.file != file || byte == foreign.end()) {
+      kept.push_back(fault);
+    } else if (!std::exchange(said, true)) {
+      const auto [column, value] = byte->second;
+      kept.emplace_back(file, fault.line, column, "words in ASCII",
+                        fmt::format("a byte 0x{:02x}, as of Latin-1", value));
+    }
+  }
+  return kept;
+}
+
+constexpr std::size_t most_tried = std::size_t(1) << 22;  // bytes
+constexpr std::size_t most_trial_moves = 200'000;
+
+/// Input errors of the text read in that dialect; none where it makes no move.
+std::optional<std::size_t> errors_in(const FrontEnd& front_end, std::string_view text,
+                                     const std::string& file, ReadOptions options) {
+  options.dialect = front_end.dialect;
+  options.each_piece = {};
+  options.progress = {};
+  options.pole = {};
+  options.limits.blocks = std::min(options.limits.blocks, most_trial_moves);
+  options.control.max_moves = std::min(options.control.max_moves, most_trial_moves);
+  ProgramRun run(file, options);
+  try {
+    front_end.read(text, run);
+  } catch (const BadInput&) {
+    return std::nullopt;
+  }
+  if (run.canon.blocks() == 0) return std::nullopt;
+  return run.faults().list().size();
+}
+
+/// Names the dialect that reads the file with fewer input errors than the one that was detected.
+std::optional<BadInput> other_dialect(std::string_view text, const std::string& file,
+                                      const ReadOptions& options, const Recognised& found,
+                                      std::size_t errors) {
+  if (options.dialect != Dialect::Auto || text.size() > most_tried) return std::nullopt;
+  const FrontEnd* best = nullptr;
+  const std::size_t own = errors;
+  for (const FrontEnd& one : front_ends()) {
+    if (one.dialect == found.dialect) continue;
+    const auto seen = errors_in(one, text, file, options);
+    if (!seen || *seen >= errors) continue;
+    best = &one;
+    errors = *seen;
+  }
+  if (best == nullptr) return std::nullopt;
+  return BadInput(
+      file, 0, 0,
+      fmt::format("dialect {}, which reads the file with {}", name_of(best->dialect),
+                  errors == 0 ? "no input error" : fmt::format("{} input errors", errors)),
+      fmt::format("{}, as {}, with {}", name_of(found.dialect), found.sign, own));
+}
+
+/// What is stated of turning must be of use to the control that reads.
+void check_turning(const ReadOptions& options, Dialect dialect, const std::string& file) {
+  const bool by_linuxcnc = options.interpreter == Interpreter::LinuxCnc;
+  if (by_linuxcnc && options.turning.x_words == XWords::Diameters)
+    throw BadInput(file, 0, 0, "G7 in the program beside LinuxCNC's own interpreter",
+                   "x_words = \"diameters\"");
+  if (options.turning.tip % 9 != 0 && dialect != Dialect::Fanuc && dialect != Dialect::Siemens)
+    throw BadInput(file, 0, 0, "a program of Fanuc or Siemens beside the tip of a turning tool",
+                   fmt::format("one of {}", name_of(dialect)));
+}
+
+/// Constant surface speed that nothing limits.
+void note_unlimited_speed(ProgramRun& run) {
+  const auto& speed = run.canon.unlimited_speed();
+  if (!speed) return;
+  run.canon.assume(
+      {fmt::format("nothing limits the spindle under G96, which comes as near to the axis as {:.6g} "
+                   "mm: the program states no largest speed (G50 S, LIMS=, D)",
+                   speed->radius),
+       "machine.max_spindle_rpm", "", speed->line});
+}
+
 }  // namespace
 
 ReadProgram read_program(std::string_view text, const std::string& file,
@@ -48,19 +142,33 @@ ReadProgram read_program(std::string_view text, const std::string& file,
   if (text.size() > options.control.max_bytes)
     throw BadInput(file, 0, 0, fmt::format("at most {} bytes", options.control.max_bytes),
                    fmt::format("{}", text.size()));
+  try {
+    check_encoding(text, file);
+  } catch (const BadInput& fault) {
+    throw BadProgram({fault});
+  }
   ReadProgram read;
   const Recognised found =
       options.dialect == Dialect::Auto ? recognised(text, file) : Recognised{options.dialect, {}};
   read.dialect = found.dialect;
   read.sign = found.sign;
   check_rule(options.pole.rule, found.dialect, file);
-  ProgramRun run(file, options, std::size_t(std::count(text.begin(), text.end(), '\n')));
+  check_turning(options, found.dialect, file);
+  ProgramRun run(file, options, std::size_t(std::count(text.begin(), text.end(), '\n')) + 1);
   if (options.interpreter == Interpreter::LinuxCnc)
     read_by_linuxcnc(text, found, run);
   else
     front_end_of(found, file).read(text, run);
   run.hand_over();
-  if (!run.faults().empty()) throw BadProgram(run.faults().list());
+  if (!run.faults().empty()) {
+    std::vector<BadInput> errors = one_for_encoding(run.faults().list(), text, file);
+    if (auto other = other_dialect(text, file, options, found, errors.size()))
+      errors.push_back(std::move(*other));
+    throw BadProgram(std::move(errors));
+  }
+  note_unlimited_speed(run);
+  run.note_assumptions();
+  read.turning = run.turning();
   read.skipped = run.skipped();
   read.warnings = std::move(run.warnings);
   read.blocks = run.blocks_executed();

@@ -13,6 +13,7 @@ namespace abbe::sim::dialects {
 struct ReadProgram {
   program::Path path;
   Dialect dialect = Dialect::LinuxCnc;  ///< the one taken
+  bool turning = false;                 ///< read as for a turning control
   std::string sign;                     ///< by which it was taken; empty where it was given
   std::size_t blocks = 0;               ///< executed, those of loops each time; canonical commands
                                         ///< where LinuxCNC's own interpreter read it

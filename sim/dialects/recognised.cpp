@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <optional>
 
@@ -34,6 +35,8 @@ constexpr Sign word_signs[] = {
     {Dialect::Fanuc, "G68.2"},       {Dialect::Fanuc, "G43.5"},      {Dialect::Fanuc, "G05.1"},
     {Dialect::Fanuc, "G5.1 Q1"},     {Dialect::Fanuc, "G05 P10000"}, {Dialect::Fanuc, "G08 P1"},
     {Dialect::Fanuc, "POPEN"},       {Dialect::Fanuc, "DPRNT"},      {Dialect::LinuxCnc, "G64 P"},
+    {Dialect::Siemens, "DIAMON"},    {Dialect::Siemens, "DIAM90"},   {Dialect::Siemens, "DIAMOF"},
+    {Dialect::Fanuc, "G50 S"},
     {Dialect::LinuxCnc, "G59.1"},    {Dialect::LinuxCnc, "G59.2"},   {Dialect::LinuxCnc, "G59.3"},
 };
 
@@ -88,8 +91,9 @@ bool stands_alone(std::string_view line, std::string_view word) {
     const bool before = at > 0 && is_letter(line[at - 1]);
     const bool after = end < line.size() && is_word_byte(line[end]) && !is_letter(word.back()) &&
                        (is_digit(line[end]) || line[end] == '.');
-    const bool longer = end < line.size() && is_letter(word.back()) && word.back() != 'P' &&
-                        is_word_byte(line[end]);
+    const bool takes_number = word.size() > 1 && is_blank(word[word.size() - 2]);  // G64 P
+    const bool longer =
+        end < line.size() && is_letter(word.back()) && !takes_number && is_word_byte(line[end]);
     if (!before && !after && !longer) return true;
   }
   return false;
@@ -104,14 +108,34 @@ bool is_program_number(std::string_view line) {
   return at == line.size();
 }
 
-/// R1=..., or a word with = as only Siemens writes it: X=..., T="..."
+/// O with a label and a word of LinuxCNC's flow: O110 endif, o<name> call [1]
+bool is_o_word(std::string_view line) {
+  if (line.empty() || line[0] != 'O') return false;
+  std::size_t at = 1;
+  while (at < line.size() && is_blank(line[at])) ++at;
+  const std::size_t label = at;
+  while (at < line.size() && (is_digit(line[at]) || is_blank(line[at]))) ++at;
+  if (at == label && at < line.size() && (line[at] == '#' || line[at] == '[' || line[at] == '<'))
+    at = line.find_first_of(">] \t", at);
+  if (at == label || at >= line.size()) return false;
+  at = line.find_first_not_of(">] \t", at);
+  if (at == std::string_view::npos) return false;
+  static constexpr std::array<std::string_view, 15> words = {
+      "SUB",   "ENDSUB",   "CALL", "RETURN", "IF",        "ELSEIF", "ELSE",    "ENDIF",
+      "WHILE", "ENDWHILE", "DO",   "REPEAT", "ENDREPEAT", "BREAK",  "CONTINUE"};
+  const std::string_view rest = line.substr(at);
+  return std::ranges::any_of(words, [&](std::string_view word) { return rest.starts_with(word); });
+}
+
+/// R1=..., or a word with = as only Siemens writes it: X=..., T="...", R1==...
 std::optional<std::string> assignment(std::string_view line) {
   for (std::size_t at = line.find('='); at != std::string_view::npos; at = line.find('=', at + 1)) {
     std::size_t from = at;
     while (from > 0 && is_digit(line[from - 1])) --from;
     if (from == 0 || !is_letter(line[from - 1])) continue;
     if (from < 2 || is_blank(line[from - 2]))
-      return std::string(line.substr(from - 1, at + 2 - from));
+      return std::string(
+          line.substr(from - 1, at + (at + 1 < line.size() && line[at + 1] == '=') + 2 - from));
   }
   return std::nullopt;
 }
@@ -134,6 +158,7 @@ std::optional<Sign> sign_of(std::string_view line, std::string& seen) {
   const std::string_view rest = unnumbered(line);
   for (const Sign& sign : first_signs)
     if (rest.starts_with(sign.text)) return sign;
+  if (is_o_word(rest)) return Sign{Dialect::LinuxCnc, "an O word"};
   if (is_program_number(rest)) return Sign{Dialect::Fanuc, "a program number O"};
   for (const Sign& sign : word_signs)
     if (stands_alone(rest, sign.text)) return sign;

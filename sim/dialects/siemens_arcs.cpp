@@ -38,8 +38,11 @@ AxisVector Machine::centre_of(const Block& block, const Plane& in, const Cause& 
   AxisVector p = programmed_here();
   const auto put = [&](int j, const Value& word) {
     if (!word) return;
-    const double value = word.value * unit();
-    p[j] = word.measure == Measure::Absolute ? value : p[j] + value;
+    const bool absolute = word.measure == Measure::Absolute;
+    // an I from the start is a radius under DIAMON too
+    const double radius = absolute && j == joint(0) ? radius_of_x(true) : 1.0;
+    const double value = word.value * unit() * radius;
+    p[j] = absolute ? value : p[j] + value;
   };
   put(in.first, first);
   put(in.second, second);
@@ -146,6 +149,7 @@ void Machine::arc_through(const Block& block, const Target& target) {
   for (int k = 0; k < 3; ++k) {
     const Value& word = block[Address(int(Address::I1) + k)];
     if (!word) continue;
+    if (k == 0) refuse_diameters(word);
     const bool step =
         word.measure == Measure::Step || (word.measure == Measure::Modal && incremental_);
     between[joint(k)] = word.value * unit() + (step ? between[joint(k)] : 0.0);

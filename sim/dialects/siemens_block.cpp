@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <unordered_map>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -25,7 +26,7 @@ std::optional<Address> address_of(std::string_view name) {
       {"V", V},   {"W", W},       {"I", I},     {"J", J},      {"K", K},   {"I1", I1}, {"J1", J1},
       {"K1", K1}, {"A3", A3},     {"B3", B3},   {"C3", C3},    {"CR", CR}, {"AR", AR}, {"AP", AP},
       {"RP", RP}, {"TURN", TURN}, {"RPL", RPL}, {"F", F},      {"S", S},   {"T", T},   {"D", D},
-      {"P", P},   {"OFFN", OFFN}, {"S1", S},    {"LIMS", LIMS}};
+      {"P", P},   {"OFFN", OFFN}, {"LIMS", LIMS}};
   const auto found = all.find(name);
   return found == all.end() ? std::nullopt : std::optional(found->second);
 }
@@ -60,6 +61,8 @@ void Block::clear() {
   codes.fill({});
   coolant.clear();
   tool_name.reset();
+  spindles.clear();
+  wordless = {};
   call.reset();
   modal = false;
 }
@@ -142,7 +145,11 @@ class SiemensBlockReader {
   void put(std::size_t from, Address address, double value, Measure measure);
   void put_fact(const Fact& fact, const Cause& cause);
   void assigned(std::size_t from, const std::string& name);
+  void m_code(std::size_t from, double value);
   void tool(std::size_t from);
+  bool extended(std::size_t from, const std::string& name);
+  void extended_value(std::size_t from, char letter, int number);
+  void master(std::size_t from);
   void long_word(std::size_t from, const std::string& name);
   void call(std::size_t from, const std::string& name);
   void skip_value();
@@ -211,6 +218,10 @@ void SiemensBlockReader::put_fact(const Fact& fact, const Cause& cause) {
     return;
   }
   if (fact.group == Group::None) {
+    block_.wordless = {fact.word, cause};
+    return;
+  }
+  if (fact.group == Group::Beside) {
     if (fact.word == "M7" || fact.word == "M8" || fact.word == "M9")
       block_.coolant.push_back(fact.word);
     return;
@@ -265,6 +276,82 @@ void SiemensBlockReader::tool(std::size_t from) {
     put(from, Address::T, number_at(cursor_, names_), Measure::Modal);
 }
 
+void SiemensBlockReader::m_code(std::size_t from, double value) {
+  const Fact* code = fact_of(fmt::format("M{}", value));
+  if (code == nullptr) return run_.unknown(cursor_.cause(from), "an M code of Siemens");
+  put_fact(*code, cursor_.cause(from));
+}
+
+/// An address with an extension, M1=3, S[2]=500, of which the name or the letter has been read.
+/// @return false where none stands there
+bool SiemensBlockReader::extended(std::size_t from, const std::string& name) {
+  static constexpr std::string_view letters = "MSTHFD";
+  if (letters.find(name.front()) == std::string_view::npos) return false;
+  const bool digits = name.size() > 1 && name.size() < 5 &&
+                      std::all_of(name.begin() + 1, name.end(), is_digit);
+  const bool index = name.size() == 1 && cursor_.here() == '[';
+  if (!digits && !index) return false;
+  double number = 0.0;
+  if (digits) {
+    number = std::stoi(name.substr(1));
+  } else {
+    const std::size_t open = cursor_.at++;
+    number = number_at(cursor_, names_);
+    if (!cursor_.take("]")) cursor_.refuse(cursor_.at, "] behind the number of a spindle");
+    if (!(number >= 0 && number <= 9999 && number == std::floor(number)))
+      cursor_.refuse(open, "a whole number of 0 to 9999 as the extension of an address");
+    if (!at_assignment(cursor_)) cursor_.refuse(cursor_.at, "= behind an address with an extension");
+  }
+  cursor_.take("=");
+  cursor_.skip_blanks();
+  extended_value(from, name.front(), int(number));
+  return true;
+}
+
+/// Extension 0 is the address without one.
+void SiemensBlockReader::extended_value(std::size_t from, char letter, int number) {
+  if (letter == 'D')
+    cursor_.refuse(from, "D without an extension: it has none on this control");
+  if (letter == 'T') {
+    if (number > 1)
+      cursor_.refuse(from, "T or T1=: there is one tool holder, that of spindle 1");
+    return tool(from);
+  }
+  const double value = number_at(cursor_, names_);
+  const Cause cause = cursor_.cause(from);
+  if (letter == 'H') return;
+  if (letter == 'F') {
+    if (number != 0)
+      cursor_.refuse(from, "F or F0=, the feed of the path: axes have no feed of their own here");
+    return put(from, Address::F, value, Measure::Modal);
+  }
+  if (number == 0)
+    return letter == 'M' ? m_code(from, value) : put(from, Address::S, value, Measure::Modal);
+  if (letter == 'S') return block_.spindles.push_back({number, value, {}, cause});
+  const Fact* code = fact_of(fmt::format("M{}", value));
+  if (code != nullptr && code->group == Group::Stop)
+    cursor_.refuse(from, fmt::format("{} without an extension, which ends and stops have not",
+                                     code->word));
+  if (code != nullptr && code->group == Group::Spindle)
+    return block_.spindles.push_back({number, {}, code->word, cause});
+  if (number != 1 && (code == nullptr || code->use != Use::WithoutEffect))
+    cursor_.refuse(from, "M3, M4 or M5 of another spindle");
+  m_code(from, value);
+}
+
+/// SETMS, SETMS(2)
+void SiemensBlockReader::master(std::size_t from) {
+  block_.master = 1;
+  cursor_.skip_blanks();
+  if (cursor_.here() != '(') return;
+  const std::vector<Argument> which = arguments_at(cursor_, names_);
+  if (which.empty()) return;
+  const double number = which[0].number.value_or(0.0);
+  if (which.size() > 1 || !(number >= 1 && number <= 99 && number == std::floor(number)))
+    cursor_.refuse(from, "SETMS or SETMS with the number of a spindle, 1 to 99");
+  block_.master = int(number);
+}
+
 /// A word with = behind its address.
 void SiemensBlockReader::assigned(std::size_t from, const std::string& name) {
   const auto address = address_of(name);
@@ -275,16 +362,12 @@ void SiemensBlockReader::assigned(std::size_t from, const std::string& name) {
   }
   cursor_.take("=");
   cursor_.skip_blanks();
-  if (name == "M1" || name == "M") {
-    const double value = number_at(cursor_, names_);
-    const Fact* code = fact_of(fmt::format("M{}", value));
-    if (code == nullptr) return run_.unknown(cursor_.cause(from), "an M code of Siemens");
-    return put_fact(*code, cursor_.cause(from));
-  }
+  if (name == "M") return m_code(from, number_at(cursor_, names_));
   if (name == "T") return tool(from);
   const auto how = measure();
   const double value = how ? bracketed(cursor_, grammar(), names_) : number_at(cursor_, names_);
   if (name == "H") return;
+  run_.require_certain(name, cursor_.cause(from));
   if (!address) return run_.unknown(cursor_.cause(from), "an address or a variable");
   put(from, *address, value, how.value_or(Measure::Modal));
 }
@@ -314,6 +397,7 @@ void SiemensBlockReader::long_word(std::size_t from, const std::string& name) {
       if (which.size() > 1 || (which.size() == 1 && which[0].number != 1.0))
         cursor_.refuse(from, "TRAORI or TRAORI(1): the machine has one transformation");
     }
+    if (name == "SETMS") master(from);
     return put_fact(*fact, cursor_.cause(from));
   }
   skip_value();
@@ -329,9 +413,11 @@ void SiemensBlockReader::word() {
   if (!is_letter(first) && first != '_') cursor_.refuse(from, "a word (letter and number)");
   Cursor ahead = cursor_;
   const std::string name = name_at(ahead);
-  if (at_assignment(ahead)) {
-    cursor_.at = ahead.at;
-    return assigned(from, name);
+  if (at_assignment(ahead) || (name.size() == 1 && ahead.here() == '[')) {
+    const std::size_t before = std::exchange(cursor_.at, ahead.at);
+    if (extended(from, name)) return;
+    if (at_assignment(cursor_)) return assigned(from, name);
+    cursor_.at = before;
   }
   const bool has_number =
       is_digit(second) || second == '+' || second == '-' || second == '.' || is_blank(second);

@@ -18,13 +18,16 @@ using program::Target;
 
 /// Groups of words of which a block has at most one each.
 enum class Group {
-  None,  ///< a word that takes effect where it stands, or none at all
+  None,    ///< a word that is refused, or without effect and without axis words
+  Beside,  ///< without effect; axis words in its block are those of the motion in force
+  Master,  ///< SETMS
   Motion,
   Plane,
   Units,
   Distance,
   FeedMode,
   SpeedMode,
+  Diameters,
   CutterRadius,
   WorkOffset,
   WithoutOffset,
@@ -40,6 +43,9 @@ enum class Group {
   Spindle,
   Count
 };
+
+/// Returns true for groups of words that leave the axis words of their block to the motion.
+bool is_beside_motion(Group group);
 
 /// A word of letters or a code.
 struct Fact {
@@ -128,11 +134,22 @@ struct ProgramCall {
   Cause cause;
 };
 
+/// S or M with the number of a spindle: S2=1000, M[2]=3.
+struct SpindleWord {
+  int spindle = 0;
+  std::optional<double> speed;
+  std::string_view direction;  ///< "M3", "M4" or "M5"; empty for S
+  Cause cause;
+};
+
 struct Block {
   std::array<Value, std::size_t(Address::Count)> values;
   std::array<Code, std::size_t(Group::Count)> codes;
   std::vector<std::string_view> coolant;  ///< M7 M8 M9
   std::optional<std::string> tool_name;   ///< of T="..."
+  std::vector<SpindleWord> spindles;      ///< S2=, M3=4
+  int master = 1;                         ///< of SETMS
+  Code wordless;                          ///< without effect, and takes no axis words
   std::optional<ProgramCall> call;
   bool modal = false;  ///< MCALL, with `call` or alone
   Cause modal_cause;

@@ -148,6 +148,8 @@ void Hole::pecks() {
                   fmt::format("{} mm of {} mm", words.first, total));
   const auto depths = peck_depths(total, words);
   if (depths.empty()) canon_.refuse(call_.cause, "at most 1e5 pecks in a hole", "more");
+  constexpr double moves_of_peck = 5.0;  // at most, dwells too
+  machine_.run_.check_moves(moves_of_peck * double(depths.size()), call_.cause);
   const double side = levels_.start >= levels_.bottom ? 1.0 : -1.0;
   const double factor = words_.has(10) && words_.number(10) > 0 ? words_.number(10) : 1.0;
   const bool clears = words_.number(11) == 1;

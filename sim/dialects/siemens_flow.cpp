@@ -89,9 +89,9 @@ LineHead head_of(std::string_view line) {
   const auto here = [&](std::size_t n = 0) { return at + n < line.size() ? line[at + n] : '\0'; };
   skip();
   if (here() == '/') {
-    head.left_out = true;
-    ++at;
-    if (is_digit(here())) ++at;
+    const bool numbered = is_digit(here(1));
+    head.skip_level = numbered ? here(1) - '0' : 0;
+    at += numbered ? 2 : 1;
     skip();
   }
   if ((upper(here()) == 'N' || here() == ':') && is_digit(here(1))) {
@@ -136,6 +136,7 @@ Cursor Flow::cursor_at(std::size_t line) const {
 void Flow::run() {
   run_.attempt([&] { machine_.emplace(run_, uses_m6()); });
   if (!machine_) return;
+  run_.start([&](std::string_view code) { block({code, run_.canon.place()}); });
   while (!ended_ && !run_.hopeless()) {
     const Call& now = calls_.back();
     if (now.part && at_ == now.end) {
@@ -158,6 +159,7 @@ void Flow::run() {
     if (!run_.attempt([&] { ended_ = !line(); }) && at_ == before && calls_.size() == depth) ++at_;
   }
   run_.attempt([&] { machine_->finish(); });
+  warn_unread();
 }
 
 /// @return false at the end of the program
@@ -171,7 +173,8 @@ bool Flow::line() {
   }
   const LineHead head = head_of(parts.block);
   Cursor cursor{parts.block, run_.canon.place(), head.at};
-  if (head.left_out && run_.canon.options().block_delete) {
+  if (head.skip_level && run_.skips(*head.skip_level)) {
+    run_.discount_block();
     ++at_;
     return true;
   }
@@ -401,9 +404,10 @@ std::size_t Flow::line_of(const std::string& label, const std::string& how, cons
     if (!forwards && !backwards) return lines.front();
   }
   if (how == "GOTOC") return at_ + 1;
-  run_.canon.refuse(cause, how == "GOTOF"   ? "a label in the lines that follow"
-                           : how == "GOTOB" ? "a label in the lines before"
-                                            : "a label of this program");
+  run_.refuse_once(how + " " + label, cause,
+                   how == "GOTOF"   ? "a label in the lines that follow"
+                   : how == "GOTOB" ? "a label in the lines before"
+                                    : "a label of this program");
 }
 
 /// CASE value OF 1 GOTOF A 2 GOTOB B DEFAULT GOTOF C

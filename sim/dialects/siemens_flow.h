@@ -22,7 +22,7 @@ struct LineHead {
   std::string keyword;      ///< upper case; a word that rules the flow, or empty
   std::size_t at = 0;       ///< byte of the keyword, or of the words
   std::size_t rest = 0;     ///< byte behind the keyword
-  bool left_out = false;    ///< behind a /
+  std::optional<int> skip_level;  ///< of the / that it begins with
 };
 /// @param line  without its comment
 LineHead head_of(std::string_view line);
@@ -101,6 +101,7 @@ class Flow : public Names {
   void repeat(Cursor& cursor, bool one_block);
   long long times_at(Cursor& cursor);
   void end_of_part();
+  void warn_unread();
   void leave();
   void call_by_name(Cursor& cursor);
 

@@ -98,6 +98,7 @@ void Machine::frame_words(const Block& block) {
   for (const Address address : xyz_words)
     if (const Value& word = block[address]; word && !(std::abs(word.value) <= 1e6))
       refuse(word, "a number within 1e6");
+  if (shifts && block[Address::X]) refuse_diameters(block[Address::X]);
   const Placement made = frame_of_words(block);
   const bool on_top = code.word[0] == 'A';
   programmable_ = on_top ? behind(programmable_, made) : made;
@@ -206,10 +207,9 @@ void Machine::retract(int manner, double by, const Cause& cause) {
   const int z = joint(2);
   if (z < 0) refuse(cause, "a machine with a Z axis");
   const AxisVector first = program::start_of(canon_.options());
-  run_.warn_once(
-      fmt::format("CYCLE800 retracts Z to {:.6g} mm, where it stood at first: the "
-                  "position that a machine is set up with is not known",
-                  first[z]));
+  canon_.assume(
+      {fmt::format("CYCLE800 retracts Z to {:.6g} mm, where it stood at first", first[z]),
+       "machine.home"});
   canon_.go_to(Coordinates::Axis, cause);
   AxisVector end = canon_.position();
   end[z] = std::max(end[z], first[z]);

@@ -34,7 +34,35 @@ Machine::Machine(ProgramRun& run, bool tool_changes_by_m6)
       programmable_turns_(AxisVector::Zero(canon_.position().size())),
       compensation_(run) {
   canon_.count_from_workpiece();
+  if (run_.turning()) {
+    plane_ = 18;
+    canon_.set_feed_mode(FeedMode::PerRevolution);
+  }
+  if (run_.begins_with_diameters(true)) diameters_ = Diameters::On;
   apply_tool();
+}
+
+/// Diameters or radii, where the program does not say which X words are.
+void Machine::note_diameters(const Block& block) {
+  if (!run_.turning() || diameters_stated_ || !block[Address::X] || block[Group::Frame]) return;
+  diameters_stated_ = true;
+  if (run_.options().turning.x_words != XWords::OfControl) return;
+  const bool on = diameters_ == Diameters::On;
+  canon_.assume({fmt::format("X words are {}: no word before says otherwise",
+                             on ? "diameters (DIAMON)" : "radii (DIAMOF)"),
+                 "program.x_words", "--x-words"});
+}
+
+double Machine::radius_of_x(bool absolute) const {
+  const bool halves =
+      diameters_ == Diameters::On || (diameters_ == Diameters::Absolute && absolute);
+  return halves ? 0.5 : 1.0;
+}
+
+/// Whether X counts as a diameter there is not settled.
+void Machine::refuse_diameters(const Value& word) const {
+  if (diameters_ != Diameters::Off && word.value != 0.0)
+    refuse(word, "DIAMOF before " + shown(word.cause.text) + " beside a frame, a pole or CIP");
 }
 
 const Value* Machine::first_axis_word(const Block& block) const {
@@ -75,6 +103,18 @@ void Machine::check_words(const Block& block) const {
   only_beside({RPL}, block.word(Group::Frame) == "ROT" || block.word(Group::Frame) == "AROT",
               "ROT or AROT");
   only_beside({A3, B3, C3}, traori_ || block.word(Group::Transformation) == "TRAORI", "TRAORI");
+  const Value* position = first_axis_word(block);
+  for (const Address address : {AP, RP, A3, B3, C3})  // they move the axes as well
+    if (position == nullptr && block[address]) position = &block[address];
+  if (position != nullptr) {
+    if (block.wordless)
+      refuse(*position, fmt::format("no axis words beside {}, which takes none",
+                                    shown(block.wordless.cause.text)));
+    if (block.call || block.modal)
+      refuse(*position,
+             fmt::format("{}, a cycle or subprogram, in a block of its own",
+                         shown(block.call ? block.call->cause.text : block.modal_cause.text)));
+  }
   only_beside({LIMS}, true, "G96");
   only_beside({P}, block.call.has_value(), "a subprogram");
   if (const Value& offset = block[OFFN]; offset && offset.value != 0)
@@ -105,9 +145,11 @@ void Machine::set_feed(const Block& block) {
     canon_.set_feed_mode(mode);
   }
   if (const Code& code = block[Group::SpeedMode];
-      code && canon_.feed_mode() != FeedMode::PerRevolution) {
-    canon_.set_feed({});
-    canon_.set_feed_mode(FeedMode::PerRevolution);
+      code && code.word != "G962" && code.word != "G972") {
+    const bool per_minute = code.word == "G961" || code.word == "G971";
+    const FeedMode mode = per_minute ? FeedMode::PerMinute : FeedMode::PerRevolution;
+    if (mode != canon_.feed_mode()) canon_.set_feed({});
+    canon_.set_feed_mode(mode);
   }
   if (block[Group::Dwell]) return;
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
@@ -117,27 +159,74 @@ void Machine::set_feed(const Block& block) {
   }
 }
 
+void Machine::choose_master(int spindle, const Cause& cause) {
+  if (spindle == master_) return;
+  if (surface_speed_) refuse(cause, "G97 before another master spindle");
+  spindles_[master_] = {canon_.spindle_speed(), canon_.spindle_direction()};
+  master_ = spindle;
+  const Spindle chosen = spindles_[spindle];
+  speed_ = chosen.rpm;
+  canon_.set_spindle_speed(chosen.rpm);
+  canon_.turn_spindle(chosen.direction);
+}
+
+/// @param word  of S, rpm, or under G96 a surface speed
+void Machine::set_speed(double word, const Cause& cause) {
+  if (!(word >= 0 && word <= 1e7)) refuse(cause, "a spindle speed of 0 to 1e7 rpm");
+  // m/min in mm, ft/min in inches
+  speed_ = surface_speed_ && inch_feed_ ? word * 0.3048 : word;
+  if (!surface_speed_) canon_.set_spindle_speed(word);
+}
+
+/// S2=1000 and M2=3: the tool is in the master spindle. What others do is kept until SETMS.
+void Machine::set_numbered_spindles(const Block& block) {
+  const auto direction = [](std::string_view m) { return m == "M3" ? 1 : m == "M4" ? -1 : 0; };
+  for (const SpindleWord& word : block.spindles) {
+    if (word.speed && block[Group::Dwell]) refuse(word.cause, "S beside G4");
+    if (word.spindle != master_) {
+      const auto [other, is_new] = spindles_.try_emplace(word.spindle);
+      if (word.speed) other->second.rpm = *word.speed;
+      if (!word.speed) other->second.direction = direction(word.direction);
+      if (is_new)
+        run_.warn_once(fmt::format(
+            "{}:{}: {} is of spindle {} and has no effect: the tool is taken to be in the master "
+            "spindle, {}; SETMS({}) says otherwise",
+            canon_.place().file, canon_.line(), shown(word.cause.text), word.spindle, master_,
+            word.spindle));
+      continue;
+    }
+    if (word.speed && block[Address::S])
+      refuse(word.cause, "one speed of a spindle in a block");
+    if (!word.speed && block[Group::Spindle])
+      refuse(word.cause, "one direction of a spindle in a block");
+    if (word.speed)
+      set_speed(*word.speed, word.cause);
+    else
+      canon_.turn_spindle(direction(word.direction));
+  }
+}
+
 void Machine::set_spindle(const Block& block) {
   if (const Value& most = block[Address::LIMS]) {
     if (!(most.value > 0 && most.value <= 1e7)) refuse(most, "a speed of more than 0 to 1e7 rpm");
-    most_rpm_ = most.value;
+    max_rpm_ = most.value;
   }
   if (const Code& code = block[Group::SpeedMode]) {
-    if (code.word == "G96" && joint(0) < 0) refuse(code.cause, "a machine with an X axis");
-    const bool surface = code.word == "G96";
+    const bool surface = code.word.starts_with("G96");
+    if (surface && joint(0) < 0) refuse(code.cause, "a machine with an X axis");
+    if (surface && !surface_speed_ && !block[Address::S])
+      refuse(code.cause, "S (surface speed) beside " + shown(code.cause.text), "none");
     if (surface != surface_speed_) speed_ = surface ? 0.0 : canon_.spindle_speed();
     surface_speed_ = surface;
   }
   const bool limits = block[Group::Limits].word.size() > 0;
-  if (const Value& s = block[Address::S]; s && !block[Group::Dwell] && !limits) {
-    if (s.value < 0 || s.value > 1e7) refuse(s, "a spindle speed of 0 to 1e7 rpm");
-    // m/min in mm, ft/min in inches
-    speed_ = surface_speed_ && inch_feed_ ? s.value * 0.3048 : s.value;
-    if (!surface_speed_) canon_.set_spindle_speed(s.value);
-  }
+  if (const Code& code = block[Group::Master]) choose_master(block.master, code.cause);
+  if (const Value& s = block[Address::S]; s && !block[Group::Dwell] && !limits)
+    set_speed(s.value, s);
+  if (!limits) set_numbered_spindles(block);
   if (const Code& code = block[Group::Spindle])
     canon_.turn_spindle(code.word == "M3" ? 1 : code.word == "M4" ? -1 : 0);
-  canon_.set_surface_speed(surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, most_rpm_})
+  canon_.set_surface_speed(surface_speed_ ? std::optional(program::SurfaceSpeed{speed_, max_rpm_})
                                           : std::nullopt);
 }
 
@@ -187,9 +276,45 @@ void Machine::choose_system(const Code& code) {
   apply_frame();
 }
 
+/// Modes that the block states, then those it depends on.
+void Machine::note_start_modes(const Block& block) {
+  const std::pair<Group, StartMode> groups[] = {
+      {Group::Units, StartMode::Units},       {Group::Distance, StartMode::Distance},
+      {Group::Plane, StartMode::Plane},       {Group::FeedMode, StartMode::Feed},
+      {Group::SpeedMode, StartMode::Feed},    {Group::Motion, StartMode::Motion},
+      {Group::WorkOffset, StartMode::WorkOffset}};
+  for (const auto& [group, mode] : groups)
+    if (block[group]) run_.state(mode);
+  if (first_axis_word(block) == nullptr || block[Group::Frame]) return;
+  const std::string_view motion = block[Group::Motion] ? block.word(Group::Motion) : motion_;
+  run_.depend(StartMode::Units, "mm (G71)");
+  run_.depend(StartMode::Distance, "absolute (G90)");
+  run_.depend(StartMode::Motion, "line (G1)");
+  if (is_arc(motion))
+    run_.depend(StartMode::Plane, plane_ == 18   ? "plane Z X (G18)"
+                                  : plane_ == 19 ? "plane Y Z (G19)"
+                                                  : "plane X Y (G17)");
+  if (motion != "G0")
+    run_.depend(StartMode::Feed, canon_.feed_mode() == FeedMode::PerRevolution
+                                     ? "F per turn (G95)"
+                                     : "F per minute (G94)");
+  if (!block[Group::WithoutOffset]) run_.depend_on_offset(system_ + 1, "work offset G54");
+}
+
 void Machine::set_modes(const Block& block) {
+  if (const Code& code = block[Group::Diameters]) {
+    if (code.word != "DIAMOF" && !run_.turning())
+      refuse(code.cause,
+             "a turning control (control = \"turning\", or a machine whose spindle turns the "
+             "workpiece): X is no diameter on a milling control");
+    diameters_ = code.word == "DIAMON"   ? Diameters::On
+                 : code.word == "DIAM90" ? Diameters::Absolute
+                                         : Diameters::Off;
+    diameters_stated_ = true;
+  }
   set_feed(block);
   set_spindle(block);
+  note_diameters(block);
   if (const Code& code = block[Group::Plane])
     plane_ = code.word == "G17" ? 17 : code.word == "G18" ? 18 : 19;
   if (const Code& code = block[Group::Distance]) incremental_ = code.word == "G91";
@@ -206,6 +331,7 @@ void Machine::set_modes(const Block& block) {
 Executed Machine::execute(const Block& block) {
   check_words(block);
   check_compensation(block);
+  note_start_modes(block);
   set_modes(block);
   note_coolant(block);
   const Code& stop = block[Group::Stop];
@@ -227,7 +353,8 @@ Executed Machine::execute(const Block& block) {
 std::optional<double> Machine::position(char letter, bool of_the_axis) const {
   const int j = canon_.joint_of(letter);
   if (j < 0) return std::nullopt;
-  const double value = of_the_axis ? here()[j] : programmed_here()[j];
+  const double shown_x = j == joint(0) && !of_the_axis ? 1.0 / radius_of_x(true) : 1.0;
+  const double value = of_the_axis ? here()[j] : programmed_here()[j] * shown_x;
   return canon_.is_linear(j) ? value / unit() : value / units::deg;
 }
 

@@ -47,9 +47,13 @@ class Machine {
   }
   void check_words(const Block& block) const;
   void choose_system(const Code& code);
+  void note_start_modes(const Block& block);
   void set_modes(const Block& block);
   void set_feed(const Block& block);
   void set_spindle(const Block& block);
+  void choose_master(int spindle, const Cause& cause);
+  void set_speed(double word, const Cause& cause);
+  void set_numbered_spindles(const Block& block);
   void call_tools(const Block& block);
   void note_coolant(const Block& block) const;
   void dwell(const Block& block);
@@ -88,6 +92,13 @@ class Machine {
   void turn_to(const Eigen::Vector3d& direction_w, int preference, bool tip_stays,
                const Cause& cause);
   Eigen::Matrix3d total_rotation() const;
+
+  void note_diameters(const Block& block);
+  /// What a number of X is multiplied by to be a radius.
+  double radius_of_x(bool absolute) const;
+  void refuse_diameters(const Value& word) const;
+  std::optional<double> nose_radius(int tool) const;
+  AxisVector nose_from_led_tip() const;
 
   // siemens_motion.cpp
   bool move(const Block& block);
@@ -129,8 +140,17 @@ class Machine {
   std::string_view motion_ = "G1";
   int plane_ = 17;
   bool incremental_ = false, inch_feed_ = false;
+  enum class Diameters { Off, On, Absolute } diameters_ = Diameters::Off;
+  bool diameters_stated_ = false;
   bool surface_speed_ = false;
-  double speed_ = 0.0, most_rpm_ = 1e7;
+  double speed_ = 0.0;
+  std::optional<double> max_rpm_;  ///< LIMS=
+  struct Spindle {
+    double rpm = 0.0;
+    int direction = 0;
+  };
+  int master_ = 1;                   ///< spindle that carries the tool; S and M are its own
+  std::map<int, Spindle> spindles_;  ///< others, as their words left them
   int selected_ = -1, tool_ = -1;  ///< of T; in the spindle
   bool length_counts_ = true;      ///< D1
   int system_ = 0;                 ///< of the offsets, counted from 0: G54; -1 G500

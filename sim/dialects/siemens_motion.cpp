@@ -42,16 +42,17 @@ double turned_to(double wanted, double now, Measure measure) {
 
 void Machine::put_word(Target& target, int j, const Value& word, bool machine) const {
   const bool linear = canon_.is_linear(j);
-  const double value = word.value * (linear ? unit() : units::deg);
+  const bool step =
+      word.measure == Measure::Step || (word.measure == Measure::Modal && incremental_);
+  const double radius = j == joint(0) ? radius_of_x(!step) : 1.0;
+  const double value = word.value * (linear ? unit() * radius : units::deg);
   const bool turns = word.measure == Measure::Shortest || word.measure == Measure::Upwards ||
                      word.measure == Measure::Downwards;
   if (turns && linear) refuse(word, "a rotary axis with DC, ACP and ACN");
   if (turns) {
     const double now = machine ? canon_.position()[j] : programmed_here()[j];
-    return target.to(j, turned_to(value, now, word.measure), word);
+    return target.turn_to(j, turned_to(value, now, word.measure), word);
   }
-  const bool step =
-      word.measure == Measure::Step || (word.measure == Measure::Modal && incremental_);
   if (step && machine) refuse(word, "an absolute position beside SUPA and G53");
   if (step)
     target.by(j, value, word);
@@ -82,7 +83,10 @@ void Machine::set_pole(const Block& block) {
          Eigen::Vector2d(std::cos(angle.value * units::deg), std::sin(angle.value * units::deg));
   for (int k = 0; k < 2; ++k) {
     const Address address = Address(in.letters[std::size_t(k)] - 'X');
-    if (const Value& word = block[address]) by[k] = word.value * unit();
+    if (const Value& word = block[address]) {
+      if (address == Address::X) refuse_diameters(word);
+      by[k] = word.value * unit();
+    }
   }
   pole_ = {from + by};
 }
@@ -121,6 +125,8 @@ void Machine::check_motion(const Block& block) const {
   if (length_matters && !knows_tool() && joint(2) >= 0 && !canon_.options().tool_length.empty() &&
       motion_ != "G0")
     refuse(cause, "a tool (T) before a feed: those of the scene differ in length");
+  if (tool_ < 0 && motion_ != "G0" && length_counts_ && one_length())
+    run_.uncalled_tool(cause, "no tool called");
 }
 
 void Machine::put_straight(Straight move, bool rapid) {
@@ -169,7 +175,13 @@ void Machine::to_machine(const Block& block) {
     refuse(code.cause, "D0 beside " + shown(code.cause.text) + " in a swivelled plane");
   canon_.go_to(Coordinates::Axis, code.cause);
   Target target = target_of(block, true);
-  if (const Value& z = block[Address::Z]; z && length_counts_ && knows_tool())
+  if (const AxisVector shift = shift_of_tool(); run_.turning() && shift.size() > 0) {
+    for (const Address address : {Address::X, Address::Y, Address::Z})
+      if (const Value& word = block[address]) {
+        const int j = joint(int(address) - int(Address::X));
+        target.to(j, target.value(j) + shift[j], word);
+      }
+  } else if (const Value& z = block[Address::Z]; z && length_counts_ && knows_tool())
     target.to(joint(2), target.value(joint(2)) + length_of_tool(z), z);
   AxisVector end = canon_.end_of(target, true);
   put_straight({std::move(end), code.cause, true, target.stated()}, motion_ == "G0");

@@ -84,6 +84,9 @@ Program* Flow::program_of_file(const fs::path& file, const std::string& name) {
   program->first_line = parts.front()->first_line;
   program->name = name;
   program->file = run_.canon.add_file(file.string());
+  if (parts.size() > 1)
+    run_.warn_once(fmt::format("{}:{}: a second program, {}, is not read: a subprogram has a file of its own",
+                               file.string(), parts[1]->first_line, parts[1]->name));
   programs_.push_back(std::move(program));
   return programs_.back().get();
 }
@@ -112,6 +115,7 @@ Program* Flow::find_program(const std::string& name) {
 
 void Flow::call(const ProgramCall& called, long long times) {
   Program* program = find_program(called.name);
+  run_.require_certain(called.name, called.cause);
   if (program == nullptr)
     return run_.unknown(called.cause,
                         fmt::format("a word of Siemens, or a subprogram {} in the program or in "
@@ -260,6 +264,27 @@ void Flow::repeat(Cursor& cursor, bool one_block) {
                     .end = end,
                     .left = times - 1});
   at_ = lines[0];
+}
+
+/// Programs of the text that nothing calls, and what stands behind the end of the main program. A
+/// block with a label may be where a condition that did not hold jumps to.
+void Flow::warn_unread() {
+  std::vector<std::string_view> lines;
+  std::vector<Section> sections;
+  for (const auto& program : programs_) {
+    if (program->file != 0) continue;
+    const std::size_t first = std::size_t(program->first_line) - 1;
+    Section section{first, first + program->lines.size()};
+    lines.resize(std::max(lines.size(), section.end));
+    std::copy(program->lines.begin(), program->lines.end(), lines.begin() + std::ptrdiff_t(first));
+    for (std::size_t i = std::size_t(std::max(run_.canon.line(), 1)); i < section.end; ++i)
+      if (i >= first && !head_of(uncommented(lines[i]).block).label.empty()) {
+        section.end = i;
+        break;
+      }
+    sections.push_back(section);
+  }
+  run_.warn_unread(lines, sections);
 }
 
 void Flow::end_of_part() {

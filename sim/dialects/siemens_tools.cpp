@@ -7,6 +7,7 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/dialects/siemens_machine.h"
+#include "sim/dialects/turning_tool.h"
 
 namespace abbe::sim::dialects::siemens {
 
@@ -24,10 +25,7 @@ int Machine::number_of_tool(const Block& block) const {
     return std::stoi(name);
   if (canon_.options().control_of_h.empty() && !canon_.options().tool_length.empty() &&
       !canon_.options().tool_table) {
-    run_.warn_once(
-        fmt::format("T={} is taken for the scene's only tool: give it that name if it "
-                    "is",
-                    in_quotes(name)));
+    canon_.assume({fmt::format("T={} is the scene's only tool", in_quotes(name)), "tool.name"});
     return canon_.options().tool_length.begin()->first;
   }
   std::string known;
@@ -80,8 +78,27 @@ double Machine::length_of_tool(const Cause& cause) const {
          tool_ < 0 ? "none called" : fmt::format("T{}", tool_));
 }
 
+std::optional<double> Machine::nose_radius(int tool) const {
+  const auto& radii = canon_.options().tool_radius;
+  auto own = radii.find(tool);
+  if (own == radii.end())
+    if (const auto only = program::only_tool(canon_.options())) own = radii.find(*only);
+  return own == radii.end() ? std::nullopt : std::optional(own->second);
+}
+
+/// mm, from the point of a turning tool that X Z lead to the centre of its nose.
+AxisVector Machine::nose_from_led_tip() const {
+  return nose_from_tip(canon_, run_.turning() ? run_.options().turning.tip : 0, nose_radius(tool_));
+}
+
 void Machine::set_compensation(const Code& code) {
-  if (code.word == "G40") return compensation_.end();
+  if (code.word == "G40") {
+    if (!compensation_.on()) return;
+    compensation_.end();
+    if (!run_.turning()) return;
+    apply_tool();
+    return compensation_.shift_programmed(nose_from_led_tip());
+  }
   const bool left = code.word == "G41";
   if (compensation_.on()) return;
   if (!length_counts_) refuse(code.cause, "D1 before " + shown(code.cause.text));
@@ -91,26 +108,31 @@ void Machine::set_compensation(const Code& code) {
   if (std::abs(R(across, across) - 1.0) > 1e-14)
     refuse(code.cause, "a path of the tool's centre in a plane that is tilted: no " +
                            std::string(code.word) + " in it");
-  const auto& radii = canon_.options().tool_radius;
-  auto own = radii.find(tool_);
-  if (own == radii.end() && canon_.options().control_of_h.empty() && radii.size() == 1 &&
-      !canon_.options().tool_table)
-    own = radii.begin();
-  if (own == radii.end())
-    refuse(code.cause, "a tool whose radius is known",
-           tool_ < 0 ? "none called" : fmt::format("T{}", tool_));
-  constexpr double least_corner = 1e-3;  // rad, 1.3 nm at 10 mm of radius
-  compensation_.begin(left, own->second, {in.first, in.second},
-                      {.upright_entry = true, .least_corner = least_corner});
+  const int tool =
+      tool_ >= 0 ? tool_ : run_.uncalled_tool(code.cause, "no tool called");
+  const auto radius = nose_radius(tool);
+  if (!radius) refuse(code.cause, "a tool whose radius is known", fmt::format("T{}", tool));
+  compensation_.begin(left, *radius, {in.first, in.second});
+  if (!run_.turning()) return;
+  apply_tool();  // G41 and G42 lead the centre of the nose beside the contour
+  compensation_.shift_programmed(-nose_from_led_tip());
 }
 
-/// On a machine with rotary axes the length of a tool is that of its chain, else it is added to Z.
+/// On a machine with rotary axes the length of a tool is that of its chain, on a turning control it
+/// is measured so that X Z lead its tip, else it is added to Z.
 void Machine::apply_tool() {
   canon_.set_tool_shift(tip_mode() ? AxisVector() : shift_of_tool());
   apply_frame();
 }
 
 AxisVector Machine::shift_of_tool() const {
+  if (run_.turning()) {
+    const Chain* to_tip = chain_to_tip(canon_.options(), tool_);
+    if (to_tip == nullptr || !length_counts_ || !knows_tool()) return {};
+    AxisVector measured = measured_offset(canon_, *to_tip, {1, {}});
+    if (!compensation_.on()) measured += nose_from_led_tip();
+    return measured;
+  }
   AxisVector shift = AxisVector::Zero(canon_.position().size());
   const auto& zero = canon_.zero();
   if (zero && zero->places && turning_.possible()) {

@@ -86,10 +86,13 @@ bool Flow::set_variable(Cursor& cursor) {
     const int number = int(r_parameter(ahead, from));
     if (!begins_assignment(ahead)) return false;
     ahead.take("=");
-    const double value = number_at(ahead, *this);
-    if (!variables_.set(number, value))
-      throw Exhausted(cursor.place.file, cursor.place.line, 0,
-                      fmt::format("at most {} variables", run_.options().limits.variables), "more");
+    run_.define(fmt::format("R{}", number), [&] {
+      const double value = number_at(ahead, *this);
+      if (!variables_.set(number, value))
+        throw Exhausted(cursor.place.file, cursor.place.line, 0,
+                        fmt::format("at most {} variables", run_.options().limits.variables),
+                        "more");
+    });
     cursor.at = ahead.at;
     return true;
   }
@@ -112,7 +115,7 @@ bool Flow::set_variable(Cursor& cursor) {
     if (!text) ahead.refuse(ahead.at, "a text in quotes");
     scope().texts[name] = *text;
   } else {
-    store(place, variable.kind, number_at(ahead, *this), ahead, from);
+    run_.define(place, [&] { store(place, variable.kind, number_at(ahead, *this), ahead, from); });
   }
   cursor.at = ahead.at;
   return true;
@@ -150,9 +153,16 @@ void Flow::define(Cursor& cursor) {
     number_at(cursor, *this);
     if (!cursor.take("]")) cursor.refuse(cursor.at, "] behind the length of a text");
   }
-  do define_one(cursor, kind->second);
-  while (cursor.take(","));
-  ends(cursor);
+  Cursor names = cursor;
+  try {
+    do define_one(cursor, kind->second);
+    while (cursor.take(","));
+    ends(cursor);
+  } catch (const BadInput&) {
+    for (; !names.at_end(); ++names.at)
+      if (const std::string name = name_at(names); !name.empty()) run_.doubt(name);
+    throw;
+  }
 }
 
 void Flow::define_one(Cursor& cursor, Kind kind) {
@@ -245,7 +255,7 @@ std::optional<double> Flow::function_of_several(Cursor& cursor, const std::strin
   for (std::size_t k = 0; k < count; ++k) {
     if (k > 0 && !cursor.take(","))
       cursor.refuse(cursor.at, fmt::format(", and {} numbers of {}", count, name));
-    x[k] = expression(cursor, grammar(), *this, 1);
+    x[k] = expression(cursor, grammar(), *this);
   }
   if (!cursor.take(")"))
     cursor.refuse(cursor.at, fmt::format(") behind {} numbers of {}", count, name));
@@ -262,6 +272,7 @@ std::optional<double> Flow::operand(Cursor& cursor) {
   const char first = upper(cursor.here());
   if (first == 'R' && (is_digit(cursor.next()) || cursor.next() == '[')) {
     const int number = int(r_parameter(cursor, from));
+    if (run_.in_doubt()) run_.require_certain(fmt::format("R{}", number), cursor.cause(from));
     return variables_.number(number).value_or(0.0);
   }
   if (first == '\'') return quoted_number(cursor);
@@ -276,15 +287,17 @@ std::optional<double> Flow::operand(Cursor& cursor) {
   if (name == "TRUE") return taken(1.0);
   if (name == "FALSE") return taken(0.0);
   if (name == "NOT" || name == "B_NOT") {
-    const double inner = value(ahead, grammar(), *this, 1);
+    const double inner = value(ahead, grammar(), *this);
     return taken(name == "NOT" ? double(inner == 0) : double(~std::int64_t(inner)));
   }
   if (const auto result = function_of_several(ahead, name)) return taken(result);
   const Call& now = scope();
   const auto found = now.variables.find(name);
+  run_.require_certain(name, cursor.cause(from, ahead.at));
   if (found == now.variables.end()) return std::nullopt;
   if (found->second.kind == Kind::Text) cursor.refuse(from, "a number", "the text " + name);
   const std::string place = element(ahead, name, found->second);
+  run_.require_certain(place, cursor.cause(from, ahead.at));
   return taken(variables_.named(place, Variables::Of::Call).value_or(0.0));
 }
 

@@ -55,19 +55,19 @@ constexpr WordLine word_lines[] = {
      "as turned; RPL= about the axis across the plane"},
     {"MIRROR AMIRROR SCALE ASCALE ROTS AROTS CROTS", Group::None, refused,
      "TRANS and ROT: no frame that mirrors or scales, none by solid angles"},
-    {"G60 G601 G602 G603 G9", Group::None, none, "exact stop: what abbe cuts anyway"},
-    {"G64 G641 G642 G643 G644 G645 ADIS ADISPOS", Group::None, none,
+    {"G60 G601 G602 G603 G9", Group::Beside, none, "exact stop: what abbe cuts anyway"},
+    {"G64 G641 G642 G643 G644 G645 ADIS ADISPOS", Group::Beside, none,
      "continuous path: abbe cuts the exact path, without the roundings of a real control"},
     {"G70 G700", Group::Units, read, "inch: lengths; lengths and F"},
     {"G71 G710", Group::Units, read, "mm: lengths; lengths and F"},
     {"G90 G91", Group::Distance, read, "absolute, incremental"},
     {"G93 G94 G95", Group::FeedMode, read,
      "F: inverse time, in every block; per minute; per turn of the spindle"},
-    {"G96", Group::SpeedMode, read,
-     "S is a surface speed, LIMS= the largest rpm, F is per turn: a block runs at the speed of its "
-     "middle"},
-    {"G97", Group::SpeedMode, read, "S is a speed in rpm, F is per turn"},
-    {"G961 G962 G971 G972 G973", Group::None, refused, "G96 or G97 and G94 or G95"},
+    {"G96 G961 G962", Group::SpeedMode, read,
+     "S is a surface speed at the radius of X, LIMS= the largest rpm: a block takes as long as at "
+     "the speeds of its points. F is per turn; per minute; as it was"},
+    {"G97 G971 G972 G973", Group::SpeedMode, read,
+     "S is a speed in rpm. F is per turn; per minute; as it was; per turn, without LIMS"},
     {"G110 G111 G112", Group::Pole, read,
      "pole of AP= RP=: from where the axes stand, from the origin, from the pole before"},
     {"G25 G26", Group::Limits, none, "limits of working area and speed"},
@@ -76,7 +76,7 @@ constexpr WordLine word_lines[] = {
      "lines and arcs: no approach that a control works out"},
     {"G290", Group::None, none, "the language of Siemens"},
     {"G291", Group::None, refused, "G290, or dialect = \"fanuc\": programs in ISO dialect mode"},
-    {"G450 CUT2D CUT2DF NORM CFTCP CFC CFIN", Group::None, none,
+    {"G450 CUT2D CUT2DF NORM CFTCP CFC CFIN", Group::Beside, none,
      "manner of a cutter compensation as it is made; F is taken as that of the centre of the tool"},
     {"G451 KONT KONTC KONTT DISC", Group::None, refused,
      "G450 and NORM: no other way into a contour and around its corners"},
@@ -94,30 +94,36 @@ constexpr WordLine word_lines[] = {
      "the same as words of their own, which rule: great circle; rotary axes in proportion"},
     {"ORICONCW ORICONCCW ORICONIO ORICONTO ORICURVE ORIPATH ORIPATHS", Group::None, refused,
      "ORIVECT or ORIAXES: no orientation on cones, curves or along a path"},
-    {"ORIEULER ORIRPY ORIRPY2 ORIVIRT1 ORIVIRT2", Group::None, none,
+    {"ORIEULER ORIRPY ORIRPY2 ORIVIRT1 ORIVIRT2", Group::Beside, none,
      "how A2 B2 C2 count, which are refused"},
-    {"ORISON ORISOF", Group::None, none, "smoothing of orientation: abbe cuts as programmed"},
+    {"ORISON ORISOF", Group::Beside, none, "smoothing of orientation: abbe cuts as programmed"},
     {"TOROT TOFRAME PAROT TCARR TCOABS TCOFR", Group::None, refused,
      "CYCLE800 or TRAORI: no frames from a tool carrier"},
-    {"TOROTOF PAROTOF", Group::None, none, "no frame from a tool carrier"},
+    {"TOROTOF PAROTOF", Group::Beside, none, "no frame from a tool carrier"},
     {"ASPLINE BSPLINE CSPLINE POLY INVCW INVCCW", Group::None, refused,
      "lines and arcs: no splines, polynomials and involutes"},
     {"CHF CHR RND RNDM ANG", Group::None, refused,
      "the contour as it is: no chamfers, roundings and angles between blocks"},
-    {"COMPCAD COMPCURV COMPON COMPSURF COMPOF CTOL OTOL", Group::None, none,
+    {"COMPCAD COMPCURV COMPON COMPSURF COMPOF CTOL OTOL", Group::Beside, none,
      "compressor: abbe cuts the points as programmed"},
-    {"SOFT BRISK DRIVE FFWON FFWOF JERKLIM VELOLIM ACC ACCLIMA CPRECON CPRECOF", Group::None, none,
+    {"SOFT BRISK DRIVE FFWON FFWOF JERKLIM VELOLIM ACC ACCLIMA CPRECON CPRECOF", Group::Beside, none,
      "dynamics of the axes"},
-    {"FIFOCTRL STARTFIFO STOPFIFO STOPRE SBLON SBLOF DISPLON DISPLOF", Group::None, none,
+    {"FIFOCTRL STARTFIFO STOPFIFO STOPRE SBLON SBLOF DISPLON DISPLOF", Group::Beside, none,
      "how blocks are prepared and shown"},
-    {"UPATH SPATH RTLION RTLIOF FNORM DIAMOF WALIMON WALIMOF SPOS SPOSA SETMS SPCON SPCOF",
-     Group::None, none, "what is so anyway, and positions of a spindle"},
-    {"FGROUP FGREF FL", Group::None, none,
+    {"SETMS", Group::Master, read,
+     "the spindle whose S and M have no number: that of the number, without one spindle 1"},
+    {"UPATH SPATH RTLION RTLIOF FNORM WALIMON WALIMOF SPOS SPOSA SPCON SPCOF", Group::Beside, none,
+     "what is so anyway, and positions of a spindle"},
+    {"FGROUP FGREF FL", Group::Beside, none,
      "feed of several axes: abbe counts F along X Y Z, else in degrees of turns"},
     {"FLIN FCUB FPO FB FZ FRC FRCM", Group::None, refused, "F: no other feed"},
-    {"DIAMON DIAM90", Group::None, refused, "radii: X is no diameter"},
-    {"CYCLE832 GROUP_BEGIN GROUP_END GROUP_ADDEND WORKPIECE MSG EXTERN PROTA PROTS", Group::None,
-     none, "tolerances of fast cutting, groups, blanks, messages, declarations"},
+    {"DIAMON DIAM90 DIAMOF", Group::Diameters, read,
+     "X words are diameters; absolute ones are; none is. I=AC() too, other I and CR= are radii. "
+     "Turning controls begin with DIAMON; others refuse DIAMON and DIAM90"},
+    {"CYCLE832 GROUP_BEGIN GROUP_END GROUP_ADDEND WORKPIECE EXTERN PROTA PROTS", Group::None, none,
+     "tolerances of fast cutting, groups, blanks, declarations; axis words beside them are "
+     "refused"},
+    {"MSG", Group::Beside, none, "messages"},
     {"WAITM WAITMC WAITE WAITP INIT START SETM CLEARM", Group::None, none,
      "other channels: abbe has one"},
     {"MEAS MEAW MEASA MEAWA MEAC", Group::None, refused,
@@ -131,32 +137,42 @@ constexpr WordLine word_lines[] = {
     {"HOLES1 HOLES2 CYCLE801 CYCLE802 CYCLE71 CYCLE72 CYCLE76 CYCLE77 CYCLE78 CYCLE79 CYCLE899 "
      "CYCLE90 CYCLE60 CYCLE61 CYCLE62 CYCLE63 CYCLE64 CYCLE70 POCKET1 POCKET2 POCKET3 POCKET4 "
      "SLOT1 "
-     "SLOT2 LONGHOLE CYCLE93 CYCLE94 CYCLE95 CYCLE96 CYCLE97 CYCLE98 CYCLE99 CYCLE951 CYCLE952 "
-     "CYCLE930 CYCLE940 CYCLE92 CYCLE977 CYCLE978 CYCLE996 CYCLE9960",
+     "SLOT2 LONGHOLE CYCLE977 CYCLE978 CYCLE996 CYCLE9960",
      Group::None, refused, "the moves themselves: only drilling cycles are expanded"},
+    {"CYCLE92 CYCLE93 CYCLE94 CYCLE95 CYCLE96 CYCLE97 CYCLE98 CYCLE99 CYCLE930 CYCLE940 CYCLE951 "
+     "CYCLE952",
+     Group::None, refused,
+     "the passes themselves: cycles of stock removal, grooves, undercuts and threads are not "
+     "expanded"},
     {"MCALL", Group::None, read, "calls a cycle or subprogram after every block with motion"},
     {"M0 M1 M60", Group::Stop, none, "stops"},
     {"M2 M30 M17", Group::Stop, read, "end of the program or subprogram"},
     {"M3 M4 M5", Group::Spindle, read, "spindle clockwise, counter-clockwise, off"},
     {"M6", Group::ToolChange, read, "change to the tool of T; without M6 in the program T changes"},
-    {"M7 M8 M9", Group::None, none, "coolant"},
-    {"M19 M40 M41 M42 M43 M44 M45", Group::None, none, "spindle orientation and gears"},
+    {"M7 M8 M9", Group::Beside, none, "coolant"},
+    {"M19 M40 M41 M42 M43 M44 M45", Group::Beside, none, "spindle orientation and gears"},
     {"M70", Group::None, refused, "M3, M4 or M5: the spindle is no axis"},
 };
 
 constexpr WordUse siemens_other_words[] = {
     {"F S T N", read,
-     "feed, spindle speed, tool by number or T=\"NAME\" of the scene, line number"},
+     "feed, spindle speed, tool by number or T=\"NAME\" of the scene, line number; with the number of "
+     "a spindle S2=, S[2]=, T1=, which is that of the tool if it is the master spindle"},
     {"D", read, "D0 no tool length, D1 that of the tool, in force after every change"},
-    {"H", none, "outputs of the control"},
+    {"M= M1= M[1]=", read,
+     "M code as an expression, and of a spindle: M3 M4 M5 of the master spindle, without effect of "
+     "another, which is warned of"},
+    {"H", none, "outputs of the control", true},
     {"X Y Z A B C U V W", read, "axes of the machine; mm or inch, degrees; X=expression"},
     {"AC() IC() DC() ACP() ACN()", read,
      "absolute, incremental, by the shortest way, upwards, downwards"},
     {"A3 B3 C3", read,
      "direction of the tool in the workpiece, from the tip to the spindle, under TRAORI: the "
      "rotary "
-     "axes take the shortest way to it"},
-    {"CR AR TURN I1 J1 K1 AP RP RPL LIMS P", read, "words of arcs, the pole, frames, G96, repeats"},
+     "axes take the shortest way to it",
+     true},
+    {"CR AR TURN I1 J1 K1 AP RP RPL LIMS P", read, "words of arcs, the pole, frames, G96, repeats",
+     true},
     {"CYCLE800", read,
      "swivelled plane: by angles about axes in any order or by solid angle, X0 Y0 Z0 and X1 Y1 Z1, "
      "new or additive, swivelled by _DIR or not; () ends it"},
@@ -198,6 +214,38 @@ std::unordered_map<std::string_view, Fact> facts_by_word() {
 }
 
 }  // namespace
+
+bool is_beside_motion(Group group) {
+  switch (group) {
+    case Group::None:
+    case Group::Pole:
+    case Group::Dwell:
+    case Group::Frame:
+    case Group::Limits:
+    case Group::Count:
+      return false;
+    case Group::Beside:
+    case Group::Master:
+    case Group::Motion:
+    case Group::Plane:
+    case Group::Units:
+    case Group::Distance:
+    case Group::FeedMode:
+    case Group::SpeedMode:
+    case Group::Diameters:
+    case Group::CutterRadius:
+    case Group::WorkOffset:
+    case Group::WithoutOffset:
+    case Group::Transformation:
+    case Group::OrientationFrame:
+    case Group::OrientationWay:
+    case Group::Stop:
+    case Group::ToolChange:
+    case Group::Spindle:
+      return true;
+  }
+  return false;
+}
 
 const Fact* fact_of(std::string_view word) {
   static const std::unordered_map<std::string_view, Fact> facts = facts_by_word();

@@ -107,10 +107,12 @@ void count_major(std::string_view line, int number, Tally& tally) {
 
 }  // namespace
 
-std::vector<UsedWord> used_words(std::string_view text, Dialect dialect) {
+std::vector<UsedWord> used_words(std::string_view text, Dialect dialect, bool turning) {
   for (const FrontEnd& one : front_ends()) {
     if (one.dialect != dialect) continue;
-    Tally tally(index_of(one.words()));
+    const bool other = turning && one.turning_words != nullptr;
+    std::span<const WordUse> words = other ? one.turning_words() : one.words();
+    Tally tally(index_of(words));
     Lines lines(text);
     while (const auto line = lines.next()) {
       if (dialect == Dialect::Cl)

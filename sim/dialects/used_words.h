@@ -21,6 +21,7 @@ struct UsedWord {
 
 /// The words of a program in the order in which they first stand there, comments and texts left
 /// out; of a table of locations none.
-std::vector<UsedWord> used_words(std::string_view text, Dialect dialect);
+/// @param turning  read as for a turning control
+std::vector<UsedWord> used_words(std::string_view text, Dialect dialect, bool turning = false);
 
 }  // namespace abbe::sim::dialects

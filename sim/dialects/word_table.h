@@ -16,6 +16,9 @@ struct WordUse {
   std::string_view word;  ///< as a program has it, "G64"; several of one use together, "G54 G55"
   Use use = Use::Read;
   std::string_view sentence;  ///< what it means; where it is refused, what to do instead
+  /// Axis words in its block are those of the motion in force. Those beside other words are their
+  /// own: they have no effect, or are an error.
+  bool beside_motion = false;
 };
 
 std::string_view name_of(Use use);

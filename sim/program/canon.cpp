@@ -12,6 +12,7 @@
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/program/arc_move.h"
+#include "sim/program/program_errors.h"
 
 namespace abbe::sim::program {
 namespace {
@@ -29,6 +30,7 @@ void Target::put(int joint, double value, const Cause& cause, bool step) {
   const std::uint32_t bit = 1u << joint;
   given_ |= bit;
   step_ = step ? step_ | bit : step_ & ~bit;
+  decided_ &= ~bit;
   value_[std::size_t(joint)] = value;
   cause_[std::size_t(joint)] = cause;
 }
@@ -46,6 +48,7 @@ Canon::Canon(const std::string& file, const NcOptions& options)
     if (offset.size() != 0 && offset.size() != at_.size())
       throw std::invalid_argument("expected one work offset for every axis");
   frame_.shift = options.work_offset[0];
+  for (std::size_t j = 0; j < options.axes.size(); ++j) rollover_[j] = options.axes[j].rollover;
 }
 
 int Canon::add_file(const std::string& file) {
@@ -142,9 +145,69 @@ AxisVector Canon::placed(AxisVector p) const {
   return p;
 }
 
+bool Canon::is_endless(int joint) const {
+  constexpr double two_turns = 4 * pi * (1 + 1e-9);  // +-360 degrees are limits
+  if (!options_.control || options_.axes[std::size_t(joint)].motion != kinematics::Motion::Rotary)
+    return false;
+  const kinematics::Joint& axis = options_.control->joints()[std::size_t(joint)];
+  return axis.side == kinematics::Side::Workpiece && axis.max - axis.min > two_turns;
+}
+
+void Canon::roll_over_tables() {
+  for (int j = 0; j < int(options_.axes.size()); ++j)
+    if (rollover_[std::size_t(j)] == Rollover::ByControl && is_endless(j))
+      rollover_[std::size_t(j)] = Rollover::Shortest;
+}
+
+// A whole number of turns is added, so that a position that needs none keeps its bits.
+double Canon::rolled_over(int joint, double from, const Target& target, double to) {
+  constexpr double turn = 2 * pi, there = 1e-9;  // rad
+  const Rollover rule = rollover_[std::size_t(joint)];
+  const bool by_control = options_.axes[std::size_t(joint)].rollover == Rollover::ByControl;
+  if (rule == Rollover::None || (rule == Rollover::ByControl && !is_endless(joint))) return to;
+  const double turns = (to - from) / turn;
+  double whole = std::copysign(std::ceil(std::abs(turns) - 0.5 - there), turns);
+  if (rule == Rollover::Sign)
+    whole = std::signbit(target.value(joint)) ? std::ceil(turns - there) : std::floor(turns + there);
+  if (whole == 0.0) return to;
+  const double rolled = to - whole * turn;
+  if (by_control && !((rollover_noted_ >> joint) & 1u)) {
+    rollover_noted_ |= 1u << joint;
+    const char axis = options_.axes[std::size_t(joint)].name;
+    const double other = (to - from) / units::deg, taken = (rolled - from) / units::deg;
+    assume(rule == Rollover::ByControl
+               ? Assumption{fmt::format("{} turns by the difference of its positions, by {:.6g} deg; "
+                                        "a control with roll-over turns it by {:.6g}",
+                                        axis, other, taken + 0.0),
+                            fmt::format("machine.axis.{}.rollover", axis)}
+               : Assumption{fmt::format("{} rolls over and goes the short way, by {:.6g} deg; a "
+                                        "control without roll-over turns it by {:.6g}",
+                                        axis, taken + 0.0, other),
+                            fmt::format("machine.axis.{}.rollover", axis)});
+  }
+  return rule == Rollover::ByControl ? to : rolled;
+}
+
+void Canon::note_machine_zero(const Target& target) {
+  if (options_.machine_zero.size() > 0) return;
+  for (int j = 0; j < int(options_.axes.size()); ++j) {
+    if (!target.has(j) || !is_linear(j)) continue;
+    std::string travel;
+    if (options_.control) {
+      const kinematics::Joint& axis = options_.control->joints()[std::size_t(j)];
+      if (axis.max - axis.min < 1e6)
+        travel = fmt::format(", which travels {:.6g} to {:.6g} mm", axis.min, axis.max);
+    }
+    assume({fmt::format("machine coordinates count from the zero of axis {}{}",
+                        options_.axes[std::size_t(j)].name, travel),
+            "machine.machine_zero"});
+  }
+}
+
 // Joints that are neither named nor turned keep their bits, and a sum of offsets is formed in one
 // order, or programs would differ in the last place.
-AxisVector Canon::end_from(const AxisVector& start, const Target& target, bool machine) const {
+AxisVector Canon::end_from(const AxisVector& start, const Target& target, bool machine) {
+  if (machine) note_machine_zero(target);
   AxisVector end = start;
   const bool turned = frame_.rotation && !machine &&
                       (target.has(xyz_[0]) || target.has(xyz_[1]) || target.has(xyz_[2]));
@@ -164,13 +227,15 @@ AxisVector Canon::end_from(const AxisVector& start, const Target& target, bool m
     const double value = target.value(j);
     if (turned && (j == xyz_[0] || j == xyz_[1] || j == xyz_[2])) {
     } else if (machine) {
-      end[j] = value;
+      end[j] = value + (options_.machine_zero.size() > 0 ? options_.machine_zero[j] : 0.0);
     } else if (target.is_step(j)) {
       end[j] += value;
     } else {
       end[j] = value + (frame_.shift.size() > 0 ? frame_.shift[j] : 0.0) + zero_of(j) +
                (tool_shift_.size() > 0 ? tool_shift_[j] : 0.0);
     }
+    if (!is_linear(j) && !target.is_step(j) && !target.is_decided(j))
+      end[j] = rolled_over(j, start[j], target, end[j]);
     if (!(std::abs(end[j]) <= (is_linear(j) ? largest_mm : largest_rad)))
       refuse(target.cause(j),
              is_linear(j) ? "a position within 1e6 mm" : "a position within 1e7 rad");
@@ -178,7 +243,31 @@ AxisVector Canon::end_from(const AxisVector& start, const Target& target, bool m
   return end;
 }
 
+std::size_t Canon::kept_bytes() const {
+  return path_.blocks.size() * sizeof(Block) + path_.arcs.size() * sizeof(Arc);
+}
+
+void Canon::refuse_more(double moves, const Cause& cause, const std::string& expected) const {
+  throw Exhausted(file_name(), line_, cause.column, expected,
+                  fmt::format("{:.4g} moves: pecks, repeats or a loop without end", moves));
+}
+
+void Canon::check_moves(double more, const Cause& cause) const {
+  const double moves = double(blocks()) + more;
+  if (moves > double(options_.max_moves))
+    refuse_more(moves, cause, fmt::format("at most {} moves (max_moves)", options_.max_moves));
+}
+
+void Canon::check_memory(double more, const Cause& cause) const {
+  if (double(kept_bytes()) + more * sizeof(Block) > double(options_.max_move_bytes))
+    refuse_more(double(blocks()) + more, cause,
+                fmt::format("moves of at most {} MB, which the memory holds",
+                            options_.max_move_bytes / 1'000'000));
+}
+
 void Canon::append(Block block, double seconds) {
+  check_moves(1.0, {});
+  check_memory(1.0, {});
   block.line = line_;
   block.file = std::uint16_t(file_);
   block.inch = inch_;
@@ -214,11 +303,15 @@ double Canon::duration(const Block& block, const Cause& cause) const {
     const double mm = std::sqrt(way.xyz + way.uvw);
     return mm > 0.0 ? mm / options_.rapid_speed : std::sqrt(way.turns) / options_.rapid_turn;
   }
+  const auto refuse_or_follow = [&](bool follows, const char* expected, const char* seen) {
+    if (!follows) refuse(cause, expected, seen);
+    throw FollowingError(file_name(), line_, cause.column, expected, seen);
+  };
   if (!feed_)
-    refuse(cause,
-           feed_mode_ == FeedMode::InverseTime ? "F in every block of motion under G93"
-                                               : "F before or in the first block of feed",
-           "none");
+    refuse_or_follow(doubt_feed_ && feed_mode_ != FeedMode::InverseTime,
+                     feed_mode_ == FeedMode::InverseTime ? "F in every block of motion under G93"
+                                                         : "F before or in the first block of feed",
+                     "none");
   if (feed_mode_ == FeedMode::InverseTime) return 60.0 / feed_->word;
   const Arc* arc = block.interpolation == Interpolation::Arc ? &path_.arcs[block.shape] : nullptr;
   const bool turned = arc != nullptr && arc->turned >= 0;
@@ -227,7 +320,8 @@ double Canon::duration(const Block& block, const Cause& cause) const {
   const double unit = way.linear ? feed_->unit : 1.0;
   if (feed_mode_ == FeedMode::PerMinute) return way.length * 60.0 / (feed_->word * unit);
   if (spindle_turns_ == 0 || !(spindle_rpm_ > 0.0))
-    refuse(cause, "a spindle that turns under a feed per turn", "one that stands");
+    refuse_or_follow(doubt_spindle_, "a spindle that turns under a feed per turn",
+                     "one that stands");
   return way.length * 60.0 / (feed_->word * unit * spindle_rpm_);
 }
 
@@ -245,28 +339,63 @@ auto Canon::made(const AxisVector& end, const Make& make) {
   }
 }
 
-void Canon::turn_at_surface_speed(const AxisVector& end) {
+void Canon::turn_at_surface_speed(const Block& block, bool feed) {
   if (!surface_speed_) return;
+  constexpr double no_limit_rpm = 1e6;  // keeps every speed finite, on the axis too
   const int x = xyz_[0];
-  const double from = programmed()[x], to = from + end[x] - at_[x];
-  const double radius = std::abs(0.5 * (from + to));
-  const auto [m_per_min, most_rpm] = *surface_speed_;
-  const double rpm = radius > 0 ? m_per_min * 1000.0 / (2 * pi * radius) : most_rpm;
-  spindle_rpm_ = std::min(rpm, most_rpm);
+  const double from = programmed()[x];
+  RadialMove move{from, from + block.end[x] - at_[x]};
+  if (block.interpolation == Interpolation::Arc) {
+    const Arc& arc = path_.arcs[block.shape];
+    const bool first = arc.first == x;
+    if (arc.turned < 0 && (first || arc.second == x))
+      move.arc = RadialMove::Arc{from + arc.centre[first ? 0 : 1] - at_[x],
+                                 arc.radius + 0.5 * arc.growth,
+                                 arc.start_angle - (first ? 0.0 : 0.5 * pi), arc.sweep};
+  }
+  const auto& stated = surface_speed_->max_rpm;
+  const auto& of_machine = options_.max_spindle_rpm;
+  const double limit = std::min(stated.value_or(no_limit_rpm), of_machine.value_or(no_limit_rpm));
+  spindle_rpm_ = mean_spindle_speed(move, surface_speed_->m_per_min, limit);
+  const double radius = least_radius(move);
+  if (feed && !stated && !of_machine && (!unlimited_speed_ || radius < unlimited_speed_->radius))
+    unlimited_speed_ = UnlimitedSpeed{radius, line_, file_};
 }
 
 void Canon::go(Straight move, Interpolation interpolation) {
-  turn_at_surface_speed(move.end);
   Block straight;
   straight.interpolation = interpolation;
   straight.coordinates = coordinates_;
   straight.start = at_;
   straight.end = std::move(move.end);
   if (move.without_offset) straight.work_offset = -1;
+  turn_at_surface_speed(straight, interpolation != Interpolation::Rapid);
   doubt_ &= ~move.stated;
+  note_positions(straight, move.stated);
   const double seconds = made(straight.end, [&] { return duration(straight, move.cause); });
   if ((straight.end - straight.start).cwiseAbs().maxCoeff() > least_motion)
     append(std::move(straight), seconds);
+}
+
+// A rotary axis that moves without words was led by the control, as swivelling to a plane does.
+void Canon::note_positions(const Block& block, std::uint32_t stated) {
+  known_ |= stated;
+  std::string positions;
+  for (std::size_t j = 0; j < options_.axes.size(); ++j) {
+    const ControlledAxis& axis = options_.axes[j];
+    const auto at = Eigen::Index(j);
+    if (axis.motion == kinematics::Motion::Rotary && block.end[at] != block.start[at])
+      known_ |= 1u << j;
+    if ((known_ >> j) & 1u || joint_of(axis.name) < 0) continue;
+    positions += fmt::format(" {}{:.6g}", axis.name,
+                             start_of(options_)[at] / (is_linear(int(j)) ? 1.0 : units::deg) + 0.0);
+  }
+  if (fed_ || block.interpolation == Interpolation::Rapid) return;
+  fed_ = true;
+  if (!positions.empty())
+    assume({"no word before this first feed says where these axes stand, taken from the start:" +
+                positions,
+            "machine.home", "", line_});
 }
 
 void Canon::straight(Straight move, bool rapid) {
@@ -317,7 +446,6 @@ Arc Canon::arc_of(const ArcMove& move) {
 }
 
 void Canon::arc(ArcMove move) {
-  turn_at_surface_speed(move.end);
   Block round;
   round.interpolation = Interpolation::Arc;
   round.coordinates = coordinates_;
@@ -326,9 +454,11 @@ void Canon::arc(ArcMove move) {
   round.end = move.end;
   const double seconds = made(round.end, [&] {
     path_.arcs.push_back(arc_of(move));
+    turn_at_surface_speed(round, true);
     return duration(round, move.cause);
   });
   doubt_ &= ~move.stated;
+  note_positions(round, move.stated);
   append(std::move(round), seconds);
 }
 

@@ -12,6 +12,7 @@
 #include "sim/program/path.h"
 #include "sim/program/place.h"
 #include "sim/program/program_zero.h"
+#include "sim/program/surface_speed.h"
 
 /// Canonical moves, the vocabulary of NIST RS274/NGC: what every front end turns its text into.
 namespace abbe::sim::program {
@@ -23,18 +24,26 @@ class Target {
  public:
   void to(int joint, double value, const Cause& cause) { put(joint, value, cause, false); }
   void by(int joint, double value, const Cause& cause) { put(joint, value, cause, true); }
+  /// The same as `to` of a rotary axis whose direction is decided: no rule of roll-over applies.
+  void turn_to(int joint, double value, const Cause& cause) {
+    to(joint, value, cause);
+    decided_ |= 1u << joint;
+  }
   bool has(int joint) const { return (given_ >> joint) & 1u; }
   bool empty() const { return given_ == 0; }
+  bool is_decided(int joint) const { return (decided_ >> joint) & 1u; }
   bool is_step(int joint) const { return (step_ >> joint) & 1u; }
   double value(int joint) const { return value_[std::size_t(joint)]; }
   const Cause& cause(int joint) const { return cause_[std::size_t(joint)]; }
+  /// Joints that have a word, bits by joint.
+  std::uint32_t given() const { return given_; }
   /// Joints whose end does not depend on where they stood, bits by joint.
   std::uint32_t stated() const { return given_ & ~step_; }
 
  private:
   void put(int joint, double value, const Cause& cause, bool step);
 
-  std::uint32_t given_ = 0, step_ = 0;  ///< bits by joint
+  std::uint32_t given_ = 0, step_ = 0, decided_ = 0;  ///< bits by joint
   std::array<double, kinematics::max_joints> value_;
   std::array<Cause, kinematics::max_joints> cause_;
 };
@@ -54,11 +63,10 @@ struct Feed {
   double unit = 1.0;  ///< mm per unit of length in it
 };
 
-/// Constant surface speed (G96): a block runs at the speed that belongs to the X of its middle, the
-/// radius of the workpiece in program coordinates.
-struct SurfaceSpeed {
-  double m_per_min = 0.0;
-  double most_rpm = 1e6;  ///< at most, and on the axis
+/// The highest spindle speed that constant surface speed led to at feed without any limit.
+struct UnlimitedSpeed {
+  double radius = 0.0;  ///< mm, from the axis: the least
+  int line = 0, file = 0;
 };
 
 /// A straight move in the coordinates that are in force.
@@ -126,12 +134,20 @@ class Canon {
   void set_feed_mode(FeedMode mode) { feed_mode_ = mode; }
   FeedMode feed_mode() const { return feed_mode_; }
   /// None: a feed move without one is refused.
-  void set_feed(std::optional<Feed> feed) { feed_ = feed; }
+  void set_feed(std::optional<Feed> feed) {
+    feed_ = feed;
+    if (feed) doubt_feed_ = false;
+  }
   const std::optional<Feed>& feed() const { return feed_; }
   void set_spindle_speed(double rpm) { spindle_rpm_ = rpm; }
   double spindle_speed() const { return spindle_rpm_; }  ///< rpm
-  /// The blocks that follow set the speed of the spindle; none: it is as it was set. There is an X.
+  /// The blocks that follow set the speed of the spindle by the X of the program, which is a radius
+  /// here; none: it is as it was set. There is an X. Each block runs at one speed, that of
+  /// `mean_spindle_speed`.
   void set_surface_speed(std::optional<SurfaceSpeed> speed) { surface_speed_ = speed; }
+  /// Where a move at feed came nearest to the axis while neither the program nor the machine
+  /// limited the spindle; none where they always did.
+  const std::optional<UnlimitedSpeed>& unlimited_speed() const { return unlimited_speed_; }
   void turn_spindle(int direction) { spindle_turns_ = direction; }  ///< +1 M3, -1 M4, 0 M5
   int spindle_direction() const { return spindle_turns_; }
 
@@ -154,6 +170,9 @@ class Canon {
   /// @throws BadInput on a machine without X Y Z or without known kinematics
   void set_tip_mode(bool on, const Cause& cause);
   bool tip_mode() const { return tip_mode_; }
+  /// From here on an axis whose machine leaves its roll-over to the control (`Rollover::ByControl`)
+  /// goes the short way, if it carries the workpiece and turns by more than two turns.
+  void roll_over_tables();
   /// That the tip mode counts with; there must be one.
   const kinematics::Chain& chain() const { return *chain_; }
   /// What X Y Z mean for the next move: axes for one block beside a tip mode, as G53 does.
@@ -170,12 +189,12 @@ class Canon {
   /// Where the words lead: through the frame and the tool.
   /// @param machine  the words are positions of the axes themselves
   /// @throws BadInput at a word that leads beyond 1e6 mm or 1e7 rad
-  kinematics::AxisVector end_of(const Target& target, bool machine = false) const {
+  kinematics::AxisVector end_of(const Target& target, bool machine = false) {
     return end_from(at_, target, machine);
   }
   /// The same from elsewhere than where the axes stand.
   kinematics::AxisVector end_from(const kinematics::AxisVector& start, const Target& target,
-                                  bool machine) const;
+                                  bool machine);
   double time_s() const { return time_s_; }
 
   /// A traverse or a straight feed.
@@ -198,10 +217,22 @@ class Canon {
   /// A cutter that a word of the program describes, in mm.
   void cutter(std::string_view word, const ToolWords& words);
 
+  /// Records an assumption, once for each text, at the line where reading stands unless it says
+  /// another.
+  void assume(Assumption assumption);
+
   /// A fault in what comes from outside kept the axes from where they should be: until each is
   /// stated again, arcs that do not close only follow from it.
-  void doubt_position() { doubt_ = ~std::uint32_t(0); }
+  /// A feed or spindle that is missing may be what that input error kept away.
+  void doubt_position() {
+    doubt_ = ~std::uint32_t(0);
+    doubt_feed_ = doubt_spindle_ = true;
+  }
 
+  /// @throws Exhausted where so many more moves go beyond `NcOptions::max_moves`
+  void check_moves(double more, const Cause& cause) const;
+  /// @throws Exhausted where they would take more than `NcOptions::max_move_bytes`, being kept
+  void check_memory(double more, const Cause& cause) const;
   std::size_t blocks() const { return handed_over_ + path_.blocks.size(); }
   /// Blocks that are kept here.
   std::size_t kept() const { return path_.blocks.size(); }
@@ -215,9 +246,16 @@ class Canon {
     return file_ == 0 ? path_.file : more_files_[std::size_t(file_ - 1)];
   }
   void go(Straight move, Interpolation interpolation);
-  void turn_at_surface_speed(const kinematics::AxisVector& end);
+  void turn_at_surface_speed(const Block& block, bool feed);
+  double rolled_over(int joint, double from, const Target& target, double to);
+  bool is_endless(int joint) const;
+  void note_machine_zero(const Target& target);
+  void note_positions(const Block& block, std::uint32_t stated);
   double duration(const Block& block, const Cause& cause) const;
   void append(Block block, double seconds);
+  std::size_t kept_bytes() const;
+  [[noreturn]] void refuse_more(double moves, const Cause& cause,
+                                const std::string& expected) const;
   /// A move that cannot be made leaves the axes where it would have ended, so that the next one is
   /// judged by itself.
   Arc arc_of(const ArcMove& move);
@@ -249,9 +287,15 @@ class Canon {
   std::optional<Feed> feed_;
   double spindle_rpm_ = 0.0;
   std::optional<SurfaceSpeed> surface_speed_;
+  std::optional<UnlimitedSpeed> unlimited_speed_;
   int spindle_turns_ = 0;
   int tool_ = -1;            ///< of the last T word
   std::uint32_t doubt_ = 0;  ///< bits by joint
+  bool doubt_feed_ = false, doubt_spindle_ = false;
+  std::array<Rollover, kinematics::max_joints> rollover_{};
+  std::uint32_t rollover_noted_ = 0;  ///< bits by joint
+  std::uint32_t known_ = 0;  ///< bits by joint: the program has said where it stands
+  bool fed_ = false;         ///< there was a move at feed
 };
 
 }  // namespace abbe::sim::program

@@ -27,6 +27,16 @@ void Canon::comment(std::string_view text) {
   path_.tool_comments.push_back({line_, std::string(text), *words, blocks()});
 }
 
+void Canon::assume(Assumption assumption) {
+  const auto same = [&](const Assumption& known) { return known.text == assumption.text; };
+  if (std::any_of(path_.assumptions.begin(), path_.assumptions.end(), same)) return;
+  if (assumption.line == 0) {
+    assumption.line = line_;
+    if (file_ > 0) assumption.file = file_name();
+  }
+  path_.assumptions.push_back(std::move(assumption));
+}
+
 void Canon::cutter(std::string_view word, const ToolWords& words) {
   path_.tool_comments.push_back({line_, std::string(word), words, blocks()});
 }

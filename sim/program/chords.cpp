@@ -3,7 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include <fmt/format.h>
+
+#include "kinematics/bad_input.h"
 #include "kinematics/jacobian.h"
+#include "kinematics/units.h"
 #include "sim/program/block_axes.h"
 
 namespace abbe::sim::program {
@@ -14,8 +18,7 @@ using kinematics::Motion;
 
 namespace {
 
-constexpr double far_lever = 1e4;   // mm, more than any machine has
-constexpr double most_parts = 1e5;  // of a block
+constexpr double far_lever = 1e4;  // mm, more than any machine has
 
 bool is_positioned_turn(const kinematics::Joint& joint) {
   return joint.motion == Motion::Rotary && joint.name != 'S';
@@ -58,7 +61,13 @@ std::size_t chords_of(const Path& path, const Block& block, const Chain& control
   bend += 2 * way * turn + way * turn * turn;
   if (turn > 0.0 && bend + far_lever * turn * turn > allowed)
     bend += levers(control, axes_at(path, block, control, 0.0)) * turn * turn;
-  return std::size_t(std::clamp(std::ceil(std::sqrt(bend / allowed)), 1.0, most_parts));
+  const double parts = std::max(1.0, std::ceil(std::sqrt(bend / allowed)));
+  if (!(parts <= max_chords))
+    throw BadInput(path.file, block.line, 0,
+                   fmt::format("a move of at most {:.0g} chords within {:.4g} um", max_chords,
+                               within / units::um),
+                   fmt::format("one of {:.3g}; a larger tolerance needs fewer", parts));
+  return std::size_t(parts);
 }
 
 }  // namespace abbe::sim::program

@@ -32,6 +32,11 @@ int spindle_of(const std::vector<ControlledAxis>& axes) {
   return nose;
 }
 
+bool turns_workpiece(const std::vector<ControlledAxis>& axes) {
+  const int spindle = spindle_of(axes);
+  return spindle >= 0 && axes[std::size_t(spindle)].motion == Motion::Rotary;
+}
+
 std::array<int, 26> joints_by_letter(const std::vector<ControlledAxis>& axes) {
   std::array<int, 26> joints;
   joints.fill(-1);

@@ -297,7 +297,7 @@ void read_nc(std::string_view text, Canon& canon) {
     canon.stand_at(lines.number());
     block = parse_block(*line, canon.place(), std::move(block));
     if (block.percent && ++percents == 2) break;
-    if (block.deleted && canon.options().block_delete) continue;
+    if (block.deleted && canon.options().block_skip.test(0)) continue;
     if (!block.comments.empty()) words.read_comments(block);
     if (!block.percent && !block.empty() && !words.execute(block)) break;
   }

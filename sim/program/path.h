@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include "kinematics/axis.h"
+#include "sim/program/assumption.h"
 #include "sim/program/tool_comment.h"
 
 namespace abbe::sim::program {
@@ -112,6 +113,7 @@ struct Path {
   std::vector<ToolCall> tool_calls;        ///< the same
   std::vector<ToolComment> tool_comments;  ///< the same
   std::vector<UnitWord> unit_words;        ///< the same
+  std::vector<Assumption> assumptions;     ///< each once, in the order they were met
   int motion_blocks = 0;                   ///< blocks with motion, as `moves` in the summary
 };
 

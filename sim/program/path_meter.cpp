@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "kinematics/pole.h"
 #include "kinematics/units.h"
@@ -21,6 +22,8 @@ namespace {
 constexpr double turns_at_all = 1e-9;  // rad
 constexpr double one_place = 1e-9;     // mm or rad, rounding of a change between axes and tip
 constexpr double angle_within = 1e-8;  // of the search, in u times the turn
+constexpr double level = 1e-10;        // mm or rad: nothing exceeds places that differ by less
+constexpr double golden = 0.6180339887498949;
 
 std::vector<ControlledAxis> axes_named(const Chain& chain) {
   std::vector<ControlledAxis> axes;
@@ -36,6 +39,16 @@ double least_change(const Vector3d& first, const Vector3d& second) {
   return std::asin(std::min(1.0, first.cross(second).norm() / std::sqrt(largest)));
 }
 
+/// Parts in which ways are within the tolerance and no coordinate of an arc or a cubic turns back
+/// twice, so that three places in a row show every extreme.
+std::size_t parts_of_move(const Path& path, const Block& block, const Chain& control) {
+  const std::size_t n = chords_of(path, block, control, path_meter_within);
+  if (block.interpolation == Interpolation::Cubic) return std::max<std::size_t>(n, 8);
+  if (block.interpolation != Interpolation::Arc) return n;
+  const double eighths = std::ceil(std::abs(path.arcs[block.shape].sweep) / (0.25 * pi));
+  return std::max(n, std::size_t(std::max(2.0, eighths)));
+}
+
 }  // namespace
 
 PathMeter::PathMeter(const Chain& control, const AxisLimits& limits,
@@ -48,6 +61,20 @@ PathMeter::PathMeter(const Chain& control, const AxisLimits& limits,
   for (int k = 0; k < 3; ++k) xyz_[std::size_t(k)] = control.find(char('X' + k)).value_or(-1);
   for (int j = 0; j < control.size(); ++j)
     if (motion(j) == Motion::Rotary && !is_spindle(j)) rotary_.push_back(j);
+  // the joint next to the workpiece has a line that is at rest in it
+  if (spindle_ == 0 && motion(0) == Motion::Rotary) {
+    const kinematics::Pose T_wb = control.T_bw_home().inverse();
+    const kinematics::Joint& joint = control.joints().front();
+    spindle_line_w_.emplace(T_wb * joint.point_b, T_wb.linear() * joint.direction_b);
+  }
+}
+
+void PathMeter::note_radius() {
+  if (!spindle_line_w_) return;
+  const double radius = spindle_line_w_->distance(tip_w_);
+  auto& range = figures_.radius_at_feed;
+  if (!range) range = std::array{radius, radius};
+  range = std::array{std::min((*range)[0], radius), std::max((*range)[1], radius)};
 }
 
 double PathMeter::limit(int j) const {
@@ -134,15 +161,111 @@ void PathMeter::begin(const Path& path, const Block& block) {
   programmed_ = block.end;
 }
 
+PathMeter::MeterPlace PathMeter::place_at(const Path& path, const Block& block, double u) const {
+  MeterPlace place{u, axes_at(path, block, *control_, u), {}};
+  place.tip_w = tip_of(path, block, place.q, u);
+  return place;
+}
+
+void PathMeter::note_place(const Block& block, const MeterPlace& place) {
+  note_position(block, place.q);
+  figures_.all_w.extend(place.tip_w);
+  if (block.interpolation != Interpolation::Rapid) figures_.feed_w.extend(place.tip_w);
+}
+
+double PathMeter::coordinate(const MeterPlace& place, int k) const {
+  return k < control_->size() ? place.q[k] : place.tip_w[k - control_->size()];
+}
+
+/// Whether coordinate k of a move, of which rotary axes turn or that is an arc or a cubic, is no
+/// straight line over it.
+bool PathMeter::is_curved(const Block& block, int k) const {
+  if (block.interpolation == Interpolation::Arc || block.interpolation == Interpolation::Cubic)
+    return true;
+  const bool is_tip = k >= control_->size();
+  if (block.coordinates == Coordinates::Axis) return is_tip;
+  return !is_tip && motion(k) == Motion::Linear;
+}
+
+/// Whether a curved coordinate begins or ends a move where it may exceed all so far within it.
+bool PathMeter::ends_near_extreme(const Path& path, const Block& block) const {
+  for (const MeterPlace& end : {place_at(path, block, 0.0), place_at(path, block, 1.0)})
+    for (int k = 0; k < control_->size() + 3; ++k)
+      for (const double sign : {1.0, -1.0})
+        if (is_curved(block, k) && may_be_new(block, coordinate(end, k), k, sign)) return true;
+  return false;
+}
+
+/// Whether an extreme beside a place with that value of coordinate k may exceed all so far.
+/// @param sign  1 for the largest, -1 for the least
+bool PathMeter::may_be_new(const Block& block, double value, int k, double sign) const {
+  const auto exceeds = [&](double low, double high) {
+    return sign * value + path_meter_within > (sign > 0.0 ? high : -low);
+  };
+  if (k < control_->size()) {
+    const AxisFigures& axis = figures_.axes[std::size_t(k)];
+    return !is_spindle(k) && exceeds(axis.least.value, axis.most.value);
+  }
+  const int i = k - control_->size();
+  const bool feeds = block.interpolation != Interpolation::Rapid;
+  return exceeds(figures_.all_w.min()[i], figures_.all_w.max()[i]) ||
+         (feeds && exceeds(figures_.feed_w.min()[i], figures_.feed_w.max()[i]));
+}
+
+/// Where the middle one of three places is beyond both others, the extreme is sought between them.
+void PathMeter::note_extremes(const Path& path, const Block& block,
+                              const std::array<MeterPlace, 3>& three) {
+  for (int k = 0; k < control_->size() + 3; ++k)
+    for (const double sign : {1.0, -1.0}) {
+      if (!is_curved(block, k)) continue;
+      const double before = sign * coordinate(three[0], k), at = sign * coordinate(three[1], k),
+                   after = sign * coordinate(three[2], k);
+      if (at < before || at < after || std::max(at - before, at - after) < level) continue;
+      if (!may_be_new(block, sign * at, k, sign)) continue;
+      const auto value = [&](double u) { return sign * coordinate(place_at(path, block, u), k); };
+      double a = three[0].u, b = three[2].u;
+      double c = b - golden * (b - a), d = a + golden * (b - a);
+      double at_c = value(c), at_d = value(d);
+      // near the extreme the value changes with the square of the distance: 44 steps leave 6e-10 of
+      // the interval, and 4e-19 of what it bends
+      for (int step = 0; step < 44 && b > a; ++step)
+        if (at_c > at_d) {
+          b = d, d = c, at_d = at_c;
+          at_c = value(c = b - golden * (b - a));
+        } else {
+          a = c, c = d, at_c = at_d;
+          at_d = value(d = a + golden * (b - a));
+        }
+      note_place(block, place_at(path, block, at_c > at_d ? c : d));
+    }
+}
+
+/// The places beside the ends tell an extreme within the first or the last part.
+void PathMeter::note_all_extremes(const Path& path, const Block& block, std::size_t chords) {
+  const double part = 1.0 / double(chords), little = 1e-3 * part;
+  std::array<MeterPlace, 3> three;
+  three[0] = place_at(path, block, 0.0);
+  three[1] = place_at(path, block, little);
+  const auto next = [&](double u) {
+    three[2] = place_at(path, block, u);
+    note_extremes(path, block, three);
+    three[0] = std::exchange(three[1], three[2]);
+  };
+  for (std::size_t k = 1; k < chords; ++k) next(double(k) * part);
+  next(1.0 - little);
+  next(1.0);
+}
+
 void PathMeter::move(const Path& path, const Block& block) {
   const bool rapid = block.interpolation == Interpolation::Rapid;
   const double turn = turn_in(path, block, *control_);
-  const std::size_t n = chords_of(path, block, *control_, path_meter_within);
+  const std::size_t n = parts_of_move(path, block, *control_);
   const double seconds = (block.end_s - block.start_s) / double(n);
   MoveFigures& moves = kind(block);
   double limited = 0.0;
   figures_.all_w.extend(tip_w_);
   if (!rapid) figures_.feed_w.extend(tip_w_);
+  if (!rapid) note_radius();
   for (std::size_t k = 1; k <= n; ++k) {
     const AxisVector q = axes_at(path, block, *control_, k == n ? 1.0 : double(k) / double(n));
     const AxisVector step = q - q_;
@@ -159,8 +282,11 @@ void PathMeter::move(const Path& path, const Block& block) {
     note_position(block, q);
     figures_.all_w.extend(at);
     if (!rapid) figures_.feed_w.extend(at);
+    if (!rapid) note_radius();
     if (on_place) on_place(at, rapid);
   }
+  if (n > 1 || (turn > turns_at_all && ends_near_extreme(path, block)))
+    note_all_extremes(path, block, n);
   moves.limited_s += limited;
   if (!rapid && block.end_s > block.start_s)
     note_slowed(block, limited / (block.end_s - block.start_s));
@@ -221,7 +347,6 @@ void PathMeter::note_singular(const Path& path, const Block& block, double from,
   const double little = 1e-3 * (to - from);
   const auto at = [&](double u) { return singular_angle(path, block, u); };
   if (at(from + little) >= at(from) || at(to - little) >= at_end) return;
-  constexpr double golden = 0.6180339887498949;
   double a = from, b = to;
   double c = b - golden * (b - a), d = a + golden * (b - a);
   double at_c = at(c), at_d = at(d);

@@ -76,6 +76,9 @@ struct PathFigures {
   AtLine most_slowed;             ///< by which factor at most
   int fastest_axis = -1;          ///< the joint that comes nearest to its limit, or goes beyond it
   Eigen::AlignedBox3d feed_w, all_w;     ///< of the tip in the workpiece
+  /// Least and largest distance of the tip from the line of the spindle that turns the workpiece at
+  /// feed, mm; none where no spindle does.
+  std::optional<std::array<double, 2>> radius_at_feed;
   std::optional<SingularPose> singular;  ///< none where no move at feed turns two rotary axes' tool
   std::optional<NearPole> pole;  ///< none where the tool is never near, or nothing turns there
   std::map<int, std::size_t> offsets;  ///< blocks by `Block::work_offset`
@@ -83,12 +86,15 @@ struct PathFigures {
   std::size_t tip_blocks = 0;          ///< under a tip mode
 };
 
-/// mm, by which positions and extents may be missed between the places that are looked at.
+/// mm, to which ways, times and speeds follow the chords of a curved move.
 inline constexpr double path_meter_within = 0.01;
 
 /// Looks at a path block by block, as the axes of a machine run it; keeps no blocks.
-/// Positions and extents are met within 0.01 mm (`path_meter_within`), the singular pose by
-/// minimising along each move that may come nearer, within 1e-7 rad; how an axis turns near a pole
+/// Positions and extents are those of the curves, within 1e-9 mm and rad: an extreme between the
+/// places of a move is searched where it may be a new one. An axis that turns back twice between two
+/// places, where slides follow rotary axes, may be missed by `path_meter_within`; on arcs, helices
+/// and cubics none is. The singular pose is met by minimising along each move that may come nearer,
+/// within 1e-7 rad; how an axis turns near a pole
 /// is summed over the pieces of moves that come near, so by one piece at most too much at each end.
 class PathMeter {
  public:
@@ -117,6 +123,20 @@ class PathMeter {
   void begin(const Path& path, const Block& block);
   void move(const Path& path, const Block& block);
   void note_position(const Block& block, const AxisVector& q);
+  /// A place of a move, or what an extreme is sought of: axes, then the tip.
+  struct MeterPlace {
+    double u = 0.0;
+    AxisVector q;
+    Eigen::Vector3d tip_w;
+  };
+  MeterPlace place_at(const Path& path, const Block& block, double u) const;
+  void note_place(const Block& block, const MeterPlace& place);
+  double coordinate(const MeterPlace& place, int k) const;
+  bool is_curved(const Block& block, int k) const;
+  bool ends_near_extreme(const Path& path, const Block& block) const;
+  bool may_be_new(const Block& block, double value, int k, double sign) const;
+  void note_extremes(const Path& path, const Block& block, const std::array<MeterPlace, 3>& three);
+  void note_all_extremes(const Path& path, const Block& block, std::size_t chords);
   void note_speeds(const Block& block, const AxisVector& step, double seconds);
   void note_slowed(const Block& block, double factor);
   void note_singular(const Path& path, const Block& block, double from, double to, double turn);
@@ -124,11 +144,14 @@ class PathMeter {
   void look_at(const Path& path, const Block& block, double u);
   double singular_angle(const Path& path, const Block& block, double u) const;
   MoveFigures& kind(const Block& block);
+  void note_radius();
 
   const kinematics::Chain* control_;
   const std::map<int, kinematics::Chain>* control_of_h_;
   AxisLimits limits_;
   int spindle_ = -1;
+  /// That of the spindle that turns the workpiece, in the workpiece.
+  std::optional<Eigen::ParametrizedLine<double, 3>> spindle_line_w_;
   std::array<int, 3> xyz_{-1, -1, -1};  ///< joints; -1 where the machine lacks one
   std::vector<int> rotary_;
   PathFigures figures_;

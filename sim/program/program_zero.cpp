@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <vector>
 
 namespace abbe::sim::program {
 
@@ -27,6 +29,27 @@ std::optional<Vector3d> tip_at_zero(const Chain& chain) {
     if ((way - Vector3d::Unit(k)).norm() > along) return std::nullopt;
   }
   return tip_w;
+}
+
+std::optional<AxisVector> tip_shift(const Chain& chain) {
+  constexpr double right_angle = 1e-9;  // cosine
+  const AxisVector zero = AxisVector::Zero(chain.size());
+  const Vector3d tip_w = chain.tool_in_workpiece(zero).translation();
+  AxisVector shift = zero;
+  std::vector<Vector3d> directions;
+  for (int j = 0; j < chain.size(); ++j) {
+    const kinematics::Joint& joint = chain.joints()[std::size_t(j)];
+    if (joint.name < 'X' || joint.name > 'Z' || joint.motion != kinematics::Motion::Linear)
+      continue;
+    AxisVector q = zero;
+    q[j] = 1.0;
+    const Vector3d way_w = chain.tool_in_workpiece(q).translation() - tip_w;
+    for (const Vector3d& other : directions)
+      if (std::abs(other.dot(way_w)) > right_angle) return std::nullopt;
+    directions.push_back(way_w);
+    shift[j] = -way_w.dot(tip_w);
+  }
+  return shift;
 }
 
 // G43 adds the length to Z, so the nose is that much above the tip in Z, wherever the tool points

@@ -12,6 +12,11 @@ namespace abbe::sim::program {
 /// @return none without X Y Z, or where these do not run along the workpiece's x y z then (1e-9)
 std::optional<Eigen::Vector3d> tip_at_zero(const kinematics::Chain& chain);
 
+/// Returns what to add to the positions of X Y Z so that the tip of a turning tool stands in the
+/// workpiece where they say, X0 on the spindle line: (axes), none where these slides are not at
+/// right angles to each other (1e-9).
+std::optional<kinematics::AxisVector> tip_shift(const kinematics::Chain& chain);
+
 /// What work offsets count from, on a machine for which `tip_at_zero` has an answer.
 struct ProgramZero {
   /// mm, where the spindle's nose stands in the workpiece with all axes at zero: above the tip by

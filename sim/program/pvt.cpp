@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "kinematics/bad_input.h"
+#include "kinematics/encoding.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 
@@ -206,6 +207,7 @@ Path read_pvt(std::string_view text, const std::string& file, const NcOptions& o
   if (text.size() > options.max_bytes)
     throw BadInput(file, 0, 0, fmt::format("at most {} bytes", options.max_bytes),
                    fmt::format("{}", text.size()));
+  check_encoding(text, file);
   Reader reader(file, options);
   Lines lines(text);
   while (const auto line = lines.next()) reader.read_line(*line, lines.number());

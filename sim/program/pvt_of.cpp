@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/bad_input.h"
+#include "kinematics/units.h"
 #include "sim/program/block_axes.h"
 #include "sim/program/chords.h"
 
@@ -37,11 +38,18 @@ struct Parts {
 
 std::vector<Parts> parts_of(const Path& path, const Chain& control, const PvtOfOptions& options) {
   std::vector<Parts> all;
+  double rows = 1.0;
   for (std::size_t i = 0; i < path.blocks.size(); ++i) {
     const Block& block = path.blocks[i];
     if (!(block.end_s > block.start_s)) continue;
     Parts parts{i, chords_of(path, block, control, options.within), block.end_s - block.start_s};
     const double n = double(parts.n);
+    rows += n + 2.0;
+    if (rows > double(options.max_rows))
+      throw BadInput(path.file, block.line, 0,
+                     fmt::format("a program of at most {} rows within {:.4g} um", options.max_rows,
+                                 options.within / units::um),
+                     "more; a larger tolerance needs fewer");
     const auto speed = [&](double from, double to) {
       return distance(control, axes_at(path, block, control, from),
                       axes_at(path, block, control, to), options.lever) *
@@ -102,9 +110,6 @@ PvtOf pvt_of(const Path& path, const Chain& control, const PvtOfOptions& options
       made.rows.push_back({time_s, axes_at(path, block, control, u), {}});
       block_of.push_back(parts[i].block);
     }
-    if (made.rows.size() > options.max_rows)
-      throw BadInput(path.file, block.line, 0,
-                     fmt::format("a program of at most {} rows", options.max_rows), "more");
   }
   if (made.rows.size() < 2) throw BadInput(path.file, 0, 0, "a program that moves", "none");
   const std::vector<AxisVector> velocities = rates(made.rows);

@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "kinematics/bad_input.h"
 #include "kinematics/units.h"
 #include "sim/program/block_axes.h"
 #include "sim/program/chords.h"
@@ -183,8 +184,14 @@ void LocationWriter::block(const Path& path, const Block& block) {
   if (block.interpolation == Interpolation::Arc && arc(path, block)) return;
   const std::size_t n =
       is_straight(path, block) ? 1 : chords_of(path, block, control_, options_.within);
-  for (std::size_t k = 0; k < n; ++k)
+  for (std::size_t k = 0; k < n; ++k) {
     go(path, block, double(k) / double(n), k + 1 == n ? 1.0 : double(k + 1) / double(n));
+    if (text_.size() > options_.max_bytes)
+      throw BadInput(path.file, block.line, 0,
+                     fmt::format("at most {} bytes of cutter locations within {:.4g} um",
+                                 options_.max_bytes, options_.within / units::um),
+                     "more; a larger tolerance needs fewer");
+  }
 }
 
 void LocationWriter::add(const Path& piece) {

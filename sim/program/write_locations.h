@@ -19,6 +19,7 @@ struct LocationOptions {
   } kind = Kind::Apt;
   double within =
       0.001;  ///< mm, between what is no line (nor, in statements, an arc) and its points
+  std::size_t max_bytes = 1'000'000'000;  ///< of all that is written
   int decimals_mm = 7;
   int decimals_vector = 10;
 };
@@ -31,7 +32,8 @@ class LocationWriter {
   /// @param control  outlives it
   LocationWriter(const kinematics::Chain& control, const LocationOptions& options);
 
-  /// The next blocks. @throws BadInput naming the line where the slides do not reach a tip
+  /// The next blocks. @throws BadInput naming the line where the slides do not reach a tip, or
+  /// where the text is longer than allowed
   void add(const Path& piece);
   std::string take();
 

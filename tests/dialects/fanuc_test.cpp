@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -189,6 +190,92 @@ TEST(Fanuc, SubprogramsInTheFolderAreNamedInRefusals) {
   fs::remove_all(folder);
 }
 
+// What stands behind a cancelled mirror image is the axes it was of.
+TEST(Fanuc, EndsOfWhatIsNotThereMoveNothing) {
+  const std::string begin = "G21 G90 G1 X50. Y50. Z-2. F200.\n";
+  const program::Path path = fanuc_read(begin + "G50.1 X0. Y0.\nG1 X60.\n").path;
+  ASSERT_EQ(path.motion_blocks, 2u);
+  EXPECT_EQ(path.blocks[1].end[x], 60.0);
+  EXPECT_EQ(path.blocks[1].end[y], 50.0);
+  EXPECT_EQ(fanuc_read("G17 G40 G50 G50.1 G80\n").path.motion_blocks, 0u) << "at the beginning";
+  for (const char* code : {"G50", "G11", "G13.1", "G113"})
+    EXPECT_NE(fanuc_refusal(begin + code + " X0. Y0.\n").find("which takes none, seen X0."),
+              std::string::npos)
+        << code;
+  EXPECT_NE(fanuc_refusal("G4 P100 Y5.\n").find("the only word beside G4"), std::string::npos);
+}
+
+// Group 00 beside group 01: the axis words are those of group 00, the code of motion is in force
+// behind them.
+TEST(Fanuc, CodesOfGroup00StandBesideCodesOfMotion) {
+  const std::string begin = "G21 G90 G54 G1 X1. Y2. Z3. F300.\n", behind = "X7. Y8.\n";
+  int pairs = 0;
+  for (const std::string motion : {"G0", "G1"})
+    for (const std::string once : {"G4 P100", "G10 L2 P1 X5.", "G28 X5. Z4.", "G30 X5.", "G52 X5.",
+                                   "G53 X5. Z4.", "G92 X5. Y4.", "G92.1 X0"}) {
+      SCOPED_TRACE(motion + " " + once);
+      ++pairs;
+      const program::Path beside = fanuc_read(begin + motion + " " + once + "\n" + behind).path;
+      const program::Path apart =
+          fanuc_read(begin + once + "\n" + motion + " " + behind).path;
+      ASSERT_EQ(beside.blocks.size(), apart.blocks.size());
+      for (std::size_t i = 0; i < apart.blocks.size(); ++i) {
+        EXPECT_EQ(beside.blocks[i].end, apart.blocks[i].end);
+        EXPECT_EQ(beside.blocks[i].end_s, apart.blocks[i].end_s);
+      }
+    }
+  EXPECT_EQ(pairs, 16);
+  EXPECT_NE(fanuc_refusal("G28 G81 X5. Z1. R2.\n").find("a code that takes R"), std::string::npos);
+  EXPECT_NE(fanuc_refusal("G28 G68 X5. Y1.\n").find("a block of its own beside G28"),
+            std::string::npos);
+}
+
+TEST(Fanuc, BetweenTwoToolsZGoesToItsReference) {
+  const program::Path path = fanuc_read(
+                                 "O1\nG20\nG0 G17 G40 G80 G90\nG0 G28 G91 Z0.\nT1 M6\n"
+                                 "G0 G90 G54 X1. Y1. S1000 M3\nG43 H1 Z.5\nG91 G0 G28 Z0.\nM30\n")
+                                 .path;
+  EXPECT_EQ(path.blocks.back().line, 8);
+  EXPECT_EQ(path.blocks.back().end[z], 0.0);
+  EXPECT_EQ(path.blocks.back().end[x], 25.4);
+}
+
+// Type A: the first move under G41 ends across the beginning of the second.
+TEST(Fanuc, CompensationEntersAsNormAndRlDo) {
+  ReadOptions with = fanuc_options();
+  with.control = machines::options_for(machines::three_axis());
+  with.control.tool_radius = {{1, 5.0}};
+  const std::string contour = "Y30.\nX60.\nY0.\nG40 X40.\nM30\n";
+  const program::Path fanuc = fanuc_read(
+      "G21 G90 G17\nT1 M6\nG0 X0. Y0. Z5.\nG1 Z-1. F100.\nG41 D1 X20. Y0.\n" + contour, with).path;
+  const auto entry = std::ranges::find(fanuc.blocks, 5, &program::Block::line);
+  ASSERT_NE(entry, fanuc.blocks.end());
+  EXPECT_NEAR(entry->end[0], 15.0, 1e-12);
+  EXPECT_NEAR(entry->end[1], 0.0, 1e-12);
+  with.dialect = Dialect::Siemens;
+  const program::Path siemens =
+      read_program("G71 G90 G17 G94 NORM G450\nT1 D1 M6\nG0 X0 Y0 Z5\nG1 Z-1 F100\nG41 X20 Y0\n" +
+                       contour, "part.mpf", with).path;
+  ASSERT_EQ(siemens.blocks.size(), fanuc.blocks.size());
+  for (std::size_t i = 0; i < fanuc.blocks.size(); ++i)
+    EXPECT_LT((siemens.blocks[i].end - fanuc.blocks[i].end).head(2).norm(), 1e-12) << i;
+  with.dialect = Dialect::Fanuc;
+  EXPECT_NE(fanuc_refusal("G21 G90 F100.\nG41 D1 G2 X20. Y0. R10.\n", with)
+                .find("a line as the first move"),
+            std::string::npos);
+  EXPECT_EQ(fanuc_read("G21 G90 F100.\nG41 D1 G1 X20.\nG41 Y30.\nX60.\nG40 X70.\n", with)
+                .path.motion_blocks,
+            fanuc_read("G21 G90 F100.\nG41 D1 G1 X20.\nY30.\nX60.\nG40 X70.\n", with)
+                .path.motion_blocks)
+      << "the same side again is no change";
+}
+
+TEST(Fanuc, CyclesUnderG98ReturnToTheInitialLevel) {
+  const program::Path path =
+      fanuc_read("G21 G90 G0 X0. Y0. Z2.\nG98 G81 X5. Z-1. R3. F100.\nG80\n").path;
+  EXPECT_EQ(path.blocks.back().end[z], 2.0);
+}
+
 /// Programs of what Fanuc and LinuxCNC have in common.
 std::string common_program(std::mt19937& random) {
   std::uniform_real_distribution<double> anywhere(-50, 50), angle(0.1, 6.2);
@@ -234,6 +321,7 @@ TEST(Fanuc, WhatLinuxCncHasAsWellGivesTheSameBits) {
   ReadOptions with = fanuc_options();
   with.control.work_offset[1] = machines::AxisVector::Zero(6);
   with.control.work_offset[1] << 0.3, 1, 2, 3, 0, 0;
+  with.control.axes[0].rollover = program::Rollover::None;  // as LinuxCNC has it
   std::size_t blocks = 0;
   for (int n = 0; n < 300; ++n) {
     const std::string text = common_program(random);

@@ -385,7 +385,7 @@ TEST(Heidenhain, WhatNeverEndsIsRefusedInBoundedTime) {
             std::string::npos);
   std::string functions = "Q1 = ";
   for (int i = 0; i < 50000; ++i) functions += "SIN ";
-  EXPECT_NE(klartext_refusal(functions + "\n").find("100 functions"), std::string::npos);
+  EXPECT_NE(klartext_refusal(functions + "\n").find("100 brackets"), std::string::npos);
   EXPECT_NE(klartext_refusal("CYCL DEF 200 D Q200=1 Q201=-10 Q206=1 Q202=0.00001 Q203=0 Q204=1\n"
                              "L X+0 FMAX M99\n")
                 .find("1e5 infeeds"),
@@ -473,6 +473,77 @@ TEST(Heidenhain, SurvivesWhatIsNoProgram) {
   std::cout << read_well << " read, " << refused << " refused\n";
   EXPECT_GT(read_well, 50);
   EXPECT_GT(refused, 500);
+}
+
+TEST(Heidenhain, FeedsOfCyclesAreReadAsATncWritesThem) {
+  const auto program = [](const std::string& in, const std::string& out) {
+    return "TOOL CALL 1 Z S5000 F300\nL X+10 Y+10 R0 FMAX M3\nL Z+15 R0 FMAX\nCYCL DEF 203 "
+           "UNIVERSAL DRILLING ~\nQ200=+5 ;A ~\nQ201=-25 ;B ~\nQ206= " +
+           in + " ;C ~\nQ202=+50 ;D ~\nQ210=+0 ;E ~\nQ203=-8 ;F ~\nQ204=+13 ;G ~\nQ208= " + out +
+           " ;L\nL FMAX M99\nL Z+50 R0 FMAX\n";
+  };
+  struct Feed {
+    std::string text;
+    std::optional<double> mm_per_min;  ///< none: rapid
+  };
+  const int z = *klartext_machines::gantry().find('Z');
+  const std::vector<Feed> feeds = {{"MAX", {}},       {"FMAX", {}},       {"F MAX", {}},
+                                   {"99999", {}},     {"AUTO", 300.0},    {"FAUTO", 300.0},
+                                   {"F AUTO", 300.0}, {"+200", 200.0},    {"F200", 200.0},
+                                   {"FU0.1", 500.0},  {"FU +0.1", 500.0}, {"U0.1", 500.0}};
+  for (const Feed& in : feeds)
+    for (const Feed& out : feeds) {
+      SCOPED_TRACE(in.text + " and " + out.text);
+      const auto blocks = klartext(program(in.text, out.text)).path.blocks;
+      ASSERT_EQ(blocks.size(), 7u);
+      for (const auto& [block, feed] : {std::pair(blocks[3], in), {blocks[4], out}}) {
+        EXPECT_EQ(block.interpolation == program::Interpolation::Rapid, !feed.mm_per_min);
+        if (feed.mm_per_min) {
+          EXPECT_NEAR(
+              std::abs(block.end[z] - block.start[z]) / (block.end_s - block.start_s) * 60.0,
+              *feed.mm_per_min, 1e-9);
+        }
+      }
+    }
+  EXPECT_NE(klartext_refusal(program("FZ0.1", "MAX")).find("teeth of a tool"), std::string::npos);
+  EXPECT_NE(klartext_refusal("CYCL DEF 201 Q200=+2 Q201=MAX\n").find("a number"), std::string::npos)
+      << "a depth is no feed";
+}
+
+TEST(Heidenhain, AShiftThatEndsInThePlaneIsCertainOnceThePlaneHasEnded) {
+  const Chain machine = trunnion();
+  const auto options = klartext_options(machine);
+  const std::string tilt =
+      "CYCL DEF 7.0\nCYCL DEF 7.1 X5\nCYCL DEF 7.2 Y55\nCYCL DEF 7.3 Z-25\nPLANE SPATIAL SPA+30 "
+      "SPB+0 SPC+0 MOVE F1000\n";
+  const std::string zero = "CYCL DEF 7.0\nCYCL DEF 7.1 X0\nCYCL DEF 7.2 Y0\nCYCL DEF 7.3 Z0\n";
+  const std::string reset = "PLANE RESET STAY\n", home = "L A0 C0 FMAX\nL X10 Y20 Z30 FMAX\n";
+  const auto end = [&](const std::string& text) {
+    const auto blocks = klartext(text, options).path.blocks;
+    return pose_at(machine, blocks.back()).translation();
+  };
+  const Vector3d plain = end(home);
+  const std::string inner = "CYCL DEF 7.0\nCYCL DEF 7.1 X3\n",
+                    turn = "CYCL DEF 10.0\nCYCL DEF 10.1 ROT+20\n",
+                    unturn = "CYCL DEF 10.0\nCYCL DEF 10.1 ROT+0\n";
+  for (const std::string& order :
+       {tilt + zero + reset, tilt + reset + zero, tilt + "TRANS DATUM RESET\n" + reset,
+        tilt + reset + "TRANS DATUM RESET\n",
+        tilt + "CYCL DEF 7.0\nCYCL DEF 7.2 Y0\n" + reset + zero, reset + zero,
+        zero + tilt + zero + reset,
+        "PLANE SPATIAL SPA+30 SPB+0 SPC+0 MOVE F1000\n" + inner + reset + zero,
+        tilt + turn + reset + zero + unturn, tilt + turn + unturn + zero + reset}) {
+    SCOPED_TRACE(order);
+    ASSERT_EQ(klartext_refusal(order + home, options), "accepted");
+    EXPECT_LT((end(order + home) - plain).norm(), 1e-9);
+  }
+  // what stays uncertain is refused, at the move
+  for (const std::string& order :
+       {tilt + zero, tilt + inner, "PLANE SPATIAL SPA+30 SPB+0 SPC+0 MOVE F1000\n" + inner + reset,
+        tilt + turn + reset + zero})
+    EXPECT_NE(klartext_refusal(order + "L X10 FMAX\n", options), "accepted") << order;
+  EXPECT_EQ(klartext_refusal(tilt + zero + "L Z0 R0 FMAX M91\n", options), "accepted")
+      << "positions of the axes";
 }
 
 }  // namespace

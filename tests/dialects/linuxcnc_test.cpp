@@ -105,6 +105,42 @@ TEST(LinuxCnc, AllFaultsAreReportedTogetherAndNoneThatOnlyFollows) {
   }
 }
 
+TEST(LinuxCnc, ModesAreSavedAndRestored) {
+  const auto last = [](const std::string& text) {
+    const program::Path path = read(text);
+    return path.blocks.back();
+  };
+  // M72 brings inches, steps, the plane and the feed back
+  const program::Block back =
+      last("G21 G90 F100 G1 X10\nM70\nG20 G91 G18 F50 G1 X1\nM72\nG1 X20\n");
+  EXPECT_FALSE(back.inch);
+  const auto moved = (back.end - back.start).cwiseAbs().maxCoeff();
+  EXPECT_NEAR(moved, std::abs(20.0 - 35.4), 1e-12) << "from 10 mm + 1 inch to 20 mm";
+  EXPECT_NEAR(back.end_s - back.start_s, moved / 100.0 * 60.0, 1e-12);
+  // M73 does so at the end of the call
+  const program::Block after = last(
+      "o<a> sub\nM73\nG20 G91 F50 G1 X1\no<a> endsub\nG21 G90 F100 G1 X10\no<a> call\nG1 X20\n");
+  EXPECT_NEAR((after.end - after.start).cwiseAbs().maxCoeff(), 15.4, 1e-12);
+  EXPECT_NE(refused_as("M72\n").find("M70 or M73 before M72"), std::string::npos);
+  EXPECT_NE(refused_as("M70\nM71\nM72\n").find("M70 or M73 before M72"), std::string::npos);
+  EXPECT_NE(refused_as("G1 X1 F100 M70\n").find("a block of its own"), std::string::npos);
+}
+
+TEST(LinuxCnc, ASpindleMayBeNamed) {
+  const program::Path path = read("F100 S1000 M3 $0\nG95 F0.1\nG1 X10\n");
+  EXPECT_NEAR(path.blocks.back().end_s - path.blocks.back().start_s, 10 / (0.1 * 1000) * 60, 1e-9);
+  // another spindle turns nothing here
+  EXPECT_NE(refused_as("S1000 M3 $1\nG95 F0.1\nG1 X10\n").find("one that stands"),
+            std::string::npos);
+  EXPECT_NE(refused_as("S1000 M3 $9\n").find("a spindle of 0 to 7"), std::string::npos);
+}
+
+TEST(LinuxCnc, Parameter5599IsTheSwitchOfDebugComments) {
+  EXPECT_EQ(refused_as("#5599 = 0\nG1 X[#5599 + 1] F100\n"), "accepted");
+  EXPECT_NEAR(read("G21 G1 X[#5599 * 7] F100\n").blocks.back().end.cwiseAbs().maxCoeff(), 7.0,
+              1e-12);
+}
+
 TEST(LinuxCnc, UnknownWordsAreSkippedAndCountedOnDemand) {
   ReadOptions with = test_options();
   with.on_unknown = OnUnknown::Warn;

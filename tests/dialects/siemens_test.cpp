@@ -212,5 +212,43 @@ TEST(Siemens, RandomChangesOfProgramsAreReadOrRefusedWithAPlace) {
   EXPECT_GT(refused, 100);
 }
 
+// 60 mm at 0.1 mm a turn and 1000 rpm are 36 s; a spindle that stands is refused.
+TEST(Siemens, AddressesWithAnExtensionAreOfTheirSpindle) {
+  const auto feed_s = [](const std::string& spindle) {
+    const program::Path path =
+        siemens_path("G71 G90 T1 D1\n" + spindle + "\nG0 X0 Y0\nG95 G1 X60 F0.1\nM30\n");
+    return path.blocks.back().end_s - path.blocks.back().start_s;
+  };
+  for (const char* spindle :
+       {"S1000 M3", "S1=1000 M1=3", "M1=3 S1=1000", "S[1]=1000 M[1]=3", "R1=1\nS[R1]=1000 M[R1]=3",
+        "S0=1000 M0=4", "S=1000 M=3", "S2=1000 M2=3\nSETMS(2)", "SETMS(3)\nS3=1000 M3=3",
+        "S2=700 M2=4 S1000 M3", "SETMS(2)\nS2=1 M2=4\nSETMS\nS1=1000 M1=4"})
+    EXPECT_NEAR(feed_s(spindle), 36.0, 1e-9) << spindle;
+  const std::string moves = "\nG0 X0 Y0\nG95 G1 X60 F0.1\n";
+  for (const char* spindle : {"S2=1000 M2=3", "S1=1000 M2=3", "S2=1000 M1=3", "SETMS(2)\nS1=9 M1=3"})
+    EXPECT_NE(siemens_refusal("G71 G90 T1 D1\n" + std::string(spindle) + moves), "accepted")
+        << spindle << ": the master spindle stands";
+}
+
+TEST(Siemens, AnotherSpindleIsSaidOnce) {
+  const ReadProgram read = read_program(
+      "G71 G90 T1 D1 S500 M3\nS2=1000\nM2=3\nM2=5\nG0 X1\nM30\n", "part.mpf", siemens_options());
+  int said = 0;
+  for (const std::string& warning : read.warnings)
+    said += warning.find("part.mpf:2: S2=1000 is of spindle 2 and has no effect") == 0;
+  EXPECT_EQ(said, 1);
+}
+
+TEST(Siemens, ExtensionsOfOtherAddresses) {
+  EXPECT_EQ(siemens_path("G71 T1=1 D1\nH1=5 H[2]=7 G0 X4\n").blocks.back().end[1], 4.0);
+  EXPECT_NE(siemens_refusal("T2=1\n").find("one tool holder"), std::string::npos);
+  EXPECT_NE(siemens_refusal("D1=1\n").find("D without an extension"), std::string::npos);
+  EXPECT_NE(siemens_refusal("F2=100\n").find("the feed of the path"), std::string::npos);
+  EXPECT_NE(siemens_refusal("M1=30\n").find("M30 without an extension"), std::string::npos);
+  EXPECT_NE(siemens_refusal("M2=6\n").find("M3, M4 or M5 of another spindle"), std::string::npos);
+  EXPECT_NE(siemens_refusal("S[1.5]=6\n").find("a whole number"), std::string::npos);
+  EXPECT_NE(siemens_refusal("S1=5 S6\n").find("one speed"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace abbe::sim::dialects::siemens_tests

@@ -19,8 +19,13 @@ std::string made_again(const std::string& document) {
   const std::size_t begin = document.find(begin_mark), end = document.find(end_mark);
   if (begin == std::string::npos || end == std::string::npos) return "no marks";
   std::string tables;
-  for (const FrontEnd& one : front_ends())
-    tables += "### " + std::string(one.title) + "\n\n" + markdown_table(one.words()) + "\n";
+  const auto add = [&](std::string_view title, std::span<const WordUse> words) {
+    tables += "### " + std::string(title) + "\n\n" + markdown_table(words) + "\n";
+  };
+  for (const FrontEnd& one : front_ends()) {
+    add(one.title, one.words());
+    if (one.turning_words != nullptr) add(one.turning_title, one.turning_words());
+  }
   return document.substr(0, begin + begin_mark.size()) + tables + document.substr(end);
 }
 
@@ -34,15 +39,21 @@ TEST(WordTables, OfTheDocumentAreThoseOfTheFrontEnds) {
     EXPECT_EQ(document, again) << "ABBE_WRITE_WORDS=1 writes it";
 }
 
+void expect_every_word_once(std::string_view title, std::span<const WordUse> table) {
+  std::set<std::string> seen;
+  for (const WordUse& line : table) {
+    EXPECT_GT(line.sentence.size(), 3u) << line.word;
+    std::istringstream words{std::string(line.word)};
+    for (std::string word; words >> word;)
+      EXPECT_TRUE(seen.insert(word).second) << title << " has " << word << " twice";
+  }
+}
+
 TEST(WordTables, SayEveryWordOnceWithASentence) {
   for (const FrontEnd& one : front_ends()) {
-    std::set<std::string> seen;
-    for (const WordUse& line : one.words()) {
-      EXPECT_GT(line.sentence.size(), 3u) << line.word;
-      std::istringstream words{std::string(line.word)};
-      for (std::string word; words >> word;)
-        EXPECT_TRUE(seen.insert(word).second) << one.title << " has " << word << " twice";
-    }
+    expect_every_word_once(one.title, one.words());
+    if (one.turning_words != nullptr)
+      expect_every_word_once(one.turning_title, one.turning_words());
   }
 }
 

@@ -84,7 +84,7 @@ TEST(Nc, TipProgrammingIsRefusedWithoutItsMeans) {
 
 TEST(Nc, BlockDeleteCanBeSwitchedOff) {
   NcOptions options = test::options_for(test::gantry());
-  options.block_delete = false;
+  options.block_skip.reset();
   EXPECT_EQ(read_nc("/G0 X1\nG0 X2\n", "t", options).motion_blocks, 2);
   EXPECT_EQ(read("/G0 X1\nG0 X2\n").motion_blocks, 1);
 }

@@ -1,0 +1,232 @@
+// Axis words beside every word of every dialect's table that is no motion: they may move nothing,
+// or be refused. What is without effect changes no later move either. The words come from the
+// tables, so that new ones are tried as well.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cctype>
+#include <iostream>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "sim/dialects/front_ends.h"
+#include "sim/dialects/read_program.h"
+#include "tests/program/machines.h"
+
+namespace abbe::sim::dialects::axis_words_tests {
+namespace {
+
+namespace machines = program::test;
+
+/// A program of three parts: where the axes stand at F, the line that is tried, a move behind it.
+struct Frame {
+  Dialect dialect;
+  std::string before, after;
+  bool turning = false;
+};
+
+const Frame frames[] = {
+    {Dialect::LinuxCnc, "G21 G90 G17 G94\nG1 X1 Y2 Z3 F100\n", "X50 Y60 Z70\nM2\n"},
+    {Dialect::Fanuc, "O1\nG21 G90 G17 G94\nG1 X1. Y2. Z3. F100.\n", "X50. Y60. Z70.\nM30\n"},
+    {Dialect::Siemens, "G71 G90 G17 G94\nG1 X1 Y2 Z3 F100\n", "X50 Y60 Z70\nM30\n"},
+    {Dialect::Heidenhain, "BEGIN PGM A MM\nTOOL CALL 1 Z S100\nL X+1 Y+2 Z+3 R0 F100\n",
+     "L X+50 Y+60 Z+70\nEND PGM A MM\n"},
+    {Dialect::Cl, "UNITS/MM\nFEDRAT/100,MMPM\nGOTO/1,2,3\n", "GOTO/50,60,70\nFINI\n"},
+};
+
+/// Words that may stand behind one, of all kinds that codes own.
+const std::vector<std::string>& words_behind(const Frame& frame) {
+  static const std::vector<std::string> lathe = {"X7. Z9.", "X0. Z0.", "U7. W9.", "Z9.",
+                                                 "X7. Z9. R1. P1", "X7. I6. K4.", "P1 Q1 X7."};
+  if (frame.turning) return lathe;
+  static const std::vector<std::string> iso = {
+      "X7. Y8. Z9.",        "X0. Y0.",          "Z9.",
+      "A4. C5.",            "X7. Y8. Z9. A4.",  "X7. Y8. I6. J5. K4.",
+      "X7. Y8. R3.",        "X7. Y8. P2",       "X7. Y8. Q2.",
+      "X7. Y8. Z9. R1 P1 Q1", "P1 X7. Y8.",     "Q1 X0. Y0. Z0."};
+  static const std::vector<std::string> siemens = {
+      "X7 Y8 Z9",  "X0 Y0",      "Z9",          "A4 C5",           "X=7 Y=8 Z=9",
+      "X=AC(7)",   "(X,Y) X7",   "=5 X7 Y8 Z9", "[X]=5 X7 Y8 Z9",  "(1) X7 Y8",
+      "(\"A\") X7", "X7 Y8 I6 J5", "AP=30 RP=40", "(X) Y8 Z9"};
+  static const std::vector<std::string> klartext = {"X+7 Y+8 Z+9", "X+0 Y+0", "Z+9", "A+4 C+5",
+                                                    "IX+7",        "X+7 Y+8 F30"};
+  static const std::vector<std::string> cl = {"/7,8,9", "/X,7,Y,8,Z,9", "/7,8,9,0,0,1", "/ON,7,8,9"};
+  switch (frame.dialect) {
+    case Dialect::Siemens:
+      return siemens;
+    case Dialect::Heidenhain:
+      return klartext;
+    case Dialect::Cl:
+      return cl;
+    default:
+      return iso;
+  }
+}
+
+ReadOptions axis_options(const Frame& frame) {
+  ReadOptions options;
+  options.control =
+      machines::options_for(frame.turning ? machines::platform() : machines::gantry());
+  options.control.tool_radius = {{1, 3.0}, {2, 0.5}};
+  options.dialect = frame.dialect;
+  options.turning.control = frame.turning ? ControlKind::Turning : ControlKind::Milling;
+  options.limits.blocks = 10000;
+  return options;
+}
+
+/// Blocks of a program; none where it is refused.
+std::optional<program::Path> path_of(const std::string& text, const Frame& frame) {
+  try {
+    return read_program(text, "part.nc", axis_options(frame)).path;
+  } catch (const BadInput&) {
+    return std::nullopt;
+  }
+}
+
+bool same_moves(const program::Path& a, const program::Path& b) {
+  return a.motion_blocks == b.motion_blocks &&
+         std::ranges::equal(a.blocks, b.blocks, [](const auto& one, const auto& other) {
+           return one.end == other.end && one.interpolation == other.interpolation;
+         });
+}
+
+/// Moves at feed that stand on a line.
+int feeds_of(const program::Path& path, int line) {
+  return int(std::ranges::count_if(path.blocks, [&](const program::Block& block) {
+    return block.line == line && block.interpolation != program::Interpolation::Rapid &&
+           block.interpolation != program::Interpolation::Dwell;
+  }));
+}
+
+bool is_m_word(std::string_view word) {
+  return word.size() > 1 && word[0] == 'M' && std::isdigit((unsigned char)(word[1])) != 0;
+}
+
+/// Letters and digits that a line of the program can begin with, not a sign or an operator.
+bool can_begin_a_line(std::string_view word) {
+  return word.size() > 1 && std::isalpha((unsigned char)(word[0])) != 0 &&
+         word.find_first_of("[]()#$\"=,") == std::string_view::npos;
+}
+
+/// Words of tables hold their parts together by no-break spaces.
+std::string with_blanks(std::string text) {
+  for (std::size_t at; (at = text.find("\u00a0")) != std::string::npos;) text.replace(at, 2, " ");
+  return text;
+}
+
+struct Count {
+  int words = 0, lines = 0, refused = 0, still = 0, of_motion = 0;
+};
+
+/// The words of axes alone: of `P1 X7. Y8. Q2` X7. Y8., as the others are the tried word's own.
+std::string axis_words_of(const std::string& behind) {
+  const bool glued = std::string_view("([=").find(behind[0]) != std::string_view::npos;
+  std::istringstream words(glued ? behind.substr(std::min(behind.find(' '), behind.size())) : behind);
+  std::string axes;
+  for (std::string word; words >> word;)
+    if (std::string_view("XYZACU").find(word[0]) != std::string_view::npos) axes += word + " ";
+  return axes;
+}
+
+/// One line of a word without effect: refused, or without a move, or with the move that the line
+/// makes without the word; and no later move is another.
+void try_without_effect(const Frame& frame, const WordUse& use, const std::string& word,
+                        const std::string& behind, Count& count) {
+  const bool glued = behind[0] == '/' || behind[0] == '(' || behind[0] == '=' || behind[0] == '[';
+  const std::string line = word + (glued ? "" : " ") + behind + "\n";
+  SCOPED_TRACE(line);
+  ++count.lines;
+  const auto path = path_of(frame.before + line + frame.after, frame);
+  if (!path) {
+    ++count.refused;
+    return;
+  }
+  const auto still = path_of(frame.before + "\n" + frame.after, frame);
+  ASSERT_TRUE(still);
+  if (same_moves(*path, *still)) {
+    ++count.still;
+    return;
+  }
+  EXPECT_TRUE(use.beside_motion) << "moves, or changes a move behind it";
+  const std::string own = axis_words_of(behind);
+  const auto plain = path_of(frame.before + own + "\n" + frame.after, frame);
+  const auto all = path_of(frame.before + behind + "\n" + frame.after, frame);
+  EXPECT_TRUE((plain && same_moves(*path, *plain)) || (all && same_moves(*path, *all)))
+      << "the move is not that of the same line without it";
+  ++count.of_motion;
+}
+
+/// M functions of Klartext stand behind the words of L, and words behind them are their own.
+void try_klartext_function(const Frame& frame, const std::string& word, const std::string& behind,
+                           Count& count) {
+  const std::string line = "L X+11 Y+12 " + word + " " + behind + "\n";
+  SCOPED_TRACE(line);
+  ++count.lines;
+  const auto path = path_of(frame.before + line + frame.after, frame);
+  if (!path) {
+    ++count.refused;
+    return;
+  }
+  const auto plain = path_of(frame.before + "L X+11 Y+12\n" + frame.after, frame);
+  ASSERT_TRUE(plain);
+  EXPECT_TRUE(same_moves(*path, *plain)) << "words behind the function moved the axes";
+  EXPECT_EQ(path->blocks.back().end_s, plain->blocks.back().end_s) << "or changed the feed";
+  ++count.still;
+}
+
+/// A word that is read and is no motion: the words of its line make no move at feed.
+void try_read(const Frame& frame, const std::string& word, const std::string& behind,
+              Count& count) {
+  const std::string line = word + " " + behind + "\n";
+  SCOPED_TRACE(line);
+  ++count.lines;
+  const auto path = path_of(frame.before + line + frame.after, frame);
+  if (!path) {
+    ++count.refused;
+    return;
+  }
+  const int number = 1 + int(std::ranges::count(frame.before, '\n'));
+  EXPECT_EQ(feeds_of(*path, number), 0) << "a fall through to G1";
+  ++count.still;
+}
+
+TEST(AxisWords, BesideWordsThatAreNoMotionMoveNothing) {
+  for (const Frame& frame : frames) {
+    const auto front = std::ranges::find(front_ends(), frame.dialect, &FrontEnd::dialect);
+    ASSERT_NE(front, front_ends().end());
+    const std::string title(frame.turning ? front->turning_title : front->title);
+    ASSERT_TRUE(path_of(frame.before + "\n" + frame.after, frame)) << title;
+    Count count;
+    for (const WordUse& use : frame.turning ? front->turning_words() : front->words()) {
+      if (use.use == Use::Refused) continue;
+      each_word(use.word, [&](std::string_view one) {
+        const std::string word = with_blanks(std::string(one));
+        if (!can_begin_a_line(word)) return;
+        const bool without_effect = use.use == Use::WithoutEffect;
+        // a statement of cutter locations owns what stands behind it: no motion is in force
+        const bool has_modes = frame.dialect != Dialect::Cl;
+        if (!without_effect && (use.beside_motion || !has_modes)) return;
+        ++count.words;
+        for (const std::string& behind : words_behind(frame)) {
+          if (!without_effect)
+            try_read(frame, word, behind, count);
+          else
+            try_without_effect(frame, use, word, behind, count);
+          if (frame.dialect == Dialect::Heidenhain && is_m_word(word))
+            try_klartext_function(frame, word, behind, count);
+        }
+      });
+    }
+    std::cout << title << ": " << count.words << " words, " << count.lines << " lines: "
+              << count.refused << " refused, " << count.still << " without a move, "
+              << count.of_motion << " with that of the motion in force\n";
+    EXPECT_GT(count.words, 5) << title;
+    EXPECT_GT(count.still, 5) << title;
+  }
+}
+
+}  // namespace
+}  // namespace abbe::sim::dialects::axis_words_tests
