@@ -30,7 +30,7 @@ using Eigen::Vector3d;
 constexpr double cells_a_cutoff = 12.0;
 constexpr double reach_of_cutoff = 0.65;  // beyond it lie 0.25 % of the weight
 
-constexpr double most_spreads = 3.0;       // that the plane of the places about one is followed
+constexpr double max_spreads = 3.0;  // from the middle of the values to where their plane is read
 
 constexpr double least_area = 1e-12;  // mm^2, of a vertex between triangles without any
 
@@ -51,6 +51,8 @@ struct FilterCell {
   Vector3d middle = Vector3d::Zero(), normal = Vector3d::Zero();
   double residual = 0.0;  // mean
   double spread = 0.0;    // mm^2, variance of the places in one direction of the surface
+  double squares = 0.0;   // mm^4, sum of the squared areas
+  double low = std::numeric_limits<double>::infinity(), high = -low;  // residuals
 };
 
 /// Places sorted by cells of a size, and the cells.
@@ -116,6 +118,9 @@ Cells cells_of(const Design& design, const Surface& surface, double size) {
       cell.middle += one.area * one.point;
       cell.normal += one.area * one.normal;
       cell.residual += one.area * one.residual;
+      cell.squares += one.area * one.area;
+      cell.low = std::min(cell.low, one.residual);
+      cell.high = std::max(cell.high, one.residual);
     }
     cell.middle /= cell.area;
     cell.residual /= cell.area;
@@ -143,13 +148,14 @@ Blocks blocks_of(const std::vector<FilterCell>& cells, double size) {
 struct CellColumns {
   explicit CellColumns(const std::vector<FilterCell>& cells);
 
-  ArrayXd x, y, z, normal_x, normal_y, normal_z, area, residual, spread;
+  ArrayXd x, y, z, normal_x, normal_y, normal_z, area, residual, spread, squares, low, high;
   std::vector<int> first;
 };
 
 CellColumns::CellColumns(const std::vector<FilterCell>& cells) {
   const auto n = Index(cells.size());
-  for (ArrayXd* column : {&x, &y, &z, &normal_x, &normal_y, &normal_z, &area, &residual, &spread})
+  for (ArrayXd* column : {&x, &y, &z, &normal_x, &normal_y, &normal_z, &area, &residual, &spread,
+                          &squares, &low, &high})
     column->resize(n);
   first.resize(cells.size());
   for (Index i = 0; i < n; ++i) {
@@ -163,6 +169,9 @@ CellColumns::CellColumns(const std::vector<FilterCell>& cells) {
     area[i] = cell.area;
     residual[i] = cell.residual;
     spread[i] = cell.spread;
+    squares[i] = cell.squares;
+    low[i] = cell.low;
+    high[i] = cell.high;
     first[std::size_t(i)] = cell.first;
   }
 }
@@ -196,11 +205,13 @@ struct Reached {
     Y,
     Z,
     Area,
-    Residual
+    Residual,
+    Squares
   };  ///< residual: mm, above that of the cell they are reached from
 
-  Eigen::Array<double, Eigen::Dynamic, 5> cells;
+  Eigen::Array<double, Eigen::Dynamic, 6> cells;
   double spread = 0.0;     // mm^2, mean
+  double low = 0.0, high = 0.0;  // mm, of all values, above the reference
   double reference = 0.0;  // mm, the residual of the cell from which they are reached
 };
 
@@ -229,8 +240,9 @@ std::vector<int> near_and_alike(const CellColumns& around, const FilterCell& fro
 Reached reached(const CellColumns& around, const FilterCell& from, double width) {
   const std::vector<int> near = near_and_alike(around, from, width);
   const auto n = Index(near.size()), lanes = (n + lane - 1) / lane * lane;
-  Reached all{{}, 0.0, from.residual};
-  all.cells.resize(lanes, 5);
+  Reached all;
+  all.reference = from.residual;
+  all.cells.resize(lanes, 6);
   all.cells.bottomRows(lanes - n).setZero();
   const auto fill = [&](int column, const ArrayXd& values) {
     double* const to = all.cells.col(column).data();
@@ -241,25 +253,39 @@ Reached reached(const CellColumns& around, const FilterCell& from, double width)
   fill(Reached::Z, around.z);
   fill(Reached::Area, around.area);
   fill(Reached::Residual, around.residual);
+  fill(Reached::Squares, around.squares);
   all.cells.col(Reached::Residual).head(n) -= from.residual;
-  for (Index i = 0; i < n; ++i)
-    all.spread += all.cells(i, Reached::Area) * around.spread[near[std::size_t(i)]];
+  all.low = from.low - from.residual;
+  all.high = from.high - from.residual;
+  for (Index i = 0; i < n; ++i) {
+    const int c = near[std::size_t(i)];
+    all.spread += all.cells(i, Reached::Area) * around.spread[c];
+    all.low = std::min(all.low, around.low[c] - from.residual);
+    all.high = std::max(all.high, around.high[c] - from.residual);
+  }
   all.spread /= all.cells.col(Reached::Area).sum();
   return all;
 }
 
-/// Value at a place of the plane that fits the residual about it with Gaussian weights.
-double form_at(const Reached& reached, const Vector3d& point, const Vector3d& normal,
-               double two_variance) {
+/// Sums of the values about a point with Gaussian weights: of a plane over (u, v) across the normal.
+struct PlaneSums {
+  Matrix3d moments;    // of 1, u, v
+  Vector3d residuals;  // times 1, u, v
+  double squares;      // of the weights of the single values
+};
+
+PlaneSums plane_sums(const Reached& reached, const Vector3d& point, const Vector3d& normal,
+                     double two_variance) {
   const Vector3d first = normal.unitOrthogonal(), second = normal.cross(first);
-  Lane w = Lane::Zero(), wu = w, wv = w, wuu = w, wuv = w, wvv = w, wr = w, wur = w, wvr = w;
+  Lane w = Lane::Zero(), wu = w, wv = w, wuu = w, wuv = w, wvv = w, wr = w, wur = w, wvr = w,
+       ww = w;
   const auto& cells = reached.cells;
   for (Index at = 0; at < cells.rows(); at += lane) {
     const auto numbers = [&](int column) { return cells.col(column).segment<lane>(at); };
     const Lane dx = numbers(Reached::X) - point.x(), dy = numbers(Reached::Y) - point.y(),
                dz = numbers(Reached::Z) - point.z(), r = numbers(Reached::Residual);
-    const Lane weight =
-        numbers(Reached::Area) * (-(dx * dx + dy * dy + dz * dz) / two_variance).exp();
+    const Lane gaussian = (-(dx * dx + dy * dy + dz * dz) / two_variance).exp();
+    const Lane weight = numbers(Reached::Area) * gaussian;
     const Lane u = first.x() * dx + first.y() * dy + first.z() * dz;
     const Lane v = second.x() * dx + second.y() * dy + second.z() * dz;
     const Lane weight_u = weight * u, weight_v = weight * v;
@@ -272,30 +298,52 @@ double form_at(const Reached& reached, const Vector3d& point, const Vector3d& no
     wr += weight * r;
     wur += weight_u * r;
     wvr += weight_v * r;
+    ww += numbers(Reached::Squares) * gaussian * gaussian;
   }
-  Matrix3d normal_equations;
-  normal_equations << w.sum(), wu.sum(), wv.sum(),  //
-      wu.sum(), wuu.sum(), wuv.sum(),               //
+  PlaneSums sums;
+  sums.moments << w.sum(), wu.sum(), wv.sum(),  //
+      wu.sum(), wuu.sum(), wuv.sum(),           //
       wv.sum(), wuv.sum(), wvv.sum();
+  sums.residuals << wr.sum(), wur.sum(), wvr.sum();
+  sums.squares = ww.sum();
+  return sums;
+}
+
+/// Form at a point: of first order where enough values carry it, else of order zero.
+double form_at(const Reached& reached, const Vector3d& point, const Vector3d& normal,
+               double two_variance) {
+  PlaneSums sums = plane_sums(reached, point, normal, two_variance);
+  const double weight = sums.moments(0, 0), mean = sums.residuals[0] / weight;
+  // a few values fix no slope: a plane through three of them leaves their range by any factor
+  if (weight * weight < min_filter_values * sums.squares) return reached.reference + mean;
   // along a line of vertices only one slope is known: the other stays zero
-  const double little = 1e-6 * two_variance * normal_equations(0, 0);
-  normal_equations(1, 1) += little;
-  normal_equations(2, 2) += little;
-  const Vector3d right(wr.sum(), wur.sum(), wvr.sum());
-  const Eigen::LDLT<Matrix3d> factors(normal_equations);
-  const double fitted = factors.solve(right)[0];
-  // at a rim the place lies 1.3 spreads from the middle of what is about it, in a corner 1.9; where
-  // places are few it may lie anywhere, and their slope is not followed that far
-  const double spreads2 = normal_equations(0, 0) * factors.solve(Vector3d::UnitX())[0] - 1.0;
-  if (spreads2 <= most_spreads * most_spreads) return reached.reference + fitted;
-  const double mean = right[0] / normal_equations(0, 0);
-  return reached.reference + mean + most_spreads / std::sqrt(spreads2) * (fitted - mean);
+  const double little = 1e-6 * two_variance * weight;
+  sums.moments(1, 1) += little;
+  sums.moments(2, 2) += little;
+  const Eigen::LDLT<Matrix3d> factors(sums.moments);
+  const double fitted = factors.solve(sums.residuals)[0];
+  // at a rim the point lies 1.3 spreads from the middle of the values, in a corner 1.9; beyond 3 it
+  // lies outside them and their slope would be continued there
+  const double spreads2 = weight * factors.solve(Vector3d::UnitX())[0] - 1.0;
+  if (spreads2 > max_spreads * max_spreads) return reached.reference + mean;
+  // at a rim the plane has negative weights as well, and bent values may leave it beyond them all:
+  // there the slope is followed as far as the values go, so that form does not jump
+  return reached.reference + std::clamp(fitted, reached.low, reached.high);
 }
 
 }  // namespace
 
 double gaussian_variance(double cutoff) {
   return cutoff * cutoff * std::numbers::ln2 / (2.0 * std::numbers::pi * std::numbers::pi);
+}
+
+double filter_values(double cutoff, double density) {
+  return 4.0 * std::numbers::pi * gaussian_variance(cutoff) * density;
+}
+
+bool resolves_form(const Design& design, double cutoff) {
+  return filter_values(cutoff, double(design.triangles.rows()) / design.area.sum()) >=
+         min_filter_values;
 }
 
 Eigen::VectorXd gaussian_form(const Design& design, const Surface& surface, double cutoff) {

@@ -157,7 +157,11 @@ class ObjMarks {
 }  // namespace
 
 Soup read_obj(const MeshSource& source, const WantedMarks& wanted) {
-  static constexpr std::array ignored = {"vt", "vn", "g", "o", "s", "usemtl", "mtllib", "l", "p"};
+  // texture, groups, display and smoothing; free-form geometry is not among them
+  static constexpr std::array ignored = {"vt",       "vn",  "vp",         "g",        "o",
+                                         "s",        "mg",  "usemtl",     "mtllib",   "usemap",
+                                         "maplib",   "l",   "p",          "bevel",    "c_interp",
+                                         "d_interp", "lod", "shadow_obj", "trace_obj"};
   Words words(source, '#');
   Soup soup;
   ObjMarks marks(source, wanted);

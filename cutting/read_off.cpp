@@ -57,9 +57,17 @@ std::optional<FaceColour> off_colour(Words& words) {
 Soup read_off(const MeshSource& source, const WantedMarks& wanted) {
   Words words(source, '#');
   const Word magic = words.next();
-  const bool of_vertices = magic.text == "COFF";
-  if (magic.text != "OFF" && !of_vertices)
-    words.refuse("'OFF' or 'COFF' (plain text, points without normals)", magic);
+  // ST texture, C colours, N normals of the vertices, behind their places
+  std::string_view kind = magic.text;
+  const auto has = [&](std::string_view what) {
+    const bool is = kind.starts_with(what) && kind != "OFF";
+    if (is) kind.remove_prefix(what.size());
+    return is;
+  };
+  const bool texture = has("ST"), of_vertices = has("C"), normals = has("N");
+  if (kind != "OFF") words.refuse("'OFF', with ST, C and N before it or not", magic);
+  if (texture && of_vertices && wanted.colours)
+    words.refuse("'COFF' or 'CNOFF', colours that no texture follows", magic);
   // every vertex and face takes at least six bytes, so the counts are bounded by the file
   const auto most = static_cast<std::int64_t>(words.bytes_left() / 6);
   const std::int64_t vertices =
@@ -73,8 +81,9 @@ Soup read_off(const MeshSource& source, const WantedMarks& wanted) {
   std::vector<std::optional<FaceColour>> colours;  // of the vertices
   for (std::int64_t i = 0; i < vertices; ++i) {
     soup.points.push_back(words.point());
-    if (of_vertices && wanted.colours) colours.push_back(off_colour(words));
-    if (of_vertices) words.skip_line();
+    for (int k = 0; normals && k < 3; ++k) words.next_in_line();
+    if (of_vertices && wanted.colours && !texture) colours.push_back(off_colour(words));
+    if (of_vertices || normals || texture) words.skip_line();
   }
   for (std::int64_t i = 0; i < faces; ++i) {
     const Word word = words.next();

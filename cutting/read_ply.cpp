@@ -42,10 +42,13 @@ struct PlyProperty {
     if (found == names.end() || list_count) return std::nullopt;
     return std::size_t(found - names.begin());
   }
+  /// Numbers of the vertices of a face.
+  bool is_corners() const { return name == "vertex_indices" || name == "vertex_index"; }
   bool is_group() const { return !list_count && type.kind != 'f' && !channel() && name != "alpha"; }
 };
 
 struct PlyElement {
+  std::string name;
   std::int64_t count = 0;
   std::vector<PlyProperty> properties;
   int line = 0;
@@ -58,8 +61,9 @@ struct PlyElement {
 
 struct PlyHeader {
   PlyForm form = PlyForm::Ascii;
-  PlyElement vertex, face;
-  std::size_t end = 0;  ///< offset of the data
+  std::vector<PlyElement> elements;  ///< as their data follow one another
+  std::size_t vertex = 0, face = 0;  ///< indices of two of them
+  std::size_t end = 0;               ///< offset of the data
   int lines = 0;
 };
 
@@ -98,27 +102,31 @@ PlyForm ply_form(Words& words) {
   words.refuse("'ascii', 'binary_little_endian' or 'binary_big_endian'", form);
 }
 
-void check_properties(const MeshSource& source, const PlyHeader& header) {
+std::size_t index_of(const MeshSource& source, const PlyHeader& header, std::string_view name) {
+  const auto found = std::ranges::find(header.elements, name, &PlyElement::name);
+  if (found == header.elements.end())
+    source.refuse(fmt::format("element '{}'", name), "none", header.lines, 1);
+  return std::size_t(found - header.elements.begin());
+}
+
+/// Places and corners are there once; whatever else there is is passed over.
+void check_properties(const MeshSource& source, const PlyElement& vertex, const PlyElement& face) {
   for (const std::string name : {"x", "y", "z"}) {
-    const auto& all = header.vertex.properties;
-    if (std::count_if(all.begin(), all.end(), [&](const auto& p) { return p.name == name; }) != 1)
-      source.refuse("vertices with one property " + name, "another number of them",
-                    header.vertex.line, 1);
+    const auto& all = vertex.properties;
+    if (std::count_if(all.begin(), all.end(),
+                      [&](const auto& p) { return p.name == name && !p.list_count; }) != 1)
+      source.refuse("vertices with one property " + name, "another number of them", vertex.line, 1);
   }
-  for (const PlyProperty& p : header.vertex.properties)
-    if (p.list_count)
-      source.refuse("no lists at vertices", in_quotes(p.name), header.vertex.line, 1);
   int lists = 0;
-  for (const PlyProperty& p : header.face.properties) {
-    const bool corners = p.name == "vertex_indices" || p.name == "vertex_index";
-    if (corners != p.list_count.has_value() || (corners && p.type.kind == 'f'))
-      source.refuse("faces with one list of integers, vertex_indices", in_quotes(p.name),
-                    header.face.line, 1);
-    lists += corners;
+  for (const PlyProperty& p : face.properties) {
+    if (!p.is_corners()) continue;
+    if (!p.list_count || p.type.kind == 'f')
+      source.refuse("faces with one list of integers, vertex_indices", in_quotes(p.name), face.line,
+                    1);
+    ++lists;
   }
   if (lists != 1)
-    source.refuse("faces with one list vertex_indices", fmt::format("{}", lists), header.face.line,
-                  1);
+    source.refuse("faces with one list vertex_indices", fmt::format("{}", lists), face.line, 1);
 }
 
 /// Refuses half a colour.
@@ -149,11 +157,15 @@ PlyHeader ply_header(const MeshSource& source) {
     if (word.text == "end_header") break;
     if (word.text == "element") {
       const Word name = words.next_in_line();
-      if (name.text != "vertex" && name.text != "face")
-        words.refuse("element 'vertex' or 'face'", name);
-      element = name.text == "vertex" ? &header.vertex : &header.face;
-      const bool early = name.text == "face" && header.vertex.line == 0;
-      if (element->line != 0 || early) words.refuse("element vertex, then face, once each", name);
+      const bool again =
+          std::ranges::find(header.elements, name.text, &PlyElement::name) != header.elements.end();
+      const bool early =
+          name.text == "face" && std::ranges::find(header.elements, std::string_view("vertex"),
+                                                   &PlyElement::name) == header.elements.end();
+      if (name.text.empty() || again || early)
+        words.refuse("element vertex, then face, once each", name);
+      element = &header.elements.emplace_back();
+      element->name = std::string(name.text);
       element->line = word.line;
       const Word count = words.next_in_line();
       element->count = words.integer(count, 0, static_cast<std::int64_t>(source.bytes.size()),
@@ -169,8 +181,11 @@ PlyHeader ply_header(const MeshSource& source) {
   words.skip_line();
   header.end = std::min(words.offset() + 1, source.bytes.size());
   header.lines = words.line();
-  check_properties(source, header);
-  source.check_triangles(header.face.count);
+  header.vertex = index_of(source, header, "vertex");
+  header.face = index_of(source, header, "face");
+  const PlyElement& face = header.elements[header.face];
+  check_properties(source, header.elements[header.vertex], face);
+  source.check_triangles(face.count);
   return header;
 }
 
@@ -185,9 +200,7 @@ class PlyValues {
 
   double next(const PlyType& type) {
     if (form_ == PlyForm::Ascii) return words_.number(word_ = words_.next());
-    if (source_.bytes.size() - at_ < type.size)
-      source_.refuse("data for all elements of the header",
-                     fmt::format("the end of the file at byte {}", source_.bytes.size()));
+    require(type.size);
     std::array<unsigned char, 8> raw{};
     std::memcpy(raw.data(), source_.bytes.data() + at_, type.size);
     at_ += type.size;
@@ -195,6 +208,23 @@ class PlyValues {
     if ((form_ == PlyForm::Little) != host_is_little)
       std::reverse(raw.begin(), raw.begin() + static_cast<std::ptrdiff_t>(type.size));
     return value_of(raw, type);
+  }
+  /// Passes over what nobody needs, whatever its value is.
+  void skip(const PlyProperty& p) {
+    double count = 1.0;
+    if (p.list_count) {
+      count = next(*p.list_count);
+      if (!(count >= 0.0) || count != std::floor(count))
+        refuse("the length of a list", fmt::format("{}", count));
+    }
+    if (form_ != PlyForm::Ascii) {
+      if (count > double(source_.bytes.size())) require(source_.bytes.size());
+      require(std::size_t(count) * p.type.size);
+      at_ += std::size_t(count) * p.type.size;
+      return;
+    }
+    for (; count > 0.0; --count)
+      if ((word_ = words_.next()).text.empty()) words_.refuse("data for all elements", word_);
   }
   bool at_end() { return form_ == PlyForm::Ascii ? words_.at_end() : at_ == source_.bytes.size(); }
 
@@ -206,6 +236,11 @@ class PlyValues {
   int line() const { return word_.line; }
 
  private:
+  void require(std::size_t bytes) const {
+    if (source_.bytes.size() - at_ < bytes)
+      source_.refuse("data for all elements of the header",
+                     fmt::format("the end of the file at byte {}", source_.bytes.size()));
+  }
   template <class T>
   static double as(const std::array<unsigned char, 8>& raw) {
     T value;
@@ -253,13 +288,20 @@ class PlyReader {
         values_(source, header_),
         marker_(source) {
     if (!wanted_.colours) return;
-    check_colour(source, header_.face);
-    if (!header_.face.has_colour()) check_colour(source, header_.vertex);
+    check_colour(source, face_);
+    if (!face_.has_colour()) check_colour(source, vertex_);
   }
 
   Soup read() {
-    for (std::int64_t i = 0; i < header_.vertex.count; ++i) add_vertex();
-    for (std::int64_t i = 0; i < header_.face.count; ++i) add_face();
+    for (const PlyElement& element : header_.elements)
+      for (std::int64_t i = 0; i < element.count; ++i) {
+        if (&element == &vertex_)
+          add_vertex();
+        else if (&element == &face_)
+          add_face();
+        else
+          for (const PlyProperty& p : element.properties) values_.skip(p);
+      }
     if (!values_.at_end())
       values_.refuse("the end of the file after the elements of its header", "more");
     soup_.marks = marker_.marks();
@@ -268,15 +310,19 @@ class PlyReader {
 
  private:
   void add_vertex() {
-    const bool wants_colour =
-        wanted_.colours && !header_.face.has_colour() && header_.vertex.has_colour();
+    const bool wants_colour = wanted_.colours && !face_.has_colour() && vertex_.has_colour();
     Vector3d point = Vector3d::Zero();
     PlyColour colour;
-    for (const PlyProperty& p : header_.vertex.properties) {
-      const double value = values_.next(p.type);
-      if (wants_colour && p.channel()) colour.take(values_, p, value);
+    for (const PlyProperty& p : vertex_.properties) {
       const std::size_t axis = p.name.size() == 1 ? std::string_view("xyz").find(p.name) : 3;
-      if (axis > 2) continue;  // a quality that is nan is no fault of the mesh
+      const bool is_colour = wants_colour && p.channel();
+      if (p.list_count || (axis > 2 && !is_colour)) {
+        values_.skip(p);
+        continue;
+      }
+      const double value = values_.next(p.type);
+      if (is_colour) colour.take(values_, p, value);
+      if (axis > 2) continue;
       if (!std::isfinite(value)) values_.refuse("finite numbers", fmt::format("{}", value));
       point[Eigen::Index(axis)] = value;
     }
@@ -288,15 +334,20 @@ class PlyReader {
     Polygon face;
     PlyColour colour;
     FaceMark mark;
-    const auto& properties = header_.face.properties;
+    const auto& properties = face_.properties;
     for (std::size_t k = 0; k < properties.size(); ++k) {
       const PlyProperty& p = properties[k];
-      if (p.list_count) {
+      if (p.is_corners()) {
         face.corners = corners(p);
         continue;
       }
+      const bool is_colour = wanted_.colours && p.channel();
+      if (!is_colour && !(wanted_.groups && p.is_group())) {
+        values_.skip(p);
+        continue;
+      }
       const double value = values_.next(p.type);
-      if (wanted_.colours && p.channel()) colour.take(values_, p, value);
+      if (is_colour) colour.take(values_, p, value);
       if (wanted_.groups && p.is_group()) mark.names.push_back(group(k, value));
     }
     if (header_.form == PlyForm::Ascii) face.line = values_.line();
@@ -314,8 +365,8 @@ class PlyReader {
     std::vector<int> corners(static_cast<std::size_t>(count));
     for (int& corner : corners) {
       const double i = values_.next(p.type);
-      if (!(i >= 0.0 && i < double(header_.vertex.count)) || i != std::floor(i))
-        values_.refuse(fmt::format("number of a vertex (0 .. {})", header_.vertex.count - 1),
+      if (!(i >= 0.0 && i < double(vertex_.count)) || i != std::floor(i))
+        values_.refuse(fmt::format("number of a vertex (0 .. {})", vertex_.count - 1),
                        fmt::format("{}", i));
       corner = static_cast<int>(i);
     }
@@ -325,7 +376,7 @@ class PlyReader {
   /// The set of names of a value of a property.
   int group(std::size_t property, double value) {
     const auto [place, is_new] = groups_.emplace(std::pair(property, value), -1);
-    const std::string& name = header_.face.properties[property].name;
+    const std::string& name = face_.properties[property].name;
     if (is_new) place->second = marker_.set_of({fmt::format("{} {}", name, value)});
     return place->second;
   }
@@ -333,6 +384,8 @@ class PlyReader {
   const MeshSource& source_;
   WantedMarks wanted_;
   PlyHeader header_;
+  const PlyElement &vertex_ = header_.elements[header_.vertex],
+                   &face_ = header_.elements[header_.face];
   PlyValues values_;
   FaceMarker marker_;
   Soup soup_;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstring>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -78,7 +79,8 @@ Soup read_binary_stl(const MeshSource& source, const WantedMarks& wanted) {
   for (std::size_t t = 0; t < count; ++t) {
     std::array<float, 12> values;
     std::memcpy(values.data(), source.bytes.data() + stl_header + stl_facet * t, sizeof values);
-    for (const float v : values)
+    // the normal, which comes first, is not needed: exporters write nan there
+    for (const float v : std::span(values).subspan(3))
       if (!std::isfinite(v))
         source.refuse("finite numbers", fmt::format("{} in facet {} (counted from 1)", v, t + 1));
     const auto corner = [&](int k) {
@@ -99,7 +101,7 @@ Soup read_binary_stl(const MeshSource& source, const WantedMarks& wanted) {
 /// The rest of a facet after its first word.
 std::array<Vector3d, 3> ascii_facet(Words& words) {
   words.expect("normal");
-  words.point();
+  for (int k = 0; k < 3; ++k) words.next();
   words.expect("outer");
   words.expect("loop");
   std::array<Vector3d, 3> corners;

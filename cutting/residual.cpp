@@ -24,20 +24,22 @@ void check_sizes(const Surface& surface, std::size_t n) {
   if (!equal) throw std::invalid_argument("residual map: arrays of different sizes");
 }
 
-/// A residual and the area that has it.
+/// A residual, the area that has it, and where it is.
 struct Weighted {
   double residual, area;
+  int vertex = -1, triangle = -1;
 };
 
 /// What is cut: vertices, then places within triangles.
 std::vector<Weighted> weighted(const Surface& surface, const Weights& weights) {
-  std::vector<Weighted> all;
+  std::vector<Weighted> values;
   for (std::size_t i = 0; i < surface.status.size(); ++i)
     if (surface.status[i] == VertexStatus::Cut)
-      all.push_back({surface.residual[Eigen::Index(i)], weights.vertex[Eigen::Index(i)]});
+      values.push_back({surface.residual[Eigen::Index(i)], weights.vertex[Eigen::Index(i)], int(i)});
   for (Eigen::Index t = 0; t < weights.within.size(); ++t)
-    if (weights.within[t] > 0.0) all.push_back({surface.within[t], weights.within[t]});
-  return all;
+    if (weights.within[t] > 0.0)
+      values.push_back({surface.within[t], weights.within[t], -1, int(t)});
+  return values;
 }
 
 /// Mean of a function of the residual by area, which is `area`.
@@ -207,41 +209,57 @@ Weights weights(const Surface& surface, const Design& design) {
   return w;
 }
 
-Statistics statistics(const Surface& surface, const Design& design,
-                      const ToleranceBands& tolerance) {
-  const auto n = static_cast<std::size_t>(design.vertices.rows());
-  const Weights weights = cutting::weights(surface, design);
-  if (tolerance.rows() != 0 && static_cast<std::size_t>(tolerance.rows()) != n)
-    throw std::invalid_argument("statistics: one band of tolerance a vertex is needed");
+namespace {
 
+/// The vertices of a map, counted by what they are.
+Statistics counted(const Surface& surface) {
   Statistics s;
-  s.vertices = static_cast<int>(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    if (surface.status[i] == VertexStatus::Uncut) ++s.uncut_vertices;
-    if (surface.status[i] == VertexStatus::Outside) ++s.outside_vertices;
-    const auto v = static_cast<Eigen::Index>(i);
-    if (surface.status[i] == VertexStatus::Gouged) ++s.gouged_vertices;
-    if (surface.status[i] != VertexStatus::Cut) continue;
-    const double r = surface.residual[v];
-    if (!std::isfinite(r))
-      throw std::invalid_argument("statistics: a cut vertex without a residual");
-    ++s.cut_vertices;
-    if (!s.lowest || r < s.lowest->value) s.lowest = VertexValue{int(i), r};
-    if (!s.highest || r > s.highest->value) s.highest = VertexValue{int(i), r};
-  }
+  s.vertices = static_cast<int>(surface.status.size());
+  const auto count = [&](VertexStatus status) {
+    return static_cast<int>(std::count(surface.status.begin(), surface.status.end(), status));
+  };
+  s.cut_vertices = count(VertexStatus::Cut);
+  s.uncut_vertices = count(VertexStatus::Uncut);
+  s.outside_vertices = count(VertexStatus::Outside);
+  s.gouged_vertices = count(VertexStatus::Gouged);
   for (const Gouge& gouge : surface.gouges)
     if (!s.deepest || gouge.depth > s.deepest->depth) s.deepest = gouge;
+  return s;
+}
+
+}  // namespace
+
+Surface at_vertices(Surface surface) {
+  surface.looked_within = Surface::Within::None;
+  surface.within.resize(0);
+  return surface;
+}
+
+Statistics statistics(const Surface& surface, const Design& design,
+                      const ToleranceBands& tolerance) {
+  const Weights weights = cutting::weights(surface, design);
+  const auto n = static_cast<std::size_t>(design.vertices.rows());
+  if (tolerance.rows() != 0 && static_cast<std::size_t>(tolerance.rows()) != n)
+    throw std::invalid_argument("statistics: one band of tolerance a vertex is needed");
+  Statistics s = counted(surface);
+  const std::vector<Weighted> cut = weighted(surface, weights);
+  for (const Weighted& one : cut) {
+    if (!std::isfinite(one.residual))
+      throw std::invalid_argument("statistics: a cut vertex without a residual");
+    const SampleValue value{one.vertex, one.triangle, one.residual};
+    if (!s.lowest || value.value < s.lowest->value) s.lowest = value;
+    if (!s.highest || value.value > s.highest->value) s.highest = value;
+  }
   if (tolerance.rows() > 0) s.conformance = conformance(surface, design, weights, tolerance);
-  if (s.cut_vertices == 0) return s;
+  if (cut.empty()) return s;
 
   s.min = s.lowest->value;
   s.max = s.highest->value;
   s.pv = *s.max - *s.min;
-  const std::vector<Weighted> cut = weighted(surface, weights);
   s.p95_abs = quantile(cut, 0.95);
-  Sum all;
-  for (const Weighted& one : cut) all.add(one.area);
-  const double area = all.value();
+  Sum sum;
+  for (const Weighted& one : cut) sum.add(one.area);
+  const double area = sum.value();
   if (!(area > 0.0)) return s;
   s.mean = mean_of(cut, area, [](double r) { return r; });
   s.rms = std::sqrt(mean_of(cut, area, [](double r) { return r * r; }));

@@ -28,9 +28,10 @@ struct Conformance {
   bool passes() const { return out_of_tolerance == 0 && uncut_vertices == 0; }
 };
 
-/// A vertex and what it has, mm.
-struct VertexValue {
-  int vertex = 0;
+/// A sampled residual of a map, mm: at a vertex, or (vertex -1) within a triangle.
+struct SampleValue {
+  int vertex = -1;
+  int triangle = -1;
   double value = 0.0;
 };
 
@@ -65,8 +66,8 @@ double at_place_within(Surface::Within within, const Eigen::VectorXd& values,
 /// What a residual map comes to. Vertices that are uncut, gouged beyond the band or outside the
 /// judged region are left out of every number and counted; only the shares in and out of tolerance
 /// know them. A number for which no vertex is left (or no area, for the weighted ones) is empty.
-/// Places within triangles, where the map has them, count by their `weights` in all that is
-/// weighted by area; extremes and counts are those of vertices.
+/// All of them are of the same samples: vertices and, where the map has them, the places within
+/// triangles; counts are those of vertices.
 /// Sums are compensated and run in the order of the vertices, so they give the same bits always;
 /// the rounding of a sum is below 4e-16 of the sum of magnitudes.
 struct Statistics {
@@ -78,7 +79,8 @@ struct Statistics {
   std::optional<double> max;      ///< mm
   std::optional<double> p95_abs;  ///< mm, least magnitude of a place such that those of at most it
                                   ///< are 95 % of the cut area
-  std::optional<VertexValue> lowest, highest;  ///< where min and max are, of equal ones the first
+  std::optional<SampleValue> lowest, highest;  ///< where min and max are, of equal ones the first,
+                                               ///< vertices before places within triangles
   std::optional<Conformance> conformance;      ///< empty if no tolerance was given
   int vertices = 0;
   int cut_vertices = 0;
@@ -91,6 +93,9 @@ struct Statistics {
 /// @throws std::invalid_argument if sizes differ, or a vertex called cut has no finite residual
 Statistics statistics(const Surface& surface, const Design& design,
                       const ToleranceBands& tolerance = {});
+
+/// The map at its vertices alone.
+Surface at_vertices(Surface surface);
 
 /// What a vertex is in a difference of two maps: outside if it is outside in either, else gouged,
 /// else uncut, else cut.

@@ -1,9 +1,12 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <functional>
 #include <iostream>
+#include <limits>
 #include <map>
 #include <numeric>
 #include <random>
@@ -302,6 +305,102 @@ TEST(ReadMesh, LimitsOfSizeAreHeldBeforeReading) {
   options = {};
   options.max_bytes = 10;
   EXPECT_NE(refusal(corpus / "good.off", options).find("at most 10 bytes"), std::string::npos);
+}
+
+TEST(ReadMesh, DataThatIsNotNeededIsPassedOver) {
+  // a cube of 10 mm
+  const std::array<std::array<int, 3>, 8> at = {{{0, 0, 0},
+                                                 {10, 0, 0},
+                                                 {10, 10, 0},
+                                                 {0, 10, 0},
+                                                 {0, 0, 10},
+                                                 {10, 0, 10},
+                                                 {10, 10, 10},
+                                                 {0, 10, 10}}};
+  const std::array<std::array<int, 3>, 12> faces = {{{0, 2, 1},
+                                                     {0, 3, 2},
+                                                     {4, 5, 6},
+                                                     {4, 6, 7},
+                                                     {0, 1, 5},
+                                                     {0, 5, 4},
+                                                     {1, 2, 6},
+                                                     {1, 6, 5},
+                                                     {2, 3, 7},
+                                                     {2, 7, 6},
+                                                     {3, 0, 4},
+                                                     {3, 4, 7}}};
+  std::string header =
+      "ply\nformat FORMAT 1.0\nelement material 2\nproperty list uchar uchar name\n"
+      "property float shininess\nelement vertex 8\nproperty float x\nproperty float y\n"
+      "property list uchar double uv\nproperty float quality\nproperty float z\n"
+      "element face 12\nproperty uchar material_index\nproperty list ushort uint vertex_indices\n"
+      "property list uchar float texcoord\nelement edge 1\nproperty int vertex1\n"
+      "property list int int path\nend_header\n";
+  std::string ascii = "3 1 2 3 0.5\n0 nan\n", little = ascii;
+  little.clear();
+  const auto put = [&](auto value) {
+    little.append(reinterpret_cast<const char*>(&value), sizeof value);
+  };
+  for (const int c : {3, 1, 2, 3}) put(std::uint8_t(c));
+  put(0.5f);
+  put(std::uint8_t(0));
+  put(std::numeric_limits<float>::quiet_NaN());
+  for (const auto& p : at) {
+    ascii += fmt::format("{} {} 2 0.5 inf nan {}\n", p[0], p[1], p[2]);
+    put(float(p[0]));
+    put(float(p[1]));
+    put(std::uint8_t(2));
+    put(0.5);
+    put(1.0);
+    put(std::numeric_limits<float>::quiet_NaN());
+    put(float(p[2]));
+  }
+  for (const auto& f : faces) {
+    ascii += fmt::format("7 3 {} {} {} 6 0 0 nan 0 0 1\n", f[0], f[1], f[2]);
+    put(std::uint8_t(7));
+    put(std::uint16_t(3));
+    for (const int corner : f) put(std::uint32_t(corner));
+    put(std::uint8_t(6));
+    for (int k = 0; k < 6; ++k) put(0.0f);
+  }
+  ascii += "0 2 5 6\n";
+  for (const int c : {0, 2, 5, 6}) put(std::int32_t(c));
+  const auto with = [&](const std::string& form) {
+    std::string text = header;
+    return text.replace(text.find("FORMAT"), 6, form);
+  };
+  std::string obj = "mg 1 0.5\nbevel on\nlod 3\nvp 0.1 0.2\nvt 0 0 0\nvn nan 0 1\n";
+  std::string off = "STCNOFF\n8 12 0\n", stl = "solid cube\n";
+  for (const auto& p : at) {
+    obj += fmt::format("v {} {} {} 0.5 0.5 0.5\n", p[0], p[1], p[2]);
+    off += fmt::format("{} {} {} 0 0 nan 1 0 0 1 0.5 0.5\n", p[0], p[1], p[2]);
+  }
+  for (const auto& f : faces) {
+    obj += fmt::format("g a b\ns 1\nusemtl none\nf {0}/1/1 {1}/1/1 {2}/1/1\n", f[0] + 1, f[1] + 1,
+                       f[2] + 1);
+    off += fmt::format("3 {} {} {} 4 5\n", f[0], f[1], f[2]);
+    stl += "facet normal nan -nan(ind) nan\nouter loop\n";
+    for (const int corner : f) {
+      const auto& p = at[std::size_t(corner)];
+      stl += fmt::format("vertex {} {} {}\n", p[0], p[1], p[2]);
+    }
+    stl += "endloop\nendfacet\n";
+  }
+  for (const auto& [name, bytes] : std::map<std::string, std::string>{
+           {"more_ascii.ply", with("ascii") + ascii},
+           {"more_little.ply", with("binary_little_endian") + little},
+           {"more.obj", obj},
+           {"more.off", off},
+           {"more.stl", stl + "endsolid cube\n"}}) {
+    SCOPED_TRACE(name);
+    const fs::path file = written(name, bytes);
+    ASSERT_EQ(refusal(file), "accepted");
+    EXPECT_NEAR(read_mesh(file).area.sum(), 600.0, 1e-9);
+  }
+  std::string short_list = with("binary_little_endian") + little;
+  short_list.resize(short_list.size() - 4);
+  EXPECT_NE(refusal(written("short.ply", short_list)).find("data for all elements"),
+            std::string::npos);
 }
 
 TEST(ReadMesh, WhatIsNoMeshFileIsRefused) {
