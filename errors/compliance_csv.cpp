@@ -6,6 +6,7 @@
 
 #include "errors/compliance_field.h"
 #include "kinematics/bad_input.h"
+#include "kinematics/encoding.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 
@@ -34,7 +35,9 @@ constexpr std::array columns{Column{"x_mm", 0},
 /// A line at a time, with its number for refusals.
 class Reader {
  public:
-  Reader(std::string_view text, const std::string& file) : lines_(text), file_(file) {}
+  Reader(std::string_view text, const std::string& file) : lines_(text), file_(file) {
+    check_encoding(text, file);
+  }
 
   [[noreturn]] void refuse(int column, const std::string& expected, const std::string& seen) const {
     throw BadInput(file_, lines_.number(), column, expected, seen);

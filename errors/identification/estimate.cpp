@@ -10,6 +10,7 @@
 #include "errors/bound_element.h"
 #include "errors/identification/design.h"
 #include "errors/identification/factor.h"
+#include "errors/metrology/reading_diagnostics.h"
 
 namespace abbe::errors::identification {
 namespace {
@@ -160,6 +161,7 @@ void set_out_from(Problem& problem, const Fit& first) {
 
 struct Quality {
   int degrees_of_freedom = 0;
+  double chi_square = 0.0;
   double reduced_chi_square = 0.0;
 };
 
@@ -168,7 +170,89 @@ Quality quality(const Problem& problem, const Fit& fit, const std::vector<char>&
   const double chi_square = fit.misfit(rows).squaredNorm() +
                             (problem.design.prior * (problem.start - fit.x)).squaredNorm();
   const int freedom = fit.factor.rows - int(fit.factor.found.size());
-  return {freedom, freedom > 0 ? chi_square / freedom : 0.0};
+  return {freedom, chi_square, freedom > 0 ? chi_square / freedom : 0.0};
+}
+
+std::vector<FitQuality> quality_of_each(const Problem& problem, const Fit& fit,
+                                        const std::vector<char>& is_out) {
+  const std::vector<Index> rows = used_rows(is_out);
+  const VectorXd share = leverage(fit.factor, problem.design.A(rows, Eigen::all));
+  std::vector<FitQuality> result(problem.readings.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    FitQuality& one = result[std::size_t(problem.design.rows[std::size_t(rows[i])].readings)];
+    one.chi_square += fit.misfit[rows[i]] * fit.misfit[rows[i]];
+    one.degrees_of_freedom += 1.0 - share[Index(i)];
+  }
+  return result;
+}
+
+// ---- mistakes that readings may have been written down with
+
+/// Rows of channels whose readings do not change on the nominal machine, by channel.
+std::vector<std::vector<Index>> steady_channels(const Problem& problem, int readings,
+                                                const VectorXd& nominal) {
+  constexpr double same = 1e-9;  // mm or rad
+  const Readings& of = problem.readings[std::size_t(readings)];
+  std::vector<Index> row_at(of.plan.looks.size(), -1);
+  for (std::size_t i = 0; i < problem.design.rows.size(); ++i)
+    if (problem.design.rows[i].readings == readings)
+      row_at[std::size_t(problem.design.rows[i].look)] = Index(i);
+  std::vector<std::vector<Index>> channels;
+  for (const metrology::ChannelLooks& channel : metrology::channel_looks(of.plan)) {
+    std::vector<Index> rows;
+    for (const int look : channel.looks) rows.push_back(row_at[std::size_t(look)]);
+    const VectorXd v = nominal(rows);
+    if (v.maxCoeff() - v.minCoeff() <= same) channels.push_back(std::move(rows));
+  }
+  return channels;
+}
+
+/// What readings of a channel differ by from those with the mistake, less nominal ones.
+VectorXd change_by(Mistake mistake, const VectorXd& departure) {
+  switch (mistake) {
+    case Mistake::Negated:
+      return -2.0 * departure;
+    case Mistake::Reversed:
+      return departure.reverse() - departure;
+    case Mistake::TimesThousand:
+      return 999.0 * departure;
+    case Mistake::OverThousand:
+      return -0.999 * departure;
+  }
+  return {};
+}
+
+/// By the factor of the fit, whose residuals of other readings are a matter of one solution.
+std::vector<Alternative> alternatives(const Problem& problem, const Fit& fit,
+                                      const std::vector<char>& is_out) {
+  const std::vector<Index> rows = used_rows(is_out);
+  const Design& design = problem.design;
+  const VectorXd nominal =
+      predicted(problem.model, problem.readings, design, VectorXd::Zero(design.unknowns.size()));
+  const VectorXd prior = design.prior * (problem.start - fit.x);
+  std::vector<Alternative> result;
+  for (int readings = 0; readings < int(problem.readings.size()); ++readings) {
+    const auto channels = steady_channels(problem, readings, nominal);
+    if (channels.empty()) continue;
+    for (const Mistake mistake :
+         {Mistake::Negated, Mistake::Reversed, Mistake::TimesThousand, Mistake::OverThousand}) {
+      VectorXd misfit = fit.misfit;
+      for (const std::vector<Index>& of : channels)
+        misfit(of) +=
+            change_by(mistake, problem.observed(of) - nominal(of)).cwiseQuotient(design.sigma(of));
+      VectorXd b(Index(rows.size()) + prior.size());
+      b << misfit(rows), prior;
+      const VectorXd step = solve(fit.factor, b);
+      b.head(Index(rows.size())) -= design.A(rows, fit.factor.found) * step;
+      b.tail(prior.size()) -= design.prior(Eigen::all, fit.factor.found) * step;
+      double own = 0.0;
+      for (std::size_t i = 0; i < rows.size(); ++i)
+        if (design.rows[std::size_t(rows[i])].readings == readings)
+          own += b[Index(i)] * b[Index(i)];
+      result.push_back({readings, mistake, b.squaredNorm(), own});
+    }
+  }
+  return result;
 }
 
 /// Residuals of the readings used, over their own standard deviation after the fit; 0 where a
@@ -270,6 +354,16 @@ void check(const Problem& problem) {
 
 }  // namespace
 
+std::pair<double, double> chi_square_band(double degrees_of_freedom) {
+  if (!(degrees_of_freedom > 0.0)) return {0.0, HUGE_VAL};
+  constexpr double one_in_a_thousand = 3.09;  // standard deviations
+  const double variance = 2.0 / (9.0 * degrees_of_freedom);
+  const auto at = [&](double z) {
+    return std::pow(std::max(0.0, 1.0 - variance + z * std::sqrt(variance)), 3);
+  };
+  return {at(-one_in_a_thousand), at(one_in_a_thousand)};
+}
+
 Estimate estimate(const GeometricErrors& model, std::span<const Readings> readings,
                   const EstimateOptions& options) {
   check(options);
@@ -300,7 +394,12 @@ Estimate estimate(const GeometricErrors& model, std::span<const Readings> readin
   for (std::size_t i = 0; i < is_out.size(); ++i)
     if (is_out[i]) result.outliers.push_back(int(i));
   result.degrees_of_freedom = q.degrees_of_freedom;
+  result.chi_square = q.chi_square;
   result.reduced_chi_square = q.reduced_chi_square;
+  if (options.compare_mistakes) {
+    result.quality = quality_of_each(problem, fit, is_out);
+    result.alternatives = alternatives(problem, fit, is_out);
+  }
   result.condition = fit.factor.condition;
   result.iterations = first.iterations + fit.iterations;
   result.converged = fit.converged;

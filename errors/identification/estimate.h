@@ -24,6 +24,24 @@ struct Confounded {
   std::vector<std::pair<std::string, double>> with;
 };
 
+/// How well one of several readings fits.
+struct FitQuality {
+  double chi_square = 0.0;          ///< of the readings used
+  double degrees_of_freedom = 0.0;  ///< of them, less their part in the numbers found
+};
+
+/// A mistake in writing readings down that the nominal machine cannot show: it concerns channels
+/// that read the same at every look of the nominal machine.
+enum class Mistake { Negated, Reversed, TimesThousand, OverThousand };
+
+/// How all readings would fit if one of them had been written down with a mistake.
+struct Alternative {
+  int readings = 0;
+  Mistake mistake = Mistake::Negated;
+  double chi_square = 0.0;      ///< of all readings, to first order
+  double own_chi_square = 0.0;  ///< of that one alone
+};
+
 /// Numbers found, with their covariance.
 struct Estimate {
   GeometricErrors belief;          ///< the model with the values found and their covariance; what
@@ -41,7 +59,15 @@ struct Estimate {
                                     ///< percent
   int iterations = 0;
   bool converged = false;
+  double chi_square = 0.0;                ///< of the readings used and what was known beforehand
+  std::vector<FitQuality> quality;        ///< (readings) where mistakes are compared
+  std::vector<Alternative> alternatives;  ///< of all readings with channels of that kind, the same
 };
+
+/// Returns the reduced chi-square that chance exceeds once in a thousand fits of true readings, and
+/// the one that it falls short of as often (Wilson and Hilferty's approximation). 0 .. infinity
+/// without degrees of freedom
+std::pair<double, double> chi_square_band(double degrees_of_freedom);
 
 struct EstimateOptions {
   double rank_tolerance = 1e-9;  ///< least pivot that counts, of the largest, columns of unit norm
@@ -50,6 +76,7 @@ struct EstimateOptions {
   int most_iterations = 20;
   double tolerance = 1e-12;           ///< mm and rad: steps below it end the iteration
   bool noise_from_residuals = false;  ///< scale the covariance by the reduced chi-square
+  bool compare_mistakes = false;      ///< find `quality` and `alternatives`
 };
 
 /// Weighted least squares for any readings on any machine, by Gauss-Newton on the exact chain: the

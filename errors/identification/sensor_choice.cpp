@@ -8,6 +8,9 @@
 #include <set>
 #include <stdexcept>
 
+#include <tbb/parallel_for.h>
+
+#include "errors/curve.h"
 #include "errors/identification/cross_validation.h"
 
 namespace abbe::errors::identification {
@@ -245,6 +248,86 @@ SensorChoice choose_sensors(std::span<const ThermalData> errors,
   else
     choice.chosen.assign(leaders.begin(), leaders.begin() + static_cast<std::ptrdiff_t>(count));
   return choice;
+}
+
+namespace {
+
+/// The rows from `start` on with noise added.
+std::vector<ThermalData> redrawn(std::span<const ThermalData> errors, Index start,
+                                 const ChoiceSpreadOptions& spread, std::uint64_t stream) {
+  const Index n = errors.front().y.size() - start, m = errors.front().T.cols();
+  Eigen::MatrixXd T = errors.front().T.bottomRows(n);
+  std::uint64_t counter = 0;
+  for (Index j = 0; j < m; ++j)
+    for (Index i = 0; i < n; ++i)
+      T(i, j) += spread.input_noise[j] * normal_deviate(stream, counter++);
+  std::vector<ThermalData> result;
+  for (std::size_t e = 0; e < errors.size(); ++e) {
+    ThermalData data{errors[e].names,
+                     T,
+                     errors[e].y.tail(n),
+                     {errors[e].run.begin() + start, errors[e].run.end()}};
+    for (double& y : data.y) y += spread.error_noise[e] * normal_deviate(stream, counter++);
+    result.push_back(std::move(data));
+  }
+  return result;
+}
+
+/// Ranks of degrees, from 1; 0 of inputs without one.
+std::vector<int> degree_ranks(const VectorXd& degree) {
+  std::vector<int> ranks(std::size_t(degree.size()), 0);
+  int rank = 0;
+  for (const int input : ranking(degree))
+    if (degree[input] > 0.0) ranks[std::size_t(input)] = ++rank;
+  return ranks;
+}
+
+std::vector<int> ascending(std::vector<int> inputs) {
+  std::ranges::sort(inputs);
+  return inputs;
+}
+
+}  // namespace
+
+ChoiceSpread choice_spread(std::span<const ThermalData> errors, const SensorChoiceOptions& options,
+                           const SensorChoice& choice, const ChoiceSpreadOptions& spread) {
+  check(errors, options);
+  const Index m = errors.front().T.cols();
+  if (spread.draws < 1 || spread.input_noise.size() != m ||
+      spread.error_noise.size() != errors.size())
+    throw std::invalid_argument("a spread of a choice needs draws, and a noise of every series");
+  const int last = std::clamp(int(errors.front().y.size() / 4), 0, spread.last_start);
+  std::vector<SensorChoice> choices(static_cast<std::size_t>(spread.draws));
+  tbb::parallel_for(0, spread.draws, [&](int draw) {
+    // each start row in turn, so that none is left out of a few draws
+    choices[std::size_t(draw)] =
+        choose_sensors(redrawn(errors, draw % (last + 1), spread,
+                               spread.seed + 0x9e3779b97f4a7c15ull * std::uint64_t(draw + 1)),
+                       options);
+  });
+  ChoiceSpread result{0,
+                      last,
+                      VectorXd::Zero(m),
+                      std::vector<int>(std::size_t(m), 0),
+                      std::vector<int>(std::size_t(m), 0),
+                      0.0};
+  for (const SensorChoice& one : choices) {
+    if (one.status != GreyStatus::Ok) continue;  // this start has no degree
+    ++result.draws;
+    for (const int input : one.chosen) result.chosen[input] += 1.0;
+    result.same += ascending(one.chosen) == ascending(choice.chosen);
+    const std::vector<int> ranks = degree_ranks(one.degree);
+    for (std::size_t j = 0; j < ranks.size(); ++j) {
+      int &best = result.best_rank[j], &worst = result.worst_rank[j];
+      if (ranks[j] > 0 && (best == 0 || ranks[j] < best)) best = ranks[j];
+      worst = std::max(worst, ranks[j]);
+    }
+  }
+  if (result.draws > 0) {
+    result.chosen /= result.draws;
+    result.same /= result.draws;
+  }
+  return result;
 }
 
 VectorXd correlations(const ThermalData& data) {

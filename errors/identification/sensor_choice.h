@@ -67,6 +67,31 @@ struct SensorChoice {
 [[nodiscard]] SensorChoice choose_sensors(const ThermalData& error,
                                           const SensorChoiceOptions& options = {});
 
+/// How far a choice is one of chance.
+struct ChoiceSpread {
+  int draws = 0;
+  int last_start = 0;                ///< draws begin at rows 0 .. that
+  Eigen::VectorXd chosen;            ///< (m) fraction of the draws that choose each input
+  std::vector<int> best_rank;        ///< (m) of its degree over the draws, from 1; 0: none had one
+  std::vector<int> worst_rank;       ///< (m)
+  double same = 0.0;                 ///< fraction of the draws that choose the same set
+};
+struct ChoiceSpreadOptions {
+  int draws = 50;
+  int last_start = 10;               ///< at most a quarter of the rows
+  Eigen::VectorXd input_noise;       ///< (m) standard deviation that is added to each input
+  std::vector<double> error_noise;   ///< (errors) that is added to each y
+  std::uint64_t seed = 1;
+};
+/// Chooses again and again: from the rows behind a start row, with noise added once more to what was
+/// read, so that the spread is a little wide. The same bits for any number of threads.
+/// @param choice  that it is compared with
+/// @throws std::invalid_argument as `choose_sensors`, for noise of another size, fewer than 1 draw
+[[nodiscard]] ChoiceSpread choice_spread(std::span<const ThermalData> errors,
+                                         const SensorChoiceOptions& options,
+                                         const SensorChoice& choice,
+                                         const ChoiceSpreadOptions& spread);
+
 /// Absolute correlation of the error with every input, and of every input with every other; 0 where
 /// one stands still.
 Eigen::VectorXd correlations(const ThermalData& data);

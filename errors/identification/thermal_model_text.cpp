@@ -9,6 +9,7 @@
 
 #include "errors/identification/thermal_model.h"
 #include "kinematics/bad_input.h"
+#include "kinematics/encoding.h"
 #include "kinematics/text.h"
 
 // Every line is a word and numbers, in a fixed order; a number is the shortest decimal that reads
@@ -79,7 +80,9 @@ class Writer {
 /// Takes the lines in their order.
 class Reader {
  public:
-  Reader(std::string_view text, const std::string& file) : lines_(text), file_(file) {}
+  Reader(std::string_view text, const std::string& file) : lines_(text), file_(file) {
+    check_encoding(text, file);
+  }
 
   /// What follows the word on the next line.
   std::string_view rest(std::string_view word) {

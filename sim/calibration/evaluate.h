@@ -23,13 +23,15 @@ struct Evaluation {
   std::vector<Temperatures> temperatures;  ///< of every sensor while it was read
   errors::metrology::Tests tests;          ///< of a machine: what was evaluated
   std::optional<PartReadingsFile> part;    ///< of a part, the same
+  std::vector<std::string> warnings;       ///< what makes the readings doubtful
 };
 
 /// Evaluates readings as the standards prescribe: those of a machine (errors/metrology/
 /// machine_results.h), of a probed or measured part (part_results.h). Takes files of `measure`,
 /// position readings as plain CSV and the position files of laser interferometers
 /// (errors/metrology/position_file.h).
-/// @throws BadInput, BadScene
+/// Judges them first (errors/metrology/reading_diagnostics.h).
+/// @throws BadInput, BadScene; BadScene naming what no working instrument reads
 Evaluation evaluation_of(const std::filesystem::path& readings);
 
 }  // namespace abbe::sim

@@ -2,16 +2,21 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <set>
 #include <stdexcept>
 
 #include <fmt/format.h>
 
+#include "errors/coefficients.h"
+#include "errors/element_warnings.h"
 #include "errors/identification/epochs.h"
+#include "errors/metrology/reading_diagnostics.h"
 #include "kinematics/bad_input.h"
 #include "kinematics/units.h"
 #include "sim/files/progress.h"
 #include "sim/readings/readings_file.h"
+#include "sim/scene/bad_scene.h"
 
 namespace abbe::sim {
 namespace {
@@ -25,6 +30,22 @@ std::string names_of(const Files& files) {
   std::string text;
   for (const auto& file : files) text += (text.empty() ? "" : ", ") + file.string();
   return text;
+}
+
+/// Judges every file. @return warnings, each with its file
+/// @throws BadScene with every error
+std::vector<std::string> diagnose(const Files& files, const std::vector<Readings>& readings) {
+  std::vector<std::string> warnings;
+  std::vector<BadInput> errors;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    const errors::metrology::ReadingDiagnostics found = errors::metrology::diagnose(readings[i]);
+    for (const std::string& error : found.errors)
+      errors.emplace_back(files[i].string(), 0, 0, "readings of a working instrument", error);
+    for (const std::string& warning : found.warnings)
+      warnings.push_back(files[i].string() + ": " + warning);
+  }
+  if (!errors.empty()) throw BadScene(std::move(errors));
+  return warnings;
 }
 
 /// @param logs_too  a log of temperatures alone is a file as well
@@ -47,7 +68,8 @@ std::vector<Readings> read_all(const Files& files, bool logs_too, const Progress
 /// What every method says: the files, and where the belief will be written.
 Identified common(const Files& files, const std::vector<Readings>& readings,
                   const IdentifyOptions& options) {
-  Identified result{belief_files(options), {}, readings.front().nominal, {}, {}, {}, {}, {}};
+  Identified result{
+      belief_files(options), {}, readings.front().nominal, {}, {}, {}, {}, {}, {}, {}};
   for (std::size_t i = 0; i < files.size(); ++i) {
     const errors::metrology::Plan& plan = readings[i].plan;
     result.sources.push_back({files[i], plan.instrument, plan.kind, plan.looks.size(),
@@ -99,6 +121,24 @@ errors::GeometricErrors what_was_found(const Estimate& estimate) {
   return kept;
 }
 
+/// Curves of which no number was found, all at zero.
+std::vector<errors::Element> what_was_not_found(const Estimate& estimate) {
+  const errors::GeometricErrors& belief = estimate.belief;
+  const errors::Covariance found = of_found(belief.covariance);
+  std::vector<errors::Element> rest;
+  for (std::size_t e = 0; e < belief.elements.size(); ++e) {
+    errors::Element element{belief.elements[e].name, {}};
+    for (std::size_t c = 0; c < belief.elements[e].curves.size(); ++c)
+      if (std::ranges::none_of(found.of, [&](const errors::Coefficient& one) {
+            return one.element == int(e) && one.curve == int(c);
+          }))
+        element.curves.push_back(belief.elements[e].curves[c]);
+    if (!element.curves.empty()) rest.push_back(std::move(element));
+  }
+  return errors::with_values(
+      rest, Eigen::VectorXd::Zero(Eigen::Index(errors::coefficients(rest).size())));
+}
+
 std::vector<ChainFit::Outlier> outliers_of(const Files& files,
                                            const std::vector<Readings>& readings,
                                            const Estimate& estimate) {
@@ -132,21 +172,156 @@ std::vector<Eigen::VectorXd> residuals_of(const std::vector<Readings>& readings,
 
 /// Beyond what chance gives one fit in a thousand.
 bool scatters(const Estimate& estimate) {
-  const int degrees = estimate.degrees_of_freedom;
-  return degrees > 20 && estimate.reduced_chi_square > 1.0 + 3.1 * std::sqrt(2.0 / degrees);
+  return estimate.reduced_chi_square >
+         identification::chi_square_band(estimate.degrees_of_freedom).second;
 }
 
-std::vector<std::string> warnings_of(const Estimate& estimate, const IdentifyOptions& options) {
+const char* text_of(identification::Mistake mistake) {
+  using identification::Mistake;
+  switch (mistake) {
+    case Mistake::Negated:
+      return "with the other sign";
+    case Mistake::Reversed:
+      return "in reversed order";
+    case Mistake::TimesThousand:
+      return "a thousand times as large";
+    case Mistake::OverThousand:
+      return "a thousandth as large";
+  }
+  return "";
+}
+
+/// Reduced chi-square of one file where it were written down with a mistake.
+double own_reduced(const Estimate& estimate, const identification::Alternative& alternative) {
+  const identification::FitQuality& own = estimate.quality[std::size_t(alternative.readings)];
+  return own.degrees_of_freedom > 0.5 ? alternative.own_chi_square / own.degrees_of_freedom : 0.0;
+}
+
+/// The mistake that would explain a chi-square beyond chance; empty if none does. It must leave the
+/// file with the noise that it states: a file of which little is left fits anything.
+std::string mistake_text(const Files& files, const Estimate& estimate) {
+  constexpr double low = 0.3, high = 4.0;
+  const double now = estimate.reduced_chi_square;
+  const identification::Alternative* best = nullptr;
+  const auto distance = [&](const identification::Alternative& one) {
+    return std::abs(
+        std::log(std::max(one.chi_square, 1e-300) / std::max(1, estimate.degrees_of_freedom)));
+  };
+  for (const identification::Alternative& one : estimate.alternatives) {
+    const double own = own_reduced(estimate, one);
+    if (own > low && own < high && (best == nullptr || distance(one) < distance(*best)))
+      best = &one;
+  }
+  if (best == nullptr || distance(*best) > 0.5 * std::abs(std::log(std::max(now, 1e-300))))
+    return "";
+  return fmt::format("; taken {} {} would come to a reduced chi-square of {:.3g}",
+                     text_of(best->mistake), files[std::size_t(best->readings)].string(),
+                     best->chi_square / std::max(1, estimate.degrees_of_freedom));
+}
+
+/// Of the files the one whose readings fit worst, where several were read.
+std::string worst_file_text(const Files& files, const Estimate& estimate) {
+  if (files.size() < 2 || estimate.quality.size() != files.size()) return "";
+  const auto reduced = [&](std::size_t i) {
+    const identification::FitQuality& one = estimate.quality[i];
+    return one.degrees_of_freedom > 0.5 ? one.chi_square / one.degrees_of_freedom : 0.0;
+  };
+  std::size_t worst = 0;
+  for (std::size_t i = 1; i < files.size(); ++i)
+    if (reduced(i) > reduced(worst)) worst = i;
+  return fmt::format(" (most in {}, {:.2f} times)", files[worst].string(),
+                     std::sqrt(reduced(worst)));
+}
+
+bool states_noise(const Readings& readings) {
+  for (const auto& set_up : readings.plan.set_ups)
+    for (const auto& channel : set_up.channels)
+      if (!(errors::metrology::standard_deviation(channel) > 0.0)) return false;
+  return true;
+}
+
+/// Files whose readings are nearer to the model than their noise lets them be.
+std::vector<std::string> too_close_warnings(const Files& files,
+                                            const std::vector<Readings>& readings,
+                                            const Estimate& estimate) {
+  constexpr double too_close = 0.5;  // of what is expected: rounding makes a little
   std::vector<std::string> warnings;
-  if (!estimate.converged) warnings.push_back("the fit did not converge");
-  if (scatters(estimate))
+  for (std::size_t i = 0; i < files.size() && i < estimate.quality.size(); ++i) {
+    const identification::FitQuality& one = estimate.quality[i];
+    if (!states_noise(readings[i]) || one.degrees_of_freedom < 3.0) continue;
+    const double reduced = one.chi_square / one.degrees_of_freedom;
+    if (reduced <
+        std::min(too_close, identification::chi_square_band(one.degrees_of_freedom).first))
+      warnings.push_back(fmt::format(
+          "{}: readings scatter {:.2g} times as much as their instrument says (reduced chi-square "
+          "{:.2g}): they may be in another unit, smoothed or computed, and its uncertainties are "
+          "of no use",
+          files[i].string(), std::sqrt(reduced), reduced));
+  }
+  return warnings;
+}
+
+/// Signs and orders of readings that no other reading checks.
+std::vector<std::string> assumptions_of(const Files& files, const Estimate& estimate) {
+  using identification::Mistake;
+  constexpr double seen = 30.0;  // of chi-square: five standard deviations
+  std::string signs, orders, units;
+  const auto add = [&](std::string& list, const identification::Alternative& one) {
+    const std::string file = files[std::size_t(one.readings)].string();
+    if (list.find(file) == std::string::npos) list += (list.empty() ? "" : ", ") + file;
+  };
+  for (const identification::Alternative& one : estimate.alternatives) {
+    // a thousandth of it is nearer to anything, which says nothing
+    if (one.chi_square > estimate.chi_square + seen || one.mistake == Mistake::OverThousand)
+      continue;
+    add(one.mistake == Mistake::Negated    ? signs
+        : one.mistake == Mistake::Reversed ? orders
+                                           : units,
+        one);
+  }
+  std::vector<std::string> assumptions;
+  const auto say = [&](const char* what, const std::string& list) {
+    if (!list.empty())
+      assumptions.push_back(fmt::format(
+          "the {} of readings is as written, no other reading checks it: {}", what, list));
+  };
+  say("sign", signs);
+  say("order", orders);
+  say("unit", units);
+  return assumptions;
+}
+
+/// Elements of the belief that no machine has, over the travel of the axes.
+std::vector<std::string> size_warnings(const errors::GeometricErrors& belief,
+                                       const kinematics::Chain& nominal) {
+  kinematics::AxisVector low(nominal.size()), high(nominal.size());
+  for (int j = 0; j < nominal.size(); ++j) {
+    const kinematics::Joint& joint = nominal.joints()[std::size_t(j)];
+    const bool is_endless =
+        joint.motion != kinematics::Motion::Linear && joint.max - joint.min > 100;
+    low[j] = is_endless ? -pi : joint.min;
+    high[j] = is_endless ? pi : joint.max;
+  }
+  return errors::element_warnings(errors::bind(belief, nominal), low, high, {.identified = true});
+}
+
+std::vector<std::string> warnings_of(const Files& files, const std::vector<Readings>& readings,
+                                     const Estimate& estimate, const IdentifyOptions& options) {
+  std::vector<std::string> warnings = too_close_warnings(files, readings, estimate);
+  if (!warnings.empty()) warnings.back() += mistake_text(files, estimate);
+  if (scatters(estimate)) {
+    const std::string mistake = mistake_text(files, estimate);
     warnings.push_back(fmt::format(
-        "the readings scatter {:.2f} times as much as their instruments say, and the uncertainties "
-        "were raised by it: the curves may need {}, or the machine does not repeat",
-        std::sqrt(estimate.reduced_chi_square),
-        options.choose_orders ? "the pitch of the screws (--pitch)"
-                              : "a higher order (--choose-orders) or the pitch of the screws "
-                                "(--pitch)"));
+        "the readings scatter {:.2f} times as much as their instruments say{}, and the "
+        "uncertainties were raised by it: {}",
+        std::sqrt(estimate.reduced_chi_square), worst_file_text(files, estimate),
+        !mistake.empty() ? mistake.substr(2)
+        : options.choose_orders
+            ? "the curves may need the pitch of the screws (--pitch), or the machine does not "
+              "repeat"
+            : "the curves may need a higher order (--choose-orders) or the pitch of the screws "
+              "(--pitch), or the machine does not repeat"));
+  }
   const auto n = double(estimate.fit_residual.size());
   if (double(estimate.outliers.size()) > 0.02 * n)
     warnings.push_back(fmt::format(
@@ -176,8 +351,14 @@ Identified by_chain(const Files& files, const std::vector<Readings>& readings,
     fit.orders = options.model.orders =
         identification::choose_orders(readings, options.model, options.orders).orders;
   if (progress) progress("fit", 0.0);
+  options.estimate.compare_mistakes = true;
   Estimate estimate = identification::estimate(
       identification::model_of(result.nominal, options.model), readings, options.estimate);
+  if (!estimate.converged)
+    throw std::runtime_error(
+        fmt::format("{}: the fit did not converge in {} iterations, nothing was written: readings "
+                    "of another unit, sign or machine, or far too few",
+                    names_of(files), estimate.iterations));
   // what the model does not follow counts as noise
   if (scatters(estimate)) estimate.belief.covariance.matrix *= estimate.reduced_chi_square;
   result.belief = what_was_found(estimate);
@@ -191,7 +372,9 @@ Identified by_chain(const Files& files, const std::vector<Readings>& readings,
   fit.residual_sd = residuals_of(readings, estimate);
   result.fit = std::move(fit);
   result.confounded = estimate.confounded;
-  result.warnings = warnings_of(estimate, options);
+  result.unidentified = what_was_not_found(estimate);
+  result.assumptions = assumptions_of(files, estimate);
+  result.warnings = warnings_of(files, readings, estimate, options);
   return result;
 }
 
@@ -208,6 +391,12 @@ Identified by_step_diagonal(const Files& files, const std::vector<Readings>& rea
   result.belief = first.belief;
   result.warnings = first.warnings;
   if (!first.caution.empty()) result.warnings.push_back(first.caution);
+  constexpr double too_close = 0.05;  // three components of four diagonals leave few contradictions
+  if (states_noise(readings.front()) && first.reduced_chi_square < too_close)
+    result.warnings.push_back(fmt::format(
+        "the diagonals contradict each other less than their noise lets them (reduced chi-square "
+        "{:.2g}): readings may be in another unit, smoothed or computed",
+        first.reduced_chi_square));
   StepDiagonalFit fit{first.reduced_chi_square, options.sensors, {}};
   if (!options.sensors.empty())
     fit.trend = identification::step_diagonal_trend(
@@ -269,23 +458,36 @@ BeliefFiles belief_files(const IdentifyOptions& options) {
   return files;
 }
 
+namespace {
+
+Identified by_method(const Files& files, const std::vector<Readings>& readings,
+                     const IdentifyOptions& options, const Progress& progress) {
+  switch (options.method) {
+    case IdentifyOptions::Method::StepDiagonal:
+      return by_step_diagonal(files, readings, options);
+    case IdentifyOptions::Method::Composite:
+      return by_composite(files, readings, options);
+    case IdentifyOptions::Method::Thermal:
+      return by_thermal(files, readings, options);
+    case IdentifyOptions::Method::Chain:
+      break;
+  }
+  return by_chain(files, readings, options, progress);
+}
+
+}  // namespace
+
 Identified identified(const Files& files, const IdentifyOptions& options,
                       const Progress& progress) {
   const std::vector<Readings> readings =
       read_all(files, options.method == IdentifyOptions::Method::Thermal, progress);
+  std::vector<std::string> warnings = diagnose(files, readings);
   if (progress && options.method != IdentifyOptions::Method::Chain) progress("fit", 0.0);
   try {
-    switch (options.method) {
-      case IdentifyOptions::Method::StepDiagonal:
-        return by_step_diagonal(files, readings, options);
-      case IdentifyOptions::Method::Composite:
-        return by_composite(files, readings, options);
-      case IdentifyOptions::Method::Thermal:
-        return by_thermal(files, readings, options);
-      case IdentifyOptions::Method::Chain:
-        break;
-    }
-    return by_chain(files, readings, options, progress);
+    Identified result = by_method(files, readings, options, progress);
+    std::ranges::move(size_warnings(result.belief, result.nominal), std::back_inserter(warnings));
+    result.warnings.insert(result.warnings.begin(), warnings.begin(), warnings.end());
+    return result;
   } catch (const std::invalid_argument& fault) {
     throw BadInput(names_of(files), 0, 0, "readings from which a machine can be identified",
                    fault.what());

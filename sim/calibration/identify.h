@@ -104,13 +104,21 @@ struct Identified {
   compensation::ThermalBelief thermal;  ///< of a composite and of a day, else empty
   std::variant<ChainFit, StepDiagonalFit, CompositeFits, ThermalDay> fit;
   std::vector<errors::identification::Confounded> confounded;
+  /// Curves at zero of which no number was found; numbers of `confounded` stand in them or in the
+  /// belief.
+  std::vector<errors::Element> unidentified;
+  std::vector<std::string> assumptions;  ///< what no reading checks: signs, orders of readings
   std::vector<std::string> warnings;
 };
 
 /// Identifies a machine from files of readings alone. Says which numbers no reading determines,
 /// what hides them, what was left out, and how long the measurements would take.
 /// @param progress  shows the stages "read", "orders" where they are chosen, and "fit"
-/// @throws BadInput, BadScene; BadInput naming the files if they are of different machines
+/// Judges the readings first (errors/metrology/reading_diagnostics.h) and the result afterwards: its
+/// elements by their size, its chi-square by the band of chance.
+/// @throws BadInput, BadScene; BadInput naming the files if they are of different machines; BadScene
+///         naming each channel that no working instrument reads; std::runtime_error if the fit does
+///         not converge
 Identified identified(const std::vector<std::filesystem::path>& files,
                       const IdentifyOptions& options, const Progress& progress = {});
 

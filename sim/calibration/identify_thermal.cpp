@@ -244,6 +244,16 @@ std::vector<std::string> warnings_of(const ThermalDay& day) {
       warnings.push_back(
           fmt::format("{} says nearly what the other sensors say on this day (VIF {:.0f})",
                       day.sensors[std::size_t(k)], vif[k]));
+  constexpr double large_mm = 1.0, large_rad = 0.01;  // no day moves a machine that far
+  for (const RegressedTerm& term : day.terms) {
+    const double range = term.at_epochs.maxCoeff() - term.at_epochs.minCoeff();
+    if (range >= (term.name.is_angle() ? large_rad : large_mm))
+      warnings.push_back(fmt::format(
+          "{} moves by {:.4g} {}, and no day moves a machine that far: readings may be in another "
+          "unit or order",
+          name_of(term), range * (term.name.is_angle() ? 1e3 : 1.0),
+          term.name.is_angle() ? "mrad" : "mm"));
+  }
   for (const RegressedTerm& term : day.terms)
     if (const double r_squared = term.regression.r_squared; r_squared < 0.9)
       warnings.push_back(fmt::format("{}: these temperatures tell {:.0f} % of how it moved",

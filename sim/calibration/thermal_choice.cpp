@@ -25,8 +25,9 @@ struct Log {
   errors::metrology::DriftTest drift;
   std::vector<double> noise;  ///< (channels) mm or rad, standard deviation of one drift
   std::vector<std::string> sensors;
-  Eigen::MatrixXd T_C;     ///< (n x sensors)
-  std::vector<int> cycle;  ///< (n) of work and rest, from 0
+  Eigen::MatrixXd T_C;      ///< (n x sensors)
+  std::vector<int> cycle;   ///< (n) of work and rest, from 0
+  VectorXd sensor_noise_K;  ///< (sensors)
 };
 
 /// Noise and rounding of a reading and of the first one, from which the drift counts.
@@ -43,7 +44,14 @@ Log log_of(const Day& day) {
   if (readings.sensors.size() < 2)
     throw BadInput(day.file.string(), 0, 0, "at least 2 temperature sensors", "fewer");
   errors::metrology::Tests tests = tests_of(readings);
-  Log log{day.name, std::move(tests.drifts.at(0)), drift_noise(readings), readings.sensors, {}, {}};
+  Log log{day.name,
+          std::move(tests.drifts.at(0)),
+          drift_noise(readings),
+          readings.sensors,
+          {},
+          {},
+          day.sensor_noise_K.size() > 0 ? day.sensor_noise_K
+                                        : VectorXd(VectorXd::Zero(Index(readings.sensors.size())))};
   const Index n = log.drift.log.time_s.size(), channels = log.drift.log.values.cols();
   const std::vector<double>& starts = day.cycle_starts_s;
   log.T_C.resize(n, readings.T_C.cols());
@@ -210,6 +218,13 @@ GradedWay chosen_by(const std::vector<Log>& days, const Way& way, bool since_sta
         "{} ({})", identification::to_string(choice.status),
         choice.input < 0 ? "the drift" : training.front().names[std::size_t(choice.input)]));
   result.chosen = names_of(choice.chosen, days.front().sensors);
+  if (options.fixed.empty()) {
+    identification::ChoiceSpreadOptions spread;
+    spread.input_noise = days.front().sensor_noise_K;
+    for (const Index c : channels)
+      spread.error_noise.push_back(days.front().noise[std::size_t(c)] / unit);
+    result.spread = identification::choice_spread(training, options, choice, spread);
+  }
   if (by_start) result.begins = begins_of(days.front(), channels, choice);
   return result;
 }
@@ -227,6 +242,36 @@ GradedWay graded(const std::vector<Log>& logs, GradedWay way,
   for (Index c = 0; c < logs.front().drift.log.values.cols(); ++c)
     way.channels.push_back(channel_of(logs, c, way.choice.chosen, options, since_start));
   return way;
+}
+
+/// The other ways against the random choices of the first, which serve where as many are chosen.
+void compare_with_random(std::vector<GradedWay>& ways) {
+  const std::optional<identification::RandomChoices> random = ways.front().random;
+  if (!random || random->rms_over_range.empty()) return;
+  for (GradedWay& way : ways) {
+    if (way.chosen.size() != ways.front().chosen.size() || !way.rms_over_range) continue;
+    way.random = random;
+    const auto worse = std::ranges::count_if(random->rms_over_range,
+                                             [&](double rms) { return *way.rms_over_range < rms; });
+    way.random->beaten = double(worse) / double(random->rms_over_range.size());
+  }
+}
+
+/// Says where an order or a choice is one of chance.
+void add_chance_warnings(const GradedWay& way, std::vector<std::string>& warnings) {
+  constexpr double certain = 0.9, better = 0.75;
+  const std::string name = way.way.name.empty() ? "the choice" : way.way.name;
+  if (way.spread && way.spread->draws > 0 && way.spread->same < certain)
+    warnings.push_back(fmt::format(
+        "{}: {:.0f} % of {} draws of start row (0 to {}) and noise choose these sensors; their "
+        "order is one of chance",
+        name, 100.0 * way.spread->same, way.spread->draws, way.spread->last_start));
+  if (way.random && way.random->beaten < better)
+    warnings.push_back(fmt::format(
+        "{}: on days unseen it leaves {:.1f} % of the range, random choices of {} sensors {:.1f} % "
+        "(median): it is better than {:.0f} % of them, which is chance",
+        name, 100.0 * *way.rms_over_range, way.chosen.size(), 100.0 * way.random->p50,
+        100.0 * way.random->beaten));
 }
 
 }  // namespace
@@ -252,8 +297,10 @@ ThermalChoice thermal_choice(const std::vector<Day>& days,
     throw BadInput(days.front().file.string(), 0, 0, "sensors that can be chosen from",
                    fault.what());
   }
+  compare_with_random(result.ways);
   const GradedWay& own = result.ways.front();
   result.warnings = warnings_of(own.channels.front());
+  for (const GradedWay& way : result.ways) add_chance_warnings(way, result.warnings);
   for (std::size_t c = 0; c < own.channels.size(); ++c)
     append_series(result.series, logs, Index(c), own.choice.chosen, own.channels[c],
                   options.features, since_start);

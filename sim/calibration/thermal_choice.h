@@ -19,6 +19,8 @@ struct Day {
   std::filesystem::path file;          ///< of its scene, for refusals
   std::vector<double> cycle_starts_s;  ///< at which spindle or axes start after a rest
   errors::metrology::Readings readings;
+  Eigen::VectorXd sensor_noise_K = {};  ///< (sensors) standard deviation of one temperature, noise
+                                        ///< and rounding; empty: none
 };
 
 /// Time line of one channel of the drift on one day, for pictures.
@@ -70,7 +72,9 @@ struct GradedWay {
   std::optional<std::vector<DegreeStart>> begins;  ///< of a degree that divides by a first value
   std::vector<ChannelGrade> channels;
   std::optional<double> rms_over_range;  ///< of all displacements on all other days, if any
-  std::optional<errors::identification::RandomChoices> random;  ///< graded in the same way
+  std::optional<errors::identification::RandomChoices> random;  ///< of as many sensors, graded in
+                                                                ///< the same way
+  std::optional<errors::identification::ChoiceSpread> spread;  ///< none of sensors that are fixed
 };
 
 /// Which sensors were chosen and what a model of them is good for.
@@ -87,7 +91,8 @@ struct ThermalChoice {
 /// first day, and grades both on the other days, which chose and fitted nothing. One set of
 /// sensors is chosen for the three displacements together; tilts are predicted from the same ones.
 /// Every other way to choose that the scene lists is graded beside, by the same models on the same
-/// days. A degree that divides by a first value begins, for each displacement, at the first drift
+/// days. Every choice is made again from other start rows with the noise of sensors and drift drawn
+/// again, and compared with random choices of as many sensors. A degree that divides by a first value begins, for each displacement, at the first drift
 /// beyond four standard deviations of its noise, with temperatures in deg C as read.
 /// @param days  (n >= 1) of one machine; with one day alone there is no grade on days unseen
 /// @throws BadInput naming the scene if the instrument or the sensors cannot do that

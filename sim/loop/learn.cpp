@@ -1,7 +1,9 @@
 #include "sim/loop/learn.h"
 
 #include <algorithm>
+#include <iterator>
 #include <stdexcept>
+#include <string_view>
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
@@ -191,6 +193,27 @@ void Learning::measure_part(const Commands& commands, int pass) {
   evidence_.part = course_of_part(seen_, *error_free_, total_);
 }
 
+/// Warnings about terms of a thermal belief that move a machine farther than heat does.
+std::vector<std::string> size_warnings(const compensation::ThermalBelief& belief,
+                                       const compensation::ThermalCourse& course) {
+  constexpr double large_mm = 1.0, large_rad = 0.01;  // a slope: over 1 m or 1 rad of travel
+  std::vector<std::string> warnings;
+  for (std::size_t k = 0; k < course.terms.size() && course.value.rows() > 0; ++k) {
+    const compensation::ThermalBelief::Term& term = belief.terms[k];
+    const bool is_slide = std::string_view("XYZUVW").find(term.name.axis) != std::string_view::npos;
+    const double travel = term.slope && is_slide ? 1000.0 : 1.0;
+    const double size = travel * course.value.col(Eigen::Index(k)).cwiseAbs().maxCoeff();
+    if (size < (term.name.is_angle() ? large_rad : large_mm)) continue;
+    warnings.push_back(fmt::format(
+        "belief.thermal: {} {} comes to {:.4g} {}{}, and heat moves no machine that far: another "
+        "unit, or temperatures of another unit",
+        errors::to_string(term.name), term.slope ? "slope" : "offset",
+        size * (term.name.is_angle() ? 1e3 : 1.0), term.name.is_angle() ? "mrad" : "mm",
+        term.slope ? (is_slide ? " over 1 m" : " over 1 rad") : ""));
+  }
+  return warnings;
+}
+
 /// What corrects, by what is known so far.
 Learnt corrector_of(const Seen& seen, const Workshop& workshop, const CaseDescription& compensator,
                     const Evidence& evidence) {
@@ -205,6 +228,9 @@ Learnt corrector_of(const Seen& seen, const Workshop& workshop, const CaseDescri
     learnt.warnings.push_back(fmt::format(
         "thermal belief: {} of {} readings lay outside what it was trained with and were held",
         belief.thermal->held, belief.thermal->time_s.size()));
+  if (belief.thermal && seen.belief.thermal)
+    std::ranges::move(size_warnings(*seen.belief.thermal, *belief.thermal),
+                      std::back_inserter(learnt.warnings));
   const auto corrector = [&](compensation::MachineBelief believed) {
     return belief_corrector(seen, compensator, [believed = std::move(believed)](const auto& state) {
       return tool_in_workpiece(believed, state);

@@ -42,10 +42,10 @@ Row read_row(std::string_view line, int number, const std::string& file) {
 
 std::string to_text(const PartReadingsFile& file) {
   const errors::metrology::PartReadings& r = file.readings;
-  std::string text =
-      fmt::format("{}\n# instrument = {}\n# kind = {}\n# part = {}\n# sigma_um = {}\n{}\n",
-                  first_part_line, to_toml_value(file.instrument), to_toml_value(file.kind),
-                  to_toml_value(file.part), r.sigma / units::um, columns);
+  std::string text = fmt::format(
+      "{}\n# instrument = {}\n# kind = {}\n# part = {}\n# sigma_um = {}\n# rows = {}\n{}\n",
+      first_part_line, to_toml_value(file.instrument), to_toml_value(file.kind),
+      to_toml_value(file.part), r.sigma / units::um, r.deviation.size(), columns);
   for (Eigen::Index i = 0; i < r.deviation.size(); ++i) {
     for (int k = 0; k < 3; ++k) text += fmt::format("{},", r.points_w(i, k));
     for (int k = 0; k < 3; ++k) text += fmt::format("{},", r.normals_w(i, k));
@@ -76,12 +76,16 @@ PartReadingsFile read_part_readings(std::string_view text, const std::string& fi
   result.kind = reader.text("kind");
   result.part = reader.text("part", "");
   result.readings.sigma = reader.number("sigma_um", non_negative, 0.0);
+  const int stated_rows = reader.integer("rows", 0, 1000000000, 0);
   reader.close();
   if (!faults.empty()) throw BadScene(faults.list());
   std::vector<Row> rows;
   while ((line = lines.next()))
     if (line->find_first_not_of(" \t") != std::string_view::npos)
       rows.push_back(read_row(*line, lines.number(), file));
+  if (stated_rows > 0 && rows.size() != std::size_t(stated_rows))
+    throw BadInput(file, 0, 0, fmt::format("{} rows, as its head says in `rows`", stated_rows),
+                   fmt::format("{}: the file was cut off or changed", rows.size()));
   errors::metrology::PartReadings& r = result.readings;
   const auto n = Eigen::Index(rows.size());
   r.points_w.resize(n, 3);

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "kinematics/encoding.h"
 #include "kinematics/text.h"
 #include "kinematics/units.h"
 #include "sim/scene/bad_scene.h"
@@ -29,6 +30,7 @@ using metrology::SetUp;
 
 constexpr std::string_view first_line = "# abbe_readings = 1";
 constexpr std::size_t max_bytes = std::size_t(256) << 20;
+constexpr int max_rows = 1000000000;
 constexpr std::size_t max_set_ups = 10000, max_channels = 250000, max_sensors = 1000;
 
 constexpr std::array bodies{std::pair{"bed", Body::Bed}, std::pair{"workpiece", Body::Workpiece},
@@ -136,6 +138,7 @@ std::string head_of(const Readings& readings) {
   head.words("instrument", readings.plan.instrument);
   head.words("kind", readings.plan.kind);
   head.number("duration_s", readings.plan.duration_s);
+  head.line("rows = {}", readings.plan.looks.size());
   head.pose("T_bw_mm", readings.nominal.T_bw_home());
   head.pose("T_bt_mm", readings.nominal.T_bt_home());
   for (const Joint& joint : readings.nominal.joints()) write_joint(head, joint);
@@ -267,8 +270,14 @@ kinematics::Chain read_machine(TableReader& reader) {
   return kinematics::Chain({}, Pose::Identity(), Pose::Identity());
 }
 
+/// The head of a file and how many rows it says are below it; 0: it does not say.
+struct ReadHead {
+  Readings readings;
+  int rows = 0;
+};
+
 /// The head, whose lines are the leading ones with a #, so that places are those of the file.
-Readings read_head(std::string_view text, const std::string& file) {
+ReadHead read_head(std::string_view text, const std::string& file) {
   std::string toml;
   Lines lines(text);
   while (const auto line = lines.next()) {
@@ -285,6 +294,7 @@ Readings read_head(std::string_view text, const std::string& file) {
   plan.instrument = reader.text("instrument");
   plan.kind = reader.text("kind");
   plan.duration_s = reader.number("duration_s", non_negative, 0.0);
+  const int rows = reader.integer("rows", 0, max_rows, 0);
   kinematics::Chain nominal = read_machine(reader);
   const auto set_ups = reader.tables("set_up");
   if (set_ups.size() > max_set_ups)
@@ -294,7 +304,7 @@ Readings read_head(std::string_view text, const std::string& file) {
     for (const Node* set_up : set_ups) plan.set_ups.push_back(read_set_up(*set_up, faults));
   reader.close();
   if (!faults.empty()) throw BadScene(faults.list());
-  return {std::move(plan), std::move(nominal), {}, {}, {}};
+  return {{std::move(plan), std::move(nominal), {}, {}, {}}, rows};
 }
 
 /// Reader of the rows below the head.
@@ -423,12 +433,17 @@ std::string to_text(const Readings& readings) {
 bool holds_readings(std::string_view text) { return text.starts_with(first_line); }
 
 Readings read_readings(std::string_view text, const std::string& file) {
+  check_encoding(text, file);
   if (!holds_readings(text))
     throw BadInput(file, 1, 1, "readings, whose first line is \"" + std::string(first_line) + "\"",
                    in_quotes(text.substr(0, text.find('\n'))));
-  Readings readings = read_head(text, file);
-  Rows(text, file, readings).read();
-  return readings;
+  ReadHead head = read_head(text, file);
+  Rows(text, file, head.readings).read();
+  if (const std::size_t rows = head.readings.plan.looks.size();
+      head.rows > 0 && rows != std::size_t(head.rows))
+    throw BadInput(file, 0, 0, fmt::format("{} rows, as its head says in `rows`", head.rows),
+                   fmt::format("{}: the file was cut off or changed", rows));
+  return std::move(head.readings);
 }
 
 Readings read_readings_file(const std::filesystem::path& file) {

@@ -17,6 +17,7 @@
 #include "sim/machine/run_out.h"
 #include "sim/report/form_texture.h"
 #include "sim/scene/read_scene.h"
+#include "sim/study/spread_warnings.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -158,9 +159,10 @@ std::string unresolved_texture(const ReadyArm& ready) {
   if (missed <= resolved * Sq) return {};
   const auto n = double(ready.job.design_w.vertices.rows());
   const double area = ready.job.design_w.area.sum(), spacing = std::sqrt(area / n);
-  const double variance = cutting::gaussian_variance(ready.job.scene.part.form_cutoff);
   // of at least the vertex itself
-  const double by_chance = missed / std::sqrt(std::max(1.0, 4.0 * pi * variance * n / area));
+  const double by_chance =
+      missed /
+      std::sqrt(std::max(1.0, cutting::filter_values(ready.job.scene.part.form_cutoff, n / area)));
   return fmt::format(
       "form and texture are judged at the part's {} vertices as loaded, about {:.3g} mm apart: "
       "between them the surface of {} is {:.3g} um RMS off a straight line ({:.3g} um at most), "
@@ -184,6 +186,7 @@ ReadyArm ready_arm(const Study& study, const Arm& arm, const Progress& progress)
   if (asks_to_filter(study))
     if (const std::string text = unresolved_texture(ready); !text.empty())
       ready.job.warnings.push_back(text);
+  for (std::string& text : spread_warnings(study)) ready.job.warnings.push_back(std::move(text));
   return ready;
 }
 

@@ -54,6 +54,13 @@ struct MapContribution {
                        ///< may be below 0 where correlated inputs undo each other
 };
 
+/// What a standard deviation of an unidentified number does to the map of an arm.
+struct UnidentifiedEffect {
+  Unidentified number;
+  double rms = 0.0;  ///< mm, over the judged area
+  double pv = 0.0;   ///< mm
+};
+
 /// Spreads that keep a response within its limit.
 struct Allocation {
   Tolerance asked;
@@ -78,6 +85,7 @@ struct ArmBudget {
   std::optional<double> uncut_percent;   ///< of the judged area, with every input at its centre
   std::optional<double> gouged_percent;  ///< the same, deeper than the band
   std::optional<Allocation> allocation;
+  std::vector<UnidentifiedEffect> unidentified;  ///< of a belief, whether drawn or left out
 };
 
 /// Influence against full runs, over the proofs of engine `both`: one response of one arm.

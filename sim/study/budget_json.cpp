@@ -219,6 +219,18 @@ ordered_json allocation_of(const Allocation& a) {
           {"cheapest", way(a.cheapest, a.cheapest_cost, a.cheapest_share)}};
 }
 
+ordered_json unidentified_of(const ArmBudget& arm) {
+  ordered_json list = ordered_json::array();
+  for (const UnidentifiedEffect& one : arm.unidentified)
+    list.push_back({{"number", one.number.number},
+                    {"unit", one.number.unit},
+                    {"spread", number(one.number.spread)},
+                    {"drawn", one.number.is_drawn},
+                    {"rms_um", number(one.rms / units::um)},
+                    {"pv_um", number(one.pv / units::um)}});
+  return list;
+}
+
 ordered_json arm(const Study& study, const ArmBudget& a) {
   ordered_json responses = ordered_json::array();
   for (const ResponseBudget& r : a.responses) responses.push_back(response(study, r));
@@ -227,6 +239,7 @@ ordered_json arm(const Study& study, const ArmBudget& a) {
           {"case", a.arm.case_name},
           {"responses", responses},
           {"map", map_of(study, a)},
+          {"unidentified", unidentified_of(a)},
           {"allocation", a.allocation ? allocation_of(*a.allocation) : ordered_json()}};
 }
 

@@ -12,6 +12,7 @@
 #include "sim/study/main_effects.h"
 #include "sim/study/tolerance.h"
 #include "sim/study/uncertainty.h"
+#include "sim/study/unidentified_effects.h"
 #include "sim/study/worst_case.h"
 
 namespace abbe::sim::study {
@@ -349,6 +350,9 @@ Budget budget_of(const ReadyStudy& ready, const std::vector<Row>& rows, const Pr
       add_influence(ready, arm, budget.arms[arm]);
     else if (const auto status = statuses_at_centre(study, ready.arms[arm]))
       add_left_out(*status, ready.arms[arm].job.design_w.area, budget.arms[arm]);
+    budget.arms[arm].unidentified = unidentified_effects(study, ready.arms[arm]);
+    if (std::string text = unidentified_warning(study, budget.arms[arm]); !text.empty())
+      budget.warnings.push_back(std::move(text));
   }
   for (const ReadyArm& arm : ready.arms)
     for (const std::string& warning : arm.job.warnings)  // of a program that all arms share once

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/units.h"
+#include "sim/scene/scene.h"
 #include "sim/study/budget.h"
 #include "sim/study/ranking.h"
 #include "sim/study/text_style.h"
@@ -14,10 +15,17 @@ namespace {
 
 constexpr std::size_t most_rows = 15;
 
+/// What a unit of an input is of a machine.
+struct UnitSize {
+  double size = 1.0;
+  std::string unit;
+};
+
 /// A study and how it is said.
 struct Words {
   const Study& study;
   TextStyle style;
+  std::vector<UnitSize> units = {};  ///< of the inputs
 
   std::string name(const std::string& text) const { return plain(style, text); }
   std::string name(int input) const { return name(study.inputs[std::size_t(input)].name); }
@@ -56,8 +64,41 @@ std::string machines(const Banded& b) {
   return fmt::format("{} % [{}, {}]", machines(b.value), machines(b.low), machines(b.high));
 }
 
+/// Spreads are said in the unit of what varies: the factor of a location error times its number.
+/// An error motion is a curve, of which a factor is what there is.
+UnitSize unit_size(const Input& input, const Scene& scene) {
+  const UnitSize own{1.0, shown_unit(input.unit)};
+  if (input.element.empty()) return own;
+  for (const errors::Element& element : scene.geometric.elements) {
+    if (errors::to_string(element.name) != input.element || !element.name.location) continue;
+    double value = 0.0;
+    for (const errors::Curve& curve : element.curves) {
+      if (!std::holds_alternative<errors::Constant>(curve.shape))
+        return {1.0, "× " + input.element};
+      value += errors::value(curve, {});
+    }
+    const bool angle = element.name.is_angle();
+    return {std::abs(scene.error_scale * value) / (angle ? units::urad : units::um),
+            shown_unit(angle ? "urad" : "um")};
+  }
+  return {1.0, "× " + input.element};
+}
+
+std::vector<UnitSize> unit_sizes(const Budget& budget) {
+  const Study& study = budget.study;
+  const bool has_scene = study.scene_tree != nullptr && !study.arms.empty();
+  const Scene scene = has_scene ? scene_of(study, study.arms.front()) : Scene{};
+  std::vector<UnitSize> sizes;
+  for (const Input& input : study.inputs) sizes.push_back(unit_size(input, scene));
+  return sizes;
+}
+
 std::string unit_text(const Words& w, int input) {
-  return w.name(shown_unit(unit_of(w.study.inputs[std::size_t(input)])));
+  return w.name(w.units[std::size_t(input)].unit);
+}
+
+double in_its_unit(const Words& w, int input, double value) {
+  return value * w.units[std::size_t(input)].size;
 }
 
 std::string with_unit(Response response, double value) {
@@ -212,8 +253,8 @@ TextTable input_table(const ArmBudget& arm, const Ranking& order) {
 
 std::vector<std::string> input_row(const Words& w, const ArmBudget& arm, const Ranking& order,
                                    int i) {
-  std::vector<std::string> row{w.name(i), figure(centre(w.study)[i]), figure(spreads(w.study)[i]),
-                               unit_text(w, i)};
+  std::vector<std::string> row{w.name(i), figure(in_its_unit(w, i, centre(w.study)[i])),
+                               figure(in_its_unit(w, i, spreads(w.study)[i])), unit_text(w, i)};
   for (std::size_t r = 0; r < std::min(arm.responses.size(), most_changes); ++r)
     row.push_back(change_text(arm.responses[r].response, contribution_of(arm.responses[r], i)));
   const Contribution* c =
@@ -319,7 +360,8 @@ std::string tightening(const Words& w, const Eigen::VectorXd& factors) {
       rest += then - input.cost;
       continue;
     }
-    t.rows.push_back({w.name(i), figure(now[i]), figure(now[i] * factors[i]), unit_text(w, i),
+    t.rows.push_back({w.name(i), figure(in_its_unit(w, i, now[i])),
+                      figure(in_its_unit(w, i, now[i] * factors[i])), unit_text(w, i),
                       fmt::format("{:.2f}", factors[i]), figure(input.cost), figure(then),
                       figure(then - input.cost)});
   }
@@ -414,7 +456,7 @@ std::string without_trailing_spaces(const std::string& text) {
 }
 
 std::string written(const Budget& budget, TextStyle style) {
-  const Words w{budget.study, style};
+  const Words w{budget.study, style, unit_sizes(budget)};
   std::string text = head(w, budget);
   for (const std::string& warning : budget.warnings) text += notice(style, w.name(warning));
   for (const ArmBudget& arm : budget.arms) text += in_short(w, arm);

@@ -8,6 +8,7 @@
 
 #include "kinematics/bad_input.h"
 #include "sim/compensation/plug_in.h"
+#include "sim/dialects/bad_program.h"
 #include "sim/files/output.h"
 #include "sim/files/progress.h"
 #include "sim/scene/bad_scene.h"
@@ -65,6 +66,10 @@ BadInput bad_input_in(const json& fault) {
 json described(const std::exception_ptr& failure) {
   try {
     std::rethrow_exception(failure);
+  } catch (const dialects::BadProgram& program) {
+    json faults = json::array();
+    for (const BadInput& fault : program.faults) faults.push_back(to_json(fault));
+    return {{"kind", "BadScene"}, {"faults", faults}};
   } catch (const BadInput& fault) {
     return {{"kind", "BadInput"}, {"faults", {to_json(fault)}}};
   } catch (const BadScene& scene) {

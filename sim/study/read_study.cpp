@@ -139,6 +139,11 @@ void StudyReader::read_scenes() {
 void StudyReader::read_stated_inputs() {
   StatedInputs stated = read_inputs(reader_, scenes_);
   study_.inputs = std::move(stated.inputs);
+  study_.unidentified = std::move(stated.unidentified);
+  study_.completion = std::move(stated.completion);
+  for (Scene& scene : scenes_)
+    scene.geometric.elements.insert(scene.geometric.elements.end(), study_.completion.begin(),
+                                    study_.completion.end());
   places_ = std::move(stated.places);
   without_centre_ = std::move(stated.without_centre);
   if (!faults_.empty()) return;

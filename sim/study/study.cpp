@@ -130,6 +130,8 @@ Scene scene_at(const Study& study, const Arm& arm, const Scene& base, const Eige
         all.push_back({one.path, fmt::format("{}", one.factor * x[i])});  // whole as such
     scene = scene_of_tree(*study.scene_tree, study.scene, all);
     scene.trusted = study.trusted;
+    scene.geometric.elements.insert(scene.geometric.elements.end(), study.completion.begin(),
+                                    study.completion.end());
   }
   if (x.size() == 0) return scene;
   set_numbers(study, x, scene.geometric);

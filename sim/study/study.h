@@ -11,6 +11,7 @@
 
 #include <Eigen/Core>
 
+#include "errors/element.h"
 #include "sim/files/permissions.h"
 #include "sim/scene/override.h"
 #include "sim/study/copula.h"
@@ -41,6 +42,17 @@ struct Input {
   std::string number;   ///< "EXX[1]", errors::name_of: a number of a curve, um or urad
   Distribution distribution;
   double cost = 1.0;  ///< of its present spread; a k-th of the spread costs k times as much
+};
+
+/// A number of the machine's errors that its belief does not hold.
+struct Unidentified {
+  std::string number;   ///< "EY0A", "EAX[1]"
+  std::string unit;     ///< "um", "urad"
+  double spread = 0.0;  ///< standard deviation of its prior where it is drawn, else the typical one
+                        ///< of its kind, by which its effect is stated
+  bool is_drawn = false;  ///< it has a prior, so that an input stands for it
+  /// Numbers of the belief that took on so much of each unit of it.
+  std::vector<std::pair<std::string, double>> hidden_by;
 };
 
 /// A machine whose part is judged in every case: the scene or one of its variants, as it is or with
@@ -144,6 +156,9 @@ struct Study {
   bool machine_part = false;        ///< figures are of the map minus the error-free one
   std::vector<std::pair<Response, double>> limits;  ///< mm, upper ones
   std::vector<Input> inputs;
+  std::vector<Unidentified> unidentified;  ///< of a belief whose covariance is drawn
+  std::vector<errors::Element> completion;  ///< elements at zero, beside those of the scene, which
+                                            ///< hold numbers that are unidentified
   Copula copula{0};  ///< how the inputs vary together
   InfluenceOptions influence;
   std::uint64_t proofs = 50;  ///< cases that engine `both` cuts as well

@@ -9,6 +9,7 @@
 #include "errors/coefficients.h"
 #include "kinematics/units.h"
 #include "sim/scene/scene.h"
+#include "sim/study/belief_inputs.h"
 #include "sim/study/study_fields.h"
 
 namespace abbe::sim::study {
@@ -147,7 +148,7 @@ class InputsReader {
   void read_many(const Node& node);
   std::optional<double> stated_at(const std::string& path) const;
   std::optional<double> nominal_at(const std::string& path) const;
-  void add_covariance(const Node& node, double cost);
+  void add_covariance(const Node& node, double cost, const Priors& priors);
   void add_elements(const ManyInputs& many, const Place& place);
   void add_numbers(const ManyInputs& many, const Place& place);
   void add(Input input, const Place& place);
@@ -256,51 +257,81 @@ std::optional<double> InputsReader::stated_at(const std::string& path) const {
   return node ? written_number(*node) : std::nullopt;
 }
 
-/// Numbers of a belief, each known to its standard uncertainty, correlated as they are.
-void InputsReader::add_covariance(const Node& node, double cost) {
+/// Priors of numbers that a belief does not hold: `{ EY0A_um = 20 }`, or "typical".
+Priors read_priors(TableReader& reader) {
+  Priors priors;
+  const Node* node = reader.know("unidentified");
+  if (node == nullptr) return priors;
+  const std::string expected =
+      "a standard deviation of each element, { EY0A_um = 20, EAX_urad = 10 }, or \"typical\"";
+  if (node->text() && *node->text() == "typical") {
+    priors.typical = true;
+    return priors;
+  }
+  if (!node->table()) {
+    reader.refuse("unidentified", expected, shown(*node));
+    return priors;
+  }
+  for (const Node::Entry& entry : *node->table()) {
+    const std::optional<double> spread = written_number(entry.node);
+    try {
+      const std::size_t unit = entry.key.rfind('_');
+      const errors::ElementName name = errors::parse_element_name(entry.key.substr(0, unit));
+      const bool has_unit = unit != std::string::npos &&
+                            entry.key.substr(unit) == (name.is_angle() ? "_urad" : "_um");
+      if (!has_unit || !spread || !(*spread >= 0.0 && *spread <= 1e6))
+        reader.faults().add(entry.place, expected + ", of 0 to 1e6",
+                            entry.key + " = " + shown(entry.node));
+      else
+        priors.spread[errors::to_string(name)] = *spread;
+    } catch (const std::invalid_argument&) {
+      reader.faults().add(entry.place, expected, entry.key);
+    }
+  }
+  return priors;
+}
+
+/// Numbers of a belief, each known to its standard uncertainty, correlated as they are; what it
+/// does not hold by its prior.
+void InputsReader::add_covariance(const Node& node, double cost, const Priors& priors) {
   if (scenes_.empty()) return;
-  const errors::GeometricErrors& belief = scenes_.front().geometric;
-  const errors::Covariance& known = belief.covariance;
-  if (known.of.empty()) {
+  if (scenes_.front().geometric.covariance.of.empty()) {
     faults_.add(node.place, "errors with a covariance, as `abbe identify` writes them",
                 "errors that are taken as they stand");
     return;
   }
+  BeliefInputs belief;
+  try {
+    belief = belief_inputs(scenes_.front(), priors);
+  } catch (const std::invalid_argument& fault) {
+    faults_.add(node.place, "priors of what was not identified", fault.what());
+    return;
+  }
   const int before = int(stated_.inputs.size());
-  std::vector<Eigen::Index> rows;
-  for (std::size_t k = 0; k < known.of.size(); ++k) {
-    const auto i = Eigen::Index(k);
-    const double sd = std::sqrt(known.matrix(i, i));
-    if (!(sd > 0.0)) continue;  // zero by convention
-    const errors::Element& element = belief.elements[std::size_t(known.of[k].element)];
-    const double unit = element.name.is_angle() ? units::urad : units::um;
-    Input input;
-    input.name = input.number = errors::name_of(known.of[k], belief.elements);
-    input.unit = element.name.is_angle() ? "urad" : "um";
-    const auto all = errors::coefficients(belief.elements);
-    const auto at = std::find(all.begin(), all.end(), known.of[k]) - all.begin();
-    input.distribution.centre = errors::values(belief.elements)[at] / unit;
-    input.distribution.spread = sd / unit;
+  for (Input& input : belief.inputs) {
     input.cost = cost;
-    rows.push_back(i);
     add(std::move(input), node.place);
   }
-  for (std::size_t a = 0; a < rows.size(); ++a)
-    for (std::size_t b = 0; b < a; ++b) {
-      const double rho = known.matrix(rows[a], rows[b]) /
-                         std::sqrt(known.matrix(rows[a], rows[a]) * known.matrix(rows[b], rows[b]));
+  const Eigen::MatrixXd& S = belief.covariance;
+  for (Eigen::Index a = 0; a < S.rows(); ++a)
+    for (Eigen::Index b = 0; b < a; ++b) {
+      const double rho = S(a, b) / std::sqrt(S(a, a) * S(b, b));
       if (rho == 0.0) continue;
-      stated_.correlations.push_back({before + int(a), before + int(b), rho});
+      stated_.correlations.push_back(
+          {before + int(a), before + int(b), std::clamp(rho, -1.0, 1.0)});
       correlated_.emplace(before + int(b), before + int(a));
     }
+  stated_.unidentified = std::move(belief.unidentified);
+  stated_.completion = std::move(belief.completion);
 }
 
 void InputsReader::read_many(const Node& node) {
   TableReader reader(node, "inputs", faults_);
   ManyInputs many = many_inputs_fields().read(reader);
   if (many.every == Every::Covariance) {
+    const Priors priors = read_priors(reader);
     reader.close();
-    add_covariance(node, many.like.cost);
+    add_covariance(node, many.like.cost, priors);
     return;
   }
   many = many_alike_fields().read(reader, std::move(many));
@@ -383,8 +414,14 @@ std::vector<Key> one_input_keys() {
 
 std::vector<Key> many_inputs_keys() {
   std::vector<Key> keys = many_inputs_fields().keys(), alike = many_alike_fields().keys();
+  Key priors = key_of("unidentified", Key::Kind::Any,
+                      "standard deviations of elements that the belief does not hold, "
+                      "`{ EY0A_um = 20, EAX_urad = 10 }`, or `\"typical\"`: 20 um and 20 urad of "
+                      "offsets, squareness and parallelism, 5 um and 15 urad of error motions (the "
+                      "k-th order of a curve a k-th of it), 5 um and 10 urad of the nose. What has "
+                      "none is left out of every figure, which a warning says");
   for (Word& word : keys.front().words)
-    if (word.word != "covariance") word.keys = alike;
+    word.keys = word.word == "covariance" ? std::vector<Key>{priors} : alike;
   return keys;
 }
 

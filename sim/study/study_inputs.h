@@ -22,6 +22,8 @@ struct StatedInputs {
   std::vector<Place> places;  ///< (inputs) where each stands
   std::vector<WithoutCentre> without_centre;
   std::vector<Correlation> correlations;
+  std::vector<Unidentified> unidentified;
+  std::vector<errors::Element> completion;  ///< as in Study
 };
 
 /// `[[input]]`, `[[inputs]]` and `[[correlation]]`.

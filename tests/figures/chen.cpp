@@ -95,6 +95,21 @@ const char* const scenes_four = "deng, regression screening";
 const char* const initial = "Deng's degree, Chen and Wang 2013";
 const char* const papers = "the paper's four, Chen and Wang 2013";
 
+/// "8: 1-2, 12: 2-3" ranks of the sensors chosen over start rows and noise, and how often the same
+/// four are chosen.
+std::string ranks_by_chance(const char* name) {
+  const ordered_json& one = choice(name);
+  const ordered_json& spread = one["spread"];
+  std::vector<std::string> ranks;
+  for (const ordered_json& sensor : one["chosen"]) {
+    const ordered_json& range = spread["rank_from_to"][sensor.get<std::string>()];
+    ranks.push_back(fmt::format("{}: {}-{}", number(thermal_choice_of(day_scene), sensor),
+                                range[0].get<int>(), range[1].get<int>()));
+  }
+  return fmt::format("{}; {:.0f} %", joined(ranks, ", "),
+                     spread["same_sensors_percent"].get<double>());
+}
+
 /// RMS in um by which Z misses on the day that chose.
 std::string z_of_choice(const char* name) {
   for (const ordered_json& channel : choice(name)["channels"])
@@ -147,6 +162,11 @@ std::vector<Figure> chen() {
        by_degree, day},
       {paper, "four of 13 by Deng's degree, initial image from the first drift on", "8, 13, 12, 10",
        by_initial_image, "`abbe test -R '^Figures'`", day},
+      {paper,
+       "ranks of these four over start rows 0 to 10 and noise drawn again, and how often the same "
+       "four are chosen",
+       none, [] { return ranks_by_chance(initial); }, compare + ", `choices`, `spread`",
+       "the order of neighbours is one of chance"},
       {paper, "four of 13 as the scene chooses", "8, 13, 12, 10",
        [] { return chosen_numbers(thermal_choice_of(day_scene)); }, compare,
        "screened by regression, which takes what lowers the residual most"},

@@ -37,6 +37,10 @@ std::string command(const SceneCase& one);
 /// Its `summary.json`. Every case is cut once in a run of the tests.
 const nlohmann::ordered_json& summary_of(const SceneCase& one);
 
+/// `summary.json` of a case as `abbe run` and `abbe compare` leave it: sampled where the cut needs
+/// it, with the machine's part. Every case is cut once in a run of the tests.
+const nlohmann::ordered_json& summary_as_run(const SceneCase& one);
+
 /// RMS of the machine's part of its map, um: of the map minus the error-free one.
 double machine_um(const SceneCase& one);
 

@@ -298,5 +298,124 @@ std::vector<Quote> quotes() {
   return all;
 }
 
+// --- what documents and scenes say of runs
+
+/// A number of `summary.json` of a case.
+struct RunNumber {
+  SceneCase run;
+  std::string at;  ///< JSON pointer
+};
+
+/// A sentence with numbers of runs in it.
+struct RunQuote {
+  std::string file;
+  std::string words;  ///< {:.2f} for each number
+  std::vector<RunNumber> numbers;
+  bool slow = false;  ///< run under ABBE_LONG=1 only
+};
+
+std::vector<RunQuote> on_machine_quotes() {
+  const std::string scene = "on_machine_measurement", file = "scenes/" + scene + ".toml",
+                    at = "/at_vertices_um/rms", ideal = "part-position-ideal";
+  const auto before_and_after = [&](const std::string& variant) {
+    return std::vector<RunNumber>{{{scene, {}, "", variant}, at},
+                                  {{scene, {}, ideal, variant}, at}};
+  };
+  std::vector<RunQuote> all{
+      {file, "a geometric error of {:.2f} um RMS", {{{scene}, at}}},
+      {file, "the {:.2f} become", {{{scene}, at}}},
+      {file, "become {:.2f}, for", {{{scene, {}, "part-position-program"}, at}}},
+      {file, "geometric errors alone {:.3f} {:.3f}", before_and_after("")},
+      {file, "worn ball {:.3f} {:.3f}", before_and_after("worn ball")},
+      {file, "other pose {:.3f} {:.3f}", before_and_after("other pose")},
+      {file, "force {:.3f} {:.3f}", before_and_after("force"), true},
+      {file, "drift {:.3f} {:.3f}", before_and_after("drift"), true},
+  };
+  return all;
+}
+
+/// A row of TOUR's table: error-free PV, PV and RMS, machine's part, then that of compensators.
+RunQuote tour_row(const std::string& scene, const std::string& words,
+                  const std::vector<std::string>& compensators, bool slow = true) {
+  std::vector<RunNumber> numbers{{{scene, {}, "error_free"}, "/residual_um/pv"},
+                                 {{scene}, "/residual_um/pv"},
+                                 {{scene}, "/residual_um/rms"},
+                                 {{scene}, "/machine_um/rms"}};
+  for (const std::string& name : compensators)
+    numbers.push_back({{scene, {}, name}, "/machine_um/rms"});
+  return {"scenes/TOUR.md", "| `" + scene + "` | " + words, numbers, slow};
+}
+
+std::vector<RunQuote> run_quotes() {
+  const std::string position = "perfect-position-ideal", decoupled = "perfect-decoupled-ideal",
+                    program = "perfect-iterated-program";
+  std::vector<RunQuote> all{
+      tour_row("gantry_dome", "{:.2f} | {:.1f} / {:.1f} | {:.2f} | {:.3f} | {:.4f} |",
+               {position, decoupled}),
+      tour_row("gantry_tilted_flat", "{:.2f} | {:.2f} / {:.1f} | {:.2f} | {:.3f} | {:.4f} |",
+               {position, decoupled}),
+      tour_row("gantry_mesh", "{:.2f} | {:.1f} / {:.1f} | {:.2f} | {:.3f} |", {position}),
+      tour_row("cone_frustum", "{:.2f} | {:.1f} / {:.1f} | {:.2f} | {:.3f} | {:.4f} |",
+               {position, decoupled}),
+      tour_row("platform_plane", "{:.2f} | {:.2f} / {:.2f} | {:.2f} |", {}),
+      tour_row("platform_cone", "{:.2f} | {:.1f} / {:.2f} | {:.2f} |", {}),
+      tour_row("platform_sphere", "{:.2f} | {:.1f} / {:.2f} | {:.2f} |", {}),
+      tour_row("gantry_force", "{:.2f} | {:.1f} / {:.2f} | {:.2f} |", {}),
+      tour_row("stepped_shaft", "{:.2f} | {:.2f} / {:.1f} | {:.2f} | {:.3f} |", {position}),
+      tour_row("thin_wall", "{:.2f} | {:.2f} / {:.2f} | {:.2f} | {:.4f} |", {position}),
+      {"scenes/TOUR.md",
+       "| `platform_perfect` | {:.4f} |",
+       {{{"platform_perfect", {}, "error_free"}, "/residual_um/pv"}},
+       true},
+      {"scenes/thin_wall.toml",
+       "the deflection of {:.3f} um RMS becomes {:.3f}",
+       {{{"thin_wall"}, "/machine_um/rms"},
+        {{"thin_wall", {}, "force-position-program"}, "/machine_um/rms"}},
+       true},
+      {"scenes/gantry_fused.toml",
+       "uncompensated {:.2f}; geometry alone",
+       {{{"gantry_fused"}, "/machine_um/rms"}},
+       true},
+  };
+  for (RunQuote& quote : on_machine_quotes()) all.push_back(std::move(quote));
+  return all;
+}
+
+/// The words with any number for each, as a pattern.
+std::regex pattern_of(const std::string& words) {
+  static const std::regex field(R"(\{:[^}]*\})"), special(R"([.*+?^$()|\[\]\\])");
+  std::string pattern;
+  std::string rest = words;
+  for (std::smatch found; std::regex_search(rest, found, field); rest = found.suffix())
+    pattern += std::regex_replace(found.prefix().str(), special, R"(\$&)") + R"(-?\d+(\.\d+)?)";
+  return std::regex(pattern + std::regex_replace(rest, special, R"(\$&)"));
+}
+
+TEST(Figures, WhatDocumentsAndScenesSayOfRunsIsWhatRunsGive) {
+  std::map<std::string, std::string> files;
+  int run = 0, all = 0;
+  for (const RunQuote& quote : run_quotes()) {
+    ++all;
+    if (!files.count(quote.file)) files[quote.file] = flowing(contents(root / quote.file));
+    const std::string& text = files[quote.file];
+    EXPECT_TRUE(std::regex_search(text, pattern_of(quote.words)))
+        << quote.file << " has no numbers for \"" << quote.words << "\"";
+    if (quote.slow && !asked("ABBE_LONG")) continue;
+    ++run;
+    fmt::dynamic_format_arg_store<fmt::format_context> numbers;
+    std::string commands;
+    for (const RunNumber& number : quote.numbers) {
+      numbers.push_back(
+          summary_as_run(number.run).at(nlohmann::json::json_pointer(number.at)).get<double>());
+      commands += command(number.run) + " " + number.at + "; ";
+    }
+    const std::string words = fmt::vformat(quote.words, numbers);
+    std::cout << quote.file << ": " << words << std::endl;
+    EXPECT_NE(text.find(words), std::string::npos)
+        << quote.file << " does not say \"" << words << "\" (" << commands << ")";
+  }
+  std::cout << run << " of " << all << " sentences run\n";
+}
+
 }  // namespace
 }  // namespace abbe::figures

@@ -116,6 +116,16 @@ std::vector<Figure> sensor_rows() {
        "X, Y and Z missed on another day by the four of the comprehensive degree, µm RMS; "
        "together, of the ranges",
        none, [] { return missed_on_another_day(comprehensive()); }, choices, grey},
+      {yang_2012,
+       "random fours that the four of the comprehensive degree beat on another day, %; median of "
+       "what random fours miss, % of the ranges",
+       none,
+       [] {
+         const ordered_json& random = comprehensive()["random_choices_rms_over_range"];
+         return fmt::format("{:.0f}; {:.1f}", 100.0 * random["beaten_by_the_choice"].get<double>(),
+                            100.0 * random["p50"].get<double>());
+       },
+       choices, "a choice by likeness is no better than chance here"},
       {yang_2012, "X, Y and Z missed by the four of the regression, µm RMS", none,
        [] { return missed_on_its_day(regression_choice()); }, choices, pictures},
       {yang_2012,

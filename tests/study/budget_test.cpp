@@ -391,6 +391,8 @@ TEST(BudgetUnits, EveryFigureSaysItsUnit) {
   Budget b = budget_of({.inputs = 3, .arms = 1});  // um, urad, and a pure number
   const auto json = to_json(b);
   EXPECT_EQ(json["inputs"][2]["unit"], "1");
+  b.study.inputs[2].element = "EXX";
+  EXPECT_NE(to_markdown(b).find("| × EXX |"), std::string::npos) << "a factor names what it counts";
   for (const auto& response : json["arms"][0]["responses"])
     EXPECT_FALSE(response["unit"].get<std::string>().empty());
   const auto table = read_csv(to_csv(b));

@@ -113,7 +113,7 @@ TEST(InfluenceColumns, FollowTheControlAndTheDatumThatItTouchesOff) {
   expect_columns(
       MadeStudy({ball_dome("[control]\ntool_length_mm = 100\n[control.axis.C]\n"
                            "point_mm = [0, 0, 0]\n[datum]\nkind = \"touch_off\"\n"
-                           "touch = [{ point_mm = [40, 25, 80], direction = [0, 0, 1] }]\n"),
+                           "touch = [{ point_mm = [40, 25, 80], direction = [0, 0, -1] }]\n"),
                  by_element("EYX") + by_element("EC0Y") + by_element("EZS") +
                      by_path("control.tool_length_mm", 100, 0.005) +
                      by_path("control.axis.C.point_mm.0", 0, 0.005) +

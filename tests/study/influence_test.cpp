@@ -139,7 +139,7 @@ TEST(Influence, RandomMachinesWithHeatClampingToolAndControlAreTheirFullRuns) {
       file_of("errors/gantry_heat.toml"));
   const MadeStudy made(
       {ball_dome("[setup]\nEX_um = 0\n[control]\ntool_length_mm = 100\n[datum]\nkind = "
-                 "\"touch_off\"\ntouch = [{ point_mm = [40, 25, 80], direction = [0, 0, 1] }]\n",
+                 "\"touch_off\"\ntouch = [{ point_mm = [40, 25, 80], direction = [0, 0, -1] }]\n",
                  top),
        by_path("thermal.scale", 1, 0.2) + by_path("errors.scale", 1, 0.2) +
            by_path("setup.EX_um", 0, 5) + by_path("setup.EA_urad", 0, 30) +

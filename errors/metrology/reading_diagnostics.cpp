@@ -1,0 +1,331 @@
+#include "errors/metrology/reading_diagnostics.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "kinematics/units.h"
+
+namespace abbe::errors::metrology {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double impossible = 1e-9;                   // chance below which readings are an error
+constexpr double large_mm = 1.0, large_rad = 0.01;    // no machine is that wrong
+constexpr double certain = 10.0;                      // times that
+constexpr int min_equal = 5, min_equal_in_a_row = 4;  // readings
+constexpr int min_scattered = 20;
+
+double limit_of(bool is_angle) { return is_angle ? large_rad : large_mm; }
+
+std::string size_text(double value, bool is_angle) {
+  return is_angle ? fmt::format("{:.4g} mrad", value / (1e3 * units::urad))
+                  : fmt::format("{:.4g} mm", value);
+}
+
+std::string noise_text(double value, bool is_angle) {
+  return fmt::format("{:.3g} {}", value / (is_angle ? units::urad : units::um),
+                     is_angle ? "urad" : "um");
+}
+
+// ---- readings that never change
+
+/// Largest chance that a reading with this noise shows the step that the one before it showed.
+double chance_of_repeating(double noise, double resolution) {
+  if (noise <= 0.0) return 1.0;
+  return std::erf(0.5 * resolution / (noise * std::sqrt(2.0)));
+}
+
+/// First reading of the longest part of equal ones, and how many they are.
+std::pair<Index, Index> longest_equal(const VectorXd& values) {
+  Index first = 0, count = values.size() > 0 ? 1 : 0;
+  for (Index from = 0, i = 1; i <= values.size(); ++i) {
+    if (i < values.size() && values[i] == values[from]) continue;
+    if (i - from > count) first = from, count = i - from;
+    from = i;
+  }
+  return {first, count};
+}
+
+void check_changes(const std::string& name, const Channel& channel, const VectorXd& values,
+                   ReadingDiagnostics& found) {
+  const auto [first, count] = longest_equal(values);
+  const Index n = values.size();
+  const double chance =
+      std::pow(chance_of_repeating(channel.noise, channel.resolution), double(count - 1));
+  if (count == n && n >= min_equal) {
+    const std::string text = fmt::format("{}: all {} readings are {}", name, n,
+                                         size_text(values[0], channel.is_angle()));
+    if (chance < impossible)
+      found.errors.push_back(
+          text + fmt::format(", but the channel has {} of noise: a sensor that does not work, or "
+                             "readings that were not copied",
+                             noise_text(channel.noise, channel.is_angle())));
+    else
+      found.warnings.push_back(text + ": the sensor may not work");
+  } else if (count >= min_equal_in_a_row && double(n) * chance < impossible) {
+    found.warnings.push_back(fmt::format(
+        "{}: {} readings in a row are the same, from the {}. on: the sensor stood still", name,
+        count, first + 1));
+  }
+}
+
+/// Noise of readings whose curve is smooth, by their second differences.
+double scatter_of(const VectorXd& v) {
+  const Index n = v.size() - 2;
+  return ((v.head(n) - 2.0 * v.segment(1, n) + v.tail(n)).matrix()).norm() /
+         std::sqrt(6.0 * double(n));
+}
+
+void check_scatter(const std::string& name, const Channel& channel, const VectorXd& departure,
+                   ReadingDiagnostics& found) {
+  constexpr double too_little = 0.1;  // of the noise: chance 1e-7 of 20 readings, of which 9 count
+  if (departure.size() < min_scattered || !(channel.noise > 0.0) ||
+      channel.resolution > channel.noise)
+    return;
+  const double scatter = scatter_of(departure);
+  if (scatter >= too_little * channel.noise || departure.cwiseAbs().maxCoeff() == 0.0) return;
+  found.warnings.push_back(fmt::format(
+      "{}: readings scatter by {}, their noise is {}: in another unit, or smoothed", name,
+      noise_text(scatter, channel.is_angle()), noise_text(channel.noise, channel.is_angle())));
+}
+
+// ---- readings far from the nominal machine
+
+/// One channel as it was read and as the nominal machine would show it.
+struct ChannelReadings {
+  std::string name;
+  const SetUp* set_up = nullptr;
+  int channel = 0;
+  VectorXd value, nominal;  ///< (n) mm or rad
+  double alignment = 0.0;  ///< mm or rad, one sigma of the set-up's alignment, the most of any look
+
+  const Channel& of() const { return set_up->channels[std::size_t(channel)]; }
+};
+
+/// Reading minus nominal; a counter of unknown zero counts from its median.
+VectorXd departure_of(const ChannelReadings& readings, const VectorXd& value) {
+  VectorXd departure = value - readings.nominal;
+  if (readings.set_up->zero_unknown && departure.size() > 0) {
+    VectorXd sorted = departure;
+    std::sort(sorted.begin(), sorted.end());
+    departure.array() -= sorted[sorted.size() / 2];
+  }
+  return departure;
+}
+
+double max_departure(const ChannelReadings& readings, const VectorXd& value) {
+  return departure_of(readings, value).cwiseAbs().maxCoeff();
+}
+
+/// What was done to readings that would be near if it were undone.
+std::string cause_of(const ChannelReadings& readings, double limit) {
+  struct Factor {
+    double factor;
+    const char* cause;
+  };
+  constexpr std::array factors{
+      Factor{-1.0, "they are of the other sign"},
+      Factor{1000.0, "they are in m, or a thousandth of their unit"},
+      Factor{1e-3, "they are in um or urad, or a thousand times their unit"},
+      Factor{units::inch, "they are in inches"}, Factor{units::deg, "they are in degrees"}};
+  for (const Factor& one : factors)
+    if (max_departure(readings, one.factor * readings.value) <= limit) return one.cause;
+  if (max_departure(readings, readings.value.reverse()) <= limit)
+    return "they are in reversed order";
+  return "unit, sign, order or columns may be wrong";
+}
+
+void check_departure(const ChannelReadings& readings, ReadingDiagnostics& found) {
+  const Channel& channel = readings.of();
+  const double allowed = 5.0 * readings.alignment;
+  const double limit = limit_of(channel.is_angle()) + allowed;
+  const double far = max_departure(readings, readings.value);
+  if (far < limit) return;
+  const bool is_certain = far >= certain * limit_of(channel.is_angle()) + allowed;
+  (is_certain ? found.errors : found.warnings)
+      .push_back(fmt::format("{}: readings are up to {} from what the nominal machine shows: {}",
+                             readings.name, size_text(far, channel.is_angle()),
+                             cause_of(readings, limit)));
+}
+
+double alignment_sigma(const Readings& readings, const ChannelLooks& read) {
+  const SetUp& set_up = readings.plan.set_ups[std::size_t(read.set_up)];
+  const std::vector<SetUpUnknown> list = unknowns(set_up);
+  double largest = 0.0;
+  for (const int i : read.looks) {
+    const kinematics::AxisState& state = readings.plan.looks[std::size_t(i)].state;
+    const VectorXd gradient =
+        unknowns_gradient(set_up, read.channel, nominal_bodies(readings.nominal, state.q),
+                          spindle_angle(readings.nominal, state));
+    double variance = 0.0;
+    for (std::size_t k = 0; k < list.size(); ++k)
+      if (std::isfinite(list[k].sigma)) variance += std::pow(list[k].sigma * gradient[Index(k)], 2);
+    largest = std::max(largest, std::sqrt(variance));
+  }
+  return largest;
+}
+
+void check_channel(const Readings& readings, const ChannelLooks& read, const VectorXd& nominal,
+                   ReadingDiagnostics& found) {
+  const SetUp& set_up = readings.plan.set_ups[std::size_t(read.set_up)];
+  const Channel& channel = set_up.channels[std::size_t(read.channel)];
+  ChannelReadings one{set_up.name + ", " + channel.name,
+                      &set_up,
+                      read.channel,
+                      readings.value(read.looks),
+                      nominal(read.looks),
+                      alignment_sigma(readings, read)};
+  check_changes(one.name, channel, one.value, found);
+  if (channel.quantity == Quantity::Length && one.value.minCoeff() <= 0.0)
+    found.errors.push_back(
+        fmt::format("{}: a length is {}", one.name, size_text(one.value.minCoeff(), false)));
+  check_departure(one, found);
+  check_scatter(one.name, channel, departure_of(one, one.value), found);
+}
+
+// ---- plan and temperatures
+
+void check_plan(const Readings& readings, ReadingDiagnostics& found) {
+  const Plan& plan = readings.plan;
+  const auto& joints = readings.nominal.joints();
+  std::vector<int> beyond(joints.size(), 0);
+  int backwards = 0;
+  for (std::size_t i = 0; i < plan.looks.size(); ++i) {
+    const kinematics::AxisState& state = plan.looks[i].state;
+    for (std::size_t j = 0; j < joints.size(); ++j) {
+      const double q = state.q[Index(j)];
+      beyond[j] += q < joints[j].min - 1e-6 || q > joints[j].max + 1e-6;
+    }
+    backwards += i > 0 && state.time_s < plan.looks[i - 1].state.time_s;
+  }
+  for (std::size_t j = 0; j < joints.size(); ++j)
+    if (beyond[j] > 0)
+      found.warnings.push_back(
+          fmt::format("{} of {} readings stand at {} beyond its travel: columns may be exchanged",
+                      beyond[j], plan.looks.size(), joints[j].name));
+  if (backwards > 0)
+    found.warnings.push_back(
+        fmt::format("time runs backwards at {} readings: they are not in the order in which they "
+                    "were read",
+                    backwards));
+}
+
+/// Channels of the plan that were not read: of a file that was cut off.
+void check_complete(const Plan& plan, const std::vector<ChannelLooks>& read,
+                    ReadingDiagnostics& found) {
+  std::size_t channels = 0;
+  for (const SetUp& set_up : plan.set_ups) channels += set_up.channels.size();
+  if (read.size() < channels)
+    found.warnings.push_back(
+        fmt::format("{} of {} channels have no reading: the file may have been cut off",
+                    channels - read.size(), channels));
+}
+
+void check_temperatures(const Readings& readings, ReadingDiagnostics& found) {
+  constexpr double lowest_C = -40.0, highest_C = 150.0, zero_K = -273.15;
+  const Eigen::MatrixXd& T_C = readings.T_C;
+  const bool is_long = T_C.rows() >= min_equal;
+  bool some_move = false;
+  for (Index k = 0; is_long && k < T_C.cols(); ++k)
+    some_move = some_move || T_C.col(k).maxCoeff() > T_C.col(k).minCoeff();
+  for (std::size_t k = 0; T_C.rows() > 0 && k < readings.sensors.size(); ++k) {
+    const std::string& name = readings.sensors[k];
+    const double low = T_C.col(Index(k)).minCoeff(), high = T_C.col(Index(k)).maxCoeff();
+    if (low < zero_K)
+      found.errors.push_back(fmt::format("{} reads {:.2f} C, below absolute zero", name, low));
+    else if (low < lowest_C || high > highest_C)
+      found.warnings.push_back(
+          fmt::format("{} reads {:.2f} to {:.2f} C, as no machine is: temperatures are in degrees "
+                      "Celsius, not kelvin or Fahrenheit",
+                      name, low, high));
+    if (some_move && low == high)
+      found.warnings.push_back(fmt::format(
+          "{} reads {:.2f} C throughout while other sensors move: it may not work", name, low));
+  }
+}
+
+/// "X: all 11 deviations are 0" of series that state nothing of their noise.
+void check_deviations(const std::string& name, const VectorXd& v, bool is_angle,
+                      ReadingDiagnostics& found) {
+  if (v.size() == 0) return;
+  if (v.size() >= min_equal && v.minCoeff() == v.maxCoeff())
+    found.warnings.push_back(fmt::format("{}: all {} deviations are {}: the sensor may not work",
+                                         name, v.size(), noise_text(v[0], is_angle)));
+  const double far = v.cwiseAbs().maxCoeff();
+  if (far >= limit_of(is_angle))
+    found.warnings.push_back(fmt::format(
+        "{}: deviations are up to {}, and no machine is that wrong: unit, sign or order "
+        "may be wrong",
+        name, size_text(far, is_angle)));
+}
+
+}  // namespace
+
+VectorXd nominal_values(const Readings& readings) {
+  VectorXd nominal = VectorXd::Zero(Index(readings.plan.looks.size()));
+  for (std::size_t i = 0; i < readings.plan.looks.size(); ++i) {
+    const Look& look = readings.plan.looks[i];
+    if (look.channel < 0) continue;
+    const Bodies bodies = nominal_bodies(readings.nominal, look.state.q);
+    nominal[Index(i)] = reading(readings.plan.set_ups[std::size_t(look.set_up)], look.channel, {},
+                                bodies, bodies, spindle_angle(readings.nominal, look.state));
+  }
+  return nominal;
+}
+
+std::vector<ChannelLooks> channel_looks(const Plan& plan) {
+  std::map<std::pair<int, int>, std::vector<int>> looks;
+  for (std::size_t i = 0; i < plan.looks.size(); ++i)
+    if (plan.looks[i].channel >= 0)
+      looks[{plan.looks[i].set_up, plan.looks[i].channel}].push_back(int(i));
+  std::vector<ChannelLooks> channels;
+  for (auto& [key, list] : looks) channels.push_back({key.first, key.second, std::move(list)});
+  return channels;
+}
+
+ReadingDiagnostics diagnose(const Readings& readings) {
+  ReadingDiagnostics found;
+  check_plan(readings, found);
+  check_temperatures(readings, found);
+  if (readings.value.size() == 0) return found;
+  const std::vector<ChannelLooks> read = channel_looks(readings.plan);
+  check_complete(readings.plan, read, found);
+  const VectorXd nominal = nominal_values(readings);
+  for (const ChannelLooks& one : read) check_channel(readings, one, nominal, found);
+  return found;
+}
+
+ReadingDiagnostics diagnose(const PartReadings& readings) {
+  ReadingDiagnostics found;
+  Channel channel;
+  channel.noise = readings.sigma;
+  const std::string name = "the part";
+  check_changes(name, channel, readings.deviation, found);
+  if (readings.deviation.size() == 0) return found;
+  if (const double far = readings.deviation.cwiseAbs().maxCoeff(); far >= large_mm)
+    found.warnings.push_back(
+        fmt::format("{}: deviations are up to {}: unit or alignment may be wrong", name,
+                    size_text(far, false)));
+  check_scatter(name, channel, readings.deviation, found);
+  return found;
+}
+
+ReadingDiagnostics diagnose(const std::vector<AxisTest>& tests) {
+  ReadingDiagnostics found;
+  for (const AxisTest& test : tests) {
+    VectorXd all(test.runs.up.size() + test.runs.down.size());
+    all << test.runs.up.reshaped(), test.runs.down.reshaped();
+    check_deviations(test.name, all, test.angle, found);
+  }
+  return found;
+}
+
+}  // namespace abbe::errors::metrology

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "errors/element.h"
+#include "sim/scene/scene.h"
+#include "sim/study/study.h"
+
+namespace abbe::sim::study {
+
+/// Standard deviations of what a belief does not hold, as `unidentified` of `[[inputs]]` states
+/// them.
+struct Priors {
+  bool typical = false;                  ///< every element has that of its kind
+  std::map<std::string, double> spread;  ///< "EY0A" -> um or urad
+};
+
+/// Standard deviation that a machine tool of good making has of an element, um or urad: half of
+/// what ISO 10791-1 and -2 allow of new machining centres. Squareness, parallelism 20 urad (0.02 mm
+/// over 500 mm), offsets of rotary axes 20 um, translations 5 um, angles of slides and tables 15
+/// urad (0.06 mm/m), of the nose 5 um and 10 urad.
+double typical_spread(const errors::ElementName& name);
+
+/// A belief as inputs of a study: what it holds by its covariance, what it does not by its priors.
+struct BeliefInputs {
+  std::vector<Input> inputs;
+  Eigen::MatrixXd covariance;  ///< (inputs x inputs) um, urad; a number that others hide moves them
+  std::vector<Unidentified> unidentified;
+  std::vector<errors::Element> completion;  ///< elements that the scene lacks, at zero
+};
+
+/// What the belief does not hold is what its file names as unidentified, and every element that an
+/// identification of this machine may find and the belief lacks: of a curve orders 1 and 2 (of the
+/// k-th order a k-th of the spread). What only places the workpiece is none of it.
+/// @param scene  whose errors are the belief
+/// @throws std::invalid_argument naming an element of the priors that the belief holds
+BeliefInputs belief_inputs(const Scene& scene, const Priors& priors);
+
+}  // namespace abbe::sim::study
