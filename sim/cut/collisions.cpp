@@ -2,12 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <optional>
+#include <string_view>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include "cutting/collision.h"
 #include "cutting/encounters.h"
 #include "cutting/way_out.h"
+#include "kinematics/numbers.h"
 #include "sim/cut/bodies.h"
 #include "sim/cut/depth_looks.h"
 #include "sim/cut/following.h"
@@ -26,9 +31,11 @@ using cutting::Encounter;
 using cutting::end_of;
 using Eigen::Vector3d;
 using kinematics::AxisState;
+using kinematics::AxisVector;
 using kinematics::Joint;
 using kinematics::Motion;
 using kinematics::Pose;
+using kinematics::Side;
 
 /// mm from any axis that turns to any point of a body, at most.
 double reach(const Following& following, const std::vector<SolidBody>& bodies) {
@@ -308,6 +315,278 @@ Collisions collisions(const Job& job, const Commands& commands, const std::strin
   warn_of_overlaps(all);
   all.seconds = watch.lap();
   return all;
+}
+
+// ---- a quick check where nothing is searched
+
+namespace {
+
+/// Probed poses of a job: some 1 us each, against 5 us and more that a sample costs a run.
+std::size_t max_probes(std::size_t samples) { return 4000 + samples / 10; }
+/// Of a pair that is near already, until it meets or it is clear that it keeps apart for long.
+constexpr int max_probes_near = 500;
+/// Samples whose ways are summed once, so that a far pair passes over them in one step.
+constexpr std::size_t samples_a_chunk = 64;
+
+/// A body with the box around it, which tells distances in a hundredth of the time of its mesh.
+struct BoxedBody {
+  std::string name;
+  int frame = 0;
+  cutting::Body body;
+  Vector3d middle = Vector3d::Zero();  ///< of the box, mm, in the frame of the carrier
+  Vector3d half = Vector3d::Zero();
+  double radius = 0.0;  ///< mm, of the ball around the box
+};
+
+BoxedBody boxed(const SolidBody& solid) {
+  const Vector3d low = solid.mesh.vertices.colwise().minCoeff();
+  const Vector3d high = solid.mesh.vertices.colwise().maxCoeff();
+  const Vector3d half = 0.5 * (high - low);
+  return {solid.name, solid.frame, searched(solid), 0.5 * (low + high), half, half.norm()};
+}
+
+/// Returns a lower bound of the distance between the boxes: the widest gap along their own sides
+/// and along the line between their middles.
+double box_distance(const BoxedBody& a, const Pose& T_a, const BoxedBody& b, const Pose& T_b) {
+  const Vector3d between = T_b * b.middle - T_a * a.middle;
+  const Eigen::Matrix3d A = T_a.linear(), B = T_b.linear();
+  const Vector3d in_a = A.transpose() * between, in_b = B.transpose() * between;
+  const Eigen::Matrix3d turn = (A.transpose() * B).cwiseAbs();
+  const double along_a = (in_a.cwiseAbs() - a.half - turn * b.half).maxCoeff();
+  const double along_b = (in_b.cwiseAbs() - b.half - turn.transpose() * a.half).maxCoeff();
+  const double along_line = between.norm() - a.radius - b.radius;
+  return std::max({along_a, along_b, along_line});
+}
+
+/// Where a carrier stands in the row of joints from the workpiece to the tool: those between two
+/// carriers move them against each other.
+double place_in_row(const kinematics::Chain& chain, int frame) {
+  const Carriers carriers{chain.size()};
+  double bed = -0.5;
+  for (const Joint& joint : chain.joints()) bed += joint.side == Side::Workpiece;
+  if (frame == Carriers::bed) return bed;
+  if (frame == carriers.workpiece()) return -0.5;
+  if (frame == carriers.tool()) return chain.size() - 0.5;
+  const int joint = frame - carriers.carriage(0);
+  const bool of_workpiece = chain.joints()[std::size_t(joint)].side == Side::Workpiece;
+  return joint + (of_workpiece ? -0.5 : 0.5);
+}
+
+/// The axes of a stretch of a program, spindles at rest.
+class AxisMotion {
+ public:
+  AxisMotion(const Machine& machine, const program::Samples& samples) : samples_(samples) {
+    const int axes = machine.nominal.size();
+    for (int k = 0; k < axes; ++k) is_moved_.push_back(is_spindle(machine, k) ? 0.0 : 1.0);
+    farthest_ = position(0).cwiseAbs();
+    const std::size_t steps = samples.states.size() - 1;
+    chunks_.resize(steps / samples_a_chunk, AxisVector::Zero(axes));
+    for (std::size_t i = 0; i < steps; ++i) {
+      farthest_ = farthest_.cwiseMax(position(i + 1).cwiseAbs());
+      const std::size_t chunk = i / samples_a_chunk;
+      if (chunk < chunks_.size()) chunks_[chunk] += step(i);
+    }
+  }
+
+  std::size_t steps() const { return samples_.states.size() - 1; }
+  /// Positions with spindles at zero. @param sample  and the fraction of the way to the next
+  AxisVector position(std::size_t sample, double fraction = 0.0) const {
+    AxisVector q = samples_.states[sample].q;
+    if (fraction > 0.0) q += fraction * (samples_.states[sample + 1].q - q);
+    for (int k = 0; k < q.size(); ++k) q[k] *= is_moved_[std::size_t(k)];
+    return q;
+  }
+  const AxisVector& farthest() const { return farthest_; }
+  int line(std::size_t sample, double fraction) const {
+    return samples_.line[sample + (fraction > 0.0 ? 1 : 0)];
+  }
+
+  struct At {
+    std::size_t sample = 0;
+    double fraction = 0.0;
+  };
+  /// Returns the place up to which a body whose way is at most `weights` times those of the axes
+  /// has moved by `room` mm; the end of the motion where it does not.
+  At after(At at, double room, const AxisVector& weights) const {
+    while (at.sample < steps()) {
+      const bool begins = at.fraction <= 0.0 && at.sample % samples_a_chunk == 0;
+      const std::size_t chunk = at.sample / samples_a_chunk;
+      if (begins && chunk < chunks_.size()) {
+        const double way = weights.dot(chunks_[chunk]);
+        if (way <= room) {
+          room -= way;
+          at.sample += samples_a_chunk;
+          continue;
+        }
+      }
+      const double way = weights.dot(step(at.sample));
+      const double left = (1.0 - at.fraction) * way;
+      if (left > room) return {at.sample, at.fraction + room / way};
+      room -= left;
+      at = {at.sample + 1, 0.0};
+    }
+    return at;
+  }
+
+ private:
+  AxisVector step(std::size_t i) const {
+    AxisVector way = (samples_.states[i + 1].q - samples_.states[i].q).cwiseAbs();
+    for (int k = 0; k < way.size(); ++k) way[k] *= is_moved_[std::size_t(k)];
+    return way;
+  }
+
+  const program::Samples& samples_;
+  std::vector<double> is_moved_;  // 0 for spindles
+  AxisVector farthest_;
+  std::vector<AxisVector> chunks_;
+};
+
+/// Searches a motion for the first place where the bodies of a pair are near.
+class NearSearch {
+ public:
+  NearSearch(const Scene& scene, const Machine& machine, const AxisMotion& motion)
+      : chain_(machine.nominal),
+        motion_(motion),
+        near_(std::max(scene.collision.clearance, scene.collision.resolution)),
+        contact_(scene.collision.resolution),
+        zero_(carrier_poses(chain_, AxisVector::Zero(chain_.size()), {})),
+        probes_left_(max_probes(motion.steps())) {}
+
+  bool is_exhausted() const { return probes_left_ == 0; }
+
+  std::optional<NearBodies> first_near(const BoxedBody& a, const BoxedBody& b) {
+    const AxisVector weights = weights_of(a, b);
+    AxisMotion::At at;
+    std::optional<NearBodies> near;
+    double wanted = near_;
+    int probes_near = max_probes_near;
+    for (bool starts = true; at.sample < motion_.steps() || starts; starts = false) {
+      if (is_exhausted() || probes_near == 0) break;
+      --probes_left_;
+      const double distance = distance_at(a, b, at);
+      if (near) --probes_near;
+      if (distance <= near_ && (!near || distance < near->distance)) {
+        near = {a.name, b.name, motion_.line(at.sample, at.fraction), distance};
+        wanted = contact_;  // whether they meet is worth a little more
+        if (distance <= contact_) break;
+      }
+      at = motion_.after(at, std::max(distance - wanted, 0.5 * wanted), weights);
+    }
+    return near;
+  }
+
+ private:
+  double distance_at(const BoxedBody& a, const BoxedBody& b, const AxisMotion::At& at) const {
+    const std::vector<Pose> T = carrier_poses(chain_, motion_.position(at.sample, at.fraction), {});
+    const Pose &T_a = T[std::size_t(a.frame)], &T_b = T[std::size_t(b.frame)];
+    const double bound = box_distance(a, T_a, b, T_b);
+    if (bound > 2.0 * near_) return bound;
+    if (at.sample == 0 && at.fraction <= 0.0 && cutting::is_inside(a.body, T_a, b.body, T_b))
+      return 0.0;
+    return cutting::gap(a.body, T_a, b.body, T_b).distance;
+  }
+
+  /// (axes) mm by which a point of one body may move against the other for a mm or rad of each
+  /// axis.
+  AxisVector weights_of(const BoxedBody& a, const BoxedBody& b) const {
+    const double from = place_in_row(chain_, a.frame), to = place_in_row(chain_, b.frame);
+    AxisVector weights = AxisVector::Zero(chain_.size());
+    for (int k = 0; k < chain_.size(); ++k) {
+      if (!(k > std::min(from, to) && k < std::max(from, to))) continue;
+      const Motion motion = chain_.joints()[std::size_t(k)].motion;
+      if (motion == Motion::Linear) weights[k] = 1.0;
+      // a turn moves the farthest point of either body, seen from the other; the nearer one bounds
+      // it
+      if (motion == Motion::Rotary) weights[k] = std::min(arm(k, a, from), arm(k, b, to));
+    }
+    return weights;
+  }
+
+  /// mm from the axis of a joint to the farthest point of a body, whatever the axes between them
+  /// do.
+  double arm(int joint, const BoxedBody& body, double place) const {
+    const int step = place > joint ? 1 : -1;
+    Vector3d at = chain_.joints()[std::size_t(joint)].point_b;
+    double sum = 0.0;
+    for (int k = joint + step; step > 0 ? k < place : k > place; k += step) {
+      const Joint& next = chain_.joints()[std::size_t(k)];
+      if (next.motion == Motion::Linear) sum += motion_.farthest()[k];
+      if (next.motion != Motion::Rotary) continue;
+      sum += (next.point_b - at).norm();
+      at = next.point_b;
+    }
+    return sum + (zero_[std::size_t(body.frame)] * body.middle - at).norm() + body.radius;
+  }
+
+  const kinematics::Chain& chain_;
+  const AxisMotion& motion_;
+  double near_, contact_;  // mm
+  std::vector<Pose> zero_;
+  std::size_t probes_left_;
+};
+
+std::string pair_text(const NearBodies& pair) { return pair.a + " and " + pair.b; }
+
+constexpr std::string_view not_searched = "collisions are not searched here";
+
+/// The pairs of one part of a job, each where it first comes near.
+Proximity near_bodies_of(const Job& part) {
+  Proximity found;
+  if (part.samples.states.empty()) return found;
+  std::vector<SolidBody> solids = machine_bodies(part.scene.machine);
+  std::ranges::move(fixture_bodies(part.scene), std::back_inserter(solids));
+  if (solids.empty()) return found;
+  std::ranges::move(tool_bodies(part, 0.0), std::back_inserter(solids));
+  std::vector<BoxedBody> bodies;
+  for (const SolidBody& solid : solids) bodies.push_back(boxed(solid));
+  const AxisMotion motion(part.machine, part.samples);
+  NearSearch search(part.scene, part.machine, motion);
+  for (const BodyPair& pair : pairs_of(part.machine.nominal, solids, part.scene.collision.ignore))
+    if (auto near = search.first_near(bodies[std::size_t(pair.a)], bodies[std::size_t(pair.b)]))
+      found.near.push_back(std::move(*near));
+  found.is_complete = !search.is_exhausted();
+  std::ranges::stable_sort(found.near, {}, &NearBodies::line);
+  return found;
+}
+
+}  // namespace
+
+Proximity near_bodies(const Job& job) {
+  Proximity all;
+  all.is_complete = !job.windows;
+  if (job.windows) return all;
+  for (const Job& part : parts_of(job)) {
+    Proximity found = near_bodies_of(part);
+    all.is_complete = all.is_complete && found.is_complete;
+    for (NearBodies& next : found.near)
+      if (std::ranges::none_of(
+              all.near, [&](const NearBodies& had) { return had.a == next.a && had.b == next.b; }))
+        all.near.push_back(std::move(next));
+  }
+  return all;
+}
+
+std::string not_searched_text(const Job& job) {
+  if (job.scene.collision.on) return {};  // then a run searches
+  const Proximity found = near_bodies(job);
+  const std::vector<NearBodies>& near = found.near;
+  if (near.empty() && found.is_complete) return {};
+  constexpr std::string_view advice = "`abbe check --collisions` searches them";
+  if (near.empty())
+    return fmt::format("{}, and the program is too long for a quick check: {}", not_searched,
+                       advice);
+  const auto touches = [&](const NearBodies& pair) {
+    return pair.distance <= job.scene.collision.resolution;
+  };
+  const auto met = std::ranges::find_if(near, touches);
+  const NearBodies& first = met == near.end() ? near.front() : *met;
+  const std::string what = touches(first)
+                               ? fmt::format("{} meet on line {}", pair_text(first), first.line)
+                               : fmt::format("{} come within {:.3g} mm of each other on line {}",
+                                             pair_text(first), first.distance, first.line);
+  const std::string others =
+      near.size() > 1 ? fmt::format(", and {} other pairs come near", near.size() - 1) : "";
+  return fmt::format("{}, but {}{}: {}", not_searched, what, others, advice);
 }
 
 }  // namespace abbe::sim

@@ -7,6 +7,7 @@
 #include <tbb/parallel_for.h>
 #include <Eigen/Geometry>
 
+#include "cutting/areal_filter.h"
 #include "cutting/refine.h"
 #include "cutting/stock.h"
 #include "kinematics/turn_between.h"
@@ -88,16 +89,15 @@ double resolution_of(const Job& job, const cutting::Surface& surface) {
   return std::max(sampled, cutting::usual_resolution(usual_range(surface, job.design_w)));
 }
 
-/// Whether the form of a map, by its vertices and a place within each triangle, can be trusted
-/// where the map is too coarse for the texture. @param cutoff  mm, of waves that pass by half
-std::string what_of_form(const cutting::Design& design, double cutoff) {
-  constexpr double places_a_cutoff = 4.0;
-  const auto places = double(design.vertices.rows() + design.triangles.rows());
-  const double apart = std::sqrt(design.area.sum() / places);
-  if (apart * places_a_cutoff <= cutoff) return "judge by form_um, or";
+/// What to do about a map that is too coarse for the texture: its form can be read where enough of
+/// the places within triangles carry it. @param cutoff  mm, of waves that pass by half
+std::string advice_on_form(const cutting::Design& design, double cutoff) {
+  if (cutting::resolves_form(design, cutoff)) return "judge by form_um, or";
+  const double values = cutting::filter_values(
+      cutoff, double(design.triangles.rows()) / design.area.sum());
   return fmt::format(
-      "form_um is no better, with places {:.3g} mm apart and a cut-off of {:.3g} mm;", apart,
-      cutoff);
+      "form_um is no better, with {:.2g} values within its cut-off of {:.3g} mm ({:.3g} would do);",
+      values, cutoff, cutting::min_filter_values);
 }
 
 std::string unresolved_text(const cutting::InterpolationError& error, double resolution,
@@ -107,7 +107,7 @@ std::string unresolved_text(const cutting::InterpolationError& error, double res
       "misses the surface by more than {:.3g} um at {:.3g} % of it, by {:.3g} um at most: {} raise "
       "part.points, or part.resolution_um",
       job.design_w.vertices.rows(), resolution / units::um, 100.0 * error.unresolved,
-      error.worst / units::um, what_of_form(job.design_w, job.scene.part.form_cutoff));
+      error.worst / units::um, advice_on_form(job.design_w, job.scene.part.form_cutoff));
 }
 
 /// Shows the sweeps of a program one after the other.

@@ -7,12 +7,15 @@
 #include <tbb/parallel_for.h>
 
 #include "cutting/thickness.h"
+#include "errors/element_warnings.h"
 #include "kinematics/units.h"
 #include "sim/cut/accelerations.h"
 #include "sim/cut/activity.h"
 #include "sim/cut/cut_warnings.h"
 #include "sim/cut/datum.h"
+#include "sim/cut/feed_warnings.h"
 #include "sim/cut/follow.h"
+#include "sim/cut/heat_warnings.h"
 #include "sim/cut/part.h"
 #include "sim/cut/pole_warnings.h"
 #include "sim/cut/program_warnings.h"
@@ -21,9 +24,10 @@
 #include "sim/cut/travel.h"
 #include "sim/cut/work.h"
 #include "sim/machine/compile.h"
-#include "sim/machine/odd_elements.h"
 #include "sim/machine/run_out.h"
 #include "sim/scene/scene_tools.h"
+#include "sim/scene/toml_tree.h"
+#include "sim/scene/value_warnings.h"
 
 namespace abbe::sim {
 namespace {
@@ -82,16 +86,29 @@ void check_field(const Scene& scene, const cutting::Design& design_w) {
            fmt::format("nodes over {:.4g} mm", size(field->points_w)));
 }
 
-/// Elements of odd size where the program takes the axes.
-std::vector<std::string> odd_sizes(const Job& job) {
-  if (job.windows) return odd_elements(job.truth.geometric, job.windows->least, job.windows->most);
-  if (job.samples.states.empty()) return {};
-  kinematics::AxisVector least = job.samples.states.front().q, most = least;
-  for (const kinematics::AxisState& state : job.samples.states) {
-    least = least.cwiseMin(state.q);
-    most = most.cwiseMax(state.q);
+/// Warnings about elements of the errors and of the belief, where the program takes the axes.
+std::vector<std::string> size_warnings(const Job& job) {
+  kinematics::AxisVector least, most;
+  if (job.windows) {
+    least = job.windows->least;
+    most = job.windows->most;
+  } else if (!job.samples.states.empty()) {
+    least = most = job.samples.states.front().q;
+    for (const kinematics::AxisState& state : job.samples.states) {
+      least = least.cwiseMin(state.q);
+      most = most.cwiseMax(state.q);
+    }
+  } else {
+    return {};
   }
-  return odd_elements(job.truth.geometric, least, most);
+  std::vector<std::string> warnings = errors::element_warnings(job.truth.geometric, least, most);
+  if (job.scene.belief.identified)
+    add_warnings(errors::element_warnings(
+                     errors::scaled(errors::bind(*job.scene.belief.identified, job.machine.control),
+                                    job.scene.belief.scale),
+                     least, most, {.section = "belief.identified"}),
+                 warnings);
+  return warnings;
 }
 
 /// Whether samples made with `had` are as dense as `wanted` ones along the turns of spindles, which
@@ -343,6 +360,7 @@ Pieces pieces_of(const Scene& described, const Program& program, const cutting::
         made.warnings);
   add_warnings(program.warnings, made.warnings);
   add_warnings(program_warnings(scene, design_w, program.path, program.unreached), made.warnings);
+  add_warnings(feed_warnings(scene, made.whole.machine, program.path), made.warnings);
   add_warnings(pole_warnings(scene, made.whole.machine, program.path), made.warnings);
   add_warnings(made.shank_warnings, made.warnings);
   if (made.windows) return made;
@@ -447,7 +465,9 @@ Job prepare(const Scene& described, const Progress& progress, const Holding& hol
                          job.windows->all.size()),
              -1.0);
   add_warnings(std::move(part.warnings), warnings);
-  add_warnings(odd_sizes(job), warnings);
+  add_warnings(value_warnings(scene), warnings);
+  add_warnings(heat_warnings(scene.datum, job.truth), warnings);
+  add_warnings(size_warnings(job), warnings);
   job.recognised = std::move(part.recognised);
   job.recognised_share = part.recognised_share;
   job.facet_miss = std::move(part.facet_miss);
@@ -501,7 +521,14 @@ Eigen::Vector3d found_datum(const Job& job, const Corrector& corrector) {
   const auto really_at = [&](const kinematics::AxisState& state) {
     return tool_in_workpiece(job.truth, state);
   };
-  return datum_offset(job.scene.datum, job.machine, really_at, corrector);
+  try {
+    return datum_offset(job.scene.datum, job.machine, really_at, corrector);
+  } catch (const std::out_of_range& left) {  // a table of the errors that says "refuse"
+    const Node* datum = job.scene.tree ? job.scene.tree->find("datum") : nullptr;
+    const Place place = datum ? datum->place : Place{};
+    throw BadInput(place.file ? *place.file : job.scene.file.string(), place.line, place.column,
+                   "errors that reach to where the datum is found", left.what());
+  }
 }
 
 Commands as_programmed(const Job& job) {

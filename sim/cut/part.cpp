@@ -15,6 +15,7 @@
 #include "cutting/subdivide.h"
 #include "kinematics/units.h"
 #include "sim/cut/cut_warnings.h"
+#include "sim/cut/memory_limit.h"
 #include "sim/cut/pose.h"
 #include "sim/cut/unreached_text.h"
 #include "sim/dialects/read_program.h"
@@ -250,13 +251,17 @@ std::string skipped_text(const dialects::ReadProgram& read) {
 
 Program read_file(const ProgramDescription::File& given, const program::NcOptions& options) {
   if (is_pvt(given)) return {program::read_pvt_file(given.file, options), {}, {}};
-  dialects::ReadProgram read =
-      dialects::read_program_file(given.file, {.control = options,
-                                               .dialect = given.dialect,
-                                               .on_unknown = given.on_unknown,
-                                               .interpreter = given.interpreter,
-                                               .interpreter_limits = given.interpreter_limits,
-                                               .pole = given.pole});
+  dialects::ReadOptions reading{.control = options,
+                                .dialect = given.dialect,
+                                .on_unknown = given.on_unknown,
+                                .startup_code = given.startup_code,
+                                .interpreter = given.interpreter,
+                                .interpreter_limits = given.interpreter_limits,
+                                .pole = given.pole,
+                                .turning = given.turning};
+  reading.limits.blocks = reading.control.max_moves = std::size_t(given.max_moves);
+  reading.control.max_move_bytes = max_move_bytes();
+  dialects::ReadProgram read = dialects::read_program_file(given.file, std::move(reading));
   Program program{std::move(read.path), {}, {}};
   program.warnings = std::move(read.warnings);
   if (!read.skipped.empty()) program.warnings.push_back(skipped_text(read));
@@ -426,7 +431,11 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
   program::NcOptions options;
   for (const kinematics::Joint& joint : machine.nominal.joints())
     options.axes.push_back({joint.name, joint.motion});
+  for (std::size_t j = 0; j < scene.machine.rollover.size(); ++j)
+    options.axes[j].rollover = scene.machine.rollover[j];
   options.start = scene.machine.home;
+  options.reference = scene.machine.reference;
+  options.machine_zero = scene.machine.machine_zero;
   options.tool_length = scene.program.tool_length;
   options.control = machine.control;
   const double length = scene.control.tool_length.value_or(scene.tool.length);
@@ -435,6 +444,8 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
   const auto believe_radius = [&](int number, const ToolDescription& tool) {
     if (const auto* cutter = std::get_if<cutting::Cutter>(&tool.nominal))
       options.tool_radius.emplace(number, cutter->radius);
+    else if (const auto* nose = std::get_if<cutting::Nose>(&tool.nominal))
+      options.tool_radius.emplace(number, nose->radius);
   };
   if (scene.more_tools.empty()) believe_radius(1, scene.tool);
   if (scene.tool.number) believe_radius(*scene.tool.number, scene.tool);
@@ -451,12 +462,16 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
   if (scene.program.offsets) take_offset_table(options, scene.program.offsets->table);
   options.rapid_speed = scene.machine.rapid_speed;
   options.rapid_turn = scene.machine.rapid_turn;
+  // the key's unit makes it rad/s in the description
+  if (scene.machine.max_spindle_rpm)
+    options.max_spindle_rpm = *scene.machine.max_spindle_rpm / units::rpm;
   return options;
 }
 
 Program load_program(const Scene& scene, const Machine& machine, const Part& part) {
-  const program::NcOptions options = nc_options(scene, machine);
+  program::NcOptions options = nc_options(scene, machine);
   if (const auto* given = std::get_if<ProgramDescription::File>(&scene.program.source)) {
+    options.block_skip = given->block_skip;
     Program program = read_file(*given, options);
     add_warnings(control_table_warnings(scene, program.path), program.warnings);
     return program;
@@ -466,6 +481,7 @@ Program load_program(const Scene& scene, const Machine& machine, const Part& par
   program::Path path = generated.ending == ".ngc"
                            ? program::read_nc(generated.text, name, options)
                            : program::read_pvt(generated.text, name, options);
+  path.assumptions.clear();  // its own generator wrote it
   return {std::move(path), std::move(generated.text), generated.unreached};
 }
 

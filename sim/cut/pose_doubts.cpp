@@ -6,8 +6,10 @@
 
 #include <fmt/format.h>
 
+#include "errors/element_warnings.h"
 #include "kinematics/units.h"
-#include "sim/machine/odd_elements.h"
+#include "sim/cut/heat_warnings.h"
+#include "sim/scene/value_warnings.h"
 
 namespace abbe::sim {
 namespace {
@@ -47,36 +49,6 @@ std::string figures_of(const errors::GeometricModel& model, const Size& size) {
   return text;
 }
 
-/// How far from its centre a position lies, in half ranges of a curve that has one; else 0.
-double half_ranges(const errors::Curve& curve, const errors::CurveState& at) {
-  const double q = curve.argument == errors::Argument::Command ? at.command : at.carriage;
-  if (const auto* polynomial = std::get_if<errors::Polynomial>(&curve.shape))
-    return std::abs(q - polynomial->centre) / polynomial->half_range;
-  if (const auto* legendre = std::get_if<errors::Legendre>(&curve.shape))
-    return std::abs(q - legendre->centre) / legendre->half_range;
-  return 0.0;
-}
-
-/// "EXX 3.33" half ranges of the elements that are asked beyond what they are stated over.
-std::string extrapolated(const errors::GeometricModel& model, const AxisVector& least,
-                         const AxisVector& most) {
-  std::string text;
-  for (const auto& bound : model.elements) {
-    double farthest = 0.0;
-    for (const AxisVector* q : {&least, &most}) {
-      kinematics::AxisState state;
-      state.q = *q;
-      const errors::CurveState at = errors::curve_state(model, state, bound.joint);
-      for (const errors::Curve& curve : bound.element.curves)
-        farthest = std::max(farthest, half_ranges(curve, at));
-    }
-    if (farthest > 1.0 + 1e-9)
-      text += fmt::format("{}{} {:.3g}", text.empty() ? "" : ", ", to_string(bound.element.name),
-                          farthest);
-  }
-  return text;
-}
-
 /// What a column of time cannot say of this machine.
 std::vector<std::string> doubts_of_time(const IdleMachine& idle, const PoseList& poses) {
   std::vector<std::string> found;
@@ -111,7 +83,9 @@ std::vector<std::string> doubts(const IdleMachine& idle, const AxisVector& least
                                 const AxisVector& most) {
   std::vector<std::string> found;
   const errors::GeometricModel& model = idle.truth.geometric;
-  found = odd_elements(model, least, most);
+  found = value_warnings(idle.scene);
+  std::ranges::move(heat_warnings({}, idle.truth), std::back_inserter(found));
+  std::ranges::move(errors::element_warnings(model, least, most), std::back_inserter(found));
   if (!idle.scene.more_tools.empty())
     found.push_back(fmt::format("poses are of T{}, the first of {} tools",
                                 idle.scene.tool.number.value_or(0),
@@ -122,11 +96,6 @@ std::vector<std::string> doubts(const IdleMachine& idle, const AxisVector& least
   if (const std::string sigmas = figures_of(model, chance); !sigmas.empty())
     found.push_back("poses have one draw of the repeatability, whose standard deviation is: " +
                     sigmas);
-  if (const std::string beyond = extrapolated(model, least, most); !beyond.empty())
-    found.push_back(
-        "curves are followed beyond the range that they are stated over, in half "
-        "ranges from its middle: " +
-        beyond);
   return found;
 }
 

@@ -15,6 +15,7 @@
 #include "sim/cut/part.h"
 #include "sim/cut/pole_warnings.h"
 #include "sim/cut/pose_at.h"
+#include "sim/cut/work.h"
 #include "sim/dialects/read_program.h"
 #include "sim/machine/compile.h"
 #include "sim/program/chords.h"
@@ -70,6 +71,7 @@ Scene scene_of(const std::filesystem::path& file, const ProgramAloneOptions& opt
 program::NcOptions control_of(const Scene& scene, const Machine& machine,
                               const ProgramAloneOptions& options) {
   program::NcOptions control = nc_options(scene, machine);
+  control.block_skip = options.block_skip;
   if (!options.offset.empty())
     control.work_offset.fill(
         positions_in(options.offset, machine.control, "--offset", Within::Anything));
@@ -306,9 +308,13 @@ void read_alone(const std::string& text, const program::NcOptions& control,
     dialects::ReadOptions read{.control = control,
                                .dialect = options.dialect,
                                .on_unknown = options.on_unknown,
+                               .startup_code = options.startup_code,
                                .interpreter = options.interpreter,
                                .interpreter_limits = options.interpreter_limits,
-                               .pole = options.pole};
+                               .pole = options.pole,
+                               .turning = options.turning};
+    read.limits.blocks = read.control.max_moves = std::size_t(options.max_moves);
+    read.control.max_move_bytes = max_move_bytes();
     read.folder = alone.file.has_parent_path() ? alone.file.parent_path() : ".";
     if (!whole)
       read.each_piece = [&](program::Path piece) { looking.add_beside(std::move(piece)); };
@@ -317,15 +323,17 @@ void read_alone(const std::string& text, const program::NcOptions& control,
     if (whole) looking.add(done.path);
     alone.dialect = name_of(done.dialect);
     alone.sign = done.sign;
+    alone.turning = done.turning;
     alone.executed = done.blocks;
     alone.skipped = std::move(done.skipped);
     alone.warnings = std::move(done.warnings);
     if (progress) progress("words", 0.0);
-    alone.words = dialects::used_words(text, done.dialect);
+    alone.words = dialects::used_words(text, done.dialect, done.turning);
     path = std::move(done.path);
   }
   looking.finish(alone);
   alone.more_files = path.more_files;
+  alone.assumptions = path.assumptions;
   alone.tools = tools_of(path.tool_calls, alone.figures.blocks);
   alone.tool_comments = path.tool_comments;
   if (whole) convert(path, control, options, alone);

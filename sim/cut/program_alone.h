@@ -26,12 +26,16 @@ struct ProgramAloneOptions {
   std::string offset;                            ///< of G54 to G59 each, "X=10 Z=-50"; empty: zero
   std::filesystem::path tools;                   ///< the control's tool table; empty: none
   std::filesystem::path offsets;                 ///< its work offsets; empty: none
+  program::BlockSkip block_skip = program::BlockSkip().set();
+  std::string startup_code;          ///< a block that is read before the first line
   std::optional<double> table_unit;              ///< mm per unit of length in both
   dialects::Dialect dialect = dialects::Dialect::Auto;
   dialects::OnUnknown on_unknown = dialects::OnUnknown::Refuse;
   dialects::Interpreter interpreter = dialects::Interpreter::Abbe;
   dialects::InterpreterLimits interpreter_limits = {};
+  int max_moves = 20'000'000;  ///< and blocks executed, those of loops and cycles each time
   dialects::PoleOptions pole = {};
+  dialects::TurningOptions turning = {};
   double pole_warning = 2.0 * units::deg;  ///< rad, from a pole: nearer is warned of; 0: never
   std::optional<ProgramFormat> to;         ///< what it is written again as
   double within = 0.001;  ///< mm, between what the format has no word for and its points
@@ -56,6 +60,7 @@ struct ProgramAlone {
   std::filesystem::path file;
   std::string dialect, sign;  ///< and by which sign it was taken; "pvt" for tables of times
   dialects::Interpreter interpreter = dialects::Interpreter::Abbe;
+  bool turning = false;  ///< read as for a turning control
   std::string machine_name;
   std::filesystem::path machine_file;
   double tool_length = 0.0;                        ///< mm, of every tool unless there is a table
@@ -75,6 +80,7 @@ struct ProgramAlone {
   std::string converted;           ///< the program in the format that was asked for
   std::vector<std::string> notes;  ///< what the conversion did, with figures
   std::vector<std::string> warnings;
+  std::vector<program::Assumption> assumptions;
   bool beyond_travel = false;
 };
 

@@ -15,18 +15,6 @@
 namespace abbe::sim {
 namespace {
 
-/// mm, of the tolerances of a part; none without one.
-std::optional<double> narrowest_half_width(const PartDescription& part) {
-  std::optional<double> half;
-  const auto look = [&](const Tolerance& one) {
-    half = std::min(half.value_or(one.upper - one.lower), 0.5 * (one.upper - one.lower));
-  };
-  if (part.tolerance) look(*part.tolerance);
-  for (const PartRegion& region : part.regions)
-    if (region.tolerance) look(*region.tolerance);
-  return half;
-}
-
 /// A mesh whose facets sag by more than the tolerance, or that has hardly a smooth place.
 std::string coarse_text(const Scene& scene, const cutting::Design& design_w) {
   if (!std::holds_alternative<MeshFile>(scene.part.shape)) return {};
@@ -128,6 +116,18 @@ double shank_radius(const Scene& scene, const cutting::Cutter& cutter) {
 }
 
 }  // namespace
+
+std::optional<double> narrowest_half_width(const PartDescription& part) {
+  std::optional<double> half;
+  const auto add = [&](const Tolerance& tolerance) {
+    const double own = 0.5 * (tolerance.upper - tolerance.lower);
+    half = std::min(half.value_or(own), own);
+  };
+  if (part.tolerance) add(*part.tolerance);
+  for (const PartRegion& region : part.regions)
+    if (region.tolerance) add(*region.tolerance);
+  return half;
+}
 
 JudgedPlaces judged_places(const cutting::Design& design) {
   JudgedPlaces places;

@@ -28,6 +28,9 @@ JudgedPlaces judged_places(const cutting::Design& design);
 inline constexpr int least_judged = 10;
 bool is_sparse(const JudgedPlaces& places, const ToolDescription& tool);
 
+/// Returns half the width of the narrowest tolerance of a part, mm; empty without one.
+std::optional<double> narrowest_half_width(const PartDescription& part);
+
 /// What is to be said of a scene's part and program before anything is cut: poses that the machine
 /// does not reach, tools in comments that are not the scene's, no feed, two units, a coarse
 /// mesh, a holder that overlaps cutter or spindle or ends short of it.

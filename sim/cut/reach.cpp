@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "sim/cut/datum_touches.h"
 #include "sim/cut/program_warnings.h"
 #include "sim/cut/unit_doubt.h"
 #include "sim/cut/way_out.h"
@@ -106,13 +107,14 @@ std::string partly(const Job& job, const WithinReach& reach) {
   if (std::string doubt = unit_doubt(job, reach); !doubt.empty()) return doubt;
   const Spans tip = swept_spans(job).tip, part = part_spans(job);
   const bool milled = !job.machine.workpiece_spindle;
+  const auto out = way_out(job);
   std::string where = span_words(milled ? "x" : "along the spindle", tip[0], part[0]);
   where += ", " + span_words(milled ? "y" : "radius", tip[1], part[1]);
   if (milled) where += ", " + span_words("z", tip[2], part[2]);
   return fmt::format(
       "the program comes within {} mm of {:.3g} % of the judged area ({} vertices tried): its feed "
-      "takes the tip over {}, in the part's frame",
-      job.scene.band, 100.0 * reach.share, reach.tried, where);
+      "takes the tip over {}, in the part's frame{}",
+      job.scene.band, 100.0 * reach.share, reach.tried, where, out ? "; " + out->words : "");
 }
 
 /// What is said of a part of which the program leaves next to nothing; none else.
@@ -126,6 +128,26 @@ std::optional<std::string> too_deep(const Job& job, const WithinReach& reach) {
       100.0 * gouged, job.scene.band, 100.0 * reach.cut, reach.tried, next_step(job));
 }
 
+/// Returns what is said of a part that is much smaller than what the program feeds over: a program
+/// of another part may cut all of a small one.
+std::vector<std::string> much_smaller_part(const Job& job) {
+  constexpr double most_times = 4.0;  // run-outs and the passes beside a narrow part stay below
+  if (!std::holds_alternative<ProgramDescription::File>(job.scene.program.source)) return {};
+  const auto largest = [](const Spans& spans) {
+    double size = 0.0;
+    for (const Span& span : spans)
+      if (std::isfinite(span.size())) size = std::max(size, span.size());
+    return size;
+  };
+  const double feed = largest(swept_spans(job).tip);
+  const double part = extents(job.design_w.vertices).maxCoeff();  // judged or not
+  if (!(feed > most_times * part)) return {};
+  return {fmt::format(
+      "the program feeds over {:.4g} mm, {:.3g} times the part of {:.4g} mm: it looks like "
+      "the program of another part, or part.unit or a size of [part] like another unit",
+      feed, feed / part, part)};
+}
+
 }  // namespace
 
 Placement placement(const Job& job) {
@@ -133,9 +155,10 @@ Placement placement(const Job& job) {
     return {BadInput(job.path.file, 0, 0, "a program that cuts the part", "one that moves nothing"),
             {}};
   if (auto fault = missed_box(job)) return {std::move(fault), {}};
+  if (auto fault = touch_error(job)) return {std::move(fault), {}};
   const WithinReach reach = within_reach(thinned(job.design_w), job);
   if (auto text = too_deep(job, reach)) return {std::nullopt, {std::move(*text)}};
-  if (reach.share >= least_within_reach) return {};
+  if (reach.share >= least_within_reach) return {std::nullopt, much_smaller_part(job)};
   if (reach.share > 0.0 || within_reach(job.design_w, job).share > 0.0)
     return {std::nullopt, {partly(job, reach)}};
   const double within = cutting::gouge_bands * job.scene.band;

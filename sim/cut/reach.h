@@ -22,7 +22,7 @@ struct Placement {
 Placement placement(const Job& job);
 
 /// The job with the warnings of `placement` among its own, before anything is searched.
-/// @throws BadInput, its fault
+/// @throws BadInput, its fault, or that of a datum that touches nothing
 Job placed(Job job);
 
 /// Refuses a map on which nothing is cut or gouged, saying where the program cuts instead.

@@ -5,9 +5,11 @@
 #include <set>
 
 #include <fmt/format.h>
+#include <Eigen/Eigenvalues>
 
 #include "kinematics/jacobian.h"
 #include "kinematics/least_squares.h"
+#include "kinematics/units.h"
 #include "sim/cut/part.h"
 #include "sim/cut/tool_motion.h"
 
@@ -200,17 +202,16 @@ std::optional<Shifted> with_offsets(const Job& job, const Vector3d& shift_w) {
   return shifted;
 }
 
-/// How much of the part the program of a changed scene cuts, read and run again; none where the
-/// axes cannot run it.
-std::optional<WithinReach> tried(Scene scene, const cutting::Design& few_w) {
+/// The job of a changed scene on the error-free machine, read again; none where the axes cannot run
+/// it.
+std::optional<Job> error_free_job(Scene scene) {
   scene.geometric = {};
   scene.thermal.reset();
   scene.compliance.reset();
   scene.vibrations.clear();
   scene.cutting.reset();
   try {
-    const Job job = prepare(scene);
-    return within_reach(few_w, job);
+    return prepare(scene);
   } catch (const BadInput&) {
     return std::nullopt;
   }
@@ -280,22 +281,211 @@ Job feeding_only(Job job, const std::vector<double>& angles) {
   return job;
 }
 
-/// @param feeding  the job, or some of its feed, which is brought to the part
-std::optional<WayOut> way_out_of(const Job& job, const Job& feeding, const cutting::Design& few_w) {
-  const bool milled = std::holds_alternative<cutting::Cutter>(job.scene.tool.nominal);
-  const Vector3d shift_w = milled ? milled_shift(feeding, few_w) : turned_shift(feeding);
-  if (!(shift_w.norm() > 0.0)) return std::nullopt;
-  if (const auto shifted = with_offsets(feeding, shift_w))
-    if (const auto reach = tried(shifted->scene, few_w); reach && reach->share > 0.0)
-      return WayOut{fmt::format("with {} it touches", shifted->words), *reach};
-  cutting::Design moved = few_w;
+/// How a program fits a design.
+struct Fit {
+  double median =
+      infinity;        // mm, of the magnitudes of the error-free residuals of the places tried
+  double uncut = 1.0;  // of them
+  // what a shift is judged by: half a per cent uncut weighs as much as 0.01 mm
+  double cost(double band) const { return median + band * uncut; }
+};
+
+/// The program of a milled part, moved in the workpiece, against the design.
+class ShiftTrial {
+ public:
+  ShiftTrial(const Job& job, const cutting::Design& few_w)
+      : few_w_(few_w),
+        search_(cutting::gouge_bands * job.scene.band),
+        sweep_(error_free_sweep(job, {.band = search_, .progress = {}})) {}
+
+  /// Residuals at the places tried, with their normals.
+  struct Residuals {
+    std::vector<double> r;    // mm, of what is cut or gouged
+    std::vector<Vector3d> n;  // their normals
+    std::size_t uncut = 0;
+    Fit fit(double search) const;
+  };
+  Residuals at(const Vector3d& shift_w) const;
+  Fit fit(const Vector3d& shift_w) const { return at(shift_w).fit(search_); }
+  Vector3d refined(Vector3d shift_w) const;
+
+ private:
+  const cutting::Design& few_w_;
+  double search_;
+  Sweep sweep_;
+};
+
+ShiftTrial::Residuals ShiftTrial::at(const Vector3d& shift_w) const {
+  cutting::Design moved = few_w_;
   moved.vertices.rowwise() -= shift_w.transpose();
-  const WithinReach reach = within_reach(moved, job);
+  const cutting::Surface surface = sweep_.surface(moved);
+  Residuals found;
+  for (Index i = 0; i < moved.vertices.rows(); ++i) {
+    const auto status = surface.status[std::size_t(i)];
+    if (status == cutting::VertexStatus::Uncut) ++found.uncut;
+    if (status != cutting::VertexStatus::Cut) continue;
+    found.r.push_back(surface.residual[i]);
+    found.n.push_back(moved.normals.row(i));
+  }
+  for (const cutting::Gouge& gouge : surface.gouges) {
+    found.r.push_back(-gouge.depth);
+    found.n.push_back(moved.normals.row(gouge.vertex));
+  }
+  return found;
+}
+
+Fit ShiftTrial::Residuals::fit(double search) const {
+  std::vector<double> size(uncut, search);
+  for (const double one : r) size.push_back(std::abs(one));
+  if (size.empty()) return {};
+  const auto middle = size.begin() + std::ptrdiff_t(size.size() / 2);
+  std::nth_element(size.begin(), middle, size.end());
+  return {*middle, double(uncut) / double(size.size())};
+}
+
+/// The shift that makes the sum of the magnitudes r + n d least, by least squares weighted anew
+/// until it stands; directions to which the normals are square stay zero.
+Vector3d least_magnitudes(const ShiftTrial::Residuals& all) {
+  constexpr int turns = 30;
+  constexpr double nearest = 1e-4;     // mm: nearer than this counts the same
+  constexpr double determined = 1e-3;  // of the largest eigenvalue
+  Vector3d d = Vector3d::Zero();
+  for (int turn = 0; turn < turns; ++turn) {
+    Eigen::Matrix3d N = Eigen::Matrix3d::Zero();
+    Vector3d g = Vector3d::Zero();
+    for (std::size_t i = 0; i < all.r.size(); ++i) {
+      const double weight = 1.0 / std::max(nearest, std::abs(all.r[i] + all.n[i].dot(d)));
+      N += weight * all.n[i] * all.n[i].transpose();
+      g -= weight * all.r[i] * all.n[i];
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(N);
+    Vector3d next = Vector3d::Zero();
+    for (int k = 0; k < 3; ++k)
+      if (axes.eigenvalues()[k] > determined * axes.eigenvalues()[2])
+        next +=
+            axes.eigenvectors().col(k) * axes.eigenvectors().col(k).dot(g) / axes.eigenvalues()[k];
+    const double change = (next - d).norm();
+    d = next;
+    if (change < 1e-7) break;
+  }
+  return d;
+}
+
+/// From a shift to the one near it at which the median of the magnitudes is least: the machined
+/// surface goes with the program, so each residual changes by its normal times the shift. As other
+/// passes then make the surface, that is done again until nothing is gained.
+Vector3d ShiftTrial::refined(Vector3d shift_w) const {
+  constexpr int most_turns = 12;
+  Vector3d best = shift_w;
+  double least = infinity;
+  for (int turn = 0; turn < most_turns; ++turn) {
+    const Residuals residuals = at(shift_w);
+    const double cost = residuals.fit(search_).cost(search_);
+    if (cost < least) {
+      least = cost;
+      best = shift_w;
+    }
+    if (residuals.r.empty()) break;
+    const Vector3d step = least_magnitudes(residuals);
+    if (step.norm() < 1e-4) break;
+    shift_w += std::min(1.0, search_ / step.norm()) * step;
+  }
+  return best;
+}
+
+/// The shift at which the program of a milled part fits it best: from where it stands, and from
+/// where it first touches, each as it is and with the middle of the feed over that of the part.
+Vector3d fitting_shift(const Job& job, const cutting::Design& few_w, const Vector3d& touching_w) {
+  const ShiftTrial trial(job, few_w);
+  const Eigen::Matrix3d R_wm = job.scene.part.T_wm.linear();
+  const Spans feed = swept_spans(job).tip, part = part_spans(job);
+  const auto centred = [&](Vector3d shift_w) -> Vector3d {
+    Vector3d shift_m = R_wm.transpose() * shift_w;
+    for (std::size_t k = 0; k < 2; ++k) shift_m[Index(k)] = part[k].middle() - feed[k].middle();
+    return R_wm * shift_m;
+  };
+  const double search = cutting::gouge_bands * job.scene.band;
+  Vector3d best = Vector3d::Zero();
+  double least = trial.fit(best).cost(search);
+  const auto consider = [&](const Vector3d& start_w) {
+    const Vector3d shift_w = trial.refined(start_w);
+    const double cost = trial.fit(shift_w).cost(search);
+    if (cost >= least - 1e-5) return;  // of two as good the first
+    least = cost;
+    best = shift_w;
+  };
+  consider(Vector3d::Zero());
+  consider(touching_w);
+  consider(centred(best));
+  consider(centred(touching_w));
+  // residuals do not tell how far a flank reaches along itself: what is uncut does
+  for (const double step : {1.0, 0.25}) {
+    bool better = true;
+    for (int turn = 0; better && turn < 8; ++turn) {
+      better = false;
+      for (Index k = 0; k < 3; ++k)
+        for (const double sign : {-1.0, 1.0}) {
+          const Vector3d shift_w = best + sign * step * R_wm.col(k);
+          const double cost = trial.fit(shift_w).cost(search);
+          if (cost >= least - 1e-5) continue;
+          least = cost;
+          best = shift_w;
+          better = true;
+        }
+    }
+  }
+  // a program that leaves more than this is none of the part, or of a few of its points
+  constexpr double fits = 0.1;  // mm
+  const Fit found = trial.fit(best);
+  if (!(found.median < fits)) return touching_w;
+  // cusps lift the median by their height: of offsets as good the one that a person would have set
+  const double as_good = std::max(0.01, found.median);  // mm
+  for (const double step : {1.0, 0.1, 0.01}) {
+    const Vector3d round_w = step * (best / step).array().round().matrix();
+    if (trial.fit(round_w).cost(search) < least + as_good) return round_w;
+  }
+  return best;
+}
+
+/// "touches", or "fits best: half of the judged vertices tried are within 0.31 um of the design".
+std::string fit_words(const Fit& fit, double band) {
+  if (!(fit.median < band)) return "touches";
+  return fmt::format(
+      "fits best: half of the judged vertices tried are within {:.2g} um of the design",
+      std::max(fit.median, units::nm) / units::um);
+}
+
+/// @param feeding  the job, or some of its feed, which is brought to the part
+std::optional<WayOut> moved_by(const Job& job, const Job& feeding, const cutting::Design& few_w,
+                               const Vector3d& shift_w) {
+  if (!(shift_w.norm() > 0.0)) return std::nullopt;
+  const double band = job.scene.band;
+  const auto words = [&](const Job& moved, const cutting::Design& design_w) {
+    const bool milled = std::holds_alternative<cutting::Cutter>(job.scene.tool.nominal);
+    return fit_words(milled ? ShiftTrial(moved, design_w).fit(Vector3d::Zero()) : Fit{}, band);
+  };
+  if (const auto shifted = with_offsets(feeding, shift_w))
+    if (const auto moved = error_free_job(shifted->scene))
+      if (const WithinReach reach = within_reach(few_w, *moved); reach.share > 0.0)
+        return WayOut{fmt::format("with {} it {}", shifted->words, words(*moved, few_w)), reach};
+  cutting::Design part = few_w;
+  part.vertices.rowwise() -= shift_w.transpose();
+  const WithinReach reach = within_reach(part, job);
   if (!(reach.share > 0.0)) return std::nullopt;
   const Vector3d at = job.scene.part.T_wm.translation() - shift_w;
-  return WayOut{fmt::format("with part.at_mm = [{:.6g}, {:.6g}, {:.6g}] it touches",
-                            rounded(at.x()), rounded(at.y()), rounded(at.z())),
+  return WayOut{fmt::format("with part.at_mm = [{:.6g}, {:.6g}, {:.6g}] it {}", rounded(at.x()),
+                            rounded(at.y()), rounded(at.z()), words(job, part)),
                 reach};
+}
+
+std::optional<WayOut> way_out_of(const Job& job, const Job& feeding, const cutting::Design& few_w) {
+  const bool milled = std::holds_alternative<cutting::Cutter>(job.scene.tool.nominal);
+  if (!milled) return moved_by(job, feeding, few_w, turned_shift(feeding));
+  const Vector3d touching_w = milled_shift(feeding, few_w);
+  if (auto out = moved_by(job, feeding, few_w, fitting_shift(feeding, few_w, touching_w)))
+    return out;
+  // where no better fit is found, as where one of several tools alone comes near, it may still touch
+  return moved_by(job, feeding, few_w, touching_w);
 }
 
 }  // namespace

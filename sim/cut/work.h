@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "sim/cut/memory_limit.h"
 #include "sim/cut/part.h"
 #include "sim/scene/scene.h"
 
@@ -20,13 +21,6 @@ BadInput refusal_at(const Scene& scene, const std::vector<std::string>& keys,
 /// "; with [thermal] it cannot be run in windows", for such a refusal.
 /// @param needs_whole  what of the case does; empty for nothing, of which nothing is said
 std::string why_no_windows(const std::string& needs_whole);
-
-/// Bytes that a computation here may take: of the computer, of a limit that is set for the process.
-double memory_bytes();
-
-/// Plans for so many bytes from now on, whatever the computer has; what would take more is refused
-/// before it begins.
-void limit_memory(double bytes);
 
 /// Most samples that a program may have: 50 million, and no more than the memory holds.
 std::size_t most_samples();

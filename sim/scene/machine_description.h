@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "kinematics/chain.h"
+#include "sim/program/controlled_axes.h"
 #include "sim/scene/body_description.h"
 
 /// A machine as it is designed, and what its control believes and finds.
@@ -18,8 +19,12 @@ struct MachineDescription {
   kinematics::Pose T_bs =
       kinematics::Pose::Identity();     ///< spindle nose or tool post; z = tool axis
   kinematics::AxisVector home;          ///< (joints) where the axes stand when a program begins
+  std::vector<program::Rollover> rollover;  ///< (joints) of the axes that turn
+  kinematics::AxisVector reference;     ///< (joints) reference position, of G28; empty: `home`
+  kinematics::AxisVector machine_zero;  ///< (joints) where G53 counts from; empty: the axes' zero
   double rapid_speed = 10000.0 / 60.0;  ///< mm/s
   double rapid_turn = 1.0;              ///< rad/s
+  std::optional<double> max_spindle_rpm;  ///< none: no limit is known
   std::string summary;                  ///< one line, for lists of machines
   std::vector<MachineBody> bodies;
 };

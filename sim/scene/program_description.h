@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <string>
 #include <variant>
 
 #include "kinematics/chain.h"
@@ -21,9 +22,13 @@ struct ProgramFile {
                                ///< programs
   dialects::Dialect dialect = dialects::Dialect::Auto;
   dialects::OnUnknown on_unknown = dialects::OnUnknown::Refuse;
+  program::BlockSkip block_skip = program::BlockSkip().set();
+  std::string startup_code;  ///< a block that is read before the first line
   dialects::Interpreter interpreter = dialects::Interpreter::Abbe;
   dialects::InterpreterLimits interpreter_limits = {};
+  int max_moves = 20'000'000;  ///< and blocks executed, those of loops and cycles each time
   dialects::PoleOptions pole = {};
+  dialects::TurningOptions turning = {};
   double pole_warning = 2.0 * units::deg;  ///< rad, from a pole: nearer is warned of; 0: never
 };
 

@@ -12,6 +12,7 @@
 #include "sim/scene/scene_covariance.h"
 #include "sim/scene/scene_curves.h"
 #include "sim/scene/scene_sections.h"
+#include "sim/scene/unidentified.h"
 
 namespace abbe::sim {
 
@@ -296,6 +297,13 @@ Key lines_key() {
 
 // ---- the section
 
+void check_machine(TableReader& reader, const MachineDescription& machine) {
+  const std::string stated = reader.text("machine", "");
+  if (stated.empty() || machine.joints.empty()) return;
+  const std::string code = kinematics::to_string(kinematics::topology_of(machine.joints));
+  if (stated != code) reader.refuse("machine", "errors of the machine " + code, in_quotes(stated));
+}
+
 Fields<ErrorsTable> errors_fields(const Setting& setting) {
   Key tables = key_of("tables", Key::Kind::Tables, "error motions of one axis from a CSV file");
   tables.keys = whole_table_fields().keys();
@@ -307,6 +315,15 @@ Fields<ErrorsTable> errors_fields(const Setting& setting) {
       .custom(
           {key_of("name", Key::Kind::Text, "of the table, for people")},
           [](TableReader& reader, ErrorsTable&) { reader.text("name", ""); }, nothing)
+      .custom(
+          {key_of(KeyName("machine").otherwise("any"), Key::Kind::Text,
+                  "structural code of the machine of which the errors were identified, as `abbe "
+                  "identify` writes it; on another machine they are an input error")},
+          [setting](TableReader& reader, ErrorsTable&) { check_machine(reader, setting.machine); },
+          nothing)
+      .custom(
+          {unidentified_key()},
+          [](TableReader& reader, ErrorsTable&) { read_unidentified(reader); }, nothing)
       .number(
           "scale", [](auto& table) -> auto& { return table.section.scale; }, any_number,
           "factor of everything in this table")

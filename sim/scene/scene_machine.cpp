@@ -88,6 +88,29 @@ Fields<Joint> axis_fields(const Joint& axis) {
             "what an angle of location turns; the angle is the same");
 }
 
+/// An axis with what the control makes of its words.
+struct MachineAxis {
+  Joint joint;
+  program::Rollover rollover = program::Rollover::ByControl;
+};
+
+Fields<MachineAxis> machine_axis_fields(const MachineAxis& axis) {
+  using program::Rollover;
+  return Fields<MachineAxis>(axis)
+      .all_of(&MachineAxis::joint, axis_fields(axis.joint))
+      .where([](const MachineAxis& axis) { return axis.joint.motion != Motion::Linear; },
+             Fields<MachineAxis>().word(
+                 "rollover", &MachineAxis::rollover,
+                 {{"by_control", Rollover::ByControl,
+                   "\"shortest\" in a program of Fanuc for an axis that carries the workpiece and "
+                   "turns without end, or by more than two turns; else \"none\""},
+                  {"none", Rollover::None, "it turns by the difference of the positions"},
+                  {"shortest", Rollover::Shortest, "whole turns do not count: the short way"},
+                  {"sign", Rollover::Sign,
+                   "whole turns do not count: in the direction of the word's sign"}},
+                 "how the control turns it to an absolute position"));
+}
+
 Joint axis_of(const kinematics::CodeAxis& code) {
   Joint joint;
   joint.name = code.name;
@@ -153,9 +176,9 @@ std::optional<kinematics::Topology> read_code(TableReader& reader) {
   }
 }
 
-std::vector<Joint> read_axes(TableReader& machine, const kinematics::Topology& topology,
+std::vector<MachineAxis> read_axes(TableReader& machine, const kinematics::Topology& topology,
                              const kinematics::Pose& T_bs) {
-  std::vector<Joint> joints;
+  std::vector<MachineAxis> read;
   const Node* section = machine.section("axis");
   Node none;
   none.place = machine.place();
@@ -163,28 +186,31 @@ std::vector<Joint> read_axes(TableReader& machine, const kinematics::Topology& t
   TableReader axes(section ? *section : none, machine.name_of("axis"), machine.faults());
   for (const kinematics::CodeAxis& code : topology) {
     if (motion_of(code.name) == Motion::Spindle) {
-      joints.push_back(nose_joint(code, T_bs));
+      read.push_back({nose_joint(code, T_bs)});
       continue;
     }
     const std::string name(1, code.name);
     if (const Node* table = axes.section(name)) {
-      joints.push_back(
-          axis_fields(axis_of(code)).read_table(*table, axes.name_of(name), machine.faults()));
+      read.push_back(machine_axis_fields({axis_of(code)})
+                         .read_table(*table, axes.name_of(name), machine.faults()));
     } else if (!axes.has(name)) {
       axes.missing(name, "a table");
     }
   }
   axes.close();
-  return joints;
+  return read;
 }
 
 void read_joints(TableReader& reader, MachineDescription& machine) {
   reader.know("axis");
-  reader.know("home");
+  for (const char* key : {"home", "reference", "machine_zero"}) reader.know(key);
   const auto topology = read_code(reader);
   if (!topology) return;
   const std::size_t before = reader.faults().list().size();
-  machine.joints = read_axes(reader, *topology, machine.T_bs);
+  for (const MachineAxis& axis : read_axes(reader, *topology, machine.T_bs)) {
+    machine.joints.push_back(axis.joint);
+    machine.rollover.push_back(axis.rollover);
+  }
   if (machine.joints.size() != topology->size() || reader.faults().list().size() != before) return;
   try {
     kinematics::Chain(machine.joints, machine.T_bw, machine.T_bs);
@@ -196,9 +222,13 @@ void read_joints(TableReader& reader, MachineDescription& machine) {
 void put_joints(const MachineDescription& machine, Node::Table& table) {
   put(table, "code", kinematics::to_string(kinematics::topology_of(machine.joints)));
   Node::Table axes;
-  for (const Joint& joint : machine.joints)
-    if (joint.motion != Motion::Spindle)
-      put(axes, std::string(1, joint.name), axis_fields(joint).written(joint));
+  for (std::size_t j = 0; j < machine.joints.size(); ++j) {
+    const MachineAxis axis{machine.joints[j], j < machine.rollover.size()
+                                                  ? machine.rollover[j]
+                                                  : program::Rollover::ByControl};
+    if (axis.joint.motion != Motion::Spindle)
+      put(axes, std::string(1, axis.joint.name), machine_axis_fields(axis).written(axis));
+  }
   if (!axes.empty()) put(table, "axis", std::move(axes));
 }
 
@@ -207,6 +237,12 @@ void read_home(TableReader& reader, MachineDescription& machine) {
   machine.home = kinematics::AxisVector::Zero(Eigen::Index(machine.joints.size()));
   if (const Node* home = reader.section("home"))
     machine.home = fields.read_table(*home, reader.name_of("home"), reader.faults());
+  if (const Node* reference = reader.section("reference"))
+    machine.reference =
+        fields.read_table(*reference, reader.name_of("reference"), reader.faults());
+  if (const Node* zero = reader.section("machine_zero"))
+    machine.machine_zero =
+        fields.read_table(*zero, reader.name_of("machine_zero"), reader.faults());
 }
 
 /// Joint that a letter of the code names; none for b, the bed.
@@ -272,6 +308,26 @@ Key home_key() {
                 axis_word_fields({}).keys());
 }
 
+Key reference_key() {
+  return key_of(KeyName("reference").otherwise("home"), Key::Kind::Table,
+                "reference position, where G28 and its kin go: { Z_mm = 400 }",
+                axis_word_fields({}).keys());
+}
+
+Key machine_zero_key() {
+  return key_of(KeyName("machine_zero").otherwise("the zero of the axes"), Key::Kind::Table,
+                "positions of the axes that G53, M91 and SUPA count from",
+                axis_word_fields({}).keys());
+}
+
+void put_home(const MachineDescription& machine, Node::Table& table) {
+  const auto fields = axis_word_fields(machine.joints);
+  put(table, "home", fields.written(machine.home));
+  if (machine.reference.size() > 0) put(table, "reference", fields.written(machine.reference));
+  if (machine.machine_zero.size() > 0)
+    put(table, "machine_zero", fields.written(machine.machine_zero));
+}
+
 const Fields<MachineDescription>& machine_fields() {
   using Machine = MachineDescription;
   static const Fields<Machine> fields =
@@ -287,13 +343,12 @@ const Fields<MachineDescription>& machine_fields() {
                   positive,
                   "speed of axes that turn in a G0 without slides; beside slides they keep pace "
                   "with these")
+          .number(KeyName("max_spindle_rpm").otherwise("no limit"), &Machine::max_spindle_rpm,
+                  positive, "largest speed of the spindle under constant surface speed (G96)")
           .custom({code_key(), axis_key("[A-Z]", "every letter of the code but `s`",
                                         axis_fields(axis_of({})).keys())},
                   read_joints, put_joints)
-          .custom({home_key()}, read_home,
-                  [](const Machine& machine, Node::Table& table) {
-                    put(table, "home", axis_word_fields(machine.joints).written(machine.home));
-                  })
+          .custom({home_key(), reference_key(), machine_zero_key()}, read_home, put_home)
           .custom({body_key()}, read_bodies, put_bodies);
   return fields;
 }

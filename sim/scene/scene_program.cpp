@@ -14,12 +14,15 @@ namespace abbe::sim {
 
 namespace {
 
+using dialects::ControlKind;
 using dialects::Dialect;
 using dialects::Interpreter;
 using dialects::InterpreterLimits;
 using dialects::OnUnknown;
 using dialects::PoleOptions;
 using dialects::PoleRule;
+using dialects::TurningOptions;
+using dialects::XWords;
 using program::Flank;
 using program::NcFormat;
 using program::Raster;
@@ -96,10 +99,20 @@ void check_file(TableReader& reader, File& program) {
   const bool pvt = program.dialect != Dialect::Cl && (ending == ".csv" || ending == ".pvt");
   if (pvt && program.pole.rule != PoleRule::AsProgrammed)
     reader.refuse("pole", "no pole beside a table of times, which has no vectors", "one");
+  if (pvt && !program.startup_code.empty())
+    reader.refuse("startup_code", "none beside a table of times", program.startup_code);
   if (program.interpreter != Interpreter::LinuxCnc) return;
   if (pvt || (program.dialect != Dialect::Auto && program.dialect != Dialect::LinuxCnc))
     reader.refuse("interpreter", "\"abbe\" beside a program that is not one of LinuxCNC",
                   "\"linuxcnc\"");
+}
+
+void read_block_skip(TableReader& reader, File& program) {
+  const std::string text = reader.text("block_skip", "on");
+  if (const auto levels = program::block_skip_of(text))
+    program.block_skip = *levels;
+  else
+    reader.refuse("block_skip", "\"on\", \"off\" or levels such as \"1 3\"", text);
 }
 
 Fields<PoleOptions> pole_fields() {
@@ -123,6 +136,28 @@ Fields<PoleOptions> pole_fields() {
                  .number(must("pole_change_deg"), &PoleOptions::most_change, change,
                          "parameter 19739: by which the end of a block may be turned about the "
                          "pole; must be given with pole = \"fanuc\""));
+}
+
+Fields<TurningOptions> turning_fields() {
+  return Fields<TurningOptions>()
+      .word("control", &TurningOptions::control,
+            {{"of_machine", ControlKind::OfMachine,
+              "of a turning machine where a spindle S turns the workpiece, else of a milling "
+              "machine"},
+             {"milling", ControlKind::Milling, "of a milling machine"},
+             {"turning", ControlKind::Turning,
+              "of a turning machine; Fanuc: G-code system A"}},
+            "what the control is made for")
+      .word("x_words", &TurningOptions::x_words,
+            {{"of_control", XWords::OfControl,
+              "diameters on turning controls of Fanuc and Siemens whose X is across the spindle "
+              "line, else radii"},
+             {"diameters", XWords::Diameters, "diameters"},
+             {"radii", XWords::Radii, "radii"}},
+            "what X counts until the program says otherwise (G7, DIAMON)")
+      .whole("tip", &TurningOptions::tip, 0, 9,
+             "which point of a round nose X and Z lead without G41 and G42, as Fanuc and Siemens "
+             "number them: 3 at X- Z- of its centre, 2 at X+ Z-; 0: its centre");
 }
 
 Fields<InterpreterLimits> interpreter_fields() {
@@ -198,6 +233,24 @@ Fields<ProgramDescription> file_fields() {
                 {{"refuse", OnUnknown::Refuse, "all of them at once"},
                  {"warn", OnUnknown::Warn, "they are skipped, and counted"}},
                 "words that the dialect has not")
+          .custom({key_of(KeyName("block_skip").otherwise("on"), Key::Kind::Text,
+                          "the operator's switch for blocks behind a /: \"on\" leaves them out, "
+                          "\"off\" executes them, \"1 3\" leaves out those of these levels; / alone "
+                          "is level 1 of Fanuc, else 0")},
+                  read_block_skip,
+                  [](const File& program, Node::Table& table) {
+                    put(table, "block_skip", program::to_text(program.block_skip));
+                  })
+          .custom({key_of(KeyName("startup_code").otherwise("none"), Key::Kind::Text,
+                          "a block of the dialect that is read before the first line, as a control "
+                          "begins with: \"G20 G91\", \"T1 M6\"")},
+                  [](TableReader& reader, File& program) {
+                    program.startup_code = reader.text("startup_code", "");
+                  },
+                  [](const File& program, Node::Table& table) {
+                    if (!program.startup_code.empty())
+                      put(table, "startup_code", program.startup_code);
+                  })
           .word(
               "interpreter", &File::interpreter,
               {{"abbe", Interpreter::Abbe, "abbe's own"},
@@ -205,7 +258,10 @@ Fields<ProgramDescription> file_fields() {
                 "LinuxCNC's rs274 as a separate process, which `./abbe setup --linuxcnc` unpacks"}},
               "what reads a program of LinuxCNC")
           .all_of(&File::interpreter_limits, interpreter_fields())
+          .whole("max_moves", &File::max_moves, 1, 2'000'000'000,
+                 "made by the program, those of loops and cycles each time; more is an input error")
           .all_of(&File::pole, pole_fields())
+          .all_of(&File::turning, turning_fields())
           .number(
               "pole_warning_deg", &File::pole_warning, Range{0.0, 45.0},
               "from a pole: a warning says how the axis that is free there turns where the tool "

@@ -10,7 +10,8 @@ Fields<DatumDescription::Touch> touch_fields() {
   using Touch = DatumDescription::Touch;
   return Fields<Touch>()
       .vector(must("point_mm"), &Touch::point_w, "where it touches, in the workpiece frame")
-      .direction(must("direction"), &Touch::direction_w, "in which the probe moves");
+      .direction(must("direction"), &Touch::direction_w,
+                 "in which the probe moves, towards the face");
 }
 
 /// An instant, negative in the thermal history before the program.
@@ -37,8 +38,10 @@ Fields<DatumDescription> datum_fields_of(DatumDescription::Kind kind) {
                   "where the tip is set exactly, in the workpiece frame");
   if (kind != DatumDescription::Kind::None) fields.all_of(itself, time_fields());
   if (kind == DatumDescription::Kind::TouchOff)
-    fields.tables(must("touch"), &DatumDescription::touches, touch_fields(),
-                  "touches of the probe");
+    fields.tables(
+        must("touch"), &DatumDescription::touches, touch_fields(),
+        "touches of the probe, each of the part, its blank, a fixture or the table within "
+        "`search.band_mm`, at most 40 degrees from straight against its face");
   return fields;
 }
 

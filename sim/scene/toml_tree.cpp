@@ -10,12 +10,12 @@
 #include <toml++/toml.h>
 
 #include "kinematics/bad_input.h"
+#include "kinematics/encoding.h"
+#include "kinematics/nesting.h"
 
 namespace abbe::sim {
 
 namespace {
-
-constexpr int max_depth = 100;
 
 Place place_at(std::string_view text, std::size_t offset, const std::string& file) {
   const std::string_view before = text.substr(0, offset);
@@ -38,8 +38,9 @@ void refuse_deep_keys(std::string_view text, const std::string& file) {
   for (std::size_t i = 0; i < text.size(); ++i) {
     const char c = text[i];
     if (c == '.') {
-      if (name_since_dot && ++dots > 1000) {
-        refuse_text(place_at(text, i, file), "a key of at most 100 parts", "a longer one");
+      if (name_since_dot && ++dots > 10 * max_nesting) {
+        refuse_text(place_at(text, i, file), fmt::format("a key of at most {} parts", max_nesting),
+                    "a longer one");
       }
       name_since_dot = false;
     } else if (std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '-') {
@@ -93,9 +94,9 @@ class Converter {
   explicit Converter(std::shared_ptr<const std::string> file) : file_(std::move(file)) {}
 
   Node node(const ::toml::node& from, int depth) const {
-    if (depth > max_depth) {
+    if (depth > max_nesting) {
       const Place deep = place(from.source());
-      refuse_text(deep, "at most 100 levels of tables and arrays", "more");
+      refuse_text(deep, fmt::format("at most {} levels of tables and arrays", max_nesting), "more");
     }
     Node to;
     to.place = place(from.source());
@@ -154,11 +155,16 @@ const Node* Node::find(std::string_view key) const {
 
 Node* Node::find(std::string_view key) { return const_cast<Node*>(std::as_const(*this).find(key)); }
 
-Node parse_toml(std::string_view text, const std::string& file) {
-  if (text.size() > max_toml_bytes) {
-    throw BadInput(file, 0, 0, "at most 16 MiB", fmt::format("{} bytes", text.size()));
+Node parse_toml(std::string_view bytes, const std::string& file) {
+  if (bytes.size() > max_toml_bytes) {
+    throw BadInput(file, 0, 0, "at most 16 MiB", fmt::format("{} bytes", bytes.size()));
   }
-  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
+  check_encoding(bytes, file);
+  if (bytes.starts_with("\xEF\xBB\xBF")) bytes.remove_prefix(3);
+  const std::string text = without_tape_marks(bytes);
+  if (const auto byte = first_not_utf8(text))
+    refuse_text(place_at(text, *byte, file), "text in UTF-8",
+                fmt::format("a byte 0x{:02x}, as of Latin-1", (unsigned char)text[*byte]));
   if (const std::size_t nul = text.find('\0'); nul != std::string_view::npos) {
     refuse_text(place_at(text, nul, file), "text", "a NUL byte");
   }

@@ -331,18 +331,6 @@ TEST_F(CommandLine, AFolderThatCannotBeWrittenIsAnOutputFault) {
   EXPECT_NE(ran.text.find("occupied"), std::string::npos) << ran.text;
 }
 
-TEST_F(CommandLine, AFileThatGrowsBeyondTheLimitIsAnOutputFaultAndLeavesNothingUnfinished) {
-  const fs::path scene = plane_scene(write("p.ngc", good_program).string());
-  const fs::path out = folder_ / "out";
-  // 4 blocks of 512 or 1024 bytes: the first larger file fails half way, as on a full disk
-  const Ran ran =
-      run("run " + scene.string() + " --out " + out.string(), "ulimit -f 4; trap '' XFSZ;");
-  EXPECT_EQ(ran.code, 5) << ran.text;
-  for (const auto& entry : fs::recursive_directory_iterator(out))
-    EXPECT_EQ(entry.path().filename().string().find(".unfinished"), std::string::npos)
-        << entry.path();
-}
-
 TEST_F(CommandLine, AFullDiskIsAnOutputFault) {
   const fs::path disk = folder_ / "disk";
   fs::create_directories(disk);

@@ -1,11 +1,14 @@
 // Datum, control belief, tool, clamping and centring against closed forms of what they do.
 
+#include <array>
 #include <cmath>
 #include <iostream>
+#include <vector>
 
 #include <gtest/gtest.h>
 
 #include "kinematics/units.h"
+#include "sim/cut/datum_touches.h"
 #include "sim/scene/read_scene.h"
 #include "tests/oracles/closed_forms.h"
 #include "tests/sim/small_scene.h"
@@ -96,6 +99,43 @@ TEST(Datum, TouchesAtTwoPlacesHoldAtTheirOwnPlaces) {
   EXPECT_LT(std::abs(left.x()), 0.05_um);
   EXPECT_GT(std::abs(right.x()), 0.5_um);
   EXPECT_GT(std::abs(left.z()), 0.5_um);
+}
+
+/// What is said of a touch of the disc on the table, with more in the scene; empty if it is taken.
+std::string said_of_touch(const std::string& point, const std::string& direction,
+                          const std::string& more = "") {
+  const Job job =
+      going_to({0, 0, 0}, more + "[datum]\nkind = \"touch_off\"\ntouch = [{ point_mm = " + point +
+                              ", direction = " + direction + " }]\n");
+  const std::optional<BadInput> error = touch_error(job);
+  return error ? error->what() : "";
+}
+
+TEST(Datum, ATouchNeedsWhatItTouches) {
+  const std::string jaw =
+      "[[fixture]]\nname = \"jaw\"\nshape = \"box\"\nsize_mm = [20, 20, 40]\nat_mm = [100, 0, "
+      "20]\n";
+  const std::string blank =
+      "[cutting]\nblank = \"box\"\nlower_mm = [-15, -15, -5]\nupper_mm = [15, 15, 3]\nspacing_mm = "
+      "1\n";
+  EXPECT_EQ(said_of_touch("[0, 0, 0]", "[0, 0, -1]"), "");
+  EXPECT_EQ(said_of_touch("[0, 0, 1.9]", "[0, 0, -2]"), "") << "within the band";
+  EXPECT_EQ(said_of_touch("[9, 0, 0]", "[0.8, 0, -1]"), "") << "38.7 degrees";
+  EXPECT_EQ(said_of_touch("[100, 0, 0]", "[0, 0, -1]"), "") << "the table";
+  EXPECT_EQ(said_of_touch("[110, 0, 30]", "[-1, 0, 0]", jaw), "");
+  EXPECT_EQ(said_of_touch("[15, 0, 1]", "[-1, 0, 0]", blank), "");
+  for (const auto& [point, direction, says] : std::vector<std::array<std::string, 3>>{
+           {"[0, 0, 2.1]", "[0, 0, -1]", "a touch in the air: the part is nearest, 2.1 mm away"},
+           {"[400, 0, 0]", "[0, 0, -1]", "a touch in the air: table is nearest, 150 mm away"},
+           {"[0, 0, 0]", "[1, 0, 0]", "along a face of the part: its direction leans 90 degrees"},
+           {"[0, 0, 0]", "[0.9, 0, -1]", "its direction leans 42 degrees"},
+           {"[0, 0, 0]", "[0, 0, 1]", "a touch from within the part"},
+           {"[110, 0, 30]", "[-1, 0, 0]", "a touch in the air"},
+           {"[15, 0, 1]", "[-1, 0, 0]", "along a face"}}) {
+    const std::string said = said_of_touch(point, direction);
+    EXPECT_NE(said.find(says), std::string::npos) << point << direction << ": " << said;
+    EXPECT_NE(said.find("go.toml:11:23: expected a touch of"), std::string::npos) << said;
+  }
 }
 
 constexpr double plane_step_over = 0.5;  // mm, step over

@@ -50,12 +50,12 @@ double peak_of(const std::vector<std::string>& words) {
   return 1024.0 * double(usage.ru_maxrss);
 }
 
-struct Measured {
+struct MeasuredMemory {
   const char* command;
   std::vector<Override> overrides;
 };
 
-double estimate_of(const Measured& one) {
+double estimate_of(const MeasuredMemory& one) {
   const Scene scene = read_scene(dome, one.overrides);
   const bool compares = std::string(one.command) == "compare";
   CasesAsked asked = compares ? cases_of_compare({scene}) : cases_of_run({});
@@ -70,7 +70,7 @@ TEST(Memory, TheEstimateIsWithin30PercentOfWhatIsResidentAtMost) {
 #ifdef __SANITIZE_ADDRESS__
   GTEST_SKIP() << "a sanitizer has memory of its own";
 #endif
-  const Measured scenes[] = {
+  const MeasuredMemory scenes[] = {
       {"run",
        {{"part.points", "20000"},
         {"sampling.max_step_mm", "0.1"},
@@ -82,7 +82,7 @@ TEST(Memory, TheEstimateIsWithin30PercentOfWhatIsResidentAtMost) {
         {"program.step_over_mm", "1"}}},
       {"compare",
        {{"part.points", "20000"}, {"program.step_mm", "2"}, {"program.step_over_mm", "2"}}}};
-  for (const Measured& one : scenes) {
+  for (const MeasuredMemory& one : scenes) {
     const SceneFolder folder;
     std::vector<std::string> words{one.command, dome,    "--threads",
                                    "2",         "--out", (folder.path() / "out").string()};
@@ -123,6 +123,11 @@ TEST(Memory, WhatExceedsIsRefusedWithTheFiguresBeforeAnythingIsCut) {
 /// What of a summary does not depend on how it was computed.
 std::string figures_in(const fs::path& folder) {
   nlohmann::json all = nlohmann::json::parse(std::ifstream(folder / "summary.json"));
+  // in windows no quick check of collisions is made, which is said
+  nlohmann::json& warnings = all.at("warnings");
+  std::erase_if(warnings.get_ref<nlohmann::json::array_t&>(), [](const nlohmann::json& warning) {
+    return warning.get<std::string>().starts_with("collisions are not searched here");
+  });
   return fmt::format("{} {} {}", all.at("samples").dump(), all.at("residual_um").dump(),
                      all.at("warnings").dump());
 }

@@ -123,7 +123,7 @@ TEST_F(PoseCommandLine, NothingOfTheUsersIsOverwritten) {
   folder_.write("poses.csv", "X_mm\n0\n");
   folder_.write("mine.csv", "x,y\n1,2\n");
   folder_.write("mine.json", "{}\n");
-  for (const char* out : {"poses.csv", "mine.csv", "mine.json", ".", "mine.txt", "folder"}) {
+  for (const char* out : {"poses.csv", "mine.csv", "mine.json", ".", "mine.txt"}) {
     const PoseRun ran = run(dome + " --at-file poses.csv --out " + out);
     EXPECT_EQ(ran.code, 5) << out << ran.err;
     EXPECT_EQ(ran.out, "") << out;
@@ -132,6 +132,8 @@ TEST_F(PoseCommandLine, NothingOfTheUsersIsOverwritten) {
   EXPECT_EQ(bytes(folder_.path() / "mine.csv"), "x,y\n1,2\n");
   EXPECT_EQ(bytes(folder_.path() / "mine.json"), "{}\n");
   EXPECT_EQ(files(), 3);
+  EXPECT_EQ(run(dome + " --at-file poses.csv --out folder").code, 0);
+  EXPECT_TRUE(std::filesystem::is_directory(folder_.path() / "folder")) << "a folder for the file";
 }
 
 TEST_F(PoseCommandLine, ARefusedTableWritesNothing) {

@@ -106,6 +106,36 @@ TEST(ProgramCommand, WorkOffsetsAndTheToolShiftWhatTheAxesDo) {
   EXPECT_EQ(run("program " + file + " --offset Q=5").code, 3);
 }
 
+TEST(ProgramCommand, TurningProgramsAreReadOnMachinesWhoseWorkpieceSpins) {
+  const Folder folder;
+  folder.write("turn.nc",
+               "O10\nG18 G21 G40 G99\nG50 S2000\nT0101\nG96 S180 M03\nG00 X54. Z12.\n"
+               "G01 Z2. F0.2\nX60.\nG00 X80. Z50.\nM30\n");
+  const std::string file = (folder.path() / "turn.nc").string();
+  const json all = json_of(file + " --machine library:lathe_zx");
+  ASSERT_TRUE(all.is_object());
+  EXPECT_EQ(all["control"], "turning");
+  // 10 mm along at the radius 27 and 3 mm outwards to 30, 0.2 mm a turn at 180 m/min
+  const double pi = std::acos(-1.0), f_v = 0.2 * 180e3 / 60;
+  const double expected = (10 * 2 * pi * 27 + pi * (30.0 * 30.0 - 27.0 * 27.0)) / f_v;
+  EXPECT_NEAR(all["lines_at_feed"]["time_s"].get<double>(), expected, 1e-9);
+  EXPECT_NEAR(all["radius_at_feed_mm"][0].get<double>(), 27.0, 1e-9) << "whatever the tool's length";
+  EXPECT_NEAR(all["radius_at_feed_mm"][1].get<double>(), 30.0, 1e-9);
+  EXPECT_EQ(all["axes"]["X"]["to"], 40.0 + 40.0) << "a tool of 100 mm is 40 mm longer than X0";
+  const Ran text = run("program " + file + " --machine library:lathe_zx --tip 3 --tool-radius 0.8");
+  EXPECT_EQ(text.code, 0) << text.text;
+  EXPECT_NE(text.text.find("27.8 .. 30.8 mm from the spindle line"), std::string::npos) << text.text;
+  for (const std::string& mill : {file + " --machine library:three_axis_table",
+                                  file + " --machine library:lathe_zx --control milling"}) {
+    const Ran refused = run("program " + mill);
+    EXPECT_EQ(refused.code, 3);
+    EXPECT_NE(refused.text.find("turn.nc:3:1: expected a program of a milling control"),
+              std::string::npos)
+        << refused.text;
+    EXPECT_EQ(std::count(refused.text.begin(), refused.text.end(), '\n'), 1) << refused.text;
+  }
+}
+
 TEST(ProgramCommand, LeavingTheTravelEndsWithThreeAndTheFigures) {
   const Folder folder;
   folder.write("far.ngc", "G21 G90 G94\nG0 X280\nG1 X350 F1000\nX-20\n");

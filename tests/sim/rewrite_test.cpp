@@ -220,7 +220,7 @@ TEST(RewriteCommand, RefusesWhatItCannotDo) {
   options.overrides.clear();
   EXPECT_FALSE(std::filesystem::exists(options.out));
   for (const std::filesystem::path& out :
-       {folder.path(), folder.path() / "long.ngc", folder.path() / "long.toml",
+       {folder.path() / "long.ngc", folder.path() / "long.toml",
         folder.path() / "long.ngc" / "below.ngc"}) {
     options.out = out;
     EXPECT_THROW(rewrite(file, options), OutputFailure) << out;
@@ -228,6 +228,9 @@ TEST(RewriteCommand, RefusesWhatItCannotDo) {
   std::ifstream source(folder.path() / "long.ngc");
   const std::string text{std::istreambuf_iterator<char>(source), {}};
   EXPECT_EQ(text, tip_program);
+  options.out = folder.path();  // a folder takes the file
+  rewrite(file, options);
+  EXPECT_TRUE(std::filesystem::exists(folder.path() / "rewritten.ngc"));
 }
 
 }  // namespace

@@ -363,7 +363,7 @@ TEST(Sampling, ACoarseMapIsJudgedByItsFormWhereThatIsFineEnough) {
     });
   };
   EXPECT_TRUE(said("8", "judge by form_um, or raise"));
-  EXPECT_TRUE(said("0.1", "form_um is no better, with places"));
+  EXPECT_TRUE(said("0.1", "form_um is no better, with "));
 }
 
 }  // namespace

@@ -246,20 +246,31 @@ TEST(SceneProgram, AFileIsNamedAgain) {
   const std::string text = "file = \"" + folder.write("p.ngc", "M30\n").string() + "\"\n";
   EXPECT_EQ(program_again(text), text + R"(dialect = "auto"
 on_unknown = "refuse"
+block_skip = "on"
 interpreter = "abbe"
 interpreter_limit_s = 120.0
 interpreter_limit_MB = 4000.0
+max_moves = 20000000
 pole = "as_programmed"
+control = "of_machine"
+x_words = "of_control"
+tip = 0
 pole_warning_deg = 2.0
 )");
   const std::string stated = text + R"(dialect = "linuxcnc"
 on_unknown = "warn"
+block_skip = "1 3"
+startup_code = "G21"
 interpreter = "linuxcnc"
 interpreter_limit_s = 5.0
 interpreter_limit_MB = 64.0
+max_moves = 1000
 pole = "fanuc"
 pole_near_deg = 1.5
 pole_change_deg = 20.0
+control = "milling"
+x_words = "radii"
+tip = 3
 pole_warning_deg = 0.5
 )";
   EXPECT_EQ(program_again(stated), stated);

@@ -67,6 +67,24 @@ bool warns(const Ran& all, const std::string& what) {
   return false;
 }
 
+/// Says what of a map its body does not show, in all that is said of the body.
+TEST(StockCheck, TheBodyNamesTheEffectsThatItDoesNotShow) {
+  const std::vector<Override> coarse{{"cutting.spacing_mm", "1"}, {"part.vertices", "500"}};
+  const Job wall = job_of("thin_wall.toml", coarse);
+  const Verdict verdict = judge(wall, cut(wall), nullptr);
+  ASSERT_GT(*verdict.residual.max, 3e-3) << "the wall bends";
+  const auto check = stock_check(wall, verdict);
+  const std::string springs = "the body does not show what springs back from the cut";
+  ASSERT_EQ(check->left_out.size(), 1u);
+  EXPECT_TRUE(check->left_out.front().starts_with(springs)) << check->left_out.front();
+  EXPECT_NE(to_text(*check).find(springs), std::string::npos);
+  EXPECT_EQ(to_json(*check).at("left_out").size(), 1u);
+  const Verdict error_free = judge(wall, cut_error_free(wall), nullptr);
+  EXPECT_TRUE(stock_check(wall, error_free)->left_out.empty());
+  const SceneFolder folder;
+  EXPECT_TRUE(ran(folder, program_text()).stock().at("left_out").empty()) << "nothing yields";
+}
+
 TEST(StockCheck, ACleanCutHasNoFinding) {
   const SceneFolder folder;
   const Ran all = ran(folder, program_text());

@@ -243,5 +243,52 @@ TEST(ThermalChoice, WhatCannotBeChosenFromIsRefusedWithTheSceneNamed) {
   EXPECT_NE(refusal(one_sensor).find("thermal_protocol.toml"), std::string::npos);
 }
 
+bool any_holds(const Json& warnings, const std::string& text) {
+  return std::ranges::any_of(warnings, [&](const Json& one) {
+    return one.get<std::string>().find(text) != std::string::npos;
+  });
+}
+
+// Chen's order depends on the row at which the degree begins, and on noise.
+TEST(ThermalChoice, AnOrderOfChanceIsGivenAsItsRange) {
+  const ThermalChoice choice = chosen_on("thermal_protocol_chen.toml");
+  const Json json = to_json(choice);
+  int ranges = 0;
+  double least_same = 100.0;
+  for (const Json& way : json["choices"]) {
+    if (way["spread"].is_null()) continue;
+    const Json& spread = way["spread"];
+    least_same = std::min(least_same, spread["same_sensors_percent"].get<double>());
+    for (const Json& sensor : way["chosen"]) {
+      const Json& ranks = spread["rank_from_to"][sensor.get<std::string>()];
+      if (!ranks.is_null()) ranges += ranks[0] < ranks[1];
+    }
+    std::cout << way["name"] << " " << way["chosen"] << ": same in "
+              << spread["same_sensors_percent"] << " %, ranks " << spread["rank_from_to"] << "\n";
+  }
+  EXPECT_GT(ranges, 0) << "the first ranks change places over start rows";
+  EXPECT_LT(least_same, 90.0);
+  EXPECT_TRUE(any_holds(json["warnings"], "their order is one of chance")) << json["warnings"];
+  EXPECT_NE(sensor_choices_text(choice).find("over start rows 0 to 10 and noise"),
+            std::string::npos);
+}
+
+// Yang's degree on another day against random choices of as many sensors.
+TEST(ThermalChoice, AChoiceNoBetterThanChanceIsSaidToBe) {
+  const ThermalChoice choice = chosen_on("thermal_protocol.toml");
+  const Json json = to_json(choice);
+  bool is_chance = false;
+  for (const Json& way : json["choices"]) {
+    const Json& random = way["random_choices_rms_over_range"];
+    if (random.is_null()) continue;
+    std::cout << way["name"] << ": " << way["rms_over_range"] << ", random "
+              << random["p50"] << ", beaten " << random["beaten_by_the_choice"] << "\n";
+    is_chance = is_chance || random["beaten_by_the_choice"].get<double>() < 0.75;
+  }
+  EXPECT_TRUE(is_chance);
+  EXPECT_TRUE(any_holds(json["warnings"], "which is chance")) << json["warnings"];
+  EXPECT_NE(sensor_choices_text(choice).find("random choices of 4"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace abbe::sim
