@@ -1,11 +1,13 @@
 #include "sim/commands/check_command.h"
 
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "sim/cut/bodies.h"
@@ -29,8 +31,21 @@ namespace {
 struct CheckWords {
   bool picture = false;
   bool collisions = false;
+  bool all = false;
   std::string case_name;
 };
+
+constexpr int max_lines = 40;  // of a terminal
+
+/// Returns as many lines of a text as a terminal shows, the last of them saying what is left out.
+std::string first_lines(const std::string& text) {
+  const auto count = std::ranges::count(text, '\n');
+  if (count <= max_lines) return text;
+  std::size_t end = 0;
+  for (int line = 1; line < max_lines; ++line) end = text.find('\n', end) + 1;
+  return text.substr(0, end) +
+         fmt::format("... and {} lines more: --all prints them\n", count - max_lines + 1);
+}
 
 /// What the axes are commanded in a case.
 Commands commands_of(const Job& job, const std::string& case_name, const Progress& progress) {
@@ -55,14 +70,19 @@ Exit check(const Common& common, const CheckWords& words) {
     throw BadUsage("--case", "expected --collisions beside it: check cuts nothing");
   if (!words.case_name.empty() && words.case_name != "uncompensated") check_case(words.case_name);
   const Scene scene = read_scene(common.scene, overrides(common));
-  const Job job = placed(prepare(scene));
+  const Job job = prepare(scene);
+  const Placement place = placement(job);
+  if (place.fault && !words.collisions) throw BadInput(*place.fault);
   Description description = describe(job);
+  std::vector<std::string>& warnings = description.warnings;
+  warnings.insert(warnings.end(), place.warnings.begin(), place.warnings.end());
+  if (std::string text = not_searched_text(job); !text.empty() && !words.collisions)
+    warnings.push_back(std::move(text));
   description.programs = judged(scene.programs, common.permissions);
   std::optional<Collisions> found;
   if (words.collisions) {
     found = looked_for(job, words.case_name.empty() ? "uncompensated" : words.case_name);
-    description.warnings.insert(description.warnings.end(), found->warnings.begin(),
-                                found->warnings.end());
+    warnings.insert(warnings.end(), found->warnings.begin(), found->warnings.end());
   } else {
     // their meshes are read, so that one that cannot be is refused here, too
     machine_bodies(scene.machine);
@@ -79,9 +99,12 @@ Exit check(const Common& common, const CheckWords& words) {
     if (found) json["collisions"] = to_json(*found);
     print("{}", Lines(json_text(json)));
   } else {
-    print("{}", Lines(to_text(description) + (found ? to_text(*found) : std::string())));
+    const std::string text = (found ? to_text(*found) + "\n" : "") + to_text(description);
+    print("{}", Lines(words.all ? text : first_lines(text)));
   }
-  print_warnings(description.warnings);
+  print_assumptions(description.assumptions);
+  print_warnings(warnings);
+  if (place.fault) throw BadInput(*place.fault);
   return found && !is_clear(*found) ? Exit::LimitExceeded : Exit::Ok;
 }
 
@@ -100,8 +123,9 @@ Command check_command(Common& common) {
                                  {"--picture", &words->picture,
                                   "draw machine, part and path, errors magnified"},
                                  {"--collisions", &words->collisions,
-                                  "look for what meets what along the program; exit 1 if anything "
-                                  "does"},
+                                  "look for what meets what along the program, also where that "
+                                  "misses the part; exit 1 if anything does"},
+                                 {"--all", &words->all, "print every line, not 40 of them"},
                                  {"--case", &words->case_name,
                                   "uncompensated, or belief-strategy-channel: whose commands are "
                                   "looked at"}}),

@@ -1,5 +1,8 @@
 #include "sim/commands/choose_sensors.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include <nlohmann/json.hpp>
 
 #include "sim/measure/measure.h"
@@ -38,7 +41,15 @@ Day measured_day(const std::string& name, const Scene& scene) {
   if (history <= 0.0) refuse("a [[history]] over which sensors are chosen", "none");
   description.starts_s = {-history};
   description.instrument.duration_s = history;
-  return {name, scene.file, cycle_starts(*scene.thermal, history), measured(scene, description)};
+  Day day{
+      name, scene.file, cycle_starts(*scene.thermal, history), measured(scene, description), {}};
+  day.sensor_noise_K = Eigen::VectorXd::Zero(Eigen::Index(day.readings.sensors.size()));
+  for (const errors::TemperatureSensor& sensor : scene.thermal->sensors)
+    if (const auto at = std::ranges::find(day.readings.sensors, sensor.name);
+        at != day.readings.sensors.end())
+      day.sensor_noise_K[at - day.readings.sensors.begin()] = std::sqrt(
+          sensor.noise_K * sensor.noise_K + sensor.resolution_K * sensor.resolution_K / 12.0);
+  return day;
 }
 
 std::optional<ThermalChoice> choose_sensors(const ResultFolder& folder, const Scene& scene,

@@ -71,6 +71,11 @@ std::vector<Override> overrides(const Common& common) {
   return all;
 }
 
+std::filesystem::path file_of_out(const std::filesystem::path& out, const std::string& name) {
+  std::error_code none;
+  return out.has_extension() && !std::filesystem::is_directory(out, none) ? out : out / name;
+}
+
 std::filesystem::path result_folder(const Common& common) {
   return common.out.empty() ? std::filesystem::path("out") / common.scene.stem() : common.out;
 }
@@ -81,6 +86,11 @@ void check_case(const std::string& name) {
   } catch (const std::invalid_argument& fault) {
     throw BadUsage("--case", fault.what());
   }
+}
+
+void print_assumptions(const std::vector<program::Assumption>& assumptions) {
+  for (const program::Assumption& assumption : assumptions)
+    print(stderr, "abbe: assumed: {}\n", program::to_text(assumption));
 }
 
 void print_warnings(const std::vector<std::string>& warnings) {

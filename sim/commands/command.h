@@ -10,6 +10,7 @@
 
 #include "sim/commands/exit_code.h"
 #include "sim/files/permissions.h"
+#include "sim/program/assumption.h"
 #include "sim/scene/override.h"
 
 /// Commands as values: what each takes, and what runs it. None knows the library that reads the
@@ -92,11 +93,18 @@ std::vector<Option> scene_options(Common& common, const std::vector<Option>& own
 /// What --set and --seed change. @throws BadUsage
 std::vector<Override> overrides(const Common& common);
 
+/// The file of a command that writes one: what --out names if that has an ending, as belief.toml,
+/// and is no folder; else `name` in that folder.
+std::filesystem::path file_of_out(const std::filesystem::path& out, const std::string& name);
+
 /// The folder of --out, else out/SCENE.
 std::filesystem::path result_folder(const Common& common);
 
 /// @throws BadUsage for a --case that there cannot be
 void check_case(const std::string& name);
+
+/// Prints what a reader of programs assumed, one line each, on standard error.
+void print_assumptions(const std::vector<program::Assumption>& assumptions);
 
 /// Warnings of a result, on standard error.
 void print_warnings(const std::vector<std::string>& warnings);

@@ -22,13 +22,16 @@ namespace {
 
 using Added = std::map<std::string, CLI::Option*>;
 
+constexpr const char* out_name = "--out";  // has a short form, in every command
+
 CLI::Option* bound(CLI::App& app, const Option& option) {
   return std::visit(
       [&](auto* target) {
         if constexpr (std::is_same_v<decltype(target), bool*>)
           return app.add_flag(option.name, *target, option.help);
         else
-          return app.add_option(option.name, *target, option.help);
+          return app.add_option(option.name == out_name ? "-o," + option.name : option.name,
+                                *target, option.help);
       },
       option.target);
 }
@@ -125,6 +128,7 @@ std::string no_option(const Command& command, int argc, char** argv) {
   for (const std::vector<Option>& options : {command.options, command.where})
     for (const Option& option : options)
       if (option.name.starts_with('-')) words.insert(option.name);
+  if (words.contains(out_name)) words.insert("-o");
   for (int i = 2; i < argc; ++i) {
     const std::string word = argv[i], name = word.substr(0, word.find('='));
     if (name.size() > 1 && name.starts_with('-') && !words.contains(name))

@@ -8,6 +8,7 @@
 
 #include "sim/commands/choose_sensors.h"
 #include "sim/compensation/plug_in.h"
+#include "sim/cut/collisions.h"
 #include "sim/cut/cut_warnings.h"
 #include "sim/cut/memory.h"
 #include "sim/cut/reach.h"
@@ -33,6 +34,8 @@ namespace {
 Job reaching(Job job, const CasesAsked& asked, ProgressLine& progress,
              const std::string& whole = {}) {
   check_memory(job.scene, {size_of(job)}, asked, whole);
+  if (std::string text = not_searched_text(job); !text.empty())
+    job.warnings.push_back(std::move(text));
   return sampled(placed(std::move(job)), to(progress));
 }
 

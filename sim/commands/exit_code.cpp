@@ -4,8 +4,10 @@
 
 #include "sim/compensation/plug_in.h"
 #include "sim/cut/collision_events.h"
+#include "sim/dialects/bad_program.h"
 #include "sim/files/output_failure.h"
 #include "sim/files/progress.h"
+#include "sim/files/standard_output.h"
 #include "sim/files/terminal.h"
 #include "sim/scene/bad_scene.h"
 
@@ -13,7 +15,9 @@ namespace abbe::sim {
 
 Exit exit_code(const std::function<Exit()>& program) {
   try {
-    return program();
+    const Exit code = program();
+    flush_output();
+    return code;
   } catch (const Interrupted&) {
     print(stderr, "abbe: interrupted\n");
     return Exit::Interrupted;
@@ -21,6 +25,9 @@ Exit exit_code(const std::function<Exit()>& program) {
     print(stderr, "abbe: {}\n", fault.what());
     return Exit::Usage;
   } catch (const BadScene& faults) {
+    for (const BadInput& fault : faults.faults) print(stderr, "abbe: {}\n", fault.what());
+    return Exit::Input;
+  } catch (const dialects::BadProgram& faults) {
     for (const BadInput& fault : faults.faults) print(stderr, "abbe: {}\n", fault.what());
     return Exit::Input;
   } catch (const BadInput& fault) {

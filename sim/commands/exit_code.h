@@ -24,7 +24,8 @@ struct BadUsage : std::invalid_argument {
       : std::invalid_argument(option + ": " + reason) {}
 };
 
-/// What a program returns, or what its exception amounts to, which is printed.
+/// Returns the exit code of a program, or the one that its exception stands for, which is printed.
+/// Standard output that was lost counts as an exception.
 Exit exit_code(const std::function<Exit()>& program);
 
 }  // namespace abbe::sim

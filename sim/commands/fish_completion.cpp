@@ -105,8 +105,8 @@ std::string fish_completion(const std::vector<Command>& commands,
                         fish_quoted(command.summary));
     text += fish_places(command, when);
     for (const Option& option : dashed_options(command))
-      text += fmt::format("{}{} -l {}{} -d {}\n", when, option.name == "--help" ? " -s h" : "",
-                          option.name.substr(2),
+      text += fmt::format("{}{} -l {}{}{} -d {}\n", when, option.name == "--help" ? " -s h" : "",
+                          option.name.substr(2), option.name == "--out" ? " -s o" : "",
                           is_flag(option) ? "" : " " + fish_values(option, command),
                           fish_quoted(option.help));
   }

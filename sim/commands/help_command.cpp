@@ -17,7 +17,9 @@ std::string row(const std::string& name, const std::string& summary) {
 
 std::string list_of_topics(const std::string& commands) {
   std::string text = "Topics, abbe help TOPIC:\n";
-  for (const HelpTopic& topic : help_topics()) text += row(topic.name, topic.summary);
+  std::vector<HelpTopic> topics(help_topics().begin(), help_topics().end());
+  std::ranges::sort(topics, {}, &HelpTopic::name);
+  for (const HelpTopic& topic : topics) text += row(topic.name, topic.summary);
   return text + "\nCommands, abbe help COMMAND:\n" + commands;
 }
 

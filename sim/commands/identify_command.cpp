@@ -99,9 +99,8 @@ Exit print_identified(const Common& common, IdentifyWords words) {
                          : words.method == "thermal"     ? IdentifyOptions::Method::Thermal
                                                          : IdentifyOptions::Method::Chain;
   const bool thermal = words.options.method == IdentifyOptions::Method::Thermal;
-  words.options.out = common.out.empty() ? std::filesystem::path(thermal ? "out/belief_thermal.txt"
-                                                                         : "out/belief.toml")
-                                         : common.out;
+  words.options.out = file_of_out(common.out.empty() ? "out" : common.out,
+                                  thermal ? "belief_thermal.txt" : "belief.toml");
   for (const char* taken : {".json", ".png", ".csv", ".html"})
     if (words.options.out.extension() == taken)
       throw BadUsage(
@@ -166,7 +165,7 @@ std::vector<Option> identify_options(Common& common, IdentifyWords& words) {
        Between{0, 10}},
       json_option(common),
       {"--out", &common.out,
-       "belief file (out/belief.toml; thermal: out/belief_thermal.txt; composite "
+       "belief file, or folder for it (out/belief.toml; thermal: out/belief_thermal.txt; composite "
        "writes NAME_thermal.txt beside NAME.toml)"},
       {"--report", &words.report,
        "besides, NAME.html: curves, residuals and numbers with the values under the cursor"},

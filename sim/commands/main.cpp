@@ -8,6 +8,7 @@
 #include "sim/commands/command_line.h"
 #include "sim/compensation/plug_in.h"
 #include "sim/files/progress.h"
+#include "sim/files/standard_output.h"
 #include "sim/study/ranks.h"
 
 extern const char* const abbe_commit;  // commit.cmake writes it
@@ -36,6 +37,7 @@ void keep_memory() {
 int main(int argc, char** argv) {
   using namespace abbe::sim;
   keep_memory();
+  make_writes_fail();
   if (const auto host = compensation::plug_in_host(argc, argv)) return *host;
   watch_interrupts();
   Common common;

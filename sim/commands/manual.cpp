@@ -52,7 +52,9 @@ std::string head(const std::string& page, const std::string& summary) {
 }
 
 std::string option_text(const Option& option) {
-  std::string names = option.name == "--help" ? "\\-h\\fR, \\fB\\-\\-help" : roff(option.name);
+  std::string names = option.name == "--help"  ? "\\-h\\fR, \\fB\\-\\-help"
+                      : option.name == "--out" ? "\\-o\\fR, \\fB\\-\\-out"
+                                               : roff(option.name);
   std::string text = ".TP\n\\fB" + names + "\\fR";
   const bool placed = !option.name.starts_with('-');
   if (!is_flag(option) && !placed) text += " \\fI" + roff(value_name(option)) + "\\fR";

@@ -13,6 +13,7 @@
 #include "sim/readings/readings_file.h"
 #include "sim/scene/read_scene.h"
 #include "sim/scene/trust.h"
+#include "sim/scene/value_warnings.h"
 
 namespace abbe::sim {
 namespace {
@@ -109,6 +110,7 @@ std::vector<Measured> measure(const std::filesystem::path& file, const MeasureOp
     written.push_back(whole({csv.path(), readings.plan.looks.size(), readings.plan.set_ups.size(),
                              readings.plan.duration_s},
                             scene, one.instrument.name));
+    if (i == 0) written.back().warnings = value_warnings(scene);  // once, not for every instrument
     write_table(csv, to_text(readings));
   }
   for (const PartInstrumentDescription& one : instruments.of_part) {

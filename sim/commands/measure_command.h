@@ -27,7 +27,7 @@ struct Measured {
   std::size_t readings = 0;
   std::size_t set_ups = 0;
   double duration_s = 0.0;                 ///< that it would take on a real machine
-  std::vector<std::string> warnings = {};  ///< of the cut of a part that was measured
+  std::vector<std::string> warnings = {};  ///< of the scene, and of the cut of a part
 };
 
 /// Measures and writes the readings.

@@ -16,9 +16,9 @@
 namespace abbe::sim {
 
 const std::vector<std::string>& new_kinds() {
-  static const std::vector<std::string> kinds{"gantry",    "trunnion",   "three_axis", "lathe",
-                                              "head_head", "platform",   "cam",        "fanuc",
-                                              "siemens",   "heidenhain", "linuxcnc"};
+  static const std::vector<std::string> kinds{"cam",        "fanuc",      "gantry",   "head_head",
+                                              "heidenhain", "lathe",      "linuxcnc", "platform",
+                                              "siemens",    "three_axis", "trunnion"};
   return kinds;
 }
 

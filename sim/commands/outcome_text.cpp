@@ -1,6 +1,8 @@
 #include "sim/commands/outcome_text.h"
 
+#include <algorithm>
 #include <stdexcept>
+#include <string_view>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -24,6 +26,50 @@ std::string quoted(const std::string& word) {
   std::string out = "'";
   for (const char c : word) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
   return out + "'";
+}
+
+/// A warning without its numbers: by what is left two warnings have one cause.
+std::string cause(const std::string& warning) {
+  std::string text;
+  for (const char c : warning)
+    if (std::string_view("0123456789.-").find(c) == std::string_view::npos) text += c;
+  return text;
+}
+
+std::vector<std::string> one_a_cause(const Summary& figures) { return figures.warnings; }
+
+/// The warnings of a comparison, each cause once with the figures of the first case that has it;
+/// its files tell them all.
+std::vector<std::string> one_a_cause(const Comparison& all) {
+  struct OfCases {
+    std::string first, text;
+    std::vector<std::string> others;
+  };
+  std::vector<std::string> lines;
+  std::vector<OfCases> causes;
+  for (const std::string& warning : all.warnings) {
+    const std::size_t colon = std::min(warning.find(": "), warning.size());
+    const std::string name = warning.substr(0, colon);
+    if (std::ranges::find(all.cases, name, &CaseFigures::name) == all.cases.end()) {
+      lines.push_back(warning);
+      continue;
+    }
+    const std::string text = warning.substr(colon);
+    const auto known =
+        std::ranges::find(causes, cause(text), [](const OfCases& one) { return cause(one.text); });
+    if (known == causes.end())
+      causes.push_back({name, text, {}});
+    else
+      known->others.push_back(name);
+  }
+  for (const OfCases& one : causes) {
+    const std::size_t n = one.others.size();
+    const std::string others = n == 0   ? ""
+                               : n == 1 ? " and " + one.others.front()
+                                        : fmt::format(" and {} other cases", n);
+    lines.push_back(one.first + others + one.text);
+  }
+  return lines;
 }
 
 }  // namespace
@@ -91,7 +137,12 @@ Exit print_outcome(const Common& common, const RunOptions& options, const Outcom
     print("{}files in {}{}\n", Lines(many ? "\n" : ""), options.folder.string(),
           many && draws_pictures() ? "; comparison.png shows all cases on one scale" : "");
   if (!common.json && outcome.sensors) print("{}", Lines(sensor_choices_text(*outcome.sensors)));
-  std::visit([](const auto& figures) { print_warnings(figures.warnings); }, outcome.figures);
+  std::visit(
+      [](const auto& figures) {
+        print_assumptions(figures.assumptions);
+        print_warnings(one_a_cause(figures));
+      },
+      outcome.figures);
   if (!draws_pictures())
     print(stderr, "abbe: warning: this program was built without VTK: no pictures and no .vtp\n");
   const std::string font =

@@ -141,6 +141,8 @@ Exit execute(const Common& common, PoseCommand command) {
     command.wishes.jacobians.push_back(jacobians.at(word));
   command.json = common.json;
   command.permissions = common.permissions;
+  if (!command.at_file.empty() && !command.out.empty())
+    command.out = file_of_out(command.out, command.json ? "poses.json" : "poses.csv");
   print_poses(read_scene(common.scene, overrides(common)), command);
   return Exit::Ok;
 }
@@ -163,7 +165,8 @@ Command pose_command(Common& common) {
                {"--elements", &asked->wishes.elements,
                 "what these errors alone do: EXX,EC0Y,EXX_heat,tool ... or all", Commas{}},
                {"--out", &asked->out,
-                "of --at-file a .csv or .json file, of --grid a folder (out/SCENE/volumetric)"}}),
+                "of --at-file a .csv or .json file, or folder for it; of --grid a folder "
+                "(out/SCENE/volumetric)"}}),
           [asked, &common] { return execute(common, *asked); },
           "Columns and files are explained in scenes/README.md, Poses.",
           {{"--at", &asked->at, "one pose in mm and degrees: \"X=100 Y=0 Z=50 A=30 C=90\"",

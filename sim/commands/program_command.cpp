@@ -25,6 +25,8 @@ struct ProgramWords {
   bool picture = false, skip_unknown = false;
   double tool_radius = 0.0, tolerance_um = 1.0;
   std::string pole = "as_programmed";
+  std::string block_skip = "on";
+  std::string control = "of_machine", x_words = "of_control";
   double pole_near_deg = 0.0, pole_change_deg = 0.0, pole_warning_deg = 2.0;
   ProgramAloneOptions options;
 };
@@ -59,6 +61,18 @@ dialects::PoleOptions pole_of(const ProgramWords& words) {
                         : words.pole == "siemens"  ? PoleRule::Siemens
                                                    : PoleRule::AsProgrammed;
   return {rule, words.pole_near_deg * units::deg, words.pole_change_deg * units::deg};
+}
+
+dialects::TurningOptions turning_of(const ProgramWords& words) {
+  using dialects::ControlKind, dialects::XWords;
+  dialects::TurningOptions turning = words.options.turning;
+  turning.control = words.control == "milling"   ? ControlKind::Milling
+                    : words.control == "turning" ? ControlKind::Turning
+                                                 : ControlKind::OfMachine;
+  turning.x_words = words.x_words == "diameters" ? XWords::Diameters
+                    : words.x_words == "radii"   ? XWords::Radii
+                                                 : XWords::OfControl;
+  return turning;
 }
 
 const char* ending_of(ProgramFormat format) {
@@ -114,6 +128,7 @@ void print_result(const Common& common, const ProgramAlone& alone, const Written
       print("written   {}, {} bytes\n", written.program->string(), alone.converted.size());
     for (const std::string& note : alone.notes) print("          {}\n", note);
   }
+  print_assumptions(alone.assumptions);
   print_warnings(alone.warnings);
 }
 
@@ -121,6 +136,9 @@ Exit look_at(const Common& common, ProgramWords words) {
   words.options.to = format_of(words.to);
   words.options.dialect = dialect_of(words.dialect);
   if (words.interpreter == "linuxcnc") words.options.interpreter = dialects::Interpreter::LinuxCnc;
+  const auto levels = program::block_skip_of(words.block_skip);
+  if (!levels) throw BadUsage("--block-skip", "expected on, off or levels such as \"1 3\"");
+  words.options.block_skip = *levels;
   if (words.skip_unknown) words.options.on_unknown = dialects::OnUnknown::Warn;
   if (words.tool_radius > 0.0) words.options.tool_radius = words.tool_radius;
   if (words.unit != "as_stated") words.options.table_unit = words.unit == "mm" ? 1.0 : units::inch;
@@ -131,6 +149,7 @@ Exit look_at(const Common& common, ProgramWords words) {
   if (!(words.tolerance_um > 0.0)) throw BadUsage("--tolerance-um", "expected more than 0");
   words.options.within = words.tolerance_um * units::um;
   words.options.pole = pole_of(words);
+  words.options.turning = turning_of(words);
   words.options.pole_warning = words.pole_warning_deg * units::deg;
   words.options.trace = words.picture;
   const bool writes = words.picture || words.options.to;
@@ -178,6 +197,20 @@ Command program_command(Common& common) {
         OneOf{{"as_stated", "mm", "inch"}}},
        {"--dialect", &words->dialect, "in which it is written",
         OneOf{{"auto", "linuxcnc", "fanuc", "siemens", "heidenhain", "cl"}}},
+       {"--block-skip", &words->block_skip,
+        "blocks behind a /: on leaves them out, off executes them, \"1 3\" leaves out these levels "
+        "(on)",
+        Type{"LEVELS"}},
+       {"--startup-code", &words->options.startup_code,
+        "a block that is read before the first line: \"G20 G91\", \"T1 M6\"", Type{"BLOCK"}},
+       {"--control", &words->control,
+        "what the control is made for; of_machine: turning where a spindle turns the workpiece",
+        OneOf{{"of_machine", "milling", "turning"}}},
+       {"--x-words", &words->x_words, "what X counts until the program says otherwise",
+        OneOf{{"of_control", "diameters", "radii"}}},
+       {"--tip", &words->options.turning.tip,
+        "point of a turning tool that X and Z lead, 0 to 9 (0: the centre of its nose)",
+        Between{0, 9}},
        {"--interpreter", &words->interpreter,
         "what reads a program of LinuxCNC: abbe, or LinuxCNC's own rs274 (./abbe setup --linuxcnc)",
         OneOf{{"abbe", "linuxcnc"}}},
@@ -185,6 +218,9 @@ Command program_command(Common& common) {
         "after which LinuxCNC's own interpreter is ended (120)", Between{1, 1000000}},
        {"--interpreter-mb", &words->options.interpreter_limits.megabytes,
         "of its commands, about 120 bytes a move (4000)", Between{1, 1000000}},
+       {"--max-moves", &words->options.max_moves,
+        "those of loops and cycles each time; more is an input error (20000000)",
+        Between{1, 2000000000}},
        {"--pole", &words->pole, "the control's rule for vectors of the tool and near a pole",
         OneOf{{"as_programmed", "linuxcnc", "fanuc", "siemens"}}},
        {"--pole-near", &words->pole_near_deg, "deg, parameter 19738, of --pole fanuc",

@@ -1,6 +1,7 @@
 #include "sim/commands/report_command.h"
 
 #include <memory>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -132,15 +133,21 @@ Command report_command(Common& common) {
        "abbe report out/budget --language zh", "abbe report out/belief.json -o out/belief.html",
        "abbe report scenes/gantry_dome.toml --set errors.scale=2 --language zh --out out/twice"},
       scene_options(common,
-                    {result_folder_option(common),
+                    {{"--out", &common.out,
+                      "the page, or folder for it (out/SCENE/report.html; of results beside them)"},
                      force_option(common),
                      memory_option(common),
                      trust_option(common),
                      compensator_option(words->compensators),
-                     {"-o", &words->file, "the page (default: report.html in the folder of --out)",
-                      Type{"FILE"}},
                      language_option(words->language)}),
-      [words, &common] { return report(common, *words); }};
+      [words, &common] {
+        // the rest of what a page comes from stays where it is without --out
+        Common own = common;
+        ReportWords page = *words;
+        if (own.out.extension() == ".html" && file_of_out(own.out, "report.html") == own.out)
+          page.file = std::exchange(own.out, {});
+        return report(own, page);
+      }};
 }
 
 }  // namespace abbe::sim

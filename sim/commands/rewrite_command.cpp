@@ -51,11 +51,10 @@ CaseDescription chosen_case(const Scene& scene, const std::string& name) {
 }
 
 ResultFile out_file(const Job& job, const RewriteCommandOptions& options) {
-  std::filesystem::path out = options.out;
-  if (out.empty())
-    out = std::filesystem::path("out") / job.scene.file.stem() /
-          ("rewritten" + std::filesystem::path(job.path.file).extension().string());
-  return result_file(out, writer_of(job.scene, options.permissions));
+  const std::string name = "rewritten" + std::filesystem::path(job.path.file).extension().string();
+  const std::filesystem::path out =
+      options.out.empty() ? std::filesystem::path("out") / job.scene.file.stem() : options.out;
+  return result_file(file_of_out(out, name), writer_of(job.scene, options.permissions));
 }
 
 void add(Spread& spread, double value) {
@@ -185,18 +184,18 @@ Exit print_rewritten(const Common& common, const std::string& case_name) {
 
 Command rewrite_command(Common& common) {
   const auto case_name = std::make_shared<std::string>();
-  return {
-      "rewrite",
-      "Write the program of a scene with a compensator's corrections in it",
-      {"abbe rewrite scenes/gantry_dome.toml --out out/dome.ngc",
-       "abbe rewrite scenes/platform_plane.toml --case identified-position-program --out "
-       "out/plane.csv"},
-      scene_options(common, {{"--out", &common.out, "file for the program (out/SCENE/rewritten.*)"},
-                             force_option(common),
-                             trust_option(common),
-                             {"--case", case_name.get(),
-                              "belief-strategy-program (the first such case of the scene)"}}),
-      [case_name, &common] { return print_rewritten(common, *case_name); }};
+  return {"rewrite",
+          "Write the program of a scene with a compensator's corrections in it",
+          {"abbe rewrite scenes/gantry_dome.toml --out out/dome.ngc",
+           "abbe rewrite scenes/platform_plane.toml --case identified-position-program --out "
+           "out/plane.csv"},
+          scene_options(common, {{"--out", &common.out,
+                                  "file for the program, or folder for it (out/SCENE/rewritten.*)"},
+                                 force_option(common),
+                                 trust_option(common),
+                                 {"--case", case_name.get(),
+                                  "belief-strategy-program (the first such case of the scene)"}}),
+          [case_name, &common] { return print_rewritten(common, *case_name); }};
 }
 
 }  // namespace abbe::sim

@@ -17,6 +17,8 @@
 #include <nlohmann/json.hpp>
 
 #include "kinematics/escape.h"
+#include "sim/files/progress.h"
+#include "sim/files/unfinished_file.h"
 
 namespace abbe::sim {
 namespace {
@@ -129,37 +131,36 @@ std::string author(const std::string& command) { return command == "compare" ? "
 
 // ---- writing
 
+[[noreturn]] void throw_errno(int reason) {
+  throw std::system_error(reason, std::generic_category());
+}
+
 void write_text(const fs::path& file, std::string_view text) {
   std::FILE* stream = std::fopen(file.c_str(), "wb");
-  if (stream == nullptr) fail(file, std::strerror(errno));
+  if (stream == nullptr) throw_errno(errno);
   const bool written = std::fwrite(text.data(), 1, text.size(), stream) == text.size();
   const int reason = errno;
-  if (std::fclose(stream) != 0 || !written) fail(file, std::strerror(written ? errno : reason));
+  if (std::fclose(stream) != 0 || !written) throw_errno(written ? errno : reason);
 }
 
 /// A full disk may show only here.
 void flush(const fs::path& file) {
   const int descriptor = ::open(file.c_str(), O_RDONLY);
-  if (descriptor < 0) fail(file, std::strerror(errno));
+  if (descriptor < 0) throw_errno(errno);
   const int failed = ::fsync(descriptor) != 0 ? errno : 0;
   ::close(descriptor);
-  if (failed != 0 && failed != EINVAL && failed != EROFS) fail(file, std::strerror(failed));
+  if (failed != 0 && failed != EINVAL && failed != EROFS) throw_errno(failed);
 }
 
 /// Makes the folder and proves that a file can be written in it.
 void prove(const fs::path& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) fail(folder, error.message());
-  // a name that nobody has, not even a link in an unpacked folder: others may prove it meanwhile
-  std::string probe = (folder / ".unfinished-XXXXXX").string();
-  const int descriptor = ::mkstemp(probe.data());
-  if (descriptor < 0) fail(folder, std::strerror(errno));
-  const bool written = ::write(descriptor, "probe\n", 6) == 6;
-  const int reason = errno;
-  ::close(descriptor);
-  fs::remove(probe, error);
-  if (!written) fail(folder, std::strerror(reason));
+  try {
+    fs::create_directories(folder);
+    remove_abandoned_files(folder);
+    write_text(UnfinishedFile(folder, "probe").path(), "probe\n");
+  } catch (const std::system_error& failure) {
+    fail(folder, failure.code().message());
+  }
 }
 
 }  // namespace
@@ -183,7 +184,7 @@ void check_folder(const fs::path& folder, const Writer& writer) {
   if (writer.permissions.force) return;
   if (const auto input = writer.beside_inputs ? std::nullopt : input_below(folder, writer))
     refuse(folder, fmt::format("expected a folder without anything that this run reads, seen {}; "
-                               "choose another, such as {}, or say --force",
+                               "choose another, such as {}",
                                input->string(), another(folder)));
   if (read_mark(folder).folder) return;
   // files of another run that appeared since have its mark before them
@@ -277,24 +278,20 @@ void claim(const ResultFile& file) {
 void write_file(const ResultFile& file, const std::function<void(const fs::path&)>& write) {
   check_file(file);
   const fs::path path = file.path();
-  // the ending stays last: writers choose the format by it
-  const fs::path temporary = path.parent_path() / (".unfinished-" + std::to_string(::getpid()) +
-                                                   "-" + path.filename().string());
-  std::error_code ignored;
-  fs::remove(temporary, ignored);  // a link of that name would be followed
+  UnfinishedFile unfinished(path.parent_path(), path.filename().string());
   try {
-    write(temporary);
-    flush(temporary);
+    write(unfinished.path());
+    flush(unfinished.path());
     check_file(file);  // that took a while
-    file.note(print_of(temporary));
-    std::error_code error;
-    fs::rename(temporary, path, error);
-    if (error) fail(path, error.message());
-  } catch (const OutputFailure& failure) {
-    fs::remove(temporary, ignored);
+    file.note(print_of(unfinished.path()));
+    unfinished.rename(path);
+  } catch (const OutputFailure&) {
     throw;
+  } catch (const Interrupted&) {
+    throw;
+  } catch (const std::system_error& failure) {
+    fail(path, failure.code().message());  // its text names the unfinished file
   } catch (const std::exception& failure) {
-    fs::remove(temporary, ignored);
     fail(path, failure.what());
   }
 }

@@ -4,12 +4,14 @@
 #include <csignal>
 #include <cstdio>
 
+#include <semaphore.h>
 #include <unistd.h>
 
 #include <fmt/format.h>
 
 #include "kinematics/escape.h"
 #include "sim/files/terminal.h"
+#include "sim/files/unfinished_file.h"
 
 namespace abbe::sim {
 namespace {
@@ -19,14 +21,33 @@ volatile std::sig_atomic_t interrupted = 0;
 constexpr double settled_s = 1.0;  // before that the time left is not worth a word
 constexpr std::chrono::milliseconds tick(500), least_between(100);
 
+/// Work that asks is over by then, files and all; no other one keeps a person waiting for more than
+/// a second.
+constexpr std::chrono::milliseconds time_to_stop(700);
+
+::sem_t interruption;
+
 extern "C" void on_interrupt(int) {
   if (interrupted != 0) ::_exit(130);
   interrupted = 1;
+  ::sem_post(&interruption);
+}
+
+/// Ends the program if it has not stopped by itself: some of its work, and that of libraries, asks
+/// nobody. No result suffers: a file has its name only once it is whole.
+void end_after_interruption() {
+  while (::sem_wait(&interruption) != 0) continue;
+  std::this_thread::sleep_for(time_to_stop);
+  remove_own_unfinished_files();
+  print(stderr, "{}abbe: interrupted\n", Lines(::isatty(STDERR_FILENO) != 0 ? "\n" : ""));
+  ::_exit(130);
 }
 
 }  // namespace
 
 void watch_interrupts() {
+  ::sem_init(&interruption, 0, 0);
+  std::thread(end_after_interruption).detach();
   std::signal(SIGINT, on_interrupt);
   std::signal(SIGTERM, on_interrupt);
 }

@@ -1,11 +1,15 @@
 #include "sim/report/belief_text.h"
 
+#include <algorithm>
+
 #include <fmt/format.h>
 
+#include "kinematics/units.h"
 #include "sim/files/versions.h"
 #include "sim/readings/belief_file.h"
 #include "sim/report/identified_figures.h"
 #include "sim/scene/toml_text.h"
+#include "sim/scene/unidentified.h"
 
 namespace abbe::sim {
 namespace {
@@ -25,12 +29,52 @@ void add_sources(Comments& comments, const Identified& identified) {
     comments.push_back("from " + to_toml_value(one.file.string()));
 }
 
+/// The belief with the curves of which nothing is known, at zero, behind its own.
+errors::GeometricErrors completed(const Identified& identified) {
+  errors::GeometricErrors errors = identified.belief;
+  for (const errors::Element& element : identified.unidentified) {
+    const auto at = std::ranges::find(errors.elements, element.name, &errors::Element::name);
+    if (at == errors.elements.end())
+      errors.elements.push_back(element);
+    else
+      at->curves.insert(at->curves.end(), element.curves.begin(), element.curves.end());
+  }
+  return errors;
+}
+
+double unit_of_number(const std::string& number) {
+  return errors::parse_element_name(number.substr(0, number.find_first_of(" ["))).is_angle()
+             ? units::urad
+             : units::um;
+}
+
+/// What hides a number, without unknowns of set-ups, which no machine has.
+std::vector<UnidentifiedNumber> unidentified_of(const Identified& identified) {
+  std::vector<UnidentifiedNumber> numbers;
+  for (const auto& confounded : identified.confounded) {
+    if (confounded.name.find(": ") != std::string::npos) continue;
+    UnidentifiedNumber number{confounded.name, {}};
+    for (const auto& [other, amount] : confounded.with)
+      if (other.find(": ") == std::string::npos)
+        number.hidden_by.emplace_back(
+            other, amount * unit_of_number(confounded.name) / unit_of_number(other));
+    numbers.push_back(std::move(number));
+  }
+  return numbers;
+}
+
 std::string geometric_text(const Identified& identified) {
   Comments comments{"Belief about a machine, " + made_by(), basis(identified)};
   add_sources(comments, identified);
   for (const auto& one : identified.confounded)
     comments.push_back("not identified by these readings: " + one.name);
-  return to_errors_file(identified.belief, identified.nominal.joints(), comments);
+  for (const std::string& assumption : identified.assumptions)
+    comments.push_back("assumed: " + assumption);
+  std::string text;
+  for (const std::string& comment : comments) text += "# " + comment + "\n";
+  text += fmt::format("machine = {}\n", to_toml_value(machine_of(identified)));
+  text += unidentified_text(unidentified_of(identified));
+  return text + to_errors_file(completed(identified), identified.nominal.joints());
 }
 
 std::string day_text(const Identified& identified, const ThermalDay& day) {

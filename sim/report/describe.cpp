@@ -152,6 +152,7 @@ Description describe(const Job& job) {
                            one.path.blocks.front().line, one.path.blocks.back().line,
                            one.path.motion_blocks});
   d.warnings = job.warnings;
+  d.assumptions = job.path.assumptions;
   return d;
 }
 

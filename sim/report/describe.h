@@ -86,6 +86,7 @@ struct Description {
   };
   std::vector<Stretch> stretches;
   std::vector<std::string> warnings;
+  std::vector<program::Assumption> assumptions;  ///< about the control, of the program's reader
   std::vector<std::string> files;  ///< that the scene reads; of the library by their name in it
   std::optional<std::vector<JudgedProgram>> programs;  ///< that the scene names, if asked for
 };

@@ -8,6 +8,7 @@
 #include "kinematics/escape.h"
 #include "kinematics/units.h"
 #include "sim/report/json_numbers.h"
+#include "sim/report/program_report.h"
 
 namespace abbe::sim {
 namespace {
@@ -240,6 +241,17 @@ std::string part_text(const Description::Part& part) {
   return text;
 }
 
+std::string program_text(const Description& d) {
+  std::string text = fmt::format("program  {} moves, {} samples, {:.1f} s\n", d.program.moves,
+                                 d.program.samples, d.program.time_s);
+  if (!d.program.read_as.empty()) text += "         read as " + escaped(d.program.read_as) + "\n";
+  for (const Description::Stretch& one : d.stretches)
+    text += fmt::format("         T{} {}: {} moves, lines {} to {}\n", one.tool, escaped(one.name),
+                        one.moves, one.first_line, one.last_line);
+  if (!d.program.not_reached.empty()) text += "         " + d.program.not_reached + "\n";
+  return text;
+}
+
 std::string programs_text(const std::vector<JudgedProgram>& programs) {
   if (programs.empty()) return {};
   std::string text = "\nruns     programs that its files name; check ran none\n";
@@ -289,38 +301,34 @@ ordered_json to_json(const Description& d) {
                                         {"last_line", one.last_line},
                                         {"moves", one.moves}});
   json["files"] = d.files;
+  json["assumptions"] = to_json(d.assumptions);
   json["warnings"] = d.warnings;
   if (d.programs) json["programs"] = programs_json(*d.programs);
   return json;
 }
 
 std::string to_text(const Description& d) {
+  // what a person looks for first stands first: `check` shows so many lines and no more
   std::string text = fmt::format("{}\nmachine  {}\ncode     {}\n", escaped(d.scene),
                                  escaped(d.machine), d.structural_code);
-  text += bodies_text(d.bodies);
+  text += part_text(d.part);
+  text += program_text(d);
+  if (d.cut) text += cut_text(*d.cut);
+  if (d.stiffness_N_per_um) text += stiffness_text(*d.stiffness_N_per_um);
+  if (d.programs) text += programs_text(*d.programs);
   text += fmt::format("\n{:<5} {:<6} {:<10} {:<22} {:<26} {}\n", "axis", "moves", "carries",
                       "direction", "point mm", "travel");
   for (const Joint& joint : d.axes) text += axis_text(joint);
+  text += "\n" + bodies_text(d.bodies);
+  for (std::size_t i = 0; i < d.files.size(); ++i)
+    text += fmt::format("{}{}\n", i == 0 ? "reads    " : "         ", escaped(d.files[i]));
+  if (d.heat) text += heat_text(*d.heat);
   if (!d.elements.empty())
     text += fmt::format("\n{:<8} {:>14} {:>22}  {}\n", "element", "at zero", "slope at zero",
                         "stated at");
   for (const Description::Element& one : d.elements) text += element_text(one);
   for (const Description::Element& one : d.elements)
     if (one.location) text += location_text(one.name, *one.location);
-  if (d.heat) text += heat_text(*d.heat);
-  if (d.stiffness_N_per_um) text += stiffness_text(*d.stiffness_N_per_um);
-  if (d.cut) text += cut_text(*d.cut);
-  if (d.programs) text += programs_text(*d.programs);
-  text += part_text(d.part);
-  text += fmt::format("program  {} moves, {} samples, {:.1f} s\n", d.program.moves,
-                      d.program.samples, d.program.time_s);
-  if (!d.program.read_as.empty()) text += "         read as " + escaped(d.program.read_as) + "\n";
-  for (const Description::Stretch& one : d.stretches)
-    text += fmt::format("         T{} {}: {} moves, lines {} to {}\n", one.tool, escaped(one.name),
-                        one.moves, one.first_line, one.last_line);
-  if (!d.program.not_reached.empty()) text += "         " + d.program.not_reached + "\n";
-  for (std::size_t i = 0; i < d.files.size(); ++i)
-    text += fmt::format("{}{}\n", i == 0 ? "reads    " : "         ", escaped(d.files[i]));
   return text;
 }
 

@@ -15,18 +15,18 @@
 namespace abbe::sim {
 namespace {
 
-struct Range {
+struct ColumnRange {
   double low = std::numeric_limits<double>::infinity(), high = -low;
 };
 
-Range range_of(const Eigen::Ref<const Eigen::VectorXd>& values) {
-  Range range;
+ColumnRange range_of(const Eigen::Ref<const Eigen::VectorXd>& values) {
+  ColumnRange range;
   for (const double value : values) {
     if (std::isinf(value)) throw std::invalid_argument("a value to pack is infinite");
     if (std::isnan(value)) continue;
     range = {std::min(range.low, value), std::max(range.high, value)};
   }
-  return range.low > range.high ? Range{0.0, 0.0} : range;
+  return range.low > range.high ? ColumnRange{0.0, 0.0} : range;
 }
 
 /// Which numbers are known where row k is coded.
@@ -174,7 +174,7 @@ Eigen::MatrixXi numbers_of(const Eigen::MatrixXd& values, double step,
 Packed packed_values(const Eigen::MatrixXd& values, double step, const PackOptions& options) {
   std::vector<double> offset;
   for (const auto& column : values.colwise()) {
-    const Range range = range_of(column);
+    const ColumnRange range = range_of(column);
     offset.push_back(range.low / 2.0 + range.high / 2.0);
   }
   Packed packed = packed_numbers(numbers_of(values, step, offset), options);
@@ -186,7 +186,7 @@ Packed packed_values(const Eigen::MatrixXd& values, double step, const PackOptio
 double step_of_16_bits(const Eigen::MatrixXd& values) {
   double half = 0.0;
   for (Eigen::Index column = 0; column < values.cols(); ++column) {
-    const Range range = range_of(values.col(column));
+    const ColumnRange range = range_of(values.col(column));
     half = std::max(half, range.high / 2.0 - range.low / 2.0);
   }
   return half > 0.0 ? half / 32767.0 : 1.0;

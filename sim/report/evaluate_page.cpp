@@ -271,6 +271,9 @@ FiguresPage page_of_evaluation(const ordered_json& evaluation) {
   page.asked = {{"file", page.title}, {"kind", evaluation.at("kind").get<std::string>()}};
   add_standards(page.blocks, evaluation.at("tests"));
   add_temperatures(page.blocks, evaluation);
+  if (evaluation.contains("warnings"))
+    for (const ordered_json& warning : evaluation.at("warnings"))
+      page.warnings.push_back(warning.get<std::string>());
   return page;
 }
 

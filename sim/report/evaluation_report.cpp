@@ -91,6 +91,7 @@ ordered_json to_json(const Evaluation& evaluation,
                     {"tests", tests_json(evaluation.results)}};
   for (const Evaluation::Temperatures& one : evaluation.temperatures)
     json["temperatures"][one.sensor] = {{"min_C", one.min_C}, {"max_C", one.max_C}};
+  json["warnings"] = evaluation.warnings;
   json["pictures"] = ordered_json::array();
   for (const std::filesystem::path& picture : pictures)
     json["pictures"].push_back(picture.string());
@@ -112,7 +113,10 @@ std::string to_text(const Evaluation& evaluation,
     text += fmt::format("  {:<38} {:>8.2f} .. {:.2f}\n", escaped(one.sensor), one.min_C, one.max_C);
   for (const std::filesystem::path& picture : pictures)
     text += "\npicture " + escaped(picture.string());
-  return text + (pictures.empty() ? "" : "\n");
+  text += pictures.empty() ? "" : "\n";
+  for (const std::string& warning : evaluation.warnings)
+    text += "\nwarning: " + escaped(warning) + "\n";
+  return text;
 }
 
 }  // namespace abbe::sim

@@ -9,6 +9,7 @@
 #include "sim/report/chart_labels.h"
 #include "sim/report/encode.h"
 #include "sim/report/html_text.h"
+#include "sim/report/script_hash.h"
 #include "sim/report/viewer_source.h"
 
 namespace abbe::sim {
@@ -65,6 +66,7 @@ std::string html_of(const FiguresPage& page) {
                        {"title", html::in_html(page.title)},
                        {"style", std::string(charts_style())},
                        {"script", charts_script()},
+                       {"script_hash", script_hash(charts_script())},
                        {"labels", html::in_script(html::labels_json(labels))},
                        {"words", closing_words(page)},
                        {"data", "<script type=\"application/json\" id=\"index\">" +

@@ -48,7 +48,11 @@ FormAndTexture form_and_texture(const Job& job, const cutting::Surface& surface,
   form.looked_within = cutting::Surface::Within::None;
   form.within.resize(0);  // smooth: its vertices stand for what is around them
   parted.form = cutting::statistics(form, job.design_w, tolerance);
-  parted.texture = texture_of(job.design_w, surface, parted.filtered);
+  // places at random of which too few carry the form are no texture of it: each stands beside the
+  // form of others
+  if (surface.looked_within != cutting::Surface::Within::Random ||
+      cutting::resolves_form(job.design_w, job.scene.part.form_cutoff))
+    parted.texture = texture_of(job.design_w, surface, parted.filtered);
   return parted;
 }
 

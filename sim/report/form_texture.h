@@ -15,7 +15,8 @@ struct FormAndTexture {
   Eigen::VectorXd filtered;                         ///< (n) mm, NaN where not cut
   cutting::Statistics form;                         ///< of that
   std::optional<errors::metrology::Areal> texture;  ///< of the map minus it, about its mean; none
-                                                    ///< where nothing is cut
+                                                    ///< where nothing is cut, or the places at
+                                                    ///< random are too few to carry the form
 };
 
 /// @param surface    a map on the job's design, aligned

@@ -56,6 +56,7 @@ void add(Json& report, const Identified& identified, const ChainFit& fit) {
         {{"file", one.file.string()}, {"row", one.row}, {"residual_sd", one.residual_sd}});
   report["outliers"] = outliers;
   add_findings(report, identified);
+  report["assumptions"] = identified.assumptions;
   report["warnings"] = identified.warnings;
 }
 

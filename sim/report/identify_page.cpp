@@ -357,6 +357,8 @@ FiguresPage page_of_report(const ordered_json& report, const Identified* identif
   page.asked = {{"machine_name", page.title}, {"method", report.at("method").get<std::string>()}};
   for (const ordered_json& one : report.at("warnings"))
     page.warnings.push_back(one.get<std::string>());
+  for (const ordered_json& one : report.value("assumptions", ordered_json::array()))
+    page.warnings.push_back("assumed: " + one.get<std::string>());
   return page;
 }
 

@@ -195,6 +195,8 @@ std::string identify_text(const Identified& identified) {
   text += numbers_text(identified.belief) + confounded_text(identified.confounded);
   text += std::visit([&](const auto& fit) { return text_of(identified, fit); }, identified.fit);
   text += fmt::format("\n{:.1f} hours on a real machine\n", hours_of(identified));
+  for (const std::string& assumption : identified.assumptions)
+    text += "assumed: " + escaped(assumption) + "\n";
   for (const std::string& warning : identified.warnings)
     text += "warning: " + escaped(warning) + "\n";
   return text;

@@ -6,6 +6,7 @@
 
 #include "sim/report/html_text.h"
 #include "sim/report/report_labels.h"
+#include "sim/report/script_hash.h"
 #include "sim/report/viewer_source.h"
 
 namespace abbe::sim {
@@ -86,6 +87,7 @@ std::string html_of(const MapsPage& page) {
                  {"title", in_html(page.title)},
                  {"style", std::string(viewer_style())},
                  {"script", viewer_script()},
+                 {"script_hash", script_hash(viewer_script())},
                  {"labels", in_script(labels_json(report_labels()))},
                  {"figures", said(figures_table(page.cases, page.data))},
                  {"regions", said(regions_table(page.data))},

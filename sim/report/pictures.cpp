@@ -44,10 +44,14 @@ std::string length_text(double mm) {
   return mm >= 1e-3 * units::nm ? fmt::format("{:.3g} nm", mm / units::nm) : "under 0.001 nm";
 }
 
-/// Whether a map is too coarse to show what the tool left between its vertices: then its form is
-/// drawn, which does not depend on them.
-bool draws_form(const Verdict& verdict) {
+/// Whether a map is too coarse to show what the tool left between its vertices.
+bool is_coarse(const Verdict& verdict) {
   return verdict.cut.interpolation && verdict.cut.interpolation->unresolved > unresolved_most;
+}
+
+/// Then its form is drawn, which does not depend on the vertices where enough places carry it.
+bool draws_form(const Job& job, const Verdict& verdict) {
+  return is_coarse(verdict) && cutting::resolves_form(job.design_w, job.scene.part.form_cutoff);
 }
 
 std::string texture_height(const Verdict& verdict) {
@@ -73,9 +77,9 @@ bool is_finer(const Job& job, double pixel_mm) {
 double form_noise(const Job& job, const Verdict& verdict) {
   const cutting::Surface& surface = verdict.aligned.surface;
   if (surface.looked_within != cutting::Surface::Within::Random || !verdict.texture) return 0.0;
-  const double variance = cutting::gaussian_variance(job.scene.part.form_cutoff);
   const double density = double(job.design_w.triangles.rows()) / job.design_w.area.sum();
-  return verdict.texture->Sq / std::sqrt(4.0 * pi * variance * density);
+  return verdict.texture->Sq /
+         std::sqrt(cutting::filter_values(job.scene.part.form_cutoff, density));
 }
 
 std::string form_caption(const Job& job, const Verdict& verdict) {
@@ -110,10 +114,12 @@ render::MapPicture map_picture(const Job& job, const Verdict& verdict, double pi
   picture.field = field_of(job, verdict);
   picture.title = verdict.cut.name;
   picture.figures = figures(verdict.residual);
-  if (draws_form(verdict)) {
+  if (draws_form(job, verdict)) {
     draw_form(picture.field);
     picture.figures = figures(*verdict.form_part);
     picture.caption.push_back(form_caption(job, verdict));
+  } else if (is_coarse(verdict)) {
+    picture.caption.push_back("waves finer than the vertices: what shows of them is by chance");
   } else if (is_finer(job, pixel_mm)) {
     draw_form(picture.field);
     picture.caption.push_back(
@@ -146,7 +152,7 @@ std::string reduction_text(const Compared& one, const std::vector<Compared>& cas
 
 /// Form and texture of a case, without what its caption says of them already.
 std::string parted_line(const Job& job, const Verdict& verdict) {
-  if (draws_form(verdict) || !verdict.form_part || !verdict.form_part->pv || !verdict.texture)
+  if (draws_form(job, verdict) || !verdict.form_part || !verdict.form_part->pv || !verdict.texture)
     return "";
   const std::string form = "form PV " + length_text(*verdict.form_part->pv);
   return is_finer(job, panel_pixel(job)) ? form : form + ", texture Sz " + texture_height(verdict);

@@ -99,6 +99,13 @@ std::string box_text(const char* name, const Eigen::AlignedBox3d& box) {
                      box.min().z() + 0.0, box.max().z());
 }
 
+std::string radius_text(const ProgramAlone& alone) {
+  const auto& range = alone.figures.radius_at_feed;
+  if (!range) return "";
+  return fmt::format("radius    {:.6g} .. {:.6g} mm from the spindle line at feed: diameters {:.6g} .. {:.6g}\n",
+                     (*range)[0], (*range)[1], 2 * (*range)[0], 2 * (*range)[1]);
+}
+
 std::string axes_text(const ProgramAlone& alone) {
   std::string text =
       "\naxis  from          to            travel left   fastest at feed, share of its limit\n";
@@ -194,7 +201,7 @@ std::string to_text(const ProgramAlone& alone) {
              alone.executed, moves_of(f), f.rapids.count, f.lines.count, f.arcs.count,
              f.cubics.count > 0 ? fmt::format(", {} cubics", f.cubics.count) : "", f.dwells.count,
              f.tip_blocks) +
-         times_text(alone) + box_text("feed", f.feed_w) + box_text("all", f.all_w) +
+         times_text(alone) + box_text("feed", f.feed_w) + box_text("all", f.all_w) + radius_text(alone) +
          axes_text(alone) + "\n" + singular_text(alone) + tools_text(alone) +
          words_text(alone, Use::Read, "words") + words_text(alone, Use::WithoutEffect, "ignored") +
          skipped_text(alone);
@@ -286,6 +293,18 @@ ordered_json words_json(const ProgramAlone& alone) {
 
 }  // namespace
 
+ordered_json to_json(const std::vector<program::Assumption>& assumptions) {
+  ordered_json list = ordered_json::array();
+  for (const program::Assumption& assumption : assumptions) {
+    ordered_json entry = {{"text", assumption.text}, {"key", assumption.key}};
+    if (!assumption.option.empty()) entry["option"] = assumption.option;
+    entry["line"] = assumption.line;
+    if (!assumption.file.empty()) entry["file"] = assumption.file;
+    list.push_back(std::move(entry));
+  }
+  return list;
+}
+
 ordered_json to_json(const ProgramAlone& alone) {
   const program::PathFigures& f = alone.figures;
   const MoveFigures feed = feed_of(f);
@@ -297,6 +316,7 @@ ordered_json to_json(const ProgramAlone& alone) {
       {"dialect", alone.dialect},
       {"sign", alone.sign},
       {"interpreter", alone.interpreter == dialects::Interpreter::LinuxCnc ? "linuxcnc" : "abbe"},
+      {"control", alone.turning ? "turning" : "milling"},
       {"machine", alone.machine_name},
       {"tool_length_mm", alone.tool_length},
       {"tool_table", alone.tool_table.string()},
@@ -315,6 +335,7 @@ ordered_json to_json(const ProgramAlone& alone) {
       {"tip_mode_blocks", f.tip_blocks},
       {"extent_at_feed_mm", to_json(f.feed_w)},
       {"extent_mm", to_json(f.all_w)},
+      {"radius_at_feed_mm", f.radius_at_feed ? ordered_json(*f.radius_at_feed) : ordered_json()},
       {"axes", axes_json(alone)},
       {"fastest_axis", fastest},
       {"singular", singular_json(alone)},
@@ -323,6 +344,7 @@ ordered_json to_json(const ProgramAlone& alone) {
       {"offset", alone.offset},
       {"offsets", offsets},
       {"words", words_json(alone)},
+      {"assumptions", to_json(alone.assumptions)},
       {"warnings", alone.warnings}};
 }
 

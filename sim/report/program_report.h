@@ -11,5 +11,7 @@ namespace abbe::sim {
 
 std::string to_text(const ProgramAlone& alone);
 nlohmann::ordered_json to_json(const ProgramAlone& alone);
+/// Returns a list of {text, key, option, line}, the option only where there is one.
+nlohmann::ordered_json to_json(const std::vector<program::Assumption>& assumptions);
 
 }  // namespace abbe::sim

@@ -2,7 +2,10 @@
 
 #include <stdexcept>
 
+#include <fmt/format.h>
+
 #include "kinematics/bad_input.h"
+#include "kinematics/nesting.h"
 #include "kinematics/text.h"
 
 namespace abbe::sim {
@@ -12,6 +15,9 @@ void with_saved_json(
     const std::function<void(const nlohmann::ordered_json& json, const std::string& text)>& make) {
   using nlohmann::ordered_json;
   const std::string text = read_text(file, most_saved_bytes);
+  if (json_nesting(text) > max_nesting)
+    throw BadInput(file.string(), 0, 0, expected,
+                   fmt::format("more than {} brackets within each other", max_nesting));
   const ordered_json json = ordered_json::parse(text, nullptr, false);
   if (json.is_discarded()) throw BadInput(file.string(), 0, 0, expected, "text that is no JSON");
   try {

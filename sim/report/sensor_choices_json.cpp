@@ -135,6 +135,23 @@ Json random_json(const identification::RandomChoices& random, double chosen) {
           {"beaten_by_the_choice", random.beaten}};
 }
 
+/// How far a choice depends on where it begins and on noise.
+Json spread_json(const GradedWay& way, const std::vector<std::string>& sensors) {
+  if (!way.spread) return nullptr;
+  const identification::ChoiceSpread& spread = *way.spread;
+  Json chosen = Json::object(), ranks = Json::object();
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    chosen[sensors[i]] = 100.0 * spread.chosen[Index(i)];
+    ranks[sensors[i]] =
+        spread.best_rank[i] > 0 ? Json{spread.best_rank[i], spread.worst_rank[i]} : Json(nullptr);
+  }
+  return {{"draws", spread.draws},
+          {"start_rows", {0, spread.last_start}},
+          {"same_sensors_percent", 100.0 * spread.same},
+          {"chosen_percent", chosen},
+          {"rank_from_to", ranks}};
+}
+
 /// A way with what it chose, and the figures of its channels without their models.
 Json way_json(const GradedWay& way, const std::vector<std::string>& sensors) {
   Json json{{"name", name_of(way.way)}, {"method", method_json(way)}};
@@ -143,6 +160,9 @@ Json way_json(const GradedWay& way, const std::vector<std::string>& sensors) {
   json["degree"] = choice_json(way.choice, sensors)["degree"];
   json["channels"] = channels_json(way, false);
   json["rms_over_range"] = way.rms_over_range ? Json(*way.rms_over_range) : Json(nullptr);
+  json["spread"] = spread_json(way, sensors);
+  json["random_choices_rms_over_range"] =
+      way.random ? random_json(*way.random, *way.rms_over_range) : Json(nullptr);
   return json;
 }
 

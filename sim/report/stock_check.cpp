@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "cutting/stock.h"
 #include "cutting/turned_mesh.h"
 #include "kinematics/units.h"
 #include "sim/cut/stopwatch.h"
@@ -101,6 +102,30 @@ std::string left_out_text(const StockCheck& check) {
   return text.empty() ? "" : "of the skin " + text + "\n";
 }
 
+/// Effects of a case that its stock does not show. Above the flank the stock takes off what the
+/// shank meets, the springing back of tool and part with it; and it is cut by a cutter that does
+/// not wear.
+std::vector<std::string> effects_left_out(const Job& job, const Verdict& verdict) {
+  const auto in_map = [&] {
+    const auto& max = verdict.residual.max;
+    return max ? fmt::format("; the map has up to {:.4g} um of material left", *max / units::um)
+               : std::string();
+  };
+  std::vector<std::string> effects;
+  const Process& process = verdict.cut.process;
+  const bool is_loaded = std::ranges::any_of(
+      process.steps, [](const ProcessStep& step) { return !step.load.on_tool_t.isZero(0.0); });
+  const bool yields = job.truth.compliance && verdict.cut.case_name != "error_free";
+  if (process.stock && is_loaded && yields)
+    effects.push_back(fmt::format(
+        "the body does not show what springs back from the cut: the shank, which goes on "
+        "from the flank with its radius, takes up to {:.3g} mm of it off{}",
+        cutting::rubbing, in_map()));
+  if (!verdict.cut.wear.empty())
+    effects.push_back("the body does not show wear: it is cut by a fresh cutter" + in_map());
+  return effects;
+}
+
 ordered_json finding_json(const Finding& one, std::size_t number) {
   return {{"number", number},
           {"volume_mm3", one.volume},
@@ -164,6 +189,7 @@ std::shared_ptr<const StockCheck> stock_check(const Job& job, const Verdict& ver
       process.stock ? cutting::stock_skin(*process.stock) : cutting::stock_skin(*process.turned);
   check->is_turned = !process.stock;
   check->has_design = job.design_w.triangles.rows() > 0;
+  check->left_out = effects_left_out(job, verdict);
   if (const auto& described = job.scene.cutting) {
     check->limits.rest = described->rest;
     check->limits.gouge = described->gouge;
@@ -190,7 +216,9 @@ std::string to_text(const StockCheck& check) {
         "um{}\n",
         check.limits.rest / units::um, check.limits.gouge / units::um,
         check.is_turned ? "" : ", no undercut");
-  return text + left_out_text(check);
+  text += left_out_text(check);
+  for (const std::string& effect : check.left_out) text += effect + "\n";
+  return text;
 }
 
 ordered_json to_json(const StockCheck& check) {
@@ -209,6 +237,7 @@ ordered_json to_json(const StockCheck& check) {
           {"unresolved_mm2", f.unresolved},
           {"blank_too_small_mm2", f.too_small},
           {"undercuts_looked_for", !check.is_turned},
+          {"left_out", check.left_out},
           {"rest", kind_json(check, FindingKind::Rest)},
           {"gouges", kind_json(check, FindingKind::Gouge)},
           {"undercuts", kind_json(check, FindingKind::Undercut)}};

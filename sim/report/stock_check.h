@@ -18,11 +18,13 @@ struct StockCheck {
   cutting::PartDeviation part;
   cutting::Findings findings;
   cutting::FindingOptions limits;
-  double band = 0.0;       ///< mm, further off is cut off there
-  bool is_closed = false;  ///< the design
-  bool is_turned = false;  ///< undercuts are not looked for: a profile has none
-  bool has_design = true;  ///< else there is nothing to compare with
-  double seconds = 0.0;    ///< that it took
+  double band = 0.0;                  ///< mm, further off is cut off there
+  bool is_closed = false;             ///< the design
+  bool is_turned = false;             ///< undercuts are not looked for: a profile has none
+  bool has_design = true;             ///< else there is nothing to compare with
+  std::vector<std::string> left_out;  ///< effects that the map shows and the body does not, a
+                                      ///< sentence each
+  double seconds = 0.0;               ///< that it took
 };
 
 /// Null where no stock was followed.

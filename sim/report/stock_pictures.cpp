@@ -32,9 +32,13 @@ render::StockField stock_field(const StockCheck& check) {
 }
 
 render::Facts stock_facts(const StockCheck& check) {
+  std::string left_out;
+  for (const std::string& effect : check.left_out)
+    left_out += (left_out.empty() ? "" : "; ") + effect;
   return {{"deviation_um",
            "machined body against the design: + material left, - gouged; mean of "
            "the places of a cell, nan where not compared"},
+          {"left_out", left_out.empty() ? "nothing that the map shows" : left_out},
           {"largest_um", "the same, of greatest magnitude in the cell"},
           {"compared", "0 yes, 1 beyond the band, 2 no design there, 3 wall along the dexels"},
           {"finding", "number of the region in summary.json, 0: none"},
@@ -65,11 +69,18 @@ std::vector<std::string> caption_of(const Verdict& verdict, const StockCheck& ch
   std::string sums =
       sum_text(check, FindingKind::Rest) + ", " + sum_text(check, FindingKind::Gouge);
   if (!check.is_turned) sums += ", " + sum_text(check, FindingKind::Undercut);
-  return {fmt::format("{}; limits {:.3g} µm left, {:.3g} µm gouged", sums,
-                      check.limits.rest / units::um, check.limits.gouge / units::um),
-          fmt::format("machined body against the design, + material left; beyond {:.3g} mm in the "
-                      "colour of the end; {:.5g} mm³ removed, stock followed every {:.3g} mm",
-                      check.band, totals(verdict.cut.process).removed, check.skin.spacing)};
+  std::vector<std::string> lines{
+      fmt::format("{}; limits {:.3g} µm left, {:.3g} µm gouged", sums,
+                  check.limits.rest / units::um, check.limits.gouge / units::um),
+      fmt::format("machined body against the design, + material left; beyond {:.3g} mm in the "
+                  "colour of the end; {:.5g} mm³ removed, stock followed every {:.3g} mm",
+                  check.band, totals(verdict.cut.process).removed, check.skin.spacing)};
+  for (std::string effect : check.left_out) {
+    for (auto at = effect.find(" um"); at != std::string::npos; at = effect.find(" um", at))
+      effect.replace(at, 3, " µm");
+    lines.push_back(std::move(effect));
+  }
+  return lines;
 }
 
 }  // namespace

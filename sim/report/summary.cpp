@@ -13,6 +13,10 @@ CaseFigures figures_of(const Job& job, const Verdict& verdict) {
   CaseFigures figures;
   figures.name = verdict.cut.name;
   figures.residual = verdict.residual;
+  const cutting::Surface& surface = verdict.aligned.surface;
+  if (surface.looked_within == cutting::Surface::Within::Random)
+    figures.at_vertices =
+        cutting::statistics(cutting::at_vertices(surface), job.design_w, verdict.tolerance);
   figures.machine = verdict.machine;
   figures.form = verdict.form_part;
   figures.texture = verdict.texture;
@@ -67,6 +71,16 @@ std::vector<Summary::NodeTemperature> temperatures_of(const errors::ThermalRun& 
   return nodes;
 }
 
+/// What the reader assumes; first of all whose program it is, where signs told that.
+std::vector<program::Assumption> assumptions_of(const Job& job) {
+  std::vector<program::Assumption> assumptions = job.path.assumptions;
+  if (job.path.read_as.find(", as ") != std::string::npos)
+    assumptions.insert(
+        assumptions.begin(),
+        program::Assumption{"the program is read as " + job.path.read_as, "program.dialect"});
+  return assumptions;
+}
+
 }  // namespace
 
 Summary summary(const Job& job, const Verdict& verdict) {
@@ -100,6 +114,7 @@ Summary summary(const Job& job, const Verdict& verdict) {
   if (s.stock) s.timing_s.emplace_back("findings", s.stock->seconds);
   s.wear = cut.wear;
   s.warnings = warnings_of(job, cut);
+  s.assumptions = assumptions_of(job);
   if (s.stock) add_warnings(warnings_of(*s.stock), s.warnings);
   return s;
 }
@@ -116,7 +131,8 @@ Comparison comparison(const Job& job, const std::vector<Compared>& cases,
                  job.scene.part.tolerance,
                  {},
                  failed,
-                 {}};
+                 {},
+                 assumptions_of(job)};
   for (const Compared& one : cases) {
     const Verdict& verdict = one.verdict;
     for (const std::string& warning : one.job->warnings)  // of a scene and all its variants once

@@ -14,6 +14,8 @@ namespace abbe::sim {
 struct CaseFigures {
   std::string name;
   cutting::Statistics residual;
+  std::optional<cutting::Statistics> at_vertices;   ///< of the vertices alone, where places at
+                                                    ///< random between them are in the others
   std::optional<cutting::Statistics> machine;       ///< of it minus the error-free map
   std::optional<cutting::Statistics> form;          ///< of it through the areal filter
   std::optional<errors::metrology::Areal> texture;  ///< of what the filter leaves out
@@ -77,6 +79,7 @@ struct Summary {
   std::shared_ptr<const StockCheck> stock;                   ///< of the verdict
   std::vector<WornTool> wear;  ///< of the tools that are assumed to wear, at the end
   std::vector<std::string> warnings;
+  std::vector<program::Assumption> assumptions;  ///< about the control, of the program's reader
 };
 Summary summary(const Job& job, const Verdict& verdict);
 
@@ -99,6 +102,7 @@ struct Comparison {
   std::vector<CaseFigures> cases;
   std::vector<FailedCase> failed;
   std::vector<std::string> warnings;  ///< of the scene, its variants and all cases
+  std::vector<program::Assumption> assumptions;
 };
 Comparison comparison(const Job& job, const std::vector<Compared>& cases,
                       const std::vector<FailedCase>& failed = {});

@@ -10,6 +10,7 @@
 #include "kinematics/units.h"
 #include "sim/files/versions.h"
 #include "sim/report/json_numbers.h"
+#include "sim/report/program_report.h"
 #include "sim/report/stock_check.h"
 
 namespace abbe::sim {
@@ -193,6 +194,7 @@ ordered_json reduction_percent(const CaseFigures& one) {
 ordered_json case_json(const CaseFigures& one) {
   ordered_json json = {{"name", one.name},
                        {"residual_um", statistics_um(one.residual)},
+                       {"at_vertices_um", statistics_um(one.at_vertices)},
                        {"machine_um", statistics_um(one.machine)},
                        {"form_cutoff_mm", one.form_cutoff},
                        {"form_um", statistics_um(one.form)},
@@ -227,6 +229,19 @@ std::string residual_line(const CaseFigures& one) {
   return fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12} {:>8} {:>7}", escaped(one.name), um(s.pv),
                      um(s.rms), um(s.min), um(s.max), uncut ? fmt::format("{:.2f}", *uncut) : "-",
                      s.gouged_vertices);
+}
+
+/// A line below it, where places at random between the vertices count in it: the program may run
+/// over the vertices on purpose.
+std::string vertices_line(const CaseFigures& one) {
+  if (!one.at_vertices) return {};
+  const cutting::Statistics& s = *one.at_vertices;
+  const auto um = [](const std::optional<double>& mm) {
+    return mm ? fmt::format("{:.4f}", *mm / units::um) : "-";
+  };
+  return fmt::format("{:<36} {:>12} {:>12} {:>12} {:>12}\n",
+                     fmt::format("  at its {} vertices alone", s.vertices - s.outside_vertices),
+                     um(s.pv), um(s.rms), um(s.min), um(s.max));
 }
 
 /// A table of form and texture; the last column says how far a compensator brought the form down.
@@ -314,6 +329,7 @@ ordered_json to_json(const Summary& s) {
       {"samples", s.samples},
       {"unreached", unreached(s.unreached)},
       {"residual_um", statistics_um(s.figures.residual)},
+      {"at_vertices_um", statistics_um(s.figures.at_vertices)},
       {"machine_um", statistics_um(s.figures.machine)},
       {"form_cutoff_mm", s.figures.form_cutoff},
       {"form_um", statistics_um(s.figures.form)},
@@ -336,6 +352,7 @@ ordered_json to_json(const Summary& s) {
       {"view", {{"from", numbers(s.view.from)}, {"up", numbers(s.view.up)}}},
       {"form", form},
       {"timing_s", timing},
+      {"assumptions", to_json(s.assumptions)},
       {"warnings", s.warnings},
       {"versions", versions()}};
   json.update(vertex_counts(s.figures.residual));
@@ -367,21 +384,22 @@ ordered_json to_json(const Comparison& c) {
                        {"cases", all}};
   for (const FailedCase& one : c.failed)
     json["failed"].push_back({{"name", one.name}, {"reason", one.reason}});
+  json["assumptions"] = to_json(c.assumptions);
   json["warnings"] = c.warnings;
   json["versions"] = versions();
   return json;
 }
 
 std::string to_text(const Summary& s) {
-  return residual_head() + "\n" + residual_line(s.figures) + "\n" + parted_text({s.figures}) +
-         verdict_line(s.figures) + unreached_line(s.unreached) +
+  return residual_head() + "\n" + residual_line(s.figures) + "\n" + vertices_line(s.figures) +
+         parted_text({s.figures}) + verdict_line(s.figures) + unreached_line(s.unreached) +
          (s.stock ? to_text(*s.stock) : std::string());
 }
 
 std::string to_text(const Comparison& c) {
   std::string text = residual_head() + "   machine's part, RMS\n";
   for (const CaseFigures& one : c.cases)
-    text += residual_line(one) + "   " + machine_text(one) + "\n";
+    text += residual_line(one) + "   " + machine_text(one) + "\n" + vertices_line(one);
   text += "\n" + parted_text(c.cases);
   for (const CaseFigures& one : c.cases) text += verdict_line(one);
   return text + unreached_line(c.unreached);

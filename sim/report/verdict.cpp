@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "kinematics/units.h"
+#include "sim/cut/program_warnings.h"
 #include "sim/cut/tolerance_bands.h"
 #include "sim/report/form_texture.h"
 
@@ -39,14 +40,20 @@ Verdict::Place place_in_triangle(const Job& job, const cutting::Surface& surface
           surface.cut_line[std::size_t(corner)], false};
 }
 
+Verdict::Place place_of(const Job& job, const cutting::Surface& surface,
+                        const cutting::SampleValue& sample) {
+  return sample.vertex >= 0 ? place_of(job, surface, sample.vertex)
+                            : place_in_triangle(job, surface, sample.triangle);
+}
+
 void find_places(const Job& job, Verdict& verdict) {
   const cutting::Surface& surface = verdict.aligned.surface;
   const cutting::Statistics& s = verdict.residual;
-  if (s.highest) verdict.highest = place_of(job, surface, s.highest->vertex);
+  if (s.highest) verdict.highest = place_of(job, surface, *s.highest);
   if (s.deepest)
     verdict.lowest = place_of(job, surface, s.deepest->vertex);
   else if (s.lowest)
-    verdict.lowest = place_of(job, surface, s.lowest->vertex);
+    verdict.lowest = place_of(job, surface, *s.lowest);
   if (s.conformance && s.conformance->vertex >= 0)
     verdict.worst = place_of(job, surface, s.conformance->vertex);
   if (s.conformance && s.conformance->triangle >= 0)
@@ -62,6 +69,29 @@ std::string coarse_warning(const Job& job, const cutting::Statistics& residual) 
       "the mesh is coarse beside what is found on it: between judged vertices its facets sag by up "
       "to {:.4g} um, PV is {:.4g} um",
       facet_error / units::um, *residual.pv / units::um);
+}
+
+/// Returns a warning for a tolerance or limit that a number in another unit explains better than a
+/// machine: 250 times as wide as what the uncompensated machine does, or a 250th of it. Nothing is
+/// said of other cases, as a compensator may leave a thousandth, nor of a machine without errors.
+std::string odd_tolerance_warning(const Job& job, const Cut& cut, const cutting::Statistics& map) {
+  constexpr double most = 250.0;  // a thousand is the unit; the rest is how good a machine may be
+  if (cut.case_name != "uncompensated" || !map.pv || !(cut.tip_error.max > 0.0)) return {};
+  const double pv_um = *map.pv / units::um;
+  const auto text = [&](const char* key, double width_um) -> std::string {
+    if (width_um >= pv_um / most && width_um <= most * pv_um) return {};
+    return fmt::format(
+        "{} allows {:.4g} um, the machine without compensation leaves PV {:.4g} um: "
+        "the key is in um, the number looks like {}",
+        key, width_um, pv_um, width_um < pv_um ? "mm" : "nm");
+  };
+  if (!(pv_um > 0.0)) return {};
+  const std::optional<double> half = narrowest_half_width(job.scene.part);
+  if (half && *half > 0.0)
+    if (std::string odd = text("part.tolerance_um", 2.0 * *half / units::um); !odd.empty())
+      return odd;
+  const std::optional<double> limit = job.scene.limits.pv_um;
+  return limit && *limit > 0.0 ? text("limits.pv_um", *limit) : "";
 }
 
 /// Mean radius of each ring of the part by area.
@@ -139,8 +169,9 @@ Verdict judge(const Job& job, Cut cut, const Verdict* error_free) {
     verdict.machine = cutting::statistics(
         cutting::minus(verdict.aligned.surface, error_free->aligned.surface), job.design_w);
   }
-  if (const std::string coarse = coarse_warning(job, verdict.residual); !coarse.empty())
-    cut.warnings.push_back(coarse);
+  for (std::string text :
+       {coarse_warning(job, verdict.residual), odd_tolerance_warning(job, cut, verdict.residual)})
+    if (!text.empty()) cut.warnings.push_back(std::move(text));
   verdict.rings = rings_of(job, verdict.aligned.surface);
   for (const Verdict::Ring& ring : verdict.rings)
     if (!ring.radius) cut.warnings.push_back("no cut vertex lies on the ring " + ring.name);

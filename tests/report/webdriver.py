@@ -378,6 +378,20 @@ def save_print(browser, file):
     file.write_bytes(printed)
 
 
+def check_smuggled(browser, page, folder):
+    """Neither a script nor a handler that a text brought into the page runs; the page's own script does."""
+    text = page.read_text()
+    at = text.index("</header>")
+    smuggled = folder / "smuggled.html"
+    smuggled.write_text(text[:at] + "<script>window.smuggled=1</script>"
+                        "<img src=none onerror='window.smuggled=1'>" + text[at:])
+    assert not browser.load(smuggled)[1]
+    time.sleep(1)
+    assert browser.js("return typeof window.smuggled") == "undefined"
+    # what is refused is in the log, so that the test would see a policy that is not looked at
+    assert any("Content Security Policy" in one["message"] for one in browser.log("browser"))
+
+
 def check_cut_off(browser, page, folder):
     cut = folder / "cut.html"
     cut.write_bytes(page.read_bytes()[:-1000])
@@ -405,6 +419,7 @@ def check_dome(browser, abbe, scenes, folder, shots, port):
     browser.picture(shots / "text.png")
     save_print(browser, shots / "print.pdf")
     check_quiet(browser, page)
+    check_smuggled(browser, page, folder)
     check_cut_off(browser, page, folder)
     check_without_webgl(port, page, folder, shots)
     check_saved(browser, abbe, results, folder, shots)

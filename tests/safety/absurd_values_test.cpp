@@ -327,7 +327,7 @@ TEST(AbsurdValues, ThatWereFoundAreRefusedAtTheirKey) {
       {"thermal_protocol", "instrument.0.interval_s", "1e6", "interval_s"},
       {"gantry_dome", "sampling.max_step_mm", "1e-6", "sampling.max_step_mm"},
       {"on_machine_measurement", "instrument.0.centre_mm.0", "1e9",
-       "on_machine_measurement.toml:49:"},
+       "on_machine_measurement.toml:46:"},
   };
   for (const auto& one : found) {
     SCOPED_TRACE(std::string(one.scene) + " " + one.key + "=" + one.value);

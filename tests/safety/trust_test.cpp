@@ -27,6 +27,12 @@ class Trust : public testing::Test {
     return run(arguments, "cd " + (folder_ / "strange").string() +
                               " && XDG_CONFIG_HOME=" + (folder_ / "config").string());
   }
+  /// What is printed as JSON; other lines are those of standard error.
+  nlohmann::json json_of(const std::string& arguments) const {
+    const std::string text = abbe(arguments).text;
+    const std::size_t from = text.find('{');
+    return nlohmann::json::parse(text.substr(from, text.rfind('}') + 1 - from));
+  }
   bool ran() const { return fs::exists(folder_ / "ran"); }
   void forget() const { fs::remove(folder_ / "ran"); }
 
@@ -127,13 +133,11 @@ TEST_F(Trust, CheckListsWhatASceneWouldRunAndRunsNothing) {
   EXPECT_EQ(text.code, 0) << text.text;
   EXPECT_NE(text.text.find("payload.py"), std::string::npos) << text.text;
   EXPECT_NE(text.text.find("NOT trusted"), std::string::npos) << text.text;
-  const auto json = nlohmann::json::parse(abbe("check scene.toml --json").text);
+  const auto json = json_of("check scene.toml --json");
   ASSERT_EQ(json["programs"].size(), 1u);
   EXPECT_EQ(json["programs"][0]["line"], 13);
   EXPECT_EQ(json["programs"][0]["trusted"], false);
-  EXPECT_EQ(
-      nlohmann::json::parse(abbe("check scene.toml --json --trust").text)["programs"][0]["trusted"],
-      true);
+  EXPECT_EQ(json_of("check scene.toml --json --trust")["programs"][0]["trusted"], true);
   EXPECT_EQ(abbe("pose scene.toml --at X=0").code, 0);
   EXPECT_FALSE(ran());
 }
