@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "kinematics/nesting.h"
 #include "kinematics/text.h"
 #include "sim/compensation/child_process.h"
 
@@ -63,28 +64,11 @@ ordered_json joint_message(const kinematics::Joint& joint) {
           {"max", joint.max}};
 }
 
-constexpr int deepest = 16;  // what nests more is written and thrown away by recursion
-
-/// Deepest nesting of brackets and braces outside strings.
-int nesting(const std::string& line) {
-  int depth = 0, most = 0;
-  bool text = false;
-  for (std::size_t i = 0; i < line.size(); ++i) {
-    const char c = line[i];
-    if (text && c == '\\') ++i;
-    if (c == '"') text = !text;
-    if (text) continue;
-    if (c == '[' || c == '{') most = std::max(most, ++depth);
-    if (c == ']' || c == '}') --depth;
-  }
-  return most;
-}
-
 json message_of(const std::string& line) {
   const auto refuse = [&](const char* why) {
     throw ChildFault("a JSON object on one line", in_quotes(line) + why);
   };
-  if (nesting(line) > deepest) refuse(" that nests too deeply");
+  if (json_nesting(line) > max_nesting) refuse(" that nests too deeply");
   json message;
   try {
     message = json::parse(line);
