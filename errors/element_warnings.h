@@ -7,7 +7,7 @@
 
 namespace abbe::errors {
 
-/// Where elements come from, for the wording of a warning.
+/// Source of elements, for the wording of a warning.
 struct ElementSource {
   std::string section = "errors";  ///< of the scene, before the name of an element
   bool identified = false;         ///< found from readings, not stated
