@@ -463,8 +463,8 @@ program::NcOptions nc_options(const Scene& scene, const Machine& machine) {
   options.rapid_speed = scene.machine.rapid_speed;
   options.rapid_turn = scene.machine.rapid_turn;
   // the key's unit makes it rad/s in the description
-  if (scene.machine.max_spindle_rpm)
-    options.max_spindle_rpm = *scene.machine.max_spindle_rpm / units::rpm;
+  if (scene.machine.max_spindle_speed)
+    options.max_spindle_rpm = *scene.machine.max_spindle_speed / units::rpm;
   return options;
 }
 

@@ -24,7 +24,7 @@ struct MachineDescription {
   kinematics::AxisVector machine_zero;  ///< (joints) where G53 counts from; empty: the axes' zero
   double rapid_speed = 10000.0 / 60.0;  ///< mm/s
   double rapid_turn = 1.0;              ///< rad/s
-  std::optional<double> max_spindle_rpm;  ///< rad/s (key in rpm); none: no limit is known
+  std::optional<double> max_spindle_speed;  ///< rad/s; none: no limit is known
   std::string summary;                  ///< one line, for lists of machines
   std::vector<MachineBody> bodies;
 };

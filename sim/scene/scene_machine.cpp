@@ -343,7 +343,7 @@ const Fields<MachineDescription>& machine_fields() {
                   positive,
                   "speed of axes that turn in a G0 without slides; beside slides they keep pace "
                   "with these")
-          .number(KeyName("max_spindle_rpm").otherwise("no limit"), &Machine::max_spindle_rpm,
+          .number(KeyName("max_spindle_rpm").otherwise("no limit"), &Machine::max_spindle_speed,
                   positive, "largest speed of the spindle under constant surface speed (G96)")
           .custom({code_key(), axis_key("[A-Z]", "every letter of the code but `s`",
                                         axis_fields(axis_of({})).keys())},
