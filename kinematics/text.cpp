@@ -40,10 +40,9 @@ std::optional<std::string_view> Lines::next() {
   const std::size_t end = rest_.find('\n');
   std::string_view line = rest_.substr(0, end);
   rest_.remove_prefix(end == std::string_view::npos ? rest_.size() : end + 1);
-  // a tape has LF CR CR, and NUL bytes before and behind its text
-  const auto moves = [](char c) { return c == '\r' || c == '\0'; };
-  while (!line.empty() && moves(line.back())) line.remove_suffix(1);
-  while (!line.empty() && moves(line.front())) line.remove_prefix(1);
+  // CR LF, and the LF CR CR of a tape
+  while (line.ends_with('\r')) line.remove_suffix(1);
+  while (line.starts_with('\r')) line.remove_prefix(1);
   return line;
 }
 

@@ -10,6 +10,7 @@
 #include "errors/bound_element.h"
 #include "errors/identification/design.h"
 #include "errors/identification/factor.h"
+#include "errors/identification/model.h"
 #include "errors/metrology/reading_diagnostics.h"
 
 namespace abbe::errors::identification {
@@ -64,6 +65,7 @@ void check(const EstimateOptions& options) {
   expect(options.rank_tolerance > 0.0 && options.rank_tolerance < 1.0,
          "a rank tolerance between 0 and 1");
   expect(options.outlier_limit >= 0.0, "an outlier limit of 0 or more");
+  expect(options.weak_limit >= 0.0, "a limit of weak numbers of 0 or more");
   expect(options.most_iterations >= 1, "at least one iteration");
   expect(options.tolerance > 0.0, "a tolerance above 0");
 }
@@ -144,13 +146,92 @@ Fit fitted(const Problem& problem, const std::vector<char>& is_out) {
   return fit;
 }
 
+/// What a first fit found, less what it found too badly.
+struct Solution {
+  std::vector<int> found;  ///< columns
+  VectorXd x;              ///< (n) all unknowns
+  bool converged = false;
+  std::vector<Confounded> not_found;
+};
+
+/// Index among those found of the number that is known worst, by its limit; none is beyond it.
+std::optional<Index> weakest(const Problem& problem, const Solution& solution,
+                             const MatrixXd& covariance) {
+  constexpr double significant = 4.0;  // standard deviations, which chance hardly reaches
+  std::optional<Index> worst;
+  double most = 1.0;
+  for (std::size_t i = 0; i < solution.found.size(); ++i) {
+    const auto column = std::size_t(solution.found[i]);
+    if (column >= problem.design.unknowns.coefficients.size()) continue;  // of a set-up
+    const double deviation = std::sqrt(covariance(Index(i), Index(i)));
+    const double change = solution.x[Index(column)] - problem.start[Index(column)];
+    const double ratio = deviation / (problem.options.weak_limit *
+                                      typical_deviation(problem.design.unknowns.names[column]));
+    if (ratio < most || std::abs(change) >= significant * deviation) continue;
+    most = ratio;
+    worst = Index(i);
+  }
+  return worst;
+}
+
+/// A number goes back to its start: the others move as they depend on it, and what it hid of those
+/// left out before is now hidden by the others.
+void leave(Index i, const Problem& problem, Solution& solution, MatrixXd& covariance) {
+  const int column = solution.found[std::size_t(i)];
+  const double variance = covariance(i, i);
+  const VectorXd along = -covariance.col(i) / variance;  // of all found, per unit of it
+  const std::string& name = problem.design.unknowns.names[std::size_t(column)];
+  Confounded one{name, {}, std::sqrt(variance)};
+  const auto name_at = [&](std::size_t k) {
+    return problem.design.unknowns.names[std::size_t(solution.found[k])];
+  };
+  const double back = problem.start[column] - solution.x[column];
+  constexpr double heard = 0.01;  // of a standard deviation of the other
+  for (std::size_t k = 0; k < solution.found.size(); ++k) {
+    const double share = along[Index(k)];
+    solution.x[solution.found[k]] -= back * share;
+    const double own = std::sqrt(covariance(Index(k), Index(k)) / variance);
+    if (Index(k) != i && std::abs(share) > heard * own) one.with.emplace_back(name_at(k), share);
+  }
+  for (Confounded& other : solution.not_found) {
+    const auto by_it = std::ranges::find(other.with, name, &std::pair<std::string, double>::first);
+    if (by_it == other.with.end()) continue;
+    const double amount = by_it->second;
+    other.with.erase(by_it);
+    for (const auto& [hiding, share] : one.with) {
+      const auto at = std::ranges::find(other.with, hiding, &std::pair<std::string, double>::first);
+      if (at == other.with.end())
+        other.with.emplace_back(hiding, amount * share);
+      else
+        at->second += amount * share;
+    }
+  }
+  solution.not_found.push_back(std::move(one));
+  covariance -= covariance.col(i) * covariance.row(i) / variance;
+  std::vector<Index> rest;
+  for (Index k = 0; k < Index(solution.found.size()); ++k)
+    if (k != i) rest.push_back(k);
+  covariance = MatrixXd(covariance(rest, rest));
+  solution.found.erase(solution.found.begin() + i);
+}
+
+/// The first fit without the numbers that it found worse than machines differ: one after the other,
+/// since what hides one may be well known once that one is held.
+Solution without_weak(const Problem& problem, const Fit& first, std::vector<Confounded> not_found) {
+  Solution solution{first.factor.found, first.x, first.converged, std::move(not_found)};
+  if (problem.options.weak_limit == 0.0) return solution;
+  MatrixXd known = covariance(first.factor);
+  while (const auto i = weakest(problem, solution, known)) leave(*i, problem, solution, known);
+  return solution;
+}
+
 /// From a first solution, with what it found alone, the equations as they are there. Rank is a
 /// matter of zero deviations: at others what is confounded differs by their squares, which means
 /// nothing.
-void set_out_from(Problem& problem, const Fit& first) {
+void set_out_from(Problem& problem, const Solution& first) {
   std::vector<char>& sought = problem.design.sought;
   std::fill(sought.begin(), sought.end(), char(0));
-  for (const int column : first.factor.found) sought[std::size_t(column)] = 1;
+  for (const int column : first.found) sought[std::size_t(column)] = 1;
   problem.first_guess = first.x;
   const bool may_multiply = problem.design.prior.rows() > 0;
   if (may_multiply && first.converged)
@@ -312,10 +393,10 @@ std::vector<Confounded> confounded(const Problem& problem, const Factor& factor)
   std::vector<Confounded> result;
   for (int j = 0; j < design.unknowns.size(); ++j) {
     const std::string& name = design.unknowns.names[std::size_t(j)];
-    if (design.blind[std::size_t(j)]) result.push_back({name, {}});
+    if (design.blind[std::size_t(j)]) result.push_back({name, {}, {}});
     const auto at = std::find(factor.left.begin(), factor.left.end(), j);
     if (at == factor.left.end()) continue;
-    Confounded one{name, {}};
+    Confounded one{name, {}, {}};
     const auto column = factor.hidden.col(at - factor.left.begin());
     for (Index i = 0; i < column.size(); ++i)
       if (column[i] != 0.0) one.with.emplace_back(design.unknowns.names[std::size_t(i)], column[i]);
@@ -375,8 +456,8 @@ Estimate estimate(const GeometricErrors& model, std::span<const Readings> readin
 
   std::vector<char> is_out(problem.design.rows.size(), 0);
   const Fit first = fitted(problem, is_out);
-  const std::vector<Confounded> not_found = confounded(problem, first.factor);
-  set_out_from(problem, first);
+  Solution solution = without_weak(problem, first, confounded(problem, first.factor));
+  set_out_from(problem, solution);
   const Fit fit = without_outliers(problem, is_out);
   const Quality q = quality(problem, fit, is_out);
   const bool scale = options.noise_from_residuals && q.degrees_of_freedom > 0;
@@ -388,7 +469,7 @@ Estimate estimate(const GeometricErrors& model, std::span<const Readings> readin
   result.names.assign(unknowns.names.begin(), unknowns.names.begin() + p);
   result.belief = {with_values(model.elements, result.value), model.measuring_lines,
                    belief_covariance(problem, fit.factor, scale ? q.reduced_chi_square : 1.0)};
-  result.confounded = not_found;
+  result.confounded = std::move(solution.not_found);
   result.set_ups = set_ups(readings, unknowns, fit.x);
   result.fit_residual = fit.misfit;
   for (std::size_t i = 0; i < is_out.size(); ++i)

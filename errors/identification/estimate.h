@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -22,6 +23,9 @@ struct Confounded {
   /// Numbers and unknowns of set-ups; what reads less than 1e-6 of the number itself is not named.
   /// Empty: no reading depends on it at all.
   std::vector<std::pair<std::string, double>> with;
+  /// To which the readings determine it, mm or rad, where that is worse than what machines differ
+  /// by (`EstimateOptions::weak_limit`); none: the readings do not separate it at all.
+  std::optional<double> standard_deviation;
 };
 
 /// How well one of several readings fits.
@@ -73,6 +77,9 @@ struct EstimateOptions {
   double rank_tolerance = 1e-9;  ///< least pivot that counts, of the largest, columns of unit norm
   double outlier_limit = 0.0;    ///< studentised residual beyond which a reading is left out; 0:
                                  ///< none is
+  double weak_limit = 0.0;  ///< a number that is known to so many of its `typical_deviation` or
+                            ///< worse, and differs from its start by less than four of its own
+                            ///< standard deviations, stays there; 0: none does
   int most_iterations = 20;
   double tolerance = 1e-12;           ///< mm and rad: steps below it end the iteration
   bool noise_from_residuals = false;  ///< scale the covariance by the reduced chi-square
@@ -89,10 +96,11 @@ struct EstimateOptions {
 /// Rank: where columns are dependent the numbers left at their starting value are chosen so that
 /// constants of error motions go first, then slopes of straightness, then others from the end of
 /// the model, location errors last and unknowns of set-ups only where nothing else is left; all are
-/// named with what hides them. What a prior determines is found, as well as the prior knows it.
-/// The covariance is first order at the solution. Products of two misalignments that no reading
-/// determines are not in it: a square laid to 500 urad in both tilts adds 0.25 urad to a
-/// squareness.
+/// named with what hides them. What a prior determines is found, as well as the prior knows it: a
+/// tilt of the nose that only the stated tilt of a set-up tells is known to that. `weak_limit`
+/// leaves such numbers out. The covariance is first order at the solution. Products of two
+/// misalignments that no reading determines are not in it: a square laid to 500 urad in both tilts
+/// adds 0.25 urad to a squareness.
 /// @param model     elements whose numbers are wanted; their values are the start. Its covariance
 ///                  is what is known of them beforehand: numbers of zero variance stay as they are,
 ///                  so a belief may be the model of the next readings

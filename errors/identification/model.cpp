@@ -10,6 +10,7 @@
 
 #include "errors/bound_element.h"
 #include "kinematics/location.h"
+#include "kinematics/units.h"
 
 namespace abbe::errors::identification {
 namespace {
@@ -214,6 +215,10 @@ void check_known(const std::string& name, const std::vector<Parameterised>& all)
       fmt::format("expected an element that means something on this machine, seen {}", name));
 }
 
+ElementName element_of_number(const std::string& number) {
+  return parse_element_name(number.substr(0, number.find_first_of(" [")));
+}
+
 }  // namespace
 
 GeometricErrors model_of(const Chain& nominal, const ModelOptions& options) {
@@ -246,6 +251,24 @@ GeometricErrors model_of(const Chain& nominal, const ModelOptions& options) {
   const auto held = Index(model.covariance.of.size());
   model.covariance.matrix = Eigen::MatrixXd::Zero(held, held);
   return model;
+}
+
+double shown_unit(const std::string& number) {
+  return element_of_number(number).is_angle() ? units::urad : units::um;
+}
+
+double typical_deviation(const std::string& number) {
+  const ElementName name = element_of_number(number);
+  const double unit = shown_unit(number);
+  if (name.location) return 20.0 * unit;
+  const double whole =
+      name.axis == 'S' ? (name.is_angle() ? 10.0 : 5.0) : (name.is_angle() ? 15.0 : 5.0);
+  // 2 of "EXX[2]" and of "EXC cos 2"
+  const std::size_t digits = number.find_last_not_of("0123456789]") + 1;
+  const std::string order =
+      number.substr(digits, std::min<std::size_t>(6, number.find(']', digits) - digits));
+  const bool has_order = digits > to_string(name).size() && !order.empty();
+  return whole * unit / (has_order ? std::max(1, std::stoi(order)) : 1);
 }
 
 }  // namespace abbe::errors::identification

@@ -43,6 +43,18 @@ inline constexpr const char* pitch_name = "screw pitch";
 ///         of range (orders 0 to 60)
 GeometricErrors model_of(const kinematics::Chain& nominal, const ModelOptions& options = {});
 
+/// Returns the standard deviation that machine tools of good making have of a number of an element
+/// ("EXX[2]", "EXC cos 1", "EC0Y"), mm or rad: half of what ISO 10791-1 and -2 allow of new
+/// machining centres. Squareness, parallelism 20 urad (0.02 mm over 500 mm), offsets of rotary axes
+/// 20 um, translations 5 um, angles of slides and tables 15 urad (0.06 mm/m), of the nose 5 um and
+/// 10 urad; of the k-th order or harmonic a k-th.
+/// @throws std::invalid_argument if no element's name begins it
+double typical_deviation(const std::string& number);
+
+/// Returns the unit in which a number of an element is shown, 1 um or 1 urad, in mm or rad.
+/// @throws std::invalid_argument if no element's name begins it
+double shown_unit(const std::string& number);
+
 /// Choice of the order of each element by cross-validation.
 struct OrderChoice {
   std::map<std::string, int> orders;           ///< "EXX" -> order

@@ -21,7 +21,8 @@ namespace abbe::sim {
 struct IdentifyOptions {
   /// Without what only places the workpiece on a rotary table: no reading determines that.
   errors::identification::ModelOptions model = {.placement = false};
-  errors::identification::EstimateOptions estimate;
+  /// What the readings know worse than machines of good making differ is left at its start.
+  errors::identification::EstimateOptions estimate = {.weak_limit = 1.0};
   bool choose_orders = false;  ///< by cross-validation instead of `model.order`
   errors::identification::OrderOptions orders;
   enum class Method {
@@ -114,9 +115,10 @@ struct Identified {
 /// Identifies a machine from files of readings alone. Says which numbers no reading determines,
 /// what hides them, what was left out, and how long the measurements would take.
 /// @param progress  shows the stages "read", "orders" where they are chosen, and "fit"
-/// Judges the readings first (errors/metrology/reading_diagnostics.h) and the result afterwards: its
-/// elements by their size, its chi-square by the band of chance.
-/// @throws BadInput, BadScene; BadInput naming the files if they are of different machines; BadScene
+/// Judges the readings first (errors/metrology/reading_diagnostics.h) and the result afterwards:
+/// its elements by their size, its chi-square by the band of chance.
+/// @throws BadInput, BadScene; BadInput naming the files if they are of different machines;
+/// BadScene
 ///         naming each channel that no working instrument reads; std::runtime_error if the fit does
 ///         not converge
 Identified identified(const std::vector<std::filesystem::path>& files,

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "errors/identification/model.h"
 #include "kinematics/units.h"
 #include "sim/files/versions.h"
 #include "sim/readings/belief_file.h"
@@ -15,6 +16,7 @@ namespace abbe::sim {
 namespace {
 
 using Eigen::Index;
+using errors::identification::shown_unit;
 using Comments = std::vector<std::string>;
 
 std::string made_by() { return "identified from readings by abbe " + version() + "."; }
@@ -42,12 +44,6 @@ errors::GeometricErrors completed(const Identified& identified) {
   return errors;
 }
 
-double unit_of_number(const std::string& number) {
-  return errors::parse_element_name(number.substr(0, number.find_first_of(" ["))).is_angle()
-             ? units::urad
-             : units::um;
-}
-
 /// What hides a number, without unknowns of set-ups, which no machine has.
 std::vector<UnidentifiedNumber> unidentified_of(const Identified& identified) {
   std::vector<UnidentifiedNumber> numbers;
@@ -56,8 +52,8 @@ std::vector<UnidentifiedNumber> unidentified_of(const Identified& identified) {
     UnidentifiedNumber number{confounded.name, {}};
     for (const auto& [other, amount] : confounded.with)
       if (other.find(": ") == std::string::npos)
-        number.hidden_by.emplace_back(
-            other, amount * unit_of_number(confounded.name) / unit_of_number(other));
+        number.hidden_by.emplace_back(other,
+                                      amount * shown_unit(confounded.name) / shown_unit(other));
     numbers.push_back(std::move(number));
   }
   return numbers;

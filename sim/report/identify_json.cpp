@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "errors/identification/model.h"
 #include "kinematics/units.h"
 #include "sim/report/identified_figures.h"
 #include "sim/report/sensor_choices_json.h"
@@ -32,6 +33,9 @@ Json confounded_json(const std::vector<errors::identification::Confounded>& list
     Json with = Json::object();
     for (const auto& [name, share] : one.with) with[name] = share;
     result.push_back({{"name", one.name}, {"hidden_by", with}});
+    if (one.standard_deviation)
+      result.back()["standard_deviation"] =
+          *one.standard_deviation / errors::identification::shown_unit(one.name);
   }
   return result;
 }

@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include "errors/identification/model.h"
 #include "kinematics/escape.h"
 #include "kinematics/units.h"
 #include "sim/report/identified_figures.h"
@@ -59,13 +60,22 @@ std::string hiding_text(const errors::identification::Confounded& one) {
   return with;
 }
 
+std::string weak_text(const errors::identification::Confounded& one) {
+  const double unit = errors::identification::shown_unit(one.name);
+  return fmt::format("the readings determine it to {:.2g} {}, and machines differ by {:.2g}",
+                     *one.standard_deviation / unit, unit == units::um ? "um" : "urad",
+                     errors::identification::typical_deviation(one.name) / unit);
+}
+
 /// Numbers that were not found: those that others hide, then those that no reading depends on,
 /// counted by element.
 std::string confounded_text(const std::vector<errors::identification::Confounded>& confounded) {
   std::map<std::string, int> unobservable;
   std::string text;
   for (const auto& one : confounded)
-    if (one.with.empty())
+    if (one.standard_deviation)
+      text += fmt::format("\n{} is left at 0: {}", escaped(one.name), weak_text(one));
+    else if (one.with.empty())
       ++unobservable[element_of(escaped(one.name))];
     else
       text += fmt::format("\n{} is left at 0: a unit of it reads the same as {}", escaped(one.name),

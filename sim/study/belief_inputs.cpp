@@ -20,6 +20,7 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+using errors::identification::typical_deviation;
 
 std::string element_of_number(const std::string& number) {
   return number.substr(0, number.find_first_of(" ["));
@@ -27,18 +28,6 @@ std::string element_of_number(const std::string& number) {
 
 bool is_angle(const std::string& number) {
   return errors::parse_element_name(element_of_number(number)).is_angle();
-}
-
-double unit_of_number(const std::string& number) {
-  return is_angle(number) ? units::urad : units::um;
-}
-
-/// Order of a number in its curve: 2 of "EXX[2]" and of "EXC cos 2", 1 of what has none.
-int order_of_number(const std::string& number) {
-  const std::size_t digits = number.find_last_not_of("0123456789]") + 1;
-  const std::string last = number.substr(digits, number.find(']', digits) - digits);
-  const bool has_order = digits > element_of_number(number).size() && !last.empty();
-  return has_order ? std::max(1, std::stoi(last.substr(0, 6))) : 1;
 }
 
 /// Elements that an identification may find and the belief lacks, at zero. None of a machine whose
@@ -89,7 +78,7 @@ void add_known(const errors::GeometricErrors& belief, BeliefInputs& result) {
   for (std::size_t k = 0; k < known.of.size(); ++k) {
     const auto i = Index(k);
     const std::string name = errors::name_of(known.of[k], belief.elements);
-    per_unit[i] = 1.0 / unit_of_number(name);
+    per_unit[i] = 1.0 / errors::identification::shown_unit(name);
     if (!(known.matrix(i, i) > 0.0)) continue;  // zero by convention
     Input input;
     input.name = input.number = name;
@@ -132,12 +121,6 @@ void add_drawn(BeliefInputs& result) {
 
 }  // namespace
 
-double typical_spread(const errors::ElementName& name) {
-  if (name.location) return 20.0;
-  if (name.axis == 'S') return name.is_angle() ? 10.0 : 5.0;
-  return name.is_angle() ? 15.0 : 5.0;
-}
-
 BeliefInputs belief_inputs(const Scene& scene, const Priors& priors) {
   BeliefInputs result;
   std::vector<UnidentifiedNumber> numbers;
@@ -151,10 +134,9 @@ BeliefInputs belief_inputs(const Scene& scene, const Priors& priors) {
     const auto stated = priors.spread.find(element);
     Unidentified number{one.number, is_angle(one.number) ? "urad" : "um", 0.0,
                         priors.typical || stated != priors.spread.end(), one.hidden_by};
-    number.spread =
-        (stated != priors.spread.end() ? stated->second
-                                       : typical_spread(errors::parse_element_name(element))) /
-        order_of_number(one.number);
+    number.spread = typical_deviation(one.number) / errors::identification::shown_unit(one.number);
+    if (stated != priors.spread.end())
+      number.spread = stated->second * typical_deviation(one.number) / typical_deviation(element);
     number.is_drawn = number.is_drawn && number.spread > 0.0;
     result.unidentified.push_back(std::move(number));
   }

@@ -13,17 +13,11 @@
 namespace abbe::sim::study {
 
 /// Standard deviations of what a belief does not hold, as `unidentified` of `[[inputs]]` states
-/// them.
+/// them; of the k-th order or harmonic of an element a k-th.
 struct Priors {
-  bool typical = false;                  ///< every element has that of its kind
+  bool typical = false;                  ///< every number has its `typical_deviation`
   std::map<std::string, double> spread;  ///< "EY0A" -> um or urad
 };
-
-/// Standard deviation that a machine tool of good making has of an element, um or urad: half of
-/// what ISO 10791-1 and -2 allow of new machining centres. Squareness, parallelism 20 urad (0.02 mm
-/// over 500 mm), offsets of rotary axes 20 um, translations 5 um, angles of slides and tables 15
-/// urad (0.06 mm/m), of the nose 5 um and 10 urad.
-double typical_spread(const errors::ElementName& name);
 
 /// A belief as inputs of a study: what it holds by its covariance, what it does not by its priors.
 struct BeliefInputs {

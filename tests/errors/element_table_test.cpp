@@ -147,7 +147,7 @@ TEST(ElementTable, EveryFaultIsRefusedAtItsPlace) {
       {"X\xc2\xa0"
        "EXX\n0 1\n1 2\n",
        1, 1, "'X\\xC2\\xA0EXX'"},
-      {"\xff\xfeX\0"s, 1, 4, "a byte 0x00"},
+      {"\xff\xfeX\0"s, 1, 1, "UTF-16, little endian"},
   };
   for (const Refused& c : cases) {
     try {
