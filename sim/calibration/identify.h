@@ -21,8 +21,9 @@ namespace abbe::sim {
 struct IdentifyOptions {
   /// Without what only places the workpiece on a rotary table: no reading determines that.
   errors::identification::ModelOptions model = {.placement = false};
-  /// What the readings know worse than machines of good making differ is left at its start.
-  errors::identification::EstimateOptions estimate = {.weak_limit = 1.0};
+  /// What the readings know three times worse than machines of good making differ stays at its
+  /// start.
+  errors::identification::EstimateOptions estimate = {.weak_limit = 3.0};
   bool choose_orders = false;  ///< by cross-validation instead of `model.order`
   errors::identification::OrderOptions orders;
   enum class Method {

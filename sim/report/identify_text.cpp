@@ -60,10 +60,11 @@ std::string hiding_text(const errors::identification::Confounded& one) {
   return with;
 }
 
+/// "ECS cos 1 to 500 urad (10)": how badly a number is known, and by how much machines differ.
 std::string weak_text(const errors::identification::Confounded& one) {
   const double unit = errors::identification::shown_unit(one.name);
-  return fmt::format("the readings determine it to {:.2g} {}, and machines differ by {:.2g}",
-                     *one.standard_deviation / unit, unit == units::um ? "um" : "urad",
+  return fmt::format("{} to {:.2g} {} ({:.2g})", escaped(one.name), *one.standard_deviation / unit,
+                     unit == units::um ? "um" : "urad",
                      errors::identification::typical_deviation(one.name) / unit);
 }
 
@@ -71,15 +72,20 @@ std::string weak_text(const errors::identification::Confounded& one) {
 /// counted by element.
 std::string confounded_text(const std::vector<errors::identification::Confounded>& confounded) {
   std::map<std::string, int> unobservable;
-  std::string text;
+  std::string text, weak;
   for (const auto& one : confounded)
     if (one.standard_deviation)
-      text += fmt::format("\n{} is left at 0: {}", escaped(one.name), weak_text(one));
+      weak += (weak.empty() ? "" : ", ") + weak_text(one);
     else if (one.with.empty())
       ++unobservable[element_of(escaped(one.name))];
     else
       text += fmt::format("\n{} is left at 0: a unit of it reads the same as {}", escaped(one.name),
                           hiding_text(one));
+  if (!weak.empty())
+    text +=
+        "\nleft at 0, since the readings determine them far worse than new machines differ (in "
+        "brackets): " +
+        weak;
   std::string names;
   for (const auto& [element, count] : unobservable)
     names += fmt::format("{}{} ({})", names.empty() ? "" : ", ", element, count);
