@@ -5,6 +5,8 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <set>
+#include <tuple>
 #include <utility>
 
 #include <fmt/format.h>
@@ -193,6 +195,62 @@ void check_channel(const Readings& readings, const ChannelLooks& read, const Vec
 
 // ---- plan and temperatures
 
+/// Rows that hold one reading twice would give it twice its weight.
+void check_repeated_rows(const Plan& plan, ReadingDiagnostics& found) {
+  std::set<std::tuple<int, int, int, int, double>> known;
+  int repeated = 0;
+  std::size_t first = 0;
+  for (std::size_t i = 0; i < plan.looks.size(); ++i) {
+    const Look& look = plan.looks[i];
+    if (known.emplace(look.set_up, look.channel, look.run, look.target, look.state.time_s).second)
+      continue;
+    if (repeated++ == 0) first = i + 1;
+  }
+  if (repeated > 0)
+    found.warnings.push_back(
+        fmt::format("{} readings stand twice, of one channel, target and instant, the first of "
+                    "them as the {}.",
+                    repeated, first));
+}
+
+/// The side from which an axis came decides what is backlash: it must be that of its motion.
+void check_directions(const Readings& readings, ReadingDiagnostics& found) {
+  const std::vector<Look>& looks = readings.plan.looks;
+  const auto& joints = readings.nominal.joints();
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    int wrong = 0;
+    for (std::size_t i = 1; i < looks.size(); ++i) {
+      const kinematics::AxisState &from = looks[i - 1].state, &to = looks[i].state;
+      const bool is_one_stroke = looks[i].set_up == looks[i - 1].set_up &&
+                                 looks[i].run == looks[i - 1].run && from.stroke[j] == to.stroke[j];
+      wrong += is_one_stroke && (to.q[Index(j)] - from.q[Index(j)]) * to.direction[j] < -1e-9;
+    }
+    if (wrong > 0)
+      found.warnings.push_back(fmt::format(
+          "{} moved against the side from which it is said to come at {} readings: its column "
+          "{}_way contradicts its positions",
+          joints[j].name, wrong, joints[j].name));
+  }
+}
+
+/// Readings of one set-up take no longer than the whole measurement.
+void check_duration(const Plan& plan, ReadingDiagnostics& found) {
+  std::map<int, std::pair<double, double>> spans;
+  for (const Look& look : plan.looks) {
+    const double time = look.state.time_s;
+    const auto at = spans.try_emplace(look.set_up, time, time).first;
+    at->second.first = std::min(at->second.first, time);
+    at->second.second = std::max(at->second.second, time);
+  }
+  double longest = 0.0;
+  for (const auto& [set_up, span] : spans) longest = std::max(longest, span.second - span.first);
+  if (plan.duration_s > 0.0 && longest > plan.duration_s * (1.0 + 1e-6))
+    found.warnings.push_back(
+        fmt::format("readings of one set-up take {:.6g} s, the whole measurement {:.6g} s: times "
+                    "may be in another unit",
+                    longest, plan.duration_s));
+}
+
 void check_plan(const Readings& readings, ReadingDiagnostics& found) {
   const Plan& plan = readings.plan;
   const auto& joints = readings.nominal.joints();
@@ -216,6 +274,9 @@ void check_plan(const Readings& readings, ReadingDiagnostics& found) {
         fmt::format("time runs backwards at {} readings: they are not in the order in which they "
                     "were read",
                     backwards));
+  check_repeated_rows(plan, found);
+  check_directions(readings, found);
+  check_duration(plan, found);
 }
 
 /// Channels of the plan that were not read: of a file that was cut off.
@@ -229,10 +290,46 @@ void check_complete(const Plan& plan, const std::vector<ChannelLooks>& read,
                     channels - read.size(), channels));
 }
 
+/// Temperatures that contradict each other: of another unit or sign, or of a loose contact.
+void check_temperature_levels(const Readings& readings, ReadingDiagnostics& found) {
+  constexpr double warmest_room_C = 45.0;  // 20 degrees Celsius are 68 Fahrenheit
+  constexpr double coldest_K = 25.0;       // below the median: machines are warmer than their room
+  constexpr double jump_K = 10.0, soon_s = 120.0;
+  const Eigen::MatrixXd& T_C = readings.T_C;
+  if (T_C.size() == 0) return;
+  if (T_C.minCoeff() > warmest_room_C)
+    found.warnings.push_back(
+        fmt::format("no sensor reads less than {:.2f} C: temperatures are in degrees Celsius, not "
+                    "Fahrenheit",
+                    T_C.minCoeff()));
+  VectorXd all = T_C.reshaped();
+  std::nth_element(all.begin(), all.begin() + all.size() / 2, all.end());
+  const double median = all[all.size() / 2];
+  for (Index k = 0; k < T_C.cols(); ++k) {
+    const std::string& name = readings.sensors[std::size_t(k)];
+    if (const double low = T_C.col(k).minCoeff(); low < median - coldest_K)
+      found.warnings.push_back(fmt::format(
+          "{} reads {:.2f} C where the median of all is {:.2f} C: sign, unit or contact may be "
+          "wrong",
+          name, low, median));
+    for (Index i = 1; i < T_C.rows(); ++i) {
+      const double passed_s = readings.plan.looks[std::size_t(i)].state.time_s -
+                              readings.plan.looks[std::size_t(i - 1)].state.time_s;
+      if (std::abs(T_C(i, k) - T_C(i - 1, k)) <= jump_K || std::abs(passed_s) > soon_s) continue;
+      found.warnings.push_back(
+          fmt::format("{} jumps from {:.2f} to {:.2f} C in {:.3g} s: a loose contact, or a mistake "
+                      "in writing",
+                      name, T_C(i - 1, k), T_C(i, k), passed_s));
+      break;
+    }
+  }
+}
+
 void check_temperatures(const Readings& readings, ReadingDiagnostics& found) {
   constexpr double lowest_C = -40.0, highest_C = 150.0, zero_K = -273.15;
   const Eigen::MatrixXd& T_C = readings.T_C;
   const bool is_long = T_C.rows() >= min_equal;
+  check_temperature_levels(readings, found);
   bool some_move = false;
   for (Index k = 0; is_long && k < T_C.cols(); ++k)
     some_move = some_move || T_C.col(k).maxCoeff() > T_C.col(k).minCoeff();
@@ -301,6 +398,37 @@ ReadingDiagnostics diagnose(const Readings& readings) {
   const VectorXd nominal = nominal_values(readings);
   for (const ChannelLooks& one : read) check_channel(readings, one, nominal, found);
   return found;
+}
+
+std::vector<RepeatedSeries> repeated_series(std::span<const Readings> files) {
+  std::vector<RepeatedSeries> repeated;
+  std::map<std::vector<double>, SeriesName> known;
+  for (std::size_t f = 0; f < files.size(); ++f) {
+    if (files[f].value.size() == 0) continue;
+    for (const ChannelLooks& read : channel_looks(files[f].plan)) {
+      const Channel& channel =
+          files[f].plan.set_ups[std::size_t(read.set_up)].channels[std::size_t(read.channel)];
+      std::map<int, std::vector<double>> runs;
+      for (const int i : read.looks)
+        runs[files[f].plan.looks[std::size_t(i)].run].push_back(files[f].value[i]);
+      for (auto& [run, values] : runs) {
+        const double chance =
+            std::pow(chance_of_repeating(channel.noise, channel.resolution), double(values.size()));
+        const auto [low, high] = std::ranges::minmax(values);
+        if (chance >= impossible || low == high) continue;  // a channel that stands still is known
+        const SeriesName name{int(f), read.set_up, read.channel, run};
+        const auto [at, is_first] = known.try_emplace(std::move(values), name);
+        if (!is_first) repeated.push_back({at->second, name});
+      }
+    }
+  }
+  return repeated;
+}
+
+std::string series_text(const Readings& readings, const SeriesName& series) {
+  const SetUp& set_up = readings.plan.set_ups[std::size_t(series.set_up)];
+  return fmt::format("{}, {}, run {}", set_up.name,
+                     set_up.channels[std::size_t(series.channel)].name, series.run);
 }
 
 ReadingDiagnostics diagnose(const PartReadings& readings) {

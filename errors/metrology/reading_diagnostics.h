@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 
@@ -22,8 +23,10 @@ struct ReadingDiagnostics {
 /// Warnings: the same from 1 mm or 10 mrad on; a channel that never changes and may do so; a part
 /// of at least 4 equal readings in a row; 20 or more readings that scatter by less than a tenth of
 /// their noise (by second differences); positions beyond the travel; time that runs backwards;
-/// set-ups or channels without a reading; temperatures outside -40 .. 150 degrees, or one that
-/// never changes while others do.
+/// rows that stand twice; a direction against the motion; a set-up that takes longer than the whole
+/// measurement; set-ups or channels without a reading; temperatures outside -40 .. 150 degrees,
+/// none below 45, 25 K below the median, jumps of 10 K in two minutes, or one that never changes
+/// while others do.
 ReadingDiagnostics diagnose(const Readings& readings);
 
 /// The same of a part: its deviations are expected within 1 mm.
@@ -32,6 +35,19 @@ ReadingDiagnostics diagnose(const PartReadings& readings);
 /// The same of position files, which state neither noise nor machine: deviations that are all the
 /// same, or beyond 1 mm or 10 mrad.
 ReadingDiagnostics diagnose(const std::vector<AxisTest>& tests);
+
+/// The readings of one run of one channel; indices of the file, the set-up and its channel.
+struct SeriesName {
+  int file = 0, set_up = 0, channel = 0, run = 0;
+};
+/// Two series that are the same to the last digit although their noise must tell them apart.
+struct RepeatedSeries {
+  SeriesName first, again;
+};
+/// Returns the series that repeat one before them, in one file or in two: copied, not read.
+std::vector<RepeatedSeries> repeated_series(std::span<const Readings> files);
+/// Returns the name of a series for messages: "X positioning, along X, run 1".
+std::string series_text(const Readings& readings, const SeriesName& series);
 
 /// Returns what the nominal machine would show at every look, in perfect set-ups. (looks) mm or
 /// rad; 0 where temperatures are logged

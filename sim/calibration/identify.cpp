@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <map>
 #include <set>
 #include <stdexcept>
 
@@ -32,6 +33,27 @@ std::string names_of(const Files& files) {
   return text;
 }
 
+/// One error for each pair of files of which one repeats runs of the other, or for a file that
+/// repeats its own.
+std::vector<BadInput> copies(const Files& files, const std::vector<Readings>& readings) {
+  using errors::metrology::RepeatedSeries;
+  std::map<std::pair<int, int>, std::vector<RepeatedSeries>> of_files;
+  for (const RepeatedSeries& series : errors::metrology::repeated_series(readings))
+    of_files[{series.again.file, series.first.file}].push_back(series);
+  std::vector<BadInput> errors;
+  for (const auto& [pair, list] : of_files) {
+    const auto again = std::size_t(pair.first), first = std::size_t(pair.second);
+    const std::string more =
+        list.size() > 1 ? fmt::format("; so are {} more", list.size() - 1) : "";
+    errors.emplace_back(
+        files[again].string(), 0, 0, "readings of its own for every run",
+        fmt::format("\"{}\" is the same as \"{}\" of {} to the last digit: copied, not read{}",
+                    series_text(readings[again], list.front().again),
+                    series_text(readings[first], list.front().first), files[first].string(), more));
+  }
+  return errors;
+}
+
 /// Judges every file. @return warnings, each with its file
 /// @throws BadScene with every error
 std::vector<std::string> diagnose(const Files& files, const std::vector<Readings>& readings) {
@@ -44,6 +66,7 @@ std::vector<std::string> diagnose(const Files& files, const std::vector<Readings
     for (const std::string& warning : found.warnings)
       warnings.push_back(files[i].string() + ": " + warning);
   }
+  std::ranges::move(copies(files, readings), std::back_inserter(errors));
   if (!errors.empty()) throw BadScene(std::move(errors));
   return warnings;
 }
@@ -342,6 +365,48 @@ std::vector<std::string> warnings_of(const Files& files, const std::vector<Readi
   return warnings;
 }
 
+/// Pitches that no screw has: of m, um or inches, or the length of a travel.
+std::vector<std::string> pitch_warnings(const std::map<char, double>& pitches) {
+  constexpr double finest_mm = 0.4, coarsest_mm = 200.0;
+  std::vector<std::string> warnings;
+  for (const auto& [axis, pitch] : pitches)
+    if (pitch < finest_mm || pitch > coarsest_mm)
+      warnings.push_back(
+          fmt::format("the pitch of {} is {:g} mm: looks like {}, {:g} to {:g} mm "
+                      "expected",
+                      axis, pitch, pitch < finest_mm ? "m" : "um", finest_mm, coarsest_mm));
+  return warnings;
+}
+
+/// Positions of a slide at which the most thorough of the set-ups that move it reads.
+std::size_t positions_read(const std::vector<Readings>& readings, int joint) {
+  std::map<std::pair<std::size_t, int>, std::set<double>> positions;
+  for (std::size_t f = 0; f < readings.size(); ++f)
+    for (const auto& look : readings[f].plan.looks)
+      if (look.channel >= 0)
+        positions[{f, look.set_up}].insert(std::round(look.state.q[joint] * 1e3));
+  std::size_t most = 0;
+  for (const auto& [set_up, distinct] : positions) most = std::max(most, distinct.size());
+  return most;
+}
+
+/// Slides whose curves have as many numbers as there are positions: between these they are free.
+std::vector<std::string> order_warnings(const std::vector<Readings>& readings,
+                                        const IdentifyOptions& options) {
+  std::vector<std::string> warnings;
+  const auto& joints = readings.front().nominal.joints();
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const std::size_t positions = positions_read(readings, int(j));
+    if (joints[j].motion != kinematics::Motion::Linear || positions < 2) continue;
+    if (options.model.order + 1 < int(positions)) continue;
+    warnings.push_back(fmt::format(
+        "curves of {} of order {} pass through every one of the {} positions that were read, and "
+        "between them nothing holds them: lower --order, or --choose-orders",
+        joints[j].name, options.model.order, positions));
+  }
+  return warnings;
+}
+
 Identified by_chain(const Files& files, const std::vector<Readings>& readings,
                     IdentifyOptions options, const Progress& progress) {
   Identified result = common(files, readings, options);
@@ -375,6 +440,9 @@ Identified by_chain(const Files& files, const std::vector<Readings>& readings,
   result.unidentified = what_was_not_found(estimate);
   result.assumptions = assumptions_of(files, estimate);
   result.warnings = warnings_of(files, readings, estimate, options);
+  std::ranges::move(pitch_warnings(options.model.pitch), std::back_inserter(result.warnings));
+  if (!options.choose_orders)
+    std::ranges::move(order_warnings(readings, options), std::back_inserter(result.warnings));
   return result;
 }
 

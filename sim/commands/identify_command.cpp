@@ -87,8 +87,26 @@ std::pair<char, double> parse_pitch(const std::string& text) {
   return {text[0], *period};
 }
 
+/// An option that the method does not use would be without effect.
+void check_options(const IdentifyWords& words) {
+  const IdentifyOptions defaults;
+  const IdentifyOptions& options = words.options;
+  const auto needs = [&](bool is_given, const char* option, std::string_view methods) {
+    if (is_given && methods.find(words.method) == std::string_view::npos)
+      throw BadUsage(option, fmt::format("expected --method {}, seen {}", methods, words.method));
+  };
+  needs(!options.sensors.empty(), "--sensors", "step_diagonal, composite or thermal");
+  needs(options.sensor_count != defaults.sensor_count, "--sensor-count", "thermal");
+  needs(options.margin != defaults.margin, "--margin", "thermal or composite");
+  needs(options.model.order != defaults.model.order, "--order", "chain or composite");
+  needs(options.choose_orders, "--choose-orders", "chain");
+  needs(!words.pitch.empty(), "--pitch", "chain");
+  needs(options.estimate.outlier_limit != defaults.estimate.outlier_limit, "--outliers", "chain");
+}
+
 Exit print_identified(const Common& common, IdentifyWords words) {
   using errors::identification::Basis;
+  check_options(words);
   words.options.model.slides = words.basis == "polynomial" ? Basis::Polynomial
                                : words.basis == "spline"   ? Basis::Spline
                                                            : Basis::Legendre;
@@ -162,7 +180,7 @@ std::vector<Option> identify_options(Common& common, IdentifyWords& words) {
        "with thermal: how many sensors are chosen where none are named (4)", Between{1, 100}},
       {"--margin", &options.margin,
        "with thermal or composite: part of its trained range by which a sensor may leave it (0.1)",
-       Between{0, 10}},
+       Between{0, 2}},
       json_option(common),
       {"--out", &common.out,
        "belief file, or folder for it (out/belief.toml; thermal: out/belief_thermal.txt; composite "

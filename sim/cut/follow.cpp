@@ -131,6 +131,8 @@ Process follow_milling(const Scene& scene, const Machine& machine, const cutting
   if (std::string odd = odd_blank(scene, blank); !odd.empty())
     process.warnings.push_back(std::move(odd));
   process.stock = blank_stock(scene, blank);
+  if (std::string uncovered = uncovered_text(scene, *process.stock, design_m); !uncovered.empty())
+    process.warnings.push_back(std::move(uncovered));
   const auto spindle = spindle_of(machine);
   if (description.material && !spindle)
     throw std::invalid_argument("a machine with a spindle nose s for a cut with forces");

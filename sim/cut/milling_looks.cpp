@@ -1,8 +1,11 @@
 #include "sim/cut/milling_looks.h"
 
+#include <algorithm>
 #include <stdexcept>
 #include <type_traits>
 #include <variant>
+
+#include <fmt/format.h>
 
 #include "kinematics/turn_between.h"
 #include "sim/cut/part.h"
@@ -48,6 +51,24 @@ cutting::Stock blank_stock(const Scene& scene, const cutting::Blank& blank) {
   return cutting::make_stock(
       blank, scene.part.T_wm,
       {description.spacing, description.three_directions, description.max_bytes});
+}
+
+std::string uncovered_text(const Scene& scene, const cutting::Stock& blank,
+                           const cutting::Design& design_m) {
+  constexpr Eigen::Index most_tried = 2000;
+  constexpr double tolerated = 0.05;  // of the vertices: edges that a rough blank rounds off
+  const Eigen::Index n = design_m.vertices.rows();
+  const Eigen::Index step = std::max<Eigen::Index>(1, n / most_tried);
+  int tried = 0, outside = 0;
+  for (Eigen::Index i = 0; i < n; i += step, ++tried) {
+    const Eigen::Vector3d point_m = design_m.vertices.row(i).transpose();
+    outside += cutting::depth(blank, scene.part.T_wm * point_m) < -blank.spacing;
+  }
+  if (outside <= tolerated * tried) return {};
+  return fmt::format(
+      "the blank does not hold {:.3g} % of the design: its sizes are in mm and in the part's own "
+      "frame, and forces are of what it holds",
+      100.0 * outside / tried);
 }
 
 bool is_rapid(const program::Samples& samples, const program::Path& path, std::size_t sample) {

@@ -25,6 +25,11 @@ std::string odd_blank(const Scene& scene, const cutting::Blank& blank);
 ///         not fit in its memory
 cutting::Stock blank_stock(const Scene& scene, const cutting::Blank& blank);
 
+/// Returns the warning of a blank that does not hold the design: it may be in another unit or
+/// frame. Empty if at most a twentieth of the design's vertices lie more than a spacing outside it.
+std::string uncovered_text(const Scene& scene, const cutting::Stock& blank,
+                           const cutting::Design& design_m);
+
 /// Whether the block that runs at a sample is a rapid.
 bool is_rapid(const program::Samples& samples, const program::Path& path, std::size_t sample);
 

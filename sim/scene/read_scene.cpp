@@ -131,6 +131,9 @@ Scene read_scene(const std::filesystem::path& file, const std::vector<Override>&
   Faults faults;
   const std::optional<Node> as_written = read_tree(file, faults);
   if (!as_written) throw BadScene(faults.list());
+  if (as_written->find("scene") && !as_written->find("machine"))
+    throw BadScene({BadInput(file.string(), 0, 0, "a scene, which names its machine in `machine`",
+                             "a study, which abbe study takes")});
   Scene scene = scene_of_tree(*as_written, file, overrides, std::move(faults));
   Named named = named_by(*scene.tree, file);
   scene.files = std::move(named.files);

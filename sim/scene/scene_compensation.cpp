@@ -36,7 +36,13 @@ Fields<Description::Pulses> pulses_fields() {
       .number("count_deg", &Pulses::count_rad, {1e-9, 10.0}, "the same of an axis that turns")
       .number("cycle_ms", &Pulses::cycle_s, cycle_ms, "at which a pair may go in")
       .number("pulse_ms", &Pulses::pulse_s, cycle_ms,
-              "that a pair takes, while both signals are low");
+              "that a pair takes, while both signals are low")
+      .check([](TableReader& reader, Pulses& pulses) {
+        if (pulses.pulse_s > pulses.cycle_s)
+          reader.refuse("pulse_ms", "a compensation.pulses.pulse_ms of at most cycle_ms",
+                        fmt::format("{:g} in a cycle of {:g} ms", pulses.pulse_s * 1e3,
+                                    pulses.cycle_s * 1e3));
+      });
 }
 
 Fields<OpenControl> open_fields() {

@@ -54,7 +54,7 @@ constexpr std::array plausible_ranges{
     PlausibleRange{"", "dwell_s", 0.01, 600, "minutes", "ms"},
     PlausibleRange{"", "interval_s", 1e-5, 7200, "", "ms"},
     PlausibleRange{"", "cycle_ms", 0.005, 2000, "s", "us"},
-    PlausibleRange{"", "delay_ms", 0.005, 1e4, "s", "us"},
+    PlausibleRange{"", "delay_ms", 0.005, 5000, "s", "us"},
     PlausibleRange{"", "pulse_ms", 5e-5, 100, "s", "us"},
     PlausibleRange{"", "smoothing_ms", 1, 6e4, "s", "us"},
     PlausibleRange{"", "bandwidth_Hz", 0.5, 1e5, "kHz", "mHz"},
@@ -93,13 +93,23 @@ constexpr std::array plausible_ranges{
     PlausibleRange{"signals", "_um", 1e-4, 100, "mm", "nm"},
     PlausibleRange{"pulses", "count_um", 0.005, 200, "mm", "nm"},
     PlausibleRange{"origin", "increment_um", 0.005, 200, "mm", "nm"},
+    PlausibleRange{"belief", "scale", 0, 5, "", "percent"},
     PlausibleRange{"piezo", "range_um", 0.5, 5000, "mm", "nm"},
+    PlausibleRange{"compensation", "rotary_bound_deg", 0.003, 20, "radians", "urad"},
+    PlausibleRange{"compensation", "path_tolerance_um", 0.002, 200, "mm", "nm"},
+    PlausibleRange{"table", "spacing_mm", 0.05, 200, "m", "um"},
     PlausibleRange{"", "word_resolution_mm", 1e-8, 0.2, "", "um"},
     PlausibleRange{"setup", "_um", 0.05, 1e4, "mm", "nm"},
     PlausibleRange{"setup", "_urad", 0.05, 2e4, "rad or mrad", "nrad"},
     PlausibleRange{"part", "tolerance_um", 0.05, 1e4, "mm", "nm"},
-    PlausibleRange{"limits", "_um", 0.05, 1e5, "mm", "nm"},
-    PlausibleRange{"tolerance", "limit_um", 0.05, 1e5, "mm", "nm"},
+    PlausibleRange{"limits", "_um", 0.05, 5000, "mm", "nm"},
+    PlausibleRange{"tolerance", "limit_um", 0.05, 5000, "mm", "nm"},
+    // studies
+    PlausibleRange{"influence", "reach_um", 1, 5000, "mm", "nm"},
+    PlausibleRange{"influence", "flag_um", 0.002, 200, "mm", "nm"},
+    PlausibleRange{"one_at_a_time", "step", 0.01, 6, "", "percent, not standard deviations"},
+    PlausibleRange{"worst_case", "coverage", 1, 8, "a confidence, not standard deviations",
+                   "percent, not standard deviations"},
     PlausibleRange{"cutting", "run_out_um", 0.05, 500, "mm", "nm"},
     PlausibleRange{"cutting", "_um", 0.05, 1e5, "mm", "nm"},
     PlausibleRange{"cutting", "allowance_mm", 0.005, 100, "m", "um"},
@@ -127,6 +137,9 @@ constexpr std::array plausible_ranges{
     PlausibleRange{"part", "rim_radius_mm", 0.2, 2e4, "m", "um"},
     PlausibleRange{"body", "size_mm", 1, 1e5, "m", "um"},
     PlausibleRange{"fixture", "size_mm", 1, 1e5, "m", "um"},
+    PlausibleRange{"body", "at_mm", 0, 2e4, "", "um"},
+    PlausibleRange{"fixture", "at_mm", 0, 2e4, "", "um"},
+    PlausibleRange{"mass", "centre_mm", 0, 2e4, "", "um"},
     PlausibleRange{"part", "form_cutoff_mm", 0.005, 1000, "m", "um"},
     PlausibleRange{"part", "resolution_um", 1e-3, 1000, "mm", "nm"},
     PlausibleRange{"program", "step_over_mm", 1e-3, 200, "m", "um"},
@@ -135,7 +148,8 @@ constexpr std::array plausible_ranges{
     PlausibleRange{"sampling", "chord_tolerance_nm", 0.01, 1e5, "um", "pm"},
 };
 
-constexpr std::string_view study_section = "study", variant_section = "variant";
+/// Tables of changes that are judged where they take effect, in a scene of its own.
+constexpr std::array<std::string_view, 3> changes{"study", "variant", "set"};
 
 /// Temperatures that a workshop, its coolant and a machine before its work have, deg C. Fahrenheit
 /// and kelvin begin where they end: 20 deg C is 68 F and 293 K.
@@ -240,7 +254,7 @@ class Walk {
     if (const Node::Table* table = node.table())
       for (const Node::Entry& entry : *table) {
         const std::string inner = key.empty() ? entry.key : key + "." + entry.key;
-        if (inner != study_section && inner != variant_section) visit(entry.node, inner);
+        if (std::ranges::find(changes, inner) == changes.end()) visit(entry.node, inner);
       }
     if (const Node::Array* array = node.array()) {
       visit_travel(*array, node.place, key);
@@ -345,6 +359,50 @@ void add_control_texts(const Scene& scene, std::vector<std::string>& warnings) {
   }
 }
 
+/// What clamps a part lies beside it: nothing on this machine reaches farther than its longest
+/// slide.
+void add_fixture_texts(const Scene& scene, std::vector<std::string>& warnings) {
+  double longest = 0.0;
+  for (const kinematics::Joint& joint : scene.machine.joints)
+    if (joint.motion == kinematics::Motion::Linear)
+      longest = std::max(longest, joint.max - joint.min);
+  for (const BodyDescription& fixture : scene.fixtures) {
+    const double apart = (fixture.T.translation() - scene.part.T_wm.translation()).norm();
+    if (longest > 0.0 && apart > longest)
+      warnings.push_back(fmt::format(
+          "fixture \"{}\" lies {:.4g} mm from the part, and the longest slide goes {:.4g} mm: its "
+          "at_mm may be in another unit or from another zero",
+          fixture.name, apart, longest));
+  }
+}
+
+/// Sections of the tool that bend are parts of it: from the tip, the first of them the cutter's.
+void add_section_texts(const Scene& scene, std::vector<std::string>& warnings) {
+  const auto* cutter = std::get_if<cutting::Cutter>(&scene.tool.nominal);
+  const Node* node = scene.tree.get();
+  for (const char* key : {"compliance", "tool", "section"})
+    if (node != nullptr) node = node->find(key);
+  if (cutter == nullptr || node == nullptr || !node->array() || node->array()->empty()) return;
+  constexpr double rounded = 1.01;  // of sizes that data sheets round
+  const auto size_of = [](const Node& section, const char* key) {
+    const Node* size = section.find(key);
+    return size == nullptr ? 0.0 : number_of(*size).value_or(0.0);
+  };
+  double length = 0.0;
+  for (const Node& section : *node->array()) length += size_of(section, "length_mm");
+  if (length > rounded * scene.tool.length)
+    warnings.push_back(fmt::format(
+        "compliance.tool.section are {:.6g} mm long together, and the tool is {:.6g} mm long",
+        length, scene.tool.length));
+  const double diameter = size_of(node->array()->front(), "diameter_mm");
+  const double widest = 2.0 * std::max(cutter->radius, cutting::shank_radius(*cutter));
+  if (diameter > rounded * widest)
+    warnings.push_back(fmt::format(
+        "compliance.tool.section at the tip is {:.6g} mm thick, and the cutter {:.6g} mm: sections "
+        "go from the tip to the spindle",
+        diameter, widest));
+}
+
 }  // namespace
 
 std::string probable_mistake(std::string_view key, double value) {
@@ -360,12 +418,24 @@ std::string probable_mistake(std::string_view key, double value) {
   return name.ends_with("_deg") && looks_like_radians(value) ? "radians" : "";
 }
 
-std::vector<std::string> value_warnings(const Scene& scene) {
+std::vector<std::string> value_warnings(const Node& tree) {
   Walk walk;
-  if (scene.tree) walk.visit(*scene.tree, "");
-  std::vector<std::string> warnings = walk.texts();
+  walk.visit(tree, "");
+  return walk.texts();
+}
+
+std::vector<std::string> value_warnings(const Scene& scene) {
+  std::vector<std::string> warnings;
+  if (scene.tree) warnings = value_warnings(*scene.tree);
   for (const ToolDescription& tool : tools_of(scene)) add_tool_texts(tool, warnings);
   add_control_texts(scene, warnings);
+  add_fixture_texts(scene, warnings);
+  add_section_texts(scene, warnings);
+  if (scene.belief.scale < 0.0)
+    warnings.push_back(fmt::format(
+        "belief.scale is {:g}: a compensator adds the errors that it believes in, in place of "
+        "taking them away",
+        scene.belief.scale));
   if (scene.compliance && scene.compliance->gravity_b && scene.compliance->gravity_b->z() > 0.5)
     warnings.push_back(
         "compliance.gravity points up, along z of the bed: it is the direction in which masses "

@@ -15,6 +15,10 @@ namespace abbe::sim {
 /// @param value  in the unit of the key
 std::string probable_mistake(std::string_view key, double value);
 
+/// Returns one warning for each key of a tree with implausible numbers: "limits.pv_um is 2e+06:
+/// looks like nm, 0.05 to 5000 um expected", with the place of the first where the tree has places.
+std::vector<std::string> value_warnings(const Node& tree);
+
 /// Returns one warning for each key of a scene with implausible numbers, with the place of the
 /// first: "scene.toml:12:10: thermal.room_C is 293: looks like kelvin, -40 to 60 deg C expected";
 /// and one for each pair that does not go together: what the control or an actual tool is far from

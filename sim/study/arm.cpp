@@ -17,7 +17,7 @@
 #include "sim/machine/run_out.h"
 #include "sim/report/form_texture.h"
 #include "sim/scene/read_scene.h"
-#include "sim/study/spread_warnings.h"
+#include "sim/study/study_warnings.h"
 
 namespace abbe::sim::study {
 namespace {
@@ -186,7 +186,8 @@ ReadyArm ready_arm(const Study& study, const Arm& arm, const Progress& progress)
   if (asks_to_filter(study))
     if (const std::string text = unresolved_texture(ready); !text.empty())
       ready.job.warnings.push_back(text);
-  for (std::string& text : spread_warnings(study)) ready.job.warnings.push_back(std::move(text));
+  for (std::string& text : study_warnings(study, ready.scene))
+    ready.job.warnings.push_back(std::move(text));
   return ready;
 }
 

@@ -25,6 +25,10 @@ void check_engine(const Study& study, const std::vector<Place>& places, TableRea
   if (study.engine == Engine::Both && !study.monte_carlo)
     reader.refuse("engine", "[monte_carlo] with \"both\": the first of its cases are the proof",
                   "none");
+  if (study.monte_carlo && reader.has("proofs") && study.proofs > study.monte_carlo->cases)
+    reader.refuse("proofs",
+                  fmt::format("at most {}, the cases of [monte_carlo]", study.monte_carlo->cases),
+                  std::to_string(study.proofs));
   if (study.engine == Engine::Full) return;
   for (std::size_t i = 0; i < study.inputs.size(); ++i)
     if (reshapes(study.inputs[i]))
@@ -97,6 +101,12 @@ void try_arm(const Study& study, std::size_t at, const Scene& scene,
   if (!faults.empty()) return;
   try {
     scene_at(study, arm, scene, centre(study));
+    for (const Sweep& sweep : study.sweeps)
+      for (const double value : {sweep.values.minCoeff(), sweep.values.maxCoeff()}) {
+        Eigen::VectorXd x = centre(study);
+        x[sweep.input] = value;
+        scene_at(study, arm, scene, x);
+      }
   } catch (const BadScene& bad) {
     for (const BadInput& fault : bad.faults)
       faults.add(place_of(fault, study, places), fault.expected, fault.seen);

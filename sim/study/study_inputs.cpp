@@ -146,6 +146,7 @@ class InputsReader {
  private:
   void read_one(const Node& node);
   void read_many(const Node& node);
+  /// As the scene of the first arm states it.
   std::optional<double> stated_at(const std::string& path) const;
   std::optional<double> nominal_at(const std::string& path) const;
   void add_covariance(const Node& node, double cost, const Priors& priors);
@@ -238,23 +239,8 @@ std::optional<double> InputsReader::nominal_at(const std::string& path) const {
   return stated_at(path.substr(0, at + 1) + path.substr(at + actual.size()));
 }
 
-/// The number that the scene of the first arm states at a path, as it is written.
 std::optional<double> InputsReader::stated_at(const std::string& path) const {
-  if (scenes_.empty()) return {};
-  const Node tree = parse_toml(scenes_.front().resolved, "scene");
-  const Node* node = &tree;
-  for (std::size_t from = 0; node && from <= path.size();) {
-    const std::size_t dot = std::min(path.find('.', from), path.size());
-    const std::string part = path.substr(from, dot - from);
-    const Node::Array* list = node->array();
-    const bool index = !part.empty() && part.find_first_not_of("0123456789") == std::string::npos;
-    if (list && index && part.size() < 7 && std::size_t(std::stoi(part)) < list->size())
-      node = &(*list)[std::size_t(std::stoi(part))];
-    else
-      node = list ? nullptr : node->find(part);
-    from = dot + 1;
-  }
-  return node ? written_number(*node) : std::nullopt;
+  return scenes_.empty() ? std::nullopt : stated_number(scenes_.front(), path);
 }
 
 /// Priors of numbers that a belief does not hold: `{ EY0A_um = 20 }`, or "typical".
@@ -401,6 +387,22 @@ StatedInputs InputsReader::read() {
 }
 
 }  // namespace
+
+std::optional<double> stated_number(const Scene& scene, const std::string& path) {
+  const Node* node = scene.tree.get();
+  for (std::size_t from = 0; node && from <= path.size();) {
+    const std::size_t dot = std::min(path.find('.', from), path.size());
+    const std::string part = path.substr(from, dot - from);
+    const Node::Array* list = node->array();
+    const bool index = !part.empty() && part.find_first_not_of("0123456789") == std::string::npos;
+    if (list && index && part.size() < 7 && std::size_t(std::stoi(part)) < list->size())
+      node = &(*list)[std::size_t(std::stoi(part))];
+    else
+      node = list ? nullptr : node->find(part);
+    from = dot + 1;
+  }
+  return node ? written_number(*node) : std::nullopt;
+}
 
 StatedInputs read_inputs(TableReader& reader, const std::vector<Scene>& scenes) {
   return InputsReader(reader, scenes).read();

@@ -30,6 +30,10 @@ struct StatedInputs {
 /// @param scenes  of the arms; the first states centres. Empty where they were refused
 StatedInputs read_inputs(TableReader& reader, const std::vector<Scene>& scenes);
 
+/// Returns the number that a scene states at a path of --set, as it is written, in the unit of the
+/// path's key; none if it states no number there.
+std::optional<double> stated_number(const Scene& scene, const std::string& path);
+
 /// Keys of one `[[input]]`, of `[[inputs]]`, of `[[correlation]]`.
 std::vector<Key> one_input_keys();
 std::vector<Key> many_inputs_keys();
