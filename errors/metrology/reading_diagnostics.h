@@ -44,7 +44,7 @@ struct SeriesName {
 struct RepeatedSeries {
   SeriesName first, again;
 };
-/// Returns the series that repeat one before them, in one file or in two: copied, not read.
+/// Returns the series that repeat one before them, in one file or in two: copied, or rounded more coarsely than it states.
 std::vector<RepeatedSeries> repeated_series(std::span<const Readings> files);
 /// Returns the name of a series for messages: "X positioning, along X, run 1".
 std::string series_text(const Readings& readings, const SeriesName& series);

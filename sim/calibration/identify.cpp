@@ -47,7 +47,7 @@ std::vector<BadInput> copies(const Files& files, const std::vector<Readings>& re
         list.size() > 1 ? fmt::format("; so are {} more", list.size() - 1) : "";
     errors.emplace_back(
         files[again].string(), 0, 0, "readings of its own for every run",
-        fmt::format("\"{}\" is the same as \"{}\" of {} to the last digit: copied, not read{}",
+        fmt::format("\"{}\" is the same as \"{}\" of {} to the last digit: copied, or rounded more coarsely than it states{}",
                     series_text(readings[again], list.front().again),
                     series_text(readings[first], list.front().first), files[first].string(), more));
   }

@@ -60,7 +60,7 @@ std::vector<Mistake> mistakes_in_temperatures() {
        "day",
        {{"day_2.csv", "", day_files().at("day.csv")}},
        Expected::InputError,
-       "copied, not read"},
+       "copied, or rounded more coarsely than it states"},
       reported({"temperatures of all in Fahrenheit",
                 "day",
                 {{"day.csv", with_sensors_in_Fahrenheit()}},
