@@ -585,7 +585,9 @@ std::string not_searched_text(const Job& job) {
                                : fmt::format("{} come within {:.3g} mm of each other on line {}",
                                              pair_text(first), first.distance, first.line);
   const std::string others =
-      near.size() > 1 ? fmt::format(", and {} other pairs come near", near.size() - 1) : "";
+      near.size() > 1 ? fmt::format(", and {} other {} near", near.size() - 1,
+                                    near.size() == 2 ? "pair comes" : "pairs come")
+                      : "";
   return fmt::format("{}, but {}{}: {}", not_searched, what, others, advice);
 }
 

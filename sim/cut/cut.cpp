@@ -100,14 +100,26 @@ std::string advice_on_form(const cutting::Design& design, double cutoff) {
       values, cutoff, cutting::min_filter_values);
 }
 
+/// Returns the keys of [part] by which its vertices come closer to each other.
+std::string remedy(const PartDescription& part) {
+  switch (part.sampling.kind) {
+    case PartSampling::Kind::Adaptive: return "raise part.points, or part.resolution_um";
+    case PartSampling::Kind::Spacing: return "lower part.spacing_mm";
+    case PartSampling::Kind::Vertices: break;
+  }
+  const bool is_mesh = std::holds_alternative<MeshFile>(part.shape);
+  return std::string(is_mesh ? "" : "raise part.vertices, or ") +
+         "set part.sampling to \"adaptive\"";
+}
+
 std::string unresolved_text(const cutting::InterpolationError& error, double resolution,
                             const Job& job) {
   return fmt::format(
       "the map is too coarse for what the tool left: between its {} vertices, linear interpolation "
-      "misses the surface by more than {:.3g} um at {:.3g} % of it, by {:.3g} um at most: {} raise "
-      "part.points, or part.resolution_um",
+      "misses the surface by more than {:.3g} um at {:.3g} % of it, by {:.3g} um at most: {} {}",
       job.design_w.vertices.rows(), resolution / units::um, 100.0 * error.unresolved,
-      error.worst / units::um, advice_on_form(job.design_w, job.scene.part.form_cutoff));
+      error.worst / units::um, advice_on_form(job.design_w, job.scene.part.form_cutoff),
+      remedy(job.scene.part));
 }
 
 /// Shows the sweeps of a program one after the other.

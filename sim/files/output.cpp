@@ -103,8 +103,30 @@ bool is_hidden(const fs::directory_entry& entry) {
          entry.is_regular_file(none);
 }
 
-/// What in a folder is not abbe's: neither in its mark as it is, nor a result itself, nor a
-/// journal.
+bool holds_others(const fs::path& folder);
+
+/// Returns true if an entry of a folder with this mark is not abbe's: neither in the mark as it is,
+/// nor a journal, nor a folder in which everything is abbe's.
+bool is_others(const Mark& mark, const fs::directory_entry& entry) {
+  std::error_code none;
+  if (entry.path().filename() == mark_name && !mark.files.empty()) return false;
+  if (is_hidden(entry) || belongs_to_journal(entry.path())) return false;
+  if (writer_in(mark, entry.path())) return false;
+  return entry.is_symlink(none) || !entry.is_directory(none) || holds_others(entry.path());
+}
+
+/// A run that fails may leave folders before it writes a file and its mark; an empty folder holds
+/// nothing that a later run could spoil.
+bool holds_others(const fs::path& folder) {
+  const Mark mark = read_mark(folder);
+  if (mark.folder) return false;
+  std::error_code unreadable;
+  const fs::directory_iterator entries(folder, unreadable);
+  return unreadable || std::any_of(begin(entries), end(entries),
+                                   [&](const auto& entry) { return is_others(mark, entry); });
+}
+
+/// Entries of a folder that are not abbe's.
 struct Others {
   std::size_t count = 0;
   std::string first;  ///< by name
@@ -115,12 +137,8 @@ Others others_in(const fs::path& folder) {
   std::error_code none;
   const Mark mark = read_mark(folder);
   for (const auto& entry : fs::directory_iterator(folder, none)) {
+    if (!is_others(mark, entry)) continue;
     const std::string name = entry.path().filename().string();
-    if (name == mark_name && !mark.files.empty()) continue;
-    if (is_hidden(entry) || belongs_to_journal(entry.path())) continue;
-    if (writer_in(mark, entry.path())) continue;
-    if (!entry.is_symlink(none) && entry.is_directory(none) && read_mark(entry.path()).folder)
-      continue;
     if (++others.count == 1 || name < others.first) others.first = name;
   }
   return others;

@@ -85,8 +85,10 @@ double form_noise(const Job& job, const Verdict& verdict) {
 std::string form_caption(const Job& job, const Verdict& verdict) {
   const double noise = form_noise(job, verdict);
   const std::string by_chance = noise > 0.0 ? ", ± " + length_text(noise) + " by chance" : "";
-  return fmt::format("form: waves beyond {:.3g} mm{}; texture finer than the points, Sz {} or more",
-                     job.scene.part.form_cutoff, by_chance, texture_height(verdict));
+  // Texture is the map minus its form, so that this chance is in it: Sz is no lower bound then.
+  return fmt::format("form: waves beyond {:.3g} mm{}; texture finer than the points, Sz {} {}",
+                     job.scene.part.form_cutoff, by_chance, texture_height(verdict),
+                     noise > 0.0 ? "with this chance in it" : "or more");
 }
 
 /// With the signs and units that a picture has.

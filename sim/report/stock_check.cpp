@@ -108,7 +108,8 @@ std::string left_out_text(const StockCheck& check) {
 std::vector<std::string> effects_left_out(const Job& job, const Verdict& verdict) {
   const auto in_map = [&] {
     const auto& max = verdict.residual.max;
-    return max ? fmt::format("; the map has up to {:.4g} um of material left", *max / units::um)
+    return max && *max > 0.0
+               ? fmt::format("; the map has up to {:.4g} um of material left", *max / units::um)
                : std::string();
   };
   std::vector<std::string> effects;
@@ -118,8 +119,8 @@ std::vector<std::string> effects_left_out(const Job& job, const Verdict& verdict
   const bool yields = job.truth.compliance && verdict.cut.case_name != "error_free";
   if (process.stock && is_loaded && yields)
     effects.push_back(fmt::format(
-        "the body does not show what springs back from the cut: the shank, which goes on "
-        "from the flank with its radius, takes up to {:.3g} mm of it off{}",
+        "the body does not show what springs back from the flank of the cutter: the shank, "
+        "which goes on with its radius, takes up to {:.3g} mm of it off{}",
         cutting::rubbing, in_map()));
   if (!verdict.cut.wear.empty())
     effects.push_back("the body does not show wear: it is cut by a fresh cutter" + in_map());

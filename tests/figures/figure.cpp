@@ -1,11 +1,12 @@
 #include "tests/figures/figure.h"
 
 #include <map>
+#include <optional>
 #include <stdexcept>
+#include <utility>
 
 #include <fmt/format.h>
 
-#include "kinematics/units.h"
 #include "sim/cut/sampling.h"
 #include "sim/loop/compensate.h"
 #include "sim/report/sensor_choices_json.h"
@@ -44,34 +45,44 @@ sim::Scene scene_of(const std::string& name, const std::vector<sim::Override>& c
   throw std::invalid_argument(name + " has no variant " + variant);
 }
 
-const ordered_json& summary_of(const SceneCase& one) {
-  static std::map<std::string, ordered_json> all;
-  const std::string key = command(one);
-  if (const auto known = all.find(key); known != all.end()) return known->second;
-  const sim::Job job = sim::prepare(scene_of(one.scene, one.set, one.variant));
-  sim::Cut made =
-      one.case_name.empty() ? sim::cut(job) : sim::cut(job, sim::parse_case(one.case_name));
-  return all[key] = to_json(sim::summary(job, sim::judge(job, std::move(made), nullptr)));
+namespace {
+
+/// A scene, compiled and sampled, with its error-free map.
+struct ErrorFree {
+  std::string command;
+  sim::Job job;
+  sim::Verdict verdict;
+};
+
+/// Returns that of the case's scene. The last one is kept: cases of one scene mostly follow each
+/// other, and a map takes hundreds of MB.
+const ErrorFree& error_free(const SceneCase& scene_case) {
+  static std::optional<ErrorFree> last;
+  std::string key = command({scene_case.scene, scene_case.set, "error_free", scene_case.variant});
+  if (last && last->command == key) return *last;
+  last.reset();
+  sim::Job job =
+      sim::sampled(sim::prepare(scene_of(scene_case.scene, scene_case.set, scene_case.variant)));
+  sim::Verdict verdict = sim::judge(job, sim::cut_error_free(job), nullptr);
+  return last.emplace(ErrorFree{std::move(key), std::move(job), std::move(verdict)});
 }
 
-const ordered_json& summary_as_run(const SceneCase& one) {
+}  // namespace
+
+const ordered_json& summary_of(const SceneCase& scene_case) {
   static std::map<std::string, ordered_json> all;
-  const std::string key = command(one);
+  const std::string key = command(scene_case);
   if (const auto known = all.find(key); known != all.end()) return known->second;
-  const sim::Job job = sim::sampled(sim::prepare(scene_of(one.scene, one.set, one.variant)));
-  const sim::Verdict error_free = sim::judge(job, sim::cut_error_free(job), nullptr);
-  if (one.case_name == "error_free") return all[key] = to_json(sim::summary(job, error_free));
-  sim::Cut made =
-      one.case_name.empty() ? sim::cut(job) : sim::cut(job, sim::parse_case(one.case_name));
-  return all[key] = to_json(sim::summary(job, sim::judge(job, std::move(made), &error_free)));
+  const auto& [free_command, job, free] = error_free(scene_case);
+  if (scene_case.case_name == "error_free") return all[key] = to_json(sim::summary(job, free));
+  sim::Cut cut = scene_case.case_name.empty()
+                     ? sim::cut(job)
+                     : sim::cut(job, sim::parse_case(scene_case.case_name));
+  return all[key] = to_json(sim::summary(job, sim::judge(job, std::move(cut), &free)));
 }
 
-double machine_um(const SceneCase& one) {
-  const sim::Job job = sim::prepare(scene_of(one.scene, one.set, one.variant));
-  const sim::Verdict error_free = sim::judge(job, sim::cut_error_free(job), nullptr);
-  sim::Cut made =
-      one.case_name.empty() ? sim::cut(job) : sim::cut(job, sim::parse_case(one.case_name));
-  return sim::judge(job, std::move(made), &error_free).machine->rms.value() / units::um;
+double machine_um(const SceneCase& scene_case) {
+  return summary_of(scene_case)["machine_um"]["rms"];
 }
 
 const ordered_json& thermal_choice_of(const std::string& scene,

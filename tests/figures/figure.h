@@ -34,15 +34,12 @@ struct SceneCase {
 /// What a user types.
 std::string command(const SceneCase& one);
 
-/// Its `summary.json`. Every case is cut once in a run of the tests.
-const nlohmann::ordered_json& summary_of(const SceneCase& one);
+/// Returns `summary.json` of a case as `abbe run` and `abbe compare` leave it: sampled where the cut
+/// needs it, with the machine's part. Every case is cut once in a run of the tests.
+const nlohmann::ordered_json& summary_of(const SceneCase& scene_case);
 
-/// `summary.json` of a case as `abbe run` and `abbe compare` leave it: sampled where the cut needs
-/// it, with the machine's part. Every case is cut once in a run of the tests.
-const nlohmann::ordered_json& summary_as_run(const SceneCase& one);
-
-/// RMS of the machine's part of its map, um: of the map minus the error-free one.
-double machine_um(const SceneCase& one);
+/// Returns the RMS of the machine's part of its map, um: of the map minus the error-free one.
+double machine_um(const SceneCase& scene_case);
 
 /// A packaged scene as it is read, in one of its variants if one is named.
 sim::Scene scene_of(const std::string& name, const std::vector<sim::Override>& changes = {},

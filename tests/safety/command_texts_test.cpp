@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/safety/every_command.h"
+#include "tests/sim/packaged_remarks.h"
 
 /// What commands say, and where they put what they write.
 namespace abbe::safety {
@@ -137,6 +138,32 @@ TEST(Lists, AreSortedWhereTheirOrderMeansNothing) {
     EXPECT_GE(names.size(), 5u);
     EXPECT_TRUE(std::ranges::is_sorted(names)) << names.front();
   }
+}
+
+// ---- what shipped scenes say of themselves
+
+TEST(ShippedScenes, NeitherWarnNorAssumeButWhatIsListed) {
+  const Folder folder;
+  const std::string printed = (folder / "printed.txt").string();
+  int scenes = 0;
+  for (const auto& entry : fs::directory_iterator(source / "scenes")) {
+    const fs::path& file = entry.path();
+    if (file.extension() != ".toml") continue;
+    const std::string scene = file.stem().string();
+    SCOPED_TRACE(scene);
+    const Ran checked =
+        shell("(" ABBE_PROGRAM " check --all " + file.string() + " > " + printed + ")");
+    EXPECT_EQ(checked.code, 0) << checked.text;
+    for (const std::string& line : lines_of(checked.text))
+      EXPECT_TRUE(!line.starts_with("abbe: ") || sim::is_remark(scene, line)) << line;
+    for (const sim::Remark& remark : sim::packaged_remarks())
+      EXPECT_TRUE(remark.scene != scene || !remark.is_of_check || has(checked, remark.text))
+          << "listed and not said: " << remark.text;
+    EXPECT_EQ(bytes(printed).find("as nothing in it is of another dialect"), std::string::npos)
+        << "state the dialect";
+    ++scenes;
+  }
+  EXPECT_GT(scenes, 25);
 }
 
 // ---- collisions that are not searched

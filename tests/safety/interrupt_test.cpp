@@ -23,6 +23,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "sim/files/output.h"
 #include "tests/safety/every_command.h"
 
 /// SIGINT and SIGTERM at random moments of every command: it ends with 130 within a second.
@@ -187,6 +188,18 @@ std::string unfinished_below(const fs::path& folder) {
   return names;
 }
 
+/// Returns why a later run would not take one of the default folders; empty if it takes all.
+std::string refused_folders(const fs::path& out) {
+  std::string text;
+  if (!fs::exists(out)) return text;
+  for (const auto& entry : fs::directory_iterator(out)) try {
+      sim::check_folder(entry.path(), {});
+    } catch (const sim::OutputFailure& failure) {
+      text += failure.what();
+    }
+  return text;
+}
+
 TEST(Interrupts, EveryCommandEndsWithinASecondWheneverItIsAsked) {
   const CommandList list;
   const std::vector<CommandCall> calls = long_calls();
@@ -230,6 +243,7 @@ TEST(Interrupts, EveryCommandEndsWithinASecondWheneverItIsAsked) {
           << line << ": " << process.code() << " " << bytes(folder / "log");
       EXPECT_LT(took_s, longest_s) << line << ", signal " << number << " after " << at_s << " s";
       EXPECT_EQ(unfinished_below(folder.path()), "") << line;
+      EXPECT_EQ(refused_folders(folder / "out"), "") << line;
       interrupted += process.code() == 130;
       if (took_s > worst_s) {
         worst_s = took_s;

@@ -87,7 +87,7 @@ std::string unfinished_in(const fs::path& folder) {
   return names;
 }
 
-TEST(LostOutput, TheLimitOnFilesIsAnOutputErrorOfEveryCommandAndLeavesNothing) {
+TEST(LostOutput, TheLimitOnFilesIsAnOutputErrorOfEveryCommandAndInNoLaterRunsWay) {
   const CommandList list;
   const Folder folder;
   write_inputs(folder);
@@ -95,7 +95,7 @@ TEST(LostOutput, TheLimitOnFilesIsAnOutputErrorOfEveryCommandAndLeavesNothing) {
   for (const CommandCall& call : small_calls()) {
     // blocks of 512 or 1024 bytes: what is larger fails half way, as on a full disk
     const std::string line = call.command + " " + call.arguments;
-    fs::remove_all(folder / "out");  // what failed half way is not marked as a folder of results
+    fs::remove_all(folder / "out");  // so that a call meets only what its own failure left
     const Ran ran =
         run(line + " 2>&1 | cat; exit ${PIPESTATUS[0]}'", at(folder) + " bash -c 'ulimit -f 1;");
     EXPECT_TRUE(ran.code == 0 || ran.code == 5) << line << ": " << ran.code << " " << ran.text;
@@ -103,6 +103,8 @@ TEST(LostOutput, TheLimitOnFilesIsAnOutputErrorOfEveryCommandAndLeavesNothing) {
       failed.insert(call.command);
       EXPECT_NE(ran.text.find("cannot be written"), std::string::npos) << line << ": " << ran.text;
       EXPECT_EQ(ran.text.find(".unfinished"), std::string::npos) << line << ": " << ran.text;
+      const Ran again = run(line, at(folder));
+      EXPECT_EQ(again.code, 0) << line << ", after it had failed: " << again.text;
     }
     EXPECT_EQ(unfinished_in(folder.path()), "") << line;
   }

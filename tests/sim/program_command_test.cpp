@@ -1,8 +1,12 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <fstream>
+#include <iostream>
 #include <iterator>
+#include <numbers>
 #include <set>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -308,6 +312,56 @@ TEST(ProgramCommand, LongProgramsAreMeteredPieceByPiece) {
   std::ifstream in(folder.path() / "table" / "long.csv");
   const std::string table{std::istreambuf_iterator<char>(in), {}};
   EXPECT_GE(std::count(table.begin(), table.end(), '\n'), moves + 1);
+}
+
+/// Points of a written table that lie on a circle about the origin, in its X and Y columns.
+std::vector<std::array<double, 2>> points_on_circle(const fs::path& file, int x_column,
+                                                    double radius) {
+  std::vector<std::array<double, 2>> points;
+  std::ifstream in(file);
+  std::string line, cell;
+  std::getline(in, line);
+  while (std::getline(in, line)) {
+    std::istringstream cells(line);
+    std::array<double, 2> point{};
+    for (int column = 0; column < x_column; ++column) std::getline(cells, cell, ',');
+    for (double& coordinate : point) {
+      std::getline(cells, cell, ',');
+      coordinate = std::stod(cell);
+    }
+    if (std::abs(std::hypot(point[0], point[1]) - radius) < 1e-6) points.push_back(point);
+  }
+  return points;
+}
+
+TEST(ProgramCommand, WritesAsManyPointsOfAMoveAsItsToleranceNeeds) {
+  constexpr double radius = 60.325, tolerance_um = 1.0;
+  constexpr int turns = 300;
+  const Folder folder;
+  folder.write("turns.ngc", "G21 G90 G17 G94 G54\nG0 X60.325 Y0 Z0\nG2 X60.325 Y0 I-60.325 J0 P" +
+                                std::to_string(turns) + " F500\nM2\n");
+  const std::string at = "cd " + folder.path().string() + " && ";
+  for (const std::string format : {"csv", "pvt"}) {
+    SCOPED_TRACE(format);
+    const Ran ran = run("program turns.ngc --machine three_axis_table --to " + format +
+                            " --tolerance-um 1 --force --out table",
+                        at);
+    ASSERT_EQ(ran.code, 0) << ran.text;
+    const auto points = points_on_circle(folder / ("table/turns." + format),
+                                         format == "pvt" ? 1 : 0, radius);
+    ASSERT_GT(points.size(), 100'000u) << "where a limit of points once cut the tolerance";
+    double turned = 0.0, worst_um = 0.0;
+    for (std::size_t i = 1; i < points.size(); ++i) {
+      const auto &a = points[i - 1], &b = points[i];
+      turned += std::atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]);
+      const double middle = std::hypot(0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]));
+      worst_um = std::max(worst_um, 1e3 * (radius - middle));
+    }
+    std::cout << format << ": " << points.size() << " points, chords off by " << worst_um << " um\n";
+    EXPECT_NEAR(turned / (2.0 * std::numbers::pi), -turns, 1e-6);
+    EXPECT_LE(worst_um, tolerance_um + 1e-3) << "and the rounding of words";
+    EXPECT_GT(worst_um, 0.9 * tolerance_um) << "no more points than it needs";
+  }
 }
 
 #if ABBE_RENDER

@@ -74,7 +74,7 @@ TEST(StockCheck, TheBodyNamesTheEffectsThatItDoesNotShow) {
   const Verdict verdict = judge(wall, cut(wall), nullptr);
   ASSERT_GT(*verdict.residual.max, 3e-3) << "the wall bends";
   const auto check = stock_check(wall, verdict);
-  const std::string springs = "the body does not show what springs back from the cut";
+  const std::string springs = "the body does not show what springs back from the flank";
   ASSERT_EQ(check->left_out.size(), 1u);
   EXPECT_TRUE(check->left_out.front().starts_with(springs)) << check->left_out.front();
   EXPECT_NE(to_text(*check).find(springs), std::string::npos);
