@@ -21,15 +21,18 @@ constexpr LatheLine lathe_lines[] = {
      "X Z as they are: no interpolation on a cylinder or in polar coordinates"},
     {"G5 G5.1 G8", Group::Alone, no_effect,
      "contour control, smoothing and look-ahead: abbe cuts the exact path"},
-    {"G9 G61 G62 G63 G64", Group::Beside, no_effect,
-     "exact stop, corner override, tapping and cutting mode: abbe cuts the exact path"},
+    {"G9 G61", Group::Beside, no_effect, "exact stop: abbe cuts the exact path"},
+    {"G62", Group::Beside, no_effect, "slower feed in inside corners, which stays as programmed"},
+    {"G63", Group::Beside, no_effect, "tapping mode: overrides, abbe runs at 100 %"},
+    {"G64", Group::Beside, no_effect, "cutting mode: abbe cuts the exact path"},
     {"G10", Group::OneShot, is_read,
      "L2 L20: origin of G54 to G59 (P0: of all) or of G54.1, U W adding; without L: X Z U W R, wear "
      "of an offset P1 to P99"},
     {"G11 G13.1 G113", Group::None, no_effect, "end of what G10 and G12.1 begin; axis words beside them are refused"},
     {"G17 G18 G19", Group::Plane, is_read, "plane X Y, Z X, Y Z; G18 is in force at first"},
     {"G20 G21", Group::Units, is_read, "inch, mm"},
-    {"G22 G23 G25 G26", Group::Alone, no_effect, "checks of stored strokes and of spindle speed"},
+    {"G22 G23", Group::Alone, no_effect, "checks of stored strokes"},
+    {"G25 G26", Group::Alone, no_effect, "checks of fluctuations of the spindle speed"},
     {"G27 G29 G30.1", Group::None, is_refused, "moves to a reference position by G28 or G30"},
     {"G28 G30", Group::OneShot, is_read,
      "rapid over the point of the words, U0 W0: from where they stand, to the reference position of "
@@ -79,7 +82,8 @@ constexpr LatheLine lathe_lines[] = {
     {"M6", Group::Beside, no_effect, "the turret turns by T alone"},
     {"M7 M8 M9 M88 M89", Group::Coolant, no_effect, "coolant, M88 M89 through the tool"},
     {"M10 M11", Group::Beside, no_effect, "chuck closed, open"},
-    {"M19 M40 M41 M42 M43 M44 M45", Group::Beside, no_effect, "spindle orientation and gears"},
+    {"M19", Group::Beside, no_effect, "spindle orientation"},
+    {"M40 M41 M42 M43 M44 M45", Group::Beside, no_effect, "gears of the spindle"},
     {"M23 M24", Group::Beside, no_effect, "how a thread ends"},
     {"M48 M49", Group::Beside, no_effect, "overrides: abbe runs at 100 %"},
     {"M96 M97", Group::None, is_refused, "no interrupts: there is no signal"},
@@ -90,7 +94,9 @@ constexpr LatheLine lathe_lines[] = {
 };
 
 constexpr WordUse other_lathe_words[] = {
-    {"O : N F S", is_read, "program, sequence number, feed, speed"},
+    {"O :", is_read, "number of a program"},
+    {"N", is_read, "sequence number"},
+    {"F S", is_read, "feed; spindle speed"},
     {"T", is_read,
      "tool and offset, T0101. With an offset X Z lead the tool's point, X0 being on the spindle "
      "line: its geometry is that of the scene's tool, program.tip says which point; T0100 ends it"},

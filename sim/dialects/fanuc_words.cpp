@@ -24,8 +24,10 @@ constexpr Line lines[] = {
      "contour control, smoothing and look-ahead: abbe cuts the exact path"},
     {"G7.1 G107 G12.1 G112", Group::None, refused,
      "X Y Z as they are: no interpolation on a cylinder or in polar coordinates"},
-    {"G9 G61 G62 G63 G64", Group::Beside, none,
-     "exact stop, corner override, tapping and cutting mode: abbe cuts the exact path"},
+    {"G9 G61", Group::Beside, none, "exact stop: abbe cuts the exact path"},
+    {"G62", Group::Beside, none, "slower feed in inside corners, which stays as programmed"},
+    {"G63", Group::Beside, none, "tapping mode: overrides, abbe runs at 100 %"},
+    {"G64", Group::Beside, none, "cutting mode: abbe cuts the exact path"},
     {"G10", Group::OneShot, read,
      "L2 L20: origin of G54 to G59 (P0: of all) or of G54.1; L10 L11 L12 L13: length, its wear, "
      "radius, its wear of a tool; adds under G91"},
@@ -36,7 +38,8 @@ constexpr Line lines[] = {
      "end of, and polar coordinates: the first axis of the plane is a radius, the second an angle"},
     {"G17 G18 G19", Group::Plane, read, "plane X Y, Z X, Y Z"},
     {"G20 G21", Group::Units, read, "inch, mm"},
-    {"G22 G23 G25 G26", Group::Alone, none, "checks of stored strokes and of spindle speed"},
+    {"G22 G23", Group::Alone, none, "checks of stored strokes"},
+    {"G25 G26", Group::Alone, none, "checks of fluctuations of the spindle speed"},
     {"G28 G30", Group::OneShot, read,
      "beside any code of motion, which is in force behind it: rapid over the point of the words to "
      "the reference position of these axes, `reference` of the machine, else where they stand at "
@@ -114,7 +117,8 @@ constexpr Line lines[] = {
      "S is a surface speed at the radius of X: a block takes as long as at the speeds of its "
      "points"},
     {"G97", Group::SpeedMode, read, "S is a speed in rpm"},
-    {"G98 G99", Group::ReturnLevel, read, "cycles return to the level before; to R"},
+    {"G98 G99", Group::ReturnLevel, read,
+     "cycles return to the level before them, also below R, which is warned of; to R"},
     {"M0 M1", Group::Stop, none, "stops"},
     {"M2 M30", Group::Stop, read, "end of the program"},
     {"M3 M4 M5", Group::Spindle, read, "spindle clockwise, counter-clockwise, off"},
@@ -132,8 +136,10 @@ constexpr Line lines[] = {
 };
 
 constexpr WordUse other_words[] = {
-    {"O : N F S T D H", read,
-     "program, sequence number, feed, speed, tool, radius and length by number"},
+    {"O :", read, "number of a program"},
+    {"N", read, "sequence number"},
+    {"F S", read, "feed; spindle speed"},
+    {"T D H", read, "tool; its radius, its length by number"},
     {"X Y Z A B C U V W", read, "axes of the machine; mm or inch, degrees"},
     {"1 1.", read,
      "without a decimal point a length or angle counts in 0.001 mm, 0.001 degrees or 0.0001 inch "

@@ -102,6 +102,7 @@ void Flow::o_line(const OWord& o, Cursor cursor) {
   if (o.word == "call") return call(o, cursor);
   if (is({"return", "endsub"})) return leave(o, cursor);
   if (o.word == "sub") {
+    if (calls_.size() > 1) run_.canon.refuse(o.cause, "endsub before another sub");
     at_ = next_of(o, {"endsub"}) + 1;
     return;
   }
@@ -111,6 +112,11 @@ void Flow::o_line(const OWord& o, Cursor cursor) {
 }
 
 void Flow::branch(const OWord& o, Cursor& cursor) {
+  std::string key = fmt::format("{}:{}", calls_.back().source->file, o.label);
+  if (o.word == "if")
+    begun_ifs_.insert(std::move(key));
+  else if (!begun_ifs_.contains(key))
+    run_.canon.refuse(o.cause, fmt::format("o{} if before {}", o.label, o.word), "none");
   if (o.word == "endif") {
     ++at_;
     return;

@@ -17,7 +17,8 @@ constexpr Line lines[] = {
      "arc clockwise, counter-clockwise, helix too; I J K or R, P whole turns that are begun"},
     {"G4", Group::OneBlock, read, "dwell, P seconds, before a move of the same block", true},
     {"G5 G5.1", Group::Motion, read,
-     "cubic (I J P Q) and quadratic (I J) spline in X Y, as chords within 0.0001 mm"},
+     "cubic (I J P Q) and quadratic (I J) spline in X Y, as chords within 0.0001 mm; the motion "
+     "before them stays in force"},
     {"G5.2 G5.3", Group::Motion, read,
      "NURBS in X Y, P weights, L order, as chords within 0.0001 mm"},
     {"G7 G8", Group::LatheDiameter, read,
@@ -51,7 +52,7 @@ constexpr Line lines[] = {
     {"G49", Group::ToolLength, read, "no tool length; the end of G43.4"},
     {"G52", Group::OneBlock, read, "shift on top of the coordinate system"},
     {"G53", Group::OneBlock, read,
-     "beside G0 or G1, also in force: positions of the axes, without offsets", true},
+     "beside G0 or G1, also in force, under G90: positions of the axes, without offsets", true},
     {"G54 G55 G56 G57 G58 G59 G59.1 G59.2 G59.3", Group::WorkOffset, read,
      "coordinate system 1 to 9; 1 to 6 begin as `work_offset` says, all as `offsets` does, others "
      "at "
@@ -65,7 +66,7 @@ constexpr Line lines[] = {
     {"G74 G84", Group::Motion, read,
      "tapping left, right, with the spindle reversed at the bottom"},
     {"G76", Group::Motion, read, "threading cycle, P Z I J R K Q H E L"},
-    {"G80", Group::Motion, read, "no motion mode"},
+    {"G80", Group::Motion, read, "no motion mode, beside another code of motion nothing"},
     {"G81 G82", Group::Motion, read, "drilling; with dwell P"},
     {"G85 G86 G89", Group::Motion, read,
      "boring: feed out; spindle stops, rapid out; dwell, feed out"},
@@ -76,7 +77,7 @@ constexpr Line lines[] = {
     {"G92.1 G92.2 G92.3", Group::OneBlock, read,
      "shift of G92 and G52 cleared; suspended; restored; axis words are refused"},
     {"G93 G94 G95", Group::FeedMode, read,
-     "F: inverse time, in every block; per minute; per turn of the spindle"},
+     "F: inverse time, in every block; per minute; per turn of the spindle; each forgets F"},
     {"G96", Group::SpeedMode, read,
      "S is a surface speed at the radius of X, D the largest rpm: a block takes as long as at the "
      "speeds of its points"},
@@ -90,7 +91,8 @@ constexpr Line lines[] = {
     {"M19", Group::Spindle, none, "spindle orientation"},
     {"M48 M49 M50 M51 M52 M53", Group::Override, none, "overrides: abbe runs at 100 %"},
     {"M61", Group::ToolChange, read, "Q is the tool in the spindle"},
-    {"M62 M63 M64 M65 M67 M68", Group::Override, none, "outputs of the control"},
+    {"M62 M63 M64 M65", Group::Override, none, "digital outputs, P their number"},
+    {"M67 M68", Group::Override, none, "analog outputs, E their number, Q the value"},
     {"M66", Group::None, refused, "no wait for an input: there is none to read"},
     {"M70 M71 M72 M73", Group::State, read,
      "modes saved; forgotten; restored; saved here and restored at the end of the call, in a block "
@@ -102,7 +104,9 @@ constexpr Line lines[] = {
 };
 
 constexpr WordUse other_words[] = {
-    {"F S T N", read, "feed, spindle speed, tool, line number"},
+    {"F S", read, "feed; spindle speed"},
+    {"T", read, "tool"},
+    {"N", read, "line number"},
     {"X Y Z A B C U V W", read, "axes of the machine; mm or inch, degrees"},
     {"$", read, "spindle of S M3 M4 M5: 0 is that of the machine, others turn nothing"},
     {"@ ^", read, "polar X Y: radius, and angle in degrees; what is silent stays"},

@@ -240,6 +240,8 @@ void Machine::note_coolant(const Block& block) const {
 void Machine::dwell(const Block& block) {
   const Code& code = block[Group::Dwell];
   const Value &seconds = block[Address::F], &turns = block[Address::S];
+  if (const Value* axis = first_axis_word(block))
+    refuse(axis->cause, "no axis words beside G4, which takes none");
   if (bool(seconds) == bool(turns)) refuse(code.cause, "either F or S beside G4");
   if (turns && !(canon_.spindle_speed() > 0)) refuse(turns, "a spindle that turns beside G4 S");
   const double time = seconds ? seconds.value : turns.value * 60.0 / canon_.spindle_speed();

@@ -1,6 +1,7 @@
 // Axis words beside every word of every dialect's table that is no motion: they may move nothing,
-// or be refused. What is without effect changes no later move either. The words come from the
-// tables, so that new ones are tried as well.
+// or be an input error. What is without effect changes no later move either, and what the table
+// refuses is an input error. The words come from the tables of milling and turning controls, so
+// that new ones are tried as well.
 
 #include <gtest/gtest.h>
 
@@ -14,7 +15,7 @@
 
 #include "sim/dialects/front_ends.h"
 #include "sim/dialects/read_program.h"
-#include "tests/program/machines.h"
+#include "tests/dialects/lathe.h"
 
 namespace abbe::sim::dialects::axis_words_tests {
 namespace {
@@ -34,14 +35,22 @@ const Frame frames[] = {
     {Dialect::Siemens, "G71 G90 G17 G94\nG1 X1 Y2 Z3 F100\n", "X50 Y60 Z70\nM30\n"},
     {Dialect::Heidenhain, "BEGIN PGM A MM\nTOOL CALL 1 Z S100\nL X+1 Y+2 Z+3 R0 F100\n",
      "L X+50 Y+60 Z+70\nEND PGM A MM\n"},
+    {Dialect::LinuxCnc, "G21 G90 G18 G94 G7\nG1 X10 Z3 F100\n", "X50 Z70\nM2\n", true},
+    {Dialect::Fanuc, "O1\nG21 G18 G98\nT0101\nG1 X10. Z3. F100.\n", "X50. Z70.\nM30\n", true},
+    {Dialect::Siemens, "G71 G90 G18 G94 DIAMON\nT1 D1\nG1 X10 Z3 F100\n", "X50 Z70\nM30\n", true},
     {Dialect::Cl, "UNITS/MM\nFEDRAT/100,MMPM\nGOTO/1,2,3\n", "GOTO/50,60,70\nFINI\n"},
 };
 
 /// Words that may stand behind one, of all kinds that codes own.
 const std::vector<std::string>& words_behind(const Frame& frame) {
-  static const std::vector<std::string> lathe = {"X7. Z9.", "X0. Z0.", "U7. W9.", "Z9.",
-                                                 "X7. Z9. R1. P1", "X7. I6. K4.", "P1 Q1 X7."};
-  if (frame.turning) return lathe;
+  static const std::vector<std::string> lathe = {
+      "X7. Z9.", "X0. Z0.",     "U7. W9.",   "Z9.",   "X7. Z9. R1. P1",
+      "U7.",     "X7. I6. K4.", "P1 Q1 X7.", "W-5.",  "C30. X7."};
+  static const std::vector<std::string> siemens_lathe = {
+      "X7 Z9",      "X0 Z0",    "Z9",         "X=7 Z=9",      "X=IC(7)",    "(X,Z) X7",
+      "=5 X7 Z9",   "(1) X7",   "(\"A\") X7", "[X]=5 X7 Z9",  "X7 I6 K4",   "X7 RP=40",
+      "X7 CR=30 Z9"};
+  if (frame.turning) return frame.dialect == Dialect::Siemens ? siemens_lathe : lathe;
   static const std::vector<std::string> iso = {
       "X7. Y8. Z9.",        "X0. Y0.",          "Z9.",
       "A4. C5.",            "X7. Y8. Z9. A4.",  "X7. Y8. I6. J5. K4.",
@@ -69,7 +78,7 @@ const std::vector<std::string>& words_behind(const Frame& frame) {
 ReadOptions axis_options(const Frame& frame) {
   ReadOptions options;
   options.control =
-      machines::options_for(frame.turning ? machines::platform() : machines::gantry());
+      machines::options_for(frame.turning ? test::lathe() : machines::gantry());
   options.control.tool_radius = {{1, 3.0}, {2, 0.5}};
   options.dialect = frame.dialect;
   options.turning.control = frame.turning ? ControlKind::Turning : ControlKind::Milling;
@@ -105,20 +114,19 @@ bool is_m_word(std::string_view word) {
   return word.size() > 1 && word[0] == 'M' && std::isdigit((unsigned char)(word[1])) != 0;
 }
 
-/// Letters and digits that a line of the program can begin with, not a sign or an operator.
-bool can_begin_a_line(std::string_view word) {
-  return word.size() > 1 && std::isalpha((unsigned char)(word[0])) != 0 &&
-         word.find_first_of("[]()#$\"=,") == std::string_view::npos;
-}
-
-/// Words of tables hold their parts together by no-break spaces.
-std::string with_blanks(std::string text) {
+/// A word of a table as a line of the program can begin with it; empty for signs and operators, and
+/// for what stands in other places only. Parts of one word are held together by no-break spaces.
+std::string written(std::string_view word) {
+  std::string text(word);
   for (std::size_t at; (at = text.find("\u00a0")) != std::string::npos;) text.replace(at, 2, " ");
-  return text;
+  if (std::isalpha((unsigned char)(text[0])) == 0) return {};
+  if (text.find_first_of("[]()#$\"=,") != std::string::npos) return {};
+  return text.size() == 1 ? text + "5" : text;  // an address and its number
 }
 
 struct Count {
   int words = 0, lines = 0, refused = 0, still = 0, of_motion = 0;
+  int listed = 0, within = 0, with_motion = 0;  ///< words; in expressions alone; read with a motion
 };
 
 /// The words of axes alone: of `P1 X7. Y8. Q2` X7. Y8., as the others are the tried word's own.
@@ -127,7 +135,7 @@ std::string axis_words_of(const std::string& behind) {
   std::istringstream words(glued ? behind.substr(std::min(behind.find(' '), behind.size())) : behind);
   std::string axes;
   for (std::string word; words >> word;)
-    if (std::string_view("XYZACU").find(word[0]) != std::string_view::npos) axes += word + " ";
+    if (std::string_view("XYZACUW").find(word[0]) != std::string_view::npos) axes += word + " ";
   return axes;
 }
 
@@ -193,39 +201,76 @@ void try_read(const Frame& frame, const std::string& word, const std::string& be
   ++count.still;
 }
 
+/// A word that the table refuses, alone and with words behind it.
+void try_refused(const Frame& frame, const std::string& word, Count& count) {
+  // A5 is a position of A, A5=1 the word
+  const bool assigned = word.size() == 2 && std::string_view("ABC").find(word[0]) < 3;
+  for (const std::string& behind : {std::string(), words_behind(frame).front()}) {
+    const std::string line = word + (assigned ? "=1 " : " ") + behind + "\n";
+    SCOPED_TRACE(line);
+    ++count.lines;
+    ++count.refused;
+    EXPECT_FALSE(path_of(frame.before + line + frame.after, frame)) << "refused by its table";
+  }
+}
+
+void try_word(const Frame& frame, const WordUse& use, const std::string& word, Count& count) {
+  const bool without_effect = use.use == Use::WithoutEffect;
+  ++count.words;
+  if (use.use == Use::Refused) return try_refused(frame, word, count);
+  for (const std::string& behind : words_behind(frame)) {
+    if (!without_effect)
+      try_read(frame, word, behind, count);
+    else
+      try_without_effect(frame, use, word, behind, count);
+    if (frame.dialect == Dialect::Heidenhain && is_m_word(word))
+      try_klartext_function(frame, word, behind, count);
+  }
+}
+
+/// Tries every word of a table: each is tried, or stands within other words only, or is read with
+/// the motion of its block.
+Count try_table(const Frame& frame, std::span<const WordUse> table) {
+  Count count;
+  for (const WordUse& use : table)
+    each_word(use.word, [&](std::string_view one) {
+      ++count.listed;
+      // a statement of cutter locations owns what stands behind it: no motion is in force
+      const bool has_modes = frame.dialect != Dialect::Cl;
+      const std::string word = written(one);
+      if (word.empty())
+        ++count.within;
+      else if (use.use == Use::Read && (use.beside_motion || one.size() == 1 || !has_modes))
+        ++count.with_motion;
+      else
+        try_word(frame, use, word, count);
+    });
+  return count;
+}
+
 TEST(AxisWords, BesideWordsThatAreNoMotionMoveNothing) {
+  int tables = 0;
   for (const Frame& frame : frames) {
     const auto front = std::ranges::find(front_ends(), frame.dialect, &FrontEnd::dialect);
     ASSERT_NE(front, front_ends().end());
-    const std::string title(frame.turning ? front->turning_title : front->title);
+    const bool own_table = frame.turning && front->turning_words != nullptr;
+    const std::string title = std::string(own_table ? front->turning_title : front->title) +
+                              (frame.turning && !own_table ? ", turning" : "");
+    tables += own_table || !frame.turning;
     ASSERT_TRUE(path_of(frame.before + "\n" + frame.after, frame)) << title;
-    Count count;
-    for (const WordUse& use : frame.turning ? front->turning_words() : front->words()) {
-      if (use.use == Use::Refused) continue;
-      each_word(use.word, [&](std::string_view one) {
-        const std::string word = with_blanks(std::string(one));
-        if (!can_begin_a_line(word)) return;
-        const bool without_effect = use.use == Use::WithoutEffect;
-        // a statement of cutter locations owns what stands behind it: no motion is in force
-        const bool has_modes = frame.dialect != Dialect::Cl;
-        if (!without_effect && (use.beside_motion || !has_modes)) return;
-        ++count.words;
-        for (const std::string& behind : words_behind(frame)) {
-          if (!without_effect)
-            try_read(frame, word, behind, count);
-          else
-            try_without_effect(frame, use, word, behind, count);
-          if (frame.dialect == Dialect::Heidenhain && is_m_word(word))
-            try_klartext_function(frame, word, behind, count);
-        }
-      });
-    }
-    std::cout << title << ": " << count.words << " words, " << count.lines << " lines: "
-              << count.refused << " refused, " << count.still << " without a move, "
-              << count.of_motion << " with that of the motion in force\n";
+    const Count count = try_table(frame, own_table ? front->turning_words() : front->words());
+    std::cout << title << ": " << count.listed << " words, " << count.words << " tried, "
+              << count.with_motion << " read with a motion, " << count.within
+              << " within others; " << count.lines << " lines: " << count.refused << " refused, "
+              << count.still << " without a move, " << count.of_motion
+              << " with that of the motion in force\n";
     EXPECT_GT(count.words, 5) << title;
     EXPECT_GT(count.still, 5) << title;
+    EXPECT_EQ(count.words + count.with_motion + count.within, count.listed) << title;
   }
+  int known = 0;
+  for (const FrontEnd& one : front_ends()) known += 1 + (one.turning_words != nullptr);
+  EXPECT_EQ(tables, known) << "every table is walked";
 }
 
 }  // namespace

@@ -11,7 +11,7 @@
 #include "sim/dialects/bad_program.h"
 #include "sim/dialects/read_program.h"
 #include "sim/program/surface_speed.h"
-#include "tests/program/machines.h"
+#include "tests/dialects/lathe.h"
 
 /// Programs of turning controls. Every figure is worked out here, by closed form or by numerical
 /// integration, and not by what reads programs.
@@ -26,19 +26,7 @@ using program::Path;
 
 constexpr int z = 1, x = 2;  // joints of the lathe
 
-/// w S' b Z X t: the tip on the spindle line with all axes at zero.
-machines::Chain lathe(double beyond_tip = 0.0) {
-  machines::Pose T_bt = machines::Pose::Identity();
-  T_bt.translation().x() = beyond_tip;
-  machines::Chain chain({machines::joint('S', machines::Side::Workpiece, machines::Motion::Rotary,
-                                         -machines::ez),
-                         machines::joint('Z', machines::Side::Tool, machines::Motion::Linear,
-                                         machines::ez),
-                         machines::joint('X', machines::Side::Tool, machines::Motion::Linear,
-                                         machines::ex)},
-                        machines::Pose::Identity(), T_bt);
-  return chain;
-}
+using test::lathe;
 
 ReadOptions lathe_options(Dialect dialect, const machines::Chain& chain = lathe()) {
   ReadOptions options;
