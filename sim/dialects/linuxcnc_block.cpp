@@ -24,12 +24,12 @@ std::string_view comment_at(Cursor& cursor) {
 
 }  // namespace
 
-bool Block::empty() const { return words.empty() && codes.empty() && !mist && !flood; }
+bool Block::empty() const { return words.empty() && codes.empty(); }
 
 void Block::clear() {
   words.clear();
   codes.clear();
-  mist = flood = deleted = percent = false;
+  deleted = percent = false;
   skipped = wordless = {};
   comments.clear();
   numbers.clear();
@@ -129,12 +129,11 @@ void BlockReader::put_code(char letter, const NcWord& word) {
     block_.wordless = word;
     return;
   }
-  if (group == Group::Coolant && (code == 70 || code == 80)) {
-    (code == 70 ? block_.mist : block_.flood) = true;
-    return;
-  }
   const Code& place = block_[group];
-  if (place)
+  // rs274 lets G80 stand beside another code of motion, and obeys the other
+  const bool ends_cycle = group == Group::Motion && place && (code == 800) != (place.tenths == 800);
+  if (ends_cycle && code == 800) return;
+  if (place && !ends_cycle)
     run_.canon.refuse(word, "one code of a modal group in a block",
                       fmt::format("{} after {}", shown(word.text), shown(place.word.text)));
   block_.codes.put(std::size_t(group), {code, word});
@@ -159,6 +158,9 @@ void BlockReader::word(bool first) {
     cursor_.refuse(from, std::string("a number after ") + letter, "the end of the line");
   word.value = value(cursor_, grammar(), operands_);
   word.text = cursor_.text.substr(from, cursor_.at - from);
+  const std::size_t digits = word.text.find_first_not_of(" \t", 1);
+  if (letter == 'N' && (digits == std::string_view::npos || !is_digit(word.text[digits])))
+    run_.canon.refuse(word, "a line number in digits");
   if (letter == 'G' || letter == 'M') return put_code(letter, word);
   if (letter == 'N' && !first) run_.canon.refuse(word, "a line number first in its block");
   const std::size_t index = letter == '@'   ? 26

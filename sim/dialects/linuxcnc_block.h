@@ -19,7 +19,7 @@ using program::Cause;
 using program::NcWord;
 using program::Target;
 
-/// Groups of G and M codes of which a block has at most one each, those of coolant excepted.
+/// Groups of G and M codes of which a block has at most one each.
 enum class Group {
   None,  ///< a code that is refused, or without effect and without axis words
   OneBlock,
@@ -54,7 +54,6 @@ using Code = CodeOf<NcWord>;
 struct Block {
   Slots<NcWord, 29> words;  ///< by letter, then @ ^ $; G and M are in `codes`
   Slots<Code, std::size_t(Group::Count)> codes;
-  bool mist = false, flood = false;
   NcWord skipped;   ///< a code that the dialect has not, passed over
   NcWord wordless;  ///< a code without effect that takes no axis words
   std::vector<std::string_view> comments;

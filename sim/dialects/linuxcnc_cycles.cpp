@@ -51,6 +51,8 @@ void Machine::take_cycle(const Block& block) {
   if (q) cycle_.q = q.value * unit();
   if (pecks && !(cycle_.q > 0)) refuse(q ? Cause(q) : cause, "Q (depth of a peck) above zero");
   if (p) cycle_.p = p.value;
+  if (!cycle_.begun && !p && (motion_ == 820 || motion_ == 860 || motion_ == 890))
+    refuse(cause, fmt::format("P (seconds) in the first block of G{}", motion_ / 10), "none");
   if (!(cycle_.p >= 0 && cycle_.p <= 1e6)) refuse(p, "0 to 1e6 seconds after P");
   if (const NcWord& l = block['L'];
       l && (l.value < 1 || l.value > 1e6 || l.value != std::floor(l.value)))

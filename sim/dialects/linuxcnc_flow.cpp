@@ -82,7 +82,7 @@ bool Flow::block(Cursor cursor) {
 /// M70 to M73: every call has a state of its own.
 void Flow::keep_modes() {
   const Code& code = block_[Group::State];
-  bool alone = block_.words.empty() && !block_.mist && !block_.flood;
+  bool alone = block_.words.empty();
   for (const Code& other : block_.codes) alone = alone && (!other || &other == &code);
   if (!alone) run_.canon.refuse(code.word, "a block of its own for " + shown(code.word.text));
   Call& now = calls_.back();

@@ -3,6 +3,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <unordered_map>
@@ -91,6 +92,7 @@ class Flow : public Operands {
   std::vector<std::unique_ptr<Source>> sources_;
   std::map<std::string, Sub> subs_;  ///< found so far
   std::unordered_map<std::string, std::size_t> jumps_;
+  std::set<std::string> begun_ifs_;  ///< file and label of each `if` that has run
   std::vector<Call> calls_;
   std::size_t at_ = 0;  ///< line of the running source, from 0
   int percents_ = 0;

@@ -51,7 +51,7 @@ constexpr Function functions[] = {
     {"FUP", [](double x) { return std::ceil(x); }},
     {"LN", [](double x) { return std::log(x); },
      [](double x) -> const char* { return x <= 0 ? "a number above zero" : nullptr; }},
-    {"ROUND", [](double x) { return double(std::floor(x + 0.5)); }},
+    {"ROUND", [](double x) { return double(std::round(x)); }},  // halves away from zero
     {"SIN", [](double x) { return std::sin(x * units::deg); }},
     {"SQRT", [](double x) { return std::sqrt(x); },
      [](double x) -> const char* { return x < 0 ? "a number that is not below zero" : nullptr; }},

@@ -41,9 +41,20 @@ std::string_view letters_of_motion(int motion) {
       return "KI";
     case 760:
       return "PIJRKQHEL";
+    case 730:
+    case 830:
+      return "RQL";
+    case 810:
+    case 850:
+      return "RL";
     default:
-      return is_drilling(motion) ? "RQPL" : "";
+      return is_drilling(motion) ? "RPL" : "";
   }
+}
+
+/// Codes of motion that do nothing without axis words.
+bool needs_axes(int motion) {
+  return is_drilling(motion) || motion == 330 || motion == 331 || motion == 50 || motion == 51;
 }
 
 /// Of the codes of overrides and outputs.
@@ -81,6 +92,7 @@ Machine::Machine(ProgramRun& run)
         parameters_[5221 + 20 * std::size_t(system - 1) + std::size_t(k)] =
             canon_.is_linear(j) ? offset[j] : offset[j] / units::deg;
   }
+  take_origin(1);
   parameters_[5220] = 1;
   parameters_[5599] = 1;  // (debug,) comments are shown
   const AxisVector& reference = canon_.options().reference;
@@ -157,7 +169,11 @@ void Machine::check_words(const Block& block) const {
   const int motion = block[Group::Motion] ? block.tenths(Group::Motion) : motion_;
   const bool takes_axes = once && once.tenths != 40 && once.tenths != 530;
   std::string taken(letters_of_one_block(once.tenths));
-  if (!takes_axes) taken += letters_of_motion(motion);
+  const NcWord& axis = first_axis_word(block);
+  const bool is_arc = motion == 20 || motion == 30;
+  const bool centre = is_arc && (block['I'] || block['J'] || block['K']);
+  // letters of a motion in force count in blocks that move
+  if (!takes_axes && (axis || block[Group::Motion] || centre)) taken += letters_of_motion(motion);
   const int length = block.tenths(Group::ToolLength);
   if (length == 430 || length == 432 || length == 434) taken += 'H';
   if (const int side = block.tenths(Group::CutterRadius); side > 400) taken += "DL";
@@ -177,7 +193,6 @@ void Machine::check_words(const Block& block) const {
                                 ? "G2 or G3 beside I J K R"
                                 : fmt::format("a code that takes {}", letter));
   }
-  const NcWord& axis = first_axis_word(block);
   if (axis && upper(block.skipped.text.empty() ? 'M' : block.skipped.text.front()) == 'G')
     refuse(axis, "no axis words beside a code that is skipped: what it makes of them is not known",
            fmt::format("{} beside {}", shown(axis.text), shown(block.skipped.text)));
@@ -188,6 +203,8 @@ void Machine::check_words(const Block& block) const {
       refuse(word, "a move in the plane of X and Y beside @ and ^");
   }
   if (once.tenths == 40 && !block['P']) refuse(once.word, "P (seconds) beside G4", "none");
+  check_motion(block);
+  check_outputs(block);
   const bool by_words = length == 431;
   const bool follows = motion < 0 && !run_.faults().empty();  // its code may be in that block
   if (axis && !takes_axes && !by_words && follows)
@@ -204,11 +221,44 @@ void Machine::check_words(const Block& block) const {
   // LinuxCNC moves by them although the code takes them, which nobody means
   if (axis && (once.tenths % 10 == 1 || once.tenths == 922 || once.tenths == 923))
     refuse(axis, fmt::format("no axis words beside {}, which takes none", shown(once.word.text)));
-  if (takes_axes && axis && block[Group::Motion])
+  const bool stores = once.tenths % 10 == 1 || once.tenths == 922 || once.tenths == 923;
+  if (takes_axes && !stores && block[Group::Motion] && (axis || motion != 800))
     refuse(block[Group::Motion].word, "no code of motion beside " + shown(once.word.text));
   if (const NcWord& tool = block['T'];
       tool && (tool.value < 0 || tool.value != std::floor(tool.value)))
     refuse(tool, "a whole tool number");
+}
+
+/// What a code of motion needs in its block.
+void Machine::check_motion(const Block& block) const {
+  const Code& code = block[Group::Motion];
+  const bool is_arc = code.tenths == 20 || code.tenths == 30;
+  if (code && needs_axes(code.tenths) && !first_axis_word(block))
+    refuse(code.word, "axis words beside " + shown(code.word.text), "none");
+  if (code && is_arc && !block['I'] && !block['J'] && !block['K'] && !block['R'])
+    refuse(code.word, "I J K or R beside " + shown(code.word.text), "none");
+  const bool incremental = block[Group::Distance] ? block.tenths(Group::Distance) == 910 : incremental_;
+  if (const Code& once = block[Group::OneBlock]; once.tenths == 530 && incremental)
+    refuse(once.word, "G90 beside G53: positions of the axes are absolute", "G91");
+}
+
+/// What M19 and the outputs of the control need in their block.
+void Machine::check_outputs(const Block& block) const {
+  if (const Code& code = block[Group::Override]) {
+    const bool digital = code.tenths >= 620 && code.tenths <= 650;
+    const bool analog = code.tenths == 670 || code.tenths == 680;
+    if ((digital && !block['P']) || (analog && !block['E']))
+      refuse(code.word,
+             fmt::format("{} (number of the output) beside {}", digital ? 'P' : 'E',
+                         shown(code.word.text)),
+             "none");
+    if (const NcWord& output = block[digital ? 'P' : 'E']; (digital || analog) && output.value < 0)
+      refuse(output, "the number of an output, not below zero");
+  }
+  if (block.tenths(Group::Spindle) != 190) return;
+  if (const NcWord& p = block['P']; p && p.value != 0 && p.value != 1 && p.value != 2)
+    refuse(p, "P0, P1 or P2 beside M19");
+  if (const NcWord& q = block['Q']; q && !(q.value > 0)) refuse(q, "Q (seconds) above zero beside M19");
 }
 
 void Machine::set_feed(const Block& block) {
@@ -216,7 +266,7 @@ void Machine::set_feed(const Block& block) {
     const FeedMode mode = code.tenths == 930   ? FeedMode::InverseTime
                           : code.tenths == 940 ? FeedMode::PerMinute
                                                : FeedMode::PerRevolution;
-    if (mode != canon_.feed_mode()) canon_.set_feed({});
+    canon_.set_feed({});  // rs274 forgets F at each G94 and G95, also where the mode stays
     canon_.set_feed_mode(mode);
   }
   if (canon_.feed_mode() == FeedMode::InverseTime) canon_.set_feed({});
@@ -272,8 +322,8 @@ void Machine::call_tools(const Block& block) {
     if (has) text += std::string(text.empty() ? "" : " ") + word;
   };
   add(changes, "M6");
-  add(block.mist, "M7");
-  add(block.flood, "M8");
+  add(block.tenths(Group::Coolant) == 70, "M7");
+  add(block.tenths(Group::Coolant) == 80, "M8");
   if (!text.empty()) canon_.aside(std::move(text));
 }
 
@@ -410,7 +460,16 @@ bool Machine::execute(const Block& block) {
   note_start_modes(block);
   set_modes(block);
   const Code& once = block[Group::OneBlock];
+  // rs274 keeps the motion that was in force before G5 and G5.1
+  struct MotionBefore {
+    int& motion;
+    std::optional<int> before = {};
+    ~MotionBefore() {
+      if (before) motion = *before;
+    }
+  } kept{motion_};
   if (const Code& code = block[Group::Motion]) {
+    if (code.tenths == 50 || code.tenths == 51) kept.before = motion_;
     if (!is_drilling(code.tenths))
       cycle_ = {};
     else if (code.tenths != motion_)
@@ -418,6 +477,8 @@ bool Machine::execute(const Block& block) {
     if (code.tenths != 52 && code.tenths != 53) poles_.clear();
     if (code.tenths != 50) spline_arm_.reset();
     motion_ = code.tenths;
+  } else if (first_axis_word(block)) {
+    spline_arm_.reset();
   }
   if (once && once.tenths != 530 && once.tenths != 40)
     one_block(block);
@@ -437,17 +498,25 @@ double Machine::parameter(int number) const {
     return joint(k) < 0 ? 0.0 : programmed(k) / (turns ? 1.0 : unit());
   }
   if (number == 5400) return tool_;
-  if (number >= 5401 && number <= 5409) {
-    const int j = joint(number - 5401);
-    const AxisVector& shift = canon_.tool_shift();
-    if (j < 0 || shift.size() == 0) return 0.0;
-    return canon_.is_linear(j) ? shift[j] : shift[j] / units::deg;
+  // of the tool in the spindle, whatever length is in force
+  if (number == 5403 && !run_.turning()) {
+    const auto length = length_.find(tool_);
+    return length == length_.end() ? 0.0 : length->second;
   }
+  if (number >= 5401 && number <= 5409) return run_.turning() ? tool_shift(number - 5401) : 0.0;
   if (number == 5410) {
     const auto radius = radius_.find(tool_);
     return radius == radius_.end() ? 0.0 : 2 * radius->second;
   }
   return parameters_[std::size_t(number)];
+}
+
+/// mm or degrees of the tool length in force along an axis.
+double Machine::tool_shift(int k) const {
+  const int j = joint(k);
+  const AxisVector& shift = canon_.tool_shift();
+  if (j < 0 || shift.size() == 0) return 0.0;
+  return canon_.is_linear(j) ? shift[j] : shift[j] / units::deg;
 }
 
 bool Machine::set_parameter(int number, double value) {

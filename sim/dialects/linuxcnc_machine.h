@@ -60,6 +60,8 @@ class Machine {
     canon_.refuse(cause, std::move(expected), std::move(seen));
   }
   void check_words(const Block& block) const;
+  void check_motion(const Block& block) const;
+  void check_outputs(const Block& block) const;
   Block without_spindle(const Block& block) const;
   void note_start_modes(const Block& block);
   void set_modes(const Block& block);
@@ -80,6 +82,7 @@ class Machine {
   void set_tool_length(const Block& block);
   double length_of(int tool, const Cause& cause) const;
   void choose_system(int number);
+  void take_origin(int number);
   void apply_frame();
   void store_data(const Block& block);
   void store_system(const Block& block, int number, bool by_position);
@@ -90,6 +93,7 @@ class Machine {
   double programmed(int k) const;
   double absolute(int k) const;
   double from_zero(int k) const;
+  double tool_shift(int k) const;
   void apply_length(const Cause& cause);
 
   // linuxcnc_motion.cpp
@@ -128,6 +132,7 @@ class Machine {
   std::vector<double> parameters_;
   std::array<bool, 9> system_changed_{};   ///< from what the scene says
   int system_ = 1;                         ///< 1 .. 9
+  std::array<double, 10> origin_{};        ///< of the system in force: its axes, then its angle
   Nine g92_{};                             ///< in force
   std::map<int, double> length_, radius_;  ///< mm, of tools
   int motion_ = -1;                        ///< tenths; -1 none

@@ -41,9 +41,8 @@ double Machine::from_zero(int k) const {
 /// Program to axes: turned about Z, shifted by the system, and first of all by G92 or G52. Offsets
 /// of the scene that nothing has changed keep their bits.
 void Machine::apply_frame() {
-  const std::size_t at = system_at(system_);
   const bool shifted = std::any_of(g92_.begin(), g92_.end(), [](double v) { return v != 0.0; });
-  const double angle = parameters_[at + 9];
+  const double angle = origin_[9];
   program::Frame frame;
   if (!system_changed_[std::size_t(system_ - 1)] && !shifted) {
     frame.shift = program::work_offset(canon_.options(), system_);
@@ -63,15 +62,22 @@ void Machine::apply_frame() {
   }
   for (int k = 0; k < 9; ++k)
     if (const int j = joint(k); j >= 0)
-      frame.shift[j] = (parameters_[at + std::size_t(k)] + first[std::size_t(k)]) *
+      frame.shift[j] = (origin_[std::size_t(k)] + first[std::size_t(k)]) *
                        (canon_.is_linear(j) ? 1.0 : units::deg);
   canon_.set_frame(system_ - 1, std::move(frame));
 }
 
+/// The system that is in force stays as it is, whatever its parameters have become, as in rs274.
 void Machine::choose_system(int number) {
-  system_ = number;
+  if (number != system_) take_origin(number);
   parameters_[5220] = number;
   apply_frame();
+}
+
+void Machine::take_origin(int number) {
+  system_ = number;
+  std::copy_n(parameters_.begin() + std::ptrdiff_t(system_at(number)), origin_.size(),
+              origin_.begin());
 }
 
 double Machine::length_of(int tool, const Cause& cause) const {
@@ -166,7 +172,7 @@ void Machine::store_system(const Block& block, int number, bool by_position) {
     const double c = std::cos(angle), s = std::sin(angle);
     Nine tool{}, rest{};
     for (int k = 0; k < 9; ++k) {
-      tool[std::size_t(k)] = parameter(5401 + k);
+      tool[std::size_t(k)] = tool_shift(k);
       rest[std::size_t(k)] = from_zero(k) - tool[std::size_t(k)] - parameters_[at + std::size_t(k)];
     }
     const double x = c * rest[0] + s * rest[1] - g92_[0];
@@ -183,7 +189,9 @@ void Machine::store_system(const Block& block, int number, bool by_position) {
   for (int k = 0; k < 9; ++k)
     if (block[axis_letters[std::size_t(k)]] || (both && k < 2 && joint(k) >= 0))
       parameters_[at + std::size_t(k)] = origin[std::size_t(k)];
-  if (number == system_) apply_frame();
+  if (number != system_) return;
+  take_origin(number);
+  apply_frame();
 }
 
 void Machine::store_tool(const Block& block, int which) {

@@ -115,7 +115,7 @@ void Machine::spline(const Block& block) {
     spline_arm_ = Vector2d(word('P'), word('Q'));
     points = bezier_points({start, start + arm, end + *spline_arm_, end});
   } else if (motion_ == 51) {
-    if (!block['I'] && !block['J']) refuse(cause, "I or J beside G5.1", "none");
+    if (!block['I'] || !block['J']) refuse(cause, "both I and J beside G5.1");
     const Vector2d middle = start + Vector2d(word('I'), word('J'));
     points = bezier_points(
         {start, start + 2.0 / 3 * (middle - start), end + 2.0 / 3 * (middle - end), end});
