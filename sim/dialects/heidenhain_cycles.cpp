@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <fmt/format.h>
 #include <Eigen/Geometry>
@@ -51,10 +52,21 @@ void Machine::cycle_definition(Words& words) {
     run_.doubt(the_cycle);
     refuse(cause, std::string(use->sentence));
   }
+  if (part <= 0) require_whole_cycle(cause);
   if (use->use == Use::WithoutEffect) return;
   modal_cycle_ = false;
+  if (part > 0 && (!old_cycle_ || old_cycle_->first != number))
+    refuse(cause, fmt::format("CYCL DEF {}.0 in the block before", number));
+  if (part >= 0) old_cycle_ = {number, part};
   if (part >= 0) return old_cycle(number, part, from, words);
   run_.define(the_cycle, [&] { new_cycle(number, from, words); });
+}
+
+/// The name of a cycle alone, CYCL DEF 7.0, defines nothing.
+void Machine::require_whole_cycle(const Cause& cause) {
+  const auto begun = std::exchange(old_cycle_, std::nullopt);
+  if (begun && begun->second == 0)
+    refuse(cause, fmt::format("CYCL DEF {0}.1 behind CYCL DEF {0}.0", begun->first));
 }
 
 void Machine::old_cycle(int number, int part, std::size_t from, Words& words) {

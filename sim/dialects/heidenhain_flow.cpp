@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -161,6 +162,10 @@ void Flow::begin_program(Words& words) {
       unit += upper(c);
   if (unit != "MM" && unit != "INCH")
     words.refuse(words.cursor.at, "the name of the program and MM or INCH after BEGIN PGM");
+  const auto program = std::find_if(calls_.rbegin(), calls_.rend(),
+                                    [](const Call& call) { return call.is_program; });
+  if (std::exchange(program->begun, true))
+    words.refuse(words.cursor.at, "END PGM before BEGIN PGM of another program");
   machine_.set_inch(unit == "INCH");
 }
 

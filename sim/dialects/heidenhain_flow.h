@@ -39,6 +39,7 @@ class Flow : public Operands {
     std::size_t back = 0;  ///< line to go on with behind it
     bool is_program = true;
     bool inch = false;                     ///< unit of the caller
+    bool begun = false;                    ///< BEGIN PGM was read
     std::map<std::size_t, int> left = {};  ///< repeats, by the line of their CALL LBL
   };
   /// A Q parameter as words name it.

@@ -79,6 +79,7 @@ void Machine::refuse_if_named(const std::string& word, const Cause& cause) const
 
 void Machine::execute(const std::string& keyword, std::size_t from, Words& words,
                       bool before_corner) {
+  if (keyword != "CYCL") require_whole_cycle(words.cause(from));
   if (execute_motion(keyword, from, words, before_corner)) return;
   const Cause cause = words.cause(from);
   if (contour_.waits()) {

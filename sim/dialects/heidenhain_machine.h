@@ -7,6 +7,7 @@
 #include <set>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "kinematics/chain.h"
@@ -188,6 +189,7 @@ class Machine {
   // heidenhain_cycles.cpp
   void cycle_definition(Words& words);
   void old_cycle(int number, int part, std::size_t from, Words& words);
+  void require_whole_cycle(const Cause& cause);
   void datum_shift(Words& words);
   void shift_axis(char letter, double value, bool step, const Cause& cause);
   void cycle_rotation(Words& words);
@@ -236,6 +238,7 @@ class Machine {
   std::optional<Eigen::Matrix3d> plane_;  ///< in the workpiece
   std::array<double, 3> plane_axes_{};    ///< deg, Q120 to Q122
   bool tcpm_ = false, short_way_ = false, modal_cycle_ = false;
+  std::optional<std::pair<int, int>> old_cycle_;  ///< of the block before, CYCL DEF 7.1: 7 and 1
   std::optional<std::array<double, 3>> pole_;
   std::array<int, 2> pole_plane_{0, 1};
   std::optional<Vector3d> tangent_;  ///< in which the last move arrived, program coordinates

@@ -43,8 +43,9 @@ bool Machine::read_polar(const std::string& name, Words& words, std::size_t from
   const std::string_view bare = std::string_view(name).substr(step ? 1 : 0);
   if (bare == "PR" || bare == "PA") {
     const double number = words.value();
-    (bare == "PR" ? move.pr : move.pa) =
-        Valued{number * (bare == "PR" ? unit() : units::deg), step, words.cause(from)};
+    auto& word = bare == "PR" ? move.pr : move.pa;
+    if (word) words.refuse(from, fmt::format("{} once in a block", bare));
+    word = Valued{number * (bare == "PR" ? unit() : units::deg), step, words.cause(from)};
     return true;
   }
   if (name == "DR") {
@@ -53,12 +54,15 @@ bool Machine::read_polar(const std::string& name, Words& words, std::size_t from
     if ((sign != '+' && sign != '-') || is_digit(words.cursor.next()))
       words.refuse(from, "DR+ or DR-");
     ++words.cursor.at;
+    if (move.clockwise) words.refuse(from, "DR once in a block");
     move.clockwise = sign == '-';
     return true;
   }
   if (name.size() == 2 && (name[0] == 'N' || name[0] == 'T') && name[1] >= 'X' && name[1] <= 'Z') {
     if (move.keyword != "LN") words.refuse(from, "LN before " + name);
-    (name[0] == 'N' ? move.normal : move.direction)[std::size_t(name[1] - 'X')] = words.value();
+    auto& word = (name[0] == 'N' ? move.normal : move.direction)[std::size_t(name[1] - 'X')];
+    if (word) words.refuse(from, name + " once in a block");
+    word = words.value();
     return true;
   }
   return false;
@@ -84,6 +88,7 @@ Machine::FeedValue Machine::feed_value(std::string kind, Words& words, std::size
 
 /// R0, RL, RR; of CR the radius
 void Machine::read_side(const std::string& name, Words& words, std::size_t from, Move& move) {
+  const bool had_side = move.side.has_value();
   if (name == "RL" || name == "RR") {
     move.side = name[1];
   } else if (words.cursor.here() == '0' && !is_digit(words.cursor.next()) &&
@@ -92,10 +97,12 @@ void Machine::read_side(const std::string& name, Words& words, std::size_t from,
     move.side = '0';
   } else {
     if (move.keyword != "CR") words.refuse(from, "R0, RL or RR");
+    if (move.radius) words.refuse(from, "the radius R once in a block");
     const double number = words.value();
     move.radius = Valued{number * unit(), false, words.cause(from)};
     return;
   }
+  if (had_side) words.refuse(from, "one of R0, RL and RR in a block");
   move.side_cause = words.cause(from);
 }
 
@@ -115,6 +122,7 @@ Machine::Move Machine::read_move(const std::string& keyword, std::size_t from, W
     } else if (name == "R" || name == "RL" || name == "RR") {
       read_side(name, words, at, move);
     } else if (name[0] == 'F') {
+      if (move.feed_word != FeedWord::None) words.refuse(at, "F once in a block");
       const FeedValue feed = feed_value(name.substr(1), words, at);
       move.feed_word = feed.word;
       move.feed = feed.value;

@@ -373,6 +373,38 @@ TEST(Heidenhain, WordsThatAreRefusedSayWhatToDo) {
   EXPECT_GT(m_words, 100);
 }
 
+TEST(Heidenhain, AWordTwiceAndHalfOfACycleAreInputErrors) {
+  const std::string begin = "TOOL CALL 1 Z S100 F100\nCC X+5 Y+0\n";
+  for (const char* block :
+       {"L X+1 R0 RL", "L X+1 RL RR", "L X+1 R0 R0", "L X+1 F100 FMAX", "L X+1 FMAX F200",
+        "C X+10 Y+0 DR- DR+", "CP IPA+90 DR+ DR+", "LP PR+1 PR+2 PA+0", "LP PR+1 PA+0 IPA+5",
+        "CR X+10 Y+0 R+5 R+6 DR-", "CR X+10 Y+0 DR- R+5 DR-"}) {
+    const std::string said = klartext_refusal(begin + block + "\n");
+    EXPECT_TRUE(said.find("once in a block") != std::string::npos ||
+                said.find("one of R0, RL and RR") != std::string::npos)
+        << block << ": " << said;
+  }
+  const std::string move = "L X+1 FMAX\n";
+  EXPECT_NE(klartext_refusal(begin + "CYCL DEF 7.1 X+5\n" + move).find("CYCL DEF 7.0 in the block"),
+            std::string::npos);
+  EXPECT_NE(klartext_refusal(begin + "CYCL DEF 10.0 ROTATION\n" + move)
+                .find("CYCL DEF 10.1 behind CYCL DEF 10.0"),
+            std::string::npos);
+  EXPECT_NE(klartext_refusal(begin + "CYCL DEF 9.0 DWELL TIME\nCYCL DEF 7.0 DATUM SHIFT\n"
+                                     "CYCL DEF 7.1 X+5\n")
+                .find("CYCL DEF 9.1 behind CYCL DEF 9.0"),
+            std::string::npos);
+  EXPECT_NE(klartext_refusal(begin + "CYCL DEF 7.0 DATUM SHIFT\n" + move + "CYCL DEF 7.1 X+5\n")
+                .find("CYCL DEF 7.1 behind"),
+            std::string::npos);
+  EXPECT_EQ(klartext_refusal(begin + "CYCL DEF 7.0 DATUM SHIFT\nCYCL DEF 7.1 X+5\nCYCL DEF 7.2 Y+5\n" +
+                             move),
+            "accepted");
+  EXPECT_NE(klartext_refusal("BEGIN PGM A MM\n" + begin + move + "BEGIN PGM B INCH\n" + move)
+                .find("END PGM before BEGIN PGM"),
+            std::string::npos);
+}
+
 TEST(Heidenhain, WhatNeverEndsIsRefusedInBoundedTime) {
   ReadOptions with = klartext_options();
   with.limits.blocks = 100000;
