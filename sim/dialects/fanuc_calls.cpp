@@ -86,15 +86,14 @@ int loop_mark(std::string_view text) {
 void Flow::add_programs(std::size_t source) {
   Source& file = *sources_[source];
   std::size_t end = file.lines.size();
-  int percents = 0;
-  bool only_percents = false;  // since the last %
+  bool words = false;  // before this line
   std::vector<Program> programs{{.source = source}};
   bool numbered = false;
   for (std::size_t i = 0; i < end; ++i) {
     const std::size_t at = skip(file.lines[i], 0);
     const bool percent = at < file.lines[i].size() && file.lines[i][at] == '%';
-    if (percent && !std::exchange(only_percents, true) && ++percents == 2) end = i;
-    if (!percent && has_words(file.lines[i])) only_percents = false;
+    if (percent && words) end = i;
+    words = words || (!percent && has_words(file.lines[i]));
     const auto number = program_of(file.lines[i]);
     if (!number) continue;
     if (numbered) {

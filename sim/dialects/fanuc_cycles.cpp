@@ -50,6 +50,7 @@ void Machine::take_cycle_words(const Block& block) {
     refuse(q ? Cause(q) : cycle_.cause, "Q above zero");
   if (p && !dwells(cycle_code_)) refuse(p, "no P in this cycle");
   if (p) cycle_.dwell_s = whole(canon_, p, 99'999'999) * 1e-3;
+  warn_low_start();
   const bool from_behind = cycle_code_ == 870;
   if (from_behind && to_r_) refuse(cycle_.cause, "G98 beside G87");
   if (from_behind ? cycle_.bottom < cycle_.r : cycle_.r < cycle_.bottom)
@@ -64,6 +65,16 @@ void Machine::take_cycle_words(const Block& block) {
   if ((cycle_code_ == 860 || shifts(cycle_code_)) && turns == 0)
     refuse(cycle_.cause, "a spindle that turns before the cycle");
   cycle_.begun = true;
+}
+
+/// The last operation of a cycle under G98 leads to where Z stood at its start, also where R lies
+/// above it (Haas VF operator's manual 96-8000, page 182: the six operations of a canned cycle).
+/// LinuxCNC stays at R then.
+void Machine::warn_low_start() {
+  if (to_r_ || cycle_code_ == 870 || !(cycle_.initial < cycle_.r)) return;
+  run_.warn_once(
+      "a cycle begins below its R: under G98 the tool goes back down to where it began at rapid, and "
+      "to the next hole at that level");
 }
 
 void Machine::cycle(const Block& block) {

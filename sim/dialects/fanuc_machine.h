@@ -145,6 +145,7 @@ class Machine {
   // fanuc_cycles.cpp
   void cycle(const Block& block);
   void take_cycle_words(const Block& block);
+  void warn_low_start();
   void cycle_holes(const Block& block);
   void hole(const AxisVector& place);
   void bottom_of_hole();

@@ -270,10 +270,26 @@ TEST(Fanuc, CompensationEntersAsNormAndRlDo) {
       << "the same side again is no change";
 }
 
-TEST(Fanuc, CyclesUnderG98ReturnToTheInitialLevel) {
-  const program::Path path =
-      fanuc_read("G21 G90 G0 X0. Y0. Z2.\nG98 G81 X5. Z-1. R3. F100.\nG80\n").path;
-  EXPECT_EQ(path.blocks.back().end[z], 2.0);
+/// Haas VF operator's manual 96-8000, page 182: Z goes back to where it was at the start.
+TEST(Fanuc, CyclesThatBeginBelowRGoBackDownUnderG98AndSaySo) {
+  const auto levels = [](const std::string& text) {
+    std::vector<double> at;
+    for (const program::Block& block : fanuc_read(text).path.blocks) at.push_back(block.end[z]);
+    return at;
+  };
+  const std::string begin = "O1\nG21 G90 G0 X0 Y0 Z1.\n", end = "X20.\nG80\nM30\n";
+  EXPECT_EQ(levels(begin + "G98 G81 X10. Z-5. R5. F100.\n" + end),
+            (std::vector<double>{1, 1, 5, -5, 5, 1, 1, 5, -5, 5, 1}));
+  EXPECT_EQ(levels(begin + "G99 G81 X10. Z-5. R5. F100.\n" + end).back(), 5.0);
+  const std::string part = "a cycle begins below its R";
+  const auto warned = [&](const std::string& text) {
+    for (const std::string& warning : fanuc_read(text).warnings)
+      if (warning.find(part) != std::string::npos) return true;
+    return false;
+  };
+  EXPECT_TRUE(warned(begin + "G98 G81 X10. Z-5. R5. F100.\n" + end));
+  EXPECT_FALSE(warned(begin + "G99 G81 X10. Z-5. R5. F100.\n" + end));
+  EXPECT_FALSE(warned(begin + "Z8.\nG98 G81 X10. Z-5. R5. F100.\n" + end));
 }
 
 /// Programs of what Fanuc and LinuxCNC have in common.

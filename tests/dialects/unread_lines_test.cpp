@@ -86,5 +86,13 @@ TEST(UnreadLines, AFanucProgramBehindADoubledPercentIsRead) {
   EXPECT_EQ(read.path.blocks.back().end[1], 20.0);
 }
 
+TEST(UnreadLines, APercentBehindWordsEndsAFanucProgramThatBeginsWithoutOne) {
+  const std::string text = "O1\nG21 G90 G0 X10.\n%\nG0 X20.\nM30\n";
+  EXPECT_EQ(read_lines(text, Dialect::Fanuc).path.motion_blocks, 1u);
+  EXPECT_EQ(unread(text, Dialect::Fanuc),
+            std::vector<std::string>{"part.nc:4: 2 lines from 'G0 X20.' on are not read: the program "
+                                     "ends on line 2"});
+}
+
 }  // namespace
 }  // namespace abbe::sim::dialects::unread_tests
